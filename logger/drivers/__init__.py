@@ -1,0 +1,1 @@
+"""What devices say: bytes and text in, values out; nothing here opens, waits or reads a clock."""
