@@ -1,0 +1,1 @@
+"""What the Pi does: the only folder that opens ports, waits, tells the time and hears signals."""

@@ -1,0 +1,62 @@
+"""The time of a run: since boot, never wall time, and able to run faster than real for a simulated walk."""
+
+import threading
+import time
+from pathlib import Path
+from typing import Protocol
+
+_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+
+
+class Clock(Protocol):
+    """Time as an argument: whoever waits or stamps is given one of these."""
+
+    def now_ns(self) -> int:
+        """Nanoseconds since boot."""
+        ...
+
+    def wait(self, event: threading.Event, seconds: float) -> bool:
+        """Sleep until the event is set (True) or the seconds of this clock have passed (False)."""
+        ...
+
+    def real_s(self, seconds: float) -> float:
+        """How long those seconds of this clock last in the real world, for time limits of the operating system."""
+        ...
+
+
+class SystemClock:
+    """CLOCK_BOOTTIME: monotonic, counts suspend, and immune to whatever sets the wall clock."""
+
+    def now_ns(self) -> int:
+        return time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+
+    def wait(self, event: threading.Event, seconds: float) -> bool:
+        return event.wait(seconds)
+
+    def real_s(self, seconds: float) -> float:
+        return seconds
+
+
+class ScaledClock:
+    """A clock that runs `rate` times faster than the real one, from zero."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._start_ns = time.monotonic_ns()
+
+    def now_ns(self) -> int:
+        return round((time.monotonic_ns() - self._start_ns) * self._rate)
+
+    def wait(self, event: threading.Event, seconds: float) -> bool:
+        return event.wait(self.real_s(seconds))
+
+    def real_s(self, seconds: float) -> float:
+        return seconds / self._rate
+
+
+def boot_id() -> str:
+    """The kernel's identity of this boot, or "unknown" where there is none."""
+    try:
+        return _BOOT_ID.read_text().strip()
+    except OSError:
+        return "unknown"

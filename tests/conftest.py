@@ -1,0 +1,24 @@
+from pathlib import Path
+
+import pytest
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+def _folder(name: str) -> Path:
+    folder = SHARED / name
+    if not folder.is_dir():
+        pytest.skip(f"{name}: the shared test material is not beside this repository")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def corpus() -> Path:
+    """Recorded modem replies and NMEA logs (not part of the repository)."""
+    return _folder("corpus")
+
+
+@pytest.fixture(scope="session")
+def traces() -> Path:
+    """Measured walks with surveyed transmitters (not part of the repository)."""
+    return _folder("traces")
