@@ -1,0 +1,96 @@
+"""From journal to HDF5: one function for the stop, for the next boot and for the desk."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from logger.core.errors import RunFileError
+from logger.core.runfile.hdf5 import is_hdf5, read_hdf5, write_hdf5
+from logger.core.runfile.journal import is_recording, sync_folder
+from logger.core.runfile.meta import RunMeta
+from logger.core.runfile.parts import JournalParts, TableRows
+from logger.core.timebase import TimeBase, fit, utc_text
+
+JOURNAL = ".journal"
+
+
+def journal_path(folder: Path, boot_id: str) -> Path:
+    """Name of a new journal: the boot, and a number where the boot has had a run before; never the wrong date."""
+    return _unused(folder, f"run-{boot_id[:8]}", (JOURNAL, ".h5"))
+
+
+def unfinished(folder: Path) -> list[Path]:
+    """Journals in a folder that have no HDF5 file yet and are not being recorded now."""
+    return [p for p in sorted(folder.glob(f"*{JOURNAL}")) if not p.with_suffix(".h5").exists() and not is_recording(p)]
+
+
+def finish_journal(journal: Path) -> Path:
+    """Make the HDF5 file of a journal beside it, named by GPS time if known; the journal is kept under the same name.
+
+    Safe to repeat: cut in the middle, it leaves the journal as it was. Raises `RunFileError`.
+    """
+    meta, timebase = _scan_times(journal)
+    target = _target(journal, meta, timebase)
+    convert_journal(journal, target)
+    if journal.with_suffix(".h5") != target:
+        journal.rename(target.with_suffix(JOURNAL))
+        sync_folder(journal.parent)
+    return target
+
+
+def convert_journal(journal: Path, target: Path) -> None:
+    """Make an HDF5 file of a journal under a given name, complete or not at all."""
+    part = target.with_name(target.name + ".part")
+    try:
+        write_hdf5(JournalParts(journal), part)
+        part.replace(target)
+        sync_folder(target.parent)
+    except OSError as error:
+        raise RunFileError(f"cannot write {target}: {error}") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _scan_times(journal: Path) -> tuple[RunMeta, TimeBase | None]:
+    parts = JournalParts(journal)
+    fixes = [part.rows for part in parts if isinstance(part, TableRows) and part.table == "fixes"]
+    if parts.meta is None:
+        raise RunFileError(f"{journal} has lost its table definitions")
+    if not fixes:
+        return parts.meta, None
+    rows = np.concatenate(fixes)
+    return parts.meta, fit(rows["t_ns"], rows["utc_ns"])
+
+
+def _target(journal: Path, meta: RunMeta, timebase: TimeBase | None) -> Path:
+    if timebase is None:
+        return journal.with_suffix(".h5")
+    stem = f"run-{utc_text(timebase.utc_ns(meta.started_ns), compact=True)}"
+    for name in _names(stem):
+        target = journal.with_name(name + ".h5")
+        if not target.exists() or _is_run(target, meta.run_id):
+            return target
+    raise AssertionError("unreachable")
+
+
+def _is_run(path: Path, run_id: str) -> bool:
+    """True when the file is an earlier attempt at the same run."""
+    try:
+        return is_hdf5(path) and read_hdf5(path)[0].run_id == run_id
+    except RunFileError:
+        return False
+
+
+def _unused(folder: Path, stem: str, suffixes: tuple[str, ...]) -> Path:
+    taken = {p.name for p in folder.iterdir()}
+    name = next(name for name in _names(stem) if not any(name + suffix in taken for suffix in suffixes))
+    return folder / (name + suffixes[0])
+
+
+def _names(stem: str) -> Iterator[str]:
+    yield stem
+    number = 2
+    while True:
+        yield f"{stem}-{number}"
+        number += 1

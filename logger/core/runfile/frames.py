@@ -1,0 +1,106 @@
+"""Frames of a journal: self-delimiting, numbered, each half with its own CRC, so that damage stays where it is.
+
+    magic "CWJ1" | run u32 | kind u8 | version u8 | zero u16 | number u32 | length u32 | crc32(header) u32
+    payload | crc32(payload) u32                                                          all little-endian
+
+`run` is a random number of the journal, so that a stale block of another journal is never taken for this one's.
+The header has its own CRC because a damaged length would swallow the good frames behind it.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Protocol
+from zlib import crc32
+
+MAGIC = b"CWJ1"
+FRAME_VERSION = 1
+MAX_PAYLOAD = 1 << 26
+_HEADER = struct.Struct("<4sIBBHII")
+_CRC = struct.Struct("<I")
+HEADER_SIZE = _HEADER.size + _CRC.size
+
+
+class Kind(IntEnum):
+    """What a payload holds."""
+
+    META = 1
+    ROWS = 2
+    RAW = 3
+    END = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """An undamaged frame."""
+
+    run: int
+    number: int
+    kind: int
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Skipped:
+    """Bytes that belong to no undamaged frame."""
+
+    n_bytes: int
+
+
+class Buffer(Protocol):
+    """What `scan` reads: bytes or a memory map."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, key: slice, /) -> bytes: ...
+    def find(self, sub: bytes, start: int = ..., end: int = ..., /) -> int: ...
+
+
+def encode(run: int, number: int, kind: Kind, payload: bytes) -> bytes:
+    """One frame as bytes."""
+    header = _HEADER.pack(MAGIC, run, kind, FRAME_VERSION, 0, number, len(payload))
+    return b"".join((header, _CRC.pack(crc32(header)), payload, _CRC.pack(crc32(payload))))
+
+
+def scan(data: Buffer) -> Iterator[Frame | Skipped]:
+    """Every undamaged frame in order, with the bytes between them; zeros at the end are reserve, not damage."""
+    position = good_end = 0
+    while (at := data.find(MAGIC, position)) >= 0:
+        frame = _frame_at(data, at)
+        if frame is None:
+            position = at + 1
+            continue
+        if at > good_end:
+            yield Skipped(at - good_end)
+        yield frame
+        position = good_end = at + HEADER_SIZE + len(frame.payload) + _CRC.size
+    tail = _length_without_zeros(data, good_end)
+    if tail:
+        yield Skipped(tail)
+
+
+def _frame_at(data: Buffer, at: int) -> Frame | None:
+    header = data[at : at + HEADER_SIZE]
+    if len(header) < HEADER_SIZE:
+        return None
+    _, run, kind, version, _, number, length = _HEADER.unpack_from(header)
+    if crc32(header[: _HEADER.size]) != _CRC.unpack_from(header, _HEADER.size)[0]:
+        return None
+    if version != FRAME_VERSION or length > MAX_PAYLOAD:
+        return None
+    body = data[at + HEADER_SIZE : at + HEADER_SIZE + length + _CRC.size]
+    if len(body) < length + _CRC.size or crc32(body[:length]) != _CRC.unpack_from(body, length)[0]:
+        return None
+    return Frame(run, number, kind, body[:length])
+
+
+def _length_without_zeros(data: Buffer, start: int) -> int:
+    """Bytes from `start` to the last byte that is not zero."""
+    step = 1 << 20
+    end = len(data)
+    while end > start:
+        chunk = data[max(start, end - step) : end].rstrip(b"\0")
+        if chunk:
+            return max(start, end - step) + len(chunk) - start
+        end = max(start, end - step)
+    return 0

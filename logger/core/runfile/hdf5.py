@@ -1,0 +1,144 @@
+"""The finished run as plain HDF5: one compound dataset for each table, readable by h5py, h5dump, PyTables and pandas.
+
+The oldest file format there is (superblock 0), since a run must open anywhere; gzip, shuffle and fletcher32 per chunk.
+"""
+
+import os
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+import h5py
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from logger.core.errors import RunFileError
+from logger.core.runfile.meta import Damage, RunEnd, RunMeta
+from logger.core.runfile.parts import JournalParts, RawChunk, TableRows, decode_meta
+from logger.core.schema import DTYPES, TABLES
+
+FORMAT = "cellwalk run"
+RAW_BYTES = "raw_bytes"
+BLOCK_ROWS = 4096
+_LIBVER = ("earliest", "v108")
+_FILTERS = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "fletcher32": True}
+
+Column = npt.NDArray[Any]
+
+
+class _Datasets:
+    """Datasets that grow by blocks, with a checksum of everything written."""
+
+    def __init__(self, file: h5py.File) -> None:
+        self._file = file
+        self._waiting: dict[str, list[Column]] = {}
+        self._raw_length = 0
+        self.checksums: dict[str, int] = {}
+
+    def take(self, part: TableRows | RawChunk) -> None:
+        if isinstance(part, TableRows):
+            self._add(part.table, part.rows)
+            return
+        rows = part.rows.copy()
+        rows["offset"] += self._raw_length
+        self._raw_length += len(part.data)
+        self._add("raw", rows)
+        self._add(RAW_BYTES, np.frombuffer(part.data, "u1"))
+
+    def finish(self) -> None:
+        """Write what waits, and make the tables of which the run has no row."""
+        for name, dtype in (*DTYPES.items(), (RAW_BYTES, np.dtype("u1"))):
+            if name not in self.checksums:
+                self._add(name, np.empty(0, dtype))
+            self._write(name)
+
+    def _add(self, name: str, rows: Column) -> None:
+        if name not in self.checksums:
+            self._make(name, rows.dtype)
+        waiting = self._waiting[name]
+        waiting.append(rows)
+        if sum(rows.nbytes for rows in waiting) >= BLOCK_ROWS * 128:
+            self._write(name)
+
+    def _make(self, name: str, dtype: np.dtype[Any]) -> None:
+        dataset = self._file.create_dataset(
+            name, shape=(0,), maxshape=(None,), chunks=(1024 if dtype.names else 1 << 16,), dtype=dtype, **_FILTERS
+        )
+        if name in TABLES:
+            dataset.attrs["columns"] = "\n".join(f"{c.name}: {c.unit}" for c in TABLES[name])
+        self._waiting[name] = []
+        self.checksums[name] = 0
+
+    def _write(self, name: str) -> None:
+        rows = np.concatenate(self._waiting[name])
+        self._waiting[name].clear()
+        dataset = self._file[name]
+        start = len(dataset)
+        dataset.resize((start + len(rows),))
+        dataset[start:] = rows
+        self.checksums[name] = crc32(rows.tobytes(), self.checksums[name])
+
+
+def write_hdf5(parts: JournalParts, path: Path) -> None:
+    """Make the HDF5 file of a journal, wait until the card has it, and read every byte of it again.
+
+    Raises `RunFileError` when the journal has no readable definition of its tables or the file reads back differently.
+    """
+    with h5py.File(path, "w", libver=_LIBVER, track_order=False) as file:
+        datasets = _Datasets(file)
+        for part in parts:
+            datasets.take(part)
+        datasets.finish()
+        if parts.meta is None:
+            raise RunFileError(f"{parts.path} has lost its table definitions")
+        _write_header(file, parts.meta, parts.end, parts.damage)
+    with path.open("rb") as written:
+        os.fsync(written.fileno())
+    _verify(path, datasets.checksums)
+
+
+def _write_header(file: h5py.File, meta: RunMeta, end: RunEnd | None, damage: Damage) -> None:
+    # text in datasets: an attribute holds no more than 64 KiB, and a configuration may be longer
+    file["meta"] = np.bytes_(msgspec.json.encode(meta))
+    file["config"] = np.bytes_(meta.config_text.encode() or b"\n")
+    file["end"] = np.bytes_(msgspec.json.encode(end))
+    file["damage"] = np.bytes_(msgspec.json.encode(damage))
+    file.attrs["format"] = FORMAT
+    file.attrs["schema"] = meta.schema
+    file.attrs["run_id"] = meta.run_id
+    file.attrs["program"] = meta.program
+    file.attrs["stop_reason"] = end.reason if end else "none recorded: the run was cut"
+
+
+def _verify(path: Path, checksums: dict[str, int]) -> None:
+    with h5py.File(path, "r") as file:
+        for name, expected in checksums.items():
+            dataset, found = file[name], 0
+            for start in range(0, len(dataset), BLOCK_ROWS * 16):
+                found = crc32(dataset[start : start + BLOCK_ROWS * 16].tobytes(), found)
+            if found != expected:
+                raise RunFileError(f"{path}: {name} reads back differently from what was written")
+
+
+def is_hdf5(path: Path) -> bool:
+    """True for a file that begins as HDF5."""
+    return bool(h5py.is_hdf5(path))
+
+
+def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, dict[str, Column]]:
+    """Everything in a run's HDF5 file; raises `RunFileError` when it is not one, or is damaged."""
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("format") != FORMAT:
+                raise RunFileError(f"{path} is an HDF5 file but no cellwalk run")
+            meta = decode_meta(_text(file, "meta"), path)
+            end = msgspec.json.decode(_text(file, "end"), type=RunEnd | None)
+            damage = msgspec.json.decode(_text(file, "damage"), type=Damage)
+            return meta, end, damage, {name: file[name][...] for name in (*meta.columns, RAW_BYTES)}
+    except (OSError, KeyError, RuntimeError, msgspec.DecodeError) as error:
+        raise RunFileError(f"{path} is damaged: {error}") from error
+
+
+def _text(file: h5py.File, name: str) -> bytes:
+    return bytes(file[name][()])

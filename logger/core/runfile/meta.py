@@ -1,0 +1,47 @@
+"""What a run says about itself: the first frame of a journal, repeated every minute, and `/meta` of the HDF5 file."""
+
+import msgspec
+
+from logger.core.live import LiveSettings
+from logger.core.schema import SCHEMA_VERSION, TABLES
+
+
+class Truth(msgspec.Struct, frozen=True):
+    """Place of a transmitter of a simulated run."""
+
+    cell: str
+    lat_deg: float
+    lon_deg: float
+
+
+class RunMeta(msgspec.Struct, frozen=True, kw_only=True):
+    """Identity and circumstances of a run; `columns` lets a reader of any version find its way in the rows."""
+
+    run_id: str
+    boot_id: str
+    started_ns: int
+    origin: str
+    program: str
+    versions: dict[str, str] = {}
+    config_text: str = ""
+    live: LiveSettings = LiveSettings()
+    truth: tuple[Truth, ...] = ()
+    schema: int = SCHEMA_VERSION
+    columns: dict[str, list[tuple[str, str]]] = msgspec.field(
+        default_factory=lambda: {table: [(c.name, c.dtype) for c in columns] for table, columns in TABLES.items()}
+    )
+
+
+class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
+    """How a run stopped: written last, so that its absence says that the plug was pulled."""
+
+    t_ns: int
+    reason: str
+    n_records: int
+
+
+class Damage(msgspec.Struct, frozen=True, kw_only=True):
+    """What is known to be missing from a journal."""
+
+    missing_frames: int = 0
+    skipped_bytes: int = 0

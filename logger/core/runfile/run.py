@@ -1,0 +1,129 @@
+"""A run opened for reading, whether it is finished HDF5 or a journal that was cut."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from logger.core.errors import RunFileError
+from logger.core.runfile.frames import MAGIC
+from logger.core.runfile.hdf5 import RAW_BYTES, is_hdf5, read_hdf5
+from logger.core.runfile.meta import Damage, RunEnd, RunMeta
+from logger.core.runfile.parts import JournalParts, RawChunk
+from logger.core.schema import DTYPES, Rows, values_of
+from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan, Value
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Tables of a run as structured arrays (columns in `schema`); `end` is None when the run was cut."""
+
+    path: Path
+    form: str
+    meta: RunMeta
+    end: RunEnd | None
+    damage: Damage
+    tables: dict[str, Rows]
+    raw_bytes: npt.NDArray[np.uint8]
+
+    def records(self, *tables: str) -> Iterator[tuple[int, Record]]:
+        """Records in recorded order with their numbers; all, or those of the tables named."""
+        wanted = [t for t in (tables or ("fixes", "scans", "notes", "live", "raw")) if len(self.tables[t])]
+        if not wanted:
+            return
+        streams = {t: self._values(t) for t in wanted}
+        seqs = np.concatenate([self.tables[t]["seq"] for t in wanted])
+        which = np.repeat(np.arange(len(wanted)), [len(self.tables[t]) for t in wanted])
+        for i in which[np.argsort(seqs, kind="stable")].tolist():
+            yield next(streams[wanted[i]])
+
+    def _values(self, table: str) -> Iterator[tuple[int, Record]]:
+        readings = _ReadingsBySeq(self.tables["readings"]) if table == "scans" else None
+        raw = self.raw_bytes.tobytes() if table == "raw" else b""
+        for row in values_of(table, self.tables[table]):
+            value: Value
+            match table:
+                case "scans":
+                    assert readings is not None
+                    value = Scan(row["t_start_ns"], readings.of(row["seq"]), row["fix_seq"])
+                case "raw":
+                    value = RawBytes(raw[row["offset"] : row["offset"] + row["length"]], bool(row["sent"]))
+                case _:
+                    value = _VALUES[table](row)
+            yield row["seq"], Record(row["t_ns"], row["source"] or "", value)
+
+
+def read_run(path: Path) -> Run:
+    """Open a run, HDF5 or journal; raises `RunFileError` saying what is wrong with it."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(len(MAGIC))
+    except FileNotFoundError:
+        raise RunFileError(f"{path}: no such file") from None
+    except OSError as error:
+        raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
+    if not head:
+        raise RunFileError(f"{path} is empty")
+    if is_hdf5(path):
+        meta, end, damage, arrays = read_hdf5(path)
+        raw_bytes = arrays.pop(RAW_BYTES)
+        return Run(path, "hdf5", meta, end, damage, arrays, raw_bytes)
+    return _read_journal(path)
+
+
+def _read_journal(path: Path) -> Run:
+    parts = JournalParts(path)
+    rows: dict[str, list[Rows]] = {table: [] for table in DTYPES}
+    raw = bytearray()
+    for part in parts:
+        if isinstance(part, RawChunk):
+            index = part.rows.copy()
+            index["offset"] += len(raw)
+            raw += part.data
+            rows["raw"].append(index)
+        else:
+            rows.setdefault(part.table, []).append(part.rows)
+    if parts.meta is None:
+        raise RunFileError(f"{path} has lost its table definitions")
+    tables = {t: np.concatenate(found) if found else np.empty(0, DTYPES[t]) for t, found in rows.items()}
+    return Run(path, "journal", parts.meta, parts.end, parts.damage, tables, np.frombuffer(raw, np.uint8))
+
+
+class _ReadingsBySeq:
+    """Readings grouped by the number of their scan."""
+
+    def __init__(self, rows: Rows) -> None:
+        self._seq = rows["seq"]
+        self._rows = rows
+
+    def of(self, seq: int) -> tuple[CellReading, ...]:
+        first, last = np.searchsorted(self._seq, (seq, seq + 1))
+        return tuple(_reading(row) for row in values_of("readings", self._rows[first:last]))
+
+
+def _reading(row: dict[str, Any]) -> CellReading:
+    named = {name: row[name] for name in _READING_FIELDS}
+    reading = CellReading(**named)
+    # a cell named by its identity needs no label
+    return reading if reading.cell == row["cell"] else CellReading(**named, label=row["cell"])
+
+
+def _fix(row: dict[str, Any]) -> Fix:
+    return Fix(**{f.name: row[f.name] for f in fields(Fix)} | {"valid": bool(row["valid"])})
+
+
+def _note(row: dict[str, Any]) -> Note:
+    return Note(row["level"], row["code"] or "", row["text"] or "")
+
+
+def _live(row: dict[str, Any]) -> LiveEstimate:
+    # a filter that has diverged stores NaN, which is a value here and not an unknown
+    named: dict[str, Any] = {f.name: np.nan if row[f.name] is None else row[f.name] for f in fields(LiveEstimate)}
+    return LiveEstimate(**named)
+
+
+_READING_FIELDS = [f.name for f in fields(CellReading) if f.name != "label"]
+_VALUES: dict[str, Callable[[dict[str, Any]], Value]] = {"fixes": _fix, "notes": _note, "live": _live}

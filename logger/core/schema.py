@@ -1,0 +1,194 @@
+"""The run file's tables as data: one table for each kind of record, one row for each record (or reading).
+
+Every row begins with `seq` (number of the record in the run, the order of everything), `t_ns` (time since boot when
+the record was complete) and `source`. Integers that may be unknown carry their mark in `Column.unknown`; unknown
+floats are NaN, unknown texts empty.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan, Value
+
+SCHEMA_VERSION = 1
+
+UNKNOWN_ID = -1
+"""Mark of an unknown integer that cannot be negative."""
+UNKNOWN_TIME = -(2**63)
+UNKNOWN_SIGNED = -(2**31)
+
+Rows = npt.NDArray[np.void]
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column: numpy dtype, unit or meaning, and the mark of an unknown integer."""
+
+    name: str
+    dtype: str
+    unit: str
+    unknown: int | None = None
+
+
+def _float(name: str, unit: str) -> Column:
+    return Column(name, "<f8", unit)
+
+
+def _count(name: str, unit: str, dtype: str = "<i4") -> Column:
+    return Column(name, dtype, unit, UNKNOWN_ID)
+
+
+def _text(name: str, size: int, unit: str) -> Column:
+    return Column(name, f"S{size}", unit)
+
+
+_HEAD = (
+    Column("seq", "<i8", "number of the record in the run"),
+    Column("t_ns", "<i8", "ns since boot, when the record was complete"),
+    _text("source", 16, "port or part it came from"),
+)
+
+TABLES: Mapping[str, tuple[Column, ...]] = {
+    "fixes": (
+        *_HEAD,
+        Column("valid", "|u1", "1 when the receiver had a position"),
+        Column("utc_ns", "<i8", "ns since 1970 UTC, by GPS", UNKNOWN_TIME),
+        _float("lat_deg", "deg north, WGS 84"),
+        _float("lon_deg", "deg east, WGS 84"),
+        _float("alt_m", "m above sea level"),
+        _float("acc_m", "m, radius that holds 68 % of the positions"),
+        _float("hdop", "1"),
+        _count("sats_used", "satellites"),
+        _count("quality", "NMEA 0183 GGA quality"),
+        _float("speed_mps", "m/s"),
+        _float("course_deg", "deg clockwise from true north"),
+    ),
+    "scans": (
+        *_HEAD,
+        Column("t_start_ns", "<i8", "ns since boot, when the modem was asked"),
+        Column("fix_seq", "<i8", "seq of the fix current at the scan", UNKNOWN_ID),
+        _count("n_readings", "cells in the reply"),
+    ),
+    "readings": (
+        *_HEAD,
+        Column("fix_seq", "<i8", "seq of the fix current at the scan", UNKNOWN_ID),
+        _text("cell", 64, "name of the cell: mcc-mnc-lac-cid, or as imported"),
+        _text("role", 12, "serving, neighbour or scan"),
+        _text("rat", 8, "radio access technology"),
+        _text("mcc", 4, "mobile country code, as printed"),
+        _text("mnc", 4, "mobile network code, as printed"),
+        _count("lac", "location area code"),
+        _count("cid", "cell identity", "<i8"),
+        _count("arfcn", "channel number"),
+        _count("arfcn_raw", "channel number as printed"),
+        _count("bsic", "8 NCC + BCC"),
+        _count("rxlev_raw", "level index as printed"),
+        _count("rxq", "quality index as printed"),
+        _float("rssi_dbm", "dBm"),
+        _count("ta", "timing advance, steps of 553.5 m"),
+        Column("c1", "<i4", "path loss criterion C1", UNKNOWN_SIGNED),
+        Column("c2", "<i4", "reselection criterion C2", UNKNOWN_SIGNED),
+    ),
+    "notes": (
+        *_HEAD,
+        _text("level", 8, "info, warning or error"),
+        _text("code", 24, "kind of event"),
+        _text("text", 400, "what happened"),
+    ),
+    "live": (
+        *_HEAD,
+        Column("scan_seq", "<i8", "seq of the scan that was used"),
+        _text("stage", 16, "which estimator"),
+        _text("cell", 64, "target"),
+        Column("n", "<i4", "readings used so far"),
+        Column("utm_zone", "<i4", "UTM zone, negative south of the equator"),
+        _float("x_m", "m east"),
+        _float("y_m", "m north"),
+        _float("p0_dbm", "dBm at 1 m"),
+        _float("eta", "1"),
+        *(_float(f"p_{a}{b}", "covariance") for a, b in ("xx", "xy", "x0", "xe", "yy", "y0", "ye", "00", "0e", "ee")),
+        _float("innovation_db", "dB"),
+        _float("innovation_var_db2", "dB^2"),
+    ),
+    "raw": (
+        *_HEAD,
+        Column("sent", "|u1", "1 for bytes the logger wrote"),
+        Column("offset", "<i8", "first byte in raw_bytes"),
+        Column("length", "<i4", "bytes"),
+    ),
+}
+
+
+def dtype_of(columns: Iterable[Column]) -> np.dtype[np.void]:
+    """Packed dtype of a table's rows."""
+    return np.dtype([(c.name, c.dtype) for c in columns])
+
+
+DTYPES: Mapping[str, np.dtype[np.void]] = {name: dtype_of(columns) for name, columns in TABLES.items()}
+
+
+def rows_of(seq: int, record: Record) -> list[tuple[str, tuple[Any, ...]]]:
+    """Rows of a record as (table, values in column order); raw bytes are the writer's own affair."""
+    head: dict[str, Any] = {"seq": seq, "t_ns": record.t_ns, "source": record.source}
+    value = record.value
+    match value:
+        case Scan():
+            return [
+                ("scans", _row("scans", head, value, n_readings=len(value.readings))),
+                *(
+                    ("readings", _row("readings", head, reading, fix_seq=value.fix_seq, cell=reading.cell))
+                    for reading in value.readings
+                ),
+            ]
+        case Fix():
+            return [("fixes", _row("fixes", head, value))]
+        case Note():
+            return [("notes", _row("notes", head, value))]
+        case LiveEstimate():
+            return [("live", _row("live", head, value))]
+    raise TypeError(f"no table for {type(value).__name__}")
+
+
+def _row(table: str, head: Mapping[str, Any], value: Value | CellReading, **more: Any) -> tuple[Any, ...]:
+    given = {**head, **more}
+    return tuple(
+        _encode(column, given[column.name] if column.name in given else getattr(value, column.name))
+        for column in TABLES[table]
+    )
+
+
+def _encode(column: Column, value: Any) -> Any:
+    if column.dtype.startswith("S"):
+        return _fit(value or "", int(column.dtype[1:]))
+    if value is None:
+        return np.nan if column.unknown is None else column.unknown
+    return value
+
+
+def _fit(text: str, size: int) -> bytes:
+    """UTF-8 of at most `size` bytes, cut between characters; a trailing NUL would be lost by numpy and is dropped."""
+    encoded = text.encode("utf-8", "replace")
+    if len(encoded) > size:
+        encoded = encoded[: size - 3].decode("utf-8", "ignore").encode() + "…".encode()
+    return encoded.rstrip(b"\0")
+
+
+def values_of(table: str, rows: Rows) -> Iterator[dict[str, Any]]:
+    """Python values of each row by column name, None where unknown; columns this version does not know are left out."""
+    columns = {column.name: column for column in TABLES[table]}
+    names = rows.dtype.names or ()
+    known = [(i, columns[name]) for i, name in enumerate(names) if name in columns]
+    for row in rows.tolist():
+        yield {column.name: _decode(column, row[i]) for i, column in known}
+
+
+def _decode(column: Column, value: Any) -> Any:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace") or None
+    if value == column.unknown or value != value:  # noqa: PLR0124 (NaN)
+        return None
+    return value
