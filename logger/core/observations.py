@@ -5,10 +5,23 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from logger.core.errors import EstimationError
 from logger.core.geo import Utm
+from logger.core.schema import UNKNOWN_ID, Rows
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+
+MAX_GAP_S = 10.0
+"""A walker's place between two fixes further apart than this is not known well enough to be interpolated."""
+MAX_BEYOND_S = 2.0
+"""A reading may be this much older than the first fix or younger than the last one."""
+
+UERE_M = 4.0
+"""User equivalent range error of a single-frequency receiver, per axis: sigma = HDOP x this."""
+SIGMA_OF_RADIUS68 = 1.0 / 1.515
+"""Sigma per axis of a round Gaussian from the radius that holds 68 % of it."""
+UNKNOWN_SIGMA_M = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,3 +44,116 @@ class CellObservations:
 
     def __len__(self) -> int:
         return len(self.t_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Fixes with a position, in time order, in the zone of the first."""
+
+    utm: Utm
+    t_ns: IntArray
+    seq: IntArray
+    x_m: FloatArray
+    y_m: FloatArray
+    sigma_m: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Observations:
+    """Cells of a run, most readings first, and how many readings could not be used and why."""
+
+    track: Track
+    cells: tuple[CellObservations, ...]
+    n_readings: int
+    n_without_position: int
+    n_without_identity: int
+    n_without_level: int
+
+
+def track_of(fixes: Rows) -> Track:
+    """Track from the table `fixes`; raises `EstimationError` without a fix and `GeoError` beyond the map."""
+    valid = (fixes["valid"] == 1) & np.isfinite(fixes["lat_deg"]) & np.isfinite(fixes["lon_deg"])
+    rows = fixes[valid]
+    if not len(rows):
+        raise EstimationError("the run has no position fix, so nothing can be located")
+    utm = Utm.at(float(rows["lat_deg"][0]), float(rows["lon_deg"][0]))
+    order = np.argsort(rows["t_ns"], kind="stable")
+    rows = rows[order]
+    x_m, y_m = utm.to_xy_arrays(rows["lat_deg"], rows["lon_deg"])
+    return Track(utm, rows["t_ns"], rows["seq"], x_m, y_m, _sigma_m(rows))
+
+
+def _sigma_m(rows: Rows) -> FloatArray:
+    sigma = np.where(np.isfinite(rows["hdop"]), rows["hdop"] * UERE_M, UNKNOWN_SIGMA_M)
+    return np.where(np.isfinite(rows["acc_m"]), rows["acc_m"] * SIGMA_OF_RADIUS68, sigma)
+
+
+def observe(fixes: Rows, scans: Rows, readings: Rows) -> Observations:
+    """Join the tables of a run; see `track_of` for what is raised.
+
+    A reading belongs to the middle of its scan; the walker's place then is interpolated between the fixes around it.
+    """
+    track = track_of(fixes)
+    scan = np.searchsorted(scans["seq"], readings["seq"])
+    middle_ns = (scans["t_start_ns"] + scans["t_ns"])[scan] // 2
+    x_m, y_m, sigma_m, known = _places(track, middle_ns, readings["fix_seq"])
+    level_dbm = _levels(readings)
+    named, heard = readings["cell"] != b"", np.isfinite(level_dbm)
+    usable = known & named & heard
+    columns = (middle_ns, x_m, y_m, sigma_m, level_dbm, readings["seq"])
+    cells = _split(track.utm, readings["cell"][usable], readings["rat"][usable], [c[usable] for c in columns])
+    return Observations(
+        track,
+        cells,
+        n_readings=len(readings),
+        n_without_position=int(np.count_nonzero(named & heard & ~known)),
+        n_without_identity=int(np.count_nonzero(~named)),
+        n_without_level=int(np.count_nonzero(named & ~heard)),
+    )
+
+
+def _levels(readings: Rows) -> FloatArray:
+    """Levels as `CellReading.level_dbm` defines them, for a whole table."""
+    nominal = np.where(readings["rxlev_raw"] == UNKNOWN_ID, np.nan, readings["rxlev_raw"] - 110.0)
+    return np.where(np.isfinite(readings["rssi_dbm"]), readings["rssi_dbm"], nominal)
+
+
+def _places(
+    track: Track, t_ns: IntArray, fix_seq: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    """Walker's place, its sigma and whether it is known, at each time."""
+    origin = track.t_ns[0]
+    fix_s, t_s = (track.t_ns - origin) / 1e9, (t_ns - origin) / 1e9
+    after = np.searchsorted(fix_s, t_s)
+    before_i, after_i = np.maximum(after - 1, 0), np.minimum(after, len(fix_s) - 1)
+    since_s, until_s = t_s - fix_s[before_i], fix_s[after_i] - t_s
+    inside = (since_s >= 0) & (until_s >= 0) & (since_s + until_s <= MAX_GAP_S)
+    known = inside | (np.minimum(np.abs(since_s), np.abs(until_s)) <= MAX_BEYOND_S)
+    x_m, y_m, sigma_m = (np.interp(t_s, fix_s, values) for values in (track.x_m, track.y_m, track.sigma_m))
+    # several places within one tick of an imported file's clock: each reading keeps its own
+    own, found = _index_of(track.seq, fix_seq)
+    exact = found & (track.t_ns[own] == t_ns)
+    for place, values in ((x_m, track.x_m), (y_m, track.y_m), (sigma_m, track.sigma_m)):
+        place[exact] = values[own[exact]]
+    return x_m, y_m, sigma_m, known
+
+
+def _index_of(seqs: IntArray, wanted: IntArray) -> tuple[IntArray, npt.NDArray[np.bool_]]:
+    """Where each wanted number stands in `seqs`, and whether it is there."""
+    order = np.argsort(seqs)
+    at = order[np.minimum(np.searchsorted(seqs, wanted, sorter=order), len(seqs) - 1)]
+    return at, seqs[at] == wanted
+
+
+def _split(
+    utm: Utm, names: npt.NDArray[np.bytes_], rats: npt.NDArray[np.bytes_], columns: list[npt.NDArray[np.generic]]
+) -> tuple[CellObservations, ...]:
+    unique, which = np.unique(names, return_inverse=True)
+    cells = []
+    for i, name in enumerate(unique):
+        mine = np.flatnonzero(which == i)
+        mine = mine[np.argsort(columns[0][mine], kind="stable")]
+        t_ns, x_m, y_m, sigma_m, level_dbm, seq = (column[mine] for column in columns)
+        rat = rats[mine[0]].decode() or None
+        cells.append(CellObservations(name.decode(), rat, utm, t_ns, x_m, y_m, sigma_m, level_dbm, seq))  # type: ignore[arg-type]
+    return tuple(sorted(cells, key=len, reverse=True))

@@ -1,0 +1,105 @@
+"""The site configuration: one TOML file, checked whole before anything is opened."""
+
+import re
+import tomllib
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+from logger.core.errors import ConfigError
+from logger.core.live import LiveSettings
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+Baud = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
+PortName = Annotated[str, msgspec.Meta(min_length=1)]
+
+
+class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where runs are kept."""
+
+    directory: str
+
+
+class ModemSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A modem: device path, /dev/serial/by-id/... or pyserial URL, and the family that reads it."""
+
+    port: PortName
+    driver: str = "sim800"
+    baud: Baud = 115_200
+    poll_interval_s: Positive = 2.0
+
+
+class GnssSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """An NMEA receiver."""
+
+    port: PortName
+    baud: Baud = 9600
+
+
+class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The whole of site.toml."""
+
+    run: RunSettings
+    modem: ModemSettings
+    gnss: GnssSettings
+    live: LiveSettings = LiveSettings()
+
+
+def load_config(path: Path) -> tuple[SiteConfig, str]:
+    """Configuration and its text; raises `ConfigError` naming file, table, key and the nearest valid key."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: not a text file in UTF-8") from None
+    return parse_config(text, str(path)), text
+
+
+def parse_config(text: str, name: str) -> SiteConfig:
+    """Configuration in a TOML text; `name` is how the text is called in errors."""
+    try:
+        config = msgspec.convert(tomllib.loads(text), SiteConfig)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{name}: {error}") from None
+    except msgspec.ValidationError as error:
+        raise ConfigError(f"{name}: {_explain(str(error))}") from None
+    if config.modem.port == config.gnss.port:
+        raise ConfigError(f"{name}: [modem] and [gnss] name the same port {config.modem.port!r}")
+    return config
+
+
+_TABLES: dict[str, type[msgspec.Struct]] = {
+    "": SiteConfig,
+    "run": RunSettings,
+    "modem": ModemSettings,
+    "gnss": GnssSettings,
+    "live": LiveSettings,
+}
+
+
+def _explain(problem: str) -> str:
+    """Put msgspec's words into those of somebody who edits the file."""
+    what, _, where = problem.partition(" - at `$")
+    table = where.removeprefix(".").removesuffix("`")
+    unknown = re.search(r"unknown field `(.*)`", what)
+    missing = re.search(r"missing required field `(.*)`", what)
+    if unknown:
+        return f'{_place(table)}unknown key "{unknown[1]}"{_nearest(unknown[1], table)}'
+    if missing:
+        kind = "table" if not table else "key"
+        return f'{_place(table)}missing {kind} "{missing[1]}"'
+    table, _, key = table.rpartition(".")
+    return f'{_place(table)}"{key}": {what[0].lower()}{what[1:]}'
+
+
+def _place(table: str) -> str:
+    return f"[{table}] " if table else ""
+
+
+def _nearest(key: str, table: str) -> str:
+    valid = _TABLES[table].__struct_fields__
+    near = get_close_matches(key, valid, n=1)
+    return f'; did you mean "{near[0]}"?' if near else f"; valid are {', '.join(valid)}"

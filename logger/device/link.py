@@ -1,0 +1,117 @@
+"""A port kept open by a thread of its own: it comes back when the device does."""
+
+import logging
+import queue
+import threading
+from collections.abc import Callable
+
+from logger.core.errors import DeviceError, FieldLoggerError
+from logger.core.types import Level, Note, RawBytes, Record, Value
+from logger.device.clock import Clock
+from logger.device.port import Port
+
+log = logging.getLogger(__name__)
+
+RETRY_S = 1.0
+GARBAGE_EVERY_S = 10.0
+
+
+class Inbox:
+    """The one bounded queue between the ports and the recorder; a full one counts, and never blocks a reader."""
+
+    def __init__(self, size: int = 20_000) -> None:
+        self._queue: queue.Queue[Record] = queue.Queue(size)
+        self._lock = threading.Lock()
+        self._dropped = 0
+
+    def put(self, record: Record) -> None:
+        try:
+            self._queue.put_nowait(record)
+        except queue.Full:
+            with self._lock:
+                self._dropped += 1
+
+    def get(self, timeout_s: float) -> Record | None:
+        try:
+            return self._queue.get(timeout=timeout_s) if timeout_s > 0 else self._queue.get_nowait()
+        except queue.Empty:
+            return None
+
+    def take_dropped(self) -> int:
+        """Records dropped since the last call."""
+        with self._lock:
+            dropped, self._dropped = self._dropped, 0
+        return dropped
+
+
+class Link:
+    """What a session is given: its port, a clock, and the way to the recorder."""
+
+    def __init__(self, source: str, url: str, baud: int, clock: Clock, inbox: Inbox, stop: threading.Event) -> None:
+        self.source = source
+        self.clock = clock
+        self.stop = stop
+        self._url = url
+        self._baud = baud
+        self._inbox = inbox
+        self._port: Port | None = None
+        self._garbage_bytes = 0
+        self._garbage_since_ns = 0
+
+    def run(self, session: Callable[["Link"], None]) -> None:
+        """Open the port, run the session, and begin again when the device has gone, until stopped."""
+        complaint = ""
+        while not self.stop.is_set():
+            try:
+                with Port(self._url, self._baud) as self._port:
+                    complaint = ""
+                    self.note("info", "port-opened", f"{self._url} opened")
+                    session(self)
+            except FieldLoggerError as error:
+                # a missing device is reported once, not every second
+                if str(error) != complaint:
+                    complaint = str(error)
+                    self.note("warning", "port-lost", complaint)
+            except Exception as error:  # a bug in one link must not end the recording of the other
+                log.exception("%s: unexpected", self.source)
+                self.note("error", "internal", f"{type(error).__name__}: {error}")
+            self._tell_garbage()
+            self.clock.wait(self.stop, RETRY_S)
+
+    def read(self) -> tuple[int, bytes]:
+        """Time and bytes of the next chunk, recorded raw before anybody understands them."""
+        if self._port is None:
+            raise DeviceError(f"{self.source}: port is closed")
+        data = self._port.read()
+        t_ns = self.clock.now_ns()
+        if data:
+            self.emit(RawBytes(data), t_ns)
+        return t_ns, data
+
+    def write(self, data: bytes) -> None:
+        if self._port is None:
+            raise DeviceError(f"{self.source}: port is closed")
+        self.emit(RawBytes(data, sent=True), self.clock.now_ns())
+        self._port.write(data)
+
+    def emit(self, value: Value, t_ns: int) -> None:
+        self._inbox.put(Record(t_ns, self.source, value))
+
+    def note(self, level: Level, code: str, text: str) -> None:
+        """Record an event, and log it."""
+        log.log(logging.getLevelNamesMapping()[level.upper()], "%s: %s", self.source, text)
+        self.emit(Note(level, code, text), self.clock.now_ns())
+
+    def count_garbage(self, n_bytes: int) -> None:
+        """Count bytes that meant nothing; a Note every ten seconds says how many."""
+        now_ns = self.clock.now_ns()
+        if not self._garbage_bytes:
+            self._garbage_since_ns = now_ns
+        self._garbage_bytes += n_bytes
+        if now_ns - self._garbage_since_ns >= GARBAGE_EVERY_S * 1e9:
+            self._tell_garbage()
+
+    def _tell_garbage(self) -> None:
+        if self._garbage_bytes:
+            self.note("warning", "garbage", f"{self._garbage_bytes} bytes meant nothing")
+            self._garbage_bytes = 0

@@ -1,0 +1,128 @@
+"""The session with a modem: drives the dialogues of a driver over a port, and hears what comes unasked."""
+
+from collections.abc import Iterator
+from typing import TypeVar
+
+from logger.core.errors import DeviceError
+from logger.core.types import Scan
+from logger.device.link import Link
+from logger.drivers.at import AtFramer, Unsolicited
+from logger.drivers.dialogue import Command, Dialogue, ModemDriver, Reply
+from logger.drivers.garbage import Garbage
+
+T = TypeVar("T")
+
+SILENT_POLLS = 3
+"""Polls without an answer after which the port is closed and opened again."""
+BLOCK_GAP_S = 0.5
+"""Silence that ends a block of rows nobody asked for; such blocks have no final line."""
+
+
+class ModemSession:
+    """One conversation, from the opening of the port until it is lost; `timeout_scale` stretches every time limit."""
+
+    def __init__(self, driver: ModemDriver, poll_interval_s: float, timeout_scale: float = 1.0) -> None:
+        self._driver = driver
+        self._interval_ns = round(poll_interval_s * 1e9)
+        self._timeout_scale = timeout_scale
+
+    def __call__(self, link: Link) -> None:
+        """Set the modem up and poll it until stopped; raises `DeviceError` when it has fallen silent."""
+        self._link = link
+        self._framer = AtFramer()
+        self._rows: list[str] = []
+        self._row_ns = 0
+        self._set_up = False
+        self._answered = True
+        unanswered = 0
+        while not link.stop.is_set():
+            due_ns = link.clock.now_ns() + self._interval_ns
+            self._answered = False
+            if not self._set_up:
+                self._prepare()
+            self._poll()
+            unanswered = 0 if self._answered else unanswered + 1
+            if unanswered >= SILENT_POLLS and not link.stop.is_set():
+                raise DeviceError(f"modem gives no answer ({unanswered} polls); opening the port again")
+            self._listen_until(due_ns)
+        self._close_block()
+
+    def _prepare(self) -> None:
+        self._set_up = self._talk(self._driver.setup())
+        if self._set_up:
+            self._link.note("info", "modem-ready", f"modem set up by driver {self._driver.name}")
+        elif self._answered and not self._link.stop.is_set():
+            self._link.note(
+                "warning", "setup-refused", "modem did not accept its set-up; trying again at the next poll"
+            )
+
+    def _poll(self) -> None:
+        start_ns = self._link.clock.now_ns()
+        readings = self._talk(self._driver.poll())
+        if readings is None:
+            self._set_up = False
+            return
+        self._link.emit(Scan(start_ns, readings), self._heard_ns)
+
+    def _talk(self, dialogue: Dialogue[T]) -> T:
+        try:
+            command = next(dialogue)
+            while True:
+                command = dialogue.send(self._ask(command))
+        except StopIteration as done:
+            result: T = done.value
+            return result
+
+    def _ask(self, command: Command) -> Reply:
+        """Send a command and wait for its reply; a timeout is a reply too."""
+        self._close_block()
+        self._framer.send(command.text)
+        self._link.write(command.text.encode("ascii") + b"\r")
+        deadline_ns = self._link.clock.now_ns() + round(command.timeout_s * self._timeout_scale * 1e9)
+        while self._link.clock.now_ns() < deadline_ns and not self._link.stop.is_set():
+            for reply in self._hear():
+                self._answered = True
+                return reply
+        return self._framer.expire()
+
+    def _hear(self) -> Iterator[Reply]:
+        """Read one chunk; all of it is taken in, also what follows a reply."""
+        self._heard_ns, data = self._link.read()
+        replies = []
+        for event in self._framer.feed(data):
+            match event:
+                case Reply():
+                    replies.append(event)
+                case Unsolicited(line=line):
+                    self._hear_unasked(line)
+                case Garbage(data=noise):
+                    self._link.count_garbage(len(noise))
+        return iter(replies)
+
+    def _hear_unasked(self, line: str) -> None:
+        if self._driver.says_restarted(line):
+            self._link.note("warning", "modem-restarted", f"modem says {line!r}; setting it up again")
+            self._set_up = False
+        elif self._driver.is_row(line):
+            if self._driver.opens_block(line):
+                self._close_block()
+            self._rows.append(line)
+            self._row_ns = self._heard_ns
+            self._answered = True
+
+    def _listen_until(self, due_ns: int) -> None:
+        while not self._link.stop.is_set():
+            now_ns = self._link.clock.now_ns()
+            if self._rows and now_ns - self._row_ns > BLOCK_GAP_S * 1e9:
+                self._close_block()
+            if now_ns >= due_ns:
+                return
+            for _ in self._hear():
+                pass
+
+    def _close_block(self) -> None:
+        """Record the rows that came unasked as one scan."""
+        if self._rows:
+            readings = self._driver.read_lines(self._rows)
+            self._rows = []
+            self._link.emit(Scan(self._row_ns, readings), self._row_ns)

@@ -1,0 +1,93 @@
+"""A serial port that is opened, read and written in one thread, with every failure named as one of ours."""
+
+import errno
+import fcntl
+import termios
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import TracebackType
+from typing import Self
+
+import serial
+
+from logger.core.errors import ConfigError, DeviceError
+
+READ_TIMEOUT_S = 0.2
+WRITE_TIMEOUT_S = 2.0
+MAX_CHUNK = 4096
+
+
+class Port:
+    """An open port; a context manager. `url` is a device path or anything pyserial opens (`socket://`, `rfc2217://`).
+
+    Raises `DeviceError` when it cannot be opened now or has gone away, `ConfigError` when it never can.
+    """
+
+    def __init__(self, url: str, baud: int) -> None:
+        self._url = url
+        with _device_errors(url):
+            try:
+                self._serial = serial.serial_for_url(
+                    url, baudrate=baud, timeout=READ_TIMEOUT_S, write_timeout=WRITE_TIMEOUT_S, exclusive=True
+                )
+            except ValueError as error:
+                raise ConfigError(f"port {url}: {error}") from None
+        self._keep_others_out()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with suppress(OSError, termios.error):
+            self._serial.close()
+
+    def read(self) -> bytes:
+        """Bytes there are, at most a chunk; empty after 0.2 s of silence."""
+        with _device_errors(self._url):
+            data = bytes(self._serial.read(1))
+            while data and len(data) < MAX_CHUNK and (waiting := self._serial.in_waiting):
+                data += self._serial.read(min(waiting, MAX_CHUNK - len(data)))
+            return data
+
+    def write(self, data: bytes) -> None:
+        """Write all bytes, or fail within two seconds."""
+        with _device_errors(self._url):
+            self._serial.write(data)
+
+    def _keep_others_out(self) -> None:
+        # pyserial's lock is a flock that only pyserial asks for; TIOCEXCL stops everybody but root
+        with suppress(OSError, AttributeError):
+            fcntl.ioctl(self._serial.fileno(), termios.TIOCEXCL)
+
+
+_ADVICE = {
+    errno.ENOENT: "no such port; is the device plugged in?",
+    errno.EACCES: "no permission; add this user to the group dialout (sudo usermod -aG dialout $USER) and log in again",
+    errno.EBUSY: "in use by another program",
+    errno.EAGAIN: "in use by another program",
+    errno.ENOTTY: "this is no serial port",
+    errno.ENXIO: "no such port; is the device plugged in?",
+    errno.ENODEV: "no such port; is the device plugged in?",
+}
+
+
+@contextmanager
+def _device_errors(url: str) -> Iterator[None]:
+    """Name what pyserial lets through: OSError, termios.error (no OSError) and TypeError (after a hang-up)."""
+    try:
+        yield
+    except (OSError, termios.error, TypeError) as error:
+        number = _errno(error)
+        raise DeviceError(f"port {url}: {_ADVICE.get(number) or error}") from error
+
+
+def _errno(error: Exception) -> int:
+    """Error number, wherever it is: pyserial may put the first exception into the text of its own."""
+    while error.__context__ is not None and not getattr(error, "errno", None):
+        inner = error.__context__
+        if not isinstance(inner, Exception):
+            break
+        error = inner
+    return getattr(error, "errno", None) or (error.args[0] if error.args and isinstance(error.args[0], int) else 0)

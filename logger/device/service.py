@@ -1,0 +1,158 @@
+"""The whole logger: a thread for each port, one recorder, one run."""
+
+import logging
+import platform
+import secrets
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from types import FrameType
+
+from logger.config import SiteConfig
+from logger.core.errors import ConfigError, RunFileError
+from logger.core.geo import Utm
+from logger.core.live import LiveTracker
+from logger.core.runfile import RunMeta, RunWriter, Truth, finish_journal, journal_path, unfinished
+from logger.device.clock import Clock, boot_id
+from logger.device.gnss_link import gnss_session
+from logger.device.link import Inbox, Link
+from logger.device.modem_link import ModemSession
+from logger.device.recorder import Recorder
+from logger.drivers.registry import driver_named
+
+log = logging.getLogger(__name__)
+
+JOIN_S = 10.0
+STATUS_EVERY_S = 30.0
+_LIBRARIES = ("cellwalk", "numpy", "h5py", "pyproj", "pyserial", "pynmea2", "msgspec")
+
+
+class Service:
+    """Records one run from `start` to `stop`; the clock is an argument, so that a simulated walk can run faster.
+
+    `config_text` is kept in the run; `truth` names the transmitters of a simulated world. Raises `ConfigError` when the
+    directory of the runs cannot be used.
+    """
+
+    def __init__(
+        self, config: SiteConfig, clock: Clock, *, config_text: str, origin: str = "walk", truth: tuple[Truth, ...] = ()
+    ) -> None:
+        self._clock = clock
+        self._stop = threading.Event()
+        self._inbox = Inbox()
+        self._folder = usable_folder(config.run.directory)
+        meta = RunMeta(
+            run_id=secrets.token_hex(16),
+            boot_id=boot_id(),
+            started_ns=clock.now_ns(),
+            origin=origin,
+            program=f"cellwalk {version('cellwalk')}",
+            versions={name: version(name) for name in _LIBRARIES} | {"python": platform.python_version()},
+            config_text=config_text,
+            live=config.live,
+            truth=truth,
+        )
+        self._writer = RunWriter(journal_path(self._folder, meta.boot_id), meta)
+        self.recorder = Recorder(self._writer, LiveTracker(config.live), self._inbox, clock)
+        modem = ModemSession(
+            driver_named(config.modem.driver), config.modem.poll_interval_s, timeout_scale=1.0 / clock.real_s(1.0)
+        )
+        self._threads = [
+            threading.Thread(target=self.recorder.run, name="recorder"),
+            self._link_thread("modem", config.modem.port, config.modem.baud, modem),
+            self._link_thread("gnss", config.gnss.port, config.gnss.baud, gnss_session),
+        ]
+
+    def start(self) -> None:
+        log.info("recording to %s", self._writer.path)
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self, reason: str) -> Path:
+        """End the run and make its HDF5 file; the journal stays whatever happens."""
+        self._stop.set()
+        recorder, *links = self._threads
+        for link in links:
+            link.join(JOIN_S)
+        self.recorder.finish(reason)
+        recorder.join()
+        return finish_journal(self._writer.path)
+
+    def wait(self, ended: threading.Event, duration_s: float | None) -> bool:
+        """Wait until the event is set (True) or the duration has passed (False), telling how it goes meanwhile."""
+        end_ns = None if duration_s is None else self._clock.now_ns() + round(duration_s * 1e9)
+        while end_ns is None or self._clock.now_ns() < end_ns:
+            left_s = STATUS_EVERY_S if end_ns is None else min(STATUS_EVERY_S, (end_ns - self._clock.now_ns()) / 1e9)
+            if self._clock.wait(ended, max(left_s, 0.0)):
+                return True
+            log.info("%s", self.status())
+        return False
+
+    def status(self) -> str:
+        """One line for somebody who wonders whether it works."""
+        counts = self.recorder.counts
+        text = f"{counts['Fix']} fixes, {counts['Scan']} scans, {counts['readings']} readings"
+        latest = self.recorder.latest
+        if latest is None:
+            return text + ", no target yet"
+        lat_deg, lon_deg = Utm(latest.utm_zone).to_latlon(latest.x_m, latest.y_m)
+        return f"{text}; target {latest.cell}, reference EKF at {lat_deg:.5f} {lon_deg:.5f} (not to be trusted)"
+
+    def _link_thread(self, source: str, url: str, baud: int, session: Callable[[Link], None]) -> threading.Thread:
+        link = Link(source, url, baud, self._clock, self._inbox, self._stop)
+        return threading.Thread(target=link.run, args=(session,), name=source, daemon=True)
+
+
+def run_service(config: SiteConfig, config_text: str, clock: Clock, duration_s: float | None) -> Path:
+    """Record until SIGTERM, SIGINT or the end of the duration; returns the finished run."""
+    with _stop_signals() as (ended, heard):
+        service = Service(config, clock, config_text=config_text)
+        service.start()
+        recovery = threading.Thread(target=recover_folder, args=(Path(config.run.directory),), name="recovery")
+        recovery.start()
+        service.wait(ended, duration_s)
+        run = service.stop(heard[0] if heard else f"duration of {duration_s:g} s over")
+        recovery.join()
+    return run
+
+
+def recover_folder(folder: Path) -> list[Path]:
+    """Make HDF5 of every journal that an earlier run left behind; what cannot be read is logged and left alone."""
+    runs = []
+    for journal in unfinished(folder):
+        try:
+            runs.append(finish_journal(journal))
+            log.info("recovered %s", runs[-1])
+        except RunFileError as error:
+            log.error("cannot recover %s: %s", journal, error)  # noqa: TRY400
+    return runs
+
+
+def usable_folder(directory: str) -> Path:
+    """Folder of the runs, made if need be; raises `ConfigError`."""
+    folder = Path(directory).expanduser()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"[run] directory {folder} cannot be made: {error.strerror}") from error
+    return folder
+
+
+@contextmanager
+def _stop_signals() -> Iterator[tuple[threading.Event, list[str]]]:
+    """Turn SIGTERM and SIGINT into an event; the handler does nothing else."""
+    ended, heard = threading.Event(), list[str]()
+
+    def hear(number: int, _frame: FrameType | None) -> None:
+        heard.append(f"signal {signal.Signals(number).name}")
+        ended.set()
+
+    before = {number: signal.signal(number, hear) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield ended, heard
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

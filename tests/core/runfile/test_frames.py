@@ -1,0 +1,53 @@
+import random
+
+import pytest
+
+from logger.core.runfile.frames import Frame, Kind, Skipped, encode, scan
+
+PAYLOADS = [b"", b"x", b"CWJ1 looks like a magic", bytes(300), random.Random(1).randbytes(2000)]
+FRAMES = [encode(7, i, Kind.ROWS, payload) for i, payload in enumerate(PAYLOADS)]
+WHOLE = b"".join(FRAMES)
+ENDS = [sum(map(len, FRAMES[: i + 1])) for i in range(len(FRAMES))]
+
+
+def _frames(data):
+    return [event for event in scan(data) if isinstance(event, Frame)]
+
+
+def test_whole():
+    assert [f.payload for f in _frames(WHOLE)] == PAYLOADS
+    assert [f.number for f in _frames(WHOLE)] == list(range(5))
+    assert all(isinstance(event, Frame) for event in scan(WHOLE))
+
+
+def test_zeros_ahead_are_no_damage():
+    assert list(scan(WHOLE + bytes(3_000_000))) == list(scan(WHOLE))
+
+
+def test_every_truncation_keeps_every_whole_frame():
+    for cut in range(len(WHOLE)):
+        assert len(_frames(WHOLE[:cut])) == sum(end <= cut for end in ENDS)
+
+
+def test_noise_between_frames_is_counted():
+    found = list(scan(b"noise" + FRAMES[1] + b"CWJ1" + FRAMES[4] + b"tail"))
+    assert found[0] == Skipped(5)
+    assert found[2] == Skipped(4)
+    assert found[4] == Skipped(4)
+
+
+@pytest.mark.parametrize("seed", range(300))
+def test_a_flipped_bit_costs_one_frame_only(seed):
+    rng = random.Random(seed)
+    damaged = bytearray(WHOLE)
+    at = rng.randrange(len(damaged))
+    damaged[at] ^= 1 << rng.randrange(8)
+    hit = next(i for i, end in enumerate(ENDS) if at < end)
+    assert [f.number for f in _frames(bytes(damaged))] == [i for i in range(5) if i != hit]
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_no_splice_invents_a_frame(seed):
+    rng = random.Random(seed)
+    pieces = [WHOLE[slice(*sorted(rng.sample(range(len(WHOLE)), 2)))] for _ in range(6)]
+    assert all(frame.payload == PAYLOADS[frame.number] for frame in _frames(b"".join(pieces)))

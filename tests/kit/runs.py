@@ -1,0 +1,46 @@
+"""Small runs for tests, made with the real writer."""
+
+from pathlib import Path
+
+from logger.core.runfile import RunMeta, RunWriter
+from logger.core.types import CellReading, Fix, Note, RawBytes, Record, Scan
+
+UTC0_NS = 1_790_000_000 * 10**9
+
+
+def meta(**changes) -> RunMeta:
+    return RunMeta(
+        **{"run_id": "0" * 32, "boot_id": "12345678-boot", "started_ns": 0, "origin": "test", "program": "cellwalk test"}
+        | changes
+    )
+
+
+def reading(cid: int, rssi_dbm: float, role="serving") -> CellReading:
+    return CellReading(role, "GSM", "262", "01", 4711, cid, arfcn=17, bsic=9, rssi_dbm=rssi_dbm)
+
+
+def records(n: int) -> list[Record]:
+    """A walk of n seconds to the east: a fix, raw bytes and a scan of two cells a second, and a note now and then."""
+    out = []
+    for i in range(n):
+        t_ns = i * 10**9
+        out += [
+            Record(t_ns, "gnss", RawBytes(f"$GPGGA,{i}\r\n".encode())),
+            Record(t_ns, "gnss", Fix(True, UTC0_NS + t_ns, 52.0, 13.0 + i * 2e-5, 34.5, hdop=0.9, sats_used=8)),
+            Record(t_ns + 5, "modem", Scan(t_ns, (reading(1, -60.0 - i % 7), reading(2, -70.0, "neighbour")), None)),
+        ]
+        if i % 10 == 0:
+            out.append(Record(t_ns + 6, "logger", Note("info", "tick", f"second {i}, Grüße")))
+    return out
+
+
+def write_journal(path: Path, found: list[Record], *, sync_every: int = 20, close: bool = True) -> None:
+    writer = RunWriter(path, meta())
+    for i, record in enumerate(found, 1):
+        writer.append(record)
+        if i % sync_every == 0:
+            writer.sync()
+    if close:
+        writer.close(found[-1].t_ns if found else 0, "test")
+    else:
+        writer.sync()
