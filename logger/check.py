@@ -11,7 +11,7 @@ from typing import Literal
 
 from logger.config import SiteConfig, load_config
 from logger.device.service import usable_folder
-from logger.drivers.registry import driver_named
+from logger.drivers.registry import make_driver
 
 _LIBRARIES = {"numpy": "numpy", "h5py": "h5py", "pyproj": "pyproj", "pyserial": "serial", "pynmea2": "pynmea2"}
 
@@ -45,7 +45,7 @@ def _libraries() -> Iterator[Line]:
 
 
 def _site(config: SiteConfig) -> Iterator[Line]:
-    driver_named(config.modem.driver)
+    make_driver(config.modem.driver)
     folder = usable_folder(config.run.directory)
     writable = os.access(folder, os.W_OK)
     yield Line("ok" if writable else "fail", "directory", f"{folder} is {'' if writable else 'not '}writable")

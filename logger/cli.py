@@ -93,9 +93,9 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _parse(arguments: argparse.Namespace) -> int:
-    from logger.drivers.registry import driver_named
+    from logger.drivers.registry import make_driver
 
-    driver = driver_named(arguments.driver)
+    driver = make_driver(arguments.driver)
     # latin-1 has a character for every byte, so that noise in a transcript stays noise
     lines = re.split(r"[\r\n]+", _bytes_of(arguments.file).decode("latin-1"))
     readings = driver.read_lines(lines)

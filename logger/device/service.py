@@ -21,7 +21,7 @@ from logger.device.gnss_link import gnss_session
 from logger.device.link import Inbox, Link
 from logger.device.modem_link import ModemSession
 from logger.device.recorder import Recorder
-from logger.drivers.registry import driver_named
+from logger.drivers.registry import make_driver
 
 log = logging.getLogger(__name__)
 
@@ -58,7 +58,7 @@ class Service:
         self._writer = RunWriter(journal_path(self._folder, meta.boot_id), meta)
         self.recorder = Recorder(self._writer, LiveTracker(config.live), self._inbox, clock)
         modem = ModemSession(
-            driver_named(config.modem.driver), config.modem.poll_interval_s, timeout_scale=1.0 / clock.real_s(1.0)
+            make_driver(config.modem.driver), config.modem.poll_interval_s, timeout_scale=1.0 / clock.real_s(1.0)
         )
         self._threads = [
             threading.Thread(target=self.recorder.run, name="recorder"),

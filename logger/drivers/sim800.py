@@ -22,7 +22,7 @@ DBM_OF_RXL_0 = -113.0  # SIM800 manual V1.09 p163, and printed by mode 4: 44 bes
 
 _HEADER = re.compile(r"\+CENG:\s*([0-4])\s*,\s*([01])\s*\Z")
 # SIM900 prints no blank before the cell number. The manual shows rows without quotation marks, the modem prints them.
-_ROW = re.compile(r'\+CENG:(\s*)(\d{1,2}),\s*(?:"|(?=(?:[^",]*,){5}))([-\w, ]*)("|\Z)', re.ASCII)
+_ROW = re.compile(r'\+CENG:(\s*)(\d{1,2}),\s*(?:"|(?=(?:[^",]*,){5}))([-\w, ]*)(?:(")(?![-\w,"])|\Z)', re.ASCII)
 _SCAN = re.compile(
     r'Operator:\s*"[^"]*",\s*MCC:\s*(?P<mcc>\w*),\s*MNC:\s*(?P<mnc>\w*),\s*Rxlev:\s*(?P<rxl>\d+),'
     r"\s*Cellid:\s*(?P<cellid>\w*),\s*Arfcn:\s*(?P<bcch>\d+)(?:,\s*Lac:\s*(?P<lac>\w*),\s*Bsic:\s*(?P<bsic>\w*))?\s*\Z",
@@ -61,12 +61,16 @@ _RANGE = {
 }
 
 _FILLER = re.compile(r"0*|[fF]*")
-_IDENTITY = {
+# Some firmware pads hexadecimal numbers to four digits, some prints none to spare: "013" is neither.
+_HEX = re.compile(r"[0-9A-Fa-f]{4}|[1-9A-Fa-f][0-9A-Fa-f]{0,2}|0?")
+_FORMS = {  # of a row that is not damaged
     "mcc": re.compile(r"(?!000)\d{3}"),  # 001 is a real test network
     "mnc": re.compile(r"\d{2,3}"),
-    "lac": re.compile(r"[0-9A-Fa-f]{0,4}"),
-    "cellid": re.compile(r"[0-9A-Fa-f]{0,4}"),
-    # No part of an identity, but wide where a firmware prints the lac here (SIM900 manual V1.01).
+    "lac": _HEX,
+    "cellid": _HEX,
+    # No part of an identity, but a lost comma shows here, and the order of the SIM900 manual V1.01 in rla and txp.
+    "rxl": re.compile(r"\d{1,2}"),
+    "bsic": re.compile(r"\d{0,3}"),
     "rla": re.compile(r"\d{1,2}|255"),
     "txp": re.compile(r"\d{1,2}|255"),
 }
@@ -131,7 +135,7 @@ def _parse_row(row: re.Match[str], mode: int | None) -> CellReading | None:
     role: Role = "serving" if int(number) == 0 else "neighbour"
     texts = [text.strip() for text in body.split(",")]
     layout = _layout(role == "serving", texts, mode)
-    closed = end == '"'
+    closed = end is not None
     if not closed and not (layout and _ends_whole(layout[-1], texts)):
         return None
     values = dict(zip(layout or ("bcch", "rxl"), texts, strict=False))
@@ -162,7 +166,7 @@ def _identity(values: Mapping[str, str]) -> Identity | None:
     """Who the cell is: nobody where the modem has not decoded it, None where the row is damaged."""
     if all(_FILLER.fullmatch(values.get(name) or "") for name in ("mcc", "mnc", "lac", "cellid")):
         return _NOBODY
-    if not all(form.fullmatch(values[name]) for name, form in _IDENTITY.items() if values.get(name) is not None):
+    if not all(form.fullmatch(values[name]) for name, form in _FORMS.items() if values.get(name) is not None):
         return None
     lac, cid = (int(values.get(name) or "0", 16) for name in ("lac", "cellid"))
     return values["mcc"], values["mnc"], None if lac in _NO_LAC else lac, None if cid in _NO_CELLID else cid
@@ -175,13 +179,11 @@ def _has_level(values: Mapping[str, str]) -> bool:
 
 def _parse_scan(scan: re.Match[str]) -> CellReading | None:
     values = {name: text for name, text in scan.groupdict().items() if text is not None}
-    identity = _identity(values)
-    if identity is None:
-        return None
     if "bsic" in values:  # hexadecimal here, decimal in CENG; a single digit may be a cut line
         values["bsic"] = str(int(values["bsic"], 16)) if re.fullmatch(r"[0-9A-Fa-f]{2}", values["bsic"]) else ""
+    identity = _identity(values)
     # The manual gives no dBm for Rxlev of CNETSCAN.
-    return _reading("scan", values, identity, dbm_of_rxl_0=None)
+    return None if identity is None else _reading("scan", values, identity, dbm_of_rxl_0=None)
 
 
 def _reading(

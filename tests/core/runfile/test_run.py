@@ -14,7 +14,7 @@ from logger.core.schema import TABLES
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan
 from tests.kit import runs
 
-NAMES = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=12)
+NAMES = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=6)
 UNSIGNED = st.none() | st.integers(0, 2**31 - 1)
 NUMBER = st.none() | st.floats(allow_nan=False)
 READINGS = st.builds(
@@ -45,7 +45,7 @@ VALUES = st.one_of(
 RECORDS = st.lists(st.builds(Record, st.integers(0, 2**62), st.sampled_from(["modem", "gnss"]), VALUES), max_size=30)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(RECORDS)
 def test_every_record_reads_back_equal_from_both_forms(tmp_path_factory, found):
     folder = tmp_path_factory.mktemp("run")
@@ -224,7 +224,7 @@ from tests.kit import runs
 from logger.core.runfile import RunWriter
 writer = RunWriter(Path(sys.argv[1]), runs.meta())
 acknowledged = 0
-for record in runs.records(10**6):
+for record in runs.records(5000):
     acknowledged = writer.append(record)
     if acknowledged % 50 == 49:
         writer.sync()

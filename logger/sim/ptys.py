@@ -1,0 +1,97 @@
+"""Pseudo-terminals that look like serial ports, and the threads that talk behind them.
+
+with PtyDevice(answering(modem)) as port:
+    serial.Serial(port.path)
+"""
+
+import os
+import threading
+import tty
+from collections.abc import Callable
+from types import TracebackType
+from typing import Protocol, Self
+
+from logger.sim.clock import WalkTime
+from logger.sim.line import PtyLine
+
+LISTEN_S = 0.05
+"""Real seconds between two looks at whether to stop; bytes that come are read at once."""
+EPOCH_S = 1.0
+
+Session = Callable[[PtyLine], None]
+
+
+class Answering(Protocol):
+    """A modem: it answers, and may speak by itself."""
+
+    def feed(self, data: bytes) -> bytes:
+        """What it writes after these bytes."""
+        ...
+
+    def unasked(self) -> bytes:
+        """What it writes by itself since the last call."""
+        ...
+
+
+class Talking(Protocol):
+    """A receiver: it says something each second and does not listen."""
+
+    def epoch(self, t_s: float) -> bytes:
+        """What it says at that second of the walk."""
+        ...
+
+
+class PtyDevice:
+    """A device behind a pty, in a thread of its own between entry and exit; `path` is what the service opens.
+
+    It outlives the service: the path can be closed and opened again.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._stop = threading.Event()
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        self.path = os.ttyname(slave)
+        os.close(slave)  # so that the master hears when nobody holds it
+        self._line = PtyLine(master, self._stop)
+        self._thread = threading.Thread(target=self._run, name=f"sim {self.path}", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._line.close()
+
+    def _run(self) -> None:
+        self._session(self._line)
+
+
+def answering(device: Answering) -> Session:
+    """Session of a modem: reads bytes and writes answers."""
+
+    def session(line: PtyLine) -> None:
+        while not line.stop.is_set():
+            data = line.read(LISTEN_S)
+            line.write((device.feed(data) if data else b"") + device.unasked())
+
+    return session
+
+
+def talking(device: Talking, time: WalkTime) -> Session:
+    """Session of a receiver: writes an epoch at each second of the walk, also when nobody listens."""
+
+    def session(line: PtyLine) -> None:
+        t_s = 0.0
+        while not time.wait_until(line.stop, t_s):
+            text = device.epoch(t_s)
+            if line.is_heard():
+                line.write(text)
+            t_s += EPOCH_S
+
+    return session

@@ -1,0 +1,46 @@
+"""The command line of a modem (ITU-T V.250): echo, carriage returns and the frame around answers."""
+
+from collections.abc import Callable
+
+CARRIAGE_RETURN = 0x0D
+LINE_FEED = 0x0A
+MAX_COMMAND = 556  # SIM800 AT Command Manual V1.09, 1.4
+
+
+class AtTerminal:
+    """Bytes in, echo and answers out; `answer` is given each command line and returns the framed answer."""
+
+    def __init__(self, answer: Callable[[str], bytes]) -> None:
+        self._answer = answer
+        self._echo = True
+        self._line = bytearray()
+
+    def feed(self, data: bytes) -> bytes:
+        """What the modem writes back; a command ends with its carriage return, line feeds mean nothing."""
+        out = bytearray()
+        for byte in data:
+            if byte == LINE_FEED:
+                continue
+            if self._echo:
+                out.append(byte)
+            if byte == CARRIAGE_RETURN:
+                out += self._execute()
+            elif len(self._line) < MAX_COMMAND:
+                self._line.append(byte)
+        return bytes(out)
+
+    def _execute(self) -> bytes:
+        command = self._line.decode("latin-1").strip().upper()
+        self._line.clear()
+        match command:
+            case "AT":
+                return framed("OK")
+            case "ATE0" | "ATE1" | "ATE":
+                self._echo = command == "ATE1"
+                return framed("OK")
+        return self._answer(command) if command.startswith("AT") else b""
+
+
+def framed(*texts: str) -> bytes:
+    """Each text between line ends, as a modem with ATV1 prints it."""
+    return "".join(f"\r\n{text}\r\n" for text in texts).encode("ascii")

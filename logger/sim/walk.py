@@ -1,0 +1,109 @@
+"""Walks by waypoints at a walking speed, and the shapes that they are made of."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+Waypoints = tuple[tuple[float, float], ...]
+
+WALKING_MPS = 1.3
+BLOCK_M = 80.0
+"""Distance between the streets of a random walk."""
+CIRCLE_CORNERS = 72  # 0.1 % shorter than the circle
+
+
+@dataclass(frozen=True, slots=True)
+class Walk:
+    """From waypoint to waypoint (east, north in metres) without a stop."""
+
+    waypoints: Waypoints
+    speed_mps: float = WALKING_MPS
+
+    @property
+    def length_m(self) -> float:
+        return float(self._distances_m()[-1])
+
+    @property
+    def duration_s(self) -> float:
+        return self.length_m / self.speed_mps
+
+    def position(self, t_s: float) -> tuple[float, float]:
+        """East and north in metres."""
+        east_m, north_m = self.positions(np.array([t_s]))
+        return float(east_m[0]), float(north_m[0])
+
+    def positions(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """East and north in metres, shape as given."""
+        corners = np.asarray(self.waypoints, float)
+        walked_m = np.asarray(t_s, float) * self.speed_mps
+        distances_m = self._distances_m()
+        return np.interp(walked_m, distances_m, corners[:, 0]), np.interp(walked_m, distances_m, corners[:, 1])
+
+    def motion(self, t_s: float) -> tuple[float, float]:
+        """Speed in m/s, zero before and after the walk, and course in degrees from north of the leg under way."""
+        leg = int(np.searchsorted(self._distances_m(), t_s * self.speed_mps, side="right"))
+        leg = min(max(leg, 1), len(self.waypoints) - 1)
+        (east_0, north_0), (east_1, north_1) = self.waypoints[leg - 1 : leg + 1]
+        course_deg = float(np.degrees(np.arctan2(east_1 - east_0, north_1 - north_0))) % 360.0
+        return (self.speed_mps if 0.0 <= t_s < self.duration_s else 0.0), course_deg
+
+    def _distances_m(self) -> FloatArray:
+        """Walked distance at each waypoint."""
+        legs = np.diff(np.asarray(self.waypoints, float), axis=0)
+        return np.concatenate([[0.0], np.cumsum(np.hypot(legs[:, 0], legs[:, 1]))])
+
+
+def waypoints(shape: str, size_m: float, rng: np.random.Generator) -> Waypoints:
+    """Waypoints of a named shape that begins at the origin; only "random" uses the generator.
+
+    `size_m` is the leg of the L and of the straight walk, the side of the square and of the quarter that the random
+    walk stays in, and the diameter of the circle.
+    """
+    if shape not in SHAPES:
+        raise ValueError(f"no walk has the shape {shape!r}; there are {', '.join(SHAPES)}")
+    return SHAPES[shape](size_m, rng)
+
+
+def _straight(size_m: float, _: np.random.Generator) -> Waypoints:
+    return (0.0, 0.0), (size_m, 0.0)
+
+
+def _l(size_m: float, _: np.random.Generator) -> Waypoints:
+    return (0.0, 0.0), (0.0, size_m), (size_m, size_m)
+
+
+def _square(size_m: float, _: np.random.Generator) -> Waypoints:
+    return (0.0, 0.0), (0.0, size_m), (size_m, size_m), (size_m, 0.0), (0.0, 0.0)
+
+
+def _circle(size_m: float, _: np.random.Generator) -> Waypoints:
+    """Clockwise, beginning in the west."""
+    turns = np.linspace(0.0, 2.0 * np.pi, CIRCLE_CORNERS + 1)
+    radius_m = size_m / 2.0
+    return tuple((float(radius_m * (1.0 - np.cos(turn))), float(radius_m * np.sin(turn))) for turn in turns)
+
+
+def _random(size_m: float, rng: np.random.Generator) -> Waypoints:
+    """Along a street grid, never straight back; six times as long as the quarter is wide."""
+    blocks = max(round(size_m / BLOCK_M), 1)
+    pitch_m = size_m / blocks
+    path = [(0, 0)]
+    while len(path) <= 6 * blocks:
+        column, row = path[-1]
+        around = [(column + 1, row), (column, row + 1), (column - 1, row), (column, row - 1)]
+        back = path[-2] if len(path) > 1 else None
+        ahead = [c for c in around if c != back and 0 <= c[0] <= blocks and 0 <= c[1] <= blocks]
+        path.append(ahead[rng.integers(len(ahead))])
+    return tuple((column * pitch_m, row * pitch_m) for column, row in path)
+
+
+SHAPES: Mapping[str, Callable[[float, np.random.Generator], Waypoints]] = {
+    "straight": _straight,
+    "L": _l,
+    "square": _square,
+    "circle": _circle,
+    "random": _random,
+}

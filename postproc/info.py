@@ -1,0 +1,136 @@
+"""What is in a run: counts, gaps, how it stopped."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from logger.core.runfile import Run
+from logger.core.schema import UNKNOWN_ID
+from logger.core.timebase import fit, utc_text
+
+GAP_S = 5.0
+"""A silence of the receiver or the modem that is worth telling."""
+
+
+@dataclass(frozen=True, slots=True)
+class CellCount:
+    """One cell of a run."""
+
+    cell: str
+    rat: str | None
+    n: int
+    strongest_dbm: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A stretch without a record of a kind, in seconds since the start of the run."""
+
+    of: str
+    start_s: float
+    length_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A note, with its time since the start of the run."""
+
+    t_s: float
+    source: str
+    level: str
+    code: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Info:
+    """Summary of a run; times in UTC are None where GPS never told the time."""
+
+    path: str
+    form: str
+    run_id: str
+    origin: str
+    program: str
+    simulated: bool
+    started_utc: str | None
+    duration_s: float
+    stopped: str | None
+    missing_frames: int
+    skipped_bytes: int
+    n_fixes: int
+    n_fixes_valid: int
+    n_scans: int
+    n_readings: int
+    n_readings_without_fix: int
+    n_readings_without_identity: int
+    n_live: int
+    n_raw_bytes: int
+    cells: tuple[CellCount, ...]
+    gaps: tuple[Gap, ...]
+    events: tuple[Event, ...]
+
+
+def describe(run: Run) -> Info:
+    """Summary of a run in either form."""
+    fixes, scans, readings = run.tables["fixes"], run.tables["scans"], run.tables["readings"]
+    start_ns = run.meta.started_ns
+    timebase = fit(fixes["t_ns"], fixes["utc_ns"])
+    stamps = [rows["t_ns"].max() for rows in run.tables.values() if len(rows)]
+    end_ns = max([*map(int, stamps), run.end.t_ns if run.end else start_ns])
+    return Info(
+        path=str(run.path),
+        form=run.form,
+        run_id=run.meta.run_id,
+        origin=run.meta.origin,
+        program=run.meta.program,
+        simulated=bool(run.meta.truth),
+        started_utc=utc_text(timebase.utc_ns(start_ns)) if timebase else None,
+        duration_s=(end_ns - start_ns) / 1e9,
+        stopped=run.end.reason if run.end else None,
+        missing_frames=run.damage.missing_frames,
+        skipped_bytes=run.damage.skipped_bytes,
+        n_fixes=len(fixes),
+        n_fixes_valid=int(np.count_nonzero(fixes["valid"])),
+        n_scans=len(scans),
+        n_readings=len(readings),
+        n_readings_without_fix=int(np.count_nonzero(readings["fix_seq"] == UNKNOWN_ID)),
+        n_readings_without_identity=int(np.count_nonzero(readings["cell"] == b"")),
+        n_live=len(run.tables["live"]),
+        n_raw_bytes=len(run.raw_bytes),
+        cells=_cells(run),
+        gaps=(*_gaps("fixes", fixes["t_ns"][fixes["valid"] == 1], start_ns), *_gaps("scans", scans["t_ns"], start_ns)),
+        events=_events(run),
+    )
+
+
+def _cells(run: Run) -> tuple[CellCount, ...]:
+    readings = run.tables["readings"]
+    names, first, which = np.unique(readings["cell"], return_index=True, return_inverse=True)
+    cells = []
+    for i, name in enumerate(names):
+        if not name:
+            continue
+        mine = readings[which == i]
+        levels = mine["rssi_dbm"][np.isfinite(mine["rssi_dbm"])]
+        rat = readings["rat"][first[i]].decode() or None
+        cells.append(CellCount(name.decode(), rat, len(mine), float(levels.max()) if len(levels) else None))
+    return tuple(sorted(cells, key=lambda cell: -cell.n))
+
+
+def _gaps(of: str, t_ns: np.ndarray[tuple[int], np.dtype[np.int64]], start_ns: int) -> list[Gap]:
+    times = np.sort(t_ns)
+    lengths_s = np.diff(times) / 1e9
+    return [Gap(of, float((times[i] - start_ns) / 1e9), float(lengths_s[i])) for i in np.flatnonzero(lengths_s > GAP_S)]
+
+
+def _events(run: Run) -> tuple[Event, ...]:
+    return tuple(
+        Event(
+            (int(row["t_ns"]) - run.meta.started_ns) / 1e9,
+            row["source"].decode(),
+            row["level"].decode(),
+            row["code"].decode(),
+            row["text"].decode("utf-8", "replace"),
+        )
+        for row in run.tables["notes"]
+    )

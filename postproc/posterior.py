@@ -1,0 +1,487 @@
+"""Where a transmitter stands: posterior over (x, y) with everything else integrated out.
+
+Model of the mean level z_k in block k of the walk, L_k = 10 log10 d_k:
+
+    z = P0 - eta L(x, y) + v,    v ~ N(0, sigma^2 K),    K_ij = (1 - a) exp(-D_ij / d_c) + a delta_ij / n_i
+
+with D_ij the distance of two blocks (shadowing is a property of the place: Gudmundson, Electron. Lett. 27(23), 1991),
+a the white share and n_i the readings of the block. Given (x, y), sigma, a and d_c the model is linear in P0 and eta,
+which are integrated in closed form; sigma, a and d_c are summed over small sets; (x, y) is a tree of square cells
+split where the mass is. With A = Phi' K^-1 Phi / sigma^2 + Lambda0, Phi = [1, -L], b = Phi' K^-1 z / sigma^2 + Lambda0 m0:
+
+    log p(z | x, y, sigma, a, d_c) = -n log sigma - 1/2 log|K| + 1/2 log|Lambda0| - 1/2 log|A|
+                                     - 1/2 (z' K^-1 z / sigma^2 + m0' Lambda0 m0 - b' A^-1 b) + const
+
+(marginalised point mass; Schoen, Gustafsson & Nordlund, IEEE Trans. Signal Process. 53(7), 2005).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import log
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import cholesky, solve_triangular
+
+from logger.core.ellipse import Ellipse, ellipse95
+from logger.core.errors import EstimationError
+from logger.core.observations import CellObservations
+from postproc.region import LEVEL, Cells, area_m2, places
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+
+_C = 10.0 / log(10.0)
+import os
+
+TAU = float(os.environ.get("TAU", "1"))
+HEIGHT = float(os.environ.get("HEIGHT", "0"))
+LONG = float(os.environ.get("LONG", "0"))
+LONGM = float(os.environ.get("LONGM", "300"))
+_FINEST_BLOCK_M = 2.0
+_MAX_BLOCKS = 400
+_MAX_POINTS = 1000
+_READINGS_BELIEVED = 16
+_ROUNDING_DB2 = 1.0 / 12.0
+_CHUNK = 512
+_SPLIT_SHARE = 0.002
+_MIN_CELL_M = 0.5
+_MODE_LEVEL = 0.999
+_LEAST_MODE = 0.01
+_LEAST_PEAK = 0.05
+_MAX_CELLS = 6000
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """What is believed before the walk; printed with every result.
+
+    P0 and eta are normal, sigma is log-normal, the pairs (white share, decorrelation distance) are equally likely and
+    all of them together as likely as white noise alone is per pair. The position is uniform within `near_m` of the
+    walk and falls with the squared distance beyond, so that every octave of range counts the same, up to `reach_m`.
+    """
+
+    p0_dbm: float = -40.0
+    p0_sigma_db: float = 30.0
+    eta: float = 2.6
+    eta_sigma: float = 0.9
+    sigma_db: float = 5.4
+    sigma_log_sd: float = 0.45
+    decorrelation_m: tuple[float, ...] = (10.0, 25.0, 60.0, 150.0, 400.0)
+    white_shares: tuple[float, ...] = (0.1, 0.5)
+    near_m: float = 200.0
+    reach_m: float = 30_000.0
+
+    @property
+    def noise_pairs(self) -> list[tuple[float, float]]:
+        """White share and decorrelation distance of each hypothesis; the first is white noise alone."""
+        return [(1.0, 0.0)] + [(a, d) for a in self.white_shares for d in self.decorrelation_m]
+
+    @property
+    def precision(self) -> FloatArray:
+        """Lambda0, the inverse variances of P0 and eta, shape (2,)."""
+        return np.array([self.p0_sigma_db**-2, self.eta_sigma**-2])
+
+
+class Track(NamedTuple):
+    """The walk in blocks of readings taken at about one place.
+
+    `x_m, y_m, weight` are supporting points, shape (m,); block k has those from `first[k]` on, weights sum to 1.
+    `block_x_m, block_y_m, level_dbm, count, position_sigma_m` have shape (n,); `size_m` is the side of a block.
+    """
+
+    x_m: FloatArray
+    y_m: FloatArray
+    weight: FloatArray
+    first: IntArray
+    block_x_m: FloatArray
+    block_y_m: FloatArray
+    level_dbm: FloatArray
+    count: FloatArray
+    position_sigma_m: FloatArray
+    size_m: float
+
+
+class Noise(NamedTuple):
+    """Hypothesis `number` of the residuals' covariance: `whitener` W with W K W' = I, shape (n, n), and log |K|."""
+
+    number: int
+    white_share: float
+    decorrelation_m: float
+    whitener: FloatArray
+    log_det: float
+
+
+class Evidence(NamedTuple):
+    """Per position, shape (h,): log p(z | x, y), moments of (P0, eta), sigma; `by_noise` (c, h) the share of each noise."""
+
+    log_p: FloatArray
+    theta: FloatArray
+    theta_cov: FloatArray
+    sigma_db: FloatArray
+    by_noise: FloatArray
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One place where the transmitter may stand.
+
+    `state` is the mean [x, y, P0, eta], `covariance` (4, 4) that of the mode's own mass.
+    """
+
+    probability: float
+    state: FloatArray
+    covariance: FloatArray
+
+    @property
+    def x_m(self) -> float:
+        """East."""
+        return float(self.state[0])
+
+    @property
+    def y_m(self) -> float:
+        """North."""
+        return float(self.state[1])
+
+    @cached_property
+    def ellipse(self) -> Ellipse:
+        """95 % ellipse of the mode taken as a Gaussian."""
+        return ellipse95(self.covariance[0, 0], self.covariance[0, 1], self.covariance[1, 1])
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Everything known about one transmitter after a walk.
+
+    `x_m, y_m` is the strongest mode; `r95_m` the radius around it that holds 95 % of all mass, `drms_m` the root mean
+    squared distance from it; the other values are means and standard deviations over the whole posterior.
+    `limit_share` is the mass at the end of the searched area, `at_limit` whether that is too much.
+    """
+
+    cells: Cells
+    modes: tuple[Mode, ...]
+    x_m: float
+    y_m: float
+    r95_m: float
+    drms_m: float
+    p0_dbm: float
+    p0_sigma_db: float
+    eta: float
+    eta_sigma: float
+    sigma_db: float
+    decorrelation_m: float
+    white_share: float
+    limit_share: float
+    prior: Prior
+
+    @property
+    def at_limit(self) -> bool:
+        """Whether the search ended before the mass did."""
+        return self.limit_share > 0.01
+
+    @property
+    def region_area_m2(self) -> float:
+        """Area of the 95 % highest-density region."""
+        return area_m2(self.cells)
+
+
+def blocks(obs: CellObservations) -> Track:
+    """Gather the readings of one place, whenever taken, into blocks; at most 400 of them.
+
+    Standing still or walking a street twice adds readings to a block and no block.
+    """
+    fine = _grid(obs.x_m, obs.y_m, _MAX_POINTS)[0]
+    count = np.bincount(fine).astype(float)
+    mean = [np.bincount(fine, v) / count for v in (obs.x_m, obs.y_m, obs.level_dbm, obs.position_sigma_m**2)]
+    coarse, size_m = _grid(mean[0], mean[1], _MAX_BLOCKS)
+    order = np.argsort(coarse, kind="stable")
+    coarse, count, (x, y, level, variance) = coarse[order], count[order], [v[order] for v in mean]
+    total = np.bincount(coarse, count)
+    weight = count / total[coarse]
+    bx, by, bl, bv = (np.bincount(coarse, weight * v) for v in (x, y, level, variance))
+    first = np.searchsorted(coarse, np.arange(len(total)))
+    return Track(x, y, weight, first, bx, by, bl, total, np.sqrt(bv), size_m)
+
+
+def _grid(x_m: FloatArray, y_m: FloatArray, most: int) -> tuple[IntArray, float]:
+    """Number of the square each point lies in, squares as small as `most` of them allow."""
+    size_m = _FINEST_BLOCK_M
+    while True:
+        column = np.floor((x_m - np.mean(x_m)) / size_m).astype(np.int64)
+        row = np.floor((y_m - np.mean(y_m)) / size_m).astype(np.int64)
+        key = (row - row.min()) * (int(np.ptp(column)) + 1) + column - column.min()
+        found, index = np.unique(key, return_inverse=True)
+        if len(found) <= most:
+            return index.astype(np.int64), size_m
+        size_m *= 1.25
+
+
+def noises(track: Track, prior: Prior) -> list[Noise]:
+    """Covariance hypotheses, white noise first."""
+    distance = np.hypot(track.block_x_m[:, None] - track.block_x_m, track.block_y_m[:, None] - track.block_y_m)
+    # fading stays the same for a while where one stands: more readings are not believed
+    white = 1.0 / np.minimum(track.count, _READINGS_BELIEVED)
+    rounding = _ROUNDING_DB2 / prior.sigma_db**2
+    found = []
+    for number, (a, d_c) in enumerate(prior.noise_pairs):
+        k = (
+            (1.0 - a) * ((1 - LONG) * np.exp(-distance / d_c) + LONG * np.exp(-distance / LONGM))
+            if d_c
+            else np.zeros_like(distance)
+        )
+        k[np.diag_indices_from(k)] += a * white + rounding
+        root = cholesky(k, lower=True)
+        whitener = solve_triangular(root, np.eye(len(k)), lower=True)
+        found.append(Noise(number, a, d_c, whitener, 2.0 * float(np.sum(np.log(np.diag(root))))))
+    return found
+
+
+def distances_db(track: Track, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    """L = 10 log10 d of each block from each position, shape (n, h).
+
+    An uncertain receiver is farther away on average, E d^2 = d^2 + 2 sigma^2; at least 1 m.
+    """
+    spread = np.repeat(2.0 * track.position_sigma_m**2, np.diff(np.append(track.first, len(track.x_m))))
+    d2 = (x_m - track.x_m[:, None]) ** 2 + (y_m - track.y_m[:, None]) ** 2 + spread[:, None]
+    each = 5.0 * np.log10(np.maximum(d2 + HEIGHT**2, 1.0))
+    return np.asarray(np.add.reduceat(track.weight[:, None] * each, track.first, axis=0), float)
+
+
+def receiver_weights(track: Track, prior: Prior, distance_db: FloatArray) -> FloatArray:
+    """Factor on a block's row for the error of the receiver's position, shape (n, h).
+
+    An error sigma_g at distance d moves the level by C eta sigma_g / d; the row's variance grows by the square of it,
+    its correlation with other rows stays (position errors last as shadowing does).
+    """
+    error_db = _C * prior.eta * track.position_sigma_m[:, None] * 10.0 ** (-0.1 * distance_db)
+    return np.asarray(1.0 / np.sqrt(1.0 + (error_db / prior.sigma_db) ** 2), float)
+
+
+def evidence(track: Track, found: list[Noise], prior: Prior, x_m: FloatArray, y_m: FloatArray) -> Evidence:
+    """Likelihood of positions with P0, eta, sigma and the noise integrated out; x_m, y_m have shape (h,)."""
+    parts = [
+        _evidence(track, found, prior, x_m[i : i + _CHUNK], y_m[i : i + _CHUNK]) for i in range(0, len(x_m), _CHUNK)
+    ]
+    return Evidence(*(np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)))
+
+
+def sigma_nodes(prior: Prior) -> tuple[FloatArray, FloatArray]:
+    """Values of sigma in dB, 10 % apart, and their log prior weights."""
+    sigma = prior.sigma_db * 1.1 ** np.arange(-18.0, 15.0)
+    log_weight = -0.5 * (np.log(sigma / prior.sigma_db) / prior.sigma_log_sd) ** 2
+    return sigma, log_weight - np.log(np.sum(np.exp(log_weight)))
+
+
+def _evidence(track: Track, found: list[Noise], prior: Prior, x_m: FloatArray, y_m: FloatArray) -> Evidence:
+    distance_db = distances_db(track, x_m, y_m)
+    weight = receiver_weights(track, prior, distance_db)
+    sigma, log_weight = sigma_nodes(prior)
+    results = [_linear(track, noise, prior, distance_db, weight, sigma) for noise in found]
+    log_p = np.stack([r[0] for r in results]) + log_weight[None, :, None] - log(len(prior.noise_pairs))
+    top = np.max(log_p, axis=(0, 1))
+    share = np.exp(log_p - top)
+    total = np.sum(share, axis=(0, 1))
+    share /= total
+    moments = np.stack([r[1] for r in results])  # (c, 5, s, h): P0, eta, var P0, cov, var eta
+    p0, eta, v00, v01, v11 = np.moveaxis(moments, 1, 0)
+    mean0, mean1 = np.sum(share * p0, axis=(0, 1)), np.sum(share * eta, axis=(0, 1))
+    cov = [
+        np.sum(share * (v + da * db), axis=(0, 1))
+        for v, da, db in (
+            (v00, p0 - mean0, p0 - mean0),
+            (v01, p0 - mean0, eta - mean1),
+            (v11, eta - mean1, eta - mean1),
+        )
+    ]
+    by_noise = np.zeros((len(prior.noise_pairs), len(x_m)))
+    by_noise[[noise.number for noise in found]] = np.sum(share, axis=1)
+    return Evidence(
+        top + np.log(total),
+        np.stack([mean0, mean1]),
+        np.stack(cov),
+        np.sum(share * sigma[None, :, None], axis=(0, 1)),
+        by_noise,
+    )
+
+
+def _linear(
+    track: Track, noise: Noise, prior: Prior, distance_db: FloatArray, weight: FloatArray, sigma: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Log evidence (s, h) and moments of (P0, eta) (5, s, h) for one noise hypothesis."""
+    near = np.min(weight, axis=0) < 0.99
+    w = noise.whitener
+    slope = w @ (-weight * distance_db)
+    one = np.repeat(np.sum(w, axis=1)[:, None], len(near), axis=1)
+    level = np.repeat((w @ track.level_dbm)[:, None], len(near), axis=1)
+    if np.any(near):
+        one[:, near] = w @ weight[:, near]
+        level[:, near] = w @ (weight[:, near] * track.level_dbm[:, None])
+    s2 = sigma[:, None] ** 2
+
+    def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+        return np.einsum("nh,nh->h", a, b) / s2
+
+    lam, mean = prior.precision, np.array([prior.p0_dbm, prior.eta])
+    a00, a01, a11 = dot(one, one) + lam[0], dot(one, slope), dot(slope, slope) + lam[1]
+    b0, b1 = dot(one, level) + lam[0] * mean[0], dot(slope, level) + lam[1] * mean[1]
+    det = a00 * a11 - a01 * a01
+    p0, eta = (a11 * b0 - a01 * b1) / det, (a00 * b1 - a01 * b0) / det
+    misfit = dot(level, level) + np.sum(lam * mean**2) - b0 * p0 - b1 * eta
+    log_p = -0.5 * (misfit + np.log(det) - np.sum(np.log(lam)) + noise.log_det)
+    n = len(track.level_dbm)
+    log_p += np.sum(np.log(np.where(near, weight, 1.0)), axis=0) - n * np.log(sigma)[:, None]
+    return log_p, np.stack([p0, eta, a11 / det, -a01 / det, a00 / det])
+
+
+class _Tree(NamedTuple):
+    """Leaves of the cell tree, shape (h,) each: centre, side, and what the walk says about the centre."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    size_m: FloatArray
+    log_prior: FloatArray
+    evidence: Evidence
+
+    def probability(self) -> FloatArray:
+        log_mass = TAU * self.evidence.log_p + self.log_prior + 2.0 * np.log(self.size_m)
+        mass = np.exp(log_mass - np.max(log_mass))
+        return np.asarray(mass / np.sum(mass), float)
+
+
+def locate(obs: CellObservations, prior: Prior = Prior()) -> Posterior:  # noqa: B008 - frozen
+    """Posterior of the transmitter's position given all readings of a cell; raises `EstimationError` without any."""
+    if not len(obs):
+        raise EstimationError("there is no reading of this cell")
+    track = blocks(obs)
+    found = noises(track, prior)
+    tree = _evaluated(track, found, prior, _first_cells(track, prior))
+    for turn in range(24):
+        wanted = _to_split(tree, turn)
+        if not np.any(wanted):
+            break
+        if turn == 4:
+            found = _plausible(tree, found)
+        tree = _split(track, found, prior, tree, wanted)
+    return _summary(prior, tree)
+
+
+def _nearest_m(track: Track, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    d2 = (x_m[:, None] - track.block_x_m) ** 2 + (y_m[:, None] - track.block_y_m) ** 2
+    return np.asarray(np.sqrt(np.min(d2, axis=1)), float)
+
+
+def _first_cells(track: Track, prior: Prior) -> FloatArray:
+    """Cells no larger than half their distance from the walk, out to the reach; rows x, y, size."""
+    low = np.array([np.min(track.block_x_m), np.min(track.block_y_m)])
+    high = np.array([np.max(track.block_x_m), np.max(track.block_y_m)])
+    finest_m = max(5.0, len(track.count) * track.size_m / 200.0)
+    square = np.array([*(0.5 * (low + high)), 2.0 * prior.reach_m + float(np.max(high - low))])[:, None]
+    done = []
+    while square.size:
+        large = square[2] > np.maximum(finest_m, 0.5 * _nearest_m(track, square[0], square[1]))
+        done.append(square[:, ~large])
+        square = _children(square[:, large])
+    return np.concatenate(done, axis=1)
+
+
+def _children(square: FloatArray) -> FloatArray:
+    quarter = 0.25 * square[2]
+    return np.concatenate(
+        [np.stack([square[0] + i * quarter, square[1] + j * quarter, 2.0 * quarter]) for i in (-1, 1) for j in (-1, 1)],
+        axis=1,
+    )
+
+
+def _evaluated(track: Track, found: list[Noise], prior: Prior, square: FloatArray) -> _Tree:
+    x_m, y_m, size_m = square
+    beyond = np.maximum(_nearest_m(track, x_m, y_m) / prior.near_m, 1.0)
+    return _Tree(x_m, y_m, size_m, -2.0 * np.log(beyond), evidence(track, found, prior, x_m, y_m))
+
+
+def _to_split(tree: _Tree, turn: int) -> BoolArray:
+    """Leaves that hold much of the mass, and those twice as large as such a neighbour.
+
+    In the first turns a cell's centre may miss the peak inside it: the best cells are split whatever they hold.
+    """
+    p = tree.probability()
+    heavy = (p > _SPLIT_SHARE) & (tree.size_m > 2.0 * _MIN_CELL_M)
+    if turn < 3:
+        score = tree.evidence.log_p + tree.log_prior
+        floor = max(np.max(score) - 6.0, np.partition(score, -min(200, len(score)))[-min(200, len(score))])
+        heavy |= (score >= floor) & (tree.size_m > 8.0)
+    if len(p) > _MAX_CELLS:
+        return np.zeros(len(p), bool)
+    core = np.flatnonzero(p > 0.1 * _SPLIT_SHARE)
+    size = np.where(heavy, 0.5 * tree.size_m, tree.size_m)[core]
+    reach = 0.5 * (tree.size_m[core][:, None] + tree.size_m) * (1.0 + 1e-9)
+    near = (np.abs(tree.x_m[core][:, None] - tree.x_m) <= reach) & (np.abs(tree.y_m[core][:, None] - tree.y_m) <= reach)
+    return heavy | np.any(near & (tree.size_m > 2.5 * size[:, None]), axis=0)
+
+
+def _plausible(tree: _Tree, found: list[Noise]) -> list[Noise]:
+    """Noise hypotheses that are not yet ruled out by the walk."""
+    share = tree.evidence.by_noise @ tree.probability()
+    return [noise for noise in found if share[noise.number] > 1e-4 * np.max(share)]
+
+
+def _split(track: Track, found: list[Noise], prior: Prior, tree: _Tree, wanted: BoolArray) -> _Tree:
+    square = np.stack([tree.x_m, tree.y_m, tree.size_m])[:, wanted]
+    new = _evaluated(track, found, prior, _children(square))
+    evidence_ = Evidence(*(_join(a, b, wanted) for a, b in zip(tree.evidence, new.evidence, strict=True)))
+    return _Tree(*(_join(a, b, wanted) for a, b in zip(tree[:4], new[:4], strict=True)), evidence_)
+
+
+def _join(old: FloatArray, new: FloatArray, replaced: BoolArray) -> FloatArray:
+    return np.concatenate([old[..., ~replaced], new], axis=-1)
+
+
+def _summary(prior: Prior, tree: _Tree) -> Posterior:
+    p = tree.probability()
+    cells = Cells(tree.x_m, tree.y_m, tree.size_m, p)
+    groups = places(cells, _MODE_LEVEL)
+    floor = _LEAST_PEAK * np.max(cells.density)
+    modes = sorted(
+        (_mode(tree, p, g) for g in groups if np.sum(p[g]) >= _LEAST_MODE or np.max(cells.density[g]) >= floor),
+        key=lambda m: -m.probability,
+    )
+    whole = _mode(tree, p, np.arange(len(p)))
+    best = modes[0] if modes else whole
+    distance = np.hypot(tree.x_m - best.x_m, tree.y_m - best.y_m)
+    order = np.argsort(distance)
+    holds = int(np.searchsorted(np.cumsum(p[order]), LEVEL))
+    shares = tree.evidence.by_noise @ p
+    pairs = np.array(prior.noise_pairs)
+    return Posterior(
+        cells=cells,
+        modes=tuple(modes) or (whole,),
+        x_m=best.x_m,
+        y_m=best.y_m,
+        r95_m=float(distance[order][min(holds, len(p) - 1)]),
+        drms_m=float(np.sqrt(np.sum(p * (distance**2 + tree.size_m**2 / 6.0)))),
+        p0_dbm=float(whole.state[2]),
+        p0_sigma_db=float(np.sqrt(whole.covariance[2, 2])),
+        eta=float(whole.state[3]),
+        eta_sigma=float(np.sqrt(whole.covariance[3, 3])),
+        sigma_db=float(tree.evidence.sigma_db @ p),
+        decorrelation_m=float(shares @ pairs[:, 1]),
+        white_share=float(shares @ pairs[:, 0]),
+        limit_share=float(np.sum(p[tree.log_prior < -2.0 * log(0.7 * prior.reach_m / prior.near_m)])),
+        prior=prior,
+    )
+
+
+def _mode(tree: _Tree, p: FloatArray, indices: IntArray) -> Mode:
+    """Mean and covariance of [x, y, P0, eta] over some leaves: between the leaves, within each, and given (x, y)."""
+    mass = p[indices]
+    share = mass / np.sum(mass)
+    points = np.vstack([tree.x_m, tree.y_m, tree.evidence.theta])[:, indices]
+    mean = points @ share
+    off = points - mean[:, None]
+    covariance = (share * off) @ off.T
+    within = float(share @ tree.size_m[indices] ** 2) / 12.0
+    covariance[[0, 1], [0, 1]] += within
+    v00, v01, v11 = tree.evidence.theta_cov[:, indices] @ share
+    covariance[2:, 2:] += np.array([[v00, v01], [v01, v11]])
+    return Mode(float(np.sum(mass)), mean, covariance)

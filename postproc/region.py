@@ -1,0 +1,123 @@
+"""Where the mass of a posterior lies: highest-density set, separate places, polygons.
+
+A posterior is a set of square cells that tile the searched area, each with a probability. Density is probability by
+area. The highest-density set of level 0.95 holds the densest cells that together have 95 % of the mass: the smallest
+region of that probability, whatever its shape (Hyndman, The American Statistician 50(2), 1996).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely.geometry import MultiPolygon, Polygon
+
+from logger.core.geo import Utm
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+LEVEL = 0.95
+SADDLE = 0.5
+"""Two peaks are one place when the pass between them is higher than this share of the lower peak."""
+
+_DEGREE_DECIMALS = 7
+_SIMPLIFY_CELLS = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Square cells, shape (n,): centre and side in metres, probability (sum 1)."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    size_m: FloatArray
+    probability: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.x_m)
+
+    @property
+    def density(self) -> FloatArray:
+        """Probability per square metre, shape (n,)."""
+        return self.probability / self.size_m**2
+
+
+def highest_density(cells: Cells, level: float = LEVEL) -> IntArray:
+    """Indices of the densest cells that hold `level` of the mass, densest first."""
+    order = np.argsort(-cells.density, kind="stable")
+    held = np.cumsum(cells.probability[order])
+    count = int(np.searchsorted(held, level * held[-1])) + 1
+    return order[:count]
+
+
+def touching(x_m: FloatArray, y_m: FloatArray, size_m: FloatArray, *, among: slice = slice(None)) -> BoolArray:
+    """Whether cells share an edge or a corner, shape (cells in `among`, n)."""
+    reach = 0.5 * (size_m[among, None] + size_m[None, :]) * (1.0 + 1e-9)
+    close = np.abs(x_m[among, None] - x_m[None, :]) <= reach
+    close &= np.abs(y_m[among, None] - y_m[None, :]) <= reach
+    return close
+
+
+def places(cells: Cells, level: float) -> list[IntArray]:
+    """Split a highest-density set into places, each the indices of its cells.
+
+    Cells are added from the densest on; one that touches nothing opens a place, others join the neighbouring place
+    with the highest peak. Places that meet at more than `SADDLE` times the lower peak are merged.
+    """
+    chosen = highest_density(cells, level)
+    density = cells.density[chosen]
+    near = touching(cells.x_m[chosen], cells.y_m[chosen], cells.size_m[chosen])
+    label = np.full(len(chosen), -1)
+    peak_of: list[int] = []
+    for i in range(len(chosen)):
+        met = np.unique(label[:i][near[i, :i]])
+        if not len(met):
+            label[i] = len(peak_of)
+            peak_of.append(i)
+            continue
+        label[i] = met[0]  # labels are numbered by falling peak
+        for other in met[1:]:
+            if density[i] > SADDLE * density[peak_of[other]]:
+                label[label == other] = met[0]
+    return [chosen[label == k] for k in np.unique(label)]
+
+
+def polygons(cells: Cells, level: float = LEVEL) -> MultiPolygon:
+    """Outline of the highest-density set in UTM metres."""
+    chosen = highest_density(cells, level)
+    half = 0.5 * cells.size_m[chosen] * (1.0 + 1e-9)  # neighbours must overlap to be joined
+    x, y = cells.x_m[chosen], cells.y_m[chosen]
+    union = shapely.union_all(shapely.box(x - half, y - half, x + half, y + half), grid_size=1e-3)
+    parts = [part for part in shapely.get_parts(union) if isinstance(part, Polygon)]
+    return MultiPolygon([shapely.simplify(part, 1e-3) for part in parts])
+
+
+def area_m2(cells: Cells, level: float = LEVEL) -> float:
+    """Area of the highest-density set."""
+    return float(np.sum(cells.size_m[highest_density(cells, level)] ** 2))
+
+
+def geojson(cells: Cells, utm: Utm, level: float = LEVEL) -> dict[str, Any]:
+    """Highest-density set as a GeoJSON MultiPolygon: lon/lat, 7 decimals, outer rings counterclockwise (RFC 7946).
+
+    Steps of the cells are smoothed by up to half the smallest cell, to keep the outline short.
+    """
+    chosen = highest_density(cells, level)
+    tolerance = _SIMPLIFY_CELLS * float(np.min(cells.size_m[chosen]))
+    smooth = shapely.simplify(polygons(cells, level), tolerance, preserve_topology=True)
+    parts = [part for part in shapely.get_parts(smooth) if isinstance(part, Polygon) and not part.is_empty]
+    return {"type": "MultiPolygon", "coordinates": [_rings(part, utm) for part in parts]}
+
+
+def _rings(part: Polygon, utm: Utm) -> list[list[list[float]]]:
+    oriented = shapely.geometry.polygon.orient(part)
+    return [_ring(np.asarray(ring.coords, float), utm) for ring in (oriented.exterior, *oriented.interiors)]
+
+
+def _ring(xy_m: FloatArray, utm: Utm) -> list[list[float]]:
+    lat_deg, lon_deg = utm.to_latlon_arrays(xy_m[:, 0], xy_m[:, 1])
+    lonlat: list[list[float]] = np.round(np.column_stack([lon_deg, lat_deg]), _DEGREE_DECIMALS).tolist()
+    return lonlat

@@ -1,0 +1,102 @@
+"""Results and runs as tables in a terminal."""
+
+from rich.console import Console
+from rich.table import Table
+
+from postproc.info import Info
+from postproc.results import summary
+from postproc.smooth import Smoothed
+
+_STYLES = {"located": "green", "ambiguous": "yellow", "cannot tell": "red"}
+
+
+def print_info(info: Info) -> None:
+    """A run on one screen."""
+    console = Console(highlight=False)
+    console.print(f"[bold]{info.path}[/bold] ({info.form}), {info.origin}{', SIMULATED' if info.simulated else ''}")
+    console.print(f"started  {info.started_utc or 'at an unknown time (GPS never told it)'}, {info.duration_s:.0f} s")
+    console.print(f"stopped  {info.stopped or 'not: the plug was pulled, or it is still being recorded'}")
+    if info.missing_frames or info.skipped_bytes:
+        console.print(f"[red]damage   {info.missing_frames} frames missing, {info.skipped_bytes} bytes damaged[/red]")
+    console.print(f"fixes    {info.n_fixes}, {info.n_fixes_valid} with a position")
+    console.print(
+        f"readings {info.n_readings} in {info.n_scans} scans, {info.n_readings_without_fix} without a fix, "
+        f"{info.n_readings_without_identity} of cells that were not decoded"
+    )
+    console.print(f"live     {info.n_live} estimates; raw {info.n_raw_bytes} bytes")
+    for gap in info.gaps[:20]:
+        console.print(f"gap      no {gap.of} for {gap.length_s:.0f} s at +{gap.start_s:.0f} s")
+    _print_cells(console, info)
+    for event in info.events:
+        style = {"warning": "yellow", "error": "red"}.get(event.level, "dim")
+        console.print(f"+{event.t_s:.0f} s  {event.source}: {event.text}", style=style, markup=False)
+
+
+def _print_cells(console: Console, info: Info) -> None:
+    table = Table("cell", "type", "readings", "strongest", box=None)
+    for cell in info.cells:
+        strongest = "-" if cell.strongest_dbm is None else f"{cell.strongest_dbm:.0f} dBm"
+        table.add_row(cell.cell, cell.rat or "-", str(cell.n), strongest)
+    if info.cells:
+        console.print(table)
+
+
+def print_smoothed(smoothed: Smoothed) -> None:
+    """Each cell with its answer, and the estimators side by side."""
+    console = Console(highlight=False)
+    found = summary(smoothed)
+    if found["run"]["simulated"]:
+        console.print("This is a simulated run: the table shows the error to the known truth.")
+    for warning in smoothed.warnings:
+        console.print(f"[red]{warning}[/red]")
+    for cell in found["cells"]:
+        _print_cell(console, cell)
+
+
+def _print_cell(console: Console, cell: dict[str, object]) -> None:
+    style = _STYLES[str(cell["verdict"])]
+    console.print(f"\n[bold]{cell['cell']}[/bold]  {cell['n']} readings  [{style}]{cell['verdict']}[/{style}]")
+    for warning in cell["warnings"]:  # type: ignore[attr-defined]
+        console.print(f"  - {warning}", markup=False)
+    console.print(_estimators(cell))
+    _print_truth(console, cell)
+
+
+def _estimators(cell: dict[str, object]) -> Table:
+    table = Table("estimator", "latitude", "longitude", "95 % (m)", "DRMS (m)", "P0 (dBm)", "eta", "readings", box=None)
+    best = cell["best"]
+    if isinstance(best, dict) and best["lat"] is not None:
+        _add(table, "posterior", best | {"n": cell["n"]}, f"r {best['r95_m']:.0f}")
+        for i, mode in enumerate(cell["modes"], 1):  # type: ignore[arg-type,var-annotated]
+            place = (f"{mode['lat']:.6f}", f"{mode['lon']:.6f}")
+            table.add_row(f"  place {i}: {mode['probability']:.0%}", *place, _axes(mode["ellipse95"]))
+    for name, title in (("batch", "least squares"), ("ekf", "EKF, handed over"), ("rts", "  smoothed (RTS)")):
+        if isinstance(estimate := cell[name], dict):
+            _add(table, title, estimate, _axes(estimate["ellipse95"]))
+    if isinstance(estimate := cell["reference_ekf"], dict):
+        _add(table, "reference EKF (wrong)", estimate, _axes(estimate["ellipse95"]))
+    return table
+
+
+def _add(table: Table, title: str, e: dict[str, object], extent: str) -> None:
+    table.add_row(
+        title,
+        f"{e['lat']:.6f}",
+        f"{e['lon']:.6f}",
+        extent,
+        f"{e['drms_m']:.0f}",
+        f"{e['p0_dbm']:.1f} ± {e['p0_sigma_db']:.1f}",
+        f"{e['eta']:.2f} ± {e['eta_sigma']:.2f}",
+        str(e["n"]),
+    )
+
+
+def _axes(ellipse: dict[str, float]) -> str:
+    return f"{ellipse['semi_major_m']:.0f} x {ellipse['semi_minor_m']:.0f}"
+
+
+def _print_truth(console: Console, cell: dict[str, object]) -> None:
+    truth = cell["truth"]
+    if isinstance(truth, dict) and truth["error_m"] is not None:
+        inside = "inside" if truth["inside_region95"] else "OUTSIDE"
+        console.print(f"  truth: best place is {truth['error_m']:.0f} m off, truth is {inside} the 95 % region")

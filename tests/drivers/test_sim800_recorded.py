@@ -1,0 +1,72 @@
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from logger.drivers.at import AtFramer
+from logger.drivers.dialogue import Reply
+from logger.drivers.sim800 import Sim800
+
+MODEM = Sim800()
+DATA = Path(__file__).parent / "data"
+
+
+def replies_of(path, command="AT+CENG?"):
+    """Lines of a recorded reply, through the framer as from a port, the end of the recording ending the last one."""
+    framer = AtFramer()
+    framer.send(command)
+    events = [*framer.feed(path.read_bytes()), *framer.flush()]
+    closed = [event for event in events if isinstance(event, Reply)]
+    return [line for reply in closed or [framer.expire()] for line in reply.lines]
+
+
+@pytest.mark.parametrize(
+    ("file", "cells"),
+    [
+        (
+            "sitch_sim800l_mode2.txt",
+            [
+                "310-260-275-20082",
+                "310-260-275-42303",
+                "310-260-275-42301",
+                "310-260-275-20081",
+                "310-260-275-42302",
+                "310-260-275-24152",
+                "310-260-275-20271",
+            ],
+        ),
+        ("sim800_mode3_empty_slots.txt", ["460-00-20481-38589", "460-00-20481-38621"]),
+        ("paratnc_sim800c_mode4_cut.txt", ["260-01-21405-26612", None, None]),
+    ],
+)
+def test_recorded_reply(file, cells):
+    assert [reading.cell for reading in MODEM.read_lines(replies_of(DATA / file))] == cells
+
+
+def test_reply_as_a_recording_and_as_a_port_gives_it(corpus):
+    folder = corpus / "modem"
+    entries = [
+        e for e in json.loads((folder / "expected.json").read_text()) if re.match("simcom_sim[89]00", e["dialect"])
+    ]
+    assert len(entries) >= 11
+    for entry in entries:
+        raw = folder / entry["file"]
+        for lines in (raw.read_text("latin-1").splitlines(), replies_of(raw, entry["command"].split(";")[-1].strip())):
+            check_entry(entry, MODEM.read_lines(lines))
+
+
+def check_entry(entry, readings):
+    """The corpus' rule: every expected row is there, and no row has an identity that is not expected."""
+    expected = [{k: v for k, v in row.items() if k != "operator"} for row in entry["expected"]]
+    for row in expected:
+        assert any(all(getattr(r, key) == value for key, value in row.items()) for r in readings), (entry["file"], row)
+    for reading in readings:
+        for key in ("mcc", "mnc", "lac", "cid"):
+            assert getattr(reading, key) in {None, *(row.get(key) for row in expected)}, (entry["file"], reading)
+
+
+def test_other_dialects_raise_nothing(corpus):
+    for path in sorted((corpus / "modem").glob("*.txt")):
+        MODEM.read_lines(replies_of(path))
+        MODEM.read_lines(path.read_text("latin-1").splitlines())
