@@ -53,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
 
     simulate = commands.add_parser("simulate", help="record a simulated walk through real ptys, no hardware needed")
     simulate.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="folder of the run (default: here)")
-    simulate.add_argument("--scenario", default="city", metavar="NAME")
+    simulate.add_argument("--scenario", default="block", metavar="NAME")
     simulate.add_argument("--seed", type=int, default=1)
     simulate.add_argument("--duration", type=_positive, metavar="S", help="simulated seconds (default: the whole walk)")
     simulate.add_argument(
@@ -132,3 +132,7 @@ def _simulate(arguments: argparse.Namespace) -> int:
     run = simulate(arguments.out, arguments.scenario, arguments.seed, arguments.duration, arguments.speed)
     print(run)
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

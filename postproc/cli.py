@@ -185,3 +185,7 @@ def _progress(items: Iterable[T], what: str, total: int) -> Iterator[T]:
 
     console = Console(stderr=True)
     yield from track(items, what, total, console=console, transient=True, disable=not console.is_terminal)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -34,12 +34,6 @@ BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
 _C = 10.0 / log(10.0)
-import os
-
-TAU = float(os.environ.get("TAU", "1"))
-HEIGHT = float(os.environ.get("HEIGHT", "0"))
-LONG = float(os.environ.get("LONG", "0"))
-LONGM = float(os.environ.get("LONGM", "300"))
 _FINEST_BLOCK_M = 2.0
 _MAX_BLOCKS = 400
 _MAX_POINTS = 1000
@@ -51,16 +45,26 @@ _MIN_CELL_M = 0.5
 _MODE_LEVEL = 0.999
 _LEAST_MODE = 0.01
 _LEAST_PEAK = 0.05
+_ONE_PLACE = 0.95
+_MINOR_PLACE = 0.03
+_FEWEST_READINGS = 8
+_SHORTEST_WALK_M = 20.0
+_LEAST_CHANGE_DB = 1.0
 _MAX_CELLS = 6000
+
+Verdict = Literal["located", "ambiguous", "cannot tell"]
 
 
 @dataclass(frozen=True, slots=True)
 class Prior:
     """What is believed before the walk; printed with every result.
 
-    P0 and eta are normal, sigma is log-normal, the pairs (white share, decorrelation distance) are equally likely and
-    all of them together as likely as white noise alone is per pair. The position is uniform within `near_m` of the
-    walk and falls with the squared distance beyond, so that every octave of range counts the same, up to `reach_m`.
+    P0 and eta are normal, sigma is log-normal, the pairs (white share, decorrelation distance) and white noise alone
+    are equally likely. The position is uniform within `near_m` of the walk and falls with the distance to the power
+    of `far_power` beyond, up to `reach_m`; with 2 every octave of range would count the same. The antenna is `height_m`
+    above the receiver. `trust` is the weight of the log-likelihood where the residuals are correlated: an exponential
+    correlation is a guess about houses and hills, and in measured walks a weight of 1 was too sure of itself
+    (generalised posterior: Bissiri, Holmes & Walker, JRSS-B 78(5), 2016).
     """
 
     p0_dbm: float = -40.0
@@ -72,6 +76,9 @@ class Prior:
     decorrelation_m: tuple[float, ...] = (10.0, 25.0, 60.0, 150.0, 400.0)
     white_shares: tuple[float, ...] = (0.1, 0.5)
     near_m: float = 200.0
+    far_power: float = 3.0
+    height_m: float = 10.0
+    trust: float = 0.6
     reach_m: float = 30_000.0
 
     @property
@@ -226,11 +233,7 @@ def noises(track: Track, prior: Prior) -> list[Noise]:
     rounding = _ROUNDING_DB2 / prior.sigma_db**2
     found = []
     for number, (a, d_c) in enumerate(prior.noise_pairs):
-        k = (
-            (1.0 - a) * ((1 - LONG) * np.exp(-distance / d_c) + LONG * np.exp(-distance / LONGM))
-            if d_c
-            else np.zeros_like(distance)
-        )
+        k = (1.0 - a) * np.exp(-distance / max(d_c, 1.0))
         k[np.diag_indices_from(k)] += a * white + rounding
         root = cholesky(k, lower=True)
         whitener = solve_triangular(root, np.eye(len(k)), lower=True)
@@ -238,14 +241,14 @@ def noises(track: Track, prior: Prior) -> list[Noise]:
     return found
 
 
-def distances_db(track: Track, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+def distances_db(track: Track, height_m: float, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
     """L = 10 log10 d of each block from each position, shape (n, h).
 
-    An uncertain receiver is farther away on average, E d^2 = d^2 + 2 sigma^2; at least 1 m.
+    An uncertain receiver is farther away on average, E d^2 = d^2 + 2 sigma^2; the height adds too; at least 1 m.
     """
     spread = np.repeat(2.0 * track.position_sigma_m**2, np.diff(np.append(track.first, len(track.x_m))))
-    d2 = (x_m - track.x_m[:, None]) ** 2 + (y_m - track.y_m[:, None]) ** 2 + spread[:, None]
-    each = 5.0 * np.log10(np.maximum(d2 + HEIGHT**2, 1.0))
+    d2 = (x_m - track.x_m[:, None]) ** 2 + (y_m - track.y_m[:, None]) ** 2 + spread[:, None] + height_m**2
+    each = 5.0 * np.log10(np.maximum(d2, 1.0))
     return np.asarray(np.add.reduceat(track.weight[:, None] * each, track.first, axis=0), float)
 
 
@@ -275,7 +278,7 @@ def sigma_nodes(prior: Prior) -> tuple[FloatArray, FloatArray]:
 
 
 def _evidence(track: Track, found: list[Noise], prior: Prior, x_m: FloatArray, y_m: FloatArray) -> Evidence:
-    distance_db = distances_db(track, x_m, y_m)
+    distance_db = distances_db(track, prior.height_m, x_m, y_m)
     weight = receiver_weights(track, prior, distance_db)
     sigma, log_weight = sigma_nodes(prior)
     results = [_linear(track, noise, prior, distance_db, weight, sigma) for noise in found]
@@ -344,8 +347,13 @@ class _Tree(NamedTuple):
     log_prior: FloatArray
     evidence: Evidence
 
-    def probability(self) -> FloatArray:
-        log_mass = TAU * self.evidence.log_p + self.log_prior + 2.0 * np.log(self.size_m)
+    def probability(self, trust: float) -> FloatArray:
+        """Mass of each leaf; `trust` weighs the likelihood as far as the noise is not white."""
+        white = float(self.evidence.by_noise[0] @ self._mass(1.0))
+        return self._mass(white + (1.0 - white) * trust)
+
+    def _mass(self, weight: float) -> FloatArray:
+        log_mass = weight * self.evidence.log_p + self.log_prior + 2.0 * np.log(self.size_m)
         mass = np.exp(log_mass - np.max(log_mass))
         return np.asarray(mass / np.sum(mass), float)
 
@@ -358,7 +366,7 @@ def locate(obs: CellObservations, prior: Prior = Prior()) -> Posterior:  # noqa:
     found = noises(track, prior)
     tree = _evaluated(track, found, prior, _first_cells(track, prior))
     for turn in range(24):
-        wanted = _to_split(tree, turn)
+        wanted = _to_split(tree, tree.probability(prior.trust), turn)
         if not np.any(wanted):
             break
         if turn == 4:
@@ -397,15 +405,14 @@ def _children(square: FloatArray) -> FloatArray:
 def _evaluated(track: Track, found: list[Noise], prior: Prior, square: FloatArray) -> _Tree:
     x_m, y_m, size_m = square
     beyond = np.maximum(_nearest_m(track, x_m, y_m) / prior.near_m, 1.0)
-    return _Tree(x_m, y_m, size_m, -2.0 * np.log(beyond), evidence(track, found, prior, x_m, y_m))
+    return _Tree(x_m, y_m, size_m, -prior.far_power * np.log(beyond), evidence(track, found, prior, x_m, y_m))
 
 
-def _to_split(tree: _Tree, turn: int) -> BoolArray:
+def _to_split(tree: _Tree, p: FloatArray, turn: int) -> BoolArray:
     """Leaves that hold much of the mass, and those twice as large as such a neighbour.
 
     In the first turns a cell's centre may miss the peak inside it: the best cells are split whatever they hold.
     """
-    p = tree.probability()
     heavy = (p > _SPLIT_SHARE) & (tree.size_m > 2.0 * _MIN_CELL_M)
     if turn < 3:
         score = tree.evidence.log_p + tree.log_prior
@@ -422,7 +429,7 @@ def _to_split(tree: _Tree, turn: int) -> BoolArray:
 
 def _plausible(tree: _Tree, found: list[Noise]) -> list[Noise]:
     """Noise hypotheses that are not yet ruled out by the walk."""
-    share = tree.evidence.by_noise @ tree.probability()
+    share = tree.evidence.by_noise @ tree.probability(1.0)
     return [noise for noise in found if share[noise.number] > 1e-4 * np.max(share)]
 
 
@@ -438,16 +445,14 @@ def _join(old: FloatArray, new: FloatArray, replaced: BoolArray) -> FloatArray:
 
 
 def _summary(prior: Prior, tree: _Tree) -> Posterior:
-    p = tree.probability()
+    p = tree.probability(prior.trust)
     cells = Cells(tree.x_m, tree.y_m, tree.size_m, p)
     groups = places(cells, _MODE_LEVEL)
     floor = _LEAST_PEAK * np.max(cells.density)
-    modes = sorted(
-        (_mode(tree, p, g) for g in groups if np.sum(p[g]) >= _LEAST_MODE or np.max(cells.density[g]) >= floor),
-        key=lambda m: -m.probability,
-    )
+    groups = [g for g in groups if np.sum(p[g]) >= _LEAST_MODE or np.max(cells.density[g]) >= floor]
+    modes = sorted((_mode(tree, p, g) for g in groups), key=lambda mode: -mode.probability)
     whole = _mode(tree, p, np.arange(len(p)))
-    best = modes[0] if modes else whole
+    best = modes[0]
     distance = np.hypot(tree.x_m - best.x_m, tree.y_m - best.y_m)
     order = np.argsort(distance)
     holds = int(np.searchsorted(np.cumsum(p[order]), LEVEL))
@@ -455,7 +460,7 @@ def _summary(prior: Prior, tree: _Tree) -> Posterior:
     pairs = np.array(prior.noise_pairs)
     return Posterior(
         cells=cells,
-        modes=tuple(modes) or (whole,),
+        modes=tuple(modes),
         x_m=best.x_m,
         y_m=best.y_m,
         r95_m=float(distance[order][min(holds, len(p) - 1)]),
@@ -467,7 +472,7 @@ def _summary(prior: Prior, tree: _Tree) -> Posterior:
         sigma_db=float(tree.evidence.sigma_db @ p),
         decorrelation_m=float(shares @ pairs[:, 1]),
         white_share=float(shares @ pairs[:, 0]),
-        limit_share=float(np.sum(p[tree.log_prior < -2.0 * log(0.7 * prior.reach_m / prior.near_m)])),
+        limit_share=float(np.sum(p[tree.log_prior < -prior.far_power * log(0.7 * prior.reach_m / prior.near_m)])),
         prior=prior,
     )
 
@@ -485,3 +490,42 @@ def _mode(tree: _Tree, p: FloatArray, indices: IntArray) -> Mode:
     v00, v01, v11 = tree.evidence.theta_cov[:, indices] @ share
     covariance[2:, 2:] += np.array([[v00, v01], [v01, v11]])
     return Mode(float(np.sum(mass)), mean, covariance)
+
+
+def verdict(posterior: Posterior, obs: CellObservations) -> tuple[Verdict, list[str]]:
+    """Whether the walk locates the transmitter, and in plain words why or why not."""
+    reasons = _too_little(posterior, obs)
+    if reasons:
+        return "cannot tell", reasons
+    best = posterior.modes[0]
+    if best.probability >= _ONE_PLACE:
+        return "located", [f"one place holds {best.probability:.0%}; 95 % lie within {posterior.r95_m:.0f} m of it"]
+    named = ", ".join(f"{mode.probability:.0%} at ({mode.x_m:.0f}, {mode.y_m:.0f})" for mode in posterior.modes)
+    return "ambiguous", [f"the levels fit several places: {named}", "a walk that bends near one of them would tell"]
+
+
+def _too_little(posterior: Posterior, obs: CellObservations) -> list[str]:
+    """Why the readings do not hold the answer."""
+    walk_m = float(np.hypot(np.ptp(obs.x_m), np.ptp(obs.y_m)))
+    radius_m = float(np.sqrt(posterior.region_area_m2 / np.pi))
+    widest_m = max(mode.ellipse.semi_major_m for mode in posterior.modes if mode.probability >= _MINOR_PLACE)
+    allowed_m = _allowed_m(posterior, obs, walk_m)
+    doubts = {
+        f"only {len(obs)} readings, at least {_FEWEST_READINGS} are needed": len(obs) < _FEWEST_READINGS,
+        f"the walk spans only {walk_m:.0f} m": walk_m < _SHORTEST_WALK_M,
+        "the level hardly changes along the walk": float(np.std(obs.level_dbm)) < _LEAST_CHANGE_DB,
+        f"the transmitter may be farther than the searched {posterior.prior.reach_m / 1000:.0f} km": posterior.at_limit,
+        f"the region is too large: a place up to {widest_m:.0f} m wide, in all a circle of {radius_m:.0f} m; "
+        f"this walk allows for {allowed_m:.0f} m": max(radius_m, widest_m) > allowed_m,
+    }
+    return [reason for reason, holds in doubts.items() if holds]
+
+
+def _allowed_m(posterior: Posterior, obs: CellObservations, walk_m: float) -> float:
+    """Largest radius called a location: half the walk's extent and half the median distance, 30 m for a near pass.
+
+    Several places may each be twice as large: what counts there is that they are told apart.
+    """
+    median_m = float(np.median(np.hypot(obs.x_m - posterior.x_m, obs.y_m - posterior.y_m)))
+    share = 0.5 if posterior.modes[0].probability >= _ONE_PLACE else 1.0
+    return share * min(walk_m, max(median_m, 60.0))

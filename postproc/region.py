@@ -17,7 +17,6 @@ from logger.core.geo import Utm
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 LEVEL = 0.95
 SADDLE = 0.5
@@ -53,14 +52,6 @@ def highest_density(cells: Cells, level: float = LEVEL) -> IntArray:
     return order[:count]
 
 
-def touching(x_m: FloatArray, y_m: FloatArray, size_m: FloatArray, *, among: slice = slice(None)) -> BoolArray:
-    """Whether cells share an edge or a corner, shape (cells in `among`, n)."""
-    reach = 0.5 * (size_m[among, None] + size_m[None, :]) * (1.0 + 1e-9)
-    close = np.abs(x_m[among, None] - x_m[None, :]) <= reach
-    close &= np.abs(y_m[among, None] - y_m[None, :]) <= reach
-    return close
-
-
 def places(cells: Cells, level: float) -> list[IntArray]:
     """Split a highest-density set into places, each the indices of its cells.
 
@@ -69,28 +60,44 @@ def places(cells: Cells, level: float) -> list[IntArray]:
     """
     chosen = highest_density(cells, level)
     density = cells.density[chosen]
-    near = touching(cells.x_m[chosen], cells.y_m[chosen], cells.size_m[chosen])
-    label = np.full(len(chosen), -1)
-    peak_of: list[int] = []
-    for i in range(len(chosen)):
-        met = np.unique(label[:i][near[i, :i]])
-        if not len(met):
-            label[i] = len(peak_of)
-            peak_of.append(i)
-            continue
-        label[i] = met[0]  # labels are numbered by falling peak
-        for other in met[1:]:
-            if density[i] > SADDLE * density[peak_of[other]]:
-                label[label == other] = met[0]
+    neighbours = _denser_neighbours(cells, chosen)
+    peak = np.arange(len(chosen))  # of the place a cell belongs to; refers onward once that place is merged
+    for i, met in enumerate(neighbours):
+        roots = sorted({_root(peak, k) for k in met})
+        for root in roots[1:]:
+            if density[i] > SADDLE * density[root]:
+                peak[root] = roots[0]
+        peak[i] = roots[0] if roots else i
+    label = np.array([_root(peak, i) for i in range(len(chosen))])
     return [chosen[label == k] for k in np.unique(label)]
+
+
+def _root(peak: IntArray, k: int) -> int:
+    while peak[k] != k:
+        k = int(peak[k])
+    return k
+
+
+def _denser_neighbours(cells: Cells, chosen: IntArray) -> list[IntArray]:
+    """For each chosen cell those before it that share an edge or a corner with it."""
+    squares = _squares(cells, chosen)
+    one, other = shapely.STRtree(squares).query(squares)
+    one, other = one[other < one], other[other < one]
+    order = np.argsort(one, kind="stable")
+    return np.split(other[order], np.searchsorted(one[order], np.arange(1, len(chosen))))
+
+
+def _squares(cells: Cells, chosen: IntArray) -> npt.NDArray[np.object_]:
+    """Squares as polygons, a little too large so that neighbours overlap."""
+    half = 0.5 * cells.size_m[chosen] * (1.0 + 1e-6)
+    x, y = cells.x_m[chosen], cells.y_m[chosen]
+    return np.asarray(shapely.box(x - half, y - half, x + half, y + half))
 
 
 def polygons(cells: Cells, level: float = LEVEL) -> MultiPolygon:
     """Outline of the highest-density set in UTM metres."""
     chosen = highest_density(cells, level)
-    half = 0.5 * cells.size_m[chosen] * (1.0 + 1e-9)  # neighbours must overlap to be joined
-    x, y = cells.x_m[chosen], cells.y_m[chosen]
-    union = shapely.union_all(shapely.box(x - half, y - half, x + half, y + half), grid_size=1e-3)
+    union = shapely.union_all(_squares(cells, chosen), grid_size=1e-3)
     parts = [part for part in shapely.get_parts(union) if isinstance(part, Polygon)]
     return MultiPolygon([shapely.simplify(part, 1e-3) for part in parts])
 

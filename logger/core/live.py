@@ -23,7 +23,7 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     target: str = STRONGEST
-    hysteresis_db: float = 3.0
+    hysteresis_db: float = 6.0
     lost_s: float = 30.0
     max_fix_age_s: float = 3.0
 

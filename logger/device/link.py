@@ -13,6 +13,8 @@ from logger.device.port import Port
 log = logging.getLogger(__name__)
 
 RETRY_S = 1.0
+LISTEN_S = 0.2
+"""Longest that a silent port keeps its thread from looking at the clock."""
 GARBAGE_EVERY_S = 10.0
 
 
@@ -63,7 +65,7 @@ class Link:
         complaint = ""
         while not self.stop.is_set():
             try:
-                with Port(self._url, self._baud) as self._port:
+                with Port(self._url, self._baud, self.clock.real_s(LISTEN_S)) as self._port:
                     complaint = ""
                     self.note("info", "port-opened", f"{self._url} opened")
                     session(self)

@@ -75,7 +75,6 @@ class ModemSession:
 
     def _ask(self, command: Command) -> Reply:
         """Send a command and wait for its reply; a timeout is a reply too."""
-        self._close_block()
         self._framer.send(command.text)
         self._link.write(command.text.encode("ascii") + b"\r")
         deadline_ns = self._link.clock.now_ns() + round(command.timeout_s * self._timeout_scale * 1e9)

@@ -12,7 +12,6 @@ import serial
 
 from logger.core.errors import ConfigError, DeviceError
 
-READ_TIMEOUT_S = 0.2
 WRITE_TIMEOUT_S = 2.0
 MAX_CHUNK = 4096
 
@@ -20,15 +19,17 @@ MAX_CHUNK = 4096
 class Port:
     """An open port; a context manager. `url` is a device path or anything pyserial opens (`socket://`, `rfc2217://`).
 
+    `read` gives up after `read_timeout_s` real seconds of silence.
+
     Raises `DeviceError` when it cannot be opened now or has gone away, `ConfigError` when it never can.
     """
 
-    def __init__(self, url: str, baud: int) -> None:
+    def __init__(self, url: str, baud: int, read_timeout_s: float) -> None:
         self._url = url
         with _device_errors(url):
             try:
                 self._serial = serial.serial_for_url(
-                    url, baudrate=baud, timeout=READ_TIMEOUT_S, write_timeout=WRITE_TIMEOUT_S, exclusive=True
+                    url, baudrate=baud, timeout=read_timeout_s, write_timeout=WRITE_TIMEOUT_S, exclusive=True
                 )
             except ValueError as error:
                 raise ConfigError(f"port {url}: {error}") from None
@@ -40,11 +41,14 @@ class Port:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        # a pty keeps the lock after the close, and would refuse to be opened again
+        with suppress(OSError, AttributeError):
+            fcntl.ioctl(self._serial.fileno(), termios.TIOCNXCL)
         with suppress(OSError, termios.error):
             self._serial.close()
 
     def read(self) -> bytes:
-        """Bytes there are, at most a chunk; empty after 0.2 s of silence."""
+        """Bytes there are, at most a chunk; empty after a silence."""
         with _device_errors(self._url):
             data = bytes(self._serial.read(1))
             while data and len(data) < MAX_CHUNK and (waiting := self._serial.in_waiting):

@@ -41,13 +41,14 @@ class Service:
         self, config: SiteConfig, clock: Clock, *, config_text: str, origin: str = "walk", truth: tuple[Truth, ...] = ()
     ) -> None:
         self._clock = clock
+        self._started_ns = clock.now_ns()
         self._stop = threading.Event()
         self._inbox = Inbox()
         self._folder = usable_folder(config.run.directory)
         meta = RunMeta(
             run_id=secrets.token_hex(16),
             boot_id=boot_id(),
-            started_ns=clock.now_ns(),
+            started_ns=self._started_ns,
             origin=origin,
             program=f"cellwalk {version('cellwalk')}",
             versions={name: version(name) for name in _LIBRARIES} | {"python": platform.python_version()},
@@ -94,7 +95,8 @@ class Service:
     def status(self) -> str:
         """One line for somebody who wonders whether it works."""
         counts = self.recorder.counts
-        text = f"{counts['Fix']} fixes, {counts['Scan']} scans, {counts['readings']} readings"
+        elapsed_s = (self._clock.now_ns() - self._started_ns) / 1e9
+        text = f"{elapsed_s:.0f} s: {counts['Fix']} fixes, {counts['Scan']} scans, {counts['readings']} readings"
         latest = self.recorder.latest
         if latest is None:
             return text + ", no target yet"
@@ -108,7 +110,7 @@ class Service:
 
 def run_service(config: SiteConfig, config_text: str, clock: Clock, duration_s: float | None) -> Path:
     """Record until SIGTERM, SIGINT or the end of the duration; returns the finished run."""
-    with _stop_signals() as (ended, heard):
+    with stop_signals() as (ended, heard):
         service = Service(config, clock, config_text=config_text)
         service.start()
         recovery = threading.Thread(target=recover_folder, args=(Path(config.run.directory),), name="recovery")
@@ -142,7 +144,7 @@ def usable_folder(directory: str) -> Path:
 
 
 @contextmanager
-def _stop_signals() -> Iterator[tuple[threading.Event, list[str]]]:
+def stop_signals() -> Iterator[tuple[threading.Event, list[str]]]:
     """Turn SIGTERM and SIGINT into an event; the handler does nothing else."""
     ended, heard = threading.Event(), list[str]()
 

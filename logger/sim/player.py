@@ -78,5 +78,5 @@ def _on_the_wire(reply: bytes) -> bytes:
 
 def _ends(reply: bytes) -> bool:
     """True where the last line is a final result code."""
-    last = reply.split()[-1:] and reply.strip().splitlines()[-1].strip()
-    return last in FINAL_CODES or bool(last and last.startswith(FINAL_BEGINNINGS))
+    last = reply.strip().rpartition(b"\n")[2].strip()
+    return last in FINAL_CODES or last.startswith(FINAL_BEGINNINGS)

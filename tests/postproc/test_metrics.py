@@ -5,7 +5,8 @@ from filterpy.stats import NEES
 from postproc import metrics
 
 
-def test_nees_of_consistent_errors_is_chi_square(rng=np.random.default_rng(3)):
+def test_nees_of_consistent_errors_is_chi_square():
+    rng = np.random.default_rng(3)
     covariance = np.array([[4.0, 1.0], [1.0, 2.0]])
     errors = rng.multivariate_normal(np.zeros(2), covariance, size=4000)
     low, high = metrics.mean_bounds(4000, dof=2, level=0.999)
@@ -17,7 +18,7 @@ def test_nees_agrees_with_filterpy():
     truth, estimate = rng.normal(size=(2, 5, 3, 1))
     root = rng.normal(size=(5, 3, 3))
     covariance = root @ np.swapaxes(root, 1, 2) + np.eye(3)
-    expected = np.ravel(NEES(list(truth), list(estimate), list(covariance)))
+    expected = np.ravel(NEES(truth, estimate, covariance))
     np.testing.assert_allclose(metrics.nees((truth - estimate)[..., 0], covariance), expected, rtol=1e-10)
 
 

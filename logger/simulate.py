@@ -1,0 +1,62 @@
+"""`fieldlogger simulate`: the real service on a simulated walk, the devices behind real ptys."""
+
+from pathlib import Path
+
+from logger.config import parse_config
+from logger.core.errors import ConfigError
+from logger.core.runfile import Truth
+from logger.device.clock import ScaledClock
+from logger.device.service import Service, stop_signals
+from logger.sim.clock import WalkTime
+from logger.sim.ptys import PtyDevice, answering, talking
+from logger.sim.scenario import SCENARIOS, Scenario, scenario
+
+_SITE = """\
+# made by `fieldlogger simulate`
+[run]
+directory = {directory}
+[modem]
+port = "{modem}"
+driver = "sim800"
+poll_interval_s = 2.0
+[gnss]
+port = "{gnss}"
+[live]
+max_fix_age_s = {max_fix_age_s}
+"""
+
+
+def simulate(folder: Path, name: str, seed: int, duration_s: float | None, speed: float) -> Path:
+    """Record a walk `speed` times faster than real; returns the run, which knows where its transmitters stand."""
+    if name not in SCENARIOS:
+        raise ConfigError(f"no scenario is called {name!r}; known are: {', '.join(SCENARIOS)}")
+    walk = scenario(name, seed, duration_s)
+    clock = ScaledClock(speed)
+    time = WalkTime(clock)
+    modem, receiver = answering(walk.modem(time.now_s)), talking(walk.receiver(), time)
+    with PtyDevice(modem) as modem_port, PtyDevice(receiver) as gnss_port, stop_signals() as (ended, heard):
+        text = _SITE.format(
+            directory=_toml_text(str(folder)),
+            modem=modem_port.path,
+            gnss=gnss_port.path,
+            # a busy machine may hold a fix back for a moment of its own time, which is long at this speed
+            max_fix_age_s=3.0 + 0.1 * speed,
+        )
+        config = parse_config(text, "simulated site.toml")
+        service = Service(config, clock, config_text=text, origin=f"simulated walk {name}", truth=_truth(walk))
+        service.start()
+        service.wait(ended, walk.duration_s)
+        return service.stop(heard[0] if heard else "end of the simulated walk")
+
+
+def _truth(walk: Scenario) -> tuple[Truth, ...]:
+    return tuple(
+        Truth(f"{t.mcc}-{t.mnc}-{t.lac}-{t.cid}", *walk.world.to_latlon(t.east_m, t.north_m))
+        for t in walk.world.transmitters
+    )
+
+
+def _toml_text(text: str) -> str:
+    """A TOML basic string."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'

@@ -1,0 +1,142 @@
+import json
+import os
+import signal
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from logger.core.runfile import read_run
+from logger.core.types import LiveEstimate
+from logger.sim.player import NmeaPlayer, TranscriptModem
+from logger.sim.ptys import PtyDevice, answering
+from postproc.replay import replay
+from tests.kit import service
+
+
+def _only_run(folder):
+    (run,) = (folder / "runs").glob("run-*.h5")
+    return read_run(run)
+
+
+def _notes(run):
+    return [row["code"].decode() for row in run.tables["notes"]]
+
+
+def test_real_drive_and_real_replies_are_recorded_whole(tmp_path, corpus):
+    """The F9K drive and every SIM800/SIM900 CENG reply of the corpus through real ptys: none lost, none invented."""
+    expected = [e for e in json.loads((corpus / "modem/expected.json").read_text()) if _is_ceng(e)]
+    replies = [(corpus / "modem" / e["file"]).read_bytes() for e in expected]
+    nmea = (corpus / "nmea/01_google_ublox-F9K_drive_2020.nmea").read_bytes()
+    player, modem = NmeaPlayer(nmea), TranscriptModem(replies)
+    with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
+        logger = service.start(service.site_toml(tmp_path, port.path, gnss.path))
+        service.wait_for(lambda: player.finished.is_set() and modem.served == len(replies), 120)
+        service.wait_for(lambda: _journal_has(tmp_path, "fixes", 1142))
+        logger.send_signal(signal.SIGTERM)
+        _, errors = logger.communicate(timeout=60)
+    assert logger.returncode == 0, errors
+    run = _only_run(tmp_path)
+    assert run.end.reason == "signal SIGTERM"
+    fixes = run.tables["fixes"]
+    assert (len(fixes), int(fixes["valid"].sum())) == (1142, 1142)
+    raw = run.tables["raw"]
+    heard = raw[(raw["source"] == b"gnss") & (raw["sent"] == 0)]
+    received = b"".join(run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes() for r in heard)
+    assert received == nmea
+    assert _identities(run.tables["readings"]) == Counter(_key(row) for e in expected for row in e["expected"])
+    assert replay(run).equal
+
+
+def _is_ceng(entry) -> bool:
+    return entry["dialect"].startswith(("simcom_sim800_ceng", "simcom_sim900_ceng"))
+
+
+def _journal_has(folder, table, n) -> bool:
+    return any(len(read_run(p).tables[table]) >= n for p in (folder / "runs").glob("*.journal"))
+
+
+def _key(row):
+    return row["role"], row["mcc"], row["lac"], row.get("cid"), row["rxlev_raw"]
+
+
+def _identities(readings) -> Counter:
+    def known(value):
+        return None if value == -1 else int(value)
+
+    return Counter(
+        (r["role"].decode(), r["mcc"].decode() or None, known(r["lac"]), known(r["cid"]), known(r["rxlev_raw"]))
+        for r in readings
+    )
+
+
+@pytest.mark.parametrize("missing", ["modem", "gnss"])
+def test_starts_with_a_device_missing_and_picks_it_up(tmp_path, missing):
+    names = {name: str(tmp_path / name) for name in ("modem", "gnss")}
+    player, modem = NmeaPlayer(service.epochs(10_000), bytes_per_s=3000), TranscriptModem([service.CENG] * 100_000)
+    with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
+        ptys = {"modem": port.path, "gnss": gnss.path}
+        present = "gnss" if missing == "modem" else "modem"
+        os.symlink(ptys[present], names[present])
+        logger = service.start(service.site_toml(tmp_path, names["modem"], names["gnss"]))
+        first, later = ("fixes", "scans") if missing == "modem" else ("scans", "fixes")
+        service.wait_for(lambda: _journal_has(tmp_path, first, 5))
+        assert not _journal_has(tmp_path, later, 1)
+        os.symlink(ptys[missing], names[missing])
+        service.wait_for(lambda: _journal_has(tmp_path, later, 5))
+        logger.send_signal(signal.SIGINT)
+        logger.communicate(timeout=60)
+    run = _only_run(tmp_path)
+    assert run.end.reason == "signal SIGINT"
+    assert _notes(run).count("port-lost") == 1
+    assert _notes(run).count("port-opened") == 2
+    unmarked = run.tables["scans"]["fix_seq"]
+    assert (unmarked[0] == -1) == (missing == "gnss")
+    assert unmarked[-1] >= 0
+
+
+def test_duration_ends_it_cleanly_and_names_the_run_by_gps_time(tmp_path):
+    player, modem = NmeaPlayer(service.epochs(10_000), bytes_per_s=160), TranscriptModem([service.CENG] * 100_000)
+    with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
+        logger = service.start(service.site_toml(tmp_path, port.path, gnss.path), "--duration", "6")
+        out, _ = logger.communicate(timeout=60)
+    assert logger.returncode == 0
+    run = _only_run(tmp_path)
+    assert out.strip() == str(run.path)
+    assert run.path.name.startswith("run-2026092")
+    assert run.end.reason == "duration of 6 s over"
+    live = [r.value for _, r in run.records("live") if isinstance(r.value, LiveEstimate)]
+    assert len(live) > 10
+    assert {estimate.cell for estimate in live} == {"262-01-4711-12345"}
+    assert "target-locked" in _notes(run)
+    assert replay(run).equal
+
+
+def test_rows_that_come_unasked_are_recorded_once(tmp_path):
+    """A modem left in mode 2 by somebody else: it never answers, but its rows are cells."""
+    burst = service.CENG.replace(b"OK\r\n", b"").replace(b"\r\n+CENG: 1,1\r\n", b"")
+    player = NmeaPlayer(burst * 20, bytes_per_s=len(burst) * 4)
+    with PtyDevice(NmeaPlayer(service.epochs(1000), 400)) as gnss, PtyDevice(player) as port:
+        logger = service.start(service.site_toml(tmp_path, port.path, gnss.path))
+        service.wait_for(player.finished.is_set)
+        service.wait_for(lambda: _journal_has(tmp_path, "readings", 40))
+        logger.send_signal(signal.SIGTERM)
+        logger.communicate(timeout=60)
+    run = _only_run(tmp_path)
+    assert len(run.tables["readings"]) == 40
+    assert len(run.tables["scans"]) == 20
+
+
+def test_noise_is_counted_not_obeyed(tmp_path):
+    noise = np.random.default_rng(5).integers(128, 256, 5000, dtype=np.uint8).tobytes()
+    player = NmeaPlayer(noise + b"\r\n" + service.epochs(20))
+    with PtyDevice(player) as gnss, PtyDevice(NmeaPlayer(noise)) as port:
+        logger = service.start(service.site_toml(tmp_path, port.path, gnss.path))
+        service.wait_for(lambda: _journal_has(tmp_path, "fixes", 20))
+        logger.send_signal(signal.SIGTERM)
+        logger.communicate(timeout=60)
+    run = _only_run(tmp_path)
+    assert len(run.tables["fixes"]) == 20
+    assert not len(run.tables["readings"])
+    assert "garbage" in _notes(run)
+    assert int(run.tables["raw"]["length"][run.tables["raw"]["source"] == b"gnss"].sum()) == len(noise) + 2 + len(service.epochs(20))

@@ -1,0 +1,60 @@
+"""The real service, in a process of its own, on real ptys."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+FIELDLOGGER = (sys.executable, "-m", "logger.cli")
+
+
+def site_toml(folder: Path, modem: str, gnss: str, more: str = "") -> Path:
+    path = folder / "site.toml"
+    path.write_text(
+        f'[run]\ndirectory = "{folder / "runs"}"\n'
+        f'[modem]\nport = "{modem}"\npoll_interval_s = 0.05\n'
+        f'[gnss]\nport = "{gnss}"\n{more}'
+    )
+    return path
+
+
+def start(config: Path, *more: str) -> subprocess.Popen[str]:
+    command = [*FIELDLOGGER, "run", "--config", str(config), *more]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def wait_for(condition, seconds: float = 20.0) -> None:
+    """Poll until the condition holds; AssertionError when it does not in time."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "did not happen in time"
+        time.sleep(0.02)
+
+
+def epochs(n: int, rate_hz: float = 1.0) -> bytes:
+    """NMEA of a walk to the east: RMC and GGA for each epoch, n of them."""
+    out = []
+    for i in range(n):
+        t_s = i / rate_hz
+        clock = f"{int(t_s // 3600) % 24:02d}{int(t_s // 60) % 60:02d}{t_s % 60:05.2f}"
+        lon = f"013{24.0 + i * 0.001:08.5f}"
+        out += [
+            _sentence(f"GNRMC,{clock},A,5231.00000,N,{lon},E,2.7,90.0,210926,,,A,V"),
+            _sentence(f"GNGGA,{clock},5231.00000,N,{lon},E,1,09,0.9,34.0,M,40.0,M,,"),
+        ]
+    return "".join(out).encode()
+
+
+def _sentence(body: str) -> str:
+    checksum = 0
+    for character in body:
+        checksum ^= ord(character)
+    return f"${body}*{checksum:02X}\r\n"
+
+
+CENG = (
+    b"\r\n+CENG: 1,1\r\n\r\n"
+    b'+CENG: 0,"0017,45,00,262,01,09,3039,05,05,1267,255"\r\n'
+    b'+CENG: 1,"0021,30,12,303a,262,01,1267"\r\n\r\nOK\r\n'
+)
+"""Two cells: 262-01-4711-12345 at -68 dBm and its neighbour at -83 dBm."""
