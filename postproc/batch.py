@@ -99,14 +99,21 @@ def _minima(
     obs: CellObservations, starts: Sequence[tuple[float, float]], loss: Loss, *, rho: float
 ) -> list[tuple[FloatArray, float, bool]]:
     """State, cost and convergence of the fit from each start, best first."""
+
+    def misfit(state: FloatArray) -> FloatArray:
+        return _whitened(residuals(state, obs), rho)
+
+    def slope(state: FloatArray) -> FloatArray:
+        return _whitened(jacobian(state, obs), rho)
+
     scale_db = max(_noise_db(obs, starts), 1.0)
     found = []
     for x_m, y_m in starts:
         theta, _ = fit_linear(log_distance_db(x_m - obs.x_m, y_m - obs.y_m), obs.level_dbm)
         result = least_squares(
-            lambda s: _whitened(residuals(s, obs), rho),
+            misfit,
             np.array([x_m, y_m, *theta]),
-            jac=lambda s: _whitened(jacobian(s, obs), rho),
+            jac=slope,
             method="lm" if loss == "linear" else "trf",
             x_scale=(10.0, 10.0, 3.0, 0.3),
             loss=loss,

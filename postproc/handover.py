@@ -21,7 +21,9 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 TIGHT_M = 20.0
+_PRIOR = Prior()
 _FEWEST = 8
+_ONE_PLACE = 0.95
 _PREFIXES = 10
 _MOST_CORRELATED = 0.95
 
@@ -53,7 +55,7 @@ class NoRun:
     reason: str
 
 
-def run(obs: CellObservations, prior: Prior = Prior(), *, q: float = 0.0) -> EkfRun | NoRun:  # noqa: B008 - frozen
+def run(obs: CellObservations, prior: Prior = _PRIOR, *, q: float = 0.0) -> EkfRun | NoRun:
     """Hand over, filter the remaining readings, smooth; `q` is added to the diagonal of P per reading."""
     if not len(obs):
         return NoRun("there is no reading of this cell")
@@ -86,7 +88,7 @@ def _handover(obs: CellObservations, prior: Prior) -> tuple[int, Posterior] | No
 def is_tight(posterior: Posterior) -> bool:
     """Whether a Gaussian may stand for the posterior: one place, standard deviation per axis at most 20 m."""
     p = posterior.modes[0].covariance
-    return posterior.modes[0].probability >= 0.95 and sqrt(max(p[0, 0], p[1, 1])) <= TIGHT_M
+    return posterior.modes[0].probability >= _ONE_PLACE and sqrt(max(p[0, 0], p[1, 1])) <= TIGHT_M
 
 
 def effective_variance_db2(obs: CellObservations, posterior: Posterior) -> float:

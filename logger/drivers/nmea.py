@@ -149,7 +149,8 @@ def _is_valid(gga: Any, rmc: Any) -> bool:
     # pynmea2's own is_valid is False for every RMC of NMEA 4.1 with navigational status V, and for GGA quality 6.
     if gga and gga.gps_qual not in _POSITIONED:
         return False
-    return not rmc or (rmc.status == "A" and rmc.mode_indicator not in _NOT_MEASURED)
+    # by position: pynmea2 before 1.19 has no name for the mode
+    return not rmc or (rmc.status == "A" and not _NOT_MEASURED.intersection(rmc.data[11:12]))
 
 
 def _position(message: Any) -> tuple[float, float] | None:

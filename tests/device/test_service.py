@@ -30,12 +30,10 @@ def test_real_drive_and_real_replies_are_recorded_whole(tmp_path, corpus):
     nmea = (corpus / "nmea/01_google_ublox-F9K_drive_2020.nmea").read_bytes()
     player, modem = NmeaPlayer(nmea), TranscriptModem(replies)
     with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
-        logger = service.start(service.site_toml(tmp_path, port.path, gnss.path))
-        service.wait_for(lambda: player.finished.is_set() and modem.served == len(replies), 120)
-        service.wait_for(lambda: _journal_has(tmp_path, "fixes", 1142))
-        logger.send_signal(signal.SIGTERM)
-        _, errors = logger.communicate(timeout=60)
-    assert logger.returncode == 0, errors
+        with service.running(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
+            service.wait_for(lambda: player.finished.is_set() and modem.served == len(replies), 120)
+            service.wait_for(lambda: _journal_has(tmp_path, "fixes", 1142))
+            service.stopped(logger)
     run = _only_run(tmp_path)
     assert run.end.reason == "signal SIGTERM"
     fixes = run.tables["fixes"]
@@ -78,14 +76,13 @@ def test_starts_with_a_device_missing_and_picks_it_up(tmp_path, missing):
         ptys = {"modem": port.path, "gnss": gnss.path}
         present = "gnss" if missing == "modem" else "modem"
         os.symlink(ptys[present], names[present])
-        logger = service.start(service.site_toml(tmp_path, names["modem"], names["gnss"]))
         first, later = ("fixes", "scans") if missing == "modem" else ("scans", "fixes")
-        service.wait_for(lambda: _journal_has(tmp_path, first, 5))
-        assert not _journal_has(tmp_path, later, 1)
-        os.symlink(ptys[missing], names[missing])
-        service.wait_for(lambda: _journal_has(tmp_path, later, 5))
-        logger.send_signal(signal.SIGINT)
-        logger.communicate(timeout=60)
+        with service.running(service.site_toml(tmp_path, names["modem"], names["gnss"])) as logger:
+            service.wait_for(lambda: _journal_has(tmp_path, first, 5))
+            assert not _journal_has(tmp_path, later, 1)
+            os.symlink(ptys[missing], names[missing])
+            service.wait_for(lambda: _journal_has(tmp_path, later, 5))
+            service.stopped(logger, signal.SIGINT)
     run = _only_run(tmp_path)
     assert run.end.reason == "signal SIGINT"
     assert _notes(run).count("port-lost") == 1
@@ -98,8 +95,8 @@ def test_starts_with_a_device_missing_and_picks_it_up(tmp_path, missing):
 def test_duration_ends_it_cleanly_and_names_the_run_by_gps_time(tmp_path):
     player, modem = NmeaPlayer(service.epochs(10_000), bytes_per_s=160), TranscriptModem([service.CENG] * 100_000)
     with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
-        logger = service.start(service.site_toml(tmp_path, port.path, gnss.path), "--duration", "6")
-        out, _ = logger.communicate(timeout=60)
+        with service.running(service.site_toml(tmp_path, port.path, gnss.path), "--duration", "6") as logger:
+            out, _ = logger.communicate(timeout=60)
     assert logger.returncode == 0
     run = _only_run(tmp_path)
     assert out.strip() == str(run.path)
@@ -117,11 +114,10 @@ def test_rows_that_come_unasked_are_recorded_once(tmp_path):
     burst = service.CENG.replace(b"OK\r\n", b"").replace(b"\r\n+CENG: 1,1\r\n", b"")
     player = NmeaPlayer(burst * 20, bytes_per_s=len(burst) * 4)
     with PtyDevice(NmeaPlayer(service.epochs(1000), 400)) as gnss, PtyDevice(player) as port:
-        logger = service.start(service.site_toml(tmp_path, port.path, gnss.path))
-        service.wait_for(player.finished.is_set)
-        service.wait_for(lambda: _journal_has(tmp_path, "readings", 40))
-        logger.send_signal(signal.SIGTERM)
-        logger.communicate(timeout=60)
+        with service.running(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
+            service.wait_for(player.finished.is_set)
+            service.wait_for(lambda: _journal_has(tmp_path, "readings", 40))
+            service.stopped(logger)
     run = _only_run(tmp_path)
     assert len(run.tables["readings"]) == 40
     assert len(run.tables["scans"]) == 20
@@ -131,12 +127,12 @@ def test_noise_is_counted_not_obeyed(tmp_path):
     noise = np.random.default_rng(5).integers(128, 256, 5000, dtype=np.uint8).tobytes()
     player = NmeaPlayer(noise + b"\r\n" + service.epochs(20))
     with PtyDevice(player) as gnss, PtyDevice(NmeaPlayer(noise)) as port:
-        logger = service.start(service.site_toml(tmp_path, port.path, gnss.path))
-        service.wait_for(lambda: _journal_has(tmp_path, "fixes", 20))
-        logger.send_signal(signal.SIGTERM)
-        logger.communicate(timeout=60)
+        with service.running(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
+            service.wait_for(lambda: _journal_has(tmp_path, "fixes", 20))
+            service.stopped(logger)
     run = _only_run(tmp_path)
     assert len(run.tables["fixes"]) == 20
     assert not len(run.tables["readings"])
     assert "garbage" in _notes(run)
-    assert int(run.tables["raw"]["length"][run.tables["raw"]["source"] == b"gnss"].sum()) == len(noise) + 2 + len(service.epochs(20))
+    raw = run.tables["raw"]
+    assert int(raw["length"][raw["source"] == b"gnss"].sum()) == len(noise) + 2 + len(service.epochs(20))

@@ -1,8 +1,11 @@
 """The real service, in a process of its own, on real ptys."""
 
+import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 FIELDLOGGER = (sys.executable, "-m", "logger.cli")
@@ -18,9 +21,24 @@ def site_toml(folder: Path, modem: str, gnss: str, more: str = "") -> Path:
     return path
 
 
-def start(config: Path, *more: str) -> subprocess.Popen[str]:
+@contextmanager
+def running(config: Path, *more: str) -> Iterator[subprocess.Popen[str]]:
+    """`fieldlogger run`, which does not outlive the test."""
     command = [*FIELDLOGGER, "run", "--config", str(config), *more]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+
+
+def stopped(process: subprocess.Popen[str], by: signal.Signals = signal.SIGTERM) -> str:
+    """Stop the service as systemd would; returns what it printed."""
+    process.send_signal(by)
+    out, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
+    return out
 
 
 def wait_for(condition, seconds: float = 20.0) -> None:

@@ -38,14 +38,18 @@ def test_linear_part_agrees_with_dense_least_squares():
 def test_jacobian_agrees_with_central_differences():
     obs = walk(np.random.default_rng(2))
     step = 1e-4
-    numeric = [(batch.residuals(SOURCE + d, obs) - batch.residuals(SOURCE - d, obs)) / (2 * step) for d in step * np.eye(4)]
+    numeric = [
+        (batch.residuals(SOURCE + d, obs) - batch.residuals(SOURCE - d, obs)) / (2 * step) for d in step * np.eye(4)
+    ]
     np.testing.assert_allclose(batch.jacobian(SOURCE, obs), np.column_stack(numeric), rtol=1e-6, atol=1e-8)
 
 
 def test_finds_the_minimum_scipy_finds():
     obs = walk(np.random.default_rng(3))
     fit = batch.fit(obs, [(40.0, 70.0), (300.0, 300.0)])
-    expected = scipy.optimize.least_squares(lambda s: batch.residuals(s, obs), SOURCE, x_scale=(10, 10, 3, 0.3), xtol=1e-12)
+    expected = scipy.optimize.least_squares(
+        lambda s: batch.residuals(s, obs), SOURCE, x_scale=(10, 10, 3, 0.3), xtol=1e-12
+    )
     assert fit.converged
     np.testing.assert_allclose(fit.state, expected.x, rtol=1e-4)
     assert fit.cost == pytest.approx(expected.cost, rel=1e-9)

@@ -127,7 +127,7 @@ def test_p0_and_eta_given_the_position():
     at = np.array([source[0]]), np.array([source[1]])
     ours = posterior.evidence(track, posterior.noises(track, flat), flat, *at)
     distance_db = 10 * np.log10(np.hypot(track.block_x_m - source[0], track.block_y_m - source[1]))
-    root = np.sqrt(1.0 / (1.0 / track.count + 1.0 / 12.0 / flat.sigma_db**2))
+    root = np.sqrt(1.0 / (1.0 / track.readings + 1.0 / 12.0 / flat.sigma_db**2))
     design = np.column_stack([np.ones_like(distance_db), -distance_db])
     expected = np.linalg.lstsq(root[:, None] * design, root * track.level_dbm, rcond=None)[0]
     np.testing.assert_allclose(ours.theta[:, 0], expected, rtol=2e-3)
@@ -140,15 +140,15 @@ def test_blocks_are_bounded_and_keep_every_reading():
     rng = np.random.default_rng(3)
     x, y = np.cumsum(rng.normal(size=(2, 200_000)), axis=1)
     track = posterior.blocks(observations(x, y, rng.normal(-80, 5, 200_000)))
-    assert len(track.count) <= 400
-    assert track.count.sum() == 200_000
+    assert len(track.readings) <= 300
+    assert track.readings.sum() == 200_000
 
 
 def test_walking_a_street_twice_adds_no_block():
     x = np.arange(100) * 3.0
     there = observations(x, 0 * x, -80 - x / 10)
     and_back = observations(np.append(x, x[::-1]), np.zeros(200), np.append(-80 - x / 10, -80 - x[::-1] / 10))
-    assert len(posterior.blocks(and_back).count) == len(posterior.blocks(there).count)
+    assert len(posterior.blocks(and_back).readings) == len(posterior.blocks(there).readings)
 
 
 def test_standing_still_adds_no_certainty():
@@ -169,9 +169,9 @@ def test_standing_still_adds_no_certainty():
 @pytest.mark.parametrize("shape", ["L", "square"])
 def test_region_holds_the_truth_white_noise(shape):
     rng = np.random.default_rng(10)
-    runs = [simulate(rng, shape, count=300, step=2.8) for _ in range(30)]
+    runs = [simulate(rng, shape, count=300, step=2.8) for _ in range(20)]
     held = [covered(locate(obs), source) for obs, source in runs]
-    assert np.mean(held) >= 0.86  # 30 runs of 0.95: fewer than 26 in 0.3 %
+    assert np.mean(held) >= 0.8  # 20 runs of 0.95: fewer than 16 in 0.3 %
 
 
 @pytest.mark.slow
@@ -184,7 +184,7 @@ def test_region_holds_the_truth_white_noise_many(shape):
 
 def test_region_holds_the_truth_correlated_shadowing():
     rng = np.random.default_rng(12)
-    runs = [simulate(rng, "square", white_db=0.0, shadow_db=6.0, count=300, step=2.8) for _ in range(30)]
+    runs = [simulate(rng, "square", white_db=0.0, shadow_db=6.0, count=300, step=2.8) for _ in range(20)]
     assert np.mean([covered(locate(obs), source) for obs, source in runs]) >= 0.85
 
 
@@ -273,7 +273,7 @@ def test_numbers_of_a_clear_case():
     assert found.cells.probability.sum() == pytest.approx(1.0)
     assert found.sigma_db == pytest.approx(2.0, abs=0.4)
     assert found.drms_m < found.r95_m < 3.0 * found.drms_m
-    assert 2.3 < found.eta + 3 * found.eta_sigma
+    assert found.eta + 3 * found.eta_sigma > 2.3
     assert found.eta - 3 * found.eta_sigma < 3.9
     assert not found.at_limit
     assert found.modes[0].ellipse.semi_major_m == pytest.approx(found.r95_m, rel=0.5)

@@ -1,0 +1,60 @@
+"""Colours of every picture: one for each estimator, and a scale for levels; all hold on black and on white."""
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+Bytes = npt.NDArray[np.uint8]
+Colour = tuple[int, int, int]
+
+EKF: Final = (235, 130, 20)
+RTS: Final = (0, 160, 150)
+BATCH: Final = (214, 40, 57)
+POSTERIOR: Final = (60, 110, 230)
+REFERENCE: Final = (130, 130, 130)
+TRUTH: Final = (150, 90, 230)
+WALKER: Final = (40, 130, 240)
+QUIET: Final = (125, 125, 135)
+
+OTHERS: Final = (
+    (150, 150, 60),
+    (90, 150, 90),
+    (170, 110, 110),
+    (130, 115, 165),
+    (150, 120, 95),
+    (180, 120, 160),
+    (90, 145, 160),
+)
+"""Cells that are not the one looked at, in turn."""
+
+_SCALE = np.array(
+    [
+        (66, 75, 181),
+        (66, 148, 255),
+        (26, 212, 208),
+        (74, 248, 128),
+        (169, 251, 57),
+        (235, 211, 57),
+        (254, 147, 42),
+        (228, 69, 10),
+        (169, 22, 1),
+    ],
+    float,
+)  # turbo (A. Mikhailov, 2019) without its dark ends
+
+
+def of_levels(level_dbm: FloatArray, weakest_dbm: float, strongest_dbm: float) -> Bytes:
+    """Red, green, blue of each level, shape (n, 3): blue is weak, red is strong; grey where the level is NaN."""
+    span = max(strongest_dbm - weakest_dbm, 1e-9)
+    at = np.clip((level_dbm - weakest_dbm) / span, 0.0, 1.0) * (len(_SCALE) - 1)
+    steps = np.arange(len(_SCALE))
+    known = np.isfinite(at)
+    mixed = np.column_stack([np.interp(np.where(known, at, 0.0), steps, channel) for channel in _SCALE.T])
+    return np.where(known[:, None], np.round(mixed), QUIET).astype(np.uint8)
+
+
+def scale(count: int) -> Bytes:
+    """The scale of levels from weak to strong in `count` steps, shape (count, 3)."""
+    return of_levels(np.linspace(0.0, 1.0, count), 0.0, 1.0)

@@ -1,0 +1,290 @@
+"""What every picture of a run shows, in metres east and north of the first fix."""
+
+from dataclasses import dataclass
+from math import floor, log10
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.polygon import orient
+
+from logger.core.observations import Track
+from logger.core.runfile import Run
+from logger.core.schema import UNKNOWN_ID
+from logger.core.timebase import TimeBase, fit
+from postproc import colours
+from postproc.colours import Colour
+from postproc.region import Cells, polygons
+from postproc.smooth import CellResult, Smoothed
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+Rings = list[FloatArray]
+"""Outline of a region: closed rings of shape (k, 2), outer ones counterclockwise, holes clockwise."""
+
+_LEAST_WALK_M = 100.0
+_MOST_WALKS = 4.0
+"""A region wider than this many walks would make a dot of the walk, and is left to reach out of the picture."""
+_MARGIN = 0.08
+
+
+class Box(NamedTuple):
+    """Rectangle in local metres."""
+
+    west: float
+    south: float
+    east: float
+    north: float
+
+    @property
+    def width(self) -> float:
+        """East to west."""
+        return self.east - self.west
+
+    @property
+    def height(self) -> float:
+        """North to south."""
+        return self.north - self.south
+
+    @property
+    def size(self) -> float:
+        """The longer side."""
+        return max(self.width, self.height)
+
+    def wider(self, by_m: float) -> "Box":
+        """With a margin on every side."""
+        return Box(self.west - by_m, self.south - by_m, self.east + by_m, self.north + by_m)
+
+    def holds(self, x_m: float, y_m: float) -> bool:
+        """Whether a place lies inside."""
+        return self.west <= x_m <= self.east and self.south <= y_m <= self.north
+
+
+class Levels(NamedTuple):
+    """Levels of one cell as they were read, with or without a position; arrays of shape (n,) in time order."""
+
+    cell: str
+    t_ns: IntArray
+    level_dbm: FloatArray
+
+
+class Estimate(NamedTuple):
+    """One estimator's last word: `x` (4,) with a local position, `p` (4, 4)."""
+
+    key: str
+    name: str
+    colour: Colour
+    x: FloatArray
+    p: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Times of a run: since its start always, UTC where GPS told it."""
+
+    started_ns: int
+    timebase: TimeBase | None
+
+    def elapsed_ns(self, t_ns: IntArray) -> IntArray:
+        """Time since the start of the run."""
+        return t_ns - self.started_ns
+
+    def utc_ns(self, t_ns: IntArray) -> IntArray | None:
+        """UTC, None when it is unknown."""
+        if self.timebase is None:
+            return None
+        since = t_ns - self.timebase.reference_t_ns
+        drifted: IntArray = np.round(self.timebase.drift * since).astype(np.int64)
+        return self.timebase.reference_utc_ns + since + drifted
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A run as it is drawn. `focus` is the cell looked at; without a fix there is no `track` and no `box`.
+
+    `track_m` (n, 2) are the fixes, `heard_m` (k, 2) the places where the focus was read with `heard_dbm` (k,);
+    `strength_dbm` are the weakest and the strongest level of the colour scale.
+    """
+
+    smoothed: Smoothed
+    clock: Clock
+    levels: tuple[Levels, ...]
+    focus: CellResult | None
+    track: Track | None
+    origin_m: tuple[float, float]
+    track_m: FloatArray
+    heard_m: FloatArray
+    heard_dbm: FloatArray
+    strength_dbm: tuple[float, float]
+    region95: Rings
+    region50: Rings
+    estimates: tuple[Estimate, ...]
+    truth_m: tuple[float, float] | None
+    box: Box | None
+
+    @property
+    def run(self) -> Run:
+        """The recording."""
+        return self.smoothed.run
+
+    def local(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+        """UTM positions as local ones, shape (n, 2)."""
+        return np.column_stack([x_m - self.origin_m[0], y_m - self.origin_m[1]])
+
+
+def picture_of(smoothed: Smoothed) -> Picture:
+    """Gather what is drawn; a run with nothing in it gives an empty picture."""
+    run, observations = smoothed.run, smoothed.observations
+    fixes = run.tables["fixes"]
+    focus = focus_of(smoothed)
+    track = observations.track if observations else None
+    origin = (float(track.x_m[0]), float(track.y_m[0])) if track else (0.0, 0.0)
+    track_m = _local(track.x_m, track.y_m, origin) if track else np.empty((0, 2))
+    obs = focus.obs if focus else None
+    heard_m = _local(obs.x_m, obs.y_m, origin) if obs else np.empty((0, 2))
+    heard_dbm = obs.level_dbm if obs else np.empty(0)
+    posterior = focus.posterior if focus else None
+    region95, region50 = (_rings(posterior.cells, at, origin) if posterior else [] for at in (0.95, 0.5))
+    truth_m = _truth(smoothed, focus, origin)
+    return Picture(
+        smoothed=smoothed,
+        clock=Clock(run.meta.started_ns, fit(fixes["t_ns"], fixes["utc_ns"])),
+        levels=levels_of(run),
+        focus=focus,
+        track=track,
+        origin_m=origin,
+        track_m=track_m,
+        heard_m=heard_m,
+        heard_dbm=heard_dbm,
+        strength_dbm=_strength(heard_dbm),
+        region95=region95,
+        region50=region50,
+        estimates=_estimates(focus, origin),
+        truth_m=truth_m,
+        box=_box(track_m, region95, truth_m) if len(track_m) else None,
+    )
+
+
+def focus_of(smoothed: Smoothed) -> CellResult | None:
+    """The cell with most to tell: located ones first, then the one with most readings."""
+    return max(smoothed.cells, key=lambda cell: (cell.verdict == "located", cell.n), default=None)
+
+
+def headline(result: CellResult) -> str:
+    """Verdict in honest words, one line."""
+    posterior = result.posterior
+    if result.verdict == "located" and posterior is not None:
+        return f"located: 95 % of the probability lie within {posterior.r95_m:.0f} m of the best place"
+    if result.verdict == "ambiguous" and posterior is not None:
+        shares = ", ".join(f"{mode.probability:.0%}" for mode in posterior.modes[:4])
+        return f"ambiguous: {len(posterior.modes)} places fit ({shares}); 95 % radius {posterior.r95_m:.0f} m"
+    why = result.warnings[0] if result.warnings else "the readings do not hold the answer"
+    return f"{result.verdict}: {why}"
+
+
+def levels_of(run: Run) -> tuple[Levels, ...]:
+    """Levels of every cell with a name, most readings first; a reading is dated to the middle of its scan."""
+    scans, readings = run.tables["scans"], run.tables["readings"]
+    level = np.where(readings["rxlev_raw"] == UNKNOWN_ID, np.nan, readings["rxlev_raw"] - 110.0)
+    level = np.where(np.isfinite(readings["rssi_dbm"]), readings["rssi_dbm"], level)
+    t_ns = readings["t_ns"].copy()
+    if len(scans):
+        at = np.minimum(np.searchsorted(scans["seq"], readings["seq"]), len(scans) - 1)
+        found = scans["seq"][at] == readings["seq"]
+        t_ns[found] = ((scans["t_start_ns"] + scans["t_ns"]) // 2)[at][found]
+    kept = np.isfinite(level) & (readings["cell"] != b"")
+    names, which = np.unique(readings["cell"][kept], return_inverse=True)
+    order = np.lexsort((t_ns[kept], which))
+    starts = np.searchsorted(which[order], np.arange(1, len(names)))
+    parts = zip(names, *(np.split(v[kept][order], starts) for v in (t_ns, level)), strict=False)
+    cells = [Levels(name.decode("utf-8", "replace"), times, values) for name, times, values in parts]
+    return tuple(sorted(cells, key=lambda cell: -len(cell.t_ns)))
+
+
+def nice_step(span: float, most: int) -> float:
+    """A step of 1, 2 or 5 times a power of ten that divides `span` into at most `most` parts."""
+    if span <= 0.0:
+        return 1.0
+    power = 10.0 ** floor(log10(span / most))
+    return next(step for step in (power, 2 * power, 5 * power, 10 * power) if span / step <= most + 1e-9)
+
+
+def _local(x_m: FloatArray, y_m: FloatArray, origin_m: tuple[float, float]) -> FloatArray:
+    return np.column_stack([x_m - origin_m[0], y_m - origin_m[1]])
+
+
+def _strength(level_dbm: FloatArray) -> tuple[float, float]:
+    """Ends of the colour scale: the levels but for the outermost 2 %, whole dBm, never equal."""
+    finite = level_dbm[np.isfinite(level_dbm)]
+    if not len(finite):
+        return -110.0, -50.0
+    low, high = np.percentile(finite, (2.0, 98.0))
+    return float(np.floor(low)), float(max(np.ceil(high), np.floor(low) + 1.0))
+
+
+def _rings(cells: Cells, level: float, origin_m: tuple[float, float]) -> Rings:
+    """Outline of the highest-density region with the steps of its cells smoothed."""
+    tolerance = 0.5 * float(np.min(cells.size_m))
+    smooth = shapely.simplify(polygons(cells, level), tolerance, preserve_topology=True)
+    parts = [orient(part) for part in shapely.get_parts(smooth) if isinstance(part, Polygon) and not part.is_empty]
+    rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]
+    return [np.asarray(ring.coords, float) - origin_m for ring in rings]
+
+
+def _estimates(focus: CellResult | None, origin_m: tuple[float, float]) -> tuple[Estimate, ...]:
+    """Last state of each estimator that has a finite one."""
+    if focus is None:
+        return ()
+    found = []
+    for key, name, colour, filtered in (
+        ("ekf", "EKF", colours.EKF, focus.ekf),
+        ("rts", "RTS", colours.RTS, focus.rts),
+        ("reference", "reference EKF (wrong)", colours.REFERENCE, focus.reference),
+    ):
+        if filtered is not None and len(filtered):
+            found.append((key, name, colour, filtered.x[-1], filtered.p[-1]))
+    if focus.batch is not None:
+        found.append(("batch", "least squares", colours.BATCH, focus.batch.state, focus.batch.covariance))
+    shift = np.array([*origin_m, 0.0, 0.0])
+    return tuple(
+        Estimate(key, name, colour, x - shift, p)
+        for key, name, colour, x, p in found
+        if np.all(np.isfinite(x)) and np.all(np.isfinite(p))
+    )
+
+
+def _truth(smoothed: Smoothed, focus: CellResult | None, origin_m: tuple[float, float]) -> tuple[float, float] | None:
+    observations = smoothed.observations
+    known = next((t for t in smoothed.run.meta.truth if focus and t.cell == focus.cell), None)
+    if known is None or observations is None:
+        return None
+    x_m, y_m = observations.track.utm.to_xy(known.lat_deg, known.lon_deg)
+    return x_m - origin_m[0], y_m - origin_m[1]
+
+
+def _box(track_m: FloatArray, region: Rings, truth_m: tuple[float, float] | None) -> Box:
+    """The walk, and around it the region and the truth as far as they do not make it small."""
+    box = _around(track_m)
+    walk_m = max(box.size, _LEAST_WALK_M)
+    box = _squarer(box.wider(0.5 * (walk_m - box.size)))
+    more = [np.vstack(region)] if region else []
+    if truth_m is not None:
+        more.append(np.array([truth_m]))
+    for points in more:
+        wider = _around(np.vstack([points, [(box.west, box.south), (box.east, box.north)]]))
+        if wider.size <= _MOST_WALKS * walk_m:
+            box = wider
+    return _squarer(box.wider(_MARGIN * box.size))
+
+
+def _squarer(box: Box) -> Box:
+    """With the shorter side at least half the longer one, so that a straight walk has a picture too."""
+    lack_x, lack_y = (max(0.5 * box.size - side, 0.0) / 2.0 for side in (box.width, box.height))
+    return Box(box.west - lack_x, box.south - lack_y, box.east + lack_x, box.north + lack_y)
+
+
+def _around(points_m: FloatArray) -> Box:
+    (west, south), (east, north) = points_m.min(axis=0), points_m.max(axis=0)
+    return Box(float(west), float(south), float(east), float(north))

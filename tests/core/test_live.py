@@ -1,0 +1,85 @@
+import pytest
+
+from logger.core import ekf
+from logger.core.geo import Utm
+from logger.core.live import LiveSettings, LiveTracker
+from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
+from tests.kit.runs import reading
+
+S = 10**9
+
+
+def _fix(t_s, lon=13.0, valid=True):
+    return Record(t_s * S, "gnss", Fix(valid, None, 52.0 if valid else None, lon if valid else None))
+
+
+def _scan(t_s, *readings):
+    return Record(t_s * S, "modem", Scan(t_s * S, readings))
+
+
+def _feed(tracker, *records):
+    return [value for seq, record in enumerate(records) for value in tracker.feed(seq, record)]
+
+
+def test_locks_on_the_strongest_and_steps_the_reference_filter():
+    tracker = LiveTracker(LiveSettings())
+    found = _feed(tracker, _fix(1), _scan(1, reading(1, -80.0), reading(2, -60.0)), _scan(2, reading(2, -61.0)))
+    note, first, second = found
+    assert (note.code, first.cell, first.n, second.n) == ("target-locked", "262-01-4711-2", 1, 2)
+    x_m, y_m = Utm.at(52.0, 13.0).to_xy(52.0, 13.0)
+    expected = ekf.step(ekf.step(ekf.start(x_m, y_m), x_m, y_m, -60.0).state, x_m, y_m, -61.0)
+    assert (second.x_m, second.p0_dbm, second.p_ee) == (expected.state.x_m, expected.state.p0_dbm, expected.state.p[9])
+    assert second.innovation_db == expected.innovation_db
+
+
+def test_target_changes_only_beyond_the_hysteresis_and_starts_again():
+    tracker = LiveTracker(LiveSettings(hysteresis_db=6.0))
+    found = _feed(
+        tracker,
+        _fix(1),
+        _scan(1, reading(1, -60.0)),
+        _scan(2, reading(1, -65.0), reading(2, -60.0)),
+        _scan(3, reading(1, -66.0), reading(2, -59.0)),
+    )
+    codes = [value.code for value in found if isinstance(value, Note)]
+    assert codes == ["target-locked", "target-changed"]
+    assert [(e.cell[-1], e.n) for e in found if isinstance(e, LiveEstimate)] == [("1", 1), ("1", 2), ("2", 1)]
+
+
+def test_a_target_no_longer_heard_gives_way_after_a_while():
+    tracker = LiveTracker(LiveSettings(lost_s=10.0, max_fix_age_s=100.0))
+    records = [_fix(1), _scan(1, reading(1, -60.0)), *(_scan(t, reading(2, -90.0)) for t in range(2, 14))]
+    found = _feed(tracker, *records)
+    (changed,) = [v for v in found if isinstance(v, Note) and v.code == "target-changed"]
+    assert "262-01-4711-2" in changed.text
+    assert [v.cell[-1] for v in found if isinstance(v, LiveEstimate)] == ["1", "2", "2"]
+
+
+def test_a_wished_target_is_kept():
+    tracker = LiveTracker(LiveSettings(target="262-01-4711-1"))
+    found = _feed(tracker, _fix(1), _scan(1, reading(1, -100.0), reading(2, -50.0)))
+    assert [v.cell for v in found if isinstance(v, LiveEstimate)] == ["262-01-4711-1"]
+
+
+@pytest.mark.parametrize("unusable", [
+    CellReading("neighbour", "GSM", rssi_dbm=-40.0),
+    CellReading("serving", "LTE", "262", "01", 1, 2, rssi_dbm=-40.0),
+    CellReading("serving", "GSM", "262", "01", 1, 2),
+])  # fmt: skip
+def test_strongest_means_a_decoded_2g_cell_with_a_level(unusable):
+    found = _feed(LiveTracker(LiveSettings()), _fix(1), _scan(1, unusable, reading(3, -99.0)))
+    assert [v.cell for v in found if isinstance(v, LiveEstimate)] == ["262-01-4711-3"]
+
+
+def test_no_fix_an_old_fix_and_a_lost_fix_say_nothing():
+    tracker = LiveTracker(LiveSettings(max_fix_age_s=3.0))
+    assert _feed(tracker, _scan(1, reading(1, -60.0))) == []
+    assert _feed(tracker, _fix(1), _scan(5, reading(1, -60.0))) == []
+    assert _feed(tracker, _fix(6), _fix(7, valid=False), _scan(7, reading(1, -60.0))) == []
+
+
+def test_beyond_84_degrees_is_told_once():
+    tracker = LiveTracker(LiveSettings())
+    polar = Record(S, "gnss", Fix(True, None, 86.0, 13.0))
+    found = _feed(tracker, polar, polar, _scan(1, reading(1, -60.0)))
+    assert [value.code for value in found] == ["unmapped"]
