@@ -7,7 +7,8 @@ Model of the mean level z_k in block k of the walk, L_k = 10 log10 d_k:
 with D_ij the distance of two blocks (shadowing is a property of the place: Gudmundson, Electron. Lett. 27(23), 1991),
 a the white share and n_i the readings of the block. Given (x, y), sigma, a and d_c the model is linear in P0 and eta,
 which are integrated in closed form; sigma, a and d_c are summed over small sets; (x, y) is a tree of square cells
-split where the mass is. With A = Phi' K^-1 Phi / sigma^2 + Lambda0, Phi = [1, -L], b = Phi' K^-1 z / sigma^2 + Lambda0 m0:
+split where the mass is. With Phi = [1, -L],
+A = Phi' K^-1 Phi / sigma^2 + Lambda0 and b = Phi' K^-1 z / sigma^2 + Lambda0 m0:
 
     log p(z | x, y, sigma, a, d_c) = -n log sigma - 1/2 log|K| + 1/2 log|Lambda0| - 1/2 log|A|
                                      - 1/2 (z' K^-1 z / sigma^2 + m0' Lambda0 m0 - b' A^-1 b) + const
@@ -35,17 +36,17 @@ IntArray = npt.NDArray[np.int64]
 
 _C = 10.0 / log(10.0)
 _FINEST_BLOCK_M = 2.0
-_MAX_BLOCKS = 400
+_MAX_BLOCKS = 300
 _MAX_POINTS = 1000
 _READINGS_BELIEVED = 16
 _ROUNDING_DB2 = 1.0 / 12.0
 _CHUNK = 512
+_NEGLIGIBLE = 0.995
 _SPLIT_SHARE = 0.002
 _MIN_CELL_M = 0.5
 _MODE_LEVEL = 0.999
 _LEAST_MODE = 0.01
 _LEAST_PEAK = 0.05
-_ONE_PLACE = 0.95
 _MINOR_PLACE = 0.03
 _FEWEST_READINGS = 8
 _SHORTEST_WALK_M = 20.0
@@ -73,12 +74,12 @@ class Prior:
     eta_sigma: float = 0.9
     sigma_db: float = 5.4
     sigma_log_sd: float = 0.45
-    decorrelation_m: tuple[float, ...] = (10.0, 25.0, 60.0, 150.0, 400.0)
+    decorrelation_m: tuple[float, ...] = (12.0, 35.0, 110.0, 350.0, 1100.0)
     white_shares: tuple[float, ...] = (0.1, 0.5)
     near_m: float = 200.0
     far_power: float = 3.0
     height_m: float = 10.0
-    trust: float = 0.6
+    trust: float = 0.5
     reach_m: float = 30_000.0
 
     @property
@@ -96,7 +97,7 @@ class Track(NamedTuple):
     """The walk in blocks of readings taken at about one place.
 
     `x_m, y_m, weight` are supporting points, shape (m,); block k has those from `first[k]` on, weights sum to 1.
-    `block_x_m, block_y_m, level_dbm, count, position_sigma_m` have shape (n,); `size_m` is the side of a block.
+    `block_x_m, block_y_m, level_dbm, readings, position_sigma_m` have shape (n,); `size_m` is the side of a block.
     """
 
     x_m: FloatArray
@@ -106,7 +107,7 @@ class Track(NamedTuple):
     block_x_m: FloatArray
     block_y_m: FloatArray
     level_dbm: FloatArray
-    count: FloatArray
+    readings: FloatArray
     position_sigma_m: FloatArray
     size_m: float
 
@@ -122,7 +123,11 @@ class Noise(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """Per position, shape (h,): log p(z | x, y), moments of (P0, eta), sigma; `by_noise` (c, h) the share of each noise."""
+    """Per position, shape (h,): log p(z | x, y) and the mean of sigma, given all else.
+
+    `theta` (2, h) is the mean of (P0, eta), `theta_cov` (3, h) their var, cov, var, `by_noise` (c, h) the share of
+    each noise hypothesis.
+    """
 
     log_p: FloatArray
     theta: FloatArray
@@ -135,10 +140,12 @@ class Evidence(NamedTuple):
 class Mode:
     """One place where the transmitter may stand.
 
-    `state` is the mean [x, y, P0, eta], `covariance` (4, 4) that of the mode's own mass.
+    `state` is the mean [x, y, P0, eta], `covariance` (4, 4) that of the mode's own mass; `peak` its highest density by
+    that of the highest peak of all.
     """
 
     probability: float
+    peak: float
     state: FloatArray
     covariance: FloatArray
 
@@ -195,7 +202,7 @@ class Posterior:
 
 
 def blocks(obs: CellObservations) -> Track:
-    """Gather the readings of one place, whenever taken, into blocks; at most 400 of them.
+    """Gather the readings of one place, whenever taken, into blocks; at most 300 of them.
 
     Standing still or walking a street twice adds readings to a block and no block.
     """
@@ -205,9 +212,9 @@ def blocks(obs: CellObservations) -> Track:
     coarse, size_m = _grid(mean[0], mean[1], _MAX_BLOCKS)
     order = np.argsort(coarse, kind="stable")
     coarse, count, (x, y, level, variance) = coarse[order], count[order], [v[order] for v in mean]
-    total = np.bincount(coarse, count)
+    total = np.asarray(np.bincount(coarse, count), float)
     weight = count / total[coarse]
-    bx, by, bl, bv = (np.bincount(coarse, weight * v) for v in (x, y, level, variance))
+    bx, by, bl, bv = (np.asarray(np.bincount(coarse, weight * v), float) for v in (x, y, level, variance))
     first = np.searchsorted(coarse, np.arange(len(total)))
     return Track(x, y, weight, first, bx, by, bl, total, np.sqrt(bv), size_m)
 
@@ -229,7 +236,7 @@ def noises(track: Track, prior: Prior) -> list[Noise]:
     """Covariance hypotheses, white noise first."""
     distance = np.hypot(track.block_x_m[:, None] - track.block_x_m, track.block_y_m[:, None] - track.block_y_m)
     # fading stays the same for a while where one stands: more readings are not believed
-    white = 1.0 / np.minimum(track.count, _READINGS_BELIEVED)
+    white = 1.0 / np.minimum(track.readings, _READINGS_BELIEVED)
     rounding = _ROUNDING_DB2 / prior.sigma_db**2
     found = []
     for number, (a, d_c) in enumerate(prior.noise_pairs):
@@ -259,7 +266,8 @@ def receiver_weights(track: Track, prior: Prior, distance_db: FloatArray) -> Flo
     its correlation with other rows stays (position errors last as shadowing does).
     """
     error_db = _C * prior.eta * track.position_sigma_m[:, None] * 10.0 ** (-0.1 * distance_db)
-    return np.asarray(1.0 / np.sqrt(1.0 + (error_db / prior.sigma_db) ** 2), float)
+    weight = 1.0 / np.sqrt(1.0 + (error_db / prior.sigma_db) ** 2)
+    return np.where(np.min(weight, axis=0) < _NEGLIGIBLE, weight, 1.0)
 
 
 def evidence(track: Track, found: list[Noise], prior: Prior, x_m: FloatArray, y_m: FloatArray) -> Evidence:
@@ -313,7 +321,7 @@ def _linear(
     track: Track, noise: Noise, prior: Prior, distance_db: FloatArray, weight: FloatArray, sigma: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Log evidence (s, h) and moments of (P0, eta) (5, s, h) for one noise hypothesis."""
-    near = np.min(weight, axis=0) < 0.99
+    near = np.any(weight < 1.0, axis=0)
     w = noise.whitener
     slope = w @ (-weight * distance_db)
     one = np.repeat(np.sum(w, axis=1)[:, None], len(near), axis=1)
@@ -324,7 +332,7 @@ def _linear(
     s2 = sigma[:, None] ** 2
 
     def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-        return np.einsum("nh,nh->h", a, b) / s2
+        return np.asarray(np.einsum("nh,nh->h", a, b) / s2, float)
 
     lam, mean = prior.precision, np.array([prior.p0_dbm, prior.eta])
     a00, a01, a11 = dot(one, one) + lam[0], dot(one, slope), dot(slope, slope) + lam[1]
@@ -334,7 +342,7 @@ def _linear(
     misfit = dot(level, level) + np.sum(lam * mean**2) - b0 * p0 - b1 * eta
     log_p = -0.5 * (misfit + np.log(det) - np.sum(np.log(lam)) + noise.log_det)
     n = len(track.level_dbm)
-    log_p += np.sum(np.log(np.where(near, weight, 1.0)), axis=0) - n * np.log(sigma)[:, None]
+    log_p += np.sum(np.log(weight), axis=0) - n * np.log(sigma)[:, None]
     return log_p, np.stack([p0, eta, a11 / det, -a01 / det, a00 / det])
 
 
@@ -358,7 +366,7 @@ class _Tree(NamedTuple):
         return np.asarray(mass / np.sum(mass), float)
 
 
-def locate(obs: CellObservations, prior: Prior = Prior()) -> Posterior:  # noqa: B008 - frozen
+def locate(obs: CellObservations, prior: Prior = Prior()) -> Posterior:
     """Posterior of the transmitter's position given all readings of a cell; raises `EstimationError` without any."""
     if not len(obs):
         raise EstimationError("there is no reading of this cell")
@@ -384,7 +392,7 @@ def _first_cells(track: Track, prior: Prior) -> FloatArray:
     """Cells no larger than half their distance from the walk, out to the reach; rows x, y, size."""
     low = np.array([np.min(track.block_x_m), np.min(track.block_y_m)])
     high = np.array([np.max(track.block_x_m), np.max(track.block_y_m)])
-    finest_m = max(5.0, len(track.count) * track.size_m / 200.0)
+    finest_m = max(5.0, len(track.readings) * track.size_m / 200.0)
     square = np.array([*(0.5 * (low + high)), 2.0 * prior.reach_m + float(np.max(high - low))])[:, None]
     done = []
     while square.size:
@@ -424,7 +432,7 @@ def _to_split(tree: _Tree, p: FloatArray, turn: int) -> BoolArray:
     size = np.where(heavy, 0.5 * tree.size_m, tree.size_m)[core]
     reach = 0.5 * (tree.size_m[core][:, None] + tree.size_m) * (1.0 + 1e-9)
     near = (np.abs(tree.x_m[core][:, None] - tree.x_m) <= reach) & (np.abs(tree.y_m[core][:, None] - tree.y_m) <= reach)
-    return heavy | np.any(near & (tree.size_m > 2.5 * size[:, None]), axis=0)
+    return np.asarray(heavy | np.any(near & (tree.size_m > 2.5 * size[:, None]), axis=0), np.bool_)
 
 
 def _plausible(tree: _Tree, found: list[Noise]) -> list[Noise]:
@@ -436,8 +444,9 @@ def _plausible(tree: _Tree, found: list[Noise]) -> list[Noise]:
 def _split(track: Track, found: list[Noise], prior: Prior, tree: _Tree, wanted: BoolArray) -> _Tree:
     square = np.stack([tree.x_m, tree.y_m, tree.size_m])[:, wanted]
     new = _evaluated(track, found, prior, _children(square))
-    evidence_ = Evidence(*(_join(a, b, wanted) for a, b in zip(tree.evidence, new.evidence, strict=True)))
-    return _Tree(*(_join(a, b, wanted) for a, b in zip(tree[:4], new[:4], strict=True)), evidence_)
+    joined = Evidence(*(_join(a, b, wanted) for a, b in zip(tree.evidence, new.evidence, strict=True)))
+    x_m, y_m, size_m, log_prior = (_join(a, b, wanted) for a, b in zip(tree[:4], new[:4], strict=True))
+    return _Tree(x_m, y_m, size_m, log_prior, joined)
 
 
 def _join(old: FloatArray, new: FloatArray, replaced: BoolArray) -> FloatArray:
@@ -448,10 +457,10 @@ def _summary(prior: Prior, tree: _Tree) -> Posterior:
     p = tree.probability(prior.trust)
     cells = Cells(tree.x_m, tree.y_m, tree.size_m, p)
     groups = places(cells, _MODE_LEVEL)
-    floor = _LEAST_PEAK * np.max(cells.density)
-    groups = [g for g in groups if np.sum(p[g]) >= _LEAST_MODE or np.max(cells.density[g]) >= floor]
-    modes = sorted((_mode(tree, p, g) for g in groups), key=lambda mode: -mode.probability)
-    whole = _mode(tree, p, np.arange(len(p)))
+    modes = [_mode(tree, cells, indices) for indices in groups]
+    modes = [mode for mode in modes if mode.probability >= _LEAST_MODE or mode.peak >= _LEAST_PEAK]
+    modes.sort(key=lambda mode: -mode.probability)
+    whole = _mode(tree, cells, np.arange(len(p)))
     best = modes[0]
     distance = np.hypot(tree.x_m - best.x_m, tree.y_m - best.y_m)
     order = np.argsort(distance)
@@ -477,9 +486,9 @@ def _summary(prior: Prior, tree: _Tree) -> Posterior:
     )
 
 
-def _mode(tree: _Tree, p: FloatArray, indices: IntArray) -> Mode:
+def _mode(tree: _Tree, cells: Cells, indices: IntArray) -> Mode:
     """Mean and covariance of [x, y, P0, eta] over some leaves: between the leaves, within each, and given (x, y)."""
-    mass = p[indices]
+    mass = cells.probability[indices]
     share = mass / np.sum(mass)
     points = np.vstack([tree.x_m, tree.y_m, tree.evidence.theta])[:, indices]
     mean = points @ share
@@ -489,7 +498,8 @@ def _mode(tree: _Tree, p: FloatArray, indices: IntArray) -> Mode:
     covariance[[0, 1], [0, 1]] += within
     v00, v01, v11 = tree.evidence.theta_cov[:, indices] @ share
     covariance[2:, 2:] += np.array([[v00, v01], [v01, v11]])
-    return Mode(float(np.sum(mass)), mean, covariance)
+    peak = float(np.max(cells.density[indices]) / np.max(cells.density))
+    return Mode(float(np.sum(mass)), peak, mean, covariance)
 
 
 def verdict(posterior: Posterior, obs: CellObservations) -> tuple[Verdict, list[str]]:
@@ -498,7 +508,7 @@ def verdict(posterior: Posterior, obs: CellObservations) -> tuple[Verdict, list[
     if reasons:
         return "cannot tell", reasons
     best = posterior.modes[0]
-    if best.probability >= _ONE_PLACE:
+    if not _has_rivals(posterior):
         return "located", [f"one place holds {best.probability:.0%}; 95 % lie within {posterior.r95_m:.0f} m of it"]
     named = ", ".join(f"{mode.probability:.0%} at ({mode.x_m:.0f}, {mode.y_m:.0f})" for mode in posterior.modes)
     return "ambiguous", [f"the levels fit several places: {named}", "a walk that bends near one of them would tell"]
@@ -508,7 +518,7 @@ def _too_little(posterior: Posterior, obs: CellObservations) -> list[str]:
     """Why the readings do not hold the answer."""
     walk_m = float(np.hypot(np.ptp(obs.x_m), np.ptp(obs.y_m)))
     radius_m = float(np.sqrt(posterior.region_area_m2 / np.pi))
-    widest_m = max(mode.ellipse.semi_major_m for mode in posterior.modes if mode.probability >= _MINOR_PLACE)
+    widest_m = max(mode.ellipse.semi_major_m for mode in posterior.modes if _counts(mode))
     allowed_m = _allowed_m(posterior, obs, walk_m)
     doubts = {
         f"only {len(obs)} readings, at least {_FEWEST_READINGS} are needed": len(obs) < _FEWEST_READINGS,
@@ -521,11 +531,20 @@ def _too_little(posterior: Posterior, obs: CellObservations) -> list[str]:
     return [reason for reason, holds in doubts.items() if holds]
 
 
+def _counts(mode: Mode) -> bool:
+    return mode.probability >= _MINOR_PLACE or mode.peak >= _LEAST_PEAK
+
+
+def _has_rivals(posterior: Posterior) -> bool:
+    """Whether another place cannot be dismissed: for its mass, or since it fits as well though it is small."""
+    return any(_counts(mode) for mode in posterior.modes[1:])
+
+
 def _allowed_m(posterior: Posterior, obs: CellObservations, walk_m: float) -> float:
     """Largest radius called a location: half the walk's extent and half the median distance, 30 m for a near pass.
 
     Several places may each be twice as large: what counts there is that they are told apart.
     """
     median_m = float(np.median(np.hypot(obs.x_m - posterior.x_m, obs.y_m - posterior.y_m)))
-    share = 0.5 if posterior.modes[0].probability >= _ONE_PLACE else 1.0
+    share = 1.0 if _has_rivals(posterior) else 0.5
     return share * min(walk_m, max(median_m, 60.0))

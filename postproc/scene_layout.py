@@ -72,6 +72,7 @@ def _plot(path: str, name: str, y_range: tuple[float, float] | None = None) -> r
         origin=f"/{path}",
         name=name,
         axis_x=rrb.TimeAxis(link="LinkToGlobal"),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
         axis_y=rrb.ScalarAxis(range=y_range) if y_range else None,
     )
 

@@ -1,5 +1,7 @@
 """The plan: metres east and north of the first fix, seen from above."""
 
+from itertools import pairwise
+
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
@@ -64,18 +66,13 @@ def _legend(sheet: Sheet, picture: Picture) -> None:
     if box is None or not len(picture.heard_dbm):
         return
     weakest, strongest = picture.strength_dbm
-    width, height = 0.4 * box.width / _SCALE_STEPS, 0.02 * box.height
-    x = box.east - 0.4 * box.width + (np.arange(_SCALE_STEPS) + 0.5) * width
-    y = np.full(_SCALE_STEPS, box.south - 0.05 * box.height)
-    boxes = rr.Boxes2D(
-        centers=np.column_stack([x, y]),
-        half_sizes=np.tile([0.55 * width, 0.5 * height], (_SCALE_STEPS, 1)),
-        colors=colours.scale(_SCALE_STEPS),
-        radii=rr.Radius.ui_points(2.0),
-    )
-    sheet.always("plan/levels/scale", boxes)
+    height, y = 0.02 * box.height, box.south - 0.05 * box.height
+    x = np.linspace(box.east - 0.4 * box.width, box.east, _SCALE_STEPS + 1)
+    strips = [[(west, y), (east, y)] for west, east in pairwise(x.tolist())]
+    bar = rr.LineStrips2D(strips, colors=colours.scale(_SCALE_STEPS), radii=0.5 * height)
+    sheet.always("plan/levels/scale", bar)
     ends = rr.Points2D(
-        np.column_stack([x[[0, -1]], y[[0, -1]] - 2.0 * height]),
+        [(x[0], y - 1.5 * height), (x[-1], y - 1.5 * height)],
         labels=[f"{weakest:.0f} dBm", f"{strongest:.0f} dBm"],
         colors=colours.scale(2),
         radii=rr.Radius.ui_points(0.1),

@@ -8,6 +8,7 @@ from logger.core.ellipse import ellipse95
 from logger.core.geo import Utm
 from logger.core.timebase import utc_text
 from postproc.picture import Picture, headline
+from postproc.smooth import CellResult
 
 _COLOURS = (
     "Orange is the EKF, teal RTS, red least squares, blue the posterior (thin: 95 %, thick: 50 % region), "
@@ -17,12 +18,10 @@ _COLOURS = (
 
 def report(picture: Picture) -> str:
     """Verdict, warnings and the estimators side by side."""
-    parts = [_head(picture)]
+    parts = [_head(picture), _list(picture.smoothed.warnings)]
     focus = picture.focus
-    if picture.smoothed.warnings:
-        parts.append(_list(picture.smoothed.warnings))
     if focus is not None:
-        parts += [f"**{headline(focus)}**", _list(focus.warnings), _table(picture), _truth(picture)]
+        parts += [f"**{headline(focus)}**", _list(_further(focus)), _table(picture), _truth(picture)]
         if focus.posterior is not None:
             prior = focus.posterior.prior
             parts.append(
@@ -42,6 +41,11 @@ def _head(picture: Picture) -> str:
     focus = picture.focus
     cell = f"Cell {_plain(focus.cell)}, {focus.n} readings" if focus else "No cell"
     return f"# {cell}\n\n{simulated} `{run.path.name}`, {when}, {len(picture.levels)} cells heard"
+
+
+def _further(focus: CellResult) -> tuple[str, ...]:
+    """Warnings that the headline does not already tell."""
+    return tuple(text for text in focus.warnings if text not in headline(focus))
 
 
 def _list(lines: tuple[str, ...]) -> str:

@@ -38,7 +38,9 @@ def test_jacobian_against_central_differences():
             up[i] += 1e-4
             down[i] -= 1e-4
             numeric.append((_measurement(up, receiver) - _measurement(down, receiver)) / 2e-4)
-        assert ekf.jacobian(ekf.EkfState(*x, ekf.start(0, 0).p), *receiver) == pytest.approx(numeric, rel=1e-6, abs=1e-8)
+        assert ekf.jacobian(ekf.EkfState(*x, ekf.start(0, 0).p), *receiver) == pytest.approx(
+            numeric, rel=1e-6, abs=1e-8
+        )
 
 
 def test_the_start_is_the_specified_one():

@@ -10,7 +10,13 @@ UTC0_NS = 1_790_000_000 * 10**9
 
 def meta(**changes) -> RunMeta:
     return RunMeta(
-        **{"run_id": "0" * 32, "boot_id": "12345678-boot", "started_ns": 0, "origin": "test", "program": "cellwalk test"}
+        **{
+            "run_id": "0" * 32,
+            "boot_id": "12345678-boot",
+            "started_ns": 0,
+            "origin": "test",
+            "program": "cellwalk test",
+        }
         | changes
     )
 

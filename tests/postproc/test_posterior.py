@@ -232,7 +232,7 @@ def test_shift_of_the_walk():
     obs, _ = simulate(np.random.default_rng(20), "L")
     a, b = locate(obs), locate(replace(obs, x_m=obs.x_m + 500_000.0, y_m=obs.y_m + 5_000_000.0))
     assert (b.x_m - 500_000.0, b.y_m - 5_000_000.0) == pytest.approx((a.x_m, a.y_m), abs=0.1)
-    assert b.region_area_m2 == pytest.approx(a.region_area_m2, rel=0.02)
+    assert b.region_area_m2 == pytest.approx(a.region_area_m2, rel=0.05)
 
 
 def test_rotation_of_the_walk():
@@ -336,7 +336,7 @@ def test_measured_walks(traces):
     import csv
     import json
 
-    rows = list(csv.DictReader((traces / "reference.csv").open()))[::10]
+    rows = list(csv.DictReader((traces / "reference.csv").read_text().splitlines()))[::10]
     held = []
     for row in rows:
         truth = json.loads((traces / row["dataset"] / "truth.json").read_text())

@@ -1,0 +1,119 @@
+"""Small results of runs to draw: real readings and filters, and a posterior on a coarse grid, which is quick."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from logger.core import ekf
+from logger.core.geo import Utm
+from logger.core.observations import CellObservations, observe
+from logger.core.runfile import Run, RunWriter, Truth, read_run
+from logger.core.types import CellReading, Fix, Note, Record, Scan
+from postproc import batch
+from postproc.filtered import Filtered, reference_ekf
+from postproc.posterior import Mode, Posterior, Prior
+from postproc.region import Cells
+from postproc.smooth import CellResult, Smoothed
+from tests.kit.runs import UTC0_NS, meta
+
+LAT, LON = 52.5, 13.4
+UTM = Utm.at(LAT, LON)
+START_NS = 5_000_000_000
+TRANSMITTER_M = (70.0, 30.0)
+"""East and north of the first fix."""
+SIDE_M = 120.0
+P0_DBM, ETA = -35.0, 3.0
+
+
+def cell_name(i: int) -> str:
+    return f"262-01-4711-{100 + i}"
+
+
+def write_run(path: Path, *, seconds: int, cells: int, utc: bool = True, truth: bool = True, speed_mps=1.4) -> Run:
+    """Walk around a square, a fix a second and a scan of all cells every other second, 200 ms long."""
+    x0, y0 = UTM.to_xy(LAT, LON)
+    lat, lon = UTM.to_latlon(x0 + TRANSMITTER_M[0], y0 + TRANSMITTER_M[1])
+    known = (Truth(cell_name(0), lat, lon),) if truth else ()
+    writer = RunWriter(path, meta(started_ns=START_NS, truth=known))
+    rng = np.random.default_rng(7)
+    side = np.arange(5) * SIDE_M
+    x, y = (
+        np.interp(np.arange(seconds) * speed_mps % side[4], side, corners)
+        for corners in ([0, SIDE_M, SIDE_M, 0, 0], [0, 0, SIDE_M, SIDE_M, 0])
+    )
+    lats, lons = UTM.to_latlon_arrays(x0 + x, y0 + y)
+    for i in range(seconds):
+        t_ns = START_NS + i * 10**9
+        fix = Fix(True, UTC0_NS + t_ns if utc else None, float(lats[i]), float(lons[i]), hdop=0.9)
+        writer.append(Record(t_ns, "gnss", fix))
+        if i % 2 == 0:
+            levels = _levels(rng, x[i], y[i], cells)
+            readings = tuple(CellReading("scan", "GSM", "262", "01", 4711, 100 + k, rssi_dbm=v) for k, v in levels)
+            writer.append(Record(t_ns + 200_000_000, "modem", Scan(t_ns, readings, None)))
+        if i % 50 == 0:
+            writer.append(Record(t_ns + 300_000_000, "logger", Note("warning", "tick", f"second {i}, Grüße")))
+    writer.close(START_NS + seconds * 10**9, "test")
+    return read_run(path)
+
+
+def _levels(rng: np.random.Generator, x: float, y: float, cells: int) -> list[tuple[int, float]]:
+    distance = np.hypot(x - TRANSMITTER_M[0], y - TRANSMITTER_M[1])
+    own = P0_DBM - 10 * ETA * np.log10(distance) + rng.normal(0.0, 2.0)
+    return [(0, float(own)), *((k, float(rng.normal(-100.0, 4.0))) for k in range(1, cells))]
+
+
+def smoothed(run: Run, *, verdict="located", places=1) -> Smoothed:
+    """Every estimator for the first cell, none for the others."""
+    observations = observe(run.tables["fixes"], run.tables["scans"], run.tables["readings"])
+    by_name = {obs.cell: obs for obs in observations.cells}
+    others = [CellResult(name, len(obs), obs, "cannot tell", ("not asked",)) for name, obs in by_name.items()]
+    obs = by_name[cell_name(0)]
+    answer = posterior(obs, places)
+    filtered, rts = filters(obs, answer)
+    fitted = batch.fit(obs, [(answer.x_m, answer.y_m)])
+    warnings = ("one place holds it; <b>not</b> | markup",)
+    first = CellResult(obs.cell, len(obs), obs, verdict, warnings, answer, reference_ekf(obs), filtered, rts, fitted)
+    return Smoothed(run, observations, (first, *(o for o in others if o.cell != obs.cell)), ("about the run",))
+
+
+def posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior:
+    """Gaussians of equal probability, the first near the transmitter, the next ones 150 m farther north each."""
+    centre = np.array([obs.x_m[0] + TRANSMITTER_M[0] + 4.0, obs.y_m[0] + TRANSMITTER_M[1] - 3.0])
+    centres = [centre + np.array([0.0, 150.0 * i]) for i in range(places)]
+    side = 6.0
+    east, north = np.meshgrid(np.arange(-20, 21) * side, np.arange(-20, 21 + 25 * (places - 1)) * side)
+    x, y = centre[0] + east.ravel(), centre[1] + north.ravel()
+    mass = sum(np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2 * sigma_m**2)) for cx, cy in centres)
+    cells = Cells(x, y, np.full(len(x), side), mass / mass.sum())
+    covariance = np.diag([sigma_m**2, (0.7 * sigma_m) ** 2, 4.0, 0.04])
+    covariance[0, 1] = covariance[1, 0] = 0.3 * sigma_m**2
+    modes = tuple(
+        made(Mode, probability=1 / places, state=np.array([*c, P0_DBM, ETA]), covariance=covariance) for c in centres
+    )
+    return made(
+        Posterior, cells=cells, modes=modes, x_m=float(centre[0]), y_m=float(centre[1]), r95_m=2.45 * sigma_m,
+        drms_m=1.4 * sigma_m, p0_dbm=P0_DBM, p0_sigma_db=2.0, eta=ETA, eta_sigma=0.2, sigma_db=2.0,
+        decorrelation_m=10.0, white_share=0.5, limit_share=0.0, prior=Prior(),
+    )  # fmt: skip
+
+
+def made(kind, **values):
+    """A dataclass from the values that matter here, zero for what it has besides."""
+    return kind(**{f.name: 0.0 for f in dataclasses.fields(kind) if f.init} | values)
+
+
+def filters(obs: CellObservations, answer: Posterior) -> tuple[Filtered, Filtered]:
+    """EKF over the second half of the readings, and RTS, which is its last state."""
+    half, mode = len(obs) // 2, answer.modes[0]
+    state = ekf.EkfState(*mode.state.tolist(), ekf.upper_triangle(mode.covariance))
+    steps = []
+    for x, y, level in zip(obs.x_m[half:], obs.y_m[half:], obs.level_dbm[half:], strict=True):
+        steps.append(ekf.step(state, float(x), float(y), float(level), q=0.0, joseph=True))
+        state = steps[-1].state
+    x = np.array([s.state[:4] for s in steps])
+    p = np.array([ekf.covariance_matrix(s.state.p) for s in steps])
+    innovation, variance = (np.array([getattr(s, n) for s in steps]) for n in ("innovation_db", "innovation_var_db2"))
+    none = np.full(len(x), np.nan)
+    ahead = Filtered(obs.t_ns[half:], x, p, innovation, variance)
+    return ahead, Filtered(obs.t_ns[half:], np.repeat(x[-1:], len(x), 0), np.repeat(p[-1:], len(p), 0), none, none)

@@ -1,0 +1,143 @@
+import json
+import os
+import pty
+import subprocess
+import sys
+
+import pytest
+
+from logger.cli import main
+from logger.config import parse_config
+from logger.core.errors import DeviceError
+from logger.device.port import Port
+from tests.kit import service
+
+REPLY = (
+    '+CENG: 1,1\r\n+CENG: 0,"0666,21,00,310,260,08,4e72,04,03,0113,255"\r\n+CENG: 1,"0233,26,00,ffff,,,0000"\r\nOK\r\n'
+)
+
+
+def _fails(capsys, *argv):
+    """The one line that a mistake costs."""
+    assert main([str(a) for a in argv]) == 2
+    errors = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(errors) == 1, errors
+    return errors[0]
+
+
+@pytest.fixture
+def site(tmp_path):
+    return service.site_toml(tmp_path, "/dev/ttyUSB77", "/dev/ttyUSB78")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (('port = "/dev/ttyUSB77"', 'prot = "/dev/ttyUSB77"'), '[modem] unknown key "prot"; did you mean "port"?'),
+        (("[gnss]", "[gnns]"), 'unknown key "gnns"; did you mean "gnss"?'),
+        (('port = "/dev/ttyUSB78"', ""), '[gnss] missing key "port"'),
+        (("[run]", "[run"), "line 1"),
+        (("poll_interval_s = 0.05", "poll_interval_s = -1"), '[modem] "poll_interval_s": expected `float` > 0'),
+        (("poll_interval_s = 0.05", 'baud = "fast"'), '[modem] "baud": expected `int`, got `str`'),
+        (("ttyUSB78", "ttyUSB77"), "name the same port"),
+        (("poll_interval_s = 0.05", 'driver = "sim8000"'), "no modem driver is called 'sim8000'"),
+    ],
+)
+def test_a_wrong_configuration_is_one_line_with_what_to_mend(site, capsys, change, says):
+    site.write_text(site.read_text().replace(*change))
+    line = _fails(capsys, "check", "--config", site)
+    assert says in line
+    assert str(site) in line or "driver" in line
+    assert _fails(capsys, "run", "--config", site) == line
+
+
+def test_missing_and_unreadable_configuration(tmp_path, capsys):
+    assert "No such file" in _fails(capsys, "run", "--config", tmp_path / "none.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    assert "UTF-8" in _fails(capsys, "run", "--config", tmp_path / "binary.toml")
+
+
+def test_check_tells_of_a_missing_port_but_leaves_it_time(site, capsys):
+    assert main(["check", "--config", str(site), "--json"]) == 0
+    lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)}
+    assert lines["modem"]["state"] == "warn"
+    assert "plugged in" in lines["modem"]["text"]
+
+
+def test_check_refuses_what_is_no_port(site, capsys, tmp_path):
+    site.write_text(site.read_text().replace("/dev/ttyUSB77", str(tmp_path / "site.toml")))
+    assert main(["check", "--config", str(site)]) == 2
+    assert "is no serial port" in capsys.readouterr().out
+
+
+def test_the_directory_of_the_runs_must_be_usable(site, capsys):
+    site.write_text(site.read_text().replace(str(site.parent / "runs"), str(site) + "/below"))
+    assert "[run] directory" in _fails(capsys, "run", "--config", site)
+
+
+def test_sample_configuration_is_valid(pytestconfig):
+    text = (pytestconfig.rootpath / "systemd/site.toml").read_text()
+    plain = parse_config(text, "site.toml")
+    full = parse_config(text.replace("# baud", "baud").replace("# poll", "poll").replace("\n# t", "\nt")
+                        .replace("# hyst", "hyst").replace("# lost", "lost").replace("# max", "max"), "site.toml")  # fmt: skip
+    assert plain == full, "the commented lines must show the defaults"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become somebody without permission")
+def test_a_port_without_permission_says_what_to_do():
+    master, slave = pty.openpty()
+    path = os.ttyname(slave)
+    os.chmod(path, 0o600)
+    try:
+        os.seteuid(65534)
+        with pytest.raises(DeviceError, match="dialout"):
+            Port(path, 9600, 0.1)
+    finally:
+        os.seteuid(0)
+        os.close(master)
+        os.close(slave)
+
+
+def test_port_errors_are_named(tmp_path):
+    with pytest.raises(DeviceError, match="plugged in"):
+        Port(str(tmp_path / "none"), 9600, 0.1)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DeviceError, match="no serial port"):
+        Port(str(tmp_path / "file"), 9600, 0.1)
+
+
+def test_parse_prints_the_fields_of_each_reading(tmp_path, capsys):
+    (tmp_path / "reply.txt").write_text(REPLY, newline="")
+    assert main(["parse", "--driver", "sim800", str(tmp_path / "reply.txt"), "--json"]) == 0
+    serving, neighbour = json.loads(capsys.readouterr().out)
+    assert serving == {
+        "role": "serving", "rat": "GSM", "mcc": "310", "mnc": "260", "lac": 275, "cid": 20082, "arfcn": 666,
+        "arfcn_raw": 666, "bsic": 8, "rxlev_raw": 21, "rxq": 0, "rssi_dbm": -92.0, "ta": None, "c1": None, "c2": None,
+        "label": None,
+    }  # fmt: skip
+    assert (neighbour["role"], neighbour["mcc"], neighbour["rssi_dbm"]) == ("neighbour", None, -87.0)
+    assert main(["parse", "--driver", "sim800", str(tmp_path / "reply.txt")]) == 0
+    assert "mcc=310" in capsys.readouterr().out
+
+
+def test_parse_of_a_missing_file_and_an_unknown_driver(tmp_path, capsys):
+    assert "No such file" in _fails(capsys, "parse", "--driver", "sim800", tmp_path / "none")
+    assert "sim800" in _fails(capsys, "parse", "--driver", "nokia", tmp_path / "none")
+
+
+@pytest.mark.parametrize("command", ["logger.cli", "postproc.cli"])
+def test_help_imports_nothing_heavy(command):
+    code = (
+        f"import sys, {command}\ntry: {command}.main(['--help'])\nexcept SystemExit: pass\nprint(sorted(sys.modules))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    modules = out.splitlines()[-1]
+    assert not [
+        name for name in ("numpy", "h5py", "pyproj", "rerun", "matplotlib", "rich", "serial") if f"'{name}'" in modules
+    ]
+
+
+def test_simulate_a_short_walk(tmp_path, capsys):
+    assert main(["simulate", "--out", str(tmp_path), "--duration", "60", "--speed", "20"]) == 0
+    assert capsys.readouterr().out.strip().endswith(".h5")
+    assert "no scenario" in _fails(capsys, "simulate", "--scenario", "moon")
