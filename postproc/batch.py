@@ -25,6 +25,7 @@ Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 
 _C = 10.0 / log(10.0)
 _SAME_PLACE_M = 5.0
+_ROUNDING_DB = 12.0**-0.5
 _MOST_LAGS = 200
 
 
@@ -150,7 +151,8 @@ def _spread(state: FloatArray, obs: CellObservations, rho: float, loss: Loss) ->
     robust one, over the efficiency of 0.85 or better that the losses have with normal noise.
     """
     r, j = _whitened(residuals(state, obs), rho), _whitened(jacobian(state, obs), rho)
-    sigma = float(np.sqrt(r @ r / max(len(r) - 4, 1)))
+    # levels that fit perfectly are still rounded to whole dB
+    sigma = max(float(np.sqrt(r @ r / max(len(r) - 4, 1))), _ROUNDING_DB)
     if loss != "linear":
         sigma = min(sigma, float(np.median(np.abs(r))) / 0.6745 / np.sqrt(0.85))
     inflation = _inflation(r)

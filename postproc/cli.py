@@ -98,8 +98,8 @@ def _replay(arguments: argparse.Namespace) -> int:
         print(f"replay equals live: {found.n_equal} estimates, to the last bit")
     else:
         print(
-            f"replay differs from live: {found.n_recorded} recorded, {found.n_replayed} replayed, {found.n_equal} equal; "
-            f"first difference at record {found.first_difference}, largest {found.largest_m:.3g} m"
+            f"replay differs from live: {found.n_recorded} recorded, {found.n_replayed} replayed, "
+            f"{found.n_equal} equal; first difference at record {found.first_difference}, largest {found.largest_m:.3g} m"
         )
     return 0 if found.equal else 1
 

@@ -15,8 +15,12 @@ BATCH: Final = (214, 40, 57)
 POSTERIOR: Final = (60, 110, 230)
 REFERENCE: Final = (130, 130, 130)
 TRUTH: Final = (150, 90, 230)
+PALE_TRUTH: Final = (170, 150, 190)
 WALKER: Final = (40, 130, 240)
 QUIET: Final = (125, 125, 135)
+
+BOUNDS: Final = ((90, 150, 90), (175, 145, 40))
+"""Chi-square bounds, the inner one first."""
 
 OTHERS: Final = (
     (150, 150, 60),

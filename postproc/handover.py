@@ -15,7 +15,9 @@ import numpy.typing as npt
 from logger.core import ekf
 from logger.core.observations import CellObservations
 from postproc import metrics, rts
-from postproc.posterior import Posterior, Prior, locate, verdict
+from postproc.evidence import Prior
+from postproc.posterior import Posterior, locate
+from postproc.verdict import verdict
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

@@ -16,6 +16,7 @@ from logger.core.schema import UNKNOWN_ID
 from logger.core.timebase import TimeBase, fit
 from postproc import colours
 from postproc.colours import Colour
+from postproc.posterior import Mode, Posterior
 from postproc.region import Cells, polygons
 from postproc.smooth import CellResult, Smoothed
 
@@ -182,6 +183,11 @@ def headline(result: CellResult) -> str:
         return f"ambiguous: {len(posterior.modes)} places fit ({shares}); 95 % radius {posterior.r95_m:.0f} m"
     why = result.warnings[0] if result.warnings else "the readings do not hold the answer"
     return f"{result.verdict}: {why}"
+
+
+def mode_label(posterior: Posterior, mode: Mode) -> str:
+    """Share of the probability of one place among several; "100 %" of a single one would look like certainty."""
+    return f"{mode.probability:.0%}" if len(posterior.modes) > 1 else ""
 
 
 def levels_of(run: Run) -> tuple[Levels, ...]:

@@ -1,139 +1,29 @@
 """Where a transmitter stands: posterior over (x, y) with everything else integrated out.
 
-Model of the mean level z_k in block k of the walk, L_k = 10 log10 d_k:
-
-    z = P0 - eta L(x, y) + v,    v ~ N(0, sigma^2 K),    K_ij = (1 - a) exp(-D_ij / d_c) + a delta_ij / n_i
-
-with D_ij the distance of two blocks (shadowing is a property of the place: Gudmundson, Electron. Lett. 27(23), 1991),
-a the white share and n_i the readings of the block. Given (x, y), sigma, a and d_c the model is linear in P0 and eta,
-which are integrated in closed form; sigma, a and d_c are summed over small sets; (x, y) is a tree of square cells
-split where the mass is. With Phi = [1, -L],
-A = Phi' K^-1 Phi / sigma^2 + Lambda0 and b = Phi' K^-1 z / sigma^2 + Lambda0 m0:
-
-    log p(z | x, y, sigma, a, d_c) = -n log sigma - 1/2 log|K| + 1/2 log|Lambda0| - 1/2 log|A|
-                                     - 1/2 (z' K^-1 z / sigma^2 + m0' Lambda0 m0 - b' A^-1 b) + const
-
-(marginalised point mass; Schoen, Gustafsson & Nordlund, IEEE Trans. Signal Process. 53(7), 2005).
+The likelihood of a place is in `evidence`, the search over places in `tree`; here is what they add up to.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 from math import log
-from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import cholesky, solve_triangular
 
 from logger.core.ellipse import Ellipse, ellipse95
 from logger.core.errors import EstimationError
 from logger.core.observations import CellObservations
+from postproc.evidence import Prior, blocks
 from postproc.region import LEVEL, Cells, area_m2, places
+from postproc.tree import Tree, grow
 
 FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
-_C = 10.0 / log(10.0)
-_FINEST_BLOCK_M = 2.0
-_MAX_BLOCKS = 300
-_MAX_POINTS = 1000
-_READINGS_BELIEVED = 16
-_ROUNDING_DB2 = 1.0 / 12.0
-_CHUNK = 512
-_NEGLIGIBLE = 0.995
-_SPLIT_SHARE = 0.002
-_MIN_CELL_M = 0.5
+LEAST_PEAK = 0.05
+"""A place with this share of the highest density is named, however little mass it has."""
 _MODE_LEVEL = 0.999
 _LEAST_MODE = 0.01
-_LEAST_PEAK = 0.05
-_MINOR_PLACE = 0.03
-_FEWEST_READINGS = 8
-_SHORTEST_WALK_M = 20.0
-_LEAST_CHANGE_DB = 1.0
-_MAX_CELLS = 6000
-
-Verdict = Literal["located", "ambiguous", "cannot tell"]
-
-
-@dataclass(frozen=True, slots=True)
-class Prior:
-    """What is believed before the walk; printed with every result.
-
-    P0 and eta are normal, sigma is log-normal, the pairs (white share, decorrelation distance) and white noise alone
-    are equally likely. The position is uniform within `near_m` of the walk and falls with the distance to the power
-    of `far_power` beyond, up to `reach_m`; with 2 every octave of range would count the same. The antenna is `height_m`
-    above the receiver. `trust` is the weight of the log-likelihood where the residuals are correlated: an exponential
-    correlation is a guess about houses and hills, and in measured walks a weight of 1 was too sure of itself
-    (generalised posterior: Bissiri, Holmes & Walker, JRSS-B 78(5), 2016).
-    """
-
-    p0_dbm: float = -40.0
-    p0_sigma_db: float = 30.0
-    eta: float = 2.6
-    eta_sigma: float = 0.9
-    sigma_db: float = 5.4
-    sigma_log_sd: float = 0.45
-    decorrelation_m: tuple[float, ...] = (12.0, 35.0, 110.0, 350.0, 1100.0)
-    white_shares: tuple[float, ...] = (0.1, 0.5)
-    near_m: float = 200.0
-    far_power: float = 3.0
-    height_m: float = 10.0
-    trust: float = 0.5
-    reach_m: float = 30_000.0
-
-    @property
-    def noise_pairs(self) -> list[tuple[float, float]]:
-        """White share and decorrelation distance of each hypothesis; the first is white noise alone."""
-        return [(1.0, 0.0)] + [(a, d) for a in self.white_shares for d in self.decorrelation_m]
-
-    @property
-    def precision(self) -> FloatArray:
-        """Lambda0, the inverse variances of P0 and eta, shape (2,)."""
-        return np.array([self.p0_sigma_db**-2, self.eta_sigma**-2])
-
-
-class Track(NamedTuple):
-    """The walk in blocks of readings taken at about one place.
-
-    `x_m, y_m, weight` are supporting points, shape (m,); block k has those from `first[k]` on, weights sum to 1.
-    `block_x_m, block_y_m, level_dbm, readings, position_sigma_m` have shape (n,); `size_m` is the side of a block.
-    """
-
-    x_m: FloatArray
-    y_m: FloatArray
-    weight: FloatArray
-    first: IntArray
-    block_x_m: FloatArray
-    block_y_m: FloatArray
-    level_dbm: FloatArray
-    readings: FloatArray
-    position_sigma_m: FloatArray
-    size_m: float
-
-
-class Noise(NamedTuple):
-    """Hypothesis `number` of the residuals' covariance: `whitener` W with W K W' = I, shape (n, n), and log |K|."""
-
-    number: int
-    white_share: float
-    decorrelation_m: float
-    whitener: FloatArray
-    log_det: float
-
-
-class Evidence(NamedTuple):
-    """Per position, shape (h,): log p(z | x, y) and the mean of sigma, given all else.
-
-    `theta` (2, h) is the mean of (P0, eta), `theta_cov` (3, h) their var, cov, var, `by_noise` (c, h) the share of
-    each noise hypothesis.
-    """
-
-    log_p: FloatArray
-    theta: FloatArray
-    theta_cov: FloatArray
-    sigma_db: FloatArray
-    by_noise: FloatArray
 
 
 @dataclass(frozen=True)
@@ -201,264 +91,19 @@ class Posterior:
         return area_m2(self.cells)
 
 
-def blocks(obs: CellObservations) -> Track:
-    """Gather the readings of one place, whenever taken, into blocks; at most 300 of them.
-
-    Standing still or walking a street twice adds readings to a block and no block.
-    """
-    fine = _grid(obs.x_m, obs.y_m, _MAX_POINTS)[0]
-    count = np.bincount(fine).astype(float)
-    mean = [np.bincount(fine, v) / count for v in (obs.x_m, obs.y_m, obs.level_dbm, obs.position_sigma_m**2)]
-    coarse, size_m = _grid(mean[0], mean[1], _MAX_BLOCKS)
-    order = np.argsort(coarse, kind="stable")
-    coarse, count, (x, y, level, variance) = coarse[order], count[order], [v[order] for v in mean]
-    total = np.asarray(np.bincount(coarse, count), float)
-    weight = count / total[coarse]
-    bx, by, bl, bv = (np.asarray(np.bincount(coarse, weight * v), float) for v in (x, y, level, variance))
-    first = np.searchsorted(coarse, np.arange(len(total)))
-    return Track(x, y, weight, first, bx, by, bl, total, np.sqrt(bv), size_m)
-
-
-def _grid(x_m: FloatArray, y_m: FloatArray, most: int) -> tuple[IntArray, float]:
-    """Number of the square each point lies in, squares as small as `most` of them allow."""
-    size_m = _FINEST_BLOCK_M
-    while True:
-        column = np.floor((x_m - np.mean(x_m)) / size_m).astype(np.int64)
-        row = np.floor((y_m - np.mean(y_m)) / size_m).astype(np.int64)
-        key = (row - row.min()) * (int(np.ptp(column)) + 1) + column - column.min()
-        found, index = np.unique(key, return_inverse=True)
-        if len(found) <= most:
-            return index.astype(np.int64), size_m
-        size_m *= 1.25
-
-
-def noises(track: Track, prior: Prior) -> list[Noise]:
-    """Covariance hypotheses, white noise first."""
-    distance = np.hypot(track.block_x_m[:, None] - track.block_x_m, track.block_y_m[:, None] - track.block_y_m)
-    # fading stays the same for a while where one stands: more readings are not believed
-    white = 1.0 / np.minimum(track.readings, _READINGS_BELIEVED)
-    rounding = _ROUNDING_DB2 / prior.sigma_db**2
-    found = []
-    for number, (a, d_c) in enumerate(prior.noise_pairs):
-        k = (1.0 - a) * np.exp(-distance / max(d_c, 1.0))
-        k[np.diag_indices_from(k)] += a * white + rounding
-        root = cholesky(k, lower=True)
-        whitener = solve_triangular(root, np.eye(len(k)), lower=True)
-        found.append(Noise(number, a, d_c, whitener, 2.0 * float(np.sum(np.log(np.diag(root))))))
-    return found
-
-
-def distances_db(track: Track, height_m: float, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-    """L = 10 log10 d of each block from each position, shape (n, h).
-
-    An uncertain receiver is farther away on average, E d^2 = d^2 + 2 sigma^2; the height adds too; at least 1 m.
-    """
-    spread = np.repeat(2.0 * track.position_sigma_m**2, np.diff(np.append(track.first, len(track.x_m))))
-    d2 = (x_m - track.x_m[:, None]) ** 2 + (y_m - track.y_m[:, None]) ** 2 + spread[:, None] + height_m**2
-    each = 5.0 * np.log10(np.maximum(d2, 1.0))
-    return np.asarray(np.add.reduceat(track.weight[:, None] * each, track.first, axis=0), float)
-
-
-def receiver_weights(track: Track, prior: Prior, distance_db: FloatArray) -> FloatArray:
-    """Factor on a block's row for the error of the receiver's position, shape (n, h).
-
-    An error sigma_g at distance d moves the level by C eta sigma_g / d; the row's variance grows by the square of it,
-    its correlation with other rows stays (position errors last as shadowing does).
-    """
-    error_db = _C * prior.eta * track.position_sigma_m[:, None] * 10.0 ** (-0.1 * distance_db)
-    weight = 1.0 / np.sqrt(1.0 + (error_db / prior.sigma_db) ** 2)
-    return np.where(np.min(weight, axis=0) < _NEGLIGIBLE, weight, 1.0)
-
-
-def evidence(track: Track, found: list[Noise], prior: Prior, x_m: FloatArray, y_m: FloatArray) -> Evidence:
-    """Likelihood of positions with P0, eta, sigma and the noise integrated out; x_m, y_m have shape (h,)."""
-    parts = [
-        _evidence(track, found, prior, x_m[i : i + _CHUNK], y_m[i : i + _CHUNK]) for i in range(0, len(x_m), _CHUNK)
-    ]
-    return Evidence(*(np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)))
-
-
-def sigma_nodes(prior: Prior) -> tuple[FloatArray, FloatArray]:
-    """Values of sigma in dB, 10 % apart, and their log prior weights."""
-    sigma = prior.sigma_db * 1.1 ** np.arange(-18.0, 15.0)
-    log_weight = -0.5 * (np.log(sigma / prior.sigma_db) / prior.sigma_log_sd) ** 2
-    return sigma, log_weight - np.log(np.sum(np.exp(log_weight)))
-
-
-def _evidence(track: Track, found: list[Noise], prior: Prior, x_m: FloatArray, y_m: FloatArray) -> Evidence:
-    distance_db = distances_db(track, prior.height_m, x_m, y_m)
-    weight = receiver_weights(track, prior, distance_db)
-    sigma, log_weight = sigma_nodes(prior)
-    results = [_linear(track, noise, prior, distance_db, weight, sigma) for noise in found]
-    log_p = np.stack([r[0] for r in results]) + log_weight[None, :, None] - log(len(prior.noise_pairs))
-    top = np.max(log_p, axis=(0, 1))
-    share = np.exp(log_p - top)
-    total = np.sum(share, axis=(0, 1))
-    share /= total
-    moments = np.stack([r[1] for r in results])  # (c, 5, s, h): P0, eta, var P0, cov, var eta
-    p0, eta, v00, v01, v11 = np.moveaxis(moments, 1, 0)
-    mean0, mean1 = np.sum(share * p0, axis=(0, 1)), np.sum(share * eta, axis=(0, 1))
-    cov = [
-        np.sum(share * (v + da * db), axis=(0, 1))
-        for v, da, db in (
-            (v00, p0 - mean0, p0 - mean0),
-            (v01, p0 - mean0, eta - mean1),
-            (v11, eta - mean1, eta - mean1),
-        )
-    ]
-    by_noise = np.zeros((len(prior.noise_pairs), len(x_m)))
-    by_noise[[noise.number for noise in found]] = np.sum(share, axis=1)
-    return Evidence(
-        top + np.log(total),
-        np.stack([mean0, mean1]),
-        np.stack(cov),
-        np.sum(share * sigma[None, :, None], axis=(0, 1)),
-        by_noise,
-    )
-
-
-def _linear(
-    track: Track, noise: Noise, prior: Prior, distance_db: FloatArray, weight: FloatArray, sigma: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Log evidence (s, h) and moments of (P0, eta) (5, s, h) for one noise hypothesis."""
-    near = np.any(weight < 1.0, axis=0)
-    w = noise.whitener
-    slope = w @ (-weight * distance_db)
-    one = np.repeat(np.sum(w, axis=1)[:, None], len(near), axis=1)
-    level = np.repeat((w @ track.level_dbm)[:, None], len(near), axis=1)
-    if np.any(near):
-        one[:, near] = w @ weight[:, near]
-        level[:, near] = w @ (weight[:, near] * track.level_dbm[:, None])
-    s2 = sigma[:, None] ** 2
-
-    def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-        return np.asarray(np.einsum("nh,nh->h", a, b) / s2, float)
-
-    lam, mean = prior.precision, np.array([prior.p0_dbm, prior.eta])
-    a00, a01, a11 = dot(one, one) + lam[0], dot(one, slope), dot(slope, slope) + lam[1]
-    b0, b1 = dot(one, level) + lam[0] * mean[0], dot(slope, level) + lam[1] * mean[1]
-    det = a00 * a11 - a01 * a01
-    p0, eta = (a11 * b0 - a01 * b1) / det, (a00 * b1 - a01 * b0) / det
-    misfit = dot(level, level) + np.sum(lam * mean**2) - b0 * p0 - b1 * eta
-    log_p = -0.5 * (misfit + np.log(det) - np.sum(np.log(lam)) + noise.log_det)
-    n = len(track.level_dbm)
-    log_p += np.sum(np.log(weight), axis=0) - n * np.log(sigma)[:, None]
-    return log_p, np.stack([p0, eta, a11 / det, -a01 / det, a00 / det])
-
-
-class _Tree(NamedTuple):
-    """Leaves of the cell tree, shape (h,) each: centre, side, and what the walk says about the centre."""
-
-    x_m: FloatArray
-    y_m: FloatArray
-    size_m: FloatArray
-    log_prior: FloatArray
-    evidence: Evidence
-
-    def probability(self, trust: float) -> FloatArray:
-        """Mass of each leaf; `trust` weighs the likelihood as far as the noise is not white."""
-        white = float(self.evidence.by_noise[0] @ self._mass(1.0))
-        return self._mass(white + (1.0 - white) * trust)
-
-    def _mass(self, weight: float) -> FloatArray:
-        log_mass = weight * self.evidence.log_p + self.log_prior + 2.0 * np.log(self.size_m)
-        mass = np.exp(log_mass - np.max(log_mass))
-        return np.asarray(mass / np.sum(mass), float)
-
-
-def locate(obs: CellObservations, prior: Prior = Prior()) -> Posterior:
+def locate(obs: CellObservations, prior: Prior = Prior()) -> Posterior:  # noqa: B008 (frozen)
     """Posterior of the transmitter's position given all readings of a cell; raises `EstimationError` without any."""
     if not len(obs):
         raise EstimationError("there is no reading of this cell")
-    track = blocks(obs)
-    found = noises(track, prior)
-    tree = _evaluated(track, found, prior, _first_cells(track, prior))
-    for turn in range(24):
-        wanted = _to_split(tree, tree.probability(prior.trust), turn)
-        if not np.any(wanted):
-            break
-        if turn == 4:
-            found = _plausible(tree, found)
-        tree = _split(track, found, prior, tree, wanted)
-    return _summary(prior, tree)
+    return _summary(prior, grow(blocks(obs), prior))
 
 
-def _nearest_m(track: Track, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-    d2 = (x_m[:, None] - track.block_x_m) ** 2 + (y_m[:, None] - track.block_y_m) ** 2
-    return np.asarray(np.sqrt(np.min(d2, axis=1)), float)
-
-
-def _first_cells(track: Track, prior: Prior) -> FloatArray:
-    """Cells no larger than half their distance from the walk, out to the reach; rows x, y, size."""
-    low = np.array([np.min(track.block_x_m), np.min(track.block_y_m)])
-    high = np.array([np.max(track.block_x_m), np.max(track.block_y_m)])
-    finest_m = max(5.0, len(track.readings) * track.size_m / 200.0)
-    square = np.array([*(0.5 * (low + high)), 2.0 * prior.reach_m + float(np.max(high - low))])[:, None]
-    done = []
-    while square.size:
-        large = square[2] > np.maximum(finest_m, 0.5 * _nearest_m(track, square[0], square[1]))
-        done.append(square[:, ~large])
-        square = _children(square[:, large])
-    return np.concatenate(done, axis=1)
-
-
-def _children(square: FloatArray) -> FloatArray:
-    quarter = 0.25 * square[2]
-    return np.concatenate(
-        [np.stack([square[0] + i * quarter, square[1] + j * quarter, 2.0 * quarter]) for i in (-1, 1) for j in (-1, 1)],
-        axis=1,
-    )
-
-
-def _evaluated(track: Track, found: list[Noise], prior: Prior, square: FloatArray) -> _Tree:
-    x_m, y_m, size_m = square
-    beyond = np.maximum(_nearest_m(track, x_m, y_m) / prior.near_m, 1.0)
-    return _Tree(x_m, y_m, size_m, -prior.far_power * np.log(beyond), evidence(track, found, prior, x_m, y_m))
-
-
-def _to_split(tree: _Tree, p: FloatArray, turn: int) -> BoolArray:
-    """Leaves that hold much of the mass, and those twice as large as such a neighbour.
-
-    In the first turns a cell's centre may miss the peak inside it: the best cells are split whatever they hold.
-    """
-    heavy = (p > _SPLIT_SHARE) & (tree.size_m > 2.0 * _MIN_CELL_M)
-    if turn < 3:
-        score = tree.evidence.log_p + tree.log_prior
-        floor = max(np.max(score) - 6.0, np.partition(score, -min(200, len(score)))[-min(200, len(score))])
-        heavy |= (score >= floor) & (tree.size_m > 8.0)
-    if len(p) > _MAX_CELLS:
-        return np.zeros(len(p), bool)
-    core = np.flatnonzero(p > 0.1 * _SPLIT_SHARE)
-    size = np.where(heavy, 0.5 * tree.size_m, tree.size_m)[core]
-    reach = 0.5 * (tree.size_m[core][:, None] + tree.size_m) * (1.0 + 1e-9)
-    near = (np.abs(tree.x_m[core][:, None] - tree.x_m) <= reach) & (np.abs(tree.y_m[core][:, None] - tree.y_m) <= reach)
-    return np.asarray(heavy | np.any(near & (tree.size_m > 2.5 * size[:, None]), axis=0), np.bool_)
-
-
-def _plausible(tree: _Tree, found: list[Noise]) -> list[Noise]:
-    """Noise hypotheses that are not yet ruled out by the walk."""
-    share = tree.evidence.by_noise @ tree.probability(1.0)
-    return [noise for noise in found if share[noise.number] > 1e-4 * np.max(share)]
-
-
-def _split(track: Track, found: list[Noise], prior: Prior, tree: _Tree, wanted: BoolArray) -> _Tree:
-    square = np.stack([tree.x_m, tree.y_m, tree.size_m])[:, wanted]
-    new = _evaluated(track, found, prior, _children(square))
-    joined = Evidence(*(_join(a, b, wanted) for a, b in zip(tree.evidence, new.evidence, strict=True)))
-    x_m, y_m, size_m, log_prior = (_join(a, b, wanted) for a, b in zip(tree[:4], new[:4], strict=True))
-    return _Tree(x_m, y_m, size_m, log_prior, joined)
-
-
-def _join(old: FloatArray, new: FloatArray, replaced: BoolArray) -> FloatArray:
-    return np.concatenate([old[..., ~replaced], new], axis=-1)
-
-
-def _summary(prior: Prior, tree: _Tree) -> Posterior:
+def _summary(prior: Prior, tree: Tree) -> Posterior:
     p = tree.probability(prior.trust)
     cells = Cells(tree.x_m, tree.y_m, tree.size_m, p)
     groups = places(cells, _MODE_LEVEL)
     modes = [_mode(tree, cells, indices) for indices in groups]
-    modes = [mode for mode in modes if mode.probability >= _LEAST_MODE or mode.peak >= _LEAST_PEAK]
+    modes = [mode for mode in modes if mode.probability >= _LEAST_MODE or mode.peak >= LEAST_PEAK]
     modes.sort(key=lambda mode: -mode.probability)
     whole = _mode(tree, cells, np.arange(len(p)))
     best = modes[0]
@@ -486,7 +131,7 @@ def _summary(prior: Prior, tree: _Tree) -> Posterior:
     )
 
 
-def _mode(tree: _Tree, cells: Cells, indices: IntArray) -> Mode:
+def _mode(tree: Tree, cells: Cells, indices: IntArray) -> Mode:
     """Mean and covariance of [x, y, P0, eta] over some leaves: between the leaves, within each, and given (x, y)."""
     mass = cells.probability[indices]
     share = mass / np.sum(mass)
@@ -500,51 +145,3 @@ def _mode(tree: _Tree, cells: Cells, indices: IntArray) -> Mode:
     covariance[2:, 2:] += np.array([[v00, v01], [v01, v11]])
     peak = float(np.max(cells.density[indices]) / np.max(cells.density))
     return Mode(float(np.sum(mass)), peak, mean, covariance)
-
-
-def verdict(posterior: Posterior, obs: CellObservations) -> tuple[Verdict, list[str]]:
-    """Whether the walk locates the transmitter, and in plain words why or why not."""
-    reasons = _too_little(posterior, obs)
-    if reasons:
-        return "cannot tell", reasons
-    best = posterior.modes[0]
-    if not _has_rivals(posterior):
-        return "located", [f"one place holds {best.probability:.0%}; 95 % lie within {posterior.r95_m:.0f} m of it"]
-    named = ", ".join(f"{mode.probability:.0%} at ({mode.x_m:.0f}, {mode.y_m:.0f})" for mode in posterior.modes)
-    return "ambiguous", [f"the levels fit several places: {named}", "a walk that bends near one of them would tell"]
-
-
-def _too_little(posterior: Posterior, obs: CellObservations) -> list[str]:
-    """Why the readings do not hold the answer."""
-    walk_m = float(np.hypot(np.ptp(obs.x_m), np.ptp(obs.y_m)))
-    radius_m = float(np.sqrt(posterior.region_area_m2 / np.pi))
-    widest_m = max(mode.ellipse.semi_major_m for mode in posterior.modes if _counts(mode))
-    allowed_m = _allowed_m(posterior, obs, walk_m)
-    doubts = {
-        f"only {len(obs)} readings, at least {_FEWEST_READINGS} are needed": len(obs) < _FEWEST_READINGS,
-        f"the walk spans only {walk_m:.0f} m": walk_m < _SHORTEST_WALK_M,
-        "the level hardly changes along the walk": float(np.std(obs.level_dbm)) < _LEAST_CHANGE_DB,
-        f"the transmitter may be farther than the searched {posterior.prior.reach_m / 1000:.0f} km": posterior.at_limit,
-        f"the region is too large: a place up to {widest_m:.0f} m wide, in all a circle of {radius_m:.0f} m; "
-        f"this walk allows for {allowed_m:.0f} m": max(radius_m, widest_m) > allowed_m,
-    }
-    return [reason for reason, holds in doubts.items() if holds]
-
-
-def _counts(mode: Mode) -> bool:
-    return mode.probability >= _MINOR_PLACE or mode.peak >= _LEAST_PEAK
-
-
-def _has_rivals(posterior: Posterior) -> bool:
-    """Whether another place cannot be dismissed: for its mass, or since it fits as well though it is small."""
-    return any(_counts(mode) for mode in posterior.modes[1:])
-
-
-def _allowed_m(posterior: Posterior, obs: CellObservations, walk_m: float) -> float:
-    """Largest radius called a location: half the walk's extent and half the median distance, 30 m for a near pass.
-
-    Several places may each be twice as large: what counts there is that they are told apart.
-    """
-    median_m = float(np.median(np.hypot(obs.x_m - posterior.x_m, obs.y_m - posterior.y_m)))
-    share = 1.0 if _has_rivals(posterior) else 0.5
-    return share * min(walk_m, max(median_m, 60.0))

@@ -46,8 +46,8 @@ def _write(picture: Picture, path: Path) -> None:
     recording = rr.RecordingStream(APPLICATION, recording_id=f"{picture.run.meta.run_id} {name}")
     recording.set_log_time_enabled(False)
     blueprint = layout(picture)
-    recording.save(path, default_blueprint=blueprint)
-    # a layout the viewer remembers from another run would win over a default
+    recording.save(path)
+    # active, not only default: a layout the viewer remembers from another run would win over a default
     recording.send_blueprint(blueprint, make_active=True, make_default=True)
     recording.send_recording_name(name)
     sheet = Sheet(recording, picture.clock)

@@ -6,6 +6,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from postproc.picture import Picture
+from postproc.scene_plan import KEY_WIDTH
 from postproc.scene_series import QUANTITIES, axis_range
 
 SHARED_AXIS = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc/TimeAxis"
@@ -28,7 +29,7 @@ def layout(picture: Picture) -> rrb.Blueprint:
     words = rrb.Tabs(
         rrb.TextDocumentView(origin="/report", name="Report"), rrb.TextLogView(origin="/events", name="Events")
     )
-    left = rrb.Vertical(_plan(picture), words, row_shares=[2.0, 1.0])
+    left = rrb.Vertical(_plan(picture), words, row_shares=[1.6, 1.0])
     plots = _plots(picture)
     right = rrb.Vertical(*plots, row_shares=[1.6] + [1.0] * (len(plots) - 1))
     return _Blueprint(
@@ -50,7 +51,7 @@ def _plan(picture: Picture) -> rrb.View:
     margin = 0.03 * box.size
     # the plan is mirrored, so are its bounds
     bounds = rrb.VisualBounds2D(
-        x_range=(box.west - margin, box.east + margin),
+        x_range=(box.west - margin, box.east + KEY_WIDTH * box.size),
         y_range=(-(box.north + margin), -(box.south - 0.12 * box.height - margin)),
     )
     return rrb.Spatial2DView(origin="/", contents="/plan/**", name="Plan", visual_bounds=bounds)

@@ -10,7 +10,7 @@ from logger.core.observations import MAX_GAP_S
 from postproc import colours
 from postproc.colours import Colour
 from postproc.filtered import Filtered
-from postproc.picture import Box, Picture, nice_step
+from postproc.picture import Box, Picture, mode_label, nice_step
 from postproc.scene_sheet import Sheet, closed, ellipse_axes, thinned
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,6 +23,9 @@ _FARTHEST_M = 1e6
 """A filter that has run away farther than this cannot be drawn in single precision and tells nothing."""
 _SCALE_STEPS = 24
 
+KEY_WIDTH = 0.3
+"""Room for the colour key to the east of the plan, as a share of its size."""
+
 
 def draw_plan(sheet: Sheet, picture: Picture) -> None:
     """Everything on the plan; nothing for a run without a fix."""
@@ -32,12 +35,13 @@ def draw_plan(sheet: Sheet, picture: Picture) -> None:
     sheet.always("plan", rr.Transform3D(scale=(1.0, -1.0, 1.0)))
     _ground(sheet, picture.box)
     _legend(sheet, picture)
+    _key(sheet, picture)
     _track(sheet, picture)
     _walker(sheet, picture)
     _posterior(sheet, picture)
     _estimates(sheet, picture)
     if picture.truth_m is not None:
-        _mark(sheet, "plan/truth", picture.truth_m, "truth", colours.TRUTH, 7.0)
+        _mark(sheet, "plan/truth", picture.truth_m, colours.TRUTH, 7.0)
 
 
 def _ground(sheet: Sheet, box: Box) -> None:
@@ -79,6 +83,23 @@ def _legend(sheet: Sheet, picture: Picture) -> None:
         show_labels=True,
     )
     sheet.always("plan/levels/ends", ends)
+
+
+def _key(sheet: Sheet, picture: Picture) -> None:
+    """Which colour is whose, beside the plan: labels at the places themselves would cover each other."""
+    box = picture.box
+    if box is None:
+        return
+    named = [("walker", colours.WALKER)]
+    if picture.region95:
+        named.append(("posterior 95 %, 50 %", colours.POSTERIOR))
+    named += [(estimate.name, estimate.colour) for estimate in picture.estimates]
+    if picture.truth_m is not None:
+        named.append(("truth (simulated)", colours.TRUTH))
+    places = [(box.east + 0.5 * KEY_WIDTH * box.size, box.north - 0.09 * i * box.height) for i in range(len(named))]
+    labels, rgb = [name for name, _ in named], [colour for _, colour in named]
+    radius = rr.Radius.ui_points(5.0)
+    sheet.always("plan/key", rr.Points2D(places, labels=labels, colors=rgb, radii=radius, show_labels=True))
 
 
 def _track(sheet: Sheet, picture: Picture) -> None:
@@ -123,9 +144,14 @@ def _posterior(sheet: Sheet, picture: Picture) -> None:
         places = picture.local(
             np.array([mode.x_m for mode in posterior.modes]), np.array([mode.y_m for mode in posterior.modes])
         )
-        labels = [f"{mode.probability:.0%}" for mode in posterior.modes]
-        radius = rr.Radius.ui_points(5.0)
-        points = rr.Points2D(places, labels=labels, colors=[colours.POSTERIOR], radii=radius, show_labels=True)
+        labels = [mode_label(posterior, mode) for mode in posterior.modes]
+        points = rr.Points2D(
+            places,
+            labels=labels if any(labels) else None,
+            colors=[colours.POSTERIOR],
+            radii=rr.Radius.ui_points(5.0),
+            show_labels=True,
+        )
         sheet.always("plan/posterior/places", points)
 
 
@@ -134,21 +160,21 @@ def _estimates(sheet: Sheet, picture: Picture) -> None:
     focus = picture.focus
     if focus is None:
         return
-    for key, name, colour, filtered in (
-        ("reference", "reference EKF (wrong)", colours.REFERENCE, focus.reference),
-        ("ekf", "EKF", colours.EKF, focus.ekf),
+    for key, colour, filtered in (
+        ("reference", colours.REFERENCE, focus.reference),
+        ("ekf", colours.EKF, focus.ekf),
     ):
         if filtered is not None:
-            _filter(sheet, picture, filtered, f"plan/{key}", name, colour)
+            _filter(sheet, picture, filtered, f"plan/{key}", colour)
     for estimate in picture.estimates:
         if estimate.key in ("rts", "batch") and np.hypot(*estimate.x[:2]) < _FARTHEST_M:
             path, place = f"plan/{estimate.key}", (float(estimate.x[0]), float(estimate.x[1]))
-            _mark(sheet, path, place, estimate.name, estimate.colour, 5.0)
+            _mark(sheet, path, place, estimate.colour, 5.0)
             axes, turn = ellipse_axes(estimate.p[None])
             sheet.always(f"{path}/ellipse", *_ellipse_at(place, axes[0], turn[0], estimate.colour))
 
 
-def _filter(sheet: Sheet, picture: Picture, filtered: Filtered, path: str, name: str, colour: Colour) -> None:
+def _filter(sheet: Sheet, picture: Picture, filtered: Filtered, path: str, colour: Colour) -> None:
     """A filter's path, and its place and 95 % ellipse at each reading."""
     places = picture.local(filtered.x[:, 0], filtered.x[:, 1])
     with np.errstate(invalid="ignore"):
@@ -160,8 +186,7 @@ def _filter(sheet: Sheet, picture: Picture, filtered: Filtered, path: str, name:
         strip = places[thinned(len(places), _MOST_POINTS)]
         radius = rr.Radius.ui_points(0.75)
         sheet.always(f"{path}/path", rr.LineStrips2D([strip], colors=[(*colour, 130)], radii=radius))
-    place = rr.Points2D.from_fields(colors=[colour], radii=rr.Radius.ui_points(5.0), labels=[name], show_labels=True)
-    sheet.always(path, place)
+    sheet.always(path, rr.Points2D.from_fields(colors=[colour], radii=rr.Radius.ui_points(5.0)))
     sheet.over_time(path, t_ns, rr.Points2D.columns(positions=places))
     axes, turns = ellipse_axes(filtered.p[sane])
     outline = rr.Ellipses2D.from_fields(colors=[colour], line_radii=rr.Radius.ui_points(1.25))
@@ -178,6 +203,5 @@ def _ellipse_at(
     return outline, rr.Transform3D(translation=(*place_m, 0.0), quaternion=rr.Quaternion(xyzw=turn))
 
 
-def _mark(sheet: Sheet, path: str, place_m: tuple[float, float], label: str, colour: Colour, size: float) -> None:
-    radius = rr.Radius.ui_points(size)
-    sheet.always(path, rr.Points2D([place_m], labels=[label], colors=[colour], radii=radius, show_labels=True))
+def _mark(sheet: Sheet, path: str, place_m: tuple[float, float], colour: Colour, size: float) -> None:
+    sheet.always(path, rr.Points2D([place_m], colors=[colour], radii=rr.Radius.ui_points(size)))

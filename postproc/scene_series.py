@@ -53,8 +53,8 @@ def draw_series(sheet: Sheet, picture: Picture) -> None:
         _consistency(sheet, key, name, colour, filtered)
         _accuracy(sheet, picture, key, name, colour, filtered)
     if any(len(filtered) for _, _, _, filtered in filters(picture)):
-        for (share, bound), colour in zip(CHI2_BOUNDS, (colours.POSTERIOR, colours.BATCH), strict=True):
-            _constant(sheet, f"nis/bound{share:g}", f"chi-square {share:.1%}", colour, bound, span)
+        for (share, bound), colour in zip(CHI2_BOUNDS, colours.BOUNDS, strict=True):
+            _constant(sheet, f"nis/bound{share:g}", f"chi-square {share * 100:g} %", colour, bound, span)
     if picture.focus.posterior is not None:
         r95_m = picture.focus.posterior.r95_m
         _constant(sheet, "accuracy/posterior", "posterior 95 % radius", colours.POSTERIOR, r95_m, span)
@@ -92,7 +92,7 @@ def axis_range(picture: Picture, quantity: Quantity) -> tuple[float, float] | No
     if ekf is not None:
         spread = 2.0 * np.sqrt(np.maximum(ekf.p[:, quantity.row, quantity.row], 0.0))
         ends += [ekf.x[:, quantity.row] - spread, ekf.x[:, quantity.row] + spread]
-    ends += [estimate.x[[quantity.row]] for estimate in picture.estimates]
+    ends += [estimate.x[[quantity.row]] for estimate in picture.estimates if estimate.key != "reference"]
     values = np.concatenate(ends)
     near = values[np.isfinite(values) & (np.abs(values - mean) <= quantity.reach)]
     low, high = (float(near.min()), float(near.max())) if len(near) else (mean - 1.0, mean + 1.0)
@@ -164,7 +164,9 @@ def _accuracy(sheet: Sheet, picture: Picture, key: str, name: str, colour: Colou
     if picture.truth_m is not None and len(t_ns):
         places = picture.local(x[:, 0], x[:, 1])
         error = np.hypot(places[:, 0] - picture.truth_m[0], places[:, 1] - picture.truth_m[1])
-        sheet.always(f"accuracy/{key}/error", line(f"{name}: true error", colours.TRUTH, 1.0 + (key == "ekf")))
+        sheet.always(
+            f"accuracy/{key}/error", line(f"{name}: true error", colours.TRUTH if key == "ekf" else colours.PALE_TRUTH)
+        )
         sheet.over_time(f"accuracy/{key}/error", t_ns, rr.Scalars.columns(scalars=error))
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import hypot
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.observations import CellObservations, Observations, observe
@@ -12,7 +13,8 @@ from logger.core.runfile import Run
 from postproc import batch, handover
 from postproc.batch import BatchFit
 from postproc.filtered import Filtered, reference_ekf
-from postproc.posterior import Posterior, Verdict, locate, verdict
+from postproc.posterior import Posterior, locate
+from postproc.verdict import Verdict, verdict
 
 FEWEST_READINGS = 5
 """Four unknowns and no check: with fewer readings there is nothing to be said at all."""
@@ -68,7 +70,9 @@ def smooth_run(run: Run, only: Sequence[str] | None = None, *, progress: Progres
         warnings.append(str(error))
     if not heard:
         warnings.append("no cell with an identity was heard")
-    found = [smooth_cell(obs) for obs in (progress(usable, "locating", len(usable)) if progress else usable)]
+    # the matrices are small: threads of BLAS would only wait for each other
+    with threadpool_limits(1):
+        found = [smooth_cell(obs) for obs in (progress(usable, "locating", len(usable)) if progress else usable)]
     located = {result.cell for result in found}
     found += [_without_place(name, n) for name, n in heard.items() if name not in located]
     return Smoothed(run, observations, tuple(found), tuple(warnings))

@@ -22,7 +22,7 @@ def show(write: Callable[[Path], None], name: str) -> int:
     with TemporaryDirectory(prefix="cellwalk-") as folder:
         path = Path(folder) / f"{name}.rrd"
         write(path)
-        code = subprocess.call(command(viewer, path), env={**os.environ, "RERUN_ANALYTICS": "0"})  # noqa: S603 - its own binary
+        code = subprocess.call(command(viewer, path), env=_discreet(viewer, Path(folder)))  # noqa: S603 - its own binary
     if code:
         raise ConfigError(f"the rerun viewer stopped with code {code} (no graphics?): use --save RUN.rrd instead")
     return 0
@@ -44,6 +44,17 @@ def binary() -> Path:
     if found is None:
         raise ConfigError(_MISSING)
     return found
+
+
+def _discreet(viewer: Path, folder: Path) -> dict[str, str]:
+    """Environment in which the viewer sends no usage statistics.
+
+    No variable turns them off (seen with rerun 0.41), its settings do: so it gets a folder of settings of its own, and
+    the user's stay as they are. Only Linux heeds the variable.
+    """
+    environment = os.environ | {"XDG_CONFIG_HOME": str(folder / "settings")}
+    subprocess.run([viewer, "analytics", "disable"], env=environment, check=False, capture_output=True)  # noqa: S603
+    return environment
 
 
 def command(viewer: Path, path: Path) -> list[str]:

@@ -18,7 +18,7 @@ COLD_START_S = 30.0
 
 # A small transmitter of some 10 mW between the streets that the walk takes, and rooftop cells around them. 001-01 is
 # the test network of ITU-T E.212.
-ROGUE = Transmitter(128.0, 105.0, p0_dbm=-25.0, eta=3.0, mcc="001", mnc="01", lac=0x7D01, cid=0x1A2B, arfcn=54, bsic=9)
+ROGUE = Transmitter(130.0, 100.0, p0_dbm=-25.0, eta=3.0, mcc="001", mnc="01", lac=0x7D01, cid=0x1A2B, arfcn=54, bsic=9)
 CELLS = (
     Transmitter(-150.0, 120.0, -10.0, 3.0, "001", "01", 0x0113, 0x4E72, arfcn=21, bsic=8, height_m=25.0),
     Transmitter(330.0, 290.0, -12.0, 3.1, "001", "01", 0x0113, 0xA53F, arfcn=37, bsic=25, height_m=30.0),
@@ -27,7 +27,8 @@ CELLS = (
     Transmitter(60.0, 930.0, -6.0, 3.0, "001", "01", 0x0114, 0x4F2F, arfcn=11, bsic=62, height_m=40.0),
 )
 BLOCK = (
-    (0.0, 0.0), (0.0, 165.0), (250.0, 165.0), (250.0, -60.0), (70.0, -60.0), (70.0, 60.0), (190.0, 60.0), (190.0, 165.0)
+    (-120.0, -100.0), (-120.0, 80.0), (110.0, 80.0), (110.0, 200.0), (-40.0, 200.0), (-40.0, 330.0), (330.0, 330.0),
+    (330.0, 118.0), (150.0, 118.0), (150.0, -90.0), (330.0, -90.0), (330.0, 20.0), (-20.0, 20.0),
 )  # fmt: skip
 
 
@@ -65,6 +66,6 @@ def scenario(name: str = DEFAULT, seed: int = 1, duration_s: float | None = None
 
 
 SCENARIOS: Mapping[str, Radio] = {
-    "block": Radio(shadowing_sigma_db=6.0, decorrelation_m=20.0),
+    "block": Radio(shadowing_sigma_db=4.0, decorrelation_m=15.0),
     "clear": Radio(shadowing_sigma_db=0.0, fading_sigma_db=0.0),  # the formula alone, for checks
 }

@@ -24,7 +24,8 @@ from logger.core.types import CellReading, Fix, Note, Rat, Record, Scan
 DEFAULT_CELL = "target"
 LEVEL_RANGE_DBM = (-200.0, 50.0)
 _CELL_BYTES = 64
-_RATS: Mapping[str, Rat] = {"2G": "GSM", "3G": "WCDMA", "4G": "LTE", "5G": "NR"} | {r.upper(): r for r in get_args(Rat)}
+_GENERATIONS: dict[str, Rat] = {"2G": "GSM", "3G": "WCDMA", "4G": "LTE", "5G": "NR"}
+_RATS = _GENERATIONS | {rat.upper(): rat for rat in get_args(Rat)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,8 @@ import pytest
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations
 from postproc import handover, metrics
-from postproc.posterior import Prior, locate
+from postproc.evidence import Prior
+from postproc.posterior import locate
 
 
 def square_walk(rng, *, noise_db=2.0, laps=2, step=2.8, source=(60.0, 95.0)):

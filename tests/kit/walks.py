@@ -1,0 +1,66 @@
+"""Walks past one transmitter, simulated independently of `logger.sim`."""
+
+import numpy as np
+
+from logger.core.geo import Utm
+from logger.core.observations import CellObservations
+from postproc.region import highest_density
+
+
+def observations(x, y, level, position_sigma=0.0):
+    at = np.arange(len(x))
+    x, y, level = (np.asarray(v, float) for v in (x, y, level))
+    return CellObservations("c", "gsm", Utm(32), at * 10**9, x, y, np.full(len(x), position_sigma), level, at)
+
+
+def path(shape, count=600, step=1.4):
+    """Positions of a walk, about 840 m long."""
+    s = np.arange(count) * step
+    length = count * step
+    if shape == "straight":
+        return s - length / 2, np.zeros(count)
+    if shape == "L":
+        return np.minimum(s, length / 2), np.maximum(s - length / 2, 0.0)
+    if shape == "circle":
+        radius = length / (2 * np.pi)
+        return radius * np.cos(s / radius), radius * np.sin(s / radius)
+    side = length / 4
+    corner = [0, side, 2 * side, 3 * side, length]
+    return np.interp(s, corner, [0, side, side, 0, 0]), np.interp(s, corner, [0, 0, side, side, 0])
+
+
+def shadowing(rng, x, y, sigma_db, d_c):
+    """First-order autoregressive along the path."""
+    rho = np.exp(-np.hypot(np.diff(x), np.diff(y)) / d_c)
+    s = rng.normal(size=len(x))
+    for k, r in enumerate(rho, start=1):
+        s[k] = r * s[k - 1] + np.sqrt(1 - r * r) * s[k]
+    return sigma_db * s
+
+
+def simulate(rng, shape, *, white_db=3.0, shadow_db=0.0, d_c=15.0, count=600, step=1.4):
+    """Readings of a walk and the source, 25 to 200 m off one of its points and never closer."""
+    x, y = path(shape, count, step)
+    while True:
+        k, bearing, away = rng.integers(count), rng.uniform(0, 2 * np.pi), rng.uniform(25, 200)
+        source = x[k] + away * np.cos(bearing), y[k] + away * np.sin(bearing)
+        distance = np.hypot(x - source[0], y - source[1])
+        if distance.min() >= 25.0:
+            break
+    level = rng.uniform(-45, -15) - 10 * rng.uniform(2.3, 3.9) * np.log10(distance) + white_db * rng.normal(size=count)
+    if shadow_db:
+        level = np.round(level + shadowing(rng, x, y, shadow_db, d_c))
+    return observations(x, y, level), source
+
+
+def covered(found, point, slack_m=0.0):
+    """Whether the 95 % region holds a point."""
+    chosen = highest_density(found.cells)
+    cells = found.cells
+    reach = 0.5 * cells.size_m[chosen] + slack_m
+    inside = (np.abs(cells.x_m[chosen] - point[0]) <= reach) & (np.abs(cells.y_m[chosen] - point[1]) <= reach)
+    return bool(np.any(inside))
+
+
+def nearest_mode_m(found, point):
+    return min(np.hypot(m.x_m - point[0], m.y_m - point[1]) for m in found.modes)

@@ -1,0 +1,130 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from logger.core.errors import ConfigError, RunFileError
+from logger.core.runfile import RunWriter, read_run
+from logger.core.types import CellReading, Fix, Record, Scan
+from postproc import colours
+from postproc.plots import draw_run, figure_of
+from postproc.smooth import smooth_run
+from tests.kit import smoothed as kit
+from tests.kit.runs import meta
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    run = kit.write_run(tmp_path_factory.mktemp("plots") / "walk.journal", seconds=120, cells=3)
+    return kit.smoothed(run)
+
+
+def shown(figure):
+    """Every text of a figure."""
+    figure.draw_without_rendering()
+    return "\n".join(text.get_text() for text in figure.findobj(match=lambda a: hasattr(a, "get_text")))
+
+
+def with_verdict(result, verdict, *warnings):
+    cells = tuple(replace(cell, verdict=verdict, warnings=warnings) for cell in result.cells)
+    return replace(result, cells=cells)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "magic"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF"), ("PNG", b"\x89PNG")]
+)
+def test_format_by_suffix(result, tmp_path, suffix, magic):
+    draw_run(result, tmp_path / f"walk.{suffix}")
+    assert (tmp_path / f"walk.{suffix}").read_bytes().startswith(magic)
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_every_estimator_is_named(result):
+    text = shown(figure_of(result))
+    for part in ("95 % region", "50 % region", "EKF", "least squares", "reference EKF (wrong)", "truth (simulated)"):
+        assert part in text
+    assert "SIMULATED" in text
+    assert "located: 95 % of the probability lie within 29 m" in text
+
+
+def test_doubt_is_in_the_title(result):
+    text = shown(figure_of(with_verdict(result, "cannot tell", "the walk spans only 3 m")))
+    assert "cannot tell: the walk spans only 3 m" in text
+    assert "the 95 % radius around the likeliest place is 29 m" in text
+
+
+def test_a_run_that_is_not_simulated_does_not_say_so(tmp_path):
+    run = kit.write_run(tmp_path / "x.journal", seconds=60, cells=2, truth=False, utc=False)
+    text = shown(figure_of(kit.smoothed(run)))
+    assert "imulated" not in text
+    assert "SIMULATED" not in text
+    assert "date unknown" in text
+
+
+def test_places_carry_their_share_only_where_there_are_several(result):
+    run = result.run
+    assert "50%" in shown(figure_of(kit.smoothed(run, places=2, verdict="ambiguous")))
+    assert "100%" not in shown(figure_of(result))
+
+
+def test_plan_is_to_scale(result):
+    plan = figure_of(result).axes[0]
+    assert plan.get_aspect() == 1.0
+    west, east = plan.get_xlim()
+    south, north = plan.get_ylim()
+    assert west < 0.0 < east
+    assert south < 0.0 < north
+
+
+def test_what_lies_beyond_the_picture_is_said(result):
+    cell = result.cells[0]
+    state = cell.batch.state + np.array([6000.0, 0.0, 0.0, 0.0])
+    away = replace(result, cells=(replace(cell, batch=replace(cell.batch, state=state)),))
+    assert "least squares (5" in shown(figure_of(away))
+
+
+@pytest.mark.parametrize(
+    "records",
+    [
+        [],
+        [("scan", 0, "c"), ("scan", 1, "c")],
+        [("fix", 0)],
+        [("fix", 0), ("scan", 0, "$a_{b}$ é")],
+        [("fix", 0), *(("scan", i, "same place") for i in range(4))],
+    ],
+    ids=["nothing", "no fix", "only a fix", "one reading", "standing still"],
+)
+def test_runs_with_next_to_nothing(records, tmp_path):
+    writer = RunWriter(tmp_path / "x.journal", meta())
+    for kind, at_s, *label in records:
+        cells = tuple(CellReading("scan", label=name, rssi_dbm=-70.0) for name in label)
+        value = Fix(True, None, 52.0, 13.0) if kind == "fix" else Scan(at_s, cells, None)
+        writer.append(Record(at_s * 10**9 // 4, "test", value))
+    writer.close(0, "test")
+    draw_run(smooth_run(read_run(tmp_path / "x.journal")), tmp_path / "x.png")
+    assert (tmp_path / "x.png").stat().st_size > 1000
+
+
+def test_unknown_format_is_one_line(result, tmp_path):
+    with pytest.raises(ConfigError, match=r"x\.walk: a picture ends in .*\.png"):
+        draw_run(result, tmp_path / "x.walk")
+
+
+def test_missing_folder_is_one_line(result, tmp_path):
+    with pytest.raises(RunFileError, match="no such folder"):
+        draw_run(result, tmp_path / "absent" / "x.png")
+
+
+def test_a_folder_in_the_way_is_one_line(result, tmp_path):
+    (tmp_path / "x.png").mkdir()
+    with pytest.raises(RunFileError, match="cannot write"):
+        draw_run(result, tmp_path / "x.png")
+
+
+def test_colours_of_levels():
+    rgb = colours.of_levels(np.array([-110.0, -80.0, -50.0, -40.0, np.nan]), -110.0, -50.0)
+    assert rgb.shape == (5, 3)
+    assert rgb[0].tolist() == [66, 75, 181]
+    assert rgb[2].tolist() == rgb[3].tolist() == [169, 22, 1]
+    assert rgb[1].tolist() == [169, 251, 57]
+    assert rgb[4].tolist() == list(colours.QUIET)
