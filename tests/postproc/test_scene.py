@@ -111,7 +111,7 @@ def test_filters_have_a_place_for_each_reading(saved, result):
     for key, filtered in (("ekf", cell.ekf), ("reference", cell.reference)):
         track = result.observations.track
         places = values(moving(saved, f"/plan/{key}"), ":positions")
-        np.testing.assert_allclose(places + (track.x_m[0], track.y_m[0]), filtered.x[:, :2], atol=1e-2)
+        np.testing.assert_allclose(np.add(places, (track.x_m[0], track.y_m[0])), filtered.x[:, :2], atol=1e-2)
     band = moving(saved, "/p0/ekf")
     np.testing.assert_allclose(values(band, ":values")[:, 0], cell.ekf.x[:, 2])
     np.testing.assert_allclose(values(band, ":variances")[:, 0], 4 * cell.ekf.p[:, 2, 2])

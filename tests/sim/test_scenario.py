@@ -5,8 +5,8 @@ from logger.core.pathloss import log_distance_db
 from logger.sim.scenario import SCENARIOS, scenario
 
 
-def test_the_walk_lasts_a_quarter_of_an_hour():
-    assert scenario().duration_s == pytest.approx(900.0, rel=0.05)
+def test_the_walk_lasts_half_an_hour():
+    assert scenario().duration_s == pytest.approx(1860.0, rel=0.05)
     assert scenario(duration_s=60.0).duration_s == 60.0
 
 
