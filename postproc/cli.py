@@ -99,7 +99,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     else:
         print(
             f"replay differs from live: {found.n_recorded} recorded, {found.n_replayed} replayed, "
-            f"{found.n_equal} equal; first difference at record {found.first_difference}, largest {found.largest_m:.3g} m"
+            f"{found.n_equal} equal; first difference at record {found.first_difference}, "
+            f"largest {found.largest_m:.3g} m"
         )
     return 0 if found.equal else 1
 

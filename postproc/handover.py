@@ -15,7 +15,6 @@ import numpy.typing as npt
 from logger.core import ekf
 from logger.core.observations import CellObservations
 from postproc import metrics, rts
-from postproc.evidence import Prior
 from postproc.posterior import Posterior, locate
 from postproc.verdict import verdict
 
@@ -23,10 +22,9 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 TIGHT_M = 20.0
-_PRIOR = Prior()
 _FEWEST = 8
 _ONE_PLACE = 0.95
-_PREFIXES = 10
+_RESOLUTION = 0.03
 _MOST_CORRELATED = 0.95
 
 
@@ -57,14 +55,14 @@ class NoRun:
     reason: str
 
 
-def run(obs: CellObservations, prior: Prior = _PRIOR, *, q: float = 0.0) -> EkfRun | NoRun:
-    """Hand over, filter the remaining readings, smooth; `q` is added to the diagonal of P per reading."""
-    if not len(obs):
-        return NoRun("there is no reading of this cell")
-    found = _handover(obs, prior)
-    if found is None:
-        return NoRun(f"no part of the walk leaves one place with a standard deviation below {TIGHT_M:.0f} m")
-    count, posterior = found
+def run(obs: CellObservations, whole: Posterior, *, q: float = 0.0) -> EkfRun | NoRun:
+    """Hand over, filter the remaining readings, smooth; `q` is added to the diagonal of P per reading.
+
+    `whole` is the posterior of all readings: where even that is no tight place, no part of them is asked.
+    """
+    if not is_tight(whole):
+        return NoRun(f"the whole walk does not leave one place with a standard deviation below {TIGHT_M:.0f} m")
+    count, posterior = _handover(obs, whole)
     if count == len(obs):
         return NoRun("only the whole walk locates the transmitter: no reading is left to filter")
     return _filter(obs, count, posterior, q)
@@ -76,15 +74,18 @@ def prefix(obs: CellObservations, count: int) -> CellObservations:
     return replace(obs, **{name: getattr(obs, name)[:count] for name in arrays})
 
 
-def _handover(obs: CellObservations, prior: Prior) -> tuple[int, Posterior] | None:
-    """First of some log-spaced prefixes after which there is one tight place."""
-    counts = np.unique(np.geomspace(min(_FEWEST, len(obs)), len(obs), _PREFIXES).astype(int))
-    for count in counts.tolist():
+def _handover(obs: CellObservations, whole: Posterior) -> tuple[int, Posterior]:
+    """About the shortest prefix after which there is one tight place, by bisection."""
+    low, high, posterior = min(_FEWEST, len(obs)), len(obs), whole
+    while high - low > max(_RESOLUTION * len(obs), 1.0):
+        count = (low + high) // 2
         part = prefix(obs, count)
-        posterior = locate(part, prior)
-        if is_tight(posterior) and verdict(posterior, part)[0] == "located":
-            return count, posterior
-    return None
+        found = locate(part, whole.prior)
+        if is_tight(found) and verdict(found, part)[0] == "located":
+            high, posterior = count, found
+        else:
+            low = count
+    return high, posterior
 
 
 def is_tight(posterior: Posterior) -> bool:

@@ -10,9 +10,8 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.polygon import orient
 
-from logger.core.observations import Track
+from logger.core.observations import Track, levels_dbm, times_ns
 from logger.core.runfile import Run
-from logger.core.schema import UNKNOWN_ID
 from logger.core.timebase import TimeBase, fit
 from postproc import colours
 from postproc.colours import Colour
@@ -192,14 +191,8 @@ def mode_label(posterior: Posterior, mode: Mode) -> str:
 
 def levels_of(run: Run) -> tuple[Levels, ...]:
     """Levels of every cell with a name, most readings first; a reading is dated to the middle of its scan."""
-    scans, readings = run.tables["scans"], run.tables["readings"]
-    level = np.where(readings["rxlev_raw"] == UNKNOWN_ID, np.nan, readings["rxlev_raw"] - 110.0)
-    level = np.where(np.isfinite(readings["rssi_dbm"]), readings["rssi_dbm"], level)
-    t_ns = readings["t_ns"].copy()
-    if len(scans):
-        at = np.minimum(np.searchsorted(scans["seq"], readings["seq"]), len(scans) - 1)
-        found = scans["seq"][at] == readings["seq"]
-        t_ns[found] = ((scans["t_start_ns"] + scans["t_ns"]) // 2)[at][found]
+    readings = run.tables["readings"]
+    level, t_ns = levels_dbm(readings), times_ns(run.tables["scans"], readings)
     kept = np.isfinite(level) & (readings["cell"] != b"")
     names, which = np.unique(readings["cell"][kept], return_inverse=True)
     order = np.lexsort((t_ns[kept], which))

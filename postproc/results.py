@@ -110,15 +110,19 @@ def estimate(x: FloatArray, p: FloatArray, n: int, utm: Utm) -> Json:
     }
 
 
-def _last(filtered: Filtered | None, utm: Utm | None) -> Json | None:
+_ESTIMATE = ("lat", "lon", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma", "ellipse95")
+
+
+def _last(filtered: Filtered | None, utm: Utm | None) -> Json:
+    """Where a filter ended; every value null where it was not started."""
     if filtered is None or utm is None:
-        return None
+        return dict.fromkeys(_ESTIMATE) | {"n": 0}
     return estimate(filtered.x[-1], filtered.p[-1], len(filtered), utm)
 
 
-def _batch(fitted: BatchFit | None, utm: Utm | None) -> Json | None:
+def _batch(fitted: BatchFit | None, utm: Utm | None) -> Json:
     if fitted is None or utm is None:
-        return None
+        return dict.fromkeys(_ESTIMATE) | {"n": 0}
     more = {"sigma_db": fitted.sigma_db, "converged": fitted.converged, "correlation_inflation": fitted.inflation}
     rivals = [dict(zip(("lat", "lon"), utm.to_latlon(*r[:2].tolist()), strict=True)) for r in fitted.rivals]
     return estimate(fitted.state, fitted.covariance, fitted.n, utm) | more | {"rivals": rivals}

@@ -87,7 +87,7 @@ def smooth_cell(obs: CellObservations) -> CellResult:
     posterior = locate(obs)
     answer, reasons = verdict(posterior, obs)
     fitted = batch.fit(obs, [(mode.x_m, mode.y_m) for mode in posterior.modes])
-    handed = handover.run(obs)
+    handed = handover.run(obs, posterior)
     warnings = [*reasons, *_batch_warnings(fitted, posterior)]
     if isinstance(handed, handover.NoRun):
         warnings.append(f"no EKF and no RTS: {handed.reason}")

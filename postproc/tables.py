@@ -4,15 +4,27 @@ from rich.console import Console
 from rich.table import Table
 
 from postproc.info import Info
-from postproc.results import summary
+from postproc.results import Json, summary
 from postproc.smooth import Smoothed
 
+_TITLES = {
+    "batch": "least squares",
+    "ekf": "EKF",
+    "rts": "RTS",
+    "reference_ekf": "reference EKF*",
+}
 _STYLES = {"located": "green", "ambiguous": "yellow", "cannot tell": "red"}
+
+
+def _console() -> Console:
+    """A terminal as wide as it is; a file or a pipe takes lines of any length."""
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(highlight=False, width=200)
 
 
 def print_info(info: Info) -> None:
     """A run on one screen."""
-    console = Console(highlight=False)
+    console = _console()
     console.print(f"[bold]{info.path}[/bold] ({info.form}), {info.origin}{', SIMULATED' if info.simulated else ''}")
     console.print(f"started  {info.started_utc or 'at an unknown time (GPS never told it)'}, {info.duration_s:.0f} s")
     console.print(f"stopped  {info.stopped or 'not: the plug was pulled, or it is still being recorded'}")
@@ -43,7 +55,7 @@ def _print_cells(console: Console, info: Info) -> None:
 
 def print_smoothed(smoothed: Smoothed) -> None:
     """Each cell with its answer, and the estimators side by side."""
-    console = Console(highlight=False)
+    console = _console()
     found = summary(smoothed)
     if found["run"]["simulated"]:
         console.print("This is a simulated run: the table shows the error to the known truth.")
@@ -51,52 +63,47 @@ def print_smoothed(smoothed: Smoothed) -> None:
         console.print(f"[red]{warning}[/red]")
     for cell in found["cells"]:
         _print_cell(console, cell)
+    console.print("\n* the specification's filter, kept for reference: its place and its ellipse are not to be trusted")
 
 
-def _print_cell(console: Console, cell: dict[str, object]) -> None:
-    style = _STYLES[str(cell["verdict"])]
+def _print_cell(console: Console, cell: Json) -> None:
+    style = _STYLES[cell["verdict"]]
     console.print(f"\n[bold]{cell['cell']}[/bold]  {cell['n']} readings  [{style}]{cell['verdict']}[/{style}]")
-    for warning in cell["warnings"]:  # type: ignore[attr-defined]
+    for warning in cell["warnings"]:
         console.print(f"  - {warning}", markup=False)
     console.print(_estimators(cell))
-    _print_truth(console, cell)
+    _print_truth(console, cell["truth"])
 
 
-def _estimators(cell: dict[str, object]) -> Table:
-    table = Table("estimator", "latitude", "longitude", "95 % (m)", "DRMS (m)", "P0 (dBm)", "eta", "readings", box=None)
-    best = cell["best"]
-    if isinstance(best, dict) and best["lat"] is not None:
-        _add(table, "posterior", best | {"n": cell["n"]}, f"r {best['r95_m']:.0f}")
-        for i, mode in enumerate(cell["modes"], 1):  # type: ignore[arg-type,var-annotated]
-            place = (f"{mode['lat']:.6f}", f"{mode['lon']:.6f}")
-            table.add_row(f"  place {i}: {mode['probability']:.0%}", *place, _axes(mode["ellipse95"]))
-    for name, title in (("batch", "least squares"), ("ekf", "EKF, handed over"), ("rts", "  smoothed (RTS)")):
-        if isinstance(estimate := cell[name], dict):
-            _add(table, title, estimate, _axes(estimate["ellipse95"]))
-    if isinstance(estimate := cell["reference_ekf"], dict):
-        _add(table, "reference EKF (wrong)", estimate, _axes(estimate["ellipse95"]))
+def _estimators(cell: Json) -> Table:
+    table = Table("estimator", "place", "95 % (m)", "P0 (dBm)", "eta", "n", box=None, padding=(0, 1), pad_edge=False)
+    for column in table.columns:
+        column.no_wrap = True
+    if cell["best"]["lat"] is not None:
+        _add(table, "posterior", cell["best"] | {"n": cell["n"]}, f"r {cell['best']['r95_m']:.0f}")
+    for i, mode in enumerate(cell["modes"], 1):
+        table.add_row(f"  place {i}: {mode['probability']:.0%}", _place(mode), _axes(mode["ellipse95"]))
+    for name, title in _TITLES.items():
+        if cell[name]["lat"] is not None:
+            _add(table, title, cell[name], _axes(cell[name]["ellipse95"]))
     return table
 
 
-def _add(table: Table, title: str, e: dict[str, object], extent: str) -> None:
-    table.add_row(
-        title,
-        f"{e['lat']:.6f}",
-        f"{e['lon']:.6f}",
-        extent,
-        f"{e['drms_m']:.0f}",
-        f"{e['p0_dbm']:.1f} ± {e['p0_sigma_db']:.1f}",
-        f"{e['eta']:.2f} ± {e['eta_sigma']:.2f}",
-        str(e["n"]),
-    )
+def _add(table: Table, title: str, e: Json, extent: str) -> None:
+    power = f"{e['p0_dbm']:.1f} ± {e['p0_sigma_db']:.1f}"
+    exponent = f"{e['eta']:.2f} ± {e['eta_sigma']:.2f}"
+    table.add_row(title, _place(e), extent, power, exponent, str(e["n"]))
 
 
-def _axes(ellipse: dict[str, float]) -> str:
+def _place(e: Json) -> str:
+    return f"{e['lat']:.5f} {e['lon']:.5f}"
+
+
+def _axes(ellipse: Json) -> str:
     return f"{ellipse['semi_major_m']:.0f} x {ellipse['semi_minor_m']:.0f}"
 
 
-def _print_truth(console: Console, cell: dict[str, object]) -> None:
-    truth = cell["truth"]
-    if isinstance(truth, dict) and truth["error_m"] is not None:
+def _print_truth(console: Console, truth: Json | None) -> None:
+    if truth is not None and truth["error_m"] is not None:
         inside = "inside" if truth["inside_region95"] else "OUTSIDE"
         console.print(f"  truth: best place is {truth['error_m']:.0f} m off, truth is {inside} the 95 % region")

@@ -94,10 +94,9 @@ def observe(fixes: Rows, scans: Rows, readings: Rows) -> Observations:
     A reading belongs to the middle of its scan; the walker's place then is interpolated between the fixes around it.
     """
     track = track_of(fixes)
-    scan = np.searchsorted(scans["seq"], readings["seq"])
-    middle_ns = (scans["t_start_ns"] + scans["t_ns"])[scan] // 2
+    middle_ns = times_ns(scans, readings)
     x_m, y_m, sigma_m, known = _places(track, middle_ns, readings["fix_seq"])
-    level_dbm = _levels(readings)
+    level_dbm = levels_dbm(readings)
     named, heard = readings["cell"] != b"", np.isfinite(level_dbm)
     usable = known & named & heard
     columns = (middle_ns, x_m, y_m, sigma_m, level_dbm, readings["seq"])
@@ -112,10 +111,18 @@ def observe(fixes: Rows, scans: Rows, readings: Rows) -> Observations:
     )
 
 
-def _levels(readings: Rows) -> FloatArray:
+def levels_dbm(readings: Rows) -> FloatArray:
     """Levels as `CellReading.level_dbm` defines them, for a whole table."""
     nominal = np.where(readings["rxlev_raw"] == UNKNOWN_ID, np.nan, readings["rxlev_raw"] - 110.0)
     return np.where(np.isfinite(readings["rssi_dbm"]), readings["rssi_dbm"], nominal)
+
+
+def times_ns(scans: Rows, readings: Rows) -> IntArray:
+    """Middle of the scan that each reading came from; the end of it where damage has taken the scan's own row."""
+    if not len(scans):
+        return np.asarray(readings["t_ns"], np.int64)
+    at, found = _index_of(scans["seq"], readings["seq"])
+    return np.where(found, (scans["t_start_ns"] + scans["t_ns"])[at] // 2, readings["t_ns"])
 
 
 def _places(

@@ -16,9 +16,9 @@ ORIGIN_LAT_DEG, ORIGIN_LON_DEG = 46.9480, 7.4474
 UTC_START = datetime(2024, 5, 14, 9, 0, tzinfo=UTC)
 COLD_START_S = 30.0
 
-# A small transmitter of some 10 mW between the streets that the walk takes, and rooftop cells around them. 001-01 is
+# A small transmitter between the streets that the walk takes, and rooftop cells around them. 001-01 is
 # the test network of ITU-T E.212.
-ROGUE = Transmitter(130.0, 100.0, p0_dbm=-25.0, eta=3.0, mcc="001", mnc="01", lac=0x7D01, cid=0x1A2B, arfcn=54, bsic=9)
+ROGUE = Transmitter(130.0, 100.0, p0_dbm=-15.0, eta=3.0, mcc="001", mnc="01", lac=0x7D01, cid=0x1A2B, arfcn=54, bsic=9)
 CELLS = (
     Transmitter(-150.0, 120.0, -10.0, 3.0, "001", "01", 0x0113, 0x4E72, arfcn=21, bsic=8, height_m=25.0),
     Transmitter(330.0, 290.0, -12.0, 3.1, "001", "01", 0x0113, 0xA53F, arfcn=37, bsic=25, height_m=30.0),
@@ -66,6 +66,6 @@ def scenario(name: str = DEFAULT, seed: int = 1, duration_s: float | None = None
 
 
 SCENARIOS: Mapping[str, Radio] = {
-    "block": Radio(shadowing_sigma_db=4.0, decorrelation_m=15.0),
+    "block": Radio(shadowing_sigma_db=4.0, decorrelation_m=10.0),
     "clear": Radio(shadowing_sigma_db=0.0, fading_sigma_db=0.0),  # the formula alone, for checks
 }
