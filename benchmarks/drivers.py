@@ -1,6 +1,6 @@
 """Speed of the framers and parsers against the library inside, over the same bytes in the same run.
 
-    python benchmarks/drivers.py
+python benchmarks/drivers.py
 """
 
 import time

@@ -1,10 +1,11 @@
 """One step of the reference EKF against filterpy's, over the same readings in the same run.
 
-    python benchmarks/ekf_step.py
+python benchmarks/ekf_step.py
 """
 
 import math
 import time
+from collections.abc import Callable
 from statistics import median
 
 import numpy as np
@@ -12,25 +13,27 @@ from filterpy.kalman import ExtendedKalmanFilter
 
 from logger.core import ekf
 
+Readings = list[tuple[float, float, float]]
+
 STEPS = 5_000
 ROUNDS = 9
 
 
-def walk() -> list[tuple[float, float, float]]:
+def walk() -> Readings:
     rng = np.random.default_rng(1)
     places = np.cumsum(rng.normal(0.3, 1.0, (STEPS, 2)), axis=0)
     levels = -30.0 - 31.0 * np.log10(np.maximum(np.hypot(*(places - (150.0, -80.0)).T), 1.0)) + rng.normal(0, 3, STEPS)
     return [(float(x), float(y), float(z)) for (x, y), z in zip(places, levels, strict=True)]
 
 
-def ours(readings: list[tuple[float, float, float]]) -> ekf.EkfState:
+def ours(readings: Readings) -> ekf.EkfState:
     state = ekf.start(*readings[0][:2])
     for x_m, y_m, level_dbm in readings:
         state = ekf.step(state, x_m, y_m, level_dbm).state
     return state
 
 
-def filterpys(readings: list[tuple[float, float, float]]) -> ExtendedKalmanFilter:
+def filterpys(readings: Readings) -> ExtendedKalmanFilter:
     oracle = ExtendedKalmanFilter(dim_x=4, dim_z=1)
     oracle.x = np.array([[readings[0][0]], [readings[0][1]], [-40.0], [3.0]])
     oracle.P, oracle.Q, oracle.R, oracle.F = 1000.0 * np.eye(4), 1e-5 * np.eye(4), np.array([[9.0]]), np.eye(4)
@@ -51,7 +54,7 @@ def filterpys(readings: list[tuple[float, float, float]]) -> ExtendedKalmanFilte
     return oracle
 
 
-def microseconds(run, readings: list[tuple[float, float, float]]) -> float:
+def microseconds(run: Callable[[Readings], object], readings: Readings) -> float:
     start = time.process_time()
     run(readings)
     return (time.process_time() - start) / len(readings) * 1e6

@@ -20,6 +20,12 @@ def main(argv: list[str] | None = None) -> int:
     except FieldLoggerError as error:
         print(f"postproc: {error}", file=sys.stderr)
         return 2
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.startswith(("logger", "postproc")):
+            raise
+        # the plain install is the logger; the desk's libraries are an extra
+        print(f"postproc: {error.name} is missing; install the desk: pip install 'cellwalk[post]'", file=sys.stderr)
+        return 2
     except BrokenPipeError:
         return 0
     except KeyboardInterrupt:

@@ -15,7 +15,7 @@ def _measurement(x, receiver):
 
 def _walk(seed, n=300):
     rng = np.random.default_rng(seed)
-    receiver = np.cumsum(rng.normal(0.3, 1.0, (n, 2)), axis=0) + (500_000.0, 5_600_000.0)
+    receiver = (*np.cumsum(rng.normal(0.3, 1.0, (n, 2)), axis=0), 500000.0, 5600000.0)
     station = receiver[0] + (150.0, -80.0)
     levels = [_measurement((*station, -30.0, 3.1), r) + rng.normal(0, 3) for r in receiver]
     return receiver, np.array(levels)
@@ -64,7 +64,7 @@ def test_agrees_with_filterpy(joseph):
         oracle.predict()
 
         def row(x, rx=rx, ry=ry):
-            return np.array([ekf.jacobian(ekf.EkfState(*x.ravel(), state.p), rx, ry)])
+            return np.array([ekf.jacobian(ekf.EkfState(*x.ravel(), ekf.start(0, 0).p), rx, ry)])
 
         oracle.update(np.array([[level]]), row, lambda x, rx=rx, ry=ry: np.array([[_measurement(x.ravel(), (rx, ry))]]))
         step = ekf.step(state, rx, ry, level, joseph=joseph)

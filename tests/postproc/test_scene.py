@@ -307,4 +307,4 @@ exit {code}
     assert settings.endswith(" analytics disable")
     assert "--bind 127.0.0.1" in opened
     assert settings.split()[0] == opened.split()[0] != os.environ.get("XDG_CONFIG_HOME")
-    assert not os.path.exists(opened.split()[-1])  # noqa: PTH110
+    assert not os.path.exists(opened.split()[-1])

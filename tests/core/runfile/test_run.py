@@ -112,7 +112,7 @@ def test_cut_journal_keeps_whole_ticks(tmp_path):
     for end in range(4000, len(data), 97):
         cut.write_bytes(data[:end])
         run = read_run(cut)
-        got = {seq: record for seq, record in run.records()}
+        got = dict(run.records())
         assert all(found[seq] == record for seq, record in got.items() if not isinstance(record.value, Scan))
         lengths.append(len(got))
     assert lengths == sorted(lengths)
@@ -152,8 +152,13 @@ def test_lost_first_block_is_mended_by_the_repeated_meta(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "says"),
-    [(b"", "empty"), (b"lat,lon\n1,2\n", "no cellwalk run"), (b"\x89HDF\r\n\x1a\nrubbish" * 20, "damaged"), (bytes(5000), "no cellwalk run")],
-)  # fmt: skip
+    [
+        (b"", "empty"),
+        (b"lat,lon\n1,2\n", "no cellwalk run"),
+        (b"\x89HDF\r\n\x1a\nrubbish" * 20, "damaged"),
+        (bytes(5000), "no cellwalk run"),
+    ],
+)
 def test_what_is_no_run_is_refused_in_one_line(tmp_path, content, says):
     path = tmp_path / "run.h5"
     path.write_bytes(content)
