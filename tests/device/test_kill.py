@@ -21,7 +21,7 @@ def test_kill_9_loses_at_most_two_seconds(tmp_path, seed, capsys):
     with PtyDevice(player) as gnss, PtyDevice(answering(TranscriptModem([service.CENG] * 100_000))) as port:
         config = service.site_toml(tmp_path, port.path, gnss.path)
         with service.running(config) as logger:
-            service.wait_for(lambda: any((tmp_path / "runs").glob("*.journal")))
+            service.wait_for(lambda: any(p.stat().st_size for p in (tmp_path / "runs").glob("*.journal")))
             time.sleep(random.Random(seed).uniform(1.5, 4.5))
             killed_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)
             logger.kill()

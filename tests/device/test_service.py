@@ -6,6 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
 from logger.core.types import LiveEstimate
 from logger.sim.player import NmeaPlayer, TranscriptModem
@@ -51,7 +52,10 @@ def _is_ceng(entry) -> bool:
 
 
 def _journal_has(folder, table, n) -> bool:
-    return any(len(read_run(p).tables[table]) >= n for p in (folder / "runs").glob("*.journal"))
+    try:
+        return any(len(read_run(p).tables[table]) >= n for p in (folder / "runs").glob("*.journal"))
+    except RunFileError:
+        return False  # made, and not yet written for the first time
 
 
 def _key(row):

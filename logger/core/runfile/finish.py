@@ -21,8 +21,9 @@ def journal_path(folder: Path, boot_id: str) -> Path:
 
 
 def unfinished(folder: Path) -> list[Path]:
-    """Journals in a folder that have no HDF5 file yet and are not being recorded now."""
-    return [p for p in sorted(folder.glob(f"*{JOURNAL}")) if not p.with_suffix(".h5").exists() and not is_recording(p)]
+    """Journals in a folder that hold something, have no HDF5 file yet and are not being recorded now."""
+    found = sorted(folder.glob(f"*{JOURNAL}"))
+    return [p for p in found if p.stat().st_size and not p.with_suffix(".h5").exists() and not is_recording(p)]
 
 
 def finish_journal(journal: Path) -> Path:
