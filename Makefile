@@ -9,7 +9,7 @@ demo: .venv/post.stamp
 	rm -rf $(DEMO)
 	@echo "== walk: 31 minutes at 40 times the speed, simulated modem and receiver behind real ptys (50 s)"
 	$(BIN)/fieldlogger simulate --out $(DEMO) --speed 40 --seed 3
-	mv $(DEMO)/run-2*Z.h5 $(DEMO)/run.h5
+	mv $(DEMO)/run-2*Z.h5 $(DEMO)/run.h5 && mv $(DEMO)/run-2*Z.journal $(DEMO)/run.journal
 	@echo "== desk"
 	$(BIN)/postproc smooth $(DEMO)/run.h5
 	$(BIN)/postproc view $(DEMO)/run.h5 --save $(DEMO)/run.rrd
