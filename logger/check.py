@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from logger.config import SiteConfig, load_config
+from logger.device.port import check_url
 from logger.device.service import usable_folder
 from logger.drivers.registry import make_driver
 
@@ -54,6 +55,7 @@ def _site(config: SiteConfig) -> Iterator[Line]:
 
 
 def _port(name: str, url: str) -> Line:
+    check_url(url)
     if "://" in url:
         return Line("ok", name, f"{url} is a network port, not looked at")
     path = Path(url)

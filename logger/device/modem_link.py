@@ -82,7 +82,9 @@ class ModemSession:
             for reply in self._hear():
                 self._answered = True
                 return reply
-        return self._framer.expire()
+        expired = self._framer.expire()
+        self._answered |= bool(expired.lines)
+        return expired
 
     def _hear(self) -> Iterator[Reply]:
         """Read one chunk; all of it is taken in, also what follows a reply."""

@@ -21,18 +21,15 @@ class Port:
 
     `read` gives up after `read_timeout_s` real seconds of silence.
 
-    Raises `DeviceError` when it cannot be opened now or has gone away, `ConfigError` when it never can.
+    Raises `DeviceError` when it cannot be opened now or has gone away.
     """
 
     def __init__(self, url: str, baud: int, read_timeout_s: float) -> None:
         self._url = url
         with _device_errors(url):
-            try:
-                self._serial = serial.serial_for_url(
-                    url, baudrate=baud, timeout=read_timeout_s, write_timeout=WRITE_TIMEOUT_S, exclusive=True
-                )
-            except ValueError as error:
-                raise ConfigError(f"port {url}: {error}") from None
+            self._serial = serial.serial_for_url(
+                url, baudrate=baud, timeout=read_timeout_s, write_timeout=WRITE_TIMEOUT_S, exclusive=True
+            )
         self._keep_others_out()
 
     def __enter__(self) -> Self:
@@ -64,6 +61,14 @@ class Port:
         # pyserial's lock is a flock that only pyserial asks for; TIOCEXCL stops everybody but root
         with suppress(OSError, AttributeError):
             fcntl.ioctl(self._serial.fileno(), termios.TIOCEXCL)
+
+
+def check_url(url: str) -> None:
+    """Raise `ConfigError` for a URL that pyserial can never open; nothing is opened."""
+    try:
+        serial.serial_for_url(url, do_not_open=True)
+    except (ValueError, OSError) as error:
+        raise ConfigError(f"port {url}: {error}") from None
 
 
 _ADVICE = {

@@ -20,6 +20,7 @@ from logger.device.clock import Clock, boot_id
 from logger.device.gnss_link import gnss_session
 from logger.device.link import Inbox, Link
 from logger.device.modem_link import ModemSession
+from logger.device.port import check_url
 from logger.device.recorder import Recorder
 from logger.drivers.registry import make_driver
 
@@ -33,13 +34,15 @@ _LIBRARIES = ("cellwalk", "numpy", "h5py", "pyproj", "pyserial", "pynmea2", "msg
 class Service:
     """Records one run from `start` to `stop`; the clock is an argument, so that a simulated walk can run faster.
 
-    `config_text` is kept in the run; `truth` names the transmitters of a simulated world. Raises `ConfigError` when the
-    directory of the runs cannot be used.
+    `config_text` is kept in the run; `truth` names the transmitters of a simulated world. Raises `ConfigError` for a
+    directory or a port that can never be used.
     """
 
     def __init__(
         self, config: SiteConfig, clock: Clock, *, config_text: str, origin: str = "walk", truth: tuple[Truth, ...] = ()
     ) -> None:
+        check_url(config.modem.port)
+        check_url(config.gnss.port)
         self._clock = clock
         self._started_ns = clock.now_ns()
         self._stop = threading.Event()

@@ -100,10 +100,15 @@ class Sim800:
         return reply.ok
 
     def poll(self) -> Dialogue[tuple[CellReading, ...] | None]:
-        """Cells heard now; None when there was no answer or engineering mode is off."""
+        """Cells heard now; None when there was no answer or engineering mode is off.
+
+        Rows that came before a time-out are as good as others: what is cut is not read as a row.
+        """
         reply = yield Command("AT+CENG?")
         modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
-        if not reply.ok or "0" in modes or not (modes or any(map(self.is_row, reply.lines))):
+        has_rows = any(map(self.is_row, reply.lines))
+        answered = has_rows or bool(modes) if reply.ok else has_rows and reply.final is None
+        if not answered or "0" in modes:
             return None
         return self.read_lines(reply.lines)
 

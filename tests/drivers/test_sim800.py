@@ -240,7 +240,8 @@ def test_poll():
     ("lines", "final"),
     [
         ([], None),
-        (["+CENG: 1,1", SERVING], None),
+        (["+CENG: 1,1"], None),
+        ([SERVING], "ERROR"),
         ([], "ERROR"),
         ([], "+CME ERROR: 100"),
         (["+CENG: 0,0"], "OK"),
@@ -250,6 +251,10 @@ def test_poll():
 )
 def test_poll_without_an_answer(lines, final):
     assert converse(MODEM.poll(), [("AT+CENG?", lines, final)]) is None
+
+
+def test_rows_that_came_before_a_time_out_are_kept():
+    assert converse(MODEM.poll(), [("AT+CENG?", ["+CENG: 1,1", SERVING], None)]) == (one(SERVING),)
 
 
 @pytest.mark.parametrize("lines", [["+CENG: 1,1"], ["+CENG: 3,1", '+CENG: 2,",,0000,0000,00,00"'], ['+CENG: 0,""']])

@@ -1,0 +1,68 @@
+import os
+import pty
+import socket
+import threading
+
+import pytest
+
+from logger.core.errors import ConfigError, DeviceError
+from logger.device.port import Port, check_url
+
+
+def _read(port, n):
+    data = b""
+    while len(data) < n:
+        data += port.read()
+    return data
+
+
+def test_reads_and_writes_a_socket_and_hears_it_close():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        with Port(url, 9600, 0.1) as port:
+            peer, _ = server.accept()
+            with peer:
+                peer.sendall(b"$GPGGA" * 500)
+                assert _read(port, 3000) == b"$GPGGA" * 500
+                port.write(b"AT\r")
+                assert peer.recv(10) == b"AT\r"
+            with pytest.raises(DeviceError):
+                for _ in range(50):
+                    port.read()
+
+
+def test_a_socket_that_nobody_serves():
+    with pytest.raises(DeviceError, match="socket://127.0.0.1:1"):
+        Port("socket://127.0.0.1:1", 9600, 0.1)
+
+
+def test_unplugging_is_a_device_error():
+    master, slave = pty.openpty()
+    with Port(os.ttyname(slave), 9600, 0.1) as port:
+        os.close(slave)
+        os.write(master, b"hello")
+        assert _read(port, 5) == b"hello"
+        threading.Timer(0.2, os.close, (master,)).start()
+        with pytest.raises(DeviceError):
+            while True:
+                port.read()
+        with pytest.raises(DeviceError):
+            port.write(b"x" * 10)
+
+
+def test_a_port_is_ours_alone_and_can_be_opened_again():
+    master, slave = pty.openpty()
+    path = os.ttyname(slave)
+    with Port(path, 9600, 0.1), pytest.raises(DeviceError, match="in use"):
+        Port(path, 9600, 0.1)
+    with Port(path, 9600, 0.1) as port:
+        assert port.read() == b""
+    os.close(master)
+    os.close(slave)
+
+
+def test_a_url_of_an_unknown_kind_is_a_mistake_in_the_configuration():
+    check_url("/dev/ttyUSB77")
+    check_url("rfc2217://127.0.0.1:4000")
+    with pytest.raises(ConfigError, match="smoke"):
+        check_url("smoke://signal")
