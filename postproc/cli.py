@@ -100,6 +100,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     found = replay(read_run(arguments.run))
     if arguments.json:
         print(json.dumps(asdict(found) | {"equal": found.equal}, indent=2))
+    elif not found.n_recorded and not found.n_replayed:
+        print("the run holds no live estimate: there was never a decoded 2G cell together with a fix")
     elif found.equal:
         print(f"replay equals live: {found.n_equal} estimates, to the last bit")
     else:

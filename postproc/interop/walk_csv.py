@@ -24,6 +24,8 @@ from logger.core.types import CellReading, Fix, Note, Rat, Record, Scan
 DEFAULT_CELL = "target"
 LEVEL_RANGE_DBM = (-200.0, 50.0)
 _CELL_BYTES = 64
+_SYNC_EVERY = 50_000
+"""Records; what is not synced is held in memory."""
 _GENERATIONS: dict[str, Rat] = {"2G": "GSM", "3G": "WCDMA", "4G": "LTE", "5G": "NR"}
 _RATS = _GENERATIONS | {rat.upper(): rat for rat in get_args(Rat)}
 
@@ -170,7 +172,8 @@ def _write(rows: list[Row], imported: Imported, source: Path) -> None:
             journal = Path(scratch) / "import.journal"
             writer = RunWriter(journal, meta)
             for record in _records(rows, imported, start_ns):
-                writer.append(record)
+                if writer.append(record) % _SYNC_EVERY == 0:
+                    writer.sync()
             writer.close(rows[-1].t_ns - start_ns, "imported")
             convert_journal(journal, imported.path)
     except OSError as error:

@@ -71,6 +71,8 @@ class _Datasets:
         self.checksums[name] = 0
 
     def _write(self, name: str) -> None:
+        if not self._waiting[name]:
+            return
         rows = np.concatenate(self._waiting[name])
         self._waiting[name].clear()
         dataset = self._file[name]

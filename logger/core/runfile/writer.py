@@ -16,6 +16,9 @@ from logger.core.types import RawBytes, Record
 META_EVERY_SYNCS = 60
 """The table definitions are repeated, so that a journal that lost its first block can still be read."""
 
+FRAME_RECORDS = 4096
+"""A frame is read and checked as a whole, so it must stay small however many records come between two syncs."""
+
 RAW_COUNT = struct.Struct("<I")
 
 
@@ -43,6 +46,8 @@ class RunWriter:
         """Take a record; returns its number in the run."""
         seq = self._seq
         self._seq += 1
+        if self._seq % FRAME_RECORDS == 0:
+            self._queue_rows()
         if isinstance(record.value, RawBytes):
             self._append_raw(seq, record, record.value)
         else:

@@ -55,6 +55,18 @@ def test_every_record_reads_back_equal_from_both_forms(tmp_path_factory, found):
         assert found == [record for _, record in read_run(path).records()]
 
 
+@pytest.mark.parametrize("n", [1365, 4096, 12_000])
+def test_long_runs_without_a_sync_between(tmp_path, n):
+    """Whatever falls on the edge of a frame or of a block of HDF5."""
+    found = [Record(i, "gnss", Fix(True, i, 52.0, 13.0)) for i in range(n)]
+    runs.write_journal(tmp_path / "a.journal", found, sync_every=10**9)
+    convert_journal(tmp_path / "a.journal", tmp_path / "a.h5")
+    for path in (tmp_path / "a.journal", tmp_path / "a.h5"):
+        run = read_run(path)
+        assert run.tables["fixes"]["seq"].tolist() == list(range(n))
+        assert run.damage.missing_frames == 0
+
+
 def test_labelled_cells_read_back_equal(tmp_path):
     labelled = [
         CellReading("scan", label="target"),
