@@ -11,16 +11,15 @@ from math import log
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import least_squares
 
+from logger.core.arrays import FloatArray
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError
 from logger.core.observations import CellObservations
 from logger.core.pathloss import log_distance_db
 from postproc.metrics import lag1
 
-FloatArray = npt.NDArray[np.float64]
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 
 _C = 10.0 / log(10.0)

@@ -5,7 +5,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from logger.core.arrays import FloatArray
+
 Bytes = npt.NDArray[np.uint8]
 Colour = tuple[int, int, int]
 

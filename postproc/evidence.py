@@ -21,13 +21,10 @@ from math import log
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import cholesky, solve_triangular
 
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.observations import CellObservations
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _C = 10.0 / log(10.0)
 _FINEST_BLOCK_M = 2.0

@@ -10,16 +10,13 @@ from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
-import numpy.typing as npt
 
-from logger.core import ekf
+from logger.core.ekf import EkfState, upper_triangle
 from logger.core.observations import CellObservations
 from postproc import metrics, rts
+from postproc.filtered import Filtered, run_ekf
 from postproc.posterior import Posterior, locate
 from postproc.verdict import verdict
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 TIGHT_M = 20.0
 _FEWEST = 8
@@ -30,22 +27,16 @@ _MOST_CORRELATED = 0.95
 
 @dataclass(frozen=True)
 class EkfRun:
-    """Filter states after each reading from the hand-over on; `index` (n,) are the numbers of the readings.
+    """Filter and smoother over the readings from number `first` on.
 
-    `x` (n, 4) and `p` (n, 4, 4) are filtered, `x_smooth` and `p_smooth` smoothed; `innovation_db`,
-    `innovation_var_db2` and `nis` have shape (n,). The filter started from `posterior` with variance `r_db2`.
+    The filter started from the mode of `posterior`, with variance `r_db2` for one reading.
     """
 
     posterior: Posterior
     r_db2: float
-    index: IntArray
-    x: FloatArray
-    p: FloatArray
-    innovation_db: FloatArray
-    innovation_var_db2: FloatArray
-    nis: FloatArray
-    x_smooth: FloatArray
-    p_smooth: FloatArray
+    first: int
+    filtered: Filtered
+    smoothed: Filtered
 
 
 @dataclass(frozen=True)
@@ -68,10 +59,10 @@ def run(obs: CellObservations, whole: Posterior, *, q: float = 0.0) -> EkfRun | 
     return _filter(obs, count, posterior, q)
 
 
-def prefix(obs: CellObservations, count: int) -> CellObservations:
-    """The first `count` readings."""
+def part(obs: CellObservations, readings: slice) -> CellObservations:
+    """Some of the readings."""
     arrays = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
-    return replace(obs, **{name: getattr(obs, name)[:count] for name in arrays})
+    return replace(obs, **{name: getattr(obs, name)[readings] for name in arrays})
 
 
 def _handover(obs: CellObservations, whole: Posterior) -> tuple[int, Posterior]:
@@ -79,9 +70,9 @@ def _handover(obs: CellObservations, whole: Posterior) -> tuple[int, Posterior]:
     low, high, posterior = min(_FEWEST, len(obs)), len(obs), whole
     while high - low > max(_RESOLUTION * len(obs), 1.0):
         count = (low + high) // 2
-        part = prefix(obs, count)
-        found = locate(part, whole.prior)
-        if is_tight(found) and verdict(found, part)[0] == "located":
+        begun = part(obs, slice(count))
+        found = locate(begun, whole.prior)
+        if is_tight(found) and verdict(found, begun)[0] == "located":
             high, posterior = count, found
         else:
             low = count
@@ -108,28 +99,10 @@ def effective_variance_db2(obs: CellObservations, posterior: Posterior) -> float
 
 def _filter(obs: CellObservations, count: int, posterior: Posterior, q: float) -> EkfRun:
     mode = posterior.modes[0]
-    x, y, p0, eta = mode.state.tolist()
-    state = ekf.EkfState(x, y, p0, eta, ekf.upper_triangle(mode.covariance))
-    r_db2 = effective_variance_db2(prefix(obs, count), posterior)
-    steps = []
-    for px, py, level in zip(obs.x_m[count:], obs.y_m[count:], obs.level_dbm[count:], strict=True):
-        step = ekf.step(state, float(px), float(py), float(level), q=q, r_db2=r_db2, joseph=True)
-        state = step.state
-        steps.append(step)
-    means = np.array([s.state[:4] for s in steps])
-    covariances = np.array([ekf.covariance_matrix(s.state.p) for s in steps])
-    innovation = np.array([s.innovation_db for s in steps])
-    variance = np.array([s.innovation_var_db2 for s in steps])
-    x_smooth, p_smooth = rts.smooth(means, covariances, np.eye(4), q * np.eye(4))
-    return EkfRun(
-        posterior=posterior,
-        r_db2=r_db2,
-        index=np.arange(count, len(obs)),
-        x=means,
-        p=covariances,
-        innovation_db=innovation,
-        innovation_var_db2=variance,
-        nis=innovation**2 / variance,
-        x_smooth=x_smooth,
-        p_smooth=p_smooth,
-    )
+    x_m, y_m, p0_dbm, eta = mode.state.tolist()
+    state = EkfState(x_m, y_m, p0_dbm, eta, upper_triangle(mode.covariance))
+    r_db2 = effective_variance_db2(part(obs, slice(count)), posterior)
+    filtered = run_ekf(part(obs, slice(count, None)), state, q=q, r_db2=r_db2)
+    x, p = rts.smooth(filtered.x, filtered.p, np.eye(4), q * np.eye(4))
+    none = np.full(len(filtered), np.nan)
+    return EkfRun(posterior, r_db2, count, filtered, Filtered(filtered.t_ns, x, p, none, none))

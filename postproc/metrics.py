@@ -5,10 +5,9 @@ estimator the normalised errors are chi-square distributed, and innovations are 
 """
 
 import numpy as np
-import numpy.typing as npt
 from scipy.stats import chi2
 
-FloatArray = npt.NDArray[np.float64]
+from logger.core.arrays import FloatArray
 
 
 def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:

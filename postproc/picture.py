@@ -5,11 +5,11 @@ from math import floor, log10
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.polygon import orient
 
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.observations import Track, levels_dbm, times_ns
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit
@@ -19,8 +19,6 @@ from postproc.posterior import Mode, Posterior
 from postproc.region import Cells, polygons
 from postproc.smooth import CellResult, Smoothed
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 Rings = list[FloatArray]
 """Outline of a region: closed rings of shape (k, 2), outer ones counterclockwise, holes clockwise."""
 

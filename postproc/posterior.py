@@ -8,17 +8,14 @@ from functools import cached_property
 from math import log
 
 import numpy as np
-import numpy.typing as npt
 
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import Ellipse, ellipse95
 from logger.core.errors import EstimationError
 from logger.core.observations import CellObservations
 from postproc.evidence import Prior, blocks
 from postproc.region import LEVEL, Cells, area_m2, places
 from postproc.tree import Tree, grow
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 LEAST_PEAK = 0.05
 """A place with this share of the highest density is named, however little mass it has."""

@@ -13,10 +13,8 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.geo import Utm
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 LEVEL = 0.95
 SADDLE = 0.5

@@ -7,9 +7,9 @@ from typing import Any
 import h5py
 import msgspec
 import numpy as np
-import numpy.typing as npt
 
 from logger.core import ekf
+from logger.core.arrays import FloatArray
 from logger.core.ellipse import Ellipse, ellipse95
 from logger.core.errors import RunFileError
 from logger.core.geo import Utm
@@ -21,7 +21,6 @@ from postproc.region import area_m2, geojson
 from postproc.smooth import CellResult, Smoothed
 from postproc.truth import truth_of
 
-FloatArray = npt.NDArray[np.float64]
 Json = dict[str, Any]
 
 _BEST = ("lat", "lon", "r95_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")

@@ -11,9 +11,8 @@ that does not move (F = I, Q = 0) the smoothed series is the last filtered state
 """
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from logger.core.arrays import FloatArray
 
 
 def smooth(x: FloatArray, p: FloatArray, transition: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -3,18 +3,15 @@
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 
+from logger.core.arrays import FloatArray
 from logger.core.observations import MAX_GAP_S
 from postproc import colours
 from postproc.colours import Colour
 from postproc.filtered import Filtered
 from postproc.picture import Box, Picture, mode_label, nice_step
 from postproc.scene_sheet import Sheet, closed, ellipse_axes, thinned
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _MOST_STRIPS = 5_000
 _MOST_POINTS = 40_000

@@ -3,17 +3,14 @@
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 
+from logger.core.arrays import IntArray
 from postproc import colours
 from postproc.colours import Colour
 from postproc.filtered import Filtered
 from postproc.picture import Picture
 from postproc.scene_sheet import Sheet, band, dots, ellipse_axes, entity, line, two_sigma
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _MOST_DOTS = 40_000
 """Points are not thinned by the viewer, lines are: above this the other cells are drawn as lines."""
@@ -146,7 +143,7 @@ def _path_loss(sheet: Sheet, picture: Picture, quantity: Quantity, span: IntArra
 def _consistency(sheet: Sheet, key: str, name: str, colour: Colour, filtered: Filtered) -> None:
     """Normalised innovations squared: chi-square with one degree of freedom for a filter that knows its errors."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        nis = filtered.innovation_db**2 / filtered.innovation_var_db2
+        nis = filtered.nis
     known = np.isfinite(nis)
     sheet.always(f"nis/{key}", dots(f"NIS {name}", colour, 2.0))
     sheet.over_time(f"nis/{key}", filtered.t_ns[known], rr.Scalars.columns(scalars=nis[known]))

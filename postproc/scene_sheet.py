@@ -7,12 +7,10 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import ellipse95
 from postproc.colours import Colour
 from postproc.picture import Clock
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 class Sheet:

@@ -92,8 +92,18 @@ def smooth_cell(obs: CellObservations) -> CellResult:
     if isinstance(handed, handover.NoRun):
         warnings.append(f"no EKF and no RTS: {handed.reason}")
         return CellResult(obs.cell, n, obs, answer, tuple(warnings), posterior, reference_ekf(obs), batch=fitted)
-    ekf, rts = _filtered(obs, handed)
-    return CellResult(obs.cell, n, obs, answer, tuple(warnings), posterior, reference_ekf(obs), ekf, rts, fitted)
+    return CellResult(
+        obs.cell,
+        n,
+        obs,
+        answer,
+        tuple(warnings),
+        posterior,
+        reference_ekf(obs),
+        handed.filtered,
+        handed.smoothed,
+        fitted,
+    )
 
 
 def _heard(run: Run) -> dict[str, int]:
@@ -116,10 +126,3 @@ def _batch_warnings(fitted: BatchFit, posterior: Posterior) -> list[str]:
     if apart_m > posterior.r95_m:
         warnings.append(f"least squares lies {apart_m:.0f} m from the posterior's best place, outside its 95 % radius")
     return warnings
-
-
-def _filtered(obs: CellObservations, run: handover.EkfRun) -> tuple[Filtered, Filtered]:
-    t_ns = obs.t_ns[run.index]
-    ekf = Filtered(t_ns, run.x, run.p, run.innovation_db, run.innovation_var_db2)
-    none = np.full(len(t_ns), np.nan)
-    return ekf, Filtered(t_ns, run.x_smooth, run.p_smooth, none, none)

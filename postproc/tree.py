@@ -3,12 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from logger.core.arrays import BoolArray, FloatArray
 from postproc.evidence import Evidence, Noise, Prior, Track, evidence, noises
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _SPLIT_SHARE = 0.002
 _MIN_CELL_M = 0.5

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.pathloss import FloatArray
+from logger.core.arrays import FloatArray
 
 P0_START_DBM = -40.0
 ETA_START = 3.0

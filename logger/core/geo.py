@@ -6,15 +6,13 @@ Transverse Mercator by PROJ (Karney 2011), good to nanometres at the distances o
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from pyproj import Proj
 
+from logger.core.arrays import FloatArray
 from logger.core.errors import GeoError
 
 MAX_LATITUDE_DEG = 84.0
 """UTM ends here (NGA.STND.0037); the last degrees belong to polar projections."""
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def zone_of(lat_deg: float, lon_deg: float) -> int:

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
 from logger.core.schema import UNKNOWN_ID, Rows
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 MAX_GAP_S = 10.0
 """A walker's place between two fixes further apart than this is not known well enough to be interpolated."""

@@ -3,9 +3,8 @@
 from math import log10, sqrt
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from logger.core.arrays import FloatArray
 
 MIN_DISTANCE_M = 1.0
 

@@ -6,9 +6,8 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import numpy.typing as npt
 
+from logger.core.arrays import IntArray
 from logger.core.schema import UNKNOWN_TIME
-
-IntArray = npt.NDArray[np.int64]
 
 AGREE_S = 2.0
 """Receivers report an epoch up to a second late; what is further off is a jump, a rollover or a wrong date."""

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from logger.core.arrays import FloatArray
 
 WAVES = 512
 """The error of one field's correlation is 1/sqrt(2 WAVES)."""

@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from logger.core.arrays import FloatArray
+
 Waypoints = tuple[tuple[float, float], ...]
 
 WALKING_MPS = 1.3

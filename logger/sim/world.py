@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 from pyproj import Proj
 
+from logger.core.arrays import FloatArray
 from logger.core.pathloss import log_distance_db
 from logger.sim.shadowing import Shadowing
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

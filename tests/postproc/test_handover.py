@@ -27,8 +27,10 @@ def test_hands_over_and_stays_consistent():
     obs, source = square_walk(np.random.default_rng(1))
     run = handed_over(obs, Prior(height_m=0.0))
     assert isinstance(run, handover.EkfRun)
-    error = run.x[-1, :2] - source
-    assert metrics.nees(error[None], run.p[-1:, :2, :2])[0] < 13.8  # 0.999 of chi-square with 2 degrees of freedom
+    error = run.filtered.x[-1, :2] - source
+    assert (
+        metrics.nees(error[None], run.filtered.p[-1:, :2, :2])[0] < 13.8
+    )  # 0.999 of chi-square with 2 degrees of freedom
     assert np.hypot(*error) < 15.0
 
 
@@ -36,27 +38,29 @@ def test_no_reading_is_used_twice():
     obs, _ = square_walk(np.random.default_rng(2))
     run = handed_over(obs)
     assert isinstance(run, handover.EkfRun)
-    first = int(run.index[0])
-    before = locate(handover.prefix(obs, first))
-    np.testing.assert_array_equal(run.index, np.arange(first, len(obs)))
+    first = run.first
+    before = locate(handover.part(obs, slice(first)))
+    np.testing.assert_array_equal(run.filtered.t_ns, obs.t_ns[first:])
     np.testing.assert_allclose(run.posterior.modes[0].state, before.modes[0].state)
-    assert len(run.x) == len(run.p) == len(run.nis) == len(run.innovation_db) == len(obs) - first
+    assert len(run.filtered) == len(run.smoothed) == len(run.filtered.nis) == len(obs) - first
 
 
 def test_innovations_are_as_large_as_said():
     obs, _ = square_walk(np.random.default_rng(3), laps=4)
     run = handed_over(obs, Prior(height_m=0.0))
     assert isinstance(run, handover.EkfRun)
-    np.testing.assert_allclose(run.nis, run.innovation_db**2 / run.innovation_var_db2)
-    assert 0.5 < np.mean(run.nis) < 1.5
-    assert abs(metrics.lag1(run.innovation_db)) < 0.2
+    np.testing.assert_allclose(run.filtered.nis, run.filtered.innovation_db**2 / run.filtered.innovation_var_db2)
+    assert 0.5 < np.mean(run.filtered.nis) < 1.5
+    assert abs(metrics.lag1(run.filtered.innovation_db)) < 0.2
 
 
 def test_without_motion_smoothing_gives_the_last_state():
     obs, _ = square_walk(np.random.default_rng(4))
     run = handed_over(obs)
     assert isinstance(run, handover.EkfRun)
-    np.testing.assert_allclose(run.x_smooth, np.broadcast_to(run.x[-1], run.x.shape), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        run.smoothed.x, np.broadcast_to(run.filtered.x[-1], run.filtered.x.shape), rtol=1e-6, atol=1e-6
+    )
 
 
 def test_correlated_readings_count_less():
@@ -72,7 +76,7 @@ def test_correlated_readings_count_less():
 
 def test_straight_walk_gives_a_reason():
     obs, _ = square_walk(np.random.default_rng(6))
-    straight = handover.prefix(obs, 70)
+    straight = handover.part(obs, slice(70))
     run = handed_over(straight)
     assert isinstance(run, handover.NoRun)
     assert "one place" in run.reason
@@ -81,6 +85,6 @@ def test_straight_walk_gives_a_reason():
 @pytest.mark.parametrize("count", [1, 5])
 def test_few_readings_give_a_reason(count):
     obs, _ = square_walk(np.random.default_rng(7))
-    run = handed_over(handover.prefix(obs, count))
+    run = handed_over(handover.part(obs, slice(count)))
     assert isinstance(run, handover.NoRun)
     assert run.reason
