@@ -151,7 +151,7 @@ def _import(arguments: argparse.Namespace) -> int:
 
 def _view(arguments: argparse.Namespace) -> int:
     from logger.core.runfile import read_run
-    from postproc.scene import open_viewer, write_scene
+    from postproc.pictures.scene import open_viewer, write_scene
     from postproc.smooth import smooth_run
 
     smoothed = smooth_run(read_run(arguments.run), arguments.cell and [arguments.cell], progress=_progress)
@@ -164,7 +164,7 @@ def _view(arguments: argparse.Namespace) -> int:
 
 def _plot(arguments: argparse.Namespace) -> int:
     from logger.core.runfile import read_run
-    from postproc.plots import draw_run
+    from postproc.pictures.plots import draw_run
     from postproc.smooth import smooth_run
 
     smoothed = smooth_run(read_run(arguments.run), arguments.cell and [arguments.cell], progress=_progress)

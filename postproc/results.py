@@ -13,11 +13,11 @@ from logger.core.arrays import FloatArray
 from logger.core.ellipse import Ellipse, ellipse95
 from logger.core.errors import RunFileError
 from logger.core.geo import Utm
-from postproc.batch import BatchFit
-from postproc.filtered import Filtered
+from postproc.estimators.batch import BatchFit
+from postproc.estimators.filtered import Filtered
+from postproc.estimators.posterior import Posterior
+from postproc.estimators.region import area_m2, geojson
 from postproc.info import describe
-from postproc.posterior import Posterior
-from postproc.region import area_m2, geojson
 from postproc.smooth import CellResult, Smoothed
 from postproc.truth import truth_of
 

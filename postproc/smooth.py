@@ -10,11 +10,11 @@ from threadpoolctl import threadpool_limits
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.observations import CellObservations, Observations, observe
 from logger.core.runfile import Run
-from postproc import batch, handover
-from postproc.batch import BatchFit
-from postproc.filtered import Filtered, reference_ekf
-from postproc.posterior import Posterior, locate
-from postproc.verdict import Verdict, verdict
+from postproc.estimators import batch, handover
+from postproc.estimators.batch import BatchFit
+from postproc.estimators.filtered import Filtered, reference_ekf
+from postproc.estimators.posterior import Posterior, locate
+from postproc.estimators.verdict import Verdict, verdict
 
 FEWEST_READINGS = 5
 """Four unknowns and no check: with fewer readings there is nothing to be said at all."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations
-from postproc.region import highest_density
+from postproc.estimators.region import highest_density
 
 
 def observations(x, y, level, position_sigma=0.0):

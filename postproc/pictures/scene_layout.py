@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import rerun as rr
 import rerun.blueprint as rrb
 
-from postproc.picture import Picture
-from postproc.scene_plan import KEY_WIDTH
-from postproc.scene_series import QUANTITIES, axis_range
+from postproc.pictures.picture import Picture
+from postproc.pictures.scene_plan import KEY_WIDTH
+from postproc.pictures.scene_series import QUANTITIES, axis_range
 
 SHARED_AXIS = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc/TimeAxis"
 """Where the viewer keeps the time range that linked plots share; it has no public name."""

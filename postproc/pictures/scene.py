@@ -9,14 +9,14 @@ try:
 except ImportError as error:
     raise ConfigError("pictures need rerun: install cellwalk[post]") from error
 
-from postproc.picture import Picture, picture_of
-from postproc.scene_layout import layout
-from postproc.scene_plan import draw_plan
-from postproc.scene_report import report
-from postproc.scene_series import draw_series
-from postproc.scene_sheet import Sheet
+from postproc.pictures.picture import Picture, picture_of
+from postproc.pictures.scene_layout import layout
+from postproc.pictures.scene_plan import draw_plan
+from postproc.pictures.scene_report import report
+from postproc.pictures.scene_series import draw_series
+from postproc.pictures.scene_sheet import Sheet
+from postproc.pictures.viewer import show
 from postproc.smooth import Smoothed
-from postproc.viewer import show
 
 APPLICATION = "cellwalk"
 

@@ -9,8 +9,8 @@ import rerun as rr
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import ellipse95
-from postproc.colours import Colour
-from postproc.picture import Clock
+from postproc.pictures.colours import Colour
+from postproc.pictures.picture import Clock
 
 
 class Sheet:

@@ -7,7 +7,7 @@ import numpy as np
 from logger.core.ellipse import ellipse95
 from logger.core.geo import Utm
 from logger.core.timebase import utc_text
-from postproc.picture import Picture, headline
+from postproc.pictures.picture import Picture, headline
 from postproc.smooth import CellResult
 
 _COLOURS = (

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from filterpy.kalman import rts_smoother
 
-from postproc.rts import smooth
+from postproc.estimators.rts import smooth
 
 
 def random_problem(seed, steps=40, size=4):

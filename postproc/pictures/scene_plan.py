@@ -7,11 +7,11 @@ import rerun as rr
 
 from logger.core.arrays import FloatArray
 from logger.core.observations import MAX_GAP_S
-from postproc import colours
-from postproc.colours import Colour
-from postproc.filtered import Filtered
-from postproc.picture import Box, Picture, mode_label, nice_step
-from postproc.scene_sheet import Sheet, closed, ellipse_axes, thinned
+from postproc.estimators.filtered import Filtered
+from postproc.pictures import colours
+from postproc.pictures.colours import Colour
+from postproc.pictures.picture import Box, Picture, mode_label, nice_step
+from postproc.pictures.scene_sheet import Sheet, closed, ellipse_axes, thinned
 
 _MOST_STRIPS = 5_000
 _MOST_POINTS = 40_000

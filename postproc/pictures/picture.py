@@ -13,10 +13,10 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.observations import Track, levels_dbm, times_ns
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit
-from postproc import colours
-from postproc.colours import Colour
-from postproc.posterior import Mode, Posterior
-from postproc.region import Cells, polygons
+from postproc.estimators.posterior import Mode, Posterior
+from postproc.estimators.region import Cells, polygons
+from postproc.pictures import colours
+from postproc.pictures.colours import Colour
 from postproc.smooth import CellResult, Smoothed
 
 Rings = list[FloatArray]

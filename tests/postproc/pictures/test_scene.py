@@ -9,12 +9,12 @@ from rerun.chunk import RrdReader
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
-from postproc import viewer
-from postproc.filtered import Filtered
-from postproc.picture import focus_of, headline, nice_step, picture_of
-from postproc.scene import open_viewer, write_scene
-from postproc.scene_layout import SHARED_AXIS
-from postproc.scene_sheet import ellipse_axes
+from postproc.estimators.filtered import Filtered
+from postproc.pictures import viewer
+from postproc.pictures.picture import focus_of, headline, nice_step, picture_of
+from postproc.pictures.scene import open_viewer, write_scene
+from postproc.pictures.scene_layout import SHARED_AXIS
+from postproc.pictures.scene_sheet import ellipse_axes
 from postproc.smooth import smooth_run
 from tests.kit import smoothed as kit
 from tests.kit.runs import meta

@@ -6,11 +6,11 @@ import numpy as np
 import rerun as rr
 
 from logger.core.arrays import IntArray
-from postproc import colours
-from postproc.colours import Colour
-from postproc.filtered import Filtered
-from postproc.picture import Picture
-from postproc.scene_sheet import Sheet, band, dots, ellipse_axes, entity, line, two_sigma
+from postproc.estimators.filtered import Filtered
+from postproc.pictures import colours
+from postproc.pictures.colours import Colour
+from postproc.pictures.picture import Picture
+from postproc.pictures.scene_sheet import Sheet, band, dots, ellipse_axes, entity, line, two_sigma
 
 _MOST_DOTS = 40_000
 """Points are not thinned by the viewer, lines are: above this the other cells are drawn as lines."""

@@ -6,8 +6,8 @@ import shapely
 from shapely.geometry import shape
 
 from logger.core.geo import Utm
-from postproc import region
-from postproc.region import Cells
+from postproc.estimators import region
+from postproc.estimators.region import Cells
 
 UTM = Utm(32)
 EAST, NORTH = UTM.to_xy(48.0, 9.0)

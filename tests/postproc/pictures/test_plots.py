@@ -6,8 +6,8 @@ import pytest
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
-from postproc import colours
-from postproc.plots import draw_run, figure_of
+from postproc.pictures import colours
+from postproc.pictures.plots import draw_run, figure_of
 from postproc.smooth import smooth_run
 from tests.kit import smoothed as kit
 from tests.kit.runs import meta

@@ -1,7 +1,7 @@
 import numpy as np
 
 from logger.core import ekf
-from postproc.filtered import reference_ekf, run_ekf
+from postproc.estimators.filtered import reference_ekf, run_ekf
 from tests.kit.walks import simulate
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from filterpy.stats import NEES
 
-from postproc import metrics
+from postproc.estimators import metrics
 
 
 def test_nees_of_consistent_errors_is_chi_square():

@@ -3,8 +3,8 @@ import pytest
 import scipy.integrate
 import scipy.stats
 
-from postproc import evidence
-from postproc.evidence import Prior
+from postproc.estimators import evidence
+from postproc.estimators.evidence import Prior
 from tests.kit.walks import observations, simulate
 
 

@@ -18,10 +18,10 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from logger.core.pathloss import log_distance_db
 from logger.core.timebase import utc_text
-from postproc import colours
-from postproc.batch import fit_linear
-from postproc.picture import Levels, Picture, headline, picture_of
-from postproc.plots_plan import draw_plan, rgb, verbatim
+from postproc.estimators.batch import fit_linear
+from postproc.pictures import colours
+from postproc.pictures.picture import Levels, Picture, headline, picture_of
+from postproc.pictures.plots_plan import draw_plan, rgb, verbatim
 from postproc.smooth import Smoothed
 
 _DPI = 150

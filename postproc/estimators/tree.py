@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from postproc.evidence import Evidence, Noise, Prior, Track, evidence, noises
+from postproc.estimators.evidence import Evidence, Noise, Prior, Track, evidence, noises
 
 _SPLIT_SHARE = 0.002
 _MIN_CELL_M = 0.5

@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 
 from logger.core.observations import CellObservations
-from postproc.posterior import LEAST_PEAK, Mode, Posterior
+from postproc.estimators.posterior import LEAST_PEAK, Mode, Posterior
 
 _MINOR_PLACE = 0.03
 _FEWEST_READINGS = 8

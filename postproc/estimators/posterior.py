@@ -13,9 +13,9 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import Ellipse, ellipse95
 from logger.core.errors import EstimationError
 from logger.core.observations import CellObservations
-from postproc.evidence import Prior, blocks
-from postproc.region import LEVEL, Cells, area_m2, places
-from postproc.tree import Tree, grow
+from postproc.estimators.evidence import Prior, blocks
+from postproc.estimators.region import LEVEL, Cells, area_m2, places
+from postproc.estimators.tree import Tree, grow
 
 LEAST_PEAK = 0.05
 """A place with this share of the highest density is named, however little mass it has."""

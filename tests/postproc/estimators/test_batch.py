@@ -8,7 +8,7 @@ import scipy.optimize
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations
-from postproc import batch
+from postproc.estimators import batch
 
 SOURCE = np.array([60.0, 90.0, -30.0, 3.0])
 

@@ -11,9 +11,9 @@ from matplotlib.path import Path
 
 from logger.core.ellipse import ellipse95
 from logger.core.observations import MAX_GAP_S
-from postproc import colours
-from postproc.colours import Colour
-from postproc.picture import Box, Estimate, Picture, Rings, mode_label
+from postproc.pictures import colours
+from postproc.pictures.colours import Colour
+from postproc.pictures.picture import Box, Estimate, Picture, Rings, mode_label
 
 
 def rgb(colour: Colour) -> tuple[float, float, float]:

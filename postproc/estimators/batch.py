@@ -18,7 +18,7 @@ from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError
 from logger.core.observations import CellObservations
 from logger.core.pathloss import log_distance_db
-from postproc.metrics import lag1
+from postproc.estimators.metrics import lag1
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 

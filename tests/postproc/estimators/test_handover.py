@@ -3,9 +3,9 @@ import pytest
 
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations
-from postproc import handover, metrics
-from postproc.evidence import Prior
-from postproc.posterior import locate
+from postproc.estimators import handover, metrics
+from postproc.estimators.evidence import Prior
+from postproc.estimators.posterior import locate
 
 
 def square_walk(rng, *, noise_db=2.0, laps=2, step=2.8, source=(60.0, 95.0)):

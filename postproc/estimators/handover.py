@@ -13,10 +13,10 @@ import numpy as np
 
 from logger.core.ekf import EkfState, upper_triangle
 from logger.core.observations import CellObservations
-from postproc import metrics, rts
-from postproc.filtered import Filtered, run_ekf
-from postproc.posterior import Posterior, locate
-from postproc.verdict import verdict
+from postproc.estimators import metrics, rts
+from postproc.estimators.filtered import Filtered, run_ekf
+from postproc.estimators.posterior import Posterior, locate
+from postproc.estimators.verdict import verdict
 
 TIGHT_M = 20.0
 _FEWEST = 8

@@ -5,9 +5,9 @@ import pytest
 
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
-from postproc.evidence import Prior
-from postproc.posterior import locate
-from postproc.verdict import verdict
+from postproc.estimators.evidence import Prior
+from postproc.estimators.posterior import locate
+from postproc.estimators.verdict import verdict
 from tests.kit.walks import covered, nearest_mode_m, observations, path, simulate
 
 
