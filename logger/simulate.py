@@ -43,9 +43,10 @@ def simulate(folder: Path, name: str, seed: int, duration_s: float | None, speed
             max_fix_age_s=3.0 + 0.1 * speed,
         )
         config = parse_config(text, "simulated site.toml")
-        service = Service(config, clock, config_text=text, origin=f"simulated walk {name}", truth=_truth(walk))
+        origin = f"simulated walk {name}"
+        service = Service(config, clock, ended, config_text=text, origin=origin, truth=_truth(walk))
         service.start()
-        service.wait(ended, walk.duration_s)
+        service.wait(walk.duration_s)
         return service.stop(heard[0] if heard else "end of the simulated walk")
 
 

@@ -18,31 +18,35 @@ BLOCK_GAP_S = 0.5
 """Silence that ends a block of rows nobody asked for; such blocks have no final line."""
 
 
-class ModemSession:
-    """One conversation, from the opening of the port until it is lost; `timeout_scale` stretches every time limit."""
+def modem_session(link: Link, driver: ModemDriver, poll_interval_s: float) -> None:
+    """Set the modem up and poll it until stopped; raises `DeviceError` when it falls silent or its port is lost."""
+    _Conversation(link, driver, round(poll_interval_s * 1e9)).run()
 
-    def __init__(self, driver: ModemDriver, poll_interval_s: float, timeout_scale: float = 1.0) -> None:
-        self._driver = driver
-        self._interval_ns = round(poll_interval_s * 1e9)
-        self._timeout_scale = timeout_scale
 
-    def __call__(self, link: Link) -> None:
-        """Set the modem up and poll it until stopped; raises `DeviceError` when it has fallen silent."""
+class _Conversation:
+    """From the opening of the port until it is lost."""
+
+    def __init__(self, link: Link, driver: ModemDriver, interval_ns: int) -> None:
         self._link = link
+        self._driver = driver
+        self._interval_ns = interval_ns
         self._framer = AtFramer()
         self._rows: list[str] = []
         self._row_ns = 0
+        self._heard_ns = 0
         self._set_up = False
-        self._answered = True
+        self._answered = False
+
+    def run(self) -> None:
         unanswered = 0
-        while not link.stop.is_set():
-            due_ns = link.clock.now_ns() + self._interval_ns
+        while not self._link.stop.is_set():
+            due_ns = self._link.clock.now_ns() + self._interval_ns
             self._answered = False
             if not self._set_up:
                 self._prepare()
             self._poll()
             unanswered = 0 if self._answered else unanswered + 1
-            if unanswered >= SILENT_POLLS and not link.stop.is_set():
+            if unanswered >= SILENT_POLLS and not self._link.stop.is_set():
                 raise DeviceError(f"modem gives no answer ({unanswered} polls); opening the port again")
             self._listen_until(due_ns)
         self._close_block()
@@ -77,7 +81,9 @@ class ModemSession:
         """Send a command and wait for its reply; a timeout is a reply too."""
         self._framer.send(command.text)
         self._link.write(command.text.encode("ascii") + b"\r")
-        deadline_ns = self._link.clock.now_ns() + round(command.timeout_s * self._timeout_scale * 1e9)
+        # a modem takes its real time to answer, however fast the clock of a simulated walk runs
+        timeout_s = command.timeout_s / self._link.clock.real_s(1.0)
+        deadline_ns = self._link.clock.now_ns() + round(timeout_s * 1e9)
         while self._link.clock.now_ns() < deadline_ns and not self._link.stop.is_set():
             for reply in self._hear():
                 self._answered = True

@@ -1,6 +1,7 @@
 """The writer thread: takes records from the inbox, runs the live estimate, and makes both durable every second."""
 
 import logging
+import threading
 import time
 from collections import Counter
 from dataclasses import replace
@@ -18,15 +19,22 @@ TICK_S = 1.0
 
 
 class Recorder:
-    """The only user of a `RunWriter`; `run` until `finish` is called from another thread."""
+    """The only user of a `RunWriter`; `run` until `finish` is called from another thread.
 
-    def __init__(self, writer: RunWriter, tracker: LiveTracker, inbox: Inbox, clock: Clock) -> None:
+    When it fails for good it sets `ended`, and `error` says why: a logger that does not record must not go on.
+    """
+
+    def __init__(
+        self, writer: RunWriter, tracker: LiveTracker, inbox: Inbox, clock: Clock, ended: threading.Event
+    ) -> None:
         self._writer = writer
         self._tracker = tracker
         self._inbox = inbox
         self._clock = clock
+        self._ended = ended
         self._stop_reason: str | None = None
-        self._failing = ""
+        self.failing = ""
+        self.error: Exception | None = None
         self.counts: Counter[str] = Counter()
         self.latest: LiveEstimate | None = None
 
@@ -35,14 +43,22 @@ class Recorder:
         self._stop_reason = reason
 
     def run(self) -> None:
-        while self._stop_reason is None:
-            self._take_until(time.monotonic() + TICK_S)
-            self._flush()
+        try:
+            while self._stop_reason is None:
+                self._take_until(time.monotonic() + TICK_S)
+                self._flush()
+            self._close(self._stop_reason)
+        except Exception as error:
+            log.exception("the recorder has failed")
+            self.error = error
+            self._ended.set()
+
+    def _close(self, reason: str) -> None:
         while (record := self._inbox.get(0.0)) is not None:
             self._append(record)
         self._flush()
-        self._append(self._note("info", "stop", self._stop_reason))
-        self._writer.close(self._clock.now_ns(), self._stop_reason)
+        self._append(self._note("info", "stop", reason))
+        self._writer.close(self._clock.now_ns(), reason)
 
     def _take_until(self, end_s: float) -> None:
         while (record := self._inbox.get(end_s - time.monotonic())) is not None:
@@ -76,14 +92,14 @@ class Recorder:
         try:
             self._writer.sync()
         except OSError as error:
-            if not self._failing:
-                self._failing = str(error)
+            if not self.failing:
+                self.failing = str(error)
                 log.error("cannot write the run (%s); keeping records in memory", error)  # noqa: TRY400
                 self._append(self._note("error", "write-failed", f"card: {error}"))
             return
-        if self._failing:
+        if self.failing:
             log.warning("the run can be written again")
-            self._failing = ""
+            self.failing = ""
 
     def _note(self, level: Level, code: str, text: str) -> Record:
         return Record(self._clock.now_ns(), "logger", Note(level, code, text))

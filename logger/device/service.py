@@ -7,6 +7,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from types import FrameType
@@ -19,7 +20,7 @@ from logger.core.runfile import RunMeta, RunWriter, Truth, finish_journal, journ
 from logger.device.clock import Clock, boot_id
 from logger.device.gnss_link import gnss_session
 from logger.device.link import Inbox, Link
-from logger.device.modem_link import ModemSession
+from logger.device.modem_link import modem_session
 from logger.device.port import check_url
 from logger.device.recorder import Recorder
 from logger.drivers.registry import make_driver
@@ -34,20 +35,28 @@ _LIBRARIES = ("cellwalk", "numpy", "h5py", "pyproj", "pyserial", "pynmea2", "msg
 class Service:
     """Records one run from `start` to `stop`; the clock is an argument, so that a simulated walk can run faster.
 
-    `config_text` is kept in the run; `truth` names the transmitters of a simulated world. Raises `ConfigError` for a
-    directory or a port that can never be used.
+    `ended` ends `wait`; the recorder sets it too when it fails. `config_text` is kept in the run; `truth` names the
+    transmitters of a simulated world. Raises `ConfigError` for a directory or a port that can never be used.
     """
 
     def __init__(
-        self, config: SiteConfig, clock: Clock, *, config_text: str, origin: str = "walk", truth: tuple[Truth, ...] = ()
+        self,
+        config: SiteConfig,
+        clock: Clock,
+        ended: threading.Event,
+        *,
+        config_text: str,
+        origin: str = "walk",
+        truth: tuple[Truth, ...] = (),
     ) -> None:
         check_url(config.modem.port)
         check_url(config.gnss.port)
         self._clock = clock
+        self._ended = ended
         self._started_ns = clock.now_ns()
         self._stop = threading.Event()
         self._inbox = Inbox()
-        self._folder = usable_folder(config.run.directory)
+        self.folder = usable_folder(config.run.directory)
         meta = RunMeta(
             run_id=secrets.token_hex(16),
             boot_id=boot_id(),
@@ -59,10 +68,10 @@ class Service:
             live=config.live,
             truth=truth,
         )
-        self._writer = RunWriter(journal_path(self._folder, meta.boot_id), meta)
-        self.recorder = Recorder(self._writer, LiveTracker(config.live), self._inbox, clock)
-        modem = ModemSession(
-            make_driver(config.modem.driver), config.modem.poll_interval_s, timeout_scale=1.0 / clock.real_s(1.0)
+        self._writer = RunWriter(journal_path(self.folder, meta.boot_id), meta)
+        self.recorder = Recorder(self._writer, LiveTracker(config.live), self._inbox, clock, ended)
+        modem = partial(
+            modem_session, driver=make_driver(config.modem.driver), poll_interval_s=config.modem.poll_interval_s
         )
         self._threads = [
             threading.Thread(target=self.recorder.run, name="recorder"),
@@ -76,24 +85,25 @@ class Service:
             thread.start()
 
     def stop(self, reason: str) -> Path:
-        """End the run and make its HDF5 file; the journal stays whatever happens."""
+        """End the run and make its HDF5 file; the journal stays whatever happens. Raises `RunFileError`."""
         self._stop.set()
         recorder, *links = self._threads
         for link in links:
             link.join(JOIN_S)
         self.recorder.finish(reason)
         recorder.join()
+        if self.recorder.error is not None:
+            raise RunFileError(f"recording to {self._writer.path} failed: {self.recorder.error}")
         return finish_journal(self._writer.path)
 
-    def wait(self, ended: threading.Event, duration_s: float | None) -> bool:
-        """Wait until the event is set (True) or the duration has passed (False), telling how it goes meanwhile."""
+    def wait(self, duration_s: float | None) -> None:
+        """Wait until `ended` is set or the duration has passed, telling how it goes meanwhile."""
         end_ns = None if duration_s is None else self._clock.now_ns() + round(duration_s * 1e9)
         while end_ns is None or self._clock.now_ns() < end_ns:
             left_s = STATUS_EVERY_S if end_ns is None else min(STATUS_EVERY_S, (end_ns - self._clock.now_ns()) / 1e9)
-            if self._clock.wait(ended, max(left_s, 0.0)):
-                return True
+            if self._clock.wait(self._ended, max(left_s, 0.0)):
+                return
             log.info("%s", self.status())
-        return False
 
     def status(self) -> str:
         """One line for somebody who wonders whether it works."""
@@ -114,12 +124,12 @@ class Service:
 def run_service(config: SiteConfig, config_text: str, clock: Clock, duration_s: float | None) -> Path:
     """Record until SIGTERM, SIGINT or the end of the duration; returns the finished run."""
     with stop_signals() as (ended, heard):
-        service = Service(config, clock, config_text=config_text)
+        service = Service(config, clock, ended, config_text=config_text)
         service.start()
-        recovery = threading.Thread(target=recover_folder, args=(Path(config.run.directory),), name="recovery")
+        recovery = threading.Thread(target=recover_folder, args=(service.folder,), name="recovery")
         recovery.start()
-        service.wait(ended, duration_s)
-        run = service.stop(heard[0] if heard else f"duration of {duration_s:g} s over")
+        service.wait(duration_s)
+        run = service.stop(heard[0] if heard else f"duration of {duration_s} s over")
         recovery.join()
     return run
 

@@ -105,7 +105,7 @@ def test_duration_ends_it_cleanly_and_names_the_run_by_gps_time(tmp_path):
     run = _only_run(tmp_path)
     assert out.strip() == str(run.path)
     assert run.path.name.startswith("run-2026092")
-    assert run.end.reason == "duration of 6 s over"
+    assert run.end.reason == "duration of 6.0 s over"
     live = [r.value for _, r in run.records("live") if isinstance(r.value, LiveEstimate)]
     assert len(live) > 10
     assert {estimate.cell for estimate in live} == {"262-01-4711-12345"}
