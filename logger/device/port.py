@@ -6,7 +6,7 @@ import termios
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import serial
 
@@ -27,9 +27,7 @@ class Port:
     def __init__(self, url: str, baud: int, read_timeout_s: float) -> None:
         self._url = url
         with _device_errors(url):
-            self._serial = serial.serial_for_url(
-                url, baudrate=baud, timeout=read_timeout_s, write_timeout=WRITE_TIMEOUT_S, exclusive=True
-            )
+            self._serial = serial.serial_for_url(url, baudrate=baud, timeout=read_timeout_s, **_options(url))
         self._keep_others_out()
 
     def __enter__(self) -> Self:
@@ -61,6 +59,11 @@ class Port:
         # pyserial's lock is a flock that only pyserial asks for; TIOCEXCL stops everybody but root
         with suppress(OSError, AttributeError):
             fcntl.ioctl(self._serial.fileno(), termios.TIOCEXCL)
+
+
+def _options(url: str) -> dict[str, Any]:
+    # a network port knows neither: rfc2217 refuses to be opened with a write timeout
+    return {} if "://" in url else {"write_timeout": WRITE_TIMEOUT_S, "exclusive": True}
 
 
 def check_url(url: str) -> None:

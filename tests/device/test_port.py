@@ -2,8 +2,11 @@ import os
 import pty
 import socket
 import threading
+from types import SimpleNamespace
 
 import pytest
+import serial
+import serial.rfc2217
 
 from logger.core.errors import ConfigError, DeviceError
 from logger.device.port import Port, check_url
@@ -29,6 +32,35 @@ def test_reads_and_writes_a_socket_and_hears_it_close():
             with pytest.raises(DeviceError):
                 for _ in range(50):
                     port.read()
+
+
+def _serve_rfc2217(server):
+    """A serial port of its own behind the protocol: whatever is written to it comes back."""
+    peer, _ = server.accept()
+    with peer, serial.serial_for_url("loop://", timeout=0.05) as line:
+        manager = serial.rfc2217.PortManager(line, SimpleNamespace(write=peer.sendall))
+        peer.settimeout(0.05)
+        while True:
+            try:
+                data = peer.recv(1024)
+            except TimeoutError:
+                data = None
+            if data == b"":
+                return
+            line.write(b"".join(manager.filter(data or b"")))
+            peer.sendall(b"".join(manager.escape(line.read(line.in_waiting))))
+
+
+# pyserial 3.5 starts its reader thread in the way of Python 2
+@pytest.mark.filterwarnings("ignore:set(Daemon|Name)\\(\\):DeprecationWarning")
+def test_reads_and_writes_a_port_behind_rfc2217():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=_serve_rfc2217, args=(server,))
+        thread.start()
+        with Port(f"rfc2217://127.0.0.1:{server.getsockname()[1]}", 115200, 0.1) as port:
+            port.write(b"AT+CENG?\r")
+            assert _read(port, 9) == b"AT+CENG?\r"
+        thread.join()
 
 
 def test_a_socket_that_nobody_serves():

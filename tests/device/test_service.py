@@ -1,6 +1,7 @@
 import json
 import os
 import signal
+import socket
 from collections import Counter
 
 import numpy as np
@@ -140,3 +141,18 @@ def test_noise_is_counted_not_obeyed(tmp_path):
     assert "garbage" in _notes(run)
     raw = run.tables["raw"]
     assert int(raw["length"][raw["source"] == b"gnss"].sum()) == len(noise) + 2 + len(service.epochs(20))
+
+
+def test_a_receiver_behind_a_socket(tmp_path):
+    """Ports are anything that pyserial opens; the modem is missing all the while."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        with service.running(service.site_toml(tmp_path, str(tmp_path / "none"), url)) as logger:
+            peer, _ = server.accept()
+            with peer:
+                # opening a port throws away what has come before
+                service.wait_for(lambda: _journal_has(tmp_path, "notes", 2))
+                peer.sendall(service.epochs(50))
+                service.wait_for(lambda: _journal_has(tmp_path, "fixes", 50))
+                service.stopped(logger)
+    assert len(_only_run(tmp_path).tables["fixes"]) == 50
