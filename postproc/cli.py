@@ -120,11 +120,12 @@ def _smooth(arguments: argparse.Namespace) -> int:
 
     run = read_run(arguments.run)
     smoothed = smooth_run(run, arguments.cell, progress=_progress)
-    results.write(smoothed, results.path_beside(arguments.run))
     if arguments.json:
         print(results.as_json(results.summary(smoothed)))
     else:
         tables.print_smoothed(smoothed)
+    # printed first: a run on a card that cannot be written has an answer too
+    results.write(smoothed, results.path_beside(arguments.run))
     return 0
 
 
@@ -154,6 +155,8 @@ def _view(arguments: argparse.Namespace) -> int:
     from postproc.pictures.scene import open_viewer, write_scene
     from postproc.smooth import smooth_run
 
+    if arguments.save is not None and arguments.save.suffix != ".rrd":
+        raise ConfigError(f"{arguments.save}: a rerun recording is named .rrd")
     smoothed = smooth_run(read_run(arguments.run), arguments.cell and [arguments.cell], progress=_progress)
     if arguments.save is None:
         return open_viewer(smoothed)

@@ -18,10 +18,11 @@ from typing import get_args
 
 from logger.core.errors import GeoError, RunFileError
 from logger.core.geo import check_position
-from logger.core.runfile import RunMeta, RunWriter, convert_journal
+from logger.core.runfile import RunMeta, RunWriter, convert_journal, read_run
 from logger.core.types import CellReading, Fix, Note, Rat, Record, Scan
 
 DEFAULT_CELL = "target"
+ORIGIN = "import of"
 LEVEL_RANGE_DBM = (-200.0, 50.0)
 _CELL_BYTES = 64
 _SYNC_EVERY = 50_000
@@ -64,7 +65,8 @@ class Imported:
 
 
 def import_walk(source: Path, target: Path) -> Imported:
-    """Make a run of a CSV walk; raises `RunFileError` for a file without a usable row."""
+    """Make a run of a CSV walk; raises `RunFileError` for a file without a usable row, or to spare data."""
+    _spare(target)
     good, bad = read_walk(source)
     if not good:
         why = f"; line {bad[0].line}: {bad[0].why}" if bad else ""
@@ -73,6 +75,12 @@ def import_walk(source: Path, target: Path) -> Imported:
     imported = Imported(target, len(good), tuple(bad), not in_order)
     _write(sorted(good, key=lambda row: row.t_ns), imported, source)
     return imported
+
+
+def _spare(target: Path) -> None:
+    """Only an earlier import may be replaced: all else in its place, the CSV itself included, cannot be made again."""
+    if target.exists() and not read_run(target).meta.origin.startswith(ORIGIN):
+        raise RunFileError(f"{target} is a recorded run; choose another name for the import")
 
 
 def read_walk(source: Path) -> tuple[list[Row], list[BadRow]]:
@@ -164,7 +172,7 @@ def _write(rows: list[Row], imported: Imported, source: Path) -> None:
         run_id=secrets.token_hex(16),
         boot_id="",
         started_ns=0,
-        origin=f"import of {source.name}",
+        origin=f"{ORIGIN} {source.name}",
         program=f"cellwalk {version('cellwalk')}",
     )
     try:

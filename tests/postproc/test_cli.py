@@ -122,6 +122,28 @@ def test_import_of_what_is_no_walk(csv, tmp_path, capsys, text, says):
     assert not (tmp_path / "run.h5").exists()
 
 
+def test_nothing_but_an_earlier_import_is_overwritten(csv, tmp_path, capsys):
+    walk = csv("t_s,lat,lon,rssi_dbm\n0,52,13,-70\n")
+    for _ in range(2):
+        assert main(["import", str(walk), "-o", str(tmp_path / "run.h5")]) == 0
+    capsys.readouterr()
+    recorded = _run(tmp_path, runs.records(3), "walk.h5")
+    for precious in (recorded, walk):
+        before = precious.read_bytes()
+        assert str(precious) in _fails(capsys, "import", walk, "-o", precious)
+        assert precious.read_bytes() == before
+    assert ".rrd" in _fails(capsys, "view", recorded, "--save", recorded)
+
+
+def test_a_run_where_nothing_can_be_written_is_answered_all_the_same(tmp_path, capsys):
+    path = _run(tmp_path, runs.records(2))
+    (tmp_path / "run.post.h5").mkdir()
+    assert main(["smooth", str(path), "--json"]) == 2
+    told = capsys.readouterr()
+    assert json.loads(told.out)["cells"]
+    assert "cannot write" in told.err
+
+
 def test_import_to_nowhere(csv, tmp_path, capsys):
     assert "no such folder" in _fails(capsys, "import", csv("x"), "-o", tmp_path / "none/run.h5")
     assert "No such file" in _fails(capsys, "import", tmp_path / "none.csv", "-o", tmp_path / "run.h5")

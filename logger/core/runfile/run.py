@@ -56,8 +56,9 @@ class Run:
             yield row["seq"], Record(row["t_ns"], row["source"] or "", value)
 
 
-def read_run(path: Path) -> Run:
+def read_run(path: Path | str) -> Run:
     """Open a run, HDF5 or journal; raises `RunFileError` saying what is wrong with it."""
+    path = Path(path)
     try:
         with path.open("rb") as file:
             head = file.read(len(MAGIC))
