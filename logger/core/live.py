@@ -20,12 +20,14 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     `target` is "strongest" or the name of a cell. The target changes when another cell is `hysteresis_db` stronger in
     the same scan, or strongest after the target was not heard for `lost_s`. A fix older than `max_fix_age_s` is none.
+    `joseph` chooses the form of the covariance update.
     """
 
     target: str = STRONGEST
     hysteresis_db: float = 6.0
     lost_s: float = 30.0
     max_fix_age_s: float = 3.0
+    joseph: bool = False
 
 
 class LiveTracker:
@@ -82,7 +84,7 @@ class LiveTracker:
         level_dbm = _level_of(scan, self._target)
         if level_dbm is None or self._state is None or self._target is None:
             return notes
-        step = ekf.step(self._state, x_m, y_m, level_dbm)
+        step = ekf.step(self._state, x_m, y_m, level_dbm, joseph=self._settings.joseph)
         self._state = step.state
         self._n += 1
         return [*notes, self._estimate(seq, self._target, self._utm, step)]

@@ -102,8 +102,11 @@ class JournalParts:
 
 
 def decode_meta(text: bytes, path: Path) -> RunMeta:
-    """Meta of a run; raises `RunFileError` when a newer cellwalk wrote it."""
-    schema = msgspec.json.decode(text).get("schema")
-    if not isinstance(schema, int) or schema > SCHEMA_VERSION:
-        raise RunFileError(f"{path} has schema {schema}; this cellwalk reads up to {SCHEMA_VERSION}: please update")
-    return msgspec.json.decode(text, type=RunMeta)
+    """Meta of a run; raises `RunFileError` when a newer cellwalk wrote it, or it is no meta at all."""
+    try:
+        schema = msgspec.json.decode(text).get("schema")
+        if schema <= SCHEMA_VERSION:
+            return msgspec.json.decode(text, type=RunMeta)
+    except (msgspec.DecodeError, AttributeError, TypeError) as error:
+        raise RunFileError(f"{path}: this cellwalk cannot read its description ({error})") from error
+    raise RunFileError(f"{path} has schema {schema}; this cellwalk reads up to {SCHEMA_VERSION}: please update")
