@@ -5,7 +5,6 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 
 from logger.core import ekf
-from logger.core.ellipse import ellipse95
 
 
 def _measurement(x, receiver):
@@ -106,15 +105,3 @@ def test_drms_and_triangle():
     rng = np.random.default_rng(0)
     a = rng.normal(size=(4, 4))
     assert ekf.covariance_matrix(ekf.upper_triangle(a @ a.T)) == pytest.approx(a @ a.T)
-
-
-@pytest.mark.parametrize(
-    ("xx", "xy", "yy", "major", "minor", "azimuth"),
-    [(4.0, 0.0, 1.0, 2.0, 1.0, 90.0), (1.0, 0.0, 4.0, 2.0, 1.0, 0.0), (2.5, 1.5, 2.5, 2.0, 1.0, 45.0),
-     (2.5, -1.5, 2.5, 2.0, 1.0, 135.0)],
-)  # fmt: skip
-def test_ellipse(xx, xy, yy, major, minor, azimuth):
-    ellipse = ellipse95(xx, xy, yy)
-    scale = math.sqrt(5.991)
-    assert (ellipse.semi_major_m, ellipse.semi_minor_m) == pytest.approx((major * scale, minor * scale))
-    assert ellipse.azimuth_deg == pytest.approx(azimuth)

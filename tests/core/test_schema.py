@@ -1,0 +1,41 @@
+from dataclasses import fields
+
+import pytest
+
+from logger.core.schema import TABLES, rows_of
+from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan
+
+HEAD = {"seq", "t_ns", "source"}
+
+
+@pytest.mark.parametrize(
+    ("table", "kind", "written_instead"),
+    [
+        ("fixes", Fix, {}),
+        ("scans", Scan, {"readings": "n_readings"}),
+        ("readings", CellReading, {"label": "cell"}),
+        ("notes", Note, {}),
+        ("live", LiveEstimate, {}),
+    ],
+)
+def test_every_field_of_a_value_has_its_column(table, kind, written_instead):
+    columns = {column.name for column in TABLES[table]} - HEAD
+    extra = {"fix_seq"} if table == "readings" else set()
+    assert columns == {written_instead.get(f.name, f.name) for f in fields(kind)} | extra
+
+
+def test_every_column_says_what_it_is():
+    assert all(column.unit for columns in TABLES.values() for column in columns)
+
+
+def test_a_whole_number_that_may_be_unknown_has_a_mark():
+    always_known = {"seq", "t_ns", "valid", "t_start_ns", "scan_seq", "n", "utm_zone", "sent", "offset", "length"}
+    for columns in TABLES.values():
+        for column in columns:
+            if column.dtype[1] in "iu" and column.name not in always_known:
+                assert column.unknown is not None, column
+
+
+def test_raw_bytes_have_no_row_of_their_own():
+    with pytest.raises(TypeError):
+        rows_of(0, Record(0, "gnss", RawBytes(b"x")))

@@ -1,0 +1,55 @@
+from dataclasses import replace
+
+from logger.core.live import LiveTracker
+from logger.core.runfile import read_run
+from logger.core.types import LiveEstimate, Record
+from postproc.replay import replay
+from tests.kit import runs
+
+
+def _walked(n=50):
+    """A walk with the live estimates that the recorder would have added."""
+    tracker = LiveTracker(runs.meta().live)
+    out = []
+    for record in runs.records(n):
+        seq = len(out)
+        out.append(record)
+        out += [Record(record.t_ns, "live", value) for value in tracker.feed(seq, record)]
+    return out
+
+
+def _replay(tmp_path, records, *, close=True):
+    path = tmp_path / "a.journal"
+    runs.write_journal(path, records, close=close)
+    return replay(read_run(path))
+
+
+def test_what_was_live_comes_out_again_to_the_bit(tmp_path):
+    found = _replay(tmp_path, _walked())
+    assert found.equal
+    assert found.n_recorded == found.n_replayed == 50
+
+
+def test_one_bit_is_noticed(tmp_path):
+    records = _walked()
+    at = [i for i, record in enumerate(records) if isinstance(record.value, LiveEstimate)][20]
+    value = records[at].value
+    records[at] = replace(records[at], value=replace(value, x_m=value.x_m + 1e-9))
+    found = _replay(tmp_path, records)
+    assert not found.equal
+    assert (found.n_equal, found.first_difference) == (49, value.scan_seq)
+    assert 0.0 < found.largest_m < 2e-9
+
+
+def test_a_cut_run_is_compared_as_far_as_it_goes(tmp_path):
+    records = _walked()
+    last = max(i for i, record in enumerate(records) if isinstance(record.value, LiveEstimate))
+    found = _replay(tmp_path, records[:last] + records[last + 1 :], close=False)
+    assert found.equal
+    assert found.n_recorded == 49
+
+
+def test_a_finished_run_that_lacks_an_estimate_is_not_equal(tmp_path):
+    records = _walked()
+    last = max(i for i, record in enumerate(records) if isinstance(record.value, LiveEstimate))
+    assert not _replay(tmp_path, records[:last] + records[last + 1 :]).equal
