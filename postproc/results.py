@@ -136,7 +136,7 @@ def _plain(value: Any) -> Any:
         return value.item()
     if isinstance(value, np.ndarray):
         return value.tolist()
-    raise NotImplementedError(type(value).__name__)
+    raise TypeError(f"no JSON for {type(value).__name__}")
 
 
 def write(smoothed: Smoothed, path: Path) -> None:
