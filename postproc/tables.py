@@ -60,10 +60,13 @@ def print_smoothed(smoothed: Smoothed) -> None:
     if found["run"]["simulated"]:
         console.print("This is a simulated run: the table shows the error to the known truth.")
     for warning in smoothed.warnings:
-        console.print(f"[red]{warning}[/red]")
+        console.print(f"[red]cannot tell: {warning}[/red]")
     for cell in found["cells"]:
         _print_cell(console, cell)
-    console.print("\n* the specification's filter, kept for reference: its place and its ellipse are not to be trusted")
+    if any(cell["reference_ekf"]["lat"] is not None for cell in found["cells"]):
+        console.print(
+            "\n* the specification's filter, kept for reference: its place and its ellipse are not to be trusted"
+        )
 
 
 def _print_cell(console: Console, cell: Json) -> None:
