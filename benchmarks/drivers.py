@@ -13,6 +13,7 @@ from logger.drivers.at import AtFramer
 from logger.drivers.dialogue import Reply
 from logger.drivers.nmea import FixAssembler, NmeaFramer, Sentence
 from logger.drivers.sim800 import Sim800
+from logger.sim.receiver import sentence
 
 EPOCHS = 5_000
 CHUNK = 64
@@ -25,13 +26,6 @@ REPLY = (
     b'+CENG: 3,"1692,13,20,4e71,310,260,0113"\r\n+CENG: 4,"1696,13,30,a53e,310,260,0113"\r\n'
     b'+CENG: 5,"1701,08,40,5e58,310,260,0113"\r\n+CENG: 6,"1698,06,62,4f2f,310,260,0113"\r\n\r\nOK\r\n'
 )
-
-
-def sentence(body: str) -> str:
-    checksum = 0
-    for character in body:
-        checksum ^= ord(character)
-    return f"${body}*{checksum:02X}"
 
 
 def chunks(data: bytes) -> list[bytes]:
@@ -73,8 +67,9 @@ def per_second(run: Callable[[], None], count: int) -> float:
 
 
 def main() -> None:
-    lines = [sentence(RMC), sentence(GGA)] * EPOCHS
-    pieces = chunks("".join(line + "\r\n" for line in lines).encode())
+    epoch = [sentence(RMC), sentence(GGA)]
+    pieces = chunks(b"".join(epoch) * EPOCHS)
+    lines = [line.decode().strip() for line in epoch] * EPOCHS
     ours = per_second(lambda: read_nmea(pieces), len(lines))
     theirs = per_second(lambda: pynmea2_alone(lines), len(lines))
     print(f"NMEA bytes to fixes       {ours:9.0f} sentences/s")

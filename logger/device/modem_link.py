@@ -1,6 +1,5 @@
 """The session with a modem: drives the dialogues of a driver over a port, and hears what comes unasked."""
 
-from collections.abc import Iterator
 from typing import TypeVar
 
 from logger.core.errors import DeviceError
@@ -85,26 +84,27 @@ class _Conversation:
         timeout_s = command.timeout_s / self._link.clock.real_s(1.0)
         deadline_ns = self._link.clock.now_ns() + round(timeout_s * 1e9)
         while self._link.clock.now_ns() < deadline_ns and not self._link.stop.is_set():
-            for reply in self._hear():
+            reply = self._hear()
+            if reply is not None:
                 self._answered = True
                 return reply
         expired = self._framer.expire()
         self._answered |= bool(expired.lines)
         return expired
 
-    def _hear(self) -> Iterator[Reply]:
-        """Read one chunk; all of it is taken in, also what follows a reply."""
+    def _hear(self) -> Reply | None:
+        """Read one chunk, all of it, also what follows the reply: one command is pending, so there is one at most."""
         self._heard_ns, data = self._link.read()
-        replies = []
+        reply = None
         for event in self._framer.feed(data):
             match event:
                 case Reply():
-                    replies.append(event)
+                    reply = event
                 case Unsolicited(line=line):
                     self._hear_unasked(line)
                 case Garbage(data=noise):
                     self._link.count_garbage(len(noise))
-        return iter(replies)
+        return reply
 
     def _hear_unasked(self, line: str) -> None:
         if self._driver.says_restarted(line):
@@ -124,8 +124,7 @@ class _Conversation:
                 self._close_block()
             if now_ns >= due_ns:
                 return
-            for _ in self._hear():
-                pass
+            self._hear()
 
     def _close_block(self) -> None:
         """Record the rows that came unasked as one scan."""

@@ -40,8 +40,8 @@ def records(n: int) -> list[Record]:
     return out
 
 
-def write_journal(path: Path, found: list[Record], *, sync_every: int = 20, close: bool = True) -> None:
-    writer = RunWriter(path, meta())
+def write_journal(path: Path, found: list[Record], *, sync_every: int = 20, close: bool = True, **changes) -> None:
+    writer = RunWriter(path, meta(**changes))
     for i, record in enumerate(found, 1):
         writer.append(record)
         if i % sync_every == 0:

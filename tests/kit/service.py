@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from logger.sim.receiver import sentence
+
 FIELDLOGGER = (sys.executable, "-m", "logger.cli")
 
 
@@ -57,17 +59,10 @@ def epochs(n: int, rate_hz: float = 1.0) -> bytes:
         clock = f"{int(t_s // 3600) % 24:02d}{int(t_s // 60) % 60:02d}{t_s % 60:05.2f}"
         lon = f"013{24.0 + i * 0.001:08.5f}"
         out += [
-            _sentence(f"GNRMC,{clock},A,5231.00000,N,{lon},E,2.7,90.0,210926,,,A,V"),
-            _sentence(f"GNGGA,{clock},5231.00000,N,{lon},E,1,09,0.9,34.0,M,40.0,M,,"),
+            sentence(f"GNRMC,{clock},A,5231.00000,N,{lon},E,2.7,90.0,210926,,,A,V"),
+            sentence(f"GNGGA,{clock},5231.00000,N,{lon},E,1,09,0.9,34.0,M,40.0,M,,"),
         ]
-    return "".join(out).encode()
-
-
-def _sentence(body: str) -> str:
-    checksum = 0
-    for character in body:
-        checksum ^= ord(character)
-    return f"${body}*{checksum:02X}\r\n"
+    return b"".join(out)
 
 
 CENG = (

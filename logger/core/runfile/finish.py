@@ -1,16 +1,14 @@
 """From journal to HDF5: one function for the stop, for the next boot and for the desk."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from logger.core.errors import RunFileError
-from logger.core.runfile.hdf5 import is_hdf5, read_hdf5, write_hdf5
+from logger.core.runfile.hdf5 import read_start, write_hdf5
 from logger.core.runfile.journal import is_recording, sync_folder
-from logger.core.runfile.meta import RunMeta
-from logger.core.runfile.parts import JournalParts, TableRows
-from logger.core.timebase import TimeBase, fit, utc_text
+from logger.core.runfile.parts import JournalParts
+from logger.core.timebase import fit, utc_text
 
 JOURNAL = ".journal"
 
@@ -31,9 +29,7 @@ def finish_journal(journal: Path) -> Path:
 
     Safe to repeat: cut in the middle, it leaves the journal as it was. Raises `RunFileError`.
     """
-    meta, timebase = _scan_times(journal)
-    target = _target(journal, meta, timebase)
-    convert_journal(journal, target)
+    target = _convert(journal, journal.with_suffix(".h5.part"), partial(_name, journal))
     if journal.with_suffix(".h5") != target:
         journal.rename(target.with_suffix(JOURNAL))
         sync_folder(journal.parent)
@@ -42,43 +38,38 @@ def finish_journal(journal: Path) -> Path:
 
 def convert_journal(journal: Path, target: Path) -> None:
     """Make an HDF5 file of a journal under a given name, complete or not at all."""
-    part = target.with_name(target.name + ".part")
+    _convert(journal, target.with_name(target.name + ".part"), lambda _: target)
+
+
+def _convert(journal: Path, part: Path, name: Callable[[Path], Path]) -> Path:
+    """Write the HDF5 file as `part`, and give it the name that is found for it then."""
     try:
         write_hdf5(JournalParts(journal), part)
+        target = name(part)
         part.replace(target)
         sync_folder(target.parent)
     except OSError as error:
-        raise RunFileError(f"cannot write {target}: {error}") from error
+        raise RunFileError(f"cannot write {part.with_suffix('')}: {error}") from error
     finally:
         part.unlink(missing_ok=True)
+    return target
 
 
-def _scan_times(journal: Path) -> tuple[RunMeta, TimeBase | None]:
-    parts = JournalParts(journal)
-    fixes = [part.rows for part in parts if isinstance(part, TableRows) and part.table == "fixes"]
-    if parts.meta is None:
-        raise RunFileError(f"{journal} has lost its table definitions")
-    if not fixes:
-        return parts.meta, None
-    rows = np.concatenate(fixes)
-    return parts.meta, fit(rows["t_ns"], rows["utc_ns"])
-
-
-def _target(journal: Path, meta: RunMeta, timebase: TimeBase | None) -> Path:
+def _name(journal: Path, part: Path) -> Path:
+    """Where the HDF5 file of a journal belongs: by UTC from GPS, else beside the journal."""
+    meta, fixes = read_start(part)
+    timebase = fit(fixes["t_ns"], fixes["utc_ns"])
     if timebase is None:
         return journal.with_suffix(".h5")
     stem = f"run-{utc_text(timebase.utc_ns(meta.started_ns), compact=True)}"
-    for name in _names(stem):
-        target = journal.with_name(name + ".h5")
-        if not target.exists() or _is_run(target, meta.run_id):
-            return target
-    raise AssertionError("unreachable")
+    targets = (journal.with_name(f"{name}.h5") for name in _names(stem))
+    return next(target for target in targets if not target.exists() or _is_run(target, meta.run_id))
 
 
 def _is_run(path: Path, run_id: str) -> bool:
     """True when the file is an earlier attempt at the same run."""
     try:
-        return is_hdf5(path) and read_hdf5(path)[0].run_id == run_id
+        return read_start(path)[0].run_id == run_id
     except RunFileError:
         return False
 

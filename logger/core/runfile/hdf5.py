@@ -4,6 +4,8 @@ The oldest file format there is (superblock 0), since a run must open anywhere; 
 """
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -130,14 +132,26 @@ def is_hdf5(path: Path) -> bool:
 
 def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, dict[str, Column]]:
     """Everything in a run's HDF5 file; raises `RunFileError` when it is not one, or is damaged."""
+    with _open_run(path) as file:
+        meta = decode_meta(_text(file, "meta"), path)
+        end = msgspec.json.decode(_text(file, "end"), type=RunEnd | None)
+        damage = msgspec.json.decode(_text(file, "damage"), type=Damage)
+        return meta, end, damage, {name: file[name][...] for name in (*meta.columns, RAW_BYTES)}
+
+
+def read_start(path: Path) -> tuple[RunMeta, Column]:
+    """Description and fixes of a run's HDF5 file: who it is and when it was. Raises `RunFileError`."""
+    with _open_run(path) as file:
+        return decode_meta(_text(file, "meta"), path), file["fixes"][...]
+
+
+@contextmanager
+def _open_run(path: Path) -> Iterator[h5py.File]:
     try:
         with h5py.File(path, "r") as file:
             if file.attrs.get("format") != FORMAT:
                 raise RunFileError(f"{path} is an HDF5 file but no cellwalk run")
-            meta = decode_meta(_text(file, "meta"), path)
-            end = msgspec.json.decode(_text(file, "end"), type=RunEnd | None)
-            damage = msgspec.json.decode(_text(file, "damage"), type=Damage)
-            return meta, end, damage, {name: file[name][...] for name in (*meta.columns, RAW_BYTES)}
+            yield file
     except (OSError, KeyError, RuntimeError, msgspec.DecodeError) as error:
         raise RunFileError(f"{path} is damaged: {error}") from error
 

@@ -90,11 +90,21 @@ def test_finished_run_is_named_by_gps_time_and_can_be_finished_again(tmp_path):
     run.with_suffix(".journal").rename(journal)
     assert finish_journal(journal) == run
     assert {run.name, run.with_suffix(".journal").name} == {p.name for p in tmp_path.iterdir()}
-    # another run of the same second gets another name
+    # changed bytes are damage, not another run
     other = journal_path(tmp_path, "12345678-boot")
     other.write_bytes(copy.replace(b"0" * 32, b"1" * 32))
     with pytest.raises(RunFileError):
-        finish_journal(other)  # changed bytes are damage, not a run
+        finish_journal(other)
+
+
+def test_two_runs_of_one_second_get_two_names(tmp_path):
+    for run_id, expected in (("a", "run-20260921T141320Z.h5"), ("b", "run-20260921T141320Z-2.h5")):
+        journal = journal_path(tmp_path, "12345678-boot")
+        runs.write_journal(journal, runs.records(5), run_id=run_id)
+        run = finish_journal(journal)
+        assert run.name == expected
+        assert read_run(run).meta.run_id == run_id
+    assert unfinished(tmp_path) == []
 
 
 def test_run_without_gps_time_keeps_the_name_of_its_boot(tmp_path):
