@@ -120,12 +120,13 @@ def _smooth(arguments: argparse.Namespace) -> int:
 
     run = read_run(arguments.run)
     smoothed = smooth_run(run, arguments.cell, progress=_progress)
+    found = results.summary(smoothed)
     if arguments.json:
-        print(results.as_json(results.summary(smoothed)))
+        print(results.as_json(found))
     else:
-        tables.print_smoothed(smoothed)
+        tables.print_summary(found)
     # printed first: a run on a card that cannot be written has an answer too
-    results.write(smoothed, results.path_beside(arguments.run))
+    results.write(smoothed, found, results.path_beside(arguments.run))
     return 0
 
 

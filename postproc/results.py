@@ -10,8 +10,7 @@ import numpy as np
 
 from logger.core import ekf
 from logger.core.arrays import FloatArray
-from logger.core.ellipse import Ellipse, ellipse95
-from logger.core.errors import RunFileError
+from logger.core.ellipse import ellipse95
 from logger.core.geo import Utm
 from postproc.estimators.batch import BatchFit
 from postproc.estimators.filtered import Filtered
@@ -20,6 +19,7 @@ from postproc.estimators.region import area_m2, geojson
 from postproc.info import describe
 from postproc.smooth import CellResult, Smoothed
 from postproc.truth import truth_of
+from postproc.whole_file import whole_file
 
 Json = dict[str, Any]
 
@@ -78,7 +78,7 @@ def _located(posterior: Posterior, utm: Utm) -> Json:
     modes = []
     for mode in posterior.modes:
         mode_lat, mode_lon = utm.to_latlon(mode.x_m, mode.y_m)
-        ellipse = _ellipse(mode.ellipse)
+        ellipse = asdict(mode.ellipse)
         modes.append({"lat": mode_lat, "lon": mode_lon, "probability": mode.probability, "ellipse95": ellipse})
     return {
         "best": {"lat": lat, "lon": lon, **named},
@@ -104,31 +104,28 @@ def estimate(x: FloatArray, p: FloatArray, n: int, utm: Utm) -> Json:
         "p0_sigma_db": float(np.sqrt(max(p[2, 2], 0.0))),
         "eta": float(x[3]),
         "eta_sigma": float(np.sqrt(max(p[3, 3], 0.0))),
-        "ellipse95": _ellipse(ellipse95(p[0, 0], p[0, 1], p[1, 1])),
+        "ellipse95": asdict(ellipse95(p[0, 0], p[0, 1], p[1, 1])),
         "n": n,
     }
 
 
-_ESTIMATE = ("lat", "lon", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma", "ellipse95")
+_NO_ESTIMATE: Json = dict.fromkeys(("lat", "lon", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma", "ellipse95"))
+_NO_ESTIMATE["n"] = 0
 
 
 def _last(filtered: Filtered | None, utm: Utm | None) -> Json:
     """Where a filter ended; every value null where it was not started."""
     if filtered is None or utm is None:
-        return dict.fromkeys(_ESTIMATE) | {"n": 0}
+        return _NO_ESTIMATE
     return estimate(filtered.x[-1], filtered.p[-1], len(filtered), utm)
 
 
 def _batch(fitted: BatchFit | None, utm: Utm | None) -> Json:
     if fitted is None or utm is None:
-        return dict.fromkeys(_ESTIMATE) | {"n": 0}
+        return _NO_ESTIMATE
     more = {"sigma_db": fitted.sigma_db, "converged": fitted.converged, "correlation_inflation": fitted.inflation}
     rivals = [dict(zip(("lat", "lon"), utm.to_latlon(*r[:2].tolist()), strict=True)) for r in fitted.rivals]
     return estimate(fitted.state, fitted.covariance, fitted.n, utm) | more | {"rivals": rivals}
-
-
-def _ellipse(ellipse: Ellipse) -> Json:
-    return asdict(ellipse)
 
 
 def _plain(value: Any) -> Any:
@@ -139,21 +136,14 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"no JSON for {type(value).__name__}")
 
 
-def write(smoothed: Smoothed, path: Path) -> None:
-    """Summary, and the path of every filter, to HDF5; complete or not at all. Raises `RunFileError`."""
-    part = path.with_name(path.name + ".part")
-    try:
-        with h5py.File(part, "w", libver=("earliest", "v108")) as file:
-            file.attrs["format"] = "cellwalk results"
-            file.attrs["run_id"] = smoothed.run.meta.run_id
-            file["summary"] = np.bytes_(as_json(summary(smoothed)).encode())
-            for i, result in enumerate(smoothed.cells):
-                _write_cell(file.create_group(f"cells/{i:04d}"), result)
-        part.replace(path)
-    except OSError as error:
-        raise RunFileError(f"cannot write {path}: {error}") from error
-    finally:
-        part.unlink(missing_ok=True)
+def write(smoothed: Smoothed, found: Json, path: Path) -> None:
+    """Summary `found`, and the path of every filter, to HDF5; complete or not at all. Raises `RunFileError`."""
+    with whole_file(path) as part, h5py.File(part, "w", libver=("earliest", "v108")) as file:
+        file.attrs["format"] = "cellwalk results"
+        file.attrs["run_id"] = smoothed.run.meta.run_id
+        file["summary"] = np.bytes_(as_json(found).encode())
+        for i, result in enumerate(smoothed.cells):
+            _write_cell(file.create_group(f"cells/{i:04d}"), result)
 
 
 def _write_cell(group: h5py.Group, result: CellResult) -> None:

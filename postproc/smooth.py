@@ -89,20 +89,20 @@ def smooth_cell(obs: CellObservations) -> CellResult:
     fitted = batch.fit(obs, [(mode.x_m, mode.y_m) for mode in posterior.modes])
     handed = handover.run(obs, posterior)
     warnings = [*reasons, *_batch_warnings(fitted, posterior)]
+    started = handed if isinstance(handed, handover.EkfRun) else None
     if isinstance(handed, handover.NoRun):
         warnings.append(f"no EKF and no RTS: {handed.reason}")
-        return CellResult(obs.cell, n, obs, answer, tuple(warnings), posterior, reference_ekf(obs), batch=fitted)
     return CellResult(
         obs.cell,
         n,
         obs,
         answer,
         tuple(warnings),
-        posterior,
-        reference_ekf(obs),
-        handed.filtered,
-        handed.smoothed,
-        fitted,
+        posterior=posterior,
+        reference=reference_ekf(obs),
+        ekf=started.filtered if started else None,
+        rts=started.smoothed if started else None,
+        batch=fitted,
     )
 
 

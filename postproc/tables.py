@@ -4,8 +4,7 @@ from rich.console import Console
 from rich.table import Table
 
 from postproc.info import Info
-from postproc.results import Json, summary
-from postproc.smooth import Smoothed
+from postproc.results import Json
 
 _TITLES = {
     "batch": "least squares",
@@ -53,13 +52,12 @@ def _print_cells(console: Console, info: Info) -> None:
         console.print(table)
 
 
-def print_smoothed(smoothed: Smoothed) -> None:
-    """Each cell with its answer, and the estimators side by side."""
+def print_summary(found: Json) -> None:
+    """Each cell with its answer, and the estimators side by side; `found` as `results.summary` gives it."""
     console = _console()
-    found = summary(smoothed)
     if found["run"]["simulated"]:
         console.print("This is a simulated run: the table shows the error to the known truth.")
-    for warning in smoothed.warnings:
+    for warning in found["run"]["warnings"]:
         console.print(f"[red]cannot tell: {warning}[/red]")
     for cell in found["cells"]:
         _print_cell(console, cell)

@@ -33,6 +33,11 @@ class TimeBase:
         elapsed = t_ns - self.reference_t_ns
         return self.reference_utc_ns + elapsed + round(self.drift * elapsed)
 
+    def utc_ns_array(self, t_ns: IntArray) -> IntArray:
+        """UTC of times since boot, shape as given."""
+        elapsed = t_ns - self.reference_t_ns
+        return self.reference_utc_ns + elapsed + np.round(self.drift * elapsed).astype(np.int64)
+
 
 def fit(t_ns: IntArray, utc_ns: IntArray) -> TimeBase | None:
     """Fit the pairs (time since boot, UTC by GPS), arrays of shape (n,) with `UNKNOWN_TIME` where there is none.

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry.polygon import orient
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.geo import Utm
@@ -105,21 +106,21 @@ def area_m2(cells: Cells, level: float = LEVEL) -> float:
     return float(np.sum(cells.size_m[highest_density(cells, level)] ** 2))
 
 
-def geojson(cells: Cells, utm: Utm, level: float = LEVEL) -> dict[str, Any]:
-    """Highest-density set as a GeoJSON MultiPolygon: lon/lat, 7 decimals, outer rings counterclockwise (RFC 7946).
+def outline(cells: Cells, level: float = LEVEL) -> list[Polygon]:
+    """Highest-density set in UTM metres to be drawn or handed on: outer rings counterclockwise.
 
     Steps of the cells are smoothed by up to half the smallest cell, to keep the outline short.
     """
-    chosen = highest_density(cells, level)
-    tolerance = _SIMPLIFY_CELLS * float(np.min(cells.size_m[chosen]))
+    tolerance = _SIMPLIFY_CELLS * float(np.min(cells.size_m[highest_density(cells, level)]))
     smooth = shapely.simplify(polygons(cells, level), tolerance, preserve_topology=True)
-    parts = [part for part in shapely.get_parts(smooth) if isinstance(part, Polygon) and not part.is_empty]
-    return {"type": "MultiPolygon", "coordinates": [_rings(part, utm) for part in parts]}
+    return [orient(part) for part in shapely.get_parts(smooth) if isinstance(part, Polygon) and not part.is_empty]
 
 
-def _rings(part: Polygon, utm: Utm) -> list[list[list[float]]]:
-    oriented = shapely.geometry.polygon.orient(part)
-    return [_ring(np.asarray(ring.coords, float), utm) for ring in (oriented.exterior, *oriented.interiors)]
+def geojson(cells: Cells, utm: Utm, level: float = LEVEL) -> dict[str, Any]:
+    """Outline as a GeoJSON MultiPolygon: lon/lat, 7 decimals (RFC 7946)."""
+    parts = outline(cells, level)
+    rings = [[_ring(np.asarray(r.coords, float), utm) for r in (part.exterior, *part.interiors)] for part in parts]
+    return {"type": "MultiPolygon", "coordinates": rings}
 
 
 def _ring(xy_m: FloatArray, utm: Utm) -> list[list[float]]:

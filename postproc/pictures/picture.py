@@ -5,16 +5,13 @@ from math import floor, log10
 from typing import NamedTuple
 
 import numpy as np
-import shapely
-from shapely.geometry import Polygon
-from shapely.geometry.polygon import orient
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.observations import Track, levels_dbm, times_ns
+from logger.core.observations import MAX_GAP_S, Track, levels_dbm, times_ns
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit
 from postproc.estimators.posterior import Mode, Posterior
-from postproc.estimators.region import Cells, polygons
+from postproc.estimators.region import Cells, outline
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.smooth import CellResult, Smoothed
@@ -91,11 +88,7 @@ class Clock:
 
     def utc_ns(self, t_ns: IntArray) -> IntArray | None:
         """UTC, None when it is unknown."""
-        if self.timebase is None:
-            return None
-        since = t_ns - self.timebase.reference_t_ns
-        drifted: IntArray = np.round(self.timebase.drift * since).astype(np.int64)
-        return self.timebase.reference_utc_ns + since + drifted
+        return None if self.timebase is None else self.timebase.utc_ns_array(t_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +122,15 @@ class Picture:
 
     def local(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         """UTM positions as local ones, shape (n, 2)."""
-        return np.column_stack([x_m - self.origin_m[0], y_m - self.origin_m[1]])
+        return _local(x_m, y_m, self.origin_m)
+
+    @property
+    def strips_m(self) -> list[FloatArray]:
+        """The walk, cut where the receiver was silent; strips of shape (n, 2)."""
+        if self.track is None:
+            return []
+        silent = np.flatnonzero(np.diff(self.track.t_ns) > MAX_GAP_S * 1e9) + 1
+        return np.split(self.track_m, silent)
 
 
 def picture_of(smoothed: Smoothed) -> Picture:
@@ -222,12 +223,8 @@ def _strength(level_dbm: FloatArray) -> tuple[float, float]:
 
 
 def _rings(cells: Cells, level: float, origin_m: tuple[float, float]) -> Rings:
-    """Outline of the highest-density region with the steps of its cells smoothed."""
-    tolerance = 0.5 * float(np.min(cells.size_m))
-    smooth = shapely.simplify(polygons(cells, level), tolerance, preserve_topology=True)
-    parts = [orient(part) for part in shapely.get_parts(smooth) if isinstance(part, Polygon) and not part.is_empty]
-    rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]
-    return [np.asarray(ring.coords, float) - origin_m for ring in rings]
+    parts = outline(cells, level)
+    return [np.asarray(ring.coords, float) - origin_m for part in parts for ring in (part.exterior, *part.interiors)]
 
 
 def _estimates(focus: CellResult | None, origin_m: tuple[float, float]) -> tuple[Estimate, ...]:

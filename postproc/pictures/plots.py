@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from logger.core.errors import ConfigError, RunFileError
+from logger.core.errors import ConfigError
 
 try:
     from matplotlib.figure import Figure
@@ -23,6 +23,7 @@ from postproc.pictures import colours
 from postproc.pictures.picture import Levels, Picture, headline, picture_of
 from postproc.pictures.plots_plan import draw_plan, rgb, verbatim
 from postproc.smooth import Smoothed
+from postproc.whole_file import whole_file
 
 _DPI = 150
 _SIZE_INCH = (11.7, 8.3)
@@ -31,21 +32,13 @@ _MOST_CELLS = 12
 
 def draw_run(smoothed: Smoothed, path: Path) -> None:
     """One page for the focus cell, format by the suffix (.png, .svg, .pdf); raises `RunFileError` or `ConfigError`."""
-    if not path.parent.is_dir():
-        raise RunFileError(f"{path}: no such folder")
     kind = path.suffix[1:].lower() or "png"
     figure = figure_of(smoothed)
     known = figure.canvas.get_supported_filetypes()
     if kind not in known:
         raise ConfigError(f"{path}: a picture ends in {', '.join('.' + name for name in sorted(known))}")
-    part = path.with_name(path.name + ".part")
-    try:
+    with whole_file(path) as part:
         figure.savefig(part, format=kind, dpi=_DPI)
-        part.replace(path)
-    except OSError as error:
-        raise RunFileError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def figure_of(smoothed: Smoothed) -> Figure:

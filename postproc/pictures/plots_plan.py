@@ -10,7 +10,6 @@ from matplotlib.patches import Ellipse, PathPatch
 from matplotlib.path import Path
 
 from logger.core.ellipse import ellipse95
-from logger.core.observations import MAX_GAP_S
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.picture import Box, Estimate, Picture, Rings, mode_label
@@ -61,10 +60,8 @@ def _ground(axes: Axes, box: Box) -> None:
 
 def _walk(figure: Figure, axes: Axes, picture: Picture) -> None:
     """The track in grey, cut where the receiver was silent; readings in the colours of levels."""
-    if picture.track is not None:
-        silent = np.flatnonzero(np.diff(picture.track.t_ns) > MAX_GAP_S * 1e9) + 1
-        for strip in np.split(picture.track_m, silent):
-            axes.plot(*strip.T, color=rgb(colours.QUIET), linewidth=1, alpha=0.6, zorder=2)
+    for strip in picture.strips_m:
+        axes.plot(*strip.T, color=rgb(colours.QUIET), linewidth=1, alpha=0.6, zorder=2)
     if len(picture.heard_m):
         weakest, strongest = picture.strength_dbm
         levels = axes.scatter(

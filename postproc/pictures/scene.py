@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from logger.core.errors import ConfigError, RunFileError
+from logger.core.errors import ConfigError
 
 try:
     import rerun as rr
@@ -17,22 +17,15 @@ from postproc.pictures.scene_series import draw_series
 from postproc.pictures.scene_sheet import Sheet
 from postproc.pictures.viewer import show
 from postproc.smooth import Smoothed
+from postproc.whole_file import whole_file
 
 APPLICATION = "cellwalk"
 
 
 def write_scene(smoothed: Smoothed, path: Path) -> None:
     """Write the recording (.rrd) of a run, complete or not at all; raises `RunFileError`."""
-    if not path.parent.is_dir():
-        raise RunFileError(f"{path}: no such folder")
-    part = path.with_name(path.name + ".part")
-    try:
+    with whole_file(path) as part:
         _write(picture_of(smoothed), part)
-        part.replace(path)
-    except (OSError, RuntimeError) as error:
-        raise RunFileError(f"cannot write {path}: {error}") from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def open_viewer(smoothed: Smoothed) -> int:

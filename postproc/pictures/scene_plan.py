@@ -6,7 +6,6 @@ import numpy as np
 import rerun as rr
 
 from logger.core.arrays import FloatArray
-from logger.core.observations import MAX_GAP_S
 from postproc.estimators.filtered import Filtered
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
@@ -101,10 +100,8 @@ def _key(sheet: Sheet, picture: Picture) -> None:
 
 def _track(sheet: Sheet, picture: Picture) -> None:
     """The walk in grey, cut where the receiver was silent, and the focus cell's readings in the colours of levels."""
-    assert picture.track is not None
-    silent = np.flatnonzero(np.diff(picture.track.t_ns) > MAX_GAP_S * 1e9) + 1
-    strips = np.split(picture.track_m.astype(np.float32), silent)
-    strips = [strip for strip in strips if len(strip) > 1][thinned(len(strips), _MOST_STRIPS)]
+    strips = [strip.astype(np.float32) for strip in picture.strips_m if len(strip) > 1]
+    strips = strips[thinned(len(strips), _MOST_STRIPS)]
     thin = rr.Radius.ui_points(1.0)
     if strips:
         sheet.always("plan/track", rr.LineStrips2D(strips, colors=[(*colours.QUIET, 160)], radii=thin, draw_order=0.0))

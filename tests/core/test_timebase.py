@@ -49,6 +49,12 @@ def test_pairs_that_do_not_agree_mean_unknown():
     assert fit(t_ns, UTC0 + rng.integers(0, 10**15, 50)) is None
 
 
+def test_arrays_and_single_times_agree():
+    t_ns, utc_ns = _pairs(7200, drift=40e-6)
+    timebase = fit(t_ns, utc_ns)
+    assert timebase.utc_ns_array(t_ns[::100]).tolist() == [timebase.utc_ns(t) for t in t_ns[::100].tolist()]
+
+
 def test_text():
     assert utc_text(1_581_041_657 * 10**9) == "2020-02-07T02:14:17Z"
     assert utc_text(1_581_041_657 * 10**9, compact=True) == "20200207T021417Z"
