@@ -9,7 +9,7 @@ from typing import Annotated
 import msgspec
 
 from logger.core.errors import ConfigError
-from logger.core.live import LiveSettings
+from logger.core.live_settings import LiveSettings
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Baud = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]

@@ -5,7 +5,7 @@ import json
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from logger.core.errors import ConfigError, FieldLoggerError
 
@@ -37,10 +37,11 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="postproc", description="Find where the cells of a recorded walk stand.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    def add(name: str, what: str, *, run: bool = True) -> argparse.ArgumentParser:
+    def add(name: str, what: str, *, run: bool = True, several: bool = False) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=what)
         if run:
-            command.add_argument("run", type=Path, metavar="RUN", help="run-....h5, or a journal that was cut")
+            which, count = "run-....h5, or a journal that was cut", "+" if several else None
+            command.add_argument("run", type=Path, nargs=count, metavar="RUN", help=which)
         return command
 
     info = add("info", "what is in a run, its gaps, how it stopped")
@@ -51,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument("--json", action="store_true")
     replay.set_defaults(command=_replay)
 
-    smooth = add("smooth", "estimate where each cell stands, and how sure that is")
+    smooth = add("smooth", "estimate where each cell stands, and how sure that is; several runs together", several=True)
     smooth.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
     smooth.add_argument("--json", action="store_true")
     smooth.set_defaults(command=_smooth)
@@ -115,19 +116,38 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 def _smooth(arguments: argparse.Namespace) -> int:
     from logger.core.runfile import read_run
-    from postproc import results, tables
+    from postproc import results
     from postproc.smooth import smooth_run
 
-    run = read_run(arguments.run)
-    smoothed = smooth_run(run, arguments.cell, progress=_progress)
+    if len(arguments.run) > 1:
+        return _smooth_together(arguments)
+    smoothed = smooth_run(read_run(arguments.run[0]), arguments.cell, progress=_progress)
     found = results.summary(smoothed)
-    if arguments.json:
+    _print_results(found, as_json=arguments.json)
+    # printed first: a run on a card that cannot be written has an answer too
+    results.write(smoothed, found, results.path_beside(arguments.run[0]))
+    return 0
+
+
+def _smooth_together(arguments: argparse.Namespace) -> int:
+    from logger.core.runfile import read_run
+    from postproc import results
+    from postproc.together import smooth_together
+
+    together = smooth_together([read_run(path) for path in arguments.run], arguments.cell, progress=_progress)
+    found = results.summary_together(together)
+    _print_results(found, as_json=arguments.json)
+    results.write_together(together, found, results.path_beside(arguments.run[0], together=True))
+    return 0
+
+
+def _print_results(found: dict[str, Any], *, as_json: bool) -> None:
+    from postproc import results, tables
+
+    if as_json:
         print(results.as_json(found))
     else:
         tables.print_summary(found)
-    # printed first: a run on a card that cannot be written has an answer too
-    results.write(smoothed, found, results.path_beside(arguments.run))
-    return 0
 
 
 def _import(arguments: argparse.Namespace) -> int:

@@ -1,5 +1,7 @@
 """Results as JSON and as `run.post.h5`, beside the run, which is never changed."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,12 +14,18 @@ from logger.core import ekf
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import ellipse95
 from logger.core.geo import Utm
+from logger.core.locator.posterior import Posterior
+from logger.core.locator.region import area_m2
+from logger.core.observations import Observations
+from logger.core.runfile import Run
 from postproc.estimators.batch import BatchFit
+from postproc.estimators.compare import AXES, Comparison
 from postproc.estimators.filtered import Filtered
-from postproc.estimators.posterior import Posterior
-from postproc.estimators.region import area_m2, geojson
+from postproc.estimators.outline import geojson
+from postproc.estimators.residuals import Residuals
 from postproc.info import describe
 from postproc.smooth import CellResult, Smoothed
+from postproc.together import Together, TogetherCell
 from postproc.truth import truth_of
 from postproc.whole_file import whole_file
 
@@ -26,9 +34,9 @@ Json = dict[str, Any]
 _BEST = ("lat", "lon", "r95_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
 
 
-def path_beside(run: Path) -> Path:
-    """`run-x.h5` -> `run-x.post.h5`."""
-    return run.with_suffix(".post.h5")
+def path_beside(run: Path, *, together: bool = False) -> Path:
+    """`run-x.h5` -> `run-x.post.h5`, or `run-x.together.post.h5` for the first of several runs."""
+    return run.with_suffix(".together.post.h5" if together else ".post.h5")
 
 
 def as_json(value: Any) -> str:
@@ -38,18 +46,50 @@ def as_json(value: Any) -> str:
 
 def summary(smoothed: Smoothed) -> Json:
     """What `postproc smooth --json` prints; unknown values are null."""
-    info = asdict(describe(smoothed.run))
-    for bulky in ("cells", "events", "gaps"):
-        del info[bulky]
-    observations = smoothed.observations
-    info["n_readings_without_position"] = observations.n_without_position if observations else info["n_readings"]
     return {
-        "run": info | {"warnings": list(smoothed.warnings)},
-        "cells": [_cell(result, smoothed) for result in smoothed.cells],
+        "run": _run(smoothed.run, smoothed.observations, smoothed.warnings),
+        "cells": [_cell(result, smoothed.run) for result in smoothed.cells],
     }
 
 
-def _cell(result: CellResult, smoothed: Smoothed) -> Json:
+def summary_together(together: Together) -> Json:
+    """What `postproc smooth --json` prints of several runs: `runs`, and what each of them gave to a cell."""
+    runs = together.runs
+    return {
+        "runs": [_run(run, together.observations.get(i), together.run_warnings[i]) for i, run in enumerate(runs)],
+        "warnings": list(together.warnings),
+        "cells": [_cell_together(cell, runs) for cell in together.cells],
+    }
+
+
+def _run(run: Run, observations: Observations | None, warnings: Sequence[str]) -> Json:
+    info = asdict(describe(run))
+    for bulky in ("cells", "events", "gaps"):
+        del info[bulky]
+    info["n_readings_without_position"] = observations.n_without_position if observations else info["n_readings"]
+    return info | {"warnings": list(warnings)}
+
+
+def _cell_together(cell: TogetherCell, runs: Sequence[Run]) -> Json:
+    name = cell.result.cell
+    knows = next((run for run in runs if any(truth.cell == name for truth in run.meta.truth)), runs[0])
+    offsets = [asdict(share) | {"run": str(runs[share.run].path)} for share in cell.shares]
+    without = [_short(result) | {"run": str(runs[left_out].path)} for left_out, result in cell.without.items()]
+    return _cell(cell.result, knows) | {"offsets": offsets, "without": without}
+
+
+def _short(result: CellResult) -> Json:
+    """The posterior's answer in a few values."""
+    entry: Json = {"n": result.n, "verdict": result.verdict, "best": None, "region95": {"area_m2": None}}
+    if result.posterior is not None and result.obs is not None:
+        best = result.posterior
+        lat, lon = result.obs.utm.to_latlon(best.x_m, best.y_m)
+        entry["best"] = {"lat": lat, "lon": lon, "r95_m": best.r95_m}
+        entry["region95"] = {"area_m2": best.region_area_m2}
+    return entry
+
+
+def _cell(result: CellResult, run: Run) -> Json:
     posterior, obs = result.posterior, result.obs
     entry: Json = {
         "cell": result.cell,
@@ -58,6 +98,7 @@ def _cell(result: CellResult, smoothed: Smoothed) -> Json:
         "best": dict.fromkeys(_BEST),
         "modes": [],
         "region95": {"area_m2": None, "geojson": None},
+        "region50": {"area_m2": None, "geojson": None},
         "prior": None,
     }
     utm = obs.utm if obs else None
@@ -65,9 +106,12 @@ def _cell(result: CellResult, smoothed: Smoothed) -> Json:
         entry |= _located(posterior, utm)
     entry["reference_ekf"] = _last(result.reference, utm)
     entry["ekf"] = _last(result.ekf, utm)
+    entry["ekf_backward"] = _last(result.backward, utm)
+    entry["agreement"] = _agreement(result.comparison)
     entry["rts"] = _last(result.rts, utm)
     entry["batch"] = _batch(result.batch, utm)
-    entry["truth"] = truth_of(result, smoothed.run)
+    entry["residuals"] = _residuals(result.residuals)
+    entry["truth"] = truth_of(result, run)
     entry["warnings"] = list(result.warnings)
     return entry
 
@@ -84,6 +128,7 @@ def _located(posterior: Posterior, utm: Utm) -> Json:
         "best": {"lat": lat, "lon": lon, **named},
         "modes": modes,
         "region95": {"area_m2": area_m2(posterior.cells), "geojson": geojson(posterior.cells, utm)},
+        "region50": {"area_m2": area_m2(posterior.cells, 0.5), "geojson": geojson(posterior.cells, utm, 0.5)},
         "noise": {
             "sigma_db": posterior.sigma_db,
             "decorrelation_m": posterior.decorrelation_m,
@@ -117,13 +162,38 @@ def _last(filtered: Filtered | None, utm: Utm | None) -> Json:
     """Where a filter ended; every value null where it was not started."""
     if filtered is None or utm is None:
         return _NO_ESTIMATE
-    return estimate(filtered.x[-1], filtered.p[-1], len(filtered), utm)
+    n = filtered.consistency.n if filtered.consistency else len(filtered)
+    return estimate(filtered.x[-1, :4], filtered.p[-1, :4, :4], n, utm)
+
+
+def _agreement(compared: Comparison | None) -> Json | None:
+    """EKF backward minus forward, in combined standard deviations."""
+    if compared is None:
+        return None
+    return {"sigmas": dict(zip(AXES, compared.sigmas, strict=True)), "agrees": compared.agrees}
+
+
+def _residuals(left: Residuals | None) -> Json | None:
+    if left is None:
+        return None
+    names = ("sigma_db", "skewness", "excess_kurtosis", "beyond_3_sigma", "lag1", "decorrelation_m", "independent")
+    found: Json = {name: getattr(left, name) for name in names}
+    for name in ("by_distance", "by_azimuth", "innovations"):
+        part = getattr(left, name)
+        found[name] = None if part is None else part._asdict()
+    found["outliers"] = [outlier._asdict() for outlier in left.outliers]
+    return found
 
 
 def _batch(fitted: BatchFit | None, utm: Utm | None) -> Json:
     if fitted is None or utm is None:
         return _NO_ESTIMATE
-    more = {"sigma_db": fitted.sigma_db, "converged": fitted.converged, "correlation_inflation": fitted.inflation}
+    more = {
+        "sigma_db": fitted.sigma_db,
+        "converged": fitted.converged,
+        "bounded": fitted.bounded,
+        "correlation_inflation": fitted.inflation,
+    }
     rivals = [dict(zip(("lat", "lon"), utm.to_latlon(*r[:2].tolist()), strict=True)) for r in fitted.rivals]
     return estimate(fitted.state, fitted.covariance, fitted.n, utm) | more | {"rivals": rivals}
 
@@ -138,12 +208,28 @@ def _plain(value: Any) -> Any:
 
 def write(smoothed: Smoothed, found: Json, path: Path) -> None:
     """Summary `found`, and the path of every filter, to HDF5; complete or not at all. Raises `RunFileError`."""
-    with whole_file(path) as part, h5py.File(part, "w", libver=("earliest", "v108")) as file:
-        file.attrs["format"] = "cellwalk results"
+    with _results_file(path, found) as file:
         file.attrs["run_id"] = smoothed.run.meta.run_id
-        file["summary"] = np.bytes_(as_json(found).encode())
         for i, result in enumerate(smoothed.cells):
             _write_cell(file.create_group(f"cells/{i:04d}"), result)
+
+
+def write_together(together: Together, found: Json, path: Path) -> None:
+    """As `write` for several runs: `run` of each reading is its place in the attribute `run_ids`."""
+    with _results_file(path, found) as file:
+        file.attrs["run_ids"] = [run.meta.run_id for run in together.runs]
+        for i, cell in enumerate(together.cells):
+            group = file.create_group(f"cells/{i:04d}")
+            _write_cell(group, cell.result)
+            group["observations/run"] = cell.run
+
+
+@contextmanager
+def _results_file(path: Path, found: Json) -> Iterator[h5py.File]:
+    with whole_file(path) as part, h5py.File(part, "w", libver=("earliest", "v108")) as file:
+        file.attrs["format"] = "cellwalk results"
+        file["summary"] = np.bytes_(as_json(found).encode())
+        yield file
 
 
 def _write_cell(group: h5py.Group, result: CellResult) -> None:
@@ -153,7 +239,7 @@ def _write_cell(group: h5py.Group, result: CellResult) -> None:
     group.attrs["utm_zone"] = result.obs.utm.zone
     for name in ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq"):
         group[f"observations/{name}"] = getattr(result.obs, name)
-    for name in ("reference", "ekf", "rts"):
+    for name in ("reference", "ekf", "backward", "rts"):
         filtered: Filtered | None = getattr(result, name)
         if filtered is not None:
             for column in ("t_ns", "x", "p", "innovation_db", "innovation_var_db2"):

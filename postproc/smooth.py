@@ -1,23 +1,31 @@
 """Every estimator over every cell of a run, side by side."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import hypot
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from logger.core.errors import ConfigError, EstimationError
-from logger.core.observations import CellObservations, Observations, observe
+from logger.core.locator.division import divide
+from logger.core.locator.posterior import Posterior, locate
+from logger.core.locator.prior import ENVIRONMENTS, Prior
+from logger.core.locator.verdict import Verdict, verdict
+from logger.core.observations import TIMING_S, CellObservations, Observations, observe
 from logger.core.runfile import Run
-from postproc.estimators import batch, handover
-from postproc.estimators.batch import BatchFit
+from logger.core.schema import Rows
+from postproc.estimators import batch, handover, residuals, walker
+from postproc.estimators.batch import BatchFit, Loss
+from postproc.estimators.compare import Comparison, compare
 from postproc.estimators.filtered import Filtered, reference_ekf
-from postproc.estimators.posterior import Posterior, locate
-from postproc.estimators.verdict import Verdict, verdict
+from postproc.estimators.residuals import Residuals
+from postproc.estimators.walker import SmoothedTrack
 
 FEWEST_READINGS = 5
 """Four unknowns and no check: with fewer readings there is nothing to be said at all."""
+
+NO_CELL = "no cell with an identity was heard"
 
 Progress = Callable[[Sequence[CellObservations], str, int], Iterable[CellObservations]]
 
@@ -26,8 +34,8 @@ Progress = Callable[[Sequence[CellObservations], str, int], Iterable[CellObserva
 class CellResult:
     """What each estimator says of one cell; None where it has nothing honest to say, and a warning says why.
 
-    `n` counts the readings that could be used. The answer is the posterior's; the filters and the least-squares fit
-    stand beside it.
+    `n` counts the readings that could be used. The answer is the posterior's; the EKF forward and backward, their
+    comparison, the smoother and the least-squares fit stand beside it. `residuals` are those of the posterior's place.
     """
 
     cell: str
@@ -40,6 +48,17 @@ class CellResult:
     ekf: Filtered | None = None
     rts: Filtered | None = None
     batch: BatchFit | None = None
+    backward: Filtered | None = None
+    comparison: Comparison | None = None
+    residuals: Residuals | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the user may choose: the prior, and the loss of the least-squares fit."""
+
+    prior: Prior = ENVIRONMENTS["any"]
+    loss: Loss = "linear"
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,66 +71,124 @@ class Smoothed:
     warnings: tuple[str, ...]
 
 
-def smooth_run(run: Run, only: Sequence[str] | None = None, *, progress: Progress | None = None) -> Smoothed:
+def smooth_run(
+    run: Run,
+    only: Sequence[str] | None = None,
+    *,
+    wishes: Wishes = Wishes(),
+    progress: Progress | None = None,
+) -> Smoothed:
     """Estimate every cell of a run, or those named; raises `ConfigError` for a name that was not heard.
 
     A run without fixes, or with cells heard too rarely, is no error: the verdict is then "cannot tell".
     """
-    tables = run.tables
-    heard = {str(name): int(n) for name, n in _heard(run).items() if not only or name in only}
-    if unknown := set(only or ()) - set(heard):
-        raise ConfigError(f"cell {', '.join(sorted(unknown))} was not heard; `postproc info` lists those that were")
-    warnings = []
-    observations, usable = None, tuple[CellObservations, ...]()
-    try:
-        observations = observe(tables["fixes"], tables["scans"], tables["readings"])
-        usable = tuple(obs for obs in observations.cells if obs.cell in heard)
-    except EstimationError as error:
-        warnings.append(str(error))
+    heard = heard_cells([run], only)
+    observations, warnings = walk_of(run)
+    usable = tuple(obs for obs in observations.cells if obs.cell in heard) if observations else ()
     if not heard:
-        warnings.append("no cell with an identity was heard")
+        warnings.append(NO_CELL)
     # the matrices are small: threads of BLAS would only wait for each other
     with threadpool_limits(1):
-        found = [smooth_cell(obs) for obs in (progress(usable, "locating", len(usable)) if progress else usable)]
+        found = [
+            smooth_cell(obs, wishes) for obs in (progress(usable, "locating", len(usable)) if progress else usable)
+        ]
     located = {result.cell for result in found}
-    found += [_without_place(name, n) for name, n in heard.items() if name not in located]
+    found += [without_place(name, n) for name, n in heard.items() if name not in located]
     return Smoothed(run, observations, tuple(found), tuple(warnings))
 
 
-def smooth_cell(obs: CellObservations) -> CellResult:
+def walk_of(run: Run) -> tuple[Observations | None, list[str]]:
+    """Readings of a run at the walker's smoothed places, None where it never knew its place, and warnings."""
+    try:
+        observations, walked = placed(run.tables)
+    except EstimationError as error:
+        return None, [str(error)]
+    apart = walked.n_outliers
+    return observations, [f"{apart} fixes lie apart from all others and were set aside"] if apart else []
+
+
+def placed(tables: Mapping[str, Rows]) -> tuple[Observations, SmoothedTrack]:
+    """Readings of a run at the walker's smoothed places; see `observe` for what is raised.
+
+    A level is an average over seconds: where it belongs is unsure by what the walker covers meanwhile.
+    """
+    observations = observe(tables["fixes"], tables["scans"], tables["readings"])
+    velocity = walker.velocities(tables["fixes"], observations.track)
+    walked = walker.smooth_track(observations.track, velocity)
+
+    def put(obs: CellObservations) -> CellObservations:
+        at = walker.place(obs, walked)
+        before, after = (walked.at(obs.t_ns + shift) for shift in (-(10**9) // 2, 10**9 // 2))
+        smear_m = TIMING_S * np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
+        return replace(at, position_sigma_m=np.hypot(at.position_sigma_m, smear_m))
+
+    return replace(observations, cells=tuple(put(obs) for obs in observations.cells)), walked
+
+
+def smooth_cell(obs: CellObservations, wishes: Wishes = Wishes()) -> CellResult:
     """Every estimator over the readings of one cell."""
-    n = len(obs)
-    if n < FEWEST_READINGS:
-        why = f"only {n} reading{'s' * (n != 1)} with a position: at least {FEWEST_READINGS} are needed"
-        return CellResult(obs.cell, n, obs, "cannot tell", (why,), reference=reference_ekf(obs))
-    posterior = locate(obs)
-    answer, reasons = verdict(posterior, obs)
-    fitted = batch.fit(obs, [(mode.x_m, mode.y_m) for mode in posterior.modes])
-    handed = handover.run(obs, posterior)
-    warnings = [*reasons, *_batch_warnings(fitted, posterior)]
-    started = handed if isinstance(handed, handover.EkfRun) else None
-    if isinstance(handed, handover.NoRun):
-        warnings.append(f"no EKF and no RTS: {handed.reason}")
-    return CellResult(
-        obs.cell,
-        n,
-        obs,
-        answer,
-        tuple(warnings),
-        posterior=posterior,
-        reference=reference_ekf(obs),
-        ekf=started.filtered if started else None,
-        rts=started.smoothed if started else None,
+    found = answer(obs, wishes.prior)
+    posterior = found.posterior
+    reference = reference_ekf(obs) if len(obs) and obs.n_modems == 1 else None
+    if posterior is None:
+        return replace(found, reference=reference)
+    starts = [(mode.x_m, mode.y_m) for mode in posterior.modes]
+    level = obs if posterior.offsets is None else obs.on_one_scale(posterior.offsets.mean_db)
+    fitted = batch.fit(level, starts, loss=wishes.loss, height_m=wishes.prior.height_m)
+    forward, backward = (_pass(obs, posterior, backward=way) for way in (False, True))
+    there = forward if isinstance(forward, handover.EkfRun) else None
+    back = backward if isinstance(backward, handover.EkfRun) else None
+    compared = compare(there.filtered, back.filtered) if there and back else None
+    left = residuals.diagnose(
+        posterior.modes[0].state, level, there.filtered if there else None, height_m=wishes.prior.height_m
+    )
+    warnings = [*found.warnings, *_batch_warnings(fitted, posterior), *left.findings]
+    if isinstance(forward, handover.NoRun):
+        warnings.append(f"no EKF and no RTS: {forward.reason}")
+    if compared and compared.warning:
+        warnings.append(compared.warning)
+    return replace(
+        found,
+        warnings=tuple(warnings),
+        reference=reference,
+        ekf=there.filtered if there else None,
+        rts=there.smoothed if there else None,
         batch=fitted,
+        backward=back.filtered if back else None,
+        comparison=compared,
+        residuals=left,
     )
 
 
-def _heard(run: Run) -> dict[str, int]:
-    names, counts = np.unique(run.tables["readings"]["cell"], return_counts=True)
-    return {name.decode(): int(n) for name, n in zip(names, counts, strict=True) if name}
+def answer(obs: CellObservations, prior: Prior) -> CellResult:
+    """The posterior and its verdict, and no other estimator."""
+    n, within = len(obs), int(np.count_nonzero(obs.limit == 0))
+    if within < FEWEST_READINGS:
+        which = "with a position" if within == n else f"within the modem's scale ({n} with a position)"
+        why = f"only {within} reading{'s' * (within != 1)} {which}: at least {FEWEST_READINGS} are needed"
+        return CellResult(obs.cell, n, obs, "cannot tell", (why,))
+    posterior = locate(obs, prior)
+    told, reasons = verdict(posterior, obs, divide(obs, prior))
+    return CellResult(obs.cell, n, obs, told, tuple(reasons), posterior=posterior)
 
 
-def _without_place(cell: str, n: int) -> CellResult:
+def _pass(obs: CellObservations, posterior: Posterior, *, backward: bool) -> handover.EkfRun | handover.NoRun:
+    if obs.n_modems > 1:
+        return handover.NoRun("several modems, and the offset between them is no unknown of the filter")
+    return handover.run(obs, posterior, backward=backward)
+
+
+def heard_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str, int]:
+    """Readings of each cell, or of those named; raises `ConfigError` for a name that was not heard."""
+    names, counts = np.unique(np.concatenate([run.tables["readings"]["cell"] for run in runs]), return_counts=True)
+    every = {name.decode(): int(n) for name, n in zip(names, counts, strict=True) if name}
+    if unknown := set(only or ()) - set(every):
+        raise ConfigError(f"cell {', '.join(sorted(unknown))} was not heard; `postproc info` lists those that were")
+    return {name: n for name, n in every.items() if not only or name in only}
+
+
+def without_place(cell: str, n: int) -> CellResult:
+    """Result of a cell that was heard where nobody knew the place."""
     why = f"none of its {n} reading{'s' * (n != 1)} has both a level and a position"
     return CellResult(cell, 0, None, "cannot tell", (why,))
 

@@ -9,6 +9,7 @@ from postproc.results import Json
 _TITLES = {
     "batch": "least squares",
     "ekf": "EKF",
+    "ekf_backward": "EKF backward",
     "rts": "RTS",
     "reference_ekf": "reference EKF*",
 }
@@ -53,12 +54,17 @@ def _print_cells(console: Console, info: Info) -> None:
 
 
 def print_summary(found: Json) -> None:
-    """Each cell with its answer, and the estimators side by side; `found` as `results.summary` gives it."""
+    """Each cell with its answer, and the estimators side by side; `found` as `results` gives it."""
     console = _console()
-    if found["run"]["simulated"]:
+    runs = found.get("runs") or [found["run"]]
+    if any(run["simulated"] for run in runs):
         console.print("This is a simulated run: the table shows the error to the known truth.")
-    for warning in found["run"]["warnings"]:
-        console.print(f"[red]cannot tell: {warning}[/red]")
+    for run in runs:
+        which = f"{run['path']}: " if len(runs) > 1 else ""
+        for warning in run["warnings"]:
+            console.print(f"[red]cannot tell: {which}{warning}[/red]")
+    for warning in found.get("warnings", ()):
+        console.print(f"[yellow]{warning}[/yellow]")
     for cell in found["cells"]:
         _print_cell(console, cell)
     if any(cell["reference_ekf"]["lat"] is not None for cell in found["cells"]):
@@ -73,6 +79,8 @@ def _print_cell(console: Console, cell: Json) -> None:
     for warning in cell["warnings"]:
         console.print(f"  - {warning}", markup=False)
     console.print(_estimators(cell))
+    if cell.get("without"):
+        console.print(_by_run(cell))
     _print_truth(console, cell["truth"])
 
 
@@ -87,6 +95,17 @@ def _estimators(cell: Json) -> Table:
     for name, title in _TITLES.items():
         if cell[name]["lat"] is not None:
             _add(table, title, cell[name], _axes(cell[name]["ellipse95"]))
+    return table
+
+
+def _by_run(cell: Json) -> Table:
+    """What each run gave: its level against the first, and the answer without it."""
+    table = Table("run", "n", "reads (dB)", "without it", "95 % (m)", "", box=None, padding=(0, 1), pad_edge=False)
+    for gave, without in zip(cell["offsets"], cell["without"], strict=True):
+        best, offset = without["best"], gave["offset_db"]
+        level = "-" if offset is None else f"{offset:+.1f} ± {gave['sigma_db']:.1f}" if gave["sigma_db"] else "0"
+        place = (_place(best), f"r {best['r95_m']:.0f}") if best else ("-", "-")
+        table.add_row(gave["run"], str(gave["n"]), level, *place, without["verdict"])
     return table
 
 

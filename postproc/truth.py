@@ -6,7 +6,7 @@ import shapely
 from pyproj import Geod
 
 from logger.core.runfile import Run
-from postproc.estimators.region import polygons
+from postproc.estimators.outline import polygons
 from postproc.smooth import CellResult
 
 _GEOD = Geod(ellps="WGS84")

@@ -1,33 +1,37 @@
 """The on-device estimate as a function of the records in their order, so that the desk can repeat it to the bit.
 
-The reference filter locks on the strongest GSM cell (or the configured one), is corrected by each of its levels at the
-walker's current fix, and starts again at the receiver, with a Note, when the target changes.
+Every cell heard has a locator and, once its place is close, an EKF (`live_cell`); the target has the reference filter
+beside them (`live_reference`). After each scan the one cell that needs it most has its places searched anew: a bounded
+amount of work, however many cells are heard.
 """
 
-import msgspec
+from dataclasses import replace
+from math import hypot
+from typing import NamedTuple
 
-from logger.core import ekf
 from logger.core.errors import GeoError
 from logger.core.geo import Utm
+from logger.core.live_cell import CellEstimate, Heard, LiveCell
+from logger.core.live_reference import STAGE, LiveReference
+from logger.core.live_settings import LiveSettings
+from logger.core.locator.prior import Prior, prior_for
+from logger.core.observations import TIMING_S, fix_sigma_m
+from logger.core.scale import limit_of
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
-STRONGEST = "strongest"
-STAGE = "reference-ekf"
+LIVE_DECORRELATION_M = (12.0, 40.0, 200.0)
+LIVE_WHITE_SHARES = (0.05, 0.4)
 
 
-class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the live estimate chooses its target and its fix.
+class Receiver(NamedTuple):
+    """Where the walker is: record number and time of the fix, UTM place, standard deviation per axis, speed."""
 
-    `target` is "strongest" or the name of a cell. The target changes when another cell is `hysteresis_db` stronger in
-    the same scan, or strongest after the target was not heard for `lost_s`. A fix older than `max_fix_age_s` is none.
-    `joseph` chooses the form of the covariance update.
-    """
-
-    target: str = STRONGEST
-    hysteresis_db: float = 6.0
-    lost_s: float = 30.0
-    max_fix_age_s: float = 3.0
-    joseph: bool = False
+    seq: int
+    t_ns: int
+    x_m: float
+    y_m: float
+    sigma_m: float
+    speed_mps: float
 
 
 class LiveTracker:
@@ -35,22 +39,23 @@ class LiveTracker:
 
     def __init__(self, settings: LiveSettings) -> None:
         self._settings = settings
+        self._prior = _live_prior(settings)
         self._utm: Utm | None = None
-        self._fix: tuple[int, int, float, float] | None = None
+        self._fix: Receiver | None = None
         self._unmapped = False
-        self._target: str | None = None
-        self._heard_ns = 0
-        self._state: ekf.EkfState | None = None
-        self._n = 0
+        self._reference = LiveReference(settings)
+        self._cells: dict[str, LiveCell] = {}  # the one not heard for longest first
 
-    def current_fix(self, t_ns: int) -> tuple[int, float, float] | None:
-        """Record number and UTM position of the fix that holds at a time, None without a fresh one."""
-        if self._fix is None:
+    @property
+    def target(self) -> str | None:
+        """The cell of the default view: the strongest, or the configured one."""
+        return self._reference.target
+
+    def current_fix(self, t_ns: int) -> Receiver | None:
+        """The fix that holds at a time, None without a fresh one."""
+        if self._fix is None or t_ns - self._fix.t_ns > self._settings.max_fix_age_s * 1e9:
             return None
-        seq, fix_ns, x_m, y_m = self._fix
-        if t_ns - fix_ns > self._settings.max_fix_age_s * 1e9:
-            return None
-        return seq, x_m, y_m
+        return self._fix
 
     def feed(self, seq: int, record: Record) -> list[Note | LiveEstimate]:
         """Take the next record; returns what is to be recorded because of it."""
@@ -62,71 +67,95 @@ class LiveTracker:
         return []
 
     def _take_fix(self, seq: int, t_ns: int, fix: Fix) -> list[Note | LiveEstimate]:
+        before, self._fix = self._fix, None
         if not fix.valid or fix.lat_deg is None or fix.lon_deg is None:
-            self._fix = None
             return []
         try:
             self._utm = self._utm or Utm.at(fix.lat_deg, fix.lon_deg)
-            self._fix = (seq, t_ns, *self._utm.to_xy(fix.lat_deg, fix.lon_deg))
+            x_m, y_m = self._utm.to_xy(fix.lat_deg, fix.lon_deg)
         except GeoError as error:
-            self._fix = None
             if not self._unmapped:
                 self._unmapped = True
                 return [Note("warning", "unmapped", f"no live estimate: {error}")]
+            return []
+        self._fix = Receiver(
+            seq, t_ns, x_m, y_m, fix_sigma_m(fix.acc_m, fix.hdop), _speed_mps(fix, before, t_ns, x_m, y_m)
+        )
         return []
 
     def _take_scan(self, seq: int, t_ns: int, scan: Scan) -> list[Note | LiveEstimate]:
-        place = self.current_fix(t_ns)
-        if place is None or self._utm is None:
+        at = self.current_fix(t_ns)
+        if at is None or self._utm is None:
             return []
-        _, x_m, y_m = place
-        notes = self._choose(t_ns, scan, x_m, y_m)
-        level_dbm = _level_of(scan, self._target)
-        if level_dbm is None or self._state is None or self._target is None:
-            return notes
-        step = ekf.step(self._state, x_m, y_m, level_dbm, joseph=self._settings.joseph)
-        self._state = step.state
-        self._n += 1
-        return [*notes, self._estimate(seq, self._target, self._utm, step)]
+        found: list[Note | LiveEstimate] = []
+        chosen = self._reference.choose(t_ns, scan, at.x_m, at.y_m)
+        if chosen is not None:
+            found.append(Note("info", *chosen))
+        step = self._reference.step(scan, at.x_m, at.y_m)
+        if step is not None and self._reference.target is not None:
+            x_m, y_m, p0_dbm, eta, p = step.state
+            estimate = CellEstimate(STAGE, 1.0, (x_m, y_m, p0_dbm, eta), p, step.innovation_db, step.innovation_var_db2)
+            found.append(_recorded(seq, self._reference.target, self._reference.n, self._utm, estimate))
+        for name, reading in _first_of_each(scan).items():
+            found += self._take_reading(seq, name, reading, at, self._utm)
+        self._search()
+        return found
 
-    def _choose(self, t_ns: int, scan: Scan, x_m: float, y_m: float) -> list[Note | LiveEstimate]:
-        """Lock on a target, or change it; the filter of a new target starts at the receiver."""
-        best = self._candidate(scan)
-        held = _level_of(scan, self._target)
-        if held is not None:
-            self._heard_ns = t_ns
-        if best is None or best.cell == self._target or best.level_dbm is None:
+    def _take_reading(
+        self, seq: int, name: str, reading: CellReading, at: Receiver, utm: Utm
+    ) -> list[Note | LiveEstimate]:
+        level_dbm = reading.level_dbm
+        if level_dbm is None:
             return []
-        if self._target is not None and not self._beats(best.level_dbm, held, t_ns):
-            return []
-        before, self._target = self._target, best.cell
-        self._heard_ns = t_ns
-        self._state, self._n = ekf.start(x_m, y_m), 0
-        was = "" if before is None else f", was {before}; the filter starts again at the receiver"
-        code = "target-locked" if before is None else "target-changed"
-        return [Note("info", code, f"target is {best.cell} at {best.level_dbm:.0f} dBm{was}")]
+        cell = self._cells.pop(name, None) or LiveCell(self._prior)
+        self._cells[name] = cell
+        if len(self._cells) > self._settings.most_cells:
+            del self._cells[next(iter(self._cells))]
+        sigma_m = hypot(at.sigma_m, TIMING_S * at.speed_mps)
+        estimate = cell.take(Heard(at.x_m, at.y_m, sigma_m, level_dbm, limit_of(level_dbm, reading.rat)))
+        news: list[Note | LiveEstimate] = [Note("info", code, f"{name}: {text}") for code, text in cell.news]
+        return news if estimate is None else [*news, _recorded(seq, name, cell.n, utm, estimate)]
 
-    def _candidate(self, scan: Scan) -> CellReading | None:
-        wanted = self._settings.target
-        if wanted == STRONGEST:
-            heard = [r for r in scan.readings if r.rat == "GSM" and r.cell is not None and r.level_dbm is not None]
-        else:
-            heard = [r for r in scan.readings if r.cell == wanted and r.level_dbm is not None]
-        return max(heard, key=lambda r: r.level_dbm or 0.0, default=None)
-
-    def _beats(self, level_dbm: float, held_dbm: float | None, t_ns: int) -> bool:
-        if held_dbm is None:
-            return t_ns - self._heard_ns > self._settings.lost_s * 1e9
-        return level_dbm > held_dbm + self._settings.hysteresis_db
-
-    def _estimate(self, seq: int, cell: str, utm: Utm, step: ekf.EkfStep) -> LiveEstimate:
-        x_m, y_m, p0_dbm, eta, p = step.state
-        return LiveEstimate(
-            seq, STAGE, cell, self._n, utm.zone, x_m, y_m, p0_dbm, eta, *p, step.innovation_db, step.innovation_var_db2
-        )
+    def _search(self) -> None:
+        if self._cells:
+            neediest = max(self._cells.values(), key=lambda cell: cell.stale)
+            if neediest.stale > 1.0:
+                neediest.search()
 
 
-def _level_of(scan: Scan, cell: str | None) -> float | None:
-    if cell is None:
-        return None
-    return next((r.level_dbm for r in scan.readings if r.cell == cell and r.level_dbm is not None), None)
+def _live_prior(settings: LiveSettings) -> Prior:
+    prior = prior_for(settings.environment, height_m=settings.height_m)
+    return replace(prior, decorrelation_m=LIVE_DECORRELATION_M, white_shares=LIVE_WHITE_SHARES)
+
+
+def _speed_mps(fix: Fix, before: Receiver | None, t_ns: int, x_m: float, y_m: float) -> float:
+    """Speed as the receiver tells it, or from the fix before."""
+    if fix.speed_mps is not None:
+        return fix.speed_mps
+    if before is None or t_ns <= before.t_ns:
+        return 0.0
+    return hypot(x_m - before.x_m, y_m - before.y_m) / max((t_ns - before.t_ns) / 1e9, 1.0)
+
+
+def _first_of_each(scan: Scan) -> dict[str, CellReading]:
+    """Readings of a scan by cell; of a cell that is listed twice the first."""
+    found: dict[str, CellReading] = {}
+    for reading in scan.readings:
+        if reading.cell is not None and reading.level_dbm is not None:
+            found.setdefault(reading.cell, reading)
+    return found
+
+
+def _recorded(seq: int, cell: str, n: int, utm: Utm, found: CellEstimate) -> LiveEstimate:
+    return LiveEstimate(
+        seq,
+        found.stage,
+        cell,
+        n,
+        utm.zone,
+        *found.state,
+        *found.p,
+        found.innovation_db,
+        found.innovation_var_db2,
+        found.probability,
+    )

@@ -1,6 +1,6 @@
 """Readings joined to the walker's track: what every estimator is given."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -8,6 +8,7 @@ import numpy.typing as npt
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
+from logger.core.scale import limits
 from logger.core.schema import UNKNOWN_ID, Rows
 
 MAX_GAP_S = 10.0
@@ -15,11 +16,17 @@ MAX_GAP_S = 10.0
 MAX_BEYOND_S = 2.0
 """A reading may be this much older than the first fix or younger than the last one."""
 
+_FARTHEST_M = 1e8
+
 UERE_M = 4.0
 """User equivalent range error of a single-frequency receiver, per axis: sigma = HDOP x this."""
 SIGMA_OF_RADIUS68 = 1.0 / 1.515
 """Sigma per axis of a round Gaussian from the radius that holds 68 % of it."""
-UNKNOWN_SIGMA_M = 5.0
+UNKNOWN_SIGMA_M = 7.0
+"""Sigma per axis of a fix that tells nothing of its accuracy: a receiver among houses."""
+TIMING_S = 2.0
+"""A level is an average over seconds and reported late (3GPP TS 45.008, 6.6.1: at least 5 s when idle): where it was
+taken is unsure by what the walker covers in this time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +34,8 @@ class CellObservations:
     """Levels of one cell along the walk, in time order; all arrays have shape (n,).
 
     `x_m, y_m` is the receiver in the run's UTM zone, `position_sigma_m` its standard deviation per axis,
-    `scan_seq` the record number of the scan a level came from.
+    `scan_seq` the record number of the scan a level came from. `modem` numbers the modems of several runs from 0, run
+    after run; None is one modem. `known_limit` is what `limit` says where the levels no longer show it.
     """
 
     cell: str
@@ -39,9 +47,49 @@ class CellObservations:
     position_sigma_m: FloatArray
     level_dbm: FloatArray
     scan_seq: IntArray
+    modem: IntArray | None = None
+    known_limit: IntArray | None = None
 
     def __len__(self) -> int:
         return len(self.t_ns)
+
+    @property
+    def n_modems(self) -> int:
+        """How many modems the readings are from."""
+        return 1 if self.modem is None else int(np.max(self.modem, initial=0)) + 1
+
+    @property
+    def limit(self) -> IntArray:
+        """Which readings are no levels but ends of the modem's scale; see `scale.limits`."""
+        if self.known_limit is not None:
+            return self.known_limit
+        if self.modem is None:
+            return limits(self.level_dbm, self.rat)
+        found = np.zeros(len(self), np.int64)
+        for number in np.unique(self.modem):
+            mine = self.modem == number
+            found[mine] = limits(self.level_dbm[mine], self.rat)
+        return found
+
+    def part(self, chosen: "slice | npt.NDArray[np.bool_]") -> "CellObservations":
+        """Some of the readings; which of them are at the modem's limit stays what all of them have shown."""
+        names = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
+        some = {name: getattr(self, name)[chosen] for name in names}
+        modem = None if self.modem is None else self.modem[chosen]
+        return replace(self, **some, modem=modem, known_limit=self.limit[chosen])
+
+    def usable(self) -> "CellObservations":
+        """The readings whose level and place are numbers, and on this Earth."""
+        columns = np.stack([self.x_m, self.y_m, self.position_sigma_m, self.level_dbm])
+        known = np.all(np.abs(columns) < _FARTHEST_M, axis=0)  # NaN compares false
+        return self if np.all(known) else self.part(known)
+
+    def on_one_scale(self, offset_db: FloatArray) -> "CellObservations":
+        """The readings as the first modem would have heard them, given how much higher each modem reads, (modems,)."""
+        if self.modem is None:
+            return self
+        level_dbm = self.level_dbm - offset_db[self.modem]
+        return replace(self, level_dbm=level_dbm, known_limit=self.limit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +127,13 @@ def track_of(fixes: Rows) -> Track:
     rows = rows[order]
     x_m, y_m = utm.to_xy_arrays(rows["lat_deg"], rows["lon_deg"])
     return Track(utm, rows["t_ns"], rows["seq"], x_m, y_m, _sigma_m(rows))
+
+
+def fix_sigma_m(acc_m: float | None, hdop: float | None) -> float:
+    """Standard deviation per axis of one fix."""
+    if acc_m is not None:
+        return acc_m * SIGMA_OF_RADIUS68
+    return UNKNOWN_SIGMA_M if hdop is None else hdop * UERE_M
 
 
 def _sigma_m(rows: Rows) -> FloatArray:

@@ -113,6 +113,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         *(_float(f"p_{a}{b}", "covariance") for a, b in ("xx", "xy", "x0", "xe", "yy", "y0", "ye", "00", "0e", "ee")),
         _float("innovation_db", "dB"),
         _float("innovation_var_db2", "dB^2"),
+        _float("probability", "1, of the place; below 1 there are others"),
     ),
     "raw": (
         *_HEAD,

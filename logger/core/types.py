@@ -102,9 +102,10 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class LiveEstimate:
-    """State, covariance and innovation of the on-device filter after the reading of `cell` in scan `scan_seq`.
+    """State, covariance and innovation of the on-device estimate after the reading of `cell` in scan `scan_seq`.
 
     `utm_zone` is negative south of the equator; p_.. is the upper triangle of P in state order x, y, P0 (0), eta (e).
+    `probability` is that of the place the state belongs to: below 1 there are others.
     """
 
     scan_seq: int
@@ -128,6 +129,7 @@ class LiveEstimate:
     p_ee: float
     innovation_db: float
     innovation_var_db2: float
+    probability: float
 
 
 Value = RawBytes | Fix | Scan | Note | LiveEstimate

@@ -7,6 +7,7 @@ from collections import Counter
 from dataclasses import replace
 
 from logger.core.live import LiveTracker
+from logger.core.live_reference import STAGE
 from logger.core.runfile import RunWriter
 from logger.core.types import Level, LiveEstimate, Note, Record, Scan
 from logger.device.clock import Clock
@@ -83,7 +84,8 @@ class Recorder:
         for value in self._tracker.feed(seq, record):
             self._writer.append(Record(record.t_ns, "live", value))
             if isinstance(value, LiveEstimate):
-                self.latest = value
+                if value.cell == self._tracker.target and value.stage != STAGE:
+                    self.latest = value
             elif isinstance(value, Note):
                 log.info("live: %s", value.text)
 

@@ -1,39 +1,52 @@
-"""Least squares over [x, y, P0, eta] from several starts.
+"""Least squares over [x, y, P0, eta] by variable projection, from several starts.
 
-Model z_k = P0 - 10 eta log10(d_k) + v_k. Levenberg-Marquardt with the analytic Jacobian, trust region where a robust
-loss is asked for. Least squares is as good as its start and silent about other minima: start it from the modes of
-the posterior, and read `rivals`.
+Model z_k = P0 - eta L_k + v_k with L = 10 log10 d, d^2 = |(x, y) - p_k|^2 + h^2, d at least 1 m. At a given place P0
+and eta are linear, so Levenberg-Marquardt searches over the place only (Golub & Pereyra, Inverse Problems 19(2), 2003;
+Jacobian by Kaufman, BIT 15, 1975). A robust loss and limited readings end that: the search then goes on over all four.
+
+What a limit hides is used, not left out. A level at the floor says that the true one is no higher, by the residual
+sigma sqrt(-2 log Phi((floor - model) / sigma)) (Tobin, Econometrica 26(1), 1958).
+
+Least squares is as good as its start and silent about other minima: start it from the modes of the posterior, and read
+`rivals` and `bounded`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import log
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.special import log_ndtr
 
-from logger.core.arrays import FloatArray
+from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError
 from logger.core.observations import CellObservations
-from logger.core.pathloss import log_distance_db
-from postproc.estimators.metrics import lag1
+from postproc.estimators.batch_spread import REACH_M, Working, distance_db, spread
+from postproc.estimators.correlated import squares
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
+_OfPlace = Callable[[FloatArray], FloatArray]
 
 _C = 10.0 / log(10.0)
+_FEWEST = 5
 _SAME_PLACE_M = 5.0
 _ROUNDING_DB = 12.0**-0.5
-_MOST_LAGS = 200
+_MOST_ROWS = 2000
+_SQUARE_M = 1.0
+_STEPS = 200
 
 
 @dataclass(frozen=True)
 class BatchFit:
     """Best fit: `state` [x, y, P0, eta], `covariance` (4, 4), residual `sigma_db`, readings `n`, `cost` chi2 / 2.
 
-    `inflation` is the factor by which correlated residuals have widened the covariance. `rivals` are the states of
-    other minima that the readings cannot tell from the best one (chi-square within 5.991).
+    `converged` is False also for what cannot be: an exponent that is not positive, or a place over 30 km away.
+    `inflation` is the factor by which correlated residuals have widened the covariance of the place. `bounded` is False
+    where in some direction places fit as well as far as 30 km away; the covariance then reaches that far. `rivals` are
+    the states of other minima that the readings cannot tell from the best one (chi-square within 5.991).
     """
 
     state: FloatArray
@@ -43,21 +56,49 @@ class BatchFit:
     converged: bool
     cost: float
     inflation: float
+    bounded: bool
     rivals: tuple[FloatArray, ...]
 
 
-def residuals(state: FloatArray, obs: CellObservations) -> FloatArray:
+class _Rows(NamedTuple):
+    """Readings, gathered by place where there are many, shape (n,); `limit` is -1 at the floor, 1 at the ceiling."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    level_dbm: FloatArray
+    limit: IntArray
+    readings: FloatArray
+    weight: FloatArray
+
+    @property
+    def free(self) -> BoolArray:
+        """Which rows are levels, not limits."""
+        return np.asarray(self.limit == 0, np.bool_)
+
+    def levels(self) -> "_Rows":
+        """Those rows."""
+        return _Rows._make(column[self.free] for column in self)
+
+
+class _Minimum(NamedTuple):
+    state: FloatArray
+    cost: float
+    converged: bool
+
+
+def residuals(state: FloatArray, obs: CellObservations | _Rows, height_m: float = 0.0) -> FloatArray:
     """Model minus level in dB, shape (n,)."""
-    x_m, y_m, p0_dbm, eta = state
-    return np.asarray(p0_dbm - eta * log_distance_db(x_m - obs.x_m, y_m - obs.y_m) - obs.level_dbm, float)
+    distance = distance_db(obs.x_m, obs.y_m, state[0], state[1], height_m)
+    return np.asarray(state[2] - state[3] * distance - obs.level_dbm, float)
 
 
-def jacobian(state: FloatArray, obs: CellObservations) -> FloatArray:
-    """Derivative of `residuals` by the state, shape (n, 4); zero by x and y inside the 1 m clamp."""
+def jacobian(state: FloatArray, obs: CellObservations | _Rows, height_m: float = 0.0) -> FloatArray:
+    """Derivative of `residuals` by the state, shape (n, 4); zero by x and y where d is held at 1 m."""
     dx, dy = state[0] - obs.x_m, state[1] - obs.y_m
-    d2 = dx**2 + dy**2
+    d2 = dx**2 + dy**2 + height_m**2
     slope = np.where(d2 > 1.0, -_C * state[3] / np.maximum(d2, 1.0), 0.0)
-    return np.column_stack([slope * dx, slope * dy, np.ones_like(dx), -log_distance_db(dx, dy)])
+    distance = distance_db(obs.x_m, obs.y_m, state[0], state[1], height_m)
+    return np.column_stack([slope * dx, slope * dy, np.ones_like(dx), -distance])
 
 
 def fit_linear(distance_db: FloatArray, level_dbm: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -71,109 +112,175 @@ def fit_linear(distance_db: FloatArray, level_dbm: FloatArray) -> tuple[FloatArr
 
 
 def fit(
-    obs: CellObservations,
-    starts: Sequence[tuple[float, float]],
-    *,
-    loss: Loss = "linear",
-    whiten: bool = False,
+    obs: CellObservations, starts: Sequence[tuple[float, float]], *, loss: Loss = "linear", height_m: float = 0.0
 ) -> BatchFit:
-    """Best of the fits started at positions (x, y) in metres.
+    """Best of the fits started at positions (x, y) in metres, for an antenna `height_m` above the receiver.
 
-    `whiten` takes differences z_k - rho z_k-1 with rho the lag-1 correlation of a first fit's residuals; it wants
-    readings in time order. Raises `EstimationError` for fewer than 5 readings: 4 unknowns fit those exactly.
+    Raises `EstimationError` for fewer than 5 readings within the receiver's limits: 4 unknowns fit those exactly.
     """
-    if len(obs) < 5 or not starts:
-        raise EstimationError(f"{len(obs)} readings do not determine a position, power and exponent: at least 5")
-    found = _minima(obs, starts, loss, rho=0.0)
-    rho = 0.0
-    if whiten:
-        rho = float(np.clip(lag1(residuals(found[0][0], obs)), 0.0, 0.98))
-        found = _minima(obs, [(s[0], s[1]) for s, _, _ in found], loss, rho=rho)
+    limit = obs.limit
+    n_free = int(np.count_nonzero(limit == 0))
+    if n_free < _FEWEST or not starts:
+        raise EstimationError(f"{n_free} readings do not determine a position, power and exponent: at least {_FEWEST}")
+    rows = _gathered(obs, limit, robust=loss != "linear")
+    sigma_db = _sigma_db(obs, limit, [_at(rows, *start, height_m) for start in starts], height_m, robust=True)
+    found = _Search(rows, loss, height_m, sigma_db).minima(starts)
+    sigma_db = _sigma_db(obs, limit, [found[0].state], height_m, robust=loss != "linear")
+    search = _Search(rows, loss, height_m, sigma_db)
+    if not np.all(rows.free):
+        # how much a limit hides depends on sigma, of which the first fit knows more
+        found = search.minima([(float(one.state[0]), float(one.state[1])) for one in found])
     state, cost, converged = found[0]
-    sigma_db, covariance, inflation = _spread(state, obs, rho, loss)
-    near = [other for other, c, _ in found[1:] if 2.0 * (c - cost) / (sigma_db**2 * inflation) < CHI2_95_2DOF]
-    return BatchFit(state, covariance, sigma_db, len(obs), converged, cost, inflation, _apart(state, near))
+    wide = spread(search.working(state), jacobian(state, rows, height_m), state, height_m)
+    allowed = 0.5 * CHI2_95_2DOF * wide.variance_db2 * max(wide.inflation, 1.0)
+    near = [one.state for one in found[1:] if one.converged and one.cost - cost < allowed]
+    rivals = _apart(state, near)
+    return BatchFit(state, wide.covariance, sigma_db, len(obs), converged, cost, wide.inflation, wide.bounded, rivals)
 
 
-def _minima(
-    obs: CellObservations, starts: Sequence[tuple[float, float]], loss: Loss, *, rho: float
-) -> list[tuple[FloatArray, float, bool]]:
-    """State, cost and convergence of the fit from each start, best first."""
+def _gathered(obs: CellObservations, limit: IntArray, *, robust: bool) -> _Rows:
+    """The readings or, of more than 2000, their means by square; a robust fit takes the medians.
 
-    def misfit(state: FloatArray) -> FloatArray:
-        return _whitened(residuals(state, obs), rho)
-
-    def slope(state: FloatArray) -> FloatArray:
-        return _whitened(jacobian(state, obs), rho)
-
-    scale_db = max(_noise_db(obs, starts), 1.0)
-    found = []
-    for x_m, y_m in starts:
-        theta, _ = fit_linear(log_distance_db(x_m - obs.x_m, y_m - obs.y_m), obs.level_dbm)
-        result = least_squares(
-            misfit,
-            np.array([x_m, y_m, *theta]),
-            jac=slope,
-            method="lm" if loss == "linear" else "trf",
-            x_scale=(10.0, 10.0, 3.0, 0.3),
-            loss=loss,
-            f_scale=scale_db,
-            max_nfev=200,
-        )
-        found.append((np.asarray(result.x, float), float(result.cost), bool(result.success)))
-    return sorted(found, key=lambda one: one[1])
-
-
-def _noise_db(obs: CellObservations, starts: Sequence[tuple[float, float]]) -> float:
-    """Robust size of the residuals at the best start: median absolute residual / 0.6745."""
-    sizes = []
-    for x_m, y_m in starts:
-        distance_db = log_distance_db(x_m - obs.x_m, y_m - obs.y_m)
-        theta, _ = fit_linear(distance_db, obs.level_dbm)
-        sizes.append(float(np.median(np.abs(theta[0] - theta[1] * distance_db - obs.level_dbm))) / 0.6745)
-    return min(sizes)
-
-
-def _whitened(rows: FloatArray, rho: float) -> FloatArray:
-    """Rows k - rho times rows k - 1, over sqrt(1 - rho^2); the first as it is."""
-    if rho <= 0.0:
-        return rows
-    return np.concatenate([rows[:1], (rows[1:] - rho * rows[:-1]) / np.sqrt(1.0 - rho**2)])
-
-
-def _spread(state: FloatArray, obs: CellObservations, rho: float, loss: Loss) -> tuple[float, FloatArray, float]:
-    """Residual sigma in dB, covariance of the state, and the inflation in it.
-
-    sigma^2 (J'J)^-1 holds for independent residuals. Correlated ones, c_l at lag l, carry n / (1 + 2 sum c_l)
-    readings' worth of information; the sum runs to the first negative c_l (initial positive sequence: Geyer,
-    Statist. Sci. 7(4), 1992) and the covariance is multiplied by 1 + 2 sum c_l. With a robust loss sigma is the
-    robust one, over the efficiency of 0.85 or better that the losses have with normal noise.
+    Readings of one place share its shadowing: n of them weigh 2 n / (n + 1), as if half of the variance were shared.
     """
-    r, j = _whitened(residuals(state, obs), rho), _whitened(jacobian(state, obs), rho)
-    # levels that fit perfectly are still rounded to whole dB
-    sigma = max(float(np.sqrt(r @ r / max(len(r) - 4, 1))), _ROUNDING_DB)
-    if loss != "linear":
-        sigma = min(sigma, float(np.median(np.abs(r))) / 0.6745 / np.sqrt(0.85))
-    inflation = _inflation(r)
-    scale = np.sqrt(np.sum(j * j, axis=0))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    _, singular, axes = np.linalg.svd(j / scale, full_matrices=False)
-    axes = axes / np.maximum(singular, 1e-8 * singular[0])[:, None]  # what is not observed is widely uncertain
-    covariance = inflation * sigma**2 * (axes.T @ axes) / np.outer(scale, scale)
-    return sigma, 0.5 * (covariance + covariance.T), inflation
+    square = squares(obs.x_m, obs.y_m, _MOST_ROWS, _SQUARE_M)
+    there = np.bincount(square).astype(float)
+    if len(obs) <= _MOST_ROWS:
+        return _Rows(obs.x_m, obs.y_m, obs.level_dbm, limit, np.ones(len(obs)), 2.0 / (there[square] + 1.0))
+    kind, row = np.unique(3 * square + limit + 1, return_inverse=True)
+    count = np.bincount(row).astype(float)
+    x_m, y_m, level_dbm = (np.bincount(row, v) / count for v in (obs.x_m, obs.y_m, obs.level_dbm))
+    if robust:
+        middle = np.cumsum(count) - 0.5 * count
+        level_dbm = obs.level_dbm[np.lexsort((obs.level_dbm, row))][middle.astype(np.int64)]
+    return _Rows(x_m, y_m, level_dbm, kind % 3 - 1, count, 2.0 * count / (there[kind // 3] + 1.0))
 
 
-def _inflation(r: FloatArray) -> float:
-    """1 + 2 sum of the autocorrelations up to the first negative one, at least 1."""
-    off = r - np.mean(r)
-    power = float(off @ off)
-    total = 0.0
-    for lag in range(1, min(len(r) // 3, _MOST_LAGS)):
-        correlation = float(off[lag:] @ off[:-lag]) / power if power > 0.0 else 0.0
-        if correlation <= 0.0:
-            break
-        total += correlation
-    return 1.0 + 2.0 * total
+def _at(rows: _Rows, x_m: float, y_m: float, height_m: float) -> FloatArray:
+    """State of a place: P0 and eta by least squares over the levels."""
+    distance = distance_db(rows.x_m, rows.y_m, x_m, y_m, height_m)
+    root = np.sqrt(rows.weight)[rows.free]
+    design = root[:, None] * np.column_stack([np.ones_like(root), -distance[rows.free]])
+    p0_dbm, eta = np.linalg.lstsq(design, root * rows.level_dbm[rows.free], rcond=None)[0]
+    return np.array([x_m, y_m, p0_dbm, eta])
+
+
+def _sigma_db(
+    obs: CellObservations, limit: IntArray, states: Sequence[FloatArray], height_m: float, *, robust: bool
+) -> float:
+    """Size of one reading's residual at the best of some states, 0.3 dB at least: levels are rounded to whole dB."""
+    sizes = []
+    for state in states:
+        r = residuals(state, obs, height_m)[limit == 0]
+        sizes.append(float(np.median(np.abs(r))) / 0.6745 if robust else float(np.sqrt(r @ r / max(len(r) - 4, 1))))
+    return max(min(sizes), _ROUNDING_DB)
+
+
+class _Search(NamedTuple):
+    """What is minimised: weighted loss of the deviations; `sigma_db` scales a robust loss and limits."""
+
+    rows: _Rows
+    loss: Loss
+    height_m: float
+    sigma_db: float
+
+    def minima(self, starts: Sequence[tuple[float, float]]) -> list[_Minimum]:
+        """Minimum reached from each start, best first; what cannot be comes last."""
+        found = []
+        for start in starts:
+            projected = self._projected(start)
+            if self.loss == "linear" and np.all(self.rows.free):
+                found.append(projected)
+            else:
+                begun = (projected.state, _at(self.rows, *start, self.height_m))
+                found.append(min((self._polished(state) for state in begun), key=lambda one: one.cost))
+        return sorted(found, key=lambda one: (not one.converged, one.cost))
+
+    def _projected(self, start: tuple[float, float]) -> _Minimum:
+        """Least squares of the levels over the place, P0 and eta projected out."""
+        misfit, slope = self._projection()
+        method: Literal["lm", "trf"] = "lm" if np.count_nonzero(self.rows.free) >= 2 else "trf"
+        found = least_squares(misfit, start, jac=slope, method=method, x_scale=(10.0, 10.0), max_nfev=_STEPS)
+        state = _at(self.rows, float(found.x[0]), float(found.x[1]), self.height_m)
+        return self._minimum(state, found.cost, found.success)
+
+    def _projection(self) -> tuple[_OfPlace, _OfPlace]:
+        """Misfit off the span of what P0 and eta can do, and its derivative without that of the span (Kaufman)."""
+        rows = self.rows.levels()
+        root = np.sqrt(rows.weight)
+
+        def off(place: FloatArray, values: FloatArray) -> FloatArray:
+            distance = distance_db(rows.x_m, rows.y_m, place[0], place[1], self.height_m)
+            basis = np.linalg.qr(root[:, None] * np.column_stack([np.ones_like(root), -distance]))[0]
+            return np.asarray(values - basis @ (basis.T @ values), float)
+
+        def misfit(place: FloatArray) -> FloatArray:
+            return off(place, root * rows.level_dbm)
+
+        def slope(place: FloatArray) -> FloatArray:
+            state = _at(rows, place[0], place[1], self.height_m)
+            return off(place, -root[:, None] * jacobian(state, rows, self.height_m)[:, :2])
+
+        return misfit, slope
+
+    def _polished(self, state: FloatArray) -> _Minimum:
+        """Minimum of the whole loss over all four unknowns."""
+        root = np.sqrt(self.rows.weight)
+
+        def misfit(state: FloatArray) -> FloatArray:
+            return root * self._deviation(state)[0]
+
+        def slope(state: FloatArray) -> FloatArray:
+            rate = root * self._deviation(state)[1]
+            return rate[:, None] * jacobian(state, self.rows, self.height_m)
+
+        found = least_squares(
+            misfit,
+            state,
+            jac=slope,
+            method="lm" if self.loss == "linear" and len(root) >= 4 else "trf",
+            x_scale=(10.0, 10.0, 3.0, 0.3),
+            loss=self.loss,
+            f_scale=max(self.sigma_db, 1.0),
+            max_nfev=_STEPS,
+        )
+        return self._minimum(np.asarray(found.x, float), found.cost, found.success)
+
+    def _minimum(self, state: FloatArray, cost: float, success: bool) -> _Minimum:
+        near = np.hypot(state[0] - self.rows.x_m, state[1] - self.rows.y_m).min() < REACH_M
+        return _Minimum(state, float(cost), bool(success and near and state[3] > 0.0))
+
+    def _deviation(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Deviation in dB of each row, positive where the model is too high, and its derivative by the model."""
+        r, rate = residuals(state, self.rows, self.height_m), np.ones(len(self.rows.limit))
+        side = -self.rows.limit[~self.rows.free]
+        u = -side * r[~self.rows.free] / self.sigma_db
+        log_hidden = log_ndtr(u)
+        size = self.sigma_db * np.sqrt(np.maximum(-2.0 * log_hidden, 1e-12))
+        mills = np.exp(-0.5 * u**2 - 0.5 * log(2.0 * np.pi) - log_hidden)
+        r[~self.rows.free], rate[~self.rows.free] = side * size, self.sigma_db * mills / size
+        return r, rate
+
+    def working(self, state: FloatArray) -> Working:
+        """The linear problem with the same minimum: a level deviates by psi(r) / (mean psi' dr/dmodel)."""
+        r, rate = self._deviation(state)
+        psi, slope = _influence(self.loss, np.sqrt(self.rows.weight) * r / max(self.sigma_db, 1.0))
+        kept = rate > 1e-3
+        e = r * psi / (max(float(np.mean(slope)), 0.1) * np.maximum(rate, 1e-3))
+        model = residuals(state, self.rows, self.height_m) + self.rows.level_dbm
+        weight = self.rows.weight * np.where(kept, rate**2, 1e-6)
+        return Working(self.rows.x_m, self.rows.y_m, model - e, self.rows.readings, weight)
+
+
+def _influence(loss: Loss, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """psi(u) / u and psi'(u) of a loss, u in units of its scale (scipy's definitions of the losses)."""
+    if loss == "soft_l1":
+        return (1.0 + u**2) ** -0.5, (1.0 + u**2) ** -1.5
+    if loss == "huber":
+        return 1.0 / np.maximum(np.abs(u), 1.0), np.where(np.abs(u) <= 1.0, 1.0, 0.0)
+    if loss == "cauchy":
+        return 1.0 / (1.0 + u**2), (1.0 - u**2) / (1.0 + u**2) ** 2
+    return np.ones_like(u), np.ones_like(u)
 
 
 def _apart(state: FloatArray, others: Sequence[FloatArray]) -> tuple[FloatArray, ...]:

@@ -1,42 +1,53 @@
-"""EKF that starts where the point-mass posterior has become one tight place, not at the receiver.
+"""EKF that starts where the point-mass posterior has become one close place, not at the receiver.
 
 The linearised filter is honest only when it starts close and knows how close. So the readings are cut in two: the
 shortest prefix that locates the transmitter gives mean and covariance, the EKF runs over the rest, and no reading is
-used twice. Correlated readings carry less than their number: r is multiplied by (1 + rho) / (1 - rho), rho being the
-correlation from one reading to the next.
+used twice for the place. Close is a standard deviation of at most `CLOSE` of the distance at which the rest of the walk
+passes: a metre counts near the antenna and not far from it. Started so on a square, an L and a random walk of 840 m,
+the last 95 % ellipse held the truth in 93 to 95 % of some 5000 simulated walks, with 3 dB of white noise as with 6 dB
+of shadowing decorrelating over 15 m; started at 0.3 of the distance in 89 to 94 %, at its whole in 60 to 70 %.
 """
 
 from dataclasses import dataclass, replace
-from math import sqrt
 
 import numpy as np
 
-from logger.core.ekf import EkfState, upper_triangle
+from logger.core import shadow_ekf
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.errors import EstimationError
+from logger.core.locator.online import EFFORT
+from logger.core.locator.posterior import Mode, Posterior, locate
+from logger.core.locator.verdict import verdict
 from logger.core.observations import CellObservations
-from postproc.estimators import metrics, rts
-from postproc.estimators.filtered import Filtered, run_ekf
-from postproc.estimators.posterior import Posterior, locate
-from postproc.estimators.verdict import verdict
+from logger.core.shadow_ekf import ShadowNoise
+from logger.core.shadow_noise import candidates
+from logger.core.visited import Visited, tells
+from logger.core.watch import CLOSE
+from postproc.estimators import rts
+from postproc.estimators.filtered import Filtered, kept_rows, shadow_pass
 
-TIGHT_M = 20.0
+ONE_PLACE = 0.95
 _FEWEST = 8
-_ONE_PLACE = 0.95
-_RESOLUTION = 0.03
-_MOST_CORRELATED = 0.95
+_BISECTIONS = 4
+_PREFIXES = 200
+_PRIOR_M = 1000.0
+_MOST_FOR_NOISE = 20_000
 
 
 @dataclass(frozen=True)
 class EkfRun:
-    """Filter and smoother over the readings from number `first` on.
+    """Filter over the readings from number `first` on, and smoother over all of them, in the order of this pass.
 
-    The filter started from the mode of `posterior`, with variance `r_db2` for one reading.
+    The filter started from the strongest mode of `posterior`. Row i of `smoothed` belongs to reading `rows[i]` of the
+    walk in time order; its first four columns do not change, the fifth is the shadowing along the walk.
     """
 
     posterior: Posterior
-    r_db2: float
+    noise: ShadowNoise
     first: int
     filtered: Filtered
     smoothed: Filtered
+    rows: IntArray
 
 
 @dataclass(frozen=True)
@@ -46,63 +57,127 @@ class NoRun:
     reason: str
 
 
-def run(obs: CellObservations, whole: Posterior, *, q: float = 0.0) -> EkfRun | NoRun:
-    """Hand over, filter the remaining readings, smooth; `q` is added to the diagonal of P per reading.
+def run(obs: CellObservations, whole: Posterior, *, backward: bool = False) -> EkfRun | NoRun:
+    """Hand over, filter the remaining readings, smooth; `backward` takes the readings from the last to the first.
 
-    `whole` is the posterior of all readings: where even that is no tight place, no part of them is asked.
+    `whole` is the posterior of all readings: where even that locates nothing, no part of them is asked.
     """
-    if not is_tight(whole):
-        return NoRun(f"the whole walk does not leave one place with a standard deviation below {TIGHT_M:.0f} m")
-    count, posterior = _handover(obs, whole)
-    if count == len(obs):
-        return NoRun("only the whole walk locates the transmitter: no reading is left to filter")
-    return _filter(obs, count, posterior, q)
+    readings = obs.part(slice(None, None, -1)) if backward else obs
+    noise = noise_of(obs, whole)
+    fresh = _fresh(readings, noise)
+    found = _handover(readings, fresh, whole, noise)
+    if isinstance(found, NoRun):
+        return found
+    first, posterior = found
+    filtered, smoothed = _filter(fresh, first, posterior.modes[0], noise)
+    rows = kept_rows(len(obs))
+    return EkfRun(posterior, noise, first, filtered, smoothed, len(obs) - 1 - rows if backward else rows)
 
 
-def part(obs: CellObservations, readings: slice) -> CellObservations:
-    """Some of the readings."""
-    arrays = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
-    return replace(obs, **{name: getattr(obs, name)[readings] for name in arrays})
+def noise_of(obs: CellObservations, whole: Posterior) -> ShadowNoise:
+    """Noise of the EKF: what the walk says of the residuals, with the white share that makes the levels likeliest."""
+    mode, readings = whole.modes[0], slice(_MOST_FOR_NOISE)
+    found = candidates(whole.sigma_db, whole.decorrelation_m, whole.white_share, whole.prior.height_m)
+
+    def log_likelihood(noise: ShadowNoise) -> float:
+        held = shadow_ekf.hold(mode.state, noise, float(obs.x_m[0]), float(obs.y_m[0]))
+        return shadow_pass(obs, held, noise, readings=readings).log_likelihood
+
+    return max(found, key=log_likelihood)
 
 
-def _handover(obs: CellObservations, whole: Posterior) -> tuple[int, Posterior]:
-    """About the shortest prefix after which there is one tight place, by bisection."""
-    low, high, posterior = min(_FEWEST, len(obs)), len(obs), whole
-    while high - low > max(_RESOLUTION * len(obs), 1.0):
+def _fresh(obs: CellObservations, noise: ShadowNoise) -> CellObservations:
+    """The readings with a level of NaN where the place has told before what it can."""
+    visited = Visited()
+    told = [tells(visited.take(x_m, y_m), noise) for x_m, y_m in zip(obs.x_m.tolist(), obs.y_m.tolist(), strict=True)]
+    return replace(obs, level_dbm=np.where(told, obs.level_dbm, np.nan), known_limit=obs.limit)
+
+
+def _handover(
+    obs: CellObservations, fresh: CellObservations, whole: Posterior, noise: ShadowNoise
+) -> tuple[int, Posterior] | NoRun:
+    """About the shortest prefix after which there is one close place, and its posterior.
+
+    It is sought between the shortest that could be, were the transmitter where the whole walk says, and the whole.
+    """
+    if verdict(whole, obs)[0] != "located":
+        return NoRun("the whole walk does not locate the transmitter")
+    end = int(np.max(np.flatnonzero(np.isfinite(fresh.level_dbm)))) + 1
+    counts = _promising(fresh, end, whole, noise)
+    if not len(counts):
+        return NoRun(f"no part of the walk locates the transmitter to {CLOSE:.0%} of its distance from the rest")
+    low, high, posterior = int(counts[0]), end, whole
+    for _ in range(_BISECTIONS):
         count = (low + high) // 2
-        begun = part(obs, slice(count))
-        found = locate(begun, whole.prior)
-        if is_tight(found) and verdict(found, begun)[0] == "located":
-            high, posterior = count, found
-        else:
+        found = _located(obs, count, whole, noise.height_m)
+        if found is None:
             low = count
+        else:
+            high, posterior = count, found
+    if high == end:
+        return NoRun("only the whole walk locates the transmitter: no reading is left to filter")
     return high, posterior
 
 
-def is_tight(posterior: Posterior) -> bool:
-    """Whether a Gaussian may stand for the posterior: one place, standard deviation per axis at most 20 m."""
-    p = posterior.modes[0].covariance
-    return posterior.modes[0].probability >= _ONE_PLACE and sqrt(max(p[0, 0], p[1, 1])) <= TIGHT_M
+def _located(obs: CellObservations, count: int, whole: Posterior, height_m: float) -> Posterior | None:
+    """Posterior of the first readings, if a Gaussian may stand for it while the others are taken."""
+    begun, rest = obs.part(slice(count)), obs.part(slice(count, None))
+    try:
+        found = locate(begun, whole.prior, EFFORT)
+    except EstimationError:  # all of them at the modem's limit
+        return None
+    best = found.modes[0]
+    close = _widest_m(best.covariance) <= CLOSE * np.min(_distance_m(rest, best, height_m))
+    if best.probability < ONE_PLACE or not close or verdict(found, begun)[0] != "located":
+        return None
+    return found
 
 
-def effective_variance_db2(obs: CellObservations, posterior: Posterior) -> float:
-    """Variance r of one reading for a filter that takes readings as independent.
+def _promising(obs: CellObservations, end: int, whole: Posterior, noise: ShadowNoise) -> IntArray:
+    """Lengths below `end` of prefixes that would be close, were the transmitter where the whole walk says.
 
-    rho is the lag-1 correlation of the residuals at the posterior's best place.
+    The filter is run at that place over levels that fit exactly, so that it stays there and its covariance is that of
+    the information in the readings.
     """
-    mode = posterior.modes[0]
-    d2 = np.maximum((obs.x_m - mode.x_m) ** 2 + (obs.y_m - mode.y_m) ** 2, 1.0)
-    residual = obs.level_dbm - mode.state[2] + mode.state[3] * 5.0 * np.log10(d2)
-    rho = min(max(metrics.lag1(residual), 0.0), _MOST_CORRELATED)
-    return posterior.sigma_db**2 * (1.0 + rho) / (1.0 - rho)
+    counts = np.unique(np.linspace(_FEWEST, end - 1, _PREFIXES).astype(int))
+    if counts[0] < _FEWEST:
+        return counts[:0]
+    best, prior = whole.modes[0], whole.prior
+    distance_m = _distance_m(obs, best, noise.height_m)
+    level_dbm = best.state[2] - 10.0 * best.state[3] * np.log10(np.maximum(distance_m, 1.0))
+    level_dbm[np.isnan(obs.level_dbm)] = np.nan
+    fitting = replace(obs, level_dbm=level_dbm, known_limit=np.zeros(len(obs), np.int64))
+    start = shadow_ekf.hold(best.state, noise, float(obs.x_m[0]), float(obs.y_m[0]))
+    wide = np.diag(np.square([_PRIOR_M, _PRIOR_M, prior.p0_sigma_db, prior.eta_sigma]))
+    start, readings = shadow_ekf.release(start, wide), slice(int(counts[-1]))
+    known = shadow_pass(fitting, start, noise, readings=readings, rows=counts - 1)
+    ahead_m = np.minimum.accumulate(distance_m[::-1])[::-1][counts]
+    return np.asarray(counts[_widest_m(known.filtered.p) <= CLOSE * ahead_m])
 
 
-def _filter(obs: CellObservations, count: int, posterior: Posterior, q: float) -> EkfRun:
-    mode = posterior.modes[0]
-    x_m, y_m, p0_dbm, eta = mode.state.tolist()
-    state = EkfState(x_m, y_m, p0_dbm, eta, upper_triangle(mode.covariance))
-    r_db2 = effective_variance_db2(part(obs, slice(count)), posterior)
-    filtered = run_ekf(part(obs, slice(count, None)), state, q=q, r_db2=r_db2)
-    x, p = rts.smooth(filtered.x, filtered.p, np.eye(4), q * np.eye(4))
-    none = np.full(len(filtered), np.nan)
-    return EkfRun(posterior, r_db2, count, filtered, Filtered(filtered.t_ns, x, p, none, none))
+def _filter(obs: CellObservations, first: int, mode: Mode, noise: ShadowNoise) -> tuple[Filtered, Filtered]:
+    """Filter over the readings from `first` on, and smoother over all of them.
+
+    Before `first` the shadowing alone is filtered, given the mode's place: the filter starts with what comes out.
+    """
+    given = np.empty((len(obs), 6))
+    held = shadow_ekf.hold(mode.state, noise, float(obs.x_m[0]), float(obs.y_m[0]))
+    held = shadow_pass(obs, held, noise, readings=slice(first), given=given[:first]).end
+    start = shadow_ekf.release(held, mode.covariance)
+    ahead = shadow_pass(obs, start, noise, readings=slice(first, None), given=given[first:])
+    rows = kept_rows(len(obs))
+    smoothed = rts.smooth(given, np.hypot(np.diff(obs.x_m), np.diff(obs.y_m)), noise, mode.state, ahead.end, rows)
+    none = np.full(len(rows), np.nan)
+    return ahead.filtered, Filtered(obs.t_ns[rows], *smoothed, none, none)
+
+
+def _distance_m(obs: CellObservations, mode: Mode, height_m: float) -> FloatArray:
+    """From each reading to the antenna at a place, as the levels see it."""
+    spread = 2.0 * obs.position_sigma_m**2
+    return np.asarray(np.sqrt((obs.x_m - mode.x_m) ** 2 + (obs.y_m - mode.y_m) ** 2 + height_m**2 + spread), float)
+
+
+def _widest_m(covariance: FloatArray) -> FloatArray:
+    """Standard deviation along the widest axis of places with covariances (..., 4, 4)."""
+    xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+    return np.asarray(np.sqrt(0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)), float)

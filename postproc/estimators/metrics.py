@@ -4,10 +4,33 @@ Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navig
 estimator the normalised errors are chi-square distributed, and innovations are white.
 """
 
+from math import nan, sqrt
+from typing import NamedTuple
+
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.stats import chi2
 
 from logger.core.arrays import FloatArray
+
+_LAGS = 20
+_WHITE_SIGMAS = 1.96
+
+
+class Consistency(NamedTuple):
+    """A filter's innovations against what it claims of them.
+
+    `n` readings were used and `n_at_limit` of them only said that the level is beyond the modem's limit. The mean NIS
+    of the others lies in `nis_bounds` in 95 % of honest filters. `autocorrelation` (lags 1 to 20 or fewer) of the
+    normalised innovations lies within +-`white_bound` at 95 % of the lags if they are white.
+    """
+
+    n: int
+    n_at_limit: int
+    mean_nis: float
+    nis_bounds: tuple[float, float]
+    autocorrelation: tuple[float, ...]
+    white_bound: float
 
 
 def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -25,6 +48,21 @@ def mean_bounds(count: int, dof: int = 1, level: float = 0.95) -> tuple[float, f
     return float(chi2.ppf(tail, count * dof) / count), float(chi2.ppf(1.0 - tail, count * dof) / count)
 
 
+def autocorrelation(values: FloatArray, lags: int) -> FloatArray:
+    """Autocorrelation of a series (n,) at lags 0 to `lags`, at most n - 1; biased estimate, so that it is a covariance.
+
+    0 beyond lag 0 where the series says nothing (constant or fewer than 3).
+    """
+    lags = min(lags, max(len(values) - 1, 0))
+    off = values - np.mean(values) if len(values) else values
+    power = float(off @ off)
+    if len(values) < 3 or power <= 0.0:
+        return np.asarray(np.eye(lags + 1)[0])
+    size = next_fast_len(len(values) + lags, real=True)
+    spectrum = rfft(off, size)
+    return np.asarray(irfft(np.abs(spectrum) ** 2, size)[: lags + 1] / power, float)
+
+
 def lag1(values: FloatArray) -> float:
     """Autocorrelation of neighbours in a series (n,); 0 where it says nothing (constant or fewer than 3)."""
     off = values - np.mean(values) if len(values) else values
@@ -32,3 +70,17 @@ def lag1(values: FloatArray) -> float:
     if len(values) < 3 or power <= 0.0:
         return 0.0
     return float(off[1:] @ off[:-1]) / power
+
+
+def consistency(innovation_db: FloatArray, variance_db2: FloatArray) -> Consistency:
+    """What the innovations (n,) and their variances (n,) say of a filter; NaN for readings at the modem's limit."""
+    normalised = (innovation_db / np.sqrt(variance_db2))[np.isfinite(innovation_db)]
+    count = len(normalised)
+    return Consistency(
+        n=len(innovation_db),
+        n_at_limit=len(innovation_db) - count,
+        mean_nis=float(np.mean(normalised**2)) if count else nan,
+        nis_bounds=mean_bounds(count) if count else (nan, nan),
+        autocorrelation=tuple(autocorrelation(normalised, _LAGS)[1:].tolist()),
+        white_bound=_WHITE_SIGMAS / sqrt(count) if count else nan,
+    )

@@ -1,45 +1,40 @@
-"""Rauch-Tung-Striebel smoother of a linear filter's output.
+"""Rauch-Tung-Striebel smoother of the shadowing EKF: the shadowing along the walk, with its uncertainty.
 
-With x_k, P_k filtered and x_k+1|k = F_k x_k, P_k+1|k = F_k P_k F_k' + Q_k:
+Only the shadowing s moves, so the smoothed place, power and exponent (the rest, r) are the last filtered ones:
+smoothing repairs no bad start. Of the smoother (AIAA Journal 3(8), 1965) the row of s is left, and no matrix has to be
+inverted. Given r, the filter knows after reading k that s_k = a_k + b_k' r with variance v_k, and the smoother knows
+from all readings that
 
-    G_k = P_k F_k' P_k+1|k^-1
-    x^s_k = x_k + G_k (x^s_k+1 - x_k+1|k)
-    P^s_k = (I - G_k F_k) P_k (I - G_k F_k)' + G_k (Q_k + P^s_k+1) G_k'
+    s_k = m_k + c_k' r with variance w_k,    s_k+1 = rho_k s_k + noise of variance q_k,    g = rho v / (rho^2 v + q)
+    m_k = (1 - g rho) a_k + g m_k+1,    c_k likewise from b_k,    w_k = (1 - g rho) v_k + g^2 w_k+1
 
-(AIAA Journal 3(8), 1965; the covariance in the symmetric form, which cannot lose positive definiteness). Of a state
-that does not move (F = I, Q = 0) the smoothed series is the last filtered state: smoothing repairs no bad start.
+Every variance is a sum of positive terms, and var s_k = w_k + c_k' P c_k, cov(s_k, r) = P c_k with P that of the rest.
 """
 
 import numpy as np
 
-from logger.core.arrays import FloatArray
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.shadow_ekf import ShadowNoise, ShadowState, covariance_matrix
+from postproc.estimators import loops
 
 
-def smooth(x: FloatArray, p: FloatArray, transition: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Smoothed states (n, k) and covariances (n, k, k) from filtered ones of the same shapes.
+def smooth(
+    given: FloatArray, moved_m: FloatArray, noise: ShadowNoise, origin: FloatArray, end: ShadowState, rows: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Smoothed [x, y, P0, eta, s] (m, 5) and covariances (m, 5, 5) after the readings `rows`.
 
-    `transition` F and `noise` Q have shape (k, k), or (n - 1, k, k): entry i leads from state i to state i + 1.
+    `given` (n, 6) has columns a, b (4) and v, with r counted from `origin` (4,); `moved_m` (n - 1,) lies between the
+    readings; `end` is the last filtered state.
     """
-    steps, size = max(len(x) - 1, 0), x.shape[-1]
-    f = np.broadcast_to(transition, (steps, size, size))
-    q = np.broadcast_to(noise, (steps, size, size))
-    x_ahead = np.einsum("nij,nj->ni", f, x[:-1])
-    p_ahead = f @ p[:-1] @ np.swapaxes(f, 1, 2) + q
-    gain = _gains(f @ p[:-1], p_ahead)
-    rest = np.eye(size) - gain @ f
-    own = rest @ p[:-1] @ np.swapaxes(rest, 1, 2) + gain @ q @ np.swapaxes(gain, 1, 2)
-    x_smooth, p_smooth = x.copy(), p.copy()
-    for k in range(steps - 1, -1, -1):
-        x_smooth[k] += gain[k] @ (x_smooth[k + 1] - x_ahead[k])
-        after = own[k] + gain[k] @ p_smooth[k + 1] @ gain[k].T
-        p_smooth[k] = 0.5 * (after + after.T)
-    return x_smooth, p_smooth
-
-
-def _gains(cross: FloatArray, p_ahead: FloatArray) -> FloatArray:
-    """G' = P_ahead^-1 (F P), solved with unit diagonals since metres, dB and eta differ by orders of magnitude."""
-    scale = np.sqrt(np.diagonal(p_ahead, axis1=1, axis2=2))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    even = p_ahead / (scale[:, :, None] * scale[:, None, :])
-    solved = np.linalg.solve(even, cross / scale[:, :, None])
-    return np.asarray(np.swapaxes(solved / scale[:, :, None], 1, 2), float)
+    rho = np.exp(-moved_m / noise.decorrelation_m) if noise.decorrelation_m > 0.0 else np.zeros_like(moved_m)
+    kept = np.empty((len(rows), 6))
+    loops.smooth(given, rho, noise.shadow_db**2 * (1.0 - rho**2), rows, kept)
+    mean, slope, variance = kept[:, 0], kept[:, 1:5], kept[:, 5]
+    rest, covariance = np.array(end[:4]), covariance_matrix(end.factors)[:4, :4]
+    shared = slope @ covariance
+    x = np.column_stack([np.tile(rest, (len(rows), 1)), mean + slope @ (rest - origin)])
+    p = np.empty((len(rows), 5, 5))
+    p[:, :4, :4] = covariance
+    p[:, 4, :4] = p[:, :4, 4] = shared
+    p[:, 4, 4] = variance + np.sum(shared * slope, axis=1)
+    return x, p

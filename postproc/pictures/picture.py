@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.locator.posterior import Mode, Posterior
+from logger.core.locator.region import Cells
 from logger.core.observations import MAX_GAP_S, Track, levels_dbm, times_ns
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit
-from postproc.estimators.posterior import Mode, Posterior
-from postproc.estimators.region import Cells, outline
+from postproc.estimators.outline import outline
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.smooth import CellResult, Smoothed

@@ -2,7 +2,8 @@ import pytest
 
 from logger.core import ekf
 from logger.core.geo import Utm
-from logger.core.live import LiveSettings, LiveTracker
+from logger.core.live import LiveTracker
+from logger.core.live_settings import LiveSettings
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 from tests.kit.runs import reading
 

@@ -59,7 +59,7 @@ def test_level_without_a_dbm_scale_is_the_nominal_one(tmp_path):
 
 def test_accuracy_of_the_receiver(tmp_path):
     records = [_fix(0, 13.0, hdop=2.0), _fix(1, 13.0, acc_m=15.15), _fix(2, 13.0)]
-    assert _observe(tmp_path, records).track.sigma_m == pytest.approx([8.0, 10.0, 5.0])
+    assert _observe(tmp_path, records).track.sigma_m == pytest.approx([8.0, 10.0, 7.0])
 
 
 def test_several_places_at_one_time_keep_their_own(tmp_path):

@@ -4,7 +4,8 @@ import time
 
 import pytest
 
-from logger.core.live import LiveSettings, LiveTracker
+from logger.core.live import LiveTracker
+from logger.core.live_settings import LiveSettings
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import Fix, RawBytes, Record, Scan
 from logger.device.clock import SystemClock

@@ -7,13 +7,13 @@ import numpy as np
 
 from logger.core import ekf
 from logger.core.geo import Utm
+from logger.core.locator.posterior import Mode, Posterior, Prior
+from logger.core.locator.region import Cells
 from logger.core.observations import CellObservations, observe
 from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import batch
 from postproc.estimators.filtered import Filtered, reference_ekf
-from postproc.estimators.posterior import Mode, Posterior, Prior
-from postproc.estimators.region import Cells
 from postproc.smooth import CellResult, Smoothed
 from tests.kit.runs import UTC0_NS, meta
 

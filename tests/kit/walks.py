@@ -1,10 +1,14 @@
 """Walks past one transmitter, simulated independently of `logger.sim`."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from logger.core.geo import Utm
+from logger.core.locator.region import highest_density
 from logger.core.observations import CellObservations
-from postproc.estimators.region import highest_density
+
+FLOOR_DBM = -110.0
 
 
 def observations(x, y, level, position_sigma=0.0):
@@ -24,9 +28,31 @@ def path(shape, count=600, step=1.4):
     if shape == "circle":
         radius = length / (2 * np.pi)
         return radius * np.cos(s / radius), radius * np.sin(s / radius)
+    if shape == "spiral":
+        return _spiral(s, length)
+    if shape == "random":
+        return _streets(s, length)
     side = length / 4
     corner = [0, side, 2 * side, 3 * side, length]
     return np.interp(s, corner, [0, side, side, 0, 0]), np.interp(s, corner, [0, 0, side, side, 0])
+
+
+def _spiral(s, length, turns=3.0):
+    """Of Archimedes, outward; about equal steps, as its length grows with the square of the angle."""
+    end = 2 * np.pi * turns
+    angle = end * np.sqrt(s / length)
+    radius = 2 * length / end**2 * angle
+    return radius * np.cos(angle), radius * np.sin(angle)
+
+
+def _streets(s, length, blocks=12, seed=10):
+    """Straight on, left or right at every crossing, always the same way; never back."""
+    turn = np.random.default_rng(seed).choice([-1, 0, 1], blocks)
+    heading = 0.5 * np.pi * np.cumsum(turn)
+    side = length / blocks
+    corner = np.arange(blocks + 1) * side
+    x, y = (np.append(0.0, np.cumsum(side * f(heading))) for f in (np.cos, np.sin))
+    return np.interp(s, corner, x), np.interp(s, corner, y)
 
 
 def shadowing(rng, x, y, sigma_db, d_c):
@@ -51,6 +77,12 @@ def simulate(rng, shape, *, white_db=3.0, shadow_db=0.0, d_c=15.0, count=600, st
     if shadow_db:
         level = np.round(level + shadowing(rng, x, y, shadow_db, d_c))
     return observations(x, y, level), source
+
+
+def clipped(obs, share):
+    """As a GSM modem tells the levels of a transmitter so weak that `share` of them are at the floor of its scale."""
+    weaker = np.round(obs.level_dbm - np.quantile(obs.level_dbm, share) + FLOOR_DBM)
+    return replace(obs, level_dbm=np.maximum(weaker, FLOOR_DBM))
 
 
 def covered(found, point, slack_m=0.0):

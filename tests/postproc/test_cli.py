@@ -217,7 +217,7 @@ def test_polar_run_is_refused_in_one_line(tmp_path, capsys):
 def test_replay_tells_of_a_difference(tmp_path, capsys):
     from logger.core.types import LiveEstimate
 
-    wrong = LiveEstimate(2, "reference-ekf", "262-01-4711-1", 1, 33, *[1.0] * 16)
+    wrong = LiveEstimate(2, "reference-ekf", "262-01-4711-1", 1, 33, *[1.0] * 17)
     found = [*runs.records(3), Record(9, "live", wrong)]
     assert main(["replay", str(_run(tmp_path, found)), "--json"]) == 1
     told = json.loads(capsys.readouterr().out)

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from logger.core.live import LiveSettings
+from logger.core.live_settings import LiveSettings
 from logger.core.schema import SCHEMA_VERSION, TABLES
 
 

@@ -39,7 +39,7 @@ VALUES = st.one_of(
     st.builds(Note, st.sampled_from(["info", "error"]), NAMES, NAMES),
     st.builds(
         LiveEstimate, st.integers(0, 99), st.just("s"), st.just("c"), st.integers(0, 9), st.just(-33),
-        *[st.floats(allow_nan=False)] * 16,
+        *[st.floats(allow_nan=False)] * 17,
     ),
 )  # fmt: skip
 RECORDS = st.lists(st.builds(Record, st.integers(0, 2**62), st.sampled_from(["modem", "gnss"]), VALUES), max_size=30)
@@ -237,7 +237,7 @@ def test_long_texts_are_cut_between_characters(tmp_path):
 
 
 def test_diverged_estimate_reads_back_as_nan(tmp_path):
-    estimate = LiveEstimate(1, "s", "c", 1, 33, *[math.nan] * 16)
+    estimate = LiveEstimate(1, "s", "c", 1, 33, *[math.nan] * 17)
     runs.write_journal(tmp_path / "a.journal", [Record(1, "live", estimate)])
     ((_, record),) = read_run(tmp_path / "a.journal").records()
     assert math.isnan(record.value.x_m)

@@ -5,6 +5,13 @@ from filterpy.stats import NEES
 from postproc.estimators import metrics
 
 
+def ar1(rng, rho, count):
+    series = np.zeros(count)
+    for k in range(1, count):
+        series[k] = rho * series[k - 1] + rng.normal()
+    return series
+
+
 def test_nees_of_consistent_errors_is_chi_square():
     rng = np.random.default_rng(3)
     covariance = np.array([[4.0, 1.0], [1.0, 2.0]])
@@ -28,13 +35,49 @@ def test_bounds_of_the_mean():
 
 
 def test_lag1_of_an_ar1_series():
-    rng = np.random.default_rng(5)
-    series = np.zeros(20_000)
-    for k in range(1, len(series)):
-        series[k] = 0.6 * series[k - 1] + rng.normal()
-    assert metrics.lag1(series) == pytest.approx(0.6, abs=0.02)
+    assert metrics.lag1(ar1(np.random.default_rng(5), 0.6, 20_000)) == pytest.approx(0.6, abs=0.02)
 
 
 @pytest.mark.parametrize("values", [[], [1.0], [1.0, 2.0], [3.0] * 9])
-def test_lag1_says_nothing_of_constant_or_short_series(values):
+def test_correlation_says_nothing_of_constant_or_short_series(values):
     assert metrics.lag1(np.array(values)) == 0.0
+    assert metrics.autocorrelation(np.array(values), 5).tolist() == [1.0] + [0.0] * min(5, max(len(values) - 1, 0))
+
+
+@pytest.mark.parametrize("count", [7, 100, 257])
+def test_autocorrelation_is_the_sum_over_pairs(count):
+    series = ar1(np.random.default_rng(6), 0.5, count)
+    off = series - np.mean(series)
+    expected = [off[lag:] @ off[: count - lag] / (off @ off) for lag in range(min(20, count - 1) + 1)]
+    found = metrics.autocorrelation(series, 20)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert found[1] == pytest.approx(metrics.lag1(series))
+
+
+def test_white_innovations_of_the_right_size_are_consistent():
+    rng = np.random.default_rng(7)
+    variance = rng.uniform(1.0, 30.0, 20_000)
+    found = metrics.consistency(np.sqrt(variance) * rng.normal(size=20_000), variance)
+    assert (found.n, found.n_at_limit) == (20_000, 0)
+    assert found.mean_nis == pytest.approx(1.0, abs=0.04)
+    assert found.nis_bounds == pytest.approx((0.98, 1.02), abs=0.001)
+    assert sum(abs(r) > found.white_bound for r in found.autocorrelation) <= 4
+    assert len(found.autocorrelation) == 20
+
+
+def test_small_and_correlated_innovations_are_seen():
+    series = ar1(np.random.default_rng(8), 0.6, 5000)
+    found = metrics.consistency(series, np.full(5000, 9.0))
+    assert found.mean_nis < found.nis_bounds[0]
+    assert found.autocorrelation[:3] == pytest.approx((0.6, 0.36, 0.216), abs=0.06)
+
+
+def test_readings_at_the_limit_are_counted_apart():
+    found = metrics.consistency(np.array([2.0, np.nan, -2.0, np.nan]), np.array([4.0, np.nan, 1.0, np.nan]))
+    assert (found.n, found.n_at_limit, found.mean_nis) == (4, 2, 2.5)
+
+
+def test_nothing_heard_says_nothing():
+    found = metrics.consistency(np.array([np.nan]), np.array([np.nan]))
+    assert (found.n, found.n_at_limit) == (1, 1)
+    assert np.isnan(found.mean_nis)

@@ -1,94 +1,158 @@
+from math import log, log10
+
 import numpy as np
 import pytest
 from filterpy.kalman import rts_smoother
 
-from postproc.estimators.rts import smooth
+from logger.core import shadow_ekf
+from logger.core.shadow_ekf import ShadowNoise
+from postproc.estimators import rts
+from postproc.estimators.filtered import kept_rows, shadow_pass
+from tests.kit.walks import simulate
+
+NOISE = ShadowNoise(5.0, 15.0, 2.0, 4.0)
+STATIC = [True] * 4 + [False]
 
 
-def random_problem(seed, steps=40, size=4):
-    """A random linear system with measurements, and its Kalman-filtered series."""
+def covariance(rng):
+    root = np.diag([12.0, 9.0, 3.0, 0.3]) @ (rng.normal(size=(4, 4)) + 2.0 * np.eye(4)) / 2.0
+    return root @ root.T
+
+
+def problem(seed, count=40, noise=NOISE, still=()):
+    """A walk, the mean it is started with and its covariance; the walker does not move before the readings `still`."""
     rng = np.random.default_rng(seed)
-    f = np.eye(size) + 0.1 * rng.normal(size=(steps - 1, size, size))
-    root = rng.normal(size=(steps - 1, size, size))
-    q = root @ np.swapaxes(root, 1, 2) + 0.1 * np.eye(size)
-    h = rng.normal(size=(steps, size))
-    z = rng.normal(size=steps)
-    x0, p0, r = rng.normal(size=size), 3.0 * np.eye(size), 0.7
-    x, p = x0, p0
-    xs, ps = [], []
-    for k in range(steps):
-        if k:
-            x, p = f[k - 1] @ x, f[k - 1] @ p @ f[k - 1].T + q[k - 1]
-        gain = p @ h[k] / (h[k] @ p @ h[k] + r)
-        x = x + gain * (z[k] - h[k] @ x)
-        a = np.eye(size) - np.outer(gain, h[k])
-        p = a @ p @ a.T + r * np.outer(gain, gain)
-        xs.append(x)
-        ps.append(p)
-    return np.array(xs), np.array(ps), f, q, (h, z, x0, p0, r)
+    obs, source = simulate(rng, "square", count=count, step=8.0, shadow_db=5.0, white_db=2.0)
+    for k in still:
+        obs.x_m[k], obs.y_m[k] = obs.x_m[k - 1], obs.y_m[k - 1]
+    p = covariance(rng)
+    return obs, rng.multivariate_normal([*source, -30.0, 3.0], p), p, noise
 
 
-def dense_batch(f, q, h, z, x0, p0, r):
-    """Mean and covariances of the whole trajectory from its information matrix."""
-    steps, size = h.shape
-    info = np.zeros((steps * size, steps * size))
-    vector = np.zeros(steps * size)
-    info[:size, :size] += np.linalg.inv(p0)
-    vector[:size] += np.linalg.solve(p0, x0)
-    for k in range(steps):
-        own = slice(k * size, (k + 1) * size)
-        info[own, own] += np.outer(h[k], h[k]) / r
-        vector[own] += h[k] * z[k] / r
-        if k:
-            row = np.zeros((size, steps * size))
-            row[:, own] = np.eye(size)
-            row[:, (k - 1) * size : k * size] = -f[k - 1]
-            info += row.T @ np.linalg.solve(q[k - 1], row)
-    covariance = np.linalg.inv(info)
-    blocks = [covariance[k * size : (k + 1) * size, k * size : (k + 1) * size] for k in range(steps)]
-    return np.linalg.solve(info, vector).reshape(steps, size), np.array(blocks)
+def smoothed(obs, mean, p, noise, rows=None):
+    given = np.empty((len(obs), 6))
+    state = shadow_ekf.release(shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0])), p)
+    ahead = shadow_pass(obs, state, noise, given=given)
+    rows = kept_rows(len(obs)) if rows is None else rows
+    return ahead, rts.smooth(given, moved(obs), noise, mean, ahead.end, rows)
+
+
+def moved(obs):
+    return np.hypot(np.diff(obs.x_m), np.diff(obs.y_m))
+
+
+def recalled(obs, noise):
+    if noise.decorrelation_m == 0.0:
+        return np.zeros(len(obs) - 1)
+    return np.exp(-moved(obs) / noise.decorrelation_m)
+
+
+def linearised(obs, ahead, mean):
+    """Rows h, values z and variances r of the linear problem that the EKF has solved: linearised where it stood."""
+    before = np.vstack([mean, ahead.filtered.x[:-1, :4]])
+    rows, values, variances = [], [], []
+    for (x, y, p0, eta), x_m, y_m, level in zip(before, obs.x_m, obs.y_m, obs.level_dbm, strict=True):
+        d2 = (x - x_m) ** 2 + (y - y_m) ** 2 + NOISE.height_m**2
+        slope = -10.0 / log(10.0) * eta / d2
+        h = np.array([slope * (x - x_m), slope * (y - y_m), 1.0, -5.0 * log10(d2)])
+        rows.append(h)
+        values.append(level - (p0 - 5.0 * eta * log10(d2)) + h @ (x, y, p0, eta))
+        variances.append(NOISE.white_db**2 + 1.0 / 12.0)
+    return np.array(rows), np.array(values), np.array(variances)
+
+
+def dense_batch(obs, mean, p, noise, linear):
+    """Mean and covariance of [x, y, P0, eta, s_1 ... s_n], conditioned on all levels at once."""
+    h, z, r = linear
+    n = len(obs)
+    way = np.concatenate([[0.0], np.cumsum(moved(obs))])
+    prior = np.zeros((4 + n, 4 + n))
+    prior[:4, :4] = p
+    prior[4:, 4:] = noise.shadow_db**2 * np.exp(-np.abs(way[:, None] - way) / noise.decorrelation_m)
+    rows = np.hstack([h, np.eye(n)])
+    start = np.append(mean, np.zeros(n))
+    gain = np.linalg.solve(rows @ prior @ rows.T + np.diag(r), rows @ prior).T
+    return start + gain @ (z - rows @ start), prior - gain @ rows @ prior
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_agrees_with_dense_batch_solution(seed):
-    x, p, f, q, rest = random_problem(seed)
-    expected_x, expected_p = dense_batch(f, q, *rest)
-    x_smooth, p_smooth = smooth(x, p, f, q)
-    np.testing.assert_allclose(x_smooth, expected_x, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(p_smooth, expected_p, rtol=1e-9, atol=1e-9)
+    obs, mean, p, noise = problem(seed, still=(7, 8, 20))
+    ahead, (x, covariances) = smoothed(obs, mean, p, noise)
+    expected, whole = dense_batch(obs, mean, p, noise, linearised(obs, ahead, mean))
+    for k in range(len(obs)):
+        own = [0, 1, 2, 3, 4 + k]
+        np.testing.assert_allclose(x[k], expected[own], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(covariances[k], whole[np.ix_(own, own)], rtol=1e-9, atol=1e-9)
 
 
-def test_agrees_with_filterpy():
-    x, p, f, q, _ = random_problem(11)
-    fs, qs = [*f, np.eye(4)], [*q, np.eye(4)]  # one more than it uses
-    x_filterpy, p_filterpy, *_ = rts_smoother(x, p, fs, qs)
-    x_smooth, p_smooth = smooth(x, p, f, q)
-    np.testing.assert_allclose(x_smooth, x_filterpy, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(p_smooth, p_filterpy, rtol=1e-8, atol=1e-9)
+@pytest.mark.parametrize("seed", range(3))
+def test_agrees_with_filterpy(seed):
+    obs, mean, p, noise = problem(seed)
+    ahead, (x, covariances) = smoothed(obs, mean, p, noise)
+    fs = [np.diag([1.0, 1.0, 1.0, 1.0, rho]) for rho in recalled(obs, noise)]
+    qs = [np.diag([0.0, 0.0, 0.0, 0.0, noise.shadow_db**2 * (1.0 - f[4, 4] ** 2)]) for f in fs]
+    # one more of each than it uses
+    x_filterpy, p_filterpy, *_ = rts_smoother(ahead.filtered.x, ahead.filtered.p, [*fs, fs[0]], [*qs, qs[0]])
+    np.testing.assert_allclose(x, x_filterpy, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(covariances, p_filterpy, rtol=1e-6, atol=1e-8)
 
 
-def test_static_state_is_smoothed_to_the_last_filtered_one():
-    x, p, _, _, _ = random_problem(2)
-    x_smooth, p_smooth = smooth(x, p, np.eye(4), np.zeros((4, 4)))
-    np.testing.assert_allclose(x_smooth, np.broadcast_to(x[-1], x.shape), atol=1e-9)
-    np.testing.assert_allclose(p_smooth, np.broadcast_to(p[-1], p.shape), atol=1e-9)
+def test_what_stands_still_is_smoothed_to_the_last_filtered_state():
+    ahead, (x, p) = smoothed(*problem(6))
+    np.testing.assert_array_equal(x[:, STATIC], np.broadcast_to(ahead.filtered.x[-1, STATIC], (len(x), 4)))
+    np.testing.assert_allclose(p[:, :4, :4] - ahead.filtered.p[-1, :4, :4], 0.0, atol=1e-12)
+    np.testing.assert_allclose(x[-1], ahead.filtered.x[-1], rtol=1e-12)
+    np.testing.assert_allclose(p[-1], ahead.filtered.p[-1], rtol=1e-9, atol=1e-12)
 
 
-def test_stays_symmetric_with_units_far_apart():
-    x, p, _, _, _ = random_problem(6)
-    units = np.diag([1e4, 1e4, 1.0, 1e-4])
-    scaled_x, scaled_p = x @ units, units @ p @ units
-    x_smooth, p_smooth = smooth(scaled_x, scaled_p, np.eye(4), 1e-6 * units**2)
-    plain_x, _ = smooth(x, p, np.eye(4), 1e-6 * np.eye(4))
-    np.testing.assert_allclose(x_smooth, plain_x @ units, rtol=1e-7, atol=1e-9)
-    even = p_smooth / np.outer(np.diag(units), np.diag(units))
-    np.testing.assert_allclose(even, np.swapaxes(even, 1, 2), rtol=1e-12, atol=1e-15)
-    assert np.all(np.linalg.eigvalsh(even) > 0.0)
+def test_where_the_walker_stood_the_shadowing_is_one():
+    obs, *rest = problem(7, still=(11, 12, 13))
+    _, (x, p) = smoothed(obs, *rest)
+    np.testing.assert_allclose(x[10:14, 4], x[10, 4], rtol=1e-9)
+    np.testing.assert_allclose(p[10:14, 4, 4], p[10, 4, 4], rtol=1e-9)
 
 
-@pytest.mark.parametrize("steps", [0, 1])
-def test_short_series_come_back(steps):
-    x, p = np.ones((steps, 2)), np.broadcast_to(np.eye(2), (steps, 2, 2))
-    x_smooth, p_smooth = smooth(x, p, np.eye(2), np.eye(2))
-    np.testing.assert_array_equal(x_smooth, x)
-    np.testing.assert_array_equal(p_smooth, p)
+@pytest.mark.parametrize("noise", [ShadowNoise(0.0, 15.0, 3.0, 4.0), ShadowNoise(0.0, 0.0, 3.0, 4.0)])
+def test_without_shadowing_there_is_none_to_find(noise):
+    obs, mean, p, _ = problem(8)
+    _, (x, covariances) = smoothed(obs, mean, p, noise)
+    assert np.all(x[:, 4] == 0.0)
+    assert np.all(covariances[:, 4] == 0.0)
+
+
+def test_shadowing_is_where_it_says():
+    """Over simulated walks the smoothed shadowing misses the true one by as much as its variance says."""
+    rng = np.random.default_rng(9)
+    errors = []
+    for _ in range(60):
+        obs, source = simulate(rng, "square", count=100, step=8.0, white_db=0.0)
+        true = NOISE.shadow_db * rng.normal(size=100)
+        for k, rho in enumerate(recalled(obs, NOISE), start=1):
+            true[k] = rho * true[k - 1] + np.sqrt(1.0 - rho**2) * true[k]
+        p = covariance(rng) * 0.1
+        truth = np.array([*source, -30.0, 3.0])
+        d2 = (obs.x_m - source[0]) ** 2 + (obs.y_m - source[1]) ** 2 + NOISE.height_m**2
+        obs.level_dbm[:] = np.round(-30.0 - 15.0 * np.log10(d2) + true + NOISE.white_db * rng.normal(size=100))
+        _, (x, covariances) = smoothed(obs, rng.multivariate_normal(truth, p), p, NOISE)
+        errors.append(np.mean((x[:, 4] - true) ** 2 / covariances[:, 4, 4]))
+    assert np.mean(errors) == pytest.approx(1.0, abs=0.15)
+
+
+def test_rows_are_those_asked_for():
+    obs, *rest = problem(10)
+    rows = np.array([3, 4, 17, 39])
+    _, (x, p) = smoothed(obs, *rest)
+    _, (x_some, p_some) = smoothed(obs, *rest, rows=rows)
+    np.testing.assert_array_equal(x_some, x[rows])
+    np.testing.assert_array_equal(p_some, p[rows])
+
+
+def test_one_reading_comes_back():
+    obs, mean, p, noise = problem(11, count=40)
+    given = np.empty((1, 6))
+    state = shadow_ekf.release(shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0])), p)
+    ahead = shadow_pass(obs, state, noise, readings=slice(1), given=given)
+    x, covariances = rts.smooth(given, np.empty(0), noise, mean, ahead.end, np.array([0]))
+    np.testing.assert_allclose(x, ahead.filtered.x, rtol=1e-12)
+    np.testing.assert_allclose(covariances, ahead.filtered.p, rtol=1e-9, atol=1e-12)

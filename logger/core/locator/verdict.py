@@ -1,23 +1,32 @@
 """The verdict: located, ambiguous or cannot tell, with the reason in plain words."""
 
+from math import hypot, log10
 from typing import Literal
 
 import numpy as np
 
+from logger.core.locator.division import LEAST_LOG_FACTOR, Division
+from logger.core.locator.posterior import LEAST_PEAK, Mode, Posterior
 from logger.core.observations import CellObservations
-from postproc.estimators.posterior import LEAST_PEAK, Mode, Posterior
 
 _MINOR_PLACE = 0.03
 _FEWEST_READINGS = 8
 _SHORTEST_WALK_M = 20.0
 _LEAST_CHANGE_DB = 1.0
 _ONE_SIDED_DEG = 90.0
+_PASSING_M = 20.0
 
 Verdict = Literal["located", "ambiguous", "cannot tell"]
 
 
-def verdict(posterior: Posterior, obs: CellObservations) -> tuple[Verdict, list[str]]:
-    """Whether the walk locates the transmitter, and in plain words why or why not."""
+def verdict(posterior: Posterior, obs: CellObservations, division: Division | None = None) -> tuple[Verdict, list[str]]:
+    """Whether the walk locates the transmitter, and in plain words why or why not.
+
+    `division` is what two transmitters would explain, where that was asked.
+    """
+    if division is not None and division.log_factor > LEAST_LOG_FACTOR:
+        return "cannot tell", [_two(division, obs)]
+    obs = obs.usable()
     reasons = _too_little(posterior, obs)
     if reasons:
         return "cannot tell", reasons
@@ -25,7 +34,30 @@ def verdict(posterior: Posterior, obs: CellObservations) -> tuple[Verdict, list[
     if not _has_rivals(posterior):
         return "located", [f"one place holds {best.probability:.0%}; 95 % lie within {posterior.r95_m:.0f} m of it"]
     named = ", ".join(f"{mode.probability:.0%} at {_place(mode, obs)}" for mode in posterior.modes)
-    return "ambiguous", [f"the levels fit several places: {named}", "a walk that bends near one of them would tell"]
+    return "ambiguous", [f"the levels fit several places: {named}", _advice(posterior, obs)]
+
+
+def _two(division: Division, obs: CellObservations) -> str:
+    (lat1, lon1), (lat2, lon2) = (obs.utm.to_latlon(*place) for place in (division.one_m, division.other_m))
+    return (
+        "one position does not explain the data: two transmitters that share this identity do, "
+        f"near {lat1:.5f} {lon1:.5f} and near {lat2:.5f} {lon2:.5f}"
+    )
+
+
+def _advice(posterior: Posterior, obs: CellObservations) -> str:
+    """Where to walk to decide between the two strongest places, and which level there speaks for which."""
+    near, far = sorted(posterior.modes[:2], key=lambda mode: hypot(mode.x_m - obs.x_m[-1], mode.y_m - obs.y_m[-1]))
+    way_m = hypot(near.x_m - obs.x_m[-1], near.y_m - obs.y_m[-1])
+    apart_m = hypot(near.x_m - far.x_m, near.y_m - far.y_m)
+    here_dbm, there_dbm = (
+        float(m.state[2] - 10.0 * m.state[3] * log10(max(d, _PASSING_M)))
+        for m, d in ((near, _PASSING_M), (far, apart_m))
+    )
+    return (
+        f"to decide walk past {_place(near, obs)}, {way_m:.0f} m from where this walk ended: about {here_dbm:.0f} dBm "
+        f"there if it is this place, {there_dbm:.0f} dBm if it is the one {apart_m:.0f} m away"
+    )
 
 
 def _place(mode: Mode, obs: CellObservations) -> str:

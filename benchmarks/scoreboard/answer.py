@@ -1,0 +1,106 @@
+"""What a method says about one walk: a place, how sure it is, and where else the source may stand."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.ellipse import CHI2_95_2DOF
+
+from .world import Place
+
+_OUTLINE_POINTS = 1440
+
+
+class Region(Protocol):
+    """A region that is claimed to hold the source with 95 %."""
+
+    @property
+    def area_m2(self) -> float:
+        """Its area."""
+
+    def holds(self, place: Place, slack_m: float) -> bool:
+        """Whether a place is in it or no further than `slack_m` from it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ellipse95:
+    """95 % ellipse of a Gaussian with the given centre and (2, 2) covariance."""
+
+    centre: Place
+    covariance: FloatArray
+
+    @property
+    def area_m2(self) -> float:
+        return float(np.pi * CHI2_95_2DOF * np.sqrt(np.linalg.det(self.covariance)))
+
+    def holds(self, place: Place, slack_m: float) -> bool:
+        off = np.subtract(place, self.centre)
+        if off @ np.linalg.solve(self.covariance, off) <= CHI2_95_2DOF:
+            return True
+        angle = np.linspace(0.0, 2.0 * np.pi, _OUTLINE_POINTS)
+        outline = np.sqrt(CHI2_95_2DOF) * np.linalg.cholesky(self.covariance) @ [np.cos(angle), np.sin(angle)]
+        return bool(np.min(np.hypot(*(outline - off[:, None]))) <= slack_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Squares:
+    """A highest-density set: centres and sides of square cells, shape (n,)."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    size_m: FloatArray
+
+    @property
+    def area_m2(self) -> float:
+        return float(np.sum(self.size_m**2))
+
+    def holds(self, place: Place, slack_m: float) -> bool:
+        east_m = np.maximum(np.abs(self.x_m - place[0]) - 0.5 * self.size_m, 0.0)
+        north_m = np.maximum(np.abs(self.y_m - place[1]) - 0.5 * self.size_m, 0.0)
+        return bool(np.any(np.hypot(east_m, north_m) <= slack_m))
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """One place where the source may stand, with the (2, 2) covariance of its own mass."""
+
+    x_m: float
+    y_m: float
+    covariance: FloatArray
+    probability: float = 1.0
+
+    def off_m(self, place: Place) -> float:
+        """Distance of its mean to a place."""
+        return float(np.hypot(self.x_m - place[0], self.y_m - place[1]))
+
+    def nees(self, place: Place) -> float:
+        """Normalised estimation error squared, chi-square with 2 degrees of freedom where the covariance is true."""
+        off = np.array([place[0] - self.x_m, place[1] - self.y_m])
+        return float(off @ np.linalg.solve(self.covariance, off))
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Estimate, modes (most probable first; none for a method without uncertainty), region, and verdict if any.
+
+    `fits` is False where the method says that one position does not explain the levels.
+    """
+
+    x_m: float
+    y_m: float
+    modes: tuple[Mode, ...] = ()
+    region: Region | None = None
+    verdict: str | None = None
+    fits: bool = True
+
+
+def gaussian(mean: FloatArray, covariance: FloatArray) -> Answer:
+    """Answer of a method that knows a mean [x, y, ...] and a covariance only; raises `ValueError` for no covariance."""
+    if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(covariance))):
+        raise ValueError("diverged")
+    x_m, y_m, plane = float(mean[0]), float(mean[1]), covariance[:2, :2]
+    if np.min(np.linalg.eigvalsh(plane)) <= 0.0:
+        raise ValueError("the covariance is not positive")
+    return Answer(x_m, y_m, (Mode(x_m, y_m, plane),), Ellipse95((x_m, y_m), plane))

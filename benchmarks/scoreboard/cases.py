@@ -1,0 +1,168 @@
+"""The cases: which worlds, how many runs, which methods."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from zlib import crc32
+
+import numpy as np
+
+from . import traces, worlds
+from .filters import FILTERS
+from .score import BOUND, CENTROID, EXACT, LEAST_SQUARES, OURS, OURS_WHOLE, STRONGEST
+from .walks import TELLING
+from .world import Noise, World
+
+PEERS = (LEAST_SQUARES, *FILTERS, CENTROID, STRONGEST)
+KNOWN = (OURS, EXACT, BOUND, *PEERS)
+"""Methods where the oracle walks the same walk; where it does not, a bound would not be theirs."""
+ORACLE = (OURS, EXACT, *PEERS)
+CLIPPED = (OURS, OURS_WHOLE, EXACT, *PEERS)
+UNKNOWN = (OURS, *PEERS)
+
+WHITE = Noise(3.0)
+SPECIFIED_READINGS = (10, 20, 50)
+CLIPPED_SHARES = (0.20, 0.45, 0.70)
+GPS_ERRORS: dict[str, worlds.GpsError] = {"gps-white": "white", "gps-slow": "slow", "gps-constant": "constant"}
+
+Build = Callable[[np.random.Generator, str], World]
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """Worlds of one kind; `world(seed, run)` is the same for the same numbers, whatever else is run.
+
+    `runs` are done unless told otherwise, `most` is all there are.
+    """
+
+    name: str
+    title: str
+    world: Callable[[int, int], World]
+    runs: int
+    methods: tuple[str, ...]
+    most: int | None = None
+
+    def count(self, wanted: int | None) -> int:
+        """Runs to do where `wanted` (None: the usual number) were asked for."""
+        count = self.runs if wanted is None else wanted
+        return count if self.most is None else min(count, self.most)
+
+
+def generator(name: str, seed: int, run: int) -> np.random.Generator:
+    """Random numbers of one run of one case."""
+    return np.random.default_rng(np.random.SeedSequence([seed, crc32(name.encode()), run]))
+
+
+def _simulated(
+    name: str,
+    title: str,
+    build: Build,
+    *,
+    methods: tuple[str, ...] = KNOWN,
+    shapes: tuple[str, ...] = TELLING,
+    runs: int = 100,
+) -> Case:
+    """A case whose walks take these shapes in turn."""
+
+    def world(seed: int, run: int) -> World:
+        return build(generator(name, seed, run), shapes[run % len(shapes)])
+
+    return Case(name, title, world, runs, methods)
+
+
+def _white() -> list[Case]:
+    title = "white noise 3 dB, walk: {}"
+    build = partial(worlds.plain, noise=WHITE)
+    return [_simulated(f"white-{shape}", title.format(shape), build, shapes=(shape,), runs=200) for shape in TELLING]
+
+
+def _shadowed() -> list[Case]:
+    cases = []
+    for shadow_db, d_c_m in ((6.0, 15.0), (8.0, 30.0)):
+        for kind, in_plane in (("path", False), ("field", True)):
+            noise = Noise(0.0, shadow_db, d_c_m, in_plane=in_plane, step_db=1.0)
+            where = "a field in the plane" if in_plane else "first order along the path"
+            title = f"shadowing {shadow_db:.0f} dB over {d_c_m:.0f} m, {where}, 1 dB steps"
+            cases.append(_simulated(f"shadow{shadow_db:.0f}-{kind}", title, partial(worlds.plain, noise=noise)))
+    return cases
+
+
+def _twins() -> list[Case]:
+    build = partial(worlds.plain, noise=WHITE)
+    return [
+        _simulated("twin-straight", "straight walk, white noise 3 dB: mirror image", build, shapes=("straight",)),
+        _simulated("twin-circle", "round walk, white noise 3 dB: inverse point", build, shapes=("circle",)),
+    ]
+
+
+def _clipped() -> list[Case]:
+    return [
+        _simulated(
+            f"clip-{share:.0%}".rstrip("%"),
+            f"{share:.0%} of the levels clipped at -110 dBm, white noise 3 dB, 1 dB steps",
+            partial(worlds.clipped, share=share),
+            methods=CLIPPED,
+        )
+        for share in CLIPPED_SHARES
+    ]
+
+
+def _misplaced() -> list[Case]:
+    title = "position error of the receiver 5 m an axis, {}, pass at 15 to 40 m, white noise 3 dB"
+    return [
+        _simulated(name, title.format(kind), partial(worlds.misplaced, kind=kind), methods=ORACLE)
+        for name, kind in GPS_ERRORS.items()
+    ]
+
+
+def _specified() -> list[Case]:
+    cases = []
+    for spread in (False, True):
+        for count in SPECIFIED_READINGS:
+            where = "all around the circle" if spread else "the first of 50 around the circle"
+            title = f"the specification's scenario: {count} readings at 500 m, {where}, white noise 3 dB"
+            name = f"spec-{count}-{'around' if spread else 'begun'}"
+            build = partial(_specified_world, count=count, spread=spread)
+            cases.append(_simulated(name, title, build, shapes=("circle",)))
+    return cases
+
+
+def _specified_world(rng: np.random.Generator, _: str, *, count: int, spread: bool) -> World:
+    return worlds.specified(rng, count, spread=spread)
+
+
+def _measured() -> list[Case]:
+    cases = []
+    for classes, what in (
+        ("A", "passes within 50 m and sees 120 deg"),
+        ("B", "passes within 50 m, narrower"),
+        ("CDE", "never within 50 m"),
+    ):
+        count = len(traces.names(classes))
+        title = f"measured walks of class {', '.join(classes)}: {what}"
+        cases.append(Case(f"real-{classes}", title, partial(_measured_world, classes), count, UNKNOWN, most=count))
+    return cases
+
+
+def _measured_world(classes: str, _: int, run: int) -> World:
+    return traces.measured(*traces.names(classes)[run])
+
+
+CASES: dict[str, Case] = {
+    case.name: case
+    for case in (
+        *_white(),
+        *_shadowed(),
+        *_twins(),
+        *_clipped(),
+        *_misplaced(),
+        _simulated(
+            "two-sources",
+            "two transmitters with one identity, 200 to 500 m apart, white noise 3 dB",
+            worlds.shared_identity,
+            methods=UNKNOWN,
+        ),
+        *_measured(),
+        *_specified(),
+    )
+}

@@ -1,0 +1,58 @@
+"""What an answer says about a world beyond its error, as yes or no: each has to be yes."""
+
+from math import pi
+
+import numpy as np
+import shapely
+
+from .answer import Answer, Mode, Region
+from .world import Place, World
+
+TWIN_HELD = "truth or twin inside the region"
+BOTH_LISTED = "truth and twin both listed"
+NOT_ONE_PLACE = "never told as one place"
+SAID_NOT_TO_FIT = "says that one position does not explain the levels"
+NOT_BETWEEN = "not located more than 50 m off both"
+MODEST = "not located where the region is larger than the walk"
+
+_LISTED_M, _LISTED_SIGMAS = 20.0, 3.0
+_OFF_M = 50.0
+
+
+def facts_of(world: World, found: Answer) -> dict[str, bool]:
+    """Those facts that this world and this method can show."""
+    facts: dict[str, bool] = {}
+    if found.region is None:
+        return facts
+    if found.verdict is not None:
+        facts[MODEST] = found.verdict != "located" or found.region.area_m2 <= walk_area_m2(world)
+    if world.twin is not None:
+        facts |= _twin_facts(world.sources[0], world.twin, found, found.region)
+    if len(world.sources) > 1 and found.verdict is not None:
+        facts[SAID_NOT_TO_FIT] = not found.fits
+        facts[NOT_BETWEEN] = found.verdict != "located" or world.error_m((found.x_m, found.y_m)) <= _OFF_M
+    return facts
+
+
+def walk_area_m2(world: World) -> float:
+    """Area of the smallest circle around the walk; a straight walk has no hull to compare with."""
+    points = shapely.multipoints(np.column_stack([world.walk.x_m, world.walk.y_m]))
+    return float(pi * shapely.minimum_bounding_radius(points) ** 2)
+
+
+def _twin_facts(source: Place, twin: Place, found: Answer, region: Region) -> dict[str, bool]:
+    holds_source, holds_twin = region.holds(source, 0.0), region.holds(twin, 0.0)
+    # closer than a listing is exact they are one place
+    same = bool(np.hypot(source[0] - twin[0], source[1] - twin[1]) <= 2.0 * _LISTED_M)
+    shown_apart = len(found.modes) > 1 or (holds_source and holds_twin)
+    return {
+        TWIN_HELD: holds_source or holds_twin,
+        BOTH_LISTED: all(any(_lists(mode, place) for mode in found.modes) for place in (source, twin)),
+        NOT_ONE_PLACE: same or (shown_apart and found.verdict != "located"),
+    }
+
+
+def _lists(mode: Mode, place: Place) -> bool:
+    """Whether a place is within 20 m or 3 sigma (of the longer axis) of a mode."""
+    sigma_m = float(np.sqrt(np.max(np.linalg.eigvalsh(mode.covariance))))
+    return mode.off_m(place) <= max(_LISTED_M, _LISTED_SIGMAS * sigma_m)

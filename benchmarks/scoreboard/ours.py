@@ -1,0 +1,76 @@
+"""The only door to the locator under test: what it is given, what it says, and the priors that the limit shares."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.locator.division import LEAST_LOG_FACTOR, divide
+from logger.core.locator.posterior import locate
+from logger.core.locator.prior import Prior
+from logger.core.locator.region import Cells, highest_density, places
+from logger.core.locator.verdict import verdict
+from logger.core.observations import CellObservations
+
+from .answer import Answer, Mode, Squares
+from .world import Walk, World
+
+PRIOR = Prior()
+_MODE_LEVEL = 0.999
+
+
+@dataclass(frozen=True, slots=True)
+class LinearPrior:
+    """Normal prior of (P0 in dBm, eta): mean and precision (inverse variances), shape (2,)."""
+
+    mean: FloatArray
+    precision: FloatArray
+
+
+LINEAR_PRIOR = LinearPrior(np.array([PRIOR.p0_dbm, PRIOR.eta]), np.array([PRIOR.p0_sigma_db**-2, PRIOR.eta_sigma**-2]))
+REACH_M = PRIOR.reach_m
+
+
+def log_position_prior(nearest_m: FloatArray) -> FloatArray:
+    """Log density of a place (up to a constant) by its distance from the walk, shape as given."""
+    return np.asarray(-PRIOR.far_power * np.log(np.maximum(nearest_m / PRIOR.near_m, 1.0)), float)
+
+
+def observations(world: World, walk: Walk) -> CellObservations:
+    """A walk of a world as the locator wants it."""
+    count = len(walk)
+    t_s = np.arange(count, dtype=float) if world.t_s is None else world.t_s
+    return CellObservations(
+        cell="cell",
+        rat="GSM" if world.floor_dbm is not None else None,  # what it says is where the scale ends
+        utm=world.utm,
+        t_ns=np.asarray(np.round(t_s * 1e9), np.int64),
+        x_m=walk.x_m,
+        y_m=walk.y_m,
+        position_sigma_m=np.full(count, world.position_sigma_m),
+        level_dbm=walk.level_dbm,
+        scan_seq=np.arange(count),
+    )
+
+
+def answer(world: World, walk: Walk) -> Answer:
+    """What the locator says of a walk; raises `EstimationError`."""
+    obs = observations(world, walk)
+    found = locate(obs)
+    division = divide(obs, PRIOR)
+    told, _ = verdict(found, obs, division)
+    chosen = highest_density(found.cells)
+    cells = found.cells
+    return Answer(
+        x_m=found.x_m,
+        y_m=found.y_m,
+        modes=tuple(Mode(m.x_m, m.y_m, m.covariance[:2, :2], m.probability) for m in found.modes),
+        region=Squares(cells.x_m[chosen], cells.y_m[chosen], cells.size_m[chosen]),
+        verdict=told,
+        fits=division is None or division.log_factor <= LEAST_LOG_FACTOR,
+    )
+
+
+def split_into_places(x_m: FloatArray, y_m: FloatArray, size_m: FloatArray, probability: FloatArray) -> list[IntArray]:
+    """Indices of the cells of each place: the limit tells places apart by the same rule."""
+    return places(Cells(x_m, y_m, size_m, probability), _MODE_LEVEL)

@@ -1,0 +1,158 @@
+"""Simulated worlds: log-distance levels past a source at the receiver's height, one builder for each kind of trouble.
+
+Where nothing else is said P0 ~ U(-45, -15) dBm, eta ~ U(2.3, 3.9), and the source stands 25 to 200 m off a point of the
+walk and never closer than 25 m to any. Every world is turned by a random angle and shifted to where UTM coordinates
+are, so that no grid is aligned with it by luck.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.pathloss import log_distance_db
+
+from .walks import COUNT, SHAPES, STEP_M, Points, circle_radius_m
+from .world import Noise, Place, Walk, World
+
+Build = Callable[[np.random.Generator], World]
+GpsError = Literal["white", "slow", "constant"]
+
+FLOOR_DBM = -110.0
+SPEC_RADIUS_M, SPEC_READINGS = 500.0, 50
+GPS_SIGMA_M = 5.0
+
+_ORIGIN_M = (400_000.0, 5_700_000.0)
+_AWAY_M = (25.0, 200.0)
+_GPS_MEMORY_S = 60.0
+_APART_M = (200.0, 500.0)
+_PASSED_M = (25.0, 60.0)
+_LEAST_SHARE = 0.2
+
+
+def plain(rng: np.random.Generator, shape: str, noise: Noise) -> World:
+    """A source beside a walk of some shape; with its twin for a straight or a round walk."""
+    points, source = _beside(rng, shape, _AWAY_M)
+    world = _heard(rng, points, source, noise)
+    return _placed(rng, replace(world, twin=_twin(shape, source)))
+
+
+def clipped(rng: np.random.Generator, shape: str, share: float) -> World:
+    """3 dB of white noise, 1 dB steps, and P0 such that this share of the levels is at -110 dBm or below.
+
+    These are reported as exactly -110.
+    """
+    points, source = _beside(rng, shape, _AWAY_M)
+    loud = _heard(rng, points, source, Noise(3.0)).walk
+    shift_db = FLOOR_DBM + 0.5 - np.quantile(loud.level_dbm, share)
+    whole = replace(loud, level_dbm=np.round(loud.level_dbm + shift_db))
+    walk = replace(whole, level_dbm=np.maximum(whole.level_dbm, FLOOR_DBM))
+    noise = Noise(3.0, step_db=1.0)
+    return _placed(rng, World(walk, whole, (source,), noise=noise, floor_dbm=FLOOR_DBM))
+
+
+def misplaced(rng: np.random.Generator, shape: str, kind: GpsError) -> World:
+    """A pass at 15 to 40 m; the receiver's position is wrong by 5 m an axis: each fix, slowly (60 s), or for good."""
+    points, source = _beside(rng, shape, (15.0, 40.0))
+    world = _heard(rng, points, source, Noise(3.0))
+    count = len(world.walk)
+    memory = {"white": 0.0, "slow": np.exp(-1.0 / _GPS_MEMORY_S), "constant": 1.0}[kind]
+    east_m, north_m = (GPS_SIGMA_M * _gauss_markov(rng, count, memory) for _ in range(2))
+    walk = replace(world.walk, x_m=world.walk.x_m + east_m, y_m=world.walk.y_m + north_m)
+    return _placed(rng, replace(world, walk=walk, position_sigma_m=GPS_SIGMA_M))
+
+
+def shared_identity(rng: np.random.Generator, shape: str) -> World:
+    """Two sources 200 to 500 m apart, both passed within 60 m; of two levels the stronger is heard.
+
+    Their powers are within 5 dB, and each is the stronger one in a fifth of the readings or more.
+    """
+    while True:
+        points = SHAPES[shape](rng, COUNT, STEP_M)
+        one, other = _near(rng, points, _PASSED_M), _near(rng, points, _PASSED_M)
+        if one is None or other is None or not _APART_M[0] <= np.hypot(*np.subtract(one, other)) <= _APART_M[1]:
+            continue
+        p0_dbm, eta = _power(rng), _exponent(rng)
+        levels = np.stack(
+            [_level_dbm(points, one, p0_dbm, eta), _level_dbm(points, other, p0_dbm + rng.uniform(-5.0, 5.0), eta)]
+        )
+        levels += 3.0 * rng.normal(size=levels.shape)
+        if _LEAST_SHARE <= np.mean(levels[0] > levels[1]) <= 1.0 - _LEAST_SHARE:
+            walk = Walk(*points, np.max(levels, axis=0))
+            return _placed(rng, World(walk, walk, (one, other), eta=eta, noise=Noise(3.0)))
+
+
+def specified(rng: np.random.Generator, count: int, *, spread: bool) -> World:
+    """The specification's scenario: `count` readings 500 m from the station, 3 dB.
+
+    They are the first of 50 on the circle (`spread`: all around it).
+    """
+    angle = 2.0 * np.pi * np.arange(count) / (count if spread else SPEC_READINGS)
+    points = SPEC_RADIUS_M * np.cos(angle), SPEC_RADIUS_M * np.sin(angle)
+    return _placed(rng, _heard(rng, points, (0.0, 0.0), Noise(3.0)))
+
+
+def _placed(rng: np.random.Generator, world: World) -> World:
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return world.moved(turn, _ORIGIN_M)
+
+
+def _beside(rng: np.random.Generator, shape: str, away_m: tuple[float, float]) -> tuple[Points, Place]:
+    while True:
+        points = SHAPES[shape](rng, COUNT, STEP_M)
+        source = _near(rng, points, away_m)
+        if source:
+            return points, source
+
+
+def _near(rng: np.random.Generator, points: Points, away_m: tuple[float, float]) -> Place | None:
+    """A place at a distance from a point of the walk; None where it is too close to another."""
+    k, bearing, away = rng.integers(len(points[0])), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(*away_m)
+    x_m, y_m = points[0][k] + away * np.cos(bearing), points[1][k] + away * np.sin(bearing)
+    closest_m = np.min(np.hypot(points[0] - x_m, points[1] - y_m))
+    return (float(x_m), float(y_m)) if closest_m >= away_m[0] else None
+
+
+def _heard(rng: np.random.Generator, points: Points, source: Place, noise: Noise) -> World:
+    eta = _exponent(rng)
+    level_dbm = _level_dbm(points, source, _power(rng), eta) + noise.white_db * rng.normal(size=len(points[0]))
+    if noise.shadow_db:
+        root = np.linalg.cholesky(noise.shadowing_db2(*points) + 1e-9 * np.eye(len(points[0])))
+        level_dbm += root @ rng.normal(size=len(points[0]))
+    if noise.step_db:
+        level_dbm = noise.step_db * np.round(level_dbm / noise.step_db)
+    walk = Walk(*points, level_dbm)
+    return World(walk, walk, (source,), eta=eta, noise=noise)
+
+
+def _twin(shape: str, source: Place) -> Place | None:
+    """Mirror image in a straight walk; inverse point of a circle, to which the ratio of distances is constant."""
+    if shape == "straight":
+        return source[0], -source[1]
+    if shape == "circle":
+        factor = circle_radius_m() ** 2 / (source[0] ** 2 + source[1] ** 2)
+        return factor * source[0], factor * source[1]
+    return None
+
+
+def _power(rng: np.random.Generator) -> float:
+    return float(rng.uniform(-45.0, -15.0))
+
+
+def _exponent(rng: np.random.Generator) -> float:
+    return float(rng.uniform(2.3, 3.9))
+
+
+def _level_dbm(points: Points, source: Place, p0_dbm: float, eta: float) -> FloatArray:
+    return np.asarray(p0_dbm - eta * log_distance_db(points[0] - source[0], points[1] - source[1]), float)
+
+
+def _gauss_markov(rng: np.random.Generator, count: int, memory: float) -> FloatArray:
+    """Stationary series of unit variance with correlation `memory` between neighbours, shape (count,)."""
+    values = rng.normal(size=count)
+    for k in range(1, count):
+        values[k] = memory * values[k - 1] + np.sqrt(1.0 - memory**2) * values[k]
+    return values

@@ -1,0 +1,177 @@
+"""One cell on the device: the locator, and the EKF it hands over to once the place is close and single.
+
+The EKF starts from the locator's place when its standard deviation is at most 12 m and 0.15 of the walker's distance
+to it (a linearised filter is honest only when it starts close), and takes up the shadowing from the last readings. It
+is followed by `watch`, and taken back when the watch disagrees.
+"""
+
+from collections import deque
+from math import hypot, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core import ekf, shadow_ekf
+from logger.core.errors import EstimationError
+from logger.core.locator.evidence import C
+from logger.core.locator.online import OnlineLocator, Place
+from logger.core.locator.prior import Prior
+from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
+from logger.core.watch import Watch, compare, follow
+
+LOCATOR, EKF = "locator", "ekf"
+
+ONE_PLACE = 0.98
+CLOSE = 0.15
+TIGHT_M = 12.0
+_RECENT = 20
+
+
+class Heard(NamedTuple):
+    """A reading with the receiver's place; `limit` as in `scale.limits`."""
+
+    x_m: float
+    y_m: float
+    sigma_m: float
+    level_dbm: float
+    limit: int
+
+
+class CellEstimate(NamedTuple):
+    """State [x, y, P0, eta] after a reading, upper triangle of its covariance, and the stage that it comes from.
+
+    `probability` is that of the place; the innovation belongs to the reading and is NaN where nothing was expected.
+    """
+
+    stage: str
+    probability: float
+    state: tuple[float, float, float, float]
+    p: ekf.Covariance
+    innovation_db: float
+    innovation_var_db2: float
+
+
+class _Running(NamedTuple):
+    state: ShadowState
+    noise: ShadowNoise
+    watch: Watch
+
+
+class LiveCell:
+    """Estimate of one cell, reading by reading; `news` holds what happened at the last reading, as (code, text)."""
+
+    def __init__(self, prior: Prior) -> None:
+        self._prior = prior
+        self._locator = OnlineLocator(prior)
+        self._running: _Running | None = None
+        self._recent: deque[Heard] = deque(maxlen=_RECENT)
+        self._barred = False
+        self.n = 0
+        self.news: list[tuple[str, str]] = []
+
+    @property
+    def stale(self) -> float:
+        """As `OnlineLocator.stale`."""
+        return self._locator.stale
+
+    def take(self, heard: Heard) -> CellEstimate | None:
+        """Take a reading; None while there is nothing to be said."""
+        self.news = []
+        self.n += 1
+        before = self._locator.place()
+        self._locator.add(heard.x_m, heard.y_m, heard.sigma_m, heard.level_dbm, heard.limit)
+        self._recent.append(heard)
+        step = self._stepped(heard)
+        if step is not None:
+            return _of_filter(step)
+        place = self._locator.place()
+        if place is None:
+            return None
+        estimate = _of_locator(place, before, heard, self._prior.height_m)
+        if not self._barred and _is_close(place, heard):
+            self._start(place)
+        return estimate
+
+    def search(self) -> None:
+        """Let the locator search anew, and compare the filter with what it found."""
+        self._locator.search()
+        self._barred = False
+        place = self._locator.place()
+        if self._running is None or place is None:
+            return
+        p = place.covariance
+        seen = compare(
+            self._running.watch,
+            self._running.state,
+            float(place.state[0]),
+            float(place.state[1]),
+            (float(p[0, 0]), float(p[0, 1]), float(p[1, 1])),
+        )
+        self._running = self._running._replace(watch=seen)
+
+    def _stepped(self, heard: Heard) -> ShadowStep | None:
+        """The running filter's next step; None without one, or where it has just been taken back."""
+        if self._running is None:
+            return None
+        step = shadow_ekf.step(
+            self._running.state,
+            self._running.noise,
+            heard.x_m,
+            heard.y_m,
+            heard.sigma_m,
+            heard.level_dbm,
+            heard.limit,
+        )
+        seen = follow(self._running.watch, step, self._running.noise)
+        self._running = self._running._replace(state=step.state, watch=seen)
+        if seen.disagrees is None:
+            return step
+        self.news.append(("ekf-taken-back", seen.disagrees))
+        self._running, self._barred = None, True
+        return None
+
+    def _start(self, place: Place) -> None:
+        white_share, decorrelation_m = self._locator.noise()
+        noise = shadow_ekf.split_noise(place.sigma_db, decorrelation_m, white_share, self._prior.height_m)
+        state = shadow_ekf.hold(place.state, noise, self._recent[0].x_m, self._recent[0].y_m)
+        for heard in self._recent:
+            state = shadow_ekf.step(state, noise, *heard).state
+        try:
+            state = shadow_ekf.release(state, place.covariance)
+        except EstimationError:
+            return
+        self._running = _Running(state, noise, Watch())
+        spread_m = sqrt(place.covariance[0, 0] + place.covariance[1, 1])
+        self.news.append(("ekf-started", f"the locator holds one place with a DRMS of {spread_m:.0f} m"))
+
+
+def _is_close(place: Place, heard: Heard) -> bool:
+    """Whether a Gaussian may stand for the place, seen from where the walker is."""
+    widest_m = sqrt(float(np.linalg.eigvalsh(place.covariance[:2, :2])[1]))
+    distance_m = hypot(float(place.state[0]) - heard.x_m, float(place.state[1]) - heard.y_m)
+    return place.probability >= ONE_PLACE and widest_m <= min(CLOSE * distance_m, TIGHT_M)
+
+
+def _of_filter(step: ShadowStep) -> CellEstimate:
+    s = step.state
+    state = (s.x_m, s.y_m, s.p0_dbm, s.eta)
+    return CellEstimate(EKF, 1.0, state, static_covariance(s.factors), step.innovation_db, step.innovation_var_db2)
+
+
+def _of_locator(place: Place, before: Place | None, heard: Heard, height_m: float) -> CellEstimate:
+    x_m, y_m, p0_dbm, eta = place.state.tolist()
+    innovation_db, variance_db2 = np.nan, np.nan
+    if before is not None and not heard.limit:
+        innovation_db, variance_db2 = _innovation(before, heard, height_m)
+    triangle = ekf.upper_triangle(place.covariance)
+    return CellEstimate(LOCATOR, place.probability, (x_m, y_m, p0_dbm, eta), triangle, innovation_db, variance_db2)
+
+
+def _innovation(before: Place, heard: Heard, height_m: float) -> tuple[float, float]:
+    """How far a level was from what the place before it let expect, and the variance of that."""
+    x_m, y_m, p0_dbm, eta = before.state.tolist()
+    dx, dy = x_m - heard.x_m, y_m - heard.y_m
+    d2 = max(dx * dx + dy * dy + height_m * height_m, 1.0)
+    distance_db = 5.0 * np.log10(d2)
+    h = np.array([-C * eta * dx / d2, -C * eta * dy / d2, 1.0, -distance_db])
+    return heard.level_dbm - p0_dbm + eta * distance_db, float(h @ before.covariance @ h + before.sigma_db**2)

@@ -1,0 +1,145 @@
+"""Readings gathered into blocks, each of about one place."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.observations import CellObservations
+
+FINEST_BLOCK_M = 2.0
+_MOST_POINTS = 1000
+_MOST_CENSORED = 40
+_CLEAR_M = 15.0
+_COARSER = 1.25
+
+
+class Censored(NamedTuple):
+    """Places where the level was at the end of the modem's scale, shape (g,) each.
+
+    The level is at most `limit_dbm` where `side` is -1, at least that where it is +1; `readings` were taken there.
+    """
+
+    x_m: FloatArray
+    y_m: FloatArray
+    limit_dbm: FloatArray
+    side: FloatArray
+    readings: FloatArray
+
+
+NOTHING_CENSORED = Censored(*np.zeros((5, 0)))
+
+
+@dataclass(frozen=True, slots=True)
+class Blocks:
+    """The walk in blocks of readings taken at about one place.
+
+    `point_x_m, point_y_m, weight` are supporting points, shape (m,); block k has those from `first[k]` on, weights sum
+    to 1. `x_m, y_m, level_dbm, readings, position_sigma_m, modem` have shape (n,); `size_m` is the side of a block.
+    A block has readings of one modem only, numbered from 0.
+    """
+
+    point_x_m: FloatArray
+    point_y_m: FloatArray
+    weight: FloatArray
+    first: IntArray
+    x_m: FloatArray
+    y_m: FloatArray
+    level_dbm: FloatArray
+    readings: FloatArray
+    position_sigma_m: FloatArray
+    size_m: float
+    censored: Censored
+    modem: IntArray
+
+    def __len__(self) -> int:
+        return len(self.x_m)
+
+    def clear_of_censored(self) -> "Blocks":
+        """Those far from any censored reading, one point each: only there the levels kept are not the high ones."""
+        gone = self.censored
+        apart_m = np.hypot(self.x_m[:, None] - gone.x_m, self.y_m[:, None] - gone.y_m)
+        clear = np.min(apart_m, axis=1, initial=np.inf) > max(_CLEAR_M, 2.0 * self.size_m)
+        columns = (self.x_m, self.y_m, self.level_dbm, self.position_sigma_m**2, self.readings)
+        plain = single(np.stack(columns)[:, clear], self.size_m, NOTHING_CENSORED)
+        return replace(plain, modem=self.modem[clear])
+
+
+def single(column: FloatArray, size_m: float, gone: Censored) -> Blocks:
+    """Blocks without supporting points, from rows x, y, level, variance of the position, readings: shape (5, n)."""
+    x_m, y_m, level_dbm, variance_m2, readings = column
+    one = np.ones(len(x_m))
+    every, modem = np.arange(len(x_m)), np.zeros(len(x_m), np.int64)
+    return Blocks(x_m, y_m, one, every, x_m, y_m, level_dbm, readings, np.sqrt(variance_m2), size_m, gone, modem)
+
+
+def blocks(obs: CellObservations, most: int) -> Blocks:
+    """Gather the readings of one place and modem, whenever taken, into blocks; at most `most` of them.
+
+    Standing still or walking a street twice adds readings to a block and no block.
+    """
+    inside = obs.limit == 0
+    x_m, y_m, level, variance = (v[inside] for v in (obs.x_m, obs.y_m, obs.level_dbm, obs.position_sigma_m**2))
+    modem = _modems(obs)[inside]
+    fine = squares(x_m, y_m, _MOST_POINTS, modem)[0]
+    count = np.bincount(fine).astype(float)
+    mean = [np.bincount(fine, v) / count for v in (x_m, y_m, level, variance)]
+    of_point = np.zeros(len(count), np.int64)
+    of_point[fine] = modem
+    return gathered(mean[0], mean[1], mean[2], count, mean[3], most, censored_places(obs), of_point)
+
+
+def gathered(
+    x_m: FloatArray,
+    y_m: FloatArray,
+    level_dbm: FloatArray,
+    count: FloatArray,
+    variance_m2: FloatArray,
+    most: int,
+    censored: Censored,
+    modem: IntArray | None = None,
+) -> Blocks:
+    """Blocks of supporting points, each the mean of `count` readings of a modem (None: of one); all arrays (m,)."""
+    modem = np.zeros(len(x_m), np.int64) if modem is None else modem
+    coarse, size_m = squares(x_m, y_m, most, modem)
+    order = np.argsort(coarse, kind="stable")
+    coarse, count = coarse[order], count[order]
+    x, y, level, variance = (v[order] for v in (x_m, y_m, level_dbm, variance_m2))
+    total = np.asarray(np.bincount(coarse, count), float)
+    weight = count / total[coarse]
+    bx, by, bl, bv = (np.asarray(np.bincount(coarse, weight * v), float) for v in (x, y, level, variance))
+    first = np.searchsorted(coarse, np.arange(len(total)))
+    return Blocks(x, y, weight, first, bx, by, bl, total, np.sqrt(bv), size_m, censored, modem[order][first])
+
+
+def _modems(obs: CellObservations) -> IntArray:
+    return np.zeros(len(obs), np.int64) if obs.modem is None else obs.modem
+
+
+def censored_places(obs: CellObservations) -> Censored:
+    """Readings at either end of the scale, those of one place together; a place may have both ends."""
+    parts = []
+    for side in (-1, 1):
+        at = np.flatnonzero(obs.limit == side)
+        which = squares(obs.x_m[at], obs.y_m[at], _MOST_CENSORED, _modems(obs)[at])[0]
+        count = np.bincount(which).astype(float)
+        x, y, limit = (np.bincount(which, v[at]) / count for v in (obs.x_m, obs.y_m, obs.level_dbm))
+        parts.append((x, y, limit, np.full(len(count), float(side)), count))
+    return Censored(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def squares(x_m: FloatArray, y_m: FloatArray, most: int, modem: IntArray) -> tuple[IntArray, float]:
+    """Number of the square of its modem each point lies in, as small as `most` squares allow, and their side."""
+    size_m = FINEST_BLOCK_M
+    if not len(x_m):
+        return np.zeros(0, np.int64), size_m
+    while True:
+        column = np.floor((x_m - np.mean(x_m)) / size_m + 0.5).astype(np.int64)
+        row = np.floor((y_m - np.mean(y_m)) / size_m + 0.5).astype(np.int64)
+        row += modem * (int(np.ptp(row)) + 1)
+        key = (row - row.min()) * (int(np.ptp(column)) + 1) + column - column.min()
+        found, index = np.unique(key, return_inverse=True)
+        if len(found) <= most:
+            return index.astype(np.int64), size_m
+        size_m *= _COARSER

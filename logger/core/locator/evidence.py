@@ -1,0 +1,217 @@
+"""What a walk says about places: log evidence with power, exponent and sigma integrated out.
+
+With K = R R' the covariance of a hypothesis, W = R^-1, and whitened rows o = W 1, l = -W L, z = W z, everything a place
+needs to be judged are six sums over rows (and the log of the rows' weights). With s2 = sigma^2,
+A = [[o'o, o'l], [o'l, l'l]] / s2 + Lambda0, b = (o'z, l'z) / s2 + Lambda0 m0:
+
+    log p(z | x, y, sigma) = -n/2 log 2pi - n log sigma - 1/2 log|K| + 1/2 log|Lambda0| - 1/2 log|A|
+                             - 1/2 (z'z / s2 + m0' Lambda0 m0 - b' A^-1 b)
+
+log sigma is integrated by Gauss-Hermite nodes around its mode (Naylor & Smith, Appl. Statist. 31(3), 1982).
+"""
+
+from functools import cache
+from math import log, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.locator.blocks import Blocks
+from logger.core.locator.prior import Hypothesis, Prior
+
+C = 10.0 / log(10.0)
+SUMS = 7
+"""o'o, o'l, l'l, o'z, l'z, z'z and the log weight of all rows."""
+
+_READINGS_BELIEVED = 16
+_ROUNDING_DB2 = 1.0 / 12.0
+_NEWTON_STEPS = 2
+_LEAST_SIGMA_DB = 0.05
+NODES = 7
+
+
+class Whitener(NamedTuple):
+    """Hypothesis `number`, the matrix W with W K W' = I, shape (n, n), and log |K|."""
+
+    number: int
+    matrix: FloatArray
+    log_det: float
+
+
+class Evidence(NamedTuple):
+    """Of each hypothesis (c) at each place (h): log evidence, mean and covariance of P0 and eta, mean of sigma.
+
+    `log_p` and `sigma_db` have shape (c, h), `theta` (2, c, h), `theta_cov` (3, c, h): var P0, cov, var eta.
+    """
+
+    log_p: FloatArray
+    theta: FloatArray
+    theta_cov: FloatArray
+    sigma_db: FloatArray
+
+
+def covariance(blocks: Blocks, hypothesis: Hypothesis, sigma_db: float) -> FloatArray:
+    """K of the blocks' mean levels, shape (n, n), in units of sigma^2."""
+    distance = np.hypot(blocks.x_m[:, None] - blocks.x_m, blocks.y_m[:, None] - blocks.y_m)
+    return covariance_of(distance, blocks.readings, hypothesis, sigma_db)
+
+
+def covariance_of(distance_m: FloatArray, readings: FloatArray, hypothesis: Hypothesis, sigma_db: float) -> FloatArray:
+    """K for blocks that are `distance_m` (n, n) apart."""
+    a, d_c, _ = hypothesis
+    k = (1.0 - a) * np.exp(-distance_m / max(d_c, 1.0))
+    k[np.diag_indices_from(k)] += own_variance(readings, a, sigma_db)
+    return k
+
+
+def own_variance(readings: FloatArray | float, white_share: FloatArray | float, sigma_db: float) -> FloatArray:
+    """What only the block itself has of K's diagonal: fading and rounding to 1 dB.
+
+    Fading stays the same for a while where one stands: more than 16 readings are not believed.
+    """
+    return np.asarray(white_share / np.minimum(readings, _READINGS_BELIEVED) + _ROUNDING_DB2 / sigma_db**2, float)
+
+
+def offset_covariance(modem: IntArray, prior: Prior) -> FloatArray | None:
+    """What the offsets of modems (n,) add to K; None where there is one modem, whose offset is a part of P0.
+
+    Levels are on the scale of modem 0; what another reads higher is the difference of two offsets.
+    """
+    if not np.any(modem):
+        return None
+    same, other = modem[:, None] == modem, modem > 0
+    return np.asarray((prior.offset_sigma_db / prior.sigma_db) ** 2 * (other[:, None] & other) * (1.0 + same), float)
+
+
+def whiteners(blocks: Blocks, prior: Prior) -> list[Whitener]:
+    """One for each hypothesis."""
+    found, of_modems = [], offset_covariance(blocks.modem, prior)
+    for number, hypothesis in enumerate(prior.hypotheses):
+        k = covariance(blocks, hypothesis, prior.sigma_db)
+        root = np.linalg.cholesky(k if of_modems is None else k + of_modems)
+        log_det = 2.0 * float(np.sum(np.log(np.diag(root))))
+        found.append(Whitener(number, np.asarray(np.tril(np.linalg.inv(root)), float), log_det))
+    return found
+
+
+def distances_db(blocks: Blocks, height_m: float, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    """L = 10 log10 d of each block from each place, shape (n, h).
+
+    An uncertain receiver is farther away on average, E d^2 = d^2 + 2 sigma^2; the height adds too; at least 1 m.
+    """
+    counts = np.diff(np.append(blocks.first, len(blocks.point_x_m)))
+    spread = np.repeat(2.0 * blocks.position_sigma_m**2, counts)
+    d2 = (x_m - blocks.point_x_m[:, None]) ** 2 + (y_m - blocks.point_y_m[:, None]) ** 2
+    each = 5.0 * np.log10(np.maximum(d2 + spread[:, None] + height_m**2, 1.0))
+    if len(blocks.first) == len(blocks.point_x_m):
+        return each
+    return np.asarray(np.add.reduceat(blocks.weight[:, None] * each, blocks.first, axis=0), float)
+
+
+def receiver_variance(blocks: Blocks, prior: Prior, distance_db: FloatArray) -> FloatArray | None:
+    """Variance (n, h) that the error of the receiver's position adds, in units of sigma^2; None where there is none.
+
+    An error sigma_g at distance d moves the level by C eta sigma_g / d.
+    """
+    error_db = C * prior.eta * blocks.position_sigma_m[:, None] * 10.0 ** (-0.1 * distance_db)
+    ratio = (error_db / prior.sigma_db) ** 2
+    return ratio if np.any(ratio) else None
+
+
+def sums(whitener: FloatArray, level_dbm: FloatArray, distance_db: FloatArray, extra: FloatArray | None) -> FloatArray:
+    """The sums of one hypothesis over rows of W (k, n), for blocks (n,) and places: `distance_db` (n, h); shape (7, h).
+
+    A row of W with diagonal w predicts its block with variance 1 / w^2 (of sigma^2); `extra` variance of the block
+    weighs the row down by 1 / (1 + w^2 extra), as if it were independent.
+    """
+    rows, h = whitener.shape[0], distance_db.shape[1]
+    o, z, slope = whitener @ np.ones(whitener.shape[1]), whitener @ level_dbm, -(whitener @ distance_db)
+    if extra is None:
+        fixed = [np.full(h, value) for value in (o @ o, o @ z, z @ z)]
+        return np.stack([fixed[0], o @ slope, _squares(slope, slope), fixed[1], z @ slope, fixed[2], np.zeros(h)])
+    last = whitener.shape[1] - rows
+    own = np.diagonal(whitener, offset=last) ** 2
+    weight = 1.0 / (1.0 + own[:, None] * extra[last:])
+    weighed = weight * slope
+    oo, oz, zz = np.stack([o * o, o * z, z * z]) @ weight
+    return np.stack(
+        [oo, o @ weighed, _squares(weighed, slope), oz, z @ weighed, zz, 0.5 * np.sum(np.log(weight), axis=0)]
+    )
+
+
+def _squares(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("nh,nh->h", a, b), float)
+
+
+def walk_sums(blocks: Blocks, found: list[Whitener], prior: Prior, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    """Sums of all rows for each hypothesis and place, shape (7, c, h)."""
+    distance_db = distances_db(blocks, prior.height_m, x_m, y_m)
+    extra = receiver_variance(blocks, prior, distance_db)
+    return np.stack([sums(w.matrix, blocks.level_dbm, distance_db, extra) for w in found], axis=1)
+
+
+def marginal(total: FloatArray, n: int, log_det: FloatArray, prior: Prior, nodes: int = NODES) -> Evidence:
+    """Integrate P0, eta and sigma: from sums (7, c, h) over n rows and log |K| (c, 1)."""
+    start = np.full(total.shape[1:], log(prior.sigma_db))
+    residual = np.maximum(_given_sigma(total, n, prior, start)[2], n * _LEAST_SIGMA_DB**2)
+    weight = 1.0 / prior.sigma_log_sd**2
+    tau = (n * np.log(residual / max(n - 2, 1)) + weight * start) / (2.0 * n + weight)
+    curvature = np.ones_like(tau)
+    for _ in range(min(_NEWTON_STEPS, nodes)):
+        _, moments, residual = _given_sigma(total, n, prior, tau)
+        scaled = np.exp(-2.0 * tau) * residual
+        slope = scaled - n + 2.0 - moments[5] - weight * (tau - start)
+        curvature = 2.0 * scaled + weight
+        tau = tau + np.clip(slope / curvature, -0.5, 0.5)
+    constant = 0.5 * (2.0 * total[6] - log_det - n * log(2.0 * pi))
+    return _over_sigma(total, n, prior, tau, 1.0 / np.sqrt(curvature), constant, nodes)
+
+
+def _given_sigma(
+    total: FloatArray, n: int, prior: Prior, tau: FloatArray
+) -> tuple[FloatArray, tuple[FloatArray, ...], FloatArray]:
+    """Log p of level and sigma = exp(tau), moments (P0, eta, var, cov, var, tr A^-1 Lambda0), and residual z - fit."""
+    oo, ol, ll, oz, lz, zz, _ = total
+    w = np.exp(-2.0 * tau)
+    lam0, lam1 = prior.p0_sigma_db**-2, prior.eta_sigma**-2
+    a00, a01, a11 = oo * w + lam0, ol * w, ll * w + lam1
+    b0, b1 = oz * w + lam0 * prior.p0_dbm, lz * w + lam1 * prior.eta
+    inverse = 1.0 / (a00 * a11 - a01 * a01)
+    p0, eta = (a11 * b0 - a01 * b1) * inverse, (a00 * b1 - a01 * b0) * inverse
+    misfit = zz * w + lam0 * prior.p0_dbm**2 + lam1 * prior.eta**2 - b0 * p0 - b1 * eta
+    off = (tau - log(prior.sigma_db)) / prior.sigma_log_sd
+    log_p = 0.5 * (np.log(lam0 * lam1 * inverse) - misfit - off * off) - n * tau
+    log_p -= log(prior.sigma_log_sd * sqrt(2.0 * pi))
+    v00, v01, v11 = a11 * inverse, -a01 * inverse, a00 * inverse
+    residual = zz - 2.0 * (p0 * oz + eta * lz) + p0 * p0 * oo + 2.0 * p0 * eta * ol + eta * eta * ll
+    return log_p, (p0, eta, v00, v01, v11, lam0 * v00 + lam1 * v11), residual
+
+
+@cache
+def _gauss_hermite(nodes: int) -> tuple[FloatArray, FloatArray]:
+    at, weights = np.polynomial.hermite_e.hermegauss(nodes)
+    return np.asarray(at, float), np.asarray(weights, float)
+
+
+def _over_sigma(
+    total: FloatArray, n: int, prior: Prior, tau: FloatArray, sd: FloatArray, constant: FloatArray, nodes: int
+) -> Evidence:
+    at, weights = _gauss_hermite(nodes)
+    parts = [_given_sigma(total, n, prior, tau + sd * u) for u in at]
+    if nodes == 1:  # Laplace's method
+        of_tau, (p0, eta, v00, v01, v11, _), _ = parts[0]
+        log_p = of_tau + np.log(sd * weights[0]) + constant
+        return Evidence(log_p, np.stack([p0, eta]), np.stack([v00, v01, v11]), np.exp(tau))
+    each = np.stack([part[0] for part in parts]) + (0.5 * at**2 + np.log(weights))[:, None, None]
+    top = np.max(each, axis=0)
+    share = np.exp(each - top)
+    summed = np.sum(share, axis=0)
+    share /= summed
+    p0, eta, v00, v01, v11 = (np.stack([part[1][i] for part in parts]) for i in range(5))
+    mean0, mean1 = np.sum(share * p0, axis=0), np.sum(share * eta, axis=0)
+    d0, d1 = p0 - mean0, eta - mean1
+    cov = [np.sum(share * v, axis=0) for v in (v00 + d0 * d0, v01 + d0 * d1, v11 + d1 * d1)]
+    sigma = np.sum(share * np.exp(tau + sd * at[:, None, None]), axis=0)
+    log_p = top + np.log(summed * sd) + constant
+    return Evidence(log_p, np.stack([mean0, mean1]), np.stack(cov), sigma)

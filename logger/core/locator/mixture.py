@@ -1,0 +1,52 @@
+"""From the evidence of every hypothesis to the probability of places.
+
+Each hypothesis has a posterior of its own over the places, its likelihood raised to the power of its trust; they are
+mixed by how well each explains the walk as a whole.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.locator.prior import Prior
+
+
+class Mixture(NamedTuple):
+    """Joint probability of hypothesis and place, shape (c, h), sum 1, and the log evidence of the walk."""
+
+    share: FloatArray
+    log_evidence: float
+
+    @property
+    def probability(self) -> FloatArray:
+        """Of the places, shape (h,)."""
+        return np.asarray(np.sum(self.share, axis=0), float)
+
+    @property
+    def by_hypothesis(self) -> FloatArray:
+        """Of the hypotheses, shape (c,)."""
+        return np.asarray(np.sum(self.share, axis=1), float)
+
+
+def mixture(
+    log_p: FloatArray, log_mass: FloatArray, numbers: IntArray, prior: Prior, log_weight: FloatArray | None = None
+) -> Mixture:
+    """Mix hypotheses `numbers` (c,) with log evidence (c, h) over places with log prior mass (h,).
+
+    `log_weight` (c,) of the hypotheses, up to a constant, is their evidence unless something else is given.
+    """
+    normal = log_mass - log_sum(log_mass)
+    trust = np.array([h.trust for h in prior.hypotheses])[numbers]
+    if log_weight is None:
+        log_weight = log_sum(log_p + normal) + prior.log_odds[numbers]
+    log_evidence = float(log_sum(log_weight))
+    tempered = trust[:, None] * log_p + normal
+    share = np.exp(tempered - log_sum(tempered)[:, None] + (log_weight - log_evidence)[:, None])
+    return Mixture(share, log_evidence)
+
+
+def log_sum(values: FloatArray) -> FloatArray:
+    """Log of the sum of exponentials along the last axis."""
+    top = np.max(values, axis=-1)
+    return np.asarray(top + np.log(np.sum(np.exp(values - top[..., None]), axis=-1)), float)

@@ -1,0 +1,246 @@
+"""The locator reading by reading, for the Pi: fewer blocks, cells and hypotheses, bounded time and memory.
+
+Between two searches the places stay fixed. A reading then costs one row of the whitened system for each hypothesis: a
+new block conditions on all earlier ones, so its row of W = R^-1 is [-k' K^-1, 1] / s with s^2 = k_nn - k' K^-1 k
+(bordered Cholesky factor), and the sums of all places grow by that row.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.locator import censored
+from logger.core.locator.blocks import FINEST_BLOCK_M, NOTHING_CENSORED, Blocks, Censored, gathered, single
+from logger.core.locator.evidence import (
+    Evidence,
+    distances_db,
+    marginal,
+    own_variance,
+    receiver_variance,
+    walk_sums,
+    whiteners,
+)
+from logger.core.locator.mixture import Mixture, mixture
+from logger.core.locator.posterior import BIAS_SHARE, moments_over
+from logger.core.locator.prior import Prior
+from logger.core.locator.region import Cells, places
+from logger.core.locator.tree import Effort, grow
+
+MOST_BLOCKS = 100
+FEWEST_BLOCKS = 4
+EFFORT = Effort(most_cells=500, split_share=0.02, nodes=1, first_share=1.0)
+
+_MOST_CENSORED = 40
+_KEPT_MASS = 1e-5
+_PLAUSIBLE = 1e-3
+_GROWN = 1.25
+_MODE_LEVEL = 0.99
+
+
+class Place(NamedTuple):
+    """The strongest mode now: mean [x, y, P0, eta], covariance (4, 4), probability, and sigma of a level in dB."""
+
+    state: FloatArray
+    covariance: FloatArray
+    probability: float
+    sigma_db: float
+
+
+class _Searched(NamedTuple):
+    """Places (h,) kept by the last search, hypotheses (c,) not ruled out, and what earlier rows have summed up.
+
+    `total` is (7, c, h) over the first `rows` blocks, `whitener` (c, MOST_BLOCKS, MOST_BLOCKS), `log_det` (c,) of
+    those rows, `distance_db` (MOST_BLOCKS, h), `label` (h,) the mode a place belongs to (-1: none), `gone` (c, h)
+    what censored readings add to the log evidence, `log_weight` (c,) as in `Tree`.
+    """
+
+    square: FloatArray
+    log_mass: FloatArray
+    numbers: IntArray
+    rows: int
+    total: FloatArray
+    whitener: FloatArray
+    log_det: FloatArray
+    distance_db: FloatArray
+    label: IntArray
+    gone: FloatArray
+    log_weight: FloatArray | None
+
+
+class OnlineLocator:
+    """Posterior of one transmitter after each reading; `search` again when `stale` says so."""
+
+    def __init__(self, prior: Prior) -> None:
+        self._prior = prior
+        self._white, self._apart_m, _ = np.array(prior.hypotheses).T
+        self._block = np.zeros((5, MOST_BLOCKS))  # means of x, y, level, variance of position; count
+        self._n = 0
+        self._size_m = FINEST_BLOCK_M
+        self._gone: list[tuple[float, float, float, float, float]] = []
+        self._searched: _Searched | None = None
+        self._n_searched = 0
+        self._evidence: Evidence | None = None
+        self._mixed: Mixture | None = None
+
+    @property
+    def stale(self) -> float:
+        """How urgently places should be searched anew; above 1 is due."""
+        if self._n < FEWEST_BLOCKS:
+            return 0.0
+        return self._n / max(_GROWN * self._n_searched, 1.0) if self._searched is not None else float(self._n)
+
+    def add(self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int = 0) -> None:
+        """Take a reading; `limit` as in `scale.limits`."""
+        if limit:
+            self._censor(x_m, y_m, level_dbm, limit)
+            return
+        if self._n and max(abs(x_m - self._block[0, self._n - 1]), abs(y_m - self._block[1, self._n - 1])) <= (
+            0.5 * self._size_m
+        ):
+            last = self._block[:, self._n - 1]
+            last[4] += 1.0
+            last[:4] += (np.array([x_m, y_m, level_dbm, position_sigma_m**2]) - last[:4]) / last[4]
+        else:
+            self._open(np.array([x_m, y_m, level_dbm, position_sigma_m**2, 1.0]))
+        if self._searched is not None:
+            self._evaluate(self._searched)
+
+    def search(self) -> None:
+        """Search the places again with all blocks so far."""
+        if self._n < FEWEST_BLOCKS:
+            return
+        walk = self._blocks()
+        tree = grow(walk, self._prior, EFFORT)
+        mixed = tree.mixture(self._prior)
+        kept = np.flatnonzero(mixed.probability > _KEPT_MASS)
+        alive = np.flatnonzero(mixed.by_hypothesis > _PLAUSIBLE * np.max(mixed.by_hypothesis))
+        square = np.stack([tree.x_m, tree.y_m, tree.size_m])[:, kept]
+        cells = Cells(square[0], square[1], square[2], mixed.probability[kept])
+        label = np.full(len(kept), -1)
+        for k, indices in enumerate(places(cells, _MODE_LEVEL)):
+            label[indices] = k
+        log_mass = (tree.log_prior + 2.0 * np.log(tree.size_m))[kept]
+        self._searched = self._begun(walk, square, log_mass, tree.numbers[alive], label)
+        if tree.log_weight is not None:
+            self._searched = self._searched._replace(log_weight=tree.log_weight[alive])
+        self._n_searched = self._n
+        self._evaluate(self._searched)
+
+    def place(self) -> Place | None:
+        """The mode with most probability, None before the first search."""
+        if self._searched is None or self._evidence is None or self._mixed is None:
+            return None
+        p, label = self._mixed.probability, self._searched.label
+        masses = np.bincount(label[label >= 0], p[label >= 0])
+        indices = np.flatnonzero(label == int(np.argmax(masses)))
+        state, covariance = moments_over(self._searched.square, self._evidence, self._mixed.share, indices, p[indices])
+        bias_m2 = BIAS_SHARE * float(np.median(self._block[3, : self._n]))
+        covariance[[0, 1], [0, 1]] += bias_m2
+        sigma_db = float(np.sum(self._mixed.share * self._evidence.sigma_db))
+        return Place(state, covariance, float(np.max(masses)), sigma_db)
+
+    def noise(self) -> tuple[float, float]:
+        """White share and decorrelation distance in metres, weighed by the hypotheses' probabilities."""
+        if self._searched is None or self._mixed is None:
+            return 1.0, 0.0
+        share, numbers = self._mixed.by_hypothesis, self._searched.numbers
+        return float(share @ self._white[numbers]), float(share @ self._apart_m[numbers])
+
+    def _censor(self, x_m: float, y_m: float, level_dbm: float, limit: int) -> None:
+        if self._gone and np.hypot(x_m - self._gone[-1][0], y_m - self._gone[-1][1]) <= self._size_m:
+            *rest, count = self._gone[-1]
+            self._gone[-1] = (rest[0], rest[1], rest[2], rest[3], count + 1.0)
+            return
+        self._gone.append((x_m, y_m, level_dbm, float(limit), 1.0))
+        if len(self._gone) > _MOST_CENSORED:
+            self._gone = self._gone[::2]  # every second place: they tell much the same
+
+    def _open(self, block: FloatArray) -> None:
+        if self._n == MOST_BLOCKS:
+            self._coarsen()
+        self._block[:, self._n] = block
+        self._n += 1
+
+    def _coarsen(self) -> None:
+        """Half as many blocks, each larger; what was summed up is void."""
+        merged = self._blocks(MOST_BLOCKS // 2)
+        self._n, self._size_m = len(merged), merged.size_m
+        self._block[:, : self._n] = np.stack(
+            [merged.x_m, merged.y_m, merged.level_dbm, merged.position_sigma_m**2, merged.readings]
+        )
+        self.search()
+
+    def _blocks(self, most: int = MOST_BLOCKS) -> Blocks:
+        gone = Censored(*np.array(self._gone).reshape(-1, 5).T)
+        if most >= self._n:
+            return single(self._block[:, : self._n], self._size_m, gone)
+        x, y, level, variance, count = self._block[:, : self._n]
+        return gathered(x, y, level, count, variance, most, gone)
+
+    def _begun(
+        self, walk: Blocks, square: FloatArray, log_mass: FloatArray, numbers: IntArray, label: IntArray
+    ) -> _Searched:
+        """Sums over all blocks but the last, which is still open."""
+        rows, c, h = self._n - 1, len(numbers), square.shape[1]
+        closed = single(self._block[:, :rows], self._size_m, walk.censored)
+        found = [w for w in whiteners(closed, self._prior) if w.number in numbers]
+        whitener = np.zeros((c, MOST_BLOCKS, MOST_BLOCKS))
+        whitener[:, :rows, :rows] = [w.matrix for w in found]
+        distance_db = np.zeros((MOST_BLOCKS, h))
+        distance_db[:rows] = distances_db(closed, self._prior.height_m, square[0], square[1])
+        log_det = np.array([w.log_det for w in found])
+        total = walk_sums(closed, found, self._prior, square[0], square[1])
+        gone = np.zeros((c, h))
+        if len(walk.censored.x_m):
+            plain = marginal(total, rows, log_det[:, None], self._prior, 1)
+            joined = censored.added(plain, walk, numbers.tolist(), self._prior, square[0], square[1])
+            gone = joined.log_p - plain.log_p
+        return _Searched(square, log_mass, numbers, rows, total, whitener, log_det, distance_db, label, gone, None)
+
+    def _evaluate(self, searched: _Searched) -> None:
+        """Close the rows of finished blocks, add that of the open one, and weigh the places."""
+        while searched.rows < self._n - 1:
+            row, log_var, more = self._row(searched, searched.rows)
+            searched.whitener[:, searched.rows, : searched.rows + 1] = row
+            searched = searched._replace(
+                rows=searched.rows + 1, total=searched.total + more, log_det=searched.log_det + log_var
+            )
+        self._searched = searched
+        _, log_var, more = self._row(searched, self._n - 1)
+        log_det = (searched.log_det + log_var)[:, None]
+        found = marginal(searched.total + more, self._n, log_det, self._prior, EFFORT.nodes)
+        self._evidence = found._replace(log_p=found.log_p + searched.gone)
+        self._mixed = mixture(
+            self._evidence.log_p, searched.log_mass, searched.numbers, self._prior, searched.log_weight
+        )
+
+    def _row(self, searched: _Searched, k: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Block k given those before it: row of W (c, k + 1), log of its variance (c,), its sums (7, c, h)."""
+        n = k + 1
+        x, y, level_dbm, _, readings = self._block[:, :n]
+        one = single(self._block[:, k:n], self._size_m, NOTHING_CENSORED)
+        x_m, y_m, _ = searched.square
+        searched.distance_db[k] = distances_db(one, self._prior.height_m, x_m, y_m)[0]
+        away = np.hypot(x[:k] - x[k], y[:k] - y[k])
+        a, d_c = self._white[searched.numbers], np.maximum(self._apart_m[searched.numbers], 1.0)
+        between = (1.0 - a)[:, None] * np.exp(-away / d_c[:, None])
+        before = searched.whitener[:, :k, :k]
+        u = np.matmul(before, between[..., None])
+        own = 1.0 - a + own_variance(readings[k], a, self._prior.sigma_db)
+        variance = np.maximum(own - np.sum(u[..., 0] ** 2, axis=1), 1e-12)
+        row = np.concatenate([-np.matmul(np.swapaxes(u, 1, 2), before)[:, 0], np.ones((len(a), 1))], axis=1)
+        row /= np.sqrt(variance)[:, None]
+        extra = receiver_variance(one, self._prior, searched.distance_db[k:n])
+        return row, np.log(variance), self._row_sums(row, level_dbm, searched.distance_db[:n], extra)
+
+    @staticmethod
+    def _row_sums(
+        row: FloatArray, level_dbm: FloatArray, distance_db: FloatArray, extra: FloatArray | None
+    ) -> FloatArray:
+        """As `evidence.sums` for one row of each hypothesis at once, shape (7, c, h)."""
+        o, z, slope = np.sum(row, axis=1)[:, None], (row @ level_dbm)[:, None], -(row @ distance_db)
+        weight = np.ones_like(slope) if extra is None else 1.0 / (1.0 + row[:, -1:] ** 2 * extra)
+        weighed = weight * slope
+        parts = (o * o * weight, o * weighed, weighed * slope, o * z * weight, z * weighed, z * z * weight)
+        return np.stack([*parts, 0.5 * np.log(weight)])

@@ -1,0 +1,214 @@
+"""Square cells that tile the searched area, split where the mass is."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import BoolArray, FloatArray, IntArray
+from logger.core.locator import censored
+from logger.core.locator.blocks import Blocks
+from logger.core.locator.evidence import NODES, Evidence, Whitener, marginal, walk_sums, whiteners
+from logger.core.locator.mixture import Mixture, mixture
+from logger.core.locator.prior import Prior
+
+_SPLIT_SHARE = 0.002
+_MIN_CELL_M = 0.5
+_MAX_TURNS = 24
+_FLATTENED = (0.03, 0.1, 0.3)
+_FLAT_CELL_M = 8.0
+_CHUNK = 512
+_SCOUTS = 15
+_MOST_SCOUTS = 1500
+_PLAUSIBLE = 1e-4
+_FEWEST_CLEAR = 12
+_WORTH_TRYING = 0.01
+
+
+class Effort(NamedTuple):
+    """How finely to search.
+
+    Cells with more than `split_share` of the mass are split, until there are `most_cells` more than at first; sigma is
+    integrated over `nodes`; the first cells are no larger than `first_share` of their distance from the walk.
+    """
+
+    most_cells: int = 6000
+    split_share: float = _SPLIT_SHARE
+    nodes: int = NODES
+    first_share: float = 0.5
+
+
+class Tree(NamedTuple):
+    """Leaves of the cell tree, shape (h,) each: centre, side, log prior density, and what the walk says there.
+
+    `numbers` (c,) are the hypotheses that `evidence` is about: those the walk has not ruled out. `log_weight` (c,) is
+    theirs where `evidence` cannot compare them.
+    """
+
+    x_m: FloatArray
+    y_m: FloatArray
+    size_m: FloatArray
+    log_prior: FloatArray
+    evidence: Evidence
+    numbers: IntArray
+    log_weight: FloatArray | None
+
+    def mixture(self, prior: Prior, power: float = 1.0) -> Mixture:
+        """Probability of hypotheses and leaves; `power` below 1 flattens the likelihood."""
+        log_mass = self.log_prior + 2.0 * np.log(self.size_m)
+        return mixture(power * self.evidence.log_p, log_mass, self.numbers, prior, self.log_weight)
+
+
+class Walk(NamedTuple):
+    """What the search evaluates places against."""
+
+    blocks: Blocks
+    prior: Prior
+    effort: Effort
+    found: list[Whitener]
+    log_weight: FloatArray | None
+
+    def at(self, square: FloatArray) -> Tree:
+        """Leaves at squares (3, h): x, y, side."""
+        parts = [self._evidence(square[0, i : i + _CHUNK], square[1, i : i + _CHUNK]) for i in self._starts(square)]
+        joined = Evidence(*(np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)))
+        numbers = np.array([w.number for w in self.found])
+        log_weight = None if self.log_weight is None else self.log_weight[numbers]
+        return Tree(
+            square[0], square[1], square[2], log_prior(self.blocks, self.prior, square), joined, numbers, log_weight
+        )
+
+    def _starts(self, square: FloatArray) -> range:
+        return range(0, square.shape[1], _CHUNK)
+
+    def _evidence(self, x_m: FloatArray, y_m: FloatArray) -> Evidence:
+        total = walk_sums(self.blocks, self.found, self.prior, x_m, y_m)
+        log_det = np.array([w.log_det for w in self.found])[:, None]
+        of_levels = marginal(total, len(self.blocks), log_det, self.prior, self.effort.nodes)
+        if not len(self.blocks.censored.x_m):
+            return of_levels
+        return censored.added(of_levels, self.blocks, [w.number for w in self.found], self.prior, x_m, y_m)
+
+
+def grow(blocks: Blocks, prior: Prior, effort: Effort = Effort(), coarse: Blocks | None = None) -> Tree:  # noqa: B008
+    """Split cells until none that holds much of the mass is large.
+
+    `coarse` is the same walk in fewer blocks: the search begins with those, and they decide which noise is plausible
+    enough to be searched with all blocks.
+    """
+    rough = blocks if coarse is None else coarse
+    prior, log_weight = _despite_censoring(blocks, prior, effort)
+    walk = Walk(rough, prior, effort, whiteners(rough, prior), log_weight)
+    if rough is not blocks:
+        walk = walk._replace(effort=effort._replace(most_cells=_MOST_SCOUTS, split_share=5.0 * effort.split_share))
+    begun = _grown(walk, walk.at(first_cells(rough, prior, effort.first_share)))
+    if len(rough) == len(blocks):
+        return begun
+    square = np.stack([begun.x_m, begun.y_m, begun.size_m])
+    walk = walk._replace(blocks=blocks, effort=effort, found=whiteners(blocks, prior))
+    best = np.unique(np.argsort(-begun.evidence.log_p - begun.log_prior, axis=1)[:, :_SCOUTS])
+    walk = walk._replace(found=_plausible(walk.at(square[:, best]), prior, walk.found))
+    return _grown(walk, walk.at(square))
+
+
+def _despite_censoring(blocks: Blocks, prior: Prior, effort: Effort) -> tuple[Prior, FloatArray | None]:
+    """Prior of sigma and log weight of all hypotheses where readings are censored; as they were, and None, elsewhere.
+
+    Beside the end of the scale only high levels are kept, which looks like less and correlated noise: sigma and the
+    hypotheses are judged by the rest of the walk.
+    """
+    if not len(blocks.censored.x_m):
+        return prior, None
+    clear = blocks.clear_of_censored()
+    if len(clear) < _FEWEST_CLEAR:
+        return prior, prior.log_odds
+    quick = effort._replace(most_cells=effort.most_cells // 10, split_share=5.0 * effort.split_share)
+    walk = Walk(clear, prior, quick, whiteners(clear, prior), None)
+    tree = _grown(walk, walk.at(first_cells(clear, prior, effort.first_share)))
+    share = tree.mixture(prior).share
+    sigma_db = float(np.sum(share * tree.evidence.sigma_db))
+    spread = float(np.sqrt(0.5 / len(clear)))
+    weight = np.sum(share, axis=1)
+    log_weight = np.log(np.where(weight > _WORTH_TRYING * np.max(weight), weight, _PLAUSIBLE**2))
+    return replace(prior, sigma_db=sigma_db, sigma_log_sd=min(spread, prior.sigma_log_sd)), log_weight
+
+
+def _grown(walk: Walk, tree: Tree) -> Tree:
+    """Split what holds much of the mass; at first of a flattened posterior, whose peaks a large cell cannot miss."""
+    most = len(tree.x_m) + walk.effort.most_cells
+    for power in _FLATTENED:
+        p = tree.mixture(walk.prior, power).probability
+        tree = _split(walk, tree, (p > 2.0 * walk.effort.split_share) & (tree.size_m > _FLAT_CELL_M))
+    for _ in range(_MAX_TURNS):
+        wanted = _to_split(tree, tree.mixture(walk.prior).probability, walk.effort)
+        if not np.any(wanted) or len(tree.x_m) > most:
+            break
+        tree = _split(walk, tree, wanted)
+    return tree
+
+
+def log_prior(blocks: Blocks, prior: Prior, square: FloatArray) -> FloatArray:
+    """Log density, up to a constant, of the position's prior at squares (3, h)."""
+    beyond = np.maximum(nearest_m(blocks, square[0], square[1]) / prior.near_m, 1.0)
+    return np.asarray(-prior.far_power * np.log(beyond), float)
+
+
+def nearest_m(blocks: Blocks, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    """Distance of places (h,) from the walk."""
+    d2 = (x_m[:, None] - blocks.x_m) ** 2 + (y_m[:, None] - blocks.y_m) ** 2
+    return np.asarray(np.sqrt(np.min(d2, axis=1)), float)
+
+
+def first_cells(blocks: Blocks, prior: Prior, share: float) -> FloatArray:
+    """Cells no larger than `share` of their distance from the walk, out to the reach; rows x, y, size."""
+    low = np.array([np.min(blocks.x_m), np.min(blocks.y_m)])
+    high = np.array([np.max(blocks.x_m), np.max(blocks.y_m)])
+    finest_m = max(5.0, len(blocks) * blocks.size_m / 200.0) * share / 0.5
+    square = np.array([*(0.5 * (low + high)), 2.0 * prior.reach_m + float(np.max(high - low))])[:, None]
+    done = []
+    while square.size:
+        large = square[2] > np.maximum(finest_m, share * nearest_m(blocks, square[0], square[1]))
+        done.append(square[:, ~large])
+        square = _children(square[:, large])
+    return np.concatenate(done, axis=1)
+
+
+def _children(square: FloatArray) -> FloatArray:
+    quarter = 0.25 * square[2]
+    return np.concatenate(
+        [np.stack([square[0] + i * quarter, square[1] + j * quarter, 2.0 * quarter]) for i in (-1, 1) for j in (-1, 1)],
+        axis=1,
+    )
+
+
+def _to_split(tree: Tree, p: FloatArray, effort: Effort) -> BoolArray:
+    """Leaves that hold much of the mass, and those twice as large as such a neighbour."""
+    heavy = (p > effort.split_share) & (tree.size_m > 2.0 * _MIN_CELL_M)
+    core = np.flatnonzero(p > 0.1 * effort.split_share)
+    size = np.where(heavy, 0.5 * tree.size_m, tree.size_m)[core]
+    large = np.flatnonzero(tree.size_m > 2.5 * np.min(size, initial=np.inf))
+    x_m, y_m, side_m = tree.x_m[large], tree.y_m[large], tree.size_m[large]
+    reach = 0.5 * (tree.size_m[core][:, None] + side_m) * (1.0 + 1e-9)
+    near = (np.abs(tree.x_m[core][:, None] - x_m) <= reach) & (np.abs(tree.y_m[core][:, None] - y_m) <= reach)
+    heavy[large] |= np.any(near & (side_m > 2.5 * size[:, None]), axis=0)
+    return heavy
+
+
+def _plausible(tree: Tree, prior: Prior, found: list[Whitener]) -> list[Whitener]:
+    """Noise hypotheses that the walk has not ruled out."""
+    share = tree.mixture(prior).by_hypothesis
+    return [noise for noise, p in zip(found, share, strict=True) if p > _PLAUSIBLE * np.max(share)]
+
+
+def _split(walk: Walk, tree: Tree, wanted: BoolArray) -> Tree:
+    if not np.any(wanted):
+        return tree
+    square = np.stack([tree.x_m, tree.y_m, tree.size_m])[:, wanted]
+    new = walk.at(_children(square))
+    joined = Evidence(*(_join(a, b, wanted) for a, b in zip(tree.evidence, new.evidence, strict=True)))
+    x_m, y_m, size_m, log_density = (_join(a, b, wanted) for a, b in zip(tree[:4], new[:4], strict=True))
+    return Tree(x_m, y_m, size_m, log_density, joined, tree.numbers, tree.log_weight)
+
+
+def _join(old: FloatArray, new: FloatArray, replaced: BoolArray) -> FloatArray:
+    return np.concatenate([old[..., ~replaced], new], axis=-1)

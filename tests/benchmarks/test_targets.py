@@ -1,0 +1,102 @@
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks.scoreboard import facts, report, targets
+from benchmarks.scoreboard.cases import CASES, SPECIFIED_READINGS
+from benchmarks.scoreboard.claims import claims
+from benchmarks.scoreboard.run import jobs_of
+from benchmarks.scoreboard.score import BOUND, EXACT, LEAST_SQUARES, OURS, Score
+from benchmarks.scoreboard.summary import Given, rows_of, verdicts_of
+
+
+def scored(method, errors_m, *, area_m2=100.0, missed=0, nees=2.0, **about):
+    return [Score(method, run, e, run >= missed, area_m2, nees, **about) for run, e in enumerate(errors_m)]
+
+
+GOOD = {
+    OURS: scored(OURS, np.full(100, 10.0), missed=5, verdict="located"),
+    EXACT: scored(EXACT, np.full(100, 9.5), area_m2=80.0),
+    LEAST_SQUARES: scored(LEAST_SQUARES, np.full(100, 12.0)),
+}
+
+
+def test_every_target_belongs_to_a_case():
+    assert {case for target in targets.TARGETS for case in target.cases} <= set(CASES)
+
+
+def test_reached():
+    found = targets.judged({"white-L": GOOD})
+    assert [one.value for one in found] == pytest.approx([0.95, 1.0, 10.0 / 9.5, 10.0 / 12.0])
+    assert [one.limit for one in found] == pytest.approx([1.0, 1.0, 1.0, 9.5 / 12.0])
+    assert all(one.is_reached for one in found)
+    assert found[0].interval == pytest.approx((0.888, 0.978), abs=1e-3)  # Wilson, 95 of 100
+
+
+def test_not_reached():
+    bad = GOOD | {OURS: scored(OURS, np.full(100, 20.0), missed=30, nees=8.0)}
+    assert not any(one.is_reached for one in targets.judged({"white-L": bad}))
+
+
+def test_left_out_methods_leave_out_their_targets():
+    assert len(targets.judged({"white-L": {OURS: GOOD[OURS]}})) == 2
+    assert not targets.judged({"white-L": {EXACT: GOOD[EXACT]}})
+
+
+def test_measured_classes_are_judged_together():
+    located = {name: {OURS: scored(OURS, [1.0], facts={facts.MODEST: good})} for name, good in
+               (("real-A", True), ("real-B", False), ("real-CDE", True))}  # fmt: skip
+    (modest,) = [one for one in targets.judged(located) if one.target.what == facts.MODEST]
+    assert modest.value == pytest.approx(2 / 3)
+    assert not modest.is_reached
+
+
+def test_a_failure_counts_as_infinitely_far():
+    scores = [*scored(OURS, [1.0, 2.0]), Score(OURS, 2, np.inf, False, failure="diverged")]
+    (row,) = rows_of({OURS: scores})
+    assert (row.runs, row.failures, row.median_error_m, row.p90_error_m) == (3, 1, 2.0, np.inf)
+    assert row.coverage == pytest.approx(2 / 3)
+
+
+def test_area_ratio_is_taken_run_by_run():
+    ours = [Score(OURS, k, 1.0, True, area_m2, 2.0) for k, area_m2 in enumerate((10.0, 400.0, 90.0))]
+    limit = [Score(EXACT, k, 1.0, True, area_m2, 2.0) for k, area_m2 in enumerate((10.0, 100.0, 30.0))]
+    assert rows_of({OURS: ours, EXACT: limit})[0].area_ratio == pytest.approx(3.0)
+
+
+def test_anees_of_one_place_leaves_out_the_others():
+    scores = [
+        Score(OURS, 0, 1.0, True, 10.0, nees=2.0, places=1),
+        Score(OURS, 1, 90.0, True, 10.0, nees=98.0, places=2),
+    ]
+    (row,) = rows_of({OURS: scores})
+    assert (row.half_anees, row.half_anees_of_one_place) == (25.0, 1.0)
+
+
+def test_verdicts_are_counted_with_what_they_missed():
+    assert verdicts_of(GOOD[OURS]) == [Given("located", 100, (0, 1, 2, 3, 4))]
+
+
+def test_a_claim_beyond_the_bound():
+    found = {
+        f"spec-{count}-begun": {OURS: scored(OURS, [70.0]), BOUND: [Score(BOUND, 0, 120.0)]}
+        for count in SPECIFIED_READINGS
+    }
+    assert [claim.is_within_bound for claim in claims(found)] == [True, False, False]
+
+
+def test_report_bears_what_is_infinite():
+    failed = {OURS: [Score(OURS, 0, np.inf, False, failure="diverged")], EXACT: scored(EXACT, [1.0])}
+    board = report.board({"white-L": failed}, seed=1)
+    (case,) = json.loads(report.as_json(board))["cases"]
+    assert case["methods"][0]["median_error_m"] is None
+    assert "| cellwalk | inf |" in report.markdown(board)
+
+
+def test_jobs():
+    jobs = jobs_of(["white-L", "real-B"], seed=1, runs=10_000, methods=[OURS, BOUND])
+    assert sum(job.case == "white-L" for job in jobs) == 10_000
+    assert sum(job.case == "real-B" for job in jobs) == CASES["real-B"].most
+    assert jobs[0].methods == (OURS, BOUND)
+    assert len(jobs_of(["white-L", "clip-45"], seed=1, runs=None, methods=None)) == 300

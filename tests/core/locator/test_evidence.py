@@ -1,0 +1,232 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import scipy.integrate
+import scipy.stats
+
+from logger.core.locator import evidence
+from logger.core.locator.blocks import blocks
+from logger.core.locator.prior import Prior
+from tests.kit.walks import observations, simulate
+
+MOST = 300
+PLACES = np.array([[90.0, 200.0, -400.0], [40.0, -50.0, 300.0]])
+PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
+NOISES = [(1.0, 0.0), (0.3, 30.0)]
+
+
+def bent_walk(position_sigma=0.0, count=14):
+    rng = np.random.default_rng(1)
+    x, y = np.arange(count) * 20.0, np.where(np.arange(count) < 7, 0.0, 60.0)
+    level = -30 - 28 * np.log10(np.hypot(x - 90, y - 40)) + 4 * rng.normal(size=count)
+    return blocks(observations(x, y, level, position_sigma), MOST)
+
+
+def evidence_of(track, prior, places, nodes=evidence.NODES):
+    found = evidence.whiteners(track, prior)
+    total = evidence.walk_sums(track, found, prior, *places)
+    return evidence.marginal(total, len(track), np.array([[w.log_det] for w in found]), prior, nodes)
+
+
+# --- oracle: written from the equations, with nothing of the code under test ---
+
+
+class Oracle:
+    """A walk seen from one place: levels jointly normal given sigma, P0 and eta."""
+
+    def __init__(self, track, prior, noise, place):
+        self.prior, self.level = prior, track.level_dbm
+        d2 = (track.x_m - place[0]) ** 2 + (track.y_m - place[1]) ** 2
+        self.distance_db = 5.0 * np.log10(d2 + prior.height_m**2 + 2.0 * track.position_sigma_m**2)
+        self.covariance = self._covariance(track, *noise)
+        self.design = np.column_stack([np.ones(len(d2)), -self.distance_db])
+        self.mean, self.spread = np.array([prior.p0_dbm, prior.eta]), np.array([prior.p0_sigma_db, prior.eta_sigma])
+
+    def _covariance(self, track, white_share, d_c):
+        """Of the levels by sigma^2, each whitened row's variance grown by the receiver's error."""
+        apart = np.hypot(track.x_m[:, None] - track.x_m, track.y_m[:, None] - track.y_m)
+        k = (1.0 - white_share) * (np.exp(-apart / d_c) if d_c else np.eye(len(apart)))
+        k += np.diag(white_share / track.readings + 1.0 / 12.0 / self.prior.sigma_db**2)
+        root = np.linalg.cholesky(k)
+        moved_db = 10.0 / np.log(10.0) * self.prior.eta * track.position_sigma_m / 10.0 ** (self.distance_db / 10.0)
+        grown = 1.0 + (moved_db / self.prior.sigma_db) ** 2 / np.diag(root) ** 2
+        return root @ np.diag(grown) @ root.T
+
+    def theta(self, sigma):
+        """Mean and covariance of P0 and eta given sigma."""
+        by_noise = np.linalg.solve(self.covariance, self.design).T / sigma**2
+        cov = np.linalg.inv(by_noise @ self.design + np.diag(self.spread**-2))
+        return cov @ (by_noise @ self.level + self.mean / self.spread**2), cov
+
+    def log_p(self, sigma):
+        """Of all levels given sigma: P0 and eta are two more terms of a normal covariance."""
+        of_theta = self.design * self.spread
+        covariance = sigma**2 * self.covariance + of_theta @ of_theta.T
+        return scipy.stats.multivariate_normal.logpdf(self.level, self.design @ self.mean, covariance)
+
+    def log_p_by_net(self, sigma):
+        """The same by summing the likelihood over a net of P0 and eta."""
+        (mean, cov), u = self.theta(sigma), np.linspace(-8.5, 8.5, 45)
+        root = np.linalg.cholesky(cov)
+        theta = mean + np.stack(np.meshgrid(u, u, indexing="ij"), -1) @ root.T
+        r = self.level - theta @ self.design.T
+        log_p = -0.5 * np.einsum("abn,nm,abm->ab", r, np.linalg.inv(self.covariance), r, optimize=True) / sigma**2
+        log_p -= 0.5 * np.linalg.slogdet(2.0 * np.pi * sigma**2 * self.covariance)[1]
+        log_p += scipy.stats.norm.logpdf(theta, self.mean, self.spread).sum(-1)
+        return np.log(np.sum(np.exp(log_p - log_p.max())) * (u[1] - u[0]) ** 2 * np.linalg.det(root)) + log_p.max()
+
+    def over_sigma(self, log_p, count=161):
+        """Log of the integral over log sigma, the nodes and their weights."""
+        log_sigma = np.linspace(np.log(0.8), np.log(25.0), count)
+        values = np.array([log_p(s) for s in np.exp(log_sigma)])
+        values += scipy.stats.norm.logpdf(log_sigma, np.log(self.prior.sigma_db), self.prior.sigma_log_sd)
+        share = np.exp(values - values.max())
+        return (
+            np.log(scipy.integrate.trapezoid(share, log_sigma)) + values.max(),
+            np.exp(log_sigma),
+            share / share.sum(),
+        )
+
+
+# --- the integral ---
+
+
+@pytest.mark.parametrize("position_sigma", [0.0, 5.0])
+@pytest.mark.parametrize("row", [0, 1])
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_log_evidence_is_the_integral_over_p0_eta_and_sigma(place, row, position_sigma):
+    track = bent_walk(position_sigma)
+    ours = evidence_of(track, PRIOR, PLACES, nodes=15).log_p[row, place]
+    oracle = Oracle(track, PRIOR, NOISES[row], PLACES[:, place])
+    assert ours == pytest.approx(oracle.over_sigma(oracle.log_p_by_net, 81)[0], abs=1e-6, rel=0)
+    assert ours == pytest.approx(oracle.over_sigma(oracle.log_p)[0], abs=1e-6, rel=0)
+
+
+@pytest.mark.parametrize("count", [1, 2, 6, 60])
+def test_few_nodes_over_sigma_suffice(count):
+    """Those of the search are fewer: a thousandth of a nat decides nothing."""
+    track = bent_walk(5.0, count)
+    for row, noise in enumerate(NOISES):
+        oracles = [Oracle(track, PRIOR, noise, place) for place in PLACES.T]
+        expected = [oracle.over_sigma(oracle.log_p)[0] for oracle in oracles]
+        np.testing.assert_allclose(evidence_of(track, PRIOR, PLACES).log_p[row], expected, atol=1e-3, rtol=0)
+
+
+def test_several_readings_in_a_block_count_as_their_mean():
+    rng = np.random.default_rng(4)
+    x, y = np.repeat(np.arange(20) * 12.0, 5), np.repeat(np.arange(20) % 2 * 9.0, 5)
+    track = blocks(observations(x, y, rng.normal(-80, 4, 100)), MOST)
+    assert track.readings.tolist() == [5] * 20
+    oracle = Oracle(track, PRIOR, NOISES[1], (100.0, 90.0))
+    ours = evidence_of(track, PRIOR, np.array([[100.0], [90.0]]), nodes=15).log_p[1, 0]
+    assert ours == pytest.approx(oracle.over_sigma(oracle.log_p)[0], abs=1e-6, rel=0)
+
+
+def test_more_readings_of_one_block_than_sixteen_are_not_believed():
+    at = [np.repeat(np.arange(12) * 20.0, n) for n in (16, 400)]
+    level = -80.0 - np.arange(12) % 5
+    few, many = (
+        evidence_of(blocks(observations(x, 0 * x, np.repeat(level, len(x) // 12)), MOST), PRIOR, PLACES) for x in at
+    )
+    np.testing.assert_allclose(few.log_p, many.log_p, rtol=1e-12)
+
+
+def test_distance_of_a_large_block_is_that_of_its_points():
+    """Where a block is gathered from points wider apart, L is the mean over them and not that of their middle."""
+    rng = np.random.default_rng(5)
+    x, y = rng.uniform(0, 400, (2, 600))
+    track = blocks(observations(x, y, rng.normal(-80, 4, 600)), 30)
+    assert len(track) <= 30
+    (distance_db,) = evidence.distances_db(track, 5.0, np.array([130.0]), np.array([210.0])).T
+    each = 5.0 * np.log10((track.point_x_m - 130.0) ** 2 + (track.point_y_m - 210.0) ** 2 + 25.0)
+    ends = np.append(track.first, len(each))
+    expected = [np.average(each[i:j], weights=track.weight[i:j]) for i, j in pairwise(ends)]
+    np.testing.assert_allclose(distance_db, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_p0_eta_and_sigma_given_the_position(row):
+    track = bent_walk(5.0)
+    ours = evidence_of(track, PRIOR, PLACES, nodes=15)
+    for h, place in enumerate(PLACES.T):
+        oracle = Oracle(track, PRIOR, NOISES[row], place)
+        _, sigma, share = oracle.over_sigma(oracle.log_p)
+        means, covs = (np.array(values) for values in zip(*(oracle.theta(s) for s in sigma), strict=True))
+        mean = share @ means
+        cov = np.einsum("s,sij->ij", share, covs) + (share * (means - mean).T) @ (means - mean)
+        np.testing.assert_allclose(ours.theta[:, row, h], mean, rtol=1e-5)
+        np.testing.assert_allclose(ours.theta_cov[:, row, h], cov[[0, 0, 1], [0, 1, 1]], rtol=1e-4)
+        assert ours.sigma_db[row, h] == pytest.approx(share @ sigma, rel=1e-5)
+
+
+def test_without_a_prior_p0_and_eta_are_those_of_least_squares():
+    obs, source = simulate(np.random.default_rng(2), "square")
+    flat = Prior(p0_sigma_db=1e4, eta_sigma=1e3, decorrelation_m=(30.0,), white_shares=(0.3,), height_m=0.0)
+    track = blocks(obs, MOST)
+    ours = evidence_of(track, flat, np.array(source)[:, None])
+    distance_db = 10 * np.log10(np.hypot(track.x_m - source[0], track.y_m - source[1]))
+    root = np.sqrt(1.0 / (1.0 / track.readings + 1.0 / 12.0 / flat.sigma_db**2))
+    design = np.column_stack([np.ones_like(distance_db), -distance_db])
+    expected = np.linalg.lstsq(root[:, None] * design, root * track.level_dbm, rcond=None)[0]
+    np.testing.assert_allclose(ours.theta[:, 0, 0], expected, rtol=2e-3)
+
+
+@pytest.mark.parametrize("away_m", [40.0, 2000.0, 26_000.0])
+def test_levels_with_no_noise_but_their_rounding_keep_their_digits(away_m):
+    """Sums of squared levels exceed the residuals ten thousand times."""
+    x = np.arange(40) * 10.0
+    level = np.round(-40 - 26 * np.log10(np.hypot(x - 90, 40)))
+    at = np.array([[90.0], [away_m]])
+    one, other = (evidence_of(blocks(observations(x, 0 * x, level + tiny), MOST), PRIOR, at) for tiny in (0.0, 1e-9))
+    np.testing.assert_allclose(other.log_p, one.log_p, atol=1e-3)
+
+
+# --- the receiver's error ---
+
+
+def test_an_error_of_the_receiver_adds_variance_close_by():
+    track = bent_walk(5.0)
+    distance_db = evidence.distances_db(track, PRIOR.height_m, *PLACES)
+    ratio = evidence.receiver_variance(track, PRIOR, distance_db)
+    d_m = np.sqrt((track.x_m[:, None] - PLACES[0]) ** 2 + (track.y_m[:, None] - PLACES[1]) ** 2 + 5.0**2 + 2 * 5.0**2)
+    by_geometry = (10 / np.log(10) * PRIOR.eta * 5.0 / d_m / PRIOR.sigma_db) ** 2
+    np.testing.assert_allclose(ratio, by_geometry, rtol=1e-9)
+
+
+def test_the_variance_of_the_receiver_is_that_of_simulated_errors():
+    rng = np.random.default_rng(5)
+    d_m, sigma_m = 60.0, 3.0
+    moved = np.hypot(d_m + sigma_m * rng.normal(size=200_000), sigma_m * rng.normal(size=200_000))
+    track = blocks(observations([0.0], [0.0], [-70.0], sigma_m), MOST)
+    prior = Prior(height_m=0.0)
+    at = evidence.distances_db(track, 0.0, np.array([d_m]), np.array([0.0]))
+    ratio = evidence.receiver_variance(track, prior, at)
+    assert ratio[0, 0] * prior.sigma_db**2 == pytest.approx(np.var(prior.eta * 10 * np.log10(moved)), rel=0.03)
+
+
+def test_no_error_of_the_receiver_adds_none():
+    track = bent_walk(0.0)
+    assert evidence.receiver_variance(track, PRIOR, evidence.distances_db(track, 5.0, *PLACES)) is None
+
+
+@pytest.mark.parametrize("position_sigma", [2.0, 4.0, 8.0])
+def test_evidence_of_a_place_does_not_depend_on_the_places_beside_it(position_sigma):
+    level = np.random.default_rng(6).normal(-80, 6, 150)
+    track = blocks(observations(np.arange(150) * 3.0, np.zeros(150), level, position_sigma), MOST)
+    far, near = np.array([[100.0], [-30.0 * position_sigma]]), np.array([[100.0], [5.0]])
+    alone = evidence_of(track, Prior(), far).log_p[:, 0]
+    in_company = evidence_of(track, Prior(), np.hstack([far, near])).log_p[:, 0]
+    np.testing.assert_allclose(in_company, alone, rtol=1e-10)
+
+
+def test_rows_of_the_end_alone():
+    """New blocks add rows to W; their sums and those of the rows before make the whole."""
+    track = bent_walk(5.0)
+    distance_db = evidence.distances_db(track, PRIOR.height_m, *PLACES)
+    for extra in (None, evidence.receiver_variance(track, PRIOR, distance_db)):
+        w = evidence.whiteners(track, PRIOR)[1].matrix
+        whole = evidence.sums(w, track.level_dbm, distance_db, extra)
+        before = evidence.sums(w[:9, :9], track.level_dbm[:9], distance_db[:9], None if extra is None else extra[:9])
+        after = evidence.sums(w[9:], track.level_dbm, distance_db, extra)
+        np.testing.assert_allclose(before + after, whole, rtol=1e-10, atol=1e-12)

@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+import scipy.special
+
+from logger.core.locator.mixture import mixture
+from logger.core.locator.prior import Prior
+
+RNG = np.random.default_rng(1)
+NUMBERS = np.array([0, 2, 5, 9])
+LOG_P = RNG.normal(-300.0, 12.0, (4, 50))
+LOG_MASS = RNG.normal(3.0, 2.0, 50)
+
+
+def trusted(trust):
+    """Hypotheses of which the correlated ones all have this trust."""
+    return Prior(stationary_m=0.0, trust=trust)
+
+
+def test_shares_sum_to_one():
+    mixed = mixture(LOG_P, LOG_MASS, NUMBERS, Prior())
+    assert mixed.share.shape == (4, 50)
+    assert mixed.share.sum() == pytest.approx(1.0, abs=1e-12)
+    assert mixed.probability.sum() == pytest.approx(1.0, abs=1e-12)
+    np.testing.assert_allclose(mixed.by_hypothesis, mixed.share.sum(axis=1))
+
+
+def test_with_full_trust_it_is_the_average_of_bayes():
+    prior = trusted(1.0)
+    mixed = mixture(LOG_P, LOG_MASS, NUMBERS, prior)
+    joint = LOG_P + scipy.special.log_softmax(LOG_MASS) + prior.log_odds[NUMBERS][:, None]
+    np.testing.assert_allclose(mixed.share, scipy.special.softmax(joint), rtol=1e-9, atol=1e-300)
+    assert mixed.log_evidence == pytest.approx(scipy.special.logsumexp(joint))
+
+
+def test_without_trust_the_prior_is_left():
+    mixed = mixture(LOG_P[1:], LOG_MASS, NUMBERS[1:], trusted(0.0))
+    np.testing.assert_allclose(mixed.probability, scipy.special.softmax(LOG_MASS), rtol=1e-12)
+
+
+def test_trust_flattens_the_places_but_not_the_choice_of_hypothesis():
+    full, some = (mixture(LOG_P, LOG_MASS, NUMBERS, trusted(t)) for t in (1.0, 0.3))
+    np.testing.assert_allclose(some.by_hypothesis, full.by_hypothesis, rtol=1e-9)
+    assert some.log_evidence == full.log_evidence
+    given = some.share[1] / some.by_hypothesis[1]
+    np.testing.assert_allclose(given, scipy.special.softmax(0.3 * LOG_P[1] + LOG_MASS), rtol=1e-9)
+
+
+def test_mass_of_the_prior_counts_by_its_share():
+    one, other = (mixture(LOG_P, LOG_MASS + shift, NUMBERS, Prior()) for shift in (0.0, 700.0))
+    np.testing.assert_allclose(other.share, one.share, rtol=1e-9)
+    assert other.log_evidence == pytest.approx(one.log_evidence)
+
+
+def test_levels_that_rule_out_a_hypothesis_or_all_but_one_place():
+    log_p = np.full((2, 3), -1e5)
+    log_p[1, 2] = -3.0
+    mixed = mixture(log_p, np.zeros(3), np.array([0, 1]), Prior(trust=1.0, stationary_m=0.0))
+    np.testing.assert_array_equal(mixed.share, [[0, 0, 0], [0, 0, 1]])

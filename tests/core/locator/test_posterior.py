@@ -1,0 +1,218 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from logger.core.errors import EstimationError
+from logger.core.locator.posterior import BIAS_SHARE, locate
+from logger.core.locator.prior import Prior
+from logger.core.locator.region import highest_density
+from logger.core.locator.verdict import verdict
+from tests.kit.walks import clipped, covered, nearest_mode_m, observations, path, simulate
+
+
+def walked(seed, shape, **noise):
+    return simulate(np.random.default_rng(seed), shape, count=150, step=5.6, **noise)
+
+
+# --- what is told ---
+
+
+def test_numbers_of_a_clear_case():
+    obs, source = walked(24, "square", white_db=2.0)
+    found = locate(obs)
+    assert verdict(found, obs)[0] == "located"
+    assert np.hypot(found.x_m - source[0], found.y_m - source[1]) < 1.5 * found.r95_m
+    assert found.sigma_db == pytest.approx(2.0, abs=0.4)
+    assert found.eta + 3 * found.eta_sigma > 2.3
+    assert found.eta - 3 * found.eta_sigma < 3.9
+    assert not found.at_limit
+    assert np.all(np.linalg.eigvalsh(found.modes[0].covariance) > 0.0)
+
+
+def test_numbers_are_those_of_the_cells():
+    obs, _ = walked(28, "L", shadow_db=4.0)
+    found = locate(obs)
+    p, away = found.cells.probability, np.hypot(found.cells.x_m - found.x_m, found.cells.y_m - found.y_m)
+    assert p.sum() == pytest.approx(1.0)
+    assert p[away <= found.r95_m].sum() == pytest.approx(0.95, abs=0.01)
+    assert found.drms_m == pytest.approx(np.sqrt(p @ away**2), rel=0.02)
+    assert found.region_area_m2 == np.sum(found.cells.size_m[highest_density(found.cells)] ** 2)
+    assert sum(mode.probability for mode in found.modes) == pytest.approx(1.0, abs=0.02)
+    assert [m.probability for m in found.modes] == sorted((m.probability for m in found.modes), reverse=True)
+    assert max(mode.peak for mode in found.modes) == 1.0
+    strongest = found.modes[0]
+    assert np.hypot(found.x_m - strongest.x_m, found.y_m - strongest.y_m) < strongest.ellipse.semi_major_m
+
+
+def test_what_is_finite_stays_finite_where_most_cells_hold_nothing():
+    """Levels almost without noise: the probability of a far cell is no number that a float can hold."""
+    x, y = path("square", 150, 5.6)
+    level = -30 - 32 * np.log10(np.hypot(x - 100, y - 60)) + 0.05 * np.random.default_rng(1).normal(size=150)
+    found = locate(observations(x, y, level))
+    assert np.hypot(found.x_m - 100, found.y_m - 60) < 2.0
+    numbers = (found.r95_m, found.drms_m, found.p0_dbm, found.p0_sigma_db, found.eta, found.eta_sigma, found.sigma_db)
+    assert np.all(np.isfinite(numbers))
+
+
+def test_no_place_is_known_better_than_the_cell_it_is_in():
+    x, y = path("square", 150, 5.6)
+    found = locate(observations(x, y, -30 - 32 * np.log10(np.hypot(x - 100, y - 60))))
+    assert found.r95_m > 0.3 * np.min(found.cells.size_m)
+
+
+def test_no_reading_at_all():
+    with pytest.raises(EstimationError, match="no reading"):
+        locate(observations([], [], []))
+
+
+# --- twins ---
+
+
+def test_straight_walk_leaves_two_mirror_images():
+    for seed in (14, 15, 16):
+        obs, (x, y) = walked(seed, "straight")
+        found = locate(obs)
+        mirrored = max(abs(m.y_m) for m in found.modes)
+        assert len(found.modes) >= 2
+        assert found.modes[1].peak == pytest.approx(found.modes[0].peak, rel=0.02)
+        assert found.modes[1].probability == pytest.approx(found.modes[0].probability, abs=0.2)
+        assert covered(found, (x, y), 10.0) == covered(found, (x, -y), 10.0)
+        assert nearest_mode_m(found, (found.x_m, -found.y_m)) < 0.1 * mirrored + 2.0
+        assert verdict(found, obs)[0] != "located"
+
+
+@pytest.mark.parametrize("away", [0.6, 1.6])
+def test_round_walk_leaves_the_inverse_point(away):
+    """The distances from p and from its inverse have one ratio all along the circle (Apollonius)."""
+    x, y = path("circle", 150, 5.6)
+    radius = np.hypot(x, y)[0]
+    source, twin = (away * radius, 0.0), (radius / away, 0.0)
+    noise = np.random.default_rng(15).normal(size=len(x))
+    obs = observations(x, y, -30 - 32 * np.log10(np.hypot(x - source[0], y)) + 2.0 * noise)
+    found = locate(obs, Prior(height_m=0.0))
+    assert nearest_mode_m(found, source) < 40.0
+    assert nearest_mode_m(found, twin) < 40.0
+    assert covered(found, source, 10.0)
+    assert covered(found, twin, 10.0)
+    assert verdict(found, obs)[0] != "located"
+
+
+# --- invariances ---
+
+
+def turned(obs, angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return replace(obs, x_m=c * obs.x_m - s * obs.y_m, y_m=s * obs.x_m + c * obs.y_m)
+
+
+def test_shift_of_the_walk():
+    obs, _ = walked(20, "L")
+    a, b = locate(obs), locate(replace(obs, x_m=obs.x_m + 500_000.0, y_m=obs.y_m + 5_000_000.0))
+    assert (b.x_m - 500_000.0, b.y_m - 5_000_000.0) == pytest.approx((a.x_m, a.y_m), abs=0.1)
+    assert b.region_area_m2 == pytest.approx(a.region_area_m2, rel=0.05)
+    assert b.log_evidence == pytest.approx(a.log_evidence, abs=0.01)
+
+
+def test_rotation_of_the_walk():
+    obs, _ = walked(21, "random")
+    a, b = locate(obs), locate(turned(obs, 0.7))
+    c, s = np.cos(0.7), np.sin(0.7)
+    off = np.hypot(b.x_m - (c * a.x_m - s * a.y_m), b.y_m - (s * a.x_m + c * a.y_m))
+    assert off < 0.25 * a.r95_m
+    assert b.region_area_m2 == pytest.approx(a.region_area_m2, rel=0.25)
+    assert b.log_evidence == pytest.approx(a.log_evidence, abs=0.2)
+
+
+def test_constant_added_to_all_levels():
+    obs, _ = walked(22, "square")
+    wide = Prior(p0_sigma_db=300.0)
+    a, b = locate(obs, wide), locate(replace(obs, level_dbm=obs.level_dbm + 20.0), wide)
+    assert (b.x_m, b.y_m) == pytest.approx((a.x_m, a.y_m), abs=0.02 * a.r95_m)
+    assert b.p0_dbm - a.p0_dbm == pytest.approx(20.0, abs=0.2)
+    assert b.eta == pytest.approx(a.eta, abs=0.02)
+
+
+def test_equal_levels_leave_no_rounding():
+    """Sums of squared levels exceed what is left of them a million times: a place must not win by lost digits."""
+    x = np.arange(50) * 10.0
+    a, b = (locate(observations(x, 0 * x, 0 * x - 80.0 + tiny)) for tiny in (0.0, 1e-9))
+    assert b.log_evidence == pytest.approx(a.log_evidence, abs=0.01)
+    assert b.r95_m == pytest.approx(a.r95_m, rel=0.05)
+    assert np.max(a.cells.probability) < 0.1
+
+
+def test_order_of_the_readings_does_not_matter():
+    obs, _ = walked(23, "L")
+    order = np.random.default_rng(23).permutation(len(obs))
+    a = locate(obs)
+    b = locate(replace(obs, x_m=obs.x_m[order], y_m=obs.y_m[order], level_dbm=obs.level_dbm[order]))
+    assert (b.x_m, b.y_m, b.r95_m) == pytest.approx((a.x_m, a.y_m, a.r95_m), abs=0.01)
+
+
+def test_standing_still_adds_no_certainty():
+    rng = np.random.default_rng(4)
+    obs, _ = simulate(rng, "square", white_db=1.0, shadow_db=5.0, count=150, step=5.6)
+    again = 20_000
+    long = observations(
+        np.append(obs.x_m, np.full(again, obs.x_m[70])),
+        np.append(obs.y_m, np.full(again, obs.y_m[70])),
+        np.append(obs.level_dbm, obs.level_dbm[70] + rng.normal(size=again)),
+    )
+    assert locate(long).region_area_m2 > 0.7 * locate(obs).region_area_m2
+
+
+# --- the end of the searched area ---
+
+
+def test_the_search_reaches_as_far_as_it_says():
+    obs, _ = walked(29, "square")
+    for reach_m in (500.0, 30_000.0):
+        cells = locate(obs, Prior(reach_m=reach_m)).cells
+        assert np.max(np.abs(cells.x_m) + 0.5 * cells.size_m) >= reach_m
+        assert np.max(np.abs(cells.y_m) + 0.5 * cells.size_m) >= reach_m
+
+
+@pytest.mark.parametrize("far_power", [3.0, 0.0])
+def test_mass_at_the_end_of_the_search_is_told(far_power):
+    """A source 10 km away, searched to 3 km, with 1 dB of noise; also under a prior that is even."""
+    x, y = path("square", 150, 5.6)
+    noise = np.random.default_rng(30).normal(size=len(x))
+    obs = observations(x, y, 20 - 30 * np.log10(np.hypot(x - 10_000, y)) + noise)
+    found = locate(obs, Prior(reach_m=3000.0, far_power=far_power))
+    away = np.hypot(found.cells.x_m - 100, found.cells.y_m - 100)
+    assert found.limit_share == pytest.approx(found.cells.probability[away > 2200.0].sum(), abs=0.1)
+    assert found.limit_share > 0.02
+    assert found.at_limit
+    told, reasons = verdict(found, obs)
+    assert told == "cannot tell"
+    assert any("farther than the searched 3 km" in reason for reason in reasons)
+
+
+def test_no_mass_at_the_end_of_the_search_of_a_clear_case():
+    obs, _ = walked(24, "square", white_db=2.0)
+    assert locate(obs).limit_share < 0.01
+
+
+# --- the receiver's error ---
+
+
+@pytest.mark.parametrize("position_sigma", [3.0, 8.0, 20.0])
+def test_an_error_of_the_receiver_that_lasts_moves_the_answer_along(position_sigma):
+    """However clearly it is heard, a place is known no better than the walk is."""
+    x, y = path("square", 150, 5.6)
+    level = np.round(-30 - 32 * np.log10(np.hypot(x - 100, y - 90)))
+    found = locate(observations(x, y, level, position_sigma))
+    p, cells = found.cells.probability, found.cells
+    for at in (cells.x_m, cells.y_m):
+        assert np.sqrt(p @ (at - p @ at) ** 2) > 0.9 * np.sqrt(BIAS_SHARE) * position_sigma
+
+
+# --- the end of the scale ---
+
+
+def test_a_walk_half_at_the_floor_is_located_no_better_than_the_whole():
+    obs, _ = walked(24, "square", white_db=2.0)
+    half, whole = locate(clipped(obs, 0.5)), locate(obs)
+    assert half.region_area_m2 > whole.region_area_m2
+    assert np.isfinite(half.log_evidence)

@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+
+from logger.core.locator import region
+from logger.core.locator.region import Cells
+
+
+def gaussians(*peaks, count=100, size=4.0):
+    """Cells of a mixture of round Gaussians (weight, x, y, sigma)."""
+    at = (np.arange(count) - count / 2 + 0.5) * size
+    x, y = (v.ravel() for v in np.meshgrid(at, at))
+    mass = sum(w / s**2 * np.exp(-((x - a) ** 2 + (y - b) ** 2) / (2 * s * s)) for w, a, b, s in peaks)
+    return Cells(x, y, np.full(x.size, size), mass / mass.sum())
+
+
+def quartered(cells, wanted):
+    """The same mass with some cells split in four."""
+    quarter = 0.25 * cells.size_m[wanted]
+    x, y, size, p = ([v[~wanted]] for v in (cells.x_m, cells.y_m, cells.size_m, cells.probability))
+    for i in (-1, 1):
+        for j in (-1, 1):
+            x.append(cells.x_m[wanted] + i * quarter)
+            y.append(cells.y_m[wanted] + j * quarter)
+            size.append(2.0 * quarter)
+            p.append(0.25 * cells.probability[wanted])
+    return Cells(*(np.concatenate(v) for v in (x, y, size, p)))
+
+
+# --- highest density ---
+
+
+@pytest.mark.parametrize(("level", "chi2"), [(0.95, 5.991), (0.5, 1.386)])
+def test_area_of_a_gaussian(level, chi2):
+    cells = gaussians((1.0, 0.0, 0.0, 30.0))
+    assert region.area_m2(cells, level) == pytest.approx(np.pi * chi2 * 30.0**2, rel=0.03)
+
+
+def test_dense_cells_come_first_whatever_their_size():
+    cells = Cells(np.array([0.0, 10.0]), np.zeros(2), np.array([1.0, 10.0]), np.array([0.4, 0.6]))
+    np.testing.assert_array_equal(region.highest_density(cells, 0.3), [0])
+    np.testing.assert_array_equal(region.highest_density(cells, 0.95), [0, 1])
+
+
+def test_no_other_set_of_the_same_mass_is_smaller():
+    rng = np.random.default_rng(1)
+    cells = Cells(np.arange(12.0), np.zeros(12), rng.uniform(0.5, 3.0, 12), rng.dirichlet(np.ones(12)))
+    chosen = region.highest_density(cells, 0.8)
+    held, area = cells.probability[chosen].sum(), np.sum(cells.size_m[chosen] ** 2)
+    assert held >= 0.8
+    assert held - cells.probability[chosen[-1]] < 0.8
+    for bits in range(1 << 12):
+        other = np.flatnonzero([bits >> k & 1 for k in range(12)])
+        if cells.probability[other].sum() >= held:
+            assert np.sum(cells.size_m[other] ** 2) >= area - 1e-9
+
+
+def test_how_finely_the_plane_is_cut_does_not_matter():
+    cells = gaussians((0.7, -60.0, 0.0, 20.0), (0.3, 60.0, 0.0, 20.0))
+    finer = quartered(cells, cells.x_m > 0.0)
+    assert region.area_m2(finer) == pytest.approx(region.area_m2(cells), rel=1e-3)
+    held = [sorted(c.probability[k].sum() for k in region.places(c, 0.999)) for c in (cells, finer)]
+    assert held[1] == pytest.approx(held[0], abs=1e-3)
+
+
+def test_all_mass():
+    cells = gaussians((1.0, 0.0, 0.0, 30.0), count=10, size=30.0)
+    assert len(region.highest_density(cells, 1.0)) == len(cells)
+    assert region.area_m2(Cells(np.zeros(1), np.zeros(1), np.full(1, 10.0), np.ones(1))) == 100.0
+
+
+# --- places ---
+
+
+def test_two_peaks_are_two_places():
+    cells = gaussians((0.7, -80.0, 0.0, 20.0), (0.3, 80.0, 0.0, 20.0))
+    found = region.places(cells, 0.999)
+    assert sorted(cells.probability[k].sum() for k in found) == pytest.approx([0.3, 0.7], abs=0.01)
+
+
+def test_near_peaks_are_one_place():
+    assert len(region.places(gaussians((0.5, -22.0, 0.0, 20.0), (0.5, 22.0, 0.0, 20.0)), 0.999)) == 1
+
+
+@pytest.mark.parametrize(("apart_m", "count"), [(62.0, 1), (70.0, 2)])
+def test_the_pass_between_two_peaks_decides(apart_m, count):
+    """Two Gaussians of sigma 20 m: the pass is at half the height when they are 66.6 m apart."""
+    cells = gaussians((0.5, -apart_m / 2, 0.0, 20.0), (0.5, apart_m / 2, 0.0, 20.0), count=200, size=2.0)
+    assert len(region.places(cells, 0.999)) == count
+
+
+def test_a_ring_is_one_place():
+    """Peaks along it meet one after the other, the last one the first."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 17)[:-1]
+    ring = [(1.0, 120.0 * np.cos(a), 120.0 * np.sin(a), 20.0) for a in angle]
+    assert len(region.places(gaussians(*ring), 0.99)) == 1
+
+
+def test_cells_that_meet_at_a_corner_touch():
+    cells = Cells(np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0, 3.0]), np.ones(3), np.array([0.4, 0.35, 0.25]))
+    assert sorted(len(k) for k in region.places(cells, 1.0)) == [1, 2]
+
+
+def test_large_cells_touch_small_ones():
+    cells = Cells(np.array([0.0, 5.5]), np.array([0.0, 4.9]), np.array([1.0, 10.0]), np.array([0.02, 0.98]))
+    assert len(region.places(cells, 1.0)) == 1
+
+
+def test_places_share_no_cell_and_hold_the_level():
+    cells = gaussians((0.5, -60.0, 0.0, 15.0), (0.3, 60.0, 40.0, 25.0), (0.2, 0.0, -90.0, 10.0))
+    together = np.concatenate(region.places(cells, 0.99))
+    assert len(np.unique(together)) == len(together)
+    assert cells.probability[together].sum() == pytest.approx(0.99, abs=0.001)

@@ -1,0 +1,121 @@
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from logger.core.locator.posterior import locate
+from logger.core.locator.prior import Prior
+from logger.core.locator.verdict import verdict
+from tests.kit.walks import observations, path, simulate
+
+
+@cache
+def clear():
+    """A walk around a transmitter that leaves one small place, and its posterior."""
+    obs, _ = simulate(np.random.default_rng(24), "square", white_db=2.0, count=150, step=5.6)
+    return obs, locate(obs)
+
+
+def reasons(obs, **prior):
+    said, why = verdict(locate(obs, Prior(**prior)), obs)
+    assert said == "cannot tell"
+    return " / ".join(why)
+
+
+def beside(mode, east_m, probability, peak):
+    """Another mode of the same shape."""
+    return replace(mode, probability=probability, peak=peak, state=mode.state + np.array([east_m, 0.0, 0.0, 0.0]))
+
+
+def some(obs, chosen):
+    names = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
+    return replace(obs, **{name: getattr(obs, name)[chosen] for name in names})
+
+
+# --- located ---
+
+
+def test_located():
+    obs, found = clear()
+    said, (why,) = verdict(found, obs)
+    assert said == "located"
+    assert why == f"one place holds {found.modes[0].probability:.0%}; 95 % lie within {found.r95_m:.0f} m of it"
+
+
+def test_a_second_place_too_small_to_count_does_not_matter():
+    obs, found = clear()
+    best = found.modes[0]
+    assert verdict(replace(found, modes=(best, beside(best, 900.0, 0.01, 0.001))), obs)[0] == "located"
+
+
+# --- ambiguous ---
+
+
+def test_two_places():
+    obs, _ = simulate(np.random.default_rng(25), "straight", white_db=2.0, count=150, step=5.6)
+    found = locate(obs)
+    said, why = verdict(found, obs)
+    assert said == "ambiguous"
+    assert len(why) == 2
+    for mode in found.modes:
+        lat_deg, lon_deg = obs.utm.to_latlon(mode.x_m, mode.y_m)
+        assert f"{mode.probability:.0%} at {lat_deg:.5f} {lon_deg:.5f}" in why[0]
+
+
+@pytest.mark.parametrize(("probability", "peak"), [(0.04, 0.001), (0.01, 0.2)], ids=["its mass", "its peak"])
+def test_a_rival_counts_for_its_mass_or_its_peak(probability, peak):
+    obs, found = clear()
+    best = found.modes[0]
+    assert verdict(replace(found, modes=(best, beside(best, 300.0, probability, peak))), obs)[0] == "ambiguous"
+
+
+# --- cannot tell, each reason on its own walk ---
+
+
+def test_few_readings():
+    obs, _ = clear()
+    assert "only 6 readings, at least 8 are needed" in reasons(some(obs, np.arange(0, 150, 25)))
+    eight = verdict(locate(some(obs, np.arange(0, 150, 19))), some(obs, np.arange(0, 150, 19)))[1]
+    assert not any("readings" in why for why in eight)
+
+
+def test_short_walk():
+    x = np.arange(40) * 0.45
+    obs = observations(x, 0 * x, -60 - 0.5 * np.arange(40))
+    assert "the walk spans only 18 m" in reasons(obs)
+
+
+def test_same_level_throughout():
+    x, y = path("square", 150, 5.6)
+    flat = observations(x, y, -80.0 + 0.5 * np.sin(np.arange(150)))
+    assert "the level hardly changes along the walk" in reasons(flat)
+
+
+def test_mass_at_the_end_of_the_search():
+    x, y = path("L", 150, 5.6)
+    obs = observations(x, y, -95.0 + 4.0 * np.random.default_rng(26).normal(size=150))
+    assert "the transmitter may be farther than the searched 1 km" in reasons(obs, reach_m=1000.0)
+
+
+def test_one_sided_walk():
+    """Past the corner of an L, seen from a distance."""
+    x, y = path("L", 150, 5.6)
+    source = 900.0, -500.0
+    level = -20 - 35 * np.log10(np.hypot(x - source[0], y - source[1]))
+    obs = observations(x, y, level + 0.3 * np.random.default_rng(1).normal(size=150))
+    found = locate(obs)
+    assert len([mode for mode in found.modes if mode.probability > 0.03]) == 1
+    bearing = np.degrees(np.arctan2(x - found.x_m, y - found.y_m))
+    assert f"one-sided walk: it sees the place under {np.ptp(bearing):.0f} deg only" in reasons(obs)
+
+
+def test_large_region():
+    x, y = path("L", 150, 5.6)
+    obs = observations(x, y, -95.0 + 4.0 * np.random.default_rng(26).normal(size=150))
+    assert "the region is too large" in reasons(obs)
+
+
+def test_reasons_are_all_told_at_once():
+    obs = observations([0.0, 8.0], [0.0, 1.0], [-70.0, -71.0])
+    assert len(verdict(locate(obs), obs)[1]) >= 3

@@ -1,0 +1,201 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from logger.core.geo import Utm
+from logger.core.observations import CellObservations
+from postproc.estimators import batch, trends
+from postproc.estimators.filtered import Filtered
+from postproc.estimators.metrics import consistency
+from postproc.estimators.residuals import diagnose
+
+SOURCE = np.array([130.0, 150.0, -30.0, 3.0])
+
+
+def walk(rng, *, white_db=3.0, shadow_db=0.0, d_c=15.0, count=500):
+    """Round a square of 250 m past a source inside; readings 2 m apart, of honest log-distance levels."""
+    s = 2.0 * np.arange(count)
+    corner = 250.0 * np.arange(5)
+    x, y = (np.interp(s, corner, 250.0 * np.array(turn)) for turn in ([0, 1, 1, 0, 0], [0, 0, 1, 1, 0]))
+    shadow = rng.normal(size=count)
+    kept = np.exp(-2.0 / d_c)
+    for k in range(1, count):
+        shadow[k] = kept * shadow[k - 1] + np.sqrt(1.0 - kept**2) * shadow[k]
+    level = SOURCE[2] - 10.0 * SOURCE[3] * np.log10(np.hypot(x - SOURCE[0], y - SOURCE[1]))
+    at = np.arange(count)
+    level = level + white_db * rng.normal(size=count) + shadow_db * shadow
+    return CellObservations("c", None, Utm(32), at * 10**9, x, y, np.zeros(count), level, at + 1000)
+
+
+def around(obs):
+    """Distance and azimuth in radians from the source."""
+    dx, dy = obs.x_m - SOURCE[0], obs.y_m - SOURCE[1]
+    return np.hypot(dx, dy), np.arctan2(dx, dy)
+
+
+def fitted(obs):
+    return batch.fit(obs, [(SOURCE[0], SOURCE[1])]).state
+
+
+def test_residuals_are_level_minus_model_and_what_a_limit_hides_is_none():
+    obs = walk(np.random.default_rng(1))
+    level = obs.level_dbm.copy()
+    level[:9] = -110.0
+    obs = replace(obs, level_dbm=level, rat="GSM")
+    found = diagnose(SOURCE, obs)
+    expected = obs.level_dbm - (SOURCE[2] - 10.0 * SOURCE[3] * np.log10(around(obs)[0]))
+    assert np.all(np.isnan(found.residual_db[:9]))
+    np.testing.assert_allclose(found.residual_db[9:], expected[9:])
+    assert found.sigma_db == pytest.approx(3.0, abs=0.4)
+
+
+@pytest.mark.parametrize(("white_db", "shadow_db"), [(3.0, 0.0), (0.5, 6.0), (3.0, 6.0)])
+def test_honest_worlds_raise_no_alarm(white_db, shadow_db):
+    rng = np.random.default_rng(2)
+    alarms = {"levels": 0, "sector": 0, "outlying": 0, "alike": 0}
+    for _ in range(12):
+        obs = walk(rng, white_db=white_db, shadow_db=shadow_db)
+        said = " ".join(diagnose(fitted(obs), obs).findings)
+        alarms = {word: count + (word in said) for word, count in alarms.items()}
+    assert alarms["alike"] == (12 if shadow_db else 0)
+    assert max(alarms["levels"], alarms["sector"], alarms["outlying"]) <= 2
+
+
+def test_numbers_describe_white_noise():
+    found = diagnose(SOURCE, walk(np.random.default_rng(3)))
+    assert abs(found.skewness) < 0.35
+    assert abs(found.excess_kurtosis) < 0.7
+    assert found.beyond_3_sigma < 0.012
+    assert abs(found.lag1) < 0.1
+    assert found.correlated < 0.1
+    assert found.decorrelation_m < 2.0
+    assert found.independent > 250
+
+
+def test_decorrelation_distance_is_found_along_the_walk():
+    lengths, independent = [], []
+    for seed in range(8):
+        found = diagnose(SOURCE, walk(np.random.default_rng(seed), white_db=0.0, shadow_db=6.0, d_c=20.0))
+        lengths.append(found.decorrelation_m)
+        independent.append(found.independent)
+    assert np.median(lengths) == pytest.approx(20.0, rel=0.4)
+    assert np.median(independent) == pytest.approx(1000.0 / 40.0, rel=0.4)
+
+
+def test_standard_errors_of_bins_are_true():
+    rng = np.random.default_rng(4)
+    for white_db, shadow_db, limits in ((3.0, 0.0, (0.6, 1.4)), (0.5, 5.0, (0.2, 1.2))):
+        chi2 = []
+        for _ in range(6):
+            obs = walk(rng, white_db=white_db, shadow_db=shadow_db)
+            found = diagnose(fitted(obs), obs)
+            chi2 += [np.mean((bins.mean_db / bins.sigma_db) ** 2) for bins in (found.by_distance, found.by_azimuth)]
+            assert found.by_azimuth.readings.sum() == len(obs)
+        assert limits[0] < np.mean(chi2) < limits[1]
+
+
+def test_bins_hold_their_means():
+    obs = walk(np.random.default_rng(5))
+    found = diagnose(SOURCE, obs)
+    azimuth = np.degrees(around(obs)[1]) % 360.0
+    for centre, mean, readings in zip(*(found.by_azimuth[i] for i in (0, 1, 3)), strict=True):
+        inside = (azimuth >= centre - 15.0) & (azimuth < centre + 15.0)
+        assert np.count_nonzero(inside) == readings
+        assert np.mean(found.residual_db[inside]) == pytest.approx(mean)
+
+
+@pytest.mark.parametrize(("change", "word"), [(2.5, "faster"), (-2.0, "more slowly")])
+def test_an_exponent_that_changes_is_named(change, word):
+    obs = walk(np.random.default_rng(6), white_db=1.5)
+    distance, _ = around(obs)
+    bent = replace(obs, level_dbm=obs.level_dbm - 10.0 * change * np.maximum(np.log10(distance / 130.0), 0.0))
+    found = diagnose(fitted(bent), bent)
+    assert found.bend.eta_change == pytest.approx(change, abs=4.0 * found.bend.eta_sigma)
+    assert any(f"levels fall {word} beyond" in text for text in found.findings)
+
+
+def test_a_sector_antenna_is_named():
+    rng = np.random.default_rng(7)
+    obs = walk(rng, white_db=1.5)
+    directed = replace(obs, level_dbm=obs.level_dbm + 4.5 * np.cos(around(obs)[1] - np.radians(120.0)))
+    found = diagnose(SOURCE, directed)
+    assert found.sector.azimuth_deg == pytest.approx(120.0, abs=20.0)
+    assert found.sector.difference_db == pytest.approx(9.0, abs=3.0 * found.sector.difference_sigma_db)
+    assert any(text.startswith("sector antenna suspected") for text in found.findings)
+
+
+def test_an_azimuth_that_hardly_changes_tells_nothing():
+    """All readings in one direction: what a sector does, power and exponent do as well."""
+    obs = walk(np.random.default_rng(8), count=60)
+    state = np.array([100_000.0, 0.0, -30.0, 3.0])
+    found = diagnose(state, obs)
+    assert found.sector is None or found.sector.difference_sigma_db > 20.0
+    assert not any("sector" in text for text in found.findings)
+
+
+def test_outliers_are_named_by_scan_and_size():
+    obs = walk(np.random.default_rng(9))
+    level = obs.level_dbm.copy()
+    level[[40, 300]] += [-30.0, 22.0]
+    found = diagnose(SOURCE, replace(obs, level_dbm=level))
+    assert [one.scan_seq for one in found.outliers] == [1040, 1300]
+    assert found.outliers[0].t_ns == 40 * 10**9
+    assert found.outliers[0].residual_db == pytest.approx(-30.0, abs=9.0)
+    assert found.outliers[0].sigmas == pytest.approx(abs(found.outliers[0].residual_db) / found.sigma_db)
+    (text,) = (text for text in found.findings if "outlying" in text)
+    assert "2 outlying readings" in text
+    assert "scan 1040" in text
+    assert "weaker" in text
+
+
+def test_a_filter_that_is_too_sure_is_named_and_an_honest_one_is_not():
+    rng = np.random.default_rng(10)
+    obs = walk(rng)
+    said = {}
+    for name, claimed in (("honest", 9.0), ("sure", 5.0), ("humble", 20.0)):
+        states = np.zeros((500, 4)), np.zeros((500, 4, 4))
+        innovations = Filtered(obs.t_ns, *states, rng.normal(0.0, 3.0, 500), np.full(500, claimed))
+        found = diagnose(SOURCE, obs, innovations)
+        assert found.innovations == consistency(innovations.innovation_db, innovations.innovation_var_db2)
+        said[name] = [text for text in found.findings if "filter" in text]
+    (text,) = said["sure"]
+    assert text.startswith("the filter is too sure of itself: its innovations squared are 1.")
+    assert said["honest"] == said["humble"] == []
+
+
+@pytest.mark.parametrize("count", [1, 5, 19])
+def test_few_readings_are_listed_and_not_judged(count):
+    found = diagnose(SOURCE, walk(np.random.default_rng(11), count=count))
+    assert len(found.residual_db) == count
+    assert found.findings == []
+    assert found.bend is found.sector is found.by_distance is None
+
+
+def test_standing_still_is_survived():
+    obs = walk(np.random.default_rng(12), count=50)
+    found = diagnose(SOURCE, replace(obs, x_m=np.zeros(50), y_m=np.zeros(50)))
+    assert found.bend is found.sector is None
+    assert found.independent == 1.0
+
+
+# --- trends against the dense solution ---
+
+
+def test_a_trend_is_the_generalised_least_squares_one():
+    obs = walk(np.random.default_rng(13), white_db=2.0, shadow_db=3.0)
+    design = batch.jacobian(SOURCE, obs)
+    distance, azimuth = around(obs)
+    ground = trends.Ground(obs.x_m, obs.y_m, obs.level_dbm, 10.0 * np.log10(distance), azimuth, design)
+    noise = trends.noise_of(ground, np.sin(azimuth), np.cos(azimuth))
+    which = [np.flatnonzero(noise.square == k) for k in range(noise.square.max() + 1)]
+    rows = np.column_stack([design, np.sin(azimuth), np.cos(azimuth), obs.level_dbm])
+    mean = np.array([np.mean(rows[k], axis=0) for k in which])
+    precision = np.linalg.inv(noise.covariance_db2)
+    information = mean[:, :6].T @ precision @ mean[:, :6]
+    coefficient = np.linalg.solve(information, mean[:, :6].T @ precision @ mean[:, 6])[4:]
+    covariance = np.linalg.inv(information)[4:, 4:]
+    sector = trends.sector(ground)
+    assert sector.difference_db == pytest.approx(2.0 * np.hypot(*coefficient), rel=1e-6)
+    assert sector.azimuth_deg == pytest.approx(np.degrees(np.arctan2(*coefficient)) % 360.0, abs=1e-4)
+    assert sector.chi2 == pytest.approx(coefficient @ np.linalg.solve(covariance, coefficient), rel=1e-6)
