@@ -3,6 +3,7 @@
 import argparse
 import json
 import logging
+import os
 import re
 import sys
 from dataclasses import asdict
@@ -13,6 +14,8 @@ from logger.core.errors import ConfigError, FieldLoggerError
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command; a user's mistake is one line on stderr and exit 2."""
+    # the locator's matrices are small: threads of BLAS would only wait for each other
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = _parser().parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s", stream=sys.stderr)
     try:

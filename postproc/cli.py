@@ -5,9 +5,12 @@ import json
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from logger.core.errors import ConfigError, FieldLoggerError
+
+if TYPE_CHECKING:
+    from postproc.smooth import Wishes
 
 T = TypeVar("T")
 
@@ -54,6 +57,10 @@ def _parser() -> argparse.ArgumentParser:
 
     smooth = add("smooth", "estimate where each cell stands, and how sure that is; several runs together", several=True)
     smooth.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
+    smooth.add_argument("--environment", default="any", help="prior: any (default), open, suburban or urban")
+    smooth.add_argument("--height", type=float, metavar="M", help="antenna above the receiver (default: 5 m)")
+    losses = ("linear", "soft_l1", "huber", "cauchy")
+    smooth.add_argument("--loss", choices=losses, default="linear", help="loss of the least-squares fit")
     smooth.add_argument("--json", action="store_true")
     smooth.set_defaults(command=_smooth)
 
@@ -115,13 +122,15 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 
 def _smooth(arguments: argparse.Namespace) -> int:
+    from logger.core.locator.prior import prior_for
     from logger.core.runfile import read_run
     from postproc import results
-    from postproc.smooth import smooth_run
+    from postproc.smooth import Wishes, smooth_run
 
+    wishes = Wishes(prior_for(arguments.environment, height_m=arguments.height), arguments.loss)
     if len(arguments.run) > 1:
-        return _smooth_together(arguments)
-    smoothed = smooth_run(read_run(arguments.run[0]), arguments.cell, progress=_progress)
+        return _smooth_together(arguments, wishes)
+    smoothed = smooth_run(read_run(arguments.run[0]), arguments.cell, wishes=wishes, progress=_progress)
     found = results.summary(smoothed)
     _print_results(found, as_json=arguments.json)
     # printed first: a run on a card that cannot be written has an answer too
@@ -129,12 +138,13 @@ def _smooth(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _smooth_together(arguments: argparse.Namespace) -> int:
+def _smooth_together(arguments: argparse.Namespace, wishes: "Wishes") -> int:
     from logger.core.runfile import read_run
     from postproc import results
     from postproc.together import smooth_together
 
-    together = smooth_together([read_run(path) for path in arguments.run], arguments.cell, progress=_progress)
+    runs = [read_run(path) for path in arguments.run]
+    together = smooth_together(runs, arguments.cell, wishes=wishes, progress=_progress)
     found = results.summary_together(together)
     _print_results(found, as_json=arguments.json)
     results.write_together(together, found, results.path_beside(arguments.run[0], together=True))

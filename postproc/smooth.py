@@ -168,7 +168,7 @@ def answer(obs: CellObservations, prior: Prior) -> CellResult:
         why = f"only {within} reading{'s' * (within != 1)} {which}: at least {FEWEST_READINGS} are needed"
         return CellResult(obs.cell, n, obs, "cannot tell", (why,))
     posterior = locate(obs, prior)
-    told, reasons = verdict(posterior, obs, divide(obs, prior))
+    told, reasons = verdict(posterior, obs, divide(obs, posterior))
     return CellResult(obs.cell, n, obs, told, tuple(reasons), posterior=posterior)
 
 

@@ -57,7 +57,7 @@ def answer(world: World, walk: Walk) -> Answer:
     """What the locator says of a walk; raises `EstimationError`."""
     obs = observations(world, walk)
     found = locate(obs)
-    division = divide(obs, PRIOR)
+    division = divide(obs, found)
     told, _ = verdict(found, obs, division)
     chosen = highest_density(found.cells)
     cells = found.cells

@@ -39,7 +39,7 @@ class LiveTracker:
 
     def __init__(self, settings: LiveSettings) -> None:
         self._settings = settings
-        self._prior = _live_prior(settings)
+        self._prior = live_prior(settings)
         self._utm: Utm | None = None
         self._fix: Receiver | None = None
         self._unmapped = False
@@ -123,7 +123,8 @@ class LiveTracker:
                 neediest.search()
 
 
-def _live_prior(settings: LiveSettings) -> Prior:
+def live_prior(settings: LiveSettings) -> Prior:
+    """The configured prior with fewer hypotheses of the noise than at the desk."""
     prior = prior_for(settings.environment, height_m=settings.height_m)
     return replace(prior, decorrelation_m=LIVE_DECORRELATION_M, white_shares=LIVE_WHITE_SHARES)
 

@@ -12,6 +12,7 @@ from logger.core.arrays import FloatArray
 from logger.core.shadow_ekf import ShadowNoise, hold, split_noise, step
 
 _WHITE_SHARES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+_NEARLY_WHITE = 0.95
 _FEWEST = 50
 
 Reading = tuple[float, float, float, float, int]
@@ -19,9 +20,13 @@ Reading = tuple[float, float, float, float, int]
 
 
 def candidates(sigma_db: float, decorrelation_m: float, white_share: float, height_m: float) -> list[ShadowNoise]:
-    """What the locator says of the noise, then the same with other white shares."""
-    shares = (white_share, *_WHITE_SHARES) if decorrelation_m > 0.0 else (1.0,)
-    return [split_noise(sigma_db, decorrelation_m, share, height_m) for share in shares]
+    """What the locator says of the noise, then the same with other white shares.
+
+    Where nearly all of it is white, its mean decorrelation distance says nothing, and all of it is taken for white.
+    """
+    if white_share >= _NEARLY_WHITE:
+        return [split_noise(sigma_db, 0.0, 1.0, height_m)]
+    return [split_noise(sigma_db, decorrelation_m, share, height_m) for share in (white_share, *_WHITE_SHARES)]
 
 
 def likeliest(found: Sequence[ShadowNoise], mean: FloatArray, readings: Sequence[Reading]) -> ShadowNoise:

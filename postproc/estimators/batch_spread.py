@@ -23,6 +23,7 @@ from postproc.estimators.correlated import averages, residual_noise
 
 REACH_M = 30_000.0
 _STEP = 2.0**0.25
+_LEAST_M2 = 1e-6
 _SINGULAR = 1e-8
 
 
@@ -83,8 +84,9 @@ def _stretched(
     rows: Working, state: FloatArray, height_m: float, covariance: FloatArray, bread: FloatArray
 ) -> tuple[FloatArray, bool]:
     """Covariance with the axes of the place stretched, and whether the readings end all of them."""
-    rise = np.linalg.inv(bread[:2, :2])
+    rise = np.linalg.pinv(bread[:2, :2])
     variance, axes = np.linalg.eigh(covariance[:2, :2])
+    variance = np.maximum(variance, _LEAST_M2)  # levels that are all alike fit exactly anywhere
     ends = [
         _end_m(rows, state, height_m, side * axis, np.sqrt(CHI2_95_2DOF * v), CHI2_95_2DOF * v * (axis @ rise @ axis))
         for v, axis in zip(variance, axes.T, strict=True)
@@ -93,7 +95,7 @@ def _stretched(
     reached = np.array(ends).reshape(2, 2).max(axis=1)
     more = axes @ np.diag(reached**2 / CHI2_95_2DOF - variance) @ axes.T
     # P0 and eta move with the place
-    along = np.vstack([np.eye(2), np.linalg.solve(covariance[:2, :2], covariance[:2, 2:]).T])
+    along = np.vstack([np.eye(2), (np.linalg.pinv(covariance[:2, :2]) @ covariance[:2, 2:]).T])
     whole = covariance + along @ more @ along.T
     return 0.5 * (whole + whole.T), bool(np.all(reached < REACH_M))
 

@@ -17,6 +17,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import EstimationError
 from logger.core.locator.online import EFFORT
 from logger.core.locator.posterior import Mode, Posterior, locate
+from logger.core.locator.tree import Effort
 from logger.core.locator.verdict import verdict
 from logger.core.observations import CellObservations
 from logger.core.shadow_ekf import ShadowNoise
@@ -106,24 +107,25 @@ def _handover(
     counts = _promising(fresh, end, whole, noise)
     if not len(counts):
         return NoRun(f"no part of the walk locates the transmitter to {CLOSE:.0%} of its distance from the rest")
-    low, high, posterior = int(counts[0]), end, whole
+    low, high = int(counts[0]), end
     for _ in range(_BISECTIONS):
         count = (low + high) // 2
-        found = _located(obs, count, whole, noise.height_m)
-        if found is None:
-            low = count
+        if _located(obs, count, whole, EFFORT, noise.height_m):
+            high = count
         else:
-            high, posterior = count, found
-    if high == end:
-        return NoRun("only the whole walk locates the transmitter: no reading is left to filter")
-    return high, posterior
+            low = count
+    # a rough search may hold one of two places for nothing
+    for count in sorted({high, (high + end) // 2} - {end}):
+        if found := _located(obs, count, whole, Effort(), noise.height_m):
+            return count, found
+    return NoRun("only the whole walk locates the transmitter: no reading is left to filter")
 
 
-def _located(obs: CellObservations, count: int, whole: Posterior, height_m: float) -> Posterior | None:
+def _located(obs: CellObservations, count: int, whole: Posterior, effort: Effort, height_m: float) -> Posterior | None:
     """Posterior of the first readings, if a Gaussian may stand for it while the others are taken."""
     begun, rest = obs.part(slice(count)), obs.part(slice(count, None))
     try:
-        found = locate(begun, whole.prior, EFFORT)
+        found = locate(begun, whole.prior, effort)
     except EstimationError:  # all of them at the modem's limit
         return None
     best = found.modes[0]

@@ -78,14 +78,14 @@ def diagnose(
 ) -> Residuals:
     """Residuals of any estimate [x, y, P0, eta] over the readings of its cell, and the innovations of its filter.
 
-    Fewer than 20 levels are listed and not judged.
+    Fewer than 20 levels, or levels that fit to their rounding, are listed and not judged.
     """
     residual = np.where(obs.limit == 0, -batch.residuals(state, obs, height_m), np.nan)
     ground = _ground(state, obs, residual, height_m)
     e = ground.e_db
     sigma_db = max(float(np.median(np.abs(e))) / 0.6745, _ROUNDING_DB) if len(e) else np.nan
     innovations = _innovations(filtered)
-    if len(e) < _FEWEST:
+    if len(e) < _FEWEST or float(np.std(e)) < _ROUNDING_DB:
         nan = float("nan")
         return Residuals(
             residual, sigma_db, nan, nan, nan, nan, nan, nan, float(len(e)), None, None, None, None, innovations, ()

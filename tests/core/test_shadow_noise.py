@@ -39,5 +39,6 @@ def test_readings_at_the_limit_are_no_obstacle():
     assert shadow_noise.likeliest(candidates, PLACE, heard) == candidates[0]
 
 
-def test_nothing_is_asked_where_all_noise_is_white():
-    assert shadow_noise.candidates(3.0, 0.0, 0.4, 5.0) == [split_noise(3.0, 0.0, 1.0, 5.0)]
+def test_nothing_is_asked_where_nearly_all_noise_is_white():
+    assert shadow_noise.candidates(3.0, 0.0, 1.0, 5.0) == [split_noise(3.0, 0.0, 1.0, 5.0)]
+    assert shadow_noise.candidates(3.0, 2.3, 0.99, 5.0) == [split_noise(3.0, 0.0, 1.0, 5.0)]

@@ -12,6 +12,7 @@ import numpy as np
 from logger.core.arrays import BoolArray, FloatArray
 from logger.core.locator.blocks import NOTHING_CENSORED, blocks, single
 from logger.core.locator.mixture import log_sum
+from logger.core.locator.posterior import Posterior
 from logger.core.locator.prior import Prior
 from logger.core.locator.tree import Effort, Tree, grow
 from logger.core.observations import CellObservations
@@ -46,12 +47,16 @@ class _Part(NamedTuple):
     eta: float
 
 
-def divide(obs: CellObservations, prior: Prior) -> Division | None:
+def divide(obs: CellObservations, posterior: Posterior) -> Division | None:
     """The division that explains the levels best, None where the walk has no two loud places to divide it by.
 
-    Not asked of the readings of several modems, whose offsets would divide a walk as well.
+    Not asked where `posterior`, of one transmitter, leaves no more than shadowing unexplained; nor of several modems,
+    whose offsets would divide a walk as well.
     """
-    if obs.n_modems > 1 or np.count_nonzero(obs.limit == 0) < _FEWEST_READINGS:
+    prior = posterior.prior
+    plain = posterior.decorrelation_m <= prior.stationary_m
+    obs = obs.usable()
+    if plain or obs.n_modems > 1 or np.count_nonzero(obs.limit == 0) < _FEWEST_READINGS:
         return None
     walk = blocks(obs, _BLOCKS)
     column = np.stack([walk.x_m, walk.y_m, walk.level_dbm, walk.position_sigma_m**2, walk.readings])

@@ -1,0 +1,102 @@
+"""One reading of one cell through the locator and the EKF on the device, against one update of filterpy's EKF.
+
+python benchmarks/live_cell.py
+"""
+
+import os
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as fieldlogger does
+
+import gc
+import time
+import tracemalloc
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+
+from logger.core.live import live_prior
+from logger.core.live_cell import Heard, LiveCell
+from logger.core.live_settings import LiveSettings
+
+READINGS = 2000
+STEP_M = 1.4
+SOURCE = (160.0, 240.0)
+
+
+def walk(seed: int, *, shadow_db: float) -> list[Heard]:
+    """A walk round blocks of 200 m, with white noise and shadowing of 15 m decorrelation distance."""
+    rng = np.random.default_rng(seed)
+    s = np.arange(READINGS) * STEP_M % 1600.0
+    x = np.interp(s, [0, 200, 400, 600, 800, 1600], [0, 200, 200, 400, 400, 0])
+    y = np.interp(s, [0, 200, 400, 600, 800, 1600], [0, 0, 200, 200, 400, 0])
+    shadow = np.zeros(READINGS)
+    rho = np.exp(-STEP_M / 15.0)
+    for k in range(1, READINGS):
+        shadow[k] = rho * shadow[k - 1] + np.sqrt(1.0 - rho**2) * rng.normal()
+    level = -25.0 - 32.0 * np.log10(np.hypot(x - SOURCE[0], y - SOURCE[1])) + shadow_db * shadow
+    level = np.round(level + 2.0 * rng.normal(size=READINGS))
+    return [Heard(*row, 0) for row in zip(x.tolist(), y.tolist(), [3.0] * READINGS, level.tolist(), strict=True)]
+
+
+def live_us(heard: list[Heard]) -> tuple[float, float, float, float]:
+    """Mean, 99th percentile and worst CPU time of a reading, searches included, and the memory of the cell in MB."""
+    gc.collect()
+    cell = LiveCell(live_prior(LiveSettings()))
+    spent = []
+    for reading in heard:
+        begun = time.process_time()
+        cell.take(reading)
+        if cell.stale > 1.0:
+            cell.search()
+        spent.append(1e6 * (time.process_time() - begun))
+    tracemalloc.start()
+    before = tracemalloc.get_traced_memory()[0]
+    other = LiveCell(live_prior(LiveSettings()))
+    for reading in heard[:300]:
+        other.take(reading)
+        if other.stale > 1.0:
+            other.search()
+    gc.collect()
+    memory_mb = (tracemalloc.get_traced_memory()[0] - before) / 1e6
+    tracemalloc.stop()
+    return float(np.mean(spent)), float(np.quantile(spent, 0.99)), float(np.max(spent)), memory_mb
+
+
+def filterpy_us(heard: list[Heard]) -> float:
+    """CPU time of one predict and update of the four-state EKF in filterpy."""
+    kf = ExtendedKalmanFilter(dim_x=4, dim_z=1)
+    kf.x = np.array([[100.0], [100.0], [-40.0], [3.0]])
+    kf.P = np.diag([100.0, 100.0, 25.0, 0.2])
+    kf.Q, kf.R = 1e-5 * np.eye(4), np.array([[9.0]])
+    c = 10.0 / np.log(10.0)
+    begun = time.process_time()
+    for reading in heard:
+
+        def level(x: np.ndarray, reading: Heard = reading) -> np.ndarray:
+            d2 = max((x[0, 0] - reading.x_m) ** 2 + (x[1, 0] - reading.y_m) ** 2, 1.0)
+            return np.array([[x[2, 0] - 5.0 * x[3, 0] * np.log10(d2)]])
+
+        def slope(x: np.ndarray, reading: Heard = reading) -> np.ndarray:
+            dx, dy = x[0, 0] - reading.x_m, x[1, 0] - reading.y_m
+            d2 = max(dx * dx + dy * dy, 1.0)
+            return np.array([[-c * x[3, 0] * dx / d2, -c * x[3, 0] * dy / d2, 1.0, -5.0 * np.log10(d2)]])
+
+        kf.predict()
+        kf.update(np.array([[reading.level_dbm]]), slope, level)
+    return 1e6 * (time.process_time() - begun) / len(heard)
+
+
+def main() -> None:
+    """Print the table."""
+    peer = filterpy_us(walk(1, shadow_db=0.0))
+    print(f"filterpy EKF, one update: {peer:.1f} us")
+    for name, shadow_db in (("white noise 2 dB", 0.0), ("and shadowing 6 dB / 15 m", 6.0)):
+        mean, p99, worst, memory_mb = live_us(walk(2, shadow_db=shadow_db))
+        print(
+            f"live cell, {name}: mean {mean:.0f} us a reading (ratio {mean / peer:.0f}), 99 % {p99:.0f} us, "
+            f"worst {worst / 1000:.0f} ms (a search), {memory_mb:.2f} MB"
+        )
+
+
+if __name__ == "__main__":
+    main()
