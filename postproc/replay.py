@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass
 
+from threadpoolctl import threadpool_limits
+
 from logger.core.live import LiveTracker
 from logger.core.runfile import Run
 from logger.core.types import LiveEstimate
@@ -12,7 +14,7 @@ from logger.core.types import LiveEstimate
 class Replay:
     """Live estimates as recorded and as computed again; equal means equal to the last bit.
 
-    Bits agree on one kind of machine. Between a Pi and a laptop log10 may differ in its last bit, and `largest_m` tells
+    Bits agree on one kind of machine. Between a Pi and a laptop log10 and BLAS may differ in the last bit, and `largest_m` tells
     how far that has carried the position.
     """
 
@@ -30,10 +32,11 @@ class Replay:
 def estimates(run: Run) -> Iterator[LiveEstimate]:
     """Live estimates computed from the run's fixes and scans, in their recorded order."""
     tracker = LiveTracker(run.meta.live)
-    for seq, record in run.records("fixes", "scans"):
-        for value in tracker.feed(seq, record):
-            if isinstance(value, LiveEstimate):
-                yield value
+    with threadpool_limits(1):  # as on the device: threads of BLAS add up in another order
+        for seq, record in run.records("fixes", "scans"):
+            for value in tracker.feed(seq, record):
+                if isinstance(value, LiveEstimate):
+                    yield value
 
 
 def replay(run: Run) -> Replay:

@@ -17,14 +17,14 @@ from logger.core.locator.evidence import C
 from logger.core.locator.online import OnlineLocator, Place
 from logger.core.locator.prior import Prior
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
-from logger.core.watch import Watch, compare, follow
+from logger.core.shadow_noise import candidates, likeliest
+from logger.core.watch import CLOSE, Watch, compare, follow
 
 LOCATOR, EKF = "locator", "ekf"
 
 ONE_PLACE = 0.98
-CLOSE = 0.15
 TIGHT_M = 12.0
-_RECENT = 20
+_RECENT = 200
 
 
 class Heard(NamedTuple):
@@ -81,10 +81,10 @@ class LiveCell:
         before = self._locator.place()
         self._locator.add(heard.x_m, heard.y_m, heard.sigma_m, heard.level_dbm, heard.limit)
         self._recent.append(heard)
-        step = self._stepped(heard)
+        place = self._locator.place()
+        step = self._stepped(heard, place)
         if step is not None:
             return _of_filter(step)
-        place = self._locator.place()
         if place is None:
             return None
         estimate = _of_locator(place, before, heard, self._prior.height_m)
@@ -93,36 +93,20 @@ class LiveCell:
         return estimate
 
     def search(self) -> None:
-        """Let the locator search anew, and compare the filter with what it found."""
+        """Let the locator search anew."""
         self._locator.search()
         self._barred = False
-        place = self._locator.place()
-        if self._running is None or place is None:
-            return
-        p = place.covariance
-        seen = compare(
-            self._running.watch,
-            self._running.state,
-            float(place.state[0]),
-            float(place.state[1]),
-            (float(p[0, 0]), float(p[0, 1]), float(p[1, 1])),
-        )
-        self._running = self._running._replace(watch=seen)
 
-    def _stepped(self, heard: Heard) -> ShadowStep | None:
+    def _stepped(self, heard: Heard, place: Place | None) -> ShadowStep | None:
         """The running filter's next step; None without one, or where it has just been taken back."""
         if self._running is None:
             return None
-        step = shadow_ekf.step(
-            self._running.state,
-            self._running.noise,
-            heard.x_m,
-            heard.y_m,
-            heard.sigma_m,
-            heard.level_dbm,
-            heard.limit,
-        )
+        step = shadow_ekf.step(self._running.state, self._running.noise, *heard)
         seen = follow(self._running.watch, step, self._running.noise)
+        if place is not None:
+            p = place.covariance
+            spread = (float(p[0, 0]), float(p[0, 1]), float(p[1, 1]))
+            seen = compare(seen, step.state, float(place.state[0]), float(place.state[1]), spread)
         self._running = self._running._replace(state=step.state, watch=seen)
         if seen.disagrees is None:
             return step
@@ -132,7 +116,8 @@ class LiveCell:
 
     def _start(self, place: Place) -> None:
         white_share, decorrelation_m = self._locator.noise()
-        noise = shadow_ekf.split_noise(place.sigma_db, decorrelation_m, white_share, self._prior.height_m)
+        found = candidates(place.sigma_db, decorrelation_m, white_share, self._prior.height_m)
+        noise = likeliest(found, place.state, list(self._recent))
         state = shadow_ekf.hold(place.state, noise, self._recent[0].x_m, self._recent[0].y_m)
         for heard in self._recent:
             state = shadow_ekf.step(state, noise, *heard).state

@@ -40,8 +40,8 @@ def verdict(posterior: Posterior, obs: CellObservations, division: Division | No
 def _two(division: Division, obs: CellObservations) -> str:
     (lat1, lon1), (lat2, lon2) = (obs.utm.to_latlon(*place) for place in (division.one_m, division.other_m))
     return (
-        "one position does not explain the data: two transmitters that share this identity do, "
-        f"near {lat1:.5f} {lon1:.5f} and near {lat2:.5f} {lon2:.5f}"
+        f"one position does not explain the data: two transmitters that share this identity would, near {lat1:.5f} "
+        f"{lon1:.5f} and near {lat2:.5f} {lon2:.5f}; or something else shapes the levels (terrain, a sector antenna)"
     )
 
 

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from logger.core.live import live_prior
+from logger.core.live_settings import LiveSettings
+from logger.core.locator.online import MOST_BLOCKS, OnlineLocator
+from logger.core.locator.posterior import locate
+from tests.kit.walks import simulate
+
+PRIOR = live_prior(LiveSettings(height_m=0.0))
+
+
+def followed(obs):
+    online = OnlineLocator(PRIOR)
+    for x, y, level in zip(obs.x_m.tolist(), obs.y_m.tolist(), obs.level_dbm.tolist(), strict=True):
+        online.add(x, y, 0.0, level)
+        if online.stale > 1.0:
+            online.search()
+    return online
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_says_what_the_whole_walk_says(seed):
+    """As long as no block was merged the model is the same; the cells are larger and sigma is approximated."""
+    obs, _ = simulate(np.random.default_rng(seed), "square", count=MOST_BLOCKS - 5, step=8.4)
+    place, whole = followed(obs).place(), locate(obs, PRIOR)
+    mode = min(whole.modes, key=lambda m: np.hypot(m.x_m - place.state[0], m.y_m - place.state[1]))
+    sigma_m = np.sqrt(np.trace(mode.covariance[:2, :2]))
+    assert np.hypot(mode.x_m - place.state[0], mode.y_m - place.state[1]) < 0.5 * sigma_m + 2.0
+    assert np.sqrt(np.trace(place.covariance[:2, :2])) == pytest.approx(sigma_m, rel=0.5)
+    assert place.sigma_db == pytest.approx(whole.sigma_db, rel=0.1)
+
+
+def test_rows_added_one_by_one_are_those_of_a_new_search():
+    obs, _ = simulate(np.random.default_rng(4), "L", count=60, step=14.0)
+    online = followed(obs)
+    before = online.place()
+    online.search()
+    after = online.place()
+    assert np.hypot(*(before.state - after.state)[:2]) < 0.3 * np.sqrt(np.trace(after.covariance[:2, :2])) + 2.0
+
+
+def test_nothing_is_said_of_a_few_readings():
+    online = OnlineLocator(PRIOR)
+    online.add(0.0, 0.0, 3.0, -80.0)
+    assert online.place() is None
+    assert online.stale == 0.0
+
+
+def test_a_long_walk_stays_bounded():
+    obs, _ = simulate(np.random.default_rng(6), "square", count=1500, step=2.8)
+    online = followed(obs)
+    assert online._n <= MOST_BLOCKS
+    assert online._block[4, : online._n].sum() == len(obs)
