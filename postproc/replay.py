@@ -14,8 +14,8 @@ from logger.core.types import LiveEstimate
 class Replay:
     """Live estimates as recorded and as computed again; equal means equal to the last bit.
 
-    Bits agree on one kind of machine. Between a Pi and a laptop log10 and BLAS may differ in the last bit, and `largest_m` tells
-    how far that has carried the position.
+    Bits agree on one kind of machine. Between a Pi and a laptop log10 and BLAS may differ in the last bit, and
+    `largest_m` tells how far that has carried the position.
     """
 
     n_recorded: int
