@@ -1,6 +1,10 @@
+import os
 from pathlib import Path
 
 import pytest
+
+# before numpy comes: the matrices are small, and threads of BLAS would only wait for each other
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
