@@ -82,6 +82,7 @@ class OnlineLocator:
         self._n_searched = 0
         self._evidence: Evidence | None = None
         self._mixed: Mixture | None = None
+        self._place: Place | None = None
 
     @property
     def stale(self) -> float:
@@ -129,12 +130,17 @@ class OnlineLocator:
 
     def place(self) -> Place | None:
         """The mode with most probability, None before the first search."""
-        if self._searched is None or self._evidence is None or self._mixed is None:
+        if self._place is None and self._searched is not None:
+            self._place = self._strongest(self._searched)
+        return self._place
+
+    def _strongest(self, searched: _Searched) -> Place | None:
+        if self._evidence is None or self._mixed is None:
             return None
-        p, label = self._mixed.probability, self._searched.label
+        p, label = self._mixed.probability, searched.label
         masses = np.bincount(label[label >= 0], p[label >= 0])
         indices = np.flatnonzero(label == int(np.argmax(masses)))
-        state, covariance = moments_over(self._searched.square, self._evidence, self._mixed.share, indices, p[indices])
+        state, covariance = moments_over(searched.square, self._evidence, self._mixed.share, indices, p[indices])
         bias_m2 = BIAS_SHARE * float(np.median(self._block[3, : self._n]))
         covariance[[0, 1], [0, 1]] += bias_m2
         sigma_db = float(np.sum(self._mixed.share * self._evidence.sigma_db))
@@ -200,6 +206,7 @@ class OnlineLocator:
 
     def _evaluate(self, searched: _Searched) -> None:
         """Close the rows of finished blocks, add that of the open one, and weigh the places."""
+        self._place = None
         while searched.rows < self._n - 1:
             row, log_var, more = self._row(searched, searched.rows)
             searched.whitener[:, searched.rows, : searched.rows + 1] = row
