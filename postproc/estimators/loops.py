@@ -18,7 +18,8 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.shadow_ekf import ShadowNoise, ShadowState
 
 
-def _compiled(function: Callable[..., Any]) -> Any:
+def compiled(function: Callable[..., Any]) -> Any:
+    """The function in machine code, kept on disk for the next start where a cache may be written."""
     try:
         return njit(cache=True)(function)
     except RuntimeError:  # no place where a cache may be written
@@ -132,18 +133,18 @@ def _smooth(given: FloatArray, rho: FloatArray, q_db2: FloatArray, rows: IntArra
 
 _C = 10.0 / np.log(10.0)
 
-reference = _compiled(_reference)
+reference = compiled(_reference)
 """`ekf.step` for each reading, bit for bit; overwrites state `x` (4,) and `p` (4, 4).
 
 Fills `innovation` (2, n) with innovations and variances, `kept` with x (m, 4) and P (m, 4, 4) after readings `rows`.
 """
 
-shadow = _compiled(_shadow(sha256(Path(shadow_ekf.__file__).read_bytes()).hexdigest()))
+shadow = compiled(_shadow(sha256(Path(shadow_ekf.__file__).read_bytes()).hexdigest()))
 """`shadow_ekf.step` for each reading; returns the last state.
 
 Fills `innovation` (2, n), `kept` with [x, y, P0, eta, s] (m, 5) and factors (m, 15) after readings `rows`, and `given`
 (n, 6): see `rts.smooth`.
 """
 
-smooth = _compiled(_smooth)
+smooth = compiled(_smooth)
 """Fills `kept` (m, 6) with the smoothed rows of `given`; `rho` and `q_db2` (n - 1,) lead from each row to the next."""

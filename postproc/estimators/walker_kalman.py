@@ -5,13 +5,12 @@ Assoc. 84(408), 1989). Symmetric matrices are their upper triangles 00 01 02 11 
 place with h = [1, 0, s] and the velocity with h = [0, 1, 0]; one with infinite variance is left out.
 """
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from logger.core.arrays import FloatArray
+from postproc.estimators.loops import compiled
 
 STUDENT_DOF = 4.0
 _ANYWHERE_M2 = 1e8
@@ -19,13 +18,6 @@ _START_MPS2 = 25.0
 
 _Vector = tuple[float, float, float]
 _Symmetric = tuple[float, float, float, float, float, float]
-
-
-def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    try:
-        return njit(cache=True)(function)
-    except RuntimeError:  # no place where a cache may be written
-        return njit(function)  # type: ignore[no-any-return]
 
 
 class Model(NamedTuple):
@@ -81,12 +73,12 @@ def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatA
     return Series(x, p, r, n), (u[:, :, 0] ** 2 + u[:, :, 1] ** 2) / d**2, expected
 
 
-@_compiled
+@compiled
 def _dot(a: _Vector, b: _Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@_compiled
+@compiled
 def _times(p: _Symmetric, h: _Vector) -> _Vector:
     return (
         p[0] * h[0] + p[1] * h[1] + p[2] * h[2],
@@ -95,12 +87,12 @@ def _times(p: _Symmetric, h: _Vector) -> _Vector:
     )
 
 
-@_compiled
+@compiled
 def _plus(a: _Vector, factor: float, b: _Vector) -> _Vector:
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
-@_compiled
+@compiled
 def _plus_outer(p: _Symmetric, factor: float, a: _Vector, b: _Vector) -> _Symmetric:
     """P + factor (a b' + b a') / 2."""
     return (
@@ -113,7 +105,7 @@ def _plus_outer(p: _Symmetric, factor: float, a: _Vector, b: _Vector) -> _Symmet
     )
 
 
-@_compiled
+@compiled
 def _ahead(p: _Symmetric, dt: float, a: float, q: float) -> _Symmetric:
     """F P F' + Q."""
     return (
@@ -126,7 +118,7 @@ def _ahead(p: _Symmetric, dt: float, a: float, q: float) -> _Symmetric:
     )
 
 
-@_compiled
+@compiled
 def _behind(m: _Symmetric, dt: float, a: float) -> _Symmetric:
     """F' N F."""
     return (
@@ -139,7 +131,7 @@ def _behind(m: _Symmetric, dt: float, a: float) -> _Symmetric:
     )
 
 
-@_compiled
+@compiled
 def _filter(
     step_s: FloatArray,
     q: FloatArray,
@@ -182,7 +174,7 @@ def _filter(
     return total, xs, ps, gains, innovations, spreads
 
 
-@_compiled
+@compiled
 def _adjoint(
     step_s: FloatArray,
     a: FloatArray,
