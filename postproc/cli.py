@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -130,7 +131,8 @@ def _smooth(arguments: argparse.Namespace) -> int:
     wishes = Wishes(prior_for(arguments.environment, height_m=arguments.height), arguments.loss)
     if len(arguments.run) > 1:
         return _smooth_together(arguments, wishes)
-    smoothed = smooth_run(read_run(arguments.run[0]), arguments.cell, wishes=wishes, progress=_progress)
+    run = read_run(arguments.run[0])
+    smoothed = smooth_run(run, arguments.cell, wishes=wishes, progress=_progress, processes=_processes())
     found = results.summary(smoothed)
     _print_results(found, as_json=arguments.json)
     # printed first: a run on a card that cannot be written has an answer too
@@ -144,7 +146,7 @@ def _smooth_together(arguments: argparse.Namespace, wishes: "Wishes") -> int:
     from postproc.together import smooth_together
 
     runs = [read_run(path) for path in arguments.run]
-    together = smooth_together(runs, arguments.cell, wishes=wishes, progress=_progress)
+    together = smooth_together(runs, arguments.cell, wishes=wishes, progress=_progress, processes=_processes())
     found = results.summary_together(together)
     _print_results(found, as_json=arguments.json)
     results.write_together(together, found, results.path_beside(arguments.run[0], together=True))
@@ -188,7 +190,8 @@ def _view(arguments: argparse.Namespace) -> int:
 
     if arguments.save is not None and arguments.save.suffix != ".rrd":
         raise ConfigError(f"{arguments.save}: a rerun recording is named .rrd")
-    smoothed = smooth_run(read_run(arguments.run), arguments.cell and [arguments.cell], progress=_progress)
+    only = arguments.cell and [arguments.cell]
+    smoothed = smooth_run(read_run(arguments.run), only, progress=_progress, processes=_processes())
     if arguments.save is None:
         return open_viewer(smoothed)
     write_scene(smoothed, arguments.save)
@@ -201,7 +204,8 @@ def _plot(arguments: argparse.Namespace) -> int:
     from postproc.pictures.plots import draw_run
     from postproc.smooth import smooth_run
 
-    smoothed = smooth_run(read_run(arguments.run), arguments.cell and [arguments.cell], progress=_progress)
+    only = arguments.cell and [arguments.cell]
+    smoothed = smooth_run(read_run(arguments.run), only, progress=_progress, processes=_processes())
     target = arguments.output or arguments.run.with_suffix(".png")
     draw_run(smoothed, target)
     print(target)
@@ -219,6 +223,10 @@ def _recover(arguments: argparse.Namespace) -> int:
         lost = f"{damage.missing_frames} frames missing, {damage.skipped_bytes} bytes damaged"
         print(f"{arguments.run}: {lost}", file=sys.stderr)
     return 0
+
+
+def _processes() -> int:
+    return os.cpu_count() or 1
 
 
 def _progress(items: Iterable[T], what: str, total: int) -> Iterator[T]:

@@ -1,8 +1,13 @@
 """Every estimator over every cell of a run, side by side."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import signal
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from math import hypot
+from multiprocessing import get_context
+from typing import Protocol, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -12,7 +17,14 @@ from logger.core.locator.division import divide
 from logger.core.locator.posterior import Posterior, locate
 from logger.core.locator.prior import ENVIRONMENTS, Prior
 from logger.core.locator.verdict import Verdict, verdict
-from logger.core.observations import TIMING_S, CellObservations, Observations, observe
+from logger.core.observations import (
+    TIMING_S,
+    CellObservations,
+    Observations,
+    observe,
+    scan_times_ns,
+    smeared_sigma_m,
+)
 from logger.core.runfile import Run
 from logger.core.schema import Rows
 from postproc.estimators import batch, handover, residuals, walker
@@ -27,7 +39,20 @@ FEWEST_READINGS = 5
 
 NO_CELL = "no cell with an identity was heard"
 
-Progress = Callable[[Sequence[CellObservations], str, int], Iterable[CellObservations]]
+_CELLS_EACH = 2
+"""Cells that are worth starting a process for: that takes about as long as one cell."""
+
+_MOST_PROCESSES = 4
+"""A quarter of a gigabyte each, beside the run itself."""
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+class Progress(Protocol):
+    """Passes `total` items on as they come, and shows how many have."""
+
+    def __call__(self, items: Iterable[Item], what: str, total: int) -> Iterable[Item]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,24 +102,46 @@ def smooth_run(
     *,
     wishes: Wishes = Wishes(),
     progress: Progress | None = None,
+    processes: int = 1,
 ) -> Smoothed:
     """Estimate every cell of a run, or those named; raises `ConfigError` for a name that was not heard.
 
-    A run without fixes, or with cells heard too rarely, is no error: the verdict is then "cannot tell".
+    Cells are shared out over at most `processes`; with more than one the calling script needs a main guard. A run
+    without fixes, or with cells heard too rarely, is no error: the verdict is then "cannot tell".
     """
     heard = heard_cells([run], only)
     observations, warnings = walk_of(run)
     usable = tuple(obs for obs in observations.cells if obs.cell in heard) if observations else ()
     if not heard:
         warnings.append(NO_CELL)
-    # the matrices are small: threads of BLAS would only wait for each other
-    with threadpool_limits(1):
-        found = [
-            smooth_cell(obs, wishes) for obs in (progress(usable, "locating", len(usable)) if progress else usable)
-        ]
+    results = each(partial(smooth_cell, wishes=wishes), usable, processes)
+    found = list(progress(results, "locating", len(usable)) if progress else results)
     located = {result.cell for result in found}
     found += [without_place(name, n) for name, n in heard.items() if name not in located]
     return Smoothed(run, observations, tuple(found), tuple(warnings))
+
+
+def each(work: Callable[[Item], Result], items: Sequence[Item], processes: int) -> Iterator[Result]:
+    """Results of `work` for the items in their order, from several processes where that is worth it and possible."""
+    done, count = 0, min(processes, _MOST_PROCESSES, len(items) // _CELLS_EACH)
+    if count > 1:
+        try:
+            # fresh processes: a fork would copy the locks of threads that it does not copy
+            with ProcessPoolExecutor(count, get_context("spawn"), _begin_process) as pool:
+                for result in pool.map(work, items):
+                    done += 1
+                    yield result
+        except (NotImplementedError, OSError, BrokenExecutor):  # this machine gives no process, or has killed one
+            pass
+    # the matrices are small: threads of BLAS would only wait for each other
+    with threadpool_limits(1):
+        for item in items[done:]:
+            yield work(item)
+
+
+def _begin_process() -> None:
+    threadpool_limits(1)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends without a traceback
 
 
 def walk_of(run: Run) -> tuple[Observations | None, list[str]]:
@@ -110,7 +157,8 @@ def walk_of(run: Run) -> tuple[Observations | None, list[str]]:
 def placed(tables: Mapping[str, Rows]) -> tuple[Observations, SmoothedTrack]:
     """Readings of a run at the walker's smoothed places; see `observe` for what is raised.
 
-    A level is an average over seconds: where it belongs is unsure by what the walker covers meanwhile.
+    A level is an average over seconds, and a full scan lasts for more: where it belongs is unsure by what the walker
+    covers meanwhile.
     """
     observations = observe(tables["fixes"], tables["scans"], tables["readings"])
     velocity = walker.velocities(tables["fixes"], observations.track)
@@ -119,8 +167,10 @@ def placed(tables: Mapping[str, Rows]) -> tuple[Observations, SmoothedTrack]:
     def put(obs: CellObservations) -> CellObservations:
         at = walker.place(obs, walked)
         before, after = (walked.at(obs.t_ns + shift) for shift in (-(10**9) // 2, 10**9 // 2))
-        smear_m = TIMING_S * np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
-        return replace(at, position_sigma_m=np.hypot(at.position_sigma_m, smear_m))
+        late_m = TIMING_S * np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
+        begun, ended = (walked.at(t_ns) for t_ns in scan_times_ns(tables["scans"], obs))
+        smear_m = smeared_sigma_m(np.hypot(ended.x_m - begun.x_m, ended.y_m - begun.y_m))
+        return replace(at, position_sigma_m=np.sqrt(at.position_sigma_m**2 + late_m**2 + smear_m**2))
 
     return replace(observations, cells=tuple(put(obs) for obs in observations.cells)), walked
 
@@ -135,7 +185,7 @@ def smooth_cell(obs: CellObservations, wishes: Wishes = Wishes()) -> CellResult:
     starts = [(mode.x_m, mode.y_m) for mode in posterior.modes]
     level = obs if posterior.offsets is None else obs.on_one_scale(posterior.offsets.mean_db)
     fitted = batch.fit(level, starts, loss=wishes.loss, height_m=wishes.prior.height_m)
-    forward, backward = (_pass(obs, posterior, backward=way) for way in (False, True))
+    forward, backward = _passes(obs, posterior)
     there = forward if isinstance(forward, handover.EkfRun) else None
     back = backward if isinstance(backward, handover.EkfRun) else None
     compared = compare(there.filtered, back.filtered) if there and back else None
@@ -172,10 +222,13 @@ def answer(obs: CellObservations, prior: Prior) -> CellResult:
     return CellResult(obs.cell, n, obs, told, tuple(reasons), posterior=posterior)
 
 
-def _pass(obs: CellObservations, posterior: Posterior, *, backward: bool) -> handover.EkfRun | handover.NoRun:
+def _passes(obs: CellObservations, posterior: Posterior) -> Iterator[handover.EkfRun | handover.NoRun]:
+    """Forward and backward."""
     if obs.n_modems > 1:
-        return handover.NoRun("several modems, and the offset between them is no unknown of the filter")
-    return handover.run(obs, posterior, backward=backward)
+        why = "several modems, and the offset between them is no unknown of the filter"
+        return iter((handover.NoRun(why), handover.NoRun(why)))
+    noise = handover.noise_of(obs, posterior)
+    return (handover.run(obs, posterior, noise, backward=way) for way in (False, True))
 
 
 def heard_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str, int]:

@@ -7,11 +7,11 @@ another is unknown (`logger.core.locator.offsets`), unless two runs name the sam
 import tomllib
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from pyproj import Geod
-from threadpoolctl import threadpool_limits
 
 from logger.core.arrays import IntArray
 from logger.core.errors import ConfigError, GeoError
@@ -25,6 +25,7 @@ from postproc.smooth import (
     Progress,
     Wishes,
     answer,
+    each,
     heard_cells,
     smooth_cell,
     walk_of,
@@ -83,8 +84,9 @@ def smooth_together(
     *,
     wishes: Wishes = Wishes(),  # noqa: B008 (frozen)
     progress: Progress | None = None,
+    processes: int = 1,
 ) -> Together:
-    """Estimate every cell from all runs that heard it, or those named.
+    """Estimate every cell from all runs that heard it, or those named; `processes` as in `smooth_run`.
 
     Raises `ConfigError` for a run given twice and a cell that was not heard, `GeoError` for runs too far apart.
     """
@@ -94,11 +96,9 @@ def smooth_together(
     observations = _in_one_zone(runs, {i: found for i, (found, _) in enumerate(walks) if found})
     parts = _by_cell(observations, heard)
     modems = modems_of(runs)
-    merged = sorted((merge(part, modems) for part in parts.values()), key=len, reverse=True)
-    # the matrices are small: threads of BLAS would only wait for each other
-    with threadpool_limits(1):
-        each = progress(merged, "locating", len(merged)) if progress else merged
-        cells = [_cell(obs, parts[obs.cell], modems, wishes) for obs in each]
+    merged = sorted(((merge(part, modems), part) for part in parts.values()), key=lambda one: len(one[0]), reverse=True)
+    results = each(partial(_cell, modems=modems, wishes=wishes), merged, processes)
+    cells = list(progress(results, "locating", len(merged)) if progress else results)
     nothing = np.zeros(0, np.int64)
     cells += [TogetherCell(without_place(c, n), nothing, (), {}) for c, n in heard.items() if c not in parts]
     warnings = _warnings(heard, parts)
@@ -122,7 +122,8 @@ def merge(parts: Parts, modems: Sequence[int]) -> CellObservations:
     return replace(found[0], rat=rat, modem=modem, **joined)
 
 
-def _cell(obs: CellObservations, parts: Parts, modems: Sequence[int], wishes: Wishes) -> TogetherCell:
+def _cell(heard: tuple[CellObservations, Parts], modems: Sequence[int], wishes: Wishes) -> TogetherCell:
+    obs, parts = heard
     result = smooth_cell(obs, wishes)
     if result.posterior is not None and result.posterior.offsets is not None:
         told = "levels of several modems: the offset between them is estimated, least squares takes it as known"

@@ -30,6 +30,7 @@ from postproc.estimators.filtered import Filtered, kept_rows, shadow_pass
 ONE_PLACE = 0.95
 _FEWEST = 8
 _BISECTIONS = 4
+_FINE = 1.0 / 32.0
 _PREFIXES = 200
 _PRIOR_M = 1000.0
 _MOST_FOR_NOISE = 20_000
@@ -58,13 +59,16 @@ class NoRun:
     reason: str
 
 
-def run(obs: CellObservations, whole: Posterior, *, backward: bool = False) -> EkfRun | NoRun:
+def run(
+    obs: CellObservations, whole: Posterior, noise: ShadowNoise | None = None, *, backward: bool = False
+) -> EkfRun | NoRun:
     """Hand over, filter the remaining readings, smooth; `backward` takes the readings from the last to the first.
 
-    `whole` is the posterior of all readings: where even that locates nothing, no part of them is asked.
+    `whole` is the posterior of all readings: where even that locates nothing, no part of them is asked. `noise` is
+    found by `noise_of` unless given.
     """
     readings = obs.part(slice(None, None, -1)) if backward else obs
-    noise = noise_of(obs, whole)
+    noise = noise or noise_of(obs, whole)
     fresh = _fresh(readings, noise)
     found = _handover(readings, fresh, whole, noise)
     if isinstance(found, NoRun):
@@ -99,7 +103,8 @@ def _handover(
 ) -> tuple[int, Posterior] | NoRun:
     """About the shortest prefix after which there is one close place, and its posterior.
 
-    It is sought between the shortest that could be, were the transmitter where the whole walk says, and the whole.
+    It is sought between the shortest that could be, were the transmitter where the whole walk says, and the longest
+    that leaves something to filter: where that one does not locate, no shorter one is asked.
     """
     if verdict(whole, obs)[0] != "located":
         return NoRun("the whole walk does not locate the transmitter")
@@ -107,18 +112,23 @@ def _handover(
     counts = _promising(fresh, end, whole, noise)
     if not len(counts):
         return NoRun(f"no part of the walk locates the transmitter to {CLOSE:.0%} of its distance from the rest")
-    low, high = int(counts[0]), end
+    low = int(counts[0])
+    high = end - max((end - low) // 2**_BISECTIONS, 1)
+    if not _located(obs, high, whole, EFFORT, noise.height_m):
+        return NoRun("only the whole walk locates the transmitter: no reading is left to filter")
     for _ in range(_BISECTIONS):
+        if high - low <= _FINE * end:
+            break
         count = (low + high) // 2
         if _located(obs, count, whole, EFFORT, noise.height_m):
             high = count
         else:
             low = count
     # a rough search may hold one of two places for nothing
-    for count in sorted({high, (high + end) // 2} - {end}):
+    for count in sorted({high, (high + end) // 2}):
         if found := _located(obs, count, whole, Effort(), noise.height_m):
             return count, found
-    return NoRun("only the whole walk locates the transmitter: no reading is left to filter")
+    return NoRun("a closer look at the parts that seemed to locate the transmitter does not bear them out")
 
 
 def _located(obs: CellObservations, count: int, whole: Posterior, effort: Effort, height_m: float) -> Posterior | None:

@@ -205,7 +205,7 @@ def _records(rows: list[Row], imported: Imported, start_ns: int) -> Iterator[Rec
             yield Record(t_ns, "import", fix)
         reading = CellReading("scan", rat=row.rat, rssi_dbm=row.rssi_dbm, label=row.cell)
         seq += 1
-        yield Record(t_ns, "import", Scan(t_ns, (reading,), fix_seq))
+        yield Record(t_ns, "import", Scan(t_ns, (reading,), fix_seq, fix_seq))
 
 
 def _notes(imported: Imported) -> Iterator[Note]:

@@ -10,6 +10,7 @@ A = [[o'o, o'l], [o'l, l'l]] / s2 + Lambda0, b = (o'z, l'z) / s2 + Lambda0 m0:
 log sigma is integrated by Gauss-Hermite nodes around its mode (Naylor & Smith, Appl. Statist. 31(3), 1982).
 """
 
+from collections.abc import Iterable
 from functools import cache
 from math import log, pi, sqrt
 from typing import NamedTuple
@@ -28,6 +29,8 @@ _READINGS_BELIEVED = 16
 _ROUNDING_DB2 = 1.0 / 12.0
 _NEWTON_STEPS = 2
 _LEAST_SIGMA_DB = 0.05
+_SMALL = 16
+_STRIP = 64
 NODES = 7
 
 
@@ -84,14 +87,26 @@ def offset_covariance(modem: IntArray, prior: Prior) -> FloatArray | None:
     return np.asarray((prior.offset_sigma_db / prior.sigma_db) ** 2 * (other[:, None] & other) * (1.0 + same), float)
 
 
-def whiteners(blocks: Blocks, prior: Prior) -> list[Whitener]:
-    """One for each hypothesis."""
-    found, of_modems = [], offset_covariance(blocks.modem, prior)
-    for number, hypothesis in enumerate(prior.hypotheses):
-        k = covariance(blocks, hypothesis, prior.sigma_db)
-        root = np.linalg.cholesky(k if of_modems is None else k + of_modems)
-        log_det = 2.0 * float(np.sum(np.log(np.diag(root))))
-        found.append(Whitener(number, np.asarray(np.tril(np.linalg.inv(root)), float), log_det))
+def whiteners(blocks: Blocks, prior: Prior, numbers: Iterable[int] | None = None) -> list[Whitener]:
+    """One for each hypothesis, or for those of some `numbers`."""
+    chosen = range(len(prior.hypotheses)) if numbers is None else list(numbers)
+    distance = np.hypot(blocks.x_m[:, None] - blocks.x_m, blocks.y_m[:, None] - blocks.y_m)
+    k = np.stack([covariance_of(distance, blocks.readings, prior.hypotheses[i], prior.sigma_db) for i in chosen])
+    of_modems = offset_covariance(blocks.modem, prior)
+    root = np.asarray(np.linalg.cholesky(k if of_modems is None else k + of_modems), float)
+    log_det = 2.0 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
+    return [Whitener(*each) for each in zip(chosen, inverse_of_lower(root), log_det.tolist(), strict=True)]
+
+
+def inverse_of_lower(root: FloatArray) -> FloatArray:
+    """Inverse of lower triangular matrices (..., n, n): by halves, which a general inverse takes four times as long."""
+    n = root.shape[-1]
+    if n <= _SMALL:
+        return np.asarray(np.tril(np.linalg.inv(root)), float)
+    half, found = n // 2, np.zeros_like(root)
+    first, last = inverse_of_lower(root[..., :half, :half]), inverse_of_lower(root[..., half:, half:])
+    found[..., :half, :half], found[..., half:, half:] = first, last
+    found[..., half:, :half] = -(last @ root[..., half:, :half]) @ first
     return found
 
 
@@ -126,7 +141,7 @@ def sums(whitener: FloatArray, level_dbm: FloatArray, distance_db: FloatArray, e
     weighs the row down by 1 / (1 + w^2 extra), as if it were independent.
     """
     rows, h = whitener.shape[0], distance_db.shape[1]
-    o, z, slope = whitener @ np.ones(whitener.shape[1]), whitener @ level_dbm, -(whitener @ distance_db)
+    o, z, slope = whitener @ np.ones(whitener.shape[1]), whitener @ level_dbm, _slope(whitener, distance_db)
     if extra is None:
         fixed = [np.full(h, value) for value in (o @ o, o @ z, z @ z)]
         return np.stack([fixed[0], o @ slope, _squares(slope, slope), fixed[1], z @ slope, fixed[2], np.zeros(h)])
@@ -140,6 +155,15 @@ def sums(whitener: FloatArray, level_dbm: FloatArray, distance_db: FloatArray, e
     )
 
 
+def _slope(whitener: FloatArray, distance_db: FloatArray) -> FloatArray:
+    """-W L in strips of rows: what is right of W's diagonal is zero."""
+    (rows, n), found = whitener.shape, np.empty((len(whitener), distance_db.shape[1]))
+    for i in range(0, rows, _STRIP):
+        end = n - rows + i + _STRIP
+        np.matmul(whitener[i : i + _STRIP, :end], distance_db[:end], out=found[i : i + _STRIP])
+    return np.asarray(np.negative(found, out=found), float)
+
+
 def _squares(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nh,nh->h", a, b), float)
 
@@ -151,41 +175,64 @@ def walk_sums(blocks: Blocks, found: list[Whitener], prior: Prior, x_m: FloatArr
     return np.stack([sums(w.matrix, blocks.level_dbm, distance_db, extra) for w in found], axis=1)
 
 
+class _Fit(NamedTuple):
+    """P0 and eta given sigma: means and covariance; 1 / determinant of A, and b; shape (c, h) each."""
+
+    p0: FloatArray
+    eta: FloatArray
+    v00: FloatArray
+    v01: FloatArray
+    v11: FloatArray
+    inverse: FloatArray
+    b0: FloatArray
+    b1: FloatArray
+
+
 def marginal(total: FloatArray, n: int, log_det: FloatArray, prior: Prior, nodes: int = NODES) -> Evidence:
     """Integrate P0, eta and sigma: from sums (7, c, h) over n rows and log |K| (c, 1)."""
     start = np.full(total.shape[1:], log(prior.sigma_db))
-    residual = np.maximum(_given_sigma(total, n, prior, start)[2], n * _LEAST_SIGMA_DB**2)
+    residual = np.maximum(_residual(total, _fit(total, prior, start)), n * _LEAST_SIGMA_DB**2)
     weight = 1.0 / prior.sigma_log_sd**2
     tau = (n * np.log(residual / max(n - 2, 1)) + weight * start) / (2.0 * n + weight)
     curvature = np.ones_like(tau)
     for _ in range(min(_NEWTON_STEPS, nodes)):
-        _, moments, residual = _given_sigma(total, n, prior, tau)
-        scaled = np.exp(-2.0 * tau) * residual
-        slope = scaled - n + 2.0 - moments[5] - weight * (tau - start)
+        fit = _fit(total, prior, tau)
+        scaled = np.exp(-2.0 * tau) * _residual(total, fit)
+        of_prior = prior.p0_sigma_db**-2 * fit.v00 + prior.eta_sigma**-2 * fit.v11
+        slope = scaled - n + 2.0 - of_prior - weight * (tau - start)
         curvature = 2.0 * scaled + weight
         tau = tau + np.clip(slope / curvature, -0.5, 0.5)
     constant = 0.5 * (2.0 * total[6] - log_det - n * log(2.0 * pi))
     return _over_sigma(total, n, prior, tau, 1.0 / np.sqrt(curvature), constant, nodes)
 
 
-def _given_sigma(
-    total: FloatArray, n: int, prior: Prior, tau: FloatArray
-) -> tuple[FloatArray, tuple[FloatArray, ...], FloatArray]:
-    """Log p of level and sigma = exp(tau), moments (P0, eta, var, cov, var, tr A^-1 Lambda0), and residual z - fit."""
-    oo, ol, ll, oz, lz, zz, _ = total
+def _fit(total: FloatArray, prior: Prior, tau: FloatArray) -> _Fit:
+    """P0 and eta given sigma = exp(tau)."""
+    oo, ol, ll, oz, lz, _, _ = total
     w = np.exp(-2.0 * tau)
     lam0, lam1 = prior.p0_sigma_db**-2, prior.eta_sigma**-2
     a00, a01, a11 = oo * w + lam0, ol * w, ll * w + lam1
     b0, b1 = oz * w + lam0 * prior.p0_dbm, lz * w + lam1 * prior.eta
     inverse = 1.0 / (a00 * a11 - a01 * a01)
     p0, eta = (a11 * b0 - a01 * b1) * inverse, (a00 * b1 - a01 * b0) * inverse
-    misfit = zz * w + lam0 * prior.p0_dbm**2 + lam1 * prior.eta**2 - b0 * p0 - b1 * eta
+    return _Fit(p0, eta, a11 * inverse, -a01 * inverse, a00 * inverse, inverse, b0, b1)
+
+
+def _residual(total: FloatArray, fit: _Fit) -> FloatArray:
+    """Sum of squares of what a fit leaves."""
+    oo, ol, ll, oz, lz, zz, _ = total
+    p0, eta = fit.p0, fit.eta
+    return np.asarray(zz - 2.0 * (p0 * oz + eta * lz) + p0 * p0 * oo + 2.0 * p0 * eta * ol + eta * eta * ll, float)
+
+
+def _log_p(total: FloatArray, n: int, prior: Prior, tau: FloatArray, fit: _Fit) -> FloatArray:
+    """Log probability density of levels and tau, P0 and eta integrated out."""
+    lam0, lam1 = prior.p0_sigma_db**-2, prior.eta_sigma**-2
+    misfit = total[5] * np.exp(-2.0 * tau) + lam0 * prior.p0_dbm**2 + lam1 * prior.eta**2
+    misfit -= fit.b0 * fit.p0 + fit.b1 * fit.eta
     off = (tau - log(prior.sigma_db)) / prior.sigma_log_sd
-    log_p = 0.5 * (np.log(lam0 * lam1 * inverse) - misfit - off * off) - n * tau
-    log_p -= log(prior.sigma_log_sd * sqrt(2.0 * pi))
-    v00, v01, v11 = a11 * inverse, -a01 * inverse, a00 * inverse
-    residual = zz - 2.0 * (p0 * oz + eta * lz) + p0 * p0 * oo + 2.0 * p0 * eta * ol + eta * eta * ll
-    return log_p, (p0, eta, v00, v01, v11, lam0 * v00 + lam1 * v11), residual
+    log_p = 0.5 * (np.log(lam0 * lam1 * fit.inverse) - misfit - off * off) - n * tau
+    return np.asarray(log_p - log(prior.sigma_log_sd * sqrt(2.0 * pi)), float)
 
 
 @cache
@@ -198,17 +245,18 @@ def _over_sigma(
     total: FloatArray, n: int, prior: Prior, tau: FloatArray, sd: FloatArray, constant: FloatArray, nodes: int
 ) -> Evidence:
     at, weights = _gauss_hermite(nodes)
-    parts = [_given_sigma(total, n, prior, tau + sd * u) for u in at]
+    taus = [tau + sd * u for u in at]
+    fits = [_fit(total, prior, one) for one in taus]
+    of_tau = [_log_p(total, n, prior, one, fit) for one, fit in zip(taus, fits, strict=True)]
     if nodes == 1:  # Laplace's method
-        of_tau, (p0, eta, v00, v01, v11, _), _ = parts[0]
-        log_p = of_tau + np.log(sd * weights[0]) + constant
-        return Evidence(log_p, np.stack([p0, eta]), np.stack([v00, v01, v11]), np.exp(tau))
-    each = np.stack([part[0] for part in parts]) + (0.5 * at**2 + np.log(weights))[:, None, None]
+        log_p = of_tau[0] + np.log(sd * weights[0]) + constant
+        return Evidence(log_p, np.stack(fits[0][:2]), np.stack(fits[0][2:5]), np.exp(tau))
+    each = np.stack(of_tau) + (0.5 * at**2 + np.log(weights))[:, None, None]
     top = np.max(each, axis=0)
     share = np.exp(each - top)
     summed = np.sum(share, axis=0)
     share /= summed
-    p0, eta, v00, v01, v11 = (np.stack([part[1][i] for part in parts]) for i in range(5))
+    p0, eta, v00, v01, v11 = (np.stack([fit[i] for fit in fits]) for i in range(5))
     mean0, mean1 = np.sum(share * p0, axis=0), np.sum(share * eta, axis=0)
     d0, d1 = p0 - mean0, eta - mean1
     cov = [np.sum(share * v, axis=0) for v in (v00 + d0 * d0, v01 + d0 * d1, v11 + d1 * d1)]

@@ -190,7 +190,7 @@ class OnlineLocator:
         """Sums over all blocks but the last, which is still open."""
         rows, c, h = self._n - 1, len(numbers), square.shape[1]
         closed = single(self._block[:, :rows], self._size_m, walk.censored)
-        found = [w for w in whiteners(closed, self._prior) if w.number in numbers]
+        found = whiteners(closed, self._prior, numbers.tolist())
         whitener = np.zeros((c, MOST_BLOCKS, MOST_BLOCKS))
         whitener[:, :rows, :rows] = [w.matrix for w in found]
         distance_db = np.zeros((MOST_BLOCKS, h))

@@ -17,7 +17,6 @@ from logger.core.locator.region import LEVEL, Cells, area_m2, places
 from logger.core.locator.tree import Effort, Tree, grow, nearest_m
 from logger.core.observations import CellObservations
 
-MOST_BLOCKS = 300
 COARSE_BLOCKS = 80
 LEAST_PEAK = 0.05
 """A place with this share of the highest density is named, however little mass it has."""
@@ -30,6 +29,7 @@ _LEAST_BIAS_M = 0.5
 _END = 0.7
 _LEAST_MOVED = 1e-6
 _MEDIAN_TURNS = 30
+_ROWS = 64
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,8 @@ def locate(obs: CellObservations, prior: Prior = Prior(), effort: Effort = Effor
     middle_dbm = float(np.mean(obs.level_dbm))
     obs = replace(obs, level_dbm=obs.level_dbm - middle_dbm, known_limit=limit)
     shifted = replace(prior, p0_dbm=prior.p0_dbm - middle_dbm)
-    gathered, coarse = blocks(obs, MOST_BLOCKS), blocks(obs, COARSE_BLOCKS)
+    gathered = blocks(obs, effort.most_blocks)
+    coarse = blocks(obs, COARSE_BLOCKS) if len(gathered) > COARSE_BLOCKS else gathered
     if obs.n_modems > 1:
         shifted, gone = first_look(obs, coarse, shifted)
         gathered, coarse = replace(gathered, censored=gone), replace(coarse, censored=gone)
@@ -130,9 +131,9 @@ def moments_over(
 
     `share` (c, h) is the joint probability of hypothesis and place, `mass` the probability of the places `indices`.
     """
-    total = np.sum(share[:, indices], axis=0)
-    given = share[:, indices] / np.where(total > 0.0, total, 1.0)
-    of_theta, spread = evidence.theta[:, :, indices], evidence.theta_cov[:, :, indices]
+    of_place, of_theta, spread = (np.take(v, indices, axis=-1) for v in (share, evidence.theta, evidence.theta_cov))
+    total = np.sum(of_place, axis=0)
+    given = of_place / np.where(total > 0.0, total, 1.0)
     theta = np.sum(given * of_theta, axis=1)
     d0, d1 = of_theta - theta[:, None]
     v00, v01, v11 = np.sum(given * (spread + np.stack([d0 * d0, d0 * d1, d1 * d1])), axis=1)
@@ -201,12 +202,14 @@ def _moved(tree: Tree, p: FloatArray, bias_m: float) -> FloatArray:
         return p
     small = tree.size_m < 4.0 * bias_m
     to, of = np.flatnonzero(small), np.flatnonzero(small & (p > _LEAST_MOVED))
-    d2 = (tree.x_m[to, None] - tree.x_m[of]) ** 2 + (tree.y_m[to, None] - tree.y_m[of]) ** 2
-    variance = bias_m**2 + tree.size_m[of] ** 2 / 12.0
-    reaches = tree.size_m[to, None] ** 2 * np.exp(-0.5 * d2 / variance)  # from each column to each row
     moved = p.copy()
     moved[of] = 0.0
-    moved[to] += reaches @ (p[of] / np.sum(reaches, axis=0))
+    for i in range(0, len(of), _ROWS):  # few at a time: these matrices stay in the cache
+        some = of[i : i + _ROWS, None]
+        d2 = (tree.x_m[some] - tree.x_m[to]) ** 2 + (tree.y_m[some] - tree.y_m[to]) ** 2
+        variance = bias_m**2 + tree.size_m[some] ** 2 / 12.0
+        reaches = tree.size_m[to] ** 2 * np.exp(-0.5 * d2 / variance)  # from each row to each column
+        moved[to] += (p[some[:, 0]] / np.sum(reaches, axis=1)) @ reaches
     return moved
 
 

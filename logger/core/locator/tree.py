@@ -1,6 +1,7 @@
 """Square cells that tile the searched area, split where the mass is."""
 
 from dataclasses import replace
+from math import log
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ _MAX_TURNS = 24
 _FLATTENED = (0.03, 0.1, 0.3)
 _FLAT_CELL_M = 8.0
 _CHUNK = 512
+_ROWS = 64
 _SCOUTS = 15
 _MOST_SCOUTS = 1500
 _PLAUSIBLE = 1e-4
@@ -29,13 +31,15 @@ class Effort(NamedTuple):
     """How finely to search.
 
     Cells with more than `split_share` of the mass are split, until there are `most_cells` more than at first; sigma is
-    integrated over `nodes`; the first cells are no larger than `first_share` of their distance from the walk.
+    integrated over `nodes`; the first cells are no larger than `first_share` of their distance from the walk, which
+    `posterior.locate` gathers into `most_blocks`.
     """
 
     most_cells: int = 6000
     split_share: float = _SPLIT_SHARE
     nodes: int = NODES
     first_share: float = 0.5
+    most_blocks: int = 300
 
 
 class Tree(NamedTuple):
@@ -98,16 +102,18 @@ def grow(blocks: Blocks, prior: Prior, effort: Effort = Effort(), coarse: Blocks
     """
     rough = blocks if coarse is None else coarse
     prior, log_weight = _despite_censoring(blocks, prior, effort)
-    walk = Walk(rough, prior, effort, whiteners(rough, prior), log_weight)
+    worth = None if log_weight is None else np.flatnonzero(log_weight > np.max(log_weight) + log(_PLAUSIBLE)).tolist()
+    walk = Walk(rough, prior, effort, whiteners(rough, prior, worth), log_weight)
     if rough is not blocks:
         walk = walk._replace(effort=effort._replace(most_cells=_MOST_SCOUTS, split_share=5.0 * effort.split_share))
     begun = _grown(walk, walk.at(first_cells(rough, prior, effort.first_share)))
     if len(rough) == len(blocks):
         return begun
     square = np.stack([begun.x_m, begun.y_m, begun.size_m])
-    walk = walk._replace(blocks=blocks, effort=effort, found=whiteners(blocks, prior))
-    best = np.unique(np.argsort(-begun.evidence.log_p - begun.log_prior, axis=1)[:, :_SCOUTS])
-    walk = walk._replace(found=_plausible(walk.at(square[:, best]), prior, walk.found))
+    walk = walk._replace(blocks=blocks, effort=effort, found=whiteners(blocks, prior, worth))
+    if log_weight is None:
+        best = np.unique(np.argsort(-begun.evidence.log_p - begun.log_prior, axis=1)[:, :_SCOUTS])
+        walk = walk._replace(found=_plausible(walk.at(square[:, best]), prior, walk.found))
     return _grown(walk, walk.at(square))
 
 
@@ -188,9 +194,11 @@ def _to_split(tree: Tree, p: FloatArray, effort: Effort) -> BoolArray:
     size = np.where(heavy, 0.5 * tree.size_m, tree.size_m)[core]
     large = np.flatnonzero(tree.size_m > 2.5 * np.min(size, initial=np.inf))
     x_m, y_m, side_m = tree.x_m[large], tree.y_m[large], tree.size_m[large]
-    reach = 0.5 * (tree.size_m[core][:, None] + side_m) * (1.0 + 1e-9)
-    near = (np.abs(tree.x_m[core][:, None] - x_m) <= reach) & (np.abs(tree.y_m[core][:, None] - y_m) <= reach)
-    heavy[large] |= np.any(near & (side_m > 2.5 * size[:, None]), axis=0)
+    for i in range(0, len(core), _ROWS):  # few at a time: these matrices stay in the cache
+        some = core[i : i + _ROWS, None]
+        reach = 0.5 * (tree.size_m[some] + side_m) * (1.0 + 1e-9)
+        near = (np.abs(tree.x_m[some] - x_m) <= reach) & (np.abs(tree.y_m[some] - y_m) <= reach)
+        heavy[large] |= np.any(near & (side_m > 2.5 * size[i : i + _ROWS, None]), axis=0)
     return heavy
 
 

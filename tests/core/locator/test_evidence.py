@@ -230,3 +230,20 @@ def test_rows_of_the_end_alone():
         before = evidence.sums(w[:9, :9], track.level_dbm[:9], distance_db[:9], None if extra is None else extra[:9])
         after = evidence.sums(w[9:], track.level_dbm, distance_db, extra)
         np.testing.assert_allclose(before + after, whole, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 2, 16, 17, 75])
+def test_inverse_of_lower_triangular_matrices(n):
+    root = np.tril(np.random.default_rng(n).normal(size=(3, n, n)), -1) / n + 2.0 * np.eye(n)
+    found = evidence.inverse_of_lower(root)
+    np.testing.assert_allclose(found @ root, np.broadcast_to(np.eye(n), root.shape), atol=1e-12)
+    np.testing.assert_array_equal(found, np.tril(found))
+
+
+def test_whiteners_of_some_hypotheses_are_those_of_all():
+    level = np.linspace(-60.0, -90.0, 40)
+    track = blocks(observations(np.linspace(0.0, 300.0, 40), np.zeros(40), level), 40)
+    every = evidence.whiteners(track, PRIOR)
+    for one in evidence.whiteners(track, PRIOR, [1]):
+        np.testing.assert_allclose(one.matrix, every[one.number].matrix, rtol=1e-12, atol=1e-12)
+        assert one.log_det == pytest.approx(every[one.number].log_det)
