@@ -5,6 +5,7 @@ beside them (`live_reference`). After each scan the one cell that needs it most 
 amount of work, however many cells are heard.
 """
 
+from collections import deque
 from dataclasses import replace
 from math import hypot
 from typing import NamedTuple
@@ -15,12 +16,15 @@ from logger.core.live_cell import CellEstimate, Heard, LiveCell
 from logger.core.live_reference import STAGE, LiveReference
 from logger.core.live_settings import LiveSettings
 from logger.core.locator.prior import Prior, prior_for
-from logger.core.observations import TIMING_S, fix_sigma_m
+from logger.core.observations import TIMING_S, fix_sigma_m, smeared_sigma_m
 from logger.core.scale import limit_of
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
 LIVE_DECORRELATION_M = (12.0, 40.0, 200.0)
 LIVE_WHITE_SHARES = (0.05, 0.4)
+
+_FIXES_KEPT = 4000
+"""A scan of all networks takes up to three minutes, and a fast receiver gives ten fixes a second."""
 
 
 class Receiver(NamedTuple):
@@ -41,7 +45,7 @@ class LiveTracker:
         self._settings = settings
         self._prior = live_prior(settings)
         self._utm: Utm | None = None
-        self._fix: Receiver | None = None
+        self._fixes: deque[tuple[int, Receiver | None]] = deque(maxlen=_FIXES_KEPT)
         self._unmapped = False
         self._reference = LiveReference(settings)
         self._cells: dict[str, LiveCell] = {}  # the one not heard for longest first
@@ -51,11 +55,10 @@ class LiveTracker:
         """The cell of the default view: the strongest, or the configured one."""
         return self._reference.target
 
-    def current_fix(self, t_ns: int) -> Receiver | None:
-        """The fix that holds at a time, None without a fresh one."""
-        if self._fix is None or t_ns - self._fix.t_ns > self._settings.max_fix_age_s * 1e9:
-            return None
-        return self._fix
+    def fix_at(self, t_ns: int) -> Receiver | None:
+        """The fix that held at a time not long ago, None without a fresh one."""
+        fix_ns, fix = next((entry for entry in reversed(self._fixes) if entry[0] <= t_ns), (0, None))
+        return fix if t_ns - fix_ns <= self._settings.max_fix_age_s * 1e9 else None
 
     def feed(self, seq: int, record: Record) -> list[Note | LiveEstimate]:
         """Take the next record; returns what is to be recorded because of it."""
@@ -67,7 +70,8 @@ class LiveTracker:
         return []
 
     def _take_fix(self, seq: int, t_ns: int, fix: Fix) -> list[Note | LiveEstimate]:
-        before, self._fix = self._fix, None
+        before = self._fixes[-1][1] if self._fixes else None
+        self._fixes.append((t_ns, None))
         if not fix.valid or fix.lat_deg is None or fix.lon_deg is None:
             return []
         try:
@@ -78,13 +82,23 @@ class LiveTracker:
                 self._unmapped = True
                 return [Note("warning", "unmapped", f"no live estimate: {error}")]
             return []
-        self._fix = Receiver(
-            seq, t_ns, x_m, y_m, fix_sigma_m(fix.acc_m, fix.hdop), _speed_mps(fix, before, t_ns, x_m, y_m)
-        )
+        sigma_m, speed_mps = fix_sigma_m(fix.acc_m, fix.hdop), _speed_mps(fix, before, t_ns, x_m, y_m)
+        self._fixes[-1] = (t_ns, Receiver(seq, t_ns, x_m, y_m, sigma_m, speed_mps))
         return []
 
+    def _heard_from(self, scan: Scan, t_ns: int) -> Receiver | None:
+        """Where a scan was heard: at its middle, smeared over the way walked meanwhile."""
+        held = self.fix_at(t_ns)
+        if held is None or t_ns - scan.t_start_ns <= TIMING_S * 1e9:
+            return held
+        begun, middle = self.fix_at(scan.t_start_ns), self.fix_at((scan.t_start_ns + t_ns) // 2)
+        if begun is None or middle is None:
+            return None
+        smear_m = smeared_sigma_m(hypot(held.x_m - begun.x_m, held.y_m - begun.y_m))
+        return middle._replace(sigma_m=hypot(middle.sigma_m, smear_m))
+
     def _take_scan(self, seq: int, t_ns: int, scan: Scan) -> list[Note | LiveEstimate]:
-        at = self.current_fix(t_ns)
+        at = self._heard_from(scan, t_ns)
         if at is None or self._utm is None:
             return []
         found: list[Note | LiveEstimate] = []

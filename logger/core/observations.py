@@ -9,7 +9,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
 from logger.core.scale import limits
-from logger.core.schema import UNKNOWN_ID, Rows
+from logger.core.schema import UNKNOWN_ID, UNKNOWN_TIME, Rows
 
 MAX_GAP_S = 10.0
 """A walker's place between two fixes further apart than this is not known well enough to be interpolated."""
@@ -20,7 +20,7 @@ _FARTHEST_M = 1e8
 
 UERE_M = 4.0
 """User equivalent range error of a single-frequency receiver, per axis: sigma = HDOP x this."""
-SIGMA_OF_RADIUS68 = 1.0 / 1.515
+SIGMA_OF_RADIUS68 = 1.0 / 1.5096
 """Sigma per axis of a round Gaussian from the radius that holds 68 % of it."""
 UNKNOWN_SIGMA_M = 7.0
 """Sigma per axis of a fix that tells nothing of its accuracy: a receiver among houses."""
@@ -149,6 +149,7 @@ def observe(fixes: Rows, scans: Rows, readings: Rows) -> Observations:
     track = track_of(fixes)
     middle_ns = times_ns(scans, readings)
     x_m, y_m, sigma_m, known = _places(track, middle_ns, readings["fix_seq"])
+    sigma_m = np.hypot(sigma_m, _smear_m(track, readings["t_start_ns"], readings["t_ns"]))
     level_dbm = levels_dbm(readings)
     named, heard = readings["cell"] != b"", np.isfinite(level_dbm)
     usable = known & named & heard
@@ -166,8 +167,10 @@ def observe(fixes: Rows, scans: Rows, readings: Rows) -> Observations:
 
 def levels_dbm(readings: Rows) -> FloatArray:
     """Levels as `CellReading.level_dbm` defines them, for a whole table."""
-    nominal = np.where(readings["rxlev_raw"] == UNKNOWN_ID, np.nan, readings["rxlev_raw"] - 110.0)
-    return np.where(np.isfinite(readings["rssi_dbm"]), readings["rssi_dbm"], nominal)
+    level_dbm = np.where(readings["rxlev_raw"] == UNKNOWN_ID, np.nan, readings["rxlev_raw"] - 110.0)
+    for name in ("rssi_dbm", "rscp_dbm", "rsrp_dbm"):
+        level_dbm = np.where(np.isfinite(readings[name]), readings[name], level_dbm)
+    return np.asarray(level_dbm, float)
 
 
 def times_ns(scans: Rows, readings: Rows) -> IntArray:
@@ -176,6 +179,14 @@ def times_ns(scans: Rows, readings: Rows) -> IntArray:
         return np.asarray(readings["t_ns"], np.int64)
     at, found = _index_of(scans["seq"], readings["seq"])
     return np.where(found, (scans["t_start_ns"] + scans["t_ns"])[at] // 2, readings["t_ns"])
+
+
+def scan_times_ns(scans: Rows, obs: CellObservations) -> tuple[IntArray, IntArray]:
+    """Begin and end of the scan of each reading; twice the reading's time where damage has taken the scan's own row."""
+    if not len(scans):
+        return obs.t_ns, obs.t_ns
+    at, found = _index_of(scans["seq"], obs.scan_seq)
+    return np.where(found, scans["t_start_ns"][at], obs.t_ns), np.where(found, scans["t_ns"][at], obs.t_ns)
 
 
 def _places(
@@ -196,6 +207,19 @@ def _places(
     for place, values in ((x_m, track.x_m), (y_m, track.y_m), (sigma_m, track.sigma_m)):
         place[exact] = values[own[exact]]
     return x_m, y_m, sigma_m, known
+
+
+def smeared_sigma_m(length_m: npt.ArrayLike) -> FloatArray:
+    """Standard deviation per axis of a place somewhere on a way of this length."""
+    return np.asarray(np.asarray(length_m, float) / np.sqrt(12.0), float)
+
+
+def _smear_m(track: Track, start_ns: IntArray, end_ns: IntArray) -> FloatArray:
+    """Sigma that the way walked during each scan adds; none where the run does not tell when it began."""
+    fix_s = (track.t_ns - track.t_ns[0]) / 1e9
+    start_s, end_s = (np.asarray(t_ns - track.t_ns[0], float) / 1e9 for t_ns in (start_ns, end_ns))
+    moved = [np.interp(end_s, fix_s, values) - np.interp(start_s, fix_s, values) for values in (track.x_m, track.y_m)]
+    return np.asarray(np.where(start_ns == UNKNOWN_TIME, 0.0, smeared_sigma_m(np.hypot(*moved))), float)
 
 
 def _index_of(seqs: IntArray, wanted: IntArray) -> tuple[IntArray, npt.NDArray[np.bool_]]:

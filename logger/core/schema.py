@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan, Value
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 UNKNOWN_ID = -1
 """Mark of an unknown integer that cannot be negative."""
@@ -70,25 +70,37 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
     "scans": (
         *_HEAD,
         Column("t_start_ns", "<i8", "ns since boot, when the modem was asked"),
-        Column("fix_seq", "<i8", "seq of the fix current at the scan", UNKNOWN_ID),
+        Column("fix_start_seq", "<i8", "seq of the fix current when the modem was asked", UNKNOWN_ID),
+        Column("fix_seq", "<i8", "seq of the fix current at the end of the scan", UNKNOWN_ID),
         _count("n_readings", "cells in the reply"),
     ),
     "readings": (
         *_HEAD,
-        Column("fix_seq", "<i8", "seq of the fix current at the scan", UNKNOWN_ID),
+        Column("t_start_ns", "<i8", "ns since boot, when the modem was asked", UNKNOWN_TIME),
+        Column("fix_start_seq", "<i8", "seq of the fix current when the modem was asked", UNKNOWN_ID),
+        Column("fix_seq", "<i8", "seq of the fix current at the end of the scan", UNKNOWN_ID),
         _text("cell", 64, "name of the cell: mcc-mnc-lac-cid, or as imported"),
         _text("role", 12, "serving, neighbour or scan"),
         _text("rat", 8, "radio access technology"),
         _text("mcc", 4, "mobile country code, as printed"),
         _text("mnc", 4, "mobile network code, as printed"),
-        _count("lac", "location area code"),
+        _count("lac", "location area code, GSM and WCDMA"),
+        _count("tac", "tracking area code, LTE and later"),
         _count("cid", "cell identity", "<i8"),
         _count("arfcn", "channel number"),
         _count("arfcn_raw", "channel number as printed"),
-        _count("bsic", "8 NCC + BCC"),
+        _text("band", 12, "band as printed"),
+        _count("bsic", "GSM: 8 NCC + BCC"),
+        _count("psc", "WCDMA: primary scrambling code"),
+        _count("pci", "LTE and later: physical cell identity"),
         _count("rxlev_raw", "level index as printed"),
         _count("rxq", "quality index as printed"),
         _float("rssi_dbm", "dBm"),
+        _float("rscp_dbm", "dBm, WCDMA"),
+        _float("ecio_db", "dB, WCDMA"),
+        _float("rsrp_dbm", "dBm, LTE and later"),
+        _float("rsrq_db", "dB, LTE and later"),
+        _float("sinr_db", "dB, LTE and later"),
         _count("ta", "timing advance, steps of 553.5 m"),
         Column("c1", "<i4", "path loss criterion C1", UNKNOWN_SIGNED),
         Column("c2", "<i4", "reselection criterion C2", UNKNOWN_SIGNED),
@@ -132,16 +144,28 @@ def dtype_of(columns: Iterable[Column]) -> np.dtype[np.void]:
 DTYPES: Mapping[str, np.dtype[np.void]] = {name: dtype_of(columns) for name, columns in TABLES.items()}
 
 
+def as_of_now(table: str, rows: Rows) -> Rows:
+    """Rows of a run of any version, with all of today's columns: unknown where that version had none."""
+    if set(DTYPES[table].names or ()) <= set(rows.dtype.names or ()):
+        return rows
+    whole = np.zeros(len(rows), DTYPES[table])
+    for column in TABLES[table]:
+        has = column.name in (rows.dtype.names or ())
+        whole[column.name] = rows[column.name] if has else _encode(column, None)
+    return whole
+
+
 def rows_of(seq: int, record: Record) -> list[tuple[str, tuple[Any, ...]]]:
     """Rows of a record as (table, values in column order); raw bytes are the writer's own affair."""
     head: dict[str, Any] = {"seq": seq, "t_ns": record.t_ns, "source": record.source}
     value = record.value
     match value:
         case Scan():
+            of_scan = {name: getattr(value, name) for name in ("t_start_ns", "fix_start_seq", "fix_seq")}
             return [
                 ("scans", _row("scans", head, value, n_readings=len(value.readings))),
                 *(
-                    ("readings", _row("readings", head, reading, fix_seq=value.fix_seq, cell=reading.cell))
+                    ("readings", _row("readings", {**head, **of_scan}, reading, cell=reading.cell))
                     for reading in value.readings
                 ),
             ]
@@ -164,7 +188,7 @@ def _row(table: str, head: Mapping[str, Any], value: Value | CellReading, **more
 
 def _encode(column: Column, value: Any) -> Any:
     if column.dtype.startswith("S"):
-        return _fit(value or "", int(column.dtype[1:]))
+        return _fit("" if value is None else str(value), int(column.dtype[1:]))
     if value is None:
         return np.nan if column.unknown is None else column.unknown
     return value

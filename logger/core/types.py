@@ -1,6 +1,7 @@
 """The values that travel from the ports to the run file: one frozen dataclass for each kind of record."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 Role = Literal["serving", "neighbour", "scan"]
@@ -37,8 +38,9 @@ class Fix:
 class CellReading:
     """One cell as one reply of a modem reports it; identities are integers whatever base the modem prints.
 
-    `label` names the cell where a file was imported that has no identity; a modem never fills it.
-    `ta` is the GSM timing advance in steps of 553.5 m (3GPP TS 45.010).
+    `lac` is that of GSM and WCDMA, `tac` that of LTE and later; `arfcn` is the channel of any technology. `ta` is the
+    GSM timing advance in steps of 553.5 m (3GPP TS 45.010). `label` names the cell where a file was imported that has
+    no identity; a modem never fills it. `more` is what else the modem prints and the run file keeps as raw bytes only.
     """
 
     role: Role
@@ -47,35 +49,47 @@ class CellReading:
     mnc: str | None = None
     lac: int | None = None
     cid: int | None = None
+    tac: int | None = None
     arfcn: int | None = None
     arfcn_raw: int | None = None
+    band: int | str | None = None
     bsic: int | None = None
+    psc: int | None = None
+    pci: int | None = None
     rxlev_raw: int | None = None
     rxq: int | None = None
     rssi_dbm: float | None = None
+    rscp_dbm: float | None = None
+    ecio_db: float | None = None
+    rsrp_dbm: float | None = None
+    rsrq_db: float | None = None
+    sinr_db: float | None = None
     ta: int | None = None
     c1: int | None = None
     c2: int | None = None
     label: str | None = None
+    more: Mapping[str, int | str | None] = field(default_factory=dict, hash=False)
 
     @property
     def cell(self) -> str | None:
-        """Name of the cell, `mcc-mnc-lac-cid`, or None while the modem has not decoded who it is."""
+        """Name of the cell, `mcc-mnc-area-cid`, or None while the modem has not decoded who it is."""
         if self.label is not None:
             return self.label
-        if self.mcc is None or self.mnc is None or self.lac is None or self.cid is None:
+        area = self.tac if self.lac is None else self.lac
+        if self.mcc is None or self.mnc is None or area is None or self.cid is None:
             return None
-        return f"{self.mcc}-{self.mnc}-{self.lac}-{self.cid}"
+        return f"{self.mcc}-{self.mnc}-{area}-{self.cid}"
 
     @property
     def level_dbm(self) -> float | None:
-        """Level used for estimation.
+        """Level used for estimation: that of the cell's own signal, where the technology tells it apart.
 
         Where a modem documents no dBm scale the nominal one of 3GPP TS 45.008 8.1.4 stands in (-110 dBm + RXLEV);
         its unknown offset is the same for all readings of the modem and ends up in P0.
         """
-        if self.rssi_dbm is not None:
-            return self.rssi_dbm
+        for level_dbm in (self.rsrp_dbm, self.rscp_dbm, self.rssi_dbm):
+            if level_dbm is not None:
+                return level_dbm
         return None if self.rxlev_raw is None else self.rxlev_raw - 110.0
 
 
@@ -83,11 +97,13 @@ class CellReading:
 class Scan:
     """All cells of one reply of a modem, begun at `t_start_ns`; empty where it says that there is no cell.
 
-    `fix_seq` is the record number of the fix that was current when the scan was recorded, None without one.
+    `fix_start_seq` and `fix_seq` are the record numbers of the fixes that were current when it began and when it was
+    recorded, None without one.
     """
 
     t_start_ns: int
     readings: tuple[CellReading, ...]
+    fix_start_seq: int | None = None
     fix_seq: int | None = None
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from logger.core.errors import EstimationError, GeoError
-from logger.core.observations import observe
+from logger.core.observations import UNKNOWN_SIGMA_M, observe
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from tests.kit import runs
@@ -23,7 +23,7 @@ def _fix(t_s, lon, **more):
 
 
 def _scan(start_s, end_s, *readings, fix_seq=None):
-    return Record(round(end_s * S), "modem", Scan(round(start_s * S), readings, fix_seq))
+    return Record(round(end_s * S), "modem", Scan(round(start_s * S), readings, fix_seq=fix_seq))
 
 
 def test_a_reading_stands_where_the_walker_was_in_the_middle_of_the_scan(tmp_path):
@@ -58,7 +58,7 @@ def test_level_without_a_dbm_scale_is_the_nominal_one(tmp_path):
 
 
 def test_accuracy_of_the_receiver(tmp_path):
-    records = [_fix(0, 13.0, hdop=2.0), _fix(1, 13.0, acc_m=15.15), _fix(2, 13.0)]
+    records = [_fix(0, 13.0, hdop=2.0), _fix(1, 13.0, acc_m=15.096), _fix(2, 13.0)]
     assert _observe(tmp_path, records).track.sigma_m == pytest.approx([8.0, 10.0, 7.0])
 
 
@@ -86,3 +86,12 @@ def test_time_order_whatever_the_order_of_arrival(tmp_path):
     obs = _observe(tmp_path, late_first).cells[0]
     assert obs.level_dbm.tolist() == [-1.0, -8.0]
     assert np.all(np.diff(obs.t_ns) > 0)
+
+
+def test_a_long_scan_is_smeared_over_the_way_walked_meanwhile(tmp_path):
+    fixes = [_fix(t, 13.0 + 2e-5 * t) for t in range(0, 61, 5)]
+    found = _observe(tmp_path, sorted([*fixes, _scan(0, 60, runs.reading(1, -70.0))], key=lambda r: r.t_ns))
+    (obs,) = found.cells
+    walked_m = found.track.x_m[-1] - found.track.x_m[0]
+    np.testing.assert_allclose(obs.x_m, np.mean(found.track.x_m[[0, -1]]), atol=0.01)
+    np.testing.assert_allclose(obs.position_sigma_m, np.hypot(UNKNOWN_SIGMA_M, walked_m / np.sqrt(12)), rtol=1e-3)

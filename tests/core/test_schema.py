@@ -1,8 +1,9 @@
 from dataclasses import fields
 
+import numpy as np
 import pytest
 
-from logger.core.schema import TABLES, rows_of
+from logger.core.schema import DTYPES, TABLES, as_of_now, rows_of, values_of
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan
 
 HEAD = {"seq", "t_ns", "source"}
@@ -20,8 +21,8 @@ HEAD = {"seq", "t_ns", "source"}
 )
 def test_every_field_of_a_value_has_its_column(table, kind, written_instead):
     columns = {column.name for column in TABLES[table]} - HEAD
-    extra = {"fix_seq"} if table == "readings" else set()
-    assert columns == {written_instead.get(f.name, f.name) for f in fields(kind)} | extra
+    extra = {"t_start_ns", "fix_start_seq", "fix_seq"} if table == "readings" else set()
+    assert columns == {written_instead.get(f.name, f.name) for f in fields(kind) if f.name != "more"} | extra
 
 
 def test_every_column_says_what_it_is():
@@ -39,3 +40,15 @@ def test_a_whole_number_that_may_be_unknown_has_a_mark():
 def test_raw_bytes_have_no_row_of_their_own():
     with pytest.raises(TypeError):
         rows_of(0, Record(0, "gnss", RawBytes(b"x")))
+
+
+def test_rows_of_an_older_run_have_all_of_todays_columns():
+    today = np.zeros(2, DTYPES["readings"])
+    names = [name for name in today.dtype.names if name not in {"rsrp_dbm", "tac", "band", "t_start_ns"}]
+    old = today[names].copy()
+    old["arfcn"] = 77
+    rows = as_of_now("readings", old)
+    assert rows.dtype == DTYPES["readings"]
+    assert next(values_of("readings", rows))["arfcn"] == 77
+    assert all(next(values_of("readings", rows))[name] is None for name in ("rsrp_dbm", "tac", "band", "t_start_ns"))
+    assert as_of_now("readings", today) is today

@@ -152,7 +152,7 @@ def _open_run(path: Path) -> Iterator[h5py.File]:
             if file.attrs.get("format") != FORMAT:
                 raise RunFileError(f"{path} is an HDF5 file but no cellwalk run")
             yield file
-    except (OSError, KeyError, RuntimeError, msgspec.DecodeError) as error:
+    except (OSError, KeyError, RuntimeError, ValueError) as error:
         raise RunFileError(f"{path} is damaged: {error}") from error
 
 

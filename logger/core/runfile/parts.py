@@ -107,6 +107,6 @@ def decode_meta(text: bytes, path: Path) -> RunMeta:
         schema = msgspec.json.decode(text).get("schema")
         if schema <= SCHEMA_VERSION:
             return msgspec.json.decode(text, type=RunMeta)
-    except (msgspec.DecodeError, AttributeError, TypeError) as error:
+    except (ValueError, AttributeError, TypeError) as error:
         raise RunFileError(f"{path}: this cellwalk cannot read its description ({error})") from error
     raise RunFileError(f"{path} has schema {schema}; this cellwalk reads up to {SCHEMA_VERSION}: please update")

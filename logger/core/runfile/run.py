@@ -13,7 +13,7 @@ from logger.core.runfile.frames import MAGIC
 from logger.core.runfile.hdf5 import RAW_BYTES, is_hdf5, read_hdf5
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
 from logger.core.runfile.parts import JournalParts, RawChunk
-from logger.core.schema import DTYPES, Rows, values_of
+from logger.core.schema import DTYPES, Rows, as_of_now, values_of
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan, Value
 
 
@@ -48,7 +48,7 @@ class Run:
             match table:
                 case "scans":
                     assert readings is not None
-                    value = Scan(row["t_start_ns"], readings.of(row["seq"]), row["fix_seq"])
+                    value = Scan(row["t_start_ns"], readings.of(row["seq"]), row["fix_start_seq"], row["fix_seq"])
                 case "raw":
                     value = RawBytes(raw[row["offset"] : row["offset"] + row["length"]], bool(row["sent"]))
                 case _:
@@ -71,6 +71,7 @@ def read_run(path: Path | str) -> Run:
     if is_hdf5(path):
         meta, end, damage, arrays = read_hdf5(path)
         raw_bytes = arrays.pop(RAW_BYTES)
+        arrays = {table: as_of_now(table, rows) for table, rows in arrays.items()}
         return Run(path, "hdf5", meta, end, damage, arrays, raw_bytes)
     return _read_journal(path)
 
@@ -89,7 +90,7 @@ def _read_journal(path: Path) -> Run:
             rows.setdefault(part.table, []).append(part.rows)
     if parts.meta is None:
         raise RunFileError(f"{path} has lost its table definitions")
-    tables = {t: np.concatenate(found) if found else np.empty(0, DTYPES[t]) for t, found in rows.items()}
+    tables = {t: as_of_now(t, np.concatenate(found)) if found else np.empty(0, DTYPES[t]) for t, found in rows.items()}
     return Run(path, "journal", parts.meta, parts.end, parts.damage, tables, np.frombuffer(raw, np.uint8))
 
 
@@ -126,5 +127,5 @@ def _live(row: dict[str, Any]) -> LiveEstimate:
     return LiveEstimate(**named)
 
 
-_READING_FIELDS = [f.name for f in fields(CellReading) if f.name != "label"]
+_READING_FIELDS = [f.name for f in fields(CellReading) if f.name not in {"label", "more"}]
 _VALUES: dict[str, Callable[[dict[str, Any]], Value]] = {"fixes": _fix, "notes": _note, "live": _live}
