@@ -61,6 +61,13 @@ class AtFramer:
         self._expired: frozenset[str] | None = None  # prefixes of the expired command that owes a final code
         self._expired_spoke = False  # lines of that command have come late
         self._given_away = False  # rule 3 has been applied while this command was pending
+        self.echoed = False
+        """True where the last command came back, which a modem that was told not to does after a restart only."""
+
+    @property
+    def answering(self) -> bool:
+        """True where lines of the reply to the pending command have come."""
+        return bool(self._lines)
 
     def send(self, command: str) -> None:
         """Note that `command` was written, before what comes back is fed; a command still pending is forgotten."""
@@ -69,6 +76,7 @@ class AtFramer:
         self._lines = []
         self._stale = bool(self._buffer)
         self._given_away = False
+        self.echoed = False
 
     def feed(self, data: bytes) -> Iterator[AtEvent]:
         """Events completed by `data`; all of it is taken at the call, also if nobody looks at the events."""
@@ -88,6 +96,11 @@ class AtFramer:
         """Close the pending command by time-out, with the lines that came."""
         self._expired = None if self._given_away else self._names
         self._expired_spoke = False
+        return self._close(None)
+
+    def abandon(self) -> Reply:
+        """Close the pending command, whose answer will never come since the modem has restarted."""
+        self._expired = None
         return self._close(None)
 
     def _line_events(self, raw: bytes) -> Iterator[AtEvent]:
@@ -116,6 +129,7 @@ class AtFramer:
                 self._note_late_line(line)
             return Unsolicited(line)
         if line.strip().casefold() == self._command.casefold():
+            self.echoed = True
             return None  # the echo, which may come twice or in lower case
         if final is not None:
             return self._final_event(line, final)

@@ -4,19 +4,18 @@ A driver yields `Command`s and is sent `Reply`s; whoever drives the generator ow
 `final` None, so a driver treats it as data.
 """
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, TypeVar
-
-from logger.core.types import CellReading
+from typing import TypeVar
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One AT command line, without its carriage return."""
+    """One AT command line, without its carriage return; polling a modem that refuses a `needed` one is no use."""
 
     text: str
     timeout_s: float = 2.0
+    needed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,36 +33,3 @@ class Reply:
 
 T = TypeVar("T")
 Dialogue = Generator[Command, Reply, T]
-
-
-class ModemDriver(Protocol):
-    """What one family of modems needs: how to set it up, how to ask it, how to read it.
-
-    Stateless, so that one instance can serve a live port, a transcript and the simulator alike.
-    """
-
-    name: ClassVar[str]
-
-    def setup(self) -> Dialogue[bool]:
-        """Prepare the modem after power-up or a restart; False when it did not accept what polling needs."""
-        ...
-
-    def poll(self) -> Dialogue[tuple[CellReading, ...] | None]:
-        """Ask once for the cells heard now; None when the answer was no answer (timeout, error, mode lost)."""
-        ...
-
-    def read_lines(self, lines: Sequence[str]) -> tuple[CellReading, ...]:
-        """Readings in lines of a reply or of a whole transcript; lines of other kinds are passed over."""
-        ...
-
-    def is_row(self, line: str) -> bool:
-        """True for a line that describes a cell, also when it comes unasked."""
-        ...
-
-    def opens_block(self, line: str) -> bool:
-        """True for the row that begins a new block of unasked rows."""
-        ...
-
-    def says_restarted(self, line: str) -> bool:
-        """True for a line that means the modem has restarted and lost its set-up."""
-        ...

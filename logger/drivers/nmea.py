@@ -1,39 +1,35 @@
-"""NMEA 0183: bytes of a GNSS receiver in, sentences out, and GGA with RMC of one epoch joined to a fix.
+"""NMEA 0183: bytes of a GNSS receiver in, sentences out, and the sentences of one epoch joined to a fix.
 
-pynmea2 names the fields of a sentence. Framing, positions and times are read here: pynmea2 loses the sentence after an
-interrupted one, reads an empty position as 0/0 and lets 75 minutes pass (see firmware_notes/nmea.md).
+pynmea2 names the fields of a sentence. Framing is done here: pynmea2 loses the sentence after an interrupted one (see
+firmware_notes/nmea.md).
 """
 
-import math
 import re
+from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from datetime import date
 from functools import reduce
-from operator import xor
+from operator import or_, xor
 from typing import Any
 
 import pynmea2
 
 from logger.core.types import Fix
 from logger.drivers.garbage import Garbage
+from logger.drivers.nmea_fix import fix_of, nav_mode, time_of_day_ns
 
 MAX_SENTENCE = 1024  # bytes; the standard has 82, real receivers print up to some 300
+REMEMBERED_EPOCHS = 4
+"""A sentence missing in fewer epochs than these was damaged on the way, not switched off."""
 
-# GPS counts weeks modulo 1024: a receiver that has lost count prints a date 19.6 years early, and one without a fix the
-# epoch of 1980. No run of this program is older than this day.
-EARLIEST_UTC = date(2020, 1, 1)
-
-MPS_PER_KNOT = 1852 / 3600
-
-_POSITIONED = frozenset({1, 2, 3, 4, 5, 6})  # GGA quality; 0 no fix, 7 typed in by hand, 8 simulator
-_NOT_MEASURED = frozenset({"N", "M", "S"})  # RMC mode: no fix, typed in by hand, simulator
+_HEADS = frozenset({pynmea2.GGA, pynmea2.RMC, pynmea2.GNS})
+"""What makes an epoch; the others only add to one."""
+_TIMED = frozenset({pynmea2.GST, pynmea2.ZDA})
+_UNTIMED = frozenset({pynmea2.GSA, pynmea2.VTG})
 
 _BODY = rb"[ -#%-)+-~]"  # printable without $ and *
 _SENTENCE = re.compile(rb"\$([A-Z][A-Z0-9]{2}" + _BODY + rb"{0,%d}+)\*([0-9A-Fa-f]{2})" % MAX_SENTENCE)
 _BEGINNING = re.compile(rb"\$" + _BODY + rb"{0,%d}+(?:\*[0-9A-Fa-f]?)?\Z" % (MAX_SENTENCE + 3))
-_ANGLE = re.compile(r"(\d{1,3})(\d\d(?:\.\d*)?)")
-_TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d)(?:\.(\d{0,9}))?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,42 +68,81 @@ class NmeaFramer:
         return iter(events)
 
 
+@dataclass(slots=True)
+class _Epoch:
+    """Messages of one time of day (empty until one has it), the first of each type, of GSA the one that knows most."""
+
+    t_ns: int
+    time: int | str
+    messages: dict[type[Any], Any] = field(default_factory=dict)
+    heard: Counter[str] = field(default_factory=Counter)
+    reported: bool = False
+
+    def add(self, address: str, message: Any) -> None:
+        kind = type(message)
+        self.heard[address] += 1
+        if self.time == "" and kind not in _UNTIMED:
+            self.time = _time_of_day(message)
+        before = self.messages.setdefault(kind, message)
+        if kind is pynmea2.GSA and (nav_mode(message) or 0) > (nav_mode(before) or 0):
+            self.messages[kind] = message  # of several constellations one may be blind
+
+    def take(self) -> Iterator[tuple[int, Fix]]:
+        """The fix, unless it has been taken."""
+        if not self.reported:
+            self.reported = True
+            yield self.t_ns, fix_of(self.messages)
+
+
 class FixAssembler:
     """Sentences of one receiver to fixes: one for each epoch, also where it has no position."""
 
     def __init__(self) -> None:
-        self._pending: dict[type[Any], Any] = {}
-        self._t_ns = 0
+        self._epoch: _Epoch | None = None
+        self._early: dict[type[Any], tuple[str, Any]] = {}
+        self._recent: deque[Counter[str]] = deque(maxlen=REMEMBERED_EPOCHS)
+        self._expected: Counter[str] | None = None
 
     def feed(self, sentence: Sentence, t_ns: int) -> Iterator[tuple[int, Fix]]:
-        """Fixes completed by a sentence stamped `t_ns`; a fix has the stamp of its epoch's first sentence.
+        """Fixes completed by a sentence stamped `t_ns`; a fix has the stamp of its epoch's first GGA, GNS or RMC.
 
-        GGA and RMC of one time of day are one epoch, complete with the second of them. A receiver that sends only one
-        of the two has its epochs completed by the next one, or by `flush`.
+        An epoch is complete when it has all that the last few had, so a receiver may print what it likes in the order
+        it likes. It ends without that when the next one begins, or by `flush`; what comes later joins no other epoch.
         """
-        message = sentence.message
+        message, address = sentence.message, sentence.text[1:6]
         kind = type(message)
-        if kind not in {pynmea2.GGA, pynmea2.RMC}:
-            return iter(())
-        fixes = list(self.flush()) if kind in self._pending or self._is_other_time(message) else []
-        if not self._pending:
-            self._t_ns = t_ns
-        self._pending[kind] = message
-        if len(self._pending) == 2:
-            fixes += self.flush()
+        fixes: list[tuple[int, Fix]] = []
+        if kind in _HEADS and self._begins_epoch(address, message):
+            fixes += self._begin(t_ns, message)
+        epoch = self._epoch
+        if kind in _TIMED and (epoch is None or _time_of_day(message) != epoch.time):
+            self._early[kind] = address, message
+        elif epoch and kind in _HEADS | _TIMED | _UNTIMED:
+            epoch.add(address, message)
+            if self._expected is not None and epoch.heard >= self._expected:
+                fixes += epoch.take()
         return iter(fixes)
 
     def flush(self) -> Iterator[tuple[int, Fix]]:
         """The fix of what is pending, for a receiver that has fallen silent."""
-        if not self._pending:
-            return iter(())
-        fix = _fix(self._pending.get(pynmea2.GGA), self._pending.get(pynmea2.RMC))
-        self._pending = {}
-        return iter([(self._t_ns, fix)])
+        return iter(list(self._epoch.take()) if self._epoch else [])
 
-    def _is_other_time(self, message: Any) -> bool:
-        """True where both have a time of day and it differs; without one a sentence joins what is pending."""
-        return len({_time_of_day(m) for m in (message, *self._pending.values()) if m.data[0]}) > 1
+    def _begins_epoch(self, address: str, message: Any) -> bool:
+        """True for another time of day, or the same sentence again; one without a time joins what is pending."""
+        if self._epoch is None or address in self._epoch.heard:
+            return True
+        return "" not in (self._epoch.time, time := _time_of_day(message)) and time != self._epoch.time
+
+    def _begin(self, t_ns: int, message: Any) -> Iterator[tuple[int, Fix]]:
+        if self._epoch:
+            yield from self._epoch.take()
+            self._recent.append(self._epoch.heard)
+            self._expected = reduce(or_, self._recent)
+        self._epoch = _Epoch(t_ns, _time_of_day(message))
+        for address, early in self._early.values():
+            if _time_of_day(early) == self._epoch.time:
+                self._epoch.add(address, early)
+        self._early = {}
 
 
 def _sentence(match: re.Match[bytes]) -> Sentence | None:
@@ -126,88 +161,8 @@ def _noise(data: bytes) -> list[Sentence | Garbage]:
     return [Garbage(data)] if data else []
 
 
-def _fix(gga: Any, rmc: Any) -> Fix:
-    """Fix of one epoch from its GGA, its RMC or both; where they disagree about validity there is none."""
-    position = _position(gga) or _position(rmc) if _is_valid(gga, rmc) else None
-    lat_deg, lon_deg = position or (None, None)
-    speed_kn, course_deg = (_number(rmc.spd_over_grnd), _number(rmc.true_course)) if rmc and position else (None, None)
-    return Fix(
-        valid=position is not None,
-        utc_ns=_utc_ns(gga, rmc),
-        lat_deg=lat_deg,
-        lon_deg=lon_deg,
-        alt_m=_number(gga.altitude) if gga and position else None,
-        hdop=_within(_number(gga.horizontal_dil), math.inf) or None if gga else None,  # 0.0 fills the field
-        sats_used=int(gga.num_sats) if gga and re.fullmatch(r"\d{1,2}", gga.num_sats) else None,
-        quality=gga.gps_qual if gga and gga.gps_qual in range(10) else None,
-        speed_mps=_within(None if speed_kn is None else speed_kn * MPS_PER_KNOT, math.inf),
-        course_deg=_within(course_deg, 360.0),
-    )
-
-
-def _is_valid(gga: Any, rmc: Any) -> bool:
-    # pynmea2's own is_valid is False for every RMC of NMEA 4.1 with navigational status V, and for GGA quality 6.
-    if gga and gga.gps_qual not in _POSITIONED:
-        return False
-    # by position: pynmea2 before 1.19 has no name for the mode
-    return not rmc or (rmc.status == "A" and not _NOT_MEASURED.intersection(rmc.data[11:12]))
-
-
-def _position(message: Any) -> tuple[float, float] | None:
-    """Latitude and longitude in degrees; None unless both are printed in full."""
-    if not message:
-        return None
-    lat_deg = _angle_deg(message.lat, message.lat_dir, "NS", 90.0)
-    lon_deg = _angle_deg(message.lon, message.lon_dir, "EW", 180.0)
-    return None if lat_deg is None or lon_deg is None else (lat_deg, lon_deg)
-
-
-def _angle_deg(text: str, letter: str, letters: str, limit_deg: float) -> float | None:
-    """Signed degrees of `dddmm.mmmm` and its hemisphere, the second of `letters` being the negative one."""
-    match = _ANGLE.fullmatch(text)
-    if not match or len(letter) != 1 or letter not in letters or float(match[2]) >= 60.0:
-        return None
-    angle_deg = float(match[1]) + float(match[2]) / 60.0
-    if angle_deg > limit_deg:
-        return None
-    return -angle_deg if letter == letters[1] else angle_deg
-
-
-def _utc_ns(gga: Any, rmc: Any) -> int | None:
-    """Nanoseconds since 1970 from the RMC's date and the epoch's time of day; a leap second has no such number."""
-    day = rmc.datestamp if rmc else None
-    time_ns = next((ns for ns in map(_time_ns, (rmc, gga)) if ns is not None), None)
-    if time_ns is None or not isinstance(day, date) or day < EARLIEST_UTC:
-        return None
-    return (day - date(1970, 1, 1)).days * 86_400 * 10**9 + time_ns
-
-
-def _time_ns(message: Any) -> int | None:
-    """Nanoseconds since midnight of the sentence's first field, `hhmmss.sss`, to the last digit."""
-    match = _TIME.fullmatch(message.data[0]) if message else None
-    if not match:
-        return None
-    hours, minutes, seconds, fraction = match.groups(default="")
-    return ((int(hours) * 60 + int(minutes)) * 60 + int(seconds)) * 10**9 + int(f"{fraction:0<9}")
-
-
 def _time_of_day(message: Any) -> int | str:
     """Time of day for comparing: "120000" equals "120000.00"; one that is no time (a leap second) equals its like."""
-    time_ns = _time_ns(message)
+    time_ns = time_of_day_ns(message)
     text: str = message.data[0]
     return text if time_ns is None else time_ns
-
-
-def _number(value: object) -> float | None:
-    """A finite number; pynmea2 hands on as text what it could not convert."""
-    if not isinstance(value, (str, float)):
-        return None
-    try:
-        number = float(value)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
-
-
-def _within(value: float | None, limit: float) -> float | None:
-    return value if value is not None and 0.0 <= value <= limit else None

@@ -1,16 +1,77 @@
-"""Modem drivers by the name that a configuration gives them."""
+"""Modem drivers by the name that a configuration gives them, and by what a modem says of itself."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 
 from logger.core.errors import ConfigError
-from logger.drivers.dialogue import ModemDriver
+from logger.core.types import CellReading
+from logger.drivers.cinterion import Cinterion
+from logger.drivers.dialogue import Command, Dialogue
+from logger.drivers.family import Family, woken
+from logger.drivers.fibocom import Fibocom
+from logger.drivers.generic import Generic
+from logger.drivers.huawei import Huawei
+from logger.drivers.quectel import Quectel
+from logger.drivers.quectel_gsm import QuectelGsm
+from logger.drivers.sierra import Sierra
 from logger.drivers.sim800 import Sim800
+from logger.drivers.sim7000 import Sim7000
+from logger.drivers.sim7600 import Sim7600
+from logger.drivers.telit import Telit
+from logger.drivers.ublox import Ublox
 
-DRIVERS: dict[str, Callable[[], ModemDriver]] = {Sim800.name: Sim800}
+AUTO = "auto"
+FAMILIES: dict[str, Family] = {
+    driver.name: driver
+    for driver in (
+        Sim800(),
+        Sim7000(),
+        Sim7600(),
+        Quectel(),
+        QuectelGsm(),
+        Telit(),
+        Ublox(),
+        Cinterion(),
+        Sierra(),
+        Huawei(),
+        Fibocom(),
+        Generic(),
+    )
+}
+"""In the order in which they are asked whether a modem is theirs; the last one takes any."""
+
+_WHO = tuple(Command(text) for text in ("ATE0", "ATI", "AT+CGMI", "AT+CGMM", "AT+CGMR"))
 
 
-def make_driver(name: str) -> ModemDriver:
-    """The modem driver of that name; an unknown name is the user's mistake, told with the names there are."""
-    if name not in DRIVERS:
-        raise ConfigError(f"no modem driver is called {name!r}; known are: {', '.join(sorted(DRIVERS))}")
-    return DRIVERS[name]()
+def driver_of(name: str) -> Family | None:
+    """The driver of that name, None for `auto`; an unknown name is the user's mistake."""
+    if name != AUTO and name not in FAMILIES:
+        raise ConfigError(f"no modem driver is called {name!r}; known are: {', '.join((AUTO, *FAMILIES))}")
+    return FAMILIES.get(name)
+
+
+def identified() -> Dialogue[tuple[Family, str] | None]:
+    """Ask a modem who it is: its driver and its own words; None when it does not answer."""
+    if not (yield from woken()):
+        return None
+    said: list[str] = []
+    for command in _WHO:
+        reply = yield command
+        said += [line.strip() for line in reply.lines if line.strip() not in said]
+    text = " ".join(said)
+    return family_of(text), text
+
+
+def family_of(identity: str) -> Family:
+    """The driver for a modem that says this of itself."""
+    return next(driver for driver in FAMILIES.values() if driver.identifies.search(identity))
+
+
+def reader_of(lines: Sequence[str]) -> Family:
+    """The driver that finds most in a transcript: most cells with an identity, most cells, most rows."""
+
+    def found(driver: Family) -> tuple[int, int, int]:
+        rows = driver.read(lines)
+        cells = [row for row in rows if isinstance(row, CellReading)]
+        return sum(cell.cid is not None for cell in cells), len(cells), len(rows)
+
+    return max(FAMILIES.values(), key=found)

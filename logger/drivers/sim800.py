@@ -15,23 +15,21 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from logger.core.types import CellReading, Role
+from logger.drivers import gnss
 from logger.drivers.dialogue import Command, Dialogue
+from logger.drivers.family import Family
+from logger.drivers.rows import Row
 
-AUTOBAUD_TRIES = 5  # with AT+IPR=0 the first characters after power-up are lost while the modem finds the rate
 DBM_OF_RXL_0 = -113.0  # SIM800 manual V1.09 p163, and printed by mode 4: 44 beside -69
 
 _HEADER = re.compile(r"\+CENG:\s*([0-4])\s*,\s*([01])\s*\Z")
 # SIM900 prints no blank before the cell number. The manual shows rows without quotation marks, the modem prints them.
 _ROW = re.compile(r'\+CENG:(\s*)(\d{1,2}),\s*(?:"|(?=(?:[^",]*,){5}))([-\w, ]*)(?:(")(?![-\w,"])|\Z)', re.ASCII)
 _SCAN = re.compile(
-    r'Operator:\s*"[^"]*",\s*MCC:\s*(?P<mcc>\w*),\s*MNC:\s*(?P<mnc>\w*),\s*Rxlev:\s*(?P<rxl>\d+),'
+    r'Operator:\s*"(?P<operator>[^"]*)",\s*MCC:\s*(?P<mcc>\w*),\s*MNC:\s*(?P<mnc>\w*),\s*Rxlev:\s*(?P<rxl>\d+),'
     r"\s*Cellid:\s*(?P<cellid>\w*),\s*Arfcn:\s*(?P<bcch>\d+)(?:,\s*Lac:\s*(?P<lac>\w*),\s*Bsic:\s*(?P<bsic>\w*))?\s*\Z",
     re.ASCII | re.IGNORECASE,
 )
-_RESTARTED = re.compile(
-    r"RDY|\+CFUN:\s*1|\*ATREADY\b.*|(?:UNDER|OVER)-VOLTAGE POWER DOWN|NORMAL POWER DOWN", re.IGNORECASE
-)
-
 _LOCATION = ("mcc", "mnc", "lac", "cellid", "bsic", "rxl")  # mode 3, all rows
 _SERVING = ("bcch", "rxl", "rxq", "mcc", "mnc", "bsic", "cellid", "rla", "txp", "lac", "ta")
 _EXTENDED = ("dbm", "c1", "c2", "tch", "ts", "maio", "hsn", "rxq_sub", "rxq_full", "ch_mod")
@@ -81,47 +79,38 @@ _NOBODY: tuple[None, None, None, None] = (None, None, None, None)
 Identity = tuple[str, str, int | None, int | None] | tuple[None, None, None, None]  # mcc, mnc, lac, cid
 
 
-class Sim800:
-    """Cells by `AT+CENG?`; nothing here transmits or asks who the subscriber is."""
+class Sim800(Family):
+    """Cells by `AT+CENG?`, all networks by `AT+CNETSCAN`."""
 
     name: ClassVar[str] = "sim800"
+    identifies: ClassVar[re.Pattern[str]] = re.compile(r"SIM(?:COM_SIM)?[89]\d\d(?!\d)", re.IGNORECASE)
+    set_up: ClassVar[tuple[Command, ...]] = (
+        Command("AT+CNETSCAN=1"),  # with area and BSIC
+        Command("AT+CENG=1,1", needed=True),
+    )
+    asked: ClassVar[tuple[Command, ...]] = (Command("AT+CENG?"),)
+    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+CNETSCAN", timeout_s=90.0),)
+    gnss_on: ClassVar[tuple[Command, ...]] = gnss.CGNSINF_ON
+    gnss_asked: ClassVar[tuple[Command, ...]] = gnss.CGNSINF
 
-    def setup(self) -> Dialogue[bool]:
-        """Find the rate, switch the echo off and engineering mode on, which no modem of the family keeps."""
-        for _ in range(AUTOBAUD_TRIES):
-            reply = yield Command("AT", timeout_s=1.0)
-            if reply.ok:
-                break
-        else:
-            return False
-        yield Command("ATE0")
-        yield Command("AT+CMEE=1")
-        reply = yield Command("AT+CENG=1,1")
-        return reply.ok
-
-    def poll(self) -> Dialogue[tuple[CellReading, ...] | None]:
-        """Cells heard now; None when there was no answer or engineering mode is off.
-
-        Rows that came before a time-out are as good as others: what is cut is not read as a row.
-        """
-        reply = yield Command("AT+CENG?")
+    def poll(self) -> Dialogue[tuple[Row, ...] | None]:
+        """Cells heard now; None when there was no answer or engineering mode is off."""
+        reply = yield self.asked[0]
         modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
         has_rows = any(map(self.is_row, reply.lines))
         answered = has_rows or bool(modes) if reply.ok else has_rows and reply.final is None
-        if not answered or "0" in modes:
-            return None
-        return self.read_lines(reply.lines)
+        return None if not answered or "0" in modes else self.read(reply.lines)
 
-    def read_lines(self, lines: Sequence[str]) -> tuple[CellReading, ...]:
-        """Readings in CENG rows of modes 1 to 4 and in CNETSCAN lines."""
-        readings: list[CellReading] = []
+    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+        """Readings in CENG rows of modes 1 to 4 and in CNETSCAN lines; fixes of the SIM808."""
+        readings: list[Row] = []
         mode = None
         for line in lines:
             header = _HEADER.search(line)
             mode = int(header[1]) if header else mode
             readings += [r for row in _ROW.finditer(line.rstrip()) if (r := _parse_row(row, mode))]
             readings += [r for scan in _SCAN.finditer(line) if (r := _parse_scan(scan))]
-        return tuple(readings)
+        return (*readings, *gnss.read_cgnsinf(lines))
 
     def is_row(self, line: str) -> bool:
         return bool(_ROW.search(line.rstrip()) or _SCAN.search(line))
@@ -129,9 +118,6 @@ class Sim800:
     def opens_block(self, line: str) -> bool:
         row = _ROW.search(line.rstrip())
         return row is not None and int(row[2]) == 0
-
-    def says_restarted(self, line: str) -> bool:
-        return _RESTARTED.fullmatch(line.strip()) is not None
 
 
 def _parse_row(row: re.Match[str], mode: int | None) -> CellReading | None:
@@ -219,6 +205,7 @@ def _reading(
         ta=_number(values, "ta"),
         c1=_number(values, "c1"),
         c2=_number(values, "c2"),
+        more={"operator": values["operator"]} if values.get("operator") else {},
     )
 
 

@@ -1,8 +1,10 @@
 import time
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import reduce
 from operator import xor
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 from logger.core.types import Fix
 from logger.drivers.garbage import Garbage
 from logger.drivers.nmea import MAX_SENTENCE, FixAssembler, NmeaFramer, Sentence
+from logger.drivers.nmea_fix import radius68_m
 from tests.kit.framers import check_framer, cut, feed_all
 
 
@@ -139,17 +142,174 @@ BOTH = Fix(
 )
 
 
-def test_gga_and_rmc_of_one_epoch_are_one_fix_at_once_in_either_order():
-    assert fixes(TXT, gga(), TXT, rmc(), flush=False) == [(1, BOTH)]
-    assert fixes(TXT, rmc(), TXT, gga(), flush=False) == [(1, BOTH)]
-    assert fixes(gga("120000"), rmc(), flush=False) == [(0, BOTH)]
+def test_gga_and_rmc_of_one_epoch_are_one_fix_in_either_order():
+    assert fixes(TXT, gga(), TXT, rmc()) == [(1, BOTH)]
+    assert fixes(TXT, rmc(), TXT, gga()) == [(1, BOTH)]
+    assert fixes(gga("120000"), rmc()) == [(0, BOTH)]
+
+
+def when_reported(*texts):
+    """For each sentence, how many fixes it completed."""
+    assembler = FixAssembler()
+    return [len(list(assembler.feed(s, 0))) for text in texts for s in NmeaFramer().feed(text.encode())]
+
+
+def gst(time="120000.00", lat_m="3.0", lon_m="4.0"):
+    return nmea(f"GNGST,{time},20,,,,{lat_m},{lon_m},5.0")
+
+
+def gsa(mode, system="1", hdop="0.9"):
+    return nmea(f"GNGSA,A,{mode},01,02,03,04,,,,,,,,,1.5,{hdop},1.2,{system}")
+
+
+TIMES = [f"1200{i // 5:02d}.{i % 5 * 2}0" for i in range(20)]
+UBLOX = [rmc, gga, lambda _: gsa(3), lambda _: gsa(3, "2"), gst]
+MTK = [gga, lambda _: gsa(3), rmc]
+GST_FIRST = [gst, gga, rmc]
+ALONE = [gga]
+
+
+@pytest.mark.parametrize("order", [UBLOX, MTK, GST_FIRST, ALONE])
+def test_an_epoch_is_told_with_its_last_sentence_once_the_order_is_known(order):
+    texts = [make(t) for t in TIMES for make in order]
+    reported = when_reported(*texts)
+    n = len(order)
+    assert sum(reported[: 2 * n]) == 2
+    assert reported[2 * n :] == [*[0] * (n - 1), 1] * (len(TIMES) - 2)
+    assert {fix.acc_m is not None for _, fix in fixes(*texts)} == {gst in order}
+
+
+@pytest.mark.parametrize("order", [UBLOX, MTK, GST_FIRST])
+@pytest.mark.parametrize("lost", range(5))
+def test_a_lost_sentence_costs_its_own_values_and_no_fix(order, lost):
+    texts = [make(t) for t in TIMES for make in order]
+    del texts[9 * len(order) + lost % len(order)]
+    found = fixes(*texts)
+    assert len(found) == len(TIMES)
+    assert all(fix.valid for _, fix in found)
+    assert len({fix.utc_ns for _, fix in found} - {None}) >= len(TIMES) - 1
+
+
+def test_a_sentence_that_comes_after_the_silence_makes_no_second_fix():
+    assembler = FixAssembler()
+    sentences = [s for text in (rmc(), gga(), rmc("120001.00")) for s in NmeaFramer().feed(text.encode())]
+    assert not list(assembler.feed(sentences[0], 0))
+    assert len(list(assembler.flush())) == 1
+    assert not list(assembler.feed(sentences[1], 1))
+    assert not list(assembler.flush())
+    assert [list(assembler.feed(sentences[2], 2)), len(list(assembler.flush()))] == [[], 1]
+
+
+def test_two_talkers_of_one_receiver_are_one_epoch():
+    first, second = gga(), gga().replace("GPGGA", "GNGGA")
+    second = nmea(second[1:-3])
+    assert len(fixes(first, second, rmc())) == 1
+
+
+def test_standing_clock_hides_no_epoch():
+    assert len(fixes(*[gga("000000", quality="0"), rmc("000000", status="V")] * 5)) == 5
+
+
+@pytest.mark.parametrize(
+    ("lat_m", "lon_m", "acc_m"),
+    [("2.0", "2.0", 3.019184), ("3.0", "4.0", 5.337214), ("0.0", "0.0", None), ("", "2.0", None), ("x", "2", None)],
+)
+def test_gst_gives_the_radius_of_68_percent(lat_m, lon_m, acc_m):
+    [(_, fix)] = fixes(gga(), rmc(), gst(lat_m=lat_m, lon_m=lon_m))
+    assert fix.acc_m == (acc_m if acc_m is None else pytest.approx(acc_m, rel=1e-6))
+
+
+@pytest.mark.parametrize("ratio", [1.0, 0.7, 0.5, 0.1])
+def test_radius_holds_68_percent_of_normal_errors(ratio):
+    errors_m = np.random.default_rng(3).normal(0.0, (1.0, ratio), (200_000, 2))
+    inside = np.mean(np.hypot(*errors_m.T) <= radius68_m(1.0, ratio))
+    assert 0.678 < inside < 0.72
+    assert ratio < 1.0 or inside == pytest.approx(0.68, abs=0.003)
+
+
+def test_gst_of_another_epoch_says_nothing():
+    found = fixes(gga(), rmc(), gst(), gga("120001.00"), rmc("120001.00"), gst("120000.00"))
+    assert [fix.acc_m is None for _, fix in found] == [False, True]
+
+
+def test_accuracy_of_no_position_is_unknown():
+    assert fixes(gga(quality="0"), rmc(status="V"), gst()) == [
+        (0, Fix(False, NOON_NS, hdop=1.1, sats_used=8, quality=0))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("modes", "alt_m"), [("3", 45.5), ("2", None), ("", 45.5), ("x", 45.5), ("1", 45.5), ("13", 45.5), ("12", None)]
+)
+def test_height_of_a_fix_in_two_dimensions_is_not_measured(modes, alt_m):
+    [(_, fix)] = fixes(gga(), rmc(), *(gsa(mode, str(i)) for i, mode in enumerate(modes or [""])))
+    assert (fix.valid, fix.alt_m) == (True, alt_m)
+
+
+def test_gsa_has_the_hdop_where_no_gga_has():
+    assert [fix.hdop for _, fix in fixes(rmc(), gsa("3"))] == [0.9]
+    assert [fix.hdop for _, fix in fixes(rmc(), gga(), gsa("3"))] == [1.1]
+
+
+def gns(modes, time="120000.00"):
+    return nmea(f"GNGNS,{time},5230.0000,N,01315.0000,E,{modes},08,1.1,45.5,40.0,,")
+
+
+@pytest.mark.parametrize(
+    ("modes", "quality"),
+    [
+        ("AAN", 1),
+        ("NNN", 0),
+        ("DA", 2),
+        ("ANR", 4),
+        ("F", 5),
+        ("P", 3),
+        ("E", 6),
+        ("M", 7),
+        ("S", 8),
+        ("", 0),
+        ("?", 0),
+    ],
+)
+def test_gns_stands_in_for_gga(modes, quality):
+    [(_, fix)] = fixes(gns(modes), rmc())
+    assert (fix.quality, fix.valid) == (quality, 1 <= quality <= 6)
+    if fix.valid:
+        assert replace(fix, quality=1) == BOTH
+
+
+def test_vtg_has_the_motion_where_no_rmc_has():
+    vtg = nmea("GPVTG,84.4,T,,M,2.0,N,3.7,K,A")
+    zda = nmea("GPZDA,120000.00,21,09,2024,00,00")
+    assert fixes(gga(), vtg, zda) == [(0, BOTH)]
+    assert fixes(gga(), rmc(motion=","), vtg) == [(0, BOTH)]
+    [(_, fix)] = fixes(gga(), nmea("GPVTG,84.4,2.0,3.7,"))
+    assert (fix.speed_mps, fix.course_deg) == (None, None)
+
+
+@pytest.mark.parametrize("date", ["21,09,1999", ",,", "31,02,2024", "21,09", "0,0,0", "aa,09,2024"])
+def test_zda_that_is_no_date(date):
+    body = f"GPZDA,120000.00,{date},00,00"
+    assert [fix.utc_ns for _, fix in fixes(gga(), nmea(body))] == [None]
+
+
+def test_zda_with_a_time_of_its_own_splits_no_epoch():
+    zda = nmea("GPZDA,120007.00,21,09,2024,00,00")
+    assert fixes(rmc(), zda, gga()) == [(0, BOTH)]
+
+
+def test_date_and_time_of_two_days_are_not_joined():
+    last, first = rmc("235959.90", date="200924"), gga("000000.00")
+    assert [fix.utc_ns for _, fix in fixes(last, first)] == [NOON_NS - 12 * 3600 * 10**9 - 10**8, None]
+
+
+def test_date_without_a_time_is_no_time():
+    assert [fix.utc_ns for _, fix in fixes(gga(), rmc(""))] == [None]
 
 
 @pytest.mark.parametrize("sentence", [gga, rmc])
-def test_receiver_with_one_sentence_works_one_epoch_late(sentence):
-    texts = [sentence("120000.00"), sentence("120001.00"), sentence("120002.00")]
-    assert [t for t, _ in fixes(*texts, flush=False)] == [0, 1]
-    found = fixes(*texts)
+def test_receiver_with_one_sentence(sentence):
+    found = fixes(sentence("120000.00"), sentence("120001.00"), sentence("120002.00"))
     assert [t for t, _ in found] == [0, 1, 2]
     assert all(fix.valid and fix.lat_deg == 52.5 for _, fix in found)
 
@@ -161,7 +321,7 @@ def test_lost_sentence_does_not_join_two_epochs():
 
 
 def test_midnight_equals_midnight():
-    assert len(fixes(gga("000000"), rmc("000000.000"), flush=False)) == 1
+    assert len(fixes(gga("000000"), rmc("000000.000"))) == 1
 
 
 def test_empty_epochs_are_no_fixes_one_by_one():
@@ -257,9 +417,10 @@ TEXTS = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_chara
 
 @given(st.lists(TEXTS, max_size=15))
 def test_any_fields_make_a_fix_or_none(fields):
-    for kind in ("GPGGA", "GNRMC"):
-        for _, fix in fixes(nmea(",".join([kind, *fields]))):
-            assert fix.valid is (fix.lat_deg is not None)
+    for kind in ("GPGGA", "GNRMC", "GNGNS"):
+        for other in ("GNGST", "GNGSA", "GPVTG", "GPZDA"):
+            for _, fix in fixes(nmea(",".join([kind, *fields])), nmea(",".join([other, *fields]))):
+                assert fix.valid is (fix.lat_deg is not None)
 
 
 def test_speed():

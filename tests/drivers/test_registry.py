@@ -1,42 +1,115 @@
-from pathlib import Path
+"""Each driver by its name, and each modem by what it says of itself."""
 
 import pytest
 
 from logger.core.errors import ConfigError
-from logger.drivers.registry import DRIVERS, make_driver
+from logger.drivers.dialogue import Reply
+from logger.drivers.registry import AUTO, FAMILIES, driver_of, family_of, identified, reader_of
 
-ROOT = Path(__file__).resolve().parents[2]
+# Answers to ATI, AT+CGMI, AT+CGMM and AT+CGMR as the vendors' manuals and public logs show them.
+MODEMS = {
+    "sim800": [
+        "SIM800 R14.18",
+        "SIMCOM_Ltd SIMCOM_SIM800L Revision:1418B05SIM800L24",
+        "SIMCOM_SIM900 1137B13SIM900M64",
+    ],
+    "sim7000": ["SIM7000E R1529 SIMCOM_Ltd SIMCOM_SIM7000E", "SIM7070 R1951.02 SIMCOM_SIM7070", "SIMCOM_SIM7080"],
+    "sim7600": [
+        "Manufacturer: SIMCOM INCORPORATED Model: SIMCOM_SIM5360E Revision: SIM5360E_V3.5",
+        "Manufacturer: SIMCOM INCORPORATED Model: SIMCOM_SIM7600E-H",
+        "Manufacturer: SIMCOM INCORPORATED Model: A7670E-FASE Revision: A011B07A7670M7_F",
+        "Model: SIMCOM_SIM8202G-M2",
+    ],
+    "quectel": [
+        "Quectel EC25 Revision: EC25EFAR06A06M4G",
+        "Quectel EG25 Revision: EG25GGBR07A08M2G",
+        "Quectel BG96 Revision: BG96MAR02A07M1G",
+        "Quectel RM500Q-GL Revision: RM500QGLABR11A06M4G",
+        "Quectel EP06 Revision: EP06ELAR03A08M4G",
+    ],
+    "quectel_gsm": [
+        "Quectel_Ltd Quectel_M95 Revision: M95FAR02A08",
+        "Quectel_Ltd Quectel_M66 Revision: M66FAR01A12BT",
+        "Quectel_Ltd Quectel_BC26 Revision: BC26NAR01A07",
+    ],
+    "telit": ["Telit GL865-DUAL 16.01.150", "Telit LE910-EUG 17.00.523", "Telit GT864-QUAD 10.00.006"],
+    "ublox": ["u-blox SARA-G350-02S-01 08.90", "u-blox SARA-R510S-01B 03.15", "u-blox LARA-R6001-00B"],
+    "cinterion": [
+        "SIEMENS TC35 REVISION 04.00",
+        "Cinterion BGS2-W REVISION 02.000",
+        "SIEMENS MC55 REVISION 04.00",
+        "Cinterion PLS8-E REVISION 03.011",
+    ],
+    "sierra": ["Sierra Wireless, Incorporated MC7455 SWI9X30C_02.24.05.06", "Sierra Wireless, Incorporated EM7565"],
+    "huawei": ["huawei E3372 21.180.01.00.00", "Huawei Technologies Co., Ltd. ME909s-120"],
+    "fibocom": ["Fibocom Wireless Inc. L860-GL", "Fibocom FM350-GL 81600.0000.00.29.17.01"],
+    "generic": ["", "ACME 2000", "ERROR"],
+}
 
 
-@pytest.mark.parametrize("name", DRIVERS)
-def test_driver_has_a_page_and_a_test_and_its_own_name(name):
-    assert (ROOT / "firmware_notes" / f"{name}.md").is_file()
-    assert (ROOT / "tests" / "drivers" / f"test_{name}.py").is_file()
-    assert make_driver(name).name == name
+@pytest.mark.parametrize("name", sorted(FAMILIES))
+def test_each_driver_by_its_name(name):
+    driver = driver_of(name)
+    assert driver is not None
+    assert driver.name == name
 
 
-@pytest.mark.parametrize("name", DRIVERS)
-def test_driver_asks_nothing_about_the_subscriber_and_transmits_nothing(name):
-    driver = make_driver(name)
-    for dialogue in (driver.setup(), driver.poll()):
-        assert not _commands(dialogue) & {"CIMI", "CGSN", "GSN", "CCID", "CNUM", "CMGS", "CUSD", "CGATT", "CIPSTART"}
+def test_an_unknown_driver_is_told_with_the_names_there_are():
+    with pytest.raises(ConfigError, match=r"'nokia'; known are: auto, sim800.*generic"):
+        driver_of("nokia")
+    assert driver_of(AUTO) is None
 
 
-def _commands(dialogue):
-    """Names of the commands of a dialogue in which every answer is OK."""
-    from logger.drivers.dialogue import Reply
+@pytest.mark.parametrize(("name", "text"), [(name, text) for name, texts in MODEMS.items() for text in texts])
+def test_a_modem_is_known_by_what_it_says(name, text):
+    assert family_of(text).name == name
 
-    names = set()
-    try:
-        command = next(dialogue)
+
+def test_the_dialogue_that_asks():
+    answers = {"AT": (), "ATE0": (), "ATI": ("SIM800 R14.18",), "AT+CGMM": ("SIMCOM_SIM800L",)}
+    asked = []
+    dialogue = identified()
+    command = next(dialogue)
+    with pytest.raises(StopIteration) as done:
         while True:
-            assert not command.text.startswith("ATD")
-            names.add(command.text.removeprefix("AT+").split("=")[0].rstrip("?"))
-            command = dialogue.send(Reply(command.text, (), "OK"))
-    except StopIteration:
-        return names
+            asked.append(command.text)
+            lines = answers.get(command.text)
+            command = dialogue.send(Reply(command.text, lines or (), "ERROR" if lines is None else "OK"))
+    driver, text = done.value.value
+    assert (driver.name, text) == ("sim800", "SIM800 R14.18 SIMCOM_SIM800L")
+    assert not any("CGSN" in text or "CIMI" in text for text in asked)
 
 
-def test_unknown_driver_is_told_with_the_known_ones():
-    with pytest.raises(ConfigError, match=r"'sim8000'.*sim800"):
-        make_driver("sim8000")
+def test_a_silent_modem_is_nobody():
+    dialogue = identified()
+    command = next(dialogue)
+    with pytest.raises(StopIteration) as done:
+        while True:
+            command = dialogue.send(Reply(command.text, (), None))
+    assert done.value.value is None
+
+
+def test_a_transcript_is_read_by_the_driver_that_finds_most():
+    lines = ['+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"', "+CSQ: 19,99"]
+    assert reader_of(lines).name == "sim800"
+    assert reader_of(["+CSQ: 19,99"]).read(["+CSQ: 19,99"])
+
+
+def test_no_driver_asks_who_the_subscriber_is_or_transmits():
+    forbidden = (
+        "CIMI",
+        "CGSN",
+        "CCID",
+        "CNUM",
+        "ATD",
+        "CGATT=",
+        "CFUN=",
+        "COPS=0",
+        "COPS=1",
+        "COPS=2",
+        "COPS=4",
+        "CMGS",
+    )
+    for driver in FAMILIES.values():
+        for command in (*driver.set_up, *driver.asked, *driver.surveys, *driver.gnss_on, *driver.gnss_asked):
+            assert not any(word in command.text.upper() for word in forbidden), (driver.name, command)

@@ -5,7 +5,8 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.dialogue import Reply
-from logger.drivers.sim800 import AUTOBAUD_TRIES, Sim800
+from logger.drivers.family import AUTOBAUD_TRIES
+from logger.drivers.sim800 import Sim800
 
 DATA = Path(__file__).parent / "data"
 MODEM = Sim800()
@@ -16,7 +17,7 @@ SCAN = 'Operator:"T, Mobile",MCC:310,MNC:260,Rxlev:53,Cellid:CF00,Arfcn:1709,Lac
 
 
 def one(line, header=None):
-    readings = MODEM.read_lines([line] if header is None else [header, line])
+    readings = MODEM.read([line] if header is None else [header, line])
     assert len(readings) <= 1
     return readings[0] if readings else None
 
@@ -217,16 +218,25 @@ def converse(dialogue, exchange):
     pytest.fail(f"asks on: {command.text}")
 
 
+QUIET = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
+
+
 def test_setup():
-    setup = [("AT", [], "OK"), ("ATE0", [], "OK"), ("AT+CMEE=1", [], "OK"), ("AT+CENG=1,1", [], "OK")]
+    setup = [*QUIET, ("AT+CNETSCAN=1", [], "OK"), ("AT+CENG=1,1", [], "OK")]
     assert converse(MODEM.setup(), setup) is True
     assert converse(MODEM.setup(), [("AT", [], None), ("AT", ["A"], None), *setup]) is True
 
 
 def test_setup_of_a_modem_that_is_not_there_or_not_able():
     assert converse(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
-    start = [("AT", [], "OK"), ("ATE0", [], None), ("AT+CMEE=1", [], "ERROR")]
-    assert converse(MODEM.setup(), [*start, ("AT+CENG=1,1", [], "+CME ERROR: 4")]) is False
+    start = [("AT", [], "OK"), ("ATE0", [], None), ("ATV1", [], None), ("AT+CMEE=1", [], "ERROR")]
+    refusing = [*start, ("AT+CNETSCAN=1", [], "OK"), ("AT+CENG=1,1", [], "+CME ERROR: 4")]
+    assert converse(MODEM.setup(), refusing) is False
+
+
+def test_a_modem_without_the_long_form_of_the_scan_is_polled():
+    setup = [*QUIET, ("AT+CNETSCAN=1", [], "ERROR"), ("AT+CENG=1,1", [], "OK")]
+    assert converse(MODEM.setup(), setup) is True
 
 
 def test_poll():
@@ -297,5 +307,5 @@ def test_no_signs_of_a_restart(line):
 def test_speed():
     lines = [SERVING, NEIGHBOUR, '+CENG: 2,"0233,26,00,,,0000"', SCAN] * 2500
     start = time.process_time()
-    MODEM.read_lines(lines)
+    MODEM.read(lines)
     assert len(lines) / (time.process_time() - start) > 20_000

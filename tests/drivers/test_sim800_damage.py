@@ -18,7 +18,7 @@ NOBODY = (None, None, None, None)
 
 
 def one(line, header=None):
-    readings = MODEM.read_lines([line] if header is None else [header, line])
+    readings = MODEM.read([line] if header is None else [header, line])
     assert len(readings) <= 1
     return readings[0] if readings else None
 
@@ -74,8 +74,8 @@ def test_rows_spliced_into_each_other_are_no_cell():
 
 
 def test_two_rows_on_one_line():
-    assert [r.role for r in MODEM.read_lines([SERVING + NEIGHBOUR])] == ["serving", "neighbour"]
-    assert [r.role for r in MODEM.read_lines([SERVING[:30] + NEIGHBOUR])] == ["neighbour"]
+    assert [r.role for r in MODEM.read([SERVING + NEIGHBOUR])] == ["serving", "neighbour"]
+    assert [r.role for r in MODEM.read([SERVING[:30] + NEIGHBOUR])] == ["neighbour"]
 
 
 ROWS = [
@@ -124,21 +124,21 @@ def test_damage_raises_nothing_and_invents_no_identity(mutations):
     for event in [*framer.feed(data), framer.expire()]:
         lines = getattr(event, "lines", (getattr(event, "line", ""),))
         for line in lines:
-            assert_identities_are_printed(MODEM.read_lines([line]), line)
-    assert_identities_are_printed(MODEM.read_lines(data.decode("latin-1").split("\n")), data.decode("latin-1"))
+            assert_identities_are_printed(MODEM.read([line]), line)
+    assert_identities_are_printed(MODEM.read(data.decode("latin-1").split("\n")), data.decode("latin-1"))
 
 
 def test_lost_comma_mark_or_line_end_makes_no_other_cell():
-    known = {who(reading) for reading in MODEM.read_lines(TRANSCRIPT.decode().split("\n"))} | {NOBODY}
+    known = {who(reading) for reading in MODEM.read(TRANSCRIPT.decode().split("\n"))} | {NOBODY}
     for at in range(len(TRANSCRIPT)):
         if chr(TRANSCRIPT[at]).isalnum():
             continue  # a digit lost inside a number cannot be seen
         damaged = TRANSCRIPT[:at] + TRANSCRIPT[at + 1 :]
-        assert {who(r) for r in MODEM.read_lines(damaged.decode().split("\n"))} <= known, damaged[:at]
+        assert {who(r) for r in MODEM.read(damaged.decode().split("\n"))} <= known, damaged[:at]
 
 
 @given(st.lists(st.text(), max_size=5))
 def test_any_text_is_harmless(lines):
-    MODEM.read_lines(lines)
+    MODEM.read(lines)
     for line in lines:
         MODEM.is_row(line), MODEM.opens_block(line), MODEM.says_restarted(line)

@@ -1,0 +1,104 @@
+"""What all families of modems have in common: a driver is one family's commands and the reading of its replies."""
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import ClassVar
+
+from logger.core.types import CellReading
+from logger.drivers import common
+from logger.drivers.dialogue import Command, Dialogue
+from logger.drivers.rows import Row
+
+AUTOBAUD_TRIES = 5
+"""With AT+IPR=0 the first characters after power-up are lost while the modem finds the rate."""
+
+QUIET = (Command("ATE0"), Command("ATV1"), Command("AT+CMEE=1"))
+"""No echo, results in words, errors as numbers: lost at every restart."""
+
+_RESTARTED = re.compile(
+    r"RDY|QCRDY|START|\+CFUN: ?1|\*ATREADY\b.*|(?:UNDER|OVER)-VOLTAGE.*POWER DOWN|NORMAL POWER DOWN", re.IGNORECASE
+)
+
+
+class Family:
+    """Driver of one family, stateless: one instance serves a live port, a transcript and the simulator alike.
+
+    Nothing here transmits by choice or asks who the subscriber is. A family says which modems are its own
+    (`identifies`, searched in what ATI, AT+CGMI and AT+CGMM answer), what prepares them, what asks for the cells heard
+    now and what for all there are; and it reads the lines (`cells_in`).
+    """
+
+    name: ClassVar[str]
+    identifies: ClassVar[re.Pattern[str]]
+    set_up: ClassVar[tuple[Command, ...]] = ()
+    asked: ClassVar[tuple[Command, ...]]
+    surveys: ClassVar[tuple[Command, ...]] = ()
+    """Full scans: each command takes long and is a scan of its own, with polls in between."""
+    gnss_on: ClassVar[tuple[Command, ...]] = ()
+    gnss_asked: ClassVar[tuple[Command, ...]] = ()
+    """The modem's own receiver, used where the configuration says so."""
+
+    def setup(self) -> Dialogue[bool]:
+        """Prepare the modem after power-up or a restart; False when it did not accept what polling needs."""
+        return (yield from prepared(self.set_up))
+
+    def poll(self) -> Dialogue[tuple[Row, ...] | None]:
+        """Ask once for the cells heard now; None when the answer was no answer (timeout, error, mode lost)."""
+        return (yield from self.ask(self.asked))
+
+    def ask(self, commands: Iterable[Command]) -> Dialogue[tuple[Row, ...] | None]:
+        """Rows of the replies to some commands, read together; None when there was no answer to any.
+
+        Lines that came before a time-out are as good as others: what is cut is not read as a row.
+        """
+        lines: list[str] = []
+        answered = False
+        for command in commands:
+            reply = yield command
+            answered |= reply.ok
+            lines += [command.text, *reply.lines]
+        rows = self.read(lines)
+        return rows if answered or any(isinstance(row, CellReading) for row in rows) else None
+
+    def read(self, lines: Sequence[str]) -> tuple[Row, ...]:
+        """All rows in lines of replies or of a whole transcript; lines of other kinds are passed over.
+
+        A line with a command says what the following lines answer.
+        """
+        return (*self.cells_in(lines), *common.read(lines))
+
+    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+        """Rows in the forms of this family."""
+        raise NotImplementedError
+
+    def is_row(self, line: str) -> bool:
+        """True for a line that describes a cell, also when it comes unasked."""
+        return any(isinstance(row, CellReading) for row in self.cells_in([line]))
+
+    def opens_block(self, line: str) -> bool:
+        """True for the row that begins a new block of unasked rows."""
+        return any(isinstance(row, CellReading) and row.role == "serving" for row in self.cells_in([line]))
+
+    def says_restarted(self, line: str) -> bool:
+        """True for a line that means the modem has restarted and lost its set-up."""
+        return _RESTARTED.fullmatch(line.strip()) is not None
+
+
+def woken() -> Dialogue[bool]:
+    """Find a modem at the other end, and its rate."""
+    for _ in range(AUTOBAUD_TRIES):
+        reply = yield Command("AT", timeout_s=1.0)
+        if reply.ok:
+            return True
+    return False
+
+
+def prepared(commands: Iterable[Command]) -> Dialogue[bool]:
+    """Wake the modem, make it quiet and set it up; False when it refuses a command that is needed."""
+    if not (yield from woken()):
+        return False
+    accepted = True
+    for command in (*QUIET, *commands):
+        reply = yield command
+        accepted &= reply.ok or not command.needed
+    return accepted

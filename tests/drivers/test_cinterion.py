@@ -1,0 +1,283 @@
+import random
+import re
+
+import pytest
+
+from logger.core.types import CellReading
+from logger.drivers.cinterion import Cinterion
+from logger.drivers.dialogue import Reply
+from logger.drivers.fields import pieces
+from logger.drivers.rows import NoCell, as_json
+from tests.kit.corpus import check_entry, entries, lines_of
+
+MODEM = Cinterion()
+
+# Examples of the manuals of TC35i (V1.05 p208), MC35 (V05.00 p186), TC35 (V02.10 p110) and EHS6 (V03.001 p182-194),
+# SMOND of a public log; MONI_CALL and SNMON are put together from the syntax in these manuals.
+SMONC = "^SMONC: 232,03,3010,4EAF,32,82,38,30,30,232,03,3010,0000,36,88,26,18,18"
+SMOND = (
+    "^SMOND:250,01,00EA,0AE1,23,756,47,,,0,,,0,250,01,00EA,0ADE,40,1022,47,250,01,00DD,0A5E,23,783,78,"
+    "250,01,00EA,0AE2,43,795,78,250,01,00EA,0AE0,26,791,78,250,01,00EA,4EA7,20,748,86,250,01,00EA,,20,669,87,1,31,99"
+)
+SMONI_2G = "^SMONI: 2G,71,-61,262,02,0143,83BA,33,33,3,6,G,NOCONN"
+SMONI_3G = "^SMONI: 3G,10564,296,-7.5,-79,262,02,0143,00228FF,-92,-78,NOCONN"
+SMONI_4G = "^SMONI: 4G,6300,20,10,10,FDD,262,02,BF75,0345103,350,33,-94,-7,NOCONN"
+HEADER = [
+    "Serving Cell     I Dedicated channel",
+    "chann rs  dBm  PLMN  LAC cell NCC BCC PWR RXLev  C1 I chann TS timAdv",
+]
+MONI = "1013  21  -71 00101 1001 0103   7   7  33  -105  33 I    No connection"
+MONI_CALL = "1013  19 -76 001 01 1001 0103 7   7   33  -105  33 I 1015  1  3  5  -76  0 S_HR"
+MONP = "29 22 -70 26201 2 33 33"
+SMONP = "1021,36,-75,262,07,7,1,31,21,4EED,08B2,0,0"
+SNMON = '^SNMON: "INS",0,1,0,83BA,0143,"26202",71,49,-61,1'
+SAMPLES = [SMONC, SMOND, SMONI_2G, SMONI_3G, SMONI_4G, MONI, MONI_CALL, MONP, f"2G:\n{SMONP}", SNMON]
+
+
+@pytest.mark.parametrize("dialect", ["siemens_smonc", "siemens_smond", "siemens_moni", "siemens_monp", "cinterion"])
+def test_recorded_replies(corpus, dialect):
+    recorded = entries(corpus, dialect)
+    assert recorded
+    for entry in recorded:
+        check_entry(entry, [as_json(row) for row in MODEM.read(lines_of(corpus, entry))])
+
+
+def one(*lines):
+    found = MODEM.cells_in(lines)
+    assert len(found) == 1
+    return found[0]
+
+
+def who(reading):
+    return reading.mcc, reading.mnc, reading.tac if reading.lac is None else reading.lac, reading.cid
+
+
+# --- forms
+
+
+def test_smonc():
+    serving, neighbour = MODEM.cells_in([SMONC])
+    assert serving == CellReading(
+        role="serving",
+        rat="GSM",
+        mcc="232",
+        mnc="03",
+        lac=0x3010,
+        cid=0x4EAF,
+        arfcn=82,
+        bsic=32,
+        rxlev_raw=38,
+        c1=30,
+        c2=30,
+    )
+    assert (neighbour.role, who(neighbour), neighbour.arfcn) == ("neighbour", ("232", "03", 0x3010, None), 88)
+
+
+def test_smonc_where_cells_are_missing():
+    empty = "000,000,0000,0000,00,0,0,-,-"
+    assert MODEM.cells_in([f"^SMONC: {empty},{empty}"]) == (NoCell("GSM"),)
+    assert [row.role for row in MODEM.cells_in([f"{SMONC},{empty},{empty}"])] == ["serving", "neighbour"]
+    undecoded = one("^SMONC: 000,000,0000,0000,00,88,26,-,-")
+    assert (who(undecoded), undecoded.arfcn, undecoded.bsic, undecoded.rxlev_raw) == ((None,) * 4, 88, None, 26)
+    assert undecoded.c1 is None
+
+
+def test_smond():
+    serving, *neighbours = MODEM.cells_in([SMOND])
+    assert (who(serving), serving.arfcn, serving.rssi_dbm, serving.ta) == (("250", "01", 0xEA, 0xAE1), 756, -47.0, 1)
+    assert (serving.bsic, serving.more) == (None, {"bsic_raw": "23"})
+    assert [cell.arfcn for cell in neighbours] == [1022, 783, 795, 791, 748, 669]
+    assert who(neighbours[-1]) == ("250", "01", 0xEA, None)
+    assert one(SMOND[: SMOND.index(",250,01,00EA,0ADE")]).rssi_dbm == -47.0
+    assert MODEM.cells_in([SMOND.replace("756,47", "756,-47")])[0] == serving
+
+
+def test_smond_where_cells_are_missing():
+    nobody = ",,,,,,0,,,0,,,0"
+    assert MODEM.cells_in([f"^SMOND:{nobody}" + ",,,,,,,0" * 6 + ",,99,99"]) == (NoCell("GSM"),)
+    assert [row.role for row in MODEM.cells_in([SMOND.replace("250,01,00EA,0AE1,23,756,47,,,0,,,0", nobody)])] == [
+        "neighbour"
+    ] * 6
+
+
+def test_smoni_of_three_technologies():
+    gsm, wcdma, lte = MODEM.cells_in([SMONI_2G, SMONI_3G, SMONI_4G])
+    assert (gsm.cell, gsm.arfcn, gsm.rssi_dbm, gsm.bsic, gsm.c1) == ("262-02-323-33722", 71, -61.0, 30, 33)
+    assert gsm.more == {"ncc": 3, "bcc": 6, "state": "NOCONN"}
+    assert (wcdma.cell, wcdma.psc, wcdma.ecio_db, wcdma.rscp_dbm) == ("262-02-323-141567", 296, -7.5, -79.0)
+    assert (lte.cell, lte.arfcn, lte.band, lte.pci) == ("262-02-49013-3428611", 6300, 20, 350)
+    assert (lte.rsrp_dbm, lte.rsrq_db) == (-94.0, -7.0)
+    assert lte.more == {"state": "NOCONN", "duplex": "FDD", "srxlev": 33}
+    assert "srxlev" not in one(SMONI_4G.replace("NOCONN", "CONN")).more
+
+
+@pytest.mark.parametrize(
+    ("tail", "ta"),
+    [("NOCONN", None), ("5,-107,LIMSRV", None), ("643,4,3,-80,0,S_FR", 3), ("5,-107,h,4,3,-80,0,S_FR", 3)],
+)
+def test_ends_of_a_2g_row(tail, ta):
+    reading = one(SMONI_2G.replace("NOCONN", tail))
+    assert (reading.cell, reading.ta) == ("262-02-323-33722", ta)
+
+
+@pytest.mark.parametrize(
+    ("line", "rat"),
+    [("2G,SEARCH,SEARCH", "GSM"), ("3G,SEARCH", "WCDMA"), ("4G,SEARCH", "LTE"), ("SEARCH", None), ("2g,search", "GSM")],
+)
+def test_search(line, rat):
+    assert MODEM.cells_in([f"^SMONI: {line}"]) == (NoCell(rat, state="SEARCH"),)
+
+
+def test_values_that_smoni_does_not_know():
+    row = one("^SMONI: 3G,10737,131,-,-,260,01,7D3D,C80BC9A,--,--,----,---,-,-5,-93,0,01,06")
+    assert (row.cell, row.rscp_dbm, row.ecio_db) == ("260-01-32061-209763482", None, None)
+    assert who(one(SMONI_2G.replace("83BA", "----"))) == ("262", "02", 0x143, None)
+    assert who(one(SMONI_2G.replace("83BA", "0000").replace("0143", "FFFE"))) == ("262", "02", None, None)
+
+
+def test_logs_around_a_row():
+    for text in (
+        f"[17:03:01.250] < {SMONI_2G}",
+        SMONI_2G.lower(),
+        f"'\\r\\n{SMONI_2G}\\r\\n\\r\\nOK\\r\\n'",
+        f'"{SMONI_2G}"',
+    ):
+        assert one(text).cell == "262-02-323-33722"
+    assert list(pieces([r"a\r\nb", "", " ", "c\r"])) == ["a", "b", "c"]
+
+
+def test_unasked_rows():
+    assert MODEM.is_row(SMONI_2G)
+    assert MODEM.opens_block(SMONI_2G)
+    assert not MODEM.is_row("^SMONI: 2G,SEARCH,SEARCH")
+    assert not MODEM.is_row("OK")
+
+
+# --- damage
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        SMONI_2G.replace("262,02", "26202"),
+        SMONI_2G.replace("0143,83BA", "014383BA"),
+        SMONI_2G.replace("0143", "143"),
+        SMONI_2G.replace("83BA", "83B"),
+        SMONI_3G.replace("00228FF", "0228FF"),
+        SMONC.replace("3010,4EAF", "30104EAF"),
+        MONI.replace("1001 0103", "10010103"),
+    ],
+)
+def test_lost_digit_or_comma_names_no_cell(row):
+    assert not any(isinstance(found, CellReading) and found.cell for found in MODEM.cells_in([row]))
+
+
+@pytest.mark.parametrize("sample", SAMPLES)
+def test_cut_rows_tell_nothing_else(sample):
+    identities = {who(row) for row in MODEM.cells_in(sample.split("\n"))}
+    for end in range(len(sample)):
+        for row in MODEM.cells_in(sample[:end].split("\n")):
+            assert isinstance(row, NoCell) or who(row) in identities
+
+
+def test_no_mutation_makes_up_an_identity():
+    rng = random.Random(5)
+    for _ in range(4000):
+        text = mutated(rng.choice(SAMPLES), rng)
+        numbers = {int(word, base) for word, base in words(text)}
+        for row in MODEM.read(text.split("\n")):
+            if isinstance(row, CellReading):
+                assert {row.lac, row.cid, row.tac} - {None} <= numbers, text
+                assert row.mcc is None or row.mcc + (row.mnc or "") in text.replace(",", "").replace(" ", ""), text
+
+
+def words(text):
+    return [(word, 16) for word in re.findall("[0-9A-Fa-f]+", text)] + [
+        (word, 10) for word in re.findall("[0-9]+", text)
+    ]
+
+
+def mutated(text, rng):
+    for _ in range(rng.randint(1, 3)):
+        at, to = sorted((rng.randrange(len(text)), rng.randrange(len(text))))
+        change = rng.randrange(4)
+        if change == 0:
+            text = text[:at] + chr(ord(text[at]) ^ 1 << rng.randrange(7)) + text[at + 1 :]
+        elif change == 1:
+            text = text[:at] + text[at + rng.randint(1, 9) :] or " "
+        elif change == 2:
+            text = text[:at] + rng.choice('0,"\n :I-^AF9') + text[at:]
+        else:
+            text = text[:to] + text[at:]
+    return text
+
+
+# --- conversation
+
+
+def converse(dialogue, replies, default=((), "ERROR")):
+    """Result of a dialogue and the commands sent; `replies` is (lines, final) by command."""
+    sent = []
+    try:
+        command = next(dialogue)
+        while True:
+            sent.append(command.text)
+            lines, final = replies.get(command.text, default)
+            command = dialogue.send(Reply(command.text, tuple(lines), final))
+    except StopIteration as stop:
+        return stop.value, sent
+
+
+def test_setup():
+    assert converse(MODEM.setup(), {}, ((), "OK"))[0] is True
+    assert converse(MODEM.setup(), {"AT": ((), "OK")})[0] is True  # an old modem knows neither AT+CEREG nor AT+COPS=3,2
+    assert converse(MODEM.setup(), {}, ((), None))[0] is False
+
+
+@pytest.mark.parametrize(
+    ("command", "lines", "asked"),
+    [
+        ("AT^SMONI", [SMONI_2G], ["AT^SMONI", "AT^SMONP=255"]),
+        ("AT^SMONI", ["^SMONI: 2G,SEARCH,SEARCH"], ["AT^SMONI", "AT^SMONP=255"]),
+        ("AT^SMOND", [SMOND], ["AT^SMONI", "AT^SMONP=255", "AT^SMOND"]),
+        ("AT^SMONC", [SMONC], ["AT^SMONI", "AT^SMONP=255", "AT^SMOND", "AT^SMONC"]),
+        ("AT^MONI", [*HEADER, MONI], ["AT^SMONI", "AT^SMONP=255", "AT^SMOND", "AT^SMONC", "AT^MONI", "AT^MONP"]),
+    ],
+)
+def test_poll_asks_until_a_command_is_known(command, lines, asked):
+    rows, sent = converse(MODEM.poll(), {command: (lines, "OK")})
+    assert rows == MODEM.cells_in(lines)
+    assert sent == asked
+
+
+def test_poll_of_a_modem_that_knows_none_of_the_commands():
+    replies = {
+        "AT+COPS?": (['+COPS: 0,2,"26202",0'], "OK"),
+        "AT+CREG?": (['+CREG: 2,1,"0143","83BA",0'], "OK"),
+        "AT+CSQ": (["+CSQ: 20,99"], "OK"),
+    }
+    rows, _ = converse(MODEM.poll(), replies)
+    assert (rows[0].cell, rows[0].rssi_dbm) == ("262-02-323-33722", -73.0)
+
+
+@pytest.mark.parametrize("final", [None, "ERROR", "+CME ERROR: 100"])
+def test_poll_without_an_answer(final):
+    assert converse(MODEM.poll(), {}, ((), final))[0] is None
+
+
+def test_commands_listen_only():
+    for command in (*MODEM.set_up, *MODEM.asked, *MODEM.surveys):
+        assert not re.search(r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|MON[IP]=(?!255)", command.text)
+        assert not re.search(r"\^MON[IP]=", command.text)  # repeats without end
+
+
+@pytest.mark.parametrize(
+    "identity", ["SIEMENS TC35i REVISION 02.00", "Cinterion BGS2-W", "Gemalto EHS6", "THALES PLS63"]
+)
+def test_own_modems(identity):
+    assert MODEM.identifies.search(identity)
+
+
+@pytest.mark.parametrize("identity", ["SIMCOM_SIM800L", "Telit Cinterion LE910C1", "Quectel EC25", "u-blox SARA-G350"])
+def test_modems_of_others(identity):
+    assert not MODEM.identifies.search(identity)

@@ -1,0 +1,72 @@
+import random
+
+import pytest
+
+from logger.drivers import common
+from logger.drivers.registry import FAMILIES, reader_of
+from logger.drivers.rows import as_json
+from tests.kit.corpus import check_entry, entries, lines_of
+
+OF_ALL = ("3gpp_", "simcom_nosim", "simcom_csq", "simcom_cnwinfo", "quectel_registration", "ublox_log")
+
+
+def rows(text):
+    return [{k: v for k, v in as_json(row).items() if v is not None} for row in common.read(text.splitlines())]
+
+
+def test_every_driver_reads_the_common_ground_of_the_corpus(corpus):
+    found = entries(corpus, *OF_ALL)
+    assert len(found) > 20
+    for entry in found:
+        lines = lines_of(corpus, entry)
+        check_entry(entry, [as_json(row) for row in common.read(lines)])
+        for driver in FAMILIES.values():
+            check_entry(entry, [as_json(row) for row in driver.read(lines)])
+        check_entry(entry, [as_json(row) for row in reader_of(lines).read(lines)])
+
+
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        ("+CREG: 1", {"stat": 1}),
+        ("+CREG: 2,1", {"n": 2, "stat": 1}),
+        ('+CREG: 1,"CE00","00005449"', {"stat": 1, "lac": 0xCE00, "cid": 0x5449}),
+        ('+CREG: 2,5,"CE00","00005449",0', {"n": 2, "stat": 5, "lac": 0xCE00, "cid": 0x5449, "act": 0, "rat": "GSM"}),
+        ('+CEREG: 2,1,"2AFE","1A2D001",9', {"n": 2, "stat": 1, "tac": 0x2AFE, "cid": 0x1A2D001, "act": 9}),
+        ('+CREG: 2,1,"FFFE","76340C",7]', {"n": 2, "stat": 1, "cid": 0x76340C, "act": 7, "rat": "LTE"}),
+        ('+CREG: 2,1,"FFFE","1A2D001",7', {"n": 2, "stat": 1, "cid": 0x1A2D001, "rat": "LTE"}),
+    ],
+)
+def test_registration_answered_and_reported(line, wanted):
+    (row,) = rows(line)
+    assert row.items() >= wanted.items()
+    assert ("n" in row) == ("n" in wanted)
+    assert ("lac" in row or "tac" in row) == ("lac" in wanted or "tac" in wanted)
+
+
+def test_levels_without_a_cell():
+    assert rows("+CSQ: 31,0") == [{"role": "signal", "csq_raw": 31, "ber": 0, "rssi_dbm": -51.0}]
+    assert rows("+CSQ: 99,99") == [{"role": "signal"}]
+    gsm, lte = (rows(f"+CESQ: {text}") for text in ("40,0,255,255,255,255", "99,99,255,255,20,60"))
+    assert (gsm[0]["rat"], gsm[0]["rssi_dbm"], gsm[0]["rxlev_raw"]) == ("GSM", -70.0, 40)
+    assert (lte[0]["rat"], lte[0]["rsrp_dbm"], lte[0]["rsrq_db"]) == ("LTE", -81.0, -10.0)
+    assert rows("+CESQ: 99,99,255,255,255,255") == []
+
+
+def test_a_list_of_networks_broken_between_lines_and_without_quotes():
+    text = '+COPS: (2,"A, B","AB","26201",0),(1,Net\r\nwork,"","26202"),2),(1,x,y,310260),,(0,1,4),(0-2)'
+    assert [(r.get("stat"), r.get("plmn"), r.get("rat")) for r in rows(text)] == [
+        (2, "26201", "GSM"),
+        (1, "26202", "WCDMA"),
+        (1, "310260", None),
+    ]
+
+
+def test_damage_raises_nothing():
+    rng = random.Random(1)
+    lines = ['+COPS: (2,"T","T","31026",0),(1,"A","A","310410"),2)', '+CREG: 2,1,"3AC9","243800E",7', "+CSQ: 19,99"]
+    for _ in range(3000):
+        text = list(rng.choice(lines))
+        for _ in range(rng.randint(1, 4)):
+            text[rng.randrange(len(text))] = chr(rng.randrange(256))
+        common.read(["".join(text)[rng.randrange(5) :]])
