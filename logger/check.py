@@ -9,10 +9,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
-from logger.config import SiteConfig, load_config
+from logger.config import GNSS_OF_MODEM, SiteConfig, load_config
 from logger.device.port import check_url
 from logger.device.service import usable_folder
-from logger.drivers.registry import make_driver
+from logger.drivers.registry import driver_of
 
 _LIBRARIES = {"numpy": "numpy", "h5py": "h5py", "pyproj": "pyproj", "pyserial": "serial", "pynmea2": "pynmea2"}
 
@@ -46,12 +46,15 @@ def _libraries() -> Iterator[Line]:
 
 
 def _site(config: SiteConfig) -> Iterator[Line]:
-    make_driver(config.modem.driver)
+    driver_of(config.modem.driver)
     folder = usable_folder(config.run.directory)
     writable = os.access(folder, os.W_OK)
     yield Line("ok" if writable else "fail", "directory", f"{folder} is {'' if writable else 'not '}writable")
     yield _port("modem", config.modem.port)
-    yield _port("gnss", config.gnss.port)
+    if config.gnss.port == GNSS_OF_MODEM:
+        yield Line("ok", "gnss", "the modem's own receiver")
+    else:
+        yield _port("gnss", config.gnss.port)
 
 
 def _port(name: str, url: str) -> Line:

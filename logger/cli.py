@@ -6,10 +6,15 @@ import logging
 import os
 import re
 import sys
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from logger.core.errors import ConfigError, FieldLoggerError
+
+if TYPE_CHECKING:
+    from logger.check import Line
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -44,8 +49,21 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("--json", action="store_true")
     check.set_defaults(command=_check)
 
+    doctor = commands.add_parser("doctor", help="is it working? power, disk, ports, modem, receiver, line by line")
+    doctor.add_argument("--config", type=Path, default=Path("/etc/cellwalk/site.toml"), metavar="SITE.TOML")
+    doctor.add_argument("--seconds", type=_positive, default=15.0, metavar="S", help="length of the trial (default 15)")
+    doctor.add_argument("--json", action="store_true")
+    doctor.set_defaults(command=_doctor)
+
+    probe = commands.add_parser("probe", help="find modem and receiver on the serial ports, propose a site.toml")
+    probe.add_argument("ports", nargs="*", metavar="PORT", help="look at these only (default: all there are)")
+    probe.add_argument("--write", type=Path, metavar="SITE.TOML", help="write the proposal; never over a file")
+    probe.add_argument("--json", action="store_true")
+    probe.set_defaults(command=_probe)
+
     parse = commands.add_parser("parse", help="show what a modem's reply means")
-    parse.add_argument("--driver", required=True, metavar="NAME", help="family of the modem, e.g. sim800")
+    parse.add_argument("--driver", default="auto", metavar="NAME", help="family of the modem (default auto: try all)")
+    parse.add_argument("--command", dest="command_line", metavar="AT+...", help="the command that it answers")
     parse.add_argument("file", type=Path, metavar="FILE", help="text of the reply, - for stdin")
     parse.add_argument("--json", action="store_true")
     parse.set_defaults(command=_parse)
@@ -57,6 +75,7 @@ def _parser() -> argparse.ArgumentParser:
     simulate = commands.add_parser("simulate", help="record a simulated walk through real ptys, no hardware needed")
     simulate.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="folder of the run (default: here)")
     simulate.add_argument("--scenario", default="block", metavar="NAME")
+    simulate.add_argument("--modem", default="sim800", metavar="NAME", help="simulated modem (default sim800)")
     simulate.add_argument("--seed", type=int, default=1)
     simulate.add_argument("--duration", type=_positive, metavar="S", help="simulated seconds (default: the whole walk)")
     simulate.add_argument(
@@ -86,29 +105,76 @@ def _run(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> int:
     from logger.check import check
 
-    lines = check(arguments.config)
+    return _print_lines(check(arguments.config), as_json=arguments.json)
+
+
+def _doctor(arguments: argparse.Namespace) -> int:
+    from logger.doctor import examine
+
+    logging.getLogger().setLevel(logging.ERROR)  # the lines say it better than the service's log
+    return _print_lines(examine(arguments.config, arguments.seconds), as_json=arguments.json)
+
+
+def _print_lines(lines: "Iterable[Line]", *, as_json: bool) -> int:
+    """Print what was checked, each line as it is found; 2 where one has failed."""
+    found = []
+    for line in lines:
+        found.append(line)
+        if not as_json:
+            print(f"{line.state:4}  {line.what}: {line.text}", flush=True)
+    if as_json:
+        print(json.dumps([asdict(line) for line in found], indent=2))
+    return 2 if any(line.state == "fail" for line in found) else 0
+
+
+def _probe(arguments: argparse.Namespace) -> int:
+    from logger.probe import probe, serial_ports, site_toml
+
+    there = serial_ports()
+    ports = {port: there.get(port, "") for port in arguments.ports} or there
+    if not ports:
+        raise ConfigError("there is no serial port; plug the modem and the receiver in, or name a port")
+    print(f"looking at {', '.join(ports)}: up to 20 s", file=sys.stderr)
+    found = probe(ports)
+    proposal = site_toml(found)
     if arguments.json:
-        print(json.dumps([asdict(line) for line in lines], indent=2))
+        print(json.dumps([asdict(one) for one in found], indent=2))
     else:
-        for line in lines:
-            print(f"{line.state:4}  {line.what}: {line.text}")
-    return 2 if any(line.state == "fail" for line in lines) else 0
+        for one in found:
+            rate = f" at {one.baud} baud" if one.baud else ""
+            driver = f", driver {one.driver}" if one.driver else ""
+            print(f"# {one.port} ({one.usb or 'no USB'}): {one.kind}{rate}{driver} {one.text}")
+        print(f"\n{proposal}", end="")
+    if arguments.write is not None:
+        _write_new(arguments.write, proposal)
+    return 0 if {"modem", "gnss"} <= {one.kind for one in found} else 2
+
+
+def _write_new(path: Path, text: str) -> None:
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
 
 
 def _parse(arguments: argparse.Namespace) -> int:
-    from logger.drivers.registry import make_driver
+    from logger.drivers.registry import driver_of, reader_of
+    from logger.drivers.rows import as_json
 
-    driver = make_driver(arguments.driver)
+    chosen = driver_of(arguments.driver)
     # latin-1 has a character for every byte, so that noise in a transcript stays noise
     lines = re.split(r"[\r\n]+", _bytes_of(arguments.file).decode("latin-1"))
-    readings = driver.read_lines(lines)
+    if arguments.command_line:
+        lines.insert(0, arguments.command_line)
+    driver = chosen or reader_of(lines)
+    rows = [as_json(row) for row in driver.read(lines)]
     if arguments.json:
-        print(json.dumps([asdict(reading) for reading in readings], indent=2))
+        print(json.dumps(rows, indent=2))
         return 0
-    for reading in readings:
-        known = {name: value for name, value in asdict(reading).items() if value is not None}
-        print("  ".join(f"{name}={value}" for name, value in known.items()))
-    print(f"{len(readings)} readings", file=sys.stderr)
+    for row in rows:
+        print("  ".join(f"{name}={value}" for name, value in row.items() if value is not None))
+    print(f"{len(rows)} rows, driver {driver.name}", file=sys.stderr)
     return 0
 
 
@@ -132,7 +198,8 @@ def _recover(arguments: argparse.Namespace) -> int:
 def _simulate(arguments: argparse.Namespace) -> int:
     from logger.simulate import simulate
 
-    run = simulate(arguments.out, arguments.scenario, arguments.seed, arguments.duration, arguments.speed)
+    told = (arguments.scenario, arguments.seed, arguments.duration, arguments.speed, arguments.modem)
+    run = simulate(arguments.out, *told)
     print(run)
     return 0
 

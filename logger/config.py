@@ -12,8 +12,12 @@ from logger.core.errors import ConfigError
 from logger.core.live_settings import LiveSettings
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 Baud = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 PortName = Annotated[str, msgspec.Meta(min_length=1)]
+
+GNSS_OF_MODEM = "modem"
+"""Port of [gnss] where the modem's own receiver gives the fixes."""
 
 
 class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -23,16 +27,20 @@ class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ModemSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A modem: device path, /dev/serial/by-id/... or pyserial URL, and the family that reads it."""
+    """A modem: device path, /dev/serial/by-id/... or pyserial URL, and the family that reads it.
+
+    `full_scan_interval_s` is the time between two scans of all networks, 0 for none.
+    """
 
     port: PortName
-    driver: str = "sim800"
+    driver: str = "auto"
     baud: Baud = 115_200
     poll_interval_s: Positive = 2.0
+    full_scan_interval_s: NotNegative = 0.0
 
 
 class GnssSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An NMEA receiver."""
+    """A receiver: an NMEA one as a modem is named, or `gpsd://host[:port][/device]`, which has no baud rate."""
 
     port: PortName
     baud: Baud = 9600
@@ -68,6 +76,8 @@ def parse_config(text: str, name: str) -> SiteConfig:
         raise ConfigError(f"{name}: {_explain(str(error))}") from None
     if config.modem.port == config.gnss.port:
         raise ConfigError(f"{name}: [modem] and [gnss] name the same port {config.modem.port!r}")
+    if config.modem.port.startswith("gpsd:"):
+        raise ConfigError(f'{name}: [modem] "port": gpsd is a receiver, name it in [gnss]')
     return config
 
 

@@ -1,5 +1,9 @@
 """The session with an NMEA receiver: it only listens."""
 
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+from logger.core.types import Fix
 from logger.device.link import Link
 from logger.drivers.garbage import Garbage
 from logger.drivers.nmea import FixAssembler, NmeaFramer
@@ -8,29 +12,45 @@ SILENT_S = 1.5
 """Longer than the pause between two epochs at 1 Hz: what is pending then is all there will be."""
 
 
+class Framer(Protocol):
+    """Bytes to events, some of which may be Garbage."""
+
+    def feed(self, data: bytes) -> Iterator[Any]: ...
+
+
+class Assembler(Protocol):
+    """Events to fixes and when they were."""
+
+    def feed(self, event: Any, t_ns: int, /) -> Iterator[tuple[int, Fix]]: ...
+    def flush(self) -> Iterator[tuple[int, Fix]]: ...
+
+
 def gnss_session(link: Link) -> None:
     """Read sentences and record one fix for each epoch, until stopped or the port is lost."""
-    framer, assembler = NmeaFramer(), FixAssembler()
+    listen(link, NmeaFramer(), FixAssembler(), SILENT_S)
+
+
+def listen(link: Link, framer: Framer, assembler: Assembler, silent_s: float) -> None:
+    """Record the fixes of a receiver; what is pending after a silence is all there will be of it."""
     heard_ns = link.clock.now_ns()
     while not link.stop.is_set():
         t_ns, data = link.read()
         if data:
             heard_ns = t_ns
             _hear(link, framer, assembler, data, t_ns)
-        elif t_ns - heard_ns > SILENT_S * 1e9:
-            _emit_fixes(link, assembler)
-    _emit_fixes(link, assembler)
+        elif t_ns - heard_ns > silent_s * 1e9:
+            _emit(link, assembler.flush())
+    _emit(link, assembler.flush())
 
 
-def _hear(link: Link, framer: NmeaFramer, assembler: FixAssembler, data: bytes, t_ns: int) -> None:
+def _hear(link: Link, framer: Framer, assembler: Assembler, data: bytes, t_ns: int) -> None:
     for event in framer.feed(data):
         if isinstance(event, Garbage):
             link.count_garbage(len(event.data))
-            continue
-        for fix_ns, fix in assembler.feed(event, t_ns):
-            link.emit(fix, fix_ns)
+        else:
+            _emit(link, assembler.feed(event, t_ns))
 
 
-def _emit_fixes(link: Link, assembler: FixAssembler) -> None:
-    for fix_ns, fix in assembler.flush():
+def _emit(link: Link, fixes: Iterator[tuple[int, Fix]]) -> None:
+    for fix_ns, fix in fixes:
         link.emit(fix, fix_ns)

@@ -9,13 +9,14 @@ from logger.core.errors import DeviceError, FieldLoggerError
 from logger.core.types import Level, Note, RawBytes, Record, Value
 from logger.device.clock import Clock
 from logger.device.port import Port
+from logger.drivers.privacy import Blanker
 
 log = logging.getLogger(__name__)
 
 RETRY_S = 1.0
 LISTEN_S = 0.2
 """Longest that a silent port keeps its thread from looking at the clock."""
-GARBAGE_EVERY_S = 10.0
+TELL_EVERY_S = 10.0
 
 
 class Inbox:
@@ -46,19 +47,52 @@ class Inbox:
         return dropped
 
 
-class Link:
-    """What a session is given: its port, a clock, and the way to the recorder."""
+class Tally:
+    """Something too frequent for a Note each time: it is counted, and one Note says how often it came."""
 
-    def __init__(self, source: str, url: str, baud: int, clock: Clock, inbox: Inbox, stop: threading.Event) -> None:
+    def __init__(self, what: str, least: int) -> None:
+        self._what = what
+        self._least = least
+        self._n = 0
+        self._since_ns = 0
+
+    def add(self, n: int, now_ns: int) -> None:
+        self._since_ns = self._since_ns if self._n else now_ns
+        self._n += n
+
+    def take(self, now_ns: int | None = None) -> str | None:
+        """Text of the Note that is due, at `now_ns` or (None) at the end of the connection."""
+        if not self._n or (now_ns is not None and now_ns - self._since_ns < TELL_EVERY_S * 1e9):
+            return None
+        n, self._n = self._n, 0
+        return f"{n} {self._what}" if n >= self._least else None
+
+
+class Link:
+    """What a session is given: its port, a clock, and the way to the recorder.
+
+    Only what `blanker` lets through is recorded and read.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        url: str,
+        baud: int,
+        clock: Clock,
+        inbox: Inbox,
+        stop: threading.Event,
+        blanker: Blanker | None = None,
+    ) -> None:
         self.source = source
         self.clock = clock
         self.stop = stop
         self._url = url
         self._baud = baud
         self._inbox = inbox
+        self._blanker = blanker
         self._port: Port | None = None
-        self._garbage_bytes = 0
-        self._garbage_since_ns = 0
+        self._tallies: dict[str, Tally] = {}
 
     def run(self, session: Callable[["Link"], None]) -> None:
         """Open the port, run the session, and begin again when the device has gone, until stopped."""
@@ -77,7 +111,9 @@ class Link:
             except Exception as error:  # a bug in one link must not end the recording of the other
                 log.exception("%s: unexpected", self.source)
                 self.note("error", "internal", f"{type(error).__name__}: {error}")
-            self._tell_garbage()
+            self._tell()
+            if self._blanker is not None and (held := self._blanker.flush()):
+                self.emit(RawBytes(held), self.clock.now_ns())
             self.clock.wait(self.stop, RETRY_S)
 
     def read(self) -> tuple[int, bytes]:
@@ -86,6 +122,9 @@ class Link:
             raise DeviceError(f"{self.source}: port is closed")
         data = self._port.read()
         t_ns = self.clock.now_ns()
+        self._tell(t_ns)
+        if self._blanker is not None:
+            data = self._blanker.feed(data)
         if data:
             self.emit(RawBytes(data), t_ns)
         return t_ns, data
@@ -96,24 +135,23 @@ class Link:
         self.emit(RawBytes(data, sent=True), self.clock.now_ns())
         self._port.write(data)
 
-    def emit(self, value: Value, t_ns: int) -> None:
-        self._inbox.put(Record(t_ns, self.source, value))
+    def emit(self, value: Value, t_ns: int, source: str | None = None) -> None:
+        self._inbox.put(Record(t_ns, source or self.source, value))
 
     def note(self, level: Level, code: str, text: str) -> None:
         """Record an event, and log it."""
         log.log(logging.getLevelNamesMapping()[level.upper()], "%s: %s", self.source, text)
         self.emit(Note(level, code, text), self.clock.now_ns())
 
-    def count_garbage(self, n_bytes: int) -> None:
-        """Count bytes that meant nothing; a Note every ten seconds says how many."""
-        now_ns = self.clock.now_ns()
-        if not self._garbage_bytes:
-            self._garbage_since_ns = now_ns
-        self._garbage_bytes += n_bytes
-        if now_ns - self._garbage_since_ns >= GARBAGE_EVERY_S * 1e9:
-            self._tell_garbage()
+    def count(self, code: str, n: int, what: str, least: int = 1) -> None:
+        """Count something; ten seconds after the first a Note of that code says how many, if there were so many."""
+        self._tallies.setdefault(code, Tally(what, least)).add(n, self.clock.now_ns())
 
-    def _tell_garbage(self) -> None:
-        if self._garbage_bytes:
-            self.note("warning", "garbage", f"{self._garbage_bytes} bytes meant nothing")
-            self._garbage_bytes = 0
+    def count_garbage(self, n_bytes: int) -> None:
+        """Count bytes that meant nothing."""
+        self.count("garbage", n_bytes, "bytes meant nothing")
+
+    def _tell(self, now_ns: int | None = None) -> None:
+        for code, tally in self._tallies.items():
+            if text := tally.take(now_ns):
+                self.note("warning", code, text)

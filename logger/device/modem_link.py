@@ -1,13 +1,22 @@
 """The session with a modem: drives the dialogues of a driver over a port, and hears what comes unasked."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime, time
 from typing import TypeVar
 
+from logger.config import ModemSettings
 from logger.core.errors import DeviceError
-from logger.core.types import Scan
+from logger.core.types import CellReading, Fix, Scan
 from logger.device.link import Link
 from logger.drivers.at import AtFramer, Unsolicited
-from logger.drivers.dialogue import Command, Dialogue, ModemDriver, Reply
+from logger.drivers.dialogue import Command, Dialogue, Reply
+from logger.drivers.family import Family
 from logger.drivers.garbage import Garbage
+from logger.drivers.generic import Generic
+from logger.drivers.nmea_fix import EARLIEST_UTC
+from logger.drivers.registry import driver_of, identified
+from logger.drivers.rows import Row
 
 T = TypeVar("T")
 
@@ -15,57 +24,137 @@ SILENT_POLLS = 3
 """Polls without an answer after which the port is closed and opened again."""
 BLOCK_GAP_S = 0.5
 """Silence that ends a block of rows nobody asked for; such blocks have no final line."""
+PATIENCE_S = 6.0
+"""How much longer than its time a reply may take while its lines keep coming."""
+STORM = 100
+"""Unasked lines in ten seconds that are worth a Note; a modem that is well says a few."""
+
+_EARLIEST_UTC_NS = round(datetime.combine(EARLIEST_UTC, time(), UTC).timestamp()) * 10**9
 
 
-def modem_session(link: Link, driver: ModemDriver, poll_interval_s: float) -> None:
-    """Set the modem up and poll it until stopped; raises `DeviceError` when it falls silent or its port is lost."""
-    _Conversation(link, driver, round(poll_interval_s * 1e9)).run()
+def modem_session(link: Link, settings: ModemSettings, *, locates: bool = False) -> None:
+    """Set the modem up and poll it until stopped; raises `DeviceError` when it falls silent or its port is lost.
+
+    With `locates` the modem's own receiver gives the fixes.
+    """
+    _Conversation(link, settings, locates=locates).run()
 
 
 class _Conversation:
     """From the opening of the port until it is lost."""
 
-    def __init__(self, link: Link, driver: ModemDriver, interval_ns: int) -> None:
+    def __init__(self, link: Link, settings: ModemSettings, *, locates: bool) -> None:
         self._link = link
-        self._driver = driver
-        self._interval_ns = interval_ns
+        self._settings = settings
+        self._locates = locates
+        self._driver: Family | None = driver_of(settings.driver)
         self._framer = AtFramer()
         self._rows: list[str] = []
         self._row_ns = 0
         self._heard_ns = 0
         self._set_up = False
+        self._told_ready = False
+        self._restarted = False
+        self._echoes = False
         self._answered = False
+        self._survey: list[Command] = []
+        self._survey_ns = link.clock.now_ns()
 
     def run(self) -> None:
         unanswered = 0
         while not self._link.stop.is_set():
-            due_ns = self._link.clock.now_ns() + self._interval_ns
+            due_ns = self._link.clock.now_ns() + round(self._settings.poll_interval_s * 1e9)
             self._answered = False
-            if not self._set_up:
-                self._prepare()
-            self._poll()
+            self._turn()
             unanswered = 0 if self._answered else unanswered + 1
-            if unanswered >= SILENT_POLLS and not self._link.stop.is_set():
-                raise DeviceError(f"modem gives no answer ({unanswered} polls); opening the port again")
+            if unanswered and not self._link.stop.is_set():
+                self._complain(unanswered)
             self._listen_until(due_ns)
         self._close_block()
 
-    def _prepare(self) -> None:
-        self._set_up = self._talk(self._driver.setup())
+    def _turn(self) -> None:
+        """One poll, with what has to go before it and what may follow it."""
+        if not self._set_up:
+            self._prepare()
+        if self._driver is None or not (self._set_up or self._answered):
+            return
+        self._poll(self._driver)
         if self._set_up:
-            self._link.note("info", "modem-ready", f"modem set up by driver {self._driver.name}")
-        elif self._answered and not self._link.stop.is_set():
+            self._survey_on(self._driver)
+
+    def _complain(self, unanswered: int) -> None:
+        if unanswered == 1:
+            self._link.note("warning", "no-answer", "modem gives no answer; trying again")
+        if unanswered >= SILENT_POLLS:
+            raise DeviceError(f"modem gives no answer ({unanswered} polls); opening the port again")
+
+    def _prepare(self) -> None:
+        self._driver = self._driver or self._identify()
+        if self._driver is None:
+            return
+        self._restarted = False
+        accepted = self._talk(self._driver.setup()) or self._restarted
+        self._set_up = accepted and not self._restarted
+        if self._set_up:
+            if self._locates:
+                self._talk(self._driver.ask(self._driver.gnss_on))
+            if not self._told_ready:
+                self._told_ready = True
+                self._link.note("info", "modem-ready", f"modem set up by driver {self._driver.name}")
+        elif self._answered and not accepted and not self._link.stop.is_set():
             self._link.note(
                 "warning", "setup-refused", "modem did not accept its set-up; trying again at the next poll"
             )
 
-    def _poll(self) -> None:
+    def _identify(self) -> Family | None:
+        """Ask the modem who it is; a modem that no family knows is asked twice, as its words may be damaged."""
+        found = self._talk(identified())
+        if found is None or not found[1]:
+            return None
+        driver, text = found
+        if driver.name == Generic.name and self._talk(identified()) != found:
+            return None
+        self._link.note("info", "modem-identified", f"modem says {text!r}: driver {driver.name}")
+        return driver
+
+    def _poll(self, driver: Family) -> None:
         start_ns = self._link.clock.now_ns()
-        readings = self._talk(self._driver.poll())
-        if readings is None:
+        rows = self._talk(driver.poll())
+        if self._framer.echoed and self._set_up and not self._echoes:
+            self._lose("modem echoes again, as after a restart; setting it up again")
+        self._echoes = self._framer.echoed
+        if rows is None:
+            if self._set_up and self._answered:
+                self._link.count("poll-refused", 1, "polls were refused or lost; setting the modem up again")
             self._set_up = False
             return
-        self._link.emit(Scan(start_ns, readings), self._heard_ns)
+        self._emit_scan(start_ns, self._heard_ns, rows)
+        if self._locates:
+            for row in self._talk(driver.ask(driver.gnss_asked)) or ():
+                if isinstance(row, Fix):
+                    self._link.emit(_credible(row), self._heard_ns, source="gnss")
+
+    def _survey_on(self, driver: Family) -> None:
+        """Go on with the full scan under way, one command between two polls, or begin one that is due."""
+        now_ns = self._link.clock.now_ns()
+        if not self._survey and self._settings.full_scan_interval_s > 0 and now_ns >= self._survey_ns:
+            self._survey = list(driver.surveys)
+            self._survey_ns = now_ns + round(self._settings.full_scan_interval_s * 1e9)
+        if self._survey:
+            command = self._survey.pop(0)
+            rows = self._talk(driver.ask([command]))
+            if rows is not None:
+                self._emit_scan(now_ns, self._heard_ns, rows)
+            elif not self._link.stop.is_set():
+                self._link.note("warning", "scan-refused", f"no answer to {command.text}")
+
+    def _emit_scan(self, start_ns: int, end_ns: int, rows: Sequence[Row]) -> None:
+        """Record the cells of one reply, each once however often the modem repeats its lines."""
+        readings = [row for row in rows if isinstance(row, CellReading)]
+        once = tuple(dict.fromkeys(readings))
+        if len(once) < len(readings):
+            self._link.count("repeated-lines", len(readings) - len(once), "cells came twice in a reply")
+        self._link.emit(Scan(start_ns, once), end_ns)
 
     def _talk(self, dialogue: Dialogue[T]) -> T:
         try:
@@ -77,17 +166,27 @@ class _Conversation:
             return result
 
     def _ask(self, command: Command) -> Reply:
-        """Send a command and wait for its reply; a timeout is a reply too."""
+        """Send a command and wait for its reply; a timeout is a reply too, and so is a restart."""
+        clock = self._link.clock
         self._framer.send(command.text)
         self._link.write(command.text.encode("ascii") + b"\r")
         # a modem takes its real time to answer, however fast the clock of a simulated walk runs
-        timeout_s = command.timeout_s / self._link.clock.real_s(1.0)
-        deadline_ns = self._link.clock.now_ns() + round(timeout_s * 1e9)
-        while self._link.clock.now_ns() < deadline_ns and not self._link.stop.is_set():
+        start_ns, second_ns = clock.now_ns(), 1e9 / clock.real_s(1.0)
+        due_ns = start_ns + command.timeout_s * second_ns
+        late_ns = due_ns + PATIENCE_S * second_ns
+        restarted = self._restarted
+        while not self._link.stop.is_set():
+            now_ns = clock.now_ns()
+            if now_ns >= due_ns and not (self._framer.answering and now_ns < late_ns):
+                break
             reply = self._hear()
             if reply is not None:
                 self._answered = True
+                if clock.now_ns() > due_ns:
+                    self._link.count("slow-answer", 1, "answers took longer than they may")
                 return reply
+            if self._restarted and not restarted:
+                return self._framer.abandon()
         expired = self._framer.expire()
         self._answered |= bool(expired.lines)
         return expired
@@ -107,15 +206,24 @@ class _Conversation:
         return reply
 
     def _hear_unasked(self, line: str) -> None:
-        if self._driver.says_restarted(line):
-            self._link.note("warning", "modem-restarted", f"modem says {line!r}; setting it up again")
-            self._set_up = False
-        elif self._driver.is_row(line):
-            if self._driver.opens_block(line):
+        driver = self._driver or Generic()
+        if driver.says_restarted(line):
+            if not self._restarted:  # more of such lines may follow
+                self._lose(f"modem says {line!r}; setting it up again")
+            self._restarted = True
+        elif driver.is_row(line):
+            if driver.opens_block(line):
                 self._close_block()
             self._rows.append(line)
             self._row_ns = self._heard_ns
             self._answered = True
+        else:
+            self._link.count("unasked-lines", 1, "lines nobody asked for", least=STORM)
+
+    def _lose(self, why: str) -> None:
+        """Have the modem set up again before the next poll."""
+        self._link.note("warning", "modem-restarted", why)
+        self._set_up = self._told_ready = False
 
     def _listen_until(self, due_ns: int) -> None:
         while not self._link.stop.is_set():
@@ -128,7 +236,12 @@ class _Conversation:
 
     def _close_block(self) -> None:
         """Record the rows that came unasked as one scan."""
-        if self._rows:
-            readings = self._driver.read_lines(self._rows)
+        if self._rows and self._driver is not None:
+            rows = self._driver.read(self._rows)
             self._rows = []
-            self._link.emit(Scan(self._row_ns, readings), self._row_ns)
+            self._emit_scan(self._row_ns, self._row_ns, rows)
+
+
+def _credible(fix: Fix) -> Fix:
+    """The fix without a time that no run can have: a receiver's clock begins in 1980, or 1024 weeks too early."""
+    return replace(fix, utc_ns=None) if fix.utc_ns is not None and fix.utc_ns < _EARLIEST_UTC_NS else fix

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import TracebackType
 from typing import Any, Self
+from urllib.parse import urlsplit
 
 import serial
 
@@ -14,10 +15,13 @@ from logger.core.errors import ConfigError, DeviceError
 
 WRITE_TIMEOUT_S = 2.0
 MAX_CHUNK = 4096
+GPSD_PORT = 2947
 
 
 class Port:
-    """An open port; a context manager. `url` is a device path or anything pyserial opens (`socket://`, `rfc2217://`).
+    """An open port; a context manager.
+
+    `url` is a device path, anything pyserial opens (`socket://`, `rfc2217://`) or `gpsd://host[:port][/device]`.
 
     `read` gives up after `read_timeout_s` real seconds of silence.
 
@@ -27,7 +31,10 @@ class Port:
     def __init__(self, url: str, baud: int, read_timeout_s: float) -> None:
         self._url = url
         with _device_errors(url):
-            self._serial = serial.serial_for_url(url, baudrate=baud, timeout=read_timeout_s, **_options(url))
+            self._serial = serial.serial_for_url(
+                _pyserial_url(url), baudrate=baud, timeout=read_timeout_s, **_options(url)
+            )
+        self._read_timeout_s = read_timeout_s
         self._keep_others_out()
 
     def __enter__(self) -> Self:
@@ -46,14 +53,25 @@ class Port:
         """Bytes there are, at most a chunk; empty after a silence."""
         with _device_errors(self._url):
             data = bytes(self._serial.read(1))
-            while data and len(data) < MAX_CHUNK and (waiting := self._serial.in_waiting):
-                data += self._serial.read(min(waiting, MAX_CHUNK - len(data)))
+            with suppress(OSError, termios.error, TypeError):  # the next call will say so; what has come counts
+                data += self._more() if data else b""
             return data
 
     def write(self, data: bytes) -> None:
         """Write all bytes, or fail within two seconds."""
         with _device_errors(self._url):
             self._serial.write(data)
+
+    def _more(self) -> bytes:
+        """What has come by now."""
+        if not self._url.startswith(("socket://", "gpsd://")):
+            return bytes(self._serial.read(min(self._serial.in_waiting, MAX_CHUNK - 1)))
+        # a socket has "some" waiting, no number of bytes: one at a time would keep a Pi busy
+        self._serial.timeout = 0
+        try:
+            return bytes(self._serial.read(MAX_CHUNK - 1))
+        finally:
+            self._serial.timeout = self._read_timeout_s
 
     def _keep_others_out(self) -> None:
         # pyserial's lock is a flock that only pyserial asks for; TIOCEXCL stops everybody but root
@@ -66,10 +84,19 @@ def _options(url: str) -> dict[str, Any]:
     return {} if "://" in url else {"write_timeout": WRITE_TIMEOUT_S, "exclusive": True}
 
 
+def _pyserial_url(url: str) -> str:
+    """The socket of a gpsd; every other URL as it is."""
+    parts = urlsplit(url)
+    if parts.scheme != "gpsd":
+        return url
+    host = parts.netloc or "localhost"
+    return f"socket://{host}" if parts.port else f"socket://{host.removesuffix(':')}:{GPSD_PORT}"
+
+
 def check_url(url: str) -> None:
     """Raise `ConfigError` for a URL that pyserial can never open; nothing is opened."""
     try:
-        serial.serial_for_url(url, do_not_open=True)
+        serial.serial_for_url(_pyserial_url(url), do_not_open=True)
     except (ValueError, OSError) as error:
         raise ConfigError(f"port {url}: {error}") from None
 
@@ -79,6 +106,7 @@ _ADVICE = {
     errno.EACCES: "no permission; add this user to the group dialout (sudo usermod -aG dialout $USER) and log in again",
     errno.EBUSY: "in use by another program",
     errno.EAGAIN: "in use by another program",
+    errno.ECONNREFUSED: "nobody answers there; is the program at the other end running?",
     errno.ENOTTY: "this is no serial port",
     errno.ENXIO: "no such port; is the device plugged in?",
     errno.ENODEV: "no such port; is the device plugged in?",

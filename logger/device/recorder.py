@@ -76,8 +76,9 @@ class Recorder:
 
     def _append(self, record: Record) -> None:
         if isinstance(scan := record.value, Scan):
-            fix = self._tracker.current_fix(record.t_ns)
-            record = replace(record, value=replace(scan, fix_seq=fix[0] if fix else None))
+            begun, ended = self._tracker.fix_at(scan.t_start_ns), self._tracker.fix_at(record.t_ns)
+            scan = replace(scan, fix_start_seq=begun and begun.seq, fix_seq=ended and ended.seq)
+            record = replace(record, value=scan)
             self.counts["readings"] += len(scan.readings)
         self.counts[type(record.value).__name__] += 1
         seq = self._writer.append(record)

@@ -12,18 +12,19 @@ from importlib.metadata import version
 from pathlib import Path
 from types import FrameType
 
-from logger.config import SiteConfig
+from logger.config import GNSS_OF_MODEM, SiteConfig
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.geo import Utm
 from logger.core.live import LiveTracker
 from logger.core.runfile import RunMeta, RunWriter, Truth, finish_journal, journal_path, unfinished
 from logger.device.clock import Clock, boot_id
-from logger.device.gnss_link import gnss_session
+from logger.device.gpsd_link import receiver_session
 from logger.device.link import Inbox, Link
 from logger.device.modem_link import modem_session
 from logger.device.port import check_url
 from logger.device.recorder import Recorder
-from logger.drivers.registry import make_driver
+from logger.drivers.privacy import Blanker
+from logger.drivers.registry import driver_of
 
 log = logging.getLogger(__name__)
 
@@ -50,7 +51,8 @@ class Service:
         truth: tuple[Truth, ...] = (),
     ) -> None:
         check_url(config.modem.port)
-        check_url(config.gnss.port)
+        if config.gnss.port != GNSS_OF_MODEM:
+            check_url(config.gnss.port)
         self._clock = clock
         self._ended = ended
         self._started_ns = clock.now_ns()
@@ -70,14 +72,17 @@ class Service:
         )
         self._writer = RunWriter(journal_path(self.folder, meta.boot_id), meta)
         self.recorder = Recorder(self._writer, LiveTracker(config.live), self._inbox, clock, ended)
-        modem = partial(
-            modem_session, driver=make_driver(config.modem.driver), poll_interval_s=config.modem.poll_interval_s
-        )
+        driver_of(config.modem.driver)
+        of_modem = config.gnss.port == GNSS_OF_MODEM
+        modem = partial(modem_session, settings=config.modem, locates=of_modem)
         self._threads = [
             threading.Thread(target=self.recorder.run, name="recorder"),
-            self._link_thread("modem", config.modem.port, config.modem.baud, modem),
-            self._link_thread("gnss", config.gnss.port, config.gnss.baud, gnss_session),
+            self._link_thread("modem", config.modem.port, config.modem.baud, modem, Blanker()),
         ]
+        if not of_modem:
+            self._threads.append(
+                self._link_thread("gnss", config.gnss.port, config.gnss.baud, receiver_session(config.gnss.port))
+            )
 
     def start(self) -> None:
         log.info("recording to %s", self._writer.path)
@@ -116,8 +121,10 @@ class Service:
         lat_deg, lon_deg = Utm(latest.utm_zone).to_latlon(latest.x_m, latest.y_m)
         return f"{text}; target {latest.cell}, reference EKF at {lat_deg:.5f} {lon_deg:.5f} (not to be trusted)"
 
-    def _link_thread(self, source: str, url: str, baud: int, session: Callable[[Link], None]) -> threading.Thread:
-        link = Link(source, url, baud, self._clock, self._inbox, self._stop)
+    def _link_thread(
+        self, source: str, url: str, baud: int, session: Callable[[Link], None], blanker: Blanker | None = None
+    ) -> threading.Thread:
+        link = Link(source, url, baud, self._clock, self._inbox, self._stop, blanker)
         return threading.Thread(target=link.run, args=(session,), name=source, daemon=True)
 
 

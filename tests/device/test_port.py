@@ -98,3 +98,25 @@ def test_a_url_of_an_unknown_kind_is_a_mistake_in_the_configuration():
     check_url("rfc2217://127.0.0.1:4000")
     with pytest.raises(ConfigError, match="smoke"):
         check_url("smoke://signal")
+
+
+@pytest.mark.parametrize("url", ["gpsd://", "gpsd://somewhere", "gpsd://[::1]:2947/dev/ttyACM0", "gpsd:///dev/ttyACM0"])
+def test_gpsd_is_named_by_its_own_scheme(url):
+    check_url(url)
+
+
+@pytest.mark.parametrize("url", ["gpsd://localhost:99999", "gpsd://localhost:gps", "gpsd://[::1"])
+def test_gpsd_at_an_impossible_place(url):
+    with pytest.raises(ConfigError, match="gpsd://"):
+        check_url(url)
+
+
+def test_what_came_before_a_socket_closed_is_not_lost():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        with Port(f"gpsd://127.0.0.1:{server.getsockname()[1]}/dev/a", 9600, 0.2) as port:
+            peer, _ = server.accept()
+            peer.sendall(b"x" * 10_000)
+            peer.close()
+            assert _read(port, 10_000) == b"x" * 10_000
+            with pytest.raises(DeviceError):
+                port.read()

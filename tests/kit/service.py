@@ -17,7 +17,7 @@ def site_toml(folder: Path, modem: str, gnss: str, more: str = "") -> Path:
     path = folder / "site.toml"
     path.write_text(
         f'[run]\ndirectory = "{folder / "runs"}"\n'
-        f'[modem]\nport = "{modem}"\npoll_interval_s = 0.05\n'
+        f'[modem]\nport = "{modem}"\ndriver = "sim800"\npoll_interval_s = 0.05\n'
         f'[gnss]\nport = "{gnss}"\n{more}'
     )
     return path

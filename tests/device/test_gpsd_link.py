@@ -1,0 +1,80 @@
+"""The whole service on a real gpsd, which reads a real log from a pty."""
+
+import shutil
+import socket
+import subprocess
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from logger.core.errors import RunFileError
+from logger.core.runfile import read_run
+from logger.device.gnss_link import gnss_session
+from logger.device.gpsd_link import gpsd_session, receiver_session
+from logger.sim.player import NmeaPlayer
+from logger.sim.ptys import PtyDevice
+from tests.kit import service
+
+LOG = Path(__file__).parents[1] / "drivers/data/gpsd_unicore_um621_cut.nmea"
+GPSD = shutil.which("gpsd", path="/usr/sbin:/usr/local/sbin:/usr/bin:/usr/local/bin:/opt/homebrew/sbin")
+needs_gpsd = pytest.mark.skipif(GPSD is None, reason="gpsd is not installed (Debian: apt install gpsd)")
+
+
+def _free_port():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return server.getsockname()[1]
+
+
+@contextmanager
+def _gpsd(port, path):
+    """gpsd in the foreground, reading at once (-n) and writing nothing to the receiver (-b)."""
+    with subprocess.Popen([GPSD, "-N", "-n", "-b", "-S", str(port), path], stderr=subprocess.DEVNULL) as process:
+        try:
+            yield
+        finally:
+            process.terminate()
+
+
+def _rows(folder, table):
+    try:
+        return [row for p in (folder / "runs").glob("*.journal") for row in read_run(p).tables[table]]
+    except RunFileError:  # made, and not yet written for the first time
+        return []
+
+
+@needs_gpsd
+def test_a_real_log_through_a_real_gpsd(tmp_path):
+    """Fixes are those of the log; gpsd may be away at the start and go in between."""
+    log = LOG.read_bytes()
+    port = _free_port()
+    player = NmeaPlayer(log, bytes_per_s=5000)
+    site = service.site_toml(tmp_path, str(tmp_path / "none"), f"gpsd://localhost:{port}")
+    with PtyDevice(player) as gnss, service.running(site) as logger:
+        service.wait_for(lambda: any(b"running?" in row["text"] for row in _rows(tmp_path, "notes")))
+        with _gpsd(port, gnss.path):
+            service.wait_for(lambda: sum(row["valid"] for row in _rows(tmp_path, "fixes")) >= 4)
+        service.wait_for(lambda: any(b"disconnected" in row["text"] for row in _rows(tmp_path, "notes")))
+        service.stopped(logger)
+    (path,) = (tmp_path / "runs").glob("run-*.h5")
+    run = read_run(path)
+    fixes = run.tables["fixes"][run.tables["fixes"]["valid"] == 1]
+    assert len({*fixes["utc_ns"]}) == len(fixes)
+    assert all(abs(fixes["lat_deg"] - 44.06883) < 1e-4)
+    assert all(abs(fixes["lon_deg"] + 121.31410) < 1e-4)
+    assert all((fixes["utc_ns"] - 1_717_891_613_000_000_000) % 10**9 == 0)
+    assert fixes["hdop"][-1] < 1.0
+    raw = run.tables["raw"]
+    assert raw["sent"].sum() == 1
+    heard = b"".join(run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes() for r in raw if not r["sent"])
+    assert heard.count(b'"class":"TPV"') >= len(fixes)
+    assert b"gpsd-version" in {*run.tables["notes"]["code"]}
+
+
+def test_the_scheme_chooses_the_session():
+    assert receiver_session("/dev/ttyUSB0") is gnss_session
+    assert receiver_session("socket://localhost:2947") is gnss_session
+    chosen = receiver_session("gpsd://somewhere:1234/dev/ttyACM0")
+    assert isinstance(chosen, partial)
+    assert (chosen.func, chosen.keywords) == (gpsd_session, {"device": "/dev/ttyACM0"})
