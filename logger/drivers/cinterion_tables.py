@@ -1,7 +1,7 @@
 """Tables of Siemens and Cinterion modems: ^MONI, ^MONP, ^SMONP and the scan of ^SNMON (firmware_notes/cinterion.md).
 
     chann rs  dBm  PLMN  LAC cell NCC BCC PWR RXLev  C1 I chann TS timAdv PWR  dBm Q ChMod
-    1013  21  -71 00101 1001 0103   7   7  33  -105  33 I    No connection
+     847  19  -75 26201 2A3B 4C5D   5   2  33  -104  30 I    No connection
 
 `dBm` is the level; `RXLev` and `PWR` are parameters of the cell, and `rs` is an index of another scale on each model.
 The network is one column or two (MC35 manual V05.00 p186, TC63 manual V00.490 p194).

@@ -5,7 +5,7 @@
     LTE band:      B7               LTE bw:      20 MHz
     LTE Rx chan:   3110             LTE Tx chan: 21110
     PCC RxM RSSI:  -89              PCC RxM RSRP:  -117
-    Tx Power:      --               TAC:         0001 (1)    hexadecimal, and decimal in the brackets
+    Tx Power:      --               TAC:         2B67 (11111)    hexadecimal, and decimal in the brackets
     RSRQ (dB):     -8.0             Cell ID:     00005101 (20737)
 
     Serving:   EARFCN MCC MNC   TAC      CID Bd D U SNR PCI  RSRQ   RSRP   RSSI RXLV

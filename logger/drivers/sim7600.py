@@ -3,8 +3,8 @@
     +CCINFO:[SCELL],ARFCN:34,MCC:240,MNC:24,LAC:10001,ID:31,BSIC:18,RXLev:-78dbm,C1:33,C2:33,TA:0,TXPWR:0
     +CCINFO:[NCell1],UARFCN:4436,PSC:230,SSC:0,RSCP:97,ECIO:15.5,RXLev:-97dbm          area and cell are decimal
 
-    +CMGRMI: Serving_Cell,1725,250,02,3832,2,22060,3,3,3,19,58,-107,-890,-625,0        levels in tenths of dB
-    +CMGRMI: LTE_InterFreq1_Cell1,455,-120,-991,-781,0
+    +CMGRMI: Serving_Cell,1300,262,02,5432,2,7654321,3,5,5,12,211,-95,-912,-604,0      levels in tenths of dB
+    +CMGRMI: LTE_InterFreq1_Cell1,417,-125,-1011,-772,0
 
 +CPSI is read in `cpsi`; where the facts come from is in firmware_notes/sim7600.md.
 """

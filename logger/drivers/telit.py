@@ -2,8 +2,8 @@
 
     AT#MONI                                                     after AT#MONI=7
     #MONI: Cell BSIC LAC CellId ARFCN Power C1 C2 TA RxQual PLMN
-    #MONI: S 70 55FA 1D23 736 -83dbm 19 33 1 0 I WIND           LAC and cell id hexadecimal, BSIC two octal digits
-    #MONI: N1 FF FFFF 0000 980 -76dbm -1 -1                     heard, not decoded; ARFCN 1024 is an empty slot
+    #MONI: S 52 3F6A 1B7C 688 -79dbm 22 30 1 0 Example Net       LAC and cell id hexadecimal, BSIC two octal digits
+    #MONI: N1 FF FFFF 0000 693 -88dbm -1 -1                     heard, not decoded; ARFCN 1024 is an empty slot
 
 Formats: GM862 AT reference (80000ST10025a) p273-278, HE863 (80377ST10083a) p141, LE910 V2 (80446ST10707A) p287-289.
 """

@@ -1,8 +1,8 @@
 """Telit's network surveys, AT#CSURV (labels) and AT#CSURVC (numbers only), one line for each carrier.
 
     Network survey started ...
-    arfcn: 48 bsic: 24 rxLev: -52 ber: 0.00 mcc: 610 mnc: 1 lac: 33281 cellId: 3648 cellStatus: CELL_SUITABLE ...
-    1018,21,-73,0,222,01,54717,14887,CELL_SUITABLE,0
+    arfcn: 61 bsic: 37 rxLev: -57 ber: 0.00 mcc: 262 mnc: 1 lac: 12345 cellId: 6789 cellStatus: CELL_SUITABLE ...
+    1005,26,-76,0,262,02,23456,34567,CELL_SUITABLE,0
     Network survey ended
 
 AT#CSURVF decides whether area and cell are decimal (0, as shipped) or padded hexadecimal with an octal BSIC; the reply

@@ -1,5 +1,3 @@
-import random
-
 import pytest
 
 from logger.drivers import common
@@ -60,13 +58,3 @@ def test_a_list_of_networks_broken_between_lines_and_without_quotes():
         (1, "26202", "WCDMA"),
         (1, "310260", None),
     ]
-
-
-def test_damage_raises_nothing():
-    rng = random.Random(1)
-    lines = ['+COPS: (2,"T","T","31026",0),(1,"A","A","310410"),2)', '+CREG: 2,1,"3AC9","243800E",7', "+CSQ: 19,99"]
-    for _ in range(3000):
-        text = list(rng.choice(lines))
-        for _ in range(rng.randint(1, 4)):
-            text[rng.randrange(len(text))] = chr(rng.randrange(256))
-        common.read(["".join(text)[rng.randrange(5) :]])

@@ -7,9 +7,10 @@ from logger.drivers import gnss
 from logger.drivers.rows import as_json
 from tests.kit.corpus import check_entry, entries, lines_of
 
-CGNSINF = "+CGNSINF: 1,1,20150327014838.000,31.221783,121.354528,114.600,0.28,40.5,1,,1.9,2.2,1.0,,8,4,,,42,,"
-CGPSINFO = "+CGPSINFO: 4429.967842,N,01124.141582,W,250325,160319.5,57.7,10.0,"
-QGPSLOC = "+QGPSLOC: 142748.0,2259.0881S,04321.5515W,2.0,-83.0,2,0.00,36.0,19.4,140119,10"
+# A place and a time of our own in the layouts of firmware_notes/sim7000.md and sim7600.md.
+CGNSINF = "+CGNSINF: 1,1,20260921141320.000,52.516275,13.377704,41.300,5.40,273.5,1,,0.9,1.3,1.0,,11,8,3,,38,,"
+CGPSINFO = "+CGPSINFO: 5230.976500,N,00722.662240,W,210926,141320.5,41.3,10.0,"
+QGPSLOC = "+QGPSLOC: 141320.0,3324.6600S,07031.3800W,1.1,560.0,2,0.00,36.0,19.4,210926,9"
 
 
 def utc_ns(*when, ns=0):
@@ -20,46 +21,46 @@ def test_cgnsinf():
     (fix,) = gnss.read_cgnsinf([CGNSINF])
     assert fix == Fix(
         valid=True,
-        utc_ns=utc_ns(2015, 3, 27, 1, 48, 38),
-        lat_deg=31.221783,
-        lon_deg=121.354528,
-        alt_m=114.6,
-        hdop=1.9,
-        sats_used=4,
-        speed_mps=pytest.approx(0.28 / 3.6),
-        course_deg=40.5,
+        utc_ns=utc_ns(2026, 9, 21, 14, 13, 20),
+        lat_deg=52.516275,
+        lon_deg=13.377704,
+        alt_m=41.3,
+        hdop=0.9,
+        sats_used=8,
+        speed_mps=pytest.approx(1.5),
+        course_deg=273.5,
     )
 
 
 def test_cgpsinfo():
     (fix,) = gnss.read_cgpsinfo([CGPSINFO])
-    assert (fix.lat_deg, fix.lon_deg) == (pytest.approx(44.49946403), pytest.approx(-11.40235970))
-    assert (fix.utc_ns, fix.alt_m) == (utc_ns(2025, 3, 25, 16, 3, 19, ns=500_000_000), 57.7)
+    assert (fix.lat_deg, fix.lon_deg) == (pytest.approx(52.516275), pytest.approx(-7.377704))
+    assert (fix.utc_ns, fix.alt_m) == (utc_ns(2026, 9, 21, 14, 13, 20, ns=500_000_000), 41.3)
     assert (fix.speed_mps, fix.course_deg, fix.hdop, fix.sats_used) == (pytest.approx(5.1444444), None, None, None)
 
 
 def test_qgpsloc():
     (fix,) = gnss.read_qgpsloc([QGPSLOC])
-    assert (fix.lat_deg, fix.lon_deg) == (pytest.approx(-22.98480167), pytest.approx(-43.35919167))
-    assert (fix.utc_ns, fix.alt_m, fix.hdop, fix.sats_used) == (utc_ns(2019, 1, 14, 14, 27, 48), -83.0, 2.0, 10)
+    assert (fix.lat_deg, fix.lon_deg) == (pytest.approx(-33.411), pytest.approx(-70.523))
+    assert (fix.utc_ns, fix.alt_m, fix.hdop, fix.sats_used) == (utc_ns(2026, 9, 21, 14, 13, 20), 560.0, 1.1, 9)
     assert (fix.speed_mps, fix.course_deg) == (pytest.approx(10.0), None)
 
 
-@pytest.mark.parametrize("place", ["-22.9848017,-43.3591917", "2259.0881,S,04321.5515,W", "2259.0881 S,04321.5515 W"])
+@pytest.mark.parametrize("place", ["-33.4110000,-70.5230000", "3324.6600,S,07031.3800,W", "3324.6600 S,07031.3800 W"])
 def test_qgpsloc_in_its_other_formats(place):
-    (fix,) = gnss.read_qgpsloc([QGPSLOC.replace("2259.0881S,04321.5515W", place)])
-    assert (fix.lat_deg, fix.lon_deg) == (pytest.approx(-22.9848017), pytest.approx(-43.3591917))
-    assert (fix.hdop, fix.sats_used) == (2.0, 10)
+    (fix,) = gnss.read_qgpsloc([QGPSLOC.replace("3324.6600S,07031.3800W", place)])
+    assert (fix.lat_deg, fix.lon_deg) == (pytest.approx(-33.411), pytest.approx(-70.523))
+    assert (fix.hdop, fix.sats_used) == (1.1, 9)
 
 
 @pytest.mark.parametrize(
     ("read", "line"),
     [
         (gnss.read_cgnsinf, "+CGNSINF: 0,,,,,,,,,,,,,,,,,,,,"),
-        (gnss.read_cgnsinf, "+CGNSINF: 1,0,19800105235948.000,,,,0.00,0.0,0,,,,,,0,0,,,,,"),
+        (gnss.read_cgnsinf, "+CGNSINF: 1,0,19800106000013.000,,,,0.00,0.0,0,,,,,,0,0,,,,,"),
         (gnss.read_cgpsinfo, "+CGPSINFO: ,,,,,,,,"),
         (gnss.read_cgpsinfo, "+CGPSINFO:,,,,,,,,"),
-        (gnss.read_cgpsinfo, "+CGPSINFO: ,,,,060180,000012.0,,,"),
+        (gnss.read_cgpsinfo, "+CGPSINFO: ,,,,060180,000107.0,,,"),
     ],
 )
 def test_no_fix_and_no_time(read, line):
@@ -88,32 +89,32 @@ def test_error_516_in_answer_to_the_question_is_no_fix():
 @pytest.mark.parametrize(
     ("whole", "other"),
     [
-        ("2259.0881S", "2260.0881S"),
-        ("2259.0881S", "9059.0881S"),
-        ("2259.0881S", "2259.0881E"),
-        ("2259.0881S", "2259.0881"),
-        ("2259.0881S", "2259"),
-        ("2259.0881S", ""),
-        ("04321.5515W", "18021.5515W"),
-        ("04321.5515W", "0432x.5515W"),
+        ("3324.6600S", "3360.6600S"),
+        ("3324.6600S", "9024.6600S"),
+        ("3324.6600S", "3324.6600E"),
+        ("3324.6600S", "3324.6600"),
+        ("3324.6600S", "3324"),
+        ("3324.6600S", ""),
+        ("07031.3800W", "18031.3800W"),
+        ("07031.3800W", "0703x.3800W"),
     ],
 )
 def test_impossible_place_is_none(whole, other):
     (fix,) = gnss.read_qgpsloc([QGPSLOC.replace(whole, other)])
     assert (fix.valid, fix.lat_deg, fix.lon_deg) == (False, None, None)
-    assert fix.utc_ns == utc_ns(2019, 1, 14, 14, 27, 48)
+    assert fix.utc_ns == utc_ns(2026, 9, 21, 14, 13, 20)
 
 
 @pytest.mark.parametrize(
     ("whole", "other"),
     [
-        ("140119", "310219"),
-        ("140119", "140199"),
-        ("140119", "14011"),
-        ("140119", ""),
-        ("142748.0", "242748.0"),
-        ("142748.0", "142760.0"),
-        ("142748.0", "1427"),
+        ("210926", "310226"),
+        ("210926", "210999"),
+        ("210926", "21092"),
+        ("210926", ""),
+        ("141320.0", "241320.0"),
+        ("141320.0", "141360.0"),
+        ("141320.0", "1413"),
     ],
 )
 def test_impossible_time_is_none(whole, other):

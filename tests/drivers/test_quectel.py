@@ -1,16 +1,15 @@
-import random
 import re
 
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.dialogue import Reply
+from logger.drivers.family import AUTOBAUD_TRIES
 from logger.drivers.quectel import Quectel
 from logger.drivers.rows import NoCell, Signal, as_json
 from tests.kit.corpus import check_entry, entries, lines_of
+from tests.kit.drivers import NOBODY, cells_of, rehearsed, who
 
 MODEM = Quectel()
-NOBODY = (None, None, None, None)
 
 # Values of our own in the layouts of the EC2x manual 6.17; WCDMA, SA, EN_DC and SHORT_SCAN are in the corpus.
 GSM = '+QENG: "servingcell","NOCONN","GSM",262,01,1A2B,3C4D,21,57,-,-66,255,255,0,39,41,1,-,-,-,-,-,-,-,-,-,"-"'
@@ -42,17 +41,13 @@ def test_recorded_replies(corpus, dialect):
 
 
 def cells(*lines):
-    return [row for row in MODEM.read(lines) if isinstance(row, CellReading)]
+    return cells_of(MODEM, lines)
 
 
 def one(*lines):
     found = cells(*lines)
     assert len(found) <= 1
     return found[0] if found else None
-
-
-def who(reading):
-    return reading.mcc, reading.mnc, reading.tac if reading.lac is None else reading.lac, reading.cid
 
 
 # --- forms
@@ -292,37 +287,6 @@ def test_lost_comma_names_no_other_cell(row):
         assert cell is None or who(cell) in {whole, NOBODY}, comma
 
 
-def numbers_in(text):
-    tokens = set(re.findall(r"[0-9A-Za-z]+", text))
-    return tokens, {int(token, 16) for token in tokens if re.fullmatch(r"(?:0[xX])?[0-9A-Fa-f]{1,12}", token)}
-
-
-def damaged(rng, text):
-    for _ in range(rng.randint(1, 4)):
-        at, kind = rng.randrange(len(text) + 1), rng.choice(["flip", "cut", "join", "insert"])
-        if kind == "flip":
-            text = text[:at] + "".join(chr(ord(c) ^ 1 << rng.randrange(7)) for c in text[at : at + 1]) + text[at + 1 :]
-        elif kind == "cut":
-            text = text[:at] + text[at + rng.randint(1, 8) :]
-        elif kind == "join":
-            text = text[:at] + rng.choice(SAMPLES)
-        else:
-            text = text[:at] + rng.choice(',"-0F:+\\ \x00\xff') + text[at:]
-        text = text or "+"
-    return text
-
-
-def test_damage_raises_nothing_and_invents_no_identity():
-    rng = random.Random(20260921)
-    for _ in range(8000):
-        lines = [damaged(rng, line) for line in rng.sample(SAMPLES, 3)]
-        tokens, numbers = numbers_in("\n".join(lines))
-        for cell in cells(*lines):
-            plmn = {cell.mcc, cell.mnc} <= tokens or f"{cell.mcc}{cell.mnc}" in tokens or cell.mcc is None
-            assert plmn, (lines, cell)
-            assert {cell.lac, cell.tac, cell.cid} <= numbers | {None}, (lines, cell)
-
-
 @pytest.mark.parametrize(
     "line", ["", "+QENG:", "+QENG: ,", '+QENG: "servingcell"', "+QSCAN:", "+QCSQ:", "+QOPS:", "OK"]
 )
@@ -333,44 +297,31 @@ def test_lines_that_tell_nothing(line):
 # --- conversation
 
 
-def converse(dialogue, answers):
-    """Result of a dialogue in which each command has its (lines, final); others are refused. All are asked."""
-    asked, answers = [], dict(answers)
-    command = next(dialogue)
-    try:
-        while True:
-            asked.append(command.text)
-            lines, final = answers.get(command.text, ([], "ERROR"))
-            command = dialogue.send(Reply(command.text, tuple(lines), final))
-    except StopIteration as stop:
-        assert set(answers) <= set(asked)
-        return stop.value
-
-
-AWAKE = {"AT": ([], "OK"), "ATE0": ([], "OK"), "ATV1": ([], "OK"), "AT+CMEE=1": ([], "OK")}
+AWAKE = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
 
 
 def test_setup_needs_a_modem_that_answers():
-    assert converse(MODEM.setup(), AWAKE) is True
-    assert converse(MODEM.setup(), {"AT": ([], None)}) is False
+    assert rehearsed(MODEM.setup(), AWAKE) is True
+    assert rehearsed(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
 
 
 def test_poll():
     serving, neighbours = 'AT+QENG="servingcell"', 'AT+QENG="neighbourcell"'
-    assert converse(MODEM.poll(), {serving: ([GSM], "OK"), neighbours: ([GSM_ON_GSM], "OK")}) == (
+    assert rehearsed(MODEM.poll(), [(serving, [GSM], "OK"), (neighbours, [GSM_ON_GSM], "OK")]) == (
         one(GSM),
         one(GSM_ON_GSM),
     )
-    assert converse(MODEM.poll(), {serving: ([GSM], "OK"), neighbours: ([], None)}) == (one(GSM),)
-    assert converse(MODEM.poll(), {serving: ([], "OK"), neighbours: ([], "OK")}) == ()
-    assert converse(MODEM.poll(), {serving: ([], "ERROR"), neighbours: ([], "+CME ERROR: 100")}) is None
-    assert converse(MODEM.poll(), {serving: ([], None), neighbours: ([], None)}) is None
+    assert rehearsed(MODEM.poll(), [(serving, [GSM], "OK"), (neighbours, [], None)]) == (one(GSM),)
+    assert rehearsed(MODEM.poll(), [(serving, [], "OK"), (neighbours, [], "OK")]) == ()
+    assert rehearsed(MODEM.poll(), [(serving, [], "ERROR"), (neighbours, [], "+CME ERROR: 100")]) is None
+    assert rehearsed(MODEM.poll(), [(serving, [], None), (neighbours, [], None)]) is None
     searching = ['+QENG: "servingcell","SEARCH"']
-    assert converse(MODEM.poll(), {serving: (searching, "OK")}) == (NoCell(state="SEARCH"),)
+    assert rehearsed(MODEM.poll(), [(serving, searching, "OK"), (neighbours, [], "ERROR")]) == (NoCell(state="SEARCH"),)
 
 
 def test_survey():
-    assert who(converse(MODEM.ask(MODEM.surveys[:1]), {MODEM.surveys[0].text: (QOPS, "OK")})[0])[2:] == (0x1A2D, 0x3C50)
+    (cell,) = rehearsed(MODEM.ask(MODEM.surveys[:1]), [(MODEM.surveys[0].text, QOPS, "OK")])
+    assert (cell.lac, cell.cid) == (0x1A2D, 0x3C50)
 
 
 @pytest.mark.parametrize(

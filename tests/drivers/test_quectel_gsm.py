@@ -1,16 +1,14 @@
-import random
 import re
 
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.dialogue import Reply
 from logger.drivers.quectel_gsm import QuectelGsm
 from logger.drivers.rows import NoCell, as_json
 from tests.kit.corpus import check_entry, entries, lines_of
+from tests.kit.drivers import NOBODY, cells_of, rehearsed, who
 
 MODEM = QuectelGsm()
-NOBODY = (None, None, None, None)
 
 # Values of our own in the documented layout; NBIOT is a row of the corpus.
 HEADER = "+QENG: 1,4"
@@ -32,17 +30,13 @@ def test_recorded_replies(corpus, dialect):
 
 
 def cells(*lines):
-    return [row for row in MODEM.read(lines) if isinstance(row, CellReading)]
+    return cells_of(MODEM, lines)
 
 
 def one(*lines):
     found = cells(*lines)
     assert len(found) <= 1
     return found[0] if found else None
-
-
-def who(reading):
-    return reading.mcc, reading.mnc, reading.tac if reading.lac is None else reading.lac, reading.cid
 
 
 # --- forms
@@ -172,32 +166,6 @@ def test_cut_row_names_no_other_cell(row):
         assert {who(cell) for cell in cells(row[:end])} <= known, row[:end]
 
 
-def damaged(rng, text):
-    for _ in range(rng.randint(1, 4)):
-        at, kind = rng.randrange(len(text) + 1), rng.choice(["flip", "cut", "join", "insert"])
-        if kind == "flip":
-            text = text[:at] + "".join(chr(ord(c) ^ 1 << rng.randrange(7)) for c in text[at : at + 1]) + text[at + 1 :]
-        elif kind == "cut":
-            text = text[:at] + text[at + rng.randint(1, 8) :]
-        elif kind == "join":
-            text = text[:at] + rng.choice(SAMPLES)
-        else:
-            text = text[:at] + rng.choice(',"-0f:+(x\x00\xff') + text[at:]
-        text = text or "+"
-    return text
-
-
-def test_damage_raises_nothing_and_invents_no_identity():
-    rng = random.Random(20260922)
-    for _ in range(8000):
-        line = damaged(rng, rng.choice(SAMPLES))
-        tokens = set(re.findall(r"[0-9A-Za-z]+", line))
-        numbers = {int(token, 16) for token in tokens if re.fullmatch(r"(?:0[xX])?[0-9A-Fa-f]{1,12}", token)}
-        for cell in cells(line):
-            assert {cell.mcc, cell.mnc} <= tokens | {None}, line
-            assert {cell.lac, cell.tac, cell.cid} <= numbers | {None}, line
-
-
 @pytest.mark.parametrize(
     "write",
     [
@@ -215,46 +183,33 @@ def test_row_in_a_log(row, write):
 # --- conversation
 
 
-def converse(dialogue, exchange):
-    """Result of a dialogue over [(command, lines, final), ...], all of which must be used."""
-    command = next(dialogue)
-    for at, (text, lines, final) in enumerate(exchange, 1):
-        assert command.text == text
-        try:
-            command = dialogue.send(Reply(text, tuple(lines), final))
-        except StopIteration as stop:
-            assert at == len(exchange)
-            return stop.value
-    pytest.fail(f"asks on: {command.text}")
-
-
 AWAKE = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
 
 
 def test_setup():
-    assert converse(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "OK")]) is True
-    assert converse(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "ERROR")]) is True  # an NB-IoT modem
-    assert converse(MODEM.setup(), [("AT", [], None)] * 5) is False
+    assert rehearsed(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "OK")]) is True
+    assert rehearsed(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "ERROR")]) is True  # an NB-IoT modem
+    assert rehearsed(MODEM.setup(), [("AT", [], None)] * 5) is False
 
 
 def test_poll_of_a_gsm_modem():
-    rows = converse(MODEM.poll(), [("AT+QENG?", [HEADER, SERVING, NEIGHBOURS], "OK")])
+    rows = rehearsed(MODEM.poll(), [("AT+QENG?", [HEADER, SERVING, NEIGHBOURS], "OK")])
     assert [who(row) for row in rows] == [who(cell) for cell in cells(SERVING, NEIGHBOURS)]
-    assert converse(MODEM.poll(), [("AT+QENG?", [HEADER, SERVING], None)]) == (one(SERVING),)
-    assert converse(MODEM.poll(), [("AT+QENG?", [HEADER], "OK")]) == ()
+    assert rehearsed(MODEM.poll(), [("AT+QENG?", [HEADER, SERVING], None)]) == (one(SERVING),)
+    assert rehearsed(MODEM.poll(), [("AT+QENG?", [HEADER], "OK")]) == ()
 
 
 @pytest.mark.parametrize(("lines", "final"), [([], None), ([HEADER], None), ([], "OK"), (["+QENG: 0,0"], "OK")])
 def test_poll_without_an_answer(lines, final):
-    assert converse(MODEM.poll(), [("AT+QENG?", lines, final)]) is None
+    assert rehearsed(MODEM.poll(), [("AT+QENG?", lines, final)]) is None
 
 
 def test_poll_of_an_nbiot_modem():
     refused = ("AT+QENG?", [], "+CME ERROR: 50")
-    assert converse(MODEM.poll(), [refused, ("AT+QENG=0", [NBIOT], "OK")]) == (one(NBIOT),)
-    assert converse(MODEM.poll(), [refused, ("AT+QENG=0", [], "OK")]) == ()
-    assert converse(MODEM.poll(), [refused, ("AT+QENG=0", [], "ERROR")]) is None
-    assert converse(MODEM.poll(), [refused, ("AT+QENG=0", [], None)]) is None
+    assert rehearsed(MODEM.poll(), [refused, ("AT+QENG=0", [NBIOT], "OK")]) == (one(NBIOT),)
+    assert rehearsed(MODEM.poll(), [refused, ("AT+QENG=0", [], "OK")]) == ()
+    assert rehearsed(MODEM.poll(), [refused, ("AT+QENG=0", [], "ERROR")]) is None
+    assert rehearsed(MODEM.poll(), [refused, ("AT+QENG=0", [], None)]) is None
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,8 @@
 import pytest
 
 from logger.core.errors import ConfigError
-from logger.drivers.dialogue import Reply
 from logger.drivers.registry import AUTO, FAMILIES, driver_of, family_of, identified, reader_of
+from tests.kit.drivers import converse
 
 # Answers to ATI, AT+CGMI, AT+CGMM and AT+CGMR as the vendors' manuals and public logs show them.
 MODEMS = {
@@ -66,27 +66,14 @@ def test_a_modem_is_known_by_what_it_says(name, text):
 
 
 def test_the_dialogue_that_asks():
-    answers = {"AT": (), "ATE0": (), "ATI": ("SIM800 R14.18",), "AT+CGMM": ("SIMCOM_SIM800L",)}
-    asked = []
-    dialogue = identified()
-    command = next(dialogue)
-    with pytest.raises(StopIteration) as done:
-        while True:
-            asked.append(command.text)
-            lines = answers.get(command.text)
-            command = dialogue.send(Reply(command.text, lines or (), "ERROR" if lines is None else "OK"))
-    driver, text = done.value.value
+    said = {"AT": (), "ATE0": (), "ATI": ("SIM800 R14.18",), "AT+CGMM": ("SIMCOM_SIM800L",)}
+    (driver, text), asked = converse(identified(), {command: (lines, "OK") for command, lines in said.items()})
     assert (driver.name, text) == ("sim800", "SIM800 R14.18 SIMCOM_SIM800L")
     assert not any("CGSN" in text or "CIMI" in text for text in asked)
 
 
 def test_a_silent_modem_is_nobody():
-    dialogue = identified()
-    command = next(dialogue)
-    with pytest.raises(StopIteration) as done:
-        while True:
-            command = dialogue.send(Reply(command.text, (), None))
-    assert done.value.value is None
+    assert converse(identified(), {}, ((), None))[0] is None
 
 
 def test_a_transcript_is_read_by_the_driver_that_finds_most():

@@ -1,47 +1,42 @@
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.dialogue import Reply
 from logger.drivers.family import AUTOBAUD_TRIES
 from logger.drivers.rows import NoCell, as_json
 from logger.drivers.sim7600 import Sim7600
 from tests.kit.corpus import check_entry, entries, lines_of
+from tests.kit.drivers import NOBODY, rehearsed, who
 
 MODEM = Sim7600()
-NOBODY = (None, None, None, None)
 
-GSM = "+CCINFO:[SCELL],ARFCN:34,MCC:240,MNC:24,LAC:10001,ID:31,BSIC:18,RXLev:-78dbm,C1:33,C2:-3,TA:0,TXPWR:0"
-GSM_NEIGHBOUR = "+CCINFO:[NCell1],ARFCN:69,MCC:240,MNC:24,LAC:10001,ID:6333,BSIC:52,RXLev:-79dbm,C1:32,C2:31"
+# Values of our own in the layouts of firmware_notes/sim7600.md.
+GSM = "+CCINFO:[SCELL],ARFCN:52,MCC:262,MNC:03,LAC:12345,ID:4321,BSIC:27,RXLev:-74dbm,C1:29,C2:-3,TA:0,TXPWR:0"
+GSM_NEIGHBOUR = "+CCINFO:[NCell1],ARFCN:77,MCC:262,MNC:03,LAC:12345,ID:4322,BSIC:41,RXLev:-83dbm,C1:26,C2:25"
 WCDMA = (
-    "+CCINFO:[SCELL],UARFCN:4436,MCC:505,MNC:001,LAC:338,ID:14302219,PSC:214,SSC:0,RSCP:88,ECIO:8.0"
-    ",RXLev:-87dbm,TXPWR:0"
+    "+CCINFO:[SCELL],UARFCN:10688,MCC:262,MNC:002,LAC:2587,ID:19088743,PSC:117,SSC:0,RSCP:86,ECIO:9.0"
+    ",RXLev:-79dbm,TXPWR:0"
 )
-WCDMA_NEIGHBOUR = "+CCINFO:[NCell1],UARFCN:4436,PSC:230,SSC:0,RSCP:97,ECIO:15.5,RXLev:-96dbm"
+WCDMA_NEIGHBOUR = "+CCINFO:[NCell1],UARFCN:10688,PSC:305,SSC:0,RSCP:99,ECIO:14.5,RXLev:-92dbm"
 
-# from github.com/4IceG/luci-app-3ginfo-lite issue 61 (SIM7906), neighbours on another channel added by us
 CMGRMI = [
-    "+CMGRMI: Main_Info,4,1,1,0,2,52709,0,2,11",
-    "+CMGRMI: Serving_Cell,1725,250,02,3832,2,22060,3,3,3,19,58,-107,-890,-625,0",
+    "+CMGRMI: Main_Info,4,1,1,0,2,41234,0,2,11",
+    "+CMGRMI: Serving_Cell,1300,262,02,5432,2,7654321,3,5,5,12,211,-95,-912,-604,0",
     "+CMGRMI: CA_Scell,0,0,0,0,0,0,0,0,0,0,0,0",
-    "+CMGRMI: LTE_Intra,1,1725,58,2",
-    "+CMGRMI: LTE_Intra_Cell1,58,-107,-890,-625,0",
-    "+CMGRMI: LTE_Intra_Cell2,77,-150,-990,-700,0",
-    "+CMGRMI: LTE_Inter,2,Freq1,38100,2,0,0,0,0,Freq2,3200,1,0,0,0,0",
-    "+CMGRMI: LTE_InterFreq1_Cell1,455,-120,-991,-781,0",
-    "+CMGRMI: LTE_InterFreq2_Cell1,130,-100,-946,-756,0",
+    "+CMGRMI: LTE_Intra,1,1300,211,2",
+    "+CMGRMI: LTE_Intra_Cell1,211,-95,-912,-604,0",
+    "+CMGRMI: LTE_Intra_Cell2,86,-140,-1003,-689,0",
+    "+CMGRMI: LTE_Inter,2,Freq1,37900,2,0,0,0,0,Freq2,2850,1,0,0,0,0",
+    "+CMGRMI: LTE_InterFreq1_Cell1,417,-125,-1011,-772,0",
+    "+CMGRMI: LTE_InterFreq2_Cell1,158,-105,-957,-741,0",
     "+CMGRMI: GSM_Info,0,Freq_Group1,0,0,0,0,0,Freq_Group2,0,0,0,0,0",
 ]
-CPSI = "+CPSI: LTE,Online,250-02,0x0EF8,22060,58,EUTRAN-BAND3,1725,3,3,-108,-889,-614,19"
+CPSI = "+CPSI: LTE,Online,262-02,0x1538,7654321,211,EUTRAN-BAND3,1300,5,5,-96,-911,-602,12"
 
 
 def one(line):
     readings = MODEM.read([line])
     assert len(readings) <= 1
     return readings[0] if readings else None
-
-
-def who(reading):
-    return reading.mcc, reading.mnc, reading.tac if reading.lac is None else reading.lac, reading.cid
 
 
 # --- CCINFO
@@ -51,53 +46,53 @@ def test_gsm_cell():
     assert one(GSM) == CellReading(
         role="serving",
         rat="GSM",
-        mcc="240",
-        mnc="24",
-        lac=10001,
-        cid=31,
-        arfcn=34,
-        rssi_dbm=-78.0,
+        mcc="262",
+        mnc="03",
+        lac=12345,
+        cid=4321,
+        arfcn=52,
+        rssi_dbm=-74.0,
         ta=0,
-        c1=33,
+        c1=29,
         c2=-3,
-        more={"bsic_raw": "18"},
+        more={"bsic_raw": "27"},
     )
     row = one(GSM_NEIGHBOUR)
-    assert (row.role, who(row), row.c2, row.bsic) == ("neighbour", ("240", "24", 10001, 6333), 31, None)
+    assert (row.role, who(row), row.c2, row.bsic) == ("neighbour", ("262", "03", 12345, 4322), 25, None)
 
 
 def test_wcdma_cell_whose_levels_have_lost_their_sign():
     row = one(WCDMA)
-    assert (row.rat, row.psc, row.arfcn) == ("WCDMA", 214, 4436)
-    assert (row.rscp_dbm, row.ecio_db, row.rssi_dbm) == (-88.0, -8.0, -87.0)
+    assert (row.rat, row.psc, row.arfcn) == ("WCDMA", 117, 10688)
+    assert (row.rscp_dbm, row.ecio_db, row.rssi_dbm) == (-86.0, -9.0, -79.0)
     row = one(WCDMA_NEIGHBOUR)
-    assert (who(row), row.psc, row.rscp_dbm, row.ecio_db, row.rssi_dbm) == (NOBODY, 230, -97.0, -15.5, -96.0)
+    assert (who(row), row.psc, row.rscp_dbm, row.ecio_db, row.rssi_dbm) == (NOBODY, 305, -99.0, -14.5, -92.0)
 
 
 @pytest.mark.parametrize(
     ("printed", "mnc"), [("001", None), ("1", None), ("010", None), ("01", "01"), ("24", "24"), ("410", "410")]
 )
 def test_network_code_with_a_zero_in_front_is_not_known(printed, mnc):
-    assert who(one(WCDMA.replace("MNC:001", f"MNC:{printed}"))) == ("505", mnc, 338, 14302219)
+    assert who(one(WCDMA.replace("MNC:002", f"MNC:{printed}"))) == ("262", mnc, 2587, 19088743)
 
 
 @pytest.mark.parametrize(
     ("whole", "other", "cell"),
     [
-        ("LAC:10001", "LAC:65534", ("240", "24", None, 31)),
-        ("ID:31,", "ID:65535,", ("240", "24", 10001, None)),
-        ("ID:31,", "ID:99999,", ("240", "24", 10001, None)),
-        ("MCC:240", "MCC:000", NOBODY),
-        ("MCC:240", "MCC:2x0", NOBODY),
-        ("LAC:10001", "LAC:27a1", NOBODY),
-        ("LAC:10001,", "LAC:10001", NOBODY),
-        ("LAC:10001,", "", NOBODY),
-        ("ID:31,BSIC", "ID:31", NOBODY),
+        ("LAC:12345", "LAC:65534", ("262", "03", None, 4321)),
+        ("ID:4321,", "ID:65535,", ("262", "03", 12345, None)),
+        ("ID:4321,", "ID:99999,", ("262", "03", 12345, None)),
+        ("MCC:262", "MCC:000", NOBODY),
+        ("MCC:262", "MCC:2x2", NOBODY),
+        ("LAC:12345", "LAC:30a9", NOBODY),
+        ("LAC:12345,", "LAC:12345", NOBODY),
+        ("LAC:12345,", "", NOBODY),
+        ("ID:4321,BSIC", "ID:4321", NOBODY),
     ],
 )
 def test_identity_is_whole_or_nothing(whole, other, cell):
     row = one(GSM.replace(whole, other))
-    assert (who(row), row.rssi_dbm) == (cell, -78.0)
+    assert (who(row), row.rssi_dbm) == (cell, -74.0)
 
 
 @pytest.mark.parametrize(("printed", "ta"), [("0", 0), ("63", 63), ("64", None), ("255", None), ("", None)])
@@ -125,8 +120,8 @@ def test_writing_of_a_row(line):
     "line",
     [
         "+CCINFO:[SCELL]",
-        "+CCINFO:[SCELL],MCC:240,MNC:24,LAC:10001,ID:31,BSIC:18,RXLev:-78dbm",
-        "+CCINFO:[SCELL],EARFCN:1725,MCC:240,MNC:24,TAC:10001,ID:31,PCI:18,RSRP:-890",
+        "+CCINFO:[SCELL],MCC:262,MNC:03,LAC:12345,ID:4321,BSIC:27,RXLev:-74dbm",
+        "+CCINFO:[SCELL],EARFCN:1300,MCC:262,MNC:03,TAC:12345,ID:4321,PCI:27,RSRP:-912",
         "+CCINFO:[NCell2],ARFCN:0,MCC:0,MNC:0,LAC:0,ID:0,BSIC:0,RXLev:0dbm,C1:0,C2:0",
         GSM[: GSM.index(",LAC")],
     ],
@@ -138,8 +133,8 @@ def test_rows_that_say_nothing(line):
 def test_rows_run_into_each_other():
     rows = MODEM.read([WCDMA[: WCDMA.index("CIO")] + WCDMA_NEIGHBOUR])
     assert [(row.role, row.cid, row.rscp_dbm) for row in rows] == [
-        ("serving", 14302219, -88.0),
-        ("neighbour", None, -97.0),
+        ("serving", 19088743, -86.0),
+        ("neighbour", None, -99.0),
     ]
 
 
@@ -151,34 +146,34 @@ def test_lte_cells():
     assert serving == CellReading(
         role="serving",
         rat="LTE",
-        mcc="250",
+        mcc="262",
         mnc="02",
-        tac=3832,
-        cid=22060,
-        arfcn=1725,
+        tac=5432,
+        cid=7654321,
+        arfcn=1300,
         band=3,
-        pci=58,
-        rsrp_dbm=-89.0,
-        rsrq_db=-10.7,
-        rssi_dbm=-62.5,
-        sinr_db=19.0,
+        pci=211,
+        rsrp_dbm=-91.2,
+        rsrq_db=-9.5,
+        rssi_dbm=-60.4,
+        sinr_db=12.0,
     )
     assert [(row.role, row.arfcn, row.pci, row.rsrp_dbm) for row in neighbours] == [
-        ("neighbour", 1725, 77, -99.0),
-        ("neighbour", 38100, 455, -99.1),
-        ("neighbour", 3200, 130, -94.6),
+        ("neighbour", 1300, 86, -100.3),
+        ("neighbour", 37900, 417, -101.1),
+        ("neighbour", 2850, 158, -95.7),
     ]
     assert {who(row) for row in neighbours} == {NOBODY}
 
 
 def test_neighbour_without_the_row_of_its_group_has_no_channel():
-    row = one("+CMGRMI: LTE_InterFreq1_Cell1,455,-120,-991,-781,0")
-    assert (row.arfcn, row.pci, row.rsrp_dbm, row.rsrq_db, row.rssi_dbm) == (None, 455, -99.1, -12.0, -78.1)
+    row = one("+CMGRMI: LTE_InterFreq1_Cell1,417,-125,-1011,-772,0")
+    assert (row.arfcn, row.pci, row.rsrp_dbm, row.rsrq_db, row.rssi_dbm) == (None, 417, -101.1, -12.5, -77.2)
 
 
 @pytest.mark.parametrize(
     ("whole", "other"),
-    [(",250,02,", ",65535,02,"), (",250,02,", ",250,2,"), (",250,02,", ",250,002,"), (",250,02,3832", ",250,023832")],
+    [(",262,02,", ",65535,02,"), (",262,02,", ",262,2,"), (",262,02,", ",262,002,"), (",262,02,5432", ",262,025432")],
 )
 def test_serving_cell_whose_network_is_not_whole_is_nobody(whole, other):
     assert all(who(row) == NOBODY for row in MODEM.read([CMGRMI[1].replace(whole, other)]))
@@ -186,8 +181,8 @@ def test_serving_cell_whose_network_is_not_whole_is_nobody(whole, other):
 
 def test_empty_groups_and_cut_rows_are_no_cell():
     assert MODEM.read([CMGRMI[0], CMGRMI[2], *CMGRMI[9:]]) == ()
-    assert MODEM.read(["+CMGRMI: LTE_Intra_Cell2,0,0,0,0,0", "+CMGRMI: LTE_Intra_Cell2,77,-150,-99"]) == ()
-    assert MODEM.read([CMGRMI[1][: CMGRMI[1].index(",-890")]]) == ()
+    assert MODEM.read(["+CMGRMI: LTE_Intra_Cell2,0,0,0,0,0", "+CMGRMI: LTE_Intra_Cell2,86,-140,-100"]) == ()
+    assert MODEM.read([CMGRMI[1][: CMGRMI[1].index(",-912")]]) == ()
 
 
 # --- the modem
@@ -217,49 +212,36 @@ def test_it_leaves_others(text):
     assert not Sim7600.identifies.search(text)
 
 
-def converse(dialogue, exchange):
-    """Result of a dialogue over [(command, answer lines, final), ...], all of which must be used."""
-    command = next(dialogue)
-    for number, (text, lines, final) in enumerate(exchange, 1):
-        assert command.text == text
-        try:
-            command = dialogue.send(Reply(text, tuple(lines), final))
-        except StopIteration as stop:
-            assert number == len(exchange)
-            return stop.value
-    pytest.fail(f"asks on: {command.text}")
-
-
 def test_setup():
     quiet = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
-    assert converse(MODEM.setup(), quiet) is True
-    assert converse(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
+    assert rehearsed(MODEM.setup(), quiet) is True
+    assert rehearsed(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
 
 
 ASKED = ("AT+CPSI?", "AT+CCINFO", "AT+CMGRMI=4", "AT+CESQ")
 
 
 def polled(*answers):
-    return converse(MODEM.poll(), [(text, *answer) for text, answer in zip(ASKED, answers, strict=True)])
+    return rehearsed(MODEM.poll(), [(text, *answer) for text, answer in zip(ASKED, answers, strict=True)])
 
 
 def test_poll_names_the_serving_cell_once():
     serving, *others = polled(([CPSI], "OK"), ([], "ERROR"), (CMGRMI, "OK"), (["+CESQ: 99,99,255,255,20,51"], "OK"))
-    assert (serving.cid, serving.rsrp_dbm, serving.role) == (22060, -88.9, "serving")
-    assert [row.pci for row in others if isinstance(row, CellReading)] == [77, 455, 130]
+    assert (serving.cid, serving.rsrp_dbm, serving.role) == (7654321, -91.1, "serving")
+    assert [row.pci for row in others if isinstance(row, CellReading)] == [86, 417, 158]
 
 
 def test_poll_takes_the_network_from_the_line_that_knows_it():
-    cpsi = "+CPSI: WCDMA,Online,505-01,0x0152,14302219,WCDMA 850,214,4436,0,12.5,83,23,36,500"
+    cpsi = "+CPSI: WCDMA,Online,262-02,0x0A1B,19088743,WCDMA 2100,117,10688,0,9.5,84,25,31,500"
     serving, neighbour = polled(([cpsi], "OK"), ([WCDMA, WCDMA_NEIGHBOUR], "OK"), ([], "ERROR"), ([], "ERROR"))
-    assert (serving.cell, serving.rscp_dbm, neighbour.role) == ("505-01-338-14302219", -83.0, "neighbour")
+    assert (serving.cell, serving.rscp_dbm, neighbour.role) == ("262-02-2587-19088743", -84.0, "neighbour")
 
 
 def test_first_answer_after_power_up_is_an_error():
     assert polled(*[([], "ERROR")] * 4) is None
     assert polled(*[([], None)] * 4) is None
     rows = polled(([], "ERROR"), ([GSM], "OK"), ([], "+CME ERROR: 3"), ([], None))
-    assert [row.cid for row in rows if isinstance(row, CellReading)] == [31]
+    assert [row.cid for row in rows if isinstance(row, CellReading)] == [4321]
 
 
 def test_poll_without_service():

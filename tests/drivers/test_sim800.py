@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.dialogue import Reply
 from logger.drivers.family import AUTOBAUD_TRIES
 from logger.drivers.sim800 import Sim800
+from tests.kit.drivers import NOBODY, rehearsed, who
 
 DATA = Path(__file__).parent / "data"
 MODEM = Sim800()
@@ -20,13 +20,6 @@ def one(line, header=None):
     readings = MODEM.read([line] if header is None else [header, line])
     assert len(readings) <= 1
     return readings[0] if readings else None
-
-
-def who(reading):
-    return reading.mcc, reading.mnc, reading.lac, reading.cid
-
-
-NOBODY = (None, None, None, None)
 
 
 # --- layouts
@@ -70,25 +63,25 @@ def test_neighbour_without_cell_id():
 
 
 def test_mode_4():
-    serving = one('+CENG: 0,"0037,44,00,260,01,43,67f4,05,05,539d,7,-69,45,-5,x,x,x,x,x,x,x"')
+    serving = one('+CENG: 0,"0061,38,00,262,01,37,5e6f,05,05,3c4d,7,-75,30,-5,x,x,x,x,x,x,x"')
     assert (serving.cell, serving.rssi_dbm, serving.ta, serving.c1, serving.c2) == (
-        "260-01-21405-26612",
-        -69.0,
+        "262-01-15437-24175",
+        -75.0,
         7,
-        45,
+        30,
         -5,
     )
-    row = one('+CENG: 1,"0009,25,61,260,01,539d,80,-6"')
-    assert (who(row), row.c1, row.c2) == (("260", "01", 0x539D, None), 80, -6)
-    row = one('+CENG: 1,"0009,25,61,67f5,260,01,539d,x,x"')
-    assert (who(row), row.c1, row.c2) == (("260", "01", 0x539D, 0x67F5), None, None)
+    row = one('+CENG: 1,"0067,21,44,262,01,3c4d,18,-6"')
+    assert (who(row), row.c1, row.c2) == (("262", "01", 0x3C4D, None), 18, -6)
+    row = one('+CENG: 1,"0067,21,44,5e70,262,01,3c4d,x,x"')
+    assert (who(row), row.c1, row.c2) == (("262", "01", 0x3C4D, 0x5E70), None, None)
 
 
 @pytest.mark.parametrize("header", [None, "+CENG: 3,0", "+CENG: 3,1"])
 @pytest.mark.parametrize("number", [0, 4])
 def test_mode_3_has_no_channel(number, header):
-    reading = one(f'+CENG: {number},"208,01,1102,d63d,27,31"', header)
-    assert (who(reading), reading.bsic, reading.rxlev_raw) == (("208", "01", 0x1102, 0xD63D), 27, 31)
+    reading = one(f'+CENG: {number},"262,01,2b3c,4d5e,27,31"', header)
+    assert (who(reading), reading.bsic, reading.rxlev_raw) == (("262", "01", 0x2B3C, 0x4D5E), 27, 31)
     assert (reading.arfcn, reading.arfcn_raw) == (None, None)
     assert reading.role == ("neighbour" if number else "serving")
 
@@ -203,44 +196,29 @@ def test_channel(printed, arfcn):
 # --- conversation
 
 
-def converse(dialogue, exchange):
-    """Result of a dialogue over [(command, answer lines, final), ...], all of which must be used."""
-    sent = []
-    command = next(dialogue)
-    for text, lines, final in exchange:
-        assert command.text == text
-        sent.append(text)
-        try:
-            command = dialogue.send(Reply(text, tuple(lines), final))
-        except StopIteration as stop:
-            assert len(sent) == len(exchange)
-            return stop.value
-    pytest.fail(f"asks on: {command.text}")
-
-
 QUIET = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
 
 
 def test_setup():
     setup = [*QUIET, ("AT+CNETSCAN=1", [], "OK"), ("AT+CENG=1,1", [], "OK")]
-    assert converse(MODEM.setup(), setup) is True
-    assert converse(MODEM.setup(), [("AT", [], None), ("AT", ["A"], None), *setup]) is True
+    assert rehearsed(MODEM.setup(), setup) is True
+    assert rehearsed(MODEM.setup(), [("AT", [], None), ("AT", ["A"], None), *setup]) is True
 
 
 def test_setup_of_a_modem_that_is_not_there_or_not_able():
-    assert converse(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
+    assert rehearsed(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
     start = [("AT", [], "OK"), ("ATE0", [], None), ("ATV1", [], None), ("AT+CMEE=1", [], "ERROR")]
     refusing = [*start, ("AT+CNETSCAN=1", [], "OK"), ("AT+CENG=1,1", [], "+CME ERROR: 4")]
-    assert converse(MODEM.setup(), refusing) is False
+    assert rehearsed(MODEM.setup(), refusing) is False
 
 
 def test_a_modem_without_the_long_form_of_the_scan_is_polled():
     setup = [*QUIET, ("AT+CNETSCAN=1", [], "ERROR"), ("AT+CENG=1,1", [], "OK")]
-    assert converse(MODEM.setup(), setup) is True
+    assert rehearsed(MODEM.setup(), setup) is True
 
 
 def test_poll():
-    assert converse(MODEM.poll(), [("AT+CENG?", ["+CENG: 1,1", SERVING, NEIGHBOUR], "OK")]) == (
+    assert rehearsed(MODEM.poll(), [("AT+CENG?", ["+CENG: 1,1", SERVING, NEIGHBOUR], "OK")]) == (
         one(SERVING),
         one(NEIGHBOUR),
     )
@@ -260,16 +238,16 @@ def test_poll():
     ],
 )
 def test_poll_without_an_answer(lines, final):
-    assert converse(MODEM.poll(), [("AT+CENG?", lines, final)]) is None
+    assert rehearsed(MODEM.poll(), [("AT+CENG?", lines, final)]) is None
 
 
 def test_rows_that_came_before_a_time_out_are_kept():
-    assert converse(MODEM.poll(), [("AT+CENG?", ["+CENG: 1,1", SERVING], None)]) == (one(SERVING),)
+    assert rehearsed(MODEM.poll(), [("AT+CENG?", ["+CENG: 1,1", SERVING], None)]) == (one(SERVING),)
 
 
 @pytest.mark.parametrize("lines", [["+CENG: 1,1"], ["+CENG: 3,1", '+CENG: 2,",,0000,0000,00,00"'], ['+CENG: 0,""']])
 def test_poll_where_there_is_no_cell(lines):
-    assert converse(MODEM.poll(), [("AT+CENG?", lines, "OK")]) == ()
+    assert rehearsed(MODEM.poll(), [("AT+CENG?", lines, "OK")]) == ()
 
 
 def test_rows_that_come_unasked():

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from logger.drivers.at import AtFramer
 from logger.drivers.sim800 import Sim800
+from tests.kit.drivers import NOBODY, who
 
 MODEM = Sim800()
 
@@ -14,17 +15,10 @@ NEIGHBOUR = '+CENG: 1,"1688,16,25,a53f,310,260,0113"'
 SCAN = 'Operator:"T, Mobile",MCC:310,MNC:260,Rxlev:53,Cellid:CF00,Arfcn:1709,Lac:0113,Bsic:2C'
 
 
-NOBODY = (None, None, None, None)
-
-
 def one(line, header=None):
     readings = MODEM.read([line] if header is None else [header, line])
     assert len(readings) <= 1
     return readings[0] if readings else None
-
-
-def who(reading):
-    return reading.mcc, reading.mnc, reading.lac, reading.cid
 
 
 @pytest.mark.parametrize("row", [SERVING, NEIGHBOUR, SCAN])
@@ -41,8 +35,8 @@ def test_cut_row_is_the_whole_cell_or_none(row):
         (NEIGHBOUR, "310-260-275-42303"),
         (NEIGHBOUR.replace("0113", "113"), None),
         (SERVING, "310-411-6029-15"),
-        ('+CENG: 1,"208,01,1102,d63d,27,31"', "208-01-4354-54845"),
-        ('+CENG: 1,"208,01,1102,d63d,27,3"', None),
+        ('+CENG: 1,"262,01,2b3c,4d5e,27,31"', "262-01-11068-19806"),
+        ('+CENG: 1,"262,01,2b3c,4d5e,27,3"', None),
     ],
 )
 def test_row_that_lost_only_its_closing_mark_is_read_where_nothing_can_be_cut(row, cell):
@@ -51,8 +45,8 @@ def test_row_that_lost_only_its_closing_mark_is_read_where_nothing_can_be_cut(ro
 
 
 def test_row_without_marks_as_the_manual_prints_it():
-    assert one("+CENG: 0,460,00,1806,2602,37,51").cell == "460-00-6150-9730"
-    assert MODEM.is_row("+CENG: 0,460,00,1806,2602,37,51")
+    assert one("+CENG: 0,262,02,3d4e,5f60,37,41").cell == "262-02-15694-24416"
+    assert MODEM.is_row("+CENG: 0,262,02,3d4e,5f60,37,41")
 
 
 @pytest.mark.parametrize("lost", [m.start() for m in re.finditer(",", NEIGHBOUR[10:])])
@@ -82,7 +76,7 @@ ROWS = [
     SERVING,
     NEIGHBOUR,
     '+CENG: 2,"0233,26,00,,,0000"',
-    '+CENG: 3,"208,01,1102,d63d,27,31"',
+    '+CENG: 3,"262,01,2b3c,4d5e,27,31"',
     '+CENG: 0,"0037,44,00,260,01,43,67f4,05,05,539d,255,-69,145,145,x,x,x,x,x,x,x"',
     '+CENG: 1,"0009,25,61,260,01,539d,80,56"',
     '+CENG:6,"0727,06,127,ffff,000,00,0"',

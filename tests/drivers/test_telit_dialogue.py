@@ -1,26 +1,13 @@
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.dialogue import Reply
 from logger.drivers.telit import Telit
+from tests.kit.drivers import converse
 
 MODEM = Telit()
 
-SERVING = "#MONI: S 73 D5BD 5265 736 -83dbm 19 33 1 0 I WIND"
-NEIGHBOUR = "#MONI: N1 75 55FA 1297 983 -78dbm 26 20"
-
-
-def converse(dialogue, answers):
-    """Result of a dialogue with a modem of these answers, and what it was asked; others are refused."""
-    asked = []
-    try:
-        command = next(dialogue)
-        while True:
-            asked.append(command.text)
-            lines, final = answers.get(command.text, ((), "ERROR"))
-            command = dialogue.send(Reply(command.text, tuple(lines), final))
-    except StopIteration as done:
-        return done.value, asked
+SERVING = "#MONI: S 52 3F6A 1B7C 688 -79dbm 22 30 1 0 Example Net"
+NEIGHBOUR = "#MONI: N1 46 3F6B 2C8D 962 -86dbm 17 15"
 
 
 def test_setup_of_a_modem_that_knows_few_commands():
@@ -31,21 +18,21 @@ def test_setup_of_a_modem_that_knows_few_commands():
 def test_poll_names_the_serving_cell():
     answers = {
         "AT#MONI": ([SERVING, NEIGHBOUR], "OK"),
-        "AT#SERVINFO": (['#SERVINFO: 736,-83,"I WIND","22201",63,D5BD,01,1'], "OK"),
-        "AT+CREG?": (['+CREG: 2,1,"D5BD","5265"'], "OK"),
+        "AT#SERVINFO": (['#SERVINFO: 688,-79,"Example Net","26201",52,3F6A,01,1'], "OK"),
+        "AT+CREG?": (['+CREG: 2,1,"3F6A","1B7C"'], "OK"),
     }
     rows = converse(MODEM.poll(), answers)[0]
     readings = [row for row in rows if isinstance(row, CellReading)]
-    assert [(row.role, row.cell) for row in readings] == [("serving", "222-01-54717-21093"), ("neighbour", None)]
-    assert readings[0].c1 == 19
+    assert [(row.role, row.cell) for row in readings] == [("serving", "262-01-16234-7036"), ("neighbour", None)]
+    assert readings[0].c1 == 22
 
 
 def test_poll_on_lte_takes_the_cell_from_the_registration():
-    line = '#SERVINFO: 6400,-43,"T-Mobile A","23203",00000AF,36EE,32,3,-60'
-    answers = {"AT#SERVINFO": ([line], "OK"), "AT+CEREG?": (['+CEREG: 2,1,"36EE","0A1B2C3",7'], "OK")}
+    line = '#SERVINFO: 6300,-55,"Example Net","26203",00000B2,4E5F,32,3,-84'
+    answers = {"AT#SERVINFO": ([line], "OK"), "AT+CEREG?": (['+CEREG: 2,1,"4E5F","0A1B2C3",7'], "OK")}
     rows = converse(MODEM.poll(), answers)[0]
-    assert rows[0].cell == f"232-03-{0x36EE}-{0x0A1B2C3}"
-    answers["AT+CEREG?"] = (['+CEREG: 2,1,"36EF","0A1B2C3",7'], "OK")
+    assert rows[0].cell == f"262-03-{0x4E5F}-{0x0A1B2C3}"
+    answers["AT+CEREG?"] = (['+CEREG: 2,1,"4E60","0A1B2C3",7'], "OK")
     assert converse(MODEM.poll(), answers)[0][0].cid is None
 
 

@@ -1,25 +1,12 @@
 import pytest
 
-from logger.drivers.dialogue import Reply
 from logger.drivers.ublox import Ublox
+from tests.kit.drivers import converse
 
 MODEM = Ublox()
 
-CELLINFO = "+UCELLINFO: 1,     2,  310,  410, 7f05, 57b14e2, 395, 1032, 46, 42"
-ENVIRONMENT = ['+CGED: RAT:"UMTS",', "Mcc:262, Mnc:  2, Lac:1c96, Ci:bcf4e8d, DLF:10612 , ULF:9662"]
-
-
-def converse(dialogue, answers):
-    """Result of a dialogue with a modem of these answers, and what it was asked; others are refused."""
-    asked = []
-    try:
-        command = next(dialogue)
-        while True:
-            asked.append(command.text)
-            lines, final = answers.get(command.text, ((), "ERROR"))
-            command = dialogue.send(Reply(command.text, tuple(lines), final))
-    except StopIteration as done:
-        return done.value, asked
+CELLINFO = "+UCELLINFO: 1,     2,  262,   12, 1d2e, 3f4a5b6, 117, 10713, 44, 31"
+ENVIRONMENT = ['+CGED: RAT:"UMTS",', "Mcc:262, Mnc:  3, Lac:2d3e, Ci:4a5b6c7, DLF:10713 , ULF:9763"]
 
 
 def test_setup():
@@ -31,11 +18,11 @@ def test_setup():
 
 def test_poll_asks_until_there_are_cells():
     rows, asked = converse(MODEM.poll(), {"AT+UCELLINFO?": ([CELLINFO], "OK")})
-    assert [row.cell for row in rows] == [f"310-410-{0x7F05}-{0x57B14E2}"]
+    assert [row.cell for row in rows] == [f"262-12-{0x1D2E}-{0x3F4A5B6}"]
     assert asked == ["AT+COPS?", "AT+CGED=5", "AT+UCELLINFO?"]
 
 
-@pytest.mark.parametrize(("plmn", "mnc"), [("26202", "02"), ("262002", "002"), ("26203", None), ("26302", None)])
+@pytest.mark.parametrize(("plmn", "mnc"), [("26203", "03"), ("262003", "003"), ("26202", None), ("26303", None)])
 def test_poll_restores_the_zeros_of_a_network_code(plmn, mnc):
     answers = {"AT+CGED=5": (ENVIRONMENT, "OK"), "AT+COPS?": ([f'+COPS: 0,2,"{plmn}",2'], "OK")}
     reading = converse(MODEM.poll(), answers)[0][0]
@@ -45,11 +32,11 @@ def test_poll_restores_the_zeros_of_a_network_code(plmn, mnc):
 def test_poll_of_a_model_with_none_of_the_commands():
     answers = {
         "AT+COPS?": (['+COPS: 0,2,"26202",0'], "OK"),
-        "AT+CREG?": (['+CREG: 2,1,"1C96","BCF4",0'], "OK"),
+        "AT+CREG?": (['+CREG: 2,1,"2D3E","4A5B",0'], "OK"),
         "AT+CSQ": (["+CSQ: 20,99"], "OK"),
     }
     reading = converse(MODEM.poll(), answers)[0][0]
-    assert (reading.cell, reading.rssi_dbm) == (f"262-02-{0x1C96}-{0xBCF4}", -73.0)
+    assert (reading.cell, reading.rssi_dbm) == (f"262-02-{0x2D3E}-{0x4A5B}", -73.0)
 
 
 def test_poll_without_an_answer_or_a_cell():

@@ -1,0 +1,101 @@
+"""What the tests of modem drivers have in common: whom a reading names, a modem that answers, and damage."""
+
+import random
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+from logger.core.types import CellReading
+from logger.drivers.dialogue import Command, Dialogue, Reply
+from logger.drivers.family import Family
+
+Answer = tuple[Sequence[str], str | None]
+"""Lines of a reply and its final result code, None for a time-out."""
+
+DATA = Path(__file__).parents[1] / "drivers" / "data" / "own"
+NOBODY = (None, None, None, None)
+
+
+def own_replies(family: str) -> list[str]:
+    """Replies of one family with values of our own in the layouts of its firmware notes."""
+    return (DATA / f"{family}.txt").read_text("latin-1").removesuffix("\n").split("\n\n")
+
+
+def who(reading: CellReading) -> tuple[str | None, str | None, int | None, int | None]:
+    """Network, area and cell of a reading."""
+    return reading.mcc, reading.mnc, reading.tac if reading.lac is None else reading.lac, reading.cid
+
+
+def cells_of(driver: Family, lines: Sequence[str]) -> list[CellReading]:
+    """Readings among the rows in the lines."""
+    return [row for row in driver.read(lines) if isinstance(row, CellReading)]
+
+
+def converse(dialogue: Dialogue[Any], replies: Mapping[str, Answer], default: Answer = ((), "ERROR")) -> Any:
+    """Result of a dialogue with a modem that has these answers, and the commands it was sent."""
+    sent: list[str] = []
+
+    def answer(command: Command) -> Answer:
+        sent.append(command.text)
+        return replies.get(command.text, default)
+
+    return _driven(dialogue, answer), sent
+
+
+def rehearsed(dialogue: Dialogue[Any], exchange: Sequence[tuple[str, Sequence[str], str | None]]) -> Any:
+    """Result of a dialogue that sends these commands in this order, each with its lines and final code, and no more."""
+    coming = iter(exchange)
+
+    def answer(command: Command) -> Answer:
+        text, lines, final = next(coming, ("nothing more", (), None))
+        assert command.text == text
+        return lines, final
+
+    result = _driven(dialogue, answer)
+    assert not list(coming)
+    return result
+
+
+def _driven(dialogue: Dialogue[Any], answer: Any) -> Any:
+    try:
+        command = next(dialogue)
+        while True:
+            lines, final = answer(command)
+            command = dialogue.send(Reply(command.text, tuple(lines), final))
+    except StopIteration as done:
+        return done.value
+
+
+_MARKS = [*"0123456789abcdefFxX,:\"'-+. ()[]\\\n\r\t\x00\xff²٣"]
+_WORDS = ["\\r\\n", "OK", "AT+", "+CENG: ", "^SMONI: ", "#MONI: ", "+UCGED: 2\n"]
+
+
+def mutations(samples: Sequence[str], seed: int, changes: int) -> Iterator[str]:
+    """Texts with that many changes in total: each sample in turn, up to two others behind it, half the lines changed.
+
+    Bits turn, pieces are lost or come twice, marks, words and line ends come in or go, rows run into each other.
+    """
+    rng = random.Random(seed)
+    for sample in cycle(samples):
+        text = "\n".join([sample, *rng.choices(samples, k=rng.randint(0, 2))])
+        count = rng.randint(1, text.count("\n") + 2)
+        for _ in range(count):
+            at = rng.randrange(len(text))
+            text = rng.choice(_CHANGES)(text[:at], text[at:], rng) or rng.choice(samples)
+        yield text
+        changes -= count
+        if changes <= 0:
+            return
+
+
+_CHANGES: tuple[Callable[[str, str, random.Random], str], ...] = (  # of a text before and after some place
+    lambda before, after, rng: before + chr(ord(after[0]) % 256 ^ 1 << rng.randrange(8)) + after[1:],
+    lambda before, after, rng: before + after[rng.randint(1, 20) :],
+    lambda before, after, rng: before + rng.choice(_MARKS) + after,
+    lambda before, after, rng: before + rng.choice(_WORDS) + after,
+    lambda before, after, rng: before + after[: rng.randint(1, 40)] + after,
+    lambda before, after, rng: before[: -rng.randint(1, 40)] + after,
+    lambda before, after, rng: before + after.replace(rng.choice(',"\n:'), "", 1),
+    lambda before, after, rng: before + after[after.find("\n", rng.randint(0, 80)) :],
+)
