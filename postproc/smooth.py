@@ -1,16 +1,12 @@
 """Every estimator over every cell of a run, side by side."""
 
-import signal
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import hypot
-from multiprocessing import get_context
 from typing import Protocol, TypeVar
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.locator.division import divide
@@ -33,20 +29,14 @@ from postproc.estimators.compare import Comparison, compare
 from postproc.estimators.filtered import Filtered, reference_ekf
 from postproc.estimators.residuals import Residuals
 from postproc.estimators.walker import SmoothedTrack
+from postproc.processes import each
 
 FEWEST_READINGS = 5
 """Four unknowns and no check: with fewer readings there is nothing to be said at all."""
 
 NO_CELL = "no cell with an identity was heard"
 
-_CELLS_EACH = 2
-"""Cells that are worth starting a process for: that takes about as long as one cell."""
-
-_MOST_PROCESSES = 4
-"""A quarter of a gigabyte each, beside the run itself."""
-
 Item = TypeVar("Item")
-Result = TypeVar("Result")
 
 
 class Progress(Protocol):
@@ -119,29 +109,6 @@ def smooth_run(
     located = {result.cell for result in found}
     found += [without_place(name, n) for name, n in heard.items() if name not in located]
     return Smoothed(run, observations, tuple(found), tuple(warnings))
-
-
-def each(work: Callable[[Item], Result], items: Sequence[Item], processes: int) -> Iterator[Result]:
-    """Results of `work` for the items in their order, from several processes where that is worth it and possible."""
-    done, count = 0, min(processes, _MOST_PROCESSES, len(items) // _CELLS_EACH)
-    if count > 1:
-        try:
-            # fresh processes: a fork would copy the locks of threads that it does not copy
-            with ProcessPoolExecutor(count, get_context("spawn"), _begin_process) as pool:
-                for result in pool.map(work, items):
-                    done += 1
-                    yield result
-        except (NotImplementedError, OSError, BrokenExecutor):  # this machine gives no process, or has killed one
-            pass
-    # the matrices are small: threads of BLAS would only wait for each other
-    with threadpool_limits(1):
-        for item in items[done:]:
-            yield work(item)
-
-
-def _begin_process() -> None:
-    threadpool_limits(1)
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends without a traceback
 
 
 def walk_of(run: Run) -> tuple[Observations | None, list[str]]:

@@ -19,13 +19,13 @@ from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
 from logger.core.observations import CellObservations, Observations
 from logger.core.runfile import Run
+from postproc.processes import each
 from postproc.smooth import (
     NO_CELL,
     CellResult,
     Progress,
     Wishes,
     answer,
-    each,
     heard_cells,
     smooth_cell,
     walk_of,

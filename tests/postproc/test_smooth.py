@@ -1,35 +1,6 @@
-import os
-from concurrent.futures import ProcessPoolExecutor
-
-import pytest
-
-from postproc import smooth
 from postproc.results import as_json, summary
-from postproc.smooth import each, smooth_run
+from postproc.smooth import smooth_run
 from tests.kit.smoothed import write_run
-
-
-def process_of(_):
-    return os.getpid()
-
-
-def with_process(item):
-    return item, os.getpid()
-
-
-def fails_elsewhere(parent):
-    if os.getpid() != parent:
-        os._exit(1)
-    return parent
-
-
-@pytest.fixture
-def no_pool(monkeypatch):
-    class Refused(ProcessPoolExecutor):
-        def __init__(self, *_):
-            raise OSError("no semaphores here")
-
-    monkeypatch.setattr(smooth, "ProcessPoolExecutor", Refused)
 
 
 def test_processes_give_what_one_gives(tmp_path):
@@ -37,22 +8,3 @@ def test_processes_give_what_one_gives(tmp_path):
     alone, shared = (summary(smooth_run(run, processes=n)) for n in (1, 2))
     assert as_json(shared) == as_json(alone)
     assert len(shared["cells"]) == 4
-
-
-def test_results_come_in_order_from_other_processes():
-    found = list(each(with_process, [3, 1, 2, 0], 2))
-    assert [item for item, _ in found] == [3, 1, 2, 0]
-    assert os.getpid() not in {process for _, process in found}
-
-
-@pytest.mark.parametrize(("count", "processes"), [(4, 1), (3, 8), (1, 2), (0, 2)])
-def test_little_work_stays_here(count, processes):
-    assert set(each(process_of, range(count), processes)) <= {os.getpid()}
-
-
-def test_without_processes_the_work_is_done_here(no_pool):
-    assert list(each(process_of, range(4), 2)) == [os.getpid()] * 4
-
-
-def test_a_process_that_is_killed_leaves_its_work_here():
-    assert list(each(fails_elsewhere, [os.getpid()] * 4, 2)) == [os.getpid()] * 4
