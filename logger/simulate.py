@@ -8,7 +8,9 @@ from logger.core.runfile import Truth
 from logger.device.clock import ScaledClock
 from logger.device.service import Service, stop_signals
 from logger.sim.clock import WalkTime
-from logger.sim.ptys import PtyDevice, answering, talking
+from logger.sim.dialects import DIALECTS
+from logger.sim.faults import FAULTS, Misbehaving
+from logger.sim.ptys import Answering, PtyDevice, answering, talking
 from logger.sim.scenario import SCENARIOS, Scenario, scenario
 
 _SITE = """\
@@ -17,7 +19,7 @@ _SITE = """\
 directory = {directory}
 [modem]
 port = "{modem}"
-driver = "sim800"
+driver = "auto"
 poll_interval_s = 2.0
 [gnss]
 port = "{gnss}"
@@ -26,15 +28,31 @@ max_fix_age_s = {max_fix_age_s}
 """
 
 
-def simulate(folder: Path, name: str, seed: int, duration_s: float | None, speed: float) -> Path:
-    """Record a walk `speed` times faster than real; returns the run, which knows where its transmitters stand."""
+def simulate(
+    folder: Path,
+    name: str,
+    seed: int,
+    duration_s: float | None,
+    speed: float,
+    modem_name: str = "sim800",
+    fault: str | None = None,
+) -> Path:
+    """Record a walk `speed` times faster than real; returns the run, which knows where its transmitters stand.
+
+    `fault` is NAME:FROM:TO, a misbehaviour of the modem between two times of the walk in seconds.
+    """
     if name not in SCENARIOS:
         raise ConfigError(f"no scenario is called {name!r}; known are: {', '.join(SCENARIOS)}")
+    if modem_name not in DIALECTS:
+        raise ConfigError(f"no simulated modem is called {modem_name!r}; known are: {', '.join(DIALECTS)}")
+    misbehaviour = None if fault is None else _fault(fault)
     walk = scenario(name, seed, duration_s)
     clock = ScaledClock(speed)
     time = WalkTime(clock)
-    modem, receiver = answering(walk.modem(time.now_s)), talking(walk.receiver(), time)
-    with PtyDevice(modem) as modem_port, PtyDevice(receiver) as gnss_port, stop_signals() as (ended, heard):
+    well = walk.modem(time.now_s, modem_name)
+    modem: Answering = well if misbehaviour is None else Misbehaving(well, *misbehaviour, time.now_s, seed)
+    receiver = talking(walk.receiver(), time)
+    with PtyDevice(answering(modem)) as modem_port, PtyDevice(receiver) as gnss_port, stop_signals() as (ended, heard):
         text = _SITE.format(
             directory=_toml_text(str(folder)),
             modem=modem_port.path,
@@ -48,6 +66,18 @@ def simulate(folder: Path, name: str, seed: int, duration_s: float | None, speed
         service.start()
         service.wait(walk.duration_s)
         return service.stop(heard[0] if heard else "end of the simulated walk")
+
+
+def _fault(text: str) -> tuple[str, float, float]:
+    """Name, begin and end in seconds of a fault given as NAME:FROM:TO."""
+    name, _, times = text.partition(":")
+    try:
+        start_s, end_s = (float(time) for time in times.split(":"))
+    except ValueError:
+        raise ConfigError(f"{text!r} is no fault; it is given as NAME:FROM:TO, times in seconds") from None
+    if name not in FAULTS:
+        raise ConfigError(f"no fault is called {name!r}; known are: {', '.join(FAULTS)}")
+    return name, start_s, end_s
 
 
 def _truth(walk: Scenario) -> tuple[Truth, ...]:

@@ -92,16 +92,18 @@ class Link:
         self._inbox = inbox
         self._blanker = blanker
         self._port: Port | None = None
+        self._port_url = url
         self._tallies: dict[str, Tally] = {}
 
     def run(self, session: Callable[["Link"], None]) -> None:
         """Open the port, run the session, and begin again when the device has gone, until stopped."""
         complaint = ""
         while not self.stop.is_set():
+            url = self._port_url = self._url
             try:
-                with Port(self._url, self._baud, self.clock.real_s(LISTEN_S)) as self._port:
+                with Port(url, self._baud, self.clock.real_s(LISTEN_S)) as self._port:
                     complaint = ""
-                    self.note("info", "port-opened", f"{self._url} opened")
+                    self.note("info", "port-opened", f"{url} opened")
                     session(self)
             except FieldLoggerError as error:
                 # a missing device is reported once, not every second
@@ -116,13 +118,19 @@ class Link:
                 self.emit(RawBytes(held), self.clock.now_ns())
             self.clock.wait(self.stop, RETRY_S)
 
+    def move(self, url: str) -> None:
+        """Leave the port, and go on at another."""
+        self._url = url
+
     def read(self) -> tuple[int, bytes]:
         """Time and bytes of the next chunk, recorded raw before anybody understands them."""
         if self._port is None:
             raise DeviceError(f"{self.source}: port is closed")
+        if self._url != self._port_url:
+            raise DeviceError(f"port {self._port_url}: left for {self._url}")
+        self._tell(self.clock.now_ns())
         data = self._port.read()
         t_ns = self.clock.now_ns()
-        self._tell(t_ns)
         if self._blanker is not None:
             data = self._blanker.feed(data)
         if data:

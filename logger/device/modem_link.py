@@ -16,7 +16,7 @@ from logger.drivers.garbage import Garbage
 from logger.drivers.generic import Generic
 from logger.drivers.nmea_fix import EARLIEST_UTC
 from logger.drivers.registry import driver_of, identified
-from logger.drivers.rows import Row
+from logger.drivers.rows import Operator, Row
 
 T = TypeVar("T")
 
@@ -25,7 +25,9 @@ SILENT_POLLS = 3
 BLOCK_GAP_S = 0.5
 """Silence that ends a block of rows nobody asked for; such blocks have no final line."""
 PATIENCE_S = 6.0
-"""How much longer than its time a reply may take while its lines keep coming."""
+"""How much longer than its time a reply may take while its bytes keep coming."""
+PAUSE_S = 1.0
+"""Silence after which they have stopped coming."""
 STORM = 100
 """Unasked lines in ten seconds that are worth a Note; a modem that is well says a few."""
 
@@ -52,11 +54,13 @@ class _Conversation:
         self._rows: list[str] = []
         self._row_ns = 0
         self._heard_ns = 0
+        self._chunk_ns = 0
         self._set_up = False
         self._told_ready = False
         self._restarted = False
         self._echoes = False
         self._answered = False
+        self._damaged = False
         self._survey: list[Command] = []
         self._survey_ns = link.clock.now_ns()
 
@@ -67,8 +71,8 @@ class _Conversation:
             self._answered = False
             self._turn()
             unanswered = 0 if self._answered else unanswered + 1
-            if unanswered and not self._link.stop.is_set():
-                self._complain(unanswered)
+            if unanswered >= SILENT_POLLS and not self._link.stop.is_set():
+                raise DeviceError(f"modem gives no answer ({unanswered} polls); opening the port again")
             self._listen_until(due_ns)
         self._close_block()
 
@@ -81,12 +85,6 @@ class _Conversation:
         self._poll(self._driver)
         if self._set_up:
             self._survey_on(self._driver)
-
-    def _complain(self, unanswered: int) -> None:
-        if unanswered == 1:
-            self._link.note("warning", "no-answer", "modem gives no answer; trying again")
-        if unanswered >= SILENT_POLLS:
-            raise DeviceError(f"modem gives no answer ({unanswered} polls); opening the port again")
 
     def _prepare(self) -> None:
         self._driver = self._driver or self._identify()
@@ -109,16 +107,18 @@ class _Conversation:
     def _identify(self) -> Family | None:
         """Ask the modem who it is; a modem that no family knows is asked twice, as its words may be damaged."""
         found = self._talk(identified())
-        if found is None or not found[1]:
+        if found is None:
             return None
         driver, text = found
         if driver.name == Generic.name and self._talk(identified()) != found:
+            self._link.count("unidentified", 1, "times the modem did not say clearly who it is")
             return None
         self._link.note("info", "modem-identified", f"modem says {text!r}: driver {driver.name}")
         return driver
 
     def _poll(self, driver: Family) -> None:
         start_ns = self._link.clock.now_ns()
+        self._damaged = False
         rows = self._talk(driver.poll())
         if self._framer.echoed and self._set_up and not self._echoes:
             self._lose("modem echoes again, as after a restart; setting it up again")
@@ -142,19 +142,25 @@ class _Conversation:
             self._survey_ns = now_ns + round(self._settings.full_scan_interval_s * 1e9)
         if self._survey:
             command = self._survey.pop(0)
+            self._damaged = False
             rows = self._talk(driver.ask([command]))
             if rows is not None:
-                self._emit_scan(now_ns, self._heard_ns, rows)
+                cells = [row for row in rows if isinstance(row, CellReading)]
+                networks = sum(isinstance(row, Operator) for row in rows)
+                self._link.note("info", "full-scan", f"{command.text}: {len(cells)} cells, {networks} networks")
+                if cells or not networks:  # a list of networks says nothing of cells
+                    self._emit_scan(now_ns, self._heard_ns, cells)
             elif not self._link.stop.is_set():
                 self._link.note("warning", "scan-refused", f"no answer to {command.text}")
 
     def _emit_scan(self, start_ns: int, end_ns: int, rows: Sequence[Row]) -> None:
-        """Record the cells of one reply, each once however often the modem repeats its lines."""
-        readings = [row for row in rows if isinstance(row, CellReading)]
-        once = tuple(dict.fromkeys(readings))
-        if len(once) < len(readings):
-            self._link.count("repeated-lines", len(readings) - len(once), "cells came twice in a reply")
-        self._link.emit(Scan(start_ns, once), end_ns)
+        """Record the cells of one poll, each once however often the modem repeats its lines.
+
+        That there are none is recorded only where nothing was lost that might have told of some.
+        """
+        readings = tuple(dict.fromkeys(row for row in rows if isinstance(row, CellReading)))
+        if readings or not self._damaged:
+            self._link.emit(Scan(start_ns, readings), end_ns)
 
     def _talk(self, dialogue: Dialogue[T]) -> T:
         try:
@@ -174,26 +180,39 @@ class _Conversation:
         start_ns, second_ns = clock.now_ns(), 1e9 / clock.real_s(1.0)
         due_ns = start_ns + command.timeout_s * second_ns
         late_ns = due_ns + PATIENCE_S * second_ns
+        self._chunk_ns = start_ns
         restarted = self._restarted
         while not self._link.stop.is_set():
             now_ns = clock.now_ns()
-            if now_ns >= due_ns and not (self._framer.answering and now_ns < late_ns):
+            coming = self._framer.answering and now_ns - self._chunk_ns < PAUSE_S * second_ns
+            if now_ns >= (late_ns if coming else due_ns):
                 break
             reply = self._hear()
             if reply is not None:
                 self._answered = True
-                if clock.now_ns() > due_ns:
-                    self._link.count("slow-answer", 1, "answers took longer than they may")
+                self._judge(reply, slow=2 * (clock.now_ns() - start_ns) > due_ns - start_ns)
                 return reply
             if self._restarted and not restarted:
+                self._damaged = True
                 return self._framer.abandon()
+        if not self._link.stop.is_set():
+            self._link.count("no-answer", 1, "commands without an answer")
         expired = self._framer.expire()
         self._answered |= bool(expired.lines)
+        self._damaged = True
         return expired
+
+    def _judge(self, reply: Reply, *, slow: bool) -> None:
+        """Count what is odd in a reply that is good enough."""
+        if slow:
+            self._link.count("slow-answer", 1, "answers took more than half of the time they may")
+        if reply.lines and len(reply.lines) == 2 * len(set(reply.lines)):
+            self._link.count("repeated-lines", 1, "replies with each line twice")
 
     def _hear(self) -> Reply | None:
         """Read one chunk, all of it, also what follows the reply: one command is pending, so there is one at most."""
         self._heard_ns, data = self._link.read()
+        self._chunk_ns = self._heard_ns if data else self._chunk_ns
         reply = None
         for event in self._framer.feed(data):
             match event:
@@ -203,6 +222,7 @@ class _Conversation:
                     self._hear_unasked(line)
                 case Garbage(data=noise):
                     self._link.count_garbage(len(noise))
+                    self._damaged = True
         return reply
 
     def _hear_unasked(self, line: str) -> None:
@@ -217,6 +237,8 @@ class _Conversation:
             self._rows.append(line)
             self._row_ns = self._heard_ns
             self._answered = True
+        elif line.strip() in {"OK", "ERROR"}:
+            self._link.count("stray-result", 1, "results that end nothing, late ones or repeated ones")
         else:
             self._link.count("unasked-lines", 1, "lines nobody asked for", least=STORM)
 
@@ -226,13 +248,14 @@ class _Conversation:
         self._set_up = self._told_ready = False
 
     def _listen_until(self, due_ns: int) -> None:
+        """Hear what comes unasked, and in any case what is left of the poll: nothing is pending now."""
         while not self._link.stop.is_set():
+            self._hear()
             now_ns = self._link.clock.now_ns()
             if self._rows and now_ns - self._row_ns > BLOCK_GAP_S * 1e9:
                 self._close_block()
             if now_ns >= due_ns:
                 return
-            self._hear()
 
     def _close_block(self) -> None:
         """Record the rows that came unasked as one scan."""

@@ -33,6 +33,7 @@ _ERROR = re.compile(r"\+CM[ES] ERROR\b.*")
 _NUMERIC = {"0": "OK", "1": "CONNECT", "3": "NO CARRIER", "4": "ERROR"}
 _UNASKED = re.compile(
     r"RDY|QCRDY|START|RING|Call Ready|SMS Ready|SMS DONE|PB DONE|NORMAL POWER DOWN|(?:UNDER|OVER)-VOLTAGE.*|DST: .*"
+    r"|\^SYSSTART.*"
 )
 
 

@@ -16,7 +16,7 @@ QUIET = (Command("ATE0"), Command("ATV1"), Command("AT+CMEE=1"))
 """No echo, results in words, errors as numbers: lost at every restart."""
 
 _RESTARTED = re.compile(
-    r"RDY|QCRDY|START|\+CFUN: ?1|\*ATREADY\b.*|(?:UNDER|OVER)-VOLTAGE.*POWER DOWN|NORMAL POWER DOWN", re.IGNORECASE
+    r"RDY|QCRDY|START|\^SYSSTART|\+CFUN: ?1|\*ATREADY\b.*|(?:UNDER|OVER)-VOLTAGE.*POWER DOWN|NORMAL POWER DOWN", re.IGNORECASE
 )
 
 
@@ -56,7 +56,7 @@ class Family:
         for command in commands:
             reply = yield command
             answered |= reply.ok
-            lines += [command.text, *reply.lines]
+            lines += [command.text, *reply.lines, *filter(None, [reply.final])]
         rows = self.read(lines)
         return rows if answered or any(isinstance(row, CellReading) for row in rows) else None
 

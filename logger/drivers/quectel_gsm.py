@@ -52,6 +52,7 @@ class QuectelGsm(Family):
     )
     set_up: ClassVar[tuple[Command, ...]] = (Command("AT+QENG=1,4"),)
     asked: ClassVar[tuple[Command, ...]] = (Command("AT+QENG?"),)
+    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
     asked_nbiot: ClassVar[tuple[Command, ...]] = (Command("AT+QENG=0", timeout_s=15.0),)
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:

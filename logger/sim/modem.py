@@ -1,104 +1,155 @@
-"""A SIM800 without SIM card, carried along a walk: commands in, answers out."""
+"""A modem of any dialect, carried along a walk: commands in, answers out."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from datetime import datetime, timedelta
 
 import numpy as np
 
-from logger.sim import ceng
-from logger.sim.ceng import Heard
+from logger.sim.air import Air, Heard, Place
+from logger.sim.dialects import common
+from logger.sim.dialects.dialect import Dialect, Listing
 from logger.sim.terminal import AtTerminal, framed
 from logger.sim.walk import Walk
 from logger.sim.world import World
 
 DECODE_DBM = -104.0
-"""Level from which a cell's broadcast is read: access is allowed there (C1 > 0, see `ceng`)."""
+"""Level from which a cell's broadcast is read: access is allowed there (C1 > 0, see `air`)."""
 UNASKED_EVERY_S = 5.0
-"""Period of the rows of mode 2, which is documented nowhere."""
+"""Period of the rows that come unasked, which is documented nowhere."""
+COLD_START_S = 30.0
+ALTITUDE_M = 540.0
 
-_ENGINEERING = re.compile(r"AT\+CENG=([0-4])(?:,([01]))?")
-_ERRORS = re.compile(r"AT\+CMEE=([0-2])")
-_NO_SIM = {0: "ERROR", 1: "+CME ERROR: 10", 2: "+CME ERROR: SIM not inserted"}
-_INFORMATION = {
-    "ATI": "SIM800 R14.18",
-    "AT+CGMM": "SIMCOM_SIM800L",
-    "AT+CGMR": "Revision:1418B05SIM800L24",
-}
+_SETTING = re.compile(r"([+#^!%*][A-Z0-9]+)=(.*)")
+_PARTS = re.compile(r'((?:[^";]|"[^"]*")+)')
+_ERROR_TEXTS = {10: "SIM not inserted", 30: "no network service", 505: "Session is not active", 516: "Not fixed now"}
 
 
-class SimulatedSim800:
+class SimulatedModem:
     """One modem from power-up on; each look at the cells is a new reading with fading of its own.
 
-    `now_s` tells the seconds since the walk began. In mode 2 rows come unasked: see `unasked`.
+    `now_s` tells the seconds since the walk began, `utc_start` when that was for its receiver, which has no noise.
     """
 
     def __init__(
         self,
+        dialect: Dialect,
         world: World,
         walk: Walk,
         now_s: Callable[[], float],
         rng: np.random.Generator,
+        *,
+        utc_start: datetime | None = None,
         decode_dbm: float = DECODE_DBM,
     ) -> None:
+        self._dialect = dialect
         self._world = world
         self._walk = walk
         self._now_s = now_s
         self._rng = rng
+        self._utc_start = utc_start
         self._decode_dbm = decode_dbm
+        alike = common.REGISTERED if dialect.registered else common.NO_CARD
+        self._replies: Mapping[str, Listing] = {**common.ANYWHERE, **alike, **dialect.replies}
         self._terminal = AtTerminal(self._answer)
-        self._mode = 0
-        self._ncell = 0
-        self._cmee = 0
+        self._settings: dict[str, str] = {}
+        self._late = b""
+        self._due_s = 0.0
         self._told_s = 0.0
+        self._restart()
 
     def feed(self, data: bytes) -> bytes:
         """What the modem writes after these bytes."""
         return self._terminal.feed(data)
 
     def unasked(self) -> bytes:
-        """What it writes by itself since the last call."""
-        if self._mode != 2 or self._now_s() - self._told_s < UNASKED_EVERY_S:
+        """What it writes by itself since the last call; answers that took their time are among it."""
+        if self._terminal.busy:
+            return self._terminal.finish(self._late) if self._now_s() >= self._due_s else b""
+        if self._dialect.unasked is None or self._now_s() - self._told_s < UNASKED_EVERY_S:
             return b""
         self._told_s = self._now_s()
-        return self._rows()
+        told = self._dialect.unasked(self._listen(), self._settings)
+        return b"" if isinstance(told, int) else framed(*told)
 
-    def _answer(self, command: str) -> bytes:
-        if text := _INFORMATION.get(command):
-            return framed(text, "OK")
-        match command:
-            case "AT+CENG?":
-                return framed(f"+CENG: {self._mode},{self._ncell}") + self._rows() + framed("OK")
-            case "AT+CSQ":
-                return framed(f"+CSQ: {self._csq()},0", "OK")
-            case "AT+CPIN?":
-                return framed(_NO_SIM[self._cmee])
-        return framed("OK" if self._set(command) else "ERROR")
+    def restart(self) -> bytes:
+        """Lose the power and come back: all settings are as at first. Returns what it says when it is ready."""
+        self._restart()
+        return framed(*self._dialect.boot)
+
+    def echo(self) -> None:
+        """Switch the echo on, as a modem does that loses nothing else."""
+        self._terminal.echo = True
+
+    def _restart(self) -> None:
+        self._terminal.restart()
+        self._settings = {name: kind.default for name, kind in self._dialect.settings.items()}
+        self._told_s = self._now_s()
+
+    def _answer(self, line: str) -> bytes | None:
+        """Answer of a line, which may hold several commands (`AT+CSQ;+COPS?`); None where it comes later."""
+        out = b""
+        takes_s = 0.0
+        final = "OK"
+        for text in _PARTS.findall(line.removeprefix("AT")):
+            blocks, final = self._do(text.strip())
+            out += framed(*blocks)
+            takes_s = max(takes_s, self._takes_s(text.strip()) if final == "OK" else 0.0)
+            if final != "OK":
+                break
+        out += framed(final)
+        if not takes_s:
+            return out
+        self._late, self._due_s = out, self._now_s() + takes_s
+        return None
+
+    def _do(self, command: str) -> tuple[list[str], str]:
+        """Blocks of text and the final result of one command."""
+        if command in self._dialect.says:
+            return list(self._dialect.says[command]), "OK"
+        name, argument = self._listed(command)
+        if name in self._replies:
+            answer = self._replies[name](self._listen(), {**self._settings, "=": argument})
+            return ([], self._error(answer)) if isinstance(answer, int) else (list(answer), "OK")
+        return [], "OK" if self._set(command) else "ERROR"
+
+    def _listed(self, command: str) -> tuple[str, str]:
+        """Name of the command among the replies, and the argument of one that takes any (`#CSURV=`)."""
+        name, equals, argument = command.partition("=")
+        return (name + equals, argument) if name + equals in self._replies and argument else (command, "")
+
+    def _takes_s(self, command: str) -> float:
+        return self._dialect.takes_s.get(self._listed(command)[0], 0.0)
 
     def _set(self, command: str) -> bool:
         """Do as a setting says; False for what is not understood."""
-        if engineering := _ENGINEERING.fullmatch(command):
-            self._mode = int(engineering[1])
-            self._ncell = int(engineering[2] or self._ncell)
-            self._told_s = self._now_s()
-        elif errors := _ERRORS.fullmatch(command):
-            self._cmee = int(errors[1])
-        else:
+        told = _SETTING.fullmatch(command)
+        kind = self._dialect.settings.get(told[1]) if told else None
+        if told is None or kind is None or not kind.form.fullmatch(told[2]):
             return False
+        before, now = self._settings[told[1]].split(","), told[2].split(",")
+        self._settings[told[1]] = ",".join(now + before[len(now) :])
+        self._told_s = self._now_s()
         return True
 
-    def _rows(self) -> bytes:
-        lines = ceng.rows(self._mode, self._ncell, self._listen())
-        return framed("\r\n".join(lines)) if lines else b""
+    def _error(self, code: int) -> str:
+        form = self._settings["+CMEE"]
+        return "ERROR" if form == "0" else f"+CME ERROR: {code if form == '1' else _ERROR_TEXTS[code]}"
 
-    def _listen(self) -> list[Heard]:
-        east_m, north_m = self._walk.positions(np.array([self._now_s()]))
+    def _listen(self) -> Air:
+        now_s = self._now_s()
+        east_m, north_m = self._walk.positions(np.array([now_s]))
         levels_dbm = self._world.heard_dbm(east_m, north_m, self._rng)[:, 0]
-        return [
+        heard = [
             Heard(cell, float(level_dbm), decoded=bool(level_dbm >= self._decode_dbm))
             for cell, level_dbm in zip(self._world.transmitters, levels_dbm, strict=True)
         ]
+        return Air.of(heard, lambda: self._place(now_s))
 
-    def _csq(self) -> int:
-        """Level of the serving cell in steps of 2 dB, by the table of the SIM800 manual (2 is -110 dBm)."""
-        level_dbm = max((one.level_dbm for one in self._listen() if one.decoded), default=-115.0)
-        return min(max(int(level_dbm + 114.0) // 2, 0), 31)
+    def _place(self, now_s: float) -> Place | None:
+        if self._utc_start is None or now_s < COLD_START_S:
+            return None
+        speed_mps, course_deg = self._walk.motion(now_s)
+        lat_deg, lon_deg = self._world.to_latlon(*self._walk.position(now_s))
+        utc = self._utc_start + timedelta(seconds=now_s)
+        return Place(lat_deg, lon_deg, ALTITUDE_M, utc, speed_mps, course_deg)

@@ -8,6 +8,7 @@ import os
 import threading
 import tty
 from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -44,18 +45,14 @@ class Talking(Protocol):
 class PtyDevice:
     """A device behind a pty, in a thread of its own between entry and exit; `path` is what the service opens.
 
-    It outlives the service: the path can be closed and opened again.
+    It outlives the service: the path can be closed and opened again. With `name`, a link to the pty, it can also be
+    pulled out and plugged in again, which gives it another pty.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, name: Path | None = None) -> None:
         self._session = session
-        self._stop = threading.Event()
-        master, slave = os.openpty()
-        tty.setraw(slave)
-        self.path = os.ttyname(slave)
-        os.close(slave)  # so that the master hears when nobody holds it
-        self._line = PtyLine(master, self._stop)
-        self._thread = threading.Thread(target=self._run, name=f"sim {self.path}", daemon=True)
+        self._name = name
+        self._open()
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -64,9 +61,36 @@ class PtyDevice:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._close()
+
+    def unplug(self) -> None:
+        """Pull it out: whoever holds the port is hung up on."""
+        self._close()
+        if self._name is not None:
+            self._name.unlink()
+
+    def plug(self) -> None:
+        """Put it in again."""
+        self._open()
+        self._thread.start()
+
+    def _open(self) -> None:
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        self.path = os.ttyname(slave)
+        os.close(slave)  # so that the master hears when nobody holds it
+        if self._name is not None:
+            self._name.symlink_to(self.path)
+            self.path = str(self._name)
+        self._stop = threading.Event()
+        self._line = PtyLine(master, self._stop)
+        self._thread = threading.Thread(target=self._run, name=f"sim {self.path}", daemon=True)
+
+    def _close(self) -> None:
         self._stop.set()
-        self._thread.join()
-        self._line.close()
+        if self._thread.is_alive():
+            self._thread.join()
+            self._line.close()
 
     def _run(self) -> None:
         self._session(self._line)

@@ -6,7 +6,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from logger.sim.modem import SimulatedSim800
+from logger.sim.dialects import DIALECTS
+from logger.sim.modem import SimulatedModem
 from logger.sim.receiver import SimulatedReceiver
 from logger.sim.walk import Walk
 from logger.sim.world import Radio, Transmitter, World
@@ -44,9 +45,10 @@ class Scenario:
     duration_s: float
     target: Transmitter
 
-    def modem(self, now_s: Callable[[], float]) -> SimulatedSim800:
-        """The modem that is carried; `now_s` tells the seconds since the walk began."""
-        return SimulatedSim800(self.world, self.walk, now_s, np.random.default_rng([self.seed, 1]))
+    def modem(self, now_s: Callable[[], float], name: str = "sim800") -> SimulatedModem:
+        """The modem that is carried, by its name in `DIALECTS`; `now_s` tells the seconds since the walk began."""
+        rng = np.random.default_rng([self.seed, 1])
+        return SimulatedModem(DIALECTS[name], self.world, self.walk, now_s, rng, utc_start=self.utc_start)
 
     def receiver(self, cold_start_s: float = COLD_START_S) -> SimulatedReceiver:
         """The receiver that is carried."""

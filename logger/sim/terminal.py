@@ -8,20 +8,34 @@ MAX_COMMAND = 556  # SIM800 AT Command Manual V1.09, 1.4
 
 
 class AtTerminal:
-    """Bytes in, echo and answers out; `answer` is given each command line and returns the framed answer."""
+    """Bytes in, echo and answers out; `answer` is given each command line and returns the framed answer.
 
-    def __init__(self, answer: Callable[[str], bytes]) -> None:
+    It returns None for an answer that takes its time: then nothing is read until `finish`.
+    """
+
+    def __init__(self, answer: Callable[[str], bytes | None]) -> None:
         self._answer = answer
-        self._echo = True
         self._line = bytearray()
+        self._waiting = bytearray()
+        self.busy = False
+        self.echo = True
+
+    def restart(self) -> None:
+        """As after power-up."""
+        self._line.clear()
+        self._waiting.clear()
+        self.busy = False
+        self.echo = True
 
     def feed(self, data: bytes) -> bytes:
         """What the modem writes back; a command ends with its carriage return, line feeds mean nothing."""
         out = bytearray()
-        for byte in data:
+        self._waiting += data
+        while self._waiting and not self.busy:
+            byte = self._waiting.pop(0)
             if byte == LINE_FEED:
                 continue
-            if self._echo:
+            if self.echo:
                 out.append(byte)
             if byte == CARRIAGE_RETURN:
                 out += self._execute()
@@ -29,16 +43,23 @@ class AtTerminal:
                 self._line.append(byte)
         return bytes(out)
 
+    def finish(self, answer: bytes) -> bytes:
+        """Give the answer that took its time, and go on with what was written meanwhile."""
+        self.busy = False
+        return answer + self.feed(b"")
+
     def _execute(self) -> bytes:
         command = self._line.decode("latin-1").strip().upper()
         self._line.clear()
         match command:
-            case "AT":
+            case "AT" | "ATV1":
                 return framed("OK")
             case "ATE0" | "ATE1" | "ATE":
-                self._echo = command == "ATE1"
+                self.echo = command == "ATE1"
                 return framed("OK")
-        return self._answer(command) if command.startswith("AT") else b""
+        answer = self._answer(command) if command.startswith("AT") else b""
+        self.busy = answer is None
+        return answer or b""
 
 
 def framed(*texts: str) -> bytes:

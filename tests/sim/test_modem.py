@@ -5,7 +5,8 @@ import pytest
 
 from logger.drivers.at import AtFramer
 from logger.drivers.sim800 import Sim800
-from logger.sim.modem import SimulatedSim800
+from logger.sim.dialects import DIALECTS
+from logger.sim.modem import SimulatedModem
 from logger.sim.walk import Walk
 from logger.sim.world import Radio, Transmitter, World
 
@@ -30,9 +31,13 @@ def stopwatch():
 def modem(stopwatch):
     radio = Radio(shadowing_sigma_db=0.0, fading_sigma_db=0.0)
     world = World.build((OTHER, SERVING), 46.9, 7.4, radio, np.random.default_rng(0))
-    modem = SimulatedSim800(world, WALK, stopwatch, np.random.default_rng(0))
+    modem = SimulatedModem(DIALECTS["sim800"], world, WALK, stopwatch, np.random.default_rng(0))
     modem.feed(b"ATE0\r")
     return modem
+
+
+def _deaf(world, stopwatch):
+    return SimulatedModem(DIALECTS["sim800"], world, WALK, stopwatch, np.random.default_rng(0), decode_dbm=-40.0)
 
 
 def test_a_poll_byte_by_byte(modem):
@@ -56,7 +61,7 @@ def test_number_of_cells_is_kept_where_a_setting_leaves_it_out(modem):
 
 
 def test_header_only_where_nothing_is_decoded(modem, stopwatch):
-    deaf = SimulatedSim800(modem._world, WALK, stopwatch, np.random.default_rng(0), decode_dbm=-40.0)
+    deaf = _deaf(modem._world, stopwatch)
     assert deaf.feed(b"ATE0\rAT+CENG=1,1\rAT+CENG?\r").endswith(b"\r\nOK\r\n\r\n+CENG: 1,1\r\n\r\nOK\r\n")
 
 
@@ -89,7 +94,7 @@ def test_answers(modem, command, answer):
 
 
 def test_csq_without_a_cell(modem, stopwatch):
-    deaf = SimulatedSim800(modem._world, WALK, stopwatch, np.random.default_rng(0), decode_dbm=-40.0)
+    deaf = _deaf(modem._world, stopwatch)
 
     assert deaf.feed(b"AT+CSQ\r") == b"AT+CSQ\r\r\n+CSQ: 0,0\r\n\r\nOK\r\n"
 
@@ -134,3 +139,34 @@ def test_the_driver_sets_it_up_and_polls_it(modem):
 
     assert talk(driver.setup()) is True
     assert [(r.cid, r.rssi_dbm) for r in talk(driver.poll())] == [(0x4E72, -60.0), (0xA53F, -100.0)]
+
+
+def test_several_commands_in_a_line(modem):
+    assert modem.feed(b"AT+CMEE=1;+CSQ;+CREG?\r") == b"\r\n+CSQ: 27,0\r\n\r\n+CREG: 0,0\r\n\r\nOK\r\n"
+    assert modem.feed(b"AT+CSQ;+NONSENSE;+CSQ\r") == b"\r\n+CSQ: 27,0\r\n\r\nERROR\r\n"
+
+
+def test_a_full_scan_takes_its_time(modem, stopwatch):
+    modem.feed(b"AT+CNETSCAN=1\r")
+
+    assert modem.feed(b"AT+CNETSCAN\rAT+CSQ\r") == b""
+    stopwatch.t_s = 39.0
+    assert modem.unasked() == b""
+    stopwatch.t_s = 40.0
+    said = modem.unasked()
+    assert said.count(b"Operator:") == 2
+    assert b"MCC:001,MNC:01,Rxlev:11,Cellid:A53F,Arfcn:25,Lac:0114,Bsic:19\r\n" in said
+    assert said.endswith(b"\r\n\r\nOK\r\n\r\n+CSQ: 10,0\r\n\r\nOK\r\n")  # read 40 s later
+
+
+def test_a_restart_loses_everything(modem, stopwatch):
+    modem.feed(b"AT+CENG=1,1\rAT+CNETSCAN\r")
+
+    assert modem.restart().startswith(b"\r\nRDY\r\n")
+    assert modem.feed(b"AT+CENG?\r") == b"AT+CENG?\r\r\n+CENG: 0,0\r\n\r\nOK\r\n"
+
+
+def test_the_echo_comes_on(modem):
+    modem.echo()
+
+    assert modem.feed(b"AT\r") == b"AT\r\r\nOK\r\n"

@@ -119,3 +119,18 @@ def test_program_that_does_not_flush_is_heard_too():
         Path(device.path).open("rb", buffering=0) as port,
     ):
         assert int(port.readline()) >= 20
+
+
+def test_device_can_be_pulled_out_and_plugged_in_again(tmp_path):
+    with PtyDevice(answering(Parrot()), tmp_path / "modem") as device:
+        with open_port(device) as port:
+            port.write(b"once")
+            assert port.read(4) == b"once"
+            device.unplug()
+            assert not (tmp_path / "modem").exists()
+            with pytest.raises(serial.SerialException):
+                port.read(1)
+        device.plug()
+        with open_port(device) as port:
+            port.write(b"again")
+            assert port.read(5) == b"again"

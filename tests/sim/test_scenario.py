@@ -50,6 +50,13 @@ def test_the_clear_world_is_the_formula():
     assert np.abs(heard_dbm - clear.world.levels_dbm(east_m, north_m)).max() <= 0.5
 
 
+def test_modems_are_chosen_by_name():
+    block = scenario()
+
+    assert b"Quectel" in block.modem(lambda: 0.0, "ec25").feed(b"ATI\r")
+    assert b"SIM800" in block.modem(lambda: 0.0).feed(b"ATI\r")
+
+
 def test_unknown_scenario_is_named():
     with pytest.raises(ValueError, match="'moon'"):
         scenario("moon")

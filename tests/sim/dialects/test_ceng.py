@@ -1,5 +1,6 @@
 from logger.drivers.sim800 import Sim800
-from logger.sim.ceng import Heard, rows
+from logger.sim.air import Air, Heard
+from logger.sim.dialects.ceng import rows, rxl
 from logger.sim.world import Transmitter
 
 
@@ -7,11 +8,14 @@ def cell(cid, arfcn=666, bsic=8, lac=0x113):
     return Transmitter(0.0, 0.0, -30.0, 3.0, "310", "260", lac, cid, arfcn, bsic)
 
 
-HEARD = [
-    Heard(cell(0xA53F, arfcn=25, bsic=25), -97.0, decoded=True),
-    Heard(cell(0x4E72), -92.0, decoded=True),
-    Heard(cell(0x00FD, arfcn=233, bsic=61), -87.0, decoded=False),
-]
+UNREAD = Heard(cell(0x00FD, arfcn=233, bsic=61), -87.0, decoded=False)
+HEARD = Air.of(
+    [
+        Heard(cell(0xA53F, arfcn=25, bsic=25), -97.0, decoded=True),
+        Heard(cell(0x4E72), -92.0, decoded=True),
+        UNREAD,
+    ]
+)
 
 
 def test_mode_1_with_cell_identities():
@@ -59,23 +63,23 @@ def test_mode_0_prints_no_cell():
 
 
 def test_no_row_without_a_serving_cell():
-    assert rows(1, 1, [HEARD[2]]) == []
+    assert rows(1, 1, Air.of([UNREAD])) == []
 
 
 def test_six_neighbours_sorted_by_level():
-    heard = [Heard(cell(0x100 + n, arfcn=n), -100.0 + n, decoded=True) for n in range(9)]
+    heard = Air.of([Heard(cell(0x100 + n, arfcn=n), -100.0 + n, decoded=True) for n in range(9)])
 
     assert [row[10:14] for row in rows(1, 1, heard)] == ["0008", "0007", "0006", "0005", "0004", "0003", "0002"]
 
 
 def test_level_stays_within_what_modems_print():
-    levels = [Heard(cell(1), level_dbm, decoded=True).rxl for level_dbm in (-120.0, -113.0, -110.0, -50.0, -20.0)]
+    levels = [rxl(Heard(cell(1), level_dbm, decoded=True)) for level_dbm in (-120.0, -113.0, -110.0, -50.0, -20.0)]
 
     assert levels == [0, 0, 3, 63, 64]
 
 
 def test_the_driver_reads_what_was_meant():
-    readings = Sim800().read_lines(["+CENG: 1,1", *rows(1, 1, HEARD)])
+    readings = Sim800().read(["+CENG: 1,1", *rows(1, 1, HEARD)])
 
     assert [(reading.role, reading.cid, reading.rssi_dbm) for reading in readings] == [
         ("serving", 0x4E72, -92.0),

@@ -1,0 +1,68 @@
+"""What tells one modem from another: who it says it is, what it can be told and what it answers.
+
+Formats are written from manuals and captures (see firmware_notes), independently of the drivers that read them.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from logger.sim.air import Air
+
+Settings = Mapping[str, str]
+"""Values of the modem's settings by name: {"+CENG": "1,1"}; that of "=" is the argument of the command."""
+Answer = Sequence[str] | int
+"""Blocks of text before OK, each between line ends, or the number of a +CME ERROR (3GPP TS 27.007 9.2)."""
+Listing = Callable[[Air, Settings], Answer]
+
+IMEI = "004999010640000"
+"""Of a test device; modems print theirs unasked."""
+NETWORK_NAME = "Test PLMN 1-1"
+NO_SIM = 10
+NO_SERVICE = 30
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """The value after power-up, and the form of those that are accepted; a value left out stays as it is."""
+
+    default: str
+    form: re.Pattern[str]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dialect:
+    """One model.
+
+    `replies` are by command without its AT, in capitals; one that ends with "=" takes any argument. `takes_s` says
+    which of them are slow, `unasked` is what the modem tells by itself every few seconds; `registered` ones have a SIM
+    card.
+    """
+
+    name: str
+    says: Mapping[str, Sequence[str]]
+    replies: Mapping[str, Listing]
+    settings: Mapping[str, Setting] = field(default_factory=dict)
+    takes_s: Mapping[str, float] = field(default_factory=dict)
+    unasked: Listing | None = None
+    boot: Sequence[str] = ("RDY", "+CFUN: 1", "Call Ready")
+    registered: bool = False
+
+
+def setting(default: str, form: str) -> Setting:
+    return Setting(default, re.compile(form))
+
+
+def who(ati: Sequence[str], maker: str, model: str, revision: str) -> dict[str, Sequence[str]]:
+    """Answers to the four questions who a modem is."""
+    return {"I": ["\r\n".join(ati)], "+CGMI": [maker], "+CGMM": [model], "+CGMR": [revision]}
+
+
+def block(lines: Sequence[str]) -> list[str]:
+    """Lines without blank ones in between; nothing for none."""
+    return ["\r\n".join(lines)] if lines else []
+
+
+def bsic_octal(bsic: int) -> str:
+    """Network and base station colour code, a digit each."""
+    return f"{bsic:02o}"

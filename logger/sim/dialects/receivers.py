@@ -1,0 +1,61 @@
+"""The receiver inside a modem: +CGNSINF, +CGPSINFO and +QGPSLOC (sources: firmware_notes, captures 170 to 180)."""
+
+from logger.sim.air import Air, Place
+from logger.sim.dialects.dialect import Answer, Settings, setting
+
+KMH_PER_MPS = 3.6
+KNOTS_PER_MPS = 3600 / 1852
+QUECTEL_NOT_ACTIVE, QUECTEL_NOT_FIXED = 505, 516
+
+CGNS_SETTINGS = {"+CGNSPWR": setting("0", "[01]")}
+CGPS_SETTINGS = {"+CGPS": setting("0", "[01](?:,[1-3])?")}
+QGPS_SETTINGS = {"+QGPS": setting("0", "1")}
+
+
+def cgnsinf(air: Air, settings: Settings) -> Answer:
+    """Decimal degrees and km/h; without a fix the time is that of a clock begun in 1980."""
+    if settings["+CGNSPWR"] == "0":
+        return ["+CGNSINF: 0,,,,,,,,,,,,,,,,,,,,"]
+    place = air.place()
+    if place is None:
+        return ["+CGNSINF: 1,0,19800106000014.000,,,,0.00,0.0,0,,,,,,0,0,,,,,"]
+    time = f"{place.utc:%Y%m%d%H%M%S}.{place.utc.microsecond // 1000:03d}"
+    motion = f"{place.speed_mps * KMH_PER_MPS:.2f},{place.course_deg:.1f}"
+    where = f"{place.lat_deg:.6f},{place.lon_deg:.6f},{place.alt_m:.3f}"
+    return [f"+CGNSINF: 1,1,{time},{where},{motion},1,,0.9,1.7,1.4,,12,9,,,42,,"]
+
+
+def cgpsinfo(air: Air, settings: Settings) -> Answer:
+    """Degrees and minutes, and knots; all values are empty without a fix."""
+    place = air.place()
+    if place is None or settings["+CGPS"].startswith("0"):
+        return ["+CGPSINFO: ,,,,,,,,"]
+    lat = f"{_minutes(place.lat_deg, 2)},{'NS'[place.lat_deg < 0]}"
+    lon = f"{_minutes(place.lon_deg, 3)},{'EW'[place.lon_deg < 0]}"
+    motion = f"{place.speed_mps * KNOTS_PER_MPS:.1f},{place.course_deg:.1f}"
+    return [f"+CGPSINFO: {lat},{lon},{place.utc:%d%m%y},{_tenths(place)},{place.alt_m:.1f},{motion}"]
+
+
+def qgpsloc(air: Air, settings: Settings) -> Answer:
+    """Signed degrees of mode 2; the course is degrees and minutes."""
+    place = air.place()
+    if settings["+QGPS"] == "0":
+        return QUECTEL_NOT_ACTIVE
+    if place is None:
+        return QUECTEL_NOT_FIXED
+    kmh, knots = place.speed_mps * KMH_PER_MPS, place.speed_mps * KNOTS_PER_MPS
+    degrees, minutes = divmod(round(place.course_deg * 60), 60)
+    motion = f"{degrees}.{minutes:02d},{kmh:.1f},{knots:.1f}"
+    where = f"{place.lat_deg:.5f},{place.lon_deg:.5f},0.9,{place.alt_m:.1f},3"
+    return [f"+QGPSLOC: {_tenths(place)},{where},{motion},{place.utc:%d%m%y},09"]
+
+
+def _tenths(place: Place) -> str:
+    return f"{place.utc:%H%M%S}.{place.utc.microsecond // 100_000}"
+
+
+def _minutes(angle_deg: float, degree_digits: int) -> str:
+    """The angle without its sign as `ddmm.mmmmmm`."""
+    degrees, steps = divmod(round(abs(angle_deg) * 60_000_000), 60_000_000)
+    whole, fraction = divmod(steps, 1_000_000)
+    return f"{degrees:0{degree_digits}d}{whole:02d}.{fraction:06d}"

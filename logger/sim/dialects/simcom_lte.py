@@ -1,0 +1,76 @@
+"""SIMCom SIM7000 and SIM7600 on a GSM network: AT+CENG, AT+CPSI and AT+CCINFO (captures 022, 029, 049)."""
+
+from logger.sim.air import Air, Heard
+from logger.sim.dialects import receivers
+from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
+from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, setting, who
+
+
+def engineering(air: Air, settings: Settings) -> Answer:
+    """Rows of seven values for the serving cell and its neighbours alike; the header counts them."""
+    mode, ncell = settings["+CENG"].split(",")
+    heard = (air.serving, *air.decoded_neighbours) if air.serving and mode != "0" else ()
+    system = "GSM" if air.serving else "NO SERVICE"
+    header = f"+CENG: {mode},{ncell},{len(heard)},{system}"
+    return [header, *block([f'+CENG: {number},"{_row(one)}"' for number, one in enumerate(heard)])]
+
+
+def _row(one: Heard) -> str:
+    cell = one.cell
+    return f"{cell.arfcn:04d},{one.rxlev:02d},{cell.bsic:02d},{cell.cid:04x},{cell.mcc},{cell.mnc},{cell.lac:04x}"
+
+
+def system_information(air: Air, _: Settings) -> Answer:
+    """The serving cell; the area is hexadecimal and the cell decimal."""
+    one = air.serving
+    if one is None:
+        return ["+CPSI: NO SERVICE,Online"]
+    cell = one.cell
+    band = "EGSM 900" if cell.arfcn < 512 or cell.arfcn > 885 else "DCS 1800"
+    where = f"{cell.mcc}-{cell.mnc},0x{cell.lac:04X},{cell.cid},{cell.arfcn} {band}"
+    return [f"+CPSI: GSM,Online,{where},{one.dbm},0,{one.c1}-{one.c1}"]
+
+
+def cell_information(air: Air, _: Settings) -> Answer:
+    """Serving cell and neighbours with labels, all of it decimal."""
+    if air.serving is None:
+        return []
+    serving = f"+CCINFO:[SCELL],{_labelled(air.serving)},TA:0,TXPWR:0"
+    found = enumerate(air.decoded_neighbours, 1)
+    return block([serving, *(f"+CCINFO:[NCell{number}],{_labelled(one)}" for number, one in found)])
+
+
+def _labelled(one: Heard) -> str:
+    cell = one.cell
+    return (
+        f"ARFCN:{cell.arfcn},MCC:{cell.mcc},MNC:{cell.mnc},LAC:{cell.lac},ID:{cell.cid},BSIC:{cell.bsic}"
+        f",RXLev:{one.dbm}dbm,C1:{one.c1},C2:{one.c1}"
+    )
+
+
+SIM7000 = Dialect(
+    "sim7000",
+    who(["SIM7000E R1351"], "SIMCOM_Ltd", "SIMCOM_SIM7000E", "Revision:1351B03SIM7000E"),
+    replies={"+CENG?": engineering, "+CPSI?": system_information, "+CGNSINF": receivers.cgnsinf, **EPS},
+    settings=SETTINGS | EPS_SETTINGS | receivers.CGNS_SETTINGS | {"+CENG": setting("0,0", "[0-4](?:,[01])?")},
+    takes_s={"+COPS=?": COPS_SCAN_S},
+)
+SIM7600 = Dialect(
+    "sim7600",
+    who(
+        [
+            "Manufacturer: SIMCOM INCORPORATED",
+            "Model: SIMCOM_SIM7600E-H",
+            "Revision: SIM7600M22_V2.0",
+            f"IMEI: {IMEI}",
+            "+GCAP: +CGSM",
+        ],
+        "SIMCOM INCORPORATED",
+        "SIMCOM_SIM7600E-H",
+        "+CGMR: LE20B03SIM7600M22",
+    ),
+    replies={"+CPSI?": system_information, "+CCINFO": cell_information, "+CGPSINFO": receivers.cgpsinfo, **EPS},
+    settings=SETTINGS | EPS_SETTINGS | receivers.CGPS_SETTINGS,
+    takes_s={"+COPS=?": COPS_SCAN_S},
+    boot=("RDY", "+CPIN: NOT INSERTED", "SMS DONE", "PB DONE"),
+)

@@ -1,0 +1,120 @@
+"""Telit GE864: #MONI, #SERVINFO, #CSURV and #CSURVC (GM862 manual p273 to 278 and 376 to 379; captures 095 to 105)."""
+
+from collections.abc import Sequence
+
+from logger.sim.air import NEIGHBOURS, Air, Heard
+from logger.sim.dialects.common import COPS_SCAN_S, SETTINGS
+from logger.sim.dialects.dialect import (
+    NETWORK_NAME,
+    NO_SERVICE,
+    Answer,
+    Dialect,
+    Settings,
+    block,
+    bsic_octal,
+    setting,
+    who,
+)
+
+SURVEY_S = 60.0  # the manual allows two minutes
+SLICE_S = 6.0  # of some of the channels
+HEADER = "#MONI: Cell  BSIC  LAC  CellId  ARFCN    Power  C1  C2  TA  RxQual  PLMN"
+NO_CELL = "FF FFFF 0000 1024 -111dbm -1 -1"
+SUITABLE = "CELL_SUITABLE"
+
+
+def monitor(air: Air, settings: Settings) -> Answer:
+    """A table of seven cells where that is set, else a line with labels."""
+    one = air.serving
+    if one is None:
+        return NO_SERVICE
+    if settings["#MONI"] != "7":
+        cell = one.cell
+        who_and_where = f"BSIC:{bsic_octal(cell.bsic)} RxQual:0 LAC:{cell.lac:04X} Id:{cell.cid:04X}"
+        return [f"#MONI: {NETWORK_NAME} {who_and_where} ARFCN:{cell.arfcn} PWR:{one.dbm}dbm TA:0"]
+    rows = [_row(one) for one in air.neighbours]
+    rows += [NO_CELL] * (NEIGHBOURS - len(rows))
+    serving = f"#MONI: S  {_row(one)} 0 0 {NETWORK_NAME}"
+    return block([HEADER, serving, *(f"#MONI: N{number} {row}" for number, row in enumerate(rows, 1))])
+
+
+def _row(one: Heard) -> str:
+    cell = one.cell
+    if not one.decoded:
+        return f"FF FFFF 0000 {cell.arfcn} {one.dbm}dbm -1 -1"
+    return f"{bsic_octal(cell.bsic)} {cell.lac:04X} {cell.cid:04X} {cell.arfcn} {one.dbm}dbm {one.c1} {one.c1}"
+
+
+def serving_information(air: Air, _: Settings) -> Answer:
+    one = air.serving
+    if one is None:
+        return NO_SERVICE
+    cell = one.cell
+    network = f'"{NETWORK_NAME}","{cell.mcc}{cell.mnc}"'
+    return [f"#SERVINFO: {cell.arfcn},{one.dbm},{network},{bsic_octal(cell.bsic)},{cell.lac:04X},0,1"]
+
+
+def survey(air: Air, settings: Settings) -> Answer:
+    """A line with labels for each carrier."""
+    chosen = _chosen(air, settings)
+    return _survey(chosen, [_labelled(one, settings) for one in chosen if one.decoded], "arfcn: {} rxLev: {}")
+
+
+def numeric_survey(air: Air, settings: Settings) -> Answer:
+    """The same as values alone."""
+    chosen = _chosen(air, settings)
+    lines = [f"{one.cell.arfcn},{','.join(_numbers(one, settings))},{SUITABLE},0" for one in chosen if one.decoded]
+    return _survey(chosen, lines, "{},{}")
+
+
+def _chosen(air: Air, settings: Settings) -> tuple[Heard, ...]:
+    """Cells in the range of channels that the command names, all of them where it names none."""
+    heard = air.others if air.serving is None else (air.serving, *air.others)
+    low, _, high = settings["="].partition(",")
+    return tuple(one for one in heard if not high or int(low) <= one.cell.arfcn <= int(high))
+
+
+def _survey(chosen: Sequence[Heard], lines: list[str], unread: str) -> Answer:
+    """Between its first and its last line; a carrier whose broadcast was not read has channel and level."""
+    others = [unread.format(one.cell.arfcn, one.dbm) for one in chosen if not one.decoded]
+    return ["Network survey started ...", *block([*lines, *others]), "Network survey ended"]
+
+
+def _labelled(one: Heard, settings: Settings) -> str:
+    bsic, level, errors, mcc, mnc, lac, cid = _numbers(one, settings)
+    arfcn = one.cell.arfcn
+    return (
+        f"arfcn: {arfcn} bsic: {bsic} rxLev: {level} ber: {errors}.00 mcc: {mcc} mnc: {mnc} lac: {lac} cellId: {cid}"
+        f" cellStatus: {SUITABLE} numArfcn: 1 arfcn: {arfcn} numChannels: 0"
+    )
+
+
+def _numbers(one: Heard, settings: Settings) -> tuple[str, ...]:
+    """Decimal with #CSURVF=0; else the area and the cell are hexadecimal and the colour codes octal."""
+    cell = one.cell
+    decimal = settings["#CSURVF"] == "0"
+    bsic = f"{cell.bsic:02d}" if decimal else bsic_octal(cell.bsic)
+    lac, cid = (f"{number}" if decimal else f"{number:04X}" for number in (cell.lac, cell.cid))
+    return bsic, f"{one.dbm}", "0", cell.mcc, cell.mnc, lac, cid
+
+
+GE864 = Dialect(
+    "ge864",
+    who(["332"], "Telit", "GE864-QUAD-V2", "10.00.144"),
+    replies={
+        "#MONI": monitor,
+        "#SERVINFO": serving_information,
+        "#CSURV": survey,
+        "#CSURV=": survey,
+        "#CSURVC": numeric_survey,
+        "#CSURVC=": numeric_survey,
+    },
+    settings=SETTINGS
+    | {"#SELINT": setting("0", "[012]"), "#MONI": setting("0", "[0-7]"), "#CSURVF": setting("0", "[012]")},
+    takes_s={
+        "+COPS=?": COPS_SCAN_S,
+        **dict.fromkeys(("#CSURV", "#CSURVC"), SURVEY_S),
+        **dict.fromkeys(("#CSURV=", "#CSURVC="), SLICE_S),
+    },
+    boot=(),
+)

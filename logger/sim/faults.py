@@ -1,0 +1,241 @@
+"""Modems that misbehave between two times of the walk, the same way for the same seed."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+BURST_EVERY_S = 0.3
+BURST_BYTES = 24  # so many random bytes are hardly ever all printable
+SLOW_S_PER_BYTE = 0.03
+URCS_PER_S = 200.0
+URCS = (
+    "+CREG: 2", "+CREG: 1", '+CIEV: "CALL",0', '*PSUTTZ: 2024,5,14,9,0,0,"+4",1', "DST: 1", "RING", "Call Ready",
+    '+CMTI: "SM",1', "+CGREG: 0", "^BOOT:1,0,0,0,6", "UNDER-VOLTAGE WARNNING", "SMS Ready",
+)  # fmt: skip
+
+
+class Modem(Protocol):
+    """A modem that can lose its power."""
+
+    def feed(self, data: bytes) -> bytes: ...
+
+    def unasked(self) -> bytes: ...
+
+    def restart(self) -> bytes: ...
+
+    def echo(self) -> None: ...
+
+
+class Fault:
+    """What happens to a modem; the plain one lets everything through. Times are seconds since it began."""
+
+    def __init__(self, modem: Modem, rng: np.random.Generator) -> None:
+        self.modem = modem
+        self.rng = rng
+
+    def begin(self) -> bytes:
+        """What is said at its beginning."""
+        return b""
+
+    def heard(self, data: bytes) -> bytes:
+        """What the modem hears of what was written to it."""
+        return data
+
+    def said(self, data: bytes, t_s: float) -> bytes:
+        """What comes out of what the modem says, which is often nothing."""
+        del t_s
+        return data
+
+    def end(self) -> bytes:
+        """What is said at its end."""
+        return b""
+
+
+class GarbageBytes(Fault):
+    """Bursts of random bytes, between and within lines."""
+
+    _bursts = 0
+
+    def said(self, data: bytes, t_s: float) -> bytes:
+        due = int(t_s / BURST_EVERY_S) - self._bursts
+        self._bursts += due
+        for _ in range(due):
+            at = int(self.rng.integers(len(data) + 1))
+            data = data[:at] + _noise(self.rng) + data[at:]
+        return data
+
+
+class Hang(Fault):
+    """Neither hears nor says anything."""
+
+    def heard(self, data: bytes) -> bytes:
+        del data
+        return b""
+
+    def said(self, data: bytes, t_s: float) -> bytes:
+        del data, t_s
+        return b""
+
+
+class Stall(Hang):
+    """As a hang, but all that was written meanwhile is answered at its end."""
+
+    def __init__(self, modem: Modem, rng: np.random.Generator) -> None:
+        super().__init__(modem, rng)
+        self._kept = b""
+
+    def heard(self, data: bytes) -> bytes:
+        self._kept += data
+        return b""
+
+    def end(self) -> bytes:
+        return self.modem.feed(self._kept)
+
+
+class BrownOut(Hang):
+    """The supply sags: noise, silence, and the modem is back with the settings of its factory."""
+
+    def begin(self) -> bytes:
+        return _noise(self.rng)
+
+    def end(self) -> bytes:
+        return _noise(self.rng) + self.modem.restart()
+
+
+class SilentReset(Fault):
+    """A restart that says nothing, as that of a modem that waits for the first AT to find its rate."""
+
+    def begin(self) -> bytes:
+        self.modem.restart()
+        return b""
+
+
+class EchoOn(Fault):
+    """The echo comes on, and stays on whatever the modem is told."""
+
+    def heard(self, data: bytes) -> bytes:
+        self.modem.echo()
+        return data
+
+
+class SlowBytes(Fault):
+    """One byte at a time; the modem hears nothing while it has something left to say."""
+
+    def __init__(self, modem: Modem, rng: np.random.Generator) -> None:
+        super().__init__(modem, rng)
+        self._left = b""
+        self._kept = b""
+        self._t_s = 0.0
+
+    def heard(self, data: bytes) -> bytes:
+        self._kept += data
+        if self._left:
+            return b""
+        heard, self._kept = self._kept, b""
+        return heard
+
+    def said(self, data: bytes, t_s: float) -> bytes:
+        if not self._left:
+            self._t_s = t_s
+        self._left += data
+        n = int((t_s - self._t_s) / SLOW_S_PER_BYTE)
+        self._t_s += n * SLOW_S_PER_BYTE
+        out, self._left = self._left[:n], self._left[n:]
+        if not self._left and self._kept:
+            self._left = self.modem.feed(self.heard(b""))
+        return out
+
+    def end(self) -> bytes:
+        return self._left + self.modem.feed(self._kept)
+
+
+class DuplicatedLines(Fault):
+    """Each line comes twice, its end included."""
+
+    def said(self, data: bytes, t_s: float) -> bytes:
+        del t_s
+        return b"".join(line * 2 for line in data.splitlines(keepends=True))
+
+
+class RepeatedAnswers(Fault):
+    """Each answer comes again a moment later, before that to the next command."""
+
+    def __init__(self, modem: Modem, rng: np.random.Generator) -> None:
+        super().__init__(modem, rng)
+        self._last = b""
+
+    def said(self, data: bytes, t_s: float) -> bytes:
+        del t_s
+        out, self._last = self._last + data, data
+        return out
+
+
+class UrcStorm(Fault):
+    """Lines that nobody asked for, hundreds a second, each whole."""
+
+    _told = 0
+
+    def said(self, data: bytes, t_s: float) -> bytes:
+        due = int(t_s * URCS_PER_S) - self._told
+        self._told += due
+        lines = "".join(f"\r\n{URCS[int(at)]}\r\n" for at in self.rng.integers(len(URCS), size=due))
+        return data + lines.encode("ascii")
+
+
+FAULTS: dict[str, type[Fault]] = {
+    "garbage": GarbageBytes,
+    "hang": Hang,
+    "stall": Stall,
+    "brown-out": BrownOut,
+    "silent-reset": SilentReset,
+    "echo": EchoOn,
+    "slow": SlowBytes,
+    "duplicated": DuplicatedLines,
+    "repeated": RepeatedAnswers,
+    "urc-storm": UrcStorm,
+}
+
+
+class Misbehaving:
+    """A modem with one fault from `start_s` to `end_s` of the walk; itself a modem."""
+
+    def __init__(
+        self, modem: Modem, fault: str, start_s: float, end_s: float, now_s: Callable[[], float], seed: int = 0
+    ) -> None:
+        self._modem = modem
+        self._fault = FAULTS[fault](modem, np.random.default_rng(seed))
+        self._start_s = start_s
+        self._end_s = end_s
+        self._now_s = now_s
+        self._stage = 0  # before, during, after
+
+    def feed(self, data: bytes) -> bytes:
+        """What the modem writes after these bytes."""
+        out = self._turn()
+        if self._stage != 1:
+            return out + self._modem.feed(data)
+        return out + self._fault.said(self._modem.feed(self._fault.heard(data)), self._now_s() - self._start_s)
+
+    def unasked(self) -> bytes:
+        """What it writes by itself since the last call."""
+        out = self._turn()
+        if self._stage != 1:
+            return out + self._modem.unasked()
+        return out + self._fault.said(self._modem.unasked(), self._now_s() - self._start_s)
+
+    def _turn(self) -> bytes:
+        """Begin or end the fault when its time has come."""
+        out = b""
+        now_s = self._now_s()
+        if self._stage == 0 and now_s >= self._start_s:
+            self._stage = 1
+            out += self._fault.begin()
+        if self._stage == 1 and now_s >= self._end_s:
+            self._stage = 2
+            out += self._fault.end()
+        return out
+
+
+def _noise(rng: np.random.Generator) -> bytes:
+    return rng.integers(0, 256, BURST_BYTES, dtype=np.uint8).tobytes()
