@@ -1,10 +1,11 @@
-"""What is in a run: counts, gaps, how it stopped."""
+"""What is in a run: counts, gaps, how it stopped, and whether it is whole."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from logger.core.runfile import Run
+from logger.core.runfile import Run, Sealing, read_run, sealing_of
 from logger.core.schema import UNKNOWN_ID
 from logger.core.timebase import fit, utc_text
 
@@ -57,6 +58,7 @@ class Info:
     stopped: str | None
     missing_frames: int
     skipped_bytes: int
+    digest: str
     n_fixes: int
     n_fixes_valid: int
     n_scans: int
@@ -74,7 +76,7 @@ def describe(run: Run) -> Info:
     """Summary of a run in either form."""
     fixes, scans, readings = run.tables["fixes"], run.tables["scans"], run.tables["readings"]
     start_ns = run.meta.started_ns
-    timebase = fit(fixes["t_ns"], fixes["utc_ns"])
+    timebase = fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"])
     stamps = [rows["t_ns"].max() for rows in run.tables.values() if len(rows)]
     end_ns = max([*map(int, stamps), run.end.t_ns if run.end else start_ns])
     return Info(
@@ -89,6 +91,7 @@ def describe(run: Run) -> Info:
         stopped=run.end.reason if run.end else None,
         missing_frames=run.damage.missing_frames,
         skipped_bytes=run.damage.skipped_bytes,
+        digest=run.digest,
         n_fixes=len(fixes),
         n_fixes_valid=int(np.count_nonzero(fixes["valid"])),
         n_scans=len(scans),
@@ -134,3 +137,64 @@ def _events(run: Run) -> tuple[Event, ...]:
         )
         for row in run.tables["notes"]
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One thing that a run promises, and whether it holds."""
+
+    what: str
+    holds: bool
+    text: str
+
+
+def verify(path: Path) -> tuple[Check, ...]:
+    """Check a run in either form, with nothing but its file; raises `RunFileError` when it cannot be read at all."""
+    run, sealing = read_run(path), sealing_of(path)
+    return (
+        Check("checksums", not run.damage, str(run.damage) if run.damage else "every frame is there and undamaged"),
+        _counts(run),
+        _time(run),
+        Check("stop", run.end is not None, run.end.reason if run.end else "no record of a stop: the run was cut"),
+        _chain(sealing),
+    )
+
+
+def _counts(run: Run) -> Check:
+    """One row for each record number, the readings that the scans announce, the bytes that the index names."""
+    seqs = np.concatenate([rows["seq"] for table, rows in run.tables.items() if table != "readings"])
+    n = run.end.n_records if run.end else int(seqs.max(initial=-1)) + 1
+    wrong = []
+    if len(np.unique(seqs)) != n or len(seqs) != n:
+        wrong.append(f"{n} records were numbered and {len(np.unique(seqs))} are there")
+    announced = int(run.tables["scans"]["n_readings"].sum())
+    if announced != len(run.tables["readings"]):
+        wrong.append(f"{announced} readings were announced and {len(run.tables['readings'])} are there")
+    n_bytes = int(run.tables["raw"]["length"].sum())
+    if n_bytes != len(run.raw_bytes):
+        wrong.append(f"{n_bytes} raw bytes were received and {len(run.raw_bytes)} are there")
+    return Check("counts", not wrong, "; ".join(wrong) or f"{n} records, {announced} readings, {n_bytes} raw bytes")
+
+
+def _time(run: Run) -> Check:
+    """Time of each source never goes back in a table; between sources the order is that of arrival."""
+    back = 0
+    for table, rows in run.tables.items():
+        by_source = rows[np.argsort(rows["source"], kind="stable")]
+        same = by_source["source"][1:] == by_source["source"][:-1]
+        back += int(np.count_nonzero(same & (np.diff(by_source["t_ns"]) < 0))) if table != "live" else 0
+    return Check("time", not back, f"goes back {back} times" if back else "never goes back")
+
+
+def _chain(sealing: Sealing) -> Check:
+    if sealing.broken_at is not None:
+        text = f"broken: frame {sealing.broken_at} is missing"
+    elif sealing.surplus:
+        text = f"altered: {sealing.surplus} has rows that were not recorded"
+    elif sealing.end is None:
+        text = f"not sealed, since the run was cut; digest of what is there {sealing.recomputed}"
+    elif not sealing.holds:
+        text = f"altered: sealed with {sealing.end.digest}, recomputed {sealing.recomputed}"
+    else:
+        text = f"sealed with {sealing.recomputed}; compare it with the digest noted at the stop"
+    return Check("chain", sealing.holds, text)

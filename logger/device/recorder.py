@@ -4,40 +4,65 @@ import logging
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 
 from logger.core.live import LiveTracker
 from logger.core.live_reference import STAGE
-from logger.core.runfile import RunWriter
+from logger.core.runfile import FLOOR_BYTES, RunWriter
 from logger.core.types import Level, LiveEstimate, Note, Record, Scan
 from logger.device.clock import Clock
 from logger.device.link import Inbox
+from logger.device.room import RoomKeeper
 
 log = logging.getLogger(__name__)
 
 TICK_S = 1.0
 """Real seconds between two flushes: what a pulled plug can cost."""
 
+STOP_PATIENCE_TICKS = 10
+"""How often a stop tries again to get what waits in memory onto a card that is full or failing."""
+
 
 class Recorder:
     """The only user of a `RunWriter`; `run` until `finish` is called from another thread.
 
+    `durable` is called after each flush that reached the card: the watchdog is fed there. Below `floor_bytes` of free
+    space old journals go whose runs are safe (`RoomKeeper`).
     When it fails for good it sets `ended`, and `error` says why: a logger that does not record must not go on.
     """
 
     def __init__(
-        self, writer: RunWriter, tracker: LiveTracker, inbox: Inbox, clock: Clock, ended: threading.Event
+        self,
+        writer: RunWriter,
+        tracker: LiveTracker,
+        inbox: Inbox,
+        clock: Clock,
+        ended: threading.Event,
+        *,
+        durable: Callable[[], None] = lambda: None,
+        floor_bytes: int = FLOOR_BYTES,
     ) -> None:
         self._writer = writer
         self._tracker = tracker
         self._inbox = inbox
         self._clock = clock
         self._ended = ended
+        self._durable = durable
+        self._room = RoomKeeper(writer.path.parent, floor_bytes, self._tell)
+        self._file = writer.file
         self._stop_reason: str | None = None
         self.failing = ""
         self.error: Exception | None = None
         self.counts: Counter[str] = Counter()
         self.latest: LiveEstimate | None = None
+
+    @property
+    def state(self) -> str:
+        """How it goes, in words for a status line."""
+        if self.error is not None:
+            return f"failed: {self.error}"
+        return f"waiting for the card: {self.failing}" if self.failing else "recording"
 
     def finish(self, reason: str) -> None:
         """Ask for the end: what is in the inbox is still recorded."""
@@ -55,11 +80,18 @@ class Recorder:
             self._ended.set()
 
     def _close(self, reason: str) -> None:
+        self._room.finish()
         while (record := self._inbox.get(0.0)) is not None:
             self._append(record)
         self._flush()
+        for _ in range(STOP_PATIENCE_TICKS):
+            if not self.failing:
+                break
+            time.sleep(TICK_S)
+            self._flush()
         self._append(self._note("info", "stop", reason))
-        self._writer.close(self._clock.now_ns(), reason)
+        digest = self._writer.close(self._clock.now_ns(), reason)
+        log.info("%s is sealed with digest %s", self._writer.path, digest)
 
     def _take_until(self, end_s: float) -> None:
         while (record := self._inbox.get(end_s - time.monotonic())) is not None:
@@ -68,11 +100,9 @@ class Recorder:
                 return
 
     def _flush(self) -> None:
-        if dropped := self._inbox.take_dropped():
-            text = f"{dropped} records lost: the recorder could not keep up"
-            log.error(text)
-            self._append(self._note("error", "overflow", text))
+        self._tell_dropped(self._inbox.take_dropped(), "the recorder could not keep up")
         self._sync()
+        self._room.look()
 
     def _append(self, record: Record) -> None:
         if isinstance(scan := record.value, Scan):
@@ -95,14 +125,31 @@ class Recorder:
         try:
             self._writer.sync()
         except OSError as error:
-            if not self.failing:
-                self.failing = str(error)
-                log.error("cannot write the run (%s); keeping records in memory", error)  # noqa: TRY400
-                self._append(self._note("error", "write-failed", f"card: {error}"))
+            what = error.strerror or str(error)
+            if what != self.failing:
+                self.failing = what
+                log.error("cannot write the run (%s); keeping records in memory", what)  # noqa: TRY400
+                self._append(self._note("error", "write-failed", f"card: {what}"))
             return
         if self.failing:
-            log.warning("the run can be written again")
             self.failing = ""
+            log.warning("the run can be written again")
+            self._append(self._note("info", "write-resumed", "the card takes records again"))
+            self._tell_dropped(self._writer.take_dropped(), "the card took nothing for too long")
+        if self._file != self._writer.file:
+            self._file = self._writer.file
+            self._append(self._note("warning", "new-file", f"the card has failed; going on in {self._file.name}"))
+        self._durable()
+
+    def _tell_dropped(self, n: int, why: str) -> None:
+        if n:
+            log.error("%d records lost: %s", n, why)
+            self._append(self._note("error", "overflow", f"{n} records lost: {why}"))
+
+    def _tell(self, level: Level, code: str, text: str) -> None:
+        """A note from another thread."""
+        log.log(logging.getLevelNamesMapping()[level.upper()], "%s", text)
+        self._inbox.put(self._note(level, code, text))
 
     def _note(self, level: Level, code: str, text: str) -> Record:
         return Record(self._clock.now_ns(), "logger", Note(level, code, text))

@@ -150,7 +150,7 @@ def picture_of(smoothed: Smoothed) -> Picture:
     truth_m = _truth(smoothed, focus, origin)
     return Picture(
         smoothed=smoothed,
-        clock=Clock(run.meta.started_ns, fit(fixes["t_ns"], fixes["utc_ns"])),
+        clock=Clock(run.meta.started_ns, fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"])),
         levels=levels_of(run),
         focus=focus,
         track=track,

@@ -1,12 +1,15 @@
 """The real service, in a process of its own, on real ptys."""
 
 import signal
+import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+import pytest
 
 from logger.sim.receiver import sentence
 
@@ -41,6 +44,24 @@ def stopped(process: subprocess.Popen[str], by: signal.Signals = signal.SIGTERM)
     out, errors = process.communicate(timeout=60)
     assert process.returncode == 0, errors
     return out
+
+
+@contextmanager
+def systemd(monkeypatch: pytest.MonkeyPatch, folder: Path) -> Iterator[Callable[[], list[str]]]:
+    """A $NOTIFY_SOCKET for the next service; gives all assignments heard so far."""
+    heard: list[str] = []
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as server:
+        server.bind(str(folder / "notify"))
+        server.setblocking(False)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(folder / "notify"))
+
+        def said() -> list[str]:
+            with suppress(OSError):  # nothing more now, or for ever
+                while True:
+                    heard.extend(server.recv(4096).decode().splitlines())
+            return heard
+
+        yield said
 
 
 def wait_for(condition, seconds: float = 20.0) -> None:

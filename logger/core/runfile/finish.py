@@ -1,88 +1,86 @@
 """From journal to HDF5: one function for the stop, for the next boot and for the desk."""
 
-from collections.abc import Callable, Iterator
-from functools import partial
+import os
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from logger.core.errors import RunFileError
-from logger.core.runfile.hdf5 import read_start, write_hdf5
-from logger.core.runfile.journal import is_recording, sync_folder
+from logger.core.runfile.hdf5 import open_run, read_meta, write_hdf5
+from logger.core.runfile.journal_file import is_recording, sync_folder
+from logger.core.runfile.meta import Damage
+from logger.core.runfile.names import JOURNAL, first_part, parts_of
 from logger.core.runfile.parts import JournalParts
-from logger.core.timebase import fit, utc_text
 
-JOURNAL = ".journal"
-
-
-def journal_path(folder: Path, boot_id: str) -> Path:
-    """Name of a new journal: the boot, and a number where the boot has had a run before; never the wrong date."""
-    return _unused(folder, f"run-{boot_id[:8]}", (JOURNAL, ".h5"))
+_MARGIN_BYTES = 1 << 20
 
 
 def unfinished(folder: Path) -> list[Path]:
     """Journals in a folder that hold something, have no HDF5 file yet and are not being recorded now."""
-    found = sorted(folder.glob(f"*{JOURNAL}"))
-    return [p for p in found if p.stat().st_size and not p.with_suffix(".h5").exists() and not is_recording(p)]
+    found = sorted({p for p in map(first_part, folder.iterdir()) if p.suffix == JOURNAL})
+    return [p for p in found if _n_bytes(p) and not p.with_suffix(".h5").exists() and not _is_recording(p)]
 
 
 def finish_journal(journal: Path) -> Path:
-    """Make the HDF5 file of a journal beside it, named by GPS time if known; the journal is kept under the same name.
+    """Make the HDF5 file of a journal beside it, under the same name; the journal is kept as it is.
 
-    Safe to repeat: cut in the middle, it leaves the journal as it was. Raises `RunFileError`.
+    Safe to repeat, and to cut in the middle. Raises `RunFileError`, also where the HDF5 file of another run has that
+    name.
     """
-    target = _convert(journal, journal.with_suffix(".h5.part"), partial(_name, journal))
-    if journal.with_suffix(".h5") != target:
-        journal.rename(target.with_suffix(JOURNAL))
-        sync_folder(journal.parent)
+    journal = first_part(journal)
+    target = journal.with_suffix(".h5")
+    if _is_recording(journal):
+        raise RunFileError(f"{journal} is being recorded")
+    _convert(journal, target, _check_same_run)
     return target
 
 
-def convert_journal(journal: Path, target: Path) -> None:
-    """Make an HDF5 file of a journal under a given name, complete or not at all."""
-    _convert(journal, target.with_name(target.name + ".part"), lambda _: target)
+def convert_journal(journal: Path, target: Path) -> Damage:
+    """Make an HDF5 file of a journal under a given name, complete or not at all; returns what the journal has lost.
+
+    A file of that name is replaced. Raises `RunFileError`.
+    """
+    return _convert(journal, target, lambda *_: None)
 
 
-def _convert(journal: Path, part: Path, name: Callable[[Path], Path]) -> Path:
-    """Write the HDF5 file as `part`, and give it the name that is found for it then."""
+def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], None]) -> Damage:
+    parts = JournalParts(journal)
+    part = target.with_name(target.name + ".part")
     try:
-        write_hdf5(JournalParts(journal), part)
-        target = name(part)
+        _check_room(parts, target)
+        write_hdf5(parts, part)
+        may_replace(target, parts.meta.run_id)
         part.replace(target)
         sync_folder(target.parent)
-    except OSError as error:
-        raise RunFileError(f"cannot write {part.with_suffix('')}: {error}") from error
+    except (OSError, RuntimeError) as error:  # HDF5 tells of a full card by RuntimeError too
+        raise RunFileError(f"cannot write {target}: {getattr(error, 'strerror', None) or error}") from error
     finally:
-        part.unlink(missing_ok=True)
-    return target
+        with suppress(OSError):
+            part.unlink()
+    return parts.damage
 
 
-def _name(journal: Path, part: Path) -> Path:
-    """Where the HDF5 file of a journal belongs: by UTC from GPS, else beside the journal."""
-    meta, fixes = read_start(part)
-    timebase = fit(fixes["t_ns"], fixes["utc_ns"])
-    if timebase is None:
-        return journal.with_suffix(".h5")
-    stem = f"run-{utc_text(timebase.utc_ns(meta.started_ns), compact=True)}"
-    targets = (journal.with_name(f"{name}.h5") for name in _names(stem))
-    return next(target for target in targets if not target.exists() or _is_run(target, meta.run_id))
+def _check_room(parts: JournalParts, target: Path) -> None:
+    """A full card is told before: HDF5 does not survive it well."""
+    status = os.statvfs(target.parent)
+    needed = _n_bytes(parts.path) + _MARGIN_BYTES
+    if status.f_bavail * status.f_frsize < needed:
+        raise RunFileError(f"no room for {target}: {needed / 1e6:.0f} MB must be free; the journal is safe")
 
 
-def _is_run(path: Path, run_id: str) -> bool:
-    """True when the file is an earlier attempt at the same run."""
+def _check_same_run(target: Path, run_id: str) -> None:
     try:
-        return read_start(path)[0].run_id == run_id
+        with open_run(target) as file:
+            found = read_meta(file, target).run_id
     except RunFileError:
-        return False
+        return  # none, or a damaged one
+    if found != run_id:
+        raise RunFileError(f"{target} is of another run; move it away first")
 
 
-def _unused(folder: Path, stem: str, suffixes: tuple[str, ...]) -> Path:
-    taken = {p.name for p in folder.iterdir()}
-    name = next(name for name in _names(stem) if not any(name + suffix in taken for suffix in suffixes))
-    return folder / (name + suffixes[0])
+def _n_bytes(journal: Path) -> int:
+    return sum(path.stat().st_size for path in parts_of(journal))
 
 
-def _names(stem: str) -> Iterator[str]:
-    yield stem
-    number = 2
-    while True:
-        yield f"{stem}-{number}"
-        number += 1
+def _is_recording(journal: Path) -> bool:
+    return any(map(is_recording, parts_of(journal)))

@@ -1,13 +1,16 @@
 """Frames of a journal: self-delimiting, numbered, each half with its own CRC, so that damage stays where it is.
 
-    magic "CWJ1" | run u32 | kind u8 | version u8 | zero u16 | number u32 | length u32 | crc32(header) u32
+    magic "CWJ1" | run u32 | kind u8 | version u8 | schema u16 | number u32 | length u32 | crc32(header) u32
     payload | crc32(payload) u32                                                          all little-endian
 
 `run` is a random number of the journal, so that a stale block of another journal is never taken for this one's.
-The header has its own CRC because a damaged length would swallow the good frames behind it.
+`schema` is the version of the tables, so that rows can be read even where their definition is lost.
+The header has its own CRC because a damaged length would swallow the good frames behind it. The payload is packed with
+zlib since version 2: what is written wears the card and waits in memory while it is full.
 """
 
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
@@ -15,11 +18,14 @@ from typing import Protocol
 from zlib import crc32
 
 MAGIC = b"CWJ1"
-FRAME_VERSION = 1
+FRAME_VERSION = 2
 MAX_PAYLOAD = 1 << 26
+_PLAIN_VERSION = 1
 _HEADER = struct.Struct("<4sIBBHII")
 _CRC = struct.Struct("<I")
 HEADER_SIZE = _HEADER.size + _CRC.size
+# a Pi packs a second of records in about a millisecond with level 1; level 6 saves 8 % more
+_LEVEL = 1
 
 
 class Kind(IntEnum):
@@ -33,12 +39,15 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """An undamaged frame."""
+    """An undamaged frame: its header, and where in the buffer its payload is."""
 
     run: int
     number: int
     kind: int
-    payload: bytes
+    version: int
+    schema: int
+    start: int
+    length: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +65,23 @@ class Buffer(Protocol):
     def find(self, sub: bytes, start: int = ..., end: int = ..., /) -> int: ...
 
 
-def encode(run: int, number: int, kind: Kind, payload: bytes) -> bytes:
+def encode(run: int, number: int, kind: Kind, payload: bytes, schema: int = 0) -> bytes:
     """One frame as bytes."""
-    header = _HEADER.pack(MAGIC, run, kind, FRAME_VERSION, 0, number, len(payload))
-    return b"".join((header, _CRC.pack(crc32(header)), payload, _CRC.pack(crc32(payload))))
+    packed = zlib.compress(payload, _LEVEL)
+    header = _HEADER.pack(MAGIC, run, kind, FRAME_VERSION, schema, number, len(packed))
+    return b"".join((header, _CRC.pack(crc32(header)), packed, _CRC.pack(crc32(packed))))
+
+
+def payload_of(packed: bytes, version: int) -> bytes | None:
+    """Payload of a frame as it was given to `encode`; None where it is no payload, though its CRC is right."""
+    if version == _PLAIN_VERSION:
+        return packed
+    unpack = zlib.decompressobj()
+    try:
+        payload = unpack.decompress(packed, MAX_PAYLOAD)
+    except zlib.error:
+        return None
+    return payload if unpack.eof else None
 
 
 def scan(data: Buffer) -> Iterator[Frame | Skipped]:
@@ -73,7 +95,7 @@ def scan(data: Buffer) -> Iterator[Frame | Skipped]:
         if at > good_end:
             yield Skipped(at - good_end)
         yield frame
-        position = good_end = at + HEADER_SIZE + len(frame.payload) + _CRC.size
+        position = good_end = frame.start + frame.length + _CRC.size
     tail = _length_without_zeros(data, good_end)
     if tail:
         yield Skipped(tail)
@@ -83,15 +105,15 @@ def _frame_at(data: Buffer, at: int) -> Frame | None:
     header = data[at : at + HEADER_SIZE]
     if len(header) < HEADER_SIZE:
         return None
-    _, run, kind, version, _, number, length = _HEADER.unpack_from(header)
+    _, run, kind, version, schema, number, length = _HEADER.unpack_from(header)
     if crc32(header[: _HEADER.size]) != _CRC.unpack_from(header, _HEADER.size)[0]:
         return None
-    if version != FRAME_VERSION or length > MAX_PAYLOAD:
+    if version not in {_PLAIN_VERSION, FRAME_VERSION} or length > MAX_PAYLOAD:
         return None
     body = data[at + HEADER_SIZE : at + HEADER_SIZE + length + _CRC.size]
     if len(body) < length + _CRC.size or crc32(body[:length]) != _CRC.unpack_from(body, length)[0]:
         return None
-    return Frame(run, number, kind, body[:length])
+    return Frame(run, number, kind, version, schema, at + HEADER_SIZE, length)
 
 
 def _length_without_zeros(data: Buffer, start: int) -> int:

@@ -1,9 +1,11 @@
 """The finished run as plain HDF5: one compound dataset for each table, readable by h5py, h5dump, PyTables and pandas.
 
 The oldest file format there is (superblock 0), since a run must open anywhere; gzip, shuffle and fletcher32 per chunk.
+`frames` says how the rows were divided into frames of the journal, so that the hash chain can be checked without it.
 """
 
 import os
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,14 +19,18 @@ import numpy.typing as npt
 
 from logger.core.errors import RunFileError
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
-from logger.core.runfile.parts import JournalParts, RawChunk, TableRows, decode_meta
+from logger.core.runfile.parts import JournalParts, Part, decode_meta
 from logger.core.schema import DTYPES, TABLES
+from logger.core.timebase import fit, utc_text
 
 FORMAT = "cellwalk run"
 RAW_BYTES = "raw_bytes"
+FRAMES = "frames"
+FRAME_DTYPE = np.dtype([("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4")])
 BLOCK_ROWS = 4096
 _LIBVER = ("earliest", "v108")
 _FILTERS = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "fletcher32": True}
+_DATASETS = {**DTYPES, RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
 
 Column = npt.NDArray[Any]
 
@@ -35,32 +41,36 @@ class _Datasets:
     def __init__(self, file: h5py.File) -> None:
         self._file = file
         self._waiting: dict[str, list[Column]] = {}
+        self._n_bytes: Counter[str] = Counter()
         self._raw_length = 0
         self.checksums: dict[str, int] = {}
 
-    def take(self, part: TableRows | RawChunk) -> None:
-        if isinstance(part, TableRows):
-            self._add(part.table, part.rows)
+    def take(self, part: Part) -> None:
+        self._add(FRAMES, np.array([(part.number, part.kind, part.table, len(part.rows))], FRAME_DTYPE))
+        if not part.table:
             return
-        rows = part.rows.copy()
-        rows["offset"] += self._raw_length
-        self._raw_length += len(part.data)
-        self._add("raw", rows)
-        self._add(RAW_BYTES, np.frombuffer(part.data, "u1"))
+        rows = part.rows
+        if part.table == "raw":
+            rows = rows.copy()
+            rows["offset"] += self._raw_length
+            self._raw_length += len(part.data)
+            self._add(RAW_BYTES, np.frombuffer(part.data, "u1"))
+        self._add(part.table, rows)
 
     def finish(self) -> None:
         """Write what waits, and make the tables of which the run has no row."""
-        for name, dtype in (*DTYPES.items(), (RAW_BYTES, np.dtype("u1"))):
+        for name, dtype in _DATASETS.items():
             if name not in self.checksums:
                 self._add(name, np.empty(0, dtype))
+        for name in self.checksums:
             self._write(name)
 
     def _add(self, name: str, rows: Column) -> None:
         if name not in self.checksums:
             self._make(name, rows.dtype)
-        waiting = self._waiting[name]
-        waiting.append(rows)
-        if sum(rows.nbytes for rows in waiting) >= BLOCK_ROWS * 128:
+        self._waiting[name].append(rows)
+        self._n_bytes[name] += rows.nbytes
+        if self._n_bytes[name] >= BLOCK_ROWS * 128:
             self._write(name)
 
     def _make(self, name: str, dtype: np.dtype[Any]) -> None:
@@ -77,6 +87,7 @@ class _Datasets:
             return
         rows = np.concatenate(self._waiting[name])
         self._waiting[name].clear()
+        self._n_bytes[name] = 0
         dataset = self._file[name]
         start = len(dataset)
         dataset.resize((start + len(rows),))
@@ -94,25 +105,29 @@ def write_hdf5(parts: JournalParts, path: Path) -> None:
         for part in parts:
             datasets.take(part)
         datasets.finish()
-        if parts.meta is None:
-            raise RunFileError(f"{parts.path} has lost its table definitions")
-        _write_header(file, parts.meta, parts.end, parts.damage)
+        _write_header(file, parts)
     with path.open("rb") as written:
         os.fsync(written.fileno())
     _verify(path, datasets.checksums)
 
 
-def _write_header(file: h5py.File, meta: RunMeta, end: RunEnd | None, damage: Damage) -> None:
+def _write_header(file: h5py.File, parts: JournalParts) -> None:
     # text in datasets: an attribute holds no more than 64 KiB, and a configuration may be longer
-    file["meta"] = np.bytes_(msgspec.json.encode(meta))
+    meta, end = parts.meta, parts.end
+    file["meta"] = np.bytes_(parts.meta_text)
     file["config"] = np.bytes_(meta.config_text.encode() or b"\n")
-    file["end"] = np.bytes_(msgspec.json.encode(end))
-    file["damage"] = np.bytes_(msgspec.json.encode(damage))
+    file["end"] = np.bytes_(parts.end_text)
+    file["damage"] = np.bytes_(msgspec.json.encode(parts.damage))
+    fixes = file["fixes"].fields(["t_ns", "utc_ns", "valid"])[:]
+    timebase = fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"])
     file.attrs["format"] = FORMAT
     file.attrs["schema"] = meta.schema
     file.attrs["run_id"] = meta.run_id
+    file.attrs["boot_id"] = meta.boot_id
     file.attrs["program"] = meta.program
+    file.attrs["started_utc"] = utc_text(timebase.utc_ns(meta.started_ns)) if timebase else "unknown"
     file.attrs["stop_reason"] = end.reason if end else "none recorded: the run was cut"
+    file.attrs["digest"] = parts.digest
 
 
 def _verify(path: Path, checksums: dict[str, int]) -> None:
@@ -130,31 +145,39 @@ def is_hdf5(path: Path) -> bool:
     return bool(h5py.is_hdf5(path))
 
 
-def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, dict[str, Column]]:
-    """Everything in a run's HDF5 file; raises `RunFileError` when it is not one, or is damaged."""
-    with _open_run(path) as file:
-        meta = decode_meta(_text(file, "meta"), path)
-        end = msgspec.json.decode(_text(file, "end"), type=RunEnd | None)
-        damage = msgspec.json.decode(_text(file, "damage"), type=Damage)
-        return meta, end, damage, {name: file[name][...] for name in (*meta.columns, RAW_BYTES)}
-
-
-def read_start(path: Path) -> tuple[RunMeta, Column]:
-    """Description and fixes of a run's HDF5 file: who it is and when it was. Raises `RunFileError`."""
-    with _open_run(path) as file:
-        return decode_meta(_text(file, "meta"), path), file["fixes"][...]
+def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, str, dict[str, Column]]:
+    """Everything in a run's HDF5 file, its digest before the tables. Raises `RunFileError` as `open_run`."""
+    with open_run(path) as file:
+        meta = read_meta(file, path)
+        tables = {name: file[name][...] for name in (*meta.columns, RAW_BYTES)}
+        return meta, read_end(file), read_damage(file), str(file.attrs.get("digest", "")), tables
 
 
 @contextmanager
-def _open_run(path: Path) -> Iterator[h5py.File]:
+def open_run(path: Path) -> Iterator[h5py.File]:
+    """A run's HDF5 file; raises `RunFileError` when it is not one, or what is read inside is damaged."""
     try:
         with h5py.File(path, "r") as file:
             if file.attrs.get("format") != FORMAT:
                 raise RunFileError(f"{path} is an HDF5 file but no cellwalk run")
             yield file
-    except (OSError, KeyError, RuntimeError, ValueError) as error:
+    except (OSError, KeyError, RuntimeError, ValueError, msgspec.MsgspecError) as error:
         raise RunFileError(f"{path} is damaged: {error}") from error
 
 
-def _text(file: h5py.File, name: str) -> bytes:
+def read_meta(file: h5py.File, path: Path) -> RunMeta:
+    return decode_meta(text_of(file, "meta"), path)
+
+
+def read_end(file: h5py.File) -> RunEnd | None:
+    end: RunEnd | None = msgspec.json.decode(text_of(file, "end"), type=RunEnd | None)
+    return end
+
+
+def read_damage(file: h5py.File) -> Damage:
+    return msgspec.json.decode(text_of(file, "damage"), type=Damage)
+
+
+def text_of(file: h5py.File, name: str) -> bytes:
+    """A text dataset as it was written."""
     return bytes(file[name][()])

@@ -1,92 +1,100 @@
-"""The journal of a run: append only, one write and one fdatasync a tick, zeroed reserve ahead of the end.
+"""The journal of a run: frames, numbered and chained, in one file or, after the card has failed, in several."""
 
-Settings and their reasons were found by pulling the plug on 57 designs (ARCHITECTURE.md, decision 4).
-"""
-
-import fcntl
-import os
+import errno
 import secrets
 from pathlib import Path
 
 from logger.core.errors import RunFileError
+from logger.core.runfile.chain import Chain
 from logger.core.runfile.frames import Kind, encode
+from logger.core.runfile.journal_file import ROOM_MAY_COME, JournalFile
+from logger.core.runfile.names import part_path
+from logger.core.schema import SCHEMA_VERSION
 
-RESERVE_BYTES = 1 << 20
-"""Written zeros ahead of the data: a flush then changes no file size, which is what lying cards lose."""
+DESCRIBE_EVERY_SYNCS = 60
+"""The description is repeated, so that a journal that lost its first block can still be read."""
+
+_CARD_ERRORS = ROOM_MAY_COME | {errno.EIO}
 
 
 class Journal:
-    """An open journal file; frames are collected by `add` and made durable by `sync`.
+    """Frames are collected by `add` and made durable by `sync`.
 
-    Raises `RunFileError` when the file exists or cannot be made, `OSError` from `sync` when the card is full or
-    failing: what was not written stays in memory and the next `sync` tries again.
+    Raises `RunFileError` when the file exists or can never be made, `OSError` from `sync` when the card is full or
+    failing: everything since the last good sync then stays in memory, and the next `sync` tries again, after anything
+    but want of room in a new file (`file`): Linux may have dropped what it did not write, and call the next sync good.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, description: bytes) -> None:
+        self.path = self.file = path
+        self.chain = Chain()
+        self._description = description
+        self._undescribed_syncs = DESCRIBE_EVERY_SYNCS
         self._run = secrets.randbits(32)
+        self._n_files = 0
         self._number = 0
         self._pending = bytearray()
-        self._end = 0
-        self._reserved = 0
+        self._file: JournalFile | None = None
+        self._failed: list[JournalFile] = []
         try:
-            self._fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o644)
+            self._next_file()
         except OSError as error:
-            raise RunFileError(f"cannot make {path}: {error.strerror}") from error
-        fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        os.fsync(self._fd)
-        sync_folder(path.parent)
+            if error.errno not in _CARD_ERRORS:
+                raise RunFileError(f"cannot make {path}: {error.strerror}") from error
+
+    @property
+    def n_waiting(self) -> int:
+        """Bytes that are not on the card yet."""
+        return len(self._pending)
 
     def add(self, kind: Kind, payload: bytes) -> None:
         """Queue one frame for the next `sync`."""
-        self._pending += encode(self._run, self._number, kind, payload)
+        self._pending += encode(self._run, self._number, kind, payload, SCHEMA_VERSION)
+        self.chain.add(self._number, kind, payload)
         self._number += 1
 
     def sync(self) -> None:
         """Write what is queued and wait until the card has it."""
-        self._reserve()
-        while self._pending:
-            # a full card writes less than asked, without an error
-            written = os.pwrite(self._fd, self._pending, self._end)
-            self._end += written
-            del self._pending[:written]
-        os.fdatasync(self._fd)
+        if self._undescribed_syncs >= DESCRIBE_EVERY_SYNCS:
+            self.add(Kind.META, self._description)
+            self._undescribed_syncs = 0
+        self._flush()
+        self._undescribed_syncs += 1
 
     def close(self) -> None:
-        """Sync, cut the reserve off, sync again; the file is closed whatever happens."""
-        try:
-            self.sync()
-            os.ftruncate(self._fd, self._end)
-            os.fsync(self._fd)
-        finally:
-            os.close(self._fd)
+        """Write what is queued, and close the files; they stay open when that fails."""
+        self._flush()
+        for file in (self._file, *self._failed):
+            if file is not None:
+                file.close()
 
-    def _reserve(self) -> None:
-        needed = self._end + len(self._pending)
-        if self._reserved - needed >= RESERVE_BYTES // 2:
+    def _flush(self) -> None:
+        try:
+            (self._file or self._next_file()).append(self._pending)
+        except OSError as error:
+            if error.errno not in ROOM_MAY_COME:
+                self._give_up_file()
+            raise
+        self._pending.clear()
+
+    def _next_file(self) -> JournalFile:
+        path = part_path(self.path, self._n_files + 1)
+        try:
+            self._file = JournalFile(path)
+        except FileExistsError:
+            self._n_files += bool(self._n_files)  # what a failing card did not let go: the next try takes the next name
+            raise
+        self._n_files += 1
+        self.file = path
+        return self._file
+
+    def _give_up_file(self) -> None:
+        """The next sync makes another. The lock of this one is kept: it tells others that the run goes on."""
+        if self._file is None:
             return
-        target = needed + RESERVE_BYTES
-        start = max(self._reserved, self._end)
-        while start < target:
-            start += os.pwrite(self._fd, bytes(min(target - start, RESERVE_BYTES)), start)
-            self._reserved = start
-        os.fsync(self._fd)
-
-
-def sync_folder(folder: Path) -> None:
-    """Make the names in a folder durable."""
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(fd)
-    finally:
-        os.close(fd)
-
-
-def is_recording(path: Path) -> bool:
-    """True while a process holds the journal open for writing."""
-    with path.open("rb") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except OSError:
-            return True
-        return False
+        if self._file.is_empty and self.file != self.path:
+            self._file.discard()
+        else:
+            self._failed.append(self._file)
+        self._file = None
+        self._undescribed_syncs = DESCRIBE_EVERY_SYNCS

@@ -33,11 +33,15 @@ class RunMeta(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
-    """How a run stopped: written last, so that its absence says that the plug was pulled."""
+    """How a run stopped: written last, so that its absence says that the plug was pulled.
+
+    `digest` is that of the hash chain over all frames before this one.
+    """
 
     t_ns: int
     reason: str
     n_records: int
+    digest: str = ""
 
 
 class Damage(msgspec.Struct, frozen=True, kw_only=True):
@@ -45,3 +49,11 @@ class Damage(msgspec.Struct, frozen=True, kw_only=True):
 
     missing_frames: int = 0
     skipped_bytes: int = 0
+    description_lost: bool = False
+
+    def __bool__(self) -> bool:
+        return bool(self.missing_frames or self.skipped_bytes or self.description_lost)
+
+    def __str__(self) -> str:
+        told = f"{self.missing_frames} frames missing, {self.skipped_bytes} bytes damaged"
+        return told + ", the description of the run lost" if self.description_lost else told

@@ -1,7 +1,10 @@
 """A journal read back, part by part, so that a day's walk needs no day's memory."""
 
 import mmap
+import struct
+from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -9,96 +12,126 @@ import msgspec
 import numpy as np
 
 from logger.core.errors import RunFileError
-from logger.core.runfile.frames import Buffer, Frame, Kind, Skipped, scan
+from logger.core.runfile.chain import Chain
+from logger.core.runfile.frames import Buffer, Frame, Kind, Skipped, payload_of, scan
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
+from logger.core.runfile.names import first_part, parts_of
 from logger.core.runfile.writer import RAW_COUNT
 from logger.core.schema import DTYPES, SCHEMA_VERSION, Rows
 
+NO_ROWS: Rows = np.empty(0, np.dtype([]))
 
-@dataclass(frozen=True, slots=True)
-class TableRows:
-    """Rows of one table, as they were written together."""
-
-    table: str
-    rows: Rows
+_INDEX = np.dtype(
+    [(name, "u4") for name in ("file", "run", "number", "kind", "version", "schema", "length")] + [("start", "u8")]
+)
 
 
 @dataclass(frozen=True, slots=True)
-class RawChunk:
-    """Rows of the table `raw`, their offsets counted in `data`."""
+class Part:
+    """What one frame holds: rows of a table, in the table `raw` with their bytes, or (META, END) none."""
 
-    rows: Rows
-    data: bytes
+    number: int
+    kind: int
+    payload: bytes
+    table: str = ""
+    rows: Rows = field(default_factory=lambda: NO_ROWS)
+    data: bytes = b""
 
 
-@dataclass(slots=True)
 class JournalParts:
-    """Iterate once over the rows; `meta`, `end` and `damage` are complete afterwards.
+    """Iterate once over the parts in their order; everything else is complete afterwards.
 
-    Raises `RunFileError` for a file that holds no frame of a journal.
+    The frames of all files of the journal are found first, so that one that stands in two files, or was moved, counts
+    once and in its place. Raises `RunFileError` for a file that holds no frame of a journal.
     """
 
-    path: Path
-    meta: RunMeta | None = None
-    end: RunEnd | None = None
-    _missing: int = 0
-    _skipped: int = 0
-    _dtypes: Mapping[str, np.dtype[np.void]] = field(default_factory=lambda: DTYPES)
+    def __init__(self, path: Path) -> None:
+        self.path = first_part(path)
+        self.meta_text = b""
+        self.end_text = b"null"
+        self.end: RunEnd | None = None
+        self.chain = Chain()
+        self._meta: RunMeta | None = None
+        self._missing = 0
+        self._skipped = 0
+        self._first_ns: int | None = None
 
     @property
     def damage(self) -> Damage:
-        return Damage(missing_frames=self._missing, skipped_bytes=self._skipped)
+        lost = self._meta is None
+        return Damage(missing_frames=self._missing, skipped_bytes=self._skipped, description_lost=lost)
 
-    def __iter__(self) -> Iterator[TableRows | RawChunk]:
-        with self.path.open("rb") as file:
-            try:
-                view = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-            except ValueError:
-                raise RunFileError(f"{self.path} is empty") from None
-            with view:
-                yield from self._read(view)
+    @property
+    def digest(self) -> str:
+        """What the run was sealed with, or, when it was cut, the digest of what there is."""
+        return self.end.digest if self.end else self.chain.digest
 
-    def _read(self, data: Buffer) -> Iterator[TableRows | RawChunk]:
-        run: int | None = None
-        expected = 0
-        for found in scan(data):
-            if isinstance(found, Skipped):
-                self._skipped += found.n_bytes
-                continue
-            run = found.run if run is None else run
-            if found.run != run or found.number < expected:
-                # a stale block of another journal, or of this one
-                self._skipped += len(found.payload)
-                continue
-            self._missing += found.number - expected
-            expected = found.number + 1
-            yield from self._part(found)
-        if run is None:
+    @property
+    def meta(self) -> RunMeta:
+        """Description of the run; where it is lost, one that says so."""
+        if self._meta is not None:
+            return self._meta
+        return RunMeta(
+            run_id="", boot_id="", started_ns=self._first_ns or 0, origin="lost with the description", program=""
+        )
+
+    def __iter__(self) -> Iterator[Part]:
+        files = parts_of(self.path)
+        if not files:
+            raise RunFileError(f"{self.path}: no such file")
+        with _opened(files) as buffers:
+            index = self._index(buffers)
+            dtypes = self._describe(buffers, index)
+            for entry in index:
+                packed = _packed(buffers, entry)
+                payload = payload_of(packed, int(entry["version"]))
+                part = None if payload is None else _part(entry, payload, dtypes)
+                if payload is None or part is None:
+                    self._missing += 1
+                    self._skipped += len(packed)
+                    continue
+                if part.kind == Kind.END:
+                    self.end, self.end_text = msgspec.json.decode(payload, type=RunEnd), payload
+                self.chain.add(part.number, part.kind, payload)
+                if len(part.rows) and self._first_ns is None:
+                    self._first_ns = int(part.rows["t_ns"].min())
+                yield part
+
+    def _index(self, buffers: list[Buffer]) -> Rows:
+        """Where the frames of the run are, in the order of their numbers."""
+        if not any(len(buffer) for buffer in buffers):
+            raise RunFileError(f"{self.path} is empty")
+        found = np.fromiter(self._found(buffers), _INDEX)
+        if not len(found):
             raise RunFileError(f"{self.path} is no cellwalk run: it holds no journal frame")
+        ((run, _),) = Counter(found["run"].tolist()).most_common(1)
+        stale = found["run"] != run
+        self._skipped += int(found["length"][stale].sum())
+        found = found[~stale]
+        numbers, first = np.unique(found["number"], return_index=True)
+        self._missing += int(numbers[-1]) + 1 - len(numbers)
+        index: Rows = found[first]
+        return index
 
-    def _part(self, frame: Frame) -> Iterator[TableRows | RawChunk]:
-        payload = frame.payload
-        match frame.kind:
-            case Kind.META:
-                self._take_meta(payload)
-            case Kind.END:
-                self.end = msgspec.json.decode(payload, type=RunEnd)
-            case Kind.ROWS:
-                name, body = payload[1 : 1 + payload[0]].decode(), payload[1 + payload[0] :]
-                yield TableRows(name, np.frombuffer(body, self._dtypes[name]))
-            case Kind.RAW:
-                (count,) = RAW_COUNT.unpack_from(payload)
-                dtype = self._dtypes["raw"]
-                rows = np.frombuffer(payload, dtype, count, RAW_COUNT.size)
-                yield RawChunk(rows, payload[RAW_COUNT.size + count * dtype.itemsize :])
+    def _found(self, buffers: list[Buffer]) -> Iterator[tuple[int, ...]]:
+        for i, buffer in enumerate(buffers):
+            for event in scan(buffer):
+                if isinstance(event, Skipped):
+                    self._skipped += event.n_bytes
+                else:
+                    yield _entry(i, event)
 
-    def _take_meta(self, payload: bytes) -> None:
-        if self.meta is not None:
-            return
-        self.meta = decode_meta(payload, self.path)
-        self._dtypes = {
-            table: np.dtype([(name, kind) for name, kind in columns]) for table, columns in self.meta.columns.items()
-        }
+    def _describe(self, buffers: list[Buffer], index: Rows) -> Mapping[str, np.dtype[np.void]]:
+        """Definition of the tables: from any of the descriptions, or from the version that every frame names."""
+        for entry in index[index["kind"] == Kind.META]:
+            text = payload_of(_packed(buffers, entry), int(entry["version"]))
+            if text is not None:
+                self._meta, self.meta_text = decode_meta(text, self.path), text
+                return {table: np.dtype(list(map(tuple, columns))) for table, columns in self._meta.columns.items()}
+        if np.any(index["schema"] != SCHEMA_VERSION):
+            raise RunFileError(f"{self.path} has lost its table definitions")
+        self.meta_text = msgspec.json.encode(self.meta)
+        return DTYPES
 
 
 def decode_meta(text: bytes, path: Path) -> RunMeta:
@@ -107,6 +140,49 @@ def decode_meta(text: bytes, path: Path) -> RunMeta:
         schema = msgspec.json.decode(text).get("schema")
         if schema <= SCHEMA_VERSION:
             return msgspec.json.decode(text, type=RunMeta)
-    except (ValueError, AttributeError, TypeError) as error:
+    except (msgspec.MsgspecError, ValueError, AttributeError, TypeError) as error:
         raise RunFileError(f"{path}: this cellwalk cannot read its description ({error})") from error
     raise RunFileError(f"{path} has schema {schema}; this cellwalk reads up to {SCHEMA_VERSION}: please update")
+
+
+@contextmanager
+def _opened(paths: list[Path]) -> Iterator[list[Buffer]]:
+    """The files as buffers."""
+    with ExitStack() as stack:
+        yield [_mapped(stack, path) for path in paths]
+
+
+def _mapped(stack: ExitStack, path: Path) -> Buffer:
+    file = stack.enter_context(path.open("rb"))
+    try:
+        return stack.enter_context(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+    except ValueError:  # empty
+        return b""
+
+
+def _entry(file: int, frame: Frame) -> tuple[int, ...]:
+    return (file, frame.run, frame.number, frame.kind, frame.version, frame.schema, frame.length, frame.start)
+
+
+def _packed(buffers: list[Buffer], entry: np.void) -> bytes:
+    start, length = int(entry["start"]), int(entry["length"])
+    return buffers[int(entry["file"])][start : start + length]
+
+
+def _part(entry: np.void, payload: bytes, dtypes: Mapping[str, np.dtype[np.void]]) -> Part | None:
+    """What a frame holds; None where it cannot be what its kind says."""
+    number, kind = int(entry["number"]), int(entry["kind"])
+    try:
+        match kind:
+            case Kind.ROWS:
+                table, body = payload[1 : 1 + payload[0]].decode(), payload[1 + payload[0] :]
+                return Part(number, kind, payload, table, np.frombuffer(body, dtypes[table]))
+            case Kind.RAW:
+                (count,) = RAW_COUNT.unpack_from(payload)
+                rows = np.frombuffer(payload, dtypes["raw"], count, RAW_COUNT.size)
+                return Part(number, kind, payload, "raw", rows, payload[RAW_COUNT.size + rows.nbytes :])
+            case Kind.END:
+                msgspec.json.decode(payload, type=RunEnd)
+    except (msgspec.MsgspecError, ValueError, KeyError, IndexError, struct.error):
+        return None
+    return Part(number, kind, payload)

@@ -12,14 +12,17 @@ from logger.core.errors import RunFileError
 from logger.core.runfile.frames import MAGIC
 from logger.core.runfile.hdf5 import RAW_BYTES, is_hdf5, read_hdf5
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
-from logger.core.runfile.parts import JournalParts, RawChunk
+from logger.core.runfile.parts import JournalParts
 from logger.core.schema import DTYPES, Rows, as_of_now, values_of
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan, Value
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Tables of a run as structured arrays (columns in `schema`); `end` is None when the run was cut."""
+    """Tables of a run as structured arrays (columns in `schema`); `end` is None when the run was cut.
+
+    `digest` is that of the hash chain: what the run was sealed with, or, when it was cut, of what there is.
+    """
 
     path: Path
     form: str
@@ -28,6 +31,7 @@ class Run:
     damage: Damage
     tables: dict[str, Rows]
     raw_bytes: npt.NDArray[np.uint8]
+    digest: str = ""
 
     def records(self, *tables: str) -> Iterator[tuple[int, Record]]:
         """Records in recorded order with their numbers; all, or those of the tables named."""
@@ -69,10 +73,10 @@ def read_run(path: Path | str) -> Run:
     if not head:
         raise RunFileError(f"{path} is empty")
     if is_hdf5(path):
-        meta, end, damage, arrays = read_hdf5(path)
+        meta, end, damage, digest, arrays = read_hdf5(path)
         raw_bytes = arrays.pop(RAW_BYTES)
         arrays = {table: as_of_now(table, rows) for table, rows in arrays.items()}
-        return Run(path, "hdf5", meta, end, damage, arrays, raw_bytes)
+        return Run(path, "hdf5", meta, end, damage, arrays, raw_bytes, digest)
     return _read_journal(path)
 
 
@@ -81,17 +85,16 @@ def _read_journal(path: Path) -> Run:
     rows: dict[str, list[Rows]] = {table: [] for table in DTYPES}
     raw = bytearray()
     for part in parts:
-        if isinstance(part, RawChunk):
-            index = part.rows.copy()
-            index["offset"] += len(raw)
+        found = part.rows
+        if part.table == "raw":
+            found = found.copy()
+            found["offset"] += len(raw)
             raw += part.data
-            rows["raw"].append(index)
-        else:
-            rows.setdefault(part.table, []).append(part.rows)
-    if parts.meta is None:
-        raise RunFileError(f"{path} has lost its table definitions")
+        if part.table:
+            rows.setdefault(part.table, []).append(found)
     tables = {t: as_of_now(t, np.concatenate(found)) if found else np.empty(0, DTYPES[t]) for t, found in rows.items()}
-    return Run(path, "journal", parts.meta, parts.end, parts.damage, tables, np.frombuffer(raw, np.uint8))
+    raw_bytes = np.frombuffer(raw, np.uint8)
+    return Run(parts.path, "journal", parts.meta, parts.end, parts.damage, tables, raw_bytes, parts.digest)
 
 
 class _ReadingsBySeq:

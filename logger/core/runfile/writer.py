@@ -1,6 +1,8 @@
 """Records in, journal out."""
 
 import struct
+import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +12,14 @@ import numpy as np
 from logger.core.runfile.frames import Kind
 from logger.core.runfile.journal import Journal
 from logger.core.runfile.meta import RunEnd, RunMeta
-from logger.core.schema import DTYPES, rows_of
+from logger.core.schema import DTYPES, Rows, rows_of
 from logger.core.types import RawBytes, Record
-
-META_EVERY_SYNCS = 60
-"""The table definitions are repeated, so that a journal that lost its first block can still be read."""
 
 FRAME_RECORDS = 4096
 """A frame is read and checked as a whole, so it must stay small however many records come between two syncs."""
+
+MOST_WAITING_BYTES = 16 << 20
+"""What may wait in memory for a full card, some hours of a walk; later records are counted and lost."""
 
 RAW_COUNT = struct.Struct("<I")
 
@@ -25,27 +27,41 @@ RAW_COUNT = struct.Struct("<I")
 class RunWriter:
     """The only owner of a run while it is recorded: `append` numbers the records, `sync` makes them durable.
 
-    Raises what `Journal` raises. One thread only.
+    A card that is full or failing at the start is waited for like one that is later. Raises what `Journal` raises.
+    One thread only.
     """
 
     def __init__(self, path: Path, meta: RunMeta) -> None:
-        self._meta = msgspec.json.encode(meta)
-        self._journal = Journal(path)
+        self._journal = Journal(path, msgspec.json.encode(meta))
         self._rows: dict[str, list[tuple[Any, ...]]] = {}
         self._raw: list[tuple[Any, ...]] = []
         self._raw_data = bytearray()
         self._seq = 0
-        self._syncs = 0
-        self.sync()
+        self._dropped = 0
+        with suppress(OSError):  # the next sync says the same
+            self._journal.sync()
 
     @property
     def path(self) -> Path:
         return self._journal.path
 
+    @property
+    def file(self) -> Path:
+        """The file of the journal that is written now: another one after the card has failed."""
+        return self._journal.file
+
+    @property
+    def digest(self) -> str:
+        """Digest of the hash chain so far."""
+        return self._journal.chain.digest
+
     def append(self, record: Record) -> int:
         """Take a record; returns its number in the run."""
         seq = self._seq
         self._seq += 1
+        if self._journal.n_waiting > MOST_WAITING_BYTES:
+            self._dropped += 1
+            return seq
         if self._seq % FRAME_RECORDS == 0:
             self._queue_rows()
         if isinstance(record.value, RawBytes):
@@ -55,20 +71,24 @@ class RunWriter:
                 self._rows.setdefault(table, []).append(row)
         return seq
 
+    def take_dropped(self) -> int:
+        """Records since the last call for which there was no memory while the card was full."""
+        dropped, self._dropped = self._dropped, 0
+        return dropped
+
     def sync(self) -> None:
         """Make everything appended so far durable; raises OSError and keeps it for the next try when it cannot."""
-        if self._syncs % META_EVERY_SYNCS == 0:
-            self._journal.add(Kind.META, self._meta)
-        self._syncs += 1
         self._queue_rows()
         self._journal.sync()
 
-    def close(self, t_ns: int, reason: str) -> None:
-        """Write the end of the run and close the journal."""
+    def close(self, t_ns: int, reason: str) -> str:
+        """Write the end of the run, which seals it, and close the journal; returns the digest it is sealed with."""
         self._queue_rows()
-        end = RunEnd(t_ns=t_ns, reason=reason, n_records=self._seq)
+        digest = self.digest
+        end = RunEnd(t_ns=t_ns, reason=reason, n_records=self._seq, digest=digest)
         self._journal.add(Kind.END, msgspec.json.encode(end))
         self._journal.close()
+        return digest
 
     def _append_raw(self, seq: int, record: Record, raw: RawBytes) -> None:
         source = record.source.encode()
@@ -77,11 +97,30 @@ class RunWriter:
 
     def _queue_rows(self) -> None:
         if self._raw:
-            index = np.array(self._raw, DTYPES["raw"]).tobytes()
-            self._journal.add(Kind.RAW, RAW_COUNT.pack(len(self._raw)) + index + self._raw_data)
+            self._journal.add(Kind.RAW, raw_payload(np.array(self._raw, DTYPES["raw"]), bytes(self._raw_data)))
             self._raw.clear()
             self._raw_data.clear()
         for table, rows in self._rows.items():
-            name = table.encode()
-            self._journal.add(Kind.ROWS, bytes([len(name)]) + name + np.array(rows, DTYPES[table]).tobytes())
+            self._journal.add(Kind.ROWS, rows_payload(table, _packed(rows, DTYPES[table])))
         self._rows.clear()
+
+
+def _packed(rows: list[tuple[Any, ...]], dtype: np.dtype[np.void]) -> Rows:
+    """Rows of a table; raises OverflowError for a number that does not fit, which numpy 1 would only warn of."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            return np.array(rows, dtype)
+        except DeprecationWarning as warning:
+            raise OverflowError(str(warning)) from warning
+
+
+def rows_payload(table: str, rows: Rows) -> bytes:
+    """Payload of a ROWS frame: length of the table's name, the name, the rows."""
+    name = table.encode()
+    return bytes([len(name)]) + name + rows.tobytes()
+
+
+def raw_payload(index: Rows, data: bytes) -> bytes:
+    """Payload of a RAW frame: number of index rows, the rows with their offsets counted in `data`, the bytes."""
+    return RAW_COUNT.pack(len(index)) + index.tobytes() + data

@@ -2,11 +2,12 @@ import random
 
 import pytest
 
-from logger.core.runfile.frames import Frame, Kind, Skipped, encode, scan
+from logger.core.runfile.frames import Frame, Kind, Skipped, encode, payload_of, scan
 
 PAYLOADS = [b"", b"x", b"CWJ1 looks like a magic", bytes(300), random.Random(1).randbytes(2000)]
 FRAMES = [encode(7, i, Kind.ROWS, payload) for i, payload in enumerate(PAYLOADS)]
 WHOLE = b"".join(FRAMES)
+FRAMES_START = len(FRAMES[0])
 ENDS = [sum(map(len, FRAMES[: i + 1])) for i in range(len(FRAMES))]
 
 
@@ -14,8 +15,12 @@ def _frames(data):
     return [event for event in scan(data) if isinstance(event, Frame)]
 
 
+def _payload(data, frame):
+    return payload_of(data[frame.start : frame.start + frame.length], frame.version)
+
+
 def test_whole():
-    assert [f.payload for f in _frames(WHOLE)] == PAYLOADS
+    assert [_payload(WHOLE, f) for f in _frames(WHOLE)] == PAYLOADS
     assert [f.number for f in _frames(WHOLE)] == list(range(5))
     assert all(isinstance(event, Frame) for event in scan(WHOLE))
 
@@ -50,4 +55,11 @@ def test_a_flipped_bit_costs_one_frame_only(seed):
 def test_no_splice_invents_a_frame(seed):
     rng = random.Random(seed)
     pieces = [WHOLE[slice(*sorted(rng.sample(range(len(WHOLE)), 2)))] for _ in range(6)]
-    assert all(frame.payload == PAYLOADS[frame.number] for frame in _frames(b"".join(pieces)))
+    data = b"".join(pieces)
+    assert all(_payload(data, frame) == PAYLOADS[frame.number] for frame in _frames(data))
+
+
+def test_what_is_no_payload_in_spite_of_its_crc_is_none():
+    assert payload_of(b"not packed", 2) is None
+    assert payload_of(WHOLE[FRAMES_START:][:10], 2) is None
+    assert payload_of(b"plain", 1) == b"plain"

@@ -78,40 +78,42 @@ def test_labelled_cells_read_back_equal(tmp_path):
     assert [record for _, record in read_run(tmp_path / "a.journal").records()] == found
 
 
-def test_finished_run_is_named_by_gps_time_and_can_be_finished_again(tmp_path):
-    journal = journal_path(tmp_path, "12345678-boot")
+def test_runs_are_numbered_and_can_be_finished_again(tmp_path):
+    journal = journal_path(tmp_path)
+    assert journal.name == "run-000001.journal"
     runs.write_journal(journal, runs.records(30))
     assert unfinished(tmp_path) == [journal]
-    copy = journal.read_bytes()
     run = finish_journal(journal)
-    assert run.name == "run-20260921T141320Z.h5"
+    assert run.name == "run-000001.h5"
     assert unfinished(tmp_path) == []
-    # the plug was pulled between the two renames: the same run again, not a second one
-    run.with_suffix(".journal").rename(journal)
     assert finish_journal(journal) == run
-    assert {run.name, run.with_suffix(".journal").name} == {p.name for p in tmp_path.iterdir()}
-    # changed bytes are damage, not another run
-    other = journal_path(tmp_path, "12345678-boot")
-    other.write_bytes(copy.replace(b"0" * 32, b"1" * 32))
-    with pytest.raises(RunFileError):
-        finish_journal(other)
+    assert {path.name for path in tmp_path.iterdir()} == {"run-000001.h5", "run-000001.journal"}
 
 
-def test_two_runs_of_one_second_get_two_names(tmp_path):
-    for run_id, expected in (("a", "run-20260921T141320Z.h5"), ("b", "run-20260921T141320Z-2.h5")):
-        journal = journal_path(tmp_path, "12345678-boot")
-        runs.write_journal(journal, runs.records(5), run_id=run_id)
-        run = finish_journal(journal)
-        assert run.name == expected
-        assert read_run(run).meta.run_id == run_id
-    assert unfinished(tmp_path) == []
+@pytest.mark.parametrize(
+    ("there", "expected"),
+    [
+        (["run-000007.h5"], 8),
+        (["run-000007.journal.3", "run-000002.h5"], 8),
+        (["run-000007.h5.part"], 8),
+        (["run-20260921T141320Z.h5", "run-1a2b3c4d.journal", "run.h5", "notes.txt"], 1),
+    ],
+)
+def test_the_next_number_is_above_all_there_are(tmp_path, there, expected):
+    for name in there:
+        (tmp_path / name).touch()
+    assert journal_path(tmp_path).name == f"run-{expected:06d}.journal"
 
 
-def test_run_without_gps_time_keeps_the_name_of_its_boot(tmp_path):
-    for expected in ("run-12345678.h5", "run-12345678-2.h5"):
-        journal = journal_path(tmp_path, "12345678-boot")
-        runs.write_journal(journal, [Record(1, "logger", Note("info", "a", "b"))])
-        assert finish_journal(journal).name == expected
+def test_the_hdf5_of_another_run_is_not_overwritten(tmp_path):
+    for name, run_id in (("run-000001", "a"), ("run-000002", "b")):
+        runs.write_journal(tmp_path / f"{name}.journal", runs.records(3), run_id=run_id)
+    finish_journal(tmp_path / "run-000001.journal").rename(tmp_path / "run-000002.h5")
+    with pytest.raises(RunFileError, match="another run"):
+        finish_journal(tmp_path / "run-000002.journal")
+    assert read_run(tmp_path / "run-000002.h5").meta.run_id == "a"
+    (tmp_path / "run-000002.h5").write_bytes(b"rubbish")
+    assert read_run(finish_journal(tmp_path / "run-000002.journal")).meta.run_id == "b"
 
 
 def test_a_journal_being_recorded_is_left_alone(tmp_path):

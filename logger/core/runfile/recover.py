@@ -1,0 +1,59 @@
+"""Recovery: HDF5 of whatever a pulled plug has left, with a word on what was lost."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from logger.core.errors import RunFileError
+from logger.core.runfile.finish import finish_journal, unfinished
+from logger.core.runfile.hdf5 import is_hdf5, open_run, read_damage
+from logger.core.runfile.meta import Damage
+
+SOMETHING_LOST = 3
+"""Exit code of a recovery in which something was lost, as that of `mcap recover`."""
+
+_NONE = Damage()
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """What became of one journal: its HDF5 file and what it lacks, or why there is none."""
+
+    journal: Path
+    run: Path | None = None
+    damage: Damage = _NONE
+    digest: str = ""
+    error: str = ""
+
+    @property
+    def loss(self) -> str:
+        """One line on what was lost, empty where nothing was."""
+        if self.error:
+            return self.error
+        return f"{self.journal}: {self.damage}" if self.damage else ""
+
+    def __str__(self) -> str:
+        return f"{self.run}  digest {self.digest}" if self.run else f"{self.journal}: not recovered"
+
+
+def recover(path: Path) -> Iterator[Recovered]:
+    """Recover one journal, or all in a folder that have no HDF5 file yet.
+
+    In a folder, one that cannot be read does not keep the others. Raises `RunFileError` for a single one.
+    """
+    if not path.is_dir():
+        if path.is_file() and is_hdf5(path):
+            raise RunFileError(f"{path} is a finished run, no journal")
+        yield _recovered(path)
+        return
+    for journal in unfinished(path):
+        try:
+            yield _recovered(journal)
+        except RunFileError as error:
+            yield Recovered(journal, error=str(error))
+
+
+def _recovered(journal: Path) -> Recovered:
+    run = finish_journal(journal)
+    with open_run(run) as file:
+        return Recovered(journal, run, read_damage(file), str(file.attrs["digest"]))

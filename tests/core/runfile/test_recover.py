@@ -1,0 +1,110 @@
+"""Recovery from a file or a folder, and room on the card."""
+
+import pytest
+
+from logger.cli import main as fieldlogger
+from logger.core.runfile import RunWriter, free_bytes, make_room, read_run, recover
+from logger.core.runfile.names import first_part, parts_of
+from postproc.cli import main as postproc
+from tests.kit import runs
+
+HUGE = 1 << 60
+
+
+def _cut(path, damage=False):
+    runs.write_journal(path, runs.records(20), sync_every=5, close=False)
+    data = bytearray(path.read_bytes())
+    if damage:
+        data[len(bytes(data).rstrip(b"\0")) // 2] ^= 0xFF
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("command", [fieldlogger, postproc])
+def test_exit_code_says_whether_something_was_lost(tmp_path, capsys, command):
+    whole, hit = tmp_path / "run-000001.journal", tmp_path / "run-000002.journal"
+    _cut(whole)
+    assert command(["recover", str(tmp_path)]) == 0
+    assert "run-000001.h5  digest " in capsys.readouterr().out
+    _cut(hit, damage=True)
+    assert command(["recover", str(hit)]) == 3
+    assert "1 frames missing" in capsys.readouterr().err
+    assert read_run(tmp_path / "run-000002.h5").damage.missing_frames == 1
+    hit.with_suffix(".h5").unlink()
+    (tmp_path / "run-000003.journal").write_text("rubbish")
+    assert command(["recover", str(tmp_path)]) == 3
+    assert hit.with_suffix(".h5").exists()
+    assert command(["recover", str(tmp_path / "run-000001.h5")]) == 2
+    assert command(["recover", str(tmp_path / "none")]) == 2
+    assert "no such file" in capsys.readouterr().err
+
+
+def test_what_is_being_recorded_is_left_alone(tmp_path, capsys):
+    writer = RunWriter(tmp_path / "run-000001.journal", runs.meta())
+    assert list(recover(tmp_path)) == []
+    assert postproc(["recover", str(writer.path)]) == 2
+    assert "being recorded" in capsys.readouterr().err
+    writer.close(0, "test")
+    assert len(list(recover(tmp_path))) == 1
+
+
+def test_parts_are_found_in_their_order(tmp_path):
+    journal = tmp_path / "run-000001.journal"
+    names = ["run-000001.journal", *(f"run-000001.journal.{n}" for n in (2, 9, 10))]
+    for name in (*names, "run-000001.journal.txt", "run-000001.h5", "run-0000011.journal"):
+        (tmp_path / name).touch()
+    assert [path.name for path in parts_of(journal)] == names
+    assert {first_part(tmp_path / name) for name in names} == {journal}
+
+
+def test_a_run_in_several_files_is_one(tmp_path):
+    """Cut anywhere: frames may stand in both, and either may lack some."""
+    found = runs.records(30)
+    whole = tmp_path / "whole.journal"
+    runs.write_journal(whole, found, sync_every=5)
+    data = whole.read_bytes()
+    for cut, again in ((5000, 2000), (4000, 3000), (3000, 4000)):
+        first, second = tmp_path / "run-000001.journal", tmp_path / "run-000001.journal.2"
+        first.write_bytes(data[:cut] + bytes(5000))
+        second.write_bytes(data[again:])
+        run = read_run(second)
+        assert run.path == first
+        got = dict(run.records())
+        assert bool(run.damage.missing_frames) == (again > cut)
+        assert (sorted(got) == list(range(len(found)))) == (again < cut)
+        assert run.end is not None
+
+
+def _finished(folder, n):
+    path = folder / f"run-{n:06d}.journal"
+    runs.write_journal(path, runs.records(20), run_id=str(n))
+    (recovered,) = recover(path)
+    return path, recovered.run
+
+
+def test_the_oldest_spare_journal_goes_first_and_a_run_never(tmp_path):
+    (first, _), (_, spoiled), (third, _) = (_finished(tmp_path, n) for n in (1, 2, 3))
+    data = bytearray(spoiled.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    data[len(data) // 3] ^= 0xFF
+    spoiled.write_bytes(data)
+    _cut(tmp_path / "run-000004.journal")
+    _cut(tmp_path / "run-000005.journal", damage=True)
+    list(recover(tmp_path / "run-000005.journal"))
+    runs.write_journal(tmp_path / "run-000006.journal", runs.records(3))
+    first.with_name(first.name + ".2").touch()
+    assert next(make_room(tmp_path, HUGE)) == first
+    assert list(make_room(tmp_path, 0)) == []
+    assert list(make_room(tmp_path, HUGE)) == [third]
+    kept = {path.name for path in tmp_path.iterdir()}
+    assert kept == {
+        *(f"run-00000{n}.h5" for n in (1, 2, 3, 5)),
+        *(f"run-00000{n}.journal" for n in (2, 4, 5, 6)),
+    }
+    assert read_run(tmp_path / "run-000001.h5").end is not None
+    assert free_bytes(tmp_path) > 0
+
+
+def test_a_finished_run_of_another_walk_does_not_free_a_journal(tmp_path):
+    (first, run), (_, other) = (_finished(tmp_path, n) for n in (1, 2))
+    run.write_bytes(other.read_bytes())
+    assert first not in list(make_room(tmp_path, HUGE))

@@ -1,0 +1,216 @@
+"""Cards that are full, read-only, failing, out of inodes; cuts at every system call of a recording and of its HDF5."""
+
+import errno
+import subprocess
+import sys
+import time
+
+import pytest
+
+from logger.core.errors import RunFileError
+from logger.core.runfile import finish_journal, read_run, sealing_of
+from logger.core.runfile.frames import Frame, scan
+from logger.core.runfile.names import parts_of
+from tests.kit import faults, runs
+
+
+@pytest.fixture(scope="session")
+def preload(tmp_path_factory):
+    return faults.library(tmp_path_factory.mktemp("preload"))
+
+
+@pytest.fixture
+def card(tmp_path, preload):
+    return faults.Card(tmp_path, preload)
+
+
+def _codes(run):
+    return [code.decode() for code in run.tables["notes"]["code"]]
+
+
+def _whole(card, n_put):
+    """The run on the card holds every record that was put, and is as it was sealed."""
+    run = read_run(card.folder / "run-000001.journal")
+    assert faults.counted(run) == list(range(n_put))
+    assert not run.damage
+    assert sealing_of(run.path).holds
+    return run
+
+
+@pytest.mark.parametrize(
+    ("failing", "says"),
+    [
+        ({"pwrite": errno.ENOSPC}, "No space left on device"),
+        ({"fdatasync": errno.ENOSPC}, "No space left on device"),
+        ({"pwrite": errno.EDQUOT}, "Disk quota exceeded"),
+        ({"pwrite": errno.EROFS, "create": errno.EROFS}, "Read-only file system"),
+        ({"pwrite": errno.EIO, "create": errno.EIO}, "Input/output error"),
+        ({"fdatasync": errno.EIO, "create": errno.ENOSPC}, "Input/output error"),
+    ],
+)
+def test_a_card_that_fails_for_a_while_loses_nothing(card, failing, says):
+    with faults.recording(card) as recorder:
+        recorder.wait_durable(50)
+        card.fails(**failing)
+        recorder.wait_state(f"waiting for the card: {says}")
+        durable = recorder.durable
+        time.sleep(0.3)
+        assert recorder.durable == durable
+        card.fails()
+        recorder.wait_state("recording")
+        recorder.wait_durable(50)
+        run = _whole(card, recorder.stop())
+    assert {"write-failed", "write-resumed"} <= set(_codes(run))
+
+
+@pytest.mark.parametrize("operation", ["pwrite", "fdatasync"])
+def test_after_an_io_error_the_run_goes_on_in_a_new_file(card, operation):
+    with faults.recording(card) as recorder:
+        recorder.wait_durable(50)
+        card.fails(**{operation: errno.EIO})
+        recorder.wait_state("waiting for the card: Input/output error")
+        card.fails()
+        recorder.wait_durable(50)
+        n_put = recorder.stop()
+    run = _whole(card, n_put)
+    assert "new-file" in _codes(run)
+    first, second = card.folder / "run-000001.journal", card.folder / "run-000001.journal.2"
+    assert read_run(second).raw_bytes.tobytes() == run.raw_bytes.tobytes()
+    # Linux dropped what it could not write: it stands in the new file
+    begins = min(frame.number for frame in scan(second.read_bytes()) if isinstance(frame, Frame))
+    data = first.read_bytes()
+    lost = next((f.start for f in scan(data) if isinstance(f, Frame) and f.number == begins), len(data))
+    first.write_bytes(data[:lost] + bytes(len(data) - lost))
+    assert faults.counted(read_run(first)) == list(range(n_put))
+    assert faults.counted(read_run(finish_journal(first))) == list(range(n_put))
+
+
+def test_a_name_that_is_taken_does_not_stop_it(card):
+    """An empty file that the failing card did not let go."""
+    with faults.recording(card) as recorder:
+        recorder.wait_durable(50)
+        (card.folder / "run-000001.journal.2").touch()
+        card.fails(fdatasync=errno.EIO)
+        recorder.wait_state("waiting for the card: File exists")
+        card.fails()
+        recorder.wait_durable(50)
+        _whole(card, recorder.stop())
+    assert any(path.stat().st_size for path in parts_of(card.folder / "run-000001.journal")[2:])
+
+
+@pytest.mark.parametrize("error", [errno.ENOSPC, errno.EROFS, errno.EIO])
+def test_a_card_that_cannot_make_a_file_at_the_start_is_waited_for(card, error):
+    """Out of inodes, read-only or failing before the first byte."""
+    card.fails(create=error)
+    with faults.recording(card) as recorder:
+        faults.service.wait_for(lambda: any("waiting" in state for state in recorder.lines("state")))
+        assert not list(card.folder.iterdir())
+        card.fails()
+        recorder.wait_durable(50)
+        _whole(card, recorder.stop())
+
+
+def test_what_finds_no_room_in_memory_is_counted(card):
+    with faults.recording(card, most_waiting=3_000) as recorder:
+        recorder.wait_durable(50)
+        card.fails(pwrite=errno.ENOSPC)
+        recorder.wait_state("waiting for the card: No space left on device")
+        time.sleep(3.0)
+        card.fails()
+        recorder.wait_durable(50)
+        n_put = recorder.stop()
+    run = read_run(card.folder / "run-000001.journal")
+    got = faults.counted(run)
+    (text,) = [row["text"].decode() for row in run.tables["notes"] if row["code"] == b"overflow"]
+    assert got == sorted(set(got))
+    assert n_put - len(got) == int(text.split()[0]) > 0
+    assert len(run.tables["raw"]) + int(text.split()[0]) + len(run.tables["notes"]) == run.end.n_records
+
+
+def test_a_full_file_system_is_waited_out(tmp_path, preload):
+    with faults.small_file_system(tmp_path / "card", "size=3m") as folder:
+        card = faults.Card(tmp_path, preload)
+        with faults.recording(card) as recorder:
+            recorder.wait_durable(50)
+            filler = folder / "filler"
+            with filler.open("wb", buffering=0) as file, pytest.raises(OSError, match="No space"):
+                while True:
+                    file.write(bytes(4096))
+            # the reserve is used up first
+            assert recorder.lines("state") == ["recording"]
+            recorder.wait_durable(50)
+            filler.unlink()
+            _whole(card, recorder.stop())
+
+
+def test_no_inode_left(tmp_path, preload):
+    with faults.small_file_system(tmp_path / "card", "size=8m,nr_inodes=3") as folder:
+        card = faults.Card(tmp_path, preload)
+        for name in "ab":
+            (folder / name).touch()
+        with faults.recording(card) as recorder:
+            recorder.wait_state("waiting for the card: No space left on device")
+            (folder / "a").unlink()
+            recorder.wait_durable(50)
+            _whole(card, recorder.stop())
+        with pytest.raises(RunFileError, match="cannot write"):
+            finish_journal(folder / "run-000001.journal")
+        (folder / "b").unlink()
+        assert read_run(finish_journal(folder / "run-000001.journal")).end is not None
+
+
+def test_every_system_call_boundary_of_a_recording_is_readable(card, tmp_path):
+    """The card as it was before each call, and in the middle of each write."""
+    with faults.recording(card, trace=True) as recorder:
+        recorder.wait_durable(100)
+        card.fails(fdatasync=errno.EIO)
+        recorder.wait_state("waiting for the card: Input/output error")
+        card.fails()
+        recorder.wait_durable(100)
+        n_put = recorder.stop()
+    replayed = tmp_path / "replayed"
+    replayed.mkdir()
+    operations = faults.operations(card.trace)
+    seen = synced = n_states = 0
+    for operation in operations:
+        for _ in faults.replay(operation, replayed):
+            # cut in its first write, a run has not begun
+            if n_states or operation.what == "fdatasync":
+                seen = _readable(replayed, synced)
+            n_states += operation.what == "pwrite"
+        if operation.what == "fdatasync":
+            synced = seen
+    assert seen == n_put
+    print(f"{len(operations)} calls, {n_states} states of their writes")
+
+
+def _readable(folder, at_least):
+    run = read_run(folder / "run-000001.journal")
+    got = faults.counted(run)
+    assert got == list(range(len(got)))
+    assert len(got) >= at_least
+    return len(got)
+
+
+FINISH = (
+    "import sys; from pathlib import Path; from logger.core.runfile import recover; list(recover(Path(sys.argv[1])))"
+)
+
+
+def test_a_cut_at_any_system_call_of_the_making_of_the_hdf5_loses_nothing(card):
+    journal = card.folder / "run-000001.journal"
+    found = runs.records(200)
+    runs.write_journal(journal, found)
+    before = journal.read_bytes()
+    command = [sys.executable, "-c", FINISH, str(card.folder)]
+    subprocess.run(command, check=True, env=card.environment(trace=True))
+    n_calls = len(faults.operations(card.trace))
+    assert n_calls > 10
+    for kill_at in sorted({*range(1, n_calls + 1, max(1, n_calls // 8)), n_calls - 1, n_calls}):
+        journal.with_suffix(".h5").unlink()
+        killed = subprocess.run(command, check=False, env=card.environment(kill_at=kill_at))
+        assert killed.returncode == -9
+        assert journal.read_bytes() == before
+        subprocess.run(command, check=True)
+        assert len(list(read_run(journal.with_suffix(".h5")).records())) == len(found)
+    assert {path.name for path in card.folder.iterdir()} == {journal.name, "run-000001.h5"}
