@@ -3,13 +3,13 @@ PYTHON ?= python3
 BIN := .venv/bin
 DEMO := demo-out
 
-.PHONY: demo test lint test-faults bench scoreboard clean
+.PHONY: demo test test-oldest lint test-faults soak bench scoreboard wheels clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
 	@echo "== walk: 31 minutes at 40 times the speed, simulated modem and receiver behind real ptys (50 s)"
 	$(BIN)/fieldlogger simulate --out $(DEMO) --speed 40 --seed 3
-	mv $(DEMO)/run-2*Z.h5 $(DEMO)/run.h5 && mv $(DEMO)/run-2*Z.journal $(DEMO)/run.journal
+	mv $(DEMO)/run-000001.h5 $(DEMO)/run.h5 && mv $(DEMO)/run-000001.journal $(DEMO)/run.journal
 	@echo "== desk"
 	$(BIN)/postproc smooth $(DEMO)/run.h5
 	$(BIN)/postproc view $(DEMO)/run.h5 --save $(DEMO)/run.rrd
@@ -25,10 +25,30 @@ lint: .venv/dev.stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# kill -9 at 50 random moments, and what else takes its time
+# the logger with the oldest libraries it allows, those of Debian 12; without the tests that need the desk
+OLDEST := numpy==1.24.* h5py==3.8.* pyproj==3.4.* pyserial==3.5 pynmea2==1.15.* msgspec==0.18.0
+test-oldest: .venv/oldest.stamp
+	.venv/oldest/bin/pytest -m "not slow" $$(grep -rLE '^ *(from|import) (postproc|benchmarks|scipy|filterpy)' \
+		--include='test_*.py' tests/core tests/drivers tests/device tests/sim tests/systemd)
+
+# what systemd/install.sh --wheels takes, for a Pi without a network; Debian 13 has Python 3.13
+ARCH ?= aarch64
+PY ?= 3.11
+wheels: .venv/pip.stamp
+	$(BIN)/pip wheel --disable-pip-version-check --no-deps -w dist/wheels .
+	$(BIN)/pip download --disable-pip-version-check --no-deps --only-binary=:all: -d dist/wheels \
+		--platform manylinux2014_$(ARCH) --python-version $(PY) 'msgspec>=0.18'
+
+# the long forms: the service killed 50 times and a recorder 1000 times, 10 000 damaged journals, failing cards
 test-faults: .venv/dev.stamp
 	CELLWALK_KILLS=50 $(BIN)/pytest -s tests/device/test_kill.py
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -s tests/device/test_faults.py
+	$(BIN)/pytest -m slow --deselect tests/device/test_kill.py --deselect tests/core/runfile/test_soak.py
+
+# a day of records at full speed, and what an hour costs the card
+soak: .venv/dev.stamp
+	$(BIN)/pytest -s tests/core/runfile/test_soak.py
+	$(BIN)/python benchmarks/recording.py
 
 bench: .venv/dev.stamp
 	$(BIN)/python benchmarks/ekf_step.py
@@ -53,5 +73,10 @@ scoreboard: .venv/dev.stamp
 	$(BIN)/pip install --disable-pip-version-check -e '.[dev]'
 	touch $@ .venv/post.stamp
 
+.venv/oldest.stamp: .venv/pip.stamp pyproject.toml Makefile
+	$(PYTHON) -m venv .venv/oldest
+	.venv/oldest/bin/pip install --disable-pip-version-check $(OLDEST) pytest hypothesis -e .
+	touch $@
+
 clean:
-	rm -rf .venv $(DEMO)
+	rm -rf .venv dist $(DEMO)

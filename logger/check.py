@@ -1,34 +1,37 @@
 """`fieldlogger check`: everything that can be known without opening a port."""
 
 import os
+import pwd
 import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
+from pyproj.exceptions import ProjError
+
 from logger.config import GNSS_OF_MODEM, SiteConfig, load_config
+from logger.core.geo import Utm
+from logger.device.libraries import LIBRARIES, version_of
 from logger.device.port import check_url
 from logger.device.service import usable_folder
 from logger.drivers.registry import driver_of
 
-_LIBRARIES = {"numpy": "numpy", "h5py": "h5py", "pyproj": "pyproj", "pyserial": "serial", "pynmea2": "pynmea2"}
+State = Literal["ok", "warn", "fail"]
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
     """One thing checked: `warn` may still come right by itself, `fail` will not."""
 
-    state: Literal["ok", "warn", "fail"]
+    state: State
     what: str
     text: str
 
 
 def check(config_path: Path | None) -> list[Line]:
     """Check the installation and, if given, a configuration; raises `ConfigError` for one that cannot be used."""
-    lines = list(_libraries())
+    lines = [*_libraries(), _map()]
     if config_path is not None:
         config, _ = load_config(config_path)
         lines.append(Line("ok", str(config_path), "configuration is valid"))
@@ -37,24 +40,46 @@ def check(config_path: Path | None) -> list[Line]:
 
 
 def _libraries() -> Iterator[Line]:
-    for name, module in _LIBRARIES.items():
+    for name in LIBRARIES:
         try:
-            import_module(module)
-            yield Line("ok", name, version(name))
+            yield Line("ok", name, version_of(name))
         except ImportError as error:
             yield Line("fail", name, f"cannot be imported ({error}); install cellwalk again")
 
 
+def _map() -> Line:
+    """PROJ needs its files, which a virtual environment over Debian's pyproj may not find."""
+    try:
+        Utm.at(52.0, 13.0).to_xy(52.0, 13.0)
+    except ProjError as error:
+        return Line("fail", "map", f"positions cannot be mapped ({error}); install cellwalk again")
+    return Line("ok", "map", "positions can be mapped")
+
+
 def _site(config: SiteConfig) -> Iterator[Line]:
     driver_of(config.modem.driver)
-    folder = usable_folder(config.run.directory)
-    writable = os.access(folder, os.W_OK)
-    yield Line("ok" if writable else "fail", "directory", f"{folder} is {'' if writable else 'not '}writable")
+    yield _folder(usable_folder(config.run.directory))
     yield _port("modem", config.modem.port)
     if config.gnss.port == GNSS_OF_MODEM:
         yield Line("ok", "gnss", "the modem's own receiver")
     else:
         yield _port("gnss", config.gnss.port)
+
+
+def _folder(folder: Path) -> Line:
+    if os.access(folder, os.W_OK):
+        return Line("ok", "directory", f"{folder} is writable")
+    owner = folder.stat().st_uid
+    if owner not in {0, os.geteuid()}:
+        return Line("warn", "directory", f"{folder} belongs to {_name_of(owner)}, and only that user can record there")
+    return Line("fail", "directory", f"{folder} is not writable")
+
+
+def _name_of(uid: int) -> str:
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return f"user {uid}"
 
 
 def _port(name: str, url: str) -> Line:

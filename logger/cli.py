@@ -69,13 +69,14 @@ def _parser() -> argparse.ArgumentParser:
     parse.set_defaults(command=_parse)
 
     recover = commands.add_parser("recover", help="make HDF5 of the journals that a pulled plug left behind")
-    recover.add_argument("folder", type=Path, metavar="DIR")
+    recover.add_argument("path", type=Path, metavar="DIR", help="folder of the runs, or one journal")
     recover.set_defaults(command=_recover)
 
     simulate = commands.add_parser("simulate", help="record a simulated walk through real ptys, no hardware needed")
     simulate.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="folder of the run (default: here)")
     simulate.add_argument("--scenario", default="block", metavar="NAME")
     simulate.add_argument("--modem", default="sim800", metavar="NAME", help="simulated modem (default sim800)")
+    simulate.add_argument("--fault", metavar="NAME:FROM:TO", help="let the modem misbehave, times in seconds")
     simulate.add_argument("--seed", type=int, default=1)
     simulate.add_argument("--duration", type=_positive, metavar="S", help="simulated seconds (default: the whole walk)")
     simulate.add_argument(
@@ -186,19 +187,21 @@ def _bytes_of(path: Path) -> bytes:
 
 
 def _recover(arguments: argparse.Namespace) -> int:
-    from logger.device.service import recover_folder
+    from logger.core.runfile import SOMETHING_LOST, recover
 
-    if not arguments.folder.is_dir():
-        raise ConfigError(f"{arguments.folder}: no such folder")
-    for run in recover_folder(arguments.folder):
-        print(run)
-    return 0
+    found = []
+    for recovered in recover(arguments.path):
+        found.append(recovered)
+        print(recovered, flush=True)
+        if recovered.loss:
+            print(f"fieldlogger: {recovered.loss}", file=sys.stderr)
+    return SOMETHING_LOST if any(recovered.loss for recovered in found) else 0
 
 
 def _simulate(arguments: argparse.Namespace) -> int:
     from logger.simulate import simulate
 
-    told = (arguments.scenario, arguments.seed, arguments.duration, arguments.speed, arguments.modem)
+    told = (arguments.scenario, arguments.seed, arguments.duration, arguments.speed, arguments.modem, arguments.fault)
     run = simulate(arguments.out, *told)
     print(run)
     return 0

@@ -15,6 +15,7 @@ Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 Baud = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 PortName = Annotated[str, msgspec.Meta(min_length=1)]
+LedName = Annotated[str, msgspec.Meta(pattern="^[^/.]*$")]
 
 GNSS_OF_MODEM = "modem"
 """Port of [gnss] where the modem's own receiver gives the fixes."""
@@ -46,6 +47,12 @@ class GnssSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     baud: Baud = 9600
 
 
+class StatusSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the walker sees: an LED by its name under /sys/class/leds, empty for none."""
+
+    led: LedName = ""
+
+
 class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The whole of site.toml."""
 
@@ -53,6 +60,7 @@ class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     modem: ModemSettings
     gnss: GnssSettings
     live: LiveSettings = LiveSettings()
+    status: StatusSettings = StatusSettings()
 
 
 def load_config(path: Path) -> tuple[SiteConfig, str]:
@@ -87,6 +95,7 @@ _TABLES: dict[str, type[msgspec.Struct]] = {
     "modem": ModemSettings,
     "gnss": GnssSettings,
     "live": LiveSettings,
+    "status": StatusSettings,
 }
 
 

@@ -5,30 +5,32 @@ import shutil
 import subprocess
 import tempfile
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from logger.check import Line, check
+from logger.check import Line, State, check
 from logger.config import SiteConfig, load_config
 from logger.core.errors import DeviceError
 from logger.core.observations import UERE_M, levels_dbm
 from logger.core.runfile import Run, read_run
+from logger.core.runfile.journal_file import is_recording
+from logger.core.runfile.names import JOURNAL, first_part
 from logger.core.schema import Rows
 from logger.device.clock import SystemClock
 from logger.device.port import Port
 from logger.device.service import Service, usable_folder
+from logger.device.status import FOLDER, Status, read_status, status_folder
 from logger.drivers.dialogue import Command, Dialogue
 from logger.probe import converse
 
 TRIAL_S = 15.0
 """The modem is set up and polled some times, and a receiver speaks, within this time."""
 LAST_S = 60.0
-_RECORDING_S = 5.0
-"""A journal written to more recently belongs to a service that is recording."""
+_TELLS_EACH_S = 5.0
+"""A service that is well tells more often, and its card takes what there is more often."""
 _LITTLE_BYTES, _TOO_LITTLE_BYTES = 1_000_000_000, 100_000_000
 _COARSE_M = 15.0
 _MOST_VALID = 0.8
@@ -48,6 +50,14 @@ def examine(config_path: Path, seconds: float = TRIAL_S) -> Iterator[Line]:
     yield disk(folder)
     yield service()
     journal = recording(folder)
+    try:
+        told = read_status(status_folder() or FOLDER)
+    except OSError as error:
+        told = None
+        yield Line("warn", "status", f"{error}: run this with sudo, or join the group cellwalk")
+    if told is not None:
+        yield from of_status(told)
+        journal = Path(told.run)
     if journal is not None:
         yield Line("ok", "recording", f"{journal.name} is being written; the lines below are its last {LAST_S:.0f} s")
         yield from of_run(read_run(journal))
@@ -102,9 +112,26 @@ def _systemctl(verb: str) -> str:
 
 
 def recording(folder: Path) -> Path | None:
-    """The journal that a running service is writing."""
-    newest = max(folder.glob("run-*.journal"), key=lambda path: path.stat().st_mtime, default=None)
-    return newest if newest is not None and time.time() - newest.stat().st_mtime < _RECORDING_S else None
+    """The journal that some logger holds open."""
+    held = (first_part(path) for path in folder.glob(f"*{JOURNAL}*") if is_recording(path))
+    return next(held, None)
+
+
+def of_status(told: Status) -> Iterator[Line]:
+    """What a running service says of itself."""
+    age_s = (SystemClock().now_ns() - told.now_ns) / 1e9
+    if age_s > _TELLS_EACH_S:
+        yield Line("fail", "status", f"the service has said nothing for {age_s:.0f} s: systemctl restart fieldlogger")
+        return
+    state: State = "fail" if told.state == "error" else "warn" if told.state == "no fix" else "ok"
+    yield Line(state, "status", f"{told.state}: {told.text}")
+    card_s = (told.now_ns - (told.since_ns if told.synced_ns is None else told.synced_ns)) / 1e9
+    yield Line("fail" if card_s > _TELLS_EACH_S else "ok", "card", f"has taken everything up to {card_s:.1f} s ago")
+    full = told.waiting > told.room / 2
+    yield Line("warn" if full else "ok", "queue", f"{told.waiting} of {told.room} records wait for the card")
+    for name, port in told.ports.items():
+        if not port.is_open:
+            yield Line("fail", name, port.event or f"{port.url} is not open")
 
 
 def holders(name: str, port: str, proc: Path = Path("/proc")) -> Iterator[Line]:

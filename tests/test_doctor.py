@@ -2,12 +2,15 @@ import json
 import os
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from logger import doctor
 from logger.cli import main
 from logger.core.runfile import read_run
 from logger.core.types import Fix, Note, Record, Scan
+from logger.device.clock import SystemClock
+from logger.device.status import PortStatus, Status
 from tests.kit import runs, service
 from tests.kit.sim import devices
 
@@ -50,6 +53,37 @@ def test_a_run_under_way_is_looked_at_and_not_disturbed(tmp_path, capsys):
             service.wait_for(lambda: "usable" in _doctor(site, capsys))
             service.stopped(logger)
     assert doctor.recording(tmp_path / "empty") is None
+
+
+def test_a_running_service_is_asked_and_not_guessed_at(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    with devices() as (modem, gnss, _):
+        site = service.site_toml(tmp_path, modem.path, gnss.path)
+        with service.running(site) as logger:
+            service.wait_for(lambda: "ok    status: recording:" in _doctor(site, capsys))
+            out = _doctor(site, capsys)
+            assert "ok    card: has taken everything up to" in out
+            assert "ok    queue: " in out
+            gnss.unplug()
+            service.wait_for(lambda: "fail  status: error:" in _doctor(site, capsys))
+            service.stopped(logger)
+
+
+def test_what_a_service_says_of_itself_is_judged():
+    now_ns = SystemClock().now_ns()
+    port = PortStatus("/dev/x", event="no such port; is the device plugged in?")
+    well = Status("recording", "", "run-1", 1, now_ns, 0, now_ns, 3, 2, 1, 0, 10, None, None, {})
+
+    def states(**changes):
+        return {line.what: line.state for line in doctor.of_status(msgspec.structs.replace(well, **changes))}
+
+    assert set(states().values()) == {"ok"}
+    assert states(state="no fix")["status"] == "warn"
+    assert states(state="error", ports={"modem": port}) == states() | {"status": "fail", "modem": "fail"}
+    assert states(synced_ns=now_ns - 60 * S)["card"] == "fail"
+    assert states(synced_ns=None, since_ns=now_ns - S)["card"] == "ok"
+    assert states(waiting=6)["queue"] == "warn"
+    assert states(now_ns=now_ns - 60 * S) == {"status": "fail"}
 
 
 def _doctor(site, capsys):

@@ -1,6 +1,7 @@
 """The whole logger: a thread for each port, one recorder, one run."""
 
 import logging
+import os
 import platform
 import secrets
 import signal
@@ -19,10 +20,16 @@ from logger.core.live import LiveTracker
 from logger.core.runfile import RunMeta, RunWriter, Truth, finish_journal, journal_path, unfinished
 from logger.device.clock import Clock, boot_id
 from logger.device.gpsd_link import receiver_session
-from logger.device.link import Inbox, Link
+from logger.device.leds import Lamp, Sign
+from logger.device.libraries import LIBRARIES, version_of
+from logger.device.link import Link
 from logger.device.modem_link import modem_session
+from logger.device.notify import ServiceManager
+from logger.device.placement import Placement
 from logger.device.port import check_url
 from logger.device.recorder import Recorder
+from logger.device.status import Status, WatchedInbox, status_folder, target_status
+from logger.device.teller import Teller
 from logger.drivers.privacy import Blanker
 from logger.drivers.registry import driver_of
 
@@ -30,14 +37,19 @@ log = logging.getLogger(__name__)
 
 JOIN_S = 10.0
 STATUS_EVERY_S = 30.0
-_LIBRARIES = ("cellwalk", "numpy", "h5py", "pyproj", "pyserial", "pynmea2", "msgspec")
+TICK_S = 1.0
+SCAN_S, SURVEY_S = 60.0, 360.0
+"""A modem that has told of no scan for so long is in trouble; the other is the time of a scan of all networks."""
+FIX_AGE_S = 5.0
+"""A position older than this is none to a walker who looks at the light."""
 
 
 class Service:
     """Records one run from `start` to `stop`; the clock is an argument, so that a simulated walk can run faster.
 
     `ended` ends `wait`; the recorder sets it too when it fails. `config_text` is kept in the run; `truth` names the
-    transmitters of a simulated world. Raises `ConfigError` for a directory or a port that can never be used.
+    transmitters of a simulated world; `durable` is called each time the card has taken all there is.
+    Raises `ConfigError` for a directory or a port that can never be used.
     """
 
     def __init__(
@@ -49,15 +61,22 @@ class Service:
         config_text: str,
         origin: str = "walk",
         truth: tuple[Truth, ...] = (),
+        durable: Callable[[], None] = lambda: None,
     ) -> None:
-        check_url(config.modem.port)
-        if config.gnss.port != GNSS_OF_MODEM:
-            check_url(config.gnss.port)
+        of_modem = config.gnss.port == GNSS_OF_MODEM
+        ports = {"modem": config.modem.port} | ({} if of_modem else {"gnss": config.gnss.port})
+        for url in ports.values():
+            check_url(url)
         self._clock = clock
         self._ended = ended
         self._started_ns = clock.now_ns()
         self._stop = threading.Event()
-        self._inbox = Inbox()
+        self._ports = ports
+        self._placement = Placement(self._started_ns, 1e9 / clock.real_s(1.0))
+        self._inbox = WatchedInbox(ports, self._placement)
+        self._durable = durable
+        self._scan_s = SCAN_S + 3.0 * config.modem.poll_interval_s + bool(config.modem.full_scan_interval_s) * SURVEY_S
+        self._synced_ns: int | None = None
         self.folder = usable_folder(config.run.directory)
         meta = RunMeta(
             run_id=secrets.token_hex(16),
@@ -65,24 +84,26 @@ class Service:
             started_ns=self._started_ns,
             origin=origin,
             program=f"cellwalk {version('cellwalk')}",
-            versions={name: version(name) for name in _LIBRARIES} | {"python": platform.python_version()},
+            versions={name: version_of(name) for name in LIBRARIES}
+            | {"cellwalk": version("cellwalk"), "python": platform.python_version()},
             config_text=config_text,
             live=config.live,
             truth=truth,
         )
-        self._writer = RunWriter(journal_path(self.folder, meta.boot_id), meta)
-        self.recorder = Recorder(self._writer, LiveTracker(config.live), self._inbox, clock, ended)
+        self._writer = RunWriter(journal_path(self.folder), meta)
+        self._tracker = LiveTracker(config.live)
+        self.recorder = Recorder(self._writer, self._tracker, self._inbox, clock, ended, durable=self._synced)
         driver_of(config.modem.driver)
-        of_modem = config.gnss.port == GNSS_OF_MODEM
         modem = partial(modem_session, settings=config.modem, locates=of_modem)
-        self._threads = [
-            threading.Thread(target=self.recorder.run, name="recorder"),
-            self._link_thread("modem", config.modem.port, config.modem.baud, modem, Blanker()),
-        ]
+        self._links = {"modem": self._link("modem", config.modem.baud, Blanker())}
+        sessions: dict[str, Callable[[Link], None]] = {"modem": modem}
         if not of_modem:
-            self._threads.append(
-                self._link_thread("gnss", config.gnss.port, config.gnss.baud, receiver_session(config.gnss.port))
-            )
+            self._links["gnss"] = self._link("gnss", config.gnss.baud)
+            sessions["gnss"] = receiver_session(config.gnss.port)
+        self._threads = [threading.Thread(target=self.recorder.run, name="recorder")] + [
+            threading.Thread(target=link.run, args=(sessions[source],), name=source, daemon=True)
+            for source, link in self._links.items()
+        ]
 
     def start(self) -> None:
         log.info("recording to %s", self._writer.path)
@@ -101,14 +122,20 @@ class Service:
             raise RunFileError(f"recording to {self._writer.path} failed: {self.recorder.error}")
         return finish_journal(self._writer.path)
 
-    def wait(self, duration_s: float | None) -> None:
-        """Wait until `ended` is set or the duration has passed, telling how it goes meanwhile."""
+    def wait(self, duration_s: float | None, tell: Callable[[], None] = lambda: None) -> None:
+        """Wait until `ended` is set or the duration has passed; meanwhile `tell` is called each second."""
         end_ns = None if duration_s is None else self._clock.now_ns() + round(duration_s * 1e9)
+        told_ns = self._started_ns
         while end_ns is None or self._clock.now_ns() < end_ns:
-            left_s = STATUS_EVERY_S if end_ns is None else min(STATUS_EVERY_S, (end_ns - self._clock.now_ns()) / 1e9)
+            now_ns = self._clock.now_ns()
+            left_s = TICK_S if end_ns is None else min(TICK_S, (end_ns - now_ns) / 1e9)
             if self._clock.wait(self._ended, max(left_s, 0.0)):
                 return
-            log.info("%s", self.status())
+            self._mind_ports(now_ns)
+            tell()
+            if now_ns - told_ns > STATUS_EVERY_S * 1e9:
+                told_ns = now_ns
+                log.info("%s", self.status())
 
     def status(self) -> str:
         """One line for somebody who wonders whether it works."""
@@ -121,23 +148,89 @@ class Service:
         lat_deg, lon_deg = Utm(latest.utm_zone).to_latlon(latest.x_m, latest.y_m)
         return f"{text}; target {latest.cell}, reference EKF at {lat_deg:.5f} {lon_deg:.5f} (not to be trusted)"
 
-    def _link_thread(
-        self, source: str, url: str, baud: int, session: Callable[[Link], None], blanker: Blanker | None = None
-    ) -> threading.Thread:
-        link = Link(source, url, baud, self._clock, self._inbox, self._stop, blanker)
-        return threading.Thread(target=link.run, args=(session,), name=source, daemon=True)
+    @property
+    def heartbeat(self) -> int | None:
+        """Grows as long as the recorder lives while the card refuses its records; None while it takes them."""
+        return self._inbox.asked if self.recorder.failing else None
+
+    def snapshot(self) -> Status:
+        """How it goes now, for `status.json`."""
+        counts, inbox = self.recorder.counts, self._inbox
+        now_ns = self._clock.now_ns()
+        trouble = self._trouble(now_ns)
+        return Status(
+            state="error" if trouble else self._sign(now_ns),
+            text=trouble or self.status(),
+            run=str(self._writer.path),
+            pid=os.getpid(),
+            now_ns=now_ns,
+            since_ns=self._started_ns,
+            synced_ns=self._synced_ns,
+            fixes=counts["Fix"],
+            scans=counts["Scan"],
+            readings=counts["readings"],
+            waiting=inbox.waiting,
+            room=inbox.room,
+            fix=inbox.fix,
+            target=target_status(self._tracker.target, self.recorder.latest),
+            ports=dict(inbox.ports),
+        )
+
+    def _trouble(self, now_ns: int) -> str:
+        """What keeps the walk from being recorded, empty where nothing does."""
+        if self.recorder.failing or self.recorder.error:
+            return self.recorder.state
+        for port in self._inbox.ports.values():
+            if not port.is_open:
+                return port.event
+        scanless_s = (now_ns - (self._inbox.scan_ns or self._started_ns)) / 1e9
+        return (
+            f"no scan for {scanless_s:.0f} s: {self._inbox.ports['modem'].event}" if scanless_s > self._scan_s else ""
+        )
+
+    def _sign(self, now_ns: int) -> Sign:
+        valid_ns = self._inbox.valid_ns
+        return "no fix" if valid_ns is None or now_ns - valid_ns > FIX_AGE_S * 1e9 else "recording"
+
+    def _synced(self) -> None:
+        self._synced_ns = self._clock.now_ns()
+        self._durable()
+
+    def _link(self, source: str, baud: int, blanker: Blanker | None = None) -> Link:
+        return Link(source, self._ports[source], baud, self._clock, self._inbox, self._stop, blanker)
+
+    def _mind_ports(self, now_ns: int) -> None:
+        """Exchange the ports of modem and receiver when each seems to be at the other's."""
+        if any(url.startswith("gpsd:") for url in self._ports.values()) or len(self._ports) < 2:
+            return
+        if self._placement.is_wrong(now_ns):
+            self._placement.exchange(now_ns)
+            self._ports = dict(zip(self._ports, reversed(self._ports.values()), strict=True))
+            told = ", ".join(f"{source} at {url}" for source, url in self._ports.items())
+            self._links["modem"].note("warning", "ports-exchanged", f"nobody understood; trying {told}")
+            for source, url in self._ports.items():
+                self._inbox.move(source, url)
+                self._links[source].move(url)
 
 
 def run_service(config: SiteConfig, config_text: str, clock: Clock, duration_s: float | None) -> Path:
-    """Record until SIGTERM, SIGINT or the end of the duration; returns the finished run."""
-    with stop_signals() as (ended, heard):
-        service = Service(config, clock, ended, config_text=config_text)
+    """Record until SIGTERM, SIGINT or the end of the duration; returns the finished run.
+
+    Under systemd another unit recovers what earlier runs left, with a low priority; elsewhere it is done here.
+    """
+    manager = ServiceManager.of(os.environ)
+    with stop_signals() as (ended, heard), Lamp(config.status.led) as lamp:
+        service = Service(config, clock, ended, config_text=config_text, durable=manager.alive)
         service.start()
         recovery = threading.Thread(target=recover_folder, args=(service.folder,), name="recovery")
-        recovery.start()
-        service.wait(duration_s)
+        if not manager.listens:
+            recovery.start()
+        teller = Teller(manager, lamp, status_folder())
+        service.wait(duration_s, lambda: teller.tell(service.snapshot(), service.heartbeat))
+        manager.stopping()
         run = service.stop(heard[0] if heard else f"duration of {duration_s} s over")
-        recovery.join()
+        if not manager.listens:
+            recovery.join()
     return run
 
 

@@ -16,7 +16,8 @@ QUIET = (Command("ATE0"), Command("ATV1"), Command("AT+CMEE=1"))
 """No echo, results in words, errors as numbers: lost at every restart."""
 
 _RESTARTED = re.compile(
-    r"RDY|QCRDY|START|\^SYSSTART|\+CFUN: ?1|\*ATREADY\b.*|(?:UNDER|OVER)-VOLTAGE.*POWER DOWN|NORMAL POWER DOWN", re.IGNORECASE
+    r"RDY|QCRDY|START|\^SYSSTART|\+CFUN: ?1|\*ATREADY\b.*|(?:UNDER|OVER)-VOLTAGE.*POWER DOWN|NORMAL POWER DOWN",
+    re.IGNORECASE,
 )
 
 

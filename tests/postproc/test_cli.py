@@ -48,14 +48,14 @@ def test_info_of_both_forms(tmp_path, capsys):
     assert {k: v for k, v in finished.items() if k not in {"path", "form"}} == {
         k: v for k, v in cut.items() if k not in {"path", "form"}
     }
-    assert main(["info", str(tmp_path / "run-20260921T141320Z.h5")]) == 0
+    assert main(["info", str(tmp_path / "a.h5")]) == 0
     assert "the plug was pulled" in capsys.readouterr().out
 
 
 def test_recover_makes_hdf5_of_a_cut_journal(tmp_path, capsys):
     runs.write_journal(tmp_path / "a.journal", runs.records(30), close=False)
     assert main(["recover", str(tmp_path / "a.journal")]) == 0
-    assert len(read_run(tmp_path / "run-20260921T141320Z.h5").tables["fixes"]) == 30
+    assert len(read_run(tmp_path / "a.h5").tables["fixes"]) == 30
 
 
 def test_import_reads_what_the_contract_says(csv, tmp_path, capsys):

@@ -1,0 +1,190 @@
+"""How the recording goes, as a small JSON file for other programs: a display, a script, `fieldlogger doctor`."""
+
+import os
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+
+from logger.core.ellipse import ellipse95
+from logger.core.geo import Utm
+from logger.core.live_cell import EKF, ONE_PLACE
+from logger.core.timebase import utc_text
+from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
+from logger.device.leds import Sign
+from logger.device.link import Inbox
+from logger.device.placement import Placement
+
+FOLDER = Path("/run/cellwalk")
+"""Where systemd lets the service keep it; gone as soon as the service is."""
+_FILE = "status.json"
+
+
+class FixStatus(msgspec.Struct, frozen=True):
+    """The latest epoch of the receiver; `t_ns` is time since boot."""
+
+    t_ns: int
+    valid: bool
+    utc: str | None
+    lat_deg: float | None
+    lon_deg: float | None
+    acc_m: float | None
+    hdop: float | None
+    sats_used: int | None
+
+
+class TargetStatus(msgspec.Struct, frozen=True):
+    """The target and its best place so far; the ellipse holds 95 % of that place, azimuth of its major axis.
+
+    `verdict` is "one close place", "one place", "several places" or "cannot tell": less than the desk's, which alone
+    knows the whole walk.
+    """
+
+    cell: str
+    verdict: str
+    n: int = 0
+    probability: float | None = None
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    semi_major_m: float | None = None
+    semi_minor_m: float | None = None
+    azimuth_deg: float | None = None
+
+
+class PortStatus(msgspec.Struct, frozen=True):
+    """A port, whether it is open, and what it said last."""
+
+    url: str
+    is_open: bool = False
+    event: str = ""
+
+
+class Status(msgspec.Struct, frozen=True):
+    """All of status.json; times are nanoseconds since boot (CLOCK_BOOTTIME).
+
+    `since_ns` is when the run began, `synced_ns` when the card last took all of it (None: not yet). `waiting` of the
+    queue's `room` records have yet to be written.
+    """
+
+    state: Sign
+    text: str
+    run: str
+    pid: int
+    now_ns: int
+    since_ns: int
+    synced_ns: int | None
+    fixes: int
+    scans: int
+    readings: int
+    waiting: int
+    room: int
+    fix: FixStatus | None
+    target: TargetStatus | None
+    ports: dict[str, PortStatus]
+
+
+class WatchedInbox(Inbox):
+    """An inbox that remembers the latest fix and scan and what the ports said, since the recorder only counts.
+
+    `asked` grows as long as the recorder lives; `placement` is fed.
+    """
+
+    def __init__(self, ports: Mapping[str, str], placement: Placement | None = None) -> None:
+        super().__init__()
+        self._placement = placement
+        self._watching = threading.Lock()
+        self.ports = {source: PortStatus(url) for source, url in ports.items()}
+        self.fix: FixStatus | None = None
+        self.valid_ns: int | None = None
+        self.scan_ns: int | None = None
+        self.asked = 0
+
+    @property
+    def waiting(self) -> int:
+        return self._queue.qsize()
+
+    @property
+    def room(self) -> int:
+        return self._queue.maxsize
+
+    def put(self, record: Record) -> None:
+        if self._placement is not None:
+            self._placement.feed(record)
+        match record.value:
+            case Fix() as fix:
+                self.fix = _fix_status(record.t_ns, fix)
+                self.valid_ns = record.t_ns if fix.valid else self.valid_ns
+            case Scan():
+                self.scan_ns = record.t_ns
+            case Note() as note if record.source in self.ports:
+                with self._watching:
+                    self.ports[record.source] = _heard(self.ports[record.source], note)
+        super().put(record)
+
+    def move(self, source: str, url: str) -> None:
+        """Note that a link goes on at another port."""
+        with self._watching:
+            self.ports[source] = PortStatus(url)
+
+    def get(self, timeout_s: float) -> Record | None:
+        self.asked += 1
+        return super().get(timeout_s)
+
+
+def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:
+    """The folder that systemd made for the service (RuntimeDirectory=), None where it did not."""
+    given = environ.get("RUNTIME_DIRECTORY")
+    return Path(given) if given else None
+
+
+def write_status(folder: Path, status: Status) -> None:
+    """Replace status.json in one step: who reads it sees the old one or the new one. Raises OSError."""
+    part = folder / f"{_FILE}.part"
+    part.write_bytes(msgspec.json.format(msgspec.json.encode(status), indent=1))
+    part.replace(folder / _FILE)
+
+
+def read_status(folder: Path) -> Status | None:
+    """What a running service says of itself, None where none does; raises OSError where it may not be read."""
+    try:
+        return msgspec.json.decode((folder / _FILE).read_bytes(), type=Status)
+    except (FileNotFoundError, msgspec.DecodeError):
+        return None
+
+
+def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus | None:
+    """The target and, once there is one, the latest estimate of it."""
+    if cell is None:
+        return None
+    if latest is None or latest.cell != cell:
+        return TargetStatus(cell, "cannot tell")
+    lat_deg, lon_deg = Utm(latest.utm_zone).to_latlon(latest.x_m, latest.y_m)
+    ellipse = ellipse95(latest.p_xx, latest.p_xy, latest.p_yy)
+    return TargetStatus(
+        cell,
+        _verdict(latest),
+        latest.n,
+        round(latest.probability, 3),
+        round(lat_deg, 6),
+        round(lon_deg, 6),
+        round(ellipse.semi_major_m, 1),
+        round(ellipse.semi_minor_m, 1),
+        round(ellipse.azimuth_deg, 1),
+    )
+
+
+def _verdict(latest: LiveEstimate) -> str:
+    if latest.stage == EKF:
+        return "one close place"
+    return "one place" if latest.probability >= ONE_PLACE else "several places"
+
+
+def _fix_status(t_ns: int, fix: Fix) -> FixStatus:
+    utc = None if fix.utc_ns is None else utc_text(fix.utc_ns)
+    return FixStatus(t_ns, fix.valid, utc, fix.lat_deg, fix.lon_deg, fix.acc_m, fix.hdop, fix.sats_used)
+
+
+def _heard(port: PortStatus, note: Note) -> PortStatus:
+    is_open = {"port-opened": True, "port-lost": False, "internal": False}.get(note.code, port.is_open)
+    return PortStatus(port.url, is_open, note.text)

@@ -1,0 +1,142 @@
+#!/bin/sh
+# install.sh [--wheels DIR] [--prefix DIR] [--root DIR] [--uninstall]
+# Puts the logger on a Raspberry Pi OS or Debian (12 or later), to record from the next boot on. Safe to repeat.
+#
+#   --wheels DIR   take cellwalk and what Debian lacks from DIR (`make wheels`), and use no network
+#   --prefix DIR   where the program goes (default /opt/cellwalk)
+#   --root DIR     put everything below DIR, with this machine's Python: for tests
+#   --uninstall    take all away but the runs, the configuration and the user
+set -eu
+
+here=$(dirname "$(readlink -f "$0")")
+packages="python3-venv python3-numpy python3-h5py python3-serial python3-pyproj python3-nmea2"
+wheels='' prefix=/opt/cellwalk root='' uninstall=''
+
+usage() { sed -n 's/^# \{0,1\}//; 2,8p' "$0"; }
+say() { printf '%s\n' "install.sh: $*"; }
+fail() { say "$*" >&2; exit 1; }
+
+while [ $# -gt 0 ]; do
+    case $1 in
+        --wheels | --prefix | --root)
+            [ $# -ge 2 ] || fail "$1 needs a folder"
+            case $1 in
+                --wheels) wheels=$(readlink -f "$2") ;;
+                --prefix) prefix=$(readlink -m "$2") ;;
+                --root) root=$(readlink -m "$2") ;;
+            esac
+            shift ;;
+        --uninstall) uninstall=yes ;;
+        -h | --help) usage; exit 0 ;;
+        *) usage >&2; exit 2 ;;
+    esac
+    shift
+done
+[ -n "$root" ] || [ "$(id -u)" -eq 0 ] || fail "only root can do this: sudo $0"
+[ -z "$wheels" ] || [ -d "$wheels" ] || fail "no such folder: $wheels"
+
+venv=$root$prefix
+etc=$root/etc
+units="fieldlogger.service fieldlogger-recover.service"
+
+# systemd of this machine, if it is this machine that we install on, and it runs (it does not in a chroot)
+running() { [ -z "$root" ] && [ -d /run/systemd/system ]; }
+
+uninstall() {
+    systemctl ${root:+--root="$root"} disable fieldlogger.service 2>/dev/null || true
+    if running; then systemctl stop fieldlogger.service fieldlogger-recover.service; fi
+    for unit in $units; do rm -f "$etc/systemd/system/$unit"; done
+    rm -f "$etc/udev/rules.d/70-cellwalk.rules" "$etc/sysusers.d/cellwalk.conf" "$root/usr/local/bin/fieldlogger"
+    [ ! -f "$venv/pyvenv.cfg" ] || rm -rf "$venv"
+    reload
+    say "done; kept are the runs, /etc/cellwalk and the user cellwalk"
+}
+
+reload() {
+    running || return 0
+    systemctl daemon-reload
+    udevadm control --reload
+    udevadm trigger --subsystem-match=tty --subsystem-match=usb --subsystem-match=leds --action=add
+}
+
+debian_packages() {
+    [ -z "$root$wheels" ] && command -v apt-get >/dev/null || return 0
+    wanted=$packages
+    # Debian 12 has no msgspec; where it is missing pip gets it
+    if apt-cache show python3-msgspec >/dev/null 2>&1; then wanted="$packages python3-msgspec"; fi
+    missing=''
+    for package in $wanted; do
+        dpkg-query -W -f '${db:Status-Abbrev}' "$package" 2>/dev/null | grep -q '^ii' || missing="$missing $package"
+    done
+    [ -n "$missing" ] || return 0
+    say "installing$missing"
+    # shellcheck disable=SC2086  # one word for each package
+    DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends $missing ||
+        say "Debian's packages cannot be installed (no network?); pip is asked for what is missing" >&2
+}
+
+program() {
+    python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "Python 3.11 or later is needed"
+    python3 -m venv --system-site-packages "$venv" || fail "no virtual environment: apt-get install python3-venv"
+    # Debian's pyproj looks for its data below the virtual environment too
+    if [ -d /usr/share/proj ]; then
+        mkdir -p "$venv/share"
+        ln -sfn /usr/share/proj "$venv/share/proj"
+    fi
+    # Debian's h5py is not called h5py in pip's books, so that what can be imported counts
+    for module in h5py msgspec numpy pynmea2 pyproj serial; do
+        "$venv/bin/python" -c "import $module" 2>/dev/null && continue
+        [ $module = serial ] && module=pyserial
+        pip "$module" || fail "$module is missing; without a network give --wheels (README.md)"
+    done
+    if [ -n "$wheels" ]; then
+        set -- cellwalk
+    elif "$venv/bin/python" -c 'import hatchling' 2>/dev/null; then
+        set -- --no-build-isolation "$here/.."
+    else
+        set -- "$here/.."
+    fi
+    # reinstalled: a newer state of the program may have the version of the old one
+    pip --no-deps --force-reinstall "$@" || fail "the program cannot be installed; without a network give --wheels"
+    "$venv/bin/fieldlogger" check >/dev/null || fail "the program does not work: $("$venv/bin/fieldlogger" check 2>&1)"
+}
+
+pip() {
+    if [ -n "$wheels" ]; then set -- --no-index --find-links "$wheels" "$@"; fi
+    "$venv/bin/pip" install --quiet --disable-pip-version-check "$@"
+}
+
+files() {
+    install -d "$etc/systemd/system" "$etc/udev/rules.d" "$etc/sysusers.d" "$etc/cellwalk" "$root/usr/local/bin"
+    for unit in $units; do
+        sed "s|/opt/cellwalk|$prefix|" "$here/$unit" >"$etc/systemd/system/$unit"
+        chmod 644 "$etc/systemd/system/$unit"
+    done
+    install -m 644 "$here/70-cellwalk.rules" "$etc/udev/rules.d"
+    install -m 644 "$here/sysusers.conf" "$etc/sysusers.d/cellwalk.conf"
+    ln -sfn "$prefix/bin/fieldlogger" "$root/usr/local/bin/fieldlogger"
+    if [ ! -e "$etc/cellwalk/site.toml" ]; then install -m 644 "$here/site.toml" "$etc/cellwalk"; fi
+}
+
+people() {
+    systemd-sysusers ${root:+--root="$root"} cellwalk.conf
+    # who walks may read the runs and the ports
+    if [ -z "$root" ] && [ -n "${SUDO_USER:-}" ] && [ "$SUDO_USER" != root ]; then
+        usermod -aG cellwalk,dialout "$SUDO_USER"
+    fi
+}
+
+if [ -n "$uninstall" ]; then
+    uninstall
+    exit 0
+fi
+debian_packages
+program
+files
+people
+systemctl ${root:+--root="$root"} --quiet enable fieldlogger.service
+reload
+if running; then systemctl try-restart fieldlogger.service; fi
+sync
+say "done; the next boot records by /etc/cellwalk/site.toml. Which ports: sudo fieldlogger probe"
+say "now: sudo systemctl start fieldlogger; is it working: sudo fieldlogger doctor"

@@ -1,0 +1,85 @@
+import os
+import signal
+import socket
+import time
+
+import pytest
+
+from logger.core.runfile import read_run
+from logger.device.notify import ServiceManager
+from tests.kit import service
+from tests.kit.sim import devices
+
+
+@pytest.fixture(params=["path", "abstract"])
+def heard(request, tmp_path):
+    """A systemd that listens, by either kind of address."""
+    name = str(tmp_path / "notify") if request.param == "path" else f"@cellwalk-test-{os.getpid()}"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as server:
+        server.bind(name.replace("@", "\0", 1))
+        server.settimeout(5)
+        yield name, lambda: server.recv(4096).decode().splitlines()
+
+
+def test_the_first_word_says_that_it_has_started_and_all_feed_the_watchdog(heard):
+    address, next_word = heard
+    manager = ServiceManager.of({"NOTIFY_SOCKET": address})
+    assert manager.listens
+    manager.alive()
+    manager.alive()
+    manager.status("12 fixes\nREADY=0")
+    manager.stopping()
+    said = [next_word() for _ in range(4)]
+    assert said == [["READY=1", "WATCHDOG=1"], ["WATCHDOG=1"], ["STATUS=12 fixes READY=0"], ["STOPPING=1"]]
+
+
+def test_without_systemd_nobody_is_told(tmp_path):
+    nobody = ServiceManager.of({})
+    assert not nobody.listens
+    nobody.alive()
+    ServiceManager(str(tmp_path / "gone")).alive()
+
+
+def test_a_systemd_that_does_not_read_holds_nobody_up(heard):
+    manager = ServiceManager(heard[0])
+    start_s = time.monotonic()
+    while time.monotonic() - start_s < 0.5:  # until its queue is full, and beyond
+        manager.alive()
+    assert time.monotonic() - start_s < 2.0
+
+
+def test_systemd_is_told_of_the_start_the_durable_ticks_and_the_stop(tmp_path, monkeypatch):
+    with service.systemd(monkeypatch, tmp_path) as said, devices() as (modem, gnss, _):
+        with service.running(service.site_toml(tmp_path, modem.path, gnss.path)) as logger:
+            service.wait_for(lambda: "READY=1" in said())
+            assert read_run(next((tmp_path / "runs").glob("*.journal"))).tables["notes"].size
+            service.wait_for(lambda: said().count("WATCHDOG=1") >= 3)
+            logger.send_signal(signal.SIGSTOP)
+            fed = said().count("WATCHDOG=1")
+            time.sleep(2.5)
+            assert said().count("WATCHDOG=1") <= fed + 1
+            logger.send_signal(signal.SIGCONT)
+            service.wait_for(lambda: said().count("WATCHDOG=1") >= fed + 3)
+            service.stopped(logger)
+        words = said()
+    assert words.index("READY=1") < words.index("STOPPING=1")
+    assert any(word.startswith("STATUS=") and "fixes" in word for word in words)
+
+
+def test_earlier_runs_are_recovered_by_the_service_itself_only_without_systemd(tmp_path, monkeypatch):
+    """Under systemd that is a unit of its own."""
+    with devices() as (modem, gnss, _):
+        site = service.site_toml(tmp_path, modem.path, gnss.path)
+        first, second = (tmp_path / f"runs/run-00000{n}.h5" for n in (1, 2))
+        with service.systemd(monkeypatch, tmp_path) as said:
+            with service.running(site) as logger:
+                service.wait_for(lambda: "READY=1" in said())
+                logger.kill()
+            with service.running(site) as logger:
+                service.wait_for(lambda: said().count("READY=1") == 2)
+                service.stopped(logger)
+        assert (first.exists(), second.exists()) == (False, True)
+        monkeypatch.delenv("NOTIFY_SOCKET")
+        with service.running(site, "--duration", "1") as logger:
+            logger.communicate(timeout=30)
+    assert read_run(first).end is None

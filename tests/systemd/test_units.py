@@ -1,0 +1,82 @@
+"""The units and the rules, as systemd itself reads them."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from logger.device.status import FOLDER
+
+FOLDER_OF_UNITS = Path(__file__).parents[2] / "systemd"
+UNITS = ("fieldlogger.service", "fieldlogger-recover.service")
+
+needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
+
+
+def _settings(unit):
+    lines = (FOLDER_OF_UNITS / unit).read_text().splitlines()
+    return [line for line in lines if line and not line.startswith(("#", "["))]
+
+
+@needs_systemd
+@pytest.mark.parametrize("unit", UNITS)
+def test_exposure_is_among_the_least_of_all_services(unit):
+    told = subprocess.run(
+        ["systemd-analyze", "security", "--offline=true", "--no-pager", FOLDER_OF_UNITS / unit],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    found = re.search(r"Overall exposure level .*: (\d+\.\d+)", told.stdout)
+    if found is None:
+        pytest.skip(f"systemd-analyze cannot do this here: {told.stderr}")
+    assert float(found[1]) <= 1.5
+
+
+@needs_systemd
+def test_systemd_has_nothing_to_say_against_the_units(tmp_path):
+    program = tmp_path / "fieldlogger"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    for unit in UNITS:
+        text = (FOLDER_OF_UNITS / unit).read_text().replace("/opt/cellwalk/bin/fieldlogger", str(program))
+        (tmp_path / unit).write_text(text)
+    told = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", *(tmp_path / unit for unit in UNITS)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if "Failed to" in told.stderr and "initialize" in told.stderr:
+        pytest.skip(f"systemd-analyze cannot do this here: {told.stderr}")
+    assert not [line for line in told.stderr.splitlines() if "fieldlogger" in line], told.stderr
+
+
+def test_it_starts_at_boot_and_is_never_given_up():
+    settings = _settings(UNITS[0])
+    for needed in ("Type=notify", "WatchdogSec=30", "Restart=always", "StartLimitIntervalSec=0"):
+        assert needed in settings
+    assert "WantedBy=multi-user.target" in settings
+    assert not [line for line in settings if line.startswith("BindsTo")], "an unplugged device must not stop it"
+    # a run is named, and its time told from others, by the boot: it must stay readable
+    assert "ProcSubset=pid" not in settings
+
+
+def test_the_folders_are_those_that_the_program_uses():
+    settings = _settings(UNITS[0])
+    assert f"RuntimeDirectory={FOLDER.name}" in settings
+    assert str(FOLDER.parent) == "/run"
+    assert 'directory = "/var/lib/cellwalk"' in (FOLDER_OF_UNITS / "site.toml").read_text()
+    assert "StateDirectory=cellwalk" in settings
+
+
+def test_the_rules_name_the_ports_of_the_sample_configuration_and_keep_others_away():
+    rules = (FOLDER_OF_UNITS / "70-cellwalk.rules").read_text()
+    ports = re.findall(r'^port = "/dev/([^"]+)"', (FOLDER_OF_UNITS / "site.toml").read_text(), re.MULTILINE)
+    assert len(ports) == 2
+    for port in ports:
+        assert f'SYMLINK+="{port}"' in rules
+    assert 'ENV{ID_MM_DEVICE_IGNORE}="1"' in rules
+    assert "gpsdctl@" in rules
+    for line in rules.splitlines():
+        assert not line or line.startswith("#") or re.fullmatch(r'([A-Z]+(\{[\w.]+\})?[!=+]?="[^"]*"(, )?)+', line), (
+            line
+        )
