@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 DEMO := demo-out
 
-.PHONY: demo test test-oldest lint test-faults soak bench scoreboard wheels clean
+.PHONY: demo test test-oldest lint test-faults fuzz soak bench scoreboard wheels clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -44,6 +44,14 @@ test-faults: .venv/dev.stamp
 	CELLWALK_KILLS=50 $(BIN)/pytest -s tests/device/test_kill.py
 	$(BIN)/pytest -s tests/device/test_faults.py
 	$(BIN)/pytest -m slow --deselect tests/device/test_kill.py --deselect tests/core/runfile/test_soak.py
+
+# coverage-guided, an hour each; see tests/fuzz/README.md
+FUZZ_S ?= 3600
+fuzz: .venv/dev.stamp
+	$(BIN)/pip install --disable-pip-version-check atheris
+	mkdir -p .venv/fuzz/at .venv/fuzz/nmea
+	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_at.py -max_total_time=$(FUZZ_S) .venv/fuzz/at
+	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_nmea.py -max_total_time=$(FUZZ_S) .venv/fuzz/nmea
 
 # a day of records at full speed, and what an hour costs the card
 soak: .venv/dev.stamp
