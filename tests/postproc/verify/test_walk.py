@@ -1,0 +1,137 @@
+import numpy as np
+import pytest
+
+from logger.core.locator.blocks import blocks
+from logger.core.locator.evidence import covariance, distances_db
+from logger.core.locator.prior import Prior
+from postproc.verify.claims import Claim
+from postproc.verify.drawn import calibrated
+from postproc.verify.field import field_at
+from postproc.verify.power import BEARINGS_DEG, detectable, power
+from postproc.verify.run import benjamini_hochberg, verify_cell
+from postproc.verify.walk import around, claim_test, listened
+from tests.kit.walks import observations, path, simulate
+
+PRIOR = Prior(decorrelation_m=(15.0, 60.0), white_shares=(0.1,))
+
+
+def walk_of(seed, shape="square", **noise):
+    obs, source = simulate(np.random.default_rng(seed), shape, **noise)
+    return listened(blocks(obs, 40), PRIOR), np.array(source)
+
+
+def test_field_is_the_density_of_its_model_in_one_piece():
+    walk, source = walk_of(1)
+    places = np.array([[source[0], 300.0, -900.0], [source[1], -50.0, 700.0], [1.0, 1.0, 1.0]])
+    field = field_at(walk.blocks, PRIOR, places)
+    log_p, variance = field.judged(walk.level_dbm[:, None])
+    k = (PRIOR.eta_sigma / PRIOR.sigma_db) ** 2
+    n = len(walk.blocks)
+    for c, hypothesis in enumerate(PRIOR.hypotheses):
+        for h in range(3):
+            d = distances_db(walk.blocks, PRIOR.height_m, places[0, h : h + 1], places[1, h : h + 1])[:, 0]
+            shape = covariance(walk.blocks, hypothesis, PRIOR.sigma_db) + k * np.outer(d, d) + 1e7
+            off = walk.level_dbm + PRIOR.eta * d
+            misfit = off @ np.linalg.solve(shape, off)
+            total = 1.7 * PRIOR.sigma_db**2 + 0.5 * misfit
+            assert variance[c, h, 0] == pytest.approx(total / (0.7 + 0.5 * (n - 1)), rel=1e-4)
+            wanted = -0.5 * np.linalg.slogdet(shape)[1] - (1.7 + 0.5 * (n - 1)) * np.log(total)
+            if (c, h) == (0, 0):
+                constant = log_p[0, 0, 0] - wanted
+            assert log_p[c, h, 0] - wanted == pytest.approx(constant, abs=1e-2)
+
+
+def test_position_error_makes_near_blocks_count_less():
+    obs, source = simulate(np.random.default_rng(2), "L")
+    sure, unsure = (
+        field_at(
+            blocks(observations(obs.x_m, obs.y_m, obs.level_dbm, s), 40),
+            PRIOR,
+            np.array([[source[0]], [source[1]], [1.0]]),
+        )
+        for s in (0.0, 15.0)
+    )
+    level = (sure.blocks.level_dbm - sure.blocks.level_dbm.mean())[:, None]
+    assert unsure.judged(level)[1][0, 0, 0] < sure.judged(level)[1][0, 0, 0]
+
+
+def test_true_claims_pass_and_false_ones_fail_at_their_rate():
+    rng = np.random.default_rng(5)
+    true, far = [], []
+    for seed in range(14):
+        walk, source = walk_of(100 + seed, ("square", "L")[seed % 2], white_db=2.0)
+        for found, claim in ((true, source), (far, source + 600.0 * np.array([np.cos(seed), np.sin(seed)]))):
+            test = claim_test(walk, claim[:, None], rng)
+            level = walk.level_dbm[:, None]
+            found.append((test.p_direct(level, trusting=True)[0], test.p_indirect(level, trusting=True)[0]))
+    true, far = np.array(true), np.array(far)
+    assert np.all(np.mean(true < 0.05, axis=0) < 0.25)
+    assert np.all(np.mean(true > 0.3, axis=0) > 0.3)
+    assert np.mean(far[:, 1] < 0.05) > 0.6
+    assert np.mean(far[:, 0] < 0.05) > 0.5
+
+
+def test_power_is_what_drawn_walks_are_rejected_at():
+    walk, source = walk_of(3, white_db=2.0)
+    rng = np.random.default_rng(1)
+    test = claim_test(walk, source[:, None], rng)
+    alarms = power(test, source[:1], source[1:], 0.1, 400, rng, trusting=True)
+    for rate in alarms:
+        assert 0.04 < rate[0] < 0.17
+    seen = detectable(test, 0.05, rng, trusting=True)
+    assert [one.azimuth_deg for one in seen] == list(BEARINGS_DEG)
+    for one in seen[::3]:
+        if one.indirect_m is not None:
+            angle = np.radians(one.azimuth_deg)
+            place = source + 2.0 * one.indirect_m * np.array([np.sin(angle), np.cos(angle)])
+            beyond = power(test, place[:1], place[1:], 0.05, 100, rng, trusting=True)[1][0]
+            assert beyond > 0.8 or one.indirect_blind_m is not None
+
+
+def test_mirror_image_of_a_straight_walk_is_not_noticed():
+    obs, source = simulate(np.random.default_rng(8), "straight", white_db=1.0)
+    walk = listened(blocks(obs, 40), PRIOR)
+    rng = np.random.default_rng(2)
+    level = walk.level_dbm[:, None]
+    mirror = claim_test(walk, np.array([[source[0]], [-source[1]]]), rng)
+    assert mirror.p_direct(level, trusting=True)[0] > 0.02
+    assert mirror.p_indirect(level, trusting=True)[0] > 0.02
+    beside = claim_test(walk, np.array([[source[0] + 400.0], [source[1]]]), rng)
+    assert min(beside.p_direct(level, trusting=True)[0], beside.p_indirect(level, trusting=True)[0]) < 0.05
+
+
+def test_uncertainty_of_the_claim_is_as_good_as_distance():
+    walk, source = walk_of(4, white_db=1.5)
+    level, off = walk.level_dbm[:, None], source + np.array([150.0, 120.0])
+    sharp, soft = (claim_test(walk, around(*off, sigma), np.random.default_rng(1)) for sigma in (0.0, 200.0))
+    assert soft.p_indirect(level, trusting=True)[0] > sharp.p_indirect(level, trusting=True)[0]
+    assert soft.p_direct(level, trusting=True)[0] > sharp.p_direct(level, trusting=True)[0]
+    rings = around(10.0, -20.0, 50.0)
+    assert np.mean(rings, axis=1) == pytest.approx([10.0, -20.0])
+    assert np.std(rings, axis=1) == pytest.approx([50.0, 50.0], rel=0.1)
+
+
+def test_calibration_is_a_rank_and_goes_on_below_the_least():
+    calm = np.sort(np.random.default_rng(1).uniform(size=400))
+    p = calibrated(calm, np.array([0.0, 1e-4, 0.01, 0.3, 1.0]))
+    assert np.all(np.diff(p) > 0)
+    assert p[3] == pytest.approx(0.3, abs=0.08)
+    assert 1e-5 < p[1] < 1e-3
+
+
+def test_benjamini_hochberg():
+    q = benjamini_hochberg(np.array([0.01, 0.04, 0.03, 0.9]))
+    assert q == pytest.approx([0.04, 0.16 / 3, 0.16 / 3, 0.9])
+    assert len(benjamini_hochberg(np.zeros(0))) == 0
+
+
+def test_walks_that_cannot_tell_say_why():
+    claim, rng = Claim("c", 0.0, 9.0, 0.0, "test"), np.random.default_rng(0)
+    x, y = path("straight", 8)
+    few = verify_cell("c", observations(x, y, -60.0 - 3.0 * np.arange(8)), claim, 0.05, PRIOR, rng)
+    assert few.verdict == "cannot tell"
+    assert "places with a level" in few.reasons[0]
+    none = verify_cell("c", None, claim, 0.05, PRIOR, rng)
+    assert none.verdict == "cannot tell"
+    still = verify_cell("c", observations(np.zeros(50), np.zeros(50), np.full(50, -60.0)), claim, 0.05, PRIOR, rng)
+    assert still.verdict == "cannot tell"
