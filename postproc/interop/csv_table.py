@@ -1,0 +1,62 @@
+"""CSV with a header line, row by row."""
+
+import csv
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from logger.core.errors import RunFileError
+
+Line = tuple[int, dict[str, str]]
+
+
+@contextmanager
+def text_lines(source: Path) -> Iterator[Iterator[str]]:
+    """Lines of a text file; raises `RunFileError` where it cannot be read, or is no CSV on the way."""
+    try:
+        with source.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+            yield iter(file)
+    except OSError as error:
+        raise RunFileError(f"{source}: {error.strerror}") from error
+    except csv.Error as error:
+        raise RunFileError(f"{source} is no CSV file: {error}") from error
+
+
+def names_of(header: str) -> list[str]:
+    """Column names of a header line, in lower case."""
+    return [name.strip().lower() for name in next(csv.reader([header], delimiter=_delimiter(header)), [])]
+
+
+def rows(source: Path, *, skip: int = 0, required: Iterable[str | Collection[str]] = ()) -> Iterator[Line]:
+    """Rows by column name with their line numbers; lines that begin with # before the header are comments.
+
+    `skip` lines come before the header. `required` names columns; of a collection of names one is enough. Raises
+    `RunFileError` naming the columns that are missing.
+    """
+    with text_lines(source) as lines:
+        header, n_before = "", 0
+        for header in lines:
+            if n_before >= skip and not header.startswith("#"):
+                break
+            n_before += 1
+        else:
+            header = ""
+        names = names_of(header)
+        _check(source, names, required)
+        reader = csv.reader(lines, delimiter=_delimiter(header))
+        for values in reader:
+            if any(value.strip() for value in values):
+                # a short row lacks its last columns; what it lacks is then empty
+                padded = values + [""] * (len(names) - len(values))
+                yield reader.line_num + n_before + 1, {n: v.strip() for n, v in zip(names, padded, strict=False)}
+
+
+def _delimiter(header: str) -> str:
+    return max(",;\t", key=header.count)
+
+
+def _check(source: Path, names: list[str], required: Iterable[str | Collection[str]]) -> None:
+    options = [{column} if isinstance(column, str) else set(column) for column in required]
+    missing = [" or ".join(sorted(some)) for some in options if not some & set(names)]
+    if missing:
+        raise RunFileError(f"{source}: the header line has no column {', '.join(missing)}")

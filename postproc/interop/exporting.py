@@ -1,0 +1,99 @@
+"""A run in the format of another program. Nothing tells who walked or with what: no configuration, names or notes."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from logger.core.errors import ConfigError, RunFileError
+from postproc.interop import geojson, gpx, kml, opencellid, walk_csv, wigle
+from postproc.interop.estimates import Estimate
+from postproc.interop.heard import Heard
+from postproc.interop.levels import Walked
+from postproc.whole_file import whole_file
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format: who writes it, whether it holds estimates, and which levels it can hold where not all."""
+
+    write: Callable[[Walked, Sequence[Estimate], Path], None]
+    has_estimates: bool = False
+    writable: Callable[[Heard], bool] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What an export did; `left_out` says in words what the file does not hold."""
+
+    path: Path
+    format: str
+    n_levels: int
+    n_fixes: int
+    n_estimates: int
+    has_utc: bool
+    left_out: tuple[str, ...]
+
+
+def _parquet(walk: Walked, _: Sequence[Estimate], target: Path) -> None:
+    from postproc.interop import parquet  # noqa: PLC0415 (pyarrow comes with rerun, or is missing)
+
+    parquet.write(walk.heard, target, walk.start_ns)
+
+
+FORMATS = {
+    "kml": Format(kml.write, has_estimates=True),
+    "geojson": Format(geojson.write, has_estimates=True),
+    "gpx": Format(gpx.write, has_estimates=True),
+    "csv": Format(lambda walk, _, target: walk_csv.write(walk.heard, target, walk.start_ns)),
+    "wigle": Format(lambda walk, _, target: wigle.write(walk.heard, target), writable=wigle.writable),
+    "opencellid-csv": Format(
+        lambda walk, _, target: opencellid.write_csv(walk.heard, target), writable=opencellid.writable
+    ),
+    "opencellid-json": Format(
+        lambda walk, _, target: opencellid.write_json(walk.heard, target), writable=opencellid.writable
+    ),
+    "parquet": Format(_parquet),
+}
+_BY_SUFFIX = {f".{name}": name for name in ("kml", "geojson", "gpx", "csv", "parquet")}
+
+
+def format_of(name: str | None, target: Path) -> str:
+    """Format by name, or by the suffix of the file; raises `ConfigError`."""
+    if name is None:
+        name = _BY_SUFFIX.get(target.suffix.lower())
+    if name is None:
+        suffixes = ", ".join(_BY_SUFFIX)
+        raise ConfigError(f"{target}: name a format with --format ({', '.join(FORMATS)}), or end in {suffixes}")
+    return name
+
+
+def export(walk: Walked, found: Sequence[Estimate], target: Path, name: str) -> Exported:
+    """Write a file, whole or not at all; raises `RunFileError` where nothing is left that the format can hold."""
+    form = FORMATS[name]
+    heard = [one for one in walk.heard if form.writable is None or form.writable(one)]
+    if form.writable is not None and not heard:
+        why = "" if walk.has_utc else ": GPS never told the time, and the format needs UTC"
+        raise RunFileError(f"nothing in the run can be written as {name}{why}")
+    kept = Walked(tuple(heard), walk.track, walk.utm, walk.start_ns, walk.has_utc, 0, 0)
+    with whole_file(target) as part:
+        form.write(kept, found, part)
+    left_out = _left_out(walk, len(heard))
+    return Exported(
+        target,
+        name,
+        len(heard),
+        sum(map(len, walk.track)),
+        len(found) if form.has_estimates else 0,
+        walk.has_utc,
+        left_out,
+    )
+
+
+def _left_out(walk: Walked, n_written: int) -> tuple[str, ...]:
+    counts = {
+        "without a whole identity, which the format needs": len(walk.heard) - n_written,
+        "of cells without an identity": walk.n_without_identity,
+        "where no fix was near": walk.n_without_place,
+    }
+    said = [f"{n} readings {what}" for what, n in counts.items() if n]
+    return (*said, *([] if walk.has_utc else ["times in UTC: GPS never told them"]))

@@ -1,0 +1,111 @@
+"""Values of a row by name, as text (CSV) or as numbers (JSON, SQLite): checked, and None where they are not known."""
+
+import math
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any, get_args
+
+from logger.core.geo import check_position
+from logger.core.types import CellReading, Fix, Rat, Role
+
+Fields = Mapping[str, Any]
+
+LEVEL_RANGE_DBM = (-200.0, 50.0)
+_UNKNOWN = (2**31 - 1, 2**63 - 1)
+"""CellInfo.UNAVAILABLE and UNAVAILABLE_LONG of Android, which apps write as they get it."""
+_LARGEST = 2**31 - 2
+_LARGEST_CID = 2**36 - 1
+"""NR cell identity: 36 bit (3GPP TS 38.413 9.3.1.7)."""
+
+_NAMES: dict[Rat, tuple[str, ...]] = {
+    "GSM": ("2G", "GPRS", "EDGE"),
+    "WCDMA": ("3G", "UMTS", "HSPA", "HSPA+", "HSPAP", "HSDPA", "HSUPA"),
+    "LTE": ("4G", "LTE+", "LTE_CA", "LTE-A"),
+    "NR": ("5G", "NR5G", "NR5G-SA", "NR5G-NSA", "NRNSA", "NR_SA", "NR_NSA"),
+}
+RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {n: rat for rat, ns in _NAMES.items() for n in ns}
+
+
+def text(fields: Fields, *names: str) -> str:
+    """First value among `names` that is not empty, "" without one."""
+    for name in names:
+        value = fields.get(name)
+        if value is not None and (found := str(value).strip()):
+            return found
+    return ""
+
+
+def number(fields: Fields, name: str, limits: tuple[float, float] = (-1e12, 1e12)) -> float:
+    """Finite number within limits; raises ValueError."""
+    found = text(fields, name)
+    if not found:
+        raise ValueError(f"{name} is empty")
+    try:
+        value = float(found)
+    except ValueError:
+        raise ValueError(f"{name} is no number: {found[:40]!r}") from None
+    if not (math.isfinite(value) and limits[0] <= value <= limits[1]):
+        raise ValueError(f"{name} is out of range: {found[:40]}")
+    return value
+
+
+def maybe(fields: Fields, name: str, limits: tuple[float, float] = (-1e12, 1e12)) -> float | None:
+    """As `number`, None for an empty or absent value."""
+    return number(fields, name, limits) if text(fields, name) else None
+
+
+def whole(fields: Fields, *names: str, largest: int = _LARGEST) -> int | None:
+    """Integer from 0, None where it is empty or marked as unknown (negative, or the largest there is)."""
+    found = text(fields, *names)
+    if not found:
+        return None
+    try:
+        value = int(found)
+    except ValueError:
+        raise ValueError(f"{names[0]} is no integer: {found[:40]!r}") from None
+    if value < 0 or value in _UNKNOWN:
+        return None
+    if value > largest:
+        raise ValueError(f"{names[0]} is out of range: {found[:40]}")
+    return value
+
+
+def cell_identity(fields: Fields, *names: str) -> int | None:
+    """Cell identity of any technology."""
+    return whole(fields, *names, largest=_LARGEST_CID)
+
+
+def plmn(fields: Fields) -> tuple[str | None, str | None]:
+    """Country and network code with their digits: a network code of one digit has lost its zero."""
+    mcc, mnc = whole(fields, "mcc", largest=999), whole(fields, "mnc", largest=999)
+    if mcc is None or mnc is None:
+        return None, None
+    return f"{mcc:03d}", text(fields, "mnc").zfill(2)
+
+
+def reading_of(rat: Rat, role: Role, level_dbm: float | None, area: int | None, **values: Any) -> CellReading:
+    """A reading with its level and its area code where the technology has them."""
+    level = {"GSM": "rssi_dbm", "WCDMA": "rscp_dbm"}.get(rat, "rsrp_dbm")
+    code = "lac" if rat in {"GSM", "WCDMA"} else "tac"
+    return CellReading(role, rat, **{level: level_dbm, code: area} | values)
+
+
+def place_of(fields: Fields, lat: str, lon: str, utc_ns: int | None, **values: float | None) -> Fix:
+    """A fix; raises `GeoError` for what is no place, or ValueError for 0, 0, which loggers write without a fix."""
+    lat_deg, lon_deg = number(fields, lat), number(fields, lon)
+    check_position(lat_deg, lon_deg)
+    if lat_deg == lon_deg == 0.0:
+        raise ValueError("the position is 0, 0: there was no fix")
+    return Fix(True, utc_ns=utc_ns, lat_deg=lat_deg, lon_deg=lon_deg, **values)  # type: ignore[arg-type]
+
+
+def utc_ns_of(found: str, name: str) -> int:
+    """Nanoseconds since 1970 of an ISO 8601 time, UTC where it names no zone; raises ValueError."""
+    try:
+        when = datetime.fromisoformat(found)
+    except ValueError:
+        raise ValueError(f"{name} is no ISO 8601 time: {found[:40]!r}") from None
+    if when.tzinfo is None:
+        when = when.replace(tzinfo=UTC)
+    since = when - datetime(1970, 1, 1, tzinfo=UTC)
+    return ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1000

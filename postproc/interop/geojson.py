@@ -1,0 +1,83 @@
+"""GeoJSON (RFC 7946): the walk, every level as a point, and what was found; (lon, lat), in WGS 84."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from postproc.interop.estimates import Estimate
+from postproc.interop.geometry import DECIMALS, Rings, lines
+from postproc.interop.heard import Heard
+from postproc.interop.levels import Walked
+from postproc.interop.moments import moment, seconds
+
+Feature = dict[str, Any]
+
+
+def write(walk: Walked, found: Sequence[Estimate], target: Path) -> None:
+    """One feature collection; the property `kind` tells walk, level, region, place and ellipse95 apart."""
+    with target.open("w", encoding="utf-8") as file:
+        file.write('{"type": "FeatureCollection", "features": [')
+        for i, feature in enumerate(_features(walk, found)):
+            file.write((",\n" if i else "\n") + json.dumps(feature, allow_nan=False, ensure_ascii=False))
+        file.write("\n]}\n")
+
+
+def _features(walk: Walked, found: Sequence[Estimate]) -> Iterator[Feature]:
+    yield _walk(walk)
+    for one in walk.heard:
+        yield _level(one, walk.start_ns)
+    for estimate in found:
+        yield from _estimate(estimate)
+
+
+def _walk(walk: Walked) -> Feature:
+    parts = [part for stretch in walk.track for part in lines([_place(fix.lon_deg, fix.lat_deg) for _, fix in stretch])]
+    first, last = walk.track[0][0], walk.track[-1][-1]
+    told: Feature = {"kind": "walk", "t_s": [seconds(t_ns - walk.start_ns) for t_ns in (first[0], last[0])]}
+    told |= {"utc": [moment(fix.utc_ns) for _, fix in (first, last)] if walk.has_utc else None}
+    geometry = (
+        {"type": "MultiLineString", "coordinates": parts}
+        if parts
+        else _point(_place(first[1].lon_deg, first[1].lat_deg))
+    )
+    return {"type": "Feature", "geometry": geometry, "properties": told}
+
+
+def _level(one: Heard, start_ns: int) -> Feature:
+    cell = one.reading
+    told = {
+        "kind": "level",
+        "cell": cell.cell,
+        "rat": cell.rat,
+        "level_dbm": one.rssi_dbm,
+        "t_s": seconds(one.t_ns - start_ns),
+        "utc": None if one.fix.utc_ns is None else moment(one.fix.utc_ns),
+        "acc_m": one.fix.acc_m,
+    }
+    return {"type": "Feature", "geometry": _point(_place(one.lon_deg, one.lat_deg)), "properties": told}
+
+
+def _estimate(estimate: Estimate) -> Iterator[Feature]:
+    about: Feature = {"cell": estimate.cell, "verdict": estimate.verdict}
+    for level, outline in estimate.regions.items():
+        yield _area(outline, {"kind": "region", "level_percent": level, **about})
+    for place in estimate.places:
+        named = {"name": place.name, "probability": place.probability, **about}
+        yield {"type": "Feature", "geometry": _point(_place(*place.at)), "properties": {"kind": "place", **named}}
+        yield _area(place.ellipse95, {"kind": "ellipse95", **named})
+
+
+def _area(outline: Sequence[Rings], told: Feature) -> Feature:
+    geometry = {"type": "MultiPolygon", "coordinates": outline}
+    return {"type": "Feature", "geometry": geometry, "properties": told}
+
+
+def _point(place: tuple[float, float]) -> dict[str, Any]:
+    return {"type": "Point", "coordinates": place}
+
+
+def _place(lon_deg: float | None, lat_deg: float | None) -> tuple[float, float]:
+    assert lon_deg is not None
+    assert lat_deg is not None
+    return round(lon_deg, DECIMALS), round(lat_deg, DECIMALS)

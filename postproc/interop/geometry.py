@@ -1,0 +1,96 @@
+"""Lines and polygons in degrees as the formats want them: cut at the antimeridian, outer rings counterclockwise.
+
+RFC 7946 3.1.6 and 3.1.9. A line or ring steps by less than half a turn, so its longitudes can be made continuous.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
+from math import cos, pi, radians, sin
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString, MultiPolygon, Polygon
+from shapely.geometry.polygon import orient
+
+from logger.core.arrays import FloatArray
+from logger.core.geo import Utm
+
+LonLat = tuple[float, float]
+Line = list[LonLat]
+Rings = list[Line]
+"""Outer ring first, then holes; each closed."""
+
+DECIMALS = 7
+_ELLIPSE_POINTS = 72
+
+
+def lines(points: Sequence[LonLat]) -> list[Line]:
+    """A line of (lon, lat), cut where it crosses the antimeridian; nothing for fewer than two points."""
+    if len(points) < 2:
+        return []
+    if all(abs(a[0] - b[0]) < 180.0 for a, b in pairwise(points)):
+        whole = _rounded(points)
+        return [whole] if any(point != whole[0] for point in whole) else []
+    line = LineString(_continuous(np.asarray(points, float)))
+    parts = (part for turn, strip in _strips(line) for part in _shifted(turn, shapely.intersection(line, strip)))
+    return [_rounded(part.coords) for part in parts if isinstance(part, LineString) and part.length > 0.0]
+
+
+def polygons(parts: Iterable[Sequence[Sequence[Sequence[float]]]]) -> list[Rings]:
+    """Polygons, each a list of rings of (lon, lat), made valid, cut at the antimeridian and wound as RFC 7946 asks."""
+    found: list[Rings] = []
+    for part in parts:
+        outer = _continuous(np.asarray(part[0], float))
+        holes = [_continuous(np.asarray(ring, float), outer[0, 0]) for ring in part[1:]]
+        whole = shapely.make_valid(Polygon(outer, holes))
+        for turn, strip in _strips(whole):
+            for piece in _shifted(turn, shapely.intersection(whole, strip)):
+                if isinstance(piece, Polygon):
+                    found += _rings(piece)
+    return found
+
+
+def ellipse(lat_deg: float, lon_deg: float, utm: Utm, axes_m: tuple[float, float], azimuth_deg: float) -> Line:
+    """Closed ring around a place; azimuth of the major axis clockwise from grid north."""
+    x_m, y_m = utm.to_xy(lat_deg, lon_deg)
+    sin_a, cos_a = sin(radians(azimuth_deg)), cos(radians(azimuth_deg))
+    angle = np.linspace(0.0, 2.0 * pi, _ELLIPSE_POINTS + 1)
+    along_m, across_m = axes_m[0] * np.cos(angle), axes_m[1] * np.sin(angle)
+    lats, lons = utm.to_latlon_arrays(
+        x_m + along_m * sin_a - across_m * cos_a, y_m + along_m * cos_a + across_m * sin_a
+    )
+    ring = list(zip(lons.tolist(), lats.tolist(), strict=True))
+    return [*ring[:-1], ring[0]]
+
+
+def _continuous(points: FloatArray, near_deg: float | None = None) -> FloatArray:
+    """Points with longitudes that do not jump, the first within half a turn of `near_deg`."""
+    lon_deg = np.unwrap(points[:, 0], period=360.0)
+    if near_deg is not None:
+        lon_deg = lon_deg + 360.0 * np.round((near_deg - lon_deg[0]) / 360.0)
+    return np.column_stack([lon_deg, points[:, 1]])
+
+
+def _strips(shape: shapely.Geometry) -> Iterator[tuple[int, Polygon]]:
+    """Turns around the Earth that a shape touches, and the strip of each."""
+    west, _, east, _ = shapely.bounds(shape).tolist()
+    for turn in range(int((west + 180.0) // 360.0), int((east + 180.0) // 360.0) + 1):
+        yield turn, shapely.box(-180.0 + 360.0 * turn, -90.0, 180.0 + 360.0 * turn, 90.0)
+
+
+def _shifted(turn: int, shape: shapely.Geometry) -> Iterator[shapely.Geometry]:
+    moved = shapely.transform(shape, lambda xy: xy - (360.0 * turn, 0.0)) if turn else shape
+    for part in shapely.get_parts(moved).tolist():
+        yield from part.geoms if isinstance(part, MultiPolygon) else (part,)
+
+
+def _rings(polygon: Polygon) -> Iterator[Rings]:
+    """Rings of a polygon after rounding, which may divide it or leave nothing."""
+    for part in shapely.get_parts(shapely.set_precision(polygon, 10.0**-DECIMALS)).tolist():
+        if isinstance(part, Polygon) and not part.is_empty:
+            wound = orient(part)
+            yield [_rounded(ring.coords) for ring in (wound.exterior, *wound.interiors)]
+
+
+def _rounded(coordinates: Iterable[Sequence[float]]) -> Line:
+    return [(round(lon, DECIMALS) + 0.0, round(lat, DECIMALS) + 0.0) for lon, lat, *_ in coordinates]

@@ -1,0 +1,59 @@
+"""GPX 1.1: the walk as a track with a segment for each stretch without a gap, places of cells as waypoints.
+
+The format allows a time in UTC or none, so there are no times where GPS never told UTC.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from logger.core.types import Fix
+from postproc.interop.estimates import Estimate
+from postproc.interop.geometry import DECIMALS
+from postproc.interop.levels import Walked
+from postproc.interop.moments import moment
+from postproc.interop.xml_file import add, decimal
+from postproc.interop.xml_file import write as write_xml
+
+NAMESPACE = "http://www.topografix.com/GPX/1/1"
+
+
+def write(walk: Walked, found: Sequence[Estimate], target: Path) -> None:
+    """Track and waypoints."""
+    root = ET.Element("gpx", {"xmlns": NAMESPACE, "version": "1.1", "creator": "cellwalk"})
+    for estimate in found:
+        for place in estimate.places:
+            waypoint = add(root, "wpt", **_at(place.at[1], place.at[0]))
+            add(waypoint, "name", f"{estimate.cell} {place.name}")
+            share = "" if place.probability is None else f", probability {place.probability:.2f}"
+            add(waypoint, "desc", f"{estimate.verdict}{share}")
+            add(waypoint, "type", "estimate")
+    track = add(root, "trk")
+    add(track, "name", "walk")
+    if not walk.has_utc:
+        add(track, "desc", "UTC is not known, so the points have no time")
+    for stretch in walk.track:
+        segment = add(track, "trkseg")
+        for _, fix in stretch:
+            _point(segment, fix)
+    write_xml(root, target)
+
+
+def _point(segment: ET.Element, fix: Fix) -> None:
+    assert fix.lat_deg is not None
+    assert fix.lon_deg is not None
+    point = add(segment, "trkpt", **_at(fix.lat_deg, fix.lon_deg))
+    if fix.alt_m is not None:
+        add(point, "ele", decimal(fix.alt_m, 2))
+    if fix.utc_ns is not None:
+        add(point, "time", moment(fix.utc_ns))
+    if fix.sats_used is not None:
+        add(point, "sat", fix.sats_used)
+    if fix.hdop is not None:
+        add(point, "hdop", decimal(fix.hdop, 2))
+
+
+def _at(lat_deg: float, lon_deg: float) -> dict[str, str]:
+    """Position attributes; 180 degrees east is outside of what the schema allows, and the same as west."""
+    text = decimal(lon_deg, DECIMALS)
+    return {"lat": decimal(lat_deg, DECIMALS), "lon": f"-{text}" if float(text) == 180.0 else text}

@@ -1,0 +1,103 @@
+"""Kismet's log: the cells that its modem sources (cellat, celldiag; from October 2026) write into the table `data`.
+
+Sources: kismetwireless.net/docs/dev/kismetdb and /docs/readme/kismetdb/kismetdb_cell, phy_cell.cc and the README of
+capture_cell_at of kismetwireless/kismet. Accepted observations have the type Cellular, those without a whole identity
+CellModem, early ones Cell. Raw exchanges and session records, which hold the modem's IMEI, are not read.
+"""
+
+import json
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from logger.core.errors import RunFileError
+from logger.core.types import Role
+from postproc.interop.fields import (
+    LEVEL_RANGE_DBM,
+    RATS,
+    Fields,
+    cell_identity,
+    maybe,
+    place_of,
+    plmn,
+    reading_of,
+    text,
+    whole,
+)
+from postproc.interop.heard import Heard, Row, parsed
+
+TYPES = ("Cellular", "CellModem", "Cell")
+_FIRST_REAL = 5
+"""Version of the log from which positions are numbers and no longer 100 000ths in integers."""
+_COLUMNS = ("ts_sec", "ts_usec", "lat", "lon", "alt", "speed", "heading", "json")
+_LAST = ("ts_sec", "ts_usec", "lat", "lon", "json")
+
+
+def read(source: Path) -> Iterator[Row]:
+    """Cell observations in the order of the log; raises `RunFileError` without a single one."""
+    try:
+        with closing(sqlite3.connect(f"{source.resolve().as_uri()}?mode=ro", uri=True)) as database:
+            database.row_factory = sqlite3.Row
+            scale = 1.0 if _version(database) >= _FIRST_REAL else 1e-5
+            have = {row["name"] for row in database.execute("PRAGMA table_info(data)")}
+            if missing := [name for name in (*_LAST, "type") if name not in have]:
+                raise RunFileError(f"{source}: the table data has no column {', '.join(missing)}")
+            columns = ", ".join(name for name in _COLUMNS if name in have)
+            query = f"SELECT rowid, {columns} FROM data WHERE type IN (?, ?, ?) ORDER BY rowid"  # noqa: S608 (names of ours)
+            found = parsed(
+                ((row["rowid"], dict(row) | {"scale": scale}) for row in database.execute(query, TYPES)), _heard
+            )
+            first = next(found, None)
+            if first is None:
+                raise RunFileError(
+                    f"{source} is a Kismet log without a cell: no row of data has the type {', '.join(TYPES)}, which "
+                    "Kismet's sources cellat and celldiag write"
+                )
+            yield first
+            yield from found
+    except sqlite3.Error as error:
+        raise RunFileError(f"{source} is a damaged SQLite file: {error}") from error
+
+
+def _version(database: sqlite3.Connection) -> int:
+    row = database.execute("SELECT db_version FROM KISMET").fetchone()
+    return int(row[0]) if row and str(row[0]).isdecimal() else _FIRST_REAL
+
+
+def _heard(line: int, row: Fields) -> Heard | None:
+    try:
+        fields = json.loads(row["json"])
+    except (TypeError, ValueError):
+        raise ValueError("json is damaged") from None
+    if not isinstance(fields, dict):
+        raise ValueError("json is no object")  # noqa: TRY004 (a bad row like any other)
+    rat = RATS.get(text(fields, "rat").upper())
+    if rat is None:
+        return None
+    seconds = whole(row, "ts_sec", largest=2**33)
+    if not seconds:
+        raise ValueError("ts_sec is no time")
+    utc_ns = seconds * 10**9 + (whole(row, "ts_usec") or 0) * 1000
+    place: dict[str, Any] = {name: (maybe(row, name) or 0.0) * row["scale"] for name in ("lat", "lon")}
+    known = {"alt_m": maybe(row, "alt") or None, "course_deg": None, "speed_mps": None}
+    fix = place_of(place, "lat", "lon", utc_ns, **known)
+    rsrp_dbm, rssi_dbm = (maybe(fields, name, LEVEL_RANGE_DBM) for name in ("rsrp", "rssi"))
+    # Kismet fills rsrp with 0 for a level that it does not have
+    level_dbm = (rssi_dbm if rat == "GSM" else rsrp_dbm) or None
+    if level_dbm is None:
+        raise ValueError(f"{'rssi' if rat == 'GSM' else 'rsrp'} is empty")
+    mcc, mnc = plmn(fields)
+    found: dict[str, Any] = {
+        "mcc": mcc,
+        "mnc": mnc,
+        "cid": cell_identity(fields, "cell_id"),
+        "arfcn": whole(fields, "earfcn"),
+        "band": whole(fields, "band"),
+        "rsrq_db": maybe(fields, "rsrq"),
+        "sinr_db": maybe(fields, "sinr"),
+        "psc" if rat == "WCDMA" else "pci": whole(fields, "pci") if rat != "GSM" else None,
+    }
+    role: Role = "serving" if fields.get("is_serving") is True else "neighbour"
+    return Heard(line, utc_ns, fix, reading_of(rat, role, level_dbm, whole(fields, "tac"), **found))

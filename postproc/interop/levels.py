@@ -1,0 +1,146 @@
+"""A run as levels at places, to be handed on: who was heard where, when and how strong, and nothing of the walker's.
+
+Places are interpolated between the fixes, as recorded and not smoothed, so that an import finds what was exported.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from logger.core.arrays import IntArray
+from logger.core.geo import Utm
+from logger.core.observations import MAX_GAP_S, SIGMA_OF_RADIUS68, Observations, levels_dbm, observe
+from logger.core.runfile import Run
+from logger.core.schema import values_of
+from logger.core.timebase import fit
+from logger.core.types import CellReading, Fix
+from postproc.interop.heard import Heard
+from postproc.interop.importing import ORIGIN
+
+_DEGREE_DECIMALS = 8
+"""A millimetre."""
+
+_CELL = [f.name for f in fields(CellReading) if f.name not in {"label", "more"}]
+
+Clock = Callable[[int], int | None]
+Stretch = tuple[tuple[int, Fix], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Walked:
+    """Levels in time order, and the track, divided where the receiver was silent for long.
+
+    `n_without_..` count readings that are left out. `start_ns` is the time of the first level,
+    from which seconds are counted; `has_utc` tells whether times in UTC are known.
+    """
+
+    heard: tuple[Heard, ...]
+    track: tuple[Stretch, ...]
+    utm: Utm
+    start_ns: int
+    has_utc: bool
+    n_without_identity: int
+    n_without_place: int
+
+
+def walked(run: Run, only: Sequence[str] | None = None) -> Walked:
+    """Levels of all cells of a run, or of those named; raises `EstimationError` without a fix."""
+    readings = run.tables["readings"]
+    observed = observe(run.tables["fixes"], run.tables["scans"], readings)
+    clock = _clock(run)
+    track = _track(run, clock)
+    wanted = (readings["cell"] != b"") & np.isfinite(levels_dbm(readings))
+    if only is not None:
+        wanted &= np.isin(readings["cell"], [name.encode() for name in only])
+    heard = _heard(run, observed, wanted, [entry for stretch in track for entry in stretch], clock)
+    return Walked(
+        heard=tuple(heard),
+        track=track,
+        utm=observed.track.utm,
+        start_ns=heard[0].t_ns if heard else track[0][0][0],
+        has_utc=track[0][0][1].utc_ns is not None,
+        n_without_identity=int(np.count_nonzero(readings["cell"] == b"")) if only is None else 0,
+        n_without_place=int(np.count_nonzero(wanted)) - len(heard),
+    )
+
+
+def _clock(run: Run) -> Clock:
+    """UTC to the microsecond of a time since boot, None where it is not known; that of an imported file is believed."""
+    fixes = run.tables["fixes"]
+    timebase = fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"])
+    if timebase is not None:
+        return lambda t_ns: timebase.utc_ns(t_ns) // 1000 * 1000
+    if run.meta.origin.startswith(ORIGIN):
+        told = {record.t_ns: record.value.utc_ns for _, record in run.records("fixes") if isinstance(record.value, Fix)}
+        return told.get
+    return lambda _: None
+
+
+def _track(run: Run, clock: Clock) -> tuple[Stretch, ...]:
+    stretches: list[list[tuple[int, Fix]]] = []
+    last_ns: int | None = None
+    found = [(r.t_ns, r.value) for _, r in run.records("fixes") if isinstance(r.value, Fix) and _has_place(r.value)]
+    for t_ns, fix in sorted(found, key=lambda entry: entry[0]):
+        if last_ns is None or t_ns - last_ns > MAX_GAP_S * 1e9:
+            stretches.append([])
+        stretches[-1].append((t_ns, replace(fix, utc_ns=clock(t_ns))))
+        last_ns = t_ns
+    return tuple(map(tuple, stretches))
+
+
+def _has_place(fix: Fix) -> bool:
+    return fix.valid and fix.lat_deg is not None and fix.lon_deg is not None
+
+
+def _heard(
+    run: Run, observed: Observations, wanted: npt.NDArray[np.bool_],
+    track: Sequence[tuple[int, Fix]], clock: Clock,
+) -> list[Heard]:  # fmt: skip
+    """Readings that have a place: all of a scan have the same."""
+    seq = _all(observed, "scan_seq")
+    scans, first = np.unique(seq, return_index=True)
+    t_ns = _all(observed, "t_ns")[first]
+    x_m, y_m, sigma_m = (_all(observed, name)[first] for name in ("x_m", "y_m", "position_sigma_m"))
+    lat_deg, lon_deg = (np.round(v, _DEGREE_DECIMALS) for v in observed.track.utm.to_latlon_arrays(x_m, y_m))
+    near = _nearest(np.array([t for t, _ in track]), t_ns)
+    places: dict[int, tuple[int, Fix]] = {}
+    for i, scan in enumerate(scans.tolist()):
+        told, at_ns = track[near[i]][1], int(t_ns[i])
+        accurate = told.acc_m is not None or told.hdop is not None
+        places[scan] = (
+            at_ns,
+            Fix(
+                valid=True,
+                utc_ns=clock(at_ns),
+                lat_deg=float(lat_deg[i]),
+                lon_deg=float(lon_deg[i]),
+                alt_m=told.alt_m,
+                acc_m=round(float(sigma_m[i]) / SIGMA_OF_RADIUS68, 3) if accurate else None,
+                speed_mps=told.speed_mps,
+                course_deg=told.course_deg,
+            ),
+        )
+    rows = run.tables["readings"]
+    chosen = rows[wanted & np.isin(rows["seq"], scans)]
+    found = [Heard(row["seq"], *places[row["seq"]], _reading(row)) for row in values_of("readings", chosen)]
+    return sorted(found, key=lambda one: one.t_ns)
+
+
+def _reading(row: Mapping[str, Any]) -> CellReading:
+    reading = CellReading(**{name: row[name] for name in _CELL})
+    return reading if reading.cell == row["cell"] else replace(reading, label=row["cell"])
+
+
+def _all(observed: Observations, name: str) -> npt.NDArray[Any]:
+    found = [getattr(cell, name) for cell in observed.cells]
+    return np.concatenate(found) if found else np.empty(0, np.int64)
+
+
+def _nearest(fix_ns: IntArray, t_ns: IntArray) -> IntArray:
+    after = np.clip(np.searchsorted(fix_ns, t_ns), 1, max(len(fix_ns) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(fix_ns) - 1)
+    return np.where(t_ns - fix_ns[before] <= fix_ns[after] - t_ns, before, after)

@@ -1,0 +1,134 @@
+"""Surveys of the Android app Network Survey: a CSV file for each technology, or one GeoPackage with a table for each.
+
+Sources: GsmCsvLogger.java and its like, CellularSurveyRecordLogger.java, and the constants classes of
+christianrowlands/android-network-survey; OGC 12-128r18 2.1.3 for the geometry. The device's serial number, which both
+contain, is not read.
+"""
+
+import sqlite3
+import struct
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from logger.core.errors import RunFileError
+from logger.core.types import Rat, Role
+from postproc.interop import csv_table
+from postproc.interop.fields import (
+    LEVEL_RANGE_DBM,
+    Fields,
+    cell_identity,
+    maybe,
+    place_of,
+    plmn,
+    reading_of,
+    text,
+    utc_ns_of,
+    whole,
+)
+from postproc.interop.heard import Heard, Row, parsed
+
+TABLES: dict[str, Rat] = {"GSM_MESSAGE": "GSM", "UMTS_MESSAGE": "WCDMA", "LTE_MESSAGE": "LTE", "NR_MESSAGE": "NR"}
+_CHANNELS: dict[str, Rat] = {"arfcn": "GSM", "uarfcn": "WCDMA", "earfcn": "LTE", "narfcn": "NR"}
+"""The column that tells the technology of a CSV file."""
+_RENAMED = {
+    "cellid": "cid",
+    "dlearfcn": "earfcn",
+    "nrarfcn": "narfcn",
+    "physcellid": "pci",
+    "time": "devicetime",
+    "locationaccuracy": "accuracy",
+}
+"""Columns of the GeoPackage, in lower case without blanks and underscores, and what the CSV calls them."""
+_ENVELOPE_BYTES = (0, 32, 48, 48, 64)
+_WKB_POINTS = (1, 1001, 2001, 3001)
+
+
+def read_csv(source: Path) -> Iterator[Row]:
+    """Records of a CSV file; raises `RunFileError` without the columns needed."""
+    yield from parsed(csv_table.rows(source, required=({*_CHANNELS}, "devicetime", "latitude", "longitude")), _of_csv)
+
+
+def read_geopackage(source: Path) -> Iterator[Row]:
+    """Records of all tables, row by row; raises `RunFileError` for a damaged file."""
+    try:
+        with closing(sqlite3.connect(f"{source.resolve().as_uri()}?mode=ro", uri=True)) as database:
+            database.row_factory = sqlite3.Row
+            database.text_factory = lambda data: data.decode("utf-8", "replace")
+            present = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
+            for table in (table for table in TABLES if table in present):
+                rows = enumerate(database.execute(f'SELECT * FROM "{table}"'), 1)  # noqa: S608 (a name of ours)
+                yield from parsed(((line, _fields(row, TABLES[table])) for line, row in rows), _of_table)
+    except sqlite3.Error as error:
+        raise RunFileError(f"{source} is a damaged SQLite file: {error}") from error
+
+
+def _fields(row: sqlite3.Row, rat: Rat) -> dict[str, Any]:
+    plain = {name.lower().replace(" ", "").replace("_", ""): row[name] for name in row.keys()}  # noqa: SIM118 (rows are no dicts)
+    return {_RENAMED.get(name, name): value for name, value in plain.items()} | {"rat": rat}
+
+
+def _of_csv(line: int, fields: Fields) -> Heard:
+    rat = next(rat for channel, rat in _CHANNELS.items() if channel in fields)
+    return _heard(line, fields, rat, utc_ns_of(text(fields, "devicetime"), "deviceTime"))
+
+
+def _of_table(line: int, fields: Fields) -> Heard:
+    utc_ms = whole(fields, "devicetime", largest=2**43)
+    if utc_ms is None:
+        raise ValueError("Time is empty")
+    place = _point(fields.get("geom")) if fields.get("geom") is not None else {}
+    return _heard(line, {**fields, **place}, fields["rat"], utc_ms * 10**6)
+
+
+def _point(geometry: object) -> dict[str, float]:
+    """Place in a GeoPackage geometry: a header with an optional envelope, then a point as well-known binary."""
+    if not isinstance(geometry, bytes) or geometry[:2] != b"GP" or len(geometry) < 8:
+        raise ValueError("geom is no GeoPackage geometry")
+    try:
+        body = geometry[8 + _ENVELOPE_BYTES[geometry[3] >> 1 & 7] :]
+        order = "<" if body[0] else ">"
+        kind, lon_deg, lat_deg = struct.unpack_from(f"{order}Idd", body, 1)
+    except (IndexError, struct.error):
+        raise ValueError("geom is cut short") from None
+    if kind not in _WKB_POINTS:
+        raise ValueError("geom is no point")
+    altitude = struct.unpack_from(f"{order}d", body, 21)[0] if kind in {1001, 3001} and len(body) >= 29 else None
+    return {"latitude": lat_deg, "longitude": lon_deg} | ({} if not altitude else {"altitude": altitude})
+
+
+def _heard(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Heard:
+    mcc, mnc = plmn(fields)
+    level = {"GSM": "signalstrength", "WCDMA": "rscp", "LTE": "rsrp", "NR": "ssrsrp"}[rat]
+    level_dbm = maybe(fields, level, LEVEL_RANGE_DBM)
+    rssi_dbm = maybe(fields, "signalstrength", LEVEL_RANGE_DBM)
+    if level_dbm is None and (rssi_dbm is None or rat != "WCDMA"):
+        raise ValueError(f"{level} is empty")
+    found: dict[str, Any] = {
+        "mcc": mcc,
+        "mnc": mnc,
+        "cid": cell_identity(fields, "ci", "cid", "eci", "nci"),
+        "arfcn": whole(fields, *_CHANNELS),
+        "bsic": whole(fields, "bsic") if rat == "GSM" else None,
+        "ta": whole(fields, "ta") if rat == "GSM" else None,
+        "psc": whole(fields, "psc"),
+        "pci": whole(fields, "pci"),
+        "ecio_db": maybe(fields, "ecno"),
+        "rsrq_db": maybe(fields, "ssrsrq" if rat == "NR" else "rsrq"),
+        "sinr_db": maybe(fields, "sssinr" if rat == "NR" else "snr"),
+    }
+    if rat != "GSM":
+        found["rssi_dbm"] = rssi_dbm
+    known = {
+        "acc_m": maybe(fields, "accuracy", (0.0, 1e6)) or None,
+        "alt_m": maybe(fields, "altitude"),
+        "speed_mps": maybe(fields, "speed"),
+    }
+    fix = place_of(fields, "latitude", "longitude", utc_ns, **known)
+    return Heard(line, utc_ns, fix, reading_of(rat, _role(fields), level_dbm, whole(fields, "lac", "tac"), **found))
+
+
+def _role(fields: Fields) -> Role:
+    told = text(fields, "servingcell").lower()
+    return "scan" if not told else "serving" if told in {"true", "1"} else "neighbour"

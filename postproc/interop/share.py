@@ -1,0 +1,191 @@
+"""A copy of a run to be given away: without the places where the walk begins and ends, and without the machine.
+
+What lies inside a circle around the first fix, or around the last, is left out, at whatever time the walker was there.
+A circle whose centre is the home would show the home, so each is moved at random and made wider by as much. Since a
+receiver's first words are often wrong, the median of a minute is protected besides.
+"""
+
+import secrets
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import cos, pi, sin, sqrt
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from threadpoolctl import threadpool_limits
+
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.errors import ConfigError
+from logger.core.live import LiveTracker
+from logger.core.observations import MAX_GAP_S, Track, track_of
+from logger.core.runfile import Run
+from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
+from postproc.interop.writing import Append, meta_of, spare, write_run
+
+ORIGIN = "shared copy"
+BLUR_M = 200.0
+_SHIFT = 0.5
+"""Farthest shift of a circle's centre, by the radius asked for."""
+_END_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """What a copy holds, and in words what was left out."""
+
+    path: Path
+    blur_m: float
+    n_fixes: int
+    n_scans: int
+    n_readings: int
+    removed: tuple[str, ...]
+    kept: tuple[str, ...]
+
+
+def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
+    """Write the copy; raises `ConfigError` where nothing would be left, `EstimationError` without a fix."""
+    if not 0.0 < blur_m < 1e6:
+        raise ConfigError("--blur-m is a radius in metres, more than 0")
+    spare(target, ORIGIN, "copy")
+    track = track_of(run.tables["fixes"])
+    shown = _Shown.of(track.t_ns, _outside_of_ends(track, blur_m))
+    if not len(shown.starts):
+        raise ConfigError(f"the walk is nowhere far from its ends: nothing is left with --blur-m {blur_m:g}")
+    start_ns = int(shown.starts[0])
+    meta = meta_of(ORIGIN, live=run.meta.live, truth=run.meta.truth)
+    counts: Counter[str] = Counter()
+
+    def fill(append: Append) -> int:
+        with threadpool_limits(1):  # the estimate as `postproc replay` repeats it
+            tracker = LiveTracker(meta.live) if len(run.tables["live"]) else None
+            counts.update(_append(append, _kept(run, shown, start_ns), tracker))
+        return int(shown.ends[-1]) - start_ns
+
+    write_run(target, meta, fill, ORIGIN)
+    return Shared(
+        target, blur_m, counts["Fix"], counts["Scan"], counts["CellReading"], _removed(run, counts, blur_m), _still(run)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Shown:
+    """When the walker may be shown: from each fix outside of the circles to the next, if that is one too, and near.
+
+    Arrays of shape (n,), in time order; `hidden_ns` are the times of the fixes inside.
+    """
+
+    starts: IntArray
+    ends: IntArray
+    hidden_ns: IntArray
+
+    @classmethod
+    def of(cls, t_ns: IntArray, outside: npt.NDArray[np.bool_]) -> "_Shown":
+        following = np.append(t_ns[1:], t_ns[-1])
+        whole = np.append(outside[1:], False) & (following - t_ns <= MAX_GAP_S * 1e9)
+        return cls(t_ns[outside], np.where(whole, following, t_ns)[outside], t_ns[~outside])
+
+    def shows(self, begun_ns: int, ended_ns: int) -> bool:
+        """Whether the walker was outside of the circles, and known to be, from one time to another."""
+        passed = np.searchsorted(self.hidden_ns, ended_ns, "right") - np.searchsorted(self.hidden_ns, begun_ns, "left")
+        return not passed and self._knows(begun_ns) and self._knows(ended_ns)
+
+    def _knows(self, t_ns: int) -> bool:
+        last = int(np.searchsorted(self.starts, t_ns, "right")) - 1
+        return last >= 0 and t_ns <= self.ends[last]
+
+
+def _outside_of_ends(track: Track, blur_m: float) -> npt.NDArray[np.bool_]:
+    """Which fixes lie outside of all circles."""
+    xy_m = np.column_stack([track.x_m, track.y_m])
+    outside = np.ones(len(xy_m), bool)
+    minute_ns = round(_END_S * 1e9)
+    ends = {0: track.t_ns <= track.t_ns[0] + minute_ns, -1: track.t_ns >= track.t_ns[-1] - minute_ns}
+    for end, around in ends.items():
+        shift_m = _random_shift_m(_SHIFT * blur_m)
+        for centre in (xy_m[end], np.median(xy_m[around], axis=0)):
+            outside &= np.hypot(*(xy_m - centre - shift_m).T) > (1.0 + _SHIFT) * blur_m
+    return outside
+
+
+def _random_shift_m(most_m: float) -> FloatArray:
+    """East and north, uniform in a circle."""
+    random = secrets.SystemRandom()
+    angle, away_m = random.uniform(0.0, 2.0 * pi), most_m * sqrt(random.random())
+    return np.array([away_m * cos(angle), away_m * sin(angle)])
+
+
+def _kept(run: Run, shown: _Shown, start_ns: int) -> Iterator[tuple[int, Record]]:
+    """Fixes, scans and notes to be shown with their numbers in the run, in time since the first of them."""
+    sources: dict[tuple[str, str], str] = {}
+    for seq, record in run.records("fixes", "scans", "notes"):
+        kept: Fix | Scan | Note
+        value = record.value
+        begun_ns = value.t_start_ns if isinstance(value, Scan) else record.t_ns
+        if not shown.shows(begun_ns, record.t_ns):
+            continue
+        match value:
+            case Fix():
+                kind = "gnss"
+                kept = value if value.valid else replace(value, lat_deg=None, lon_deg=None)
+            case Scan():
+                kind, kept = "modem", replace(value, t_start_ns=begun_ns - start_ns)
+            case Note():
+                kind, kept = "logger", replace(value, text="")
+            case _:
+                continue
+        # ports have names of the owner's choosing
+        same_kind = sum(named == kind for named, _ in sources)
+        source = sources.setdefault((kind, record.source), f"{kind}-{same_kind + 1}" if same_kind else kind)
+        yield seq, Record(record.t_ns - start_ns, source, kept)
+
+
+def _append(append: Append, kept: Iterator[tuple[int, Record]], tracker: LiveTracker | None) -> Counter[str]:
+    """Write records and, after each, the live estimate as it would have been; counts the records by kind."""
+    numbers: dict[int | None, int] = {}
+    counts: Counter[str] = Counter()
+    for old, shown in kept:
+        record, value = shown, shown.value
+        if isinstance(value, Scan):
+            start, end = numbers.get(value.fix_start_seq), numbers.get(value.fix_seq)
+            record = replace(shown, value=replace(value, fix_start_seq=start, fix_seq=end))
+            counts["CellReading"] += len(value.readings)
+        seq = append(record)
+        counts[type(value).__name__] += 1
+        if isinstance(value, Fix):
+            numbers[old] = seq
+        if tracker is not None and not isinstance(value, Note):
+            for estimate in tracker.feed(seq, record):
+                if isinstance(estimate, LiveEstimate):
+                    append(Record(record.t_ns, "live", estimate))
+    return counts
+
+
+def _removed(run: Run, counts: Counter[str], blur_m: float) -> tuple[str, ...]:
+    """In words, for the walker to read."""
+    meta, tables = run.meta, run.tables
+    gone = ", ".join(f"{len(tables[table]) - counts[kind]} {table}" for table, kind in _TABLES.items())
+    where = f"recorded within {blur_m:g} m or somewhat more of the begin or the end, or where the place was not known"
+    found = [
+        f"{gone}: {where}",
+        f"{len(run.raw_bytes)} raw bytes of the ports" if len(run.raw_bytes) else "",
+        f"the configuration ({len(meta.config_text)} characters)" if meta.config_text else "",
+        f"the texts of {counts['Note']} notes" if counts["Note"] else "",
+        "the number of the boot, the time since boot, and the names of the ports",
+        f"versions of {len(meta.versions)} programs of the recorder" if meta.versions else "",
+        f"{len(tables['live'])} live estimates; they are computed anew from what is left"
+        if len(tables["live"])
+        else "",
+        "the run's number and its hash chain, which are new",
+    ]
+    return tuple(one for one in found if one)
+
+
+_TABLES = {"fixes": "Fix", "scans": "Scan", "readings": "CellReading", "notes": "Note"}
+
+
+def _still(run: Run) -> tuple[str, ...]:
+    """In words, what the copy tells all the same."""
+    simulated = ("the true places of the simulated transmitters",) if run.meta.truth else ()
+    return ("the track elsewhere, with the time of day", "identities and levels of the cells", *simulated)

@@ -1,0 +1,112 @@
+"""WiGLE CSV 1.4 and 1.6: a line about the app, a header line, a line for each sighting; cells among Wi-Fi.
+
+Source: api.wigle.net/csvFormat.html, and CellReceiver.java of wiglenet/wigle-wifi-wardriving for what the app writes
+about cells. `MAC` is network_area_cell, `AuthMode` the technology and a country or network, `FirstSeen` the time of
+this sighting in UTC; columns go by their names, since many programs write other columns than their version has.
+"""
+
+import csv
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from logger.core.timebase import utc_text
+from postproc.interop import csv_table
+from postproc.interop.fields import (
+    LEVEL_RANGE_DBM,
+    RATS,
+    Fields,
+    cell_identity,
+    maybe,
+    number,
+    place_of,
+    reading_of,
+    text,
+    utc_ns_of,
+    whole,
+)
+from postproc.interop.heard import Heard, Row, parsed
+
+PREFIX = "WigleWifi-"
+NO_LEVEL_DBM = -113.0
+"""Written for a cell whose level the telephone did not know."""
+
+_COLUMNS = (
+    "MAC", "SSID", "AuthMode", "FirstSeen", "Channel", "Frequency", "RSSI", "CurrentLatitude", "CurrentLongitude",
+    "AltitudeMeters", "AccuracyMeters", "RCOIs", "MfgrId", "Type",
+)  # fmt: skip
+_NEEDED = ("mac", {"authmode", "type"}, "firstseen", "rssi", "currentlatitude", "currentlongitude")
+_CELL = re.compile(r"(\d{3})(\d{2,3})_(\d+)_(\d+)")
+
+
+def read(source: Path) -> Iterator[Row]:
+    """Cells of a file of either version; raises `RunFileError` without the columns needed."""
+    with csv_table.text_lines(source) as lines:
+        skip = 1 if next(lines, "").startswith(PREFIX) else 0
+    yield from parsed(csv_table.rows(source, skip=skip, required=_NEEDED), _heard)
+
+
+def writable(heard: Heard) -> bool:
+    """Whether a sighting has all that the format needs: who, and when in UTC."""
+    return heard.fix.utc_ns is not None and _mac(heard) is not None and heard.reading.rat is not None
+
+
+def write(heard: Sequence[Heard], target: Path) -> None:
+    """Sightings that are `writable` as version 1.6; nothing is told of the device."""
+    with target.open("w", newline="", encoding="utf-8") as file:
+        file.write(
+            f"{PREFIX}1.6,appRelease=cellwalk,model=,release=,device=,display=,board=,brand=,star=Sol,body=3,subBody=0\n"
+        )
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(_COLUMNS)
+        writer.writerows(map(_line, heard))
+
+
+def _line(heard: Heard) -> list[object]:
+    fix, reading = heard.fix, heard.reading
+    assert fix.utc_ns is not None
+    kind = reading.rat if reading.rat in {"GSM", "WCDMA", "NR"} else "LTE"
+    seen = utc_text(fix.utc_ns).replace("T", " ").rstrip("Z")
+    place = (fix.lat_deg, fix.lon_deg, _known(fix.alt_m), _known(fix.acc_m))
+    channel = _known(reading.arfcn)
+    auth = f"{kind};{reading.mcc}{reading.mnc}"
+    return [_mac(heard), "", auth, seen, channel, channel, round(heard.rssi_dbm), *place, "", "", kind]
+
+
+def _mac(heard: Heard) -> str | None:
+    cell = heard.reading
+    area = cell.tac if cell.lac is None else cell.lac
+    known = None not in (cell.mcc, cell.mnc, area, cell.cid)
+    return f"{cell.mcc}{cell.mnc}_{area}_{cell.cid}" if known else None
+
+
+def _known(value: float | None) -> float | str:
+    return "" if value is None else value
+
+
+def _heard(line: int, fields: Fields) -> Heard | None:
+    # real rows say GSM in Type and LTE in AuthMode; the app sets AuthMode from the cell itself
+    kinds = (text(fields, "authmode").partition(";")[0].upper(), text(fields, "type").upper())
+    rat = next((RATS[kind] for kind in kinds if kind in RATS), None)
+    if rat is None:
+        return None
+    mac = text(fields, "mac")
+    cell = _CELL.fullmatch(mac)
+    if cell is None:
+        raise ValueError(f"MAC is no cell, which is network_area_cell: {mac[:40]!r}")
+    level_dbm = number(fields, "rssi", LEVEL_RANGE_DBM)
+    if level_dbm == NO_LEVEL_DBM:
+        raise ValueError("RSSI is -113, which stands for an unknown level")
+    found = {"area": cell[3], "cell": cell[4]}
+    utc_ns = utc_ns_of(text(fields, "firstseen"), "FirstSeen")
+    if utc_ns <= 0:
+        raise ValueError("FirstSeen is no time")
+    known = {"alt_m": maybe(fields, "altitudemeters"), "acc_m": maybe(fields, "accuracymeters", (0.0, 1e6)) or None}
+    fix = place_of(fields, "currentlatitude", "currentlongitude", utc_ns, **known)
+    more = {
+        "mcc": cell[1],
+        "mnc": cell[2],
+        "cid": cell_identity(found, "cell"),
+        "arfcn": whole(fields, "channel") or None,
+    }
+    return Heard(line, utc_ns, fix, reading_of(rat, "scan", level_dbm, whole(found, "area"), **more))

@@ -1,0 +1,165 @@
+import json
+from dataclasses import fields
+
+import pyarrow.parquet as pq
+import pytest
+
+from logger.core.runfile import RunWriter, convert_journal, read_run
+from logger.core.types import CellReading, Fix, Record, Scan
+from postproc import results
+from postproc.cli import main
+from postproc.interop.exporting import FORMATS
+from postproc.interop.levels import walked
+from tests.kit import smoothed as kit
+from tests.kit.runs import UTC0_NS, meta
+
+SECRETS = ("alice", "490154203237518", "/dev/ttyUSB7", "home-pi")
+
+
+def _main(capsys, *argv, code=0):
+    assert main([str(a) for a in argv]) == code
+    return capsys.readouterr()
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A walk of several technologies on a machine with secrets; cells without identity, levels without dBm."""
+    private = {"config_text": f"owner = {SECRETS[0]}", "boot_id": SECRETS[3], "versions": {"host": SECRETS[3]}}
+    writer = RunWriter(tmp_path / "walk.journal", meta(started_ns=7 * 10**9, **private))
+    for i in range(30):
+        t_ns = (7 + i) * 10**9
+        fix = Fix(True, UTC0_NS + t_ns, 52.0 + i * 1e-5, 13.0 + i * 2e-5, 34.5, hdop=0.9, speed_mps=1.25)
+        writer.append(Record(t_ns, "gnss", fix))
+        cells = (
+            CellReading("serving", "GSM", "262", "01", 4711, 17, arfcn=62, bsic=10, rssi_dbm=-60.0 - i, ta=1),
+            CellReading("neighbour", "GSM", "262", "01", 4711, 18, rxlev_raw=20 + i),
+            CellReading("scan", "LTE", "310", "410", tac=9, cid=2**28 - 1, pci=5, rsrp_dbm=-99.0, rsrq_db=-11.5),
+            CellReading("scan", "WCDMA", "262", "03", 6, 70000, psc=9, rscp_dbm=-88.0, ecio_db=-8.0),
+            CellReading("neighbour", "GSM", arfcn=63, rssi_dbm=-90.0),
+        )
+        writer.append(Record(t_ns + 300_000_123, SECRETS[2][-7:], Scan(t_ns + 100_000_000, cells)))
+    writer.close(40 * 10**9, "test")
+    convert_journal(tmp_path / "walk.journal", tmp_path / "walk.h5")
+    return tmp_path / "walk.h5"
+
+
+def _plain(walk):
+    return [(one.t_ns - walk.start_ns, one.fix, one.reading) for one in walk.heard]
+
+
+def test_levels_stand_between_the_fixes_and_keep_what_is_known(run):
+    walk = walked(read_run(run))
+    assert (len(walk.heard), walk.n_without_identity, walk.n_without_place, walk.has_utc) == (120, 30, 0, True)
+    one = walk.heard[4]
+    assert one.t_ns == 8 * 10**9 + 200_000_061
+    assert one.lat_deg == pytest.approx(52.0 + 1.2e-5, abs=1e-8)
+    assert one.fix.utc_ns == pytest.approx(UTC0_NS + one.t_ns, abs=1000)
+    assert (one.fix.alt_m, one.fix.speed_mps, one.reading.ta) == (34.5, 1.25, 1)
+    assert [h.reading.cell for h in walked(read_run(run), ["262-01-4711-18"]).heard] == ["262-01-4711-18"] * 30
+
+
+def test_csv_comes_back_equal_and_is_then_the_same_file(tmp_path, run, capsys):
+    _main(capsys, "export", run, "-o", tmp_path / "a.csv")
+    _main(capsys, "import", tmp_path / "a.csv", "-o", tmp_path / "back.h5")
+    before, after = walked(read_run(run)), walked(read_run(tmp_path / "back.h5"))
+    assert _plain(after) == _plain(before)
+    _main(capsys, "export", tmp_path / "back.h5", "-o", tmp_path / "b.csv")
+    assert (tmp_path / "b.csv").read_text() == (tmp_path / "a.csv").read_text()
+
+
+@pytest.mark.parametrize("name", ["wigle", "opencellid-csv", "opencellid-json"])
+def test_other_formats_come_back_equal_in_what_they_hold(tmp_path, run, capsys, name):
+    _main(capsys, "export", run, "-o", tmp_path / "a", "--format", name)
+    _main(capsys, "import", tmp_path / "a", "-o", tmp_path / "back.h5")
+    before, after = walked(read_run(run)), walked(read_run(tmp_path / "back.h5"))
+
+    def held(walk):
+        unit_ns = 10**9 if name == "wigle" else 10**6
+        return sorted(
+            (one.fix.utc_ns // unit_ns, one.reading.cell, one.reading.rat, one.rssi_dbm) for one in walk.heard
+        )
+
+    def places(walk):
+        return sorted((one.reading.cell, one.lat_deg, one.lon_deg) for one in walk.heard)
+
+    assert held(after) == held(before)
+    if name != "wigle":  # which has whole seconds, so that two places may have one time
+        assert places(after) == places(before)
+    _main(capsys, "export", tmp_path / "back.h5", "-o", tmp_path / "b", "--format", name)
+    assert (tmp_path / "b").read_text() == (tmp_path / "a").read_text()
+
+
+def test_parquet_has_types_and_units(tmp_path, run, capsys):
+    _main(capsys, "export", run, "-o", tmp_path / "a.parquet")
+    table = pq.read_table(tmp_path / "a.parquet")
+    walk = walked(read_run(run))
+    assert table["cid"].to_pylist() == [one.reading.cid for one in walk.heard]
+    assert table["level_dbm"].to_pylist() == [one.rssi_dbm for one in walk.heard]
+    assert table["lat_deg"].to_pylist() == [one.lat_deg for one in walk.heard]
+    assert [when.timestamp() * 1e9 for when in table["utc"].to_pylist()[:9]] == pytest.approx(
+        [one.fix.utc_ns for one in walk.heard[:9]], abs=1000
+    )
+    assert table.schema.field("rsrp_dbm").metadata[b"unit"] == b"dBm, LTE and later"
+    assert {f.name for f in fields(CellReading)} - set(table.column_names) == {"label", "more"}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_nothing_of_the_walker_is_exported(tmp_path, run, capsys, name):
+    _main(capsys, "export", run, "-o", tmp_path / "a", "--format", name)
+    data = (tmp_path / "a").read_bytes()
+    assert not [secret for secret in SECRETS if secret.encode() in data]
+    assert read_run(run).meta.run_id.encode() not in data
+
+
+@pytest.mark.parametrize("name", ["wigle", "opencellid-csv", "opencellid-json"])
+def test_without_utc_a_format_that_needs_it_says_so(tmp_path, capsys, name):
+    kit.write_run(tmp_path / "a.journal", seconds=20, cells=1, utc=False)
+    told = _main(capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a", "--format", name, code=2)
+    assert "needs UTC" in told.err
+    assert not (tmp_path / "a").exists()
+    told = _main(capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a.csv", "--json")
+    assert json.loads(told.out)["left_out"] == ["times in UTC: GPS never told them"]
+
+
+@pytest.mark.parametrize(
+    ("argv", "says"),
+    [
+        (["-o", "a.xyz"], "--format"),
+        (["-o", "a.json"], "--format"),
+        (["-o", "a.csv", "--estimates"], "measurements only"),
+        (["-o", "none/a.csv"], "no such folder"),
+        (["-o", "walk.h5", "--format", "csv"], "is a run"),
+        (["-o", "a.csv", "--cell", "x"], "was not heard"),
+    ],
+)
+def test_mistakes_are_one_line(tmp_path, run, capsys, monkeypatch, argv, says):
+    monkeypatch.chdir(tmp_path)
+    before = run.read_bytes()
+    told = _main(capsys, "export", run, *argv, code=2)
+    assert says in told.err
+    assert told.err.count("\n") == 1
+    assert run.read_bytes() == before
+
+
+def test_estimates_are_computed_or_taken_from_beside_the_run(tmp_path, capsys):
+    run = kit.write_run(tmp_path / "walk.journal", seconds=60, cells=1)
+    told = _main(capsys, "export", run.path, "-o", tmp_path / "a.geojson", "--estimates")
+    assert "estimates of 1 cells" in told.out
+    assert "estimates are those of" not in told.err
+    found = kit.smoothed(run)
+    results.write(found, results.summary(found), results.path_beside(run.path))
+    told = _main(capsys, "export", run.path, "-o", tmp_path / "b.geojson", "--estimates")
+    assert "estimates are those of" in told.err
+    places = [
+        [f for f in json.loads((tmp_path / n).read_text())["features"] if f["properties"]["kind"] == "place"]
+        for n in ("a.geojson", "b.geojson")
+    ]
+    assert all(places)
+    assert places[0] != places[1]
+
+
+def test_a_run_without_a_fix_has_nothing_to_export(tmp_path, capsys):
+    writer = RunWriter(tmp_path / "a.journal", meta())
+    writer.append(Record(0, "modem", Scan(0, (CellReading("serving", rssi_dbm=-70.0, label="x"),))))
+    writer.close(0, "test")
+    assert "no position fix" in _main(capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a.kml", code=2).err

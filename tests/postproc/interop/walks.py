@@ -1,0 +1,29 @@
+"""A walk and its results, as they are exported."""
+
+from logger.core.runfile import RunWriter, read_run
+from logger.core.types import CellReading, Fix, Record, Scan
+from postproc.interop.estimates import estimates
+from postproc.interop.levels import walked
+from postproc.results import summary
+from tests.kit import smoothed as kit
+from tests.kit.runs import UTC0_NS, meta
+
+
+def around_a_square(tmp_path, **changes):
+    """Walk of two cells, and estimates of one."""
+    run = kit.write_run(tmp_path / "walk.journal", **{"seconds": 120, "cells": 2} | changes)
+    walk = walked(run)
+    return run, walk, estimates(summary(kit.smoothed(run, places=2)), walk.utm)
+
+
+def over_the_date_line(tmp_path):
+    """Walk eastwards over 180 degrees, with a gap of a minute on the way."""
+    writer = RunWriter(tmp_path / "date-line.journal", meta())
+    for i in range(40):
+        t_ns = (i + 60 * (i >= 30)) * 10**9
+        lon = (179.999 + i * 1e-4 + 180.0) % 360.0 - 180.0
+        writer.append(Record(t_ns, "gnss", Fix(True, UTC0_NS + t_ns, -16.5, lon, hdop=1.0)))
+        reading = CellReading("serving", "GSM", "542", "01", 1, 2, rssi_dbm=-60.0 - i % 25)
+        writer.append(Record(t_ns, "modem", Scan(t_ns, (reading,))))
+    writer.close(10**11, "test")
+    return walked(read_run(tmp_path / "date-line.journal"))
