@@ -100,9 +100,7 @@ class _Conversation:
                 self._told_ready = True
                 self._link.note("info", "modem-ready", f"modem set up by driver {self._driver.name}")
         elif self._answered and not accepted and not self._link.stop.is_set():
-            self._link.note(
-                "warning", "setup-refused", "modem did not accept its set-up; trying again at the next poll"
-            )
+            self._link.count("setup-refused", 1, "times the modem did not accept its set-up; trying again")
 
     def _identify(self) -> Family | None:
         """Ask the modem who it is; a modem that no family knows is asked twice, as its words may be damaged."""
