@@ -113,6 +113,8 @@ def _cell(result: CellResult, run: Run) -> Json:
     entry["residuals"] = _residuals(result.residuals)
     entry["truth"] = truth_of(result, run)
     entry["warnings"] = list(result.warnings)
+    if result.timing is not None:
+        entry["timing"] = result.timing._asdict()
     return entry
 
 
@@ -239,6 +241,8 @@ def _write_cell(group: h5py.Group, result: CellResult) -> None:
     group.attrs["utm_zone"] = result.obs.utm.zone
     for name in ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq"):
         group[f"observations/{name}"] = getattr(result.obs, name)
+    if result.obs.ta is not None:
+        group["observations/ta"] = result.obs.ta
     for name in ("reference", "ekf", "backward", "rts"):
         filtered: Filtered | None = getattr(result, name)
         if filtered is not None:

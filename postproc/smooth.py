@@ -12,6 +12,7 @@ from logger.core.errors import ConfigError, EstimationError
 from logger.core.locator.division import divide
 from logger.core.locator.posterior import Posterior, locate
 from logger.core.locator.prior import ENVIRONMENTS, Prior
+from logger.core.locator.timing import TimingCheck, timing_of
 from logger.core.locator.verdict import Verdict, verdict
 from logger.core.observations import (
     TIMING_S,
@@ -51,6 +52,7 @@ class CellResult:
 
     `n` counts the readings that could be used. The answer is the posterior's; the EKF forward and backward, their
     comparison, the smoother and the least-squares fit stand beside it. `residuals` are those of the posterior's place.
+    `timing` says whether the timing advances agree with the posterior; None where none was read.
     """
 
     cell: str
@@ -66,6 +68,7 @@ class CellResult:
     backward: Filtered | None = None
     comparison: Comparison | None = None
     residuals: Residuals | None = None
+    timing: TimingCheck | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +189,11 @@ def answer(obs: CellObservations, prior: Prior) -> CellResult:
         return CellResult(obs.cell, n, obs, "cannot tell", (why,))
     posterior = locate(obs, prior)
     told, reasons = verdict(posterior, obs, divide(obs, posterior))
-    return CellResult(obs.cell, n, obs, told, tuple(reasons), posterior=posterior)
+    timing = timing_of(obs.usable())
+    checked = None if timing is None else timing.check(posterior.cells)
+    if checked and checked.warning:
+        reasons.append(checked.warning)
+    return CellResult(obs.cell, n, obs, told, tuple(reasons), posterior=posterior, timing=checked)
 
 
 def _passes(obs: CellObservations, posterior: Posterior) -> Iterator[handover.EkfRun | handover.NoRun]:

@@ -79,6 +79,8 @@ def _print_cell(console: Console, cell: Json) -> None:
     for warning in cell["warnings"]:
         console.print(f"  - {warning}", markup=False)
     console.print(_estimators(cell))
+    if timing := cell.get("timing"):
+        console.print(f"  timing advance: read at {timing['places']} places, {timing['disagree']} disagree")
     if cell.get("without"):
         console.print(_by_run(cell))
     _print_truth(console, cell["truth"])

@@ -119,7 +119,9 @@ def merge(parts: Parts, modems: Sequence[int]) -> CellObservations:
     of_part = _renumbered([modems[i] for i in parts])
     modem = np.repeat(of_part, [len(obs) for obs in found]) if max(of_part) else None
     rat = next((obs.rat for obs in found if obs.rat), None)
-    return replace(found[0], rat=rat, modem=modem, **joined)
+    told = [np.full(len(obs), -1) if obs.ta is None else obs.ta for obs in found]
+    ta = None if all(obs.ta is None for obs in found) else np.concatenate(told)
+    return replace(found[0], rat=rat, modem=modem, ta=ta, **joined)
 
 
 def _cell(heard: tuple[CellObservations, Parts], modems: Sequence[int], wishes: Wishes) -> TogetherCell:

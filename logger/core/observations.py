@@ -16,6 +16,9 @@ MAX_GAP_S = 10.0
 MAX_BEYOND_S = 2.0
 """A reading may be this much older than the first fix or younger than the last one."""
 
+LAST_TA = 63
+"""Timing advances end here; a base station farther away is told as this (3GPP TS 45.010)."""
+
 _FARTHEST_M = 1e8
 
 UERE_M = 4.0
@@ -35,7 +38,8 @@ class CellObservations:
 
     `x_m, y_m` is the receiver in the run's UTM zone, `position_sigma_m` its standard deviation per axis,
     `scan_seq` the record number of the scan a level came from. `modem` numbers the modems of several runs from 0, run
-    after run; None is one modem. `known_limit` is what `limit` says where the levels no longer show it.
+    after run; None is one modem. `known_limit` is what `limit` says where the levels no longer show it. `ta` is the GSM
+    timing advance in steps of 553.5 m, -1 where none was told; None is none at all.
     """
 
     cell: str
@@ -49,6 +53,7 @@ class CellObservations:
     scan_seq: IntArray
     modem: IntArray | None = None
     known_limit: IntArray | None = None
+    ta: IntArray | None = None
 
     def __len__(self) -> int:
         return len(self.t_ns)
@@ -75,8 +80,8 @@ class CellObservations:
         """Some of the readings; which of them are at the modem's limit stays what all of them have shown."""
         names = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
         some = {name: getattr(self, name)[chosen] for name in names}
-        modem = None if self.modem is None else self.modem[chosen]
-        return replace(self, **some, modem=modem, known_limit=self.limit[chosen])
+        modem, ta = (None if column is None else column[chosen] for column in (self.modem, self.ta))
+        return replace(self, **some, modem=modem, known_limit=self.limit[chosen], ta=ta)
 
     def usable(self) -> "CellObservations":
         """The readings whose level and place are numbers, and on this Earth."""
@@ -153,7 +158,7 @@ def observe(fixes: Rows, scans: Rows, readings: Rows) -> Observations:
     level_dbm = levels_dbm(readings)
     named, heard = readings["cell"] != b"", np.isfinite(level_dbm)
     usable = known & named & heard
-    columns = (middle_ns, x_m, y_m, sigma_m, level_dbm, readings["seq"])
+    columns = (middle_ns, x_m, y_m, sigma_m, level_dbm, readings["seq"], timing_advances(readings))
     cells = _split(track.utm, readings["cell"][usable], readings["rat"][usable], [c[usable] for c in columns])
     return Observations(
         track,
@@ -171,6 +176,13 @@ def levels_dbm(readings: Rows) -> FloatArray:
     for name in ("rssi_dbm", "rscp_dbm", "rsrp_dbm"):
         level_dbm = np.where(np.isfinite(readings[name]), readings[name], level_dbm)
     return np.asarray(level_dbm, float)
+
+
+def timing_advances(readings: Rows) -> IntArray:
+    """Steps of 553.5 m, -1 where unknown: only of the serving cell, and the steps of other technologies are others."""
+    ta = readings["ta"]
+    told = (readings["role"] == b"serving") & (readings["rat"] == b"GSM") & (ta >= 0) & (ta <= LAST_TA)
+    return np.where(told, ta, -1).astype(np.int64)
 
 
 def times_ns(scans: Rows, readings: Rows) -> IntArray:
@@ -237,7 +249,9 @@ def _split(
     for i, name in enumerate(unique):
         mine = np.flatnonzero(which == i)
         mine = mine[np.argsort(columns[0][mine], kind="stable")]
-        t_ns, x_m, y_m, sigma_m, level_dbm, seq = (column[mine] for column in columns)
+        *levels, ta = (column[mine] for column in columns)
         rat = rats[mine[0]].decode() or None
-        cells.append(CellObservations(name.decode(), rat, utm, t_ns, x_m, y_m, sigma_m, level_dbm, seq))  # type: ignore[arg-type]
+        obs = CellObservations(name.decode(), rat, utm, *levels)  # type: ignore[arg-type]
+        told = np.asarray(ta, np.int64)
+        cells.append(replace(obs, ta=told) if np.any(told >= 0) else obs)
     return tuple(sorted(cells, key=len, reverse=True))

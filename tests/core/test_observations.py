@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -5,6 +7,7 @@ from logger.core.errors import EstimationError, GeoError
 from logger.core.observations import UNKNOWN_SIGMA_M, observe
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Record, Scan
+from logger.drivers.sim800 import Sim800
 from tests.kit import runs
 
 S = 10**9
@@ -95,3 +98,37 @@ def test_a_long_scan_is_smeared_over_the_way_walked_meanwhile(tmp_path):
     walked_m = found.track.x_m[-1] - found.track.x_m[0]
     np.testing.assert_allclose(obs.x_m, np.mean(found.track.x_m[[0, -1]]), atol=0.01)
     np.testing.assert_allclose(obs.position_sigma_m, np.hypot(UNKNOWN_SIGMA_M, walked_m / np.sqrt(12)), rtol=1e-3)
+
+
+def _told(ta, **changed):
+    told = CellReading("serving", "GSM", "262", "01", 1, 2, rssi_dbm=-70.0, ta=ta)
+    return replace(told, **changed)
+
+
+def test_timing_advance_of_the_serving_gsm_cell_alone(tmp_path):
+    cells = _observe(
+        tmp_path,
+        [
+            _fix(0, 13.0),
+            _scan(1, 1, _told(3)),
+            _scan(2, 2, _told(None)),
+            _scan(3, 3, _told(5, role="neighbour")),
+            _scan(4, 4, _told(0)),
+            _scan(5, 5, _told(7, rat="LTE", lac=None, tac=9)),
+            _fix(9, 13.0),
+        ],
+    ).cells
+    gsm, lte = cells
+    assert gsm.ta.tolist() == [3, -1, -1, 0]
+    assert gsm.part(gsm.t_ns > 10**9).ta.tolist() == [-1, -1, 0]
+    assert replace(gsm, level_dbm=np.array([-70.0, np.nan, -70.0, -70.0])).usable().ta.tolist() == [3, -1, 0]
+    assert lte.ta is None
+    assert lte.part(slice(None)).ta is None
+
+
+def test_timing_advance_of_a_transcript(tmp_path):
+    """255, the SIM800's word for none, never arrives; a number does."""
+    row = '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,{}"'
+    heard = [_scan(t, t, *Sim800().read([row.format(ta)])) for t, ta in ((1, "255"), (2, "04"), (3, "63"))]
+    (obs,) = _observe(tmp_path, [_fix(0, 13.0), *heard, _fix(9, 13.0)]).cells
+    assert obs.ta.tolist() == [-1, 4, 63]

@@ -14,6 +14,7 @@ from logger.core.locator.evidence import Evidence
 from logger.core.locator.offsets import Offsets, first_look, offsets
 from logger.core.locator.prior import Prior
 from logger.core.locator.region import LEVEL, Cells, area_m2, places
+from logger.core.locator.timing import timing_of
 from logger.core.locator.tree import Effort, Tree, grow, nearest_m
 from logger.core.observations import CellObservations
 
@@ -69,6 +70,7 @@ class Posterior:
     `r95_m` is the radius around it that holds 95 % of all mass, `drms_m` the root mean squared distance from it; the
     other values are means and standard deviations over the whole posterior. `limit_share` is the mass at the end of
     the searched area; `log_evidence` the log probability density of the levels under the model, to compare models.
+    Where timing advances were read the evidence is that of the levels given those, and `prior` reaches as far as they.
     `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the first.
     """
 
@@ -102,7 +104,7 @@ class Posterior:
 
 
 def locate(obs: CellObservations, prior: Prior = Prior(), effort: Effort = Effort()) -> Posterior:  # noqa: B008 (frozen)
-    """Posterior of the transmitter's position given all readings of a cell.
+    """Posterior of the transmitter's position given all readings of a cell, levels and timing advances.
 
     Raises `EstimationError` without a single reading that is a level and not the end of the modem's scale.
     """
@@ -110,6 +112,9 @@ def locate(obs: CellObservations, prior: Prior = Prior(), effort: Effort = Effor
     limit = obs.limit
     if not np.any(limit == 0):
         raise EstimationError("there is no reading of this cell within the modem's scale")
+    timing = timing_of(obs)
+    if timing is not None:
+        prior = replace(prior, reach_m=max(prior.reach_m, timing.reach_m))
     # sums of squares keep their digits when the levels are small numbers
     middle_dbm = float(np.mean(obs.level_dbm))
     obs = replace(obs, level_dbm=obs.level_dbm - middle_dbm, known_limit=limit)
@@ -119,7 +124,7 @@ def locate(obs: CellObservations, prior: Prior = Prior(), effort: Effort = Effor
     if obs.n_modems > 1:
         shifted, gone = first_look(obs, coarse, shifted)
         gathered, coarse = replace(gathered, censored=gone), replace(coarse, censored=gone)
-    tree = grow(gathered, shifted, effort, coarse)
+    tree = grow(gathered, shifted, effort, coarse, timing)
     tree.evidence.theta[0] += middle_dbm
     return replace(_summary(shifted, gathered, tree, obs.n_modems), prior=prior)
 

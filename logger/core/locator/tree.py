@@ -12,6 +12,7 @@ from logger.core.locator.blocks import Blocks
 from logger.core.locator.evidence import NODES, Evidence, Whitener, marginal, walk_sums, whiteners
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.prior import Prior
+from logger.core.locator.timing import STEP_M, Timing
 
 _SPLIT_SHARE = 0.002
 _MIN_CELL_M = 0.5
@@ -46,7 +47,8 @@ class Tree(NamedTuple):
     """Leaves of the cell tree, shape (h,) each: centre, side, log prior density, and what the walk says there.
 
     `numbers` (c,) are the hypotheses that `evidence` is about: those the walk has not ruled out. `log_weight` (c,) is
-    theirs where `evidence` cannot compare them.
+    theirs where `evidence` cannot compare them. `log_timing` (h,) is what the timing advances say, None without any:
+    no hypothesis of the levels' noise, nor its trust, concerns them.
     """
 
     x_m: FloatArray
@@ -56,10 +58,13 @@ class Tree(NamedTuple):
     evidence: Evidence
     numbers: IntArray
     log_weight: FloatArray | None
+    log_timing: FloatArray | None = None
 
     def mixture(self, prior: Prior, power: float = 1.0) -> Mixture:
         """Probability of hypotheses and leaves; `power` below 1 flattens the likelihood."""
         log_mass = self.log_prior + 2.0 * np.log(self.size_m)
+        if self.log_timing is not None:
+            log_mass += power * self.log_timing
         return mixture(power * self.evidence.log_p, log_mass, self.numbers, prior, self.log_weight)
 
 
@@ -71,6 +76,7 @@ class Walk(NamedTuple):
     effort: Effort
     found: list[Whitener]
     log_weight: FloatArray | None
+    timing: Timing | None
 
     def at(self, square: FloatArray) -> Tree:
         """Leaves at squares (3, h): x, y, side."""
@@ -78,12 +84,17 @@ class Walk(NamedTuple):
         joined = Evidence(*(np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)))
         numbers = np.array([w.number for w in self.found])
         log_weight = None if self.log_weight is None else self.log_weight[numbers]
-        return Tree(
-            square[0], square[1], square[2], log_prior(self.blocks, self.prior, square), joined, numbers, log_weight
-        )
+        density = log_prior(self.blocks, self.prior, square)
+        return Tree(square[0], square[1], square[2], density, joined, numbers, log_weight, self._timing(square))
 
     def _starts(self, square: FloatArray) -> range:
         return range(0, square.shape[1], _CHUNK)
+
+    def _timing(self, square: FloatArray) -> FloatArray | None:
+        if self.timing is None:
+            return None
+        found = [self.timing.log_p(*square[:2, i : i + _CHUNK]) for i in self._starts(square)]
+        return np.concatenate(found)
 
     def _evidence(self, x_m: FloatArray, y_m: FloatArray) -> Evidence:
         total = walk_sums(self.blocks, self.found, self.prior, x_m, y_m)
@@ -94,30 +105,39 @@ class Walk(NamedTuple):
         return censored.added(of_levels, self.blocks, [w.number for w in self.found], self.prior, x_m, y_m)
 
 
-def grow(blocks: Blocks, prior: Prior, effort: Effort = Effort(), coarse: Blocks | None = None) -> Tree:  # noqa: B008
+def grow(
+    blocks: Blocks,
+    prior: Prior,
+    effort: Effort = Effort(),  # noqa: B008 (frozen)
+    coarse: Blocks | None = None,
+    timing: Timing | None = None,
+) -> Tree:
     """Split cells until none that holds much of the mass is large.
 
     `coarse` is the same walk in fewer blocks: the search begins with those, and they decide which noise is plausible
     enough to be searched with all blocks.
     """
     rough = blocks if coarse is None else coarse
-    prior, log_weight = _despite_censoring(blocks, prior, effort)
+    prior, log_weight = _despite_censoring(blocks, prior, effort, timing)
     worth = None if log_weight is None else np.flatnonzero(log_weight > np.max(log_weight) + log(_PLAUSIBLE)).tolist()
-    walk = Walk(rough, prior, effort, whiteners(rough, prior, worth), log_weight)
+    walk = Walk(rough, prior, effort, whiteners(rough, prior, worth), log_weight, timing)
     if rough is not blocks:
         walk = walk._replace(effort=effort._replace(most_cells=_MOST_SCOUTS, split_share=5.0 * effort.split_share))
-    begun = _grown(walk, walk.at(first_cells(rough, prior, effort.first_share)))
+    begun = _grown(walk, walk.at(first_cells(rough, prior, effort.first_share, timing)))
     if len(rough) == len(blocks):
         return begun
     square = np.stack([begun.x_m, begun.y_m, begun.size_m])
     walk = walk._replace(blocks=blocks, effort=effort, found=whiteners(blocks, prior, worth))
     if log_weight is None:
-        best = np.unique(np.argsort(-begun.evidence.log_p - begun.log_prior, axis=1)[:, :_SCOUTS])
+        told = 0.0 if begun.log_timing is None else begun.log_timing
+        best = np.unique(np.argsort(-begun.evidence.log_p - begun.log_prior - told, axis=1)[:, :_SCOUTS])
         walk = walk._replace(found=_plausible(walk.at(square[:, best]), prior, walk.found))
     return _grown(walk, walk.at(square))
 
 
-def _despite_censoring(blocks: Blocks, prior: Prior, effort: Effort) -> tuple[Prior, FloatArray | None]:
+def _despite_censoring(
+    blocks: Blocks, prior: Prior, effort: Effort, timing: Timing | None
+) -> tuple[Prior, FloatArray | None]:
     """Prior of sigma and log weight of all hypotheses where readings are censored; as they were, and None, elsewhere.
 
     Beside the end of the scale only high levels are kept, which looks like less and correlated noise: sigma and the
@@ -129,8 +149,8 @@ def _despite_censoring(blocks: Blocks, prior: Prior, effort: Effort) -> tuple[Pr
     if len(clear) < _FEWEST_CLEAR:
         return prior, prior.log_odds
     quick = effort._replace(most_cells=effort.most_cells // 10, split_share=5.0 * effort.split_share)
-    walk = Walk(clear, prior, quick, whiteners(clear, prior), None)
-    tree = _grown(walk, walk.at(first_cells(clear, prior, effort.first_share)))
+    walk = Walk(clear, prior, quick, whiteners(clear, prior), None, timing)
+    tree = _grown(walk, walk.at(first_cells(clear, prior, effort.first_share, timing)))
     share = tree.mixture(prior).share
     sigma_db = float(np.sum(share * tree.evidence.sigma_db))
     spread = float(np.sqrt(0.5 / len(clear)))
@@ -165,8 +185,11 @@ def nearest_m(blocks: Blocks, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.min(d2, axis=1)), float)
 
 
-def first_cells(blocks: Blocks, prior: Prior, share: float) -> FloatArray:
-    """Cells no larger than `share` of their distance from the walk, out to the reach; rows x, y, size."""
+def first_cells(blocks: Blocks, prior: Prior, share: float, timing: Timing | None = None) -> FloatArray:
+    """Cells no larger than `share` of their distance from the walk, out to the reach; rows x, y, size.
+
+    Those on a ring of the timing advance are no larger than it is wide.
+    """
     low = np.array([np.min(blocks.x_m), np.min(blocks.y_m)])
     high = np.array([np.max(blocks.x_m), np.max(blocks.y_m)])
     finest_m = max(5.0, len(blocks) * blocks.size_m / 200.0) * share / 0.5
@@ -174,6 +197,8 @@ def first_cells(blocks: Blocks, prior: Prior, share: float) -> FloatArray:
     done = []
     while square.size:
         large = square[2] > np.maximum(finest_m, share * nearest_m(blocks, square[0], square[1]))
+        if timing is not None:
+            large |= (square[2] > STEP_M) & timing.near(square)
         done.append(square[:, ~large])
         square = _children(square[:, large])
     return np.concatenate(done, axis=1)
@@ -215,7 +240,9 @@ def _split(walk: Walk, tree: Tree, wanted: BoolArray) -> Tree:
     new = walk.at(_children(square))
     joined = Evidence(*(_join(a, b, wanted) for a, b in zip(tree.evidence, new.evidence, strict=True)))
     x_m, y_m, size_m, log_density = (_join(a, b, wanted) for a, b in zip(tree[:4], new[:4], strict=True))
-    return Tree(x_m, y_m, size_m, log_density, joined, tree.numbers, tree.log_weight)
+    old, told = tree.log_timing, new.log_timing
+    log_timing = None if old is None or told is None else _join(old, told, wanted)
+    return Tree(x_m, y_m, size_m, log_density, joined, tree.numbers, tree.log_weight, log_timing)
 
 
 def _join(old: FloatArray, new: FloatArray, replaced: BoolArray) -> FloatArray:

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,6 +9,7 @@ from logger.core.locator.blocks import blocks
 from logger.core.locator.mixture import mixture
 from logger.core.locator.prior import Prior
 from logger.core.locator.region import Cells, area_m2, highest_density
+from logger.core.locator.timing import STEP_M, timing_of
 from logger.core.locator.tree import Effort, first_cells, grow
 from tests.kit.walks import observations, simulate
 
@@ -147,6 +149,18 @@ def test_first_cells_are_small_near_the_walk_and_reach_the_end(share):
     assert np.sum(size**2) == pytest.approx((2.0 * Prior().reach_m + 180.0) ** 2, rel=1e-9)
     assert np.max(x + 0.5 * size) == pytest.approx(90.0 + 90.0 + Prior().reach_m)
     assert len(x) < 3000
+
+
+def test_first_cells_on_a_ring_of_the_timing_advance_are_no_larger_than_its_step():
+    track, told = blocks(walk(), 300), replace(walk(), ta=np.full(24, 20))
+    plain = first_cells(track, Prior(), 0.5)
+    x, y, size = first_cells(track, Prior(), 0.5, timing_of(told))
+    away = np.hypot(x - 90.0, y - 60.0)
+    ring = (away > 19.0 * STEP_M) & (away < 21.0 * STEP_M)
+    assert np.max(size[ring]) <= STEP_M < np.max(plain[2])
+    assert np.sum(size**2) == pytest.approx(np.sum(plain[2] ** 2))
+    far = away > 24_000.0
+    assert np.max(size[far]) > 4.0 * STEP_M
 
 
 def test_places_of_the_prior_fade_beyond_what_is_near():
