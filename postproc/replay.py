@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
-from logger.core.live import LiveTracker
+from logger.core.live import BEHIND, LiveTracker
 from logger.core.runfile import Run
 from logger.core.types import LiveEstimate
 
@@ -40,10 +41,10 @@ def estimates(run: Run) -> Iterator[LiveEstimate]:
 
 
 def replay(run: Run) -> Replay:
-    """Repeat the live estimate and compare; where the plug was pulled, the last second may lack either side."""
+    """Repeat the live estimate and compare; a pulled plug or a slow device may lack the end."""
     recorded = [record.value for _, record in run.records("live") if isinstance(record.value, LiveEstimate)]
     again = list(estimates(run))
-    if run.end is None:
+    if run.end is None or np.any(run.tables["notes"]["code"] == BEHIND.encode()):
         common = min(len(recorded), len(again))
         recorded, again = recorded[:common], again[:common]
     n_equal, first, largest = 0, None, 0.0

@@ -5,13 +5,13 @@ beside them (`live_reference`). After each scan the one cell that needs it most 
 amount of work, however many cells are heard.
 """
 
-from collections import deque
 from dataclasses import replace
 from math import hypot
 from typing import NamedTuple
 
 from logger.core.errors import GeoError
 from logger.core.geo import Utm
+from logger.core.held import Held
 from logger.core.live_cell import CellEstimate, Heard, LiveCell
 from logger.core.live_reference import STAGE, LiveReference
 from logger.core.live_settings import LiveSettings
@@ -22,9 +22,8 @@ from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
 LIVE_DECORRELATION_M = (12.0, 40.0, 200.0)
 LIVE_WHITE_SHARES = (0.05, 0.4)
-
-_FIXES_KEPT = 4000
-"""A scan of all networks takes up to three minutes, and a fast receiver gives ten fixes a second."""
+BEHIND = "estimate-behind"
+"""Code of the Note of a device that could not keep up: the last recorded scans have no live estimate."""
 
 
 class Receiver(NamedTuple):
@@ -42,10 +41,10 @@ class LiveTracker:
     """Follows the records of one run; `feed` them in recorded order."""
 
     def __init__(self, settings: LiveSettings) -> None:
-        self._settings = settings
+        self.settings = settings
         self._prior = live_prior(settings)
         self._utm: Utm | None = None
-        self._fixes: deque[tuple[int, Receiver | None]] = deque(maxlen=_FIXES_KEPT)
+        self._fixes = Held[Receiver](settings.max_fix_age_s)
         self._unmapped = False
         self._reference = LiveReference(settings)
         self._cells: dict[str, LiveCell] = {}  # the one not heard for longest first
@@ -54,11 +53,6 @@ class LiveTracker:
     def target(self) -> str | None:
         """The cell of the default view: the strongest, or the configured one."""
         return self._reference.target
-
-    def fix_at(self, t_ns: int) -> Receiver | None:
-        """The fix that held at a time not long ago, None without a fresh one."""
-        fix_ns, fix = next((entry for entry in reversed(self._fixes) if entry[0] <= t_ns), (0, None))
-        return fix if t_ns - fix_ns <= self._settings.max_fix_age_s * 1e9 else None
 
     def feed(self, seq: int, record: Record) -> list[Note | LiveEstimate]:
         """Take the next record; returns what is to be recorded because of it."""
@@ -70,28 +64,29 @@ class LiveTracker:
         return []
 
     def _take_fix(self, seq: int, t_ns: int, fix: Fix) -> list[Note | LiveEstimate]:
-        before = self._fixes[-1][1] if self._fixes else None
-        self._fixes.append((t_ns, None))
+        before = self._fixes.last
         if not fix.valid or fix.lat_deg is None or fix.lon_deg is None:
+            self._fixes.add(t_ns, None)
             return []
         try:
             self._utm = self._utm or Utm.at(fix.lat_deg, fix.lon_deg)
             x_m, y_m = self._utm.to_xy(fix.lat_deg, fix.lon_deg)
         except GeoError as error:
+            self._fixes.add(t_ns, None)
             if not self._unmapped:
                 self._unmapped = True
                 return [Note("warning", "unmapped", f"no live estimate: {error}")]
             return []
         sigma_m, speed_mps = fix_sigma_m(fix.acc_m, fix.hdop), _speed_mps(fix, before, t_ns, x_m, y_m)
-        self._fixes[-1] = (t_ns, Receiver(seq, t_ns, x_m, y_m, sigma_m, speed_mps))
+        self._fixes.add(t_ns, Receiver(seq, t_ns, x_m, y_m, sigma_m, speed_mps))
         return []
 
     def _heard_from(self, scan: Scan, t_ns: int) -> Receiver | None:
         """Where a scan was heard: at its middle, smeared over the way walked meanwhile."""
-        held = self.fix_at(t_ns)
+        held = self._fixes.at(t_ns)
         if held is None or t_ns - scan.t_start_ns <= TIMING_S * 1e9:
             return held
-        begun, middle = self.fix_at(scan.t_start_ns), self.fix_at((scan.t_start_ns + t_ns) // 2)
+        begun, middle = self._fixes.at(scan.t_start_ns), self._fixes.at((scan.t_start_ns + t_ns) // 2)
         if begun is None or middle is None:
             return None
         smear_m = smeared_sigma_m(hypot(held.x_m - begun.x_m, held.y_m - begun.y_m))
@@ -123,7 +118,7 @@ class LiveTracker:
             return []
         cell = self._cells.pop(name, None) or LiveCell(self._prior)
         self._cells[name] = cell
-        if len(self._cells) > self._settings.most_cells:
+        if len(self._cells) > self.settings.most_cells:
             del self._cells[next(iter(self._cells))]
         sigma_m = hypot(at.sigma_m, TIMING_S * at.speed_mps)
         estimate = cell.take(Heard(at.x_m, at.y_m, sigma_m, level_dbm, limit_of(level_dbm, reading.rat)))

@@ -1,4 +1,4 @@
-"""The writer thread: takes records from the inbox, runs the live estimate, and makes both durable every second."""
+"""The writer thread: takes records from the inbox, hands them to the live estimate, makes all durable every second."""
 
 import logging
 import threading
@@ -7,11 +7,12 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
-from logger.core.live import LiveTracker
-from logger.core.live_reference import STAGE
+from logger.core.held import Held
+from logger.core.live import BEHIND, LiveTracker
 from logger.core.runfile import FLOOR_BYTES, RunWriter
-from logger.core.types import Level, LiveEstimate, Note, Record, Scan
+from logger.core.types import Fix, Level, LiveEstimate, Note, Record, Scan
 from logger.device.clock import Clock
+from logger.device.estimator import Estimator
 from logger.device.link import Inbox
 from logger.device.room import RoomKeeper
 
@@ -22,6 +23,9 @@ TICK_S = 1.0
 
 STOP_PATIENCE_TICKS = 10
 """How often a stop tries again to get what waits in memory onto a card that is full or failing."""
+
+ESTIMATE_PATIENCE_S = 20.0
+"""How long a stop waits for the live estimate of what has been recorded; systemd gives a stop 60 s."""
 
 
 class Recorder:
@@ -44,7 +48,9 @@ class Recorder:
         floor_bytes: int = FLOOR_BYTES,
     ) -> None:
         self._writer = writer
-        self._tracker = tracker
+        self._estimator = Estimator(tracker, inbox)
+        self._fixes = Held[int](tracker.settings.max_fix_age_s)
+        self._behind = False
         self._inbox = inbox
         self._clock = clock
         self._ended = ended
@@ -55,7 +61,11 @@ class Recorder:
         self.failing = ""
         self.error: Exception | None = None
         self.counts: Counter[str] = Counter()
-        self.latest: LiveEstimate | None = None
+
+    @property
+    def latest(self) -> LiveEstimate | None:
+        """Newest live estimate of the target."""
+        return self._estimator.latest
 
     @property
     def state(self) -> str:
@@ -70,6 +80,7 @@ class Recorder:
 
     def run(self) -> None:
         try:
+            self._estimator.start()
             while self._stop_reason is None:
                 self._take_until(time.monotonic() + TICK_S)
                 self._flush()
@@ -81,8 +92,11 @@ class Recorder:
 
     def _close(self, reason: str) -> None:
         self._room.finish()
-        while (record := self._inbox.get(0.0)) is not None:
-            self._append(record)
+        self._empty_inbox()
+        self._flush()
+        if not self._estimator.finish(ESTIMATE_PATIENCE_S):
+            self._tell_behind()
+        self._empty_inbox()
         self._flush()
         for _ in range(STOP_PATIENCE_TICKS):
             if not self.failing:
@@ -92,6 +106,10 @@ class Recorder:
         self._append(self._note("info", "stop", reason))
         digest = self._writer.close(self._clock.now_ns(), reason)
         log.info("%s is sealed with digest %s", self._writer.path, digest)
+
+    def _empty_inbox(self) -> None:
+        while (record := self._inbox.get(0.0)) is not None:
+            self._append(record)
 
     def _take_until(self, end_s: float) -> None:
         while (record := self._inbox.get(end_s - time.monotonic())) is not None:
@@ -106,19 +124,21 @@ class Recorder:
 
     def _append(self, record: Record) -> None:
         if isinstance(scan := record.value, Scan):
-            begun, ended = self._tracker.fix_at(scan.t_start_ns), self._tracker.fix_at(record.t_ns)
-            scan = replace(scan, fix_start_seq=begun and begun.seq, fix_seq=ended and ended.seq)
+            scan = replace(scan, fix_start_seq=self._fixes.at(scan.t_start_ns), fix_seq=self._fixes.at(record.t_ns))
             record = replace(record, value=scan)
             self.counts["readings"] += len(scan.readings)
         self.counts[type(record.value).__name__] += 1
         seq = self._writer.append(record)
-        for value in self._tracker.feed(seq, record):
-            self._writer.append(Record(record.t_ns, "live", value))
-            if isinstance(value, LiveEstimate):
-                if value.cell == self._tracker.target and value.stage != STAGE:
-                    self.latest = value
-            elif isinstance(value, Note):
-                log.info("live: %s", value.text)
+        if isinstance(record.value, Fix):
+            self._fixes.add(record.t_ns, seq if record.value.valid else None)
+        if isinstance(record.value, Fix | Scan) and not self._estimator.give(seq, record):
+            self._tell_behind()
+
+    def _tell_behind(self) -> None:
+        """Say once that the live estimate has not kept up."""
+        if not self._behind:
+            self._behind = True
+            self._append(self._note("warning", BEHIND, "the live estimate has not kept up; the desk computes the rest"))
 
     def _sync(self) -> None:
         """Flush; on a full or failing card the records wait in memory, and both turns of fate are told once."""

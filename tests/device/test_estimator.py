@@ -1,0 +1,79 @@
+"""The live estimate beside the recording: in order, never in its way."""
+
+import threading
+import time
+
+from logger.core.live import LiveTracker
+from logger.core.live_settings import LiveSettings
+from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
+from logger.device import estimator
+from logger.device.estimator import Estimator
+from logger.device.link import Inbox
+from tests.kit import runs
+
+S = 10**9
+
+
+def walk(n):
+    for t in range(n):
+        yield 2 * t, Record(t * S, "gnss", Fix(True, None, 52.0, 13.0 + 2e-5 * t, hdop=1.0))
+        yield 2 * t + 1, Record(t * S + 1, "modem", Scan(t * S, (runs.reading(1, -70.0 - t % 7),)))
+
+
+def told(inbox):
+    values = []
+    while (record := inbox.get(0.0)) is not None:
+        values.append(record.value)
+    return values
+
+
+class Slow(LiveTracker):
+    """A tracker on a processor that takes its time."""
+
+    go = threading.Event()
+
+    def feed(self, seq, record):
+        self.go.wait(20.0)
+        return super().feed(seq, record)
+
+
+def test_what_is_found_is_what_a_tracker_finds_in_that_order():
+    inbox, alone = Inbox(), LiveTracker(LiveSettings())
+    beside = Estimator(LiveTracker(LiveSettings()), inbox)
+    beside.start()
+    expected = []
+    for seq, record in walk(30):
+        expected += alone.feed(seq, record)
+        assert beside.give(seq, record)
+    assert beside.finish(20.0)
+    assert told(inbox) == expected
+    assert beside.latest == [v for v in expected if isinstance(v, LiveEstimate) and v.stage == "locator"][-1]
+
+
+def test_a_slow_processor_holds_nobody_up_and_is_told(monkeypatch):
+    monkeypatch.setattr(estimator, "MOST_WAITING", 10)
+    beside = Estimator(Slow(LiveSettings()), Inbox())
+    beside.start()
+    start_s = time.monotonic()
+    taken = [beside.give(seq, record) for seq, record in walk(30)]
+    assert time.monotonic() - start_s < 5.0
+    assert taken[0]
+    assert not taken[-1]
+    assert taken == sorted(taken, reverse=True)  # once behind, nothing more: the desk needs a beginning without holes
+    assert not beside.finish(0.1)
+    Slow.go.set()
+
+
+def test_a_bug_in_the_estimate_is_an_event_and_no_end():
+    class Broken(LiveTracker):
+        def feed(self, seq, record):
+            raise ZeroDivisionError("oops")
+
+    inbox = Inbox()
+    beside = Estimator(Broken(LiveSettings()), inbox)
+    beside.start()
+    beside.give(*next(walk(1)))
+    assert not beside.finish(5.0)
+    (note,) = told(inbox)
+    assert isinstance(note, Note)
+    assert (note.code, note.text) == ("internal", "ZeroDivisionError: oops")
