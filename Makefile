@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 DEMO := demo-out
 
-.PHONY: demo test test-oldest lint test-faults fuzz soak bench scoreboard wheels clean
+.PHONY: demo test test-oldest lint test-faults test-boot fuzz soak bench scoreboard wheels clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -43,7 +43,7 @@ wheels: .venv/pip.stamp
 test-faults: .venv/dev.stamp
 	CELLWALK_KILLS=50 $(BIN)/pytest -s tests/device/test_kill.py
 	$(BIN)/pytest -s tests/device/test_faults.py
-	$(BIN)/pytest -m slow --deselect tests/device/test_kill.py --deselect tests/core/runfile/test_soak.py
+	$(BIN)/pytest -m slow --ignore tests/boot --deselect tests/device/test_kill.py --deselect tests/core/runfile/test_soak.py
 
 # coverage-guided, an hour each; see tests/fuzz/README.md
 FUZZ_S ?= 3600
@@ -52,6 +52,11 @@ fuzz: .venv/dev.stamp
 	mkdir -p .venv/fuzz/at .venv/fuzz/nmea
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_at.py -max_total_time=$(FUZZ_S) .venv/fuzz/at
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_nmea.py -max_total_time=$(FUZZ_S) .venv/fuzz/nmea
+
+# a real boot under QEMU by ../shared/bootrig: install, walk, unplug, cut the power; half an hour without KVM
+# CELLWALK_CUTS=300 CELLWALK_REPLUGS=50 CELLWALK_BOARD=arm64 CELLWALK_BOOT_CACHE=DIR (for the image; 6 GB)
+test-boot: .venv/dev.stamp
+	$(BIN)/pytest -s tests/boot
 
 # a day of records at full speed, and what an hour costs the card
 soak: .venv/dev.stamp

@@ -26,6 +26,10 @@ _NAMES: dict[Rat, tuple[str, ...]] = {
 RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {n: rat for rat, ns in _NAMES.items() for n in ns}
 
 
+_LAST_DAY = 100_000
+"""Of the days that nanoseconds since 1970 can count; the year 2243."""
+
+
 def text(fields: Fields, *names: str) -> str:
     """First value among `names` that is not empty, "" without one."""
     for name in names:
@@ -108,4 +112,6 @@ def utc_ns_of(found: str, name: str) -> int:
     if when.tzinfo is None:
         when = when.replace(tzinfo=UTC)
     since = when - datetime(1970, 1, 1, tzinfo=UTC)
+    if not 0 <= since.days < _LAST_DAY:
+        raise ValueError(f"{name} is no time of a walk: {found[:40]!r}")
     return ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1000

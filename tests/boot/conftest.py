@@ -1,0 +1,47 @@
+import os
+import shutil
+import subprocess
+
+import pytest
+
+from logger.sim.scenario import scenario
+
+
+@pytest.fixture(scope="session")
+def workplace():
+    """A folder with short paths (sockets are in it), emptied at the next time; a run takes some GB."""
+    from tests.boot.machines import BOARD, CACHE
+
+    folder = CACHE / f"work-{BOARD}"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def installed(workplace):
+    """A card on which the one command of systemd/README.md was run, without a network, and the ports were probed."""
+    from tests.boot import machines, players
+
+    board = machines.rig.BOARDS[machines.BOARD]
+    if shutil.which(board["qemu"][0]) is None:
+        pytest.skip(f"no {board['qemu'][0]} here")
+    if not board["share"]:
+        pytest.skip(f"the rig shows no folder of the host to a {machines.BOARD}, so that nothing can be installed")
+    image = machines.CACHE / f"base-{board['arch']}.raw"
+    if not image.exists() and os.getuid() != 0:
+        pytest.skip("only root can build the image of the boot rig")
+    subprocess.run([machines.RIG / "build_image.sh", machines.CACHE, board["arch"]], check=True)
+    wheels = {"amd64": "x86_64", "arm64": "aarch64"}[board["arch"]]
+    subprocess.run(["make", "-C", machines.REPOSITORY, "wheels", f"ARCH={wheels}"], check=True)
+
+    card = machines.rig.Card(workplace / "installed.raw", image)
+    with (
+        machines.machine(card, workplace / "install", share=machines.REPOSITORY) as m,
+        players.carried(m, scenario()),
+    ):
+        m.boot(machines.BOOT_S)
+        print(m.run("/mnt/host/systemd/install.sh --wheels /mnt/host/dist/wheels", timeout=600))
+        print(m.run("fieldlogger probe --write /tmp/site.toml && cp /tmp/site.toml /etc/cellwalk/", timeout=300))
+        m.poweroff(machines.BOOT_S)
+    return card

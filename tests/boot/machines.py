@@ -1,0 +1,54 @@
+"""Machines of the boot rig that have the logger installed, and what is asked of them."""
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[2]
+RIG = REPOSITORY.parent / "shared/bootrig"
+CACHE = Path(os.environ.get("CELLWALK_BOOT_CACHE", "~/.cache/cellwalk-boot")).expanduser()
+BOARD = os.environ.get("CELLWALK_BOARD", "amd64")
+USB = {"modem": "MODEM01", "gps": "GPS01"}
+RUNS = "/var/lib/cellwalk"
+BOOT_S = 540.0
+"""Longest boot of a busy machine without KVM."""
+
+sys.path.append(str(RIG))
+rig = pytest.importorskip("rig", reason="the boot rig is not beside this repository")
+
+
+def machine(card, folder: Path, share: Path | None = None):
+    """A machine with both adapters; to be used in a `with`."""
+    return rig.Machine(card, CACHE, folder, board=BOARD, usb=USB, share=share)
+
+
+def status(m) -> dict:
+    """What status.json says; empty while there is none."""
+    text = m.run("cat /run/cellwalk/status.json", check=False)
+    return json.loads(text) if text.startswith("{") else {}
+
+
+def wait_recording(m, more_fixes: int = 0, seconds: float = 180.0) -> None:
+    """Wait until the logger records positions, and then for some more."""
+    end_s, wanted = time.monotonic() + seconds, None
+    while True:
+        now = status(m)
+        if now.get("state") == "recording" and wanted is None:
+            wanted = now["fixes"] + more_fixes
+        if wanted is not None and now.get("fixes", 0) >= wanted:
+            return
+        assert time.monotonic() < end_s, now or m.run("journalctl -b -u fieldlogger | tail", check=False)
+        time.sleep(1.0)
+
+
+def boottime_zero_s(m) -> float:
+    """The host's monotonic time at which CLOCK_BOOTTIME of the guest was 0; never late, and early by milliseconds."""
+    zeros = []
+    for _ in range(5):
+        asked_s = time.monotonic()
+        zeros.append(asked_s - float(m.run("cut -d' ' -f1 /proc/uptime")))
+    return max(zeros)

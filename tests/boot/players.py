@@ -1,0 +1,61 @@
+"""The far ends of the rig's adapters: the modem and the receiver of a simulated walk, in real time."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from logger.device.clock import SystemClock
+from logger.sim.clock import WalkTime
+from logger.sim.scenario import Scenario
+
+players = pytest.importorskip("players", reason="the boot rig is not beside this repository")
+
+
+class Modem(players.Player):
+    """A simulated modem, switched on with the machine."""
+
+    def __init__(self, path, device):
+        super().__init__(path)
+        self._device = device
+
+    def play(self, s):
+        self._device.restart()
+        super().play(s)
+
+    def heard(self, data):
+        self._sock.sendall(self._device.feed(data))
+
+    def tick(self):
+        if said := self._device.unasked():
+            self.send(said)
+
+
+class Receiver(players.Player):
+    """A simulated receiver that says something each second, heard or not."""
+
+    def __init__(self, path, device, time):
+        super().__init__(path)
+        self._device = device
+        self._time = time
+        self._next_s = 0.0
+
+    def tick(self):
+        if self._time.now_s() >= self._next_s:
+            self.send(self._device.epoch(self._next_s))
+            self._next_s = max(self._next_s + 1.0, self._time.now_s() // 1.0)
+
+
+@contextmanager
+def carried(machine, walk: Scenario) -> Iterator[WalkTime]:
+    """Modem and receiver at the ports of a machine, carried along a walk that begins now, through all its boots."""
+    time = WalkTime(SystemClock())
+    modem = Modem(machine.socket("modem"), walk.modem(time.now_s))
+    receiver = Receiver(machine.socket("gps"), walk.receiver(cold_start_s=0.0), time)
+    modem.start()
+    receiver.start()
+    try:
+        yield time
+    finally:
+        modem.stop()
+        receiver.stop()
