@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -12,7 +13,7 @@ from serial.tools import list_ports
 from logger.core.errors import DeviceError
 from logger.device.port import Port
 from logger.drivers.at import AtFramer
-from logger.drivers.dialogue import Command, Dialogue, Reply
+from logger.drivers.dialogue import Command, Dialogue, Reply, driven
 from logger.drivers.nmea import NmeaFramer, Sentence
 from logger.drivers.privacy import Blanker
 from logger.drivers.registry import identified
@@ -119,14 +120,7 @@ def _answers(port: Port) -> bool:
 
 def converse(port: Port, dialogue: Dialogue[T]) -> T:
     """Drive a dialogue over an open port."""
-    framer = AtFramer()
-    try:
-        command = next(dialogue)
-        while True:
-            command = dialogue.send(_ask(port, framer, command))
-    except StopIteration as done:
-        result: T = done.value
-        return result
+    return driven(dialogue, partial(_ask, port, AtFramer()))
 
 
 def _ask(port: Port, framer: AtFramer, command: Command) -> Reply:

@@ -15,7 +15,6 @@ from logger.core.pathloss import MIN_DISTANCE_M, log_distance_db
 from .world import Place, Walk
 
 _C = 10.0 / log(10.0)
-_DIRECTIONS = 2000
 
 
 def slope_db_per_m(walk: Walk, x_m: FloatArray, y_m: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -36,21 +35,3 @@ def covariance_bound(
     information = g.T @ np.linalg.solve(covariance_db2, g)
     information[[2, 3], [2, 3]] += prior_precision
     return np.asarray(np.linalg.inv(information), float)
-
-
-def median_error_m(covariance: FloatArray) -> float:
-    """Median distance from its mean of a plane Gaussian with covariance (2, 2).
-
-    With semi-axes a and b of one sigma, half the mass lies within r where the mean over the directions t of
-    exp(-r^2 (cos^2 t / a^2 + sin^2 t / b^2) / 2) w(t) is one half; found by halving the interval.
-    """
-    large, small = np.sqrt(np.linalg.eigvalsh(covariance)[::-1])
-    t = (np.arange(_DIRECTIONS) + 0.5) * np.pi / _DIRECTIONS
-    steep = (np.cos(t) / large) ** 2 + (np.sin(t) / small) ** 2
-    weight = 1.0 / (steep * large * small) / _DIRECTIONS
-    low, high = 0.0, 2.0 * float(large)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        beyond = float(np.sum(weight * np.exp(-0.5 * steep * middle**2)))
-        low, high = (middle, high) if beyond > 0.5 else (low, middle)
-    return middle

@@ -8,10 +8,11 @@ from time import process_time
 import numpy as np
 
 from logger.core.errors import EstimationError
+from postproc.validate.bound import median_error_m
 
 from . import exact, ours
 from .answer import Answer, Ellipse95
-from .bound import covariance_bound, median_error_m
+from .bound import covariance_bound
 from .facts import facts_of
 from .filters import FILTERS
 from .peers import least_squares_fit, strongest_sample, weighted_centroid

@@ -2,19 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime, time
 from typing import TypeVar
 
 from logger.config import ModemSettings
 from logger.core.errors import DeviceError
+from logger.core.timebase import EARLIEST_UTC_NS
 from logger.core.types import CellReading, Fix, Scan
 from logger.device.link import Link
 from logger.drivers.at import AtFramer, Unsolicited
-from logger.drivers.dialogue import Command, Dialogue, Reply
+from logger.drivers.dialogue import Command, Dialogue, Reply, driven
 from logger.drivers.family import Family
 from logger.drivers.garbage import Garbage
 from logger.drivers.generic import Generic
-from logger.drivers.nmea_fix import EARLIEST_UTC
 from logger.drivers.registry import driver_of, identified
 from logger.drivers.rows import Operator, Row
 
@@ -30,8 +29,6 @@ PAUSE_S = 1.0
 """Silence after which they have stopped coming."""
 STORM = 100
 """Unasked lines in ten seconds that are worth a Note; a modem that is well says a few."""
-
-_EARLIEST_UTC_NS = round(datetime.combine(EARLIEST_UTC, time(), UTC).timestamp()) * 10**9
 
 
 def modem_session(link: Link, settings: ModemSettings, *, locates: bool = False) -> None:
@@ -161,13 +158,7 @@ class _Conversation:
             self._link.emit(Scan(start_ns, readings), end_ns)
 
     def _talk(self, dialogue: Dialogue[T]) -> T:
-        try:
-            command = next(dialogue)
-            while True:
-                command = dialogue.send(self._ask(command))
-        except StopIteration as done:
-            result: T = done.value
-            return result
+        return driven(dialogue, self._ask)
 
     def _ask(self, command: Command) -> Reply:
         """Send a command and wait for its reply; a timeout is a reply too, and so is a restart."""
@@ -265,4 +256,4 @@ class _Conversation:
 
 def _credible(fix: Fix) -> Fix:
     """The fix without a time that no run can have: a receiver's clock begins in 1980, or 1024 weeks too early."""
-    return replace(fix, utc_ns=None) if fix.utc_ns is not None and fix.utc_ns < _EARLIEST_UTC_NS else fix
+    return replace(fix, utc_ns=None) if fix.utc_ns is not None and fix.utc_ns < EARLIEST_UTC_NS else fix

@@ -17,7 +17,7 @@ from logger.config import GNSS_OF_MODEM, SiteConfig
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.geo import Utm
 from logger.core.live import LiveTracker
-from logger.core.runfile import RunMeta, RunWriter, Truth, finish_journal, journal_path, unfinished
+from logger.core.runfile import RunMeta, RunWriter, Truth, finish_journal, journal_path, recover
 from logger.device.clock import Clock, boot_id
 from logger.device.gpsd_link import receiver_session
 from logger.device.leds import Lamp, Sign
@@ -234,16 +234,13 @@ def run_service(config: SiteConfig, config_text: str, clock: Clock, duration_s: 
     return run
 
 
-def recover_folder(folder: Path) -> list[Path]:
+def recover_folder(folder: Path) -> None:
     """Make HDF5 of every journal that an earlier run left behind; what cannot be read is logged and left alone."""
-    runs = []
-    for journal in unfinished(folder):
-        try:
-            runs.append(finish_journal(journal))
-            log.info("recovered %s", runs[-1])
-        except RunFileError as error:
-            log.error("cannot recover %s: %s", journal, error)  # noqa: TRY400
-    return runs
+    for recovered in recover(folder):
+        if recovered.run:
+            log.info("recovered %s", recovered.run)
+        else:
+            log.error("cannot recover %s: %s", recovered.journal, recovered.error)
 
 
 def usable_folder(directory: str) -> Path:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Iterator, Sequence
 
-from logger.drivers.fields import RAT_OF_ACT, at, cell_identity, decimal, hexadecimal, values
+from logger.drivers.fields import RAT_OF_ACT, area, at, cell_identity, decimal, values
 from logger.drivers.rows import Operator, Refusal, Registration, Row, Signal
 
 _REGISTRATION = re.compile(r"\+(CREG|CGREG|CEREG|C5GREG):\s*([^\n]*)")
@@ -40,19 +40,11 @@ def _registrations(line: str) -> Iterator[Row]:
         if stat is None:
             continue
         act = decimal(at(fields, 3).rstrip("])"), 0, 15)
-        area, cid = _place(domain, at(fields, 1), at(fields, 2))
-        where = {"lac" if domain in {"CREG", "CGREG"} else "tac": area}
+        cid = cell_identity(at(fields, 2), 36 if domain == "C5GREG" else 28)
+        where = {"lac" if domain in {"CREG", "CGREG"} else "tac": area(at(fields, 1), bits=24)}
         yield Registration(
             domain, stat, rat=None if act is None else RAT_OF_ACT.get(act), n=decimal(n), cid=cid, act=act, **where
         )
-
-
-def _place(domain: str, area: str, identity: str) -> tuple[int | None, int | None]:
-    """Area and cell; a cell of 16 bits whose lowest are all ones is unknown only where it has no more."""
-    code = hexadecimal(area, 0, 2**24 - 1)
-    if code in {0, 0xFFFE, 0xFFFF, 2**24 - 2, 2**24 - 1}:
-        code = None
-    return code, cell_identity(identity, 36 if domain == "C5GREG" else 28)
 
 
 def _quality(line: str) -> Iterator[Row]:

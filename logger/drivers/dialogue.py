@@ -4,7 +4,7 @@ A driver yields `Command`s and is sent `Reply`s; whoever drives the generator ow
 `final` None, so a driver treats it as data.
 """
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -33,3 +33,14 @@ class Reply:
 
 T = TypeVar("T")
 Dialogue = Generator[Command, Reply, T]
+
+
+def driven(dialogue: Dialogue[T], ask: Callable[[Command], Reply]) -> T:
+    """Result of a dialogue whose commands are put to `ask`."""
+    try:
+        command = next(dialogue)
+        while True:
+            command = dialogue.send(ask(command))
+    except StopIteration as done:
+        result: T = done.value
+        return result

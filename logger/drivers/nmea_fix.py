@@ -7,18 +7,19 @@ firmware_notes/nmea.md).
 import math
 import re
 from collections.abc import Iterable, Mapping
-from datetime import date
+from datetime import date, timedelta
 from typing import Any, TypeVar
 
 import pynmea2
 
+from logger.core.timebase import EARLIEST_UTC_NS
 from logger.core.types import Fix
+from logger.drivers.rows import MPS_PER_KNOT
 
 # GPS counts weeks modulo 1024: a receiver that has lost count prints a date 19.6 years early, and one without a fix the
 # epoch of 1980. No run of this program is older than this day.
-EARLIEST_UTC = date(2020, 1, 1)
+EARLIEST_UTC = date(1970, 1, 1) + timedelta(seconds=EARLIEST_UTC_NS // 10**9)
 
-MPS_PER_KNOT = 1852 / 3600
 DAY_NS = 86_400 * 10**9
 
 _POSITIONED = frozenset({1, 2, 3, 4, 5, 6})  # GGA quality; 0 no fix, 7 typed in by hand, 8 simulator

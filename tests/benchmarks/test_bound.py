@@ -4,6 +4,7 @@ import pytest
 from benchmarks.scoreboard import bound
 from benchmarks.scoreboard.walks import SHAPES
 from benchmarks.scoreboard.world import Noise, Walk
+from postproc.validate.bound import median_error_m
 
 STATE = np.array([140.0, 80.0, -30.0, 3.0])
 PRECISION = np.array([30.0**-2, 0.9**-2])
@@ -35,4 +36,4 @@ def test_median_error_of_a_gaussian(axes_m):
     turn = np.array([[0.8, -0.6], [0.6, 0.8]])
     covariance = turn @ np.diag(np.square(axes_m)) @ turn.T
     drawn = np.random.default_rng(2).multivariate_normal([0, 0], covariance, 200_000)
-    assert bound.median_error_m(covariance) == pytest.approx(np.median(np.hypot(*drawn.T)), rel=0.01)
+    assert median_error_m(covariance) == pytest.approx(np.median(np.hypot(*drawn.T)), rel=0.01)
