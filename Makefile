@@ -58,10 +58,11 @@ fuzz: .venv/dev.stamp
 test-boot: .venv/dev.stamp
 	$(BIN)/pytest -s tests/boot
 
-# a day of records at full speed, and what an hour costs the card
+# a day of records at full speed, what an hour costs the card, and the service for two hours in real time
 soak: .venv/dev.stamp
 	$(BIN)/pytest -s tests/core/runfile/test_soak.py
 	$(BIN)/python benchmarks/recording.py
+	PYTHONPATH=. $(BIN)/python benchmarks/soak.py
 
 bench: .venv/dev.stamp
 	$(BIN)/python benchmarks/ekf_step.py

@@ -20,6 +20,7 @@ from logger.core.runfile.journal_file import is_recording
 from logger.core.runfile.names import JOURNAL, first_part
 from logger.core.schema import Rows
 from logger.device.clock import SystemClock
+from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.port import Port
 from logger.device.service import Service, usable_folder
 from logger.device.status import FOLDER, Status, read_status, status_folder
@@ -48,6 +49,7 @@ def examine(config_path: Path, seconds: float = TRIAL_S) -> Iterator[Line]:
     yield power()
     folder = usable_folder(config.run.directory)
     yield disk(folder)
+    yield plug(folder)
     yield service()
     journal = recording(folder)
     try:
@@ -92,6 +94,14 @@ def disk(folder: Path) -> Line:
     if free < _TOO_LITTLE_BYTES:
         return Line("fail", "disk", f"{text}: take runs off the card")
     return Line("warn" if free < _LITTLE_BYTES else "ok", "disk", text)
+
+
+def plug(folder: Path, mountinfo: Path = MOUNTINFO) -> Line:
+    """Whether a pulled plug takes the runs."""
+    if where := kept_in_memory(folder.resolve(), mountinfo.read_text()):
+        advice = "give them a partition of their own (systemd/README.md, A root that is never written)"
+        return Line("warn", "plug", f"runs are kept in memory ({where}), a pulled plug takes them: {advice}")
+    return Line("ok", "plug", "runs are kept when it is pulled")
 
 
 def service() -> Line:

@@ -24,6 +24,7 @@ from logger.device.leds import Lamp, Sign
 from logger.device.libraries import LIBRARIES, version_of
 from logger.device.link import Link
 from logger.device.modem_link import modem_session
+from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.notify import ServiceManager
 from logger.device.placement import Placement
 from logger.device.port import check_url
@@ -107,6 +108,8 @@ class Service:
 
     def start(self) -> None:
         log.info("recording to %s", self._writer.path)
+        if where := kept_in_memory(self.folder.resolve(), MOUNTINFO.read_text()):
+            log.warning("runs are kept in memory (%s): a pulled plug takes them", where)
         for thread in self._threads:
             thread.start()
 
