@@ -62,7 +62,7 @@ test-boot: .venv/dev.stamp
 soak: .venv/dev.stamp
 	$(BIN)/pytest -s tests/core/runfile/test_soak.py
 	$(BIN)/python benchmarks/recording.py
-	PYTHONPATH=. $(BIN)/python benchmarks/soak.py
+	$(BIN)/python benchmarks/soak.py
 
 bench: .venv/dev.stamp
 	$(BIN)/python benchmarks/ekf_step.py
