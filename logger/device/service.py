@@ -15,7 +15,6 @@ from types import FrameType
 
 from logger.config import GNSS_OF_MODEM, SiteConfig
 from logger.core.errors import ConfigError, RunFileError
-from logger.core.geo import Utm
 from logger.core.live import LiveTracker
 from logger.core.runfile import RunMeta, RunWriter, Truth, finish_journal, journal_path, recover
 from logger.device.clock import Clock, boot_id
@@ -145,11 +144,8 @@ class Service:
         counts = self.recorder.counts
         elapsed_s = (self._clock.now_ns() - self._started_ns) / 1e9
         text = f"{elapsed_s:.0f} s: {counts['Fix']} fixes, {counts['Scan']} scans, {counts['readings']} readings"
-        latest = self.recorder.latest
-        if latest is None:
-            return text + ", no target yet"
-        lat_deg, lon_deg = Utm(latest.utm_zone).to_latlon(latest.x_m, latest.y_m)
-        return f"{text}; target {latest.cell}, reference EKF at {lat_deg:.5f} {lon_deg:.5f} (not to be trusted)"
+        target = target_status(self._tracker.target, self.recorder.latest)
+        return f"{text}; {'no target yet' if target is None else target}"
 
     @property
     def heartbeat(self) -> int | None:

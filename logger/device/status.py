@@ -51,6 +51,14 @@ class TargetStatus(msgspec.Struct, frozen=True):
     semi_minor_m: float | None = None
     azimuth_deg: float | None = None
 
+    def __str__(self) -> str:
+        if self.lat_deg is None:
+            return f"target {self.cell}: {self.verdict}"
+        return (
+            f"target {self.cell}: {self.verdict} ({self.probability:.2f}), {self.lat_deg:.5f} {self.lon_deg:.5f}, "
+            f"95 % of it within {self.semi_major_m:.0f} x {self.semi_minor_m:.0f} m"
+        )
+
 
 class PortStatus(msgspec.Struct, frozen=True):
     """A port, whether it is open, and what it said last."""

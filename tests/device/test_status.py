@@ -86,6 +86,8 @@ def test_the_target_is_said_as_sure_as_it_is():
     assert (several.semi_major_m, several.semi_minor_m, several.azimuth_deg) == (24.5, 12.2, 90.0)
     assert (several.lat_deg, several.lon_deg) == pytest.approx(Utm(33).to_latlon(400_000.0, 5_800_000.0), abs=1e-6)
     assert target_status(ESTIMATE.cell, replace(ESTIMATE, probability=0.99)).verdict == "one place"
+    assert str(several).startswith(f"target {ESTIMATE.cell}: several places ({ESTIMATE.probability:.2f}), ")
+    assert str(target_status(ESTIMATE.cell, None)) == f"target {ESTIMATE.cell}: cannot tell"
     assert target_status(ESTIMATE.cell, replace(ESTIMATE, stage="ekf", probability=1.0)).verdict == "one close place"
 
 
