@@ -9,8 +9,10 @@ import pytest
 
 from logger.core.errors import RunFileError
 from logger.core.runfile import finish_journal, read_run, sealing_of
-from logger.core.runfile.frames import Frame, scan
+from logger.core.runfile.frames import HEADER_SIZE, Frame, scan
 from logger.core.runfile.names import parts_of
+from logger.core.runfile.readable import SECTOR
+from logger.core.types import Scan
 from tests.kit import faults, runs
 
 
@@ -214,3 +216,25 @@ def test_a_cut_at_any_system_call_of_the_making_of_the_hdf5_loses_nothing(card):
         subprocess.run(command, check=True)
         assert len(list(read_run(journal.with_suffix(".h5")).records())) == len(found)
     assert {path.name for path in card.folder.iterdir()} == {journal.name, "run-000001.h5"}
+
+
+@pytest.mark.parametrize("where", [0.0, 0.5, 0.99])
+def test_a_sector_that_cannot_be_read_costs_the_frames_in_it(card, where):
+    journal = card.folder / "run-000001.journal"
+    found = runs.records(2000)
+    runs.write_journal(journal, found, sync_every=20)
+    frames = [frame for frame in scan(journal.read_bytes()) if isinstance(frame, Frame)]
+    bad_at = int(where * (frames[-1].start + frames[-1].length))
+    sector = range(bad_at // SECTOR * SECTOR, bad_at // SECTOR * SECTOR + SECTOR)
+    lost = [f for f in frames if f.start - HEADER_SIZE < sector.stop and f.start + f.length + 4 > sector.start]
+    told = subprocess.run(
+        [sys.executable, "-c", FINISH, str(card.folder)],
+        check=True, capture_output=True, text=True, env=card.environment(bad_at=bad_at),
+    )  # fmt: skip
+    run = read_run(card.folder / "run-000001.h5")
+    kept = dict(run.records())
+    assert told.stderr == ""
+    assert run.damage.skipped_bytes >= SECTOR / 2
+    assert 0 < len(found) - len(kept) <= 20 * len(lost)
+    # a scan and its readings stand in frames of their own
+    assert all(one == found[seq] for seq, one in kept.items() if not isinstance(one.value, Scan))

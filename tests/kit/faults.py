@@ -83,12 +83,16 @@ class Card:
         new.write_text(text)
         new.replace(self._faults)
 
-    def environment(self, *, trace: bool = False, kill_at: int | None = None) -> dict[str, str]:
+    def environment(
+        self, *, trace: bool = False, kill_at: int | None = None, bad_at: int | None = None
+    ) -> dict[str, str]:
         found = {"LD_PRELOAD": str(self._preload), "CARD": str(self.folder), "CARD_FAULTS": str(self._faults)}
         if trace:
             found["CARD_TRACE"] = str(self.trace)
         if kill_at is not None:
             found["CARD_KILL_AT"] = str(kill_at)
+        if bad_at is not None:
+            found["CARD_BAD_AT"] = str(bad_at)
         return os.environ | found
 
 

@@ -2,7 +2,8 @@
 
    $CARD_FAULTS names a file with lines "operation errno"; it may be changed at any time.
    $CARD_TRACE names a file that gets every operation: header, name, data.
-   $CARD_KILL_AT kills the process before the nth operation, from 1. */
+   $CARD_KILL_AT kills the process before the nth operation, from 1.
+   $CARD_BAD_AT is the offset of a byte that no journal gives. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -89,6 +90,19 @@ OPEN(open64)
     }
 PWRITE(pwrite)
 PWRITE(pwrite64)
+
+#define PREAD(name)                                                                                   \
+    ssize_t name(int fd, void *data, size_t length, off_t offset) {                                   \
+        char path[4096], *bad = getenv("CARD_BAD_AT");                                                \
+        int covers = bad && offset <= atoll(bad) && atoll(bad) < offset + (off_t)length;              \
+        if (covers && path_of(fd, path, sizeof path) && strstr(path, ".journal")) {                   \
+            errno = EIO;                                                                              \
+            return -1;                                                                                \
+        }                                                                                             \
+        return REAL(name)(fd, data, length, offset);                                                  \
+    }
+PREAD(pread)
+PREAD(pread64)
 
 #define SYNC(name)                                                                                    \
     int name(int fd) {                                                                                \

@@ -1,6 +1,5 @@
 """A journal read back, part by part, so that a day's walk needs no day's memory."""
 
-import mmap
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -16,6 +15,7 @@ from logger.core.runfile.chain import Chain
 from logger.core.runfile.frames import Buffer, Frame, Kind, Skipped, payload_of, scan
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
 from logger.core.runfile.names import first_part, parts_of
+from logger.core.runfile.readable import buffer_of
 from logger.core.runfile.writer import RAW_COUNT
 from logger.core.schema import DTYPES, SCHEMA_VERSION, Rows
 
@@ -149,15 +149,7 @@ def decode_meta(text: bytes, path: Path) -> RunMeta:
 def _opened(paths: list[Path]) -> Iterator[list[Buffer]]:
     """The files as buffers."""
     with ExitStack() as stack:
-        yield [_mapped(stack, path) for path in paths]
-
-
-def _mapped(stack: ExitStack, path: Path) -> Buffer:
-    file = stack.enter_context(path.open("rb"))
-    try:
-        return stack.enter_context(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
-    except ValueError:  # empty
-        return b""
+        yield [buffer_of(stack, path) for path in paths]
 
 
 def _entry(file: int, frame: Frame) -> tuple[int, ...]:
