@@ -7,6 +7,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from logger.core.runfile import read_run, sealing_of
@@ -31,6 +32,7 @@ class Story:
     """When CLOCK_BOOTTIME of the first boot was 0."""
     again_zero_s: float = 0.0
     outages: list[tuple[str, float, float]] = field(default_factory=list)
+    read_only_s: tuple[float, float] = (0.0, 0.0)
     cut_s: float = 0.0
     restarts: str = ""
     exposure: float = 10.0
@@ -52,6 +54,7 @@ def story(installed, workplace):
         for i in range(REPLUGS):
             for name in ("modem", "gps"):
                 seen.outages.append(_replugged(m, name, 2.0 + i % 3))
+        seen.read_only_s = _read_only(m)
         wait_recording(m, more_fixes=30)
         _look(m, seen)
         seen.cut_s = time.monotonic()
@@ -79,6 +82,15 @@ def _replugged(m, name, for_s):
           "&& exit 0; sleep 0.5; done; exit 1", timeout=90)  # fmt: skip
     time.sleep(3.0)
     return source, unplugged_s, replugged_s
+
+
+def _read_only(m, for_s=10.0):
+    """Let the kernel make the card read-only, as after an error of it, and writable again; the two times."""
+    begun_s = time.monotonic()
+    m.run("echo u > /proc/sysrq-trigger; until ! touch /refused; do sleep 0.1; done")
+    time.sleep(for_s)
+    m.run("mount -o remount,rw /")
+    return begun_s, time.monotonic()
 
 
 def _look(m, seen):
@@ -131,6 +143,16 @@ def test_unplugged_devices_come_back_without_a_restart(story):
     print(f"{len(late_s)} times unplugged, restarts {story.restarts}, longest gap beyond the fault {max(late_s):.1f} s")
     assert story.restarts == "0"
     assert max(late_s) <= 10.0
+
+
+def test_a_card_that_is_read_only_for_a_while_loses_nothing(story):
+    run = _run(story, 1)
+    heard_s = story.zero_s + run.tables["fixes"]["t_ns"] / 1e9
+    begun_s, ended_s = story.read_only_s
+    gap_s = np.diff(heard_s[(heard_s > begun_s - 2.0) & (heard_s < ended_s + 10.0)]).max()
+    said = [row["text"].decode() for row in run.tables["notes"] if row["code"] in {b"write-failed", b"write-resumed"}]
+    print(f"read-only for {ended_s - begun_s:.0f} s: longest gap between fixes {gap_s:.2f} s; {said}")
+    assert gap_s < 3.0
 
 
 def test_the_run_that_was_cut_is_whole_but_for_its_end(story, capsys):

@@ -1,0 +1,109 @@
+"""What systemd/README.md says of a root that is never written and of the stop button, followed to the letter."""
+
+import subprocess
+
+import pytest
+
+from logger.core.runfile import read_run, sealing_of
+from logger.sim.scenario import scenario
+from tests.boot.machines import BOARD, BOOT_S, CACHE, RUNS, machine, rig, wait_recording
+from tests.boot.players import carried
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")]
+
+MIB = 1 << 20
+RUNS_MIB = 256
+DISK = rig.BOARDS[BOARD]["disk"]
+PART = DISK + ("p{}" if DISK[-1].isdigit() else "{}")
+
+
+class Parted:
+    """A card with two partitions, the root and that of the runs, as the page wants it."""
+
+    def __init__(self, installed, folder):
+        root = installed.copy(folder / "root.raw")
+        root.push(_as_the_page_says(root, folder / "tree"))
+        self._folder = folder
+        self._root_mib = root.path.stat().st_size // MIB
+        self.runs_at = (1 + self._root_mib) * MIB
+        self.card = rig.Card(folder / "parted.raw")
+        with self.card.path.open("wb") as file:
+            file.truncate(self.runs_at + RUNS_MIB * MIB)
+        table = f"label: dos\nstart=1MiB, size={self._root_mib}MiB, type=83\nsize={RUNS_MIB}MiB, type=83\n"
+        subprocess.run(["sfdisk", "-q", self.card.path], input=table, text=True, check=True)
+        _dd(root.path, self.card.path, seek=1)
+        subprocess.run(["mke2fs", "-q", "-t", "ext4", "-F", "-E", f"offset={self.runs_at}", self.card.path,
+                        f"{RUNS_MIB}M"], check=True, stderr=subprocess.DEVNULL)  # fmt: skip
+        root.path.unlink()
+
+    def runs(self):
+        """The folder of the runs, as it is now."""
+        alone = rig.Card(self._folder / "runs.raw")
+        _dd(self.card.path, alone.path, skip=1 + self._root_mib)
+        alone.pull("/", self._folder / "fetched")
+        return self._folder / "fetched"
+
+
+def _as_the_page_says(root, tree):
+    (tree / "etc/systemd/journald.conf.d").mkdir(parents=True)
+    fstab = root.pull("/etc/fstab", tree / "etc")
+    fstab.write_text(f"{fstab.read_text()}{PART.format(2)} {RUNS} ext4 noatime,nofail 0 2\n")
+    (tree / "etc/systemd/journald.conf.d/volatile.conf").write_text("[Journal]\nStorage=volatile\n")
+    return tree
+
+
+def _dd(source, target, **blocks):
+    where = [f"{name}={number}" for name, number in blocks.items()]
+    subprocess.run(
+        ["dd", f"if={source}", f"of={target}", "bs=1M", "conv=notrunc,sparse", "status=none", *where], check=True
+    )
+
+
+def _written_at(m):
+    """Where on the disk was written to, the lowest byte."""
+    return min(offset for _, offset, length, _ in m.log.entries() if length)
+
+
+def _boot(m, overlay):
+    m.boot(BOOT_S, append=f"root={PART.format(1)} overlayroot={overlay}")
+
+
+def test_a_root_that_is_never_written(installed, workplace, capsys):
+    if "overlayroot" not in (CACHE / f"packages-{rig.BOARDS[BOARD]['arch']}.txt").read_text():
+        pytest.skip("the rig's image is without overlayroot, which Raspberry Pi OS takes; remove base-*.raw")
+    folder = workplace / "overlay"
+    parted = Parted(installed, folder)
+    in_memory = "journalctl -b -u fieldlogger | grep 'kept in memory'"
+    with machine(parted.card, folder / "machine") as m, carried(m, scenario()):
+        # as raspi-config leaves it: every partition of fstab is overlaid
+        _boot(m, "tmpfs")
+        assert "overlay" in m.run(f"stat -fc %T / {RUNS}; {in_memory}")
+        m.poweroff(BOOT_S)
+        assert not list(parted.runs().glob("run-*"))
+
+        _boot(m, "tmpfs:recurse=0")
+        assert m.run(f"stat -fc %T / {RUNS}").split() == ["overlayfs", "ext2/ext3"]
+        assert m.run(in_memory, check=False) == ""
+        wait_recording(m, more_fixes=20)
+        m.run("touch /etc/written && sync")
+        m.cut_power("issued")
+        assert _written_at(m) >= parted.runs_at
+
+        _boot(m, "tmpfs:recurse=0")
+        assert m.run("ls /etc/written", check=False).endswith("No such file or directory")
+        wait_recording(m, more_fixes=10)
+        m.run("until ! systemctl -q is-active fieldlogger-recover; do sleep 1; done", timeout=120)
+        m.qmp("system_powerdown")  # the power key, as which a Pi's kernel reports the button
+        m.proc.wait(BOOT_S)
+        m.cut_power("issued")
+        assert _written_at(m) >= parted.runs_at
+
+    runs = parted.runs()
+    cut, stopped = (read_run(runs / f"run-{number:06d}.h5") for number in (1, 2))
+    with capsys.disabled():
+        print(f"\ncut: {len(cut.tables['fixes'])} fixes; by the button: {len(stopped.tables['fixes'])}, {stopped.end}")
+    assert cut.end is None
+    assert not cut.damage.missing_frames
+    assert stopped.end is not None
+    assert sealing_of(stopped.path).holds
+    assert len(cut.tables["fixes"]) >= 20
