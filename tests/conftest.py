@@ -2,9 +2,14 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 # before numpy comes: the matrices are small, and threads of BLAS would only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# a busy machine is no finding
+settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("unhurried")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 

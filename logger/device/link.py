@@ -8,6 +8,7 @@ from collections.abc import Callable
 from logger.core.errors import DeviceError, FieldLoggerError
 from logger.core.types import Level, Note, RawBytes, Record, Value
 from logger.device.clock import Clock
+from logger.device.patience import Patience
 from logger.device.port import Port
 from logger.drivers.privacy import Blanker
 
@@ -71,7 +72,8 @@ class Tally:
 class Link:
     """What a session is given: its port, a clock, and the way to the recorder.
 
-    Only what `blanker` lets through is recorded and read.
+    Only what `blanker` lets through is recorded and read. `patience` is what was learned of the device; it outlives a
+    session, so that a port that is opened anew begins with it.
     """
 
     def __init__(
@@ -87,6 +89,7 @@ class Link:
         self.source = source
         self.clock = clock
         self.stop = stop
+        self.patience = Patience()
         self._url = url
         self._baud = baud
         self._inbox = inbox

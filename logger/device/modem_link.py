@@ -9,6 +9,7 @@ from logger.core.errors import DeviceError
 from logger.core.timebase import EARLIEST_UTC_NS
 from logger.core.types import CellReading, Fix, Scan
 from logger.device.link import Link
+from logger.device.patience import PAUSE_S, Wait
 from logger.drivers.at import AtFramer, Unsolicited
 from logger.drivers.dialogue import Command, Dialogue, Reply, driven
 from logger.drivers.family import Family
@@ -23,10 +24,6 @@ SILENT_POLLS = 3
 """Polls without an answer after which the port is closed and opened again."""
 BLOCK_GAP_S = 0.5
 """Silence that ends a block of rows nobody asked for; such blocks have no final line."""
-PATIENCE_S = 6.0
-"""How much longer than its time a reply may take while its bytes keep coming."""
-PAUSE_S = 1.0
-"""Silence after which they have stopped coming."""
 STORM = 100
 """Unasked lines in ten seconds that are worth a Note; a modem that is well says a few."""
 
@@ -51,7 +48,8 @@ class _Conversation:
         self._rows: list[str] = []
         self._row_ns = 0
         self._heard_ns = 0
-        self._chunk_ns = 0
+        self._spoke = False
+        self._owed = 0  # answers to questions of the last full scan
         self._set_up = False
         self._told_ready = False
         self._restarted = False
@@ -138,7 +136,7 @@ class _Conversation:
         if self._survey:
             command = self._survey.pop(0)
             self._damaged = False
-            rows = self._talk(driver.ask([command]))
+            rows = driven(driver.survey(command), self._scan)
             if rows is not None:
                 cells = [row for row in rows if isinstance(row, CellReading)]
                 networks = sum(isinstance(row, Operator) for row in rows)
@@ -162,24 +160,42 @@ class _Conversation:
 
     def _ask(self, command: Command) -> Reply:
         """Send a command and wait for its reply; a timeout is a reply too, and so is a restart."""
-        clock = self._link.clock
+        return self._reply(Wait(command, self._now_s()))
+
+    def _scan(self, command: Command) -> Reply:
+        """The same for a full scan; a modem that is silent for too long is asked meanwhile whether it is still there.
+
+        Where each question has an answer besides, the lines that came first are the reply of the scan. Else the scan is
+        lost: the modem had hung, or a question has ended it.
+        """
+        patience = self._link.patience
+        wait = Wait(command, self._now_s(), patience.silence_s(command))
+        self._owed = 0
+        reply = self._reply(wait)
+        if wait.questions and reply.final is not None and not (self._has_answered() and reply.lines):
+            self._link.count("silent-scan", 1, "full scans fell silent; the modem answered when asked, polling goes on")
+            patience.interrupted(command)
+            self._damaged = True
+            return replace(reply, final=None)
+        if reply.ok and reply.lines:
+            patience.completed(command, wait.longest_silence_s)
+        return reply
+
+    def _reply(self, wait: Wait) -> Reply:
+        command = wait.command
         self._framer.send(command.text)
         self._link.write(command.text.encode("ascii") + b"\r")
-        # a modem takes its real time to answer, however fast the clock of a simulated walk runs
-        start_ns, second_ns = clock.now_ns(), 1e9 / clock.real_s(1.0)
-        due_ns = start_ns + command.timeout_s * second_ns
-        late_ns = due_ns + PATIENCE_S * second_ns
-        self._chunk_ns = start_ns
         restarted = self._restarted
-        while not self._link.stop.is_set():
-            now_ns = clock.now_ns()
-            coming = self._framer.answering and now_ns - self._chunk_ns < PAUSE_S * second_ns
-            if now_ns >= (late_ns if coming else due_ns):
-                break
+        while not self._link.stop.is_set() and not wait.is_over(self._now_s()):
+            if wait.asks(self._now_s()):
+                self._owed += 1
+                self._link.write(b"AT\r")
             reply = self._hear()
+            n_lines = len(reply.lines) if reply else self._framer.n_lines
+            wait.hear(self._now_s(), spoke=self._spoke, n_lines=n_lines, over=reply is not None)
             if reply is not None:
                 self._answered = True
-                self._judge(reply, slow=2 * (clock.now_ns() - start_ns) > due_ns - start_ns)
+                self._judge(reply, slow=wait.is_slow(self._now_s()))
                 return reply
             if self._restarted and not restarted:
                 self._damaged = True
@@ -191,6 +207,17 @@ class _Conversation:
         self._damaged = True
         return expired
 
+    def _has_answered(self) -> bool:
+        """True when every question has an answer of its own, which follow a reply at once."""
+        end_s = self._now_s() + PAUSE_S
+        while self._owed and self._now_s() < end_s and not self._link.stop.is_set():
+            self._hear()
+        return not self._owed
+
+    def _now_s(self) -> float:
+        """Real time: a modem takes its own to answer, however fast the clock of a simulated walk runs."""
+        return self._link.clock.real_s(self._link.clock.now_ns() / 1e9)
+
     def _judge(self, reply: Reply, *, slow: bool) -> None:
         """Count what is odd in a reply that is good enough."""
         if slow:
@@ -201,7 +228,7 @@ class _Conversation:
     def _hear(self) -> Reply | None:
         """Read one chunk, all of it, also what follows the reply: one command is pending, so there is one at most."""
         self._heard_ns, data = self._link.read()
-        self._chunk_ns = self._heard_ns if data else self._chunk_ns
+        self._spoke = bool(data)
         reply = None
         for event in self._framer.feed(data):
             match event:
@@ -220,12 +247,14 @@ class _Conversation:
             if not self._restarted:  # more of such lines may follow
                 self._lose(f"modem says {line!r}; setting it up again")
             self._restarted = True
-        elif driver.is_row(line):
-            if driver.opens_block(line):
+        elif (role := driver.role_of(line)) is not None:
+            if role == "serving":  # the first row of a block
                 self._close_block()
             self._rows.append(line)
             self._row_ns = self._heard_ns
             self._answered = True
+        elif line.strip() in {"OK", "ERROR"} and self._owed:
+            self._owed -= 1
         elif line.strip() in {"OK", "ERROR"}:
             self._link.count("stray-result", 1, "results that end nothing, late ones or repeated ones")
         else:

@@ -38,7 +38,8 @@ class Placement:
 
     def is_wrong(self, now_ns: int) -> bool:
         """Whether the ports are to be exchanged now."""
-        since_ns = self._since_ns if self._guessed else self._speaks_since_ns
+        speaks = now_ns - self._spoke_ns <= _PAUSE_S * self._second_ns
+        since_ns = self._since_ns if self._guessed else self._speaks_since_ns if speaks else None
         return since_ns is not None and now_ns - since_ns > self._patience_s * self._second_ns
 
     def exchange(self, now_ns: int) -> None:

@@ -66,9 +66,9 @@ class AtFramer:
         """True where the last command came back, which a modem that was told not to does after a restart only."""
 
     @property
-    def answering(self) -> bool:
-        """True where lines of the reply to the pending command have come."""
-        return bool(self._lines)
+    def n_lines(self) -> int:
+        """Lines of the reply to the pending command that have come."""
+        return len(self._lines)
 
     def send(self, command: str) -> None:
         """Note that `command` was written, before what comes back is fed; a command still pending is forgotten."""

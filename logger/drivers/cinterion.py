@@ -19,7 +19,7 @@ from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
 from logger.drivers.fields import area, at, cell_identity, decimal, level, network, pieces, rsrp_dbm, rsrq_db, rssi_dbm
 from logger.drivers.fields import values as split
-from logger.drivers.generic import Generic, serving_cell
+from logger.drivers.generic import Generic
 from logger.drivers.rows import NoCell, Row
 
 _GROUPED = re.compile(r"\^SMON([CD])\s*:\s*([-0-9A-F, ]*)", re.IGNORECASE)
@@ -78,22 +78,22 @@ class Cinterion(Family):
         (Command("AT^SMOND"),),
         (Command("AT^SMONC"),),
         (Command("AT^MONI"), Command("AT^MONP")),
-        Generic.asked,
     )
-    """From the best to the poorest; none of them is known to all modems of the family."""
-    asked: ClassVar[tuple[Command, ...]] = tuple(command for way in ways for command in way)
+    """From the best to the poorest, that for the neighbours last; none of them is known to all modems of the family."""
+    asked: ClassVar[tuple[Command, ...]] = (*(command for way in ways for command in way), *Generic.asked)
     surveys: ClassVar[tuple[Command, ...]] = (Command('AT^SNMON="INS",2', timeout_s=180.0), *Generic.surveys)
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells by the first way that gives any; the next ones are for modems that do not know it."""
-        best: tuple[Row, ...] | None = None
-        for way in self.ways:
-            rows = yield from self.ask(way)
-            if rows and any(isinstance(row, CellReading | NoCell) for row in rows):
-                return rows
-            best = rows if rows is not None else best
-        serving = serving_cell(best or ())
-        return best if serving is None or best is None else (serving, *best)
+        """Cells by the first way that gives any; neighbours by the next ones where it refuses to tell of them."""
+        found: tuple[Row, ...] = ()
+        for *first, last in self.ways:
+            serving = yield from self.ask(first)
+            neighbours = yield from self.ask([last])
+            rows = (row for row in (*(serving or ()), *(neighbours or ())) if isinstance(row, CellReading | NoCell))
+            found += tuple(row for row in rows if not found or _is_neighbour(row))
+            if found and (neighbours is not None or isinstance(found[0], NoCell)):
+                return found
+        return found or (yield from Generic().poll())
 
     def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in all forms of ^SMONC, ^SMOND, ^SMONI, ^SMONP, ^SNMON, ^MONI and ^MONP."""
@@ -104,6 +104,10 @@ class Cinterion(Family):
             found += (row for text in _SMONI.findall(line) if (row := _smoni(text)) is not None)
             found += scanned(line)
         return (*found, *rows_of_tables(whole))
+
+
+def _is_neighbour(row: Row) -> bool:
+    return isinstance(row, CellReading) and row.role == "neighbour"
 
 
 def grouped(line: str) -> Iterator[Row]:

@@ -4,6 +4,7 @@ A driver yields `Command`s and is sent `Reply`s; whoever drives the generator ow
 `final` None, so a driver treats it as data.
 """
 
+import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import TypeVar
@@ -11,11 +12,15 @@ from typing import TypeVar
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One AT command line, without its carriage return; polling a modem that refuses a `needed` one is no use."""
+    """One AT command line, without its carriage return; polling a modem that refuses a `needed` one is no use.
+
+    `silence_s` is how long a full scan may be silent by what is documented, infinite where nothing is.
+    """
 
     text: str
     timeout_s: float = 2.0
     needed: bool = False
+    silence_s: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)

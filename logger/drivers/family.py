@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
-from logger.core.types import CellReading
+from logger.core.types import CellReading, Role
 from logger.drivers import common
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.rows import Row
@@ -47,6 +47,10 @@ class Family:
         """Ask once for the cells heard now; None when the answer was no answer (timeout, error, mode lost)."""
         return (yield from self.ask(self.asked))
 
+    def survey(self, command: Command) -> Dialogue[tuple[Row, ...] | None]:
+        """Put one command of the full scan; None when there was no answer."""
+        return (yield from self.ask([command]))
+
     def ask(self, commands: Iterable[Command]) -> Dialogue[tuple[Row, ...] | None]:
         """Rows of the replies to some commands, read together; None when there was no answer to any.
 
@@ -72,13 +76,10 @@ class Family:
         """Rows in the forms of this family."""
         raise NotImplementedError
 
-    def is_row(self, line: str) -> bool:
-        """True for a line that describes a cell, also when it comes unasked."""
-        return any(isinstance(row, CellReading) for row in self.cells_in([line]))
-
-    def opens_block(self, line: str) -> bool:
-        """True for the row that begins a new block of unasked rows."""
-        return any(isinstance(row, CellReading) and row.role == "serving" for row in self.cells_in([line]))
+    def role_of(self, line: str) -> Role | None:
+        """Role of the cells that a line describes, also when it comes unasked; where "serving" is among them, that."""
+        roles = [row.role for row in self.cells_in([line]) if isinstance(row, CellReading)]
+        return "serving" if "serving" in roles else next(iter(roles), None)
 
     def says_restarted(self, line: str) -> bool:
         """True for a line that means the modem has restarted and lost its set-up."""

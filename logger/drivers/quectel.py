@@ -117,7 +117,7 @@ class Quectel(Family):
         Command('AT+QOPSCFG="scancontrol",0;+QOPS', timeout_s=300.0),
         Command('AT+QOPSCFG="scancontrol",1;+QOPS', timeout_s=300.0),
         Command('AT+QOPSCFG="scancontrol",2;+QOPS', timeout_s=300.0),
-        Command("AT+QSCAN=3,1", timeout_s=300.0),
+        Command("AT+QSCAN=3,1", timeout_s=300.0, silence_s=125.0),
     )
     gnss_on: ClassVar[tuple[Command, ...]] = gnss.QGPSLOC_ON
     gnss_asked: ClassVar[tuple[Command, ...]] = gnss.QGPSLOC

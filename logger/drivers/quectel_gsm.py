@@ -65,7 +65,7 @@ class QuectelGsm(Family):
         if reply.final is not None and not reply.ok:
             return (yield from self.ask(self.asked_nbiot))
         modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
-        answered = (reply.ok and modes) or any(map(self.is_row, reply.lines))
+        answered = (reply.ok and modes) or any(map(self.role_of, reply.lines))
         return self.read(reply.lines) if answered and _OFF not in modes else None
 
     def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:

@@ -89,7 +89,7 @@ class Sim800(Family):
         Command("AT+CENG=1,1", needed=True),
     )
     asked: ClassVar[tuple[Command, ...]] = (Command("AT+CENG?"),)
-    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+CNETSCAN", timeout_s=90.0),)
+    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+CNETSCAN", timeout_s=90.0, silence_s=50.0),)
     gnss_on: ClassVar[tuple[Command, ...]] = gnss.CGNSINF_ON
     gnss_asked: ClassVar[tuple[Command, ...]] = gnss.CGNSINF
 
@@ -97,7 +97,7 @@ class Sim800(Family):
         """Cells heard now; None when there was no answer or engineering mode is off."""
         reply = yield self.asked[0]
         modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
-        has_rows = any(map(self.is_row, reply.lines))
+        has_rows = any(map(self.role_of, reply.lines))
         answered = has_rows or bool(modes) if reply.ok else has_rows and reply.final is None
         return None if not answered or "0" in modes else self.read(reply.lines)
 
@@ -112,12 +112,12 @@ class Sim800(Family):
             readings += [r for scan in _SCAN.finditer(line) if (r := _parse_scan(scan))]
         return (*readings, *gnss.read_cgnsinf(lines))
 
-    def is_row(self, line: str) -> bool:
-        return bool(_ROW.search(line.rstrip()) or _SCAN.search(line))
-
-    def opens_block(self, line: str) -> bool:
+    def role_of(self, line: str) -> Role | None:
+        """As for all; here a row counts that is cut or damaged too."""
         row = _ROW.search(line.rstrip())
-        return row is not None and int(row[2]) == 0
+        if row is None:
+            return "scan" if _SCAN.search(line) else None
+        return "neighbour" if int(row[2]) else "serving"
 
 
 def _parse_row(row: re.Match[str], mode: int | None) -> CellReading | None:

@@ -85,7 +85,7 @@ class Telit(Family):
         Command("AT+CEREG?"),
     )
     surveys: ClassVar[tuple[Command, ...]] = tuple(
-        Command(f"AT#CSURV={low},{high}", timeout_s=120.0) for low, high in SLICES
+        Command(f"AT#CSURV={low},{high}", timeout_s=120.0, silence_s=15.0) for low, high in SLICES
     )
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:

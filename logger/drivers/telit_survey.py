@@ -168,9 +168,13 @@ def _format_of(lines: Sequence[str], carriers: Sequence[_Carrier]) -> int | None
 
 
 def _codes_are_digits(carriers: Sequence[_Carrier]) -> bool:
-    """False where no country code is one as it stands: those models print the number in hexadecimal."""
-    codes = [carrier.texts["mcc"] for carrier in carriers if re.fullmatch(r"(?!F+\Z)\w+", carrier.texts.get("mcc", ""))]
-    return not codes or any(map(_is_country, codes))
+    """False where no country code is one as it stands: those models print the number in hexadecimal.
+
+    Two codes must say so, countries or a network with a letter: a single one may be damaged.
+    """
+    countries, networks = ([carrier.texts.get(name, "").upper() for carrier in carriers] for name in ("mcc", "mnc"))
+    told = [text for text in countries if text.strip("F")] + [text for text in networks if re.search(r"[A-E]", text)]
+    return any(map(_is_country, countries)) or len(told) < 2
 
 
 def _is_country(text: str) -> bool:

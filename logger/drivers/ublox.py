@@ -47,7 +47,7 @@ class Ublox(Family):
         Command("AT+UCELLINFO?", timeout_s=7.0),
         Command("AT+UCGED?", timeout_s=5.0),
     )
-    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=5", timeout_s=200.0),)
+    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=5", timeout_s=200.0, silence_s=60.0),)
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask in turn until a reply has cells; zeros that a network code has lost come back from AT+COPS?."""
@@ -61,6 +61,14 @@ class Ublox(Family):
         common = yield from Generic().poll()
         answers += [] if common is None else [common]
         return tuple(row for rows in answers for row in rows) if answers else None
+
+    def survey(self, command: Command) -> Dialogue[tuple[Row, ...] | None]:
+        """As for all; zeros that the code of the modem's own network has lost come back from AT+COPS?."""
+        rows = yield from self.ask([command])
+        if rows is None:
+            return None
+        network = (yield from self.ask([Command("AT+COPS?")])) or ()
+        return completed((*rows, *network))[: len(rows)]
 
     def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in the rows of +UCELLINFO, +UCGED, +CGED and AT+COPS=5."""

@@ -51,7 +51,7 @@ class SimulatedModem:
         self._decode_dbm = decode_dbm
         alike = common.REGISTERED if dialect.registered else common.NO_CARD
         self._replies: Mapping[str, Listing] = {**common.ANYWHERE, **alike, **dialect.replies}
-        self._terminal = AtTerminal(self._answer)
+        self._terminal = AtTerminal(self._answer, abortable=dialect.abortable)
         self._settings: dict[str, str] = {}
         self._late = b""
         self._due_s = 0.0

@@ -10,11 +10,13 @@ MAX_COMMAND = 556  # SIM800 AT Command Manual V1.09, 1.4
 class AtTerminal:
     """Bytes in, echo and answers out; `answer` is given each command line and returns the framed answer.
 
-    It returns None for an answer that takes its time: then nothing is read until `finish`.
+    It returns None for an answer that takes its time: then nothing is read until `finish`, or, where commands are
+    `abortable` (V.250 5.6.1), the next character ends the command.
     """
 
-    def __init__(self, answer: Callable[[str], bytes | None]) -> None:
+    def __init__(self, answer: Callable[[str], bytes | None], *, abortable: bool = False) -> None:
         self._answer = answer
+        self._abortable = abortable
         self._line = bytearray()
         self._waiting = bytearray()
         self.busy = False
@@ -31,6 +33,10 @@ class AtTerminal:
         """What the modem writes back; a command ends with its carriage return, line feeds mean nothing."""
         out = bytearray()
         self._waiting += data
+        if self.busy and self._abortable and self._waiting:
+            self._waiting.pop(0)
+            self.busy = False
+            out += framed("OK")
         while self._waiting and not self.busy:
             byte = self._waiting.pop(0)
             if byte == LINE_FEED:

@@ -1,5 +1,6 @@
 """What systemd/README.md says of a root that is never written and of the stop button, followed to the letter."""
 
+import struct
 import subprocess
 
 import pytest
@@ -12,6 +13,7 @@ from tests.boot.players import carried
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")]
 
 MIB = 1 << 20
+SECTORS = MIB // 512
 RUNS_MIB = 256
 DISK = rig.BOARDS[BOARD]["disk"]
 PART = DISK + ("p{}" if DISK[-1].isdigit() else "{}")
@@ -21,6 +23,7 @@ class Parted:
     """A card with two partitions, the root and that of the runs, as the page wants it."""
 
     def __init__(self, installed, folder):
+        folder.mkdir()
         root = installed.copy(folder / "root.raw")
         root.push(_as_the_page_says(root, folder / "tree"))
         self._folder = folder
@@ -28,9 +31,8 @@ class Parted:
         self.runs_at = (1 + self._root_mib) * MIB
         self.card = rig.Card(folder / "parted.raw")
         with self.card.path.open("wb") as file:
+            file.write(_table((1, self._root_mib), (1 + self._root_mib, RUNS_MIB)))
             file.truncate(self.runs_at + RUNS_MIB * MIB)
-        table = f"label: dos\nstart=1MiB, size={self._root_mib}MiB, type=83\nsize={RUNS_MIB}MiB, type=83\n"
-        subprocess.run(["sfdisk", "-q", self.card.path], input=table, text=True, check=True)
         _dd(root.path, self.card.path, seek=1)
         subprocess.run(["mke2fs", "-q", "-t", "ext4", "-F", "-E", f"offset={self.runs_at}", self.card.path,
                         f"{RUNS_MIB}M"], check=True, stderr=subprocess.DEVNULL)  # fmt: skip
@@ -42,6 +44,12 @@ class Parted:
         _dd(self.card.path, alone.path, skip=1 + self._root_mib)
         alone.pull("/", self._folder / "fetched")
         return self._folder / "fetched"
+
+
+def _table(*partitions_mib):
+    """Boot record with a table of partitions (start, size): status, heads, kind 83 (Linux), heads, sectors."""
+    entries = [struct.pack("<4xB3xII", 0x83, start * SECTORS, size * SECTORS) for start, size in partitions_mib]
+    return bytes(446) + b"".join(entries).ljust(64, b"\0") + b"\x55\xaa"
 
 
 def _as_the_page_says(root, tree):

@@ -1,22 +1,19 @@
 """The real service on real ptys: every family of modems, and modems that misbehave."""
 
-import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import pytest
 
-from logger.config import parse_config
-from logger.core.runfile import Run, read_run
+from logger.core.runfile import read_run
 from logger.device.clock import ScaledClock, SystemClock
-from logger.device.service import Service
 from logger.drivers.registry import FAMILIES
 from logger.sim.clock import WalkTime
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
+from tests.kit.walked import Walked, service
 
 BLOCK = scenario("clear")
 CELLS = {(t.mcc, t.mnc, t.lac, t.cid) for t in BLOCK.world.transmitters}
@@ -54,44 +51,15 @@ EVENTS = {
 IN_A_SCAN = "brown-out in a full scan"
 
 
-@dataclass
-class Walked:
-    """A recorded run and the times of its fault, in seconds of the run's clock."""
-
-    run: Run
-    start_s: float = 0.0
-    end_s: float = 0.0
-
-    def notes(self) -> list[str]:
-        """Codes of the events of the modem."""
-        return [row["code"].decode() for row in self.run.tables["notes"] if row["source"] == b"modem"]
-
-    def texts(self) -> list[str]:
-        return [row["text"].decode() for row in self.run.tables["notes"]]
-
-    def scans(self) -> list[tuple[float, list]]:
-        """Begin of each scan and its readings."""
-        return [(r.value.t_start_ns / 1e9, list(r.value.readings)) for _, r in self.run.records("scans")]
-
-
-def _service(folder, clock, port, full_scan_s, poll_s, gnss=None):
-    text = (
-        f'[run]\ndirectory = "{folder}"\n[modem]\nport = "{port}"\n'
-        f"poll_interval_s = {poll_s}\nfull_scan_interval_s = {full_scan_s}\n"
-        f'[gnss]\nport = "{gnss or folder / "none"}"\n'
-    )
-    return Service(parse_config(text, "site.toml"), clock, threading.Event(), config_text=text)
-
-
 def _walk(folder, name) -> Walked:
     """A short walk with one modem at many times the speed."""
     clock = ScaledClock(SPEED)
     walk_time = WalkTime(clock)
     with PtyDevice(answering(BLOCK.modem(walk_time.now_s, name))) as port:
-        service = _service(folder / name, clock, port.path, 70.0, 0.05 * SPEED)
-        service.start()
-        service.wait(160.0)
-        return Walked(read_run(service.stop("end")))
+        under_way = service(folder / name, clock, port.path, 70.0, 0.05 * SPEED)
+        under_way.start()
+        under_way.wait(160.0)
+        return Walked(read_run(under_way.stop("end")))
 
 
 @pytest.fixture(scope="module")
@@ -151,10 +119,10 @@ def test_the_receiver_of_the_modem_gives_the_fixes(tmp_path, name):
     clock = ScaledClock(SPEED)
     walk_time = WalkTime(clock)
     with PtyDevice(answering(BLOCK.modem(walk_time.now_s, name))) as port:
-        service = _service(tmp_path, clock, port.path, 0, 1.0, gnss="modem")
-        service.start()
-        service.wait(45.0)
-        run = read_run(service.stop("end"))
+        under_way = service(tmp_path, clock, port.path, 0, 1.0, gnss="modem")
+        under_way.start()
+        under_way.wait(45.0)
+        run = read_run(under_way.stop("end"))
     fixes = run.tables["fixes"]
     found = fixes[fixes["valid"] == 1]
     assert len(found) > 5
@@ -173,16 +141,16 @@ def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", full_scan_s=0.0) 
     session = answering(modem if fault == "unplug" else Misbehaving(modem, fault, *during_s, now_s))
     folder.mkdir(parents=True, exist_ok=True)
     with PtyDevice(session, folder / "modem") as port:
-        service = _service(folder, clock, port.path, full_scan_s, 0.1)
-        service.start()
+        under_way = service(folder, clock, port.path, full_scan_s, 0.1)
+        under_way.start()
         if fault == "unplug":
             time.sleep(during_s[0])
             port.unplug()
             modem.restart()
             time.sleep(during_s[1] - during_s[0])
             port.plug()
-        service.wait(during_s[1] + AFTERWARDS_S - now_s())
-        return Walked(read_run(service.stop("end")), start_s + during_s[0], start_s + during_s[1])
+        under_way.wait(during_s[1] + AFTERWARDS_S - now_s())
+        return Walked(read_run(under_way.stop("end")), start_s + during_s[0], start_s + during_s[1])
 
 
 @pytest.fixture(scope="module")

@@ -51,6 +51,13 @@ def test_one_that_is_understood_is_where_it_belongs_and_silence_says_nothing(sai
     assert Watched().live(1000, *said) == []
 
 
+def test_a_word_and_then_silence_is_no_receiver():
+    """A modem that restarts says so, and may then be silent for a scan."""
+    watched = Watched()
+    watched.live(2, ("modem", RawBytes(b"RDY\r\n")))
+    assert watched.live(200) == []
+
+
 def test_a_wrong_guess_is_taken_back_and_repeated_ever_more_seldom():
     """A modem that babbles, and a receiver without power: nothing is better, and half of the time is the modem's."""
     changes = Watched().live(3000, ("modem", NMEA))

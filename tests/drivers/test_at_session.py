@@ -21,13 +21,13 @@ def test_an_echo_is_told(data):
 def test_a_reply_under_way_is_told():
     framer = AtFramer()
     framer.send("AT+CSQ")
-    assert not framer.answering
+    assert framer.n_lines == 0
     list(framer.feed(b"\r\n*PSUTTZ: 1\r\n"))
-    assert not framer.answering
+    assert framer.n_lines == 0
     list(framer.feed(b"+CSQ: 20,0\r\n"))
-    assert framer.answering
+    assert framer.n_lines == 1
     list(framer.feed(b"OK\r\n"))
-    assert not framer.answering
+    assert framer.n_lines == 0
 
 
 def test_an_abandoned_command_owes_nothing():

@@ -142,10 +142,9 @@ def test_logs_around_a_row():
 
 
 def test_unasked_rows():
-    assert MODEM.is_row(SMONI_2G)
-    assert MODEM.opens_block(SMONI_2G)
-    assert not MODEM.is_row("^SMONI: 2G,SEARCH,SEARCH")
-    assert not MODEM.is_row("OK")
+    assert MODEM.role_of(SMONI_2G) == "serving"
+    assert MODEM.role_of("^SMONI: 2G,SEARCH,SEARCH") is None
+    assert MODEM.role_of("OK") is None
 
 
 # --- damage
@@ -187,7 +186,11 @@ def test_setup():
 @pytest.mark.parametrize(
     ("command", "lines", "asked"),
     [
-        ("AT^SMONI", [SMONI_2G], ["AT^SMONI", "AT^SMONP=255"]),
+        (
+            "AT^SMONI",
+            [SMONI_2G],
+            ["AT^SMONI", "AT^SMONP=255", "AT^SMOND", "AT^SMONC", "AT^MONI", "AT^MONP"],  # who are its neighbours?
+        ),
         ("AT^SMONI", ["^SMONI: 2G,SEARCH,SEARCH"], ["AT^SMONI", "AT^SMONP=255"]),
         ("AT^SMOND", [SMOND], ["AT^SMONI", "AT^SMONP=255", "AT^SMOND"]),
         ("AT^SMONC", [SMONC], ["AT^SMONI", "AT^SMONP=255", "AT^SMOND", "AT^SMONC"]),
@@ -198,6 +201,17 @@ def test_poll_asks_until_a_command_is_known(command, lines, asked):
     rows, sent = converse(MODEM.poll(), {command: (lines, "OK")})
     assert rows == MODEM.cells_in(lines)
     assert sent == asked
+
+
+def test_neighbours_come_from_another_command_where_smonp_is_not_known():
+    table = ["chann rs  dBm PLMN BCC C1 C2", MONP]
+    replies = {"AT^SMONI": ([SMONI_2G], "OK"), "AT^MONI": ([*HEADER, MONI], "OK"), "AT^MONP": (table, "OK")}
+    rows, _ = converse(MODEM.poll(), replies)
+    assert rows == (*MODEM.cells_in([SMONI_2G]), *MODEM.cells_in(table))
+    assert [row.role for row in rows] == ["serving", "neighbour"]
+    rows, sent = converse(MODEM.poll(), replies | {"AT^SMONP=255": ([], "OK")})
+    assert rows == MODEM.cells_in([SMONI_2G])
+    assert sent == ["AT^SMONI", "AT^SMONP=255"]
 
 
 def test_poll_of_a_modem_that_knows_none_of_the_commands():

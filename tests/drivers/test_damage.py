@@ -46,7 +46,7 @@ def check(driver: Family, text: str) -> None:
         if isinstance(row, CellReading):
             assert _is_printed(driver, row, digits, numbers), (row, text)
     for line in lines:
-        driver.is_row(line), driver.opens_block(line), driver.says_restarted(line)
+        driver.role_of(line), driver.says_restarted(line)
 
 
 def _is_printed(driver: Family, row: CellReading, digits: set[str], numbers: set[int]) -> bool:

@@ -134,10 +134,9 @@ def test_logs_around_a_row():
 
 
 def test_unasked_rows():
-    assert MODEM.is_row(GSM)
-    assert MODEM.opens_block(GSM)
-    assert not MODEM.opens_block(NEIGHBOURS[0])
-    assert not MODEM.is_row('^HCSQ:"LTE",41,28,70,0')
+    assert MODEM.role_of(GSM) == "serving"
+    assert MODEM.role_of(NEIGHBOURS[0]) == "neighbour"
+    assert MODEM.role_of('^HCSQ:"LTE",41,28,70,0') is None
 
 
 # --- damage

@@ -126,7 +126,7 @@ def test_nbiot_modem_that_searches_has_no_cell():
 @pytest.mark.parametrize("line", ["+QENG: 1,0", "+QENG: 1,4", "+QENG: 0,0", "+QENG: 0", "+QENG: 2,21,88", "+QENG: 4,0"])
 def test_lines_without_a_cell(line):
     assert MODEM.read([line]) == ()
-    assert not MODEM.is_row(line)
+    assert MODEM.role_of(line) is None
 
 
 def test_rows_of_bc660_that_are_no_cells():

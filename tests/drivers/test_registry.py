@@ -1,5 +1,7 @@
 """Each driver by its name, and each modem by what it says of itself."""
 
+import math
+
 import pytest
 
 from logger.core.errors import ConfigError
@@ -100,3 +102,10 @@ def test_no_driver_asks_who_the_subscriber_is_or_transmits():
     for driver in FAMILIES.values():
         for command in (*driver.set_up, *driver.asked, *driver.surveys, *driver.gnss_on, *driver.gnss_asked):
             assert not any(word in command.text.upper() for word in forbidden), (driver.name, command)
+
+
+@pytest.mark.parametrize("driver", FAMILIES.values(), ids=FAMILIES)
+def test_a_full_scan_is_asked_after_before_its_time_is_over(driver):
+    """By what is documented, or not at all; no other command is."""
+    assert all(c.silence_s < c.timeout_s or c.silence_s == math.inf for c in driver.surveys)
+    assert {c.silence_s for c in (*driver.set_up, *driver.asked, *driver.gnss_asked)} <= {math.inf}

@@ -251,12 +251,9 @@ def test_poll_where_there_is_no_cell(lines):
 
 
 def test_rows_that_come_unasked():
-    assert [MODEM.is_row(line) for line in (SERVING, NEIGHBOUR, SCAN, '+CENG:0,"06')] == [True] * 4
-    assert [MODEM.is_row(line) for line in ("+CENG: 1,1", "OK", "+CREG: 0,1", "", "RDY")] == [False] * 5
-    assert [MODEM.opens_block(line) for line in (SERVING, '+CENG:0,"', NEIGHBOUR, SCAN, "+CENG: 0,1")] == [
-        True,
-        True,
-    ] + [False] * 3
+    roles = ["serving", "serving", "serving", "neighbour", "scan"]
+    assert [MODEM.role_of(line) for line in (SERVING, '+CENG:0,"06', '+CENG:0,"', NEIGHBOUR, SCAN)] == roles
+    assert [MODEM.role_of(line) for line in ("+CENG: 1,1", "+CENG: 0,1", "OK", "+CREG: 0,1", "", "RDY")] == [None] * 6
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def test_row_that_lost_only_its_closing_mark_is_read_where_nothing_can_be_cut(ro
 
 def test_row_without_marks_as_the_manual_prints_it():
     assert one("+CENG: 0,262,02,3d4e,5f60,37,41").cell == "262-02-15694-24416"
-    assert MODEM.is_row("+CENG: 0,262,02,3d4e,5f60,37,41")
+    assert MODEM.role_of("+CENG: 0,262,02,3d4e,5f60,37,41") == "serving"
 
 
 @pytest.mark.parametrize("lost", [m.start() for m in re.finditer(",", NEIGHBOUR[10:])])
@@ -135,4 +135,4 @@ def test_lost_comma_mark_or_line_end_makes_no_other_cell():
 def test_any_text_is_harmless(lines):
     MODEM.read(lines)
     for line in lines:
-        MODEM.is_row(line), MODEM.opens_block(line), MODEM.says_restarted(line)
+        MODEM.role_of(line), MODEM.says_restarted(line)

@@ -215,7 +215,14 @@ def test_line_in_another_base_than_its_survey_names_no_cell():
 def test_codes_as_hexadecimal_numbers():
     for line in ("6300,-73,E8,B,1A2B3C4,4E5F,163,0,-99,-9,15", "6300,-73,0E8,0B,1A2B3C4,4E5F,163,0,-99,-9,15"):
         assert who(one(line)) == ("232", "11", 0x4E5F, 0x1A2B3C4)
-    assert who(one("6300,-73,106,065,1A2B3C4,4E5F,163,0,-99,-9,15"))[:2] == ("262", "101")
+    lines = ("6300,-73,106,065,1A2B3C4,4E5F,163,0,-99,-9,15", "6300,-79,106,065,1A2B3C5,4E5F,164,0,-99,-9,15")
+    assert [who(row)[:2] for row in cells(*lines)] == [("262", "101")] * 2
+
+
+@pytest.mark.parametrize("damaged", ["182", "062", "2A2", "E62", "26F", "22"])
+def test_a_country_code_that_is_damaged_is_not_taken_for_hexadecimal(damaged):
+    row = one(CSV.replace("262", damaged))
+    assert (who(row), row.rssi_dbm) == (NOBODY, -76.0)
 
 
 def test_carrier_without_identity():

@@ -8,6 +8,8 @@ MODEM = Ublox()
 CELLINFO = "+UCELLINFO: 1,     2,  262,   12, 1d2e, 3f4a5b6, 117, 10713, 44, 31"
 ENVIRONMENT = ['+CGED: RAT:"UMTS",', "Mcc:262, Mnc:  3, Lac:2d3e, Ci:4a5b6c7, DLF:10713 , ULF:9763"]
 
+SCANNED = "MCC:262, MNC:  3, LAC:2d3e, CI:4a5b, BSIC:24, Arfcn:00594, RXLEV:017"
+
 
 def test_setup():
     accepted, asked = converse(MODEM.setup(), {"AT": ((), "OK")})
@@ -43,6 +45,20 @@ def test_poll_without_an_answer_or_a_cell():
     assert converse(MODEM.poll(), {})[0] is None
     assert converse(MODEM.poll(), {"AT+CGED=5": ((), None)})[0] is None
     assert converse(MODEM.poll(), {"AT+CGED=5": ((), "OK")})[0] == ()
+
+
+@pytest.mark.parametrize(("plmn", "mnc"), [("26203", "03"), ("262003", "003"), ("26202", None), ("26303", None)])
+def test_scan_restores_the_zeros_of_a_network_code(plmn, mnc):
+    answers = {"AT+COPS=5": ([SCANNED], "OK"), "AT+COPS?": ([f'+COPS: 0,2,"{plmn}",0'], "OK")}
+    (reading,), asked = converse(MODEM.survey(MODEM.surveys[0]), answers)
+    assert (reading.mcc, reading.mnc, reading.cid, reading.rssi_dbm) == ("262", mnc, 0x4A5B, None)
+    assert asked == ["AT+COPS=5", "AT+COPS?"]
+
+
+def test_scan_of_a_modem_that_has_no_network_or_refuses_it():
+    answers = {"AT+COPS=5": ([SCANNED], "OK"), "AT+COPS?": (["+COPS: 0"], "OK")}
+    assert [row.mnc for row in converse(MODEM.survey(MODEM.surveys[0]), answers)[0]] == [None]
+    assert converse(MODEM.survey(MODEM.surveys[0]), {"AT+COPS?": (["+COPS: 0"], "OK")})[0] is None
 
 
 def test_scan_only_listens():

@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -157,6 +158,19 @@ def test_a_full_scan_takes_its_time(modem, stopwatch):
     assert said.count(b"Operator:") == 2
     assert b"MCC:001,MNC:01,Rxlev:11,Cellid:A53F,Arfcn:25,Lac:0114,Bsic:19\r\n" in said
     assert said.endswith(b"\r\n\r\nOK\r\n\r\n+CSQ: 10,0\r\n\r\nOK\r\n")  # read 40 s later
+
+
+def test_a_character_ends_a_full_scan_of_an_abortable_modem(stopwatch):
+    radio = Radio(shadowing_sigma_db=0.0, fading_sigma_db=0.0)
+    world = World.build((OTHER, SERVING), 46.9, 7.4, radio, np.random.default_rng(0))
+    dialect = replace(DIALECTS["sim800"], abortable=True)
+    modem = SimulatedModem(dialect, world, WALK, stopwatch, np.random.default_rng(0))
+    modem.feed(b"ATE0\rAT+CNETSCAN\r")
+
+    assert modem.feed(b"AT\r") == b"\r\nOK\r\n"  # what follows the first character is no command
+    stopwatch.t_s = 50.0
+    assert modem.unasked() == b""
+    assert modem.feed(b"AT+CSQ\r").endswith(b"\r\nOK\r\n")
 
 
 def test_a_restart_loses_everything(modem, stopwatch):

@@ -36,7 +36,7 @@ class Dialect:
 
     `replies` are by command without its AT, in capitals; one that ends with "=" takes any argument. `takes_s` says
     which of them are slow, `unasked` is what the modem tells by itself every few seconds; `registered` ones have a SIM
-    card.
+    card; on `abortable` ones a character ends a slow command, the others read it afterwards.
     """
 
     name: str
@@ -47,6 +47,7 @@ class Dialect:
     unasked: Listing | None = None
     boot: Sequence[str] = ("RDY", "+CFUN: 1", "Call Ready")
     registered: bool = False
+    abortable: bool = False
 
 
 def setting(default: str, form: str) -> Setting:
