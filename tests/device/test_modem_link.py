@@ -214,7 +214,7 @@ def test_every_family_recovers_from_every_fault(tmp_path, fault):
     with ThreadPoolExecutor(len(DIALECTS)) as pool:
         walks = pool.map(lambda name: _misbehave(tmp_path / name, fault, LONG_S, name), DIALECTS)
         for name, walked in zip(DIALECTS, walks, strict=True):
-            scans = walked.scans()
+            scans = walked.scans()[:-1]  # the stop may have cut the last one short
             usual = min(len(readings) for t_s, readings in scans if readings and t_s < walked.start_s)
             late = [t_s for t_s, readings in scans if t_s >= walked.end_s and len(readings) < usual]
             began = [t_s for t_s, readings in scans if t_s >= max([walked.end_s, *late]) and len(readings) >= usual]
