@@ -31,7 +31,8 @@ def installed(workplace):
     image = machines.CACHE / f"base-{board['arch']}.raw"
     if not image.exists() and os.getuid() != 0:
         pytest.skip("only root can build the image of the boot rig")
-    with_overlay = os.environ | {"EXTRA_PACKAGES": "overlayroot"}  # what Raspberry Pi OS makes a root read-only with
+    # what Raspberry Pi OS makes a root read-only with
+    with_overlay = os.environ | {"EXTRA_PACKAGES": "overlayroot,busybox"}
     subprocess.run([machines.RIG / "build_image.sh", machines.CACHE, board["arch"]], check=True, env=with_overlay)
     wheels = {"amd64": "x86_64", "arm64": "aarch64"}[board["arch"]]
     subprocess.run(["make", "-C", machines.REPOSITORY, "wheels", f"ARCH={wheels}"], check=True)

@@ -21,9 +21,9 @@ sys.path.append(str(RIG))
 rig = pytest.importorskip("rig", reason="the boot rig is not beside this repository")
 
 
-def machine(card, folder: Path, share: Path | None = None):
-    """A machine with both adapters; to be used in a `with`."""
-    return rig.Machine(card, CACHE, folder, board=BOARD, usb=USB, share=share)
+def machine(card, folder: Path, share: Path | None = None, kernel: Path = CACHE):
+    """A machine with both adapters; to be used in a `with`. `kernel` is the folder of the kernel and its initrd."""
+    return rig.Machine(card, kernel, folder, board=BOARD, usb=USB, share=share)
 
 
 def status(m) -> dict:
