@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 DEMO := demo-out
 
-.PHONY: demo test test-oldest lint test-faults test-boot fuzz soak bench scoreboard wheels clean
+.PHONY: demo test test-oldest lint test-faults test-boot test-view fuzz soak bench scoreboard wheels clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -43,7 +43,7 @@ wheels: .venv/pip.stamp
 test-faults: .venv/dev.stamp
 	CELLWALK_KILLS=50 $(BIN)/pytest -s tests/device/test_kill.py
 	$(BIN)/pytest -s tests/device/test_faults.py
-	$(BIN)/pytest -m slow --ignore tests/boot --deselect tests/device/test_kill.py --deselect tests/core/runfile/test_soak.py
+	$(BIN)/pytest -m slow --ignore tests/boot --ignore tests/view --deselect tests/device/test_kill.py --deselect tests/core/runfile/test_soak.py
 
 # coverage-guided, an hour each; see tests/fuzz/README.md
 FUZZ_S ?= 3600
@@ -58,6 +58,11 @@ fuzz: .venv/dev.stamp
 test-boot: .venv/dev.stamp
 	$(BIN)/pytest -s tests/boot
 
+# the viewer drawn by a processor, and what is served in a real browser; skips what this machine lacks. Debian has it:
+# apt-get install chromium chromium-driver mesa-vulkan-drivers
+test-view: .venv/dev.stamp
+	$(BIN)/pytest tests/view
+
 # a day of records at full speed, what an hour costs the card, and the service for two hours in real time
 soak: .venv/dev.stamp
 	$(BIN)/pytest -s tests/core/runfile/test_soak.py
@@ -70,6 +75,7 @@ bench: .venv/dev.stamp
 	$(BIN)/python benchmarks/live_cell.py
 	$(BIN)/python benchmarks/desk_filter.py
 	$(BIN)/python benchmarks/desk.py
+	$(BIN)/python benchmarks/view.py
 
 # errors and coverage of every estimator over simulated and measured walks: about half an hour
 scoreboard: .venv/dev.stamp
@@ -80,7 +86,7 @@ scoreboard: .venv/dev.stamp
 	touch $@
 
 .venv/post.stamp: .venv/pip.stamp pyproject.toml
-	$(BIN)/pip install --disable-pip-version-check -e '.[post]'
+	$(BIN)/pip install --disable-pip-version-check -e '.[view]'
 	touch $@
 
 .venv/dev.stamp: .venv/pip.stamp pyproject.toml

@@ -8,14 +8,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from logger.core.errors import ConfigError, FieldLoggerError
+from logger.core.errors import FieldLoggerError
 from postproc.interop import cli as interop
+from postproc.pictures import cli as pictures
+from postproc.report import cli as report
 from postproc.toa import cli as toa
 from postproc.validate import cli as validate
 from postproc.verify import cli as verify
+from postproc.view import cli as view
 
 if TYPE_CHECKING:
-    from logger.core.runfile import Run
+    from logger.core.runfile import Recovered, Run
     from postproc.smooth import Wishes
 
 
@@ -30,8 +33,9 @@ def main(argv: list[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith(("logger", "postproc")):
             raise
-        # the plain install is the logger; the desk's libraries are an extra
-        print(f"postproc: {error.name} is missing; install the desk: pip install 'cellwalk[post]'", file=sys.stderr)
+        # the plain install is the logger; the desk's libraries are an extra, and the viewer's another
+        extra = "view" if error.name.partition(".")[0] in {"rerun", "rerun_cli", "pyarrow"} else "post"
+        print(f"postproc: {error.name} is missing: pip install 'cellwalk[{extra}]'", file=sys.stderr)
         return 2
     except BrokenPipeError:
         return 0
@@ -81,18 +85,14 @@ def _parser() -> argparse.ArgumentParser:
     interop.add_share(share)
     share.set_defaults(command=interop.share)
 
-    view = add("view", "show a run in rerun")
-    view.add_argument("--save", type=Path, metavar="RUN.RRD", help="write the recording instead of opening the viewer")
-    view.add_argument("--cell", metavar="NAME", help="cell to show (default: the one with most to tell)")
-    view.set_defaults(command=_view)
+    view.add_view(add("view", "show runs in rerun, or in a browser of this machine", several=True))
 
-    plot = add("plot", "draw a run as a picture")
-    plot.add_argument("-o", "--output", type=Path, metavar="RUN.PNG", help="default: beside the run")
-    plot.add_argument("--cell", metavar="NAME", help="cell to show (default: the one with most to tell)")
-    plot.set_defaults(command=_plot)
+    pictures.add_plot(add("plot", "draw a run as a picture"))
+    report.add_report(add("report", "a page that tells a run, or several together", several=True))
 
     recover = add("recover", "make HDF5 of what a pulled plug left behind; exit 3 where something was lost", run=False)
     recover.add_argument("path", type=Path, metavar="PATH", help="a journal, or a folder of runs")
+    recover.add_argument("--json", action="store_true")
     recover.set_defaults(command=_recover)
 
     toa.add_toa(commands.add_parser("toa", help="place by ranges to anchors: the README's Kalman filter, simulated"))
@@ -104,6 +104,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     verify.add_theory(commands.add_parser("verify-theory", help="position verification by theory, and by simulation"))
     verify.add_celldb(commands.add_parser("celldb", help="OpenCelliD and Mozilla exports as one indexed file"))
+
+    what = 'completion for a shell: eval "$(postproc completion bash)"'
+    completion = commands.add_parser("completion", help=what)
+    completion.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh"))
+    completion.set_defaults(command=_completion)
     return parser
 
 
@@ -214,34 +219,10 @@ def _export(arguments: argparse.Namespace) -> int:
     return interop.export(arguments, summarise)
 
 
-def _view(arguments: argparse.Namespace) -> int:
-    from logger.core.runfile import read_run
-    from postproc.pictures.scene import open_viewer, write_scene
-    from postproc.progress import shown
-    from postproc.smooth import smooth_run
+def _completion(arguments: argparse.Namespace) -> int:
+    from postproc.completion import script
 
-    if arguments.save is not None and arguments.save.suffix != ".rrd":
-        raise ConfigError(f"{arguments.save}: a rerun recording is named .rrd")
-    only = arguments.cell and [arguments.cell]
-    smoothed = smooth_run(read_run(arguments.run), only, progress=shown, processes=_processes())
-    if arguments.save is None:
-        return open_viewer(smoothed)
-    write_scene(smoothed, arguments.save)
-    print(arguments.save)
-    return 0
-
-
-def _plot(arguments: argparse.Namespace) -> int:
-    from logger.core.runfile import read_run
-    from postproc.pictures.plots import draw_run
-    from postproc.progress import shown
-    from postproc.smooth import smooth_run
-
-    only = arguments.cell and [arguments.cell]
-    smoothed = smooth_run(read_run(arguments.run), only, progress=shown, processes=_processes())
-    target = arguments.output or arguments.run.with_suffix(".png")
-    draw_run(smoothed, target)
-    print(target)
+    print(script(_parser(), arguments.shell))
     return 0
 
 
@@ -251,10 +232,19 @@ def _recover(arguments: argparse.Namespace) -> int:
     found = []
     for recovered in recover(arguments.path):
         found.append(recovered)
+        if arguments.json:
+            continue
         print(recovered, flush=True)
         if recovered.loss:
             print(f"postproc: {recovered.loss}", file=sys.stderr)
+    if arguments.json:
+        print(json.dumps([_told(one) for one in found], indent=2))
     return SOMETHING_LOST if any(recovered.loss for recovered in found) else 0
+
+
+def _told(recovered: "Recovered") -> dict[str, str | None]:
+    run = str(recovered.run) if recovered.run else None
+    return {"journal": str(recovered.journal), "run": run, "digest": recovered.digest, "loss": recovered.loss}
 
 
 def _processes() -> int:

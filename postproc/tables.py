@@ -6,7 +6,7 @@ from rich.table import Table
 from postproc.info import Info
 from postproc.results import Json
 
-_TITLES = {
+TITLES = {
     "batch": "least squares",
     "ekf": "EKF",
     "ekf_backward": "EKF backward",
@@ -94,7 +94,7 @@ def _estimators(cell: Json) -> Table:
         _add(table, "posterior", cell["best"] | {"n": cell["n"]}, f"r {cell['best']['r95_m']:.0f}")
     for i, mode in enumerate(cell["modes"], 1):
         table.add_row(f"  place {i}: {mode['probability']:.0%}", _place(mode), _axes(mode["ellipse95"]))
-    for name, title in _TITLES.items():
+    for name, title in TITLES.items():
         if cell[name]["lat"] is not None:
             _add(table, title, cell[name], _axes(cell[name]["ellipse95"]))
     return table

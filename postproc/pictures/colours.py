@@ -20,6 +20,12 @@ PALE_TRUTH: Final = (170, 150, 190)
 WALKER: Final = (40, 130, 240)
 QUIET: Final = (125, 125, 135)
 
+INK: Final = (31, 36, 43)
+"""Words, axes and lines on white paper, with those below; a dark page puts others in their place."""
+MUTED: Final = (92, 100, 112)
+GRID: Final = (221, 225, 230)
+PAPER: Final = (255, 255, 255)
+
 BOUNDS: Final = ((90, 150, 90), (175, 145, 40))
 """Chi-square bounds, the inner one first."""
 

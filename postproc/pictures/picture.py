@@ -134,11 +134,10 @@ class Picture:
         return np.split(self.track_m, silent)
 
 
-def picture_of(smoothed: Smoothed) -> Picture:
-    """Gather what is drawn; a run with nothing in it gives an empty picture."""
+def picture_of(smoothed: Smoothed, focus: CellResult | None = None) -> Picture:
+    """Gather what is drawn of `focus`, or of the cell with most to tell; an empty run gives an empty picture."""
     run, observations = smoothed.run, smoothed.observations
-    fixes = run.tables["fixes"]
-    focus = focus_of(smoothed)
+    focus = focus or focus_of(smoothed)
     track = observations.track if observations else None
     origin = (float(track.x_m[0]), float(track.y_m[0])) if track else (0.0, 0.0)
     track_m = _local(track.x_m, track.y_m, origin) if track else np.empty((0, 2))
@@ -150,7 +149,7 @@ def picture_of(smoothed: Smoothed) -> Picture:
     truth_m = _truth(smoothed, focus, origin)
     return Picture(
         smoothed=smoothed,
-        clock=Clock(run.meta.started_ns, fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"])),
+        clock=clock_of(run),
         levels=levels_of(run),
         focus=focus,
         track=track,
@@ -163,8 +162,14 @@ def picture_of(smoothed: Smoothed) -> Picture:
         region50=region50,
         estimates=_estimates(focus, origin),
         truth_m=truth_m,
-        box=_box(track_m, region95, truth_m) if len(track_m) else None,
+        box=_box(np.vstack([track_m, heard_m]), region95, truth_m) if len(track_m) else None,
     )
+
+
+def clock_of(run: Run) -> Clock:
+    """Times of a run."""
+    fixes = run.tables["fixes"]
+    return Clock(run.meta.started_ns, fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"]))
 
 
 def focus_of(smoothed: Smoothed) -> CellResult | None:
@@ -239,7 +244,7 @@ def _estimates(focus: CellResult | None, origin_m: tuple[float, float]) -> tuple
         ("reference", "reference EKF (wrong)", colours.REFERENCE, focus.reference),
     ):
         if filtered is not None and len(filtered):
-            found.append((key, name, colour, filtered.x[-1], filtered.p[-1]))
+            found.append((key, name, colour, filtered.x[-1, :4], filtered.p[-1, :4, :4]))
     if focus.batch is not None:
         found.append(("batch", "least squares", colours.BATCH, focus.batch.state, focus.batch.covariance))
     shift = np.array([*origin_m, 0.0, 0.0])

@@ -5,32 +5,23 @@ from math import hypot
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Ellipse, PathPatch
 from matplotlib.path import Path
+from matplotlib.ticker import MaxNLocator
 
 from logger.core.ellipse import ellipse95
 from postproc.pictures import colours
-from postproc.pictures.colours import Colour
 from postproc.pictures.picture import Box, Estimate, Picture, Rings, mode_label
+from postproc.pictures.plots_style import empty, legend_below, rgb, thinned
+
+_MOST_CORNERS = 5000
 
 
-def rgb(colour: Colour) -> tuple[float, float, float]:
-    """A colour in the units of matplotlib."""
-    red, green, blue = colour
-    return red / 255.0, green / 255.0, blue / 255.0
-
-
-def verbatim(text: str) -> str:
-    """Text in which a dollar sign is no formula."""
-    return text.replace("$", r"\$")
-
-
-def draw_plan(figure: Figure, axes: Axes, picture: Picture) -> None:
+def draw_plan(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
     """The walk, the regions, and where each estimator puts the transmitter."""
     if picture.box is None:
-        axes.text(0.5, 0.5, "no position fix", ha="center", va="center", transform=axes.transAxes)
-        axes.set_axis_off()
+        empty(axes, "no position fix")
         return
     _ground(axes, picture.box)
     _walk(figure, axes, picture)
@@ -39,10 +30,9 @@ def draw_plan(figure: Figure, axes: Axes, picture: Picture) -> None:
         if estimate.key != "rts":  # of a transmitter that stands still it is the EKF's last state
             _estimate(axes, estimate, picture.box)
     if picture.truth_m is not None:
-        label = "truth (simulated)" + _beyond(picture.box, *picture.truth_m)
+        label = "truth (simulated)" + beyond(picture.box, *picture.truth_m)
         axes.plot(*picture.truth_m, "*", color=rgb(colours.TRUTH), markersize=13, label=label, zorder=9)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, fontsize=8, frameon=False)
+    legend_below(figure, axes)
 
 
 def _ground(axes: Axes, box: Box) -> None:
@@ -51,17 +41,21 @@ def _ground(axes: Axes, box: Box) -> None:
     axes.set_ylim(box.south, box.north)
     axes.set_xlabel("east of the first fix (m)")
     axes.set_ylabel("north of the first fix (m)")
-    axes.grid(visible=True, alpha=0.25)
-    arrow = {"arrowstyle": "->", "color": "black"}
+    axes.grid(visible=True)
+    arrow = {"arrowstyle": "->", "color": rgb(colours.INK)}
     axes.annotate(
         "N", (0.04, 0.97), (0.04, 0.87), xycoords="axes fraction", ha="center", va="center", arrowprops=arrow
     ).set_zorder(10)
 
 
-def _walk(figure: Figure, axes: Axes, picture: Picture) -> None:
+def _walk(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
     """The track in grey, cut where the receiver was silent; readings in the colours of levels."""
     for strip in picture.strips_m:
-        axes.plot(*strip.T, color=rgb(colours.QUIET), linewidth=1, alpha=0.6, zorder=2)
+        some = strip[thinned(len(strip), _MOST_CORNERS)]
+        axes.plot(*some.T, color=rgb(colours.QUIET), linewidth=1, alpha=0.6, zorder=2)
+    ink, paper = rgb(colours.INK), rgb(colours.PAPER)
+    for end, marker, label in ((0, "o", "start of the walk"), (-1, "s", "end of the walk")):
+        axes.plot(*picture.track_m[end], marker, color=paper, markeredgecolor=ink, markersize=5, label=label, zorder=5)
     if len(picture.heard_m):
         weakest, strongest = picture.strength_dbm
         levels = axes.scatter(
@@ -76,7 +70,9 @@ def _walk(figure: Figure, axes: Axes, picture: Picture) -> None:
             zorder=3,
             rasterized=True,
         )
-        figure.colorbar(levels, ax=axes, label="level (dBm)", shrink=0.6, extend="both", location="left")
+        bar = figure.colorbar(levels, ax=axes, label="level (dBm)", extend="both", location="top", aspect=40)
+        bar.locator = MaxNLocator(6, integer=True)
+        bar.outline.set_visible(False)
 
 
 def _posterior(axes: Axes, picture: Picture) -> None:
@@ -84,7 +80,7 @@ def _posterior(axes: Axes, picture: Picture) -> None:
     posterior = picture.focus.posterior if picture.focus else None
     if posterior is None or picture.box is None:
         return
-    blue = rgb(colours.POSTERIOR)
+    blue, white = rgb(colours.POSTERIOR), rgb(colours.PAPER)
     for name, rings, alpha in (("95 %", picture.region95, 0.12), ("50 %", picture.region50, 0.25)):
         if rings:
             outside = not all(picture.box.holds(*corner) for ring in rings for corner in ring.tolist())
@@ -94,11 +90,9 @@ def _posterior(axes: Axes, picture: Picture) -> None:
     for i, mode in enumerate(posterior.modes):
         named = "likely places" if len(posterior.modes) > 1 else "likeliest place"
         east, north = picture.local(np.array([mode.x_m]), np.array([mode.y_m]))[0].tolist()
-        legend = "_nolegend_" if i else named + _beyond(picture.box, east, north)
-        axes.plot(east, north, "o", color=blue, markeredgecolor="white", markersize=7, label=legend, zorder=8)
-        share = axes.annotate(
-            mode_label(posterior, mode), (east, north), (7, 7), textcoords="offset points", color=blue
-        )
+        legend = "_nolegend_" if i else named + beyond(picture.box, east, north)
+        axes.plot(east, north, "o", color=blue, markeredgecolor=white, markersize=7, label=legend, zorder=8)
+        share = axes.annotate(mode_label(posterior, mode), (east, north), (7, 7), textcoords="offset points")
         share.set(fontsize=9, fontweight="bold", zorder=9, annotation_clip=True)
 
 
@@ -111,7 +105,7 @@ def _estimate(axes: Axes, estimate: Estimate, box: Box) -> None:
     """An estimator's last word with its 95 % ellipse."""
     east, north = float(estimate.x[0]), float(estimate.x[1])
     colour = rgb(estimate.colour)
-    axes.plot(east, north, "x", color=colour, markersize=8, label=estimate.name + _beyond(box, east, north), zorder=7)
+    axes.plot(east, north, "x", color=colour, markersize=8, label=estimate.name + beyond(box, east, north), zorder=7)
     found = ellipse95(estimate.p[0, 0], estimate.p[0, 1], estimate.p[1, 1])
     width, height = 2.0 * found.semi_major_m, 2.0 * found.semi_minor_m
     axes.add_patch(
@@ -119,7 +113,7 @@ def _estimate(axes: Axes, estimate: Estimate, box: Box) -> None:
     )
 
 
-def _beyond(box: Box, east: float, north: float) -> str:
+def beyond(box: Box, east: float, north: float) -> str:
     """A remark for what the picture does not reach."""
     if box.holds(east, north):
         return ""

@@ -15,6 +15,8 @@ from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import batch
 from postproc.estimators.filtered import Filtered, reference_ekf
 from postproc.smooth import CellResult, Smoothed
+from postproc.verify.claims import Claim
+from postproc.verify.run import CellVerdict, Verified
 from tests.kit.runs import UTC0_NS, meta
 
 LAT, LON = 52.5, 13.4
@@ -94,7 +96,7 @@ def posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior:
     return made(
         Posterior, cells=cells, modes=modes, x_m=float(centre[0]), y_m=float(centre[1]), r95_m=2.45 * sigma_m,
         drms_m=1.4 * sigma_m, p0_dbm=P0_DBM, p0_sigma_db=2.0, eta=ETA, eta_sigma=0.2, sigma_db=2.0,
-        decorrelation_m=10.0, white_share=0.5, limit_share=0.0, prior=Prior(),
+        decorrelation_m=10.0, white_share=0.5, limit_share=0.0, prior=Prior(), offsets=None,
     )  # fmt: skip
 
 
@@ -117,3 +119,16 @@ def filters(obs: CellObservations, answer: Posterior) -> tuple[Filtered, Filtere
     none = np.full(len(x), np.nan)
     ahead = Filtered(obs.t_ns[half:], x, p, innovation, variance)
     return ahead, Filtered(obs.t_ns[half:], np.repeat(x[-1:], len(x), 0), np.repeat(p[-1:], len(p), 0), none, none)
+
+
+def claims_about(result: Smoothed) -> Verified:
+    """A consistent claim about the first cell, a rejected one about the second, and a cell without any."""
+
+    def claimed(cell, verdict, north_deg):
+        return CellVerdict(
+            cell.cell, cell.n, Claim(cell.cell, LAT + north_deg, LON, 20.0, "command line"), verdict,
+            ("because",), "indirect", 0.5, 0.5, 0.5, 0.5, distance_m=33.0,
+        )  # fmt: skip
+
+    first, second = result.cells[:2]
+    return Verified(0.05, (claimed(first, "consistent", 0.0005), claimed(second, "rejected", 0.1)), ("other",), ())

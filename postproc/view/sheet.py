@@ -10,7 +10,7 @@ import rerun as rr
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import ellipse95
 from postproc.pictures.colours import Colour
-from postproc.pictures.picture import Clock
+from postproc.view.clock import Clock
 
 
 class Sheet:
@@ -44,11 +44,17 @@ def entity(*parts: str) -> str:
     return str(rr.new_entity_path(list(parts)))
 
 
-def line(name: str, colour: Colour, width: float = 1.5) -> rr.SeriesLines:
+def line(name: str, colour: Colour | tuple[int, int, int, int], width: float = 1.5) -> rr.SeriesLines:
     """Style of a plotted line; extremes stay visible where there are more readings than pixels."""
     return rr.SeriesLines(
         colors=[colour], names=[name], widths=[width], aggregation_policy=rr.components.AggregationPolicy.MinMax
     )
+
+
+def steps(name: str, colour: Colour, width: float = 2.0) -> rr.SeriesLines:
+    """Style of a line that keeps a value until the next one is known."""
+    held = rr.components.InterpolationMode.StepAfter
+    return rr.SeriesLines(colors=[colour], names=[name], widths=[width], interpolation_mode=held)
 
 
 def dots(name: str, colour: Colour, size: float = 1.5) -> rr.SeriesPoints:
@@ -64,6 +70,17 @@ def band(name: str, colour: Colour) -> rr.Measurements:
 def two_sigma(value: FloatArray, variance: FloatArray) -> Iterable[Any]:
     """Columns of a line with a band of plus and minus two standard deviations; rerun draws one, hence the 4."""
     return rr.Measurements.columns(values=value, variances=4.0 * variance)
+
+
+def strips_by_row(rows: Sequence[Sequence[FloatArray]]) -> Iterable[Any]:
+    """Column of line strips (k, 2), several in each row."""
+    flat = [strip.astype(np.float32) for row in rows for strip in row]
+    return rr.LineStrips2D.columns(strips=flat).partition([len(row) for row in rows])
+
+
+def points(size: float) -> Any:
+    """A radius that stays the same however near one looks."""
+    return rr.Radius.ui_points(size)
 
 
 def ellipse_axes(p: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,100 @@
+"""The command `report` of `postproc`."""
+
+import argparse
+import os
+import re
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from logger.core.errors import ConfigError, RunFileError
+
+if TYPE_CHECKING:
+    from logger.core.runfile import Run
+    from postproc.report.writing import Report
+    from postproc.smooth import Wishes
+    from postproc.verify.run import Verified
+
+
+def add_report(report: argparse.ArgumentParser) -> None:
+    # argparse has no other way to let a latitude south of the equator begin with its minus
+    report._negative_number_matcher = re.compile(r"-[\d.]")  # noqa: SLF001
+    report.add_argument("-o", "--output", type=Path, metavar="RUN.HTML", help="default: beside the (first) run")
+    report.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
+    report.add_argument("--pictures", type=Path, metavar="DIR", help="the pictures too, each as PNG and SVG")
+    what = "claimed position, of --cell or of every cell (may be repeated)"
+    report.add_argument("--claim", action="append", metavar="LAT,LON[,SIGMA_M]", help=what)
+    what = "claims: CSV, cell export or cells.db, as for verify"
+    report.add_argument("--claims", type=Path, metavar="FILE", help=what)
+    report.add_argument("--pfa", type=float, default=0.05, metavar="P", help="false-alarm rate (default: 0.05)")
+    report.add_argument("--environment", default="any", help="prior: any (default), open, suburban or urban")
+    report.add_argument("--height", type=float, metavar="M", help="antenna above the receiver (default: 5 m)")
+    report.add_argument("--json", action="store_true", help="say what was written as JSON")
+    report.set_defaults(command=_report)
+
+
+def _report(arguments: argparse.Namespace) -> int:
+    from logger.core.locator.prior import prior_for
+    from logger.core.runfile import read_run
+    from postproc.smooth import Wishes
+
+    begun_s = perf_counter()
+    target = arguments.output or arguments.run[0].with_suffix(".html")
+    for folder in (target.parent, arguments.pictures):
+        if folder is not None and not folder.is_dir():
+            raise ConfigError(f"{folder}: no such folder")
+    if target in arguments.run:
+        raise RunFileError(f"{target} is the run; choose another name for the report")
+    wishes = Wishes(prior_for(arguments.environment, height_m=arguments.height))
+    made = _made(arguments, [read_run(path) for path in arguments.run], wishes)
+    size = made.write(target)
+    pictures = list(made.write_pictures(arguments.pictures)) if arguments.pictures else []
+    _tell(arguments, target, size, made.cells, pictures, perf_counter() - begun_s)
+    return 0
+
+
+def _made(arguments: argparse.Namespace, runs: "list[Run]", wishes: "Wishes") -> "Report":
+    from postproc.progress import shown
+    from postproc.report.writing import MOST_TOLD, report, report_together
+    from postproc.smooth import smooth_run
+    from postproc.together import smooth_together
+
+    processes = os.cpu_count() or 1
+    most = max(MOST_TOLD, len(arguments.cell or ()))
+    if len(runs) > 1:
+        if arguments.claim or arguments.claims:
+            raise ConfigError("a claim is tested against one run: give that run alone")
+        together = smooth_together(runs, arguments.cell, wishes=wishes, progress=shown, processes=processes)
+        return report_together(together, most=most, progress=shown)
+    smoothed = smooth_run(runs[0], arguments.cell, wishes=wishes, progress=shown, processes=processes)
+    return report(smoothed, _verified(arguments, runs[0], wishes), most=most, progress=shown)
+
+
+def _verified(arguments: argparse.Namespace, run: "Run", wishes: "Wishes") -> "Verified | None":
+    from postproc.progress import shown
+    from postproc.smooth import heard_cells
+    from postproc.verify import claims
+    from postproc.verify.run import Verification
+
+    if not arguments.claim and not arguments.claims:
+        return None
+    found = [claims.parse_claim(text, cell) for text in arguments.claim or () for cell in arguments.cell or [None]]
+    if arguments.claims:
+        found += claims.read_claims(arguments.claims, list(heard_cells([run], arguments.cell)))
+    verification = Verification(run, found, arguments.pfa, wishes.prior)
+    tested = list(shown(verification.each(), "verifying", len(verification.pairs)))
+    return verification.adjusted(tested)
+
+
+def _tell(
+    arguments: argparse.Namespace, target: Path, size: int, cells: tuple[str, ...], pictures: list[Path], took_s: float
+) -> None:
+    from postproc.report.words import number_of
+    from postproc.results import as_json
+
+    if arguments.json:
+        written = {"path": str(target), "bytes": size, "cells": cells, "pictures": list(map(str, pictures))}
+        print(as_json(written | {"seconds": round(took_s, 2)}))
+        return
+    more = f", {len(pictures)} pictures in {arguments.pictures}" if pictures else ""
+    print(f"{target}: {number_of(len(cells), 'cell')} told, {size / 1e6:.2f} MB in {took_s:.1f} s{more}")

@@ -1,0 +1,32 @@
+"""What can be seen on a screenshot of the viewer."""
+
+from io import BytesIO
+
+import numpy as np
+from PIL import Image
+
+from postproc.pictures import colours
+
+LEAST_PIXELS = 15
+SHOWN = {
+    "walker": colours.WALKER,
+    "posterior": colours.POSTERIOR,
+    "EKF": colours.EKF,
+    "least squares": colours.BATCH,
+    "truth": colours.TRUTH,
+    "a weak level": tuple(colours.scale(9)[1].tolist()),
+    "a strong level": tuple(colours.scale(9)[7].tolist()),
+}
+"""Colours of a walk's plan."""
+
+
+def count(png: bytes, colour, *, within=(0.0, 1.0), off=30) -> int:
+    """Pixels of about a colour, between two shares of the width."""
+    pixels = np.asarray(Image.open(BytesIO(png)).convert("RGB")).astype(int)
+    left, right = (int(share * pixels.shape[1]) for share in within)
+    return int(np.count_nonzero(np.max(np.abs(pixels[:, left:right] - colour), axis=2) <= off))
+
+
+def missing(png: bytes, *, within=(0.0, 1.0)) -> list[str]:
+    """What of a walk cannot be seen."""
+    return [name for name, colour in SHOWN.items() if count(png, colour, within=within) < LEAST_PIXELS]

@@ -1,0 +1,54 @@
+import json
+
+import pytest
+
+from postproc.cli import main
+from tests.kit import runs
+from tests.kit.pages import Page
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    path = tmp_path_factory.mktemp("cli") / "walk.journal"
+    runs.write_journal(path, runs.records(40))
+    return path
+
+
+def fails(capsys, *argv):
+    assert main([str(a) for a in argv]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+def test_page_beside_the_run_and_pictures_where_wanted(run, tmp_path, capsys):
+    assert main(["report", str(run), "--pictures", str(tmp_path), "--cell", "262-01-4711-1"]) == 0
+    assert capsys.readouterr().out.startswith(f"{run.with_suffix('.html')}: 1 cell told, ")
+    page = Page(run.with_suffix(".html").read_text("utf-8"))
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {f"cell-1-{one}.{kind}" for one in ("plan", "distance", "levels") for kind in ("png", "svg")} <= names
+    assert len(names) == 2 * len(page.all("svg"))
+    assert (tmp_path / "cell-1-plan.png").read_bytes().startswith(b"\x89PNG")
+    run.with_suffix(".html").unlink()
+
+
+def test_json_says_what_was_written(run, tmp_path, capsys):
+    target = tmp_path / "x.html"
+    claim = ("--claim", "52.001,13.0,30", "--cell", "262-01-4711-1")
+    assert main(["report", str(run), "-o", str(target), "--json", *claim]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["path"] == str(target)
+    assert told["bytes"] == target.stat().st_size
+    assert told["cells"] == ["262-01-4711-1"]
+    assert told["pictures"] == []
+    assert "52.00100" in Page(target.read_text("utf-8")).text
+
+
+def test_mistakes_are_one_line(run, tmp_path, capsys):
+    assert "no such folder" in fails(capsys, "report", run, "-o", tmp_path / "absent" / "x.html")
+    assert "no such folder" in fails(capsys, "report", run, "--pictures", tmp_path / "absent")
+    assert "is the run" in fails(capsys, "report", run, "-o", run)
+    assert "was not heard" in fails(capsys, "report", run, "--cell", "x")
+    assert "is no claim" in fails(capsys, "report", run, "--claim", "here", "-o", tmp_path / "x.html")
+    assert "environment" in fails(capsys, "report", run, "--environment", "sea")
+    assert list(tmp_path.iterdir()) == []
+    assert run.exists()

@@ -1,0 +1,269 @@
+"""Pictures and tiles of known ground: every pixel must stand where its colour says."""
+
+import sqlite3
+from io import BytesIO
+
+import numpy as np
+import pytest
+from PIL import Image
+from pyproj import CRS, Transformer
+
+from logger.core.errors import ConfigError
+from postproc.view.basemap import MOST_PIXELS, read_basemap
+from postproc.view.scene import write_scene
+from tests.kit import smoothed as kit
+from tests.kit.recordings import chunks
+from tests.kit.stories import story
+
+UTM = CRS.from_epsg(32633)
+RED, GREEN, BLUE, YELLOW = (200, 40, 40), (40, 200, 40), (40, 40, 200), (200, 200, 40)
+QUARTERS = {(0, 0): RED, (0, 1): GREEN, (1, 0): BLUE, (1, 1): YELLOW}
+"""By south and east of the middle: red in the north-west, green north-east, blue south-west, yellow south-east."""
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    run = kit.write_run(tmp_path_factory.mktemp("basemap") / "walk.journal", seconds=120, cells=1)
+    return story(kit.smoothed(run))
+
+
+def middle(told, crs):
+    """The middle of the plan in a reference system."""
+    x = told.origin_m[0] + 0.5 * (told.box.west + told.box.east)
+    y = told.origin_m[1] + 0.5 * (told.box.south + told.box.north)
+    return Transformer.from_crs(UTM, crs, always_xy=True).transform(x, y)
+
+
+def quarters(size=64):
+    """A picture of four colours."""
+    pixels = np.zeros((size, size, 3), np.uint8)
+    half = size // 2
+    for (south, east), colour in QUARTERS.items():
+        pixels[south * half : (south + 1) * half, east * half : (east + 1) * half] = colour
+    return Image.fromarray(pixels)
+
+
+def check(basemap):
+    """Each quarter of the plan in its colour."""
+    rows, columns = basemap.pixels.shape[:2]
+    for (south, east), colour in QUARTERS.items():
+        at = basemap.pixels[int((0.4 + 0.2 * south) * rows), int((0.4 + 0.2 * east) * columns)]
+        np.testing.assert_allclose(at, [*colour, 255], atol=12, err_msg=f"south {south} east {east}")
+
+
+def picture(folder, told, crs, unit, *, name="ground.png", world="ground.pgw", span_m=500.0):
+    """Four quarters around the middle of the plan."""
+    image, (x, y) = quarters(), middle(told, crs)
+    image.save(folder / name)
+    side = span_m * unit / image.width
+    first = x - 0.5 * (image.width - 1) * side, y + 0.5 * (image.height - 1) * side
+    (folder / world).write_text("\n".join(f"{v!r}" for v in (side, 0.0, 0.0, -side, *map(float, first))))
+    return folder / name
+
+
+DEGREE = 1.0 / 70_000
+
+
+@pytest.mark.parametrize(
+    ("crs", "unit", "name", "world"),
+    [
+        (UTM, 1.0, "ground.png", "ground.pgw"),
+        (UTM, 1.0, "ground.jpg", "ground.jgw"),
+        (UTM, 1.0, "ground.jpeg", "ground.jpegw"),
+        (CRS.from_epsg(4326), DEGREE, "ground.png", "ground.wld"),
+        (CRS.from_epsg(3857), 1.6, "ground.png", "ground.PGW"),
+    ],
+    ids=["UTM", "JPEG", "long name", "degrees", "Web Mercator"],
+)
+def test_a_picture_with_a_world_file(crs, unit, name, world, told, tmp_path):
+    check(read_basemap(picture(tmp_path, told, crs, unit, name=name, world=world), told))
+
+
+def test_a_turned_picture(told, tmp_path):
+    path, (x, y) = tmp_path / "ground.png", middle(told, UTM)
+    quarters().rotate(-90).save(path)  # north is to the right of it
+    side = 30.0
+    first = x - 31.5 * side, y - 31.5 * side
+    (tmp_path / "ground.pgw").write_text(f"0 {side} {side} 0 {first[0]} {first[1]}")
+    check(read_basemap(path, told))
+
+
+def test_a_prj_file_tells_the_reference_system(told, tmp_path):
+    path = picture(tmp_path, told, CRS.from_epsg(25833), 1.0)
+    (tmp_path / "ground.prj").write_text(CRS.from_epsg(25833).to_wkt())
+    check(read_basemap(path, told))
+    (tmp_path / "ground.prj").write_text("somewhere")
+    with pytest.raises(ConfigError, match="no reference system"):
+        read_basemap(path, told)
+
+
+def mosaic(told, columns=4):
+    """Tiles of Web Mercator whose colours are the quarters around the middle of the plan, by (zoom, column, row)."""
+    crs = CRS.from_epsg(3857)
+    world = 2 * np.pi * 6378137.0
+    x, y = middle(told, crs)
+    found = {}
+    for zoom in (14, 18):
+        side = world / 2**zoom
+        left, top = int((x + world / 2) / side), int((world / 2 - y) / side)
+        for column in range(left - columns, left + columns + 1):
+            for row in range(top - columns, top + columns + 1):
+                east = -world / 2 + (column + (np.arange(256) + 0.5) / 256) * side >= x
+                south = world / 2 - (row + (np.arange(256) + 0.5) / 256) * side <= y
+                colours = np.array(list(QUARTERS.values()), np.uint8)
+                found[zoom, column, row] = colours[2 * south[:, None] + east[None, :]]
+    return found
+
+
+def blob(pixels):
+    file = BytesIO()
+    Image.fromarray(pixels).save(file, "PNG")
+    return file.getvalue()
+
+
+def mbtiles(path, tiles, *, scheme=None):
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE metadata (name text, value text)")
+        database.execute("CREATE TABLE tiles (zoom_level int, tile_column int, tile_row int, tile_data blob)")
+        if scheme:
+            database.execute("INSERT INTO metadata VALUES ('scheme', ?)", (scheme,))
+        rows = [
+            (zoom, column, row if scheme == "xyz" else 2**zoom - 1 - row, blob(pixels))
+            for (zoom, column, row), pixels in tiles.items()
+        ]
+        database.executemany("INSERT INTO tiles VALUES (?, ?, ?, ?)", rows)
+    database.close()
+    return path
+
+
+@pytest.mark.parametrize("scheme", [None, "tms", "xyz"])
+def test_mbtiles_count_rows_from_the_south_unless_they_say_otherwise(scheme, told, tmp_path):
+    check(read_basemap(mbtiles(tmp_path / "x.mbtiles", mosaic(told), scheme=scheme), told))
+
+
+def test_geopackage_counts_rows_from_the_north(told, tmp_path):
+    path = tmp_path / "x.gpkg"
+    world = np.pi * 6378137.0
+    with sqlite3.connect(path) as database:
+        database.executescript(
+            f"""CREATE TABLE gpkg_contents (table_name text, data_type text);
+            CREATE TABLE gpkg_spatial_ref_sys (srs_id int, organization text, organization_coordsys_id int,
+                definition text);
+            CREATE TABLE gpkg_tile_matrix_set (table_name text, srs_id int, min_x, min_y, max_x, max_y);
+            CREATE TABLE gpkg_tile_matrix (table_name text, zoom_level, matrix_width, matrix_height, tile_width,
+                tile_height, pixel_x_size, pixel_y_size);
+            CREATE TABLE "odd ""name" (zoom_level int, tile_column int, tile_row int, tile_data blob);
+            INSERT INTO gpkg_contents VALUES ('points', 'features'), ('odd "name', 'tiles');
+            INSERT INTO gpkg_spatial_ref_sys VALUES (7, 'EPSG', 3857, 'undefined');
+            INSERT INTO gpkg_tile_matrix_set VALUES ('odd "name', 7, {-world}, {-world}, {world}, {world});"""
+        )
+        for zoom in (14, 18):
+            pixel = 2 * world / 2**zoom / 256
+            matrix = ('odd "name', zoom, 2**zoom, 2**zoom, 256, 256, pixel, pixel)
+            database.execute("INSERT INTO gpkg_tile_matrix VALUES (?, ?, ?, ?, ?, ?, ?, ?)", matrix)
+        rows = [(*key, blob(pixels)) for key, pixels in mosaic(told).items()]
+        database.executemany('INSERT INTO "odd ""name" VALUES (?, ?, ?, ?)', rows)
+    database.close()
+    check(read_basemap(path, told))
+
+
+def test_missing_tiles_are_clear(told, tmp_path):
+    tiles = mosaic(told)
+    fewer = dict(list(tiles.items())[::2])
+    found = read_basemap(mbtiles(tmp_path / "x.mbtiles", fewer), told)
+    assert 0 < np.mean(found.pixels[..., 3] > 0) < 1
+
+
+def test_it_is_drawn_under_the_plan_and_bounded_in_size(told, tmp_path):
+    found = read_basemap(picture(tmp_path, told, UTM, 1.0), told)
+    assert max(found.pixels.shape) <= MOST_PIXELS
+    write_scene(told, tmp_path / "x.rrd", basemap=found)
+    assert "/plan/ground/basemap" in chunks(tmp_path / "x.rrd")
+    assert (tmp_path / "x.rrd").stat().st_size < 3e6
+
+
+def test_a_fine_picture_is_made_coarser(told, tmp_path):
+    side_m = told.box.size * 1.4 / 3000
+    Image.effect_noise((3000, 3000), 50.0).save(tmp_path / "x.png")
+    x, y = middle(told, UTM)
+    (tmp_path / "x.pgw").write_text(f"{side_m} 0 0 {-side_m} {x - 1500 * side_m} {y + 1500 * side_m}")
+    found = read_basemap(tmp_path / "x.png", told)
+    assert max(found.pixels.shape) <= MOST_PIXELS
+    assert np.all(found.pixels[..., 3] == 255)
+
+
+def no_world_file(folder, told):
+    quarters().save(folder / "x.png")
+    return folder / "x.png"
+
+
+def bad_world_file(folder, told):
+    (folder / "x.pgw").write_text("1 0 0 north")
+    return no_world_file(folder, told)
+
+
+def flat_world_file(folder, told):
+    (folder / "x.pgw").write_text("0 0 0 0 1 1")
+    return no_world_file(folder, told)
+
+
+def far_away(folder, told):
+    (folder / "x.pgw").write_text("1 0 0 -1 900000 7000000")
+    return no_world_file(folder, told)
+
+
+def no_picture(folder, told):
+    (folder / "x.pgw").write_text("1 0 0 -1 0 0")
+    (folder / "x.png").write_text("hello")
+    return folder / "x.png"
+
+
+def cut_picture(folder, told):
+    path = picture(folder, told, UTM, 1.0)
+    path.write_bytes(path.read_bytes()[:120])
+    return path
+
+
+def vector_tiles(folder, told):
+    path = mbtiles(folder / "x.mbtiles", mosaic(told))
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE tiles SET tile_data = 'pbf'")
+    database.close()
+    return path
+
+
+def far_tiles(folder, told):
+    return mbtiles(folder / "x.mbtiles", {(14, 1, 1): np.zeros((256, 256, 3), np.uint8)})
+
+
+def another_database(folder, told):
+    with sqlite3.connect(folder / "x.db") as database:
+        database.execute("CREATE TABLE x (y)")
+    database.close()
+    return folder / "x.db"
+
+
+@pytest.mark.parametrize(
+    ("made", "told_why"),
+    [
+        (no_world_file, "no world file"),
+        (bad_world_file, "six numbers"),
+        (flat_world_file, "no size"),
+        (far_away, "do not meet"),
+        (no_picture, "is no picture"),
+        (cut_picture, "cannot be read"),
+        (vector_tiles, "vector"),
+        (far_tiles, "nothing of the place"),
+        (another_database, "no raster tiles"),
+        (lambda folder, told: folder / "absent.png", "no world file"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line(made, told_why, told, tmp_path):
+    with pytest.raises(ConfigError, match=told_why):
+        read_basemap(made(tmp_path, told), told)
+
+
+def test_without_a_plan_there_is_no_ground(tmp_path, told):
+    from dataclasses import replace
+
+    assert read_basemap(picture(tmp_path, told, UTM, 1.0), replace(told, box=None)) is None

@@ -1,0 +1,79 @@
+"""However long the walk, the viewer gets no more than it can draw, in a file that can be sent."""
+
+import time
+
+import numpy as np
+import pyarrow.compute as pc
+import pytest
+
+from benchmarks.view import WALKS, walk
+from logger.core.observations import observe
+from postproc.estimators.filtered import MOST_ROWS, Filtered
+from postproc.smooth import CellResult, Smoothed
+from postproc.view.plan import MOST_POINTS, MOST_STRIPS, level_strips, strips_of
+from postproc.view.scene import write_scene
+from postproc.view.series import MOST_DOTS
+from tests.kit import smoothed as kit
+from tests.kit.recordings import chunks
+from tests.kit.stories import story
+
+
+def told(run):
+    """Every cell with its readings, the first with a posterior and as many states of a filter as are ever kept."""
+    observations = observe(*(run.tables[name] for name in ("fixes", "scans", "readings")))
+    first, *others = observations.cells
+    at = np.linspace(0, len(first) - 1, min(len(first), MOST_ROWS)).astype(int)
+    x = np.column_stack([first.x_m[at], first.y_m[at], np.full(len(at), -30.0), np.full(len(at), 3.0)])
+    filtered = Filtered(first.t_ns[at], x, np.tile(np.eye(4), (len(at), 1, 1)), np.ones(len(at)), np.ones(len(at)))
+    posterior = kit.posterior(first)
+    cells = [CellResult(first.cell, len(first), first, "located", (), posterior, filtered, filtered, filtered)]
+    cells += [CellResult(obs.cell, len(obs), obs, "cannot tell", ()) for obs in others]
+    return story(Smoothed(run, observations, tuple(cells), ()))
+
+
+@pytest.mark.parametrize(("length", "most_s", "most_mb"), [("1 h", 1.0, 4.0), ("28 h", 8.0, 60.0)])
+def test_time_and_size(length, most_s, most_mb, tmp_path):
+    written, begun = told(walk(*WALKS[length])), time.process_time()
+    write_scene(written, tmp_path / "x.rrd")
+    assert time.process_time() - begun < most_s
+    assert (tmp_path / "x.rrd").stat().st_size < most_mb * 1e6
+    if length == "28 h":
+        check_bounds(tmp_path / "x.rrd")
+
+
+def check_bounds(path):
+    """Nothing is drawn at one time in more pieces than the viewer can take."""
+    scattered = 0
+    for parts in chunks(path).values():
+        batches = [chunk.to_record_batch() for chunk in parts]
+        for batch in batches:
+            for name in batch.schema.names:
+                longest = {":strips": MOST_STRIPS, ":positions": MOST_POINTS}.get(name[name.rfind(":") :])
+                assert longest is None or pc.max(pc.list_value_length(batch.column(name))).as_py() <= longest, name
+        if any(name.startswith("SeriesPoints") for batch in batches for name in batch.schema.names):
+            scattered += sum(chunk.num_rows for chunk in parts if not chunk.is_static)
+    assert 0 < scattered <= MOST_DOTS
+
+
+def test_a_long_way_is_joined_to_fewer_stretches():
+    t_ns = np.arange(20_001) * 10**9
+    places = np.column_stack([t_ns / 1e9, 0.0 * t_ns])
+    strips, level_dbm = level_strips(t_ns, places, -50.0 - t_ns / 1e12)
+    assert len(strips) == len(level_dbm) == MOST_STRIPS
+    assert strips[0][-1, 0] == strips[1][0, 0]
+    assert strips[-1][-1, 0] == 20_000.0
+    np.testing.assert_allclose(level_dbm[0], -50.002)
+
+
+def test_silence_is_a_gap():
+    t_ns = np.array([0, 1, 2, 100, 101]) * 10**9
+    places = np.column_stack([np.arange(5.0), np.zeros(5)])
+    assert [len(strip) for strip in strips_of(t_ns, places)] == [3, 2]
+    strips, _ = level_strips(t_ns, places, np.zeros(5))
+    assert [strip[:, 0].tolist() for strip in strips] == [[0, 1], [1, 2], [3, 4]]
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_next_to_nothing_has_no_stretch(count):
+    strips, level_dbm = level_strips(np.zeros(count, np.int64), np.zeros((count, 2)), np.zeros(count))
+    assert (strips, len(level_dbm)) == ([], 0)

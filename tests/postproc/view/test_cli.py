@@ -1,0 +1,135 @@
+import subprocess
+import sys
+
+import pytest
+
+from logger.core.runfile import finish_journal
+from postproc.cli import main
+from tests.kit import runs
+from tests.kit import smoothed as kit
+from tests.kit.recordings import chunks, fixed, rows
+
+SHOWN, OTHER = kit.cell_name(0), kit.cell_name(1)
+
+
+def write(path, **wishes):
+    kit.write_run(path, seconds=60, cells=2, **wishes)
+    return finish_journal(path)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return write(tmp_path_factory.mktemp("view") / "one.journal")
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    """Starting another process takes longer than these walks, and few steps show as much."""
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    monkeypatch.setattr("postproc.view.unfolding.MOST_STEPS", 3)
+
+
+@pytest.fixture
+def fails(capsys):
+    def fail(*argv):
+        assert main(["view", *map(str, argv)]) == 2
+        (error,) = capsys.readouterr().err.splitlines()
+        return error
+
+    return fail
+
+
+def test_a_run_is_saved_with_the_cell_that_has_most_to_tell(run, tmp_path, capsys):
+    saved = tmp_path / "x.rrd"
+    assert main(["view", str(run), "--save", str(saved)]) == 0
+    assert capsys.readouterr().out == f"{saved}\n"
+    found = chunks(saved)
+    assert f"/plan/cells/{SHOWN}/posterior/region95" in found
+    assert not any(entity.startswith(f"/plan/cells/{OTHER}") for entity in found)
+    assert f"/rssi/{OTHER}" in found
+
+
+def test_several_cells_with_claims(run, tmp_path):
+    saved = tmp_path / "x.rrd"
+    cells = ["--cell", SHOWN, "--cell", OTHER]
+    assert main(["view", str(run), *cells, "--claim", "-52.5,13.4,50", "--save", str(saved)]) == 0
+    found = chunks(saved)
+    for cell in (SHOWN, OTHER):
+        assert f"/report/{cell}" in found
+        assert f"/plan/cells/{cell}/levels" in found
+
+
+def test_several_runs_are_one_walk(tmp_path, fails):
+    paths = [tmp_path / name / "run-000001.journal" for name in ("one", "two")]
+    for i, path in enumerate(paths):
+        path.parent.mkdir()
+        runs.write_journal(path, runs.records(30), run_id=str(i) * 32)
+    saved, cell = tmp_path / "x.rrd", "262-01-4711-1"
+    argv = [*map(str, paths), "--cell", cell]
+    assert main(["view", *argv, "--save", str(saved)]) == 0
+    found = chunks(saved)
+    assert {"/plan/walks/run-000001/track", r"/plan/walks/run-000001\ \(2\)/track"} <= set(found)
+    assert [chunk.num_rows for chunk in found[f"/rssi/{cell}"] if not chunk.is_static] == [30, 30]
+    assert [chunk.num_rows for chunk in found["/plan/walker"] if not chunk.is_static] == [30, 30]
+    text = rows(fixed(saved, f"/report/{cell}"), ":text")[0][0]
+    assert "run-000001.journal gave 30 readings" in text
+    assert "without it cannot tell" in text
+    assert "one run" in fails(*argv, "--claim", "52,13", "--save", saved)
+
+
+@pytest.mark.parametrize(
+    ("argv", "why"),
+    [
+        (["--save", "x.txt"], "named .rrd"),
+        (["--save", "x.rrd", "--port", "80"], "--port goes with --web"),
+        (["--save", "x.rrd", "--cell", "nowhere"], "was not heard"),
+        (["--save", "x.rrd", "--claim", "north"], "is no claim"),
+        (["--save", "x.rrd", "--claim", "95,0"], "latitude"),
+        (["--save", "x.rrd", "--basemap", "absent.png"], "no such file"),
+        (["--save", "absent/x.rrd"], "no such folder"),
+    ],
+)
+def test_a_mistake_is_one_line(argv, why, run, fails, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert why in fails(run, *argv)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_claims_about_other_cells_are_not_passed_over(run, fails, tmp_path):
+    (tmp_path / "claims.csv").write_text("cell,lat,lon\n262-01-1-1,52.5,13.4\n")
+    assert f"claims nothing about {SHOWN}" in fails(
+        run, "--claims", tmp_path / "claims.csv", "--save", tmp_path / "x.rrd"
+    )
+
+
+def test_claims_of_a_file_are_drawn(run, tmp_path):
+    (tmp_path / "claims.csv").write_text(f"cell,lat,lon,sigma_m\n{SHOWN},52.5,13.4,25\n")
+    saved = tmp_path / "x.rrd"
+    assert main(["view", str(run), "--claims", str(tmp_path / "claims.csv"), "--save", str(saved)]) == 0
+    assert f"/plan/cells/{SHOWN}/claims/1/two_sigma" in chunks(saved)
+
+
+def test_without_a_screen_nothing_is_estimated_first(run, fails, monkeypatch):
+    monkeypatch.setattr("sys.platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("postproc.view.cli._story", lambda *_: pytest.fail("estimated"))
+    assert "--web" in fails(run)
+
+
+WITHOUT_RERUN = """
+import sys
+sys.modules["rerun"] = None
+from postproc.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize(("command", "code"), [("view", 2), ("info", 0)])
+def test_everything_else_works_without_rerun(command, code, run, tmp_path):
+    argv = [sys.executable, "-c", WITHOUT_RERUN, command, str(run)]
+    done = subprocess.run(argv, capture_output=True, text=True, check=False)
+    assert done.returncode == code, done.stderr
+    if command == "view":
+        assert done.stderr.count("\n") == 1
+        assert "cellwalk[view]" in done.stderr

@@ -1,0 +1,113 @@
+"""The server as the user starts it: a process of its own with the real viewer's page."""
+
+import base64
+import hashlib
+import re
+import signal
+import socket
+import struct
+
+import psutil
+import pytest
+
+from logger.core.errors import ConfigError
+from postproc.view.web import pages, policy, serve
+from tests.kit.served import Served
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("web") / "x.rrd"
+    path.write_bytes(b"a recording")
+    return path
+
+
+@pytest.fixture(scope="module")
+def served(recording):
+    running = Served(recording)
+    yield running
+    assert running.stop(signal.SIGTERM) == 0
+    assert running.said == ""
+
+
+def test_it_listens_on_the_loopback_only_and_alone(served):
+    process = psutil.Process(served.process.pid)
+    assert process.children(recursive=True) == []
+    listening = [one.laddr for one in process.net_connections() if one.status == psutil.CONN_LISTEN]
+    assert listening == [("127.0.0.1", served.port)]
+
+
+def test_it_serves_the_recording_and_the_viewer(served):
+    assert served.get("/run.rrd")[2] == b"a recording"
+    status, headers, wasm = served.get("/re_viewer_bg.wasm")
+    assert (status, headers["Content-Type"], wasm[:4]) == (200, "application/wasm", b"\0asm")
+    status, headers, nothing = served.get("/re_viewer_bg.wasm", method="HEAD")
+    assert (status, headers["Content-Length"], nothing) == (200, str(len(wasm)), b"")
+    assert served.get("/etc/passwd")[0] == 404
+    assert served.get("/../pyproject.toml")[0] == 404
+
+
+def test_the_page_asks_nobody_else(served):
+    _, headers, page = served.get("/?x=1")
+    assert not re.search(rb"<(?:link|script|img)[^>]*(?:href|src)=[\"']?(?:https?:)?//", page)
+    assert page.index(b"/guard.js") < page.index(b"re_viewer.js")
+    told = dict(part.strip().split(" ", 1) for part in headers["Content-Security-Policy"].split(";"))
+    assert told["default-src"] == "'none'"
+    assert told["connect-src"].split()[0] == "'self'"
+    assert not any("http" in sources or "*" in sources for sources in told.values())
+    assert "'unsafe-inline'" not in told["script-src"]
+
+
+def test_other_names_get_nothing(served):
+    for host in ("evil.example", f"evil.example:{served.port}", "", f"127.0.0.1.evil.example:{served.port}"):
+        status, _, content = served.get("/run.rrd", host=host or ":")
+        assert (status, content) == (421, b"")
+    for host in ("localhost", f"localhost:{served.port}", "127.0.0.1"):
+        assert served.get("/run.rrd", host=host)[0] == 200
+
+
+def test_a_browser_that_goes_away_is_passed_over(served):
+    with socket.create_connection(("127.0.0.1", served.port)) as gone:
+        gone.sendall(f"GET /re_viewer_bg.wasm HTTP/1.1\r\nHost: localhost:{served.port}\r\n\r\n".encode())
+        gone.recv(100)
+        gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    assert served.get("/run.rrd")[0] == 200
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_cleanly(number, recording):
+    running = Served(recording)
+    assert running.stop(number) == 0
+
+
+def test_scripts_in_the_page_are_allowed_as_they_are():
+    script = b"let x = 1;"
+    digest = base64.b64encode(hashlib.sha256(script).digest()).decode()
+    assert f"'sha256-{digest}'" in policy(b"<p><script>" + script + b"</script><script src='x'></script>")
+
+
+def test_links_to_others_are_taken_out():
+    page = b'<head><link\n href="https://fonts.example/x" rel="s"><link rel="icon" href="favicon.ico"></head>'
+    viewer = dict.fromkeys(("/", "/re_viewer.js", "/re_viewer_bg.wasm", "/favicon.ico"), page)
+    found = pages(viewer, b"")["/"].content
+    assert b"fonts.example" not in found
+    assert b"favicon.ico" in found
+
+
+@pytest.mark.parametrize("port", [-1, 65_536])
+def test_a_port_that_is_none_is_one_line(port):
+    with pytest.raises(ConfigError, match="cannot serve"):
+        serve(lambda path: None, port, print)
+
+
+def test_a_port_that_is_taken_is_one_line(taken_port):
+    with pytest.raises(ConfigError, match="--port"):
+        serve(lambda path: None, taken_port, print)
+
+
+@pytest.fixture
+def taken_port():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        yield taken.getsockname()[1]
