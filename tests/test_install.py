@@ -52,5 +52,5 @@ def test_versions_asked_for_are_those_of_debian_12():
     wanted = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
     assert wanted["requires-python"] == ">=3.11"
     assert {"numpy>=1.24", "h5py>=3.7", "pyproj>=3.4", "pyserial>=3.5", "pynmea2>=1.15"} <= set(wanted["dependencies"])
-    assert any(line.startswith("rerun-sdk~=0.41.0") for line in wanted["optional-dependencies"]["post"])
+    assert any(line.startswith("rerun-sdk~=0.41.0") for line in wanted["optional-dependencies"]["view"])
     assert sys.version_info >= (3, 11)

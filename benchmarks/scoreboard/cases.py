@@ -9,7 +9,7 @@ import numpy as np
 
 from . import traces, worlds
 from .filters import FILTERS
-from .score import BOUND, CENTROID, EXACT, LEAST_SQUARES, OURS, OURS_WHOLE, STRONGEST
+from .score import BOUND, CENTROID, EXACT, EXACT_CLIPPED, LEAST_SQUARES, OURS, OURS_WHOLE, STRONGEST
 from .walks import TELLING
 from .world import Noise, World
 
@@ -17,12 +17,15 @@ PEERS = (LEAST_SQUARES, *FILTERS, CENTROID, STRONGEST)
 KNOWN = (OURS, EXACT, BOUND, *PEERS)
 """Methods where the oracle walks the same walk; where it does not, a bound would not be theirs."""
 ORACLE = (OURS, EXACT, *PEERS)
-CLIPPED = (OURS, OURS_WHOLE, EXACT, *PEERS)
+CLIPPED_SHADOWED = (OURS, OURS_WHOLE, EXACT, *PEERS)
+CLIPPED = (OURS, OURS_WHOLE, EXACT, EXACT_CLIPPED, *PEERS)
+"""Clipped levels have a limit of their own where the noise is white."""
 UNKNOWN = (OURS, *PEERS)
 
 WHITE = Noise(3.0)
 SPECIFIED_READINGS = (10, 20, 50)
 CLIPPED_SHARES = (0.20, 0.45, 0.70)
+SHADOWED = Noise(0.0, 6.0, 15.0)
 GPS_ERRORS: dict[str, worlds.GpsError] = {"gps-white": "white", "gps-slow": "slow", "gps-constant": "constant"}
 
 Build = Callable[[np.random.Generator, str], World]
@@ -96,15 +99,19 @@ def _twins() -> list[Case]:
 
 
 def _clipped() -> list[Case]:
-    return [
+    title = "{:.0%} of the levels clipped at -110 dBm, {}, 1 dB steps"
+    white = [
         _simulated(
-            f"clip-{share:.0%}".rstrip("%"),
-            f"{share:.0%} of the levels clipped at -110 dBm, white noise 3 dB, 1 dB steps",
-            partial(worlds.clipped, share=share),
+            f"clip-{100 * share:.0f}",
+            title.format(share, "white noise 3 dB"),
+            partial(worlds.clipped, share=share, noise=WHITE),
             methods=CLIPPED,
         )
         for share in CLIPPED_SHARES
     ]
+    build = partial(worlds.clipped, share=0.45, noise=SHADOWED)
+    of_shadow = title.format(0.45, "shadowing 6 dB over 15 m along the path")
+    return [*white, _simulated("clip-45-shadow", of_shadow, build, methods=CLIPPED_SHADOWED)]
 
 
 def _misplaced() -> list[Case]:

@@ -44,7 +44,11 @@ class Square(NamedTuple):
 
 def answer(walk: Walk, noise: Noise) -> Answer:
     """Posterior of an observer who knows `noise`."""
-    likelihood = Likelihood(walk, noise)
+    return posterior(Likelihood(walk, noise))
+
+
+def posterior(likelihood: Likelihood) -> Answer:
+    """Posterior over places of a likelihood."""
     leaves = _searched(likelihood)
     cells, leaf = _resolved(likelihood, leaves)
     mass = cells.mass()

@@ -13,6 +13,7 @@ from postproc.validate.bound import median_error_m
 from . import exact, ours
 from .answer import Answer, Ellipse95
 from .bound import covariance_bound
+from .clipped import ClippedLikelihood
 from .facts import facts_of
 from .filters import FILTERS
 from .peers import least_squares_fit, strongest_sample, weighted_centroid
@@ -20,6 +21,7 @@ from .world import World
 
 OURS, OURS_WHOLE = "cellwalk", "cellwalk, unclipped"
 EXACT, BOUND = "exact posterior", "Cramer-Rao bound"
+EXACT_CLIPPED = "exact posterior, clipped"
 LEAST_SQUARES, CENTROID, STRONGEST = "least squares", "weighted centroid", "strongest sample"
 
 _DIVERGED_M = 1e6
@@ -56,16 +58,23 @@ def _exact(world: World) -> Answer:
     return exact.answer(world.whole, world.noise)
 
 
+def _exact_clipped(world: World) -> Answer:
+    if world.noise is None or world.floor_dbm is None:
+        raise EstimationError("nothing is clipped where the noise is known")
+    return exact.posterior(ClippedLikelihood(world.walk, world.noise, world.floor_dbm))
+
+
 ANSWERS: dict[str, Callable[[World], Answer]] = {
     OURS: lambda world: ours.answer(world, world.walk),
     OURS_WHOLE: lambda world: ours.answer(world, world.whole),
     EXACT: _exact,
+    EXACT_CLIPPED: _exact_clipped,
     LEAST_SQUARES: lambda world: least_squares_fit(world.walk),
     **FILTERS,
     CENTROID: lambda world: weighted_centroid(world.walk),
     STRONGEST: lambda world: strongest_sample(world.walk),
 }
-METHODS = (OURS, OURS_WHOLE, EXACT, BOUND, LEAST_SQUARES, *FILTERS, CENTROID, STRONGEST)
+METHODS = (OURS, OURS_WHOLE, EXACT, EXACT_CLIPPED, BOUND, LEAST_SQUARES, *FILTERS, CENTROID, STRONGEST)
 WITHOUT_REGION = (CENTROID, STRONGEST)
 
 

@@ -15,7 +15,7 @@ from logger.core.arrays import IntArray
 from . import facts
 from .cases import CLIPPED_SHARES, GPS_ERRORS
 from .run import Scores
-from .score import EXACT, LEAST_SQUARES, OURS, OURS_WHOLE, STRONGEST, Score
+from .score import EXACT, EXACT_CLIPPED, LEAST_SQUARES, OURS, OURS_WHOLE, STRONGEST, Score
 from .summary import Columns, half_anees, quantile
 from .traces import PUBLISHED
 from .walks import TELLING
@@ -119,7 +119,17 @@ def _all_of(case: str, *names: str) -> list[Target]:
 def _clipped(share: float) -> list[Target]:
     case = (f"clip-{100 * share:.0f}",)
     return [
+        Target(case, "coverage", _coverage, 0.90, is_share=True),
         Target(case, "median error / exact posterior's, levels not clipped", _error_by(EXACT), high=1.15),
+        Target(case, "median error / exact posterior's, levels clipped", _error_by(EXACT_CLIPPED), high=1.15),
+        Target(case, "median error / cellwalk's own, levels not clipped", _error_by(OURS_WHOLE), high=1.15),
+    ]
+
+
+def _clipped_shadowed() -> list[Target]:
+    case = ("clip-45-shadow",)
+    return [
+        Target(case, "coverage", _coverage, 0.90, is_share=True),
         Target(case, "median error / cellwalk's own, levels not clipped", _error_by(OURS_WHOLE), high=1.15),
     ]
 
@@ -145,6 +155,7 @@ TARGETS: tuple[Target, ...] = (
     *_all_of("twin-straight", facts.TWIN_HELD, facts.BOTH_LISTED, facts.NOT_ONE_PLACE),
     *_all_of("twin-circle", facts.TWIN_HELD, facts.BOTH_LISTED, facts.NOT_ONE_PLACE),
     *(target for share in CLIPPED_SHARES for target in _clipped(share)),
+    *_clipped_shadowed(),
     *(Target((name,), "coverage", _coverage, 0.90, is_share=True) for name in GPS_ERRORS),
     *_all_of("two-sources", facts.SAID_NOT_TO_FIT, facts.NOT_BETWEEN),
     *_measured(),

@@ -39,18 +39,15 @@ def plain(rng: np.random.Generator, shape: str, noise: Noise) -> World:
     return _placed(rng, replace(world, twin=_twin(shape, source)))
 
 
-def clipped(rng: np.random.Generator, shape: str, share: float) -> World:
-    """3 dB of white noise, 1 dB steps, and P0 such that this share of the levels is at -110 dBm or below.
-
-    These are reported as exactly -110.
-    """
+def clipped(rng: np.random.Generator, shape: str, share: float, noise: Noise) -> World:
+    """1 dB steps, and P0 such that this share of the levels is at -110 dBm or below: reported as exactly -110."""
     points, source = _beside(rng, shape, _AWAY_M)
-    loud = _heard(rng, points, source, Noise(3.0)).walk
+    loud = _heard(rng, points, source, replace(noise, step_db=0.0)).walk
     shift_db = FLOOR_DBM + 0.5 - np.quantile(loud.level_dbm, share)
     whole = replace(loud, level_dbm=np.round(loud.level_dbm + shift_db))
     walk = replace(whole, level_dbm=np.maximum(whole.level_dbm, FLOOR_DBM))
-    noise = Noise(3.0, step_db=1.0)
-    return _placed(rng, World(walk, whole, (source,), noise=noise, floor_dbm=FLOOR_DBM))
+    told = replace(noise, step_db=1.0)
+    return _placed(rng, World(walk, whole, (source,), noise=told, floor_dbm=FLOOR_DBM))
 
 
 def misplaced(rng: np.random.Generator, shape: str, kind: GpsError) -> World:

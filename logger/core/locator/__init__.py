@@ -15,6 +15,8 @@ quadrature; places and hypotheses are summed, the places over a tree of square c
     evidence   blocks, places -> log evidence of each hypothesis, with P0 and eta
     offsets    how much higher one modem reads than another
     censored   what readings at the end of the modem's scale add to it
+    joint      which noise explains levels and censored readings together
+    orthant    how likely correlated levels are all beyond a limit
     mixture    evidence -> probability of places
     tree       the search over places
     region     highest-density sets and separate places

@@ -9,8 +9,9 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.observations import CellObservations
 
 FINEST_BLOCK_M = 2.0
+READINGS_BELIEVED = 16
 _MOST_POINTS = 1000
-_MOST_CENSORED = 40
+_MOST_CENSORED = 100
 _CLEAR_M = 15.0
 _COARSER = 1.25
 
@@ -87,7 +88,8 @@ def blocks(obs: CellObservations, most: int) -> Blocks:
     mean = [np.bincount(fine, v) / count for v in (x_m, y_m, level, variance)]
     of_point = np.zeros(len(count), np.int64)
     of_point[fine] = modem
-    return gathered(mean[0], mean[1], mean[2], count, mean[3], most, censored_places(obs), of_point)
+    gone = censored_places(obs, min(most // 2, _MOST_CENSORED))
+    return gathered(mean[0], mean[1], mean[2], count, mean[3], most, gone, of_point)
 
 
 def gathered(
@@ -117,15 +119,26 @@ def _modems(obs: CellObservations) -> IntArray:
     return np.zeros(len(obs), np.int64) if obs.modem is None else obs.modem
 
 
-def censored_places(obs: CellObservations) -> Censored:
-    """Readings at either end of the scale, those of one place together; a place may have both ends."""
+def censored_places(obs: CellObservations, most: int = _MOST_CENSORED) -> Censored:
+    """Readings at either end of the scale, those of one place together, in at most `most` places for each end.
+
+    A place may have both ends.
+    """
+    at = np.flatnonzero(obs.limit)
+    side, one = obs.limit[at].astype(float), np.ones(len(at))
+    return in_fewer_places(Censored(obs.x_m[at], obs.y_m[at], obs.level_dbm[at], side, one), most, _modems(obs)[at])
+
+
+def in_fewer_places(gone: Censored, most: int, modem: IntArray | None = None) -> Censored:
+    """At most `most` places for each end of the scale, of one modem each (g,; None: of one)."""
+    modem = np.zeros(len(gone.x_m), np.int64) if modem is None else modem
     parts = []
-    for side in (-1, 1):
-        at = np.flatnonzero(obs.limit == side)
-        which = squares(obs.x_m[at], obs.y_m[at], _MOST_CENSORED, _modems(obs)[at])[0]
-        count = np.bincount(which).astype(float)
-        x, y, limit = (np.bincount(which, v[at]) / count for v in (obs.x_m, obs.y_m, obs.level_dbm))
-        parts.append((x, y, limit, np.full(len(count), float(side)), count))
+    for side in (-1.0, 1.0):
+        at = np.flatnonzero(gone.side == side)
+        which, count = squares(gone.x_m[at], gone.y_m[at], most, modem[at])[0], gone.readings[at]
+        total = np.bincount(which, count).astype(float)
+        x, y, limit = (np.bincount(which, count * v[at]) / total for v in gone[:3])
+        parts.append((x, y, limit, np.full(len(total), side), total))
     return Censored(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 

@@ -18,14 +18,13 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.blocks import Blocks
+from logger.core.locator.blocks import READINGS_BELIEVED, Blocks
 from logger.core.locator.prior import Hypothesis, Prior
 
 C = 10.0 / log(10.0)
 SUMS = 7
 """o'o, o'l, l'l, o'z, l'z, z'z and the log weight of all rows."""
 
-_READINGS_BELIEVED = 16
 _ROUNDING_DB2 = 1.0 / 12.0
 _NEWTON_STEPS = 2
 _LEAST_SIGMA_DB = 0.05
@@ -73,7 +72,7 @@ def own_variance(readings: FloatArray | float, white_share: FloatArray | float, 
 
     Fading stays the same for a while where one stands: more than 16 readings are not believed.
     """
-    return np.asarray(white_share / np.minimum(readings, _READINGS_BELIEVED) + _ROUNDING_DB2 / sigma_db**2, float)
+    return np.asarray(white_share / np.minimum(readings, READINGS_BELIEVED) + _ROUNDING_DB2 / sigma_db**2, float)
 
 
 def offset_covariance(modem: IntArray, prior: Prior) -> FloatArray | None:

@@ -10,8 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator import censored
-from logger.core.locator.blocks import FINEST_BLOCK_M, NOTHING_CENSORED, Blocks, Censored, gathered, single
+from logger.core.locator.blocks import (
+    FINEST_BLOCK_M,
+    NOTHING_CENSORED,
+    Blocks,
+    Censored,
+    gathered,
+    in_fewer_places,
+    single,
+)
+from logger.core.locator.censored import given_levels, joined
 from logger.core.locator.evidence import (
     Evidence,
     distances_db,
@@ -29,7 +37,7 @@ from logger.core.locator.tree import Effort, grow
 
 MOST_BLOCKS = 100
 FEWEST_BLOCKS = 4
-EFFORT = Effort(most_cells=500, split_share=0.02, nodes=1, first_share=1.0)
+EFFORT = Effort(most_cells=500, split_share=0.02, nodes=1, first_share=1.0, samples=0)
 
 _MOST_CENSORED = 40
 _KEPT_MASS = 1e-5
@@ -154,13 +162,19 @@ class OnlineLocator:
         return float(share @ self._white[numbers]), float(share @ self._apart_m[numbers])
 
     def _censor(self, x_m: float, y_m: float, level_dbm: float, limit: int) -> None:
-        if self._gone and np.hypot(x_m - self._gone[-1][0], y_m - self._gone[-1][1]) <= self._size_m:
-            *rest, count = self._gone[-1]
-            self._gone[-1] = (rest[0], rest[1], rest[2], rest[3], count + 1.0)
-            return
+        """Count it to the last place while it is there; where there are too many places, neighbours become one."""
+        if self._gone:
+            x0_m, y0_m, dbm, side, count = self._gone[-1]
+            if side == limit and np.hypot(x_m - x0_m, y_m - y0_m) <= self._size_m:
+                self._gone[-1] = (x0_m, y0_m, dbm, side, count + 1.0)
+                return
         self._gone.append((x_m, y_m, level_dbm, float(limit), 1.0))
         if len(self._gone) > _MOST_CENSORED:
-            self._gone = self._gone[::2]  # every second place: they tell much the same
+            fewer = in_fewer_places(self._censored(), _MOST_CENSORED // 2)
+            self._gone = list(zip(*(column.tolist() for column in fewer), strict=True))
+
+    def _censored(self) -> Censored:
+        return Censored(*np.array(self._gone).reshape(-1, 5).T)
 
     def _open(self, block: FloatArray) -> None:
         if self._n == MOST_BLOCKS:
@@ -178,7 +192,7 @@ class OnlineLocator:
         self.search()
 
     def _blocks(self, most: int = MOST_BLOCKS) -> Blocks:
-        gone = Censored(*np.array(self._gone).reshape(-1, 5).T)
+        gone = self._censored()
         if most >= self._n:
             return single(self._block[:, : self._n], self._size_m, gone)
         x, y, level, variance, count = self._block[:, : self._n]
@@ -199,9 +213,9 @@ class OnlineLocator:
         total = walk_sums(closed, found, self._prior, square[0], square[1])
         gone = np.zeros((c, h))
         if len(walk.censored.x_m):
-            plain = marginal(total, rows, log_det[:, None], self._prior, 1)
-            joined = censored.added(plain, walk, numbers.tolist(), self._prior, square[0], square[1])
-            gone = joined.log_p - plain.log_p
+            given = [given_levels(closed, noise, self._prior.hypotheses[noise.number]) for noise in found]
+            both = joined(total, log_det[:, None], closed, given, self._prior, square[0], square[1])
+            gone = both.log_p - marginal(total, rows, log_det[:, None], self._prior, 1).log_p
         return _Searched(square, log_mass, numbers, rows, total, whitener, log_det, distance_db, label, gone, None)
 
     def _evaluate(self, searched: _Searched) -> None:

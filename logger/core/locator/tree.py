@@ -1,15 +1,15 @@
 """Square cells that tile the searched area, split where the mass is."""
 
-from dataclasses import replace
 from math import log
 from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.locator import censored
 from logger.core.locator.blocks import Blocks
+from logger.core.locator.censored import Given, given_levels, joined
 from logger.core.locator.evidence import NODES, Evidence, Whitener, marginal, walk_sums, whiteners
+from logger.core.locator.joint import Joint, log_weights
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.prior import Prior
 from logger.core.locator.timing import STEP_M, Timing
@@ -24,8 +24,7 @@ _ROWS = 64
 _SCOUTS = 15
 _MOST_SCOUTS = 1500
 _PLAUSIBLE = 1e-4
-_FEWEST_CLEAR = 12
-_WORTH_TRYING = 0.01
+_HOPELESS_NATS = 15.0
 
 
 class Effort(NamedTuple):
@@ -33,7 +32,8 @@ class Effort(NamedTuple):
 
     Cells with more than `split_share` of the mass are split, until there are `most_cells` more than at first; sigma is
     integrated over `nodes`; the first cells are no larger than `first_share` of their distance from the walk, which
-    `posterior.locate` gathers into `most_blocks`.
+    `posterior.locate` gathers into `most_blocks`. Where readings are censored hypotheses are compared at `samples`
+    places of each of the two likeliest, with 0 at one place only.
     """
 
     most_cells: int = 6000
@@ -41,14 +41,15 @@ class Effort(NamedTuple):
     nodes: int = NODES
     first_share: float = 0.5
     most_blocks: int = 300
+    samples: int = 8
 
 
 class Tree(NamedTuple):
     """Leaves of the cell tree, shape (h,) each: centre, side, log prior density, and what the walk says there.
 
     `numbers` (c,) are the hypotheses that `evidence` is about: those the walk has not ruled out. `log_weight` (c,) is
-    theirs where `evidence` cannot compare them. `log_timing` (h,) is what the timing advances say, None without any:
-    no hypothesis of the levels' noise, nor its trust, concerns them.
+    theirs where the evidence at each place cannot compare them. `log_timing` (h,) is what the timing advances say, None
+    without any: no hypothesis of the levels' noise, nor its trust, concerns them.
     """
 
     x_m: FloatArray
@@ -62,10 +63,14 @@ class Tree(NamedTuple):
 
     def mixture(self, prior: Prior, power: float = 1.0) -> Mixture:
         """Probability of hypotheses and leaves; `power` below 1 flattens the likelihood."""
+        return mixture(power * self.evidence.log_p, self.log_mass(power), self.numbers, prior, self.log_weight)
+
+    def log_mass(self, power: float = 1.0) -> FloatArray:
+        """Log mass of the leaves, up to a constant, before the levels."""
         log_mass = self.log_prior + 2.0 * np.log(self.size_m)
         if self.log_timing is not None:
             log_mass += power * self.log_timing
-        return mixture(power * self.evidence.log_p, log_mass, self.numbers, prior, self.log_weight)
+        return np.asarray(log_mass, float)
 
 
 class Walk(NamedTuple):
@@ -77,6 +82,23 @@ class Walk(NamedTuple):
     found: list[Whitener]
     log_weight: FloatArray | None
     timing: Timing | None
+    given: list[Given]
+
+    @classmethod
+    def of(
+        cls,
+        blocks: Blocks,
+        prior: Prior,
+        effort: Effort,
+        numbers: list[int] | None,
+        log_weight: FloatArray | None,
+        timing: Timing | None,
+    ) -> "Walk":
+        """With the hypotheses of some `numbers`, or all."""
+        found = whiteners(blocks, prior, numbers)
+        censored = found if len(blocks.censored.x_m) else []
+        given = [given_levels(blocks, noise, prior.hypotheses[noise.number]) for noise in censored]
+        return cls(blocks, prior, effort, found, log_weight, timing, given)
 
     def at(self, square: FloatArray) -> Tree:
         """Leaves at squares (3, h): x, y, side."""
@@ -99,10 +121,9 @@ class Walk(NamedTuple):
     def _evidence(self, x_m: FloatArray, y_m: FloatArray) -> Evidence:
         total = walk_sums(self.blocks, self.found, self.prior, x_m, y_m)
         log_det = np.array([w.log_det for w in self.found])[:, None]
-        of_levels = marginal(total, len(self.blocks), log_det, self.prior, self.effort.nodes)
-        if not len(self.blocks.censored.x_m):
-            return of_levels
-        return censored.added(of_levels, self.blocks, [w.number for w in self.found], self.prior, x_m, y_m)
+        if self.given:
+            return joined(total, log_det, self.blocks, self.given, self.prior, x_m, y_m)
+        return marginal(total, len(self.blocks), log_det, self.prior, self.effort.nodes)
 
 
 def grow(
@@ -118,16 +139,18 @@ def grow(
     enough to be searched with all blocks.
     """
     rough = blocks if coarse is None else coarse
-    prior, log_weight = _despite_censoring(blocks, prior, effort, timing)
-    worth = None if log_weight is None else np.flatnonzero(log_weight > np.max(log_weight) + log(_PLAUSIBLE)).tolist()
-    walk = Walk(rough, prior, effort, whiteners(rough, prior, worth), log_weight, timing)
+    log_weight = _scouted(rough, blocks, prior, effort, timing) if len(blocks.censored.x_m) else None
+    walk = Walk.of(rough, prior, effort, _within(log_weight, _HOPELESS_NATS), log_weight, timing)
     if rough is not blocks:
         walk = walk._replace(effort=effort._replace(most_cells=_MOST_SCOUTS, split_share=5.0 * effort.split_share))
     begun = _grown(walk, walk.at(first_cells(rough, prior, effort.first_share, timing)))
+    if log_weight is not None and effort.samples:
+        log_weight = _weighed(begun, blocks, prior, effort.samples)
+        begun = begun._replace(log_weight=log_weight[begun.numbers])
     if len(rough) == len(blocks):
         return begun
     square = np.stack([begun.x_m, begun.y_m, begun.size_m])
-    walk = walk._replace(blocks=blocks, effort=effort, found=whiteners(blocks, prior, worth))
+    walk = Walk.of(blocks, prior, effort, _within(log_weight, -log(_PLAUSIBLE)), log_weight, timing)
     if log_weight is None:
         told = 0.0 if begun.log_timing is None else begun.log_timing
         best = np.unique(np.argsort(-begun.evidence.log_p - begun.log_prior - told, axis=1)[:, :_SCOUTS])
@@ -135,28 +158,28 @@ def grow(
     return _grown(walk, walk.at(square))
 
 
-def _despite_censoring(
-    blocks: Blocks, prior: Prior, effort: Effort, timing: Timing | None
-) -> tuple[Prior, FloatArray | None]:
-    """Prior of sigma and log weight of all hypotheses where readings are censored; as they were, and None, elsewhere.
-
-    Beside the end of the scale only high levels are kept, which looks like less and correlated noise: sigma and the
-    hypotheses are judged by the rest of the walk.
-    """
-    if not len(blocks.censored.x_m):
-        return prior, None
-    clear = blocks.clear_of_censored()
-    if len(clear) < _FEWEST_CLEAR:
-        return prior, prior.log_odds
+def _scouted(rough: Blocks, blocks: Blocks, prior: Prior, effort: Effort, timing: Timing | None) -> FloatArray:
+    """Log weight of all hypotheses where readings are censored, at the place that white noise likes best."""
     quick = effort._replace(most_cells=effort.most_cells // 10, split_share=5.0 * effort.split_share)
-    walk = Walk(clear, prior, quick, whiteners(clear, prior), None, timing)
-    tree = _grown(walk, walk.at(first_cells(clear, prior, effort.first_share, timing)))
-    share = tree.mixture(prior).share
-    sigma_db = float(np.sum(share * tree.evidence.sigma_db))
-    spread = float(np.sqrt(0.5 / len(clear)))
-    weight = np.sum(share, axis=1)
-    log_weight = np.log(np.where(weight > _WORTH_TRYING * np.max(weight), weight, _PLAUSIBLE**2))
-    return replace(prior, sigma_db=sigma_db, sigma_log_sd=min(spread, prior.sigma_log_sd)), log_weight
+    walk = Walk.of(rough, prior, quick, [0], None, timing)
+    tree = _grown(walk, walk.at(first_cells(rough, prior, effort.first_share, timing)))
+    best = int(np.argmax(tree.mixture(prior).probability / tree.size_m**2))
+    at = float(tree.x_m[best]), float(tree.y_m[best])
+    return prior.log_odds + [Joint(blocks, prior, noise).log_p(*at) for noise in whiteners(blocks, prior)]
+
+
+def _weighed(tree: Tree, blocks: Blocks, prior: Prior, samples: int) -> FloatArray:
+    """Log weight of all hypotheses by their joint evidence over the places of a tree; none of those not in it."""
+    log_weight = np.full(len(prior.hypotheses), -np.inf)
+    found = whiteners(blocks, prior, tree.numbers.tolist())
+    places = tree.log_mass(), tree.x_m, tree.y_m
+    log_weight[tree.numbers] = log_weights(blocks, prior, found, tree.evidence.log_p, *places, samples)
+    return log_weight
+
+
+def _within(log_weight: FloatArray | None, nats: float) -> list[int] | None:
+    """Numbers of the hypotheses that are no more than this less likely than the likeliest; None for all."""
+    return None if log_weight is None else np.flatnonzero(log_weight > np.max(log_weight) - nats).tolist()
 
 
 def _grown(walk: Walk, tree: Tree) -> Tree:

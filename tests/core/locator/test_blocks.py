@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.locator.blocks import FINEST_BLOCK_M, blocks
+from logger.core.locator.blocks import FINEST_BLOCK_M, Censored, blocks, in_fewer_places
 from tests.kit.walks import FLOOR_DBM, observations
 
 MOST = 300
@@ -93,9 +93,23 @@ def test_readings_at_the_end_of_the_scale_are_bounded_too():
     x, y = rng.uniform(0, 5000, (2, 20_000))
     level = np.where(rng.random(20_000) < 0.5, FLOOR_DBM, np.round(rng.normal(-80, 3, 20_000)))
     gone = blocks(observations(x, y, level), MOST).censored
-    assert len(gone.x_m) <= 40
+    assert len(gone.x_m) <= 100
     assert gone.readings.sum() == np.count_nonzero(level == FLOOR_DBM)
 
 
 def test_without_an_end_of_the_scale_nothing_is_apart():
     assert len(blocks(street(), MOST).censored.x_m) == 0
+
+
+def test_neighbours_at_the_end_of_the_scale_become_one_place_and_none_is_lost():
+    x = np.concatenate([np.arange(60) * 5.0, np.arange(20) * 5.0])
+    side = np.where(np.arange(80) < 60, -1.0, 1.0)
+    gone = Censored(x, 0 * x, np.where(side < 0, FLOOR_DBM, -47.0), side, np.arange(80) % 3 + 1.0)
+    fewer = in_fewer_places(gone, 15)
+    for end in (-1.0, 1.0):
+        before, after = gone.side == end, fewer.side == end
+        assert np.count_nonzero(after) <= 15
+        assert fewer.readings[after].sum() == gone.readings[before].sum()
+        middle = np.average(gone.x_m[before], weights=gone.readings[before])
+        assert np.average(fewer.x_m[after], weights=fewer.readings[after]) == pytest.approx(middle)
+        assert np.unique(fewer.limit_dbm[after]) == gone.limit_dbm[before][0]

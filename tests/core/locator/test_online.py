@@ -5,15 +5,15 @@ from logger.core.live import live_prior
 from logger.core.live_settings import LiveSettings
 from logger.core.locator.online import MOST_BLOCKS, OnlineLocator
 from logger.core.locator.posterior import locate
-from tests.kit.walks import simulate
+from tests.kit.walks import clipped, simulate
 
 PRIOR = live_prior(LiveSettings(height_m=0.0))
 
 
 def followed(obs):
     online = OnlineLocator(PRIOR)
-    for x, y, level in zip(obs.x_m.tolist(), obs.y_m.tolist(), obs.level_dbm.tolist(), strict=True):
-        online.add(x, y, 0.0, level)
+    for x, y, level, limit in zip(*(v.tolist() for v in (obs.x_m, obs.y_m, obs.level_dbm, obs.limit)), strict=True):
+        online.add(x, y, 0.0, level, limit)
         if online.stale > 1.0:
             online.search()
     return online
@@ -52,3 +52,23 @@ def test_a_long_walk_stays_bounded():
     online = followed(obs)
     assert online._n <= MOST_BLOCKS
     assert online._block[4, : online._n].sum() == len(obs)
+
+
+def test_readings_at_the_floor_are_kept_and_bounded():
+    obs, source = simulate(np.random.default_rng(7), "square", count=900)
+    low = clipped(obs, 0.45)
+    online = followed(low)
+    assert len(online._gone) <= 40
+    assert sum(count for *_, count in online._gone) == np.count_nonzero(low.limit)
+    place = online.place()
+    off = np.subtract(place.state[:2], source)
+    assert off @ np.linalg.solve(place.covariance[:2, :2], off) < 9.0
+    assert np.hypot(*off) < 30.0
+
+
+def test_the_same_readings_at_the_floor_lead_to_the_same_bits():
+    low = clipped(simulate(np.random.default_rng(8), "L", count=200, step=4.2)[0], 0.45)
+    one, again = followed(low).place(), followed(low).place()
+    assert np.array_equal(one.state, again.state)
+    assert np.array_equal(one.covariance, again.covariance)
+    assert (one.probability, one.sigma_db) == (again.probability, again.sigma_db)

@@ -1,0 +1,84 @@
+"""How likely correlated levels are all beyond a limit: expectation propagation.
+
+No closed form exists for more than three dimensions. Each reading's factor Phi is replaced by a Gaussian that leaves
+the same mean and variance where all others are taken as given (Minka, UAI 2001; for this integral Cunningham, Hennig &
+Lacoste-Julien, arXiv 1111.6832).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.locator.censored import log_normal_cdf
+
+_SWEEPS = 12
+_DAMPED = 0.8
+_CLOSE_NATS = 0.1
+_LEAST_PRECISION = 1e-10
+_SQRT_2PI = float(np.sqrt(2.0 * np.pi))
+
+
+class Sites(NamedTuple):
+    """The Gaussians exp(-precision f^2 / 2 + shift f) that stand for one reading of each place, shape (g,)."""
+
+    precision: FloatArray
+    shift: FloatArray
+
+
+def log_all_above(
+    mean: FloatArray,
+    covariance: FloatArray,
+    limit: FloatArray,
+    readings: FloatArray,
+    own_variance: FloatArray,
+    begun: Sites | None = None,
+) -> tuple[float, Sites]:
+    """Log probability that all readings are above their limits, and the sites found.
+
+    Levels f ~ N(`mean`, `covariance`) of shape (g,) and (g, g); at place i `readings[i]` times f_i and noise of
+    `own_variance[i]` of its own, all above `limit[i]`. `begun` are the sites of a similar case.
+    """
+    precision, shift = begun or Sites(np.zeros(len(mean)), np.zeros(len(mean)))
+    found = -np.inf
+    for sweep in range(_SWEEPS):
+        log_gaussian, at, variance = _joined(mean, covariance, readings * precision, readings * shift)
+        of_cavity = np.maximum(1.0 / variance - precision, _LEAST_PRECISION)
+        without = (at / variance - shift) / of_cavity
+        log_phi, tilted, narrowed = _tilted(without, 1.0 / of_cavity, limit, own_variance)
+        log_site = 0.5 * (
+            np.log1p(precision / of_cavity)
+            + of_cavity * without**2
+            - (of_cavity * without + shift) ** 2 / (of_cavity + precision)
+        )
+        last, found = found, float(readings @ (log_phi + log_site)) + log_gaussian
+        if abs(found - last) < _CLOSE_NATS:
+            break
+        share = _DAMPED if sweep else 1.0
+        precision = (1.0 - share) * precision + share * np.maximum(1.0 / narrowed - of_cavity, _LEAST_PRECISION)
+        shift = (1.0 - share) * shift + share * (tilted / narrowed - of_cavity * without)
+    return found, Sites(precision, shift)
+
+
+def _joined(
+    mean: FloatArray, covariance: FloatArray, precision: FloatArray, shift: FloatArray
+) -> tuple[float, FloatArray, FloatArray]:
+    """Log of the integral of N(f; mean, covariance) exp(-precision f^2 / 2 + shift f), and f's mean and variance."""
+    root = np.sqrt(precision)
+    whole = np.eye(len(mean)) + root[:, None] * covariance * root
+    scaled = root[:, None] * covariance
+    after = covariance - scaled.T @ np.linalg.solve(whole, scaled)
+    pull = shift - precision * mean
+    log_integral = shift @ mean - 0.5 * mean @ (precision * mean) + 0.5 * pull @ after @ pull
+    return float(log_integral - 0.5 * np.linalg.slogdet(whole)[1]), mean + after @ pull, np.diagonal(after)
+
+
+def _tilted(
+    mean: FloatArray, variance: FloatArray, limit: FloatArray, own_variance: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log probability that N(mean, variance) and noise are above the limit, and mean and variance given that."""
+    sd = np.sqrt(variance + own_variance)
+    u = (mean - limit) / sd
+    log_phi = log_normal_cdf(u)
+    mills = np.exp(-0.5 * u * u - log_phi) / _SQRT_2PI
+    return log_phi, mean + variance * mills / sd, variance - (variance / sd) ** 2 * mills * (u + mills)
