@@ -6,7 +6,7 @@ import re
 import shutil
 import threading
 import time
-from bisect import bisect_right
+from bisect import bisect_left
 from pathlib import Path
 
 import pytest
@@ -60,14 +60,14 @@ class Watch(threading.Thread):
         return {run: n for at, run, n in self.acknowledged if at <= length}
 
     def latest_s(self, length: int) -> float:
-        """When the log was surely longer: the cut was before."""
-        return self.times_s[min(bisect_right(self.lengths, length), len(self.times_s) - 1)]
+        """When the log was surely so long: a cut that left less was before."""
+        return self.times_s[min(bisect_left(self.lengths, length), len(self.times_s) - 1)]
 
 
 class Cuts:
     """The log of writes, and cuts of it: each makes a card, and tells two lengths of the log.
 
-    Everything before the first is on the card, nothing after the second.
+    Everything before the first is on the card; what made the log as long as the second is not, or not all of it.
     """
 
     def __init__(self, log):
