@@ -14,7 +14,8 @@ demo: .venv/post.stamp
 	$(BIN)/postproc smooth $(DEMO)/run.h5
 	$(BIN)/postproc view $(DEMO)/run.h5 --save $(DEMO)/run.rrd
 	$(BIN)/postproc plot $(DEMO)/run.h5 -o $(DEMO)/run.png
-	@echo "== done: $(DEMO)/run.png is the picture; $(BIN)/rerun $(DEMO)/run.rrd opens the walk in rerun"
+	$(BIN)/postproc report $(DEMO)/run.h5
+	@echo "== done: $(DEMO)/run.html tells the walk; $(BIN)/rerun $(DEMO)/run.rrd opens it in rerun"
 
 test: lint
 	$(BIN)/pytest -m "not slow"

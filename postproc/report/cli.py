@@ -2,30 +2,24 @@
 
 import argparse
 import os
-import re
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 from logger.core.errors import ConfigError, RunFileError
+from postproc.verify import cli as verify
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
     from postproc.report.writing import Report
     from postproc.smooth import Wishes
-    from postproc.verify.run import Verified
 
 
 def add_report(report: argparse.ArgumentParser) -> None:
-    # argparse has no other way to let a latitude south of the equator begin with its minus
-    report._negative_number_matcher = re.compile(r"-[\d.]")  # noqa: SLF001
     report.add_argument("-o", "--output", type=Path, metavar="RUN.HTML", help="default: beside the (first) run")
     report.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
     report.add_argument("--pictures", type=Path, metavar="DIR", help="the pictures too, each as PNG and SVG")
-    what = "claimed position, of --cell or of every cell (may be repeated)"
-    report.add_argument("--claim", action="append", metavar="LAT,LON[,SIGMA_M]", help=what)
-    what = "claims: CSV, cell export or cells.db, as for verify"
-    report.add_argument("--claims", type=Path, metavar="FILE", help=what)
+    verify.add_claims(report)
     report.add_argument("--pfa", type=float, default=0.05, metavar="P", help="false-alarm rate (default: 0.05)")
     report.add_argument("--environment", default="any", help="prior: any (default), open, suburban or urban")
     report.add_argument("--height", type=float, metavar="M", help="antenna above the receiver (default: 5 m)")
@@ -67,23 +61,8 @@ def _made(arguments: argparse.Namespace, runs: "list[Run]", wishes: "Wishes") ->
         together = smooth_together(runs, arguments.cell, wishes=wishes, progress=shown, processes=processes)
         return report_together(together, most=most, progress=shown)
     smoothed = smooth_run(runs[0], arguments.cell, wishes=wishes, progress=shown, processes=processes)
-    return report(smoothed, _verified(arguments, runs[0], wishes), most=most, progress=shown)
-
-
-def _verified(arguments: argparse.Namespace, run: "Run", wishes: "Wishes") -> "Verified | None":
-    from postproc.progress import shown
-    from postproc.smooth import heard_cells
-    from postproc.verify import claims
-    from postproc.verify.run import Verification
-
-    if not arguments.claim and not arguments.claims:
-        return None
-    found = [claims.parse_claim(text, cell) for text in arguments.claim or () for cell in arguments.cell or [None]]
-    if arguments.claims:
-        found += claims.read_claims(arguments.claims, list(heard_cells([run], arguments.cell)))
-    verification = Verification(run, found, arguments.pfa, wishes.prior)
-    tested = list(shown(verification.each(), "verifying", len(verification.pairs)))
-    return verification.adjusted(tested)
+    verified = verify.verified(arguments, runs[0], arguments.cell or [None], arguments.pfa, wishes.prior)
+    return report(smoothed, verified, most=most, progress=shown)
 
 
 def _tell(

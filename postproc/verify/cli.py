@@ -3,6 +3,7 @@
 import argparse
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from logger.core.errors import ConfigError
 if TYPE_CHECKING:
     from logger.core.locator.prior import Prior
     from logger.core.runfile import Run
+    from postproc.verify.run import Verified
 
 
 def add_verify(verify: argparse.ArgumentParser) -> None:
@@ -20,7 +22,7 @@ def add_verify(verify: argparse.ArgumentParser) -> None:
         "--claims", type=Path, metavar="FILE", help="CSV (cell,lat,lon[,sigma_m]), cell export or cells.db"
     )
     what.add_argument("--sites", action="store_true", help="is --cell heard from one place or from two?")
-    _southern(verify)
+    southern(verify)
     verify.add_argument("--cell", metavar="NAME", help="only this cell")
     verify.add_argument("--against", type=Path, metavar="RUN", help="with --sites: a second run of the same cell")
     verify.add_argument("--pfa", type=float, default=0.05, metavar="P", help="false-alarm rate (default: 0.05)")
@@ -30,13 +32,40 @@ def add_verify(verify: argparse.ArgumentParser) -> None:
     verify.set_defaults(command=_verify_claims)
 
 
-def _southern(parser: argparse.ArgumentParser) -> None:
+def add_claims(parser: argparse.ArgumentParser) -> None:
+    """Options of a command that also tests claims, for `verified`."""
+    southern(parser)
+    what = "claimed position, of --cell or of every cell (may be repeated)"
+    parser.add_argument("--claim", action="append", metavar="LAT,LON[,SIGMA_M]", help=what)
+    what = "claims: CSV, cell export or cells.db, as for verify"
+    parser.add_argument("--claims", type=Path, metavar="FILE", help=what)
+
+
+def verified(
+    arguments: argparse.Namespace, run: "Run", cells: Sequence[str | None], p_fa: float, prior: "Prior"
+) -> "Verified | None":
+    """What a run says of the claims asked for about some cells (None: every cell); None where none were."""
+    from postproc.progress import shown
+    from postproc.smooth import heard_cells
+    from postproc.verify.claims import parse_claim, read_claims
+    from postproc.verify.run import Verification
+
+    if not arguments.claim and not arguments.claims:
+        return None
+    found = [parse_claim(text, cell) for text in arguments.claim or () for cell in cells]
+    if arguments.claims:
+        found += read_claims(arguments.claims, list(heard_cells([run], [cell for cell in cells if cell] or None)))
+    verification = Verification(run, found, p_fa, prior)
+    return verification.adjusted(list(shown(verification.each(), "verifying", len(verification.pairs))))
+
+
+def southern(parser: argparse.ArgumentParser) -> None:
     """Let an argument begin with the minus of a coordinate, as a latitude south of the equator does."""
     parser._negative_number_matcher = re.compile(r"-[\d.]")  # noqa: SLF001 (argparse has no other way)
 
 
 def add_theory(theory: argparse.ArgumentParser) -> None:
-    _southern(theory)
+    southern(theory)
     theory.add_argument("--pfa", type=float, default=0.05, metavar="P", help="false-alarm rate (default: 0.05)")
     theory.add_argument("--receivers", nargs="+", metavar="X,Y[,Z]", help="metres from the true place (default: ours)")
     theory.add_argument("--sigma", type=float, nargs="+", metavar="M", help="of a range (default: 100 and 20000 m)")
@@ -56,7 +85,7 @@ def add_celldb(celldb: argparse.ArgumentParser) -> None:
     imports.add_argument("--json", action="store_true")
     imports.set_defaults(command=_celldb_import)
     lookup = commands.add_parser("lookup", help="cells by identity or around a place")
-    _southern(lookup)
+    southern(lookup)
     lookup.add_argument("db", type=Path, metavar="CELLS.DB")
     which = lookup.add_mutually_exclusive_group(required=True)
     which.add_argument("--cell", metavar="MCC-MNC-AREA-CID")

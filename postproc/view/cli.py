@@ -2,12 +2,12 @@
 
 import argparse
 import os
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from logger.core.errors import ConfigError
+from postproc.verify import cli as verify
 
 _P_FA = 0.05
 
@@ -19,11 +19,8 @@ if TYPE_CHECKING:
 
 
 def add_view(view: argparse.ArgumentParser) -> None:
-    # lets a claim begin with the minus of a southern latitude; argparse has no other way
-    view._negative_number_matcher = re.compile(r"-[\d.]")  # noqa: SLF001
+    verify.add_claims(view)
     view.add_argument("--cell", action="append", metavar="NAME", help="cell to tell in full (may be repeated)")
-    view.add_argument("--claim", action="append", metavar="LAT,LON[,SIGMA_M]", help="claimed position to be tested")
-    view.add_argument("--claims", type=Path, metavar="FILE", help="claims: CSV, cell export or cells.db, as for verify")
     view.add_argument(
         "--basemap",
         type=Path,
@@ -111,24 +108,15 @@ def _claims(
     arguments: argparse.Namespace, found: "Estimated", subjects: Sequence["CellResult"]
 ) -> dict[str, tuple["CellVerdict", ...]]:
     """Claims about the cells told in full, tested, by cell."""
-    from postproc.progress import shown
     from postproc.smooth import Wishes
-    from postproc.verify.claims import parse_claim, read_claims
-    from postproc.verify.run import Verification
 
-    if not arguments.claim and not arguments.claims:
-        return {}
     cells = [subject.cell for subject in subjects]
-    claims = [parse_claim(text, cell) for text in arguments.claim or () for cell in cells]
-    if arguments.claims:
-        read = read_claims(arguments.claims, cells)
-        if not read:
-            raise ConfigError(f"{arguments.claims} claims nothing about {', '.join(cells) or 'any cell'}; see --cell")
-        claims += read
-    verification = Verification(found.runs[0], claims, _P_FA, Wishes().prior)
-    tested = list(shown(verification.each(), "verifying", len(verification.pairs)))
-    verdicts = verification.adjusted(tested).cells
-    return {cell: tuple(one for one in verdicts if one.cell == cell) for cell in cells}
+    tested = verify.verified(arguments, found.runs[0], cells, _P_FA, Wishes().prior)
+    if tested is None:
+        return {}
+    if not tested.cells:
+        raise ConfigError(f"{arguments.claims} claims nothing about {', '.join(cells) or 'any cell'}; see --cell")
+    return {cell: tuple(one for one in tested.cells if one.cell == cell) for cell in cells}
 
 
 def _processes() -> int:
