@@ -60,9 +60,11 @@ test-boot: .venv/dev.stamp
 	$(BIN)/pytest -s tests/boot
 
 # the viewer drawn by a processor, and what is served in a real browser; skips what this machine lacks. Debian has it:
-# apt-get install chromium chromium-driver mesa-vulkan-drivers
+# apt-get install chromium chromium-driver mesa-vulkan-drivers npm
+AXE := .venv/axe/node_modules/axe-core/axe.min.js
 test-view: .venv/dev.stamp
-	$(BIN)/pytest tests/view
+	test -e $(AXE) || npm install --silent --no-fund --prefix .venv/axe axe-core@4.14.1 || true
+	CELLWALK_AXE=$(AXE) $(BIN)/pytest tests/view
 
 # a day of records at full speed, what an hour costs the card, and the service for two hours in real time
 soak: .venv/dev.stamp
