@@ -70,6 +70,7 @@ def _parser() -> argparse.ArgumentParser:
 
     recover = commands.add_parser("recover", help="make HDF5 of the journals that a pulled plug left behind")
     recover.add_argument("path", type=Path, metavar="DIR", help="folder of the runs, or one journal")
+    recover.add_argument("--json", action="store_true")
     recover.set_defaults(command=_recover)
 
     simulate = commands.add_parser("simulate", help="record a simulated walk through real ptys, no hardware needed")
@@ -82,6 +83,7 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument(
         "--speed", type=_positive, default=20.0, metavar="X", help="times faster than real (default 20)"
     )
+    simulate.add_argument("--json", action="store_true")
     simulate.set_defaults(command=_simulate)
     return parser
 
@@ -192,9 +194,13 @@ def _recover(arguments: argparse.Namespace) -> int:
     found = []
     for recovered in recover(arguments.path):
         found.append(recovered)
+        if arguments.json:
+            continue
         print(recovered, flush=True)
         if recovered.loss:
             print(f"fieldlogger: {recovered.loss}", file=sys.stderr)
+    if arguments.json:
+        print(json.dumps([one.as_dict() for one in found], indent=2))
     return SOMETHING_LOST if any(recovered.loss for recovered in found) else 0
 
 
@@ -203,7 +209,7 @@ def _simulate(arguments: argparse.Namespace) -> int:
 
     told = (arguments.scenario, arguments.seed, arguments.duration, arguments.speed, arguments.modem, arguments.fault)
     run = simulate(arguments.out, *told)
-    print(run)
+    print(json.dumps({"run": str(run)}) if arguments.json else run)
     return 0
 
 

@@ -18,7 +18,7 @@ from postproc.verify import cli as verify
 from postproc.view import cli as view
 
 if TYPE_CHECKING:
-    from logger.core.runfile import Recovered, Run
+    from logger.core.runfile import Run
     from postproc.smooth import Wishes
 
 
@@ -238,13 +238,8 @@ def _recover(arguments: argparse.Namespace) -> int:
         if recovered.loss:
             print(f"postproc: {recovered.loss}", file=sys.stderr)
     if arguments.json:
-        print(json.dumps([_told(one) for one in found], indent=2))
+        print(json.dumps([one.as_dict() for one in found], indent=2))
     return SOMETHING_LOST if any(recovered.loss for recovered in found) else 0
-
-
-def _told(recovered: "Recovered") -> dict[str, str | None]:
-    run = str(recovered.run) if recovered.run else None
-    return {"journal": str(recovered.journal), "run": run, "digest": recovered.digest, "loss": recovered.loss}
 
 
 def _processes() -> int:

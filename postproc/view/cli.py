@@ -1,6 +1,7 @@
 """The command `view` of `postproc`."""
 
 import argparse
+import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,6 +32,7 @@ def add_view(view: argparse.ArgumentParser) -> None:
     where.add_argument("--save", type=Path, metavar="RUN.RRD", help="write the recording instead of opening the viewer")
     where.add_argument("--web", action="store_true", help="serve it to a browser on this machine, until Ctrl-C")
     view.add_argument("--port", type=int, metavar="N", help="of --web (default: one that is free)")
+    view.add_argument("--json", action="store_true", help="with --save: say what was written as JSON")
     view.set_defaults(command=_view)
 
 
@@ -55,7 +57,8 @@ def _view(arguments: argparse.Namespace) -> int:
     if arguments.save is None:
         return show(write, runs[0].path.stem)
     write(arguments.save)
-    print(arguments.save)
+    written = {"path": str(arguments.save), "bytes": arguments.save.stat().st_size}
+    print(json.dumps(written) if arguments.json else arguments.save)
     return 0
 
 

@@ -20,9 +20,9 @@ def commands(parser, name=""):
 
 
 def test_every_command_has_it():
-    """The viewer stays open, and a completion is a script."""
+    """A completion is a script."""
     without = {name for name, command in commands(_parser()) if "--json" not in command._option_string_actions}
-    assert without <= {"view", "completion"}
+    assert without == {"completion"}
 
 
 @pytest.fixture

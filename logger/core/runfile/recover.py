@@ -32,6 +32,11 @@ class Recovered:
             return self.error
         return f"{self.journal}: {self.damage}" if self.damage else ""
 
+    def as_dict(self) -> dict[str, str | None]:
+        """For machines: paths, digest and loss."""
+        run = str(self.run) if self.run else None
+        return {"journal": str(self.journal), "run": run, "digest": self.digest, "loss": self.loss}
+
     def __str__(self) -> str:
         return f"{self.run}  digest {self.digest}" if self.run else f"{self.journal}: not recovered"
 

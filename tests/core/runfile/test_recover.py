@@ -1,5 +1,8 @@
 """Recovery from a file or a folder, and room on the card."""
 
+import json
+from unittest.mock import ANY
+
 import pytest
 
 from logger.cli import main as fieldlogger
@@ -33,6 +36,11 @@ def test_exit_code_says_whether_something_was_lost(tmp_path, capsys, command):
     (tmp_path / "run-000003.journal").write_text("rubbish")
     assert command(["recover", str(tmp_path)]) == 3
     assert hit.with_suffix(".h5").exists()
+    capsys.readouterr()
+    assert command(["recover", "--json", str(tmp_path)]) == 3
+    assert json.loads(capsys.readouterr().out) == [
+        {"journal": str(tmp_path / "run-000003.journal"), "run": None, "digest": "", "loss": ANY}
+    ]
     assert command(["recover", str(tmp_path / "run-000001.h5")]) == 2
     assert command(["recover", str(tmp_path / "none")]) == 2
     assert "no such file" in capsys.readouterr().err

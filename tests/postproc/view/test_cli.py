@@ -1,3 +1,4 @@
+import json
 import subprocess
 import sys
 
@@ -41,8 +42,8 @@ def fails(capsys):
 
 def test_a_run_is_saved_with_the_cell_that_has_most_to_tell(run, tmp_path, capsys):
     saved = tmp_path / "x.rrd"
-    assert main(["view", str(run), "--save", str(saved)]) == 0
-    assert capsys.readouterr().out == f"{saved}\n"
+    assert main(["view", str(run), "--save", str(saved), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"path": str(saved), "bytes": saved.stat().st_size}
     found = chunks(saved)
     assert f"/plan/cells/{SHOWN}/posterior/region95" in found
     assert not any(entity.startswith(f"/plan/cells/{OTHER}") for entity in found)
