@@ -42,7 +42,9 @@ _TABLE = """CREATE TABLE IF NOT EXISTS cell (
     unit INTEGER, range_m INTEGER, samples INTEGER, changeable INTEGER, updated_s INTEGER)"""
 _IDENTITY = "CREATE INDEX identity ON cell (mcc, net, area, cell)"
 _BELT = "CAST((lat + 90) * 100 AS INTEGER)"
-_PLACE = f"CREATE INDEX place ON cell ({_BELT}, lon)"
+_FIELDS = "radio, mcc, net, area, cell, lat, lon, range_m, samples, updated_s"
+# all that is asked for is in the index: neighbours on the ground lie anywhere in the table, a page of the disk each
+_PLACE = f"CREATE INDEX place ON cell ({_BELT}, lon, lat, radio, mcc, net, area, cell, range_m, samples, updated_s)"
 _GOOD = """radio IN ('GSM', 'CDMA', 'UMTS', 'LTE', 'NR') AND typeof(mcc) = 'integer' AND mcc BETWEEN 1 AND 999
     AND typeof(net) = 'integer' AND net BETWEEN 0 AND 65535
     AND typeof(area) = 'integer' AND area BETWEEN 0 AND 16777215
@@ -56,7 +58,6 @@ _OLDER = """DELETE FROM cell WHERE rowid IN (SELECT id FROM (
         PARTITION BY c.radio, c.mcc, c.net, c.area, c.cell ORDER BY CAST(c.updated_s AS INTEGER) DESC, c.rowid DESC
     ) AS n
     FROM twice t JOIN cell c ON (c.mcc, c.net, c.area, c.cell) = (t.mcc, t.net, t.area, t.cell)) WHERE n > 1)"""
-_FIELDS = "radio, mcc, net, area, cell, lat, lon, range_m, samples, updated_s"
 
 
 @dataclass(frozen=True, slots=True)
