@@ -13,6 +13,8 @@ from scipy.stats import chi2
 
 from logger.core.arrays import FloatArray
 
+NIS_95, NIS_999 = 3.841, 10.828
+"""Points of chi-square with one degree of freedom."""
 _LAGS = 20
 _WHITE_SIGMAS = 1.96
 

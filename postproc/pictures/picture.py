@@ -78,18 +78,14 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Times of a run: since its start always, UTC where GPS told it."""
+    """When a run began, and its UTC where GPS told it."""
 
     started_ns: int
     timebase: TimeBase | None
 
-    def elapsed_ns(self, t_ns: IntArray) -> IntArray:
-        """Time since the start of the run."""
-        return t_ns - self.started_ns
-
-    def utc_ns(self, t_ns: IntArray) -> IntArray | None:
-        """UTC, None when it is unknown."""
-        return None if self.timebase is None else self.timebase.utc_ns_array(t_ns)
+    def minutes(self, t_ns: IntArray) -> FloatArray:
+        """Minutes since the start of the run."""
+        return np.asarray((t_ns - self.started_ns) / 60e9, float)
 
 
 @dataclass(frozen=True, slots=True)

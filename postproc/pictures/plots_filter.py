@@ -6,16 +6,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from logger.core.arrays import FloatArray, IntArray
+from logger.core.arrays import FloatArray
 from logger.core.locator.posterior import Posterior
 from postproc.estimators.filtered import Filtered
-from postproc.estimators.metrics import Consistency
+from postproc.estimators.metrics import NIS_95, Consistency
 from postproc.pictures import colours
 from postproc.pictures.picture import Picture
 from postproc.pictures.plots_style import MOST_VECTORS, rgb, thinned
 
-NIS_95 = 3.841
-"""95 % point of chi-square with one degree of freedom."""
 _LEAST_NIS = 1e-4
 
 
@@ -42,7 +40,7 @@ def draw_parameter(axes: Axes, picture: Picture, parameter: Parameter) -> None:
     axes.axhline(mean, color=blue, linewidth=1.2, label="posterior of the whole walk, ± 2 sigma")
     if focus.ekf is not None:
         shown = thinned(len(focus.ekf), MOST_VECTORS)
-        minutes = minutes_of(picture, focus.ekf.t_ns[shown])
+        minutes = picture.clock.minutes(focus.ekf.t_ns[shown])
         value, spread = focus.ekf.x[shown, parameter.row], _two_sigma(focus.ekf, parameter.row)[shown]
         orange = rgb(colours.EKF)
         axes.fill_between(minutes, value - spread, value + spread, color=orange, alpha=0.22, linewidth=0)
@@ -57,7 +55,7 @@ def draw_nis(axes: Axes, picture: Picture, filtered: Filtered) -> None:
     with np.errstate(divide="ignore", invalid="ignore"):
         nis = filtered.nis
     known = np.isfinite(nis)
-    minutes, many = minutes_of(picture, filtered.t_ns[known]), np.count_nonzero(known) > MOST_VECTORS
+    minutes, many = picture.clock.minutes(filtered.t_ns[known]), np.count_nonzero(known) > MOST_VECTORS
     axes.plot(
         minutes, np.maximum(nis[known], _LEAST_NIS), ".", color=rgb(colours.EKF), markersize=3, rasterized=bool(many)
     )
@@ -91,11 +89,6 @@ def of_posterior(posterior: Posterior, parameter: Parameter) -> tuple[float, flo
     if parameter is P0:
         return posterior.p0_dbm, posterior.p0_sigma_db
     return posterior.eta, posterior.eta_sigma
-
-
-def minutes_of(picture: Picture, t_ns: IntArray) -> FloatArray:
-    """Minutes since the start of the run."""
-    return np.asarray(picture.clock.elapsed_ns(t_ns) / 60e9, float)
 
 
 def _two_sigma(filtered: Filtered, row: int) -> FloatArray:

@@ -8,7 +8,7 @@ from logger.core.arrays import FloatArray
 from logger.core.timebase import utc_text
 from postproc.pictures import colours
 from postproc.pictures.fit import Fit
-from postproc.pictures.picture import Levels, Picture
+from postproc.pictures.picture import Picture
 from postproc.pictures.plots_style import MOST_VECTORS, empty, rgb
 
 
@@ -53,12 +53,12 @@ def draw_levels(axes: Axes, picture: Picture, most_others: int = 12) -> None:
     others = [levels for levels in picture.levels if levels.cell != name][:most_others]
     for i, levels in enumerate(others):
         colour = rgb(colours.OTHERS[i % len(colours.OTHERS)])
-        minutes = _minutes(picture, levels)
+        minutes = picture.clock.minutes(levels.t_ns)
         axes.plot(minutes, levels.level_dbm, ".", color=colour, markersize=1.5, alpha=0.5, rasterized=True)
     for levels in picture.levels:
         if levels.cell == name:
             many = len(levels.t_ns) > 10 * MOST_VECTORS
-            minutes = _minutes(picture, levels)
+            minutes = picture.clock.minutes(levels.t_ns)
             axes.plot(
                 minutes, levels.level_dbm, color=rgb(colours.WALKER), linewidth=1, label="this cell", rasterized=many
             )
@@ -87,7 +87,3 @@ def _by_distance(axes: Axes) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("distance (m)")
     axes.grid(visible=True)
-
-
-def _minutes(picture: Picture, levels: Levels) -> FloatArray:
-    return np.asarray(picture.clock.elapsed_ns(levels.t_ns) / 60e9, float)

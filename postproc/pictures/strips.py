@@ -25,7 +25,7 @@ class Strips(NamedTuple):
 
 def strips_of(rows: Sequence[Levels | None], clock: Clock) -> Strips | None:
     """Levels of cells from the start of the run to the last one, in a few hundred parts at most; None without any."""
-    minutes = [np.empty(0) if row is None else np.asarray(clock.elapsed_ns(row.t_ns) / 60e9, float) for row in rows]
+    minutes = [np.empty(0) if row is None else clock.minutes(row.t_ns) for row in rows]
     end = max((float(at.max()) for at in minutes if len(at)), default=0.0)
     if end <= 0.0:
         return None

@@ -8,10 +8,10 @@ import shapely
 
 from logger.core.arrays import FloatArray
 from postproc.estimators.filtered import Filtered
-from postproc.estimators.metrics import Consistency
+from postproc.estimators.metrics import NIS_95, Consistency
 from postproc.pictures.fit import Fit
 from postproc.pictures.picture import Picture
-from postproc.pictures.plots_filter import ETA, NIS_95, P0, Parameter, minutes_of, of_posterior
+from postproc.pictures.plots_filter import ETA, P0, Parameter, of_posterior
 from postproc.pictures.strips import Strips
 from postproc.report.words import area_text, direction, metres
 from postproc.results import Json
@@ -70,7 +70,7 @@ def levels(picture: Picture) -> str:
     beside = f" {others} other cell{'s were' if others != 1 else ' was'} heard beside it." if others else ""
     if mine is None or not len(mine.t_ns):
         return f"No level of this cell was read.{beside}"
-    minutes = minutes_of(picture, mine.t_ns)
+    minutes = picture.clock.minutes(mine.t_ns)
     peak = int(np.argmax(mine.level_dbm))
     return (
         f"{len(mine.t_ns)} levels of this cell from minute {minutes[0]:.0f} to minute {minutes[-1]:.0f}, between "
@@ -87,7 +87,7 @@ def path_loss(picture: Picture) -> str:
     whole = [_with_sigma(*of_posterior(focus.posterior, parameter), parameter) for parameter in (P0, ETA)]
     told = [f"After the whole walk {' and '.join(whole)} (± one sigma; the bands show two)."]
     if focus.ekf is not None and len(focus.ekf):
-        first, last = minutes_of(picture, focus.ekf.t_ns[[0, -1]]).tolist()
+        first, last = picture.clock.minutes(focus.ekf.t_ns[[0, -1]]).tolist()
         told.append(
             f"The EKF starts at minute {first:.0f} with {_state(focus.ekf, 0)} and ends at minute {last:.0f} with "
             f"{_state(focus.ekf, -1)}."

@@ -12,6 +12,7 @@ from logger.core.errors import ConfigError
 if TYPE_CHECKING:
     from logger.core.locator.prior import Prior
     from logger.core.runfile import Run
+    from postproc.verify.claims import Claim
     from postproc.verify.run import Verified
 
 
@@ -45,17 +46,22 @@ def verified(
     arguments: argparse.Namespace, run: "Run", cells: Sequence[str | None], p_fa: float, prior: "Prior"
 ) -> "Verified | None":
     """What a run says of the claims asked for about some cells (None: every cell); None where none were."""
-    from postproc.progress import shown
     from postproc.smooth import heard_cells
     from postproc.verify.claims import parse_claim, read_claims
-    from postproc.verify.run import Verification
 
     if not arguments.claim and not arguments.claims:
         return None
     found = [parse_claim(text, cell) for text in arguments.claim or () for cell in cells]
     if arguments.claims:
         found += read_claims(arguments.claims, list(heard_cells([run], [cell for cell in cells if cell] or None)))
-    verification = Verification(run, found, p_fa, prior)
+    return _tested(run, found, p_fa, prior)
+
+
+def _tested(run: "Run", claims: "Sequence[Claim]", p_fa: float, prior: "Prior") -> "Verified":
+    from postproc.progress import shown
+    from postproc.verify.run import Verification
+
+    verification = Verification(run, claims, p_fa, prior)
     return verification.adjusted(list(shown(verification.each(), "verifying", len(verification.pairs))))
 
 
@@ -97,11 +103,9 @@ def add_celldb(celldb: argparse.ArgumentParser) -> None:
 def _verify_claims(arguments: argparse.Namespace) -> int:
     from logger.core.locator.prior import prior_for
     from logger.core.runfile import read_run
-    from postproc.progress import shown
     from postproc.results import as_json
     from postproc.smooth import heard_cells
     from postproc.verify import claims, tables
-    from postproc.verify.run import Verification
 
     run, prior = read_run(arguments.run), prior_for(arguments.environment, height_m=arguments.height)
     if arguments.sites:
@@ -113,13 +117,11 @@ def _verify_claims(arguments: argparse.Namespace) -> int:
         found = [claims.parse_claim(arguments.claim, arguments.cell)]
     else:
         found = claims.read_claims(arguments.claims, list(heard))
-    verification = Verification(run, found, arguments.pfa, prior)
-    tested = list(shown(verification.each(), "verifying", len(verification.pairs)))
-    verified = verification.adjusted(tested)
+    tested = _tested(run, found, arguments.pfa, prior)
     if arguments.json:
-        print(as_json(tables.as_dict(verified)))
+        print(as_json(tables.as_dict(tested)))
     else:
-        tables.print_verified(verified)
+        tables.print_verified(tested)
     return 0
 
 

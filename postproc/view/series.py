@@ -7,6 +7,7 @@ import rerun as rr
 
 from logger.core.arrays import FloatArray, IntArray
 from postproc.estimators.filtered import Filtered
+from postproc.estimators.metrics import NIS_95, NIS_999
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.view.sheet import Sheet, band, dots, ellipse_axes, entity, line, steps, two_sigma
@@ -15,8 +16,7 @@ from postproc.view.story import Story, Subject
 MOST_DOTS = 40_000
 """Points are not thinned by the viewer, lines are: above this the other cells are drawn as lines."""
 _FAINT = 80
-CHI2_BOUNDS = ((0.95, 3.841), (0.999, 10.828))
-"""Chi-square with one degree of freedom."""
+NIS_BOUNDS = ((0.95, NIS_95), (0.999, NIS_999))
 
 
 class Quantity(NamedTuple):
@@ -141,7 +141,7 @@ def _consistency(sheet: Sheet, subject: Subject, span: IntArray) -> None:
         sheet.always(path, dots(name, colour, 2.0))
         sheet.over_time(path, filtered.t_ns[known], rr.Scalars.columns(scalars=nis[known]))
     if any(len(filtered) for _, _, _, filtered in found):
-        for (share, bound), colour in zip(CHI2_BOUNDS, colours.BOUNDS, strict=True):
+        for (share, bound), colour in zip(NIS_BOUNDS, colours.BOUNDS, strict=True):
             path = entity("series", subject.cell, "nis", f"bound{share:g}")
             _constant(sheet, path, f"{share * 100:g} %", colour, bound, span)
 
