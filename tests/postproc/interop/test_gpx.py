@@ -1,3 +1,5 @@
+from importlib.util import find_spec
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import gpxpy
@@ -7,57 +9,11 @@ import xmlschema
 from postproc.interop import gpx
 from tests.postproc.interop import walks
 
-# The part of GPX 1.1 that is used here, said again in our own words: order, kinds and ranges of its elements
-# (www.topografix.com/GPX/1/1). The schema itself has no licence under which it could stand in this repository.
-SCHEMA = """
-<schema xmlns="http://www.w3.org/2001/XMLSchema" xmlns:g="http://www.topografix.com/GPX/1/1"
-  targetNamespace="http://www.topografix.com/GPX/1/1" elementFormDefault="qualified">
- <simpleType name="lat">
-  <restriction base="decimal"><minInclusive value="-90"/><maxInclusive value="90"/></restriction>
- </simpleType>
- <simpleType name="lon">
-  <restriction base="decimal"><minInclusive value="-180"/><maxExclusive value="180"/></restriction>
- </simpleType>
- <complexType name="point">
-  <sequence>
-   <element name="ele" type="decimal" minOccurs="0"/>
-   <element name="time" type="dateTime" minOccurs="0"/>
-   <element name="name" type="string" minOccurs="0"/>
-   <element name="desc" type="string" minOccurs="0"/>
-   <element name="type" type="string" minOccurs="0"/>
-   <element name="sat" type="nonNegativeInteger" minOccurs="0"/>
-   <element name="hdop" type="decimal" minOccurs="0"/>
-  </sequence>
-  <attribute name="lat" type="g:lat" use="required"/>
-  <attribute name="lon" type="g:lon" use="required"/>
- </complexType>
- <complexType name="segment">
-  <sequence><element name="trkpt" type="g:point" minOccurs="0" maxOccurs="unbounded"/></sequence>
- </complexType>
- <complexType name="track">
-  <sequence>
-   <element name="name" type="string" minOccurs="0"/>
-   <element name="desc" type="string" minOccurs="0"/>
-   <element name="trkseg" type="g:segment" minOccurs="0" maxOccurs="unbounded"/>
-  </sequence>
- </complexType>
- <element name="gpx">
-  <complexType>
-   <sequence>
-    <element name="wpt" type="g:point" minOccurs="0" maxOccurs="unbounded"/>
-    <element name="trk" type="g:track" minOccurs="0" maxOccurs="unbounded"/>
-   </sequence>
-   <attribute name="version" type="string" use="required" fixed="1.1"/>
-   <attribute name="creator" type="string" use="required"/>
-  </complexType>
- </element>
-</schema>
-"""
-
-
 @pytest.fixture(scope="module")
 def schema():
-    return xmlschema.XMLSchema(SCHEMA)
+    """The schema of Topografix, which gpx brings along."""
+    (folder,) = find_spec("gpx").submodule_search_locations
+    return xmlschema.XMLSchema(Path(folder) / "gpx.xsd")
 
 
 def test_valid_and_read_by_gpxpy(tmp_path, schema):
