@@ -29,6 +29,7 @@ from postproc.view.series import draw_levels
 from postproc.view.sheet import Sheet
 from postproc.view.story import of_one, story_of
 from postproc.view.unfolding import unfold
+from tests.kit.headless import DRIVER, MISSING, headless, settled
 
 CELLS = 8
 WALKS = {"1 h": (3_600, 2), "28 h": (100_000, 2)}
@@ -108,6 +109,21 @@ def _measure(name: str, run: Run, folder: Path) -> None:
         f"{f', scaled up from {share:.0%}' if share < 1.0 else ''}: {rows_s / share / columns_s:.0f} times as long",
         flush=True,
     )
+    print(
+        f"  opens on software Vulkan in {_opened_s(folder / 'ours.rrd'):.1f} s" if DRIVER else f"  {MISSING}",
+        flush=True,
+    )
+
+
+def _opened_s(path: Path) -> float:
+    """Seconds until a fresh viewer shows the walk, its window laid out and the plan at rest."""
+    with tempfile.TemporaryDirectory() as folder, headless(Path(folder)) as client:
+        begun = time.perf_counter()
+        client.open(str(path))
+        while not client.get_state().views:
+            time.sleep(0.1)
+        settled(client, "Plan")
+        return time.perf_counter() - begun
 
 
 def _alone(work: Callable[[Path, Path], float], results: Path, path: Path) -> tuple[float, float, float]:

@@ -9,6 +9,7 @@ import xmlschema
 from postproc.interop import gpx
 from tests.postproc.interop import walks
 
+
 @pytest.fixture(scope="module")
 def schema():
     """The schema of Topografix, which gpx brings along."""

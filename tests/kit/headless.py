@@ -1,0 +1,54 @@
+"""The native viewer without a screen, drawn by a processor: software Vulkan."""
+
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rerun.experimental import ViewerClient
+
+from postproc.view import viewer
+
+DRIVER = next(Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"), None)
+MISSING = "software Vulkan is missing (Debian: apt-get install mesa-vulkan-drivers)"
+PATIENCE_S = 60.0
+
+
+@contextmanager
+def headless(folder: Path) -> Iterator[ViewerClient]:
+    """A viewer without a window, reachable from this machine only; it keeps its settings and its log in `folder`."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    program = viewer.binary()
+    environment = viewer.discreet(program, folder) | {
+        "VK_ICD_FILENAMES": str(DRIVER),
+        "XDG_RUNTIME_DIR": str(folder),
+    }
+    command = [str(program), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
+    with (folder / "log").open("wb") as log, viewer.child(command, environment, log.fileno()):
+        yield _connected(port)
+
+
+def _connected(port: int) -> ViewerClient:
+    until = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until:
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+        time.sleep(0.05)
+    raise TimeoutError("the viewer does not answer")
+
+
+def settled(client: ViewerClient, view: str) -> bytes:
+    """A picture of one view that no longer changes: the first may be half drawn."""
+    (view_id,) = [one.view_id for one in client.get_state().views if one.name == view]
+    before, until = None, time.monotonic() + PATIENCE_S
+    while time.monotonic() < until:
+        now = client.take_screenshot(view_id)
+        if now == before:
+            return now
+        before = now
+        time.sleep(0.2)
+    raise TimeoutError("the picture never comes to rest")
