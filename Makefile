@@ -60,7 +60,7 @@ test-boot: .venv/dev.stamp
 	$(BIN)/pytest -s tests/boot
 
 # the viewer drawn by a processor, and what is served in a real browser; skips what this machine lacks. Debian has it:
-# apt-get install chromium chromium-driver mesa-vulkan-drivers npm
+# apt-get install chromium chromium-driver mesa-vulkan-drivers npm strace
 AXE := .venv/axe/node_modules/axe-core/axe.min.js
 test-view: .venv/dev.stamp
 	test -e $(AXE) || npm install --silent --no-fund --prefix .venv/axe axe-core@4.14.1 || true

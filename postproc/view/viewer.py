@@ -14,9 +14,11 @@ from tempfile import TemporaryDirectory
 from logger.core.errors import ConfigError
 
 LOOPBACK = "127.0.0.1"
+NOBODY = f"http://{LOOPBACK}:9"
 
 _INSTEAD = "use --web, or --save RUN.rrd and open that elsewhere"
 _MISSING = "the viewer is missing: install cellwalk[view]"
+_TILES = "tile.openstreetmap.org"
 _GRACE_S = 5.0
 
 
@@ -54,12 +56,15 @@ def binary() -> Path:
 
 
 def discreet(viewer: Path, folder: Path) -> dict[str, str]:
-    """Environment in which the viewer sends no usage statistics.
+    """Environment in which the viewer asks the network for nothing but the map's tiles, once somebody looks at the map.
 
-    No variable turns them off (seen with rerun 0.41), its settings do: so it gets a folder of settings of its own, and
-    the user's stay as they are. Only Linux heeds the variable.
+    No variable turns off its statistics (seen with rerun 0.41), its settings do: so it gets a folder of settings of its
+    own, and the user's stay as they are; only Linux heeds that. It looks for a newer version of itself by whatever
+    proxy is set, so that is one that nobody answers at.
     """
     environment = os.environ | {"XDG_CONFIG_HOME": str(folder / "settings")}
+    for name, value in (("HTTPS_PROXY", NOBODY), ("NO_PROXY", _TILES)):
+        environment |= {name: value, name.lower(): value}
     subprocess.run([viewer, "analytics", "disable"], env=environment, check=False, capture_output=True)  # noqa: S603
     return environment
 

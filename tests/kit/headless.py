@@ -16,8 +16,11 @@ PATIENCE_S = 60.0
 
 
 @contextmanager
-def headless(folder: Path) -> Iterator[ViewerClient]:
-    """A viewer without a window, reachable from this machine only; it keeps its settings and its log in `folder`."""
+def headless(folder: Path, *through: str) -> Iterator[ViewerClient]:
+    """A viewer without a window, reachable from this machine only; it keeps its settings and its log in `folder`.
+
+    `through` is a command that takes the viewer's as its arguments.
+    """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -26,7 +29,7 @@ def headless(folder: Path) -> Iterator[ViewerClient]:
         "VK_ICD_FILENAMES": str(DRIVER),
         "XDG_RUNTIME_DIR": str(folder),
     }
-    command = [str(program), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
+    command = [*through, str(program), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
     with (folder / "log").open("wb") as log, viewer.child(command, environment, log.fileno()):
         yield _connected(port)
 
