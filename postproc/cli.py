@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command; a user's mistake is one line on stderr and exit 2."""
+    # the matrices are small: threads of BLAS would wait for each other, on a busy machine longer than they work
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     arguments = _parser().parse_args(argv)
     try:
         code: int = arguments.command(arguments)
