@@ -22,6 +22,7 @@ from logger.device.gpsd_link import receiver_session
 from logger.device.leds import Lamp, Sign
 from logger.device.libraries import LIBRARIES, version_of
 from logger.device.link import Link
+from logger.device.memory import give_back
 from logger.device.modem_link import modem_session
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.notify import ServiceManager
@@ -217,6 +218,7 @@ def run_service(config: SiteConfig, config_text: str, clock: Clock, duration_s: 
 
     Under systemd another unit recovers what earlier runs left, with a low priority; elsewhere it is done here.
     """
+    give_back()
     manager = ServiceManager.of(os.environ)
     with stop_signals() as (ended, heard), Lamp(config.status.led) as lamp:
         service = Service(config, clock, ended, config_text=config_text, durable=manager.alive)
