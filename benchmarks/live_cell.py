@@ -21,6 +21,8 @@ from logger.core.live_settings import LiveSettings
 READINGS = 2000
 STEP_M = 1.4
 SOURCE = (160.0, 240.0)
+FLOOR_DBM = -110.0
+CLIPPED_SHARES = (0.2, 0.45, 0.7)
 
 
 def walk(seed: int, *, shadow_db: float) -> list[Heard]:
@@ -36,6 +38,13 @@ def walk(seed: int, *, shadow_db: float) -> list[Heard]:
     level = -25.0 - 32.0 * np.log10(np.hypot(x - SOURCE[0], y - SOURCE[1])) + shadow_db * shadow
     level = np.round(level + 2.0 * rng.normal(size=READINGS))
     return [Heard(*row, 0) for row in zip(x.tolist(), y.tolist(), [3.0] * READINGS, level.tolist(), strict=True)]
+
+
+def clipped(heard: list[Heard], share: float) -> list[Heard]:
+    """The same, so weak that this share of the levels is at the floor of a GSM modem's scale."""
+    change_db = FLOOR_DBM - round(float(np.quantile([reading.level_dbm for reading in heard], share)))
+    weaker = [max(reading.level_dbm + change_db, FLOOR_DBM) for reading in heard]
+    return [r._replace(level_dbm=dbm, limit=-int(dbm == FLOOR_DBM)) for r, dbm in zip(heard, weaker, strict=True)]
 
 
 def live_us(heard: list[Heard]) -> tuple[float, float, float, float]:
@@ -90,8 +99,13 @@ def main() -> None:
     """Print the table."""
     peer = filterpy_us(walk(1, shadow_db=0.0))
     print(f"filterpy EKF, one update: {peer:.1f} us")
-    for name, shadow_db in (("white noise 2 dB", 0.0), ("and shadowing 6 dB / 15 m", 6.0)):
-        mean, p99, worst, memory_mb = live_us(walk(2, shadow_db=shadow_db))
+    white, shadowed = walk(2, shadow_db=0.0), walk(2, shadow_db=6.0)
+    walks = {"white noise 2 dB": white, "and shadowing 6 dB / 15 m": shadowed}
+    for share in CLIPPED_SHARES:
+        walks[f"white noise 2 dB, {share:.0%} clipped"] = clipped(white, share)
+        walks[f"and shadowing, {share:.0%} clipped"] = clipped(shadowed, share)
+    for name, heard in walks.items():
+        mean, p99, worst, memory_mb = live_us(heard)
         print(
             f"live cell, {name}: mean {mean:.0f} us a reading (ratio {mean / peer:.0f}), 99 % {p99:.0f} us, "
             f"worst {worst / 1000:.0f} ms (a search), {memory_mb:.2f} MB"

@@ -97,8 +97,9 @@ def alarms(asked: argparse.Namespace) -> Json:
     """False-alarm rates, nuisances unknown."""
     found: Json = {}
     for name, noise in NOISES.items():
-        rng, p = np.random.default_rng(asked.seed), []
+        p = []
         for k in _within(60.0 * asked.minutes / len(NOISES), asked.walks):
+            rng = np.random.default_rng([asked.seed, k])
             world, walk = _walk(rng, k, noise)
             test = claim_test(walk, np.array(world.sources[0])[:, None], rng)
             if test is not None:
@@ -119,8 +120,9 @@ def powers(asked: argparse.Namespace) -> Json:
     """Measured and predicted power, by displacement."""
     found: Json = {}
     for name, noise in NOISES.items():
-        rng, rows = np.random.default_rng(asked.seed + 1), []
+        rows = []
         for k in _within(60.0 * asked.minutes / len(NOISES), asked.walks):
+            rng = np.random.default_rng([asked.seed + 1, k])
             world, walk = _walk(rng, k, noise)
             share = DISPLACED[(k // len(SHAPES)) % len(DISPLACED)]
             true_m = np.array(world.sources[0])

@@ -10,6 +10,7 @@ from .world import Place, World
 
 TWIN_HELD = "truth or twin inside the region"
 BOTH_LISTED = "truth and twin both listed"
+PAIRED = "each listed place with its twin"
 NOT_ONE_PLACE = "never told as one place"
 SAID_NOT_TO_FIT = "says that one position does not explain the levels"
 NOT_BETWEEN = "not located more than 50 m off both"
@@ -17,6 +18,7 @@ MODEST = "not located where the region is larger than the walk"
 
 _LISTED_M, _LISTED_SIGMAS = 20.0, 3.0
 _OFF_M = 50.0
+_FLAT = 1e-6
 
 
 def facts_of(world: World, found: Answer) -> dict[str, bool]:
@@ -27,7 +29,7 @@ def facts_of(world: World, found: Answer) -> dict[str, bool]:
     if found.verdict is not None:
         facts[MODEST] = found.verdict != "located" or found.region.area_m2 <= walk_area_m2(world)
     if world.twin is not None:
-        facts |= _twin_facts(world.sources[0], world.twin, found, found.region)
+        facts |= _twin_facts(world, world.twin, found, found.region)
     if len(world.sources) > 1 and found.verdict is not None:
         facts[SAID_NOT_TO_FIT] = not found.fits
         facts[NOT_BETWEEN] = found.verdict != "located" or world.error_m((found.x_m, found.y_m)) <= _OFF_M
@@ -40,7 +42,8 @@ def walk_area_m2(world: World) -> float:
     return float(pi * shapely.minimum_bounding_radius(points) ** 2)
 
 
-def _twin_facts(source: Place, twin: Place, found: Answer, region: Region) -> dict[str, bool]:
+def _twin_facts(world: World, twin: Place, found: Answer, region: Region) -> dict[str, bool]:
+    source = world.sources[0]
     holds_source, holds_twin = region.holds(source, 0.0), region.holds(twin, 0.0)
     # closer than a listing is exact they are one place
     same = bool(np.hypot(source[0] - twin[0], source[1] - twin[1]) <= 2.0 * _LISTED_M)
@@ -48,8 +51,22 @@ def _twin_facts(source: Place, twin: Place, found: Answer, region: Region) -> di
     return {
         TWIN_HELD: holds_source or holds_twin,
         BOTH_LISTED: all(any(_lists(mode, place) for mode in found.modes) for place in (source, twin)),
+        PAIRED: all(any(_lists(other, _twin_of(mode, world)) for other in found.modes) for mode in found.modes),
         NOT_ONE_PLACE: same or (shown_apart and found.verdict != "located"),
     }
+
+
+def _twin_of(mode: Mode, world: World) -> Place:
+    """Mirror image in the line of a straight walk, inverse point of a round one."""
+    walk = np.stack([world.whole.x_m, world.whole.y_m])
+    middle = np.mean(walk, axis=1)
+    (narrow, wide), axes = np.linalg.eigh(np.cov(walk))
+    off = np.array([mode.x_m, mode.y_m]) - middle
+    if narrow < _FLAT * wide:
+        off -= 2.0 * (off @ axes[:, 0]) * axes[:, 0]
+    else:
+        off *= (narrow + wide) / (off @ off)  # the mean square of the radius
+    return float(middle[0] + off[0]), float(middle[1] + off[1])
 
 
 def _lists(mode: Mode, place: Place) -> bool:

@@ -152,8 +152,8 @@ TARGETS: tuple[Target, ...] = (
         for name in ("shadow6-path", "shadow6-field", "shadow8-path", "shadow8-field")
         for target in _shadowed(name)
     ),
-    *_all_of("twin-straight", facts.TWIN_HELD, facts.BOTH_LISTED, facts.NOT_ONE_PLACE),
-    *_all_of("twin-circle", facts.TWIN_HELD, facts.BOTH_LISTED, facts.NOT_ONE_PLACE),
+    *_all_of("twin-straight", facts.TWIN_HELD, facts.BOTH_LISTED, facts.PAIRED, facts.NOT_ONE_PLACE),
+    *_all_of("twin-circle", facts.TWIN_HELD, facts.BOTH_LISTED, facts.PAIRED, facts.NOT_ONE_PLACE),
     *(target for share in CLIPPED_SHARES for target in _clipped(share)),
     *_clipped_shadowed(),
     *(Target((name,), "coverage", _coverage, 0.90, is_share=True) for name in GPS_ERRORS),

@@ -18,7 +18,7 @@ from logger.core.locator.online import OnlineLocator, Place
 from logger.core.locator.prior import Prior
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
 from logger.core.shadow_noise import candidates, likeliest
-from logger.core.watch import CLOSE, Watch, compare, follow
+from logger.core.watch import CLOSE, Watch, compare, follow, widest
 
 LOCATOR, EKF = "locator", "ekf"
 
@@ -132,9 +132,9 @@ class LiveCell:
 
 def _is_close(place: Place, heard: Heard) -> bool:
     """Whether a Gaussian may stand for the place, seen from where the walker is."""
-    widest_m = sqrt(float(np.linalg.eigvalsh(place.covariance[:2, :2])[1]))
+    (xx, xy), (_, yy) = place.covariance[:2, :2].tolist()
     distance_m = hypot(float(place.state[0]) - heard.x_m, float(place.state[1]) - heard.y_m)
-    return place.probability >= ONE_PLACE and widest_m <= min(CLOSE * distance_m, TIGHT_M)
+    return place.probability >= ONE_PLACE and widest(xx, xy, yy) <= min(CLOSE * distance_m, TIGHT_M)
 
 
 def _of_filter(step: ShadowStep) -> CellEstimate:

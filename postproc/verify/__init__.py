@@ -7,10 +7,11 @@
     cellfile  exports of OpenCelliD and Mozilla Location Service, read by columns
     celldb    millions of their cells in one indexed file
     claims    claimed positions, from the command line, a CSV or such a file
+    noise     covariance of the levels, shadowing averaged over the readings of a block
     field     what a walk, real or simulated, says about many places at once
     direct    residuals of a walk at the claimed position
-    indirect  the claim in the posterior of the walk, calibrated by simulated walks
-    drawn     walks as they would be if the claim were true, which calibrate the indirect test
+    indirect  the claim in the posterior of the walk
+    drawn     walks as they would be if the claim were true, which calibrate both tests
     power     what a walk could have told
     sites     whether one identity is heard from one place or from two
     walk      both tests of a cell with their power, verdict and recommendation

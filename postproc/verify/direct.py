@@ -11,7 +11,8 @@ and of the receiver in it. So P0 is integrated out with a flat prior, eta with i
 known. An exponent that cannot be speaks against a claim too: 95 % of the false alarms are spent on F, 5 % on e.
 Hypotheses are weighed by their restricted likelihood off [X0, B] (Patterson & Thompson, Biometrika 58(3), 1971), which
 a displacement does not touch. p is that of the likeliest where the noise is stationary; of a measured walk it is the
-mean over all, F and e^2 counting with the trust of their hypothesis.
+mean over all, F and e^2 counting with the trust of their hypothesis. Taken as it is p is too small: the longer
+shadowing lasts the more often it is taken for shorter. Walks drawn from the claim (`drawn`) make it right.
 """
 
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from scipy.special import chdtrc, fdtrc
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.blocks import Blocks
-from logger.core.locator.evidence import covariance, distances_db, inverse_of_lower, receiver_variance
+from logger.core.locator.evidence import distances_db, inverse_of_lower, receiver_variance
 from logger.core.locator.prior import Prior
 
 _ENERGY = 0.95
@@ -51,7 +52,7 @@ class DirectTest:
     prior: Prior
 
     def p_values(self, level_dbm: FloatArray, *, trusting: bool) -> FloatArray:
-        """Of levels (n, b), shape (b,): the probability of a T as large where the claim is true.
+        """Of levels (n, b), shape (b,): the probability of a T as large where claim and hypothesis are true.
 
         `trusting` the noise to be stationary, by the likeliest hypothesis; else all of them, each with its own trust.
         """
@@ -87,10 +88,11 @@ class DirectTest:
         return np.sum(taken[:, 2:] ** 2, axis=1) / (variance * self.dof), off, weight / np.sum(weight, axis=0)
 
 
-def direct_test(blocks: Blocks, prior: Prior, claim: FloatArray, sigma_db: float) -> DirectTest | None:
-    """Prepare the test for a claim of equally likely places (2, k), None for a walk of too few blocks.
+def direct_test(blocks: Blocks, prior: Prior, k: FloatArray, claim: FloatArray, sigma_db: float) -> DirectTest | None:
+    """Prepare the test for a claim of equally likely places (2, m), None for a walk of too few blocks.
 
-    `sigma_db` is the noise by which the uncertainty of claim and receiver is weighed.
+    `k` (c, n, n) is the covariance by each hypothesis in units of sigma^2, `sigma_db` the noise by which the
+    uncertainty of claim and receiver is weighed.
     """
     n = len(blocks)
     possible = distances_db(blocks, prior.height_m, claim[0], claim[1])
@@ -103,8 +105,7 @@ def direct_test(blocks: Blocks, prior: Prior, claim: FloatArray, sigma_db: float
     extra = receiver_variance(blocks, prior, claim_db[:, None])
     more = own / sigma_db**2 + (np.diag(extra[:, 0]) if extra is not None else 0.0)
     design = np.column_stack([np.ones(n), -claim_db, bent])
-    k = np.stack([covariance(blocks, hypothesis, prior.sigma_db) + more for hypothesis in prior.hypotheses])
-    root = np.asarray(np.linalg.cholesky(k), float)
+    root = np.asarray(np.linalg.cholesky(k + more), float)
     whiten = inverse_of_lower(root)
     rows, triangle = np.linalg.qr(whiten @ design)
     size = np.abs(np.diagonal(triangle, axis1=1, axis2=2))

@@ -1,4 +1,4 @@
-"""Walks drawn as they would be if a transmitter stood at a given place: what the indirect test is calibrated by.
+"""Walks drawn as they would be if a transmitter stood at a given place: what both tests are calibrated by.
 
 Everything but the place is as this walk tells, wherever its transmitter stands: the likeliest hypothesis of the noise,
 and sigma and eta drawn together from their posterior (parametric bootstrap: Davison & Hinkley, Bootstrap Methods and
@@ -14,8 +14,8 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.blocks import Blocks
-from logger.core.locator.evidence import covariance, distances_db, receiver_variance
-from logger.core.locator.prior import Hypothesis, Prior
+from logger.core.locator.evidence import distances_db, receiver_variance
+from logger.core.locator.prior import Prior
 from postproc.verify.field import Field
 
 _TAIL = 16
@@ -25,14 +25,13 @@ _LIKELY = 1e-4
 
 @dataclass(frozen=True)
 class Nuisances:
-    """The likeliest `hypothesis` of the noise, a `root` (n, n) of its covariance, and what goes with it.
+    """A `root` (n, n) of the noise's covariance by the likeliest hypothesis, and what goes with it.
 
     That is, for places (m,), their probability, sigma, and mean and variance of eta.
     """
 
     blocks: Blocks
     prior: Prior
-    hypothesis: Hypothesis
     root: FloatArray
     probability: FloatArray
     sigma_db: FloatArray
@@ -56,8 +55,8 @@ class Nuisances:
         return np.asarray(self.sigma_db[m] * noise - eta * at_db, float)
 
 
-def nuisances(field: Field, level_dbm: FloatArray) -> Nuisances:
-    """Of a walk (n,)."""
+def nuisances(field: Field, level_dbm: FloatArray, k: FloatArray) -> Nuisances:
+    """Of a walk (n,), with the covariance `k` (c, n, n) by every hypothesis of the prior."""
     log_p, variance = field.judged(level_dbm[:, None])
     best = int(np.argmax(field.weights(log_p)[:, 0]))
     eta, inverse = field.exponents(level_dbm)
@@ -65,12 +64,10 @@ def nuisances(field: Field, level_dbm: FloatArray) -> Nuisances:
     p = np.exp(joint - np.max(joint))
     likely = p > _LIKELY
     of_noise = variance[best, likely, 0]
-    hypothesis = field.prior.hypotheses[field.numbers[best]]
     return Nuisances(
         field.blocks,
         field.prior,
-        hypothesis,
-        np.asarray(np.linalg.cholesky(covariance(field.blocks, hypothesis, field.prior.sigma_db)), float),
+        np.asarray(np.linalg.cholesky(k[field.numbers[best]]), float),
         p[likely] / np.sum(p[likely]),
         np.sqrt(of_noise),
         eta[best, likely],

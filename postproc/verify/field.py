@@ -17,7 +17,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.blocks import Blocks
-from logger.core.locator.evidence import Whitener, distances_db, receiver_variance, whiteners
+from logger.core.locator.evidence import Whitener, distances_db, receiver_variance
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.prior import Prior
 from logger.core.locator.tree import first_cells, log_prior
@@ -162,20 +162,20 @@ class Field:
         return field_at(self.blocks, self.prior, self.squares, [self.found[i] for i in sorted(keep)])
 
 
-def field_at(blocks: Blocks, prior: Prior, squares: Squares, found: list[Whitener] | None = None) -> Field:
-    """Field of a walk at places; all hypotheses of the prior unless some are given."""
+def field_at(blocks: Blocks, prior: Prior, squares: Squares, found: list[Whitener]) -> Field:
+    """Field of a walk at places."""
     distance_db = distances_db(blocks, prior.height_m, squares[0], squares[1])
     extra = receiver_variance(blocks, prior, distance_db)
-    return Field(blocks, prior, squares, whiteners(blocks, prior) if found is None else found, distance_db, extra)
+    return Field(blocks, prior, squares, found, distance_db, extra)
 
 
 def refined(field: Field, level_dbm: FloatArray, most: int, share: float = 0.01) -> Field:
-    """Split squares until none holds more than `share` of any of the walks (n, b), or there are `most`."""
+    """Split squares until by no hypothesis one holds over `share` of any of the walks (n, b), or there are `most`."""
     while field.squares.shape[1] < most:
         log_p, _ = field.judged(level_dbm)
         # flattened, so that a peak inside a large square is not missed
-        mass = field.densities(log_p, 0.5 * field.trust) * field.squares[2][:, None] ** 2
-        p = np.max(mass, axis=1)
+        log_mass = 0.5 * log_p + field.log_mass[:, None]
+        p = np.max(np.exp(log_mass - log_sum(np.swapaxes(log_mass, 1, 2))[:, None]), axis=(0, 2))
         wanted = p > share
         order = np.argsort(-np.where(wanted, p, 0.0))[: max((most - len(p)) // 3, 0)]
         split = np.zeros(len(p), np.bool_)

@@ -1,4 +1,4 @@
-"""One claim against one walk: the direct test and the calibrated indirect one."""
+"""One claim against one walk: the direct test and the indirect one, both calibrated."""
 
 from dataclasses import dataclass
 
@@ -6,44 +6,50 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.blocks import Blocks
-from logger.core.locator.evidence import whiteners
 from logger.core.locator.prior import Prior
 from postproc.verify.direct import DirectTest, direct_test
 from postproc.verify.drawn import Nuisances, calibrated, nuisances
 from postproc.verify.field import Field, coarse_squares, field_at, refined
 from postproc.verify.indirect import IndirectTest, indirect_test
+from postproc.verify.noise import covariances, whiteners
 
 DRAWS = 240
 
 _COARSE = 550
+_FINE = 1600
 _RINGS = 4
 _BEARINGS = 8
 
 
 @dataclass(frozen=True)
 class Listened:
-    """A walk ready to have claims tested: blocks with levels about zero, a coarse field, and what the noise is like."""
+    """A walk ready to have claims tested: blocks with levels about zero, a coarse field, and what the noise is like.
+
+    `covariances` (c, n, n) are those of every hypothesis of the prior.
+    """
 
     blocks: Blocks
     prior: Prior
     level_dbm: FloatArray
+    covariances: FloatArray
     field: Field
     noise: Nuisances
 
 
 @dataclass(frozen=True)
 class ClaimTest:
-    """Both tests of one claim; `calm_indirect` are the sorted statistics of walks drawn from it."""
+    """Both tests of one claim; `calm_direct` and `calm_indirect` are the sorted statistics of walks drawn from it."""
 
     walk: Listened
     claim: FloatArray
     direct: DirectTest
     indirect: IndirectTest
+    calm_direct: FloatArray
     calm_indirect: FloatArray
 
     def p_direct(self, level_dbm: FloatArray, *, trusting: bool) -> FloatArray:
         """p-values of levels (n, b), shape (b,); `trusting` the noise to be as stationary as a simulated one."""
-        return self.direct.p_values(level_dbm, trusting=trusting)
+        return calibrated(self.calm_direct, self.direct.p_values(level_dbm, trusting=trusting))
 
     def p_indirect(self, level_dbm: FloatArray, *, trusting: bool) -> FloatArray:
         """p-values of levels (n, b), shape (b,); `trusting` as above."""
@@ -53,23 +59,25 @@ class ClaimTest:
 def listened(blocks: Blocks, prior: Prior) -> Listened:
     """Learn from a walk what does not depend on the claim."""
     level_dbm = blocks.level_dbm - float(np.mean(blocks.level_dbm))
-    every = whiteners(blocks, prior)
-    # no hypothesis may be ruled out at places too coarse to fit, so a few search and then all are judged
-    searched = refined(field_at(blocks, prior, coarse_squares(blocks, prior), every[::6]), level_dbm[:, None], _COARSE)
-    field = field_at(blocks, prior, searched.squares, every).plausible(level_dbm)
-    return Listened(blocks, prior, level_dbm, field, nuisances(field, level_dbm))
+    k, coarse = covariances(blocks, prior), coarse_squares(blocks, prior)
+    every = whiteners(k)
+    # each hypothesis has its own peak: places too coarse for the sharpest would rule that one out
+    searched = refined(field_at(blocks, prior, coarse, every[::6]), level_dbm[:, None], _FINE)
+    fine = field_at(blocks, prior, searched.squares, every).plausible(level_dbm)
+    field = refined(field_at(blocks, prior, coarse, fine.found), level_dbm[:, None], _COARSE)
+    return Listened(blocks, prior, level_dbm, k, field, nuisances(fine, level_dbm, k))
 
 
 def claim_test(walk: Listened, claim: FloatArray, rng: np.random.Generator) -> ClaimTest | None:
     """Prepare both tests of a claim of equally likely places (2, k); None for a walk of too few blocks."""
-    direct = direct_test(walk.blocks, walk.prior, claim, walk.noise.mean_sigma_db)
+    direct = direct_test(walk.blocks, walk.prior, walk.covariances, claim, walk.noise.mean_sigma_db)
     if direct is None:
         return None
     at = claim[:, rng.integers(claim.shape[1], size=DRAWS)]
     drawn = walk.noise.walks(at[0], at[1], rng)
     indirect = indirect_test(walk.field, claim, drawn)
-    calm = indirect.tails(drawn, trusting=True)
-    return ClaimTest(walk, claim, direct, indirect, np.sort(calm))
+    calm = direct.p_values(drawn, trusting=True), indirect.tails(drawn, trusting=True)
+    return ClaimTest(walk, claim, direct, indirect, *(np.sort(one) for one in calm))
 
 
 def around(x_m: float, y_m: float, sigma_m: float) -> FloatArray:

@@ -58,15 +58,28 @@ def test_twin_has_to_be_told():
     world = world_with(twin=(0.0, -50.0))
     good = facts.facts_of(world, told([round_(0, 49, 5), round_(0, -51, 5)]))
     assert all(good.values())
-    assert len(good) == 4
+    assert len(good) == 5
     lone = facts.facts_of(world, told([round_(0, -48, 5)], "located"))
     assert lone[facts.TWIN_HELD]
     assert not lone[facts.BOTH_LISTED]
+    assert not lone[facts.PAIRED]
     assert not lone[facts.NOT_ONE_PLACE]
     one_wide_place = [round_(0, 0, 60)]
     assert facts.facts_of(world, told(one_wide_place, "cannot tell", radius_m=200.0))[facts.NOT_ONE_PLACE]
     assert not facts.facts_of(world, told(one_wide_place, "located", radius_m=200.0))[facts.NOT_ONE_PLACE]
     assert not facts.facts_of(world, told(one_wide_place, "cannot tell", radius_m=60.0))[facts.NOT_ONE_PLACE]
+
+
+def test_places_that_noise_has_moved_are_a_pair_still():
+    moved = [round_(60, 40, 5), round_(60, -41, 5)]
+    found = facts.facts_of(world_with(twin=(0.0, -50.0)), told(moved))
+    assert found[facts.PAIRED]
+    assert not found[facts.BOTH_LISTED]
+    angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    walk = Walk(100.0 * np.cos(angle), 100.0 * np.sin(angle), np.full(60, -80.0))
+    ring = World(walk, walk, ((0.0, 50.0),), twin=(0.0, 200.0))
+    assert facts.facts_of(ring, told([round_(25, 0, 5), round_(400, 0, 5)]))[facts.PAIRED]
+    assert not facts.facts_of(ring, told([round_(25, 0, 5), round_(0, 400, 5)]))[facts.PAIRED]
 
 
 def test_a_region_larger_than_the_walk_is_no_location():

@@ -11,6 +11,7 @@ quadrature; places and hypotheses are summed, the places over a tree of square c
 (marginalised point mass; Schoen, Gustafsson & Nordlund, IEEE Trans. Signal Process. 53(7), 2005).
 
     prior      what is believed before the walk
+    symmetry   a track that is straight or round but for its errors
     blocks     readings -> blocks of one place
     evidence   blocks, places -> log evidence of each hypothesis, with P0 and eta
     offsets    how much higher one modem reads than another

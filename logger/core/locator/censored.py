@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.arrays import FloatArray
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.blocks import Blocks, Censored
 from logger.core.locator.evidence import Evidence, Whitener, distances_db, marginal, own_variance
 from logger.core.locator.prior import Hypothesis, Prior
@@ -22,10 +22,12 @@ from logger.core.locator.prior import Hypothesis, Prior
 _NEWTON_STEPS = 12
 _LARGEST_STEP = 0.4
 _SHORTER = 0.25
-_CLOSE_NATS = 1e-3
+_CLOSE_NATS = 1e-2
+_COLUMNS = 512  # at once: these matrices stay in the cache
 _LEAST_SHARE = 0.2
 _HALF_STEP_DB = 0.5
 _SQRT_2PI = float(np.sqrt(2.0 * np.pi))
+_HALF_ROOT = float(np.sqrt(0.125))
 
 
 class Given(NamedTuple):
@@ -92,23 +94,33 @@ def joined(
     prior: Prior,
     x_m: FloatArray,
     y_m: FloatArray,
+    near: Evidence | None = None,
 ) -> Evidence:
-    """As `evidence.marginal`, of levels and censored readings; one of `given` for each hypothesis."""
-    start = marginal(total, len(blocks), log_det, prior, 1)
+    """As `evidence.marginal`, of levels and censored readings; one of `given` for each hypothesis.
+
+    `near` is the evidence of places nearby, to begin with.
+    """
+    start = marginal(total, len(blocks), log_det, prior, 1) if near is None else near
     gone_db = distances_to(blocks.censored, prior.height_m, x_m, y_m)
     levels_db = distances_db(blocks, prior.height_m, x_m, y_m)
+    begun = np.stack([*start.theta, np.log(start.sigma_db)])
+    at_once, parts = max(_COLUMNS // len(x_m), 1), []
+    for i in range(0, len(given), at_once):
+        some = slice(i, i + at_once)
+        terms = _Terms.of(blocks.censored, given[some], gone_db, levels_db)
+        of_some = total[:, some].reshape(len(total), -1), len(blocks), terms, prior, begun[:, some].reshape(3, -1)
+        parts.append(_laplace(*of_some))
+    log_p, mean, spread = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
+    mean, spread = mean.reshape(begun.shape), spread.reshape(begun.shape)
     constant = -0.5 * (log_det + len(blocks) * np.log(2.0 * np.pi))
-    parts = []
-    for row, one in enumerate(given):
-        terms = _Terms.of(blocks.censored, one, gone_db - one.gain @ levels_db if np.any(one.gain) else gone_db)
-        begun = np.stack([*start.theta[:, row], np.log(start.sigma_db[row])])
-        parts.append(_laplace(total[:, row], len(blocks), terms, prior, begun))
-    log_p, mean, spread = (np.stack(values, axis=-2) for values in zip(*parts, strict=True))
-    return Evidence(log_p + constant, mean[:2], spread, np.exp(mean[2]))
+    return Evidence(log_p.reshape(begun.shape[1:]) + constant, mean[:2], spread, np.exp(mean[2]))
 
 
 class _Terms(NamedTuple):
-    """Censored terms worth * log Phi((of_p0 P0 + of_eta eta + of_one) / sigma); shapes (g, 1), `of_eta` (g, h)."""
+    """Censored terms worth * log Phi((of_p0 P0 + of_eta eta + of_one) / sigma), shape (g, k) each.
+
+    A column for each place under one hypothesis after the other.
+    """
 
     of_p0: FloatArray
     of_eta: FloatArray
@@ -116,10 +128,19 @@ class _Terms(NamedTuple):
     worth: FloatArray
 
     @classmethod
-    def of(cls, gone: Censored, given: Given, distance_db: FloatArray) -> "_Terms":
-        sign = gone.side / given.spread
-        one = sign * (given.known_dbm - beyond_dbm(gone))
-        return cls((sign * given.power)[:, None], -sign[:, None] * distance_db, one[:, None], given.worth[:, None])
+    def of(cls, gone: Censored, given: list[Given], gone_db: FloatArray, levels_db: FloatArray) -> "_Terms":
+        sign = np.stack([gone.side / one.spread for one in given], axis=1)
+        power, known_dbm, worth = (
+            np.stack(column, axis=1) for column in zip(*((g.power, g.known_dbm, g.worth) for g in given), strict=True)
+        )
+        apart_db = [gone_db - one.gain @ levels_db if np.any(one.gain) else gone_db for one in given]
+        of_one = sign * (known_dbm - beyond_dbm(gone)[:, None])
+        of_p0, sign, of_one, worth = np.repeat([sign * power, sign, of_one, worth], gone_db.shape[1], axis=2)
+        return cls(of_p0, -sign * np.concatenate(apart_db, axis=1), of_one, worth)
+
+    def some(self, columns: IntArray) -> "_Terms":
+        """Those of some columns."""
+        return _Terms(*(values[:, columns] for values in self))
 
 
 def _laplace(
@@ -129,15 +150,18 @@ def _laplace(
 
     A step that does not lead up is shortened.
     """
-    bend, length = _bend(total, n, terms, prior, at), np.ones(at.shape[1])
+    bend, length, far = _bend(total, n, terms, prior, at), np.ones(at.shape[1]), np.arange(at.shape[1])
     for _ in range(_NEWTON_STEPS):
-        step, gain = _newton_step(bend)
-        if np.max(length * gain) < _CLOSE_NATS:
+        step, gain = _newton_step(bend[:, far])
+        still = length[far] * gain > _CLOSE_NATS
+        far = far[still]
+        if not len(far):
             break
-        tried = _bend(total, n, terms, prior, at + length * step)
-        up = tried[0] >= bend[0]
-        at, bend = np.where(up, at + length * step, at), np.where(up, tried, bend)
-        length = np.where(up, 1.0, _SHORTER * length)
+        there = at[:, far] + length[far] * step[:, still]
+        tried = _bend(total[:, far], n, terms.some(far), prior, there)
+        up = tried[0] >= bend[0, far]
+        at[:, far[up]], bend[:, far[up]] = there[:, up], tried[:, up]
+        length[far] = np.where(up, 1.0, _SHORTER * length[far])
     (h00, h01, h11), (k0, k1), corner = bend[4:7], *_column(bend)
     det = h00 * h11 - h01 * h01
     spread = np.stack([h11 / det + k0 * k0 / corner, -h01 / det + k0 * k1 / corner, h00 / det + k1 * k1 / corner])
@@ -172,44 +196,52 @@ def _bend(total: FloatArray, n: int, terms: _Terms, prior: Prior, at: FloatArray
     r0, r1 = w * (oz - p0 * oo - eta * ol), w * (lz - p0 * ol - eta * ll)
     residual = np.maximum(w * (zz - p0 * oz - eta * lz) - p0 * r0 - eta * r1, 0.0)
 
-    x0, x1 = terms.of_p0[:, 0], terms.of_eta
-    u = s * (terms.of_p0 * p0 + x1 * eta + terms.of_one)
-    log_phi = log_normal_cdf(u)
-    mills = np.exp(-0.5 * u * u - log_phi) / _SQRT_2PI
-    first, second = terms.worth * mills, terms.worth * mills * (mills + u)
-    mixed, second1 = second * u - first, second * x1
+    x0, x1, of_one, worth = terms
+    u = s * (x0 * p0 + x1 * eta + of_one)
+    log_phi, slope = log_cdf_and_slope(u)
+    first = worth * slope
+    second = first * (slope + u)
+    mixed, second0, second1 = second * u - first, second * x0, second * x1
 
-    log_p = log_weight - n * tau + 0.5 * np.log(lam0 * lam1 * lam2) + terms.worth[:, 0] @ log_phi
+    log_p = log_weight - n * tau + 0.5 * np.log(lam0 * lam1 * lam2) + _dot(worth, log_phi)
     log_p -= 0.5 * (residual + lam0 * off0 * off0 + lam1 * off1 * off1 + lam2 * off2 * off2)
     return np.stack(
         [
             log_p,
-            r0 - lam0 * off0 + s * (x0 @ first),
-            r1 - lam1 * off1 + s * np.sum(first * x1, axis=0),
-            residual - n - lam2 * off2 - np.sum(first * u, axis=0),
-            w * (oo + (x0 * x0) @ second) + lam0,
-            w * (ol + x0 @ second1),
-            w * (ll + np.sum(second1 * x1, axis=0)) + lam1,
-            2.0 * r0 - s * (x0 @ mixed),
-            2.0 * r1 - s * np.sum(mixed * x1, axis=0),
-            np.maximum(2.0 * residual + lam2 + np.sum(mixed * u, axis=0), 0.5 * lam2),
+            r0 - lam0 * off0 + s * _dot(first, x0),
+            r1 - lam1 * off1 + s * _dot(first, x1),
+            residual - n - lam2 * off2 - _dot(first, u),
+            w * (oo + _dot(second0, x0)) + lam0,
+            w * (ol + _dot(second0, x1)),
+            w * (ll + _dot(second1, x1)) + lam1,
+            2.0 * r0 - s * _dot(mixed, x0),
+            2.0 * r1 - s * _dot(mixed, x1),
+            np.maximum(2.0 * residual + lam2 + _dot(mixed, u), 0.5 * lam2),
         ]
     )
 
 
-def log_normal_cdf(u: FloatArray) -> FloatArray:
-    """Log of the standard normal distribution function, relative error of the function below 2e-7 for all u.
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("gk,gk->k", a, b), float)
+
+
+def log_cdf_and_slope(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Log of the standard normal distribution function and its slope phi(u) / Phi(u), relative errors below 2e-7.
 
     From the rational approximation of erfc in Abramowitz & Stegun 7.1.26's successor (Press et al., Numerical Recipes,
     sec. 6.2, erfcc), whose logarithm stays finite far in the tail.
     """
-    x = np.abs(u) / np.sqrt(2.0)
-    t = 1.0 / (1.0 + 0.5 * x)
-    power = np.zeros_like(x)
-    for coefficient in _ERFC:
-        power = power * t + coefficient
-    tail = np.log(0.5 * t) - x * x + power
-    return np.asarray(np.where(u < 0.0, tail, np.log1p(-np.exp(np.minimum(tail, -1e-300)))), float)
+    squared = 0.5 * u * u
+    t = 1.0 / (1.0 + np.abs(u) * _HALF_ROOT)
+    power = np.full_like(t, _ERFC[0])
+    for coefficient in _ERFC[1:]:
+        power *= t
+        power += coefficient
+    tail = 0.5 * t * np.exp(power)  # of -|u|, times exp(u^2 / 2)
+    bell, below = np.exp(-squared), u < 0.0
+    share = np.where(below, tail, 1.0 - bell * tail)
+    slope = np.where(below, 1.0, bell) / (_SQRT_2PI * share)
+    return np.log(share) - np.where(below, squared, 0.0), slope
 
 
 _ERFC = (

@@ -114,11 +114,12 @@ def distances_db(blocks: Blocks, height_m: float, x_m: FloatArray, y_m: FloatArr
 
     An uncertain receiver is farther away on average, E d^2 = d^2 + 2 sigma^2; the height adds too; at least 1 m.
     """
-    counts = np.diff(np.append(blocks.first, len(blocks.point_x_m)))
-    spread = np.repeat(2.0 * blocks.position_sigma_m**2, counts)
+    spread, one_each = 2.0 * blocks.position_sigma_m**2, len(blocks.first) == len(blocks.point_x_m)
+    if not one_each:
+        spread = np.repeat(spread, np.diff(np.append(blocks.first, len(blocks.point_x_m))))
     d2 = (x_m - blocks.point_x_m[:, None]) ** 2 + (y_m - blocks.point_y_m[:, None]) ** 2
     each = 5.0 * np.log10(np.maximum(d2 + spread[:, None] + height_m**2, 1.0))
-    if len(blocks.first) == len(blocks.point_x_m):
+    if one_each:
         return each
     return np.asarray(np.add.reduceat(blocks.weight[:, None] * each, blocks.first, axis=0), float)
 

@@ -16,7 +16,7 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.blocks import READINGS_BELIEVED, Blocks
 from logger.core.locator.censored import beyond_dbm, distances_to, shadowing
-from logger.core.locator.evidence import Whitener, distances_db
+from logger.core.locator.evidence import Whitener, distances_db, whiteners
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.orthant import Sites, log_all_above
 from logger.core.locator.prior import Prior
@@ -31,9 +31,12 @@ _MEAN_APART = 1.0 / 3.0  # of two readings of a square, by its side: a way strai
 
 
 class Joint:
-    """Levels and censored places under one hypothesis; asked for places one after another, nearby ones cost least."""
+    """Levels and censored places under one hypothesis; asked for places one after another, nearby ones cost least.
 
-    def __init__(self, blocks: Blocks, prior: Prior, noise: Whitener) -> None:
+    `sigma_db` is where to begin to look for sigma, and after a place what was found there.
+    """
+
+    def __init__(self, blocks: Blocks, prior: Prior, noise: Whitener, sigma_db: float | None = None) -> None:
         gone, hypothesis = blocks.censored, prior.hypotheses[noise.number]
         a, d_c, _ = hypothesis
         reach_m = max(d_c, 1.0) / _MEAN_APART
@@ -47,7 +50,7 @@ class Joint:
         self._left = shared - self._known.T @ self._known
         self._readings = np.minimum(gone.readings, READINGS_BELIEVED)
         self._sites: Sites | None = None
-        self._log_sigma = float(np.log(prior.sigma_db))
+        self.sigma_db = prior.sigma_db if sigma_db is None else sigma_db
 
     def log_p(self, x_m: float, y_m: float) -> float:
         """Log evidence at a place; log sigma is integrated out by Laplace's method."""
@@ -58,7 +61,7 @@ class Joint:
         def at(log_sigma: float) -> float:
             return self._given_sigma(design, of_gone, log_sigma)
 
-        middle = self._log_sigma
+        middle = float(np.log(self.sigma_db))
         low, top, high = (at(middle + k * _STEP) for k in (-1, 0, 1))
         for _ in range(_MOST_STEPS):
             if low > top:
@@ -70,7 +73,7 @@ class Joint:
         slope = 0.5 * (high - low) / _STEP
         curvature = max((2.0 * top - low - high) / _STEP**2, _LEAST_CURVATURE)
         step = float(np.clip(slope / curvature, -_STEP, _STEP))
-        self._log_sigma = middle + step
+        self.sigma_db = float(np.exp(middle + step))
         return top + slope * step - 0.5 * curvature * step**2 - 0.5 * float(np.log(curvature))
 
     def _given_sigma(self, design: FloatArray, of_gone: FloatArray, log_sigma: float) -> float:
@@ -94,6 +97,19 @@ class Joint:
             self._sites,
         )
         return float(log_p) + beyond
+
+
+def log_weights_at(
+    blocks: Blocks, prior: Prior, x_m: float, y_m: float, sigma_db: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Log evidence of every hypothesis with its prior odds if the transmitter stood at a place, and sigma: (c,) each.
+
+    `sigma_db` (c,) is where to begin to look for sigma.
+    """
+    begun = zip(whiteners(blocks, prior), sigma_db.tolist(), strict=True)
+    joints = [Joint(blocks, prior, noise, begun_db) for noise, begun_db in begun]
+    log_p = np.array([joint.log_p(x_m, y_m) for joint in joints])
+    return prior.log_odds + log_p, np.array([joint.sigma_db for joint in joints])
 
 
 def log_weights(

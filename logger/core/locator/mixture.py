@@ -4,6 +4,7 @@ Each hypothesis has a posterior of its own over the places, its likelihood raise
 mixed by how well each explains the walk as a whole.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -37,13 +38,19 @@ def mixture(
     `log_weight` (c,) of the hypotheses, up to a constant, is their evidence unless something else is given.
     """
     normal = log_mass - log_sum(log_mass)
-    trust = np.array([h.trust for h in prior.hypotheses])[numbers]
+    trust, log_odds = _of_hypotheses(prior)
     if log_weight is None:
-        log_weight = log_sum(log_p + normal) + prior.log_odds[numbers]
+        log_weight = log_sum(log_p + normal) + log_odds[numbers]
     log_evidence = float(log_sum(log_weight))
-    tempered = trust[:, None] * log_p + normal
+    tempered = trust[numbers, None] * log_p + normal
     share = np.exp(tempered - log_sum(tempered)[:, None] + (log_weight - log_evidence)[:, None])
     return Mixture(share, log_evidence)
+
+
+@lru_cache(maxsize=8)  # asked after each live reading
+def _of_hypotheses(prior: Prior) -> tuple[FloatArray, FloatArray]:
+    """Trust and log odds of all hypotheses, shape (c,) each."""
+    return np.array([h.trust for h in prior.hypotheses]), prior.log_odds
 
 
 def log_sum(values: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ new block conditions on all earlier ones, so its row of W = R^-1 is [-k' K^-1, 1
 (bordered Cholesky factor), and the sums of all places grow by that row.
 """
 
+from statistics import median
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,6 @@ from logger.core.locator.blocks import (
     in_fewer_places,
     single,
 )
-from logger.core.locator.censored import given_levels, joined
 from logger.core.locator.evidence import (
     Evidence,
     distances_db,
@@ -29,6 +29,7 @@ from logger.core.locator.evidence import (
     walk_sums,
     whiteners,
 )
+from logger.core.locator.joint import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.posterior import BIAS_SHARE, moments_over
 from logger.core.locator.prior import Prior
@@ -43,6 +44,7 @@ _MOST_CENSORED = 40
 _KEPT_MASS = 1e-5
 _PLAUSIBLE = 1e-3
 _GROWN = 1.25
+_GROWN_CENSORED = 1.4  # a search with censored readings takes three times as long
 _MODE_LEVEL = 0.99
 
 
@@ -88,6 +90,7 @@ class OnlineLocator:
         self._gone: list[tuple[float, float, float, float, float]] = []
         self._searched: _Searched | None = None
         self._n_searched = 0
+        self._sigma_db = np.full(len(prior.hypotheses), prior.sigma_db)  # where readings are censored
         self._evidence: Evidence | None = None
         self._mixed: Mixture | None = None
         self._place: Place | None = None
@@ -97,7 +100,9 @@ class OnlineLocator:
         """How urgently places should be searched anew; above 1 is due."""
         if self._n < FEWEST_BLOCKS:
             return 0.0
-        return self._n / max(_GROWN * self._n_searched, 1.0) if self._searched is not None else float(self._n)
+        if self._searched is None:
+            return float(self._n)
+        return self._n / max((_GROWN_CENSORED if self._gone else _GROWN) * self._n_searched, 1.0)
 
     def add(self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int = 0) -> None:
         """Take a reading; `limit` as in `scale.limits`."""
@@ -120,7 +125,7 @@ class OnlineLocator:
         if self._n < FEWEST_BLOCKS:
             return
         walk = self._blocks()
-        tree = grow(walk, self._prior, EFFORT)
+        tree = grow(walk, self._prior, EFFORT, log_weight=self._judged(walk))
         mixed = tree.mixture(self._prior)
         kept = np.flatnonzero(mixed.probability > _KEPT_MASS)
         alive = np.flatnonzero(mixed.by_hypothesis > _PLAUSIBLE * np.max(mixed.by_hypothesis))
@@ -130,11 +135,23 @@ class OnlineLocator:
         for k, indices in enumerate(places(cells, _MODE_LEVEL)):
             label[indices] = k
         log_mass = (tree.log_prior + 2.0 * np.log(tree.size_m))[kept]
-        self._searched = self._begun(walk, square, log_mass, tree.numbers[alive], label)
-        if tree.log_weight is not None:
-            self._searched = self._searched._replace(log_weight=tree.log_weight[alive])
+        searched = self._begun(walk, square, log_mass, tree.numbers[alive], label)
         self._n_searched = self._n
-        self._evaluate(self._searched)
+        self._evaluate(searched)
+        if tree.log_weight is not None and self._evidence is not None:
+            gone = tree.evidence.log_p[np.ix_(alive, kept)] - self._evidence.log_p
+            self._evaluate(searched._replace(gone=gone, log_weight=tree.log_weight[alive]))
+
+    def _judged(self, walk: Blocks) -> FloatArray | None:
+        """Log weight of each hypothesis, where readings are censored, at the place that was likeliest until now."""
+        if self._searched is None or self._mixed is None or not len(walk.censored.x_m):
+            return None
+        x_m, y_m, size_m = self._searched.square
+        best = int(np.argmax(self._mixed.probability / size_m**2))
+        at = float(x_m[best]), float(y_m[best])
+        log_weight, self._sigma_db = log_weights_at(walk, self._prior, *at, self._sigma_db)
+        hopeless = log_weight < np.max(log_weight) + np.log(_PLAUSIBLE)
+        return np.where(hopeless, -np.inf, log_weight)
 
     def place(self) -> Place | None:
         """The mode with most probability, None before the first search."""
@@ -149,7 +166,7 @@ class OnlineLocator:
         masses = np.bincount(label[label >= 0], p[label >= 0])
         indices = np.flatnonzero(label == int(np.argmax(masses)))
         state, covariance = moments_over(searched.square, self._evidence, self._mixed.share, indices, p[indices])
-        bias_m2 = BIAS_SHARE * float(np.median(self._block[3, : self._n]))
+        bias_m2 = BIAS_SHARE * median(self._block[3, : self._n].tolist())
         covariance[[0, 1], [0, 1]] += bias_m2
         sigma_db = float(np.sum(self._mixed.share * self._evidence.sigma_db))
         return Place(state, covariance, float(np.max(masses)), sigma_db)
@@ -212,10 +229,6 @@ class OnlineLocator:
         log_det = np.array([w.log_det for w in found])
         total = walk_sums(closed, found, self._prior, square[0], square[1])
         gone = np.zeros((c, h))
-        if len(walk.censored.x_m):
-            given = [given_levels(closed, noise, self._prior.hypotheses[noise.number]) for noise in found]
-            both = joined(total, log_det[:, None], closed, given, self._prior, square[0], square[1])
-            gone = both.log_p - marginal(total, rows, log_det[:, None], self._prior, 1).log_p
         return _Searched(square, log_mass, numbers, rows, total, whitener, log_det, distance_db, label, gone, None)
 
     def _evaluate(self, searched: _Searched) -> None:

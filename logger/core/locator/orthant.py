@@ -10,13 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.censored import log_normal_cdf
+from logger.core.locator.censored import log_cdf_and_slope
 
 _SWEEPS = 12
 _DAMPED = 0.8
 _CLOSE_NATS = 0.1
 _LEAST_PRECISION = 1e-10
-_SQRT_2PI = float(np.sqrt(2.0 * np.pi))
 
 
 class Sites(NamedTuple):
@@ -67,10 +66,12 @@ def _joined(
     root = np.sqrt(precision)
     whole = np.eye(len(mean)) + root[:, None] * covariance * root
     scaled = root[:, None] * covariance
-    after = covariance - scaled.T @ np.linalg.solve(whole, scaled)
+    solved = np.linalg.solve(whole, scaled)
     pull = shift - precision * mean
-    log_integral = shift @ mean - 0.5 * mean @ (precision * mean) + 0.5 * pull @ after @ pull
-    return float(log_integral - 0.5 * np.linalg.slogdet(whole)[1]), mean + after @ pull, np.diagonal(after)
+    moved = covariance @ pull - scaled.T @ (solved @ pull)
+    log_integral = shift @ mean - 0.5 * mean @ (precision * mean) + 0.5 * pull @ moved
+    variance = np.diagonal(covariance) - np.einsum("ij,ij->j", scaled, solved)
+    return float(log_integral - 0.5 * np.linalg.slogdet(whole)[1]), mean + moved, variance
 
 
 def _tilted(
@@ -79,6 +80,5 @@ def _tilted(
     """Log probability that N(mean, variance) and noise are above the limit, and mean and variance given that."""
     sd = np.sqrt(variance + own_variance)
     u = (mean - limit) / sd
-    log_phi = log_normal_cdf(u)
-    mills = np.exp(-0.5 * u * u - log_phi) / _SQRT_2PI
-    return log_phi, mean + variance * mills / sd, variance - (variance / sd) ** 2 * mills * (u + mills)
+    log_phi, slope = log_cdf_and_slope(u)
+    return log_phi, mean + variance * slope / sd, variance - (variance / sd) ** 2 * slope * (u + slope)

@@ -14,6 +14,7 @@ from logger.core.locator.evidence import Evidence
 from logger.core.locator.offsets import Offsets, first_look, offsets
 from logger.core.locator.prior import Prior
 from logger.core.locator.region import LEVEL, Cells, area_m2, places
+from logger.core.locator.symmetry import symmetrical
 from logger.core.locator.timing import timing_of
 from logger.core.locator.tree import Effort, Tree, grow, nearest_m
 from logger.core.observations import CellObservations
@@ -112,6 +113,7 @@ def locate(obs: CellObservations, prior: Prior = Prior(), effort: Effort = Effor
     limit = obs.limit
     if not np.any(limit == 0):
         raise EstimationError("there is no reading of this cell within the modem's scale")
+    obs = symmetrical(obs)
     timing = timing_of(obs)
     if timing is not None:
         prior = replace(prior, reach_m=max(prior.reach_m, timing.reach_m))

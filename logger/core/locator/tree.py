@@ -9,7 +9,7 @@ from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.locator.blocks import Blocks
 from logger.core.locator.censored import Given, given_levels, joined
 from logger.core.locator.evidence import NODES, Evidence, Whitener, marginal, walk_sums, whiteners
-from logger.core.locator.joint import Joint, log_weights
+from logger.core.locator.joint import log_weights, log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.prior import Prior
 from logger.core.locator.timing import STEP_M, Timing
@@ -100,9 +100,9 @@ class Walk(NamedTuple):
         given = [given_levels(blocks, noise, prior.hypotheses[noise.number]) for noise in censored]
         return cls(blocks, prior, effort, found, log_weight, timing, given)
 
-    def at(self, square: FloatArray) -> Tree:
-        """Leaves at squares (3, h): x, y, side."""
-        parts = [self._evidence(square[0, i : i + _CHUNK], square[1, i : i + _CHUNK]) for i in self._starts(square)]
+    def at(self, square: FloatArray, near: Evidence | None = None) -> Tree:
+        """Leaves at squares (3, h): x, y, side; `near` (c, h) is what was found near them before."""
+        parts = [self._evidence(square[:2, i : i + _CHUNK], _part(near, i)) for i in self._starts(square)]
         joined = Evidence(*(np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)))
         numbers = np.array([w.number for w in self.found])
         log_weight = None if self.log_weight is None else self.log_weight[numbers]
@@ -118,12 +118,17 @@ class Walk(NamedTuple):
         found = [self.timing.log_p(*square[:2, i : i + _CHUNK]) for i in self._starts(square)]
         return np.concatenate(found)
 
-    def _evidence(self, x_m: FloatArray, y_m: FloatArray) -> Evidence:
+    def _evidence(self, place: FloatArray, near: Evidence | None) -> Evidence:
+        x_m, y_m = place
         total = walk_sums(self.blocks, self.found, self.prior, x_m, y_m)
         log_det = np.array([w.log_det for w in self.found])[:, None]
         if self.given:
-            return joined(total, log_det, self.blocks, self.given, self.prior, x_m, y_m)
+            return joined(total, log_det, self.blocks, self.given, self.prior, x_m, y_m, near)
         return marginal(total, len(self.blocks), log_det, self.prior, self.effort.nodes)
+
+
+def _part(near: Evidence | None, first: int) -> Evidence | None:
+    return None if near is None else Evidence(*(values[..., first : first + _CHUNK] for values in near))
 
 
 def grow(
@@ -132,14 +137,17 @@ def grow(
     effort: Effort = Effort(),  # noqa: B008 (frozen)
     coarse: Blocks | None = None,
     timing: Timing | None = None,
+    log_weight: FloatArray | None = None,
 ) -> Tree:
     """Split cells until none that holds much of the mass is large.
 
     `coarse` is the same walk in fewer blocks: the search begins with those, and they decide which noise is plausible
-    enough to be searched with all blocks.
+    enough to be searched with all blocks. Where readings are censored `log_weight` is what is known already of all
+    hypotheses, None if that is to be found out.
     """
     rough = blocks if coarse is None else coarse
-    log_weight = _scouted(rough, blocks, prior, effort, timing) if len(blocks.censored.x_m) else None
+    if log_weight is None and len(blocks.censored.x_m):
+        log_weight = _scouted(rough, blocks, prior, effort, timing)
     walk = Walk.of(rough, prior, effort, _within(log_weight, _HOPELESS_NATS), log_weight, timing)
     if rough is not blocks:
         walk = walk._replace(effort=effort._replace(most_cells=_MOST_SCOUTS, split_share=5.0 * effort.split_share))
@@ -164,8 +172,8 @@ def _scouted(rough: Blocks, blocks: Blocks, prior: Prior, effort: Effort, timing
     walk = Walk.of(rough, prior, quick, [0], None, timing)
     tree = _grown(walk, walk.at(first_cells(rough, prior, effort.first_share, timing)))
     best = int(np.argmax(tree.mixture(prior).probability / tree.size_m**2))
-    at = float(tree.x_m[best]), float(tree.y_m[best])
-    return prior.log_odds + [Joint(blocks, prior, noise).log_p(*at) for noise in whiteners(blocks, prior)]
+    begun_db = np.full(len(prior.hypotheses), prior.sigma_db)
+    return log_weights_at(blocks, prior, float(tree.x_m[best]), float(tree.y_m[best]), begun_db)[0]
 
 
 def _weighed(tree: Tree, blocks: Blocks, prior: Prior, samples: int) -> FloatArray:
@@ -260,7 +268,8 @@ def _split(walk: Walk, tree: Tree, wanted: BoolArray) -> Tree:
     if not np.any(wanted):
         return tree
     square = np.stack([tree.x_m, tree.y_m, tree.size_m])[:, wanted]
-    new = walk.at(_children(square))
+    parents = Evidence(*(np.concatenate(4 * [values[..., wanted]], axis=-1) for values in tree.evidence))
+    new = walk.at(_children(square), parents)
     joined = Evidence(*(_join(a, b, wanted) for a, b in zip(tree.evidence, new.evidence, strict=True)))
     x_m, y_m, size_m, log_density = (_join(a, b, wanted) for a, b in zip(tree[:4], new[:4], strict=True))
     old, told = tree.log_timing, new.log_timing

@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 
 from logger.core.locator.blocks import blocks
-from logger.core.locator.evidence import covariance, distances_db
+from logger.core.locator.evidence import distances_db
 from logger.core.locator.prior import Prior
 from postproc.verify.claims import Claim
 from postproc.verify.drawn import calibrated
 from postproc.verify.field import field_at
+from postproc.verify.noise import covariances, whiteners
 from postproc.verify.power import BEARINGS_DEG, detectable, power
 from postproc.verify.run import benjamini_hochberg, verify_cell
 from postproc.verify.walk import around, claim_test, listened
@@ -15,22 +16,23 @@ from tests.kit.walks import observations, path, simulate
 PRIOR = Prior(decorrelation_m=(15.0, 60.0), white_shares=(0.1,))
 
 
-def walk_of(seed, shape="square", **noise):
+def walk_of(seed, shape="square", prior=PRIOR, **noise):
     obs, source = simulate(np.random.default_rng(seed), shape, **noise)
-    return listened(blocks(obs, 40), PRIOR), np.array(source)
+    return listened(blocks(obs, 40), prior), np.array(source)
 
 
 def test_field_is_the_density_of_its_model_in_one_piece():
     walk, source = walk_of(1)
     places = np.array([[source[0], 300.0, -900.0], [source[1], -50.0, 700.0], [1.0, 1.0, 1.0]])
-    field = field_at(walk.blocks, PRIOR, places)
+    covariance = covariances(walk.blocks, PRIOR)
+    field = field_at(walk.blocks, PRIOR, places, whiteners(covariance))
     log_p, variance = field.judged(walk.level_dbm[:, None])
     k = (PRIOR.eta_sigma / PRIOR.sigma_db) ** 2
     n = len(walk.blocks)
-    for c, hypothesis in enumerate(PRIOR.hypotheses):
+    for c in range(len(PRIOR.hypotheses)):
         for h in range(3):
             d = distances_db(walk.blocks, PRIOR.height_m, places[0, h : h + 1], places[1, h : h + 1])[:, 0]
-            shape = covariance(walk.blocks, hypothesis, PRIOR.sigma_db) + k * np.outer(d, d) + 1e7
+            shape = covariance[c] + k * np.outer(d, d) + 1e7
             off = walk.level_dbm + PRIOR.eta * d
             misfit = off @ np.linalg.solve(shape, off)
             total = 1.7 * PRIOR.sigma_db**2 + 0.5 * misfit
@@ -43,14 +45,9 @@ def test_field_is_the_density_of_its_model_in_one_piece():
 
 def test_position_error_makes_near_blocks_count_less():
     obs, source = simulate(np.random.default_rng(2), "L")
-    sure, unsure = (
-        field_at(
-            blocks(observations(obs.x_m, obs.y_m, obs.level_dbm, s), 40),
-            PRIOR,
-            np.array([[source[0]], [source[1]], [1.0]]),
-        )
-        for s in (0.0, 15.0)
-    )
+    at = np.array([[source[0]], [source[1]], [1.0]])
+    walks = (blocks(observations(obs.x_m, obs.y_m, obs.level_dbm, s), 40) for s in (0.0, 15.0))
+    sure, unsure = (field_at(walk, PRIOR, at, whiteners(covariances(walk, PRIOR))) for walk in walks)
     level = (sure.blocks.level_dbm - sure.blocks.level_dbm.mean())[:, None]
     assert unsure.judged(level)[1][0, 0, 0] < sure.judged(level)[1][0, 0, 0]
 
@@ -69,6 +66,23 @@ def test_true_claims_pass_and_false_ones_fail_at_their_rate():
     assert np.all(np.mean(true > 0.3, axis=0) > 0.3)
     assert np.mean(far[:, 1] < 0.05) > 0.6
     assert np.mean(far[:, 0] < 0.05) > 0.5
+
+
+def test_white_noise_is_known_for_white():
+    """The sharper the peak the finer the places it takes to see it: what is left is shadowing that nobody had."""
+    for seed, shape in enumerate(("square", "L", "random", "L")):
+        walk, _ = walk_of(200 + seed, shape, Prior())
+        assert np.count_nonzero(walk.noise.root) == len(walk.blocks)
+        assert walk.noise.mean_sigma_db == pytest.approx(3.0, rel=0.3)
+
+
+def test_shadowing_that_lasts_alarms_no_more_often():
+    for seed in (31, 32):
+        walk, source = walk_of(seed, shadow_db=6.0, d_c=60.0, white_db=1.0)
+        rng = np.random.default_rng(1)
+        test = claim_test(walk, source[:, None], rng)
+        for rate in power(test, source[:1], source[1:], 0.1, 600, rng, trusting=True):
+            assert 0.05 < rate[0] < 0.16
 
 
 def test_power_is_what_drawn_walks_are_rejected_at():
