@@ -48,7 +48,7 @@ class Prior:
     near_m: float = 200.0
     far_power: float = 3.0
     height_m: float = 5.0
-    stationary_m: float = 30.0
+    stationary_m: float = 60.0
     trust: float = 0.3
     reach_m: float = 30_000.0
     offset_sigma_db: float = 6.0
