@@ -41,7 +41,7 @@ def test_a_round_track_with_errors_becomes_a_circle():
     middle = [found.x_m.mean(), found.y_m.mean()]
     design = np.column_stack([found.x_m - middle[0], found.y_m - middle[1], np.ones(600)])
     squares = design[:, 0] ** 2 + design[:, 1] ** 2
-    assert np.abs(squares - design @ np.linalg.lstsq(design, squares)[0]).max() < 1e-6 * squares.max()
+    assert np.abs(squares - design @ np.linalg.lstsq(design, squares, rcond=None)[0]).max() < 1e-6 * squares.max()
 
 
 @pytest.mark.parametrize("shape", ["L", "square", "random", "spiral"])
