@@ -9,7 +9,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.blocks import Blocks
-from logger.core.locator.evidence import Whitener, inverse_of_lower, offset_covariance, own_variance
+from logger.core.locator.evidence import offset_covariance, own_variance
 from logger.core.locator.prior import Prior
 
 
@@ -27,10 +27,3 @@ def covariances(blocks: Blocks, prior: Prior) -> FloatArray:
         k[i][np.diag_indices(n)] += own_variance(blocks.readings, white_share, prior.sigma_db)
     of_modems = offset_covariance(blocks.modem, prior)
     return k if of_modems is None else k + of_modems
-
-
-def whiteners(k: FloatArray) -> list[Whitener]:
-    """One for each covariance, shape (c, n, n), numbered from 0."""
-    root = np.asarray(np.linalg.cholesky(k), float)
-    log_det = 2.0 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
-    return [Whitener(*each) for each in zip(range(len(k)), inverse_of_lower(root), log_det.tolist(), strict=True)]

@@ -6,12 +6,13 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.blocks import Blocks
+from logger.core.locator.evidence import whiteners_of
 from logger.core.locator.prior import Prior
 from postproc.verify.direct import DirectTest, direct_test
 from postproc.verify.drawn import Nuisances, calibrated, nuisances
 from postproc.verify.field import Field, coarse_squares, field_at, refined
 from postproc.verify.indirect import IndirectTest, indirect_test
-from postproc.verify.noise import covariances, whiteners
+from postproc.verify.noise import covariances
 
 DRAWS = 240
 
@@ -60,7 +61,7 @@ def listened(blocks: Blocks, prior: Prior) -> Listened:
     """Learn from a walk what does not depend on the claim."""
     level_dbm = blocks.level_dbm - float(np.mean(blocks.level_dbm))
     k, coarse = covariances(blocks, prior), coarse_squares(blocks, prior)
-    every = whiteners(k)
+    every = whiteners_of(k)
     # each hypothesis has its own peak: places too coarse for the sharpest would rule that one out
     searched = refined(field_at(blocks, prior, coarse, every[::6]), level_dbm[:, None], _FINE)
     fine = field_at(blocks, prior, searched.squares, every).plausible(level_dbm)

@@ -92,7 +92,13 @@ def whiteners(blocks: Blocks, prior: Prior, numbers: Iterable[int] | None = None
     distance = np.hypot(blocks.x_m[:, None] - blocks.x_m, blocks.y_m[:, None] - blocks.y_m)
     k = np.stack([covariance_of(distance, blocks.readings, prior.hypotheses[i], prior.sigma_db) for i in chosen])
     of_modems = offset_covariance(blocks.modem, prior)
-    root = np.asarray(np.linalg.cholesky(k if of_modems is None else k + of_modems), float)
+    return whiteners_of(k if of_modems is None else k + of_modems, chosen)
+
+
+def whiteners_of(k: FloatArray, numbers: Iterable[int] | None = None) -> list[Whitener]:
+    """One for each covariance in units of sigma^2, shape (c, n, n), by the hypotheses of these `numbers`, or of all."""
+    chosen = range(len(k)) if numbers is None else numbers
+    root = np.asarray(np.linalg.cholesky(k), float)
     log_det = 2.0 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
     return [Whitener(*each) for each in zip(chosen, inverse_of_lower(root), log_det.tolist(), strict=True)]
 

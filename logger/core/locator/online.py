@@ -135,7 +135,7 @@ class OnlineLocator:
         for k, indices in enumerate(places(cells, _MODE_LEVEL)):
             label[indices] = k
         log_mass = (tree.log_prior + 2.0 * np.log(tree.size_m))[kept]
-        searched = self._begun(walk, square, log_mass, tree.numbers[alive], label)
+        searched = self._begun(square, log_mass, tree.numbers[alive], label)
         self._n_searched = self._n
         self._evaluate(searched)
         if tree.log_weight is not None and self._evidence is not None:
@@ -215,12 +215,10 @@ class OnlineLocator:
         x, y, level, variance, count = self._block[:, : self._n]
         return gathered(x, y, level, count, variance, most, gone)
 
-    def _begun(
-        self, walk: Blocks, square: FloatArray, log_mass: FloatArray, numbers: IntArray, label: IntArray
-    ) -> _Searched:
-        """Sums over all blocks but the last, which is still open."""
+    def _begun(self, square: FloatArray, log_mass: FloatArray, numbers: IntArray, label: IntArray) -> _Searched:
+        """Sums over the levels of all blocks but the last, which is still open."""
         rows, c, h = self._n - 1, len(numbers), square.shape[1]
-        closed = single(self._block[:, :rows], self._size_m, walk.censored)
+        closed = single(self._block[:, :rows], self._size_m, NOTHING_CENSORED)
         found = whiteners(closed, self._prior, numbers.tolist())
         whitener = np.zeros((c, MOST_BLOCKS, MOST_BLOCKS))
         whitener[:, :rows, :rows] = [w.matrix for w in found]

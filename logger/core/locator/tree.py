@@ -268,7 +268,9 @@ def _split(walk: Walk, tree: Tree, wanted: BoolArray) -> Tree:
     if not np.any(wanted):
         return tree
     square = np.stack([tree.x_m, tree.y_m, tree.size_m])[:, wanted]
-    parents = Evidence(*(np.concatenate(4 * [values[..., wanted]], axis=-1) for values in tree.evidence))
+    parents = None
+    if walk.given:
+        parents = Evidence(*(np.concatenate(4 * [values[..., wanted]], axis=-1) for values in tree.evidence))
     new = walk.at(_children(square), parents)
     joined = Evidence(*(_join(a, b, wanted) for a, b in zip(tree.evidence, new.evidence, strict=True)))
     x_m, y_m, size_m, log_density = (_join(a, b, wanted) for a, b in zip(tree[:4], new[:4], strict=True))

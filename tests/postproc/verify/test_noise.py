@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from logger.core.locator.blocks import blocks
-from logger.core.locator.evidence import covariance
+from logger.core.locator.evidence import covariance, whiteners_of
 from logger.core.locator.prior import Prior
-from postproc.verify.noise import covariances, whiteners
+from postproc.verify.noise import covariances
 from tests.kit.walks import observations, path
 
 PRIOR = Prior(decorrelation_m=(15.0, 60.0), white_shares=(0.1,))
@@ -33,7 +33,7 @@ def test_what_is_whitened_is_white():
     x, y = path("square", 240, 3.0)
     walk = blocks(observations(x, y, np.zeros(240)), 20)
     k = covariances(walk, PRIOR)
-    for one, found in zip(k, whiteners(k), strict=True):
+    for one, found in zip(k, whiteners_of(k), strict=True):
         assert found.matrix @ one @ found.matrix.T == pytest.approx(np.eye(len(walk)), abs=1e-9)
         assert found.log_det == pytest.approx(np.linalg.slogdet(one)[1])
-    assert [found.number for found in whiteners(k)] == [0, 1, 2]
+    assert [found.number for found in whiteners_of(k)] == [0, 1, 2]

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from logger.core.locator.blocks import blocks
-from logger.core.locator.evidence import distances_db
+from logger.core.locator.evidence import distances_db, whiteners_of
 from logger.core.locator.prior import Prior
 from postproc.verify.claims import Claim
 from postproc.verify.drawn import calibrated
 from postproc.verify.field import field_at
-from postproc.verify.noise import covariances, whiteners
+from postproc.verify.noise import covariances
 from postproc.verify.power import BEARINGS_DEG, detectable, power
 from postproc.verify.run import benjamini_hochberg, verify_cell
 from postproc.verify.walk import around, claim_test, listened
@@ -25,7 +25,7 @@ def test_field_is_the_density_of_its_model_in_one_piece():
     walk, source = walk_of(1)
     places = np.array([[source[0], 300.0, -900.0], [source[1], -50.0, 700.0], [1.0, 1.0, 1.0]])
     covariance = covariances(walk.blocks, PRIOR)
-    field = field_at(walk.blocks, PRIOR, places, whiteners(covariance))
+    field = field_at(walk.blocks, PRIOR, places, whiteners_of(covariance))
     log_p, variance = field.judged(walk.level_dbm[:, None])
     k = (PRIOR.eta_sigma / PRIOR.sigma_db) ** 2
     n = len(walk.blocks)
@@ -47,7 +47,7 @@ def test_position_error_makes_near_blocks_count_less():
     obs, source = simulate(np.random.default_rng(2), "L")
     at = np.array([[source[0]], [source[1]], [1.0]])
     walks = (blocks(observations(obs.x_m, obs.y_m, obs.level_dbm, s), 40) for s in (0.0, 15.0))
-    sure, unsure = (field_at(walk, PRIOR, at, whiteners(covariances(walk, PRIOR))) for walk in walks)
+    sure, unsure = (field_at(walk, PRIOR, at, whiteners_of(covariances(walk, PRIOR))) for walk in walks)
     level = (sure.blocks.level_dbm - sure.blocks.level_dbm.mean())[:, None]
     assert unsure.judged(level)[1][0, 0, 0] < sure.judged(level)[1][0, 0, 0]
 
