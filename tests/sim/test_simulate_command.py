@@ -8,7 +8,9 @@ from logger.core.runfile import read_run
 
 
 def test_another_modem_that_misbehaves(tmp_path, capsys):
-    command = ["simulate", "--out", str(tmp_path), "--duration", "50", "--speed", "20"]
+    # the modem's deadlines are real seconds: a reply lost to the noise costs two to eight of them, and a run of 200 s
+    # leaves more than eight after the noise
+    command = ["simulate", "--out", str(tmp_path), "--duration", "200", "--speed", "20"]
     assert main([*command, "--modem", "ec25", "--fault", "garbage:10:30"]) == 0
     run = read_run(capsys.readouterr().out.strip())
     notes = {row["code"].decode(): row["text"].decode() for row in run.tables["notes"]}
