@@ -194,12 +194,15 @@ class _Fit(NamedTuple):
     b1: FloatArray
 
 
-def marginal(total: FloatArray, n: int, log_det: FloatArray, prior: Prior, nodes: int = NODES) -> Evidence:
-    """Integrate P0, eta and sigma: from sums (7, c, h) over n rows and log |K| (c, 1)."""
-    start = np.full(total.shape[1:], log(prior.sigma_db))
-    residual = np.maximum(_residual(total, _fit(total, prior, start)), n * _LEAST_SIGMA_DB**2)
-    weight = 1.0 / prior.sigma_log_sd**2
-    tau = (n * np.log(residual / max(n - 2, 1)) + weight * start) / (2.0 * n + weight)
+def marginal(
+    total: FloatArray, n: int, log_det: FloatArray, prior: Prior, nodes: int = NODES, near_db: FloatArray | None = None
+) -> Evidence:
+    """Integrate P0, eta and sigma: from sums (7, c, h) over n rows and log |K| (c, 1).
+
+    `near_db` (c, h) is a sigma that cannot be far off, as that of one reading less.
+    """
+    start, weight = log(prior.sigma_db), 1.0 / prior.sigma_log_sd**2
+    tau = _first_tau(total, n, prior) if near_db is None else np.log(near_db)
     curvature = np.ones_like(tau)
     for _ in range(min(_NEWTON_STEPS, nodes)):
         fit = _fit(total, prior, tau)
@@ -210,6 +213,13 @@ def marginal(total: FloatArray, n: int, log_det: FloatArray, prior: Prior, nodes
         tau = tau + np.clip(slope / curvature, -0.5, 0.5)
     constant = 0.5 * (2.0 * total[6] - log_det - n * log(2.0 * pi))
     return _over_sigma(total, n, prior, tau, 1.0 / np.sqrt(curvature), constant, nodes)
+
+
+def _first_tau(total: FloatArray, n: int, prior: Prior) -> FloatArray:
+    """Where log sigma is sought first: that of the residuals of the prior's sigma, drawn towards the prior."""
+    start, weight = np.full(total.shape[1:], log(prior.sigma_db)), 1.0 / prior.sigma_log_sd**2
+    residual = np.maximum(_residual(total, _fit(total, prior, start)), n * _LEAST_SIGMA_DB**2)
+    return np.asarray((n * np.log(residual / max(n - 2, 1)) + weight * start) / (2.0 * n + weight), float)
 
 
 def _fit(total: FloatArray, prior: Prior, tau: FloatArray) -> _Fit:

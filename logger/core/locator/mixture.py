@@ -55,5 +55,5 @@ def _of_hypotheses(prior: Prior) -> tuple[FloatArray, FloatArray]:
 
 def log_sum(values: FloatArray) -> FloatArray:
     """Log of the sum of exponentials along the last axis."""
-    top = np.max(values, axis=-1)
-    return np.asarray(top + np.log(np.sum(np.exp(values - top[..., None]), axis=-1)), float)
+    top = values.max(axis=-1)  # methods, since this is asked several times after each live reading
+    return np.asarray(top + np.log(np.exp(values - top[..., None]).sum(axis=-1)), float)

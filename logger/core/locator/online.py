@@ -21,6 +21,7 @@ from logger.core.locator.blocks import (
     single,
 )
 from logger.core.locator.evidence import (
+    SUMS,
     Evidence,
     distances_db,
     marginal,
@@ -43,8 +44,7 @@ EFFORT = Effort(most_cells=500, split_share=0.02, nodes=1, first_share=1.0, samp
 _MOST_CENSORED = 40
 _KEPT_MASS = 1e-5
 _PLAUSIBLE = 1e-3
-_GROWN = 1.25
-_GROWN_CENSORED = 1.4  # a search with censored readings takes three times as long
+_GROWN = 1.4
 _MODE_LEVEL = 0.99
 
 
@@ -102,7 +102,7 @@ class OnlineLocator:
             return 0.0
         if self._searched is None:
             return float(self._n)
-        return self._n / max((_GROWN_CENSORED if self._gone else _GROWN) * self._n_searched, 1.0)
+        return self._n / max(_GROWN * self._n_searched, 1.0)
 
     def add(self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int = 0) -> None:
         """Take a reading; `limit` as in `scale.limits`."""
@@ -118,7 +118,7 @@ class OnlineLocator:
         else:
             self._open(np.array([x_m, y_m, level_dbm, position_sigma_m**2, 1.0]))
         if self._searched is not None:
-            self._evaluate(self._searched)
+            self._evaluate(self._searched, self._evidence)
 
     def search(self) -> None:
         """Search the places again with all blocks so far."""
@@ -229,8 +229,11 @@ class OnlineLocator:
         gone = np.zeros((c, h))
         return _Searched(square, log_mass, numbers, rows, total, whitener, log_det, distance_db, label, gone, None)
 
-    def _evaluate(self, searched: _Searched) -> None:
-        """Close the rows of finished blocks, add that of the open one, and weigh the places."""
+    def _evaluate(self, searched: _Searched, before: Evidence | None = None) -> None:
+        """Close the rows of finished blocks, add that of the open one, and weigh the places.
+
+        `before` is the evidence at the same places one reading ago.
+        """
         self._place = None
         while searched.rows < self._n - 1:
             row, log_var, more = self._row(searched, searched.rows)
@@ -241,7 +244,8 @@ class OnlineLocator:
         self._searched = searched
         _, log_var, more = self._row(searched, self._n - 1)
         log_det = (searched.log_det + log_var)[:, None]
-        found = marginal(searched.total + more, self._n, log_det, self._prior, EFFORT.nodes)
+        near_db = None if before is None else before.sigma_db
+        found = marginal(searched.total + more, self._n, log_det, self._prior, EFFORT.nodes, near_db)
         self._evidence = found._replace(log_p=found.log_p + searched.gone)
         self._mixed = mixture(
             self._evidence.log_p, searched.log_mass, searched.numbers, self._prior, searched.log_weight
@@ -274,5 +278,13 @@ class OnlineLocator:
         o, z, slope = np.sum(row, axis=1)[:, None], (row @ level_dbm)[:, None], -(row @ distance_db)
         weight = np.ones_like(slope) if extra is None else 1.0 / (1.0 + row[:, -1:] ** 2 * extra)
         weighed = weight * slope
-        parts = (o * o * weight, o * weighed, weighed * slope, o * z * weight, z * weighed, z * z * weight)
-        return np.stack([*parts, 0.5 * np.log(weight)])
+        found = np.empty((SUMS, *slope.shape))
+        for part, (factor, values) in zip(
+            found,
+            ((o * o, weight), (o, weighed), (slope, weighed), (o * z, weight), (z, weighed), (z * z, weight)),
+            strict=False,
+        ):
+            np.multiply(factor, values, out=part)
+        np.log(weight, out=found[-1])
+        found[-1] *= 0.5
+        return found

@@ -139,18 +139,19 @@ def moments_over(
     `share` (c, h) is the joint probability of hypothesis and place, `mass` the probability of the places `indices`.
     """
     of_place, of_theta, spread = (np.take(v, indices, axis=-1) for v in (share, evidence.theta, evidence.theta_cov))
-    total = np.sum(of_place, axis=0)
+    total = of_place.sum(axis=0)
     given = of_place / np.where(total > 0.0, total, 1.0)
-    theta = np.sum(given * of_theta, axis=1)
+    theta = (given * of_theta).sum(axis=1)
+    weight = mass / mass.sum()
+    joint = given * weight
     d0, d1 = of_theta - theta[:, None]
-    v00, v01, v11 = np.sum(given * (spread + np.stack([d0 * d0, d0 * d1, d1 * d1])), axis=1)
-    weight = mass / np.sum(mass)
-    points = np.vstack([square[0, indices], square[1, indices], theta])
+    v00, v01, v11 = (float(np.vdot(joint, v + d)) for v, d in zip(spread, (d0 * d0, d0 * d1, d1 * d1), strict=True))
+    points = np.concatenate([square[:2, indices], theta])
     mean = points @ weight
     off = points - mean[:, None]
     covariance = (weight * off) @ off.T
     covariance[[0, 1], [0, 1]] += float(weight @ square[2, indices] ** 2) / 12.0
-    covariance[2:, 2:] += np.array([[v00 @ weight, v01 @ weight], [v01 @ weight, v11 @ weight]])
+    covariance[2:, 2:] += np.array([[v00, v01], [v01, v11]])
     return mean, covariance
 
 
