@@ -1,6 +1,6 @@
 """The only door to the locator under test: what it is given, what it says, and the priors that the limit shares."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from logger.core.locator.verdict import verdict
 from logger.core.observations import CellObservations
 
 from .answer import Answer, Mode, Squares
-from .world import Walk, World
+from .world import Noise, Walk, World
 
 PRIOR = Prior()
 _MODE_LEVEL = 0.999
+_NEVER = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +54,18 @@ def observations(world: World, walk: Walk) -> CellObservations:
     )
 
 
-def answer(world: World, walk: Walk) -> Answer:
+def told(noise: Noise) -> Prior:
+    """Prior of one who knows the kind of noise, white or over which distance, and not how strong it is."""
+    if noise.shadow_db == 0.0:
+        return replace(PRIOR, white_alone=1.0, white_shares=())
+    white_share = noise.white_db**2 / (noise.white_db**2 + noise.shadow_db**2)
+    return replace(PRIOR, white_alone=_NEVER, white_shares=(white_share,), decorrelation_m=(noise.decorrelation_m,))
+
+
+def answer(world: World, walk: Walk, prior: Prior = PRIOR) -> Answer:
     """What the locator says of a walk; raises `EstimationError`."""
     obs = observations(world, walk)
-    found = locate(obs)
+    found = locate(obs, prior)
     division = divide(obs, found)
     told, _ = verdict(found, obs, division)
     chosen = highest_density(found.cells)

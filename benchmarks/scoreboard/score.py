@@ -19,7 +19,7 @@ from .filters import FILTERS
 from .peers import least_squares_fit, strongest_sample, weighted_centroid
 from .world import World
 
-OURS, OURS_WHOLE = "cellwalk", "cellwalk, unclipped"
+OURS, OURS_TOLD, OURS_WHOLE = "cellwalk", "cellwalk, told the kind of noise", "cellwalk, unclipped"
 EXACT, BOUND = "exact posterior", "Cramer-Rao bound"
 EXACT_CLIPPED = "exact posterior, clipped"
 LEAST_SQUARES, CENTROID, STRONGEST = "least squares", "weighted centroid", "strongest sample"
@@ -58,6 +58,12 @@ def _exact(world: World) -> Answer:
     return exact.answer(world.whole, world.noise)
 
 
+def _ours_told(world: World) -> Answer:
+    if world.noise is None:
+        raise EstimationError("nobody knows the noise of a measured walk")
+    return ours.answer(world, world.walk, ours.told(world.noise))
+
+
 def _exact_clipped(world: World) -> Answer:
     if world.noise is None or world.floor_dbm is None:
         raise EstimationError("nothing is clipped where the noise is known")
@@ -66,6 +72,7 @@ def _exact_clipped(world: World) -> Answer:
 
 ANSWERS: dict[str, Callable[[World], Answer]] = {
     OURS: lambda world: ours.answer(world, world.walk),
+    OURS_TOLD: _ours_told,
     OURS_WHOLE: lambda world: ours.answer(world, world.whole),
     EXACT: _exact,
     EXACT_CLIPPED: _exact_clipped,
@@ -74,7 +81,7 @@ ANSWERS: dict[str, Callable[[World], Answer]] = {
     CENTROID: lambda world: weighted_centroid(world.walk),
     STRONGEST: lambda world: strongest_sample(world.walk),
 }
-METHODS = (OURS, OURS_WHOLE, EXACT, EXACT_CLIPPED, BOUND, LEAST_SQUARES, *FILTERS, CENTROID, STRONGEST)
+METHODS = (OURS, OURS_TOLD, OURS_WHOLE, EXACT, EXACT_CLIPPED, BOUND, LEAST_SQUARES, *FILTERS, CENTROID, STRONGEST)
 WITHOUT_REGION = (CENTROID, STRONGEST)
 
 
