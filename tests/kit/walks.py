@@ -96,3 +96,18 @@ def covered(found, point, slack_m=0.0):
 
 def nearest_mode_m(found, point):
     return min(np.hypot(m.x_m - point[0], m.y_m - point[1]) for m in found.modes)
+
+
+def misplaced(rng, sigma_m, obs):
+    """The same walk with slow errors of the receiver's position."""
+    east_m, north_m = (sigma_m * _lasting(rng, len(obs)) for _ in range(2))
+    told = np.full(len(obs), sigma_m)
+    return replace(obs, x_m=obs.x_m + east_m, y_m=obs.y_m + north_m, position_sigma_m=told)
+
+
+def _lasting(rng, count, memory=0.98):
+    """Unit errors of one axis that last for a minute."""
+    values = rng.normal(size=count)
+    for k in range(1, count):
+        values[k] = memory * values[k - 1] + np.sqrt(1.0 - memory**2) * values[k]
+    return values

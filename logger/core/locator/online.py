@@ -35,6 +35,7 @@ from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.posterior import BIAS_SHARE, moments_over
 from logger.core.locator.prior import Prior
 from logger.core.locator.region import Cells, places
+from logger.core.locator.symmetry import Curve, curve_of
 from logger.core.locator.tree import Effort, grow
 
 MOST_BLOCKS = 100
@@ -45,6 +46,7 @@ _MOST_CENSORED = 40
 _KEPT_MASS = 1e-5
 _PLAUSIBLE = 1e-3
 _GROWN = 1.4
+_TURNED = 2.0
 _MODE_LEVEL = 0.99
 
 
@@ -85,6 +87,7 @@ class OnlineLocator:
         self._prior = prior
         self._white, self._apart_m, _ = np.array(prior.hypotheses).T
         self._block = np.zeros((5, MOST_BLOCKS))  # means of x, y, level, variance of position; count
+        self._curve: Curve | None = None  # that the track may be, by the last search
         self._n = 0
         self._size_m = FINEST_BLOCK_M
         self._gone: list[tuple[float, float, float, float, float]] = []
@@ -102,6 +105,8 @@ class OnlineLocator:
             return 0.0
         if self._searched is None:
             return float(self._n)
+        if self._curve is not None and not self._curve.holds(self._block[:2, : self._n]):
+            return _TURNED
         return self._n / max(_GROWN * self._n_searched, 1.0)
 
     def add(self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int = 0) -> None:
@@ -124,7 +129,9 @@ class OnlineLocator:
         """Search the places again with all blocks so far."""
         if self._n < FEWEST_BLOCKS:
             return
-        walk = self._blocks()
+        point_m, variance_m2 = self._block[:2, : self._n], self._block[3, : self._n]
+        self._curve = curve_of(point_m, np.sqrt(variance_m2))
+        walk = single(self._on_curve(0, self._n), self._size_m, self._censored())
         tree = grow(walk, self._prior, EFFORT, log_weight=self._judged(walk))
         mixed = tree.mixture(self._prior)
         kept = np.flatnonzero(mixed.probability > _KEPT_MASS)
@@ -201,24 +208,23 @@ class OnlineLocator:
 
     def _coarsen(self) -> None:
         """Half as many blocks, each larger; what was summed up is void."""
-        merged = self._blocks(MOST_BLOCKS // 2)
+        x_m, y_m, level_dbm, variance_m2, count = self._block[:, : self._n]
+        merged = gathered(x_m, y_m, level_dbm, count, variance_m2, MOST_BLOCKS // 2, NOTHING_CENSORED)
         self._n, self._size_m = len(merged), merged.size_m
         self._block[:, : self._n] = np.stack(
             [merged.x_m, merged.y_m, merged.level_dbm, merged.position_sigma_m**2, merged.readings]
         )
         self.search()
 
-    def _blocks(self, most: int = MOST_BLOCKS) -> Blocks:
-        gone = self._censored()
-        if most >= self._n:
-            return single(self._block[:, : self._n], self._size_m, gone)
-        x, y, level, variance, count = self._block[:, : self._n]
-        return gathered(x, y, level, count, variance, most, gone)
+    def _on_curve(self, first: int, end: int) -> FloatArray:
+        """Rows of the blocks from `first` to `end`, on the curve that the track may be."""
+        column = self._block[:, first:end]
+        return column if self._curve is None else np.concatenate([self._curve.moved(column[:2]), column[2:]])
 
     def _begun(self, square: FloatArray, log_mass: FloatArray, numbers: IntArray, label: IntArray) -> _Searched:
         """Sums over the levels of all blocks but the last, which is still open."""
         rows, c, h = self._n - 1, len(numbers), square.shape[1]
-        closed = single(self._block[:, :rows], self._size_m, NOTHING_CENSORED)
+        closed = single(self._on_curve(0, rows), self._size_m, NOTHING_CENSORED)
         found = whiteners(closed, self._prior, numbers.tolist())
         whitener = np.zeros((c, MOST_BLOCKS, MOST_BLOCKS))
         whitener[:, :rows, :rows] = [w.matrix for w in found]
@@ -254,8 +260,8 @@ class OnlineLocator:
     def _row(self, searched: _Searched, k: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Block k given those before it: row of W (c, k + 1), log of its variance (c,), its sums (7, c, h)."""
         n = k + 1
-        x, y, level_dbm, _, readings = self._block[:, :n]
-        one = single(self._block[:, k:n], self._size_m, NOTHING_CENSORED)
+        x, y, level_dbm, _, readings = on_curve = self._on_curve(0, n)
+        one = single(on_curve[:, k:n], self._size_m, NOTHING_CENSORED)
         x_m, y_m, _ = searched.square
         searched.distance_db[k] = distances_db(one, self._prior.height_m, x_m, y_m)[0]
         away = np.hypot(x[:k] - x[k], y[:k] - y[k])

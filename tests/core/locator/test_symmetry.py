@@ -5,28 +5,14 @@ import pytest
 
 from logger.core.locator.posterior import locate
 from logger.core.locator.symmetry import symmetrical
-from tests.kit.walks import observations, path, simulate
+from tests.kit.walks import misplaced, observations, path, simulate
 
 SIGMA_M = 5.0
 
 
-def slow(rng, count, memory=0.98):
-    """Errors of one axis of a receiver: they last for minutes."""
-    values = rng.normal(size=count)
-    for k in range(1, count):
-        values[k] = memory * values[k - 1] + np.sqrt(1.0 - memory**2) * values[k]
-    return SIGMA_M * values
-
-
-def misplaced(rng, obs):
-    told = np.full(len(obs), SIGMA_M)
-    east, north = slow(rng, len(obs)), slow(rng, len(obs))
-    return replace(obs, x_m=obs.x_m + east, y_m=obs.y_m + north, position_sigma_m=told)
-
-
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 def test_a_straight_track_with_errors_becomes_a_line(turn):
-    obs = misplaced(np.random.default_rng(1), observations(*path("straight"), np.zeros(600)))
+    obs = misplaced(np.random.default_rng(1), SIGMA_M, observations(*path("straight"), np.zeros(600)))
     x, y = obs.x_m * np.cos(turn) - obs.y_m * np.sin(turn), obs.x_m * np.sin(turn) + obs.y_m * np.cos(turn)
     found = symmetrical(replace(obs, x_m=x, y_m=y))
     assert np.linalg.svd(np.stack([found.x_m, found.y_m]) - [[found.x_m.mean()], [found.y_m.mean()]])[1][1] < 1e-6
@@ -35,7 +21,7 @@ def test_a_straight_track_with_errors_becomes_a_line(turn):
 
 def test_a_round_track_with_errors_becomes_a_circle():
     x, y = path("circle")
-    found = symmetrical(misplaced(np.random.default_rng(2), observations(x + 300.0, y, np.zeros(600))))
+    found = symmetrical(misplaced(np.random.default_rng(2), SIGMA_M, observations(x + 300.0, y, np.zeros(600))))
     radius_m = np.hypot(found.x_m - 300.0, found.y_m)
     assert np.std(radius_m) < SIGMA_M
     middle = [found.x_m.mean(), found.y_m.mean()]
@@ -46,7 +32,7 @@ def test_a_round_track_with_errors_becomes_a_circle():
 
 @pytest.mark.parametrize("shape", ["L", "square", "random", "spiral"])
 def test_other_walks_stay_as_they_are(shape):
-    obs = misplaced(np.random.default_rng(3), observations(*path(shape), np.zeros(600)))
+    obs = misplaced(np.random.default_rng(3), SIGMA_M, observations(*path(shape), np.zeros(600)))
     assert symmetrical(obs) is obs
 
 
@@ -69,5 +55,5 @@ def test_errors_of_the_fixes_do_not_tell_a_place_from_its_mirror_image():
     """With the track as told one side, right or wrong, holds more than 95 % in half of such walks."""
     for seed in range(4):
         rng = np.random.default_rng(seed)
-        cells = locate(misplaced(rng, simulate(rng, "straight")[0])).cells
+        cells = locate(misplaced(rng, SIGMA_M, simulate(rng, "straight")[0])).cells
         assert 0.2 < np.sum(cells.probability[cells.y_m > 0.0]) < 0.8
