@@ -9,11 +9,10 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from logger.core.errors import ConfigError, EstimationError
-from logger.core.locator.division import divide
 from logger.core.locator.posterior import Posterior, locate
 from logger.core.locator.prior import ENVIRONMENTS, Prior
 from logger.core.locator.timing import TimingCheck, timing_of
-from logger.core.locator.verdict import Verdict, verdict
+from logger.core.locator.verdict import Verdict, judged
 from logger.core.observations import (
     TIMING_S,
     CellObservations,
@@ -188,7 +187,7 @@ def answer(obs: CellObservations, prior: Prior) -> CellResult:
         why = f"only {within} reading{'s' * (within != 1)} {which}: at least {FEWEST_READINGS} are needed"
         return CellResult(obs.cell, n, obs, "cannot tell", (why,))
     posterior = locate(obs, prior)
-    told, reasons = verdict(posterior, obs, divide(obs, posterior))
+    told, reasons, _ = judged(posterior, obs)
     timing = timing_of(obs.usable())
     checked = None if timing is None else timing.check(posterior.cells)
     if checked and checked.warning:

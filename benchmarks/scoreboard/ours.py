@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.division import LEAST_LOG_FACTOR, divide
+from logger.core.locator.division import LEAST_LOG_FACTOR
 from logger.core.locator.posterior import locate
 from logger.core.locator.prior import Prior
 from logger.core.locator.region import Cells, highest_density, places
-from logger.core.locator.verdict import verdict
+from logger.core.locator.verdict import judged
 from logger.core.observations import CellObservations
 
 from .answer import Answer, Mode, Squares
@@ -54,7 +54,7 @@ def observations(world: World, walk: Walk) -> CellObservations:
     )
 
 
-def told(noise: Noise) -> Prior:
+def knowing(noise: Noise) -> Prior:
     """Prior of one who knows the kind of noise, white or over which distance, and not how strong it is."""
     if noise.shadow_db == 0.0:
         return replace(PRIOR, white_alone=1.0, white_shares=())
@@ -66,8 +66,7 @@ def answer(world: World, walk: Walk, prior: Prior = PRIOR) -> Answer:
     """What the locator says of a walk; raises `EstimationError`."""
     obs = observations(world, walk)
     found = locate(obs, prior)
-    division = divide(obs, found)
-    told, _ = verdict(found, obs, division)
+    told, _, division = judged(found, obs)
     chosen = highest_density(found.cells)
     cells = found.cells
     return Answer(

@@ -61,7 +61,7 @@ def _exact(world: World) -> Answer:
 def _ours_told(world: World) -> Answer:
     if world.noise is None:
         raise EstimationError("nobody knows the noise of a measured walk")
-    return ours.answer(world, world.walk, ours.told(world.noise))
+    return ours.answer(world, world.walk, ours.knowing(world.noise))
 
 
 def _exact_clipped(world: World) -> Answer:

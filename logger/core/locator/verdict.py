@@ -1,12 +1,17 @@
-"""The verdict: located, ambiguous or cannot tell, with the reason in plain words."""
+"""The verdict: located, ambiguous or cannot tell, with the reason in plain words.
 
+What is said to be located has to be so with less trust as well: with every correlated noise believed as little as that
+of hills and streets. Of 14 measured walks located without that doubt 4 were not where that said, of the 9 left 1.
+"""
+
+from dataclasses import replace
 from math import hypot, log10
 from typing import Literal
 
 import numpy as np
 
-from logger.core.locator.division import LEAST_LOG_FACTOR, Division
-from logger.core.locator.posterior import LEAST_PEAK, Mode, Posterior
+from logger.core.locator.division import LEAST_LOG_FACTOR, Division, divide
+from logger.core.locator.posterior import LEAST_PEAK, Mode, Posterior, locate
 from logger.core.observations import CellObservations
 
 _MINOR_PLACE = 0.03
@@ -17,6 +22,18 @@ _ONE_SIDED_DEG = 90.0
 _PASSING_M = 20.0
 
 Verdict = Literal["located", "ambiguous", "cannot tell"]
+
+
+def judged(posterior: Posterior, obs: CellObservations) -> tuple[Verdict, list[str], Division | None]:
+    """The verdict after every check, and the division in two transmitters that was asked about."""
+    division = divide(obs, posterior)
+    told, reasons = verdict(posterior, obs, division)
+    if told == "located":
+        doubted, why = verdict(locate(obs, replace(posterior.prior, stationary_m=0.0)), obs)
+        if doubted != "located":
+            told = "cannot tell"
+            reasons = [f"{reasons[0]}, but only if shadowing is as even as it looks; with less trust in that {why[0]}"]
+    return told, reasons, division
 
 
 def verdict(posterior: Posterior, obs: CellObservations, division: Division | None = None) -> tuple[Verdict, list[str]]:

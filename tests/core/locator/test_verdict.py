@@ -6,7 +6,7 @@ import pytest
 
 from logger.core.locator.posterior import locate
 from logger.core.locator.prior import Prior
-from logger.core.locator.verdict import verdict
+from logger.core.locator.verdict import judged, verdict
 from tests.kit.walks import observations, path, simulate
 
 
@@ -119,3 +119,14 @@ def test_large_region():
 def test_reasons_are_all_told_at_once():
     obs = observations([0.0, 8.0], [0.0, 1.0], [-70.0, -71.0])
     assert len(verdict(locate(obs), obs)[1]) >= 3
+
+
+def test_located_is_what_less_trust_in_the_noise_leaves_located():
+    obs, found = clear()
+    assert judged(found, obs)[:2] == verdict(found, obs)
+    obs, _ = simulate(np.random.default_rng(6), "square", white_db=1.0, shadow_db=5.0, d_c=30.0)
+    found = locate(obs)
+    assert verdict(found, obs)[0] == "located"
+    said, (why,), _ = judged(found, obs)
+    assert said == "cannot tell"
+    assert "with less trust in that the region is too large" in why
