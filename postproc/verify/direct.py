@@ -38,11 +38,12 @@ _SPENT_ON_ETA = 0.05
 class DirectTest:
     """The test of one claim, ready for any levels of the walk.
 
-    For each hypothesis c: `whiten` (c, n, n), `basis` (c, 2 + q, n) the orthonormal rows of 1, -L(c) and B times
-    `whiten`, `slope` (c,) what the second of them is by unit of eta, `log_weight` (c,), and `trust` (c,).
+    `bent` (n, q) is B. For each hypothesis c: `whiten` (c, n, n), `basis` (c, 2 + q, n) the orthonormal rows of 1,
+    -L(c) and B times `whiten`, `slope` (c,) what the second of them is by unit of eta, `log_weight` (c,), and `trust`
+    (c,).
     """
 
-    dof: int
+    bent: FloatArray
     free: int
     whiten: FloatArray
     basis: FloatArray
@@ -64,7 +65,7 @@ class DirectTest:
         return np.asarray(np.sum(weight * self._p(trust * ratio, trust * odd), axis=0), float)
 
     def _p(self, ratio: FloatArray, odd: FloatArray) -> FloatArray:
-        of_bend = fdtrc(self.dof, self.free, ratio) / (1.0 - _SPENT_ON_ETA)
+        of_bend = fdtrc(self.bent.shape[1], self.free, ratio) / (1.0 - _SPENT_ON_ETA)
         of_eta = chdtrc(1, odd) / _SPENT_ON_ETA
         return np.asarray(np.minimum(np.minimum(of_bend, of_eta), 1.0), float)
 
@@ -85,7 +86,7 @@ class DirectTest:
         off = (eta - self.prior.eta) ** 2 / (self.prior.eta_sigma**2 + spread)
         log_weight = self.log_weight[:, None] - 0.5 * self.free * np.log(left)
         weight = np.exp(log_weight - np.max(log_weight, axis=0))
-        return np.sum(taken[:, 2:] ** 2, axis=1) / (variance * self.dof), off, weight / np.sum(weight, axis=0)
+        return np.sum(taken[:, 2:] ** 2, axis=1) / (variance * self.bent.shape[1]), off, weight / np.sum(weight, axis=0)
 
 
 def direct_test(blocks: Blocks, prior: Prior, k: FloatArray, claim: FloatArray, sigma_db: float) -> DirectTest | None:
@@ -115,7 +116,7 @@ def direct_test(blocks: Blocks, prior: Prior, k: FloatArray, claim: FloatArray, 
     slope = triangle[:, 1, 1]
     slope = np.where(np.abs(slope) < _LEAST_SLOPE, _LEAST_SLOPE, slope)
     return DirectTest(
-        bent.shape[1],
+        bent,
         free,
         whiten,
         np.swapaxes(rows, 1, 2) @ whiten,

@@ -3,11 +3,14 @@
 The model is the locator's (`logger.core.locator`): z = P0 - eta L(x, y) + v, v ~ N(0, sigma^2 K_c) for hypothesis c of
 the noise. What changes is the prior of power and scale, so that thousands of drawn walks cost a few matrix products:
 P0 is flat, eta ~ N(eta0, eta_sigma^2) in units of a reference sigma, sigma^2 inverse gamma. With whitened rows
-o = W 1, l = -W L, z = W z, weights w of rows, lam = (sigma_ref / eta_sigma)^2,
+o = W 1, X = -W L, z = W z, weights w of rows, Lam = (sigma_ref / eta_sigma)^2, m = eta0,
 
-    a = l'wl + lam - (o'wl)^2 / o'wo      g = l'wz + lam eta0 - (o'wl)(o'wz) / o'wo
-    S = z'wz + lam eta0^2 - (o'wz)^2 / o'wo - g^2 / a
-    log p = -1/2 log|K| + 1/2 sum log w - 1/2 log o'wo - 1/2 log a - (a0 + (n - 1) / 2) log(b0 + S / 2) + const
+    A = X'wX + Lam - (X'wo)(o'wX) / o'wo      g = X'wz + Lam m - (X'wo)(o'wz) / o'wo
+    S = z'wz + m'Lam m - (o'wz)^2 / o'wo - g'A^-1 g
+    log p = -1/2 log|K| + 1/2 sum log w - 1/2 log o'wo - 1/2 log|A| - (a0 + (n - 1) / 2) log(b0 + S / 2) + const
+
+An antenna that does not send all round adds a cos b + c sin b, b the bearing from it; a and c ~ N(0, antenna_db^2) are
+then two more columns of X.
 """
 
 from dataclasses import dataclass
@@ -33,21 +36,25 @@ _MOST_HYPOTHESES = 6
 
 
 class _Design(NamedTuple):
-    """Of one hypothesis: w, w o and w l of rows and places (n, h); o'wo, o'wl and a of places (h, 1)."""
+    """Of one hypothesis: w of rows and places, and what makes sums of z of it; h places, q columns of X.
+
+    With R'R = A^-1, R lower triangular: `level` (n, h) gives o'wz / sqrt(o'wo), `rows` (q, n, h) and `of_eta` (q, h),
+    the first column of R, give R g, and `log_det` (h,) is log(o'wo |A|).
+    """
 
     w: FloatArray
-    wo: FloatArray
-    wl: FloatArray
-    oo: FloatArray
-    ol: FloatArray
-    a: FloatArray
+    level: FloatArray
+    rows: FloatArray
+    of_eta: FloatArray
+    log_det: FloatArray
 
 
 @dataclass(frozen=True)
 class Field:
     """Walks of `blocks` judged at `squares` (3, h) under hypotheses `numbers` (c,).
 
-    The arrays with a first axis c hold what does not depend on levels.
+    The arrays with a first axis c hold what does not depend on levels. With an `antenna_db` of 0 the antenna sends all
+    round.
     """
 
     blocks: Blocks
@@ -56,6 +63,7 @@ class Field:
     found: list[Whitener]
     distance_db: FloatArray
     extra: FloatArray | None
+    antenna_db: float = 0.0
 
     @property
     def numbers(self) -> IntArray:
@@ -68,6 +76,10 @@ class Field:
         return np.array([self.prior.hypotheses[w.number].trust for w in self.found])
 
     @property
+    def _eta_weight(self) -> float:
+        return (self.prior.sigma_db / self.prior.eta_sigma) ** 2
+
+    @property
     def log_mass(self) -> FloatArray:
         """Log prior probability of each square, shape (h,), -inf for those without extent; up to a constant."""
         with np.errstate(divide="ignore"):
@@ -75,11 +87,11 @@ class Field:
 
     def with_squares(self, squares: Squares) -> "Field":
         """The same walk and hypotheses at other places."""
-        return field_at(self.blocks, self.prior, squares, self.found)
+        return field_at(self.blocks, self.prior, squares, self.found, self.antenna_db)
 
     def at_other(self, blocks: Blocks, found: list[Whitener]) -> "Field":
         """The same places, judged by another walk."""
-        return field_at(blocks, self.prior, self.squares, found)
+        return field_at(blocks, self.prior, self.squares, found, self.antenna_db)
 
     def judged(self, level_dbm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Log evidence and mean of sigma^2 by hypothesis and place, for levels (n, b): shape (c, h, b) each."""
@@ -90,44 +102,46 @@ class Field:
         return log_p, variance
 
     def _judge(self, whitener: Whitener, level_dbm: FloatArray, log_p: FloatArray, variance: FloatArray) -> None:
-        lam = (self.prior.sigma_db / self.prior.eta_sigma) ** 2
         shape = _SIGMA_SHAPE + 0.5 * (len(self.blocks) - 1)
-        scale = _SIGMA_SHAPE * self.prior.sigma_db**2
+        scale = _SIGMA_SHAPE * self.prior.sigma_db**2 + 0.5 * self._eta_weight * self.prior.eta**2
         of = self._design(whitener)
-        constant = 0.5 * (np.sum(np.log(of.w), axis=0)[:, None] - whitener.log_det - np.log(of.oo) - np.log(of.a))
-        ratio, root_oo, root_a = of.ol / of.oo, of.oo**-0.5, of.a**-0.5
+        constant = 0.5 * (np.sum(np.log(of.w), axis=0) - whitener.log_det - of.log_det)[:, None]
+        shift = of.of_eta[..., None] * self._eta_weight * self.prior.eta
         z = whitener.matrix @ level_dbm
         squares = z * z
         for k in range(0, level_dbm.shape[1], _STRIP):  # few at a time: these stay in the cache
             some = slice(k, k + _STRIP)
-            oz = of.wo.T @ z[:, some]
-            g = (of.wl.T @ z[:, some] + lam * self.prior.eta - ratio * oz) * root_a
-            left = of.w.T @ squares[:, some] + lam * self.prior.eta**2 - (oz * root_oo) ** 2 - g * g
-            total = scale + 0.5 * np.maximum(left, 0.0)
+            left = of.w.T @ squares[:, some] - (of.level.T @ z[:, some]) ** 2
+            for rows, more in zip(of.rows, shift, strict=True):
+                left = left - (rows.T @ z[:, some] + more) ** 2
+            total = np.maximum(scale + 0.5 * left, _SIGMA_SHAPE * self.prior.sigma_db**2)
             np.subtract(constant, shape * np.log(total), out=log_p[:, some])
             np.divide(total, shape - 1.0, out=variance[:, some])
 
     def exponents(self, level_dbm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mean of eta, and its variance by that of the noise, for one walk (n,): shape (c, h) each."""
-        lam = (self.prior.sigma_db / self.prior.eta_sigma) ** 2
         mean, inverse = [], []
         for whitener in self.found:
             of, z = self._design(whitener), whitener.matrix @ level_dbm
-            g = of.wl.T @ z + lam * self.prior.eta - (of.ol / of.oo)[:, 0] * (of.wo.T @ z)
-            mean.append(g / of.a[:, 0])
-            inverse.append(1.0 / of.a[:, 0])
+            inverse.append(np.sum(of.of_eta**2, axis=0))
+            found = np.sum(of.of_eta * (np.swapaxes(of.rows, 1, 2) @ z), axis=0)
+            mean.append(found + inverse[-1] * self._eta_weight * self.prior.eta)
         return np.stack(mean), np.stack(inverse)
 
     def _design(self, whitener: Whitener) -> "_Design":
-        o, slope, w = (
-            whitener.matrix @ np.ones(len(self.blocks)),
-            -whitener.matrix @ self.distance_db,
-            self._weights(whitener),
-        )
-        wo, wl = w * o[:, None], w * slope
-        oo, ol, ll = (np.sum(v, axis=0)[:, None] for v in (wo * o[:, None], wo * slope, wl * slope))
-        lam = (self.prior.sigma_db / self.prior.eta_sigma) ** 2
-        return _Design(w, wo, wl, oo, ol, ll + lam - ol**2 / oo)
+        columns, believed = [-self.distance_db], [self._eta_weight]
+        if self.antenna_db:
+            columns += bearings(self.blocks, self.squares, self.distance_db)
+            believed += [(self.prior.sigma_db / self.antenna_db) ** 2] * 2
+        o, x = np.sum(whitener.matrix, axis=1)[:, None], whitener.matrix @ np.stack(columns)
+        w = self._weights(whitener)
+        wo, wx = w * o, w * x
+        oo, ox = np.sum(wo * o, axis=0), np.sum(wx * o, axis=1)
+        a = np.einsum("inh,jnh->hij", wx, x) - np.einsum("ih,jh->hij", ox, ox / oo) + np.diag(believed)
+        root = np.linalg.inv(np.linalg.cholesky(a))
+        rows = np.einsum("hij,jnh->inh", root, wx - (ox / oo)[:, None] * wo)
+        size = np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
+        return _Design(w, wo * oo**-0.5, rows, root[:, :, 0].T, np.log(oo) - 2.0 * size)
 
     def _weights(self, whitener: Whitener) -> FloatArray:
         """Of rows, for the error of the receiver's position at each place: (n, h), or (n, 1) where there is none."""
@@ -159,14 +173,21 @@ class Field:
         """With the hypotheses only that one walk (n,) has not ruled out, at most six."""
         p = self.weights(self.judged(level_dbm[:, None])[0])[:, 0]
         keep = [i for i in np.argsort(-p)[:_MOST_HYPOTHESES].tolist() if p[i] > _LEAST_WEIGHT]
-        return field_at(self.blocks, self.prior, self.squares, [self.found[i] for i in sorted(keep)])
+        found = [self.found[i] for i in sorted(keep)]
+        return field_at(self.blocks, self.prior, self.squares, found, self.antenna_db)
 
 
-def field_at(blocks: Blocks, prior: Prior, squares: Squares, found: list[Whitener]) -> Field:
+def field_at(blocks: Blocks, prior: Prior, squares: Squares, found: list[Whitener], antenna_db: float = 0.0) -> Field:
     """Field of a walk at places."""
     distance_db = distances_db(blocks, prior.height_m, squares[0], squares[1])
     extra = receiver_variance(blocks, prior, distance_db)
-    return Field(blocks, prior, squares, found, distance_db, extra)
+    return Field(blocks, prior, squares, found, distance_db, extra, antenna_db)
+
+
+def bearings(blocks: Blocks, places: FloatArray, distance_db: FloatArray) -> list[FloatArray]:
+    """Cosine and sine (n, h) of the bearing under which places (2 or 3, h), `distance_db` away, see the blocks."""
+    away_m = 10.0 ** (0.1 * distance_db)
+    return [(own_m[:, None] - m) / away_m for own_m, m in ((blocks.x_m, places[0]), (blocks.y_m, places[1]))]
 
 
 def refined(field: Field, level_dbm: FloatArray, most: int, share: float = 0.01) -> Field:

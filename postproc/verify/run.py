@@ -104,9 +104,9 @@ class Verification:
     def each(self) -> Iterator[CellVerdict]:
         """Tests before their p-values are adjusted."""
         for i, (cell, claim) in enumerate(self.pairs):
-            yield verify_cell(
-                cell, self.known.get(cell), claim, self.p_fa, self.prior, np.random.default_rng([_SEED, i])
-            )
+            rng = np.random.default_rng([_SEED, i])
+            obs = self.known.get(cell)
+            yield verify_cell(cell, obs, claim, self.p_fa, self.prior, rng, stationary=self.stationary)
 
     def adjusted(self, found: Sequence[CellVerdict]) -> Verified:
         """The verdicts, false discoveries controlled."""

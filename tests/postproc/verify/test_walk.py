@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -5,7 +7,7 @@ from logger.core.locator.blocks import blocks
 from logger.core.locator.evidence import distances_db, whiteners_of
 from logger.core.locator.prior import Prior
 from postproc.verify.claims import Claim
-from postproc.verify.drawn import calibrated
+from postproc.verify.drawn import calibrated, nuisances, nuisances_off
 from postproc.verify.field import field_at
 from postproc.verify.noise import covariances
 from postproc.verify.power import BEARINGS_DEG, detectable, power
@@ -21,18 +23,22 @@ def walk_of(seed, shape="square", prior=PRIOR, **noise):
     return listened(blocks(obs, 40), prior), np.array(source)
 
 
-def test_field_is_the_density_of_its_model_in_one_piece():
+@pytest.mark.parametrize("antenna_db", [0.0, 6.0])
+def test_field_is_the_density_of_its_model_in_one_piece(antenna_db):
     walk, source = walk_of(1)
     places = np.array([[source[0], 300.0, -900.0], [source[1], -50.0, 700.0], [1.0, 1.0, 1.0]])
     covariance = covariances(walk.blocks, PRIOR)
-    field = field_at(walk.blocks, PRIOR, places, whiteners_of(covariance))
+    field = field_at(walk.blocks, PRIOR, places, whiteners_of(covariance), antenna_db)
     log_p, variance = field.judged(walk.level_dbm[:, None])
     k = (PRIOR.eta_sigma / PRIOR.sigma_db) ** 2
     n = len(walk.blocks)
     for c in range(len(PRIOR.hypotheses)):
         for h in range(3):
             d = distances_db(walk.blocks, PRIOR.height_m, places[0, h : h + 1], places[1, h : h + 1])[:, 0]
-            shape = covariance[c] + k * np.outer(d, d) + 1e7
+            angle = np.arctan2(walk.blocks.y_m - places[1, h], walk.blocks.x_m - places[0, h])
+            level = np.hypot(walk.blocks.x_m - places[0, h], walk.blocks.y_m - places[1, h]) / 10.0 ** (0.1 * d)
+            pattern = np.cos(angle[:, None] - angle) * np.outer(level, level)
+            shape = covariance[c] + k * np.outer(d, d) + 1e7 + (antenna_db / PRIOR.sigma_db) ** 2 * pattern
             off = walk.level_dbm + PRIOR.eta * d
             misfit = off @ np.linalg.solve(shape, off)
             total = 1.7 * PRIOR.sigma_db**2 + 0.5 * misfit
@@ -41,6 +47,27 @@ def test_field_is_the_density_of_its_model_in_one_piece():
             if (c, h) == (0, 0):
                 constant = log_p[0, 0, 0] - wanted
             assert log_p[c, h, 0] - wanted == pytest.approx(constant, abs=1e-2)
+
+
+def test_antenna_is_no_displacement_to_a_measured_walk():
+    """Levels bent from end to end look like those of another place."""
+    rng = np.random.default_rng(4)
+    stationary, measured, far = [], [], []
+    for seed in range(6):
+        obs, source = simulate(np.random.default_rng(300 + seed), ("square", "L")[seed % 2], white_db=2.0)
+        off = np.array([obs.x_m, obs.y_m]).T - source
+        sent_db = 9.0 * np.cos(np.arctan2(off[:, 1], off[:, 0]) - seed)
+        walk = listened(blocks(observations(obs.x_m, obs.y_m, obs.level_dbm + sent_db), 40), PRIOR)
+        level = walk.level_dbm[:, None]
+        test = claim_test(walk, np.array(source)[:, None], rng)
+        stationary.append(test.p_indirect(level, trusting=True)[0])
+        measured.append(test.p_indirect(level, trusting=False)[0])
+        assert measured[-1] >= test.indirect.tails(level, trusting=False)[0]
+        away = claim_test(walk, (source + 900.0 * np.array([np.cos(seed), np.sin(seed)]))[:, None], rng)
+        far.append(away.p_indirect(level, trusting=False)[0])
+    assert np.mean(np.array(stationary) < 0.05) > 0.6
+    assert np.mean(np.array(measured) < 0.05) < 0.25
+    assert np.mean(np.array(far) < 0.05) > 0.6
 
 
 def test_position_error_makes_near_blocks_count_less():
@@ -85,6 +112,23 @@ def test_shadowing_that_lasts_alarms_no_more_often():
             assert 0.05 < rate[0] < 0.16
 
 
+@pytest.mark.parametrize("seed", [31, 32, 33])
+def test_what_bends_like_a_displacement_tells_the_direct_test_nothing_of_the_noise(seed):
+    walk, source = walk_of(seed, prior=Prior())
+    claim, k = source[:, None], walk.covariances
+    plain = claim_test(walk, claim, np.random.default_rng(1))
+    bent = plain.direct.bent
+    level_dbm = walk.level_dbm + bent @ np.array([25.0, -20.0, 15.0, 20.0, -10.0])[: bent.shape[1]]
+    misled, told = nuisances(walk.fine, level_dbm, k), nuisances_off(bent, walk.fine, level_dbm, k)
+    assert told.mean_sigma_db == pytest.approx(3.0, rel=0.3)
+    assert misled.mean_sigma_db > 6.0
+    rng = np.random.default_rng(1)
+    other = claim_test(replace(walk, level_dbm=level_dbm, noise=misled), claim, rng)
+    assert other.calm_direct == pytest.approx(plain.calm_direct, abs=0.05)
+    drawn = misled.walks(*np.repeat(claim, 240, axis=1), rng)
+    assert np.median(plain.direct.p_values(drawn, trusting=True)) < 0.5 * np.median(plain.calm_direct)
+
+
 def test_power_is_what_drawn_walks_are_rejected_at():
     walk, source = walk_of(3, white_db=2.0)
     rng = np.random.default_rng(1)
@@ -120,9 +164,16 @@ def test_uncertainty_of_the_claim_is_as_good_as_distance():
     sharp, soft = (claim_test(walk, around(*off, sigma), np.random.default_rng(1)) for sigma in (0.0, 200.0))
     assert soft.p_indirect(level, trusting=True)[0] > sharp.p_indirect(level, trusting=True)[0]
     assert soft.p_direct(level, trusting=True)[0] > sharp.p_direct(level, trusting=True)[0]
-    rings = around(10.0, -20.0, 50.0)
-    assert np.mean(rings, axis=1) == pytest.approx([10.0, -20.0])
-    assert np.std(rings, axis=1) == pytest.approx([50.0, 50.0], rel=0.1)
+    places = around(10.0, -20.0, 50.0)
+    assert np.mean(places, axis=1) == pytest.approx([10.0, -20.0])
+    assert np.std(places, axis=1) == pytest.approx([50.0, 50.0], rel=0.1)
+
+
+def test_claim_has_no_hole_that_a_place_falls_into():
+    places = around(0.0, 0.0, 100.0)
+    x, y = (v.ravel() for v in np.meshgrid(*[np.arange(-100.0, 101.0, 5.0)] * 2))
+    apart = np.hypot(*(v[:, None] - own for v, own in zip((x, y), places, strict=True)))
+    assert np.max(np.min(apart, axis=1)[np.hypot(x, y) < 100.0]) < 17.0
 
 
 def test_calibration_is_a_rank_and_goes_on_below_the_least():
