@@ -40,7 +40,7 @@ from logger.core.locator.tree import Effort, grow
 
 MOST_BLOCKS = 100
 FEWEST_BLOCKS = 4
-EFFORT = Effort(most_cells=500, split_share=0.02, nodes=1, first_share=1.0, samples=0)
+EFFORT = Effort(most_cells=500, split_share=0.02, nodes=1, first_share=1.0, samples=0, densest=0)
 
 _MOST_CENSORED = 40
 _KEPT_MASS = 1e-5

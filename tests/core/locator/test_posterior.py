@@ -216,3 +216,15 @@ def test_a_walk_half_at_the_floor_is_located_no_better_than_the_whole():
     half, whole = locate(clipped(obs, 0.5)), locate(obs)
     assert half.region_area_m2 > whole.region_area_m2
     assert np.isfinite(half.log_evidence)
+
+
+@pytest.mark.parametrize("seed", [1, 8])
+def test_the_small_twin_within_a_round_walk_is_found(seed):
+    """A twentieth of the mass on a hundredth of the area: no cell of the first search shows it."""
+    x, y = path("circle")
+    level = -30.0 - 30.0 * np.log10(np.hypot(x - 300.0, y - 10.0)) + 3.0 * np.random.default_rng(seed).normal(size=600)
+    outside, inside = locate(observations(x, y, level)).modes
+    radius_m2 = x[0] ** 2 + y[0] ** 2
+    assert np.hypot(inside.x_m, inside.y_m) == pytest.approx(radius_m2 / np.hypot(outside.x_m, outside.y_m), rel=0.1)
+    assert inside.probability > 0.02
+    assert inside.peak > 0.5

@@ -178,7 +178,8 @@ def test_places_of_the_prior_fade_beyond_what_is_near():
 def test_less_effort_is_fewer_cells_and_much_the_same_answer():
     obs = walk(60)
     full = grow(blocks(obs, 300), SMALL)
-    little = grow(blocks(obs, 300), SMALL, Effort(most_cells=500, split_share=0.02, nodes=3, first_share=1.0))
+    effort = Effort(most_cells=500, split_share=0.02, nodes=3, first_share=1.0, densest=0)
+    little = grow(blocks(obs, 300), SMALL, effort)
     assert len(little.x_m) < 0.5 * len(full.x_m)
     p, q = (tree.mixture(SMALL).probability for tree in (little, full))
     spread_m = np.sqrt(q @ (full.x_m - q @ full.x_m) ** 2)
