@@ -32,7 +32,7 @@ from postproc.smooth import answer
 from postproc.verify.celldb import CellDb, CellImport
 from postproc.verify.cellfile import COLUMNS
 from postproc.verify.power import power
-from postproc.verify.run import blocks_of
+from postproc.verify.run import blocks_of, observable
 from postproc.verify.walk import Listened, around, claim_test, listened
 
 SHAPES = ("L", "square", "random")
@@ -172,7 +172,7 @@ def measured(asked: argparse.Namespace) -> Json:
                 continue
             level_dbm = walk.level_dbm[:, None]
             p = tuple(float(f(level_dbm, trusting=False)[0]) for f in (test.p_direct, test.p_indirect))
-            followed = p[0] if located.verdict == "cannot tell" else p[1]
+            followed = p[1] if observable(located.posterior) else p[0]
             rules = cellguard(obs, claim), crocodile_hunter(obs, claim)
             found.append((*(v <= RATES[0] for v in (followed, *p)), *(v <= RATES[1] for v in (followed, *p)), *rules))
     result: Json = {}

@@ -1,10 +1,14 @@
 """Every claimed cell of a run: verdict, power and recommendation, with false discoveries controlled.
 
-The report's finding decides which test is followed: the indirect one, at least as good, where the walk determines the
-position (the locator's verdict is not "cannot tell"), else the direct one. Over m claims the p-values of the tests
-followed are adjusted by Benjamini and Hochberg (J. R. Statist. Soc. B 57(1), 1995): of the claims rejected at most the
-share `p_fa` is rejected wrongly, on average. Not to be rejected says little of a walk that could reject nothing:
-"consistent" is said only where in half of the directions some displacement would have been noticed.
+The report's finding decides which test is followed: the indirect one, at least as good, where the position can be
+observed, else the direct one. A posterior says what is observed even where it names no single place, so only one whose
+search had to end before its mass did is not enough. Of 161 measured walks the indirect test rejects fewer true places
+than the direct one and, displaced by five times the distance, four times as many false ones.
+
+Over m claims the p-values of the tests followed are adjusted by Benjamini and Hochberg (J. R. Statist. Soc. B 57(1),
+1995): of the claims rejected at most the share `p_fa` is rejected wrongly, on average. Not to be rejected says little
+of a walk that could reject nothing: "consistent" is said only where in half of the directions some displacement would
+have been noticed.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,10 +20,11 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from logger.core.locator.blocks import Blocks, blocks
+from logger.core.locator.posterior import Posterior
 from logger.core.locator.prior import Prior
 from logger.core.observations import CellObservations
 from logger.core.runfile import Run
-from postproc.smooth import CellResult, answer, heard_cells, walk_of
+from postproc.smooth import answer, heard_cells, walk_of
 from postproc.verify.claims import Claim
 from postproc.verify.power import Detectable, detectable, distance_m
 from postproc.verify.ranging import Normality, normality
@@ -155,13 +160,13 @@ def verify_cell(
         for trusting in {stationary, True}
     }
     residuals = test.direct.residuals(test.walk.level_dbm)
-    followed: Followed = "direct" if located.verdict == "cannot tell" else "indirect"
+    followed: Followed = "indirect" if observable(located.posterior) else "direct"
     return CellVerdict(
         cell,
         len(obs),
         claim,
         "cannot tell",
-        (_recommendation(located), *_censoring(obs)),
+        (_recommendation(followed), *_censoring(obs)),
         followed,
         p[stationary][followed == "indirect"],
         None,
@@ -224,10 +229,15 @@ def _prepared(obs: CellObservations, claim: Claim, prior: Prior, rng: np.random.
     return claim_test(listened(gathered, prior), around(x_m, y_m, float(np.hypot(claim.sigma_m, lasting_m))), rng)
 
 
-def _recommendation(located: CellResult) -> str:
-    if located.verdict == "cannot tell":
-        return f"the walk does not determine the position ({located.warnings[0]}): the direct test is followed"
-    return "the walk determines the position: the indirect test is followed, which is then at least as good"
+def observable(posterior: Posterior) -> bool:
+    """Whether the walk bounds the position: else the posterior depends on where its search ended."""
+    return not posterior.at_limit
+
+
+def _recommendation(followed: Followed) -> str:
+    if followed == "direct":
+        return "the walk does not bound the position: the direct test is followed"
+    return "the walk bounds the position: the indirect test is followed, which is then at least as good"
 
 
 def _censoring(obs: CellObservations) -> list[str]:
