@@ -162,7 +162,8 @@ def grow(
     if len(rough) == len(blocks):
         return begun
     square = np.stack([begun.x_m, begun.y_m, begun.size_m])
-    walk = Walk.of(blocks, prior, effort, _within(log_weight, -log(_PLAUSIBLE)), log_weight, timing)
+    fine = effort._replace(densest=0)  # these have been split
+    walk = Walk.of(blocks, prior, fine, _within(log_weight, -log(_PLAUSIBLE)), log_weight, timing)
     if log_weight is None:
         told = 0.0 if begun.log_timing is None else begun.log_timing
         best = np.unique(np.argsort(-begun.evidence.log_p - begun.log_prior - told, axis=1)[:, :_SCOUTS])
