@@ -26,9 +26,10 @@ from scoreboard.world import Noise, World
 from scoreboard.worlds import plain
 
 from logger.core.arrays import FloatArray
+from logger.core.locator.posterior import locate
 from logger.core.locator.prior import Prior
 from logger.core.observations import CellObservations
-from postproc.smooth import answer
+from postproc.smooth import too_few
 from postproc.verify.celldb import CellDb, CellImport
 from postproc.verify.cellfile import COLUMNS
 from postproc.verify.power import power
@@ -160,9 +161,9 @@ def measured(asked: argparse.Namespace) -> Json:
         world = traces.measured(*names[k])
         obs = observations(world, world.walk)
         gathered = blocks_of(obs)
-        located = answer(obs, PRIOR)
-        if located.posterior is None:
+        if too_few(obs):
             continue
+        posterior = locate(obs, PRIOR)
         walk = listened(gathered, PRIOR)
         for share, found in rows.items():
             claim = _displaced(walk, np.array(world.sources[0]), share, rng)
@@ -172,7 +173,7 @@ def measured(asked: argparse.Namespace) -> Json:
                 continue
             level_dbm = walk.level_dbm[:, None]
             p = tuple(float(f(level_dbm, trusting=False)[0]) for f in (test.p_direct, test.p_indirect))
-            followed = p[1] if observable(located.posterior) else p[0]
+            followed = p[1] if observable(posterior) else p[0]
             rules = cellguard(obs, claim), crocodile_hunter(obs, claim)
             found.append((*(v <= RATES[0] for v in (followed, *p)), *(v <= RATES[1] for v in (followed, *p)), *rules))
     result: Json = {}

@@ -179,20 +179,26 @@ def smooth_cell(obs: CellObservations, wishes: Wishes = Wishes()) -> CellResult:
     )
 
 
+def too_few(obs: CellObservations) -> str | None:
+    """Why the readings of a cell are too few for a posterior; None where they are not."""
+    n, within = len(obs), int(np.count_nonzero(obs.limit == 0))
+    if within >= FEWEST_READINGS:
+        return None
+    which = "with a position" if within == n else f"within the modem's scale ({n} with a position)"
+    return f"only {within} reading{'s' * (within != 1)} {which}: at least {FEWEST_READINGS} are needed"
+
+
 def answer(obs: CellObservations, prior: Prior) -> CellResult:
     """The posterior and its verdict, and no other estimator."""
-    n, within = len(obs), int(np.count_nonzero(obs.limit == 0))
-    if within < FEWEST_READINGS:
-        which = "with a position" if within == n else f"within the modem's scale ({n} with a position)"
-        why = f"only {within} reading{'s' * (within != 1)} {which}: at least {FEWEST_READINGS} are needed"
-        return CellResult(obs.cell, n, obs, "cannot tell", (why,))
+    if why := too_few(obs):
+        return CellResult(obs.cell, len(obs), obs, "cannot tell", (why,))
     posterior = locate(obs, prior)
     told, reasons, _ = judged(posterior, obs)
     timing = timing_of(obs.usable())
     checked = None if timing is None else timing.check(posterior.cells)
     if checked and checked.warning:
         reasons.append(checked.warning)
-    return CellResult(obs.cell, n, obs, told, tuple(reasons), posterior=posterior, timing=checked)
+    return CellResult(obs.cell, len(obs), obs, told, tuple(reasons), posterior=posterior, timing=checked)
 
 
 def _passes(obs: CellObservations, posterior: Posterior) -> Iterator[handover.EkfRun | handover.NoRun]:

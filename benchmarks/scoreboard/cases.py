@@ -15,8 +15,9 @@ from .world import Noise, World
 
 PEERS = (LEAST_SQUARES, *FILTERS, CENTROID, STRONGEST)
 KNOWN = (OURS, EXACT, BOUND, *PEERS)
-MATCHED = (OURS, OURS_TOLD, EXACT, BOUND, *PEERS)
 """Methods where the oracle walks the same walk; where it does not, a bound would not be theirs."""
+MATCHED = (OURS, OURS_TOLD, EXACT, BOUND, *PEERS)
+"""The same where the locator may be told the kind of noise, as the oracle is."""
 ORACLE = (OURS, EXACT, *PEERS)
 CLIPPED_SHADOWED = (OURS, OURS_WHOLE, EXACT, *PEERS)
 CLIPPED = (OURS, OURS_WHOLE, EXACT, EXACT_CLIPPED, *PEERS)

@@ -20,11 +20,11 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from logger.core.locator.blocks import Blocks, blocks
-from logger.core.locator.posterior import Posterior
+from logger.core.locator.posterior import Posterior, locate
 from logger.core.locator.prior import Prior
 from logger.core.observations import CellObservations
 from logger.core.runfile import Run
-from postproc.smooth import answer, heard_cells, walk_of
+from postproc.smooth import heard_cells, too_few, walk_of
 from postproc.verify.claims import Claim
 from postproc.verify.power import Detectable, detectable, distance_m
 from postproc.verify.ranging import Normality, normality
@@ -144,13 +144,13 @@ def verify_cell(
 ) -> CellVerdict:
     """Both tests of a claim, not yet adjusted; `stationary` where the noise is known to be, as in a simulation."""
     if obs is None:
-        why = "none of its readings has both a level and a position"
-        return CellVerdict(cell, 0, claim, "cannot tell", (why,))
-    located = answer(obs, prior)
-    test = _prepared(obs, claim, prior, rng) if located.posterior else None
-    if located.posterior is None or test is None:
-        reasons = (f"fewer than {FEWEST_BLOCKS} places with a level",) if located.posterior else located.warnings
-        return CellVerdict(cell, len(obs), claim, "cannot tell", reasons)
+        return CellVerdict(cell, 0, claim, "cannot tell", ("none of its readings has both a level and a position",))
+    if why := too_few(obs):
+        return CellVerdict(cell, len(obs), claim, "cannot tell", (why,))
+    test = _prepared(obs, claim, prior, rng)
+    if test is None:
+        return CellVerdict(cell, len(obs), claim, "cannot tell", (f"fewer than {FEWEST_BLOCKS} places with a level",))
+    posterior = locate(obs, prior)
     level_dbm = test.walk.level_dbm[:, None]
     p = {
         trusting: (
@@ -160,7 +160,7 @@ def verify_cell(
         for trusting in {stationary, True}
     }
     residuals = test.direct.residuals(test.walk.level_dbm)
-    followed: Followed = "indirect" if observable(located.posterior) else "direct"
+    followed: Followed = "indirect" if observable(posterior) else "direct"
     return CellVerdict(
         cell,
         len(obs),
@@ -174,7 +174,7 @@ def verify_cell(
         *p[True],
         1.0 - float(test.indirect.tails(level_dbm, trusting=stationary)[0]),
         distance_m(test),
-        obs.utm.to_latlon(located.posterior.x_m, located.posterior.y_m),
+        obs.utm.to_latlon(posterior.x_m, posterior.y_m),
         tuple(detectable(test, p_fa, rng, trusting=stationary)),
         tuple(found for limit in (None, _CUT_SIGMAS) if (found := normality(residuals, limit, rng))),
     )
@@ -188,10 +188,9 @@ def sites_of(run: Run, cell: str, other: Run | None, prior: Prior) -> tuple[Site
         return None, "the cell was not heard where the walker knew the place"
     found = [obs for obs in walks if obs is not None]
     if other is None:
-        located = answer(found[0], prior)
-        if located.posterior is None:
-            return None, located.warnings[0]
-        sites = within_one(found[0], located.posterior, rng)
+        if why := too_few(found[0]):
+            return None, why
+        sites = within_one(found[0], locate(found[0], prior), rng)
         return sites, None if sites else "one place leaves no more unexplained than shadowing does"
     second = _in_zone_of(found[0], found[1])
     first, last = blocks_of(found[0]), blocks_of(second)

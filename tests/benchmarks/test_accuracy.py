@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.scoreboard.cases import CASES
 from benchmarks.scoreboard.traces import measured
 
 COMMAND = Path(__file__).resolve().parents[2] / "benchmarks" / "accuracy.py"
@@ -20,7 +19,7 @@ def test_the_command_writes_what_it_prints(tmp_path):
     ran = subprocess.run([sys.executable, COMMAND, *asked], capture_output=True, text=True, check=True)
     found = json.loads(files[0].read_text())
     assert [case["name"] for case in found["cases"]] == ["white-L", "spec-10-begun"]
-    assert all(len(case["runs"]) == len(CASES[case["name"]].methods) * 2 for case in found["cases"])
+    assert [len(case["runs"]) for case in found["cases"]] == [10 * 2, 9 * 2]
     assert len(found["targets"]) == 7
     assert {"python", "numpy", "filterpy"} <= set(found["versions"])
     assert found["date_utc"].startswith("20")

@@ -285,11 +285,8 @@ class OnlineLocator:
         weight = np.ones_like(slope) if extra is None else 1.0 / (1.0 + row[:, -1:] ** 2 * extra)
         weighed = weight * slope
         found = np.empty((SUMS, *slope.shape))
-        for part, (factor, values) in zip(
-            found,
-            ((o * o, weight), (o, weighed), (slope, weighed), (o * z, weight), (z, weighed), (z * z, weight)),
-            strict=False,
-        ):
+        products = (o * o, weight), (o, weighed), (slope, weighed), (o * z, weight), (z, weighed), (z * z, weight)
+        for part, (factor, values) in zip(found[:-1], products, strict=True):
             np.multiply(factor, values, out=part)
         np.log(weight, out=found[-1])
         found[-1] *= 0.5
