@@ -28,6 +28,7 @@ SUMS = 7
 _ROUNDING_DB2 = 1.0 / 12.0
 _NEWTON_STEPS = 2
 _LEAST_SIGMA_DB = 0.05
+_STEADY = 0.05
 _SMALL = 16
 _STRIP = 64
 NODES = 7
@@ -182,7 +183,7 @@ def walk_sums(blocks: Blocks, found: list[Whitener], prior: Prior, x_m: FloatArr
 
 
 class _Fit(NamedTuple):
-    """P0 and eta given sigma: means and covariance; 1 / determinant of A, and b; shape (c, h) each."""
+    """P0 and eta given sigma: means and covariance; 1 / determinant of A, b, and w = 1 / sigma^2; shape (c, h) each."""
 
     p0: FloatArray
     eta: FloatArray
@@ -192,6 +193,7 @@ class _Fit(NamedTuple):
     inverse: FloatArray
     b0: FloatArray
     b1: FloatArray
+    w: FloatArray
 
 
 def marginal(
@@ -201,18 +203,30 @@ def marginal(
 
     `near_db` (c, h) is a sigma that cannot be far off, as that of one reading less.
     """
-    start, weight = log(prior.sigma_db), 1.0 / prior.sigma_log_sd**2
     tau = _first_tau(total, n, prior) if near_db is None else np.log(near_db)
-    curvature = np.ones_like(tau)
     for _ in range(min(_NEWTON_STEPS, nodes)):
-        fit = _fit(total, prior, tau)
-        scaled = np.exp(-2.0 * tau) * _residual(total, fit)
-        of_prior = prior.p0_sigma_db**-2 * fit.v00 + prior.eta_sigma**-2 * fit.v11
-        slope = scaled - n + 2.0 - of_prior - weight * (tau - start)
-        curvature = 2.0 * scaled + weight
-        tau = tau + np.clip(slope / curvature, -0.5, 0.5)
+        before = tau
+        fit = _fit(total, prior, before)
+        slope, curvature = _slopes(total, n, prior, before, fit)
+        step = np.clip(slope / curvature, -0.5, 0.5)
+        tau = before + step
     constant = 0.5 * (2.0 * total[6] - log_det - n * log(2.0 * pi))
-    return _over_sigma(total, n, prior, tau, 1.0 / np.sqrt(curvature), constant, nodes)
+    if nodes > 1:
+        return _over_sigma(total, n, prior, tau, 1.0 / np.sqrt(curvature), constant, nodes)
+    if np.max(np.abs(step)) < _STEADY:  # as after most live readings: the fit is as good there, log p by its slope
+        log_p = _log_p(total, n, prior, before, fit) + 0.5 * slope * step
+    else:
+        fit = _fit(total, prior, tau)
+        log_p = _log_p(total, n, prior, tau, fit)
+    log_p += constant - 0.5 * np.log(curvature / (2.0 * pi))  # Laplace's method
+    return Evidence(log_p, np.stack(fit[:2]), np.stack(fit[2:5]), np.exp(tau))
+
+
+def _slopes(total: FloatArray, n: int, prior: Prior, tau: FloatArray, fit: _Fit) -> tuple[FloatArray, FloatArray]:
+    """First derivative of `_log_p` by tau, and its second with the sign changed, for many levels."""
+    scaled, weight = fit.w * _residual(total, fit), 1.0 / prior.sigma_log_sd**2
+    of_prior = prior.p0_sigma_db**-2 * fit.v00 + prior.eta_sigma**-2 * fit.v11
+    return scaled - n + 2.0 - of_prior - weight * (tau - log(prior.sigma_db)), 2.0 * scaled + weight
 
 
 def _first_tau(total: FloatArray, n: int, prior: Prior) -> FloatArray:
@@ -231,7 +245,7 @@ def _fit(total: FloatArray, prior: Prior, tau: FloatArray) -> _Fit:
     b0, b1 = oz * w + lam0 * prior.p0_dbm, lz * w + lam1 * prior.eta
     inverse = 1.0 / (a00 * a11 - a01 * a01)
     p0, eta = (a11 * b0 - a01 * b1) * inverse, (a00 * b1 - a01 * b0) * inverse
-    return _Fit(p0, eta, a11 * inverse, -a01 * inverse, a00 * inverse, inverse, b0, b1)
+    return _Fit(p0, eta, a11 * inverse, -a01 * inverse, a00 * inverse, inverse, b0, b1, w)
 
 
 def _residual(total: FloatArray, fit: _Fit) -> FloatArray:
@@ -244,7 +258,7 @@ def _residual(total: FloatArray, fit: _Fit) -> FloatArray:
 def _log_p(total: FloatArray, n: int, prior: Prior, tau: FloatArray, fit: _Fit) -> FloatArray:
     """Log probability density of levels and tau, P0 and eta integrated out."""
     lam0, lam1 = prior.p0_sigma_db**-2, prior.eta_sigma**-2
-    misfit = total[5] * np.exp(-2.0 * tau) + lam0 * prior.p0_dbm**2 + lam1 * prior.eta**2
+    misfit = total[5] * fit.w + lam0 * prior.p0_dbm**2 + lam1 * prior.eta**2
     misfit -= fit.b0 * fit.p0 + fit.b1 * fit.eta
     off = (tau - log(prior.sigma_db)) / prior.sigma_log_sd
     log_p = 0.5 * (np.log(lam0 * lam1 * fit.inverse) - misfit - off * off) - n * tau
@@ -264,9 +278,6 @@ def _over_sigma(
     taus = [tau + sd * u for u in at]
     fits = [_fit(total, prior, one) for one in taus]
     of_tau = [_log_p(total, n, prior, one, fit) for one, fit in zip(taus, fits, strict=True)]
-    if nodes == 1:  # Laplace's method
-        log_p = of_tau[0] + np.log(sd * weights[0]) + constant
-        return Evidence(log_p, np.stack(fits[0][:2]), np.stack(fits[0][2:5]), np.exp(tau))
     each = np.stack(of_tau) + (0.5 * at**2 + np.log(weights))[:, None, None]
     top = np.max(each, axis=0)
     share = np.exp(each - top)

@@ -42,8 +42,10 @@ def mixture(
     if log_weight is None:
         log_weight = log_sum(log_p + normal) + log_odds[numbers]
     log_evidence = float(log_sum(log_weight))
-    tempered = trust[numbers, None] * log_p + normal
-    share = np.exp(tempered - log_sum(tempered)[:, None] + (log_weight - log_evidence)[:, None])
+    share = trust[numbers, None] * log_p + normal
+    share -= share.max(axis=1, keepdims=True)
+    np.exp(share, out=share)
+    share *= (np.exp(log_weight - log_evidence) / share.sum(axis=1))[:, None]
     return Mixture(share, log_evidence)
 
 

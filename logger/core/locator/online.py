@@ -248,10 +248,11 @@ class OnlineLocator:
                 rows=searched.rows + 1, total=searched.total + more, log_det=searched.log_det + log_var
             )
         self._searched = searched
-        _, log_var, more = self._row(searched, self._n - 1)
+        _, log_var, total = self._row(searched, self._n - 1)
+        total += searched.total
         log_det = (searched.log_det + log_var)[:, None]
         near_db = None if before is None else before.sigma_db
-        found = marginal(searched.total + more, self._n, log_det, self._prior, EFFORT.nodes, near_db)
+        found = marginal(total, self._n, log_det, self._prior, EFFORT.nodes, near_db)
         self._evidence = found._replace(log_p=found.log_p + searched.gone)
         self._mixed = mixture(
             self._evidence.log_p, searched.log_mass, searched.numbers, self._prior, searched.log_weight

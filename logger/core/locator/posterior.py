@@ -33,6 +33,8 @@ _LEAST_MOVED = 1e-6
 _MEDIAN_TURNS = 30
 _ROWS = 64
 
+_PAIRS = ((0, 0), (0, 1), (1, 1))
+
 
 @dataclass(frozen=True)
 class Mode:
@@ -140,18 +142,17 @@ def moments_over(
     """
     of_place, of_theta, spread = (np.take(v, indices, axis=-1) for v in (share, evidence.theta, evidence.theta_cov))
     total = of_place.sum(axis=0)
-    given = of_place / np.where(total > 0.0, total, 1.0)
-    theta = (given * of_theta).sum(axis=1)
     weight = mass / mass.sum()
-    joint = given * weight
-    d0, d1 = of_theta - theta[:, None]
-    v00, v01, v11 = (float(np.vdot(joint, v + d)) for v, d in zip(spread, (d0 * d0, d0 * d1, d1 * d1), strict=True))
-    points = np.concatenate([square[:2, indices], theta])
-    mean = points @ weight
-    off = points - mean[:, None]
-    covariance = (weight * off) @ off.T
-    covariance[[0, 1], [0, 1]] += float(weight @ square[2, indices] ** 2) / 12.0
-    covariance[2:, 2:] += np.array([[v00, v01], [v01, v11]])
+    joint = of_place * (weight / np.where(total > 0.0, total, 1.0))
+    mean = np.concatenate([square[:2, indices] @ weight, [np.vdot(joint, v) for v in of_theta]])
+    off, d = square[:2, indices] - mean[:2, None], of_theta - mean[2:, None, None]
+    moved = joint * d
+    covariance = np.empty((4, 4))
+    covariance[:2, :2] = (weight * off) @ off.T + np.eye(2) * float(weight @ square[2, indices] ** 2) / 12.0
+    covariance[:2, 2:] = off @ moved.sum(axis=1).T
+    covariance[2:, :2] = covariance[:2, 2:].T
+    v00, v01, v11 = (np.vdot(joint, v) + np.vdot(moved[i], d[k]) for v, (i, k) in zip(spread, _PAIRS, strict=True))
+    covariance[2:, 2:] = [[v00, v01], [v01, v11]]
     return mean, covariance
 
 
