@@ -83,7 +83,7 @@ def nuisances(field: Field, level_dbm: FloatArray, k: FloatArray) -> Nuisances:
 
 def nuisances_off(bent: FloatArray, field: Field, level_dbm: FloatArray, k: FloatArray) -> Nuisances:
     """Of the same, whatever its levels have in the orthonormal directions `bent` (n, q), wherever it was heard from."""
-    free = whiteners_of(k[field.numbers] + _ANY * (bent @ bent.T), field.numbers)
+    free = whiteners_of(k[field.numbers] + _ANY * (bent @ bent.T), field.numbers.tolist())
     return nuisances(field_at(field.blocks, field.prior, field.squares, free), level_dbm, k)
 
 

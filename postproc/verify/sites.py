@@ -18,10 +18,9 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
 from logger.core.locator.division import divide
-from logger.core.locator.evidence import covariance_of
+from logger.core.locator.evidence import correlation, own_variance
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.prior import Hypothesis
 from logger.core.observations import CellObservations
 from postproc.verify.drawn import calibrated
 from postproc.verify.field import Field, refined
@@ -85,8 +84,9 @@ class _Past:
         d2 = (obs.x_m - best.x_m) ** 2 + (obs.y_m - best.y_m) ** 2 + prior.height_m**2
         self.level_dbm = best.state[2] - best.state[3] * 5.0 * np.log10(np.maximum(d2, 1.0))
         apart_m = np.hypot(obs.x_m[:, None] - obs.x_m, obs.y_m[:, None] - obs.y_m)
-        noise = Hypothesis(posterior.white_share, posterior.decorrelation_m, 1.0)
-        k = covariance_of(apart_m, np.ones(len(obs)), noise, posterior.sigma_db)
+        white = posterior.white_share
+        k = (1.0 - white) * correlation(apart_m, posterior.decorrelation_m)
+        k[np.diag_indices_from(k)] += own_variance(1.0, white, posterior.sigma_db)
         self.root = posterior.sigma_db * np.linalg.cholesky(k)
 
     def drawn(self, rng: np.random.Generator) -> CellObservations:

@@ -6,13 +6,12 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.blocks import Blocks
-from logger.core.locator.evidence import whiteners_of
+from logger.core.locator.evidence import covariances, whiteners_of
 from logger.core.locator.prior import Prior
 from postproc.verify.direct import DirectTest, direct_test
 from postproc.verify.drawn import Nuisances, calibrated, nuisances, nuisances_off
 from postproc.verify.field import Field, coarse_squares, field_at, refined
 from postproc.verify.indirect import IndirectTest, indirect_test
-from postproc.verify.noise import covariances
 
 DRAWS = 240
 

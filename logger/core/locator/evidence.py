@@ -10,7 +10,7 @@ A = [[o'o, o'l], [o'l, l'l]] / s2 + Lambda0, b = (o'z, l'z) / s2 + Lambda0 m0:
 log sigma is integrated by Gauss-Hermite nodes around its mode (Naylor & Smith, Appl. Statist. 31(3), 1982).
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from functools import cache
 from math import log, pi, sqrt
 from typing import NamedTuple
@@ -19,7 +19,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.blocks import READINGS_BELIEVED, Blocks
-from logger.core.locator.prior import Hypothesis, Prior
+from logger.core.locator.prior import Prior
 
 C = 10.0 / log(10.0)
 SUMS = 7
@@ -54,18 +54,36 @@ class Evidence(NamedTuple):
     sigma_db: FloatArray
 
 
-def covariance(blocks: Blocks, hypothesis: Hypothesis, sigma_db: float) -> FloatArray:
-    """K of the blocks' mean levels, shape (n, n), in units of sigma^2."""
-    distance = np.hypot(blocks.x_m[:, None] - blocks.x_m, blocks.y_m[:, None] - blocks.y_m)
-    return covariance_of(distance, blocks.readings, hypothesis, sigma_db)
+def covariances(blocks: Blocks, prior: Prior, numbers: Sequence[int] | None = None) -> FloatArray:
+    """K of the blocks' mean levels by every hypothesis, or those of some `numbers`, shape (c, n, n) by sigma^2."""
+    chosen = [prior.hypotheses[i] for i in (range(len(prior.hypotheses)) if numbers is None else numbers)]
+    apart_m = np.hypot(*(v[:, None] - v for v in (blocks.point_x_m, blocks.point_y_m)))
+    lasting = {h.decorrelation_m for h in chosen if h.decorrelation_m}
+    shadowed = {d_c: _averaged(blocks, correlation(apart_m, d_c)) for d_c in lasting}
+    none = np.zeros((len(blocks), len(blocks)))
+    k = np.stack([(1.0 - h.white_share) * shadowed.get(h.decorrelation_m, none) for h in chosen])
+    diagonal = np.arange(len(blocks))
+    k[:, diagonal, diagonal] += [own_variance(blocks.readings, h.white_share, prior.sigma_db) for h in chosen]
+    of_modems = offset_covariance(blocks.modem, prior)
+    return k if of_modems is None else k + of_modems
 
 
-def covariance_of(distance_m: FloatArray, readings: FloatArray, hypothesis: Hypothesis, sigma_db: float) -> FloatArray:
-    """K for blocks that are `distance_m` (n, n) apart."""
-    a, d_c, _ = hypothesis
-    k = (1.0 - a) * np.exp(-distance_m / max(d_c, 1.0))
-    k[np.diag_indices_from(k)] += own_variance(readings, a, sigma_db)
-    return k
+def correlation(apart_m: FloatArray, decorrelation_m: float) -> FloatArray:
+    """Of the shadowing at places that are this far apart (Gudmundson, Electronics Letters 27(23), 1991)."""
+    return np.asarray(np.exp(-apart_m / max(decorrelation_m, 1.0)), float)
+
+
+def _averaged(blocks: Blocks, of_points: FloatArray) -> FloatArray:
+    """Means over pairs of points of each two blocks, shape (n, n): from a covariance of points to one of blocks.
+
+    What changes within a block is averaged away in part. Blocks taken for points, shadowing seemed to last longer than
+    it does, and a walk to tell less.
+    """
+    if len(blocks) == len(of_points):
+        return of_points
+    weight = blocks.weight[:, None]
+    of_rows = np.add.reduceat(weight * of_points, blocks.first)
+    return np.asarray(np.add.reduceat(weight * of_rows.T, blocks.first), float)
 
 
 def own_variance(readings: FloatArray | float, white_share: FloatArray | float, sigma_db: float) -> FloatArray:
@@ -87,16 +105,12 @@ def offset_covariance(modem: IntArray, prior: Prior) -> FloatArray | None:
     return np.asarray((prior.offset_sigma_db / prior.sigma_db) ** 2 * (other[:, None] & other) * (1.0 + same), float)
 
 
-def whiteners(blocks: Blocks, prior: Prior, numbers: Iterable[int] | None = None) -> list[Whitener]:
+def whiteners(blocks: Blocks, prior: Prior, numbers: Sequence[int] | None = None) -> list[Whitener]:
     """One for each hypothesis, or for those of some `numbers`."""
-    chosen = range(len(prior.hypotheses)) if numbers is None else list(numbers)
-    distance = np.hypot(blocks.x_m[:, None] - blocks.x_m, blocks.y_m[:, None] - blocks.y_m)
-    k = np.stack([covariance_of(distance, blocks.readings, prior.hypotheses[i], prior.sigma_db) for i in chosen])
-    of_modems = offset_covariance(blocks.modem, prior)
-    return whiteners_of(k if of_modems is None else k + of_modems, chosen)
+    return whiteners_of(covariances(blocks, prior, numbers), numbers)
 
 
-def whiteners_of(k: FloatArray, numbers: Iterable[int] | None = None) -> list[Whitener]:
+def whiteners_of(k: FloatArray, numbers: Sequence[int] | None = None) -> list[Whitener]:
     """One for each covariance in units of sigma^2, shape (c, n, n), by the hypotheses of these `numbers`, or of all."""
     chosen = range(len(k)) if numbers is None else numbers
     root = np.asarray(np.linalg.cholesky(k), float)

@@ -17,7 +17,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.blocks import NOTHING_CENSORED, Blocks, Censored, censored_places
-from logger.core.locator.evidence import covariance, distances_db, receiver_variance
+from logger.core.locator.evidence import covariances, distances_db, receiver_variance
 from logger.core.locator.mixture import Mixture
 from logger.core.locator.prior import Prior
 from logger.core.locator.tree import Effort, Tree, grow
@@ -79,7 +79,8 @@ def _given(
     Levels count with the hypothesis' trust, as they do for the place.
     """
     hypothesis = prior.hypotheses[number]
-    root = np.linalg.cholesky(covariance(blocks, hypothesis, prior.sigma_db))
+    of_one_modem = replace(blocks, modem=np.zeros_like(blocks.modem))
+    root = np.linalg.cholesky(covariances(of_one_modem, prior, [number])[0])
     distance_db = distances_db(blocks, prior.height_m, *at)
     is_of = (blocks.modem[:, None] == np.arange(1, modems)).astype(float)
     white = np.linalg.solve(root, np.column_stack([blocks.level_dbm, np.ones(len(blocks)), is_of, -distance_db]))

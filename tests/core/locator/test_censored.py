@@ -7,7 +7,7 @@ import scipy.stats
 
 from logger.core.locator import censored
 from logger.core.locator.blocks import Censored, blocks
-from logger.core.locator.evidence import covariance, marginal, walk_sums, whiteners
+from logger.core.locator.evidence import covariances, marginal, walk_sums, whiteners
 from logger.core.locator.posterior import locate
 from logger.core.locator.prior import Prior
 from logger.core.locator.tree import Effort
@@ -83,7 +83,7 @@ def test_what_the_levels_tell_is_the_conditional_gaussian(number):
     whole = (1.0 - hypothesis.white_share) * np.exp(
         -np.hypot(x[:, None] - x, y[:, None] - y) / 30.0 if number else -1e9
     )
-    k, cross = covariance(track, hypothesis, PRIOR.sigma_db), (whole * np.ones((19, 19)))[12:, :12]
+    k, cross = covariances(track, PRIOR)[number], (whole * np.ones((19, 19)))[12:, :12]
     gain = cross @ np.linalg.inv(k)
     variance = hypothesis.white_share + (0.7 if number else 0.0) - np.sum(gain * cross, axis=1)
     found = given(track, number)
@@ -112,7 +112,7 @@ def by_net(track, number, h):
     x_m, y_m = PLACES[0][h], PLACES[1][h]
     of_levels = 5.0 * np.log10((track.x_m - x_m) ** 2 + (track.y_m - y_m) ** 2 + PRIOR.height_m**2)
     of_gone = 5.0 * np.log10((gone.x_m - x_m) ** 2 + (gone.y_m - y_m) ** 2 + PRIOR.height_m**2) - one.gain @ of_levels
-    k = covariance(track, PRIOR.hypotheses[number], PRIOR.sigma_db)
+    k = covariances(track, PRIOR)[number]
     inverse, log_det = np.linalg.inv(k), np.linalg.slogdet(k)[1]
     normal = scipy.stats.norm
 

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from logger.core.locator.blocks import blocks
-from logger.core.locator.evidence import distances_db, whiteners_of
+from logger.core.locator.evidence import covariances, distances_db, whiteners_of
 from logger.core.locator.prior import Prior
 from postproc.verify.claims import Claim
 from postproc.verify.drawn import calibrated, nuisances, nuisances_off
 from postproc.verify.field import field_at
-from postproc.verify.noise import covariances
 from postproc.verify.power import BEARINGS_DEG, detectable, power
 from postproc.verify.run import benjamini_hochberg, verify_cell
 from postproc.verify.walk import around, claim_test, listened
