@@ -13,12 +13,12 @@ Least squares is as good as its start and silent about other minima: start it fr
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import log
+from math import log, sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.special import log_ndtr
+from scipy.special import erfcx, log_ndtr
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.ellipse import CHI2_95_2DOF
@@ -257,7 +257,7 @@ class _Search(NamedTuple):
         u = -side * r[~self.rows.free] / self.sigma_db
         log_hidden = log_ndtr(u)
         size = self.sigma_db * np.sqrt(np.maximum(-2.0 * log_hidden, 1e-12))
-        mills = np.exp(-0.5 * u**2 - 0.5 * log(2.0 * np.pi) - log_hidden)
+        mills = sqrt(2.0 / np.pi) / erfcx(-u / sqrt(2.0))  # phi(u) / Phi(u), which are both 0 far out
         r[~self.rows.free], rate[~self.rows.free] = side * size, self.sigma_db * mills / size
         return r, rate
 

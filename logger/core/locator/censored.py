@@ -16,7 +16,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.blocks import Blocks, Censored
-from logger.core.locator.evidence import Evidence, Whitener, distances_db, marginal, own_variance
+from logger.core.locator.evidence import Evidence, Whitener, correlation, distances_db, marginal, own_variance
 from logger.core.locator.prior import Hypothesis, Prior
 
 _NEWTON_STEPS = 12
@@ -47,7 +47,7 @@ class Given(NamedTuple):
 def given_levels(blocks: Blocks, noise: Whitener, hypothesis: Hypothesis) -> Given:
     """What the levels of blocks tell of their censored places."""
     gone = blocks.censored
-    known = noise.matrix @ shadowing(gone, hypothesis, blocks.x_m, blocks.y_m).T
+    known = noise.matrix @ shadowing_in_blocks(blocks, hypothesis).T
     left = shadowing(gone, hypothesis, gone.x_m, gone.y_m) - known.T @ known
     gain = known.T @ noise.matrix
     spread = np.sqrt(np.maximum(np.diagonal(left), 0.0) + hypothesis.white_share)
@@ -59,7 +59,13 @@ def shadowing(gone: Censored, hypothesis: Hypothesis, x_m: FloatArray, y_m: Floa
     """Covariance, in units of sigma^2, of the shadowing at censored places with that at places (n,), shape (g, n)."""
     a, d_c, _ = hypothesis
     apart_m = np.hypot(gone.x_m[:, None] - x_m, gone.y_m[:, None] - y_m)
-    return np.asarray((1.0 - a) * np.exp(-apart_m / max(d_c, 1.0)), float)
+    return (1.0 - a) * correlation(apart_m, d_c)
+
+
+def shadowing_in_blocks(blocks: Blocks, hypothesis: Hypothesis) -> FloatArray:
+    """The same with the means over the points of the blocks, shape (g, n)."""
+    of_points = shadowing(blocks.censored, hypothesis, blocks.point_x_m, blocks.point_y_m)
+    return np.asarray(np.add.reduceat(blocks.weight * of_points, blocks.first, axis=1), float)
 
 
 def effective(left: FloatArray, spread: FloatArray, white_share: float, readings: FloatArray) -> FloatArray:

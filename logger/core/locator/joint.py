@@ -15,7 +15,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.blocks import READINGS_BELIEVED, Blocks
-from logger.core.locator.censored import beyond_dbm, distances_to, shadowing
+from logger.core.locator.censored import beyond_dbm, distances_to, shadowing, shadowing_in_blocks
 from logger.core.locator.evidence import Whitener, distances_db, whiteners
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.orthant import Sites, log_all_above
@@ -45,7 +45,7 @@ class Joint:
         self._blocks, self._prior, self._noise = blocks, prior, noise
         self._in_place = 1.0 - (1.0 - a) * in_common
         self._level = noise.matrix @ blocks.level_dbm
-        self._known = noise.matrix @ (common * shadowing(gone, hypothesis, blocks.x_m, blocks.y_m)).T
+        self._known = noise.matrix @ (common * shadowing_in_blocks(blocks, hypothesis)).T
         shared = common * shadowing(gone, hypothesis, gone.x_m, gone.y_m) * common.T
         self._left = shared - self._known.T @ self._known
         self._readings = np.minimum(gone.readings, READINGS_BELIEVED)

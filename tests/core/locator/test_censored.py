@@ -93,6 +93,20 @@ def test_what_the_levels_tell_is_the_conditional_gaussian(number):
     np.testing.assert_allclose(found.spread, np.sqrt(variance), atol=1e-9)
 
 
+def test_large_blocks_tell_no_more_than_there_is_to_know():
+    """Their means and the places between them are one field: what is left to know of it is a covariance."""
+    rng, prior = np.random.default_rng(2), Prior(decorrelation_m=(15.0, 700.0), white_shares=(0.0,))
+    x, y = np.tile(np.linspace(0.0, 200.0, 400), 3), rng.normal(0.0, 1.0, 1200)
+    gone = ends(np.arange(200.0), y_m=0.0)
+    track = replace(blocks(observations(x, y, rng.normal(-80.0, 5.0, 1200)), 12), censored=gone)
+    assert len(track) <= 12
+    for noise in whiteners(track, prior)[1:]:
+        hypothesis = prior.hypotheses[noise.number]
+        known = noise.matrix @ censored.shadowing_in_blocks(track, hypothesis).T
+        left = censored.shadowing(track.censored, hypothesis, track.censored.x_m, track.censored.y_m) - known.T @ known
+        assert np.min(np.linalg.eigvalsh(left)) > -1e-9
+
+
 # --- the integral over P0, eta and sigma ---
 
 PLACES = np.array([100.0, 250.0]), np.array([60.0, -90.0])

@@ -102,6 +102,15 @@ def test_deviation_at_a_limit_has_the_derivative_it_says():
     np.testing.assert_allclose((deviation**2 / 32.0)[rows.limit != 0], -hidden[rows.limit != 0], rtol=1e-9)
 
 
+def test_deviation_at_a_limit_stays_finite_far_away():
+    """Where a search goes astray: warnings are errors here."""
+    obs = walk(np.random.default_rng(3), count=40)
+    obs = replace(obs, level_dbm=np.maximum(obs.level_dbm, -80.0), rat="GSM", known_limit=-1 * (obs.level_dbm < -80.0))
+    search = batch._Search(batch._gathered(obs, obs.limit, robust=False), "linear", 0.0, 3.0)
+    for p0_dbm in (-1e12, -1e11, 1e11, 1e12):
+        assert all(np.all(np.isfinite(v)) for v in search._deviation(np.array([0.0, 0.0, p0_dbm, 3.0])))
+
+
 @pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy"])
 def test_robust_losses_withstand_outliers(loss):
     rng = np.random.default_rng(5)
