@@ -23,7 +23,7 @@ from logger.core.locator.blocks import Blocks
 from logger.core.locator.evidence import Whitener, distances_db, receiver_variance
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.prior import Prior
-from logger.core.locator.tree import first_cells, log_prior
+from logger.core.locator.tree import children, first_cells, log_prior
 
 Squares = FloatArray
 """Rows x, y, side: shape (3, h). A place without extent has side 0 and no probability of its own."""
@@ -204,7 +204,7 @@ def refined(field: Field, level_dbm: FloatArray, most: int, share: float = 0.01)
         if not np.any(split):
             break
         field = field.with_squares(
-            np.concatenate([field.squares[:, ~split], _children(field.squares[:, split])], axis=1)
+            np.concatenate([field.squares[:, ~split], children(field.squares[:, split])], axis=1)
         )
     return field
 
@@ -212,11 +212,3 @@ def refined(field: Field, level_dbm: FloatArray, most: int, share: float = 0.01)
 def coarse_squares(blocks: Blocks, prior: Prior) -> Squares:
     """Where a search begins."""
     return first_cells(blocks, prior, 1.2)
-
-
-def _children(square: Squares) -> Squares:
-    quarter = 0.25 * square[2]
-    return np.concatenate(
-        [np.stack([square[0] + i * quarter, square[1] + j * quarter, 2.0 * quarter]) for i in (-1, 1) for j in (-1, 1)],
-        axis=1,
-    )

@@ -240,11 +240,12 @@ def first_cells(blocks: Blocks, prior: Prior, share: float, timing: Timing | Non
         if timing is not None:
             large |= (square[2] > STEP_M) & timing.near(square)
         done.append(square[:, ~large])
-        square = _children(square[:, large])
+        square = children(square[:, large])
     return np.concatenate(done, axis=1)
 
 
-def _children(square: FloatArray) -> FloatArray:
+def children(square: FloatArray) -> FloatArray:
+    """The four quarters of each square."""
     quarter = 0.25 * square[2]
     return np.concatenate(
         [np.stack([square[0] + i * quarter, square[1] + j * quarter, 2.0 * quarter]) for i in (-1, 1) for j in (-1, 1)],
@@ -280,7 +281,7 @@ def _split(walk: Walk, tree: Tree, wanted: BoolArray) -> Tree:
     parents = None
     if walk.given:
         parents = Evidence(*(np.concatenate(4 * [values[..., wanted]], axis=-1) for values in tree.evidence))
-    new = walk.at(_children(square), parents)
+    new = walk.at(children(square), parents)
     joined = Evidence(*(_join(a, b, wanted) for a, b in zip(tree.evidence, new.evidence, strict=True)))
     x_m, y_m, size_m, log_density = (_join(a, b, wanted) for a, b in zip(tree[:4], new[:4], strict=True))
     old, told = tree.log_timing, new.log_timing
