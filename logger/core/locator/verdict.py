@@ -1,7 +1,7 @@
 """The verdict: located, ambiguous or cannot tell, with the reason in plain words.
 
 What is said to be located has to be so with less trust as well: with every correlated noise believed as little as that
-of hills and streets. Of 14 measured walks located without that doubt 4 were not where that said, of the 10 left 1.
+of hills and streets. Of 13 measured walks located without that doubt 4 were not where that said, of the 9 left 1.
 """
 
 from dataclasses import replace
