@@ -22,7 +22,8 @@ from scipy.special import chdtrc, fdtrc
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.blocks import Blocks
-from logger.core.locator.evidence import distances_db, inverse_of_lower, receiver_variance
+from logger.core.locator.covariance import inverse_of_lower
+from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.locator.prior import Prior
 
 _ENERGY = 0.95

@@ -19,7 +19,8 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.blocks import Blocks
-from logger.core.locator.evidence import distances_db, receiver_variance, whiteners_of
+from logger.core.locator.covariance import whiteners_of
+from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.locator.prior import Prior
 from postproc.verify.field import Field, field_at
 

@@ -20,7 +20,8 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.blocks import Blocks
-from logger.core.locator.evidence import Whitener, distances_db, receiver_variance
+from logger.core.locator.covariance import Whitener
+from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.prior import Prior
 from logger.core.locator.tree import children, first_cells, log_prior

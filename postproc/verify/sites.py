@@ -17,8 +17,8 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
+from logger.core.locator.covariance import correlation, own_variance
 from logger.core.locator.division import divide
-from logger.core.locator.evidence import correlation, own_variance
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.posterior import Posterior
 from logger.core.observations import CellObservations

@@ -6,7 +6,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.blocks import Blocks
-from logger.core.locator.evidence import covariances, whiteners_of
+from logger.core.locator.covariance import covariances, whiteners_of
 from logger.core.locator.prior import Prior
 from postproc.verify.direct import DirectTest, direct_test
 from postproc.verify.drawn import Nuisances, calibrated, nuisances, nuisances_off

@@ -57,6 +57,17 @@ class Blocks:
     def __len__(self) -> int:
         return len(self.x_m)
 
+    @property
+    def of_one_point(self) -> bool:
+        """Whether each block has one supporting point only."""
+        return len(self.first) == len(self.weight)
+
+    def mean(self, of_points: FloatArray) -> FloatArray:
+        """Weighted means over the points of each block, shape (n, k), of rows for each point (m, k)."""
+        if self.of_one_point:
+            return of_points
+        return np.asarray(np.add.reduceat(self.weight[:, None] * of_points, self.first), float)
+
     def clear_of_censored(self) -> "Blocks":
         """Those far from any censored reading, one point each: only there the levels kept are not the high ones."""
         gone = self.censored

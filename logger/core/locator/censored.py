@@ -16,7 +16,8 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.blocks import Blocks, Censored
-from logger.core.locator.evidence import Evidence, Whitener, correlation, distances_db, marginal, own_variance
+from logger.core.locator.covariance import Whitener, correlation, own_variance
+from logger.core.locator.evidence import Evidence, distances_db, marginal
 from logger.core.locator.prior import Hypothesis, Prior
 
 _NEWTON_STEPS = 12
@@ -64,8 +65,7 @@ def shadowing(gone: Censored, hypothesis: Hypothesis, x_m: FloatArray, y_m: Floa
 
 def shadowing_in_blocks(blocks: Blocks, hypothesis: Hypothesis) -> FloatArray:
     """The same with the means over the points of the blocks, shape (g, n)."""
-    of_points = shadowing(blocks.censored, hypothesis, blocks.point_x_m, blocks.point_y_m)
-    return np.asarray(np.add.reduceat(blocks.weight * of_points, blocks.first, axis=1), float)
+    return blocks.mean(shadowing(blocks.censored, hypothesis, blocks.point_x_m, blocks.point_y_m).T).T
 
 
 def effective(left: FloatArray, spread: FloatArray, white_share: float, readings: FloatArray) -> FloatArray:

@@ -16,7 +16,8 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.blocks import READINGS_BELIEVED, Blocks
 from logger.core.locator.censored import beyond_dbm, distances_to, shadowing, shadowing_in_blocks
-from logger.core.locator.evidence import Whitener, distances_db, whiteners
+from logger.core.locator.covariance import Whitener, whiteners
+from logger.core.locator.evidence import distances_db
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.orthant import Sites, log_all_above
 from logger.core.locator.prior import Prior

@@ -17,7 +17,8 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.blocks import NOTHING_CENSORED, Blocks, Censored, censored_places
-from logger.core.locator.evidence import covariances, distances_db, receiver_variance
+from logger.core.locator.covariance import covariances
+from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.locator.mixture import Mixture
 from logger.core.locator.prior import Prior
 from logger.core.locator.tree import Effort, Tree, grow

@@ -20,16 +20,8 @@ from logger.core.locator.blocks import (
     in_fewer_places,
     single,
 )
-from logger.core.locator.evidence import (
-    SUMS,
-    Evidence,
-    distances_db,
-    marginal,
-    own_variance,
-    receiver_variance,
-    walk_sums,
-    whiteners,
-)
+from logger.core.locator.covariance import own_variance, whiteners
+from logger.core.locator.evidence import SUMS, Evidence, distances_db, marginal, receiver_variance, walk_sums
 from logger.core.locator.joint import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.posterior import BIAS_SHARE, moments_over

@@ -32,7 +32,6 @@ _END = 0.7
 _LEAST_MOVED = 1e-6
 _MEDIAN_TURNS = 30
 _ROWS = 64
-
 _PAIRS = ((0, 0), (0, 1), (1, 1))
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.locator.blocks import Blocks
 from logger.core.locator.censored import Given, given_levels, joined
-from logger.core.locator.evidence import NODES, Evidence, Whitener, marginal, walk_sums, whiteners
+from logger.core.locator.covariance import Whitener, whiteners
+from logger.core.locator.evidence import NODES, Evidence, marginal, walk_sums
 from logger.core.locator.joint import log_weights, log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.prior import Prior

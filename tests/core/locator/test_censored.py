@@ -7,7 +7,8 @@ import scipy.stats
 
 from logger.core.locator import censored
 from logger.core.locator.blocks import Censored, blocks
-from logger.core.locator.evidence import covariances, marginal, walk_sums, whiteners
+from logger.core.locator.covariance import covariances, whiteners
+from logger.core.locator.evidence import marginal, walk_sums
 from logger.core.locator.posterior import locate
 from logger.core.locator.prior import Prior
 from logger.core.locator.tree import Effort

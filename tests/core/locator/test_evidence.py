@@ -7,8 +7,9 @@ import scipy.stats
 
 from logger.core.locator import evidence
 from logger.core.locator.blocks import blocks
+from logger.core.locator.covariance import whiteners
 from logger.core.locator.prior import Prior
-from tests.kit.walks import observations, path, simulate
+from tests.kit.walks import observations, simulate
 
 MOST = 300
 PLACES = np.array([[90.0, 200.0, -400.0], [40.0, -50.0, 300.0]])
@@ -24,7 +25,7 @@ def bent_walk(position_sigma=0.0, count=14):
 
 
 def evidence_of(track, prior, places, nodes=evidence.NODES):
-    found = evidence.whiteners(track, prior)
+    found = whiteners(track, prior)
     total = evidence.walk_sums(track, found, prior, *places)
     return evidence.marginal(total, len(track), np.array([[w.log_det] for w in found]), prior, nodes)
 
@@ -225,45 +226,11 @@ def test_rows_of_the_end_alone():
     track = bent_walk(5.0)
     distance_db = evidence.distances_db(track, PRIOR.height_m, *PLACES)
     for extra in (None, evidence.receiver_variance(track, PRIOR, distance_db)):
-        w = evidence.whiteners(track, PRIOR)[1].matrix
+        w = whiteners(track, PRIOR)[1].matrix
         whole = evidence.sums(w, track.level_dbm, distance_db, extra)
         before = evidence.sums(w[:9, :9], track.level_dbm[:9], distance_db[:9], None if extra is None else extra[:9])
         after = evidence.sums(w[9:], track.level_dbm, distance_db, extra)
         np.testing.assert_allclose(before + after, whole, rtol=1e-10, atol=1e-12)
-
-
-@pytest.mark.parametrize("n", [1, 2, 16, 17, 75])
-def test_inverse_of_lower_triangular_matrices(n):
-    root = np.tril(np.random.default_rng(n).normal(size=(3, n, n)), -1) / n + 2.0 * np.eye(n)
-    found = evidence.inverse_of_lower(root)
-    np.testing.assert_allclose(found @ root, np.broadcast_to(np.eye(n), root.shape), atol=1e-12)
-    np.testing.assert_array_equal(found, np.tril(found))
-
-
-def test_whiteners_of_some_hypotheses_are_those_of_all():
-    level = np.linspace(-60.0, -90.0, 40)
-    track = blocks(observations(np.linspace(0.0, 300.0, 40), np.zeros(40), level), 40)
-    every = evidence.whiteners(track, PRIOR)
-    for one in evidence.whiteners(track, PRIOR, [1]):
-        np.testing.assert_allclose(one.matrix, every[one.number].matrix, rtol=1e-12, atol=1e-12)
-        assert one.log_det == pytest.approx(every[one.number].log_det)
-
-
-# --- what the levels of blocks have in common ---
-
-
-def test_shadowing_of_a_block_is_the_mean_over_its_points():
-    """Against drawn fields."""
-    x, y = path("random", 240, 3.0)
-    walk = blocks(observations(x, y, np.zeros(240)), 20)
-    rng, prior = np.random.default_rng(1), Prior(decorrelation_m=(15.0,), white_shares=(0.0,))
-    apart = np.hypot(*(v[:, None] - v for v in (walk.point_x_m, walk.point_y_m)))
-    drawn = np.linalg.cholesky(np.exp(-apart / 15.0)) @ rng.normal(size=(len(apart), 20_000))
-    means = np.add.reduceat(walk.weight[:, None] * drawn, walk.first)
-    rounding = np.eye(len(walk)) / 12.0 / prior.sigma_db**2
-    found = evidence.covariances(walk, prior)[1]
-    assert found - rounding == pytest.approx(np.cov(means), abs=0.04)
-    assert np.max(np.diagonal(found)) < 0.9
 
 
 def test_shadowing_does_not_seem_to_last_longer_in_larger_blocks():
@@ -278,13 +245,3 @@ def test_shadowing_does_not_seem_to_last_longer_in_larger_blocks():
             log_p = evidence_of(blocks(observations(x, 0 * x, level), most), prior, PLACES + 1e5).log_p
             gains.append(np.mean(log_p[1] - log_p[2]))
         assert np.mean(gains) > 0.5, most
-
-
-def test_what_is_whitened_is_white():
-    x, y = path("square", 240, 3.0)
-    walk = blocks(observations(x, y, np.zeros(240)), 20)
-    k = evidence.covariances(walk, PRIOR)
-    for one, found in zip(k, evidence.whiteners_of(k), strict=True):
-        assert found.matrix @ one @ found.matrix.T == pytest.approx(np.eye(len(walk)), abs=1e-9)
-        assert found.log_det == pytest.approx(np.linalg.slogdet(one)[1])
-    assert [found.number for found in evidence.whiteners_of(k)] == [0, 1]

@@ -7,6 +7,7 @@ import scipy.stats
 
 from logger.core.locator import evidence
 from logger.core.locator.blocks import blocks
+from logger.core.locator.covariance import whiteners
 from logger.core.locator.offsets import first_look, offsets
 from logger.core.locator.posterior import COARSE_BLOCKS, locate
 from logger.core.locator.prior import Prior
@@ -88,7 +89,7 @@ def test_random_effect_is_an_offset_integrated_out(row):
 
 
 def evidence_at_place(track):
-    found = evidence.whiteners(track, PRIOR)
+    found = whiteners(track, PRIOR)
     log_det = np.array([[w.log_det] for w in found])
     return evidence.marginal(evidence.walk_sums(track, found, PRIOR, *PLACE), len(track), log_det, PRIOR, 15)
 

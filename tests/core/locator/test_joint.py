@@ -6,7 +6,7 @@ import scipy.special
 import scipy.stats
 
 from logger.core.locator.blocks import NOTHING_CENSORED, Censored, blocks
-from logger.core.locator.evidence import whiteners
+from logger.core.locator.covariance import whiteners
 from logger.core.locator.joint import Joint, log_weights
 from logger.core.locator.posterior import locate
 from logger.core.locator.prior import Prior

@@ -10,6 +10,7 @@ from logger.core.errors import EstimationError
 from logger.core.geo import Utm
 from logger.core.locator import evidence
 from logger.core.locator.blocks import blocks
+from logger.core.locator.covariance import whiteners
 from logger.core.locator.posterior import locate
 from logger.core.locator.prior import Prior
 from logger.core.locator.region import Cells
@@ -138,7 +139,7 @@ def along_a_ray(obs, prior, found):
     """Distances from a place, and the posterior's mass there: evidence and prior by the area of a circle's rim."""
     at = np.geomspace(1.0, prior.reach_m, 4000)
     walk, zero = blocks(obs, 300), np.zeros(4000)
-    total = evidence.walk_sums(walk, evidence.whiteners(walk, prior), prior, at, zero)
+    total = evidence.walk_sums(walk, whiteners(walk, prior), prior, at, zero)
     levels = evidence.marginal(total, len(walk), np.zeros((1, 1)), prior).log_p[0]
     log_mass = levels + found.log_p(at, zero) - prior.far_power * np.log(np.maximum(at / prior.near_m, 1.0))
     mass = np.exp(log_mass - log_mass.max()) * at**2

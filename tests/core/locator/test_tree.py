@@ -6,6 +6,7 @@ import pytest
 
 from logger.core.locator import evidence
 from logger.core.locator.blocks import blocks
+from logger.core.locator.covariance import whiteners
 from logger.core.locator.mixture import mixture
 from logger.core.locator.prior import Prior
 from logger.core.locator.region import Cells, area_m2, highest_density
@@ -27,7 +28,7 @@ def walk(count=24, noise_db=3.0, seed=1):
 def by_grid(obs, prior, most, step=5.0):
     """The same posterior on an even grid over the whole area; its middle points and their probability."""
     track = blocks(obs, most)
-    found = evidence.whiteners(track, prior)
+    found = whiteners(track, prior)
     log_det = np.array([[w.log_det] for w in found])
     middle = [0.5 * (np.min(v) + np.max(v)) for v in (track.x_m, track.y_m)]
     half = prior.reach_m + 0.5 * max(np.ptp(track.x_m), np.ptp(track.y_m))

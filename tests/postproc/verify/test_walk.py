@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from logger.core.locator.blocks import blocks
-from logger.core.locator.evidence import covariances, distances_db, whiteners_of
+from logger.core.locator.covariance import covariances, whiteners_of
+from logger.core.locator.evidence import distances_db
 from logger.core.locator.prior import Prior
 from postproc.verify.claims import Claim
 from postproc.verify.drawn import calibrated, nuisances, nuisances_off
