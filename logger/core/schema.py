@@ -14,7 +14,9 @@ import numpy.typing as npt
 
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan, Value
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
+OLDEST_DESCRIBED = 2
+"""Oldest version whose rows are understood where a journal has lost its description."""
 
 UNKNOWN_ID = -1
 """Mark of an unknown integer that cannot be negative."""
@@ -104,6 +106,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         _count("ta", "timing advance, steps of 553.5 m"),
         Column("c1", "<i4", "path loss criterion C1", UNKNOWN_SIGNED),
         Column("c2", "<i4", "reselection criterion C2", UNKNOWN_SIGNED),
+        Column("identity_unsure", "|u1", "1 where a byte of the identity may be lost or doubled", 0),
     ),
     "notes": (
         *_HEAD,
@@ -142,6 +145,21 @@ def dtype_of(columns: Iterable[Column]) -> np.dtype[np.void]:
 
 
 DTYPES: Mapping[str, np.dtype[np.void]] = {name: dtype_of(columns) for name, columns in TABLES.items()}
+
+_ADDED_IN: Mapping[int, Mapping[str, frozenset[str]]] = {
+    3: {"readings": frozenset({"identity_unsure"})},
+}
+"""Columns by the version that added them."""
+
+
+def dtypes_of(version: int) -> Mapping[str, np.dtype[np.void]]:
+    """Rows as that version wrote them, from `OLDEST_DESCRIBED` on."""
+    later = [tables for added_in, tables in _ADDED_IN.items() if added_in > version]
+
+    def had(table: str, column: Column) -> bool:
+        return not any(column.name in tables.get(table, ()) for tables in later)
+
+    return {table: dtype_of(column for column in columns if had(table, column)) for table, columns in TABLES.items()}
 
 
 def as_of_now(table: str, rows: Rows) -> Rows:

@@ -41,6 +41,7 @@ class CellReading:
     `lac` is that of GSM and WCDMA, `tac` that of LTE and later; `arfcn` is the channel of any technology. `ta` is the
     GSM timing advance in steps of 553.5 m (3GPP TS 45.010). `label` names the cell where a file was imported that has
     no identity; a modem never fills it. `more` is what else the modem prints and the run file keeps as raw bytes only.
+    `identity_unsure`: the form of the row does not rule out that a byte of the identity was lost or doubled.
     """
 
     role: Role
@@ -68,6 +69,7 @@ class CellReading:
     c1: int | None = None
     c2: int | None = None
     label: str | None = None
+    identity_unsure: bool = False
     more: Mapping[str, int | str | None] = field(default_factory=dict, hash=False)
 
     @property

@@ -3,7 +3,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from logger.core.schema import DTYPES, TABLES, as_of_now, rows_of, values_of
+from logger.core.schema import DTYPES, TABLES, as_of_now, dtypes_of, rows_of, values_of
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan
 
 HEAD = {"seq", "t_ns", "source"}
@@ -52,3 +52,13 @@ def test_rows_of_an_older_run_have_all_of_todays_columns():
     assert next(values_of("readings", rows))["arfcn"] == 77
     assert all(next(values_of("readings", rows))[name] is None for name in ("rsrp_dbm", "tac", "band", "t_start_ns"))
     assert as_of_now("readings", today) is today
+
+
+@pytest.mark.parametrize("unsure", [False, True])
+def test_a_run_keeps_which_identity_is_unsure_and_an_older_one_has_none(unsure):
+    reading = CellReading("serving", "GSM", "262", "01", 4711, 2655, identity_unsure=unsure)
+    found = rows_of(0, Record(5, "modem", Scan(1, (reading,))))
+    table = np.array([row for name, row in found if name == "readings"], DTYPES["readings"])
+    assert next(values_of("readings", table))["identity_unsure"] == (1 if unsure else None)
+    older = table[list(dtypes_of(2)["readings"].names)]
+    assert next(values_of("readings", as_of_now("readings", older)))["identity_unsure"] is None

@@ -1,9 +1,17 @@
 """What a run says about itself: the first frame of a journal, repeated every minute, and `/meta` of the HDF5 file."""
 
+from collections.abc import Mapping
+
 import msgspec
+import numpy as np
 
 from logger.core.live_settings import LiveSettings
-from logger.core.schema import SCHEMA_VERSION, TABLES
+from logger.core.schema import DTYPES, SCHEMA_VERSION
+
+
+def columns_of(dtypes: Mapping[str, np.dtype[np.void]]) -> dict[str, list[tuple[str, str]]]:
+    """Name and type of each column by table, as a run describes itself."""
+    return {table: [(str(name), str(kind)) for name, kind, *_ in dtype.descr] for table, dtype in dtypes.items()}
 
 
 class Truth(msgspec.Struct, frozen=True):
@@ -27,9 +35,7 @@ class RunMeta(msgspec.Struct, frozen=True, kw_only=True):
     live: LiveSettings = LiveSettings()
     truth: tuple[Truth, ...] = ()
     schema: int = SCHEMA_VERSION
-    columns: dict[str, list[tuple[str, str]]] = msgspec.field(
-        default_factory=lambda: {table: [(c.name, c.dtype) for c in columns] for table, columns in TABLES.items()}
-    )
+    columns: dict[str, list[tuple[str, str]]] = msgspec.field(default_factory=lambda: columns_of(DTYPES))
 
 
 class RunEnd(msgspec.Struct, frozen=True, kw_only=True):

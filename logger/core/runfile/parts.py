@@ -13,11 +13,11 @@ import numpy as np
 from logger.core.errors import RunFileError
 from logger.core.runfile.chain import Chain
 from logger.core.runfile.frames import Buffer, Frame, Kind, Skipped, payload_of, scan
-from logger.core.runfile.meta import Damage, RunEnd, RunMeta
+from logger.core.runfile.meta import Damage, RunEnd, RunMeta, columns_of
 from logger.core.runfile.names import first_part, parts_of
 from logger.core.runfile.readable import buffer_of
 from logger.core.runfile.writer import RAW_COUNT
-from logger.core.schema import DTYPES, SCHEMA_VERSION, Rows
+from logger.core.schema import OLDEST_DESCRIBED, SCHEMA_VERSION, Rows, dtypes_of
 
 NO_ROWS: Rows = np.empty(0, np.dtype([]))
 
@@ -52,6 +52,7 @@ class JournalParts:
         self.end: RunEnd | None = None
         self.chain = Chain()
         self._meta: RunMeta | None = None
+        self._schema = SCHEMA_VERSION
         self._missing = 0
         self._skipped = 0
         self._first_ns: int | None = None
@@ -72,7 +73,13 @@ class JournalParts:
         if self._meta is not None:
             return self._meta
         return RunMeta(
-            run_id="", boot_id="", started_ns=self._first_ns or 0, origin="lost with the description", program=""
+            run_id="",
+            boot_id="",
+            started_ns=self._first_ns or 0,
+            origin="lost with the description",
+            program="",
+            schema=self._schema,
+            columns=columns_of(dtypes_of(self._schema)),
         )
 
     def __iter__(self) -> Iterator[Part]:
@@ -128,10 +135,12 @@ class JournalParts:
             if text is not None:
                 self._meta, self.meta_text = decode_meta(text, self.path), text
                 return {table: np.dtype(list(map(tuple, columns))) for table, columns in self._meta.columns.items()}
-        if np.any(index["schema"] != SCHEMA_VERSION):
+        versions = np.unique(index["schema"])
+        if len(versions) != 1 or not OLDEST_DESCRIBED <= versions[0] <= SCHEMA_VERSION:
             raise RunFileError(f"{self.path} has lost its table definitions")
+        self._schema = int(versions[0])
         self.meta_text = msgspec.json.encode(self.meta)
-        return DTYPES
+        return dtypes_of(self._schema)
 
 
 def decode_meta(text: bytes, path: Path) -> RunMeta:

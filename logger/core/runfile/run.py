@@ -111,6 +111,7 @@ class _ReadingsBySeq:
 
 def _reading(row: dict[str, Any]) -> CellReading:
     named = {name: row[name] for name in _READING_FIELDS}
+    named["identity_unsure"] = bool(row["identity_unsure"])
     reading = CellReading(**named)
     # a cell named by its identity needs no label
     return reading if reading.cell == row["cell"] else CellReading(**named, label=row["cell"])

@@ -5,9 +5,12 @@ import random
 
 import pytest
 
+from logger.core import schema
 from logger.core.errors import RunFileError
-from logger.core.runfile import convert_journal, read_run
+from logger.core.runfile import convert_journal, read_run, writer
+from logger.core.runfile import journal as journal_module
 from logger.core.runfile.frames import HEADER_SIZE, Frame, scan
+from logger.core.schema import DTYPES, OLDEST_DESCRIBED, TABLES, dtypes_of
 from logger.core.types import Note, RawBytes, Record, Scan
 from tests.kit import runs
 
@@ -140,6 +143,26 @@ def test_a_run_without_any_description_keeps_its_rows(journal, holders, tmp_path
     convert_journal(run.path, tmp_path / "a.h5")
     assert read_run(tmp_path / "a.h5").damage.description_lost
     assert dict(read_run(tmp_path / "a.h5").records()) == got
+
+
+def test_a_run_of_an_older_version_without_any_description_keeps_its_rows(tmp_path, monkeypatch):
+    """Its rows are shorter than those of today: every frame names the version that divides them."""
+    old = dtypes_of(OLDEST_DESCRIBED)
+    assert old["readings"].itemsize < DTYPES["readings"].itemsize
+    tables = {table: [c for c in columns if c.name in old[table].names] for table, columns in TABLES.items()}
+    with monkeypatch.context() as past:
+        past.setattr(schema, "TABLES", tables)
+        past.setattr(writer, "DTYPES", old)
+        past.setattr(journal_module, "SCHEMA_VERSION", OLDEST_DESCRIBED)
+        runs.write_journal(tmp_path / "a.journal", FOUND, sync_every=3)
+    data = bytearray((tmp_path / "a.journal").read_bytes())
+    data[HEADER_SIZE + 10] ^= 0xFF
+    run, got = _records(tmp_path / "a.journal", data)
+    assert run.damage.description_lost
+    assert [got[seq] for seq in range(len(FOUND))] == FOUND
+    convert_journal(run.path, tmp_path / "a.h5")
+    assert dict(read_run(tmp_path / "a.h5").records()) == got
+    assert read_run(tmp_path / "a.h5").meta.schema == OLDEST_DESCRIBED
 
 
 def test_a_frame_that_is_no_row_in_spite_of_its_crc_is_damage(tmp_path):

@@ -3,6 +3,7 @@
 import json
 from unittest.mock import ANY
 
+import h5py
 import pytest
 
 from logger.cli import main as fieldlogger
@@ -92,8 +93,8 @@ def _finished(folder, n):
 def test_the_oldest_spare_journal_goes_first_and_a_run_never(tmp_path):
     (first, _), (_, spoiled), (third, _) = (_finished(tmp_path, n) for n in (1, 2, 3))
     data = bytearray(spoiled.read_bytes())
-    data[len(data) // 2] ^= 0xFF
-    data[len(data) // 3] ^= 0xFF
+    with h5py.File(spoiled) as file:
+        data[file["readings"].id.get_chunk_info(0).byte_offset] ^= 0xFF
     spoiled.write_bytes(data)
     _cut(tmp_path / "run-000004.journal")
     _cut(tmp_path / "run-000005.journal", damage=True)
