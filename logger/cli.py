@@ -131,7 +131,7 @@ def _print_lines(lines: "Iterable[Line]", *, as_json: bool) -> int:
 
 
 def _probe(arguments: argparse.Namespace) -> int:
-    from logger.probe import probe, serial_ports, site_toml
+    from logger.probe import probe, proposed, serial_ports
 
     there = serial_ports()
     ports = {port: there.get(port, "") for port in arguments.ports} or there
@@ -139,7 +139,7 @@ def _probe(arguments: argparse.Namespace) -> int:
         raise ConfigError("there is no serial port; plug the modem and the receiver in, or name a port")
     print(f"looking at {', '.join(ports)}: up to 20 s", file=sys.stderr)
     found = probe(ports)
-    proposal = site_toml(found)
+    proposal = proposed(found)
     if arguments.json:
         print(json.dumps([asdict(one) for one in found], indent=2))
     else:
@@ -147,16 +147,20 @@ def _probe(arguments: argparse.Namespace) -> int:
             rate = f" at {one.baud} baud" if one.baud else ""
             driver = f", driver {one.driver}" if one.driver else ""
             print(f"# {one.port} ({one.usb or 'no USB'}): {one.kind}{rate}{driver} {one.text}")
-        print(f"\n{proposal}", end="")
+        print(f"\n{proposal.text}", end="")
     if arguments.write is not None:
-        _write_new(arguments.write, proposal)
-    return 0 if {"modem", "gnss"} <= {one.kind for one in found} else 2
+        _write_new(arguments.write, proposal.text)
+    if proposal.advice:
+        raise ConfigError(proposal.advice)
+    return 0
 
 
 def _write_new(path: Path, text: str) -> None:
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
+    except FileExistsError as error:
+        raise ConfigError(f"{path}: {error.strerror}; move it away, or write to another name") from error
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
 

@@ -111,6 +111,8 @@ def _explain(problem: str) -> str:
         kind = "table" if not table else "key"
         return f'{_place(table)}missing {kind} "{missing[1]}"'
     table, _, key = table.rpartition(".")
+    if key == "port" and "length" in what:
+        return f'{_place(table)}"port" is empty; `fieldlogger probe` finds the ports'
     return f'{_place(table)}"{key}": {what[0].lower()}{what[1:]}'
 
 

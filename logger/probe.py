@@ -1,5 +1,6 @@
 """`fieldlogger probe`: what is on the serial ports, and the site.toml that would use it."""
 
+import os
 import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -10,13 +11,15 @@ from typing import Literal, TypeVar
 
 from serial.tools import list_ports
 
+from logger.config import GNSS_OF_MODEM
 from logger.core.errors import DeviceError
 from logger.device.port import Port
 from logger.drivers.at import AtFramer
 from logger.drivers.dialogue import Command, Dialogue, Reply, driven
+from logger.drivers.family import Family
 from logger.drivers.nmea import NmeaFramer, Sentence
 from logger.drivers.privacy import Blanker
-from logger.drivers.registry import identified
+from logger.drivers.registry import AUTO, FAMILIES, identified
 
 T = TypeVar("T")
 
@@ -27,14 +30,21 @@ LISTEN_S = 1.3
 _SENTENCES = 2
 """Right checksums that make a receiver: one may be noise."""
 _TRIES = 2
+RECEIVER_IS_OFF = (": 505", ": 516")
+"""+CME ERROR of a Quectel: its receiver is off, or has no fix yet."""
 _BY_ID = Path("/dev/serial/by-id")
+SERVICE_FOLDER = Path("/var/lib/cellwalk")
+"""Where systemd/install.sh lets the service keep runs."""
 
 Kind = Literal["modem", "gnss", "unknown", "busy"]
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """One port: a name that stays when it is replugged where there is one, and what answered there."""
+    """One port: a name that stays when it is replugged where there is one, and what answered there.
+
+    `receiver` says whether a modem has one of its own, None where that is not known.
+    """
 
     port: str
     usb: str
@@ -42,6 +52,7 @@ class Found:
     baud: int | None = None
     driver: str | None = None
     text: str = ""
+    receiver: bool | None = None
 
 
 def serial_ports() -> dict[str, str]:
@@ -61,27 +72,6 @@ def probe(ports: dict[str, str], bauds: Iterable[int] = BAUDS) -> list[Found]:
         return list(pool.map(lambda port: _probe_port(port, ports[port], tried), ports))
 
 
-def site_toml(found: Iterable[Found], folder: str = "/var/lib/cellwalk") -> str:
-    """The configuration for the first modem and the first receiver; what was not found is left to be filled in."""
-    every = list(found)
-    modem = next((one for one in every if one.kind == "modem"), None)
-    gnss = next((one for one in every if one.kind == "gnss"), None)
-    lines = ["[run]", f'directory = "{folder}"', "", "[modem]"]
-    if modem is None:
-        lines += ["# no modem has answered: is it powered, and plugged in?", 'port = ""']
-    else:
-        lines += [f"# {modem.text}", f'port = "{modem.port}"', f'driver = "{modem.driver}"', f"baud = {modem.baud}"]
-    lines += ["", "[gnss]"]
-    if gnss is None:
-        lines += [
-            '# no receiver has spoken; port = "modem" uses the modem\'s own, gpsd://localhost one of gpsd',
-            'port = ""',
-        ]
-    else:
-        lines += [f'port = "{gnss.port}"', f"baud = {gnss.baud}"]
-    return "\n".join(lines) + "\n"
-
-
 def stable_name(port: str) -> str:
     """The name under /dev/serial/by-id of a port, or its own."""
     if not _BY_ID.is_dir():
@@ -98,7 +88,8 @@ def _probe_port(port: str, usb: str, bauds: tuple[int, ...]) -> Found:
                     return Found(name, usb, "gnss", baud, text="NMEA")
                 if _answers(opened) and (who := converse(opened, identified())):
                     driver, text = who
-                    return Found(name, usb, "modem", baud, driver.name, text)
+                    receiver = converse(opened, _has_receiver(driver))
+                    return Found(name, usb, "modem", baud, driver.name, text, receiver)
         except DeviceError as error:
             return Found(name, usb, "busy", text=str(error))
     return Found(name, usb, "unknown", text="nothing that is known has answered")
@@ -116,6 +107,21 @@ def _hears_nmea(port: Port) -> bool:
 def _answers(port: Port) -> bool:
     """Whether something answers OK to `AT`, the first of which only tells the modem the rate."""
     return any(_ask(port, AtFramer(), Command("AT", timeout_s=0.5)).ok for _ in range(_TRIES))
+
+
+def _has_receiver(driver: Family) -> Dialogue[bool]:
+    """Whether the modem has a receiver of its own, which is not switched on for it.
+
+    It knows the command that asks for a fix, or the one that switches the receiver on: a test
+    command of the form AT+X=? is answered OK where AT+X= is known (ITU-T V.250 5.4.1).
+    """
+    tests = (Command(on.text.partition("=")[0] + "=?") for on in driver.gnss_on)
+    yield Command("AT+CMEE=1")
+    for command in (*driver.gnss_asked, *tests):
+        reply = yield command
+        if reply.ok or (reply.final or "").endswith(RECEIVER_IS_OFF):
+            return True
+    return False
 
 
 def converse(port: Port, dialogue: Dialogue[T]) -> T:
@@ -139,3 +145,91 @@ def _chunks(port: Port, seconds: float) -> Iterator[bytes]:
     while time.monotonic() < end_s:
         if data := port.read():
             yield data
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """Text of a site.toml, which `fieldlogger check` accepts where nothing is missing.
+
+    `advice` says in one line what is missing and what to do; the text has it as comments.
+    """
+
+    text: str
+    advice: str = ""
+
+
+def proposed(found: Iterable[Found], folder: Path | None = None) -> Proposal:
+    """The configuration for the first modem and the first receiver."""
+    every = list(found)
+    modem = next((one for one in every if one.kind == "modem"), None)
+    gnss = next((one for one in every if one.kind == "gnss"), None)
+    tables = [_modem(modem), _gnss(gnss, modem)]
+    missing = [table.missing for table in tables if table.missing]
+    busy = [one.text for one in every if one.kind == "busy"] if missing else []
+    run = ["[run]", f"directory = {_text(str(folder or usual_folder()))}"]
+    if busy:
+        run = [*(f"# {_comment(text)}" for text in busy), *run]
+    parts = (run, *(table.lines for table in tables))
+    text = "\n\n".join("\n".join(lines) for lines in parts)
+    return Proposal(text + "\n", "; ".join([*missing, *busy]))
+
+
+def usual_folder() -> Path:
+    """The folder of the service where there is one or it can be made, else one of this user's."""
+    if SERVICE_FOLDER.is_dir() or os.access(SERVICE_FOLDER.parent, os.W_OK):
+        return SERVICE_FOLDER
+    return Path.home() / "cellwalk"
+
+
+def site_toml(found: Iterable[Found], folder: Path | None = None) -> str:
+    """The text alone."""
+    return proposed(found, folder).text
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    lines: list[str]
+    missing: str = ""
+
+
+def _modem(modem: Found | None) -> _Table:
+    if modem is None:
+        return _empty("modem", "no modem has answered: powered, plugged in? fill in [modem] port")
+    driver = f"driver = {_text(modem.driver or AUTO)}"
+    return _Table(["[modem]", f"# {_comment(modem.text)}", *_at(modem), driver])
+
+
+def _gnss(gnss: Found | None, modem: Found | None) -> _Table:
+    if gnss is not None:
+        return _Table(["[gnss]", *_at(gnss)])
+    if modem is not None and _locates(modem):
+        comment = "# no receiver of its own has spoken; that of the modem needs an antenna too"
+        return _Table(["[gnss]", comment, f"port = {_text(GNSS_OF_MODEM)}"])
+    others = '"gpsd://localhost" is that of gpsd, "modem" the modem\'s own where it has one'
+    return _empty("gnss", f"no receiver has spoken: plugged in? fill in [gnss] port; {others}")
+
+
+def _locates(modem: Found) -> bool:
+    """Whether the modem's own receiver can give the fixes."""
+    driver = FAMILIES.get(modem.driver or "")
+    return driver is not None and bool(driver.gnss_asked) and modem.receiver is not False
+
+
+def _empty(table: str, missing: str) -> _Table:
+    return _Table([f"[{table}]", f"# {missing}", 'port = ""'], missing)
+
+
+def _at(found: Found) -> list[str]:
+    baud = [] if found.baud is None else [f"baud = {found.baud}"]
+    return [f"port = {_text(found.port)}", *baud]
+
+
+def _text(value: str) -> str:
+    """A TOML basic string."""
+    plain = value.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in plain) + '"'
+
+
+def _comment(text: str) -> str:
+    """A modem's words without what TOML allows in no comment."""
+    return "".join(c if c.isprintable() else "?" for c in text)

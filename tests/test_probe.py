@@ -1,18 +1,41 @@
 import json
 import tomllib
+from contextlib import ExitStack
+from itertools import product
 
 import pytest
 
 from logger.cli import main
 from logger.config import parse_config
-from logger.probe import Found, probe, site_toml
+from logger.device.clock import ScaledClock
+from logger.drivers.registry import FAMILIES
+from logger.probe import Found, probe, proposed, site_toml
+from logger.sim.clock import WalkTime
+from logger.sim.dialects import DIALECTS
+from logger.sim.ptys import PtyDevice, answering, talking
+from logger.sim.scenario import scenario
 from tests.kit.sim import devices
+
+HAVE_A_RECEIVER = {"sim808", "sim7000", "sim7600", "ec25"}
 
 
 @pytest.fixture
 def ports():
     with devices() as (modem, gnss, silent):
         yield {modem.path: "", gnss.path: "", silent.path: ""}
+
+
+@pytest.fixture(scope="module")
+def looked_at():
+    """What is found on the port of each simulated modem, of a receiver, of nobody and of none."""
+    walk, time = scenario("block", 1, 600.0), WalkTime(ScaledClock(20.0))
+    sessions = {name: answering(walk.modem(time.now_s, name)) for name in DIALECTS}
+    sessions |= {"receiver": talking(walk.receiver(), time), "silent": lambda _line: None}
+    with ExitStack() as stack:
+        paths = [stack.enter_context(PtyDevice(session)).path for session in sessions.values()]
+        found = dict(zip(sessions, probe(dict.fromkeys(paths, ""), bauds=(115_200,)), strict=True))
+        found["none"] = Found("/dev/ttyUSB9", "", "busy", text="in use by another program")
+        yield found
 
 
 def test_each_device_is_known_by_what_it_says(ports):
@@ -23,12 +46,60 @@ def test_each_device_is_known_by_what_it_says(ports):
     assert silent.kind == "unknown"
 
 
+def test_a_modem_is_asked_whether_it_has_a_receiver(looked_at):
+    assert {name for name in DIALECTS if looked_at[name].receiver} == HAVE_A_RECEIVER
+    assert {looked_at[name].kind for name in DIALECTS} == {"modem"}
+
+
+@pytest.mark.parametrize("receiver", ["receiver", "silent", "none"])
+@pytest.mark.parametrize("modem", [*DIALECTS, "silent", "none"])
+def test_check_accepts_every_proposal_or_says_what_to_fill_in(looked_at, tmp_path, capsys, modem, receiver):
+    proposal = proposed([looked_at[modem], looked_at[receiver]], tmp_path / "runs")
+    site = tmp_path / "site.toml"
+    site.write_text(proposal.text)
+    fixes = receiver == "receiver" or modem in HAVE_A_RECEIVER
+    whole = modem in DIALECTS and fixes
+    assert (proposal.advice == "") == whole
+    assert main(["check", "--config", str(site)]) == (0 if whole else 2)
+    if whole:
+        port = tomllib.loads(proposal.text)["gnss"]["port"]
+        assert port == (looked_at["receiver"].port if receiver == "receiver" else "modem")
+    else:
+        (line,) = capsys.readouterr().err.splitlines()
+        assert '"port" is empty; `fieldlogger probe`' in line
+        table = "modem" if modem not in DIALECTS else "gnss"
+        assert f"fill in [{table}] port" in proposal.advice
+        assert f"fill in [{table}] port" in proposal.text
+        assert "\n" not in proposal.advice
+
+
+@pytest.mark.parametrize(("driver", "asked"), [*product(FAMILIES, [True, None])])
+def test_the_receiver_of_a_modem_is_proposed_where_its_driver_reads_one(driver, asked):
+    found = [Found("/dev/ttyUSB2", "", "modem", 115_200, driver, "a modem", asked)]
+    port = tomllib.loads(site_toml(found))["gnss"]["port"]
+    assert port == ("modem" if FAMILIES[driver].gnss_asked else "")
+
+
 def test_the_proposal_is_a_configuration():
-    found = [Found("/dev/ttyUSB0", "", "gnss", 9600), Found("/dev/ttyUSB1", "", "modem", 115_200, "sim800", "SIM800")]
+    found = [
+        Found("/dev/ttyUSB0", "", "gnss", 9600),
+        Found("/dev/ttyUSB1", "", "modem", 115_200, "sim800", "SIM800"),
+    ]
     config = parse_config(site_toml(found), "proposal")
-    assert (config.modem.port, config.modem.driver, config.gnss.port) == ("/dev/ttyUSB1", "sim800", "/dev/ttyUSB0")
+    assert (config.modem.port, config.modem.driver) == ("/dev/ttyUSB1", "sim800")
+    assert config.gnss.port == "/dev/ttyUSB0"
     nothing = tomllib.loads(site_toml([]))
     assert (nothing["modem"]["port"], nothing["gnss"]["port"]) == ("", "")
+
+
+def test_no_name_and_no_word_of_a_modem_breaks_the_file():
+    odd = 'a"b\\c\x07\x7f'
+    found = [
+        Found(f"/dev/{odd}", "", "modem", 9600, "sim800", f"says {odd}\nport = 1"),
+        Found("/dev/ü", "", "gnss", 9600),
+    ]
+    config = parse_config(site_toml(found), "proposal")
+    assert (config.modem.port, config.gnss.port) == (f"/dev/{odd}", "/dev/ü")
 
 
 def test_the_command_prints_the_proposal_and_never_writes_over_a_file(ports, tmp_path, capsys):
@@ -38,7 +109,18 @@ def test_the_command_prints_the_proposal_and_never_writes_over_a_file(ports, tmp
     assert [one["kind"] for one in json.loads(capsys.readouterr().out)] == ["modem", "gnss"]
     assert parse_config(site.read_text(), "site").modem.port == modem
     assert main(["probe", modem, gnss, "--write", str(site)]) == 2
-    assert "File exists" in capsys.readouterr().err
+    assert "File exists; move it away" in capsys.readouterr().err
+
+
+def test_what_is_missing_is_one_line(tmp_path, capsys):
+    site = tmp_path / "site.toml"
+    assert main(["probe", str(tmp_path / "none"), "--write", str(site)]) == 2
+    looking, advice = capsys.readouterr().err.splitlines()
+    assert looking.startswith("looking at")
+    assert advice.startswith("fieldlogger: no modem has answered")
+    assert "no receiver has spoken" in advice
+    assert "no such port" in advice
+    assert "fill in [modem] port" in site.read_text()
 
 
 def test_a_port_that_is_not_there_is_told(tmp_path):
