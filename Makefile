@@ -17,8 +17,11 @@ demo: .venv/post.stamp
 	$(BIN)/postproc report $(DEMO)/run.h5
 	@echo "== done: $(DEMO)/run.html tells the walk; $(BIN)/rerun $(DEMO)/run.rrd opens it in rerun"
 
+# by two processes: many tests wait for a service in real time, so a machine of two cores is not
+# busier with two. WORKERS=0 runs them one after another, for a debugger.
+WORKERS ?= 2
 test: lint
-	$(BIN)/pytest -m "not slow"
+	$(BIN)/pytest -m "not slow" -n $(WORKERS) --dist worksteal
 
 lint: .venv/dev.stamp
 	$(BIN)/ruff check .

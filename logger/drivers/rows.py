@@ -87,6 +87,8 @@ def as_json(row: Row) -> dict[str, Any]:
         return _fix_json(row)
     named = asdict(row)
     more = named.pop("more", {})
+    if not named.get("identity_unsure"):
+        named.pop("identity_unsure", None)  # the key is there only where it is true
     return {"role": _ROLES.get(type(row), named.pop("role", None)), "rat": None, **named, **more}
 
 

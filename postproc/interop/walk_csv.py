@@ -68,6 +68,9 @@ def _value(heard: Heard, name: str, start_ns: int) -> str:
 
 
 def _text(value: object) -> str:
+    """A value as text; a mark that is not set is as good as no value."""
+    if isinstance(value, bool):
+        return "1" if value else ""
     return "" if value is None else str(value)
 
 
@@ -108,6 +111,8 @@ def _reading(fields: Fields) -> CellReading:
 
 def _cell_value(fields: Fields, name: str) -> float | int | str | None:
     column = _COLUMNS[name]
+    if name == "identity_unsure":
+        return bool(whole(fields, name))
     if column.dtype.startswith("S"):
         found = text(fields, name)
         if len(found.encode()) > int(column.dtype[1:]):
