@@ -12,7 +12,7 @@ from postproc.view import viewer
 
 DRIVER = next(Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"), None)
 MISSING = "software Vulkan is missing (Debian: apt-get install mesa-vulkan-drivers)"
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 
 
 @contextmanager

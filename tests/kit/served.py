@@ -23,7 +23,7 @@ class Served:
 
     def get(self, path, host=None, method="GET"):
         """Status, headers and content."""
-        connection = HTTPConnection("127.0.0.1", self.port, timeout=10)
+        connection = HTTPConnection("127.0.0.1", self.port, timeout=60)
         connection.request(method, path, headers={"Host": host or f"127.0.0.1:{self.port}"})
         answer = connection.getresponse()
         found = answer.status, dict(answer.getheaders()), answer.read()
@@ -33,5 +33,5 @@ class Served:
     def stop(self, number) -> int:
         """Send a signal; the exit code. What was said on stderr is in `said`."""
         self.process.send_signal(number)
-        _, self.said = self.process.communicate(timeout=10)
+        _, self.said = self.process.communicate(timeout=60)
         return self.process.returncode

@@ -15,7 +15,7 @@ COLOUR = re.compile(r"\x1b\[(?:\d+;)*(?:3[0-8]|4[0-8]|9\d|10\d)(?:;\d+)*m")
 """Escape sequences that choose a colour; bold and dim are none (no-color.org)."""
 
 
-def on_terminal(*command: str, typed: str = "", timeout_s: float = 60.0, **environment: str) -> tuple[str, int]:
+def on_terminal(*command: str, typed: str = "", timeout_s: float = 180.0, **environment: str) -> tuple[str, int]:
     """Run a command on a pty 120 columns wide, type something, and give all it showed and its exit code."""
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 120, 0, 0))
@@ -28,7 +28,7 @@ def on_terminal(*command: str, typed: str = "", timeout_s: float = 60.0, **envir
     try:
         os.write(ours, typed.encode())
         shown = _read_all(ours, time.monotonic() + timeout_s)
-        return shown, program.wait(timeout=5.0)
+        return shown, program.wait(timeout=60.0)
     finally:
         program.kill()
         program.wait()

@@ -1,6 +1,5 @@
 """No walk, however odd, ends in a traceback or in a place that nothing speaks for."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +11,7 @@ from logger.core.errors import EstimationError
 from logger.core.locator.posterior import locate
 from logger.core.locator.tree import Effort
 from logger.core.locator.verdict import verdict
+from tests.kit.growth import growth
 from tests.kit.walks import FLOOR_DBM, observations, path, simulate
 
 QUICK = Effort(most_cells=400, split_share=0.02, nodes=3, first_share=1.0)
@@ -137,12 +137,14 @@ def test_one_mad_fix_does_not_hide_the_rest():
     assert np.hypot(found.x_m - source[0], found.y_m - source[1]) < 60.0
 
 
-def test_a_million_readings_in_one_spot_take_two_seconds():
+def test_a_million_readings_in_one_spot_take_no_longer_each_than_ten_thousand():
     still = np.zeros(1_000_000)
-    x, y = np.random.default_rng(4).normal(0.0, 3.0, (2, 1_000_000))
+    trembling = np.random.default_rng(4).normal(0.0, 3.0, (2, 1_000_000))
     level = np.random.default_rng(5).normal(-80.0, 5.0, 1_000_000)
-    for obs in (observations(still, still, level, 4.0), observations(x, y, level, 4.0)):
-        begin = time.process_time()
-        told = answer(obs, Effort())
-        assert time.process_time() - begin < 2.0
-        assert told[1] == "cannot tell"
+
+    def locate_spot(count, x, y):
+        obs = observations(x[:count], y[:count], level[:count], 4.0)
+        assert answer(obs, Effort())[1] == "cannot tell"
+
+    for place in ((still, still), trembling):
+        assert growth(lambda count, at=place: locate_spot(count, *at), 10_000, 1_000_000) < 1.0

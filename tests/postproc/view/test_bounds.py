@@ -1,7 +1,5 @@
 """However long the walk, the viewer gets no more than it can draw, in a file that can be sent."""
 
-import time
-
 import numpy as np
 import pyarrow.compute as pc
 import pytest
@@ -31,11 +29,9 @@ def told(run):
     return story(Smoothed(run, observations, tuple(cells), ()))
 
 
-@pytest.mark.parametrize(("length", "most_s", "most_mb"), [("1 h", 1.0, 4.0), ("28 h", 8.0, 60.0)])
-def test_time_and_size(length, most_s, most_mb, tmp_path):
-    written, begun = told(walk(*WALKS[length])), time.process_time()
-    write_scene(written, tmp_path / "x.rrd")
-    assert time.process_time() - begun < most_s
+@pytest.mark.parametrize(("length", "most_mb"), [("1 h", 4.0), ("28 h", 60.0)])
+def test_size(length, most_mb, tmp_path):
+    write_scene(told(walk(*WALKS[length])), tmp_path / "x.rrd")
     assert (tmp_path / "x.rrd").stat().st_size < most_mb * 1e6
     if length == "28 h":
         check_bounds(tmp_path / "x.rrd")
