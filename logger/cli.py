@@ -11,25 +11,40 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from logger.core.arguments import number, path, seconds, whole
 from logger.core.errors import ConfigError, FieldLoggerError
+from logger.core.printable import plain_streams, printable
 
 if TYPE_CHECKING:
     from logger.check import Line
 
 
+FASTEST = 1e4
+"""No machine simulates a walk so fast."""
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run a command; a user's mistake is one line on stderr and exit 2."""
+    with plain_streams():
+        return _main(argv)
+
+
+def _main(argv: list[str] | None) -> int:
     # the locator's matrices are small: threads of BLAS would only wait for each other
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    arguments = _parser().parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s", stream=sys.stderr)
     try:
+        arguments = _parser().parse_args(argv)
         code: int = arguments.command(arguments)
     except FieldLoggerError as error:
-        print(f"fieldlogger: {error}", file=sys.stderr)
+        print(f"fieldlogger: {printable(str(error))}", file=sys.stderr)
         return 2
     except BrokenPipeError:
         return 0
+    except OSError as error:  # a file that vanishes, a name too long, a full disk: where no command says it better
+        what = printable(f"{error.filename or ''}: {error.strerror or error}".removeprefix(": "))
+        print(f"fieldlogger: {what}", file=sys.stderr)
+        return 2
     return code
 
 
@@ -40,59 +55,54 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     run = commands.add_parser("run", help="record until stopped (SIGTERM, SIGINT) or unplugged")
-    run.add_argument("--config", type=Path, required=True, metavar="SITE.TOML")
-    run.add_argument("--duration", type=float, metavar="S", help="stop cleanly after so many seconds")
+    run.add_argument("--config", type=path, required=True, metavar="SITE.TOML")
+    run.add_argument("--duration", type=seconds("--duration"), metavar="S", help="stop cleanly after so many seconds")
     run.set_defaults(command=_run)
 
     check = commands.add_parser("check", help="check the configuration and the installation, without opening a port")
-    check.add_argument("--config", type=Path, metavar="SITE.TOML")
+    check.add_argument("--config", type=path, metavar="SITE.TOML")
     check.add_argument("--json", action="store_true")
     check.set_defaults(command=_check)
 
     doctor = commands.add_parser("doctor", help="is it working? power, disk, ports, modem, receiver, line by line")
-    doctor.add_argument("--config", type=Path, default=Path("/etc/cellwalk/site.toml"), metavar="SITE.TOML")
-    doctor.add_argument("--seconds", type=_positive, default=15.0, metavar="S", help="length of the trial (default 15)")
+    doctor.add_argument("--config", type=path, default=Path("/etc/cellwalk/site.toml"), metavar="SITE.TOML")
+    what = "length of the trial (default 15)"
+    doctor.add_argument("--seconds", type=seconds("--seconds"), default=15.0, metavar="S", help=what)
     doctor.add_argument("--json", action="store_true")
     doctor.set_defaults(command=_doctor)
 
     probe = commands.add_parser("probe", help="find modem and receiver on the serial ports, propose a site.toml")
     probe.add_argument("ports", nargs="*", metavar="PORT", help="look at these only (default: all there are)")
-    probe.add_argument("--write", type=Path, metavar="SITE.TOML", help="write the proposal; never over a file")
+    probe.add_argument("--write", type=path, metavar="SITE.TOML", help="write the proposal; never over a file")
     probe.add_argument("--json", action="store_true")
     probe.set_defaults(command=_probe)
 
     parse = commands.add_parser("parse", help="show what a modem's reply means")
     parse.add_argument("--driver", default="auto", metavar="NAME", help="family of the modem (default auto: try all)")
     parse.add_argument("--command", dest="command_line", metavar="AT+...", help="the command that it answers")
-    parse.add_argument("file", type=Path, metavar="FILE", help="text of the reply, - for stdin")
+    parse.add_argument("file", type=path, metavar="FILE", help="text of the reply, - for stdin")
     parse.add_argument("--json", action="store_true")
     parse.set_defaults(command=_parse)
 
     recover = commands.add_parser("recover", help="make HDF5 of the journals that a pulled plug left behind")
-    recover.add_argument("path", type=Path, metavar="DIR", help="folder of the runs, or one journal")
+    recover.add_argument("path", type=path, metavar="DIR", help="folder of the runs, or one journal")
     recover.add_argument("--json", action="store_true")
     recover.set_defaults(command=_recover)
 
     simulate = commands.add_parser("simulate", help="record a simulated walk through real ptys, no hardware needed")
-    simulate.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="folder of the run (default: here)")
+    simulate.add_argument("--out", type=path, default=Path(), metavar="DIR", help="folder of the run (default: here)")
     simulate.add_argument("--scenario", default="block", metavar="NAME")
     simulate.add_argument("--modem", default="sim800", metavar="NAME", help="simulated modem (default sim800)")
     simulate.add_argument("--fault", metavar="NAME:FROM:TO", help="let the modem misbehave, times in seconds")
-    simulate.add_argument("--seed", type=int, default=1)
-    simulate.add_argument("--duration", type=_positive, metavar="S", help="simulated seconds (default: the whole walk)")
-    simulate.add_argument(
-        "--speed", type=_positive, default=20.0, metavar="X", help="times faster than real (default 20)"
-    )
+    simulate.add_argument("--seed", type=whole("--seed", 0, 2**63 - 1), default=1)
+    what = "simulated seconds (default: the whole walk)"
+    simulate.add_argument("--duration", type=seconds("--duration"), metavar="S", help=what)
+    speed = number("--speed", 0.0, FASTEST, open_below=True)
+    what = "times faster than real (default 20)"
+    simulate.add_argument("--speed", type=speed, default=20.0, metavar="X", help=what)
     simulate.add_argument("--json", action="store_true")
     simulate.set_defaults(command=_simulate)
     return parser
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError("must be more than 0")
-    return value
 
 
 def _run(arguments: argparse.Namespace) -> int:

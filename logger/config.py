@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from collections.abc import Iterator
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
@@ -9,13 +10,21 @@ from typing import Annotated
 import msgspec
 
 from logger.core.errors import ConfigError
-from logger.core.live_settings import LiveSettings
+from logger.core.live_settings import LIMITS, LONGEST_TARGET_BYTES, LiveSettings
 
-Positive = Annotated[float, msgspec.Meta(gt=0)]
+PollInterval = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 Baud = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 PortName = Annotated[str, msgspec.Meta(min_length=1)]
 LedName = Annotated[str, msgspec.Meta(pattern="^[^/.]*$")]
+
+_LIMITS: dict[str, dict[str, tuple[float, float]]] = {
+    # a reply takes longer than 10 ms on the fastest line there is, and a walk less than a day
+    "modem": {"poll_interval_s": (0.01, 86_400.0), "full_scan_interval_s": (0.0, 1e6)},
+    "live": dict(LIMITS),
+}
+_MOST_CHARACTERS = 1 << 20
+"""Of a configuration; systemd/site.toml has fewer than 3000."""
 
 GNSS_OF_MODEM = "modem"
 """Port of [gnss] where the modem's own receiver gives the fixes."""
@@ -36,7 +45,7 @@ class ModemSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     port: PortName
     driver: str = "auto"
     baud: Baud = 115_200
-    poll_interval_s: Positive = 2.0
+    poll_interval_s: PollInterval = 2.0
     full_scan_interval_s: NotNegative = 0.0
 
 
@@ -66,11 +75,16 @@ class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def load_config(path: Path) -> tuple[SiteConfig, str]:
     """Configuration and its text; raises `ConfigError` naming file, table, key and the nearest valid key."""
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as file:
+            text = file.read(_MOST_CHARACTERS + 1)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: not a text file in UTF-8") from None
+    except ValueError as error:
+        raise ConfigError(f"{str(path)!r} is no path: {error}") from None
+    if len(text) > _MOST_CHARACTERS:
+        raise ConfigError(f"{path}: longer than any configuration")
     return parse_config(text, str(path)), text
 
 
@@ -82,11 +96,31 @@ def parse_config(text: str, name: str) -> SiteConfig:
         raise ConfigError(f"{name}: {error}") from None
     except msgspec.ValidationError as error:
         raise ConfigError(f"{name}: {_explain(str(error))}") from None
+    except (RecursionError, ValueError) as error:
+        raise ConfigError(f"{name}: this TOML cannot be read: {error}") from None
+    for problem in _without_meaning(config):
+        raise ConfigError(f"{name}: {problem}")
     if config.modem.port == config.gnss.port:
         raise ConfigError(f"{name}: [modem] and [gnss] name the same port {config.modem.port!r}")
     if config.modem.port.startswith("gpsd:"):
         raise ConfigError(f'{name}: [modem] "port": gpsd is a receiver, name it in [gnss]')
     return config
+
+
+def _without_meaning(config: SiteConfig) -> Iterator[str]:
+    """What is of the right type and says nothing all the same."""
+    for table, limits in _LIMITS.items():
+        for key, (least, most) in limits.items():
+            value = getattr(getattr(config, table), key)
+            if not least <= value <= most:  # NaN is neither
+                yield f'[{table}] "{key}": {value} has no meaning; it lies between {least:g} and {most:g}'
+    for table in _TABLES:
+        settings = getattr(config, table) if table else None
+        for key in settings.__struct_fields__ if settings else ():
+            if "\0" in str(getattr(settings, key)):
+                yield f'[{table}] "{key}": holds a NUL character'
+    if not 0 < len(config.live.target.encode()) <= LONGEST_TARGET_BYTES:
+        yield f'[live] "target": the name of a cell has between 1 and {LONGEST_TARGET_BYTES} bytes'
 
 
 _TABLES: dict[str, type[msgspec.Struct]] = {

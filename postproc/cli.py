@@ -5,10 +5,11 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from logger.core.arguments import height, path
 from logger.core.errors import FieldLoggerError
+from logger.core.printable import plain_streams, printable
 from postproc.interop import cli as interop
 from postproc.pictures import cli as pictures
 from postproc.report import cli as report
@@ -24,13 +25,18 @@ if TYPE_CHECKING:
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command; a user's mistake is one line on stderr and exit 2."""
+    with plain_streams():
+        return _main(argv)
+
+
+def _main(argv: list[str] | None) -> int:
     # the matrices are small: threads of BLAS would wait for each other, on a busy machine longer than they work
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    arguments = _parser().parse_args(argv)
     try:
+        arguments = _parser().parse_args(argv)
         code: int = arguments.command(arguments)
     except FieldLoggerError as error:
-        print(f"postproc: {error}", file=sys.stderr)
+        print(f"postproc: {printable(str(error))}", file=sys.stderr)
         return 2
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith(("logger", "postproc")):
@@ -41,6 +47,10 @@ def main(argv: list[str] | None = None) -> int:
         return 2
     except BrokenPipeError:
         return 0
+    except OSError as error:  # a file that vanishes, a name too long, a full disk: where no command says it better
+        what = printable(f"{error.filename or ''}: {error.strerror or error}".removeprefix(": "))
+        print(f"postproc: {what}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         return 130
     return code
@@ -54,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=what)
         if run:
             which, count = "run-....h5, or a journal that was cut", "+" if several else None
-            command.add_argument("run", type=Path, nargs=count, metavar="RUN", help=which)
+            command.add_argument("run", type=path, nargs=count, metavar="RUN", help=which)
         return command
 
     info = add("info", "what is in a run, its gaps, how it stopped")
@@ -69,7 +79,9 @@ def _parser() -> argparse.ArgumentParser:
     smooth = add("smooth", "estimate where each cell stands, and how sure that is; several runs together", several=True)
     smooth.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
     smooth.add_argument("--environment", default="any", help="prior: any (default), open, suburban or urban")
-    smooth.add_argument("--height", type=float, metavar="M", help="antenna above the receiver (default: 5 m)")
+    smooth.add_argument(
+        "--height", type=height("--height"), metavar="M", help="antenna above the receiver (default: 5 m)"
+    )
     losses = ("linear", "soft_l1", "huber", "cauchy")
     smooth.add_argument("--loss", choices=losses, default="linear", help="loss of the least-squares fit")
     smooth.add_argument("--json", action="store_true")
@@ -93,7 +105,7 @@ def _parser() -> argparse.ArgumentParser:
     report.add_report(add("report", "a page that tells a run, or several together", several=True))
 
     recover = add("recover", "make HDF5 of what a pulled plug left behind; exit 3 where something was lost", run=False)
-    recover.add_argument("path", type=Path, metavar="PATH", help="a journal, or a folder of runs")
+    recover.add_argument("path", type=path, metavar="PATH", help="a journal, or a folder of runs")
     recover.add_argument("--json", action="store_true")
     recover.set_defaults(command=_recover)
 

@@ -1,10 +1,26 @@
 """How the on-device estimate is made; part of the configuration, recorded with every run."""
 
-from typing import Literal
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, Literal
 
 import msgspec
 
 STRONGEST = "strongest"
+
+LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "hysteresis_db": (0.0, math.inf),  # infinite: the target never changes for a stronger cell
+        "lost_s": (0.0, 1e9),  # thirty years, which fit into 64 bits as nanoseconds
+        "max_fix_age_s": (0.0, 1e9),
+        "most_cells": (1, 10_000),  # each has an estimate of its own; a Pi keeps up with some hundred
+        "height_m": (0.0, 10_000.0),  # mountains end below
+    }
+)
+"""Least and most of each setting that has a meaning. Runs of earlier versions may hold others, and are read."""
+LONGEST_TARGET_BYTES = 64
+"""The run file has no room for a longer name of a cell."""
 
 
 class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -25,3 +41,13 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     most_cells: int = 64
     environment: Literal["any", "open", "suburban", "urban"] = "any"
     height_m: float = 5.0
+
+
+def restored(recorded: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings as a run holds them, each null as what it stood for: JSON has no infinity and no NaN.
+
+    An infinite hysteresis is written so. Earlier versions let other settings be infinite or NaN: a time is then never
+    over, which both had come to, and the height is the default.
+    """
+    known = dict.fromkeys(LIMITS, math.inf) | {"height_m": LiveSettings().height_m}
+    return {name: known.get(name) if value is None else value for name, value in recorded.items()}

@@ -2,20 +2,22 @@
 
 import errno
 import fcntl
+import re
 import termios
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import TracebackType
 from typing import Any, Self
-from urllib.parse import urlsplit
 
 import serial
 
-from logger.core.errors import ConfigError, DeviceError
+from logger.core.errors import DeviceError
+from logger.device.port_url import check_url, pyserial_url
+
+__all__ = ["MAX_CHUNK", "WRITE_TIMEOUT_S", "Port", "check_url"]
 
 WRITE_TIMEOUT_S = 2.0
 MAX_CHUNK = 4096
-GPSD_PORT = 2947
 
 
 class Port:
@@ -32,7 +34,7 @@ class Port:
         self._url = url
         with _device_errors(url):
             self._serial = serial.serial_for_url(
-                _pyserial_url(url), baudrate=baud, timeout=read_timeout_s, **_options(url)
+                pyserial_url(url), baudrate=baud, timeout=read_timeout_s, **_options(url)
             )
         self._read_timeout_s = read_timeout_s
         self._keep_others_out()
@@ -84,23 +86,6 @@ def _options(url: str) -> dict[str, Any]:
     return {} if "://" in url else {"write_timeout": WRITE_TIMEOUT_S, "exclusive": True}
 
 
-def _pyserial_url(url: str) -> str:
-    """The socket of a gpsd; every other URL as it is."""
-    parts = urlsplit(url)
-    if parts.scheme != "gpsd":
-        return url
-    host = parts.netloc or "localhost"
-    return f"socket://{host}" if parts.port else f"socket://{host.removesuffix(':')}:{GPSD_PORT}"
-
-
-def check_url(url: str) -> None:
-    """Raise `ConfigError` for a URL that pyserial can never open; nothing is opened."""
-    try:
-        serial.serial_for_url(_pyserial_url(url), do_not_open=True)
-    except (ValueError, OSError) as error:
-        raise ConfigError(f"port {url}: {error}") from None
-
-
 _ADVICE = {
     errno.ENOENT: "no such port; is the device plugged in?",
     errno.EACCES: "no permission; add this user to the group dialout (sudo usermod -aG dialout $USER) and log in again",
@@ -115,10 +100,13 @@ _ADVICE = {
 
 @contextmanager
 def _device_errors(url: str) -> Iterator[None]:
-    """Name what pyserial lets through: OSError, termios.error (no OSError) and TypeError (after a hang-up)."""
+    """Name what pyserial lets through: OSError, termios.error (no OSError), TypeError (after a hang-up).
+
+    The rest comes from a URL that is none: `check_url` has refused those of a configuration.
+    """
     try:
         yield
-    except (OSError, termios.error, TypeError) as error:
+    except (OSError, termios.error, TypeError, ValueError, LookupError, re.error) as error:
         number = _errno(error)
         raise DeviceError(f"port {url}: {_ADVICE.get(number) or error}") from error
 

@@ -246,11 +246,13 @@ def recover_folder(folder: Path) -> None:
 
 def usable_folder(directory: str) -> Path:
     """Folder of the runs, made if need be; raises `ConfigError`."""
-    folder = Path(directory).expanduser()
     try:
+        folder = Path(directory).expanduser()
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ConfigError(f"[run] directory {folder} cannot be made: {error.strerror}") from error
+        raise ConfigError(f"[run] directory {directory} cannot be made: {error.strerror}") from error
+    except (RuntimeError, ValueError) as error:  # no such user; a NUL
+        raise ConfigError(f"[run] directory {directory!r} cannot be made: {error}") from error
     return folder
 
 

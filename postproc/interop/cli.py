@@ -8,6 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from logger.core.arguments import number, path
 from logger.core.errors import ConfigError, RunFileError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ _MOST_TOLD = 20
 
 def add_export(command: argparse.ArgumentParser) -> None:
     names = ("kml", "geojson", "gpx", "csv", "wigle", "opencellid-csv", "opencellid-json", "parquet")
-    command.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="its suffix names the format")
+    command.add_argument("-o", "--output", type=path, required=True, metavar="FILE", help="its suffix names the format")
     command.add_argument("--format", choices=names, help="default: by the suffix; .csv is what `import` reads back")
     command.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
     command.add_argument("--estimates", action="store_true", help="places and regions too, as `smooth` finds them")
@@ -32,15 +33,19 @@ def add_export(command: argparse.ArgumentParser) -> None:
 
 def add_import(command: argparse.ArgumentParser) -> None:
     what = "our CSV, WiGLE CSV, OpenCelliD or Tower Collector, Kismet log, Network Survey CSV or GeoPackage"
-    command.add_argument("source", type=Path, metavar="FILE", help=what)
-    command.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.H5")
+    command.add_argument("source", type=path, metavar="FILE", help=what)
+    command.add_argument("-o", "--output", type=path, required=True, metavar="RUN.H5")
     command.add_argument("--json", action="store_true")
 
 
 def add_share(command: argparse.ArgumentParser) -> None:
-    command.add_argument("-o", "--output", type=Path, required=True, metavar="COPY.H5")
+    command.add_argument("-o", "--output", type=path, required=True, metavar="COPY.H5")
     command.add_argument(
-        "--blur-m", type=float, default=200.0, metavar="M", help="radius around begin and end (default: 200)"
+        "--blur-m",
+        type=number("--blur-m", 0.0, 1e6, unit="m", open_below=True),
+        default=200.0,
+        metavar="M",
+        help="radius around begin and end (default: 200)",
     )
     command.add_argument("--json", action="store_true")
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from logger.core.arguments import height, path
 from logger.core.errors import ConfigError, RunFileError
 from postproc.verify import cli as verify
 
@@ -16,13 +17,15 @@ if TYPE_CHECKING:
 
 
 def add_report(report: argparse.ArgumentParser) -> None:
-    report.add_argument("-o", "--output", type=Path, metavar="RUN.HTML", help="default: beside the (first) run")
+    report.add_argument("-o", "--output", type=path, metavar="RUN.HTML", help="default: beside the (first) run")
     report.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
-    report.add_argument("--pictures", type=Path, metavar="DIR", help="the pictures too, each as PNG and SVG")
+    report.add_argument("--pictures", type=path, metavar="DIR", help="the pictures too, each as PNG and SVG")
     verify.add_claims(report)
     report.add_argument("--pfa", type=float, default=0.05, metavar="P", help="false-alarm rate (default: 0.05)")
     report.add_argument("--environment", default="any", help="prior: any (default), open, suburban or urban")
-    report.add_argument("--height", type=float, metavar="M", help="antenna above the receiver (default: 5 m)")
+    report.add_argument(
+        "--height", type=height("--height"), metavar="M", help="antenna above the receiver (default: 5 m)"
+    )
     report.add_argument("--json", action="store_true", help="say what was written as JSON")
     report.set_defaults(command=_report)
 

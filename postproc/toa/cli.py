@@ -1,7 +1,8 @@
 """The command `toa` of `postproc`."""
 
 import argparse
-from pathlib import Path
+
+from logger.core.arguments import path
 
 
 def add_toa(toa: argparse.ArgumentParser) -> None:
@@ -14,7 +15,7 @@ def add_toa(toa: argparse.ArgumentParser) -> None:
         "--sigma2", type=float, nargs="+", metavar="M2", help="variances of a range (default: 0.01 ... 100)"
     )
     simulate.add_argument("--steps", action="store_true", help="errors of each step as well")
-    simulate.add_argument("--plot", type=Path, metavar="FILE", help="draw the errors (.png, .svg, .pdf)")
+    simulate.add_argument("--plot", type=path, metavar="FILE", help="draw the errors (.png, .svg, .pdf)")
     simulate.add_argument("--json", action="store_true")
     simulate.set_defaults(command=_toa_simulate)
 

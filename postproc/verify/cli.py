@@ -4,9 +4,9 @@ import argparse
 import re
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from logger.core.arguments import height, path, whole
 from logger.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -20,15 +20,17 @@ def add_verify(verify: argparse.ArgumentParser) -> None:
     what = verify.add_mutually_exclusive_group(required=True)
     what.add_argument("--claim", metavar="LAT,LON[,SIGMA_M]", help="claimed position, of --cell or of every cell")
     what.add_argument(
-        "--claims", type=Path, metavar="FILE", help="CSV (cell,lat,lon[,sigma_m]), cell export or cells.db"
+        "--claims", type=path, metavar="FILE", help="CSV (cell,lat,lon[,sigma_m]), cell export or cells.db"
     )
     what.add_argument("--sites", action="store_true", help="is --cell heard from one place or from two?")
     southern(verify)
     verify.add_argument("--cell", metavar="NAME", help="only this cell")
-    verify.add_argument("--against", type=Path, metavar="RUN", help="with --sites: a second run of the same cell")
+    verify.add_argument("--against", type=path, metavar="RUN", help="with --sites: a second run of the same cell")
     verify.add_argument("--pfa", type=float, default=0.05, metavar="P", help="false-alarm rate (default: 0.05)")
     verify.add_argument("--environment", default="any", help="prior: any (default), open, suburban or urban")
-    verify.add_argument("--height", type=float, metavar="M", help="antenna above the receiver (default: 5 m)")
+    verify.add_argument(
+        "--height", type=height("--height"), metavar="M", help="antenna above the receiver (default: 5 m)"
+    )
     verify.add_argument("--json", action="store_true")
     verify.set_defaults(command=_verify_claims)
 
@@ -39,7 +41,7 @@ def add_claims(parser: argparse.ArgumentParser) -> None:
     what = "claimed position, of --cell or of every cell (may be repeated)"
     parser.add_argument("--claim", action="append", metavar="LAT,LON[,SIGMA_M]", help=what)
     what = "claims: CSV, cell export or cells.db, as for verify"
-    parser.add_argument("--claims", type=Path, metavar="FILE", help=what)
+    parser.add_argument("--claims", type=path, metavar="FILE", help=what)
 
 
 def verified(
@@ -76,7 +78,7 @@ def add_theory(theory: argparse.ArgumentParser) -> None:
     theory.add_argument("--receivers", nargs="+", metavar="X,Y[,Z]", help="metres from the true place (default: ours)")
     theory.add_argument("--sigma", type=float, nargs="+", metavar="M", help="of a range (default: 100 and 20000 m)")
     theory.add_argument("--trials", type=int, default=20_000, metavar="N", help="simulated claims (default: 20000)")
-    theory.add_argument("--seed", type=int, default=0, metavar="N")
+    theory.add_argument("--seed", type=whole("--seed", 0, 2**63 - 1), default=0, metavar="N")
     theory.add_argument("--json", action="store_true")
     theory.set_defaults(command=_verify_theory)
 
@@ -85,14 +87,14 @@ def add_celldb(celldb: argparse.ArgumentParser) -> None:
     commands = celldb.add_subparsers(required=True, metavar="COMMAND")
     imports = commands.add_parser("import", help="add exports to a database file")
     imports.add_argument(
-        "file", type=Path, nargs="+", metavar="FILE", help="world, country or MLS export, .gz or plain"
+        "file", type=path, nargs="+", metavar="FILE", help="world, country or MLS export, .gz or plain"
     )
-    imports.add_argument("-o", "--output", type=Path, required=True, metavar="CELLS.DB")
+    imports.add_argument("-o", "--output", type=path, required=True, metavar="CELLS.DB")
     imports.add_argument("--json", action="store_true")
     imports.set_defaults(command=_celldb_import)
     lookup = commands.add_parser("lookup", help="cells by identity or around a place")
     southern(lookup)
-    lookup.add_argument("db", type=Path, metavar="CELLS.DB")
+    lookup.add_argument("db", type=path, metavar="CELLS.DB")
     which = lookup.add_mutually_exclusive_group(required=True)
     which.add_argument("--cell", metavar="MCC-MNC-AREA-CID")
     which.add_argument("--near", metavar="LAT,LON[,RADIUS_M]", help="nearest first, at most 100 (default: 1000 m)")

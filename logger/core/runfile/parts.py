@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from logger.core.errors import RunFileError
+from logger.core.live_settings import restored
 from logger.core.runfile.chain import Chain
 from logger.core.runfile.frames import Buffer, Frame, Kind, Skipped, payload_of, scan
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, columns_of
@@ -146,9 +147,10 @@ class JournalParts:
 def decode_meta(text: bytes, path: Path) -> RunMeta:
     """Meta of a run; raises `RunFileError` when a newer cellwalk wrote it, or it is no meta at all."""
     try:
-        schema = msgspec.json.decode(text).get("schema")
+        found = msgspec.json.decode(text)
+        schema = found.get("schema")
         if schema <= SCHEMA_VERSION:
-            return msgspec.json.decode(text, type=RunMeta)
+            return msgspec.convert(found | {"live": restored(found.get("live") or {})}, RunMeta)
     except (msgspec.MsgspecError, ValueError, AttributeError, TypeError) as error:
         raise RunFileError(f"{path}: this cellwalk cannot read its description ({error})") from error
     raise RunFileError(f"{path} has schema {schema}; this cellwalk reads up to {SCHEMA_VERSION}: please update")

@@ -1,0 +1,35 @@
+"""Settings in a run: what JSON cannot say comes back as what it stood for."""
+
+import math
+
+import msgspec
+import pytest
+
+from logger.core.live_settings import LIMITS, LiveSettings
+from logger.core.runfile import read_run
+from logger.core.runfile.frames import Kind, encode
+from logger.core.schema import SCHEMA_VERSION
+from tests.kit import runs
+
+
+def test_an_infinite_hysteresis_is_kept(tmp_path):
+    runs.write_journal(tmp_path / "a.journal", runs.records(3), live=LiveSettings(hysteresis_db=math.inf))
+    assert read_run(tmp_path / "a.journal").meta.live == LiveSettings(hysteresis_db=math.inf)
+
+
+@pytest.mark.parametrize("name", [name for name in LIMITS if name != "most_cells"])
+@pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan])
+def test_runs_of_earlier_versions_with_a_null_are_read(tmp_path, name, value):
+    """They took any number, and JSON has a null for these."""
+    runs.write_journal(tmp_path / "a.journal", runs.records(3), live=LiveSettings(**{name: value}))
+    assert b'"%s":null' % name.encode() in msgspec.json.encode(LiveSettings(**{name: value}))
+    found = getattr(read_run(tmp_path / "a.journal").meta.live, name)
+    assert found == (5.0 if name == "height_m" else math.inf)
+
+
+def test_a_run_without_settings_has_the_defaults(tmp_path):
+    meta = msgspec.json.decode(msgspec.json.encode(runs.meta()))
+    del meta["live"]
+    frame = encode(1, 0, Kind.META, msgspec.json.encode(meta), SCHEMA_VERSION)
+    (tmp_path / "a.journal").write_bytes(frame)
+    assert read_run(tmp_path / "a.journal").meta.live == LiveSettings()

@@ -1,0 +1,208 @@
+"""What `check` accepts can be recorded and read; all else is one line."""
+
+import json
+import math
+import tomllib
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from logger.cli import main
+from logger.config import parse_config
+from logger.core.errors import ConfigError
+from logger.core.live import LiveTracker
+from logger.core.runfile import RunMeta, RunWriter, finish_journal, read_run
+from logger.device.port_url import check_url
+from logger.device.service import usable_folder
+from tests.kit import runs, service
+
+NUMBERS = st.one_of(
+    st.floats(allow_nan=True, allow_infinity=True),
+    st.integers(),
+    st.sampled_from([0.0, -0.0, 1e-300, 1e300, 1e9, 1.0, math.inf, -math.inf, math.nan, 2**63, 2**64, -1]),
+)
+TEXTS = st.one_of(
+    st.text(), st.sampled_from(["", "strongest", "262-01-801-86355", "modem", "~nouser/x", "a\0b", "\x1b[2J"])
+)
+VALUES = st.one_of(NUMBERS, TEXTS, st.booleans(), st.lists(st.integers(), max_size=2))
+KEYS = {
+    "run": ["directory"],
+    "modem": ["port", "driver", "baud", "poll_interval_s", "full_scan_interval_s"],
+    "gnss": ["port", "baud"],
+    "live": ["target", "hysteresis_db", "lost_s", "max_fix_age_s", "joseph", "most_cells", "environment", "height_m"],
+    "status": ["led"],
+}
+WELL = {
+    "run": {"directory": "runs"},
+    "modem": {"port": "/dev/ttyUSB0"},
+    "gnss": {"port": "/dev/ttyUSB1"},
+    "live": {"target": "strongest", "environment": "any"},
+}
+
+
+def _toml(value):
+    if isinstance(value, float):
+        return repr(value)  # inf and nan as TOML writes them
+    return json.dumps(value, ensure_ascii=True) if not isinstance(value, str) else _string(value)
+
+
+def _string(text):
+    return '"' + "".join(f"\\U{ord(c):08X}" for c in text) + '"'
+
+
+@st.composite
+def sites(draw):
+    """A site.toml that is right but for up to four values, so that some pass and others do not."""
+    wanted = {table: dict(values) for table, values in WELL.items()}
+    for _ in range(draw(st.integers(0, 4))):
+        table = draw(st.sampled_from(sorted(KEYS)))
+        key = draw(st.sampled_from(KEYS[table]))
+        wanted.setdefault(table, {})[key] = draw(NUMBERS if table == "live" else VALUES)
+    lines = []
+    for table, values in wanted.items():
+        lines += [f"[{table}]", *(f"{key} = {_toml(value)}" for key, value in values.items())]
+    return "\n".join(lines)
+
+
+@given(sites())
+@settings(max_examples=300, deadline=None)
+def test_any_site_that_is_accepted_gives_a_run_that_reads_back(tmp_path_factory, text):
+    """Recorded by the writer with the live estimate behind it, finished, and read in both forms."""
+    folder = tmp_path_factory.mktemp("site")
+    try:
+        config = parse_config(text, "site.toml")
+        for port in (config.modem.port, config.gnss.port):
+            check_url(port)
+    except ConfigError:
+        return
+    plain = {name: getattr(runs.meta(), name) for name in ("run_id", "boot_id", "started_ns", "origin", "program")}
+    writer = RunWriter(folder / "a.journal", RunMeta(**plain, config_text=text, live=config.live))
+    tracker = LiveTracker(config.live)
+    for record in runs.records(8):
+        tracker.feed(writer.append(record), record)
+    writer.close(10**10, "test")
+    for path in (folder / "a.journal", finish_journal(folder / "a.journal")):
+        run = read_run(path)
+        assert (run.meta.live, run.meta.config_text) == (config.live, text)
+        assert len(run.tables["readings"]) == 16
+
+
+@given(st.text(st.sampled_from("abrunmodegs[]{}=.\"'\\\n #,0123456789_-\0\x1b"), max_size=60))
+@settings(max_examples=500, deadline=None)
+def test_any_text_is_a_configuration_or_one_clear_error(text):
+    with pytest.raises(ConfigError):
+        parse_config(text, "site.toml")
+
+
+@pytest.mark.parametrize("text", ["a = " + "[" * 100_000, "a = " + "9" * 5000, "a." * 50_000 + "b = 1"], ids=len)
+def test_what_no_parser_takes_is_one_error_too(text):
+    with pytest.raises(ConfigError):
+        parse_config(text, "site.toml")
+
+
+NO_MEANING = [
+    *(
+        ("live", key, value)
+        for key in ("lost_s", "max_fix_age_s", "height_m")
+        for value in ("inf", "nan", "-1.0", "1e300")
+    ),
+    *(("live", "hysteresis_db", value) for value in ("nan", "-1.0", "-inf")),
+    *(("live", "most_cells", value) for value in ("0", "-3", "9223372036854775808", "100000000000000000000000")),
+    ("live", "target", '""'),
+    ("live", "target", f'"{65 * "x"}"'),
+    *(("modem", "poll_interval_s", value) for value in ("1e-300", "0", "nan", "inf", "1e12")),
+    *(("modem", "full_scan_interval_s", value) for value in ("-1", "nan", "inf")),
+    ("modem", "baud", "99999999999999999999999"),
+    ("run", "directory", '"a\\u0000b"'),
+    ("status", "led", '"a\\u0000b"'),
+    ("modem", "port", '"/dev/tty\\u0000"'),
+]
+
+
+def _said(capsys):
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+@pytest.mark.parametrize(("table", "key", "value"), NO_MEANING)
+def test_a_value_without_a_meaning_is_one_line_that_names_the_key(tmp_path, capsys, table, key, value):
+    wanted = {name: {k: json.dumps(v) for k, v in values.items()} for name, values in WELL.items()}
+    wanted.setdefault(table, {})[key] = value
+    wanted["run"].setdefault("directory", json.dumps(str(tmp_path / "runs")))
+    text = "\n".join(f"[{t}]\n" + "\n".join(f"{k} = {v}" for k, v in vs.items()) for t, vs in wanted.items())
+    tomllib.loads(text)
+    (tmp_path / "site.toml").write_text(text)
+    for command in ("check", "run"):
+        assert main([command, "--config", str(tmp_path / "site.toml")]) == 2
+        said = _said(capsys)
+        assert f'[{table}] "{key}"' in said
+    assert not (tmp_path / "runs").exists()
+
+
+NO_PORTS = [
+    "hwgrep://(((((", "hwgrep://x&n=q", "hwgrep://x&bogus", "socket://h:99999", "socket://h", "socket://", "socket://[::1",
+    "socket://h:abc", "SOCKET://h:99999", "rfc2217://h:99999", "gpsd://h:99999", "gpsd://[::1", "nope://x", "://",
+    "/dev/\0tty", "\0", "a.b://c", "alt://x?class=Nothing",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("port", NO_PORTS)
+def test_a_port_that_can_never_be_opened_is_one_line(tmp_path, capsys, port):
+    path = service.site_toml(tmp_path, "/dev/ttyUSB77", "/dev/ttyUSB78")
+    path.write_text(path.read_text().replace('"/dev/ttyUSB77"', _string(port)))
+    for command in ("check", "run"):
+        assert main([command, "--config", str(path)]) == 2
+        assert "port" in _said(capsys)
+
+
+def test_a_port_that_is_searched_for_may_be_plugged_in_later():
+    check_url("hwgrep://1e0e:9001")
+
+
+@pytest.mark.parametrize("directory", ["~nouser-of-this-name/x", "a\0b", "/proc/none/x", "/" + "x" * 300])
+def test_a_directory_that_cannot_be_is_one_error(directory):
+    with pytest.raises(ConfigError, match="directory"):
+        usable_folder(directory)
+
+
+NASTY = ["a\0b", "/dev/null/x", "x" * 5000, "\x1b[2J", "/", "", "~nouser/x", "\udcff", "a\nb"]
+
+
+@pytest.mark.parametrize("name", NASTY)
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("run", "--config"),
+        ("check", "--config"),
+        ("doctor", "--config"),
+        ("recover",),
+        ("parse",),
+        ("simulate", "--duration", "1", "--out"),
+        ("probe",),
+    ],
+    ids=lambda command: command[0],
+)
+def test_a_nasty_name_is_one_line(tmp_path, monkeypatch, capsys, command, name):
+    monkeypatch.chdir(tmp_path)
+    if command[0] in {"simulate", "recover"} and name in {"", "/", "\x1b[2J", "a\nb", "\udcff", "~nouser/x"}:
+        pytest.skip("a folder may be called so")
+    assert main([*command, name]) == 2
+    if command[0] != "probe":
+        _said(capsys)
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-1", "0", "1e300", "x", ""])
+@pytest.mark.parametrize(
+    ("option", "command"),
+    [
+        ("--duration", ("run", "--config", "none.toml")),
+        ("--seconds", ("doctor",)),
+        ("--duration", ("simulate",)),
+        ("--speed", ("simulate",)),
+    ],
+)
+def test_a_number_without_a_meaning_is_one_line_that_names_the_option(capsys, command, option, value):
+    assert main([*command, f"{option}={value}"]) == 2
+    assert option in _said(capsys)
