@@ -14,10 +14,11 @@ import numpy as np
 from logger.check import Line, State, check
 from logger.config import SiteConfig, load_config
 from logger.core.errors import DeviceError
-from logger.core.observations import UERE_M, levels_dbm
+from logger.core.observations import UERE_M
 from logger.core.runfile import Run, read_run
 from logger.core.runfile.journal_file import is_recording
 from logger.core.runfile.names import JOURNAL, first_part
+from logger.core.scale import levels_dbm
 from logger.core.schema import Rows
 from logger.device.clock import SystemClock
 from logger.device.mounts import MOUNTINFO, kept_in_memory

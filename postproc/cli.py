@@ -69,6 +69,7 @@ def _parser() -> argparse.ArgumentParser:
 
     info = add("info", "what is in a run, its gaps, how it stopped")
     info.add_argument("--verify", action="store_true", help="check that it is whole and as it was sealed; 3 if not")
+    info.add_argument("-v", "--verbose", action="store_true", help="every gap and every event")
     info.add_argument("--json", action="store_true")
     info.set_defaults(command=_info)
 
@@ -84,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     losses = ("linear", "soft_l1", "huber", "cauchy")
     smooth.add_argument("--loss", choices=losses, default="linear", help="loss of the least-squares fit")
+    smooth.add_argument("-v", "--verbose", action="store_true", help="every cell with all that is known of it")
     smooth.add_argument("--json", action="store_true")
     smooth.set_defaults(command=_smooth)
 
@@ -128,9 +130,9 @@ def _parser() -> argparse.ArgumentParser:
 
 def _info(arguments: argparse.Namespace) -> int:
     from logger.core.runfile import read_run
-    from postproc import tables
     from postproc.info import describe
-    from postproc.results import as_json
+    from postproc.info_table import print_info
+    from postproc.json_text import as_json
 
     if arguments.verify:
         return _verify(arguments)
@@ -138,8 +140,7 @@ def _info(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(as_json(info))
     else:
-        tables.print_info(info)
-        print(f"digest   {info.digest}")
+        print_info(info, details=arguments.verbose)
     return 0
 
 
@@ -193,7 +194,7 @@ def _smooth(arguments: argparse.Namespace) -> int:
     run = read_run(arguments.run[0])
     smoothed = smooth_run(run, arguments.cell, wishes=wishes, progress=shown, processes=_processes())
     found = results.summary(smoothed)
-    _print_results(found, as_json=arguments.json)
+    _print_results(arguments, found)
     # printed first: a run on a card that cannot be written has an answer too
     results.write(smoothed, found, results.path_beside(arguments.run[0]))
     return 0
@@ -208,18 +209,19 @@ def _smooth_together(arguments: argparse.Namespace, wishes: "Wishes") -> int:
     runs = [read_run(path) for path in arguments.run]
     together = smooth_together(runs, arguments.cell, wishes=wishes, progress=shown, processes=_processes())
     found = results.summary_together(together)
-    _print_results(found, as_json=arguments.json)
+    _print_results(arguments, found)
     results.write_together(together, found, results.path_beside(arguments.run[0], together=True))
     return 0
 
 
-def _print_results(found: dict[str, Any], *, as_json: bool) -> None:
-    from postproc import results, tables
+def _print_results(arguments: argparse.Namespace, found: dict[str, Any]) -> None:
+    from postproc.json_text import as_json
+    from postproc.tables import print_summary
 
-    if as_json:
-        print(results.as_json(found))
+    if arguments.json:
+        print(as_json(found))
     else:
-        tables.print_summary(found)
+        print_summary(found, details=bool(arguments.cell or arguments.verbose))
 
 
 def _export(arguments: argparse.Namespace) -> int:

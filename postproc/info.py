@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from logger.core.runfile import Run, Sealing, read_run, sealing_of
+from logger.core.scale import levels_dbm
 from logger.core.schema import UNKNOWN_ID
 from logger.core.timebase import fit, utc_text
 
@@ -114,7 +115,8 @@ def _cells(run: Run) -> tuple[CellCount, ...]:
         if not name:
             continue
         mine = readings[which == i]
-        levels = mine["rssi_dbm"][np.isfinite(mine["rssi_dbm"])]
+        levels = levels_dbm(mine)
+        levels = levels[np.isfinite(levels)]
         rat = readings["rat"][first[i]].decode() or None
         cells.append(CellCount(name.decode(), rat, len(mine), float(levels.max()) if len(levels) else None))
     return tuple(sorted(cells, key=lambda cell: -cell.n))

@@ -1,15 +1,34 @@
-"""A bar on the terminal for work that takes its time."""
+"""A bar on the terminal for work that takes its time: what is worked on, how far it is, and how long it will take."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TypeVar
 
 from rich.console import Console
-from rich.progress import track
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+_BAR_CELLS = 12
+"""Beside the name of a cell it all fits in 80 columns."""
 
 T = TypeVar("T")
 
 
-def shown(items: Iterable[T], what: str, total: int) -> Iterator[T]:
-    """Show a bar on stderr while the items are worked on, if somebody is looking."""
+def shown(items: Iterable[T], what: str, total: int, names: Sequence[str] = ()) -> Iterator[T]:
+    """Show a bar on stderr while the items are worked on, if somebody is looking; `names` are those of the items."""
     console = Console(stderr=True)
-    yield from track(items, what, total, console=console, transient=True, disable=not console.is_terminal)
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(_BAR_CELLS),
+        TextColumn("{task.completed} of {task.total}", markup=False),
+        TimeElapsedColumn(),
+        TextColumn("left", markup=False),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(_now(what, names, 0), total=total)
+        for done, item in enumerate(items, 1):
+            yield item
+            progress.update(task, completed=done, description=_now(what, names, done))
+
+
+def _now(what: str, names: Sequence[str], done: int) -> str:
+    return f"{what} {names[done]}" if done < len(names) else what

@@ -4,10 +4,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import h5py
-import msgspec
 import numpy as np
 
 from logger.core import ekf
@@ -18,18 +16,16 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import area_m2
 from logger.core.observations import Observations
 from logger.core.runfile import Run
-from postproc.estimators.batch import BatchFit
 from postproc.estimators.compare import AXES, Comparison
 from postproc.estimators.filtered import Filtered
 from postproc.estimators.outline import geojson
 from postproc.estimators.residuals import Residuals
 from postproc.info import describe
+from postproc.json_text import Json, as_json
 from postproc.smooth import CellResult, Smoothed
 from postproc.together import Together, TogetherCell
 from postproc.truth import truth_of
 from postproc.whole_file import whole_file
-
-Json = dict[str, Any]
 
 _BEST = ("lat", "lon", "r95_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
 
@@ -37,11 +33,6 @@ _BEST = ("lat", "lon", "r95_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_s
 def path_beside(run: Path, *, together: bool = False) -> Path:
     """`run-x.h5` -> `run-x.post.h5`, or `run-x.together.post.h5` for the first of several runs."""
     return run.with_suffix(".together.post.h5" if together else ".post.h5")
-
-
-def as_json(value: Any) -> str:
-    """JSON text; NaN and infinity become null."""
-    return msgspec.json.format(msgspec.json.encode(value, enc_hook=_plain), indent=2).decode()
 
 
 def summary(smoothed: Smoothed) -> Json:
@@ -104,12 +95,12 @@ def _cell(result: CellResult, run: Run) -> Json:
     utm = obs.utm if obs else None
     if posterior is not None and utm is not None:
         entry |= _located(posterior, utm)
-    entry["reference_ekf"] = _last(result.reference, utm)
-    entry["ekf"] = _last(result.ekf, utm)
-    entry["ekf_backward"] = _last(result.backward, utm)
+    entry["reference_ekf"] = _last(result, "reference")
+    entry["ekf"] = _last(result, "ekf")
+    entry["ekf_backward"] = _last(result, "backward")
     entry["agreement"] = _agreement(result.comparison)
-    entry["rts"] = _last(result.rts, utm)
-    entry["batch"] = _batch(result.batch, utm)
+    entry["rts"] = _last(result, "rts")
+    entry["batch"] = _batch(result)
     entry["residuals"] = _residuals(result.residuals)
     entry["truth"] = truth_of(result, run)
     entry["warnings"] = list(result.warnings)
@@ -157,15 +148,22 @@ def estimate(x: FloatArray, p: FloatArray, n: int, utm: Utm) -> Json:
 
 
 _NO_ESTIMATE: Json = dict.fromkeys(("lat", "lon", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma", "ellipse95"))
-_NO_ESTIMATE["n"] = 0
+_NO_ESTIMATE |= {"n": 0, "converged": None}
 
 
-def _last(filtered: Filtered | None, utm: Utm | None) -> Json:
-    """Where a filter ended; every value null where it was not started."""
-    if filtered is None or utm is None:
-        return _NO_ESTIMATE
+def _no_estimate(result: CellResult, name: str) -> Json:
+    """Every value null; `converged` is false where the estimator was asked, null where it was not."""
+    return _NO_ESTIMATE | {"converged": False} if name in result.failed else _NO_ESTIMATE
+
+
+def _last(result: CellResult, name: str) -> Json:
+    """Where a filter ended."""
+    filtered: Filtered | None = getattr(result, name)
+    if filtered is None or result.obs is None:
+        return _no_estimate(result, name)
     n = filtered.consistency.n if filtered.consistency else len(filtered)
-    return estimate(filtered.x[-1, :4], filtered.p[-1, :4, :4], n, utm)
+    last = estimate(filtered.x[-1, :4], filtered.p[-1, :4, :4], n, result.obs.utm)
+    return last | {"converged": True}
 
 
 def _agreement(compared: Comparison | None) -> Json | None:
@@ -187,9 +185,11 @@ def _residuals(left: Residuals | None) -> Json | None:
     return found
 
 
-def _batch(fitted: BatchFit | None, utm: Utm | None) -> Json:
-    if fitted is None or utm is None:
-        return _NO_ESTIMATE
+def _batch(result: CellResult) -> Json:
+    fitted = result.batch
+    if fitted is None or result.obs is None:
+        return _no_estimate(result, "batch")
+    utm = result.obs.utm
     more = {
         "sigma_db": fitted.sigma_db,
         "converged": fitted.converged,
@@ -198,14 +198,6 @@ def _batch(fitted: BatchFit | None, utm: Utm | None) -> Json:
     }
     rivals = [dict(zip(("lat", "lon"), utm.to_latlon(*r[:2].tolist()), strict=True)) for r in fitted.rivals]
     return estimate(fitted.state, fitted.covariance, fitted.n, utm) | more | {"rivals": rivals}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    raise TypeError(f"no JSON for {type(value).__name__}")
 
 
 def write(smoothed: Smoothed, found: Json, path: Path) -> None:

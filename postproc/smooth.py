@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import hypot
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -24,10 +24,12 @@ from logger.core.observations import (
 from logger.core.runfile import Run
 from logger.core.schema import Rows
 from postproc.estimators import batch, handover, residuals, walker
-from postproc.estimators.batch import BatchFit, Loss
+from postproc.estimators.batch import BatchFit
 from postproc.estimators.compare import Comparison, compare
 from postproc.estimators.filtered import Filtered, reference_ekf
+from postproc.estimators.losses import Loss
 from postproc.estimators.residuals import Residuals
+from postproc.estimators.sound import ended_well
 from postproc.estimators.walker import SmoothedTrack
 from postproc.processes import each
 
@@ -40,9 +42,9 @@ Item = TypeVar("Item")
 
 
 class Progress(Protocol):
-    """Passes `total` items on as they come, and shows how many have."""
+    """Passes `total` items on as they come, and shows how many have and the name of the next."""
 
-    def __call__(self, items: Iterable[Item], what: str, total: int) -> Iterable[Item]: ...
+    def __call__(self, items: Iterable[Item], what: str, total: int, names: Sequence[str] = ()) -> Iterable[Item]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,8 @@ class CellResult:
 
     `n` counts the readings that could be used. The answer is the posterior's; the EKF forward and backward, their
     comparison, the smoother and the least-squares fit stand beside it. `residuals` are those of the posterior's place.
-    `timing` says whether the timing advances agree with the posterior; None where none was read.
+    `timing` says whether the timing advances agree with the posterior; None where none was read. `failed` names the
+    estimators that were asked and did not converge: what they ended with is not kept.
     """
 
     cell: str
@@ -68,6 +71,7 @@ class CellResult:
     comparison: Comparison | None = None
     residuals: Residuals | None = None
     timing: TimingCheck | None = None
+    failed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +111,8 @@ def smooth_run(
     if not heard:
         warnings.append(NO_CELL)
     results = each(partial(smooth_cell, wishes=wishes), usable, processes)
-    found = list(progress(results, "locating", len(usable)) if progress else results)
+    names = [obs.cell for obs in usable]
+    found = list(progress(results, "locating", len(names), names) if progress else results)
     located = {result.cell for result in found}
     found += [without_place(name, n) for name, n in heard.items() if name not in located]
     return Smoothed(run, observations, tuple(found), tuple(warnings))
@@ -150,33 +155,55 @@ def smooth_cell(obs: CellObservations, wishes: Wishes = Wishes()) -> CellResult:
     posterior = found.posterior
     reference = reference_ekf(obs) if len(obs) and obs.n_modems == 1 else None
     if posterior is None:
-        return replace(found, reference=reference)
+        return _converged_only(replace(found, reference=reference))
     starts = [(mode.x_m, mode.y_m) for mode in posterior.modes]
     level = obs if posterior.offsets is None else obs.on_one_scale(posterior.offsets.mean_db)
     fitted = batch.fit(level, starts, loss=wishes.loss, height_m=wishes.prior.height_m)
     forward, backward = _passes(obs, posterior)
     there = forward if isinstance(forward, handover.EkfRun) else None
     back = backward if isinstance(backward, handover.EkfRun) else None
-    compared = compare(there.filtered, back.filtered) if there and back else None
-    left = residuals.diagnose(
-        posterior.modes[0].state, level, there.filtered if there else None, height_m=wishes.prior.height_m
-    )
-    warnings = [*found.warnings, *_batch_warnings(fitted, posterior), *left.findings]
-    if isinstance(forward, handover.NoRun):
-        warnings.append(f"no EKF and no RTS: {forward.reason}")
-    if compared and compared.warning:
-        warnings.append(compared.warning)
-    return replace(
+    every = replace(
         found,
-        warnings=tuple(warnings),
         reference=reference,
         ekf=there.filtered if there else None,
         rts=there.smoothed if there else None,
         batch=fitted,
         backward=back.filtered if back else None,
-        comparison=compared,
-        residuals=left,
     )
+    whole = _converged_only(every)
+    compared = compare(whole.ekf, whole.backward) if whole.ekf and whole.backward else None
+    left = residuals.diagnose(posterior.modes[0].state, level, whole.ekf, height_m=wishes.prior.height_m)
+    warnings = [*whole.warnings, *_batch_warnings(whole.batch, posterior), *left.findings]
+    if isinstance(forward, handover.NoRun):
+        warnings.append(f"no EKF and no RTS: {forward.reason}")
+    if compared and compared.warning:
+        warnings.append(compared.warning)
+    return replace(whole, warnings=tuple(warnings), comparison=compared, residuals=left)
+
+
+_NAMES = {
+    "batch": "least squares",
+    "ekf": "the EKF",
+    "backward": "the EKF backward",
+    "rts": "the RTS smoother",
+    "reference": "the reference EKF",
+}
+
+
+def _converged_only(result: CellResult) -> CellResult:
+    """The result without the estimators that did not converge, each named in `failed` and in a warning."""
+    failed = tuple(name for name in _NAMES if not _converged(name, getattr(result, name), result.obs))
+    told = [f"{_NAMES[name]} did not converge" for name in failed]
+    kept: dict[str, Any] = dict.fromkeys(failed)
+    return replace(result, **kept, failed=failed, warnings=(*result.warnings, *told))
+
+
+def _converged(name: str, ended: BatchFit | Filtered | None, obs: CellObservations | None) -> bool:
+    if ended is None or obs is None:
+        return True
+    if isinstance(ended, BatchFit):
+        return ended.converged
+    return ended_well(ended.x[-1], ended.p[-1], obs, any_slope=name == "reference")
 
 
 def too_few(obs: CellObservations) -> str | None:
@@ -225,10 +252,10 @@ def without_place(cell: str, n: int) -> CellResult:
     return CellResult(cell, 0, None, "cannot tell", (why,))
 
 
-def _batch_warnings(fitted: BatchFit, posterior: Posterior) -> list[str]:
+def _batch_warnings(fitted: BatchFit | None, posterior: Posterior) -> list[str]:
+    if fitted is None:
+        return []
     warnings = []
-    if not fitted.converged:
-        warnings.append("least squares did not converge")
     if fitted.rivals:
         warnings.append(f"least squares fits {len(fitted.rivals)} other place(s) as well as its best one")
     apart_m = hypot(fitted.state[0] - posterior.x_m, fitted.state[1] - posterior.y_m)

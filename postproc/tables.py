@@ -1,10 +1,12 @@
-"""Results and runs as tables in a terminal."""
+"""Results of `smooth` in a terminal: a line for each cell, and all that is known of those that were asked for."""
+
+from collections.abc import Sequence
 
 from rich.console import Console
-from rich.table import Table
+from rich.text import Text
 
-from postproc.info import Info
-from postproc.results import Json
+from postproc.json_text import Json
+from postproc.terminal import Cell, fits, say, screen, table
 
 TITLES = {
     "batch": "least squares",
@@ -14,107 +16,119 @@ TITLES = {
     "reference_ekf": "reference EKF*",
 }
 _STYLES = {"located": "green", "ambiguous": "yellow", "cannot tell": "red"}
+_ORDER = tuple(_STYLES)
+_SHOWN = 0.005
+"""A place with less would be printed as 0 %."""
 
 
-def _console() -> Console:
-    """A terminal as wide as it is; a file or a pipe takes lines of any length."""
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=200)
-
-
-def print_info(info: Info) -> None:
-    """A run on one screen."""
-    console = _console()
-    console.print(f"[bold]{info.path}[/bold] ({info.form}), {info.origin}{', SIMULATED' if info.simulated else ''}")
-    console.print(f"started  {info.started_utc or 'at an unknown time (GPS never told it)'}, {info.duration_s:.0f} s")
-    console.print(f"stopped  {info.stopped or 'not: the plug was pulled, or it is still being recorded'}")
-    if info.missing_frames or info.skipped_bytes:
-        console.print(f"[red]damage   {info.missing_frames} frames missing, {info.skipped_bytes} bytes damaged[/red]")
-    console.print(f"fixes    {info.n_fixes}, {info.n_fixes_valid} with a position")
-    console.print(
-        f"readings {info.n_readings} in {info.n_scans} scans, {info.n_readings_without_fix} without a fix, "
-        f"{info.n_readings_without_identity} of cells that were not decoded"
-    )
-    console.print(f"live     {info.n_live} estimates; raw {info.n_raw_bytes} bytes")
-    for gap in info.gaps[:20]:
-        console.print(f"gap      no {gap.of} for {gap.length_s:.0f} s at +{gap.start_s:.0f} s")
-    _print_cells(console, info)
-    for event in info.events:
-        style = {"warning": "yellow", "error": "red"}.get(event.level, "dim")
-        console.print(f"+{event.t_s:.0f} s  {event.source}: {event.text}", style=style, markup=False)
-
-
-def _print_cells(console: Console, info: Info) -> None:
-    table = Table("cell", "type", "readings", "strongest", box=None)
-    for cell in info.cells:
-        strongest = "-" if cell.strongest_dbm is None else f"{cell.strongest_dbm:.0f} dBm"
-        table.add_row(cell.cell, cell.rat or "-", str(cell.n), strongest)
-    if info.cells:
-        console.print(table)
-
-
-def print_summary(found: Json) -> None:
-    """Each cell with its answer, and the estimators side by side; `found` as `results` gives it."""
-    console = _console()
+def print_summary(found: Json, *, details: bool) -> None:
+    """What was found, as `results` gives it: one line for each cell, or with `details` all that is known of it."""
+    console = screen()
     runs = found.get("runs") or [found["run"]]
+    _print_warnings(console, runs, found.get("warnings", ()))
+    cells = sorted(found["cells"], key=lambda cell: _ORDER.index(cell["verdict"]))
+    if not cells:
+        return
+    if not details:
+        _print_lines(console, cells)
+        say(console, "\nThe reasons and all details of one cell: --cell NAME; of every cell: -v", "dim")
+        return
+    for cell in cells:
+        _print_cell(console, cell)
+    if any(cell["reference_ekf"]["lat"] is not None for cell in cells):
+        says = "the specification's filter, kept for reference: its place and its ellipse are not to be trusted"
+        say(console, f"\n* {says}")
+
+
+def _print_warnings(console: Console, runs: Sequence[Json], warnings: Sequence[str]) -> None:
     if any(run["simulated"] for run in runs):
-        console.print("This is a simulated run: the table shows the error to the known truth.")
+        say(console, "This is a simulated run: the error to the known truth is shown.")
     for run in runs:
         which = f"{run['path']}: " if len(runs) > 1 else ""
         for warning in run["warnings"]:
-            console.print(f"[red]cannot tell: {which}{warning}[/red]")
-    for warning in found.get("warnings", ()):
-        console.print(f"[yellow]{warning}[/yellow]")
-    for cell in found["cells"]:
-        _print_cell(console, cell)
-    if any(cell["reference_ekf"]["lat"] is not None for cell in found["cells"]):
-        console.print(
-            "\n* the specification's filter, kept for reference: its place and its ellipse are not to be trusted"
-        )
+            say(console, f"{which}{warning}", "red")
+    for warning in warnings:
+        say(console, warning, "yellow")
+
+
+def _print_lines(console: Console, cells: Sequence[Json]) -> None:
+    """One line for each cell, or one sentence where a line is too short for that."""
+    simulated = any(cell["truth"] for cell in cells)
+    titles = ["cell", "readings", "verdict", "place", "95 % in", *(["error"] if simulated else [])]
+    rows = [_in_one_line(cell) for cell in cells]
+    if fits(console, titles, rows):
+        table(console, titles, rows, right=("readings", "95 % in", "error"))
+        return
+    for cell in cells:
+        say(console, _in_one_sentence(cell), bullet="- ")
+
+
+def _in_one_sentence(cell: Json) -> Text:
+    name, n, verdict, place, within, off = (str(part) for part in _in_one_line(cell))
+    said = Text(f"{name}: ").append(verdict, _STYLES[cell["verdict"]])
+    where = {"located": f" at {place}, 95 % in {within}", "ambiguous": f", {place}"}.get(cell["verdict"], "")
+    return said.append(f"{where}, {n} readings{f', error {off}' if off else ''}")
+
+
+def _in_one_line(cell: Json) -> list[Cell]:
+    verdict = Text(cell["verdict"], _STYLES[cell["verdict"]])
+    place, within = "", ""
+    if cell["verdict"] == "located":
+        place, within = _place(cell["best"]), _metres(cell["best"]["r95_m"])
+    elif cell["verdict"] == "ambiguous":
+        place = f"{sum(mode['probability'] >= _SHOWN for mode in cell['modes'])} places"
+    truth = cell["truth"]
+    known = cell["verdict"] == "located" and truth is not None and truth["error_m"] is not None
+    off = [_metres(truth["error_m"]) if known and truth else ""]
+    return [cell["cell"], str(cell["n"]), verdict, place, within, *off]
 
 
 def _print_cell(console: Console, cell: Json) -> None:
-    style = _STYLES[cell["verdict"]]
-    console.print(f"\n[bold]{cell['cell']}[/bold]  {cell['n']} readings  [{style}]{cell['verdict']}[/{style}]")
+    head = Text("\n").append(cell["cell"], "bold").append(f"  {cell['n']} readings  ")
+    say(console, head.append(cell["verdict"], _STYLES[cell["verdict"]]))
     for warning in cell["warnings"]:
-        console.print(f"  - {warning}", markup=False)
-    console.print(_estimators(cell))
+        say(console, warning, bullet="  - ")
+    _print_estimators(console, cell)
     if timing := cell.get("timing"):
-        console.print(f"  timing advance: read at {timing['places']} places, {timing['disagree']} disagree")
+        says = f"timing advance: read at {timing['places']} places, {timing['disagree']} disagree"
+        say(console, says, bullet="  ")
     if cell.get("without"):
-        console.print(_by_run(cell))
+        _print_by_run(console, cell)
     _print_truth(console, cell["truth"])
 
 
-def _estimators(cell: Json) -> Table:
-    table = Table("estimator", "place", "95 % (m)", "P0 (dBm)", "eta", "n", box=None, padding=(0, 1), pad_edge=False)
-    for column in table.columns:
-        column.no_wrap = True
+def _print_estimators(console: Console, cell: Json) -> None:
+    rows: list[list[str]] = []
     if cell["best"]["lat"] is not None:
-        _add(table, "posterior", cell["best"] | {"n": cell["n"]}, f"r {cell['best']['r95_m']:.0f}")
+        rows.append(_row("posterior", cell["best"] | {"n": cell["n"]}, f"r {cell['best']['r95_m']:.0f}"))
     for i, mode in enumerate(cell["modes"], 1):
-        table.add_row(f"  place {i}: {mode['probability']:.0%}", _place(mode), _axes(mode["ellipse95"]))
+        rows.append([f"  place {i}: {mode['probability']:.0%}", _place(mode), _axes(mode["ellipse95"])])
     for name, title in TITLES.items():
-        if cell[name]["lat"] is not None:
-            _add(table, title, cell[name], _axes(cell[name]["ellipse95"]))
-    return table
+        if cell[name]["converged"] is False:
+            rows.append([title, "did not converge"])
+        elif cell[name]["lat"] is not None:
+            bounded = cell[name].get("bounded") is not False
+            rows.append(_row(title, cell[name], _axes(cell[name]["ellipse95"]) if bounded else "", bounded=bounded))
+    table(console, ["estimator", "place", "95 % (m)", "P0 (dBm)", "eta", "n"], rows, right=("n",))
 
 
-def _by_run(cell: Json) -> Table:
+def _row(title: str, e: Json, extent: str, *, bounded: bool = True) -> list[str]:
+    """What a fit without bounds says of its own uncertainty is no number."""
+    if not bounded:
+        return [title, _place(e), "no bounds", f"{e['p0_dbm']:.1f}", f"{e['eta']:.2f}", str(e["n"])]
+    power = f"{e['p0_dbm']:.1f} ± {e['p0_sigma_db']:.1f}"
+    return [title, _place(e), extent, power, f"{e['eta']:.2f} ± {e['eta_sigma']:.2f}", str(e["n"])]
+
+
+def _print_by_run(console: Console, cell: Json) -> None:
     """What each run gave: its level against the first, and the answer without it."""
-    table = Table("run", "n", "reads (dB)", "without it", "95 % (m)", "", box=None, padding=(0, 1), pad_edge=False)
+    rows = []
     for gave, without in zip(cell["offsets"], cell["without"], strict=True):
         best, offset = without["best"], gave["offset_db"]
         level = "-" if offset is None else f"{offset:+.1f} ± {gave['sigma_db']:.1f}" if gave["sigma_db"] else "0"
         place = (_place(best), f"r {best['r95_m']:.0f}") if best else ("-", "-")
-        table.add_row(gave["run"], str(gave["n"]), level, *place, without["verdict"])
-    return table
-
-
-def _add(table: Table, title: str, e: Json, extent: str) -> None:
-    power = f"{e['p0_dbm']:.1f} ± {e['p0_sigma_db']:.1f}"
-    exponent = f"{e['eta']:.2f} ± {e['eta_sigma']:.2f}"
-    table.add_row(title, _place(e), extent, power, exponent, str(e["n"]))
+        rows.append([gave["run"], str(gave["n"]), level, *place, without["verdict"]])
+    table(console, ["run", "n", "reads (dB)", "without it", "95 % (m)", "verdict"], rows, right=("n",))
 
 
 def _place(e: Json) -> str:
@@ -125,7 +139,12 @@ def _axes(ellipse: Json) -> str:
     return f"{ellipse['semi_major_m']:.0f} x {ellipse['semi_minor_m']:.0f}"
 
 
+def _metres(m: float) -> str:
+    return f"{m:.0f} m"
+
+
 def _print_truth(console: Console, truth: Json | None) -> None:
     if truth is not None and truth["error_m"] is not None:
         inside = "inside" if truth["inside_region95"] else "OUTSIDE"
-        console.print(f"  truth: best place is {truth['error_m']:.0f} m off, truth is {inside} the 95 % region")
+        says = f"truth: best place is {truth['error_m']:.0f} m off, truth is {inside} the 95 % region"
+        say(console, says, bullet="  ")

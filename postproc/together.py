@@ -98,7 +98,8 @@ def smooth_together(
     modems = modems_of(runs)
     merged = sorted(((merge(part, modems), part) for part in parts.values()), key=lambda one: len(one[0]), reverse=True)
     results = each(partial(_cell, modems=modems, wishes=wishes), merged, processes)
-    cells = list(progress(results, "locating", len(merged)) if progress else results)
+    names = [obs.cell for obs, _ in merged]
+    cells = list(progress(results, "locating", len(names), names) if progress else results)
     nothing = np.zeros(0, np.int64)
     cells += [TogetherCell(without_place(c, n), nothing, (), {}) for c, n in heard.items() if c not in parts]
     warnings = _warnings(heard, parts)

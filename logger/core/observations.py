@@ -8,8 +8,8 @@ import numpy.typing as npt
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
-from logger.core.scale import limits
-from logger.core.schema import UNKNOWN_ID, UNKNOWN_TIME, Rows
+from logger.core.scale import levels_dbm, limits
+from logger.core.schema import UNKNOWN_TIME, Rows
 
 MAX_GAP_S = 10.0
 """A walker's place between two fixes further apart than this is not known well enough to be interpolated."""
@@ -168,14 +168,6 @@ def observe(fixes: Rows, scans: Rows, readings: Rows) -> Observations:
         n_without_identity=int(np.count_nonzero(~named)),
         n_without_level=int(np.count_nonzero(named & ~heard)),
     )
-
-
-def levels_dbm(readings: Rows) -> FloatArray:
-    """Levels as `CellReading.level_dbm` defines them, for a whole table."""
-    level_dbm = np.where(readings["rxlev_raw"] == UNKNOWN_ID, np.nan, readings["rxlev_raw"] - 110.0)
-    for name in ("rssi_dbm", "rscp_dbm", "rsrp_dbm"):
-        level_dbm = np.where(np.isfinite(readings[name]), readings[name], level_dbm)
-    return np.asarray(level_dbm, float)
 
 
 def timing_advances(readings: Rows) -> IntArray:

@@ -1,4 +1,4 @@
-"""Where a modem's scale of levels ends: a reading there says "at most" or "at least", not how much.
+"""Levels of any technology, and where a modem's scale ends: a reading there says "at most" or "at least", not how much.
 
 GSM: RXLEV 0 is anything below -110 dBm, RXLEV 63 anything above -48 dBm (3GPP TS 45.008, 8.1.4). Elsewhere the end
 of the scale is not known and shows as a pile of readings at the lowest or the highest value.
@@ -7,6 +7,7 @@ of the scale is not known and shows as a pile of readings at the lowest or the h
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.schema import UNKNOWN_ID, Rows
 
 GSM_FLOOR_DBM = -110.0
 GSM_CEILING_DBM = -47.0
@@ -32,6 +33,14 @@ def limits(level_dbm: FloatArray, rat: str | None) -> IntArray:
     if (gsm and high == GSM_CEILING_DBM) or _is_pile(-finite, -high):
         limit[level_dbm == high] = 1
     return limit
+
+
+def levels_dbm(readings: Rows) -> FloatArray:
+    """Levels as `CellReading.level_dbm` defines them, for the table `readings`, shape (n,)."""
+    level_dbm = np.where(readings["rxlev_raw"] == UNKNOWN_ID, np.nan, readings["rxlev_raw"] - 110.0)
+    for name in ("rssi_dbm", "rscp_dbm", "rsrp_dbm"):
+        level_dbm = np.where(np.isfinite(readings[name]), readings[name], level_dbm)
+    return np.asarray(level_dbm, float)
 
 
 def limit_of(level_dbm: float, rat: str | None) -> int:

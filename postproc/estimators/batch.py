@@ -24,10 +24,11 @@ from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError
 from logger.core.observations import CellObservations
-from postproc.estimators.batch_spread import REACH_M, Working, distance_db, spread
+from postproc.estimators.batch_spread import Spread, Working, distance_db, spread
 from postproc.estimators.correlated import squares
+from postproc.estimators.losses import Loss, influence
+from postproc.estimators.sound import ended_well, is_possible
 
-Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 _OfPlace = Callable[[FloatArray], FloatArray]
 
 _C = 10.0 / log(10.0)
@@ -43,7 +44,8 @@ _STEPS = 200
 class BatchFit:
     """Best fit: `state` [x, y, P0, eta], `covariance` (4, 4), residual `sigma_db`, readings `n`, `cost` chi2 / 2.
 
-    `converged` is False also for what cannot be: an exponent that is not positive, or a place over 30 km away.
+    `converged` is False also for what cannot be (`sound`): an exponent that is not positive or a place over 30 km away.
+    State and covariance are then no answer; a covariance that could not be computed is NaN.
     `inflation` is the factor by which correlated residuals have widened the covariance of the place. `bounded` is False
     where in some direction places fit as well as far as 30 km away; the covariance then reaches that far. `rivals` are
     the states of other minima that the readings cannot tell from the best one (chi-square within 5.991).
@@ -131,11 +133,23 @@ def fit(
         # how much a limit hides depends on sigma, of which the first fit knows more
         found = search.minima([(float(one.state[0]), float(one.state[1])) for one in found])
     state, cost, converged = found[0]
-    wide = spread(search.working(state), jacobian(state, rows, height_m), state, height_m)
+    wide = _spread(search, state, height_m)
+    converged = converged and ended_well(state, wide.covariance, obs)
     allowed = 0.5 * CHI2_95_2DOF * wide.variance_db2 * max(wide.inflation, 1.0)
     near = [one.state for one in found[1:] if one.converged and one.cost - cost < allowed]
     rivals = _apart(state, near)
     return BatchFit(state, wide.covariance, sigma_db, len(obs), converged, cost, wide.inflation, wide.bounded, rivals)
+
+
+_NO_SPREAD = Spread(np.full((4, 4), np.nan), np.nan, 1.0, bounded=False)
+
+
+def _spread(search: "_Search", state: FloatArray, height_m: float) -> Spread:
+    try:
+        with np.errstate(all="ignore"):  # what overflows is no covariance, and is left out as such
+            return spread(search.working(state), jacobian(state, search.rows, height_m), state, height_m)
+    except (ValueError, OverflowError, np.linalg.LinAlgError):
+        return _NO_SPREAD
 
 
 def _gathered(obs: CellObservations, limit: IntArray, *, robust: bool) -> _Rows:
@@ -200,9 +214,13 @@ class _Search(NamedTuple):
         """Least squares of the levels over the place, P0 and eta projected out."""
         misfit, slope = self._projection()
         method: Literal["lm", "trf"] = "lm" if np.count_nonzero(self.rows.free) >= 2 else "trf"
-        found = least_squares(misfit, start, jac=slope, method=method, x_scale=(10.0, 10.0), max_nfev=_STEPS)
-        state = _at(self.rows, float(found.x[0]), float(found.x[1]), self.height_m)
-        return self._minimum(state, found.cost, found.success)
+
+        def search() -> _Minimum:
+            found = least_squares(misfit, start, jac=slope, method=method, x_scale=(10.0, 10.0), max_nfev=_STEPS)
+            state = _at(self.rows, float(found.x[0]), float(found.x[1]), self.height_m)
+            return self._minimum(state, found.cost, found.success)
+
+        return _run_away_allowed(search, _at(self.rows, *start, self.height_m))
 
     def _projection(self) -> tuple[_OfPlace, _OfPlace]:
         """Misfit off the span of what P0 and eta can do, and its derivative without that of the span (Kaufman)."""
@@ -234,21 +252,23 @@ class _Search(NamedTuple):
             rate = root * self._deviation(state)[1]
             return rate[:, None] * jacobian(state, self.rows, self.height_m)
 
-        found = least_squares(
-            misfit,
-            state,
-            jac=slope,
-            method="lm" if self.loss == "linear" and len(root) >= 4 else "trf",
-            x_scale=(10.0, 10.0, 3.0, 0.3),
-            loss=self.loss,
-            f_scale=max(self.sigma_db, 1.0),
-            max_nfev=_STEPS,
-        )
-        return self._minimum(np.asarray(found.x, float), found.cost, found.success)
+        def search() -> _Minimum:
+            found = least_squares(
+                misfit,
+                state,
+                jac=slope,
+                method="lm" if self.loss == "linear" and len(root) >= 4 else "trf",
+                x_scale=(10.0, 10.0, 3.0, 0.3),
+                loss=self.loss,
+                f_scale=max(self.sigma_db, 1.0),
+                max_nfev=_STEPS,
+            )
+            return self._minimum(np.asarray(found.x, float), found.cost, found.success)
+
+        return _run_away_allowed(search, state)
 
     def _minimum(self, state: FloatArray, cost: float, success: bool) -> _Minimum:
-        near = np.hypot(state[0] - self.rows.x_m, state[1] - self.rows.y_m).min() < REACH_M
-        return _Minimum(state, float(cost), bool(success and near and state[3] > 0.0))
+        return _Minimum(state, float(cost), success and is_possible(state, self.rows.x_m, self.rows.y_m))
 
     def _deviation(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Deviation in dB of each row, positive where the model is too high, and its derivative by the model."""
@@ -264,7 +284,7 @@ class _Search(NamedTuple):
     def working(self, state: FloatArray) -> Working:
         """The linear problem with the same minimum: a level deviates by psi(r) / (mean psi' dr/dmodel)."""
         r, rate = self._deviation(state)
-        psi, slope = _influence(self.loss, np.sqrt(self.rows.weight) * r / max(self.sigma_db, 1.0))
+        psi, slope = influence(self.loss, np.sqrt(self.rows.weight) * r / max(self.sigma_db, 1.0))
         kept = rate > 1e-3
         e = r * psi / (max(float(np.mean(slope)), 0.1) * np.maximum(rate, 1e-3))
         model = residuals(state, self.rows, self.height_m) + self.rows.level_dbm
@@ -272,15 +292,16 @@ class _Search(NamedTuple):
         return Working(self.rows.x_m, self.rows.y_m, model - e, self.rows.readings, weight)
 
 
-def _influence(loss: Loss, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """psi(u) / u and psi'(u) of a loss, u in units of its scale (scipy's definitions of the losses)."""
-    if loss == "soft_l1":
-        return (1.0 + u**2) ** -0.5, (1.0 + u**2) ** -1.5
-    if loss == "huber":
-        return 1.0 / np.maximum(np.abs(u), 1.0), np.where(np.abs(u) <= 1.0, 1.0, 0.0)
-    if loss == "cauchy":
-        return 1.0 / (1.0 + u**2), (1.0 - u**2) / (1.0 + u**2) ** 2
-    return np.ones_like(u), np.ones_like(u)
+def _run_away_allowed(search: Callable[[], _Minimum], start: FloatArray) -> _Minimum:
+    """What a search has reached, or its start where it ran so far away that floats do not hold it."""
+    try:
+        with np.errstate(all="ignore"):
+            found = search()
+    except (ValueError, np.linalg.LinAlgError):
+        found = None
+    if found is None or not np.all(np.isfinite(found.state)):
+        return _Minimum(start, np.inf, converged=False)
+    return found
 
 
 def _apart(state: FloatArray, others: Sequence[FloatArray]) -> tuple[FloatArray, ...]:

@@ -20,8 +20,8 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import CHI2_95_2DOF
 from postproc.estimators.correlated import averages, residual_noise
+from postproc.estimators.sound import REACH_M
 
-REACH_M = 30_000.0
 _STEP = 2.0**0.25
 _LEAST_M2 = 1e-6
 _SINGULAR = 1e-8

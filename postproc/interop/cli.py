@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from logger.core.arguments import number, path
-from logger.core.errors import ConfigError, RunFileError
+from logger.core.errors import ConfigError
+from postproc.whole_file import check_output, check_writable
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
@@ -27,7 +28,9 @@ def add_export(command: argparse.ArgumentParser) -> None:
     command.add_argument("-o", "--output", type=path, required=True, metavar="FILE", help="its suffix names the format")
     command.add_argument("--format", choices=names, help="default: by the suffix; .csv is what `import` reads back")
     command.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
-    command.add_argument("--estimates", action="store_true", help="places and regions too, as `smooth` finds them")
+    command.add_argument("--estimates", action="store_true", help="the answers of `smooth` too: places and regions")
+    what = "and what the other estimators say, with their ellipses, to compare"
+    command.add_argument("--all-estimators", action="store_true", help=what)
     command.add_argument("--json", action="store_true")
 
 
@@ -58,32 +61,23 @@ def export(arguments: argparse.Namespace, summarise: Summarise) -> int:
     from postproc.smooth import heard_cells
 
     name = exporting.format_of(arguments.format, arguments.output)
-    if arguments.estimates and not exporting.FORMATS[name].has_estimates:
-        raise ConfigError(f"{name} holds measurements only; --estimates goes with kml, geojson and gpx")
+    wanted = arguments.estimates or arguments.all_estimators
+    if wanted and not exporting.FORMATS[name].has_estimates:
+        which = "--estimates" if arguments.estimates else "--all-estimators"
+        raise ConfigError(f"{name} holds measurements only; {which} goes with kml, geojson and gpx")
     run = read_run(arguments.run)
-    _spare(arguments.output)
+    check_output(arguments.output)
     walk = walked(run, list(heard_cells([run], arguments.cell)) if arguments.cell else None)
-    found = _estimates(arguments, run, walk, summarise) if arguments.estimates else []
+    found = _estimates(arguments, run, walk, summarise) if wanted else []
     told = exporting.export(walk, found, arguments.output, name)
     if arguments.json:
         print(json.dumps(asdict(told), indent=2, default=str))
         return 0
-    more = f", estimates of {told.n_estimates} cells" if arguments.estimates else ""
+    more = f", estimates of {told.n_estimates} cells" if wanted else ""
     print(f"{told.path}: {told.n_levels} levels, {told.n_fixes} fixes{more} ({name})")
     for what in told.left_out:
         print(f"{told.path}: left out: {what}", file=sys.stderr)
     return 0
-
-
-def _spare(target: Path) -> None:
-    """A run is never replaced by an export."""
-    from logger.core.runfile import read_run
-
-    try:
-        read_run(target)
-    except RunFileError:
-        return
-    raise RunFileError(f"{target} is a run; choose another name for the export")
 
 
 def _estimates(arguments: argparse.Namespace, run: "Run", walk: "Walked", summarise: Summarise) -> "list[Estimate]":
@@ -97,15 +91,14 @@ def _estimates(arguments: argparse.Namespace, run: "Run", walk: "Walked", summar
     summary = stored_summary(beside, run.meta.run_id, cells)
     if summary is not None:
         print(f"estimates are those of {beside}", file=sys.stderr)
-    return estimates(summary or summarise(run, arguments.cell), walk.utm)
+    return estimates(summary or summarise(run, arguments.cell), walk.utm, every=arguments.all_estimators)
 
 
 def import_(arguments: argparse.Namespace) -> int:
     """Make a run of a foreign file."""
     from postproc.interop.importing import import_walk, summary
 
-    if not arguments.output.parent.is_dir():
-        raise ConfigError(f"{arguments.output.parent}: no such folder")
+    check_writable(arguments.output)
     imported, source = import_walk(arguments.source, arguments.output), arguments.source
     for bad in imported.bad_rows[:_MOST_TOLD]:
         print(f"{source}: line {bad.line}: {bad.why}", file=sys.stderr)
@@ -129,8 +122,7 @@ def share(arguments: argparse.Namespace) -> int:
     from logger.core.runfile import read_run
     from postproc.interop import share as sharing
 
-    if not arguments.output.parent.is_dir():
-        raise ConfigError(f"{arguments.output.parent}: no such folder")
+    check_writable(arguments.output)
     told = sharing.share(read_run(arguments.run), arguments.output, arguments.blur_m)
     if arguments.json:
         print(json.dumps(asdict(told), indent=2, default=str))

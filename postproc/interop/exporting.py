@@ -77,7 +77,7 @@ def export(walk: Walked, found: Sequence[Estimate], target: Path, name: str) -> 
     kept = Walked(tuple(heard), walk.track, walk.utm, walk.start_ns, walk.has_utc, 0, 0)
     with whole_file(target) as part:
         form.write(kept, found, part)
-    left_out = _left_out(walk, len(heard))
+    left_out = (*_left_out(walk, len(heard)), *(why for estimate in found for why in estimate.left_out))
     return Exported(
         target,
         name,

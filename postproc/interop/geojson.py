@@ -63,9 +63,10 @@ def _estimate(estimate: Estimate) -> Iterator[Feature]:
     for level, outline in estimate.regions.items():
         yield _area(outline, {"kind": "region", "level_percent": level, **about})
     for place in estimate.places:
-        named = {"name": place.name, "probability": place.probability, **about}
+        named = {"name": place.name, "probability": place.probability, "cell": estimate.cell, "verdict": place.verdict}
         yield {"type": "Feature", "geometry": _point(_place(*place.at)), "properties": {"kind": "place", **named}}
-        yield _area(place.ellipse95, {"kind": "ellipse95", **named})
+        if place.ellipse95:
+            yield _area(place.ellipse95, {"kind": "ellipse95", **named})
 
 
 def _area(outline: Sequence[Rings], told: Feature) -> Feature:

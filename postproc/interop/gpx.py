@@ -26,7 +26,7 @@ def write(walk: Walked, found: Sequence[Estimate], target: Path) -> None:
             waypoint = add(root, "wpt", **_at(place.at[1], place.at[0]))
             add(waypoint, "name", f"{estimate.cell} {place.name}")
             share = "" if place.probability is None else f", probability {place.probability:.2f}"
-            add(waypoint, "desc", f"{estimate.verdict}{share}")
+            add(waypoint, "desc", f"{place.verdict or 'not the answer, for comparison'}{share}")
             add(waypoint, "type", "estimate")
     track = add(root, "trk")
     add(track, "name", "walk")

@@ -1,4 +1,4 @@
-"""KML 2.2 (OGC 07-147r2): for each cell its levels along the walk in classes of 10 dB, regions, ellipses, places.
+"""KML 2.2 (OGC 07-147r2): for each cell its levels along the walk in classes of 10 dB, regions, places.
 
 Every stretch carries the time in which it was walked, so that the time slider of a globe shows the walk; without UTC
 there are no times.
@@ -90,7 +90,8 @@ def _cell(document: ET.Element, cell: str, heard: Sequence[Heard], estimate: Est
             _area(folder, f"{level} % region", f"region-{level}", outline)
         for place in estimate.places:
             share = "" if place.probability is None else f" ({100 * place.probability:.0f} %)"
-            _placemark(folder, f"{place.name}{share}", "place", [], (None, None), place.at)
+            name = place.name if place.verdict in {None, "located"} else f"{place.name}: {place.verdict}"
+            _placemark(folder, f"{name}{share}", "place", [], (None, None), place.at)
             _area(folder, f"95 % ellipse of {place.name}", "ellipse", place.ellipse95)
 
 

@@ -9,8 +9,9 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.region import Cells
-from logger.core.observations import MAX_GAP_S, Track, levels_dbm, times_ns
+from logger.core.observations import MAX_GAP_S, Track, times_ns
 from logger.core.runfile import Run
+from logger.core.scale import levels_dbm
 from logger.core.timebase import TimeBase, fit
 from postproc.estimators.outline import outline
 from postproc.pictures import colours

@@ -14,6 +14,7 @@ import textwrap
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from postproc.picture_file import kind_of
 from postproc.pictures.fit import fit_of
 from postproc.pictures.picture import Picture, headline, picture_of
 from postproc.pictures.plots_levels import draw_distance, draw_levels
@@ -33,10 +34,8 @@ def draw_run(smoothed: Smoothed, path: Path) -> None:
 
 def save_figure(figure: Figure, path: Path, pixels_per_inch: int) -> None:
     """Write a figure, format by the suffix (.png, .svg, .pdf); raises `RunFileError` or `ConfigError`."""
-    kind = path.suffix[1:].lower() or "png"
-    known = FigureCanvasAgg(figure).get_supported_filetypes()
-    if kind not in known:
-        raise ConfigError(f"{path}: a picture ends in {', '.join('.' + name for name in sorted(known))}")
+    kind = kind_of(path)
+    FigureCanvasAgg(figure)
     with whole_file(path) as part, mpl.rc_context(STYLE):
         figure.savefig(part, format=kind, dpi=pixels_per_inch, metadata=_undated(kind))
 

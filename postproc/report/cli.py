@@ -7,8 +7,9 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from logger.core.arguments import height, path
-from logger.core.errors import ConfigError, RunFileError
+from logger.core.errors import ConfigError
 from postproc.verify import cli as verify
+from postproc.whole_file import check_folder, check_output
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
@@ -37,11 +38,9 @@ def _report(arguments: argparse.Namespace) -> int:
 
     begun_s = perf_counter()
     target = arguments.output or arguments.run[0].with_suffix(".html")
-    for folder in (target.parent, arguments.pictures):
-        if folder is not None and not folder.is_dir():
-            raise ConfigError(f"{folder}: no such folder")
-    if target in arguments.run:
-        raise RunFileError(f"{target} is the run; choose another name for the report")
+    check_output(target)
+    if arguments.pictures is not None:
+        check_folder(arguments.pictures)
     wishes = Wishes(prior_for(arguments.environment, height_m=arguments.height))
     made = _made(arguments, [read_run(path) for path in arguments.run], wishes)
     size = made.write(target)
@@ -71,8 +70,8 @@ def _made(arguments: argparse.Namespace, runs: "list[Run]", wishes: "Wishes") ->
 def _tell(
     arguments: argparse.Namespace, target: Path, size: int, cells: tuple[str, ...], pictures: list[Path], took_s: float
 ) -> None:
+    from postproc.json_text import as_json
     from postproc.report.words import number_of
-    from postproc.results import as_json
 
     if arguments.json:
         written = {"path": str(target), "bytes": size, "cells": cells, "pictures": list(map(str, pictures))}

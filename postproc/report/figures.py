@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from postproc.estimators.metrics import consistency
+from postproc.json_text import Json
 from postproc.pictures import colours
 from postproc.pictures.fit import fit_of
 from postproc.pictures.picture import Clock, Levels, Picture
@@ -18,7 +19,6 @@ from postproc.pictures.plots_plan import beyond, draw_plan
 from postproc.pictures.plots_style import figure_of_size, legend_below, rgb
 from postproc.pictures.strips import draw_strips, strips_of
 from postproc.report import seen
-from postproc.results import Json
 from postproc.verify.run import CellVerdict
 
 _WIDE_INCH = 4.6

@@ -14,11 +14,11 @@ from markupsafe import Markup
 
 from logger.core.runfile import Run
 from postproc.info import CellCount, Event, Gap, Info, describe
+from postproc.json_text import Json
 from postproc.report import words
 from postproc.report.figures import Drawn
 from postproc.report.svg import inline
 from postproc.report.words import Answer
-from postproc.results import Json
 from postproc.smooth import CellResult
 from postproc.tables import TITLES
 from postproc.verify.run import CellVerdict, Verified

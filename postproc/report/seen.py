@@ -9,12 +9,12 @@ import shapely
 from logger.core.arrays import FloatArray
 from postproc.estimators.filtered import Filtered
 from postproc.estimators.metrics import NIS_95, Consistency
+from postproc.json_text import Json
 from postproc.pictures.fit import Fit
 from postproc.pictures.picture import Picture
 from postproc.pictures.plots_filter import ETA, P0, Parameter, of_posterior
 from postproc.pictures.strips import Strips
 from postproc.report.words import area_text, direction, metres
-from postproc.results import Json
 from postproc.verify.run import CellVerdict
 
 _MOST_PLACES = 4

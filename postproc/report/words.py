@@ -6,7 +6,7 @@ from math import atan2, degrees, hypot, isfinite
 from typing import NamedTuple
 
 from logger.core.locator.posterior import Posterior
-from postproc.results import Json
+from postproc.json_text import Json
 from postproc.smooth import CellResult
 
 _COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")

@@ -7,12 +7,13 @@ from pathlib import Path
 import matplotlib as mpl
 
 from logger.core.runfile import Run
+from postproc.json_text import Json
 from postproc.pictures.picture import clock_of, levels_of, picture_of
 from postproc.pictures.plots import save_figure
 from postproc.pictures.plots_style import PIXELS_PER_INCH, STYLE
 from postproc.report.figures import Drawn, overview, pictures_of
 from postproc.report.page import Told, html, told_cell, walk_of
-from postproc.results import Json, summary, summary_together
+from postproc.results import summary, summary_together
 from postproc.smooth import CellResult, Progress, Smoothed
 from postproc.together import Together
 from postproc.verify.run import Verified
@@ -63,7 +64,7 @@ def report(
         tuple(pictures_of(picture_of(smoothed, cell), entry, claims))
         for cell, entry, claims in zip(chosen, entries, about, strict=True)
     )
-    drawn = _drawn(made, len(chosen), progress)
+    drawn = _drawn(made, [cell.cell for cell in chosen], progress)
     every = _overview(smoothed.run, found)
     walks = [walk_of(smoothed.run, smoothed.warnings)]
     page = html(smoothed.cells, _told(chosen, found, drawn), found, walks, verified, every)
@@ -80,7 +81,7 @@ def report_together(together: Together, *, most: int = MOST_TOLD, progress: Prog
         tuple(pictures_of(picture_of(_heard_in(together, first[cell.cell], cell), cell), entry, over_time=False))
         for cell, entry in zip(chosen, _entries(chosen, found), strict=True)
     )
-    drawn = _drawn(made, len(chosen), progress)
+    drawn = _drawn(made, [cell.cell for cell in chosen], progress)
     walks = [walk_of(run, told) for run, told in zip(together.runs, together.run_warnings, strict=True)]
     page = html(cells, _told(chosen, found, drawn), found, walks, None)
     return Report(page, tuple(cell.cell for cell in chosen), drawn)
@@ -105,9 +106,11 @@ def _overview(run: Run, found: Json) -> Drawn | None:
         return overview([by_name.get(entry["cell"]) for entry in found["cells"]], clock_of(run))
 
 
-def _drawn(made: Iterable[tuple[Drawn, ...]], total: int, progress: Progress | None) -> tuple[tuple[Drawn, ...], ...]:
+def _drawn(
+    made: Iterable[tuple[Drawn, ...]], names: Sequence[str], progress: Progress | None
+) -> tuple[tuple[Drawn, ...], ...]:
     with mpl.rc_context(STYLE):
-        return tuple(progress(made, "drawing", total) if progress else made)
+        return tuple(progress(made, "drawing", len(names), names) if progress else made)
 
 
 def _told(cells: Sequence[CellResult], found: Json, drawn: Iterable[tuple[Drawn, ...]]) -> list[Told]:

@@ -32,6 +32,10 @@ def _toa_simulate(arguments: argparse.Namespace) -> int:
         arguments.runs,
         arguments.seed,
     )
+    if arguments.plot is not None:
+        from postproc.picture_file import check_picture
+
+        check_picture(arguments.plot)
     rows = list(shown(simulate(wanted), "simulating", len(wanted.sigma2_m2)))
     if arguments.json:
         print(report.as_json(wanted, rows, steps=arguments.steps))

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from logger.core.errors import ConfigError
+from postproc.picture_file import kind_of
 from postproc.toa.simulate import Row, Setting
 from postproc.whole_file import whole_file
 
@@ -25,12 +25,8 @@ _LINES = {
 def draw(setting: Setting, rows: list[Row], path: Path) -> None:
     """Write the figure, format by the suffix (.png, .svg, .pdf); raises `ConfigError` or `RunFileError`."""
     figure = _figure(setting, rows)
-    kind = path.suffix[1:].lower()
-    known = figure.canvas.get_supported_filetypes()
-    if kind not in known:
-        raise ConfigError(f"{path}: a picture ends in {', '.join('.' + name for name in sorted(known))}")
     with whole_file(path) as part:
-        figure.savefig(part, format=kind, dpi=_DPI)
+        figure.savefig(part, format=kind_of(path), dpi=_DPI)
 
 
 def _figure(setting: Setting, rows: list[Row]) -> Figure:

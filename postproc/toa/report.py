@@ -1,23 +1,22 @@
 """The table of the simulation: in a terminal, and as JSON."""
 
 import json
-from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
+from postproc.json_text import Json
+from postproc.terminal import say, screen, table
 from postproc.toa.simulate import Row, Setting
-
-Json = dict[str, Any]
 
 _COLUMNS = ("LSE", "KF of the README", "KF on squares", "bound, epoch", "bound, motion")
 _NOTES = (
-    "LSE: each epoch alone. KF of the README: singular S, inverted over independent rows; the pseudo-inverse gives the",
-    "same to {apart:.1e} m. KF on squares: the same task with a matrix of full rank. Bounds: mean error of a Gaussian",
-    "that reaches the Cramer-Rao bound of one epoch, and of all epochs so far of an even motion (unbiased estimators).",
+    "LSE: each epoch alone.",
+    "KF of the README: singular S, inverted over independent rows; the pseudo-inverse gives the same to {apart:.1e} m.",
+    "KF on squares: the same task with a matrix of full rank.",
+    "Bound: mean error of a Gaussian that reaches the Cramer-Rao bound (unbiased estimators), of one epoch, or of all",
+    "epochs so far of an even motion.",
     "NEES by degree of freedom: 1 for a covariance that is true, above 1 for one that is too small.",
 )
 
@@ -74,28 +73,24 @@ def _errors(row: Row) -> dict[str, FloatArray | None]:
 
 def print_rows(setting: Setting, rows: list[Row], *, steps: bool) -> None:
     """Mean errors over steps and runs, one line for each variance; with `steps` one for each step as well."""
-    console = Console(highlight=False)
-    console = console if console.is_terminal else Console(highlight=False, width=200)
-    console.print(
-        f"mean error (m) over {len(setting.path_m)} steps and {setting.runs} runs, {len(setting.anchors)} anchors"
-    )
-    table = Table("sigma² (m²)", *_COLUMNS, "NEES KF", "NEES squares", "Q from", box=None)
-    for column in table.columns[:-1]:
-        column.justify = "right"
-    for row in rows:
-        table.add_row(
-            f"{row.sigma2_m2:g}",
-            *_metres(row, slice(None)),
-            f"{row.kf_nees:.2f}",
-            f"{row.squares_nees:.2f}",
-            "README" if row.is_printed else "derived",
-        )
-        if steps:
-            for k in range(len(row.lse_m)):
-                table.add_row(f"step {k}", *_metres(row, slice(k, k + 1)))
-    console.print(table)
+    console = screen()
+    over = f"over {len(setting.path_m)} steps and {setting.runs} runs, {len(setting.anchors)} anchors"
+    say(console, f"mean error (m) {over}")
+    titles = ["sigma² (m²)", *_COLUMNS, "NEES KF", "NEES squares", "Q from"]
+    table(console, titles, [line for row in rows for line in _lines(row, steps=steps)], right=titles[1:-1])
     apart_m = max(row.pinv_difference_m for row in rows)
-    console.print("\n".join(_NOTES).format(apart=apart_m), style="dim")
+    for note in _NOTES:
+        say(console, note.format(apart=apart_m), "dim")
+
+
+def _lines(row: Row, *, steps: bool) -> list[list[str]]:
+    nees = (f"{row.kf_nees:.2f}", f"{row.squares_nees:.2f}")
+    q_from = "README" if row.is_printed else "derived"
+    by_step = range(len(row.lse_m) if steps else 0)
+    return [
+        [f"{row.sigma2_m2:g}", *_metres(row, slice(None)), *nees, q_from],
+        *([f"step {k}", *_metres(row, slice(k, k + 1))] for k in by_step),
+    ]
 
 
 def _metres(row: Row, steps: slice) -> list[str]:

@@ -4,10 +4,9 @@ import json
 from collections import Counter
 from dataclasses import asdict
 
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
+from rich.text import Text
 
+from postproc.terminal import say, screen
 from postproc.validate.check import VERDICTS, Check, Verdict
 
 _STYLES: dict[Verdict, str] = {
@@ -27,20 +26,17 @@ checklist asks of an Android application (service, permissions, map, battery) ha
 
 
 def print_checks(found: list[Check]) -> None:
-    """One table: claim, what we measured, verdict."""
-    console = Console(highlight=False)
-    console = console if console.is_terminal else Console(highlight=False, width=200)
-    table = Table("", "claim", "what we measured", "verdict", box=None, padding=(0, 1), pad_edge=False)
-    table.columns[3].no_wrap = True
+    """By topic: verdict and claim, and what we measured."""
+    console = screen()
     topic = ""
     for check in found:
-        style = _STYLES[check.verdict]
-        verdict = f"[{style}]{check.verdict}[/{style}]"
-        shown = "" if check.topic == topic else f"[bold]{check.topic}[/bold]"
-        table.add_row(shown, escape(check.claim), escape(check.measured), verdict)
+        if check.topic != topic:
+            say(console, check.topic, "bold")
         topic = check.topic
-    console.print(table)
-    console.print(_counts(found))
+        head = Text(f"{check.verdict}: ", _STYLES[check.verdict]).append(check.claim, "default")
+        say(console, head, bullet="  ")
+        say(console, f"measured: {check.measured}", bullet="    ")
+    say(console, _counts(found))
 
 
 def as_json(found: list[Check]) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from logger.core.arguments import height, path, whole
 from logger.core.errors import ConfigError
+from postproc.whole_file import check_writable
 
 if TYPE_CHECKING:
     from logger.core.locator.prior import Prior
@@ -64,7 +65,8 @@ def _tested(run: "Run", claims: "Sequence[Claim]", p_fa: float, prior: "Prior") 
     from postproc.verify.run import Verification
 
     verification = Verification(run, claims, p_fa, prior)
-    return verification.adjusted(list(shown(verification.each(), "verifying", len(verification.pairs))))
+    names = [cell for cell, _ in verification.pairs]
+    return verification.adjusted(list(shown(verification.each(), "verifying", len(names), names)))
 
 
 def southern(parser: argparse.ArgumentParser) -> None:
@@ -105,7 +107,7 @@ def add_celldb(celldb: argparse.ArgumentParser) -> None:
 def _verify_claims(arguments: argparse.Namespace) -> int:
     from logger.core.locator.prior import prior_for
     from logger.core.runfile import read_run
-    from postproc.results import as_json
+    from postproc.json_text import as_json
     from postproc.smooth import heard_cells
     from postproc.verify import claims, tables
 
@@ -129,8 +131,8 @@ def _verify_claims(arguments: argparse.Namespace) -> int:
 
 def _verify_sites(arguments: argparse.Namespace, run: "Run", prior: "Prior") -> int:
     from logger.core.runfile import read_run
+    from postproc.json_text import as_json
     from postproc.progress import shown
-    from postproc.results import as_json
     from postproc.smooth import heard_cells
     from postproc.verify import tables
     from postproc.verify.run import sites_of
@@ -140,7 +142,7 @@ def _verify_sites(arguments: argparse.Namespace, run: "Run", prior: "Prior") -> 
     if other is not None and not arguments.cell:
         both = heard_cells([other], None)
         heard = {cell: n for cell, n in heard.items() if cell in both}
-    cells = shown(heard, "one place or two", len(heard))
+    cells = shown(heard, "one place or two:", len(heard), list(heard))
     found = [tables.sites_dict(cell, *sites_of(run, cell, other, prior), arguments.pfa) for cell in cells]
     if arguments.json:
         print(as_json({"p_fa": arguments.pfa, "cells": found}))
@@ -151,7 +153,7 @@ def _verify_sites(arguments: argparse.Namespace, run: "Run", prior: "Prior") -> 
 
 
 def _verify_theory(arguments: argparse.Namespace) -> int:
-    from postproc.results import as_json
+    from postproc.json_text import as_json
     from postproc.verify import report, tables
 
     receivers = report.places(arguments.receivers) if arguments.receivers else None
@@ -167,12 +169,14 @@ def _verify_theory(arguments: argparse.Namespace) -> int:
 def _celldb_import(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
+    from postproc.json_text import as_json
     from postproc.progress import shown
-    from postproc.results import as_json
     from postproc.verify.celldb import CellImport
 
+    check_writable(arguments.output)
     work = CellImport(arguments.file, arguments.output)
-    for _ in shown(work, "importing", 100 * len(arguments.file)):
+    names = [path.name for path in arguments.file for _ in range(100)]
+    for _ in shown(work, "importing", len(names), names):
         pass
     imported = work.imported
     if imported is None:
@@ -192,7 +196,7 @@ def _celldb_import(arguments: argparse.Namespace) -> int:
 def _celldb_lookup(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
-    from postproc.results import as_json
+    from postproc.json_text import as_json
     from postproc.verify import tables
     from postproc.verify.asked import place_of
     from postproc.verify.celldb import CellDb

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from logger.core.arguments import path, whole
 from logger.core.errors import ConfigError
 from postproc.verify import cli as verify
+from postproc.whole_file import check_output
 
 _P_FA = 0.05
 
@@ -71,6 +72,8 @@ def _check(arguments: argparse.Namespace) -> None:
 
     if arguments.save is not None and arguments.save.suffix != ".rrd":
         raise ConfigError(f"{arguments.save}: a rerun recording is named .rrd")
+    if arguments.save is not None:
+        check_output(arguments.save)
     if arguments.port is not None and not arguments.web:
         raise ConfigError("--port goes with --web")
     if arguments.basemap is not None and not arguments.basemap.is_file():

@@ -15,10 +15,12 @@ COLOUR = re.compile(r"\x1b\[(?:\d+;)*(?:3[0-8]|4[0-8]|9\d|10\d)(?:;\d+)*m")
 """Escape sequences that choose a colour; bold and dim are none (no-color.org)."""
 
 
-def on_terminal(*command: str, typed: str = "", timeout_s: float = 180.0, **environment: str) -> tuple[str, int]:
-    """Run a command on a pty 120 columns wide, type something, and give all it showed and its exit code."""
+def on_terminal(
+    *command: str, typed: str = "", timeout_s: float = 180.0, columns: int = 120, **environment: str
+) -> tuple[str, int]:
+    """Run a command on a pty so many columns wide, type something, and give all it showed and its exit code."""
     ours, theirs = pty.openpty()
-    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 120, 0, 0))
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
     kept = {k: v for k, v in os.environ.items() if k not in {"NO_COLOR", "FORCE_COLOR", "COLUMNS", "LINES"}}
     program = subprocess.Popen(
         command, stdin=theirs, stdout=theirs, stderr=theirs, close_fds=True, start_new_session=True,
@@ -35,9 +37,9 @@ def on_terminal(*command: str, typed: str = "", timeout_s: float = 180.0, **envi
         os.close(ours)
 
 
-def postproc(*arguments: str, **environment: str) -> tuple[str, int]:
+def postproc(*arguments: str, columns: int = 120, **environment: str) -> tuple[str, int]:
     """The command on a terminal."""
-    return on_terminal(sys.executable, "-m", "postproc.cli", *arguments, **environment)
+    return on_terminal(sys.executable, "-m", "postproc.cli", *arguments, columns=columns, **environment)
 
 
 def _read_all(ours: int, until_s: float) -> str:

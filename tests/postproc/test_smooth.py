@@ -1,4 +1,5 @@
-from postproc.results import as_json, summary
+from postproc.json_text import as_json
+from postproc.results import summary
 from postproc.smooth import smooth_run
 from tests.kit.smoothed import write_run
 

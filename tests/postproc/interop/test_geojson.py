@@ -68,7 +68,18 @@ def test_walk_levels_and_estimates(tmp_path):
     assert region95.buffer(1e-6).contains(region50)
     place = shapely.geometry.shape(_of_kind(collection, "place")[0]["geometry"])
     assert region50.contains(place)
-    assert shapely.geometry.shape(_of_kind(collection, "ellipse95")[0]["geometry"]).contains(place)
+    assert _of_kind(collection, "ellipse95") == []
+
+
+def test_all_estimators_come_with_ellipses_and_without_the_verdict(tmp_path):
+    _, walk, found = walks.around_a_square(tmp_path, every=True, verdict="located")
+    collection = _written(tmp_path, walk, found)
+    check_rfc7946(collection)
+    places = _of_kind(collection, "place")
+    assert [f["properties"]["name"] for f in places if f["properties"]["verdict"]] == ["best place"]
+    ellipse, place = _of_kind(collection, "ellipse95")[0], places[1]
+    assert ellipse["properties"]["name"] == place["properties"]["name"] == "posterior, place 1"
+    assert shapely.geometry.shape(ellipse["geometry"]).contains(shapely.geometry.shape(place["geometry"]))
 
 
 def test_without_utc_there_are_seconds_only(tmp_path):

@@ -9,11 +9,11 @@ from tests.kit import smoothed as kit
 from tests.kit.runs import UTC0_NS, meta
 
 
-def around_a_square(tmp_path, **changes):
+def around_a_square(tmp_path, *, verdict="ambiguous", every=False, **changes):
     """Walk of two cells, and estimates of one."""
     run = kit.write_run(tmp_path / "walk.journal", **{"seconds": 120, "cells": 2} | changes)
     walk = walked(run)
-    return run, walk, estimates(summary(kit.smoothed(run, places=2)), walk.utm)
+    return run, walk, estimates(summary(kit.smoothed(run, verdict=verdict, places=2)), walk.utm, every=every)
 
 
 def over_the_date_line(tmp_path):

@@ -46,7 +46,7 @@ def test_json_says_what_was_written(run, tmp_path, capsys):
 def test_mistakes_are_one_line(run, tmp_path, capsys):
     assert "no such folder" in fails(capsys, "report", run, "-o", tmp_path / "absent" / "x.html")
     assert "no such folder" in fails(capsys, "report", run, "--pictures", tmp_path / "absent")
-    assert "is the run" in fails(capsys, "report", run, "-o", run)
+    assert "is a run" in fails(capsys, "report", run, "-o", run)
     assert "was not heard" in fails(capsys, "report", run, "--cell", "x")
     assert "is no claim" in fails(capsys, "report", run, "--claim", "here", "-o", tmp_path / "x.html")
     assert "environment" in fails(capsys, "report", run, "--environment", "sea")

@@ -1,0 +1,77 @@
+"""What is in a run, in a terminal."""
+
+from collections.abc import Sequence
+
+from rich.console import Console
+
+from postproc.info import Event, Gap, Info
+from postproc.terminal import say, screen, table
+
+MOST = 10
+"""Events, and gaps, that are listed unless all are asked for."""
+_WEIGHT = {"error": 0, "warning": 1}
+_STYLES = {"error": "red", "warning": "yellow"}
+
+
+def print_info(info: Info, *, details: bool = False) -> None:
+    """A run on one screen; with `details` every gap and every event."""
+    console = screen()
+    simulated = ", SIMULATED" if info.simulated else ""
+    say(console, f"{info.path} ({info.form}), {info.origin}{simulated}", "bold")
+    for title, text, style in _facts(info):
+        say(console, text, style, bullet=f"{title:8} ")
+    _print_cells(console, info)
+    most = max(len(info.gaps), len(info.events)) if details else MOST
+    _print_gaps(console, info.gaps, most)
+    _print_events(console, info.events, most)
+    say(console, info.digest, bullet="digest   ")
+
+
+def _facts(info: Info) -> list[tuple[str, str, str]]:
+    without = f"{info.n_readings_without_fix} without a fix, {info.n_readings_without_identity} of cells not decoded"
+    facts = [
+        ("started", f"{info.started_utc or 'at an unknown time (GPS never told it)'}, {info.duration_s:.0f} s", ""),
+        ("stopped", info.stopped or "not: the plug was pulled, or it is still being recorded", ""),
+        ("fixes", f"{info.n_fixes}, {info.n_fixes_valid} with a position", ""),
+        ("readings", f"{info.n_readings} in {info.n_scans} scans, {without}", ""),
+        ("live", f"{info.n_live} estimates; raw {info.n_raw_bytes} bytes", ""),
+    ]
+    if info.missing_frames or info.skipped_bytes:
+        damage = f"{info.missing_frames} frames missing, {info.skipped_bytes} bytes damaged"
+        facts.insert(2, ("damage", damage, "red"))
+    return facts
+
+
+def _print_cells(console: Console, info: Info) -> None:
+    rows = [
+        [
+            cell.cell,
+            cell.rat or "-",
+            str(cell.n),
+            "-" if cell.strongest_dbm is None else f"{cell.strongest_dbm:.0f} dBm",
+        ]
+        for cell in info.cells
+    ]
+    if rows:
+        table(console, ["cell", "type", "readings", "strongest"], rows, right=("readings", "strongest"))
+
+
+def _print_gaps(console: Console, gaps: Sequence[Gap], most: int) -> None:
+    longest = sorted(gaps, key=lambda gap: -gap.length_s)[:most]
+    for gap in sorted(longest, key=lambda gap: gap.start_s):
+        say(console, f"no {gap.of} for {gap.length_s:.0f} s at +{gap.start_s:.0f} s", bullet="gap      ")
+    _print_rest(console, len(gaps) - len(longest), "shorter gaps")
+
+
+def _print_events(console: Console, events: Sequence[Event], most: int) -> None:
+    """The gravest, in the order of time; of equal ones the first."""
+    gravest = sorted(enumerate(events), key=lambda entry: (_WEIGHT.get(entry[1].level, 2), entry[0]))[:most]
+    for _, event in sorted(gravest, key=lambda entry: entry[0]):
+        style = _STYLES.get(event.level, "dim")
+        say(console, f"{event.source}: {event.text}", style, bullet=f"+{event.t_s:.0f} s  ")
+    _print_rest(console, len(events) - len(gravest), "events")
+
+
+def _print_rest(console: Console, n: int, what: str) -> None:
+    if n:
+        say(console, f"... and {n} more {what} (-v lists all)", "dim")

@@ -1,0 +1,52 @@
+"""What a command imports, and does not: a second of waiting is what heavy libraries cost."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from tests.kit import runs
+
+LOADED = """
+import contextlib, io, json, sys
+from postproc.cli import main
+with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+    main(json.loads(sys.argv[1]))
+print(json.dumps(sorted(sys.modules)))
+"""
+HEAVY = {"scipy", "numba", "llvmlite", "matplotlib", "shapely", "rerun", "pyarrow", "PIL", "jinja2", "pyproj", "pandas"}
+LIBRARIES = HEAVY | {"numpy", "h5py", "msgspec", "rich", "threadpoolctl", "serial", "pynmea2"}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    path = tmp_path_factory.mktemp("imports") / "walk.journal"
+    runs.write_journal(path, runs.records(30))
+    return str(path)
+
+
+def _loaded(*arguments):
+    done = subprocess.run([sys.executable, "-c", LOADED, json.dumps(arguments)], capture_output=True, check=True)
+    return set(json.loads(done.stdout))
+
+
+def test_help_imports_no_library():
+    assert not _loaded("--help") & LIBRARIES
+
+
+@pytest.mark.parametrize("command", ["smooth", "info", "import", "export", "report", "view", "verify", "plot"])
+def test_help_of_a_command_imports_no_library(command):
+    assert not _loaded(command, "--help") & LIBRARIES
+
+
+@pytest.mark.parametrize("more", [(), ("-v",), ("--json",), ("--verify",)])
+def test_info_imports_what_it_shows_and_nothing_more(run, more):
+    loaded = _loaded("info", run, *more)
+    assert "h5py" in loaded
+    assert not loaded & HEAVY
+    assert not [n for n in loaded if n.startswith(("postproc.estimators", "postproc.smooth", "logger.core.locator"))]
+
+
+def test_recover_imports_no_estimator(run, tmp_path):
+    assert not _loaded("recover", str(tmp_path)) & HEAVY

@@ -1,0 +1,81 @@
+"""A file that cannot be written is found out before anything is computed, by every command that writes one."""
+
+import pytest
+
+from postproc.cli import main
+from tests.kit import runs
+
+NAMES = {
+    "no such folder": "none/x{suffix}",
+    "it is a folder": "folder{suffix}",
+    "it is no plain file": "pipe{suffix}",
+    "File name too long": "x" * 300 + "{suffix}",
+    "no file can have that name": "x\0y{suffix}",
+}
+COMMANDS = {
+    "export": (["export", "RUN", "--estimates", "-o"], ".kml"),
+    "report": (["report", "RUN", "-o"], ".html"),
+    "plot": (["plot", "RUN", "-o"], ".png"),
+    "view": (["view", "RUN", "--save"], ".rrd"),
+    "import": (["import", "CSV", "-o"], ".h5"),
+    "share": (["share", "RUN", "-o"], ".h5"),
+    "celldb": (["celldb", "import", "CSV", "-o"], ".db"),
+    "toa": (["toa", "simulate", "--runs", "10", "--plot"], ".png"),
+}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A run, and things in the way; whoever computes fails."""
+    import os
+
+    runs.write_journal(tmp_path / "walk.journal", runs.records(30))
+    (tmp_path / "walk.csv").write_text("t_s,lat,lon,rssi_dbm\n1,52,13,-70\n")
+    for _, suffix in COMMANDS.values():
+        (tmp_path / f"folder{suffix}").mkdir(exist_ok=True)
+        if not (tmp_path / f"pipe{suffix}").exists():
+            os.mkfifo(tmp_path / f"pipe{suffix}")
+    for work in (
+        "postproc.smooth.smooth_run", "postproc.interop.importing.import_walk", "postproc.interop.share.share",
+        "postproc.verify.celldb.CellImport", "postproc.toa.simulate.simulate",
+    ):  # fmt: skip
+        monkeypatch.setattr(work, lambda *_, **__: pytest.fail("computed before the output was checked"))
+    return tmp_path
+
+
+def _fails(capsys, folder, command, target):
+    given = {"RUN": folder / "walk.journal", "CSV": folder / "walk.csv"}
+    before = sorted(folder.iterdir())
+    assert main([str(given.get(word, word)) for word in command] + [str(target)]) == 2
+    assert sorted(folder.iterdir()) == before
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+@pytest.mark.parametrize("says", NAMES)
+@pytest.mark.parametrize("name", COMMANDS)
+def test_nothing_is_computed(capsys, folder, name, says):
+    command, suffix = COMMANDS[name]
+    assert says in _fails(capsys, folder, command, folder / NAMES[says].format(suffix=suffix))
+
+
+@pytest.mark.parametrize("says", ["no such folder", "Not a directory"])
+def test_a_folder_of_pictures_too(capsys, folder, says):
+    target = folder / ("none" if says == "no such folder" else "walk.csv")
+    assert "no such folder" in _fails(capsys, folder, ["report", "RUN", "--pictures"], target)
+
+
+@pytest.mark.parametrize("name", ["export", "report", "plot"])
+def test_a_run_is_never_replaced(capsys, folder, name):
+    command, _ = COMMANDS[name]
+    if name == "plot":
+        (folder / "walk.png").write_bytes((folder / "walk.journal").read_bytes())
+    target = folder / ("walk.png" if name == "plot" else "walk.journal")
+    more = ["--format", "kml"] if name == "export" else []
+    command = [*command[:2], *more, *command[2:]]
+    assert "is a run" in _fails(capsys, folder, command, target)
+
+
+@pytest.mark.parametrize("name", ["plot", "toa"])
+def test_a_picture_of_no_known_format(capsys, folder, name):
+    assert "a picture ends in" in _fails(capsys, folder, COMMANDS[name][0], folder / "x.walk")
