@@ -6,11 +6,13 @@ from pathlib import Path
 
 import shtab
 
+from logger.core.arguments import path
+
 
 def script(parser: argparse.ArgumentParser, shell: str) -> str:
     """Completion of a command for `bash`, `zsh`, `fish` or `tcsh`; what takes a path is completed to files."""
     for action in _actions(parser):
-        if action.type is Path:
+        if action.type in {Path, path}:
             action.complete = shtab.FILE  # type: ignore[attr-defined]
     return str(shtab.complete(parser, shell))
 

@@ -6,6 +6,8 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from logger.core.printable import printable
+
 _BAR_CELLS = 12
 """Beside the name of a cell it all fits in 80 columns."""
 
@@ -31,4 +33,4 @@ def shown(items: Iterable[T], what: str, total: int, names: Sequence[str] = ()) 
 
 
 def _now(what: str, names: Sequence[str], done: int) -> str:
-    return f"{what} {names[done]}" if done < len(names) else what
+    return f"{what} {printable(names[done])}" if done < len(names) else what

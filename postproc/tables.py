@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.text import Text
 
 from postproc.json_text import Json
-from postproc.terminal import Cell, fits, say, screen, table
+from postproc.terminal import Cell, fits, say, screen, styled, table
 
 TITLES = {
     "batch": "least squares",
@@ -64,10 +64,10 @@ def _print_lines(console: Console, cells: Sequence[Json]) -> None:
 
 
 def _in_one_sentence(cell: Json) -> Text:
-    name, n, verdict, place, within, off = (str(part) for part in _in_one_line(cell))
-    said = Text(f"{name}: ").append(verdict, _STYLES[cell["verdict"]])
+    name, n, verdict, place, within, off = map(str, _in_one_line(cell))
     where = {"located": f" at {place}, 95 % in {within}", "ambiguous": f", {place}"}.get(cell["verdict"], "")
-    return said.append(f"{where}, {n} readings{f', error {off}' if off else ''}")
+    more = f"{where}, {n} readings{f', error {off}' if off else ''}"
+    return styled((f"{name}: ", ""), (verdict, _STYLES[cell["verdict"]]), (more, ""))
 
 
 def _in_one_line(cell: Json) -> list[Cell]:
@@ -84,8 +84,8 @@ def _in_one_line(cell: Json) -> list[Cell]:
 
 
 def _print_cell(console: Console, cell: Json) -> None:
-    head = Text("\n").append(cell["cell"], "bold").append(f"  {cell['n']} readings  ")
-    say(console, head.append(cell["verdict"], _STYLES[cell["verdict"]]))
+    verdict = (cell["verdict"], _STYLES[cell["verdict"]])
+    say(console, styled(("\n", ""), (cell["cell"], "bold"), (f"  {cell['n']} readings  ", ""), verdict))
     for warning in cell["warnings"]:
         say(console, warning, bullet="  - ")
     _print_estimators(console, cell)

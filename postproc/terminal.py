@@ -8,6 +8,8 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
+from logger.core.printable import printable
+
 Cell = str | Text
 
 _GAP = 2
@@ -23,9 +25,15 @@ def screen() -> Console:
     return console if console.is_terminal else Console(**plain, soft_wrap=True)
 
 
+def styled(*parts: tuple[str, str]) -> Text:
+    """Texts with their styles, one after the other; what a run says never steers the terminal."""
+    return Text.assemble(*((printable(text, "\n"), style) for text, style in parts))
+
+
 def say(console: Console, text: Cell, style: str = "", *, bullet: str = "") -> None:
     """A paragraph; what follows its first line is indented as far as the bullet is long."""
-    said = Text(text, style) if isinstance(text, str) else text
+    said = styled((text, style)) if isinstance(text, str) else text
+    bullet = printable(bullet)
     if not console.is_terminal:
         console.print(Text(bullet) + said)
         return
@@ -56,7 +64,7 @@ def table(
 
     `right` names the columns that end at one line. The first column names a row.
     """
-    cells = [[Text(cell) if isinstance(cell, str) else cell for cell in row] for row in rows]
+    cells = [[styled((cell, "")) if isinstance(cell, str) else cell for cell in row] for row in rows]
     if not cells:
         return
     if not fits(console, titles, cells):

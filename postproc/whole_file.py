@@ -47,7 +47,7 @@ def whole_file(path: Path, *, keep: bool = True) -> Iterator[Path]:
     except (OSError, RuntimeError) as error:
         raise RunFileError(f"cannot write {path}: {getattr(error, 'strerror', None) or error}") from error
     finally:
-        with suppress(OSError, ValueError):  # it could not be made
+        with suppress(OSError):  # it could not be made
             part.unlink(missing_ok=True)
 
 
@@ -58,5 +58,3 @@ def _check_name(path: Path) -> None:
         raise RunFileError(f"cannot write {path}: it is a folder")
     if path.exists() and not path.is_file():
         raise RunFileError(f"cannot write {path}: it is no plain file")
-    if "\0" in path.name:
-        raise RunFileError(f"cannot write {str(path)!r}: no file can have that name")

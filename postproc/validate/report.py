@@ -4,9 +4,7 @@ import json
 from collections import Counter
 from dataclasses import asdict
 
-from rich.text import Text
-
-from postproc.terminal import say, screen
+from postproc.terminal import say, screen, styled
 from postproc.validate.check import VERDICTS, Check, Verdict
 
 _STYLES: dict[Verdict, str] = {
@@ -33,7 +31,7 @@ def print_checks(found: list[Check]) -> None:
         if check.topic != topic:
             say(console, check.topic, "bold")
         topic = check.topic
-        head = Text(f"{check.verdict}: ", _STYLES[check.verdict]).append(check.claim, "default")
+        head = styled((f"{check.verdict}: ", _STYLES[check.verdict]), (check.claim, ""))
         say(console, head, bullet="  ")
         say(console, f"measured: {check.measured}", bullet="    ")
     say(console, _counts(found))

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from rich.console import Console
-from rich.text import Text
 
 from postproc.json_text import Json
-from postproc.terminal import say, screen, table
+from postproc.terminal import say, screen, styled, table
 from postproc.verify.celldb import DbCell
 from postproc.verify.run import CellVerdict, Verified
 from postproc.verify.sites import Sites
@@ -40,7 +39,7 @@ def site_verdict(sites: Sites | None, p_fa: float) -> str:
 def print_sites(found: Json) -> None:
     """One place or two."""
     console = screen()
-    say(console, Text(found["cell"], "bold").append(f"  {found['verdict']}", "not bold"))
+    say(console, styled((found["cell"], "bold"), (f"  {found['verdict']}", "")))
     if found["why_not"]:
         say(console, found["why_not"], bullet="  - ")
         return
@@ -70,8 +69,8 @@ def print_verified(verified: Verified) -> None:
 
 def _print_cell(console: Console, cell: CellVerdict) -> None:
     claim = cell.claim
-    head = Text("\n").append(cell.cell, "bold").append(f"  {cell.n} readings  ")
-    say(console, head.append(cell.verdict, _STYLES[cell.verdict]))
+    verdict = (cell.verdict, _STYLES[cell.verdict])
+    say(console, styled(("\n", ""), (cell.cell, "bold"), (f"  {cell.n} readings  ", ""), verdict))
     sigma = f" +- {claim.sigma_m:.0f} m" if claim.sigma_m else ""
     away = f", {_distance(cell.distance_m)} from the walk" if cell.distance_m is not None else ""
     at = f"claimed at {claim.lat_deg:.5f} {claim.lon_deg:.5f}{sigma} ({claim.source}){away}"

@@ -10,7 +10,7 @@ NAMES = {
     "it is a folder": "folder{suffix}",
     "it is no plain file": "pipe{suffix}",
     "File name too long": "x" * 300 + "{suffix}",
-    "no file can have that name": "x\0y{suffix}",
+    "it holds a NUL character": "x\0y{suffix}",
 }
 COMMANDS = {
     "export": (["export", "RUN", "--estimates", "-o"], ".kml"),

@@ -160,3 +160,25 @@ def test_markup_in_a_run_is_text(tmp_path, outputs):
     found["cells"][0]["cell"] = "[/bold]:smile:[red]"
     for details in (False, True):
         assert "[/bold]:smile:[red]" in outputs(lambda d=details: tables.print_summary(found, details=d), 80)
+
+
+@pytest.mark.parametrize("columns", [None, 60, 80])
+def test_nothing_in_a_run_steers_the_terminal(tmp_path, outputs, columns):
+    from dataclasses import replace
+
+    run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
+    found, info = summary(kit.smoothed(run)), describe(run)
+    evil = "\x1b]0;evil\x07\x1b[2J\u202e\r"
+    found["cells"][0]["cell"] = found["run"]["path"] = evil
+    found["cells"][0]["warnings"] = found["run"]["warnings"] = [evil]
+    cells = (replace(info.cells[0], cell=evil, rat=evil),)
+    events = tuple(replace(event, text=evil, source=evil) for event in info.events)
+    info = replace(info, path=evil, origin=evil, stopped=evil, cells=cells, events=events, started_utc=evil)
+    for show in (
+        lambda: tables.print_summary(found, details=False),
+        lambda: tables.print_summary(found, details=True),
+        lambda: info_table.print_info(info),
+    ):
+        told = outputs(show, columns)
+        assert "evil" in told
+        assert not set(CONTROL.sub("", told)) & set("\x1b\x07\r\u202e")
