@@ -178,6 +178,7 @@ def _write_new(path: Path, text: str) -> None:
 def _parse(arguments: argparse.Namespace) -> int:
     from logger.drivers.registry import driver_of, reader_of
     from logger.drivers.rows import as_json
+    from logger.drivers.transcript import rows_of
 
     chosen = driver_of(arguments.driver)
     # latin-1 has a character for every byte, so that noise in a transcript stays noise
@@ -185,12 +186,12 @@ def _parse(arguments: argparse.Namespace) -> int:
     if arguments.command_line:
         lines.insert(0, arguments.command_line)
     driver = chosen or reader_of(lines)
-    rows = [as_json(row) for row in driver.read(lines)]
+    rows = [as_json(row) for row in rows_of(driver, lines)]
     if arguments.json:
         print(json.dumps(rows, indent=2))
         return 0
     for row in rows:
-        print("  ".join(f"{name}={value}" for name, value in row.items() if value is not None))
+        print("  ".join(f"{name}={value}" for name, value in row.items() if value not in {None, False}))
     print(f"{len(rows)} rows, driver {driver.name}", file=sys.stderr)
     return 0
 

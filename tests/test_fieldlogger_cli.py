@@ -114,7 +114,7 @@ def test_parse_prints_the_fields_of_each_reading(tmp_path, capsys):
     serving, neighbour = json.loads(capsys.readouterr().out)
     assert {name: value for name, value in serving.items() if value is not None} == {
         "role": "serving", "rat": "GSM", "mcc": "310", "mnc": "260", "lac": 275, "cid": 20082, "arfcn": 666,
-        "arfcn_raw": 666, "bsic": 8, "rxlev_raw": 21, "rxq": 0, "rssi_dbm": -92.0,
+        "arfcn_raw": 666, "bsic": 8, "rxlev_raw": 21, "rxq": 0, "rssi_dbm": -92.0, "identity_unsure": False,
     }  # fmt: skip
     assert serving["ta"] is None
     assert (neighbour["role"], neighbour["mcc"], neighbour["rssi_dbm"]) == ("neighbour", None, -87.0)

@@ -11,6 +11,7 @@ from logger.device.clock import Clock
 from logger.device.patience import Patience
 from logger.device.port import Port
 from logger.drivers.privacy import Blanker
+from logger.drivers.recognition import Known
 
 log = logging.getLogger(__name__)
 
@@ -72,8 +73,8 @@ class Tally:
 class Link:
     """What a session is given: its port, a clock, and the way to the recorder.
 
-    Only what `blanker` lets through is recorded and read. `patience` is what was learned of the device; it outlives a
-    session, so that a port that is opened anew begins with it.
+    Only what `blanker` lets through is recorded and read. `patience` is what was learned of the device, `known` the numbers
+    it has sent; they outlive a session, so that a port that is opened anew begins with them.
     """
 
     def __init__(
@@ -90,6 +91,7 @@ class Link:
         self.clock = clock
         self.stop = stop
         self.patience = Patience()
+        self.known = Known()
         self._url = url
         self._baud = baud
         self._inbox = inbox

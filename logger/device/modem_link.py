@@ -15,6 +15,7 @@ from logger.drivers.dialogue import Command, Dialogue, Reply, driven
 from logger.drivers.family import Family
 from logger.drivers.garbage import Garbage
 from logger.drivers.generic import Generic
+from logger.drivers.recognition import recognised
 from logger.drivers.registry import driver_of, identified
 from logger.drivers.rows import Operator, Row
 
@@ -151,7 +152,8 @@ class _Conversation:
 
         That there are none is recorded only where nothing was lost that might have told of some.
         """
-        readings = tuple(dict.fromkeys(row for row in rows if isinstance(row, CellReading)))
+        told, self._link.known = recognised(rows, self._link.known)
+        readings = tuple(dict.fromkeys(row for row in told if isinstance(row, CellReading)))
         if readings or not self._damaged:
             self._link.emit(Scan(start_ns, readings), end_ns)
 

@@ -17,7 +17,19 @@ from logger.core.types import CellReading, Rat, Role
 from logger.drivers.cinterion_tables import rows_of_tables, scanned
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
-from logger.drivers.fields import area, at, cell_identity, decimal, level, network, pieces, rsrp_dbm, rsrq_db, rssi_dbm
+from logger.drivers.fields import (
+    SEVEN,
+    area,
+    at,
+    cell_identity,
+    decimal,
+    level,
+    network,
+    pieces,
+    rsrp_dbm,
+    rsrq_db,
+    rssi_dbm,
+)
 from logger.drivers.fields import values as split
 from logger.drivers.generic import Generic
 from logger.drivers.rows import NoCell, Row
@@ -190,7 +202,7 @@ def _smoni(text: str) -> Row | None:
         mnc=mnc,
         lac=area(named.get("lac", "")) if mcc else None,
         tac=area(named.get("tac", "")) if mcc else None,
-        cid=cell_identity(named.get("cell") or named.get("cell28", ""), 16 if rat == "GSM" else 28) if mcc else None,
+        cid=_cell(named) if mcc else None,
         arfcn=next(decimal(named[name]) for name in ("arfcn", "uarfcn", "earfcn") if name in named),
         band=decimal(named.get("band", ""), 1, 255),
         bsic=None if ncc is None or bcc is None else 8 * ncc + bcc,
@@ -206,6 +218,10 @@ def _smoni(text: str) -> Row | None:
         c2=decimal(named.get("c2", ""), -255, 255),
         more={**colours, **_extras(named, state)},
     )
+
+
+def _cell(named: Mapping[str, str]) -> int | None:
+    return cell_identity(named["cell"], 16) if "cell" in named else cell_identity(named["cell28"], 28, form=SEVEN)
 
 
 def _timing_advance(tail: Sequence[str]) -> int | None:

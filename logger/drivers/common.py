@@ -2,8 +2,10 @@
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 from logger.drivers.fields import RAT_OF_ACT, area, at, cell_identity, decimal, values
+from logger.drivers.printed import Form
 from logger.drivers.rows import Operator, Refusal, Registration, Row, Signal
 
 _REGISTRATION = re.compile(r"\+(CREG|CGREG|CEREG|C5GREG):\s*([^\n]*)")
@@ -20,6 +22,8 @@ _OFFERED = re.compile(
 """A network of AT+COPS=?; real lists close the bracket early, leave out quotes and names, and break lines."""
 
 _MOST_STAT = 11
+_CELL, _NR_CELL = Form(16, frozenset({4, 7, 8})), Form(16, frozenset({9, 16}))
+"""A registration prints the cells of all technologies in one place, GSM with four digits."""
 
 
 def read(lines: Sequence[str]) -> tuple[Row, ...]:
@@ -39,9 +43,12 @@ def _registrations(line: str) -> Iterator[Row]:
         stat = decimal(fields[0], 0, _MOST_STAT)
         if stat is None:
             continue
+        if not at(fields, 1) and at(fields, 2):
+            fields[2:3] = [""]  # a cell never comes without its area: a comma stands twice
         act = decimal(at(fields, 3).rstrip("])"), 0, 15)
-        cid = cell_identity(at(fields, 2), 36 if domain == "C5GREG" else 28)
-        where = {"lac" if domain in {"CREG", "CGREG"} else "tac": area(at(fields, 1), bits=24)}
+        bits, form = (36, _NR_CELL) if domain == "C5GREG" else (28, _CELL)
+        cid = cell_identity(at(fields, 2), bits, form=form)
+        where: dict[str, Any] = {"lac" if domain in {"CREG", "CGREG"} else "tac": area(at(fields, 1), bits=24)}
         yield Registration(
             domain, stat, rat=None if act is None else RAT_OF_ACT.get(act), n=decimal(n), cid=cid, act=act, **where
         )

@@ -194,7 +194,10 @@ def _nr(named: Mapping[str, str]) -> _Levels:
     raw = {"sinr_raw": snr if whole is None else whole} if snr else {}
     if scale is None:
         return {}, raw
-    return tenths({"rsrp_dbm": rsrp_dbm(low, scale), "rsrq_db": rsrq_db(high, scale)}), raw
+    ratio = rsrq_db(high, scale)
+    if high and ratio is None:
+        return {}, raw  # another unit than that of the level: one of them is damaged
+    return tenths({"rsrp_dbm": rsrp_dbm(low, scale), "rsrq_db": ratio}), raw
 
 
 def _scale(rsrp: str) -> float | None:

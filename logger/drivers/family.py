@@ -7,6 +7,7 @@ from typing import ClassVar
 from logger.core.types import CellReading, Role
 from logger.drivers import common
 from logger.drivers.dialogue import Command, Dialogue
+from logger.drivers.fields import reportable
 from logger.drivers.rows import Row
 
 AUTOBAUD_TRIES = 5
@@ -70,7 +71,8 @@ class Family:
 
         A line with a command says what the following lines answer.
         """
-        return (*self.cells_in(lines), *common.read(lines))
+        rows = (*self.cells_in(lines), *common.read(lines))
+        return tuple(reportable(row) if isinstance(row, CellReading) else row for row in rows)
 
     def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Rows in the forms of this family."""

@@ -22,6 +22,7 @@ from logger.drivers.family import Family
 from logger.drivers.fields import area, at, cell_identity, decimal, hexadecimal, network, pieces
 from logger.drivers.fields import values as split
 from logger.drivers.generic import Generic, serving_cell
+from logger.drivers.printed import Form
 from logger.drivers.rows import NoCell, Row
 
 _REPLY = re.compile(r"\+GTCCINFO\s*[:?](.*?)(?=[+*^$!][A-Z]{3}|\bPCC\b|\bOK\b|\bERROR\b|\Z)", re.DOTALL | re.IGNORECASE)
@@ -51,6 +52,7 @@ _FORMS = {
     "code": r"[0-9A-F]{1,4}",
 }
 _BITS: Mapping[Rat, tuple[int, int]] = {"GSM": (16, 16), "WCDMA": (16, 28), "LTE": (16, 28), "NR": (24, 36)}
+_CELL = Form(16, frozenset({7, 9}))  # the FM350 pads to the width of NR
 _NOBODY = frozenset({0xFFFFFFF, 0xFFFFFFFF})  # fills the cell of a neighbour on NR too
 _MOST_CODE: Mapping[Rat, int] = {"GSM": 99, "WCDMA": 511, "LTE": 503, "NR": 1007}
 
@@ -137,7 +139,8 @@ def _cell(fields: list[str], heading: str) -> _Cell | None:
         not text or re.fullmatch(_FORMS.get(name, r"-?\d{1,5}"), text, re.ASCII | re.IGNORECASE)
         for name, text in named.items()
     )
-    whole = len(fields) >= len(layout) and len(fields) > len(_FRONT)
+    # of a GSM row only the front is known; a row of another length has a comma more or less
+    whole = len(fields) > len(_FRONT) if rat == "GSM" else len(fields) == len(layout)
     return _Cell(rat, named) if whole and well_formed else None
 
 
@@ -161,11 +164,11 @@ def _reading(cell: _Cell, number: Callable[[str], int | None]) -> CellReading:
     named, rat = cell.named, cell.rat
     mcc, mnc = network(named["mcc"], named["mnc"])
     area_bits, cell_bits = _BITS[rat]
+    nr = rat == "NR"
     place = area(named["area"], bits=area_bits)
-    identity = cell_identity(named["cell"], cell_bits)
+    identity = cell_identity(named["cell"], cell_bits, form=None if nr or rat == "GSM" else _CELL)
     channel, code = (None if rat == "GSM" else number(named[name]) for name in ("channel", "code"))
     later = rat in {"LTE", "NR"}
-    nr = rat == "NR"
     return CellReading(
         role="serving" if named["service"] == "1" else "neighbour",
         rat=rat,
@@ -173,7 +176,7 @@ def _reading(cell: _Cell, number: Callable[[str], int | None]) -> CellReading:
         mnc=mnc,
         lac=None if later else place,
         tac=place if later else None,
-        cid=None if identity in _NOBODY else identity,
+        cid=None if identity in _NOBODY or (mcc is None and named["service"] != "1") else identity,
         arfcn=channel,
         band=cell.band,
         psc=code if rat == "WCDMA" else None,

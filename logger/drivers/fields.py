@@ -4,9 +4,12 @@ Nothing here guesses: a text that is not such a value, or a mark for unknown, is
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
 
-from logger.core.types import Rat
+from logger.core.types import CellReading, Rat
+from logger.drivers.printed import Form, Printed
 
 RAT_OF_ACT: dict[int, Rat] = {  # 3GPP TS 27.007 7.3; for LTE-M and NB-IoT (8, 9) the vendors' numbers differ
     0: "GSM",
@@ -22,6 +25,47 @@ RAT_OF_ACT: dict[int, Rat] = {  # 3GPP TS 27.007 7.3; for LTE-M and NB-IoT (8, 9
     12: "NR",
     13: "LTE",
 }
+
+_GSM_DBM = (-113.0, -47.0)
+"""From the lowest index of the modems' scale (SIM800 manual V1.09 p163) to RXLEV 63 (3GPP TS 45.008 8.1.4)."""
+_RSRP_DBM = (-140.0, -43.0)
+"""3GPP TS 36.133 9.1.4, and one step more at the strong end, where modems round."""
+_COVERAGE_DBM = (-156.0, -43.0)
+"""The same with enhanced coverage: NB-IoT (36.133 9.1.22.9) and LTE-M (9.1.4, extended)."""
+_CARRIER_DBM = (-120.0, -10.0)
+"""All that the receiver takes in on a channel; no 3GPP range for LTE, modems print up to -35 dBm."""
+LEVELS_DBM: Mapping[str, Mapping[Rat | None, tuple[float, float]]] = {
+    "rssi_dbm": {"GSM": _GSM_DBM, None: _CARRIER_DBM},
+    "rscp_dbm": {None: (-120.0, -25.0)},  # 3GPP TS 25.133 9.1.1.3
+    "rsrp_dbm": {
+        "NB-IoT": _COVERAGE_DBM,
+        "LTE-M": _COVERAGE_DBM,
+        "NR": (-156.0, -31.0),  # 3GPP TS 38.133 10.1.6
+        None: _RSRP_DBM,
+    },
+}
+"""What a level can be by technology, None for all others; a level outside is damage, and is none."""
+_OWN = {"WCDMA": "rscp_dbm", "LTE": "rsrp_dbm", "LTE-M": "rsrp_dbm", "NB-IoT": "rsrp_dbm", "NR": "rsrp_dbm"}
+"""The level of the cell alone. Where it is damaged that of the carrier does not stand in: it is another one."""
+
+SEVEN = Form(16, frozenset({7}))
+EIGHT = Form(16, frozenset({8}))
+"""Cell identities of 28 bits in columns of a fixed width."""
+_AREAS = {
+    (16, 16): Form(16, frozenset({4})),
+    (16, 24): Form(16, frozenset({4, 6})),  # +CREG and its like print 16 bits in four digits
+    (10, 16): Form(10, frozenset({5})),
+    (10, 24): Form(10, frozenset({8})),
+}
+_CELLS = {
+    (16, 16): Form(16, frozenset({4})),
+    (16, 28): Form(16, frozenset({7, 8})),
+    (16, 36): Form(16, frozenset({9, 16})),
+    (10, 16): Form(10, frozenset({5})),
+    (10, 28): Form(10, frozenset({9})),
+    (10, 36): Form(10, frozenset({11})),
+}
+"""By base and bits: the widths in which no digit can be missing."""
 
 _FIELD = re.compile(r'(?:\s*"([^"]*)"?[^,]*|([^,]*)),')
 _MCC = re.compile(r"(?!000)[0-9]{3}")
@@ -66,13 +110,51 @@ def level(text: str, low: float, high: float, scale: float = 1.0) -> float | Non
 
 
 def rssi_dbm(text: str, scale: float = 1.0) -> float | None:
-    """Received level of any technology, -130 to -10 dBm."""
-    return level(text, -130.0, -10.0, scale)
+    """Received level of any technology; `reportable` knows the narrower range of each."""
+    return level(text, *_widest("rssi_dbm"), scale)
+
+
+def rscp_dbm(text: str, scale: float = 1.0) -> float | None:
+    """Received signal code power of WCDMA."""
+    return level(text, *_widest("rscp_dbm"), scale)
 
 
 def rsrp_dbm(text: str, scale: float = 1.0) -> float | None:
-    """Reference signal received power (3GPP TS 36.133 9.1.4, 38.133 10.1.6: -156 to -31 dBm)."""
-    return level(text, -156.0, -31.0, scale)
+    """Reference signal received power of any technology."""
+    return level(text, *_widest("rsrp_dbm"), scale)
+
+
+def _widest(name: str) -> tuple[float, float]:
+    lowest, highest = zip(*LEVELS_DBM[name].values(), strict=True)
+    return min(lowest), max(highest)
+
+
+_CARRIER_ABOVE_DB = (-3.0, 60.0)
+"""A carrier holds the cell's signal, and up to 20 dB (resource blocks) and 34 dB (RSRQ) more; averaged apart."""
+
+
+def reportable(reading: CellReading) -> CellReading:
+    """The reading without levels that its technology cannot report."""
+    outside = {name for name in LEVELS_DBM if not _is_reportable(reading, name)}
+    own = _OWN.get(reading.rat or "", "")
+    if own in outside or (own and not _holds(reading.rssi_dbm, getattr(reading, own))):
+        outside.add("rssi_dbm")
+    if not outside:
+        return reading
+    nothing: dict[str, Any] = dict.fromkeys(outside)
+    return replace(reading, **nothing)
+
+
+def _holds(carrier_dbm: float | None, cell_dbm: float | None) -> bool:
+    low, high = _CARRIER_ABOVE_DB
+    return carrier_dbm is None or cell_dbm is None or low <= carrier_dbm - cell_dbm <= high
+
+
+def _is_reportable(reading: CellReading, name: str) -> bool:
+    value: float | None = getattr(reading, name)
+    ranges = LEVELS_DBM[name]
+    low, high = ranges.get(reading.rat, ranges[None])
+    return value is None or low <= value <= high
 
 
 def rsrq_db(text: str, scale: float = 1.0) -> float | None:
@@ -84,13 +166,17 @@ def rsrq_db(text: str, scale: float = 1.0) -> float | None:
 def area(text: str, base: int = 16, bits: int = 16) -> int | None:
     """Location or tracking area code; all zeros, all ones and the last but one say "none" (3GPP TS 24.008 10.5.1.3)."""
     code = (hexadecimal if base == 16 else decimal)(text, 0, 2**bits - 1)
-    return None if code in {0, 0xFFFE, 0xFFFF, 2**bits - 2, 2**bits - 1} else code
+    if code is None or code in {0, 0xFFFE, 0xFFFF, 2**bits - 2, 2**bits - 1}:
+        return None
+    return Printed(code, text, _AREAS[base, bits])
 
 
-def cell_identity(text: str, bits: int, base: int = 16) -> int | None:
+def cell_identity(text: str, bits: int, base: int = 16, form: Form | None = None) -> int | None:
     """Cell identity of 16 (GSM), 28 (WCDMA, LTE) or 36 bits (NR); zero and all ones say "unknown"."""
     identity = (hexadecimal if base == 16 else decimal)(text, 0, 2**bits - 1)
-    return None if identity in {0, 0xFFFF, 2**bits - 1} else identity
+    if identity is None or identity in {0, 0xFFFF, 2**bits - 1}:
+        return None
+    return Printed(identity, text, form or _CELLS[base, bits])
 
 
 def network(mcc: str, mnc: str) -> tuple[str, str] | tuple[None, None]:

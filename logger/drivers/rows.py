@@ -22,6 +22,7 @@ class Registration:
     tac: int | None = None
     cid: int | None = None
     act: int | None = None
+    identity_unsure: bool = False
 
 
 @dataclass(frozen=True, slots=True)

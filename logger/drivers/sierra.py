@@ -23,6 +23,7 @@ from logger.core.types import CellReading, Rat
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
 from logger.drivers.fields import (
+    EIGHT,
     area,
     cell_identity,
     decimal,
@@ -127,21 +128,25 @@ def _status(text: str) -> Iterator[Row]:
         return
     labels = _LABELS[rat]
     area_bits, cell_bits = _BITS[rat]
-    where, who = _in_brackets(text, "TAC" if rat in {"LTE", "NR"} else "LAC"), _in_brackets(text, "Cell ID")
-    place = area(where, 10, area_bits) if who else None
+    (where, place_agrees), (who, cell_agrees) = (
+        _in_brackets(text, label) for label in ("TAC" if rat in {"LTE", "NR"} else "LAC", "Cell ID")
+    )
+    place = _plain(area(where, 10, area_bits)) if who else None
+    identity = _plain(cell_identity(who, cell_bits, 10)) if where else None
     channel = decimal(_value(text, labels["channel"]), 0, 3279165)
     reading = CellReading(
         role="serving",
         rat=rat,
         lac=None if rat in {"LTE", "NR"} else place,
         tac=place if rat in {"LTE", "NR"} else None,
-        cid=cell_identity(who, cell_bits, 10) if where else None,
+        cid=identity,
         arfcn=None if channel == 0xFFFF else channel,
         band=_band(text, rat),
         rssi_dbm=rssi_dbm(_value(text, labels.get("rssi", ()))),
         rsrp_dbm=rsrp_dbm(_value(text, labels.get("rsrp", ()))),
         rsrq_db=rsrq_db(_value(text, labels.get("rsrq", ()))),
         sinr_db=level(_value(text, labels.get("sinr", ())), -30.0, 50.0),
+        identity_unsure=not (place_agrees and cell_agrees),
     )
     nothing = reading.level_dbm is None and reading.cid is None and reading.arfcn is None
     yield NoCell(rat, status=mode[1]) if nothing else reading
@@ -156,10 +161,18 @@ def _value(text: str, labels: Sequence[str]) -> str:
     return ""
 
 
-def _in_brackets(text: str, label: str) -> str:
-    """The decimal number in brackets behind a hexadecimal one; modems are seen that print the two differently."""
+def _in_brackets(text: str, label: str) -> tuple[str, bool]:
+    """The decimal number in brackets behind a hexadecimal one, and whether the two are the same.
+
+    Modems are seen that print the two differently. Which is right, nobody knows.
+    """
     found = re.search(rf"(?<![A-Z]){label}\s*:\s*([0-9A-F]{{1,9}})\s*\((\d{{1,11}})\)", text, _FLAGS)
-    return found[2] if found else ""
+    return (found[2], int(found[1], 16) == int(found[2])) if found else ("", True)
+
+
+def _plain(number: int | None) -> int | None:
+    """The number alone: printed in two bases, it needs no other proof of its digits."""
+    return None if number is None else int(number)
 
 
 def _band(text: str, rat: Rat) -> str | None:
@@ -209,7 +222,7 @@ def _reading(kind: str, rat: Rat, named: Mapping[str, str]) -> CellReading:
         mcc=mcc,
         mnc=mnc,
         tac=area(named.get("TAC", ""), 10) if mcc else None,
-        cid=cell_identity(named.get("CID", ""), 28) if mcc else None,
+        cid=cell_identity(named.get("CID", ""), 28, form=EIGHT) if mcc else None,
         arfcn=decimal(channel, 0, 262143),
         band=decimal(named.get("BD", ""), 1, 255),
         psc=decimal(named.get("PSC", ""), 0, 511),

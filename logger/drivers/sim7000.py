@@ -19,6 +19,7 @@ from logger.drivers import cpsi, gnss
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
 from logger.drivers.fields import area, cell_identity, decimal, level, network, rsrp_dbm, rsrq_db, rssi_dbm
+from logger.drivers.printed import Form, Printed
 from logger.drivers.rows import NoCell, Row
 
 ENGINEERING_ON = Command("AT+CENG=1,1")
@@ -51,6 +52,7 @@ _GSM_IDENTITY = {
     "cellid": _HEX,
     "lac": _HEX,
 }
+_CHANNEL, _LEVEL = Form(10, frozenset({4})), Form(10, frozenset({2}))
 _FULL_WIDTH = {"bcch": re.compile(r"\d{4}"), "rxl": re.compile(r"\d\d"), "lac": re.compile(r"[0-9A-Fa-f]{4}")}
 
 
@@ -149,7 +151,7 @@ def _gsm(role: Role, values: list[str], *, closed: bool) -> CellReading | None:
     who = _gsm_identity(named) if whole else {}
     if not who and not (closed and all(_FULL_WIDTH[name].fullmatch(named.get(name, "")) for name in ("bcch", "rxl"))):
         return None
-    channel, rxl = decimal(named["bcch"], 0, 2047), decimal(named["rxl"], 0, 98)
+    channel, rxl = decimal(named["bcch"], 0, 2047), decimal(named["rxl"], 0, 66)
     bsic = decimal(named["bsic"], 0, 63) if "bsic" in named else None
     if rxl is None or channel is None or (not who and not rxl and not channel):
         return None  # an empty slot
@@ -158,9 +160,9 @@ def _gsm(role: Role, values: list[str], *, closed: bool) -> CellReading | None:
         rat="GSM",
         **who,
         arfcn=channel if channel < 1024 else None,
-        arfcn_raw=channel,
+        arfcn_raw=Printed(channel, named["bcch"], _CHANNEL),
         bsic=bsic if who or bsic else None,  # 00 fills the field of a cell that is not decoded
-        rxlev_raw=rxl,
+        rxlev_raw=Printed(rxl, named["rxl"], _LEVEL),
     )
 
 

@@ -18,6 +18,8 @@ from logger.core.types import CellReading, Role
 from logger.drivers import gnss
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
+from logger.drivers.fields import area, cell_identity
+from logger.drivers.printed import Form, Printed
 from logger.drivers.rows import Row
 
 DBM_OF_RXL_0 = -113.0  # SIM800 manual V1.09 p163, and printed by mode 4: 44 beside -69
@@ -47,10 +49,10 @@ _LAYOUTS: Mapping[tuple[bool, int], tuple[str, ...]] = {  # (serving, number of 
 _UNCUT = {"lac": re.compile(r"[0-9A-Fa-f]{4}"), "rxl": re.compile(r"\d\d"), "ta": re.compile(r"(?!25)\d\d|255")}
 _SPARE = frozenset({"ta", "c2", "ch_mod"})  # a row is worth reading without these
 
-# What the fields can hold; the marks for unknown (99, 255, x) are outside, but for the 99 of rxl.
+# What the fields can hold; the marks for unknown (99, 255, x) are outside.
 _RANGE = {
     "bcch": range(2048),
-    "rxl": range(100),
+    "rxl": range(67),  # to -47 dBm
     "rxq": range(8),
     "bsic": range(64),
     "ta": range(64),
@@ -72,8 +74,8 @@ _FORMS = {  # of a row that is not damaged
     "rla": re.compile(r"\d{1,2}|255"),
     "txp": re.compile(r"\d{1,2}|255"),
 }
-_NO_LAC = frozenset({0x0000, 0xFFFE, 0xFFFF})  # 3GPP TS 24.008 10.5.1.3 reserves the first two for "none"
-_NO_CELLID = frozenset({0x0000, 0xFFFF})
+# Some firmware pads these to so many digits.
+_WIDTHS = {"bcch": Form(10, frozenset({4})), "rxl": Form(10, frozenset({2})), "bsic": Form(10, frozenset({2}))}
 _NOBODY: tuple[None, None, None, None] = (None, None, None, None)
 
 Identity = tuple[str, str, int | None, int | None] | tuple[None, None, None, None]  # mcc, mnc, lac, cid
@@ -159,8 +161,8 @@ def _identity(values: Mapping[str, str]) -> Identity | None:
         return _NOBODY
     if not all(form.fullmatch(values[name]) for name, form in _FORMS.items() if values.get(name) is not None):
         return None
-    lac, cid = (int(values.get(name) or "0", 16) for name in ("lac", "cellid"))
-    return values["mcc"], values["mnc"], None if lac in _NO_LAC else lac, None if cid in _NO_CELLID else cid
+    lac, cid = area(values.get("lac") or "0"), cell_identity(values.get("cellid") or "0", 16)
+    return values["mcc"], values["mnc"], lac, cid
 
 
 def _has_level(values: Mapping[str, str]) -> bool:
@@ -180,15 +182,18 @@ def _parse_scan(scan: re.Match[str]) -> CellReading | None:
 def _reading(
     role: Role, values: Mapping[str, str], identity: Identity, *, dbm_of_rxl_0: float | None
 ) -> CellReading | None:
-    rxl = _number(values, "rxl")
+    level = _number(values, "rxl")
     channel = _number(values, "bcch")
-    if rxl is None or (channel is None and "bcch" in values):
+    if (level is None and values.get("rxl") != "99") or (channel is None and "bcch" in values):
         return None
     mcc, mnc, lac, cid = identity
-    if mcc is None and not rxl and not channel:
+    if mcc is None and not channel and not level and values.get("rxl") != "99":
         return None  # an empty slot
     bsic = _number(values, "bsic")
-    level = None if rxl == 99 else rxl
+    if role != "scan":
+        level, channel, bsic = (
+            _as_printed(name, number, values) for name, number in (("rxl", level), ("bcch", channel), ("bsic", bsic))
+        )
     return CellReading(
         role=role,
         rat="GSM",
@@ -214,6 +219,10 @@ def _arfcn(printed: int) -> int | None:
     if printed < 1024:
         return printed
     return printed - 1024 if 512 <= printed - 1024 <= 810 else None
+
+
+def _as_printed(name: str, number: int | None, values: Mapping[str, str]) -> Printed | None:
+    return None if number is None else Printed(number, values[name], _WIDTHS[name])
 
 
 def _number(values: Mapping[str, str], name: str) -> int | None:

@@ -1,0 +1,34 @@
+"""A number that remembers how it was printed.
+
+The value of `a5f` is 2655 whether it was sent so or has lost a digit of `a53f`. What tells is the width, beside the
+other numbers of the reply and of the modem; so the text travels with the value until `recognition` has seen them all.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """Base of a number, and the widths in which all its digits are there."""
+
+    base: int
+    whole: frozenset[int]
+
+
+class Printed(int):
+    """An integer, equal to any of the same value, with its text."""
+
+    text: str
+    form: Form
+
+    def __new__(cls, value: int, text: str, form: Form) -> Self:
+        """Number of that value; the text without blanks, sign and 0x."""
+        number = super().__new__(cls, value)
+        number.text = text.strip().lower().removeprefix("0x")
+        number.form = form
+        return number
+
+    def __reduce__(self) -> tuple[type["Printed"], tuple[int, str, Form]]:
+        """What makes a copy of it."""
+        return Printed, (int(self), self.text, self.form)

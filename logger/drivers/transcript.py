@@ -1,0 +1,51 @@
+"""A transcript of a modem: all its replies, and which of the rows came in which of them."""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from logger.drivers.family import Family
+from logger.drivers.recognition import Known, recognised_replies
+from logger.drivers.rows import Row
+
+_FINAL = re.compile(r"(?:OK|ERROR|\+CM[ES] ERROR\b.*)\s*\Z")
+_COMMAND = re.compile(r"AT[+^*$#!&A-Z]", re.IGNORECASE)
+
+
+def rows_of(driver: Family, lines: Sequence[str]) -> tuple[Row, ...]:
+    """All rows of a transcript; each reply says something of the numbers in the others."""
+    rows = driver.read(lines)
+    replies = _grouped(rows, [driver.read(reply) for reply in replies_of(driver, lines)])
+    found, _ = recognised_replies(replies, Known())
+    judged = {
+        id(row): told
+        for reply, tells in zip(replies, found, strict=True)
+        for row, told in zip(reply, tells, strict=True)
+    }
+    return tuple(judged[id(row)] for row in rows)
+
+
+def replies_of(driver: Family, lines: Sequence[str]) -> Iterator[list[str]]:
+    """Lines by reply: a final code ends one, a command begins one, and among rows nobody asked for a serving cell."""
+    unasked = not any(_FINAL.match(line.strip()) or _COMMAND.match(line.strip()) for line in lines)
+    reply: list[str] = []
+    for line in lines:
+        begins = driver.role_of(line) == "serving" if unasked else _COMMAND.match(line.strip())
+        if begins and reply:
+            yield reply
+            reply = []
+        reply.append(line)
+        if _FINAL.match(line.strip()):
+            yield reply
+            reply = []
+    yield reply
+
+
+def _grouped(rows: Sequence[Row], replies: Sequence[Sequence[Row]]) -> list[list[Row]]:
+    """The rows by reply; all as one where the replies read by themselves say something else than the whole."""
+    if Counter(map(repr, rows)) != Counter(repr(row) for reply in replies for row in reply):
+        return [list(rows)]
+    left: dict[str, list[Row]] = {}
+    for row in reversed(rows):
+        left.setdefault(repr(row), []).append(row)
+    return [[left[repr(row)].pop() for row in reply] for reply in replies]
