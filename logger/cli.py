@@ -191,7 +191,7 @@ def _parse(arguments: argparse.Namespace) -> int:
         print(json.dumps(rows, indent=2))
         return 0
     for row in rows:
-        print("  ".join(f"{name}={value}" for name, value in row.items() if value not in {None, False}))
+        print("  ".join(f"{name}={value}" for name, value in row.items() if value is not None))
     print(f"{len(rows)} rows, driver {driver.name}", file=sys.stderr)
     return 0
 

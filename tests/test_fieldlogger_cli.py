@@ -114,12 +114,24 @@ def test_parse_prints_the_fields_of_each_reading(tmp_path, capsys):
     serving, neighbour = json.loads(capsys.readouterr().out)
     assert {name: value for name, value in serving.items() if value is not None} == {
         "role": "serving", "rat": "GSM", "mcc": "310", "mnc": "260", "lac": 275, "cid": 20082, "arfcn": 666,
-        "arfcn_raw": 666, "bsic": 8, "rxlev_raw": 21, "rxq": 0, "rssi_dbm": -92.0, "identity_unsure": False,
+        "arfcn_raw": 666, "bsic": 8, "rxlev_raw": 21, "rxq": 0, "rssi_dbm": -92.0,
     }  # fmt: skip
     assert serving["ta"] is None
     assert (neighbour["role"], neighbour["mcc"], neighbour["rssi_dbm"]) == ("neighbour", None, -87.0)
     assert main(["parse", "--driver", "sim800", str(tmp_path / "reply.txt")]) == 0
     assert "mcc=310" in capsys.readouterr().out
+
+
+def test_parse_says_which_identity_is_unsure(tmp_path, capsys):
+    (tmp_path / "reply.txt").write_text(
+        '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"\n+CENG: 1,"0128,15,30,a5f,310,411,178d"\n'
+    )
+    assert main(["parse", str(tmp_path / "reply.txt"), "--json"]) == 0
+    serving, neighbour = json.loads(capsys.readouterr().out)
+    assert "identity_unsure" not in serving
+    assert (neighbour["identity_unsure"], neighbour["rssi_dbm"]) == (True, -98.0)
+    assert main(["parse", str(tmp_path / "reply.txt")]) == 0
+    assert capsys.readouterr().out.count("identity_unsure=True") == 1
 
 
 def test_parse_of_a_missing_file_and_an_unknown_driver(tmp_path, capsys):

@@ -73,8 +73,8 @@ class Tally:
 class Link:
     """What a session is given: its port, a clock, and the way to the recorder.
 
-    Only what `blanker` lets through is recorded and read. `patience` is what was learned of the device, `known` the numbers
-    it has sent; they outlive a session, so that a port that is opened anew begins with them.
+    Only what `blanker` lets through is recorded and read. `patience` is what was learned of the device, `known` the
+    numbers it has sent; they outlive a session, so that a port that is opened anew begins with them.
     """
 
     def __init__(
