@@ -32,7 +32,7 @@ _RSRP_DBM = (-140.0, -43.0)
 """3GPP TS 36.133 9.1.4, and one step more at the strong end, where modems round."""
 _COVERAGE_DBM = (-156.0, -43.0)
 """The same with enhanced coverage: NB-IoT (36.133 9.1.22.9) and LTE-M (9.1.4, extended)."""
-_CARRIER_DBM = (-120.0, -10.0)
+_CARRIER_DBM = (-120.0, -20.0)
 """All that the receiver takes in on a channel; no 3GPP range for LTE, modems print up to -35 dBm."""
 LEVELS_DBM: Mapping[str, Mapping[Rat | None, tuple[float, float]]] = {
     "rssi_dbm": {"GSM": _GSM_DBM, None: _CARRIER_DBM},
