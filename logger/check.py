@@ -11,12 +11,14 @@ from typing import Literal
 from pyproj.exceptions import ProjError
 
 from logger.config import GNSS_OF_MODEM, SiteConfig, load_config
+from logger.core.errors import ConfigError
 from logger.core.geo import Utm
 from logger.device.libraries import LIBRARIES, version_of
 from logger.device.port import check_url
 from logger.device.service import usable_folder
-from logger.drivers.registry import driver_of
+from logger.drivers.registry import check_mode, driver_of
 
+NOT_THERE = "is not there now"
 State = Literal["ok", "warn", "fail"]
 
 
@@ -33,10 +35,20 @@ def check(config_path: Path | None) -> list[Line]:
     """Check the installation and, if given, a configuration; raises `ConfigError` for one that cannot be used."""
     lines = [*_libraries(), _map()]
     if config_path is not None:
-        config, _ = load_config(config_path)
+        config = site_config(config_path)
         lines.append(Line("ok", str(config_path), "configuration is valid"))
         lines += _site(config)
     return lines
+
+
+def site_config(path: Path) -> SiteConfig:
+    """The configuration in a file; where there is none the error says how to come by one."""
+    try:
+        return load_config(path)[0]
+    except ConfigError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            raise ConfigError(f"{error}; `fieldlogger probe --write {path}` writes one") from error
+        raise
 
 
 def _libraries() -> Iterator[Line]:
@@ -57,10 +69,13 @@ def _map() -> Line:
 
 
 def _site(config: SiteConfig) -> Iterator[Line]:
-    driver_of(config.modem.driver)
+    driver = driver_of(config.modem.driver)
+    check_mode(config.modem.driver, config.modem.set_mode)
     yield _folder(usable_folder(config.run.directory))
     yield _port("modem", config.modem.port)
-    if config.gnss.port == GNSS_OF_MODEM:
+    if config.gnss.port == GNSS_OF_MODEM and driver is not None and not driver.gnss_asked:
+        yield Line("fail", "gnss", f"driver {driver.name} reads no receiver of the modem: name a port")
+    elif config.gnss.port == GNSS_OF_MODEM:
         yield Line("ok", "gnss", "the modem's own receiver")
     else:
         yield _port("gnss", config.gnss.port)
@@ -90,7 +105,7 @@ def _port(name: str, url: str) -> Line:
     try:
         is_device = stat.S_ISCHR(path.stat().st_mode)
     except FileNotFoundError:
-        return Line("warn", name, f"{url} is not there now; it is picked up when it is plugged in")
+        return Line("warn", name, f"{url} {NOT_THERE}; it is picked up when it is plugged in")
     except OSError as error:
         return Line("fail", name, f"{url}: {error.strerror}")
     if not is_device:

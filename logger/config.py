@@ -5,7 +5,7 @@ import tomllib
 from collections.abc import Iterator
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -39,7 +39,8 @@ class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class ModemSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A modem: device path, /dev/serial/by-id/... or pyserial URL, and the family that reads it.
 
-    `full_scan_interval_s` is the time between two scans of all networks, 0 for none.
+    `full_scan_interval_s` is the time between two scans of all networks, 0 for none. `set_mode` is
+    "gsm" where the modem shall hear GSM only, which it may announce to its network.
     """
 
     port: PortName
@@ -47,6 +48,7 @@ class ModemSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     baud: Baud = 115_200
     poll_interval_s: PollInterval = 2.0
     full_scan_interval_s: NotNegative = 0.0
+    set_mode: Literal["", "gsm"] = ""
 
 
 class GnssSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

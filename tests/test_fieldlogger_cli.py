@@ -11,6 +11,7 @@ from logger.cli import main
 from logger.config import parse_config
 from logger.core.errors import DeviceError
 from logger.device.port import Port
+from logger.drivers.registry import FAMILIES
 from tests.kit import service
 
 REPLY = (
@@ -155,3 +156,30 @@ def test_simulate_a_short_walk(tmp_path, capsys):
     assert main(["simulate", "--out", str(tmp_path), "--duration", "60", "--speed", "20"]) == 0
     assert capsys.readouterr().out.strip().endswith(".h5")
     assert "no scenario" in _fails(capsys, "simulate", "--scenario", "moon")
+
+
+@pytest.mark.parametrize("driver", ["auto", *FAMILIES])
+def test_gsm_only_is_refused_where_the_driver_has_no_command_for_it(site, capsys, driver):
+    chosen = f'driver = "{driver}"\nset_mode = "gsm"'
+    site.write_text(site.read_text().replace('driver = "sim800"', chosen))
+    if driver == "auto" or FAMILIES[driver].modes:
+        assert main(["check", "--config", str(site)]) == 0
+        return
+    line = _fails(capsys, "check", "--config", site)
+    assert f"driver {driver!r} has no command for it" in line
+    assert "sim7600" in line
+    assert _fails(capsys, "run", "--config", site) == line
+
+
+def test_another_mode_than_gsm_is_refused(site, capsys):
+    site.write_text(site.read_text().replace('driver = "sim800"', 'set_mode = "lte"'))
+    assert '[modem] "set_mode"' in _fails(capsys, "check", "--config", site)
+
+
+@pytest.mark.parametrize("driver", FAMILIES)
+def test_a_receiver_that_the_driver_does_not_read_is_refused(site, capsys, driver):
+    text = site.read_text().replace('driver = "sim800"', f'driver = "{driver}"')
+    site.write_text(text.replace("/dev/ttyUSB78", "modem"))
+    reads = bool(FAMILIES[driver].gnss_asked)
+    assert main(["check", "--config", str(site)]) == (0 if reads else 2)
+    assert ("name a port" in capsys.readouterr().out) == (not reads)

@@ -8,7 +8,10 @@ from logger.config import ModemSettings
 from logger.core.errors import DeviceError
 from logger.core.timebase import EARLIEST_UTC_NS
 from logger.core.types import CellReading, Fix, Scan
+from logger.device.after_stop import AfterStop
+from logger.device.kept_modes import KeptModes
 from logger.device.link import Link
+from logger.device.mode_switch import ModeSwitch
 from logger.device.patience import PAUSE_S, Wait
 from logger.drivers.at import AtFramer, Unsolicited
 from logger.drivers.dialogue import Command, Dialogue, Reply, driven
@@ -29,20 +32,23 @@ STORM = 100
 """Unasked lines in ten seconds that are worth a Note; a modem that is well says a few."""
 
 
-def modem_session(link: Link, settings: ModemSettings, *, locates: bool = False) -> None:
+def modem_session(link: Link, settings: ModemSettings, modes: KeptModes, *, locates: bool = False) -> None:
     """Set the modem up and poll it until stopped; raises `DeviceError` when it falls silent or its port is lost.
 
-    With `locates` the modem's own receiver gives the fixes.
+    `modes` keeps what the modem was set to before it heard GSM only. With `locates` the modem's own receiver gives the
+    fixes.
     """
-    _Conversation(link, settings, locates=locates).run()
+    mode = ModeSwitch(link, modes, gsm_only=settings.set_mode == "gsm")
+    _Conversation(link, settings, mode, locates=locates).run()
 
 
 class _Conversation:
     """From the opening of the port until it is lost."""
 
-    def __init__(self, link: Link, settings: ModemSettings, *, locates: bool) -> None:
+    def __init__(self, link: Link, settings: ModemSettings, mode: ModeSwitch, *, locates: bool) -> None:
         self._link = link
         self._settings = settings
+        self._mode = mode
         self._locates = locates
         self._driver: Family | None = driver_of(settings.driver)
         self._framer = AtFramer()
@@ -71,6 +77,7 @@ class _Conversation:
                 raise DeviceError(f"modem gives no answer ({unanswered} polls); opening the port again")
             self._listen_until(due_ns)
         self._close_block()
+        self._mode.set_back(self._driver, AfterStop(self._link, self._framer))
 
     def _turn(self) -> None:
         """One poll, with what has to go before it and what may follow it."""
@@ -90,6 +97,7 @@ class _Conversation:
         accepted = self._talk(self._driver.setup()) or self._restarted
         self._set_up = accepted and not self._restarted
         if self._set_up:
+            self._mode.settle(self._driver, self._ask)
             if self._locates:
                 self._talk(self._driver.ask(self._driver.gnss_on))
             if not self._told_ready:

@@ -19,10 +19,12 @@ from logger.core.live import LiveTracker
 from logger.core.runfile import RunMeta, RunWriter, Truth, finish_journal, journal_path, recover
 from logger.device.clock import Clock, boot_id
 from logger.device.gpsd_link import receiver_session
+from logger.device.kept_modes import KeptModes
 from logger.device.leds import Lamp, Sign
 from logger.device.libraries import LIBRARIES, version_of
 from logger.device.link import Link
 from logger.device.memory import give_back
+from logger.device.mode_switch import RESTORE_S, left_changed
 from logger.device.modem_link import modem_session
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.notify import ServiceManager
@@ -32,7 +34,7 @@ from logger.device.recorder import Recorder
 from logger.device.status import Status, WatchedInbox, status_folder, target_status
 from logger.device.teller import Teller
 from logger.drivers.privacy import Blanker
-from logger.drivers.registry import driver_of
+from logger.drivers.registry import FAMILIES, check_mode
 
 log = logging.getLogger(__name__)
 
@@ -68,6 +70,7 @@ class Service:
         ports = {"modem": config.modem.port} | ({} if of_modem else {"gnss": config.gnss.port})
         for url in ports.values():
             check_url(url)
+        check_mode(config.modem.driver, config.modem.set_mode)
         self._clock = clock
         self._ended = ended
         self._started_ns = clock.now_ns()
@@ -94,8 +97,8 @@ class Service:
         self._writer = RunWriter(journal_path(self.folder), meta)
         self._tracker = LiveTracker(config.live)
         self.recorder = Recorder(self._writer, self._tracker, self._inbox, clock, ended, durable=self._synced)
-        driver_of(config.modem.driver)
-        modem = partial(modem_session, settings=config.modem, locates=of_modem)
+        self._modes = KeptModes(self.folder)
+        modem = partial(modem_session, settings=config.modem, modes=self._modes, locates=of_modem)
         self._links = {"modem": self._link("modem", config.modem.baud, Blanker())}
         sessions: dict[str, Callable[[Link], None]] = {"modem": modem}
         if not of_modem:
@@ -118,7 +121,9 @@ class Service:
         self._stop.set()
         recorder, *links = self._threads
         for link in links:
-            link.join(JOIN_S)
+            link.join(JOIN_S + RESTORE_S)
+        if left := left_changed(self._modes, FAMILIES.get):
+            self._links["modem"].note("warning", "mode-left", left)
         self.recorder.finish(reason)
         recorder.join()
         if self.recorder.error is not None:

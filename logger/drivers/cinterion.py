@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar
 
 from logger.core.types import CellReading, Rat, Role
+from logger.drivers import mode
 from logger.drivers.cinterion_tables import rows_of_tables, scanned
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
@@ -32,6 +33,7 @@ from logger.drivers.fields import (
 )
 from logger.drivers.fields import values as split
 from logger.drivers.generic import Generic
+from logger.drivers.mode import ModeCommand
 from logger.drivers.rows import NoCell, Row
 
 _GROUPED = re.compile(r"\^SMON([CD])\s*:\s*([-0-9A-F, ]*)", re.IGNORECASE)
@@ -94,6 +96,7 @@ class Cinterion(Family):
     """From the best to the poorest, that for the neighbours last; none of them is known to all modems of the family."""
     asked: ClassVar[tuple[Command, ...]] = (*(command for way in ways for command in way), *Generic.asked)
     surveys: ClassVar[tuple[Command, ...]] = (Command('AT^SNMON="INS",2', timeout_s=180.0), *Generic.surveys)
+    modes: ClassVar[tuple[ModeCommand, ...]] = mode.SXRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells by the first way that gives any; neighbours by the next ones where it refuses to tell of them."""

@@ -8,6 +8,7 @@ from logger.core.types import CellReading, Role
 from logger.drivers import common
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.fields import reportable
+from logger.drivers.mode import ModeCommand
 from logger.drivers.rows import Row
 
 AUTOBAUD_TRIES = 5
@@ -25,9 +26,9 @@ _RESTARTED = re.compile(
 class Family:
     """Driver of one family, stateless: one instance serves a live port, a transcript and the simulator alike.
 
-    Nothing here transmits by choice or asks who the subscriber is. A family says which modems are its own
-    (`identifies`, searched in what ATI, AT+CGMI and AT+CGMM answer), what prepares them, what asks for the cells heard
-    now and what for all there are; and it reads the lines (`cells_in`).
+    Nothing here transmits by choice, `modes` apart, or asks who the subscriber is. A family says which modems are its
+    own (`identifies`, searched in what ATI, AT+CGMI and AT+CGMM answer), what prepares them, what asks for the cells
+    heard now and what for all there are; and it reads the lines (`cells_in`).
     """
 
     name: ClassVar[str]
@@ -39,6 +40,8 @@ class Family:
     gnss_on: ClassVar[tuple[Command, ...]] = ()
     gnss_asked: ClassVar[tuple[Command, ...]] = ()
     """The modem's own receiver, used where the configuration says so."""
+    modes: ClassVar[tuple[ModeCommand, ...]] = ()
+    """How it is made to hear GSM only, where the configuration says so; a modem knows one of them."""
 
     def setup(self) -> Dialogue[bool]:
         """Prepare the modem after power-up or a restart; False when it did not accept what polling needs."""

@@ -17,11 +17,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
+from logger.drivers import mode
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
 from logger.drivers.fields import area, at, cell_identity, decimal, hexadecimal, network, pieces
 from logger.drivers.fields import values as split
 from logger.drivers.generic import Generic, serving_cell
+from logger.drivers.mode import ModeCommand
 from logger.drivers.printed import Form
 from logger.drivers.rows import NoCell, Row
 
@@ -93,6 +95,7 @@ class Fibocom(Family):
     set_up: ClassVar[tuple[Command, ...]] = Generic.set_up
     asked: ClassVar[tuple[Command, ...]] = (Command("AT+GTCCINFO?", timeout_s=8.0), *Generic.asked)
     surveys: ClassVar[tuple[Command, ...]] = Generic.surveys
+    modes: ClassVar[tuple[ModeCommand, ...]] = mode.GTRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now; the serving one put together from +CREG and its like where +GTCCINFO tells of none."""

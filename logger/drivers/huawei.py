@@ -14,12 +14,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Rat, Role
+from logger.drivers import mode
 from logger.drivers.cinterion import grouped
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
 from logger.drivers.fields import area, cell_identity, decimal, hexadecimal, level, network, pieces, rsrp_dbm, rssi_dbm
 from logger.drivers.fields import values as split
 from logger.drivers.generic import Generic, serving_cell
+from logger.drivers.mode import ModeCommand
 from logger.drivers.rows import NoCell, Row, Signal
 
 _MON = re.compile(r"\^(MONSC|MONNC)\s*:\s*([\w ,.+-]*)", re.IGNORECASE | re.ASCII)
@@ -115,6 +117,7 @@ class Huawei(Family):
         *Generic.asked,
     )
     surveys: ClassVar[tuple[Command, ...]] = Generic.surveys
+    modes: ClassVar[tuple[ModeCommand, ...]] = mode.SYSCFG
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now; the serving one put together from +CREG and its like where ^MONSC is not known."""

@@ -16,10 +16,11 @@ from dataclasses import replace
 from typing import ClassVar
 
 from logger.core.types import Rat
-from logger.drivers import gnss
+from logger.drivers import gnss, mode
 from logger.drivers.dialogue import Command
 from logger.drivers.family import Family
 from logger.drivers.fields import decimal
+from logger.drivers.mode import ModeCommand
 from logger.drivers.quectel_forms import Form, cell, form, measured, split
 from logger.drivers.rows import NoCell, Row, Signal
 
@@ -121,6 +122,7 @@ class Quectel(Family):
     )
     gnss_on: ClassVar[tuple[Command, ...]] = gnss.QGPSLOC_ON
     gnss_asked: ClassVar[tuple[Command, ...]] = gnss.QGPSLOC
+    modes: ClassVar[tuple[ModeCommand, ...]] = mode.NWSCANMODE
 
     def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in QENG, QSCAN and QOPS rows, levels in QCSQ rows, fixes of the receiver."""

@@ -49,6 +49,15 @@ def driver_of(name: str) -> Family | None:
     return FAMILIES.get(name)
 
 
+def check_mode(driver: str, set_mode: str) -> None:
+    """Raise `ConfigError` where a setting asks for what a driver cannot do; `auto` may find one that can."""
+    family = driver_of(driver)
+    if set_mode and family is not None and not family.modes:
+        able = ", ".join(name for name, one in FAMILIES.items() if one.modes)
+        text = f"driver {driver!r} has no command for it; leave it out. Drivers that have one: {able}"
+        raise ConfigError(f'[modem] set_mode = "{set_mode}": {text}')
+
+
 def identified() -> Dialogue[tuple[Family, str] | None]:
     """Ask a modem who it is: its driver and its own words; None when it does not answer."""
     if not (yield from woken()):

@@ -20,6 +20,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
+from logger.drivers import mode
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
 from logger.drivers.fields import (
@@ -34,6 +35,7 @@ from logger.drivers.fields import (
     rsrq_db,
     rssi_dbm,
 )
+from logger.drivers.mode import ModeCommand
 from logger.drivers.rows import NoCell, Operator, Row
 
 _FLAGS = re.ASCII | re.IGNORECASE
@@ -88,6 +90,7 @@ class Sierra(Family):
     set_up: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=3,2"),)  # the form of the answer; it chooses none
     asked: ClassVar[tuple[Command, ...]] = (Command("AT+COPS?"), Command("AT!GSTATUS?"), Command("AT!LTEINFO?"))
     surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
+    modes: ClassVar[tuple[ModeCommand, ...]] = mode.SELRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now, the serving one once, and with its network."""

@@ -15,10 +15,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Rat, Role
-from logger.drivers import cpsi, gnss
+from logger.drivers import cpsi, gnss, mode
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
 from logger.drivers.fields import area, cell_identity, decimal, level, network, rsrp_dbm, rsrq_db, rssi_dbm
+from logger.drivers.mode import ModeCommand
 from logger.drivers.printed import Form, Printed
 from logger.drivers.rows import NoCell, Row
 
@@ -66,6 +67,7 @@ class Sim7000(Family):
     surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
     gnss_on: ClassVar[tuple[Command, ...]] = gnss.CGNSINF_ON
     gnss_asked: ClassVar[tuple[Command, ...]] = gnss.CGNSINF
+    modes: ClassVar[tuple[ModeCommand, ...]] = mode.CNMP
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now, the serving one once; engineering mode is switched on again where the modem lost it."""

@@ -14,10 +14,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Role
-from logger.drivers import cpsi, gnss
+from logger.drivers import cpsi, gnss, mode
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
 from logger.drivers.fields import area, cell_identity, decimal, level, network, rsrp_dbm, rsrq_db, rssi_dbm
+from logger.drivers.mode import ModeCommand
 from logger.drivers.rows import Row
 
 _CCINFO = re.compile(
@@ -60,6 +61,7 @@ class Sim7600(Family):
     surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
     gnss_on: ClassVar[tuple[Command, ...]] = gnss.CGPSINFO_ON
     gnss_asked: ClassVar[tuple[Command, ...]] = gnss.CGPSINFO
+    modes: ClassVar[tuple[ModeCommand, ...]] = mode.CNMP
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now, the serving one once; a modem has some of these commands and refuses the others."""

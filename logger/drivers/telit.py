@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from logger.core.types import CellReading, Rat, Role
+from logger.drivers import mode
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
 from logger.drivers.fields import (
@@ -30,6 +31,7 @@ from logger.drivers.fields import (
     rssi_dbm,
     values,
 )
+from logger.drivers.mode import ModeCommand
 from logger.drivers.rows import NoCell, Registration, Row
 from logger.drivers.telit_survey import SLICES, octal_bsic, survey_rows
 
@@ -87,6 +89,7 @@ class Telit(Family):
     surveys: ClassVar[tuple[Command, ...]] = tuple(
         Command(f"AT#CSURV={low},{high}", timeout_s=120.0, silence_s=15.0) for low, high in SLICES
     )
+    modes: ClassVar[tuple[ModeCommand, ...]] = mode.WS46
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask, and join what the replies say of the serving cell."""

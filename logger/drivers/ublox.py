@@ -12,10 +12,12 @@ from dataclasses import replace
 from typing import ClassVar
 
 from logger.core.types import CellReading, Role
+from logger.drivers import mode
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
 from logger.drivers.fields import decimal, listed, pieces
 from logger.drivers.generic import Generic
+from logger.drivers.mode import ModeCommand
 from logger.drivers.rows import Operator, Row
 from logger.drivers.ublox_cell import reading
 from logger.drivers.ublox_labels import labelled_rows
@@ -48,6 +50,7 @@ class Ublox(Family):
         Command("AT+UCGED?", timeout_s=5.0),
     )
     surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=5", timeout_s=200.0, silence_s=60.0),)
+    modes: ClassVar[tuple[ModeCommand, ...]] = mode.URAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask in turn until a reply has cells; zeros that a network code has lost come back from AT+COPS?."""

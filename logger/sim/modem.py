@@ -83,7 +83,8 @@ class SimulatedModem:
 
     def _restart(self) -> None:
         self._terminal.restart()
-        self._settings = {name: kind.default for name, kind in self._dialect.settings.items()}
+        kept = {name: value for name, value in self._settings.items() if self._dialect.settings[name].stored}
+        self._settings = {name: kind.default for name, kind in self._dialect.settings.items()} | kept
         self._told_s = self._now_s()
 
     def _answer(self, line: str) -> bytes | None:

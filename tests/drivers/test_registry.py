@@ -1,6 +1,7 @@
 """Each driver by its name, and each modem by what it says of itself."""
 
 import math
+import re
 
 import pytest
 
@@ -84,24 +85,51 @@ def test_a_transcript_is_read_by_the_driver_that_finds_most():
     assert reader_of(["+CSQ: 19,99"]).read(["+CSQ: 19,99"])
 
 
-def test_no_driver_asks_who_the_subscriber_is_or_transmits():
-    forbidden = (
-        "CIMI",
-        "CGSN",
-        "CCID",
-        "CNUM",
-        "ATD",
-        "CGATT=",
-        "CFUN=",
-        "COPS=0",
-        "COPS=1",
-        "COPS=2",
-        "COPS=4",
-        "CMGS",
-    )
-    for driver in FAMILIES.values():
-        for command in (*driver.set_up, *driver.asked, *driver.surveys, *driver.gnss_on, *driver.gnss_asked):
-            assert not any(word in command.text.upper() for word in forbidden), (driver.name, command)
+FORBIDDEN = (
+    "CIMI",
+    "CGSN",
+    "CCID",
+    "CNUM",
+    "ATD",
+    "CGATT=",
+    "CFUN=",
+    "COPS=0",
+    "COPS=1",
+    "COPS=2",
+    "COPS=4",
+    "CMGS",
+)
+CHOOSES_TECHNOLOGIES = re.compile(r"CNMP=|CNMB=|NWSCAN|IOTOPMODE|URAT=|WS46=|SXRAT=|SELRAT=|SYSCFG|GTRAT=|G?T?X?ACT=\d")
+GSM_ONLY = {
+    "sim7000": ["AT+CNMP=13"],
+    "sim7600": ["AT+CNMP=13"],
+    "quectel": ['AT+QCFG="nwscanmode",1,1'],
+    "telit": ["AT+WS46=12"],
+    "ublox": ["AT+URAT=0"],
+    "cinterion": ["AT^SXRAT=0"],
+    "sierra": ["AT!SELRAT=02"],
+    "huawei": ['AT^SYSCFGEX="01",40000000,2,4,40000000,,', "AT^SYSCFG=13,1,40000000,2,4"],
+    "fibocom": ["AT+GTRAT=0", "AT+XACT=0"],
+}
+"""The one exception, and only where `[modem] set_mode` asks for it: the modem may register anew."""
+
+
+@pytest.mark.parametrize("driver", FAMILIES.values(), ids=FAMILIES)
+def test_no_driver_asks_who_the_subscriber_is_or_transmits(driver):
+    for command in (*driver.set_up, *driver.asked, *driver.surveys, *driver.gnss_on, *driver.gnss_asked):
+        assert not any(word in command.text.upper() for word in FORBIDDEN), command
+        assert not CHOOSES_TECHNOLOGIES.search(command.text.upper()), command
+
+
+@pytest.mark.parametrize("driver", FAMILIES.values(), ids=FAMILIES)
+def test_the_one_exception_is_the_choice_of_gsm_only(driver):
+    sent = [command.set_to(command.gsm) for command in driver.modes]
+    assert sent == GSM_ONLY.get(driver.name, [])
+    for text in (*sent, *(command.asks for command in driver.modes)):
+        assert not any(word in text.upper() for word in FORBIDDEN), text
+    # what is asked sets nothing
+    assert all(command.asks.endswith(("?", '="nwscanmode"')) for command in driver.modes)
+    assert all(command.is_gsm(command.gsm) and command.is_value(command.gsm) for command in driver.modes)
 
 
 @pytest.mark.parametrize("driver", FAMILIES.values(), ids=FAMILIES)

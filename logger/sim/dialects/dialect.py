@@ -24,10 +24,14 @@ NO_SERVICE = 30
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """The value after power-up, and the form of those that are accepted; a value left out stays as it is."""
+    """The value after power-up, and the form of those that are accepted; a value left out stays as it is.
+
+    What is `stored` is as it was before the power went.
+    """
 
     default: str
     form: re.Pattern[str]
+    stored: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,8 +54,8 @@ class Dialect:
     abortable: bool = False
 
 
-def setting(default: str, form: str) -> Setting:
-    return Setting(default, re.compile(form))
+def setting(default: str, form: str, *, stored: bool = False) -> Setting:
+    return Setting(default, re.compile(form), stored)
 
 
 def who(ati: Sequence[str], maker: str, model: str, revision: str) -> dict[str, Sequence[str]]:

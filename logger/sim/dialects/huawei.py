@@ -1,6 +1,7 @@
 """Huawei ME909s on a GSM network: ^MONSC, ^MONNC and ^HCSQ (captures 135 to 138)."""
 
 from logger.sim.air import Air
+from logger.sim.dialects import modes
 from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
 from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, who
 
@@ -41,8 +42,8 @@ ME909S = Dialect(
         "ME909s-120",
         "11.617.01.00.00",
     ),
-    replies={"^MONSC": serving_cell, "^MONNC": neighbour_cells, "^HCSQ?": quality, **EPS},
-    settings=SETTINGS | EPS_SETTINGS,
+    replies={"^MONSC": serving_cell, "^MONNC": neighbour_cells, "^HCSQ?": quality, **EPS, **modes.SYSCFGEX},
+    settings=SETTINGS | EPS_SETTINGS | modes.SYSCFGEX_SETTINGS,
     takes_s={"+COPS=?": COPS_SCAN_S},
     boot=("^SYSSTART",),
 )

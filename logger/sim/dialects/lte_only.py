@@ -5,6 +5,7 @@ channel and physical cell identity of LTE stand. Neighbours have no identity the
 """
 
 from logger.sim.air import Air, Heard
+from logger.sim.dialects import modes
 from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
 from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, who
 
@@ -88,16 +89,16 @@ SIERRA_ATI = (
 MC7455 = Dialect(
     "mc7455",
     who(SIERRA_ATI, "Sierra Wireless, Incorporated", "MC7455", SIERRA_ATI[2].removeprefix("Revision: ")),
-    replies={"!GSTATUS?": status, "!LTEINFO?": lte_information, **EPS},
-    settings=SETTINGS | EPS_SETTINGS,
+    replies={"!GSTATUS?": status, "!LTEINFO?": lte_information, **EPS, **modes.SELRAT},
+    settings=SETTINGS | EPS_SETTINGS | modes.SELRAT_SETTINGS,
     takes_s={"+COPS=?": COPS_SCAN_S},
     boot=(),
 )
 L850 = Dialect(
     "l850",
     who(["FIBOCOM L850-GL"], '+CGMI: "FIBOCOM"', '+CGMM: "L850-GL"', '+CGMR: "18500.5001.00.02.24.03"'),
-    replies={"+GTCCINFO?": cells, **EPS},
-    settings=SETTINGS | EPS_SETTINGS,
+    replies={"+GTCCINFO?": cells, **EPS, **modes.XACT},
+    settings=SETTINGS | EPS_SETTINGS | modes.XACT_SETTINGS,
     takes_s={"+COPS=?": COPS_SCAN_S},
     boot=(),
 )

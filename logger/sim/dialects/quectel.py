@@ -4,7 +4,7 @@ Sources: captures 059 to 069, 088; 091, 092; the example of QOPS in the EC2x AT 
 """
 
 from logger.sim.air import Air, Heard
-from logger.sim.dialects import receivers
+from logger.sim.dialects import modes, receivers
 from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
 from logger.sim.dialects.dialect import NETWORK_NAME, Answer, Dialect, Settings, block, setting, who
 
@@ -82,8 +82,9 @@ EC25 = Dialect(
         "+QOPS": survey,
         "+QGPSLOC=2": receivers.qgpsloc,
         **EPS,
+        **modes.NWSCANMODE,
     },
-    settings=SETTINGS | EPS_SETTINGS | receivers.QGPS_SETTINGS | QOPS_SETTINGS,
+    settings=SETTINGS | EPS_SETTINGS | receivers.QGPS_SETTINGS | QOPS_SETTINGS | modes.NWSCANMODE_SETTINGS,
     takes_s={"+COPS=?": COPS_SCAN_S, "+QOPS": QOPS_S},
     boot=("RDY", "+CFUN: 1", "+QIND: SMS DONE"),
 )

@@ -1,0 +1,156 @@
+"""Has a modem hear GSM only where the configuration says so, and sets it back (`logger.drivers.mode`).
+
+The value before is durable before anything is changed. It is set back at the stop, or at the next
+start where the stop did not come or the modem had gone; whether the setting is still on or not.
+"""
+
+from collections.abc import Callable
+
+from logger.core.types import Level
+from logger.device.after_stop import AfterStop
+from logger.device.kept_modes import KeptMode, KeptModes
+from logger.device.link import Link
+from logger.drivers.dialogue import Command, Reply, driven
+from logger.drivers.family import Family, woken
+from logger.drivers.mode import ModeCommand, changed, current, model, same
+
+Ask = Callable[[Command], Reply]
+
+RESTORE_S = 20.0
+"""Real seconds that a stop leaves for it; systemd leaves 60 for all of the stop."""
+_TRIES = 3
+ADVICE = "the next start tries again, or set it by hand"
+
+
+class ModeSwitch:
+    """For one connection with one modem; each note is written once."""
+
+    def __init__(self, link: Link, kept: KeptModes, *, gsm_only: bool) -> None:
+        self._link = link
+        self._kept = kept
+        self._gsm_only = gsm_only
+        self._noted: set[str] = set()
+
+    def settle(self, driver: Family, ask: Ask) -> None:
+        """After the set-up: GSM only if it is wanted, else as before if an earlier run changed it."""
+        try:
+            kept = self._kept.all()
+            if self._gsm_only and not driver.modes:
+                self._unchanged(f"driver {driver.name} has no command for GSM only")
+            elif self._gsm_only or kept:
+                self._settle(driver, ask)
+        except OSError as error:
+            self._unchanged(f"what it is cannot be kept: {error.strerror or error}")
+
+    def set_back(self, driver: Family | None, modem: AfterStop) -> None:
+        """At the stop: as it was before.
+
+        The stop may have come in the middle of anything, which the modem is let finish; what does
+        not succeed then is tried again.
+        """
+        try:
+            if driver is None or not self._kept.all():
+                return
+            for _ in range(_TRIES):
+                modem.hear_out()
+                if self._set_back(driver, modem.ask):
+                    return
+        except OSError as error:
+            self._note("warning", "mode-left", f"the modem is not set back: {error.strerror or error}")
+
+    def _set_back(self, driver: Family, ask: Ask) -> bool:
+        """Whether nothing is left to do."""
+        name = driven(model(), ask) if driven(woken(), ask) else None
+        if name is None:
+            return False
+        entry = self._kept.of(driver.name, name)
+        return entry is None or self._restore(driver, entry, ask)
+
+    def _settle(self, driver: Family, ask: Ask) -> None:
+        name = driven(model(), ask)
+        if name is None:
+            self._unchanged("the modem does not say which model it is (AT+CGMM)")
+            return
+        entry = self._kept.of(driver.name, name)
+        if self._gsm_only:
+            self._change(driver, name, entry, ask)
+        elif entry is not None:
+            if not self._restore(driver, entry, ask) and not self._link.stop.is_set():
+                self._note("warning", "mode-left", f"{name} does not take {entry.value}; {ADVICE}")
+        else:
+            waiting = ", ".join(one.model for one in self._kept.all())
+            text = f"not for this modem: {waiting} was left on GSM only, and is set back when it is here"
+            self._note("info", "mode-kept", text)
+
+    def _change(self, driver: Family, name: str, entry: KeptMode | None, ask: Ask) -> None:
+        found = driven(current(driver.modes), ask)
+        if found is None:
+            asks = " and ".join(command.asks for command in driver.modes)
+            self._unchanged(f"the modem does not tell what it is ({asks})")
+            return
+        command, value = found
+        if command.is_gsm(value):
+            if entry is None:
+                self._note("info", "mode-gsm", f"the modem hears GSM only by itself ({command.asks})")
+            return
+        # durable first: whatever happens from here on, the next start knows what it was
+        self._kept.keep(KeptMode(driver.name, name, command.asks, value))
+        now = driven(changed(command, command.gsm), ask)
+        sent = command.set_to(command.gsm)
+        if now is not None and command.is_gsm(now):
+            text = f"{sent}: the modem hears GSM only; it was {value}, and is set back at the stop"
+            self._note("info", "mode-set", text)
+        elif now is not None and same(now, value):
+            self._kept.drop(driver.name, name)
+            self._unchanged(f"the modem refuses {sent}")
+        else:
+            self._unchanged(f"no answer to {sent}; it was {value}, and is set back at the stop")
+
+    def _restore(self, driver: Family, entry: KeptMode, ask: Ask) -> bool:
+        """Whether the modem is as it was, or as its owner has set it since."""
+        command = _command(driver, entry)
+        if command is None:
+            text = f"{self._kept.path}: {entry.asks} {entry.value!r} is nothing of this modem; remove it"
+            self._note("warning", "mode-left", text)
+            return True
+        found = driven(current([command]), ask)
+        if found is not None and not command.is_gsm(found[1]):
+            text = f"the modem is on {found[1]} and no longer on GSM only ({command.asks}): left so"
+        else:
+            now = driven(changed(command, entry.value), ask)
+            if now is None or not same(now, entry.value):
+                return False
+            text = f"{command.set_to(entry.value)}: the modem is as it was before GSM only"
+        self._kept.drop(entry.driver, entry.model)
+        self._note("info", "mode-restored", text)
+        return True
+
+    def _unchanged(self, why: str) -> None:
+        if not self._link.stop.is_set():  # else it was not asked to the end
+            self._note("warning", "mode-unchanged", f"what the modem hears is not changed: {why}")
+
+    def _note(self, level: Level, code: str, text: str) -> None:
+        if text not in self._noted:
+            self._noted.add(text)
+            self._link.note(level, code, text)
+
+
+def _command(driver: Family, entry: KeptMode) -> ModeCommand | None:
+    """The command of an entry; None where the file names another, or a value that is none."""
+    known = (command for command in driver.modes if command.asks == entry.asks)
+    return next((command for command in known if command.is_value(entry.value)), None)
+
+
+def left_changed(kept: KeptModes, drivers: Callable[[str], Family | None]) -> str:
+    """What the stop could not set back, in words; empty where there is nothing."""
+    try:
+        entries = kept.all()
+    except OSError as error:
+        return str(error)
+    texts = []
+    for entry in entries:
+        driver = drivers(entry.driver)
+        command = None if driver is None else _command(driver, entry)
+        hand = f" ({command.set_to(entry.value)})" if command else ""
+        texts.append(f"{entry.model} is still on GSM only; {ADVICE}{hand}")
+    return "; ".join(texts)
