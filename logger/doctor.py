@@ -1,18 +1,18 @@
-"""`fieldlogger doctor`: is it working? Each line ok, warn or fail, with what to do."""
+"""`fieldlogger doctor`: is it working? Each line ok, warn or fail, with what to do; the last one is of them all."""
 
 import os
 import shutil
 import subprocess
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from logger.check import Line, State, check
-from logger.config import SiteConfig, load_config
+from logger.check import NOT_THERE, Line, State, check, site_config
+from logger.config import SiteConfig
 from logger.core.errors import DeviceError
 from logger.core.observations import UERE_M
 from logger.core.runfile import Run, read_run
@@ -21,13 +21,17 @@ from logger.core.runfile.names import JOURNAL, first_part
 from logger.core.scale import levels_dbm
 from logger.core.schema import Rows
 from logger.device.clock import SystemClock
+from logger.device.kept_modes import KeptModes
+from logger.device.mode_switch import left_changed
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.port import Port
 from logger.device.service import Service, usable_folder
 from logger.device.status import FOLDER, Status, read_status, status_folder
 from logger.drivers.dialogue import Command, Dialogue
+from logger.drivers.registry import FAMILIES
 from logger.probe import converse
 
+TRIAL = "doctor"
 TRIAL_S = 15.0
 """The modem is set up and polled some times, and a receiver speaks, within this time."""
 LAST_S = 60.0
@@ -38,14 +42,44 @@ _COARSE_M = 15.0
 _MOST_VALID = 0.8
 _RECENT_FIXES = 10
 """A receiver that has found its position just now is well."""
+_NEEDED = frozenset({"status", "card", "queue", "modem", "mode", "readings", "gnss"})
+"""A warning of these means that a walk would not be recorded as it should."""
+_PORTS = frozenset({"modem", "gnss"})
 
 
 def examine(config_path: Path, seconds: float = TRIAL_S) -> Iterator[Line]:
     """Lines as they are found; raises `ConfigError` for a configuration that cannot be used.
 
     Where the service records, its run is looked at; where not, it is run for some seconds into a temporary folder.
+    The last line says whether one may walk.
     """
-    config, _ = load_config(config_path)
+    lines = []
+    for line in _examined(config_path, seconds):
+        lines.append(line)
+        yield line
+    yield overall(lines)
+
+
+def overall(lines: Iterable[Line]) -> Line:
+    """What all lines mean to the walker: go, or what to do first."""
+    every = list(lines)
+    fails = [line for line in every if line.state == "fail"]
+    waits = [line for line in every if line.state == "warn" and line.what in _NEEDED]
+    if not fails and not waits:
+        others = ", ".join(line.what for line in every if line.state == "warn")
+        return Line("ok", "overall", "ready to walk" + (f"; to be seen to: {others}" if others else ""))
+    first, *more = [*fails, *waits]
+    text = f"{first.what}: {first.text}" + (f" (and {len(more)} more above)" if more else "")
+    if any(line.what in _PORTS and (line.state == "fail" or NOT_THERE in line.text) for line in (first, *more)):
+        text += "; `fieldlogger probe --write site.toml` finds the ports"
+    if fails:
+        return Line("fail", "overall", f"not ready to walk: {text}")
+    return Line("warn", "overall", f"not yet ready to walk: {text}")
+
+
+def _examined(config_path: Path, seconds: float) -> Iterator[Line]:
+    """The lines before the last."""
+    config = site_config(config_path)
     yield from check(config_path)
     yield power()
     folder = usable_folder(config.run.directory)
@@ -63,14 +97,16 @@ def examine(config_path: Path, seconds: float = TRIAL_S) -> Iterator[Line]:
         journal = Path(told.run)
     if journal is not None:
         yield Line("ok", "recording", f"{journal.name} is being written; the lines below are its last {LAST_S:.0f} s")
-        yield from of_run(read_run(journal))
+        yield from of_run(read_run(journal), set_mode=config.modem.set_mode)
         return
+    if left := left_changed(KeptModes(folder), FAMILIES.get):
+        yield Line("warn", "mode", left)
     for name, url in (("modem", config.modem.port), ("gnss", config.gnss.port)):
         if url.startswith("/"):
             yield from holders(name, url)
     yield sim_card(config)
     with tempfile.TemporaryDirectory(prefix="fieldlogger-doctor-") as temporary:
-        yield from of_run(_trial(config, temporary, seconds))
+        yield from of_run(_trial(config, temporary, seconds), set_mode=config.modem.set_mode)
 
 
 def power(sys: Path = Path("/sys")) -> Line:
@@ -181,16 +217,20 @@ def _sim_state() -> Dialogue[str | None]:
 
 
 def _trial(config: SiteConfig, folder: str, seconds: float) -> Run:
-    """A run of some seconds by the real service."""
-    here = msgspec.structs.replace(config, run=msgspec.structs.replace(config.run, directory=folder))
-    trial = Service(here, SystemClock(), threading.Event(), config_text="", origin="doctor")
+    """A run of some seconds by the real service, which leaves the modem as it is."""
+    here = msgspec.structs.replace(
+        config,
+        run=msgspec.structs.replace(config.run, directory=folder),
+        modem=msgspec.structs.replace(config.modem, set_mode=""),
+    )
+    trial = Service(here, SystemClock(), threading.Event(), config_text="", origin=TRIAL)
     trial.start()
     trial.wait(seconds)
     return read_run(trial.stop("trial over"))
 
 
-def of_run(run: Run, last_s: float = LAST_S) -> Iterator[Line]:
-    """What the end of a run tells of the modem and the receiver."""
+def of_run(run: Run, last_s: float = LAST_S, *, set_mode: str = "") -> Iterator[Line]:
+    """What the end of a run tells of the modem and the receiver; `set_mode` is the setting in [modem]."""
     tables = run.tables
     end_ns = max((int(rows["t_ns"].max()) for rows in tables.values() if len(rows)), default=0)
     begin_ns = max(run.meta.started_ns, end_ns - round(last_s * 1e9))
@@ -204,9 +244,37 @@ def of_run(run: Run, last_s: float = LAST_S) -> Iterator[Line]:
     usable = (readings["cell"] != b"") & np.isfinite(levels_dbm(readings))
     cells = len(np.unique(readings["cell"][usable]))
     text = f"{np.count_nonzero(usable) / minutes:.0f} usable a minute, of {cells} cells"
-    no_cell = "no cell with identity and level: antenna connected? 2G here? SIM blocked by its PIN?"
-    yield Line("ok", "readings", text) if cells else Line("warn", "readings", no_cell)
+    if not cells:
+        text = "no cell with identity and level: antenna connected? 2G here? SIM blocked by its PIN?"
+    without = _without_gsm(readings)
+    is_set_later = without and set_mode and run.meta.origin == TRIAL
+    state: State = "warn" if not cells or (without and not is_set_later) else "ok"
+    yield Line(state, "readings", f"{text}; {without}; {_gsm_only(run, set_mode)}" if without else text)
     yield _of_fixes(fixes)
+
+
+def _without_gsm(readings: Rows) -> str:
+    """Which technologies are heard where GSM is not; empty where it is, or where none is known."""
+    heard = sorted({rat.decode() for rat in readings["rat"]} - {""})
+    if not heard or "GSM" in heard:
+        return ""
+    return f"only {' and '.join(heard)}: a 2G catcher would not be recorded"
+
+
+def _gsm_only(run: Run, set_mode: str) -> str:
+    """What to do that the modem hears GSM."""
+    notes = [(row["code"].decode(), row["text"].decode()) for row in run.tables["notes"] if row["source"] == b"modem"]
+    drivers = [text.rpartition(" ")[2] for code, text in notes if code == "modem-ready"]
+    driver = FAMILIES.get(drivers[-1]) if drivers else None
+    refused: list[str] = [text for code, text in notes if code == "mode-unchanged"]
+    if refused:
+        return refused[-1]
+    if set_mode:
+        return f'`fieldlogger run` sets it to GSM only (set_mode = "{set_mode}")'
+    if driver is None or not driver.modes:
+        return "the driver has no command for GSM only: set the modem to it by hand, or take another"
+    commands: str = " or ".join(command.set_to(command.gsm) for command in driver.modes)
+    return f'set_mode = "gsm" ({commands})'
 
 
 def _of_fixes(fixes: Rows) -> Line:

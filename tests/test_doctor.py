@@ -6,12 +6,18 @@ import msgspec
 import pytest
 
 from logger import doctor
+from logger.check import Line
 from logger.cli import main
 from logger.core.runfile import read_run
-from logger.core.types import Fix, Note, Record, Scan
+from logger.core.types import CellReading, Fix, Note, Record, Scan
 from logger.device.clock import SystemClock
+from logger.device.kept_modes import KeptMode, KeptModes
 from logger.device.status import PortStatus, Status
+from logger.drivers.registry import FAMILIES
+from logger.sim.dialects import DIALECTS
+from logger.sim.ptys import PtyDevice, answering
 from tests.kit import runs, service
+from tests.kit.modes import Watched
 from tests.kit.sim import devices
 
 S = 10**9
@@ -33,6 +39,8 @@ def test_a_trial_on_real_ports_finds_all_well(tmp_path, capsys):
     assert [lines[what]["state"] for what in ("disk", "modem", "readings", "gnss", "SIM")] == ["ok"] * 5, lines
     assert "SIM not inserted" in lines["SIM"]["text"]
     assert not list((tmp_path / "runs").iterdir())
+    assert list(lines)[-1] == "overall"
+    assert lines["overall"]["text"].startswith("ready to walk")
 
 
 def test_a_silent_modem_is_told_with_what_to_do(tmp_path, capsys):
@@ -43,6 +51,7 @@ def test_a_silent_modem_is_told_with_what_to_do(tmp_path, capsys):
     assert "fail  modem: gives no answer to AT: powered?" in out
     assert "fail  modem: no scan" in out
     assert "ok    gnss" in out
+    assert out.splitlines()[-1].startswith("fail  overall: not ready to walk: modem: gives no answer to AT")
 
 
 def test_a_run_under_way_is_looked_at_and_not_disturbed(tmp_path, capsys):
@@ -141,3 +150,123 @@ def test_what_the_end_of_a_run_tells(tmp_path):
 def test_a_missing_configuration_is_one_line(capsys):
     assert main(["doctor", "--config", str(Path("nowhere.toml"))]) == 2
     assert capsys.readouterr().err.startswith("fieldlogger: nowhere.toml")
+
+
+def test_no_configuration_is_told_with_how_to_come_by_one(tmp_path, capsys):
+    site = tmp_path / "site.toml"
+    for command in ("doctor", "check"):
+        assert main([command, "--config", str(site)]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert f"`fieldlogger probe --write {site}`" in line
+
+
+def test_ports_that_do_not_exist_are_told_with_how_to_find_them(tmp_path, capsys):
+    site = service.site_toml(tmp_path, str(tmp_path / "modem"), str(tmp_path / "gnss"))
+    assert main(["doctor", "--config", str(site), "--seconds", "1"]) == 2
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("fail  overall: not ready to walk: modem: ")
+    assert "`fieldlogger probe --write site.toml`" in last
+
+
+@pytest.mark.parametrize(
+    ("lines", "state", "says"),
+    [
+        ([], "ok", "ready to walk"),
+        ([("ok", "modem", "")], "ok", "ready to walk"),
+        ([("warn", "disk", "little"), ("warn", "service", "off")], "ok", "ready to walk; to be seen to: disk, service"),
+        ([("warn", "gnss", "no position")], "warn", "not yet ready to walk: gnss: no position"),
+        ([("warn", "disk", ""), ("warn", "readings", "only LTE")], "warn", "not yet ready to walk: readings: only LTE"),
+        ([("warn", "gnss", ""), ("fail", "disk", "full")], "fail", "not ready to walk: disk: full (and 1 more above)"),
+        (
+            [("fail", "modem", "silent")],
+            "fail",
+            "not ready to walk: modem: silent; `fieldlogger probe --write site.toml` finds the ports",
+        ),
+    ],
+)
+def test_the_last_line_is_the_verdict_on_all(lines, state, says):
+    assert doctor.overall(Line(*line) for line in lines) == Line(state, "overall", says)
+
+
+def _lte(tmp_path, set_mode=""):
+    """A configuration, and a SIM7600 that its owner has set to LTE only."""
+    modem = Watched(DIALECTS["sim7600"], tmp_path)
+    modem.modem.feed(b"AT+CNMP=38\r")
+    site = service.site_toml(tmp_path, str(tmp_path / "modem"), str(tmp_path / "none"))
+    mode = f'set_mode = "{set_mode}"\n' if set_mode else ""
+    site.write_text(site.read_text().replace('driver = "sim800"\n', mode))
+    return modem, site
+
+
+def test_where_only_lte_is_heard_no_2g_catcher_would_be_recorded(tmp_path, capsys):
+    modem, site = _lte(tmp_path)
+    with PtyDevice(answering(modem), tmp_path / "modem"):
+        main(["doctor", "--config", str(site), "--seconds", "6", "--json"])
+    *lines, last = json.loads(capsys.readouterr().out)
+    (readings,) = [line for line in lines if line["what"] == "readings"]
+    assert readings["state"] == "warn"
+    says = 'only LTE: a 2G catcher would not be recorded; set_mode = "gsm" (AT+CNMP=13)'
+    assert readings["text"].endswith(says)
+    assert last["what"] == "overall"
+    assert last["state"] != "ok"
+
+
+def test_the_trial_leaves_the_modem_as_it_is(tmp_path, capsys):
+    modem, site = _lte(tmp_path, "gsm")
+    with PtyDevice(answering(modem), tmp_path / "modem"):
+        main(["doctor", "--config", str(site), "--seconds", "6", "--json"])
+    lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)}
+    assert lines["readings"]["state"] == "ok"
+    assert "`fieldlogger run` sets it to GSM only" in lines["readings"]["text"]
+    assert modem.setting("+CNMP") == "38"
+    assert not [line for line in modem.lines if line.startswith("AT+CNMP")]
+
+
+def test_a_modem_left_on_gsm_only_is_told_of(tmp_path, capsys):
+    modem, site = _lte(tmp_path)
+    kept = KeptMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "2")
+    (tmp_path / "runs").mkdir()
+    KeptModes(tmp_path / "runs").keep(kept)
+    with PtyDevice(answering(modem), tmp_path / "modem"):
+        main(["doctor", "--config", str(site), "--seconds", "1"])
+    assert "warn  mode: SIMCOM_SIM7600E-H is still on GSM only" in capsys.readouterr().out
+    assert KeptModes(tmp_path / "runs").all() == (kept,)
+
+
+def _heard(rats, driver, *notes):
+    ready = Note("info", "modem-ready", f"modem set up by driver {driver}")
+    cells = [CellReading("serving", rat, "262", "01", 1, 1, arfcn=1, rssi_dbm=-70.0) for rat in rats]
+    scans = [Record(t * S, "modem", Scan(t * S, tuple(cells))) for t in range(2, 30)]
+    return [Record(S, "modem", note) for note in (ready, *notes)] + scans
+
+
+@pytest.mark.parametrize("driver", FAMILIES)
+def test_the_advice_names_the_command_of_the_family(tmp_path, driver):
+    line = _of(tmp_path, _heard(["LTE"], driver))["readings"]
+    commands = [command.set_to(command.gsm) for command in FAMILIES[driver].modes]
+    assert line.state == "warn"
+    assert "only LTE: a 2G catcher would not be recorded; " in line.text
+    assert ('set_mode = "gsm"' in line.text) == bool(commands)
+    assert all(command in line.text for command in commands)
+
+
+@pytest.mark.parametrize(
+    ("rats", "says"),
+    [
+        (["GSM"], None),
+        (["LTE", "GSM"], None),
+        ([None], None),
+        (["LTE", "WCDMA"], "only LTE and WCDMA"),
+        (["NR"], "only NR"),
+    ],
+)
+def test_what_is_heard_beside_gsm_is_no_matter(tmp_path, rats, says):
+    line = _of(tmp_path, _heard(rats, "sim7600"))["readings"]
+    assert (line.state, says is None or says in line.text) == ("warn" if says else "ok", True)
+    assert ("2G catcher" in line.text) == (says is not None)
+
+
+def test_a_modem_that_refused_gsm_only_is_not_advised_of_it_again(tmp_path):
+    refused = Note("warning", "mode-unchanged", "what the modem hears is not changed: the modem refuses AT+CNMP=13")
+    line = _of(tmp_path, _heard(["LTE"], "sim7600", refused))["readings"]
+    assert line.text.endswith("the modem refuses AT+CNMP=13")
