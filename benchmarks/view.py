@@ -20,9 +20,9 @@ import rerun as rr
 
 from logger.core.geo import Utm
 from logger.core.locator.prior import ENVIRONMENTS
+from logger.core.rows import DTYPES
 from logger.core.runfile import Run, RunMeta
 from logger.core.runfile.meta import Damage
-from logger.core.schema import DTYPES
 from postproc.smooth import smooth_run
 from postproc.view.scene import write_scene
 from postproc.view.series import draw_levels

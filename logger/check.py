@@ -13,9 +13,9 @@ from pyproj.exceptions import ProjError
 from logger.config import GNSS_OF_MODEM, SiteConfig, load_config
 from logger.core.errors import ConfigError
 from logger.core.geo import Utm
+from logger.device.beginning import usable_folder
 from logger.device.libraries import LIBRARIES, version_of
 from logger.device.port import check_url
-from logger.device.service import usable_folder
 from logger.drivers.registry import check_mode, driver_of
 
 NOT_THERE = "is not there now"

@@ -107,11 +107,17 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(arguments: argparse.Namespace) -> int:
     from logger.config import load_config
+    from logger.device.beginning import begin_run
     from logger.device.clock import SystemClock
-    from logger.device.service import run_service
+    from logger.device.signals import stop_signals
 
     config, text = load_config(arguments.config)
-    print(run_service(config, text, SystemClock(), arguments.duration))
+    clock = SystemClock()
+    with stop_signals() as stop:
+        begun = begin_run(config, text, clock)  # before anything is imported that takes time
+        from logger.device.service import run_service
+
+        print(run_service(config, begun, clock, stop, arguments.duration))
     return 0
 
 

@@ -15,17 +15,18 @@ from logger.check import NOT_THERE, Line, State, check, site_config
 from logger.config import SiteConfig
 from logger.core.errors import DeviceError
 from logger.core.observations import UERE_M
+from logger.core.rows import Rows
 from logger.core.runfile import Run, read_run
 from logger.core.runfile.journal_file import is_recording
 from logger.core.runfile.names import JOURNAL, first_part
 from logger.core.scale import levels_dbm
-from logger.core.schema import Rows
+from logger.device.beginning import begin_run, usable_folder
 from logger.device.clock import SystemClock
 from logger.device.kept_modes import KeptModes
 from logger.device.mode_switch import left_changed
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.port import Port
-from logger.device.service import Service, usable_folder
+from logger.device.service import Service
 from logger.device.status import FOLDER, Status, read_status, status_folder
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.registry import FAMILIES
@@ -223,7 +224,8 @@ def _trial(config: SiteConfig, folder: str, seconds: float) -> Run:
         run=msgspec.structs.replace(config.run, directory=folder),
         modem=msgspec.structs.replace(config.modem, set_mode=""),
     )
-    trial = Service(here, SystemClock(), threading.Event(), config_text="", origin=TRIAL)
+    clock = SystemClock()
+    trial = Service(here, begin_run(here, "", clock, origin=TRIAL), clock, threading.Event())
     trial.start()
     trial.wait(seconds)
     return read_run(trial.stop("trial over"))

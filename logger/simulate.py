@@ -5,8 +5,10 @@ from pathlib import Path
 from logger.config import parse_config
 from logger.core.errors import ConfigError
 from logger.core.runfile import Truth
+from logger.device.beginning import begin_run
 from logger.device.clock import ScaledClock
-from logger.device.service import Service, stop_signals
+from logger.device.service import Service
+from logger.device.signals import stop_signals
 from logger.sim.clock import WalkTime
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
@@ -62,7 +64,8 @@ def simulate(
         )
         config = parse_config(text, "simulated site.toml")
         origin = f"simulated walk {name}"
-        service = Service(config, clock, ended, config_text=text, origin=origin, truth=_truth(walk))
+        begun = begin_run(config, text, clock, origin=origin, truth=_truth(walk))
+        service = Service(config, begun, clock, ended)
         service.start()
         service.wait(walk.duration_s)
         return service.stop(heard[0] if heard else "end of the simulated walk")

@@ -8,7 +8,8 @@ import numpy as np
 from logger.core.runfile import Run, Sealing, read_run, sealing_of
 from logger.core.scale import levels_dbm
 from logger.core.schema import UNKNOWN_ID
-from logger.core.timebase import fit, utc_text
+from logger.core.timebase import fit
+from logger.core.utc import utc_text
 
 GAP_S = 5.0
 """A silence of the receiver or the modem that is worth telling."""

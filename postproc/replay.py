@@ -6,7 +6,8 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from logger.core.live import BEHIND, LiveTracker
+from logger.core.live import LiveTracker
+from logger.core.live_settings import BEHIND
 from logger.core.runfile import Run
 from logger.core.types import LiveEstimate
 

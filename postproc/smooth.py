@@ -21,8 +21,8 @@ from logger.core.observations import (
     scan_times_ns,
     smeared_sigma_m,
 )
+from logger.core.rows import Rows
 from logger.core.runfile import Run
-from logger.core.schema import Rows
 from postproc.estimators import batch, handover, residuals, walker
 from postproc.estimators.batch import BatchFit
 from postproc.estimators.compare import Comparison, compare

@@ -13,8 +13,8 @@ from logger.config import parse_config
 from logger.core.errors import ConfigError
 from logger.core.live import LiveTracker
 from logger.core.runfile import RunMeta, RunWriter, finish_journal, read_run
+from logger.device.beginning import usable_folder
 from logger.device.port_url import check_url
-from logger.device.service import usable_folder
 from tests.kit import runs, service
 
 NUMBERS = st.one_of(

@@ -13,8 +13,8 @@ from logger.core.errors import GeoError
 from logger.core.geo import Utm
 from logger.core.held import Held
 from logger.core.live_cell import CellEstimate, Heard, LiveCell
-from logger.core.live_reference import STAGE, LiveReference
-from logger.core.live_settings import LiveSettings
+from logger.core.live_reference import LiveReference
+from logger.core.live_settings import REFERENCE, LiveSettings
 from logger.core.locator.prior import Prior, prior_for
 from logger.core.observations import TIMING_S, fix_sigma_m, smeared_sigma_m
 from logger.core.scale import limit_of
@@ -22,8 +22,6 @@ from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
 LIVE_DECORRELATION_M = (12.0, 40.0, 200.0)
 LIVE_WHITE_SHARES = (0.05, 0.4)
-BEHIND = "estimate-behind"
-"""Code of the Note of a device that could not keep up: the last recorded scans have no live estimate."""
 
 
 class Receiver(NamedTuple):
@@ -103,7 +101,9 @@ class LiveTracker:
         step = self._reference.step(scan, at.x_m, at.y_m)
         if step is not None and self._reference.target is not None:
             x_m, y_m, p0_dbm, eta, p = step.state
-            estimate = CellEstimate(STAGE, 1.0, (x_m, y_m, p0_dbm, eta), p, step.innovation_db, step.innovation_var_db2)
+            estimate = CellEstimate(
+                REFERENCE, 1.0, (x_m, y_m, p0_dbm, eta), p, step.innovation_db, step.innovation_var_db2
+            )
             found.append(_recorded(seq, self._reference.target, self._reference.n, self._utm, estimate))
         for name, reading in _first_of_each(scan).items():
             found += self._take_reading(seq, name, reading, at, self._utm)

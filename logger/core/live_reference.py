@@ -7,8 +7,6 @@ from logger.core import ekf
 from logger.core.live_settings import STRONGEST, LiveSettings
 from logger.core.types import CellReading, Scan
 
-STAGE = "reference-ekf"
-
 
 class LiveReference:
     """The target, and its filter."""

@@ -22,6 +22,12 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
 LONGEST_TARGET_BYTES = 64
 """The run file has no room for a longer name of a cell."""
 
+REFERENCE = "reference-ekf"
+"""Stage of the estimates of the reference filter."""
+
+BEHIND = "estimate-behind"
+"""Code of the Note of a device that could not keep up: the last recorded scans have no live estimate."""
+
 
 class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How the live estimate chooses its cells, its fix and its prior.

@@ -8,8 +8,9 @@ import numpy.typing as npt
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
+from logger.core.rows import Rows
 from logger.core.scale import levels_dbm, limits
-from logger.core.schema import UNKNOWN_TIME, Rows
+from logger.core.schema import UNKNOWN_TIME
 
 MAX_GAP_S = 10.0
 """A walker's place between two fixes further apart than this is not known well enough to be interpolated."""

@@ -7,7 +7,8 @@ of the scale is not known and shows as a pile of readings at the lowest or the h
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.schema import UNKNOWN_ID, Rows
+from logger.core.rows import Rows
+from logger.core.schema import UNKNOWN_ID
 
 GSM_FLOOR_DBM = -110.0
 GSM_CEILING_DBM = -47.0

@@ -2,15 +2,16 @@
 
 Every row begins with `seq` (number of the record in the run, the order of everything), `t_ns` (time since boot when
 the record was complete) and `source`. Integers that may be unknown carry their mark in `Column.unknown`; unknown
-floats are NaN, unknown texts empty.
+floats are NaN, unknown texts empty. A row is packed, little-endian.
+
+Nothing here needs numpy, so that a run can begin before numpy has been imported; `rows` has the tables as arrays.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+import math
+import struct
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
-import numpy.typing as npt
 
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan, Value
 
@@ -23,7 +24,7 @@ UNKNOWN_ID = -1
 UNKNOWN_TIME = -(2**63)
 UNKNOWN_SIGNED = -(2**31)
 
-Rows = npt.NDArray[np.void]
+_STRUCT_CODES = {"<i8": "q", "<i4": "i", "|u1": "B", "<f8": "d"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,12 +140,19 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
 }
 
 
-def dtype_of(columns: Iterable[Column]) -> np.dtype[np.void]:
-    """Packed dtype of a table's rows."""
-    return np.dtype([(c.name, c.dtype) for c in columns])
+_PACKED: Mapping[str, struct.Struct] = {
+    name: struct.Struct("<" + "".join(_STRUCT_CODES.get(c.dtype) or f"{c.dtype[1:]}s" for c in columns))
+    for name, columns in TABLES.items()
+}
 
 
-DTYPES: Mapping[str, np.dtype[np.void]] = {name: dtype_of(columns) for name, columns in TABLES.items()}
+def packed(table: str, rows: Iterable[tuple[Any, ...]]) -> bytes:
+    """Rows of a table, values in column order, as bytes; raises OverflowError for a number that does not fit."""
+    try:
+        return b"".join(_PACKED[table].pack(*row) for row in rows)
+    except struct.error as error:
+        raise OverflowError(f"{table}: {error}") from error
+
 
 _ADDED_IN: Mapping[int, Mapping[str, frozenset[str]]] = {
     3: {"readings": frozenset({"identity_unsure"})},
@@ -152,25 +160,19 @@ _ADDED_IN: Mapping[int, Mapping[str, frozenset[str]]] = {
 """Columns by the version that added them."""
 
 
-def dtypes_of(version: int) -> Mapping[str, np.dtype[np.void]]:
-    """Rows as that version wrote them, from `OLDEST_DESCRIBED` on."""
+def columns_of(version: int) -> dict[str, list[tuple[str, str]]]:
+    """Name and type of each column by table, as that version wrote them, from `OLDEST_DESCRIBED` on."""
     later = [tables for added_in, tables in _ADDED_IN.items() if added_in > version]
 
     def had(table: str, column: Column) -> bool:
         return not any(column.name in tables.get(table, ()) for tables in later)
 
-    return {table: dtype_of(column for column in columns if had(table, column)) for table, columns in TABLES.items()}
+    return {table: [(c.name, c.dtype) for c in columns if had(table, c)] for table, columns in TABLES.items()}
 
 
-def as_of_now(table: str, rows: Rows) -> Rows:
-    """Rows of a run of any version, with all of today's columns: unknown where that version had none."""
-    if set(DTYPES[table].names or ()) <= set(rows.dtype.names or ()):
-        return rows
-    whole = np.zeros(len(rows), DTYPES[table])
-    for column in TABLES[table]:
-        has = column.name in (rows.dtype.names or ())
-        whole[column.name] = rows[column.name] if has else _encode(column, None)
-    return whole
+def row_size(table: str) -> int:
+    """Bytes of one packed row."""
+    return _PACKED[table].size
 
 
 def rows_of(seq: int, record: Record) -> list[tuple[str, tuple[Any, ...]]]:
@@ -199,16 +201,17 @@ def rows_of(seq: int, record: Record) -> list[tuple[str, tuple[Any, ...]]]:
 def _row(table: str, head: Mapping[str, Any], value: Value | CellReading, **more: Any) -> tuple[Any, ...]:
     given = {**head, **more}
     return tuple(
-        _encode(column, given[column.name] if column.name in given else getattr(value, column.name))
+        encoded(column, given[column.name] if column.name in given else getattr(value, column.name))
         for column in TABLES[table]
     )
 
 
-def _encode(column: Column, value: Any) -> Any:
+def encoded(column: Column, value: Any) -> Any:
+    """A value as it stands in a row: unknown texts are empty, other unknowns have their mark."""
     if column.dtype.startswith("S"):
         return _fit("" if value is None else str(value), int(column.dtype[1:]))
     if value is None:
-        return np.nan if column.unknown is None else column.unknown
+        return math.nan if column.unknown is None else column.unknown
     return value
 
 
@@ -218,20 +221,3 @@ def _fit(text: str, size: int) -> bytes:
     if len(encoded) > size:
         encoded = encoded[: size - 3].decode("utf-8", "ignore").encode() + "…".encode()
     return encoded.rstrip(b"\0")
-
-
-def values_of(table: str, rows: Rows) -> Iterator[dict[str, Any]]:
-    """Python values of each row by column name, None where unknown; columns this version does not know are left out."""
-    columns = {column.name: column for column in TABLES[table]}
-    names = rows.dtype.names or ()
-    known = [(i, columns[name]) for i, name in enumerate(names) if name in columns]
-    for row in rows.tolist():
-        yield {column.name: _decode(column, row[i]) for i, column in known}
-
-
-def _decode(column: Column, value: Any) -> Any:
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace") or None
-    if value == column.unknown or value != value:  # noqa: PLR0124 (NaN)
-        return None
-    return value

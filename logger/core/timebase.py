@@ -5,18 +5,13 @@ counter, by leap seconds it has not heard of yet. Where its words disagree, UTC 
 """
 
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import numpy.typing as npt
 
 from logger.core.arrays import IntArray
 from logger.core.schema import UNKNOWN_TIME
-
-EARLIEST_UTC_NS = 1_577_836_800 * 10**9
-"""2020-01-01, before any run of this program. The week counter of GPS has 1024 weeks, so that a receiver that is wrong
-by a rollover is outside of the 1024 weeks from here, as is a clock that was never set."""
-LATEST_UTC_NS = EARLIEST_UTC_NS + 1024 * 7 * 86_400 * 10**9
+from logger.core.utc import EARLIEST_UTC_NS, LATEST_UTC_NS
 
 STEP_S = 0.6
 """A serial line delays by less; a leap second is more."""
@@ -32,8 +27,6 @@ _MOST_PAIRS = 2000
 _BINS = 24
 _PROMPT = 90.0
 """Percentile of UTC minus time of arrival that stands for no delay: sentences come late, never early."""
-
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 Floats = npt.NDArray[np.float64]
 Truths = npt.NDArray[np.bool_]
@@ -91,12 +84,6 @@ def fit(t_ns: IntArray, utc_ns: IntArray, valid: npt.NDArray[np.integer] | None 
         n_pairs=int(np.count_nonzero(believed)),
         n_rejected=int(np.count_nonzero(known)) - int(np.count_nonzero(believed)),
     )
-
-
-def utc_text(utc_ns: int, *, compact: bool = False) -> str:
-    """ISO 8601 to the second, `20200207T021417Z` when compact."""
-    when = _EPOCH + timedelta(microseconds=utc_ns // 1000)
-    return when.strftime("%Y%m%dT%H%M%SZ" if compact else "%Y-%m-%dT%H:%M:%SZ")
 
 
 def _believed(elapsed_s: Floats, early_s: Floats, utc_ns: IntArray) -> Truths | None:

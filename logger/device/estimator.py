@@ -1,17 +1,23 @@
 """The live estimate in a thread of its own: what is received must never wait for it, however slow the processor.
 
 It is given the recorded fixes and scans in their order, so that the desk can repeat it; what it finds goes back through
-the inbox and is recorded like everything else.
+the inbox and is recorded like everything else. What it needs (numpy, the map) takes a small board seconds to import:
+its thread does that, while the ports are already being recorded.
 """
 
 import logging
 import queue
 import threading
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Self
 
-from logger.core.live import LiveTracker
-from logger.core.live_reference import STAGE
+from logger.core.live_settings import REFERENCE, LiveSettings
 from logger.core.types import LiveEstimate, Note, Record
 from logger.device.link import Inbox
+
+if TYPE_CHECKING:
+    from logger.core.live import LiveTracker
 
 log = logging.getLogger(__name__)
 
@@ -19,17 +25,38 @@ MOST_WAITING = 20_000
 """Records of half an hour; a processor that is so far behind leaves out what follows."""
 
 
-class Estimator:
-    """Feeds a tracker until `finish`; `latest` is the newest estimate of its target."""
+def live_tracker(settings: LiveSettings) -> "LiveTracker":
+    """The tracker, whose modules are imported now."""
+    from logger.core.live import LiveTracker  # noqa: PLC0415
 
-    def __init__(self, tracker: LiveTracker, inbox: Inbox) -> None:
-        self._tracker = tracker
+    return LiveTracker(settings)
+
+
+class Estimator:
+    """Feeds the tracker that `make` returns until `finish`; `latest` is the newest estimate of its target.
+
+    `make` is called in the thread of the estimate.
+    """
+
+    def __init__(self, make: "Callable[[], LiveTracker]", inbox: Inbox) -> None:
+        self._make = make
+        self._tracker: LiveTracker | None = None
         self._inbox = inbox
         self._waiting: queue.Queue[tuple[int, Record] | None] = queue.Queue(MOST_WAITING)
         self._behind = False
         self._last_ns = 0
         self._thread = threading.Thread(target=self._run, name="estimate", daemon=True)
         self.latest: LiveEstimate | None = None
+
+    @classmethod
+    def of(cls, settings: LiveSettings, inbox: Inbox) -> Self:
+        """The live estimate as it is configured."""
+        return cls(partial(live_tracker, settings), inbox)
+
+    @property
+    def target(self) -> str | None:
+        """The cell of the default view."""
+        return None if self._tracker is None else self._tracker.target
 
     def start(self) -> None:
         self._thread.start()
@@ -54,8 +81,9 @@ class Estimator:
 
     def _run(self) -> None:
         try:
+            self._tracker = self._make()
             while (given := self._waiting.get()) is not None:
-                self._estimate(*given)
+                self._estimate(self._tracker, *given)
         except Exception as error:  # a bug in the estimate must not end the recording
             log.exception("the live estimate has failed")
             self._behind = True
@@ -63,11 +91,11 @@ class Estimator:
                 Record(self._last_ns, "live", Note("error", "internal", f"{type(error).__name__}: {error}"))
             )
 
-    def _estimate(self, seq: int, record: Record) -> None:
+    def _estimate(self, tracker: "LiveTracker", seq: int, record: Record) -> None:
         self._last_ns = record.t_ns
-        for value in self._tracker.feed(seq, record):
+        for value in tracker.feed(seq, record):
             self._inbox.put(Record(record.t_ns, "live", value))
             if isinstance(value, Note):
                 log.info("live: %s", value.text)
-            elif value.cell == self._tracker.target and value.stage != STAGE:
+            elif value.cell == tracker.target and value.stage != REFERENCE:
                 self.latest = value

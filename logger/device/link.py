@@ -4,6 +4,7 @@ import logging
 import queue
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 
 from logger.core.errors import DeviceError, FieldLoggerError
 from logger.core.types import Level, Note, RawBytes, Record, Value
@@ -19,6 +20,8 @@ RETRY_S = 1.0
 LISTEN_S = 0.2
 """Longest that a silent port keeps its thread from looking at the clock."""
 TELL_EVERY_S = 10.0
+MOST_CHUNKS_LEFT = 32
+"""The buffers of serial lines hold far less; a device that never stops speaking must not hold the stop up."""
 
 
 class Inbox:
@@ -109,7 +112,10 @@ class Link:
                 with Port(url, self._baud, self.clock.real_s(LISTEN_S)) as self._port:
                     complaint = ""
                     self.note("info", "port-opened", f"{url} opened")
-                    session(self)
+                    try:
+                        session(self)
+                    finally:
+                        self._take_rest(self._port)
             except FieldLoggerError as error:
                 # a missing device is reported once, not every second
                 if str(error) != complaint:
@@ -134,13 +140,7 @@ class Link:
         if self._url != self._port_url:
             raise DeviceError(f"port {self._port_url}: left for {self._url}")
         self._tell(self.clock.now_ns())
-        data = self._port.read()
-        t_ns = self.clock.now_ns()
-        if self._blanker is not None:
-            data = self._blanker.feed(data)
-        if data:
-            self.emit(RawBytes(data), t_ns)
-        return t_ns, data
+        return self._take(self._port.read())
 
     def write(self, data: bytes) -> None:
         if self._port is None:
@@ -163,6 +163,22 @@ class Link:
     def count_garbage(self, n_bytes: int) -> None:
         """Count bytes that meant nothing."""
         self.count("garbage", n_bytes, "bytes meant nothing")
+
+    def _take(self, data: bytes) -> tuple[int, bytes]:
+        """Record bytes that have just come; returns when that was, and what may be known of them."""
+        t_ns = self.clock.now_ns()
+        if self._blanker is not None:
+            data = self._blanker.feed(data)
+        if data:
+            self.emit(RawBytes(data), t_ns)
+        return t_ns, data
+
+    def _take_rest(self, port: Port) -> None:
+        """Record what waits in a port that is left: closing it would throw that away."""
+        with suppress(DeviceError):
+            for _ in range(MOST_CHUNKS_LEFT):
+                if not self._take(port.rest())[1]:
+                    return
 
     def _tell(self, now_ns: int | None = None) -> None:
         for code, tally in self._tallies.items():

@@ -6,8 +6,8 @@ from typing import TypeVar
 
 from logger.config import ModemSettings
 from logger.core.errors import DeviceError
-from logger.core.timebase import EARLIEST_UTC_NS
 from logger.core.types import CellReading, Fix, Scan
+from logger.core.utc import EARLIEST_UTC_NS
 from logger.device.after_stop import AfterStop
 from logger.device.kept_modes import KeptModes
 from logger.device.link import Link

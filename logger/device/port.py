@@ -34,8 +34,10 @@ class Port:
         self._url = url
         with _device_errors(url):
             self._serial = serial.serial_for_url(
-                pyserial_url(url), baudrate=baud, timeout=read_timeout_s, **_options(url)
+                pyserial_url(url), do_not_open=True, baudrate=baud, timeout=read_timeout_s, **_options(url)
             )
+            with _kept_input(self._serial):
+                self._serial.open()
         self._read_timeout_s = read_timeout_s
         self._keep_others_out()
 
@@ -59,6 +61,15 @@ class Port:
                 data += self._more() if data else b""
             return data
 
+    def rest(self) -> bytes:
+        """What has come and was not read yet, at most a chunk; nothing is waited for."""
+        with _device_errors(self._url):
+            self._serial.timeout = 0
+            try:
+                return bytes(self._serial.read(MAX_CHUNK))
+            finally:
+                self._serial.timeout = self._read_timeout_s
+
     def write(self, data: bytes) -> None:
         """Write all bytes, or fail within two seconds."""
         with _device_errors(self._url):
@@ -68,17 +79,25 @@ class Port:
         """What has come by now."""
         if not self._url.startswith(("socket://", "gpsd://")):
             return bytes(self._serial.read(min(self._serial.in_waiting, MAX_CHUNK - 1)))
-        # a socket has "some" waiting, no number of bytes: one at a time would keep a Pi busy
-        self._serial.timeout = 0
-        try:
-            return bytes(self._serial.read(MAX_CHUNK - 1))
-        finally:
-            self._serial.timeout = self._read_timeout_s
+        return self.rest()  # a socket has "some" waiting, no number of bytes: one at a time would keep a Pi busy
 
     def _keep_others_out(self) -> None:
         # pyserial's lock is a flock that only pyserial asks for; TIOCEXCL stops everybody but root
         with suppress(OSError, AttributeError):
             fcntl.ioctl(self._serial.fileno(), termios.TIOCEXCL)
+
+
+@contextmanager
+def _kept_input(port: serial.SerialBase) -> Iterator[None]:
+    """Opens of this port meanwhile keep what has come: pyserial throws it away, and a run begins with it."""
+    flushes = [name for name in ("reset_input_buffer", "_reset_input_buffer") if hasattr(port, name)]
+    for name in flushes:
+        setattr(port, name, lambda: None)
+    try:
+        yield
+    finally:
+        for name in flushes:
+            delattr(port, name)
 
 
 def _options(url: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from logger.core.held import Held
-from logger.core.live import BEHIND, LiveTracker
+from logger.core.live_settings import BEHIND, LiveSettings
 from logger.core.runfile import FLOOR_BYTES, RunWriter
 from logger.core.types import Fix, Level, LiveEstimate, Note, Record, Scan
 from logger.device.clock import Clock
@@ -39,7 +39,7 @@ class Recorder:
     def __init__(
         self,
         writer: RunWriter,
-        tracker: LiveTracker,
+        settings: LiveSettings,
         inbox: Inbox,
         clock: Clock,
         ended: threading.Event,
@@ -48,8 +48,8 @@ class Recorder:
         floor_bytes: int = FLOOR_BYTES,
     ) -> None:
         self._writer = writer
-        self._estimator = Estimator(tracker, inbox)
-        self._fixes = Held[int](tracker.settings.max_fix_age_s)
+        self._estimator = Estimator.of(settings, inbox)
+        self._fixes = Held[int](settings.max_fix_age_s)
         self._behind = False
         self._inbox = inbox
         self._clock = clock
@@ -66,6 +66,11 @@ class Recorder:
     def latest(self) -> LiveEstimate | None:
         """Newest live estimate of the target."""
         return self._estimator.latest
+
+    @property
+    def target(self) -> str | None:
+        """The cell of the live estimate's default view."""
+        return self._estimator.target
 
     @property
     def state(self) -> str:

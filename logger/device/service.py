@@ -2,26 +2,19 @@
 
 import logging
 import os
-import platform
-import secrets
-import signal
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
-from types import FrameType
 
 from logger.config import GNSS_OF_MODEM, SiteConfig
 from logger.core.errors import ConfigError, RunFileError
-from logger.core.live import LiveTracker
-from logger.core.runfile import RunMeta, RunWriter, Truth, finish_journal, journal_path, recover
-from logger.device.clock import Clock, boot_id
+from logger.core.types import LiveEstimate
+from logger.device.beginning import BegunRun
+from logger.device.clock import Clock
 from logger.device.gpsd_link import receiver_session
 from logger.device.kept_modes import KeptModes
 from logger.device.leds import Lamp, Sign
-from logger.device.libraries import LIBRARIES, version_of
 from logger.device.link import Link
 from logger.device.memory import give_back
 from logger.device.mode_switch import RESTORE_S, left_changed
@@ -31,7 +24,7 @@ from logger.device.notify import ServiceManager
 from logger.device.placement import Placement
 from logger.device.port import check_url
 from logger.device.recorder import Recorder
-from logger.device.status import Status, WatchedInbox, status_folder, target_status
+from logger.device.status import Status, TargetStatus, WatchedInbox, status_folder
 from logger.device.teller import Teller
 from logger.drivers.privacy import Blanker
 from logger.drivers.registry import FAMILIES, check_mode
@@ -48,32 +41,33 @@ FIX_AGE_S = 5.0
 
 
 class Service:
-    """Records one run from `start` to `stop`; the clock is an argument, so that a simulated walk can run faster.
+    """Records a run from `start` to `stop`; the clock is an argument, so that a simulated walk can run faster.
 
-    `ended` ends `wait`; the recorder sets it too when it fails. `config_text` is kept in the run; `truth` names the
-    transmitters of a simulated world; `durable` is called each time the card has taken all there is.
-    Raises `ConfigError` for a directory or a port that can never be used.
+    `ended` ends `wait`; the recorder sets it too when it fails. `durable` is called each time the card has taken all
+    there is. Raises `ConfigError`, and removes the run, for a port or a driver that there can never be.
     """
 
     def __init__(
         self,
         config: SiteConfig,
+        begun: BegunRun,
         clock: Clock,
         ended: threading.Event,
         *,
-        config_text: str,
-        origin: str = "walk",
-        truth: tuple[Truth, ...] = (),
         durable: Callable[[], None] = lambda: None,
     ) -> None:
         of_modem = config.gnss.port == GNSS_OF_MODEM
         ports = {"modem": config.modem.port} | ({} if of_modem else {"gnss": config.gnss.port})
-        for url in ports.values():
-            check_url(url)
-        check_mode(config.modem.driver, config.modem.set_mode)
+        try:
+            for url in ports.values():
+                check_url(url)
+            check_mode(config.modem.driver, config.modem.set_mode)
+        except ConfigError:
+            begun.writer.discard()
+            raise
         self._clock = clock
         self._ended = ended
-        self._started_ns = clock.now_ns()
+        self._started_ns = begun.started_ns
         self._stop = threading.Event()
         self._ports = ports
         self._placement = Placement(self._started_ns, 1e9 / clock.real_s(1.0))
@@ -81,22 +75,8 @@ class Service:
         self._durable = durable
         self._scan_s = SCAN_S + 3.0 * config.modem.poll_interval_s + bool(config.modem.full_scan_interval_s) * SURVEY_S
         self._synced_ns: int | None = None
-        self.folder = usable_folder(config.run.directory)
-        meta = RunMeta(
-            run_id=secrets.token_hex(16),
-            boot_id=boot_id(),
-            started_ns=self._started_ns,
-            origin=origin,
-            program=f"cellwalk {version('cellwalk')}",
-            versions={name: version_of(name) for name in LIBRARIES}
-            | {"cellwalk": version("cellwalk"), "python": platform.python_version()},
-            config_text=config_text,
-            live=config.live,
-            truth=truth,
-        )
-        self._writer = RunWriter(journal_path(self.folder), meta)
-        self._tracker = LiveTracker(config.live)
-        self.recorder = Recorder(self._writer, self._tracker, self._inbox, clock, ended, durable=self._synced)
+        self.folder, self._writer = begun.folder, begun.writer
+        self.recorder = Recorder(self._writer, config.live, self._inbox, clock, ended, durable=self._synced)
         self._modes = KeptModes(self.folder)
         modem = partial(modem_session, settings=config.modem, modes=self._modes, locates=of_modem)
         self._links = {"modem": self._link("modem", config.modem.baud, Blanker())}
@@ -128,7 +108,7 @@ class Service:
         recorder.join()
         if self.recorder.error is not None:
             raise RunFileError(f"recording to {self._writer.path} failed: {self.recorder.error}")
-        return finish_journal(self._writer.path)
+        return _finished(self._writer.path)
 
     def wait(self, duration_s: float | None, tell: Callable[[], None] = lambda: None) -> None:
         """Wait until `ended` is set or the duration has passed; meanwhile `tell` is called each second."""
@@ -150,7 +130,7 @@ class Service:
         counts = self.recorder.counts
         elapsed_s = (self._clock.now_ns() - self._started_ns) / 1e9
         text = f"{elapsed_s:.0f} s: {counts['Fix']} fixes, {counts['Scan']} scans, {counts['readings']} readings"
-        target = target_status(self._tracker.target, self.recorder.latest)
+        target = _target(self.recorder.target, self.recorder.latest)
         return f"{text}; {'no target yet' if target is None else target}"
 
     @property
@@ -177,7 +157,7 @@ class Service:
             waiting=inbox.waiting,
             room=inbox.room,
             fix=inbox.fix,
-            target=target_status(self._tracker.target, self.recorder.latest),
+            target=_target(self.recorder.target, self.recorder.latest),
             ports=dict(inbox.ports),
         )
 
@@ -218,15 +198,24 @@ class Service:
                 self._links[source].move(url)
 
 
-def run_service(config: SiteConfig, config_text: str, clock: Clock, duration_s: float | None) -> Path:
-    """Record until SIGTERM, SIGINT or the end of the duration; returns the finished run.
+def run_service(
+    config: SiteConfig,
+    begun: BegunRun,
+    clock: Clock,
+    stop: tuple[threading.Event, list[str]],
+    duration_s: float | None,
+) -> Path:
+    """Record until one of the signals of `stop` or the end of the duration; returns the finished run.
 
     Under systemd another unit recovers what earlier runs left, with a low priority; elsewhere it is done here.
     """
     give_back()
+    ended, heard = stop
     manager = ServiceManager.of(os.environ)
-    with stop_signals() as (ended, heard), Lamp(config.status.led) as lamp:
-        service = Service(config, clock, ended, config_text=config_text, durable=manager.alive)
+    if begun.writer.is_durable:
+        manager.alive()
+    with Lamp(config.status.led) as lamp:
+        service = Service(config, begun, clock, ended, durable=manager.alive)
         service.start()
         recovery = threading.Thread(target=recover_folder, args=(service.folder,), name="recovery")
         if not manager.listens:
@@ -242,6 +231,8 @@ def run_service(config: SiteConfig, config_text: str, clock: Clock, duration_s: 
 
 def recover_folder(folder: Path) -> None:
     """Make HDF5 of every journal that an earlier run left behind; what cannot be read is logged and left alone."""
+    from logger.core.runfile import recover  # noqa: PLC0415  recording needs no HDF5
+
     for recovered in recover(folder):
         if recovered.run:
             log.info("recovered %s", recovered.run)
@@ -249,30 +240,19 @@ def recover_folder(folder: Path) -> None:
             log.error("cannot recover %s: %s", recovered.journal, recovered.error)
 
 
-def usable_folder(directory: str) -> Path:
-    """Folder of the runs, made if need be; raises `ConfigError`."""
+def _finished(journal: Path) -> Path:
+    """The HDF5 file of the run that has ended."""
     try:
-        folder = Path(directory).expanduser()
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"[run] directory {directory} cannot be made: {error.strerror}") from error
-    except (RuntimeError, ValueError) as error:  # no such user; a NUL
-        raise ConfigError(f"[run] directory {directory!r} cannot be made: {error}") from error
-    return folder
+        from logger.core.runfile import finish_journal  # noqa: PLC0415  recording needs no HDF5
+    except ImportError as error:
+        raise RunFileError(f"{journal} is safe, but no HDF5 can be made of it here ({error})") from error
+    return finish_journal(journal)
 
 
-@contextmanager
-def stop_signals() -> Iterator[tuple[threading.Event, list[str]]]:
-    """Turn SIGTERM and SIGINT into an event; the handler does nothing else."""
-    ended, heard = threading.Event(), list[str]()
+def _target(cell: str | None, latest: LiveEstimate | None) -> TargetStatus | None:
+    """What is told of the target; the map is needed from the first one on."""
+    if cell is None:
+        return None
+    from logger.device.target import target_status  # noqa: PLC0415  the live estimate has imported the map
 
-    def hear(number: int, _frame: FrameType | None) -> None:
-        heard.append(f"signal {signal.Signals(number).name}")
-        ended.set()
-
-    before = {number: signal.signal(number, hear) for number in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        yield ended, heard
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    return target_status(cell, latest)

@@ -7,11 +7,8 @@ from pathlib import Path
 
 import msgspec
 
-from logger.core.ellipse import ellipse95
-from logger.core.geo import Utm
-from logger.core.live_cell import EKF, ONE_PLACE
-from logger.core.timebase import utc_text
-from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
+from logger.core.types import Fix, Note, Record, Scan
+from logger.core.utc import utc_text
 from logger.device.leds import Sign
 from logger.device.link import Inbox
 from logger.device.placement import Placement
@@ -159,33 +156,6 @@ def read_status(folder: Path) -> Status | None:
         return msgspec.json.decode((folder / _FILE).read_bytes(), type=Status)
     except (FileNotFoundError, msgspec.DecodeError):
         return None
-
-
-def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus | None:
-    """The target and, once there is one, the latest estimate of it."""
-    if cell is None:
-        return None
-    if latest is None or latest.cell != cell:
-        return TargetStatus(cell, "cannot tell")
-    lat_deg, lon_deg = Utm(latest.utm_zone).to_latlon(latest.x_m, latest.y_m)
-    ellipse = ellipse95(latest.p_xx, latest.p_xy, latest.p_yy)
-    return TargetStatus(
-        cell,
-        _verdict(latest),
-        latest.n,
-        round(latest.probability, 3),
-        round(lat_deg, 6),
-        round(lon_deg, 6),
-        round(ellipse.semi_major_m, 1),
-        round(ellipse.semi_minor_m, 1),
-        round(ellipse.azimuth_deg, 1),
-    )
-
-
-def _verdict(latest: LiveEstimate) -> str:
-    if latest.stage == EKF:
-        return "one close place"
-    return "one place" if latest.probability >= ONE_PLACE else "several places"
 
 
 def _fix_status(t_ns: int, fix: Fix) -> FixStatus:

@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 
 import pynmea2
 
-from logger.core.timebase import EARLIEST_UTC_NS
 from logger.core.types import Fix
+from logger.core.utc import EARLIEST_UTC_NS
 from logger.drivers.rows import MPS_PER_KNOT
 
 # GPS counts weeks modulo 1024: a receiver that has lost count prints a date 19.6 years early, and one without a fix the

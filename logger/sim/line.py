@@ -1,32 +1,23 @@
 """The near end of a pty, where a simulated device sits."""
 
-import fcntl
 import os
 import select
-import struct
-import termios
 import threading
-import time
 
 CHUNK = 4096
-SETTLE_S = 2.0
-"""Real seconds after which a program that has opened the port and flushed nothing is taken to read."""
 PAUSE_S = 0.02
 
 
 class PtyLine:
     """Reads and writes until `stop` is set; nobody at the far end is a normal state.
 
-    A program that opens a port usually flushes it, so what is written between the two is lost. Packet mode
-    (ioctl_tty(2), TIOCPKT) tells of the flush; from then on the line is heard.
+    What is written while the far end is open is kept for whoever has opened it; a program that flushes the port as it
+    opens it, as pyserial does by itself, loses what came before, as it would lose it of a real device.
     """
 
     def __init__(self, master: int, stop: threading.Event) -> None:
         self.stop = stop
         self._master = master
-        self._flushed = False
-        self._opened_s: float | None = None  # real time
-        fcntl.ioctl(master, termios.TIOCPKT, struct.pack("i", 1))
         os.set_blocking(master, False)
 
     def close(self) -> None:
@@ -37,12 +28,9 @@ class PtyLine:
         if not self._wait(select.POLLIN, timeout_s):
             return b""
         try:
-            packet = os.read(self._master, CHUNK)
+            return os.read(self._master, CHUNK)
         except OSError:  # EIO: closed meanwhile
             return b""
-        if packet[0] & termios.TIOCPKT_FLUSHREAD:
-            self._flushed = True
-        return packet[1:]
 
     def write(self, data: bytes) -> bool:
         """Write all, as slowly as it is read; False when the far end was closed or `stop` was set before."""
@@ -57,12 +45,10 @@ class PtyLine:
         return True
 
     def is_heard(self) -> bool:
-        """True where a program has opened the far end and is done with preparing it; discards what it wrote."""
+        """True where a program has opened the far end; discards what it wrote."""
         while self.read(0.0):
             pass
-        if not self._is_open() or self._opened_s is None:
-            return False
-        return self._flushed or time.monotonic() - self._opened_s > SETTLE_S
+        return self._is_open()
 
     def wait_heard(self) -> bool:
         """Wait until somebody listens; False when `stop` was set before."""
@@ -85,13 +71,7 @@ class PtyLine:
         return not self._poll(0, 0.0) & select.POLLHUP
 
     def _poll(self, event: int, timeout_s: float) -> int:
-        """What the master is ready for; notes when the far end is opened and closed."""
+        """What the master is ready for."""
         poll = select.poll()
         poll.register(self._master, event)
-        ready = sum(flags for _, flags in poll.poll(timeout_s * 1e3))
-        if ready & select.POLLHUP:
-            self._flushed = False
-            self._opened_s = None
-        elif self._opened_s is None:
-            self._opened_s = time.monotonic()
-        return ready
+        return sum(flags for _, flags in poll.poll(timeout_s * 1e3))

@@ -28,7 +28,7 @@ import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.observations import MAX_GAP_S, CellObservations, Track
-from logger.core.schema import Rows
+from logger.core.rows import Rows
 from postproc.estimators.walker_kalman import Model, Series, excess_variance, score, smooth
 
 USABLE_SIGMA_M = 20.0

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from logger.core.arrays import IntArray
 from logger.core.geo import Utm
 from logger.core.observations import MAX_GAP_S, SIGMA_OF_RADIUS68, Observations, observe
+from logger.core.rows import values_of
 from logger.core.runfile import Run
 from logger.core.scale import levels_dbm
-from logger.core.schema import values_of
 from logger.core.timebase import fit
 from logger.core.types import CellReading, Fix
 from postproc.interop.heard import Heard

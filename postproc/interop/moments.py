@@ -1,6 +1,6 @@
 """Times as text and as seconds."""
 
-from logger.core.timebase import utc_text
+from logger.core.utc import utc_text
 
 
 def moment(utc_ns: int | None) -> str | None:

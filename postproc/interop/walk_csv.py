@@ -14,8 +14,8 @@ from pathlib import Path
 
 from logger.core.geo import check_position
 from logger.core.schema import TABLES, UNKNOWN_SIGNED
-from logger.core.timebase import utc_text
 from logger.core.types import CellReading, Fix
+from logger.core.utc import utc_text
 from postproc.interop import csv_table
 from postproc.interop.fields import LEVEL_RANGE_DBM, RATS, Fields, cell_identity, maybe, number, text, utc_ns_of, whole
 from postproc.interop.heard import BadRow, Heard, Row, parsed

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from logger.core.timebase import utc_text
+from logger.core.utc import utc_text
 from postproc.interop import csv_table
 from postproc.interop.fields import (
     LEVEL_RANGE_DBM,

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from logger.core.arrays import FloatArray
-from logger.core.timebase import utc_text
+from logger.core.utc import utc_text
 from postproc.pictures import colours
 from postproc.pictures.fit import Fit
 from postproc.pictures.picture import Picture

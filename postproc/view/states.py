@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 
 from logger.core.arrays import IntArray
-from logger.core.schema import Rows
+from logger.core.rows import Rows
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.view.ground import colour_of_verdict

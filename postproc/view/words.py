@@ -7,7 +7,7 @@ import numpy as np
 
 from logger.core.ellipse import ellipse95
 from logger.core.geo import Utm
-from logger.core.timebase import utc_text
+from logger.core.utc import utc_text
 from postproc.pictures.picture import headline
 from postproc.verify.run import CellVerdict
 from postproc.view.story import Story, Subject

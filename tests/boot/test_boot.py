@@ -35,6 +35,7 @@ class Story:
     read_only_s: tuple[float, float] = (0.0, 0.0)
     cut_s: float = 0.0
     restarts: str = ""
+    started: dict[str, str] = field(default_factory=dict)
     exposure: float = 10.0
     listening: str = "?"
     sent: dict[str, int] = field(default_factory=dict)
@@ -95,6 +96,9 @@ def _read_only(m, for_s=10.0):
 
 def _look(m, seen):
     seen.restarts = m.run("systemctl show -P NRestarts fieldlogger")
+    times = "ExecMainStartTimestampMonotonic,ActiveEnterTimestampMonotonic"
+    said = m.run(f"systemctl show --property={times} fieldlogger")
+    seen.started = dict(line.split("=", 1) for line in said.split())
     told = m.run("systemd-analyze security --no-pager fieldlogger | tail -1")
     seen.exposure = float(re.search(r"\d+\.\d+", told)[0])
     # no iproute2 in the image: what `ss -lntu` reads; state 0A listens, 07 is any open UDP port
@@ -122,6 +126,10 @@ def test_it_records_from_power_on(story):
     first_s = story.zero_s + raw["t_ns"].min() / 1e9 - story.power_on_s
     kernel_s = raw["t_ns"].min() / 1e9
     print(f"power on to first recorded byte: {first_s:.1f} s ({kernel_s:.1f} s since the kernel began)")
+    begun_us, durable_us = (
+        int(story.started[f"{name}TimestampMonotonic"]) for name in ("ExecMainStart", "ActiveEnter")
+    )
+    print(f"process start to the first durable bytes, as systemd was told: {(durable_us - begun_us) / 1e6:.2f} s")
     assert set(raw["source"]) == {b"modem", b"gnss"}
     assert first_s < BOOT_S
 

@@ -3,7 +3,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from logger.core.schema import DTYPES, TABLES, as_of_now, dtypes_of, rows_of, values_of
+from logger.core.rows import DTYPES, as_of_now, dtypes_of, values_of
+from logger.core.schema import TABLES, rows_of
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan
 
 HEAD = {"seq", "t_ns", "source"}

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from logger.core.schema import UNKNOWN_TIME
-from logger.core.timebase import fit, utc_text
+from logger.core.timebase import fit
+from logger.core.utc import utc_text
 
 UTC0 = 1_790_000_000 * 10**9
 

@@ -39,7 +39,7 @@ class Slow(LiveTracker):
 
 def test_what_is_found_is_what_a_tracker_finds_in_that_order():
     inbox, alone = Inbox(), LiveTracker(LiveSettings())
-    beside = Estimator(LiveTracker(LiveSettings()), inbox)
+    beside = Estimator.of(LiveSettings(), inbox)
     beside.start()
     expected = []
     for seq, record in walk(30):
@@ -52,7 +52,7 @@ def test_what_is_found_is_what_a_tracker_finds_in_that_order():
 
 def test_a_slow_processor_holds_nobody_up_and_is_told(monkeypatch):
     monkeypatch.setattr(estimator, "MOST_WAITING", 10)
-    beside = Estimator(Slow(LiveSettings()), Inbox())
+    beside = Estimator(lambda: Slow(LiveSettings()), Inbox())
     beside.start()
     start_s = time.monotonic()
     taken = [beside.give(seq, record) for seq, record in walk(30)]
@@ -70,7 +70,7 @@ def test_a_bug_in_the_estimate_is_an_event_and_no_end():
             raise ZeroDivisionError("oops")
 
     inbox = Inbox()
-    beside = Estimator(Broken(LiveSettings()), inbox)
+    beside = Estimator(lambda: Broken(LiveSettings()), inbox)
     beside.start()
     beside.give(*next(walk(1)))
     assert not beside.finish(5.0)

@@ -1,21 +1,29 @@
 import os
 import pty
+import select
 import socket
 import threading
+import tty
 from types import SimpleNamespace
 
 import pytest
 import serial
 import serial.rfc2217
+from serial.urlhandler import protocol_socket
 
 from logger.core.errors import ConfigError, DeviceError
+from logger.core.types import RawBytes
+from logger.device.clock import SystemClock
+from logger.device.link import Inbox, Link
 from logger.device.port import Port, check_url
 
 
 def _read(port, n):
-    data = b""
-    while len(data) < n:
-        data += port.read()
+    """So many bytes, or those that have come when the port falls silent for seconds."""
+    data, silent = b"", 0
+    while len(data) < n and silent < 50:
+        more = port.read()
+        data, silent = data + more, 0 if more else silent + 1
     return data
 
 
@@ -61,6 +69,59 @@ def test_reads_and_writes_a_port_behind_rfc2217():
             port.write(b"AT+CENG?\r")
             assert _read(port, 9) == b"AT+CENG?\r"
         thread.join()
+
+
+def test_what_a_device_sent_before_its_port_was_opened_is_read():
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    said = bytes(range(256)) * 12
+    os.write(master, said)
+    with Port(os.ttyname(slave), 115200, 0.1) as port:
+        assert _read(port, len(said)) == said
+    os.close(master)
+    os.close(slave)
+
+
+def test_what_a_network_port_sends_at_once_is_read(monkeypatch):
+    """pyserial's flush comes right after the connection; here it finds what the other end has said meanwhile."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer_first(opened):
+            peer, _ = server.accept()
+            peer.sendall(b"$GPGGA" * 100)
+            peers.append(peer)
+            select.select([opened._socket], [], [], 20.0)
+
+        peers = []
+        monkeypatch.setattr(protocol_socket.Serial, "_update_rts_state", answer_first)
+        with Port(f"socket://127.0.0.1:{server.getsockname()[1]}", 9600, 0.1) as port:
+            heard = _read(port, 600)
+        peers[0].close()
+        assert heard == b"$GPGGA" * 100
+
+
+@pytest.mark.parametrize("ends", [lambda link: None, lambda link: link.read(), DeviceError("no answer")])
+def test_what_waits_in_a_port_that_is_left_is_recorded(ends):
+    """A session that ends by itself or by an error leaves nothing in the port, which forgets it when it is closed."""
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    os.write(master, b"+CENG: 1,1\r\n" * 300)
+    inbox, stop = Inbox(), threading.Event()
+    link = Link("modem", os.ttyname(slave), 115200, SystemClock(), inbox, stop)
+
+    def session(link):
+        stop.set()
+        if isinstance(ends, Exception):
+            raise ends
+        ends(link)
+
+    link.run(session)
+    values = []
+    while (record := inbox.get(0.0)) is not None:
+        values.append(record.value)
+    assert b"".join(v.data for v in values if isinstance(v, RawBytes)) == b"+CENG: 1,1\r\n" * 300
+    os.close(master)
+    os.close(slave)
 
 
 def test_a_socket_that_nobody_serves():

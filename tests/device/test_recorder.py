@@ -1,6 +1,5 @@
 import threading
 
-from logger.core.live import LiveTracker
 from logger.core.live_settings import LiveSettings
 from logger.core.runfile import RunWriter, finish_journal, read_run, sealing_of
 from logger.core.types import Fix, RawBytes, Record, Scan
@@ -18,7 +17,7 @@ class Bench:
         self.inbox = inbox or Inbox()
         self.ended = threading.Event()
         writer = RunWriter(self.path, runs.meta())
-        self.recorder = Recorder(writer, LiveTracker(LiveSettings()), self.inbox, SystemClock(), self.ended, **more)
+        self.recorder = Recorder(writer, LiveSettings(), self.inbox, SystemClock(), self.ended, **more)
         self.thread = threading.Thread(target=self.recorder.run)
 
     def finish(self):

@@ -9,7 +9,8 @@ import pytest
 
 from logger.core.geo import Utm
 from logger.core.types import Fix, LiveEstimate, Note, RawBytes, Record
-from logger.device.status import Status, WatchedInbox, read_status, status_folder, target_status, write_status
+from logger.device.status import Status, WatchedInbox, read_status, status_folder, write_status
+from logger.device.target import target_status
 from logger.sim.player import NmeaPlayer
 from logger.sim.ptys import PtyDevice
 from logger.sim.scenario import scenario

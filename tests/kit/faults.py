@@ -31,7 +31,6 @@ def library(folder: Path) -> Path:
 RECORD = """
 import os, sys, threading
 from pathlib import Path
-from logger.core.live import LiveTracker
 from logger.core.live_settings import LiveSettings
 from logger.core.runfile import RunWriter, journal_path, writer as writer_module
 from logger.core.types import RawBytes, Record
@@ -47,7 +46,7 @@ def say(*words):
     os.write(1, " ".join(map(str, words + ("\\n",))).encode())
 def durable():
     say("durable", recorder.counts["RawBytes"])
-recorder = recorder_module.Recorder(writer, LiveTracker(LiveSettings()), inbox, clock, ended, durable=durable)
+recorder = recorder_module.Recorder(writer, LiveSettings(), inbox, clock, ended, durable=durable)
 thread = threading.Thread(target=recorder.run)
 thread.start()
 threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
@@ -210,7 +209,6 @@ def small_file_system(folder: Path, options: str) -> Iterator[Path]:
 KILL = """
 import mmap, os, random, signal, struct, sys, threading, time
 from pathlib import Path
-from logger.core.live import LiveTracker
 from logger.core.live_settings import LiveSettings
 from logger.core.runfile import RunWriter
 from logger.device.clock import SystemClock
@@ -222,8 +220,8 @@ from tests.kit import runs
 def record(path, told, parent):
     inbox, clock = Inbox(), SystemClock()
     durable = lambda: struct.pack_into("<Q", told, 0, recorder.counts["RawBytes"])
-    writer, tracker = RunWriter(path, runs.meta()), LiveTracker(LiveSettings())
-    recorder = Recorder(writer, tracker, inbox, clock, threading.Event(), durable=durable)
+    writer = RunWriter(path, runs.meta())
+    recorder = Recorder(writer, LiveSettings(), inbox, clock, threading.Event(), durable=durable)
     threading.Thread(target=recorder.run).start()
     n = 0
     for found in walk:

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from logger.core.errors import RunFileError
+from logger.core.runfile import read_run
 from logger.sim.receiver import sentence
 
 FIELDLOGGER = (sys.executable, "-m", "logger.cli")
@@ -36,6 +38,17 @@ def running(config: Path, *more: str) -> Iterator[subprocess.Popen[str]]:
         finally:
             if process.poll() is None:
                 process.kill()
+
+
+def python(script: str) -> str:
+    """What a script prints in a Python of its own."""
+    return subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout
+
+
+def wait_at_most(process: subprocess.Popen[bytes], seconds: float) -> None:
+    """Wait for the end of a process, or so long."""
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(seconds)
 
 
 def stopped(process: subprocess.Popen[str], by: signal.Signals = signal.SIGTERM) -> str:
@@ -70,6 +83,15 @@ def wait_for(condition, seconds: float = 20.0) -> None:
     while not condition():
         assert time.monotonic() < end, "did not happen in time"
         time.sleep(0.02)
+
+
+def journal_holds(folder: Path, said: bytes) -> bool:
+    """True when the only journal of a folder has those bytes, as they were sent, and no others."""
+    try:
+        (journal,) = folder.glob("*.journal")
+        return read_run(journal).raw_bytes.tobytes() == said
+    except (RunFileError, ValueError):
+        return False  # made, and not yet written for the first time
 
 
 def epochs(n: int, rate_hz: float = 1.0) -> bytes:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from logger.config import parse_config
 from logger.core.runfile import Run
+from logger.device.beginning import begin_run
 from logger.device.clock import Clock
 from logger.device.service import Service
 
@@ -38,4 +39,5 @@ def service(
         f"poll_interval_s = {poll_s}\nfull_scan_interval_s = {full_scan_s}\n"
         f'[gnss]\nport = "{gnss or folder / "none"}"\n'
     )
-    return Service(parse_config(text, "site.toml"), clock, threading.Event(), config_text=text)
+    config = parse_config(text, "site.toml")
+    return Service(config, begin_run(config, text, clock), clock, threading.Event())

@@ -3,17 +3,17 @@ import time
 
 import numpy as np
 import pytest
-import serial
 
 from logger.drivers.at import AtFramer
 from logger.sim.player import NmeaPlayer, TranscriptModem
 from logger.sim.ptys import PtyDevice, answering
+from tests.kit.kept import KeptSerial
 
 LOG = b"".join(b"$GNTXT,%06d*00\r\n" % number for number in range(20_000))
 
 
 def open_port(device):
-    return serial.Serial(device.path, 115200, timeout=5.0, exclusive=True)
+    return KeptSerial(device.path, 115200, timeout=5.0, exclusive=True)
 
 
 def test_every_byte_comes_exactly_once():

@@ -1,16 +1,22 @@
 """The run file: a journal while recording, plain HDF5 afterwards, read through one function.
 
-The only part of `core` that touches files, and the only one of the logger that imports h5py.
+The only part of `core` that touches files, and the only one of the logger that imports h5py. Recording needs neither
+numpy nor h5py: a run begins before they are imported, and what needs them is imported when it is first used.
 """
 
-from logger.core.runfile.finish import convert_journal, finish_journal, unfinished
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, Truth
 from logger.core.runfile.names import journal_path
-from logger.core.runfile.recover import SOMETHING_LOST, Recovered, recover
 from logger.core.runfile.room import FLOOR_BYTES, free_bytes, make_room
-from logger.core.runfile.run import Run, read_run
-from logger.core.runfile.verify import Sealing, sealing_of
 from logger.core.runfile.writer import RunWriter
+
+if TYPE_CHECKING:
+    from logger.core.runfile.finish import convert_journal, finish_journal, unfinished
+    from logger.core.runfile.recovery import SOMETHING_LOST, Recovered, recover
+    from logger.core.runfile.run import Run, read_run
+    from logger.core.runfile.verify import Sealing, sealing_of
 
 __all__ = [
     "FLOOR_BYTES",
@@ -33,3 +39,18 @@ __all__ = [
     "sealing_of",
     "unfinished",
 ]
+
+_ROOM_OF = {
+    **dict.fromkeys(("convert_journal", "finish_journal", "unfinished"), "finish"),
+    **dict.fromkeys(("SOMETHING_LOST", "Recovered", "recover"), "recovery"),
+    **dict.fromkeys(("Run", "read_run"), "run"),
+    **dict.fromkeys(("Sealing", "sealing_of"), "verify"),
+}
+"""The modules that need numpy and h5py, by what they offer."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import what needs HDF5 when it is asked for."""
+    if name not in _ROOM_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_ROOM_OF[name]}"), name)

@@ -18,10 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.errors import RunFileError
+from logger.core.rows import DTYPES
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
 from logger.core.runfile.parts import JournalParts, Part, decode_meta
-from logger.core.schema import DTYPES, TABLES
-from logger.core.timebase import fit, utc_text
+from logger.core.schema import TABLES
+from logger.core.timebase import fit
+from logger.core.utc import utc_text
 
 FORMAT = "cellwalk run"
 RAW_BYTES = "raw_bytes"

@@ -1,7 +1,7 @@
 """The journal of a run: frames, numbered and chained, in one file or, after the card has failed, in several."""
 
 import errno
-import secrets
+import os
 from pathlib import Path
 
 from logger.core.errors import RunFileError
@@ -30,7 +30,7 @@ class Journal:
         self.chain = Chain()
         self._description = description
         self._undescribed_syncs = DESCRIBE_EVERY_SYNCS
-        self._run = secrets.randbits(32)
+        self._run = int.from_bytes(os.urandom(4), "little")
         self._n_files = 0
         self._number = 0
         self._pending = bytearray()
@@ -67,6 +67,13 @@ class Journal:
         for file in (self._file, *self._failed):
             if file is not None:
                 file.close()
+
+    def discard(self) -> None:
+        """Remove the files; nothing can be added afterwards."""
+        for file in (self._file, *self._failed):
+            if file is not None:
+                file.discard()
+        self._file = None
 
     def _flush(self) -> None:
         try:

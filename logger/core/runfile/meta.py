@@ -1,17 +1,9 @@
 """What a run says about itself: the first frame of a journal, repeated every minute, and `/meta` of the HDF5 file."""
 
-from collections.abc import Mapping
-
 import msgspec
-import numpy as np
 
 from logger.core.live_settings import LiveSettings
-from logger.core.schema import DTYPES, SCHEMA_VERSION
-
-
-def columns_of(dtypes: Mapping[str, np.dtype[np.void]]) -> dict[str, list[tuple[str, str]]]:
-    """Name and type of each column by table, as a run describes itself."""
-    return {table: [(str(name), str(kind)) for name, kind, *_ in dtype.descr] for table, dtype in dtypes.items()}
+from logger.core.schema import SCHEMA_VERSION, columns_of
 
 
 class Truth(msgspec.Struct, frozen=True):
@@ -35,7 +27,7 @@ class RunMeta(msgspec.Struct, frozen=True, kw_only=True):
     live: LiveSettings = LiveSettings()
     truth: tuple[Truth, ...] = ()
     schema: int = SCHEMA_VERSION
-    columns: dict[str, list[tuple[str, str]]] = msgspec.field(default_factory=lambda: columns_of(DTYPES))
+    columns: dict[str, list[tuple[str, str]]] = msgspec.field(default_factory=lambda: columns_of(SCHEMA_VERSION))
 
 
 class RunEnd(msgspec.Struct, frozen=True, kw_only=True):

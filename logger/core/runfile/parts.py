@@ -12,13 +12,14 @@ import numpy as np
 
 from logger.core.errors import RunFileError
 from logger.core.live_settings import restored
+from logger.core.rows import Rows, dtypes_of
 from logger.core.runfile.chain import Chain
 from logger.core.runfile.frames import Buffer, Frame, Kind, Skipped, payload_of, scan
-from logger.core.runfile.meta import Damage, RunEnd, RunMeta, columns_of
+from logger.core.runfile.meta import Damage, RunEnd, RunMeta
 from logger.core.runfile.names import first_part, parts_of
 from logger.core.runfile.readable import buffer_of
 from logger.core.runfile.writer import RAW_COUNT
-from logger.core.schema import OLDEST_DESCRIBED, SCHEMA_VERSION, Rows, dtypes_of
+from logger.core.schema import OLDEST_DESCRIBED, SCHEMA_VERSION, columns_of
 
 NO_ROWS: Rows = np.empty(0, np.dtype([]))
 
@@ -80,7 +81,7 @@ class JournalParts:
             origin="lost with the description",
             program="",
             schema=self._schema,
-            columns=columns_of(dtypes_of(self._schema)),
+            columns=columns_of(self._schema),
         )
 
     def __iter__(self) -> Iterator[Part]:

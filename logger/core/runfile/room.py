@@ -7,7 +7,6 @@ from pathlib import Path
 from logger.core.errors import RunFileError
 from logger.core.runfile.journal_file import is_recording, sync_folder
 from logger.core.runfile.names import JOURNAL, parts_of
-from logger.core.runfile.verify import sealing_of
 
 FLOOR_BYTES = 200_000_000
 """Some twenty hours of recording."""
@@ -38,6 +37,8 @@ def _is_spare(journal: Path) -> bool:
     hdf5 = journal.with_suffix(".h5")
     if not hdf5.exists() or any(map(is_recording, parts_of(journal))):
         return False
+    from logger.core.runfile.verify import sealing_of  # noqa: PLC0415  needs HDF5, which a full card alone makes necessary
+
     try:
         sealing = sealing_of(journal)
         return not sealing.damage.missing_frames and sealing == sealing_of(hdf5)

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.errors import RunFileError
+from logger.core.rows import DTYPES, Rows, as_of_now, values_of
 from logger.core.runfile.frames import MAGIC
 from logger.core.runfile.hdf5 import RAW_BYTES, is_hdf5, read_hdf5
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
 from logger.core.runfile.parts import JournalParts
-from logger.core.schema import DTYPES, Rows, as_of_now, values_of
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan, Value
 
 

@@ -8,13 +8,13 @@ from typing import Any
 import h5py
 import numpy as np
 
+from logger.core.rows import Rows
 from logger.core.runfile.chain import Chain
 from logger.core.runfile.frames import Kind
 from logger.core.runfile.hdf5 import BLOCK_ROWS, FRAMES, RAW_BYTES, is_hdf5, open_run, read_damage, read_end, text_of
 from logger.core.runfile.meta import Damage, RunEnd
 from logger.core.runfile.parts import JournalParts
 from logger.core.runfile.writer import raw_payload, rows_payload
-from logger.core.schema import Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +92,9 @@ def _frames(file: h5py.File, readers: dict[str, "_Reader"]) -> Iterator[tuple[in
             rows["offset"] -= raw_length
             n_bytes = int(rows["length"].sum())
             raw_length += n_bytes
-            yield number, kind, raw_payload(rows, readers[RAW_BYTES].take(n_bytes).tobytes())
+            yield number, kind, raw_payload(rows.tobytes(), readers[RAW_BYTES].take(n_bytes).tobytes())
         else:
-            yield number, kind, rows_payload(table.decode(), rows)
+            yield number, kind, rows_payload(table.decode(), rows.tobytes())
 
 
 class _Reader:

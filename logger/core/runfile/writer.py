@@ -1,18 +1,16 @@
 """Records in, journal out."""
 
 import struct
-import warnings
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from logger.core.runfile.frames import Kind
 from logger.core.runfile.journal import Journal
 from logger.core.runfile.meta import RunEnd, RunMeta
-from logger.core.schema import DTYPES, Rows, rows_of
+from logger.core.schema import packed, row_size, rows_of
 from logger.core.types import RawBytes, Record
 
 FRAME_RECORDS = 4096
@@ -51,6 +49,11 @@ class RunWriter:
         return self._journal.file
 
     @property
+    def is_durable(self) -> bool:
+        """True while nothing waits in the journal for the card; what was appended since the last `sync` is not seen."""
+        return not self._journal.n_waiting
+
+    @property
     def digest(self) -> str:
         """Digest of the hash chain so far."""
         return self._journal.chain.digest
@@ -81,6 +84,10 @@ class RunWriter:
         self._queue_rows()
         self._journal.sync()
 
+    def discard(self) -> None:
+        """Remove the journal of a run that cannot be: nothing was recorded in it."""
+        self._journal.discard()
+
     def close(self, t_ns: int, reason: str) -> str:
         """Write the end of the run, which seals it, and close the journal; returns the digest it is sealed with."""
         self._queue_rows()
@@ -97,30 +104,20 @@ class RunWriter:
 
     def _queue_rows(self) -> None:
         if self._raw:
-            self._journal.add(Kind.RAW, raw_payload(np.array(self._raw, DTYPES["raw"]), bytes(self._raw_data)))
+            self._journal.add(Kind.RAW, raw_payload(packed("raw", self._raw), bytes(self._raw_data)))
             self._raw.clear()
             self._raw_data.clear()
         for table, rows in self._rows.items():
-            self._journal.add(Kind.ROWS, rows_payload(table, _packed(rows, DTYPES[table])))
+            self._journal.add(Kind.ROWS, rows_payload(table, packed(table, rows)))
         self._rows.clear()
 
 
-def _packed(rows: list[tuple[Any, ...]], dtype: np.dtype[np.void]) -> Rows:
-    """Rows of a table; raises OverflowError for a number that does not fit, which numpy 1 would only warn of."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)
-        try:
-            return np.array(rows, dtype)
-        except DeprecationWarning as warning:
-            raise OverflowError(str(warning)) from warning
-
-
-def rows_payload(table: str, rows: Rows) -> bytes:
-    """Payload of a ROWS frame: length of the table's name, the name, the rows."""
+def rows_payload(table: str, rows: bytes) -> bytes:
+    """Payload of a ROWS frame: length of the table's name, the name, the packed rows."""
     name = table.encode()
-    return bytes([len(name)]) + name + rows.tobytes()
+    return bytes([len(name)]) + name + rows
 
 
-def raw_payload(index: Rows, data: bytes) -> bytes:
-    """Payload of a RAW frame: number of index rows, the rows with their offsets counted in `data`, the bytes."""
-    return RAW_COUNT.pack(len(index)) + index.tobytes() + data
+def raw_payload(index: bytes, data: bytes) -> bytes:
+    """Payload of a RAW frame: number of index rows, the packed rows with their offsets counted in `data`, the bytes."""
+    return RAW_COUNT.pack(len(index) // row_size("raw")) + index + data

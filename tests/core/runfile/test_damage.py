@@ -7,10 +7,11 @@ import pytest
 
 from logger.core import schema
 from logger.core.errors import RunFileError
+from logger.core.rows import DTYPES, dtypes_of
 from logger.core.runfile import convert_journal, read_run, writer
 from logger.core.runfile import journal as journal_module
 from logger.core.runfile.frames import HEADER_SIZE, Frame, scan
-from logger.core.schema import DTYPES, OLDEST_DESCRIBED, TABLES, dtypes_of
+from logger.core.schema import OLDEST_DESCRIBED, TABLES
 from logger.core.types import Note, RawBytes, Record, Scan
 from tests.kit import runs
 

@@ -5,7 +5,7 @@ import pytest
 
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations, Track
-from logger.core.schema import DTYPES
+from logger.core.rows import DTYPES
 from postproc.estimators import walker, walker_kalman
 from tests.kit.growth import growth
 

@@ -1,0 +1,24 @@
+"""Signals that stop the logger."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+@contextmanager
+def stop_signals() -> Iterator[tuple[threading.Event, list[str]]]:
+    """Turn SIGTERM and SIGINT into an event; the handler does nothing else."""
+    ended, heard = threading.Event(), list[str]()
+
+    def hear(number: int, _frame: FrameType | None) -> None:
+        heard.append(f"signal {signal.Signals(number).name}")
+        ended.set()
+
+    before = {number: signal.signal(number, hear) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield ended, heard
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,34 @@
+"""The target for a status line: what the live estimate says of it, in degrees and metres."""
+
+from logger.core.ellipse import ellipse95
+from logger.core.geo import Utm
+from logger.core.live_cell import EKF, ONE_PLACE
+from logger.core.types import LiveEstimate
+from logger.device.status import TargetStatus
+
+
+def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus | None:
+    """The target and, once there is one, the latest estimate of it."""
+    if cell is None:
+        return None
+    if latest is None or latest.cell != cell:
+        return TargetStatus(cell, "cannot tell")
+    lat_deg, lon_deg = Utm(latest.utm_zone).to_latlon(latest.x_m, latest.y_m)
+    ellipse = ellipse95(latest.p_xx, latest.p_xy, latest.p_yy)
+    return TargetStatus(
+        cell,
+        _verdict(latest),
+        latest.n,
+        round(latest.probability, 3),
+        round(lat_deg, 6),
+        round(lon_deg, 6),
+        round(ellipse.semi_major_m, 1),
+        round(ellipse.semi_minor_m, 1),
+        round(ellipse.azimuth_deg, 1),
+    )
+
+
+def _verdict(latest: LiveEstimate) -> str:
+    if latest.stage == EKF:
+        return "one close place"
+    return "one place" if latest.probability >= ONE_PLACE else "several places"
