@@ -140,20 +140,6 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
 }
 
 
-_PACKED: Mapping[str, struct.Struct] = {
-    name: struct.Struct("<" + "".join(_STRUCT_CODES.get(c.dtype) or f"{c.dtype[1:]}s" for c in columns))
-    for name, columns in TABLES.items()
-}
-
-
-def packed(table: str, rows: Iterable[tuple[Any, ...]]) -> bytes:
-    """Rows of a table, values in column order, as bytes; raises OverflowError for a number that does not fit."""
-    try:
-        return b"".join(_PACKED[table].pack(*row) for row in rows)
-    except struct.error as error:
-        raise OverflowError(f"{table}: {error}") from error
-
-
 _ADDED_IN: Mapping[int, Mapping[str, frozenset[str]]] = {
     3: {"readings": frozenset({"identity_unsure"})},
 }
@@ -170,9 +156,28 @@ def columns_of(version: int) -> dict[str, list[tuple[str, str]]]:
     return {table: [(c.name, c.dtype) for c in columns if had(table, c)] for table, columns in TABLES.items()}
 
 
+def packing_of(version: int) -> dict[str, struct.Struct]:
+    """How that version packed the rows of each table."""
+    return {
+        table: struct.Struct("<" + "".join(_STRUCT_CODES.get(kind) or f"{kind[1:]}s" for _, kind in columns))
+        for table, columns in columns_of(version).items()
+    }
+
+
+_PACKING = packing_of(SCHEMA_VERSION)
+
+
+def packed(table: str, rows: Iterable[tuple[Any, ...]]) -> bytes:
+    """Rows of a table, values in column order, as bytes; raises OverflowError for a number that does not fit."""
+    try:
+        return b"".join(_PACKING[table].pack(*row) for row in rows)
+    except struct.error as error:
+        raise OverflowError(f"{table}: {error}") from error
+
+
 def row_size(table: str) -> int:
     """Bytes of one packed row."""
-    return _PACKED[table].size
+    return _PACKING[table].size
 
 
 def rows_of(seq: int, record: Record) -> list[tuple[str, tuple[Any, ...]]]:

@@ -8,7 +8,7 @@ import pytest
 from logger.core import schema
 from logger.core.errors import RunFileError
 from logger.core.rows import DTYPES, dtypes_of
-from logger.core.runfile import convert_journal, read_run, writer
+from logger.core.runfile import convert_journal, read_run
 from logger.core.runfile import journal as journal_module
 from logger.core.runfile.frames import HEADER_SIZE, Frame, scan
 from logger.core.schema import OLDEST_DESCRIBED, TABLES
@@ -153,7 +153,7 @@ def test_a_run_of_an_older_version_without_any_description_keeps_its_rows(tmp_pa
     tables = {table: [c for c in columns if c.name in old[table].names] for table, columns in TABLES.items()}
     with monkeypatch.context() as past:
         past.setattr(schema, "TABLES", tables)
-        past.setattr(writer, "DTYPES", old)
+        past.setattr(schema, "_PACKING", schema.packing_of(OLDEST_DESCRIBED))
         past.setattr(journal_module, "SCHEMA_VERSION", OLDEST_DESCRIBED)
         runs.write_journal(tmp_path / "a.journal", FOUND, sync_every=3)
     data = bytearray((tmp_path / "a.journal").read_bytes())
