@@ -10,6 +10,7 @@ import pytest
 
 from logger.config import parse_config
 from logger.core.runfile import read_run
+from logger.device.beginning import begin_run
 from logger.device.clock import SystemClock
 from logger.device.kept_modes import FILE
 from logger.device.service import Service
@@ -49,7 +50,8 @@ def _config(folder, port, set_mode="gsm", more=""):
 def recording(folder, port, set_mode="gsm"):
     """A run under way; it is stopped at the end, and read into the list that this gives."""
     found = []
-    under_way = Service(_config(folder, port, set_mode), SystemClock(), threading.Event(), config_text="")
+    config, clock = _config(folder, port, set_mode), SystemClock()
+    under_way = Service(config, begin_run(config, "", clock), clock, threading.Event())
     under_way.start()
     scans = under_way.recorder.counts
     try:
