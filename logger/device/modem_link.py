@@ -14,7 +14,7 @@ from logger.device.link import Link
 from logger.device.mode_switch import ModeSwitch
 from logger.device.patience import PAUSE_S, Wait
 from logger.drivers.at import AtFramer, Unsolicited
-from logger.drivers.dialogue import Command, Dialogue, Reply, driven
+from logger.drivers.dialogue import INTERRUPTED, Command, Dialogue, Reply, driven
 from logger.drivers.family import Family
 from logger.drivers.garbage import Garbage
 from logger.drivers.generic import Generic
@@ -268,6 +268,7 @@ class _Conversation:
         elif line.strip() in {"OK", "ERROR"}:
             self._link.count("stray-result", 1, "results that end nothing, late ones or repeated ones")
         else:
+            self._rows += [INTERRUPTED] if self._rows else []
             self._link.count("unasked-lines", 1, "lines nobody asked for", least=STORM)
 
     def _lose(self, why: str) -> None:

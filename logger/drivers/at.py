@@ -59,6 +59,7 @@ class AtFramer:
         self._command: str | None = None
         self._names: frozenset[str] = frozenset()  # prefixes of its answers
         self._lines: list[str] = []
+        self._interrupted: set[int] = set()  # numbers of lines after which something else came
         self._expired: frozenset[str] | None = None  # prefixes of the expired command that owes a final code
         self._expired_spoke = False  # lines of that command have come late
         self._given_away = False  # rule 3 has been applied while this command was pending
@@ -75,6 +76,7 @@ class AtFramer:
         self._command = command.strip()
         self._names = _names(command)
         self._lines = []
+        self._interrupted = set()
         self._stale = bool(self._buffer)
         self._given_away = False
         self.echoed = False
@@ -134,7 +136,10 @@ class AtFramer:
             return None  # the echo, which may come twice or in lower case
         if final is not None:
             return self._final_event(line, final)
-        if not self._belongs(line) or len(self._lines) >= MAX_LINES:
+        belongs = self._belongs(line)
+        if not belongs:
+            self._interrupted.add(len(self._lines) - 1)
+        if not belongs or len(self._lines) >= MAX_LINES:
             self._note_late_line(line)
             return Unsolicited(line)
         self._lines.append(line)
@@ -174,9 +179,11 @@ class AtFramer:
             self._expired_spoke = True
 
     def _close(self, final: str | None) -> Reply:
-        reply = Reply(self._command or "", tuple(self._lines), final)
+        interrupted = frozenset(self._interrupted - {-1})
+        reply = Reply(self._command or "", tuple(self._lines), final, interrupted)
         self._command = None
         self._lines = []
+        self._interrupted = set()
         return reply
 
 

@@ -39,6 +39,8 @@ def _registrations(line: str) -> Iterator[Row]:
     for domain, text in _REGISTRATION.findall(line):
         answers = _LEADING_TWO.match(text) is not None
         fields = values(text)
+        if text.count('"') % 2:
+            fields[-1] = ""  # cut within quotation marks
         n, *fields = fields if answers else ["", *fields]
         stat = decimal(fields[0], 0, _MOST_STAT)
         if stat is None:

@@ -9,6 +9,9 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import TypeVar
 
+INTERRUPTED = "\x18"
+"""Stands among lines where a row may have been cut; CAN, which no framer lets through."""
+
 
 @dataclass(frozen=True, slots=True)
 class Command:
@@ -25,15 +28,27 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The lines between a command and its final result code; `final` is None when none came in time."""
+    """The lines between a command and its final result code; `final` is None when none came in time.
+
+    `interrupted` are the numbers of the lines after which the modem said something else.
+    """
 
     command: str
     lines: tuple[str, ...]
     final: str | None
+    interrupted: frozenset[int] = frozenset()
 
     @property
     def ok(self) -> bool:
         return self.final == "OK"
+
+    @property
+    def heard(self) -> tuple[str, ...]:
+        """The lines, with `INTERRUPTED` where one may have lost its end."""
+        heard: list[str] = []
+        for number, line in enumerate(self.lines):
+            heard += [line, INTERRUPTED] if number in self.interrupted else [line]
+        return tuple(heard)
 
 
 T = TypeVar("T")

@@ -8,6 +8,7 @@ from logger.core.types import CellReading, Role
 from logger.drivers import common
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.fields import reportable
+from logger.drivers.interruption import names_of, uncut
 from logger.drivers.mode import ModeCommand
 from logger.drivers.rows import Row
 
@@ -65,17 +66,24 @@ class Family:
         for command in commands:
             reply = yield command
             answered |= reply.ok
-            lines += [command.text, *reply.lines, *filter(None, [reply.final])]
+            lines += [command.text, *reply.heard, *filter(None, [reply.final])]
         rows = self.read(lines)
         return rows if answered or any(isinstance(row, CellReading) for row in rows) else None
 
     def read(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """All rows in lines of replies or of a whole transcript; lines of other kinds are passed over.
 
-        A line with a command says what the following lines answer.
+        A line with a command says what the following lines answer. A row that something else has interrupted loses its
+        last value, which may be cut.
         """
-        rows = (*self.cells_in(lines), *common.read(lines))
+        whole = uncut(lines, self._names())
+        rows = (*self.cells_in(whole), *common.read(whole))
         return tuple(reportable(row) if isinstance(row, CellReading) else row for row in rows)
+
+    @classmethod
+    def _names(cls) -> frozenset[str]:
+        commands = (*cls.set_up, *cls.asked, *cls.surveys, *cls.gnss_asked)
+        return names_of(" ".join(command.text for command in commands))
 
     def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Rows in the forms of this family."""

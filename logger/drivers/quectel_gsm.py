@@ -38,6 +38,9 @@ _NEXT = re.compile(r"\\[rn]|(?=\+Q[A-Z0-9]+\s*:)", re.IGNORECASE)
 _HEADER = re.compile(r"\+QENG:\s*(\d)\s*(?:,\s*\d{1,3}\s*)?\Z")
 _CHANNEL = re.compile(r"\(([^()]*)\)")
 
+_MOST_ORDER = 9
+"""A row that begins with a number so low is a GSM one, cut: no carrier of LTE fits so close to the edge of a band."""
+
 _OFF = "0"  # mode in the header
 
 
@@ -66,7 +69,7 @@ class QuectelGsm(Family):
             return (yield from self.ask(self.asked_nbiot))
         modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
         answered = (reply.ok and modes) or any(map(self.role_of, reply.lines))
-        return self.read(reply.lines) if answered and _OFF not in modes else None
+        return self.read(reply.heard) if answered and _OFF not in modes else None
 
     def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in QENG rows of both technologies."""
@@ -92,7 +95,7 @@ def _neighbours(body: str) -> Iterator[Row]:
     texts = split(body)
     groups = _in_order(texts)
     found = [cell((_GSM_NEIGHBOUR,), group, "neighbour", "GSM") for group in groups]
-    if not groups:
+    if not groups and decimal(texts[0], 0, _MOST_ORDER) is None:
         found = [cell(_NBIOT_NEIGHBOURS, texts[at : at + 4], "neighbour", "NB-IoT") for at in range(0, len(texts), 4)]
     yield from (reading for reading in found if reading)
 

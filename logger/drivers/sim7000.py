@@ -76,7 +76,7 @@ class Sim7000(Family):
         for command in self.asked:
             reply = yield command
             answered |= reply.ok
-            lines += reply.lines
+            lines += [*reply.heard, *filter(None, [reply.final])]
         if any(map(_OFF.search, lines)):
             yield ENGINEERING_ON
         rows = cpsi.joined(self.read(lines))

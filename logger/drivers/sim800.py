@@ -101,7 +101,7 @@ class Sim800(Family):
         modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
         has_rows = any(map(self.role_of, reply.lines))
         answered = has_rows or bool(modes) if reply.ok else has_rows and reply.final is None
-        return None if not answered or "0" in modes else self.read(reply.lines)
+        return None if not answered or "0" in modes else self.read(reply.heard)
 
     def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in CENG rows of modes 1 to 4 and in CNETSCAN lines; fixes of the SIM808."""

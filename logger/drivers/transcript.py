@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
+from logger.drivers.dialogue import INTERRUPTED
 from logger.drivers.family import Family
 from logger.drivers.recognition import Known, recognised_replies
 from logger.drivers.rows import Row
@@ -13,7 +14,12 @@ _COMMAND = re.compile(r"AT[+^*$#!&A-Z]", re.IGNORECASE)
 
 
 def rows_of(driver: Family, lines: Sequence[str]) -> tuple[Row, ...]:
-    """All rows of a transcript; each reply says something of the numbers in the others."""
+    """All rows of a transcript; each reply says something of the numbers in the others.
+
+    A last line without its line end is cut where the transcript shows what ends a reply.
+    """
+    divided = any(_FINAL.match(line.strip()) or _COMMAND.match(line.strip()) for line in lines)
+    lines = [*lines, INTERRUPTED] if divided and lines[-1].strip() else lines
     rows = driver.read(lines)
     replies = _grouped(rows, [driver.read(reply) for reply in replies_of(driver, lines)])
     found, _ = recognised_replies(replies, Known())

@@ -28,6 +28,8 @@ _HEAD = (("mode", r"[01]"), ("type", r"[0-4]"), ("mcc", _CODE), ("mnc", _CODE), 
 _2G = listed((*_HEAD, ("rxlev", _INDEX)))
 _3G = listed((*_HEAD, ("psc", _INDEX), ("arfcn", _INDEX), ("rscp", _INDEX), ("ecn0", _INDEX)))
 _UCELLINFO = re.compile(r"\+UCELLINFO:\s*((?:(?!\+UCELLINFO:).)*)", re.IGNORECASE)
+_CUT_LEVEL = re.compile(r",(?=\s)[\s\d]{1,3}\Z")
+"""An index at the end of a row with columns, which begin with a blank and are filled to three digits."""
 _SERVING = frozenset({0, 2})
 _FIRST_3G = 2
 
@@ -99,6 +101,7 @@ def _ucellinfo(line: str) -> Iterator[Row]:
         if row is None:
             continue
         role: Role = "serving" if int(row["type"]) in _SERVING else "neighbour"
-        cell = reading(role, "WCDMA" if is_3g else "GSM", row.groupdict())
+        texts = row.groupdict() | ({"rxlev": ""} if _CUT_LEVEL.search(text) else {})
+        cell = reading(role, "WCDMA" if is_3g else "GSM", texts)
         if cell is not None:
             yield cell

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers.fields import area, cell_identity, decimal, level, rsrp_dbm, rsrq_db
+from logger.drivers.printed import Form, Printed
 from logger.drivers.rows import NoCell
 
 Texts = Mapping[str, str]
@@ -23,6 +24,7 @@ _INDICES = {  # name of the raw value, and what its index can be
     "rsrq": ("rsrq_raw", -30, 46),
     "sinr_index": ("sinr_raw", 0, 254),
 }
+_THREE = Form(10, frozenset({3}))
 _AS_PRINTED = ("bsic_text", "rxlev_text")
 """Values of a base that is not documented."""
 
@@ -35,7 +37,7 @@ def reading(role: Role, rat: Rat, texts: Texts) -> CellReading | NoCell | None:
     cid = cell_identity(texts.get("ci", ""), 16 if rat == "GSM" else 28) if identified else None
     channel, printed = _channel(texts.get("arfcn", ""), rat)
     raw = {name: decimal(texts[text], low, high) for text, (name, low, high) in _INDICES.items() if text in texts}
-    rxlev = decimal(texts.get("rxlev", ""), 0, 63)
+    rxlev = _rxlev(texts)
     if mcc is None and cid is None and channel is None:
         return NoCell(rat) if role == "serving" else None
     return CellReading(
@@ -61,6 +63,12 @@ def reading(role: Role, rat: Rat, texts: Texts) -> CellReading | NoCell | None:
         c2=decimal(texts.get("c2", ""), -127, 127),
         more={**raw, **number, **{name: texts[name] for name in _AS_PRINTED if texts.get(name)}},
     )
+
+
+def _rxlev(texts: Texts) -> int | None:
+    padded = texts.get("rxlev_of_three", "")
+    index = decimal(padded or texts.get("rxlev", ""), 0, 63)
+    return Printed(index, padded, _THREE) if index is not None and padded else index
 
 
 def _network(texts: Texts) -> tuple[str | None, str | None, dict[str, int]]:

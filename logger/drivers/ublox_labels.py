@@ -70,7 +70,7 @@ _NAMES = {  # as `ublox_cell.reading` calls them
     "rsrp_lev": "rsrp",
     "rsrq_lev": "rsrq",
     "cell_id": "ci",
-    "rxlevserv": "rxlev",
+    "rxlevserv": "rxlev_of_three",
     "bsic": "bsic_text",
 }
 _ENVIRONMENT = re.compile(r"\+CGED\b", re.IGNORECASE)

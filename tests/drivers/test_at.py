@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from logger.drivers.at import MAX_LINE, MAX_LINES, AtFramer, Unsolicited
-from logger.drivers.dialogue import Reply
+from logger.drivers.dialogue import INTERRUPTED, Reply
 from logger.drivers.garbage import Garbage
 from tests.kit.framers import check_framer, cut, feed_all
 from tests.kit.growth import growth
@@ -117,7 +117,9 @@ def test_number_is_a_line_once_the_modem_has_answered_in_words():
 )
 def test_unsolicited_line_inside_a_reply(line):
     data = CENG_REPLY.replace(b"\r\n\r\n+CENG: 0", b"\r\n\r\n" + line.encode() + b"\r\n\r\n+CENG: 0")
-    check(sent("AT+CENG?"), data, [Unsolicited(line), Reply("AT+CENG?", CENG_LINES, "OK")])
+    reply = Reply("AT+CENG?", CENG_LINES, "OK", interrupted=frozenset({0}))
+    check(sent("AT+CENG?"), data, [Unsolicited(line), reply])
+    assert reply.heard == (CENG_LINES[0], INTERRUPTED, *CENG_LINES[1:])
 
 
 def test_lines_of_every_part_of_a_joined_command_belong_to_it():
@@ -125,7 +127,7 @@ def test_lines_of_every_part_of_a_joined_command_belong_to_it():
     check(
         sent("AT+CPIN?;+CSQ;+COPS?"),
         "\n".join([*lines, "+CREG: 1", "OK", ""]).encode(),
-        [Unsolicited("+CREG: 1"), Reply("AT+CPIN?;+CSQ;+COPS?", lines, "OK")],
+        [Unsolicited("+CREG: 1"), Reply("AT+CPIN?;+CSQ;+COPS?", lines, "OK", interrupted=frozenset({2}))],
     )
 
 
