@@ -12,9 +12,10 @@ from typing import NamedTuple
 from logger.core.errors import GeoError
 from logger.core.geo import Utm
 from logger.core.held import Held
-from logger.core.live_cell import CellEstimate, Heard, LiveCell
+from logger.core.live_cell import CellEstimate, LiveCell
 from logger.core.live_reference import LiveReference
 from logger.core.live_settings import REFERENCE, LiveSettings
+from logger.core.locator.online import Heard
 from logger.core.locator.prior import Prior, prior_for
 from logger.core.observations import TIMING_S, fix_sigma_m, smeared_sigma_m
 from logger.core.scale import limit_of

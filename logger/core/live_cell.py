@@ -14,10 +14,11 @@ import numpy as np
 from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
 from logger.core.locator.evidence import C
-from logger.core.locator.online import OnlineLocator, Place
+from logger.core.locator.online import Heard, OnlineLocator, Place
 from logger.core.locator.prior import Prior
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
 from logger.core.shadow_noise import candidates, likeliest
+from logger.core.spikes import SpikeFilter
 from logger.core.watch import CLOSE, Watch, compare, follow, widest
 
 LOCATOR, EKF = "locator", "ekf"
@@ -25,16 +26,6 @@ LOCATOR, EKF = "locator", "ekf"
 ONE_PLACE = 0.98
 TIGHT_M = 12.0
 _RECENT = 200
-
-
-class Heard(NamedTuple):
-    """A reading with the receiver's place; `limit` as in `scale.limits`."""
-
-    x_m: float
-    y_m: float
-    sigma_m: float
-    level_dbm: float
-    limit: int
 
 
 class CellEstimate(NamedTuple):
@@ -60,13 +51,14 @@ class _Running(NamedTuple):
 class LiveCell:
     """Estimate of one cell, reading by reading; `news` holds what happened at the last reading, as (code, text)."""
 
-    def __init__(self, prior: Prior) -> None:
+    def __init__(self, prior: Prior, spikes: SpikeFilter[Heard] | None = None) -> None:
         self._prior = prior
-        self._locator = OnlineLocator(prior)
+        self._locator = OnlineLocator(prior, spikes)
         self._running: _Running | None = None
         self._recent: deque[Heard] = deque(maxlen=_RECENT)
         self._barred = False
         self.n = 0
+        self.n_set_aside = 0
         self.news: list[tuple[str, str]] = []
 
     @property
@@ -75,11 +67,30 @@ class LiveCell:
         return self._locator.stale
 
     def take(self, heard: Heard) -> CellEstimate | None:
-        """Take a reading; None while there is nothing to be said."""
+        """Take a reading; None while there is nothing to be said.
+
+        A level far from that of its forerunner waits until the next ones share it: the estimate is then after all of
+        them. One that they do not share is set aside.
+        """
         self.news = []
+        estimate = None
+        for reading, spike_db in self._locator.judged(heard):
+            if spike_db:
+                self._set_aside(reading, spike_db)
+            else:
+                estimate = self._taken(reading)
+        return estimate
+
+    def _set_aside(self, heard: Heard, spike_db: float) -> None:
+        self.n_set_aside += 1
+        how = "above" if spike_db > 0.0 else "below"
+        text = f"{heard.level_dbm:.0f} dBm is {abs(spike_db):.0f} dB {how} the readings around it and was set aside"
+        self.news.append(("level-set-aside", text))
+
+    def _taken(self, heard: Heard) -> CellEstimate | None:
         self.n += 1
         before = self._locator.place()
-        self._locator.add(heard.x_m, heard.y_m, heard.sigma_m, heard.level_dbm, heard.limit)
+        self._locator.take(heard)
         self._recent.append(heard)
         place = self._locator.place()
         step = self._stepped(heard, place)

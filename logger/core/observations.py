@@ -1,16 +1,18 @@
 """Readings joined to the walker's track: what every estimator is given."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from logger.core.arrays import FloatArray, IntArray
+from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
 from logger.core.rows import Rows
 from logger.core.scale import levels_dbm, limits
 from logger.core.schema import UNKNOWN_TIME
+from logger.core.spikes import spikes_along
 
 MAX_GAP_S = 10.0
 """A walker's place between two fixes further apart than this is not known well enough to be interpolated."""
@@ -33,6 +35,16 @@ TIMING_S = 2.0
 taken is unsure by what the walker covers in this time."""
 
 
+class SpikeLevel(NamedTuple):
+    """A level that its neighbours do not share, and by how much; `k` is its number among the readings."""
+
+    k: int
+    scan_seq: int
+    t_ns: int
+    level_dbm: float
+    above_db: float
+
+
 @dataclass(frozen=True, slots=True)
 class CellObservations:
     """Levels of one cell along the walk, in time order; all arrays have shape (n,).
@@ -40,7 +52,8 @@ class CellObservations:
     `x_m, y_m` is the receiver in the run's UTM zone, `position_sigma_m` its standard deviation per axis,
     `scan_seq` the record number of the scan a level came from. `modem` numbers the modems of several runs from 0, run
     after run; None is one modem. `known_limit` is what `limit` says where the levels no longer show it. `ta` is the GSM
-    timing advance in steps of 553.5 m, -1 where none was told; None is none at all.
+    timing advance in steps of 553.5 m, -1 where none was told; None is none at all. `without_spikes` tells that levels
+    which their neighbours do not share have been taken out, or are to stay.
     """
 
     cell: str
@@ -55,6 +68,7 @@ class CellObservations:
     modem: IntArray | None = None
     known_limit: IntArray | None = None
     ta: IntArray | None = None
+    without_spikes: bool = False
 
     def __len__(self) -> int:
         return len(self.t_ns)
@@ -85,10 +99,37 @@ class CellObservations:
         return replace(self, **some, modem=modem, known_limit=self.limit[chosen], ta=ta)
 
     def usable(self) -> "CellObservations":
-        """The readings whose level and place are numbers, and on this Earth."""
+        """The readings whose level and place are numbers, and on this Earth, and whose neighbours share their level."""
+        known = self._known()
+        found = self if np.all(known) else self.part(known)
+        if found.without_spikes:
+            return found
+        kept = np.ones(len(found), np.bool_)
+        kept[[spike.k for spike in found.spikes()]] = False
+        if np.all(kept):
+            return replace(found, without_spikes=True)
+        # a spike does not tell where the modem's scale ends
+        limit = None if self.known_limit is None else found.limit[kept]
+        return replace(found.part(kept), known_limit=limit, without_spikes=True)
+
+    def spikes(self) -> list[SpikeLevel]:
+        """Levels that their neighbours do not share, which the device sets aside as well, in their order."""
+        if self.without_spikes:
+            return []
+        known, limit = self._known(), self.limit
+        spikes = []
+        for number in range(self.n_modems):
+            mine = np.flatnonzero(known if self.modem is None else known & (self.modem == number))
+            x_m, y_m, level_dbm = (column[mine] for column in (self.x_m, self.y_m, self.level_dbm))
+            spikes += [(int(mine[k]), above_db) for k, above_db in spikes_along(x_m, y_m, level_dbm, limit[mine])]
+        return [
+            SpikeLevel(k, int(self.scan_seq[k]), int(self.t_ns[k]), float(self.level_dbm[k]), above_db)
+            for k, above_db in sorted(spikes)
+        ]
+
+    def _known(self) -> BoolArray:
         columns = np.stack([self.x_m, self.y_m, self.position_sigma_m, self.level_dbm])
-        known = np.all(np.abs(columns) < _FARTHEST_M, axis=0)  # NaN compares false
-        return self if np.all(known) else self.part(known)
+        return np.asarray(np.all(np.abs(columns) < _FARTHEST_M, axis=0))  # NaN compares false
 
     def on_one_scale(self, offset_db: FloatArray) -> "CellObservations":
         """The readings as the first modem would have heard them, given how much higher each modem reads, (modems,)."""

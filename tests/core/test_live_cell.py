@@ -47,7 +47,7 @@ def test_an_ekf_whose_transmitter_has_moved_is_taken_back():
     readings = [r._replace(level_dbm=-60.0 - 20.0 * (k % 2)) for k, r in enumerate(heard(obs))]
     after, news = estimates(readings, cell)
     assert "ekf-taken-back" in {code for code, _ in news}
-    assert LOCATOR in {e.stage for e in after}
+    assert LOCATOR in {e.stage for e in after if e}
 
 
 def test_the_same_readings_give_the_same_bits():

@@ -29,6 +29,7 @@ from logger.core.locator.prior import Prior
 from logger.core.locator.region import Cells, places
 from logger.core.locator.symmetry import Curve, curve_of
 from logger.core.locator.tree import Effort, grow
+from logger.core.spikes import Judged, SpikeFilter
 
 MOST_BLOCKS = 100
 FEWEST_BLOCKS = 4
@@ -40,6 +41,16 @@ _PLAUSIBLE = 1e-3
 _GROWN = 1.4
 _TURNED = 2.0
 _MODE_LEVEL = 0.99
+
+
+class Heard(NamedTuple):
+    """A reading with the receiver's place; `limit` as in `scale.limits`."""
+
+    x_m: float
+    y_m: float
+    sigma_m: float
+    level_dbm: float
+    limit: int
 
 
 class Place(NamedTuple):
@@ -75,8 +86,9 @@ class _Searched(NamedTuple):
 class OnlineLocator:
     """Posterior of one transmitter after each reading; `search` again when `stale` says so."""
 
-    def __init__(self, prior: Prior) -> None:
+    def __init__(self, prior: Prior, spikes: SpikeFilter[Heard] | None = None) -> None:
         self._prior = prior
+        self._spikes = spikes or SpikeFilter[Heard]()
         self._white, self._apart_m, _ = np.array(prior.hypotheses).T
         self._block = np.zeros((5, MOST_BLOCKS))  # means of x, y, level, variance of position; count
         self._curve: Curve | None = None  # that the track may be, by the last search
@@ -102,7 +114,18 @@ class OnlineLocator:
         return self._n / max(_GROWN * self._n_searched, 1.0)
 
     def add(self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int = 0) -> None:
-        """Take a reading; `limit` as in `scale.limits`."""
+        """Take a reading as soon as its neighbours say that it is none but a place's; `limit` as in `scale.limits`."""
+        for reading, spike_db in self.judged(Heard(x_m, y_m, position_sigma_m, level_dbm, limit)):
+            if not spike_db:
+                self.take(reading)
+
+    def judged(self, heard: Heard) -> list[Judged[Heard]]:
+        """Readings of which the neighbours are known now, in their order; a spike is not to be taken."""
+        return self._spikes.take(heard)
+
+    def take(self, heard: Heard) -> None:
+        """Take a reading that has been judged."""
+        x_m, y_m, position_sigma_m, level_dbm, limit = heard
         if limit:
             self._censor(x_m, y_m, level_dbm, limit)
             return

@@ -1,0 +1,206 @@
+"""What one gross error among the levels does to the answer, live and at the desk, and what guarding against it costs.
+
+python benchmarks/robustness.py [--runs M] [--measured all|N] [--seed S] [--spike DB] [--count N] [--where random|last]
+
+Each walk is answered four times: as it is and with the error, with the guard and without it. Simulated walks have white
+noise of 3 dB and shadowing of 6 dB over 15 m in turn; the measured ones lie beside this repository.
+"""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as fieldlogger does
+
+import numpy as np
+from scoreboard import traces
+from scoreboard.cases import CASES
+from scoreboard.ours import observations
+from scoreboard.world import World
+
+from logger.core.ellipse import CHI2_95_2DOF
+from logger.core.errors import EstimationError
+from logger.core.live import live_prior
+from logger.core.live_cell import LiveCell
+from logger.core.live_settings import LiveSettings
+from logger.core.locator.online import Heard
+from logger.core.locator.posterior import locate
+from logger.core.observations import CellObservations
+from logger.core.spikes import Judged, SpikeFilter
+
+SIMULATED = ("white-L", "shadow6-path", "white-square", "shadow6-path", "white-random", "shadow6-path", "white-spiral")
+CLASSES = "ABCDE"
+
+
+class Place(NamedTuple):
+    """Error of an answer and area of its 95 % region."""
+
+    error_m: float
+    area_m2: float
+
+
+class Compared(NamedTuple):
+    """One walk: answers without and with the guard, as it is and with the error in it; `found` of `asked` named."""
+
+    kind: str
+    name: str
+    asked: int
+    found: int
+    false: int
+    clean_old: Place
+    clean: Place
+    spiked_old: Place
+    spiked: Place
+
+
+class NoGuard(SpikeFilter[Heard]):
+    """Takes every level."""
+
+    def take(self, reading: Heard) -> list[Judged[Heard]]:
+        return [Judged(reading, 0.0)]
+
+
+def desk(world: World, obs: CellObservations, *, guard: bool) -> Place:
+    """The posterior of all readings."""
+    found = locate(obs if guard else replace(obs, without_spikes=True))
+    return Place(world.error_m((found.x_m, found.y_m)), found.region_area_m2)
+
+
+def live(world: World, obs: CellObservations, *, guard: bool) -> Place:
+    """The last estimate on the device."""
+    cell = LiveCell(live_prior(LiveSettings()), None if guard else NoGuard())
+    last = None
+    columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
+    for row in zip(*(column.tolist() for column in columns), strict=True):
+        last = cell.take(Heard(*row)) or last
+        if cell.stale > 1.0:
+            cell.search()
+    if last is None:
+        raise EstimationError("no live estimate")
+    xx, xy, _, _, yy, *_ = last.p
+    area_m2 = np.pi * CHI2_95_2DOF * np.sqrt(xx * yy - xy * xy)
+    return Place(world.error_m(last.state[:2]), float(area_m2))
+
+
+def with_errors(obs: CellObservations, at: list[int], spike_db: float) -> CellObservations:
+    """The walk with some levels wrong by so much."""
+    level_dbm = obs.level_dbm.copy()
+    level_dbm[at] += spike_db
+    return replace(obs, level_dbm=level_dbm)
+
+
+def wrong_at(rng: np.random.Generator, n: int, asked: argparse.Namespace) -> list[int]:
+    """Which readings are to be wrong."""
+    if asked.where == "first":
+        return list(range(asked.count))
+    if asked.where == "last":
+        return list(range(n - asked.count, n))
+    if asked.where == "row":
+        first = int(rng.integers(n - asked.count + 1))
+        return list(range(first, first + asked.count))
+    count = asked.count or max(1, round(0.01 * n))
+    return [int(k) for k in rng.choice(n, count, replace=False)]
+
+
+def worlds(asked: argparse.Namespace) -> Iterator[tuple[str, World]]:
+    """Simulated and measured walks with the kind of each."""
+    for run in range(asked.runs):
+        case = SIMULATED[run % len(SIMULATED)]
+        yield ("white" if case.startswith("white") else "shadow"), CASES[case].world(asked.seed, run)
+    names = [(kind, *name) for kind in CLASSES for name in traces.names(kind)]
+    if asked.measured != "all":
+        chosen = np.random.default_rng(asked.seed).permutation(len(names))[: int(asked.measured)]
+        names = [names[k] for k in sorted(chosen)]
+    for kind, dataset, trace in names:
+        yield f"measured {kind}", traces.measured(dataset, trace)
+
+
+def compare(kind: str, world: World, answer: Callable[..., Place], at: list[int], spike_db: float) -> Compared:
+    """One walk through one of the two estimates."""
+    obs = observations(world, world.walk)
+    wrong = with_errors(obs, at, spike_db)
+    named, false = {spike.k for spike in wrong.spikes()}, len(obs.spikes())
+    clean = answer(world, obs, guard=True)
+    before = answer(world, obs, guard=False) if false else clean  # where nothing is set aside the two are one
+    spiked = answer(world, wrong, guard=True)
+    unguarded = answer(world, wrong, guard=False) if named else spiked
+    return Compared(kind, world.name, len(at), len(named & set(at)), false, before, clean, unguarded, spiked)
+
+
+def table(found: list[Compared], title: str) -> list[str]:
+    """Ratios of one estimate, by kind of walk."""
+    lines = [f"{title:32}  walks found   error x: now / before    area x: now / before     clean: area, error x"]
+    kinds = dict.fromkeys(one.kind for one in found)
+    groups = {"all simulated": ("white", "shadow"), "all measured": tuple(k for k in kinds if k.startswith("measured"))}
+    for name, chosen in {**{kind: (kind,) for kind in kinds}, **groups}.items():
+        some = [one for one in found if one.kind in chosen]
+        if some:
+            lines.append(f"{name:32} {_row(some)}")
+    return lines
+
+
+def _row(some: list[Compared]) -> str:
+    share = sum(one.found for one in some) / sum(one.asked for one in some)
+
+    def ratio(name: str, over: str, under: str) -> str:
+        values = [getattr(getattr(c, over), name) / getattr(getattr(c, under), name) for c in some]
+        return f"{np.median(values):.2f} {np.quantile(values, 0.95):6.2f}"
+
+    cells = [
+        ratio(name, over, under)
+        for name in ("error_m", "area_m2")
+        for over, under in (("spiked", "clean"), ("spiked_old", "clean_old"))
+    ]
+    clean = f"{ratio('area_m2', 'clean', 'clean_old')}   {_medians(some)}"
+    return f"{len(some):6} {share:5.0%}   " + " / ".join(cells[:2]) + "   " + " / ".join(cells[2:]) + f"   {clean}"
+
+
+def _medians(some: list[Compared]) -> str:
+    before, now = (float(np.median([getattr(c, name).error_m for c in some])) for name in ("clean_old", "clean"))
+    return f"{before:.1f} -> {now:.1f} m"
+
+
+def main() -> int:
+    """Compare and print."""
+    asked = _parser().parse_args()
+    found: dict[str, list[Compared]] = {"desk": [], "live": []}
+    rng = np.random.default_rng(asked.seed)
+    for i, (kind, world) in enumerate(worlds(asked)):
+        at = wrong_at(rng, len(world.walk), asked)
+        for name, answer in (("desk", desk), ("live", live)):
+            if asked.only in (None, name):
+                try:
+                    found[name].append(compare(kind, world, answer, at, asked.spike))
+                except EstimationError as error:
+                    print(f"{world.name or i}: {name}: {error}", file=sys.stderr)
+        if asked.json:
+            asked.json.write_text(json.dumps(found))
+        if asked.verbose:
+            print(i, kind, world.name, *(f"{name} {rows[-1]}" for name, rows in found.items() if rows), flush=True)
+    for name, rows in found.items():
+        if rows:
+            print("\n".join(table(rows, name)), flush=True)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=200, metavar="M", help="simulated walks")
+    parser.add_argument("--measured", default="all", metavar="N", help="measured walks, drawn with the seed; or all")
+    parser.add_argument("--seed", type=int, default=1, metavar="S")
+    parser.add_argument("--spike", type=float, default=30.0, metavar="DB")
+    parser.add_argument("--count", type=int, default=1, metavar="N", help="levels that are wrong; 0: 1 %% of them")
+    parser.add_argument("--where", choices=("random", "row", "first", "last"), default="random")
+    parser.add_argument("--only", choices=("desk", "live"))
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    parser.add_argument("--verbose", action="store_true")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
