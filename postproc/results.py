@@ -102,6 +102,7 @@ def _cell(result: CellResult, run: Run) -> Json:
     entry["rts"] = _last(result, "rts")
     entry["batch"] = _batch(result)
     entry["residuals"] = _residuals(result.residuals)
+    entry["set_aside"] = [spike._asdict() for spike in result.set_aside]
     entry["truth"] = truth_of(result, run)
     entry["warnings"] = list(result.warnings)
     if result.timing is not None:

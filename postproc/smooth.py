@@ -17,6 +17,7 @@ from logger.core.observations import (
     TIMING_S,
     CellObservations,
     Observations,
+    SpikeLevel,
     observe,
     scan_times_ns,
     smeared_sigma_m,
@@ -54,7 +55,8 @@ class CellResult:
     `n` counts the readings that could be used. The answer is the posterior's; the EKF forward and backward, their
     comparison, the smoother and the least-squares fit stand beside it. `residuals` are those of the posterior's place.
     `timing` says whether the timing advances agree with the posterior; None where none was read. `failed` names the
-    estimators that were asked and did not converge: what they ended with is not kept.
+    estimators that were asked and did not converge: what they ended with is not kept. `set_aside` are levels that the
+    readings around them do not share; only the reference filter and `residuals` have them.
     """
 
     cell: str
@@ -72,6 +74,7 @@ class CellResult:
     residuals: Residuals | None = None
     timing: TimingCheck | None = None
     failed: tuple[str, ...] = ()
+    set_aside: tuple[SpikeLevel, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,9 +160,12 @@ def smooth_cell(obs: CellObservations, wishes: Wishes = Wishes()) -> CellResult:
     if posterior is None:
         return _converged_only(replace(found, reference=reference))
     starts = [(mode.x_m, mode.y_m) for mode in posterior.modes]
-    level = obs if posterior.offsets is None else obs.on_one_scale(posterior.offsets.mean_db)
-    fitted = batch.fit(level, starts, loss=wishes.loss, height_m=wishes.prior.height_m)
-    forward, backward = _passes(obs, posterior)
+    level, kept = (
+        some if posterior.offsets is None else some.on_one_scale(posterior.offsets.mean_db)
+        for some in (obs, obs.usable())
+    )
+    fitted = batch.fit(kept, starts, loss=wishes.loss, height_m=wishes.prior.height_m)
+    forward, backward = _passes(obs.usable(), posterior)
     there = forward if isinstance(forward, handover.EkfRun) else None
     back = backward if isinstance(backward, handover.EkfRun) else None
     every = replace(
@@ -219,13 +225,31 @@ def answer(obs: CellObservations, prior: Prior) -> CellResult:
     """The posterior and its verdict, and no other estimator."""
     if why := too_few(obs):
         return CellResult(obs.cell, len(obs), obs, "cannot tell", (why,))
-    posterior = locate(obs, prior)
-    told, reasons, _ = judged(posterior, obs)
-    timing = timing_of(obs.usable())
+    kept, aside = obs.usable(), tuple(obs.spikes())
+    posterior = locate(kept, prior)
+    told, reasons, _ = judged(posterior, kept)
+    timing = timing_of(kept)
     checked = None if timing is None else timing.check(posterior.cells)
     if checked and checked.warning:
         reasons.append(checked.warning)
-    return CellResult(obs.cell, len(obs), obs, told, tuple(reasons), posterior=posterior, timing=checked)
+    reasons += _set_aside(aside)
+    return CellResult(
+        obs.cell, len(obs), obs, told, tuple(reasons), posterior=posterior, timing=checked, set_aside=aside
+    )
+
+
+def _set_aside(spikes: Sequence[SpikeLevel]) -> list[str]:
+    """The largest of them in plain words."""
+    if not spikes:
+        return []
+    worst = max(spikes, key=lambda spike: abs(spike.above_db))
+    how = "above" if worst.above_db > 0.0 else "below"
+    which = "1 level was" if len(spikes) == 1 else f"{len(spikes)} levels were"
+    text = (
+        f"{which} set aside, since the readings around do not share them: the worst, {worst.level_dbm:.0f} dBm in scan "
+        f"{worst.scan_seq}, is {abs(worst.above_db):.0f} dB {how} those"
+    )
+    return [text]
 
 
 def _passes(obs: CellObservations, posterior: Posterior) -> Iterator[handover.EkfRun | handover.NoRun]:

@@ -11,8 +11,8 @@ another waits until two of the next three say the same of it. The desk judges by
 """
 
 from collections import deque
-from collections.abc import Iterator, Sequence
-from itertools import islice, takewhile
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice, pairwise, takewhile
 from math import hypot, log10, sqrt
 from statistics import fmean, median
 from typing import Generic, NamedTuple, Protocol, TypeVar
@@ -25,23 +25,27 @@ _SIDE = 3
 """Readings on each side: the middle one of three is no spike even where two are in a row."""
 _SLOPE_SIDE = 5
 """Readings on each side that tell how levels rise towards a transmitter right here."""
-_REACH_M = 100.0
-"""Farther away a level says nothing of the level here: in 464 measured walks shadowing decorrelates over 22 m."""
-_LEAST_DB = 15.0
+_REACH_M = 200.0
+"""Farther away a level says too little of the level here."""
+_LEAST_ABOVE_DB, _LEAST_BELOW_DB = 18.0, 20.0
 """Less than this moves no answer far, and measured levels do it beside a transmitter."""
 _FEWEST = 3
 """With fewer readings around it nobody knows which of them is the wrong one."""
-_SIGMAS = 4.0
-_PASSING_SIGMAS = 3.0
+_SIGMAS_ABOVE, _SIGMAS_BELOW = 4.0, 5.0
+"""Fading goes deeper than it goes high (Rayleigh)."""
+_OF_TWO = 4.0 / 3.0
+"""So much farther out two in a row have to be: they may be a place."""
+_PASSING_SIGMAS = 2.5
 _CHANGES = 64
-_BEGUN_CHANGES = 8
+_BEGUN_CHANGES = 4
 _BEGUN_SIGMA_DB = 4.0
 """Noise between neighbours before the walk has shown it: between 3 dB (white) and 5.4 dB (measured walks)."""
-_SIGMA_OF_CHANGE = 1.0 / (0.6745 * sqrt(2.0))
-"""Sigma of a level from the median change between neighbours."""
+_QUANTILES = ((0.5, 0.6745), (0.9, 1.6449))
+"""Of the changes between neighbours, and what they are of a standard normal: the larger answer counts, since noise of
+two kinds has a small median."""
 _PASSING_M = 7.0
-"""A transmitter right here is no nearer: 5 m above and 5 m beside the walk. At 3 m above and beside it the peak of one
-in 25 simulated passes with a reading every 10 m is taken for a spike, at 5 m one in 100."""
+"""A transmitter right here is 5 m above and 5 m beside the walk. Of simulated passes with a reading every 5 to 30 m,
+noise 3 or 6 dB, the peak is taken for a spike in at most 3 of 100 at 5 m above and beside, in 7 of 100 at 2 and 3 m."""
 _ETA, _ETA_SIGMA = 2.6, 2.0
 
 
@@ -83,8 +87,8 @@ class SpikeFilter(Generic[T]):
 
     def __init__(self) -> None:
         self._before: deque[T] = deque(maxlen=_SLOPE_SIDE)  # without spikes
-        begun_db = _BEGUN_SIGMA_DB / _SIGMA_OF_CHANGE
-        self._changes_db: deque[float] = deque([begun_db] * _BEGUN_CHANGES, maxlen=_CHANGES)
+        begun_db = (sqrt(2.0) * _BEGUN_SIGMA_DB * (k + 0.5) / _BEGUN_CHANGES for k in range(_BEGUN_CHANGES))
+        self._changes_db: deque[float] = deque(begun_db, maxlen=_CHANGES)
         self._waiting: deque[T] = deque()
 
     def take(self, reading: T) -> list[Judged[T]]:
@@ -125,37 +129,62 @@ class SpikeFilter(Generic[T]):
     def _judge(self, *, ended: bool) -> float | None:
         """How far the reading that waits longest stands out, 0 where it does not; None while that is open."""
         head = self._waiting[0]
-        if self._before and abs(head.level_dbm - self._before[-1].level_dbm) <= _LEAST_DB:
+        if self._before and abs(head.level_dbm - self._before[-1].level_dbm) <= _LEAST_ABOVE_DB:
             return 0.0
         before = [one for one in self._before if _near(one, head)]
         following = list(islice(self._waiting, 1, None))
         after = list(takewhile(lambda one: _near(one, head), following))[:_SLOPE_SIDE]
         walked_on = ended or len(after) < len(following)
-        sigma_db = _SIGMA_OF_CHANGE * median(self._changes_db)
-        return _stands_out(head, before, after, sigma_db, ended=walked_on)
+        ahead_db = (abs(one.level_dbm - other.level_dbm) for one, other in pairwise(after))
+        return _stands_out(head, before, after, _sigma_db([*self._changes_db, *ahead_db]), ended=walked_on)
 
 
 def _stands_out(
     head: Placed, before: Sequence[Placed], after: Sequence[Placed], sigma_db: float, *, ended: bool
 ) -> float | None:
     """As `SpikeFilter._judge`; `ended` where no more readings will come after it."""
-    side = before[-_SIDE:] or after[:_SIDE]
-    if not ended and not before and len(side) < _SIDE:
+    side = before[-_SIDE:] if len(before) > 1 else after[:_SIDE] or before
+    if not ended and len(before) <= 1 and len(after) < _SIDE:
         return None
-    off_db = head.level_dbm - median(one.level_dbm for one in side) if side else 0.0
-    margin_db = max(_LEAST_DB, _SIGMAS * sigma_db)
+    usual_dbm = median(one.level_dbm for one in side) if side else head.level_dbm
+    off_db = head.level_dbm - usual_dbm
+    margin_db = (
+        max(_LEAST_ABOVE_DB, _SIGMAS_ABOVE * sigma_db)
+        if off_db > 0.0
+        else max(_LEAST_BELOW_DB, _SIGMAS_BELOW * sigma_db)
+    )
     if abs(off_db) <= margin_db or (ended and len(before) + len(after) < _FEWEST):
         return 0.0
     sign = 1.0 if off_db > 0.0 else -1.0
     apart = [one for one in after if sign * (head.level_dbm - one.level_dbm) > margin_db]
-    against = sum(one in apart for one in after[:_SIDE])
-    shared = len(after[:_SIDE]) - against
-    if 2 * shared > (len(after[:_SIDE]) if ended else _SIDE):
-        return 0.0
-    passing = off_db > 0.0 and _may_be_passing(head, [*before, *apart], sigma_db)
-    if not ended and len(after) < _SLOPE_SIDE and (passing or 2 * against <= _SIDE):
+    as_far = sum(sign * (one.level_dbm - usual_dbm) > margin_db for one in after[:_SIDE])
+    vote = _vote(sum(one in apart for one in after[:_SIDE]), len(after[:_SIDE]), as_far, ended=ended)
+    if vote is None:
         return None
-    return 0.0 if passing else off_db
+    if not vote or (as_far and abs(off_db) <= _OF_TWO * margin_db):
+        return 0.0
+    if off_db < 0.0 or not _may_be_passing(head, [*before, *apart], sigma_db):
+        return off_db
+    return None if not ended and len(after) < _SLOPE_SIDE else 0.0
+
+
+def _vote(apart: int, heard: int, as_far: int, *, ended: bool) -> bool | None:
+    """Whether the readings after it speak against it: two of three do, fewer where there are no more.
+
+    `as_far` of them stand out as it does: a walk that ends with two such has not shown that they are a place.
+    """
+    shared = heard - apart
+    if ended and heard < _SIDE:
+        return apart >= shared or as_far == shared == 1
+    if 2 * max(apart, shared) < _SIDE:
+        return None
+    return apart > shared
+
+
+def _sigma_db(changes_db: Iterable[float]) -> float:
+    """Standard deviation of a level, from changes between neighbours."""
+    of_size = sorted(changes_db)
+    return max(of_size[int(share * len(of_size))] / (sqrt(2.0) * normal) for share, normal in _QUANTILES)
 
 
 def _near(one: Placed, other: Placed) -> bool:
@@ -218,14 +247,14 @@ def spikes_along(
 def _doubted(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> BoolArray:
     """Levels that might be spikes, shape (n,): far from their forerunner, and not shared by two of the next three."""
     doubted = np.ones(len(level_dbm), np.bool_)
-    doubted[1:] = np.abs(np.diff(level_dbm)) > _LEAST_DB
+    doubted[1:] = np.abs(np.diff(level_dbm)) > _LEAST_ABOVE_DB
     inner = slice(0, max(len(level_dbm) - _SIDE, 0))
     above, below, far = (np.zeros(len(level_dbm[inner]), np.int64) for _ in range(3))
     for ahead in range(1, _SIDE + 1):
         other = slice(ahead, ahead + len(above))
         off_db = level_dbm[inner] - level_dbm[other]
-        above += off_db > _LEAST_DB
-        below += off_db < -_LEAST_DB
+        above += off_db > _LEAST_ABOVE_DB
+        below += off_db < -_LEAST_ABOVE_DB
         far += np.hypot(x_m[inner] - x_m[other], y_m[inner] - y_m[other]) > _REACH_M
     doubted[inner] &= (2 * np.maximum(above, below) > _SIDE) | (far > 0)
     return doubted

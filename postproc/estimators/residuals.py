@@ -78,10 +78,13 @@ def diagnose(
 ) -> Residuals:
     """Residuals of any estimate [x, y, P0, eta] over the readings of its cell, and the innovations of its filter.
 
-    Fewer than 20 levels, or levels that fit to their rounding, are listed and not judged.
+    Fewer than 20 levels, or levels that fit to their rounding, are listed and not judged. A level that those around it
+    do not share is named where it is an outlier, and has no part in what is said of the others.
     """
     residual = np.where(obs.limit == 0, -batch.residuals(state, obs, height_m), np.nan)
-    ground = _ground(state, obs, residual, height_m)
+    shared = residual.copy()
+    shared[[spike.k for spike in obs.spikes()]] = np.nan
+    ground = _ground(state, obs, shared, height_m)
     e = ground.e_db
     sigma_db = max(float(np.median(np.abs(e))) / 0.6745, _ROUNDING_DB) if len(e) else np.nan
     innovations = _innovations(filtered)

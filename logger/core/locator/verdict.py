@@ -27,6 +27,7 @@ Verdict = Literal["located", "ambiguous", "cannot tell"]
 
 def judged(posterior: Posterior, obs: CellObservations) -> tuple[Verdict, list[str], Division | None]:
     """The verdict after every check, and the division in two transmitters that was asked about."""
+    obs = obs.usable()
     division = divide(obs, posterior)
     told, reasons = verdict(posterior, obs, division)
     if told == "located":
