@@ -160,12 +160,12 @@ def smooth_cell(obs: CellObservations, wishes: Wishes = Wishes()) -> CellResult:
     if posterior is None:
         return _converged_only(replace(found, reference=reference))
     starts = [(mode.x_m, mode.y_m) for mode in posterior.modes]
-    level, kept = (
-        some if posterior.offsets is None else some.on_one_scale(posterior.offsets.mean_db)
-        for some in (obs, obs.usable())
+    usable = obs.usable()
+    level, shared = (
+        some if posterior.offsets is None else some.on_one_scale(posterior.offsets.mean_db) for some in (obs, usable)
     )
-    fitted = batch.fit(kept, starts, loss=wishes.loss, height_m=wishes.prior.height_m)
-    forward, backward = _passes(obs.usable(), posterior)
+    fitted = batch.fit(shared, starts, loss=wishes.loss, height_m=wishes.prior.height_m)
+    forward, backward = _passes(usable, posterior)
     there = forward if isinstance(forward, handover.EkfRun) else None
     back = backward if isinstance(backward, handover.EkfRun) else None
     every = replace(
