@@ -67,11 +67,7 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument("run", type=path, nargs=count, metavar="RUN", help=which)
         return command
 
-    info = add("info", "what is in a run, its gaps, how it stopped")
-    info.add_argument("--verify", action="store_true", help="check that it is whole and as it was sealed; 3 if not")
-    info.add_argument("-v", "--verbose", action="store_true", help="every gap and every event")
-    info.add_argument("--json", action="store_true")
-    info.set_defaults(command=_info)
+    _add_info(add("info", "what is in a run, its gaps, how it stopped"))
 
     replay = add("replay", "compute the live estimate again and compare it with the recorded one")
     replay.add_argument("--json", action="store_true")
@@ -128,15 +124,24 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _add_info(info: argparse.ArgumentParser) -> None:
+    info.add_argument("--verify", action="store_true", help="check that it is whole and as it was sealed; 3 if not")
+    what = "with --verify: the digest noted at the stop, which a forger cannot meet"
+    info.add_argument("--digest", metavar="HEX", help=what)
+    info.add_argument("-v", "--verbose", action="store_true", help="every gap and every event")
+    info.add_argument("--json", action="store_true")
+    info.set_defaults(command=_info)
+
+
 def _info(arguments: argparse.Namespace) -> int:
-    from logger.core.runfile import read_run
+    from logger.core.runfile import read_sound_run
     from postproc.info import describe
     from postproc.info_table import print_info
     from postproc.json_text import as_json
 
-    if arguments.verify:
+    if arguments.verify or arguments.digest is not None:
         return _verify(arguments)
-    info = describe(read_run(arguments.run))
+    info = describe(read_sound_run(arguments.run))
     if arguments.json:
         print(as_json(info))
     else:
@@ -148,14 +153,14 @@ def _verify(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from logger.core.runfile import SOMETHING_LOST
-    from postproc.info import verify
+    from postproc.info import noted_digest, verify
 
-    checks = verify(arguments.run)
+    checks = verify(arguments.run, None if arguments.digest is None else noted_digest(arguments.digest))
     if arguments.json:
         print(json.dumps([asdict(check) for check in checks], indent=2))
     else:
         for check in checks:
-            print(f"{'ok' if check.holds else 'FAIL':4}  {check.what}: {check.text}")
+            print(f"{'ok' if check.holds else 'FAIL':4}  {check.what}: {printable(check.text)}")
     return 0 if all(check.holds for check in checks) else SOMETHING_LOST
 
 
@@ -183,7 +188,7 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 def _smooth(arguments: argparse.Namespace) -> int:
     from logger.core.locator.prior import prior_for
-    from logger.core.runfile import read_run
+    from logger.core.runfile import read_sound_run
     from postproc import results
     from postproc.progress import shown
     from postproc.smooth import Wishes, smooth_run
@@ -191,7 +196,7 @@ def _smooth(arguments: argparse.Namespace) -> int:
     wishes = Wishes(prior_for(arguments.environment, height_m=arguments.height), arguments.loss)
     if len(arguments.run) > 1:
         return _smooth_together(arguments, wishes)
-    run = read_run(arguments.run[0])
+    run = read_sound_run(arguments.run[0])
     smoothed = smooth_run(run, arguments.cell, wishes=wishes, progress=shown, processes=_processes())
     found = results.summary(smoothed)
     _print_results(arguments, found)
@@ -201,12 +206,12 @@ def _smooth(arguments: argparse.Namespace) -> int:
 
 
 def _smooth_together(arguments: argparse.Namespace, wishes: "Wishes") -> int:
-    from logger.core.runfile import read_run
+    from logger.core.runfile import read_sound_run
     from postproc import results
     from postproc.progress import shown
     from postproc.together import smooth_together
 
-    runs = [read_run(path) for path in arguments.run]
+    runs = [read_sound_run(path) for path in arguments.run]
     together = smooth_together(runs, arguments.cell, wishes=wishes, progress=shown, processes=_processes())
     found = results.summary_together(together)
     _print_results(arguments, found)

@@ -1,11 +1,13 @@
 """What is in a run: counts, gaps, how it stopped, and whether it is whole."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from logger.core.runfile import Run, Sealing, read_run, sealing_of
+from logger.core.errors import ConfigError
+from logger.core.runfile import Run, Sealing, read_sound_run, sealing_of
 from logger.core.scale import levels_dbm
 from logger.core.schema import UNKNOWN_ID
 from logger.core.timebase import fit
@@ -60,6 +62,7 @@ class Info:
     stopped: str | None
     missing_frames: int
     skipped_bytes: int
+    meaningless_values: int
     digest: str
     n_fixes: int
     n_fixes_valid: int
@@ -93,6 +96,7 @@ def describe(run: Run) -> Info:
         stopped=run.end.reason if run.end else None,
         missing_frames=run.damage.missing_frames,
         skipped_bytes=run.damage.skipped_bytes,
+        meaningless_values=run.damage.meaningless_values,
         digest=run.digest,
         n_fixes=len(fixes),
         n_fixes_valid=int(np.count_nonzero(fixes["valid"])),
@@ -101,7 +105,7 @@ def describe(run: Run) -> Info:
         n_readings_without_fix=int(np.count_nonzero(readings["fix_seq"] == UNKNOWN_ID)),
         n_readings_without_identity=int(np.count_nonzero(readings["cell"] == b"")),
         n_live=len(run.tables["live"]),
-        n_raw_bytes=len(run.raw_bytes),
+        n_raw_bytes=run.n_raw_bytes,
         cells=_cells(run),
         gaps=(*_gaps("fixes", fixes["t_ns"][fixes["valid"] == 1], start_ns), *_gaps("scans", scans["t_ns"], start_ns)),
         events=_events(run),
@@ -109,18 +113,27 @@ def describe(run: Run) -> Info:
 
 
 def _cells(run: Run) -> tuple[CellCount, ...]:
+    """In one pass over the readings, however many cells there are."""
     readings = run.tables["readings"]
-    names, first, which = np.unique(readings["cell"], return_index=True, return_inverse=True)
-    cells = []
-    for i, name in enumerate(names):
-        if not name:
-            continue
-        mine = readings[which == i]
-        levels = levels_dbm(mine)
-        levels = levels[np.isfinite(levels)]
-        rat = readings["rat"][first[i]].decode() or None
-        cells.append(CellCount(name.decode(), rat, len(mine), float(levels.max()) if len(levels) else None))
+    names, first, which, counts = np.unique(
+        readings["cell"], return_index=True, return_inverse=True, return_counts=True
+    )
+    levels = levels_dbm(readings)
+    strongest_dbm = np.full(len(names), -np.inf)
+    known = np.isfinite(levels)
+    np.maximum.at(strongest_dbm, which[known], levels[known])
+    counts = np.bincount(which, minlength=len(names))
+    told = zip(names.tolist(), readings["rat"][first].tolist(), counts.tolist(), strongest_dbm.tolist(), strict=True)
+    cells = [
+        CellCount(_text(name), _text(rat) or None, n, most_dbm if np.isfinite(most_dbm) else None)
+        for name, rat, n, most_dbm in told
+        if name
+    ]
     return tuple(sorted(cells, key=lambda cell: -cell.n))
+
+
+def _text(stored: bytes) -> str:
+    return stored.decode("utf-8", "replace")
 
 
 def _gaps(of: str, t_ns: np.ndarray[tuple[int], np.dtype[np.int64]], start_ns: int) -> list[Gap]:
@@ -133,10 +146,10 @@ def _events(run: Run) -> tuple[Event, ...]:
     return tuple(
         Event(
             (int(row["t_ns"]) - run.meta.started_ns) / 1e9,
-            row["source"].decode(),
-            row["level"].decode(),
-            row["code"].decode(),
-            row["text"].decode("utf-8", "replace"),
+            _text(row["source"]),
+            _text(row["level"]),
+            _text(row["code"]),
+            _text(row["text"]),
         )
         for row in run.tables["notes"]
     )
@@ -151,16 +164,32 @@ class Check:
     text: str
 
 
-def verify(path: Path) -> tuple[Check, ...]:
-    """Check a run in either form, with nothing but its file; raises `RunFileError` when it cannot be read at all."""
-    run, sealing = read_run(path), sealing_of(path)
+def verify(path: Path, noted: str | None = None) -> tuple[Check, ...]:
+    """Check a run in either form, with nothing but its file, and against a digest noted elsewhere if there is one.
+
+    Raises `RunFileError` when it cannot be read at all.
+    """
+    run, sealing = read_sound_run(path), sealing_of(path)
+    stopped = run.end.reason if run.end else "no record of a stop: the run was cut"
+    if not sealing.stop_is_sealed:
+        stopped += " (recorded by an earlier version, which did not seal this)"
     return (
         Check("checksums", not run.damage, str(run.damage) if run.damage else "every frame is there and undamaged"),
         _counts(run),
         _time(run),
-        Check("stop", run.end is not None, run.end.reason if run.end else "no record of a stop: the run was cut"),
+        Check("stop", run.end is not None, stopped),
         _chain(sealing),
+        *(Check("content", False, f"altered: {difference}") for difference in sealing.differences),
+        *([] if noted is None else [_noted(sealing, noted)]),
     )
+
+
+def noted_digest(text: str) -> str:
+    """A digest as somebody has noted it; raises `ConfigError` for what is none."""
+    digest = "".join(text.split()).lower()
+    if not re.fullmatch("[0-9a-f]{64}", digest):
+        raise ConfigError(f"--digest: {text[:80]!r} is no digest, which has 64 digits from 0 to f")
+    return digest
 
 
 def _counts(run: Run) -> Check:
@@ -174,8 +203,8 @@ def _counts(run: Run) -> Check:
     if announced != len(run.tables["readings"]):
         wrong.append(f"{announced} readings were announced and {len(run.tables['readings'])} are there")
     n_bytes = int(run.tables["raw"]["length"].sum())
-    if n_bytes != len(run.raw_bytes):
-        wrong.append(f"{n_bytes} raw bytes were received and {len(run.raw_bytes)} are there")
+    if n_bytes != run.n_raw_bytes:
+        wrong.append(f"{n_bytes} raw bytes were received and {run.n_raw_bytes} are there")
     return Check("counts", not wrong, "; ".join(wrong) or f"{n} records, {announced} readings, {n_bytes} raw bytes")
 
 
@@ -183,9 +212,11 @@ def _time(run: Run) -> Check:
     """Time of each source never goes back in a table; between sources the order is that of arrival."""
     back = 0
     for table, rows in run.tables.items():
-        by_source = rows[np.argsort(rows["source"], kind="stable")]
-        same = by_source["source"][1:] == by_source["source"][:-1]
-        back += int(np.count_nonzero(same & (np.diff(by_source["t_ns"]) < 0))) if table != "live" else 0
+        if table == "live":
+            continue
+        order = np.argsort(rows["source"], kind="stable")
+        source, t_ns = rows["source"][order], rows["t_ns"][order]
+        back += int(np.count_nonzero((source[1:] == source[:-1]) & (t_ns[1:] < t_ns[:-1])))
     return Check("time", not back, f"goes back {back} times" if back else "never goes back")
 
 
@@ -199,5 +230,17 @@ def _chain(sealing: Sealing) -> Check:
     elif not sealing.holds:
         text = f"altered: sealed with {sealing.end.digest}, recomputed {sealing.recomputed}"
     else:
-        text = f"sealed with {sealing.recomputed}; compare it with the digest noted at the stop"
+        text = (
+            f"sealed with {sealing.recomputed}; compare it with the digest noted at the stop (--digest): "
+            "a chain that anybody can make proves no author"
+        )
     return Check("chain", sealing.holds, text)
+
+
+def _noted(sealing: Sealing, noted: str) -> Check:
+    """The only check that a forger with time does not pass."""
+    if not sealing.holds:
+        return Check("digest", False, f"the chain does not hold, so it cannot be the run of {noted}")
+    if sealing.recomputed != noted:
+        return Check("digest", False, f"this is not the run of {noted}, or it was changed and sealed anew")
+    return Check("digest", True, "it is the one noted: nothing was changed, left out or added since")

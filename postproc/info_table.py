@@ -4,11 +4,14 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
-from postproc.info import Event, Gap, Info
+from logger.core.printable import printable
+from postproc.info import CellCount, Event, Gap, Info
 from postproc.terminal import say, screen, table
 
 MOST = 10
 """Events, and gaps, that are listed unless all are asked for."""
+MOST_CELLS = 500
+"""More than any city has within a walk."""
 _WEIGHT = {"error": 0, "warning": 1}
 _STYLES = {"error": "red", "warning": "yellow"}
 
@@ -17,14 +20,15 @@ def print_info(info: Info, *, details: bool = False) -> None:
     """A run on one screen; with `details` every gap and every event."""
     console = screen()
     simulated = ", SIMULATED" if info.simulated else ""
-    say(console, f"{info.path} ({info.form}), {info.origin}{simulated}", "bold")
+    say(console, printable(f"{info.path} ({info.form}), {info.origin}{simulated}"), "bold")
     for title, text, style in _facts(info):
-        say(console, text, style, bullet=f"{title:8} ")
-    _print_cells(console, info)
+        say(console, printable(text), style, bullet=f"{title:8} ")
+    _print_cells(console, info.cells if details else info.cells[:MOST_CELLS])
+    _print_rest(console, 0 if details else len(info.cells) - MOST_CELLS, "cells")
     most = max(len(info.gaps), len(info.events)) if details else MOST
     _print_gaps(console, info.gaps, most)
     _print_events(console, info.events, most)
-    say(console, info.digest, bullet="digest   ")
+    say(console, printable(info.digest), bullet="digest   ")
 
 
 def _facts(info: Info) -> list[tuple[str, str, str]]:
@@ -36,21 +40,23 @@ def _facts(info: Info) -> list[tuple[str, str, str]]:
         ("readings", f"{info.n_readings} in {info.n_scans} scans, {without}", ""),
         ("live", f"{info.n_live} estimates; raw {info.n_raw_bytes} bytes", ""),
     ]
-    if info.missing_frames or info.skipped_bytes:
+    if info.missing_frames or info.skipped_bytes or info.meaningless_values:
         damage = f"{info.missing_frames} frames missing, {info.skipped_bytes} bytes damaged"
+        if info.meaningless_values:
+            damage += f", {info.meaningless_values} values that no recorder writes left out"
         facts.insert(2, ("damage", damage, "red"))
     return facts
 
 
-def _print_cells(console: Console, info: Info) -> None:
+def _print_cells(console: Console, cells: Sequence[CellCount]) -> None:
     rows = [
         [
-            cell.cell,
-            cell.rat or "-",
+            printable(cell.cell),
+            printable(cell.rat or "-"),
             str(cell.n),
             "-" if cell.strongest_dbm is None else f"{cell.strongest_dbm:.0f} dBm",
         ]
-        for cell in info.cells
+        for cell in cells
     ]
     if rows:
         table(console, ["cell", "type", "readings", "strongest"], rows, right=("readings", "strongest"))
@@ -68,10 +74,10 @@ def _print_events(console: Console, events: Sequence[Event], most: int) -> None:
     gravest = sorted(enumerate(events), key=lambda entry: (_WEIGHT.get(entry[1].level, 2), entry[0]))[:most]
     for _, event in sorted(gravest, key=lambda entry: entry[0]):
         style = _STYLES.get(event.level, "dim")
-        say(console, f"{event.source}: {event.text}", style, bullet=f"+{event.t_s:.0f} s  ")
+        say(console, printable(f"{event.source}: {event.text}"), style, bullet=f"+{event.t_s:.0f} s  ")
     _print_rest(console, len(events) - len(gravest), "events")
 
 
 def _print_rest(console: Console, n: int, what: str) -> None:
-    if n:
+    if n > 0:
         say(console, f"... and {n} more {what} (-v lists all)", "dim")

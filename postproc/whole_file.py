@@ -20,12 +20,12 @@ def check_folder(folder: Path) -> None:
 
 def check_output(path: Path) -> None:
     """As `check_writable`, for what must not replace a run either: that cannot be made again."""
-    from logger.core.runfile import read_run  # noqa: PLC0415 (h5py; most files are written without)
+    from logger.core.runfile import read_sound_run  # noqa: PLC0415 (h5py; most files are written without)
 
     check_writable(path)
     if path.exists():
         try:
-            read_run(path)
+            read_sound_run(path)
         except RunFileError:
             return
         raise RunFileError(f"{path} is a run; choose another name")

@@ -24,6 +24,9 @@ UNKNOWN_ID = -1
 UNKNOWN_TIME = -(2**63)
 UNKNOWN_SIGNED = -(2**31)
 
+MOST_NS = 2**62
+"""No time is later, in nanoseconds since boot or since 1970: a century, and sums of two still fit into 64 bits."""
+
 _STRUCT_CODES = {"<i8": "q", "<i4": "i", "|u1": "B", "<f8": "d"}
 
 
@@ -49,7 +52,7 @@ def _text(name: str, size: int, unit: str) -> Column:
     return Column(name, f"S{size}", unit)
 
 
-_HEAD = (
+HEAD = (
     Column("seq", "<i8", "number of the record in the run"),
     Column("t_ns", "<i8", "ns since boot, when the record was complete"),
     _text("source", 16, "port or part it came from"),
@@ -57,7 +60,7 @@ _HEAD = (
 
 TABLES: Mapping[str, tuple[Column, ...]] = {
     "fixes": (
-        *_HEAD,
+        *HEAD,
         Column("valid", "|u1", "1 when the receiver had a position"),
         Column("utc_ns", "<i8", "ns since 1970 UTC, by GPS", UNKNOWN_TIME),
         _float("lat_deg", "deg north, WGS 84"),
@@ -71,14 +74,14 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         _float("course_deg", "deg clockwise from true north"),
     ),
     "scans": (
-        *_HEAD,
+        *HEAD,
         Column("t_start_ns", "<i8", "ns since boot, when the modem was asked"),
         Column("fix_start_seq", "<i8", "seq of the fix current when the modem was asked", UNKNOWN_ID),
         Column("fix_seq", "<i8", "seq of the fix current at the end of the scan", UNKNOWN_ID),
         _count("n_readings", "cells in the reply"),
     ),
     "readings": (
-        *_HEAD,
+        *HEAD,
         Column("t_start_ns", "<i8", "ns since boot, when the modem was asked", UNKNOWN_TIME),
         Column("fix_start_seq", "<i8", "seq of the fix current when the modem was asked", UNKNOWN_ID),
         Column("fix_seq", "<i8", "seq of the fix current at the end of the scan", UNKNOWN_ID),
@@ -110,13 +113,13 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         Column("identity_unsure", "|u1", "1 where a byte of the identity may be lost or doubled", 0),
     ),
     "notes": (
-        *_HEAD,
+        *HEAD,
         _text("level", 8, "info, warning or error"),
         _text("code", 24, "kind of event"),
         _text("text", 400, "what happened"),
     ),
     "live": (
-        *_HEAD,
+        *HEAD,
         Column("scan_seq", "<i8", "seq of the scan that was used"),
         _text("stage", 16, "which estimator"),
         _text("cell", 64, "target"),
@@ -132,7 +135,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         _float("probability", "1, of the place; below 1 there are others"),
     ),
     "raw": (
-        *_HEAD,
+        *HEAD,
         Column("sent", "|u1", "1 for bytes the logger wrote"),
         Column("offset", "<i8", "first byte in raw_bytes"),
         Column("length", "<i4", "bytes"),
@@ -154,6 +157,29 @@ def columns_of(version: int) -> dict[str, list[tuple[str, str]]]:
         return not any(column.name in tables.get(table, ()) for tables in later)
 
     return {table: [(c.name, c.dtype) for c in columns if had(table, c)] for table, columns in TABLES.items()}
+
+
+def columns_text(table: str, names: Iterable[str]) -> str:
+    """Names and units of a table's columns, as an attribute of the HDF5 file has them."""
+    units = {column.name: column.unit for column in TABLES[table]}
+    return "\n".join(f"{name}: {units.get(name, '')}" for name in names)
+
+
+def is_columns_text(table: str, names: Iterable[str], text: str) -> bool:
+    """Whether a text is one that some version of this program has written about columns of those names."""
+    known = {f"{column.name}: {column.unit}" for column in TABLES[table]} | _EARLIER_WORDS
+    lines = text.split("\n")
+    return set(lines) <= known and {line.partition(":")[0] for line in lines} >= set(names)
+
+
+_EARLIER_WORDS = frozenset(
+    {
+        "lac: location area code",
+        "bsic: 8 NCC + BCC",
+        "fix_seq: seq of the fix current at the scan",
+    }
+)
+"""Lines of runs of schema 1. A change of words goes in here, or the files of yesterday seem altered."""
 
 
 def packing_of(version: int) -> dict[str, struct.Struct]:

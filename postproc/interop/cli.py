@@ -54,7 +54,7 @@ def add_share(command: argparse.ArgumentParser) -> None:
 
 def export(arguments: argparse.Namespace, summarise: Summarise) -> int:
     """Write a run in another format."""
-    from logger.core.runfile import read_run
+    from logger.core.runfile import read_sound_run
     from postproc.interop import exporting
     from postproc.interop.levels import walked
     from postproc.smooth import heard_cells
@@ -64,7 +64,7 @@ def export(arguments: argparse.Namespace, summarise: Summarise) -> int:
     if wanted and not exporting.FORMATS[name].has_estimates:
         which = "--estimates" if arguments.estimates else "--all-estimators"
         raise ConfigError(f"{name} holds measurements only; {which} goes with kml, geojson and gpx")
-    run = read_run(arguments.run)
+    run = read_sound_run(arguments.run)
     check_output(arguments.output)
     walk = walked(run, list(heard_cells([run], arguments.cell)) if arguments.cell else None)
     found = _estimates(arguments, run, walk, summarise) if wanted else []
@@ -118,11 +118,11 @@ def import_(arguments: argparse.Namespace) -> int:
 
 def share(arguments: argparse.Namespace) -> int:
     """Write a copy that may be given away."""
-    from logger.core.runfile import read_run
+    from logger.core.runfile import read_sound_run
     from postproc.interop import share as sharing
 
     check_writable(arguments.output)
-    told = sharing.share(read_run(arguments.run), arguments.output, arguments.blur_m)
+    told = sharing.share(read_sound_run(arguments.run), arguments.output, arguments.blur_m)
     if arguments.json:
         print(json.dumps(asdict(told), indent=2, default=str))
         return 0

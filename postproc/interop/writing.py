@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from logger.core.errors import RunFileError
-from logger.core.runfile import RunMeta, RunWriter, convert_journal, read_run
+from logger.core.runfile import RunMeta, RunWriter, convert_journal, read_sound_run
 from logger.core.types import Record
 
 _SYNC_EVERY = 50_000
@@ -29,7 +29,7 @@ def meta_of(origin: str, **more: object) -> RunMeta:
 
 def spare(target: Path, origin: str, what: str) -> None:
     """Only a run of the same origin may be replaced: all else cannot be made again. Raises `RunFileError`."""
-    if target.exists() and not read_run(target).meta.origin.startswith(origin):
+    if target.exists() and not read_sound_run(target).meta.origin.startswith(origin):
         raise RunFileError(f"{target} is a recorded run; choose another name for the {what}")
 
 

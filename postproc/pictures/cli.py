@@ -15,7 +15,7 @@ def add_plot(plot: argparse.ArgumentParser) -> None:
 
 
 def _plot(arguments: argparse.Namespace) -> int:
-    from logger.core.runfile import read_run
+    from logger.core.runfile import read_sound_run
     from postproc.picture_file import check_picture
     from postproc.pictures.plots import draw_run
     from postproc.progress import shown
@@ -24,7 +24,7 @@ def _plot(arguments: argparse.Namespace) -> int:
     target = arguments.output or arguments.run.with_suffix(".png")
     check_picture(target)
     only = arguments.cell and [arguments.cell]
-    smoothed = smooth_run(read_run(arguments.run), only, progress=shown, processes=os.cpu_count() or 1)
+    smoothed = smooth_run(read_sound_run(arguments.run), only, progress=shown, processes=os.cpu_count() or 1)
     draw_run(smoothed, target)
     print(json.dumps({"path": str(target), "bytes": target.stat().st_size}, indent=2) if arguments.json else target)
     return 0

@@ -33,7 +33,7 @@ def add_report(report: argparse.ArgumentParser) -> None:
 
 def _report(arguments: argparse.Namespace) -> int:
     from logger.core.locator.prior import prior_for
-    from logger.core.runfile import read_run
+    from logger.core.runfile import read_sound_run
     from postproc.smooth import Wishes
 
     begun_s = perf_counter()
@@ -42,7 +42,7 @@ def _report(arguments: argparse.Namespace) -> int:
     if arguments.pictures is not None:
         check_folder(arguments.pictures)
     wishes = Wishes(prior_for(arguments.environment, height_m=arguments.height))
-    made = _made(arguments, [read_run(path) for path in arguments.run], wishes)
+    made = _made(arguments, [read_sound_run(path) for path in arguments.run], wishes)
     size = made.write(target)
     pictures = list(made.write_pictures(arguments.pictures)) if arguments.pictures else []
     _tell(arguments, target, size, made.cells, pictures, perf_counter() - begun_s)

@@ -106,12 +106,12 @@ def add_celldb(celldb: argparse.ArgumentParser) -> None:
 
 def _verify_claims(arguments: argparse.Namespace) -> int:
     from logger.core.locator.prior import prior_for
-    from logger.core.runfile import read_run
+    from logger.core.runfile import read_sound_run
     from postproc.json_text import as_json
     from postproc.smooth import heard_cells
     from postproc.verify import claims, tables
 
-    run, prior = read_run(arguments.run), prior_for(arguments.environment, height_m=arguments.height)
+    run, prior = read_sound_run(arguments.run), prior_for(arguments.environment, height_m=arguments.height)
     if arguments.sites:
         return _verify_sites(arguments, run, prior)
     if arguments.against is not None:
@@ -130,14 +130,14 @@ def _verify_claims(arguments: argparse.Namespace) -> int:
 
 
 def _verify_sites(arguments: argparse.Namespace, run: "Run", prior: "Prior") -> int:
-    from logger.core.runfile import read_run
+    from logger.core.runfile import read_sound_run
     from postproc.json_text import as_json
     from postproc.progress import shown
     from postproc.smooth import heard_cells
     from postproc.verify import tables
     from postproc.verify.run import sites_of
 
-    other = read_run(arguments.against) if arguments.against is not None else None
+    other = read_sound_run(arguments.against) if arguments.against is not None else None
     heard = heard_cells([run], arguments.cell and [arguments.cell])
     if other is not None and not arguments.cell:
         both = heard_cells([other], None)

@@ -41,14 +41,14 @@ def add_view(view: argparse.ArgumentParser) -> None:
 
 
 def _view(arguments: argparse.Namespace) -> int:
-    from logger.core.runfile import read_run
+    from logger.core.runfile import read_sound_run
     from postproc.view.basemap import read_basemap
     from postproc.view.scene import write_scene
     from postproc.view.viewer import show
     from postproc.view.web import serve
 
     _check(arguments)
-    runs = [read_run(path) for path in arguments.run]
+    runs = [read_sound_run(path) for path in arguments.run]
 
     def write(path: Path) -> None:
         """Estimate and draw, after it is known that the result can be shown."""

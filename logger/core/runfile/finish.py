@@ -3,10 +3,12 @@
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from logger.core.errors import RunFileError
-from logger.core.runfile.hdf5 import open_run, read_meta, write_hdf5
+from logger.core.runfile.hdf5 import write_hdf5
+from logger.core.runfile.hdf5_reading import run_id_of
 from logger.core.runfile.journal_file import is_recording, sync_folder
 from logger.core.runfile.meta import Damage
 from logger.core.runfile.names import JOURNAL, first_part, parts_of
@@ -21,7 +23,16 @@ def unfinished(folder: Path) -> list[Path]:
     return [p for p in found if _n_bytes(p) and not p.with_suffix(".h5").exists() and not _is_recording(p)]
 
 
-def finish_journal(journal: Path) -> Path:
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """A run as HDF5, what its journal had lost, and its digest."""
+
+    run: Path
+    damage: Damage
+    digest: str
+
+
+def finish(journal: Path) -> Finished:
     """Make the HDF5 file of a journal beside it, under the same name; the journal is kept as it is.
 
     Safe to repeat, and to cut in the middle. Raises `RunFileError`, also where the HDF5 file of another run has that
@@ -29,10 +40,18 @@ def finish_journal(journal: Path) -> Path:
     """
     journal = first_part(journal)
     target = journal.with_suffix(".h5")
-    if _is_recording(journal):
-        raise RunFileError(f"{journal} is being recorded")
-    _convert(journal, target, _check_same_run)
-    return target
+    try:
+        if _is_recording(journal):
+            raise RunFileError(f"{journal} is being recorded")
+    except OSError as error:
+        raise RunFileError(f"{error.filename or journal}: {error.strerror}") from error
+    parts = _convert(journal, target, _check_same_run)
+    return Finished(target, parts.damage, parts.digest)
+
+
+def finish_journal(journal: Path) -> Path:
+    """As `finish`; gives the HDF5 file."""
+    return finish(journal).run
 
 
 def convert_journal(journal: Path, target: Path) -> Damage:
@@ -40,10 +59,10 @@ def convert_journal(journal: Path, target: Path) -> Damage:
 
     A file of that name is replaced. Raises `RunFileError`.
     """
-    return _convert(journal, target, lambda *_: None)
+    return _convert(journal, target, lambda *_: None).damage
 
 
-def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], None]) -> Damage:
+def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], None]) -> JournalParts:
     parts = JournalParts(journal)
     part = target.with_name(target.name + ".part")
     try:
@@ -57,7 +76,7 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
     finally:
         with suppress(OSError):
             part.unlink()
-    return parts.damage
+    return parts
 
 
 def _check_room(parts: JournalParts, target: Path) -> None:
@@ -70,8 +89,7 @@ def _check_room(parts: JournalParts, target: Path) -> None:
 
 def _check_same_run(target: Path, run_id: str) -> None:
     try:
-        with open_run(target) as file:
-            found = read_meta(file, target).run_id
+        found = run_id_of(target)
     except RunFileError:
         return  # none, or a damaged one
     if found != run_id:

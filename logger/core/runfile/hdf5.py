@@ -6,8 +6,6 @@ The oldest file format there is (superblock 0), since a run must open anywhere; 
 
 import os
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -18,17 +16,19 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.errors import RunFileError
-from logger.core.rows import DTYPES
-from logger.core.runfile.meta import Damage, RunEnd, RunMeta
-from logger.core.runfile.parts import JournalParts, Part, decode_meta
-from logger.core.schema import TABLES
+from logger.core.printable import printable
+from logger.core.rows import DTYPES, Rows
+from logger.core.runfile.meta import RunEnd, RunMeta
+from logger.core.runfile.parts import JournalParts, Part
+from logger.core.schema import TABLES, columns_text
 from logger.core.timebase import fit
 from logger.core.utc import utc_text
 
 FORMAT = "cellwalk run"
 RAW_BYTES = "raw_bytes"
 FRAMES = "frames"
-FRAME_DTYPE = np.dtype([("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4")])
+FRAME_DTYPE = np.dtype([("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4"), ("crc32", "<u4")])
+"""One row for each frame of the journal; `crc32`, that of its payload, tells which rows were changed if any were."""
 BLOCK_ROWS = 4096
 _LIBVER = ("earliest", "v108")
 _FILTERS = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "fletcher32": True}
@@ -48,7 +48,7 @@ class _Datasets:
         self.checksums: dict[str, int] = {}
 
     def take(self, part: Part) -> None:
-        self._add(FRAMES, np.array([(part.number, part.kind, part.table, len(part.rows))], FRAME_DTYPE))
+        self._add(FRAMES, np.array([_frame_row(part)], FRAME_DTYPE))
         if not part.table:
             return
         rows = part.rows
@@ -80,7 +80,7 @@ class _Datasets:
             name, shape=(0,), maxshape=(None,), chunks=(1024 if dtype.names else 1 << 16,), dtype=dtype, **_FILTERS
         )
         if name in TABLES:
-            dataset.attrs["columns"] = "\n".join(f"{c.name}: {c.unit}" for c in TABLES[name])
+            dataset.attrs["columns"] = columns_text(name, dtype.names or ())
         self._waiting[name] = []
         self.checksums[name] = 0
 
@@ -95,6 +95,10 @@ class _Datasets:
         dataset.resize((start + len(rows),))
         dataset[start:] = rows
         self.checksums[name] = crc32(rows.tobytes(), self.checksums[name])
+
+
+def _frame_row(part: Part) -> tuple[int, int, str, int, int]:
+    return part.number, part.kind, part.table, len(part.rows), crc32(part.payload)
 
 
 def write_hdf5(parts: JournalParts, path: Path) -> None:
@@ -115,21 +119,33 @@ def write_hdf5(parts: JournalParts, path: Path) -> None:
 
 def _write_header(file: h5py.File, parts: JournalParts) -> None:
     # text in datasets: an attribute holds no more than 64 KiB, and a configuration may be longer
-    meta, end = parts.meta, parts.end
     file["meta"] = np.bytes_(parts.meta_text)
-    file["config"] = np.bytes_(meta.config_text.encode() or b"\n")
+    file["config"] = np.bytes_(config_bytes(parts.meta))
     file["end"] = np.bytes_(parts.end_text)
     file["damage"] = np.bytes_(msgspec.json.encode(parts.damage))
     fixes = file["fixes"].fields(["t_ns", "utc_ns", "valid"])[:]
+    for name, value in attributes(parts.meta, parts.end, parts.digest, fixes).items():
+        file.attrs[name] = value
+
+
+def config_bytes(meta: RunMeta) -> bytes:
+    """The configuration as it stands in a dataset, which cannot be empty."""
+    return meta.config_text.encode() or b"\n"
+
+
+def attributes(meta: RunMeta, end: RunEnd | None, digest: str, fixes: Rows) -> dict[str, str | int]:
+    """Attributes of the file: all of them follow from what is in it."""
     timebase = fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"])
-    file.attrs["format"] = FORMAT
-    file.attrs["schema"] = meta.schema
-    file.attrs["run_id"] = meta.run_id
-    file.attrs["boot_id"] = meta.boot_id
-    file.attrs["program"] = meta.program
-    file.attrs["started_utc"] = utc_text(timebase.utc_ns(meta.started_ns)) if timebase else "unknown"
-    file.attrs["stop_reason"] = end.reason if end else "none recorded: the run was cut"
-    file.attrs["digest"] = parts.digest
+    return {
+        "format": FORMAT,
+        "schema": meta.schema,
+        "run_id": printable(meta.run_id),
+        "boot_id": printable(meta.boot_id),
+        "program": printable(meta.program),
+        "started_utc": utc_text(timebase.utc_ns(meta.started_ns)) if timebase else "unknown",
+        "stop_reason": printable(end.reason) if end else "none recorded: the run was cut",
+        "digest": printable(digest),
+    }
 
 
 def _verify(path: Path, checksums: dict[str, int]) -> None:
@@ -140,46 +156,3 @@ def _verify(path: Path, checksums: dict[str, int]) -> None:
                 found = crc32(dataset[start : start + BLOCK_ROWS * 16].tobytes(), found)
             if found != expected:
                 raise RunFileError(f"{path}: {name} reads back differently from what was written")
-
-
-def is_hdf5(path: Path) -> bool:
-    """True for a file that begins as HDF5."""
-    return bool(h5py.is_hdf5(path))
-
-
-def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, str, dict[str, Column]]:
-    """Everything in a run's HDF5 file, its digest before the tables. Raises `RunFileError` as `open_run`."""
-    with open_run(path) as file:
-        meta = read_meta(file, path)
-        tables = {name: file[name][...] for name in (*meta.columns, RAW_BYTES)}
-        return meta, read_end(file), read_damage(file), str(file.attrs.get("digest", "")), tables
-
-
-@contextmanager
-def open_run(path: Path) -> Iterator[h5py.File]:
-    """A run's HDF5 file; raises `RunFileError` when it is not one, or what is read inside is damaged."""
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != FORMAT:
-                raise RunFileError(f"{path} is an HDF5 file but no cellwalk run")
-            yield file
-    except (OSError, KeyError, RuntimeError, ValueError, msgspec.MsgspecError) as error:
-        raise RunFileError(f"{path} is damaged: {error}") from error
-
-
-def read_meta(file: h5py.File, path: Path) -> RunMeta:
-    return decode_meta(text_of(file, "meta"), path)
-
-
-def read_end(file: h5py.File) -> RunEnd | None:
-    end: RunEnd | None = msgspec.json.decode(text_of(file, "end"), type=RunEnd | None)
-    return end
-
-
-def read_damage(file: h5py.File) -> Damage:
-    return msgspec.json.decode(text_of(file, "damage"), type=Damage)
-
-
-def text_of(file: h5py.File, name: str) -> bytes:
-    """A text dataset as it was written."""
-    return bytes(file[name][()])

@@ -3,7 +3,7 @@
 import msgspec
 
 from logger.core.live_settings import LiveSettings
-from logger.core.schema import SCHEMA_VERSION, columns_of
+from logger.core.schema import MOST_NS, SCHEMA_VERSION, columns_of
 
 
 class Truth(msgspec.Struct, frozen=True):
@@ -30,6 +30,22 @@ class RunMeta(msgspec.Struct, frozen=True, kw_only=True):
     columns: dict[str, list[tuple[str, str]]] = msgspec.field(default_factory=lambda: columns_of(SCHEMA_VERSION))
 
 
+def check_meta(meta: RunMeta) -> None:
+    """Raises ValueError for what is of the right form and cannot be: a file may say anything of itself."""
+    if not -MOST_NS < meta.started_ns < MOST_NS:
+        raise ValueError("the start is no time")
+    if not all(abs(truth.lat_deg) <= 90.0 and abs(truth.lon_deg) <= 180.0 for truth in meta.truth):
+        raise ValueError("a transmitter stands at no place")
+
+
+class RunStop(msgspec.Struct, frozen=True, kw_only=True):
+    """How a run stopped, in a frame before the last, so that it is under the hash chain."""
+
+    t_ns: int
+    reason: str
+    n_records: int
+
+
 class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
     """How a run stopped: written last, so that its absence says that the plug was pulled.
 
@@ -42,16 +58,32 @@ class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
     digest: str = ""
 
 
+def stop_text(end: RunEnd) -> bytes:
+    """Payload of the frame that an END repeats."""
+    return msgspec.json.encode(RunStop(t_ns=end.t_ns, reason=end.reason, n_records=end.n_records))
+
+
+def check_end(end: RunEnd) -> None:
+    """As `check_meta`."""
+    if not -MOST_NS < end.t_ns < MOST_NS:
+        raise ValueError("the end is no time")
+
+
 class Damage(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known to be missing from a journal."""
+    """What is known to be missing from a run.
+
+    `meaningless_values` are those that no recorder writes; a reader counts them, and takes them for unknown.
+    """
 
     missing_frames: int = 0
     skipped_bytes: int = 0
     description_lost: bool = False
+    meaningless_values: int = 0
 
     def __bool__(self) -> bool:
-        return bool(self.missing_frames or self.skipped_bytes or self.description_lost)
+        return bool(self.missing_frames or self.skipped_bytes or self.description_lost or self.meaningless_values)
 
     def __str__(self) -> str:
         told = f"{self.missing_frames} frames missing, {self.skipped_bytes} bytes damaged"
-        return told + ", the description of the run lost" if self.description_lost else told
+        told += ", the description of the run lost" if self.description_lost else ""
+        return told + (f", {self.meaningless_values} values without a meaning" if self.meaningless_values else "")

@@ -8,6 +8,8 @@ run-000017.h5            made from them
 import re
 from pathlib import Path
 
+from logger.core.errors import RunFileError
+
 JOURNAL = ".journal"
 
 _NUMBERED = re.compile(r"run-(\d{6})\.")
@@ -32,10 +34,17 @@ def first_part(path: Path) -> Path:
 
 
 def parts_of(journal: Path) -> list[Path]:
-    """All files of a journal in the order of their making."""
+    """All files of a journal in the order of their making.
+
+    Only the first was named by the user, and may be a link: in a folder of a stranger the others may lead anywhere.
+    Raises `RunFileError` for one that is no file, OSError for a folder that cannot be read.
+    """
     later = {
         int(suffix): path
         for path in journal.parent.iterdir()
         if path.name.startswith(f"{journal.name}.") and (suffix := path.name[len(journal.name) + 1 :]).isdecimal()
     }
+    for path in later.values():
+        if path.is_symlink() or not path.is_file():
+            raise RunFileError(f"{path} is a link or no file; a journal goes on in files of its own")
     return [*([journal] if journal.exists() else []), *(later[number] for number in sorted(later))]

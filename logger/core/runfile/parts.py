@@ -6,26 +6,31 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from logger.core.errors import RunFileError
 from logger.core.live_settings import restored
-from logger.core.rows import Rows, dtypes_of
+from logger.core.rows import Rows, described, dtypes_of
 from logger.core.runfile.chain import Chain
-from logger.core.runfile.frames import Buffer, Frame, Kind, Skipped, payload_of, scan
-from logger.core.runfile.meta import Damage, RunEnd, RunMeta
+from logger.core.runfile.frames import MAX_PAYLOAD, Buffer, Frame, Kind, Skipped, payload_of, scan
+from logger.core.runfile.limits import most_kept_bytes, most_unpacked_bytes
+from logger.core.runfile.meta import Damage, RunEnd, RunMeta, RunStop, check_end, check_meta
 from logger.core.runfile.names import first_part, parts_of
 from logger.core.runfile.readable import buffer_of
 from logger.core.runfile.writer import RAW_COUNT
-from logger.core.schema import OLDEST_DESCRIBED, SCHEMA_VERSION, columns_of
+from logger.core.schema import MOST_NS, OLDEST_DESCRIBED, SCHEMA_VERSION, columns_of
 
 NO_ROWS: Rows = np.empty(0, np.dtype([]))
 
 _INDEX = np.dtype(
     [(name, "u4") for name in ("file", "run", "number", "kind", "version", "schema", "length")] + [("start", "u8")]
 )
+_BLOCK = 4096
+_ZLIB_MOST = 1032
+"""A byte unpacks to at most so many (zlib.net/zlib_tech.html)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +63,7 @@ class JournalParts:
         self._missing = 0
         self._skipped = 0
         self._first_ns: int | None = None
+        self.most_kept_bytes = self._unpackable = 0
 
     @property
     def damage(self) -> Damage:
@@ -77,7 +83,7 @@ class JournalParts:
         return RunMeta(
             run_id="",
             boot_id="",
-            started_ns=self._first_ns or 0,
+            started_ns=self._first_ns if self._first_ns and abs(self._first_ns) < MOST_NS else 0,
             origin="lost with the description",
             program="",
             schema=self._schema,
@@ -85,26 +91,49 @@ class JournalParts:
         )
 
     def __iter__(self) -> Iterator[Part]:
-        files = parts_of(self.path)
-        if not files:
-            raise RunFileError(f"{self.path}: no such file")
-        with _opened(files) as buffers:
-            index = self._index(buffers)
-            dtypes = self._describe(buffers, index)
-            for entry in index:
-                packed = _packed(buffers, entry)
-                payload = payload_of(packed, int(entry["version"]))
-                part = None if payload is None else _part(entry, payload, dtypes)
-                if payload is None or part is None:
-                    self._missing += 1
-                    self._skipped += len(packed)
-                    continue
-                if part.kind == Kind.END:
-                    self.end, self.end_text = msgspec.json.decode(payload, type=RunEnd), payload
-                self.chain.add(part.number, part.kind, payload)
-                if len(part.rows) and self._first_ns is None:
-                    self._first_ns = int(part.rows["t_ns"].min())
-                yield part
+        try:
+            files = parts_of(self.path)
+            if not files:
+                raise RunFileError(f"{self.path}: no such file")
+            with _opened(files) as buffers:
+                yield from self._parts(buffers)
+        except OSError as error:
+            raise RunFileError(f"{error.filename or self.path}: {error.strerror or error}") from error
+
+    def _parts(self, buffers: list[Buffer]) -> Iterator[Part]:
+        size = sum(map(len, buffers))
+        self.most_kept_bytes, self._unpackable = most_kept_bytes(size), most_unpacked_bytes(size)
+        index = self._index(buffers)
+        dtypes = self._describe(buffers, index)
+        stop: Part | None = None  # counts only with the END that repeats it
+        for entry in _entries(index):
+            payload = self._unpacked(buffers, entry)
+            part = None if payload is None else _part(entry, payload, dtypes)
+            if payload is None or part is None:
+                self._missing += 1
+                self._skipped += entry.length
+                continue
+            if part.kind == Kind.STOP:
+                stop = part
+                continue
+            if part.kind == Kind.END:
+                self.end, self.end_text = msgspec.json.decode(payload, type=RunEnd), payload
+                if stop is not None:
+                    self.chain.add(stop.number, stop.kind, stop.payload)
+                    yield stop
+            self.chain.add(part.number, part.kind, payload)
+            if len(part.rows) and self._first_ns is None:
+                self._first_ns = int(part.rows["t_ns"].min())
+            yield part
+
+    def _unpacked(self, buffers: list[Buffer], entry: "_Entry") -> bytes | None:
+        """Payload of a frame, None where it is none; raises `RunFileError` where they come to more than can be."""
+        packed = buffers[entry.file][entry.start : entry.start + entry.length]
+        payload = payload_of(packed, entry.version)
+        self._unpackable -= min(MAX_PAYLOAD, _ZLIB_MOST * entry.length) if payload is None else len(payload)
+        if self._unpackable < 0:
+            raise RunFileError(f"{self.path} unpacks to more than a run of this size can hold")
+        return payload
 
     def _index(self, buffers: list[Buffer]) -> Rows:
         """Where the frames of the run are, in the order of their numbers."""
@@ -132,11 +161,11 @@ class JournalParts:
 
     def _describe(self, buffers: list[Buffer], index: Rows) -> Mapping[str, np.dtype[np.void]]:
         """Definition of the tables: from any of the descriptions, or from the version that every frame names."""
-        for entry in index[index["kind"] == Kind.META]:
-            text = payload_of(_packed(buffers, entry), int(entry["version"]))
+        for entry in _entries(index[index["kind"] == Kind.META]):
+            text = self._unpacked(buffers, entry)
             if text is not None:
                 self._meta, self.meta_text = decode_meta(text, self.path), text
-                return {table: np.dtype(list(map(tuple, columns))) for table, columns in self._meta.columns.items()}
+                return described(self._meta.columns)
         versions = np.unique(index["schema"])
         if len(versions) != 1 or not OLDEST_DESCRIBED <= versions[0] <= SCHEMA_VERSION:
             raise RunFileError(f"{self.path} has lost its table definitions")
@@ -151,8 +180,11 @@ def decode_meta(text: bytes, path: Path) -> RunMeta:
         found = msgspec.json.decode(text)
         schema = found.get("schema")
         if schema <= SCHEMA_VERSION:
-            return msgspec.convert(found | {"live": restored(found.get("live") or {})}, RunMeta)
-    except (msgspec.MsgspecError, ValueError, AttributeError, TypeError) as error:
+            meta = msgspec.convert(found | {"live": restored(found.get("live") or {})}, RunMeta)
+            check_meta(meta)
+            described(meta.columns)
+            return meta
+    except (msgspec.MsgspecError, ValueError, AttributeError, TypeError, RecursionError) as error:
         raise RunFileError(f"{path}: this cellwalk cannot read its description ({error})") from error
     raise RunFileError(f"{path} has schema {schema}; this cellwalk reads up to {SCHEMA_VERSION}: please update")
 
@@ -168,14 +200,28 @@ def _entry(file: int, frame: Frame) -> tuple[int, ...]:
     return (file, frame.run, frame.number, frame.kind, frame.version, frame.schema, frame.length, frame.start)
 
 
-def _packed(buffers: list[Buffer], entry: np.void) -> bytes:
-    start, length = int(entry["start"]), int(entry["length"])
-    return buffers[int(entry["file"])][start : start + length]
+class _Entry(NamedTuple):
+    """A row of the index as plain integers; the fields of `_INDEX`."""
+
+    file: int
+    run: int
+    number: int
+    kind: int
+    version: int
+    schema: int
+    length: int
+    start: int
 
 
-def _part(entry: np.void, payload: bytes, dtypes: Mapping[str, np.dtype[np.void]]) -> Part | None:
+def _entries(index: Rows) -> Iterator[_Entry]:
+    """Rows by blocks: as Python's integers they take ten times the room."""
+    for at in range(0, len(index), _BLOCK):
+        yield from map(_Entry._make, index[at : at + _BLOCK].tolist())
+
+
+def _part(entry: _Entry, payload: bytes, dtypes: Mapping[str, np.dtype[np.void]]) -> Part | None:
     """What a frame holds; None where it cannot be what its kind says."""
-    number, kind = int(entry["number"]), int(entry["kind"])
+    number, kind = entry.number, entry.kind
     try:
         match kind:
             case Kind.ROWS:
@@ -186,7 +232,9 @@ def _part(entry: np.void, payload: bytes, dtypes: Mapping[str, np.dtype[np.void]
                 rows = np.frombuffer(payload, dtypes["raw"], count, RAW_COUNT.size)
                 return Part(number, kind, payload, "raw", rows, payload[RAW_COUNT.size + rows.nbytes :])
             case Kind.END:
-                msgspec.json.decode(payload, type=RunEnd)
-    except (msgspec.MsgspecError, ValueError, KeyError, IndexError, struct.error):
+                check_end(msgspec.json.decode(payload, type=RunEnd))
+            case Kind.STOP:
+                msgspec.json.decode(payload, type=RunStop)
+    except (msgspec.MsgspecError, ValueError, KeyError, IndexError, RecursionError, struct.error):
         return None
     return Part(number, kind, payload)

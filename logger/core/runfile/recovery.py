@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from logger.core.errors import RunFileError
-from logger.core.runfile.finish import finish_journal, unfinished
-from logger.core.runfile.hdf5 import is_hdf5, open_run, read_damage
+from logger.core.runfile.finish import finish, unfinished
+from logger.core.runfile.hdf5_content import is_hdf5
 from logger.core.runfile.meta import Damage
 
 SOMETHING_LOST = 3
@@ -59,6 +59,5 @@ def recover(path: Path) -> Iterator[Recovered]:
 
 
 def _recovered(journal: Path) -> Recovered:
-    run = finish_journal(journal)
-    with open_run(run) as file:
-        return Recovered(journal, run, read_damage(file), str(file.attrs["digest"]))
+    done = finish(journal)
+    return Recovered(journal, done.run, done.damage, done.digest)

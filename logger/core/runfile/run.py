@@ -1,19 +1,23 @@
 """A run opened for reading, whether it is finished HDF5 or a journal that was cut."""
 
+import stat
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
 from logger.core.errors import RunFileError
 from logger.core.rows import DTYPES, Rows, as_of_now, values_of
-from logger.core.runfile.frames import MAGIC
-from logger.core.runfile.hdf5 import RAW_BYTES, is_hdf5, read_hdf5
+from logger.core.runfile.hdf5 import RAW_BYTES
+from logger.core.runfile.hdf5_content import is_hdf5
+from logger.core.runfile.hdf5_reading import read_hdf5
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
 from logger.core.runfile.parts import JournalParts
+from logger.core.runfile.sound import sound
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan, Value
 
 
@@ -22,6 +26,7 @@ class Run:
     """Tables of a run as structured arrays (columns in `schema`); `end` is None when the run was cut.
 
     `digest` is that of the hash chain: what the run was sealed with, or, when it was cut, of what there is.
+    `raw_bytes` is empty where a port gave more than memory should hold; there are `n_raw_bytes` in the file.
     """
 
     path: Path
@@ -32,6 +37,7 @@ class Run:
     tables: dict[str, Rows]
     raw_bytes: npt.NDArray[np.uint8]
     digest: str = ""
+    n_raw_bytes: int = 0
 
     def records(self, *tables: str) -> Iterator[tuple[int, Record]]:
         """Records in recorded order with their numbers; all, or those of the tables named."""
@@ -64,37 +70,62 @@ def read_run(path: Path | str) -> Run:
     """Open a run, HDF5 or journal; raises `RunFileError` saying what is wrong with it."""
     path = Path(path)
     try:
-        with path.open("rb") as file:
-            head = file.read(len(MAGIC))
+        check_file(path)
+        return _read_hdf5(path) if is_hdf5(path) else _read_journal(path)
+    except MemoryError:
+        raise RunFileError(f"{path} takes more memory than there is") from None
+    except OSError as error:
+        raise RunFileError(f"{path} cannot be read: {error.strerror or error}") from error
+
+
+def read_sound_run(path: Path | str) -> Run:
+    """As `read_run`, for whoever computes with it: values that no recorder writes are unknown, and counted."""
+    run = read_run(path)
+    tables, n_bad = sound(run.tables, run.n_raw_bytes)
+    return replace(run, tables=tables, damage=msgspec.structs.replace(run.damage, meaningless_values=n_bad))
+
+
+def check_file(path: Path) -> None:
+    """Raise `RunFileError` for what is no file with something in it; OSError where the system refuses to say."""
+    try:
+        status = path.stat()
     except FileNotFoundError:
         raise RunFileError(f"{path}: no such file") from None
-    except OSError as error:
-        raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
-    if not head:
+    except ValueError as error:
+        raise RunFileError(f"{str(path)!r} is no path: {error}") from None
+    if not stat.S_ISREG(status.st_mode):
+        raise RunFileError(f"{path} cannot be read: it is no file")
+    if not status.st_size:
         raise RunFileError(f"{path} is empty")
-    if is_hdf5(path):
-        meta, end, damage, digest, arrays = read_hdf5(path)
-        raw_bytes = arrays.pop(RAW_BYTES)
-        arrays = {table: as_of_now(table, rows) for table, rows in arrays.items()}
-        return Run(path, "hdf5", meta, end, damage, arrays, raw_bytes, digest)
-    return _read_journal(path)
+
+
+def _read_hdf5(path: Path) -> Run:
+    meta, end, damage, digest, arrays, n_raw = read_hdf5(path)
+    raw_bytes = arrays.pop(RAW_BYTES)
+    tables = {table: as_of_now(table, rows) for table, rows in arrays.items()}
+    return Run(path, "hdf5", meta, end, damage, tables, raw_bytes, end.digest if end else digest, n_raw)
 
 
 def _read_journal(path: Path) -> Run:
     parts = JournalParts(path)
     rows: dict[str, list[Rows]] = {table: [] for table in DTYPES}
-    raw = bytearray()
+    raw, n_raw, n_bytes = bytearray(), 0, 0
     for part in parts:
         found = part.rows
         if part.table == "raw":
             found = found.copy()
-            found["offset"] += len(raw)
-            raw += part.data
+            found["offset"] += n_raw
+            n_raw += len(part.data)
+            if n_raw <= parts.most_kept_bytes:
+                raw += part.data
+        n_bytes += found.nbytes
+        if n_bytes > parts.most_kept_bytes:
+            raise RunFileError(f"{path} unpacks to more than a run of this size can hold")
         if part.table:
-            rows.setdefault(part.table, []).append(found)
+            rows[part.table].append(found)
     tables = {t: as_of_now(t, np.concatenate(found)) if found else np.empty(0, DTYPES[t]) for t, found in rows.items()}
-    raw_bytes = np.frombuffer(raw, np.uint8)
-    return Run(parts.path, "journal", parts.meta, parts.end, parts.damage, tables, raw_bytes, parts.digest)
+    raw_bytes = np.frombuffer(raw if len(raw) == n_raw else b"", np.uint8)
+    return Run(parts.path, "journal", parts.meta, parts.end, parts.damage, tables, raw_bytes, parts.digest, n_raw)
 
 
 class _ReadingsBySeq:

@@ -1,27 +1,26 @@
 """Is a run whole and as it was sealed? For a third party: the file in either form is all that is needed."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import h5py
-import numpy as np
+import msgspec
 
-from logger.core.rows import Rows
+from logger.core.errors import RunFileError
 from logger.core.runfile.chain import Chain
 from logger.core.runfile.frames import Kind
-from logger.core.runfile.hdf5 import BLOCK_ROWS, FRAMES, RAW_BYTES, is_hdf5, open_run, read_damage, read_end, text_of
-from logger.core.runfile.meta import Damage, RunEnd
+from logger.core.runfile.guard import Arrays, guarded
+from logger.core.runfile.hdf5_content import is_hdf5
+from logger.core.runfile.meta import Damage, RunEnd, stop_text
 from logger.core.runfile.parts import JournalParts
-from logger.core.runfile.writer import raw_payload, rows_payload
 
 
 @dataclass(frozen=True, slots=True)
 class Sealing:
     """What the hash chain of a run says; `recomputed` is over the frames before the END frame, or all there are.
 
-    `surplus` names a table of the HDF5 file with rows that stand in no frame.
+    `surplus` names a table of the HDF5 file with rows that stand in no frame. `differences` say what else is not as the
+    chained frames have it; `stop_is_sealed` is False for a run of an earlier version, whose chain leaves the stop out.
     """
 
     end: RunEnd | None
@@ -29,6 +28,8 @@ class Sealing:
     recomputed: str
     broken_at: int | None
     surplus: str = ""
+    differences: tuple[str, ...] = ()
+    stop_is_sealed: bool = True
 
     @property
     def holds(self) -> bool:
@@ -39,86 +40,70 @@ class Sealing:
 
 
 @dataclass(slots=True)
-class _Sealed:
-    """A chain that keeps the digest before the END frame."""
+class Sealed:
+    """A chain that keeps the digest before the END frame, which must be the last, and what the STOP before it says."""
 
     chain: Chain = field(default_factory=Chain)
     before_end: str | None = None
+    stop: bytes | None = None
+    n_after_end: int = 0
 
     def add(self, number: int, kind: int, payload: bytes) -> None:
-        if kind == Kind.END:
+        if self.before_end is not None:
+            self.n_after_end += 1
+        elif kind == Kind.END:
             self.before_end = self.chain.digest
+        elif kind == Kind.STOP:
+            self.stop = payload
         self.chain.add(number, kind, payload)
 
-    def sealing(self, end: RunEnd | None, damage: Damage, surplus: str = "") -> Sealing:
-        return Sealing(end, damage, self.before_end or self.chain.digest, self.chain.broken_at, surplus)
+    @property
+    def recomputed(self) -> str:
+        return self.before_end or self.chain.digest
+
+    def differences(self, end: RunEnd | None) -> list[str]:
+        """What contradicts the end that is told."""
+        found = []
+        if self.n_after_end:
+            found.append(f"frames: {self.n_after_end} stand after the seal")
+        if (end is None) != (self.before_end is None):
+            found.append("end: it is not what the last frame says")
+        elif end is not None and self.stop is not None and self.stop != stop_text(end):
+            found.append("end: it is not the stop that was sealed")
+        return found
 
 
 def sealing_of(path: Path) -> Sealing:
     """Compute the hash chain of a run again, from its journal or its HDF5. Raises `RunFileError`."""
-    return _of_hdf5(path) if path.is_file() and is_hdf5(path) else _of_journal(path)
+    return _of_hdf5(path) if is_hdf5(path) else _of_journal(path)
 
 
 def _of_journal(path: Path) -> Sealing:
-    sealed = _Sealed()
+    sealed = Sealed()
     parts = JournalParts(path)
     for part in parts:
         sealed.add(part.number, part.kind, part.payload)
-    return sealed.sealing(parts.end, parts.damage)
+    differences = sealed.differences(parts.end)
+    if parts.end is not None and parts.end_text != msgspec.json.encode(parts.end):
+        differences.append("end: it says more than a stop does")
+    return Sealing(
+        parts.end,
+        parts.damage,
+        sealed.recomputed,
+        sealed.chain.broken_at,
+        differences=tuple(differences),
+        stop_is_sealed=parts.end is None or sealed.stop is not None,
+    )
 
 
 def _of_hdf5(path: Path) -> Sealing:
-    sealed = _Sealed()
-    with open_run(path) as file:
-        readers = {name: _Reader(file[name]) for name in file if file[name].shape}
-        for number, kind, payload in _frames(file, readers):
-            sealed.add(number, kind, payload)
-        surplus = next((name for name, reader in readers.items() if not reader.at_end), "")
-        return sealed.sealing(read_end(file), read_damage(file), surplus)
+    # here, since a walk is recorded without it
+    from logger.core.runfile.hdf5_sealing import sealing_in  # noqa: PLC0415
 
+    def task() -> tuple[Any, Arrays]:
+        return msgspec.to_builtins(sealing_in(path)), {}
 
-def _frames(file: h5py.File, readers: dict[str, "_Reader"]) -> Iterator[tuple[int, int, bytes]]:
-    """Number, kind and payload of the frames from which an HDF5 file was made."""
-    told = {Kind.META: text_of(file, "meta"), Kind.END: text_of(file, "end")}
-    frames = readers[FRAMES]
-    raw_length = 0
-    for _ in range(len(frames)):
-        ((number, kind, table, n_rows),) = frames.take(1).tolist()
-        if kind in told:
-            yield number, kind, told[kind]
-            continue
-        rows = readers[table.decode()].take(n_rows)
-        if kind == Kind.RAW:
-            rows["offset"] -= raw_length
-            n_bytes = int(rows["length"].sum())
-            raw_length += n_bytes
-            yield number, kind, raw_payload(rows.tobytes(), readers[RAW_BYTES].take(n_bytes).tobytes())
-        else:
-            yield number, kind, rows_payload(table.decode(), rows.tobytes())
-
-
-class _Reader:
-    """Rows of a dataset in their order, read by blocks."""
-
-    def __init__(self, dataset: Any) -> None:
-        self._dataset = dataset
-        self._next = 0
-        self._block: Rows = dataset[:0]
-
-    def __len__(self) -> int:
-        return int(self._dataset.shape[0])
-
-    @property
-    def at_end(self) -> bool:
-        return self._next >= len(self) and not len(self._block)
-
-    def take(self, n: int) -> Rows:
-        """The next n rows, a copy; raises ValueError when there are not so many."""
-        while len(self._block) < n:
-            more = self._dataset[self._next : self._next + max(BLOCK_ROWS, n)]
-            if not len(more):
-                raise ValueError(f"{self._dataset.name} ends too early")
-            self._next += len(more)
-            self._block = np.concatenate([self._block, more])
-        taken, self._block = self._block[:n].copy(), self._block[n:]
-        return taken
+    try:
+        return msgspec.convert(guarded(path, task)[0], Sealing)
+    except OSError as error:
+        raise RunFileError(f"{path} cannot be read: {error.strerror}") from error

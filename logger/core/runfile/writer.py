@@ -9,7 +9,7 @@ import msgspec
 
 from logger.core.runfile.frames import Kind
 from logger.core.runfile.journal import Journal
-from logger.core.runfile.meta import RunEnd, RunMeta
+from logger.core.runfile.meta import RunEnd, RunMeta, stop_text
 from logger.core.schema import packed, row_size, rows_of
 from logger.core.types import RawBytes, Record
 
@@ -91,11 +91,12 @@ class RunWriter:
     def close(self, t_ns: int, reason: str) -> str:
         """Write the end of the run, which seals it, and close the journal; returns the digest it is sealed with."""
         self._queue_rows()
-        digest = self.digest
-        end = RunEnd(t_ns=t_ns, reason=reason, n_records=self._seq, digest=digest)
+        end = RunEnd(t_ns=t_ns, reason=reason, n_records=self._seq)
+        self._journal.add(Kind.STOP, stop_text(end))
+        end = msgspec.structs.replace(end, digest=self.digest)
         self._journal.add(Kind.END, msgspec.json.encode(end))
         self._journal.close()
-        return digest
+        return end.digest
 
     def _append_raw(self, seq: int, record: Record, raw: RawBytes) -> None:
         source = record.source.encode()

@@ -1,0 +1,158 @@
+"""What is in a run's HDF5 file, for a reader that does not trust it.
+
+Only what this program writes is taken: datasets of their own bytes, in the root, of known types, and no larger than the
+file can honestly hold. HDF5 itself would follow links to other files, run filters it is told of, and make room for
+whatever size is declared.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from logger.core.errors import RunFileError
+from logger.core.rows import Rows, described
+from logger.core.runfile.hdf5 import FORMAT, FRAME_DTYPE, FRAMES, RAW_BYTES
+from logger.core.runfile.limits import most_kept_bytes, most_unpacked_bytes
+from logger.core.runfile.meta import RunMeta
+from logger.core.runfile.parts import decode_meta
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+TEXTS = ("meta", "config", "end", "damage")
+_MOST_TEXT_BYTES = 16 << 20
+"""Of a text dataset; a configuration has at most 1 MiB, and is in two of them."""
+_MOST_CHUNK_BYTES = 16 << 20
+"""A chunk is unpacked as a whole; ours have at most 600 kB."""
+_MOST_MEMBERS = 1000
+FRAME_DTYPE_OF_SCHEMA_2 = np.dtype([("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4")])
+_FILTERS = frozenset({h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32})
+_LAYOUTS = frozenset({h5py.h5d.COMPACT, h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED})
+
+
+def is_hdf5(path: Path) -> bool:
+    """True for a file that begins as HDF5."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(SIGNATURE)) == SIGNATURE
+    except OSError:
+        return False
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """An open run; `member_names` are those of the root."""
+
+    path: Path
+    file: h5py.File
+    member_names: tuple[str, ...]
+    file_bytes: int
+
+    def text(self, name: str) -> bytes:
+        """A text dataset as it was written."""
+        dataset = self._dataset(name)
+        if dataset.shape != () or dataset.dtype.kind != "S" or dataset.nbytes > _MOST_TEXT_BYTES:
+            raise RunFileError(f"{self.path}: {name} is no text")
+        return bytes(dataset[()])
+
+    def meta(self) -> RunMeta:
+        return decode_meta(self.text("meta"), self.path)
+
+    def table(self, name: str, dtype: np.dtype[Any]) -> h5py.Dataset:
+        """A table of rows, or one of bytes, to be read in blocks."""
+        dataset = self._dataset(name)
+        if dataset.shape is None or len(dataset.shape) != 1:
+            raise RunFileError(f"{self.path}: {name} is no table")
+        if dataset.dtype != dtype and (name != FRAMES or dataset.dtype != FRAME_DTYPE_OF_SCHEMA_2):
+            raise RunFileError(f"{self.path}: {name} has other columns than the run says")
+        if dataset.nbytes > most_unpacked_bytes(self.file_bytes):
+            raise RunFileError(self.too_much(name, dataset.nbytes))
+        return dataset
+
+    def tables(self, meta: RunMeta) -> Mapping[str, h5py.Dataset]:
+        """All tables, with the bytes and the frames, by name."""
+        dtypes = {**described(meta.columns), RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
+        found = {name: self.table(name, dtype) for name, dtype in dtypes.items()}
+        n_bytes = sum(dataset.nbytes for dataset in found.values())
+        if n_bytes > most_unpacked_bytes(self.file_bytes):
+            raise RunFileError(self.too_much("it", n_bytes))
+        return found
+
+    def rows(self, meta: RunMeta) -> tuple[dict[str, Rows], int]:
+        """All tables but the frames, read; where a port gave more bytes than memory should hold, only their number."""
+        found = self.tables(meta)
+        raw_bytes = found[RAW_BYTES]
+        kept = {name: dataset for name, dataset in found.items() if name not in {FRAMES, RAW_BYTES}}
+        n_bytes, most = sum(dataset.nbytes for dataset in kept.values()), most_kept_bytes(self.file_bytes)
+        if n_bytes > most:
+            raise RunFileError(self.too_much("it", n_bytes))
+        tables = {name: dataset[...] for name, dataset in kept.items()}
+        n_raw = len(raw_bytes)
+        tables[RAW_BYTES] = raw_bytes[...] if n_raw <= most else np.empty(0, np.uint8)
+        return tables, n_raw
+
+    def digest(self) -> str:
+        """What the file says; a run that was cut has no other word of it."""
+        found = self.file.attrs.get("digest", "")
+        return found if isinstance(found, str) and len(found) <= 64 else ""
+
+    def too_much(self, name: str, n_bytes: int) -> str:
+        return f"{self.path}: {name} claims {n_bytes / 1e6:.0f} MB, more than a run of this size can hold"
+
+    def _dataset(self, name: str) -> h5py.Dataset:
+        if name not in self.member_names:
+            raise RunFileError(f"{self.path} is damaged: it has no {name}")
+        found = h5py.h5o.open(self.file.id, name.encode())
+        if not isinstance(found, h5py.h5d.DatasetID):
+            raise RunFileError(f"{self.path}: {name} is no dataset")
+        return h5py.Dataset(found)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Content]:
+    """A run's HDF5 file; raises `RunFileError` when it is not one.
+
+    To be used within `guard.guarded`: HDF5 may end the process over a damaged file.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("format") != FORMAT:
+                raise RunFileError(f"{path} is an HDF5 file but no cellwalk run")
+            yield Content(path, file, _members(path, file), path.stat().st_size)
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
+        raise RunFileError(f"{path} is damaged: {error}") from error
+
+
+def _members(path: Path, file: h5py.File) -> tuple[str, ...]:
+    """Names in the root, none of which leads out of the file, whether we read it or not: others will."""
+    if len(file) > _MOST_MEMBERS:
+        raise RunFileError(f"{path} has {len(file)} members, and is no cellwalk run")
+    names = tuple(file)
+    for name in names:
+        if file.id.links.get_info(name.encode(errors="surrogateescape")).type != h5py.h5l.TYPE_HARD:
+            raise RunFileError(f"{path}: {name} is a link to elsewhere; no run has that, and it is not read")
+        if why := _not_of_its_own(h5py.h5o.open(file.id, name.encode(errors="surrogateescape"))):
+            raise RunFileError(f"{path}: {name} {why}; no run has that, and it is not read")
+    return names
+
+
+def _not_of_its_own(found: Any) -> str:
+    """Why a dataset is none whose bytes stand in this file and can be unpacked safely; empty where it is."""
+    if not isinstance(found, h5py.h5d.DatasetID):
+        return ""
+    made = found.get_create_plist()
+    if made.get_layout() not in _LAYOUTS:
+        return "is made of other files"
+    if made.get_layout() != h5py.h5d.COMPACT and made.get_external_count():
+        return "keeps its bytes in another file"
+    return _hard_to_unpack(made, found.get_type().get_size()) if made.get_layout() == h5py.h5d.CHUNKED else ""
+
+
+def _hard_to_unpack(made: Any, row_bytes: int) -> str:
+    if any(made.get_filter(i)[0] not in _FILTERS for i in range(made.get_nfilters())):
+        return "is packed in a foreign way"
+    return "has chunks that are too large" if prod(made.get_chunk()) * row_bytes > _MOST_CHUNK_BYTES else ""

@@ -1,0 +1,65 @@
+"""A run's HDF5 file, read in a process of its own (see `guard`) and judged here."""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from logger.core.errors import RunFileError
+from logger.core.runfile.guard import Arrays, guarded
+from logger.core.runfile.hdf5_content import opened
+from logger.core.runfile.meta import Damage, RunEnd, RunMeta, check_end
+from logger.core.runfile.parts import decode_meta
+
+
+def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, str, Arrays, int]:
+    """Everything in a run's HDF5 file: its digest, the tables, and how many raw bytes it has before the last."""
+
+    def task() -> tuple[Any, Arrays]:
+        with opened(path) as content:
+            tables, n_raw = content.rows(content.meta())
+            texts = {name: content.text(name).decode() for name in ("meta", "end", "damage")}
+            return {**texts, "digest": content.digest(), "n_raw": n_raw}, tables
+
+    told, tables = guarded(path, task)
+    meta = decode_meta(told["meta"].encode(), path)
+    return (
+        meta,
+        decode_end(told["end"], path),
+        decode_damage(told["damage"], path),
+        told["digest"],
+        tables,
+        told["n_raw"],
+    )
+
+
+def run_id_of(path: Path) -> str:
+    """Raises `RunFileError` where it cannot be read."""
+
+    def task() -> tuple[Any, Arrays]:
+        with opened(path) as content:
+            return content.meta().run_id, {}
+
+    try:
+        return str(guarded(path, task)[0])
+    except OSError as error:
+        raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def decode_end(text: bytes | str, path: Path) -> RunEnd | None:
+    """How a run stopped; raises `RunFileError` for what is no such thing."""
+    try:
+        end: RunEnd | None = msgspec.json.decode(text, type=RunEnd | None)
+        if end is not None:
+            check_end(end)
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise RunFileError(f"{path} is damaged: how it ended cannot be read ({error})") from error
+    return end
+
+
+def decode_damage(text: bytes | str, path: Path) -> Damage:
+    """What a run lacks; raises `RunFileError` for what is no such thing."""
+    try:
+        return msgspec.json.decode(text, type=Damage)
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise RunFileError(f"{path} is damaged: what it lacks cannot be read ({error})") from error
