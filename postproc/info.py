@@ -10,7 +10,7 @@ from logger.core.errors import ConfigError
 from logger.core.runfile import Run, Sealing, read_sound_run, sealing_of
 from logger.core.scale import levels_dbm
 from logger.core.schema import UNKNOWN_ID
-from logger.core.timebase import fit
+from logger.core.timebase import fit_run
 from logger.core.utc import utc_text
 
 GAP_S = 5.0
@@ -81,7 +81,7 @@ def describe(run: Run) -> Info:
     """Summary of a run in either form."""
     fixes, scans, readings = run.tables["fixes"], run.tables["scans"], run.tables["readings"]
     start_ns = run.meta.started_ns
-    timebase = fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"])
+    timebase = fit_run(run.meta.origin, fixes)
     stamps = [rows["t_ns"].max() for rows in run.tables.values() if len(rows)]
     end_ns = max([*map(int, stamps), run.end.t_ns if run.end else start_ns])
     return Info(

@@ -1,6 +1,6 @@
 """Every estimator over every cell of a run, side by side."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import hypot
@@ -8,31 +8,26 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from logger.core.errors import ConfigError, EstimationError
+from logger.core.errors import ConfigError
 from logger.core.locator.posterior import Posterior, locate
 from logger.core.locator.prior import ENVIRONMENTS, Prior
 from logger.core.locator.timing import TimingCheck, timing_of
 from logger.core.locator.verdict import Verdict, judged
 from logger.core.observations import (
-    TIMING_S,
     CellObservations,
     Observations,
     SpikeLevel,
-    observe,
-    scan_times_ns,
-    smeared_sigma_m,
 )
-from logger.core.rows import Rows
 from logger.core.runfile import Run
-from postproc.estimators import batch, handover, residuals, walker
+from postproc.estimators import batch, handover, residuals
 from postproc.estimators.batch import BatchFit
 from postproc.estimators.compare import Comparison, compare
 from postproc.estimators.filtered import Filtered, reference_ekf
 from postproc.estimators.losses import Loss
 from postproc.estimators.residuals import Residuals
 from postproc.estimators.sound import ended_well
-from postproc.estimators.walker import SmoothedTrack
 from postproc.processes import each
+from postproc.walk import walk_of
 
 FEWEST_READINGS = 5
 """Four unknowns and no check: with fewer readings there is nothing to be said at all."""
@@ -119,37 +114,6 @@ def smooth_run(
     located = {result.cell for result in found}
     found += [without_place(name, n) for name, n in heard.items() if name not in located]
     return Smoothed(run, observations, tuple(found), tuple(warnings))
-
-
-def walk_of(run: Run) -> tuple[Observations | None, list[str]]:
-    """Readings of a run at the walker's smoothed places, None where it never knew its place, and warnings."""
-    try:
-        observations, walked = placed(run.tables)
-    except EstimationError as error:
-        return None, [str(error)]
-    apart = walked.n_outliers
-    return observations, [f"{apart} fixes lie apart from all others and were set aside"] if apart else []
-
-
-def placed(tables: Mapping[str, Rows]) -> tuple[Observations, SmoothedTrack]:
-    """Readings of a run at the walker's smoothed places; see `observe` for what is raised.
-
-    A level is an average over seconds, and a full scan lasts for more: where it belongs is unsure by what the walker
-    covers meanwhile.
-    """
-    observations = observe(tables["fixes"], tables["scans"], tables["readings"])
-    velocity = walker.velocities(tables["fixes"], observations.track)
-    walked = walker.smooth_track(observations.track, velocity)
-
-    def put(obs: CellObservations) -> CellObservations:
-        at = walker.place(obs, walked)
-        before, after = (walked.at(obs.t_ns + shift) for shift in (-(10**9) // 2, 10**9 // 2))
-        late_m = TIMING_S * np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
-        begun, ended = (walked.at(t_ns) for t_ns in scan_times_ns(tables["scans"], obs))
-        smear_m = smeared_sigma_m(np.hypot(ended.x_m - begun.x_m, ended.y_m - begun.y_m))
-        return replace(at, position_sigma_m=np.sqrt(at.position_sigma_m**2 + late_m**2 + smear_m**2))
-
-    return replace(observations, cells=tuple(put(obs) for obs in observations.cells)), walked
 
 
 def smooth_cell(obs: CellObservations, wishes: Wishes = Wishes()) -> CellResult:

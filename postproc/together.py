@@ -28,9 +28,9 @@ from postproc.smooth import (
     answer,
     heard_cells,
     smooth_cell,
-    walk_of,
     without_place,
 )
+from postproc.walk import walk_of
 
 FARTHEST_KM = 300.0
 """Walks of one cell are nearer to each other than GSM reaches; a UTM zone is true for that far."""

@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.arrays import IntArray
+from logger.core.origin import has_times, is_import
+from logger.core.rows import Rows
 from logger.core.schema import UNKNOWN_TIME
 from logger.core.utc import EARLIEST_UTC_NS, LATEST_UTC_NS
 
@@ -54,16 +56,30 @@ class TimeBase:
         return self.reference_utc_ns + elapsed + np.round(self.drift * elapsed).astype(np.int64)
 
 
-def fit(t_ns: IntArray, utc_ns: IntArray, valid: npt.NDArray[np.integer] | None = None) -> TimeBase | None:
+def fit_run(origin: str, fixes: Rows) -> TimeBase | None:
+    """As `fit` for the table `fixes` of a run; `origin` is the one in its description.
+
+    The times of an import are those of another program, of any year: no week counter is asked about them. Without times
+    there is no UTC.
+    """
+    if not has_times(origin):
+        return None
+    return fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"], any_year=is_import(origin))
+
+
+def fit(
+    t_ns: IntArray, utc_ns: IntArray, valid: npt.NDArray[np.integer] | None = None, *, any_year: bool = False
+) -> TimeBase | None:
     """Fit the pairs (time since boot, UTC by GPS), arrays of shape (n,) with `UNKNOWN_TIME` where there is none.
 
     `valid` (n,) is 0 where the receiver had no position: it then knows the time from its own clock at best, and the
-    pair is not used. None when nothing is left, or what is left contradicts itself: UTC is then unknown.
+    pair is not used. None when nothing is left, or what is left contradicts itself: UTC is then unknown. With
+    `any_year` a time may also lie where a receiver that is wrong by a rollover would put it.
     """
     known = utc_ns != UNKNOWN_TIME
-    usable = (utc_ns >= EARLIEST_UTC_NS) & (utc_ns < LATEST_UTC_NS)
+    usable = known if any_year else (utc_ns >= EARLIEST_UTC_NS) & (utc_ns < LATEST_UTC_NS)
     if valid is not None:
-        usable &= valid != 0
+        usable = usable & (valid != 0)
     if not np.any(usable):
         return None
     order = np.argsort(t_ns[usable], kind="stable")

@@ -35,8 +35,10 @@ def add_export(command: argparse.ArgumentParser) -> None:
 
 def add_import(command: argparse.ArgumentParser) -> None:
     what = "our CSV, WiGLE CSV, OpenCelliD or Tower Collector, Kismet log, Network Survey CSV or GeoPackage"
-    command.add_argument("source", type=path, metavar="FILE", help=what)
+    command.add_argument("source", type=path, metavar="FILE", help=f"{what}; also as .gz or .zip")
     command.add_argument("-o", "--output", type=path, required=True, metavar="RUN.H5")
+    times = "none: take the order of the rows, where the file has no true times"
+    command.add_argument("--times", choices=("file", "none"), default="file", help=times)
     command.add_argument("--json", action="store_true")
 
 
@@ -98,7 +100,10 @@ def import_(arguments: argparse.Namespace) -> int:
     from postproc.interop.importing import import_walk, summary
 
     check_writable(arguments.output)
-    imported, source = import_walk(arguments.source, arguments.output), arguments.source
+    imported, source = (
+        import_walk(arguments.source, arguments.output, times=arguments.times == "file"),
+        arguments.source,
+    )
     for bad in imported.bad_rows[:_MOST_TOLD]:
         print(f"{source}: line {bad.line}: {bad.why}", file=sys.stderr)
     if len(imported.bad_rows) > _MOST_TOLD:

@@ -1,36 +1,33 @@
-"""A walk recorded by another program, made into a run: the format is recognised by what is in the file."""
+"""A walk recorded by another program, made into a run."""
 
-import sqlite3
-from collections.abc import Callable, Iterator
-from contextlib import closing
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
-from logger.core.errors import RunFileError
+import numpy as np
+
+from logger.core.errors import GeoError, RunFileError
+from logger.core.geo import Utm
+from logger.core.observations import Track, fix_sigma_m
+from logger.core.origin import IMPORT, IMPORT_WITHOUT_TIMES
 from logger.core.types import Fix, Note, Record, Scan
-from postproc.interop import csv_table, kismet, network_survey, opencellid, walk_csv, wigle
-from postproc.interop.fields import RATS
-from postproc.interop.heard import BadRow, Heard, NoCell, Row
+from postproc.estimators import plausible, stale, walker
+from postproc.interop.formats import WALK_CSV, Format, recognise
+from postproc.interop.heard import BadRow, Heard, NoCell
+from postproc.interop.unpacked import unpacked
 from postproc.interop.writing import Append, meta_of, spare, write_run
 
-ORIGIN = "import of"
-_SQLITE = b"SQLite format 3\0"
-_HDF5 = b"\x89HDF\r\n\x1a\n"
-_GZIP = b"\x1f\x8b"
-
-
-@dataclass(frozen=True, slots=True)
-class Format:
-    """A format that can be imported."""
-
-    name: str
-    read: Callable[[Path], Iterator[Row]]
+_ROW_NS = 10**9
+"""From row to row where only their order is known."""
 
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """What an import did; `n_other` counts rows that are no cells, as Wi-Fi, `n_repeated` repetitions."""
+    """What an import did; `n_other` counts rows that are no cells, as Wi-Fi, `n_repeated` repetitions.
+
+    Without `has_times` the run's times only count the rows.
+    """
 
     path: Path
     format: str
@@ -39,22 +36,18 @@ class Imported:
     n_repeated: int
     bad_rows: tuple[BadRow, ...]
     was_sorted: bool
+    has_times: bool = True
 
 
-WALK_CSV = Format("CSV", walk_csv.read)
-WIGLE = Format("WiGLE CSV", wigle.read)
-OPENCELLID_CSV = Format("OpenCelliD measurements, CSV", opencellid.read_csv)
-OPENCELLID_JSON = Format("OpenCelliD measurements, JSON", opencellid.read_json)
-KISMET = Format("Kismet log", kismet.read)
-SURVEY_CSV = Format("Network Survey CSV", network_survey.read_csv)
-SURVEY_GEOPACKAGE = Format("Network Survey GeoPackage", network_survey.read_geopackage)
+def import_walk(source: Path, target: Path, *, times: bool = True) -> Imported:
+    """Make a run of a foreign file; without `times` the rows keep their order and nothing else of their times.
 
-
-def import_walk(source: Path, target: Path) -> Imported:
-    """Make a run of a foreign file; raises `RunFileError` for a file without a usable row, or to spare data."""
-    spare(target, ORIGIN, "import")
-    form = recognise(source)
-    rows = list(form.read(source))
+    Raises `RunFileError` for a file without a usable row, for times that cannot be right, or to spare data.
+    """
+    spare(target, (IMPORT, IMPORT_WITHOUT_TIMES), "import")
+    with unpacked(source) as plain:
+        form = recognise(plain)
+        rows = list(form.read(plain))
     heard = [row for row in rows if isinstance(row, Heard)]
     bad = tuple(row for row in rows if isinstance(row, BadRow))
     n_other = sum(isinstance(row, NoCell) for row in rows)
@@ -65,64 +58,42 @@ def import_walk(source: Path, target: Path) -> Imported:
     if form is not WALK_CSV:
         # apps write a measurement again when they are asked for it again
         heard = list({(row.t_ns, row.fix, row.reading): row for row in reversed(heard)}.values())[::-1]
-    in_order = all(a.t_ns <= b.t_ns for a, b in pairwise(heard))
-    imported = Imported(target, form.name, len(heard), n_other, n_read - len(heard), bad, not in_order)
-    in_time = sorted(heard, key=lambda row: row.t_ns)
-    write_run(target, meta_of(f"{ORIGIN} {source.name}"), lambda append: _fill(append, in_time, imported), "imported")
+    in_time = sorted(heard, key=lambda row: row.t_ns) if times else _counted(heard)
+    if times:
+        _check_times(source, form, in_time)
+    was_sorted = times and not all(a.t_ns <= b.t_ns for a, b in pairwise(heard))
+    imported = Imported(target, form.name, len(heard), n_other, n_read - len(heard), bad, was_sorted, times)
+    origin = f"{IMPORT if times else IMPORT_WITHOUT_TIMES} {source.name}"
+    write_run(target, meta_of(origin), lambda append: _fill(append, in_time, imported), "imported")
     return imported
 
 
-def recognise(source: Path) -> Format:
-    """Format of a file by its content; raises `RunFileError` for one that is none of them."""
+def _counted(heard: Sequence[Heard]) -> list[Heard]:
+    """The rows in the file's order, with their number for a time."""
+    return [replace(row, t_ns=i * _ROW_NS, fix=replace(row.fix, utc_ns=None)) for i, row in enumerate(heard)]
+
+
+def _check_times(source: Path, form: Format, heard: Sequence[Heard]) -> None:
+    """Raise `RunFileError` where nobody can have been at these places at these times."""
     try:
-        with source.open("rb") as file:
-            head = file.read(4096)
-    except OSError as error:
-        raise RunFileError(f"{source}: {error.strerror}") from error
-    if head.startswith(_SQLITE):
-        return _of_tables(source)
-    if head.startswith(_HDF5):
-        raise RunFileError(f"{source} is HDF5: a run needs no import")
-    if head.startswith(_GZIP):
-        raise RunFileError(f"{source} is compressed: unpack it with gunzip first")
-    if head.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{"):
-        return OPENCELLID_JSON
-    return _of_columns(source)
+        track = _track(heard)
+    except GeoError:  # nothing can be located there, which is told by who tries
+        return
+    why = plausible.too_fast(track) or plausible.too_many_apart(walker.smooth_track(stale.fresh(track)))
+    if why:
+        raise RunFileError(
+            f"{source}: its times ({form.times}) cannot be right: {why}. Name the right column, or import the rows in "
+            "their order, without times: --times none"
+        )
 
 
-def _of_tables(source: Path) -> Format:
-    try:
-        with closing(sqlite3.connect(f"{source.resolve().as_uri()}?mode=ro", uri=True)) as database:
-            tables = {str(name) for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-    except sqlite3.Error as error:
-        raise RunFileError(f"{source} is a damaged SQLite file: {error}") from error
-    if {name.lower() for name in tables} >= {"kismet", "data"}:
-        return KISMET
-    if tables & set(network_survey.TABLES):
-        return SURVEY_GEOPACKAGE
-    raise RunFileError(
-        f"{source} is SQLite, but neither a Kismet log (tables KISMET and data) nor a GeoPackage of Network Survey "
-        f"(one of {', '.join(network_survey.TABLES)}); it has {', '.join(sorted(tables)[:8]) or 'no table'}"
-    )
-
-
-def _of_columns(source: Path) -> Format:
-    """Format of a text file; what is unknown is taken for our own, which then names the columns that are missing."""
-    with csv_table.text_lines(source) as lines:
-        header = next((line for line in lines if not line.startswith("#")), "")
-        if header.startswith(wigle.PREFIX):
-            return WIGLE
-        names = set(csv_table.names_of(header))
-    if {"mac", "firstseen"} <= names:
-        return WIGLE
-    # country files of OpenCelliD have no header: they begin with the technology of a cell
-    if {"radio", "net", "area", "cell"} <= names or header.partition(",")[0].upper() in {*RATS, "CDMA"}:
-        raise RunFileError(f"{source} is a list of cells, not a walk; `postproc celldb import` reads it")
-    if {"mcc", "measured_at"} <= names:
-        return OPENCELLID_CSV
-    if {"devicetime", "latitude", "longitude"} <= names:
-        return SURVEY_CSV
-    return WALK_CSV
+def _track(heard: Sequence[Heard]) -> Track:
+    fixes = list(dict.fromkeys((row.t_ns, row.fix) for row in heard))
+    lat_deg, lon_deg = (np.array([getattr(fix, name) for _, fix in fixes]) for name in ("lat_deg", "lon_deg"))
+    utm = Utm.at(float(lat_deg[0]), float(lon_deg[0]))
+    x_m, y_m = utm.to_xy_arrays(lat_deg, lon_deg)
+    sigma_m = np.array([fix_sigma_m(fix.acc_m, fix.hdop) for _, fix in fixes])
+    return Track(utm, np.array([t_ns for t_ns, _ in fixes]), np.arange(len(fixes)), x_m, y_m, sigma_m)
 
 
 def _fill(append: Append, heard: list[Heard], imported: Imported) -> int:
@@ -142,6 +113,8 @@ def _fill(append: Append, heard: list[Heard], imported: Imported) -> int:
 
 
 def _notes(imported: Imported) -> Iterator[Note]:
+    if not imported.has_times:
+        yield Note("warning", "no-times", "imported without times: seconds count the rows")
     if imported.was_sorted:
         yield Note("warning", "sorted", "rows were out of order and have been sorted by time")
     if imported.n_other:
@@ -161,5 +134,6 @@ def summary(imported: Imported) -> dict[str, object]:
         "other_rows": imported.n_other,
         "repeated_rows": imported.n_repeated,
         "sorted": imported.was_sorted,
+        "times": imported.has_times,
         "bad_rows": [{"line": bad.line, "why": bad.why} for bad in imported.bad_rows],
     }

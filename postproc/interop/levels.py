@@ -13,13 +13,13 @@ import numpy.typing as npt
 from logger.core.arrays import IntArray
 from logger.core.geo import Utm
 from logger.core.observations import MAX_GAP_S, SIGMA_OF_RADIUS68, Observations, observe
+from logger.core.origin import is_import
 from logger.core.rows import values_of
 from logger.core.runfile import Run
 from logger.core.scale import levels_dbm
-from logger.core.timebase import fit
+from logger.core.timebase import fit_run
 from logger.core.types import CellReading, Fix
 from postproc.interop.heard import Heard
-from postproc.interop.importing import ORIGIN
 
 _DEGREE_DECIMALS = 8
 """A millimetre."""
@@ -70,11 +70,10 @@ def walked(run: Run, only: Sequence[str] | None = None) -> Walked:
 
 def _clock(run: Run) -> Clock:
     """UTC to the microsecond of a time since boot, None where it is not known; that of an imported file is believed."""
-    fixes = run.tables["fixes"]
-    timebase = fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"])
+    timebase = fit_run(run.meta.origin, run.tables["fixes"])
     if timebase is not None:
         return lambda t_ns: timebase.utc_ns(t_ns) // 1000 * 1000
-    if run.meta.origin.startswith(ORIGIN):
+    if is_import(run.meta.origin):
         told = {record.t_ns: record.value.utc_ns for _, record in run.records("fixes") if isinstance(record.value, Fix)}
         return told.get
     return lambda _: None

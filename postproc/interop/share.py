@@ -20,11 +20,11 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import ConfigError
 from logger.core.live import LiveTracker
 from logger.core.observations import MAX_GAP_S, Track, track_of
+from logger.core.origin import SHARED, shared
 from logger.core.runfile import Run
 from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
 from postproc.interop.writing import Append, meta_of, spare, write_run
 
-ORIGIN = "shared copy"
 BLUR_M = 200.0
 _SHIFT = 0.5
 """Farthest shift of a circle's centre, by the radius asked for."""
@@ -48,13 +48,13 @@ def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
     """Write the copy; raises `ConfigError` where nothing would be left, `EstimationError` without a fix."""
     if not 0.0 < blur_m < 1e6:
         raise ConfigError("--blur-m is a radius in metres, more than 0")
-    spare(target, ORIGIN, "copy")
+    spare(target, SHARED, "copy")
     track = track_of(run.tables["fixes"])
     shown = _Shown.of(track.t_ns, _outside_of_ends(track, blur_m))
     if not len(shown.starts):
         raise ConfigError(f"the walk is nowhere far from its ends: nothing is left with --blur-m {blur_m:g}")
     start_ns = int(shown.starts[0])
-    meta = meta_of(ORIGIN, live=run.meta.live, truth=run.meta.truth)
+    meta = meta_of(shared(run.meta.origin), live=run.meta.live, truth=run.meta.truth)
     counts: Counter[str] = Counter()
 
     def fill(append: Append) -> int:
@@ -63,7 +63,7 @@ def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
             counts.update(_append(append, _kept(run, shown, start_ns), tracker))
         return int(shown.ends[-1]) - start_ns
 
-    write_run(target, meta, fill, ORIGIN)
+    write_run(target, meta, fill, SHARED)
     return Shared(
         target, blur_m, counts["Fix"], counts["Scan"], counts["CellReading"], _removed(run, counts, blur_m), _still(run)
     )

@@ -27,7 +27,7 @@ def meta_of(origin: str, **more: object) -> RunMeta:
     return RunMeta(**named, origin=origin, **more)  # type: ignore[arg-type]
 
 
-def spare(target: Path, origin: str, what: str) -> None:
+def spare(target: Path, origin: str | tuple[str, ...], what: str) -> None:
     """Only a run of the same origin may be replaced: all else cannot be made again. Raises `RunFileError`."""
     if target.exists() and not read_sound_run(target).meta.origin.startswith(origin):
         raise RunFileError(f"{target} is a recorded run; choose another name for the {what}")

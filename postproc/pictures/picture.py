@@ -12,7 +12,7 @@ from logger.core.locator.region import Cells
 from logger.core.observations import MAX_GAP_S, Track, times_ns
 from logger.core.runfile import Run
 from logger.core.scale import levels_dbm
-from logger.core.timebase import TimeBase, fit
+from logger.core.timebase import TimeBase, fit_run
 from postproc.estimators.outline import outline
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
@@ -165,8 +165,7 @@ def picture_of(smoothed: Smoothed, focus: CellResult | None = None) -> Picture:
 
 def clock_of(run: Run) -> Clock:
     """Times of a run."""
-    fixes = run.tables["fixes"]
-    return Clock(run.meta.started_ns, fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"]))
+    return Clock(run.meta.started_ns, fit_run(run.meta.origin, run.tables["fixes"]))
 
 
 def focus_of(smoothed: Smoothed) -> CellResult | None:

@@ -24,12 +24,13 @@ from logger.core.locator.posterior import Posterior, locate
 from logger.core.locator.prior import Prior
 from logger.core.observations import CellObservations
 from logger.core.runfile import Run
-from postproc.smooth import heard_cells, too_few, walk_of
+from postproc.smooth import heard_cells, too_few
 from postproc.verify.claims import Claim
 from postproc.verify.power import Detectable, detectable, distance_m
 from postproc.verify.ranging import Normality, normality
 from postproc.verify.sites import Sites, between_two, within_one
 from postproc.verify.walk import ClaimTest, around, claim_test, listened
+from postproc.walk import walk_of
 
 Verdict = Literal["consistent", "rejected", "cannot tell"]
 Followed = Literal["direct", "indirect"]

@@ -9,7 +9,7 @@ import numpy as np
 from logger.core.arrays import IntArray
 from logger.core.runfile import Run
 from logger.core.schema import UNKNOWN_TIME
-from logger.core.timebase import TimeBase, fit
+from logger.core.timebase import TimeBase, fit_run
 
 PAUSE_NS = 60 * 10**9
 """Between two runs laid end to end, so that the end of one and the begin of the next stay apart."""
@@ -69,8 +69,7 @@ def end_to_end(runs: Sequence[Run]) -> list[Run]:
 
 
 def _timebase(run: Run) -> TimeBase | None:
-    fixes = run.tables["fixes"]
-    return fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"])
+    return fit_run(run.meta.origin, run.tables["fixes"])
 
 
 def _last_ns(run: Run) -> int:

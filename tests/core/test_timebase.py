@@ -153,3 +153,12 @@ def test_any_numbers_give_an_answer_or_none(seed):
     if seed % 2:
         utc_ns = UTC0 + utc_ns % 10**15
     fit(t_ns, utc_ns, rng.integers(0, 2, 300))
+
+
+@pytest.mark.parametrize("year", [1975, 1999, 2017, 2060])
+def test_a_file_of_another_program_may_be_of_any_year(year):
+    """A receiver that says so has a wrong week counter, or a clock that was never set."""
+    t_ns = np.arange(20) * 10**9
+    utc_ns = t_ns + (year - 1970) * 31_557_600 * 10**9
+    assert fit(t_ns, utc_ns) is None
+    assert fit(t_ns, utc_ns, any_year=True).utc_ns(0) == utc_ns[0]

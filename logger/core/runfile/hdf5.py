@@ -21,7 +21,7 @@ from logger.core.rows import DTYPES, Rows
 from logger.core.runfile.meta import RunEnd, RunMeta
 from logger.core.runfile.parts import JournalParts, Part
 from logger.core.schema import TABLES, columns_text
-from logger.core.timebase import fit
+from logger.core.timebase import fit_run
 from logger.core.utc import utc_text
 
 FORMAT = "cellwalk run"
@@ -135,7 +135,7 @@ def config_bytes(meta: RunMeta) -> bytes:
 
 def attributes(meta: RunMeta, end: RunEnd | None, digest: str, fixes: Rows) -> dict[str, str | int]:
     """Attributes of the file: all of them follow from what is in it."""
-    timebase = fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"])
+    timebase = fit_run(meta.origin, fixes)
     return {
         "format": FORMAT,
         "schema": meta.schema,

@@ -19,8 +19,9 @@ from logger.core.locator.tree import Effort, grow
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import Fix, Record, Scan
 from postproc import results, tables
-from postproc.smooth import smooth_run, walk_of
+from postproc.smooth import smooth_run
 from postproc.together import merge
+from postproc.walk import walk_of
 from tests.kit import runs
 from tests.kit.walks import observations
 

@@ -1,14 +1,22 @@
 import gzip
 import json
 import sqlite3
+import zipfile
 
+import h5py
+import numpy as np
 import pytest
 
 from logger.core.errors import RunFileError
+from logger.core.observations import UNKNOWN_SIGMA_M
 from logger.core.runfile import read_run
 from logger.core.types import Fix, Note, Scan
 from postproc.cli import main
-from postproc.interop.importing import import_walk, recognise
+from postproc.info import describe
+from postproc.interop.formats import recognise
+from postproc.interop.importing import import_walk
+from postproc.view.clock import clock_of
+from postproc.walk import walk_of
 
 WIGLE = (
     "WigleWifi-1.4,appRelease=2\n"
@@ -62,12 +70,22 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
     [
         (b"radio,mcc,net,area,cell,unit,lon,lat\n", "celldb import"),
         (b"GSM,208,10,1,2,0,2.35,48.8,1000,1,1,1,1,0\n", "celldb import"),
-        (gzip.compress(b"x"), "gunzip"),
+        (gzip.compress(b"x"), "looks like text that begins with 'x'"),
+        (gzip.compress(b"t_s,lat\n")[:-9], "cannot be unpacked"),
+        (b"PK\x03\x04nothing", "cannot be unpacked"),
         (b"SQLite format 3\0" + b"\xff" * 200, "damaged SQLite"),
         (b"\x89HDF\r\n\x1a\n", "needs no import"),
         (b"mcc,measured_at,lat\n", "no column mnc, lon, cell_id or cellid, act or net_type"),
-        (b"", "no column t_s or time_utc"),
-        (b"\0\xff\xfe" * 50, "no column"),
+        (b"t_s,lat,lon,level\n", "no column rssi_dbm"),
+        (b"", "looks like an empty file"),
+        (b"\0\xff\xfe" * 50, "looks like a binary file that begins with 00 ff fe"),
+        (b"%PDF-1.7\n1 0 obj", "looks like a PDF document"),
+        (b"PAR1\x15\x04", "looks like a Parquet table"),
+        (b'<?xml version="1.0"?>\n<gpx>', "looks like XML or HTML"),
+        (b'[{"lat": 1}]', "looks like a JSON list"),
+        (b"name;street;town\nA;B;C\n", "looks like a table with the columns name, street, town. Known are: our CSV"),
+        (b"Dear diary,\n", "looks like a table with the columns dear diary"),
+        (b"one word\n", "looks like text that begins with 'one word'. Known are: our CSV"),
         (b'{"a": 1}', "measurements"),
         (b'{"measurements": [{"act": "LTE"}]}', "line 1: measured_at is empty"),
     ],
@@ -93,3 +111,177 @@ def test_an_import_is_in_time_order_and_counts_what_it_leaves_out(tmp_path, caps
     assert [scan.t_start_ns for scan in values[1::2]] == [0, 10**9]
     codes = [record.value.code for _, record in run.records("notes") if isinstance(record.value, Note)]
     assert codes == ["sorted", "no-cells", "repeated", "bad-row"]
+
+
+# --- compressed files ---
+
+
+def _packed(tmp_path, plain, kind):
+    if kind == "gz":
+        (tmp_path / f"{plain.name}.gz").write_bytes(gzip.compress(plain.read_bytes()))
+        return tmp_path / f"{plain.name}.gz"
+    with zipfile.ZipFile(tmp_path / f"{plain.name}.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.write(plain, plain.name)
+        archive.writestr("__MACOSX/._junk", "junk")
+    return tmp_path / f"{plain.name}.zip"
+
+
+def _survey(tmp_path):
+    database = sqlite3.connect(tmp_path / "s.gpkg")
+    database.execute(
+        "CREATE TABLE GSM_MESSAGE (Time INT, MCC INT, MNC INT, LAC INT, CID INT, Latitude REAL, "
+        "Longitude REAL, SignalStrength REAL)"
+    )
+    database.execute("INSERT INTO GSM_MESSAGE VALUES (1500000000000, 262, 1, 4711, 17, 52, 13, -70)")
+    database.commit()
+    database.close()
+    return tmp_path / "s.gpkg"
+
+
+@pytest.mark.parametrize("kind", ["gz", "zip"])
+@pytest.mark.parametrize("form", ["csv", "wigle", "geopackage"])
+def test_a_compressed_file_is_what_is_in_it(tmp_path, form, kind):
+    plain = {
+        "csv": lambda: _write(tmp_path, "t_s,lat,lon,rssi_dbm\n0,52,13,-70\n1,52,13,-71\n", "a.csv"),
+        "wigle": lambda: _write(tmp_path, WIGLE, "w.csv"),
+        "geopackage": lambda: _survey(tmp_path),
+    }[form]()
+    first = import_walk(plain, tmp_path / "plain.h5")
+    packed = import_walk(_packed(tmp_path, plain, kind), tmp_path / "packed.h5")
+    assert (packed.format, packed.n_rows, packed.bad_rows) == (first.format, first.n_rows, first.bad_rows)
+    one, other = (read_run(tmp_path / name).tables["readings"] for name in ("plain.h5", "packed.h5"))
+    assert one.tobytes() == other.tobytes()
+
+
+def test_errors_name_the_compressed_file_and_not_its_copy(tmp_path, capsys):
+    packed = _packed(tmp_path, _write(tmp_path, "t_s,lat,lon\n1,2,3\n", "a.csv"), "gz")
+    assert main(["import", str(packed), "-o", str(tmp_path / "run.h5")]) == 2
+    told = capsys.readouterr().err
+    assert f"{packed}: the header line has no column rssi_dbm" in told
+    assert "unpacked" not in told
+
+
+def test_a_zip_of_two_files_and_one_that_would_fill_the_disk(tmp_path, capsys, monkeypatch):
+    from postproc.interop import unpacked
+
+    with zipfile.ZipFile(tmp_path / "two.zip", "w") as archive:
+        archive.writestr("a.csv", "x")
+        archive.writestr("b.csv", "x")
+    assert main(["import", str(tmp_path / "two.zip"), "-o", str(tmp_path / "run.h5")]) == 2
+    assert "a zip of 2 files" in capsys.readouterr().err
+    monkeypatch.setattr(unpacked, "MOST_BYTES", 2**22)
+    (tmp_path / "bomb.gz").write_bytes(gzip.compress(b"0" * 2**23))
+    assert main(["import", str(tmp_path / "bomb.gz"), "-o", str(tmp_path / "run.h5")]) == 2
+    assert "unpacks to more than" in capsys.readouterr().err
+
+
+# --- times ---
+
+
+def _drive(n, *, counted=False, held=1, seed=0):
+    """A car at 12 m/s that is heard every four seconds; a new place every `held` rows, `counted` numbers the rows."""
+    rng = np.random.default_rng(seed)
+    lines = ["t_s,lat,lon,rssi_dbm"]
+    for i in range(n):
+        k = i - i % held
+        north, east = 48.0 * min(k, n // 2), 48.0 * max(k - n // 2, 0)
+        lat = 52.0 + (north + rng.normal(0.0, 2.0) * (held == 1)) / 111_200.0
+        lon = 13.0 + (east + rng.normal(0.0, 2.0) * (held == 1)) / 68_500.0
+        lines.append(f"{i if counted else 4 * i},{lat:.7f},{lon:.7f},{-70 - i % 9}")
+    return lines
+
+
+@pytest.mark.parametrize("held", [1, 4])
+def test_true_times_are_taken_held_places_or_not(tmp_path, held):
+    for n in (5, 80):
+        source = _write(tmp_path, "\n".join(_drive(n, held=held)))
+        assert import_walk(source, tmp_path / "run.h5").n_rows == n
+
+
+def _shuffled(lines):
+    """The rows grouped by what they heard, as a table sorted by cell is, and counted."""
+    head, *rows = lines
+    rows.sort(key=lambda row: (row.split(",")[3], row))
+    return [head, *(f"{i},{row.partition(',')[2]}" for i, row in enumerate(rows))]
+
+
+BAD_TIMES = {
+    "all at once": lambda: [line if i == 0 else f"7,{line.partition(',')[2]}" for i, line in enumerate(_drive(80))],
+    "ten rows a second": lambda: [
+        line if i == 0 else f"{i / 10},{line.partition(',')[2]}" for i, line in enumerate(_drive(80))
+    ],
+    "sorted by level": lambda: _shuffled(_drive(80)),
+}
+
+
+@pytest.mark.parametrize("name", BAD_TIMES)
+def test_times_that_cannot_be_right_are_asked_about(tmp_path, capsys, name):
+    source = _write(tmp_path, "\n".join(BAD_TIMES[name]()))
+    target = str(tmp_path / "run.h5")
+    assert main(["import", str(source), "-o", target]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "its times (t_s or time_utc) cannot be right" in line
+    assert "--times none" in line
+    assert not (tmp_path / "run.h5").exists()
+
+
+@pytest.mark.parametrize("name", BAD_TIMES)
+def test_without_times_no_place_moves_and_each_keeps_its_sigma(tmp_path, capsys, name):
+    source = _write(tmp_path, "\n".join(BAD_TIMES[name]()))
+    assert main(["import", str(source), "-o", str(tmp_path / "run.h5"), "--times", "none", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["times"] is False
+    run = read_run(tmp_path / "run.h5")
+    observations, warnings = walk_of(run)
+    (obs,) = observations.cells
+    assert len(obs) == 80
+    rows = [line.split(",") for line in source.read_text().splitlines()[1:]]
+    places = obs.utm.to_xy_arrays(*(np.array([float(row[i]) for row in rows]) for i in (1, 2)))
+    np.testing.assert_allclose([obs.x_m, obs.y_m], places, atol=1e-6)
+    np.testing.assert_array_equal(obs.position_sigma_m, UNKNOWN_SIGMA_M)
+    assert "without times" in warnings[0]
+    assert describe(run).started_utc is None
+
+
+@pytest.mark.parametrize("name", BAD_TIMES)
+def test_an_import_of_an_earlier_version_is_not_moved_either(tmp_path, monkeypatch, name):
+    """Such a run exists already: what was not asked then is said now."""
+    monkeypatch.setattr("postproc.interop.importing._check_times", lambda *_: None)
+    source = _write(tmp_path, "\n".join(BAD_TIMES[name]()))
+    import_walk(source, tmp_path / "run.h5")
+    observations, warnings = walk_of(read_run(tmp_path / "run.h5"))
+    (obs,) = observations.cells
+    assert any("the times cannot be right" in warning for warning in warnings)
+    track = observations.track
+    assert set(np.round(obs.x_m, 3)) <= set(np.round(track.x_m, 3))
+
+
+# --- the date ---
+
+
+@pytest.mark.parametrize("year", [1975, 2007, 2017, 2019, 2025, 2041])
+def test_a_walk_of_any_year_keeps_its_date(tmp_path, year):
+    """The week counter of GPS, which began anew in 2019, is a matter of receivers and not of files."""
+    run = tmp_path / "run.h5"
+    import_walk(_write(tmp_path, WIGLE.replace("2025-06-21", f"{year}-06-21")), run)
+    assert describe(read_run(run)).started_utc == f"{year}-06-21T00:25:37Z"
+    assert clock_of([read_run(run)]).knows_utc
+    with h5py.File(run) as file:
+        assert file.attrs["started_utc"] == f"{year}-06-21T00:25:37Z"
+    assert main(["export", str(run), "-o", str(tmp_path / "back.csv"), "--format", "wigle"]) == 0
+    assert f"{year}-06-21 00:25:37" in (tmp_path / "back.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("rat", "column"), [("GSM", "rssi_dbm"), ("WCDMA", "rscp_dbm"), ("LTE", "rsrp_dbm"), ("NR", "rsrp_dbm")]
+)
+def test_the_strongest_level_of_any_technology(tmp_path, capsys, rat, column):
+    text = "t_s,lat,lon,rssi_dbm,rscp_dbm,rsrp_dbm,rat,cell\n"
+    cells = dict.fromkeys(("rssi_dbm", "rscp_dbm", "rsrp_dbm"), "")
+    for i, level in enumerate((-93, -71, -88)):
+        values = cells | {column: level}
+        text += f"{i},52,13,{values['rssi_dbm']},{values['rscp_dbm']},{values['rsrp_dbm']},{rat},x\n"
+    import_walk(_write(tmp_path, text), tmp_path / "run.h5")
+    (cell,) = describe(read_run(tmp_path / "run.h5")).cells
+    assert (cell.rat, cell.strongest_dbm) == (rat, -71.0)
+    assert main(["info", str(tmp_path / "run.h5")]) == 0
+    assert "-71 dBm" in capsys.readouterr().out

@@ -1,0 +1,40 @@
+"""What is said of fixes that are moved by more than their accuracy allows."""
+
+import numpy as np
+
+from logger.core.runfile import read_run
+from logger.core.types import CellReading, Fix, Record, Scan
+from postproc.walk import walk_of
+from tests.kit import runs
+
+
+def _run(tmp_path, north_m, *, origin="test", step_s=1):
+    (tmp_path / "walk.journal").unlink(missing_ok=True)
+    records = []
+    for i, north in enumerate(north_m):
+        t_ns = i * step_s * 10**9
+        records.append(Record(t_ns, "gnss", Fix(True, None, 52.0 + north / 111_200.0, 13.0, hdop=1.0)))
+        records.append(Record(t_ns, "modem", Scan(t_ns, (CellReading("serving", rssi_dbm=-70.0, label="x"),), i, i)))
+    runs.write_journal(tmp_path / "walk.journal", records, origin=origin)
+    return read_run(tmp_path / "walk.journal")
+
+
+def test_a_fix_that_was_set_aside_is_told_with_its_distance(tmp_path):
+    north_m = np.arange(100) * 1.4
+    north_m[50] += 500.0
+    _, warnings = walk_of(_run(tmp_path, north_m))
+    (told,) = warnings
+    assert told.startswith("1 fix lies apart from all others, up to 50")
+    assert told.endswith("m from the way, and was set aside")
+
+
+def test_an_even_walk_has_nothing_to_tell(tmp_path):
+    assert walk_of(_run(tmp_path, np.arange(100) * 1.4))[1] == []
+
+
+def test_a_recorded_run_is_smoothed_however_fast_it_was(tmp_path):
+    """Its times are the clock's, so it was a fast train."""
+    north_m = np.arange(100) * 80.0
+    for origin, asked in (("test", False), ("import of train.csv", True)):
+        _, warnings = walk_of(_run(tmp_path, north_m, origin=origin))
+        assert any("the times cannot be right" in warning for warning in warnings) == asked
