@@ -76,8 +76,8 @@ class Tally:
 class Link:
     """What a session is given: its port, a clock, and the way to the recorder.
 
-    Only what `blanker` lets through is recorded and read. `patience` is what was learned of the device, `known` the
-    numbers it has sent; they outlive a session, so that a port that is opened anew begins with them.
+    What is private is blanked before anything is recorded or read. `patience` is what was learned of the device,
+    `known` the numbers it has sent; they outlive a session, so that a port that is opened anew begins with them.
     """
 
     def __init__(
@@ -88,7 +88,6 @@ class Link:
         clock: Clock,
         inbox: Inbox,
         stop: threading.Event,
-        blanker: Blanker | None = None,
     ) -> None:
         self.source = source
         self.clock = clock
@@ -98,7 +97,7 @@ class Link:
         self._url = url
         self._baud = baud
         self._inbox = inbox
-        self._blanker = blanker
+        self._blanker = Blanker()
         self._port: Port | None = None
         self._port_url = url
         self._tallies: dict[str, Tally] = {}
@@ -125,7 +124,7 @@ class Link:
                 log.exception("%s: unexpected", self.source)
                 self.note("error", "internal", f"{type(error).__name__}: {error}")
             self._tell()
-            if self._blanker is not None and (held := self._blanker.flush()):
+            if held := self._blanker.flush():
                 self.emit(RawBytes(held), self.clock.now_ns())
             self.clock.wait(self.stop, RETRY_S)
 
@@ -167,8 +166,7 @@ class Link:
     def _take(self, data: bytes) -> tuple[int, bytes]:
         """Record bytes that have just come; returns when that was, and what may be known of them."""
         t_ns = self.clock.now_ns()
-        if self._blanker is not None:
-            data = self._blanker.feed(data)
+        data = self._blanker.feed(data)
         if data:
             self.emit(RawBytes(data), t_ns)
         return t_ns, data
@@ -177,8 +175,10 @@ class Link:
         """Record what waits in a port that is left: closing it would throw that away."""
         with suppress(DeviceError):
             for _ in range(MOST_CHUNKS_LEFT):
-                if not self._take(port.rest())[1]:
+                data = port.rest()
+                if not data:
                     return
+                self._take(data)
 
     def _tell(self, now_ns: int | None = None) -> None:
         for code, tally in self._tallies.items():

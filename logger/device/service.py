@@ -26,7 +26,6 @@ from logger.device.port import check_url
 from logger.device.recorder import Recorder
 from logger.device.status import Status, TargetStatus, WatchedInbox, status_folder
 from logger.device.teller import Teller
-from logger.drivers.privacy import Blanker
 from logger.drivers.registry import FAMILIES, check_mode
 
 log = logging.getLogger(__name__)
@@ -79,7 +78,7 @@ class Service:
         self.recorder = Recorder(self._writer, config.live, self._inbox, clock, ended, durable=self._synced)
         self._modes = KeptModes(self.folder)
         modem = partial(modem_session, settings=config.modem, modes=self._modes, locates=of_modem)
-        self._links = {"modem": self._link("modem", config.modem.baud, Blanker())}
+        self._links = {"modem": self._link("modem", config.modem.baud)}
         sessions: dict[str, Callable[[Link], None]] = {"modem": modem}
         if not of_modem:
             self._links["gnss"] = self._link("gnss", config.gnss.baud)
@@ -181,8 +180,8 @@ class Service:
         self._synced_ns = self._clock.now_ns()
         self._durable()
 
-    def _link(self, source: str, baud: int, blanker: Blanker | None = None) -> Link:
-        return Link(source, self._ports[source], baud, self._clock, self._inbox, self._stop, blanker)
+    def _link(self, source: str, baud: int) -> Link:
+        return Link(source, self._ports[source], baud, self._clock, self._inbox, self._stop)
 
     def _mind_ports(self, now_ns: int) -> None:
         """Exchange the ports of modem and receiver when each seems to be at the other's."""
