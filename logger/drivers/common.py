@@ -8,7 +8,9 @@ from logger.drivers.fields import RAT_OF_ACT, area, at, cell_identity, decimal, 
 from logger.drivers.printed import Form
 from logger.drivers.rows import Operator, Refusal, Registration, Row, Signal
 
-_REGISTRATION = re.compile(r"\+(CREG|CGREG|CEREG|C5GREG):\s*([^\n]*)")
+_VALUE = r'(?:"[^"+]*"?|[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
+_REGISTRATION = re.compile(rf"\+(CREG|CGREG|CEREG|C5GREG):\s*({_VALUE}(?:[ \t]*,[ \t]*{_VALUE})*)", re.ASCII)
+"""The values end where something else begins, an answer to another command in the same line or what a log appends."""
 _LEADING_TWO = re.compile(r"\s*\d{1,3}\s*,\s*\d{1,3}\s*(?:,|\Z)")
 """An answer begins with two small numbers, a report with one: `+CREG: 1,"CE00","00005449"` is a report."""
 _CSQ = re.compile(r"\+CSQ:\s*(\d{1,2}),\s*(\d{1,2})(?!\d)")

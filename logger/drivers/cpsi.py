@@ -89,6 +89,12 @@ def _filled(first: CellReading, second: CellReading) -> CellReading:
     if first.level_dbm is not None:
         open_ones = [name for name in open_ones if name not in _LEVELS]
     values: dict[str, Any] = {name: getattr(second, name) for name in open_ones}
+    # one area is printed in hexadecimal, the other in decimal
+    values["identity_unsure"] = any(
+        getattr(second, name) not in {None, getattr(first, name)}
+        for name in ("mcc", "mnc", "lac", "tac")
+        if name not in open_ones
+    )
     return replace(first, more={**second.more, **first.more}, **values)
 
 

@@ -13,7 +13,7 @@ Where a level stands, the only negative number, tells the two serving rows apart
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import ClassVar
 
 from logger.core.types import CellReading
@@ -35,6 +35,7 @@ _NBIOT_IDS = frozenset({3, 9})  # where cell and area stand; hexadecimal only in
 
 _ROW = re.compile(r"\+QENG\s*:\s*(\d)\s*,\s*(.*)", re.IGNORECASE)
 _NEXT = re.compile(r"\\[rn]|(?=\+Q[A-Z0-9]+\s*:)", re.IGNORECASE)
+_VALUES = re.compile(r"[-\dA-Fa-fx,()\s]+")
 _HEADER = re.compile(r"\+QENG:\s*(\d)\s*(?:,\s*\d{1,3}\s*)?\Z")
 _CHANNEL = re.compile(r"\(([^()]*)\)")
 
@@ -73,8 +74,21 @@ class QuectelGsm(Family):
 
     def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in QENG rows of both technologies."""
-        rows = (_ROW.search(piece) for line in lines for piece in _NEXT.split(line.replace('\\"', '"')))
+        pieces = (piece for line in lines for piece in _NEXT.split(line.replace('\\"', '"')))
+        rows = map(_ROW.search, _unwrapped(pieces))
         return tuple(reading for row in rows if row for reading in _READERS.get(row[1], _nothing)(row[2]))
+
+
+def _unwrapped(lines: Iterable[str]) -> Iterator[str]:
+    """Lines with the rows whole that a terminal has wrapped: what follows a row and holds nothing but values."""
+    row = ""
+    for line in filter(str.strip, lines):
+        if _ROW.search(row) and _VALUES.fullmatch(line):
+            row += line.strip()
+            continue
+        yield row
+        row = line.strip()
+    yield row
 
 
 def _serving(body: str) -> Iterator[Row]:
@@ -102,9 +116,10 @@ def _neighbours(body: str) -> Iterator[Row]:
 
 def _in_order(texts: list[str]) -> list[list[str]]:
     """Groups of ten values of a GSM row, as far as they are numbered upwards; where they are not, a comma is lost."""
+    texts = texts[:-1] if texts[-1] == "" else texts  # a comma ends the row
     groups = [texts[at : at + 10] for at in range(0, len(texts), 10)]
-    if _GSM_NEIGHBOUR.named(groups[0]) is None:
-        return []
+    if not any(map(_GSM_NEIGHBOUR.named, groups)):
+        return []  # of NB-IoT
     if len(groups[-1][-1]) < 4:
         groups[-1][-1] = ""  # a cell identity that ends the row shows only by its width that it is not cut
     numbers = [decimal(group[0], 1, 9) for group in groups]

@@ -79,7 +79,10 @@ def recognised_replies(replies: Sequence[Sequence[Row]], known: Known) -> tuple[
     everything = known
     for reply in seen:
         everything = _with(everything, reply)
-    found = [tuple(_judged(row, reply, everything) for row in rows) for rows, reply in zip(replies, seen, strict=True)]
+    found = []
+    for rows, reply in zip(replies, seen, strict=True):
+        contradicted = _contradicted(rows)
+        found.append(tuple(_judged(row, reply, everything, unsure=id(row) in contradicted) for row in rows))
     return found, everything
 
 
@@ -131,12 +134,26 @@ def _network(row: Row) -> Network | None:
     return None
 
 
-def _judged(row: Row, reply: Known, everything: Known) -> Row:
+def _contradicted(rows: Sequence[Row]) -> set[int]:
+    """Readings of one reply that name the serving cell of one channel differently: nobody knows which is right."""
+    serving: dict[tuple[str, int], list[CellReading]] = {}
+    for row in rows:
+        if isinstance(row, CellReading) and row.role == "serving" and row.rat and row.arfcn is not None:
+            serving.setdefault((row.rat, row.arfcn), []).append(row)
+    return {id(row) for alike in serving.values() if any(_differ(alike[0], row) for row in alike) for row in alike}
+
+
+def _differ(first: CellReading, second: CellReading) -> bool:
+    pairs = ((getattr(first, name), getattr(second, name)) for name in ("mcc", "mnc", *_IDENTITY))
+    return any(one is not None and other is not None and one != other for one, other in pairs)
+
+
+def _judged(row: Row, reply: Known, everything: Known, *, unsure: bool) -> Row:
     """The row with plain numbers."""
     if not isinstance(row, CellReading | Registration):
         return row
     changes: dict[str, Any] = {}
-    unsure = row.identity_unsure or not _is_network_sure(_network(row), everything)
+    unsure = unsure or row.identity_unsure or not _is_network_sure(_network(row), everything)
     for name, number in _numbers(row):
         changes[name] = int(number)
         if name in _IDENTITY:

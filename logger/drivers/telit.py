@@ -26,6 +26,7 @@ from logger.drivers.fields import (
     level,
     network,
     pieces,
+    rscp_dbm,
     rsrp_dbm,
     rsrq_db,
     rssi_dbm,
@@ -138,7 +139,7 @@ def _trimmed(text: str) -> str:
 
 
 def _table_row(found: dict[str, str | None]) -> CellReading | None:
-    """Row of the table; the timing advance has no meaning outside of a call (manual p278)."""
+    """Row of the table; the timing advance is that of the last call or transfer (manual p278)."""
     texts = {name: text or "" for name, text in found.items()}
     channel = decimal(texts["arfcn"], 0, 1023)
     if channel is None:
@@ -157,6 +158,7 @@ def _table_row(found: dict[str, str | None]) -> CellReading | None:
         bsic=octal_bsic(texts["bsic"]),
         rssi_dbm=rssi_dbm(texts["pwr"]),
         rxq=decimal(texts["rxqual"], 0, 7),
+        ta=decimal(texts["ta"], 0, 63),
         c1=decimal(texts["c1"], -255, 255) if decoded else None,
         c2=decimal(texts["c2"], -255, 255) if decoded else None,
         more={"operator": name} if name else {},
@@ -196,8 +198,9 @@ def _labelled_row(text: str) -> CellReading | None:
         psc=decimal(found.get("psc", ""), 0, 511),
         rxq=decimal(found.get("rxqual", ""), 0, 7),
         rssi_dbm=rssi_dbm(power),
-        rscp_dbm=level(found.get("rscp", ""), -130.0, -20.0),
+        rscp_dbm=rscp_dbm(found.get("rscp", "")),
         ecio_db=level(found.get("ecio", ""), -40.0, 0.0),
+        ta=decimal(found.get("ta", ""), 0, 63) if rat == "GSM" else None,
         rsrp_dbm=rsrp,
         rsrq_db=rsrq_db(found.get("rsrq", "")),
         more={"operator": name} if name and not _ADJACENT.match(name) else {},
@@ -261,7 +264,7 @@ def _servinfo(fields: list[str]) -> CellReading | NoCell | None:
         arfcn=channel,
         psc=decimal(texts.get("psc", ""), 0, 511),
         rssi_dbm=power,
-        rscp_dbm=level(texts.get("rscp", ""), -130.0, -20.0),
+        rscp_dbm=rscp_dbm(texts.get("rscp", "")),
         rsrp_dbm=rsrp_dbm(texts.get("rsrp", "")),
         more={**named, "plmn": code} if re.fullmatch(r"\d{5,6}", code) else named,
     )

@@ -6,7 +6,7 @@
     Network survey ended
 
 AT#CSURVF decides whether area and cell are decimal (0, as shipped) or padded hexadecimal with an octal BSIC; the reply
-does not say it. It shows in widths, letters and ranges; where nothing tells, the cell keeps its level only.
+does not say it. It shows in widths, letters and ranges; where nothing tells, it is taken for decimal and is unsure.
 Formats: GM862 AT reference p379, LE910 V2 p287-289; the line of LTE from a measured LM960.
 """
 
@@ -16,7 +16,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from logger.core.types import CellReading, Rat
-from logger.drivers.fields import area, cell_identity, decimal, labelled, level, listed, rsrp_dbm, rsrq_db, rssi_dbm
+from logger.drivers.fields import (
+    area,
+    cell_identity,
+    decimal,
+    labelled,
+    level,
+    listed,
+    rscp_dbm,
+    rsrp_dbm,
+    rsrq_db,
+    rssi_dbm,
+)
 
 _BANDS = ((0, 124), (128, 251), (512, 885), (975, 1023))  # GSM 900, 850, 1800 and 1900, 900 extended (3GPP TS 45.005 2)
 _SLICE = 63  # channels; SeaGlass scanned all in 12 parts and allowed 120 s for each
@@ -72,15 +83,20 @@ _FORMS: dict[Rat, tuple[tuple[str, str], ...]] = {
 _ROWS = [
     (rat, pattern) for rat, form in _FORMS.items() for pattern in (listed(form), labelled(form, between=r"[\s,]+"))
 ]
+# A row of LTE may end before the levels of the cell; in the place of its cell one of WCDMA has a scrambling code.
+_WITHOUT_LEVELS = listed([(name, r"[0-9A-F]{4,9}" if name == "cellId" else form) for name, form in _FORMS["LTE"][:-2]])
+_ROWS.append(("LTE", _WITHOUT_LEVELS))
 _LEVEL_ONLY = re.compile(
-    r"(?<!\w)arfcn\s?:\s*(?P<arfcn>\d{1,4})\s+(?:bsic\s?:\s*\S+\s+)?rxLev\s?:\s*(?P<rxlev>-\d{2,3})(?!\d)",
+    r"(?<!\w)(?:arfcn\s?:\s*(?P<arfcn>\d{1,4})|uarfcn\s?:\s*(?P<uarfcn>\d{1,5})|earfcn\s?:\s*(?P<earfcn>\d{1,6}))"
+    r"\s+(?:bsic\s?:\s*\S+\s+)?rxLev\s?:\s*(?P<rxlev>-\d{2,3})(?!\d)",
     re.IGNORECASE,
 )
-_CARRIER = re.compile(r"(?<![\w.,-])(?P<arfcn>\d{1,4}),(?P<rxlev>-\d{2,3})\s*\Z")
+_CARRIER = re.compile(r"(?<![\w.,-])(?:(?P<arfcn>\d{1,4})|(?P<earfcn>\d{5,6})),(?P<rxlev>-\d{2,3})\s*\Z")
 _STARTED = re.compile(r"network survey (started|ended)", re.IGNORECASE)
 _BASE_SET = re.compile(r"#CSURVF(?:=|:\s*)([0-2])", re.IGNORECASE)
+_SHIPPED = 10
 _HIGHEST = {"GSM": 1023, "WCDMA": 16383, "LTE": 262143}
-_CHANNEL = {"GSM": "arfcn", "WCDMA": "uarfcn", "LTE": "earfcn"}
+_CHANNEL: dict[Rat, str] = {"GSM": "arfcn", "WCDMA": "uarfcn", "LTE": "earfcn"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,17 +134,20 @@ def _carriers(lines: Sequence[str]) -> Iterator[_Carrier]:
     for line in lines:
         for word in _STARTED.findall(line):
             surveying = word.lower() == "started"
-        found = [(row.start(), rat, row) for rat, pattern in _ROWS for row in pattern.finditer(line)]
-        whole = [(start, _Carrier(rat, _texts(row))) for start, rat, row in found]
-        taken = {start for start, _ in whole}
-        whole += [
-            (row.start(), _Carrier("GSM", _texts(row)))
-            for row in _LEVEL_ONLY.finditer(line)
-            if row.start() not in taken
-        ]
+        whole: dict[int, _Carrier] = {}
+        for rat, pattern in _ROWS:
+            for row in pattern.finditer(line):
+                whole.setdefault(row.start(), _Carrier(rat, _texts(row)))
+        for row in _LEVEL_ONLY.finditer(line):
+            whole.setdefault(row.start(), _level_only(row))
         if surveying and not whole:
-            whole = [(row.start(), _Carrier("GSM", _texts(row))) for row in _CARRIER.finditer(line)]
-        yield from (carrier for _, carrier in sorted(whole, key=lambda item: item[0]))
+            whole = {row.start(): _level_only(row) for row in _CARRIER.finditer(line)}
+        yield from (whole[start] for start in sorted(whole))
+
+
+def _level_only(row: re.Match[str]) -> _Carrier:
+    texts = _texts(row)
+    return _Carrier(next((rat for rat, name in _CHANNEL.items() if texts.get(name)), "GSM"), texts)
 
 
 def _texts(row: re.Match[str]) -> dict[str, str]:
@@ -198,7 +217,8 @@ def _reading(carrier: _Carrier, base: int | None, plain: bool) -> CellReading | 
     power = rssi_dbm(texts["rxlev"])
     if channel is None or power is None:
         return None
-    one_base = base if base is not None and carrier.bases <= {base} else None
+    untold = base is None and not carrier.bases
+    one_base = _SHIPPED if untold else base if base is not None and carrier.bases <= {base} else None
     mcc, mnc, place, cid = _identity(carrier, one_base, plain)
     status = texts.get("cellstatus", "").upper()
     status = _STATUS[int(status)] if status.isdecimal() else status
@@ -211,14 +231,15 @@ def _reading(carrier: _Carrier, base: int | None, plain: bool) -> CellReading | 
         tac=place if rat == "LTE" else None,
         cid=cid,
         arfcn=channel,
-        bsic=_bsic(texts.get("bsic", ""), one_base),
+        bsic=_bsic(texts.get("bsic", ""), None if untold else one_base),
         psc=decimal(texts.get("scr_code", ""), 0, 511),
         pci=decimal(texts.get("cellidentity", ""), 0, 503),
         rssi_dbm=power,
-        rscp_dbm=level(texts.get("rscp", ""), -130.0, -20.0),
+        rscp_dbm=rscp_dbm(texts.get("rscp", "")),
         ecio_db=level(texts.get("ecio", ""), -40.0, 0.0),
         rsrp_dbm=rsrp_dbm(texts.get("rsrp", "")),
         rsrq_db=rsrq_db(texts.get("rsrq", "")),
+        identity_unsure=untold and mcc is not None,
         more={"status": status} if status else {},
     )
 

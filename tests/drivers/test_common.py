@@ -42,6 +42,31 @@ def test_registration_answered_and_reported(line, wanted):
     assert ("lac" in row or "tac" in row) == ("lac" in wanted or "tac" in wanted)
 
 
+@pytest.mark.parametrize(
+    "beside",
+    [
+        " OK",
+        "+CSQ: 20,0",
+        ";+CGREG: 0,1",
+        ",+CSQ: 20,0",
+        ' +COPS: 0,0,"X"',
+        "|+CSQ: 20,0",
+        "\\r\\n\\r\\nOK",
+        "\t+CSQ: 1,1",
+    ],
+)
+@pytest.mark.parametrize("values", ["1,5", '2,5,"1A2B","3C4D"', "0,5"])
+def test_registration_that_shares_its_line_with_other_answers(values, beside):
+    row = next(row for row in rows(f"+CREG: {values}{beside}") if row.get("domain") == "CREG")
+    assert (row["n"], row["stat"]) == (int(values[0]), 5)
+    assert row.get("cid") == (0x3C4D if "3C4D" in values else None)
+
+
+@pytest.mark.parametrize("line", ['+CREG: 2,1,,"3C4D","5E6F"', '+CREG: 2,1,"3C4D","5E6'])
+def test_registration_with_a_comma_too_many_or_cut_names_no_other_cell(line):
+    assert all(row.get("cid") is None for row in rows(line))
+
+
 def test_levels_without_a_cell():
     assert rows("+CSQ: 31,0") == [{"role": "signal", "csq_raw": 31, "ber": 0, "rssi_dbm": -51.0}]
     assert rows("+CSQ: 99,99") == [{"role": "signal"}]

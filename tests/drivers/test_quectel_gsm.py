@@ -69,6 +69,28 @@ def test_neighbours():
     assert (found[1].c1, found[1].c2) == (31, 31)
 
 
+@pytest.mark.parametrize("at", range(12, len(NEIGHBOURS), 3))
+@pytest.mark.parametrize("end", ["", " "])
+def test_neighbours_in_a_line_that_a_terminal_has_wrapped(at, end):
+    whole = cells(NEIGHBOURS)
+    assert cells(NEIGHBOURS[:at] + end, NEIGHBOURS[at:]) == whole
+    assert cells(HEADER, SERVING, NEIGHBOURS[:at], NEIGHBOURS[at : at + 20], NEIGHBOURS[at + 20 :], "OK")[1:] == whole
+
+
+def test_a_urc_between_the_parts_of_a_wrapped_line_ends_it():
+    assert [cell.cell for cell in cells(NEIGHBOURS[:70], "+CIEV: 1", NEIGHBOURS[70:])] == ["262-01-6956-19807", None]
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_a_neighbour_of_several_that_is_not_heard(number):
+    fields = NEIGHBOURS.removeprefix("+QENG: 1,").split(",")
+    start = 10 * (number - 1)
+    fields[start + 1 : start + 10] = "x" * 9
+    heard = [cell for n, cell in enumerate(cells(NEIGHBOURS), 1) if n != number]
+    assert cells("+QENG: 1," + ",".join(fields)) == heard
+    assert cells("+QENG: 1," + ",".join(fields) + ",") == heard
+
+
 def test_neighbour_that_is_not_decoded_keeps_its_level():
     first, second = cells("+QENG: 1,1,9,-85,x,x,x,x,x,x,x,2,11,-80,17,31,31,262,01,1b2c,4d60")
     assert (who(first), first.arfcn, first.rssi_dbm, first.bsic) == (NOBODY, 9, -85.0, None)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from logger.drivers.cpsi import joined
 from logger.drivers.recognition import Known, recognised, recognised_replies
 from logger.drivers.registry import FAMILIES
 from tests.kit.drivers import who
@@ -58,6 +59,19 @@ def test_an_area_and_its_other_base_are_printed_twice():
     assert not any(row.identity_unsure for row in rows)
     rows = told("sim7600", [decimal(7654321), cmgrmi.replace("7654321", "754321")])
     assert all(row.identity_unsure for row in rows)
+
+
+def test_areas_that_contradict_each_other_are_unsure_where_the_rows_are_one():
+    cmgrmi = "+CMGRMI: Serving_Cell,6300,262,02,{area},2,190887432,3,3,3,12,149,-95,-912,-604,0"
+    for area, unsure in ((11006, False), (1106, True)):
+        rows = joined(FAMILIES["sim7600"].read([decimal(190887432), cmgrmi.format(area=area)]))
+        ((row,), _) = recognised(rows, Known())
+        assert row.identity_unsure is unsure
+
+
+def test_serving_cells_of_one_channel_contradict_each_other():
+    other = decimal(190887432).replace("0x2AFE", "0x2AFD")
+    assert all(row.identity_unsure for row in told("sim7600", [decimal(190887432), other]))
 
 
 def test_rows_of_one_reply_show_a_firmware_that_does_not_pad():

@@ -164,6 +164,16 @@ def test_table():
 # --- damage
 
 
+@pytest.mark.parametrize(
+    ("good", "bad"), [("(19088743)", "(1908743)"), ("01234567 (", "01234657 ("), ("(11111)", "(1111)")]
+)
+def test_numbers_that_contradict_each_other_leave_the_identity_unsure(good, bad):
+    assert not one(LTE).identity_unsure
+    row = one([line.replace(good, bad) for line in LTE])
+    assert row.identity_unsure
+    assert row.rsrp_dbm == one(LTE).rsrp_dbm
+
+
 @pytest.mark.parametrize(("good", "bad"), [("01234567 (19088743)", "01234567 (19088743"), ("(19088743)", "")])
 def test_place_without_its_number_in_brackets_is_no_place(good, bad):
     assert who(one([line.replace(good, bad) for line in LTE]))[3] is None

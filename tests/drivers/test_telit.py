@@ -52,7 +52,18 @@ def test_real_replies(corpus, dialect):
 def test_table():
     operator = {"operator": "Example Net"}
     assert one(SERVING) == CellReading(
-        "serving", "GSM", lac=0x3F6A, cid=0x1B7C, arfcn=688, bsic=42, rssi_dbm=-79, rxq=0, c1=22, c2=30, more=operator
+        "serving",
+        "GSM",
+        lac=0x3F6A,
+        cid=0x1B7C,
+        arfcn=688,
+        bsic=42,
+        rssi_dbm=-79,
+        rxq=0,
+        ta=1,
+        c1=22,
+        c2=30,
+        more=operator,
     )
     assert one(NEIGHBOUR) == CellReading(
         "neighbour", "GSM", lac=0x3F6B, cid=0x2C8D, arfcn=962, bsic=38, rssi_dbm=-86.0, c1=17, c2=15
@@ -80,7 +91,7 @@ def test_no_cell_in_an_empty_slot_or_a_head(line):
 
 def test_labels_of_the_three_technologies():
     gsm = one(LABELLED)
-    assert (who(gsm), gsm.bsic, gsm.arfcn, gsm.rssi_dbm, gsm.ta) == (("262", "01", 0x3F6A, 0x1B7C), 42, 1002, -71, None)
+    assert (who(gsm), gsm.bsic, gsm.arfcn, gsm.rssi_dbm, gsm.ta) == (("262", "01", 0x3F6A, 0x1B7C), 42, 1002, -71, 0)
     umts = one(UMTS)
     assert (umts.rat, who(umts), umts.psc, umts.arfcn) == ("WCDMA", (None, None, 0x3F70, 0x1A2B3C4), 117, 10713)
     assert (umts.rscp_dbm, umts.ecio_db, umts.rssi_dbm, umts.more["operator"]) == (-88, -6, -79, "Example 3G")
@@ -190,9 +201,34 @@ def test_survey_in_numbers():
 AMBIGUOUS = "44,26,-76,0,262,02,2345,3456,0,0"
 
 
-def test_base_that_does_not_show_gives_no_identity():
+def test_base_that_does_not_show_is_taken_as_shipped_and_unsure():
     row = one(AMBIGUOUS)
-    assert (who(row), row.bsic, row.rssi_dbm) == (NOBODY, None, -76.0)
+    assert (who(row), row.identity_unsure) == (("262", "02", 2345, 3456), True)
+    assert (row.bsic, row.rssi_dbm) == (None, -76.0)
+    assert not cells(CSV, AMBIGUOUS)[1].identity_unsure
+
+
+@pytest.mark.parametrize("head", [["Network survey started ..."], ["AT#CSURVC"], []])
+@pytest.mark.parametrize("end", ["0,-98,-12,20", "0,-98,-12", "CELL_SUITABLE,-98,-12", "0", "CELL_OTHER"])
+def test_carrier_of_lte_without_what_stands_around_it(head, end):
+    (row,) = cells(*head, f"66786,-68,001,010,47432885,20063,303,{end}")
+    assert (row.rat, who(row), row.arfcn, row.pci) == ("LTE", ("001", "010", 20063, 47432885), 66786, 303)
+    assert row.rssi_dbm == -68
+    assert (row.rsrp_dbm is None) == ("-98" not in end)
+
+
+def test_carrier_of_lte_or_wcdma_that_is_not_decoded():
+    rows = cells("Network survey started ...", "66786,-88", "earfcn: 1444 rxLev: -91", "uarfcn: 10713 rxLev: -93")
+    assert [(row.rat, row.arfcn, row.rssi_dbm) for row in rows] == [
+        ("LTE", 66786, -88), ("LTE", 1444, -91), ("WCDMA", 10713, -93),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("ta", [0, 1, 37, 63])
+def test_timing_advance_in_both_forms(ta):
+    assert one(SERVING.replace(" 1 0 Ex", f" {ta} 0 Ex")).ta == ta
+    assert one(LABELLED.replace("TA:0", f"TA:{ta}")).ta == ta
+    assert one(LABELLED.replace("TA:0", "TA:64")).ta is None
 
 
 @pytest.mark.parametrize(
