@@ -139,8 +139,8 @@ class Service:
 
     def snapshot(self) -> Status:
         """How it goes now, for `status.json`."""
-        counts, inbox = self.recorder.counts, self._inbox
-        now_ns = self._clock.now_ns()
+        counts, inbox, synced_ns = self.recorder.counts, self._inbox, self._synced_ns
+        now_ns = self._clock.now_ns()  # later than all that it is compared with
         trouble = self._trouble(now_ns)
         return Status(
             state="error" if trouble else self._sign(now_ns),
@@ -149,7 +149,7 @@ class Service:
             pid=os.getpid(),
             now_ns=now_ns,
             since_ns=self._started_ns,
-            synced_ns=self._synced_ns,
+            synced_ns=synced_ns,
             fixes=counts["Fix"],
             scans=counts["Scan"],
             readings=counts["readings"],

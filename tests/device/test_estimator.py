@@ -1,7 +1,6 @@
 """The live estimate beside the recording: in order, never in its way."""
 
 import threading
-import time
 
 from logger.core.live import LiveTracker
 from logger.core.live_settings import LiveSettings
@@ -10,6 +9,7 @@ from logger.device import estimator
 from logger.device.estimator import Estimator
 from logger.device.link import Inbox
 from tests.kit import runs
+from tests.kit.service import LIMIT_S, ends
 
 S = 10**9
 
@@ -30,10 +30,12 @@ def told(inbox):
 class Slow(LiveTracker):
     """A tracker on a processor that takes its time."""
 
-    go = threading.Event()
+    def __init__(self, settings):
+        super().__init__(settings)
+        self.go = threading.Event()
 
     def feed(self, seq, record):
-        self.go.wait(20.0)
+        self.go.wait()
         return super().feed(seq, record)
 
 
@@ -45,23 +47,23 @@ def test_what_is_found_is_what_a_tracker_finds_in_that_order():
     for seq, record in walk(30):
         expected += alone.feed(seq, record)
         assert beside.give(seq, record)
-    assert beside.finish(20.0)
+    assert beside.finish(LIMIT_S)
     assert told(inbox) == expected
     assert beside.latest == [v for v in expected if isinstance(v, LiveEstimate) and v.stage == "locator"][-1]
 
 
 def test_a_slow_processor_holds_nobody_up_and_is_told(monkeypatch):
     monkeypatch.setattr(estimator, "MOST_WAITING", 10)
-    beside = Estimator(lambda: Slow(LiveSettings()), Inbox())
+    slow, taken = Slow(LiveSettings()), []
+    beside = Estimator(lambda: slow, Inbox())
     beside.start()
-    start_s = time.monotonic()
-    taken = [beside.give(seq, record) for seq, record in walk(30)]
-    assert time.monotonic() - start_s < 5.0
+    ends(lambda: taken.extend(beside.give(seq, record) for seq, record in walk(30)))
+    assert len(taken) == 60
     assert taken[0]
     assert not taken[-1]
     assert taken == sorted(taken, reverse=True)  # once behind, nothing more: the desk needs a beginning without holes
     assert not beside.finish(0.1)
-    Slow.go.set()
+    slow.go.set()
 
 
 def test_a_bug_in_the_estimate_is_an_event_and_no_end():
@@ -73,7 +75,7 @@ def test_a_bug_in_the_estimate_is_an_event_and_no_end():
     beside = Estimator(lambda: Broken(LiveSettings()), inbox)
     beside.start()
     beside.give(*next(walk(1)))
-    assert not beside.finish(5.0)
+    assert not beside.finish(LIMIT_S)
     (note,) = told(inbox)
     assert isinstance(note, Note)
     assert (note.code, note.text) == ("internal", "ZeroDivisionError: oops")

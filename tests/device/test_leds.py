@@ -1,11 +1,10 @@
 import threading
-import time
 
 import pytest
 
 from logger.device import leds
 from logger.device.leds import Lamp
-from tests.kit.service import wait_for
+from tests.kit.service import ends, wait_for
 
 
 @pytest.fixture
@@ -18,35 +17,43 @@ def led(tmp_path):
     return folder
 
 
-def _share_lit(led, seconds):
-    end_s, lit, n = time.monotonic() + seconds, 0, 0
-    while time.monotonic() < end_s:
-        lit += (led / "brightness").read_text() == "1"
-        n += 1
-        time.sleep(0.005)
-    return lit / n
+LONG_S = 1e6
+
+
+def _shows(led, level):
+    wait_for(lambda: (led / "brightness").read_text() == level)
 
 
 def test_each_sign_blinks_in_its_own_way_and_the_kernel_gets_its_led_back(led, monkeypatch):
-    monkeypatch.setattr(leds, "FLASHES_S", {"no fix": (0.1, 0.1), "recording": (0.01, 0.29), "error": (0.29, 0.01)})
+    flashes = {"no fix": (0.05, 0.05), "recording": (0.001, LONG_S), "error": (LONG_S, 0.001)}
+    monkeypatch.setattr(leds, "FLASHES_S", flashes)
     with Lamp("ACT", led.parent) as lamp:
         assert (led / "trigger").read_text() == "none"
-        shares = []
-        for sign in ("no fix", "recording", "error"):
-            lamp.show(sign)
-            shares.append(_share_lit(led, 1.2))
-    assert shares[1] < min(shares[0], shares[2])
+        for _ in range(3):
+            _shows(led, "1")
+            _shows(led, "0")
+        lamp.show("error")
+        _shows(led, "1")
+        lamp.show("recording")
+        _shows(led, "0")
+        lamp.show("no fix")
+        _shows(led, "1")
+        _shows(led, "0")
     assert (led / "trigger").read_text() == "mmc0"
 
 
 def test_a_change_is_shown_at_once_and_the_end_does_not_wait_for_a_flash(led, monkeypatch):
-    monkeypatch.setattr(leds, "FLASHES_S", {"no fix": (60.0, 60.0), "recording": (0.01, 60.0), "error": (1.0, 1.0)})
-    start_s = time.monotonic()
-    with Lamp("ACT", led.parent) as lamp:
-        wait_for(lambda: (led / "brightness").read_text() == "1")
-        lamp.show("recording")
-        wait_for(lambda: (led / "brightness").read_text() == "0")
-    assert time.monotonic() - start_s < 5.0
+    flashes = {"no fix": (LONG_S, LONG_S), "recording": (0.001, LONG_S), "error": (1.0, 1.0)}
+    monkeypatch.setattr(leds, "FLASHES_S", flashes)
+
+    def show():
+        with Lamp("ACT", led.parent) as lamp:
+            _shows(led, "1")
+            lamp.show("recording")
+            _shows(led, "0")
+
+    ends(show)
+    assert (led / "trigger").read_text() == "mmc0"
 
 
 def test_no_sign_is_a_steady_light():

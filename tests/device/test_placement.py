@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
 from logger.core.types import Fix, Note, RawBytes, Record, Scan
 from logger.device.placement import PATIENCE_S, Placement
@@ -85,16 +86,22 @@ def test_a_word_now_and_then_is_no_receiver():
     assert watched.changes == []
 
 
+def _recorded(folder, table):
+    try:
+        return max((len(read_run(path).tables[table]) for path in folder.glob("*.journal")), default=0)
+    except RunFileError:  # made, and not yet written for the first time
+        return 0
+
+
 @pytest.mark.slow
 def test_the_service_exchanges_ports_that_are_swapped(tmp_path):
     with devices(rate=1.0) as (modem, gnss, _):
         site = service.site_toml(tmp_path, gnss.path, modem.path)
         site.write_text(site.read_text().replace('driver = "sim800"', 'driver = "auto"'))
-        with service.running(site, "--duration", "50") as logger:
-            out, _ = logger.communicate(timeout=90)
-    run = read_run(Path(out.strip()))
+        with service.running(site) as logger:
+            service.wait_for(lambda: _recorded(tmp_path / "runs", "fixes") > 15)
+            service.wait_for(lambda: _recorded(tmp_path / "runs", "scans") > 5)
+            run = read_run(Path(service.stopped(logger).strip()))
     codes = [row["code"].decode() for row in run.tables["notes"]]
     assert codes.count("ports-exchanged") == 1
     assert codes.index("ports-exchanged") < codes.index("modem-identified")
-    assert len(run.tables["fixes"]) > 15
-    assert len(run.tables["scans"]) > 5

@@ -65,7 +65,7 @@ def test_reads_and_writes_a_port_behind_rfc2217():
     with socket.create_server(("127.0.0.1", 0)) as server:
         thread = threading.Thread(target=_serve_rfc2217, args=(server,))
         thread.start()
-        with Port(f"rfc2217://127.0.0.1:{server.getsockname()[1]}", 115200, 0.1) as port:
+        with Port(f"rfc2217://127.0.0.1:{server.getsockname()[1]}?timeout=60", 115200, 0.1) as port:
             port.write(b"AT+CENG?\r")
             assert _read(port, 9) == b"AT+CENG?\r"
         thread.join()

@@ -104,24 +104,31 @@ def test_status_json_says_how_it_goes(tmp_path, monkeypatch):
     link = tmp_path / "gnss"
 
     def told(condition):
-        status = read_status(folder)
-        return status is not None and condition(status)
+        """The first status for which it holds."""
+        found = []
+
+        def looked():
+            status = read_status(folder)
+            found.extend([status] if status is not None and condition(status) else [])
+            return found
+
+        service.wait_for(looked)
+        return found[0]
 
     with devices() as (modem, gnss, _):
         link.symlink_to(gnss.path)
         site = service.site_toml(tmp_path, modem.path, str(link), '[status]\nled = "no-such-led"\n')
         with service.running(site) as logger:
-            service.wait_for(lambda: told(lambda s: s.target and s.fix.valid and s.synced_ns))
-            status = read_status(folder)
-            assert (status.state, status.pid) == ("recording", logger.pid)
+            status = told(lambda s: s.state == "recording" and s.target and s.fix.valid and s.synced_ns)
+            assert status.pid == logger.pid
             assert status.since_ns < status.synced_ns <= status.now_ns
             assert min(status.fixes, status.scans, status.readings) > 0
             assert {name: port.is_open for name, port in status.ports.items()} == {"modem": True, "gnss": True}
             assert status.fix.lat_deg == pytest.approx(scenario("block", 1, 600.0).world.origin_lat_deg, abs=0.1)
             link.unlink()
             gnss.unplug()
-            service.wait_for(lambda: told(lambda s: s.state == "error" and not s.ports["gnss"].is_open))
-            assert "gnss" in read_status(folder).text
+            status = told(lambda s: s.state == "error" and not s.ports["gnss"].is_open)
+            assert "gnss" in status.text
             service.stopped(logger)
 
 
@@ -136,7 +143,8 @@ def test_a_full_card_is_told_and_is_no_reason_for_a_restart(tmp_path, monkeypatc
         pytest.skip("no file system can be mounted here")
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
     try:
-        noise = NmeaPlayer(os.urandom(20_000_000), bytes_per_s=500_000)
+        # for minutes, and too slow to fill the card by itself before
+        noise = NmeaPlayer(os.urandom(1_000_000) * 50, bytes_per_s=200_000)
         with service.systemd(monkeypatch, tmp_path) as said, PtyDevice(noise) as gnss:
             with service.running(service.site_toml(tmp_path, str(tmp_path / "none"), gnss.path)) as logger:
                 service.wait_for(lambda: "READY=1" in said())
