@@ -5,6 +5,7 @@ from itertools import product
 
 import pytest
 
+from logger import probe as probing
 from logger.cli import main
 from logger.config import parse_config
 from logger.device.clock import ScaledClock
@@ -25,8 +26,17 @@ def ports():
         yield {modem.path: "", gnss.path: "", silent.path: ""}
 
 
+@pytest.fixture(scope="module", autouse=True)
+def patience():
+    """A busy machine answers as well, later."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(probing, "_TRIES", 5)
+        patch.setattr(probing, "LISTEN_S", 2.5)
+        yield
+
+
 @pytest.fixture(scope="module")
-def looked_at():
+def looked_at(patience):
     """What is found on the port of each simulated modem, of a receiver, of nobody and of none."""
     walk, time = scenario("block", 1, 600.0), WalkTime(ScaledClock(20.0))
     sessions = {name: answering(walk.modem(time.now_s, name)) for name in DIALECTS}

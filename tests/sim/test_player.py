@@ -8,12 +8,13 @@ from logger.drivers.at import AtFramer
 from logger.sim.player import NmeaPlayer, TranscriptModem
 from logger.sim.ptys import PtyDevice, answering
 from tests.kit.kept import KeptSerial
+from tests.kit.service import LIMIT_S
 
 LOG = b"".join(b"$GNTXT,%06d*00\r\n" % number for number in range(20_000))
 
 
 def open_port(device):
-    return KeptSerial(device.path, 115200, timeout=5.0, exclusive=True)
+    return KeptSerial(device.path, 115200, timeout=LIMIT_S, exclusive=True)
 
 
 def test_every_byte_comes_exactly_once():
@@ -24,7 +25,7 @@ def test_every_byte_comes_exactly_once():
             heard = port.read(len(LOG))
             port.timeout = 0.1
             assert port.read(1) == b""
-            assert player.finished.wait(5.0)
+            assert player.finished.wait(LIMIT_S)
     assert hashlib.sha256(LOG).digest() == hashlib.sha256(heard).digest()
 
 
@@ -39,8 +40,8 @@ def test_slow_reader_loses_nothing():
 
 
 def test_rate_is_kept():
+    began_s = time.monotonic()
     with PtyDevice(NmeaPlayer(LOG[:10_240], bytes_per_s=20_480.0)) as device, open_port(device) as port:
-        began_s = time.monotonic()
         assert LOG[:10_240] == port.read(10_240)
         assert time.monotonic() - began_s > 0.4
 
@@ -53,7 +54,7 @@ def test_player_stops_while_nobody_reads():
 def test_empty_log_is_finished_at_once():
     player = NmeaPlayer(b"")
     with PtyDevice(player):
-        assert player.finished.wait(5.0)
+        assert player.finished.wait(LIMIT_S)
 
 
 ROWS = b'+CENG: 1,1\n+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"\n'
