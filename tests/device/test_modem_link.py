@@ -2,6 +2,7 @@
 
 import time
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import pytest
 
@@ -13,7 +14,7 @@ from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
-from tests.kit.walked import Walked, service
+from tests.kit.walked import Walked, go_on, service
 
 BLOCK = scenario("clear")
 CELLS = {(t.mcc, t.mnc, t.lac, t.cid) for t in BLOCK.world.transmitters}
@@ -31,8 +32,8 @@ NAMELESS = {"ge864", "mc7455", "me909s", "l850", "bgs2", "plain"}
 """Modems that tell the whole identity of the serving cell only."""
 
 FAULT_S = (3.0, 7.0)
-AFTERWARDS_S = 8.0
-RECOVERED_S = 10.0
+RECOVERED_S = 60.0
+"""Some ten on an idle machine, and less than any full scan may take by its manual."""
 EVENTS = {
     "garbage": {"garbage"},
     "hang": {"no-answer"},
@@ -58,8 +59,20 @@ def _walk(folder, name) -> Walked:
     with PtyDevice(answering(BLOCK.modem(walk_time.now_s, name))) as port:
         under_way = service(folder / name, clock, port.path, 70.0, 0.05 * SPEED)
         under_way.start()
-        under_way.wait(160.0)
+        go_on(under_way, clock, lambda walked: _has_shown_all(walked, name))
         return Walked(read_run(under_way.stop("end")))
+
+
+def _has_shown_all(walked, name) -> bool:
+    """Whether a walk is long enough for all that is looked at below."""
+    scans = [readings for _, readings in walked.scans() if readings]
+    named = {reading.cell for readings in scans for reading in readings if reading.role != "scan"} - {None}
+    surveys = [n for n, readings in enumerate(scans) if readings[0].role == "scan"]
+    polls = [n for n, readings in enumerate(scans) if readings[0].role == "serving"]
+    surveyed = "full-scan" in walked.notes() or not FAMILIES[FAMILY[name]].surveys
+    if name in SURVEYED:
+        surveyed = len(surveys) >= 2 and any(surveys[0] < n < surveys[-1] for n in polls)
+    return len(polls) > 5 and surveyed and len(named) >= (1 if name in NAMELESS else 6)
 
 
 @pytest.fixture(scope="module")
@@ -88,8 +101,10 @@ def test_cells_are_those_of_the_world(walks, name):
     named = {reading.cell for reading in readings if reading.role != "scan"} - {None}
     assert len(named) >= (1 if name in NAMELESS else 6)
     serving = [scan[0] for _, scan in walks[name].scans() if scan and scan[0].role == "serving"]
-    assert len(serving) > 5  # a busy machine gives a fast walk few polls
-    assert all(reading.cell is not None for reading in serving)
+    assert len(serving) > 5
+    # a cell may change between the two commands that name it, and the stop may cut the last poll
+    changes = sum(one.cid != other.cid for one, other in pairwise(serving))
+    assert sum(reading.cell is None for reading in serving) <= changes + 1
 
 
 def _is_of_the_world(reading) -> bool:
@@ -121,7 +136,7 @@ def test_the_receiver_of_the_modem_gives_the_fixes(tmp_path, name):
     with PtyDevice(answering(BLOCK.modem(walk_time.now_s, name))) as port:
         under_way = service(tmp_path, clock, port.path, 0, 1.0, gnss="modem")
         under_way.start()
-        under_way.wait(45.0)
+        go_on(under_way, clock, lambda walked: walked.run.tables["fixes"]["valid"].sum() > 5)
         run = read_run(under_way.stop("end"))
     fixes = run.tables["fixes"]
     found = fixes[fixes["valid"] == 1]
@@ -132,25 +147,54 @@ def test_the_receiver_of_the_modem_gives_the_fixes(tmp_path, name):
         assert BLOCK.walk.position(t_s) == pytest.approx((east_m, north_m), abs=2.0)
 
 
-def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", full_scan_s=0.0) -> Walked:
-    """A walk in real time with one fault."""
+class Story:
+    """Time of a fault: it stands before the begin until that is told to come."""
+
+    def __init__(self, start_s: float) -> None:
+        self._start_s = start_s
+        self._began_s: float | None = None
+
+    def __call__(self) -> float:
+        if self._began_s is None:
+            return 0.0
+        return self._start_s + time.monotonic() - self._began_s
+
+    def begin(self) -> None:
+        self._began_s = time.monotonic()
+
+
+def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b"") -> Walked:
+    """A walk in real time: some whole scans (or the begin of a full one), a fault, and whole scans again."""
     clock = SystemClock()
-    start_s = clock.now_ns() / 1e9
-    now_s = WalkTime(clock).now_s
-    modem = BLOCK.modem(now_s, name)
-    session = answering(modem if fault == "unplug" else Misbehaving(modem, fault, *during_s, now_s))
+    story = Story(during_s[0])
+    modem = BLOCK.modem(WalkTime(clock).now_s, name)
+    session = answering(modem if fault == "unplug" else Misbehaving(modem, fault, *during_s, story))
     folder.mkdir(parents=True, exist_ok=True)
     with PtyDevice(session, folder / "modem") as port:
-        under_way = service(folder, clock, port.path, full_scan_s, 0.1)
+        under_way = service(folder, clock, port.path, 600.0 if scan else 0.0, 0.1)
         under_way.start()
+        go_on(under_way, clock, lambda walked: scan in _sent(walked) if scan else len(walked.scans()) > 10)
+        start_s = clock.now_ns() / 1e9
         if fault == "unplug":
-            time.sleep(during_s[0])
             port.unplug()
             modem.restart()
             time.sleep(during_s[1] - during_s[0])
             port.plug()
-        under_way.wait(during_s[1] + AFTERWARDS_S - now_s())
-        return Walked(read_run(under_way.stop("end")), start_s + during_s[0], start_s + during_s[1])
+        else:
+            story.begin()
+        end_s = start_s + during_s[1] - during_s[0]
+
+        def is_well(walked):
+            return len(_whole_again(Walked(walked.run, start_s, end_s))) > 10
+
+        go_on(under_way, clock, is_well)
+        return Walked(read_run(under_way.stop("end")), start_s, end_s)
+
+
+def _sent(walked) -> bytes:
+    raw = walked.run.tables["raw"]
+    parts = [walked.run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes() for r in raw if r["sent"]]
+    return b"".join(parts)
 
 
 @pytest.fixture(scope="module")
@@ -158,18 +202,23 @@ def misbehaved(tmp_path_factory):
     folder = tmp_path_factory.mktemp("faults")
     with ThreadPoolExecutor(len(EVENTS) + 1) as pool:
         under_way = {fault: pool.submit(_misbehave, folder / fault, fault) for fault in EVENTS}
-        under_way[IN_A_SCAN] = pool.submit(_misbehave, folder / "scan", "brown-out", (1.0, 3.0), full_scan_s=600.0)
+        under_way[IN_A_SCAN] = pool.submit(_misbehave, folder / "scan", "brown-out", (1.0, 3.0), scan=b"AT+CNETSCAN\r")
         return {fault: walked.result() for fault, walked in under_way.items()}
+
+
+def _whole_again(walked: Walked) -> list[float]:
+    """Begins of the scans after the end of the fault from which on all are whole; the stop may cut the last one."""
+    usual = min((len(readings) for t_s, readings in walked.scans() if readings and t_s < walked.start_s), default=6)
+    begins: list[float] = []
+    for t_s, readings in walked.scans()[:-1]:
+        if t_s >= walked.end_s:
+            begins = [*begins, t_s] if len(readings) >= usual else []
+    return begins
 
 
 def recovered_s(walked: Walked) -> float:
     """Seconds from the end of the fault to the first scan after which all are whole."""
-    since_s = float("inf")
-    for t_s, readings in reversed([scan for scan in walked.scans() if scan[0] >= walked.end_s]):
-        if len(readings) != len(CELLS):
-            break
-        since_s = t_s - walked.end_s
-    return since_s
+    return next(iter(_whole_again(walked)), float("inf")) - walked.end_s
 
 
 def test_every_fault_is_tried():
@@ -214,12 +263,8 @@ def test_every_family_recovers_from_every_fault(tmp_path, fault):
     with ThreadPoolExecutor(len(DIALECTS)) as pool:
         walks = pool.map(lambda name: _misbehave(tmp_path / name, fault, LONG_S, name), DIALECTS)
         for name, walked in zip(DIALECTS, walks, strict=True):
-            scans = walked.scans()[:-1]  # the stop may have cut the last one short
-            usual = min(len(readings) for t_s, readings in scans if readings and t_s < walked.start_s)
-            late = [t_s for t_s, readings in scans if t_s >= walked.end_s and len(readings) < usual]
-            began = [t_s for t_s, readings in scans if t_s >= max([walked.end_s, *late]) and len(readings) >= usual]
-            print(f"{fault} {name}: {began[0] - walked.end_s:.2f} s")
-            assert began[0] - walked.end_s < RECOVERED_S
+            print(f"{fault} {name}: {recovered_s(walked):.2f} s")
+            assert recovered_s(walked) < RECOVERED_S, walked.texts()
             # in so long a silence the port is opened again, which a restart that is not told of cannot be told from
             assert (EVENTS[fault] | {"no-answer"}) & set(walked.notes()), walked.texts()
-            assert all(_is_of_the_world(reading) for _, readings in scans for reading in readings)
+            assert all(_is_of_the_world(reading) for _, readings in walked.scans() for reading in readings)

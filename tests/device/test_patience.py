@@ -18,7 +18,7 @@ from logger.sim.faults import Misbehaving
 from logger.sim.modem import SimulatedModem
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
-from tests.kit.walked import Walked, service
+from tests.kit.walked import Walked, go_on, service
 
 SCAN = Command("AT+CNETSCAN", timeout_s=90.0, silence_s=50.0)
 OTHER = Command("AT+COPS=?", timeout_s=180.0)
@@ -112,7 +112,8 @@ def test_a_reply_may_end_late_while_its_bytes_come():
 
 
 BLOCK = scenario("clear")
-RECOVERED_S = 10.0
+RECOVERED_S = 60.0
+"""Some ten on an idle machine, and less than any full scan may take by its manual."""
 
 
 @dataclass(frozen=True)
@@ -176,22 +177,29 @@ class Case:
         return max(self.fault_s[1], self.begun_s[self.survey.parts] + self.takes_s)
 
 
-def record(folder, case, lasts_s):
-    """The run, with times since its begin."""
+def record(folder, case):
+    """The run until it has shown what is looked at, with times since its begin."""
     folder.mkdir()
     clock = SystemClock()
     start_s = clock.now_ns() / 1e9
     case.plug(WalkTime(clock).now_s)
+
+    def done(walked):
+        if len(case.begun_s) < case.survey.parts + 2 + case.abortable:
+            return False
+        polled = recovered_s(Walked(walked.run, start_s, start_s + case.due_s)) < math.inf
+        return polled and (not case.slow_s or walked.notes().count("full-scan") >= 2)
+
     with PtyDevice(answering(case)) as port:
         under_way = service(folder, clock, port.path, 1.5, 0.1)
         under_way.start()
-        under_way.wait(lasts_s)
+        go_on(under_way, clock, done)
         return Walked(read_run(under_way.stop("end")), start_s, start_s + case.due_s)
 
 
-def recorded(folder, cases, lasts_s):
+def recorded(folder, cases):
     with ThreadPoolExecutor(len(cases)) as pool:
-        return list(pool.map(lambda at: record(folder / f"{at}", cases[at], lasts_s), range(len(cases))))
+        return list(pool.map(lambda at: record(folder / f"{at}", cases[at]), range(len(cases))))
 
 
 def recovered_s(walked):
@@ -216,16 +224,17 @@ def check_slow(case, walked):
     begun = len(case.begun_s)
     print(f"{case.survey.model}, abortable {case.abortable}: {completed} of {begun} scans; {case.begun_s}")
     assert completed >= 2
-    assert completed >= begun - case.abortable - 1  # the last one may be under way at the end
+    # the last one may be under way at the end; a busy machine may need to double the silence once more
+    assert completed >= begun - 2 * case.abortable - 1
     assert ("silent-scan" in walked.notes()) == case.abortable
 
 
 def test_the_service_goes_on_after_a_silent_scan(tmp_path, monkeypatch):
-    monkeypatch.setattr(patience, "MARGIN_S", 1.5)
+    monkeypatch.setattr(patience, "MARGIN_S", 2.0)
     monkeypatch.setattr(patience, "ASK_EVERY_S", 0.5)
     hangs = [Case(SURVEYS["sim800"], 0.5, hangs_s=hangs_s) for hangs_s in (0.2, 1.0, 3.5)]
-    slow = [Case(SURVEYS["sim800"], 0.5, slow_s=2.5, abortable=abortable) for abortable in (False, True)]
-    walks = recorded(tmp_path, hangs + slow, 8.0)
+    slow = [Case(SURVEYS["sim800"], 0.5, slow_s=4.5, abortable=abortable) for abortable in (False, True)]
+    walks = recorded(tmp_path, hangs + slow)
     for case, walked in zip(hangs, walks, strict=False):
         check_hang(case, walked)
     for case, walked in zip(slow, walks[len(hangs) :], strict=True):
@@ -241,7 +250,7 @@ def test_every_family_goes_on_after_a_silent_scan(tmp_path):
         for hangs_s in (0.5 * takes_s, takes_s, takes_s + 2.0, takes_s + 15.0)
         for abortable in (False, True)
     ]
-    for case, walked in zip(cases, recorded(tmp_path, cases, 45.0), strict=True):
+    for case, walked in zip(cases, recorded(tmp_path, cases), strict=True):
         check_hang(case, walked)
 
 
@@ -249,5 +258,5 @@ def test_every_family_goes_on_after_a_silent_scan(tmp_path):
 def test_a_slow_scan_of_every_family_gets_through(tmp_path):
     surveys = [survey for survey in SURVEYS.values() if survey.parts == 1]
     cases = [Case(survey, 4.0, slow_s=12.0, abortable=abortable) for survey in surveys for abortable in (False, True)]
-    for case, walked in zip(cases, recorded(tmp_path, cases, 45.0), strict=True):
+    for case, walked in zip(cases, recorded(tmp_path, cases), strict=True):
         check_slow(case, walked)

@@ -1,14 +1,20 @@
 """Runs that the real service has recorded from a simulated modem."""
 
 import threading
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from logger.config import parse_config
-from logger.core.runfile import Run
+from logger.core.errors import RunFileError
+from logger.core.runfile import Run, read_run
 from logger.device.beginning import begin_run
 from logger.device.clock import Clock
 from logger.device.service import Service
+from tests.kit.service import LIMIT_S
+
+LOOK_EVERY_S = 0.5
 
 
 @dataclass
@@ -41,3 +47,23 @@ def service(
     )
     config = parse_config(text, "site.toml")
     return Service(config, begin_run(config, text, clock), clock, threading.Event())
+
+
+def go_on(under_way: Service, clock: Clock, done: Callable[[Walked], bool], limit_s: float = LIMIT_S) -> None:
+    """Record until the run so far satisfies a condition, or for so many real seconds; the test then says what it lacks.
+
+    A test that waits so takes as long as the machine does.
+    """
+    end_s = time.monotonic() + limit_s
+    while time.monotonic() < end_s:
+        under_way.wait(LOOK_EVERY_S / clock.real_s(1.0))
+        walked = _so_far(under_way.folder)
+        if walked is not None and done(walked):
+            return
+
+
+def _so_far(folder: Path) -> Walked | None:
+    try:
+        return next((Walked(read_run(path)) for path in folder.glob("*.journal")), None)
+    except RunFileError:  # made, and not yet written for the first time
+        return None

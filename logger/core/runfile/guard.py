@@ -76,6 +76,9 @@ def guarded(path: Path, task: Task) -> tuple[Any, Arrays]:
 def _work(pipe: int, size: int, path: Path, task: Task) -> NoReturn:
     """All that the other process does; nothing of what it has copied is cleaned up or flushed twice."""
     try:
+        # copies of files, locks and ports of other threads are not held on to
+        os.closerange(3, pipe)
+        os.closerange(pipe + 1, os.sysconf("SC_OPEN_MAX"))
         _limit(size)
         with os.fdopen(pipe, "wb", buffering=0) as out:
             _send(out, *_outcome(path, task))

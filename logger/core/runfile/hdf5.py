@@ -106,7 +106,7 @@ def write_hdf5(parts: JournalParts, path: Path) -> None:
 
     Raises `RunFileError` when the journal has no readable definition of its tables or the file reads back differently.
     """
-    with h5py.File(path, "w", libver=_LIBVER, track_order=False) as file:
+    with h5py.File(path, "w", libver=_LIBVER, track_order=False, locking=False) as file:
         datasets = _Datasets(file)
         for part in parts:
             datasets.take(part)
@@ -149,7 +149,7 @@ def attributes(meta: RunMeta, end: RunEnd | None, digest: str, fixes: Rows) -> d
 
 
 def _verify(path: Path, checksums: dict[str, int]) -> None:
-    with h5py.File(path, "r") as file:
+    with h5py.File(path, "r", locking=False) as file:
         for name, expected in checksums.items():
             dataset, found = file[name], 0
             for start in range(0, len(dataset), BLOCK_ROWS * 16):

@@ -67,7 +67,9 @@ class JournalFile:
 
     def _let_go(self) -> None:
         fd, self._fd = self._fd, -1
-        with suppress(OSError):
+        with suppress(OSError, ValueError):  # the second where there is none
+            # a process made meanwhile to read another run may have a copy, which would hold the lock on
+            fcntl.flock(fd, fcntl.LOCK_UN)
             os.close(fd)
 
     def _reserve(self, needed: int) -> None:
