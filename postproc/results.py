@@ -14,6 +14,7 @@ from logger.core.ellipse import ellipse95
 from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import area_m2
+from logger.core.locator.rivals import counting, percents
 from logger.core.observations import Observations
 from logger.core.runfile import Run
 from postproc.estimators.compare import AXES, Comparison
@@ -114,10 +115,13 @@ def _located(posterior: Posterior, utm: Utm) -> Json:
     lat, lon = utm.to_latlon(posterior.x_m, posterior.y_m)
     named = {name: getattr(posterior, name) for name in _BEST[2:]}
     modes = []
+    places = counting(posterior.modes)
+    percent = {id(mode): share for mode, share in zip(places, percents(places), strict=True)}
     for mode in posterior.modes:
         mode_lat, mode_lon = utm.to_latlon(mode.x_m, mode.y_m)
         ellipse = asdict(mode.ellipse)
-        modes.append({"lat": mode_lat, "lon": mode_lon, "probability": mode.probability, "ellipse95": ellipse})
+        shares = {"probability": mode.probability, "percent": percent.get(id(mode))}
+        modes.append({"lat": mode_lat, "lon": mode_lon, **shares, "ellipse95": ellipse})
     return {
         "best": {"lat": lat, "lon": lon, **named},
         "modes": modes,

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.text import Text
 
+from logger.core.locator.rivals import share_text
 from postproc.json_text import Json
 from postproc.terminal import Cell, fits, say, screen, styled, table
 
@@ -17,8 +18,6 @@ TITLES = {
 }
 _STYLES = {"located": "green", "ambiguous": "yellow", "cannot tell": "red"}
 _ORDER = tuple(_STYLES)
-_SHOWN = 0.005
-"""A place with less would be printed as 0 %."""
 
 
 def print_summary(found: Json, *, details: bool) -> None:
@@ -76,7 +75,7 @@ def _in_one_line(cell: Json) -> list[Cell]:
     if cell["verdict"] == "located":
         place, within = _place(cell["best"]), _metres(cell["best"]["r95_m"])
     elif cell["verdict"] == "ambiguous":
-        place = f"{sum(mode['probability'] >= _SHOWN for mode in cell['modes'])} places"
+        place = f"{sum(mode['percent'] is not None for mode in cell['modes'])} places"
     truth = cell["truth"]
     known = cell["verdict"] == "located" and truth is not None and truth["error_m"] is not None
     off = [_metres(truth["error_m"]) if known and truth else ""]
@@ -102,7 +101,8 @@ def _print_estimators(console: Console, cell: Json) -> None:
     if cell["best"]["lat"] is not None:
         rows.append(_row("posterior", cell["best"] | {"n": cell["n"]}, f"r {cell['best']['r95_m']:.0f}"))
     for i, mode in enumerate(cell["modes"], 1):
-        rows.append([f"  place {i}: {mode['probability']:.0%}", _place(mode), _axes(mode["ellipse95"])])
+        share = f"{mode['percent']}%" if mode["percent"] is not None else share_text(mode["probability"])
+        rows.append([f"  place {i}: {share}", _place(mode), _axes(mode["ellipse95"])])
     for name, title in TITLES.items():
         if cell[name]["converged"] is False:
             rows.append([title, "did not converge"])

@@ -9,12 +9,11 @@ import h5py
 import msgspec
 
 from logger.core.geo import Utm
+from logger.core.locator.rivals import LEAST_SHARE
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
 
 _PEERS = {"ekf": "EKF", "rts": "RTS", "batch": "least squares"}
 """The reference EKF is left out: it is documented, and wrong."""
-_SHOWN = 0.005
-"""A place with less is printed as 0 %, and is no part of an answer."""
 _WIDEST_M = 50_000.0
 """No transmitter is heard that far away, and a UTM zone is not true for much more: a wider ellipse says nothing."""
 
@@ -84,7 +83,7 @@ def _answer(cell: Mapping[str, Any]) -> list[Place]:
     """Places that the verdict is about: several only where it says that there are several."""
     verdict, best = cell["verdict"], cell["best"]
     if verdict == "ambiguous":
-        likely = [mode for mode in cell["modes"] if mode["probability"] >= _SHOWN]
+        likely = [mode for mode in cell["modes"] if _counts(mode)]
         return [
             Place(f"possible place {i}", _at(mode), mode["probability"], (), verdict)
             for i, mode in enumerate(likely, 1)
@@ -92,6 +91,13 @@ def _answer(cell: Mapping[str, Any]) -> list[Place]:
     if best["lat"] is None:
         return []
     return [Place("best place" if verdict == "located" else "best guess", _at(best), None, (), verdict)]
+
+
+def _counts(mode: Mapping[str, Any]) -> bool:
+    """Whether the verdict names a place; a summary of an earlier version does not say it."""
+    if "percent" in mode:
+        return mode["percent"] is not None
+    return bool(mode["probability"] >= LEAST_SHARE)
 
 
 def _others(cell: Mapping[str, Any], utm: Utm) -> tuple[list[Place], list[str]]:

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+from logger.core.locator.rivals import share_text
 from logger.core.observations import MAX_GAP_S
 from postproc.interop.estimates import Estimate
 from postproc.interop.geometry import Line, LonLat, Rings, lines
@@ -89,7 +90,7 @@ def _cell(document: ET.Element, cell: str, heard: Sequence[Heard], estimate: Est
         for level, outline in estimate.regions.items():
             _area(folder, f"{level} % region", f"region-{level}", outline)
         for place in estimate.places:
-            share = "" if place.probability is None else f" ({100 * place.probability:.0f} %)"
+            share = "" if place.probability is None else f" ({share_text(place.probability)})"
             name = place.name if place.verdict in {None, "located"} else f"{place.name}: {place.verdict}"
             _placemark(folder, f"{name}{share}", "place", [], (None, None), place.at)
             _area(folder, f"95 % ellipse of {place.name}", "ellipse", place.ellipse95)

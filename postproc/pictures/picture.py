@@ -9,6 +9,7 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.region import Cells
+from logger.core.locator.rivals import counting, percents, share_text
 from logger.core.observations import MAX_GAP_S, Track, times_ns
 from logger.core.runfile import Run
 from logger.core.scale import levels_dbm
@@ -179,15 +180,16 @@ def headline(result: CellResult) -> str:
     if result.verdict == "located" and posterior is not None:
         return f"located: 95 % of the probability lie within {posterior.r95_m:.0f} m of the best place"
     if result.verdict == "ambiguous" and posterior is not None:
-        shares = ", ".join(f"{mode.probability:.0%}" for mode in posterior.modes[:4])
-        return f"ambiguous: {len(posterior.modes)} places fit ({shares}); 95 % radius {posterior.r95_m:.0f} m"
+        places = counting(posterior.modes)
+        shares = ", ".join(f"{share}%" for share in percents(places)[:4])
+        return f"ambiguous: {len(places)} places fit ({shares}); 95 % radius {posterior.r95_m:.0f} m"
     why = result.warnings[0] if result.warnings else "the readings do not hold the answer"
     return f"{result.verdict}: {why}"
 
 
 def mode_label(posterior: Posterior, mode: Mode) -> str:
     """Share of the probability of one place among several; "100 %" of a single one would look like certainty."""
-    return f"{mode.probability:.0%}" if len(posterior.modes) > 1 else ""
+    return share_text(mode.probability) if len(posterior.modes) > 1 else ""
 
 
 def levels_of(run: Run) -> tuple[Levels, ...]:

@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 
 from logger.core.arrays import FloatArray
+from logger.core.locator.rivals import share_text
 from postproc.estimators.filtered import Filtered
 from postproc.estimators.metrics import NIS_95, Consistency
 from postproc.json_text import Json
@@ -41,7 +42,9 @@ def plan(picture: Picture, found: Json, claims: Sequence[CellVerdict] = ()) -> s
         told.append(f"The 95 % region covers {area_text(found['region95']['area_m2'])}.")
         for mode in posterior.modes[:_MOST_PLACES]:
             at = picture.local(np.array([mode.x_m]), np.array([mode.y_m]))[0]
-            which = f"A place with {mode.probability:.0%}" if len(posterior.modes) > 1 else "The likeliest place"
+            which = (
+                f"A place with {share_text(mode.probability)}" if len(posterior.modes) > 1 else "The likeliest place"
+            )
             told.append(f"{which} lies {_from_start(picture, at)}.")
     told += [_claim(picture, one) for one in claims] + _truth(found)
     return " ".join(told)

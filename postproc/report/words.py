@@ -33,10 +33,11 @@ def answer(cell: CellResult, found: Json) -> Answer:
         area = area_text(found["region95"]["area_m2"])
         text = f"With 95 % probability it stands in a region of {area} about {place_text(found['best'])}."
         return Answer(cell.verdict, f"Located within {metres(posterior.r95_m)}", text, None)
-    shares = [f"{mode['probability']:.0%} at {place_text(mode)}" for mode in found["modes"][:_MOST_PLACES]]
-    more = len(found["modes"]) - len(shares)
+    places = [mode for mode in found["modes"] if mode["percent"] is not None]
+    shares = [f"{mode['percent']}% at {place_text(mode)}" for mode in places[:_MOST_PLACES]]
+    more = len(places) - len(shares)
     text = f"The levels fit several places: {', '.join(shares)}{f' and {more} more' if more else ''}."
-    return Answer(cell.verdict, f"{len(found['modes'])} places fit", text, _advice(cell))
+    return Answer(cell.verdict, f"{len(places)} places fit", text, _advice(cell))
 
 
 def counted(cells: Sequence[CellResult], answers: Sequence[Answer]) -> str:

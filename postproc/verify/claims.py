@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pyproj import Geod
+
 from logger.core.errors import ConfigError, GeoError, RunFileError
-from logger.core.geo import check_position
+from logger.core.geo import MAX_LATITUDE_DEG, check_position
 from postproc.verify.asked import identity_of
 from postproc.verify.celldb import CellDb, is_celldb
 from postproc.verify.cellfile import cell_export
@@ -18,6 +20,7 @@ middle of where it was seen, not where it stands."""
 UNKNOWN_SIGMA_M = 1000.0
 """Sigma of a place in an export that tells no range."""
 _COLUMNS = ("cell", "lat", "lon")
+_GEOD = Geod(ellps="WGS84")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +32,30 @@ class Claim:
     lon_deg: float
     sigma_m: float
     source: str
+
+
+_REACH_KM = 50.0
+"""A GSM cell is heard within 35 km, and a walk has its own length."""
+
+
+def swapped(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
+    """Question whether latitude and longitude were exchanged; `walk_deg` (latitude, longitude) is where was walked.
+
+    None where the claim is near enough to be heard, or far away either way.
+    """
+    lat_deg, lon_deg = claim.lon_deg, claim.lat_deg
+    if not abs(lat_deg) <= MAX_LATITUDE_DEG:
+        return None
+    told_km, other_km = (
+        _GEOD.inv(walk_deg[1], walk_deg[0], lon, lat)[2] / 1000.0
+        for lat, lon in ((claim.lat_deg, claim.lon_deg), (lat_deg, lon_deg))
+    )
+    if told_km <= _REACH_KM or other_km > _REACH_KM:
+        return None
+    at = f"{lat_deg:.5f} {lon_deg:.5f}"
+    return (
+        f"latitude and longitude swapped? {at} would be {other_km:.1f} km from the walk, the claim is {told_km:.0f} km"
+    )
 
 
 def parse_claim(text: str, cell: str | None) -> Claim:
@@ -114,7 +141,12 @@ def _sigma_m(range_m: int | None) -> float:
 
 
 def _checked(claim: Claim) -> Claim:
-    check_position(claim.lat_deg, claim.lon_deg)
+    try:
+        check_position(claim.lat_deg, claim.lon_deg)
+    except GeoError as error:
+        if abs(claim.lat_deg) <= 180.0 and abs(claim.lon_deg) <= MAX_LATITUDE_DEG < abs(claim.lat_deg):
+            raise GeoError(f"{error}; latitude and longitude swapped?") from error
+        raise
     if not 0.0 <= claim.sigma_m < 1e6:
         raise ConfigError(f"the sigma of a claim is a number of metres, zero or larger, not {claim.sigma_m:g}")
     return claim

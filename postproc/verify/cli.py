@@ -57,14 +57,16 @@ def verified(
     found = [parse_claim(text, cell) for text in arguments.claim or () for cell in cells]
     if arguments.claims:
         found += read_claims(arguments.claims, list(heard_cells([run], [cell for cell in cells if cell] or None)))
-    return _tested(run, found, p_fa, prior)
+    return _tested(run, found, p_fa, prior, [cell for cell in cells if cell] or None)
 
 
-def _tested(run: "Run", claims: "Sequence[Claim]", p_fa: float, prior: "Prior") -> "Verified":
+def _tested(
+    run: "Run", claims: "Sequence[Claim]", p_fa: float, prior: "Prior", only: Sequence[str] | None
+) -> "Verified":
     from postproc.progress import shown
     from postproc.verify.run import Verification
 
-    verification = Verification(run, claims, p_fa, prior)
+    verification = Verification(run, claims, p_fa, prior, only)
     names = [cell for cell, _ in verification.pairs]
     return verification.adjusted(list(shown(verification.each(), "verifying", len(names), names)))
 
@@ -121,7 +123,7 @@ def _verify_claims(arguments: argparse.Namespace) -> int:
         found = [claims.parse_claim(arguments.claim, arguments.cell)]
     else:
         found = claims.read_claims(arguments.claims, list(heard))
-    tested = _tested(run, found, arguments.pfa, prior)
+    tested = _tested(run, found, arguments.pfa, prior, arguments.cell and [arguments.cell])
     if arguments.json:
         print(as_json(tables.as_dict(tested)))
     else:

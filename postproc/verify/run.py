@@ -22,10 +22,10 @@ from logger.core.errors import ConfigError
 from logger.core.locator.blocks import Blocks, blocks
 from logger.core.locator.posterior import Posterior, locate
 from logger.core.locator.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.observations import CellObservations, Track
 from logger.core.runfile import Run
 from postproc.smooth import heard_cells, too_few
-from postproc.verify.claims import Claim
+from postproc.verify.claims import Claim, swapped
 from postproc.verify.power import Detectable, detectable, distance_m
 from postproc.verify.ranging import Normality, normality
 from postproc.verify.sites import Sites, between_two, within_one
@@ -89,15 +89,21 @@ class Verified:
 
 
 class Verification:
-    """All claims of a run; raises `ConfigError` for a cell that was not heard or a rate that is none."""
+    """All claims of a run about its cells, or about those named in `only`.
 
-    def __init__(self, run: Run, claims: Sequence[Claim], p_fa: float, prior: Prior) -> None:
+    Raises `ConfigError` for a cell that was not heard or a rate that is none.
+    """
+
+    def __init__(
+        self, run: Run, claims: Sequence[Claim], p_fa: float, prior: Prior, only: Sequence[str] | None = None
+    ) -> None:
         if not 0.0 < p_fa <= 0.5:
             raise ConfigError(f"a false-alarm rate lies between 0 and 0.5, not at {p_fa:g}")
         heard = heard_cells([run], [claim.cell for claim in claims if claim.cell] or None)
-        every = heard_cells([run], None)
+        every = heard_cells([run], only)
         observations, self.warnings = walk_of(run)
         self.known = {obs.cell: obs for obs in observations.cells} if observations else {}
+        self.walk_deg = _middle_deg(observations.track) if observations else None
         self.pairs = [
             (cell, claim)
             for claim in claims
@@ -112,7 +118,9 @@ class Verification:
         for i, (cell, claim) in enumerate(self.pairs):
             rng = np.random.default_rng([_SEED, i])
             obs = self.known.get(cell)
-            yield verify_cell(cell, obs, claim, self.p_fa, self.prior, rng, stationary=self.stationary)
+            found = verify_cell(cell, obs, claim, self.p_fa, self.prior, rng, stationary=self.stationary)
+            doubt = swapped(claim, self.walk_deg) if self.walk_deg else None
+            yield replace(found, reasons=(doubt, *found.reasons)) if doubt else found
 
     def adjusted(self, found: Sequence[CellVerdict]) -> Verified:
         """The verdicts, false discoveries controlled."""
@@ -122,6 +130,10 @@ class Verification:
         for i, value in zip(tested, q.tolist(), strict=True):
             after[i] = _judged(found[i], value, self.p_fa)
         return Verified(self.p_fa, tuple(after), self.without_claim, tuple(self.warnings))
+
+
+def _middle_deg(track: Track) -> tuple[float, float]:
+    return track.utm.to_latlon(float(np.median(track.x_m)), float(np.median(track.y_m)))
 
 
 def benjamini_hochberg(p: FloatArray) -> FloatArray:

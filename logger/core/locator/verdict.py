@@ -4,6 +4,7 @@ What is said to be located has to be so with less trust as well: with every corr
 of hills and streets. Of 13 measured walks located without that doubt 4 were not where that said, of the 9 left 1.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import hypot, log10
 from typing import Literal
@@ -11,10 +12,10 @@ from typing import Literal
 import numpy as np
 
 from logger.core.locator.division import LEAST_LOG_FACTOR, Division, divide
-from logger.core.locator.posterior import LEAST_PEAK, Mode, Posterior, locate
+from logger.core.locator.posterior import Mode, Posterior, locate
+from logger.core.locator.rivals import counting, percents
 from logger.core.observations import CellObservations
 
-_MINOR_PLACE = 0.03
 _FEWEST_READINGS = 8
 _SHORTEST_WALK_M = 20.0
 _LEAST_CHANGE_DB = 1.0
@@ -34,7 +35,8 @@ def judged(posterior: Posterior, obs: CellObservations) -> tuple[Verdict, list[s
         doubted, why = verdict(locate(obs, replace(posterior.prior, stationary_m=0.0)), obs, larger=_DOUBTED)
         if doubted != "located":
             told = "cannot tell"
-            reasons = [f"{reasons[0]}, but only if shadowing is as even as it looks; with less trust in that {why[0]}"]
+            even = "But that needs shadowing as even as it looks in this walk"
+            reasons = [f"{reasons[0]}. {even}; if it is less even, {why[0]}"]
     return told, reasons, division
 
 
@@ -51,11 +53,13 @@ def verdict(
     reasons = _too_little(posterior, obs, larger)
     if reasons:
         return "cannot tell", reasons
-    best = posterior.modes[0]
-    if not _has_rivals(posterior):
-        return "located", [f"one place holds {best.probability:.0%}; 95 % lie within {posterior.r95_m:.0f} m of it"]
-    named = ", ".join(f"{mode.probability:.0%} at {_place(mode, obs)}" for mode in posterior.modes)
-    return "ambiguous", [f"the levels fit several places: {named}", _advice(posterior, obs)]
+    places = counting(posterior.modes)
+    shares = percents(places)
+    if len(places) == 1:
+        return "located", [f"one place holds {shares[0]}%; 95 % lie within {posterior.r95_m:.0f} m of it"]
+    named = [f"{share}% at {_place(mode, obs)}" for share, mode in zip(shares, places, strict=True)]
+    elsewhere = [f"{100 - sum(shares)}% elsewhere"] if sum(shares) < 100 else []
+    return "ambiguous", [f"the levels fit several places: {', '.join(named + elsewhere)}", _advice(places, obs)]
 
 
 def _two(division: Division, obs: CellObservations) -> str:
@@ -66,9 +70,9 @@ def _two(division: Division, obs: CellObservations) -> str:
     )
 
 
-def _advice(posterior: Posterior, obs: CellObservations) -> str:
+def _advice(places: Sequence[Mode], obs: CellObservations) -> str:
     """Where to walk to decide between the two strongest places, and which level there speaks for which."""
-    near, far = sorted(posterior.modes[:2], key=lambda mode: hypot(mode.x_m - obs.x_m[-1], mode.y_m - obs.y_m[-1]))
+    near, far = sorted(places[:2], key=lambda mode: hypot(mode.x_m - obs.x_m[-1], mode.y_m - obs.y_m[-1]))
     way_m = hypot(near.x_m - obs.x_m[-1], near.y_m - obs.y_m[-1])
     apart_m = hypot(near.x_m - far.x_m, near.y_m - far.y_m)
     here_dbm, there_dbm = (
@@ -90,11 +94,10 @@ def _too_little(posterior: Posterior, obs: CellObservations, larger: float) -> l
     """Why the readings do not hold the answer."""
     walk_m = float(np.hypot(np.ptp(obs.x_m), np.ptp(obs.y_m)))
     radius_m = float(np.sqrt(posterior.region_area_m2 / np.pi))
-    rivals = _has_rivals(posterior)
+    places = counting(posterior.modes)
+    rivals = len(places) > 1
     # a single place may have a thin far tail, which widens its ellipse but not the radius that holds 95 %
-    widest_m = (
-        max(mode.ellipse.semi_major_m for mode in posterior.modes if _counts(mode)) if rivals else posterior.r95_m
-    )
+    widest_m = max(mode.ellipse.semi_major_m for mode in places) if rivals else posterior.r95_m
     seen_deg = _azimuths_seen_deg(posterior, obs)
     allowed_m = larger * _allowed_m(posterior, obs, walk_m)
     doubts = {
@@ -102,9 +105,11 @@ def _too_little(posterior: Posterior, obs: CellObservations, larger: float) -> l
         f"the walk spans only {walk_m:.0f} m": walk_m < _SHORTEST_WALK_M,
         "the level hardly changes along the walk": float(np.std(obs.level_dbm)) < _LEAST_CHANGE_DB,
         f"the transmitter may be farther than the searched {posterior.prior.reach_m / 1000:.0f} km": posterior.at_limit,
-        f"one-sided walk: it sees the place under {seen_deg:.0f} deg only": seen_deg < _ONE_SIDED_DEG and not rivals,
-        f"the region is too large: {max(radius_m, widest_m):.0f} m in radius, where this walk would have to leave "
-        f"{allowed_m:.0f} m at most": max(radius_m, widest_m) > allowed_m,
+        f"the walk passes the place on one side only: seen from there it covers {seen_deg:.0f} of 360 degrees": (
+            seen_deg < _ONE_SIDED_DEG and not rivals
+        ),
+        f"the region is too large to be called a place: {max(radius_m, widest_m):.0f} m in radius, and a walk like "
+        f"this one has to bring it down to {allowed_m:.0f} m": max(radius_m, widest_m) > allowed_m,
     }
     return [reason for reason, holds in doubts.items() if holds]
 
@@ -115,20 +120,11 @@ def _azimuths_seen_deg(posterior: Posterior, obs: CellObservations) -> float:
     return 360.0 - float(np.max(np.diff(np.append(bearing, bearing[0] + 360.0))))
 
 
-def _counts(mode: Mode) -> bool:
-    return mode.probability >= _MINOR_PLACE or mode.peak >= LEAST_PEAK
-
-
-def _has_rivals(posterior: Posterior) -> bool:
-    """Whether another place cannot be dismissed: for its mass, or since it fits as well though it is small."""
-    return any(_counts(mode) for mode in posterior.modes[1:])
-
-
 def _allowed_m(posterior: Posterior, obs: CellObservations, walk_m: float) -> float:
     """Largest radius called a location: half the walk's extent and half the median distance, 30 m for a near pass.
 
     Several places may each be twice as large: what counts there is that they are told apart.
     """
     median_m = float(np.median(np.hypot(obs.x_m - posterior.x_m, obs.y_m - posterior.y_m)))
-    share = 1.0 if _has_rivals(posterior) else 0.5
+    share = 1.0 if len(counting(posterior.modes)) > 1 else 0.5
     return share * min(walk_m, max(median_m, 60.0))

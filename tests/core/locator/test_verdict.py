@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -43,6 +44,47 @@ def test_located():
     assert why == f"one place holds {found.modes[0].probability:.0%}; 95 % lie within {found.r95_m:.0f} m of it"
 
 
+@pytest.mark.parametrize("probability", [0.0, 0.001, 0.004, 0.0099])
+def test_a_place_that_would_be_printed_as_nothing_is_no_rival_however_sharp_it_is(probability):
+    obs, found = clear()
+    best = replace(found.modes[0], probability=1.0 - probability)
+    said, why = verdict(replace(found, modes=(best, beside(best, 300.0, probability, 1.0))), obs)
+    assert said == "located"
+    assert "0%" not in " ".join(why).replace("100%", "")
+
+
+SHARES = [
+    (0.99, 0.01),
+    (0.985, 0.015),
+    (0.333, 0.333, 0.333),
+    (0.5, 0.495),
+    (0.905, 0.05, 0.035, 0.01),
+    (0.6, 0.25, 0.012),
+]
+
+
+@pytest.mark.parametrize("shares", SHARES)
+def test_shares_of_places_add_up_and_none_is_nothing_or_all(shares):
+    obs, found = clear()
+    best = replace(found.modes[0], probability=shares[0])
+    others = (beside(best, 300.0 * i, share, 0.5) for i, share in enumerate(shares[1:], 1))
+    said, why = verdict(replace(found, modes=(best, *others)), obs)
+    assert said == "ambiguous"
+    told = [int(percent) for percent in re.findall(r"(\d+)%", why[0])]
+    assert sum(told) == 100
+    assert all(0 < percent < 100 for percent in told)
+    assert len(re.findall("% at ", why[0])) == len(shares)
+
+
+def test_nobody_is_sent_to_a_place_that_is_not_named():
+    obs, found = clear()
+    best = replace(found.modes[0], probability=0.6)
+    rest = (beside(best, 5.0, 0.002, 1.0), beside(best, 400.0, 0.398, 0.9))
+    _, (named, advice) = verdict(replace(found, modes=(best, *rest)), obs)
+    place = re.search(r"walk past (\S+ \S+),", advice)[1]
+    assert f"at {place}" in named
+
+
 def test_a_second_place_too_small_to_count_does_not_matter():
     obs, found = clear()
     best = found.modes[0]
@@ -60,7 +102,7 @@ def test_two_places():
     assert len(why) == 2
     for mode in found.modes:
         lat_deg, lon_deg = obs.utm.to_latlon(mode.x_m, mode.y_m)
-        assert f"{mode.probability:.0%} at {lat_deg:.5f} {lon_deg:.5f}" in why[0]
+        assert f"% at {lat_deg:.5f} {lon_deg:.5f}" in why[0]
 
 
 @pytest.mark.parametrize(("probability", "peak"), [(0.04, 0.001), (0.01, 0.2)], ids=["its mass", "its peak"])
@@ -107,7 +149,8 @@ def test_one_sided_walk():
     found = locate(obs)
     assert len([mode for mode in found.modes if mode.probability > 0.03]) == 1
     bearing = np.degrees(np.arctan2(x - found.x_m, y - found.y_m))
-    assert f"one-sided walk: it sees the place under {np.ptp(bearing):.0f} deg only" in reasons(obs)
+    seen = f"seen from there it covers {np.ptp(bearing):.0f} of 360 degrees"
+    assert f"the walk passes the place on one side only: {seen}" in reasons(obs)
 
 
 def test_large_region():
@@ -129,4 +172,6 @@ def test_located_is_what_less_trust_in_the_noise_leaves_located():
     assert verdict(found, obs)[0] == "located"
     said, (why,), _ = judged(found, obs)
     assert said == "cannot tell"
-    assert "with less trust in that the region is too large" in why
+    assert (
+        "But that needs shadowing as even as it looks in this walk; if it is less even, the region is too large" in why
+    )

@@ -1,8 +1,11 @@
 import json
+import re
 
 import pytest
 
+from logger.core.errors import GeoError
 from postproc.cli import main
+from postproc.verify.claims import parse_claim, swapped
 from tests.kit import runs
 from tests.kit.smoothed import LAT, LON, TRANSMITTER_M, UTM, cell_name, write_run
 
@@ -49,7 +52,55 @@ def test_verify_tells_a_true_claim_from_a_false_one(run, tmp_path, capsys):
     assert (south[0]["verdict"], south[0]["claim"]["lat_deg"]) == ("rejected", -33.5)
     text = tell(capsys, "verify", run, "--claim", f"{far[0]},{far[1]},20", "--cell", cell, "--pfa", "0.01")
     assert "rejected" in text
-    assert "no alarm by itself" in text
+    assert "no alarm by itself" not in text  # only this cell was asked about
+    assert "over 1 claim " in text
+    text = tell(capsys, "verify", run, "--claims", file)
+    assert "1 cell heard without a claim" in text
+    assert "over 2 claims" in text
+
+
+def test_only_the_cells_asked_about_are_counted(run, tmp_path, capsys):
+    file = tmp_path / "claims.csv"
+    file.write_text("cell,lat,lon\n" + "".join(f"{cell_name(i)},{LAT},{LON}\n" for i in range(2)))
+    for only, claimed, without in (
+        ((), [cell_name(0), cell_name(1)], []),
+        (("--cell", cell_name(0)), [cell_name(0)], []),
+        (("--cell", cell_name(1)), [cell_name(1)], []),
+    ):
+        told = json.loads(tell(capsys, "verify", run, "--claims", file, *only, "--json"))
+        assert ([cell["cell"] for cell in told["cells"]], told["without_claim"]) == (claimed, without)
+    file.write_text(f"cell,lat,lon\n{cell_name(0)},{LAT},{LON}\n")
+    told = json.loads(tell(capsys, "verify", run, "--claims", file, "--cell", cell_name(1), "--json"))
+    assert (told["cells"], told["without_claim"]) == ([], [cell_name(1)])
+
+
+def test_a_swapped_claim_is_asked_about(run, capsys):
+    lat, lon = place(*TRANSMITTER_M)
+    told = json.loads(tell(capsys, "verify", run, "--claim", f"{lon},{lat}", "--cell", cell_name(0), "--json"))
+    (cell,) = told["cells"]
+    assert any(reason.startswith("latitude and longitude swapped?") for reason in cell["reasons"])
+    text = tell(capsys, "verify", run, "--claim", f"{lon},{lat}", "--cell", cell_name(0))
+    assert "latitude and longitude swapped? 52.5" in text
+    assert re.search(r"\d+ km from the walk", text)
+
+
+@pytest.mark.parametrize(
+    ("claim", "walk", "asked"),
+    [
+        ((13.4, 52.5), (52.5, 13.4), True),
+        ((151.2, -33.8), (-33.8, 151.2), None),  # no position on Earth: the error says it
+        ((52.5, 13.4), (52.5, 13.4), False),
+        ((52.9, 13.4), (52.5, 13.4), False),  # 45 km away: near enough
+        ((48.1, 11.6), (52.5, 13.4), False),  # far away either way
+        ((45.2, 45.1), (45.1, 45.2), False),  # both are near
+    ],
+)
+def test_who_is_asked_whether_a_claim_is_swapped(claim, walk, asked):
+    if asked is None:
+        with pytest.raises(GeoError, match="swapped"):
+            parse_claim(",".join(map(str, claim)), None)
+        return
+    assert bool(swapped(parse_claim(",".join(map(str, claim)), None), walk)) == asked
 
 
 def test_database_from_import_to_verify(run, tmp_path, capsys):
