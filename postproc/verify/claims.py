@@ -52,10 +52,8 @@ def swapped(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
     )
     if told_km <= _REACH_KM or other_km > _REACH_KM:
         return None
-    at = f"{lat_deg:.5f} {lon_deg:.5f}"
-    return (
-        f"latitude and longitude swapped? {at} would be {other_km:.1f} km from the walk, the claim is {told_km:.0f} km"
-    )
+    near = f"{lat_deg:.5f} {lon_deg:.5f} would be {other_km:.1f} km from the walk"
+    return f"latitude and longitude swapped? {near}, the claim is {told_km:.0f} km away"
 
 
 def parse_claim(text: str, cell: str | None) -> Claim:
