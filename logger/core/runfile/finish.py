@@ -20,7 +20,15 @@ _MARGIN_BYTES = 1 << 20
 def unfinished(folder: Path) -> list[Path]:
     """Journals in a folder that hold something, have no HDF5 file yet and are not being recorded now."""
     found = sorted({p for p in map(first_part, folder.iterdir()) if p.suffix == JOURNAL})
-    return [p for p in found if _n_bytes(p) and not p.with_suffix(".h5").exists() and not _is_recording(p)]
+    return [p for p in found if not p.with_suffix(".h5").exists() and _waits(p)]
+
+
+def _waits(journal: Path) -> bool:
+    """What cannot be read waits too: whoever recovers it says why it cannot."""
+    try:
+        return bool(_n_bytes(journal)) and not _is_recording(journal)
+    except (RunFileError, OSError):
+        return True
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ The HDF5 library trusts its files: of 2900 runs with some bytes of their structu
 segmentation fault and three took gigabytes. What ends the other process is one error here.
 """
 
+import faulthandler
 import os
 import resource
 import select
@@ -101,6 +102,7 @@ def _outcome(path: Path, task: Task) -> tuple[_Reply, Arrays]:
 
 def _limit(size: int) -> None:
     """Bound memory and time; what the library prints while it dies goes nowhere, and no plug-in is loaded."""
+    faulthandler.disable()
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     limits = {resource.RLIMIT_CORE: 0, resource.RLIMIT_CPU: most_cpu_s(size)}
     if memory := _address_space():

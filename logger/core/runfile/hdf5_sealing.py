@@ -68,9 +68,8 @@ class _Sealing:
 
     def _frames(self, readers: Mapping[str, "_Reader"]) -> Iterator[tuple[int, int, bytes]]:
         """Number, kind and payload of the frames from which the file was made."""
-        texts = {Kind.META: self._content.text("meta"), Kind.END: self._end_text}
-        if self._end is not None:
-            texts[Kind.STOP] = stop_text(self._end)
+        stop = b"" if self._end is None else stop_text(self._end)
+        texts = {Kind.META: self._content.text("meta"), Kind.END: self._end_text, Kind.STOP: stop}
         raw_length = 0
         for number, kind, name, n_rows, *crc in readers[FRAMES].each():
             table = name.decode("utf-8", "replace")

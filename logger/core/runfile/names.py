@@ -47,4 +47,6 @@ def parts_of(journal: Path) -> list[Path]:
     for path in later.values():
         if path.is_symlink() or not path.is_file():
             raise RunFileError(f"{path} is a link or no file; a journal goes on in files of its own")
+    if journal.exists() and not journal.is_file():
+        raise RunFileError(f"{journal} cannot be read: it is no file")
     return [*([journal] if journal.exists() else []), *(later[number] for number in sorted(later))]
