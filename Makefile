@@ -15,7 +15,7 @@ demo: .venv/post.stamp
 	$(BIN)/postproc view $(DEMO)/run.h5 --save $(DEMO)/run.rrd
 	$(BIN)/postproc plot $(DEMO)/run.h5 -o $(DEMO)/run.png
 	$(BIN)/postproc report $(DEMO)/run.h5
-	@echo "== done: $(DEMO)/run.html tells the walk; $(BIN)/rerun $(DEMO)/run.rrd opens it in rerun"
+	@echo "== done: $(DEMO)/run.html tells the walk; $(BIN)/postproc view $(DEMO)/run.rrd opens it in the viewer, on this machine only"
 
 # by two processes: many tests wait for a service in real time, so a machine of two cores is not
 # busier with two. WORKERS=0 runs them one after another, for a debugger.

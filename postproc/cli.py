@@ -97,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
     interop.add_share(share)
     share.set_defaults(command=interop.share)
 
-    view.add_view(add("view", "show runs in rerun, or in a browser of this machine", several=True))
+    view.add_view(add("view", "show runs or a saved recording in rerun, or in a browser here", several=True))
 
     pictures.add_plot(add("plot", "draw a run as a picture"))
     report.add_report(add("report", "a page that tells a run, or several together", several=True))

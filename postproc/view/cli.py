@@ -3,7 +3,7 @@
 import argparse
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,11 +43,13 @@ def add_view(view: argparse.ArgumentParser) -> None:
 def _view(arguments: argparse.Namespace) -> int:
     from logger.core.runfile import read_sound_run
     from postproc.view.basemap import read_basemap
+    from postproc.view.recording import is_recording
     from postproc.view.scene import write_scene
     from postproc.view.viewer import show
-    from postproc.view.web import serve
 
     _check(arguments)
+    if any(map(is_recording, arguments.run)):
+        return _show_recording(arguments)
     runs = [read_sound_run(path) for path in arguments.run]
 
     def write(path: Path) -> None:
@@ -57,13 +59,31 @@ def _view(arguments: argparse.Namespace) -> int:
         write_scene(story, path, basemap=basemap, online=not arguments.web)
 
     if arguments.web:
-        return serve(write, arguments.port or 0, lambda address: print(f"{address} - Ctrl-C ends it", flush=True))
+        return _serve(arguments, write)
     if arguments.save is None:
         return show(write, runs[0].path.stem)
     write(arguments.save)
     written = {"path": str(arguments.save), "bytes": arguments.save.stat().st_size}
-    print(json.dumps(written) if arguments.json else arguments.save)
+    print(json.dumps(written) if arguments.json else f"{arguments.save}: `postproc view {arguments.save}` opens it")
     return 0
+
+
+def _show_recording(arguments: argparse.Namespace) -> int:
+    """What `--save` has written, in the same viewers: bare `rerun` listens for everybody and counts its users."""
+    from postproc.view.recording import opened
+    from postproc.view.viewer import show
+
+    options = ("save", "claim", "claims", "cell", "basemap")
+    if given := [f"--{name}" for name in options if getattr(arguments, name)]:
+        raise ConfigError(f"{given[0]} goes with a run; {arguments.run[0]} is a recording already")
+    write = opened(arguments.run)
+    return _serve(arguments, write) if arguments.web else show(write, arguments.run[0].stem)
+
+
+def _serve(arguments: argparse.Namespace, write: Callable[[Path], None]) -> int:
+    from postproc.view.web import serve
+
+    return serve(write, arguments.port or 0, lambda address: print(f"{address} - Ctrl-C ends it", flush=True))
 
 
 def _check(arguments: argparse.Namespace) -> None:

@@ -16,7 +16,7 @@ from logger.core.errors import ConfigError
 LOOPBACK = "127.0.0.1"
 NOBODY = f"http://{LOOPBACK}:9"
 
-_INSTEAD = "use --web, or --save RUN.rrd and open that elsewhere"
+_INSTEAD = "use --web, or --save RUN.rrd and `postproc view RUN.rrd` elsewhere"
 _MISSING = "the viewer is missing: install cellwalk[view]"
 _TILES = "tile.openstreetmap.org"
 _GRACE_S = 5.0

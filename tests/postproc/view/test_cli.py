@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -120,6 +121,7 @@ def test_without_a_screen_nothing_is_estimated_first(run, fails, monkeypatch):
 
 WITHOUT_RERUN = """
 import sys
+from pathlib import Path
 sys.modules["rerun"] = None
 from postproc.cli import main
 sys.exit(main(sys.argv[1:]))
@@ -134,3 +136,61 @@ def test_everything_else_works_without_rerun(command, code, run, tmp_path):
     if command == "view":
         assert done.stderr.count("\n") == 1
         assert "cellwalk[view]" in done.stderr
+
+
+# --- a recording that was saved ---
+
+VIEWER = """#!/bin/sh
+[ "$1" = analytics ] && exit 0
+for last; do :; done
+echo "$*" > {folder}/call
+cp "$last" {folder}/shown
+"""
+
+
+@pytest.fixture
+def viewer(tmp_path, monkeypatch):
+    """A stand-in for the viewer that keeps what it was given."""
+    program = tmp_path / "rerun"
+    program.write_text(VIEWER.format(folder=tmp_path))
+    program.chmod(0o755)
+    monkeypatch.setattr("postproc.view.viewer.binary", lambda: program)
+    monkeypatch.setenv("DISPLAY", ":0")
+    return tmp_path
+
+
+def test_what_was_saved_is_shown_on_this_machine_only(run, viewer, capsys):
+    saved = viewer / "x.rrd"
+    assert main(["view", str(run), "--save", str(saved)]) == 0
+    assert capsys.readouterr().out.strip() == f"{saved}: `postproc view {saved}` opens it"
+    assert main(["view", str(saved)]) == 0
+    assert (viewer / "shown").read_bytes() == saved.read_bytes()
+    assert "--bind 127.0.0.1" in (viewer / "call").read_text()
+
+
+@pytest.mark.parametrize(
+    ("argv", "says"),
+    [
+        (["a.rrd", "b.rrd"], "a recording is shown alone"),
+        (["a.rrd", "RUN"], "a recording is shown alone"),
+        (["a.rrd", "--cell", "x"], "--cell goes with a run"),
+        (["a.rrd", "--claim", "52,13"], "--claim goes with a run"),
+        (["a.rrd", "--save", "c.rrd"], "--save goes with a run"),
+        (["b.rrd"], "no rerun recording"),
+        (["none.rrd"], "No such file"),
+    ],
+)
+def test_a_recording_is_shown_alone(run, viewer, monkeypatch, fails, argv, says):
+    monkeypatch.chdir(viewer)
+    (viewer / "a.rrd").write_bytes(b"RRF2....")
+    (viewer / "b.rrd").write_bytes(b"lat,lon")
+    assert says in fails(*(run if word == "RUN" else word for word in argv))
+    assert not (viewer / "call").exists()
+
+
+def test_no_text_of_ours_sends_people_to_the_bare_viewer():
+    """It counts its users and listens on all interfaces."""
+    for name in ("README.md", "Makefile"):
+        text = (Path(__file__).parents[3] / name).read_text()
+        assert "bin/rerun" not in text
+        assert "rerun run.rrd" not in text
