@@ -78,6 +78,7 @@ soak: .venv/dev.stamp
 bench: .venv/dev.stamp
 	$(BIN)/python benchmarks/ekf_step.py
 	$(BIN)/python benchmarks/drivers.py
+	$(BIN)/python benchmarks/false_identities.py
 	$(BIN)/python benchmarks/live_cell.py
 	$(BIN)/python benchmarks/desk_filter.py
 	$(BIN)/python benchmarks/desk.py

@@ -27,6 +27,8 @@ _RESTARTED = re.compile(
 class Family:
     """Driver of one family, stateless: one instance serves a live port, a transcript and the simulator alike.
 
+    `read` gives numbers as they were printed; what the modem's earlier replies show of them is judged in `recognition`.
+
     Nothing here transmits by choice, `modes` apart, or asks who the subscriber is. A family says which modems are its
     own (`identifies`, searched in what ATI, AT+CGMI and AT+CGMM answer), what prepares them, what asks for the cells
     heard now and what for all there are; and it reads the lines (`cells_in`).

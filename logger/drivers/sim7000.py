@@ -155,7 +155,7 @@ def _gsm(role: Role, values: list[str], *, closed: bool) -> CellReading | None:
         return None
     channel, rxl = decimal(named["bcch"], 0, 2047), decimal(named["rxl"], 0, 66)
     bsic = decimal(named["bsic"], 0, 63) if "bsic" in named else None
-    if rxl is None or channel is None or (not who and not rxl and not channel):
+    if channel is None or (not who and not rxl):
         return None  # an empty slot
     return CellReading(
         role=role,
@@ -164,7 +164,7 @@ def _gsm(role: Role, values: list[str], *, closed: bool) -> CellReading | None:
         arfcn=channel if channel < 1024 else None,
         arfcn_raw=Printed(channel, named["bcch"], _CHANNEL),
         bsic=bsic if who or bsic else None,  # 00 fills the field of a cell that is not decoded
-        rxlev_raw=Printed(rxl, named["rxl"], _LEVEL),
+        rxlev_raw=None if rxl is None else Printed(rxl, named["rxl"], _LEVEL),
     )
 
 

@@ -184,7 +184,7 @@ def _reading(
 ) -> CellReading | None:
     level = _number(values, "rxl")
     channel = _number(values, "bcch")
-    if (level is None and values.get("rxl") != "99") or (channel is None and "bcch" in values):
+    if not re.fullmatch(r"\d{1,2}", values.get("rxl", "")) or (channel is None and "bcch" in values):
         return None
     mcc, mnc, lac, cid = identity
     if mcc is None and not channel and not level and values.get("rxl") != "99":
