@@ -1,9 +1,11 @@
 """The session with an NMEA receiver: it only listens."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, Protocol
 
 from logger.core.types import Fix
+from logger.core.utc import EARLIEST_UTC_NS
 from logger.device.link import Link
 from logger.drivers.garbage import Garbage
 from logger.drivers.nmea import FixAssembler, NmeaFramer
@@ -31,16 +33,18 @@ def gnss_session(link: Link) -> None:
 
 
 def listen(link: Link, framer: Framer, assembler: Assembler, silent_s: float) -> None:
-    """Record the fixes of a receiver; what is pending after a silence is all there will be of it."""
+    """Record the fixes of a receiver; what is pending after a silence, or at the end, is all there will be of it."""
     heard_ns = link.clock.now_ns()
-    while not link.stop.is_set():
-        t_ns, data = link.read()
-        if data:
-            heard_ns = t_ns
-            _hear(link, framer, assembler, data, t_ns)
-        elif t_ns - heard_ns > silent_s * 1e9:
-            _emit(link, assembler.flush())
-    _emit(link, assembler.flush())
+    try:
+        while not link.stop.is_set():
+            t_ns, data = link.read()
+            if data:
+                heard_ns = t_ns
+                _hear(link, framer, assembler, data, t_ns)
+            elif t_ns - heard_ns > silent_s * 1e9:
+                _emit(link, assembler.flush())
+    finally:
+        _emit(link, assembler.flush())
 
 
 def _hear(link: Link, framer: Framer, assembler: Assembler, data: bytes, t_ns: int) -> None:
@@ -54,3 +58,8 @@ def _hear(link: Link, framer: Framer, assembler: Assembler, data: bytes, t_ns: i
 def _emit(link: Link, fixes: Iterator[tuple[int, Fix]]) -> None:
     for fix_ns, fix in fixes:
         link.emit(fix, fix_ns)
+
+
+def credible(fix: Fix) -> Fix:
+    """The fix without a time that no run can have: a receiver's clock begins in 1980, or 1024 weeks too early."""
+    return replace(fix, utc_ns=None) if fix.utc_ns is not None and fix.utc_ns < EARLIEST_UTC_NS else fix

@@ -7,14 +7,16 @@ from typing import TypeVar
 from logger.config import ModemSettings
 from logger.core.errors import DeviceError
 from logger.core.types import CellReading, Fix, Scan
-from logger.core.utc import EARLIEST_UTC_NS
 from logger.device.after_stop import AfterStop
+from logger.device.gnss_link import credible
 from logger.device.kept_modes import KeptModes
 from logger.device.link import Link
 from logger.device.mode_switch import ModeSwitch
 from logger.device.patience import PAUSE_S, Wait
+from logger.device.unasked import Unasked
+from logger.device.wire import Wire
 from logger.drivers.at import AtFramer, Unsolicited
-from logger.drivers.dialogue import INTERRUPTED, Command, Dialogue, Reply, driven
+from logger.drivers.dialogue import Command, Dialogue, Reply, driven
 from logger.drivers.family import Family
 from logger.drivers.garbage import Garbage
 from logger.drivers.generic import Generic
@@ -26,8 +28,6 @@ T = TypeVar("T")
 
 SILENT_POLLS = 3
 """Polls without an answer after which the port is closed and opened again."""
-BLOCK_GAP_S = 0.5
-"""Silence that ends a block of rows nobody asked for; such blocks have no final line."""
 STORM = 100
 """Unasked lines in ten seconds that are worth a Note; a modem that is well says a few."""
 
@@ -52,9 +52,9 @@ class _Conversation:
         self._locates = locates
         self._driver: Family | None = driver_of(settings.driver)
         self._framer = AtFramer()
-        self._rows: list[str] = []
-        self._row_ns = 0
-        self._heard_ns = 0
+        self._unasked = Unasked()
+        self._wire = Wire(link)
+        self._late_ns = 0  # when the last command that expired was written
         self._spoke = False
         self._owed = 0  # answers to questions of the last full scan
         self._set_up = False
@@ -68,15 +68,16 @@ class _Conversation:
 
     def run(self) -> None:
         unanswered = 0
-        while not self._link.stop.is_set():
+        while not self._wire.is_over:
             due_ns = self._link.clock.now_ns() + round(self._settings.poll_interval_s * 1e9)
             self._answered = False
             self._turn()
             unanswered = 0 if self._answered else unanswered + 1
-            if unanswered >= SILENT_POLLS and not self._link.stop.is_set():
+            if unanswered >= SILENT_POLLS and not self._wire.is_over:
                 raise DeviceError(f"modem gives no answer ({unanswered} polls); opening the port again")
             self._listen_until(due_ns)
         self._close_block()
+        self._wire.tell_loss()
         self._mode.set_back(self._driver, AfterStop(self._link, self._framer))
 
     def _turn(self) -> None:
@@ -103,7 +104,7 @@ class _Conversation:
             if not self._told_ready:
                 self._told_ready = True
                 self._link.note("info", "modem-ready", f"modem set up by driver {self._driver.name}")
-        elif self._answered and not accepted and not self._link.stop.is_set():
+        elif self._answered and not accepted and not self._wire.is_over:
             self._link.count("setup-refused", 1, "times the modem did not accept its set-up; trying again")
 
     def _identify(self) -> Family | None:
@@ -119,22 +120,22 @@ class _Conversation:
         return driver
 
     def _poll(self, driver: Family) -> None:
-        start_ns = self._link.clock.now_ns()
+        start_ns = self._late_ns if self._framer.owes else self._link.clock.now_ns()
         self._damaged = False
         rows = self._talk(driver.poll())
         if self._framer.echoed and self._set_up and not self._echoes:
             self._lose("modem echoes again, as after a restart; setting it up again")
         self._echoes = self._framer.echoed
         if rows is None:
-            if self._set_up and self._answered:
+            if self._set_up and self._answered and not self._wire.is_over:
                 self._link.count("poll-refused", 1, "polls were refused or lost; setting the modem up again")
             self._set_up = False
             return
-        self._emit_scan(start_ns, self._heard_ns, rows)
+        self._emit_scan(start_ns, self._wire.heard_ns, rows)
         if self._locates:
             for row in self._talk(driver.ask(driver.gnss_asked)) or ():
                 if isinstance(row, Fix):
-                    self._link.emit(_credible(row), self._heard_ns, source="gnss")
+                    self._link.emit(credible(row), self._wire.heard_ns, source="gnss")
 
     def _survey_on(self, driver: Family) -> None:
         """Go on with the full scan under way, one command between two polls, or begin one that is due."""
@@ -151,8 +152,8 @@ class _Conversation:
                 networks = sum(isinstance(row, Operator) for row in rows)
                 self._link.note("info", "full-scan", f"{command.text}: {len(cells)} cells, {networks} networks")
                 if cells or not networks:  # a list of networks says nothing of cells
-                    self._emit_scan(now_ns, self._heard_ns, cells)
-            elif not self._link.stop.is_set():
+                    self._emit_scan(now_ns, self._wire.heard_ns, cells)
+            elif not self._wire.is_over:
                 self._link.note("warning", "scan-refused", f"no answer to {command.text}")
 
     def _emit_scan(self, start_ns: int, end_ns: int, rows: Sequence[Row]) -> None:
@@ -194,12 +195,13 @@ class _Conversation:
     def _reply(self, wait: Wait) -> Reply:
         command = wait.command
         self._framer.send(command.text)
-        self._link.write(command.text.encode("ascii") + b"\r")
+        asked_ns = self._link.clock.now_ns()
+        self._wire.write(command.text.encode("ascii") + b"\r")
         restarted = self._restarted
-        while not self._link.stop.is_set() and not wait.is_over(self._now_s()):
+        while not self._wire.is_over and not wait.is_over(self._now_s()):
             if wait.asks(self._now_s()):
                 self._owed += 1
-                self._link.write(b"AT\r")
+                self._wire.write(b"AT\r")
             reply = self._hear()
             n_lines = len(reply.lines) if reply else self._framer.n_lines
             wait.hear(self._now_s(), spoke=self._spoke, n_lines=n_lines, over=reply is not None)
@@ -210,7 +212,8 @@ class _Conversation:
             if self._restarted and not restarted:
                 self._damaged = True
                 return self._framer.abandon()
-        if not self._link.stop.is_set():
+        self._late_ns = asked_ns
+        if not self._wire.is_over:
             self._link.count("no-answer", 1, "commands without an answer")
         expired = self._framer.expire()
         self._answered |= bool(expired.lines)
@@ -220,7 +223,7 @@ class _Conversation:
     def _has_answered(self) -> bool:
         """True when every question has an answer of its own, which follow a reply at once."""
         end_s = self._now_s() + PAUSE_S
-        while self._owed and self._now_s() < end_s and not self._link.stop.is_set():
+        while self._owed and self._now_s() < end_s and not self._wire.is_over:
             self._hear()
         return not self._owed
 
@@ -237,38 +240,38 @@ class _Conversation:
 
     def _hear(self) -> Reply | None:
         """Read one chunk, all of it, also what follows the reply: one command is pending, so there is one at most."""
-        self._heard_ns, data = self._link.read()
+        data = self._wire.read()
         self._spoke = bool(data)
         reply = None
         for event in self._framer.feed(data):
             match event:
                 case Reply():
                     reply = event
-                case Unsolicited(line=line):
-                    self._hear_unasked(line)
+                case Unsolicited() as unasked:
+                    self._hear_unasked(unasked.line, is_late=unasked.is_late)
                 case Garbage(data=noise):
+                    self._unasked.interrupt()
                     self._link.count_garbage(len(noise))
                     self._damaged = True
         return reply
 
-    def _hear_unasked(self, line: str) -> None:
+    def _hear_unasked(self, line: str, *, is_late: bool) -> None:
         driver = self._driver or Generic()
         if driver.says_restarted(line):
             if not self._restarted:  # more of such lines may follow
                 self._lose(f"modem says {line!r}; setting it up again")
             self._restarted = True
         elif (role := driver.role_of(line)) is not None:
-            if role == "serving":  # the first row of a block
+            if role == "serving" or self._unasked.is_over(self._wire.heard_ns):  # the first row of a block
                 self._close_block()
-            self._rows.append(line)
-            self._row_ns = self._heard_ns
+            self._unasked.add(line, self._wire.heard_ns, self._late_ns if is_late else self._wire.heard_ns)
             self._answered = True
         elif line.strip() in {"OK", "ERROR"} and self._owed:
             self._owed -= 1
         elif line.strip() in {"OK", "ERROR"}:
             self._link.count("stray-result", 1, "results that end nothing, late ones or repeated ones")
         else:
-            self._rows += [INTERRUPTED] if self._rows else []
+            self._unasked.interrupt()
             self._link.count("unasked-lines", 1, "lines nobody asked for", least=STORM)
 
     def _lose(self, why: str) -> None:
@@ -278,22 +281,16 @@ class _Conversation:
 
     def _listen_until(self, due_ns: int) -> None:
         """Hear what comes unasked, and in any case what is left of the poll: nothing is pending now."""
-        while not self._link.stop.is_set():
+        while not self._wire.is_over:
             self._hear()
             now_ns = self._link.clock.now_ns()
-            if self._rows and now_ns - self._row_ns > BLOCK_GAP_S * 1e9:
+            if self._unasked.is_over(now_ns):
                 self._close_block()
             if now_ns >= due_ns:
                 return
 
     def _close_block(self) -> None:
-        """Record the rows that came unasked as one scan."""
-        if self._rows and self._driver is not None:
-            rows = self._driver.read(self._rows)
-            self._rows = []
-            self._emit_scan(self._row_ns, self._row_ns, rows)
-
-
-def _credible(fix: Fix) -> Fix:
-    """The fix without a time that no run can have: a receiver's clock begins in 1980, or 1024 weeks too early."""
-    return replace(fix, utc_ns=None) if fix.utc_ns is not None and fix.utc_ns < EARLIEST_UTC_NS else fix
+        """Record the rows that came unasked as one scan, which lasted from when they may first have been heard."""
+        lines = self._unasked.take()
+        if lines and self._driver is not None:
+            self._emit_scan(self._unasked.begin_ns, self._unasked.end_ns, self._driver.read(lines))

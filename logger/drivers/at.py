@@ -14,22 +14,23 @@ A reply has no number, so an answer that comes after its time-out looks like the
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from logger.drivers.dialogue import Reply
 from logger.drivers.garbage import Garbage
+from logger.drivers.noise import pieces
 
 MAX_LINE = 4096  # bytes; the longest real line, a COPS scan of a big city, has less than half of it
 MAX_LINES = 1000  # lines of one reply; what comes beyond is passed on as unsolicited
 
 _LINE_END = re.compile(rb"[\r\n]")
-# High bytes are text only between quotation marks, where modems print operator names; outside they are line noise.
-_TEXT = re.compile(rb'(?:[\t !#-~]++|"[\t !#-~\x80-\xff]*+(?:"|\Z))*+')
 _NAME = re.compile(r"[+*^#!$%][A-Z][A-Z0-9]*")
 _PREFIX = re.compile(rf"\s*({_NAME.pattern})\s?:")
 _CODES = frozenset({"OK", "ERROR", "NO CARRIER", "BUSY", "NO ANSWER", "NO DIALTONE"})
 _ERROR = re.compile(r"\+CM[ES] ERROR\b.*")
 # Result codes after ATV0. 2 is RING, which ends no reply.
+_ASKS_FOR_WORDS = re.compile(r"AT(?:I\d?|\+C?GM[IMR])", re.IGNORECASE)
+"""Commands that are answered in plain words, which tell of no cell."""
 _NUMERIC = {"0": "OK", "1": "CONNECT", "3": "NO CARRIER", "4": "ERROR"}
 _UNASKED = re.compile(
     r"RDY|QCRDY|START|RING|Call Ready|SMS Ready|SMS DONE|PB DONE|NORMAL POWER DOWN|(?:UNDER|OVER)-VOLTAGE.*|DST: .*"
@@ -39,9 +40,10 @@ _UNASKED = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Unsolicited:
-    """A line that answers nothing that is pending."""
+    """A line that answers nothing that is pending; `is_late` where it may answer the command that has expired."""
 
     line: str
+    is_late: bool = field(default=False, compare=False)
 
 
 AtEvent = Reply | Unsolicited | Garbage
@@ -70,6 +72,11 @@ class AtFramer:
     def n_lines(self) -> int:
         """Lines of the reply to the pending command that have come."""
         return len(self._lines)
+
+    @property
+    def owes(self) -> bool:
+        """True while a command that has expired owes its final code: what comes may be of that time."""
+        return self._expired is not None
 
     def send(self, command: str) -> None:
         """Note that `command` was written, before what comes back is fed; a command still pending is forgotten."""
@@ -117,20 +124,26 @@ class AtFramer:
             self._blanks += 1
             self._stale = False
             return
-        event = self._line_event(raw.decode("latin-1").rstrip(" \t")) if _TEXT.fullmatch(raw) else Garbage(raw)
+        n_lines = len(self._lines)
+        for piece in pieces(raw, words=_ASKS_FOR_WORDS.fullmatch(self._command or "") is not None):
+            if piece.is_text:
+                event = self._line_event(piece.data.decode("latin-1").rstrip(" \t"))
+            else:
+                event = Garbage(piece.data)
+                if len(self._lines) > n_lines:  # after a row of the same line, whose end it may have been
+                    self._interrupted.add(len(self._lines) - 1)
+            if event is not None:
+                yield event
         self._blanks = 0
         self._stale = False
-        if event is not None:
-            yield event
 
     def _line_event(self, line: str) -> AtEvent | None:
         final = self._final(line)
         if self._command is None or self._stale:
+            late = self._is_late(line)
             if final is not None:
                 self._expired = None
-            else:
-                self._note_late_line(line)
-            return Unsolicited(line)
+            return Unsolicited(line, late)
         if line.strip().casefold() == self._command.casefold():
             self.echoed = True
             return None  # the echo, which may come twice or in lower case
@@ -140,8 +153,7 @@ class AtFramer:
         if not belongs:
             self._interrupted.add(len(self._lines) - 1)
         if not belongs or len(self._lines) >= MAX_LINES:
-            self._note_late_line(line)
-            return Unsolicited(line)
+            return Unsolicited(line, self._is_late(line))
         self._lines.append(line)
         return None
 
@@ -173,10 +185,12 @@ class AtFramer:
             return prefix[1] in self._names
         return not _UNASKED.fullmatch(line.strip())
 
-    def _note_late_line(self, line: str) -> None:
+    def _is_late(self, line: str) -> bool:
+        """True for a line that the expired command may have had; one with its name shows that it is answered."""
         prefix = _PREFIX.match(line)
         if prefix and self._expired and prefix[1] in self._expired:
             self._expired_spoke = True
+        return self._expired is not None and (prefix is None or prefix[1] in self._expired)
 
     def _close(self, final: str | None) -> Reply:
         interrupted = frozenset(self._interrupted - {-1})

@@ -1,0 +1,53 @@
+"""Lines with noise around them: what can be read without guessing what stood in its place.
+
+Noise before a line has taken nothing of it where the line begins with its name (`+CENG:`, `arfcn:`) or is a final code.
+Noise after a line may stand in place of its end, and noise in the middle in place of anything: such a line is no text.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+# High bytes are text only between quotation marks, where modems print operator names; outside they are line noise.
+_TEXT = re.compile(rb'(?:[\t !#-~]++|"[\t !#-~\x80-\xff]*+(?:"|\Z))*+')
+_AROUND = bytes(sorted({*range(256)} - {*range(0x20, 0x7F), 0x09}))
+_NAMED = re.compile(
+    rb"(?:\A|(?<=[^\t -~]))(?:[+*^#!$%][A-Z][A-Z0-9]+[ ]?:|[A-Za-z][A-Za-z_ ()/]{1,19}:|\+CM[ES] ERROR\b)"
+)
+_FINAL = re.compile(rb"OK|ERROR|NO CARRIER")
+
+
+class Piece(NamedTuple):
+    """A part of a line: text of the device, or noise."""
+
+    data: bytes
+    is_text: bool
+
+
+def pieces(line: bytes, *, words: bool = False) -> Iterator[Piece]:
+    """The parts of a line in their order; `words` says that the device was asked for words that have no name."""
+    if _TEXT.fullmatch(line):
+        yield Piece(line, is_text=True)
+        return
+    begins = [found.start() for found in _NAMED.finditer(line)]
+    inner = line.strip(_AROUND)
+    if not begins and (_FINAL.fullmatch(inner.strip()) or (words and inner and _TEXT.fullmatch(inner))):
+        begins = [line.index(inner)]
+    if not begins:
+        yield Piece(line, is_text=False)
+        return
+    if begins[0]:
+        yield Piece(line[: begins[0]], is_text=False)
+    for begin, end in zip(begins, [*begins[1:], len(line)], strict=True):
+        yield from _named(line[begin:end])
+
+
+def _named(part: bytes) -> Iterator[Piece]:
+    """A part that begins with text, up to the next one."""
+    text = part.rstrip(_AROUND)
+    if not _TEXT.fullmatch(text):
+        yield Piece(part, is_text=False)
+        return
+    yield Piece(text, is_text=True)
+    if len(text) < len(part):
+        yield Piece(part[len(text) :], is_text=False)
