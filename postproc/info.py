@@ -12,6 +12,7 @@ from logger.core.scale import levels_dbm
 from logger.core.schema import UNKNOWN_ID
 from logger.core.timebase import fit_run
 from logger.core.utc import utc_text
+from postproc.hearing import scans_of
 
 GAP_S = 5.0
 """A silence of the receiver or the modem that is worth telling."""
@@ -19,11 +20,12 @@ GAP_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class CellCount:
-    """One cell of a run."""
+    """One cell of a run; `n_scans` are those in which it was named surely."""
 
     cell: str
     rat: str | None
     n: int
+    n_scans: int
     strongest_dbm: float | None
 
 
@@ -118,14 +120,14 @@ def _cells(run: Run) -> tuple[CellCount, ...]:
     names, first, which, counts = np.unique(
         readings["cell"], return_index=True, return_inverse=True, return_counts=True
     )
-    levels = levels_dbm(readings)
+    levels, scans = levels_dbm(readings), scans_of([run])
     strongest_dbm = np.full(len(names), -np.inf)
     known = np.isfinite(levels)
     np.maximum.at(strongest_dbm, which[known], levels[known])
     counts = np.bincount(which, minlength=len(names))
     told = zip(names.tolist(), readings["rat"][first].tolist(), counts.tolist(), strongest_dbm.tolist(), strict=True)
     cells = [
-        CellCount(_text(name), _text(rat) or None, n, most_dbm if np.isfinite(most_dbm) else None)
+        CellCount(_text(name), _text(rat) or None, n, scans[_text(name)], most_dbm if np.isfinite(most_dbm) else None)
         for name, rat, n, most_dbm in told
         if name
     ]

@@ -54,12 +54,18 @@ def _print_cells(console: Console, cells: Sequence[CellCount]) -> None:
             printable(cell.cell),
             printable(cell.rat or "-"),
             str(cell.n),
+            str(cell.n_scans),
             "-" if cell.strongest_dbm is None else f"{cell.strongest_dbm:.0f} dBm",
         ]
         for cell in cells
     ]
     if rows:
-        table(console, ["cell", "type", "readings", "strongest"], rows, right=("readings", "strongest"))
+        table(
+            console,
+            ["cell", "type", "readings", "in scans", "strongest"],
+            rows,
+            right=("readings", "in scans", "strongest"),
+        )
 
 
 def _print_gaps(console: Console, gaps: Sequence[Gap], most: int) -> None:

@@ -86,6 +86,7 @@ def _cell(result: CellResult, run: Run) -> Json:
     entry: Json = {
         "cell": result.cell,
         "n": result.n,
+        "n_scans": result.n_scans,
         "verdict": result.verdict,
         "best": dict.fromkeys(_BEST),
         "modes": [],

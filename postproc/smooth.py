@@ -26,6 +26,7 @@ from postproc.estimators.filtered import Filtered, reference_ekf
 from postproc.estimators.losses import Loss
 from postproc.estimators.residuals import Residuals
 from postproc.estimators.sound import ended_well
+from postproc.hearing import scans_of, too_rarely
 from postproc.processes import each
 from postproc.walk import walk_of
 
@@ -47,8 +48,9 @@ class Progress(Protocol):
 class CellResult:
     """What each estimator says of one cell; None where it has nothing honest to say, and a warning says why.
 
-    `n` counts the readings that could be used. The answer is the posterior's; the EKF forward and backward, their
-    comparison, the smoother and the least-squares fit stand beside it. `residuals` are those of the posterior's place.
+    `n` counts the readings that could be used, `n_scans` the scans in which the cell was named surely. The answer is
+    the posterior's; the EKF forward and backward, their comparison, the smoother and the least-squares fit stand beside
+    it. `residuals` are those of the posterior's place.
     `timing` says whether the timing advances agree with the posterior; None where none was read. `failed` names the
     estimators that were asked and did not converge: what they ended with is not kept. `set_aside` are levels that the
     readings around them do not share; only the reference filter and `residuals` have them.
@@ -70,6 +72,7 @@ class CellResult:
     timing: TimingCheck | None = None
     failed: tuple[str, ...] = ()
     set_aside: tuple[SpikeLevel, ...] = ()
+    n_scans: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,17 +106,19 @@ def smooth_run(
     Cells are shared out over at most `processes`; with more than one the calling script needs a main guard. A run
     without fixes, or with cells heard too rarely, is no error: the verdict is then "cannot tell".
     """
-    heard = heard_cells([run], only)
+    heard, scans = heard_cells([run], only), scans_of([run])
     observations, warnings = walk_of(run)
-    usable = tuple(obs for obs in observations.cells if obs.cell in heard) if observations else ()
+    spoken_of = {name for name in heard if not too_rarely(scans[name])}
+    usable = tuple(obs for obs in observations.cells if obs.cell in spoken_of) if observations else ()
     if not heard:
         warnings.append(NO_CELL)
     results = each(partial(smooth_cell, wishes=wishes), usable, processes)
     names = [obs.cell for obs in usable]
     found = list(progress(results, "locating", len(names), names) if progress else results)
     located = {result.cell for result in found}
-    found += [without_place(name, n) for name, n in heard.items() if name not in located]
-    return Smoothed(run, observations, tuple(found), tuple(warnings))
+    found += [without_place(name, n, scans[name]) for name, n in heard.items() if name not in located]
+    counted = (replace(result, n_scans=scans[result.cell]) for result in found)
+    return Smoothed(run, observations, tuple(counted), tuple(warnings))
 
 
 def smooth_cell(obs: CellObservations, wishes: Wishes = Wishes()) -> CellResult:
@@ -234,10 +239,10 @@ def heard_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str, in
     return {name: n for name, n in every.items() if not only or name in only}
 
 
-def without_place(cell: str, n: int) -> CellResult:
-    """Result of a cell that was heard where nobody knew the place."""
-    why = f"none of its {n} reading{'s' * (n != 1)} has both a level and a position"
-    return CellResult(cell, 0, None, "cannot tell", (why,))
+def without_place(cell: str, n: int, n_scans: int) -> CellResult:
+    """Result of a cell that was heard too rarely, or where nobody knew the place."""
+    why = too_rarely(n_scans) or f"none of its {n} reading{'s' * (n != 1)} has both a level and a position"
+    return CellResult(cell, 0, None, "cannot tell", (why,), n_scans=n_scans)
 
 
 def _batch_warnings(fitted: BatchFit | None, posterior: Posterior) -> list[str]:

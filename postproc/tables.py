@@ -84,7 +84,8 @@ def _in_one_line(cell: Json) -> list[Cell]:
 
 def _print_cell(console: Console, cell: Json) -> None:
     verdict = (cell["verdict"], _STYLES[cell["verdict"]])
-    say(console, styled(("\n", ""), (cell["cell"], "bold"), (f"  {cell['n']} readings  ", ""), verdict))
+    in_scans = "" if cell["n_scans"] is None else f", heard in {cell['n_scans']} scan{'s' * (cell['n_scans'] != 1)}"
+    say(console, styled(("\n", ""), (cell["cell"], "bold"), (f"  {cell['n']} readings{in_scans}  ", ""), verdict))
     for warning in cell["warnings"]:
         say(console, warning, bullet="  - ")
     _print_estimators(console, cell)

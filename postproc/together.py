@@ -19,6 +19,7 @@ from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
 from logger.core.observations import CellObservations, Observations
 from logger.core.runfile import Run
+from postproc.hearing import scans_of, too_rarely
 from postproc.processes import each
 from postproc.smooth import (
     NO_CELL,
@@ -91,17 +92,18 @@ def smooth_together(
     Raises `ConfigError` for a run given twice and a cell that was not heard, `GeoError` for runs too far apart.
     """
     _check_different(runs)
-    heard = heard_cells(runs, only)
+    heard, scans = heard_cells(runs, only), scans_of(runs)
     walks = [walk_of(run) for run in runs]
     observations = _in_one_zone(runs, {i: found for i, (found, _) in enumerate(walks) if found})
-    parts = _by_cell(observations, heard)
+    parts = _by_cell(observations, {name: n for name, n in heard.items() if not too_rarely(scans[name])})
     modems = modems_of(runs)
     merged = sorted(((merge(part, modems), part) for part in parts.values()), key=lambda one: len(one[0]), reverse=True)
     results = each(partial(_cell, modems=modems, wishes=wishes), merged, processes)
     names = [obs.cell for obs, _ in merged]
     cells = list(progress(results, "locating", len(names), names) if progress else results)
     nothing = np.zeros(0, np.int64)
-    cells += [TogetherCell(without_place(c, n), nothing, (), {}) for c, n in heard.items() if c not in parts]
+    cells += [TogetherCell(without_place(c, n, scans[c]), nothing, (), {}) for c, n in heard.items() if c not in parts]
+    cells = [replace(one, result=replace(one.result, n_scans=scans[one.result.cell])) for one in cells]
     warnings = _warnings(heard, parts)
     return Together(tuple(runs), observations, tuple(cells), warnings, tuple(tuple(told) for _, told in walks))
 

@@ -1,8 +1,8 @@
 """The on-device estimate as a function of the records in their order, so that the desk can repeat it to the bit.
 
-Every cell heard has a locator and, once its place is close, an EKF (`live_cell`); the target has the reference filter
-beside them (`live_reference`). After each scan the one cell that needs it most has its places searched anew: a bounded
-amount of work, however many cells are heard.
+Every cell that two scans have named has a locator and, once its place is close, an EKF (`live_cell`); the target has
+the reference filter beside them (`live_reference`). After each scan the one cell that needs it most has its places
+searched anew: a bounded amount of work, however many cells are heard.
 """
 
 from dataclasses import replace
@@ -12,6 +12,7 @@ from typing import NamedTuple
 from logger.core.errors import GeoError
 from logger.core.geo import Utm
 from logger.core.held import Held
+from logger.core.identities import Identities
 from logger.core.live_cell import CellEstimate, LiveCell
 from logger.core.live_reference import LiveReference
 from logger.core.live_settings import REFERENCE, LiveSettings
@@ -23,6 +24,10 @@ from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
 LIVE_DECORRELATION_M = (12.0, 40.0, 200.0)
 LIVE_WHITE_SHARES = (0.05, 0.4)
+
+
+_MOST_FIRSTS = 100
+"""A cell that is there is heard again soon."""
 
 
 class Receiver(NamedTuple):
@@ -46,6 +51,8 @@ class LiveTracker:
         self._fixes = Held[Receiver](settings.max_fix_age_s)
         self._unmapped = False
         self._reference = LiveReference(settings)
+        self._identities = Identities()
+        self._firsts: dict[str, Heard] = {}  # of cells heard once, the one heard longest ago first
         self._cells: dict[str, LiveCell] = {}  # the one not heard for longest first
 
     @property
@@ -92,14 +99,16 @@ class LiveTracker:
         return middle._replace(sigma_m=hypot(middle.sigma_m, smear_m))
 
     def _take_scan(self, seq: int, t_ns: int, scan: Scan) -> list[Note | LiveEstimate]:
+        self._identities.hear(scan)
         at = self._heard_from(scan, t_ns)
         if at is None or self._utm is None:
             return []
         found: list[Note | LiveEstimate] = []
-        chosen = self._reference.choose(t_ns, scan, at.x_m, at.y_m)
+        known = replace(scan, readings=tuple(r for r in scan.readings if r.cell in self._identities))
+        chosen = self._reference.choose(t_ns, known, at.x_m, at.y_m)
         if chosen is not None:
             found.append(Note("info", *chosen))
-        step = self._reference.step(scan, at.x_m, at.y_m)
+        step = self._reference.step(known, at.x_m, at.y_m)
         if step is not None and self._reference.target is not None:
             x_m, y_m, p0_dbm, eta, p = step.state
             estimate = CellEstimate(
@@ -117,14 +126,30 @@ class LiveTracker:
         level_dbm = reading.level_dbm
         if level_dbm is None:
             return []
+        sigma_m = hypot(at.sigma_m, TIMING_S * at.speed_mps)
+        heard = Heard(at.x_m, at.y_m, sigma_m, level_dbm, limit_of(level_dbm, reading.rat))
+        if name not in self._identities:
+            self._wait(name, reading, heard)
+            return []
+        first = self._firsts.pop(name, None)
         cell = self._cells.pop(name, None) or LiveCell(self._prior)
         self._cells[name] = cell
         if len(self._cells) > self.settings.most_cells:
             del self._cells[next(iter(self._cells))]
-        sigma_m = hypot(at.sigma_m, TIMING_S * at.speed_mps)
-        estimate = cell.take(Heard(at.x_m, at.y_m, sigma_m, level_dbm, limit_of(level_dbm, reading.rat)))
+        if first is not None:
+            cell.take(first)
+        estimate = cell.take(heard)
         news: list[Note | LiveEstimate] = [Note("info", code, f"{name}: {text}") for code, text in cell.news]
         return news if estimate is None else [*news, _recorded(seq, name, cell.n, utm, estimate)]
+
+    def _wait(self, name: str, reading: CellReading, heard: Heard) -> None:
+        """Keep the reading of a cell heard once until a second scan names it."""
+        if reading.identity_unsure:
+            return
+        self._firsts.pop(name, None)
+        self._firsts[name] = heard
+        if len(self._firsts) > _MOST_FIRSTS:
+            del self._firsts[next(iter(self._firsts))]
 
     def _search(self) -> None:
         if self._cells:
@@ -149,9 +174,9 @@ def _speed_mps(fix: Fix, before: Receiver | None, t_ns: int, x_m: float, y_m: fl
 
 
 def _first_of_each(scan: Scan) -> dict[str, CellReading]:
-    """Readings of a scan by cell; of a cell that is listed twice the first."""
+    """Readings of a scan by cell; of a cell that is listed twice the first of which the identity is sure."""
     found: dict[str, CellReading] = {}
-    for reading in scan.readings:
+    for reading in sorted(scan.readings, key=lambda reading: reading.identity_unsure):
         if reading.cell is not None and reading.level_dbm is not None:
             found.setdefault(reading.cell, reading)
     return found

@@ -47,10 +47,11 @@ class LiveReference:
 
     def _candidate(self, scan: Scan) -> CellReading | None:
         wanted = self._settings.target
+        heard = [r for r in scan.readings if r.level_dbm is not None and not r.identity_unsure]
         if wanted == STRONGEST:
-            heard = [r for r in scan.readings if r.rat == "GSM" and r.cell is not None and r.level_dbm is not None]
+            heard = [r for r in heard if r.rat == "GSM" and r.cell is not None]
         else:
-            heard = [r for r in scan.readings if r.cell == wanted and r.level_dbm is not None]
+            heard = [r for r in heard if r.cell == wanted]
         return max(heard, key=lambda r: r.level_dbm or 0.0, default=None)
 
     def _beats(self, level_dbm: float, held_dbm: float | None, t_ns: int) -> bool:

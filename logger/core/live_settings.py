@@ -32,11 +32,12 @@ BEHIND = "estimate-behind"
 class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How the live estimate chooses its cells, its fix and its prior.
 
-    Every cell heard is tracked, up to `most_cells` at once: the one not heard for longest gives way. `target` is
-    "strongest" or the name of a cell, for the reference filter and the default view. The target changes when another
-    cell is `hysteresis_db` stronger in the same scan, or strongest after the target was not heard for `lost_s`. A fix
-    older than `max_fix_age_s` is none. `joseph` chooses the form of the reference filter's covariance update.
-    `environment` names the prior: any, open, suburban or urban; `height_m` is the antenna's above the receiver.
+    Every cell named by two scans is tracked, up to `most_cells` at once: the one not heard for longest gives way.
+    `target` is "strongest" or the name of a cell, for the reference filter and the default view; it is one that two
+    scans have named. The target changes when another cell is `hysteresis_db` stronger in the same scan, or strongest
+    after the target was not heard for `lost_s`. A fix older than `max_fix_age_s` is none. `joseph` chooses the form of
+    the reference filter's covariance update. `environment` names the prior: any, open, suburban or urban; `height_m` is
+    the antenna's above the receiver.
     """
 
     target: str = STRONGEST

@@ -19,11 +19,13 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
+from logger.core.identities import FEWEST_SCANS
 from logger.core.locator.blocks import Blocks, blocks
 from logger.core.locator.posterior import Posterior, locate
 from logger.core.locator.prior import Prior
 from logger.core.observations import CellObservations, Track
 from logger.core.runfile import Run
+from postproc.hearing import scans_of, too_rarely
 from postproc.smooth import heard_cells, too_few
 from postproc.verify.claims import Claim, swapped
 from postproc.verify.power import Detectable, detectable, distance_m
@@ -80,12 +82,16 @@ class CellVerdict:
 
 @dataclass(frozen=True, slots=True)
 class Verified:
-    """What a run says of claims; `without_claim` are cells heard that nobody claims anything about: no alarm."""
+    """What a run says of claims; `without_claim` are cells heard that nobody claims anything about: no alarm.
+
+    `heard_once` are cells named by one scan only, or never surely: nothing is said of them.
+    """
 
     p_fa: float
     cells: tuple[CellVerdict, ...]
     without_claim: tuple[str, ...]
     warnings: tuple[str, ...]
+    heard_once: tuple[str, ...] = ()
 
 
 class Verification:
@@ -111,14 +117,20 @@ class Verification:
             if cell is not None
         ]
         self.p_fa, self.prior, self.stationary = p_fa, prior, bool(run.meta.truth)
-        self.without_claim = tuple(cell for cell in every if cell not in {cell for cell, _ in self.pairs})
+        self._rarely = {cell: why for cell, n in scans_of([run]).items() if (why := too_rarely(n))}
+        self.heard_once = tuple(cell for cell in every if cell in self._rarely)
+        claimed = {cell for cell, _ in self.pairs}
+        self.without_claim = tuple(cell for cell in every if cell not in claimed and cell not in self._rarely)
 
     def each(self) -> Iterator[CellVerdict]:
         """Tests before their p-values are adjusted."""
         for i, (cell, claim) in enumerate(self.pairs):
             rng = np.random.default_rng([_SEED, i])
             obs = self.known.get(cell)
-            found = verify_cell(cell, obs, claim, self.p_fa, self.prior, rng, stationary=self.stationary)
+            if why := self._rarely.get(cell):
+                found = CellVerdict(cell, 0 if obs is None else len(obs), claim, "cannot tell", (why,))
+            else:
+                found = verify_cell(cell, obs, claim, self.p_fa, self.prior, rng, stationary=self.stationary)
             doubt = swapped(claim, self.walk_deg) if self.walk_deg else None
             yield replace(found, reasons=(doubt, *found.reasons)) if doubt else found
 
@@ -129,7 +141,7 @@ class Verification:
         after = list(found)
         for i, value in zip(tested, q.tolist(), strict=True):
             after[i] = _judged(found[i], value, self.p_fa)
-        return Verified(self.p_fa, tuple(after), self.without_claim, tuple(self.warnings))
+        return Verified(self.p_fa, tuple(after), self.without_claim, tuple(self.warnings), self.heard_once)
 
 
 def _middle_deg(track: Track) -> tuple[float, float]:
@@ -195,6 +207,9 @@ def verify_cell(
 
 def sites_of(run: Run, cell: str, other: Run | None, prior: Prior) -> tuple[Sites | None, str | None]:
     """One place or two for a cell of a run, or of two runs; None and why where that cannot be told."""
+    for one in (run, other):
+        if one is not None and (why := too_rarely(scans_of([one]).get(cell, FEWEST_SCANS))):
+            return None, why
     rng = np.random.default_rng(_SEED)
     walks = [_heard(one, cell) for one in (run, other) if one is not None]
     if any(obs is None for obs in walks):

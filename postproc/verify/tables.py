@@ -61,6 +61,9 @@ def print_verified(verified: Verified) -> None:
         n = len(verified.without_claim)
         says = f"{n} cell{'s' * (n != 1)} heard without a claim: absence from a database is no alarm by itself"
         say(console, f"\n{says}")
+    if verified.heard_once:
+        n = len(verified.heard_once)
+        say(console, f"{n} cell{'s' * (n != 1)} heard in one scan only or never surely: passed over")
     tested = sum(cell.p is not None for cell in verified.cells)
     if tested:
         says = f"false-alarm rate {verified.p_fa:g}; false discoveries over {tested} claim{'s' * (tested != 1)}"

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 
 from logger.core import ekf
@@ -22,8 +24,15 @@ def _feed(tracker, *records):
     return [value for seq, record in enumerate(records) for value in tracker.feed(seq, record)]
 
 
+def _knowing(settings, *cells):
+    """A tracker that has heard these cells once, where nobody knew the place."""
+    tracker = LiveTracker(settings)
+    assert _feed(tracker, _scan(0, *(reading(cid, -100.0) for cid in cells))) == []
+    return tracker
+
+
 def test_locks_on_the_strongest_and_steps_the_reference_filter():
-    tracker = LiveTracker(LiveSettings())
+    tracker = _knowing(LiveSettings(), 1, 2)
     found = _feed(tracker, _fix(1), _scan(1, reading(1, -80.0), reading(2, -60.0)), _scan(2, reading(2, -61.0)))
     note, first, second = found
     assert (note.code, first.cell, first.n, second.n) == ("target-locked", "262-01-4711-2", 1, 2)
@@ -34,7 +43,7 @@ def test_locks_on_the_strongest_and_steps_the_reference_filter():
 
 
 def test_target_changes_only_beyond_the_hysteresis_and_starts_again():
-    tracker = LiveTracker(LiveSettings(hysteresis_db=6.0))
+    tracker = _knowing(LiveSettings(hysteresis_db=6.0), 1, 2)
     found = _feed(
         tracker,
         _fix(1),
@@ -48,7 +57,7 @@ def test_target_changes_only_beyond_the_hysteresis_and_starts_again():
 
 
 def test_a_target_no_longer_heard_gives_way_after_a_while():
-    tracker = LiveTracker(LiveSettings(lost_s=10.0, max_fix_age_s=100.0))
+    tracker = _knowing(LiveSettings(lost_s=10.0, max_fix_age_s=100.0), 1, 2)
     records = [_fix(1), _scan(1, reading(1, -60.0)), *(_scan(t, reading(2, -90.0)) for t in range(2, 14))]
     found = _feed(tracker, *records)
     (changed,) = [v for v in found if isinstance(v, Note) and v.code == "target-changed"]
@@ -57,7 +66,7 @@ def test_a_target_no_longer_heard_gives_way_after_a_while():
 
 
 def test_a_wished_target_is_kept():
-    tracker = LiveTracker(LiveSettings(target="262-01-4711-1"))
+    tracker = _knowing(LiveSettings(target="262-01-4711-1"), 1, 2)
     found = _feed(tracker, _fix(1), _scan(1, reading(1, -100.0), reading(2, -50.0)))
     assert [v.cell for v in found if isinstance(v, LiveEstimate)] == ["262-01-4711-1"]
 
@@ -68,7 +77,8 @@ def test_a_wished_target_is_kept():
     CellReading("serving", "GSM", "262", "01", 1, 2),
 ])  # fmt: skip
 def test_strongest_means_a_decoded_2g_cell_with_a_level(unusable):
-    found = _feed(LiveTracker(LiveSettings()), _fix(1), _scan(1, unusable, reading(3, -99.0)))
+    tracker = _knowing(LiveSettings(), 3)
+    found = _feed(tracker, _fix(1), _scan(1, unusable, reading(3, -99.0)), _scan(2, unusable))
     assert [v.cell for v in found if isinstance(v, LiveEstimate)] == ["262-01-4711-3"]
 
 
@@ -84,3 +94,51 @@ def test_beyond_84_degrees_is_told_once():
     polar = Record(S, "gnss", Fix(True, None, 86.0, 13.0))
     found = _feed(tracker, polar, polar, _scan(1, reading(1, -60.0)))
     assert [value.code for value in found] == ["unmapped"]
+
+
+def _walk(n, *, false=lambda t_s: (), most_cells=64):
+    """A minute of walking past two cells, with a reading beside them that is said by `false`."""
+    tracker = LiveTracker(LiveSettings(most_cells=most_cells, max_fix_age_s=1e6))
+    found, seq = [], 0
+    for t_s in range(1, n + 1):
+        scan = _scan(t_s, *false(t_s), reading(1, -80.0 - t_s % 3), reading(2, -90.0 + t_s % 2))
+        for record in (_fix(t_s, 13.0 + 2e-5 * t_s), scan):
+            found += [(t_s, value) for value in tracker.feed(seq, record)]
+            seq += 1
+    return tracker, found
+
+
+def test_a_cell_heard_in_one_scan_is_never_the_target_and_never_located():
+    tracker, found = _walk(60, false=lambda t_s: [reading(5000 + t_s, -10.0)], most_cells=2)
+    assert tracker.target == "262-01-4711-1"
+    assert [value.code for _, value in found if isinstance(value, Note)][:1] == ["target-locked"]
+    assert {value.cell for _, value in found if isinstance(value, LiveEstimate)} == {"262-01-4711-1", "262-01-4711-2"}
+
+
+def test_false_names_push_out_no_cell_and_change_no_estimate():
+    _, plain = _walk(60, most_cells=2)
+    _, found = _walk(60, false=lambda t_s: [reading(5000 + 7 * t_s + k, -10.0) for k in range(5)], most_cells=2)
+    assert [str(value) for _, value in found] == [str(value) for _, value in plain]
+
+
+def test_the_first_reading_of_a_cell_is_not_lost():
+    _, found = _walk(60)
+    last = [value for _, value in found if isinstance(value, LiveEstimate) and value.stage == "locator"]
+    assert {value.cell: value.n for value in last} == {"262-01-4711-1": 60, "262-01-4711-2": 60}
+
+
+def test_an_unsure_identity_makes_no_cell_known():
+    unsure = replace(reading(3, -20.0), identity_unsure=True)
+    tracker, found = _walk(60, false=lambda _: [unsure])
+    assert tracker.target == "262-01-4711-1"
+    assert "262-01-4711-3" not in {value.cell for _, value in found if isinstance(value, LiveEstimate)}
+
+
+def test_an_unsure_reading_of_a_known_cell_has_a_level():
+    def false(t_s):
+        return [replace(reading(3, -85.0), identity_unsure=t_s > 2)]
+
+    tracker, found = _walk(60, false=false)
+    last = [value for _, value in found if isinstance(value, LiveEstimate) and value.cell == "262-01-4711-3"]
+    assert last[-1].n == 60
+    assert tracker.target == "262-01-4711-1"

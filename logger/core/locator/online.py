@@ -101,6 +101,7 @@ class OnlineLocator:
         self._evidence: Evidence | None = None
         self._mixed: Mixture | None = None
         self._place: Place | None = None
+        self._lost = False
 
     @property
     def stale(self) -> float:
@@ -109,7 +110,7 @@ class OnlineLocator:
             return 0.0
         if self._searched is None:
             return float(self._n)
-        if self._curve is not None and not self._curve.holds(self._block[:2, : self._n]):
+        if self._lost or (self._curve is not None and not self._curve.holds(self._block[:2, : self._n])):
             return _TURNED
         return self._n / max(_GROWN * self._n_searched, 1.0)
 
@@ -144,6 +145,7 @@ class OnlineLocator:
         """Search the places again with all blocks so far."""
         if self._n < FEWEST_BLOCKS:
             return
+        self._lost = False
         point_m, variance_m2 = self._block[:2, : self._n], self._block[3, : self._n]
         self._curve = curve_of(point_m, np.sqrt(variance_m2))
         walk = single(self._on_curve(0, self._n), self._size_m, self._censored())
@@ -186,6 +188,9 @@ class OnlineLocator:
             return None
         p, label = self._mixed.probability, searched.label
         masses = np.bincount(label[label >= 0], p[label >= 0])
+        if not np.max(masses, initial=0.0) > 0.0:  # all has moved where the last search saw no mode
+            self._lost = True
+            return None
         indices = np.flatnonzero(label == int(np.argmax(masses)))
         state, covariance = moments_over(searched.square, self._evidence, self._mixed.share, indices, p[indices])
         bias_m2 = BIAS_SHARE * median(self._block[3, : self._n].tolist())

@@ -95,3 +95,14 @@ def test_the_same_readings_at_the_floor_lead_to_the_same_bits():
     assert np.array_equal(one.state, again.state)
     assert np.array_equal(one.covariance, again.covariance)
     assert (one.probability, one.sigma_db) == (again.probability, again.sigma_db)
+
+
+def test_levels_that_never_change_leave_no_number_undefined():
+    online = OnlineLocator(live_prior(LiveSettings()))
+    for k in range(200):
+        online.add(1.4 * k, 0.0, 7.0, -85.0)
+        place = online.place()
+        assert place is None or np.all(np.isfinite(place.state))
+        if online.stale > 1.0:
+            online.search()
+    assert online.place() is not None
