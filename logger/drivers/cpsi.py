@@ -14,6 +14,7 @@ from typing import Any
 
 from logger.core.types import CellReading, Rat
 from logger.drivers.fields import area, at, cell_identity, decimal, level, network, rsrp_dbm, rsrq_db, rssi_dbm
+from logger.drivers.printed import proven
 from logger.drivers.rows import NoCell, Row
 
 _ROW = re.compile(r"(?<![A-Z])CPSI:([-\w ,.]*)", re.ASCII | re.IGNORECASE)
@@ -89,6 +90,9 @@ def _filled(first: CellReading, second: CellReading) -> CellReading:
     if first.level_dbm is not None:
         open_ones = [name for name in open_ones if name not in _LEVELS]
     values: dict[str, Any] = {name: getattr(second, name) for name in open_ones}
+    for name in ("lac", "tac", "cid"):
+        if getattr(first, name) is not None and getattr(first, name) == getattr(second, name):
+            values[name] = proven(getattr(first, name))
     # one area is printed in hexadecimal, the other in decimal
     values["identity_unsure"] = any(
         getattr(second, name) not in {None, getattr(first, name)}

@@ -17,18 +17,25 @@ class Form:
 
 
 class Printed(int):
-    """An integer, equal to any of the same value, with its text."""
+    """An integer, equal to any of the same value, with its text; `proven` where the reply has said it twice."""
 
     text: str
     form: Form
+    proven: bool
 
-    def __new__(cls, value: int, text: str, form: Form) -> Self:
+    def __new__(cls, value: int, text: str, form: Form, proven: bool = False) -> Self:
         """Number of that value; the text without blanks, sign and 0x."""
         number = super().__new__(cls, value)
         number.text = text.strip().lower().removeprefix("0x")
         number.form = form
+        number.proven = proven
         return number
 
-    def __reduce__(self) -> tuple[type["Printed"], tuple[int, str, Form]]:
+    def __reduce__(self) -> tuple[type["Printed"], tuple[int, str, Form, bool]]:
         """What makes a copy of it."""
-        return Printed, (int(self), self.text, self.form)
+        return Printed, (int(self), self.text, self.form, self.proven)
+
+
+def proven(number: int | None) -> int | None:
+    """The number, needing no other proof of its digits."""
+    return Printed(number, number.text, number.form, proven=True) if isinstance(number, Printed) else number

@@ -26,10 +26,10 @@ Key = TypeVar("Key", bound=Hashable)
 
 MOST_TEXTS = 2000
 """Numbers remembered of a column: the cells of a long walk. The oldest half is forgotten beyond."""
-OFTEN = 3
-SHARE = 10
-"""A number that looks like a damaged one is believed when it came so often, and at least a tenth as often as the other:
-hits on one digit are a small part of the hits on a row, and these a small part of all rows."""
+OFTEN = 5
+SHARE = 2
+"""A number that looks like a damaged one is believed when it came so often, and at least half as often as the other:
+even a line that damages every fourth reply seldom hits the same digit."""
 SPARSE = 50
 """Digits lost make fewer than one value of so many too short; a firmware that does not pad prints more of them."""
 
@@ -135,7 +135,7 @@ def _network(row: Row) -> Network | None:
 
 
 def _contradicted(rows: Sequence[Row]) -> set[int]:
-    """Readings of one reply that name the serving cell of one channel differently: nobody knows which is right."""
+    """Readings of one reply that name the serving cell of one channel differently: only the past tells who is right."""
     serving: dict[tuple[str, int], list[CellReading]] = {}
     for row in rows:
         if isinstance(row, CellReading) and row.role == "serving" and row.rat and row.arfcn is not None:
@@ -153,6 +153,7 @@ def _judged(row: Row, reply: Known, everything: Known, *, unsure: bool) -> Row:
     if not isinstance(row, CellReading | Registration):
         return row
     changes: dict[str, Any] = {}
+    unsure = unsure and not _heard_before(row, reply, everything)
     unsure = unsure or row.identity_unsure or not _is_network_sure(_network(row), everything)
     for name, number in _numbers(row):
         changes[name] = int(number)
@@ -163,8 +164,16 @@ def _judged(row: Row, reply: Known, everything: Known, *, unsure: bool) -> Row:
     return replace(row, **changes, identity_unsure=unsure) if changes or unsure else row
 
 
+def _heard_before(row: Row, reply: Known, everything: Known) -> bool:
+    """True where the area and the cell of a row stand in another reply too."""
+    prints = [(name in _AREA, int(number)) for name, number in _numbers(row) if name in _IDENTITY]
+    return bool(prints) and all(everything.prints.get(one, 0) > reply.prints[one] for one in prints)
+
+
 def _is_sure(row: Row, name: str, number: Printed, reply: Known, everything: Known) -> bool:
     """True where no digit of a part of an identity seems to be lost or doubled."""
+    if number.proven:
+        return True
     column = _column(row, name, number)
     text, whole = number.text, number.form.whole
     texts = everything.of(column)

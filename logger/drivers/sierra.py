@@ -36,6 +36,7 @@ from logger.drivers.fields import (
     rssi_dbm,
 )
 from logger.drivers.mode import ModeCommand
+from logger.drivers.printed import proven
 from logger.drivers.rows import NoCell, Operator, Row
 
 _FLAGS = re.ASCII | re.IGNORECASE
@@ -134,8 +135,8 @@ def _status(text: str) -> Iterator[Row]:
     (where, place_agrees), (who, cell_agrees) = (
         _in_brackets(text, label) for label in ("TAC" if rat in {"LTE", "NR"} else "LAC", "Cell ID")
     )
-    place = _plain(area(where, 10, area_bits)) if who else None
-    identity = _plain(cell_identity(who, cell_bits, 10)) if where else None
+    place = proven(area(where, 10, area_bits)) if who else None  # in two bases
+    identity = proven(cell_identity(who, cell_bits, 10)) if where else None
     channel = decimal(_value(text, labels["channel"]), 0, 3279165)
     reading = CellReading(
         role="serving",
@@ -171,11 +172,6 @@ def _in_brackets(text: str, label: str) -> tuple[str, bool]:
     """
     found = re.search(rf"(?<![A-Z]){label}\s*:\s*([0-9A-F]{{1,9}})\s*\((\d{{1,11}})\)", text, _FLAGS)
     return (found[2], int(found[1], 16) == int(found[2])) if found else ("", True)
-
-
-def _plain(number: int | None) -> int | None:
-    """The number alone: printed in two bases, it needs no other proof of its digits."""
-    return None if number is None else int(number)
 
 
 def _band(text: str, rat: Rat) -> str | None:

@@ -69,6 +69,14 @@ def test_areas_that_contradict_each_other_are_unsure_where_the_rows_are_one():
         assert row.identity_unsure is unsure
 
 
+def test_rows_that_are_made_one_have_printed_the_cell_twice():
+    ccinfo = "+CCINFO:[SCELL],ARFCN:34,MCC:262,MNC:01,LAC:14940,ID:1213,BSIC:18,RXLev:-78dbm,C1:33,C2:33,TA:0,TXPWR:0"
+    gsm = "+CPSI: GSM,Online,262-01,0x3A5C,1213,34 EGSM 900,-78,0,33-33"
+    for lines, unsure in (([gsm, ccinfo], False), ([gsm], True)):
+        ((row,), _) = recognised(joined(FAMILIES["sim7600"].read(lines)), Known())
+        assert (row.cid, row.identity_unsure) == (1213, unsure)
+
+
 def test_serving_cells_of_one_channel_contradict_each_other():
     other = decimal(190887432).replace("0x2AFE", "0x2AFD")
     assert all(row.identity_unsure for row in told("sim7600", [decimal(190887432), other]))
@@ -106,7 +114,7 @@ def test_the_known_cell_stays_sure_beside_its_damaged_self():
 
 def test_a_neighbour_that_is_often_heard_is_no_damage():
     known = Known()
-    for _ in range(3):
+    for _ in range(5):
         for cid in (10111, 1011):
             rows, known = recognised(FAMILIES["sim7600"].read([decimal(cid)]), known)
     assert not rows[0].identity_unsure
