@@ -53,10 +53,10 @@ def _print_warnings(console: Console, runs: Sequence[Json], warnings: Sequence[s
 def _print_lines(console: Console, cells: Sequence[Json]) -> None:
     """One line for each cell, or one sentence where a line is too short for that."""
     simulated = any(cell["truth"] for cell in cells)
-    titles = ["cell", "readings", "verdict", "place", "95 % in", *(["error"] if simulated else [])]
+    titles = ["cell", "readings", "verdict", "place", "95 % within", *(["error"] if simulated else [])]
     rows = [_in_one_line(cell) for cell in cells]
     if fits(console, titles, rows):
-        table(console, titles, rows, right=("readings", "95 % in", "error"))
+        table(console, titles, rows, right=("readings", "95 % within", "error"))
         return
     for cell in cells:
         say(console, _in_one_sentence(cell), bullet="- ")
@@ -64,7 +64,7 @@ def _print_lines(console: Console, cells: Sequence[Json]) -> None:
 
 def _in_one_sentence(cell: Json) -> Text:
     name, n, verdict, place, within, off = map(str, _in_one_line(cell))
-    where = {"located": f" at {place}, 95 % in {within}", "ambiguous": f", {place}"}.get(cell["verdict"], "")
+    where = {"located": f" at {place}, 95 % within {within}", "ambiguous": f", {place}"}.get(cell["verdict"], "")
     more = f"{where}, {n} readings{f', error {off}' if off else ''}"
     return styled((f"{name}: ", ""), (verdict, _STYLES[cell["verdict"]]), (more, ""))
 

@@ -14,7 +14,9 @@ Cell = str | Text
 
 _GAP = 2
 _NARROWEST = 20
-_WORD = re.compile(r"\S+")
+_WORD = re.compile("[^ ]+")
+_KEPT_TOGETHER = "\N{NO-BREAK SPACE}"
+"""A blank at which no line is broken; it is printed as any other."""
 
 
 def screen() -> Console:
@@ -53,7 +55,7 @@ def _wrapped(text: Text, width: int) -> list[Text]:
         end = word.end()
     lines = text.divide(ends[1:])
     for line in lines:
-        line.rstrip()
+        line.plain = line.plain.rstrip().replace(_KEPT_TOGETHER, " ")
     return list(lines)
 
 
@@ -68,6 +70,7 @@ def table(
     if not cells:
         return
     if not fits(console, titles, cells):
+        say(console, f"{titles[0]}:", "bold")
         for row in cells:
             _list(console, titles, row)
         return
@@ -101,9 +104,12 @@ def _line(row: Sequence[Text], widths: Sequence[int], align: Sequence[str]) -> T
 
 def _list(console: Console, titles: Sequence[str], row: Sequence[Text]) -> None:
     """Name of a row, then `title value` for each value that it has."""
-    values = [
-        Text(f"{title} ").append_text(cell) for title, cell in zip(titles[1:], row[1:], strict=False) if cell.plain
-    ]
+    said = Text()
+    for title, cell in zip(titles[1:], row[1:], strict=False):
+        if cell.plain:
+            value = Text(f"{title} ").append_text(cell)
+            value.plain = value.plain.replace(" ", _KEPT_TOGETHER)
+            said.append(", " if said else "").append_text(value)
     name = row[0].plain.lstrip()
     indent = "  " + " " * (row[0].cell_len - len(name))
-    say(console, Text(", ").join(values), bullet=f"{indent}{name}: ")
+    say(console, said, bullet=f"{indent}{name}: ")

@@ -38,6 +38,11 @@ _REACH_KM = 50.0
 """A GSM cell is heard within 35 km, and a walk has its own length."""
 
 
+def away_m(one_deg: tuple[float, float], other_deg: tuple[float, float]) -> float:
+    """Distance on the Earth between two places (latitude, longitude)."""
+    return float(_GEOD.inv(one_deg[1], one_deg[0], other_deg[1], other_deg[0])[2])
+
+
 def swapped(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
     """Question whether latitude and longitude were exchanged; `walk_deg` (latitude, longitude) is where was walked.
 
@@ -46,14 +51,11 @@ def swapped(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
     lat_deg, lon_deg = claim.lon_deg, claim.lat_deg
     if not abs(lat_deg) <= MAX_LATITUDE_DEG:
         return None
-    told_km, other_km = (
-        _GEOD.inv(walk_deg[1], walk_deg[0], lon, lat)[2] / 1000.0
-        for lat, lon in ((claim.lat_deg, claim.lon_deg), (lat_deg, lon_deg))
-    )
+    told_km, other_km = (away_m(one, walk_deg) / 1000.0 for one in ((claim.lat_deg, claim.lon_deg), (lat_deg, lon_deg)))
     if told_km <= _REACH_KM or other_km > _REACH_KM:
         return None
-    near = f"{lat_deg:.5f} {lon_deg:.5f} would be {other_km:.1f} km from the walk"
-    return f"latitude and longitude swapped? {near}, the claim is {told_km:.0f} km away"
+    near = f"at {lat_deg:.5f} {lon_deg:.5f} it would be {max(other_km, 1.0):.0f} km or less from the walk"
+    return f"latitude and longitude swapped? {near} instead of {told_km:.0f} km"
 
 
 def parse_claim(text: str, cell: str | None) -> Claim:

@@ -27,7 +27,7 @@ from logger.core.observations import CellObservations, Track
 from logger.core.runfile import Run
 from postproc.hearing import scans_of, too_rarely
 from postproc.smooth import heard_cells, too_few
-from postproc.verify.claims import Claim, swapped
+from postproc.verify.claims import Claim, away_m, swapped
 from postproc.verify.power import Detectable, detectable, distance_m
 from postproc.verify.ranging import Normality, normality
 from postproc.verify.sites import Sites, between_two, within_one
@@ -40,6 +40,8 @@ Followed = Literal["direct", "indirect"]
 FEWEST_BLOCKS = 16
 """Fewer places leave too little to judge the noise by, once the claim and its displacements are fitted."""
 
+_MAP_M = 100_000.0
+"""A UTM zone is true for a few of these."""
 _MOST_BLOCKS = 80
 _CUT_SIGMAS = 3.0
 _SEED = 20_143_774
@@ -131,8 +133,7 @@ class Verification:
                 found = CellVerdict(cell, 0 if obs is None else len(obs), claim, "cannot tell", (why,))
             else:
                 found = verify_cell(cell, obs, claim, self.p_fa, self.prior, rng, stationary=self.stationary)
-            doubt = swapped(claim, self.walk_deg) if self.walk_deg else None
-            yield replace(found, reasons=(doubt, *found.reasons)) if doubt else found
+            yield _on_the_earth(found, self.walk_deg) if self.walk_deg else found
 
     def adjusted(self, found: Sequence[CellVerdict]) -> Verified:
         """The verdicts, false discoveries controlled."""
@@ -142,6 +143,15 @@ class Verification:
         for i, value in zip(tested, q.tolist(), strict=True):
             after[i] = _judged(found[i], value, self.p_fa)
         return Verified(self.p_fa, tuple(after), self.without_claim, tuple(self.warnings), self.heard_once)
+
+
+def _on_the_earth(found: CellVerdict, walk_deg: tuple[float, float]) -> CellVerdict:
+    """The verdict with a distance that is true far off the map too, and the question that a far claim deserves."""
+    claim = found.claim
+    if found.distance_m is not None and found.distance_m > _MAP_M:
+        found = replace(found, distance_m=away_m((claim.lat_deg, claim.lon_deg), walk_deg))
+    doubt = swapped(claim, walk_deg)
+    return replace(found, reasons=(doubt, *found.reasons)) if doubt else found
 
 
 def _middle_deg(track: Track) -> tuple[float, float]:

@@ -80,8 +80,9 @@ def test_a_swapped_claim_is_asked_about(run, capsys):
     (cell,) = told["cells"]
     assert any(reason.startswith("latitude and longitude swapped?") for reason in cell["reasons"])
     text = tell(capsys, "verify", run, "--claim", f"{lon},{lat}", "--cell", cell_name(0))
-    assert "latitude and longitude swapped? 52.5" in text
-    assert re.search(r"\d+ km from the walk", text)
+    assert "latitude and longitude swapped? at 52.5" in text
+    told_km, asked_km = (int(re.search(rf"(\d+) km{end}", text)[1]) for end in (" from the walk\n", "\n"))
+    assert told_km == asked_km
 
 
 @pytest.mark.parametrize(
