@@ -20,6 +20,7 @@ from logger.core.runfile import Run, read_run
 from logger.core.runfile.journal_file import is_recording
 from logger.core.runfile.names import JOURNAL, first_part
 from logger.core.scale import levels_dbm
+from logger.core.types import DEAD_RECKONING
 from logger.device.beginning import begin_run, usable_folder
 from logger.device.clock import SystemClock
 from logger.device.kept_modes import KeptModes
@@ -289,6 +290,9 @@ def _of_fixes(fixes: Rows) -> Line:
         )
     sigma_m = np.where(np.isfinite(valid["acc_m"]), valid["acc_m"], valid["hdop"] * UERE_M)
     accuracy = f"about {np.nanmedian(sigma_m):.0f} m" if np.any(np.isfinite(sigma_m)) else "unknown"
+    if np.mean(valid["quality"][-_RECENT_FIXES:] == DEAD_RECKONING) > 1.0 - _MOST_VALID:
+        text = "positions by dead reckoning, without satellites: they count little; has the antenna a free sky?"
+        return Line("warn", "gnss", text)
     text = f"{len(valid)} of {len(fixes)} fixes with a position, accuracy {accuracy}"
     good = np.mean(fixes["valid"][-_RECENT_FIXES:]) > _MOST_VALID and not np.nanmedian(sigma_m) > _COARSE_M
     return Line("ok" if good else "warn", "gnss", text)

@@ -11,6 +11,7 @@ from logger.core.runfile import Run, Sealing, read_sound_run, sealing_of
 from logger.core.scale import levels_dbm
 from logger.core.schema import UNKNOWN_ID
 from logger.core.timebase import fit_run
+from logger.core.types import DEAD_RECKONING
 from logger.core.utc import utc_text
 from postproc.hearing import scans_of
 
@@ -68,6 +69,7 @@ class Info:
     digest: str
     n_fixes: int
     n_fixes_valid: int
+    n_fixes_by_dead_reckoning: int
     n_scans: int
     n_readings: int
     n_readings_without_fix: int
@@ -102,6 +104,7 @@ def describe(run: Run) -> Info:
         digest=run.digest,
         n_fixes=len(fixes),
         n_fixes_valid=int(np.count_nonzero(fixes["valid"])),
+        n_fixes_by_dead_reckoning=int(np.count_nonzero((fixes["valid"] == 1) & (fixes["quality"] == DEAD_RECKONING))),
         n_scans=len(scans),
         n_readings=len(readings),
         n_readings_without_fix=int(np.count_nonzero(readings["fix_seq"] == UNKNOWN_ID)),

@@ -83,7 +83,8 @@ class LiveTracker:
                 self._unmapped = True
                 return [Note("warning", "unmapped", f"no live estimate: {error}")]
             return []
-        sigma_m, speed_mps = fix_sigma_m(fix.acc_m, fix.hdop), _speed_mps(fix, before, t_ns, x_m, y_m)
+        sigma_m = fix_sigma_m(fix.acc_m, fix.hdop, fix.quality)
+        speed_mps = _speed_mps(fix, before, t_ns, x_m, y_m)
         self._fixes.add(t_ns, Receiver(seq, t_ns, x_m, y_m, sigma_m, speed_mps))
         return []
 

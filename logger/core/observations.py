@@ -1,6 +1,7 @@
 """Readings joined to the walker's track: what every estimator is given."""
 
 from dataclasses import dataclass, replace
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from logger.core.rows import Rows
 from logger.core.scale import levels_dbm, limits
 from logger.core.schema import UNKNOWN_TIME
 from logger.core.spikes import spikes_along
+from logger.core.types import DEAD_RECKONING
 
 MAX_GAP_S = 10.0
 """A walker's place between two fixes further apart than this is not known well enough to be interpolated."""
@@ -30,6 +32,10 @@ SIGMA_OF_RADIUS68 = 1.0 / 1.5096
 """Sigma per axis of a round Gaussian from the radius that holds 68 % of it."""
 UNKNOWN_SIGMA_M = 7.0
 """Sigma per axis of a fix that tells nothing of its accuracy: a receiver among houses."""
+DEAD_RECKONING_SIGMA_M = 28.0
+"""More of it per axis for a place by dead reckoning: a receiver without satellites goes on along its last course, for
+some 20 s before it gives up, and a walker who has turned meanwhile is 1.4 m/s x 20 s from there. What the receiver
+says of its accuracy does not know of the turn."""
 TIMING_S = 2.0
 """A level is an average over seconds and reported late (3GPP TS 45.008, 6.6.1: at least 5 s when idle): where it was
 taken is unsure by what the walker covers in this time."""
@@ -176,16 +182,17 @@ def track_of(fixes: Rows) -> Track:
     return Track(utm, rows["t_ns"], rows["seq"], x_m, y_m, _sigma_m(rows))
 
 
-def fix_sigma_m(acc_m: float | None, hdop: float | None) -> float:
+def fix_sigma_m(acc_m: float | None, hdop: float | None, quality: int | None = None) -> float:
     """Standard deviation per axis of one fix."""
-    if acc_m is not None:
-        return acc_m * SIGMA_OF_RADIUS68
-    return UNKNOWN_SIGMA_M if hdop is None else hdop * UERE_M
+    measured_m = UNKNOWN_SIGMA_M if hdop is None else hdop * UERE_M
+    sigma_m = measured_m if acc_m is None else acc_m * SIGMA_OF_RADIUS68
+    return hypot(sigma_m, DEAD_RECKONING_SIGMA_M) if quality == DEAD_RECKONING else sigma_m
 
 
 def _sigma_m(rows: Rows) -> FloatArray:
     sigma = np.where(np.isfinite(rows["hdop"]), rows["hdop"] * UERE_M, UNKNOWN_SIGMA_M)
-    return np.where(np.isfinite(rows["acc_m"]), rows["acc_m"] * SIGMA_OF_RADIUS68, sigma)
+    sigma = np.where(np.isfinite(rows["acc_m"]), rows["acc_m"] * SIGMA_OF_RADIUS68, sigma)
+    return np.where(rows["quality"] == DEAD_RECKONING, np.hypot(sigma, DEAD_RECKONING_SIGMA_M), sigma)
 
 
 def observe(fixes: Rows, scans: Rows, readings: Rows) -> Observations:

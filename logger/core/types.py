@@ -17,9 +17,17 @@ class RawBytes:
     sent: bool = False
 
 
+DEAD_RECKONING, BY_HAND, SIMULATED = 6, 7, 8
+"""Qualities of a fix that was not measured."""
+
+
 @dataclass(frozen=True, slots=True)
 class Fix:
-    """One epoch of a GNSS receiver, also when it has no position (`valid` False, position None)."""
+    """One epoch of a GNSS receiver, also when it has no position (`valid` False, position None).
+
+    `quality` is that of NMEA's GGA: 1 to 5 measured, 6 by dead reckoning, without satellites; 7 typed in by hand and 8
+    simulated are no positions.
+    """
 
     valid: bool
     utc_ns: int | None = None

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Protocol
 
-from logger.core.types import Fix
+from logger.core.types import BY_HAND, DEAD_RECKONING, SIMULATED, Fix
 from logger.core.utc import EARLIEST_UTC_NS
 from logger.device.link import Link
 from logger.drivers.garbage import Garbage
@@ -12,6 +12,14 @@ from logger.drivers.nmea import FixAssembler, NmeaFramer
 
 SILENT_S = 1.5
 """Longer than the pause between two epochs at 1 Hz: what is pending then is all there will be."""
+
+
+_UNMEASURED = {
+    DEAD_RECKONING: ("dead-reckoning", 1, "positions by dead reckoning, without satellites; they count little"),
+    BY_HAND: ("position-by-hand", 1, "positions that were typed in by hand; none was taken"),
+    SIMULATED: ("position-simulated", 1, "positions that the receiver simulates; none was taken"),
+}
+"""By quality: the code of the Note, how many to count, and what."""
 
 
 class Framer(Protocol):
@@ -58,6 +66,13 @@ def _hear(link: Link, framer: Framer, assembler: Assembler, data: bytes, t_ns: i
 def _emit(link: Link, fixes: Iterator[tuple[int, Fix]]) -> None:
     for fix_ns, fix in fixes:
         link.emit(fix, fix_ns)
+        count_unmeasured(link, fix)
+
+
+def count_unmeasured(link: Link, fix: Fix) -> None:
+    """Count a position that the receiver has, but has not measured."""
+    if fix.quality in _UNMEASURED:
+        link.count(*_UNMEASURED[fix.quality])
 
 
 def credible(fix: Fix) -> Fix:

@@ -8,7 +8,7 @@ from logger.config import ModemSettings
 from logger.core.errors import DeviceError
 from logger.core.types import CellReading, Fix, Scan
 from logger.device.after_stop import AfterStop
-from logger.device.gnss_link import credible
+from logger.device.gnss_link import count_unmeasured, credible
 from logger.device.kept_modes import KeptModes
 from logger.device.link import Link
 from logger.device.mode_switch import ModeSwitch
@@ -136,6 +136,7 @@ class _Conversation:
             for row in self._talk(driver.ask(driver.gnss_asked)) or ():
                 if isinstance(row, Fix):
                     self._link.emit(credible(row), self._wire.heard_ns, source="gnss")
+                    count_unmeasured(self._link, row)
 
     def _survey_on(self, driver: Family) -> None:
         """Go on with the full scan under way, one command between two polls, or begin one that is due."""

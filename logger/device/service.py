@@ -9,7 +9,7 @@ from pathlib import Path
 
 from logger.config import GNSS_OF_MODEM, SiteConfig
 from logger.core.errors import ConfigError, RunFileError
-from logger.core.types import LiveEstimate
+from logger.core.types import DEAD_RECKONING, LiveEstimate
 from logger.device.beginning import BegunRun
 from logger.device.clock import Clock
 from logger.device.gpsd_link import receiver_session
@@ -129,6 +129,8 @@ class Service:
         counts = self.recorder.counts
         elapsed_s = (self._clock.now_ns() - self._started_ns) / 1e9
         text = f"{elapsed_s:.0f} s: {counts['Fix']} fixes, {counts['Scan']} scans, {counts['readings']} readings"
+        if self._inbox.fix is not None and self._inbox.fix.valid and self._inbox.fix.quality == DEAD_RECKONING:
+            text = f"{text}; the position is by dead reckoning"
         target = _target(self.recorder.target, self.recorder.latest)
         return f"{text}; {'no target yet' if target is None else target}"
 

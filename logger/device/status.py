@@ -19,7 +19,7 @@ _FILE = "status.json"
 
 
 class FixStatus(msgspec.Struct, frozen=True):
-    """The latest epoch of the receiver; `t_ns` is time since boot."""
+    """The latest epoch of the receiver; `t_ns` is time since boot, `quality` 6 a position by dead reckoning."""
 
     t_ns: int
     valid: bool
@@ -29,6 +29,7 @@ class FixStatus(msgspec.Struct, frozen=True):
     acc_m: float | None
     hdop: float | None
     sats_used: int | None
+    quality: int | None = None
 
 
 class TargetStatus(msgspec.Struct, frozen=True):
@@ -160,7 +161,7 @@ def read_status(folder: Path) -> Status | None:
 
 def _fix_status(t_ns: int, fix: Fix) -> FixStatus:
     utc = None if fix.utc_ns is None else utc_text(fix.utc_ns)
-    return FixStatus(t_ns, fix.valid, utc, fix.lat_deg, fix.lon_deg, fix.acc_m, fix.hdop, fix.sats_used)
+    return FixStatus(t_ns, fix.valid, utc, fix.lat_deg, fix.lon_deg, fix.acc_m, fix.hdop, fix.sats_used, fix.quality)
 
 
 def _heard(port: PortStatus, note: Note) -> PortStatus:

@@ -22,9 +22,9 @@ Latitude = Annotated[float, msgspec.Meta(ge=-90, le=90)]
 Longitude = Annotated[float, msgspec.Meta(ge=-180, le=180)]
 Course = Annotated[float, msgspec.Meta(ge=0, le=360)]
 
-# TPV status to GGA quality: RTK fixed and floating, both kinds of dead reckoning, military P(Y). Absent is unknown;
-# 7 (surveyed in by hand) and 8 (simulator) are no positions that were measured.
-_QUALITY = {1: 1, 2: 2, 3: 4, 4: 5, 5: 6, 6: 6, 7: 7, 8: 8, 9: 3}
+# TPV status to GGA quality: RTK fixed and floating, dead reckoning, satellites helped by it, military P(Y). Absent is
+# unknown; 7 (surveyed in by hand) and 8 (simulator) are no positions that were measured.
+_QUALITY = {1: 1, 2: 2, 3: 4, 4: 5, 5: 6, 6: 1, 7: 7, 8: 8, 9: 3}
 _NOT_MEASURED = frozenset({7, 8})
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 

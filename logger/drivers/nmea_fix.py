@@ -24,6 +24,7 @@ DAY_NS = 86_400 * 10**9
 
 _POSITIONED = frozenset({1, 2, 3, 4, 5, 6})  # GGA quality; 0 no fix, 7 typed in by hand, 8 simulator
 _NOT_MEASURED = frozenset({"N", "M", "S"})  # RMC mode: no fix, typed in by hand, simulator
+_ESTIMATED = frozenset({"E"})  # dead reckoning
 _QUALITY_OF_MODE = {letter: quality for quality, letter in enumerate("NADPRFEMS")}
 _BEST_FIRST = "RFPDAEMS"
 
@@ -36,7 +37,7 @@ _TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d)(?:\.(\d{0,9}))?")
 def fix_of(epoch: Mapping[type[Any], Any]) -> Fix:
     """Fix of the messages of one epoch by their pynmea2 types; where GGA (or GNS) and RMC disagree there is none."""
     place, rmc = epoch.get(pynmea2.GGA) or epoch.get(pynmea2.GNS), epoch.get(pynmea2.RMC)
-    quality = _quality(place)
+    quality = _worse(_quality(place), rmc)
     position = (_position(place) or _position(rmc)) if _is_valid(place, quality, rmc) else None
     gsa = epoch.get(pynmea2.GSA)
     lat_deg, lon_deg = position or (None, None)
@@ -93,6 +94,12 @@ def _quality(place: Any) -> int | None:
         letter = _first(letter if letter in place.mode_indicator else None for letter in _BEST_FIRST)
         return _QUALITY_OF_MODE[letter or "N"]
     return place.gps_qual if place and place.gps_qual in range(10) else None
+
+
+def _worse(quality: int | None, rmc: Any) -> int | None:
+    """The quality, or that of the RMC where that says that its position was not measured."""
+    letter = rmc.data[11] if rmc and len(rmc.data) > 11 else ""
+    return _QUALITY_OF_MODE[letter] if letter and letter in _ESTIMATED | _NOT_MEASURED - {"N"} else quality
 
 
 def _position(message: Any) -> tuple[float, float] | None:

@@ -92,7 +92,7 @@ def _track(heard: Sequence[Heard]) -> Track:
     lat_deg, lon_deg = (np.array([getattr(fix, name) for _, fix in fixes]) for name in ("lat_deg", "lon_deg"))
     utm = Utm.at(float(lat_deg[0]), float(lon_deg[0]))
     x_m, y_m = utm.to_xy_arrays(lat_deg, lon_deg)
-    sigma_m = np.array([fix_sigma_m(fix.acc_m, fix.hdop) for _, fix in fixes])
+    sigma_m = np.array([fix_sigma_m(fix.acc_m, fix.hdop, fix.quality) for _, fix in fixes])
     return Track(utm, np.array([t_ns for t_ns, _ in fixes]), np.arange(len(fixes)), x_m, y_m, sigma_m)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from logger.core.errors import EstimationError, GeoError
-from logger.core.observations import UNKNOWN_SIGMA_M, observe
+from logger.core.observations import DEAD_RECKONING_SIGMA_M, UNKNOWN_SIGMA_M, fix_sigma_m, observe
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.drivers.sim800 import Sim800
@@ -36,6 +36,20 @@ def test_a_reading_stands_where_the_walker_was_in_the_middle_of_the_scan(tmp_pat
     assert obs.x_m[0] == pytest.approx((x0_m + x1_m) / 2, abs=1e-6)
     assert obs.level_dbm.tolist() == [-70.0]
     assert (obs.cell, obs.rat) == ("262-01-4711-1", "GSM")
+
+
+@pytest.mark.parametrize("acc_m", [None, 3.0, 80.0])
+@pytest.mark.parametrize("hdop", [None, 0.9, 9.9])
+@pytest.mark.parametrize("quality", [None, 1, 2, 3, 4, 5, 6])
+def test_a_place_by_dead_reckoning_is_unsure_live_and_at_the_desk(tmp_path, acc_m, hdop, quality):
+    """Whatever the receiver says of its accuracy: it does not know of a turn since it lost its satellites."""
+    sigma_m = fix_sigma_m(acc_m, hdop, quality)
+    measured_m = fix_sigma_m(acc_m, hdop)
+    fixes = [_fix(t, 13.0, acc_m=acc_m, hdop=hdop, quality=quality) for t in (0, 10)]
+    found = _observe(tmp_path, [*fixes, _scan(5, 5, runs.reading(1, -70.0))])
+    assert found.track.sigma_m == pytest.approx([sigma_m] * 2)
+    assert found.cells[0].position_sigma_m[0] == pytest.approx(sigma_m)
+    assert sigma_m == pytest.approx(np.hypot(measured_m, DEAD_RECKONING_SIGMA_M) if quality == 6 else measured_m)
 
 
 def test_what_cannot_be_used_is_counted(tmp_path):

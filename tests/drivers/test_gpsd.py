@@ -163,7 +163,9 @@ def test_validity(changes, valid, alt_m):
     assert (fix.valid, fix.lat_deg is not None, fix.alt_m) == (valid, valid, alt_m)
 
 
-@pytest.mark.parametrize(("status", "quality"), [(1, 1), (2, 2), (3, 4), (4, 5), (5, 6), (9, 3), (0, None), (77, None)])
+@pytest.mark.parametrize(
+    ("status", "quality"), [(1, 1), (2, 2), (3, 4), (4, 5), (5, 6), (6, 1), (9, 3), (0, None), (77, None)]
+)
 def test_status_becomes_gga_quality(status, quality):
     assert [fix.quality for _, fix in fixes(tpv(status=status))] == [quality]
 

@@ -314,6 +314,20 @@ def test_receiver_with_one_sentence(sentence):
     assert all(fix.valid and fix.lat_deg == 52.5 for _, fix in found)
 
 
+@pytest.mark.parametrize(
+    ("mode", "quality", "valid"), [("E", 6, True), ("M", 7, False), ("S", 8, False), ("A", None, True)]
+)
+def test_an_rmc_alone_says_that_its_position_is_not_measured(mode, quality, valid):
+    [(_, fix)] = fixes(rmc(mode=mode))
+    assert (fix.quality, fix.valid) == (quality, valid)
+
+
+@pytest.mark.parametrize("mode", ["E", "M", "S"])
+def test_an_rmc_that_is_not_measured_outweighs_the_gga(mode):
+    [(_, fix)] = fixes(gga(quality="1"), rmc(mode=mode))
+    assert fix.quality == {"E": 6, "M": 7, "S": 8}[mode]
+
+
 def test_lost_sentence_does_not_join_two_epochs():
     found = fixes(gga("120000.00"), rmc("120001.00"), gga("120001.00"), rmc("120002.00"))
     assert [(t, fix.quality) for t, fix in found] == [(0, 1), (1, 1), (3, None)]

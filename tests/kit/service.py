@@ -96,6 +96,15 @@ def wait_for(condition, seconds: float = LIMIT_S) -> None:
         time.sleep(0.02)
 
 
+def n_recorded(folder: Path, table: str) -> int:
+    """Rows of a table in the only journal of a folder, as far as they are on the card."""
+    try:
+        (journal,) = folder.glob("*.journal")
+        return len(read_run(journal).tables[table])
+    except (RunFileError, ValueError):
+        return 0  # made, and not yet written for the first time
+
+
 def journal_holds(folder: Path, said: bytes) -> bool:
     """True when the only journal of a folder has those bytes, as they were sent, and no others."""
     try:

@@ -1,0 +1,54 @@
+"""Positions that a receiver has but has not measured: kept, weighed, and told."""
+
+import json
+
+import pytest
+
+from logger.core.runfile import read_run
+from logger.sim.player import NmeaPlayer
+from logger.sim.ptys import PtyDevice
+from logger.sim.receiver import sentence
+from postproc.cli import main as postproc
+from tests.kit import service
+
+
+def _epochs(quality, mode, n=8):
+    out = []
+    for second in range(n):
+        clock, place = f"1200{second:02d}.00", f"5231.00000,N,01324.{second:05d},E"
+        out += [
+            sentence(f"GNRMC,{clock},A,{place},2.7,90.0,210926,,,{mode},V"),
+            sentence(f"GNGGA,{clock},{place},{quality},00,9.9,34.0,M,40.0,M,,"),
+        ]
+    return b"".join(out)
+
+
+@pytest.mark.parametrize(
+    ("quality", "mode", "kept", "code", "n_valid"),
+    [
+        (1, "A", 1, None, 8),
+        (6, "E", 6, "dead-reckoning", 8),
+        (6, "A", 6, "dead-reckoning", 8),
+        (1, "E", 6, "dead-reckoning", 8),
+        (7, "M", 7, "position-by-hand", 0),
+        (8, "S", 8, "position-simulated", 0),
+        (1, "S", 8, "position-simulated", 0),
+    ],
+)
+def test_they_are_told(tmp_path, capsys, quality, mode, kept, code, n_valid):
+    player = NmeaPlayer(_epochs(quality, mode))
+    with PtyDevice(player) as gnss:
+        with service.running(service.site_toml(tmp_path, str(tmp_path / "none"), gnss.path)) as logger:
+            service.wait_for(player.finished.is_set)
+            service.wait_for(lambda: service.n_recorded(tmp_path / "runs", "fixes") == 8)
+            service.stopped(logger)
+    (path,) = (tmp_path / "runs").glob("run-*.h5")
+    run = read_run(path)
+    assert run.tables["fixes"]["quality"].tolist() == [kept] * 8
+    assert run.tables["fixes"]["valid"].sum() == n_valid
+    codes = {row["code"].decode() for row in run.tables["notes"] if row["source"] == b"gnss"}
+    assert codes - {"port-opened"} == ({code} if code else set())
+    assert postproc(["info", str(path)]) == 0
+    assert ("8 of these by dead reckoning" in capsys.readouterr().out) is (kept == 6)
+    assert postproc(["info", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["n_fixes_by_dead_reckoning"] == 8 * (kept == 6)
