@@ -30,11 +30,21 @@ def _of(tmp_path, records):
     return {line.what: line for line in doctor.of_run(read_run(path))}
 
 
+def _trial(site, capsys, *ok, seconds=(6, 60)):
+    """Exit code and lines of a trial; of a longer one where a busy machine has not come so far."""
+    for lasts_s in seconds:
+        code = main(["doctor", "--config", str(site), "--seconds", str(lasts_s), "--json"])
+        found = json.loads(capsys.readouterr().out)
+        lines = {line["what"]: line for line in found}
+        if all(lines[what]["state"] == "ok" for what in ok):
+            break
+    return code, lines
+
+
 def test_a_trial_on_real_ports_finds_all_well(tmp_path, capsys):
     with devices() as (modem, gnss, _):
         site = service.site_toml(tmp_path, modem.path, gnss.path)
-        code = main(["doctor", "--config", str(site), "--seconds", "6", "--json"])
-    lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)}
+        code, lines = _trial(site, capsys, "modem", "readings", "gnss", "SIM")
     assert code == 0, lines
     assert [lines[what]["state"] for what in ("disk", "modem", "readings", "gnss", "SIM")] == ["ok"] * 5, lines
     assert "SIM not inserted" in lines["SIM"]["text"]
@@ -46,11 +56,13 @@ def test_a_trial_on_real_ports_finds_all_well(tmp_path, capsys):
 def test_a_silent_modem_is_told_with_what_to_do(tmp_path, capsys):
     with devices() as (_, gnss, silent):
         site = service.site_toml(tmp_path, silent.path, gnss.path)
-        assert main(["doctor", "--config", str(site), "--seconds", "3"]) == 2
+        code, lines = _trial(site, capsys, "gnss", seconds=(3, 60))
+        assert code == 2
+        assert lines["gnss"]["state"] == "ok"
+        assert main(["doctor", "--config", str(site), "--seconds", "1"]) == 2
     out = capsys.readouterr().out
     assert "fail  modem: gives no answer to AT: powered?" in out
     assert "fail  modem: no scan" in out
-    assert "ok    gnss" in out
     assert out.splitlines()[-1].startswith("fail  overall: not ready to walk: modem: gives no answer to AT")
 
 
@@ -120,7 +132,7 @@ def test_who_else_holds_the_port_is_named():
             os.read(os.open("/dev/zero", os.O_RDONLY), 1)
             import time
 
-            time.sleep(30)
+            time.sleep(3600)
             os._exit(0)
         try:
             os.close(held)
@@ -201,21 +213,18 @@ def _lte(tmp_path, set_mode=""):
 def test_where_only_lte_is_heard_no_2g_catcher_would_be_recorded(tmp_path, capsys):
     modem, site = _lte(tmp_path)
     with PtyDevice(answering(modem), tmp_path / "modem"):
-        main(["doctor", "--config", str(site), "--seconds", "6", "--json"])
-    *lines, last = json.loads(capsys.readouterr().out)
-    (readings,) = [line for line in lines if line["what"] == "readings"]
-    assert readings["state"] == "warn"
+        _, lines = _trial(site, capsys, "modem")
+    assert lines["readings"]["state"] == "warn"
     says = 'only LTE: a 2G catcher would not be recorded; set_mode = "gsm" (AT+CNMP=13)'
-    assert readings["text"].endswith(says)
-    assert last["what"] == "overall"
-    assert last["state"] != "ok"
+    assert lines["readings"]["text"].endswith(says)
+    assert list(lines)[-1] == "overall"
+    assert lines["overall"]["state"] != "ok"
 
 
 def test_the_trial_leaves_the_modem_as_it_is(tmp_path, capsys):
     modem, site = _lte(tmp_path, "gsm")
     with PtyDevice(answering(modem), tmp_path / "modem"):
-        main(["doctor", "--config", str(site), "--seconds", "6", "--json"])
-    lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)}
+        _, lines = _trial(site, capsys, "readings")
     assert lines["readings"]["state"] == "ok"
     assert "`fieldlogger run` sets it to GSM only" in lines["readings"]["text"]
     assert modem.setting("+CNMP") == "38"
