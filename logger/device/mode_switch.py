@@ -30,17 +30,25 @@ class ModeSwitch:
         self._kept = kept
         self._gsm_only = gsm_only
         self._noted: set[str] = set()
+        self._tries_left = 0
+
+    def renew(self) -> None:
+        """The modem has been set up anew, and may have forgotten what it hears."""
+        self._tries_left = _TRIES
 
     def settle(self, driver: Family, ask: Ask) -> None:
-        """After the set-up: GSM only if it is wanted, else as before if an earlier run changed it."""
+        """GSM only if it is wanted, else as before if an earlier run changed it.
+
+        To be called between two polls: it does nothing once that is done, or was tried some times.
+        """
+        if not self._tries_left:
+            return
         try:
-            kept = self._kept.all()
-            if self._gsm_only and not driver.modes:
-                self._unchanged(f"driver {driver.name} has no command for GSM only")
-            elif self._gsm_only or kept:
-                self._settle(driver, ask)
+            is_done = self._settle(driver, ask)
         except OSError as error:
+            is_done = True
             self._unchanged(f"what it is cannot be kept: {error.strerror or error}")
+        self._tries_left = 0 if is_done else self._tries_left - 1
 
     def set_back(self, driver: Family | None, modem: AfterStop) -> None:
         """At the stop: as it was before.
@@ -66,33 +74,44 @@ class ModeSwitch:
         entry = self._kept.of(driver.name, name)
         return entry is None or self._restore(driver, entry, ask)
 
-    def _settle(self, driver: Family, ask: Ask) -> None:
+    def _settle(self, driver: Family, ask: Ask) -> bool:
+        """Whether nothing is left to do; what has failed may succeed the next time."""
+        kept = self._kept.all()
+        if self._gsm_only and not driver.modes:
+            self._unchanged(f"driver {driver.name} has no command for GSM only")
+            return True
+        if not self._gsm_only and not kept:
+            return True
         name = driven(model(), ask)
         if name is None:
             self._unchanged("the modem does not say which model it is (AT+CGMM)")
-            return
+            return False
         entry = self._kept.of(driver.name, name)
         if self._gsm_only:
-            self._change(driver, name, entry, ask)
-        elif entry is not None:
-            if not self._restore(driver, entry, ask) and not self._link.stop.is_set():
+            return self._change(driver, name, entry, ask)
+        if entry is not None:
+            is_done = self._restore(driver, entry, ask)
+            if not is_done and not self._link.stop.is_set():
                 self._note("warning", "mode-left", f"{name} does not take {entry.value}; {ADVICE}")
-        else:
-            waiting = ", ".join(one.model for one in self._kept.all())
-            text = f"not for this modem: {waiting} was left on GSM only, and is set back when it is here"
-            self._note("info", "mode-kept", text)
+            return is_done
+        waiting = ", ".join(one.model for one in kept)
+        text = f"not for this modem: {waiting} was left on GSM only, and is set back when it is here"
+        self._note("info", "mode-kept", text)
+        return True
 
-    def _change(self, driver: Family, name: str, entry: KeptMode | None, ask: Ask) -> None:
+    def _change(self, driver: Family, name: str, entry: KeptMode | None, ask: Ask) -> bool:
         found = driven(current(driver.modes), ask)
         if found is None:
             asks = " and ".join(command.asks for command in driver.modes)
             self._unchanged(f"the modem does not tell what it is ({asks})")
-            return
+            return False
         command, value = found
         if command.is_gsm(value):
-            if entry is None:
-                self._note("info", "mode-gsm", f"the modem hears GSM only by itself ({command.asks})")
-            return
+            text = f"the modem hears GSM only by itself ({command.asks})"
+            if entry is not None:
+                text = f"the modem hears GSM only; it was {entry.value}, and is set back at the stop"
+            self._note("info", "mode-gsm", text)
+            return True
         # durable first: whatever happens from here on, the next start knows what it was
         self._kept.keep(KeptMode(driver.name, name, command.asks, value))
         now = driven(changed(command, command.gsm), ask)
@@ -100,11 +119,13 @@ class ModeSwitch:
         if now is not None and command.is_gsm(now):
             text = f"{sent}: the modem hears GSM only; it was {value}, and is set back at the stop"
             self._note("info", "mode-set", text)
-        elif now is not None and same(now, value):
+            return True
+        if now is not None and same(now, value):
             self._kept.drop(driver.name, name)
             self._unchanged(f"the modem refuses {sent}")
-        else:
-            self._unchanged(f"no answer to {sent}; it was {value}, and is set back at the stop")
+            return True
+        self._unchanged(f"no answer to {sent}; it was {value}, and is set back at the stop")
+        return False
 
     def _restore(self, driver: Family, entry: KeptMode, ask: Ask) -> bool:
         """Whether the modem is as it was, or as its owner has set it since."""

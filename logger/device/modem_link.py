@@ -35,8 +35,7 @@ STORM = 100
 def modem_session(link: Link, settings: ModemSettings, modes: KeptModes, *, locates: bool = False) -> None:
     """Set the modem up and poll it until stopped; raises `DeviceError` when it falls silent or its port is lost.
 
-    `modes` keeps what the modem was set to before it heard GSM only. With `locates` the modem's own receiver gives the
-    fixes.
+    `modes` keeps what it was set to before it heard GSM only. With `locates` its own receiver gives the fixes.
     """
     mode = ModeSwitch(link, modes, gsm_only=settings.set_mode == "gsm")
     _Conversation(link, settings, mode, locates=locates).run()
@@ -88,6 +87,7 @@ class _Conversation:
             return
         self._poll(self._driver)
         if self._set_up:
+            self._mode.settle(self._driver, self._ask)
             self._survey_on(self._driver)
 
     def _prepare(self) -> None:
@@ -98,7 +98,7 @@ class _Conversation:
         accepted = self._talk(self._driver.setup()) or self._restarted
         self._set_up = accepted and not self._restarted
         if self._set_up:
-            self._mode.settle(self._driver, self._ask)
+            self._mode.renew()
             if self._locates:
                 self._talk(self._driver.ask(self._driver.gnss_on))
             if not self._told_ready:
