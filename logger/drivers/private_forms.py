@@ -12,13 +12,19 @@ import re
 _LONG = rb"(?<![0-9]\.)(?<![0-9xX])(?!(?P<same>[0-9])(?P=same)*(?![0-9]))[0-9]{15,}"
 _IMEI = (
     rb"(?<![0-9])(?:(?:[0-9]{2}(?P<a>[ ./-])[0-9]{6}(?P=a)[0-9]{6}|[0-9]{6}(?P<b>[ ./-])[0-9]{2}(?P=b)[0-9]{6})"
-    rb"(?:[ ./-][0-9]{1,2})?|[0-9]{8}(?P<d>[ ./-])[0-9]{6}(?P=d)[0-9]{1,2})(?![0-9])"
+    rb"(?:[ ./-][0-9]{1,2})?|[0-9]{8}(?P<d>[ ./-])[0-9]{6}(?P=d)[0-9]{1,2}"
+    rb"|[0-9]{8}[ ./-][0-9]{7}|[0-9]{7}[ ./-][0-9]{8})(?![0-9])"
 )
-_IMSI = rb"(?<![0-9])[0-9]{3}(?P<c>[ ./-])[0-9]{2,3}(?P=c)[0-9]{9,10}(?![0-9])"
+# a number that is a time of Unix after the networks' code would be taken for one, so these are left out
+_IMSI = (
+    rb"(?<![0-9])[2-7](?:[0-9]{2}(?P<c>[ ./-])[0-9]{2,3}(?P=c)[0-9]{9,10}|[0-9]{4}[ ./-](?!1[5-9])[0-9]{10})(?![0-9])"
+)
 _SIM = rb"(?<![0-9A-Za-z])89[0-9]{2}[0-9A-Fa-f]{14,18}(?![0-9A-Za-z])"
 _SIM_GROUPED = (
     rb"(?<![0-9])(?:89[0-9]{2}|8[0-9]{3}|98[0-9]{2})(?:[ ./-][0-9]{2,4}){3,7}(?:[ ./-]?[0-9A-F]{1,4})?(?![0-9])"
 )
+# a cell's name has the same dashes, and four groups at most; a time may have more
+_DASHED = rb"(?<![0-9-])(?!(?:19|20)[0-9]{2}-[01][0-9]-)(?:[0-9]{2,5}-){4,9}[0-9]{1,5}(?![0-9-])"
 _INTERNATIONAL = rb"\+[0-9](?:[ ()./-]{0,2}[0-9]){7,}"
 _NATIONAL = rb"(?<![0-9.,A-Za-z:])0(?:0[1-9][0-9]{7,12}|[1-9][0-9]{9,12})(?![0-9.])"
 _NATIONAL_GROUPED = rb"(?<![0-9.,A-Za-z:])\(?0[1-9][0-9]{1,4}\)?[/-][ ]?[0-9]{2,}(?:[ /-][0-9]{2,}){0,4}(?![0-9.])"
@@ -28,7 +34,21 @@ _QUOTED = rb'(?<=")(?!(?:19|20)[0-9]{12}"|[0-9]{1,3}\.[0-9]{4,}")\(?[0-9](?:[ ()
 _TYPED = rb'(?<=")[0-9*#][0-9 ()./*#-]{2,}(?="[ ]?,[ ]?(?:128|129|145|161|177|208)\b)'
 
 NUMBER = re.compile(
-    b"|".join((_LONG, _IMEI, _IMSI, _SIM, _SIM_GROUPED, _INTERNATIONAL, _NATIONAL, _NATIONAL_GROUPED, _QUOTED, _TYPED))
+    b"|".join(
+        (
+            _LONG,
+            _IMEI,
+            _IMSI,
+            _SIM,
+            _SIM_GROUPED,
+            _DASHED,
+            _INTERNATIONAL,
+            _NATIONAL,
+            _NATIONAL_GROUPED,
+            _QUOTED,
+            _TYPED,
+        )
+    )
 )
 """A number of a person or a device, whatever the line says."""
 
@@ -40,14 +60,15 @@ LABEL = re.compile(
 """Words before such a number; the digits up to the end of the line are blanked."""
 
 NAMES = frozenset(
-    b"CLIP CCWA CNUM CLCC COLP CDIP CNAP DSCI SLCC CCFC CCFCU CRSL CMT CMGR CMGL CMGW CDS CDU CUSD CUSDR CPBR CPBF"
-    b" CPBW CPBFEX CSCA CIMI CGSN GSN EGMR SIMEI CCID ICCID QCCID SCID SICCID CRSM CSIM CGLA CCHO MEID SN".split()
+    b"CLIP CCWA CNUM CLCC COLP CDIP CNAP DSCI SLCC CCFC CCFCU CRSL CMT CMGR CMGL CMGW QCMGR QCMGL SMGR SMGL CDS CDU"
+    b" CLASS0 CUSD CUSDR CUSATP STGI CPBR CPBF CPBW CPBFEX CSCA CIMI CGSN GSN EGMR SIMEI CCID ICCID QCCID SCID SICCID"
+    b" CRSM CSIM CGLA CCHO MEID SN".split()
 )
 """Results that print such numbers, names or messages; without their sign, in which families differ (+CCID, ^SCID)."""
 
 MESSAGES = frozenset((b"CMT", b"CDS"))
 """A message follows in the next line, or lines, up to an empty one."""
-LISTED = frozenset((b"CMGR", b"CMGL"))
+LISTED = frozenset((b"CMGR", b"CMGL", b"QCMGR", b"QCMGL", b"SMGR", b"SMGL"))
 """The same in a reply: the message goes up to the next result."""
 
 RESULT = re.compile(rb"[ \t]*[+^*#!$%]([A-Z][A-Z0-9]*)[ ]?:")
