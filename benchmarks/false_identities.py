@@ -6,7 +6,7 @@ Every byte of every reply in the tests' data, and of the replies in FOLDER, is l
 is false where it names a cell, a level or a channel that the reply does not; an identity that is marked unsure is no
 false one. Replies come alone, as the first that a modem sends; then each damaged one comes between two whole ones, and
 only a cell that two scans have heard counts. Whole replies with an unsure identity are counted too: alone, and after an
-earlier reply.
+earlier reply. At last each reply comes a hundred times, every fifth of them with a byte lost or doubled: `session`.
 """
 
 import argparse
@@ -28,6 +28,8 @@ LONGEST = 1500
 """Characters of a reply; longer ones are logs of other things."""
 LEVELS = ("rssi_dbm", "rscp_dbm", "rsrp_dbm", "rxlev_raw")
 WAYS = ("lost", "doubled", "changed")
+POLLS, HIT_EACH = 100, 5
+"""Length of a session, less than two minutes of a walk, and how often its line damages a reply."""
 HEARD = 2
 """Scans in which a cell must have been heard before it counts."""
 
@@ -58,11 +60,16 @@ class Tally:
     levels: Counter[str] = field(default_factory=Counter)
     channels: Counter[str] = field(default_factory=Counter)
     of_two_scans: Counter[str] = field(default_factory=Counter)
+    session: Counter[str] = field(default_factory=Counter)
 
     def rate(self, counts: Counter[str], *ways: str) -> float:
         """Share of the trials."""
         trials = sum(self.trials[way] for way in ways)
         return sum(counts[way] for way in ways) / trials if trials else 0.0
+
+    def of_session(self, what: str, among: str) -> float:
+        """Share of the damaged or the whole replies of the sessions."""
+        return self.session[what] / self.session[among] if self.session[among] else 0.0
 
 
 def replies(corpus: Path | None = None) -> Iterator[tuple[Family, str]]:
@@ -136,6 +143,25 @@ def count(driver: Family, text: str, tally: Tally, ways: Sequence[str] = WAYS, e
                 tally.of_two_scans[way] += any(is_false(who, honest.named) for who in _heard(driver, text, worse))
 
 
+def count_session(driver: Family, text: str, tally: Tally, polls: int = POLLS) -> None:
+    """Count false and unsure cells of a modem that sends one reply again and again over a line that is not good."""
+    honest = told(read(driver, text, Known())[0])
+    known, rng = Known(), random.Random(2)
+    if not honest.named:
+        return
+    for poll in range(polls):
+        is_hit = poll % HIT_EACH == HIT_EACH - 1
+        way = rng.choice(WAYS[:2])
+        reply = list(damaged(text, way, rng))[rng.randrange(len(text))] if is_hit else text
+        rows, known = read(driver, reply, known)
+        sure = told(rows).sure
+        tally.session["damaged" if is_hit else "whole"] += 1
+        if is_hit:
+            tally.session["false"] += any(is_false(who, honest.named) for who in sure)
+        else:
+            tally.session["marked"] += sure != honest.named
+
+
 def _count_alone(found: Told, honest: Told, way: str, tally: Tally) -> None:
     tally.identities[way] += any(is_false(who, honest.named) for who in found.sure)
     tally.levels[way] += not found.levels <= honest.levels
@@ -153,8 +179,20 @@ def _heard(driver: Family, text: str, worse: str) -> set[Who]:
 
 def table(tallies: dict[str, Tally]) -> str:
     """The figures as text."""
-    titles = ("", "replies", "marked", "later", "identity", "changed", "3 scans", "level", "channel")
-    units = ("", "", "alone", "", "%", "%", "/1000", "%", "%")
+    titles = (
+        "",
+        "replies",
+        "marked",
+        "later",
+        "identity",
+        "changed",
+        "3 scans",
+        "level",
+        "channel",
+        "session",
+        "marked",
+    )
+    units = ("", "", "alone", "", "%", "%", "/1000", "%", "%", "%", "%")
     lines = [" ".join([f"{first:12}", *(f"{text:>8}" for text in rest)]) for first, *rest in (titles, units)]
     for name, tally in {**tallies, "all": _sum(tallies.values())}.items():
         slips = ("lost", "doubled")
@@ -163,6 +201,7 @@ def table(tallies: dict[str, Tally]) -> str:
             f"{name:12} {tally.replies:8} {tally.marked_alone:8} {tally.marked_later:8}"
             f" {100 * alone:8.2f} {100 * changed:8.2f} {1000 * tally.rate(tally.of_two_scans, *WAYS):8.2f}"
             f" {100 * tally.rate(tally.levels, *slips):8.2f} {100 * tally.rate(tally.channels, *slips):8.2f}"
+            f" {100 * tally.of_session('false', 'damaged'):8.2f} {100 * tally.of_session('marked', 'whole'):8.2f}"
         )
     return "\n".join(lines)
 
@@ -173,7 +212,7 @@ def _sum(tallies: Iterable[Tally]) -> Tally:
         whole.replies += tally.replies
         whole.marked_alone += tally.marked_alone
         whole.marked_later += tally.marked_later
-        for name in ("trials", "identities", "levels", "channels", "of_two_scans"):
+        for name in ("trials", "identities", "levels", "channels", "of_two_scans", "session"):
             getattr(whole, name).update(getattr(tally, name))
     return whole
 
@@ -189,6 +228,7 @@ def main() -> None:
     for driver, text in replies(arguments.corpus):
         if driver.name in tallies:
             count(driver, text, tallies[driver.name], each=arguments.each)
+            count_session(driver, text, tallies[driver.name])
     print(table(tallies))
 
 

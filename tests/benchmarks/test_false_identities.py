@@ -5,12 +5,14 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.false_identities import Tally, count, damaged, is_false, replies, table
+from benchmarks.false_identities import Tally, count, count_session, damaged, is_false, replies, table
 from logger.core.types import CellReading
 from logger.drivers.registry import FAMILIES
 
 EACH = 3
 MOST_ALONE = 0.01
+MOST_MARKED = 0.0125
+"""At most the first of the eighty whole replies of a session."""
 MOST_LEVELS = {"fibocom": 0.04}
 """Of lost and doubled bytes; indices that no firmware pads, as those of Fibocom, show no lost digit."""
 MOST_LEVELS_ELSEWHERE = 0.01
@@ -22,6 +24,7 @@ def tallies():
     found = {name: Tally() for name in FAMILIES}
     for driver, text in replies():
         count(driver, text, found[driver.name], each=EACH)
+        count_session(driver, text, found[driver.name])
     return found
 
 
@@ -36,6 +39,13 @@ def test_one_byte_lost_or_doubled_makes_a_false_cell_in_one_of_a_hundred_at_most
 @pytest.mark.parametrize("name", FAMILIES)
 def test_a_cell_that_two_scans_have_heard_is_real_whatever_byte_was_damaged(tallies, name):
     assert tallies[name].rate(tallies[name].of_two_scans, "lost", "doubled", "changed") <= 0.001
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_in_a_session_few_whole_replies_are_marked_and_few_damaged_ones_are_not(tallies, name):
+    assert tallies[name].session["whole"] > 100
+    assert tallies[name].of_session("marked", "whole") <= MOST_MARKED
+    assert tallies[name].of_session("false", "damaged") <= MOST_ALONE
 
 
 def test_whole_replies_are_sure_after_an_earlier_one(tallies):
