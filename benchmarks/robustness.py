@@ -179,13 +179,17 @@ def main() -> int:
                 except EstimationError as error:
                     print(f"{world.name or i}: {name}: {error}", file=sys.stderr)
         if asked.json:
-            asked.json.write_text(json.dumps(found))
+            asked.json.write_text(json.dumps({name: [_plain(one) for one in rows] for name, rows in found.items()}))
         if asked.verbose:
             print(i, kind, world.name, *(f"{name} {rows[-1]}" for name, rows in found.items() if rows), flush=True)
     for name, rows in found.items():
         if rows:
             print("\n".join(table(rows, name)), flush=True)
     return 0
+
+
+def _plain(one: Compared) -> dict[str, object]:
+    return {name: value._asdict() if isinstance(value, Place) else value for name, value in one._asdict().items()}
 
 
 def _parser() -> argparse.ArgumentParser:
