@@ -87,6 +87,11 @@ def plmn(fields: Fields) -> tuple[str | None, str | None]:
     return f"{mcc:03d}", text(fields, "mnc").zfill(2)
 
 
+def is_plmn(mcc: str | None, mnc: str | None) -> bool:
+    """Whether the codes of country and network are numbers, as other programs take them to be."""
+    return all(code is not None and code.isascii() and code.isdecimal() for code in (mcc, mnc))
+
+
 def reading_of(rat: Rat, role: Role, level_dbm: float | None, area: int | None, **values: Any) -> CellReading:
     """A reading with its level and its area code where the technology has them."""
     level = {"GSM": "rssi_dbm", "WCDMA": "rscp_dbm"}.get(rat, "rsrp_dbm")

@@ -19,6 +19,7 @@ from postproc.interop.fields import (
     RATS,
     Fields,
     cell_identity,
+    is_plmn,
     maybe,
     number,
     place_of,
@@ -68,7 +69,7 @@ def read_json(source: Path) -> Iterator[Row]:
 def writable(heard: Heard) -> bool:
     """Whether a measurement has all that the format needs: who, and when in UTC."""
     cell = heard.reading
-    return None not in (heard.fix.utc_ns, cell.mcc, cell.mnc, cell.cid, cell.rat, _area(heard))
+    return is_plmn(cell.mcc, cell.mnc) and None not in (heard.fix.utc_ns, cell.cid, cell.rat, _area(heard))
 
 
 def write_csv(heard: Sequence[Heard], target: Path) -> None:

@@ -3,10 +3,10 @@
 Columns: `t_s` (seconds) or `time_utc` (ISO 8601), `lat`, `lon` (WGS 84 degrees), `rssi_dbm`; optional `cell` (name,
 default "target"), `acc_m` (radius that holds 68 %), `rat`, and by their names in the run file whatever else is known of
 the fix (`alt_m`, `speed_mps`, `course_deg`) or of the cell (`mcc`, `mnc`, `lac`, `cid`, `rsrp_dbm`, ...), where
-`rssi_dbm` may be empty if another level is given. Other columns are passed over.
+`rssi_dbm` may be empty if another level is given. Other columns are passed over. Text that a spreadsheet would take for
+a formula is marked with an apostrophe, and read without it.
 """
 
-import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import fields as fields_of
 from dataclasses import replace
@@ -17,6 +17,7 @@ from logger.core.schema import TABLES, UNKNOWN_SIGNED
 from logger.core.types import CellReading, Fix
 from logger.core.utc import utc_text
 from postproc.interop import csv_table
+from postproc.interop.cells import line, marked, unmarked
 from postproc.interop.fields import LEVEL_RANGE_DBM, RATS, Fields, cell_identity, maybe, number, text, utc_ns_of, whole
 from postproc.interop.heard import BadRow, Heard, Row, parsed
 
@@ -28,6 +29,7 @@ _ROLES = ("serving", "neighbour", "scan")
 
 _COLUMNS = {column.name: column for column in TABLES["readings"]}
 _CELL = [f.name for f in fields_of(CellReading) if f.name not in {"role", "rat", "label", "more", *_LEVELS}]
+_TEXTS = {"role", "rat", *(name for name in _CELL if _COLUMNS[name].dtype.startswith("S"))}
 COLUMNS = ("t_s", "time_utc", "lat", "lon", "acc_m", *_PLACE, "cell", "role", "rat", *_LEVELS, *_CELL)
 
 
@@ -46,9 +48,8 @@ def write(heard: Sequence[Heard], target: Path, start_ns: int) -> None:
     """Levels as CSV that `read` gives back equal: times in seconds since `start_ns`, and UTC if known."""
     used = [name for name in COLUMNS if name in {"rssi_dbm", "time_utc"} or any(_value(h, name, 0) for h in heard)]
     with target.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(used)
-        writer.writerows([_value(h, name, start_ns) for name in used] for h in heard)
+        file.write(line(used))
+        file.writelines(line(_value(one, name, start_ns) for name in used) for one in heard)
 
 
 def _value(heard: Heard, name: str, start_ns: int) -> str:
@@ -61,10 +62,11 @@ def _value(heard: Heard, name: str, start_ns: int) -> str:
         case "lat" | "lon":
             return repr(getattr(fix, f"{name}_deg"))
         case "cell":
-            return reading.cell or ""
+            return marked(reading.cell or "")
         case "acc_m" | "alt_m" | "speed_mps" | "course_deg":
             return _text(getattr(fix, name))
-    return _text(getattr(reading, name))
+    value = _text(getattr(reading, name))
+    return marked(value) if name in _TEXTS else value
 
 
 def _text(value: object) -> str:
@@ -103,7 +105,7 @@ def _reading(fields: Fields) -> CellReading:
     if all(levels[name] is None for name in _LEVELS[1:]) and named["rxlev_raw"] is None:
         levels["rssi_dbm"] = number(fields, "rssi_dbm", LEVEL_RANGE_DBM)
     reading = CellReading(role, RATS.get(text(fields, "rat").upper()), **levels, **named)  # type: ignore[arg-type]
-    cell = text(fields, "cell") or reading.cell or DEFAULT_CELL
+    cell = unmarked(text(fields, "cell")) or reading.cell or DEFAULT_CELL
     if len(cell.encode()) > _CELL_BYTES:
         raise ValueError(f"the cell's name is longer than {_CELL_BYTES} bytes")
     return reading if reading.cell == cell else replace(reading, label=cell)
@@ -114,7 +116,7 @@ def _cell_value(fields: Fields, name: str) -> float | int | str | None:
     if name == "identity_unsure":
         return bool(whole(fields, name))
     if column.dtype.startswith("S"):
-        found = text(fields, name)
+        found = unmarked(text(fields, name))
         if len(found.encode()) > int(column.dtype[1:]):
             raise ValueError(f"{name} is too long: {found[:40]!r}")
         return found or None

@@ -17,6 +17,7 @@ from postproc.interop.fields import (
     RATS,
     Fields,
     cell_identity,
+    is_plmn,
     maybe,
     number,
     place_of,
@@ -76,7 +77,7 @@ def _line(heard: Heard) -> list[object]:
 def _mac(heard: Heard) -> str | None:
     cell = heard.reading
     area = cell.tac if cell.lac is None else cell.lac
-    known = None not in (cell.mcc, cell.mnc, area, cell.cid)
+    known = is_plmn(cell.mcc, cell.mnc) and None not in (area, cell.cid)
     return f"{cell.mcc}{cell.mnc}_{area}_{cell.cid}" if known else None
 
 
