@@ -2,7 +2,6 @@
 
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from logger.core.errors import RunFileError
 from postproc.interop import csv_table, kismet, network_survey, opencellid, walk_csv, wigle
 from postproc.interop.fields import RATS
 from postproc.interop.heard import Row
+from postproc.sqlite_file import opened
 
 _SQLITE = b"SQLite format 3\0"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -68,7 +68,7 @@ def recognise(source: Path) -> Format:
 
 def _of_tables(source: Path) -> Format:
     try:
-        with closing(sqlite3.connect(f"{source.resolve().as_uri()}?mode=ro", uri=True)) as database:
+        with opened(source) as database:
             tables = {str(name) for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     except sqlite3.Error as error:
         raise RunFileError(f"{source} is a damaged SQLite file: {error}") from error

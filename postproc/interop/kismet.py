@@ -8,7 +8,6 @@ CellModem, early ones Cell. Raw exchanges and session records, which hold the mo
 import json
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from postproc.interop.fields import (
     whole,
 )
 from postproc.interop.heard import Heard, Row, parsed
+from postproc.sqlite_file import opened
 
 TYPES = ("Cellular", "CellModem", "Cell")
 _FIRST_REAL = 5
@@ -38,7 +38,7 @@ _LAST = ("ts_sec", "ts_usec", "lat", "lon", "json")
 def read(source: Path) -> Iterator[Row]:
     """Cell observations in the order of the log; raises `RunFileError` without a single one."""
     try:
-        with closing(sqlite3.connect(f"{source.resolve().as_uri()}?mode=ro", uri=True)) as database:
+        with opened(source) as database:
             database.row_factory = sqlite3.Row
             scale = 1.0 if _version(database) >= _FIRST_REAL else 1e-5
             have = {row["name"] for row in database.execute("PRAGMA table_info(data)")}

@@ -8,7 +8,6 @@ contain, is not read.
 import sqlite3
 import struct
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,7 @@ from postproc.interop.fields import (
     whole,
 )
 from postproc.interop.heard import Heard, Row, parsed
+from postproc.sqlite_file import opened
 
 TABLES: dict[str, Rat] = {"GSM_MESSAGE": "GSM", "UMTS_MESSAGE": "WCDMA", "LTE_MESSAGE": "LTE", "NR_MESSAGE": "NR"}
 _CHANNELS: dict[str, Rat] = {"arfcn": "GSM", "uarfcn": "WCDMA", "earfcn": "LTE", "narfcn": "NR"}
@@ -53,7 +53,7 @@ def read_csv(source: Path) -> Iterator[Row]:
 def read_geopackage(source: Path) -> Iterator[Row]:
     """Records of all tables, row by row; raises `RunFileError` for a damaged file."""
     try:
-        with closing(sqlite3.connect(f"{source.resolve().as_uri()}?mode=ro", uri=True)) as database:
+        with opened(source) as database:
             database.row_factory = sqlite3.Row
             database.text_factory = lambda data: data.decode("utf-8", "replace")
             present = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}

@@ -21,6 +21,7 @@ from pyproj import Geod
 
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.geo import check_position
+from postproc.sqlite_file import connected
 from postproc.verify.asked import identity_of
 from postproc.verify.cellfile import Export, cell_export
 from postproc.whole_file import whole_file
@@ -261,9 +262,7 @@ def _connected(path: Path) -> sqlite3.Connection:
     if not path.is_file():
         raise RunFileError(f"{path}: no such file")
     try:
-        db = sqlite3.connect(
-            f"file:{path.resolve().as_posix().replace('?', '%3f').replace('#', '%23')}?mode=ro", uri=True
-        )
+        db = connected(path)
         if db.execute("PRAGMA application_id").fetchone()[0] != _APPLICATION:
             db.close()
             raise RunFileError(f"{path} is no cell database; `postproc celldb import` makes one")

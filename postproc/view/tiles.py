@@ -6,7 +6,6 @@ Rows of a GeoPackage are numbered from the north. Those of MBTiles are from the 
 import math
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
@@ -18,6 +17,7 @@ from pyproj.exceptions import CRSError
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
+from postproc.sqlite_file import opened
 from postproc.view.georeferenced import Area, Ground
 from postproc.view.world_file import WEB_MERCATOR
 
@@ -65,7 +65,7 @@ def is_database(path: Path) -> bool:
 def open_tiles(path: Path, area: Area) -> Ground:
     """The tiles that cover an area, of the finest level that needs no more than `MOST_TILES`; raises `ConfigError`."""
     try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+        with opened(path, views=True) as database:
             for level in _levels(database):
                 columns, rows = level.span(area.within(level.crs))
                 if 0 < len(columns) * len(rows) <= MOST_TILES:

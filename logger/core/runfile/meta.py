@@ -32,6 +32,8 @@ class RunMeta(msgspec.Struct, frozen=True, kw_only=True):
 
 def check_meta(meta: RunMeta) -> None:
     """Raises ValueError for what is of the right form and cannot be: a file may say anything of itself."""
+    if any("\0" in text for text in (meta.run_id, meta.boot_id, meta.origin, meta.program)):
+        raise ValueError("it holds a NUL character")
     if not -MOST_NS < meta.started_ns < MOST_NS:
         raise ValueError("the start is no time")
     if not all(abs(truth.lat_deg) <= 90.0 and abs(truth.lon_deg) <= 180.0 for truth in meta.truth):

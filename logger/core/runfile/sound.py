@@ -91,7 +91,8 @@ class _Sound:
     def _text(self, name: str) -> None:
         column = self._rows[name]
         letters = np.ascontiguousarray(column).view(np.uint8).reshape(len(column), -1)
-        for i in np.flatnonzero((letters >= 0x80).any(axis=1)).tolist():
+        holds_nul = np.count_nonzero(letters, axis=1) != np.char.str_len(column)
+        for i in np.flatnonzero((letters >= 0x80).any(axis=1) | holds_nul).tolist():
             text = bytes(column[i])
             if (clean := _utf8(text, column.dtype.itemsize)) != text:
                 self._put(name, np.arange(len(column)) == i, clean)
@@ -140,6 +141,6 @@ class _Sound:
 
 
 def _utf8(text: bytes, size: int) -> bytes:
-    """The same where it is UTF-8; else what can be read of it, as far as there is room."""
-    clean = text.decode("utf-8", "replace").encode()[:size]
+    """The same where it is UTF-8 without a NUL; else what can be read of it, as far as there is room."""
+    clean = text.replace(b"\0", b"?").decode("utf-8", "replace").encode()[:size]
     return clean.decode("utf-8", "ignore").encode()

@@ -1,0 +1,59 @@
+"""SQLite files of strangers: plain tables are read, and nothing in them runs for ever or runs at all."""
+
+import sqlite3
+from contextlib import closing
+
+import pytest
+
+from postproc import sqlite_file
+from postproc.cli import main
+from postproc.sqlite_file import opened
+
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i AS type FROM n"
+
+
+@pytest.fixture
+def made(tmp_path):
+    """Makes a database by some statements."""
+
+    def make(*statements):
+        path = tmp_path / "a b?#%.db"
+        with closing(sqlite3.connect(path)) as database:
+            for statement in statements:
+                database.execute(statement)
+            database.commit()
+        return path
+
+    return make
+
+
+def test_tables_are_read_whatever_the_file_is_called(made):
+    path = made("CREATE TABLE data (a, b)", "INSERT INTO data VALUES (1, 'x')")
+    with opened(path) as database:
+        assert database.execute("SELECT a, b FROM data").fetchall() == [(1, "x")]
+        assert [row[1] for row in database.execute("PRAGMA table_info(data)")] == ["a", "b"]
+
+
+@pytest.mark.parametrize("view", ["SELECT 1 AS a", ENDLESS])
+def test_a_view_is_no_table(made, view):
+    with opened(made(f"CREATE VIEW data AS {view}")) as database, pytest.raises(sqlite3.DatabaseError):
+        database.execute("SELECT * FROM data").fetchone()
+
+
+@pytest.mark.parametrize("statement", ["INSERT INTO data VALUES (2)", "DROP TABLE data", "ATTACH ':memory:' AS x"])
+def test_nothing_is_written_and_nothing_else_opened(made, statement):
+    with opened(made("CREATE TABLE data (a)")) as database, pytest.raises(sqlite3.Error):
+        database.execute(statement)
+
+
+def test_what_never_ends_is_ended_where_views_are_allowed(made, monkeypatch):
+    monkeypatch.setattr(sqlite_file, "_STEPS_LEAST", 3_000_000)
+    path = made(f"CREATE VIEW tiles AS {ENDLESS}")
+    with opened(path, views=True) as database, pytest.raises(sqlite3.OperationalError, match="interrupted"):
+        database.execute("SELECT count(*) FROM tiles").fetchone()
+
+
+def test_an_import_of_an_endless_view_is_one_line(made, tmp_path, capsys):
+    path = made("CREATE TABLE KISMET (db_version)", f"CREATE VIEW data AS {ENDLESS}")
+    assert main(["import", str(path), "-o", str(tmp_path / "a.h5")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
