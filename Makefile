@@ -53,9 +53,11 @@ test-faults: .venv/dev.stamp
 FUZZ_S ?= 3600
 fuzz: .venv/dev.stamp
 	$(BIN)/pip install --disable-pip-version-check atheris
-	mkdir -p .venv/fuzz/at .venv/fuzz/nmea
+	mkdir -p .venv/fuzz/at .venv/fuzz/nmea .venv/fuzz/journal
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_at.py -max_total_time=$(FUZZ_S) .venv/fuzz/at
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_nmea.py -max_total_time=$(FUZZ_S) .venv/fuzz/nmea
+	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_journal.py -max_total_time=$(FUZZ_S) -max_len=2048 -len_control=0 .venv/fuzz/journal
+	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_hdf5.py -max_total_time=$(FUZZ_S)
 
 # a real boot under QEMU by ../shared/bootrig: install, walk, unplug, cut the power; half an hour without KVM
 # CELLWALK_CUTS=300 CELLWALK_REPLUGS=50 CELLWALK_BOARD=arm64 CELLWALK_BOOT_CACHE=DIR (for the image; 6 GB)
