@@ -7,6 +7,7 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.live import LiveTracker
 from logger.core.live_settings import LiveSettings
+from logger.core.scale import GSM_FLOOR_DBM
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 from postproc.validate.walk import INTERVAL_S, ORIGIN_M, UTM
 
@@ -29,8 +30,13 @@ def records(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> Iterator
 
 
 def followed(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> list[Note | LiveEstimate]:
-    """All that the live estimate says along a walk; levels as of `records`."""
+    """All that the live estimate says along a walk; levels as of `records`.
+
+    A scan before the first fix has named the cells, so that the first reading of the walk is used.
+    """
     tracker = LiveTracker(LiveSettings())
+    named = tuple(reading(cid, GSM_FLOOR_DBM) for cid in range(1, len(level_dbm) + 1))
+    tracker.feed(0, Record(0, "modem", Scan(0, named)))
     return [said for numbered in records(x_m, y_m, level_dbm) for said in tracker.feed(*numbered)]
 
 
