@@ -83,16 +83,18 @@ def export(arguments: argparse.Namespace, summarise: Summarise) -> int:
 
 def _estimates(arguments: argparse.Namespace, run: "Run", walk: "Walked", summarise: Summarise) -> "list[Estimate]":
     """As `postproc smooth` has left them beside the run, or computed now."""
-    from postproc.interop.estimates import estimates, stored_summary
+    from postproc.interop.estimates import estimates, stored_estimates
     from postproc.results import path_beside
     from postproc.smooth import heard_cells
 
     cells = list(heard_cells([run], arguments.cell))
     beside = path_beside(arguments.run)
-    summary = stored_summary(beside, run.meta.run_id, cells)
-    if summary is not None:
-        print(f"estimates are those of {beside}", file=sys.stderr)
-    return estimates(summary or summarise(run, arguments.cell), walk.utm, every=arguments.all_estimators)
+    every = arguments.all_estimators
+    stored = stored_estimates(beside, run.meta.run_id, cells, walk.utm, every=every)
+    if stored is None:
+        return estimates(summarise(run, arguments.cell), walk.utm, every=every)
+    print(f"estimates are those of {beside}", file=sys.stderr)
+    return stored
 
 
 def import_(arguments: argparse.Namespace) -> int:

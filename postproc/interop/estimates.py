@@ -5,11 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import msgspec
+from shapely.errors import ShapelyError
 
-from logger.core.geo import Utm
+from logger.core.errors import FieldLoggerError
+from logger.core.geo import Utm, check_position
 from logger.core.locator.rivals import LEAST_SHARE
+from logger.core.runfile.hdf5_reading import stored_summary
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
 
 _PEERS = {"ekf": "EKF", "rts": "RTS", "batch": "least squares"}
@@ -56,17 +58,19 @@ def estimates(summary: Mapping[str, Any], utm: Utm, *, every: bool = False) -> l
     return [_estimate(cell, utm, every) for cell in summary["cells"]]
 
 
-def stored_summary(path: Path, run_id: str, cells: Sequence[str]) -> dict[str, Any] | None:
-    """Summary that `postproc smooth` has left beside the run; None where it is not of this run, or lacks a cell."""
+def stored_estimates(
+    path: Path, run_id: str, cells: Sequence[str], utm: Utm, *, every: bool = False
+) -> list[Estimate] | None:
+    """Estimates that `postproc smooth` has left beside the run.
+
+    None where they are not of this run, lack a cell, or are not as we write them: they can be computed.
+    """
     try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("run_id") != run_id:
-                return None
-            summary: dict[str, Any] = msgspec.json.decode(bytes(file["summary"][()]))
-    except (OSError, KeyError, ValueError):
+        summary = msgspec.json.decode(stored_summary(path, run_id))
+        by_name = {cell["cell"]: cell for cell in summary["cells"]}
+        return estimates(summary | {"cells": [by_name[name] for name in cells]}, utm, every=every)
+    except (FieldLoggerError, ShapelyError, LookupError, TypeError, ValueError, AttributeError, RecursionError):
         return None
-    by_name = {cell["cell"]: cell for cell in summary["cells"]}
-    return summary | {"cells": [by_name[name] for name in cells]} if set(cells) <= set(by_name) else None
 
 
 def _estimate(cell: Mapping[str, Any], utm: Utm, every: bool) -> Estimate:
@@ -130,4 +134,6 @@ def _ellipse(found: Mapping[str, Any], utm: Utm) -> tuple[Rings, ...]:
 
 
 def _at(found: Mapping[str, Any]) -> LonLat:
-    return found["lon"], found["lat"]
+    lat_deg, lon_deg = float(found["lat"]), float(found["lon"])
+    check_position(lat_deg, lon_deg)
+    return lon_deg, lat_deg

@@ -5,6 +5,7 @@ there are no times.
 """
 
 from collections.abc import Iterator, Sequence
+from html import escape
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -122,7 +123,7 @@ def strips(heard: Sequence[Heard]) -> Iterator[Sequence[Heard]]:
 def _folder(parent: ET.Element, name: str, says: str) -> ET.Element:
     folder = add(parent, "Folder")
     add(folder, "name", name)
-    add(folder, "description", says)
+    add(folder, "description", escape(says))  # which a globe shows as HTML
     return folder
 
 

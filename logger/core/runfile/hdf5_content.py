@@ -129,6 +129,21 @@ def opened(path: Path) -> Iterator[Content]:
         raise RunFileError(f"{path} is damaged: {error}") from error
 
 
+def text_of_results(path: Path, run_id: str) -> bytes:
+    """The summary that the desk has left beside a run; empty where it is none, or of another run.
+
+    To be used within `guard.guarded`.
+    """
+    with h5py.File(path, "r") as file:
+        names = _members(path, file)
+        if "summary" not in names or file.attrs.get("run_id") != run_id:
+            return b""
+        summary = file["summary"]
+        if not isinstance(summary, h5py.Dataset) or summary.shape != () or summary.dtype.kind != "S":
+            return b""
+        return bytes(summary[()]) if summary.nbytes <= most_kept_bytes(path.stat().st_size) else b""
+
+
 def _members(path: Path, file: h5py.File) -> tuple[str, ...]:
     """Names in the root, none of which leads out of the file, whether we read it or not: others will."""
     if len(file) > _MOST_MEMBERS:

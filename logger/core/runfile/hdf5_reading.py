@@ -7,7 +7,7 @@ import msgspec
 
 from logger.core.errors import RunFileError
 from logger.core.runfile.guard import Arrays, guarded
-from logger.core.runfile.hdf5_content import opened
+from logger.core.runfile.hdf5_content import opened, text_of_results
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, check_end
 from logger.core.runfile.parts import decode_meta
 
@@ -42,6 +42,18 @@ def run_id_of(path: Path) -> str:
 
     try:
         return str(guarded(path, task)[0])
+    except OSError as error:
+        raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def stored_summary(path: Path, run_id: str) -> bytes:
+    """JSON that the desk has left beside a run; empty where there is none of this run. Raises `RunFileError`."""
+
+    def task() -> tuple[Any, Arrays]:
+        return text_of_results(path, run_id).decode(), {}
+
+    try:
+        return str(guarded(path, task)[0]).encode()
     except OSError as error:
         raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
 
