@@ -39,11 +39,11 @@ def test_no_number_and_no_message_is_in_anything_that_a_run_leaves(tmp_path, cap
     modem, player = Telephone(), NmeaPlayer(nmea)
     with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
         with service.running(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
-            service.wait_for(lambda: player.finished.is_set() and not modem.to_say, 60)
+            service.wait_for(lambda: player.finished.is_set() and not modem.to_say)
             served = modem.served
-            service.wait_for(lambda: modem.served > served + 3, 60)
+            service.wait_for(lambda: modem.served > served + 3)
             logger.terminate()
-            told, errors = logger.communicate(timeout=60)
+            told, errors = logger.communicate(timeout=service.LIMIT_S)
     (journal,) = (tmp_path / "runs").glob("*.journal")
     hdf5 = journal.with_suffix(".h5")
     for path in (journal, hdf5):
