@@ -30,6 +30,7 @@ from logger.device.port import Port
 from logger.device.service import Service
 from logger.device.status import FOLDER, Status, read_status, status_folder
 from logger.drivers.dialogue import Command, Dialogue
+from logger.drivers.family import woken
 from logger.drivers.registry import FAMILIES
 from logger.probe import converse
 
@@ -210,8 +211,9 @@ def sim_card(config: SiteConfig) -> Line:
 
 
 def _sim_state() -> Dialogue[str | None]:
-    reply = yield Command("AT", timeout_s=1.0)
-    reply = yield Command("AT+CMEE=2")
+    if not (yield from woken()):
+        return None
+    yield Command("AT+CMEE=2")
     reply = yield Command("AT+CPIN?", timeout_s=5.0)
     if reply.final is None:
         return None
