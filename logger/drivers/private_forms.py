@@ -27,6 +27,11 @@ _SIM_GROUPED = (
 _DASHED = rb"(?<![0-9-])(?!(?:19|20)[0-9]{2}-[01][0-9]-)(?:[0-9]{2,5}-){4,9}[0-9]{1,5}(?![0-9-])"
 _INTERNATIONAL = rb"\+[0-9](?:[ ()./-]{0,2}[0-9]){7,}"
 _NATIONAL = rb"(?<![0-9.,A-Za-z:])0(?:0[1-9][0-9]{7,12}|[1-9][0-9]{9,12})(?![0-9.])"
+# an area code in brackets or a leading 0, and two groups more; four groups of dots would be an address of a network
+_AREA_CODE = (
+    rb"\([0-9]{2,5}\)[ ]?[0-9]{3,4}[ ./-][0-9]{3,5}(?![0-9])"
+    rb"|(?<![0-9.,A-Za-z:])0[1-9][0-9]{1,3}\.[0-9]{3}\.[0-9]{3,5}(?![0-9.])"
+)
 _NATIONAL_GROUPED = rb"(?<![0-9.,A-Za-z:])\(?0[1-9][0-9]{1,4}\)?[/-][ ]?[0-9]{2,}(?:[ /-][0-9]{2,}){0,4}(?![0-9.])"
 # no time, no decimal
 _QUOTED = rb'(?<=")(?!(?:19|20)[0-9]{12}"|[0-9]{1,3}\.[0-9]{4,}")\(?[0-9](?:[ ()./*#-]{0,2}[0-9]){9,}(?=["\r\n]|\Z)'
@@ -45,6 +50,7 @@ NUMBER = re.compile(
             _INTERNATIONAL,
             _NATIONAL,
             _NATIONAL_GROUPED,
+            _AREA_CODE,
             _QUOTED,
             _TYPED,
         )

@@ -97,6 +97,8 @@ FORMS: tuple[str, ...] = (
     f"ATD{AT_HOME};",
     f'\xff\xfe\x00+CLIP: "{AT_HOME[:9]}",129',
     f'+CENG: 1,"0128,15,30+CLIP: "{AT_HOME}",129',
+    f"number ({AT_HOME[:4]}) {AT_HOME[4:7]}-{AT_HOME[7:]}",
+    f"number {AT_HOME[:4]}.{AT_HOME[4:7]}.{AT_HOME[7:]}",
 )
 
 _BETWEEN = re.compile(rb"[ ./()\"-]")
