@@ -118,6 +118,7 @@ ALTERED: dict[str, tuple[Change, str]] = {
     "more in the end": (lambda f, _: _text(f, "end", f["end"][()].replace(b"{", b'{"who":"me",', 1)), "end"),
     "no end": (lambda f, _: _text(f, "end", b"null"), "end"),
     "damage": (lambda f, _: _text(f, "damage", b'{"missing_frames":7}'), "damage"),
+    "less damage": (lambda f, _: _text(f, "damage", b"{}"), "damage"),
     "meta": (lambda f, _: _text(f, "meta", f["meta"][()].replace(b'"test"', b'"sale"')), "meta"),
     "units": (lambda f, _: f["fixes"].attrs.__setitem__("columns", "lat_deg: furlongs"), "fixes"),
     "an attribute of a table": (lambda f, _: f["scans"].attrs.__setitem__("true", 1), "scans"),

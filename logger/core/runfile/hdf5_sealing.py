@@ -26,6 +26,8 @@ from logger.core.runfile.writer import raw_payload, rows_payload
 from logger.core.schema import is_columns_text
 
 _TEXT_OF = {Kind.META: "meta", Kind.END: "end", Kind.STOP: "end"}
+_DAMAGE = {"missing_frames", "skipped_bytes", "description_lost"}
+"""What every version has said of it."""
 _MOST_NAMED = 20
 _MOST_NOTED = 40
 
@@ -118,8 +120,8 @@ class _Sealing:
         if wrong or damage.description_lost == self._has_meta:
             yield f"damage: it says {damage}, and {missing} frames are missing"
         told = msgspec.json.decode(self._content.text("damage"))
-        if set(told) - set(Damage.__struct_fields__) or damage.meaningless_values:
-            yield "damage: it says more than a recovery does"
+        if not _DAMAGE <= set(told) <= set(Damage.__struct_fields__) or damage.meaningless_values:
+            yield "damage: it is not what a recovery says"
 
     def _of_attributes(self) -> Iterator[str]:
         digest = self._end.digest if self._end else self._sealed.recomputed
