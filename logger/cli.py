@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from logger.core.arguments import number, path, seconds, whole
+from logger.core.arguments import input_path, number, path, seconds, whole
 from logger.core.errors import ConfigError, FieldLoggerError
 from logger.core.printable import plain_streams, printable
 
@@ -80,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     parse = commands.add_parser("parse", help="show what a modem's reply means")
     parse.add_argument("--driver", default="auto", metavar="NAME", help="family of the modem (default auto: try all)")
     parse.add_argument("--command", dest="command_line", metavar="AT+...", help="the command that it answers")
-    parse.add_argument("file", type=path, metavar="FILE", help="text of the reply, - for stdin")
+    parse.add_argument("file", type=input_path, metavar="FILE", help="text of the reply, - for stdin")
     parse.add_argument("--json", action="store_true")
     parse.set_defaults(command=_parse)
 

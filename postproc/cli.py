@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from logger.core.arguments import height, path
+from logger.core.arguments import height, input_path, path
 from logger.core.errors import FieldLoggerError
 from logger.core.printable import plain_streams, printable
 from postproc.interop import cli as interop
@@ -64,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=what)
         if run:
             which, count = "run-....h5, or a journal that was cut", "+" if several else None
-            command.add_argument("run", type=path, nargs=count, metavar="RUN", help=which)
+            command.add_argument("run", type=input_path, nargs=count, metavar="RUN", help=which)
         return command
 
     _add_info(add("info", "what is in a run, its gaps, how it stopped"))

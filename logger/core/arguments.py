@@ -19,6 +19,22 @@ def path(text: str) -> Path:
     return Path(text)
 
 
+def file_path(text: str) -> Path:
+    """A path that names a file, which `/` and `..` never do."""
+    found = path(text)
+    if found.name in {"", ".."}:
+        raise ConfigError(f"{text!r} names no file")
+    return found
+
+
+def input_path(text: str) -> Path:
+    """As `file_path`, of something to be read: a device such as /dev/zero never ends."""
+    found = file_path(text)
+    if found.is_char_device() or found.is_block_device():
+        raise ConfigError(f"{text} is a device, no file")
+    return found
+
+
 def number(
     option: str, least: float, most: float, *, unit: str = "", open_below: bool = False
 ) -> Callable[[str], float]:

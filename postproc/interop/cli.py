@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from logger.core.arguments import number, path
+from logger.core.arguments import file_path, input_path, number
 from logger.core.errors import ConfigError
 from postproc.whole_file import check_output, check_writable
 
@@ -24,7 +24,9 @@ _MOST_TOLD = 20
 
 def add_export(command: argparse.ArgumentParser) -> None:
     names = ("kml", "geojson", "gpx", "csv", "wigle", "opencellid-csv", "opencellid-json", "parquet")
-    command.add_argument("-o", "--output", type=path, required=True, metavar="FILE", help="its suffix names the format")
+    command.add_argument(
+        "-o", "--output", type=file_path, required=True, metavar="FILE", help="its suffix names the format"
+    )
     command.add_argument("--format", choices=names, help="default: by the suffix; .csv is what `import` reads back")
     command.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
     command.add_argument("--estimates", action="store_true", help="the answers of `smooth` too: places and regions")
@@ -35,15 +37,15 @@ def add_export(command: argparse.ArgumentParser) -> None:
 
 def add_import(command: argparse.ArgumentParser) -> None:
     what = "our CSV, WiGLE CSV, OpenCelliD or Tower Collector, Kismet log, Network Survey CSV or GeoPackage"
-    command.add_argument("source", type=path, metavar="FILE", help=f"{what}; also as .gz or .zip")
-    command.add_argument("-o", "--output", type=path, required=True, metavar="RUN.H5")
+    command.add_argument("source", type=input_path, metavar="FILE", help=f"{what}; also as .gz or .zip")
+    command.add_argument("-o", "--output", type=file_path, required=True, metavar="RUN.H5")
     times = "none: take the order of the rows, where the file has no true times"
     command.add_argument("--times", choices=("file", "none"), default="file", help=times)
     command.add_argument("--json", action="store_true")
 
 
 def add_share(command: argparse.ArgumentParser) -> None:
-    command.add_argument("-o", "--output", type=path, required=True, metavar="COPY.H5")
+    command.add_argument("-o", "--output", type=file_path, required=True, metavar="COPY.H5")
     command.add_argument(
         "--blur-m",
         type=number("--blur-m", 0.0, 1e6, unit="m", open_below=True),

@@ -4,11 +4,11 @@ import argparse
 import json
 import os
 
-from logger.core.arguments import path
+from logger.core.arguments import file_path
 
 
 def add_plot(plot: argparse.ArgumentParser) -> None:
-    plot.add_argument("-o", "--output", type=path, metavar="RUN.PNG", help="default: beside the run")
+    plot.add_argument("-o", "--output", type=file_path, metavar="RUN.PNG", help="default: beside the run")
     plot.add_argument("--cell", metavar="NAME", help="cell to show (default: the one with most to tell)")
     plot.add_argument("--json", action="store_true", help="say what was written as JSON")
     plot.set_defaults(command=_plot)

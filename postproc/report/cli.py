@@ -6,7 +6,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from logger.core.arguments import height, path
+from logger.core.arguments import file_path, height, path
 from logger.core.errors import ConfigError
 from postproc.verify import cli as verify
 from postproc.whole_file import check_folder, check_output
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def add_report(report: argparse.ArgumentParser) -> None:
-    report.add_argument("-o", "--output", type=path, metavar="RUN.HTML", help="default: beside the (first) run")
+    report.add_argument("-o", "--output", type=file_path, metavar="RUN.HTML", help="default: beside the (first) run")
     report.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
     report.add_argument("--pictures", type=path, metavar="DIR", help="the pictures too, each as PNG and SVG")
     verify.add_claims(report)

@@ -2,7 +2,7 @@
 
 import argparse
 
-from logger.core.arguments import path
+from logger.core.arguments import file_path
 
 
 def add_toa(toa: argparse.ArgumentParser) -> None:
@@ -15,7 +15,7 @@ def add_toa(toa: argparse.ArgumentParser) -> None:
         "--sigma2", type=float, nargs="+", metavar="M2", help="variances of a range (default: 0.01 ... 100)"
     )
     simulate.add_argument("--steps", action="store_true", help="errors of each step as well")
-    simulate.add_argument("--plot", type=path, metavar="FILE", help="draw the errors (.png, .svg, .pdf)")
+    simulate.add_argument("--plot", type=file_path, metavar="FILE", help="draw the errors (.png, .svg, .pdf)")
     simulate.add_argument("--json", action="store_true")
     simulate.set_defaults(command=_toa_simulate)
 

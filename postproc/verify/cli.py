@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from logger.core.arguments import height, path, whole
+from logger.core.arguments import file_path, height, input_path, whole
 from logger.core.errors import ConfigError
 from postproc.whole_file import check_writable
 
@@ -21,12 +21,12 @@ def add_verify(verify: argparse.ArgumentParser) -> None:
     what = verify.add_mutually_exclusive_group(required=True)
     what.add_argument("--claim", metavar="LAT,LON[,SIGMA_M]", help="claimed position, of --cell or of every cell")
     what.add_argument(
-        "--claims", type=path, metavar="FILE", help="CSV (cell,lat,lon[,sigma_m]), cell export or cells.db"
+        "--claims", type=input_path, metavar="FILE", help="CSV (cell,lat,lon[,sigma_m]), cell export or cells.db"
     )
     what.add_argument("--sites", action="store_true", help="is --cell heard from one place or from two?")
     southern(verify)
     verify.add_argument("--cell", metavar="NAME", help="only this cell")
-    verify.add_argument("--against", type=path, metavar="RUN", help="with --sites: a second run of the same cell")
+    verify.add_argument("--against", type=input_path, metavar="RUN", help="with --sites: a second run of the same cell")
     verify.add_argument("--pfa", type=float, default=0.05, metavar="P", help="false-alarm rate (default: 0.05)")
     verify.add_argument("--environment", default="any", help="prior: any (default), open, suburban or urban")
     verify.add_argument(
@@ -42,7 +42,7 @@ def add_claims(parser: argparse.ArgumentParser) -> None:
     what = "claimed position, of --cell or of every cell (may be repeated)"
     parser.add_argument("--claim", action="append", metavar="LAT,LON[,SIGMA_M]", help=what)
     what = "claims: CSV, cell export or cells.db, as for verify"
-    parser.add_argument("--claims", type=path, metavar="FILE", help=what)
+    parser.add_argument("--claims", type=input_path, metavar="FILE", help=what)
 
 
 def verified(
@@ -91,14 +91,14 @@ def add_celldb(celldb: argparse.ArgumentParser) -> None:
     commands = celldb.add_subparsers(required=True, metavar="COMMAND")
     imports = commands.add_parser("import", help="add exports to a database file")
     imports.add_argument(
-        "file", type=path, nargs="+", metavar="FILE", help="world, country or MLS export, .gz or plain"
+        "file", type=input_path, nargs="+", metavar="FILE", help="world, country or MLS export, .gz or plain"
     )
-    imports.add_argument("-o", "--output", type=path, required=True, metavar="CELLS.DB")
+    imports.add_argument("-o", "--output", type=file_path, required=True, metavar="CELLS.DB")
     imports.add_argument("--json", action="store_true")
     imports.set_defaults(command=_celldb_import)
     lookup = commands.add_parser("lookup", help="cells by identity or around a place")
     southern(lookup)
-    lookup.add_argument("db", type=path, metavar="CELLS.DB")
+    lookup.add_argument("db", type=input_path, metavar="CELLS.DB")
     which = lookup.add_mutually_exclusive_group(required=True)
     which.add_argument("--cell", metavar="MCC-MNC-AREA-CID")
     which.add_argument("--near", metavar="LAT,LON[,RADIUS_M]", help="nearest first, at most 100 (default: 1000 m)")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from logger.core.arguments import path, whole
+from logger.core.arguments import file_path, input_path, whole
 from logger.core.errors import ConfigError
 from postproc.verify import cli as verify
 from postproc.whole_file import check_output
@@ -26,12 +26,14 @@ def add_view(view: argparse.ArgumentParser) -> None:
     view.add_argument("--cell", action="append", metavar="NAME", help="cell to tell in full (may be repeated)")
     view.add_argument(
         "--basemap",
-        type=path,
+        type=input_path,
         metavar="FILE",
         help="under the plan: PNG or JPEG with a world file, GeoPackage, MBTiles",
     )
     where = view.add_mutually_exclusive_group()
-    where.add_argument("--save", type=path, metavar="RUN.RRD", help="write the recording instead of opening the viewer")
+    where.add_argument(
+        "--save", type=file_path, metavar="RUN.RRD", help="write the recording instead of opening the viewer"
+    )
     where.add_argument("--web", action="store_true", help="serve it to a browser on this machine, until Ctrl-C")
     view.add_argument(
         "--port", type=whole("--port", 0, 65_535), metavar="N", help="of --web (default: one that is free)"
