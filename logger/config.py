@@ -25,6 +25,8 @@ _LIMITS: dict[str, dict[str, tuple[float, float]]] = {
 }
 _MOST_CHARACTERS = 1 << 20
 """Of a configuration; systemd/site.toml has fewer than 3000."""
+_LONGEST_LINE = 4096
+"""The longest path has as many. A key of 100 000 dots would take tomllib 9 GB: it keeps every beginning of a key."""
 
 GNSS_OF_MODEM = "modem"
 """Port of [gnss] where the modem's own receiver gives the fixes."""
@@ -92,6 +94,9 @@ def load_config(path: Path) -> tuple[SiteConfig, str]:
 
 def parse_config(text: str, name: str) -> SiteConfig:
     """Configuration in a TOML text; `name` is how the text is called in errors."""
+    for number, line in enumerate(text.splitlines(), 1):
+        if len(line) > _LONGEST_LINE:
+            raise ConfigError(f"{name}: line {number} is longer than {_LONGEST_LINE} characters")
     try:
         config = msgspec.convert(tomllib.loads(text), SiteConfig)
     except tomllib.TOMLDecodeError as error:

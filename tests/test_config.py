@@ -95,7 +95,17 @@ def test_any_text_is_a_configuration_or_one_clear_error(text):
         parse_config(text, "site.toml")
 
 
-@pytest.mark.parametrize("text", ["a = " + "[" * 100_000, "a = " + "9" * 5000, "a." * 50_000 + "b = 1"], ids=len)
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a = " + "[" * 100_000,
+        "a = [\n" + "[\n" * 100_000,
+        "a = " + "9" * 5000,
+        "a." * 50_000 + "b = 1",
+        ("a." * 2000 + "b = 1\n") * 20,
+    ],
+    ids=len,
+)
 def test_what_no_parser_takes_is_one_error_too(text):
     with pytest.raises(ConfigError):
         parse_config(text, "site.toml")

@@ -22,7 +22,6 @@ from logger.core.runfile.limits import most_kept_bytes, most_unpacked_bytes
 from logger.core.runfile.meta import RunMeta
 from logger.core.runfile.parts import decode_meta
 
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
 TEXTS = ("meta", "config", "end", "damage")
 _MOST_TEXT_BYTES = 16 << 20
 """Of a text dataset; a configuration has at most 1 MiB, and is in two of them."""
@@ -32,17 +31,6 @@ _MOST_MEMBERS = 1000
 FRAME_DTYPE_OF_SCHEMA_2 = np.dtype([("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4")])
 _FILTERS = frozenset({h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32})
 _LAYOUTS = frozenset({h5py.h5d.COMPACT, h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED})
-
-
-def is_hdf5(path: Path) -> bool:
-    """True for a file that begins as HDF5."""
-    try:
-        if not path.is_file():  # a pipe would be waited for
-            return False
-        with path.open("rb") as file:
-            return file.read(len(SIGNATURE)) == SIGNATURE
-    except OSError:
-        return False
 
 
 @dataclass(frozen=True, slots=True)

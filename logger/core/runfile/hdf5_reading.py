@@ -1,27 +1,19 @@
 """A run's HDF5 file, read in a process of its own (see `guard`) and judged here."""
 
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
 from logger.core.errors import RunFileError
+from logger.core.runfile import hdf5_tasks
 from logger.core.runfile.guard import Arrays, guarded
-from logger.core.runfile.hdf5_content import opened, text_of_results
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, check_end
 from logger.core.runfile.parts import decode_meta
 
 
 def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, str, Arrays, int]:
     """Everything in a run's HDF5 file: its digest, the tables, and how many raw bytes it has before the last."""
-
-    def task() -> tuple[Any, Arrays]:
-        with opened(path) as content:
-            tables, n_raw = content.rows(content.meta())
-            texts = {name: content.text(name).decode() for name in ("meta", "end", "damage")}
-            return {**texts, "digest": content.digest(), "n_raw": n_raw}, tables
-
-    told, tables = guarded(path, task)
+    told, tables = guarded(path, hdf5_tasks.everything)
     meta = decode_meta(told["meta"].encode(), path)
     return (
         meta,
@@ -35,25 +27,16 @@ def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, str, Arrays, 
 
 def run_id_of(path: Path) -> str:
     """Raises `RunFileError` where it cannot be read."""
-
-    def task() -> tuple[Any, Arrays]:
-        with opened(path) as content:
-            return content.meta().run_id, {}
-
     try:
-        return str(guarded(path, task)[0])
+        return str(guarded(path, hdf5_tasks.run_id)[0])
     except OSError as error:
         raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
 
 
 def stored_summary(path: Path, run_id: str) -> bytes:
     """JSON that the desk has left beside a run; empty where there is none of this run. Raises `RunFileError`."""
-
-    def task() -> tuple[Any, Arrays]:
-        return text_of_results(path, run_id).decode(), {}
-
     try:
-        return str(guarded(path, task)[0]).encode()
+        return str(guarded(path, hdf5_tasks.results, run_id)[0]).encode()
     except OSError as error:
         raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from logger.core.errors import RunFileError
 
 JOURNAL = ".journal"
+_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 _NUMBERED = re.compile(r"run-(\d{6})\.")
 _LATER_PART = re.compile(r"(.*\.journal)\.\d+")
@@ -50,3 +51,14 @@ def parts_of(journal: Path) -> list[Path]:
     if journal.exists() and not journal.is_file():
         raise RunFileError(f"{journal} cannot be read: it is no file")
     return [*([journal] if journal.exists() else []), *(later[number] for number in sorted(later))]
+
+
+def is_hdf5(path: Path) -> bool:
+    """True for a file that begins as HDF5."""
+    try:
+        if not path.is_file():  # a pipe would be waited for
+            return False
+        with path.open("rb") as file:
+            return file.read(len(_HDF5_SIGNATURE)) == _HDF5_SIGNATURE
+    except OSError:
+        return False

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from logger.core.errors import RunFileError
 from logger.core.runfile.finish import finish, unfinished
-from logger.core.runfile.hdf5_content import is_hdf5
 from logger.core.runfile.meta import Damage
+from logger.core.runfile.names import is_hdf5
 
 SOMETHING_LOST = 3
 """Exit code of a recovery in which something was lost, as that of `mcap recover`."""

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from logger.core.errors import RunFileError
 from logger.core.rows import DTYPES, Rows, as_of_now, values_of
 from logger.core.runfile.hdf5 import RAW_BYTES
-from logger.core.runfile.hdf5_content import is_hdf5
 from logger.core.runfile.hdf5_reading import read_hdf5
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
+from logger.core.runfile.names import is_hdf5
 from logger.core.runfile.parts import JournalParts
 from logger.core.runfile.sound import sound
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan, Value

@@ -2,16 +2,16 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
 from logger.core.errors import RunFileError
+from logger.core.runfile import hdf5_tasks
 from logger.core.runfile.chain import Chain
 from logger.core.runfile.frames import Kind
-from logger.core.runfile.guard import Arrays, guarded
-from logger.core.runfile.hdf5_content import is_hdf5
+from logger.core.runfile.guard import guarded
 from logger.core.runfile.meta import Damage, RunEnd, stop_text
+from logger.core.runfile.names import is_hdf5
 from logger.core.runfile.parts import JournalParts
 
 
@@ -97,13 +97,7 @@ def _of_journal(path: Path) -> Sealing:
 
 
 def _of_hdf5(path: Path) -> Sealing:
-    # here, since a walk is recorded without it
-    from logger.core.runfile.hdf5_sealing import sealing_in  # noqa: PLC0415
-
-    def task() -> tuple[Any, Arrays]:
-        return msgspec.to_builtins(sealing_in(path)), {}
-
     try:
-        return msgspec.convert(guarded(path, task)[0], Sealing)
+        return msgspec.convert(guarded(path, hdf5_tasks.sealing)[0], Sealing)
     except OSError as error:
         raise RunFileError(f"{path} cannot be read: {error.strerror}") from error

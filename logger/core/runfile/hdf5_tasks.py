@@ -1,0 +1,44 @@
+"""What is asked of an HDF5 file by `guard.guarded`, each in a process of its own.
+
+HDF5 is imported there alone: the process that asks starts quicker without it.
+"""
+
+# ruff: noqa: PLC0415
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from logger.core.runfile.guard import Arrays
+
+
+def everything(path: Path) -> tuple[Any, Arrays]:
+    """All tables of a run; its texts, its digest, and how many raw bytes it has."""
+    from logger.core.runfile.hdf5_content import opened
+
+    with opened(path) as content:
+        tables, n_raw = content.rows(content.meta())
+        texts = {name: content.text(name).decode() for name in ("meta", "end", "damage")}
+        return {**texts, "digest": content.digest(), "n_raw": n_raw}, tables
+
+
+def run_id(path: Path) -> tuple[Any, Arrays]:
+    """Identity of a run."""
+    from logger.core.runfile.hdf5_content import opened
+
+    with opened(path) as content:
+        return content.meta().run_id, {}
+
+
+def results(path: Path, of_run: str) -> tuple[Any, Arrays]:
+    """JSON that the desk has left beside a run; empty where there is none of this run."""
+    from logger.core.runfile.hdf5_content import text_of_results
+
+    return text_of_results(path, of_run).decode(), {}
+
+
+def sealing(path: Path) -> tuple[Any, Arrays]:
+    """Whether a run is as it was recorded, as plain values."""
+    from logger.core.runfile.hdf5_sealing import sealing_in
+
+    return msgspec.to_builtins(sealing_in(path)), {}
