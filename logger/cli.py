@@ -109,15 +109,18 @@ def _run(arguments: argparse.Namespace) -> int:
     from logger.config import load_config
     from logger.device.beginning import begin_run
     from logger.device.clock import SystemClock
+    from logger.device.notify import ServiceManager
     from logger.device.signals import stop_signals
 
     config, text = load_config(arguments.config)
-    clock = SystemClock()
+    clock, manager = SystemClock(), ServiceManager.of(os.environ)
     with stop_signals() as stop:
         begun = begin_run(config, text, clock)  # before anything is imported that takes time
+        if begun.writer.is_durable:
+            manager.alive()
         from logger.device.service import run_service
 
-        print(run_service(config, begun, clock, stop, arguments.duration))
+        print(run_service(config, begun, manager, clock, stop, arguments.duration))
     return 0
 
 

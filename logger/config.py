@@ -3,7 +3,6 @@
 import re
 import tomllib
 from collections.abc import Iterator
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -162,6 +161,9 @@ def _place(table: str) -> str:
 
 
 def _nearest(key: str, table: str) -> str:
+    # a run begins before anything is imported that takes time
+    from difflib import get_close_matches  # noqa: PLC0415
+
     valid = _TABLES[table].__struct_fields__
     near = get_close_matches(key, valid, n=1)
     return f'; did you mean "{near[0]}"?' if near else f"; valid are {', '.join(valid)}"

@@ -202,6 +202,7 @@ class Service:
 def run_service(
     config: SiteConfig,
     begun: BegunRun,
+    manager: ServiceManager,
     clock: Clock,
     stop: tuple[threading.Event, list[str]],
     duration_s: float | None,
@@ -212,9 +213,6 @@ def run_service(
     """
     give_back()
     ended, heard = stop
-    manager = ServiceManager.of(os.environ)
-    if begun.writer.is_durable:
-        manager.alive()
     with Lamp(config.status.led) as lamp:
         service = Service(config, begun, clock, ended, durable=manager.alive)
         service.start()
