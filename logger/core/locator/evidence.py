@@ -27,6 +27,7 @@ SUMS = 7
 
 _NEWTON_STEPS = 2
 _LEAST_SIGMA_DB = 0.05
+"""Below it, as where all levels are the same, what is left of them is rounding errors, of either sign."""
 _STEADY = 0.05
 _STRIP = 64
 NODES = 7
@@ -134,7 +135,7 @@ def marginal(
         fit = _fit(total, prior, before)
         slope, curvature = _slopes(total, n, prior, before, fit)
         step = np.clip(slope / curvature, -0.5, 0.5)
-        tau = before + step
+        tau = np.maximum(before + step, log(_LEAST_SIGMA_DB))
     constant = 0.5 * (2.0 * total[6] - log_det - n * log(2.0 * pi))
     if nodes > 1:
         return _over_sigma(total, n, prior, tau, 1.0 / np.sqrt(curvature), constant, nodes)
