@@ -67,7 +67,7 @@ def guarded(path: Path, task: Task, *arguments: Any) -> tuple[Any, Arrays]:
     job = Job(path, task, arguments, most_cpu_s(size), 3 * most_kept_bytes(size) + _WORKING_BYTES)
     patience_s = _START_S + _PATIENCE * job.cpu_s
     process = subprocess.Popen(  # noqa: S603 (this Python)
-        [sys.executable, "-c", _PROGRAM],
+        [sys.executable, "-P", "-c", _PROGRAM],  # nothing is imported from the folder that we are in
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,  # the library prints while it dies

@@ -68,6 +68,14 @@ def test_locks_of_this_process_are_not_waited_for(file):
         assert guard.guarded(file, endings.under_lock) == (None, {})
 
 
+def test_nothing_is_imported_from_the_folder_of_the_file(file, monkeypatch):
+    """Runs come with other files: one that is called as a module of ours must not be executed."""
+    for name in ("logger", "numpy", "pickle"):
+        (file.parent / f"{name}.py").write_text("raise SystemExit('a program of a stranger')")
+    monkeypatch.chdir(file.parent)
+    assert guard.guarded(file, endings.chatter) == (None, {})
+
+
 def test_no_process_is_left(file):
     guard.guarded(file, endings.chatter)
     with pytest.raises(ChildProcessError):
