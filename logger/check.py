@@ -15,7 +15,7 @@ from logger.core.errors import ConfigError
 from logger.core.geo import Utm
 from logger.device.beginning import usable_folder
 from logger.device.libraries import LIBRARIES, version_of
-from logger.device.port import check_url
+from logger.device.port_url import check_url
 from logger.drivers.registry import check_mode, driver_of
 
 NOT_THERE = "is not there now"

@@ -12,9 +12,7 @@ from typing import Any, Self
 import serial
 
 from logger.core.errors import DeviceError
-from logger.device.port_url import check_url, pyserial_url
-
-__all__ = ["MAX_CHUNK", "WRITE_TIMEOUT_S", "Port", "check_url"]
+from logger.device.port_url import pyserial_url
 
 WRITE_TIMEOUT_S = 2.0
 MAX_CHUNK = 4096

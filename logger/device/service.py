@@ -22,7 +22,7 @@ from logger.device.modem_link import modem_session
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.notify import ServiceManager
 from logger.device.placement import Placement
-from logger.device.port import check_url
+from logger.device.port_url import check_url
 from logger.device.recorder import Recorder
 from logger.device.status import Status, TargetStatus, WatchedInbox, status_folder
 from logger.device.teller import Teller

@@ -15,7 +15,8 @@ from logger.core.errors import ConfigError, DeviceError
 from logger.core.types import RawBytes
 from logger.device.clock import SystemClock
 from logger.device.link import Inbox, Link
-from logger.device.port import Port, check_url
+from logger.device.port import Port
+from logger.device.port_url import check_url
 
 
 def _read(port, n):
