@@ -1,6 +1,8 @@
-"""How far off and how honest: the locator, its peers and the exact limit on worlds with a known answer.
+"""How far off and how honest: the locator, its peers and the exact limit on worlds with a known
+answer.
 
-python benchmarks/accuracy.py [--case NAME ...] [--method NAME ...] [--runs M] [--seed S] [--jobs N] [--quick]
+python benchmarks/accuracy.py [--case NAME ...] [--method NAME ...] [--runs M] [--seed S] [--jobs N]
+[--quick]
                               [--json FILE] [--markdown FILE]
 """
 
@@ -10,7 +12,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from scoreboard.cases import CASES
 from scoreboard.report import as_json, board, markdown, show
 from scoreboard.run import collected, jobs_of
@@ -25,8 +34,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = _parser().parse_args(arguments)
     runs = QUICK_RUNS if asked.quick else asked.runs
     jobs = jobs_of(asked.case or CASES, asked.seed, runs, asked.method)
-    columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
+    columns = (
+        TextColumn("runs"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(
+        *columns, console=Console(stderr=True), disable=not sys.stderr.isatty()
+    ) as progress:
         task = progress.add_task("runs", total=len(jobs))
         scores = collected(jobs, asked.jobs, lambda: progress.advance(task))
     found = board(scores, asked.seed)
@@ -43,10 +60,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--case", nargs="+", choices=list(CASES), metavar="NAME", help=f"one of {', '.join(CASES)}")
-    parser.add_argument("--method", nargs="+", choices=METHODS, metavar="NAME", help=f"one of {', '.join(METHODS)}")
     parser.add_argument(
-        "--runs", type=int, metavar="M", help="of each case (white noise 200, others 100, measured all)"
+        "--case", nargs="+", choices=list(CASES), metavar="NAME", help=f"one of {', '.join(CASES)}"
+    )
+    parser.add_argument(
+        "--method", nargs="+", choices=METHODS, metavar="NAME", help=f"one of {', '.join(METHODS)}"
+    )
+    parser.add_argument(
+        "--runs",
+        type=int,
+        metavar="M",
+        help="of each case (white noise 200, others 100, measured all)",
     )
     parser.add_argument("--seed", type=int, default=1, metavar="S")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes")

@@ -23,25 +23,38 @@ STEP_M = 1.4
 
 
 def write_run(folder: Path, readings: int) -> Path:
-    """A walk through a grid of streets, a fix and a scan of all cells a second; returns the HDF5."""
+    """A walk through a grid of streets, a fix and a scan of all cells a second; returns the
+    HDF5.
+    """
     rng = np.random.default_rng(1)
     scans = readings // CELLS
     heading = np.repeat(rng.integers(0, 4, scans // 100 + 1), 100)[:scans] * np.pi / 2
-    x, y = np.cumsum(STEP_M * np.cos(heading)) % 2000.0, np.cumsum(STEP_M * np.sin(heading)) % 2000.0
+    x, y = (
+        np.cumsum(STEP_M * np.cos(heading)) % 2000.0,
+        np.cumsum(STEP_M * np.sin(heading)) % 2000.0,
+    )
     source = rng.uniform(0.0, 2000.0, (CELLS, 2))
     utm = Utm.at(LAT_DEG, LON_DEG)
     x0, y0 = utm.to_xy(LAT_DEG, LON_DEG)
     lat, lon = utm.to_latlon_arrays(x0 + x, y0 + y)
-    level = [-20.0 - 30.0 * np.log10(np.hypot(x - a, y - b) + 5.0) + rng.normal(0.0, 5.0, scans) for a, b in source]
+    level = [
+        -20.0 - 30.0 * np.log10(np.hypot(x - a, y - b) + 5.0) + rng.normal(0.0, 5.0, scans)
+        for a, b in source
+    ]
     level_dbm = np.clip(np.round(level), -109.0, -48.0).T.tolist()
     writer = RunWriter(
         folder / "run.journal",
-        RunMeta(run_id="benchmark", boot_id="0", started_ns=0, origin="simulated", program="benchmark"),
+        RunMeta(
+            run_id="benchmark", boot_id="0", started_ns=0, origin="simulated", program="benchmark"
+        ),
     )
     for k in range(scans):
         t_ns = k * 10**9
         writer.append(Record(t_ns, "gnss", Fix(True, None, float(lat[k]), float(lon[k]), hdop=0.9)))
-        heard = tuple(CellReading("scan", "GSM", "262", "01", 1, 1 + i, rssi_dbm=v) for i, v in enumerate(level_dbm[k]))
+        heard = tuple(
+            CellReading("scan", "GSM", "262", "01", 1, 1 + i, rssi_dbm=v)
+            for i, v in enumerate(level_dbm[k])
+        )
         writer.append(Record(t_ns + 1, "modem", Scan(t_ns, heard)))
     writer.close(scans * 10**9, "done")
     return finish_journal(folder / "run.journal")
@@ -53,7 +66,11 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             run = write_run(Path(folder), count)
             begun = time.perf_counter()
-            subprocess.run([sys.executable, "-m", "postproc.cli", "smooth", str(run)], check=True, capture_output=True)
+            subprocess.run(
+                [sys.executable, "-m", "postproc.cli", "smooth", str(run)],
+                check=True,
+                capture_output=True,
+            )
             spent_s = time.perf_counter() - begun
             peak_gb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
             print(

@@ -1,4 +1,5 @@
-"""The desk's shadowing EKF and its smoother against filterpy's, over the same readings in the same run.
+"""The desk's shadowing EKF and its smoother against filterpy's, over the same readings in the same
+run.
 
 python benchmarks/desk_filter.py
 """
@@ -21,7 +22,7 @@ from logger.core.geo import Utm
 from logger.core.observations import CellObservations
 from logger.core.shadow_ekf import ShadowNoise, ShadowState
 from postproc.estimators import rts
-from postproc.estimators.filtered import kept_rows, reference_ekf, shadow_pass
+from postproc.estimators.filters import kept_rows, reference_ekf, shadow_pass
 
 COUNTS = (10_000, 100_000, 1_000_000)
 FILTERPY_MOST = 100_000
@@ -37,13 +38,21 @@ def walk(count: int) -> CellObservations:
     s = np.arange(count) * 1.4 % 800.0
     corner = [0, 200, 400, 600, 800]
     x, y = np.interp(s, corner, [0, 200, 200, 0, 0]), np.interp(s, corner, [0, 0, 200, 200, 0])
-    level = PLACE[2] - 10.0 * PLACE[3] * np.log10(np.hypot(x - PLACE[0], y - PLACE[1])) + 3.0 * rng.normal(size=count)
+    level = (
+        PLACE[2]
+        - 10.0 * PLACE[3] * np.log10(np.hypot(x - PLACE[0], y - PLACE[1]))
+        + 3.0 * rng.normal(size=count)
+    )
     at = np.arange(count)
-    return CellObservations("c", None, Utm(32), at * 10**9, x, y, np.full(count, 3.0), np.round(level), at)
+    return CellObservations(
+        "c", None, Utm(32), at * 10**9, x, y, np.full(count, 3.0), np.round(level), at
+    )
 
 
 def start(obs: CellObservations) -> ShadowState:
-    return shadow_ekf.release(shadow_ekf.hold(PLACE, NOISE, float(obs.x_m[0]), float(obs.y_m[0])), SPREAD)
+    return shadow_ekf.release(
+        shadow_ekf.hold(PLACE, NOISE, float(obs.x_m[0]), float(obs.y_m[0])), SPREAD
+    )
 
 
 def ours(obs: CellObservations) -> tuple[FloatArray, FloatArray]:
@@ -67,29 +76,50 @@ def filterpys(obs: CellObservations) -> tuple[FloatArray, FloatArray]:
 
     def row(x: FloatArray, x_m: float, y_m: float, d2: float) -> FloatArray:
         c = slope * x[3, 0] / d2
-        return np.array([[c * (x[0, 0] - x_m), c * (x[1, 0] - y_m), 1.0, -5.0 * math.log10(d2), 1.0]])
+        return np.array(
+            [[c * (x[0, 0] - x_m), c * (x[1, 0] - y_m), 1.0, -5.0 * math.log10(d2), 1.0]]
+        )
 
     def level(x: FloatArray, d2: float) -> FloatArray:
         return np.array([[x[2, 0] - 5.0 * x[3, 0] * math.log10(d2) + x[4, 0]]])
 
     states, covariances, fs, qs = [], [], [], []
     at = float(obs.x_m[0]), float(obs.y_m[0])
-    columns = (obs.x_m.tolist(), obs.y_m.tolist(), obs.position_sigma_m.tolist(), obs.level_dbm.tolist())
+    columns = (
+        obs.x_m.tolist(),
+        obs.y_m.tolist(),
+        obs.position_sigma_m.tolist(),
+        obs.level_dbm.tolist(),
+    )
     for x_m, y_m, sigma_m, level_dbm in zip(*columns, strict=True):
         rho = math.exp(-math.hypot(x_m - at[0], y_m - at[1]) / NOISE.decorrelation_m)
         at = x_m, y_m
         oracle.F = np.diag([1.0, 1.0, 1.0, 1.0, rho])
         oracle.Q = np.diag([0.0, 0.0, 0.0, 0.0, NOISE.shadow_db**2 * (1.0 - rho * rho)])
         oracle.predict()
-        d2 = (oracle.x[0, 0] - x_m) ** 2 + (oracle.x[1, 0] - y_m) ** 2 + NOISE.height_m**2 + 2.0 * sigma_m**2
+        d2 = (
+            (oracle.x[0, 0] - x_m) ** 2
+            + (oracle.x[1, 0] - y_m) ** 2
+            + NOISE.height_m**2
+            + 2.0 * sigma_m**2
+        )
         r = NOISE.white_db**2 + 1.0 / 12.0 + (slope * oracle.x[3, 0] * sigma_m) ** 2 / d2
-        oracle.update(np.array([[level_dbm]]), row, level, R=np.array([[r]]), args=(x_m, y_m, d2), hx_args=(d2,))
+        oracle.update(
+            np.array([[level_dbm]]),
+            row,
+            level,
+            R=np.array([[r]]),
+            args=(x_m, y_m, d2),
+            hx_args=(d2,),
+        )
         states.append(oracle.x.ravel())
         covariances.append(oracle.P)
         fs.append(oracle.F)
         qs.append(oracle.Q)
     last = states[-1].copy()
-    x, *_ = rts_smoother(np.array(states), np.array(covariances), [*fs[1:], fs[-1]], [*qs[1:], qs[-1]])
+    x, *_ = rts_smoother(
+        np.array(states), np.array(covariances), [*fs[1:], fs[-1]], [*qs[1:], qs[-1]]
+    )
     return last, x[0]
 
 
@@ -116,18 +146,30 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as cache:
         for when in ("compiling", "from the cache"):
             print(f"first call in a new process, {when}:", flush=True)
-            subprocess.run([sys.executable, __file__, FIRST], check=True, env=os.environ | {"NUMBA_CACHE_DIR": cache})
+            subprocess.run(
+                [sys.executable, __file__, FIRST],
+                check=True,
+                env=os.environ | {"NUMBA_CACHE_DIR": cache},
+            )
     small = walk(COUNTS[0])
     pairs = zip(ours(small), filterpys(small), strict=True)
-    print(f"largest difference after {COUNTS[0]} readings: {max(np.max(np.abs(a - b)) for a, b in pairs):.1e}")
+    print(
+        f"largest difference after {COUNTS[0]} readings: {max(np.max(np.abs(a - b)) for a, b in pairs):.1e}"
+    )
     reference_ekf(small)
-    print("CPU seconds, filter and smoother; filterpy on at most 100 000 readings, scaled beyond (*)")
-    print(f"{'readings':>10}{'ours':>10}{'us each':>10}{'filterpy':>11}{'ratio':>8}{'reference':>11}{'peak MB':>9}")
+    print(
+        "CPU seconds, filter and smoother; filterpy on at most 100 000 readings, scaled beyond (*)"
+    )
+    print(
+        f"{'readings':>10}{'ours':>10}{'us each':>10}{'filterpy':>11}{'ratio':>8}{'reference':>11}{'peak MB':>9}"
+    )
     for count in COUNTS:
         obs = walk(count)
         mine, reference = seconds(ours, obs, 5), seconds(reference_ekf, obs, 5)
         peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-        theirs = seconds(filterpys, walk(min(count, FILTERPY_MOST)), 1) * max(count / FILTERPY_MOST, 1.0)
+        theirs = seconds(filterpys, walk(min(count, FILTERPY_MOST)), 1) * max(
+            count / FILTERPY_MOST, 1.0
+        )
         star = "*" if count > FILTERPY_MOST else " "
         print(
             f"{count:10d}{mine:10.4f}{mine / count * 1e6:10.3f}{theirs:10.2f}{star}{theirs / mine:8.0f}"

@@ -22,7 +22,11 @@ ROUNDS = 9
 def walk() -> Readings:
     rng = np.random.default_rng(1)
     places = np.cumsum(rng.normal(0.3, 1.0, (STEPS, 2)), axis=0)
-    levels = -30.0 - 31.0 * np.log10(np.maximum(np.hypot(*(places - (150.0, -80.0)).T), 1.0)) + rng.normal(0, 3, STEPS)
+    levels = (
+        -30.0
+        - 31.0 * np.log10(np.maximum(np.hypot(*(places - (150.0, -80.0)).T), 1.0))
+        + rng.normal(0, 3, STEPS)
+    )
     return [(float(x), float(y), float(z)) for (x, y), z in zip(places, levels, strict=True)]
 
 
@@ -36,13 +40,20 @@ def ours(readings: Readings) -> ekf.EkfState:
 def filterpys(readings: Readings) -> ExtendedKalmanFilter:
     oracle = ExtendedKalmanFilter(dim_x=4, dim_z=1)
     oracle.x = np.array([[readings[0][0]], [readings[0][1]], [-40.0], [3.0]])
-    oracle.P, oracle.Q, oracle.R, oracle.F = 1000.0 * np.eye(4), 1e-5 * np.eye(4), np.array([[9.0]]), np.eye(4)
+    oracle.P, oracle.Q, oracle.R, oracle.F = (
+        1000.0 * np.eye(4),
+        1e-5 * np.eye(4),
+        np.array([[9.0]]),
+        np.eye(4),
+    )
     slope = -10.0 / math.log(10.0)
 
     def row(x: np.ndarray, x_m: float, y_m: float) -> np.ndarray:
         dx, dy = x[0, 0] - x_m, x[1, 0] - y_m
         d2 = max(dx * dx + dy * dy, 1.0)
-        return np.array([[slope * x[3, 0] * dx / d2, slope * x[3, 0] * dy / d2, 1.0, -5.0 * math.log10(d2)]])
+        return np.array(
+            [[slope * x[3, 0] * dx / d2, slope * x[3, 0] * dy / d2, 1.0, -5.0 * math.log10(d2)]]
+        )
 
     def level(x: np.ndarray, x_m: float, y_m: float) -> np.ndarray:
         d2 = max((x[0, 0] - x_m) ** 2 + (x[1, 0] - y_m) ** 2, 1.0)
@@ -62,10 +73,16 @@ def microseconds(run: Callable[[Readings], object], readings: Readings) -> float
 
 def main() -> None:
     readings = walk()
-    apart = max(abs(a - b) for a, b in zip(ours(readings)[:4], filterpys(readings).x.ravel(), strict=True))
-    times = [(microseconds(ours, readings), microseconds(filterpys, readings)) for _ in range(ROUNDS)]
+    apart = max(
+        abs(a - b) for a, b in zip(ours(readings)[:4], filterpys(readings).x.ravel(), strict=True)
+    )
+    times = [
+        (microseconds(ours, readings), microseconds(filterpys, readings)) for _ in range(ROUNDS)
+    ]
     mine, theirs = (median(column) for column in zip(*times, strict=True))
-    print(f"reference EKF      {mine:7.2f} us a step (CPU, median of {ROUNDS} rounds of {STEPS} steps)")
+    print(
+        f"reference EKF      {mine:7.2f} us a step (CPU, median of {ROUNDS} rounds of {STEPS} steps)"
+    )
     print(f"filterpy EKF       {theirs:7.2f} us a step, same readings, same run")
     print(f"ratio              {theirs / mine:7.1f}")
     print(f"largest difference {apart:.1e} after {STEPS} steps")

@@ -2,11 +2,12 @@
 
 python benchmarks/false_identities.py [--corpus FOLDER] [--family NAME ...]
 
-Every byte of every reply in the tests' data, and of the replies in FOLDER, is lost, doubled and changed in turn. A row
-is false where it names a cell, a level or a channel that the reply does not; an identity that is marked unsure is no
-false one. Replies come alone, as the first that a modem sends; then each damaged one comes between two whole ones, and
-only a cell that two scans have heard counts. Whole replies with an unsure identity are counted too: alone, and after an
-earlier reply. At last each reply comes a hundred times, every fifth of them with a byte lost or doubled: `session`.
+Every byte of every reply in the tests' data, and of the replies in FOLDER, is lost, doubled and
+changed in turn. A row is false where it names a cell, a level or a channel that the reply does not;
+an identity that is marked unsure is no false one. Replies come alone, as the first that a modem
+sends; then each damaged one comes between two whole ones, and only a cell that two scans have heard
+counts. Whole replies with an unsure identity are counted too: alone, and after an earlier reply. At
+last each reply comes a hundred times, every fifth of them with a byte lost or doubled: `session`.
 """
 
 import argparse
@@ -73,7 +74,9 @@ class Tally:
 
 
 def replies(corpus: Path | None = None) -> Iterator[tuple[Family, str]]:
-    """Replies of the tests' data by family, and those of a folder by the family that reads most in them."""
+    """Replies of the tests' data by family, and those of a folder by the family that reads most in
+    them.
+    """
     for name, driver in FAMILIES.items():
         own = (DATA / "own" / f"{name}.txt").read_text("latin-1").removesuffix("\n")
         yield from ((driver, reply) for reply in own.split("\n\n"))
@@ -110,7 +113,12 @@ def told(rows: Iterable[Row]) -> Told:
     return Told(
         frozenset(_who(row) for row in naming if not row.identity_unsure) - {NOBODY},
         frozenset(map(_who, naming)) - {NOBODY},
-        frozenset((name, value) for row in cells for name in LEVELS if (value := getattr(row, name)) is not None),
+        frozenset(
+            (name, value)
+            for row in cells
+            for name in LEVELS
+            if (value := getattr(row, name)) is not None
+        ),
         frozenset(row.arfcn for row in cells if row.arfcn is not None),
     )
 
@@ -125,7 +133,9 @@ def is_false(who: Who, honest: Iterable[Who]) -> bool:
     return not any(all(p in {None, q} for p, q in zip(who, cell, strict=True)) for cell in honest)
 
 
-def count(driver: Family, text: str, tally: Tally, ways: Sequence[str] = WAYS, each: int = 1) -> None:
+def count(
+    driver: Family, text: str, tally: Tally, ways: Sequence[str] = WAYS, each: int = 1
+) -> None:
     """Count what damage makes of one reply, of every byte or of every so many."""
     rows, known = read(driver, text, Known())
     honest = told(rows)
@@ -133,18 +143,24 @@ def count(driver: Family, text: str, tally: Tally, ways: Sequence[str] = WAYS, e
         return
     tally.replies += 1
     tally.marked_alone += honest.sure != honest.named
-    tally.marked_later += any(getattr(row, "identity_unsure", False) for row in read(driver, text, known)[0])
+    tally.marked_later += any(
+        getattr(row, "identity_unsure", False) for row in read(driver, text, known)[0]
+    )
     rng = random.Random(1)
     for way in ways:
         for number, worse in enumerate(damaged(text, way, rng)):
             if number % each == 0:
                 tally.trials[way] += 1
                 _count_alone(told(read(driver, worse, Known())[0]), honest, way, tally)
-                tally.of_two_scans[way] += any(is_false(who, honest.named) for who in _heard(driver, text, worse))
+                tally.of_two_scans[way] += any(
+                    is_false(who, honest.named) for who in _heard(driver, text, worse)
+                )
 
 
 def count_session(driver: Family, text: str, tally: Tally, polls: int = POLLS) -> None:
-    """Count false and unsure cells of a modem that sends one reply again and again over a line that is not good."""
+    """Count false and unsure cells of a modem that sends one reply again and again over a line that
+    is not good.
+    """
     honest = told(read(driver, text, Known())[0])
     known, rng = Known(), random.Random(2)
     if not honest.named:
@@ -193,10 +209,16 @@ def table(tallies: dict[str, Tally]) -> str:
         "marked",
     )
     units = ("", "", "alone", "", "%", "%", "/1000", "%", "%", "%", "%")
-    lines = [" ".join([f"{first:12}", *(f"{text:>8}" for text in rest)]) for first, *rest in (titles, units)]
+    lines = [
+        " ".join([f"{first:12}", *(f"{text:>8}" for text in rest)])
+        for first, *rest in (titles, units)
+    ]
     for name, tally in {**tallies, "all": _sum(tallies.values())}.items():
         slips = ("lost", "doubled")
-        alone, changed = tally.rate(tally.identities, *slips), tally.rate(tally.identities, "changed")
+        alone, changed = (
+            tally.rate(tally.identities, *slips),
+            tally.rate(tally.identities, "changed"),
+        )
         lines.append(
             f"{name:12} {tally.replies:8} {tally.marked_alone:8} {tally.marked_later:8}"
             f" {100 * alone:8.2f} {100 * changed:8.2f} {1000 * tally.rate(tally.of_two_scans, *WAYS):8.2f}"
@@ -219,10 +241,21 @@ def _sum(tallies: Iterable[Tally]) -> Tally:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description="false identities and values that one damaged byte makes")
-    parser.add_argument("--corpus", type=Path, metavar="FOLDER", help="text files of replies, besides the tests' data")
-    parser.add_argument("--family", nargs="+", choices=list(FAMILIES), default=list(FAMILIES), metavar="NAME")
-    parser.add_argument("--each", type=int, default=1, metavar="N", help="damage every N-th byte only (default 1)")
+    parser = argparse.ArgumentParser(
+        description="false identities and values that one damaged byte makes"
+    )
+    parser.add_argument(
+        "--corpus",
+        type=Path,
+        metavar="FOLDER",
+        help="text files of replies, besides the tests' data",
+    )
+    parser.add_argument(
+        "--family", nargs="+", choices=list(FAMILIES), default=list(FAMILIES), metavar="NAME"
+    )
+    parser.add_argument(
+        "--each", type=int, default=1, metavar="N", help="damage every N-th byte only (default 1)"
+    )
     arguments = parser.parse_args()
     tallies: dict[str, Tally] = {name: Tally() for name in arguments.family}
     for driver, text in replies(arguments.corpus):

@@ -1,4 +1,5 @@
-"""One reading of one cell through the locator and the EKF on the device, against one update of filterpy's EKF.
+"""One reading of one cell through the locator and the EKF on the device, against one update of
+filterpy's EKF.
 
 python benchmarks/live_cell.py
 """
@@ -27,7 +28,9 @@ CLIPPED_SHARES = (0.2, 0.45, 0.7)
 
 
 def walk(seed: int, *, shadow_db: float) -> list[Heard]:
-    """A walk round blocks of 200 m, with white noise and shadowing of 15 m decorrelation distance."""
+    """A walk round blocks of 200 m, with white noise and shadowing of 15 m decorrelation
+    distance.
+    """
     rng = np.random.default_rng(seed)
     s = np.arange(READINGS) * STEP_M % 1600.0
     x = np.interp(s, [0, 200, 400, 600, 800, 1600], [0, 200, 200, 400, 400, 0])
@@ -38,18 +41,28 @@ def walk(seed: int, *, shadow_db: float) -> list[Heard]:
         shadow[k] = rho * shadow[k - 1] + np.sqrt(1.0 - rho**2) * rng.normal()
     level = -25.0 - 32.0 * np.log10(np.hypot(x - SOURCE[0], y - SOURCE[1])) + shadow_db * shadow
     level = np.round(level + 2.0 * rng.normal(size=READINGS))
-    return [Heard(*row, 0) for row in zip(x.tolist(), y.tolist(), [3.0] * READINGS, level.tolist(), strict=True)]
+    return [
+        Heard(*row, 0)
+        for row in zip(x.tolist(), y.tolist(), [3.0] * READINGS, level.tolist(), strict=True)
+    ]
 
 
 def clipped(heard: list[Heard], share: float) -> list[Heard]:
     """The same, so weak that this share of the levels is at the floor of a GSM modem's scale."""
-    change_db = FLOOR_DBM - round(float(np.quantile([reading.level_dbm for reading in heard], share)))
+    change_db = FLOOR_DBM - round(
+        float(np.quantile([reading.level_dbm for reading in heard], share))
+    )
     weaker = [max(reading.level_dbm + change_db, FLOOR_DBM) for reading in heard]
-    return [r._replace(level_dbm=dbm, limit=-int(dbm == FLOOR_DBM)) for r, dbm in zip(heard, weaker, strict=True)]
+    return [
+        r._replace(level_dbm=dbm, limit=-int(dbm == FLOOR_DBM))
+        for r, dbm in zip(heard, weaker, strict=True)
+    ]
 
 
 def live_us(heard: list[Heard]) -> tuple[float, float, float, float]:
-    """Mean, 99th percentile and worst CPU time of a reading, searches included, and the memory of the cell in MB."""
+    """Mean, 99th percentile and worst CPU time of a reading, searches included, and the memory of
+    the cell in MB.
+    """
     gc.collect()
     cell = LiveCell(live_prior(LiveSettings()))
     spent = []
@@ -89,7 +102,9 @@ def filterpy_us(heard: list[Heard]) -> float:
         def slope(x: np.ndarray, reading: Heard = reading) -> np.ndarray:
             dx, dy = x[0, 0] - reading.x_m, x[1, 0] - reading.y_m
             d2 = max(dx * dx + dy * dy, 1.0)
-            return np.array([[-c * x[3, 0] * dx / d2, -c * x[3, 0] * dy / d2, 1.0, -5.0 * np.log10(d2)]])
+            return np.array(
+                [[-c * x[3, 0] * dx / d2, -c * x[3, 0] * dy / d2, 1.0, -5.0 * np.log10(d2)]]
+            )
 
         kf.predict()
         kf.update(np.array([[reading.level_dbm]]), slope, level)

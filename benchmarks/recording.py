@@ -1,7 +1,8 @@
-"""What recording costs: bytes written to the card, processor and memory for an hour of records at full speed.
+"""What recording costs: bytes written to the card, processor and memory for an hour of records at
+full speed.
 
-The load is that of a fast receiver and a busy city: NMEA at 10 Hz, and every 2 s a scan of 1 to 40 cells as text and as
-readings, all with the live estimate. python benchmarks/recording.py [HOURS]
+The load is that of a fast receiver and a busy city: NMEA at 10 Hz, and every 2 s a scan of 1 to 40
+cells as text and as readings, all with the live estimate. python benchmarks/recording.py [HOURS]
 """
 
 import os
@@ -35,7 +36,11 @@ def second(k: int, rng: random.Random) -> Iterator[Record]:
         rmc = f"$GNRMC,{clock},A,{place},{rng.uniform(2, 3):.3f},{rng.uniform(0, 360):.2f},210926,,,A,V*5A\r\n"
         gga = f"$GNGGA,{clock},{place},1,{rng.randrange(7, 12):02d},0.9,{rng.gauss(34, 1):.1f},M,40.0,M,,*4C\r\n"
         yield Record(t_ns, "gnss", RawBytes((rmc + gga).encode()))
-        yield Record(t_ns, "gnss", Fix(True, UTC0_NS + t_ns, lat, lon, rng.gauss(34, 1), hdop=0.9, sats_used=9))
+        yield Record(
+            t_ns,
+            "gnss",
+            Fix(True, UTC0_NS + t_ns, lat, lon, rng.gauss(34, 1), hdop=0.9, sats_used=9),
+        )
     if k % 2 == 0:
         yield from _scan(k * 10**9 + 950_000_000, rng)
 
@@ -50,7 +55,18 @@ def _scan(t_ns: int, rng: random.Random) -> Iterator[Record]:
     yield Record(t_ns, "modem", RawBytes(b"AT+CENG?\r\n", sent=True))
     yield Record(t_ns, "modem", RawBytes(text.encode()))
     readings = tuple(
-        CellReading("scan", "GSM", "262", "01", lac, cid, arfcn=arfcn, bsic=9, rxlev_raw=level, rssi_dbm=level - 110.0)
+        CellReading(
+            "scan",
+            "GSM",
+            "262",
+            "01",
+            lac,
+            cid,
+            arfcn=arfcn,
+            bsic=9,
+            rxlev_raw=level,
+            rssi_dbm=level - 110.0,
+        )
         for (lac, cid, arfcn), level in zip(heard, levels, strict=True)
     )
     yield Record(t_ns, "modem", Scan(t_ns - 800_000_000, readings))
@@ -58,16 +74,20 @@ def _scan(t_ns: int, rng: random.Random) -> Iterator[Record]:
 
 @contextmanager
 def counted_pages() -> Iterator[Counter[str]]:
-    """Count the pages that are touched by writes: a card gets whole pages, however few bytes are new in them.
+    """Count the pages that are touched by writes: a card gets whole pages, however few bytes are
+    new in them.
 
-    /proc/self/io counts a page once for several writes of it, and is no measure of what is flushed each second.
+    /proc/self/io counts a page once for several writes of it, and is no measure of what is flushed
+    each second.
     """
     pages: Counter[str] = Counter()
     real = os.pwrite
 
     def pwrite(fd: int, data: bytes, offset: int) -> int:
         written = real(fd, data, offset)
-        pages["written"] += (offset + written - 1) // PAGE_BYTES - offset // PAGE_BYTES + 1 if written else 0
+        pages["written"] += (
+            (offset + written - 1) // PAGE_BYTES - offset // PAGE_BYTES + 1 if written else 0
+        )
         return written
 
     os.pwrite = pwrite

@@ -1,9 +1,12 @@
-"""What one gross error among the levels does to the answer, live and at the desk, and what guarding against it costs.
+"""What one gross error among the levels does to the answer, live and at the desk, and what guarding
+against it costs.
 
-python benchmarks/robustness.py [--runs M] [--measured all|N] [--seed S] [--spike DB] [--count N] [--where random|last]
+python benchmarks/robustness.py [--runs M] [--measured all|N] [--seed S] [--spike DB] [--count N]
+[--where random|last]
 
-Each walk is answered four times: as it is and with the error, with the guard and without it. Simulated walks have white
-noise of 3 dB and shadowing of 6 dB over 15 m in turn; the measured ones lie beside this repository.
+Each walk is answered four times: as it is and with the error, with the guard and without it.
+Simulated walks have white noise of 3 dB and shadowing of 6 dB over 15 m in turn; the measured ones
+lie beside this repository.
 """
 
 import argparse
@@ -33,7 +36,15 @@ from logger.core.locator.posterior import locate
 from logger.core.observations import CellObservations
 from logger.core.spikes import Judged, SpikeFilter
 
-SIMULATED = ("white-L", "shadow6-path", "white-square", "shadow6-path", "white-random", "shadow6-path", "white-spiral")
+SIMULATED = (
+    "white-L",
+    "shadow6-path",
+    "white-square",
+    "shadow6-path",
+    "white-random",
+    "shadow6-path",
+    "white-spiral",
+)
 CLASSES = "ABCDE"
 
 
@@ -45,7 +56,9 @@ class Place(NamedTuple):
 
 
 class Compared(NamedTuple):
-    """One walk: answers without and with the guard, as it is and with the error in it; `found` of `asked` named."""
+    """One walk: answers without and with the guard, as it is and with the error in it; `found` of
+    `asked` named.
+    """
 
     kind: str
     name: str
@@ -111,7 +124,10 @@ def worlds(asked: argparse.Namespace) -> Iterator[tuple[str, World]]:
     """Simulated and measured walks with the kind of each."""
     for run in range(asked.runs):
         case = SIMULATED[run % len(SIMULATED)]
-        yield ("white" if case.startswith("white") else "shadow"), CASES[case].world(asked.seed, run)
+        yield (
+            ("white" if case.startswith("white") else "shadow"),
+            CASES[case].world(asked.seed, run),
+        )
     names = [(kind, *name) for kind in CLASSES for name in traces.names(kind)]
     if asked.measured != "all":
         chosen = np.random.default_rng(asked.seed).permutation(len(names))[: int(asked.measured)]
@@ -120,23 +136,34 @@ def worlds(asked: argparse.Namespace) -> Iterator[tuple[str, World]]:
         yield f"measured {kind}", traces.measured(dataset, trace)
 
 
-def compare(kind: str, world: World, answer: Callable[..., Place], at: list[int], spike_db: float) -> Compared:
+def compare(
+    kind: str, world: World, answer: Callable[..., Place], at: list[int], spike_db: float
+) -> Compared:
     """One walk through one of the two estimates."""
     obs = observations(world, world.walk)
     wrong = with_errors(obs, at, spike_db)
     named, false = {spike.k for spike in wrong.spikes()}, len(obs.spikes())
     clean = answer(world, obs, guard=True)
-    before = answer(world, obs, guard=False) if false else clean  # where nothing is set aside the two are one
+    before = (
+        answer(world, obs, guard=False) if false else clean
+    )  # where nothing is set aside the two are one
     spiked = answer(world, wrong, guard=True)
     unguarded = answer(world, wrong, guard=False) if named else spiked
-    return Compared(kind, world.name, len(at), len(named & set(at)), false, before, clean, unguarded, spiked)
+    return Compared(
+        kind, world.name, len(at), len(named & set(at)), false, before, clean, unguarded, spiked
+    )
 
 
 def table(found: list[Compared], title: str) -> list[str]:
     """Ratios of one estimate, by kind of walk."""
-    lines = [f"{title:32}  walks found   error x: now / before    area x: now / before     clean: area, error x"]
+    lines = [
+        f"{title:32}  walks found   error x: now / before    area x: now / before     clean: area, error x"
+    ]
     kinds = dict.fromkeys(one.kind for one in found)
-    groups = {"all simulated": ("white", "shadow"), "all measured": tuple(k for k in kinds if k.startswith("measured"))}
+    groups = {
+        "all simulated": ("white", "shadow"),
+        "all measured": tuple(k for k in kinds if k.startswith("measured")),
+    }
     for name, chosen in {**{kind: (kind,) for kind in kinds}, **groups}.items():
         some = [one for one in found if one.kind in chosen]
         if some:
@@ -157,11 +184,20 @@ def _row(some: list[Compared]) -> str:
         for over, under in (("spiked", "clean"), ("spiked_old", "clean_old"))
     ]
     clean = f"{ratio('area_m2', 'clean', 'clean_old')}   {_medians(some)}"
-    return f"{len(some):6} {share:5.0%}   " + " / ".join(cells[:2]) + "   " + " / ".join(cells[2:]) + f"   {clean}"
+    return (
+        f"{len(some):6} {share:5.0%}   "
+        + " / ".join(cells[:2])
+        + "   "
+        + " / ".join(cells[2:])
+        + f"   {clean}"
+    )
 
 
 def _medians(some: list[Compared]) -> str:
-    before, now = (float(np.median([getattr(c, name).error_m for c in some])) for name in ("clean_old", "clean"))
+    before, now = (
+        float(np.median([getattr(c, name).error_m for c in some]))
+        for name in ("clean_old", "clean")
+    )
     return f"{before:.1f} -> {now:.1f} m"
 
 
@@ -179,9 +215,17 @@ def main() -> int:
                 except EstimationError as error:
                     print(f"{world.name or i}: {name}: {error}", file=sys.stderr)
         if asked.json:
-            asked.json.write_text(json.dumps({name: [_plain(one) for one in rows] for name, rows in found.items()}))
+            asked.json.write_text(
+                json.dumps({name: [_plain(one) for one in rows] for name, rows in found.items()})
+            )
         if asked.verbose:
-            print(i, kind, world.name, *(f"{name} {rows[-1]}" for name, rows in found.items() if rows), flush=True)
+            print(
+                i,
+                kind,
+                world.name,
+                *(f"{name} {rows[-1]}" for name, rows in found.items() if rows),
+                flush=True,
+            )
     for name, rows in found.items():
         if rows:
             print("\n".join(table(rows, name)), flush=True)
@@ -189,16 +233,23 @@ def main() -> int:
 
 
 def _plain(one: Compared) -> dict[str, object]:
-    return {name: value._asdict() if isinstance(value, Place) else value for name, value in one._asdict().items()}
+    return {
+        name: value._asdict() if isinstance(value, Place) else value
+        for name, value in one._asdict().items()
+    }
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=200, metavar="M", help="simulated walks")
-    parser.add_argument("--measured", default="all", metavar="N", help="measured walks, drawn with the seed; or all")
+    parser.add_argument(
+        "--measured", default="all", metavar="N", help="measured walks, drawn with the seed; or all"
+    )
     parser.add_argument("--seed", type=int, default=1, metavar="S")
     parser.add_argument("--spike", type=float, default=30.0, metavar="DB")
-    parser.add_argument("--count", type=int, default=1, metavar="N", help="levels that are wrong; 0: 1 %% of them")
+    parser.add_argument(
+        "--count", type=int, default=1, metavar="N", help="levels that are wrong; 0: 1 %% of them"
+    )
     parser.add_argument("--where", choices=("random", "row", "first", "last"), default="random")
     parser.add_argument("--only", choices=("desk", "live"))
     parser.add_argument("--json", type=Path, metavar="FILE")

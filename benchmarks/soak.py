@@ -1,6 +1,8 @@
-"""The service for hours in real time: memory, descriptors and processor, against an idle Python process.
+"""The service for hours in real time: memory, descriptors and processor, against an idle Python
+process.
 
-Its devices are a receiver at 10 Hz and a modem that tells 40 cells every 2 s. python benchmarks/soak.py [HOURS]
+Its devices are a receiver at 10 Hz and a modem that tells 40 cells every 2 s. python
+benchmarks/soak.py [HOURS]
 """
 
 import subprocess
@@ -64,7 +66,17 @@ def town() -> World:
     """40 transmitters around the block, near enough to be read from everywhere in it."""
     rng = np.random.default_rng(1)
     transmitters = tuple(
-        Transmitter(*rng.uniform(-500.0, 700.0, 2), -8.0, 2.9, "001", "01", 300 + i % 5, 20_000 + i, 1 + 3 * i, i)
+        Transmitter(
+            *rng.uniform(-500.0, 700.0, 2),
+            -8.0,
+            2.9,
+            "001",
+            "01",
+            300 + i % 5,
+            20_000 + i,
+            1 + 3 * i,
+            i,
+        )
         for i in range(CELLS)
     )
     return World.build(transmitters, ORIGIN_LAT_DEG, ORIGIN_LON_DEG, Radio(), rng)
@@ -111,7 +123,9 @@ def main() -> None:
     hours = float(sys.argv[1]) if len(sys.argv) > 1 else 2.0
     world, walk, walked = town(), Walk(BLOCK * LAPS), WalkTime(SystemClock())
     rng = np.random.default_rng(2)
-    dialect = replace(DIALECTS["sim800"], replies={**DIALECTS["sim800"].replies, "+CENG?": all_heard})
+    dialect = replace(
+        DIALECTS["sim800"], replies={**DIALECTS["sim800"].replies, "+CENG?": all_heard}
+    )
     modem = SimulatedModem(dialect, world, walk, walked.now_s, rng, utc_start=UTC_START)
     receiver = SimulatedReceiver(world, walk, UTC_START, rng)
     idle_command = [sys.executable, "-c", "import threading; threading.Event().wait()"]
@@ -131,9 +145,13 @@ def main() -> None:
                 service.terminate()
                 idle.kill()
         journal = next(Path(folder).glob("*.journal"))
-        print(f"journal {journal.stat().st_size / 1e6:.1f} MB, the service ended with {service.returncode}")
+        print(
+            f"journal {journal.stat().st_size / 1e6:.1f} MB, the service ended with {service.returncode}"
+        )
     settled = loads[min(60, len(loads) // 2) :]
-    print(f"memory after the settling: {settled[0].memory_mb:.1f} to {max(one.memory_mb for one in settled):.1f} MB")
+    print(
+        f"memory after the settling: {settled[0].memory_mb:.1f} to {max(one.memory_mb for one in settled):.1f} MB"
+    )
 
 
 if __name__ == "__main__":

@@ -2,9 +2,9 @@
 
     python benchmarks/start.py [--times 20] [--busy 4] [--tree PATH]
 
-`fieldlogger run` is started anew each time, as it stands in `--tree` (default: here), beside so many busy loops. Its
-`os.pwrite`, `os.fsync` and `os.fdatasync` are watched: durable is the first flush that returns after a frame was
-written.
+`fieldlogger run` is started anew each time, as it stands in `--tree` (default: here), beside so
+many busy loops. Its `os.pwrite`, `os.fsync` and `os.fdatasync` are watched: durable is the first
+flush that returns after a frame was written.
 """
 
 import argparse
@@ -70,7 +70,9 @@ def start_s(folder: Path, tree: Path) -> float:
     begun_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)
     environment = os.environ | {"PYTHONPATH": str(tree)}
     # the current folder comes first in the path, before the tree
-    with subprocess.Popen(command, pass_fds=[told], env=environment, cwd=folder, stderr=subprocess.DEVNULL) as process:
+    with subprocess.Popen(
+        command, pass_fds=[told], env=environment, cwd=folder, stderr=subprocess.DEVNULL
+    ) as process:
         os.close(told)
         with os.fdopen(heard) as lines:
             first = lines.readline()

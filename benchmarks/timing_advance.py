@@ -2,9 +2,10 @@
 
 python benchmarks/timing_advance.py [--runs N] [--seed S] [--case NAME ...]
 
-The world is not the model: the network rounds to the nearest step, the phone's clock is off by up to half a symbol for
-the whole walk, detours are exponential with a mean of 100 m and last for 40 m of the way, the base station errs evenly
-by up to a quarter of a symbol, and one reading in fifty is any number.
+The world is not the model: the network rounds to the nearest step, the phone's clock is off by up
+to half a symbol for the whole walk, detours are exponential with a mean of 100 m and last for 40 m
+of the way, the base station errs evenly by up to a quarter of a symbol, and one reading in fifty is
+any number.
 """
 
 import argparse
@@ -15,7 +16,7 @@ import numpy as np
 
 from logger.core.locator.posterior import locate
 from logger.core.locator.prior import Prior
-from logger.core.locator.timing import STEP_M
+from logger.core.locator.timing_advance import STEP_M
 from logger.core.observations import LAST_TA, CellObservations
 from tests.kit.walks import covered, observations, path, shadowing
 
@@ -23,7 +24,9 @@ SHAPES = ("L", "square", "random", "straight")
 
 
 class Case(NamedTuple):
-    """Distance of the source from a point of the walk, shadowing, and what shifts every delay of the walk."""
+    """Distance of the source from a point of the walk, shadowing, and what shifts every delay of
+    the walk.
+    """
 
     away_m: tuple[float, float]
     shadow_db: float = 0.0
@@ -42,19 +45,31 @@ CASES = {
 }
 
 
-def simulate(rng: np.random.Generator, shape: str, case: Case) -> tuple[CellObservations, tuple[float, float]]:
+def simulate(
+    rng: np.random.Generator, shape: str, case: Case
+) -> tuple[CellObservations, tuple[float, float]]:
     """Readings of a walk of 840 m with levels and timing advances, and the source."""
     x_m, y_m = path(shape, 75, 11.2)
-    k, bearing, away_m = rng.integers(len(x_m)), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(*case.away_m)
+    k, bearing, away_m = (
+        rng.integers(len(x_m)),
+        rng.uniform(0.0, 2.0 * np.pi),
+        rng.uniform(*case.away_m),
+    )
     source = float(x_m[k] + away_m * np.cos(bearing)), float(y_m[k] + away_m * np.sin(bearing))
     distance_m = np.maximum(np.hypot(x_m - source[0], y_m - source[1]), 5.0)
     level = rng.uniform(-45.0, -15.0) - 10.0 * rng.uniform(2.3, 3.9) * np.log10(distance_m)
     level += 3.0 * rng.normal(size=len(x_m)) + shadowing(rng, x_m, y_m, case.shadow_db, 25.0)
-    ta = np.zeros(len(x_m), np.int64) if case.idle else timing_advance(rng, x_m, y_m, distance_m + case.shift_m)
+    ta = (
+        np.zeros(len(x_m), np.int64)
+        if case.idle
+        else timing_advance(rng, x_m, y_m, distance_m + case.shift_m)
+    )
     return replace(observations(x_m, y_m, np.round(level), 3.0), ta=ta), source
 
 
-def timing_advance(rng: np.random.Generator, x_m: np.ndarray, y_m: np.ndarray, way_m: np.ndarray) -> np.ndarray:
+def timing_advance(
+    rng: np.random.Generator, x_m: np.ndarray, y_m: np.ndarray, way_m: np.ndarray
+) -> np.ndarray:
     """Steps that the network tells for ways of the signal."""
     a, b = (shadowing(rng, x_m, y_m, 1.0, 40.0) for _ in range(2))
     detour_m = 50.0 * (a**2 + b**2)
@@ -66,7 +81,9 @@ def timing_advance(rng: np.random.Generator, x_m: np.ndarray, y_m: np.ndarray, w
 
 
 def compare(case: Case, runs: int, seed: int, prior: Prior = Prior()) -> np.ndarray:  # noqa: B008 (frozen)
-    """Error in m, 95 % region in m2 and whether it holds the source, without and with timing: shape (runs, 2, 3)."""
+    """Error in m, 95 % region in m2 and whether it holds the source, without and with timing: shape
+    (runs, 2, 3).
+    """
     rng, found = np.random.default_rng(seed), np.zeros((runs, 2, 3))
     for i in range(runs):
         obs, source = simulate(rng, SHAPES[i % len(SHAPES)], case)

@@ -1,6 +1,7 @@
 """How honestly claimed positions are verified, and how fast the cell database is.
 
-python benchmarks/verify.py [alarms|power|measured|database ...] [--minutes M] [--walks N] [--rows N] [--json FILE]
+python benchmarks/verify.py [alarms|power|measured|database ...] [--minutes M] [--walks N] [--rows
+N] [--json FILE]
 
 alarms    false-alarm rate of both tests on simulated walks past the claimed place
 power     share of displaced claims rejected, beside what each walk's own test predicts
@@ -29,12 +30,12 @@ from logger.core.arrays import FloatArray
 from logger.core.locator.posterior import locate
 from logger.core.locator.prior import Prior
 from logger.core.observations import CellObservations
-from postproc.smooth import too_few
-from postproc.verify.celldb import CellDb, CellImport
-from postproc.verify.cellfile import COLUMNS
-from postproc.verify.power import power
-from postproc.verify.run import blocks_of, observable
-from postproc.verify.walk import Listened, around, claim_test, listened
+from postproc.smoothing import too_few
+from postproc.verification.cell_export import COLUMNS
+from postproc.verification.celldb import CellDb, CellImport
+from postproc.verification.claim_test import Listened, around, claim_test, listened
+from postproc.verification.power import power
+from postproc.verification.run_claims import blocks_of, observable
 
 SHAPES = ("L", "square", "random")
 NOISES = {"white 3 dB": Noise(3.0), "6 dB over 15 m + 1 dB": Noise(1.0, 6.0, 15.0, step_db=1.0)}
@@ -65,11 +66,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("part", nargs="*", metavar="PART", help="alarms, power, measured, database (default: all)")
-    parser.add_argument("--minutes", type=float, default=10.0, metavar="M", help="of each part but the last")
-    parser.add_argument("--walks", type=int, default=2000, metavar="N", help="simulated walks of each noise")
-    parser.add_argument("--rows", type=int, default=5_000_000, metavar="N", help="of the export imported")
-    parser.add_argument("--more", type=int, default=1, metavar="N", help="how often, for lookups in a larger file")
+    parser.add_argument(
+        "part", nargs="*", metavar="PART", help="alarms, power, measured, database (default: all)"
+    )
+    parser.add_argument(
+        "--minutes", type=float, default=10.0, metavar="M", help="of each part but the last"
+    )
+    parser.add_argument(
+        "--walks", type=int, default=2000, metavar="N", help="simulated walks of each noise"
+    )
+    parser.add_argument(
+        "--rows", type=int, default=5_000_000, metavar="N", help="of the export imported"
+    )
+    parser.add_argument(
+        "--more", type=int, default=1, metavar="N", help="how often, for lookups in a larger file"
+    )
     parser.add_argument("--seed", type=int, default=1, metavar="S")
     parser.add_argument("--json", type=Path, metavar="FILE")
     return parser
@@ -105,9 +116,17 @@ def alarms(asked: argparse.Namespace) -> Json:
             test = claim_test(walk, np.array(world.sources[0])[:, None], rng)
             if test is not None:
                 level_dbm = walk.level_dbm[:, None]
-                p.append((test.p_direct(level_dbm, trusting=True)[0], test.p_indirect(level_dbm, trusting=True)[0]))
+                p.append(
+                    (
+                        test.p_direct(level_dbm, trusting=True)[0],
+                        test.p_indirect(level_dbm, trusting=True)[0],
+                    )
+                )
         shares = {rate: np.mean(np.array(p) <= rate, axis=0).tolist() for rate in RATES}
-        found[name] = {"walks": len(p), "rejected": {str(rate): share for rate, share in shares.items()}}
+        found[name] = {
+            "walks": len(p),
+            "rejected": {str(rate): share for rate, share in shares.items()},
+        }
         for rate, (direct, indirect) in shares.items():
             low, high = interval99(len(p), rate)
             print(
@@ -131,8 +150,17 @@ def powers(asked: argparse.Namespace) -> Json:
             if test is not None:
                 level_dbm = walk.level_dbm[:, None]
                 predicted = power(test, true_m[:1], true_m[1:], RATES[0], 48, rng, trusting=True)
-                measured_p = test.p_direct(level_dbm, trusting=True)[0], test.p_indirect(level_dbm, trusting=True)[0]
-                rows.append((share, *(float(p <= RATES[0]) for p in measured_p), *(float(v[0]) for v in predicted)))
+                measured_p = (
+                    test.p_direct(level_dbm, trusting=True)[0],
+                    test.p_indirect(level_dbm, trusting=True)[0],
+                )
+                rows.append(
+                    (
+                        share,
+                        *(float(p <= RATES[0]) for p in measured_p),
+                        *(float(v[0]) for v in predicted),
+                    )
+                )
         table = np.array(rows)
         for share in (*DISPLACED, None):
             some = table if share is None else table[table[:, 0] == share]
@@ -145,10 +173,14 @@ def powers(asked: argparse.Namespace) -> Json:
     return found
 
 
-def _displaced(walk: Listened, place_m: FloatArray, share: float, rng: np.random.Generator) -> FloatArray:
+def _displaced(
+    walk: Listened, place_m: FloatArray, share: float, rng: np.random.Generator
+) -> FloatArray:
     away_m = float(np.min(np.hypot(walk.blocks.x_m - place_m[0], walk.blocks.y_m - place_m[1])))
     angle = rng.uniform(0.0, 2.0 * np.pi)
-    return np.asarray(place_m + share * max(away_m, 10.0) * np.array([np.cos(angle), np.sin(angle)]), float)
+    return np.asarray(
+        place_m + share * max(away_m, 10.0) * np.array([np.cos(angle), np.sin(angle)]), float
+    )
 
 
 def measured(asked: argparse.Namespace) -> Json:
@@ -172,10 +204,18 @@ def measured(asked: argparse.Namespace) -> Json:
             if test is None:
                 continue
             level_dbm = walk.level_dbm[:, None]
-            p = tuple(float(f(level_dbm, trusting=False)[0]) for f in (test.p_direct, test.p_indirect))
+            p = tuple(
+                float(f(level_dbm, trusting=False)[0]) for f in (test.p_direct, test.p_indirect)
+            )
             followed = p[1] if observable(posterior) else p[0]
             rules = cellguard(obs, claim), crocodile_hunter(obs, claim)
-            found.append((*(v <= RATES[0] for v in (followed, *p)), *(v <= RATES[1] for v in (followed, *p)), *rules))
+            found.append(
+                (
+                    *(v <= RATES[0] for v in (followed, *p)),
+                    *(v <= RATES[1] for v in (followed, *p)),
+                    *rules,
+                )
+            )
     result: Json = {}
     for share, found in rows.items():
         if found:
@@ -192,23 +232,36 @@ def measured(asked: argparse.Namespace) -> Json:
 
 
 def cellguard(obs: CellObservations, claim_m: FloatArray) -> bool:
-    """Heard farther away than 75 km (its margins for accuracy and speed left out: a walker is slow)."""
+    """Heard farther away than 75 km (its margins for accuracy and speed left out: a walker is
+    slow).
+    """
     return bool(np.max(np.hypot(obs.x_m - claim_m[0], obs.y_m - claim_m[1])) > CELLGUARD_M)
 
 
 def crocodile_hunter(obs: CellObservations, claim_m: FloatArray) -> bool:
     """Outside the box of one standard deviation about the mean of all sightings."""
     x, y = obs.x_m, obs.y_m
-    return bool(abs(claim_m[0] - np.mean(x)) > np.std(x) or abs(claim_m[1] - np.mean(y)) > np.std(y))
+    return bool(
+        abs(claim_m[0] - np.mean(x)) > np.std(x) or abs(claim_m[1] - np.mean(y)) > np.std(y)
+    )
 
 
 def database(asked: argparse.Namespace) -> Json:
-    """Import and lookups; the file has the layout of OpenCelliD's world export, places over a continent."""
+    """Import and lookups; the file has the layout of OpenCelliD's world export, places over a
+    continent.
+    """
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        files = [_export(folder / f"{i}.csv.gz", asked.rows, asked.seed + i) for i in range(asked.more)]
+        files = [
+            _export(folder / f"{i}.csv.gz", asked.rows, asked.seed + i) for i in range(asked.more)
+        ]
         first_s, first_cpu_s = _imported(files[:1], folder / "first.db")
-        found: Json = {"rows": asked.rows, "import_s": first_s, "import_cpu_s": first_cpu_s, "pandas_s": None}
+        found: Json = {
+            "rows": asked.rows,
+            "import_s": first_s,
+            "import_cpu_s": first_cpu_s,
+            "pandas_s": None,
+        }
         print(
             f"database  import of {asked.rows} rows (gz): {first_s:.1f} s, {asked.rows / first_s:.0f} rows/s; processor"
             f" {first_cpu_s:.1f} s, {asked.rows / first_cpu_s:.0f} rows/s"
@@ -250,7 +303,9 @@ def _lookups(path: Path, seed: int) -> Json:
             by_name.append(time.perf_counter() - begun)
     db.close()
     times = {"near_ms": near, "identity_ms": by_name}
-    found: Json = {key: [1e3 * float(np.quantile(v, q)) for q in (0.5, 0.99)] for key, v in times.items()}
+    found: Json = {
+        key: [1e3 * float(np.quantile(v, q)) for q in (0.5, 0.99)] for key, v in times.items()
+    }
     print(f"database  {n} cells; lookups, median and 99 %: {found}")
     return {"cells": n, **found}
 

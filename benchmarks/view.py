@@ -2,9 +2,9 @@
 
 python benchmarks/view.py
 
-Estimating is apart: it is done first, in another process. "row by row" logs the fixes and levels of the same walk with
-one call of rerun each, as its tutorials do, and nothing else; of the long walk only the first part. Beside it stand the
-same fixes and levels as postproc writes them.
+Estimating is apart: it is done first, in another process. "row by row" logs the fixes and levels of
+the same walk with one call of rerun each, as its tutorials do, and nothing else; of the long walk
+only the first part. Beside it stand the same fixes and levels as postproc writes them.
 """
 
 import multiprocessing
@@ -23,12 +23,12 @@ from logger.core.locator.prior import ENVIRONMENTS
 from logger.core.rows import DTYPES
 from logger.core.runfile import Run, RunMeta
 from logger.core.runfile.meta import Damage
-from postproc.smooth import smooth_run
+from postproc.smoothing import smooth_run
+from postproc.view.rerun_writer import Sheet
 from postproc.view.scene import write_scene
 from postproc.view.series import draw_levels
-from postproc.view.sheet import Sheet
-from postproc.view.story import of_one, story_of
-from postproc.view.unfolding import unfold
+from postproc.view.timeline import unfold
+from postproc.view.view_model import of_one, story_of
 from tests.kit.headless import DRIVER, MISSING, headless, settled
 
 CELLS = 8
@@ -47,10 +47,15 @@ def main() -> None:
 
 
 def walk(fixes: int, every: int) -> Run:
-    """Streets of a town, a fix a second and a scan of all cells every few seconds, as tables in memory."""
+    """Streets of a town, a fix a second and a scan of all cells every few seconds, as tables in
+    memory.
+    """
     rng = np.random.default_rng(1)
     heading = np.repeat(rng.integers(0, 4, fixes // 100 + 1), 100)[:fixes] * np.pi / 2
-    x, y = (np.abs((np.cumsum(_STEP_M * f(heading)) + 300.0) % (2 * _REACH_M) - _REACH_M) for f in (np.cos, np.sin))
+    x, y = (
+        np.abs((np.cumsum(_STEP_M * f(heading)) + 300.0) % (2 * _REACH_M) - _REACH_M)
+        for f in (np.cos, np.sin)
+    )
     utm = Utm.at(LAT_DEG, LON_DEG)
     x0, y0 = utm.to_xy(LAT_DEG, LON_DEG)
     tables = {name: np.zeros(0, dtype) for name, dtype in DTYPES.items()}
@@ -67,11 +72,19 @@ def walk(fixes: int, every: int) -> Run:
     scans["seq"], scans["fix_seq"] = table["seq"][at] + 1, table["seq"][at]
     scans["fix_start_seq"], scans["n_readings"] = table["seq"][at], CELLS
     tables["readings"] = _readings(rng, scans, x[at], y[at])
-    meta = RunMeta(run_id=f"benchmark{fixes}", boot_id="0", started_ns=0, origin="simulated", program="benchmark")
+    meta = RunMeta(
+        run_id=f"benchmark{fixes}",
+        boot_id="0",
+        started_ns=0,
+        origin="simulated",
+        program="benchmark",
+    )
     return Run(Path(f"walk{fixes}.h5"), "hdf5", meta, None, Damage(), tables, np.zeros(0, np.uint8))
 
 
-def _readings(rng: np.random.Generator, scans: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _readings(
+    rng: np.random.Generator, scans: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> np.ndarray:
     rows = np.zeros(len(scans) * CELLS, DTYPES["readings"])
     for column, dtype in rows.dtype.fields.items():
         if dtype[0].kind == "f":
@@ -98,7 +111,9 @@ def _measure(name: str, run: Run, folder: Path) -> None:
     results.write_bytes(pickle.dumps((of_one(smoothed), told)))
     spent_s, peak_mb, size_mb = _alone(_write, results, folder / "ours.rrd")
     fixes, readings = len(run.tables["fixes"]), len(run.tables["readings"])
-    print(f"{name}: {fixes} fixes, {readings} readings of {CELLS} cells (estimated in {estimated_s:.1f} s)")
+    print(
+        f"{name}: {fixes} fixes, {readings} readings of {CELLS} cells (estimated in {estimated_s:.1f} s)"
+    )
     print(f"  postproc view  {spent_s:7.2f} s {size_mb:7.2f} MB  peak {peak_mb:5.0f} MB")
     columns_s, _, columns_mb = _alone(_columns, results, folder / "columns.rrd")
     print(f"  fixes, levels  {columns_s:7.2f} s {columns_mb:7.2f} MB")
@@ -110,7 +125,9 @@ def _measure(name: str, run: Run, folder: Path) -> None:
         flush=True,
     )
     print(
-        f"  opens on software Vulkan in {_opened_s(folder / 'ours.rrd'):.1f} s" if DRIVER else f"  {MISSING}",
+        f"  opens on software Vulkan in {_opened_s(folder / 'ours.rrd'):.1f} s"
+        if DRIVER
+        else f"  {MISSING}",
         flush=True,
     )
 
@@ -126,7 +143,9 @@ def _opened_s(path: Path) -> float:
         return time.perf_counter() - begun
 
 
-def _alone(work: Callable[[Path, Path], float], results: Path, path: Path) -> tuple[float, float, float]:
+def _alone(
+    work: Callable[[Path, Path], float], results: Path, path: Path
+) -> tuple[float, float, float]:
     """Seconds, megabytes of memory and of file of work done in a process of its own."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         spent_s, peak_mb = pool.apply(_timed, (work, results, path))
@@ -157,7 +176,9 @@ def _columns(results: Path, path: Path) -> float:
     recording.save(path)
     sheet = Sheet(recording, story.clock)
     for walk in story.walks:
-        sheet.over_time("walker", walk.t_ns, rr.GeoPoints.columns(positions=story.degrees(walk.track_m)))
+        sheet.over_time(
+            "walker", walk.t_ns, rr.GeoPoints.columns(positions=story.degrees(walk.track_m))
+        )
     draw_levels(sheet, story)
     recording.flush()
     recording.disconnect()
@@ -168,7 +189,9 @@ def _rows(results: Path, path: Path) -> float:
     found, _ = pickle.loads(results.read_bytes())
     tables = found.runs[0].tables
     share = min(PEER_ROWS / len(tables["fixes"]), 1.0)
-    fixes, readings = (tables[name][: round(share * len(tables[name]))] for name in ("fixes", "readings"))
+    fixes, readings = (
+        tables[name][: round(share * len(tables[name]))] for name in ("fixes", "readings")
+    )
     begun = time.perf_counter()
     recording = rr.RecordingStream("rows")
     recording.save(path)

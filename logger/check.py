@@ -13,9 +13,9 @@ from pyproj.exceptions import ProjError
 from logger.config import GNSS_OF_MODEM, SiteConfig, load_config
 from logger.core.errors import ConfigError
 from logger.core.geo import Utm
-from logger.device.beginning import usable_folder
 from logger.device.libraries import LIBRARIES, version_of
 from logger.device.port_url import check_url
+from logger.device.startup import usable_folder
 from logger.drivers.registry import check_mode, driver_of
 
 NOT_THERE = "is not there now"
@@ -32,7 +32,9 @@ class Line:
 
 
 def check(config_path: Path | None) -> list[Line]:
-    """Check the installation and, if given, a configuration; raises `ConfigError` for one that cannot be used."""
+    """Check the installation and, if given, a configuration; raises `ConfigError` for one that
+    cannot be used.
+    """
     lines = [*_libraries(), _map()]
     if config_path is not None:
         config = site_config(config_path)
@@ -74,7 +76,9 @@ def _site(config: SiteConfig) -> Iterator[Line]:
     yield _folder(usable_folder(config.run.directory))
     yield _port("modem", config.modem.port)
     if config.gnss.port == GNSS_OF_MODEM and driver is not None and not driver.gnss_asked:
-        yield Line("fail", "gnss", f"driver {driver.name} reads no receiver of the modem: name a port")
+        yield Line(
+            "fail", "gnss", f"driver {driver.name} reads no receiver of the modem: name a port"
+        )
     elif config.gnss.port == GNSS_OF_MODEM:
         yield Line("ok", "gnss", "the modem's own receiver")
     else:
@@ -86,7 +90,11 @@ def _folder(folder: Path) -> Line:
         return Line("ok", "directory", f"{folder} is writable")
     owner = folder.stat().st_uid
     if owner not in {0, os.geteuid()}:
-        return Line("warn", "directory", f"{folder} belongs to {_name_of(owner)}, and only that user can record there")
+        return Line(
+            "warn",
+            "directory",
+            f"{folder} belongs to {_name_of(owner)}, and only that user can record there",
+        )
     return Line("fail", "directory", f"{folder} is not writable")
 
 

@@ -41,7 +41,8 @@ def _main(argv: list[str] | None) -> int:
         return 2
     except BrokenPipeError:
         return 0
-    except OSError as error:  # a file that vanishes, a name too long, a full disk: where no command says it better
+    # a file that vanishes, a name too long, a full disk: where no command says it better
+    except OSError as error:
         what = printable(f"{error.filename or ''}: {error.strerror or error}".removeprefix(": "))
         print(f"fieldlogger: {what}", file=sys.stderr)
         return 2
@@ -56,44 +57,84 @@ def _parser() -> argparse.ArgumentParser:
 
     run = commands.add_parser("run", help="record until stopped (SIGTERM, SIGINT) or unplugged")
     run.add_argument("--config", type=path, required=True, metavar="SITE.TOML")
-    run.add_argument("--duration", type=seconds("--duration"), metavar="S", help="stop cleanly after so many seconds")
+    run.add_argument(
+        "--duration",
+        type=seconds("--duration"),
+        metavar="S",
+        help="stop cleanly after so many seconds",
+    )
     run.set_defaults(command=_run)
 
-    check = commands.add_parser("check", help="check the configuration and the installation, without opening a port")
+    check = commands.add_parser(
+        "check", help="check the configuration and the installation, without opening a port"
+    )
     check.add_argument("--config", type=path, metavar="SITE.TOML")
     check.add_argument("--json", action="store_true")
     check.set_defaults(command=_check)
 
-    doctor = commands.add_parser("doctor", help="is it working? power, disk, ports, modem, receiver, line by line")
-    doctor.add_argument("--config", type=path, default=Path("/etc/cellwalk/site.toml"), metavar="SITE.TOML")
+    doctor = commands.add_parser(
+        "doctor", help="is it working? power, disk, ports, modem, receiver, line by line"
+    )
+    doctor.add_argument(
+        "--config", type=path, default=Path("/etc/cellwalk/site.toml"), metavar="SITE.TOML"
+    )
     what = "length of the trial (default 15)"
-    doctor.add_argument("--seconds", type=seconds("--seconds"), default=15.0, metavar="S", help=what)
+    doctor.add_argument(
+        "--seconds", type=seconds("--seconds"), default=15.0, metavar="S", help=what
+    )
     doctor.add_argument("--json", action="store_true")
     doctor.set_defaults(command=_doctor)
 
-    probe = commands.add_parser("probe", help="find modem and receiver on the serial ports, propose a site.toml")
-    probe.add_argument("ports", nargs="*", metavar="PORT", help="look at these only (default: all there are)")
-    probe.add_argument("--write", type=path, metavar="SITE.TOML", help="write the proposal; never over a file")
+    probe = commands.add_parser(
+        "probe", help="find modem and receiver on the serial ports, propose a site.toml"
+    )
+    probe.add_argument(
+        "ports", nargs="*", metavar="PORT", help="look at these only (default: all there are)"
+    )
+    probe.add_argument(
+        "--write", type=path, metavar="SITE.TOML", help="write the proposal; never over a file"
+    )
     probe.add_argument("--json", action="store_true")
     probe.set_defaults(command=_probe)
 
     parse = commands.add_parser("parse", help="show what a modem's reply means")
-    parse.add_argument("--driver", default="auto", metavar="NAME", help="family of the modem (default auto: try all)")
-    parse.add_argument("--command", dest="command_line", metavar="AT+...", help="the command that it answers")
-    parse.add_argument("file", type=input_path, metavar="FILE", help="text of the reply, - for stdin")
+    parse.add_argument(
+        "--driver",
+        default="auto",
+        metavar="NAME",
+        help="family of the modem (default auto: try all)",
+    )
+    parse.add_argument(
+        "--command", dest="command_line", metavar="AT+...", help="the command that it answers"
+    )
+    parse.add_argument(
+        "file", type=input_path, metavar="FILE", help="text of the reply, - for stdin"
+    )
     parse.add_argument("--json", action="store_true")
     parse.set_defaults(command=_parse)
 
-    recover = commands.add_parser("recover", help="make HDF5 of the journals that a pulled plug left behind")
-    recover.add_argument("path", type=path, metavar="DIR", help="folder of the runs, or one journal")
+    recover = commands.add_parser(
+        "recover", help="make HDF5 of the journals that a pulled plug left behind"
+    )
+    recover.add_argument(
+        "path", type=path, metavar="DIR", help="folder of the runs, or one journal"
+    )
     recover.add_argument("--json", action="store_true")
     recover.set_defaults(command=_recover)
 
-    simulate = commands.add_parser("simulate", help="record a simulated walk through real ptys, no hardware needed")
-    simulate.add_argument("--out", type=path, default=Path(), metavar="DIR", help="folder of the run (default: here)")
+    simulate = commands.add_parser(
+        "simulate", help="record a simulated walk through real ptys, no hardware needed"
+    )
+    simulate.add_argument(
+        "--out", type=path, default=Path(), metavar="DIR", help="folder of the run (default: here)"
+    )
     simulate.add_argument("--scenario", default="block", metavar="NAME")
-    simulate.add_argument("--modem", default="sim800", metavar="NAME", help="simulated modem (default sim800)")
-    simulate.add_argument("--fault", metavar="NAME:FROM:TO", help="let the modem misbehave, times in seconds")
+    simulate.add_argument(
+        "--modem", default="sim800", metavar="NAME", help="simulated modem (default sim800)"
+    )
+    simulate.add_argument(
+        "--fault", metavar="NAME:FROM:TO", help="let the modem misbehave, times in seconds"
+    )
     simulate.add_argument("--seed", type=whole("--seed", 0, 2**63 - 1), default=1)
     what = "simulated seconds (default: the whole walk)"
     simulate.add_argument("--duration", type=seconds("--duration"), metavar="S", help=what)
@@ -107,10 +148,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(arguments: argparse.Namespace) -> int:
     from logger.config import load_config
-    from logger.device.beginning import begin_run
     from logger.device.clock import SystemClock
     from logger.device.notify import ServiceManager
     from logger.device.signals import stop_signals
+    from logger.device.startup import begin_run
 
     config, text = load_config(arguments.config)
     clock, manager = SystemClock(), ServiceManager.of(os.environ)
@@ -155,7 +196,9 @@ def _probe(arguments: argparse.Namespace) -> int:
     there = serial_ports()
     ports = {port: there.get(port, "") for port in arguments.ports} or there
     if not ports:
-        raise ConfigError("there is no serial port; plug the modem and the receiver in, or name a port")
+        raise ConfigError(
+            "there is no serial port; plug the modem and the receiver in, or name a port"
+        )
     print(f"looking at {', '.join(ports)}: up to 20 s", file=sys.stderr)
     found = probe(ports)
     proposal = proposed(found)
@@ -179,7 +222,9 @@ def _write_new(path: Path, text: str) -> None:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError as error:
-        raise ConfigError(f"{path}: {error.strerror}; move it away, or write to another name") from error
+        raise ConfigError(
+            f"{path}: {error.strerror}; move it away, or write to another name"
+        ) from error
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
 
@@ -231,7 +276,14 @@ def _recover(arguments: argparse.Namespace) -> int:
 def _simulate(arguments: argparse.Namespace) -> int:
     from logger.simulate import simulate
 
-    told = (arguments.scenario, arguments.seed, arguments.duration, arguments.speed, arguments.modem, arguments.fault)
+    told = (
+        arguments.scenario,
+        arguments.seed,
+        arguments.duration,
+        arguments.speed,
+        arguments.modem,
+        arguments.fault,
+    )
     run = simulate(arguments.out, *told)
     print(json.dumps({"run": str(run)}) if arguments.json else run)
     return 0

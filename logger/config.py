@@ -25,7 +25,10 @@ _LIMITS: dict[str, dict[str, tuple[float, float]]] = {
 _MOST_CHARACTERS = 1 << 20
 """Of a configuration; systemd/site.toml has fewer than 3000."""
 _LONGEST_LINE = 4096
-"""The longest path has as many. A key of 100 000 dots would take tomllib 9 GB: it keeps every beginning of a key."""
+"""The longest path has as many.
+
+A key of 100 000 dots would take tomllib 9 GB: it keeps every beginning of a key.
+"""
 
 GNSS_OF_MODEM = "modem"
 """Port of [gnss] where the modem's own receiver gives the fixes."""
@@ -53,7 +56,9 @@ class ModemSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class GnssSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A receiver: an NMEA one as a modem is named, or `gpsd://host[:port][/device]`, which has no baud rate."""
+    """A receiver: an NMEA one as a modem is named, or `gpsd://host[:port][/device]`, which has no
+    baud rate.
+    """
 
     port: PortName
     baud: Baud = 9600
@@ -76,7 +81,9 @@ class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def load_config(path: Path) -> tuple[SiteConfig, str]:
-    """Configuration and its text; raises `ConfigError` naming file, table, key and the nearest valid key."""
+    """Configuration and its text; raises `ConfigError` naming file, table, key and the nearest
+    valid key.
+    """
     try:
         with path.open(encoding="utf-8") as file:
             text = file.read(_MOST_CHARACTERS + 1)

@@ -1,4 +1,6 @@
-"""`fieldlogger doctor`: is it working? Each line ok, warn or fail, with what to do; the last one is of them all."""
+"""`fieldlogger doctor`: is it working? Each line ok, warn or fail, with what to do; the last one is
+of them all.
+"""
 
 import os
 import shutil
@@ -13,21 +15,21 @@ import numpy as np
 
 from logger.check import NOT_THERE, Line, State, check, site_config
 from logger.config import SiteConfig
+from logger.core.censoring import levels_dbm
 from logger.core.errors import DeviceError
 from logger.core.observations import UERE_M
 from logger.core.rows import Rows
 from logger.core.runfile import Run, read_run
 from logger.core.runfile.journal_file import is_recording
-from logger.core.runfile.names import JOURNAL, first_part
-from logger.core.scale import levels_dbm
+from logger.core.runfile.run_names import JOURNAL, first_part
 from logger.core.types import DEAD_RECKONING
-from logger.device.beginning import begin_run, usable_folder
 from logger.device.clock import SystemClock
-from logger.device.kept_modes import KeptModes
 from logger.device.mode_switch import left_changed
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.port import Port
+from logger.device.saved_modes import KeptModes
 from logger.device.service import Service
+from logger.device.startup import begin_run, usable_folder
 from logger.device.status import FOLDER, Status, read_status, status_folder
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import woken
@@ -53,8 +55,8 @@ _PORTS = frozenset({"modem", "gnss"})
 def examine(config_path: Path, seconds: float = TRIAL_S) -> Iterator[Line]:
     """Lines as they are found; raises `ConfigError` for a configuration that cannot be used.
 
-    Where the service records, its run is looked at; where not, it is run for some seconds into a temporary folder.
-    The last line says whether one may walk.
+    Where the service records, its run is looked at; where not, it is run for some seconds into a
+    temporary folder. The last line says whether one may walk.
     """
     lines = []
     for line in _examined(config_path, seconds):
@@ -70,10 +72,15 @@ def overall(lines: Iterable[Line]) -> Line:
     waits = [line for line in every if line.state == "warn" and line.what in _NEEDED]
     if not fails and not waits:
         others = ", ".join(line.what for line in every if line.state == "warn")
-        return Line("ok", "overall", "ready to walk" + (f"; to be seen to: {others}" if others else ""))
+        return Line(
+            "ok", "overall", "ready to walk" + (f"; to be seen to: {others}" if others else "")
+        )
     first, *more = [*fails, *waits]
     text = f"{first.what}: {first.text}" + (f" (and {len(more)} more above)" if more else "")
-    if any(line.what in _PORTS and (line.state == "fail" or NOT_THERE in line.text) for line in (first, *more)):
+    if any(
+        line.what in _PORTS and (line.state == "fail" or NOT_THERE in line.text)
+        for line in (first, *more)
+    ):
         text += "; `fieldlogger probe --write site.toml` finds the ports"
     if fails:
         return Line("fail", "overall", f"not ready to walk: {text}")
@@ -99,7 +106,11 @@ def _examined(config_path: Path, seconds: float) -> Iterator[Line]:
         yield from of_status(told)
         journal = Path(told.run)
     if journal is not None:
-        yield Line("ok", "recording", f"{journal.name} is being written; the lines below are its last {LAST_S:.0f} s")
+        yield Line(
+            "ok",
+            "recording",
+            f"{journal.name} is being written; the lines below are its last {LAST_S:.0f} s",
+        )
         yield from of_run(read_run(journal), set_mode=config.modem.set_mode)
         return
     if left := left_changed(KeptModes(folder), FAMILIES.get):
@@ -139,8 +150,12 @@ def disk(folder: Path) -> Line:
 def plug(folder: Path, mountinfo: Path = MOUNTINFO) -> Line:
     """Whether a pulled plug takes the runs."""
     if where := kept_in_memory(folder.resolve(), mountinfo.read_text()):
-        advice = "give them a partition of their own (systemd/README.md, A root that is never written)"
-        return Line("warn", "plug", f"runs are kept in memory ({where}), a pulled plug takes them: {advice}")
+        advice = (
+            "give them a partition of their own (systemd/README.md, A root that is never written)"
+        )
+        return Line(
+            "warn", "plug", f"runs are kept in memory ({where}), a pulled plug takes them: {advice}"
+        )
     return Line("ok", "plug", "runs are kept when it is pulled")
 
 
@@ -152,12 +167,19 @@ def service() -> Line:
     if said == ["active", "enabled"]:
         return Line("ok", "service", "fieldlogger.service is active, and enabled for the next boot")
     return Line(
-        "warn", "service", f"fieldlogger.service is {said[0]} and {said[1]}: systemctl enable --now fieldlogger"
+        "warn",
+        "service",
+        f"fieldlogger.service is {said[0]} and {said[1]}: systemctl enable --now fieldlogger",
     )
 
 
 def _systemctl(verb: str) -> str:
-    done = subprocess.run(["systemctl", verb, "fieldlogger.service"], capture_output=True, text=True, check=False)  # noqa: S603, S607
+    done = subprocess.run(  # noqa: S603
+        ["systemctl", verb, "fieldlogger.service"],  # noqa: S607
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     return done.stdout.strip() or "unknown"
 
 
@@ -171,14 +193,26 @@ def of_status(told: Status) -> Iterator[Line]:
     """What a running service says of itself."""
     age_s = (SystemClock().now_ns() - told.now_ns) / 1e9
     if age_s > _TELLS_EACH_S:
-        yield Line("fail", "status", f"the service has said nothing for {age_s:.0f} s: systemctl restart fieldlogger")
+        yield Line(
+            "fail",
+            "status",
+            f"the service has said nothing for {age_s:.0f} s: systemctl restart fieldlogger",
+        )
         return
     state: State = "fail" if told.state == "error" else "warn" if told.state == "no fix" else "ok"
     yield Line(state, "status", f"{told.state}: {told.text}")
     card_s = (told.now_ns - (told.since_ns if told.synced_ns is None else told.synced_ns)) / 1e9
-    yield Line("fail" if card_s > _TELLS_EACH_S else "ok", "card", f"has taken everything up to {card_s:.1f} s ago")
+    yield Line(
+        "fail" if card_s > _TELLS_EACH_S else "ok",
+        "card",
+        f"has taken everything up to {card_s:.1f} s ago",
+    )
     full = told.waiting > told.room / 2
-    yield Line("warn" if full else "ok", "queue", f"{told.waiting} of {told.room} records wait for the card")
+    yield Line(
+        "warn" if full else "ok",
+        "queue",
+        f"{told.waiting} of {told.room} records wait for the card",
+    )
     for name, port in told.ports.items():
         if not port.is_open:
             yield Line("fail", name, port.event or f"{port.url} is not open")
@@ -194,8 +228,14 @@ def holders(name: str, port: str, proc: Path = Path("/proc")) -> Iterator[Line]:
         except OSError:  # gone meanwhile, or another user's
             continue
         if held and int(folder.name) != os.getpid():
-            stop = f"systemctl disable --now {who}" if who in {"ModemManager", "gpsd"} else f"kill {folder.name}"
-            yield Line("fail", name, f"{port} is held by {who} (process {folder.name}): sudo {stop}")
+            stop = (
+                f"systemctl disable --now {who}"
+                if who in {"ModemManager", "gpsd"}
+                else f"kill {folder.name}"
+            )
+            yield Line(
+                "fail", name, f"{port} is held by {who} (process {folder.name}): sudo {stop}"
+            )
 
 
 def sim_card(config: SiteConfig) -> Line:
@@ -206,7 +246,11 @@ def sim_card(config: SiteConfig) -> Line:
     except DeviceError as error:
         return Line("fail", "modem", str(error))
     if said is None:
-        return Line("fail", "modem", "gives no answer to AT: powered? right port and baud? see fieldlogger probe")
+        return Line(
+            "fail",
+            "modem",
+            "gives no answer to AT: powered? right port and baud? see fieldlogger probe",
+        )
     return Line("ok", "SIM", f"{said} (none is needed to listen)")
 
 
@@ -235,26 +279,38 @@ def _trial(config: SiteConfig, folder: str, seconds: float) -> Run:
 
 
 def of_run(run: Run, last_s: float = LAST_S, *, set_mode: str = "") -> Iterator[Line]:
-    """What the end of a run tells of the modem and the receiver; `set_mode` is the setting in [modem]."""
+    """What the end of a run tells of the modem and the receiver; `set_mode` is the setting in
+    [modem].
+    """
     tables = run.tables
     end_ns = max((int(rows["t_ns"].max()) for rows in tables.values() if len(rows)), default=0)
     begin_ns = max(run.meta.started_ns, end_ns - round(last_s * 1e9))
     minutes = max(end_ns - begin_ns, 1) / 60e9
-    scans, readings, fixes = (tables[name][tables[name]["t_ns"] >= begin_ns] for name in ("scans", "readings", "fixes"))
+    scans, readings, fixes = (
+        tables[name][tables[name]["t_ns"] >= begin_ns] for name in ("scans", "readings", "fixes")
+    )
     notes = [row["text"].decode() for row in tables["notes"] if row["source"] == b"modem"]
     if len(scans):
-        yield Line("ok", "modem", f"{len(scans) / minutes:.0f} scans a minute; {notes[-1] if notes else ''}")
+        yield Line(
+            "ok",
+            "modem",
+            f"{len(scans) / minutes:.0f} scans a minute; {notes[-1] if notes else ''}",
+        )
     else:
         yield Line("fail", "modem", f"no scan; last event: {notes[-1] if notes else 'none'}")
     usable = (readings["cell"] != b"") & np.isfinite(levels_dbm(readings))
     cells = len(np.unique(readings["cell"][usable]))
     text = f"{np.count_nonzero(usable) / minutes:.0f} usable a minute, of {cells} cells"
     if not cells:
-        text = "no cell with identity and level: antenna connected? 2G here? SIM blocked by its PIN?"
+        text = (
+            "no cell with identity and level: antenna connected? 2G here? SIM blocked by its PIN?"
+        )
     without = _without_gsm(readings)
     is_set_later = without and set_mode and run.meta.origin == TRIAL
     state: State = "warn" if not cells or (without and not is_set_later) else "ok"
-    yield Line(state, "readings", f"{text}; {without}; {_gsm_only(run, set_mode)}" if without else text)
+    yield Line(
+        state, "readings", f"{text}; {without}; {_gsm_only(run, set_mode)}" if without else text
+    )
     yield _of_fixes(fixes)
 
 
@@ -268,7 +324,11 @@ def _without_gsm(readings: Rows) -> str:
 
 def _gsm_only(run: Run, set_mode: str) -> str:
     """What to do that the modem hears GSM."""
-    notes = [(row["code"].decode(), row["text"].decode()) for row in run.tables["notes"] if row["source"] == b"modem"]
+    notes = [
+        (row["code"].decode(), row["text"].decode())
+        for row in run.tables["notes"]
+        if row["source"] == b"modem"
+    ]
     drivers = [text.rpartition(" ")[2] for code, text in notes if code == "modem-ready"]
     driver = FAMILIES.get(drivers[-1]) if drivers else None
     refused: list[str] = [text for code, text in notes if code == "mode-unchanged"]
@@ -277,7 +337,9 @@ def _gsm_only(run: Run, set_mode: str) -> str:
     if set_mode:
         return f'`fieldlogger run` sets it to GSM only (set_mode = "{set_mode}")'
     if driver is None or not driver.modes:
-        return "the driver has no command for GSM only: set the modem to it by hand, or take another"
+        return (
+            "the driver has no command for GSM only: set the modem to it by hand, or take another"
+        )
     commands: str = " or ".join(command.set_to(command.gsm) for command in driver.modes)
     return f'set_mode = "gsm" ({commands})'
 
@@ -288,7 +350,9 @@ def _of_fixes(fixes: Rows) -> Line:
     valid = fixes[fixes["valid"] == 1]
     if not len(valid):
         return Line(
-            "warn", "gnss", "the receiver speaks but has no position: a cold start under open sky takes minutes"
+            "warn",
+            "gnss",
+            "the receiver speaks but has no position: a cold start under open sky takes minutes",
         )
     sigma_m = np.where(np.isfinite(valid["acc_m"]), valid["acc_m"], valid["hdop"] * UERE_M)
     accuracy = f"about {np.nanmedian(sigma_m):.0f} m" if np.any(np.isfinite(sigma_m)) else "unknown"
@@ -296,5 +360,8 @@ def _of_fixes(fixes: Rows) -> Line:
         text = "positions by dead reckoning, without satellites: they count little; has the antenna a free sky?"
         return Line("warn", "gnss", text)
     text = f"{len(valid)} of {len(fixes)} fixes with a position, accuracy {accuracy}"
-    good = np.mean(fixes["valid"][-_RECENT_FIXES:]) > _MOST_VALID and not np.nanmedian(sigma_m) > _COARSE_M
+    good = (
+        np.mean(fixes["valid"][-_RECENT_FIXES:]) > _MOST_VALID
+        and not np.nanmedian(sigma_m) > _COARSE_M
+    )
     return Line("ok" if good else "warn", "gnss", text)

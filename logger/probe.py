@@ -76,7 +76,10 @@ def stable_name(port: str) -> str:
     """The name under /dev/serial/by-id of a port, or its own."""
     if not _BY_ID.is_dir():
         return port
-    return next((str(link) for link in sorted(_BY_ID.iterdir()) if link.resolve() == Path(port).resolve()), port)
+    return next(
+        (str(link) for link in sorted(_BY_ID.iterdir()) if link.resolve() == Path(port).resolve()),
+        port,
+    )
 
 
 def _probe_port(port: str, usb: str, bauds: tuple[int, ...]) -> Found:

@@ -5,10 +5,10 @@ from pathlib import Path
 from logger.config import parse_config
 from logger.core.errors import ConfigError
 from logger.core.runfile import Truth
-from logger.device.beginning import begin_run
 from logger.device.clock import ScaledClock
 from logger.device.service import Service
 from logger.device.signals import stop_signals
+from logger.device.startup import begin_run
 from logger.sim.clock import WalkTime
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
@@ -39,27 +39,37 @@ def simulate(
     modem_name: str = "sim800",
     fault: str | None = None,
 ) -> Path:
-    """Record a walk `speed` times faster than real; returns the run, which knows where its transmitters stand.
+    """Record a walk `speed` times faster than real; returns the run, which knows where its
+    transmitters stand.
 
     `fault` is NAME:FROM:TO, a misbehaviour of the modem between two times of the walk in seconds.
     """
     if name not in SCENARIOS:
         raise ConfigError(f"no scenario is called {name!r}; known are: {', '.join(SCENARIOS)}")
     if modem_name not in DIALECTS:
-        raise ConfigError(f"no simulated modem is called {modem_name!r}; known are: {', '.join(DIALECTS)}")
+        raise ConfigError(
+            f"no simulated modem is called {modem_name!r}; known are: {', '.join(DIALECTS)}"
+        )
     misbehaviour = None if fault is None else _fault(fault)
     walk = scenario(name, seed, duration_s)
     clock = ScaledClock(speed)
     time = WalkTime(clock)
     well = walk.modem(time.now_s, modem_name)
-    modem: Answering = well if misbehaviour is None else Misbehaving(well, *misbehaviour, time.now_s, seed)
+    modem: Answering = (
+        well if misbehaviour is None else Misbehaving(well, *misbehaviour, time.now_s, seed)
+    )
     receiver = talking(walk.receiver(), time)
-    with PtyDevice(answering(modem)) as modem_port, PtyDevice(receiver) as gnss_port, stop_signals() as (ended, heard):
+    with (
+        PtyDevice(answering(modem)) as modem_port,
+        PtyDevice(receiver) as gnss_port,
+        stop_signals() as (ended, heard),
+    ):
         text = _SITE.format(
             directory=_toml_text(str(folder)),
             modem=modem_port.path,
             gnss=gnss_port.path,
-            # a busy machine may hold a fix back for a moment of its own time, which is long at this speed
+            # a busy machine may hold a fix back for a moment of its own time, which is long at this
+            # speed
             max_fix_age_s=3.0 + 0.1 * speed,
         )
         config = parse_config(text, "simulated site.toml")
@@ -77,7 +87,9 @@ def _fault(text: str) -> tuple[str, float, float]:
     try:
         start_s, end_s = (float(time) for time in times.split(":"))
     except ValueError:
-        raise ConfigError(f"{text!r} is no fault; it is given as NAME:FROM:TO, times in seconds") from None
+        raise ConfigError(
+            f"{text!r} is no fault; it is given as NAME:FROM:TO, times in seconds"
+        ) from None
     if name not in FAULTS:
         raise ConfigError(f"no fault is called {name!r}; known are: {', '.join(FAULTS)}")
     return name, start_s, end_s

@@ -13,14 +13,14 @@ from logger.core.printable import plain_streams, printable
 from postproc.interop import cli as interop
 from postproc.pictures import cli as pictures
 from postproc.report import cli as report
-from postproc.toa import cli as toa
-from postproc.validate import cli as validate
-from postproc.verify import cli as verify
+from postproc.reproductions.toa import cli as toa
+from postproc.reproductions.validate import cli as validate
+from postproc.verification import cli as verify
 from postproc.view import cli as view
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
-    from postproc.smooth import Wishes
+    from postproc.smoothing import Wishes
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -30,7 +30,8 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _main(argv: list[str] | None) -> int:
-    # the matrices are small: threads of BLAS would wait for each other, on a busy machine longer than they work
+    # the matrices are small: threads of BLAS would wait for each other, on a busy machine longer
+    # than they work
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     try:
         arguments = _parser().parse_args(argv)
@@ -41,13 +42,19 @@ def _main(argv: list[str] | None) -> int:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith(("logger", "postproc")):
             raise
-        # the plain install is the logger; the desk's libraries are an extra, and the viewer's another
-        extra = "view" if error.name.partition(".")[0] in {"rerun", "rerun_cli", "pyarrow"} else "post"
-        print(f"postproc: {error.name} is missing: pip install 'cellwalk[{extra}]'", file=sys.stderr)
+        # the plain install is the logger; the desk's libraries are an extra, and the viewer's
+        # another
+        extra = (
+            "view" if error.name.partition(".")[0] in {"rerun", "rerun_cli", "pyarrow"} else "post"
+        )
+        print(
+            f"postproc: {error.name} is missing: pip install 'cellwalk[{extra}]'", file=sys.stderr
+        )
         return 2
     except BrokenPipeError:
         return 0
-    except OSError as error:  # a file that vanishes, a name too long, a full disk: where no command says it better
+    # a file that vanishes, a name too long, a full disk: where no command says it better
+    except OSError as error:
         what = printable(f"{error.filename or ''}: {error.strerror or error}".removeprefix(": "))
         print(f"postproc: {what}", file=sys.stderr)
         return 2
@@ -57,10 +64,14 @@ def _main(argv: list[str] | None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="postproc", description="Find where the cells of a recorded walk stand.")
+    parser = argparse.ArgumentParser(
+        prog="postproc", description="Find where the cells of a recorded walk stand."
+    )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    def add(name: str, what: str, *, run: bool = True, several: bool = False) -> argparse.ArgumentParser:
+    def add(
+        name: str, what: str, *, run: bool = True, several: bool = False
+    ) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=what)
         if run:
             which, count = "run-....h5, or a journal that was cut", "+" if several else None
@@ -73,15 +84,30 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument("--json", action="store_true")
     replay.set_defaults(command=_replay)
 
-    smooth = add("smooth", "estimate where each cell stands, and how sure that is; several runs together", several=True)
-    smooth.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
-    smooth.add_argument("--environment", default="any", help="prior: any (default), open, suburban or urban")
+    smooth = add(
+        "smooth",
+        "estimate where each cell stands, and how sure that is; several runs together",
+        several=True,
+    )
     smooth.add_argument(
-        "--height", type=height("--height"), metavar="M", help="antenna above the receiver (default: 5 m)"
+        "--cell", action="append", metavar="NAME", help="only this cell (may be repeated)"
+    )
+    smooth.add_argument(
+        "--environment", default="any", help="prior: any (default), open, suburban or urban"
+    )
+    smooth.add_argument(
+        "--height",
+        type=height("--height"),
+        metavar="M",
+        help="antenna above the receiver (default: 5 m)",
     )
     losses = ("linear", "soft_l1", "huber", "cauchy")
-    smooth.add_argument("--loss", choices=losses, default="linear", help="loss of the least-squares fit")
-    smooth.add_argument("-v", "--verbose", action="store_true", help="every cell with all that is known of it")
+    smooth.add_argument(
+        "--loss", choices=losses, default="linear", help="loss of the least-squares fit"
+    )
+    smooth.add_argument(
+        "-v", "--verbose", action="store_true", help="every cell with all that is known of it"
+    )
     smooth.add_argument("--json", action="store_true")
     smooth.set_defaults(command=_smooth)
 
@@ -93,29 +119,50 @@ def _parser() -> argparse.ArgumentParser:
     interop.add_export(exports)
     exports.set_defaults(command=_export)
 
-    share = add("share", "a copy to give away: without the ends of the walk, raw bytes and configuration")
+    share = add(
+        "share", "a copy to give away: without the ends of the walk, raw bytes and configuration"
+    )
     interop.add_share(share)
     share.set_defaults(command=interop.share)
 
-    view.add_view(add("view", "show runs or a saved recording in rerun, or in a browser here", several=True))
+    view.add_view(
+        add("view", "show runs or a saved recording in rerun, or in a browser here", several=True)
+    )
 
     pictures.add_plot(add("plot", "draw a run as a picture"))
     report.add_report(add("report", "a page that tells a run, or several together", several=True))
 
-    recover = add("recover", "make HDF5 of what a pulled plug left behind; exit 3 where something was lost", run=False)
+    recover = add(
+        "recover",
+        "make HDF5 of what a pulled plug left behind; exit 3 where something was lost",
+        run=False,
+    )
     recover.add_argument("path", type=path, metavar="PATH", help="a journal, or a folder of runs")
     recover.add_argument("--json", action="store_true")
     recover.set_defaults(command=_recover)
 
-    toa.add_toa(commands.add_parser("toa", help="place by ranges to anchors: the README's Kalman filter, simulated"))
+    toa.add_toa(
+        commands.add_parser(
+            "toa", help="place by ranges to anchors: the README's Kalman filter, simulated"
+        )
+    )
     what = "check the specification, item by item: claim, what we measured, verdict"
     validate.add_validate(commands.add_parser("validate", help=what))
 
     verify.add_verify(
-        add("verify", "test claimed positions of cells: consistent, rejected or cannot tell, with the power")
+        add(
+            "verify",
+            "test claimed positions of cells: consistent, rejected or cannot tell, with the power",
+        )
     )
-    verify.add_theory(commands.add_parser("verify-theory", help="position verification by theory, and by simulation"))
-    verify.add_celldb(commands.add_parser("celldb", help="OpenCelliD and Mozilla exports as one indexed file"))
+    verify.add_theory(
+        commands.add_parser(
+            "verify-theory", help="position verification by theory, and by simulation"
+        )
+    )
+    verify.add_celldb(
+        commands.add_parser("celldb", help="OpenCelliD and Mozilla exports as one indexed file")
+    )
 
     what = 'completion for a shell: eval "$(postproc completion bash)"'
     completion = commands.add_parser("completion", help=what)
@@ -125,7 +172,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_info(info: argparse.ArgumentParser) -> None:
-    info.add_argument("--verify", action="store_true", help="check that it is whole and as it was sealed; 3 if not")
+    info.add_argument(
+        "--verify",
+        action="store_true",
+        help="check that it is whole and as it was sealed; 3 if not",
+    )
     what = "with --verify: the digest noted at the stop, which a forger cannot meet"
     info.add_argument("--digest", metavar="HEX", help=what)
     info.add_argument("-v", "--verbose", action="store_true", help="every gap and every event")
@@ -155,7 +206,9 @@ def _verify(arguments: argparse.Namespace) -> int:
     from logger.core.runfile import SOMETHING_LOST
     from postproc.info import noted_digest, verify
 
-    checks = verify(arguments.run, None if arguments.digest is None else noted_digest(arguments.digest))
+    checks = verify(
+        arguments.run, None if arguments.digest is None else noted_digest(arguments.digest)
+    )
     if arguments.json:
         print(json.dumps([asdict(check) for check in checks], indent=2))
     else:
@@ -174,7 +227,9 @@ def _replay(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(asdict(found) | {"equal": found.equal}, indent=2))
     elif not found.n_recorded and not found.n_replayed:
-        print("the run holds no live estimate: there was never a decoded 2G cell together with a fix")
+        print(
+            "the run holds no live estimate: there was never a decoded 2G cell together with a fix"
+        )
     elif found.equal:
         print(f"replay equals live: {found.n_equal} estimates, to the last bit")
     else:
@@ -191,13 +246,15 @@ def _smooth(arguments: argparse.Namespace) -> int:
     from logger.core.runfile import read_sound_run
     from postproc import results
     from postproc.progress import shown
-    from postproc.smooth import Wishes, smooth_run
+    from postproc.smoothing import Wishes, smooth_run
 
     wishes = Wishes(prior_for(arguments.environment, height_m=arguments.height), arguments.loss)
     if len(arguments.run) > 1:
         return _smooth_together(arguments, wishes)
     run = read_sound_run(arguments.run[0])
-    smoothed = smooth_run(run, arguments.cell, wishes=wishes, progress=shown, processes=_processes())
+    smoothed = smooth_run(
+        run, arguments.cell, wishes=wishes, progress=shown, processes=_processes()
+    )
     found = results.summary(smoothed)
     _print_results(arguments, found)
     # printed first: a run on a card that cannot be written has an answer too
@@ -208,11 +265,13 @@ def _smooth(arguments: argparse.Namespace) -> int:
 def _smooth_together(arguments: argparse.Namespace, wishes: "Wishes") -> int:
     from logger.core.runfile import read_sound_run
     from postproc import results
+    from postproc.multi_run import smooth_together
     from postproc.progress import shown
-    from postproc.together import smooth_together
 
     runs = [read_sound_run(path) for path in arguments.run]
-    together = smooth_together(runs, arguments.cell, wishes=wishes, progress=shown, processes=_processes())
+    together = smooth_together(
+        runs, arguments.cell, wishes=wishes, progress=shown, processes=_processes()
+    )
     found = results.summary_together(together)
     _print_results(arguments, found)
     results.write_together(together, found, results.path_beside(arguments.run[0], together=True))
@@ -232,7 +291,7 @@ def _print_results(arguments: argparse.Namespace, found: dict[str, Any]) -> None
 def _export(arguments: argparse.Namespace) -> int:
     from postproc.progress import shown
     from postproc.results import summary
-    from postproc.smooth import smooth_run
+    from postproc.smoothing import smooth_run
 
     def summarise(run: "Run", only: Sequence[str] | None) -> dict[str, Any]:
         return summary(smooth_run(run, only, progress=shown, processes=_processes()))

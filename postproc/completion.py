@@ -10,7 +10,9 @@ from logger.core.arguments import file_path, input_path, path
 
 
 def script(parser: argparse.ArgumentParser, shell: str) -> str:
-    """Completion of a command for `bash`, `zsh`, `fish` or `tcsh`; what takes a path is completed to files."""
+    """Completion of a command for `bash`, `zsh`, `fish` or `tcsh`; what takes a path is completed
+    to files.
+    """
     for action in _actions(parser):
         if action.type in {Path, path, file_path, input_path}:
             action.complete = shtab.FILE  # type: ignore[attr-defined]

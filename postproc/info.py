@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
+from logger.core.censoring import levels_dbm
 from logger.core.errors import ConfigError
 from logger.core.runfile import Run, Sealing, read_sound_run, sealing_of
-from logger.core.scale import levels_dbm
 from logger.core.schema import UNKNOWN_ID
 from logger.core.timebase import fit_run
 from logger.core.types import DEAD_RECKONING
 from logger.core.utc import utc_text
-from postproc.hearing import scans_of
+from postproc.scan_counts import scans_of
 
 GAP_S = 5.0
 """A silence of the receiver or the modem that is worth telling."""
@@ -104,7 +104,9 @@ def describe(run: Run) -> Info:
         digest=run.digest,
         n_fixes=len(fixes),
         n_fixes_valid=int(np.count_nonzero(fixes["valid"])),
-        n_fixes_by_dead_reckoning=int(np.count_nonzero((fixes["valid"] == 1) & (fixes["quality"] == DEAD_RECKONING))),
+        n_fixes_by_dead_reckoning=int(
+            np.count_nonzero((fixes["valid"] == 1) & (fixes["quality"] == DEAD_RECKONING))
+        ),
         n_scans=len(scans),
         n_readings=len(readings),
         n_readings_without_fix=int(np.count_nonzero(readings["fix_seq"] == UNKNOWN_ID)),
@@ -112,7 +114,10 @@ def describe(run: Run) -> Info:
         n_live=len(run.tables["live"]),
         n_raw_bytes=run.n_raw_bytes,
         cells=_cells(run),
-        gaps=(*_gaps("fixes", fixes["t_ns"][fixes["valid"] == 1], start_ns), *_gaps("scans", scans["t_ns"], start_ns)),
+        gaps=(
+            *_gaps("fixes", fixes["t_ns"][fixes["valid"] == 1], start_ns),
+            *_gaps("scans", scans["t_ns"], start_ns),
+        ),
         events=_events(run),
     )
 
@@ -128,9 +133,21 @@ def _cells(run: Run) -> tuple[CellCount, ...]:
     known = np.isfinite(levels)
     np.maximum.at(strongest_dbm, which[known], levels[known])
     counts = np.bincount(which, minlength=len(names))
-    told = zip(names.tolist(), readings["rat"][first].tolist(), counts.tolist(), strongest_dbm.tolist(), strict=True)
+    told = zip(
+        names.tolist(),
+        readings["rat"][first].tolist(),
+        counts.tolist(),
+        strongest_dbm.tolist(),
+        strict=True,
+    )
     cells = [
-        CellCount(_text(name), _text(rat) or None, n, scans[_text(name)], most_dbm if np.isfinite(most_dbm) else None)
+        CellCount(
+            _text(name),
+            _text(rat) or None,
+            n,
+            scans[_text(name)],
+            most_dbm if np.isfinite(most_dbm) else None,
+        )
         for name, rat, n, most_dbm in told
         if name
     ]
@@ -144,7 +161,10 @@ def _text(stored: bytes) -> str:
 def _gaps(of: str, t_ns: np.ndarray[tuple[int], np.dtype[np.int64]], start_ns: int) -> list[Gap]:
     times = np.sort(t_ns)
     lengths_s = np.diff(times) / 1e9
-    return [Gap(of, float((times[i] - start_ns) / 1e9), float(lengths_s[i])) for i in np.flatnonzero(lengths_s > GAP_S)]
+    return [
+        Gap(of, float((times[i] - start_ns) / 1e9), float(lengths_s[i]))
+        for i in np.flatnonzero(lengths_s > GAP_S)
+    ]
 
 
 def _events(run: Run) -> tuple[Event, ...]:
@@ -170,7 +190,8 @@ class Check:
 
 
 def verify(path: Path, noted: str | None = None) -> tuple[Check, ...]:
-    """Check a run in either form, with nothing but its file, and against a digest noted elsewhere if there is one.
+    """Check a run in either form, with nothing but its file, and against a digest noted elsewhere
+    if there is one.
 
     Raises `RunFileError` when it cannot be read at all.
     """
@@ -179,7 +200,11 @@ def verify(path: Path, noted: str | None = None) -> tuple[Check, ...]:
     if not sealing.stop_is_sealed:
         stopped += " (recorded by an earlier version, which did not seal this)"
     return (
-        Check("checksums", not run.damage, str(run.damage) if run.damage else "every frame is there and undamaged"),
+        Check(
+            "checksums",
+            not run.damage,
+            str(run.damage) if run.damage else "every frame is there and undamaged",
+        ),
         _counts(run),
         _time(run),
         Check("stop", run.end is not None, stopped),
@@ -198,23 +223,35 @@ def noted_digest(text: str) -> str:
 
 
 def _counts(run: Run) -> Check:
-    """One row for each record number, the readings that the scans announce, the bytes that the index names."""
-    seqs = np.concatenate([rows["seq"] for table, rows in run.tables.items() if table != "readings"])
+    """One row for each record number, the readings that the scans announce, the bytes that the
+    index names.
+    """
+    seqs = np.concatenate(
+        [rows["seq"] for table, rows in run.tables.items() if table != "readings"]
+    )
     n = run.end.n_records if run.end else int(seqs.max(initial=-1)) + 1
     wrong = []
     if len(np.unique(seqs)) != n or len(seqs) != n:
         wrong.append(f"{n} records were numbered and {len(np.unique(seqs))} are there")
     announced = int(run.tables["scans"]["n_readings"].sum())
     if announced != len(run.tables["readings"]):
-        wrong.append(f"{announced} readings were announced and {len(run.tables['readings'])} are there")
+        wrong.append(
+            f"{announced} readings were announced and {len(run.tables['readings'])} are there"
+        )
     n_bytes = int(run.tables["raw"]["length"].sum())
     if n_bytes != run.n_raw_bytes:
         wrong.append(f"{n_bytes} raw bytes were received and {run.n_raw_bytes} are there")
-    return Check("counts", not wrong, "; ".join(wrong) or f"{n} records, {announced} readings, {n_bytes} raw bytes")
+    return Check(
+        "counts",
+        not wrong,
+        "; ".join(wrong) or f"{n} records, {announced} readings, {n_bytes} raw bytes",
+    )
 
 
 def _time(run: Run) -> Check:
-    """Time of each source never goes back in a table; between sources the order is that of arrival."""
+    """Time of each source never goes back in a table; between sources the order is that of
+    arrival.
+    """
     back = 0
     for table, rows in run.tables.items():
         if table == "live":
@@ -245,7 +282,13 @@ def _chain(sealing: Sealing) -> Check:
 def _noted(sealing: Sealing, noted: str) -> Check:
     """The only check that a forger with time does not pass."""
     if not sealing.holds:
-        return Check("digest", False, f"the chain does not hold, so it cannot be the run of {noted}")
+        return Check(
+            "digest", False, f"the chain does not hold, so it cannot be the run of {noted}"
+        )
     if sealing.recomputed != noted:
-        return Check("digest", False, f"this is not the run of {noted}, or it was changed and sealed anew")
-    return Check("digest", True, "it is the one noted: nothing was changed, left out or added since")
+        return Check(
+            "digest", False, f"this is not the run of {noted}, or it was changed and sealed anew"
+        )
+    return Check(
+        "digest", True, "it is the one noted: nothing was changed, left out or added since"
+    )

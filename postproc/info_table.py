@@ -39,7 +39,11 @@ def _reckoned(info: Info) -> str:
 def _facts(info: Info) -> list[tuple[str, str, str]]:
     without = f"{info.n_readings_without_fix} without a fix, {info.n_readings_without_identity} of cells not decoded"
     facts = [
-        ("started", f"{info.started_utc or 'at an unknown time (GPS never told it)'}, {info.duration_s:.0f} s", ""),
+        (
+            "started",
+            f"{info.started_utc or 'at an unknown time (GPS never told it)'}, {info.duration_s:.0f} s",
+            "",
+        ),
         ("stopped", info.stopped or "not: the plug was pulled, or it is still being recorded", ""),
         ("fixes", f"{info.n_fixes}, {info.n_fixes_valid} with a position{_reckoned(info)}", ""),
         ("readings", f"{info.n_readings} in {info.n_scans} scans, {without}", ""),
@@ -76,16 +80,27 @@ def _print_cells(console: Console, cells: Sequence[CellCount]) -> None:
 def _print_gaps(console: Console, gaps: Sequence[Gap], most: int) -> None:
     longest = sorted(gaps, key=lambda gap: -gap.length_s)[:most]
     for gap in sorted(longest, key=lambda gap: gap.start_s):
-        say(console, f"no {gap.of} for {gap.length_s:.0f} s at +{gap.start_s:.0f} s", bullet="gap      ")
+        say(
+            console,
+            f"no {gap.of} for {gap.length_s:.0f} s at +{gap.start_s:.0f} s",
+            bullet="gap      ",
+        )
     _print_rest(console, len(gaps) - len(longest), "shorter gaps")
 
 
 def _print_events(console: Console, events: Sequence[Event], most: int) -> None:
     """The gravest, in the order of time; of equal ones the first."""
-    gravest = sorted(enumerate(events), key=lambda entry: (_WEIGHT.get(entry[1].level, 2), entry[0]))[:most]
+    gravest = sorted(
+        enumerate(events), key=lambda entry: (_WEIGHT.get(entry[1].level, 2), entry[0])
+    )[:most]
     for _, event in sorted(gravest, key=lambda entry: entry[0]):
         style = _STYLES.get(event.level, "dim")
-        say(console, printable(f"{event.source}: {event.text}"), style, bullet=f"+{event.t_s:.0f} s  ")
+        say(
+            console,
+            printable(f"{event.source}: {event.text}"),
+            style,
+            bullet=f"+{event.t_s:.0f} s  ",
+        )
     _print_rest(console, len(events) - len(gravest), "events")
 
 

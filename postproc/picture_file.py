@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from logger.core.errors import ConfigError
-from postproc.whole_file import check_output
+from postproc.atomic_write import check_output
 
 
 def kind_of(path: Path) -> str:
@@ -14,11 +14,15 @@ def kind_of(path: Path) -> str:
         raise ConfigError("pictures need matplotlib: install cellwalk[post]") from error
     kind, known = path.suffix[1:].lower() or "png", FigureCanvasBase.filetypes
     if kind not in known:
-        raise ConfigError(f"{path}: a picture ends in {', '.join('.' + name for name in sorted(known))}")
+        raise ConfigError(
+            f"{path}: a picture ends in {', '.join('.' + name for name in sorted(known))}"
+        )
     return kind
 
 
 def check_picture(path: Path) -> None:
-    """Find out whether a picture can be written, before it is drawn; raises `ConfigError` or `RunFileError`."""
+    """Find out whether a picture can be written, before it is drawn; raises `ConfigError` or
+    `RunFileError`.
+    """
     kind_of(path)
     check_output(path)

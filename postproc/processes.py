@@ -18,7 +18,9 @@ Result = TypeVar("Result")
 
 
 def each(work: Callable[[Item], Result], items: Sequence[Item], processes: int) -> Iterator[Result]:
-    """Results of `work` for the items in their order, from several processes where that is worth it and possible."""
+    """Results of `work` for the items in their order, from several processes where that is worth it
+    and possible.
+    """
     done, count = 0, min(processes, _MOST_PROCESSES, len(items) // _ITEMS_EACH)
     if count > 1:
         try:
@@ -27,7 +29,11 @@ def each(work: Callable[[Item], Result], items: Sequence[Item], processes: int) 
                 for result in pool.map(work, items):
                     done += 1
                     yield result
-        except (NotImplementedError, OSError, BrokenExecutor):  # this machine gives no process, or has killed one
+        except (
+            NotImplementedError,
+            OSError,
+            BrokenExecutor,
+        ):  # this machine gives no process, or has killed one
             pass
     # the matrices are small: threads of BLAS would only wait for each other
     with threadpool_limits(1):

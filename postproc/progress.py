@@ -1,4 +1,6 @@
-"""A bar on the terminal for work that takes its time: what is worked on, how far it is, and how long it will take."""
+"""A bar on the terminal for work that takes its time: what is worked on, how far it is, and how
+long it will take.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TypeVar
@@ -15,7 +17,9 @@ T = TypeVar("T")
 
 
 def shown(items: Iterable[T], what: str, total: int, names: Sequence[str] = ()) -> Iterator[T]:
-    """Show a bar on stderr while the items are worked on, if somebody is looking; `names` are those of the items."""
+    """Show a bar on stderr while the items are worked on, if somebody is looking; `names` are those
+    of the items.
+    """
     console = Console(stderr=True)
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -25,7 +29,9 @@ def shown(items: Iterable[T], what: str, total: int, names: Sequence[str] = ()) 
         TextColumn("left", markup=False),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as progress:
         task = progress.add_task(_now(what, names, 0), total=total)
         for done, item in enumerate(items, 1):
             yield item

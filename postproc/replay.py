@@ -16,8 +16,8 @@ from logger.core.types import LiveEstimate
 class Replay:
     """Live estimates as recorded and as computed again; equal means equal to the last bit.
 
-    Bits agree on one kind of machine. Between a Pi and a laptop log10 and BLAS may differ in the last bit, and
-    `largest_m` tells how far that has carried the position.
+    Bits agree on one kind of machine. Between a Pi and a laptop log10 and BLAS may differ in the
+    last bit, and `largest_m` tells how far that has carried the position.
     """
 
     n_recorded: int
@@ -43,7 +43,9 @@ def estimates(run: Run) -> Iterator[LiveEstimate]:
 
 def replay(run: Run) -> Replay:
     """Repeat the live estimate and compare; a pulled plug or a slow device may lack the end."""
-    recorded = [record.value for _, record in run.records("live") if isinstance(record.value, LiveEstimate)]
+    recorded = [
+        record.value for _, record in run.records("live") if isinstance(record.value, LiveEstimate)
+    ]
     again = list(estimates(run))
     if run.end is None or np.any(run.tables["notes"]["code"] == BEHIND.encode()):
         common = min(len(recorded), len(again))

@@ -17,16 +17,16 @@ from logger.core.locator.region import area_m2
 from logger.core.locator.rivals import counting, percents
 from logger.core.observations import Observations
 from logger.core.runfile import Run
-from postproc.estimators.compare import AXES, Comparison
-from postproc.estimators.filtered import Filtered
-from postproc.estimators.outline import geojson
+from postproc.atomic_write import whole_file
+from postproc.estimators.direction_check import AXES, Comparison
+from postproc.estimators.filters import Filtered
+from postproc.estimators.region_outline import geojson
 from postproc.estimators.residuals import Residuals
 from postproc.info import describe
 from postproc.json_text import Json, as_json
-from postproc.smooth import CellResult, Smoothed
-from postproc.together import Together, TogetherCell
+from postproc.multi_run import Together, TogetherCell
+from postproc.smoothing import CellResult, Smoothed
 from postproc.truth import truth_of
-from postproc.whole_file import whole_file
 
 _BEST = ("lat", "lon", "r95_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
 
@@ -45,10 +45,15 @@ def summary(smoothed: Smoothed) -> Json:
 
 
 def summary_together(together: Together) -> Json:
-    """What `postproc smooth --json` prints of several runs: `runs`, and what each of them gave to a cell."""
+    """What `postproc smooth --json` prints of several runs: `runs`, and what each of them gave to a
+    cell.
+    """
     runs = together.runs
     return {
-        "runs": [_run(run, together.observations.get(i), together.run_warnings[i]) for i, run in enumerate(runs)],
+        "runs": [
+            _run(run, together.observations.get(i), together.run_warnings[i])
+            for i, run in enumerate(runs)
+        ],
         "warnings": list(together.warnings),
         "cells": [_cell_together(cell, runs) for cell in together.cells],
     }
@@ -58,21 +63,33 @@ def _run(run: Run, observations: Observations | None, warnings: Sequence[str]) -
     info = asdict(describe(run))
     for bulky in ("cells", "events", "gaps"):
         del info[bulky]
-    info["n_readings_without_position"] = observations.n_without_position if observations else info["n_readings"]
+    info["n_readings_without_position"] = (
+        observations.n_without_position if observations else info["n_readings"]
+    )
     return info | {"warnings": list(warnings)}
 
 
 def _cell_together(cell: TogetherCell, runs: Sequence[Run]) -> Json:
     name = cell.result.cell
-    knows = next((run for run in runs if any(truth.cell == name for truth in run.meta.truth)), runs[0])
+    knows = next(
+        (run for run in runs if any(truth.cell == name for truth in run.meta.truth)), runs[0]
+    )
     offsets = [asdict(share) | {"run": str(runs[share.run].path)} for share in cell.shares]
-    without = [_short(result) | {"run": str(runs[left_out].path)} for left_out, result in cell.without.items()]
+    without = [
+        _short(result) | {"run": str(runs[left_out].path)}
+        for left_out, result in cell.without.items()
+    ]
     return _cell(cell.result, knows) | {"offsets": offsets, "without": without}
 
 
 def _short(result: CellResult) -> Json:
     """The posterior's answer in a few values."""
-    entry: Json = {"n": result.n, "verdict": result.verdict, "best": None, "region95": {"area_m2": None}}
+    entry: Json = {
+        "n": result.n,
+        "verdict": result.verdict,
+        "best": None,
+        "region95": {"area_m2": None},
+    }
     if result.posterior is not None and result.obs is not None:
         best = result.posterior
         lat, lon = result.obs.utm.to_latlon(best.x_m, best.y_m)
@@ -127,7 +144,10 @@ def _located(posterior: Posterior, utm: Utm) -> Json:
         "best": {"lat": lat, "lon": lon, **named},
         "modes": modes,
         "region95": {"area_m2": area_m2(posterior.cells), "geojson": geojson(posterior.cells, utm)},
-        "region50": {"area_m2": area_m2(posterior.cells, 0.5), "geojson": geojson(posterior.cells, utm, 0.5)},
+        "region50": {
+            "area_m2": area_m2(posterior.cells, 0.5),
+            "geojson": geojson(posterior.cells, utm, 0.5),
+        },
         "noise": {
             "sigma_db": posterior.sigma_db,
             "decorrelation_m": posterior.decorrelation_m,
@@ -153,12 +173,16 @@ def estimate(x: FloatArray, p: FloatArray, n: int, utm: Utm) -> Json:
     }
 
 
-_NO_ESTIMATE: Json = dict.fromkeys(("lat", "lon", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma", "ellipse95"))
+_NO_ESTIMATE: Json = dict.fromkeys(
+    ("lat", "lon", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma", "ellipse95")
+)
 _NO_ESTIMATE |= {"n": 0, "converged": None}
 
 
 def _no_estimate(result: CellResult, name: str) -> Json:
-    """Every value null; `converged` is false where the estimator was asked, null where it was not."""
+    """Every value null; `converged` is false where the estimator was asked, null where it was
+    not.
+    """
     return _NO_ESTIMATE | {"converged": False} if name in result.failed else _NO_ESTIMATE
 
 
@@ -182,7 +206,15 @@ def _agreement(compared: Comparison | None) -> Json | None:
 def _residuals(left: Residuals | None) -> Json | None:
     if left is None:
         return None
-    names = ("sigma_db", "skewness", "excess_kurtosis", "beyond_3_sigma", "lag1", "decorrelation_m", "independent")
+    names = (
+        "sigma_db",
+        "skewness",
+        "excess_kurtosis",
+        "beyond_3_sigma",
+        "lag1",
+        "decorrelation_m",
+        "independent",
+    )
     found: Json = {name: getattr(left, name) for name in names}
     for name in ("by_distance", "by_azimuth", "innovations"):
         part = getattr(left, name)
@@ -202,12 +234,18 @@ def _batch(result: CellResult) -> Json:
         "bounded": fitted.bounded,
         "correlation_inflation": fitted.inflation,
     }
-    rivals = [dict(zip(("lat", "lon"), utm.to_latlon(*r[:2].tolist()), strict=True)) for r in fitted.rivals]
+    rivals = [
+        dict(zip(("lat", "lon"), utm.to_latlon(*r[:2].tolist()), strict=True))
+        for r in fitted.rivals
+    ]
     return estimate(fitted.state, fitted.covariance, fitted.n, utm) | more | {"rivals": rivals}
 
 
 def write(smoothed: Smoothed, found: Json, path: Path) -> None:
-    """Summary `found`, and the path of every filter, to HDF5; complete or not at all. Raises `RunFileError`."""
+    """Summary `found`, and the path of every filter, to HDF5; complete or not at all.
+
+    Raises `RunFileError`.
+    """
     with _results_file(path, found) as file:
         file.attrs["run_id"] = smoothed.run.meta.run_id
         for i, result in enumerate(smoothed.cells):
@@ -215,7 +253,9 @@ def write(smoothed: Smoothed, found: Json, path: Path) -> None:
 
 
 def write_together(together: Together, found: Json, path: Path) -> None:
-    """As `write` for several runs: `run` of each reading is its place in the attribute `run_ids`."""
+    """As `write` for several runs: `run` of each reading is its place in the attribute
+    `run_ids`.
+    """
     with _results_file(path, found) as file:
         file.attrs["run_ids"] = [run.meta.run_id for run in together.runs]
         for i, cell in enumerate(together.cells):

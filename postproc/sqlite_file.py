@@ -1,7 +1,8 @@
 """SQLite files of strangers, opened to read tables and nothing else.
 
-A schema may hold more than tables: a view that never ends, a column that is computed by a function, a page that points
-to itself. What is not a plain table is refused, and a query ends where an honest file would long have been read.
+A schema may hold more than tables: a view that never ends, a column that is computed by a function,
+a page that points to itself. What is not a plain table is refused, and a query ends where an honest
+file would long have been read.
 """
 
 import sqlite3
@@ -15,12 +16,16 @@ _STEPS_BY_BYTE = 50
 """An honest scan takes about one step of SQLite's machine for each byte."""
 _LONGEST_BYTES = 64 << 20
 """Of a value; a tile has some kilobytes."""
-_ALLOWED = frozenset({sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ, sqlite3.SQLITE_FUNCTION, sqlite3.SQLITE_PRAGMA})
+_ALLOWED = frozenset(
+    {sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ, sqlite3.SQLITE_FUNCTION, sqlite3.SQLITE_PRAGMA}
+)
 
 
 @contextmanager
 def opened(path: Path, *, views: bool = False) -> Iterator[sqlite3.Connection]:
-    """A database to read; raises sqlite3.Error, also where a query takes longer than any of a file of its size."""
+    """A database to read; raises sqlite3.Error, also where a query takes longer than any of a file
+    of its size.
+    """
     with closing(connected(path, views=views)) as database:
         yield database
 
@@ -37,9 +42,15 @@ def connected(path: Path, *, views: bool = False) -> sqlite3.Connection:
         left[0] -= _STEPS_AT_ONCE
         return left[0] < 0
 
-    def judge(action: int, _1: str | None, _2: str | None, _3: str | None, within: str | None) -> int:
+    def judge(
+        action: int, _1: str | None, _2: str | None, _3: str | None, within: str | None
+    ) -> int:
         is_plain = action in _ALLOWED and (views or within is None)
-        return sqlite3.SQLITE_OK if is_plain or (views and action == sqlite3.SQLITE_RECURSIVE) else sqlite3.SQLITE_DENY
+        return (
+            sqlite3.SQLITE_OK
+            if is_plain or (views and action == sqlite3.SQLITE_RECURSIVE)
+            else sqlite3.SQLITE_DENY
+        )
 
     database.set_progress_handler(is_over, _STEPS_AT_ONCE)
     database.set_authorizer(judge)

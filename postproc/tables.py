@@ -1,4 +1,6 @@
-"""Results of `smooth` in a terminal: a line for each cell, and all that is known of those that were asked for."""
+"""Results of `smooth` in a terminal: a line for each cell, and all that is known of those that were
+asked for.
+"""
 
 from collections.abc import Sequence
 
@@ -21,7 +23,9 @@ _ORDER = tuple(_STYLES)
 
 
 def print_summary(found: Json, *, details: bool) -> None:
-    """What was found, as `results` gives it: one line for each cell, or with `details` all that is known of it."""
+    """What was found, as `results` gives it: one line for each cell, or with `details` all that is
+    known of it.
+    """
     console = screen()
     runs = found.get("runs") or [found["run"]]
     _print_warnings(console, runs, found.get("warnings", ()))
@@ -30,7 +34,11 @@ def print_summary(found: Json, *, details: bool) -> None:
         return
     if not details:
         _print_lines(console, cells)
-        say(console, "\nThe reasons and all details of one cell: --cell NAME; of every cell: -v", "dim")
+        say(
+            console,
+            "\nThe reasons and all details of one cell: --cell NAME; of every cell: -v",
+            "dim",
+        )
         return
     for cell in cells:
         _print_cell(console, cell)
@@ -53,7 +61,14 @@ def _print_warnings(console: Console, runs: Sequence[Json], warnings: Sequence[s
 def _print_lines(console: Console, cells: Sequence[Json]) -> None:
     """One line for each cell, or one sentence where a line is too short for that."""
     simulated = any(cell["truth"] for cell in cells)
-    titles = ["cell", "readings", "verdict", "place", "95 % within", *(["error"] if simulated else [])]
+    titles = [
+        "cell",
+        "readings",
+        "verdict",
+        "place",
+        "95 % within",
+        *(["error"] if simulated else []),
+    ]
     rows = [_in_one_line(cell) for cell in cells]
     if fits(console, titles, rows):
         table(console, titles, rows, right=("readings", "95 % within", "error"))
@@ -64,7 +79,9 @@ def _print_lines(console: Console, cells: Sequence[Json]) -> None:
 
 def _in_one_sentence(cell: Json) -> Text:
     name, n, verdict, place, within, off = map(str, _in_one_line(cell))
-    where = {"located": f" at {place}, 95 % within {within}", "ambiguous": f", {place}"}.get(cell["verdict"], "")
+    where = {"located": f" at {place}, 95 % within {within}", "ambiguous": f", {place}"}.get(
+        cell["verdict"], ""
+    )
     more = f"{where}, {n} readings{f', error {off}' if off else ''}"
     return styled((f"{name}: ", ""), (verdict, _STYLES[cell["verdict"]]), (more, ""))
 
@@ -84,8 +101,17 @@ def _in_one_line(cell: Json) -> list[Cell]:
 
 def _print_cell(console: Console, cell: Json) -> None:
     verdict = (cell["verdict"], _STYLES[cell["verdict"]])
-    in_scans = "" if cell["n_scans"] is None else f", heard in {cell['n_scans']} scan{'s' * (cell['n_scans'] != 1)}"
-    say(console, styled(("\n", ""), (cell["cell"], "bold"), (f"  {cell['n']} readings{in_scans}  ", ""), verdict))
+    in_scans = (
+        ""
+        if cell["n_scans"] is None
+        else f", heard in {cell['n_scans']} scan{'s' * (cell['n_scans'] != 1)}"
+    )
+    say(
+        console,
+        styled(
+            ("\n", ""), (cell["cell"], "bold"), (f"  {cell['n']} readings{in_scans}  ", ""), verdict
+        ),
+    )
     for warning in cell["warnings"]:
         say(console, warning, bullet="  - ")
     _print_estimators(console, cell)
@@ -100,16 +126,29 @@ def _print_cell(console: Console, cell: Json) -> None:
 def _print_estimators(console: Console, cell: Json) -> None:
     rows: list[list[str]] = []
     if cell["best"]["lat"] is not None:
-        rows.append(_row("posterior", cell["best"] | {"n": cell["n"]}, f"r {cell['best']['r95_m']:.0f}"))
+        rows.append(
+            _row("posterior", cell["best"] | {"n": cell["n"]}, f"r {cell['best']['r95_m']:.0f}")
+        )
     for i, mode in enumerate(cell["modes"], 1):
-        share = f"{mode['percent']}%" if mode["percent"] is not None else share_text(mode["probability"])
+        share = (
+            f"{mode['percent']}%"
+            if mode["percent"] is not None
+            else share_text(mode["probability"])
+        )
         rows.append([f"  place {i}: {share}", _place(mode), _axes(mode["ellipse95"])])
     for name, title in TITLES.items():
         if cell[name]["converged"] is False:
             rows.append([title, "did not converge"])
         elif cell[name]["lat"] is not None:
             bounded = cell[name].get("bounded") is not False
-            rows.append(_row(title, cell[name], _axes(cell[name]["ellipse95"]) if bounded else "", bounded=bounded))
+            rows.append(
+                _row(
+                    title,
+                    cell[name],
+                    _axes(cell[name]["ellipse95"]) if bounded else "",
+                    bounded=bounded,
+                )
+            )
     table(console, ["estimator", "place", "95 % (m)", "P0 (dBm)", "eta", "n"], rows, right=("n",))
 
 
@@ -126,10 +165,18 @@ def _print_by_run(console: Console, cell: Json) -> None:
     rows = []
     for gave, without in zip(cell["offsets"], cell["without"], strict=True):
         best, offset = without["best"], gave["offset_db"]
-        level = "-" if offset is None else f"{offset:+.1f} ± {gave['sigma_db']:.1f}" if gave["sigma_db"] else "0"
+        level = (
+            "-"
+            if offset is None
+            else f"{offset:+.1f} ± {gave['sigma_db']:.1f}"
+            if gave["sigma_db"]
+            else "0"
+        )
         place = (_place(best), f"r {best['r95_m']:.0f}") if best else ("-", "-")
         rows.append([gave["run"], str(gave["n"]), level, *place, without["verdict"]])
-    table(console, ["run", "n", "reads (dB)", "without it", "95 % (m)", "verdict"], rows, right=("n",))
+    table(
+        console, ["run", "n", "reads (dB)", "without it", "95 % (m)", "verdict"], rows, right=("n",)
+    )
 
 
 def _place(e: Json) -> str:
@@ -147,5 +194,7 @@ def _metres(m: float) -> str:
 def _print_truth(console: Console, truth: Json | None) -> None:
     if truth is not None and truth["error_m"] is not None:
         inside = "inside" if truth["inside_region95"] else "OUTSIDE"
-        says = f"truth: best place is {truth['error_m']:.0f} m off, truth is {inside} the 95 % region"
+        says = (
+            f"truth: best place is {truth['error_m']:.0f} m off, truth is {inside} the 95 % region"
+        )
         say(console, says, bullet="  ")

@@ -1,4 +1,6 @@
-"""What people read in a terminal: sentences that wrap at blanks, and tables that never cut a number."""
+"""What people read in a terminal: sentences that wrap at blanks, and tables that never cut a
+number.
+"""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -20,7 +22,9 @@ _KEPT_TOGETHER = "\N{NO-BREAK SPACE}"
 
 
 def screen() -> Console:
-    """Standard output: a terminal is as wide as it is; a file or a pipe takes lines of any length."""
+    """Standard output: a terminal is as wide as it is; a file or a pipe takes lines of any
+    length.
+    """
     # text of a run is text: no markup, no emoji codes
     plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
     console = Console(**plain)
@@ -42,7 +46,12 @@ def say(console: Console, text: Cell, style: str = "", *, bullet: str = "") -> N
     width = max(console.width - cell_len(bullet), _NARROWEST)
     lines = [line for part in said.split("\n", allow_blank=True) for line in _wrapped(part, width)]
     for i, line in enumerate(lines):
-        console.print(Text(" " * cell_len(bullet) if i else bullet) + line, no_wrap=True, overflow="ignore", crop=False)
+        console.print(
+            Text(" " * cell_len(bullet) if i else bullet) + line,
+            no_wrap=True,
+            overflow="ignore",
+            crop=False,
+        )
 
 
 def _wrapped(text: Text, width: int) -> list[Text]:
@@ -60,13 +69,20 @@ def _wrapped(text: Text, width: int) -> list[Text]:
 
 
 def table(
-    console: Console, titles: Sequence[str], rows: Iterable[Sequence[Cell]], *, right: Sequence[str] = ()
+    console: Console,
+    titles: Sequence[str],
+    rows: Iterable[Sequence[Cell]],
+    *,
+    right: Sequence[str] = (),
 ) -> None:
-    """Columns side by side where they fit, each row as a list of its values where they do not; nothing without rows.
+    """Columns side by side where they fit, each row as a list of its values where they do not;
+    nothing without rows.
 
     `right` names the columns that end at one line. The first column names a row.
     """
-    cells = [[styled((cell, "")) if isinstance(cell, str) else cell for cell in row] for row in rows]
+    cells = [
+        [styled((cell, "")) if isinstance(cell, str) else cell for cell in row] for row in rows
+    ]
     if not cells:
         return
     if not fits(console, titles, cells):
@@ -88,7 +104,8 @@ def fits(console: Console, titles: Sequence[str], rows: Sequence[Sequence[Cell]]
 
 def _widths(titles: Sequence[str], rows: Sequence[Sequence[Cell]]) -> list[int]:
     return [
-        max(cell_len(title), *(cell_len(str(row[i])) for row in rows if i < len(row))) for i, title in enumerate(titles)
+        max(cell_len(title), *(cell_len(str(row[i])) for row in rows if i < len(row)))
+        for i, title in enumerate(titles)
     ]
 
 
@@ -96,7 +113,9 @@ def _line(row: Sequence[Text], widths: Sequence[int], align: Sequence[str]) -> T
     line = Text()
     for cell, width, side in zip(row, widths, align, strict=False):
         blank = " " * (width - cell.cell_len)
-        line.append(blank if side == "right" else "").append_text(cell).append(blank if side == "left" else "")
+        line.append(blank if side == "right" else "").append_text(cell).append(
+            blank if side == "left" else ""
+        )
         line.append(" " * _GAP)
     line.rstrip()
     return line

@@ -6,18 +6,25 @@ import shapely
 from pyproj import Geod
 
 from logger.core.runfile import Run
-from postproc.estimators.outline import polygons
-from postproc.smooth import CellResult
+from postproc.estimators.region_outline import polygons
+from postproc.smoothing import CellResult
 
 _GEOD = Geod(ellps="WGS84")
 
 
 def truth_of(result: CellResult, run: Run) -> dict[str, Any] | None:
-    """True place of a simulated cell, the error of the best place, and whether the 95 % region holds the truth."""
+    """True place of a simulated cell, the error of the best place, and whether the 95 % region
+    holds the truth.
+    """
     truth = next((t for t in run.meta.truth if t.cell == result.cell), None)
     if truth is None:
         return None
-    found: dict[str, Any] = {"lat": truth.lat_deg, "lon": truth.lon_deg, "error_m": None, "inside_region95": None}
+    found: dict[str, Any] = {
+        "lat": truth.lat_deg,
+        "lon": truth.lon_deg,
+        "error_m": None,
+        "inside_region95": None,
+    }
     if result.posterior is not None and result.obs is not None:
         utm = result.obs.utm
         lat, lon = utm.to_latlon(result.posterior.x_m, result.posterior.y_m)

@@ -14,17 +14,19 @@ from logger.core.observations import (
     scan_times_ns,
     smeared_sigma_m,
 )
-from logger.core.origin import has_times, is_import
+from logger.core.provenance import has_times, is_import
 from logger.core.rows import Rows
 from logger.core.runfile import Run
-from postproc.estimators import plausible, stale, walker
+from postproc.estimators import stale_fixes, track_plausibility, walker
 from postproc.estimators.walker import SmoothedTrack
 
 
 def walk_of(run: Run) -> tuple[Observations | None, list[str]]:
-    """Readings of a run at the walker's smoothed places, None where it never knew its place, and warnings.
+    """Readings of a run at the walker's smoothed places, None where it never knew its place, and
+    warnings.
 
-    Where an imported file's times cannot be those of its places, nothing is smoothed: each place is as it was written.
+    Where an imported file's times cannot be those of its places, nothing is smoothed: each place is
+    as it was written.
     """
     try:
         observations = observe(run.tables["fixes"], run.tables["scans"], run.tables["readings"])
@@ -34,22 +36,26 @@ def walk_of(run: Run) -> tuple[Observations | None, list[str]]:
         return observations, ["the readings were imported without times: no place is smoothed"]
     walked = _walked(run.tables, observations)
     if is_import(run.meta.origin):
-        why = plausible.too_fast(observations.track) or plausible.too_many_apart(walked)
+        why = track_plausibility.too_fast(observations.track) or track_plausibility.too_many_apart(
+            walked
+        )
         if why:
             return observations, [f"the times cannot be right: {why}; so no place is smoothed"]
     return _placed(run.tables, observations, walked), _moved(walked)
 
 
 def _walked(tables: Mapping[str, Rows], observations: Observations) -> SmoothedTrack:
-    track = stale.fresh(observations.track)
+    track = stale_fixes.fresh(observations.track)
     return walker.smooth_track(track, walker.velocities(tables["fixes"], track))
 
 
-def _placed(tables: Mapping[str, Rows], observations: Observations, walked: SmoothedTrack) -> Observations:
+def _placed(
+    tables: Mapping[str, Rows], observations: Observations, walked: SmoothedTrack
+) -> Observations:
     """The readings on the smoothed way.
 
-    A level is an average over seconds, and a full scan lasts for more: where it belongs is unsure by what the walker
-    covers meanwhile.
+    A level is an average over seconds, and a full scan lasts for more: where it belongs is unsure
+    by what the walker covers meanwhile.
     """
 
     def put(obs: CellObservations) -> CellObservations:
@@ -58,22 +64,28 @@ def _placed(tables: Mapping[str, Rows], observations: Observations, walked: Smoo
         late_m = TIMING_S * np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
         begun, ended = (walked.at(t_ns) for t_ns in scan_times_ns(tables["scans"], obs))
         smear_m = smeared_sigma_m(np.hypot(ended.x_m - begun.x_m, ended.y_m - begun.y_m))
-        return replace(at, position_sigma_m=np.sqrt(at.position_sigma_m**2 + late_m**2 + smear_m**2))
+        return replace(
+            at, position_sigma_m=np.sqrt(at.position_sigma_m**2 + late_m**2 + smear_m**2)
+        )
 
     return replace(observations, cells=tuple(put(obs) for obs in observations.cells))
 
 
 def _moved(walked: SmoothedTrack) -> list[str]:
     """What was done to fixes beyond what their accuracy allows."""
-    moved_m, far = plausible.moved_m(walked), plausible.moved_too_far(walked)
+    moved_m, far = track_plausibility.moved_m(walked), track_plausibility.moved_too_far(walked)
     told = []
     if n := walked.n_outliers:
         away_m = float(np.max(moved_m[walked.outlier]))
         which = "fix lies" if n == 1 else "fixes lie"
         was = "was" if n == 1 else "were"
-        told.append(f"{n} {which} apart from all others, up to {away_m:.0f} m from the way, and {was} set aside")
+        told.append(
+            f"{n} {which} apart from all others, up to {away_m:.0f} m from the way, and {was} set aside"
+        )
     if n := int(np.count_nonzero(far)):
         away_m = float(np.max(moved_m[far]))
         which = "fix lies" if n == 1 else "fixes lie"
-        told.append(f"{n} {which} farther from the smoothed way than three times their accuracy, up to {away_m:.0f} m")
+        told.append(
+            f"{n} {which} farther from the smoothed way than three times their accuracy, up to {away_m:.0f} m"
+        )
     return told

@@ -13,24 +13,36 @@ from logger.config import parse_config
 from logger.core.errors import ConfigError
 from logger.core.live import LiveTracker
 from logger.core.runfile import RunMeta, RunWriter, finish_journal, read_run
-from logger.device.beginning import usable_folder
 from logger.device.port_url import check_url
+from logger.device.startup import usable_folder
 from tests.kit import runs, service
 
 NUMBERS = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
     st.integers(),
-    st.sampled_from([0.0, -0.0, 1e-300, 1e300, 1e9, 1.0, math.inf, -math.inf, math.nan, 2**63, 2**64, -1]),
+    st.sampled_from(
+        [0.0, -0.0, 1e-300, 1e300, 1e9, 1.0, math.inf, -math.inf, math.nan, 2**63, 2**64, -1]
+    ),
 )
 TEXTS = st.one_of(
-    st.text(), st.sampled_from(["", "strongest", "262-01-801-86355", "modem", "~nouser/x", "a\0b", "\x1b[2J"])
+    st.text(),
+    st.sampled_from(["", "strongest", "262-01-801-86355", "modem", "~nouser/x", "a\0b", "\x1b[2J"]),
 )
 VALUES = st.one_of(NUMBERS, TEXTS, st.booleans(), st.lists(st.integers(), max_size=2))
 KEYS = {
     "run": ["directory"],
     "modem": ["port", "driver", "baud", "poll_interval_s", "full_scan_interval_s"],
     "gnss": ["port", "baud"],
-    "live": ["target", "hysteresis_db", "lost_s", "max_fix_age_s", "joseph", "most_cells", "environment", "height_m"],
+    "live": [
+        "target",
+        "hysteresis_db",
+        "lost_s",
+        "max_fix_age_s",
+        "joseph",
+        "most_cells",
+        "environment",
+        "height_m",
+    ],
     "status": ["led"],
 }
 WELL = {
@@ -76,7 +88,10 @@ def test_any_site_that_is_accepted_gives_a_run_that_reads_back(tmp_path_factory,
             check_url(port)
     except ConfigError:
         return
-    plain = {name: getattr(runs.meta(), name) for name in ("run_id", "boot_id", "started_ns", "origin", "program")}
+    plain = {
+        name: getattr(runs.meta(), name)
+        for name in ("run_id", "boot_id", "started_ns", "origin", "program")
+    }
     writer = RunWriter(folder / "a.journal", RunMeta(**plain, config_text=text, live=config.live))
     tracker = LiveTracker(config.live)
     for record in runs.records(8):
@@ -118,7 +133,10 @@ NO_MEANING = [
         for value in ("inf", "nan", "-1.0", "1e300")
     ),
     *(("live", "hysteresis_db", value) for value in ("nan", "-1.0", "-inf")),
-    *(("live", "most_cells", value) for value in ("0", "-3", "9223372036854775808", "100000000000000000000000")),
+    *(
+        ("live", "most_cells", value)
+        for value in ("0", "-3", "9223372036854775808", "100000000000000000000000")
+    ),
     ("live", "target", '""'),
     ("live", "target", f'"{65 * "x"}"'),
     *(("modem", "poll_interval_s", value) for value in ("1e-300", "0", "nan", "inf", "1e12")),
@@ -137,11 +155,15 @@ def _said(capsys):
 
 
 @pytest.mark.parametrize(("table", "key", "value"), NO_MEANING)
-def test_a_value_without_a_meaning_is_one_line_that_names_the_key(tmp_path, capsys, table, key, value):
+def test_a_value_without_a_meaning_is_one_line_that_names_the_key(
+    tmp_path, capsys, table, key, value
+):
     wanted = {name: {k: json.dumps(v) for k, v in values.items()} for name, values in WELL.items()}
     wanted.setdefault(table, {})[key] = value
     wanted["run"].setdefault("directory", json.dumps(str(tmp_path / "runs")))
-    text = "\n".join(f"[{t}]\n" + "\n".join(f"{k} = {v}" for k, v in vs.items()) for t, vs in wanted.items())
+    text = "\n".join(
+        f"[{t}]\n" + "\n".join(f"{k} = {v}" for k, v in vs.items()) for t, vs in wanted.items()
+    )
     tomllib.loads(text)
     (tmp_path / "site.toml").write_text(text)
     for command in ("check", "run"):
@@ -171,7 +193,9 @@ def test_a_port_that_is_searched_for_may_be_plugged_in_later():
     check_url("hwgrep://1e0e:9001")
 
 
-@pytest.mark.parametrize("directory", ["~nouser-of-this-name/x", "a\0b", "/proc/none/x", "/" + "x" * 300])
+@pytest.mark.parametrize(
+    "directory", ["~nouser-of-this-name/x", "a\0b", "/proc/none/x", "/" + "x" * 300]
+)
 def test_a_directory_that_cannot_be_is_one_error(directory):
     with pytest.raises(ConfigError, match="directory"):
         usable_folder(directory)
@@ -196,7 +220,14 @@ NASTY = ["a\0b", "/dev/null/x", "x" * 5000, "\x1b[2J", "/", "", "~nouser/x", "\u
 )
 def test_a_nasty_name_is_one_line(tmp_path, monkeypatch, capsys, command, name):
     monkeypatch.chdir(tmp_path)
-    if command[0] in {"simulate", "recover"} and name in {"", "/", "\x1b[2J", "a\nb", "\udcff", "~nouser/x"}:
+    if command[0] in {"simulate", "recover"} and name in {
+        "",
+        "/",
+        "\x1b[2J",
+        "a\nb",
+        "\udcff",
+        "~nouser/x",
+    }:
         pytest.skip("a folder may be called so")
     assert main([*command, name]) == 2
     if command[0] != "probe":
@@ -213,6 +244,8 @@ def test_a_nasty_name_is_one_line(tmp_path, monkeypatch, capsys, command, name):
         ("--speed", ("simulate",)),
     ],
 )
-def test_a_number_without_a_meaning_is_one_line_that_names_the_option(capsys, command, option, value):
+def test_a_number_without_a_meaning_is_one_line_that_names_the_option(
+    capsys, command, option, value
+):
     assert main([*command, f"{option}={value}"]) == 2
     assert option in _said(capsys)

@@ -11,7 +11,7 @@ from logger.cli import main
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from logger.device.clock import SystemClock
-from logger.device.kept_modes import KeptMode, KeptModes
+from logger.device.saved_modes import KeptMode, KeptModes
 from logger.device.status import PortStatus, Status
 from logger.drivers.registry import FAMILIES
 from logger.sim.dialects import DIALECTS
@@ -46,7 +46,9 @@ def test_a_trial_on_real_ports_finds_all_well(tmp_path, capsys):
         site = service.site_toml(tmp_path, modem.path, gnss.path)
         code, lines = _trial(site, capsys, "modem", "readings", "gnss", "SIM")
     assert code == 0, lines
-    assert [lines[what]["state"] for what in ("disk", "modem", "readings", "gnss", "SIM")] == ["ok"] * 5, lines
+    assert [lines[what]["state"] for what in ("disk", "modem", "readings", "gnss", "SIM")] == [
+        "ok"
+    ] * 5, lines
     assert "SIM not inserted" in lines["SIM"]["text"]
     assert not list((tmp_path / "runs").iterdir())
     assert list(lines)[-1] == "overall"
@@ -93,11 +95,17 @@ def test_what_a_service_says_of_itself_is_judged():
     well = Status("recording", "", "run-1", 1, now_ns, 0, now_ns, 3, 2, 1, 0, 10, None, None, {})
 
     def states(**changes):
-        return {line.what: line.state for line in doctor.of_status(msgspec.structs.replace(well, **changes))}
+        return {
+            line.what: line.state
+            for line in doctor.of_status(msgspec.structs.replace(well, **changes))
+        }
 
     assert set(states().values()) == {"ok"}
     assert states(state="no fix")["status"] == "warn"
-    assert states(state="error", ports={"modem": port}) == states() | {"status": "fail", "modem": "fail"}
+    assert states(state="error", ports={"modem": port}) == states() | {
+        "status": "fail",
+        "modem": "fail",
+    }
     assert states(synced_ns=now_ns - 60 * S)["card"] == "fail"
     assert states(synced_ns=None, since_ns=now_ns - S)["card"] == "ok"
     assert states(waiting=6)["queue"] == "warn"
@@ -111,7 +119,8 @@ def _doctor(site, capsys):
 
 
 @pytest.mark.parametrize(
-    ("bits", "state"), [("0", "ok"), ("50005", "fail"), ("50000", "warn"), ("junk", "ok"), (None, "ok")]
+    ("bits", "state"),
+    [("0", "ok"), ("50005", "fail"), ("50000", "warn"), ("junk", "ok"), (None, "ok")],
 )
 def test_undervoltage_as_the_firmware_tells_it(tmp_path, bits, state):
     if bits is not None:
@@ -149,7 +158,10 @@ def test_what_the_end_of_a_run_tells(tmp_path):
     assert "of 1 cells" in good["readings"].text
     bad = _of(
         tmp_path,
-        [Record(S, "modem", Note("warning", "port-lost", "no such port")), Record(2 * S, "gnss", Fix(False))],
+        [
+            Record(S, "modem", Note("warning", "port-lost", "no such port")),
+            Record(2 * S, "gnss", Fix(False)),
+        ],
     )
     assert [bad[what].state for what in ("modem", "readings", "gnss")] == ["fail", "warn", "warn"]
     assert "no such port" in bad["modem"].text
@@ -182,10 +194,22 @@ def test_ports_that_do_not_exist_are_told_with_how_to_find_them(tmp_path, capsys
     [
         ([], "ok", "ready to walk"),
         ([("ok", "modem", "")], "ok", "ready to walk"),
-        ([("warn", "disk", "little"), ("warn", "service", "off")], "ok", "ready to walk; to be seen to: disk, service"),
+        (
+            [("warn", "disk", "little"), ("warn", "service", "off")],
+            "ok",
+            "ready to walk; to be seen to: disk, service",
+        ),
         ([("warn", "gnss", "no position")], "warn", "not yet ready to walk: gnss: no position"),
-        ([("warn", "disk", ""), ("warn", "readings", "only LTE")], "warn", "not yet ready to walk: readings: only LTE"),
-        ([("warn", "gnss", ""), ("fail", "disk", "full")], "fail", "not ready to walk: disk: full (and 1 more above)"),
+        (
+            [("warn", "disk", ""), ("warn", "readings", "only LTE")],
+            "warn",
+            "not yet ready to walk: readings: only LTE",
+        ),
+        (
+            [("warn", "gnss", ""), ("fail", "disk", "full")],
+            "fail",
+            "not ready to walk: disk: full (and 1 more above)",
+        ),
         (
             [("fail", "modem", "silent")],
             "fail",
@@ -241,7 +265,9 @@ def test_a_modem_left_on_gsm_only_is_told_of(tmp_path, capsys):
 
 def _heard(rats, driver, *notes):
     ready = Note("info", "modem-ready", f"modem set up by driver {driver}")
-    cells = [CellReading("serving", rat, "262", "01", 1, 1, arfcn=1, rssi_dbm=-70.0) for rat in rats]
+    cells = [
+        CellReading("serving", rat, "262", "01", 1, 1, arfcn=1, rssi_dbm=-70.0) for rat in rats
+    ]
     scans = [Record(t * S, "modem", Scan(t * S, tuple(cells))) for t in range(2, 30)]
     return [Record(S, "modem", note) for note in (ready, *notes)] + scans
 
@@ -273,6 +299,10 @@ def test_what_is_heard_beside_gsm_is_no_matter(tmp_path, rats, says):
 
 
 def test_a_modem_that_refused_gsm_only_is_not_advised_of_it_again(tmp_path):
-    refused = Note("warning", "mode-unchanged", "what the modem hears is not changed: the modem refuses AT+CNMP=13")
+    refused = Note(
+        "warning",
+        "mode-unchanged",
+        "what the modem hears is not changed: the modem refuses AT+CNMP=13",
+    )
     line = _of(tmp_path, _heard(["LTE"], "sim7600", refused))["readings"]
     assert line.text.endswith("the modem refuses AT+CNMP=13")

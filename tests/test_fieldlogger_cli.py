@@ -14,9 +14,7 @@ from logger.device.port import Port
 from logger.drivers.registry import FAMILIES
 from tests.kit import service
 
-REPLY = (
-    '+CENG: 1,1\r\n+CENG: 0,"0666,21,00,310,260,08,4e72,04,03,0113,255"\r\n+CENG: 1,"0233,26,00,ffff,,,0000"\r\nOK\r\n'
-)
+REPLY = '+CENG: 1,1\r\n+CENG: 0,"0666,21,00,310,260,08,4e72,04,03,0113,255"\r\n+CENG: 1,"0233,26,00,ffff,,,0000"\r\nOK\r\n'
 
 
 def _fails(capsys, *argv):
@@ -35,11 +33,17 @@ def site(tmp_path):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (('port = "/dev/ttyUSB77"', 'prot = "/dev/ttyUSB77"'), '[modem] unknown key "prot"; did you mean "port"?'),
+        (
+            ('port = "/dev/ttyUSB77"', 'prot = "/dev/ttyUSB77"'),
+            '[modem] unknown key "prot"; did you mean "port"?',
+        ),
         (("[gnss]", "[gnns]"), 'unknown key "gnns"; did you mean "gnss"?'),
         (('port = "/dev/ttyUSB78"', ""), '[gnss] missing key "port"'),
         (("[run]", "[run"), "line 1"),
-        (("poll_interval_s = 0.05", "poll_interval_s = -1"), '[modem] "poll_interval_s": expected `float` > 0'),
+        (
+            ("poll_interval_s = 0.05", "poll_interval_s = -1"),
+            '[modem] "poll_interval_s": expected `float` > 0',
+        ),
         (("poll_interval_s = 0.05", 'baud = "fast"'), '[modem] "baud": expected `int`, got `str`'),
         (("ttyUSB78", "ttyUSB77"), "name the same port"),
         (("/dev/ttyUSB77", "gpsd://localhost"), "gpsd is a receiver"),
@@ -118,7 +122,11 @@ def test_parse_prints_the_fields_of_each_reading(tmp_path, capsys):
         "arfcn_raw": 666, "bsic": 8, "rxlev_raw": 21, "rxq": 0, "rssi_dbm": -92.0,
     }  # fmt: skip
     assert serving["ta"] is None
-    assert (neighbour["role"], neighbour["mcc"], neighbour["rssi_dbm"]) == ("neighbour", None, -87.0)
+    assert (neighbour["role"], neighbour["mcc"], neighbour["rssi_dbm"]) == (
+        "neighbour",
+        None,
+        -87.0,
+    )
     assert main(["parse", "--driver", "sim800", str(tmp_path / "reply.txt")]) == 0
     assert "mcc=310" in capsys.readouterr().out
 
@@ -142,13 +150,15 @@ def test_parse_of_a_missing_file_and_an_unknown_driver(tmp_path, capsys):
 
 @pytest.mark.parametrize("command", ["logger.cli", "postproc.cli"])
 def test_help_imports_nothing_heavy(command):
-    code = (
-        f"import sys, {command}\ntry: {command}.main(['--help'])\nexcept SystemExit: pass\nprint(sorted(sys.modules))"
-    )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    code = f"import sys, {command}\ntry: {command}.main(['--help'])\nexcept SystemExit: pass\nprint(sorted(sys.modules))"
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
     modules = out.splitlines()[-1]
     assert not [
-        name for name in ("numpy", "h5py", "pyproj", "rerun", "matplotlib", "rich", "serial") if f"'{name}'" in modules
+        name
+        for name in ("numpy", "h5py", "pyproj", "rerun", "matplotlib", "rich", "serial")
+        if f"'{name}'" in modules
     ]
 
 

@@ -18,7 +18,10 @@ def clean(tmp_path_factory, request):
     folder = tmp_path_factory.mktemp("clean")
     venv.create(folder, with_pip=True)
     source = request.config.rootpath
-    subprocess.run([folder / "bin/pip", "install", "--quiet", "--disable-pip-version-check", source], check=True)
+    subprocess.run(
+        [folder / "bin/pip", "install", "--quiet", "--disable-pip-version-check", source],
+        check=True,
+    )
     return folder
 
 
@@ -33,7 +36,9 @@ def test_plain_install_pulls_nothing_heavy(clean):
 
 
 def test_plain_install_checks_itself(clean, pytestconfig):
-    told = subprocess.run([clean / "bin/fieldlogger", "check"], capture_output=True, text=True, check=False)
+    told = subprocess.run(
+        [clean / "bin/fieldlogger", "check"], capture_output=True, text=True, check=False
+    )
     assert told.returncode == 0, told.stderr
     assert "h5py" in told.stdout
 
@@ -41,7 +46,10 @@ def test_plain_install_checks_itself(clean, pytestconfig):
 def test_desk_without_its_libraries_says_what_to_install(clean, tmp_path):
     (tmp_path / "run.h5").write_text("x")
     told = subprocess.run(
-        [clean / "bin/postproc", "smooth", tmp_path / "run.h5"], capture_output=True, text=True, check=False
+        [clean / "bin/postproc", "smooth", tmp_path / "run.h5"],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert told.returncode == 2
     assert "cellwalk[post]" in told.stderr
@@ -51,6 +59,10 @@ def test_desk_without_its_libraries_says_what_to_install(clean, tmp_path):
 def test_versions_asked_for_are_those_of_debian_12():
     wanted = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
     assert wanted["requires-python"] == ">=3.11"
-    assert {"numpy>=1.24", "h5py>=3.7", "pyproj>=3.4", "pyserial>=3.5", "pynmea2>=1.15"} <= set(wanted["dependencies"])
-    assert any(line.startswith("rerun-sdk~=0.41.0") for line in wanted["optional-dependencies"]["view"])
+    assert {"numpy>=1.24", "h5py>=3.7", "pyproj>=3.4", "pyserial>=3.5", "pynmea2>=1.15"} <= set(
+        wanted["dependencies"]
+    )
+    assert any(
+        line.startswith("rerun-sdk~=0.41.0") for line in wanted["optional-dependencies"]["view"]
+    )
     assert sys.version_info >= (3, 11)

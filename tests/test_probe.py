@@ -63,7 +63,9 @@ def test_a_modem_is_asked_whether_it_has_a_receiver(looked_at):
 
 @pytest.mark.parametrize("receiver", ["receiver", "silent", "none"])
 @pytest.mark.parametrize("modem", [*DIALECTS, "silent", "none"])
-def test_check_accepts_every_proposal_or_says_what_to_fill_in(looked_at, tmp_path, capsys, modem, receiver):
+def test_check_accepts_every_proposal_or_says_what_to_fill_in(
+    looked_at, tmp_path, capsys, modem, receiver
+):
     proposal = proposed([looked_at[modem], looked_at[receiver]], tmp_path / "runs")
     site = tmp_path / "site.toml"
     site.write_text(proposal.text)

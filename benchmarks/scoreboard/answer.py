@@ -1,4 +1,6 @@
-"""What a method says about one walk: a place, how sure it is, and where else the source may stand."""
+"""What a method says about one walk: a place, how sure it is, and where else the source may
+stand.
+"""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -40,7 +42,11 @@ class Ellipse95:
         if off @ np.linalg.solve(self.covariance, off) <= CHI2_95_2DOF:
             return True
         angle = np.linspace(0.0, 2.0 * np.pi, _OUTLINE_POINTS)
-        outline = np.sqrt(CHI2_95_2DOF) * np.linalg.cholesky(self.covariance) @ [np.cos(angle), np.sin(angle)]
+        outline = (
+            np.sqrt(CHI2_95_2DOF)
+            * np.linalg.cholesky(self.covariance)
+            @ [np.cos(angle), np.sin(angle)]
+        )
         return bool(np.min(np.hypot(*(outline - off[:, None]))) <= slack_m)
 
 
@@ -76,14 +82,17 @@ class Mode:
         return float(np.hypot(self.x_m - place[0], self.y_m - place[1]))
 
     def nees(self, place: Place) -> float:
-        """Normalised estimation error squared, chi-square with 2 degrees of freedom where the covariance is true."""
+        """Normalised estimation error squared, chi-square with 2 degrees of freedom where the
+        covariance is true.
+        """
         off = np.array([place[0] - self.x_m, place[1] - self.y_m])
         return float(off @ np.linalg.solve(self.covariance, off))
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Estimate, modes (most probable first; none for a method without uncertainty), region, and verdict if any.
+    """Estimate, modes (most probable first; none for a method without uncertainty), region, and
+    verdict if any.
 
     `fits` is False where the method says that one position does not explain the levels.
     """
@@ -97,7 +106,9 @@ class Answer:
 
 
 def gaussian(mean: FloatArray, covariance: FloatArray) -> Answer:
-    """Answer of a method that knows a mean [x, y, ...] and a covariance only; raises `ValueError` for no covariance."""
+    """Answer of a method that knows a mean [x, y, ...] and a covariance only; raises `ValueError`
+    for no covariance.
+    """
     if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(covariance))):
         raise ValueError("diverged")
     x_m, y_m, plane = float(mean[0]), float(mean[1]), covariance[:2, :2]

@@ -1,8 +1,8 @@
 """The Cramer-Rao bound of the place, with normal priors on P0 and eta and none on the place.
 
-J = G' K^-1 G + diag(0, 0, Lambda0), G the derivative of the mean level by [x, y, P0, eta] at the true state, K the
-covariance of the levels (Van Trees, Detection, Estimation, and Modulation Theory I, sec. 2.4). An estimator that is
-told where sources tend to stand may do better.
+J = G' K^-1 G + diag(0, 0, Lambda0), G the derivative of the mean level by [x, y, P0, eta] at the
+true state, K the covariance of the levels (Van Trees, Detection, Estimation, and Modulation Theory
+I, sec. 2.4). An estimator that is told where sources tend to stand may do better.
 """
 
 from math import log
@@ -17,8 +17,12 @@ from .world import Place, Walk
 _C = 10.0 / log(10.0)
 
 
-def slope_db_per_m(walk: Walk, x_m: FloatArray, y_m: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Derivative of the levels by a source's x and y, shape (n, h) each, for sources of shape (h,)."""
+def slope_db_per_m(
+    walk: Walk, x_m: FloatArray, y_m: FloatArray, eta: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Derivative of the levels by a source's x and y, shape (n, h) each, for sources of shape
+    (h,).
+    """
     east_m, north_m = x_m - walk.x_m[:, None], y_m - walk.y_m[:, None]
     squared = np.maximum(east_m**2 + north_m**2, MIN_DISTANCE_M**2)
     return -_C * eta * east_m / squared, -_C * eta * north_m / squared
@@ -27,7 +31,9 @@ def slope_db_per_m(walk: Walk, x_m: FloatArray, y_m: FloatArray, eta: FloatArray
 def covariance_bound(
     walk: Walk, source: Place, eta: float, covariance_db2: FloatArray, prior_precision: FloatArray
 ) -> FloatArray:
-    """Smallest covariance of an unbiased [x, y, P0, eta], shape (4, 4); `prior_precision` of P0 and eta has (2,)."""
+    """Smallest covariance of an unbiased [x, y, P0, eta], shape (4, 4); `prior_precision` of P0 and
+    eta has (2,).
+    """
     x_m, y_m = np.array([source[0]]), np.array([source[1]])
     east, north = slope_db_per_m(walk, x_m, y_m, np.array([eta]))
     loss_db = log_distance_db(source[0] - walk.x_m, source[1] - walk.y_m)

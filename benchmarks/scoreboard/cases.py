@@ -9,7 +9,17 @@ import numpy as np
 
 from . import traces, worlds
 from .filters import FILTERS
-from .score import BOUND, CENTROID, EXACT, EXACT_CLIPPED, LEAST_SQUARES, OURS, OURS_TOLD, OURS_WHOLE, STRONGEST
+from .score import (
+    BOUND,
+    CENTROID,
+    EXACT,
+    EXACT_CLIPPED,
+    LEAST_SQUARES,
+    OURS,
+    OURS_TOLD,
+    OURS_WHOLE,
+    STRONGEST,
+)
 from .walks import TELLING
 from .world import Noise, World
 
@@ -28,14 +38,19 @@ WHITE = Noise(3.0)
 SPECIFIED_READINGS = (10, 20, 50)
 CLIPPED_SHARES = (0.20, 0.45, 0.70)
 SHADOWED = Noise(0.0, 6.0, 15.0)
-GPS_ERRORS: dict[str, worlds.GpsError] = {"gps-white": "white", "gps-slow": "slow", "gps-constant": "constant"}
+GPS_ERRORS: dict[str, worlds.GpsError] = {
+    "gps-white": "white",
+    "gps-slow": "slow",
+    "gps-constant": "constant",
+}
 
 Build = Callable[[np.random.Generator, str], World]
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Worlds of one kind; `world(seed, run)` is the same for the same numbers, whatever else is run.
+    """Worlds of one kind; `world(seed, run)` is the same for the same numbers, whatever else is
+    run.
 
     `runs` are done unless told otherwise, `most` is all there are.
     """
@@ -79,7 +94,9 @@ def _white() -> list[Case]:
     title = "white noise 3 dB, walk: {}"
     build = partial(worlds.plain, noise=WHITE)
     return [
-        _simulated(f"white-{shape}", title.format(shape), build, methods=MATCHED, shapes=(shape,), runs=200)
+        _simulated(
+            f"white-{shape}", title.format(shape), build, methods=MATCHED, shapes=(shape,), runs=200
+        )
         for shape in TELLING
     ]
 
@@ -99,8 +116,15 @@ def _shadowed() -> list[Case]:
 def _twins() -> list[Case]:
     build = partial(worlds.plain, noise=WHITE)
     return [
-        _simulated("twin-straight", "straight walk, white noise 3 dB: mirror image", build, shapes=("straight",)),
-        _simulated("twin-circle", "round walk, white noise 3 dB: inverse point", build, shapes=("circle",)),
+        _simulated(
+            "twin-straight",
+            "straight walk, white noise 3 dB: mirror image",
+            build,
+            shapes=("straight",),
+        ),
+        _simulated(
+            "twin-circle", "round walk, white noise 3 dB: inverse point", build, shapes=("circle",)
+        ),
     ]
 
 
@@ -153,7 +177,16 @@ def _measured() -> list[Case]:
     ):
         count = len(traces.names(classes))
         title = f"measured walks of class {', '.join(classes)}: {what}"
-        cases.append(Case(f"real-{classes}", title, partial(_measured_world, classes), count, UNKNOWN, most=count))
+        cases.append(
+            Case(
+                f"real-{classes}",
+                title,
+                partial(_measured_world, classes),
+                count,
+                UNKNOWN,
+                most=count,
+            )
+        )
     return cases
 
 

@@ -1,7 +1,8 @@
 """The specification's own scenario: what its table claims, and what can be reached.
 
-The bound is local. It does not know of far places that fit as well, and around a circle there are many: the inverse
-point of its middle is infinitely far away. So it may say that a claim is too good, never that it can be met.
+The bound is local. It does not know of far places that fit as well, and around a circle there are
+many: the inverse point of its middle is infinitely far away. So it may say that a claim is too
+good, never that it can be met.
 """
 
 from collections.abc import Mapping
@@ -20,7 +21,8 @@ READINGS_OF = {"begun": "the first of 50 around the circle", "around": "all arou
 class Claim:
     """Error claimed after some readings, and the median errors measured, by method.
 
-    `bound_m` is the median error of a Gaussian that reaches the Cramer-Rao bound with priors on P0 and eta.
+    `bound_m` is the median error of a Gaussian that reaches the Cramer-Rao bound with priors on P0
+    and eta.
     """
 
     readings: int

@@ -1,8 +1,9 @@
-"""The limit of clipped levels: the posterior of an observer who knows the white noise and the end of the scale.
+"""The limit of clipped levels: the posterior of an observer who knows the white noise and the end
+of the scale.
 
-A level reported as the floor c was at most c + 1/2 before rounding: Phi((c + 1/2 - mu) / sigma) (Tobin, Econometrica
-26(1), 1958). Given the levels, P0 and eta are normal; the product of these terms is integrated over them by Laplace's
-method, Newton steps from the mean on.
+A level reported as the floor c was at most c + 1/2 before rounding: Phi((c + 1/2 - mu) / sigma)
+(Tobin, Econometrica 26(1), 1958). Given the levels, P0 and eta are normal; the product of these
+terms is integrated over them by Laplace's method, Newton steps from the mean on.
 """
 
 import numpy as np
@@ -21,7 +22,9 @@ _NEWTON_STEPS = 9
 
 
 class ClippedLikelihood(Likelihood):
-    """What a walk with levels at `floor_dbm` says about places, for known white noise; raises `EstimationError`."""
+    """What a walk with levels at `floor_dbm` says about places, for known white noise; raises
+    `EstimationError`.
+    """
 
     def __init__(self, walk: Walk, noise: Noise, floor_dbm: float) -> None:
         if noise.shadow_db:
@@ -47,7 +50,9 @@ class ClippedLikelihood(Likelihood):
             g1 = -np.sum(pull * distance_db, axis=0) - a01 * (p0 - m0) - a11 * (eta - m1)
             det = h00 * h11 - h01**2
             p0, eta = p0 + (h11 * g0 - h01 * g1) / det, eta + (h00 * g1 - h01 * g0) / det
-        beyond = np.sum(log_ndtr((self._most_dbm - p0 + eta * distance_db) / self._white_db), axis=0)
+        beyond = np.sum(
+            log_ndtr((self._most_dbm - p0 + eta * distance_db) / self._white_db), axis=0
+        )
         off0, off1 = p0 - m0, eta - m1
         away = 0.5 * (a00 * off0**2 + 2.0 * a01 * off0 * off1 + a11 * off1**2)
         log_p = 0.5 * np.sum(b * np.stack([m0, m1]), axis=0) + beyond - away

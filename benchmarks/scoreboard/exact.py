@@ -1,8 +1,9 @@
 """The limit: the posterior of an observer who knows the noise, on a fine grid.
 
-Two passes over (x, y): square leaves are split until none holds much of the mass; those that hold 99.9 % are then cut
-into cells no larger than a quarter of the posterior's local sigma, taken from the Fisher information there. The
-estimate is the geometric median of the most probable place: no other is nearer to the truth on average.
+Two passes over (x, y): square leaves are split until none holds much of the mass; those that hold
+99.9 % are then cut into cells no larger than a quarter of the posterior's local sigma, taken from
+the Fisher information there. The estimate is the geometric median of the most probable place: no
+other is nearer to the truth on average.
 """
 
 from typing import NamedTuple
@@ -54,7 +55,9 @@ def posterior(likelihood: Likelihood) -> Answer:
     mass = cells.mass()
     by_leaf = np.bincount(leaf, mass, minlength=len(leaves.x_m)).astype(float)
     found = ours.split_into_places(leaves.x_m, leaves.y_m, leaves.size_m, by_leaf)
-    groups = sorted((np.isin(leaf, group) for group in found), key=lambda mine: -float(np.sum(mass[mine])))
+    groups = sorted(
+        (np.isin(leaf, group) for group in found), key=lambda mine: -float(np.sum(mass[mine]))
+    )
     chosen = _highest_density(cells, mass, _LEVEL)
     region = Squares(cells.x_m[chosen], cells.y_m[chosen], cells.size_m[chosen])
     x_m, y_m = _median(cells, mass, groups[0])
@@ -67,7 +70,9 @@ def _searched(likelihood: Likelihood) -> Square:
     for turn in range(_MOST_TURNS):
         wanted = leaves.mass() > _HEAVY
         if turn < _SEARCH_TURNS:  # a peak may still hide between the centres
-            wanted |= (leaves.log_p >= np.partition(leaves.log_p, -_BEST)[-_BEST]) & (leaves.size_m > 1.0)
+            wanted |= (leaves.log_p >= np.partition(leaves.log_p, -_BEST)[-_BEST]) & (
+                leaves.size_m > 1.0
+            )
         if not np.any(wanted):
             break
         leaves = _split(likelihood, leaves, wanted)
@@ -83,12 +88,16 @@ def _first_cells(walk: Walk) -> tuple[FloatArray, FloatArray, FloatArray]:
     while len(x_m):
         large = size_m > np.maximum(_FIRST_CELL_M, nearest_m(walk, x_m, y_m) / 3.0)
         kept.append((x_m[~large], y_m[~large], size_m[~large]))
-        x_m, y_m, size_m, _ = _cut(x_m[large], y_m[large], size_m[large], np.full(np.count_nonzero(large), 2))
+        x_m, y_m, size_m, _ = _cut(
+            x_m[large], y_m[large], size_m[large], np.full(np.count_nonzero(large), 2)
+        )
     x_m, y_m, size_m = (np.concatenate(column) for column in zip(*kept, strict=True))
     return x_m, y_m, size_m
 
 
-def _evaluated(likelihood: Likelihood, x_m: FloatArray, y_m: FloatArray, size_m: FloatArray) -> Square:
+def _evaluated(
+    likelihood: Likelihood, x_m: FloatArray, y_m: FloatArray, size_m: FloatArray
+) -> Square:
     return Square(x_m, y_m, size_m, likelihood.log_p(x_m, y_m))
 
 
@@ -96,7 +105,9 @@ def _split(likelihood: Likelihood, leaves: Square, wanted: BoolArray) -> Square:
     """Leaves with the wanted ones cut into four."""
     x_m, y_m, size_m, _ = (column[wanted] for column in leaves)
     new = _evaluated(likelihood, *_cut(x_m, y_m, size_m, np.full(len(x_m), 2))[:3])
-    return Square(*(np.concatenate([old[~wanted], added]) for old, added in zip(leaves, new, strict=True)))
+    return Square(
+        *(np.concatenate([old[~wanted], added]) for old, added in zip(leaves, new, strict=True))
+    )
 
 
 def _cut(
@@ -112,7 +123,9 @@ def _cut(
 
 
 def _resolved(likelihood: Likelihood, leaves: Square) -> tuple[Square, IntArray]:
-    """Second pass: cells no larger than a quarter sigma where the mass is, and the leaf each is in."""
+    """Second pass: cells no larger than a quarter sigma where the mass is, and the leaf each is
+    in.
+    """
     core = _highest_density(leaves, leaves.mass(), _RESOLVED)
     sigma_m = likelihood.local_sigma_m(leaves.x_m[core], leaves.y_m[core])
     parts = np.ceil(_CELLS_PER_SIGMA * leaves.size_m[core] / sigma_m)
@@ -120,7 +133,9 @@ def _resolved(likelihood: Likelihood, leaves: Square) -> tuple[Square, IntArray]
     x_m, y_m, size_m, parent = _cut(leaves.x_m[core], leaves.y_m[core], leaves.size_m[core], parts)
     fine = _evaluated(likelihood, x_m, y_m, size_m)
     rest = np.setdiff1d(np.arange(len(leaves.x_m)), core)
-    cells = Square(*(np.concatenate([new, old[rest]]) for new, old in zip(fine, leaves, strict=True)))
+    cells = Square(
+        *(np.concatenate([new, old[rest]]) for new, old in zip(fine, leaves, strict=True))
+    )
     return cells, np.concatenate([core[parent], rest])
 
 
@@ -141,7 +156,10 @@ def _mode(cells: Square, mass: FloatArray, mine: BoolArray) -> Mode:
 
 
 def _median(cells: Square, mass: FloatArray, mine: BoolArray) -> Place:
-    """Place from which the mass of some cells is least far on average (Weiszfeld, Tohoku Math. J. 43, 1937)."""
+    """Place from which the mass of some cells is least far on average (Weiszfeld, Tohoku Math.
+
+    J. 43, 1937).
+    """
     points = np.stack([cells.x_m[mine], cells.y_m[mine]])
     share, least_m = mass[mine], 0.5 * cells.size_m[mine]
     at = points @ share / np.sum(share)

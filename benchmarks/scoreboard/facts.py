@@ -32,7 +32,9 @@ def facts_of(world: World, found: Answer) -> dict[str, bool]:
         facts |= _twin_facts(world, world.twin, found, found.region)
     if len(world.sources) > 1 and found.verdict is not None:
         facts[SAID_NOT_TO_FIT] = not found.fits
-        facts[NOT_BETWEEN] = found.verdict != "located" or world.error_m((found.x_m, found.y_m)) <= _OFF_M
+        facts[NOT_BETWEEN] = (
+            found.verdict != "located" or world.error_m((found.x_m, found.y_m)) <= _OFF_M
+        )
     return facts
 
 
@@ -50,8 +52,13 @@ def _twin_facts(world: World, twin: Place, found: Answer, region: Region) -> dic
     shown_apart = len(found.modes) > 1 or (holds_source and holds_twin)
     return {
         TWIN_HELD: holds_source or holds_twin,
-        BOTH_LISTED: all(any(_lists(mode, place) for mode in found.modes) for place in (source, twin)),
-        PAIRED: all(any(_lists(other, _twin_of(mode, world)) for other in found.modes) for mode in found.modes),
+        BOTH_LISTED: all(
+            any(_lists(mode, place) for mode in found.modes) for place in (source, twin)
+        ),
+        PAIRED: all(
+            any(_lists(other, _twin_of(mode, world)) for other in found.modes)
+            for mode in found.modes
+        ),
         NOT_ONE_PLACE: same or (shown_apart and found.verdict != "located"),
     }
 

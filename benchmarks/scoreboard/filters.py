@@ -1,7 +1,8 @@
-"""Recursive peers: the reference EKF of this project, and filterpy's EKF and UKF with a start that makes sense.
+"""Recursive peers: the reference EKF of this project, and filterpy's EKF and UKF with a start that
+makes sense.
 
-State [x, y, P0, eta], standing still. filterpy's are told the true noise and start at the receiver's first place with
-standard deviations of 200 m, 30 dB and 0.9.
+State [x, y, P0, eta], standing still. filterpy's are told the true noise and start at the
+receiver's first place with standard deviations of 200 m, 30 dB and 0.9.
 """
 
 from collections.abc import Callable
@@ -81,7 +82,16 @@ def _level(state: FloatArray, x_m: float, y_m: float) -> FloatArray:
 def _slope(state: FloatArray, x_m: float, y_m: float) -> FloatArray:
     x, y, _, eta = state[:, 0]
     squared = _squared_m2(state[:, 0], x_m, y_m)
-    return np.array([[-_C * eta * (x - x_m) / squared, -_C * eta * (y - y_m) / squared, 1.0, -5.0 * np.log10(squared)]])
+    return np.array(
+        [
+            [
+                -_C * eta * (x - x_m) / squared,
+                -_C * eta * (y - y_m) / squared,
+                1.0,
+                -5.0 * np.log10(squared),
+            ]
+        ]
+    )
 
 
 FILTERS: dict[str, Callable[[World], Answer]] = {

@@ -1,7 +1,8 @@
 """Likelihood of places where the noise is known exactly.
 
-Levels z ~ N(P0 - eta L(x, y), K) with K known and dense; P0 and eta are normal and integrated in closed form, the prior
-of the place is the locator's. With Phi = [1, -L], A = Phi' K^-1 Phi + Lambda0, b = Phi' K^-1 z + Lambda0 m0:
+Levels z ~ N(P0 - eta L(x, y), K) with K known and dense; P0 and eta are normal and integrated in
+closed form, the prior of the place is the locator's. With Phi = [1, -L], A = Phi' K^-1 Phi +
+Lambda0, b = Phi' K^-1 z + Lambda0 m0:
 
     log p(x, y | z) = const - 1/2 log|A| + 1/2 b' A^-1 b + log p(x, y)
 
@@ -27,7 +28,11 @@ class Likelihood:
     def __init__(self, walk: Walk, noise: Noise) -> None:
         self.walk = walk
         self._sigma_db = noise.total_db
-        self._root = None if noise.shadow_db == 0.0 else np.linalg.cholesky(noise.covariance_db2(walk.x_m, walk.y_m))
+        self._root = (
+            None
+            if noise.shadow_db == 0.0
+            else np.linalg.cholesky(noise.covariance_db2(walk.x_m, walk.y_m))
+        )
         self._one = self.whitened(np.ones((len(walk), 1)))
         self._level = self.whitened(walk.level_dbm[:, None])
 
@@ -37,9 +42,15 @@ class Likelihood:
             return rows / self._sigma_db
         return np.asarray(solve_triangular(self._root, rows, lower=True, check_finite=False), float)
 
-    def linear(self, x_m: FloatArray, y_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """At places (h,): whitened -L (n, h), A as a00, a01, a11 (3, h), b (2, h), mean of P0 and eta (2, h)."""
-        slope = self.whitened(-log_distance_db(x_m - self.walk.x_m[:, None], y_m - self.walk.y_m[:, None]))
+    def linear(
+        self, x_m: FloatArray, y_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """At places (h,): whitened -L (n, h), A as a00, a01, a11 (3, h), b (2, h), mean of P0 and
+        eta (2, h).
+        """
+        slope = self.whitened(
+            -log_distance_db(x_m - self.walk.x_m[:, None], y_m - self.walk.y_m[:, None])
+        )
         prior, one, level = ours.LINEAR_PRIOR, self._one[:, 0], self._level[:, 0]
         a = np.stack(
             [
@@ -48,14 +59,21 @@ class Likelihood:
                 np.sum(slope**2, axis=0) + prior.precision[1],
             ]
         )
-        b = np.stack([np.full(len(x_m), one @ level), level @ slope]) + (prior.precision * prior.mean)[:, None]
-        theta = np.stack([a[2] * b[0] - a[1] * b[1], a[0] * b[1] - a[1] * b[0]]) / (a[0] * a[2] - a[1] ** 2)
+        b = (
+            np.stack([np.full(len(x_m), one @ level), level @ slope])
+            + (prior.precision * prior.mean)[:, None]
+        )
+        theta = np.stack([a[2] * b[0] - a[1] * b[1], a[0] * b[1] - a[1] * b[0]]) / (
+            a[0] * a[2] - a[1] ** 2
+        )
         return slope, a, b, theta
 
     def log_p(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         """Log posterior density of places up to a constant, shape (h,)."""
         starts = range(0, len(x_m), _CHUNK)
-        return np.concatenate([self._log_p(x_m[i : i + _CHUNK], y_m[i : i + _CHUNK]) for i in starts])
+        return np.concatenate(
+            [self._log_p(x_m[i : i + _CHUNK], y_m[i : i + _CHUNK]) for i in starts]
+        )
 
     def _log_p(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         _, a, b, theta = self.linear(x_m, y_m)
@@ -63,9 +81,14 @@ class Likelihood:
         return np.asarray(log_p + ours.log_position_prior(nearest_m(self.walk, x_m, y_m)), float)
 
     def local_sigma_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        """Smallest standard deviation of the place for a source there, P0 and eta unknown; shape (h,)."""
+        """Smallest standard deviation of the place for a source there, P0 and eta unknown; shape
+        (h,).
+        """
         return np.concatenate(
-            [self._local_sigma_m(x_m[i : i + _CHUNK], y_m[i : i + _CHUNK]) for i in range(0, len(x_m), _CHUNK)]
+            [
+                self._local_sigma_m(x_m[i : i + _CHUNK], y_m[i : i + _CHUNK])
+                for i in range(0, len(x_m), _CHUNK)
+            ]
         )
 
     def _local_sigma_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
@@ -76,7 +99,9 @@ class Likelihood:
 
         def information(g: FloatArray, h: FloatArray) -> FloatArray:
             """Product of two columns less what P0 and eta explain of it."""
-            g0, g1, h0, h1 = (np.sum(u * v, axis=0) for u, v in ((g, one), (g, slope), (h, one), (h, slope)))
+            g0, g1, h0, h1 = (
+                np.sum(u * v, axis=0) for u, v in ((g, one), (g, slope), (h, one), (h, slope))
+            )
             explained = (g0 * (a[2] * h0 - a[1] * h1) + g1 * (a[0] * h1 - a[1] * h0)) / determinant
             return np.asarray(np.sum(g * h, axis=0) - explained, float)
 
@@ -87,4 +112,6 @@ class Likelihood:
 
 def nearest_m(walk: Walk, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
     """Distance of places from the walk, shape (h,)."""
-    return np.asarray(np.min(np.hypot(x_m - walk.x_m[:, None], y_m - walk.y_m[:, None]), axis=0), float)
+    return np.asarray(
+        np.min(np.hypot(x_m - walk.x_m[:, None], y_m - walk.y_m[:, None]), axis=0), float
+    )

@@ -1,14 +1,16 @@
-"""The only door to the locator under test: what it is given, what it says, and the priors that the limit shares."""
+"""The only door to the locator under test: what it is given, what it says, and the priors that the
+limit shares.
+"""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.division import LEAST_LOG_FACTOR
 from logger.core.locator.posterior import locate
 from logger.core.locator.prior import Prior
 from logger.core.locator.region import Cells, highest_density, places
+from logger.core.locator.two_source_test import LEAST_LOG_FACTOR
 from logger.core.locator.verdict import judged
 from logger.core.observations import CellObservations
 
@@ -28,7 +30,9 @@ class LinearPrior:
     precision: FloatArray
 
 
-LINEAR_PRIOR = LinearPrior(np.array([PRIOR.p0_dbm, PRIOR.eta]), np.array([PRIOR.p0_sigma_db**-2, PRIOR.eta_sigma**-2]))
+LINEAR_PRIOR = LinearPrior(
+    np.array([PRIOR.p0_dbm, PRIOR.eta]), np.array([PRIOR.p0_sigma_db**-2, PRIOR.eta_sigma**-2])
+)
 REACH_M = PRIOR.reach_m
 
 
@@ -55,11 +59,18 @@ def observations(world: World, walk: Walk) -> CellObservations:
 
 
 def knowing(noise: Noise) -> Prior:
-    """Prior of one who knows the kind of noise, white or over which distance, and not how strong it is."""
+    """Prior of one who knows the kind of noise, white or over which distance, and not how strong it
+    is.
+    """
     if noise.shadow_db == 0.0:
         return replace(PRIOR, white_alone=1.0, white_shares=())
     white_share = noise.white_db**2 / (noise.white_db**2 + noise.shadow_db**2)
-    return replace(PRIOR, white_alone=_NEVER, white_shares=(white_share,), decorrelation_m=(noise.decorrelation_m,))
+    return replace(
+        PRIOR,
+        white_alone=_NEVER,
+        white_shares=(white_share,),
+        decorrelation_m=(noise.decorrelation_m,),
+    )
 
 
 def answer(world: World, walk: Walk, prior: Prior = PRIOR) -> Answer:
@@ -79,6 +90,8 @@ def answer(world: World, walk: Walk, prior: Prior = PRIOR) -> Answer:
     )
 
 
-def split_into_places(x_m: FloatArray, y_m: FloatArray, size_m: FloatArray, probability: FloatArray) -> list[IntArray]:
+def split_into_places(
+    x_m: FloatArray, y_m: FloatArray, size_m: FloatArray, probability: FloatArray
+) -> list[IntArray]:
     """Indices of the cells of each place: the limit tells places apart by the same rule."""
     return places(Cells(x_m, y_m, size_m, probability), _MODE_LEVEL)

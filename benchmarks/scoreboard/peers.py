@@ -19,23 +19,29 @@ _MARGIN_M = 250.0
 
 
 def least_squares_fit(walk: Walk) -> Answer:
-    """Best minimum over [x, y, P0, eta] from the best places of a grid, with weak priors on P0 and eta.
+    """Best minimum over [x, y, P0, eta] from the best places of a grid, with weak priors on P0 and
+    eta.
 
-    Levenberg-Marquardt with the analytic Jacobian; covariance (J'J)^-1 sigma^2, sigma from the residuals. The priors
-    count by the noise: all minima are fitted again once it is known. Raises `ValueError` where there is no covariance.
+    Levenberg-Marquardt with the analytic Jacobian; covariance (J'J)^-1 sigma^2, sigma from the
+    residuals. The priors count by the noise: all minima are fitted again once it is known. Raises
+    `ValueError` where there is no covariance.
     """
     states = [_fit(walk, start, NOISE_OF_MEASURED_WALKS_DB) for start in _starts(walk)]
     noise_db = min(_noise_db(state, walk) for state in states)
     states = [_fit(walk, state, noise_db) for state in states]
     state = min(states, key=lambda one: float(np.sum(_residuals(one, walk, noise_db) ** 2)))
     slope = _jacobian(state, walk, noise_db)
-    return gaussian(state, np.asarray(_noise_db(state, walk) ** 2 * np.linalg.inv(slope.T @ slope), float))
+    return gaussian(
+        state, np.asarray(_noise_db(state, walk) ** 2 * np.linalg.inv(slope.T @ slope), float)
+    )
 
 
 def weighted_centroid(walk: Walk) -> Answer:
     """Mean of the receiver's places weighted by power in milliwatts."""
     weight = 10.0 ** (0.1 * (walk.level_dbm - np.max(walk.level_dbm)))
-    return Answer(float(np.average(walk.x_m, weights=weight)), float(np.average(walk.y_m, weights=weight)))
+    return Answer(
+        float(np.average(walk.x_m, weights=weight)), float(np.average(walk.y_m, weights=weight))
+    )
 
 
 def strongest_sample(walk: Walk) -> Answer:
@@ -59,7 +65,9 @@ def _at(place: Place, walk: Walk) -> FloatArray:
     prior = ours.LINEAR_PRIOR
     weak = _weight_db(NOISE_OF_MEASURED_WALKS_DB)
     design = np.vstack([np.column_stack([np.ones_like(loss_db), -loss_db]), np.diag(weak)])
-    theta = np.linalg.lstsq(design, np.concatenate([walk.level_dbm, weak * prior.mean]), rcond=None)[0]
+    theta = np.linalg.lstsq(
+        design, np.concatenate([walk.level_dbm, weak * prior.mean]), rcond=None
+    )[0]
     return np.array([*place, *theta])
 
 
@@ -95,14 +103,20 @@ def _misfit_db(state: FloatArray, walk: Walk) -> FloatArray:
 
 def _residuals(state: FloatArray, walk: Walk, noise_db: float) -> FloatArray:
     """Misfit, and the priors as two more rows; shape (n + 2,)."""
-    return np.concatenate([_misfit_db(state, walk), _weight_db(noise_db) * (state[2:] - ours.LINEAR_PRIOR.mean)])
+    return np.concatenate(
+        [_misfit_db(state, walk), _weight_db(noise_db) * (state[2:] - ours.LINEAR_PRIOR.mean)]
+    )
 
 
 def _jacobian(state: FloatArray, walk: Walk, noise_db: float) -> FloatArray:
     east_m, north_m = state[0] - walk.x_m, state[1] - walk.y_m
     squared = east_m**2 + north_m**2
-    slope = np.where(squared > MIN_DISTANCE_M**2, -_C * state[3] / np.maximum(squared, MIN_DISTANCE_M**2), 0.0)
-    rows = np.column_stack([slope * east_m, slope * north_m, np.ones(len(walk)), -log_distance_db(east_m, north_m)])
+    slope = np.where(
+        squared > MIN_DISTANCE_M**2, -_C * state[3] / np.maximum(squared, MIN_DISTANCE_M**2), 0.0
+    )
+    rows = np.column_stack(
+        [slope * east_m, slope * north_m, np.ones(len(walk)), -log_distance_db(east_m, north_m)]
+    )
     weak = np.zeros((2, 4))
     weak[[0, 1], [2, 3]] = _weight_db(noise_db)
     return np.vstack([rows, weak])

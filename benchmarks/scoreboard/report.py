@@ -62,7 +62,9 @@ def show(found: Board, console: Console) -> None:
     if found.targets:
         _show_table(console, "targets", TARGET_HEADINGS, _target_lines(found.targets))
     if found.claims:
-        _show_table(console, "the specification's table", CLAIM_HEADINGS, _claim_lines(found.claims))
+        _show_table(
+            console, "the specification's table", CLAIM_HEADINGS, _claim_lines(found.claims)
+        )
     console.print(LEGEND, style="dim")
     console.print(_dated(found), style="dim", highlight=False)
 
@@ -71,9 +73,14 @@ def markdown(found: Board) -> str:
     """The same as Markdown."""
     parts = [f"# Accuracy\n\n{_dated(found)}\n\n{LEGEND}"]
     if found.targets:
-        parts.append("## Targets\n\n" + _markdown_table(TARGET_HEADINGS, _target_lines(found.targets)))
+        parts.append(
+            "## Targets\n\n" + _markdown_table(TARGET_HEADINGS, _target_lines(found.targets))
+        )
     if found.claims:
-        parts.append("## The specification's table\n\n" + _markdown_table(CLAIM_HEADINGS, _claim_lines(found.claims)))
+        parts.append(
+            "## The specification's table\n\n"
+            + _markdown_table(CLAIM_HEADINGS, _claim_lines(found.claims))
+        )
     for name, scores in found.scores.items():
         table = _markdown_table(HEADINGS, _lines(rows_of(scores)))
         parts.append(f"## {name}: {CASES[name].title}\n\n{table}\n\n{_verdicts(scores)}".rstrip())
@@ -108,7 +115,11 @@ def as_json(found: Board) -> str:
     ]
     told = [asdict(claim) | {"within_bound": claim.is_within_bound} for claim in found.claims]
     whole = {"date_utc": found.date_utc, "versions": found.versions, "seed": found.seed}
-    return json.dumps(_finite(whole | {"targets": targets, "claims": told, "cases": cases}), indent=1, allow_nan=False)
+    return json.dumps(
+        _finite(whole | {"targets": targets, "claims": told, "cases": cases}),
+        indent=1,
+        allow_nan=False,
+    )
 
 
 def _finite(value: object) -> object:
@@ -121,7 +132,16 @@ def _finite(value: object) -> object:
     return value
 
 
-TARGET_HEADINGS = ("case", "target", "wanted", "cellwalk", "95 % interval", "exact posterior", "runs", "")
+TARGET_HEADINGS = (
+    "case",
+    "target",
+    "wanted",
+    "cellwalk",
+    "95 % interval",
+    "exact posterior",
+    "runs",
+    "",
+)
 CLAIM_HEADINGS = (
     "readings",
     "claimed m",
@@ -156,7 +176,10 @@ def _claim_lines(found: Sequence[Claim]) -> Lines:
             f"{claim.readings}, {claim.where}",
             _number(claim.claimed_m),
             _number(claim.bound_m),
-            *(_number(claim.median_error_m.get(method)) for method in (EXACT, LEAST_SQUARES, OURS, "reference EKF")),
+            *(
+                _number(claim.median_error_m.get(method))
+                for method in (EXACT, LEAST_SQUARES, OURS, "reference EKF")
+            ),
             "within the bound" if claim.is_within_bound else "BEYOND THE BOUND",
         )
         for claim in found
@@ -206,7 +229,9 @@ def _given(scores: Scores) -> list[Given]:
 
 
 def _verdicts(scores: Scores) -> str:
-    told = ", ".join(f"{given.verdict} {given.count}{_missed(given.missed_runs)}" for given in _given(scores))
+    told = ", ".join(
+        f"{given.verdict} {given.count}{_missed(given.missed_runs)}" for given in _given(scores)
+    )
     return f"cellwalk's verdicts: {told}" if told else ""
 
 
@@ -217,7 +242,9 @@ def _missed(runs: Sequence[int]) -> str:
 
 
 def _dated(found: Board) -> str:
-    return f"{found.date_utc}, seed {found.seed}, " + ", ".join(f"{name} {v}" for name, v in found.versions.items())
+    return f"{found.date_utc}, seed {found.seed}, " + ", ".join(
+        f"{name} {v}" for name, v in found.versions.items()
+    )
 
 
 def _show_table(console: Console, title: str, headings: Sequence[str], lines: Lines) -> None:

@@ -22,7 +22,9 @@ class Job(NamedTuple):
     methods: tuple[str, ...]
 
 
-def jobs_of(names: Iterable[str], seed: int, runs: int | None, methods: Sequence[str] | None) -> list[Job]:
+def jobs_of(
+    names: Iterable[str], seed: int, runs: int | None, methods: Sequence[str] | None
+) -> list[Job]:
     """Jobs of some cases; None for the usual number of runs and for all methods of a case."""
     jobs = []
     for name in names:
@@ -36,7 +38,9 @@ def done(job: Job) -> tuple[Job, list[Score]]:
     """Scores of all methods of one job, on one core."""
     with threadpool_limits(1):
         world = CASES[job.case].world(job.seed, job.run)
-        return job, [score(world, method, job.run) for method in job.methods] + published(world, job.run)
+        return job, [score(world, method, job.run) for method in job.methods] + published(
+            world, job.run
+        )
 
 
 def collected(jobs: Sequence[Job], processes: int, told: Callable[[], None]) -> dict[str, Scores]:

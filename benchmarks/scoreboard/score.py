@@ -8,7 +8,7 @@ from time import process_time
 import numpy as np
 
 from logger.core.errors import EstimationError
-from postproc.validate.bound import median_error_m
+from postproc.reproductions.validate.bound import median_error_m
 
 from . import exact, ours
 from .answer import Answer, Ellipse95
@@ -31,11 +31,11 @@ _DIVERGED_M = 1e6
 class Score:
     """What a method reached in one run.
 
-    `covered`, `area_m2`, `nees` and `places` (how many are named) are None for a method without a region. NEES takes
-    the mean of the strongest mode and that mode's own covariance, so a run whose truth is in another mode counts in
-    full. A failure has the error inf,
-    and its region, had the method one, does not hold the truth. For the bound `error_m` is the median error of a
-    Gaussian that reaches it.
+    `covered`, `area_m2`, `nees` and `places` (how many are named) are None for a method without a
+    region. NEES takes the mean of the strongest mode and that mode's own covariance, so a run whose
+    truth is in another mode counts in full. A failure has the error inf, and its region, had the
+    method one, does not hold the truth. For the bound `error_m` is the median error of a Gaussian
+    that reaches it.
     """
 
     method: str
@@ -81,7 +81,18 @@ ANSWERS: dict[str, Callable[[World], Answer]] = {
     CENTROID: lambda world: weighted_centroid(world.walk),
     STRONGEST: lambda world: strongest_sample(world.walk),
 }
-METHODS = (OURS, OURS_TOLD, OURS_WHOLE, EXACT, EXACT_CLIPPED, BOUND, LEAST_SQUARES, *FILTERS, CENTROID, STRONGEST)
+METHODS = (
+    OURS,
+    OURS_TOLD,
+    OURS_WHOLE,
+    EXACT,
+    EXACT_CLIPPED,
+    BOUND,
+    LEAST_SQUARES,
+    *FILTERS,
+    CENTROID,
+    STRONGEST,
+)
 WITHOUT_REGION = (CENTROID, STRONGEST)
 
 
@@ -98,7 +109,12 @@ def score(world: World, method: str, run: int) -> Score:
     except (EstimationError, ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
         covered = None if method in WITHOUT_REGION else False
         return Score(
-            method, run, inf, covered, seconds=process_time() - start, failure=f"{type(error).__name__}: {error}"
+            method,
+            run,
+            inf,
+            covered,
+            seconds=process_time() - start,
+            failure=f"{type(error).__name__}: {error}",
         )
 
 
@@ -116,7 +132,9 @@ def _judged(world: World, method: str, run: int, found: Answer, seconds: float) 
         method,
         run,
         error_m,
-        covered=any(region.holds(source, world.slack_m) for source in world.sources) if region else None,
+        covered=any(region.holds(source, world.slack_m) for source in world.sources)
+        if region
+        else None,
         area_m2=region.area_m2 if region else None,
         nees=min(modes[0].nees(source) for source in world.sources) if modes else None,
         places=len(modes) or None,
@@ -132,5 +150,9 @@ def _bound(world: World, run: int) -> Score:
         raise ValueError("no bound without a known world")
     covariance_db2 = world.noise.covariance_db2(world.whole.x_m, world.whole.y_m)
     precision = ours.LINEAR_PRIOR.precision
-    bound = covariance_bound(world.whole, world.sources[0], world.eta, covariance_db2, precision)[:2, :2]
-    return Score(BOUND, run, median_error_m(bound), area_m2=Ellipse95(world.sources[0], bound).area_m2)
+    bound = covariance_bound(world.whole, world.sources[0], world.eta, covariance_db2, precision)[
+        :2, :2
+    ]
+    return Score(
+        BOUND, run, median_error_m(bound), area_m2=Ellipse95(world.sources[0], bound).area_m2
+    )

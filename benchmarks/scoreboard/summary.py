@@ -13,7 +13,9 @@ from .score import EXACT, Score
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Scores of one method, shape (n,), in the order of the runs; NaN where it has no such thing."""
+    """Scores of one method, shape (n,), in the order of the runs; NaN where it has no such
+    thing.
+    """
 
     error_m: FloatArray
     covered: FloatArray
@@ -32,7 +34,10 @@ class Columns:
             _numbers([score.area_m2 for score in scores]),
             _numbers([score.nees for score in scores]),
             np.array([score.failure is not None for score in scores]),
-            {name: _numbers([score.facts.get(name, not score.failure) for score in scores]) for name in sorted(names)},
+            {
+                name: _numbers([score.facts.get(name, not score.failure) for score in scores])
+                for name in sorted(names)
+            },
         )
 
 
@@ -40,9 +45,10 @@ class Columns:
 class Row:
     """A line of the table; None where the method has no such thing.
 
-    `area_ratio` is the median over the runs of the region's area by the exact posterior's in the same run.
-    `half_anees` is the mean of NEES / 2, 1 for an honest Gaussian; `half_anees_of_one_place` that of the runs whose
-    answer is a single place. A failed run has an infinite error.
+    `area_ratio` is the median over the runs of the region's area by the exact posterior's in the
+    same run. `half_anees` is the mean of NEES / 2, 1 for an honest Gaussian;
+    `half_anees_of_one_place` that of the runs whose answer is a single place. A failed run has an
+    infinite error.
     """
 
     method: str
@@ -77,7 +83,10 @@ def verdicts_of(scores: Sequence[Score]) -> list[Given]:
     """Verdicts given, the most frequent first."""
     counted = Counter(score.verdict for score in scores if score.verdict).most_common()
     missed = [score for score in scores if not score.covered]
-    return [Given(name, count, tuple(one.run for one in missed if one.verdict == name)) for name, count in counted]
+    return [
+        Given(name, count, tuple(one.run for one in missed if one.verdict == name))
+        for name, count in counted
+    ]
 
 
 def _row(method: str, scores: Sequence[Score], exact_area_m2: FloatArray | None) -> Row:

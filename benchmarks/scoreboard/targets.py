@@ -1,7 +1,7 @@
 """The targets, as data, and whether they are reached.
 
-A target is judged by the measured value alone; the 95 % interval beside it (bootstrap over the runs, Wilson's for a
-share) says how far chance reaches.
+A target is judged by the measured value alone; the 95 % interval beside it (bootstrap over the
+runs, Wilson's for a share) says how far chance reaches.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,16 @@ from logger.core.arrays import IntArray
 from . import facts
 from .cases import CLIPPED_SHARES, GPS_ERRORS
 from .run import Scores
-from .score import EXACT, EXACT_CLIPPED, LEAST_SQUARES, OURS, OURS_TOLD, OURS_WHOLE, STRONGEST, Score
+from .score import (
+    EXACT,
+    EXACT_CLIPPED,
+    LEAST_SQUARES,
+    OURS,
+    OURS_TOLD,
+    OURS_WHOLE,
+    STRONGEST,
+    Score,
+)
 from .summary import Columns, half_anees, quantile
 from .traces import PUBLISHED
 from .walks import TELLING
@@ -102,9 +111,25 @@ def _white(shape: str) -> list[Target]:
         Target(case, "ANEES / 2", _half_anees, 0.87, 1.15),
         Target(case, "median error / exact posterior's", _error_by(EXACT), high=1.10),
         Target(case, "median error / least squares'", _error_by(LEAST_SQUARES), high=0.85),
-        Target(case, "coverage, told that noise is white", _coverage, 0.92, 0.98, is_share=True, method=OURS_TOLD),
-        Target(case, "ANEES / 2, told that noise is white", _half_anees, 0.87, 1.15, method=OURS_TOLD),
-        Target(case, "median error / exact posterior's, told so", _error_by(EXACT), high=1.10, method=OURS_TOLD),
+        Target(
+            case,
+            "coverage, told that noise is white",
+            _coverage,
+            0.92,
+            0.98,
+            is_share=True,
+            method=OURS_TOLD,
+        ),
+        Target(
+            case, "ANEES / 2, told that noise is white", _half_anees, 0.87, 1.15, method=OURS_TOLD
+        ),
+        Target(
+            case,
+            "median error / exact posterior's, told so",
+            _error_by(EXACT),
+            high=1.10,
+            method=OURS_TOLD,
+        ),
     ]
 
 
@@ -124,9 +149,24 @@ def _clipped(share: float) -> list[Target]:
     case = (f"clip-{100 * share:.0f}",)
     return [
         Target(case, "coverage", _coverage, 0.90, is_share=True),
-        Target(case, "median error / exact posterior's, levels not clipped", _error_by(EXACT), high=1.15),
-        Target(case, "median error / exact posterior's, levels clipped", _error_by(EXACT_CLIPPED), high=1.15),
-        Target(case, "median error / cellwalk's own, levels not clipped", _error_by(OURS_WHOLE), high=1.15),
+        Target(
+            case,
+            "median error / exact posterior's, levels not clipped",
+            _error_by(EXACT),
+            high=1.15,
+        ),
+        Target(
+            case,
+            "median error / exact posterior's, levels clipped",
+            _error_by(EXACT_CLIPPED),
+            high=1.15,
+        ),
+        Target(
+            case,
+            "median error / cellwalk's own, levels not clipped",
+            _error_by(OURS_WHOLE),
+            high=1.15,
+        ),
     ]
 
 
@@ -134,7 +174,12 @@ def _clipped_shadowed() -> list[Target]:
     case = ("clip-45-shadow",)
     return [
         Target(case, "coverage", _coverage, 0.90, is_share=True),
-        Target(case, "median error / cellwalk's own, levels not clipped", _error_by(OURS_WHOLE), high=1.15),
+        Target(
+            case,
+            "median error / cellwalk's own, levels not clipped",
+            _error_by(OURS_WHOLE),
+            high=1.15,
+        ),
     ]
 
 
@@ -145,7 +190,9 @@ def _measured() -> list[Target]:
         Target(("real-A",), "coverage", _coverage, 0.90, is_share=True),
         Target(("real-A",), what, _error_by(*simple), high=0.90),
         Target(("real-CDE",), "coverage", _coverage, 0.85, is_share=True),
-        Target(("real-A", "real-B", "real-CDE"), facts.MODEST, _share(facts.MODEST), 1.0, is_share=True),
+        Target(
+            ("real-A", "real-B", "real-CDE"), facts.MODEST, _share(facts.MODEST), 1.0, is_share=True
+        ),
     ]
 
 
@@ -156,7 +203,9 @@ TARGETS: tuple[Target, ...] = (
         for name in ("shadow6-path", "shadow6-field", "shadow8-path", "shadow8-field")
         for target in _shadowed(name)
     ),
-    *_all_of("twin-straight", facts.TWIN_HELD, facts.BOTH_LISTED, facts.PAIRED, facts.NOT_ONE_PLACE),
+    *_all_of(
+        "twin-straight", facts.TWIN_HELD, facts.BOTH_LISTED, facts.PAIRED, facts.NOT_ONE_PLACE
+    ),
     *_all_of("twin-circle", facts.TWIN_HELD, facts.BOTH_LISTED, facts.PAIRED, facts.NOT_ONE_PLACE),
     *(target for share in CLIPPED_SHARES for target in _clipped(share)),
     *_clipped_shadowed(),
@@ -198,7 +247,10 @@ def _judged(target: Target, table: Table) -> Judged:
 
 def _bootstrap(target: Target, table: Table, count: int) -> tuple[float, float]:
     rng = np.random.default_rng(0)
-    values = [target.measure(table, target.method, rng.integers(count, size=count)) for _ in range(_RESAMPLES)]
+    values = [
+        target.measure(table, target.method, rng.integers(count, size=count))
+        for _ in range(_RESAMPLES)
+    ]
     return quantile(np.array(values), 0.025), quantile(np.array(values), 0.975)
 
 

@@ -33,7 +33,9 @@ def square(_: np.random.Generator, count: int, step_m: float) -> Points:
     """Once around a block."""
     s, side = np.arange(count) * step_m, 0.25 * count * step_m
     knots = side * np.arange(5)
-    return np.interp(s, knots, side * np.array([0, 1, 1, 0, 0])), np.interp(s, knots, side * np.array([0, 0, 1, 1, 0]))
+    return np.interp(s, knots, side * np.array([0, 1, 1, 0, 0])), np.interp(
+        s, knots, side * np.array([0, 0, 1, 1, 0])
+    )
 
 
 def circle(_: np.random.Generator, count: int, step_m: float) -> Points:

@@ -1,4 +1,6 @@
-"""A walk with a known answer, simulated or measured: what every method is given, and what it is judged by."""
+"""A walk with a known answer, simulated or measured: what every method is given, and what it is
+judged by.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -20,8 +22,9 @@ NOISE_OF_MEASURED_WALKS_DB = 5.4
 class Noise:
     """What disturbs the levels of a simulated world; the exact posterior is told, nobody else.
 
-    White noise `white_db`, shadowing `shadow_db` with correlation exp(-D / `decorrelation_m`), where D is the distance
-    of two readings along the path or (`in_plane`) straight across, and rounding to `step_db`.
+    White noise `white_db`, shadowing `shadow_db` with correlation exp(-D / `decorrelation_m`),
+    where D is the distance of two readings along the path or (`in_plane`) straight across, and
+    rounding to `step_db`.
     """
 
     white_db: float
@@ -75,11 +78,12 @@ class Walk:
 class World:
     """One walk with a known answer; places are (x, y) in metres.
 
-    `walk` is what was recorded, `whole` the same without error of the receiver's position and without clipping: what
-    an oracle is given. `sources` has one place or, where two transmitters share an identity, two; `twin` is another
-    place that fits equally well. `eta` and `noise` are None where nobody knows them. `slack_m` is allowed for the
-    survey. `t_s` has shape (n,), None for a reading a second. `published` are errors that others have reached on it, by
-    method. A measured walk has a `name`.
+    `walk` is what was recorded, `whole` the same without error of the receiver's position and
+    without clipping: what an oracle is given. `sources` has one place or, where two transmitters
+    share an identity, two; `twin` is another place that fits equally well. `eta` and `noise` are
+    None where nobody knows them. `slack_m` is allowed for the survey. `t_s` has shape (n,), None
+    for a reading a second. `published` are errors that others have reached on it, by method. A
+    measured walk has a `name`.
     """
 
     walk: Walk

@@ -1,8 +1,9 @@
-"""Simulated worlds: log-distance levels past a source at the receiver's height, one builder for each kind of trouble.
+"""Simulated worlds: log-distance levels past a source at the receiver's height, one builder for
+each kind of trouble.
 
-Where nothing else is said P0 ~ U(-45, -15) dBm, eta ~ U(2.3, 3.9), and the source stands 25 to 200 m off a point of the
-walk and never closer than 25 m to any. Every world is turned by a random angle and shifted to where UTM coordinates
-are, so that no grid is aligned with it by luck.
+Where nothing else is said P0 ~ U(-45, -15) dBm, eta ~ U(2.3, 3.9), and the source stands 25 to 200
+m off a point of the walk and never closer than 25 m to any. Every world is turned by a random angle
+and shifted to where UTM coordinates are, so that no grid is aligned with it by luck.
 """
 
 from collections.abc import Callable
@@ -40,7 +41,9 @@ def plain(rng: np.random.Generator, shape: str, noise: Noise) -> World:
 
 
 def clipped(rng: np.random.Generator, shape: str, share: float, noise: Noise) -> World:
-    """1 dB steps, and P0 such that this share of the levels is at -110 dBm or below: reported as exactly -110."""
+    """1 dB steps, and P0 such that this share of the levels is at -110 dBm or below: reported as
+    exactly -110.
+    """
     points, source = _beside(rng, shape, _AWAY_M)
     loud = _heard(rng, points, source, replace(noise, step_db=0.0)).walk
     shift_db = FLOOR_DBM + 0.5 - np.quantile(loud.level_dbm, share)
@@ -51,7 +54,9 @@ def clipped(rng: np.random.Generator, shape: str, share: float, noise: Noise) ->
 
 
 def misplaced(rng: np.random.Generator, shape: str, kind: GpsError) -> World:
-    """A pass at 15 to 40 m; the receiver's position is wrong by 5 m an axis: each fix, slowly (60 s), or for good."""
+    """A pass at 15 to 40 m; the receiver's position is wrong by 5 m an axis: each fix, slowly (60
+    s), or for good.
+    """
     points, source = _beside(rng, shape, (15.0, 40.0))
     world = _heard(rng, points, source, Noise(3.0))
     count = len(world.walk)
@@ -69,11 +74,18 @@ def shared_identity(rng: np.random.Generator, shape: str) -> World:
     while True:
         points = SHAPES[shape](rng, COUNT, STEP_M)
         one, other = _near(rng, points, _PASSED_M), _near(rng, points, _PASSED_M)
-        if one is None or other is None or not _APART_M[0] <= np.hypot(*np.subtract(one, other)) <= _APART_M[1]:
+        if (
+            one is None
+            or other is None
+            or not _APART_M[0] <= np.hypot(*np.subtract(one, other)) <= _APART_M[1]
+        ):
             continue
         p0_dbm, eta = _power(rng), _exponent(rng)
         levels = np.stack(
-            [_level_dbm(points, one, p0_dbm, eta), _level_dbm(points, other, p0_dbm + rng.uniform(-5.0, 5.0), eta)]
+            [
+                _level_dbm(points, one, p0_dbm, eta),
+                _level_dbm(points, other, p0_dbm + rng.uniform(-5.0, 5.0), eta),
+            ]
         )
         levels += 3.0 * rng.normal(size=levels.shape)
         if _LEAST_SHARE <= np.mean(levels[0] > levels[1]) <= 1.0 - _LEAST_SHARE:
@@ -97,7 +109,9 @@ def _placed(rng: np.random.Generator, world: World) -> World:
     return world.moved(turn, _ORIGIN_M)
 
 
-def _beside(rng: np.random.Generator, shape: str, away_m: tuple[float, float]) -> tuple[Points, Place]:
+def _beside(
+    rng: np.random.Generator, shape: str, away_m: tuple[float, float]
+) -> tuple[Points, Place]:
     while True:
         points = SHAPES[shape](rng, COUNT, STEP_M)
         source = _near(rng, points, away_m)
@@ -107,7 +121,11 @@ def _beside(rng: np.random.Generator, shape: str, away_m: tuple[float, float]) -
 
 def _near(rng: np.random.Generator, points: Points, away_m: tuple[float, float]) -> Place | None:
     """A place at a distance from a point of the walk; None where it is too close to another."""
-    k, bearing, away = rng.integers(len(points[0])), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(*away_m)
+    k, bearing, away = (
+        rng.integers(len(points[0])),
+        rng.uniform(0.0, 2.0 * np.pi),
+        rng.uniform(*away_m),
+    )
     x_m, y_m = points[0][k] + away * np.cos(bearing), points[1][k] + away * np.sin(bearing)
     closest_m = np.min(np.hypot(points[0] - x_m, points[1] - y_m))
     return (float(x_m), float(y_m)) if closest_m >= away_m[0] else None
@@ -115,7 +133,9 @@ def _near(rng: np.random.Generator, points: Points, away_m: tuple[float, float])
 
 def _heard(rng: np.random.Generator, points: Points, source: Place, noise: Noise) -> World:
     eta = _exponent(rng)
-    level_dbm = _level_dbm(points, source, _power(rng), eta) + noise.white_db * rng.normal(size=len(points[0]))
+    level_dbm = _level_dbm(points, source, _power(rng), eta) + noise.white_db * rng.normal(
+        size=len(points[0])
+    )
     if noise.shadow_db:
         root = np.linalg.cholesky(noise.shadowing_db2(*points) + 1e-9 * np.eye(len(points[0])))
         level_dbm += root @ rng.normal(size=len(points[0]))
@@ -126,7 +146,9 @@ def _heard(rng: np.random.Generator, points: Points, source: Place, noise: Noise
 
 
 def _twin(shape: str, source: Place) -> Place | None:
-    """Mirror image in a straight walk; inverse point of a circle, to which the ratio of distances is constant."""
+    """Mirror image in a straight walk; inverse point of a circle, to which the ratio of distances
+    is constant.
+    """
     if shape == "straight":
         return source[0], -source[1]
     if shape == "circle":
@@ -144,11 +166,15 @@ def _exponent(rng: np.random.Generator) -> float:
 
 
 def _level_dbm(points: Points, source: Place, p0_dbm: float, eta: float) -> FloatArray:
-    return np.asarray(p0_dbm - eta * log_distance_db(points[0] - source[0], points[1] - source[1]), float)
+    return np.asarray(
+        p0_dbm - eta * log_distance_db(points[0] - source[0], points[1] - source[1]), float
+    )
 
 
 def _gauss_markov(rng: np.random.Generator, count: int, memory: float) -> FloatArray:
-    """Stationary series of unit variance with correlation `memory` between neighbours, shape (count,)."""
+    """Stationary series of unit variance with correlation `memory` between neighbours, shape
+    (count,).
+    """
     values = rng.normal(size=count)
     for k in range(1, count):
         values[k] = memory * values[k - 1] + np.sqrt(1.0 - memory**2) * values[k]

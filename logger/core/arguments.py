@@ -7,7 +7,9 @@ from pathlib import Path
 from logger.core.errors import ConfigError
 
 MOST_S = 1e9
-"""Thirty years: a longer time is a slip of the pen, and this one fits into 64 bits as nanoseconds."""
+"""Thirty years: a longer time is a slip of the pen, and this one fits into 64 bits as
+nanoseconds.
+"""
 HIGHEST_M = 10_000.0
 """An antenna above the receiver; mountains end below."""
 
@@ -46,7 +48,11 @@ def number(
             value = float(text)
         except ValueError:
             value = math.nan
-        if not least <= value <= most or not math.isfinite(value) or (open_below and value == least):
+        if (
+            not least <= value <= most
+            or not math.isfinite(value)
+            or (open_below and value == least)
+        ):
             raise ConfigError(f"{option}: {text!r} is not a number of {limits}")
         return value
 

@@ -1,13 +1,15 @@
 """The reference EKF: one filter started at the receiver, as the original specification wants it.
 
-It is kept because it is the reference, not because it works: started at the receiver it stays there and says so with
-confidence (docs in ARCHITECTURE.md). Model, with d = |(x, y) - receiver| clamped to 1 m, dx = x - receiver_x:
+It is kept because it is the reference, not because it works: started at the receiver it stays there
+and says so with confidence (docs in ARCHITECTURE.md). Model, with d = |(x, y) - receiver| clamped
+to 1 m, dx = x - receiver_x:
 
     z = P0 - 10 eta log10(d)
     H = [-10 eta dx / (ln10 d^2), -10 eta dy / (ln10 d^2), 1, -10 log10(d)]
 
-Written out in plain floats: four states and a scalar measurement are far below the size where numpy pays
-(Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, ch. 5 and 10).
+Written out in plain floats: four states and a scalar measurement are far below the size where numpy
+pays (Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, ch. 5
+and 10).
 """
 
 from math import log, log10, sqrt
@@ -51,10 +53,18 @@ class EkfStep(NamedTuple):
 def start(receiver_x_m: float, receiver_y_m: float) -> EkfState:
     """State before the first reading: at the receiver, P = 1000 I."""
     v = VARIANCE_START
-    return EkfState(receiver_x_m, receiver_y_m, P0_START_DBM, ETA_START, (v, 0.0, 0.0, 0.0, v, 0.0, 0.0, v, 0.0, v))
+    return EkfState(
+        receiver_x_m,
+        receiver_y_m,
+        P0_START_DBM,
+        ETA_START,
+        (v, 0.0, 0.0, 0.0, v, 0.0, 0.0, v, 0.0, v),
+    )
 
 
-def jacobian(state: EkfState, receiver_x_m: float, receiver_y_m: float) -> tuple[float, float, float, float]:
+def jacobian(
+    state: EkfState, receiver_x_m: float, receiver_y_m: float
+) -> tuple[float, float, float, float]:
     """Row H of the measurement model at a state."""
     dx = state.x_m - receiver_x_m
     dy = state.y_m - receiver_y_m
@@ -75,8 +85,8 @@ def step(
 ) -> EkfStep:
     """Predict (P += q I, the transmitter stands still) and correct with one level.
 
-    `joseph` takes P = (I - K H) P (I - K H)' + K r K' in place of P - K S K'; both are symmetric by construction,
-    since only one triangle is computed or kept.
+    `joseph` takes P = (I - K H) P (I - K H)' + K r K' in place of P - K S K'; both are symmetric by
+    construction, since only one triangle is computed or kept.
     """
     x, y, p0, eta, (xx, xy, x0, xe, yy, y0, ye, oo, oe, ee) = state
     xx += q
@@ -116,7 +126,11 @@ def step(
             ee - ke * me,
         )
     corrected = EkfState(
-        x + kx * innovation, y + ky * innovation, p0 + k0 * innovation, eta + ke * innovation, covariance
+        x + kx * innovation,
+        y + ky * innovation,
+        p0 + k0 * innovation,
+        eta + ke * innovation,
+        covariance,
     )
     return EkfStep(corrected, innovation, s)
 
@@ -143,7 +157,10 @@ def drms_m(p: Covariance) -> float:
 
 
 def _joseph(
-    p: Covariance, h: tuple[float, float, float, float], k: tuple[float, float, float, float], r_db2: float
+    p: Covariance,
+    h: tuple[float, float, float, float],
+    k: tuple[float, float, float, float],
+    r_db2: float,
 ) -> Covariance:
     gain = np.array(k)
     a = np.eye(4) - np.outer(gain, h)

@@ -1,6 +1,8 @@
-"""WGS 84 <-> UTM, with the zone frozen for a run so that a walk across its border or the equator stays continuous.
+"""WGS 84 <-> UTM, with the zone frozen for a run so that a walk across its border or the equator
+stays continuous.
 
-Transverse Mercator by PROJ (Karney 2011), good to nanometres at the distances of a walk, also far outside the zone.
+Transverse Mercator by PROJ (Karney 2011), good to nanometres at the distances of a walk, also far
+outside the zone.
 """
 
 from dataclasses import dataclass
@@ -18,8 +20,8 @@ MAX_LATITUDE_DEG = 84.0
 def zone_of(lat_deg: float, lon_deg: float) -> int:
     """UTM zone 1..60 of a place, negative on the southern hemisphere.
 
-    The widened zones of Norway and Svalbard are not applied: any zone nearby serves a walk equally well.
-    Raises `GeoError` for a latitude beyond 84 deg or a value that is no position.
+    The widened zones of Norway and Svalbard are not applied: any zone nearby serves a walk equally
+    well. Raises `GeoError` for a latitude beyond 84 deg or a value that is no position.
     """
     check_position(lat_deg, lon_deg)
     zone = int((lon_deg + 180.0) // 6.0) % 60 + 1
@@ -31,7 +33,9 @@ def check_position(lat_deg: float, lon_deg: float) -> None:
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
         raise GeoError(f"no position on Earth: latitude {lat_deg}, longitude {lon_deg} deg")
     if abs(lat_deg) > MAX_LATITUDE_DEG:
-        raise GeoError(f"latitude {lat_deg:.4f} deg is beyond 84 deg, where UTM ends; cellwalk cannot map this walk")
+        raise GeoError(
+            f"latitude {lat_deg:.4f} deg is beyond 84 deg, where UTM ends; cellwalk cannot map this walk"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +55,13 @@ class Utm:
         x_m, y_m = _proj(self.zone)(lon_deg, lat_deg)
         return float(x_m), float(y_m)
 
-    def to_xy_arrays(self, lat_deg: FloatArray, lon_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def to_xy_arrays(
+        self, lat_deg: FloatArray, lon_deg: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """East and north in metres, shape as given."""
-        for worst in (np.argmax(np.abs(lat_deg)), np.argmax(np.abs(lon_deg))) if lat_deg.size else ():
+        for worst in (
+            (np.argmax(np.abs(lat_deg)), np.argmax(np.abs(lon_deg))) if lat_deg.size else ()
+        ):
             check_position(float(lat_deg.flat[worst]), float(lon_deg.flat[worst]))
         x_m, y_m = _proj(self.zone)(lon_deg, lat_deg)
         return np.asarray(x_m, float), np.asarray(y_m, float)

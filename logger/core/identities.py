@@ -1,7 +1,8 @@
 """Which cells are there: those that two scans have named.
 
-A changed digit gives the name of a cell that is not there, and no form shows it; but it does not come twice. So a cell
-heard in a single scan is never a target and never located. A reading whose identity is unsure makes no cell known.
+A changed digit gives the name of a cell that is not there, and no form shows it; but it does not
+come twice. So a cell heard in a single scan is never a target and never located. A reading whose
+identity is unsure makes no cell known.
 """
 
 from logger.core.types import Scan
@@ -9,12 +10,16 @@ from logger.core.types import Scan
 FEWEST_SCANS = 2
 
 _MOST_ONCE = 1000
-"""With a false name in each second a cell that is there has a quarter of an hour to be heard again."""
+"""With a false name in each second a cell that is there has a quarter of an hour to be heard
+again.
+"""
 _MOST_KNOWN = 10_000
 
 
 class Identities:
-    """Names of late; those heard once and those known are bounded apart, so that false names displace no known one."""
+    """Names of late; those heard once and those known are bounded apart, so that false names
+    displace no known one.
+    """
 
     def __init__(self) -> None:
         self._once: dict[str, None] = {}  # the one heard longest ago first
@@ -25,7 +30,9 @@ class Identities:
 
     def hear(self, scan: Scan) -> None:
         """Take the names of a scan, each once."""
-        named = dict.fromkeys(r.cell for r in scan.readings if r.cell is not None and not r.identity_unsure)
+        named = dict.fromkeys(
+            r.cell for r in scan.readings if r.cell is not None and not r.identity_unsure
+        )
         for name in named:
             again = name in self._once or name in self._known
             self._once.pop(name, None)

@@ -1,17 +1,19 @@
-"""The on-device estimate as a function of the records in their order, so that the desk can repeat it to the bit.
+"""The on-device estimate as a function of the records in their order, so that the desk can repeat
+it to the bit.
 
-Every cell that two scans have named has a locator and, once its place is close, an EKF (`live_cell`); the target has
-the reference filter beside them (`live_reference`). After each scan the one cell that needs it most has its places
-searched anew: a bounded amount of work, however many cells are heard.
+Every cell that two scans have named has a locator and, once its place is close, an EKF
+(`live_cell`); the target has the reference filter beside them (`live_reference`). After each scan
+the one cell that needs it most has its places searched anew: a bounded amount of work, however many
+cells are heard.
 """
 
 from dataclasses import replace
 from math import hypot
 from typing import NamedTuple
 
+from logger.core.censoring import limit_of
 from logger.core.errors import GeoError
 from logger.core.geo import Utm
-from logger.core.held import Held
 from logger.core.identities import Identities
 from logger.core.live_cell import CellEstimate, LiveCell
 from logger.core.live_reference import LiveReference
@@ -19,7 +21,7 @@ from logger.core.live_settings import REFERENCE, LiveSettings
 from logger.core.locator.online import Heard
 from logger.core.locator.prior import Prior, prior_for
 from logger.core.observations import TIMING_S, fix_sigma_m, smeared_sigma_m
-from logger.core.scale import limit_of
+from logger.core.sample_hold import Held
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
 LIVE_DECORRELATION_M = (12.0, 40.0, 200.0)
@@ -31,7 +33,9 @@ _MOST_FIRSTS = 100
 
 
 class Receiver(NamedTuple):
-    """Where the walker is: record number and time of the fix, UTM place, standard deviation per axis, speed."""
+    """Where the walker is: record number and time of the fix, UTM place, standard deviation per
+    axis, speed.
+    """
 
     seq: int
     t_ns: int
@@ -93,7 +97,10 @@ class LiveTracker:
         held = self._fixes.at(t_ns)
         if held is None or t_ns - scan.t_start_ns <= TIMING_S * 1e9:
             return held
-        begun, middle = self._fixes.at(scan.t_start_ns), self._fixes.at((scan.t_start_ns + t_ns) // 2)
+        begun, middle = (
+            self._fixes.at(scan.t_start_ns),
+            self._fixes.at((scan.t_start_ns + t_ns) // 2),
+        )
         if begun is None or middle is None:
             return None
         smear_m = smeared_sigma_m(hypot(held.x_m - begun.x_m, held.y_m - begun.y_m))
@@ -105,7 +112,9 @@ class LiveTracker:
         if at is None or self._utm is None:
             return []
         found: list[Note | LiveEstimate] = []
-        known = replace(scan, readings=tuple(r for r in scan.readings if r.cell in self._identities))
+        known = replace(
+            scan, readings=tuple(r for r in scan.readings if r.cell in self._identities)
+        )
         chosen = self._reference.choose(t_ns, known, at.x_m, at.y_m)
         if chosen is not None:
             found.append(Note("info", *chosen))
@@ -113,9 +122,16 @@ class LiveTracker:
         if step is not None and self._reference.target is not None:
             x_m, y_m, p0_dbm, eta, p = step.state
             estimate = CellEstimate(
-                REFERENCE, 1.0, (x_m, y_m, p0_dbm, eta), p, step.innovation_db, step.innovation_var_db2
+                REFERENCE,
+                1.0,
+                (x_m, y_m, p0_dbm, eta),
+                p,
+                step.innovation_db,
+                step.innovation_var_db2,
             )
-            found.append(_recorded(seq, self._reference.target, self._reference.n, self._utm, estimate))
+            found.append(
+                _recorded(seq, self._reference.target, self._reference.n, self._utm, estimate)
+            )
         for name, reading in _first_of_each(scan).items():
             found += self._take_reading(seq, name, reading, at, self._utm)
         self._search()
@@ -140,7 +156,9 @@ class LiveTracker:
         if first is not None:
             cell.take(first)
         estimate = cell.take(heard)
-        news: list[Note | LiveEstimate] = [Note("info", code, f"{name}: {text}") for code, text in cell.news]
+        news: list[Note | LiveEstimate] = [
+            Note("info", code, f"{name}: {text}") for code, text in cell.news
+        ]
         return news if estimate is None else [*news, _recorded(seq, name, cell.n, utm, estimate)]
 
     def _wait(self, name: str, reading: CellReading, heard: Heard) -> None:
@@ -175,7 +193,9 @@ def _speed_mps(fix: Fix, before: Receiver | None, t_ns: int, x_m: float, y_m: fl
 
 
 def _first_of_each(scan: Scan) -> dict[str, CellReading]:
-    """Readings of a scan by cell; of a cell that is listed twice the first of which the identity is sure."""
+    """Readings of a scan by cell; of a cell that is listed twice the first of which the identity is
+    sure.
+    """
     found: dict[str, CellReading] = {}
     for reading in sorted(scan.readings, key=lambda reading: reading.identity_unsure):
         if reading.cell is not None and reading.level_dbm is not None:

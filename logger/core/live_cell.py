@@ -1,8 +1,10 @@
-"""One cell on the device: the locator, and the EKF it hands over to once the place is close and single.
+"""One cell on the device: the locator, and the EKF it hands over to once the place is close and
+single.
 
-The EKF starts from the locator's place when its standard deviation is at most 12 m and 0.15 of the walker's distance
-to it (a linearised filter is honest only when it starts close), and takes up the shadowing from the last readings. It
-is followed by `watch`, and taken back when the watch disagrees.
+The EKF starts from the locator's place when its standard deviation is at most 12 m and 0.15 of the
+walker's distance to it (a linearised filter is honest only when it starts close), and takes up the
+shadowing from the last readings. It is followed by `watch`, and taken back when the watch
+disagrees.
 """
 
 from collections import deque
@@ -13,13 +15,13 @@ import numpy as np
 
 from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
+from logger.core.filter_monitor import CLOSE, Watch, compare, follow, widest
 from logger.core.locator.evidence import C
 from logger.core.locator.online import Heard, OnlineLocator, Place
 from logger.core.locator.prior import Prior
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
 from logger.core.shadow_noise import candidates, likeliest
 from logger.core.spikes import SpikeFilter
-from logger.core.watch import CLOSE, Watch, compare, follow, widest
 
 LOCATOR, EKF = "locator", "ekf"
 
@@ -29,9 +31,11 @@ _RECENT = 200
 
 
 class CellEstimate(NamedTuple):
-    """State [x, y, P0, eta] after a reading, upper triangle of its covariance, and the stage that it comes from.
+    """State [x, y, P0, eta] after a reading, upper triangle of its covariance, and the stage that
+    it comes from.
 
-    `probability` is that of the place; the innovation belongs to the reading and is NaN where nothing was expected.
+    `probability` is that of the place; the innovation belongs to the reading and is NaN where
+    nothing was expected.
     """
 
     stage: str
@@ -49,7 +53,9 @@ class _Running(NamedTuple):
 
 
 class LiveCell:
-    """Estimate of one cell, reading by reading; `news` holds what happened at the last reading, as (code, text)."""
+    """Estimate of one cell, reading by reading; `news` holds what happened at the last reading, as
+    (code, text).
+    """
 
     def __init__(self, prior: Prior, spikes: SpikeFilter[Heard] | None = None) -> None:
         self._prior = prior
@@ -69,8 +75,8 @@ class LiveCell:
     def take(self, heard: Heard) -> CellEstimate | None:
         """Take a reading; None while there is nothing to be said.
 
-        A level far from that of its forerunner waits until the next ones share it: the estimate is then after all of
-        them. One that they do not share is set aside.
+        A level far from that of its forerunner waits until the next ones share it: the estimate is
+        then after all of them. One that they do not share is set aside.
         """
         self.news = []
         estimate = None
@@ -109,7 +115,9 @@ class LiveCell:
         self._barred = False
 
     def _stepped(self, heard: Heard, place: Place | None) -> ShadowStep | None:
-        """The running filter's next step; None without one, or where it has just been taken back."""
+        """The running filter's next step; None without one, or where it has just been taken
+        back.
+        """
         if self._running is None:
             return None
         step = shadow_ekf.step(self._running.state, self._running.noise, *heard)
@@ -138,7 +146,9 @@ class LiveCell:
             return
         self._running = _Running(state, noise, Watch())
         spread_m = sqrt(place.covariance[0, 0] + place.covariance[1, 1])
-        self.news.append(("ekf-started", f"the locator holds one place with a DRMS of {spread_m:.0f} m"))
+        self.news.append(
+            ("ekf-started", f"the locator holds one place with a DRMS of {spread_m:.0f} m")
+        )
 
 
 def _is_close(place: Place, heard: Heard) -> bool:
@@ -151,7 +161,9 @@ def _is_close(place: Place, heard: Heard) -> bool:
 def _of_filter(step: ShadowStep) -> CellEstimate:
     s = step.state
     state = (s.x_m, s.y_m, s.p0_dbm, s.eta)
-    return CellEstimate(EKF, 1.0, state, static_covariance(s.factors), step.innovation_db, step.innovation_var_db2)
+    return CellEstimate(
+        EKF, 1.0, state, static_covariance(s.factors), step.innovation_db, step.innovation_var_db2
+    )
 
 
 def _of_locator(place: Place, before: Place | None, heard: Heard, height_m: float) -> CellEstimate:
@@ -160,7 +172,9 @@ def _of_locator(place: Place, before: Place | None, heard: Heard, height_m: floa
     if before is not None and not heard.limit:
         innovation_db, variance_db2 = _innovation(before, heard, height_m)
     triangle = ekf.upper_triangle(place.covariance)
-    return CellEstimate(LOCATOR, place.probability, (x_m, y_m, p0_dbm, eta), triangle, innovation_db, variance_db2)
+    return CellEstimate(
+        LOCATOR, place.probability, (x_m, y_m, p0_dbm, eta), triangle, innovation_db, variance_db2
+    )
 
 
 def _innovation(before: Place, heard: Heard, height_m: float) -> tuple[float, float]:
@@ -170,4 +184,6 @@ def _innovation(before: Place, heard: Heard, height_m: float) -> tuple[float, fl
     d2 = max(dx * dx + dy * dy + height_m * height_m, 1.0)
     distance_db = 5.0 * np.log10(d2)
     h = np.array([-C * eta * dx / d2, -C * eta * dy / d2, 1.0, -distance_db])
-    return heard.level_dbm - p0_dbm + eta * distance_db, float(h @ before.covariance @ h + before.sigma_db**2)
+    return heard.level_dbm - p0_dbm + eta * distance_db, float(
+        h @ before.covariance @ h + before.sigma_db**2
+    )

@@ -1,6 +1,8 @@
-"""The reference filter on the device: the specification's EKF on the strongest (or the configured) cell.
+"""The reference filter on the device: the specification's EKF on the strongest (or the configured)
+cell.
 
-It starts at the receiver, and again, with a note, when the target changes. It is recorded as the reference it is.
+It starts at the receiver, and again, with a note, when the target changes. It is recorded as the
+reference it is.
 """
 
 from logger.core import ekf
@@ -19,7 +21,10 @@ class LiveReference:
         self._state: ekf.EkfState | None = None
 
     def choose(self, t_ns: int, scan: Scan, x_m: float, y_m: float) -> tuple[str, str] | None:
-        """Lock on a target, or change it; the filter of a new target starts at the receiver. Returns code and text."""
+        """Lock on a target, or change it; the filter of a new target starts at the receiver.
+
+        Returns code and text.
+        """
         best = self._candidate(scan)
         held = level_of(scan, self.target)
         if held is not None:
@@ -31,7 +36,11 @@ class LiveReference:
         before, self.target = self.target, best.cell
         self._heard_ns = t_ns
         self._state, self.n = ekf.start(x_m, y_m), 0
-        was = "" if before is None else f", was {before}; the reference filter starts again at the receiver"
+        was = (
+            ""
+            if before is None
+            else f", was {before}; the reference filter starts again at the receiver"
+        )
         code = "target-locked" if before is None else "target-changed"
         return code, f"target is {best.cell} at {best.level_dbm:.0f} dBm{was}"
 
@@ -64,4 +73,6 @@ def level_of(scan: Scan, cell: str | None) -> float | None:
     """Level of a cell in a scan, None where it was not heard or had none."""
     if cell is None:
         return None
-    return next((r.level_dbm for r in scan.readings if r.cell == cell and r.level_dbm is not None), None)
+    return next(
+        (r.level_dbm for r in scan.readings if r.cell == cell and r.level_dbm is not None), None
+    )

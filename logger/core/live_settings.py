@@ -14,11 +14,17 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
         "hysteresis_db": (0.0, math.inf),  # infinite: the target never changes for a stronger cell
         "lost_s": (0.0, 1e9),  # thirty years, which fit into 64 bits as nanoseconds
         "max_fix_age_s": (0.0, 1e9),
-        "most_cells": (1, 10_000),  # each has an estimate of its own; a Pi keeps up with some hundred
+        "most_cells": (
+            1,
+            10_000,
+        ),  # each has an estimate of its own; a Pi keeps up with some hundred
         "height_m": (0.0, 10_000.0),  # mountains end below
     }
 )
-"""Least and most of each setting that has a meaning. Runs of earlier versions may hold others, and are read."""
+"""Least and most of each setting that has a meaning.
+
+Runs of earlier versions may hold others, and are read.
+"""
 LONGEST_TARGET_BYTES = 64
 """The run file has no room for a longer name of a cell."""
 
@@ -26,18 +32,21 @@ REFERENCE = "reference-ekf"
 """Stage of the estimates of the reference filter."""
 
 BEHIND = "estimate-behind"
-"""Code of the Note of a device that could not keep up: the last recorded scans have no live estimate."""
+"""Code of the Note of a device that could not keep up: the last recorded scans have no live
+estimate.
+"""
 
 
 class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How the live estimate chooses its cells, its fix and its prior.
 
-    Every cell named by two scans is tracked, up to `most_cells` at once: the one not heard for longest gives way.
-    `target` is "strongest" or the name of a cell, for the reference filter and the default view; it is one that two
-    scans have named. The target changes when another cell is `hysteresis_db` stronger in the same scan, or strongest
-    after the target was not heard for `lost_s`. A fix older than `max_fix_age_s` is none. `joseph` chooses the form of
-    the reference filter's covariance update. `environment` names the prior: any, open, suburban or urban; `height_m` is
-    the antenna's above the receiver.
+    Every cell named by two scans is tracked, up to `most_cells` at once: the one not heard for
+    longest gives way. `target` is "strongest" or the name of a cell, for the reference filter and
+    the default view; it is one that two scans have named. The target changes when another cell is
+    `hysteresis_db` stronger in the same scan, or strongest after the target was not heard for
+    `lost_s`. A fix older than `max_fix_age_s` is none. `joseph` chooses the form of the reference
+    filter's covariance update. `environment` names the prior: any, open, suburban or urban;
+    `height_m` is the antenna's above the receiver.
     """
 
     target: str = STRONGEST
@@ -51,10 +60,11 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def restored(recorded: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings as a run holds them, each null as what it stood for: JSON has no infinity and no NaN.
+    """Settings as a run holds them, each null as what it stood for: JSON has no infinity and no
+    NaN.
 
-    An infinite hysteresis is written so. Earlier versions let other settings be infinite or NaN: a time is then never
-    over, which both had come to, and the height is the default.
+    An infinite hysteresis is written so. Earlier versions let other settings be infinite or NaN: a
+    time is then never over, which both had come to, and the height is the default.
     """
     known = dict.fromkeys(LIMITS, math.inf) | {"height_m": LiveSettings().height_m}
     return {name: known.get(name) if value is None else value for name, value in recorded.items()}

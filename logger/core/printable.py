@@ -1,7 +1,9 @@
-"""Text from elsewhere on a terminal: a run, a modem or a file name may hold characters that steer the terminal.
+"""Text from elsewhere on a terminal: a run, a modem or a file name may hold characters that steer
+the terminal.
 
-Control characters (ESC clears the screen and renames windows), marks of direction (which show a text in another order
-than it has) and halves of surrogates become escapes as JSON writes them, so that JSON stays JSON.
+Control characters (ESC clears the screen and renames windows), marks of direction (which show a
+text in another order than it has) and halves of surrogates become escapes as JSON writes them, so
+that JSON stays JSON.
 """
 
 import re
@@ -19,7 +21,9 @@ _SUSPECT = re.compile(r"[^ -~]")
 
 
 def printable(text: str, keep: str = "") -> str:
-    """The text on one line, with nothing in it that steers a terminal; characters in `keep` stay."""
+    """The text on one line, with nothing in it that steers a terminal; characters in `keep`
+    stay.
+    """
     return _SUSPECT.sub(lambda found: found[0] if found[0] in keep else _escaped(found[0]), text)
 
 
@@ -35,7 +39,9 @@ class PlainStream:
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
-        self.rich_proxied_file = stream  # rich styles its own text: it looks for this name, and writes there
+        self.rich_proxied_file = (
+            stream  # rich styles its own text: it looks for this name, and writes there
+        )
 
     def write(self, text: str) -> int:
         self._stream.write(printable(text, _KEPT_BY_STREAMS))

@@ -39,7 +39,9 @@ def _described(table: str, kinds: Mapping[str, str]) -> np.dtype[np.void]:
         if not _PLAIN.fullmatch(kind):
             raise ValueError(f"{table}: no column is of the type {kind!r}")
         then, now = np.dtype(kind), todays.get(name)
-        if now is not None and (then.kind != now.kind or (then.kind != "S" and then.itemsize > now.itemsize)):
+        if now is not None and (
+            then.kind != now.kind or (then.kind != "S" and then.itemsize > now.itemsize)
+        ):
             raise ValueError(f"{table}: the column {name!r} was never of the type {kind!r}")
     if len(kinds) > _MOST_COLUMNS:
         raise ValueError(f"{table} has {len(kinds)} columns")
@@ -65,7 +67,9 @@ def as_of_now(table: str, rows: Rows) -> Rows:
 
 
 def values_of(table: str, rows: Rows) -> Iterator[dict[str, Any]]:
-    """Python values of each row by column name, None where unknown; columns this version does not know are left out."""
+    """Python values of each row by column name, None where unknown; columns this version does not
+    know are left out.
+    """
     columns = {column.name: column for column in TABLES[table]}
     names = rows.dtype.names or ()
     known = [(i, columns[name]) for i, name in enumerate(names) if name in columns]

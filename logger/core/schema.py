@@ -1,10 +1,12 @@
-"""The run file's tables as data: one table for each kind of record, one row for each record (or reading).
+"""The run file's tables as data: one table for each kind of record, one row for each record (or
+reading).
 
-Every row begins with `seq` (number of the record in the run, the order of everything), `t_ns` (time since boot when
-the record was complete) and `source`. Integers that may be unknown carry their mark in `Column.unknown`; unknown
-floats are NaN, unknown texts empty. A row is packed, little-endian.
+Every row begins with `seq` (number of the record in the run, the order of everything), `t_ns` (time
+since boot when the record was complete) and `source`. Integers that may be unknown carry their mark
+in `Column.unknown`; unknown floats are NaN, unknown texts empty. A row is packed, little-endian.
 
-Nothing here needs numpy, so that a run can begin before numpy has been imported; `rows` has the tables as arrays.
+Nothing here needs numpy, so that a run can begin before numpy has been imported; `rows` has the
+tables as arrays.
 """
 
 import math
@@ -25,7 +27,9 @@ UNKNOWN_TIME = -(2**63)
 UNKNOWN_SIGNED = -(2**31)
 
 MOST_NS = 2**62
-"""No time is later, in nanoseconds since boot or since 1970: a century, and sums of two still fit into 64 bits."""
+"""No time is later, in nanoseconds since boot or since 1970: a century, and sums of two still fit
+into 64 bits.
+"""
 
 _STRUCT_CODES = {"<i8": "q", "<i4": "i", "|u1": "B", "<f8": "d"}
 
@@ -76,14 +80,18 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
     "scans": (
         *HEAD,
         Column("t_start_ns", "<i8", "ns since boot, when the modem was asked"),
-        Column("fix_start_seq", "<i8", "seq of the fix current when the modem was asked", UNKNOWN_ID),
+        Column(
+            "fix_start_seq", "<i8", "seq of the fix current when the modem was asked", UNKNOWN_ID
+        ),
         Column("fix_seq", "<i8", "seq of the fix current at the end of the scan", UNKNOWN_ID),
         _count("n_readings", "cells in the reply"),
     ),
     "readings": (
         *HEAD,
         Column("t_start_ns", "<i8", "ns since boot, when the modem was asked", UNKNOWN_TIME),
-        Column("fix_start_seq", "<i8", "seq of the fix current when the modem was asked", UNKNOWN_ID),
+        Column(
+            "fix_start_seq", "<i8", "seq of the fix current when the modem was asked", UNKNOWN_ID
+        ),
         Column("fix_seq", "<i8", "seq of the fix current at the end of the scan", UNKNOWN_ID),
         _text("cell", 64, "name of the cell: mcc-mnc-lac-cid, or as imported"),
         _text("role", 12, "serving, neighbour or scan"),
@@ -110,7 +118,9 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         _count("ta", "timing advance, steps of 553.5 m"),
         Column("c1", "<i4", "path loss criterion C1", UNKNOWN_SIGNED),
         Column("c2", "<i4", "reselection criterion C2", UNKNOWN_SIGNED),
-        Column("identity_unsure", "|u1", "1 where a byte of the identity may be lost or doubled", 0),
+        Column(
+            "identity_unsure", "|u1", "1 where a byte of the identity may be lost or doubled", 0
+        ),
     ),
     "notes": (
         *HEAD,
@@ -129,7 +139,10 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         _float("y_m", "m north"),
         _float("p0_dbm", "dBm at 1 m"),
         _float("eta", "1"),
-        *(_float(f"p_{a}{b}", "covariance") for a, b in ("xx", "xy", "x0", "xe", "yy", "y0", "ye", "00", "0e", "ee")),
+        *(
+            _float(f"p_{a}{b}", "covariance")
+            for a, b in ("xx", "xy", "x0", "xe", "yy", "y0", "ye", "00", "0e", "ee")
+        ),
         _float("innovation_db", "dB"),
         _float("innovation_var_db2", "dB^2"),
         _float("probability", "1, of the place; below 1 there are others"),
@@ -150,13 +163,18 @@ _ADDED_IN: Mapping[int, Mapping[str, frozenset[str]]] = {
 
 
 def columns_of(version: int) -> dict[str, list[tuple[str, str]]]:
-    """Name and type of each column by table, as that version wrote them, from `OLDEST_DESCRIBED` on."""
+    """Name and type of each column by table, as that version wrote them, from `OLDEST_DESCRIBED`
+    on.
+    """
     later = [tables for added_in, tables in _ADDED_IN.items() if added_in > version]
 
     def had(table: str, column: Column) -> bool:
         return not any(column.name in tables.get(table, ()) for tables in later)
 
-    return {table: [(c.name, c.dtype) for c in columns if had(table, c)] for table, columns in TABLES.items()}
+    return {
+        table: [(c.name, c.dtype) for c in columns if had(table, c)]
+        for table, columns in TABLES.items()
+    }
 
 
 def columns_text(table: str, names: Iterable[str]) -> str:
@@ -166,7 +184,9 @@ def columns_text(table: str, names: Iterable[str]) -> str:
 
 
 def is_columns_text(table: str, names: Iterable[str], text: str) -> bool:
-    """Whether a text is one that some version of this program has written about columns of those names."""
+    """Whether a text is one that some version of this program has written about columns of those
+    names.
+    """
     known = {f"{column.name}: {column.unit}" for column in TABLES[table]} | _EARLIER_WORDS
     lines = text.split("\n")
     return set(lines) <= known and {line.partition(":")[0] for line in lines} >= set(names)
@@ -179,13 +199,18 @@ _EARLIER_WORDS = frozenset(
         "fix_seq: seq of the fix current at the scan",
     }
 )
-"""Lines of runs of schema 1. A change of words goes in here, or the files of yesterday seem altered."""
+"""Lines of runs of schema 1.
+
+A change of words goes in here, or the files of yesterday seem altered.
+"""
 
 
 def packing_of(version: int) -> dict[str, struct.Struct]:
     """How that version packed the rows of each table."""
     return {
-        table: struct.Struct("<" + "".join(_STRUCT_CODES.get(kind) or f"{kind[1:]}s" for _, kind in columns))
+        table: struct.Struct(
+            "<" + "".join(_STRUCT_CODES.get(kind) or f"{kind[1:]}s" for _, kind in columns)
+        )
         for table, columns in columns_of(version).items()
     }
 
@@ -194,7 +219,9 @@ _PACKING = packing_of(SCHEMA_VERSION)
 
 
 def packed(table: str, rows: Iterable[tuple[Any, ...]]) -> bytes:
-    """Rows of a table, values in column order, as bytes; raises OverflowError for a number that does not fit."""
+    """Rows of a table, values in column order, as bytes; raises OverflowError for a number that
+    does not fit.
+    """
     try:
         return b"".join(_PACKING[table].pack(*row) for row in rows)
     except struct.error as error:
@@ -207,12 +234,16 @@ def row_size(table: str) -> int:
 
 
 def rows_of(seq: int, record: Record) -> list[tuple[str, tuple[Any, ...]]]:
-    """Rows of a record as (table, values in column order); raw bytes are the writer's own affair."""
+    """Rows of a record as (table, values in column order); raw bytes are the writer's own
+    affair.
+    """
     head: dict[str, Any] = {"seq": seq, "t_ns": record.t_ns, "source": record.source}
     value = record.value
     match value:
         case Scan():
-            of_scan = {name: getattr(value, name) for name in ("t_start_ns", "fix_start_seq", "fix_seq")}
+            of_scan = {
+                name: getattr(value, name) for name in ("t_start_ns", "fix_start_seq", "fix_seq")
+            }
             return [
                 ("scans", _row("scans", head, value, n_readings=len(value.readings))),
                 *(
@@ -229,7 +260,9 @@ def rows_of(seq: int, record: Record) -> list[tuple[str, tuple[Any, ...]]]:
     raise TypeError(f"no table for {type(value).__name__}")
 
 
-def _row(table: str, head: Mapping[str, Any], value: Value | CellReading, **more: Any) -> tuple[Any, ...]:
+def _row(
+    table: str, head: Mapping[str, Any], value: Value | CellReading, **more: Any
+) -> tuple[Any, ...]:
     given = {**head, **more}
     return tuple(
         encoded(column, given[column.name] if column.name in given else getattr(value, column.name))
@@ -247,7 +280,9 @@ def encoded(column: Column, value: Any) -> Any:
 
 
 def _fit(text: str, size: int) -> bytes:
-    """UTF-8 of at most `size` bytes, cut between characters; a trailing NUL would be lost by numpy and is dropped."""
+    """UTF-8 of at most `size` bytes, cut between characters; a trailing NUL would be lost by numpy
+    and is dropped.
+    """
     encoded = text.encode("utf-8", "replace")
     if len(encoded) > size:
         encoded = encoded[: size - 3].decode("utf-8", "ignore").encode() + "…".encode()

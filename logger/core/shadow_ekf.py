@@ -1,22 +1,26 @@
-"""EKF of a station's place, power and exponent that carries the shadowing at the walker's place with them.
+"""EKF of a station's place, power and exponent that carries the shadowing at the walker's place
+with them.
 
-State [x, y, P0, eta, s]: s (dB) is the shadowing where the last reading was taken, the rest stands still. For a reading
-taken at the receiver's place p, D metres from the one before:
+State [x, y, P0, eta, s]: s (dB) is the shadowing where the last reading was taken, the rest stands
+still. For a reading taken at the receiver's place p, D metres from the one before:
 
     s = rho s_before + w,    rho = exp(-D / d_c),    var w = shadow^2 (1 - rho^2)
     z = P0 - eta 5 log10(d^2) + s + v,    d^2 = |(x, y) - p|^2 + height^2 + 2 sigma_g^2, at least 1 m^2
     var v = white^2 + 1/12 + (C eta sigma_g / d)^2,    C = 10 / ln 10
 
-(Gudmundson, Electron. Lett. 27(23), 1991; 1/12 since levels are whole dB; sigma_g is the receiver's error per axis.)
+(Gudmundson, Electron. Lett. 27(23), 1991; 1/12 since levels are whole dB; sigma_g is the receiver's
+error per axis.)
 
-The covariance is kept as U D U' in the order s, x, y, P0, eta, with U unit upper triangular, and corrected by Bierman's
-algorithm (Factorization Methods for Discrete Sequential Estimation, 1977, ch. V): a correction multiplies each entry
-of D by a positive number, so no rounding makes the covariance indefinite. With s first, D_s is the variance of s given
-the rest, w adds to D_s alone, and row s of U says how s leans on the rest.
+The covariance is kept as U D U' in the order s, x, y, P0, eta, with U unit upper triangular, and
+corrected by Bierman's algorithm (Factorization Methods for Discrete Sequential Estimation, 1977,
+ch. V): a correction multiplies each entry of D by a positive number, so no rounding makes the
+covariance indefinite. With s first, D_s is the variance of s given the rest, w adds to D_s alone,
+and row s of U says how s leans on the rest.
 
-A reading at the modem's limit only says that the level is beyond it. The level expected then is that of a normal cut
-off at the limit; mean and variance of the state are corrected to what follows from its mean and variance (moment
-matching; Tobit, Econometrica 26(1), 1958), which is the usual correction with another innovation and another r.
+A reading at the modem's limit only says that the level is beyond it. The level expected then is
+that of a normal cut off at the limit; mean and variance of the state are corrected to what follows
+from its mean and variance (moment matching; Tobit, Econometrica 26(1), 1958), which is the usual
+correction with another innovation and another r.
 """
 
 from collections.abc import Sequence
@@ -42,7 +46,8 @@ Factors = tuple[
 
 
 class ShadowNoise(NamedTuple):
-    """Shadowing and the distance that forgets it, white noise, height of the antenna above the receiver.
+    """Shadowing and the distance that forgets it, white noise, height of the antenna above the
+    receiver.
 
     `decorrelation_m` 0 stands for shadowing that is new at every reading.
     """
@@ -77,24 +82,37 @@ class ShadowStep(NamedTuple):
     innovation_var_db2: float
 
 
-def split_noise(sigma_db: float, decorrelation_m: float, white_share: float, height_m: float) -> ShadowNoise:
-    """Noise of a filter from what the locator says of the residuals; all of it white where nothing is correlated."""
+def split_noise(
+    sigma_db: float, decorrelation_m: float, white_share: float, height_m: float
+) -> ShadowNoise:
+    """Noise of a filter from what the locator says of the residuals; all of it white where nothing
+    is correlated.
+    """
     white = white_share if decorrelation_m > 0.0 else 1.0
-    return ShadowNoise(sigma_db * sqrt(1.0 - white), decorrelation_m, sigma_db * sqrt(white), height_m)
+    return ShadowNoise(
+        sigma_db * sqrt(1.0 - white), decorrelation_m, sigma_db * sqrt(white), height_m
+    )
 
 
-def hold(mean: Sequence[float] | FloatArray, noise: ShadowNoise, at_x_m: float, at_y_m: float) -> ShadowState:
-    """State with [x, y, P0, eta] taken as certain: steps from here on estimate the shadowing given these four."""
+def hold(
+    mean: Sequence[float] | FloatArray, noise: ShadowNoise, at_x_m: float, at_y_m: float
+) -> ShadowState:
+    """State with [x, y, P0, eta] taken as certain: steps from here on estimate the shadowing given
+    these four.
+    """
     x_m, y_m, p0_dbm, eta = (float(value) for value in mean)
     none = (0.0,) * 7
-    return ShadowState(x_m, y_m, p0_dbm, eta, 0.0, at_x_m, at_y_m, (float(noise.shadow_db) ** 2, *none, *none))
+    return ShadowState(
+        x_m, y_m, p0_dbm, eta, 0.0, at_x_m, at_y_m, (float(noise.shadow_db) ** 2, *none, *none)
+    )
 
 
 def release(state: ShadowState, covariance: FloatArray) -> ShadowState:
-    """A held state with the covariance (4, 4) that [x, y, P0, eta] really have: the start of the filter.
+    """A held state with the covariance (4, 4) that [x, y, P0, eta] really have: the start of the
+    filter.
 
-    The readings stepped over while holding count for the shadowing only, so they may be those the covariance comes
-    from. Raises `EstimationError` for a covariance that is not positive definite.
+    The readings stepped over while holding count for the shadowing only, so they may be those the
+    covariance comes from. Raises `EstimationError` for a covariance that is not positive definite.
     """
     try:
         root = np.linalg.cholesky(np.asarray(covariance, float)[::-1, ::-1])[::-1, ::-1]
@@ -115,25 +133,38 @@ def step(
     level_dbm: float,
     limit: int = 0,
 ) -> ShadowStep:
-    """Go to the place of the next reading and correct with its level; with a level of NaN, only go there.
+    """Go to the place of the next reading and correct with its level; with a level of NaN, only go
+    there.
 
-    `limit` is -1 where the level is the modem's lowest and the true one may be below, 1 where it is the highest.
+    `limit` is -1 where the level is the modem's lowest and the true one may be below, 1 where it is
+    the highest.
     """
-    x, y, p0, eta, s, at_x, at_y, (ds, dx, dy, d0, de, sx, sy, s0, se, xy, x0, xe, y0, ye, oe) = state
+    x, y, p0, eta, s, at_x, at_y, (ds, dx, dy, d0, de, sx, sy, s0, se, xy, x0, xe, y0, ye, oe) = (
+        state
+    )
     rho = recall(noise, hypot(receiver_x_m - at_x, receiver_y_m - at_y))
     s *= rho
     ds = rho * rho * ds + noise.shadow_db * noise.shadow_db * (1.0 - rho * rho)
     sx, sy, s0, se = rho * sx, rho * sy, rho * s0, rho * se
     if isnan(level_dbm):
         moved = ShadowState(
-            x, y, p0, eta, s, receiver_x_m, receiver_y_m, (ds, dx, dy, d0, de, sx, sy, s0, se, xy, x0, xe, y0, ye, oe)
+            x,
+            y,
+            p0,
+            eta,
+            s,
+            receiver_x_m,
+            receiver_y_m,
+            (ds, dx, dy, d0, de, sx, sy, s0, se, xy, x0, xe, y0, ye, oe),
         )
         return ShadowStep(moved, nan, nan)
 
     east = x - receiver_x_m
     north = y - receiver_y_m
     spread = 2.0 * position_sigma_m * position_sigma_m
-    d2 = max(east * east + north * north + noise.height_m * noise.height_m + spread, _RANGE_CLAMP_M2)
+    d2 = max(
+        east * east + north * north + noise.height_m * noise.height_m + spread, _RANGE_CLAMP_M2
+    )
     slope = -_C * eta / d2
     hx, hy, he = slope * east, slope * north, -5.0 * log10(d2)
     r = noise.white_db * noise.white_db + _ROUNDING_DB2 + 0.5 * slope * slope * d2 * spread
@@ -173,7 +204,14 @@ def step(
     )  # fmt: skip
     e = innovation / re
     corrected = ShadowState(
-        x + kx * e, y + ky * e, p0 + k0 * e, eta + ge * e, s + ks * e, receiver_x_m, receiver_y_m, factors
+        x + kx * e,
+        y + ky * e,
+        p0 + k0 * e,
+        eta + ge * e,
+        s + ks * e,
+        receiver_x_m,
+        receiver_y_m,
+        factors,
     )
     if limit:
         return ShadowStep(corrected, nan, nan)
@@ -185,11 +223,14 @@ def recall(noise: ShadowNoise, moved_m: float) -> float:
     return exp(-moved_m / noise.decorrelation_m) if noise.decorrelation_m > 0.0 else 0.0
 
 
-def beyond_limit(to_limit_db: float, known_db2: float, r_db2: float, limit: int) -> tuple[float, float]:
+def beyond_limit(
+    to_limit_db: float, known_db2: float, r_db2: float, limit: int
+) -> tuple[float, float]:
     """Innovation and r that stand for a level beyond a limit.
 
-    The level is expected `to_limit_db` short of the limit with variance S = known + r. Cut off at a = (inside of the
-    limit) / sqrt(S), its mean moves by l sqrt(S) and its variance shrinks by l (l + a) S, with l = phi(a) / Phi(a).
+    The level is expected `to_limit_db` short of the limit with variance S = known + r. Cut off at a
+    = (inside of the limit) / sqrt(S), its mean moves by l sqrt(S) and its variance shrinks by l (l
+    + a) S, with l = phi(a) / Phi(a).
     """
     s = known_db2 + r_db2
     root = sqrt(s)

@@ -1,13 +1,15 @@
 """Single levels that their neighbours do not share: a gross error, not a place.
 
-One level 30 dB too strong among 400 moves the posterior of a transmitter by hundreds of metres. A likelihood with heavy
-tails cannot tell it from the peak beside a transmitter; the readings just before and after it can, since fields change
-over metres and not at one reading. So a level is compared with those around it, never with a model of the whole walk:
-it is a spike where it stands further above (or below) both sides than the noise between neighbours lets expect, and
-further above them than a transmitter right there would make it, given how they rise towards it.
+One level 30 dB too strong among 400 moves the posterior of a transmitter by hundreds of metres. A
+likelihood with heavy tails cannot tell it from the peak beside a transmitter; the readings just
+before and after it can, since fields change over metres and not at one reading. So a level is
+compared with those around it, never with a model of the whole walk: it is a spike where it stands
+further above (or below) both sides than the noise between neighbours lets expect, and further above
+them than a transmitter right there would make it, given how they rise towards it.
 
-The readings are judged in their order, each as soon as it can be. One that is near its forerunner is taken at once;
-another waits until two of the next three say the same of it. The desk judges by the same class as the device.
+The readings are judged in their order, each as soon as it can be. One that is near its forerunner
+is taken at once; another waits until two of the next three say the same of it. The desk judges by
+the same class as the device.
 """
 
 from collections import deque
@@ -39,13 +41,19 @@ _PASSING_SIGMAS = 2.5
 _CHANGES = 64
 _BEGUN_CHANGES = 4
 _BEGUN_SIGMA_DB = 4.0
-"""Noise between neighbours before the walk has shown it: between 3 dB (white) and 5.4 dB (measured walks)."""
+"""Noise between neighbours before the walk has shown it: between 3 dB (white) and 5.4 dB (measured
+walks).
+"""
 _QUANTILES = ((0.5, 0.6745), (0.9, 1.6449))
-"""Of the changes between neighbours, and what they are of a standard normal: the larger answer counts, since noise of
-two kinds has a small median."""
+"""Of the changes between neighbours, and what they are of a standard normal: the larger answer
+counts, since noise of two kinds has a small median.
+"""
 _PASSING_M = 7.0
-"""A transmitter right here is 5 m above and 5 m beside the walk. Of simulated passes with a reading every 5 to 30 m,
-noise 3 or 6 dB, the peak is taken for a spike in at most 3 of 100 at 5 m above and beside, in 7 of 100 at 2 and 3 m."""
+"""A transmitter right here is 5 m above and 5 m beside the walk.
+
+Of simulated passes with a reading every 5 to 30 m, noise 3 or 6 dB, the peak is taken for a spike
+in at most 3 of 100 at 5 m above and beside, in 7 of 100 at 2 and 3 m.
+"""
 _ETA, _ETA_SIGMA = 2.6, 2.0
 
 
@@ -83,11 +91,15 @@ class Judged(NamedTuple, Generic[T]):
 
 
 class SpikeFilter(Generic[T]):
-    """Passes readings on in their order, each with what its neighbours say of it; `finish` passes on what waits."""
+    """Passes readings on in their order, each with what its neighbours say of it; `finish` passes
+    on what waits.
+    """
 
     def __init__(self) -> None:
         self._before: deque[T] = deque(maxlen=_SLOPE_SIDE)  # without spikes
-        begun_db = (sqrt(2.0) * _BEGUN_SIGMA_DB * (k + 0.5) / _BEGUN_CHANGES for k in range(_BEGUN_CHANGES))
+        begun_db = (
+            sqrt(2.0) * _BEGUN_SIGMA_DB * (k + 0.5) / _BEGUN_CHANGES for k in range(_BEGUN_CHANGES)
+        )
         self._changes_db: deque[float] = deque(begun_db, maxlen=_CHANGES)
         self._waiting: deque[T] = deque()
 
@@ -101,7 +113,8 @@ class SpikeFilter(Generic[T]):
         return self._passed(ended=True)
 
     def skip(self, last: Sequence[T], changes_db: Sequence[float]) -> None:
-        """Be told of readings that are each near their forerunner: the last ones, and the changes between all of them.
+        """Be told of readings that are each near their forerunner: the last ones, and the changes
+        between all of them.
 
         Only where none waits and the reading before them was no spike.
         """
@@ -127,7 +140,9 @@ class SpikeFilter(Generic[T]):
         self._before.append(reading)
 
     def _judge(self, *, ended: bool) -> float | None:
-        """How far the reading that waits longest stands out, 0 where it does not; None while that is open."""
+        """How far the reading that waits longest stands out, 0 where it does not; None while that
+        is open.
+        """
         head = self._waiting[0]
         if self._before and abs(head.level_dbm - self._before[-1].level_dbm) <= _LEAST_ABOVE_DB:
             return 0.0
@@ -136,7 +151,9 @@ class SpikeFilter(Generic[T]):
         after = list(takewhile(lambda one: _near(one, head), following))[:_SLOPE_SIDE]
         walked_on = ended or len(after) < len(following)
         ahead_db = (abs(one.level_dbm - other.level_dbm) for one, other in pairwise(after))
-        return _stands_out(head, before, after, _sigma_db([*self._changes_db, *ahead_db]), ended=walked_on)
+        return _stands_out(
+            head, before, after, _sigma_db([*self._changes_db, *ahead_db]), ended=walked_on
+        )
 
 
 def _stands_out(
@@ -158,7 +175,9 @@ def _stands_out(
     sign = 1.0 if off_db > 0.0 else -1.0
     apart = [one for one in after if sign * (head.level_dbm - one.level_dbm) > margin_db]
     as_far = sum(sign * (one.level_dbm - usual_dbm) > margin_db for one in after[:_SIDE])
-    vote = _vote(sum(one in apart for one in after[:_SIDE]), len(after[:_SIDE]), as_far, ended=ended)
+    vote = _vote(
+        sum(one in apart for one in after[:_SIDE]), len(after[:_SIDE]), as_far, ended=ended
+    )
     if vote is None:
         return None
     if not vote or (as_far and abs(off_db) <= _OF_TWO * margin_db):
@@ -169,9 +188,11 @@ def _stands_out(
 
 
 def _vote(apart: int, heard: int, as_far: int, *, ended: bool) -> bool | None:
-    """Whether the readings after it speak against it: two of three do, fewer where there are no more.
+    """Whether the readings after it speak against it: two of three do, fewer where there are no
+    more.
 
-    `as_far` of them stand out as it does: a walk that ends with two such has not shown that they are a place.
+    `as_far` of them stand out as it does: a walk that ends with two such has not shown that they
+    are a place.
     """
     shared = heard - apart
     if ended and heard < _SIDE:
@@ -184,7 +205,9 @@ def _vote(apart: int, heard: int, as_far: int, *, ended: bool) -> bool | None:
 def _sigma_db(changes_db: Iterable[float]) -> float:
     """Standard deviation of a level, from changes between neighbours."""
     of_size = sorted(changes_db)
-    return max(of_size[int(share * len(of_size))] / (sqrt(2.0) * normal) for share, normal in _QUANTILES)
+    return max(
+        of_size[int(share * len(of_size))] / (sqrt(2.0) * normal) for share, normal in _QUANTILES
+    )
 
 
 def _near(one: Placed, other: Placed) -> bool:
@@ -194,11 +217,15 @@ def _near(one: Placed, other: Placed) -> bool:
 def _may_be_passing(head: Placed, around: Sequence[Placed], sigma_db: float) -> bool:
     """Whether a transmitter right here explains the level, given how those around rise towards it.
 
-    Their slope over log-distance from here, with a wide prior of the exponent, tells how much stronger it is up close.
+    Their slope over log-distance from here, with a wide prior of the exponent, tells how much
+    stronger it is up close.
     """
     if not around:
         return True
-    far = [5.0 * log10((one.x_m - head.x_m) ** 2 + (one.y_m - head.y_m) ** 2 + _PASSING_M**2) for one in around]
+    far = [
+        5.0 * log10((one.x_m - head.x_m) ** 2 + (one.y_m - head.y_m) ** 2 + _PASSING_M**2)
+        for one in around
+    ]
     mean_far, mean_dbm = fmean(far), fmean(one.level_dbm for one in around)
     variance = max(sigma_db, 1.0) ** 2
     spread = sum((d - mean_far) ** 2 for d in far)
@@ -213,7 +240,8 @@ def _may_be_passing(head: Placed, around: Sequence[Placed], sigma_db: float) -> 
 def spikes_along(
     x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray, limit: IntArray
 ) -> Iterator[tuple[int, float]]:
-    """Number of each spike among the levels of a walk, shape (n,) in time order, and how far it stands out.
+    """Number of each spike among the levels of a walk, shape (n,) in time order, and how far it
+    stands out.
 
     As `SpikeFilter` reading by reading, which is asked only where neighbours differ enough.
     """
@@ -245,7 +273,9 @@ def spikes_along(
 
 
 def _doubted(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> BoolArray:
-    """Levels that might be spikes, shape (n,): far from their forerunner, and not shared by two of the next three."""
+    """Levels that might be spikes, shape (n,): far from their forerunner, and not shared by two of
+    the next three.
+    """
     doubted = np.ones(len(level_dbm), np.bool_)
     doubted[1:] = np.abs(np.diff(level_dbm)) > _LEAST_ABOVE_DB
     inner = slice(0, max(len(level_dbm) - _SIDE, 0))

@@ -1,7 +1,8 @@
 """From time since boot to UTC, fitted over what the GPS receiver said, since a Pi has no clock.
 
-Nothing is believed of the wall clock. A receiver may be wrong too: before its first fix, by a rollover of its week
-counter, by leap seconds it has not heard of yet. Where its words disagree, UTC is unknown rather than wrong.
+Nothing is believed of the wall clock. A receiver may be wrong too: before its first fix, by a
+rollover of its week counter, by leap seconds it has not heard of yet. Where its words disagree, UTC
+is unknown rather than wrong.
 """
 
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.arrays import IntArray
-from logger.core.origin import has_times, is_import
+from logger.core.provenance import has_times, is_import
 from logger.core.rows import Rows
 from logger.core.schema import UNKNOWN_TIME
 from logger.core.utc import EARLIEST_UTC_NS, LATEST_UTC_NS
@@ -22,13 +23,19 @@ DRIFT_MOST = 100e-6
 AGREE_SHARE = 0.9
 """Less agreement than this is no knowledge."""
 LEAP_S = 20.0
-"""Smaller steps are leap seconds that a receiver has heard of late (up to 12.5 min): its last word is right."""
+"""Smaller steps are leap seconds that a receiver has heard of late (up to 12.5 min): its last word
+is right.
+"""
 DRIFT_SPAN_S = 600.0
-"""Shorter runs do not determine the drift of a crystal (some ppm) against the jitter of a serial line."""
+"""Shorter runs do not determine the drift of a crystal (some ppm) against the jitter of a serial
+line.
+"""
 _MOST_PAIRS = 2000
 _BINS = 24
 _PROMPT = 90.0
-"""Percentile of UTC minus time of arrival that stands for no delay: sentences come late, never early."""
+"""Percentile of UTC minus time of arrival that stands for no delay: sentences come late, never
+early.
+"""
 
 Floats = npt.NDArray[np.float64]
 Truths = npt.NDArray[np.bool_]
@@ -36,7 +43,9 @@ Truths = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class TimeBase:
-    """UTC = reference_utc + (1 + drift) (t - reference_t); `sigma_s` is the scatter of the pairs used."""
+    """UTC = reference_utc + (1 + drift) (t - reference_t); `sigma_s` is the scatter of the pairs
+    used.
+    """
 
     reference_t_ns: int
     reference_utc_ns: int
@@ -59,8 +68,8 @@ class TimeBase:
 def fit_run(origin: str, fixes: Rows) -> TimeBase | None:
     """As `fit` for the table `fixes` of a run; `origin` is the one in its description.
 
-    The times of an import are those of another program, of any year: no week counter is asked about them. Without times
-    there is no UTC.
+    The times of an import are those of another program, of any year: no week counter is asked about
+    them. Without times there is no UTC.
     """
     if not has_times(origin):
         return None
@@ -68,13 +77,19 @@ def fit_run(origin: str, fixes: Rows) -> TimeBase | None:
 
 
 def fit(
-    t_ns: IntArray, utc_ns: IntArray, valid: npt.NDArray[np.integer] | None = None, *, any_year: bool = False
+    t_ns: IntArray,
+    utc_ns: IntArray,
+    valid: npt.NDArray[np.integer] | None = None,
+    *,
+    any_year: bool = False,
 ) -> TimeBase | None:
-    """Fit the pairs (time since boot, UTC by GPS), arrays of shape (n,) with `UNKNOWN_TIME` where there is none.
+    """Fit the pairs (time since boot, UTC by GPS), arrays of shape (n,) with `UNKNOWN_TIME` where
+    there is none.
 
-    `valid` (n,) is 0 where the receiver had no position: it then knows the time from its own clock at best, and the
-    pair is not used. None when nothing is left, or what is left contradicts itself: UTC is then unknown. With
-    `any_year` a time may also lie where a receiver that is wrong by a rollover would put it.
+    `valid` (n,) is 0 where the receiver had no position: it then knows the time from its own clock
+    at best, and the pair is not used. None when nothing is left, or what is left contradicts
+    itself: UTC is then unknown. With `any_year` a time may also lie where a receiver that is wrong
+    by a rollover would put it.
     """
     known = utc_ns != UNKNOWN_TIME
     usable = known if any_year else (utc_ns >= EARLIEST_UTC_NS) & (utc_ns < LATEST_UTC_NS)
@@ -107,7 +122,11 @@ def _believed(elapsed_s: Floats, early_s: Floats, utc_ns: IntArray) -> Truths | 
     thin = np.unique(np.linspace(0, len(elapsed_s) - 1, _MOST_PAIRS).astype(int))
     opinions = _opinions(elapsed_s[thin].tolist(), early_s[thin].tolist())
     largest = max(opinions, key=len)
-    chosen = largest if len(largest) >= AGREE_SHARE * len(thin) else _last_leap(opinions, early_s[thin], utc_ns[thin])
+    chosen = (
+        largest
+        if len(largest) >= AGREE_SHARE * len(thin)
+        else _last_leap(opinions, early_s[thin], utc_ns[thin])
+    )
     if chosen is None:
         return None
     at_s, line_s = elapsed_s[thin][chosen], early_s[thin][chosen]
@@ -130,9 +149,13 @@ def _opinions(elapsed_s: list[float], early_s: list[float]) -> list[list[int]]:
 
 
 def _last_leap(opinions: list[list[int]], early_s: Floats, utc_ns: IntArray) -> list[int] | None:
-    """The last opinion, where only leap seconds that were heard of late stand between it and the others."""
+    """The last opinion, where only leap seconds that were heard of late stand between it and the
+    others.
+    """
     last = max(opinions, key=lambda opinion: opinion[-1])
-    near = [opinion for opinion in opinions if abs(early_s[opinion[-1]] - early_s[last[0]]) <= LEAP_S]
+    near = [
+        opinion for opinion in opinions if abs(early_s[opinion[-1]] - early_s[last[0]]) <= LEAP_S
+    ]
     before = [opinion for opinion in near if opinion is not last]
     if sum(map(len, near)) < AGREE_SHARE * len(early_s) or len(last) * 3 < len(early_s):
         return None
@@ -142,13 +165,17 @@ def _last_leap(opinions: list[list[int]], early_s: Floats, utc_ns: IntArray) -> 
 
 
 def _is_midnight(utc_ns: int) -> bool:
-    """True where a leap second may really have happened: then neither opinion is right all the time."""
+    """True where a leap second may really have happened: then neither opinion is right all the
+    time.
+    """
     seconds = utc_ns / 1e9 % 86_400
     return min(seconds, 86_400 - seconds) < 3.0
 
 
 def _drift(elapsed_s: Floats, early_s: Floats) -> float:
-    """Slope by the median over pairs of bins, each bin by its promptest sentences (Theil 1950, Sen 1968)."""
+    """Slope by the median over pairs of bins, each bin by its promptest sentences (Theil 1950, Sen
+    1968).
+    """
     edges = np.linspace(elapsed_s[0], elapsed_s[-1], _BINS + 1)[1:-1]
     groups = np.searchsorted(edges, elapsed_s)
     filled = np.unique(groups)

@@ -1,4 +1,6 @@
-"""The values that travel from the ports to the run file: one frozen dataclass for each kind of record."""
+"""The values that travel from the ports to the run file: one frozen dataclass for each kind of
+record.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,8 +27,8 @@ DEAD_RECKONING, BY_HAND, SIMULATED = 6, 7, 8
 class Fix:
     """One epoch of a GNSS receiver, also when it has no position (`valid` False, position None).
 
-    `quality` is that of NMEA's GGA: 1 to 5 measured, 6 by dead reckoning, without satellites; 7 typed in by hand and 8
-    simulated are no positions.
+    `quality` is that of NMEA's GGA: 1 to 5 measured, 6 by dead reckoning, without satellites; 7
+    typed in by hand and 8 simulated are no positions.
     """
 
     valid: bool
@@ -44,12 +46,14 @@ class Fix:
 
 @dataclass(frozen=True, slots=True)
 class CellReading:
-    """One cell as one reply of a modem reports it; identities are integers whatever base the modem prints.
+    """One cell as one reply of a modem reports it; identities are integers whatever base the modem
+    prints.
 
-    `lac` is that of GSM and WCDMA, `tac` that of LTE and later; `arfcn` is the channel of any technology. `ta` is the
-    GSM timing advance in steps of 553.5 m (3GPP TS 45.010). `label` names the cell where a file was imported that has
-    no identity; a modem never fills it. `more` is what else the modem prints and the run file keeps as raw bytes only.
-    `identity_unsure`: the form of the row does not rule out that a byte of the identity was lost or doubled.
+    `lac` is that of GSM and WCDMA, `tac` that of LTE and later; `arfcn` is the channel of any
+    technology. `ta` is the GSM timing advance in steps of 553.5 m (3GPP TS 45.010). `label` names
+    the cell where a file was imported that has no identity; a modem never fills it. `more` is what
+    else the modem prints and the run file keeps as raw bytes only. `identity_unsure`: the form of
+    the row does not rule out that a byte of the identity was lost or doubled.
     """
 
     role: Role
@@ -82,7 +86,9 @@ class CellReading:
 
     @property
     def cell(self) -> str | None:
-        """Name of the cell, `mcc-mnc-area-cid`, or None while the modem has not decoded who it is."""
+        """Name of the cell, `mcc-mnc-area-cid`, or None while the modem has not decoded who it
+        is.
+        """
         if self.label is not None:
             return self.label
         area = self.tac if self.lac is None else self.lac
@@ -92,10 +98,12 @@ class CellReading:
 
     @property
     def level_dbm(self) -> float | None:
-        """Level used for estimation: that of the cell's own signal, where the technology tells it apart.
+        """Level used for estimation: that of the cell's own signal, where the technology tells it
+        apart.
 
-        Where a modem documents no dBm scale the nominal one of 3GPP TS 45.008 8.1.4 stands in (-110 dBm + RXLEV);
-        its unknown offset is the same for all readings of the modem and ends up in P0.
+        Where a modem documents no dBm scale the nominal one of 3GPP TS 45.008 8.1.4 stands in (-110
+        dBm + RXLEV); its unknown offset is the same for all readings of the modem and ends up in
+        P0.
         """
         for level_dbm in (self.rsrp_dbm, self.rscp_dbm, self.rssi_dbm):
             if level_dbm is not None:
@@ -105,10 +113,11 @@ class CellReading:
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """All cells of one reply of a modem, begun at `t_start_ns`; empty where it says that there is no cell.
+    """All cells of one reply of a modem, begun at `t_start_ns`; empty where it says that there is
+    no cell.
 
-    `fix_start_seq` and `fix_seq` are the record numbers of the fixes that were current when it began and when it was
-    recorded, None without one.
+    `fix_start_seq` and `fix_seq` are the record numbers of the fixes that were current when it
+    began and when it was recorded, None without one.
     """
 
     t_start_ns: int
@@ -128,10 +137,12 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class LiveEstimate:
-    """State, covariance and innovation of the on-device estimate after the reading of `cell` in scan `scan_seq`.
+    """State, covariance and innovation of the on-device estimate after the reading of `cell` in
+    scan `scan_seq`.
 
-    `utm_zone` is negative south of the equator; p_.. is the upper triangle of P in state order x, y, P0 (0), eta (e).
-    `probability` is that of the place the state belongs to: below 1 there are others.
+    `utm_zone` is negative south of the equator; p_.. is the upper triangle of P in state order x,
+    y, P0 (0), eta (e). `probability` is that of the place the state belongs to: below 1 there are
+    others.
     """
 
     scan_seq: int
@@ -163,7 +174,9 @@ Value = RawBytes | Fix | Scan | Note | LiveEstimate
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A value, when it was complete (time since boot) and where it came from ("modem", "gnss", "logger", ...)."""
+    """A value, when it was complete (time since boot) and where it came from ("modem", "gnss",
+    "logger", ...).
+    """
 
     t_ns: int
     source: str

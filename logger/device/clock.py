@@ -1,4 +1,6 @@
-"""The time of a run: since boot, never wall time, and able to run faster than real for a simulated walk."""
+"""The time of a run: since boot, never wall time, and able to run faster than real for a simulated
+walk.
+"""
 
 import threading
 import time
@@ -20,7 +22,9 @@ class Clock(Protocol):
         ...
 
     def real_s(self, seconds: float) -> float:
-        """How long those seconds of this clock last in the real world, for time limits of the operating system."""
+        """How long those seconds of this clock last in the real world, for time limits of the
+        operating system.
+        """
         ...
 
 

@@ -1,8 +1,10 @@
-"""The live estimate in a thread of its own: what is received must never wait for it, however slow the processor.
+"""The live estimate in a thread of its own: what is received must never wait for it, however slow
+the processor.
 
-It is given the recorded fixes and scans in their order, so that the desk can repeat it; what it finds goes back through
-the inbox and is recorded like everything else. What it needs (numpy, the map) takes a small board seconds to import:
-its thread does that, while the ports are already being recorded.
+It is given the recorded fixes and scans in their order, so that the desk can repeat it; what it
+finds goes back through the inbox and is recorded like everything else. What it needs (numpy, the
+map) takes a small board seconds to import: its thread does that, while the ports are already being
+recorded.
 """
 
 import logging
@@ -33,7 +35,8 @@ def live_tracker(settings: LiveSettings) -> "LiveTracker":
 
 
 class Estimator:
-    """Feeds the tracker that `make` returns until `finish`; `latest` is the newest estimate of its target.
+    """Feeds the tracker that `make` returns until `finish`; `latest` is the newest estimate of its
+    target.
 
     `make` is called in the thread of the estimate.
     """
@@ -88,7 +91,11 @@ class Estimator:
             log.exception("the live estimate has failed")
             self._behind = True
             self._inbox.put(
-                Record(self._last_ns, "live", Note("error", "internal", f"{type(error).__name__}: {error}"))
+                Record(
+                    self._last_ns,
+                    "live",
+                    Note("error", "internal", f"{type(error).__name__}: {error}"),
+                )
             )
 
     def _estimate(self, tracker: "LiveTracker", seq: int, record: Record) -> None:

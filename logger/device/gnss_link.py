@@ -15,7 +15,11 @@ SILENT_S = 1.5
 
 
 _UNMEASURED = {
-    DEAD_RECKONING: ("dead-reckoning", 1, "positions by dead reckoning, without satellites; they count little"),
+    DEAD_RECKONING: (
+        "dead-reckoning",
+        1,
+        "positions by dead reckoning, without satellites; they count little",
+    ),
     BY_HAND: ("position-by-hand", 1, "positions that were typed in by hand; none was taken"),
     SIMULATED: ("position-simulated", 1, "positions that the receiver simulates; none was taken"),
 }
@@ -41,7 +45,9 @@ def gnss_session(link: Link) -> None:
 
 
 def listen(link: Link, framer: Framer, assembler: Assembler, silent_s: float) -> None:
-    """Record the fixes of a receiver; what is pending after a silence, or at the end, is all there will be of it."""
+    """Record the fixes of a receiver; what is pending after a silence, or at the end, is all there
+    will be of it.
+    """
     heard_ns = link.clock.now_ns()
     try:
         while not link.stop.is_set():
@@ -76,5 +82,11 @@ def count_unmeasured(link: Link, fix: Fix) -> None:
 
 
 def credible(fix: Fix) -> Fix:
-    """The fix without a time that no run can have: a receiver's clock begins in 1980, or 1024 weeks too early."""
-    return replace(fix, utc_ns=None) if fix.utc_ns is not None and fix.utc_ns < EARLIEST_UTC_NS else fix
+    """The fix without a time that no run can have: a receiver's clock begins in 1980, or 1024 weeks
+    too early.
+    """
+    return (
+        replace(fix, utc_ns=None)
+        if fix.utc_ns is not None and fix.utc_ns < EARLIEST_UTC_NS
+        else fix
+    )

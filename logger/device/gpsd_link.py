@@ -1,4 +1,6 @@
-"""The session with a gpsd, `gpsd://host[:port][/device]`: it asks once to be told everything, then listens."""
+"""The session with a gpsd, `gpsd://host[:port][/device]`: it asks once to be told everything, then
+listens.
+"""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -7,20 +9,33 @@ from urllib.parse import urlsplit
 from logger.core.types import Fix
 from logger.device.gnss_link import gnss_session, listen
 from logger.device.link import Link
-from logger.drivers.gpsd import Device, Devices, Error, GpsdFixes, GpsdFramer, Report, Version, watch
+from logger.drivers.gpsd import (
+    Device,
+    Devices,
+    Error,
+    GpsdFixes,
+    GpsdFramer,
+    Report,
+    Version,
+    watch,
+)
 
 PAUSE_S = 0.1
 """gpsd writes an epoch in one go: after a pause there is no more of it."""
 
 
 def receiver_session(url: str) -> Callable[[Link], None]:
-    """The session for the port of a receiver: gpsd by its own scheme, NMEA behind everything else."""
+    """The session for the port of a receiver: gpsd by its own scheme, NMEA behind everything
+    else.
+    """
     parts = urlsplit(url)
     return partial(gpsd_session, device=parts.path) if parts.scheme == "gpsd" else gnss_session
 
 
 def gpsd_session(link: Link, device: str) -> None:
-    """Record one fix for each epoch of one receiver of a gpsd (all, if empty), until stopped or gpsd has gone."""
+    """Record one fix for each epoch of one receiver of a gpsd (all, if empty), until stopped or
+    gpsd has gone.
+    """
     link.write(watch(device))
     listen(link, GpsdFramer(), _Teller(link, device), PAUSE_S)
 
@@ -36,7 +51,9 @@ class _Teller(GpsdFixes):
     def feed(self, report: Report, t_ns: int) -> Iterator[tuple[int, Fix]]:
         if isinstance(report, Version):
             version = f"gpsd {report.release}, protocol {report.proto_major}.{report.proto_minor}"
-            self._link.note("info" if report.proto_major == 3 else "warning", "gpsd-version", version)
+            self._link.note(
+                "info" if report.proto_major == 3 else "warning", "gpsd-version", version
+            )
         elif isinstance(report, Error):
             self._link.note("warning", "gpsd-error", report.message)
         elif isinstance(report, Devices):
@@ -50,10 +67,16 @@ class _Teller(GpsdFixes):
             self._link.note("warning", "gpsd-devices", "gpsd has no receiver now")
         elif len(devices) > 1 and not self._device:
             names = ", ".join(device.path for device in devices)
-            self._link.note("warning", "gpsd-devices", f"gpsd has {len(devices)} receivers, all are recorded: {names}")
+            self._link.note(
+                "warning",
+                "gpsd-devices",
+                f"gpsd has {len(devices)} receivers, all are recorded: {names}",
+            )
 
     def _tell_device(self, device: Device) -> None:
         if device.activated:
-            self._link.note("info", "gpsd-device", f"{device.path} {device.driver or 'of unknown kind'}")
+            self._link.note(
+                "info", "gpsd-device", f"{device.path} {device.driver or 'of unknown kind'}"
+            )
         else:
             self._link.note("warning", "gpsd-device", f"gpsd has lost {device.path}")

@@ -1,4 +1,6 @@
-"""A light for somebody without a screen, through the kernel's LED class (/sys/class/leds/<name>)."""
+"""A light for somebody without a screen, through the kernel's LED class
+(/sys/class/leds/<name>).
+"""
 
 import logging
 import re
@@ -19,13 +21,17 @@ FLASHES_S: dict[Sign, tuple[float, float]] = {
     "no fix": (1.0, 1.0),
     "error": (0.1, 0.1),
 }
-"""Seconds on and off. No sign is a steady light or none, so that a dead program or Pi is never taken for one."""
+"""Seconds on and off.
+
+No sign is a steady light or none, so that a dead program or Pi is never taken for one.
+"""
 
 
 class Lamp:
     """One LED, blinking while the context lasts, and then what it was before.
 
-    An LED that is not there or may not be written is told once in the log, and the walk goes on without.
+    An LED that is not there or may not be written is told once in the log, and the walk goes on
+    without.
     """
 
     def __init__(self, name: str, leds: Path = LEDS) -> None:
@@ -42,7 +48,10 @@ class Lamp:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         if self._thread.ident is not None:
             self._ended = True

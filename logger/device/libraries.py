@@ -7,19 +7,23 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
-LIBRARIES = {name: name for name in ("numpy", "h5py", "pyproj", "pynmea2", "msgspec")} | {"pyserial": "serial"}
+LIBRARIES = {name: name for name in ("numpy", "h5py", "pyproj", "pynmea2", "msgspec")} | {
+    "pyserial": "serial"
+}
 """Distributions, and the modules that they bring."""
 
 # Debian 12 calls its h5py "h5py._debian_h5py_serial-3.7.0.egg-info"
 _INSTALLED = re.compile(
-    rf"({'|'.join((*LIBRARIES, 'cellwalk'))})(?:\._\w+)?-([^-]+)(?:-py[\d.]+)?\.(?:dist|egg)-info", re.ASCII
+    rf"({'|'.join((*LIBRARIES, 'cellwalk'))})(?:\._\w+)?-([^-]+)(?:-py[\d.]+)?\.(?:dist|egg)-info",
+    re.ASCII,
 )
 
 
 def installed_versions(folders: Sequence[str] | None = None) -> dict[str, str]:
     """Versions of cellwalk, its libraries and Python, by the names of folders: nothing is imported.
 
-    `importlib.metadata` says the same, and takes ten times as long, which a run that begins does not have.
+    `importlib.metadata` says the same, and takes ten times as long, which a run that begins does
+    not have.
     """
     found: dict[str, str] = {}
     for folder in sys.path if folders is None else folders:

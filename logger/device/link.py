@@ -9,8 +9,8 @@ from contextlib import suppress
 from logger.core.errors import DeviceError, FieldLoggerError
 from logger.core.types import Level, Note, RawBytes, Record, Value
 from logger.device.clock import Clock
-from logger.device.patience import Patience
 from logger.device.port import Port
+from logger.device.scan_timeout import Patience
 from logger.drivers.privacy import Blanker
 from logger.drivers.recognition import Known
 
@@ -21,11 +21,15 @@ LISTEN_S = 0.2
 """Longest that a silent port keeps its thread from looking at the clock."""
 TELL_EVERY_S = 10.0
 MOST_CHUNKS_LEFT = 32
-"""The buffers of serial lines hold far less; a device that never stops speaking must not hold the stop up."""
+"""The buffers of serial lines hold far less; a device that never stops speaking must not hold the
+stop up.
+"""
 
 
 class Inbox:
-    """The one bounded queue between the ports and the recorder; a full one counts, and never blocks a reader."""
+    """The one bounded queue between the ports and the recorder; a full one counts, and never blocks
+    a reader.
+    """
 
     def __init__(self, size: int = 20_000) -> None:
         self._queue: queue.Queue[Record] = queue.Queue(size)
@@ -53,7 +57,9 @@ class Inbox:
 
 
 class Tally:
-    """Something too frequent for a Note each time: it is counted, and one Note says how often it came."""
+    """Something too frequent for a Note each time: it is counted, and one Note says how often it
+    came.
+    """
 
     def __init__(self, what: str, least: int) -> None:
         self._what = what
@@ -76,8 +82,9 @@ class Tally:
 class Link:
     """What a session is given: its port, a clock, and the way to the recorder.
 
-    What is private is blanked before anything is recorded or read. `patience` is what was learned of the device,
-    `known` the numbers it has sent; they outlive a session, so that a port that is opened anew begins with them.
+    What is private is blanked before anything is recorded or read. `patience` is what was learned
+    of the device, `known` the numbers it has sent; they outlive a session, so that a port that is
+    opened anew begins with them.
     """
 
     def __init__(
@@ -103,7 +110,9 @@ class Link:
         self._tallies: dict[str, Tally] = {}
 
     def run(self, session: Callable[["Link"], None]) -> None:
-        """Open the port, run the session, and begin again when the device has gone, until stopped."""
+        """Open the port, run the session, and begin again when the device has gone, until
+        stopped.
+        """
         complaint = ""
         while not self.stop.is_set():
             url = self._port_url = self._url
@@ -156,7 +165,9 @@ class Link:
         self.emit(Note(level, code, text), self.clock.now_ns())
 
     def count(self, code: str, n: int, what: str, least: int = 1) -> None:
-        """Count something; ten seconds after the first a Note of that code says how many, if there were so many."""
+        """Count something; ten seconds after the first a Note of that code says how many, if there
+        were so many.
+        """
         self._tallies.setdefault(code, Tally(what, least)).add(n, self.clock.now_ns())
 
     def count_garbage(self, n_bytes: int) -> None:
@@ -164,7 +175,9 @@ class Link:
         self.count("garbage", n_bytes, "bytes meant nothing")
 
     def _take(self, data: bytes) -> tuple[int, bytes]:
-        """Record bytes that have just come; returns when that was, and what may be known of them."""
+        """Record bytes that have just come; returns when that was, and what may be known of
+        them.
+        """
         t_ns = self.clock.now_ns()
         data = self._blanker.feed(data)
         if data:

@@ -1,4 +1,5 @@
-"""Has a modem hear GSM only where the configuration says so, and sets it back (`logger.drivers.mode`).
+"""Has a modem hear GSM only where the configuration says so, and sets it back
+(`logger.drivers.mode`).
 
 The value before is durable before anything is changed. It is set back at the stop, or at the next
 start where the stop did not come or the modem had gone; whether the setting is still on or not.
@@ -7,9 +8,9 @@ start where the stop did not come or the modem had gone; whether the setting is 
 from collections.abc import Callable
 
 from logger.core.types import Level
-from logger.device.after_stop import AfterStop
-from logger.device.kept_modes import KeptMode, KeptModes
 from logger.device.link import Link
+from logger.device.saved_modes import KeptMode, KeptModes
+from logger.device.shutdown import AfterStop
 from logger.drivers.dialogue import Command, Reply, driven
 from logger.drivers.family import Family, woken
 from logger.drivers.mode import ModeCommand, changed, current, model, same
@@ -64,7 +65,9 @@ class ModeSwitch:
                 if self._set_back(driver, modem.ask):
                     return
         except OSError as error:
-            self._note("warning", "mode-left", f"the modem is not set back: {error.strerror or error}")
+            self._note(
+                "warning", "mode-left", f"the modem is not set back: {error.strerror or error}"
+            )
 
     def _set_back(self, driver: Family, ask: Ask) -> bool:
         """Whether nothing is left to do."""
@@ -95,7 +98,9 @@ class ModeSwitch:
                 self._note("warning", "mode-left", f"{name} does not take {entry.value}; {ADVICE}")
             return is_done
         waiting = ", ".join(one.model for one in kept)
-        text = f"not for this modem: {waiting} was left on GSM only, and is set back when it is here"
+        text = (
+            f"not for this modem: {waiting} was left on GSM only, and is set back when it is here"
+        )
         self._note("info", "mode-kept", text)
         return True
 
@@ -109,7 +114,9 @@ class ModeSwitch:
         if command.is_gsm(value):
             text = f"the modem hears GSM only by itself ({command.asks})"
             if entry is not None:
-                text = f"the modem hears GSM only; it was {entry.value}, and is set back at the stop"
+                text = (
+                    f"the modem hears GSM only; it was {entry.value}, and is set back at the stop"
+                )
             self._note("info", "mode-gsm", text)
             return True
         # durable first: whatever happens from here on, the next start knows what it was

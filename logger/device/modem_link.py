@@ -1,4 +1,6 @@
-"""The session with a modem: drives the dialogues of a driver over a port, and hears what comes unasked."""
+"""The session with a modem: drives the dialogues of a driver over a port, and hears what comes
+unasked.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,14 +9,14 @@ from typing import TypeVar
 from logger.config import ModemSettings
 from logger.core.errors import DeviceError
 from logger.core.types import CellReading, Fix, Scan
-from logger.device.after_stop import AfterStop
+from logger.device.deferred_loss import Wire
 from logger.device.gnss_link import count_unmeasured, credible
-from logger.device.kept_modes import KeptModes
 from logger.device.link import Link
 from logger.device.mode_switch import ModeSwitch
-from logger.device.patience import PAUSE_S, Wait
-from logger.device.unasked import Unasked
-from logger.device.wire import Wire
+from logger.device.saved_modes import KeptModes
+from logger.device.scan_timeout import PAUSE_S, Wait
+from logger.device.shutdown import AfterStop
+from logger.device.unsolicited import Unasked
 from logger.drivers.at import AtFramer, Unsolicited
 from logger.drivers.dialogue import Command, Dialogue, Reply, driven
 from logger.drivers.family import Family
@@ -32,10 +34,14 @@ STORM = 100
 """Unasked lines in ten seconds that are worth a Note; a modem that is well says a few."""
 
 
-def modem_session(link: Link, settings: ModemSettings, modes: KeptModes, *, locates: bool = False) -> None:
-    """Set the modem up and poll it until stopped; raises `DeviceError` when it falls silent or its port is lost.
+def modem_session(
+    link: Link, settings: ModemSettings, modes: KeptModes, *, locates: bool = False
+) -> None:
+    """Set the modem up and poll it until stopped; raises `DeviceError` when it falls silent or its
+    port is lost.
 
-    `modes` keeps what it was set to before it heard GSM only. With `locates` its own receiver gives the fixes.
+    `modes` keeps what it was set to before it heard GSM only. With `locates` its own receiver gives
+    the fixes.
     """
     mode = ModeSwitch(link, modes, gsm_only=settings.set_mode == "gsm")
     _Conversation(link, settings, mode, locates=locates).run()
@@ -44,7 +50,9 @@ def modem_session(link: Link, settings: ModemSettings, modes: KeptModes, *, loca
 class _Conversation:
     """From the opening of the port until it is lost."""
 
-    def __init__(self, link: Link, settings: ModemSettings, mode: ModeSwitch, *, locates: bool) -> None:
+    def __init__(
+        self, link: Link, settings: ModemSettings, mode: ModeSwitch, *, locates: bool
+    ) -> None:
         self._link = link
         self._settings = settings
         self._mode = mode
@@ -73,7 +81,9 @@ class _Conversation:
             self._turn()
             unanswered = 0 if self._answered else unanswered + 1
             if unanswered >= SILENT_POLLS and not self._wire.is_over:
-                raise DeviceError(f"modem gives no answer ({unanswered} polls); opening the port again")
+                raise DeviceError(
+                    f"modem gives no answer ({unanswered} polls); opening the port again"
+                )
             self._listen_until(due_ns)
         self._close_block()
         self._wire.tell_loss()
@@ -103,12 +113,18 @@ class _Conversation:
                 self._talk(self._driver.ask(self._driver.gnss_on))
             if not self._told_ready:
                 self._told_ready = True
-                self._link.note("info", "modem-ready", f"modem set up by driver {self._driver.name}")
+                self._link.note(
+                    "info", "modem-ready", f"modem set up by driver {self._driver.name}"
+                )
         elif self._answered and not accepted and not self._wire.is_over:
-            self._link.count("setup-refused", 1, "times the modem did not accept its set-up; trying again")
+            self._link.count(
+                "setup-refused", 1, "times the modem did not accept its set-up; trying again"
+            )
 
     def _identify(self) -> Family | None:
-        """Ask the modem who it is; a modem that no family knows is asked twice, as its words may be damaged."""
+        """Ask the modem who it is; a modem that no family knows is asked twice, as its words may be
+        damaged.
+        """
         found = self._talk(identified())
         if found is None:
             return None
@@ -128,7 +144,9 @@ class _Conversation:
         self._echoes = self._framer.echoed
         if rows is None:
             if self._set_up and self._answered and not self._wire.is_over:
-                self._link.count("poll-refused", 1, "polls were refused or lost; setting the modem up again")
+                self._link.count(
+                    "poll-refused", 1, "polls were refused or lost; setting the modem up again"
+                )
             self._set_up = False
             return
         self._emit_scan(start_ns, self._wire.heard_ns, rows)
@@ -139,9 +157,15 @@ class _Conversation:
                     count_unmeasured(self._link, row)
 
     def _survey_on(self, driver: Family) -> None:
-        """Go on with the full scan under way, one command between two polls, or begin one that is due."""
+        """Go on with the full scan under way, one command between two polls, or begin one that is
+        due.
+        """
         now_ns = self._link.clock.now_ns()
-        if not self._survey and self._settings.full_scan_interval_s > 0 and now_ns >= self._survey_ns:
+        if (
+            not self._survey
+            and self._settings.full_scan_interval_s > 0
+            and now_ns >= self._survey_ns
+        ):
             self._survey = list(driver.surveys)
             self._survey_ns = now_ns + round(self._settings.full_scan_interval_s * 1e9)
         if self._survey:
@@ -151,7 +175,9 @@ class _Conversation:
             if rows is not None:
                 cells = [row for row in rows if isinstance(row, CellReading)]
                 networks = sum(isinstance(row, Operator) for row in rows)
-                self._link.note("info", "full-scan", f"{command.text}: {len(cells)} cells, {networks} networks")
+                self._link.note(
+                    "info", "full-scan", f"{command.text}: {len(cells)} cells, {networks} networks"
+                )
                 if cells or not networks:  # a list of networks says nothing of cells
                     self._emit_scan(now_ns, self._wire.heard_ns, cells)
             elif not self._wire.is_over:
@@ -175,17 +201,26 @@ class _Conversation:
         return self._reply(Wait(command, self._now_s()))
 
     def _scan(self, command: Command) -> Reply:
-        """The same for a full scan; a modem that is silent for too long is asked meanwhile whether it is still there.
+        """The same for a full scan; a modem that is silent for too long is asked meanwhile whether
+        it is still there.
 
-        Where each question has an answer besides, the lines that came first are the reply of the scan. Else the scan is
-        lost: the modem had hung, or a question has ended it.
+        Where each question has an answer besides, the lines that came first are the reply of the
+        scan. Else the scan is lost: the modem had hung, or a question has ended it.
         """
         patience = self._link.patience
         wait = Wait(command, self._now_s(), patience.silence_s(command))
         self._owed = 0
         reply = self._reply(wait)
-        if wait.questions and reply.final is not None and not (self._has_answered() and reply.lines):
-            self._link.count("silent-scan", 1, "full scans fell silent; the modem answered when asked, polling goes on")
+        if (
+            wait.questions
+            and reply.final is not None
+            and not (self._has_answered() and reply.lines)
+        ):
+            self._link.count(
+                "silent-scan",
+                1,
+                "full scans fell silent; the modem answered when asked, polling goes on",
+            )
             patience.interrupted(command)
             self._damaged = True
             return replace(reply, final=None)
@@ -229,7 +264,9 @@ class _Conversation:
         return not self._owed
 
     def _now_s(self) -> float:
-        """Real time: a modem takes its own to answer, however fast the clock of a simulated walk runs."""
+        """Real time: a modem takes its own to answer, however fast the clock of a simulated walk
+        runs.
+        """
         return self._link.clock.real_s(self._link.clock.now_ns() / 1e9)
 
     def _judge(self, reply: Reply, *, slow: bool) -> None:
@@ -240,7 +277,9 @@ class _Conversation:
             self._link.count("repeated-lines", 1, "replies with each line twice")
 
     def _hear(self) -> Reply | None:
-        """Read one chunk, all of it, also what follows the reply: one command is pending, so there is one at most."""
+        """Read one chunk, all of it, also what follows the reply: one command is pending, so there
+        is one at most.
+        """
         data = self._wire.read()
         self._spoke = bool(data)
         reply = None
@@ -263,14 +302,20 @@ class _Conversation:
                 self._lose(f"modem says {line!r}; setting it up again")
             self._restarted = True
         elif (role := driver.role_of(line)) is not None:
-            if role == "serving" or self._unasked.is_over(self._wire.heard_ns):  # the first row of a block
+            if role == "serving" or self._unasked.is_over(
+                self._wire.heard_ns
+            ):  # the first row of a block
                 self._close_block()
-            self._unasked.add(line, self._wire.heard_ns, self._late_ns if is_late else self._wire.heard_ns)
+            self._unasked.add(
+                line, self._wire.heard_ns, self._late_ns if is_late else self._wire.heard_ns
+            )
             self._answered = True
         elif line.strip() in {"OK", "ERROR"} and self._owed:
             self._owed -= 1
         elif line.strip() in {"OK", "ERROR"}:
-            self._link.count("stray-result", 1, "results that end nothing, late ones or repeated ones")
+            self._link.count(
+                "stray-result", 1, "results that end nothing, late ones or repeated ones"
+            )
         else:
             self._unasked.interrupt()
             self._link.count("unasked-lines", 1, "lines nobody asked for", least=STORM)
@@ -281,7 +326,9 @@ class _Conversation:
         self._set_up = self._told_ready = False
 
     def _listen_until(self, due_ns: int) -> None:
-        """Hear what comes unasked, and in any case what is left of the poll: nothing is pending now."""
+        """Hear what comes unasked, and in any case what is left of the poll: nothing is pending
+        now.
+        """
         while not self._wire.is_over:
             self._hear()
             now_ns = self._link.clock.now_ns()
@@ -291,7 +338,9 @@ class _Conversation:
                 return
 
     def _close_block(self) -> None:
-        """Record the rows that came unasked as one scan, which lasted from when they may first have been heard."""
+        """Record the rows that came unasked as one scan, which lasted from when they may first have
+        been heard.
+        """
         lines = self._unasked.take()
         if lines and self._driver is not None:
             self._emit_scan(self._unasked.begin_ns, self._unasked.end_ns, self._driver.read(lines))

@@ -16,11 +16,13 @@ class _Mount(NamedTuple):
 def kept_in_memory(folder: Path, mountinfo: str) -> str:
     """Kind and place of the file system that keeps a folder in memory, empty where a card does.
 
-    `mountinfo` is the text of /proc/self/mountinfo (proc(5)), the folder's path is without links. An overlay keeps
-    what is written in its upper folder; one whose upper folder cannot be seen was mounted by an initramfs, which has
-    nothing but memory.
+    `mountinfo` is the text of /proc/self/mountinfo (proc(5)), the folder's path is without links.
+    An overlay keeps what is written in its upper folder; one whose upper folder cannot be seen was
+    mounted by an initramfs, which has nothing but memory.
     """
-    mounts = {mount.point: mount for mount in map(_mount, mountinfo.splitlines())}  # the last one on a point counts
+    mounts = {
+        mount.point: mount for mount in map(_mount, mountinfo.splitlines())
+    }  # the last one on a point counts
     mount = _under(folder, mounts)
     upper = re.search("upperdir=([^,]+)", mount.options)
     if mount.kind == "overlay" and upper:
@@ -30,9 +32,13 @@ def kept_in_memory(folder: Path, mountinfo: str) -> str:
 
 
 def _mount(line: str) -> _Mount:
-    """`36 35 98:0 /root /point rw,noatime master:1 - ext4 /dev/source rw,option=value`, blanks in octal."""
+    """`36 35 98:0 /root /point rw,noatime master:1 - ext4 /dev/source rw,option=value`, blanks in
+    octal.
+    """
     here, there = (part.split() for part in line.split(" - ", 1))
-    return _Mount(there[0], re.sub(r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), here[4]), there[-1])
+    return _Mount(
+        there[0], re.sub(r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), here[4]), there[-1]
+    )
 
 
 def _under(path: Path, mounts: dict[str, _Mount]) -> _Mount:

@@ -1,4 +1,6 @@
-"""Words to systemd, as datagrams to $NOTIFY_SOCKET (sd_notify(3)); without one nobody is told, and nothing fails."""
+"""Words to systemd, as datagrams to $NOTIFY_SOCKET (sd_notify(3)); without one nobody is told, and
+nothing fails.
+"""
 
 import os
 import socket
@@ -11,7 +13,9 @@ TELL_S = 1.0
 
 
 class ServiceManager:
-    """Whoever started the logger and watches it; `address` is a path, `@name` for an abstract one, or empty."""
+    """Whoever started the logger and watches it; `address` is a path, `@name` for an abstract one,
+    or empty.
+    """
 
     def __init__(self, address: str) -> None:
         self._address = "\0" + address[1:] if address.startswith("@") else address

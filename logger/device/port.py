@@ -1,4 +1,6 @@
-"""A serial port that is opened, read and written in one thread, with every failure named as one of ours."""
+"""A serial port that is opened, read and written in one thread, with every failure named as one of
+ours.
+"""
 
 import errno
 import fcntl
@@ -21,7 +23,8 @@ MAX_CHUNK = 4096
 class Port:
     """An open port; a context manager.
 
-    `url` is a device path, anything pyserial opens (`socket://`, `rfc2217://`) or `gpsd://host[:port][/device]`.
+    `url` is a device path, anything pyserial opens (`socket://`, `rfc2217://`) or
+    `gpsd://host[:port][/device]`.
 
     `read` gives up after `read_timeout_s` real seconds of silence.
 
@@ -32,7 +35,11 @@ class Port:
         self._url = url
         with _device_errors(url):
             self._serial = serial.serial_for_url(
-                pyserial_url(url), do_not_open=True, baudrate=baud, timeout=read_timeout_s, **_options(url)
+                pyserial_url(url),
+                do_not_open=True,
+                baudrate=baud,
+                timeout=read_timeout_s,
+                **_options(url),
             )
             with _kept_input(self._serial):
                 self._serial.open()
@@ -43,7 +50,10 @@ class Port:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         # a pty keeps the lock after the close, and would refuse to be opened again
         with suppress(OSError, AttributeError):
@@ -55,7 +65,9 @@ class Port:
         """Bytes there are, at most a chunk; empty after a silence."""
         with _device_errors(self._url):
             data = bytes(self._serial.read(1))
-            with suppress(OSError, termios.error, TypeError):  # the next call will say so; what has come counts
+            with suppress(
+                OSError, termios.error, TypeError
+            ):  # the next call will say so; what has come counts
                 data += self._more() if data else b""
             return data
 
@@ -77,7 +89,9 @@ class Port:
         """What has come by now."""
         if not self._url.startswith(("socket://", "gpsd://")):
             return bytes(self._serial.read(min(self._serial.in_waiting, MAX_CHUNK - 1)))
-        return self.rest()  # a socket has "some" waiting, no number of bytes: one at a time would keep a Pi busy
+        return (
+            self.rest()
+        )  # a socket has "some" waiting, no number of bytes: one at a time would keep a Pi busy
 
     def _keep_others_out(self) -> None:
         # pyserial's lock is a flock that only pyserial asks for; TIOCEXCL stops everybody but root
@@ -87,8 +101,12 @@ class Port:
 
 @contextmanager
 def _kept_input(port: serial.SerialBase) -> Iterator[None]:
-    """Opens of this port meanwhile keep what has come: pyserial throws it away, and a run begins with it."""
-    flushes = [name for name in ("reset_input_buffer", "_reset_input_buffer") if hasattr(port, name)]
+    """Opens of this port meanwhile keep what has come: pyserial throws it away, and a run begins
+    with it.
+    """
+    flushes = [
+        name for name in ("reset_input_buffer", "_reset_input_buffer") if hasattr(port, name)
+    ]
     for name in flushes:
         setattr(port, name, lambda: None)
     try:
@@ -117,7 +135,8 @@ _ADVICE = {
 
 @contextmanager
 def _device_errors(url: str) -> Iterator[None]:
-    """Name what pyserial lets through: OSError, termios.error (no OSError), TypeError (after a hang-up).
+    """Name what pyserial lets through: OSError, termios.error (no OSError), TypeError (after a
+    hang-up).
 
     The rest comes from a URL that is none: `check_url` has refused those of a configuration.
     """
@@ -129,10 +148,14 @@ def _device_errors(url: str) -> Iterator[None]:
 
 
 def _errno(error: Exception) -> int:
-    """Error number, wherever it is: pyserial may put the first exception into the text of its own."""
+    """Error number, wherever it is: pyserial may put the first exception into the text of its
+    own.
+    """
     while error.__context__ is not None and not getattr(error, "errno", None):
         inner = error.__context__
         if not isinstance(inner, Exception):
             break
         error = inner
-    return getattr(error, "errno", None) or (error.args[0] if error.args and isinstance(error.args[0], int) else 0)
+    return getattr(error, "errno", None) or (
+        error.args[0] if error.args and isinstance(error.args[0], int) else 0
+    )

@@ -1,4 +1,7 @@
-"""Names of ports: device paths, the URLs of pyserial, and ours for gpsd. Judged before anything is opened."""
+"""Names of ports: device paths, the URLs of pyserial, and ours for gpsd.
+
+Judged before anything is opened.
+"""
 
 import re
 from urllib.parse import urlsplit
@@ -46,7 +49,9 @@ def _check(url: str) -> None:
 
 
 def _check_search(wanted: str) -> None:
-    """An expression and options; whether a port of that kind is there is not asked, it may be plugged in later."""
+    """An expression and options; whether a port of that kind is there is not asked, it may be
+    plugged in later.
+    """
     expression, *options = wanted.split("&")
     re.compile(expression)
     for option in options:

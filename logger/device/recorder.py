@@ -1,4 +1,6 @@
-"""The writer thread: takes records from the inbox, hands them to the live estimate, makes all durable every second."""
+"""The writer thread: takes records from the inbox, hands them to the live estimate, makes all
+durable every second.
+"""
 
 import logging
 import threading
@@ -7,14 +9,14 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
-from logger.core.held import Held
 from logger.core.live_settings import BEHIND, LiveSettings
 from logger.core.runfile import FLOOR_BYTES, RunWriter
+from logger.core.sample_hold import Held
 from logger.core.types import Fix, Level, LiveEstimate, Note, Record, Scan
 from logger.device.clock import Clock
 from logger.device.estimator import Estimator
 from logger.device.link import Inbox
-from logger.device.room import RoomKeeper
+from logger.device.retention import RoomKeeper
 
 log = logging.getLogger(__name__)
 
@@ -25,15 +27,17 @@ STOP_PATIENCE_TICKS = 10
 """How often a stop tries again to get what waits in memory onto a card that is full or failing."""
 
 ESTIMATE_PATIENCE_S = 20.0
-"""How long a stop waits for the live estimate of what has been recorded; systemd gives a stop 60 s."""
+"""How long a stop waits for the live estimate of what has been recorded; systemd gives a stop 60
+s.
+"""
 
 
 class Recorder:
     """The only user of a `RunWriter`; `run` until `finish` is called from another thread.
 
-    `durable` is called after each flush that reached the card: the watchdog is fed there. Below `floor_bytes` of free
-    space old journals go whose runs are safe (`RoomKeeper`).
-    When it fails for good it sets `ended`, and `error` says why: a logger that does not record must not go on.
+    `durable` is called after each flush that reached the card: the watchdog is fed there. Below
+    `floor_bytes` of free space old journals go whose runs are safe (`RoomKeeper`). When it fails
+    for good it sets `ended`, and `error` says why: a logger that does not record must not go on.
     """
 
     def __init__(
@@ -129,7 +133,11 @@ class Recorder:
 
     def _append(self, record: Record) -> None:
         if isinstance(scan := record.value, Scan):
-            scan = replace(scan, fix_start_seq=self._fixes.at(scan.t_start_ns), fix_seq=self._fixes.at(record.t_ns))
+            scan = replace(
+                scan,
+                fix_start_seq=self._fixes.at(scan.t_start_ns),
+                fix_seq=self._fixes.at(record.t_ns),
+            )
             record = replace(record, value=scan)
             self.counts["readings"] += len(scan.readings)
         self.counts[type(record.value).__name__] += 1
@@ -143,10 +151,18 @@ class Recorder:
         """Say once that the live estimate has not kept up."""
         if not self._behind:
             self._behind = True
-            self._append(self._note("warning", BEHIND, "the live estimate has not kept up; the desk computes the rest"))
+            self._append(
+                self._note(
+                    "warning",
+                    BEHIND,
+                    "the live estimate has not kept up; the desk computes the rest",
+                )
+            )
 
     def _sync(self) -> None:
-        """Flush; on a full or failing card the records wait in memory, and both turns of fate are told once."""
+        """Flush; on a full or failing card the records wait in memory, and both turns of fate are
+        told once.
+        """
         try:
             self._writer.sync()
         except OSError as error:
@@ -163,7 +179,11 @@ class Recorder:
             self._tell_dropped(self._writer.take_dropped(), "the card took nothing for too long")
         if self._file != self._writer.file:
             self._file = self._writer.file
-            self._append(self._note("warning", "new-file", f"the card has failed; going on in {self._file.name}"))
+            self._append(
+                self._note(
+                    "warning", "new-file", f"the card has failed; going on in {self._file.name}"
+                )
+            )
         self._durable()
 
     def _tell_dropped(self, n: int, why: str) -> None:

@@ -10,10 +10,8 @@ from pathlib import Path
 from logger.config import GNSS_OF_MODEM, SiteConfig
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.types import DEAD_RECKONING, LiveEstimate
-from logger.device.beginning import BegunRun
 from logger.device.clock import Clock
 from logger.device.gpsd_link import receiver_session
-from logger.device.kept_modes import KeptModes
 from logger.device.leds import Lamp, Sign
 from logger.device.link import Link
 from logger.device.memory import give_back
@@ -21,11 +19,13 @@ from logger.device.mode_switch import RESTORE_S, left_changed
 from logger.device.modem_link import modem_session
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.notify import ServiceManager
-from logger.device.placement import Placement
+from logger.device.port_swap import Placement
 from logger.device.port_url import check_url
 from logger.device.recorder import Recorder
+from logger.device.saved_modes import KeptModes
+from logger.device.startup import BegunRun
 from logger.device.status import Status, TargetStatus, WatchedInbox, status_folder
-from logger.device.teller import Teller
+from logger.device.status_publisher import Teller
 from logger.drivers.registry import FAMILIES, check_mode
 
 log = logging.getLogger(__name__)
@@ -34,16 +34,20 @@ JOIN_S = 10.0
 STATUS_EVERY_S = 30.0
 TICK_S = 1.0
 SCAN_S, SURVEY_S = 60.0, 360.0
-"""A modem that has told of no scan for so long is in trouble; the other is the time of a scan of all networks."""
+"""A modem that has told of no scan for so long is in trouble; the other is the time of a scan of
+all networks.
+"""
 FIX_AGE_S = 5.0
 """A position older than this is none to a walker who looks at the light."""
 
 
 class Service:
-    """Records a run from `start` to `stop`; the clock is an argument, so that a simulated walk can run faster.
+    """Records a run from `start` to `stop`; the clock is an argument, so that a simulated walk can
+    run faster.
 
-    `ended` ends `wait`; the recorder sets it too when it fails. `durable` is called each time the card has taken all
-    there is. Raises `ConfigError`, and removes the run, for a port or a driver that there can never be.
+    `ended` ends `wait`; the recorder sets it too when it fails. `durable` is called each time the
+    card has taken all there is. Raises `ConfigError`, and removes the run, for a port or a driver
+    that there can never be.
     """
 
     def __init__(
@@ -72,10 +76,16 @@ class Service:
         self._placement = Placement(self._started_ns, 1e9 / clock.real_s(1.0))
         self._inbox = WatchedInbox(ports, self._placement)
         self._durable = durable
-        self._scan_s = SCAN_S + 3.0 * config.modem.poll_interval_s + bool(config.modem.full_scan_interval_s) * SURVEY_S
+        self._scan_s = (
+            SCAN_S
+            + 3.0 * config.modem.poll_interval_s
+            + bool(config.modem.full_scan_interval_s) * SURVEY_S
+        )
         self._synced_ns: int | None = None
         self.folder, self._writer = begun.folder, begun.writer
-        self.recorder = Recorder(self._writer, config.live, self._inbox, clock, ended, durable=self._synced)
+        self.recorder = Recorder(
+            self._writer, config.live, self._inbox, clock, ended, durable=self._synced
+        )
         self._modes = KeptModes(self.folder)
         modem = partial(modem_session, settings=config.modem, modes=self._modes, locates=of_modem)
         self._links = {"modem": self._link("modem", config.modem.baud)}
@@ -96,7 +106,10 @@ class Service:
             thread.start()
 
     def stop(self, reason: str) -> Path:
-        """End the run and make its HDF5 file; the journal stays whatever happens. Raises `RunFileError`."""
+        """End the run and make its HDF5 file; the journal stays whatever happens.
+
+        Raises `RunFileError`.
+        """
         self._stop.set()
         recorder, *links = self._threads
         for link in links:
@@ -110,7 +123,9 @@ class Service:
         return _finished(self._writer.path)
 
     def wait(self, duration_s: float | None, tell: Callable[[], None] = lambda: None) -> None:
-        """Wait until `ended` is set or the duration has passed; meanwhile `tell` is called each second."""
+        """Wait until `ended` is set or the duration has passed; meanwhile `tell` is called each
+        second.
+        """
         end_ns = None if duration_s is None else self._clock.now_ns() + round(duration_s * 1e9)
         told_ns = self._started_ns
         while end_ns is None or self._clock.now_ns() < end_ns:
@@ -129,14 +144,20 @@ class Service:
         counts = self.recorder.counts
         elapsed_s = (self._clock.now_ns() - self._started_ns) / 1e9
         text = f"{elapsed_s:.0f} s: {counts['Fix']} fixes, {counts['Scan']} scans, {counts['readings']} readings"
-        if self._inbox.fix is not None and self._inbox.fix.valid and self._inbox.fix.quality == DEAD_RECKONING:
+        if (
+            self._inbox.fix is not None
+            and self._inbox.fix.valid
+            and self._inbox.fix.quality == DEAD_RECKONING
+        ):
             text = f"{text}; the position is by dead reckoning"
         target = _target(self.recorder.target, self.recorder.latest)
         return f"{text}; {'no target yet' if target is None else target}"
 
     @property
     def heartbeat(self) -> int | None:
-        """Grows as long as the recorder lives while the card refuses its records; None while it takes them."""
+        """Grows as long as the recorder lives while the card refuses its records; None while it
+        takes them.
+        """
         return self._inbox.asked if self.recorder.failing else None
 
     def snapshot(self) -> Status:
@@ -171,7 +192,9 @@ class Service:
                 return port.event
         scanless_s = (now_ns - (self._inbox.scan_ns or self._started_ns)) / 1e9
         return (
-            f"no scan for {scanless_s:.0f} s: {self._inbox.ports['modem'].event}" if scanless_s > self._scan_s else ""
+            f"no scan for {scanless_s:.0f} s: {self._inbox.ports['modem'].event}"
+            if scanless_s > self._scan_s
+            else ""
         )
 
     def _sign(self, now_ns: int) -> Sign:
@@ -193,7 +216,9 @@ class Service:
             self._placement.exchange(now_ns)
             self._ports = dict(zip(self._ports, reversed(self._ports.values()), strict=True))
             told = ", ".join(f"{source} at {url}" for source, url in self._ports.items())
-            self._links["modem"].note("warning", "ports-exchanged", f"nobody understood; trying {told}")
+            self._links["modem"].note(
+                "warning", "ports-exchanged", f"nobody understood; trying {told}"
+            )
             for source, url in self._ports.items():
                 self._inbox.move(source, url)
                 self._links[source].move(url)
@@ -207,9 +232,11 @@ def run_service(
     stop: tuple[threading.Event, list[str]],
     duration_s: float | None,
 ) -> Path:
-    """Record until one of the signals of `stop` or the end of the duration; returns the finished run.
+    """Record until one of the signals of `stop` or the end of the duration; returns the finished
+    run.
 
-    Under systemd another unit recovers what earlier runs left, with a low priority; elsewhere it is done here.
+    Under systemd another unit recovers what earlier runs left, with a low priority; elsewhere it is
+    done here.
     """
     give_back()
     ended, heard = stop
@@ -229,7 +256,9 @@ def run_service(
 
 
 def recover_folder(folder: Path) -> None:
-    """Make HDF5 of every journal that an earlier run left behind; what cannot be read is logged and left alone."""
+    """Make HDF5 of every journal that an earlier run left behind; what cannot be read is logged and
+    left alone.
+    """
     from logger.core.runfile import recover  # noqa: PLC0415  recording needs no HDF5
 
     for recovered in recover(folder):
@@ -244,7 +273,9 @@ def _finished(journal: Path) -> Path:
     try:
         from logger.core.runfile import finish_journal  # noqa: PLC0415  recording needs no HDF5
     except ImportError as error:
-        raise RunFileError(f"{journal} is safe, but no HDF5 can be made of it here ({error})") from error
+        raise RunFileError(
+            f"{journal} is safe, but no HDF5 can be made of it here ({error})"
+        ) from error
     return finish_journal(journal)
 
 

@@ -1,4 +1,6 @@
-"""How the recording goes, as a small JSON file for other programs: a display, a script, `fieldlogger doctor`."""
+"""How the recording goes, as a small JSON file for other programs: a display, a script,
+`fieldlogger doctor`.
+"""
 
 import os
 import threading
@@ -11,7 +13,7 @@ from logger.core.types import Fix, Note, Record, Scan
 from logger.core.utc import utc_text
 from logger.device.leds import Sign
 from logger.device.link import Inbox
-from logger.device.placement import Placement
+from logger.device.port_swap import Placement
 
 FOLDER = Path("/run/cellwalk")
 """Where systemd lets the service keep it; gone as soon as the service is."""
@@ -19,7 +21,9 @@ _FILE = "status.json"
 
 
 class FixStatus(msgspec.Struct, frozen=True):
-    """The latest epoch of the receiver; `t_ns` is time since boot, `quality` 6 a position by dead reckoning."""
+    """The latest epoch of the receiver; `t_ns` is time since boot, `quality` 6 a position by dead
+    reckoning.
+    """
 
     t_ns: int
     valid: bool
@@ -33,10 +37,11 @@ class FixStatus(msgspec.Struct, frozen=True):
 
 
 class TargetStatus(msgspec.Struct, frozen=True):
-    """The target and its best place so far; the ellipse holds 95 % of that place, azimuth of its major axis.
+    """The target and its best place so far; the ellipse holds 95 % of that place, azimuth of its
+    major axis.
 
-    `verdict` is "one close place", "one place", "several places" or "cannot tell": less than the desk's, which alone
-    knows the whole walk.
+    `verdict` is "one close place", "one place", "several places" or "cannot tell": less than the
+    desk's, which alone knows the whole walk.
     """
 
     cell: str
@@ -69,8 +74,8 @@ class PortStatus(msgspec.Struct, frozen=True):
 class Status(msgspec.Struct, frozen=True):
     """All of status.json; times are nanoseconds since boot (CLOCK_BOOTTIME).
 
-    `since_ns` is when the run began, `synced_ns` when the card last took all of it (None: not yet). `waiting` of the
-    queue's `room` records have yet to be written.
+    `since_ns` is when the run began, `synced_ns` when the card last took all of it (None: not yet).
+    `waiting` of the queue's `room` records have yet to be written.
     """
 
     state: Sign
@@ -91,7 +96,8 @@ class Status(msgspec.Struct, frozen=True):
 
 
 class WatchedInbox(Inbox):
-    """An inbox that remembers the latest fix and scan and what the ports said, since the recorder only counts.
+    """An inbox that remembers the latest fix and scan and what the ports said, since the recorder
+    only counts.
 
     `asked` grows as long as the recorder lives; `placement` is fed.
     """
@@ -145,14 +151,19 @@ def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:
 
 
 def write_status(folder: Path, status: Status) -> None:
-    """Replace status.json in one step: who reads it sees the old one or the new one. Raises OSError."""
+    """Replace status.json in one step: who reads it sees the old one or the new one.
+
+    Raises OSError.
+    """
     part = folder / f"{_FILE}.part"
     part.write_bytes(msgspec.json.format(msgspec.json.encode(status), indent=1))
     part.replace(folder / _FILE)
 
 
 def read_status(folder: Path) -> Status | None:
-    """What a running service says of itself, None where none does; raises OSError where it may not be read."""
+    """What a running service says of itself, None where none does; raises OSError where it may not
+    be read.
+    """
     try:
         return msgspec.json.decode((folder / _FILE).read_bytes(), type=Status)
     except (FileNotFoundError, msgspec.DecodeError):
@@ -161,9 +172,21 @@ def read_status(folder: Path) -> Status | None:
 
 def _fix_status(t_ns: int, fix: Fix) -> FixStatus:
     utc = None if fix.utc_ns is None else utc_text(fix.utc_ns)
-    return FixStatus(t_ns, fix.valid, utc, fix.lat_deg, fix.lon_deg, fix.acc_m, fix.hdop, fix.sats_used, fix.quality)
+    return FixStatus(
+        t_ns,
+        fix.valid,
+        utc,
+        fix.lat_deg,
+        fix.lon_deg,
+        fix.acc_m,
+        fix.hdop,
+        fix.sats_used,
+        fix.quality,
+    )
 
 
 def _heard(port: PortStatus, note: Note) -> PortStatus:
-    is_open = {"port-opened": True, "port-lost": False, "internal": False}.get(note.code, port.is_open)
+    is_open = {"port-opened": True, "port-lost": False, "internal": False}.get(
+        note.code, port.is_open
+    )
     return PortStatus(port.url, is_open, note.text)

@@ -1,14 +1,17 @@
-"""The AT command line (ITU-T V.250, 3GPP TS 27.007): bytes of a modem in, replies and unasked lines out.
+"""The AT command line (ITU-T V.250, 3GPP TS 27.007): bytes of a modem in, replies and unasked lines
+out.
 
-`AtFramer` never raises, keeps at most one line and one reply, and gives the same events however the bytes are cut.
+`AtFramer` never raises, keeps at most one line and one reply, and gives the same events however the
+bytes are cut.
 
-A reply has no number, so an answer that comes after its time-out looks like the answer to the next command. Rules:
+A reply has no number, so an answer that comes after its time-out looks like the answer to the next
+command. Rules:
 
 1. A line begun before a command was written does not belong to its reply.
 2. A final code while nothing is pending is `Unsolicited` and settles the account of the expired command.
 3. While a command is pending and an older one still owes its final code, that code is taken for the old one's if lines
-   of the old one have come and none of the new one's, or if it is a bare OK where the new command asks for lines.
-   It becomes `Unsolicited` and the new command stays pending.
+   of the old one have come and none of the new one's, or if it is a bare OK where the new command
+   asks for lines. It becomes `Unsolicited` and the new command stays pending.
 4. If the new command then expires, rule 3 was wrong (the old answer was lost for good) and is not applied again.
 """
 
@@ -40,7 +43,9 @@ _UNASKED = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Unsolicited:
-    """A line that answers nothing that is pending; `is_late` where it may answer the command that has expired."""
+    """A line that answers nothing that is pending; `is_late` where it may answer the command that
+    has expired.
+    """
 
     line: str
     is_late: bool = field(default=False, compare=False)
@@ -57,16 +62,22 @@ class AtFramer:
         self._overlong = False  # the beginning of that line has already been given up
         self._stale = False  # that line began before the pending command was written
         self._blanks = 0  # empty lines just before it
-        self._verbose = False  # a final code in words has been seen, so the modem prints no numeric ones
+        self._verbose = (
+            False  # a final code in words has been seen, so the modem prints no numeric ones
+        )
         self._command: str | None = None
         self._names: frozenset[str] = frozenset()  # prefixes of its answers
         self._lines: list[str] = []
         self._interrupted: set[int] = set()  # numbers of lines after which something else came
-        self._expired: frozenset[str] | None = None  # prefixes of the expired command that owes a final code
+        self._expired: frozenset[str] | None = (
+            None  # prefixes of the expired command that owes a final code
+        )
         self._expired_spoke = False  # lines of that command have come late
         self._given_away = False  # rule 3 has been applied while this command was pending
         self.echoed = False
-        """True where the last command came back, which a modem that was told not to does after a restart only."""
+        """True where the last command came back, which a modem that was told not to does after a
+        restart only.
+        """
 
     @property
     def n_lines(self) -> int:
@@ -75,11 +86,15 @@ class AtFramer:
 
     @property
     def owes(self) -> bool:
-        """True while a command that has expired owes its final code: what comes may be of that time."""
+        """True while a command that has expired owes its final code: what comes may be of that
+        time.
+        """
         return self._expired is not None
 
     def send(self, command: str) -> None:
-        """Note that `command` was written, before what comes back is fed; a command still pending is forgotten."""
+        """Note that `command` was written, before what comes back is fed; a command still pending
+        is forgotten.
+        """
         self._command = command.strip()
         self._names = _names(command)
         self._lines = []
@@ -89,7 +104,9 @@ class AtFramer:
         self.echoed = False
 
     def feed(self, data: bytes) -> Iterator[AtEvent]:
-        """Events completed by `data`; all of it is taken at the call, also if nobody looks at the events."""
+        """Events completed by `data`; all of it is taken at the call, also if nobody looks at the
+        events.
+        """
         *complete, self._buffer = _LINE_END.split(self._buffer + data)
         events = [event for raw in complete for event in self._line_events(raw)]
         while len(self._buffer) > MAX_LINE:
@@ -99,7 +116,9 @@ class AtFramer:
         return iter(events)
 
     def flush(self) -> Iterator[AtEvent]:
-        """Events of the incomplete last line, for the end of a transcript; a live port has no end."""
+        """Events of the incomplete last line, for the end of a transcript; a live port has no
+        end.
+        """
         return self.feed(b"\n") if self._buffer else iter(())
 
     def expire(self) -> Reply:
@@ -130,7 +149,9 @@ class AtFramer:
                 event = self._line_event(piece.data.decode("latin-1").rstrip(" \t"))
             else:
                 event = Garbage(piece.data)
-                if len(self._lines) > n_lines:  # after a row of the same line, whose end it may have been
+                if (
+                    len(self._lines) > n_lines
+                ):  # after a row of the same line, whose end it may have been
                     self._interrupted.add(len(self._lines) - 1)
             if event is not None:
                 yield event
@@ -163,8 +184,8 @@ class AtFramer:
         if text in _CODES or _ERROR.fullmatch(text):
             self._verbose = True
             return text
-        # A result in words stands between line ends, so a line "0" in such a reply has two blanks before it; a numeric
-        # result follows the line end of the echo or of the text directly.
+        # A result in words stands between line ends, so a line "0" in such a reply has two blanks
+        # before it; a numeric result follows the line end of the echo or of the text directly.
         return None if self._verbose or self._blanks > 1 else _NUMERIC.get(text)
 
     def _final_event(self, line: str, final: str) -> AtEvent:
@@ -186,7 +207,9 @@ class AtFramer:
         return not _UNASKED.fullmatch(line.strip())
 
     def _is_late(self, line: str) -> bool:
-        """True for a line that the expired command may have had; one with its name shows that it is answered."""
+        """True for a line that the expired command may have had; one with its name shows that it is
+        answered.
+        """
         prefix = _PREFIX.match(line)
         if prefix and self._expired and prefix[1] in self._expired:
             self._expired_spoke = True
@@ -207,5 +230,7 @@ def _names(command: str) -> frozenset[str]:
 
 
 def _asks(command: str) -> bool:
-    """True for a read, test or action command (`AT+CENG?`, `AT+CSQ`), which answers with lines before its OK."""
+    """True for a read, test or action command (`AT+CENG?`, `AT+CSQ`), which answers with lines
+    before its OK.
+    """
     return command.endswith("?") or ("=" not in command and bool(_names(command)))

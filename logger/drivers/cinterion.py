@@ -1,12 +1,14 @@
-"""Siemens, Cinterion, Gemalto and Thales: cells from ^SMOND, ^SMONC, ^SMONI and tables (firmware_notes/cinterion.md).
+"""Siemens, Cinterion, Gemalto and Thales: cells from ^SMOND, ^SMONC, ^SMONI and tables
+(firmware_notes/cinterion.md).
 
     ^SMONC: 232,03,3010,4EAF,32,82,38,30,30,232,03,...          serving cell and six neighbours, nine values each
     ^SMOND:250,01,00EA,0AE1,23,756,47,,,0,,,0,250,01,...,1,31,99
-                                                                13 values, six times 7, then TA, RSSI and BER
+                                                                13 values, six times 7, then TA,
+                                                                RSSI and BER
     ^SMONI: 2G,71,-61,262,02,0143,83BA,33,33,3,6,G,NOCONN       serving cell of later modems
 
-Area and cell have their full width in hexadecimal (TC35i manual V1.05 p207-210, EHS6 manual V03.001 8.12), so that a
-lost digit or comma shows: a group of another form names no cell.
+Area and cell have their full width in hexadecimal (TC35i manual V1.05 p207-210, EHS6 manual V03.001
+8.12), so that a lost digit or comma shows: a group of another form names no cell.
 """
 
 import re
@@ -42,16 +44,41 @@ _SMONI = re.compile(r"\^SMONI\s*:\s*([^\^]*)", re.IGNORECASE)
 _CELL = ("mcc", "mnc", "lac", "cell", "bsic", "chann")
 _SMONC = (*_CELL, "rssi", "c1", "c2")
 _NEIGHBOUR = (*_CELL, "rxlev")
-_SERVING = (*_NEIGHBOUR, "rxlev_full", "rxlev_sub", "rxqual", "rxqual_full", "rxqual_sub", "timeslot")
+_SERVING = (
+    *_NEIGHBOUR,
+    "rxlev_full",
+    "rxlev_sub",
+    "rxqual",
+    "rxqual_full",
+    "rxqual_sub",
+    "timeslot",
+)
 _NEIGHBOURS = 6
 _TAIL = 3  # TA, RSSI, BER
 
 _SMONI_FORMS: Mapping[str, tuple[Rat, tuple[str, ...]]] = {
     "2G": ("GSM", ("arfcn", "dbm", "mcc", "mnc", "lac", "cell", "c1", "c2", "ncc", "bcc", "gprs")),
-    "3G": ("WCDMA", ("uarfcn", "psc", "ecn0", "rscp", "mcc", "mnc", "lac", "cell28", "squal", "srxlev")),
+    "3G": (
+        "WCDMA",
+        ("uarfcn", "psc", "ecn0", "rscp", "mcc", "mnc", "lac", "cell28", "squal", "srxlev"),
+    ),
     "4G": (
         "LTE",
-        ("earfcn", "band", "bw_dl", "bw_ul", "duplex", "mcc", "mnc", "tac", "cell28", "pci", "power", "rsrp", "rsrq"),
+        (
+            "earfcn",
+            "band",
+            "bw_dl",
+            "bw_ul",
+            "duplex",
+            "mcc",
+            "mnc",
+            "tac",
+            "cell28",
+            "pci",
+            "power",
+            "rsrp",
+            "rsrq",
+        ),
     ),
 }
 _IDLE = frozenset({"NOCONN", "LIMSRV"})
@@ -93,18 +120,32 @@ class Cinterion(Family):
         (Command("AT^SMONC"),),
         (Command("AT^MONI"), Command("AT^MONP")),
     )
-    """From the best to the poorest, that for the neighbours last; none of them is known to all modems of the family."""
-    asked: ClassVar[tuple[Command, ...]] = (*(command for way in ways for command in way), *Generic.asked)
-    surveys: ClassVar[tuple[Command, ...]] = (Command('AT^SNMON="INS",2', timeout_s=180.0), *Generic.surveys)
+    """From the best to the poorest, that for the neighbours last; none of them is known to all
+    modems of the family.
+    """
+    asked: ClassVar[tuple[Command, ...]] = (
+        *(command for way in ways for command in way),
+        *Generic.asked,
+    )
+    surveys: ClassVar[tuple[Command, ...]] = (
+        Command('AT^SNMON="INS",2', timeout_s=180.0),
+        *Generic.surveys,
+    )
     modes: ClassVar[tuple[ModeCommand, ...]] = mode.SXRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells by the first way that gives any; neighbours by the next ones where it refuses to tell of them."""
+        """Cells by the first way that gives any; neighbours by the next ones where it refuses to
+        tell of them.
+        """
         found: tuple[Row, ...] = ()
         for *first, last in self.ways:
             serving = yield from self.ask(first)
             neighbours = yield from self.ask([last])
-            rows = (row for row in (*(serving or ()), *(neighbours or ())) if isinstance(row, CellReading | NoCell))
+            rows = (
+                row
+                for row in (*(serving or ()), *(neighbours or ()))
+                if isinstance(row, CellReading | NoCell)
+            )
             found += tuple(row for row in rows if not found or _is_neighbour(row))
             if found and (neighbours is not None or isinstance(found[0], NoCell)):
                 return found
@@ -126,7 +167,9 @@ def _is_neighbour(row: Row) -> bool:
 
 
 def grouped(line: str) -> Iterator[Row]:
-    """Cells of a ^SMONC or ^SMOND line, as Huawei's GSM modules print them too (MG323 specification 8.5, 8.6)."""
+    """Cells of a ^SMONC or ^SMOND line, as Huawei's GSM modules print them too (MG323 specification
+    8.5, 8.6).
+    """
     for kind, text in _GROUPED.findall(line):
         groups = tuple(_smonc_groups(text) if kind in "Cc" else _smond_groups(text))
         cells = [cell for cell in map(_group_reading, groups) if cell is not None]
@@ -152,7 +195,9 @@ def _smond_groups(text: str) -> Iterator[tuple[Role, dict[str, str]]]:
     if len(fields) >= len(_SERVING):
         timing = at(tail, 0) if len(tail) == _TAIL else ""
         yield "serving", dict(zip(_SERVING, fields, strict=False)) | {"ta": timing}
-    for start in range(len(_SERVING), min(len(fields), all_neighbours) - len(_NEIGHBOUR) + 1, len(_NEIGHBOUR)):
+    for start in range(
+        len(_SERVING), min(len(fields), all_neighbours) - len(_NEIGHBOUR) + 1, len(_NEIGHBOUR)
+    ):
         yield "neighbour", dict(zip(_NEIGHBOUR, fields[start:], strict=False))
 
 
@@ -186,7 +231,9 @@ def _group_reading(group: tuple[Role, dict[str, str]]) -> CellReading | None:
 
 
 def _smoni(text: str) -> Row | None:
-    """Row of ^SMONI; None where it is damaged. One more value after the last of the form must follow."""
+    """Row of ^SMONI; None where it is damaged. One more value after the last of the form must
+    follow.
+    """
     act, *fields = split(text)
     rat, form = _SMONI_FORMS.get(act.upper(), (None, ()))
     if act.upper() == "SEARCH" or (rat is not None and at(fields, 0).upper() == "SEARCH"):
@@ -224,11 +271,17 @@ def _smoni(text: str) -> Row | None:
 
 
 def _cell(named: Mapping[str, str]) -> int | None:
-    return cell_identity(named["cell"], 16) if "cell" in named else cell_identity(named["cell28"], 28, form=SEVEN)
+    return (
+        cell_identity(named["cell"], 16)
+        if "cell" in named
+        else cell_identity(named["cell28"], 28, form=SEVEN)
+    )
 
 
 def _timing_advance(tail: Sequence[str]) -> int | None:
-    """TA of the dedicated channel, where there is one: `ARFCN,TS,timAdv,dBm,Q,ChMod` end the row."""
+    """TA of the dedicated channel, where there is one: `ARFCN,TS,timAdv,dBm,Q,ChMod` end the
+    row.
+    """
     return decimal(tail[-4], 0, 63) if len(tail) in {6, 8} else None
 
 
@@ -238,7 +291,9 @@ def _extras(named: Mapping[str, str], state: str) -> dict[str, int | str | None]
         found["state"] = state
     if "duplex" in named:
         found["duplex"] = named["duplex"].upper() or None
-    margin = named.get("srxlev", named.get("power", "") if state in _IDLE else "")  # in a connection it is TX power
+    margin = named.get(
+        "srxlev", named.get("power", "") if state in _IDLE else ""
+    )  # in a connection it is TX power
     if decimal(margin, -255, 255) is not None:
         found["srxlev"] = decimal(margin, -255, 255)
     return found
@@ -246,6 +301,7 @@ def _extras(named: Mapping[str, str], state: str) -> dict[str, int | str | None]
 
 def _well_formed(named: Mapping[str, str]) -> bool:
     return all(
-        _UNKNOWN.fullmatch(text) or re.fullmatch(_FORMS.get(name, _SIGNED), text, re.ASCII | re.IGNORECASE)
+        _UNKNOWN.fullmatch(text)
+        or re.fullmatch(_FORMS.get(name, _SIGNED), text, re.ASCII | re.IGNORECASE)
         for name, text in named.items()
     )

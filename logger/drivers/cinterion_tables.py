@@ -1,10 +1,12 @@
-"""Tables of Siemens and Cinterion modems: ^MONI, ^MONP, ^SMONP and the scan of ^SNMON (firmware_notes/cinterion.md).
+"""Tables of Siemens and Cinterion modems: ^MONI, ^MONP, ^SMONP and the scan of ^SNMON
+(firmware_notes/cinterion.md).
 
     chann rs  dBm  PLMN  LAC cell NCC BCC PWR RXLev  C1 I chann TS timAdv PWR  dBm Q ChMod
      847  19  -75 26201 2A3B 4C5D   5   2  33  -104  30 I    No connection
 
-`dBm` is the level; `RXLev` and `PWR` are parameters of the cell, and `rs` is an index of another scale on each model.
-The network is one column or two (MC35 manual V05.00 p186, TC63 manual V00.490 p194).
+`dBm` is the level; `RXLev` and `PWR` are parameters of the cell, and `rs` is an index of another
+scale on each model. The network is one column or two (MC35 manual V05.00 p186, TC63 manual V00.490
+p194).
 """
 
 import re
@@ -17,24 +19,29 @@ from logger.drivers.rows import NoCell, Row
 
 _FLAGS = re.ASCII | re.IGNORECASE
 _NUMBER = r"(?:-?\d{1,3}|-+)"
-_PLACE = (
-    r"(?<![\w.,:+-])(?P<chann>\d{1,4})\s+(?P<rs>\d{1,2})\s+(?P<dbm>-\d{2,3})\s+(?P<mcc>\d{3})\s*(?P<mnc>\d{2,3})\s+"
-)
+_PLACE = r"(?<![\w.,:+-])(?P<chann>\d{1,4})\s+(?P<rs>\d{1,2})\s+(?P<dbm>-\d{2,3})\s+(?P<mcc>\d{3})\s*(?P<mnc>\d{2,3})\s+"
 _MONI = re.compile(
     _PLACE
     + r"(?P<lac>[0-9A-F]{4}|-+)\s+(?P<cell>[0-9A-F]{4}|-+)\s+(?P<ncc>[0-7]|-+)\s+(?P<bcc>[0-7]|-+)"
     + rf"\s+{_NUMBER}\s+{_NUMBER}\s+(?P<c1>{_NUMBER})\s+[I|](?P<rest>.*)",
     _FLAGS,
 )
-_MONP = re.compile(_PLACE + rf"(?P<bcc>[0-7]|-+)\s+(?P<c1>{_NUMBER})\s+(?P<c2>{_NUMBER})\W*\Z", _FLAGS)
-_DEDICATED = re.compile(
-    r"\s*(?:\d{1,4}|h)\s+\d\s+(?P<ta>\d{1,2})\s+\d{1,2}\s+-?\d{1,3}\s+(?P<q>[0-7])\s+\w{2,6}\W*\Z", _FLAGS
+_MONP = re.compile(
+    _PLACE + rf"(?P<bcc>[0-7]|-+)\s+(?P<c1>{_NUMBER})\s+(?P<c2>{_NUMBER})\W*\Z", _FLAGS
 )
-_MONI_HEADER = re.compile(r"\bchann\s+rs\s+dBm\b.*\bNCC\b|\bServing Cell\b.*\bDedicated channel\b", _FLAGS)
+_DEDICATED = re.compile(
+    r"\s*(?:\d{1,4}|h)\s+\d\s+(?P<ta>\d{1,2})\s+\d{1,2}\s+-?\d{1,3}\s+(?P<q>[0-7])\s+\w{2,6}\W*\Z",
+    _FLAGS,
+)
+_MONI_HEADER = re.compile(
+    r"\bchann\s+rs\s+dBm\b.*\bNCC\b|\bServing Cell\b.*\bDedicated channel\b", _FLAGS
+)
 _SEARCHING = re.compile(r"(?:\A|\bI\s|[\s\]])\s*(Searching)\W*\Z", _FLAGS)
 
 _MINUS = re.compile("\u00e2\x80[\x92-\x95]|[\u2012-\u2015\u2212\x96]")
-"""Dashes that stand for a minus in text pasted from a manual, also where its UTF-8 was read byte by byte."""
+"""Dashes that stand for a minus in text pasted from a manual, also where its UTF-8 was read byte by
+byte.
+"""
 
 _HEADING = re.compile(r"(?:\A|\s)([2-5]G):\s*\Z", _FLAGS)
 _HEX4 = r"(?:[0-9A-F]{4}|-+)"
@@ -139,7 +146,9 @@ def _smonp(line: str, heading: str) -> CellReading | None:
 
 
 def scanned(line: str) -> Iterator[Row]:
-    """Cells of the scan `AT^SNMON="INS",2`; in which base it prints area and cell is not documented: they stay text."""
+    """Cells of the scan `AT^SNMON="INS",2`; in which base it prints area and cell is not
+    documented: they stay text.
+    """
     for text in _SNMON.findall(line):
         fields = split(text)
         named = dict(zip(_SNMON_FORM, fields, strict=False))

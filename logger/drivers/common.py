@@ -1,4 +1,6 @@
-"""What all modems print alike (3GPP TS 27.007): registration, operators, levels without a cell, errors."""
+"""What all modems print alike (3GPP TS 27.007): registration, operators, levels without a cell,
+errors.
+"""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -9,19 +11,28 @@ from logger.drivers.printed import Form
 from logger.drivers.rows import Operator, Refusal, Registration, Row, Signal
 
 _VALUE = r'(?:"[^"+]*"?|[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
-_REGISTRATION = re.compile(rf"\+(CREG|CGREG|CEREG|C5GREG):\s*({_VALUE}(?:[ \t]*,[ \t]*{_VALUE})*)", re.ASCII)
-"""The values end where something else begins, an answer to another command in the same line or what a log appends."""
+_REGISTRATION = re.compile(
+    rf"\+(CREG|CGREG|CEREG|C5GREG):\s*({_VALUE}(?:[ \t]*,[ \t]*{_VALUE})*)", re.ASCII
+)
+"""The values end where something else begins, an answer to another command in the same line or what
+a log appends.
+"""
 _LEADING_TWO = re.compile(r"\s*\d{1,3}\s*,\s*\d{1,3}\s*(?:,|\Z)")
-"""An answer begins with two small numbers, a report with one: `+CREG: 1,"CE00","00005449"` is a report."""
+"""An answer begins with two small numbers, a report with one: `+CREG: 1,"CE00","00005449"` is a
+report.
+"""
 _CSQ = re.compile(r"\+CSQ:\s*(\d{1,2}),\s*(\d{1,2})(?!\d)")
 _CESQ = re.compile(r"\+CESQ:\s*(\d{1,3}(?:,\s*\d{1,3}){5})(?!\d)")
 _ERROR = re.compile(r"\+CM[ES] ERROR:\s*(?:(\d+)|([^\s\\][^\\]*?))\s*(?:\\.*)?\Z")
 _CHOSEN = re.compile(r'\+COPS:\s*[0-4],\s*([0-2]),\s*"([^"]*)"(?:,\s*(\d{1,2})(?!\d))?')
 _NAME = r'\s*(?:"([^"]*)"|([^",()]*))\s*,'
 _OFFERED = re.compile(
-    r"\(\s*([0-3])\s*," + _NAME + _NAME + r'\s*"?(\d{5,7})"?\s*(?:\)?\s*,\s*(\d{1,2})(?=\s*\)))?', re.ASCII
+    r"\(\s*([0-3])\s*," + _NAME + _NAME + r'\s*"?(\d{5,7})"?\s*(?:\)?\s*,\s*(\d{1,2})(?=\s*\)))?',
+    re.ASCII,
 )
-"""A network of AT+COPS=?; real lists close the bracket early, leave out quotes and names, and break lines."""
+"""A network of AT+COPS=?; real lists close the bracket early, leave out quotes and names, and break
+lines.
+"""
 
 _MOST_STAT = 11
 _CELL, _NR_CELL = Form(16, frozenset({4, 7, 8})), Form(16, frozenset({9, 16}))
@@ -52,16 +63,28 @@ def _registrations(line: str) -> Iterator[Row]:
         act = decimal(at(fields, 3).rstrip("])"), 0, 15)
         bits, form = (36, _NR_CELL) if domain == "C5GREG" else (28, _CELL)
         cid = cell_identity(at(fields, 2), bits, form=form)
-        where: dict[str, Any] = {"lac" if domain in {"CREG", "CGREG"} else "tac": area(at(fields, 1), bits=24)}
+        where: dict[str, Any] = {
+            "lac" if domain in {"CREG", "CGREG"} else "tac": area(at(fields, 1), bits=24)
+        }
         yield Registration(
-            domain, stat, rat=None if act is None else RAT_OF_ACT.get(act), n=decimal(n), cid=cid, act=act, **where
+            domain,
+            stat,
+            rat=None if act is None else RAT_OF_ACT.get(act),
+            n=decimal(n),
+            cid=cid,
+            act=act,
+            **where,
         )
 
 
 def _quality(line: str) -> Iterator[Row]:
     for level, errors in _CSQ.findall(line):
         raw = decimal(level, 0, 31)
-        yield Signal(csq_raw=raw, ber=decimal(errors, 0, 7), rssi_dbm=None if raw is None else -113.0 + 2.0 * raw)
+        yield Signal(
+            csq_raw=raw,
+            ber=decimal(errors, 0, 7),
+            rssi_dbm=None if raw is None else -113.0 + 2.0 * raw,
+        )
 
 
 def _extended_quality(line: str) -> Iterator[Row]:
@@ -69,13 +92,28 @@ def _extended_quality(line: str) -> Iterator[Row]:
     for text in _CESQ.findall(line):
         rxlev, ber, rscp, ecno, rsrq, rsrp = (int(value) for value in values(text))
         if rxlev <= 63:
-            yield Signal("GSM", ber=ber if ber <= 7 else None, rssi_dbm=rxlev - 110.0, more={"rxlev_raw": rxlev})
+            yield Signal(
+                "GSM",
+                ber=ber if ber <= 7 else None,
+                rssi_dbm=rxlev - 110.0,
+                more={"rxlev_raw": rxlev},
+            )
         if rscp <= 96:
             ecio_db = ecno / 2.0 - 24.5 if ecno <= 49 else None
-            yield Signal("WCDMA", rscp_dbm=rscp - 121.0, ecio_db=ecio_db, more={"rscp_raw": rscp, "ecn0_raw": ecno})
+            yield Signal(
+                "WCDMA",
+                rscp_dbm=rscp - 121.0,
+                ecio_db=ecio_db,
+                more={"rscp_raw": rscp, "ecn0_raw": ecno},
+            )
         if rsrp <= 97:
             rsrq_db = rsrq / 2.0 - 20.0 if rsrq <= 34 else None
-            yield Signal("LTE", rsrp_dbm=rsrp - 141.0, rsrq_db=rsrq_db, more={"rsrp_raw": rsrp, "rsrq_raw": rsrq})
+            yield Signal(
+                "LTE",
+                rsrp_dbm=rsrp - 141.0,
+                rsrq_db=rsrq_db,
+                more={"rsrp_raw": rsrp, "rsrq_raw": rsrq},
+            )
 
 
 def _refusals(line: str) -> Iterator[Row]:
@@ -96,7 +134,9 @@ def _offered(text: str) -> Iterator[Row]:
     for stat, long, plain_long, short, plain_short, plmn, act in _OFFERED.findall(text):
         number = decimal(act, 0, 15)
         rat = None if number is None else RAT_OF_ACT.get(number)
-        names = (quoted or plain.strip() for quoted, plain in ((long, plain_long), (short, plain_short)))
+        names = (
+            quoted or plain.strip() for quoted, plain in ((long, plain_long), (short, plain_short))
+        )
         yield Operator(rat, int(stat), next(names), next(names), plmn=plmn, act=number)
 
 

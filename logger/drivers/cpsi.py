@@ -3,8 +3,8 @@
     +CPSI: GSM,Online,502-12,0x1054,62168,512 DCS 1800,-71,0,32-32
     +CPSI: LTE,Online,310-260,0x2D18,50896642,236,EUTRAN-BAND4,2300,5,5,-125,-987,-663,10
 
-The area is hexadecimal, the cell decimal. A row is read where its band and channel stand in their places: then its
-identity, further left, is whole also where the end of the line is cut.
+The area is hexadecimal, the cell decimal. A row is read where its band and channel stand in their
+places: then its identity, further left, is whole also where the end of the line is cut.
 """
 
 import re
@@ -13,7 +13,17 @@ from dataclasses import fields, replace
 from typing import Any
 
 from logger.core.types import CellReading, Rat
-from logger.drivers.fields import area, at, cell_identity, decimal, level, network, rsrp_dbm, rsrq_db, rssi_dbm
+from logger.drivers.fields import (
+    area,
+    at,
+    cell_identity,
+    decimal,
+    level,
+    network,
+    rsrp_dbm,
+    rsrq_db,
+    rssi_dbm,
+)
 from logger.drivers.printed import proven
 from logger.drivers.rows import NoCell, Row
 
@@ -40,7 +50,9 @@ _MODES: Mapping[str, tuple[Rat, tuple[str, ...]]] = {
     "NR5G_SA": ("NR", _NR),
 }
 _PLACES = {  # the values that show that none is lost or added
-    "channel": re.compile(r"(\d{1,4})(?:\s+([A-Z][\w ]*))?", re.IGNORECASE),  # the A76xx prints no band
+    "channel": re.compile(
+        r"(\d{1,4})(?:\s+([A-Z][\w ]*))?", re.IGNORECASE
+    ),  # the A76xx prints no band
     "wcdma_band": re.compile(r"[A-Z][-\w ]*", re.IGNORECASE),
     "lte_band": re.compile(r"(?:EUTRAN|LTE)[-_ ]?BAND[-_ ]?(\d{1,3})", re.IGNORECASE),
     "nr_band": re.compile(r"NR5G[-_ ]?BAND[-_ ]?(\d{1,3})", re.IGNORECASE),
@@ -57,7 +69,9 @@ _MOST_EARFCN = 262_143
 _BITS: Mapping[Rat, tuple[int, int]] = {"GSM": (16, 16), "NR": (24, 36)}  # of area and cell
 _BITS_OF_OTHERS = (16, 28)
 _C1_C2 = re.compile(r"(-?\d{1,3})-(-?\d{1,3})")
-_LEVELS = frozenset({"rxlev_raw", "rxq", "rssi_dbm", "rscp_dbm", "ecio_db", "rsrp_dbm", "rsrq_db", "sinr_db"})
+_LEVELS = frozenset(
+    {"rxlev_raw", "rxq", "rssi_dbm", "rscp_dbm", "ecio_db", "rsrp_dbm", "rsrq_db", "sinr_db"}
+)
 
 _Levels = tuple[dict[str, Any], dict[str, Any]]
 """Fields of a reading, and what goes into `more` as printed."""
@@ -70,7 +84,8 @@ def read(lines: Sequence[str]) -> tuple[Row, ...]:
 
 
 def joined(rows: Iterable[Row]) -> tuple[Row, ...]:
-    """Rows of one poll with each serving cell once, first: what the first row leaves open is filled from the others.
+    """Rows of one poll with each serving cell once, first: what the first row leaves open is filled
+    from the others.
 
     A level beside another one is not taken over: they may be of different scales.
     """
@@ -86,7 +101,9 @@ def joined(rows: Iterable[Row]) -> tuple[Row, ...]:
 
 
 def _filled(first: CellReading, second: CellReading) -> CellReading:
-    open_ones = [f.name for f in fields(CellReading) if f.name != "more" and getattr(first, f.name) is None]
+    open_ones = [
+        f.name for f in fields(CellReading) if f.name != "more" and getattr(first, f.name) is None
+    ]
     if first.level_dbm is not None:
         open_ones = [name for name in open_ones if name not in _LEVELS]
     values: dict[str, Any] = {name: getattr(second, name) for name in open_ones}
@@ -116,8 +133,12 @@ def _row(text: str) -> Row | None:
     return _cell(rat, names, values[2:], {"state": at(values, 1)})
 
 
-def _cell(rat: Rat, names: tuple[str, ...], values: list[str], more: Mapping[str, str]) -> CellReading | None:
-    """Reading of a row with all its values, or all but the last; None for another one and for one that says nothing."""
+def _cell(
+    rat: Rat, names: tuple[str, ...], values: list[str], more: Mapping[str, str]
+) -> CellReading | None:
+    """Reading of a row with all its values, or all but the last; None for another one and for one
+    that says nothing.
+    """
     if not len(names) - 1 <= len(values) <= len(names) + (_MORE_OF_NR if rat == "NR" else 0):
         return None
     if len(values) < len(names):
@@ -126,7 +147,9 @@ def _cell(rat: Rat, names: tuple[str, ...], values: list[str], more: Mapping[str
     if not all(form.fullmatch(named[name]) for name, form in _PLACES.items() if name in named):
         return None
     where = _where(rat, named)
-    who = _identity(rat, named) if where["arfcn"] is not None else {}  # 4294967295 while it changes its cell
+    who = (
+        _identity(rat, named) if where["arfcn"] is not None else {}
+    )  # 4294967295 while it changes its cell
     levels, raw = _LEVELS_OF.get(rat, _lte)(named)
     reading = CellReading(role="serving", rat=rat, **where, **who, **levels, more={**more, **raw})
     return reading if who or reading.level_dbm is not None else None
@@ -148,7 +171,9 @@ def _where(rat: Rat, named: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _identity(rat: Rat, named: Mapping[str, str]) -> dict[str, Any]:
-    """Who the cell is, empty where a part of it is not in its form; a part that is a mark for unknown is None."""
+    """Who the cell is, empty where a part of it is not in its form; a part that is a mark for
+    unknown is None.
+    """
     if "plmn" not in named:
         return {}
     area_bits, cid_bits = _BITS.get(rat, _BITS_OF_OTHERS)
@@ -160,21 +185,32 @@ def _identity(rat: Rat, named: Mapping[str, str]) -> dict[str, Any]:
         "mcc": mcc,
         "mnc": mnc,
         "lac" if rat in {"GSM", "WCDMA"} else "tac": area(named["area"], 16, area_bits),
-        "cid": cell_identity(named["cid"], cid_bits, base=10),  # 4000000000 is printed as -294967296
+        "cid": cell_identity(
+            named["cid"], cid_bits, base=10
+        ),  # 4000000000 is printed as -294967296
     }
 
 
 def _gsm(named: Mapping[str, str]) -> _Levels:
     criteria = _C1_C2.fullmatch(named.get("c1_c2", ""))
     c1, c2 = criteria.groups() if criteria else ("", "")
-    return {"rssi_dbm": rssi_dbm(named["rxlev"]), "c1": decimal(c1, -255, 255), "c2": decimal(c2, -255, 255)}, {}
+    return {
+        "rssi_dbm": rssi_dbm(named["rxlev"]),
+        "c1": decimal(c1, -255, 255),
+        "c2": decimal(c2, -255, 255),
+    }, {}
 
 
 def _wcdma(named: Mapping[str, str]) -> _Levels:
-    """EC/IO and RSCP are printed without their sign; one that cannot be shows that values are lost or added."""
+    """EC/IO and RSCP are printed without their sign; one that cannot be shows that values are lost
+    or added.
+    """
     ecio, rscp = (named[name].removeprefix("-") for name in ("ecio", "rscp"))
     ecio_db = level(ecio, -32.0, -0.1, -1.0) if _ECIO.fullmatch(ecio) else None
-    return {"rscp_dbm": rssi_dbm(rscp, -1.0) if ecio_db is not None else None, "ecio_db": ecio_db}, {}
+    return {
+        "rscp_dbm": rssi_dbm(rscp, -1.0) if ecio_db is not None else None,
+        "ecio_db": ecio_db,
+    }, {}
 
 
 def _lte(named: Mapping[str, str]) -> _Levels:
@@ -184,20 +220,32 @@ def _lte(named: Mapping[str, str]) -> _Levels:
     indices = [decimal(text, 0, 255) for text in printed]
     if None not in indices:
         names = ("rsrq_raw", "rsrp_raw", "rssi_raw")
-        return sinr, {name: None if index == 255 else index for name, index in zip(names, indices, strict=True)}
+        return sinr, {
+            name: None if index == 255 else index
+            for name, index in zip(names, indices, strict=True)
+        }
     scale = _scale(named["rsrp"])
     if scale is None:
         return {}, {}
     rsrq, rsrp, rssi = printed
-    levels = {"rsrq_db": rsrq_db(rsrq, scale), "rsrp_dbm": rsrp_dbm(rsrp, scale), "rssi_dbm": rssi_dbm(rssi, scale)}
+    levels = {
+        "rsrq_db": rsrq_db(rsrq, scale),
+        "rsrp_dbm": rsrp_dbm(rsrp, scale),
+        "rssi_dbm": rssi_dbm(rssi, scale),
+    }
     if levels["rsrq_db"] is None or (rssi and levels["rssi_dbm"] is None):
         return {}, {}
     return {**sinr, **tenths(levels)}, {}
 
 
 def _nr(named: Mapping[str, str]) -> _Levels:
-    """The order of RSRP and RSRQ differs between forms, RSRP is always the lower; SNR is in dB or in tenths of it."""
-    low, high = sorted((named["rsrp"], named.get("rsrq", "")), key=lambda text: level(text, -99999.0, 99999.0) or 0.0)
+    """The order of RSRP and RSRQ differs between forms, RSRP is always the lower; SNR is in dB or
+    in tenths of it.
+    """
+    low, high = sorted(
+        (named["rsrp"], named.get("rsrq", "")),
+        key=lambda text: level(text, -99999.0, 99999.0) or 0.0,
+    )
     scale = _scale(low)
     snr = named.get("snr", "")
     whole = decimal(snr, -999, 999)
@@ -211,7 +259,9 @@ def _nr(named: Mapping[str, str]) -> _Levels:
 
 
 def _scale(rsrp: str) -> float | None:
-    """Decibel in a unit of this row: the SIM7000 prints dB, the SIM7600 tenths; None for the index of an A76xx."""
+    """Decibel in a unit of this row: the SIM7000 prints dB, the SIM7600 tenths; None for the index
+    of an A76xx.
+    """
     if rsrp_dbm(rsrp) is not None:
         return 1.0
     return None if rsrp_dbm(rsrp, 0.1) is None else 0.1

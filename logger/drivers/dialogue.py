@@ -1,7 +1,7 @@
 """The shape of a conversation with a modem, without any I/O.
 
-A driver yields `Command`s and is sent `Reply`s; whoever drives the generator owns the port. A timeout is a Reply with
-`final` None, so a driver treats it as data.
+A driver yields `Command`s and is sent `Reply`s; whoever drives the generator owns the port. A
+timeout is a Reply with `final` None, so a driver treats it as data.
 """
 
 import math
@@ -15,9 +15,11 @@ INTERRUPTED = "\x18"
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One AT command line, without its carriage return; polling a modem that refuses a `needed` one is no use.
+    """One AT command line, without its carriage return; polling a modem that refuses a `needed` one
+    is no use.
 
-    `silence_s` is how long a full scan may be silent by what is documented, infinite where nothing is.
+    `silence_s` is how long a full scan may be silent by what is documented, infinite where nothing
+    is.
     """
 
     text: str
@@ -28,7 +30,8 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The lines between a command and its final result code; `final` is None when none came in time.
+    """The lines between a command and its final result code; `final` is None when none came in
+    time.
 
     `interrupted` are the numbers of the lines after which the modem said something else.
     """

@@ -1,4 +1,6 @@
-"""What all families of modems have in common: a driver is one family's commands and the reading of its replies."""
+"""What all families of modems have in common: a driver is one family's commands and the reading of
+its replies.
+"""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -25,13 +27,16 @@ _RESTARTED = re.compile(
 
 
 class Family:
-    """Driver of one family, stateless: one instance serves a live port, a transcript and the simulator alike.
+    """Driver of one family, stateless: one instance serves a live port, a transcript and the
+    simulator alike.
 
-    `read` gives numbers as they were printed; what the modem's earlier replies show of them is judged in `recognition`.
+    `read` gives numbers as they were printed; what the modem's earlier replies show of them is
+    judged in `recognition`.
 
-    Nothing here transmits by choice, `modes` apart, or asks who the subscriber is. A family says which modems are its
-    own (`identifies`, searched in what ATI, AT+CGMI and AT+CGMM answer), what prepares them, what asks for the cells
-    heard now and what for all there are; and it reads the lines (`cells_in`).
+    Nothing here transmits by choice, `modes` apart, or asks who the subscriber is. A family says
+    which modems are its own (`identifies`, searched in what ATI, AT+CGMI and AT+CGMM answer), what
+    prepares them, what asks for the cells heard now and what for all there are; and it reads the
+    lines (`cells_in`).
     """
 
     name: ClassVar[str]
@@ -44,14 +49,20 @@ class Family:
     gnss_asked: ClassVar[tuple[Command, ...]] = ()
     """The modem's own receiver, used where the configuration says so."""
     modes: ClassVar[tuple[ModeCommand, ...]] = ()
-    """How it is made to hear GSM only, where the configuration says so; a modem knows one of them."""
+    """How it is made to hear GSM only, where the configuration says so; a modem knows one of
+    them.
+    """
 
     def setup(self) -> Dialogue[bool]:
-        """Prepare the modem after power-up or a restart; False when it did not accept what polling needs."""
+        """Prepare the modem after power-up or a restart; False when it did not accept what polling
+        needs.
+        """
         return (yield from prepared(self.set_up))
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Ask once for the cells heard now; None when the answer was no answer (timeout, error, mode lost)."""
+        """Ask once for the cells heard now; None when the answer was no answer (timeout, error,
+        mode lost).
+        """
         return (yield from self.ask(self.asked))
 
     def survey(self, command: Command) -> Dialogue[tuple[Row, ...] | None]:
@@ -59,7 +70,8 @@ class Family:
         return (yield from self.ask([command]))
 
     def ask(self, commands: Iterable[Command]) -> Dialogue[tuple[Row, ...] | None]:
-        """Rows of the replies to some commands, read together; None when there was no answer to any.
+        """Rows of the replies to some commands, read together; None when there was no answer to
+        any.
 
         Lines that came before a time-out are as good as others: what is cut is not read as a row.
         """
@@ -73,10 +85,11 @@ class Family:
         return rows if answered or any(isinstance(row, CellReading) for row in rows) else None
 
     def read(self, lines: Sequence[str]) -> tuple[Row, ...]:
-        """All rows in lines of replies or of a whole transcript; lines of other kinds are passed over.
+        """All rows in lines of replies or of a whole transcript; lines of other kinds are passed
+        over.
 
-        A line with a command says what the following lines answer. A row that something else has interrupted loses its
-        last value, which may be cut.
+        A line with a command says what the following lines answer. A row that something else has
+        interrupted loses its last value, which may be cut.
         """
         whole = uncut(lines, self._names())
         rows = (*self.cells_in(whole), *common.read(whole))
@@ -92,7 +105,9 @@ class Family:
         raise NotImplementedError
 
     def role_of(self, line: str) -> Role | None:
-        """Role of the cells that a line describes, also when it comes unasked; where "serving" is among them, that."""
+        """Role of the cells that a line describes, also when it comes unasked; where "serving" is
+        among them, that.
+        """
         roles = [row.role for row in self.cells_in([line]) if isinstance(row, CellReading)]
         return "serving" if "serving" in roles else next(iter(roles), None)
 
@@ -111,7 +126,9 @@ def woken() -> Dialogue[bool]:
 
 
 def prepared(commands: Iterable[Command]) -> Dialogue[bool]:
-    """Wake the modem, make it quiet and set it up; False when it refuses a command that is needed."""
+    """Wake the modem, make it quiet and set it up; False when it refuses a command that is
+    needed.
+    """
     if not (yield from woken()):
         return False
     accepted = True

@@ -6,8 +6,9 @@
     LTE neighbor cell:                                           band (+ 100), bandwidth, indices
     2,4,,,,,189C,190,,24,24,2
 
-Area and cell are hexadecimal. Channel and PCI are so in the modems with headings and decimal in the FM350; the rows of
-one reply decide it together, by letters, by the range of a PCI and by the band that a channel belongs to.
+Area and cell are hexadecimal. Channel and PCI are so in the modems with headings and decimal in the
+FM350; the rows of one reply decide it together, by letters, by the range of a PCI and by the band
+that a channel belongs to.
 """
 
 import re
@@ -27,12 +28,23 @@ from logger.drivers.mode import ModeCommand
 from logger.drivers.printed import Form
 from logger.drivers.rows import NoCell, Row
 
-_REPLY = re.compile(r"\+GTCCINFO\s*[:?](.*?)(?=[+*^$!][A-Z]{3}|\bPCC\b|\bOK\b|\bERROR\b|\Z)", re.DOTALL | re.IGNORECASE)
-_HEADING = re.compile(r"(LTE-NR|LTE|NR|UMTS|WCDMA|GSM)\b.*\b(?:service|neighbou?r) cell", re.IGNORECASE)
+_REPLY = re.compile(
+    r"\+GTCCINFO\s*[:?](.*?)(?=[+*^$!][A-Z]{3}|\bPCC\b|\bOK\b|\bERROR\b|\Z)",
+    re.DOTALL | re.IGNORECASE,
+)
+_HEADING = re.compile(
+    r"(LTE-NR|LTE|NR|UMTS|WCDMA|GSM)\b.*\b(?:service|neighbou?r) cell", re.IGNORECASE
+)
 _ROW = re.compile(r"(?:\A|[\s\]>])([12],\d{1,2},[\w,.-]*)\W*\Z", re.ASCII)
 
 _RATS: Mapping[str, Rat] = {"2": "WCDMA", "4": "LTE", "9": "NR"}
-_RATS_OF_HEADINGS: Mapping[str, Rat] = {"LTE": "LTE", "NR": "NR", "UMTS": "WCDMA", "WCDMA": "WCDMA", "GSM": "GSM"}
+_RATS_OF_HEADINGS: Mapping[str, Rat] = {
+    "LTE": "LTE",
+    "NR": "NR",
+    "UMTS": "WCDMA",
+    "WCDMA": "WCDMA",
+    "GSM": "GSM",
+}
 _FRONT = ("service", "rat", "mcc", "mnc", "area", "cell", "channel", "code")
 _SERVICE = (*_FRONT, "band", "bandwidth", "sinr", "rxlev", "rsrp", "rsrq")
 _LAYOUTS: Mapping[tuple[str, Rat], tuple[str, ...]] = {
@@ -53,7 +65,12 @@ _FORMS = {
     "channel": r"[0-9A-F]{1,7}",
     "code": r"[0-9A-F]{1,4}",
 }
-_BITS: Mapping[Rat, tuple[int, int]] = {"GSM": (16, 16), "WCDMA": (16, 28), "LTE": (16, 28), "NR": (24, 36)}
+_BITS: Mapping[Rat, tuple[int, int]] = {
+    "GSM": (16, 16),
+    "WCDMA": (16, 28),
+    "LTE": (16, 28),
+    "NR": (24, 36),
+}
 _CELL = Form(16, frozenset({7, 9}))  # the FM350 pads to the width of NR
 _NOBODY = frozenset({0xFFFFFFF, 0xFFFFFFFF})  # fills the cell of a neighbour on NR too
 _MOST_CODE: Mapping[Rat, int] = {"GSM": 99, "WCDMA": 511, "LTE": 503, "NR": 1007}
@@ -83,7 +100,9 @@ class _Cell:
         if printed is None:
             return None
         if self.rat == "NR":
-            return int(str(printed)[2:]) if str(printed).startswith("50") and printed > 500 else None
+            return (
+                int(str(printed)[2:]) if str(printed).startswith("50") and printed > 500 else None
+            )
         return printed - 100 if self.rat == "LTE" and printed > 100 else printed
 
 
@@ -91,16 +110,22 @@ class Fibocom(Family):
     """Serving cell and neighbours by AT+GTCCINFO?, which takes 25 ms and needs no SIM."""
 
     name: ClassVar[str] = "fibocom"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(r"\bFIBOCOM\b|\bL8[1356]0-GL\b", re.IGNORECASE)
+    identifies: ClassVar[re.Pattern[str]] = re.compile(
+        r"\bFIBOCOM\b|\bL8[1356]0-GL\b", re.IGNORECASE
+    )
     set_up: ClassVar[tuple[Command, ...]] = Generic.set_up
     asked: ClassVar[tuple[Command, ...]] = (Command("AT+GTCCINFO?", timeout_s=8.0), *Generic.asked)
     surveys: ClassVar[tuple[Command, ...]] = Generic.surveys
     modes: ClassVar[tuple[ModeCommand, ...]] = mode.GTRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells heard now; the serving one put together from +CREG and its like where +GTCCINFO tells of none."""
+        """Cells heard now; the serving one put together from +CREG and its like where +GTCCINFO
+        tells of none.
+        """
         rows = yield from self.ask(self.asked)
-        if rows is None or any(isinstance(row, CellReading) and row.role == "serving" for row in rows):
+        if rows is None or any(
+            isinstance(row, CellReading) and row.role == "serving" for row in rows
+        ):
             return rows
         serving = serving_cell(rows)
         return rows if serving is None else (serving, *rows)
@@ -148,14 +173,18 @@ def _cell(fields: list[str], heading: str) -> _Cell | None:
 
 
 def _base(cells: Sequence[_Cell], *, headings: bool) -> Callable[[str], int | None]:
-    """How channels and PCIs of a reply are read: the base with which all rows agree, else what the headings tell."""
+    """How channels and PCIs of a reply are read: the base with which all rows agree, else what the
+    headings tell.
+    """
     fitting = [read for read in (hexadecimal, decimal) if all(_fits(cell, read) for cell in cells)]
     usual = hexadecimal if headings else decimal
     return usual if usual in fitting else next(iter(fitting), lambda _: None)
 
 
 def _fits(cell: _Cell, read: Callable[[str], int | None]) -> bool:
-    channel, code = (read(cell.named[name]) if cell.named[name] else 0 for name in ("channel", "code"))
+    channel, code = (
+        read(cell.named[name]) if cell.named[name] else 0 for name in ("channel", "code")
+    )
     if channel is None or code is None or code > _MOST_CODE[cell.rat]:
         return False
     if cell.rat != "LTE" or cell.band is None or not cell.named["channel"]:
@@ -188,7 +217,11 @@ def _reading(cell: _Cell, number: Callable[[str], int | None]) -> CellReading:
         ecio_db=_scaled(named.get("ecno", ""), 49, -24.5, 0.5),
         rsrp_dbm=_scaled(named.get("rsrp", ""), 126 if nr else 97, -157.0 if nr else -141.0, 1.0),
         rsrq_db=_scaled(named.get("rsrq", ""), 126 if nr else 34, -43.5 if nr else -20.0, 0.5),
-        more={f"{name}_raw": decimal(named[name], -999) for name in ("sinr", "rsrp", "rsrq", "rscp") if name in named},
+        more={
+            f"{name}_raw": decimal(named[name], -999)
+            for name in ("sinr", "rsrp", "rsrq", "rscp")
+            if name in named
+        },
     )
 
 

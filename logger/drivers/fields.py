@@ -11,7 +11,9 @@ from typing import Any
 from logger.core.types import CellReading, Rat
 from logger.drivers.printed import Form, Printed
 
-RAT_OF_ACT: dict[int, Rat] = {  # 3GPP TS 27.007 7.3; for LTE-M and NB-IoT (8, 9) the vendors' numbers differ
+RAT_OF_ACT: dict[
+    int, Rat
+] = {  # 3GPP TS 27.007 7.3; for LTE-M and NB-IoT (8, 9) the vendors' numbers differ
     0: "GSM",
     1: "GSM",
     2: "WCDMA",
@@ -27,13 +29,17 @@ RAT_OF_ACT: dict[int, Rat] = {  # 3GPP TS 27.007 7.3; for LTE-M and NB-IoT (8, 9
 }
 
 _GSM_DBM = (-113.0, -47.0)
-"""From the lowest index of the modems' scale (SIM800 manual V1.09 p163) to RXLEV 63 (3GPP TS 45.008 8.1.4)."""
+"""From the lowest index of the modems' scale (SIM800 manual V1.09 p163) to RXLEV 63 (3GPP TS 45.008
+8.1.4).
+"""
 _RSRP_DBM = (-140.0, -43.0)
 """3GPP TS 36.133 9.1.4, and one step more at the strong end, where modems round."""
 _COVERAGE_DBM = (-156.0, -43.0)
 """The same with enhanced coverage: NB-IoT (36.133 9.1.22.9) and LTE-M (9.1.4, extended)."""
 _CARRIER_DBM = (-120.0, -20.0)
-"""All that the receiver takes in on a channel; no 3GPP range for LTE, modems print up to -35 dBm."""
+"""All that the receiver takes in on a channel; no 3GPP range for LTE, modems print up to -35
+dBm.
+"""
 LEVELS_DBM: Mapping[str, Mapping[Rat | None, tuple[float, float]]] = {
     "rssi_dbm": {"GSM": _GSM_DBM, None: _CARRIER_DBM},
     "rscp_dbm": {None: (-120.0, -25.0)},  # 3GPP TS 25.133 9.1.1.3
@@ -44,9 +50,20 @@ LEVELS_DBM: Mapping[str, Mapping[Rat | None, tuple[float, float]]] = {
         None: _RSRP_DBM,
     },
 }
-"""What a level can be by technology, None for all others; a level outside is damage, and is none."""
-_OWN = {"WCDMA": "rscp_dbm", "LTE": "rsrp_dbm", "LTE-M": "rsrp_dbm", "NB-IoT": "rsrp_dbm", "NR": "rsrp_dbm"}
-"""The level of the cell alone. Where it is damaged that of the carrier does not stand in: it is another one."""
+"""What a level can be by technology, None for all others; a level outside is damage, and is
+none.
+"""
+_OWN = {
+    "WCDMA": "rscp_dbm",
+    "LTE": "rsrp_dbm",
+    "LTE-M": "rsrp_dbm",
+    "NB-IoT": "rsrp_dbm",
+    "NR": "rsrp_dbm",
+}
+"""The level of the cell alone.
+
+Where it is damaged that of the carrier does not stand in: it is another one.
+"""
 
 SEVEN = Form(16, frozenset({7}))
 EIGHT = Form(16, frozenset({8}))
@@ -73,7 +90,9 @@ _MNC = re.compile(r"[0-9]{2,3}")
 
 
 def values(text: str) -> list[str]:
-    """Fields between commas, without blanks around them and without quotation marks; commas in quotes do not count."""
+    """Fields between commas, without blanks around them and without quotation marks; commas in
+    quotes do not count.
+    """
     return [(quoted or plain).strip() for quoted, plain in _FIELD.findall(text + ",")]
 
 
@@ -130,7 +149,9 @@ def _widest(name: str) -> tuple[float, float]:
 
 
 _CARRIER_ABOVE_DB = (-3.0, 60.0)
-"""A carrier holds the cell's signal, and up to 20 dB (resource blocks) and 34 dB (RSRQ) more; averaged apart."""
+"""A carrier holds the cell's signal, and up to 20 dB (resource blocks) and 34 dB (RSRQ) more;
+averaged apart.
+"""
 
 
 def reportable(reading: CellReading) -> CellReading:
@@ -158,13 +179,17 @@ def _is_reportable(reading: CellReading, name: str) -> bool:
 
 
 def rsrq_db(text: str, scale: float = 1.0) -> float | None:
-    """Reference signal received quality (3GPP TS 36.133 9.1.7, 38.133 10.1.11: -43 to 20 dB); 0 stands for unknown."""
+    """Reference signal received quality (3GPP TS 36.133 9.1.7, 38.133 10.1.11: -43 to 20 dB); 0
+    stands for unknown.
+    """
     found = level(text, -43.0, 20.0, scale)
     return None if found == 0.0 else found
 
 
 def area(text: str, base: int = 16, bits: int = 16) -> int | None:
-    """Location or tracking area code; all zeros, all ones and the last but one say "none" (3GPP TS 24.008 10.5.1.3)."""
+    """Location or tracking area code; all zeros, all ones and the last but one say "none" (3GPP TS
+    24.008 10.5.1.3).
+    """
     code = (hexadecimal if base == 16 else decimal)(text, 0, 2**bits - 1)
     if code is None or code in {0, 0xFFFE, 0xFFFF, 2**bits - 2, 2**bits - 1}:
         return None
@@ -172,7 +197,9 @@ def area(text: str, base: int = 16, bits: int = 16) -> int | None:
 
 
 def cell_identity(text: str, bits: int, base: int = 16, form: Form | None = None) -> int | None:
-    """Cell identity of 16 (GSM), 28 (WCDMA, LTE) or 36 bits (NR); zero and all ones say "unknown"."""
+    """Cell identity of 16 (GSM), 28 (WCDMA, LTE) or 36 bits (NR); zero and all ones say
+    "unknown".
+    """
     identity = (hexadecimal if base == 16 else decimal)(text, 0, 2**bits - 1)
     if identity is None or identity in {0, 0xFFFF, 2**bits - 1}:
         return None
@@ -186,14 +213,21 @@ def network(mcc: str, mnc: str) -> tuple[str, str] | tuple[None, None]:
 
 
 def pieces(lines: Iterable[str]) -> Iterator[str]:
-    """Lines that a log has written as one, with their ends as text (backslash, r, n), apart again; no empty ones."""
+    """Lines that a log has written as one, with their ends as text (backslash, r, n), apart again;
+    no empty ones.
+    """
     for line in lines:
         yield from filter(str.strip, re.split(r"(?:\\[rn]|[\r\n])+", line))
 
 
 def labelled(form: Iterable[tuple[str, str]], between: str) -> re.Pattern[str]:
-    """Pattern of `label: value` in a fixed order, for (label, pattern of its value); a group is named as its label."""
-    return _joined((rf"{re.escape(label)}\s?:\s*(?P<{_group(label)}>{value})" for label, value in form), between)
+    """Pattern of `label: value` in a fixed order, for (label, pattern of its value); a group is
+    named as its label.
+    """
+    return _joined(
+        (rf"{re.escape(label)}\s?:\s*(?P<{_group(label)}>{value})" for label, value in form),
+        between,
+    )
 
 
 def listed(form: Iterable[tuple[str, str]]) -> re.Pattern[str]:
@@ -202,7 +236,9 @@ def listed(form: Iterable[tuple[str, str]]) -> re.Pattern[str]:
 
 
 def _joined(parts: Iterable[str], between: str) -> re.Pattern[str]:
-    return re.compile(r"(?<![\w.,-])" + between.join(parts) + r"(?![\w.])", re.IGNORECASE | re.ASCII)
+    return re.compile(
+        r"(?<![\w.,-])" + between.join(parts) + r"(?![\w.])", re.IGNORECASE | re.ASCII
+    )
 
 
 def _group(label: str) -> str:

@@ -1,4 +1,6 @@
-"""Any modem that keeps to 3GPP TS 27.007: the cell it is registered on, from +CxREG, +COPS and +CSQ or +CESQ."""
+"""Any modem that keeps to 3GPP TS 27.007: the cell it is registered on, from +CxREG, +COPS and +CSQ
+or +CESQ.
+"""
 
 import re
 from collections.abc import Sequence
@@ -42,11 +44,18 @@ class Generic(Family):
 
 
 def serving_cell(rows: Sequence[Row]) -> CellReading | None:
-    """The cell that registration, network and level of one poll tell of; None without a cell identity."""
-    place = next((row for row in rows if isinstance(row, Registration) and row.cid is not None), None)
+    """The cell that registration, network and level of one poll tell of; None without a cell
+    identity.
+    """
+    place = next(
+        (row for row in rows if isinstance(row, Registration) and row.cid is not None), None
+    )
     if place is None:
         return None
-    plmn = next((row.plmn for row in rows if isinstance(row, Operator) and row.stat is None and row.plmn), "")
+    plmn = next(
+        (row.plmn for row in rows if isinstance(row, Operator) and row.stat is None and row.plmn),
+        "",
+    )
     level = [row for row in rows if isinstance(row, Signal)]
     own = next((row for row in level if row.rat is not None and row.rat == place.rat), Signal())
     return CellReading(

@@ -1,11 +1,13 @@
-"""The receiver inside a modem: +CGNSINF (SIM808, SIM868, SIM7000), +CGPSINFO (SIM5320, SIM7600), +QGPSLOC (Quectel).
+"""The receiver inside a modem: +CGNSINF (SIM808, SIM868, SIM7000), +CGPSINFO (SIM5320, SIM7600),
++QGPSLOC (Quectel).
 
-    +CGNSINF: 1,1,20150327014838.000,31.221783,121.354528,114.600,0.28,0.0,1,,1.9,2.2,1.0,,8,4,,,42,,
-    +CGPSINFO: 4429.967842,N,01124.141582,E,250325,160319.0,57.7,0.0,
-    +QGPSLOC: 142748.0,2259.0881S,04321.5515W,2.0,-83.0,2,0.00,0.0,0.0,140119,10
+    +CGNSINF:
+    1,1,20150327014838.000,31.221783,121.354528,114.600,0.28,0.0,1,,1.9,2.2,1.0,,8,4,,,42,,
+    +CGPSINFO: 4429.967842,N,01124.141582,E,250325,160319.0,57.7,0.0, +QGPSLOC:
+    142748.0,2259.0881S,04321.5515W,2.0,-83.0,2,0.00,0.0,0.0,140119,10
 
-A position is read whole or not at all. The course of +QGPSLOC is documented as degrees and minutes, which captures do
-not prove, so it is not read. Sources: firmware_notes/sim7000.md and sim7600.md.
+A position is read whole or not at all. The course of +QGPSLOC is documented as degrees and minutes,
+which captures do not prove, so it is not read. Sources: firmware_notes/sim7000.md and sim7600.md.
 """
 
 import re
@@ -24,7 +26,8 @@ CGPSINFO = (Command("AT+CGPSINFO"),)
 QGPSLOC_ON = (Command("AT+QGPS=1"),)
 QGPSLOC = (Command("AT+QGPSLOC=2"),)
 
-# A receiver that counts weeks modulo 1024 and has lost count prints a date 19.6 years early, one without a fix that of
+# A receiver that counts weeks modulo 1024 and has lost count prints a date 19.6 years early, one
+# without a fix that of
 # 1980. No time before this year is one, and none 19.6 years early is after it until 2029.
 EARLIEST_YEAR = 2010
 
@@ -39,11 +42,38 @@ _NOT_FIXED = re.compile(r"\+CME ERROR:\s*516(?!\d)")
 _COMMAND = re.compile(r"(?:\A|\W)AT\+", re.IGNORECASE)
 
 _CGNSINF_VALUES = (
-    *("run", "fix", "utc", "lat", "lon", "alt", "kmh", "course", "mode", "r1", "hdop", "pdop", "vdop", "r2"),
+    *(
+        "run",
+        "fix",
+        "utc",
+        "lat",
+        "lon",
+        "alt",
+        "kmh",
+        "course",
+        "mode",
+        "r1",
+        "hdop",
+        "pdop",
+        "vdop",
+        "r2",
+    ),
     *("view", "used", "glonass", "r3", "cn0", "hpa", "vpa"),
 )
 _CGPSINFO_VALUES = ("lat", "north", "lon", "east", "date", "time", "alt", "knots", "course")
-_QGPSLOC_VALUES = ("time", "lat", "lon", "hdop", "alt", "fix", "course", "kmh", "knots", "date", "used")
+_QGPSLOC_VALUES = (
+    "time",
+    "lat",
+    "lon",
+    "hdop",
+    "alt",
+    "fix",
+    "course",
+    "kmh",
+    "knots",
+    "date",
+    "used",
+)
 
 _NUMBER = re.compile(r"[-+]?\d{1,6}(?:\.\d{0,9})?", re.ASCII)
 _MINUTES = re.compile(r"(\d{1,3})(\d\d\.\d{1,8})\s*([NSEW])", re.ASCII)
@@ -64,7 +94,9 @@ def read_cgpsinfo(lines: Sequence[str]) -> tuple[Fix, ...]:
 
 
 def read_qgpsloc(lines: Sequence[str]) -> tuple[Fix, ...]:
-    """Fixes in +QGPSLOC lines of any of its three formats; error 516 in answer to it says that there is none."""
+    """Fixes in +QGPSLOC lines of any of its three formats; error 516 in answer to it says that
+    there is none.
+    """
     fixes: list[Fix] = []
     asked = False
     for line in lines:
@@ -72,12 +104,19 @@ def read_qgpsloc(lines: Sequence[str]) -> tuple[Fix, ...]:
             asked = _QGPSLOC_ASKED.search(line) is not None
         if asked and _NOT_FIXED.search(line):
             fixes.append(Fix(valid=False))
-        fixes += [_qgpsloc(named) for named in _rows(_QGPSLOC, _QGPSLOC_VALUES, [_LETTER_APART.sub(r"\1", line)])]
+        fixes += [
+            _qgpsloc(named)
+            for named in _rows(_QGPSLOC, _QGPSLOC_VALUES, [_LETTER_APART.sub(r"\1", line)])
+        ]
     return tuple(fixes)
 
 
-def _rows(prefix: re.Pattern[str], names: tuple[str, ...], lines: Sequence[str]) -> Iterator[dict[str, str]]:
-    """Values by name, empty where there is none; the last value of a row that is too short may be cut and is left."""
+def _rows(
+    prefix: re.Pattern[str], names: tuple[str, ...], lines: Sequence[str]
+) -> Iterator[dict[str, str]]:
+    """Values by name, empty where there is none; the last value of a row that is too short may be
+    cut and is left.
+    """
     for line in lines:
         for body in prefix.findall(line):
             values = [value.strip() for value in body.split(",")]
@@ -159,7 +198,9 @@ def _number(text: str, low: float, high: float) -> float | None:
 
 
 def _degrees(text: str, letters: str, limit_deg: float) -> float | None:
-    """Degrees of `ddmm.mmmm` with its hemisphere, the second of `letters` being the negative one, or as they are."""
+    """Degrees of `ddmm.mmmm` with its hemisphere, the second of `letters` being the negative one,
+    or as they are.
+    """
     found = _MINUTES.fullmatch(text)
     if not found:
         return _number(text, -limit_deg, limit_deg) if "." in text else None
@@ -178,12 +219,18 @@ def _utc_ns_of(date: str, time: str) -> int | None:
     return _utc_ns(f"{'19' if year >= '80' else '20'}{year}", month, day, *at.groups())
 
 
-def _utc_ns(year: str, month: str, day: str, hour: str, minute: str, second: str, fraction: str | None) -> int | None:
-    """Nanoseconds since 1970, to the last digit; None for a day or a time that is none, a leap second among them."""
+def _utc_ns(
+    year: str, month: str, day: str, hour: str, minute: str, second: str, fraction: str | None
+) -> int | None:
+    """Nanoseconds since 1970, to the last digit; None for a day or a time that is none, a leap
+    second among them.
+    """
     if int(year) < EARLIEST_YEAR:
         return None
     try:
-        at = datetime(int(year), int(month), int(day), int(hour), int(minute), int(second), tzinfo=UTC)
+        at = datetime(
+            int(year), int(month), int(day), int(hour), int(minute), int(second), tzinfo=UTC
+        )
     except ValueError:
         return None
     return int(at.timestamp()) * 10**9 + int(f"{fraction or '':0<9}")

@@ -1,4 +1,6 @@
-"""gpsd: lines of JSON in, reports out, and the reports of one epoch joined to a fix (gpsd_json(5), protocol 3)."""
+"""gpsd: lines of JSON in, reports out, and the reports of one epoch joined to a fix (gpsd_json(5),
+protocol 3).
+"""
 
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -14,7 +16,9 @@ MAX_LINE = 16_384
 """Bytes; gpsd cuts its own lines at 10240."""
 MAX_DEVICES = 16
 SAME_EPOCH_S = 0.9
-"""Reports without a time are of one epoch this long: gpsd says several times a second that there is no fix."""
+"""Reports without a time are of one epoch this long: gpsd says several times a second that there is
+no fix.
+"""
 
 Size = Annotated[float, msgspec.Meta(ge=0)]
 Count = Annotated[int, msgspec.Meta(ge=0, le=999)]
@@ -22,8 +26,9 @@ Latitude = Annotated[float, msgspec.Meta(ge=-90, le=90)]
 Longitude = Annotated[float, msgspec.Meta(ge=-180, le=180)]
 Course = Annotated[float, msgspec.Meta(ge=0, le=360)]
 
-# TPV status to GGA quality: RTK fixed and floating, dead reckoning, satellites helped by it, military P(Y). Absent is
-# unknown; 7 (surveyed in by hand) and 8 (simulator) are no positions that were measured.
+# TPV status to GGA quality: RTK fixed and floating, dead reckoning, satellites helped by it,
+# military P(Y). Absent is unknown; 7 (surveyed in by hand) and 8 (simulator) are no positions that
+# were measured.
 _QUALITY = {1: 1, 2: 2, 3: 4, 4: 5, 5: 6, 6: 1, 7: 7, 8: 8, 9: 3}
 _NOT_MEASURED = frozenset({7, 8})
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -58,7 +63,9 @@ class Error(msgspec.Struct, frozen=True):
 
 
 class Tpv(msgspec.Struct, frozen=True):
-    """Time, position, velocity: mode 0 and 1 have no position, 2 has one without height, 3 with it."""
+    """Time, position, velocity: mode 0 and 1 have no position, 2 has one without height, 3 with
+    it.
+    """
 
     mode: int
     device: str = ""
@@ -114,7 +121,9 @@ class GpsdFramer:
         self._tail = b""  # a line under way
 
     def feed(self, data: bytes) -> Iterator[Report | Garbage]:
-        """Reports completed by `data`, which is all taken at the call; classes of no use here leave nothing."""
+        """Reports completed by `data`, which is all taken at the call; classes of no use here leave
+        nothing.
+        """
         *lines, self._tail = (self._tail + data).split(b"\n")
         events = [event for line in lines if (event := _report(line.strip(b"\r"))) is not None]
         if len(self._tail) > MAX_LINE:
@@ -137,8 +146,9 @@ class GpsdFixes:
     def feed(self, report: Report, t_ns: int) -> Iterator[tuple[int, Fix]]:
         """Fixes completed by a report stamped `t_ns`; a fix has the stamp of its epoch's first TPV.
 
-        gpsd tells an epoch in one TPV or in several that know more and more, with SKY and GST before or after them. It
-        ends when the next begins, or by `flush`; a TPV that comes after that is left out.
+        gpsd tells an epoch in one TPV or in several that know more and more, with SKY and GST
+        before or after them. It ends when the next begins, or by `flush`; a TPV that comes after
+        that is left out.
         """
         fixes: list[tuple[int, Fix]] = []
         if isinstance(report, Tpv):
@@ -153,7 +163,9 @@ class GpsdFixes:
             self._gst = report
         elif isinstance(report, (Device, Devices)):
             devices = report.devices if isinstance(report, Devices) else (report,)
-            self._drivers = dict([*self._drivers.items(), *((d.path, d.driver) for d in devices)][-MAX_DEVICES:])
+            self._drivers = dict(
+                [*self._drivers.items(), *((d.path, d.driver) for d in devices)][-MAX_DEVICES:]
+            )
         return iter(fixes)
 
     def flush(self) -> Iterator[tuple[int, Fix]]:
@@ -192,10 +204,21 @@ def _merged(before: Sky, sky: Sky) -> Sky:
 
 
 def _fix(tpv: Tpv, sky: Sky, accuracy_m: float | None) -> Fix:
-    valid = tpv.mode >= 2 and tpv.lat is not None and tpv.lon is not None and tpv.status not in _NOT_MEASURED
+    valid = (
+        tpv.mode >= 2
+        and tpv.lat is not None
+        and tpv.lon is not None
+        and tpv.status not in _NOT_MEASURED
+    )
     quality = None if tpv.status is None else _QUALITY.get(tpv.status)
     if not valid:
-        return Fix(valid=False, utc_ns=_utc_ns(tpv), hdop=sky.hdop or None, sats_used=sky.uSat, quality=quality)
+        return Fix(
+            valid=False,
+            utc_ns=_utc_ns(tpv),
+            hdop=sky.hdop or None,
+            sats_used=sky.uSat,
+            quality=quality,
+        )
     return Fix(
         valid=True,
         utc_ns=_utc_ns(tpv),
@@ -214,16 +237,24 @@ def _fix(tpv: Tpv, sky: Sky, accuracy_m: float | None) -> Fix:
 def _accuracy_m(tpv: Tpv, gst: Gst, driver: str) -> float | None:
     """Radius that holds 68 % of the positions, where the receiver itself tells one.
 
-    For an NMEA receiver gpsd makes up `eph`: a constant times the HDOP, often that of the epoch before. Others tell it
-    themselves, with a certainty that gpsd does not know and that nobody should take for better than 68 %.
+    For an NMEA receiver gpsd makes up `eph`: a constant times the HDOP, often that of the epoch
+    before. Others tell it themselves, with a certainty that gpsd does not know and that nobody
+    should take for better than 68 %.
     """
-    if tpv.time is not None and (gst.device, gst.time) == (tpv.device, tpv.time) and gst.lat and gst.lon:
+    if (
+        tpv.time is not None
+        and (gst.device, gst.time) == (tpv.device, tpv.time)
+        and gst.lat
+        and gst.lon
+    ):
         return radius68_m(gst.lat, gst.lon)
     return tpv.eph or None if driver and not driver.startswith("NMEA") else None
 
 
 def _utc_ns(tpv: Tpv) -> int | None:
-    """Nanoseconds since 1970; without a fix the time may be any, and a leap second has no number."""
+    """Nanoseconds since 1970; without a fix the time may be any, and a leap second has no
+    number.
+    """
     if tpv.mode < 2 or tpv.time is None:
         return None
     try:

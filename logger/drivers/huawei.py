@@ -1,12 +1,14 @@
-"""Huawei, HiSilicon Balong: cells from ^MONSC and ^MONNC, levels from ^HCSQ (firmware_notes/huawei.md).
+"""Huawei, HiSilicon Balong: cells from ^MONSC and ^MONNC, levels from ^HCSQ
+(firmware_notes/huawei.md).
 
     ^MONSC: GSM,460,00,1,12,49,2D54,57B2,-68,,          serving: band, ARFCN, BSIC, cell, area, level, quality, TA
     ^MONSC: LTE,460,00,38400,D975244,8,24C8,-85,-10,-54 EARFCN, cell, PCI, area, RSRP, RSRQ, RSSI
     ^MONNC: NR,524910,17F,-157,-44,-24                  neighbour: NR-ARFCN, PCI, RSRP, RSRQ, SINR
     ^HCSQ:"LTE",30,19,66,0                              indices of RSSI, RSRP, SINR, RSRQ
 
-Cell, area and PCI are hexadecimal without leading zeros, all else is decimal (the format strings of the firmware's AT
-layer, published with the HiSilicon kernel sources). What is not known is left empty.
+Cell, area and PCI are hexadecimal without leading zeros, all else is decimal (the format strings of
+the firmware's AT layer, published with the HiSilicon kernel sources). What is not known is left
+empty.
 """
 
 import re
@@ -18,24 +20,45 @@ from logger.drivers import mode
 from logger.drivers.cinterion import grouped
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
-from logger.drivers.fields import area, cell_identity, decimal, hexadecimal, level, network, pieces, rsrp_dbm, rssi_dbm
+from logger.drivers.fields import (
+    area,
+    cell_identity,
+    decimal,
+    hexadecimal,
+    level,
+    network,
+    pieces,
+    rsrp_dbm,
+    rssi_dbm,
+)
 from logger.drivers.fields import values as split
 from logger.drivers.generic import Generic, serving_cell
 from logger.drivers.mode import ModeCommand
 from logger.drivers.rows import NoCell, Row, Signal
 
 _MON = re.compile(r"\^(MONSC|MONNC)\s*:\s*([\w ,.+-]*)", re.IGNORECASE | re.ASCII)
-_HCSQ = re.compile(r'\^HCSQ\s*:\s*"?([A-Z]\w*(?: \w+)*)"?\s*((?:,\s*\d{1,3}(?!\d)\s*)*)', re.IGNORECASE | re.ASCII)
+_HCSQ = re.compile(
+    r'\^HCSQ\s*:\s*"?([A-Z]\w*(?: \w+)*)"?\s*((?:,\s*\d{1,3}(?!\d)\s*)*)', re.IGNORECASE | re.ASCII
+)
 
 _NETWORK = ("mcc", "mnc")
 _LAYOUTS: Mapping[tuple[str, str], tuple[Rat, tuple[str, ...]]] = {
-    ("MONSC", "GSM"): ("GSM", (*_NETWORK, "gsm_band", "arfcn", "bsic", "cell16", "lac", "rssi", "rxq", "ta")),
+    ("MONSC", "GSM"): (
+        "GSM",
+        (*_NETWORK, "gsm_band", "arfcn", "bsic", "cell16", "lac", "rssi", "rxq", "ta"),
+    ),
     ("MONSC", "WCDMA"): (
         "WCDMA",
         (*_NETWORK, "arfcn", "psc", "cell28", "lac", "rscp", "rssi", "ecn0", "drx", "ura"),
     ),
-    ("MONSC", "LTE"): ("LTE", (*_NETWORK, "arfcn", "cell28", "pci", "tac16", "rsrp", "rsrq", "rssi")),
-    ("MONSC", "NR"): ("NR", (*_NETWORK, "arfcn", "scs", "cell36", "pci", "tac24", "rsrp", "rsrq", "sinr")),
+    ("MONSC", "LTE"): (
+        "LTE",
+        (*_NETWORK, "arfcn", "cell28", "pci", "tac16", "rsrp", "rsrq", "rssi"),
+    ),
+    ("MONSC", "NR"): (
+        "NR",
+        (*_NETWORK, "arfcn", "scs", "cell36", "pci", "tac24", "rsrp", "rsrq", "sinr"),
+    ),
     ("MONNC", "GSM"): ("GSM", ("gsm_band", "arfcn", "bsic", "cell16", "lac", "rssi")),
     ("MONNC", "WCDMA"): ("WCDMA", ("arfcn", "psc", "rscp", "ecn0")),
     ("MONNC", "LTE"): ("LTE", ("arfcn", "pci", "rsrp", "rsrq", "rssi")),
@@ -83,7 +106,10 @@ _VALUES: Mapping[str, tuple[str, Callable[[str], Any]]] = {
     "rscp": ("rscp_dbm", rssi_dbm),
     "ecn0": ("ecio_db", lambda text: level(text, -32.0, 0.0)),
     "rsrp": ("rsrp_dbm", rsrp_dbm),
-    "rsrq": ("rsrq_db", lambda text: level(text, -43.0, 20.0)),  # -44 with -157 and -24: not measured
+    "rsrq": (
+        "rsrq_db",
+        lambda text: level(text, -43.0, 20.0),
+    ),  # -44 with -157 and -24: not measured
     "sinr": ("sinr_db", lambda text: level(text, -23.0, 40.0)),
 }
 
@@ -104,10 +130,14 @@ _SCALES = {  # highest index, value at 0, step; 0 itself is "below", 255 unknown
 
 
 class Huawei(Family):
-    """Serving cell and neighbours by ^MONSC and ^MONNC, by ^SMOND of the GSM modules, or else what all modems tell."""
+    """Serving cell and neighbours by ^MONSC and ^MONNC, by ^SMOND of the GSM modules, or else what
+    all modems tell.
+    """
 
     name: ClassVar[str] = "huawei"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(r"\bHUAWEI\b|\bTD[ -]?TECH\b|\bMT5700", re.IGNORECASE)
+    identifies: ClassVar[re.Pattern[str]] = re.compile(
+        r"\bHUAWEI\b|\bTD[ -]?TECH\b|\bMT5700", re.IGNORECASE
+    )
     set_up: ClassVar[tuple[Command, ...]] = Generic.set_up
     asked: ClassVar[tuple[Command, ...]] = (
         Command("AT^MONSC"),
@@ -120,7 +150,9 @@ class Huawei(Family):
     modes: ClassVar[tuple[ModeCommand, ...]] = mode.SYSCFG
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells heard now; the serving one put together from +CREG and its like where ^MONSC is not known."""
+        """Cells heard now; the serving one put together from +CREG and its like where ^MONSC is not
+        known.
+        """
         rows = yield from self.ask(self.asked)
         if rows is None or any(isinstance(row, CellReading) for row in rows):
             return rows
@@ -131,14 +163,24 @@ class Huawei(Family):
         """Rows of ^MONSC, ^MONNC, ^HCSQ, ^SMONC and ^SMOND."""
         found: list[Row] = []
         for line in pieces(lines):
-            found += (row for kind, text in _MON.findall(line) if (row := _cell(kind.upper(), text)) is not None)
-            found += (row for mode, text in _HCSQ.findall(line) if (row := _quality(mode.upper(), text)) is not None)
+            found += (
+                row
+                for kind, text in _MON.findall(line)
+                if (row := _cell(kind.upper(), text)) is not None
+            )
+            found += (
+                row
+                for mode, text in _HCSQ.findall(line)
+                if (row := _quality(mode.upper(), text)) is not None
+            )
             found += grouped(line)
         return tuple(found)
 
 
 def _cell(kind: str, text: str) -> Row | None:
-    """Reading of a row in one of the layouts; None where it is damaged or lacks more than its last values."""
+    """Reading of a row in one of the layouts; None where it is damaged or lacks more than its last
+    values.
+    """
     mode, *fields = split(text)
     mode = mode.upper()
     if mode == "NONE":
@@ -175,7 +217,9 @@ def _quality(mode: str, text: str) -> Row | None:
     if not raw:
         return NoCell(status=mode) if mode.startswith("NO") else None
     rat, names = _HCSQ_FORMS.get(mode, (None, ()))
-    scaled: dict[str, Any] = {name: _scaled(name, index) for name, index in zip(names, raw, strict=False)}
+    scaled: dict[str, Any] = {
+        name: _scaled(name, index) for name, index in zip(names, raw, strict=False)
+    }
     return Signal(rat, **scaled, more={"raw": raw})
 
 

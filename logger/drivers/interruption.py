@@ -1,4 +1,5 @@
-"""Rows that something else has cut: a URC begins where a value should have gone on, a reply ends in the middle.
+"""Rows that something else has cut: a URC begins where a value should have gone on, a reply ends in
+the middle.
 
     +QENG: "neighbourcell","GSM",262,01,1918,C851,59,118,-10      of -103
     +CIEV: "service",1
@@ -15,7 +16,9 @@ _NAME = re.compile(r"[+*^$!#%][A-Z][A-Z0-9]*")
 _PREFIX = re.compile(rf"\s*({_NAME.pattern})\s?:", re.IGNORECASE)
 _GLUED = re.compile(rf"(?<=[\w,.\"-])({_NAME.pattern})\s?:", re.IGNORECASE)
 _UNASKED = re.compile(r"\s*(?:RING|RDY|QCRDY|Call Ready|SMS Ready|SMS DONE|PB DONE|DST: .*)\s*\Z")
-_RESULT = re.compile(r"\s*(?:OK|ERROR|\+CM[ES] ERROR\b.*|AT\b.*|AT[+^*$!#%&].*)?\s*\Z", re.IGNORECASE)
+_RESULT = re.compile(
+    r"\s*(?:OK|ERROR|\+CM[ES] ERROR\b.*|AT\b.*|AT[+^*$!#%&].*)?\s*\Z", re.IGNORECASE
+)
 _LAST_VALUE = re.compile(r"[^\s,]*\s*\Z")
 _CLOSED = re.compile(r'"[^"]*"\s*\Z')
 _COMMON = frozenset({"+CREG", "+CGREG", "+CEREG", "+C5GREG", "+COPS", "+CSQ", "+CESQ"})
@@ -28,7 +31,9 @@ def names_of(commands: str) -> frozenset[str]:
 
 
 def uncut(lines: Sequence[str], names: frozenset[str]) -> list[str]:
-    """The lines without last values that may be cut, and without `INTERRUPTED`; `names` are those of the family."""
+    """The lines without last values that may be cut, and without `INTERRUPTED`; `names` are those
+    of the family.
+    """
     return list(_uncut(lines, names))
 
 
@@ -57,7 +62,11 @@ def _interrupts(line: str, before: str, names: frozenset[str]) -> bool:
     if prefix is None:
         return _UNASKED.match(line) is not None
     name = prefix[1].upper()
-    return not _RESULT.match(line) and name not in names | _COMMON and not (own and own[1].upper() == name)
+    return (
+        not _RESULT.match(line)
+        and name not in names | _COMMON
+        and not (own and own[1].upper() == name)
+    )
 
 
 def _without_end(line: str) -> str:

@@ -75,7 +75,9 @@ SYSCFG = (  # 40000000, 2 and 4: bands, roaming and domain stay as they are
         "01",
         r"(?:\d\d){1,5}",
     ),
-    ModeCommand("AT^SYSCFG?", r"\^SYSCFG:\s*{},.*", "AT^SYSCFG={},40000000,2,4", "13,1", r"\d{1,2},\d"),
+    ModeCommand(
+        "AT^SYSCFG?", r"\^SYSCFG:\s*{},.*", "AT^SYSCFG={},40000000,2,4", "13,1", r"\d{1,2},\d"
+    ),
 )
 GTRAT = (
     ModeCommand("AT+GTRAT?", r"\+GTRAT:\s*{}", "AT+GTRAT={}", "0", _LIST),

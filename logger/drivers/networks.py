@@ -2,7 +2,9 @@
 
 _THREE = frozenset({"302", *map(str, range(310, 317))})  # Canada, USA
 _EITHER = frozenset({"001", "405", "502", "706", "708", "714", "722", "732", "750", "999"})
-"""Tests, India, Malaysia, El Salvador, Honduras, Panama, Argentina, Colombia, Falkland Islands, private networks."""
+"""Tests, India, Malaysia, El Salvador, Honduras, Panama, Argentina, Colombia, Falkland Islands,
+private networks.
+"""
 
 
 def mnc_digits(mcc: str) -> int | None:

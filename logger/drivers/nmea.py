@@ -1,7 +1,8 @@
-"""NMEA 0183: bytes of a GNSS receiver in, sentences out, and the sentences of one epoch joined to a fix.
+"""NMEA 0183: bytes of a GNSS receiver in, sentences out, and the sentences of one epoch joined to a
+fix.
 
-pynmea2 names the fields of a sentence. Framing is done here: pynmea2 loses the sentence after an interrupted one (see
-firmware_notes/nmea.md).
+pynmea2 names the fields of a sentence. Framing is done here: pynmea2 loses the sentence after an
+interrupted one (see firmware_notes/nmea.md).
 """
 
 import re
@@ -28,13 +29,17 @@ _TIMED = frozenset({pynmea2.GST, pynmea2.ZDA})
 _UNTIMED = frozenset({pynmea2.GSA, pynmea2.VTG})
 
 _BODY = rb"[ -#%-)+-~]"  # printable without $ and *
-_SENTENCE = re.compile(rb"\$([A-Z][A-Z0-9]{2}" + _BODY + rb"{0,%d}+)\*([0-9A-Fa-f]{2})" % MAX_SENTENCE)
+_SENTENCE = re.compile(
+    rb"\$([A-Z][A-Z0-9]{2}" + _BODY + rb"{0,%d}+)\*([0-9A-Fa-f]{2})" % MAX_SENTENCE
+)
 _BEGINNING = re.compile(rb"\$" + _BODY + rb"{0,%d}+(?:\*[0-9A-Fa-f]?)?\Z" % (MAX_SENTENCE + 3))
 
 
 @dataclass(frozen=True, slots=True)
 class Sentence:
-    """One sentence with a right checksum, `$` to `*HH`; `message` is None for a type that pynmea2 does not know."""
+    """One sentence with a right checksum, `$` to `*HH`; `message` is None for a type that pynmea2
+    does not know.
+    """
 
     text: str
     message: Any = field(compare=False, repr=False, default=None)
@@ -47,10 +52,11 @@ class NmeaFramer:
         self._tail = b""  # a sentence under way
 
     def feed(self, data: bytes) -> Iterator[Sentence | Garbage]:
-        """Events completed by `data`; all of it is taken at the call, also if nobody looks at the events.
+        """Events completed by `data`; all of it is taken at the call, also if nobody looks at the
+        events.
 
-        A sentence is complete with its checksum: its line end need not have come. Noise is reported as it comes, one
-        event for each stretch in one call, without line ends.
+        A sentence is complete with its checksum: its line end need not have come. Noise is reported
+        as it comes, one event for each stretch in one call, without line ends.
         """
         data = self._tail + data
         events: list[Sentence | Garbage] = []
@@ -70,7 +76,9 @@ class NmeaFramer:
 
 @dataclass(slots=True)
 class _Epoch:
-    """Messages of one time of day (empty until one has it), the first of each type, of GSA the one that knows most."""
+    """Messages of one time of day (empty until one has it), the first of each type, of GSA the one
+    that knows most.
+    """
 
     t_ns: int
     time: int | str
@@ -104,10 +112,12 @@ class FixAssembler:
         self._expected: Counter[str] | None = None
 
     def feed(self, sentence: Sentence, t_ns: int) -> Iterator[tuple[int, Fix]]:
-        """Fixes completed by a sentence stamped `t_ns`; a fix has the stamp of its epoch's first GGA, GNS or RMC.
+        """Fixes completed by a sentence stamped `t_ns`; a fix has the stamp of its epoch's first
+        GGA, GNS or RMC.
 
-        An epoch is complete when it has all that the last few had, so a receiver may print what it likes in the order
-        it likes. It ends without that when the next one begins, or by `flush`; what comes later joins no other epoch.
+        An epoch is complete when it has all that the last few had, so a receiver may print what it
+        likes in the order it likes. It ends without that when the next one begins, or by `flush`;
+        what comes later joins no other epoch.
         """
         message, address = sentence.message, sentence.text[1:6]
         kind = type(message)
@@ -128,10 +138,14 @@ class FixAssembler:
         return iter(list(self._epoch.take()) if self._epoch else [])
 
     def _begins_epoch(self, address: str, message: Any) -> bool:
-        """True for another time of day, or the same sentence again; one without a time joins what is pending."""
+        """True for another time of day, or the same sentence again; one without a time joins what
+        is pending.
+        """
         if self._epoch is None or address in self._epoch.heard:
             return True
-        return "" not in (self._epoch.time, time := _time_of_day(message)) and time != self._epoch.time
+        return (
+            "" not in (self._epoch.time, time := _time_of_day(message)) and time != self._epoch.time
+        )
 
     def _begin(self, t_ns: int, message: Any) -> Iterator[tuple[int, Fix]]:
         if self._epoch:
@@ -162,7 +176,9 @@ def _noise(data: bytes) -> list[Sentence | Garbage]:
 
 
 def _time_of_day(message: Any) -> int | str:
-    """Time of day for comparing: "120000" equals "120000.00"; one that is no time (a leap second) equals its like."""
+    """Time of day for comparing: "120000" equals "120000.00"; one that is no time (a leap second)
+    equals its like.
+    """
     time_ns = time_of_day_ns(message)
     text: str = message.data[0]
     return text if time_ns is None else time_ns

@@ -1,14 +1,16 @@
 """Lines with noise around them: what can be read without guessing what stood in its place.
 
-Noise before a line has taken nothing of it where the line begins with its name (`+CENG:`, `arfcn:`) or is a final code.
-Noise after a line may stand in place of its end, and noise in the middle in place of anything: such a line is no text.
+Noise before a line has taken nothing of it where the line begins with its name (`+CENG:`, `arfcn:`)
+or is a final code. Noise after a line may stand in place of its end, and noise in the middle in
+place of anything: such a line is no text.
 """
 
 import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
-# High bytes are text only between quotation marks, where modems print operator names; outside they are line noise.
+# High bytes are text only between quotation marks, where modems print operator names; outside they
+# are line noise.
 _TEXT = re.compile(rb'(?:[\t !#-~]++|"[\t !#-~\x80-\xff]*+(?:"|\Z))*+')
 _AROUND = bytes(sorted({*range(256)} - {*range(0x20, 0x7F), 0x09}))
 _NAMED = re.compile(
@@ -25,13 +27,17 @@ class Piece(NamedTuple):
 
 
 def pieces(line: bytes, *, words: bool = False) -> Iterator[Piece]:
-    """The parts of a line in their order; `words` says that the device was asked for words that have no name."""
+    """The parts of a line in their order; `words` says that the device was asked for words that
+    have no name.
+    """
     if _TEXT.fullmatch(line):
         yield Piece(line, is_text=True)
         return
     begins = [found.start() for found in _NAMED.finditer(line)]
     inner = line.strip(_AROUND)
-    if not begins and (_FINAL.fullmatch(inner.strip()) or (words and inner and _TEXT.fullmatch(inner))):
+    if not begins and (
+        _FINAL.fullmatch(inner.strip()) or (words and inner and _TEXT.fullmatch(inner))
+    ):
         begins = [line.index(inner)]
     if not begins:
         yield Piece(line, is_text=False)

@@ -1,7 +1,8 @@
 """A number that remembers how it was printed.
 
-The value of `a5f` is 2655 whether it was sent so or has lost a digit of `a53f`. What tells is the width, beside the
-other numbers of the reply and of the modem; so the text travels with the value until `recognition` has seen them all.
+The value of `a5f` is 2655 whether it was sent so or has lost a digit of `a53f`. What tells is the
+width, beside the other numbers of the reply and of the modem; so the text travels with the value
+until `recognition` has seen them all.
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,9 @@ class Form:
 
 
 class Printed(int):
-    """An integer, equal to any of the same value, with its text; `proven` where the reply has said it twice."""
+    """An integer, equal to any of the same value, with its text; `proven` where the reply has said
+    it twice.
+    """
 
     text: str
     form: Form
@@ -38,4 +41,8 @@ class Printed(int):
 
 def proven(number: int | None) -> int | None:
     """The number, needing no other proof of its digits."""
-    return Printed(number, number.text, number.form, proven=True) if isinstance(number, Printed) else number
+    return (
+        Printed(number, number.text, number.form, proven=True)
+        if isinstance(number, Printed)
+        else number
+    )

@@ -1,8 +1,9 @@
 """Numbers of people and of their devices, and their messages, blanked before anybody sees them.
 
-Nothing here asks for IMSI, IMEI, SIM or telephone numbers or for messages, but modems volunteer them (ATI of a SIM5360
-prints the IMEI, +CLIP who calls, +CMT what somebody writes). `private_forms` says in which forms. Every port is
-blanked, since a modem may stand behind any of them; what receivers say has none of these forms.
+Nothing here asks for IMSI, IMEI, SIM or telephone numbers or for messages, but modems volunteer
+them (ATI of a SIM5360 prints the IMEI, +CLIP who calls, +CMT what somebody writes). `private_forms`
+says in which forms. Every port is blanked, since a modem may stand behind any of them; what
+receivers say has none of these forms.
 """
 
 import re
@@ -26,14 +27,17 @@ _LONGEST = 2048
 _CONTEXT = 256
 """What is kept of a longer one: more than any number has."""
 _LONGEST_TEXT = 700
-"""A message has 160 characters, or in hexadecimal 350 digits; a line under way in one is held back so long."""
+"""A message has 160 characters, or in hexadecimal 350 digits; a line under way in one is held back
+so long.
+"""
 _END = re.compile(rb"\r\n|\r|\n")
 
 _Text = Literal["", "message", "listed", "quoted"]
 
 
 class Blanker:
-    """Bytes of a device in, the same with an x for each digit or letter that is private out, however they are cut.
+    """Bytes of a device in, the same with an x for each digit or letter that is private out,
+    however they are cut.
 
     What may be the beginning of something private is held back until its end has come.
     """
@@ -92,7 +96,9 @@ class Blanker:
         return without_text(line) if self._private or self._is_text(line) else blanked_line(line)
 
     def _is_text(self, line: bytes) -> bool:
-        """True for a line of a message; a row of a table ends it, as a modem may be in the middle of one."""
+        """True for a line of a message; a row of a table ends it, as a modem may be in the middle
+        of one.
+        """
         if not self._text or OF_DEVICE.match(line):
             return False
         return not (self._text == "message" and self._begun and ROW.match(line))

@@ -1,8 +1,9 @@
 """Forms in which devices print numbers and words of people: what of one line has to be blanked.
 
-IMEI and IMSI have 15 digits, IMEISV 16 (3GPP TS 23.003), a SIM 18 to 22 (ITU-T E.118). What tells of a cell, a place
-or a time has at most 14 digits in a row, so these are blanked wherever they stand. Telephone numbers are shorter: they
-are known by a plus, by how they are grouped, by their quotes, or by the result that prints them (3GPP TS 27.007, TS
+IMEI and IMSI have 15 digits, IMEISV 16 (3GPP TS 23.003), a SIM 18 to 22 (ITU-T E.118). What tells
+of a cell, a place or a time has at most 14 digits in a row, so these are blanked wherever they
+stand. Telephone numbers are shorter: they are known by a plus, by how they are grouped, by their
+quotes, or by the result that prints them (3GPP TS 27.007, TS
 27.005).
 """
 
@@ -15,24 +16,24 @@ _IMEI = (
     rb"(?:[ ./-][0-9]{1,2})?|[0-9]{8}(?P<d>[ ./-])[0-9]{6}(?P=d)[0-9]{1,2}"
     rb"|[0-9]{8}[ ./-][0-9]{7}|[0-9]{7}[ ./-][0-9]{8})(?![0-9])"
 )
-# a number that is a time of Unix after the networks' code would be taken for one, so these are left out
-_IMSI = (
-    rb"(?<![0-9])[2-7](?:[0-9]{2}(?P<c>[ ./-])[0-9]{2,3}(?P=c)[0-9]{9,10}|[0-9]{4}[ ./-](?!1[5-9])[0-9]{10})(?![0-9])"
-)
+# a number that is a time of Unix after the networks' code would be taken for one, so these are left
+# out
+_IMSI = rb"(?<![0-9])[2-7](?:[0-9]{2}(?P<c>[ ./-])[0-9]{2,3}(?P=c)[0-9]{9,10}|[0-9]{4}[ ./-](?!1[5-9])[0-9]{10})(?![0-9])"
 _SIM = rb"(?<![0-9A-Za-z])89[0-9]{2}[0-9A-Fa-f]{14,18}(?![0-9A-Za-z])"
-_SIM_GROUPED = (
-    rb"(?<![0-9])(?:89[0-9]{2}|8[0-9]{3}|98[0-9]{2})(?:[ ./-][0-9]{2,4}){3,7}(?:[ ./-]?[0-9A-F]{1,4})?(?![0-9])"
-)
+_SIM_GROUPED = rb"(?<![0-9])(?:89[0-9]{2}|8[0-9]{3}|98[0-9]{2})(?:[ ./-][0-9]{2,4}){3,7}(?:[ ./-]?[0-9A-F]{1,4})?(?![0-9])"
 # a cell's name has the same dashes, and four groups at most; a time may have more
 _DASHED = rb"(?<![0-9-])(?!(?:19|20)[0-9]{2}-[01][0-9]-)(?:[0-9]{2,5}-){4,9}[0-9]{1,5}(?![0-9-])"
 _INTERNATIONAL = rb"\+[0-9](?:[ ()./-]{0,2}[0-9]){7,}"
 _NATIONAL = rb"(?<![0-9.,A-Za-z:])0(?:0[1-9][0-9]{7,12}|[1-9][0-9]{9,12})(?![0-9.])"
-# an area code in brackets or a leading 0, and two groups more; four groups of dots would be an address of a network
+# an area code in brackets or a leading 0, and two groups more; four groups of dots would be an
+# address of a network
 _AREA_CODE = (
     rb"\([0-9]{2,5}\)[ ]?[0-9]{3,4}[ ./-][0-9]{3,5}(?![0-9])"
     rb"|(?<![0-9.,A-Za-z:])0[1-9][0-9]{1,3}\.[0-9]{3}\.[0-9]{3,5}(?![0-9.])"
 )
-_NATIONAL_GROUPED = rb"(?<![0-9.,A-Za-z:])\(?0[1-9][0-9]{1,4}\)?[/-][ ]?[0-9]{2,}(?:[ /-][0-9]{2,}){0,4}(?![0-9.])"
+_NATIONAL_GROUPED = (
+    rb"(?<![0-9.,A-Za-z:])\(?0[1-9][0-9]{1,4}\)?[/-][ ]?[0-9]{2,}(?:[ /-][0-9]{2,}){0,4}(?![0-9.])"
+)
 # no time, no decimal
 _QUOTED = rb'(?<=")(?!(?:19|20)[0-9]{12}"|[0-9]{1,3}\.[0-9]{4,}")\(?[0-9](?:[ ()./*#-]{0,2}[0-9]){9,}(?=["\r\n]|\Z)'
 # 27.007 writes the type of an address (129 national, 145 international, ...) behind the number
@@ -70,7 +71,9 @@ NAMES = frozenset(
     b" CLASS0 CUSD CUSDR CUSATP STGI CPBR CPBF CPBW CPBFEX CSCA CIMI CGSN GSN EGMR SIMEI CCID ICCID QCCID SCID SICCID"
     b" CRSM CSIM CGLA CCHO MEID SN".split()
 )
-"""Results that print such numbers, names or messages; without their sign, in which families differ (+CCID, ^SCID)."""
+"""Results that print such numbers, names or messages; without their sign, in which families differ
+(+CCID, ^SCID).
+"""
 
 MESSAGES = frozenset((b"CMT", b"CDS"))
 """A message follows in the next line, or lines, up to an empty one."""
@@ -89,19 +92,32 @@ OF_DEVICE = re.compile(
     rb"[ \t]*(?:[+^*#!%][A-Z][A-Z0-9]*[ ]?:|\$[A-Z]{2}[A-Z0-9]+,|\{\"class\"|AT[+^*#!$%]"
     rb"|(?:OK|ERROR|RDY|NO CARRIER)[ \t]*\Z)"
 )
-"""The beginning of a line that is no text of a message: a result, a final code, an echo, a report of a receiver."""
+"""The beginning of a line that is no text of a message: a result, a final code, an echo, a report
+of a receiver.
+"""
 _FIELD = rb"[ \t]*\"?-?(?:0x)?[0-9A-Fa-f.]{0,10}\"?[ \t]*"
 ROW = re.compile(
-    rb"(?:[ \t]*[A-Za-z_][\w ()/]{0,19}:[ ]*-?[\w.]+[ \t,]*){3,}\Z|" + _FIELD + b"(?:," + _FIELD + rb"){4,}\Z"
+    rb"(?:[ \t]*[A-Za-z_][\w ()/]{0,19}:[ ]*-?[\w.]+[ \t,]*){3,}\Z|"
+    + _FIELD
+    + b"(?:,"
+    + _FIELD
+    + rb"){4,}\Z"
     rb"|[ \t]*(?:-?[0-9A-Fa-f]{1,8}[ \t]+){6,}[^\r\n]{0,40}\Z"
 )
-"""A row of a table of cells that has no name of its own: three named values, five fields, or seven columns."""
+"""A row of a table of cells that has no name of its own: three named values, five fields, or seven
+columns.
+"""
 
-UNDER_WAY = re.compile(rb"(?:[\"+(]{0,3}[0-9+(\"][0-9A-Fa-f ()./*#+-]{0,63}[\" ,]{0,3}[0-9]{0,3})\Z")
-"""What may be such a number with what comes after it; five times as long as one, so that no end of it is missed."""
+UNDER_WAY = re.compile(
+    rb"(?:[\"+(]{0,3}[0-9+(\"][0-9A-Fa-f ()./*#+-]{0,63}[\" ,]{0,3}[0-9]{0,3})\Z"
+)
+"""What may be such a number with what comes after it; five times as long as one, so that no end of
+it is missed.
+"""
 
 _COMMAND = re.compile(
-    rb"[ \t]*AT(?:\+(?:CPIN|CLCK|CPWD|CPBW|CMGS|CMGW|CSCA|CUSD)[ ]?=|D(?=[0-9+TPI\"*#]))", re.IGNORECASE
+    rb"[ \t]*AT(?:\+(?:CPIN|CLCK|CPWD|CPBW|CMGS|CMGW|CSCA|CUSD)[ ]?=|D(?=[0-9+TPI\"*#]))",
+    re.IGNORECASE,
 )
 """Commands with a secret, which another program may have sent and the modem echo."""
 
@@ -120,7 +136,9 @@ def without_text(data: bytes) -> bytes:
 
 
 def name_of(line: bytes) -> bytes:
-    """Name of the last result in a line that prints numbers or messages, empty where there is none."""
+    """Name of the last result in a line that prints numbers or messages, empty where there is
+    none.
+    """
     found: bytes = b""
     for result in _PRIVATE.finditer(line):
         found = result[0][1:].rstrip(b" :")
@@ -129,7 +147,9 @@ def name_of(line: bytes) -> bytes:
 
 def is_private(line: bytes) -> bool:
     """True for the beginning of a line that is private to its end."""
-    return name_of(line) != b"" or _COMMAND.match(line) is not None or LABEL.search(line) is not None
+    return (
+        name_of(line) != b"" or _COMMAND.match(line) is not None or LABEL.search(line) is not None
+    )
 
 
 def blanked_line(line: bytes) -> bytes:
@@ -141,7 +161,11 @@ def blanked_line(line: bytes) -> bytes:
         begun = private.end()
         following = _NEXT_RESULT.search(line, begun)
         end = following.start() if following else len(line)
-        return _blanked_numbers(line[:begun]) + without_text(line[begun:end]) + blanked_line(line[end:])
+        return (
+            _blanked_numbers(line[:begun])
+            + without_text(line[begun:end])
+            + blanked_line(line[end:])
+        )
     command = _COMMAND.match(line)
     if command:
         return line[: command.end()] + without_text(line[command.end() :])

@@ -1,13 +1,15 @@
-"""Quectel EC2x, EG, EM, EP, BG9x and the 5G modules: cells from AT+QENG, QSCAN and QOPS (firmware_notes/quectel.md).
+"""Quectel EC2x, EG, EM, EP, BG9x and the 5G modules: cells from AT+QENG, QSCAN and QOPS
+(firmware_notes/quectel.md).
 
-    +QENG: "servingcell","NOCONN","GSM",262,01,1A2B,3C4D,21,57,-,-66,255,255,0,39,41,1,-,-,-,-,-,-,-,-,-,"-"
+    +QENG:
+    "servingcell","NOCONN","GSM",262,01,1A2B,3C4D,21,57,-,-66,255,255,0,39,41,1,-,-,-,-,-,-,-,-,-,"-"
     +QENG: "neighbourcell","GSM",262,01,1A2C,3C4F,27,61,-79,24,25,0,0
     +QENG: "servingcell","NOCONN"                               EN-DC: the cells follow in lines of their own
     +QENG: "LTE","FDD",515,03,3359966,1,150,1,5,5,4AA3,-89,-13,-58,16,15,20,-
     +QENG: "NR5G-NSA",515,03,832,-76,21,-11,528030,41,8,1
 
-The order of the values depends on the technology the modem camps on, which a neighbour's line does not tell: the values
-do. Area and cell are hexadecimal, all else is decimal.
+The order of the values depends on the technology the modem camps on, which a neighbour's line does
+not tell: the values do. Area and cell are hexadecimal, all else is decimal.
 """
 
 import re
@@ -74,8 +76,13 @@ _NEIGHBOURS: Mapping[Rat, tuple[Form, ...]] = {
     "NR": (form("nrarfcn! pci* rsrp! rsrq sinr", whole=4),),
 }
 _RSRQ_FIRST = form("earfcn! pci* rsrq rsrp! rssi sinr srxlev", whole=5)  # camped on LTE
-_RSRP_FIRST = form("earfcn! pci* rsrp! rsrq")  # on GSM, WCDMA or NR, and where the modem has a Unisoc chip
-_NEIGHBOURS_LTE = {True: (_RSRQ_FIRST, _RSRP_FIRST), False: (_RSRP_FIRST, _RSRQ_FIRST)}  # by "intra" or "inter"
+_RSRP_FIRST = form(
+    "earfcn! pci* rsrp! rsrq"
+)  # on GSM, WCDMA or NR, and where the modem has a Unisoc chip
+_NEIGHBOURS_LTE = {
+    True: (_RSRQ_FIRST, _RSRP_FIRST),
+    False: (_RSRP_FIRST, _RSRQ_FIRST),
+}  # by "intra" or "inter"
 
 _QSCAN: Mapping[Rat, Form] = {  # the last four only with AT+QSCAN=..,1
     "LTE": form("mcc mnc earfcn! pci! rsrp! rsrq srxlev _ cid28 tac _ band", whole=8),
@@ -99,7 +106,9 @@ _QCSQ: Mapping[Rat | None, tuple[str, ...]] = {
 }
 
 _ROW = re.compile(r"\+(QENG|QSCAN|QCSQ|QOPS)\s*:\s*(.*)", re.IGNORECASE)
-_NEXT = re.compile(r"\\[rn]|(?=\+Q[A-Z0-9]+\s*:)", re.IGNORECASE)  # a log may write CR and LF as text
+_NEXT = re.compile(
+    r"\\[rn]|(?=\+Q[A-Z0-9]+\s*:)", re.IGNORECASE
+)  # a log may write CR and LF as text
 _QOPS_CELL = re.compile(r'(?<![\w",])\d{1,3}\s*,\s*"([234]G)"\s*,(.*)')
 _PLMN = re.compile(r'"?(\d{3})(\d{2,3})"?\s*\Z')
 _SERVING = re.compile(r"servings?cell", re.IGNORECASE)
@@ -107,13 +116,19 @@ _NEIGHBOUR = re.compile(r"neighbou?rcell\s*(intra|inter)?", re.IGNORECASE)
 
 
 class Quectel(Family):
-    """Serving cell and neighbours by `AT+QENG`; all cells by `AT+QOPS` (2G, 3G, 4G) or `AT+QSCAN` (5G modules)."""
+    """Serving cell and neighbours by `AT+QENG`; all cells by `AT+QOPS` (2G, 3G, 4G) or `AT+QSCAN`
+    (5G modules).
+    """
 
     name: ClassVar[str] = "quectel"
     identifies: ClassVar[re.Pattern[str]] = re.compile(
-        r"Quectel.*?(?<![A-Z0-9-])(?:EC|EG|EM|EP|BG|RM|RG|RX|AG|AF|AN|UC|UG|SC|SG)\d", re.IGNORECASE | re.DOTALL
+        r"Quectel.*?(?<![A-Z0-9-])(?:EC|EG|EM|EP|BG|RM|RG|RX|AG|AF|AN|UC|UG|SC|SG)\d",
+        re.IGNORECASE | re.DOTALL,
     )
-    asked: ClassVar[tuple[Command, ...]] = (Command('AT+QENG="servingcell"'), Command('AT+QENG="neighbourcell"'))
+    asked: ClassVar[tuple[Command, ...]] = (
+        Command('AT+QENG="servingcell"'),
+        Command('AT+QENG="neighbourcell"'),
+    )
     surveys: ClassVar[tuple[Command, ...]] = (
         Command('AT+QOPSCFG="scancontrol",0;+QOPS', timeout_s=300.0),
         Command('AT+QOPSCFG="scancontrol",1;+QOPS', timeout_s=300.0),

@@ -1,8 +1,8 @@
 """Rows of Quectel modems: the values of each form by name, and one way to read them all.
 
-A form is the names of its values in their order; `_` is a value that is not read. A name with `!` must be there and
-fit, one with `*` must be known too: they prove the order, since a comma lost or added moves a value that does not fit
-into their place. Then the row is no row of that form.
+A form is the names of its values in their order; `_` is a value that is not read. A name with `!`
+must be there and fit, one with `*` must be known too: they prove the order, since a comma lost or
+added moves a value that does not fit into their place. Then the row is no row of that form.
 """
 
 import re
@@ -12,7 +12,17 @@ from functools import partial
 from typing import Any
 
 from logger.core.types import CellReading, Rat, Role
-from logger.drivers.fields import area, cell_identity, decimal, hexadecimal, level, network, rsrp_dbm, rsrq_db, rssi_dbm
+from logger.drivers.fields import (
+    area,
+    cell_identity,
+    decimal,
+    hexadecimal,
+    level,
+    network,
+    rsrp_dbm,
+    rsrq_db,
+    rssi_dbm,
+)
 
 DBM_OF_RXLEV_0 = -111.0  # EC2x manual 6.17; in practice the modem prints dBm
 
@@ -25,7 +35,9 @@ _CELLS = {"cid16": 16, "cid28": 28, "cid36": 36}
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """Values of a row by name; a row with fewer than `whole` values is cut, and its last one is not trusted."""
+    """Values of a row by name; a row with fewer than `whole` values is cut, and its last one is not
+    trusted.
+    """
 
     names: tuple[str, ...]
     fitting: frozenset[str]
@@ -49,7 +61,9 @@ class Form:
 
 
 def form(names: str, whole: int | None = None) -> Form:
-    """The form whose values have these names; `whole` is the number of values of an uncut row, by default all."""
+    """The form whose values have these names; `whole` is the number of values of an uncut row, by
+    default all.
+    """
     marked = names.split()
     return Form(
         names=tuple(name.rstrip("!*") for name in marked),
@@ -61,15 +75,25 @@ def form(names: str, whole: int | None = None) -> Form:
 
 
 def split(body: str) -> list[str]:
-    """Values of a row; no text in these rows holds a comma, so a lost quotation mark does no harm."""
+    """Values of a row; no text in these rows holds a comma, so a lost quotation mark does no
+    harm.
+    """
     return [text.strip(" \t\"'") for text in body.split(",")]
 
 
 def cell(
-    forms: Sequence[Form], texts: Sequence[str], role: Role, rat: Rat, more: Mapping[str, Any] | None = None
+    forms: Sequence[Form],
+    texts: Sequence[str],
+    role: Role,
+    rat: Rat,
+    more: Mapping[str, Any] | None = None,
 ) -> CellReading | None:
-    """The cell of a row in the first of the forms it has; None for a row of none and for one that tells nothing."""
-    shape, named = next(((shape, named) for shape in forms if (named := shape.named(texts))), (None, None))
+    """The cell of a row in the first of the forms it has; None for a row of none and for one that
+    tells nothing.
+    """
+    shape, named = next(
+        ((shape, named) for shape in forms if (named := shape.named(texts))), (None, None)
+    )
     if shape is None or named is None:
         return None
     who = identity(named) if not shape.is_cut(texts) or shape.places <= named.keys() else {}
@@ -81,14 +105,20 @@ def cell(
 
 
 def measured(named: Mapping[str, str]) -> dict[str, Any]:
-    """Values but those of the identity, by attribute of a reading; None where the modem says unknown."""
-    read = {_VALUES[name][0]: _VALUES[name][1](text) for name, text in named.items() if name in _VALUES}
+    """Values but those of the identity, by attribute of a reading; None where the modem says
+    unknown.
+    """
+    read = {
+        _VALUES[name][0]: _VALUES[name][1](text) for name, text in named.items() if name in _VALUES
+    }
     read.pop("", None)
     return read
 
 
 def identity(named: Mapping[str, str]) -> dict[str, Any]:
-    """Network, area and cell: whole or nothing, where an area or a cell may be unknown but not damaged."""
+    """Network, area and cell: whole or nothing, where an area or a cell may be unknown but not
+    damaged.
+    """
     found: dict[str, Any] = {}
     if "mcc" in named:
         found["mcc"], found["mnc"] = network(named["mcc"], named.get("mnc", ""))
@@ -130,7 +160,9 @@ def _between(low: int, high: int) -> Callable[[str], int | None]:
 
 _TENTH = 0.1
 
-_VALUES: Mapping[str, tuple[str, Callable[[str], Any]]] = {  # attribute, empty for what only proves the order; reader
+_VALUES: Mapping[
+    str, tuple[str, Callable[[str], Any]]
+] = {  # attribute, empty for what only proves the order; reader
     "mcc": ("", _between(0, 999)),
     "mnc": ("", _mnc),
     "order": ("", _between(1, 9)),

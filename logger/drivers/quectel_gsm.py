@@ -1,4 +1,5 @@
-"""Quectel M95, M66, MC60, M35 (GSM) and BC26, BC66, BC660 (NB-IoT): AT+QENG rows (firmware_notes/quectel_gsm.md).
+"""Quectel M95, M66, MC60, M35 (GSM) and BC26, BC66, BC660 (NB-IoT): AT+QENG rows
+(firmware_notes/quectel_gsm.md).
 
     AT+QENG?
     +QENG: 1,4                                                              header: mode, dump
@@ -9,7 +10,8 @@
     AT+QENG=0
     +QENG: 0,1769,9,400,"00288516",-103,-9,-94,5,3,"A924",0,14,2            NB-IoT serving cell: the same prefix
 
-Where a level stands, the only negative number, tells the two serving rows apart. Area and cell are hexadecimal.
+Where a level stands, the only negative number, tells the two serving rows apart. Area and cell are
+hexadecimal.
 """
 
 import re
@@ -40,13 +42,17 @@ _HEADER = re.compile(r"\+QENG:\s*(\d)\s*(?:,\s*\d{1,3}\s*)?\Z")
 _CHANNEL = re.compile(r"\(([^()]*)\)")
 
 _MOST_ORDER = 9
-"""A row that begins with a number so low is a GSM one, cut: no carrier of LTE fits so close to the edge of a band."""
+"""A row that begins with a number so low is a GSM one, cut: no carrier of LTE fits so close to the
+edge of a band.
+"""
 
 _OFF = "0"  # mode in the header
 
 
 class QuectelGsm(Family):
-    """Serving cell and neighbours by `AT+QENG?`, with engineering mode on; NB-IoT modems know only `AT+QENG=0`."""
+    """Serving cell and neighbours by `AT+QENG?`, with engineering mode on; NB-IoT modems know only
+    `AT+QENG=0`.
+    """
 
     name: ClassVar[str] = "quectel_gsm"
     identifies: ClassVar[re.Pattern[str]] = re.compile(
@@ -62,8 +68,8 @@ class QuectelGsm(Family):
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now; None when there was no answer or engineering mode is off.
 
-        A GSM modem answers `AT+QENG?`; one that refuses it is an NB-IoT modem. (To a GSM modem `AT+QENG=0` means off,
-        which the next poll would see.)
+        A GSM modem answers `AT+QENG?`; one that refuses it is an NB-IoT modem. (To a GSM modem
+        `AT+QENG=0` means off, which the next poll would see.)
         """
         reply = yield self.asked[0]
         if reply.final is not None and not reply.ok:
@@ -76,11 +82,15 @@ class QuectelGsm(Family):
         """Cells in QENG rows of both technologies."""
         pieces = (piece for line in lines for piece in _NEXT.split(line.replace('\\"', '"')))
         rows = map(_ROW.search, _unwrapped(pieces))
-        return tuple(reading for row in rows if row for reading in _READERS.get(row[1], _nothing)(row[2]))
+        return tuple(
+            reading for row in rows if row for reading in _READERS.get(row[1], _nothing)(row[2])
+        )
 
 
 def _unwrapped(lines: Iterable[str]) -> Iterator[str]:
-    """Lines with the rows whole that a terminal has wrapped: what follows a row and holds nothing but values."""
+    """Lines with the rows whole that a terminal has wrapped: what follows a row and holds nothing
+    but values.
+    """
     row = ""
     for line in filter(str.strip, lines):
         if _ROW.search(row) and _VALUES.fullmatch(line):
@@ -99,7 +109,10 @@ def _serving(body: str) -> Iterator[Row]:
         yield NoCell("NB-IoT")
     elif found is None:
         hexadecimal = quoted if quoted <= _NBIOT_IDS else frozenset()
-        trusted = [text if at in hexadecimal or at not in _NBIOT_IDS else "" for at, text in enumerate(texts)]
+        trusted = [
+            text if at in hexadecimal or at not in _NBIOT_IDS else ""
+            for at, text in enumerate(texts)
+        ]
         found = cell((_NBIOT,), trusted, "serving", "NB-IoT")
     if found:
         yield found
@@ -110,18 +123,25 @@ def _neighbours(body: str) -> Iterator[Row]:
     groups = _in_order(texts)
     found = [cell((_GSM_NEIGHBOUR,), group, "neighbour", "GSM") for group in groups]
     if not groups and decimal(texts[0], 0, _MOST_ORDER) is None:
-        found = [cell(_NBIOT_NEIGHBOURS, texts[at : at + 4], "neighbour", "NB-IoT") for at in range(0, len(texts), 4)]
+        found = [
+            cell(_NBIOT_NEIGHBOURS, texts[at : at + 4], "neighbour", "NB-IoT")
+            for at in range(0, len(texts), 4)
+        ]
     yield from (reading for reading in found if reading)
 
 
 def _in_order(texts: list[str]) -> list[list[str]]:
-    """Groups of ten values of a GSM row, as far as they are numbered upwards; where they are not, a comma is lost."""
+    """Groups of ten values of a GSM row, as far as they are numbered upwards; where they are not, a
+    comma is lost.
+    """
     texts = texts[:-1] if texts[-1] == "" else texts  # a comma ends the row
     groups = [texts[at : at + 10] for at in range(0, len(texts), 10)]
     if not any(map(_GSM_NEIGHBOUR.named, groups)):
         return []  # of NB-IoT
     if len(groups[-1][-1]) < 4:
-        groups[-1][-1] = ""  # a cell identity that ends the row shows only by its width that it is not cut
+        groups[-1][-1] = (
+            ""  # a cell identity that ends the row shows only by its width that it is not cut
+        )
     numbers = [decimal(group[0], 1, 9) for group in groups]
     for at in range(1, len(groups)):
         before, number = numbers[at - 1], numbers[at]
@@ -131,7 +151,10 @@ def _in_order(texts: list[str]) -> list[list[str]]:
 
 
 def _channels(body: str) -> Iterator[Row]:
-    found = (cell((_GSM_CHANNEL,), split(values), "neighbour", "GSM") for values in _CHANNEL.findall(body))
+    found = (
+        cell((_GSM_CHANNEL,), split(values), "neighbour", "GSM")
+        for values in _CHANNEL.findall(body)
+    )
     yield from (reading for reading in found if reading)
 
 

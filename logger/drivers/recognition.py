@@ -1,15 +1,17 @@
-"""Which identities are sure: the numbers of a reply beside each other, and beside those the modem has sent before.
+"""Which identities are sure: the numbers of a reply beside each other, and beside those the modem
+has sent before.
 
-A firmware pads its numbers with zeros or does not. Where it pads, a number of another width has lost or doubled a
-digit; where it does not, nothing in a single number shows that. So three things make a number doubtful:
+A firmware pads its numbers with zeros or does not. Where it pads, a number of another width has
+lost or doubled a digit; where it does not, nothing in a single number shows that. So three things
+make a number doubtful:
 
 - it is shorter than all its digits, and neither its like in the reply nor other replies show that this firmware
   prints numbers so short;
 - it is shorter, and this firmware pads;
 - it is what a more frequent number of the same column becomes when a digit is lost or doubled.
 
-A number that is printed twice is what it is. An identity with a doubtful number keeps its value and is marked; a level
-or a channel is too poor without its digits and is dropped.
+A number that is printed twice is what it is. An identity with a doubtful number keeps its value and
+is marked; a level or a channel is too poor without its digits and is dropped.
 """
 
 from collections import Counter
@@ -28,10 +30,13 @@ MOST_TEXTS = 2000
 """Numbers remembered of a column: the cells of a long walk. The oldest half is forgotten beyond."""
 OFTEN = 5
 SHARE = 2
-"""A number that looks like a damaged one is believed when it came so often, and at least half as often as the other:
-even a line that damages every fourth reply seldom hits the same digit."""
+"""A number that looks like a damaged one is believed when it came so often, and at least half as
+often as the other: even a line that damages every fourth reply seldom hits the same digit.
+"""
 SPARSE = 50
-"""Digits lost make fewer than one value of so many too short; a firmware that does not pad prints more of them."""
+"""Digits lost make fewer than one value of so many too short; a firmware that does not pad prints
+more of them.
+"""
 
 DECIMAL = 10
 """Numbers of this base are padded by no modem, so their widths tell nothing of the firmware."""
@@ -68,13 +73,19 @@ class Known:
 
 
 def recognised(rows: Sequence[Row], known: Known) -> tuple[tuple[Row, ...], Known]:
-    """Rows of one reply with doubtful identities marked and doubtful values dropped, and what is known with them."""
+    """Rows of one reply with doubtful identities marked and doubtful values dropped, and what is
+    known with them.
+    """
     (found,), after = recognised_replies([rows], known)
     return found, after
 
 
-def recognised_replies(replies: Sequence[Sequence[Row]], known: Known) -> tuple[list[tuple[Row, ...]], Known]:
-    """The same for the replies of a whole transcript, where the later ones say something of the earlier ones too."""
+def recognised_replies(
+    replies: Sequence[Sequence[Row]], known: Known
+) -> tuple[list[tuple[Row, ...]], Known]:
+    """The same for the replies of a whole transcript, where the later ones say something of the
+    earlier ones too.
+    """
     seen = [_seen(rows) for rows in replies]
     everything = known
     for reply in seen:
@@ -82,12 +93,16 @@ def recognised_replies(replies: Sequence[Sequence[Row]], known: Known) -> tuple[
     found = []
     for rows, reply in zip(replies, seen, strict=True):
         contradicted = _contradicted(rows)
-        found.append(tuple(_judged(row, reply, everything, unsure=id(row) in contradicted) for row in rows))
+        found.append(
+            tuple(_judged(row, reply, everything, unsure=id(row) in contradicted) for row in rows)
+        )
     return found, everything
 
 
 def _seen(rows: Iterable[Row]) -> Known:
-    """What one reply shows; a number that a driver has copied from one row to another was printed once."""
+    """What one reply shows; a number that a driver has copied from one row to another was printed
+    once.
+    """
     columns: dict[Column, Counter[str]] = {}
     networks: Counter[Network] = Counter()
     prints: Counter[Print] = Counter()
@@ -135,12 +150,24 @@ def _network(row: Row) -> Network | None:
 
 
 def _contradicted(rows: Sequence[Row]) -> set[int]:
-    """Readings of one reply that name the serving cell of one channel differently: only the past tells who is right."""
+    """Readings of one reply that name the serving cell of one channel differently: only the past
+    tells who is right.
+    """
     serving: dict[tuple[str, int], list[CellReading]] = {}
     for row in rows:
-        if isinstance(row, CellReading) and row.role == "serving" and row.rat and row.arfcn is not None:
+        if (
+            isinstance(row, CellReading)
+            and row.role == "serving"
+            and row.rat
+            and row.arfcn is not None
+        ):
             serving.setdefault((row.rat, row.arfcn), []).append(row)
-    return {id(row) for alike in serving.values() if any(_differ(alike[0], row) for row in alike) for row in alike}
+    return {
+        id(row)
+        for alike in serving.values()
+        if any(_differ(alike[0], row) for row in alike)
+        for row in alike
+    }
 
 
 def _differ(first: CellReading, second: CellReading) -> bool:
@@ -195,8 +222,8 @@ def _is_sure(row: Row, name: str, number: Printed, reply: Known, everything: Kno
 def _is_free(column: Column, number: Printed, reply: Known, everything: Known) -> bool:
     """True where short numbers are shown to be nothing odd.
 
-    Of decimal numbers any other reply shows it. For hexadecimal ones it takes a short one, which in the same reply must
-    be of the same column: a byte is lost in one number only.
+    Of decimal numbers any other reply shows it. For hexadecimal ones it takes a short one, which in
+    the same reply must be of the same column: a byte is lost in one number only.
     """
     whole = number.form.whole
     if number.form.base == DECIMAL:
@@ -206,13 +233,17 @@ def _is_free(column: Column, number: Printed, reply: Known, everything: Known) -
     for other, texts in everything.columns.items():
         if other[0] == column[0] and other[1] in _IDENTITY and other[2].base == number.form.base:
             mine = reply.of(other)
-            if _short({text: count - mine.get(text, 0) for text, count in texts.items()}, other[2].whole):
+            if _short(
+                {text: count - mine.get(text, 0) for text, count in texts.items()}, other[2].whole
+            ):
                 return True
     return False
 
 
 def _is_whole(number: Printed, others: Texts) -> bool:
-    """True for a level or a channel that has all its digits, or comes from firmware that does not pad."""
+    """True for a level or a channel that has all its digits, or comes from firmware that does not
+    pad.
+    """
     text, whole = number.text, number.form.whole
     if len(text) in whole:
         return True
@@ -230,11 +261,15 @@ def _others(column: Column, number: Printed, everything: Known) -> Texts:
 
 def _pads(texts: Texts, widths: Iterable[int]) -> int:
     """How many of the texts show padding to one of the widths: zeros stand in front."""
-    return sum(count for text, count in texts.items() if text.startswith("0") and len(text) in widths)
+    return sum(
+        count for text, count in texts.items() if text.startswith("0") and len(text) in widths
+    )
 
 
 def _short(texts: Texts, whole: frozenset[int]) -> int:
-    """How many of the texts lack digits and no zeros, and are not another number with a digit lost."""
+    """How many of the texts lack digits and no zeros, and are not another number with a digit
+    lost.
+    """
     return sum(
         count
         for text, count in texts.items()
@@ -243,7 +278,9 @@ def _short(texts: Texts, whole: frozenset[int]) -> int:
 
 
 def _slipped(text: str, texts: Texts, whole: frozenset[int]) -> bool:
-    """True for a number that another becomes when one digit is lost or doubled, unless it came too often for that."""
+    """True for a number that another becomes when one digit is lost or doubled, unless it came too
+    often for that.
+    """
     own = texts.get(text, 1)
     rival = max((texts.get(other, 0) for other in _one_slip_before(text)), default=0)
     often = own >= OFTEN and own * SHARE >= rival
@@ -261,14 +298,18 @@ def _one_slip_before(text: str) -> Iterator[str]:
 
 
 def _is_network_sure(network: Network | None, everything: Known) -> bool:
-    """True where the network code has the digits that its country uses, or has been printed more than once."""
+    """True where the network code has the digits that its country uses, or has been printed more
+    than once.
+    """
     if network is None:
         return True
     mcc, mnc = network
     digits = mnc_digits(mcc)
     if len(mnc) == digits:
         return True
-    codes = {code: count for (country, code), count in everything.networks.items() if country == mcc}
+    codes = {
+        code: count for (country, code), count in everything.networks.items() if country == mcc
+    }
     if _slipped(mnc, codes, frozenset()):
         return False
     return digits is None or codes[mnc] > 1

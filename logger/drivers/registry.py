@@ -45,16 +45,22 @@ _WHO = tuple(Command(text) for text in ("ATE0", "ATI", "AT+CGMI", "AT+CGMM", "AT
 def driver_of(name: str) -> Family | None:
     """The driver of that name, None for `auto`; an unknown name is the user's mistake."""
     if name != AUTO and name not in FAMILIES:
-        raise ConfigError(f"no modem driver is called {name!r}; known are: {', '.join((AUTO, *FAMILIES))}")
+        raise ConfigError(
+            f"no modem driver is called {name!r}; known are: {', '.join((AUTO, *FAMILIES))}"
+        )
     return FAMILIES.get(name)
 
 
 def check_mode(driver: str, set_mode: str) -> None:
-    """Raise `ConfigError` where a setting asks for what a driver cannot do; `auto` may find one that can."""
+    """Raise `ConfigError` where a setting asks for what a driver cannot do; `auto` may find one
+    that can.
+    """
     family = driver_of(driver)
     if set_mode and family is not None and not family.modes:
         able = ", ".join(name for name, one in FAMILIES.items() if one.modes)
-        text = f"driver {driver!r} has no command for it; leave it out. Drivers that have one: {able}"
+        text = (
+            f"driver {driver!r} has no command for it; leave it out. Drivers that have one: {able}"
+        )
         raise ConfigError(f'[modem] set_mode = "{set_mode}": {text}')
 
 
@@ -76,7 +82,9 @@ def family_of(identity: str) -> Family:
 
 
 def reader_of(lines: Sequence[str]) -> Family:
-    """The driver that finds most of its own in a transcript: most cells with an identity, most cells, most rows."""
+    """The driver that finds most of its own in a transcript: most cells with an identity, most
+    cells, most rows.
+    """
 
     def found(driver: Family) -> tuple[int, int, int]:
         rows = driver.cells_in(lines)

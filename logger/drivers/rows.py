@@ -1,4 +1,6 @@
-"""What a modem's reply can say, one value for each kind of row; cells and fixes are those of `core.types`."""
+"""What a modem's reply can say, one value for each kind of row; cells and fixes are those of
+`core.types`.
+"""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -12,7 +14,9 @@ MPS_PER_KNOT = 1852 / 3600
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """Answer or report of +CREG, +CGREG, +CEREG or +C5GREG (3GPP TS 27.007 7.2, 10.1.20); `n` only in an answer."""
+    """Answer or report of +CREG, +CGREG, +CEREG or +C5GREG (3GPP TS 27.007 7.2, 10.1.20); `n` only
+    in an answer.
+    """
 
     domain: str
     stat: int
@@ -27,7 +31,9 @@ class Registration:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """Level without a cell; `raw` are the values as printed where their meaning depends on the technology."""
+    """Level without a cell; `raw` are the values as printed where their meaning depends on the
+    technology.
+    """
 
     rat: Rat | None = None
     csq_raw: int | None = None
@@ -43,7 +49,9 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """A network: of a scan with `stat`, `long` and `short`, the chosen one with `name` or `plmn`."""
+    """A network: of a scan with `stat`, `long` and `short`, the chosen one with `name` or
+    `plmn`.
+    """
 
     rat: Rat | None = None
     stat: int | None = None

@@ -46,9 +46,18 @@ _SECTION = re.compile(  # a reply, also one whose first line is lost
     _FLAGS | re.DOTALL,
 )
 
-_RATS: Mapping[str, Rat] = {"LTE": "LTE", "ENDC": "LTE", "WCDMA": "WCDMA", "UMTS": "WCDMA", "GSM": "GSM", "NR5G": "NR"}
+_RATS: Mapping[str, Rat] = {
+    "LTE": "LTE",
+    "ENDC": "LTE",
+    "WCDMA": "WCDMA",
+    "UMTS": "WCDMA",
+    "GSM": "GSM",
+    "NR5G": "NR",
+}
 _UMTS_LEVEL = (r"RX level C0", r"RxM RSSI C0", r"RX level \(dBm\)", r"RX level")
-_LABELS: Mapping[Rat, Mapping[str, tuple[str, ...]]] = {  # the main antenna of the main carrier first
+_LABELS: Mapping[
+    Rat, Mapping[str, tuple[str, ...]]
+] = {  # the main antenna of the main carrier first
     "LTE": {
         "channel": (r"LTE Rx chan",),
         "rssi": (r"PCC RxM RSSI", r"RSSI \(dBm\)"),
@@ -66,10 +75,17 @@ _LABELS: Mapping[Rat, Mapping[str, tuple[str, ...]]] = {  # the main antenna of 
     "GSM": {"channel": (r"GSM channel",), "rssi": _UMTS_LEVEL},
 }
 _BAND = r"(?:LTE band\s*:\s*(B\d{1,3})|NR5G band\s*:\s*(n\d{1,3})|%s band\s*:\s*((?!unknown)(?:WCDMA )?\w+))(?!\w)"
-_BITS: Mapping[Rat, tuple[int, int]] = {"GSM": (16, 16), "WCDMA": (16, 28), "LTE": (16, 28), "NR": (24, 36)}
+_BITS: Mapping[Rat, tuple[int, int]] = {
+    "GSM": (16, 16),
+    "WCDMA": (16, 28),
+    "LTE": (16, 28),
+    "NR": (24, 36),
+}
 _MODE = re.compile(r"System mode\s*:\s*([A-Za-z0-9]+(?: (?!PS\b)[A-Za-z]+)*)", _FLAGS)
 
-_TABLE = re.compile(r"(?:\A|[\s\]])(Serving|IntraFreq|InterFreq|WCDMA|GSM|CDMA[ \w]*):\s+(.*\S)\s*\Z", _FLAGS)
+_TABLE = re.compile(
+    r"(?:\A|[\s\]])(Serving|IntraFreq|InterFreq|WCDMA|GSM|CDMA[ \w]*):\s+(.*\S)\s*\Z", _FLAGS
+)
 _NUMBER = r"-?\d{1,5}(?:\.\d{1,2})?"
 _FORMS = {"MCC": r"\d{3}", "MNC": r"\d{2,3}", "TAC": r"\d{1,5}", "CID": r"[0-9A-F]{8}"}
 _TABLE_RATS: Mapping[str, Rat] = {
@@ -82,14 +98,22 @@ _TABLE_RATS: Mapping[str, Rat] = {
 
 
 class Sierra(Family):
-    """The serving cell of all technologies, neighbours on LTE; HL and SL modules speak other dialects."""
+    """The serving cell of all technologies, neighbours on LTE; HL and SL modules speak other
+    dialects.
+    """
 
     name: ClassVar[str] = "sierra"
     identifies: ClassVar[re.Pattern[str]] = re.compile(
         r"\A(?!.*\b(?:HL|SL|Q2)\d)(?:.*\bSIERRA WIRELESS\b|.*\bAIRPRIME\b)", re.IGNORECASE
     )
-    set_up: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=3,2"),)  # the form of the answer; it chooses none
-    asked: ClassVar[tuple[Command, ...]] = (Command("AT+COPS?"), Command("AT!GSTATUS?"), Command("AT!LTEINFO?"))
+    set_up: ClassVar[tuple[Command, ...]] = (
+        Command("AT+COPS=3,2"),
+    )  # the form of the answer; it chooses none
+    asked: ClassVar[tuple[Command, ...]] = (
+        Command("AT+COPS?"),
+        Command("AT!GSTATUS?"),
+        Command("AT!LTEINFO?"),
+    )
     surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
     modes: ClassVar[tuple[ModeCommand, ...]] = mode.SELRAT
 
@@ -108,9 +132,17 @@ class Sierra(Family):
 
 
 def joined(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """Rows of one poll: no second serving cell of a technology beside a whole one; the network is that of +COPS."""
-    whole = {row.rat for row in rows if isinstance(row, CellReading) and row.role == "serving" and row.cell}
-    chosen = next((row for row in rows if isinstance(row, Operator) and row.stat is None and row.plmn), None)
+    """Rows of one poll: no second serving cell of a technology beside a whole one; the network is
+    that of +COPS.
+    """
+    whole = {
+        row.rat
+        for row in rows
+        if isinstance(row, CellReading) and row.role == "serving" and row.cell
+    }
+    chosen = next(
+        (row for row in rows if isinstance(row, Operator) and row.stat is None and row.plmn), None
+    )
     mcc, mnc = network(chosen.plmn[:3], chosen.plmn[3:]) if chosen and chosen.plmn else (None, None)
     kept: list[Row] = []
     for row in rows:
@@ -157,7 +189,9 @@ def _status(text: str) -> Iterator[Row]:
 
 
 def _value(text: str, labels: Sequence[str]) -> str:
-    """What follows the first of the labels that is there; a label inside a longer one is another."""
+    """What follows the first of the labels that is there; a label inside a longer one is
+    another.
+    """
     for label in labels:
         found = re.search(rf"(?<![A-Z])(?<![A-Z] ){label}[ \t]*:[ \t]*([-+.\w]*)", text, _FLAGS)
         if found:
@@ -170,7 +204,9 @@ def _in_brackets(text: str, label: str) -> tuple[str, bool]:
 
     Modems are seen that print the two differently. Which is right, nobody knows.
     """
-    found = re.search(rf"(?<![A-Z]){label}\s*:\s*([0-9A-F]{{1,9}})\s*\((\d{{1,11}})\)", text, _FLAGS)
+    found = re.search(
+        rf"(?<![A-Z]){label}\s*:\s*([0-9A-F]{{1,9}})\s*\((\d{{1,11}})\)", text, _FLAGS
+    )
     return (found[2], int(found[1], 16) == int(found[2])) if found else ("", True)
 
 
@@ -205,10 +241,17 @@ def _tables(lines: Sequence[str]) -> Iterator[Row]:
 def _row(names: Sequence[str], words: Sequence[str]) -> dict[str, str] | None:
     """Values by column; a log may write before the row, but no number."""
     before, values = words[: -len(names)], words[-len(names) :]
-    if len(values) != len(names) or len(names) < 5 or (before and re.fullmatch(_NUMBER, before[-1])):
+    if (
+        len(values) != len(names)
+        or len(names) < 5
+        or (before and re.fullmatch(_NUMBER, before[-1]))
+    ):
         return None
     named = dict(zip(names, values, strict=True))
-    whole = all(re.fullmatch(rf"-+|{_FORMS.get(name, _NUMBER)}", text, _FLAGS) for name, text in named.items())
+    whole = all(
+        re.fullmatch(rf"-+|{_FORMS.get(name, _NUMBER)}", text, _FLAGS)
+        for name, text in named.items()
+    )
     return named if whole else None
 
 

@@ -1,4 +1,5 @@
-"""SIMCom SIM7000, SIM7070, SIM7080, SIM7090: cells from AT+CENG and AT+CPSI (firmware_notes/sim7000.md).
+"""SIMCom SIM7000, SIM7070, SIM7080, SIM7090: cells from AT+CENG and AT+CPSI
+(firmware_notes/sim7000.md).
 
     +CENG: 1,1,2,LTE CAT-M1                                      header: mode, Ncell, cells, system
     +CENG: 0,"1550,339,-73,-47,-12,17,102,303617,284,05,255"     serving cell; area and cell are decimal
@@ -7,7 +8,8 @@
     +CENG: 1,1,6,GSM
     +CENG: 0,"0665,35,02,4b2c,404,95,c1c0"                       serving cell and neighbours alike; hexadecimal
 
-These rows are not those of a SIM800, whose header has two values: under such a header nothing is read.
+These rows are not those of a SIM800, whose header has two values: under such a header nothing is
+read.
 """
 
 import re
@@ -18,7 +20,16 @@ from logger.core.types import CellReading, Rat, Role
 from logger.drivers import cpsi, gnss, mode
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
-from logger.drivers.fields import area, cell_identity, decimal, level, network, rsrp_dbm, rsrq_db, rssi_dbm
+from logger.drivers.fields import (
+    area,
+    cell_identity,
+    decimal,
+    level,
+    network,
+    rsrp_dbm,
+    rsrq_db,
+    rssi_dbm,
+)
 from logger.drivers.mode import ModeCommand
 from logger.drivers.printed import Form, Printed
 from logger.drivers.rows import NoCell, Row
@@ -30,16 +41,25 @@ _HEADER = re.compile(
     r"\s*([0-4])\s*,\s*([01])\s*(?:,\s*\d{1,2}\s*,\s*([A-Z][-\w ]*))?\s*(?:[^-\w\s,].*)?\Z",
     re.ASCII | re.IGNORECASE,
 )
-_ROW = re.compile(r'\s*(\d{1,2})\s*,\s*(?:"([-\w,. ]*)(?:(")(?![-\w,"])|\Z)|([-\w,. ]*)(?=[^-\w,. "]|\Z))', re.ASCII)
+_ROW = re.compile(
+    r'\s*(\d{1,2})\s*,\s*(?:"([-\w,. ]*)(?:(")(?![-\w,"])|\Z)|([-\w,. ]*)(?=[^-\w,. "]|\Z))',
+    re.ASCII,
+)
 _OFF = re.compile(r"CENG:\s*0\s*,\s*[01]\s*(?:,|\Z)")
-_RATS: Mapping[str, Rat] = {"GSM": "GSM", "CAT-M": "LTE-M", "NB": "NB-IoT"}  # marks in the name of a system
+_RATS: Mapping[str, Rat] = {
+    "GSM": "GSM",
+    "CAT-M": "LTE-M",
+    "NB": "NB-IoT",
+}  # marks in the name of a system
 _NO_SERVICE = "NO SERVICE"
 
 _LTE = ("earfcn", "pci", "rsrp", "rssi", "rsrq", "sinr", "tac", "cellid", "mcc", "mnc", "txpwr")
 _LTE_LEVELS = _LTE[:6]
 _GSM = ("bcch", "rxl", "bsic", "cellid", "mcc", "mnc", "lac")
 
-_HEX = re.compile(r"[0-9A-Fa-f]{4}|[1-9A-Fa-f][0-9A-Fa-f]{0,2}|0?")  # padded to four digits, or none to spare
+_HEX = re.compile(
+    r"[0-9A-Fa-f]{4}|[1-9A-Fa-f][0-9A-Fa-f]{0,2}|0?"
+)  # padded to four digits, or none to spare
 _LTE_FORM = {
     "earfcn": re.compile(r"\d{1,6}"),
     "pci": re.compile(r"\d{1,3}"),
@@ -54,11 +74,17 @@ _GSM_IDENTITY = {
     "lac": _HEX,
 }
 _CHANNEL, _LEVEL = Form(10, frozenset({4})), Form(10, frozenset({2}))
-_FULL_WIDTH = {"bcch": re.compile(r"\d{4}"), "rxl": re.compile(r"\d\d"), "lac": re.compile(r"[0-9A-Fa-f]{4}")}
+_FULL_WIDTH = {
+    "bcch": re.compile(r"\d{4}"),
+    "rxl": re.compile(r"\d\d"),
+    "lac": re.compile(r"[0-9A-Fa-f]{4}"),
+}
 
 
 class Sim7000(Family):
-    """Cells by `AT+CENG?`; `AT+CPSI?` adds band, selection criteria and the level of a GSM cell in dBm."""
+    """Cells by `AT+CENG?`; `AT+CPSI?` adds band, selection criteria and the level of a GSM cell in
+    dBm.
+    """
 
     name: ClassVar[str] = "sim7000"
     identifies: ClassVar[re.Pattern[str]] = re.compile(r"SIM70(?:00|70|80|90)(?!\d)", re.IGNORECASE)
@@ -70,7 +96,9 @@ class Sim7000(Family):
     modes: ClassVar[tuple[ModeCommand, ...]] = mode.CNMP
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells heard now, the serving one once; engineering mode is switched on again where the modem lost it."""
+        """Cells heard now, the serving one once; engineering mode is switched on again where the
+        modem lost it.
+        """
         lines: list[str] = []
         answered = False
         for command in self.asked:
@@ -108,7 +136,9 @@ def _reading(row: re.Match[str], system: str | None) -> CellReading | None:
     role: Role = "neighbour" if int(number) else "serving"
     rat = next((rat for mark, rat in _RATS.items() if mark in (system or "")), None)
     named = dict(zip(_LTE, values, strict=False))
-    if rat != "GSM" and all(form.fullmatch(named.get(name, "")) for name, form in _LTE_FORM.items()):
+    if rat != "GSM" and all(
+        form.fullmatch(named.get(name, "")) for name, form in _LTE_FORM.items()
+    ):
         return _lte(role, rat, values, closed=end is not None)
     if rat == "GSM" or (system is None and len(values) == len(_GSM)):
         return _gsm(role, values, closed=end is not None)
@@ -116,7 +146,9 @@ def _reading(row: re.Match[str], system: str | None) -> CellReading | None:
 
 
 def _lte(role: Role, rat: Rat | None, values: list[str], *, closed: bool) -> CellReading | None:
-    """Reading of a row of LTE; one of another number of values keeps its levels, which stand in front."""
+    """Reading of a row of LTE; one of another number of values keeps its levels, which stand in
+    front.
+    """
     if len(values) < len(_LTE_LEVELS):
         return None
     if not closed:
@@ -143,15 +175,26 @@ def _lte_identity(named: Mapping[str, str]) -> dict[str, Any]:
     mcc, mnc = network(named["mcc"], named["mnc"])
     if mcc is None or not all(form.fullmatch(named[name]) for name, form in _LTE_IDENTITY.items()):
         return {}
-    return {"mcc": mcc, "mnc": mnc, "tac": area(named["tac"], 10), "cid": cell_identity(named["cellid"], 28, 10)}
+    return {
+        "mcc": mcc,
+        "mnc": mnc,
+        "tac": area(named["tac"], 10),
+        "cid": cell_identity(named["cellid"], 28, 10),
+    }
 
 
 def _gsm(role: Role, values: list[str], *, closed: bool) -> CellReading | None:
-    """Reading of a row of GSM; one of another number of values keeps its level, if that has its full width."""
+    """Reading of a row of GSM; one of another number of values keeps its level, if that has its
+    full width.
+    """
     named = dict(zip(_GSM, values, strict=False))
-    whole = len(values) == len(_GSM) and (closed or _FULL_WIDTH["lac"].fullmatch(named["lac"]) is not None)
+    whole = len(values) == len(_GSM) and (
+        closed or _FULL_WIDTH["lac"].fullmatch(named["lac"]) is not None
+    )
     who = _gsm_identity(named) if whole else {}
-    if not who and not (closed and all(_FULL_WIDTH[name].fullmatch(named.get(name, "")) for name in ("bcch", "rxl"))):
+    if not who and not (
+        closed and all(_FULL_WIDTH[name].fullmatch(named.get(name, "")) for name in ("bcch", "rxl"))
+    ):
         return None
     channel, rxl = decimal(named["bcch"], 0, 2047), decimal(named["rxl"], 0, 66)
     bsic = decimal(named["bsic"], 0, 63) if "bsic" in named else None
@@ -172,4 +215,9 @@ def _gsm_identity(named: Mapping[str, str]) -> dict[str, Any]:
     mcc, mnc = network(named["mcc"], named["mnc"])
     if mcc is None or not all(form.fullmatch(named[name]) for name, form in _GSM_IDENTITY.items()):
         return {}
-    return {"mcc": mcc, "mnc": mnc, "lac": area(named["lac"]), "cid": cell_identity(named["cellid"], 16)}
+    return {
+        "mcc": mcc,
+        "mnc": mnc,
+        "lac": area(named["lac"]),
+        "cid": cell_identity(named["cellid"], 16),
+    }

@@ -1,4 +1,5 @@
-"""SIMCom SIM5xxx, SIM7100 to SIM79xx, SIM82xx/83xx, A76xx, SIM7670: cells from AT+CPSI, AT+CCINFO and AT+CMGRMI.
+"""SIMCom SIM5xxx, SIM7100 to SIM79xx, SIM82xx/83xx, A76xx, SIM7670: cells from AT+CPSI, AT+CCINFO
+and AT+CMGRMI.
 
     +CCINFO:[SCELL],ARFCN:34,MCC:240,MNC:24,LAC:10001,ID:31,BSIC:18,RXLev:-78dbm,C1:33,C2:33,TA:0,TXPWR:0
     +CCINFO:[NCell1],UARFCN:4436,PSC:230,SSC:0,RSCP:97,ECIO:15.5,RXLev:-97dbm          area and cell are decimal
@@ -17,12 +18,22 @@ from logger.core.types import CellReading, Role
 from logger.drivers import cpsi, gnss, mode
 from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import Family
-from logger.drivers.fields import area, cell_identity, decimal, level, network, rsrp_dbm, rsrq_db, rssi_dbm
+from logger.drivers.fields import (
+    area,
+    cell_identity,
+    decimal,
+    level,
+    network,
+    rsrp_dbm,
+    rsrq_db,
+    rssi_dbm,
+)
 from logger.drivers.mode import ModeCommand
 from logger.drivers.rows import Row
 
 _CCINFO = re.compile(
-    r"(?<![A-Z])CCINFO:\s*\[\s*(SCELL|NCELL\s*\d{0,2})\s*\]([^\\]*?)(?=\+?CCINFO:|\\|\Z)", re.ASCII | re.IGNORECASE
+    r"(?<![A-Z])CCINFO:\s*\[\s*(SCELL|NCELL\s*\d{0,2})\s*\]([^\\]*?)(?=\+?CCINFO:|\\|\Z)",
+    re.ASCII | re.IGNORECASE,
 )
 _PAIR = re.compile(r",\s*([A-Z]\w*)\s*:\s*([-\w.]+)\s*(?=(,)|\Z)", re.ASCII | re.IGNORECASE)
 _LAST = frozenset({"RXLEV", "C2"})
@@ -46,7 +57,9 @@ _FREQUENCY = re.compile(r"Freq(\d{1,2})\s*,\s*(\d{1,6})\s*,", re.IGNORECASE | re
 
 
 class Sim7600(Family):
-    """The serving cell by `AT+CPSI?`, neighbours by `AT+CCINFO` (GSM, WCDMA) and `AT+CMGRMI=4` (LTE)."""
+    """The serving cell by `AT+CPSI?`, neighbours by `AT+CCINFO` (GSM, WCDMA) and `AT+CMGRMI=4`
+    (LTE).
+    """
 
     name: ClassVar[str] = "sim7600"
     identifies: ClassVar[re.Pattern[str]] = re.compile(
@@ -64,7 +77,9 @@ class Sim7600(Family):
     modes: ClassVar[tuple[ModeCommand, ...]] = mode.CNMP
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells heard now, the serving one once; a modem has some of these commands and refuses the others."""
+        """Cells heard now, the serving one once; a modem has some of these commands and refuses the
+        others.
+        """
         rows = yield from self.ask(self.asked)
         return None if rows is None else cpsi.joined(rows)
 
@@ -180,4 +195,9 @@ def _measured_identity(named: Mapping[str, str]) -> dict[str, Any]:
     mcc, mnc = network(named["mcc"], named["mnc"])
     if mcc is None or str(len(mnc or "")) != named["mnc_digits"]:
         return {}
-    return {"mcc": mcc, "mnc": mnc, "tac": area(named["tac"], 10), "cid": cell_identity(named["cellid"], 28, 10)}
+    return {
+        "mcc": mcc,
+        "mnc": mnc,
+        "tac": area(named["tac"], 10),
+        "cid": cell_identity(named["cellid"], 28, 10),
+    }

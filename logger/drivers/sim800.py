@@ -6,8 +6,8 @@
     +CENG: 1,"0128,15,30,a53f,310,411,178d"                     neighbour; lac and cell id are hexadecimal
     OK
 
-A row is read only in a documented layout. Its identity is taken whole or not at all; a row that is damaged further
-right keeps the level of its channel without an identity.
+A row is read only in a documented layout. Its identity is taken whole or not at all; a row that is
+damaged further right keeps the level of its channel without an identity.
 """
 
 import re
@@ -25,8 +25,11 @@ from logger.drivers.rows import Row
 DBM_OF_RXL_0 = -113.0  # SIM800 manual V1.09 p163, and printed by mode 4: 44 beside -69
 
 _HEADER = re.compile(r"\+CENG:\s*([0-4])\s*,\s*([01])\s*\Z")
-# SIM900 prints no blank before the cell number. The manual shows rows without quotation marks, the modem prints them.
-_ROW = re.compile(r'\+CENG:(\s*)(\d{1,2}),\s*(?:"|(?=(?:[^",]*,){5}))([-\w, ]*)(?:(")(?![-\w,"])|\Z)', re.ASCII)
+# SIM900 prints no blank before the cell number. The manual shows rows without quotation marks, the
+# modem prints them.
+_ROW = re.compile(
+    r'\+CENG:(\s*)(\d{1,2}),\s*(?:"|(?=(?:[^",]*,){5}))([-\w, ]*)(?:(")(?![-\w,"])|\Z)', re.ASCII
+)
 _SCAN = re.compile(
     r'Operator:\s*"(?P<operator>[^"]*)",\s*MCC:\s*(?P<mcc>\w*),\s*MNC:\s*(?P<mnc>\w*),\s*Rxlev:\s*(?P<rxl>\d+),'
     r"\s*Cellid:\s*(?P<cellid>\w*),\s*Arfcn:\s*(?P<bcch>\d+)(?:,\s*Lac:\s*(?P<lac>\w*),\s*Bsic:\s*(?P<bsic>\w*))?\s*\Z",
@@ -37,7 +40,9 @@ _SERVING = ("bcch", "rxl", "rxq", "mcc", "mnc", "bsic", "cellid", "rla", "txp", 
 _EXTENDED = ("dbm", "c1", "c2", "tch", "ts", "maio", "hsn", "rxq_sub", "rxq_full", "ch_mod")
 _NEIGHBOUR = ("bcch", "rxl", "bsic", "mcc", "mnc", "lac")
 _NEIGHBOUR_CELLID = ("bcch", "rxl", "bsic", "cellid", "mcc", "mnc", "lac")
-_LAYOUTS: Mapping[tuple[bool, int], tuple[str, ...]] = {  # (serving, number of values), modes 1, 2 and 4
+_LAYOUTS: Mapping[
+    tuple[bool, int], tuple[str, ...]
+] = {  # (serving, number of values), modes 1, 2 and 4
     (True, 11): _SERVING,
     (True, 21): _SERVING + _EXTENDED,
     (False, 6): _NEIGHBOUR,
@@ -45,8 +50,13 @@ _LAYOUTS: Mapping[tuple[bool, int], tuple[str, ...]] = {  # (serving, number of 
     (False, 8): (*_NEIGHBOUR, "c1", "c2"),
     (False, 9): (*_NEIGHBOUR_CELLID, "c1", "c2"),
 }
-# Last values of full width, which a row without its closing mark may end with; the others may have lost digits.
-_UNCUT = {"lac": re.compile(r"[0-9A-Fa-f]{4}"), "rxl": re.compile(r"\d\d"), "ta": re.compile(r"(?!25)\d\d|255")}
+# Last values of full width, which a row without its closing mark may end with; the others may have
+# lost digits.
+_UNCUT = {
+    "lac": re.compile(r"[0-9A-Fa-f]{4}"),
+    "rxl": re.compile(r"\d\d"),
+    "ta": re.compile(r"(?!25)\d\d|255"),
+}
 _SPARE = frozenset({"ta", "c2", "ch_mod"})  # a row is worth reading without these
 
 # What the fields can hold; the marks for unknown (99, 255, x) are outside.
@@ -61,37 +71,49 @@ _RANGE = {
 }
 
 _FILLER = re.compile(r"0*|[fF]*")
-# Some firmware pads hexadecimal numbers to four digits, some prints none to spare: "013" is neither.
+# Some firmware pads hexadecimal numbers to four digits, some prints none to spare: "013" is
+# neither.
 _HEX = re.compile(r"[0-9A-Fa-f]{4}|[1-9A-Fa-f][0-9A-Fa-f]{0,2}|0?")
 _FORMS = {  # of a row that is not damaged
     "mcc": re.compile(r"(?!000)\d{3}"),  # 001 is a real test network
     "mnc": re.compile(r"\d{2,3}"),
     "lac": _HEX,
     "cellid": _HEX,
-    # No part of an identity, but a lost comma shows here, and the order of the SIM900 manual V1.01 in rla and txp.
+    # No part of an identity, but a lost comma shows here, and the order of the SIM900 manual V1.01
+    # in rla and txp.
     "rxl": re.compile(r"\d{1,2}"),
     "bsic": re.compile(r"\d{0,3}"),
     "rla": re.compile(r"\d{1,2}|255"),
     "txp": re.compile(r"\d{1,2}|255"),
 }
 # Some firmware pads these to so many digits.
-_WIDTHS = {"bcch": Form(10, frozenset({4})), "rxl": Form(10, frozenset({2})), "bsic": Form(10, frozenset({2}))}
+_WIDTHS = {
+    "bcch": Form(10, frozenset({4})),
+    "rxl": Form(10, frozenset({2})),
+    "bsic": Form(10, frozenset({2})),
+}
 _NOBODY: tuple[None, None, None, None] = (None, None, None, None)
 
-Identity = tuple[str, str, int | None, int | None] | tuple[None, None, None, None]  # mcc, mnc, lac, cid
+Identity = (
+    tuple[str, str, int | None, int | None] | tuple[None, None, None, None]
+)  # mcc, mnc, lac, cid
 
 
 class Sim800(Family):
     """Cells by `AT+CENG?`, all networks by `AT+CNETSCAN`."""
 
     name: ClassVar[str] = "sim800"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(r"SIM(?:COM_SIM)?[89]\d\d(?!\d)", re.IGNORECASE)
+    identifies: ClassVar[re.Pattern[str]] = re.compile(
+        r"SIM(?:COM_SIM)?[89]\d\d(?!\d)", re.IGNORECASE
+    )
     set_up: ClassVar[tuple[Command, ...]] = (
         Command("AT+CNETSCAN=1"),  # with area and BSIC
         Command("AT+CENG=1,1", needed=True),
     )
     asked: ClassVar[tuple[Command, ...]] = (Command("AT+CENG?"),)
-    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+CNETSCAN", timeout_s=90.0, silence_s=50.0),)
+    surveys: ClassVar[tuple[Command, ...]] = (
+        Command("AT+CNETSCAN", timeout_s=90.0, silence_s=50.0),
+    )
     gnss_on: ClassVar[tuple[Command, ...]] = gnss.CGNSINF_ON
     gnss_asked: ClassVar[tuple[Command, ...]] = gnss.CGNSINF
 
@@ -123,7 +145,9 @@ class Sim800(Family):
 
 
 def _parse_row(row: re.Match[str], mode: int | None) -> CellReading | None:
-    """Reading of one CENG row; None for an empty slot and for a row that is cut or damaged on the left."""
+    """Reading of one CENG row; None for an empty slot and for a row that is cut or damaged on the
+    left.
+    """
     blank, number, body, end = row.groups()
     role: Role = "serving" if int(number) == 0 else "neighbour"
     texts = [text.strip() for text in body.split(",")]
@@ -139,14 +163,20 @@ def _parse_row(row: re.Match[str], mode: int | None) -> CellReading | None:
 
 
 def _layout(serving: bool, texts: Sequence[str], mode: int | None) -> tuple[str, ...] | None:
-    """Names of the values; six are mode 3, or a neighbour without cell id, whose channel has four digits."""
-    if len(texts) == len(_LOCATION) and (serving or mode == 3 or (mode is None and len(texts[0]) != 4)):
+    """Names of the values; six are mode 3, or a neighbour without cell id, whose channel has four
+    digits.
+    """
+    if len(texts) == len(_LOCATION) and (
+        serving or mode == 3 or (mode is None and len(texts[0]) != 4)
+    ):
         return _LOCATION
     return _LAYOUTS.get((serving, len(texts)))
 
 
 def _ends_whole(last: str, texts: list[str]) -> bool:
-    """False where the row's last value may be cut; one that a row can do without is blanked instead."""
+    """False where the row's last value may be cut; one that a row can do without is blanked
+    instead.
+    """
     uncut = _UNCUT.get(last)
     if uncut and uncut.fullmatch(texts[-1]):
         return True
@@ -159,21 +189,32 @@ def _identity(values: Mapping[str, str]) -> Identity | None:
     """Who the cell is: nobody where the modem has not decoded it, None where the row is damaged."""
     if all(_FILLER.fullmatch(values.get(name) or "") for name in ("mcc", "mnc", "lac", "cellid")):
         return _NOBODY
-    if not all(form.fullmatch(values[name]) for name, form in _FORMS.items() if values.get(name) is not None):
+    if not all(
+        form.fullmatch(values[name])
+        for name, form in _FORMS.items()
+        if values.get(name) is not None
+    ):
         return None
     lac, cid = area(values.get("lac") or "0"), cell_identity(values.get("cellid") or "0", 16)
     return values["mcc"], values["mnc"], lac, cid
 
 
 def _has_level(values: Mapping[str, str]) -> bool:
-    """True where channel and level have their full width, so that no comma before them is lost or added."""
-    return bool(re.fullmatch(r"\d{4}", values.get("bcch", "")) and re.fullmatch(r"\d\d", values.get("rxl", "")))
+    """True where channel and level have their full width, so that no comma before them is lost or
+    added.
+    """
+    return bool(
+        re.fullmatch(r"\d{4}", values.get("bcch", ""))
+        and re.fullmatch(r"\d\d", values.get("rxl", ""))
+    )
 
 
 def _parse_scan(scan: re.Match[str]) -> CellReading | None:
     values = {name: text for name, text in scan.groupdict().items() if text is not None}
     if "bsic" in values:  # hexadecimal here, decimal in CENG; a single digit may be a cut line
-        values["bsic"] = str(int(values["bsic"], 16)) if re.fullmatch(r"[0-9A-Fa-f]{2}", values["bsic"]) else ""
+        values["bsic"] = (
+            str(int(values["bsic"], 16)) if re.fullmatch(r"[0-9A-Fa-f]{2}", values["bsic"]) else ""
+        )
     identity = _identity(values)
     # The manual gives no dBm for Rxlev of CNETSCAN.
     return None if identity is None else _reading("scan", values, identity, dbm_of_rxl_0=None)
@@ -184,7 +225,9 @@ def _reading(
 ) -> CellReading | None:
     level = _number(values, "rxl")
     channel = _number(values, "bcch")
-    if not re.fullmatch(r"\d{1,2}", values.get("rxl", "")) or (channel is None and "bcch" in values):
+    if not re.fullmatch(r"\d{1,2}", values.get("rxl", "")) or (
+        channel is None and "bcch" in values
+    ):
         return None
     mcc, mnc, lac, cid = identity
     if mcc is None and not channel and not level and values.get("rxl") != "99":
@@ -192,7 +235,8 @@ def _reading(
     bsic = _number(values, "bsic")
     if role != "scan":
         level, channel, bsic = (
-            _as_printed(name, number, values) for name, number in (("rxl", level), ("bcch", channel), ("bsic", bsic))
+            _as_printed(name, number, values)
+            for name, number in (("rxl", level), ("bcch", channel), ("bsic", bsic))
         )
     return CellReading(
         role=role,
@@ -203,7 +247,9 @@ def _reading(
         cid=cid,
         arfcn=None if channel is None else _arfcn(channel),
         arfcn_raw=channel,
-        bsic=None if mcc is None and bsic == 0 else bsic,  # 00 fills the field of a cell that is not decoded
+        bsic=None
+        if mcc is None and bsic == 0
+        else bsic,  # 00 fills the field of a cell that is not decoded
         rxlev_raw=level,
         rxq=_number(values, "rxq"),
         rssi_dbm=None if level is None or dbm_of_rxl_0 is None else dbm_of_rxl_0 + level,
@@ -215,7 +261,9 @@ def _reading(
 
 
 def _arfcn(printed: int) -> int | None:
-    """Real channel: the SIM800 adds 1024 to those of the 1900 MHz band, 512 to 810 (3GPP TS 45.005 2)."""
+    """Real channel: the SIM800 adds 1024 to those of the 1900 MHz band, 512 to 810 (3GPP TS 45.005
+    2).
+    """
     if printed < 1024:
         return printed
     return printed - 1024 if 512 <= printed - 1024 <= 810 else None

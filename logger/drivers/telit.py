@@ -1,11 +1,13 @@
-"""Telit: cells from AT#MONI, AT#SERVINFO and the network surveys of `telit_survey` (firmware_notes/telit.md).
+"""Telit: cells from AT#MONI, AT#SERVINFO and the network surveys of `telit_survey`
+(firmware_notes/telit.md).
 
     AT#MONI                                                     after AT#MONI=7
     #MONI: Cell BSIC LAC CellId ARFCN Power C1 C2 TA RxQual PLMN
     #MONI: S 52 3F6A 1B7C 688 -79dbm 22 30 1 0 Example Net       LAC and cell id hexadecimal, BSIC two octal digits
     #MONI: N1 FF FFFF 0000 693 -88dbm -1 -1                     heard, not decoded; ARFCN 1024 is an empty slot
 
-Formats: GM862 AT reference (80000ST10025a) p273-278, HE863 (80377ST10083a) p141, LE910 V2 (80446ST10707A) p287-289.
+Formats: GM862 AT reference (80000ST10025a) p273-278, HE863 (80377ST10083a) p141, LE910 V2
+(80446ST10707A) p287-289.
 """
 
 import re
@@ -37,7 +39,9 @@ from logger.drivers.rows import NoCell, Registration, Row
 from logger.drivers.telit_survey import SLICES, octal_bsic, survey_rows
 
 HIGHEST_PCI = 503
-"""Some models print the physical cell identity where others print the cell identity; above this it is the latter."""
+"""Some models print the physical cell identity where others print the cell identity; above this it
+is the latter.
+"""
 
 _MONI = re.compile(r"#MONI:\s*((?:(?!#MONI:).)*)", re.IGNORECASE)
 _SERVINFO = re.compile(r"#SERVINFO:\s*((?:(?!#SERVINFO:).)*)", re.IGNORECASE)
@@ -53,7 +57,13 @@ _CHANNELS: dict[str, tuple[Rat, int]] = {
     "uarfcn": ("WCDMA", 16383),
     "earfcn": ("LTE", 262143),
 }
-_LABEL_OF_ONE: dict[str, Rat] = {"bsic": "GSM", "psc": "WCDMA", "rscp": "WCDMA", "rsrp": "LTE", "tac": "LTE"}
+_LABEL_OF_ONE: dict[str, Rat] = {
+    "bsic": "GSM",
+    "psc": "WCDMA",
+    "rscp": "WCDMA",
+    "rsrp": "LTE",
+    "tac": "LTE",
+}
 _NO_CHANNEL = 65535
 _ADJACENT = re.compile(r"adj\b", re.IGNORECASE)
 _IDENTITY = frozenset({"cc", "nc", "lac", "tac", "id"})
@@ -66,7 +76,9 @@ _SERVINFO_FORMS: dict[Rat, tuple[str, ...]] = {
 
 
 class Telit(Family):
-    """The serving cell and its neighbours by `AT#MONI`, all carriers by `AT#CSURV`, some channels at a time."""
+    """The serving cell and its neighbours by `AT#MONI`, all carriers by `AT#CSURV`, some channels
+    at a time.
+    """
 
     name: ClassVar[str] = "telit"
     identifies: ClassVar[re.Pattern[str]] = re.compile(
@@ -79,7 +91,9 @@ class Telit(Family):
         Command("AT+CREG=2"),
         Command("AT+CEREG=2"),
         Command("AT#CSURVF=0"),  # numbers of a survey are decimal
-        Command("AT#MONI=7"),  # all cells; models and networks that do not know it answer AT#MONI for the serving cell
+        Command(
+            "AT#MONI=7"
+        ),  # all cells; models and networks that do not know it answer AT#MONI for the serving cell
     )
     asked: ClassVar[tuple[Command, ...]] = (
         Command("AT#MONI", timeout_s=5.0),
@@ -104,15 +118,21 @@ class Telit(Family):
 
 
 def joined(rows: tuple[Row, ...]) -> tuple[Row, ...]:
-    """Rows of one poll with one serving cell: #MONI names the cell, #SERVINFO the network, +CxREG what is missing."""
+    """Rows of one poll with one serving cell: #MONI names the cell, #SERVINFO the network, +CxREG
+    what is missing.
+    """
     serving = [row for row in rows if isinstance(row, CellReading) and row.role == "serving"]
     if not serving:
         return rows
     best = max(serving, key=lambda row: (row.cid is not None, _place(row) is not None))
     alike = [row for row in serving if row.rat == best.rat and _place(row) == _place(best)]
     codes = [str(row.more["plmn"]) for row in alike if row.more.get("plmn")]
-    mcc, mnc = network(codes[0][:3], codes[0][3:]) if codes and best.mcc is None else (best.mcc, best.mnc)
-    registered = [row.cid for row in rows if isinstance(row, Registration) and _place(row) == _place(best)]
+    mcc, mnc = (
+        network(codes[0][:3], codes[0][3:]) if codes and best.mcc is None else (best.mcc, best.mnc)
+    )
+    registered = [
+        row.cid for row in rows if isinstance(row, Registration) and _place(row) == _place(best)
+    ]
     cid = best.cid if best.cid is not None or _place(best) is None else next(iter(registered), None)
     return (replace(best, mcc=mcc, mnc=mnc, cid=cid), *(row for row in rows if row not in serving))
 
@@ -166,7 +186,9 @@ def _table_row(found: dict[str, str | None]) -> CellReading | None:
 
 
 def _labelled_row(text: str) -> CellReading | None:
-    """Row of `label:value` pairs: which label the channel has says the technology, the others may miss."""
+    """Row of `label:value` pairs: which label the channel has says the technology, the others may
+    miss.
+    """
     found: dict[str, str] = {}
     first = _LABEL.search(text)
     for label, value in _LABEL.findall(text):
@@ -192,7 +214,9 @@ def _labelled_row(text: str) -> CellReading | None:
         lac=None if rat == "LTE" else place,
         tac=place if rat == "LTE" else None,
         cid=None if place is None else _identity(found.get("id", ""), rat),
-        pci=hexadecimal(found.get("id", ""), 0, HIGHEST_PCI) if rat == "LTE" and "tac" not in found else None,
+        pci=hexadecimal(found.get("id", ""), 0, HIGHEST_PCI)
+        if rat == "LTE" and "tac" not in found
+        else None,
         arfcn=channel,
         bsic=octal_bsic(found.get("bsic", "")),
         psc=decimal(found.get("psc", ""), 0, 511),
@@ -226,12 +250,16 @@ def _channel(found: dict[str, str], rat: Rat) -> int | None:
 
 
 def _ends_whole(label: str, text: str, rat: Rat) -> bool:
-    """False where the last value of a line may be cut: only four hexadecimal digits show that they are all."""
+    """False where the last value of a line may be cut: only four hexadecimal digits show that they
+    are all.
+    """
     return len(text) == 4 and (label in {"lac", "tac"} or (label == "id" and rat == "GSM"))
 
 
 def _role(name: str, found: dict[str, str]) -> Role:
-    """Only the row of the serving cell has a network name or code, or an area without the words "Adj Cell"."""
+    """Only the row of the serving cell has a network name or code, or an area without the words
+    "Adj Cell".
+    """
     if _ADJACENT.match(name):
         return "neighbour"
     return "serving" if name or found.keys() & {"cc", "lac", "tac", "rxqual"} else "neighbour"

@@ -1,13 +1,14 @@
-"""Telit's network surveys, AT#CSURV (labels) and AT#CSURVC (numbers only), one line for each carrier.
+"""Telit's network surveys, AT#CSURV (labels) and AT#CSURVC (numbers only), one line for each
+carrier.
 
-    Network survey started ...
-    arfcn: 61 bsic: 37 rxLev: -57 ber: 0.00 mcc: 262 mnc: 1 lac: 12345 cellId: 6789 cellStatus: CELL_SUITABLE ...
-    1005,26,-76,0,262,02,23456,34567,CELL_SUITABLE,0
+    Network survey started ... arfcn: 61 bsic: 37 rxLev: -57 ber: 0.00 mcc: 262 mnc: 1 lac: 12345
+    cellId: 6789 cellStatus: CELL_SUITABLE ... 1005,26,-76,0,262,02,23456,34567,CELL_SUITABLE,0
     Network survey ended
 
-AT#CSURVF decides whether area and cell are decimal (0, as shipped) or padded hexadecimal with an octal BSIC; the reply
-does not say it. It shows in widths, letters and ranges; where nothing tells, it is taken for decimal and is unsure.
-Formats: GM862 AT reference p379, LE910 V2 p287-289; the line of LTE from a measured LM960.
+AT#CSURVF decides whether area and cell are decimal (0, as shipped) or padded hexadecimal with an
+octal BSIC; the reply does not say it. It shows in widths, letters and ranges; where nothing tells,
+it is taken for decimal and is unsure. Formats: GM862 AT reference p379, LE910 V2 p287-289; the line
+of LTE from a measured LM960.
 """
 
 import re
@@ -29,9 +30,18 @@ from logger.drivers.fields import (
     rssi_dbm,
 )
 
-_BANDS = ((0, 124), (128, 251), (512, 885), (975, 1023))  # GSM 900, 850, 1800 and 1900, 900 extended (3GPP TS 45.005 2)
+_BANDS = (
+    (0, 124),
+    (128, 251),
+    (512, 885),
+    (975, 1023),
+)  # GSM 900, 850, 1800 and 1900, 900 extended (3GPP TS 45.005 2)
 _SLICE = 63  # channels; SeaGlass scanned all in 12 parts and allowed 120 s for each
-SLICES = tuple((low, min(low + _SLICE - 1, last)) for first, last in _BANDS for low in range(first, last + 1, _SLICE))
+SLICES = tuple(
+    (low, min(low + _SLICE - 1, last))
+    for first, last in _BANDS
+    for low in range(first, last + 1, _SLICE)
+)
 
 _STATUS = (
     "CELL_SUITABLE",
@@ -41,7 +51,13 @@ _STATUS = (
     "CELL_LOW_LEVEL",
     "CELL_OTHER",
 )
-_NUMBER, _CODE, _POWER, _SMALL, _RATIO = r"\d{1,6}", r"[0-9A-F]{1,3}", r"-\d{1,3}", r"\d{1,3}", r"-?\d{1,3}(?:\.\d+)?"
+_NUMBER, _CODE, _POWER, _SMALL, _RATIO = (
+    r"\d{1,6}",
+    r"[0-9A-F]{1,3}",
+    r"-\d{1,3}",
+    r"\d{1,3}",
+    r"-?\d{1,3}(?:\.\d+)?",
+)
 _AREA, _CELL, _STATE = r"[0-9A-F]{1,5}", r"[0-9A-F]{1,9}", r"[0-5]|" + "|".join(_STATUS)
 _FORMS: dict[Rat, tuple[tuple[str, str], ...]] = {
     "GSM": (
@@ -81,17 +97,24 @@ _FORMS: dict[Rat, tuple[tuple[str, str], ...]] = {
     ),
 }
 _ROWS = [
-    (rat, pattern) for rat, form in _FORMS.items() for pattern in (listed(form), labelled(form, between=r"[\s,]+"))
+    (rat, pattern)
+    for rat, form in _FORMS.items()
+    for pattern in (listed(form), labelled(form, between=r"[\s,]+"))
 ]
-# A row of LTE may end before the levels of the cell; in the place of its cell one of WCDMA has a scrambling code.
-_WITHOUT_LEVELS = listed([(name, r"[0-9A-F]{4,9}" if name == "cellId" else form) for name, form in _FORMS["LTE"][:-2]])
+# A row of LTE may end before the levels of the cell; in the place of its cell one of WCDMA has a
+# scrambling code.
+_WITHOUT_LEVELS = listed(
+    [(name, r"[0-9A-F]{4,9}" if name == "cellId" else form) for name, form in _FORMS["LTE"][:-2]]
+)
 _ROWS.append(("LTE", _WITHOUT_LEVELS))
 _LEVEL_ONLY = re.compile(
     r"(?<!\w)(?:arfcn\s?:\s*(?P<arfcn>\d{1,4})|uarfcn\s?:\s*(?P<uarfcn>\d{1,5})|earfcn\s?:\s*(?P<earfcn>\d{1,6}))"
     r"\s+(?:bsic\s?:\s*\S+\s+)?rxLev\s?:\s*(?P<rxlev>-\d{2,3})(?!\d)",
     re.IGNORECASE,
 )
-_CARRIER = re.compile(r"(?<![\w.,-])(?:(?P<arfcn>\d{1,4})|(?P<earfcn>\d{5,6})),(?P<rxlev>-\d{2,3})\s*\Z")
+_CARRIER = re.compile(
+    r"(?<![\w.,-])(?:(?P<arfcn>\d{1,4})|(?P<earfcn>\d{5,6})),(?P<rxlev>-\d{2,3})\s*\Z"
+)
 _STARTED = re.compile(r"network survey (started|ended)", re.IGNORECASE)
 _BASE_SET = re.compile(r"#CSURVF(?:=|:\s*)([0-2])", re.IGNORECASE)
 _SHIPPED = 10
@@ -155,7 +178,9 @@ def _texts(row: re.Match[str]) -> dict[str, str]:
 
 
 def _base_of(text: str, width: int) -> int | None:
-    """Base of a number that is padded to `width` digits if hexadecimal and not padded if decimal, if that tells."""
+    """Base of a number that is padded to `width` digits if hexadecimal and not padded if decimal,
+    if that tells.
+    """
     if not text or text == "0":
         return None
     if re.search(r"[A-Fa-f]", text) or text.startswith("0"):
@@ -181,18 +206,25 @@ def _format_of(lines: Sequence[str], carriers: Sequence[_Carrier]) -> int | None
         told = _BASE_SET.search(line)
         if told:
             return 10 if told[1] == "0" else 16
-    votes = Counter(base for carrier in carriers if len(carrier.bases) == 1 for base in carrier.bases).most_common()
+    votes = Counter(
+        base for carrier in carriers if len(carrier.bases) == 1 for base in carrier.bases
+    ).most_common()
     tied = len(votes) > 1 and votes[0][1] == votes[1][1]
     return votes[0][0] if votes and not tied else None
 
 
 def _codes_are_digits(carriers: Sequence[_Carrier]) -> bool:
-    """False where no country code is one as it stands: those models print the number in hexadecimal.
+    """False where no country code is one as it stands: those models print the number in
+    hexadecimal.
 
     Two codes must say so, countries or a network with a letter: a single one may be damaged.
     """
-    countries, networks = ([carrier.texts.get(name, "").upper() for carrier in carriers] for name in ("mcc", "mnc"))
-    told = [text for text in countries if text.strip("F")] + [text for text in networks if re.search(r"[A-E]", text)]
+    countries, networks = (
+        [carrier.texts.get(name, "").upper() for carrier in carriers] for name in ("mcc", "mnc")
+    )
+    told = [text for text in countries if text.strip("F")] + [
+        text for text in networks if re.search(r"[A-E]", text)
+    ]
     return any(map(_is_country, countries)) or len(told) < 2
 
 
@@ -202,10 +234,15 @@ def _is_country(text: str) -> bool:
 
 
 def _network(texts: dict[str, str], plain: bool) -> tuple[str | None, str | None]:
-    """Country and network; a network code has at least two digits (manual), so zeros in front of it are restored."""
+    """Country and network; a network code has at least two digits (manual), so zeros in front of it
+    are restored.
+    """
     mcc, mnc = texts.get("mcc", ""), texts.get("mnc", "")
     if not plain and mcc and mnc:
-        mcc, mnc = f"{int(mcc, 16):03d}", "F" if re.fullmatch(r"F+", mnc, re.IGNORECASE) else str(int(mnc, 16))
+        mcc, mnc = (
+            f"{int(mcc, 16):03d}",
+            "F" if re.fullmatch(r"F+", mnc, re.IGNORECASE) else str(int(mnc, 16)),
+        )
     if not _is_country(mcc) or not re.fullmatch(r"\d{1,3}", mnc):
         return None, None
     return mcc, mnc.zfill(2)
@@ -218,7 +255,9 @@ def _reading(carrier: _Carrier, base: int | None, plain: bool) -> CellReading | 
     if channel is None or power is None:
         return None
     untold = base is None and not carrier.bases
-    one_base = _SHIPPED if untold else base if base is not None and carrier.bases <= {base} else None
+    one_base = (
+        _SHIPPED if untold else base if base is not None and carrier.bases <= {base} else None
+    )
     mcc, mnc, place, cid = _identity(carrier, one_base, plain)
     status = texts.get("cellstatus", "").upper()
     status = _STATUS[int(status)] if status.isdecimal() else status
@@ -252,7 +291,12 @@ def _identity(
     if mcc is None or base is None:
         return None, None, None, None
     place = area(carrier.texts.get("lac", carrier.texts.get("tac", "")), base)
-    return mcc, mnc, place, cell_identity(carrier.texts["cellid"], 16 if carrier.rat == "GSM" else 28, base)
+    return (
+        mcc,
+        mnc,
+        place,
+        cell_identity(carrier.texts["cellid"], 16 if carrier.rat == "GSM" else 28, base),
+    )
 
 
 def _bsic(text: str, base: int | None) -> int | None:

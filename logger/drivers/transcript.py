@@ -32,7 +32,9 @@ def rows_of(driver: Family, lines: Sequence[str]) -> tuple[Row, ...]:
 
 
 def replies_of(driver: Family, lines: Sequence[str]) -> Iterator[list[str]]:
-    """Lines by reply: a final code ends one, a command begins one, and among rows nobody asked for a serving cell."""
+    """Lines by reply: a final code ends one, a command begins one, and among rows nobody asked for
+    a serving cell.
+    """
     unasked = not any(_FINAL.match(line.strip()) or _COMMAND.match(line.strip()) for line in lines)
     reply: list[str] = []
     for line in lines:
@@ -48,7 +50,9 @@ def replies_of(driver: Family, lines: Sequence[str]) -> Iterator[list[str]]:
 
 
 def _grouped(rows: Sequence[Row], replies: Sequence[Sequence[Row]]) -> list[list[Row]]:
-    """The rows by reply; all as one where the replies read by themselves say something else than the whole."""
+    """The rows by reply; all as one where the replies read by themselves say something else than
+    the whole.
+    """
     if Counter(map(repr, rows)) != Counter(repr(row) for reply in replies for row in reply):
         return [list(rows)]
     left: dict[str, list[Row]] = {}

@@ -1,7 +1,9 @@
-"""u-blox LISA, SARA, LARA, TOBY: cells from +CGED, +UCELLINFO, +UCGED and AT+COPS=5 (firmware_notes/ublox.md).
+"""u-blox LISA, SARA, LARA, TOBY: cells from +CGED, +UCELLINFO, +UCGED and AT+COPS=5
+(firmware_notes/ublox.md).
 
     +UCELLINFO:       1,     2,  310,  410, 7f05, 57b14e2, 395, 1032, 255, 255
-                   mode, type, mcc, mnc, lac, cell id (hexadecimal), scrambling code, channel, RSCP, Ec/N0; 255 unknown
+                   mode, type, mcc, mnc, lac, cell id (hexadecimal), scrambling code, channel, RSCP,
+                   Ec/N0; 255 unknown
 
 The rows with labels are in `ublox_labels`, those of +UCGED in `ublox_ucged`.
 """
@@ -24,18 +26,29 @@ from logger.drivers.ublox_labels import labelled_rows
 from logger.drivers.ublox_ucged import ucged_rows
 
 _CODE, _HEX, _INDEX = r"\d{1,5}|F{3,4}", r"[0-9A-F]{1,8}", r"\d{1,5}"
-_HEAD = (("mode", r"[01]"), ("type", r"[0-4]"), ("mcc", _CODE), ("mnc", _CODE), ("lac", _HEX), ("ci", _HEX))
+_HEAD = (
+    ("mode", r"[01]"),
+    ("type", r"[0-4]"),
+    ("mcc", _CODE),
+    ("mnc", _CODE),
+    ("lac", _HEX),
+    ("ci", _HEX),
+)
 _2G = listed((*_HEAD, ("rxlev", _INDEX)))
 _3G = listed((*_HEAD, ("psc", _INDEX), ("arfcn", _INDEX), ("rscp", _INDEX), ("ecn0", _INDEX)))
 _UCELLINFO = re.compile(r"\+UCELLINFO:\s*((?:(?!\+UCELLINFO:).)*)", re.IGNORECASE)
 _CUT_LEVEL = re.compile(r",(?=\s)[\s\d]{1,3}\Z")
-"""An index at the end of a row with columns, which begin with a blank and are filled to three digits."""
+"""An index at the end of a row with columns, which begin with a blank and are filled to three
+digits.
+"""
 _SERVING = frozenset({0, 2})
 _FIRST_3G = 2
 
 
 class Ublox(Family):
-    """Cells by the first of three commands that the model knows, else the serving cell by the common ones."""
+    """Cells by the first of three commands that the model knows, else the serving cell by the
+    common ones.
+    """
 
     name: ClassVar[str] = "ublox"
     identifies: ClassVar[re.Pattern[str]] = re.compile(
@@ -43,7 +56,9 @@ class Ublox(Family):
     )
     set_up: ClassVar[tuple[Command, ...]] = (
         *Generic.set_up,
-        Command("AT+UCGED=5"),  # all that the SARA-R4 knows; the others refuse it or have it replaced by the next
+        Command(
+            "AT+UCGED=5"
+        ),  # all that the SARA-R4 knows; the others refuse it or have it replaced by the next
         Command("AT+UCGED=2"),
     )
     asked: ClassVar[tuple[Command, ...]] = (
@@ -51,11 +66,15 @@ class Ublox(Family):
         Command("AT+UCELLINFO?", timeout_s=7.0),
         Command("AT+UCGED?", timeout_s=5.0),
     )
-    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=5", timeout_s=200.0, silence_s=60.0),)
+    surveys: ClassVar[tuple[Command, ...]] = (
+        Command("AT+COPS=5", timeout_s=200.0, silence_s=60.0),
+    )
     modes: ClassVar[tuple[ModeCommand, ...]] = mode.URAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Ask in turn until a reply has cells; zeros that a network code has lost come back from AT+COPS?."""
+        """Ask in turn until a reply has cells; zeros that a network code has lost come back from
+        AT+COPS?.
+        """
         answers: list[tuple[Row, ...]] = []
         network = (yield from self.ask([Command("AT+COPS?")])) or ()
         for command in self.asked:
@@ -68,7 +87,9 @@ class Ublox(Family):
         return tuple(row for rows in answers for row in rows) if answers else None
 
     def survey(self, command: Command) -> Dialogue[tuple[Row, ...] | None]:
-        """As for all; zeros that the code of the modem's own network has lost come back from AT+COPS?."""
+        """As for all; zeros that the code of the modem's own network has lost come back from
+        AT+COPS?.
+        """
         rows = yield from self.ask([command])
         if rows is None:
             return None
@@ -78,13 +99,23 @@ class Ublox(Family):
     def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in the rows of +UCELLINFO, +UCGED, +CGED and AT+COPS=5."""
         plain = [piece.replace('\\"', '"') for piece in pieces(lines)]
-        return (*(row for line in plain for row in _ucellinfo(line)), *ucged_rows(plain), *labelled_rows(plain))
+        return (
+            *(row for line in plain for row in _ucellinfo(line)),
+            *ucged_rows(plain),
+            *labelled_rows(plain),
+        )
 
 
 def completed(rows: tuple[Row, ...]) -> tuple[Row, ...]:
-    """Rows whose network code is printed as a number get its digits where +COPS names the same network in full."""
-    codes = [row.plmn for row in rows if isinstance(row, Operator) and row.stat is None and row.plmn]
-    return tuple(_completed(row, codes[0]) if codes and isinstance(row, CellReading) else row for row in rows)
+    """Rows whose network code is printed as a number get its digits where +COPS names the same
+    network in full.
+    """
+    codes = [
+        row.plmn for row in rows if isinstance(row, Operator) and row.stat is None and row.plmn
+    ]
+    return tuple(
+        _completed(row, codes[0]) if codes and isinstance(row, CellReading) else row for row in rows
+    )
 
 
 def _completed(reading: CellReading, plmn: str) -> CellReading:

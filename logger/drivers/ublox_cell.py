@@ -1,6 +1,8 @@
-"""What the rows of all u-blox commands have in common: one reading from texts by name, in whatever order they come.
+"""What the rows of all u-blox commands have in common: one reading from texts by name, in whatever
+order they come.
 
-Area and cell identity are hexadecimal. Levels are the indices of 3GPP TS 36.133 and 45.008, 255 unknown.
+Area and cell identity are hexadecimal. Levels are the indices of 3GPP TS 36.133 and 45.008, 255
+unknown.
 """
 
 import re
@@ -36,7 +38,11 @@ def reading(role: Role, rat: Rat, texts: Texts) -> CellReading | NoCell | None:
     place = area(texts.get("lac", texts.get("tac", ""))) if identified else None
     cid = cell_identity(texts.get("ci", ""), 16 if rat == "GSM" else 28) if identified else None
     channel, printed = _channel(texts.get("arfcn", ""), rat)
-    raw = {name: decimal(texts[text], low, high) for text, (name, low, high) in _INDICES.items() if text in texts}
+    raw = {
+        name: decimal(texts[text], low, high)
+        for text, (name, low, high) in _INDICES.items()
+        if text in texts
+    }
     rxlev = _rxlev(texts)
     if mcc is None and cid is None and channel is None:
         return NoCell(rat) if role == "serving" else None
@@ -55,8 +61,12 @@ def reading(role: Role, rat: Rat, texts: Texts) -> CellReading | NoCell | None:
         pci=decimal(texts.get("pci", ""), 0, 503),
         rxlev_raw=rxlev,
         rssi_dbm=_carrier_dbm(texts.get("rssi_index", "")),
-        rsrp_dbm=rsrp_dbm(texts.get("rsrp_dbm", "")) if raw.get("rsrp_raw") is None else _rsrp_dbm(raw["rsrp_raw"]),
-        rsrq_db=rsrq_db(texts.get("rsrq_db", "")) if raw.get("rsrq_raw") is None else _rsrq_db(raw["rsrq_raw"]),
+        rsrp_dbm=rsrp_dbm(texts.get("rsrp_dbm", ""))
+        if raw.get("rsrp_raw") is None
+        else _rsrp_dbm(raw["rsrp_raw"]),
+        rsrq_db=rsrq_db(texts.get("rsrq_db", ""))
+        if raw.get("rsrq_raw") is None
+        else _rsrq_db(raw["rsrq_raw"]),
         sinr_db=level(texts.get("sinr", ""), -30.0, 50.0),
         ta=decimal(texts.get("ta", ""), 0, 63),
         c1=decimal(texts.get("c1", ""), -127, 127),
@@ -72,7 +82,9 @@ def _rxlev(texts: Texts) -> int | None:
 
 
 def _network(texts: Texts) -> tuple[str | None, str | None, dict[str, int]]:
-    """Country and network; a network code that has lost its zeros, a single digit, stays a number (`mnc_raw`)."""
+    """Country and network; a network code that has lost its zeros, a single digit, stays a number
+    (`mnc_raw`).
+    """
     mcc, mnc = texts.get("mcc", ""), texts.get("mnc", "")
     if not re.fullmatch(r"(?!000)[0-9]{3}", mcc) or not re.fullmatch(r"[0-9]{1,3}", mnc):
         return None, None, {}
@@ -98,6 +110,8 @@ def _rsrq_db(index: int | None) -> float | None:
 
 
 def _carrier_dbm(text: str) -> float | None:
-    """Level of a WCDMA carrier, all its cells together (3GPP TS 25.133 9.1.3; ubxlib, rssiUtranToDbm)."""
+    """Level of a WCDMA carrier, all its cells together (3GPP TS 25.133 9.1.3; ubxlib,
+    rssiUtranToDbm).
+    """
     index = decimal(text, 0, 76)
     return None if index is None else index - 100.0

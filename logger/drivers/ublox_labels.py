@@ -5,7 +5,8 @@
     Mcc:262, Mnc:  2, Lac:1c96, Ci:bcf4e8d, DLF:10612 , ULF:9662              +CGED on 3G
     Service Cell: / Neighbour Cell 1:                                         +CGED on 2G, the cell follows
 
-Layouts: captures, ubxlib cell/src/u_cell_net.c, NuttX apps/system/ubmodem/ubmodem_cell_environment.c.
+Layouts: captures, ubxlib cell/src/u_cell_net.c, NuttX
+apps/system/ubmodem/ubmodem_cell_environment.c.
 """
 
 import re
@@ -26,7 +27,14 @@ _WHO = (
 )
 _SCANS: dict[Rat, re.Pattern[str]] = {
     "GSM": labelled(
-        (*_2G_NETWORK, ("CI", _HEX), ("BSIC", r"\w{1,3}"), ("Arfcn", _NUMBER), ("RXLEV", r"\w{1,3}")), _COMMA
+        (
+            *_2G_NETWORK,
+            ("CI", _HEX),
+            ("BSIC", r"\w{1,3}"),
+            ("Arfcn", _NUMBER),
+            ("RXLEV", r"\w{1,3}"),
+        ),
+        _COMMA,
     ),
     "WCDMA": labelled(
         (
@@ -57,10 +65,20 @@ _SCANS: dict[Rat, re.Pattern[str]] = {
     ),
 }
 _RADIO_3G = (("SC", _NUMBER), ("RSCP LEV", _INDEX), ("ECN0 LEV", _INDEX))
-_DUMPED: tuple[tuple[Role, Rat, re.Pattern[str]], ...] = (  # AT+CGED=0; rows NU and NG are not measured
-    ("serving", "WCDMA", labelled((("Cell-ID", _HEX), ("DLF", _NUMBER), ("ULF", _NUMBER), *_RADIO_3G), _COMMA)),
+_DUMPED: tuple[
+    tuple[Role, Rat, re.Pattern[str]], ...
+] = (  # AT+CGED=0; rows NU and NG are not measured
+    (
+        "serving",
+        "WCDMA",
+        labelled((("Cell-ID", _HEX), ("DLF", _NUMBER), ("ULF", _NUMBER), *_RADIO_3G), _COMMA),
+    ),
     ("neighbour", "WCDMA", labelled((("Cell", "[UMD]"), *_RADIO_3G, ("DLF", _NUMBER)), _COMMA)),
-    ("neighbour", "GSM", labelled((("Cell", "G"), ("B", r"\w*"), ("Arfcn", _NUMBER), ("RXLEV", _INDEX)), r"[\s,]+")),
+    (
+        "neighbour",
+        "GSM",
+        labelled((("Cell", "G"), ("B", r"\w*"), ("Arfcn", _NUMBER), ("RXLEV", _INDEX)), r"[\s,]+"),
+    ),
 )
 _NAMES = {  # as `ublox_cell.reading` calls them
     "dlf": "arfcn",
@@ -82,7 +100,8 @@ _HEADING = re.compile(
     re.IGNORECASE,
 )
 _RADIO = re.compile(
-    r"(?<!\w)(Bsic|Arfcn|RxLevServ|RxLev|DLF|SC|RSCP LEV|ECN0 LEV)\s?:\s*(\w+)", re.IGNORECASE | re.ASCII
+    r"(?<!\w)(Bsic|Arfcn|RxLevServ|RxLev|DLF|SC|RSCP LEV|ECN0 LEV)\s?:\s*(\w+)",
+    re.IGNORECASE | re.ASCII,
 )
 
 
@@ -118,7 +137,9 @@ def _scanned(lines: Sequence[str], lte_is_hexadecimal: bool) -> Iterator[Row]:
         for rat, pattern in _SCANS.items():
             for row in pattern.finditer(line):
                 texts = _named(row)
-                if rat == "GSM":  # Particle's library takes the level for hexadecimal, no manual says so
+                if (
+                    rat == "GSM"
+                ):  # Particle's library takes the level for hexadecimal, no manual says so
                     texts["rxlev_text"] = texts.pop("rxlev")
                 elif rat == "LTE" and not lte_is_hexadecimal:
                     texts["ci"] = ""
@@ -128,7 +149,9 @@ def _scanned(lines: Sequence[str], lte_is_hexadecimal: bool) -> Iterator[Row]:
 
 
 def _lte_is_hexadecimal(lines: Sequence[str]) -> bool:
-    """True where a letter shows it: a SARA-R5 prints 57367043, which has more than 28 bits unless it is decimal."""
+    """True where a letter shows it: a SARA-R5 prints 57367043, which has more than 28 bits unless
+    it is decimal.
+    """
     cells = [row["ci"] for line in lines for row in _SCANS["LTE"].finditer(line)]
     return any(re.search(r"[A-Fa-f]", cell.lower().replace("fffffff", "")) for cell in cells)
 
@@ -147,7 +170,9 @@ def _environment(lines: Sequence[str]) -> Iterator[Row]:
         technology = _TECHNOLOGY.search(line)
         told = _RATS[technology[1].upper()] if technology else told
         if heading:
-            role = "serving" if heading["serving"] else "neighbour" if heading["neighbour"] else None
+            role = (
+                "serving" if heading["serving"] else "neighbour" if heading["neighbour"] else None
+            )
         if who and role is not None:
             texts = _named(who)
         if texts:
@@ -158,7 +183,9 @@ def _environment(lines: Sequence[str]) -> Iterator[Row]:
 
 
 def _cell(role: Role | None, told: Rat | None, texts: dict[str, str]) -> Iterator[Row]:
-    """The cell under way; what it says of the radio channel tells the technology, else the head of the reply."""
+    """The cell under way; what it says of the radio channel tells the technology, else the head of
+    the reply.
+    """
     rat: Rat | None = "GSM" if "bsic_text" in texts else "WCDMA" if "psc" in texts else told
     cell = reading(role, rat, texts) if texts and role is not None and rat is not None else None
     if cell is not None:

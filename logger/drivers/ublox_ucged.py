@@ -4,8 +4,9 @@
     6,4,001,01                                    technology, service, mcc, mnc
     2525,5,50,50,e8fe,1a2d001,1,...               channel, band, bandwidths, area, cell, pci, ...
 
-The SARA-R422 prints no service, and levels in dB; the LARA-R6 has rows of its own for 2G and 3G. The layouts are those
-of u-blox's own library ubxlib, cell/src/u_cell_info.c. AT+UCGED=5 (SARA-R4) answers with +RSRP and +RSRQ rows.
+The SARA-R422 prints no service, and levels in dB; the LARA-R6 has rows of its own for 2G and 3G.
+The layouts are those of u-blox's own library ubxlib, cell/src/u_cell_info.c. AT+UCGED=5 (SARA-R4)
+answers with +RSRP and +RSRQ rows.
 """
 
 import re
@@ -52,7 +53,13 @@ _WCDMA = listed(
         ("ecn0", _INDEX),
     )
 )
-_LTE_CARRIER = (("arfcn", _CHANNEL), ("band", _SMALL), ("ul", _SMALL), ("dl", _SMALL), ("tac", _AREA))
+_LTE_CARRIER = (
+    ("arfcn", _CHANNEL),
+    ("band", _SMALL),
+    ("ul", _SMALL),
+    ("dl", _SMALL),
+    ("tac", _AREA),
+)
 _LTE = listed(
     (
         *_LTE_CARRIER,
@@ -66,9 +73,19 @@ _LTE = listed(
         ("sinr", _RATIO),
     )
 )
-_LTE_R422 = listed((*_LTE_CARRIER, ("pci", _SMALL), ("rsrp_dbm", _RATIO), ("rsrq_db", _RATIO), ("sinr_index", _SMALL)))
+_LTE_R422 = listed(
+    (
+        *_LTE_CARRIER,
+        ("pci", _SMALL),
+        ("rsrp_dbm", _RATIO),
+        ("rsrq_db", _RATIO),
+        ("sinr_index", _SMALL),
+    )
+)
 _LEVELS = re.compile(r"\+(?P<name>RSRP|RSRQ):\s*(?P<cells>[^+]*)", re.IGNORECASE)
-_LEVEL = re.compile(r'(?<!\d)(?P<pci>\d{1,3}),(?P<arfcn>\d{1,6}),"?(?P<value>-\d{1,3}\.\d{1,2})(?!\d)')
+_LEVEL = re.compile(
+    r'(?<!\d)(?P<pci>\d{1,3}),(?P<arfcn>\d{1,6}),"?(?P<value>-\d{1,3}\.\d{1,2})(?!\d)'
+)
 
 
 def ucged_rows(lines: Sequence[str]) -> tuple[Row, ...]:
@@ -86,8 +103,13 @@ def _serving_cells(lines: Sequence[str]) -> Iterator[Row]:
         elif expected and network is None:
             network = _NETWORK.search(line)
         elif network is not None and (values := _layout(network).search(line)):
-            cell = reading("serving", _RATS[network["rat"]], {**network.groupdict(""), **values.groupdict("")})
-            expected, network = False, None  # the neighbours that may follow have no documented layout
+            cell = reading(
+                "serving", _RATS[network["rat"]], {**network.groupdict(""), **values.groupdict("")}
+            )
+            expected, network = (
+                False,
+                None,
+            )  # the neighbours that may follow have no documented layout
             if cell is not None:
                 yield cell
 
@@ -106,7 +128,9 @@ def _measured_cells(lines: Sequence[str]) -> Iterator[Row]:
         for levels in _LEVELS.finditer(line):
             name = {"rsrp": "rsrp_dbm", "rsrq": "rsrq_db"}[levels["name"].lower()]
             for cell in _LEVEL.finditer(levels["cells"]):
-                texts = found.setdefault((cell["pci"], cell["arfcn"]), {"pci": cell["pci"], "arfcn": cell["arfcn"]})
+                texts = found.setdefault(
+                    (cell["pci"], cell["arfcn"]), {"pci": cell["pci"], "arfcn": cell["arfcn"]}
+                )
                 texts[name] = cell["value"]
     for number, texts in enumerate(found.values()):
         row = reading("neighbour" if number else "serving", "LTE", texts)

@@ -14,7 +14,9 @@ ACCESS_DBM = -105
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """One cell at its level; not decoded means that the modem knows no more than channel and level."""
+    """One cell at its level; not decoded means that the modem knows no more than channel and
+    level.
+    """
 
     cell: Transmitter
     level_dbm: float
@@ -49,7 +51,10 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Air:
-    """The strongest decoded cell serves; the others follow by level. `place` tells where, None without a fix."""
+    """The strongest decoded cell serves; the others follow by level.
+
+    `place` tells where, None without a fix.
+    """
 
     serving: Heard | None
     others: tuple[Heard, ...]
@@ -73,4 +78,8 @@ class Air:
     @property
     def decoded(self) -> tuple[Heard, ...]:
         """All cells that a full scan can name."""
-        return () if self.serving is None else (self.serving, *(one for one in self.others if one.decoded))
+        return (
+            ()
+            if self.serving is None
+            else (self.serving, *(one for one in self.others if one.decoded))
+        )

@@ -28,7 +28,10 @@ class Modem(Protocol):
 
 
 class Fault:
-    """What happens to a modem; the plain one lets everything through. Times are seconds since it began."""
+    """What happens to a modem; the plain one lets everything through.
+
+    Times are seconds since it began.
+    """
 
     def __init__(self, modem: Modem, rng: np.random.Generator) -> None:
         self.modem = modem
@@ -104,7 +107,9 @@ class BrownOut(Hang):
 
 
 class SilentReset(Fault):
-    """A restart that says nothing, as that of a modem that waits for the first AT to find its rate."""
+    """A restart that says nothing, as that of a modem that waits for the first AT to find its
+    rate.
+    """
 
     def begin(self) -> bytes:
         self.modem.restart()
@@ -201,7 +206,13 @@ class Misbehaving:
     """A modem with one fault from `start_s` to `end_s` of the walk; itself a modem."""
 
     def __init__(
-        self, modem: Modem, fault: str, start_s: float, end_s: float, now_s: Callable[[], float], seed: int = 0
+        self,
+        modem: Modem,
+        fault: str,
+        start_s: float,
+        end_s: float,
+        now_s: Callable[[], float],
+        seed: int = 0,
     ) -> None:
         self._modem = modem
         self._fault = FAULTS[fault](modem, np.random.default_rng(seed))
@@ -215,7 +226,9 @@ class Misbehaving:
         out = self._turn()
         if self._stage != 1:
             return out + self._modem.feed(data)
-        return out + self._fault.said(self._modem.feed(self._fault.heard(data)), self._now_s() - self._start_s)
+        return out + self._fault.said(
+            self._modem.feed(self._fault.heard(data)), self._now_s() - self._start_s
+        )
 
     def unasked(self) -> bytes:
         """What it writes by itself since the last call."""

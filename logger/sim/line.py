@@ -11,8 +11,9 @@ PAUSE_S = 0.02
 class PtyLine:
     """Reads and writes until `stop` is set; nobody at the far end is a normal state.
 
-    What is written while the far end is open is kept for whoever has opened it; a program that flushes the port as it
-    opens it, as pyserial does by itself, loses what came before, as it would lose it of a real device.
+    What is written while the far end is open is kept for whoever has opened it; a program that
+    flushes the port as it opens it, as pyserial does by itself, loses what came before, as it would
+    lose it of a real device.
     """
 
     def __init__(self, master: int, stop: threading.Event) -> None:
@@ -33,7 +34,9 @@ class PtyLine:
             return b""
 
     def write(self, data: bytes) -> bool:
-        """Write all, as slowly as it is read; False when the far end was closed or `stop` was set before."""
+        """Write all, as slowly as it is read; False when the far end was closed or `stop` was set
+        before.
+        """
         while data:
             if self.stop.is_set() or not self._is_open():
                 return False
@@ -59,7 +62,9 @@ class PtyLine:
         return False
 
     def _wait(self, event: int, timeout_s: float) -> bool:
-        """True when ready for the event; without a far end it sleeps instead, since a hang-up is always ready."""
+        """True when ready for the event; without a far end it sleeps instead, since a hang-up is
+        always ready.
+        """
         ready = self._poll(event, timeout_s)
         if ready & event:
             return True

@@ -22,13 +22,19 @@ ALTITUDE_M = 540.0
 
 _SETTING = re.compile(r"([+#^!%*][A-Z0-9]+)=(.*)")
 _PARTS = re.compile(r'((?:[^";]|"[^"]*")+)')
-_ERROR_TEXTS = {10: "SIM not inserted", 30: "no network service", 505: "Session is not active", 516: "Not fixed now"}
+_ERROR_TEXTS = {
+    10: "SIM not inserted",
+    30: "no network service",
+    505: "Session is not active",
+    516: "Not fixed now",
+}
 
 
 class SimulatedModem:
     """One modem from power-up on; each look at the cells is a new reading with fading of its own.
 
-    `now_s` tells the seconds since the walk began, `utc_start` when that was for its receiver, which has no noise.
+    `now_s` tells the seconds since the walk began, `utc_start` when that was for its receiver,
+    which has no noise.
     """
 
     def __init__(
@@ -63,7 +69,9 @@ class SimulatedModem:
         return self._terminal.feed(data)
 
     def unasked(self) -> bytes:
-        """What it writes by itself since the last call; answers that took their time are among it."""
+        """What it writes by itself since the last call; answers that took their time are among
+        it.
+        """
         if self._terminal.busy:
             return self._terminal.finish(self._late) if self._now_s() >= self._due_s else b""
         if self._dialect.unasked is None or self._now_s() - self._told_s < UNASKED_EVERY_S:
@@ -73,7 +81,10 @@ class SimulatedModem:
         return b"" if isinstance(told, int) else framed(*told)
 
     def restart(self) -> bytes:
-        """Lose the power and come back: all settings are as at first. Returns what it says when it is ready."""
+        """Lose the power and come back: all settings are as at first.
+
+        Returns what it says when it is ready.
+        """
         self._restart()
         return framed(*self._dialect.boot)
 
@@ -83,12 +94,20 @@ class SimulatedModem:
 
     def _restart(self) -> None:
         self._terminal.restart()
-        kept = {name: value for name, value in self._settings.items() if self._dialect.settings[name].stored}
-        self._settings = {name: kind.default for name, kind in self._dialect.settings.items()} | kept
+        kept = {
+            name: value
+            for name, value in self._settings.items()
+            if self._dialect.settings[name].stored
+        }
+        self._settings = {
+            name: kind.default for name, kind in self._dialect.settings.items()
+        } | kept
         self._told_s = self._now_s()
 
     def _answer(self, line: str) -> bytes | None:
-        """Answer of a line, which may hold several commands (`AT+CSQ;+COPS?`); None where it comes later."""
+        """Answer of a line, which may hold several commands (`AT+CSQ;+COPS?`); None where it comes
+        later.
+        """
         out = b""
         takes_s = 0.0
         final = "OK"
@@ -115,9 +134,15 @@ class SimulatedModem:
         return [], "OK" if self._set(command) else "ERROR"
 
     def _listed(self, command: str) -> tuple[str, str]:
-        """Name of the command among the replies, and the argument of one that takes any (`#CSURV=`)."""
+        """Name of the command among the replies, and the argument of one that takes any
+        (`#CSURV=`).
+        """
         name, equals, argument = command.partition("=")
-        return (name + equals, argument) if name + equals in self._replies and argument else (command, "")
+        return (
+            (name + equals, argument)
+            if name + equals in self._replies and argument
+            else (command, "")
+        )
 
     def _takes_s(self, command: str) -> float:
         return self._dialect.takes_s.get(self._listed(command)[0], 0.0)
@@ -135,7 +160,9 @@ class SimulatedModem:
 
     def _error(self, code: int) -> str:
         form = self._settings["+CMEE"]
-        return "ERROR" if form == "0" else f"+CME ERROR: {code if form == '1' else _ERROR_TEXTS[code]}"
+        return (
+            "ERROR" if form == "0" else f"+CME ERROR: {code if form == '1' else _ERROR_TEXTS[code]}"
+        )
 
     def _listen(self) -> Air:
         now_s = self._now_s()

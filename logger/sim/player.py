@@ -1,4 +1,6 @@
-"""Recorded material played through a pty: an NMEA log as it is, and a modem that gives recorded replies."""
+"""Recorded material played through a pty: an NMEA log as it is, and a modem that gives recorded
+replies.
+"""
 
 import threading
 from collections.abc import Sequence
@@ -13,9 +15,11 @@ FINAL_BEGINNINGS = (b"+CME ERROR:", b"+CMS ERROR:")
 
 
 class NmeaPlayer:
-    """Session of a receiver that plays `data` once, at a rate in bytes per real second or as fast as it is read.
+    """Session of a receiver that plays `data` once, at a rate in bytes per real second or as fast
+    as it is read.
 
-    `finished` is set when the last byte is in the hands of the system; the reader may have some of them before itself.
+    `finished` is set when the last byte is in the hands of the system; the reader may have some of
+    them before itself.
     """
 
     def __init__(self, data: bytes, bytes_per_s: float | None = None) -> None:
@@ -37,13 +41,16 @@ class NmeaPlayer:
 
 
 class TranscriptModem:
-    """A modem that answers each `AT+CENG?` with the next recorded reply, and other settings with OK.
+    """A modem that answers each `AT+CENG?` with the next recorded reply, and other settings with
+    OK.
 
-    After the last reply it says that it hears no cell ("empty") or answers with an error ("error"). `served` counts the
-    replies given.
+    After the last reply it says that it hears no cell ("empty") or answers with an error ("error").
+    `served` counts the replies given.
     """
 
-    def __init__(self, replies: Sequence[bytes], afterwards: Literal["empty", "error"] = "empty") -> None:
+    def __init__(
+        self, replies: Sequence[bytes], afterwards: Literal["empty", "error"] = "empty"
+    ) -> None:
         self._replies = tuple(replies)
         self._afterwards = afterwards
         self._terminal = AtTerminal(self._answer)

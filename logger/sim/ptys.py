@@ -43,10 +43,11 @@ class Talking(Protocol):
 
 
 class PtyDevice:
-    """A device behind a pty, in a thread of its own between entry and exit; `path` is what the service opens.
+    """A device behind a pty, in a thread of its own between entry and exit; `path` is what the
+    service opens.
 
-    It outlives the service: the path can be closed and opened again. With `name`, a link to the pty, it can also be
-    pulled out and plugged in again, which gives it another pty.
+    It outlives the service: the path can be closed and opened again. With `name`, a link to the
+    pty, it can also be pulled out and plugged in again, which gives it another pty.
     """
 
     def __init__(self, session: Session, name: Path | None = None) -> None:
@@ -59,7 +60,10 @@ class PtyDevice:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._close()
 
@@ -108,7 +112,9 @@ def answering(device: Answering) -> Session:
 
 
 def talking(device: Talking, time: WalkTime) -> Session:
-    """Session of a receiver: writes an epoch at each second of the walk, also when nobody listens."""
+    """Session of a receiver: writes an epoch at each second of the walk, also when nobody
+    listens.
+    """
 
     def session(line: PtyLine) -> None:
         t_s = 0.0

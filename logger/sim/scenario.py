@@ -17,15 +17,36 @@ ORIGIN_LAT_DEG, ORIGIN_LON_DEG = 46.9480, 7.4474
 UTC_START = datetime(2024, 5, 14, 9, 0, tzinfo=UTC)
 COLD_START_S = 30.0
 
-# A small transmitter between the streets that the walk takes, and rooftop cells around them. 001-01 is
-# the test network of ITU-T E.212.
-ROGUE = Transmitter(130.0, 100.0, p0_dbm=-15.0, eta=3.0, mcc="001", mnc="01", lac=0x7D01, cid=0x1A2B, arfcn=54, bsic=9)
+# A small transmitter between the streets that the walk takes, and rooftop cells around them. 001-01
+# is the test network of ITU-T E.212.
+ROGUE = Transmitter(
+    130.0,
+    100.0,
+    p0_dbm=-15.0,
+    eta=3.0,
+    mcc="001",
+    mnc="01",
+    lac=0x7D01,
+    cid=0x1A2B,
+    arfcn=54,
+    bsic=9,
+)
 CELLS = (
-    Transmitter(-150.0, 120.0, -10.0, 3.0, "001", "01", 0x0113, 0x4E72, arfcn=21, bsic=8, height_m=25.0),
-    Transmitter(330.0, 290.0, -12.0, 3.1, "001", "01", 0x0113, 0xA53F, arfcn=37, bsic=25, height_m=30.0),
-    Transmitter(420.0, -220.0, -8.0, 3.0, "001", "01", 0x0113, 0x4E71, arfcn=80, bsic=20, height_m=22.0),
-    Transmitter(-330.0, -420.0, -5.0, 2.9, "001", "01", 0x0114, 0x5E58, arfcn=86, bsic=40, height_m=35.0),
-    Transmitter(60.0, 930.0, -6.0, 3.0, "001", "01", 0x0114, 0x4F2F, arfcn=11, bsic=62, height_m=40.0),
+    Transmitter(
+        -150.0, 120.0, -10.0, 3.0, "001", "01", 0x0113, 0x4E72, arfcn=21, bsic=8, height_m=25.0
+    ),
+    Transmitter(
+        330.0, 290.0, -12.0, 3.1, "001", "01", 0x0113, 0xA53F, arfcn=37, bsic=25, height_m=30.0
+    ),
+    Transmitter(
+        420.0, -220.0, -8.0, 3.0, "001", "01", 0x0113, 0x4E71, arfcn=80, bsic=20, height_m=22.0
+    ),
+    Transmitter(
+        -330.0, -420.0, -5.0, 2.9, "001", "01", 0x0114, 0x5E58, arfcn=86, bsic=40, height_m=35.0
+    ),
+    Transmitter(
+        60.0, 930.0, -6.0, 3.0, "001", "01", 0x0114, 0x4F2F, arfcn=11, bsic=62, height_m=40.0
+    ),
 )
 BLOCK = (
     (-120.0, -100.0), (-120.0, 80.0), (110.0, 80.0), (110.0, 200.0), (-40.0, 200.0), (-40.0, 330.0), (330.0, 330.0),
@@ -35,7 +56,9 @@ BLOCK = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scenario:
-    """Everything that a simulated walk needs; the same seed gives the same walk to the last digit of each epoch."""
+    """Everything that a simulated walk needs; the same seed gives the same walk to the last digit
+    of each epoch.
+    """
 
     name: str
     world: World
@@ -46,14 +69,20 @@ class Scenario:
     target: Transmitter
 
     def modem(self, now_s: Callable[[], float], name: str = "sim800") -> SimulatedModem:
-        """The modem that is carried, by its name in `DIALECTS`; `now_s` tells the seconds since the walk began."""
+        """The modem that is carried, by its name in `DIALECTS`; `now_s` tells the seconds since the
+        walk began.
+        """
         rng = np.random.default_rng([self.seed, 1])
-        return SimulatedModem(DIALECTS[name], self.world, self.walk, now_s, rng, utc_start=self.utc_start)
+        return SimulatedModem(
+            DIALECTS[name], self.world, self.walk, now_s, rng, utc_start=self.utc_start
+        )
 
     def receiver(self, cold_start_s: float = COLD_START_S) -> SimulatedReceiver:
         """The receiver that is carried."""
         rng = np.random.default_rng([self.seed, 2])
-        return SimulatedReceiver(self.world, self.walk, self.utc_start, rng, cold_start_s=cold_start_s)
+        return SimulatedReceiver(
+            self.world, self.walk, self.utc_start, rng, cold_start_s=cold_start_s
+        )
 
 
 def scenario(name: str = DEFAULT, seed: int = 1, duration_s: float | None = None) -> Scenario:
@@ -62,7 +91,9 @@ def scenario(name: str = DEFAULT, seed: int = 1, duration_s: float | None = None
         raise ValueError(f"no scenario {name!r}; there are {', '.join(SCENARIOS)}")
     radio = SCENARIOS[name]
     walk = Walk(BLOCK)
-    world = World.build((ROGUE, *CELLS), ORIGIN_LAT_DEG, ORIGIN_LON_DEG, radio, np.random.default_rng([seed, 0]))
+    world = World.build(
+        (ROGUE, *CELLS), ORIGIN_LAT_DEG, ORIGIN_LON_DEG, radio, np.random.default_rng([seed, 0])
+    )
     lasts_s = walk.duration_s if duration_s is None else duration_s
     return Scenario(name, world, walk, seed, UTC_START, lasts_s, target=ROGUE)
 

@@ -1,4 +1,6 @@
-"""The command line of a modem (ITU-T V.250): echo, carriage returns and the frame around answers."""
+"""The command line of a modem (ITU-T V.250): echo, carriage returns and the frame around
+answers.
+"""
 
 from collections.abc import Callable
 
@@ -8,10 +10,11 @@ MAX_COMMAND = 556  # SIM800 AT Command Manual V1.09, 1.4
 
 
 class AtTerminal:
-    """Bytes in, echo and answers out; `answer` is given each command line and returns the framed answer.
+    """Bytes in, echo and answers out; `answer` is given each command line and returns the framed
+    answer.
 
-    It returns None for an answer that takes its time: then nothing is read until `finish`, or, where commands are
-    `abortable` (V.250 5.6.1), the next character ends the command.
+    It returns None for an answer that takes its time: then nothing is read until `finish`, or,
+    where commands are `abortable` (V.250 5.6.1), the next character ends the command.
     """
 
     def __init__(self, answer: Callable[[str], bytes | None], *, abortable: bool = False) -> None:
@@ -30,7 +33,9 @@ class AtTerminal:
         self.echo = True
 
     def feed(self, data: bytes) -> bytes:
-        """What the modem writes back; a command ends with its carriage return, line feeds mean nothing."""
+        """What the modem writes back; a command ends with its carriage return, line feeds mean
+        nothing.
+        """
         out = bytearray()
         self._waiting += data
         if self.busy and self._abortable and self._waiting:

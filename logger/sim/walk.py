@@ -40,10 +40,14 @@ class Walk:
         corners = np.asarray(self.waypoints, float)
         walked_m = np.asarray(t_s, float) * self.speed_mps
         distances_m = self._distances_m()
-        return np.interp(walked_m, distances_m, corners[:, 0]), np.interp(walked_m, distances_m, corners[:, 1])
+        return np.interp(walked_m, distances_m, corners[:, 0]), np.interp(
+            walked_m, distances_m, corners[:, 1]
+        )
 
     def motion(self, t_s: float) -> tuple[float, float]:
-        """Speed in m/s, zero before and after the walk, and course in degrees from north of the leg under way."""
+        """Speed in m/s, zero before and after the walk, and course in degrees from north of the leg
+        under way.
+        """
         leg = int(np.searchsorted(self._distances_m(), t_s * self.speed_mps, side="right"))
         leg = min(max(leg, 1), len(self.waypoints) - 1)
         (east_0, north_0), (east_1, north_1) = self.waypoints[leg - 1 : leg + 1]
@@ -59,8 +63,8 @@ class Walk:
 def waypoints(shape: str, size_m: float, rng: np.random.Generator) -> Waypoints:
     """Waypoints of a named shape that begins at the origin; only "random" uses the generator.
 
-    `size_m` is the leg of the L and of the straight walk, the side of the square and of the quarter that the random
-    walk stays in, and the diameter of the circle.
+    `size_m` is the leg of the L and of the straight walk, the side of the square and of the quarter
+    that the random walk stays in, and the diameter of the circle.
     """
     if shape not in SHAPES:
         raise ValueError(f"no walk has the shape {shape!r}; there are {', '.join(SHAPES)}")
@@ -83,7 +87,9 @@ def _circle(size_m: float, _: np.random.Generator) -> Waypoints:
     """Clockwise, beginning in the west."""
     turns = np.linspace(0.0, 2.0 * np.pi, CIRCLE_CORNERS + 1)
     radius_m = size_m / 2.0
-    return tuple((float(radius_m * (1.0 - np.cos(turn))), float(radius_m * np.sin(turn))) for turn in turns)
+    return tuple(
+        (float(radius_m * (1.0 - np.cos(turn))), float(radius_m * np.sin(turn))) for turn in turns
+    )
 
 
 def _random(size_m: float, rng: np.random.Generator) -> Waypoints:

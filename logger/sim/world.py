@@ -37,7 +37,8 @@ class Transmitter:
 class Radio:
     """How levels scatter and what a receiver can tell apart.
 
-    `floor_dbm` is where GSM's RXLEV begins (3GPP TS 45.008 8.1.4), `step_db` its resolution; 0 means no rounding.
+    `floor_dbm` is where GSM's RXLEV begins (3GPP TS 45.008 8.1.4), `step_db` its resolution; 0
+    means no rounding.
     """
 
     shadowing_sigma_db: float = 6.0
@@ -49,7 +50,9 @@ class Radio:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """Transmitters around an origin; the first axis of levels is the transmitter, the others are of the places."""
+    """Transmitters around an origin; the first axis of levels is the transmitter, the others are of
+    the places.
+    """
 
     transmitters: tuple[Transmitter, ...]
     origin_lat_deg: float
@@ -67,20 +70,29 @@ class World:
         rng: np.random.Generator,
     ) -> Self:
         """A world whose shadowing is drawn from the generator."""
-        shadowing = tuple(Shadowing.draw(radio.shadowing_sigma_db, radio.decorrelation_m, rng) for _ in transmitters)
+        shadowing = tuple(
+            Shadowing.draw(radio.shadowing_sigma_db, radio.decorrelation_m, rng)
+            for _ in transmitters
+        )
         return cls(transmitters, origin_lat_deg, origin_lon_deg, radio, shadowing)
 
     def levels_dbm(self, east_m: FloatArray, north_m: FloatArray) -> FloatArray:
         """Levels by the formula alone."""
-        return np.stack([_level_dbm(transmitter, east_m, north_m) for transmitter in self.transmitters])
+        return np.stack(
+            [_level_dbm(transmitter, east_m, north_m) for transmitter in self.transmitters]
+        )
 
     def shadowed_dbm(self, east_m: FloatArray, north_m: FloatArray) -> FloatArray:
         """Levels that the place decides: by the formula and with shadowing."""
         shadows_db = np.stack([shadowing.at_db(east_m, north_m) for shadowing in self.shadowing])
         return self.levels_dbm(east_m, north_m) + shadows_db
 
-    def heard_dbm(self, east_m: FloatArray, north_m: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Levels of one reading at each place: with fading, rounded, and the floor where they are below it."""
+    def heard_dbm(
+        self, east_m: FloatArray, north_m: FloatArray, rng: np.random.Generator
+    ) -> FloatArray:
+        """Levels of one reading at each place: with fading, rounded, and the floor where they are
+        below it.
+        """
         level_dbm = self.shadowed_dbm(east_m, north_m)
         level_dbm = level_dbm + rng.normal(0.0, self.radio.fading_sigma_db, level_dbm.shape)
         if self.radio.step_db > 0.0:
@@ -98,11 +110,17 @@ class World:
         return float(east_m), float(north_m)
 
     def _projection(self) -> Proj:
-        # Azimuthal equidistant: distances from the origin are true, those of UTM are up to 0.04 % shorter.
-        # Made anew for each use, as one must not be shared by threads.
-        return Proj(proj="aeqd", lat_0=self.origin_lat_deg, lon_0=self.origin_lon_deg, ellps="WGS84")
+        # Azimuthal equidistant: distances from the origin are true, those of UTM are up to 0.04 %
+        # shorter. Made anew for each use, as one must not be shared by threads.
+        return Proj(
+            proj="aeqd", lat_0=self.origin_lat_deg, lon_0=self.origin_lon_deg, ellps="WGS84"
+        )
 
 
 def _level_dbm(transmitter: Transmitter, east_m: FloatArray, north_m: FloatArray) -> FloatArray:
-    flat_m = np.hypot(np.asarray(east_m) - transmitter.east_m, np.asarray(north_m) - transmitter.north_m)
-    return transmitter.p0_dbm - transmitter.eta * log_distance_db(flat_m, np.full_like(flat_m, transmitter.height_m))
+    flat_m = np.hypot(
+        np.asarray(east_m) - transmitter.east_m, np.asarray(north_m) - transmitter.north_m
+    )
+    return transmitter.p0_dbm - transmitter.eta * log_distance_db(
+        flat_m, np.full_like(flat_m, transmitter.height_m)
+    )

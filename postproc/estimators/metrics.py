@@ -1,7 +1,7 @@
 """Is an estimator as good as it says: NEES, NIS, whiteness.
 
-Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, sec. 5.4: for a consistent
-estimator the normalised errors are chi-square distributed, and innovations are white.
+Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, sec. 5.4: for
+a consistent estimator the normalised errors are chi-square distributed, and innovations are white.
 """
 
 from math import nan, sqrt
@@ -22,9 +22,10 @@ _WHITE_SIGMAS = 1.96
 class Consistency(NamedTuple):
     """A filter's innovations against what it claims of them.
 
-    `n` readings were used and `n_at_limit` of them only said that the level is beyond the modem's limit. The mean NIS
-    of the others lies in `nis_bounds` in 95 % of honest filters. `autocorrelation` (lags 1 to 20 or fewer) of the
-    normalised innovations lies within +-`white_bound` at 95 % of the lags if they are white.
+    `n` readings were used and `n_at_limit` of them only said that the level is beyond the modem's
+    limit. The mean NIS of the others lies in `nis_bounds` in 95 % of honest filters.
+    `autocorrelation` (lags 1 to 20 or fewer) of the normalised innovations lies within
+    +-`white_bound` at 95 % of the lags if they are white.
     """
 
     n: int
@@ -36,7 +37,9 @@ class Consistency(NamedTuple):
 
 
 def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Normalised estimation error squared e' P^-1 e, shape (n,), of errors (n, k) and covariances (n, k, k)."""
+    """Normalised estimation error squared e' P^-1 e, shape (n,), of errors (n, k) and covariances
+    (n, k, k).
+    """
     weighted = np.linalg.solve(covariance, error[..., None])[..., 0]
     return np.asarray(np.sum(error * weighted, axis=-1), float)
 
@@ -47,11 +50,14 @@ def mean_bounds(count: int, dof: int = 1, level: float = 0.95) -> tuple[float, f
     `count` is the number of independent values: of runs for NEES, of readings for NIS.
     """
     tail = 0.5 * (1.0 - level)
-    return float(chi2.ppf(tail, count * dof) / count), float(chi2.ppf(1.0 - tail, count * dof) / count)
+    return float(chi2.ppf(tail, count * dof) / count), float(
+        chi2.ppf(1.0 - tail, count * dof) / count
+    )
 
 
 def autocorrelation(values: FloatArray, lags: int) -> FloatArray:
-    """Autocorrelation of a series (n,) at lags 0 to `lags`, at most n - 1; biased estimate, so that it is a covariance.
+    """Autocorrelation of a series (n,) at lags 0 to `lags`, at most n - 1; biased estimate, so that
+    it is a covariance.
 
     0 beyond lag 0 where the series says nothing (constant or fewer than 3).
     """
@@ -66,7 +72,9 @@ def autocorrelation(values: FloatArray, lags: int) -> FloatArray:
 
 
 def lag1(values: FloatArray) -> float:
-    """Autocorrelation of neighbours in a series (n,); 0 where it says nothing (constant or fewer than 3)."""
+    """Autocorrelation of neighbours in a series (n,); 0 where it says nothing (constant or fewer
+    than 3).
+    """
     off = values - np.mean(values) if len(values) else values
     power = float(off @ off)
     if len(values) < 3 or power <= 0.0:
@@ -75,7 +83,9 @@ def lag1(values: FloatArray) -> float:
 
 
 def consistency(innovation_db: FloatArray, variance_db2: FloatArray) -> Consistency:
-    """What the innovations (n,) and their variances (n,) say of a filter; NaN for readings at the modem's limit."""
+    """What the innovations (n,) and their variances (n,) say of a filter; NaN for readings at the
+    modem's limit.
+    """
     normalised = (innovation_db / np.sqrt(variance_db2))[np.isfinite(innovation_db)]
     count = len(normalised)
     return Consistency(

@@ -1,9 +1,11 @@
-"""What an estimate leaves unexplained: the readings against the model, and in plain words what that tells.
+"""What an estimate leaves unexplained: the readings against the model, and in plain words what that
+tells.
 
-A residual is level minus model, positive where the cell is stronger than the model says. A trend against log-distance
-means that the exponent changes on the way, one against azimuth that the antenna has a direction. In 1200 simulated
-walks through honest worlds (3 dB white; 6 dB decorrelating over 15 or 60 m, with and without white noise) outliers were
-named in 1 to 4 %, a changing exponent in 0 to 3 % and a sector in 0 to 1 %.
+A residual is level minus model, positive where the cell is stronger than the model says. A trend
+against log-distance means that the exponent changes on the way, one against azimuth that the
+antenna has a direction. In 1200 simulated walks through honest worlds (3 dB white; 6 dB
+decorrelating over 15 or 60 m, with and without white noise) outliers were named in 1 to 4 %, a
+changing exponent in 0 to 3 % and a sector in 0 to 1 %.
 """
 
 from dataclasses import dataclass
@@ -14,11 +16,11 @@ from scipy.stats import kurtosis, norm, skew
 
 from logger.core.arrays import FloatArray
 from logger.core.observations import CellObservations
-from postproc.estimators import batch, trends
-from postproc.estimators.correlated import ResidualNoise
-from postproc.estimators.filtered import Filtered
+from postproc.estimators import least_squares, residual_trends
+from postproc.estimators.filters import Filtered
 from postproc.estimators.metrics import Consistency, consistency, lag1, mean_bounds
-from postproc.estimators.trends import Bend, Bins, Ground, Sector
+from postproc.estimators.residual_covariance import ResidualNoise
+from postproc.estimators.residual_trends import Bend, Bins, Ground, Sector
 
 _FEWEST = 20
 _DISTANCE_BINS = 8
@@ -45,10 +47,12 @@ class Outlier(NamedTuple):
 class Residuals:
     """Residuals of a state (n,) and what they look like; NaN for readings at the modem's limit.
 
-    `sigma_db` is robust; of normal noise `skewness` and `excess_kurtosis` are 0 and `beyond_3_sigma` is 0.0027. `lag1`
-    is the correlation of neighbours, `correlated` the probability that it is real, `decorrelation_m` the way along the
-    walk after which it falls below 1/e, `independent` how many independent readings these are worth at most. `bend`
-    and `sector` are the likeliest trends, None where the walk cannot tell; `innovations` are a filter's, None without.
+    `sigma_db` is robust; of normal noise `skewness` and `excess_kurtosis` are 0 and
+    `beyond_3_sigma` is 0.0027. `lag1` is the correlation of neighbours, `correlated` the
+    probability that it is real, `decorrelation_m` the way along the walk after which it falls below
+    1/e, `independent` how many independent readings these are worth at most. `bend` and `sector`
+    are the likeliest trends, None where the walk cannot tell; `innovations` are a filter's, None
+    without.
     """
 
     residual_db: FloatArray
@@ -74,14 +78,20 @@ class Residuals:
 
 
 def diagnose(
-    state: FloatArray, obs: CellObservations, filtered: Filtered | None = None, *, height_m: float = 0.0
+    state: FloatArray,
+    obs: CellObservations,
+    filtered: Filtered | None = None,
+    *,
+    height_m: float = 0.0,
 ) -> Residuals:
-    """Residuals of any estimate [x, y, P0, eta] over the readings of its cell, and the innovations of its filter.
+    """Residuals of any estimate [x, y, P0, eta] over the readings of its cell, and the innovations
+    of its filter.
 
-    Fewer than 20 levels, or levels that fit to their rounding, are listed and not judged. A level that those around it
-    do not share is named where it is an outlier, and has no part in what is said of the others.
+    Fewer than 20 levels, or levels that fit to their rounding, are listed and not judged. A level
+    that those around it do not share is named where it is an outlier, and has no part in what is
+    said of the others.
     """
-    residual = np.where(obs.limit == 0, -batch.residuals(state, obs, height_m), np.nan)
+    residual = np.where(obs.limit == 0, -least_squares.residuals(state, obs, height_m), np.nan)
     shared = residual.copy()
     shared[[spike.k for spike in obs.spikes()]] = np.nan
     ground = _ground(state, obs, shared, height_m)
@@ -91,9 +101,23 @@ def diagnose(
     if len(e) < _FEWEST or float(np.std(e)) < _ROUNDING_DB:
         nan = float("nan")
         return Residuals(
-            residual, sigma_db, nan, nan, nan, nan, nan, nan, float(len(e)), None, None, None, None, innovations, ()
+            residual,
+            sigma_db,
+            nan,
+            nan,
+            nan,
+            nan,
+            nan,
+            nan,
+            float(len(e)),
+            None,
+            None,
+            None,
+            None,
+            innovations,
+            (),
         )
-    noise = trends.noise_of(ground)
+    noise = residual_trends.noise_of(ground)
     decorrelation_m, way_m = _correlation_lengths_m(ground)
     return Residuals(
         residual,
@@ -107,29 +131,39 @@ def diagnose(
         independent=float(np.clip(0.5 * way_m / max(decorrelation_m, 1e-9), 1.0, len(e))),
         by_distance=_by_distance(ground, noise),
         by_azimuth=_by_azimuth(ground, noise),
-        bend=trends.bend(ground),
-        sector=trends.sector(ground),
+        bend=residual_trends.bend(ground),
+        sector=residual_trends.sector(ground),
         innovations=innovations,
         outliers=_outliers(residual, sigma_db, obs),
     )
 
 
-def _ground(state: FloatArray, obs: CellObservations, residual: FloatArray, height_m: float) -> Ground:
+def _ground(
+    state: FloatArray, obs: CellObservations, residual: FloatArray, height_m: float
+) -> Ground:
     level = np.isfinite(residual)
     dx, dy = obs.x_m - state[0], obs.y_m - state[1]
-    design = batch.jacobian(state, obs, height_m)
+    design = least_squares.jacobian(state, obs, height_m)
     columns = (obs.x_m, obs.y_m, residual, -design[:, 3], np.arctan2(dx, dy), design)
     return Ground(*(column[level] for column in columns))
 
 
 def _correlation_lengths_m(ground: Ground) -> tuple[float, float]:
-    """Way over which the autocorrelation of residuals falls to 1/e, or the whole way; and the whole way."""
-    way_m = np.cumsum(np.hypot(np.diff(ground.x_m, prepend=ground.x_m[0]), np.diff(ground.y_m, prepend=ground.y_m[0])))
+    """Way over which the autocorrelation of residuals falls to 1/e, or the whole way; and the whole
+    way.
+    """
+    way_m = np.cumsum(
+        np.hypot(
+            np.diff(ground.x_m, prepend=ground.x_m[0]), np.diff(ground.y_m, prepend=ground.y_m[0])
+        )
+    )
     whole_m, steps = float(way_m[-1]), min(len(way_m), _MOST_STEPS)
     number = np.minimum((way_m / max(whole_m, 1e-9) * steps).astype(np.int64), steps - 1)
     there = np.bincount(number, minlength=steps)
     mean = np.bincount(number, ground.e_db - np.mean(ground.e_db), steps) / np.maximum(there, 1)
-    products, pairs = (np.correlate(v, v, "full")[steps - 1 :] for v in (mean, (there > 0).astype(float)))
+    products, pairs = (
+        np.correlate(v, v, "full")[steps - 1 :] for v in (mean, (there > 0).astype(float))
+    )
     lag = np.flatnonzero(pairs >= 0.5)
     correlation = products[lag] / pairs[lag] / max(float(products[0] / pairs[0]), 1e-12)
     below = int(np.argmax(correlation < np.exp(-1.0)))
@@ -140,15 +174,19 @@ def _correlation_lengths_m(ground: Ground) -> tuple[float, float]:
 
 
 def _by_distance(ground: Ground, noise: ResidualNoise) -> Bins:
-    edges = np.linspace(np.min(ground.distance_db), np.max(ground.distance_db) + 1e-9, _DISTANCE_BINS + 1)
-    number = np.clip(np.searchsorted(edges, ground.distance_db, side="right") - 1, 0, _DISTANCE_BINS - 1)
-    return trends.binned(ground, noise, number, 10.0 ** (0.05 * (edges[1:] + edges[:-1])))
+    edges = np.linspace(
+        np.min(ground.distance_db), np.max(ground.distance_db) + 1e-9, _DISTANCE_BINS + 1
+    )
+    number = np.clip(
+        np.searchsorted(edges, ground.distance_db, side="right") - 1, 0, _DISTANCE_BINS - 1
+    )
+    return residual_trends.binned(ground, noise, number, 10.0 ** (0.05 * (edges[1:] + edges[:-1])))
 
 
 def _by_azimuth(ground: Ground, noise: ResidualNoise) -> Bins:
     edges = np.linspace(0.0, 360.0, _AZIMUTH_BINS + 1)
     number = (np.degrees(ground.azimuth) % 360.0 / edges[1]).astype(np.int64) % _AZIMUTH_BINS
-    return trends.binned(ground, noise, number, 0.5 * (edges[1:] + edges[:-1]))
+    return residual_trends.binned(ground, noise, number, 0.5 * (edges[1:] + edges[:-1]))
 
 
 def _innovations(filtered: Filtered | None) -> Consistency | None:
@@ -158,7 +196,9 @@ def _innovations(filtered: Filtered | None) -> Consistency | None:
 
 
 def _outliers(residual: FloatArray, sigma_db: float, obs: CellObservations) -> tuple[Outlier, ...]:
-    """Readings further out than the furthest of as many normal ones nearly ever is, the largest first."""
+    """Readings further out than the furthest of as many normal ones nearly ever is, the largest
+    first.
+    """
     sigmas = np.abs(residual) / sigma_db
     limit = norm.isf(0.5 * _OUTLIER_CHANCE / len(residual))
     found = np.flatnonzero(sigmas > limit)
@@ -206,8 +246,11 @@ def _filter_findings(found: Residuals) -> list[str]:
     seen = found.innovations
     if seen is None or seen.n <= seen.n_at_limit:
         return []
-    # correlated innovations say less of their mean square than their number: squares correlate by rho^2
+    # correlated innovations say less of their mean square than their number: squares correlate by
+    # rho^2
     free = (seen.n - seen.n_at_limit) / (1.0 + 2.0 * float(np.sum(np.square(seen.autocorrelation))))
     if seen.mean_nis <= mean_bounds(max(round(free), 1))[1]:
         return []
-    return [f"the filter is too sure of itself: its innovations squared are {seen.mean_nis:.1f} times what it expects"]
+    return [
+        f"the filter is too sure of itself: its innovations squared are {seen.mean_nis:.1f} times what it expects"
+    ]

@@ -1,21 +1,23 @@
 """Where the walker was: the fixes of a run smoothed, with a sigma that is true.
 
-Each axis has the state [p, v, b]: place, velocity, and the wandering part of the receiver's error in units of its own
-sigma s. Acceleration is white with density q, b is a first-order Gauss-Markov process:
+Each axis has the state [p, v, b]: place, velocity, and the wandering part of the receiver's error
+in units of its own sigma s. Acceleration is white with density q, b is a first-order Gauss-Markov
+process:
 
     p' = p + v dt,    v' = v,    cov(p', v') = q [[dt^3 / 3, dt^2 / 2], [dt^2 / 2, dt]]
     b' = a b,         var b' = 1 - a^2,    a = exp(-dt / WANDER_S)
     z_p = p + s b + white noise,           z_v = v + white noise
 
-A fix of claimed sigma has three errors. The white one is smoothed away as far as the motion allows; the wandering one
-averages out only where somebody stands for minutes; the lasting one shows in no data of a run and is added to what is
-returned. q and the white share are those of a small set under which the fixes are likeliest. Both axes have the same
-covariances, so one recursion serves the two.
+A fix of claimed sigma has three errors. The white one is smoothed away as far as the motion allows;
+the wandering one averages out only where somebody stands for minutes; the lasting one shows in no
+data of a run and is added to what is returned. q and the white share are those of a small set under
+which the fixes are likeliest. Both axes have the same covariances, so one recursion serves the two.
 
-Defaults: receivers at rest (Telit HE910, Quectel L76K; 2 to 3 minutes) had 0.01 to 0.07 m of white noise and wandered
-by 0.15 to 1.2 m, half of it forgotten after some 20 s, where HDOP claimed 3 to 6 m; one in motion (Quectel EG25-G) had
-6 m of white noise. Over 20 days the errors of a Garmin lost correlation fast within a minute and slowly over an hour
-(D. L. Wilson, "Correlation of errors", erols.com/dlwilson).
+Defaults: receivers at rest (Telit HE910, Quectel L76K; 2 to 3 minutes) had 0.01 to 0.07 m of white
+noise and wandered by 0.15 to 1.2 m, half of it forgotten after some 20 s, where HDOP claimed 3 to 6
+m; one in motion (Quectel EG25-G) had 6 m of white noise. Over 20 days the errors of a Garmin lost
+correlation fast within a minute and slowly over an hour (D. L. Wilson, "Correlation of errors",
+erols.com/dlwilson).
 """
 
 from collections.abc import Callable
@@ -32,17 +34,23 @@ from logger.core.rows import Rows
 from postproc.estimators.walker_kalman import Model, Series, excess_variance, score, smooth
 
 USABLE_SIGMA_M = 20.0
-"""A place less certain than this per axis is better left out; proposed in the place of a longest gap."""
+"""A place less certain than this per axis is better left out; proposed in the place of a longest
+gap.
+"""
 VELOCITY_SIGMA_MPS = 0.3
 """Per axis, of velocities a second apart; more of them tell no more."""
 WANDER_S = 60.0
 LASTING_SHARE = 0.5
 """Share of the slow variance that lasts longer than a run."""
 GAP_FACTOR = 4.0
-"""Factor on q where fixes are more than MAX_GAP_S apart: in half a minute people turn and stop more than their seconds
-tell. Of gaps of 10 to 120 s cut into 30 logs, the 95 % circle then held 98 % on foot, 95 % by bike, 89 % in a car."""
+"""Factor on q where fixes are more than MAX_GAP_S apart: in half a minute people turn and stop more
+than their seconds tell. Of gaps of 10 to 120 s cut into 30 logs, the 95 % circle then held 98 % on
+foot, 95 % by bike, 89 % in a car.
+"""
 ACCELERATIONS_M2S3 = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
-"""Candidates of q: the logs of people on foot chose 0.01 to 0.3 mostly, bikes 0.1 to 0.3, cars 1 to 3."""
+"""Candidates of q: the logs of people on foot chose 0.01 to 0.3 mostly, bikes 0.1 to 0.3, cars 1 to
+3.
+"""
 WHITE_SHARES = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 """Candidates of the sigma of the white part by the claimed sigma."""
 
@@ -55,7 +63,9 @@ _LONGEST_STEP_S = 3600.0  # beyond it nothing is known, and floats would lose th
 
 
 class Velocities(NamedTuple):
-    """Velocity towards grid east and north at each fix of a track, shape (n,); sigma is infinite where unknown."""
+    """Velocity towards grid east and north at each fix of a track, shape (n,); sigma is infinite
+    where unknown.
+    """
 
     east_mps: FloatArray
     north_mps: FloatArray
@@ -75,9 +85,10 @@ class Places(NamedTuple):
 class SmoothedTrack:
     """The walk between and beyond the fixes of `track`.
 
-    `accel_m2s3` (q) and `white_share` are what the fixes chose. `outlier` (n,) marks fixes more than five sigma from
-    where all others put the walker: they are hardly used, and where three or more follow each other nobody knows which
-    side is right, so the distance is part of the sigma there.
+    `accel_m2s3` (q) and `white_share` are what the fixes chose. `outlier` (n,) marks fixes more
+    than five sigma from where all others put the walker: they are hardly used, and where three or
+    more follow each other nobody knows which side is right, so the distance is part of the sigma
+    there.
     """
 
     track: Track
@@ -97,7 +108,11 @@ class SmoothedTrack:
         fix_s, t_s = _clock_s(self.track, self.track.t_ns), _clock_s(self.track, t_ns)
         mean, variance = _between(fix_s, self.series, self.accel_m2s3, t_s)
         lasting_m = sqrt(LASTING_SHARE * _slow_share(self.white_share)) * _claimed_m(self.track)
-        variance = variance + np.interp(t_s, fix_s, lasting_m) ** 2 + np.interp(t_s, fix_s, self.doubt_m) ** 2
+        variance = (
+            variance
+            + np.interp(t_s, fix_s, lasting_m) ** 2
+            + np.interp(t_s, fix_s, self.doubt_m) ** 2
+        )
         x_m, y_m = mean.T + np.array([[self.track.x_m[0]], [self.track.y_m[0]]])
         return Places(x_m, y_m, variance[:, None, None] * np.eye(2), np.sqrt(variance))
 
@@ -109,12 +124,16 @@ def place(obs: CellObservations, walker: SmoothedTrack) -> CellObservations:
 
 
 def velocities(fixes: Rows, track: Track) -> Velocities:
-    """Speed and course from the table `fixes`, joined to a track by record number; unknown where the table has none.
+    """Speed and course from the table `fixes`, joined to a track by record number; unknown where
+    the table has none.
 
-    Receivers print no course at rest: slower than 0.5 m/s the velocity then is zero, give or take the speed.
+    Receivers print no course at rest: slower than 0.5 m/s the velocity then is zero, give or take
+    the speed.
     """
     order = np.argsort(fixes["seq"])
-    row = fixes[order[np.minimum(np.searchsorted(fixes["seq"], track.seq, sorter=order), len(fixes) - 1)]]
+    row = fixes[
+        order[np.minimum(np.searchsorted(fixes["seq"], track.seq, sorter=order), len(fixes) - 1)]
+    ]
     speed = np.where(row["seq"] == track.seq, row["speed_mps"], np.nan)
     still = ~np.isfinite(row["course_deg"]) & (speed < _STILL_MPS)
     moving = np.isfinite(speed * row["course_deg"])
@@ -125,7 +144,9 @@ def velocities(fixes: Rows, track: Track) -> Velocities:
 
 
 def _convergence(row: Rows, track: Track) -> FloatArray:
-    """Azimuth of grid north in radians: tan = tan(dlon) sin(lat), dlon from the middle of the zone."""
+    """Azimuth of grid north in radians: tan = tan(dlon) sin(lat), dlon from the middle of the
+    zone.
+    """
     middle_deg = 6.0 * abs(track.utm.zone) - 183.0
     dlon = np.radians((row["lon_deg"] - middle_deg + 180.0) % 360.0 - 180.0)
     return np.asarray(np.arctan(np.tan(dlon) * np.sin(np.radians(row["lat_deg"]))), float)
@@ -148,11 +169,15 @@ def smooth_track(track: Track, velocity: Velocities | None = None) -> SmoothedTr
 def _in_a_run(outlier: BoolArray) -> BoolArray:
     """Which outliers have others beside them, so many that it may be the rest that is wrong."""
     number = np.cumsum(~outlier)
-    return outlier & (np.bincount(number[outlier], minlength=len(outlier) + 1)[number] >= _DOUBTFUL_RUN)
+    return outlier & (
+        np.bincount(number[outlier], minlength=len(outlier) + 1)[number] >= _DOUBTFUL_RUN
+    )
 
 
 def _model(track: Track, velocity: Velocities | None, q: float, share: float) -> Model:
-    east, north, velocity_sigma = velocity or (np.zeros(len(track.t_ns)),) * 2 + (np.full(len(track.t_ns), np.inf),)
+    east, north, velocity_sigma = velocity or (np.zeros(len(track.t_ns)),) * 2 + (
+        np.full(len(track.t_ns), np.inf),
+    )
     claimed_m = _claimed_m(track)
     step_s = _steps_s(_clock_s(track, track.t_ns))
     z = np.stack([[track.x_m - track.x_m[0], east], [track.y_m - track.y_m[0], north]]).T
@@ -184,7 +209,9 @@ def _claimed_m(track: Track) -> FloatArray:
 
 
 def _slow_share(white_share: float) -> float:
-    """Slow variance by the claimed one: what is not white, but half of it where more is white than was claimed."""
+    """Slow variance by the claimed one: what is not white, but half of it where more is white than
+    was claimed.
+    """
     return max(1.0 - white_share**2, 0.5)
 
 
@@ -197,12 +224,14 @@ def _likeliest(likelihood: Callable[[float, float], float]) -> tuple[float, floa
     return q, share
 
 
-def _between(fix_s: FloatArray, series: Series, q: float, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _between(
+    fix_s: FloatArray, series: Series, q: float, t_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Mean (n, 2) and variance (n,) of the place at any times.
 
-    Given the fixes up to the one before, p(t) has a mean, a variance and a covariance u with the state just before the
-    next fix. With r and N of that fix the mean moves by u' r and the variance falls by u' N u. Before the first fix the
-    walk is the same taken backwards.
+    Given the fixes up to the one before, p(t) has a mean, a variance and a covariance u with the
+    state just before the next fix. With r and N of that fix the mean moves by u' r and the variance
+    falls by u' N u. Before the first fix the walk is the same taken backwards.
     """
     last = len(fix_s) - 1
     before = np.clip(np.searchsorted(fix_s, t_s, side="right") - 1, 0, last)

@@ -1,8 +1,10 @@
-"""Kalman filter and adjoint smoother of a walker's track, compiled; the model and its symbols are in `walker`.
+"""Kalman filter and adjoint smoother of a walker's track, compiled; the model and its symbols are
+in `walker`.
 
-The smoother inverts nothing and yields leave-one-out residuals (Bryson & Frazier 1963; de Jong, J. Amer. Statist.
-Assoc. 84(408), 1989). Symmetric matrices are their upper triangles 00 01 02 11 12 22. A fix has two measurements, the
-place with h = [1, 0, s] and the velocity with h = [0, 1, 0]; one with infinite variance is left out.
+The smoother inverts nothing and yields leave-one-out residuals (Bryson & Frazier 1963; de Jong, J.
+Amer. Statist. Assoc. 84(408), 1989). Symmetric matrices are their upper triangles 00 01 02 11 12
+22. A fix has two measurements, the place with h = [1, 0, s] and the velocity with h = [0, 1, 0];
+one with infinite variance is left out.
 """
 
 from typing import NamedTuple
@@ -10,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from postproc.estimators.loops import compiled
+from postproc.estimators.kernels import compiled
 
 STUDENT_DOF = 4.0
 _ANYWHERE_M2 = 1e8
@@ -21,10 +23,11 @@ _Symmetric = tuple[float, float, float, float, float, float]
 
 
 class Model(NamedTuple):
-    """Fixes and what is believed of them; `step_s` since the fix before, and q and a for that step, have shape (n,).
+    """Fixes and what is believed of them; `step_s` since the fix before, and q and a for that step,
+    have shape (n,).
 
-    `z` (n, 2, 2) is by fix, kind (place, velocity) and axis, `wander_m` (n,) is s, `variance` (n, 2) that of the white
-    noise, `slack` (n, 2) the variance within which nothing is an outlier.
+    `z` (n, 2, 2) is by fix, kind (place, velocity) and axis, `wander_m` (n,) is s, `variance` (n,
+    2) that of the white noise, `slack` (n, 2) the variance within which nothing is an outlier.
     """
 
     step_s: FloatArray
@@ -39,7 +42,8 @@ class Model(NamedTuple):
 class Series(NamedTuple):
     """States `x` (n, 3, 2) and covariances `p` (n, 6) of the filter after each fix.
 
-    Adjoint vectors `r` (n, 3, 2) and matrices `n` (n, 6): what a fix and all later ones say of the state before it.
+    Adjoint vectors `r` (n, 3, 2) and matrices `n` (n, 6): what a fix and all later ones say of the
+    state before it.
     """
 
     x: FloatArray
@@ -49,26 +53,33 @@ class Series(NamedTuple):
 
 
 def score(model: Model, excess: FloatArray) -> float:
-    """Log-likelihood of the fixes, each innovation Student distributed; sets `excess` (n, 2) by the innovations."""
+    """Log-likelihood of the fixes, each innovation Student distributed; sets `excess` (n, 2) by the
+    innovations.
+    """
     return float(_filter(*model, excess, True)[0])
 
 
 def excess_variance(apart2: FloatArray, expected: FloatArray) -> FloatArray:
-    """Variance to be added to that of a measurement whose error is too large for it, shape as given.
+    """Variance to be added to that of a measurement whose error is too large for it, shape as
+    given.
 
-    Of a Student error with nu degrees of freedom and squared size e^2 on two axes where E was expected on one, the
-    variance is E (nu + e^2 / E) / (nu + 2) at least.
+    Of a Student error with nu degrees of freedom and squared size e^2 on two axes where E was
+    expected on one, the variance is E (nu + e^2 / E) / (nu + 2) at least.
     """
     return np.maximum(apart2 - 2.0 * expected, 0.0) / (STUDENT_DOF + 2.0)
 
 
 def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatArray]:
-    """Smooth with `excess` (n, 2) added to the variances; also how far each measurement is from what all others say.
+    """Smooth with `excess` (n, 2) added to the variances; also how far each measurement is from
+    what all others say.
 
-    That is a distance squared (n, 2) and its expected variance on each axis (n, 2), with the slack, without the excess.
+    That is a distance squared (n, 2) and its expected variance on each axis (n, 2), with the slack,
+    without the excess.
     """
     _, x, p, gain, innovation, spread = _filter(*model, excess, False)
-    r, n, u, d = _adjoint(model.step_s, model.a, model.wander_m, model.variance, gain, innovation, spread)
+    r, n, u, d = _adjoint(
+        model.step_s, model.a, model.wander_m, model.variance, gain, innovation, spread
+    )
     expected = 1.0 / d - excess + np.where(np.isfinite(model.variance), model.slack, 0.0)
     return Series(x, p, r, n), (u[:, :, 0] ** 2 + u[:, :, 1] ** 2) / d**2, expected
 
@@ -143,7 +154,9 @@ def _filter(
     excess: FloatArray,
     judge: bool,
 ) -> tuple[float, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Score, states and covariances after each fix; for each measurement P h, innovation and its variance."""
+    """Score, states and covariances after each fix; for each measurement P h, innovation and its
+    variance.
+    """
     n, total = len(step_s), 0.0
     xs, ps = np.empty((n, 3, 2)), np.empty((n, 6))
     gains, innovations, spreads = np.zeros((n, 2, 3)), np.zeros((n, 2, 2)), np.ones((n, 2))
@@ -163,10 +176,20 @@ def _filter(
             if judge:
                 apart2 = dx * dx + dy * dy
                 if k > 0:
-                    total -= np.log(s) + 0.5 * (STUDENT_DOF + 2.0) * np.log1p(apart2 / s / STUDENT_DOF)
-                excess[k, j] = max(apart2 - 2.0 * (s + slack[k, j]), 0.0) / (STUDENT_DOF + 2.0) if k > 0 else 0.0
+                    total -= np.log(s) + 0.5 * (STUDENT_DOF + 2.0) * np.log1p(
+                        apart2 / s / STUDENT_DOF
+                    )
+                excess[k, j] = (
+                    max(apart2 - 2.0 * (s + slack[k, j]), 0.0) / (STUDENT_DOF + 2.0)
+                    if k > 0
+                    else 0.0
+                )
             s += excess[k, j]
-            x, y, p = _plus(x, dx / s, gain), _plus(y, dy / s, gain), _plus_outer(p, -1.0 / s, gain, gain)
+            x, y, p = (
+                _plus(x, dx / s, gain),
+                _plus(y, dy / s, gain),
+                _plus_outer(p, -1.0 / s, gain, gain),
+            )
             gains[k, j] = gain
             innovations[k, j] = dx, dy
             spreads[k, j] = s
@@ -184,7 +207,9 @@ def _adjoint(
     innovations: FloatArray,
     spreads: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Adjoint series r and N; for each measurement u (n, 2, 2) and D (n, 2): residual u / D, of variance 1 / D."""
+    """Adjoint series r and N; for each measurement u (n, 2, 2) and D (n, 2): residual u / D, of
+    variance 1 / D.
+    """
     n = len(step_s)
     rs, ns, us, ds = np.empty((n, 3, 2)), np.empty((n, 6)), np.zeros((n, 2, 2)), np.ones((n, 2))
     rx, ry, m = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -195,7 +220,10 @@ def _adjoint(
             s = spreads[k, j]
             gain = (gains[k, j, 0] / s, gains[k, j, 1] / s, gains[k, j, 2] / s)
             seen = _times(m, gain)
-            ux, uy = innovations[k, j, 0] / s - _dot(gain, rx), innovations[k, j, 1] / s - _dot(gain, ry)
+            ux, uy = (
+                innovations[k, j, 0] / s - _dot(gain, rx),
+                innovations[k, j, 1] / s - _dot(gain, ry),
+            )
             d = 1.0 / s + _dot(gain, seen)
             rx, ry = _plus(rx, ux, h), _plus(ry, uy, h)
             m = _plus_outer(_plus_outer(m, -2.0, h, seen), d, h, h)
@@ -204,5 +232,8 @@ def _adjoint(
         rs[k, :, 0], rs[k, :, 1], ns[k] = rx, ry, m
         dt = step_s[k]
         m = _behind(m, dt, a[k])
-        rx, ry = (rx[0], rx[1] + dt * rx[0], a[k] * rx[2]), (ry[0], ry[1] + dt * ry[0], a[k] * ry[2])
+        rx, ry = (
+            (rx[0], rx[1] + dt * rx[0], a[k] * rx[2]),
+            (ry[0], ry[1] + dt * ry[0], a[k] * ry[2]),
+        )
     return rs, ns, us, ds

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from logger.core.arguments import file_path, input_path, number
 from logger.core.errors import ConfigError
-from postproc.whole_file import check_output, check_writable
+from postproc.atomic_write import check_output, check_writable
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
@@ -23,13 +23,33 @@ _MOST_TOLD = 20
 
 
 def add_export(command: argparse.ArgumentParser) -> None:
-    names = ("kml", "geojson", "gpx", "csv", "wigle", "opencellid-csv", "opencellid-json", "parquet")
-    command.add_argument(
-        "-o", "--output", type=file_path, required=True, metavar="FILE", help="its suffix names the format"
+    names = (
+        "kml",
+        "geojson",
+        "gpx",
+        "csv",
+        "wigle",
+        "opencellid-csv",
+        "opencellid-json",
+        "parquet",
     )
-    command.add_argument("--format", choices=names, help="default: by the suffix; .csv is what `import` reads back")
-    command.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
-    command.add_argument("--estimates", action="store_true", help="the answers of `smooth` too: places and regions")
+    command.add_argument(
+        "-o",
+        "--output",
+        type=file_path,
+        required=True,
+        metavar="FILE",
+        help="its suffix names the format",
+    )
+    command.add_argument(
+        "--format", choices=names, help="default: by the suffix; .csv is what `import` reads back"
+    )
+    command.add_argument(
+        "--cell", action="append", metavar="NAME", help="only this cell (may be repeated)"
+    )
+    command.add_argument(
+        "--estimates", action="store_true", help="the answers of `smooth` too: places and regions"
+    )
     what = "and what the other estimators say, with their ellipses, to compare"
     command.add_argument("--all-estimators", action="store_true", help=what)
     command.add_argument("--json", action="store_true")
@@ -37,7 +57,9 @@ def add_export(command: argparse.ArgumentParser) -> None:
 
 def add_import(command: argparse.ArgumentParser) -> None:
     what = "our CSV, WiGLE CSV, OpenCelliD or Tower Collector, Kismet log, Network Survey CSV or GeoPackage"
-    command.add_argument("source", type=input_path, metavar="FILE", help=f"{what}; also as .gz or .zip")
+    command.add_argument(
+        "source", type=input_path, metavar="FILE", help=f"{what}; also as .gz or .zip"
+    )
     command.add_argument("-o", "--output", type=file_path, required=True, metavar="RUN.H5")
     times = "none: take the order of the rows, where the file has no true times"
     command.add_argument("--times", choices=("file", "none"), default="file", help=times)
@@ -61,7 +83,7 @@ def export(arguments: argparse.Namespace, summarise: Summarise) -> int:
     from logger.core.runfile import read_sound_run
     from postproc.interop import exporting
     from postproc.interop.levels import walked
-    from postproc.smooth import heard_cells
+    from postproc.smoothing import heard_cells
 
     name = exporting.format_of(arguments.format, arguments.output)
     wanted = arguments.estimates or arguments.all_estimators
@@ -83,11 +105,13 @@ def export(arguments: argparse.Namespace, summarise: Summarise) -> int:
     return 0
 
 
-def _estimates(arguments: argparse.Namespace, run: "Run", walk: "Walked", summarise: Summarise) -> "list[Estimate]":
+def _estimates(
+    arguments: argparse.Namespace, run: "Run", walk: "Walked", summarise: Summarise
+) -> "list[Estimate]":
     """As `postproc smooth` has left them beside the run, or computed now."""
     from postproc.interop.estimates import estimates, stored_estimates
     from postproc.results import path_beside
-    from postproc.smooth import heard_cells
+    from postproc.smoothing import heard_cells
 
     cells = list(heard_cells([run], arguments.cell))
     beside = path_beside(arguments.run)

@@ -12,7 +12,9 @@ Line = tuple[int, dict[str, str]]
 
 @contextmanager
 def text_lines(source: Path) -> Iterator[Iterator[str]]:
-    """Lines of a text file; raises `RunFileError` where it cannot be read, or is no CSV on the way."""
+    """Lines of a text file; raises `RunFileError` where it cannot be read, or is no CSV on the
+    way.
+    """
     try:
         with source.open(newline="", encoding="utf-8-sig", errors="replace") as file:
             yield iter(file)
@@ -24,14 +26,20 @@ def text_lines(source: Path) -> Iterator[Iterator[str]]:
 
 def names_of(header: str) -> list[str]:
     """Column names of a header line, in lower case."""
-    return [name.strip().lower() for name in next(csv.reader([header], delimiter=_delimiter(header)), [])]
+    return [
+        name.strip().lower()
+        for name in next(csv.reader([header], delimiter=_delimiter(header)), [])
+    ]
 
 
-def rows(source: Path, *, skip: int = 0, required: Iterable[str | Collection[str]] = ()) -> Iterator[Line]:
-    """Rows by column name with their line numbers; lines that begin with # before the header are comments.
+def rows(
+    source: Path, *, skip: int = 0, required: Iterable[str | Collection[str]] = ()
+) -> Iterator[Line]:
+    """Rows by column name with their line numbers; lines that begin with # before the header are
+    comments.
 
-    `skip` lines come before the header. `required` names columns; of a collection of names one is enough. Raises
-    `RunFileError` naming the columns that are missing.
+    `skip` lines come before the header. `required` names columns; of a collection of names one is
+    enough. Raises `RunFileError` naming the columns that are missing.
     """
     with text_lines(source) as lines:
         header, n_before = "", 0
@@ -48,7 +56,10 @@ def rows(source: Path, *, skip: int = 0, required: Iterable[str | Collection[str
             if any(value.strip() for value in values):
                 # a short row lacks its last columns; what it lacks is then empty
                 padded = values + [""] * (len(names) - len(values))
-                yield reader.line_num + n_before + 1, {n: v.strip() for n, v in zip(names, padded, strict=False)}
+                yield (
+                    reader.line_num + n_before + 1,
+                    {n: v.strip() for n, v in zip(names, padded, strict=False)},
+                )
 
 
 def _delimiter(header: str) -> str:

@@ -1,4 +1,6 @@
-"""What was found of each cell, as places, regions and ellipses: from a summary of `postproc smooth`."""
+"""What was found of each cell, as places, regions and ellipses: from a summary of `postproc
+smooth`.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +19,9 @@ from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
 _PEERS = {"ekf": "EKF", "rts": "RTS", "batch": "least squares"}
 """The reference EKF is left out: it is documented, and wrong."""
 _WIDEST_M = 50_000.0
-"""No transmitter is heard that far away, and a UTM zone is not true for much more: a wider ellipse says nothing."""
+"""No transmitter is heard that far away, and a UTM zone is not true for much more: a wider ellipse
+says nothing.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +57,8 @@ class Estimate:
 def estimates(summary: Mapping[str, Any], utm: Utm, *, every: bool = False) -> list[Estimate]:
     """Estimates in a summary as `postproc smooth --json` prints it; `utm` is the zone of the run.
 
-    The answer and its region, or with `every` the places and ellipses of the other estimators besides.
+    The answer and its region, or with `every` the places and ellipses of the other estimators
+    besides.
     """
     return [_estimate(cell, utm, every) for cell in summary["cells"]]
 
@@ -63,23 +68,40 @@ def stored_estimates(
 ) -> list[Estimate] | None:
     """Estimates that `postproc smooth` has left beside the run.
 
-    None where they are not of this run, lack a cell, or are not as we write them: they can be computed.
+    None where they are not of this run, lack a cell, or are not as we write them: they can be
+    computed.
     """
     try:
         summary = msgspec.json.decode(stored_summary(path, run_id))
         by_name = {cell["cell"]: cell for cell in summary["cells"]}
         return estimates(summary | {"cells": [by_name[name] for name in cells]}, utm, every=every)
-    except (FieldLoggerError, ShapelyError, LookupError, TypeError, ValueError, AttributeError, RecursionError):
+    except (
+        FieldLoggerError,
+        ShapelyError,
+        LookupError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        RecursionError,
+    ):
         return None
 
 
 def _estimate(cell: Mapping[str, Any], utm: Utm, every: bool) -> Estimate:
     regions = {level: cell[f"region{level}"]["geojson"] for level in (95, 50)}
-    outlines = {level: tuple(polygons(found["coordinates"])) for level, found in regions.items() if found}
+    outlines = {
+        level: tuple(polygons(found["coordinates"])) for level, found in regions.items() if found
+    }
     more, left_out = _others(cell, utm) if every else ([], [])
     places = [*_answer(cell), *more]
     return Estimate(
-        cell["cell"], cell["verdict"], cell["n"], tuple(places), outlines, tuple(cell["warnings"]), tuple(left_out)
+        cell["cell"],
+        cell["verdict"],
+        cell["n"],
+        tuple(places),
+        outlines,
+        tuple(cell["warnings"]),
+        tuple(left_out),
     )
 
 
@@ -94,7 +116,9 @@ def _answer(cell: Mapping[str, Any]) -> list[Place]:
         ]
     if best["lat"] is None:
         return []
-    return [Place("best place" if verdict == "located" else "best guess", _at(best), None, (), verdict)]
+    return [
+        Place("best place" if verdict == "located" else "best guess", _at(best), None, (), verdict)
+    ]
 
 
 def _counts(mode: Mapping[str, Any]) -> bool:
@@ -105,7 +129,9 @@ def _counts(mode: Mapping[str, Any]) -> bool:
 
 
 def _others(cell: Mapping[str, Any], utm: Utm) -> tuple[list[Place], list[str]]:
-    """Places with ellipses: the posterior's by Gaussians, and those of the other estimators; and who has none."""
+    """Places with ellipses: the posterior's by Gaussians, and those of the other estimators; and
+    who has none.
+    """
     places, left_out = [], []
     modes = {f"posterior, place {i}": mode for i, mode in enumerate(cell["modes"], 1)}
     for name, found in {**modes, **{name: cell[key] for key, name in _PEERS.items()}}.items():
@@ -117,7 +143,9 @@ def _others(cell: Mapping[str, Any], utm: Utm) -> tuple[list[Place], list[str]]:
 
 
 def _no_answer(found: Mapping[str, Any]) -> str | None:
-    """Why an estimator that was asked has no place to show; None where it has one or was not asked."""
+    """Why an estimator that was asked has no place to show; None where it has one or was not
+    asked.
+    """
     if found.get("converged") is False:
         return "it did not converge"
     shape = found["ellipse95"]
@@ -130,7 +158,9 @@ def _no_answer(found: Mapping[str, Any]) -> str | None:
 def _ellipse(found: Mapping[str, Any], utm: Utm) -> tuple[Rings, ...]:
     shape = found["ellipse95"]
     axes_m = (shape["semi_major_m"], shape["semi_minor_m"])
-    return tuple(polygons([[ellipse(found["lat"], found["lon"], utm, axes_m, shape["azimuth_deg"])]]))
+    return tuple(
+        polygons([[ellipse(found["lat"], found["lon"], utm, axes_m, shape["azimuth_deg"])]])
+    )
 
 
 def _at(found: Mapping[str, Any]) -> LonLat:

@@ -1,20 +1,25 @@
-"""A run in the format of another program. Nothing tells who walked or with what: no configuration, names or notes."""
+"""A run in the format of another program.
+
+Nothing tells who walked or with what: no configuration, names or notes.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from logger.core.errors import ConfigError, RunFileError
+from postproc.atomic_write import whole_file
 from postproc.interop import geojson, gpx, kml, opencellid, walk_csv, wigle
 from postproc.interop.estimates import Estimate
-from postproc.interop.heard import Heard
 from postproc.interop.levels import Walked
-from postproc.whole_file import whole_file
+from postproc.interop.sighting import Heard
 
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A format: who writes it, whether it holds estimates, and which levels it can hold where not all."""
+    """A format: who writes it, whether it holds estimates, and which levels it can hold where not
+    all.
+    """
 
     write: Callable[[Walked, Sequence[Estimate], Path], None]
     has_estimates: bool = False
@@ -45,12 +50,16 @@ FORMATS = {
     "geojson": Format(geojson.write, has_estimates=True),
     "gpx": Format(gpx.write, has_estimates=True),
     "csv": Format(lambda walk, _, target: walk_csv.write(walk.heard, target, walk.start_ns)),
-    "wigle": Format(lambda walk, _, target: wigle.write(walk.heard, target), writable=wigle.writable),
+    "wigle": Format(
+        lambda walk, _, target: wigle.write(walk.heard, target), writable=wigle.writable
+    ),
     "opencellid-csv": Format(
-        lambda walk, _, target: opencellid.write_csv(walk.heard, target), writable=opencellid.writable
+        lambda walk, _, target: opencellid.write_csv(walk.heard, target),
+        writable=opencellid.writable,
     ),
     "opencellid-json": Format(
-        lambda walk, _, target: opencellid.write_json(walk.heard, target), writable=opencellid.writable
+        lambda walk, _, target: opencellid.write_json(walk.heard, target),
+        writable=opencellid.writable,
     ),
     "parquet": Format(_parquet),
 }
@@ -63,12 +72,16 @@ def format_of(name: str | None, target: Path) -> str:
         name = _BY_SUFFIX.get(target.suffix.lower())
     if name is None:
         suffixes = ", ".join(_BY_SUFFIX)
-        raise ConfigError(f"{target}: name a format with --format ({', '.join(FORMATS)}), or end in {suffixes}")
+        raise ConfigError(
+            f"{target}: name a format with --format ({', '.join(FORMATS)}), or end in {suffixes}"
+        )
     return name
 
 
 def export(walk: Walked, found: Sequence[Estimate], target: Path, name: str) -> Exported:
-    """Write a file, whole or not at all; raises `RunFileError` where nothing is left that the format can hold."""
+    """Write a file, whole or not at all; raises `RunFileError` where nothing is left that the
+    format can hold.
+    """
     form = FORMATS[name]
     heard = [one for one in walk.heard if form.writable is None or form.writable(one)]
     if form.writable is not None and not heard:
@@ -77,7 +90,10 @@ def export(walk: Walked, found: Sequence[Estimate], target: Path, name: str) -> 
     kept = Walked(tuple(heard), walk.track, walk.utm, walk.start_ns, walk.has_utc, 0, 0)
     with whole_file(target) as part:
         form.write(kept, found, part)
-    left_out = (*_left_out(walk, len(heard)), *(why for estimate in found for why in estimate.left_out))
+    left_out = (
+        *_left_out(walk, len(heard)),
+        *(why for estimate in found for why in estimate.left_out),
+    )
     return Exported(
         target,
         name,

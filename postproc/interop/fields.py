@@ -1,4 +1,6 @@
-"""Values of a row by name, as text (CSV) or as numbers (JSON, SQLite): checked, and None where they are not known."""
+"""Values of a row by name, as text (CSV) or as numbers (JSON, SQLite): checked, and None where they
+are not known.
+"""
 
 import math
 from collections.abc import Mapping
@@ -23,7 +25,9 @@ _NAMES: dict[Rat, tuple[str, ...]] = {
     "LTE": ("4G", "LTE+", "LTE_CA", "LTE-A"),
     "NR": ("5G", "NR5G", "NR5G-SA", "NR5G-NSA", "NRNSA", "NR_SA", "NR_NSA"),
 }
-RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {n: rat for rat, ns in _NAMES.items() for n in ns}
+RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {
+    n: rat for rat, ns in _NAMES.items() for n in ns
+}
 
 
 _LAST_DAY = 100_000
@@ -59,7 +63,9 @@ def maybe(fields: Fields, name: str, limits: tuple[float, float] = (-1e12, 1e12)
 
 
 def whole(fields: Fields, *names: str, largest: int = _LARGEST) -> int | None:
-    """Integer from 0, None where it is empty or marked as unknown (negative, or the largest there is)."""
+    """Integer from 0, None where it is empty or marked as unknown (negative, or the largest there
+    is).
+    """
     found = text(fields, *names)
     if not found:
         return None
@@ -92,7 +98,9 @@ def is_plmn(mcc: str | None, mnc: str | None) -> bool:
     return all(code is not None and code.isascii() and code.isdecimal() for code in (mcc, mnc))
 
 
-def reading_of(rat: Rat, role: Role, level_dbm: float | None, area: int | None, **values: Any) -> CellReading:
+def reading_of(
+    rat: Rat, role: Role, level_dbm: float | None, area: int | None, **values: Any
+) -> CellReading:
     """A reading with its level and its area code where the technology has them."""
     level = {"GSM": "rssi_dbm", "WCDMA": "rscp_dbm"}.get(rat, "rsrp_dbm")
     code = "lac" if rat in {"GSM", "WCDMA"} else "tac"
@@ -100,7 +108,9 @@ def reading_of(rat: Rat, role: Role, level_dbm: float | None, area: int | None, 
 
 
 def place_of(fields: Fields, lat: str, lon: str, utc_ns: int | None, **values: float | None) -> Fix:
-    """A fix; raises `GeoError` for what is no place, or ValueError for 0, 0, which loggers write without a fix."""
+    """A fix; raises `GeoError` for what is no place, or ValueError for 0, 0, which loggers write
+    without a fix.
+    """
     lat_deg, lon_deg = number(fields, lat), number(fields, lon)
     check_position(lat_deg, lon_deg)
     if lat_deg == lon_deg == 0.0:

@@ -8,7 +8,7 @@ from pathlib import Path
 from logger.core.errors import RunFileError
 from postproc.interop import csv_table, kismet, network_survey, opencellid, walk_csv, wigle
 from postproc.interop.fields import RATS
-from postproc.interop.heard import Row
+from postproc.interop.sighting import Row
 from postproc.sqlite_file import opened
 
 _SQLITE = b"SQLite format 3\0"
@@ -69,7 +69,12 @@ def recognise(source: Path) -> Format:
 def _of_tables(source: Path) -> Format:
     try:
         with opened(source) as database:
-            tables = {str(name) for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+            tables = {
+                str(name)
+                for (name,) in database.execute(
+                    "SELECT name FROM sqlite_master WHERE type = 'table'"
+                )
+            }
     except sqlite3.Error as error:
         raise RunFileError(f"{source} is a damaged SQLite file: {error}") from error
     if {name.lower() for name in tables} >= {"kismet", "data"}:
@@ -83,7 +88,9 @@ def _of_tables(source: Path) -> Format:
 
 
 def _of_columns(source: Path) -> Format:
-    """Format of a text file by its header line; one with two columns of ours is ours, and lacks the others."""
+    """Format of a text file by its header line; one with two columns of ours is ours, and lacks the
+    others.
+    """
     with csv_table.text_lines(source) as lines:
         header = next((line for line in lines if not line.startswith("#")), "")
         if header.startswith(wigle.PREFIX):
@@ -93,8 +100,13 @@ def _of_columns(source: Path) -> Format:
     if {"mac", "firstseen"} <= names:
         return WIGLE
     # country files of OpenCelliD have no header: they begin with the technology of a cell
-    if {"radio", "net", "area", "cell"} <= names or header.partition(",")[0].upper() in {*RATS, "CDMA"}:
-        raise RunFileError(f"{source} is a list of cells, not a walk; `postproc celldb import` reads it")
+    if {"radio", "net", "area", "cell"} <= names or header.partition(",")[0].upper() in {
+        *RATS,
+        "CDMA",
+    }:
+        raise RunFileError(
+            f"{source} is a list of cells, not a walk; `postproc celldb import` reads it"
+        )
     if {"mcc", "measured_at"} <= names:
         return OPENCELLID_CSV
     if {"devicetime", "latitude", "longitude"} <= names:
@@ -107,7 +119,9 @@ def _of_columns(source: Path) -> Format:
 
 
 def _unknown(source: Path, kind: str) -> RunFileError:
-    return RunFileError(f"{source}: no format that can be imported; it looks like {kind}. Known are: {KNOWN}")
+    return RunFileError(
+        f"{source}: no format that can be imported; it looks like {kind}. Known are: {KNOWN}"
+    )
 
 
 def _kind_of(head: bytes) -> str:

@@ -1,4 +1,6 @@
-"""GeoJSON (RFC 7946): the walk, every level as a point, and what was found; (lon, lat), in WGS 84."""
+"""GeoJSON (RFC 7946): the walk, every level as a point, and what was found; (lon, lat), in WGS
+84.
+"""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -7,19 +9,23 @@ from typing import Any
 
 from postproc.interop.estimates import Estimate
 from postproc.interop.geometry import DECIMALS, Rings, lines
-from postproc.interop.heard import Heard
 from postproc.interop.levels import Walked
-from postproc.interop.moments import moment, seconds
+from postproc.interop.sighting import Heard
+from postproc.interop.timestamps import moment, seconds
 
 Feature = dict[str, Any]
 
 
 def write(walk: Walked, found: Sequence[Estimate], target: Path) -> None:
-    """One feature collection; the property `kind` tells walk, level, region, place and ellipse95 apart."""
+    """One feature collection; the property `kind` tells walk, level, region, place and ellipse95
+    apart.
+    """
     with target.open("w", encoding="utf-8") as file:
         file.write('{"type": "FeatureCollection", "features": [')
         for i, feature in enumerate(_features(walk, found)):
-            file.write((",\n" if i else "\n") + json.dumps(feature, allow_nan=False, ensure_ascii=False))
+            file.write(
+                (",\n" if i else "\n") + json.dumps(feature, allow_nan=False, ensure_ascii=False)
+            )
         file.write("\n]}\n")
 
 
@@ -32,9 +38,16 @@ def _features(walk: Walked, found: Sequence[Estimate]) -> Iterator[Feature]:
 
 
 def _walk(walk: Walked) -> Feature:
-    parts = [part for stretch in walk.track for part in lines([_place(fix.lon_deg, fix.lat_deg) for _, fix in stretch])]
+    parts = [
+        part
+        for stretch in walk.track
+        for part in lines([_place(fix.lon_deg, fix.lat_deg) for _, fix in stretch])
+    ]
     first, last = walk.track[0][0], walk.track[-1][-1]
-    told: Feature = {"kind": "walk", "t_s": [seconds(t_ns - walk.start_ns) for t_ns in (first[0], last[0])]}
+    told: Feature = {
+        "kind": "walk",
+        "t_s": [seconds(t_ns - walk.start_ns) for t_ns in (first[0], last[0])],
+    }
     told |= {"utc": [moment(fix.utc_ns) for _, fix in (first, last)] if walk.has_utc else None}
     geometry = (
         {"type": "MultiLineString", "coordinates": parts}
@@ -55,7 +68,11 @@ def _level(one: Heard, start_ns: int) -> Feature:
         "utc": None if one.fix.utc_ns is None else moment(one.fix.utc_ns),
         "acc_m": one.fix.acc_m,
     }
-    return {"type": "Feature", "geometry": _point(_place(one.lon_deg, one.lat_deg)), "properties": told}
+    return {
+        "type": "Feature",
+        "geometry": _point(_place(one.lon_deg, one.lat_deg)),
+        "properties": told,
+    }
 
 
 def _estimate(estimate: Estimate) -> Iterator[Feature]:
@@ -63,8 +80,17 @@ def _estimate(estimate: Estimate) -> Iterator[Feature]:
     for level, outline in estimate.regions.items():
         yield _area(outline, {"kind": "region", "level_percent": level, **about})
     for place in estimate.places:
-        named = {"name": place.name, "probability": place.probability, "cell": estimate.cell, "verdict": place.verdict}
-        yield {"type": "Feature", "geometry": _point(_place(*place.at)), "properties": {"kind": "place", **named}}
+        named = {
+            "name": place.name,
+            "probability": place.probability,
+            "cell": estimate.cell,
+            "verdict": place.verdict,
+        }
+        yield {
+            "type": "Feature",
+            "geometry": _point(_place(*place.at)),
+            "properties": {"kind": "place", **named},
+        }
         if place.ellipse95:
             yield _area(place.ellipse95, {"kind": "ellipse95", **named})
 

@@ -1,6 +1,8 @@
-"""Lines and polygons in degrees as the formats want them: cut at the antimeridian, outer rings counterclockwise.
+"""Lines and polygons in degrees as the formats want them: cut at the antimeridian, outer rings
+counterclockwise.
 
-RFC 7946 3.1.6 and 3.1.9. A line or ring steps by less than half a turn, so its longitudes can be made continuous.
+RFC 7946 3.1.6 and 3.1.9. A line or ring steps by less than half a turn, so its longitudes can be
+made continuous.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -25,19 +27,31 @@ _ELLIPSE_POINTS = 72
 
 
 def lines(points: Sequence[LonLat]) -> list[Line]:
-    """A line of (lon, lat), cut where it crosses the antimeridian; nothing for fewer than two points."""
+    """A line of (lon, lat), cut where it crosses the antimeridian; nothing for fewer than two
+    points.
+    """
     if len(points) < 2:
         return []
     if all(abs(a[0] - b[0]) < 180.0 for a, b in pairwise(points)):
         whole = _rounded(points)
         return [whole] if any(point != whole[0] for point in whole) else []
     line = LineString(_continuous(np.asarray(points, float)))
-    parts = (part for turn, strip in _strips(line) for part in _shifted(turn, shapely.intersection(line, strip)))
-    return [_rounded(part.coords) for part in parts if isinstance(part, LineString) and part.length > 0.0]
+    parts = (
+        part
+        for turn, strip in _strips(line)
+        for part in _shifted(turn, shapely.intersection(line, strip))
+    )
+    return [
+        _rounded(part.coords)
+        for part in parts
+        if isinstance(part, LineString) and part.length > 0.0
+    ]
 
 
 def polygons(parts: Iterable[Sequence[Sequence[Sequence[float]]]]) -> list[Rings]:
-    """Polygons, each a list of rings of (lon, lat), made valid, cut at the antimeridian and wound as RFC 7946 asks."""
+    """Polygons, each a list of rings of (lon, lat), made valid, cut at the antimeridian and wound
+    as RFC 7946 asks.
+    """
     found: list[Rings] = []
     for part in parts:
         outer = _continuous(np.asarray(part[0], float))
@@ -50,7 +64,9 @@ def polygons(parts: Iterable[Sequence[Sequence[Sequence[float]]]]) -> list[Rings
     return found
 
 
-def ellipse(lat_deg: float, lon_deg: float, utm: Utm, axes_m: tuple[float, float], azimuth_deg: float) -> Line:
+def ellipse(
+    lat_deg: float, lon_deg: float, utm: Utm, axes_m: tuple[float, float], azimuth_deg: float
+) -> Line:
     """Closed ring around a place; azimuth of the major axis clockwise from grid north."""
     x_m, y_m = utm.to_xy(lat_deg, lon_deg)
     sin_a, cos_a = sin(radians(azimuth_deg)), cos(radians(azimuth_deg))
@@ -93,4 +109,6 @@ def _rings(polygon: Polygon) -> Iterator[Rings]:
 
 
 def _rounded(coordinates: Iterable[Sequence[float]]) -> Line:
-    return [(round(lon, DECIMALS) + 0.0, round(lat, DECIMALS) + 0.0) for lon, lat, *_ in coordinates]
+    return [
+        (round(lon, DECIMALS) + 0.0, round(lat, DECIMALS) + 0.0) for lon, lat, *_ in coordinates
+    ]

@@ -1,4 +1,5 @@
-"""GPX 1.1: the walk as a track with a segment for each stretch without a gap, places of cells as waypoints.
+"""GPX 1.1: the walk as a track with a segment for each stretch without a gap, places of cells as
+waypoints.
 
 The format allows a time in UTC or none, so there are no times where GPS never told UTC.
 """
@@ -11,7 +12,7 @@ from logger.core.types import Fix
 from postproc.interop.estimates import Estimate
 from postproc.interop.geometry import DECIMALS
 from postproc.interop.levels import Walked
-from postproc.interop.moments import moment
+from postproc.interop.timestamps import moment
 from postproc.interop.xml_file import add, decimal
 from postproc.interop.xml_file import write as write_xml
 
@@ -54,6 +55,8 @@ def _point(segment: ET.Element, fix: Fix) -> None:
 
 
 def _at(lat_deg: float, lon_deg: float) -> dict[str, str]:
-    """Position attributes; 180 degrees east is outside of what the schema allows, and the same as west."""
+    """Position attributes; 180 degrees east is outside of what the schema allows, and the same as
+    west.
+    """
     text = decimal(lon_deg, DECIMALS)
     return {"lat": decimal(lat_deg, DECIMALS), "lon": f"-{text}" if float(text) == 180.0 else text}

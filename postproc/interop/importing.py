@@ -10,13 +10,13 @@ import numpy as np
 from logger.core.errors import GeoError, RunFileError
 from logger.core.geo import Utm
 from logger.core.observations import Track, fix_sigma_m
-from logger.core.origin import IMPORT, IMPORT_WITHOUT_TIMES
+from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES
 from logger.core.types import Fix, Note, Record, Scan
-from postproc.estimators import plausible, stale, walker
+from postproc.estimators import stale_fixes, track_plausibility, walker
+from postproc.interop.decompression import unpacked
 from postproc.interop.formats import WALK_CSV, Format, recognise
-from postproc.interop.heard import BadRow, Heard, NoCell
-from postproc.interop.unpacked import unpacked
-from postproc.interop.writing import Append, meta_of, spare, write_run
+from postproc.interop.run_builder import Append, meta_of, spare, write_run
+from postproc.interop.sighting import BadRow, Heard, NoCell
 
 _ROW_NS = 10**9
 """From row to row where only their order is known."""
@@ -24,7 +24,8 @@ _ROW_NS = 10**9
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """What an import did; `n_other` counts rows that are no cells, as Wi-Fi, `n_repeated` repetitions.
+    """What an import did; `n_other` counts rows that are no cells, as Wi-Fi, `n_repeated`
+    repetitions.
 
     Without `has_times` the run's times only count the rows.
     """
@@ -40,9 +41,11 @@ class Imported:
 
 
 def import_walk(source: Path, target: Path, *, times: bool = True) -> Imported:
-    """Make a run of a foreign file; without `times` the rows keep their order and nothing else of their times.
+    """Make a run of a foreign file; without `times` the rows keep their order and nothing else of
+    their times.
 
-    Raises `RunFileError` for a file without a usable row, for times that cannot be right, or to spare data.
+    Raises `RunFileError` for a file without a usable row, for times that cannot be right, or to
+    spare data.
     """
     spare(target, (IMPORT, IMPORT_WITHOUT_TIMES), "import")
     with unpacked(source) as plain:
@@ -52,17 +55,25 @@ def import_walk(source: Path, target: Path, *, times: bool = True) -> Imported:
     bad = tuple(row for row in rows if isinstance(row, BadRow))
     n_other = sum(isinstance(row, NoCell) for row in rows)
     if not heard:
-        why = f"; line {bad[0].line}: {bad[0].why}" if bad else f"; {n_other} rows are no cells" * bool(n_other)
+        why = (
+            f"; line {bad[0].line}: {bad[0].why}"
+            if bad
+            else f"; {n_other} rows are no cells" * bool(n_other)
+        )
         raise RunFileError(f"{source} has no usable row{why}")
     n_read = len(heard)
     if form is not WALK_CSV:
         # apps write a measurement again when they are asked for it again
-        heard = list({(row.t_ns, row.fix, row.reading): row for row in reversed(heard)}.values())[::-1]
+        heard = list({(row.t_ns, row.fix, row.reading): row for row in reversed(heard)}.values())[
+            ::-1
+        ]
     in_time = sorted(heard, key=lambda row: row.t_ns) if times else _counted(heard)
     if times:
         _check_times(source, form, in_time)
     was_sorted = times and not all(a.t_ns <= b.t_ns for a, b in pairwise(heard))
-    imported = Imported(target, form.name, len(heard), n_other, n_read - len(heard), bad, was_sorted, times)
+    imported = Imported(
+        target, form.name, len(heard), n_other, n_read - len(heard), bad, was_sorted, times
+    )
     origin = f"{IMPORT if times else IMPORT_WITHOUT_TIMES} {source.name}"
     write_run(target, meta_of(origin), lambda append: _fill(append, in_time, imported), "imported")
     return imported
@@ -70,7 +81,10 @@ def import_walk(source: Path, target: Path, *, times: bool = True) -> Imported:
 
 def _counted(heard: Sequence[Heard]) -> list[Heard]:
     """The rows in the file's order, with their number for a time."""
-    return [replace(row, t_ns=i * _ROW_NS, fix=replace(row.fix, utc_ns=None)) for i, row in enumerate(heard)]
+    return [
+        replace(row, t_ns=i * _ROW_NS, fix=replace(row.fix, utc_ns=None))
+        for i, row in enumerate(heard)
+    ]
 
 
 def _check_times(source: Path, form: Format, heard: Sequence[Heard]) -> None:
@@ -79,7 +93,9 @@ def _check_times(source: Path, form: Format, heard: Sequence[Heard]) -> None:
         track = _track(heard)
     except GeoError:  # nothing can be located there, which is told by who tries
         return
-    why = plausible.too_fast(track) or plausible.too_many_apart(walker.smooth_track(stale.fresh(track)))
+    why = track_plausibility.too_fast(track) or track_plausibility.too_many_apart(
+        walker.smooth_track(stale_fixes.fresh(track))
+    )
     if why:
         raise RunFileError(
             f"{source}: its times ({form.times}) cannot be right: {why}. Name the right column, or import the rows in "
@@ -89,11 +105,15 @@ def _check_times(source: Path, form: Format, heard: Sequence[Heard]) -> None:
 
 def _track(heard: Sequence[Heard]) -> Track:
     fixes = list(dict.fromkeys((row.t_ns, row.fix) for row in heard))
-    lat_deg, lon_deg = (np.array([getattr(fix, name) for _, fix in fixes]) for name in ("lat_deg", "lon_deg"))
+    lat_deg, lon_deg = (
+        np.array([getattr(fix, name) for _, fix in fixes]) for name in ("lat_deg", "lon_deg")
+    )
     utm = Utm.at(float(lat_deg[0]), float(lon_deg[0]))
     x_m, y_m = utm.to_xy_arrays(lat_deg, lon_deg)
     sigma_m = np.array([fix_sigma_m(fix.acc_m, fix.hdop, fix.quality) for _, fix in fixes])
-    return Track(utm, np.array([t_ns for t_ns, _ in fixes]), np.arange(len(fixes)), x_m, y_m, sigma_m)
+    return Track(
+        utm, np.array([t_ns for t_ns, _ in fixes]), np.arange(len(fixes)), x_m, y_m, sigma_m
+    )
 
 
 def _fill(append: Append, heard: list[Heard], imported: Imported) -> int:
@@ -120,7 +140,9 @@ def _notes(imported: Imported) -> Iterator[Note]:
     if imported.n_other:
         yield Note("info", "no-cells", f"{imported.n_other} rows are no cells and were passed over")
     if imported.n_repeated:
-        yield Note("info", "repeated", f"{imported.n_repeated} rows repeat others and were left out")
+        yield Note(
+            "info", "repeated", f"{imported.n_repeated} rows repeat others and were left out"
+        )
     for bad in imported.bad_rows:
         yield Note("warning", "bad-row", f"line {bad.line}: {bad.why}")
 

@@ -1,8 +1,10 @@
-"""Kismet's log: the cells that its modem sources (cellat, celldiag; from October 2026) write into the table `data`.
+"""Kismet's log: the cells that its modem sources (cellat, celldiag; from October 2026) write into
+the table `data`.
 
-Sources: kismetwireless.net/docs/dev/kismetdb and /docs/readme/kismetdb/kismetdb_cell, phy_cell.cc and the README of
-capture_cell_at of kismetwireless/kismet. Accepted observations have the type Cellular, those without a whole identity
-CellModem, early ones Cell. Raw exchanges and session records, which hold the modem's IMEI, are not read.
+Sources: kismetwireless.net/docs/dev/kismetdb and /docs/readme/kismetdb/kismetdb_cell, phy_cell.cc
+and the README of capture_cell_at of kismetwireless/kismet. Accepted observations have the type
+Cellular, those without a whole identity CellModem, early ones Cell. Raw exchanges and session
+records, which hold the modem's IMEI, are not read.
 """
 
 import json
@@ -25,7 +27,7 @@ from postproc.interop.fields import (
     text,
     whole,
 )
-from postproc.interop.heard import Heard, Row, parsed
+from postproc.interop.sighting import Heard, Row, parsed
 from postproc.sqlite_file import opened
 
 TYPES = ("Cellular", "CellModem", "Cell")
@@ -47,7 +49,11 @@ def read(source: Path) -> Iterator[Row]:
             columns = ", ".join(name for name in _COLUMNS if name in have)
             query = f"SELECT rowid, {columns} FROM data WHERE type IN (?, ?, ?) ORDER BY rowid"  # noqa: S608 (names of ours)
             found = parsed(
-                ((row["rowid"], dict(row) | {"scale": scale}) for row in database.execute(query, TYPES)), _heard
+                (
+                    (row["rowid"], dict(row) | {"scale": scale})
+                    for row in database.execute(query, TYPES)
+                ),
+                _heard,
             )
             first = next(found, None)
             if first is None:
@@ -80,7 +86,9 @@ def _heard(line: int, row: Fields) -> Heard | None:
     if not seconds:
         raise ValueError("ts_sec is no time")
     utc_ns = seconds * 10**9 + (whole(row, "ts_usec") or 0) * 1000
-    place: dict[str, Any] = {name: (maybe(row, name) or 0.0) * row["scale"] for name in ("lat", "lon")}
+    place: dict[str, Any] = {
+        name: (maybe(row, name) or 0.0) * row["scale"] for name in ("lat", "lon")
+    }
     known = {"alt_m": maybe(row, "alt") or None, "course_deg": None, "speed_mps": None}
     fix = place_of(place, "lat", "lon", utc_ns, **known)
     rsrp_dbm, rssi_dbm = (maybe(fields, name, LEVEL_RANGE_DBM) for name in ("rsrp", "rssi"))

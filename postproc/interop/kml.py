@@ -1,7 +1,8 @@
-"""KML 2.2 (OGC 07-147r2): for each cell its levels along the walk in classes of 10 dB, regions, places.
+"""KML 2.2 (OGC 07-147r2): for each cell its levels along the walk in classes of 10 dB, regions,
+places.
 
-Every stretch carries the time in which it was walked, so that the time slider of a globe shows the walk; without UTC
-there are no times.
+Every stretch carries the time in which it was walked, so that the time slider of a globe shows the
+walk; without UTC there are no times.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,16 +15,26 @@ from logger.core.locator.rivals import share_text
 from logger.core.observations import MAX_GAP_S
 from postproc.interop.estimates import Estimate
 from postproc.interop.geometry import Line, LonLat, Rings, lines
-from postproc.interop.heard import Heard
 from postproc.interop.levels import Walked
-from postproc.interop.moments import moment
+from postproc.interop.sighting import Heard
+from postproc.interop.timestamps import moment
 from postproc.interop.xml_file import add
 from postproc.interop.xml_file import write as write_xml
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 CLASSES_DBM = (-60, -70, -80, -90, -100, -110)
-"""A class holds its own level and what is above, up to the class before; the last class has no floor."""
-_CLASS_COLOURS = ("ff25e7fd", "ff4ac96d", "ff879e1f", "ff8d6d31", "ff8a4e3e", "ff7d2848", "ff540144")
+"""A class holds its own level and what is above, up to the class before; the last class has no
+floor.
+"""
+_CLASS_COLOURS = (
+    "ff25e7fd",
+    "ff4ac96d",
+    "ff879e1f",
+    "ff8d6d31",
+    "ff8a4e3e",
+    "ff7d2848",
+    "ff540144",
+)
 _AREA_COLOURS = {95: "40e68a00", 50: "70e68a00"}
 _LINE = "ffe68a00"
 
@@ -38,7 +49,9 @@ def write(walk: Walked, found: Sequence[Estimate], target: Path) -> None:
     folder = _folder(document, "walk", "track of the receiver")
     for stretch in walk.track:
         points = [
-            (fix.lon_deg, fix.lat_deg) for _, fix in stretch if fix.lon_deg is not None and fix.lat_deg is not None
+            (fix.lon_deg, fix.lat_deg)
+            for _, fix in stretch
+            if fix.lon_deg is not None and fix.lat_deg is not None
         ]
         ends = (stretch[0][1].utc_ns, stretch[-1][1].utc_ns)
         _placemark(folder, "walk", "walk", lines(points), ends, points[0])
@@ -52,7 +65,11 @@ def write(walk: Walked, found: Sequence[Estimate], target: Path) -> None:
 
 
 def _about(walk: Walked) -> str:
-    return "times are UTC, as told by GPS" if walk.has_utc else "UTC is not known, so nothing has a time"
+    return (
+        "times are UTC, as told by GPS"
+        if walk.has_utc
+        else "UTC is not known, so nothing has a time"
+    )
 
 
 def _styles(document: ET.Element) -> None:
@@ -66,7 +83,9 @@ def _styles(document: ET.Element) -> None:
     add(icon, "color", _LINE)
 
 
-def _style(document: ET.Element, name: str, colour: str, width: int, fill: str | None = None) -> None:
+def _style(
+    document: ET.Element, name: str, colour: str, width: int, fill: str | None = None
+) -> None:
     style = add(document, "Style", id=name)
     add(add(style, "IconStyle"), "color", colour)
     line = add(style, "LineStyle")
@@ -76,7 +95,9 @@ def _style(document: ET.Element, name: str, colour: str, width: int, fill: str |
         add(add(style, "PolyStyle"), "color", fill)
 
 
-def _cell(document: ET.Element, cell: str, heard: Sequence[Heard], estimate: Estimate | None) -> None:
+def _cell(
+    document: ET.Element, cell: str, heard: Sequence[Heard], estimate: Estimate | None
+) -> None:
     rat = next((one.reading.rat for one in heard), None)
     says = f"{len(heard)} levels" + (f", {rat}" if rat else "")
     if estimate is not None:
@@ -84,7 +105,10 @@ def _cell(document: ET.Element, cell: str, heard: Sequence[Heard], estimate: Est
     folder = _folder(document, cell, says)
     levels = _folder(folder, "levels", "dBm, in classes of 10 dB")
     for strip in strips(heard):
-        chosen, points = level_class(strip[0].rssi_dbm), [(one.lon_deg, one.lat_deg) for one in strip]
+        chosen, points = (
+            level_class(strip[0].rssi_dbm),
+            [(one.lon_deg, one.lat_deg) for one in strip],
+        )
         ends = (strip[0].fix.utc_ns, strip[-1].fix.utc_ns)
         _placemark(levels, class_name(chosen), f"level-{chosen}", lines(points), ends, points[0])
     if estimate is not None:
@@ -92,7 +116,11 @@ def _cell(document: ET.Element, cell: str, heard: Sequence[Heard], estimate: Est
             _area(folder, f"{level} % region", f"region-{level}", outline)
         for place in estimate.places:
             share = "" if place.probability is None else f" ({share_text(place.probability)})"
-            name = place.name if place.verdict in {None, "located"} else f"{place.name}: {place.verdict}"
+            name = (
+                place.name
+                if place.verdict in {None, "located"}
+                else f"{place.name}: {place.verdict}"
+            )
             _placemark(folder, f"{name}{share}", "place", [], (None, None), place.at)
             _area(folder, f"95 % ellipse of {place.name}", "ellipse", place.ellipse95)
 
@@ -109,7 +137,9 @@ def class_name(number: int) -> str:
 
 
 def strips(heard: Sequence[Heard]) -> Iterator[Sequence[Heard]]:
-    """Stretches of one class without a gap; each ends at the first level of the next, so that nothing is missing."""
+    """Stretches of one class without a gap; each ends at the first level of the next, so that
+    nothing is missing.
+    """
     start = 0
     for i, (one, following) in enumerate(pairwise(heard), 1):
         apart = following.t_ns - one.t_ns > MAX_GAP_S * 1e9
@@ -128,7 +158,12 @@ def _folder(parent: ET.Element, name: str, says: str) -> ET.Element:
 
 
 def _placemark(
-    parent: ET.Element, name: str, style: str, parts: Sequence[Line], utc_ns: tuple[int | None, int | None], at: LonLat
+    parent: ET.Element,
+    name: str,
+    style: str,
+    parts: Sequence[Line],
+    utc_ns: tuple[int | None, int | None],
+    at: LonLat,
 ) -> None:
     """Lines, or a point where there is none."""
     placemark = add(parent, "Placemark")

@@ -1,6 +1,8 @@
-"""A run as levels at places, to be handed on: who was heard where, when and how strong, and nothing of the walker's.
+"""A run as levels at places, to be handed on: who was heard where, when and how strong, and nothing
+of the walker's.
 
-Places are interpolated between the fixes, as recorded and not smoothed, so that an import finds what was exported.
+Places are interpolated between the fixes, as recorded and not smoothed, so that an import finds
+what was exported.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,15 +13,15 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.arrays import IntArray
+from logger.core.censoring import levels_dbm
 from logger.core.geo import Utm
 from logger.core.observations import MAX_GAP_S, SIGMA_OF_RADIUS68, Observations, observe
-from logger.core.origin import is_import
+from logger.core.provenance import is_import
 from logger.core.rows import values_of
 from logger.core.runfile import Run
-from logger.core.scale import levels_dbm
 from logger.core.timebase import fit_run
 from logger.core.types import CellReading, Fix
-from postproc.interop.heard import Heard
+from postproc.interop.sighting import Heard
 
 _DEGREE_DECIMALS = 8
 """A millimetre."""
@@ -69,12 +71,18 @@ def walked(run: Run, only: Sequence[str] | None = None) -> Walked:
 
 
 def _clock(run: Run) -> Clock:
-    """UTC to the microsecond of a time since boot, None where it is not known; that of an imported file is believed."""
+    """UTC to the microsecond of a time since boot, None where it is not known; that of an imported
+    file is believed.
+    """
     timebase = fit_run(run.meta.origin, run.tables["fixes"])
     if timebase is not None:
         return lambda t_ns: timebase.utc_ns(t_ns) // 1000 * 1000
     if is_import(run.meta.origin):
-        told = {record.t_ns: record.value.utc_ns for _, record in run.records("fixes") if isinstance(record.value, Fix)}
+        told = {
+            record.t_ns: record.value.utc_ns
+            for _, record in run.records("fixes")
+            if isinstance(record.value, Fix)
+        }
         return told.get
     return lambda _: None
 
@@ -82,7 +90,11 @@ def _clock(run: Run) -> Clock:
 def _track(run: Run, clock: Clock) -> tuple[Stretch, ...]:
     stretches: list[list[tuple[int, Fix]]] = []
     last_ns: int | None = None
-    found = [(r.t_ns, r.value) for _, r in run.records("fixes") if isinstance(r.value, Fix) and _has_place(r.value)]
+    found = [
+        (r.t_ns, r.value)
+        for _, r in run.records("fixes")
+        if isinstance(r.value, Fix) and _has_place(r.value)
+    ]
     for t_ns, fix in sorted(found, key=lambda entry: entry[0]):
         if last_ns is None or t_ns - last_ns > MAX_GAP_S * 1e9:
             stretches.append([])
@@ -104,7 +116,9 @@ def _heard(
     scans, first = np.unique(seq, return_index=True)
     t_ns = _all(observed, "t_ns")[first]
     x_m, y_m, sigma_m = (_all(observed, name)[first] for name in ("x_m", "y_m", "position_sigma_m"))
-    lat_deg, lon_deg = (np.round(v, _DEGREE_DECIMALS) for v in observed.track.utm.to_latlon_arrays(x_m, y_m))
+    lat_deg, lon_deg = (
+        np.round(v, _DEGREE_DECIMALS) for v in observed.track.utm.to_latlon_arrays(x_m, y_m)
+    )
     near = _nearest(np.array([t for t, _ in track]), t_ns)
     places: dict[int, tuple[int, Fix]] = {}
     for i, scan in enumerate(scans.tolist()):
@@ -125,7 +139,10 @@ def _heard(
         )
     rows = run.tables["readings"]
     chosen = rows[wanted & np.isin(rows["seq"], scans)]
-    found = [Heard(row["seq"], *places[row["seq"]], _reading(row)) for row in values_of("readings", chosen)]
+    found = [
+        Heard(row["seq"], *places[row["seq"]], _reading(row))
+        for row in values_of("readings", chosen)
+    ]
     return sorted(found, key=lambda one: one.t_ns)
 
 

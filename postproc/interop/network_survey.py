@@ -1,8 +1,9 @@
-"""Surveys of the Android app Network Survey: a CSV file for each technology, or one GeoPackage with a table for each.
+"""Surveys of the Android app Network Survey: a CSV file for each technology, or one GeoPackage with
+a table for each.
 
-Sources: GsmCsvLogger.java and its like, CellularSurveyRecordLogger.java, and the constants classes of
-christianrowlands/android-network-survey; OGC 12-128r18 2.1.3 for the geometry. The device's serial number, which both
-contain, is not read.
+Sources: GsmCsvLogger.java and its like, CellularSurveyRecordLogger.java, and the constants classes
+of christianrowlands/android-network-survey; OGC 12-128r18 2.1.3 for the geometry. The device's
+serial number, which both contain, is not read.
 """
 
 import sqlite3
@@ -26,10 +27,15 @@ from postproc.interop.fields import (
     utc_ns_of,
     whole,
 )
-from postproc.interop.heard import Heard, Row, parsed
+from postproc.interop.sighting import Heard, Row, parsed
 from postproc.sqlite_file import opened
 
-TABLES: dict[str, Rat] = {"GSM_MESSAGE": "GSM", "UMTS_MESSAGE": "WCDMA", "LTE_MESSAGE": "LTE", "NR_MESSAGE": "NR"}
+TABLES: dict[str, Rat] = {
+    "GSM_MESSAGE": "GSM",
+    "UMTS_MESSAGE": "WCDMA",
+    "LTE_MESSAGE": "LTE",
+    "NR_MESSAGE": "NR",
+}
 _CHANNELS: dict[str, Rat] = {"arfcn": "GSM", "uarfcn": "WCDMA", "earfcn": "LTE", "narfcn": "NR"}
 """The column that tells the technology of a CSV file."""
 _RENAMED = {
@@ -40,14 +46,19 @@ _RENAMED = {
     "time": "devicetime",
     "locationaccuracy": "accuracy",
 }
-"""Columns of the GeoPackage, in lower case without blanks and underscores, and what the CSV calls them."""
+"""Columns of the GeoPackage, in lower case without blanks and underscores, and what the CSV calls
+them.
+"""
 _ENVELOPE_BYTES = (0, 32, 48, 48, 64)
 _WKB_POINTS = (1, 1001, 2001, 3001)
 
 
 def read_csv(source: Path) -> Iterator[Row]:
     """Records of a CSV file; raises `RunFileError` without the columns needed."""
-    yield from parsed(csv_table.rows(source, required=({*_CHANNELS}, "devicetime", "latitude", "longitude")), _of_csv)
+    yield from parsed(
+        csv_table.rows(source, required=({*_CHANNELS}, "devicetime", "latitude", "longitude")),
+        _of_csv,
+    )
 
 
 def read_geopackage(source: Path) -> Iterator[Row]:
@@ -59,7 +70,9 @@ def read_geopackage(source: Path) -> Iterator[Row]:
             present = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
             for table in (table for table in TABLES if table in present):
                 rows = enumerate(database.execute(f'SELECT * FROM "{table}"'), 1)  # noqa: S608 (a name of ours)
-                yield from parsed(((line, _fields(row, TABLES[table])) for line, row in rows), _of_table)
+                yield from parsed(
+                    ((line, _fields(row, TABLES[table])) for line, row in rows), _of_table
+                )
     except sqlite3.Error as error:
         raise RunFileError(f"{source} is a damaged SQLite file: {error}") from error
 
@@ -83,7 +96,9 @@ def _of_table(line: int, fields: Fields) -> Heard:
 
 
 def _point(geometry: object) -> dict[str, float]:
-    """Place in a GeoPackage geometry: a header with an optional envelope, then a point as well-known binary."""
+    """Place in a GeoPackage geometry: a header with an optional envelope, then a point as
+    well-known binary.
+    """
     if not isinstance(geometry, bytes) or geometry[:2] != b"GP" or len(geometry) < 8:
         raise ValueError("geom is no GeoPackage geometry")
     try:
@@ -94,8 +109,14 @@ def _point(geometry: object) -> dict[str, float]:
         raise ValueError("geom is cut short") from None
     if kind not in _WKB_POINTS:
         raise ValueError("geom is no point")
-    altitude = struct.unpack_from(f"{order}d", body, 21)[0] if kind in {1001, 3001} and len(body) >= 29 else None
-    return {"latitude": lat_deg, "longitude": lon_deg} | ({} if not altitude else {"altitude": altitude})
+    altitude = (
+        struct.unpack_from(f"{order}d", body, 21)[0]
+        if kind in {1001, 3001} and len(body) >= 29
+        else None
+    )
+    return {"latitude": lat_deg, "longitude": lon_deg} | (
+        {} if not altitude else {"altitude": altitude}
+    )
 
 
 def _heard(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Heard:
@@ -126,7 +147,12 @@ def _heard(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Heard:
         "speed_mps": maybe(fields, "speed"),
     }
     fix = place_of(fields, "latitude", "longitude", utc_ns, **known)
-    return Heard(line, utc_ns, fix, reading_of(rat, _role(fields), level_dbm, whole(fields, "lac", "tac"), **found))
+    return Heard(
+        line,
+        utc_ns,
+        fix,
+        reading_of(rat, _role(fields), level_dbm, whole(fields, "lac", "tac"), **found),
+    )
 
 
 def _role(fields: Fields) -> Role:

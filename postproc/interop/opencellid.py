@@ -1,8 +1,10 @@
-"""OpenCelliD measurements, CSV and JSON: what its apps export and its API takes, and the exports of Tower Collector.
+"""OpenCelliD measurements, CSV and JSON: what its apps export and its API takes, and the exports of
+Tower Collector.
 
-Sources: wiki.opencellid.org/wiki/API; CsvUploadFormatter.java and CsvExportFormatter.java of zamojski/TowerCollector.
-Columns go by their names: their order differs between programs, and so does that of latitude and longitude.
-`measured_at` is Unix time in ms, or a date in UTC. `signal` is in dBm where it is negative; else it is the ASU.
+Sources: wiki.opencellid.org/wiki/API; CsvUploadFormatter.java and CsvExportFormatter.java of
+zamojski/TowerCollector. Columns go by their names: their order differs between programs, and so
+does that of latitude and longitude. `measured_at` is Unix time in ms, or a date in UTC. `signal` is
+in dBm where it is negative; else it is the ASU.
 """
 
 import csv
@@ -29,7 +31,7 @@ from postproc.interop.fields import (
     utc_ns_of,
     whole,
 )
-from postproc.interop.heard import Heard, Row, parsed
+from postproc.interop.sighting import Heard, Row, parsed
 
 _NEEDED = (
     "mcc",
@@ -69,7 +71,12 @@ def read_json(source: Path) -> Iterator[Row]:
 def writable(heard: Heard) -> bool:
     """Whether a measurement has all that the format needs: who, and when in UTC."""
     cell = heard.reading
-    return is_plmn(cell.mcc, cell.mnc) and None not in (heard.fix.utc_ns, cell.cid, cell.rat, _area(heard))
+    return is_plmn(cell.mcc, cell.mnc) and None not in (
+        heard.fix.utc_ns,
+        cell.cid,
+        cell.rat,
+        _area(heard),
+    )
 
 
 def write_csv(heard: Sequence[Heard], target: Path) -> None:
@@ -81,8 +88,12 @@ def write_csv(heard: Sequence[Heard], target: Path) -> None:
 
 
 def write_json(heard: Sequence[Heard], target: Path) -> None:
-    """Measurements that are `writable`, as the API takes them: codes are integers, and lose leading zeros."""
-    numbered = [one | {"mcc": int(one["mcc"]), "mnc": int(one["mnc"])} for one in map(_measurement, heard)]
+    """Measurements that are `writable`, as the API takes them: codes are integers, and lose leading
+    zeros.
+    """
+    numbered = [
+        one | {"mcc": int(one["mcc"]), "mnc": int(one["mnc"])} for one in map(_measurement, heard)
+    ]
     target.write_text(json.dumps({"measurements": numbered}, indent=1) + "\n", encoding="utf-8")
 
 
@@ -120,7 +131,11 @@ def _heard(line: int, fields: Fields) -> Heard | None:
     if rat is None:
         return None
     mcc, mnc = plmn(fields)
-    area = whole(fields, "lac", "tac") if rat in {"GSM", "WCDMA"} else _known_first(fields, "tac", "lac")
+    area = (
+        whole(fields, "lac", "tac")
+        if rat in {"GSM", "WCDMA"}
+        else _known_first(fields, "tac", "lac")
+    )
     found: dict[str, Any] = {
         "mcc": mcc,
         "mnc": mnc,
@@ -139,11 +154,15 @@ def _heard(line: int, fields: Fields) -> Heard | None:
         "course_deg": maybe(fields, "direction" if "direction" in fields else "bearing"),
     }
     fix = place_of(fields, "lat", "lon", utc_ns, **known)
-    return Heard(line, utc_ns, fix, reading_of(rat, _role(fields), _level_dbm(fields, rat), area, **found))
+    return Heard(
+        line, utc_ns, fix, reading_of(rat, _role(fields), _level_dbm(fields, rat), area, **found)
+    )
 
 
 def _known_first(fields: Fields, *names: str) -> int | None:
-    """First integer that is known: an app writes a mark where Tower Collector leaves the column empty."""
+    """First integer that is known: an app writes a mark where Tower Collector leaves the column
+    empty.
+    """
     return next((value for name in names if (value := whole(fields, name)) is not None), None)
 
 
@@ -157,7 +176,9 @@ def _utc_ns(found: str) -> int:
         raise ValueError("measured_at is empty")
     # ten digits are seconds until the year 2286, thirteen are milliseconds since 2001
     utc_ns = (
-        int(found) * (10**6 if len(found) > 11 else 10**9) if found.isdecimal() else utc_ns_of(found, "measured_at")
+        int(found) * (10**6 if len(found) > 11 else 10**9)
+        if found.isdecimal()
+        else utc_ns_of(found, "measured_at")
     )
     if not 0 < utc_ns < 2**62:
         raise ValueError(f"measured_at is out of range: {found[:40]}")
@@ -172,7 +193,8 @@ def _level_dbm(fields: Fields, rat: Rat) -> float:
     signal = number(fields, told, (LEVEL_RANGE_DBM[0], 2.0**31))
     if signal < 0:
         return signal
-    # 3GPP TS 27.007 8.5 (GSM); CellSignalStrengthLte and -Nr of Android. For WCDMA there are two scales
+    # 3GPP TS 27.007 8.5 (GSM); CellSignalStrengthLte and -Nr of Android. For WCDMA there are two
+    # scales
     if signal > _ASU_MOST.get(rat, -1):
         raise ValueError(f"{told} {signal:.0f} is no level of {rat}")
     return 2.0 * signal - 113.0 if rat == "GSM" else signal - 140.0

@@ -1,8 +1,10 @@
-"""A copy of a run to be given away: without the places where the walk begins and ends, and without the machine.
+"""A copy of a run to be given away: without the places where the walk begins and ends, and without
+the machine.
 
-What lies inside a circle around the first fix, or around the last, is left out, at whatever time the walker was there.
-A circle whose centre is the home would show the home, so each is moved at random and made wider by as much. Since a
-receiver's first words are often wrong, the median of a minute is protected besides.
+What lies inside a circle around the first fix, or around the last, is left out, at whatever time
+the walker was there. A circle whose centre is the home would show the home, so each is moved at
+random and made wider by as much. Since a receiver's first words are often wrong, the median of a
+minute is protected besides.
 """
 
 import secrets
@@ -20,10 +22,10 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import ConfigError
 from logger.core.live import LiveTracker
 from logger.core.observations import MAX_GAP_S, Track, track_of
-from logger.core.origin import SHARED, shared
+from logger.core.provenance import SHARED, shared
 from logger.core.runfile import Run
 from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
-from postproc.interop.writing import Append, meta_of, spare, write_run
+from postproc.interop.run_builder import Append, meta_of, spare, write_run
 
 BLUR_M = 200.0
 _SHIFT = 0.5
@@ -45,14 +47,18 @@ class Shared:
 
 
 def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
-    """Write the copy; raises `ConfigError` where nothing would be left, `EstimationError` without a fix."""
+    """Write the copy; raises `ConfigError` where nothing would be left, `EstimationError` without a
+    fix.
+    """
     if not 0.0 < blur_m < 1e6:
         raise ConfigError("--blur-m is a radius in metres, more than 0")
     spare(target, SHARED, "copy")
     track = track_of(run.tables["fixes"])
     shown = _Shown.of(track.t_ns, _outside_of_ends(track, blur_m))
     if not len(shown.starts):
-        raise ConfigError(f"the walk is nowhere far from its ends: nothing is left with --blur-m {blur_m:g}")
+        raise ConfigError(
+            f"the walk is nowhere far from its ends: nothing is left with --blur-m {blur_m:g}"
+        )
     start_ns = int(shown.starts[0])
     meta = meta_of(shared(run.meta.origin), live=run.meta.live, truth=run.meta.truth)
     counts: Counter[str] = Counter()
@@ -65,13 +71,20 @@ def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
 
     write_run(target, meta, fill, SHARED)
     return Shared(
-        target, blur_m, counts["Fix"], counts["Scan"], counts["CellReading"], _removed(run, counts, blur_m), _still(run)
+        target,
+        blur_m,
+        counts["Fix"],
+        counts["Scan"],
+        counts["CellReading"],
+        _removed(run, counts, blur_m),
+        _still(run),
     )
 
 
 @dataclass(frozen=True, slots=True)
 class _Shown:
-    """When the walker may be shown: from each fix outside of the circles to the next, if that is one too, and near.
+    """When the walker may be shown: from each fix outside of the circles to the next, if that is
+    one too, and near.
 
     Arrays of shape (n,), in time order; `hidden_ns` are the times of the fixes inside.
     """
@@ -87,8 +100,12 @@ class _Shown:
         return cls(t_ns[outside], np.where(whole, following, t_ns)[outside], t_ns[~outside])
 
     def shows(self, begun_ns: int, ended_ns: int) -> bool:
-        """Whether the walker was outside of the circles, and known to be, from one time to another."""
-        passed = np.searchsorted(self.hidden_ns, ended_ns, "right") - np.searchsorted(self.hidden_ns, begun_ns, "left")
+        """Whether the walker was outside of the circles, and known to be, from one time to
+        another.
+        """
+        passed = np.searchsorted(self.hidden_ns, ended_ns, "right") - np.searchsorted(
+            self.hidden_ns, begun_ns, "left"
+        )
         return not passed and self._knows(begun_ns) and self._knows(ended_ns)
 
     def _knows(self, t_ns: int) -> bool:
@@ -101,7 +118,10 @@ def _outside_of_ends(track: Track, blur_m: float) -> npt.NDArray[np.bool_]:
     xy_m = np.column_stack([track.x_m, track.y_m])
     outside = np.ones(len(xy_m), bool)
     minute_ns = round(_END_S * 1e9)
-    ends = {0: track.t_ns <= track.t_ns[0] + minute_ns, -1: track.t_ns >= track.t_ns[-1] - minute_ns}
+    ends = {
+        0: track.t_ns <= track.t_ns[0] + minute_ns,
+        -1: track.t_ns >= track.t_ns[-1] - minute_ns,
+    }
     for end, around in ends.items():
         shift_m = _random_shift_m(_SHIFT * blur_m)
         for centre in (xy_m[end], np.median(xy_m[around], axis=0)):
@@ -117,7 +137,9 @@ def _random_shift_m(most_m: float) -> FloatArray:
 
 
 def _kept(run: Run, shown: _Shown, start_ns: int) -> Iterator[tuple[int, Record]]:
-    """Fixes, scans and notes to be shown with their numbers in the run, in time since the first of them."""
+    """Fixes, scans and notes to be shown with their numbers in the run, in time since the first of
+    them.
+    """
     sources: dict[tuple[str, str], str] = {}
     for seq, record in run.records("fixes", "scans", "notes"):
         kept: Fix | Scan | Note
@@ -137,12 +159,18 @@ def _kept(run: Run, shown: _Shown, start_ns: int) -> Iterator[tuple[int, Record]
                 continue
         # ports have names of the owner's choosing
         same_kind = sum(named == kind for named, _ in sources)
-        source = sources.setdefault((kind, record.source), f"{kind}-{same_kind + 1}" if same_kind else kind)
+        source = sources.setdefault(
+            (kind, record.source), f"{kind}-{same_kind + 1}" if same_kind else kind
+        )
         yield seq, Record(record.t_ns - start_ns, source, kept)
 
 
-def _append(append: Append, kept: Iterator[tuple[int, Record]], tracker: LiveTracker | None) -> Counter[str]:
-    """Write records and, after each, the live estimate as it would have been; counts the records by kind."""
+def _append(
+    append: Append, kept: Iterator[tuple[int, Record]], tracker: LiveTracker | None
+) -> Counter[str]:
+    """Write records and, after each, the live estimate as it would have been; counts the records by
+    kind.
+    """
     numbers: dict[int | None, int] = {}
     counts: Counter[str] = Counter()
     for old, shown in kept:
@@ -165,7 +193,9 @@ def _append(append: Append, kept: Iterator[tuple[int, Record]], tracker: LiveTra
 def _removed(run: Run, counts: Counter[str], blur_m: float) -> tuple[str, ...]:
     """In words, for the walker to read."""
     meta, tables = run.meta, run.tables
-    gone = ", ".join(f"{len(tables[table]) - counts[kind]} {table}" for table, kind in _TABLES.items())
+    gone = ", ".join(
+        f"{len(tables[table]) - counts[kind]} {table}" for table, kind in _TABLES.items()
+    )
     where = f"recorded within {blur_m:g} m or somewhat more of the begin or the end, or where the place was not known"
     found = [
         f"{gone}: {where}",
@@ -188,4 +218,8 @@ _TABLES = {"fixes": "Fix", "scans": "Scan", "readings": "CellReading", "notes": 
 def _still(run: Run) -> tuple[str, ...]:
     """In words, what the copy tells all the same."""
     simulated = ("the true places of the simulated transmitters",) if run.meta.truth else ()
-    return ("the track elsewhere, with the time of day", "identities and levels of the cells", *simulated)
+    return (
+        "the track elsewhere, with the time of day",
+        "identities and levels of the cells",
+        *simulated,
+    )

@@ -1,10 +1,11 @@
 """A walk as CSV: one row for each level measured, with the place where it was.
 
-Columns: `t_s` (seconds) or `time_utc` (ISO 8601), `lat`, `lon` (WGS 84 degrees), `rssi_dbm`; optional `cell` (name,
-default "target"), `acc_m` (radius that holds 68 %), `rat`, and by their names in the run file whatever else is known of
-the fix (`alt_m`, `speed_mps`, `course_deg`) or of the cell (`mcc`, `mnc`, `lac`, `cid`, `rsrp_dbm`, ...), where
-`rssi_dbm` may be empty if another level is given. Other columns are passed over. Text that a spreadsheet would take for
-a formula is marked with an apostrophe, and read without it.
+Columns: `t_s` (seconds) or `time_utc` (ISO 8601), `lat`, `lon` (WGS 84 degrees), `rssi_dbm`;
+optional `cell` (name, default "target"), `acc_m` (radius that holds 68 %), `rat`, and by their
+names in the run file whatever else is known of the fix (`alt_m`, `speed_mps`, `course_deg`) or of
+the cell (`mcc`, `mnc`, `lac`, `cid`, `rsrp_dbm`, ...), where `rssi_dbm` may be empty if another
+level is given. Other columns are passed over. Text that a spreadsheet would take for a formula is
+marked with an apostrophe, and read without it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,9 +18,19 @@ from logger.core.schema import TABLES, UNKNOWN_SIGNED
 from logger.core.types import CellReading, Fix
 from logger.core.utc import utc_text
 from postproc.interop import csv_table
-from postproc.interop.cells import line, marked, unmarked
-from postproc.interop.fields import LEVEL_RANGE_DBM, RATS, Fields, cell_identity, maybe, number, text, utc_ns_of, whole
-from postproc.interop.heard import BadRow, Heard, Row, parsed
+from postproc.interop.fields import (
+    LEVEL_RANGE_DBM,
+    RATS,
+    Fields,
+    cell_identity,
+    maybe,
+    number,
+    text,
+    utc_ns_of,
+    whole,
+)
+from postproc.interop.sighting import BadRow, Heard, Row, parsed
+from postproc.interop.spreadsheet_text import line, marked, unmarked
 
 DEFAULT_CELL = "target"
 _CELL_BYTES = 64
@@ -28,25 +39,51 @@ _LEVELS = ("rssi_dbm", "rscp_dbm", "rsrp_dbm")
 _ROLES = ("serving", "neighbour", "scan")
 
 _COLUMNS = {column.name: column for column in TABLES["readings"]}
-_CELL = [f.name for f in fields_of(CellReading) if f.name not in {"role", "rat", "label", "more", *_LEVELS}]
+_CELL = [
+    f.name
+    for f in fields_of(CellReading)
+    if f.name not in {"role", "rat", "label", "more", *_LEVELS}
+]
 _TEXTS = {"role", "rat", *(name for name in _CELL if _COLUMNS[name].dtype.startswith("S"))}
-COLUMNS = ("t_s", "time_utc", "lat", "lon", "acc_m", *_PLACE, "cell", "role", "rat", *_LEVELS, *_CELL)
+COLUMNS = (
+    "t_s",
+    "time_utc",
+    "lat",
+    "lon",
+    "acc_m",
+    *_PLACE,
+    "cell",
+    "role",
+    "rat",
+    *_LEVELS,
+    *_CELL,
+)
 
 
 def read(source: Path) -> Iterator[Row]:
     """Rows in the file's order; raises `RunFileError` without the columns needed."""
-    yield from parsed(csv_table.rows(source, required=({"t_s", "time_utc"}, "lat", "lon", "rssi_dbm")), _heard)
+    yield from parsed(
+        csv_table.rows(source, required=({"t_s", "time_utc"}, "lat", "lon", "rssi_dbm")), _heard
+    )
 
 
 def read_walk(source: Path) -> tuple[list[Heard], list[BadRow]]:
     """Usable rows, and those that are not, each in the file's order; raises as `read`."""
     rows = list(read(source))
-    return [row for row in rows if isinstance(row, Heard)], [row for row in rows if isinstance(row, BadRow)]
+    return [row for row in rows if isinstance(row, Heard)], [
+        row for row in rows if isinstance(row, BadRow)
+    ]
 
 
 def write(heard: Sequence[Heard], target: Path, start_ns: int) -> None:
-    """Levels as CSV that `read` gives back equal: times in seconds since `start_ns`, and UTC if known."""
-    used = [name for name in COLUMNS if name in {"rssi_dbm", "time_utc"} or any(_value(h, name, 0) for h in heard)]
+    """Levels as CSV that `read` gives back equal: times in seconds since `start_ns`, and UTC if
+    known.
+    """
+    used = [
+        name
+        for name in COLUMNS
+        if name in {"rssi_dbm", "time_utc"} or any(_value(h, name, 0) for h in heard)
+    ]
     with target.open("w", newline="", encoding="utf-8") as file:
         file.write(line(used))
         file.writelines(line(_value(one, name, start_ns) for name in used) for one in heard)
@@ -86,7 +123,11 @@ def _utc(utc_ns: int) -> str:
 
 
 def _heard(line: int, fields: Fields) -> Heard:
-    utc_ns = utc_ns_of(fields["time_utc"], "time_utc") if "t_s" not in fields or fields.get("time_utc") else None
+    utc_ns = (
+        utc_ns_of(fields["time_utc"], "time_utc")
+        if "t_s" not in fields or fields.get("time_utc")
+        else None
+    )
     t_ns = round(number(fields, "t_s") * 1e9) if "t_s" in fields or utc_ns is None else utc_ns
     if abs(t_ns) >= 2**62:
         raise ValueError("the time is out of range")

@@ -1,8 +1,10 @@
-"""WiGLE CSV 1.4 and 1.6: a line about the app, a header line, a line for each sighting; cells among Wi-Fi.
+"""WiGLE CSV 1.4 and 1.6: a line about the app, a header line, a line for each sighting; cells among
+Wi-Fi.
 
-Source: api.wigle.net/csvFormat.html, and CellReceiver.java of wiglenet/wigle-wifi-wardriving for what the app writes
-about cells. `MAC` is network_area_cell, `AuthMode` the technology and a country or network, `FirstSeen` the time of
-this sighting in UTC; columns go by their names, since many programs write other columns than their version has.
+Source: api.wigle.net/csvFormat.html, and CellReceiver.java of wiglenet/wigle-wifi-wardriving for
+what the app writes about cells. `MAC` is network_area_cell, `AuthMode` the technology and a country
+or network, `FirstSeen` the time of this sighting in UTC; columns go by their names, since many
+programs write other columns than their version has.
 """
 
 import csv
@@ -26,7 +28,7 @@ from postproc.interop.fields import (
     utc_ns_of,
     whole,
 )
-from postproc.interop.heard import Heard, Row, parsed
+from postproc.interop.sighting import Heard, Row, parsed
 
 PREFIX = "WigleWifi-"
 NO_LEVEL_DBM = -113.0
@@ -49,7 +51,9 @@ def read(source: Path) -> Iterator[Row]:
 
 def writable(heard: Heard) -> bool:
     """Whether a sighting has all that the format needs: who, and when in UTC."""
-    return heard.fix.utc_ns is not None and _mac(heard) is not None and heard.reading.rat is not None
+    return (
+        heard.fix.utc_ns is not None and _mac(heard) is not None and heard.reading.rat is not None
+    )
 
 
 def write(heard: Sequence[Heard], target: Path) -> None:
@@ -71,7 +75,19 @@ def _line(heard: Heard) -> list[object]:
     place = (fix.lat_deg, fix.lon_deg, _known(fix.alt_m), _known(fix.acc_m))
     channel = _known(reading.arfcn)
     auth = f"{kind};{reading.mcc}{reading.mnc}"
-    return [_mac(heard), "", auth, seen, channel, channel, round(heard.rssi_dbm), *place, "", "", kind]
+    return [
+        _mac(heard),
+        "",
+        auth,
+        seen,
+        channel,
+        channel,
+        round(heard.rssi_dbm),
+        *place,
+        "",
+        "",
+        kind,
+    ]
 
 
 def _mac(heard: Heard) -> str | None:
@@ -102,7 +118,10 @@ def _heard(line: int, fields: Fields) -> Heard | None:
     utc_ns = utc_ns_of(text(fields, "firstseen"), "FirstSeen")
     if utc_ns <= 0:
         raise ValueError("FirstSeen is no time")
-    known = {"alt_m": maybe(fields, "altitudemeters"), "acc_m": maybe(fields, "accuracymeters", (0.0, 1e6)) or None}
+    known = {
+        "alt_m": maybe(fields, "altitudemeters"),
+        "acc_m": maybe(fields, "accuracymeters", (0.0, 1e6)) or None,
+    }
     fix = place_of(fields, "currentlatitude", "currentlongitude", utc_ns, **known)
     more = {
         "mcc": cell[1],
@@ -110,4 +129,6 @@ def _heard(line: int, fields: Fields) -> Heard | None:
         "cid": cell_identity(found, "cell"),
         "arfcn": whole(fields, "channel") or None,
     }
-    return Heard(line, utc_ns, fix, reading_of(rat, "scan", level_dbm, whole(found, "area"), **more))
+    return Heard(
+        line, utc_ns, fix, reading_of(rat, "scan", level_dbm, whole(found, "area"), **more)
+    )

@@ -1,4 +1,6 @@
-"""Colours of every picture: one for each estimator, and a scale for levels; all hold on black and on white."""
+"""Colours of every picture: one for each estimator, and a scale for levels; all hold on black and
+on white.
+"""
 
 from typing import Final
 
@@ -21,7 +23,9 @@ WALKER: Final = (40, 130, 240)
 QUIET: Final = (125, 125, 135)
 
 INK: Final = (31, 36, 43)
-"""Words, axes and lines on white paper, with those below; a dark page puts others in their place."""
+"""Words, axes and lines on white paper, with those below; a dark page puts others in their
+place.
+"""
 MUTED: Final = (92, 100, 112)
 GRID: Final = (221, 225, 230)
 PAPER: Final = (255, 255, 255)
@@ -57,12 +61,16 @@ _SCALE = np.array(
 
 
 def of_levels(level_dbm: FloatArray, weakest_dbm: float, strongest_dbm: float) -> Bytes:
-    """Red, green, blue of each level, shape (n, 3): blue is weak, red is strong; grey where the level is NaN."""
+    """Red, green, blue of each level, shape (n, 3): blue is weak, red is strong; grey where the
+    level is NaN.
+    """
     span = max(strongest_dbm - weakest_dbm, 1e-9)
     at = np.clip((level_dbm - weakest_dbm) / span, 0.0, 1.0) * (len(_SCALE) - 1)
     steps = np.arange(len(_SCALE))
     known = np.isfinite(at)
-    mixed = np.column_stack([np.interp(np.where(known, at, 0.0), steps, channel) for channel in _SCALE.T])
+    mixed = np.column_stack(
+        [np.interp(np.where(known, at, 0.0), steps, channel) for channel in _SCALE.T]
+    )
     return np.where(known[:, None], np.round(mixed), QUIET).astype(np.uint8)
 
 

@@ -5,17 +5,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from postproc.estimators import batch
-from postproc.estimators.batch_spread import distance_db
-from postproc.smooth import CellResult
+from postproc.estimators import least_squares
+from postproc.estimators.least_squares_covariance import distance_db
+from postproc.smoothing import CellResult
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Level and residual of each reading, shape (n,), by its distance from the strongest place of the posterior.
+    """Level and residual of each reading, shape (n,), by its distance from the strongest place of
+    the posterior.
 
-    `distance_m` is that of the antenna, at its height; the model is `p0_dbm - 10 eta lg distance_m`. `within` are the
-    readings that are no end of the modem's scale; `residual_db` is level minus model, NaN for the others.
+    `distance_m` is that of the antenna, at its height; the model is `p0_dbm - 10 eta lg
+    distance_m`. `within` are the readings that are no end of the modem's scale; `residual_db` is
+    level minus model, NaN for the others.
     """
 
     distance_m: FloatArray
@@ -41,9 +43,15 @@ def fit_of(cell: CellResult) -> Fit | None:
         obs = obs.on_one_scale(posterior.offsets.mean_db)
     state, height_m = posterior.modes[0].state, posterior.prior.height_m
     within = np.asarray(obs.limit == 0, np.bool_)
-    residual_db = np.where(within, -batch.residuals(state, obs, height_m), np.nan)
+    residual_db = np.where(within, -least_squares.residuals(state, obs, height_m), np.nan)
     away_db = distance_db(obs.x_m, obs.y_m, float(state[0]), float(state[1]), height_m)
     scatter_db = float(np.nanstd(residual_db)) if np.any(within) else float("nan")
     return Fit(
-        10.0 ** (0.1 * away_db), obs.level_dbm, residual_db, within, float(state[2]), float(state[3]), scatter_db
+        10.0 ** (0.1 * away_db),
+        obs.level_dbm,
+        residual_db,
+        within,
+        float(state[2]),
+        float(state[3]),
+        scatter_db,
     )

@@ -7,24 +7,28 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.censoring import levels_dbm
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.region import Cells
 from logger.core.locator.rivals import counting, percents, share_text
 from logger.core.observations import MAX_GAP_S, Track, times_ns
 from logger.core.runfile import Run
-from logger.core.scale import levels_dbm
 from logger.core.timebase import TimeBase, fit_run
-from postproc.estimators.outline import outline
+from postproc.estimators.region_outline import outline
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
-from postproc.smooth import CellResult, Smoothed
+from postproc.smoothing import CellResult, Smoothed
 
 Rings = list[FloatArray]
-"""Outline of a region: closed rings of shape (k, 2), outer ones counterclockwise, holes clockwise."""
+"""Outline of a region: closed rings of shape (k, 2), outer ones counterclockwise, holes
+clockwise.
+"""
 
 _LEAST_WALK_M = 100.0
 _MOST_WALKS = 4.0
-"""A region wider than this many walks would make a dot of the walk, and is left to reach out of the picture."""
+"""A region wider than this many walks would make a dot of the walk, and is left to reach out of the
+picture.
+"""
 _MARGIN = 0.08
 
 
@@ -61,7 +65,9 @@ class Box(NamedTuple):
 
 
 class Levels(NamedTuple):
-    """Levels of one cell as they were read, with or without a position; arrays of shape (n,) in time order."""
+    """Levels of one cell as they were read, with or without a position; arrays of shape (n,) in
+    time order.
+    """
 
     cell: str
     t_ns: IntArray
@@ -92,10 +98,12 @@ class Clock:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A run as it is drawn. `focus` is the cell looked at; without a fix there is no `track` and no `box`.
+    """A run as it is drawn.
 
-    `track_m` (n, 2) are the fixes, `heard_m` (k, 2) the places where the focus was read with `heard_dbm` (k,);
-    `strength_dbm` are the weakest and the strongest level of the colour scale.
+    `focus` is the cell looked at; without a fix there is no `track` and no `box`.
+
+    `track_m` (n, 2) are the fixes, `heard_m` (k, 2) the places where the focus was read with
+    `heard_dbm` (k,); `strength_dbm` are the weakest and the strongest level of the colour scale.
     """
 
     smoothed: Smoothed
@@ -133,7 +141,9 @@ class Picture:
 
 
 def picture_of(smoothed: Smoothed, focus: CellResult | None = None) -> Picture:
-    """Gather what is drawn of `focus`, or of the cell with most to tell; an empty run gives an empty picture."""
+    """Gather what is drawn of `focus`, or of the cell with most to tell; an empty run gives an
+    empty picture.
+    """
     run, observations = smoothed.run, smoothed.observations
     focus = focus or focus_of(smoothed)
     track = observations.track if observations else None
@@ -143,7 +153,9 @@ def picture_of(smoothed: Smoothed, focus: CellResult | None = None) -> Picture:
     heard_m = _local(obs.x_m, obs.y_m, origin) if obs else np.empty((0, 2))
     heard_dbm = obs.level_dbm if obs else np.empty(0)
     posterior = focus.posterior if focus else None
-    region95, region50 = (_rings(posterior.cells, at, origin) if posterior else [] for at in (0.95, 0.5))
+    region95, region50 = (
+        _rings(posterior.cells, at, origin) if posterior else [] for at in (0.95, 0.5)
+    )
     truth_m = _truth(smoothed, focus, origin)
     return Picture(
         smoothed=smoothed,
@@ -178,22 +190,30 @@ def headline(result: CellResult) -> str:
     """Verdict in honest words, one line."""
     posterior = result.posterior
     if result.verdict == "located" and posterior is not None:
-        return f"located: 95 % of the probability lie within {posterior.r95_m:.0f} m of the best place"
+        return (
+            f"located: 95 % of the probability lie within {posterior.r95_m:.0f} m of the best place"
+        )
     if result.verdict == "ambiguous" and posterior is not None:
         places = counting(posterior.modes)
         shares = ", ".join(f"{share}%" for share in percents(places)[:4])
-        return f"ambiguous: {len(places)} places fit ({shares}); 95 % radius {posterior.r95_m:.0f} m"
+        return (
+            f"ambiguous: {len(places)} places fit ({shares}); 95 % radius {posterior.r95_m:.0f} m"
+        )
     why = result.warnings[0] if result.warnings else "the readings do not hold the answer"
     return f"{result.verdict}: {why}"
 
 
 def mode_label(posterior: Posterior, mode: Mode) -> str:
-    """Share of the probability of one place among several; "100 %" of a single one would look like certainty."""
+    """Share of the probability of one place among several; "100 %" of a single one would look like
+    certainty.
+    """
     return share_text(mode.probability) if len(posterior.modes) > 1 else ""
 
 
 def levels_of(run: Run) -> tuple[Levels, ...]:
-    """Levels of every cell with a name, most readings first; a reading is dated to the middle of its scan."""
+    """Levels of every cell with a name, most readings first; a reading is dated to the middle of
+    its scan.
+    """
     readings = run.tables["readings"]
     level, t_ns = levels_dbm(readings), times_ns(run.tables["scans"], readings)
     kept = np.isfinite(level) & (readings["cell"] != b"")
@@ -201,7 +221,9 @@ def levels_of(run: Run) -> tuple[Levels, ...]:
     order = np.lexsort((t_ns[kept], which))
     starts = np.searchsorted(which[order], np.arange(1, len(names)))
     parts = zip(names, *(np.split(v[kept][order], starts) for v in (t_ns, level)), strict=False)
-    cells = [Levels(name.decode("utf-8", "replace"), times, values) for name, times, values in parts]
+    cells = [
+        Levels(name.decode("utf-8", "replace"), times, values) for name, times, values in parts
+    ]
     return tuple(sorted(cells, key=lambda cell: -len(cell.t_ns)))
 
 
@@ -210,7 +232,9 @@ def nice_step(span: float, most: int) -> float:
     if span <= 0.0:
         return 1.0
     power = 10.0 ** floor(log10(span / most))
-    return next(step for step in (power, 2 * power, 5 * power, 10 * power) if span / step <= most + 1e-9)
+    return next(
+        step for step in (power, 2 * power, 5 * power, 10 * power) if span / step <= most + 1e-9
+    )
 
 
 def _local(x_m: FloatArray, y_m: FloatArray, origin_m: tuple[float, float]) -> FloatArray:
@@ -228,7 +252,11 @@ def _strength(level_dbm: FloatArray) -> tuple[float, float]:
 
 def _rings(cells: Cells, level: float, origin_m: tuple[float, float]) -> Rings:
     parts = outline(cells, level)
-    return [np.asarray(ring.coords, float) - origin_m for part in parts for ring in (part.exterior, *part.interiors)]
+    return [
+        np.asarray(ring.coords, float) - origin_m
+        for part in parts
+        for ring in (part.exterior, *part.interiors)
+    ]
 
 
 def _estimates(focus: CellResult | None, origin_m: tuple[float, float]) -> tuple[Estimate, ...]:
@@ -244,7 +272,9 @@ def _estimates(focus: CellResult | None, origin_m: tuple[float, float]) -> tuple
         if filtered is not None and len(filtered):
             found.append((key, name, colour, filtered.x[-1, :4], filtered.p[-1, :4, :4]))
     if focus.batch is not None:
-        found.append(("batch", "least squares", colours.BATCH, focus.batch.state, focus.batch.covariance))
+        found.append(
+            ("batch", "least squares", colours.BATCH, focus.batch.state, focus.batch.covariance)
+        )
     shift = np.array([*origin_m, 0.0, 0.0])
     return tuple(
         Estimate(key, name, colour, x - shift, p)
@@ -253,7 +283,9 @@ def _estimates(focus: CellResult | None, origin_m: tuple[float, float]) -> tuple
     )
 
 
-def _truth(smoothed: Smoothed, focus: CellResult | None, origin_m: tuple[float, float]) -> tuple[float, float] | None:
+def _truth(
+    smoothed: Smoothed, focus: CellResult | None, origin_m: tuple[float, float]
+) -> tuple[float, float] | None:
     observations = smoothed.observations
     known = next((t for t in smoothed.run.meta.truth if focus and t.cell == focus.cell), None)
     if known is None or observations is None:
@@ -278,7 +310,9 @@ def _box(track_m: FloatArray, region: Rings, truth_m: tuple[float, float] | None
 
 
 def _squarer(box: Box) -> Box:
-    """With the shorter side at least half the longer one, so that a straight walk has a picture too."""
+    """With the shorter side at least half the longer one, so that a straight walk has a picture
+    too.
+    """
     lack_x, lack_y = (max(0.5 * box.size - side, 0.0) / 2.0 for side in (box.width, box.height))
     return Box(box.west - lack_x, box.south - lack_y, box.east + lack_x, box.north + lack_y)
 

@@ -14,26 +14,30 @@ import textwrap
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from postproc.atomic_write import whole_file
 from postproc.picture_file import kind_of
 from postproc.pictures.fit import fit_of
 from postproc.pictures.picture import Picture, headline, picture_of
 from postproc.pictures.plots_levels import draw_distance, draw_levels
 from postproc.pictures.plots_plan import draw_plan
 from postproc.pictures.plots_style import STYLE, figure_of_size, legend_below, verbatim
-from postproc.smooth import Smoothed
-from postproc.whole_file import whole_file
+from postproc.smoothing import Smoothed
 
 _DPI = 150
 _SIZE_INCH = (11.7, 8.3)
 
 
 def draw_run(smoothed: Smoothed, path: Path) -> None:
-    """One page for the focus cell, format by the suffix (.png, .svg, .pdf); raises `RunFileError` or `ConfigError`."""
+    """One page for the focus cell, format by the suffix (.png, .svg, .pdf); raises `RunFileError`
+    or `ConfigError`.
+    """
     save_figure(figure_of(smoothed), path, _DPI)
 
 
 def save_figure(figure: Figure, path: Path, pixels_per_inch: int) -> None:
-    """Write a figure, format by the suffix (.png, .svg, .pdf); raises `RunFileError` or `ConfigError`."""
+    """Write a figure, format by the suffix (.png, .svg, .pdf); raises `RunFileError` or
+    `ConfigError`.
+    """
     kind = kind_of(path)
     FigureCanvasAgg(figure)
     with whole_file(path) as part, mpl.rc_context(STYLE):

@@ -13,7 +13,9 @@ from postproc.pictures.plots_style import MOST_VECTORS, empty, rgb
 
 
 def draw_distance(axes: Axes, fit: Fit | None) -> None:
-    """Readings against the distance from the strongest place, and the path loss that holds there."""
+    """Readings against the distance from the strongest place, and the path loss that holds
+    there.
+    """
     axes.set_title("level by distance from the strongest place")
     if fit is None:
         empty(axes, "no place to measure the distance from")
@@ -36,7 +38,12 @@ def draw_residuals(axes: Axes, fit: Fit) -> None:
     _dots(axes, fit.distance_m, fit.residual_db, fit)
     axes.axhline(0.0, color=rgb(colours.POSTERIOR), linewidth=1.2)
     for side in (-2.0, 2.0):
-        axes.axhline(side * fit.scatter_db, color=rgb(colours.POSTERIOR), linewidth=0.8, linestyle=(0, (4, 3)))
+        axes.axhline(
+            side * fit.scatter_db,
+            color=rgb(colours.POSTERIOR),
+            linewidth=0.8,
+            linestyle=(0, (4, 3)),
+        )
     _by_distance(axes)
     axes.set_ylabel("residual (dB)")
 
@@ -44,7 +51,11 @@ def draw_residuals(axes: Axes, fit: Fit) -> None:
 def draw_levels(axes: Axes, picture: Picture, most_others: int = 12) -> None:
     """Levels of the focus, and behind it those of the other cells heard most."""
     timebase = picture.clock.timebase
-    started = utc_text(timebase.utc_ns(picture.clock.started_ns)) if timebase else "the start (date unknown)"
+    started = (
+        utc_text(timebase.utc_ns(picture.clock.started_ns))
+        if timebase
+        else "the start (date unknown)"
+    )
     axes.set_title("levels over time")
     if not picture.levels:
         empty(axes, "no level was read")
@@ -54,16 +65,27 @@ def draw_levels(axes: Axes, picture: Picture, most_others: int = 12) -> None:
     for i, levels in enumerate(others):
         colour = rgb(colours.OTHERS[i % len(colours.OTHERS)])
         minutes = picture.clock.minutes(levels.t_ns)
-        axes.plot(minutes, levels.level_dbm, ".", color=colour, markersize=1.5, alpha=0.5, rasterized=True)
+        axes.plot(
+            minutes, levels.level_dbm, ".", color=colour, markersize=1.5, alpha=0.5, rasterized=True
+        )
     for levels in picture.levels:
         if levels.cell == name:
             many = len(levels.t_ns) > 10 * MOST_VECTORS
             minutes = picture.clock.minutes(levels.t_ns)
             axes.plot(
-                minutes, levels.level_dbm, color=rgb(colours.WALKER), linewidth=1, label="this cell", rasterized=many
+                minutes,
+                levels.level_dbm,
+                color=rgb(colours.WALKER),
+                linewidth=1,
+                label="this cell",
+                rasterized=many,
             )
     if others:
-        left_out = len(picture.levels) - len(others) - any(levels.cell == name for levels in picture.levels)
+        left_out = (
+            len(picture.levels)
+            - len(others)
+            - any(levels.cell == name for levels in picture.levels)
+        )
         label = f"{len(others)} other cells" + (f", {left_out} more left out" if left_out else "")
         axes.plot([], [], ".", color=rgb(colours.OTHERS[0]), label=label)
     axes.set_xlabel(f"minutes since {started}")
@@ -77,7 +99,14 @@ def _dots(axes: Axes, distance_m: FloatArray, value: FloatArray, fit: Fit) -> No
     if not np.all(fit.within):
         at_end = ~fit.within
         label = f"{np.count_nonzero(at_end)} at the end of the modem's scale"
-        axes.plot(distance_m[at_end], value[at_end], "v", color=rgb(colours.BATCH), markersize=3, label=label)
+        axes.plot(
+            distance_m[at_end],
+            value[at_end],
+            "v",
+            color=rgb(colours.BATCH),
+            markersize=3,
+            label=label,
+        )
 
 
 def _by_distance(axes: Axes) -> None:

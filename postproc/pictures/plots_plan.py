@@ -31,7 +31,9 @@ def draw_plan(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
             _estimate(axes, estimate, picture.box)
     if picture.truth_m is not None:
         label = "truth (simulated)" + beyond(picture.box, *picture.truth_m)
-        axes.plot(*picture.truth_m, "*", color=rgb(colours.TRUTH), markersize=13, label=label, zorder=9)
+        axes.plot(
+            *picture.truth_m, "*", color=rgb(colours.TRUTH), markersize=13, label=label, zorder=9
+        )
     legend_below(figure, axes)
 
 
@@ -44,7 +46,13 @@ def _ground(axes: Axes, box: Box) -> None:
     axes.grid(visible=True)
     arrow = {"arrowstyle": "->", "color": rgb(colours.INK)}
     axes.annotate(
-        "N", (0.04, 0.97), (0.04, 0.87), xycoords="axes fraction", ha="center", va="center", arrowprops=arrow
+        "N",
+        (0.04, 0.97),
+        (0.04, 0.87),
+        xycoords="axes fraction",
+        ha="center",
+        va="center",
+        arrowprops=arrow,
     ).set_zorder(10)
 
 
@@ -55,7 +63,15 @@ def _walk(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
         axes.plot(*some.T, color=rgb(colours.QUIET), linewidth=1, alpha=0.6, zorder=2)
     ink, paper = rgb(colours.INK), rgb(colours.PAPER)
     for end, marker, label in ((0, "o", "start of the walk"), (-1, "s", "end of the walk")):
-        axes.plot(*picture.track_m[end], marker, color=paper, markeredgecolor=ink, markersize=5, label=label, zorder=5)
+        axes.plot(
+            *picture.track_m[end],
+            marker,
+            color=paper,
+            markeredgecolor=ink,
+            markersize=5,
+            label=label,
+            zorder=5,
+        )
     if len(picture.heard_m):
         weakest, strongest = picture.strength_dbm
         levels = axes.scatter(
@@ -70,7 +86,9 @@ def _walk(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
             zorder=3,
             rasterized=True,
         )
-        bar = figure.colorbar(levels, ax=axes, label="level (dBm)", extend="both", location="top", aspect=40)
+        bar = figure.colorbar(
+            levels, ax=axes, label="level (dBm)", extend="both", location="top", aspect=40
+        )
         bar.locator = MaxNLocator(6, integer=True)
         bar.outline.set_visible(False)
 
@@ -83,16 +101,31 @@ def _posterior(axes: Axes, picture: Picture) -> None:
     blue, white = rgb(colours.POSTERIOR), rgb(colours.PAPER)
     for name, rings, alpha in (("95 %", picture.region95, 0.12), ("50 %", picture.region50, 0.25)):
         if rings:
-            outside = not all(picture.box.holds(*corner) for ring in rings for corner in ring.tolist())
+            outside = not all(
+                picture.box.holds(*corner) for ring in rings for corner in ring.tolist()
+            )
             label = f"{name} region" + (" (reaches beyond)" if outside else "")
-            patch = PathPatch(_outline(rings), facecolor=(*blue, alpha), edgecolor=blue, label=label, zorder=4)
+            patch = PathPatch(
+                _outline(rings), facecolor=(*blue, alpha), edgecolor=blue, label=label, zorder=4
+            )
             axes.add_patch(patch)
     for i, mode in enumerate(posterior.modes):
         named = "likely places" if len(posterior.modes) > 1 else "likeliest place"
         east, north = picture.local(np.array([mode.x_m]), np.array([mode.y_m]))[0].tolist()
         legend = "_nolegend_" if i else named + beyond(picture.box, east, north)
-        axes.plot(east, north, "o", color=blue, markeredgecolor=white, markersize=7, label=legend, zorder=8)
-        share = axes.annotate(mode_label(posterior, mode), (east, north), (7, 7), textcoords="offset points")
+        axes.plot(
+            east,
+            north,
+            "o",
+            color=blue,
+            markeredgecolor=white,
+            markersize=7,
+            label=legend,
+            zorder=8,
+        )
+        share = axes.annotate(
+            mode_label(posterior, mode), (east, north), (7, 7), textcoords="offset points"
+        )
         share.set(fontsize=9, fontweight="bold", zorder=9, annotation_clip=True)
 
 
@@ -105,11 +138,27 @@ def _estimate(axes: Axes, estimate: Estimate, box: Box) -> None:
     """An estimator's last word with its 95 % ellipse."""
     east, north = float(estimate.x[0]), float(estimate.x[1])
     colour = rgb(estimate.colour)
-    axes.plot(east, north, "x", color=colour, markersize=8, label=estimate.name + beyond(box, east, north), zorder=7)
+    axes.plot(
+        east,
+        north,
+        "x",
+        color=colour,
+        markersize=8,
+        label=estimate.name + beyond(box, east, north),
+        zorder=7,
+    )
     found = ellipse95(estimate.p[0, 0], estimate.p[0, 1], estimate.p[1, 1])
     width, height = 2.0 * found.semi_major_m, 2.0 * found.semi_minor_m
     axes.add_patch(
-        Ellipse((east, north), width, height, angle=90.0 - found.azimuth_deg, fill=False, edgecolor=colour, zorder=6)
+        Ellipse(
+            (east, north),
+            width,
+            height,
+            angle=90.0 - found.azimuth_deg,
+            fill=False,
+            edgecolor=colour,
+            zorder=6,
+        )
     )
 
 

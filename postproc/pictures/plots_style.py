@@ -29,7 +29,9 @@ def rgb(colour: Colour) -> tuple[float, float, float]:
 
 def verbatim(text: str) -> str:
     """Text in which a dollar sign is no formula and a control character is none."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text).replace("$", r"\$")
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text).replace(
+        "$", r"\$"
+    )
 
 
 STYLE: Any = {
@@ -62,18 +64,27 @@ STYLE: Any = {
 
 def figure_of_size(width_inch: float, height_inch: float) -> Figure:
     """An empty figure, without a screen."""
-    return Figure(figsize=(width_inch, height_inch), layout=ConstrainedLayoutEngine(h_pad=_APART_INCH))
+    return Figure(
+        figsize=(width_inch, height_inch), layout=ConstrainedLayoutEngine(h_pad=_APART_INCH)
+    )
 
 
 def legend_below(figure: Figure | SubFigure, *axes: Axes) -> None:
-    """One legend under the whole figure, each name once; in two columns where these are wide enough for every name."""
+    """One legend under the whole figure, each name once; in two columns where these are wide enough
+    for every name.
+    """
     named: dict[str, Artist] = {}
     for handles, labels in (one.get_legend_handles_labels() for one in axes):
         named |= zip(labels, handles, strict=True)
     if named:
         room = figure.bbox.width / figure.dpi * _LETTERS_PER_INCH / 2.0 - _LETTERS_OF_A_KEY
         columns = 2 if max(map(len, named)) <= room else 1
-        figure.legend(handles=list(named.values()), labels=list(named), loc="outside lower left", ncols=columns)
+        figure.legend(
+            handles=list(named.values()),
+            labels=list(named),
+            loc="outside lower left",
+            ncols=columns,
+        )
 
 
 def empty(axes: Axes, why: str) -> None:

@@ -17,19 +17,24 @@ _MOST_PARTS = 240
 
 
 class Strips(NamedTuple):
-    """Mean level of each cell in each part of the run, shape (cells, parts), NaN where it was not heard."""
+    """Mean level of each cell in each part of the run, shape (cells, parts), NaN where it was not
+    heard.
+    """
 
     level_dbm: FloatArray
     minutes: float
 
 
 def strips_of(rows: Sequence[Levels | None], clock: Clock) -> Strips | None:
-    """Levels of cells from the start of the run to the last one, in a few hundred parts at most; None without any."""
+    """Levels of cells from the start of the run to the last one, in a few hundred parts at most;
+    None without any.
+    """
     minutes = [np.empty(0) if row is None else clock.minutes(row.t_ns) for row in rows]
     end = max((float(at.max()) for at in minutes if len(at)), default=0.0)
     if end <= 0.0:
         return None
-    # wide enough for two readings of the cell heard most, that silence is a gap and the way of scanning is none
+    # wide enough for two readings of the cell heard most, that silence is a gap and the way of
+    # scanning is none
     parts = int(np.clip(max(len(at) for at in minutes) // 2, 1, _MOST_PARTS))
     level_dbm = np.full((len(rows), parts), np.nan)
     for i, (row, at) in enumerate(zip(rows, minutes, strict=True)):

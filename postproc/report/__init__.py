@@ -8,5 +8,6 @@
     writing   the page and its pictures to files
     cli       the command
 
-The page asks nobody for anything: no script, no font, no picture from elsewhere, and a policy in it that says so.
+The page asks nobody for anything: no script, no font, no picture from elsewhere, and a policy in it
+that says so.
 """

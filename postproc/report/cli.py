@@ -8,24 +8,37 @@ from typing import TYPE_CHECKING
 
 from logger.core.arguments import file_path, height, path
 from logger.core.errors import ConfigError
-from postproc.verify import cli as verify
-from postproc.whole_file import check_folder, check_output
+from postproc.atomic_write import check_folder, check_output
+from postproc.verification import cli as verify
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
-    from postproc.report.writing import Report
-    from postproc.smooth import Wishes
+    from postproc.report.rendering import Report
+    from postproc.smoothing import Wishes
 
 
 def add_report(report: argparse.ArgumentParser) -> None:
-    report.add_argument("-o", "--output", type=file_path, metavar="RUN.HTML", help="default: beside the (first) run")
-    report.add_argument("--cell", action="append", metavar="NAME", help="only this cell (may be repeated)")
-    report.add_argument("--pictures", type=path, metavar="DIR", help="the pictures too, each as PNG and SVG")
-    verify.add_claims(report)
-    report.add_argument("--pfa", type=float, default=0.05, metavar="P", help="false-alarm rate (default: 0.05)")
-    report.add_argument("--environment", default="any", help="prior: any (default), open, suburban or urban")
     report.add_argument(
-        "--height", type=height("--height"), metavar="M", help="antenna above the receiver (default: 5 m)"
+        "-o", "--output", type=file_path, metavar="RUN.HTML", help="default: beside the (first) run"
+    )
+    report.add_argument(
+        "--cell", action="append", metavar="NAME", help="only this cell (may be repeated)"
+    )
+    report.add_argument(
+        "--pictures", type=path, metavar="DIR", help="the pictures too, each as PNG and SVG"
+    )
+    verify.add_claims(report)
+    report.add_argument(
+        "--pfa", type=float, default=0.05, metavar="P", help="false-alarm rate (default: 0.05)"
+    )
+    report.add_argument(
+        "--environment", default="any", help="prior: any (default), open, suburban or urban"
+    )
+    report.add_argument(
+        "--height",
+        type=height("--height"),
+        metavar="M",
+        help="antenna above the receiver (default: 5 m)",
     )
     report.add_argument("--json", action="store_true", help="say what was written as JSON")
     report.set_defaults(command=_report)
@@ -34,7 +47,7 @@ def add_report(report: argparse.ArgumentParser) -> None:
 def _report(arguments: argparse.Namespace) -> int:
     from logger.core.locator.prior import prior_for
     from logger.core.runfile import read_sound_run
-    from postproc.smooth import Wishes
+    from postproc.smoothing import Wishes
 
     begun_s = perf_counter()
     target = arguments.output or arguments.run[0].with_suffix(".html")
@@ -50,32 +63,50 @@ def _report(arguments: argparse.Namespace) -> int:
 
 
 def _made(arguments: argparse.Namespace, runs: "list[Run]", wishes: "Wishes") -> "Report":
+    from postproc.multi_run import smooth_together
     from postproc.progress import shown
-    from postproc.report.writing import MOST_TOLD, report, report_together
-    from postproc.smooth import smooth_run
-    from postproc.together import smooth_together
+    from postproc.report.rendering import MOST_TOLD, report, report_together
+    from postproc.smoothing import smooth_run
 
     processes = os.cpu_count() or 1
     most = max(MOST_TOLD, len(arguments.cell or ()))
     if len(runs) > 1:
         if arguments.claim or arguments.claims:
             raise ConfigError("a claim is tested against one run: give that run alone")
-        together = smooth_together(runs, arguments.cell, wishes=wishes, progress=shown, processes=processes)
+        together = smooth_together(
+            runs, arguments.cell, wishes=wishes, progress=shown, processes=processes
+        )
         return report_together(together, most=most, progress=shown)
-    smoothed = smooth_run(runs[0], arguments.cell, wishes=wishes, progress=shown, processes=processes)
-    verified = verify.verified(arguments, runs[0], arguments.cell or [None], arguments.pfa, wishes.prior)
+    smoothed = smooth_run(
+        runs[0], arguments.cell, wishes=wishes, progress=shown, processes=processes
+    )
+    verified = verify.verified(
+        arguments, runs[0], arguments.cell or [None], arguments.pfa, wishes.prior
+    )
     return report(smoothed, verified, most=most, progress=shown)
 
 
 def _tell(
-    arguments: argparse.Namespace, target: Path, size: int, cells: tuple[str, ...], pictures: list[Path], took_s: float
+    arguments: argparse.Namespace,
+    target: Path,
+    size: int,
+    cells: tuple[str, ...],
+    pictures: list[Path],
+    took_s: float,
 ) -> None:
     from postproc.json_text import as_json
-    from postproc.report.words import number_of
+    from postproc.report.wording import number_of
 
     if arguments.json:
-        written = {"path": str(target), "bytes": size, "cells": cells, "pictures": list(map(str, pictures))}
+        written = {
+            "path": str(target),
+            "bytes": size,
+            "cells": cells,
+            "pictures": list(map(str, pictures)),
+        }
         print(as_json(written | {"seconds": round(took_s, 2)}))
         return
     more = f", {len(pictures)} pictures in {arguments.pictures}" if pictures else ""
-    print(f"{target}: {number_of(len(cells), 'cell')} told, {size / 1e6:.2f} MB in {took_s:.1f} s{more}")
+    print(
+        f"{target}: {number_of(len(cells), 'cell')} told, {size / 1e6:.2f} MB in {took_s:.1f} s{more}"
+    )

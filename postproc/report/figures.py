@@ -18,8 +18,8 @@ from postproc.pictures.plots_levels import draw_distance, draw_levels, draw_resi
 from postproc.pictures.plots_plan import beyond, draw_plan
 from postproc.pictures.plots_style import figure_of_size, legend_below, rgb
 from postproc.pictures.strips import draw_strips, strips_of
-from postproc.report import seen
-from postproc.verify.run import CellVerdict
+from postproc.report import alt_text
+from postproc.verification.run_claims import CellVerdict
 
 _WIDE_INCH = 4.6
 """Narrow, so that its words can be read on a telephone too."""
@@ -40,12 +40,14 @@ class Drawn(NamedTuple):
 def pictures_of(
     picture: Picture, found: Json, claims: Sequence[CellVerdict] = (), *, over_time: bool = True
 ) -> Iterator[Drawn]:
-    """What there is to see of the cell looked at; `found` is its part of `results.summary`, `claims` those about it."""
+    """What there is to see of the cell looked at; `found` is its part of `results.summary`,
+    `claims` those about it.
+    """
     focus = picture.focus
     if focus is None:
         return
     if picture.box is not None:
-        yield Drawn("plan", "Plan", _plan(picture, claims), seen.plan(picture, found, claims))
+        yield Drawn("plan", "Plan", _plan(picture, claims), alt_text.plan(picture, found, claims))
     fit = fit_of(focus)
     if fit is not None:
         figure = figure_of_size(_WIDE_INCH, 4.6)
@@ -54,7 +56,7 @@ def pictures_of(
         draw_residuals(below, fit)
         above.set(title="", xlabel="")
         legend_below(figure, above)
-        yield Drawn("distance", "Level by distance", figure, seen.distance(fit))
+        yield Drawn("distance", "Level by distance", figure, alt_text.distance(fit))
     if over_time:
         yield _levels(picture)
         yield from _filters(picture)
@@ -67,7 +69,7 @@ def overview(rows: Sequence[Levels | None], clock: Clock) -> Drawn | None:
         return None
     figure = figure_of_size(2.0 * _WIDE_INCH, 1.3 + 0.2 * len(rows))
     draw_strips(figure, figure.subplots(), found)
-    return Drawn("overview", "Which cell was heard when", figure, seen.strips(found))
+    return Drawn("overview", "Which cell was heard when", figure, alt_text.strips(found))
 
 
 def _plan(picture: Picture, claims: Sequence[CellVerdict]) -> Figure:
@@ -77,7 +79,9 @@ def _plan(picture: Picture, claims: Sequence[CellVerdict]) -> Figure:
     draw_plan(figure, axes, picture)
     if picture.box is not None:  # to scale, so that its shape follows from that of the walk
         plan_inch = (_WIDE_INCH - _BESIDE_INCH) * picture.box.height / picture.box.width
-        legends_inch = sum(legend.get_window_extent().height for legend in figure.legends) / figure.dpi
+        legends_inch = (
+            sum(legend.get_window_extent().height for legend in figure.legends) / figure.dpi
+        )
         figure.set_size_inches(_WIDE_INCH, plan_inch + _ABOVE_INCH + legends_inch)
     return figure
 
@@ -89,13 +93,34 @@ def _claims(axes: Axes, picture: Picture, claims: Sequence[CellVerdict]) -> None
             return
         x_m, y_m = picture.track.utm.to_xy(one.claim.lat_deg, one.claim.lon_deg)
         east, north = picture.local(np.array([x_m]), np.array([y_m]))[0].tolist()
-        ink, fill = rgb(colours.INK), rgb(colours.PAPER if one.verdict == "cannot tell" else colours.INK)
+        ink, fill = (
+            rgb(colours.INK),
+            rgb(colours.PAPER if one.verdict == "cannot tell" else colours.INK),
+        )
         label = f"claimed place: {one.verdict}{beyond(picture.box, east, north)}"
         marker = "X" if one.verdict == "rejected" else "D"
-        axes.plot(east, north, marker, color=fill, markeredgecolor=ink, markersize=6, label=label, zorder=10)
+        axes.plot(
+            east,
+            north,
+            marker,
+            color=fill,
+            markeredgecolor=ink,
+            markersize=6,
+            label=label,
+            zorder=10,
+        )
         radius_m = 2.0 * one.claim.sigma_m
         if radius_m > 0.0 and picture.box.wider(radius_m).holds(east, north):
-            axes.add_patch(Circle((east, north), radius_m, fill=False, edgecolor=ink, linestyle=(0, (4, 3)), zorder=5))
+            axes.add_patch(
+                Circle(
+                    (east, north),
+                    radius_m,
+                    fill=False,
+                    edgecolor=ink,
+                    linestyle=(0, (4, 3)),
+                    zorder=5,
+                )
+            )
 
 
 def _levels(picture: Picture) -> Drawn:
@@ -103,7 +128,7 @@ def _levels(picture: Picture) -> Drawn:
     axes = figure.subplots()
     draw_levels(axes, picture, most_others=0)
     axes.set_title("")
-    return Drawn("levels", "Levels over time", figure, seen.levels(picture))
+    return Drawn("levels", "Levels over time", figure, alt_text.levels(picture))
 
 
 def _filters(picture: Picture) -> Iterator[Drawn]:
@@ -117,12 +142,19 @@ def _filters(picture: Picture) -> Iterator[Drawn]:
     draw_parameter(below, picture, ETA)
     below.set_xlabel("minutes since the start")
     legend_below(figure, above, below)
-    yield Drawn("path-loss", "Path loss as it was learned", figure, seen.path_loss(picture))
-    told = focus.ekf.consistency or consistency(focus.ekf.innovation_db, focus.ekf.innovation_var_db2)
+    yield Drawn("path-loss", "Path loss as it was learned", figure, alt_text.path_loss(picture))
+    told = focus.ekf.consistency or consistency(
+        focus.ekf.innovation_db, focus.ekf.innovation_var_db2
+    )
     if told.autocorrelation:
         figure = figure_of_size(_WIDE_INCH, 4.6)
         above, below = figure.subplots(2, 1)
         draw_nis(above, picture, focus.ekf)
         draw_autocorrelation(below, told)
         legend_below(figure, above, below)
-        yield Drawn("consistency", "Does the EKF know its errors?", figure, seen.consistency(focus.ekf, told))
+        yield Drawn(
+            "consistency",
+            "Does the EKF know its errors?",
+            figure,
+            alt_text.consistency(focus.ekf, told),
+        )

@@ -15,13 +15,13 @@ from markupsafe import Markup
 from logger.core.runfile import Run
 from postproc.info import CellCount, Event, Gap, Info, describe
 from postproc.json_text import Json
-from postproc.report import words
+from postproc.report import wording
 from postproc.report.figures import Drawn
 from postproc.report.svg import inline
-from postproc.report.words import Answer
-from postproc.smooth import CellResult
+from postproc.report.wording import Answer
+from postproc.smoothing import CellResult
 from postproc.tables import TITLES
-from postproc.verify.run import CellVerdict, Verified
+from postproc.verification.run_claims import CellVerdict, Verified
 
 _NO_CLAIMS = Verified(0.0, (), (), ())
 _MOST_EVENTS = 150
@@ -40,7 +40,9 @@ class Shown:
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """A cell told in full: its answer, its part of `results.summary`, findings beside the answer, and pictures."""
+    """A cell told in full: its answer, its part of `results.summary`, findings beside the answer,
+    and pictures.
+    """
 
     key: str
     answer: Answer
@@ -62,7 +64,9 @@ class Told:
 
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """One run as the page tells it; `events` and `gaps` are bounded, the worst and the longest kept."""
+    """One run as the page tells it; `events` and `gaps` are bounded, the worst and the longest
+    kept.
+    """
 
     run: Run
     info: Info
@@ -74,7 +78,7 @@ class Walk:
 def told_cell(number: int, cell: CellResult, found: Json, drawn: Sequence[Drawn]) -> Told:
     """A cell with its pictures, its number naming it on the page."""
     key = f"cell-{number}"
-    answer = words.answer(cell, found)
+    answer = wording.answer(cell, found)
     told = f"{answer.text} {answer.advice}".lower()
     findings = tuple(text for text in cell.warnings if text.lower() not in told)
     pictures = tuple(_shown(f"{key}-{one.name}", one) for one in drawn)
@@ -84,9 +88,14 @@ def told_cell(number: int, cell: CellResult, found: Json, drawn: Sequence[Drawn]
 def walk_of(run: Run, warnings: Sequence[str]) -> Walk:
     """A run with what happened on the way."""
     info = describe(run)
-    told = sorted(info.events, key=lambda event: event.level not in {"warning", "error"})[:_MOST_EVENTS]
+    told = sorted(info.events, key=lambda event: event.level not in {"warning", "error"})[
+        :_MOST_EVENTS
+    ]
     longest = sorted(info.gaps, key=lambda gap: -gap.length_s)[:_MOST_GAPS]
-    events, gaps = sorted(told, key=lambda event: event.t_s), sorted(longest, key=lambda gap: gap.start_s)
+    events, gaps = (
+        sorted(told, key=lambda event: event.t_s),
+        sorted(longest, key=lambda gap: gap.start_s),
+    )
     return Walk(run, info, tuple(warnings), tuple(events), tuple(gaps))
 
 
@@ -101,10 +110,11 @@ def html(
     """The page; the same input gives the same text."""
     page = _templates().get_template("report.html")
     return page.render(
-        heading=words.counted(cells, [one.answer for one in told]),
+        heading=wording.counted(cells, [one.answer for one in told]),
         told=told,
         cells=found["cells"],
-        warnings=[text for walk in walks for text in walk.warnings] + list(found.get("warnings", ())),
+        warnings=[text for walk in walks for text in walk.warnings]
+        + list(found.get("warnings", ())),
         prior=next((cell["prior"] for cell in found["cells"] if cell["prior"]), None),
         heard=_heard(walks),
         overview=_shown(overview.name, overview) if overview else None,
@@ -117,12 +127,17 @@ def html(
 
 def _heard(walks: Sequence[Walk]) -> dict[str, CellCount]:
     """Cells of all walks, each as it was where it was heard strongest."""
-    every = sorted((cell for walk in walks for cell in walk.info.cells), key=lambda cell: cell.strongest_dbm or -inf)
+    every = sorted(
+        (cell for walk in walks for cell in walk.info.cells),
+        key=lambda cell: cell.strongest_dbm or -inf,
+    )
     return {cell.cell: cell for cell in every}
 
 
 def _shown(key: str, drawn: Drawn) -> Shown:
-    return Shown(key, drawn.title, inline(drawn.figure, key, f"{key}-title", f"{key}-seen"), drawn.seen)
+    return Shown(
+        key, drawn.title, inline(drawn.figure, key, f"{key}-title", f"{key}-seen"), drawn.seen
+    )
 
 
 @cache
@@ -138,23 +153,28 @@ def _templates() -> Environment:
     )
     environment.filters |= {
         "axes": _axes,
-        "metres": words.metres,
-        "of": words.number_of,
-        "place": words.place_text,
-        "time": words.time_text,
-        "duration": words.duration_text,
+        "metres": wording.metres,
+        "of": wording.number_of,
+        "place": wording.place_text,
+        "time": wording.time_text,
+        "duration": wording.duration_text,
         "filename": lambda path: Path(path).name,
     }
     return environment
 
 
 def _plain(value: Any) -> Any:
-    """Nothing known is a dash; what cannot be printed, a lone surrogate or a bell, shows as such."""
+    """Nothing known is a dash; what cannot be printed, a lone surrogate or a bell, shows as
+    such.
+    """
     if value is None:
         return "–"
     if isinstance(value, Markup) or not isinstance(value, str):
         return value
-    return "".join("\N{REPLACEMENT CHARACTER}" if category(c).startswith("C") and c not in "\n\t" else c for c in value)
+    return "".join(
+        "\N{REPLACEMENT CHARACTER}" if category(c).startswith("C") and c not in "\n\t" else c
+        for c in value
+    )
 
 
 def _axes(ellipse: Json) -> str:
@@ -164,4 +184,6 @@ def _axes(ellipse: Json) -> str:
 def _detectable(cell: CellVerdict) -> str:
     """Displacements that the test followed would have noticed."""
     noticed = [m for m in cell.detectable_m if m is not None]
-    return f"{words.metres(min(noticed))} to {words.metres(max(noticed))}" if noticed else "none"
+    return (
+        f"{wording.metres(min(noticed))} to {wording.metres(max(noticed))}" if noticed else "none"
+    )

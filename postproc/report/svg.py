@@ -1,4 +1,6 @@
-"""A picture as part of a page: in the page's colours, with identifiers of its own, referring to nothing outside."""
+"""A picture as part of a page: in the page's colours, with identifiers of its own, referring to
+nothing outside.
+"""
 
 import io
 import re
@@ -39,14 +41,21 @@ def inline(figure: Figure, name: str, labelled_by: str, described_by: str) -> Ma
             element.text = None
     for size in ("width", "height", "version"):
         root.attrib.pop(size, None)
-    root.attrib |= {"class": "picture", "role": "img", "aria-labelledby": labelled_by, "aria-describedby": described_by}
+    root.attrib |= {
+        "class": "picture",
+        "role": "img",
+        "aria-labelledby": labelled_by,
+        "aria-describedby": described_by,
+    }
     return Markup(ET.tostring(root, encoding="unicode"))  # noqa: S704 (every text in it went through the XML writer)
 
 
 def _drawn(figure: Figure) -> bytes:
     written = io.BytesIO()
     with mpl.rc_context(STYLE | {"svg.fonttype": "none"}):
-        figure.savefig(written, format="svg", dpi=PIXELS_PER_INCH, transparent=True, metadata={"Date": None})
+        figure.savefig(
+            written, format="svg", dpi=PIXELS_PER_INCH, transparent=True, metadata={"Date": None}
+        )
     return written.getvalue()
 
 
@@ -54,13 +63,19 @@ def _referred(root: ET.Element) -> set[str]:
     """Identifiers that something in the picture refers to."""
     found = set()
     for element in root.iter():
-        found |= {value[1:] for key, value in element.attrib.items() if key.endswith("href") and value[:1] == "#"}
+        found |= {
+            value[1:]
+            for key, value in element.attrib.items()
+            if key.endswith("href") and value[:1] == "#"
+        }
         found |= {match for value in element.attrib.values() for match in _REFERENCE.findall(value)}
     return found
 
 
 def _own(attributes: dict[str, str], name: str, used: set[str]) -> dict[str, str]:
-    """Attributes with short numbers, the page's colours, and identifiers that no other picture has."""
+    """Attributes with short numbers, the page's colours, and identifiers that no other picture
+    has.
+    """
     found: dict[str, str] = {}
     for key, value in attributes.items():
         if key == "id":

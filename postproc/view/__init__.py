@@ -1,1 +1,3 @@
-"""A run in the rerun viewer: what is told of it, drawn on sheets of a recording, and the programs that show it."""
+"""A run in the rerun viewer: what is told of it, drawn on sheets of a recording, and the programs
+that show it.
+"""

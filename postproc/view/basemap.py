@@ -16,9 +16,9 @@ from logger.core.errors import ConfigError
 from postproc.pictures.picture import Box
 from postproc.view.georeferenced import Area, Ground
 from postproc.view.ground import PAPER
-from postproc.view.sheet import Sheet
-from postproc.view.story import Story
+from postproc.view.rerun_writer import Sheet
 from postproc.view.tiles import is_database, open_tiles
+from postproc.view.view_model import Story
 from postproc.view.world_file import open_picture
 
 MOST_PIXELS = 2048
@@ -36,23 +36,30 @@ Pixels = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class Basemap:
-    """Pixels (rows, columns, 4), north up, that cover `box` in local metres; clear where the file has nothing."""
+    """Pixels (rows, columns, 4), north up, that cover `box` in local metres; clear where the file
+    has nothing.
+    """
 
     pixels: Pixels
     box: Box
 
 
 def read_basemap(path: Path, story: Story) -> Basemap | None:
-    """What a file shows of the plan, None without a plan; raises `ConfigError` where it shows nothing of it."""
+    """What a file shows of the plan, None without a plan; raises `ConfigError` where it shows
+    nothing of it.
+    """
     if story.box is None or story.utm is None:
         return None
     box = story.box.wider(_MARGIN * story.box.size)
     utm = CRS.from_epsg((32600 if story.utm.zone > 0 else 32700) + abs(story.utm.zone))
-    east, north = (np.linspace(*ends, _MESH) for ends in ((box.west, box.east), (box.north, box.south)))
+    east, north = (
+        np.linspace(*ends, _MESH) for ends in ((box.west, box.east), (box.north, box.south))
+    )
     mesh = np.stack(np.meshgrid(east + story.origin_m[0], north + story.origin_m[1]))
     area = Area(utm, mesh, box.size / MOST_PIXELS)
     ground = open_tiles(path, area) if is_database(path) else open_picture(path, area)
-    # the nearest pixel is taken: half as large, so that none lies off by more than a quarter of its own size
+    # the nearest pixel is taken: half as large, so that none lies off by more than a quarter of its
+    # own size
     pixel_m = max(area.finest_m, 0.5 * _pixel_m(ground, area))
     shape = max(round(box.height / pixel_m), 1), max(round(box.width / pixel_m), 1)
     pixels = _resampled(ground, area, shape)
@@ -64,7 +71,9 @@ def read_basemap(path: Path, story: Story) -> Basemap | None:
 def draw_basemap(sheet: Sheet, basemap: Basemap) -> None:
     """Under everything else of the plan."""
     alpha = basemap.pixels[..., 3:] / 255.0
-    flat = np.rint(basemap.pixels[..., :3] * alpha + np.array(PAPER) * (1.0 - alpha)).astype(np.uint8)
+    flat = np.rint(basemap.pixels[..., :3] * alpha + np.array(PAPER) * (1.0 - alpha)).astype(
+        np.uint8
+    )
     file = BytesIO()
     Image.fromarray(flat).save(file, "JPEG", quality=_QUALITY)
     rows, columns = flat.shape[:2]
@@ -80,7 +89,8 @@ def draw_basemap(sheet: Sheet, basemap: Basemap) -> None:
 def _pixel_m(ground: Ground, area: Area) -> float:
     """Metres of the plan between neighbouring pixels of the ground, along its diagonal."""
     metres, pixels = (
-        hypot(*(float(values[-1, -1] - values[0, 0]) for values in pair)) for pair in (area.mesh, ground.pixel_at(area))
+        hypot(*(float(values[-1, -1] - values[0, 0]) for values in pair))
+        for pair in (area.mesh, ground.pixel_at(area))
     )
     return metres / max(pixels, 1e-9)
 

@@ -7,9 +7,9 @@ import rerun.blueprint as rrb
 
 from postproc.pictures.picture import Box
 from postproc.view.ground import FOOT, KEY_WIDTH, PAPER
+from postproc.view.rerun_writer import entity
 from postproc.view.series import QUANTITIES, axis_range, filters
-from postproc.view.sheet import entity
-from postproc.view.story import Story, Subject
+from postproc.view.view_model import Story, Subject
 from postproc.view.world_map import zoom_of
 
 SHARED_AXIS = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc/TimeAxis"
@@ -30,13 +30,22 @@ class _Blueprint(rrb.Blueprint):
 
 
 def layout(story: Story, *, online: bool) -> rrb.Blueprint:
-    """Plan and words to the left, plots over one time axis to the right; opens on the end of the run.
+    """Plan and words to the left, plots over one time axis to the right; opens on the end of the
+    run.
 
     `online` adds the map of the world, whose tiles come from the network once somebody looks at it.
     """
-    left = rrb.Vertical(rrb.Tabs(*_plans(story, online=online)), rrb.Tabs(*_words(story)), row_shares=[1.75, 1.0])
+    left = rrb.Vertical(
+        rrb.Tabs(*_plans(story, online=online)), rrb.Tabs(*_words(story)), row_shares=[1.75, 1.0]
+    )
     subjects = [_plots(subject, named=len(story.subjects) > 1) for subject in story.subjects]
-    right = rrb.Tabs(*subjects) if len(subjects) > 1 else subjects[0] if subjects else _plot("/rssi", "RSSI [dBm]")
+    right = (
+        rrb.Tabs(*subjects)
+        if len(subjects) > 1
+        else subjects[0]
+        if subjects
+        else _plot("/rssi", "RSSI [dBm]")
+    )
     return _Blueprint(
         rrb.Horizontal(left, right, column_shares=[1.15, 1.0]),
         rrb.BlueprintPanel(state="collapsed"),
@@ -71,20 +80,28 @@ def _plans(story: Story, *, online: bool) -> list[rrb.View]:
         found.append(_plan("All cells", [*_COMMON, "/plan/all/**"], _whole(story.box)))
     if online:
         background = rrb.MapProvider.OpenStreetMap
-        found.append(rrb.MapView(origin="/map", name="Map (online)", zoom=zoom_of(story), background=background))
+        found.append(
+            rrb.MapView(
+                origin="/map", name="Map (online)", zoom=zoom_of(story), background=background
+            )
+        )
     return found
 
 
 def _plan(name: str, contents: list[str], box: Box) -> rrb.View:
     # the plan is mirrored, so are its bounds
     bounds = rrb.VisualBounds2D(x_range=(box.west, box.east), y_range=(-box.north, -box.south))
-    return rrb.Spatial2DView(origin="/", contents=contents, name=name, visual_bounds=bounds, background=_PAPER)
+    return rrb.Spatial2DView(
+        origin="/", contents=contents, name=name, visual_bounds=bounds, background=_PAPER
+    )
 
 
 def _whole(box: Box) -> Box:
     margin = 0.03 * box.size
     room = KEY_WIDTH * box.size
-    return Box(box.west - margin, box.south - FOOT * box.height, box.east + room, box.north + margin)
+    return Box(
+        box.west - margin, box.south - FOOT * box.height, box.east + room, box.north + margin
+    )
 
 
 def _near(story: Story, subject: Subject) -> Box | None:
@@ -103,7 +120,8 @@ def _words(story: Story) -> list[rrb.View]:
     several = len(story.subjects) > 1
     found: list[rrb.View] = [
         rrb.TextDocumentView(
-            origin=entity("report", subject.cell), name=f"Report {subject.cell}" if several else "Report"
+            origin=entity("report", subject.cell),
+            name=f"Report {subject.cell}" if several else "Report",
         )
         for subject in story.subjects
     ]
@@ -117,7 +135,13 @@ def _plots(subject: Subject, *, named: bool) -> rrb.Container:
     views, shares = [_plot("/rssi", "RSSI [dBm]")], [1.7]
     if subject.steps:
         for quantity in QUANTITIES:
-            views.append(_plot(f"{of}/{quantity.path}", f"{quantity.name} ± 2 sigma", axis_range(subject, quantity)))
+            views.append(
+                _plot(
+                    f"{of}/{quantity.path}",
+                    f"{quantity.name} ± 2 sigma",
+                    axis_range(subject, quantity),
+                )
+            )
             shares.append(1.0)
     if any(len(filtered) for _, _, _, filtered in filters(subject)):
         views.append(_plot(f"{of}/nis", "NIS with chi-square bounds", (0.0, 15.0)))
@@ -129,7 +153,9 @@ def _plots(subject: Subject, *, named: bool) -> rrb.Container:
         shares.append(1.1)
     lanes = [f"{entity('states', subject.cell)}/**", "/states/receiver"]
     views.append(
-        rrb.StateTimelineView(origin="/", contents=lanes, name="Verdict, live stage, receiver", time_view=_all_time())
+        rrb.StateTimelineView(
+            origin="/", contents=lanes, name="Verdict, live stage, receiver", time_view=_all_time()
+        )
     )
     shares.append(1.6)
     return rrb.Vertical(*views, row_shares=shares, name=subject.cell if named else None)

@@ -9,21 +9,23 @@ from typing import TYPE_CHECKING
 
 from logger.core.arguments import file_path, input_path, whole
 from logger.core.errors import ConfigError
-from postproc.verify import cli as verify
-from postproc.whole_file import check_output
+from postproc.atomic_write import check_output
+from postproc.verification import cli as verify
 
 _P_FA = 0.05
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
-    from postproc.smooth import CellResult
-    from postproc.verify.run import CellVerdict
-    from postproc.view.story import Estimated, Story
+    from postproc.smoothing import CellResult
+    from postproc.verification.run_claims import CellVerdict
+    from postproc.view.view_model import Estimated, Story
 
 
 def add_view(view: argparse.ArgumentParser) -> None:
     verify.add_claims(view)
-    view.add_argument("--cell", action="append", metavar="NAME", help="cell to tell in full (may be repeated)")
+    view.add_argument(
+        "--cell", action="append", metavar="NAME", help="cell to tell in full (may be repeated)"
+    )
     view.add_argument(
         "--basemap",
         type=input_path,
@@ -32,13 +34,23 @@ def add_view(view: argparse.ArgumentParser) -> None:
     )
     where = view.add_mutually_exclusive_group()
     where.add_argument(
-        "--save", type=file_path, metavar="RUN.RRD", help="write the recording instead of opening the viewer"
+        "--save",
+        type=file_path,
+        metavar="RUN.RRD",
+        help="write the recording instead of opening the viewer",
     )
-    where.add_argument("--web", action="store_true", help="serve it to a browser on this machine, until Ctrl-C")
+    where.add_argument(
+        "--web", action="store_true", help="serve it to a browser on this machine, until Ctrl-C"
+    )
     view.add_argument(
-        "--port", type=whole("--port", 0, 65_535), metavar="N", help="of --web (default: one that is free)"
+        "--port",
+        type=whole("--port", 0, 65_535),
+        metavar="N",
+        help="of --web (default: one that is free)",
     )
-    view.add_argument("--json", action="store_true", help="with --save: say what was written as JSON")
+    view.add_argument(
+        "--json", action="store_true", help="with --save: say what was written as JSON"
+    )
     view.set_defaults(command=_view)
 
 
@@ -66,12 +78,18 @@ def _view(arguments: argparse.Namespace) -> int:
         return show(write, runs[0].path.stem)
     write(arguments.save)
     written = {"path": str(arguments.save), "bytes": arguments.save.stat().st_size}
-    print(json.dumps(written) if arguments.json else f"{arguments.save}: `postproc view {arguments.save}` opens it")
+    print(
+        json.dumps(written)
+        if arguments.json
+        else f"{arguments.save}: `postproc view {arguments.save}` opens it"
+    )
     return 0
 
 
 def _show_recording(arguments: argparse.Namespace) -> int:
-    """What `--save` has written, in the same viewers: bare `rerun` listens for everybody and counts its users."""
+    """What `--save` has written, in the same viewers: bare `rerun` listens for everybody and counts
+    its users.
+    """
     from postproc.view.recording import opened
     from postproc.view.viewer import show
 
@@ -85,12 +103,14 @@ def _show_recording(arguments: argparse.Namespace) -> int:
 def _serve(arguments: argparse.Namespace, write: Callable[[Path], None]) -> int:
     from postproc.view.web import serve
 
-    return serve(write, arguments.port or 0, lambda address: print(f"{address} - Ctrl-C ends it", flush=True))
+    return serve(
+        write, arguments.port or 0, lambda address: print(f"{address} - Ctrl-C ends it", flush=True)
+    )
 
 
 def _check(arguments: argparse.Namespace) -> None:
     """Tell of mistakes at once, not after the minute that estimating may take."""
-    from postproc.verify.claims import parse_claim
+    from postproc.verification.claims import parse_claim
 
     if arguments.save is not None and arguments.save.suffix != ".rrd":
         raise ConfigError(f"{arguments.save}: a rerun recording is named .rrd")
@@ -108,9 +128,9 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def _story(arguments: argparse.Namespace, runs: Sequence["Run"]) -> "Story":
     from postproc.progress import shown
-    from postproc.smooth import Wishes
-    from postproc.view.story import chosen, story_of
-    from postproc.view.unfolding import MOST_STEPS, unfold
+    from postproc.smoothing import Wishes
+    from postproc.view.timeline import MOST_STEPS, unfold
+    from postproc.view.view_model import chosen, story_of
 
     found = _estimated(runs, arguments.cell)
     subjects = chosen(found, arguments.cell)
@@ -124,29 +144,33 @@ def _story(arguments: argparse.Namespace, runs: Sequence["Run"]) -> "Story":
 
 
 def _estimated(runs: Sequence["Run"], only: Sequence[str] | None) -> "Estimated":
+    from postproc.multi_run import smooth_together
     from postproc.progress import shown
-    from postproc.smooth import smooth_run
-    from postproc.together import smooth_together
+    from postproc.smoothing import smooth_run
     from postproc.view.clock import end_to_end
-    from postproc.view.story import of_one, of_several
+    from postproc.view.view_model import of_one, of_several
 
     if len(runs) == 1:
         return of_one(smooth_run(runs[0], only, progress=shown, processes=_processes()))
-    return of_several(smooth_together(end_to_end(runs), only, progress=shown, processes=_processes()))
+    return of_several(
+        smooth_together(end_to_end(runs), only, progress=shown, processes=_processes())
+    )
 
 
 def _claims(
     arguments: argparse.Namespace, found: "Estimated", subjects: Sequence["CellResult"]
 ) -> dict[str, tuple["CellVerdict", ...]]:
     """Claims about the cells told in full, tested, by cell."""
-    from postproc.smooth import Wishes
+    from postproc.smoothing import Wishes
 
     cells = [subject.cell for subject in subjects]
     tested = verify.verified(arguments, found.runs[0], cells, _P_FA, Wishes().prior)
     if tested is None:
         return {}
     if not tested.cells:
-        raise ConfigError(f"{arguments.claims} claims nothing about {', '.join(cells) or 'any cell'}; see --cell")
+        raise ConfigError(
+            f"{arguments.claims} claims nothing about {', '.join(cells) or 'any cell'}; see --cell"
+        )
     return {cell: tuple(one for one in tested.cells if one.cell == cell) for cell in cells}
 
 

@@ -47,18 +47,26 @@ class Clock:
 
 def clock_of(runs: Sequence[Run]) -> Clock:
     """The clock of runs that follow each other."""
-    return Clock(np.array([run.meta.started_ns for run in runs], np.int64), tuple(map(_timebase, runs)))
+    return Clock(
+        np.array([run.meta.started_ns for run in runs], np.int64), tuple(map(_timebase, runs))
+    )
 
 
 def end_to_end(runs: Sequence[Run]) -> list[Run]:
-    """The runs in the order in which they were walked, as far as that is known, on one clock: each after the other.
+    """The runs in the order in which they were walked, as far as that is known, on one clock: each
+    after the other.
 
-    Time since boot begins anew with each run; here the first begins at 0 and the next `PAUSE_NS` after its last record.
+    Time since boot begins anew with each run; here the first begins at 0 and the next `PAUSE_NS`
+    after its last record.
     """
     known = clock_of(runs)
     order = list(range(len(runs)))
     if known.knows_utc:
-        started = [base.utc_ns(run.meta.started_ns) for run, base in zip(runs, known.timebases, strict=True) if base]
+        started = [
+            base.utc_ns(run.meta.started_ns)
+            for run, base in zip(runs, known.timebases, strict=True)
+            if base
+        ]
         order.sort(key=started.__getitem__)
     laid, begin_ns = [], 0
     for i in order:
@@ -73,7 +81,12 @@ def _timebase(run: Run) -> TimeBase | None:
 
 
 def _last_ns(run: Run) -> int:
-    return max([run.meta.started_ns, *(int(np.max(rows["t_ns"])) for rows in run.tables.values() if len(rows))])
+    return max(
+        [
+            run.meta.started_ns,
+            *(int(np.max(rows["t_ns"])) for rows in run.tables.values() if len(rows)),
+        ]
+    )
 
 
 def _shifted(run: Run, by_ns: int) -> Run:

@@ -11,7 +11,9 @@ from logger.core.arrays import FloatArray
 
 
 class Area(NamedTuple):
-    """The plan's area: a mesh (2, k, k) of places in `crs`, and the finest pixel in metres that is worth having."""
+    """The plan's area: a mesh (2, k, k) of places in `crs`, and the finest pixel in metres that is
+    worth having.
+    """
 
     crs: CRS
     mesh: FloatArray
@@ -24,7 +26,9 @@ class Area(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """Pixels (rows, columns, 4); the middle of pixel (column, row) lies at `affine` (2, 3) @ [column, row, 1]."""
+    """Pixels (rows, columns, 4); the middle of pixel (column, row) lies at `affine` (2, 3) @
+    [column, row, 1].
+    """
 
     pixels: npt.NDArray[np.uint8]
     crs: CRS

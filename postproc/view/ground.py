@@ -9,11 +9,13 @@ import rerun as rr
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.picture import Box, nice_step
-from postproc.view.sheet import Sheet, entity, points
-from postproc.view.story import Story, Subject
+from postproc.view.rerun_writer import Sheet, entity, points
+from postproc.view.view_model import Story, Subject
 
 PAPER: Colour = (17, 20, 26)
-"""The ground is the same on dark and on light screens: what glows on it cannot be printed on white."""
+"""The ground is the same on dark and on light screens: what glows on it cannot be printed on
+white.
+"""
 KEY_WIDTH = 0.3
 """Room for the key to the east of the plan, as a share of its size."""
 FOOT = 0.14
@@ -34,10 +36,15 @@ def draw_ground(sheet: Sheet, box: Box) -> None:
     below = box.south - 0.05 * box.height
     bar = [(box.west, below), (box.west + step, below)]
     label = f"{step:g} m" if step < 1000.0 else f"{step / 1000.0:g} km"
-    sheet.always("plan/ground/scale", rr.LineStrips2D([bar], colors=[_INK], radii=points(2.0), labels=[label]))
+    sheet.always(
+        "plan/ground/scale",
+        rr.LineStrips2D([bar], colors=[_INK], radii=points(2.0), labels=[label]),
+    )
     arrow = 0.08 * box.height
     foot = (box.west + 0.03 * box.width, box.north - 1.5 * arrow)
-    north = rr.Arrows2D(vectors=[(0.0, arrow)], origins=[foot], colors=[_INK], radii=points(1.5), labels=["N"])
+    north = rr.Arrows2D(
+        vectors=[(0.0, arrow)], origins=[foot], colors=[_INK], radii=points(1.5), labels=["N"]
+    )
     sheet.always("plan/ground/north", north)
 
 
@@ -63,11 +70,15 @@ def draw_level_key(sheet: Sheet, subject: Subject, box: Box) -> None:
 
 
 def draw_key(sheet: Sheet, path: str, named: Sequence[tuple[str, Colour]], box: Box) -> None:
-    """Which colour is whose, beside the plan: labels at the places themselves would cover each other."""
+    """Which colour is whose, beside the plan: labels at the places themselves would cover each
+    other.
+    """
     east, rows = box.east + 0.5 * KEY_WIDTH * box.size, max(len(named), 10)
     places = [(east, box.north - (i + 0.3) * box.height / rows) for i in range(len(named))]
     labels, rgb = [name for name, _ in named], [colour for _, colour in named]
-    sheet.always(path, rr.Points2D(places, labels=labels, colors=rgb, radii=points(5.0), show_labels=True))
+    sheet.always(
+        path, rr.Points2D(places, labels=labels, colors=rgb, radii=points(5.0), show_labels=True)
+    )
 
 
 def key_of(story: Story, subject: Subject) -> list[tuple[str, Colour]]:
@@ -76,14 +87,18 @@ def key_of(story: Story, subject: Subject) -> list[tuple[str, Colour]]:
     if subject.steps:
         named.append(("posterior: 95 %, 50 %", colours.POSTERIOR))
     named += [(estimate.name, estimate.colour) for estimate in subject.picture.estimates]
-    named += [(f"claim: {claim.verdict}", colour_of_verdict(claim.verdict)) for claim in subject.claims]
+    named += [
+        (f"claim: {claim.verdict}", colour_of_verdict(claim.verdict)) for claim in subject.claims
+    ]
     if subject.picture.truth_m is not None:
         named.append(("truth (simulated)", colours.TRUTH))
     return list(dict.fromkeys(named))
 
 
 def colour_of_verdict(verdict: str) -> Colour:
-    """Green where it holds, pink where it does not, amber in between, grey for what nobody can tell."""
+    """Green where it holds, pink where it does not, amber in between, grey for what nobody can
+    tell.
+    """
     return _VERDICTS.get(verdict, colours.QUIET)
 
 
@@ -102,8 +117,12 @@ def _grid(sheet: Sheet, box: Box) -> None:
             np.arange(np.ceil(low / step), np.floor(high / step) + 1)
             for low, high in ((box.west, box.east), (box.south, box.north))
         )
-        easts, norths = (values[(values % _BOLD_EVERY == 0) == (every > 1)] * step for values in (easts, norths))
-        lines = [[(x, box.south), (x, box.north)] for x in easts] + [[(box.west, y), (box.east, y)] for y in norths]
+        easts, norths = (
+            values[(values % _BOLD_EVERY == 0) == (every > 1)] * step for values in (easts, norths)
+        )
+        lines = [[(x, box.south), (x, box.north)] for x in easts] + [
+            [(box.west, y), (box.east, y)] for y in norths
+        ]
         if lines:
             ink = [(*colours.QUIET, alpha)]
             drawn = rr.LineStrips2D(lines, colors=ink, radii=points(0.5), draw_order=_ON_GROUND)

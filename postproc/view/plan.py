@@ -7,15 +7,23 @@ import rerun as rr
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.observations import MAX_GAP_S
-from postproc.estimators.filtered import Filtered
+from postproc.estimators.filters import Filtered
 from postproc.pictures import colours
 from postproc.pictures.colours import Bytes, Colour
 from postproc.pictures.picture import mode_label
+from postproc.view.density_image import draw_heat
 from postproc.view.ground import colour_of_verdict, draw_ground, draw_key, draw_level_key, key_of
-from postproc.view.heat import draw_heat
 from postproc.view.regions import rings
-from postproc.view.sheet import Sheet, closed, ellipse_axes, entity, points, strips_by_row, thinned
-from postproc.view.story import SHARES, Story, Subject, Walk
+from postproc.view.rerun_writer import (
+    Sheet,
+    closed,
+    ellipse_axes,
+    entity,
+    points,
+    strips_by_row,
+    thinned,
+)
+from postproc.view.view_model import SHARES, Story, Subject, Walk
 
 MOST_STRIPS = 5_000
 MOST_POINTS = 40_000
@@ -23,7 +31,9 @@ REGION_WIDTHS = (1.5, 2.5)
 """Of the outlines of 95 % and 50 %, in points."""
 _TRAIL_FIXES = 30
 FARTHEST_M = 1e6
-"""A filter that has run away farther than this cannot be drawn in single precision and tells nothing."""
+"""A filter that has run away farther than this cannot be drawn in single precision and tells
+nothing.
+"""
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 49)
 
 
@@ -37,34 +47,53 @@ def draw_plan(sheet: Sheet, story: Story) -> None:
     _walker(sheet, story.walks)
     for subject in story.subjects:
         draw_level_key(sheet, subject, story.box)
-        draw_key(sheet, entity("plan", "cells", subject.cell, "key"), key_of(story, subject), story.box)
+        draw_key(
+            sheet, entity("plan", "cells", subject.cell, "key"), key_of(story, subject), story.box
+        )
         draw_heat(sheet, story, subject, story.box)
         _levels(sheet, subject)
         _posterior(sheet, story, subject)
         _estimates(sheet, story, subject)
         _claims(sheet, story, subject)
         if subject.picture.truth_m is not None:
-            _mark(sheet, entity("plan", "cells", subject.cell, "truth"), subject.picture.truth_m, colours.TRUTH, 7.0)
+            _mark(
+                sheet,
+                entity("plan", "cells", subject.cell, "truth"),
+                subject.picture.truth_m,
+                colours.TRUTH,
+                7.0,
+            )
     _all_cells(sheet, story)
 
 
 def strips_of(t_ns: IntArray, places_m: FloatArray) -> list[FloatArray]:
-    """A walk cut where the receiver was silent: at most `MOST_STRIPS` strips of two or more places, (k, 2)."""
+    """A walk cut where the receiver was silent: at most `MOST_STRIPS` strips of two or more places,
+    (k, 2).
+    """
     silent = np.flatnonzero(np.diff(t_ns) > MAX_GAP_S * 1e9) + 1
     strips = [strip for strip in np.split(places_m, silent) if len(strip) > 1]
     return strips[thinned(len(strips), MOST_STRIPS)]
 
 
-def level_strips(t_ns: IntArray, places_m: FloatArray, level_dbm: FloatArray) -> tuple[list[FloatArray], FloatArray]:
-    """The way from reading to reading with the mean level of each stretch, at most `MOST_STRIPS` of them.
+def level_strips(
+    t_ns: IntArray, places_m: FloatArray, level_dbm: FloatArray
+) -> tuple[list[FloatArray], FloatArray]:
+    """The way from reading to reading with the mean level of each stretch, at most `MOST_STRIPS` of
+    them.
 
     Where nothing was heard for long there is no stretch.
     """
     each = max(1, -(-(len(t_ns) - 1) // MOST_STRIPS))
     begins = range(0, len(t_ns) - 1, each)
     long_ns = each * MAX_GAP_S * 1e9
-    parts = [slice(i, i + each + 1) for i in begins if t_ns[min(i + each, len(t_ns) - 1)] - t_ns[i] <= long_ns]
-    return [places_m[part] for part in parts], np.array([np.mean(level_dbm[part]) for part in parts])
+    parts = [
+        slice(i, i + each + 1)
+        for i in begins
+        if t_ns[min(i + each, len(t_ns) - 1)] - t_ns[i] <= long_ns
+    ]
+    return [places_m[part] for part in parts], np.array(
+        [np.mean(level_dbm[part]) for part in parts]
+    )
 
 
 def _walk(sheet: Sheet, walk: Walk) -> None:
@@ -90,7 +119,9 @@ def _walker(sheet: Sheet, walks: Sequence[Walk]) -> None:
         part = thinned(len(places), most)
         ago = np.arange(_TRAIL_FIXES - 1, -1, -1)
         trails = places[np.maximum(np.arange(len(places))[part, None] - ago, 0)]
-        sheet.over_time("plan/walker/trail", walk.t_ns[part], rr.LineStrips2D.columns(strips=trails))
+        sheet.over_time(
+            "plan/walker/trail", walk.t_ns[part], rr.LineStrips2D.columns(strips=trails)
+        )
 
 
 def _levels(sheet: Sheet, subject: Subject) -> None:
@@ -101,7 +132,9 @@ def _levels(sheet: Sheet, subject: Subject) -> None:
     path = entity("plan", "cells", subject.cell, "levels")
     part = thinned(len(obs), MOST_POINTS)
     rgb = colours.of_levels(picture.heard_dbm[part], *picture.strength_dbm)
-    sheet.always(path, rr.Points2D(picture.heard_m[part], colors=rgb, radii=points(2.5), draw_order=5.0))
+    sheet.always(
+        path, rr.Points2D(picture.heard_m[part], colors=rgb, radii=points(2.5), draw_order=5.0)
+    )
     strips, means_dbm = level_strips(obs.t_ns, picture.heard_m, picture.heard_dbm)
     if strips:
         ink: Bytes = colours.of_levels(means_dbm, *picture.strength_dbm)
@@ -110,7 +143,9 @@ def _levels(sheet: Sheet, subject: Subject) -> None:
 
 
 def _posterior(sheet: Sheet, story: Story, subject: Subject) -> None:
-    """Regions that hold 95 % and 50 % of the probability, and the places in them, as they came about."""
+    """Regions that hold 95 % and 50 % of the probability, and the places in them, as they came
+    about.
+    """
     if not subject.steps:
         return
     times = np.array([step.t_ns for step in subject.steps])
@@ -120,15 +155,23 @@ def _posterior(sheet: Sheet, story: Story, subject: Subject) -> None:
         sheet.always(path, rr.LineStrips2D.from_fields(colors=ink, radii=radius, draw_order=10.0))
         sheet.over_time(path, times, strips_by_row(rows))
     path = entity("plan", "cells", subject.cell, "posterior", "places")
-    style = rr.Points2D.from_fields(colors=[colours.POSTERIOR], radii=points(5.0), show_labels=True, draw_order=20.0)
+    style = rr.Points2D.from_fields(
+        colors=[colours.POSTERIOR], radii=points(5.0), show_labels=True, draw_order=20.0
+    )
     sheet.always(path, style)
-    rim = rr.Points2D.from_fields(colors=[(255, 255, 255)], radii=points(7.0), show_labels=False, draw_order=19.0)
+    rim = rr.Points2D.from_fields(
+        colors=[(255, 255, 255)], radii=points(7.0), show_labels=False, draw_order=19.0
+    )
     sheet.always(f"{path}/rim", rim)
     modes = [(step.posterior, mode) for step in subject.steps for mode in step.posterior.modes]
-    places = story.local(np.array([mode.x_m for _, mode in modes]), np.array([mode.y_m for _, mode in modes]))
+    places = story.local(
+        np.array([mode.x_m for _, mode in modes]), np.array([mode.y_m for _, mode in modes])
+    )
     labels = [mode_label(posterior, mode) for posterior, mode in modes]
     counts = [len(step.posterior.modes) for step in subject.steps]
-    sheet.over_time(path, times, rr.Points2D.columns(positions=places, labels=labels).partition(counts))
+    sheet.over_time(
+        path, times, rr.Points2D.columns(positions=places, labels=labels).partition(counts)
+    )
     sheet.over_time(f"{path}/rim", times, rr.Points2D.columns(positions=places).partition(counts))
 
 
@@ -156,35 +199,56 @@ def _filter(sheet: Sheet, story: Story, filtered: Filtered, path: str, colour: C
     """A filter's path, and its place and 95 % ellipse at each reading."""
     places = story.local(filtered.x[:, 0], filtered.x[:, 1])
     with np.errstate(invalid="ignore"):
-        sane = np.all(np.isfinite(filtered.p), axis=(1, 2)) & (np.hypot(places[:, 0], places[:, 1]) < FARTHEST_M)
+        sane = np.all(np.isfinite(filtered.p), axis=(1, 2)) & (
+            np.hypot(places[:, 0], places[:, 1]) < FARTHEST_M
+        )
     t_ns, places = filtered.t_ns[sane], places[sane]
     if not len(places):
         return
     if len(places) > 1:
-        drawn = rr.LineStrips2D([places.astype(np.float32)], colors=[(*colour, 130)], radii=points(0.75))
+        drawn = rr.LineStrips2D(
+            [places.astype(np.float32)], colors=[(*colour, 130)], radii=points(0.75)
+        )
         sheet.always(f"{path}/path", drawn)
     sheet.always(path, rr.Points2D.from_fields(colors=[colour], radii=points(5.0), draw_order=15.0))
     sheet.over_time(path, t_ns, rr.Points2D.columns(positions=places))
     axes, turns = ellipse_axes(filtered.p[sane])
-    sheet.always(f"{path}/ellipse", rr.Ellipses2D.from_fields(colors=[colour], line_radii=points(1.25)))
-    move = rr.Transform3D.columns(translation=np.column_stack([places, np.zeros(len(places))]), quaternion=turns)
+    sheet.always(
+        f"{path}/ellipse", rr.Ellipses2D.from_fields(colors=[colour], line_radii=points(1.25))
+    )
+    move = rr.Transform3D.columns(
+        translation=np.column_stack([places, np.zeros(len(places))]), quaternion=turns
+    )
     sheet.over_time(f"{path}/ellipse", t_ns, rr.Ellipses2D.columns(half_sizes=axes), move)
 
 
 def _claims(sheet: Sheet, story: Story, subject: Subject) -> None:
-    """Where the cell is said to stand, in the colour of the verdict; around it two sigma of what was said."""
+    """Where the cell is said to stand, in the colour of the verdict; around it two sigma of what
+    was said.
+    """
     for i, claim in enumerate(subject.claims, 1):
         place = story.place_of(claim.claim.lat_deg, claim.claim.lon_deg)
         if place is None or np.hypot(*place) > FARTHEST_M:
             continue
-        path, ink = entity("plan", "cells", subject.cell, "claims", str(i)), colour_of_verdict(claim.verdict)
+        path, ink = (
+            entity("plan", "cells", subject.cell, "claims", str(i)),
+            colour_of_verdict(claim.verdict),
+        )
         drawn = rr.Points2D(
-            [place], colors=[ink], radii=points(8.0), labels=[f"claim: {claim.verdict}"], draw_order=25.0
+            [place],
+            colors=[ink],
+            radii=points(8.0),
+            labels=[f"claim: {claim.verdict}"],
+            draw_order=25.0,
         )
         sheet.always(path, drawn)
         if claim.claim.sigma_m > 0.0:
-            ring = place + 2.0 * claim.claim.sigma_m * np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
-            sheet.always(f"{path}/two_sigma", rr.LineStrips2D([ring], colors=[ink], radii=points(1.0)))
+            ring = place + 2.0 * claim.claim.sigma_m * np.column_stack(
+                [np.cos(_CIRCLE), np.sin(_CIRCLE)]
+            )
+            sheet.always(
+                f"{path}/two_sigma", rr.LineStrips2D([ring], colors=[ink], radii=points(1.0))
+            )
 
 
 def _all_cells(sheet: Sheet, story: Story) -> None:
@@ -197,11 +261,19 @@ def _all_cells(sheet: Sheet, story: Story) -> None:
         region = rr.LineStrips2D(closed(found), colors=[(*ink, 200)], radii=points(0.75))
         sheet.always(entity("plan", "all", cell.cell, "region95"), region)
         modes = cell.posterior.modes
-        places = story.local(np.array([mode.x_m for mode in modes]), np.array([mode.y_m for mode in modes]))
+        places = story.local(
+            np.array([mode.x_m for mode in modes]), np.array([mode.y_m for mode in modes])
+        )
         labels = [f"{cell.cell} {mode_label(cell.posterior, mode)}".rstrip() for mode in modes]
-        drawn = rr.Points2D(places, colors=[ink], radii=points(6.0), labels=labels, show_labels=True)
+        drawn = rr.Points2D(
+            places, colors=[ink], radii=points(6.0), labels=labels, show_labels=True
+        )
         sheet.always(entity("plan", "all", cell.cell), drawn)
 
 
-def _mark(sheet: Sheet, path: str, place_m: tuple[float, float], colour: Colour, radius: float) -> None:
-    sheet.always(path, rr.Points2D([place_m], colors=[colour], radii=points(radius), draw_order=20.0))
+def _mark(
+    sheet: Sheet, path: str, place_m: tuple[float, float], colour: Colour, radius: float
+) -> None:
+    sheet.always(
+        path, rr.Points2D([place_m], colors=[colour], radii=points(radius), draw_order=20.0)
+    )

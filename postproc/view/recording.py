@@ -16,7 +16,9 @@ def is_recording(path: Path) -> bool:
 
 
 def opened(paths: Sequence[Path]) -> Callable[[Path], None]:
-    """What copies the one recording to where a viewer reads it; raises `ConfigError` or `RunFileError`."""
+    """What copies the one recording to where a viewer reads it; raises `ConfigError` or
+    `RunFileError`.
+    """
     if len(paths) > 1:
         raise ConfigError("a recording is shown alone: give one .rrd, or runs")
     (source,) = paths

@@ -4,19 +4,24 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.region import Cells, highest_density
-from postproc.estimators.outline import outline
+from postproc.estimators.region_outline import outline
 
 _ONE_NUMBER = np.array([1 << 32, 1])
 """Makes one number of column and row, which are counted in the finest cells."""
 
 
 def rings(cells: Cells, share: float, origin_m: tuple[float, float]) -> list[FloatArray]:
-    """Outline of the smallest region with this share of the probability: closed rings (k, 2) in metres from `origin_m`.
+    """Outline of the smallest region with this share of the probability: closed rings (k, 2) in
+    metres from `origin_m`.
 
     Outer rings run counterclockwise, holes clockwise.
     """
     parts = outline(few_squares(cells, share), 1.0)
-    found = [np.asarray(ring.coords, float) for part in parts for ring in (part.exterior, *part.interiors)]
+    found = [
+        np.asarray(ring.coords, float)
+        for part in parts
+        for ring in (part.exterior, *part.interiors)
+    ]
     return [ring - origin_m for ring in found]
 
 
@@ -25,7 +30,9 @@ def few_squares(cells: Cells, share: float) -> Cells:
     chosen = highest_density(cells, share)
     largest = int(np.argmax(cells.size_m))
     # a corner of the largest cell is one of every smaller square of the tree
-    corner_x_m, corner_y_m = (v[largest] - 0.5 * cells.size_m[largest] for v in (cells.x_m, cells.y_m))
+    corner_x_m, corner_y_m = (
+        v[largest] - 0.5 * cells.size_m[largest] for v in (cells.x_m, cells.y_m)
+    )
     finest_m = float(np.min(cells.size_m))
     side = np.rint(cells.size_m[chosen] / finest_m).astype(np.int64)
     west = np.rint((cells.x_m[chosen] - corner_x_m) / finest_m - 0.5 * side).astype(np.int64)
@@ -37,12 +44,17 @@ def few_squares(cells: Cells, share: float) -> Cells:
         square = _joined(square, joined)
         joined *= 2
     side_m = square[:, 0] * finest_m
-    x_m, y_m = (corner + square[:, i] * finest_m + 0.5 * side_m for i, corner in ((1, corner_x_m), (2, corner_y_m)))
+    x_m, y_m = (
+        corner + square[:, i] * finest_m + 0.5 * side_m
+        for i, corner in ((1, corner_x_m), (2, corner_y_m))
+    )
     return Cells(x_m, y_m, side_m, np.full(len(square), 1.0 / len(square)))
 
 
 def _joined(square: IntArray, side: int) -> IntArray:
-    """Squares (n, 3) of side, west and south, with those of one side joined where four fill the next larger one."""
+    """Squares (n, 3) of side, west and south, with those of one side joined where four fill the
+    next larger one.
+    """
     mine = square[:, 0] == side
     if np.count_nonzero(mine) < 4:
         return square

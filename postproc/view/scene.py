@@ -4,22 +4,27 @@ from pathlib import Path
 
 import rerun as rr
 
+from postproc.atomic_write import whole_file
 from postproc.view.basemap import Basemap, draw_basemap
 from postproc.view.blueprint import layout
 from postproc.view.plan import draw_plan
+from postproc.view.rerun_writer import Sheet, entity
 from postproc.view.series import draw_series
-from postproc.view.sheet import Sheet, entity
 from postproc.view.states import draw_states
-from postproc.view.story import Story
-from postproc.view.words import report, report_of_nothing
+from postproc.view.summary_text import report, report_of_nothing
+from postproc.view.view_model import Story
 from postproc.view.world_map import draw_map
-from postproc.whole_file import whole_file
 
 APPLICATION = "cellwalk"
 
 
-def write_scene(story: Story, path: Path, *, basemap: Basemap | None = None, online: bool = True) -> None:
-    """Write the recording (.rrd), complete or not at all; raises `RunFileError`. `online` is as in `layout`."""
+def write_scene(
+    story: Story, path: Path, *, basemap: Basemap | None = None, online: bool = True
+) -> None:
+    """Write the recording (.rrd), complete or not at all; raises `RunFileError`.
+
+    `online` is as in `layout`.
+    """
     with whole_file(path) as part:
         _write(story, part, basemap, online=online)
 
@@ -30,7 +35,8 @@ def _write(story: Story, path: Path, basemap: Basemap | None, *, online: bool) -
     recording = rr.RecordingStream(APPLICATION, recording_id=f"{ids} {story.name}")
     recording.set_log_time_enabled(False)
     recording.save(path)
-    # active, not only default: a layout the viewer remembers from another run would win over a default
+    # active, not only default: a layout the viewer remembers from another run would win over a
+    # default
     recording.send_blueprint(layout(story, online=online), make_active=True, make_default=True)
     recording.send_recording_name(story.name)
     sheet = Sheet(recording, story.clock)

@@ -6,15 +6,26 @@ import numpy as np
 import rerun as rr
 
 from logger.core.arrays import FloatArray, IntArray
-from postproc.estimators.filtered import Filtered
+from postproc.estimators.filters import Filtered
 from postproc.estimators.metrics import NIS_95, NIS_999
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
-from postproc.view.sheet import Sheet, band, dots, ellipse_axes, entity, line, steps, two_sigma
-from postproc.view.story import Story, Subject
+from postproc.view.rerun_writer import (
+    Sheet,
+    band,
+    dots,
+    ellipse_axes,
+    entity,
+    line,
+    steps,
+    two_sigma,
+)
+from postproc.view.view_model import Story, Subject
 
 MOST_DOTS = 40_000
-"""Points are not thinned by the viewer, lines are: above this the other cells are drawn as lines."""
+"""Points are not thinned by the viewer, lines are: above this the other cells are drawn as
+lines.
+"""
 _FAINT = 80
 NIS_BOUNDS = ((0.95, NIS_95), (0.999, NIS_999))
 
@@ -53,7 +64,9 @@ def draw_series(sheet: Sheet, story: Story) -> None:
 
 def time_span(story: Story) -> IntArray | None:
     """First and last time since boot of anything drawn over time; None when there is nothing."""
-    times = [walk.t_ns for walk in story.walks] + [levels.t_ns for walk in story.walks for levels in walk.levels]
+    times = [walk.t_ns for walk in story.walks] + [
+        levels.t_ns for walk in story.walks for levels in walk.levels
+    ]
     times = [t_ns for t_ns in times if len(t_ns)]
     if not times:
         return None
@@ -66,11 +79,17 @@ def filters(subject: Subject) -> list[tuple[str, str, Colour, Filtered]]:
         ("reference", "reference (wrong)", colours.REFERENCE, subject.result.reference),
         ("ekf", "EKF", colours.EKF, subject.result.ekf),
     )
-    return [(key, name, colour, filtered) for key, name, colour, filtered in both if filtered is not None]
+    return [
+        (key, name, colour, filtered)
+        for key, name, colour, filtered in both
+        if filtered is not None
+    ]
 
 
 def axis_range(subject: Subject, quantity: Quantity) -> tuple[float, float] | None:
-    """Range that shows the bands, not only their lines, as far as they are near the answer; None without one."""
+    """Range that shows the bands, not only their lines, as far as they are near the answer; None
+    without one.
+    """
     posterior = subject.result.posterior
     if posterior is None:
         return None
@@ -80,7 +99,11 @@ def axis_range(subject: Subject, quantity: Quantity) -> tuple[float, float] | No
     if ekf is not None:
         spread = 2.0 * np.sqrt(np.maximum(ekf.p[:, quantity.row, quantity.row], 0.0))
         ends += [ekf.x[:, quantity.row] - spread, ekf.x[:, quantity.row] + spread]
-    ends += [estimate.x[[quantity.row]] for estimate in subject.picture.estimates if estimate.key != "reference"]
+    ends += [
+        estimate.x[[quantity.row]]
+        for estimate in subject.picture.estimates
+        if estimate.key != "reference"
+    ]
     values = np.concatenate(ends)
     near = values[np.isfinite(values) & (np.abs(values - mean) <= quantity.reach)]
     low, high = (float(near.min()), float(near.max())) if len(near) else (mean - 1.0, mean + 1.0)
@@ -89,7 +112,9 @@ def axis_range(subject: Subject, quantity: Quantity) -> tuple[float, float] | No
 
 
 def draw_levels(sheet: Sheet, story: Story) -> None:
-    """Levels of all cells as they were read: those told in full as lines on top, the others as dots below them."""
+    """Levels of all cells as they were read: those told in full as lines on top, the others as dots
+    below them.
+    """
     told = {subject.cell for subject in story.subjects}
     read = [levels for walk in story.walks for levels in walk.levels]
     as_dots = sum(len(levels.t_ns) for levels in read if levels.cell not in told) <= MOST_DOTS
@@ -99,12 +124,16 @@ def draw_levels(sheet: Sheet, story: Story) -> None:
             sheet.always(path, line(levels.cell, ink, 2.0))
         else:
             # lines are drawn in the order of their names: faint ones leave those below in sight
-            sheet.always(path, dots(levels.cell, ink) if as_dots else line(levels.cell, (*ink, _FAINT), 1.0))
+            sheet.always(
+                path, dots(levels.cell, ink) if as_dots else line(levels.cell, (*ink, _FAINT), 1.0)
+            )
         sheet.over_time(path, levels.t_ns, rr.Scalars.columns(scalars=levels.level_dbm))
 
 
 def _path_loss(sheet: Sheet, subject: Subject, quantity: Quantity, span: IntArray) -> None:
-    """P0 or eta by every estimator: bands of two sigma for EKF and posterior, lines for the others."""
+    """P0 or eta by every estimator: bands of two sigma for EKF and posterior, lines for the
+    others.
+    """
     i = quantity.row
     if subject.steps:
         path = entity("series", subject.cell, quantity.path, "posterior")
@@ -131,7 +160,9 @@ def _path_loss(sheet: Sheet, subject: Subject, quantity: Quantity, span: IntArra
 
 
 def _consistency(sheet: Sheet, subject: Subject, span: IntArray) -> None:
-    """Normalised innovations squared: chi-square with one degree of freedom for a filter that knows its errors."""
+    """Normalised innovations squared: chi-square with one degree of freedom for a filter that knows
+    its errors.
+    """
     found = filters(subject)
     for key, name, colour, filtered in found:
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -147,7 +178,9 @@ def _consistency(sheet: Sheet, subject: Subject, span: IntArray) -> None:
 
 
 def _area(sheet: Sheet, subject: Subject) -> None:
-    """Areas of 95 % as decimal logarithms: they shrink over many powers of ten, and the viewer has no such axis."""
+    """Areas of 95 % as decimal logarithms: they shrink over many powers of ten, and the viewer has
+    no such axis.
+    """
     if subject.steps:
         path = entity("series", subject.cell, "area", "posterior")
         sheet.always(path, steps("posterior region", colours.POSTERIOR))
@@ -173,11 +206,18 @@ def _accuracy(sheet: Sheet, story: Story, subject: Subject) -> None:
     if subject.picture.truth_m is not None:
         path = entity("series", subject.cell, "accuracy", "error")
         sheet.always(path, steps("error", colours.TRUTH))
-        off = story.local(_of_steps(subject, "x_m"), _of_steps(subject, "y_m")) - subject.picture.truth_m
-        sheet.over_time(path, _times(subject), rr.Scalars.columns(scalars=np.hypot(off[:, 0], off[:, 1])))
+        off = (
+            story.local(_of_steps(subject, "x_m"), _of_steps(subject, "y_m"))
+            - subject.picture.truth_m
+        )
+        sheet.over_time(
+            path, _times(subject), rr.Scalars.columns(scalars=np.hypot(off[:, 0], off[:, 1]))
+        )
 
 
-def _constant(sheet: Sheet, path: str, name: str, colour: Colour, value: float, span: IntArray) -> None:
+def _constant(
+    sheet: Sheet, path: str, name: str, colour: Colour, value: float, span: IntArray
+) -> None:
     """A value that holds for the whole run, as a level line."""
     sheet.always(path, line(name, colour))
     sheet.over_time(path, span, rr.Scalars.columns(scalars=np.full(2, value)))
@@ -192,7 +232,12 @@ def _of_steps(subject: Subject, name: str) -> FloatArray:
 
 
 def _band(quantity: Quantity, subject: Subject) -> FloatArray:
-    """Ends of the posterior's band over the later half of the walk; at the beginning it is as wide as the prior."""
+    """Ends of the posterior's band over the later half of the walk; at the beginning it is as wide
+    as the prior.
+    """
     late = subject.steps[len(subject.steps) // 2 :]
-    pairs = [(getattr(step.posterior, quantity.mean), getattr(step.posterior, quantity.sigma)) for step in late]
+    pairs = [
+        (getattr(step.posterior, quantity.mean), getattr(step.posterior, quantity.sigma))
+        for step in late
+    ]
     return np.array([mean + side * sigma for mean, sigma in pairs for side in (-2.0, 2.0)])

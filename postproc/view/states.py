@@ -10,8 +10,8 @@ from logger.core.rows import Rows
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.view.ground import colour_of_verdict
-from postproc.view.sheet import Sheet, entity
-from postproc.view.story import Story, Subject
+from postproc.view.rerun_writer import Sheet, entity
+from postproc.view.view_model import Story, Subject
 
 _LEVELS = {b"info": "INFO", b"warning": "WARN", b"error": "ERROR"}
 _GREEN: Colour = (50, 140, 80)
@@ -26,7 +26,9 @@ _STATES: dict[str, Colour] = {
 
 
 def draw_states(sheet: Sheet, story: Story) -> None:
-    """Lanes of states for each cell told in full, one for the receiver, and the notes of all runs."""
+    """Lanes of states for each cell told in full, one for the receiver, and the notes of all
+    runs.
+    """
     for walk in story.walks:
         fixes = walk.run.tables["fixes"]
         found = ["fix" if valid else "no fix" for valid in fixes["valid"]]
@@ -39,14 +41,24 @@ def draw_states(sheet: Sheet, story: Story) -> None:
 
 
 def _verdicts(sheet: Sheet, subject: Subject) -> None:
-    path, times = entity("states", subject.cell, "verdict"), np.array([step.t_ns for step in subject.steps], np.int64)
+    path, times = (
+        entity("states", subject.cell, "verdict"),
+        np.array([step.t_ns for step in subject.steps], np.int64),
+    )
     _lane(sheet, path, times, [step.verdict for step in subject.steps])
 
 
 def _stages(sheet: Sheet, subject: Subject, live: Rows) -> None:
     """Which estimator spoke for the cell on the device."""
-    mine = live[(live["cell"] == subject.cell.encode()) & np.isin(live["stage"], (b"locator", b"ekf"))]
-    _lane(sheet, entity("states", subject.cell, "live_stage"), mine["t_ns"], [_text(stage) for stage in mine["stage"]])
+    mine = live[
+        (live["cell"] == subject.cell.encode()) & np.isin(live["stage"], (b"locator", b"ekf"))
+    ]
+    _lane(
+        sheet,
+        entity("states", subject.cell, "live_stage"),
+        mine["t_ns"],
+        [_text(stage) for stage in mine["stage"]],
+    )
 
 
 def _lane(sheet: Sheet, path: str, t_ns: IntArray, states: Sequence[str]) -> None:
@@ -59,7 +71,9 @@ def _lane(sheet: Sheet, path: str, t_ns: IntArray, states: Sequence[str]) -> Non
     known = list(_STATES)
     inks = [_STATES[state] for state in known]
     sheet.always(path, rr.StateConfiguration(values=known, labels=known, colors=inks))
-    sheet.over_time(path, t_ns[order][changed], rr.StateChange.columns(state=[told[i] for i in changed]))
+    sheet.over_time(
+        path, t_ns[order][changed], rr.StateChange.columns(state=[told[i] for i in changed])
+    )
 
 
 def _events(sheet: Sheet, notes: Rows) -> None:

@@ -1,6 +1,7 @@
 """Raster tiles in one file: MBTiles 1.3, and GeoPackage (OGC 12-128r18, clause 2.2).
 
-Rows of a GeoPackage are numbered from the north. Those of MBTiles are from the south (TMS) unless its metadata say xyz.
+Rows of a GeoPackage are numbered from the north. Those of MBTiles are from the south (TMS) unless
+its metadata say xyz.
 """
 
 import math
@@ -27,7 +28,9 @@ _MAGIC = b"SQLite format 3\0"
 
 
 class Level(NamedTuple):
-    """One zoom level: `west, north` is the corner of tile (0, 0), `wide, high` the size of each in units of `crs`."""
+    """One zoom level: `west, north` is the corner of tile (0, 0), `wide, high` the size of each in
+    units of `crs`.
+    """
 
     table: str
     crs: CRS
@@ -63,7 +66,9 @@ def is_database(path: Path) -> bool:
 
 
 def open_tiles(path: Path, area: Area) -> Ground:
-    """The tiles that cover an area, of the finest level that needs no more than `MOST_TILES`; raises `ConfigError`."""
+    """The tiles that cover an area, of the finest level that needs no more than `MOST_TILES`;
+    raises `ConfigError`.
+    """
     try:
         with opened(path, views=True) as database:
             for level in _levels(database):
@@ -83,14 +88,21 @@ def open_tiles(path: Path, area: Area) -> Ground:
 
 def _levels(database: sqlite3.Connection) -> Iterator[Level]:
     """All levels of all layers, the finest of each first."""
-    names = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type IN ('table', 'view')")}
+    names = {
+        name
+        for (name,) in database.execute(
+            "SELECT name FROM sqlite_master WHERE type IN ('table', 'view')"
+        )
+    }
     yield from _of_geopackage(database) if "gpkg_contents" in names else _of_mbtiles(database)
 
 
 def _of_mbtiles(database: sqlite3.Connection) -> Iterator[Level]:
     told = dict(database.execute("SELECT name, value FROM metadata"))
     from_south = told.get("scheme", "tms") != "xyz"
-    for (zoom,) in database.execute("SELECT DISTINCT zoom_level FROM tiles ORDER BY zoom_level DESC").fetchall():
+    for (zoom,) in database.execute(
+        "SELECT DISTINCT zoom_level FROM tiles ORDER BY zoom_level DESC"
+    ).fetchall():
         side = 2 * _HALF_WORLD_M / 2**zoom
         corner = -_HALF_WORLD_M, _HALF_WORLD_M
         yield Level("tiles", WEB_MERCATOR, zoom, 2**zoom, 2**zoom, *corner, side, side, from_south)
@@ -114,7 +126,9 @@ def _of_geopackage(database: sqlite3.Connection) -> Iterator[Level]:
             yield Level(table, crs, zoom, columns, rows, west, north, wide, high, from_south=False)
 
 
-def _mosaic(database: sqlite3.Connection, level: Level, columns: range, rows: range) -> Ground | None:
+def _mosaic(
+    database: sqlite3.Connection, level: Level, columns: range, rows: range
+) -> Ground | None:
     """Tiles side by side, clear where there is none; None where there is none at all."""
     name = '"' + level.table.replace('"', '""') + '"'
     query = f"SELECT CAST(tile_data AS BLOB) FROM {name} WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"  # noqa: S608
@@ -130,7 +144,10 @@ def _mosaic(database: sqlite3.Connection, level: Level, columns: range, rows: ra
     width, height = next(iter(found.values())).size
     whole = Image.new("RGBA", (width * len(columns), height * len(rows)))
     for (column, row), picture in found.items():
-        whole.paste(picture.resize((width, height)), ((column - columns[0]) * width, (row - rows[0]) * height))
+        whole.paste(
+            picture.resize((width, height)),
+            ((column - columns[0]) * width, (row - rows[0]) * height),
+        )
     wide, high = level.wide / width, level.high / height
     west, north = level.west + columns[0] * level.wide, level.north - rows[0] * level.high
     affine = np.array([[wide, 0.0, west + 0.5 * wide], [0.0, -high, north - 0.5 * high]])

@@ -1,8 +1,9 @@
 """The viewer in a browser of this machine: one origin on the loopback, from which nothing leaves.
 
-The viewer's own web server listens for more than that, and its page asks other machines for fonts, releases and
-statistics. So its page is fetched from it once, and served by us beside the recording, with a policy that forbids
-every other origin and a script that answers such requests before they are made.
+The viewer's own web server listens for more than that, and its page asks other machines for fonts,
+releases and statistics. So its page is fetched from it once, and served by us beside the recording,
+with a policy that forbids every other origin and a script that answers such requests before they
+are made.
 """
 
 import base64
@@ -48,7 +49,10 @@ class Page:
 
 
 def serve(write: Callable[[Path], None], port: int, announce: Callable[[str], None]) -> int:
-    """Serve a recording until Ctrl-C or SIGTERM; `port` 0 is any that is free. Raises `ConfigError`."""
+    """Serve a recording until Ctrl-C or SIGTERM; `port` 0 is any that is free.
+
+    Raises `ConfigError`.
+    """
     server = _server(port)
     with server, terminated_as_interrupted(), TemporaryDirectory(prefix="cellwalk-") as folder:
         path = Path(folder) / "run.rrd"
@@ -62,7 +66,9 @@ def serve(write: Callable[[Path], None], port: int, announce: Callable[[str], No
 
 
 def pages(viewer: Mapping[str, bytes], recording: bytes) -> dict[str, Page]:
-    """Everything there is: the viewer's page with our script and without links to others, and the recording."""
+    """Everything there is: the viewer's page with our script and without links to others, and the
+    recording.
+    """
     found = {path: Page(kind, viewer[path]) for path, kind in _ASSETS.items()}
     guard = f'<script src="{_GUARD}"></script>'.encode()
     head = _LINK_OUT.sub(b"", viewer["/"]).replace(b"<head>", b"<head>" + guard, 1)
@@ -75,9 +81,12 @@ def pages(viewer: Mapping[str, bytes], recording: bytes) -> dict[str, Page]:
 
 
 def policy(page: bytes) -> str:
-    """Content security policy of a page: its own origin, and the scripts that stand in it as they are."""
+    """Content security policy of a page: its own origin, and the scripts that stand in it as they
+    are.
+    """
     inline = " ".join(
-        f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'" for script in _INLINE.findall(page)
+        f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"
+        for script in _INLINE.findall(page)
     )
     return "; ".join(
         (
@@ -98,7 +107,15 @@ def policy(page: bytes) -> str:
 def fetched(folder: Path) -> dict[str, bytes]:
     """The viewer's page and program, from its own web server, which is stopped again."""
     viewer, port = binary(), _free_port()
-    to = ["--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), "--port", str(_free_port())]
+    to = [
+        "--serve-web",
+        "--bind",
+        LOOPBACK,
+        "--web-viewer-port",
+        str(port),
+        "--port",
+        str(_free_port()),
+    ]
     with (folder / "viewer.log").open("wb") as log:
         environment = discreet(viewer, folder)
         # it opens a browser of its own, where it can
@@ -161,7 +178,9 @@ def _server(port: int) -> _Server:
         return _Server(port)
     except (OSError, OverflowError) as error:
         why = getattr(error, "strerror", None) or error
-        raise ConfigError(f"cannot serve on port {port}: {why}; leave --port out for one that is free") from error
+        raise ConfigError(
+            f"cannot serve on port {port}: {why}; leave --port out for one that is free"
+        ) from error
 
 
 def _free_port() -> int:
@@ -177,7 +196,9 @@ def _wait_for(port: int) -> None:
             if probe.connect_ex((LOOPBACK, port)) == 0:
                 return
         time.sleep(0.05)
-    raise ConfigError("the viewer's web page is not there: use --save RUN.rrd, or install cellwalk[view] again")
+    raise ConfigError(
+        "the viewer's web page is not there: use --save RUN.rrd, or install cellwalk[view] again"
+    )
 
 
 def _get(port: int, path: str) -> bytes:

@@ -1,7 +1,8 @@
-"""Pictures with a world file: six numbers that say where their pixels are, but not in which reference system.
+"""Pictures with a world file: six numbers that say where their pixels are, but not in which
+reference system.
 
-Its lines are the factors of column and row for x and y, then the place of the middle of the first pixel:
-x = line1 column + line3 row + line5, y = line2 column + line4 row + line6.
+Its lines are the factors of column and row for x and y, then the place of the middle of the first
+pixel: x = line1 column + line3 row + line5, y = line2 column + line4 row + line6.
 """
 
 import warnings
@@ -24,8 +25,8 @@ WEB_MERCATOR = CRS.from_epsg(3857)
 def open_picture(path: Path, area: Area) -> Ground:
     """The part of a picture that covers an area; raises `ConfigError`.
 
-    The reference system is that of a .prj file beside it; without one it is the first of the walk's UTM zone, degrees
-    and Web Mercator in which the picture and the walk meet.
+    The reference system is that of a .prj file beside it; without one it is the first of the walk's
+    UTM zone, degrees and Web Mercator in which the picture and the walk meet.
     """
     affine = _affine(path)
     try:
@@ -34,11 +35,17 @@ def open_picture(path: Path, area: Area) -> Ground:
             with Image.open(path) as picture:
                 return _part(picture, affine, path, area)
     except (Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
-        raise ConfigError(f"{path} has more pixels than can be held: cut out what the walk needs") from error
+        raise ConfigError(
+            f"{path} has more pixels than can be held: cut out what the walk needs"
+        ) from error
     except UnidentifiedImageError as error:
-        raise ConfigError(f"{path} is no picture: PNG or JPEG with a world file, GeoPackage or MBTiles") from error
+        raise ConfigError(
+            f"{path} is no picture: PNG or JPEG with a world file, GeoPackage or MBTiles"
+        ) from error
     except (OSError, SyntaxError, ValueError) as error:
-        raise ConfigError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
+        raise ConfigError(
+            f"{path} cannot be read: {getattr(error, 'strerror', None) or error}"
+        ) from error
 
 
 def _part(picture: Image.Image, affine: FloatArray, path: Path, area: Area) -> Ground:
@@ -48,7 +55,10 @@ def _part(picture: Image.Image, affine: FloatArray, path: Path, area: Area) -> G
         if not (np.all(np.isfinite(column)) and np.all(np.isfinite(row))):
             continue
         left, top = max(int(column.min()) - 1, 0), max(int(row.min()) - 1, 0)
-        right, bottom = min(int(column.max()) + 2, picture.width), min(int(row.max()) + 2, picture.height)
+        right, bottom = (
+            min(int(column.max()) + 2, picture.width),
+            min(int(row.max()) + 2, picture.height),
+        )
         if left < right and top < bottom:
             break
     else:
@@ -82,9 +92,13 @@ def _affine(path: Path) -> FloatArray:
     names = [path.with_suffix(end) for end in (short, short.upper(), f"{suffix}w", ".wld", ".WLD")]
     world = next((name for name in names if name.is_file()), None)
     if world is None:
-        raise ConfigError(f"{path} has no world file beside it ({names[0].name} or {path.stem}.wld)")
+        raise ConfigError(
+            f"{path} has no world file beside it ({names[0].name} or {path.stem}.wld)"
+        )
     try:
-        a, d, b, e, x, y = (float(word.replace(",", ".")) for word in world.read_text(errors="replace").split())
+        a, d, b, e, x, y = (
+            float(word.replace(",", ".")) for word in world.read_text(errors="replace").split()
+        )
     except ValueError as error:
         raise ConfigError(f"{world} is no world file: six numbers are wanted") from error
     affine = np.array([[a, b, x], [d, e, y]])

@@ -1,4 +1,6 @@
-"""The same on a map of the world: it needs a network for its tiles, and has neither ellipse nor polygon."""
+"""The same on a map of the world: it needs a network for its tiles, and has neither ellipse nor
+polygon.
+"""
 
 from math import cos, log2, radians
 
@@ -9,8 +11,8 @@ from postproc.pictures import colours
 from postproc.pictures.picture import Box
 from postproc.view.ground import colour_of_verdict
 from postproc.view.plan import FARTHEST_M, MOST_STRIPS, REGION_WIDTHS, strips_of
-from postproc.view.sheet import Sheet, entity, points, thinned
-from postproc.view.story import Story, Subject
+from postproc.view.rerun_writer import Sheet, entity, points, thinned
+from postproc.view.view_model import Story, Subject
 
 _MOST_FIXES = 5_000
 _MAP_PIXELS, _TILE_PIXELS = 700, 256
@@ -23,9 +25,13 @@ def draw_map(sheet: Sheet, story: Story) -> None:
     if story.utm is None or story.box is None:
         return
     box = story.box
-    corners = story.degrees(np.array([(x, y) for x in (box.west, box.east) for y in (box.south, box.north)]))
+    corners = story.degrees(
+        np.array([(x, y) for x in (box.west, box.east) for y in (box.south, box.north)])
+    )
     # the map centres on what is visible now: an unseen frame keeps it where it is
-    sheet.always("map/frame", rr.GeoPoints(lat_lon=corners, colors=[(0, 0, 0, 0)], radii=points(0.1)))
+    sheet.always(
+        "map/frame", rr.GeoPoints(lat_lon=corners, colors=[(0, 0, 0, 0)], radii=points(0.1))
+    )
     style = rr.GeoPoints.from_fields(colors=[colours.WALKER], radii=points(7.0))
     sheet.always("map/walker", style)
     for walk in story.walks:
@@ -56,7 +62,9 @@ def _subject(sheet: Sheet, story: Story, subject: Subject) -> None:
     if obs is not None and len(obs):
         part = thinned(len(obs), MOST_STRIPS)
         rgb = colours.of_levels(picture.heard_dbm[part], *picture.strength_dbm)
-        heard = rr.GeoPoints(lat_lon=story.degrees(picture.heard_m[part]), colors=rgb, radii=points(3.0))
+        heard = rr.GeoPoints(
+            lat_lon=story.degrees(picture.heard_m[part]), colors=rgb, radii=points(3.0)
+        )
         sheet.always(entity("map", "cells", subject.cell, "levels"), heard)
     _others(sheet, story, subject)
     if not subject.steps:
@@ -64,15 +72,24 @@ def _subject(sheet: Sheet, story: Story, subject: Subject) -> None:
     times = np.array([step.t_ns for step in subject.steps])
     for (name, by_step), width in zip(subject.regions.items(), REGION_WIDTHS, strict=True):
         path = entity("map", "cells", subject.cell, f"region{name}")
-        sheet.always(path, rr.GeoLineStrings.from_fields(colors=[colours.POSTERIOR], radii=points(0.75 * width)))
-        columns = rr.GeoLineStrings.columns(line_strings=[story.degrees(ring) for rings in by_step for ring in rings])
+        sheet.always(
+            path,
+            rr.GeoLineStrings.from_fields(colors=[colours.POSTERIOR], radii=points(0.75 * width)),
+        )
+        columns = rr.GeoLineStrings.columns(
+            line_strings=[story.degrees(ring) for rings in by_step for ring in rings]
+        )
         sheet.over_time(path, times, columns.partition([len(rings) for rings in by_step]))
     path = entity("map", "cells", subject.cell, "places")
     sheet.always(path, rr.GeoPoints.from_fields(colors=[colours.POSTERIOR], radii=points(6.0)))
     modes = [mode for step in subject.steps for mode in step.posterior.modes]
-    places = story.local(np.array([mode.x_m for mode in modes]), np.array([mode.y_m for mode in modes]))
+    places = story.local(
+        np.array([mode.x_m for mode in modes]), np.array([mode.y_m for mode in modes])
+    )
     found = rr.GeoPoints.columns(positions=story.degrees(places))
-    sheet.over_time(path, times, found.partition([len(step.posterior.modes) for step in subject.steps]))
+    sheet.over_time(
+        path, times, found.partition([len(step.posterior.modes) for step in subject.steps])
+    )
 
 
 def _others(sheet: Sheet, story: Story, subject: Subject) -> None:
@@ -87,5 +104,7 @@ def _others(sheet: Sheet, story: Story, subject: Subject) -> None:
     near = [(place, ink) for place, ink in marks if np.hypot(*place) < FARTHEST_M]
     if near:
         places, inks = zip(*near, strict=True)
-        drawn = rr.GeoPoints(lat_lon=story.degrees(np.array(places)), colors=inks, radii=points(5.0))
+        drawn = rr.GeoPoints(
+            lat_lon=story.degrees(np.array(places)), colors=inks, radii=points(5.0)
+        )
         sheet.always(entity("map", "cells", subject.cell, "estimates"), drawn)

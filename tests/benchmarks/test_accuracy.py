@@ -15,8 +15,19 @@ COMMAND = Path(__file__).resolve().parents[2] / "benchmarks" / "accuracy.py"
 
 def test_the_command_writes_what_it_prints(tmp_path):
     files = [tmp_path / "board.json", tmp_path / "board.md"]
-    asked = ["--quick", "--case", "white-L", "spec-10-begun", "--json", files[0], "--markdown", files[1]]
-    ran = subprocess.run([sys.executable, COMMAND, *asked], capture_output=True, text=True, check=True)
+    asked = [
+        "--quick",
+        "--case",
+        "white-L",
+        "spec-10-begun",
+        "--json",
+        files[0],
+        "--markdown",
+        files[1],
+    ]
+    ran = subprocess.run(
+        [sys.executable, COMMAND, *asked], capture_output=True, text=True, check=True
+    )
     found = json.loads(files[0].read_text())
     assert [case["name"] for case in found["cases"]] == ["white-L", "spec-10-begun"]
     assert [len(case["runs"]) for case in found["cases"]] == [10 * 2, 9 * 2]
@@ -32,7 +43,9 @@ def test_the_command_writes_what_it_prints(tmp_path):
 def test_a_measured_walk(traces):
     world = measured("kuleuven_lora_p2p", "campus_1105_125358_n124")
     away_m = np.hypot(world.walk.x_m - world.sources[0][0], world.walk.y_m - world.sources[0][1])
-    about = json.loads((traces / "kuleuven_lora_p2p" / "truth.json").read_text())["traces"]["campus_1105_125358_n124"]
+    about = json.loads((traces / "kuleuven_lora_p2p" / "truth.json").read_text())["traces"][
+        "campus_1105_125358_n124"
+    ]
     assert len(world.walk) == about["n"]
     assert np.min(away_m) == pytest.approx(about["d_min_m"], rel=0.05)
     assert np.max(away_m) == pytest.approx(about["d_max_m"], rel=0.01)

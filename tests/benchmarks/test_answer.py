@@ -11,7 +11,9 @@ def test_ellipse_holds_95_percent():
     covariance = np.array([[40.0, 12.0], [12.0, 9.0]])
     region = Ellipse95((5.0, -2.0), covariance)
     drawn = np.random.default_rng(1).multivariate_normal((5.0, -2.0), covariance, 2000)
-    assert np.mean([region.holds(tuple(place), 0.0) for place in drawn]) == pytest.approx(0.95, abs=0.02)
+    assert np.mean([region.holds(tuple(place), 0.0) for place in drawn]) == pytest.approx(
+        0.95, abs=0.02
+    )
 
 
 def test_slack_of_an_ellipse_is_a_distance():
@@ -24,7 +26,9 @@ def test_slack_of_an_ellipse_is_a_distance():
 def test_squares_agree_with_shapely():
     rng = np.random.default_rng(2)
     x_m, y_m, size_m = rng.uniform(0, 50, 30), rng.uniform(0, 50, 30), rng.uniform(1, 8, 30)
-    whole = shapely.union_all(shapely.box(x_m - size_m / 2, y_m - size_m / 2, x_m + size_m / 2, y_m + size_m / 2))
+    whole = shapely.union_all(
+        shapely.box(x_m - size_m / 2, y_m - size_m / 2, x_m + size_m / 2, y_m + size_m / 2)
+    )
     region = Squares(x_m, y_m, size_m)
     for place in rng.uniform(-10, 60, (200, 2)):
         assert region.holds(tuple(place), 3.0) == (whole.distance(shapely.Point(place)) <= 3.0)
@@ -65,9 +69,15 @@ def test_twin_has_to_be_told():
     assert not lone[facts.PAIRED]
     assert not lone[facts.NOT_ONE_PLACE]
     one_wide_place = [round_(0, 0, 60)]
-    assert facts.facts_of(world, told(one_wide_place, "cannot tell", radius_m=200.0))[facts.NOT_ONE_PLACE]
-    assert not facts.facts_of(world, told(one_wide_place, "located", radius_m=200.0))[facts.NOT_ONE_PLACE]
-    assert not facts.facts_of(world, told(one_wide_place, "cannot tell", radius_m=60.0))[facts.NOT_ONE_PLACE]
+    assert facts.facts_of(world, told(one_wide_place, "cannot tell", radius_m=200.0))[
+        facts.NOT_ONE_PLACE
+    ]
+    assert not facts.facts_of(world, told(one_wide_place, "located", radius_m=200.0))[
+        facts.NOT_ONE_PLACE
+    ]
+    assert not facts.facts_of(world, told(one_wide_place, "cannot tell", radius_m=60.0))[
+        facts.NOT_ONE_PLACE
+    ]
 
 
 def test_places_that_noise_has_moved_are_a_pair_still():
@@ -84,7 +94,9 @@ def test_places_that_noise_has_moved_are_a_pair_still():
 
 def test_a_region_larger_than_the_walk_is_no_location():
     world = world_with()
-    assert not facts.facts_of(world, told([round_(0, 50, 5)], "located", radius_m=400.0))[facts.MODEST]
+    assert not facts.facts_of(world, told([round_(0, 50, 5)], "located", radius_m=400.0))[
+        facts.MODEST
+    ]
     assert facts.facts_of(world, told([round_(0, 50, 5)], "located"))[facts.MODEST]
     assert facts.walk_area_m2(world) == pytest.approx(np.pi * 100.0**2, rel=1e-3)
 

@@ -4,7 +4,7 @@ import pytest
 from benchmarks.scoreboard import bound
 from benchmarks.scoreboard.walks import SHAPES
 from benchmarks.scoreboard.world import Noise, Walk
-from postproc.validate.bound import median_error_m
+from postproc.reproductions.validate.bound import median_error_m
 
 STATE = np.array([140.0, 80.0, -30.0, 3.0])
 PRECISION = np.array([30.0**-2, 0.9**-2])
@@ -19,12 +19,16 @@ def mean_level_dbm(state):
     return state[2] - 10.0 * state[3] * np.log10(np.hypot(x_m - state[0], y_m - state[1]))
 
 
-@pytest.mark.parametrize("noise", [Noise(3.0), Noise(1.0, 6.0, 15.0), Noise(0.5, 6.0, 40.0, in_plane=True)])
+@pytest.mark.parametrize(
+    "noise", [Noise(3.0), Noise(1.0, 6.0, 15.0), Noise(0.5, 6.0, 40.0, in_plane=True)]
+)
 def test_information_agrees_with_finite_differences(noise):
     x_m, y_m = walked()
     covariance_db2 = noise.covariance_db2(x_m, y_m)
     step = np.diag([1e-3, 1e-3, 1e-4, 1e-5])
-    slope = np.column_stack([(mean_level_dbm(STATE + d) - mean_level_dbm(STATE - d)) / (2.0 * np.sum(d)) for d in step])
+    slope = np.column_stack(
+        [(mean_level_dbm(STATE + d) - mean_level_dbm(STATE - d)) / (2.0 * np.sum(d)) for d in step]
+    )
     information = slope.T @ np.linalg.inv(covariance_db2) @ slope + np.diag([0.0, 0.0, *PRECISION])
     walk = Walk(x_m, y_m, mean_level_dbm(STATE))
     found = bound.covariance_bound(walk, (STATE[0], STATE[1]), STATE[3], covariance_db2, PRECISION)

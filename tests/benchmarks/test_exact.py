@@ -16,11 +16,17 @@ def heard(noise, shape="L", count=40, step_m=10.0, seed=1):
     rng = np.random.default_rng(seed)
     x_m, y_m = SHAPES[shape](rng, count, step_m)
     level_dbm = -35.0 - 28.0 * np.log10(np.hypot(x_m - SOURCE[0], y_m - SOURCE[1]))
-    return Walk(x_m, y_m, level_dbm + np.linalg.cholesky(noise.covariance_db2(x_m, y_m)) @ rng.normal(size=count))
+    return Walk(
+        x_m,
+        y_m,
+        level_dbm + np.linalg.cholesky(noise.covariance_db2(x_m, y_m)) @ rng.normal(size=count),
+    )
 
 
 def by_quadrature(walk, noise, x_m, y_m):
-    """Log of the integral of likelihood times priors over P0 and eta on a fine grid, and of the prior of the place."""
+    """Log of the integral of likelihood times priors over P0 and eta on a fine grid, and of the
+    prior of the place.
+    """
     loss_db = 10.0 * np.log10(np.hypot(walk.x_m - x_m, walk.y_m - y_m))
     covariance = noise.covariance_db2(walk.x_m, walk.y_m)
     prior = ours.LINEAR_PRIOR
@@ -30,7 +36,9 @@ def by_quadrature(walk, noise, x_m, y_m):
     at_middle = np.linspace(-12.0, 12.0, 301) + np.mean(walk.level_dbm)
     p0_dbm = at_middle[:, None] + eta * middle
     misfit = walk.level_dbm - p0_dbm[..., None] + eta[:, None] * loss_db
-    log_p = -0.5 * np.einsum("abn,nm,abm->ab", misfit, np.linalg.inv(covariance), misfit, optimize=True)
+    log_p = -0.5 * np.einsum(
+        "abn,nm,abm->ab", misfit, np.linalg.inv(covariance), misfit, optimize=True
+    )
     log_p += scipy.stats.norm.logpdf(p0_dbm, prior.mean[0], sigma[0]) + scipy.stats.norm.logpdf(
         eta, prior.mean[1], sigma[1]
     )
@@ -64,10 +72,15 @@ def test_region_and_mode_agree_with_a_uniform_fine_grid(noise):
     assert found.region.area_m2 == pytest.approx(np.searchsorted(held, 0.95) * cell_m**2, rel=0.04)
     # a mode is what holds 99.9 %
     assert np.hypot(mass @ x_m - mean[0], mass @ y_m - mean[1]) < 0.05 * reach_m / 8.0
-    off_m = [mass @ np.hypot(x_m - found.x_m - dx, y_m - found.y_m - dy) for dx, dy in AROUND * 2.0 * cell_m]
+    off_m = [
+        mass @ np.hypot(x_m - found.x_m - dx, y_m - found.y_m - dy)
+        for dx, dy in AROUND * 2.0 * cell_m
+    ]
     assert np.argmin(off_m) == 0
     covariance = np.cov(np.vstack([x_m, y_m]), aweights=mass, ddof=0)
-    np.testing.assert_allclose(found.modes[0].covariance, covariance, rtol=0.1, atol=0.05 * covariance.max())
+    np.testing.assert_allclose(
+        found.modes[0].covariance, covariance, rtol=0.1, atol=0.05 * covariance.max()
+    )
 
 
 def test_cells_are_a_quarter_of_the_posterior_sigma():
@@ -88,7 +101,9 @@ def test_region_holds_95_percent_of_truths_drawn_from_the_prior():
     held = []
     for _ in range(40):
         x_m, y_m = SHAPES["random"](rng, 100, 8.0)
-        while True:  # uniform in the part of the prior that is flat; the rest has little mass beside so short a tail
+        # uniform in the part of the prior that is flat; the rest has little mass beside so short a
+        # tail
+        while True:
             source = np.add(rng.uniform(-200, 200, 2), (rng.choice(x_m), rng.choice(y_m)))
             if np.min(np.hypot(x_m - source[0], y_m - source[1])) < 200.0:
                 break

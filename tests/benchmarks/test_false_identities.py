@@ -1,11 +1,21 @@
-"""One damaged byte makes few false cells: a quick form of the benchmark, which fails where the rate rises."""
+"""One damaged byte makes few false cells: a quick form of the benchmark, which fails where the rate
+rises.
+"""
 
 import random
 from dataclasses import replace
 
 import pytest
 
-from benchmarks.false_identities import Tally, count, count_session, damaged, is_false, replies, table
+from benchmarks.false_identities import (
+    Tally,
+    count,
+    count_session,
+    damaged,
+    is_false,
+    replies,
+    table,
+)
 from logger.core.types import CellReading
 from logger.drivers.registry import FAMILIES
 
@@ -14,9 +24,13 @@ MOST_ALONE = 0.01
 MOST_MARKED = 0.0125
 """At most the first of the eighty whole replies of a session."""
 MOST_LEVELS = {"fibocom": 0.04}
-"""Of lost and doubled bytes; indices that no firmware pads, as those of Fibocom, show no lost digit."""
+"""Of lost and doubled bytes; indices that no firmware pads, as those of Fibocom, show no lost
+digit.
+"""
 MOST_LEVELS_ELSEWHERE = 0.01
-CENG = '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"\n+CENG: 1,"0128,15,30,a53f,310,411,178d"'
+CENG = (
+    '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"\n+CENG: 1,"0128,15,30,a53f,310,411,178d"'
+)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +47,9 @@ def test_one_byte_lost_or_doubled_makes_a_false_cell_in_one_of_a_hundred_at_most
     tally = tallies[name]
     assert tally.replies
     assert tally.rate(tally.identities, "lost", "doubled") <= MOST_ALONE
-    assert tally.rate(tally.levels, "lost", "doubled") <= MOST_LEVELS.get(name, MOST_LEVELS_ELSEWHERE)
+    assert tally.rate(tally.levels, "lost", "doubled") <= MOST_LEVELS.get(
+        name, MOST_LEVELS_ELSEWHERE
+    )
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -83,7 +99,9 @@ def test_damage_is_of_one_byte_each():
     assert list(damaged(text, "lost", random.Random(0)))[:3] == ["53f,12", "a3f,12", "a5f,12"]
     assert list(damaged(text, "doubled", random.Random(0)))[:2] == ["aa53f,12", "a553f,12"]
     changed = list(damaged(text, "changed", random.Random(0)))
-    assert [sum(a != b for a, b in zip(text, other, strict=True)) for other in changed] == [1] * len(text)
+    assert [sum(a != b for a, b in zip(text, other, strict=True)) for other in changed] == [
+        1
+    ] * len(text)
 
 
 def test_a_cell_with_less_known_of_it_is_no_false_one():

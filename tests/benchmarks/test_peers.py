@@ -30,9 +30,13 @@ def test_jacobian_agrees_with_central_differences():
     state = np.array([*np.add(EASY.sources[0], (5.0, -3.0)), -30.0, 3.0])
     step = 1e-3 * np.eye(4)
     slope = [
-        (peers._residuals(state + d, EASY.walk, 3.0) - peers._residuals(state - d, EASY.walk, 3.0)) / 2e-3 for d in step
+        (peers._residuals(state + d, EASY.walk, 3.0) - peers._residuals(state - d, EASY.walk, 3.0))
+        / 2e-3
+        for d in step
     ]
-    np.testing.assert_allclose(peers._jacobian(state, EASY.walk, 3.0), np.column_stack(slope), rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(
+        peers._jacobian(state, EASY.walk, 3.0), np.column_stack(slope), rtol=1e-4, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("peer", [filters.extended, filters.unscented])
@@ -52,7 +56,9 @@ def test_reference_stays_where_it_starts():
 
 
 def test_model_free_peers():
-    walk = Walk(np.array([0.0, 10.0, 20.0]), np.array([0.0, 0.0, 5.0]), np.array([-90.0, -60.0, -60.0]))
+    walk = Walk(
+        np.array([0.0, 10.0, 20.0]), np.array([0.0, 0.0, 5.0]), np.array([-90.0, -60.0, -60.0])
+    )
     strongest, centroid = peers.strongest_sample(walk), peers.weighted_centroid(walk)
     assert (strongest.x_m, strongest.y_m) == (15.0, 2.5)
     assert (centroid.x_m, centroid.y_m) == pytest.approx((15.0, 2.5), abs=0.02)

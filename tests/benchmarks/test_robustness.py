@@ -11,9 +11,14 @@ COMMAND = Path(__file__).resolve().parents[2] / "benchmarks" / "robustness.py"
 def test_the_command_compares_with_and_without_the_error(tmp_path):
     file = tmp_path / "found.json"
     asked = ["--runs", "2", "--measured", "0", "--json", file]
-    ran = subprocess.run([sys.executable, COMMAND, *asked], capture_output=True, text=True, check=True)
+    ran = subprocess.run(
+        [sys.executable, COMMAND, *asked], capture_output=True, text=True, check=True
+    )
     found = json.loads(file.read_text())
-    assert [(one["kind"], one["found"], one["false"]) for one in found["desk"]] == [("white", 1, 0), ("shadow", 1, 0)]
+    assert [(one["kind"], one["found"], one["false"]) for one in found["desk"]] == [
+        ("white", 1, 0),
+        ("shadow", 1, 0),
+    ]
     for one in (*found["desk"], *found["live"]):
         assert one["clean"] == one["clean_old"]
         assert abs(one["spiked"]["error_m"] - one["clean"]["error_m"]) < 1.0

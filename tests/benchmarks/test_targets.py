@@ -12,7 +12,10 @@ from benchmarks.scoreboard.summary import Given, rows_of, verdicts_of
 
 
 def scored(method, errors_m, *, area_m2=100.0, missed=0, nees=2.0, **about):
-    return [Score(method, run, e, run >= missed, area_m2, nees, **about) for run, e in enumerate(errors_m)]
+    return [
+        Score(method, run, e, run >= missed, area_m2, nees, **about)
+        for run, e in enumerate(errors_m)
+    ]
 
 
 GOOD = {
@@ -60,8 +63,12 @@ def test_a_failure_counts_as_infinitely_far():
 
 
 def test_area_ratio_is_taken_run_by_run():
-    ours = [Score(OURS, k, 1.0, True, area_m2, 2.0) for k, area_m2 in enumerate((10.0, 400.0, 90.0))]
-    limit = [Score(EXACT, k, 1.0, True, area_m2, 2.0) for k, area_m2 in enumerate((10.0, 100.0, 30.0))]
+    ours = [
+        Score(OURS, k, 1.0, True, area_m2, 2.0) for k, area_m2 in enumerate((10.0, 400.0, 90.0))
+    ]
+    limit = [
+        Score(EXACT, k, 1.0, True, area_m2, 2.0) for k, area_m2 in enumerate((10.0, 100.0, 30.0))
+    ]
     assert rows_of({OURS: ours, EXACT: limit})[0].area_ratio == pytest.approx(3.0)
 
 
@@ -87,7 +94,10 @@ def test_a_claim_beyond_the_bound():
 
 
 def test_report_bears_what_is_infinite():
-    failed = {OURS: [Score(OURS, 0, np.inf, False, failure="diverged")], EXACT: scored(EXACT, [1.0])}
+    failed = {
+        OURS: [Score(OURS, 0, np.inf, False, failure="diverged")],
+        EXACT: scored(EXACT, [1.0]),
+    }
     board = report.board({"white-L": failed}, seed=1)
     (case,) = json.loads(report.as_json(board))["cases"]
     assert case["methods"][0]["median_error_m"] is None

@@ -28,7 +28,9 @@ def test_walks_go_at_an_even_pace(shape):
 def test_a_run_is_the_same_for_the_same_numbers(name):
     one, again, other = CASES[name].world(3, 5), CASES[name].world(3, 5), CASES[name].world(3, 9)
     assert pickle.dumps(one) == pickle.dumps(again)
-    assert one.sources != other.sources or not np.array_equal(one.walk.level_dbm, other.walk.level_dbm)
+    assert one.sources != other.sources or not np.array_equal(
+        one.walk.level_dbm, other.walk.level_dbm
+    )
 
 
 @pytest.mark.parametrize("shape", TELLING)
@@ -42,15 +44,24 @@ def test_source_is_beside_the_walk(shape):
 def test_noise_has_the_covariance_that_the_oracle_is_told(in_plane):
     noise = Noise(1.0, 6.0, 15.0, in_plane=in_plane, step_db=1.0)
     squared_db2 = []
-    # neighbours on the path, and the two ends of the closed walk: those are neighbours in the plane only
-    pairs = np.array([(0, 5), (100, 105), (200, 205), (300, 305), (450, 455)]), np.array([(3, 597), (5, 595)])
+    # neighbours on the path, and the two ends of the closed walk: those are neighbours in the plane
+    # only
+    pairs = (
+        np.array([(0, 5), (100, 105), (200, 205), (300, 305), (450, 455)]),
+        np.array([(3, 597), (5, 595)]),
+    )
     for run in range(50):
         world = worlds.plain(generator("noise", 1, run), "square", noise)
         loss_db = 10.0 * np.log10(distance_m(world.walk, world.sources[0]))
         residual_db = world.walk.level_dbm + world.eta * loss_db
-        squared_db2.append([np.mean((residual_db[p[:, 0]] - residual_db[p[:, 1]]) ** 2) for p in pairs])
+        squared_db2.append(
+            [np.mean((residual_db[p[:, 0]] - residual_db[p[:, 1]]) ** 2) for p in pairs]
+        )
     told = noise.covariance_db2(*SHAPES["square"](np.random.default_rng(0), 600, 1.4))
-    expected = [np.mean(told[p[:, 0], p[:, 0]] + told[p[:, 1], p[:, 1]] - 2.0 * told[p[:, 0], p[:, 1]]) for p in pairs]
+    expected = [
+        np.mean(told[p[:, 0], p[:, 0]] + told[p[:, 1], p[:, 1]] - 2.0 * told[p[:, 0], p[:, 1]])
+        for p in pairs
+    ]
     np.testing.assert_allclose(np.mean(squared_db2, axis=0), expected, rtol=0.3)
     assert (expected[1] > 1.5 * expected[0]) == (not in_plane)
 
@@ -74,12 +85,16 @@ def test_this_share_is_clipped(share):
     np.testing.assert_array_equal(world.walk.level_dbm[heard], world.whole.level_dbm[heard])
 
 
-@pytest.mark.parametrize(("kind", "memory"), [("white", 0.0), ("slow", np.exp(-1 / 60)), ("constant", 1.0)])
+@pytest.mark.parametrize(
+    ("kind", "memory"), [("white", 0.0), ("slow", np.exp(-1 / 60)), ("constant", 1.0)]
+)
 def test_position_error(kind, memory):
     runs = [worlds.misplaced(generator("gps", 1, run), "square", kind) for run in range(100)]
     off_m = np.array([world.walk.x_m - world.whole.x_m for world in runs])
     assert np.std(off_m[:, 300]) == pytest.approx(5.0, rel=0.25)
-    assert np.mean(off_m[:, 300] * off_m[:, 301]) / np.mean(off_m[:, 300] ** 2) == pytest.approx(memory, abs=0.25)
+    assert np.mean(off_m[:, 300] * off_m[:, 301]) / np.mean(off_m[:, 300] ** 2) == pytest.approx(
+        memory, abs=0.25
+    )
     assert all(15.0 <= np.min(distance_m(world.whole, world.sources[0])) <= 40.0 for world in runs)
 
 
@@ -88,7 +103,9 @@ def test_two_sources_are_both_passed_and_heard():
         world = worlds.shared_identity(generator("two", 1, run), shape)
         one, other = world.sources
         assert 200.0 <= np.hypot(one[0] - other[0], one[1] - other[1]) <= 500.0
-        assert all(25.0 <= np.min(distance_m(world.walk, source)) <= 60.0 for source in world.sources)
+        assert all(
+            25.0 <= np.min(distance_m(world.walk, source)) <= 60.0 for source in world.sources
+        )
 
 
 def test_the_specifications_circle():

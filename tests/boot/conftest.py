@@ -9,7 +9,9 @@ from logger.sim.scenario import scenario
 
 @pytest.fixture(scope="session")
 def workplace():
-    """A folder with short paths (sockets are in it), emptied at the next time; a run takes some GB."""
+    """A folder with short paths (sockets are in it), emptied at the next time; a run takes some
+    GB.
+    """
     from tests.boot.machines import BOARD, CACHE
 
     folder = CACHE / f"work-{BOARD}"
@@ -20,20 +22,28 @@ def workplace():
 
 @pytest.fixture(scope="session")
 def installed(workplace):
-    """A card on which the one command of systemd/README.md was run, without a network, and the ports were probed."""
+    """A card on which the one command of systemd/README.md was run, without a network, and the
+    ports were probed.
+    """
     from tests.boot import machines, players
 
     board = machines.rig.BOARDS[machines.BOARD]
     if shutil.which(board["qemu"][0]) is None:
         pytest.skip(f"no {board['qemu'][0]} here")
     if not board["share"]:
-        pytest.skip(f"the rig shows no folder of the host to a {machines.BOARD}, so that nothing can be installed")
+        pytest.skip(
+            f"the rig shows no folder of the host to a {machines.BOARD}, so that nothing can be installed"
+        )
     image = machines.CACHE / f"base-{board['arch']}.raw"
     if not image.exists() and os.getuid() != 0:
         pytest.skip("only root can build the image of the boot rig")
     # what Raspberry Pi OS makes a root read-only with
     with_overlay = os.environ | {"EXTRA_PACKAGES": "overlayroot,busybox"}
-    subprocess.run([machines.RIG / "build_image.sh", machines.CACHE, board["arch"]], check=True, env=with_overlay)
+    subprocess.run(
+        [machines.RIG / "build_image.sh", machines.CACHE, board["arch"]],
+        check=True,
+        env=with_overlay,
+    )
     wheels = {"amd64": "x86_64", "arm64": "aarch64"}[board["arch"]]
     subprocess.run(["make", "-C", machines.REPOSITORY, "wheels", f"ARCH={wheels}"], check=True)
 
@@ -44,6 +54,11 @@ def installed(workplace):
     ):
         m.boot(machines.BOOT_S)
         print(m.run("/mnt/host/systemd/install.sh --wheels /mnt/host/dist/wheels", timeout=600))
-        print(m.run("fieldlogger probe --write /tmp/site.toml && cp /tmp/site.toml /etc/cellwalk/", timeout=300))
+        print(
+            m.run(
+                "fieldlogger probe --write /tmp/site.toml && cp /tmp/site.toml /etc/cellwalk/",
+                timeout=300,
+            )
+        )
         m.poweroff(machines.BOOT_S)
     return card

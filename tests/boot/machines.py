@@ -22,7 +22,10 @@ rig = pytest.importorskip("rig", reason="the boot rig is not beside this reposit
 
 
 def machine(card, folder: Path, share: Path | None = None, kernel: Path = CACHE):
-    """A machine with both adapters; to be used in a `with`. `kernel` is the folder of the kernel and its initrd."""
+    """A machine with both adapters; to be used in a `with`.
+
+    `kernel` is the folder of the kernel and its initrd.
+    """
     return rig.Machine(card, kernel, folder, board=BOARD, usb=USB, share=share)
 
 
@@ -41,12 +44,16 @@ def wait_recording(m, more_fixes: int = 0, seconds: float = 180.0) -> None:
             wanted = now["fixes"] + more_fixes
         if wanted is not None and now.get("fixes", 0) >= wanted:
             return
-        assert time.monotonic() < end_s, now or m.run("journalctl -b -u fieldlogger | tail", check=False)
+        assert time.monotonic() < end_s, now or m.run(
+            "journalctl -b -u fieldlogger | tail", check=False
+        )
         time.sleep(1.0)
 
 
 def boottime_zero_s(m) -> float:
-    """The host's monotonic time at which CLOCK_BOOTTIME of the guest was 0; never late, and early by milliseconds."""
+    """The host's monotonic time at which CLOCK_BOOTTIME of the guest was 0; never late, and early
+    by milliseconds.
+    """
     zeros = []
     for _ in range(5):
         asked_s = time.monotonic()

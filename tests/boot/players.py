@@ -1,4 +1,6 @@
-"""The far ends of the rig's adapters: the modem and the receiver of a simulated walk, in real time."""
+"""The far ends of the rig's adapters: the modem and the receiver of a simulated walk, in real
+time.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -48,7 +50,9 @@ class Receiver(players.Player):
 
 @contextmanager
 def carried(machine, walk: Scenario) -> Iterator[WalkTime]:
-    """Modem and receiver at the ports of a machine, carried along a walk that begins now, through all its boots."""
+    """Modem and receiver at the ports of a machine, carried along a walk that begins now, through
+    all its boots.
+    """
     time = WalkTime(SystemClock())
     modem = Modem(machine.socket("modem"), walk.modem(time.now_s))
     receiver = Receiver(machine.socket("gps"), walk.receiver(cold_start_s=0.0), time)

@@ -1,4 +1,6 @@
-"""Install, boot, walk, unplug, cut the power, boot again without a clock, fetch the runs: one story, told once."""
+"""Install, boot, walk, unplug, cut the power, boot again without a clock, fetch the runs: one
+story, told once.
+"""
 
 import json
 import os
@@ -63,7 +65,9 @@ def story(installed, workplace):
 
         m.boot(BOOT_S, rtc="1970-01-01")
         seen.again_zero_s = boottime_zero_s(m)
-        seen.clock_of_second_boot = m.run("dmesg | grep -o 'setting system clock to [0-9-]*'; date -uI")
+        seen.clock_of_second_boot = m.run(
+            "dmesg | grep -o 'setting system clock to [0-9-]*'; date -uI"
+        )
         wait_recording(m, more_fixes=30)
         m.run("until ! systemctl -q is-active fieldlogger-recover; do sleep 1; done", timeout=120)
         m.poweroff(BOOT_S)
@@ -86,7 +90,9 @@ def _replugged(m, name, for_s):
 
 
 def _read_only(m, for_s=10.0):
-    """Let the kernel make the card read-only, as after an error of it, and writable again; the two times."""
+    """Let the kernel make the card read-only, as after an error of it, and writable again; the two
+    times.
+    """
     begun_s = time.monotonic()
     m.run("echo u > /proc/sysrq-trigger; until ! touch /refused; do sleep 0.1; done")
     time.sleep(for_s)
@@ -102,15 +108,23 @@ def _look(m, seen):
     told = m.run("systemd-analyze security --no-pager fieldlogger | tail -1")
     seen.exposure = float(re.search(r"\d+\.\d+", told)[0])
     # no iproute2 in the image: what `ss -lntu` reads; state 0A listens, 07 is any open UDP port
-    seen.listening = m.run("cat /proc/net/tcp /proc/net/tcp6 /proc/net/udp /proc/net/udp6 | awk '$4 ~ /^(0A|07)$/'")
+    seen.listening = m.run(
+        "cat /proc/net/tcp /proc/net/tcp6 /proc/net/udp /proc/net/udp6 | awk '$4 ~ /^(0A|07)$/'"
+    )
     seen.sent = _asked_to_send(m)
 
 
 def _asked_to_send(m):
-    """Packets that any program of the machine asked the kernel to send by IP, with or without a way to send them."""
+    """Packets that any program of the machine asked the kernel to send by IP, with or without a way
+    to send them.
+    """
     names, values = (line.split()[1:] for line in m.run("grep ^Ip: /proc/net/snmp").splitlines())
     four = dict(zip(names, map(int, values), strict=True))
-    six = dict(line.split() for line in m.run("cat /proc/net/snmp6", check=False).splitlines() if "No such" not in line)
+    six = dict(
+        line.split()
+        for line in m.run("cat /proc/net/snmp6", check=False).splitlines()
+        if "No such" not in line
+    )
     return {
         "IPv4": four["OutRequests"] + four["OutNoRoutes"],
         "IPv6": int(six.get("Ip6OutRequests", 0)) + int(six.get("Ip6OutNoRoutes", 0)),
@@ -125,17 +139,23 @@ def test_it_records_from_power_on(story):
     raw = _run(story, 1).tables["raw"]
     first_s = story.zero_s + raw["t_ns"].min() / 1e9 - story.power_on_s
     kernel_s = raw["t_ns"].min() / 1e9
-    print(f"power on to first recorded byte: {first_s:.1f} s ({kernel_s:.1f} s since the kernel began)")
+    print(
+        f"power on to first recorded byte: {first_s:.1f} s ({kernel_s:.1f} s since the kernel began)"
+    )
     begun_us, durable_us = (
         int(story.started[f"{name}TimestampMonotonic"]) for name in ("ExecMainStart", "ActiveEnter")
     )
-    print(f"process start to the first durable bytes, as systemd was told: {(durable_us - begun_us) / 1e6:.2f} s")
+    print(
+        f"process start to the first durable bytes, as systemd was told: {(durable_us - begun_us) / 1e6:.2f} s"
+    )
     assert set(raw["source"]) == {b"modem", b"gnss"}
     assert first_s < BOOT_S
 
 
 def test_the_service_is_shut_in_and_nothing_leaves_the_machine(story):
-    print(f"exposure {story.exposure}; listening: {story.listening or 'nothing'}; packets asked for: {story.sent}")
+    print(
+        f"exposure {story.exposure}; listening: {story.listening or 'nothing'}; packets asked for: {story.sent}"
+    )
     assert story.exposure <= 1.5
     assert story.listening == ""
     assert story.sent == {"IPv4": 0, "IPv6": 0}
@@ -145,10 +165,15 @@ def test_unplugged_devices_come_back_without_a_restart(story):
     raw = _run(story, 1).tables["raw"]
     late_s = []
     for source, unplugged_s, replugged_s in story.outages:
-        heard_s = story.zero_s + raw["t_ns"][(raw["source"] == source.encode()) & (raw["sent"] == 0)] / 1e9
+        heard_s = (
+            story.zero_s
+            + raw["t_ns"][(raw["source"] == source.encode()) & (raw["sent"] == 0)] / 1e9
+        )
         gap_s = heard_s[heard_s > replugged_s].min() - heard_s[heard_s < unplugged_s].max()
         late_s.append(gap_s - (replugged_s - unplugged_s))
-    print(f"{len(late_s)} times unplugged, restarts {story.restarts}, longest gap beyond the fault {max(late_s):.1f} s")
+    print(
+        f"{len(late_s)} times unplugged, restarts {story.restarts}, longest gap beyond the fault {max(late_s):.1f} s"
+    )
     assert story.restarts == "0"
     assert max(late_s) <= 10.0
 
@@ -158,8 +183,14 @@ def test_a_card_that_is_read_only_for_a_while_loses_nothing(story):
     heard_s = story.zero_s + run.tables["fixes"]["t_ns"] / 1e9
     begun_s, ended_s = story.read_only_s
     gap_s = np.diff(heard_s[(heard_s > begun_s - 2.0) & (heard_s < ended_s + 10.0)]).max()
-    said = [row["text"].decode() for row in run.tables["notes"] if row["code"] in {b"write-failed", b"write-resumed"}]
-    print(f"read-only for {ended_s - begun_s:.0f} s: longest gap between fixes {gap_s:.2f} s; {said}")
+    said = [
+        row["text"].decode()
+        for row in run.tables["notes"]
+        if row["code"] in {b"write-failed", b"write-resumed"}
+    ]
+    print(
+        f"read-only for {ended_s - begun_s:.0f} s: longest gap between fixes {gap_s:.2f} s; {said}"
+    )
     assert gap_s < 3.0
 
 

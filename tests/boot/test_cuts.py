@@ -1,4 +1,7 @@
-"""Power cuts at any recorded write of one boot: in order, reordered, torn. Each is pulled and recovered."""
+"""Power cuts at any recorded write of one boot: in order, reordered, torn.
+
+Each is pulled and recovered.
+"""
 
 import os
 import random
@@ -30,10 +33,11 @@ StandardOutput=journal+console
 
 
 class Watch(threading.Thread):
-    """Notes how long the log of writes was when, and when the guest had said that records were on its card.
+    """Notes how long the log of writes was when, and when the guest had said that records were on
+    its card.
 
-    An acknowledgement is noted with the length of the log after it was heard: a cut there or later must keep it.
-    """
+    An acknowledgement is noted with the length of the log after it was heard: a cut there or later
+    must keep it."""
 
     def __init__(self, m):
         super().__init__(daemon=True)
@@ -49,7 +53,9 @@ class Watch(threading.Thread):
             length = self._m.log.path.stat().st_size
             self.lengths.append(length)
             self.times_s.append(time.monotonic())
-            self.acknowledged += [(length, run, int(n)) for run, n in said[len(self.acknowledged) :]]
+            self.acknowledged += [
+                (length, run, int(n)) for run, n in said[len(self.acknowledged) :]
+            ]
 
     def stop(self):
         self._ended.set()
@@ -67,8 +73,8 @@ class Watch(threading.Thread):
 class Cuts:
     """The log of writes, and cuts of it: each makes a card, and tells two lengths of the log.
 
-    Everything before the first is on the card; what made the log as long as the second is not, or not all of it.
-    """
+    Everything before the first is on the card; what made the log as long as the second is not, or
+    not all of it."""
 
     def __init__(self, log):
         self._log = log
@@ -101,14 +107,20 @@ class Cuts:
         chance = random.Random(seed)
         kind = ("in order", "reordered", "torn")[seed % 3]
         if kind == "reordered":
-            n = chance.choice([i for i, at in enumerate(self.flushes[:-1], 1) if first <= at < last])
+            n = chance.choice(
+                [i for i, at in enumerate(self.flushes[:-1], 1) if first <= at < last]
+            )
             return kind, *self.reordered(card, n, seed)
-        n = chance.choice([i for i, (_, _, at) in enumerate(self.writes[:-1], 1) if first <= at < last])
+        n = chance.choice(
+            [i for i, (_, _, at) in enumerate(self.writes[:-1], 1) if first <= at < last]
+        )
         return kind, *(self.in_order(card, n) if kind == "in order" else self.torn(card, n, seed))
 
 
 class Recorded:
-    """One boot with two runs, cut at its end; `before` is the card as it was, `whole` all that was written."""
+    """One boot with two runs, cut at its end; `before` is the card as it was, `whole` all that was
+    written.
+    """
 
     def __init__(self, installed, folder):
         card = installed.copy(folder / "cuts.raw")
@@ -132,7 +144,10 @@ class Recorded:
             self.watch.stop()
             m.cut_power("issued")
         self.cuts = Cuts(m.log)
-        self.whole = {path.stem: told(read_run(path)) for path in card.pull(RUNS, folder / "whole").glob("*.journal")}
+        self.whole = {
+            path.stem: told(read_run(path))
+            for path in card.pull(RUNS, folder / "whole").glob("*.journal")
+        }
 
 
 def told(run: Run) -> dict[int, tuple[int, str, str]]:
@@ -146,7 +161,8 @@ def recorded(installed, workplace):
 
 
 def lost_s(folder: Path, whole, due: dict[str, int], until_ns: float) -> float:
-    """Recover what a cut card holds, and check it; age in seconds of the oldest record that came and is not there.
+    """Recover what a cut card holds, and check it; age in seconds of the oldest record that came
+    and is not there.
 
     What was computed (source "live") can be computed again.
     """
@@ -156,10 +172,16 @@ def lost_s(folder: Path, whole, due: dict[str, int], until_ns: float) -> float:
     for name, n_due in due.items():
         run = read_run(folder / f"{name}.h5")
         found, all_there = told(run), whole[name]
-        assert [seq for seq in range(n_due) if found.get(seq) != all_there[seq]] == [], "acknowledged and lost"
+        assert [seq for seq in range(n_due) if found.get(seq) != all_there[seq]] == [], (
+            "acknowledged and lost"
+        )
         assert found.keys() <= all_there.keys(), "never recorded"
         assert sealing_of(run.path).broken_at is None or run.damage.missing_frames
-        missing_ns = [t_ns for seq, (t_ns, source, _) in all_there.items() if source != "live" and seq not in found]
+        missing_ns = [
+            t_ns
+            for seq, (t_ns, source, _) in all_there.items()
+            if source != "live" and seq not in found
+        ]
         oldest_ns = min([oldest_ns, *missing_ns])
     return (until_ns - oldest_ns) / 1e9
 
@@ -179,9 +201,11 @@ def test_what_a_cut_card_holds(recorded, workplace):
             failures.append(f"cut {seed}, {kind}: {failure!r}"[:300])
         else:
             worst_s[kind] = max(loss_s, worst_s.get(kind, 0.0))
-    print(f"{BOARD}: {len(cuts.writes)} writes, {len(cuts.flushes)} flushes, {len(watch.acknowledged)} syncs, "
-          f"{max(n for _, _, n in watch.acknowledged)} records; {CUTS - len(failures)} of {CUTS} cuts recovered in "
-          f"{time.monotonic() - begun_s:.0f} s, "
-          f"lost at most {', '.join(f'{s:.2f} s {kind}' for kind, s in worst_s.items())}")  # fmt: skip
+    print(
+        f"{BOARD}: {len(cuts.writes)} writes, {len(cuts.flushes)} flushes, {len(watch.acknowledged)} syncs, "
+        f"{max(n for _, _, n in watch.acknowledged)} records; {CUTS - len(failures)} of {CUTS} cuts recovered in "
+        f"{time.monotonic() - begun_s:.0f} s, "
+        f"lost at most {', '.join(f'{s:.2f} s {kind}' for kind, s in worst_s.items())}"
+    )
     assert failures == []
     assert max(worst_s.values()) <= 2.0

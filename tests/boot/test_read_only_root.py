@@ -1,4 +1,6 @@
-"""What systemd/README.md says of a root that is never written and of the stop button, followed to the letter."""
+"""What systemd/README.md says of a root that is never written and of the stop button, followed to
+the letter.
+"""
 
 import struct
 import subprocess
@@ -50,7 +52,9 @@ class Parted:
 
 
 def _with_overlay(root, folder):
-    """Folder of the kernel and of an initrd that can overlay a root: the rig's own is without busybox."""
+    """Folder of the kernel and of an initrd that can overlay a root: the rig's own is without
+    busybox.
+    """
     initrd = "/var/tmp/initrd"
     with machine(root, folder / "machine") as m:
         m.boot(BOOT_S)
@@ -65,8 +69,13 @@ def _with_overlay(root, folder):
 
 
 def _table(*partitions_mib):
-    """Boot record with a table of partitions (start, size): status, heads, kind 83 (Linux), heads, sectors."""
-    entries = [struct.pack("<4xB3xII", 0x83, start * SECTORS, size * SECTORS) for start, size in partitions_mib]
+    """Boot record with a table of partitions (start, size): status, heads, kind 83 (Linux), heads,
+    sectors.
+    """
+    entries = [
+        struct.pack("<4xB3xII", 0x83, start * SECTORS, size * SECTORS)
+        for start, size in partitions_mib
+    ]
     return bytes(446) + b"".join(entries).ljust(64, b"\0") + b"\x55\xaa"
 
 
@@ -81,7 +90,16 @@ def _as_the_page_says(root, tree):
 def _dd(source, target, **blocks):
     where = [f"{name}={number}" for name, number in blocks.items()]
     subprocess.run(
-        ["dd", f"if={source}", f"of={target}", "bs=1M", "conv=notrunc,sparse", "status=none", *where], check=True
+        [
+            "dd",
+            f"if={source}",
+            f"of={target}",
+            "bs=1M",
+            "conv=notrunc,sparse",
+            "status=none",
+            *where,
+        ],
+        check=True,
     )
 
 
@@ -103,7 +121,10 @@ def test_a_root_that_is_never_written(installed, workplace, capsys):
     folder = workplace / "overlay"
     parted = Parted(installed, folder)
     in_memory = "journalctl -b -u fieldlogger | grep 'kept in memory'"
-    with machine(parted.card, folder / "machine", kernel=parted.kernel) as m, carried(m, scenario()):
+    with (
+        machine(parted.card, folder / "machine", kernel=parted.kernel) as m,
+        carried(m, scenario()),
+    ):
         # as raspi-config leaves it: every partition of fstab is overlaid
         _boot(m, "tmpfs")
         assert "overlay" in m.run(f"stat -fc %T / {RUNS}; {in_memory}")
@@ -130,7 +151,9 @@ def test_a_root_that_is_never_written(installed, workplace, capsys):
     runs = parted.runs()
     cut, stopped = (read_run(runs / f"run-{number:06d}.h5") for number in (1, 2))
     with capsys.disabled():
-        print(f"\ncut: {len(cut.tables['fixes'])} fixes; by the button: {len(stopped.tables['fixes'])}, {stopped.end}")
+        print(
+            f"\ncut: {len(cut.tables['fixes'])} fixes; by the button: {len(stopped.tables['fixes'])}, {stopped.end}"
+        )
     assert cut.end is None
     assert not cut.damage.missing_frames
     assert stopped.end is not None

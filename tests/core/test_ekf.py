@@ -22,7 +22,9 @@ def _walk(seed, n=300):
 
 def test_jacobian_of_the_specification():
     state = ekf.EkfState(1000.0, 2000.0, -40.0, 2.5, ekf.start(0, 0).p)
-    assert ekf.jacobian(state, 1100.0, 2100.0) == pytest.approx((0.0543, 0.0543, 1.0, -21.51), abs=5e-3)
+    assert ekf.jacobian(state, 1100.0, 2100.0) == pytest.approx(
+        (0.0543, 0.0543, 1.0, -21.51), abs=5e-3
+    )
     assert ekf.jacobian(state, 1100.0, 2100.0)[0] == pytest.approx(0.05429, abs=1e-5)
 
 
@@ -65,7 +67,11 @@ def test_agrees_with_filterpy(joseph):
         def row(x, rx=rx, ry=ry):
             return np.array([ekf.jacobian(ekf.EkfState(*x.ravel(), ekf.start(0, 0).p), rx, ry)])
 
-        oracle.update(np.array([[level]]), row, lambda x, rx=rx, ry=ry: np.array([[_measurement(x.ravel(), (rx, ry))]]))
+        oracle.update(
+            np.array([[level]]),
+            row,
+            lambda x, rx=rx, ry=ry: np.array([[_measurement(x.ravel(), (rx, ry))]]),
+        )
         step = ekf.step(state, rx, ry, level, joseph=joseph)
         state = step.state
         assert step.innovation_db == pytest.approx(float(oracle.y[0, 0]), rel=1e-9, abs=1e-9)
@@ -85,7 +91,9 @@ def test_covariance_stays_symmetric_and_positive():
 
 
 def test_reference_is_never_where_it_says():
-    """The measured failure that keeps the reference from being the answer: no truth in its ellipse."""
+    """The measured failure that keeps the reference from being the answer: no truth in its
+    ellipse.
+    """
     inside = 0
     for seed in range(20):
         receiver, levels = _walk(seed)

@@ -14,7 +14,9 @@ from logger.core.ellipse import ellipse95
 def test_ellipse(xx, xy, yy, major, minor, azimuth):
     ellipse = ellipse95(xx, xy, yy)
     scale = math.sqrt(5.991)
-    assert (ellipse.semi_major_m, ellipse.semi_minor_m) == pytest.approx((major * scale, minor * scale))
+    assert (ellipse.semi_major_m, ellipse.semi_minor_m) == pytest.approx(
+        (major * scale, minor * scale)
+    )
     assert ellipse.azimuth_deg == pytest.approx(azimuth)
 
 

@@ -10,7 +10,14 @@ GEOD = Geod(ellps="WGS84")
 
 @pytest.mark.parametrize(
     ("lat", "lon", "zone"),
-    [(51.06, 3.71, 31), (-33.9, 151.2, -56), (0.0, 0.0, 31), (10.0, 180.0, 1), (10.0, -180.0, 1), (83.9, 179.99, 60)],
+    [
+        (51.06, 3.71, 31),
+        (-33.9, 151.2, -56),
+        (0.0, 0.0, 31),
+        (10.0, 180.0, 1),
+        (10.0, -180.0, 1),
+        (83.9, 179.99, 60),
+    ],
 )
 def test_zone_of_known_places(lat, lon, zone):
     assert zone == zone_of(lat, lon)
@@ -23,15 +30,21 @@ def test_known_coordinates():
     assert Utm(-31).to_xy(0.0, 3.0) == pytest.approx((500_000.0, 10_000_000.0), abs=1e-3)
 
 
-@pytest.mark.parametrize(("lat", "lon"), [(51.0, 6.0), (0.0, 33.0), (-0.0001, 12.0), (48.0, 179.9995), (70.0, -180.0)])
+@pytest.mark.parametrize(
+    ("lat", "lon"), [(51.0, 6.0), (0.0, 33.0), (-0.0001, 12.0), (48.0, 179.9995), (70.0, -180.0)]
+)
 def test_walk_across_border_equator_or_antimeridian_is_continuous(lat, lon):
     """A straight geodesic of 200 m in 1 m steps keeps its steps, whatever line it crosses."""
-    lons, lats, _ = GEOD.fwd(np.full(201, lon), np.full(201, lat), np.full(201, 77.0), np.arange(-100.0, 101.0))
+    lons, lats, _ = GEOD.fwd(
+        np.full(201, lon), np.full(201, lat), np.full(201, 77.0), np.arange(-100.0, 101.0)
+    )
     utm = Utm.at(float(lats[0]), float(lons[0]))
     x_m, y_m = utm.to_xy_arrays(np.array(lats), np.array(lons))
     steps = np.hypot(np.diff(x_m), np.diff(y_m))
     assert steps == pytest.approx(np.ones(200), rel=2e-3)
-    north_lons, north_lats, _ = GEOD.fwd(np.full(201, lon), np.full(201, lat), np.zeros(201), np.arange(-100.0, 101.0))
+    north_lons, north_lats, _ = GEOD.fwd(
+        np.full(201, lon), np.full(201, lat), np.zeros(201), np.arange(-100.0, 101.0)
+    )
     x_m, y_m = utm.to_xy_arrays(np.array(north_lats), np.array(north_lons))
     assert np.hypot(np.diff(x_m), np.diff(y_m)) == pytest.approx(np.ones(200), rel=2e-3)
 

@@ -13,7 +13,9 @@ S = 10**9
 
 
 def _fix(t_s, lon=13.0, valid=True):
-    return Record(t_s * S, "gnss", Fix(valid, None, 52.0 if valid else None, lon if valid else None))
+    return Record(
+        t_s * S, "gnss", Fix(valid, None, 52.0 if valid else None, lon if valid else None)
+    )
 
 
 def _scan(t_s, *readings):
@@ -41,12 +43,21 @@ def test_a_place_by_dead_reckoning_counts_less():
 
 def test_locks_on_the_strongest_and_steps_the_reference_filter():
     tracker = _knowing(LiveSettings(), 1, 2)
-    found = _feed(tracker, _fix(1), _scan(1, reading(1, -80.0), reading(2, -60.0)), _scan(2, reading(2, -61.0)))
+    found = _feed(
+        tracker,
+        _fix(1),
+        _scan(1, reading(1, -80.0), reading(2, -60.0)),
+        _scan(2, reading(2, -61.0)),
+    )
     note, first, second = found
     assert (note.code, first.cell, first.n, second.n) == ("target-locked", "262-01-4711-2", 1, 2)
     x_m, y_m = Utm.at(52.0, 13.0).to_xy(52.0, 13.0)
     expected = ekf.step(ekf.step(ekf.start(x_m, y_m), x_m, y_m, -60.0).state, x_m, y_m, -61.0)
-    assert (second.x_m, second.p0_dbm, second.p_ee) == (expected.state.x_m, expected.state.p0_dbm, expected.state.p[9])
+    assert (second.x_m, second.p0_dbm, second.p_ee) == (
+        expected.state.x_m,
+        expected.state.p0_dbm,
+        expected.state.p[9],
+    )
     assert second.innovation_db == expected.innovation_db
 
 
@@ -61,12 +72,20 @@ def test_target_changes_only_beyond_the_hysteresis_and_starts_again():
     )
     codes = [value.code for value in found if isinstance(value, Note)]
     assert codes == ["target-locked", "target-changed"]
-    assert [(e.cell[-1], e.n) for e in found if isinstance(e, LiveEstimate)] == [("1", 1), ("1", 2), ("2", 1)]
+    assert [(e.cell[-1], e.n) for e in found if isinstance(e, LiveEstimate)] == [
+        ("1", 1),
+        ("1", 2),
+        ("2", 1),
+    ]
 
 
 def test_a_target_no_longer_heard_gives_way_after_a_while():
     tracker = _knowing(LiveSettings(lost_s=10.0, max_fix_age_s=100.0), 1, 2)
-    records = [_fix(1), _scan(1, reading(1, -60.0)), *(_scan(t, reading(2, -90.0)) for t in range(2, 14))]
+    records = [
+        _fix(1),
+        _scan(1, reading(1, -60.0)),
+        *(_scan(t, reading(2, -90.0)) for t in range(2, 14)),
+    ]
     found = _feed(tracker, *records)
     (changed,) = [v for v in found if isinstance(v, Note) and v.code == "target-changed"]
     assert "262-01-4711-2" in changed.text
@@ -120,18 +139,25 @@ def test_a_cell_heard_in_one_scan_is_never_the_target_and_never_located():
     tracker, found = _walk(60, false=lambda t_s: [reading(5000 + t_s, -10.0)], most_cells=2)
     assert tracker.target == "262-01-4711-1"
     assert [value.code for _, value in found if isinstance(value, Note)][:1] == ["target-locked"]
-    assert {value.cell for _, value in found if isinstance(value, LiveEstimate)} == {"262-01-4711-1", "262-01-4711-2"}
+    assert {value.cell for _, value in found if isinstance(value, LiveEstimate)} == {
+        "262-01-4711-1",
+        "262-01-4711-2",
+    }
 
 
 def test_false_names_push_out_no_cell_and_change_no_estimate():
     _, plain = _walk(60, most_cells=2)
-    _, found = _walk(60, false=lambda t_s: [reading(5000 + 7 * t_s + k, -10.0) for k in range(5)], most_cells=2)
+    _, found = _walk(
+        60, false=lambda t_s: [reading(5000 + 7 * t_s + k, -10.0) for k in range(5)], most_cells=2
+    )
     assert [str(value) for _, value in found] == [str(value) for _, value in plain]
 
 
 def test_the_first_reading_of_a_cell_is_not_lost():
     _, found = _walk(60)
-    last = [value for _, value in found if isinstance(value, LiveEstimate) and value.stage == "locator"]
+    last = [
+        value for _, value in found if isinstance(value, LiveEstimate) and value.stage == "locator"
+    ]
     assert {value.cell: value.n for value in last} == {"262-01-4711-1": 60, "262-01-4711-2": 60}
 
 
@@ -139,7 +165,9 @@ def test_an_unsure_identity_makes_no_cell_known():
     unsure = replace(reading(3, -20.0), identity_unsure=True)
     tracker, found = _walk(60, false=lambda _: [unsure])
     assert tracker.target == "262-01-4711-1"
-    assert "262-01-4711-3" not in {value.cell for _, value in found if isinstance(value, LiveEstimate)}
+    assert "262-01-4711-3" not in {
+        value.cell for _, value in found if isinstance(value, LiveEstimate)
+    }
 
 
 def test_an_unsure_reading_of_a_known_cell_has_a_level():
@@ -147,6 +175,10 @@ def test_an_unsure_reading_of_a_known_cell_has_a_level():
         return [replace(reading(3, -85.0), identity_unsure=t_s > 2)]
 
     tracker, found = _walk(60, false=false)
-    last = [value for _, value in found if isinstance(value, LiveEstimate) and value.cell == "262-01-4711-3"]
+    last = [
+        value
+        for _, value in found
+        if isinstance(value, LiveEstimate) and value.cell == "262-01-4711-3"
+    ]
     assert last[-1].n == 60
     assert tracker.target == "262-01-4711-1"

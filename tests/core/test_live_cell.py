@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from logger.core.filter_monitor import widest
 from logger.core.live import live_prior
 from logger.core.live_cell import EKF, LOCATOR, Heard, LiveCell
 from logger.core.live_settings import LiveSettings
-from logger.core.watch import widest
 from tests.kit.walks import simulate
 
 PRIOR = live_prior(LiveSettings(height_m=0.0))
@@ -78,7 +78,9 @@ def test_one_gross_error_moves_nothing(seed):
     plain, (found, news) = estimates(heard(obs))[0], estimates(heard(with_error(obs, source)), cell)
     before, after = ([e for e in each if e][-1] for each in (plain, found))
     assert np.hypot(after.state[0] - before.state[0], after.state[1] - before.state[1]) < 8.0
-    assert widest(after.p[0], after.p[1], after.p[4]) < 1.5 * widest(before.p[0], before.p[1], before.p[4])
+    assert widest(after.p[0], after.p[1], after.p[4]) < 1.5 * widest(
+        before.p[0], before.p[1], before.p[4]
+    )
     assert (cell.n, cell.n_set_aside) == (399, 1)
     (text,) = [text for code, text in news if code == "level-set-aside"]
     assert "dB above the readings around it" in text
@@ -88,7 +90,9 @@ def test_a_gross_error_at_the_end_of_the_walk_is_never_taken():
     obs, _ = simulate(np.random.default_rng(3), "L", count=300)
     readings = heard(obs)
     cell = LiveCell(PRIOR)
-    found, _ = estimates([*readings[:-1], readings[-1]._replace(level_dbm=readings[-1].level_dbm + 30.0)], cell)
+    found, _ = estimates(
+        [*readings[:-1], readings[-1]._replace(level_dbm=readings[-1].level_dbm + 30.0)], cell
+    )
     assert found[-1] is None
     assert cell.n == 299
     assert found[-2] == estimates(readings[:-1])[0][-1]
@@ -96,7 +100,9 @@ def test_a_gross_error_at_the_end_of_the_walk_is_never_taken():
 
 def test_a_level_that_lasts_is_taken_after_two_more():
     obs, _ = simulate(np.random.default_rng(3), "L", count=300)
-    readings = [r._replace(level_dbm=r.level_dbm + 30.0 * (k >= 200)) for k, r in enumerate(heard(obs))]
+    readings = [
+        r._replace(level_dbm=r.level_dbm + 30.0 * (k >= 200)) for k, r in enumerate(heard(obs))
+    ]
     cell = LiveCell(PRIOR)
     found, _ = estimates(readings, cell)
     assert cell.n == 300

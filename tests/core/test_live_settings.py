@@ -13,7 +13,9 @@ from tests.kit import runs
 
 
 def test_an_infinite_hysteresis_is_kept(tmp_path):
-    runs.write_journal(tmp_path / "a.journal", runs.records(3), live=LiveSettings(hysteresis_db=math.inf))
+    runs.write_journal(
+        tmp_path / "a.journal", runs.records(3), live=LiveSettings(hysteresis_db=math.inf)
+    )
     assert read_run(tmp_path / "a.journal").meta.live == LiveSettings(hysteresis_db=math.inf)
 
 

@@ -30,7 +30,9 @@ def _scan(start_s, end_s, *readings, fix_seq=None):
 
 
 def test_a_reading_stands_where_the_walker_was_in_the_middle_of_the_scan(tmp_path):
-    found = _observe(tmp_path, [_fix(0, 13.0), _fix(10, 13.001), _scan(3, 7, runs.reading(1, -70.0))])
+    found = _observe(
+        tmp_path, [_fix(0, 13.0), _fix(10, 13.001), _scan(3, 7, runs.reading(1, -70.0))]
+    )
     (obs,) = found.cells
     x0_m, x1_m = found.track.x_m
     assert obs.x_m[0] == pytest.approx((x0_m + x1_m) / 2, abs=1e-6)
@@ -42,14 +44,18 @@ def test_a_reading_stands_where_the_walker_was_in_the_middle_of_the_scan(tmp_pat
 @pytest.mark.parametrize("hdop", [None, 0.9, 9.9])
 @pytest.mark.parametrize("quality", [None, 1, 2, 3, 4, 5, 6])
 def test_a_place_by_dead_reckoning_is_unsure_live_and_at_the_desk(tmp_path, acc_m, hdop, quality):
-    """Whatever the receiver says of its accuracy: it does not know of a turn since it lost its satellites."""
+    """Whatever the receiver says of its accuracy: it does not know of a turn since it lost its
+    satellites.
+    """
     sigma_m = fix_sigma_m(acc_m, hdop, quality)
     measured_m = fix_sigma_m(acc_m, hdop)
     fixes = [_fix(t, 13.0, acc_m=acc_m, hdop=hdop, quality=quality) for t in (0, 10)]
     found = _observe(tmp_path, [*fixes, _scan(5, 5, runs.reading(1, -70.0))])
     assert found.track.sigma_m == pytest.approx([sigma_m] * 2)
     assert found.cells[0].position_sigma_m[0] == pytest.approx(sigma_m)
-    assert sigma_m == pytest.approx(np.hypot(measured_m, DEAD_RECKONING_SIGMA_M) if quality == 6 else measured_m)
+    assert sigma_m == pytest.approx(
+        np.hypot(measured_m, DEAD_RECKONING_SIGMA_M) if quality == 6 else measured_m
+    )
 
 
 def test_what_cannot_be_used_is_counted(tmp_path):
@@ -64,7 +70,12 @@ def test_what_cannot_be_used_is_counted(tmp_path):
             _scan(62, 62, runs.reading(1, -72.0)),  # just after the last fix
         ],
     )
-    assert (found.n_readings, found.n_without_position, found.n_without_identity, found.n_without_level) == (5, 1, 1, 1)
+    assert (
+        found.n_readings,
+        found.n_without_position,
+        found.n_without_identity,
+        found.n_without_level,
+    ) == (5, 1, 1, 1)
     assert found.cells[0].level_dbm.tolist() == [-70.0, -72.0]
 
 
@@ -99,7 +110,12 @@ def test_no_fix_and_no_map(tmp_path):
 
 
 def test_time_order_whatever_the_order_of_arrival(tmp_path):
-    late_first = [_fix(0, 13.0), _fix(9, 13.0), _scan(8, 8, runs.reading(1, -8.0)), _scan(1, 1, runs.reading(1, -1.0))]
+    late_first = [
+        _fix(0, 13.0),
+        _fix(9, 13.0),
+        _scan(8, 8, runs.reading(1, -8.0)),
+        _scan(1, 1, runs.reading(1, -1.0)),
+    ]
     obs = _observe(tmp_path, late_first).cells[0]
     assert obs.level_dbm.tolist() == [-1.0, -8.0]
     assert np.all(np.diff(obs.t_ns) > 0)
@@ -107,11 +123,15 @@ def test_time_order_whatever_the_order_of_arrival(tmp_path):
 
 def test_a_long_scan_is_smeared_over_the_way_walked_meanwhile(tmp_path):
     fixes = [_fix(t, 13.0 + 2e-5 * t) for t in range(0, 61, 5)]
-    found = _observe(tmp_path, sorted([*fixes, _scan(0, 60, runs.reading(1, -70.0))], key=lambda r: r.t_ns))
+    found = _observe(
+        tmp_path, sorted([*fixes, _scan(0, 60, runs.reading(1, -70.0))], key=lambda r: r.t_ns)
+    )
     (obs,) = found.cells
     walked_m = found.track.x_m[-1] - found.track.x_m[0]
     np.testing.assert_allclose(obs.x_m, np.mean(found.track.x_m[[0, -1]]), atol=0.01)
-    np.testing.assert_allclose(obs.position_sigma_m, np.hypot(UNKNOWN_SIGMA_M, walked_m / np.sqrt(12)), rtol=1e-3)
+    np.testing.assert_allclose(
+        obs.position_sigma_m, np.hypot(UNKNOWN_SIGMA_M, walked_m / np.sqrt(12)), rtol=1e-3
+    )
 
 
 def _told(ta, **changed):
@@ -135,7 +155,11 @@ def test_timing_advance_of_the_serving_gsm_cell_alone(tmp_path):
     gsm, lte = cells
     assert gsm.ta.tolist() == [3, -1, -1, 0]
     assert gsm.part(gsm.t_ns > 10**9).ta.tolist() == [-1, -1, 0]
-    assert replace(gsm, level_dbm=np.array([-70.0, np.nan, -70.0, -70.0])).usable().ta.tolist() == [3, -1, 0]
+    assert replace(gsm, level_dbm=np.array([-70.0, np.nan, -70.0, -70.0])).usable().ta.tolist() == [
+        3,
+        -1,
+        0,
+    ]
     assert lte.ta is None
     assert lte.part(slice(None)).ta is None
 
@@ -143,6 +167,9 @@ def test_timing_advance_of_the_serving_gsm_cell_alone(tmp_path):
 def test_timing_advance_of_a_transcript(tmp_path):
     """255, the SIM800's word for none, never arrives; a number does."""
     row = '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,{}"'
-    heard = [_scan(t, t, *Sim800().read([row.format(ta)])) for t, ta in ((1, "255"), (2, "04"), (3, "63"))]
+    heard = [
+        _scan(t, t, *Sim800().read([row.format(ta)]))
+        for t, ta in ((1, "255"), (2, "04"), (3, "63"))
+    ]
     (obs,) = _observe(tmp_path, [_fix(0, 13.0), *heard, _fix(9, 13.0)]).cells
     assert obs.ta.tolist() == [-1, 4, 63]

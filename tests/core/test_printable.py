@@ -27,7 +27,10 @@ def test_json_means_the_same(value):
 
 def test_text_of_people_stays():
     assert printable("Grüße, 北京 – ✓ 🗼") == "Grüße, 北京 – ✓ 🗼"
-    assert printable("\x1b[2J\x9b1m\u202eabc\r\n\udcff") == "\\u001b[2J\\u009b1m\\u202eabc\\u000d\\u000a\\udcff"
+    assert (
+        printable("\x1b[2J\x9b1m\u202eabc\r\n\udcff")
+        == "\\u001b[2J\\u009b1m\\u202eabc\\u000d\\u000a\\udcff"
+    )
 
 
 def test_a_stream_keeps_lines_and_tabs_and_all_else_of_the_stream_below():

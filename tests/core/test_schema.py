@@ -23,7 +23,10 @@ HEAD = {"seq", "t_ns", "source"}
 def test_every_field_of_a_value_has_its_column(table, kind, written_instead):
     columns = {column.name for column in TABLES[table]} - HEAD
     extra = {"t_start_ns", "fix_start_seq", "fix_seq"} if table == "readings" else set()
-    assert columns == {written_instead.get(f.name, f.name) for f in fields(kind) if f.name != "more"} | extra
+    assert (
+        columns
+        == {written_instead.get(f.name, f.name) for f in fields(kind) if f.name != "more"} | extra
+    )
 
 
 def test_every_column_says_what_it_is():
@@ -31,7 +34,18 @@ def test_every_column_says_what_it_is():
 
 
 def test_a_whole_number_that_may_be_unknown_has_a_mark():
-    always_known = {"seq", "t_ns", "valid", "t_start_ns", "scan_seq", "n", "utm_zone", "sent", "offset", "length"}
+    always_known = {
+        "seq",
+        "t_ns",
+        "valid",
+        "t_start_ns",
+        "scan_seq",
+        "n",
+        "utm_zone",
+        "sent",
+        "offset",
+        "length",
+    }
     for columns in TABLES.values():
         for column in columns:
             if column.dtype[1] in "iu" and column.name not in always_known:
@@ -45,13 +59,18 @@ def test_raw_bytes_have_no_row_of_their_own():
 
 def test_rows_of_an_older_run_have_all_of_todays_columns():
     today = np.zeros(2, DTYPES["readings"])
-    names = [name for name in today.dtype.names if name not in {"rsrp_dbm", "tac", "band", "t_start_ns"}]
+    names = [
+        name for name in today.dtype.names if name not in {"rsrp_dbm", "tac", "band", "t_start_ns"}
+    ]
     old = today[names].copy()
     old["arfcn"] = 77
     rows = as_of_now("readings", old)
     assert rows.dtype == DTYPES["readings"]
     assert next(values_of("readings", rows))["arfcn"] == 77
-    assert all(next(values_of("readings", rows))[name] is None for name in ("rsrp_dbm", "tac", "band", "t_start_ns"))
+    assert all(
+        next(values_of("readings", rows))[name] is None
+        for name in ("rsrp_dbm", "tac", "band", "t_start_ns")
+    )
     assert as_of_now("readings", today) is today
 
 

@@ -28,7 +28,9 @@ def expected_level(x, x_m, y_m, sigma_m=0.0, noise=NOISE):
 
 
 def walk(rng, count=600, noise=NOISE, truth=TRUTH, sigma_m=3.0):
-    """Readings (x, y, sigma, level) of a walk round three sides of the truth, and the shadowing at each."""
+    """Readings (x, y, sigma, level) of a walk round three sides of the truth, and the shadowing at
+    each.
+    """
     s = np.linspace(0.0, 3.0, count)
     x = truth[0] + 120.0 * np.interp(s, [0, 1, 2, 3], [-1, 1, 1, -1])
     y = truth[1] + 120.0 * np.interp(s, [0, 1, 2, 3], [-1, -1, 1, 1])
@@ -77,7 +79,15 @@ def test_agrees_with_filterpy():
 
         def row(x, d2=d2, x_m=x_m, y_m=y_m, c_eta=c_eta):
             return np.array(
-                [[-c_eta * (x[0, 0] - x_m) / d2, -c_eta * (x[1, 0] - y_m) / d2, 1.0, -5.0 * math.log10(d2), 1.0]]
+                [
+                    [
+                        -c_eta * (x[0, 0] - x_m) / d2,
+                        -c_eta * (x[1, 0] - y_m) / d2,
+                        1.0,
+                        -5.0 * math.log10(d2),
+                        1.0,
+                    ]
+                ]
             )
 
         def level_of(x, x_m=x_m, y_m=y_m, sigma_m=sigma_m):
@@ -89,7 +99,9 @@ def test_agrees_with_filterpy():
         assert step.innovation_db == pytest.approx(float(oracle.y[0, 0]), rel=1e-9, abs=1e-9)
         assert step.innovation_var_db2 == pytest.approx(float(oracle.S[0, 0]), rel=1e-9)
         assert list(state[:5]) == pytest.approx(oracle.x.ravel().tolist(), rel=1e-9, abs=1e-9)
-        assert shadow_ekf.covariance_matrix(state.factors) == pytest.approx(oracle.P, rel=1e-8, abs=1e-9)
+        assert shadow_ekf.covariance_matrix(state.factors) == pytest.approx(
+            oracle.P, rel=1e-8, abs=1e-9
+        )
 
 
 def test_stays_positive_where_the_plain_update_does_not():
@@ -103,7 +115,9 @@ def test_stays_positive_where_the_plain_update_does_not():
         level = expected_level(plain, x_m, y_m, noise=noise)
         plain = ekf.step(plain, x_m, y_m, level, q=0.0, r_db2=1e-18).state
         lost |= np.linalg.eigvalsh(ekf.covariance_matrix(plain.p)).min() < 0.0
-        state = shadow_ekf.step(state, noise, x_m, y_m, 0.0, expected_level(state, x_m, y_m, noise=noise)).state
+        state = shadow_ekf.step(
+            state, noise, x_m, y_m, 0.0, expected_level(state, x_m, y_m, noise=noise)
+        ).state
         assert all(d > 0.0 for d in state.factors[1:5])
         assert state.factors[0] == 0.0
     assert lost
@@ -119,7 +133,9 @@ def test_standing_still_keeps_the_shadowing_and_a_long_way_forgets_it():
     assert still.factors == pytest.approx(state.factors, rel=1e-6)
     far = shadow_ekf.step(state, NOISE._replace(white_db=1e6), x_m + 1e4, y_m, 0.0, -80.0).state
     assert far.shadow_db == pytest.approx(0.0, abs=1e-6)
-    assert shadow_ekf.covariance_matrix(far.factors)[4] == pytest.approx([0, 0, 0, 0, 36.0], abs=1e-6)
+    assert shadow_ekf.covariance_matrix(far.factors)[4] == pytest.approx(
+        [0, 0, 0, 0, 36.0], abs=1e-6
+    )
 
 
 def test_without_a_level_it_only_walks():
@@ -149,7 +165,9 @@ def test_consistent_with_its_own_world():
             state, e, s = shadow_ekf.step(state, NOISE, *reading)
             nis.append(e * e / s)
         error = np.array(state[:4]) - TRUTH
-        nees.append(error @ np.linalg.solve(shadow_ekf.covariance_matrix(state.factors)[:4, :4], error))
+        nees.append(
+            error @ np.linalg.solve(shadow_ekf.covariance_matrix(state.factors)[:4, :4], error)
+        )
     low, high = stats.chi2.ppf([0.001, 0.999], 400) / 100
     assert low < np.mean(nees) < high
     assert np.mean(nis) == pytest.approx(1.0, abs=0.1)
@@ -159,7 +177,9 @@ def test_consistent_with_its_own_world():
 
 
 def dense_shadowing(mean, readings, noise):
-    """Mean and variance of the last shadowing, given the rest and the levels, by conditioning one large Gaussian."""
+    """Mean and variance of the last shadowing, given the rest and the levels, by conditioning one
+    large Gaussian.
+    """
     x, y, sigma, level = np.array(readings).T
     lag = np.hypot(np.diff(x), np.diff(y))
     at = np.concatenate([[0.0], np.cumsum(lag)])
@@ -189,7 +209,10 @@ def test_releasing_gives_the_covariance_and_how_the_shadowing_leans_on_the_rest(
     whole = shadow_ekf.covariance_matrix(shadow_ekf.release(held, p).factors)
     steps = np.array([1e-3, 1e-3, 1e-4, 1e-5])
     slope = [
-        (dense_shadowing(TRUTH + h, readings, NOISE)[0] - dense_shadowing(TRUTH - h, readings, NOISE)[0])
+        (
+            dense_shadowing(TRUTH + h, readings, NOISE)[0]
+            - dense_shadowing(TRUTH - h, readings, NOISE)[0]
+        )
         / (2 * h.sum())
         for h in np.diag(steps)
     ]
@@ -209,7 +232,9 @@ def test_static_covariance_is_a_block_of_the_whole():
     readings, _ = walk(rng, 60)
     state = run(started(TRUTH, covariance(rng), NOISE, readings[0]), NOISE, readings)
     block = ekf.covariance_matrix(shadow_ekf.static_covariance(state.factors))
-    np.testing.assert_allclose(block, shadow_ekf.covariance_matrix(state.factors)[:4, :4], rtol=1e-12)
+    np.testing.assert_allclose(
+        block, shadow_ekf.covariance_matrix(state.factors)[:4, :4], rtol=1e-12
+    )
 
 
 def test_noise_is_split_by_the_white_share():
@@ -223,9 +248,13 @@ def test_noise_is_split_by_the_white_share():
 @pytest.mark.parametrize("limit", [-1, 1])
 @pytest.mark.parametrize("beyond_db", [-25.0, -6.0, 0.0, 4.0, 20.0])
 def test_a_limit_leaves_the_moments_that_integration_finds(limit, beyond_db):
-    """With the rest certain, the shadowing s below a limit has the density N(s; 0, v) Phi((limit - s) / sqrt(r))."""
+    """With the rest certain, the shadowing s below a limit has the density N(s; 0, v) Phi((limit -
+    s) / sqrt(r)).
+    """
     v, r = NOISE.shadow_db**2, NOISE.white_db**2 + 1.0 / 12.0
-    level = expected_level(TRUTH, 0.0, 0.0) - limit * beyond_db  # beyond_db > 0: the limit lies where levels are likely
+    level = (
+        expected_level(TRUTH, 0.0, 0.0) - limit * beyond_db
+    )  # beyond_db > 0: the limit lies where levels are likely
     state = shadow_ekf.hold(TRUTH, NOISE, 0.0, 0.0)
     step = shadow_ekf.step(state, NOISE, 0.0, 0.0, 0.0, level, limit)
     offset = level - expected_level(TRUTH, 0.0, 0.0)
@@ -268,8 +297,12 @@ def test_levels_cut_off_at_the_floor_do_not_flatten_the_exponent():
             state = started(mean, p, noise, readings[0])
             for x_m, y_m, sigma_m, level in readings:
                 limit = -1 if known and level <= floor else 0
-                state = shadow_ekf.step(state, noise, x_m, y_m, sigma_m, max(level, floor), limit).state
+                state = shadow_ekf.step(
+                    state, noise, x_m, y_m, sigma_m, max(level, floor), limit
+                ).state
             off = np.array(state[:4]) - TRUTH
-            found.append(off @ np.linalg.solve(shadow_ekf.covariance_matrix(state.factors)[:4, :4], off))
+            found.append(
+                off @ np.linalg.solve(shadow_ekf.covariance_matrix(state.factors)[:4, :4], off)
+            )
     assert np.mean(error[True]) < stats.chi2.ppf(0.9999, 120) / 30
     assert np.mean(error[False]) > 2.0 * np.mean(error[True])

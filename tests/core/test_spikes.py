@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from logger.core.scale import limits
+from logger.core.censoring import limits
 from logger.core.spikes import SpikeFilter, spikes_along
 
 
@@ -21,14 +21,20 @@ def walk(rng, n=400, *, gap_m=1.4, away_m=60.0, noise_db=3.0, eta=3.0):
     """East past a transmitter `away_m` beside the middle of the way: places and levels."""
     x_m = (np.arange(n) - 0.5 * n + rng.uniform(-0.5, 0.5)) * gap_m
     distance_m = np.hypot(x_m, away_m)
-    return x_m, np.zeros(n), -30.0 - 10.0 * eta * np.log10(distance_m) + noise_db * rng.normal(size=n)
+    return (
+        x_m,
+        np.zeros(n),
+        -30.0 - 10.0 * eta * np.log10(distance_m) + noise_db * rng.normal(size=n),
+    )
 
 
 def judged(x_m, y_m, level_dbm, rat=None):
     """Numbers of the spikes, reading by reading as on the device, the end of the walk included."""
     spikes = SpikeFilter()
     columns = (x_m, y_m, level_dbm, limits(level_dbm, rat))
-    rows = [Level(k, *row) for k, row in enumerate(zip(*(c.tolist() for c in columns), strict=True))]
+    rows = [
+        Level(k, *row) for k, row in enumerate(zip(*(c.tolist() for c in columns), strict=True))
+    ]
     passed = [one for row in rows for one in spikes.take(row)] + spikes.finish()
     assert [one.reading for one in passed] == rows  # each once, in its order
     return [one.reading.k for one in passed if one.spike_db]
@@ -70,7 +76,9 @@ def test_the_peak_beside_a_transmitter_is_no_spike(gap_m):
 @pytest.mark.parametrize(("noise_db", "gap_m"), [(3.0, 1.4), (5.4, 5.0), (6.0, 15.0), (8.0, 40.0)])
 def test_honest_noise_stays(noise_db, gap_m):
     wrong = sum(
-        len(judged(*walk(np.random.default_rng(seed), gap_m=gap_m, noise_db=noise_db, away_m=200.0)))
+        len(
+            judged(*walk(np.random.default_rng(seed), gap_m=gap_m, noise_db=noise_db, away_m=200.0))
+        )
         for seed in range(25)
     )
     assert wrong <= 5  # of 10 000
@@ -134,7 +142,9 @@ def test_the_desk_finds_what_the_device_does(seed, n, gap_m, noise_db, share):
     rng = np.random.default_rng(seed)
     x_m, y_m = (np.cumsum(gap_m * rng.normal(size=n)) for _ in range(2))
     level_dbm = (
-        -80.0 + noise_db * rng.normal(size=n) + 30.0 * rng.choice([-1, 0, 1], n, p=[share / 2, 1 - share, share / 2])
+        -80.0
+        + noise_db * rng.normal(size=n)
+        + 30.0 * rng.choice([-1, 0, 1], n, p=[share / 2, 1 - share, share / 2])
     )
     level_dbm = np.clip(np.round(level_dbm), -110.0, -47.0)
     along = spikes_along(x_m, y_m, level_dbm, limits(level_dbm, "GSM"))

@@ -43,7 +43,9 @@ def test_pairs_that_do_not_agree_mean_unknown():
 def test_arrays_and_single_times_agree():
     t_ns, utc_ns = _pairs(7200, drift=40e-6)
     timebase = fit(t_ns, utc_ns)
-    assert timebase.utc_ns_array(t_ns[::100]).tolist() == [timebase.utc_ns(t) for t in t_ns[::100].tolist()]
+    assert timebase.utc_ns_array(t_ns[::100]).tolist() == [
+        timebase.utc_ns(t) for t in t_ns[::100].tolist()
+    ]
 
 
 def test_text():
@@ -55,12 +57,19 @@ WALK_S = 1800
 
 
 def _walk(seed=0, rate_hz=1):
-    """Half an hour: arrays of time since boot, true UTC, position or not; sentences come 0.05 to 0.15 s late."""
+    """Half an hour: arrays of time since boot, true UTC, position or not; sentences come 0.05 to
+    0.15 s late.
+    """
     rng = np.random.default_rng(seed)
     n = WALK_S * rate_hz
     utc_ns = UTC0 + np.arange(n) * (10**9 // rate_hz)
     elapsed_ns = np.round((utc_ns - UTC0) * (1 - 20e-6)).astype(np.int64)
-    return 33 * 10**9 + elapsed_ns, utc_ns, rng.uniform(0.05e9, 0.15e9, n).astype(np.int64), np.ones(n, np.uint8)
+    return (
+        33 * 10**9 + elapsed_ns,
+        utc_ns,
+        rng.uniform(0.05e9, 0.15e9, n).astype(np.int64),
+        np.ones(n, np.uint8),
+    )
 
 
 def _error_s(timebase, t_ns, utc_ns):
@@ -71,7 +80,9 @@ HOUR, DAY, YEAR, WEEKS_1024 = 3600.0, 86_400.0, 365.25 * 86_400.0, 1024 * 7 * 86
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("jump_s", [HOUR, -HOUR, YEAR, -YEAR, WEEKS_1024, -WEEKS_1024, 20 * YEAR, DAY, 1.0, -2.0, 18.0])
+@pytest.mark.parametrize(
+    "jump_s", [HOUR, -HOUR, YEAR, -YEAR, WEEKS_1024, -WEEKS_1024, 20 * YEAR, DAY, 1.0, -2.0, 18.0]
+)
 @pytest.mark.parametrize("where", ["start", "end", "middle", "always after", "always before"])
 def test_a_receiver_that_jumps_is_outvoted_or_utc_is_unknown(seed, jump_s, where):
     t_ns, utc_ns, late_ns, valid = _walk(seed)
@@ -113,14 +124,20 @@ def test_a_fix_that_comes_an_hour_late():
     late_ns[600] += 3600 * 10**9
     assert _error_s(fit(t_ns + late_ns, utc_ns, valid), t_ns, utc_ns) < 0.2
     # the first of all comes after an hour without one
-    assert _error_s(fit((t_ns + late_ns)[-60:], utc_ns[-60:], valid[-60:]), t_ns[-60:], utc_ns[-60:]) < 0.2
+    assert (
+        _error_s(fit((t_ns + late_ns)[-60:], utc_ns[-60:], valid[-60:]), t_ns[-60:], utc_ns[-60:])
+        < 0.2
+    )
 
 
 @pytest.mark.parametrize(
-    "start_ns", [0, 315_964_800 * 10**9, UTC0 - int(WEEKS_1024) * 10**9, UTC0 + 20 * int(YEAR) * 10**9]
+    "start_ns",
+    [0, 315_964_800 * 10**9, UTC0 - int(WEEKS_1024) * 10**9, UTC0 + 20 * int(YEAR) * 10**9],
 )
 def test_a_clock_that_was_never_set_tells_nothing(start_ns):
-    """1970, the first day of GPS, a rollover, the far future: all along, and until the first fix."""
+    """1970, the first day of GPS, a rollover, the far future: all along, and until the first
+    fix.
+    """
     t_ns, utc_ns, late_ns, valid = _walk()
     unset_ns = utc_ns - UTC0 + start_ns
     assert fit(t_ns + late_ns, unset_ns, valid) is None

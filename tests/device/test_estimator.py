@@ -49,7 +49,10 @@ def test_what_is_found_is_what_a_tracker_finds_in_that_order():
         assert beside.give(seq, record)
     assert beside.finish(LIMIT_S)
     assert told(inbox) == expected
-    assert beside.latest == [v for v in expected if isinstance(v, LiveEstimate) and v.stage == "locator"][-1]
+    assert (
+        beside.latest
+        == [v for v in expected if isinstance(v, LiveEstimate) and v.stage == "locator"][-1]
+    )
 
 
 def test_a_slow_processor_holds_nobody_up_and_is_told(monkeypatch):
@@ -61,7 +64,9 @@ def test_a_slow_processor_holds_nobody_up_and_is_told(monkeypatch):
     assert len(taken) == 60
     assert taken[0]
     assert not taken[-1]
-    assert taken == sorted(taken, reverse=True)  # once behind, nothing more: the desk needs a beginning without holes
+    assert taken == sorted(
+        taken, reverse=True
+    )  # once behind, nothing more: the desk needs a beginning without holes
     assert not beside.finish(0.1)
     slow.go.set()
 

@@ -1,4 +1,6 @@
-"""Cards that are full, read-only, failing, out of inodes; cuts at every system call of a recording and of its HDF5."""
+"""Cards that are full, read-only, failing, out of inodes; cuts at every system call of a recording
+and of its HDF5.
+"""
 
 import errno
 import subprocess
@@ -9,9 +11,9 @@ import pytest
 
 from logger.core.errors import RunFileError
 from logger.core.runfile import finish_journal, read_run, sealing_of
+from logger.core.runfile.file_buffer import SECTOR
 from logger.core.runfile.frames import HEADER_SIZE, Frame, scan
-from logger.core.runfile.names import parts_of
-from logger.core.runfile.readable import SECTOR
+from logger.core.runfile.run_names import parts_of
 from logger.core.types import Scan
 from tests.kit import faults, runs
 
@@ -81,7 +83,9 @@ def test_after_an_io_error_the_run_goes_on_in_a_new_file(card, operation):
     # Linux dropped what it could not write: it stands in the new file
     begins = min(frame.number for frame in scan(second.read_bytes()) if isinstance(frame, Frame))
     data = first.read_bytes()
-    lost = next((f.start for f in scan(data) if isinstance(f, Frame) and f.number == begins), len(data))
+    lost = next(
+        (f.start for f in scan(data) if isinstance(f, Frame) and f.number == begins), len(data)
+    )
     first.write_bytes(data[:lost] + bytes(len(data) - lost))
     assert faults.counted(read_run(first)) == list(range(n_put))
     assert faults.counted(read_run(finish_journal(first))) == list(range(n_put))
@@ -105,7 +109,9 @@ def test_a_card_that_cannot_make_a_file_at_the_start_is_waited_for(card, error):
     """Out of inodes, read-only or failing before the first byte."""
     card.fails(create=error)
     with faults.recording(card) as recorder:
-        faults.service.wait_for(lambda: any("waiting" in state for state in recorder.lines("state")))
+        faults.service.wait_for(
+            lambda: any("waiting" in state for state in recorder.lines("state"))
+        )
         assert not list(card.folder.iterdir())
         card.fails()
         recorder.wait_durable(50)
@@ -126,7 +132,10 @@ def test_what_finds_no_room_in_memory_is_counted(card):
     (text,) = [row["text"].decode() for row in run.tables["notes"] if row["code"] == b"overflow"]
     assert got == sorted(set(got))
     assert n_put - len(got) == int(text.split()[0]) > 0
-    assert len(run.tables["raw"]) + int(text.split()[0]) + len(run.tables["notes"]) == run.end.n_records
+    assert (
+        len(run.tables["raw"]) + int(text.split()[0]) + len(run.tables["notes"])
+        == run.end.n_records
+    )
 
 
 def test_a_full_file_system_is_waited_out(tmp_path, preload):
@@ -194,9 +203,7 @@ def _readable(folder, at_least):
     return len(got)
 
 
-FINISH = (
-    "import sys; from pathlib import Path; from logger.core.runfile import recover; list(recover(Path(sys.argv[1])))"
-)
+FINISH = "import sys; from pathlib import Path; from logger.core.runfile import recover; list(recover(Path(sys.argv[1])))"
 
 
 def test_a_cut_at_any_system_call_of_the_making_of_the_hdf5_loses_nothing(card):
@@ -226,7 +233,11 @@ def test_a_sector_that_cannot_be_read_costs_the_frames_in_it(card, where):
     frames = [frame for frame in scan(journal.read_bytes()) if isinstance(frame, Frame)]
     bad_at = int(where * (frames[-1].start + frames[-1].length))
     sector = range(bad_at // SECTOR * SECTOR, bad_at // SECTOR * SECTOR + SECTOR)
-    lost = [f for f in frames if f.start - HEADER_SIZE < sector.stop and f.start + f.length + 4 > sector.start]
+    lost = [
+        f
+        for f in frames
+        if f.start - HEADER_SIZE < sector.stop and f.start + f.length + 4 > sector.start
+    ]
     told = subprocess.run(
         [sys.executable, "-c", FINISH, str(card.folder)],
         check=True, capture_output=True, text=True, env=card.environment(bad_at=bad_at),

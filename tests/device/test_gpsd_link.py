@@ -19,8 +19,12 @@ from logger.sim.ptys import PtyDevice
 from tests.kit import service
 
 LOG = Path(__file__).parents[1] / "drivers/data/gpsd_unicore_um621_cut.nmea"
-GPSD = shutil.which("gpsd", path="/usr/sbin:/usr/local/sbin:/usr/bin:/usr/local/bin:/opt/homebrew/sbin")
-needs_gpsd = pytest.mark.skipif(GPSD is None, reason="gpsd is not installed (Debian: apt install gpsd)")
+GPSD = shutil.which(
+    "gpsd", path="/usr/sbin:/usr/local/sbin:/usr/bin:/usr/local/bin:/opt/homebrew/sbin"
+)
+needs_gpsd = pytest.mark.skipif(
+    GPSD is None, reason="gpsd is not installed (Debian: apt install gpsd)"
+)
 
 
 def _free_port():
@@ -31,7 +35,9 @@ def _free_port():
 @contextmanager
 def _gpsd(port, path):
     """gpsd in the foreground, reading at once (-n) and writing nothing to the receiver (-b)."""
-    with subprocess.Popen([GPSD, "-N", "-n", "-b", "-S", str(port), path], stderr=subprocess.DEVNULL) as process:
+    with subprocess.Popen(
+        [GPSD, "-N", "-n", "-b", "-S", str(port), path], stderr=subprocess.DEVNULL
+    ) as process:
         try:
             yield
         finally:
@@ -40,7 +46,9 @@ def _gpsd(port, path):
 
 def _rows(folder, table):
     try:
-        return [row for p in (folder / "runs").glob("*.journal") for row in read_run(p).tables[table]]
+        return [
+            row for p in (folder / "runs").glob("*.journal") for row in read_run(p).tables[table]
+        ]
     except RunFileError:  # made, and not yet written for the first time
         return []
 
@@ -53,10 +61,14 @@ def test_a_real_log_through_a_real_gpsd(tmp_path):
     player = NmeaPlayer(log, bytes_per_s=5000)
     site = service.site_toml(tmp_path, str(tmp_path / "none"), f"gpsd://localhost:{port}")
     with PtyDevice(player) as gnss, service.running(site) as logger:
-        service.wait_for(lambda: any(b"running?" in row["text"] for row in _rows(tmp_path, "notes")))
+        service.wait_for(
+            lambda: any(b"running?" in row["text"] for row in _rows(tmp_path, "notes"))
+        )
         with _gpsd(port, gnss.path):
             service.wait_for(lambda: sum(row["valid"] for row in _rows(tmp_path, "fixes")) >= 4)
-        service.wait_for(lambda: any(b"disconnected" in row["text"] for row in _rows(tmp_path, "notes")))
+        service.wait_for(
+            lambda: any(b"disconnected" in row["text"] for row in _rows(tmp_path, "notes"))
+        )
         service.stopped(logger)
     (path,) = (tmp_path / "runs").glob("run-*.h5")
     run = read_run(path)
@@ -71,7 +83,11 @@ def test_a_real_log_through_a_real_gpsd(tmp_path):
     assert known <= told
     raw = run.tables["raw"]
     assert raw["sent"].sum() == 1
-    heard = b"".join(run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes() for r in raw if not r["sent"])
+    heard = b"".join(
+        run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes()
+        for r in raw
+        if not r["sent"]
+    )
     assert heard.count(b'"class":"TPV"') >= len(fixes)
     assert b"gpsd-version" in {*run.tables["notes"]["code"]}
 

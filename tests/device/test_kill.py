@@ -1,4 +1,6 @@
-"""kill -9 at random moments: of the whole service, and of many recorders at once (`make test-faults`: 1000)."""
+"""kill -9 at random moments: of the whole service, and of many recorders at once (`make
+test-faults`: 1000).
+"""
 
 import os
 import random
@@ -25,7 +27,9 @@ def test_what_may_be_lost_is_what_comes_between_two_flushes():
 def _rows(folder):
     """Records that the journal holds at this moment."""
     try:
-        return max((len(read_run(path).tables["raw"]) for path in folder.glob("*.journal")), default=0)
+        return max(
+            (len(read_run(path).tables["raw"]) for path in folder.glob("*.journal")), default=0
+        )
     except RunFileError:  # begun, and no more
         return 0
 
@@ -33,7 +37,10 @@ def _rows(folder):
 @pytest.mark.parametrize("seed", range(KILLS))
 def test_kill_9_loses_nothing_that_was_written(tmp_path, seed, capsys):
     player = NmeaPlayer(service.epochs(10_000, rate_hz=10), bytes_per_s=1500)
-    with PtyDevice(player) as gnss, PtyDevice(answering(TranscriptModem([service.CENG] * 100_000))) as port:
+    with (
+        PtyDevice(player) as gnss,
+        PtyDevice(answering(TranscriptModem([service.CENG] * 100_000))) as port,
+    ):
         config = service.site_toml(tmp_path, port.path, gnss.path)
         with service.running(config) as logger:
             service.wait_for(lambda: _rows(tmp_path / "runs"))
@@ -69,11 +76,15 @@ def test_kill_9_of_recorders_loses_nothing_acknowledged(tmp_path, kills):
         begun += 1
         run = read_run(killed.journal)
         mine = run.tables["raw"][run.tables["raw"]["source"] == b"count"]
-        counts = [int.from_bytes(run.raw_bytes[at : at + 8].tobytes(), "little") for at in mine["offset"]]
+        counts = [
+            int.from_bytes(run.raw_bytes[at : at + 8].tobytes(), "little") for at in mine["offset"]
+        ]
         assert counts == list(range(len(counts)))
         assert len(run.tables["raw"]) >= killed.n_durable
         assert not run.damage.missing_frames
         if killed.n_durable:
             lost_s.append((killed.killed_ns - int(mine["t_ns"][-1])) / 1e9)
-    print(f"{begun} of {begun} journals readable, none acknowledged lost, last {max(lost_s):.2f} s not recorded")
+    print(
+        f"{begun} of {begun} journals readable, none acknowledged lost, last {max(lost_s):.2f} s not recorded"
+    )
     assert begun >= 0.9 * kills - 1

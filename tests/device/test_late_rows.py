@@ -1,4 +1,6 @@
-"""Replies that come slowly, late or not to their end: each row is recorded, with the time in which it was heard."""
+"""Replies that come slowly, late or not to their end: each row is recorded, with the time in which
+it was heard.
+"""
 
 import os
 import re
@@ -12,25 +14,30 @@ import pytest
 
 from logger.config import ModemSettings
 from logger.core.types import Fix, Note, RawBytes, Scan
-from logger.device import patience
+from logger.device import scan_timeout
 from logger.device.clock import SystemClock
 from logger.device.gnss_link import gnss_session
-from logger.device.kept_modes import KeptModes
 from logger.device.link import Inbox, Link
 from logger.device.modem_link import modem_session
+from logger.device.saved_modes import KeptModes
 from logger.drivers.dialogue import Command
 from logger.drivers.sim800 import Sim800
 from tests.kit import service
 
 ROWS = [
     b'+CENG: 0,"0017,45,00,262,01,09,3039,05,05,1267,255"\r\n',
-    *(b'+CENG: %d,"00%d,%d,12,30%da,262,01,1267"\r\n' % (i, 20 + i, 40 - i, i) for i in range(1, 6)),
+    *(
+        b'+CENG: %d,"00%d,%d,12,30%da,262,01,1267"\r\n' % (i, 20 + i, 40 - i, i)
+        for i in range(1, 6)
+    ),
 ]
 LEVELS = [45, 39, 38, 37, 36, 35]
 
 
 class Device:
-    """The far end of a port, in the hands of the test; `written_ns` is when each of its rows was written."""
+    """The far end of a port, in the hands of the test; `written_ns` is when each of its rows was
+    written.
+    """
 
     def __init__(self):
         self._master, self._slave = os.openpty()
@@ -130,9 +137,11 @@ def test_the_epoch_before_a_hang_up_is_a_fix():
 
 @pytest.mark.parametrize("pause_s", [0.1, 0.7])
 def test_rows_of_a_slow_reply_have_the_time_in_which_they_were_heard(session, monkeypatch, pause_s):
-    """Some come in time, some after the time-out, some into the next polls: none is told of a later time only."""
+    """Some come in time, some after the time-out, some into the next polls: none is told of a later
+    time only.
+    """
     monkeypatch.setattr(Sim800, "asked", (Command("AT+CENG?", timeout_s=0.3),))
-    monkeypatch.setattr(patience, "LATE_S", 0.2)
+    monkeypatch.setattr(scan_timeout, "LATE_S", 0.2)
     device = Device()
     with linked(session, device.path) as heard:
         service.wait_for(lambda: device.is_asked(b"AT+CENG?\r"))

@@ -1,4 +1,6 @@
-"""A line that loses a digit now and then, before the real service: no false cell is told for certain."""
+"""A line that loses a digit now and then, before the real service: no false cell is told for
+certain.
+"""
 
 import re
 
@@ -13,11 +15,14 @@ from tests.kit.walked import Walked, go_on, service
 
 BLOCK = scenario("clear")
 CELLS = {(t.mcc, t.mnc, t.lac, t.cid) for t in BLOCK.world.transmitters}
-AREAS = {(None, None, lac, None) for _, _, lac, _ in CELLS} | {(m, n, None, None) for m, n, _, _ in CELLS}
+AREAS = {(None, None, lac, None) for _, _, lac, _ in CELLS} | {
+    (m, n, None, None) for m, n, _, _ in CELLS
+}
 SPEED = 20.0
 EACH = 4
 ENOUGH = 40
-NUMBERS = {  # what stands before and in the number that loses a digit: a cell of the reply, or its serving one
+# what stands before and in the number that loses a digit: a cell of the reply, or its serving one
+NUMBERS = {
     "sim800": rb'(\+CENG: 1,"\d+,\d+,\d+,[0-9a-f])([0-9a-f]{3})',
     "sim7600": rb"(\+CPSI: GSM,Online,\d+-\d+,0x[0-9A-F]+,\d)(\d+)",
     "ec25": rb'("servingcell","[A-Z]+","GSM",\d+,\d+,[0-9A-F]+,[0-9A-F])([0-9A-F]{3})',
@@ -26,7 +31,9 @@ NUMBERS = {  # what stands before and in the number that loses a digit: a cell o
 
 
 class Leaky:
-    """A modem whose line loses a digit of one number in every fourth reply that has such a number."""
+    """A modem whose line loses a digit of one number in every fourth reply that has such a
+    number.
+    """
 
     def __init__(self, modem, number) -> None:
         self._modem = modem
@@ -65,8 +72,12 @@ def test_a_digit_lost_again_and_again_makes_no_cell_that_is_sure(tmp_path, name)
         walked = Walked(read_run(under_way.stop("end")))
     assert modem.lost >= ENOUGH // EACH - 1
     readings = [reading for _, found in walked.scans() for reading in found]
-    false = [reading for reading in readings if reading.cell is not None and who(reading) not in CELLS]
-    assert all(reading.identity_unsure for reading in false), [who(r) for r in false if not r.identity_unsure]
+    false = [
+        reading for reading in readings if reading.cell is not None and who(reading) not in CELLS
+    ]
+    assert all(reading.identity_unsure for reading in false), [
+        who(r) for r in false if not r.identity_unsure
+    ]
     assert all(reading.level_dbm is not None for reading in false)
     true = [reading for reading in readings if who(reading) in CELLS]
     assert len(true) > len(readings) / 2

@@ -26,8 +26,12 @@ print(resident_mb() - before_mb)
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
-@pytest.mark.parametrize(("how", "least_mb", "most_mb"), [("give", 0.0, 5.0), ("keep", 50.0, 110.0)])
+@pytest.mark.parametrize(
+    ("how", "least_mb", "most_mb"), [("give", 0.0, 5.0), ("keep", 50.0, 110.0)]
+)
 def test_what_is_freed_is_given_back(how, least_mb, most_mb):
     """Of 100 MB freed 2 are kept, here and there; by itself the C library keeps them all."""
-    told = subprocess.run([sys.executable, "-c", PROGRAM, how], capture_output=True, text=True, check=True)
+    told = subprocess.run(
+        [sys.executable, "-c", PROGRAM, how], capture_output=True, text=True, check=True
+    )
     assert least_mb <= float(told.stdout) <= most_mb

@@ -1,4 +1,6 @@
-"""GSM only, and back: the real service on real ptys, with every command that a family has for it."""
+"""GSM only, and back: the real service on real ptys, with every command that a family has for
+it.
+"""
 
 import json
 import threading
@@ -10,10 +12,10 @@ import pytest
 
 from logger.config import parse_config
 from logger.core.runfile import read_run
-from logger.device.beginning import begin_run
 from logger.device.clock import SystemClock
-from logger.device.kept_modes import FILE
+from logger.device.saved_modes import FILE
 from logger.device.service import Service
+from logger.device.startup import begin_run
 from logger.sim.dialects import DIALECTS
 from logger.sim.dialects.dialect import who
 from logger.sim.ptys import PtyDevice, answering
@@ -61,13 +63,20 @@ def recording(folder, port, set_mode="gsm"):
 
 
 def notes(run):
-    return {row["code"].decode(): row["text"].decode() for row in run.tables["notes"] if row["source"] == b"modem"}
+    return {
+        row["code"].decode(): row["text"].decode()
+        for row in run.tables["notes"]
+        if row["source"] == b"modem"
+    }
 
 
 def run_once(folder, dialect, set_mode="gsm", until=None, watched=None):
     """A run with a modem until a condition holds or it has scanned; its notes, and the modem."""
     modem = watched or Watched(dialect, folder)
-    with PtyDevice(answering(modem)) as port, recording(folder, port.path, set_mode) as (found, scans):
+    with (
+        PtyDevice(answering(modem)) as port,
+        recording(folder, port.path, set_mode) as (found, scans),
+    ):
         service.wait_for(lambda: until(modem) if until else scans() > 2, LIMIT_S)
     return notes(found[0]), modem
 
@@ -125,7 +134,8 @@ def test_a_modem_that_refuses_is_told_of_and_owes_nothing(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    ("name", "why"), [("bgs2", "does not tell"), ("plain", "no command for"), ("sim800", "no command for")]
+    ("name", "why"),
+    [("bgs2", "does not tell"), ("plain", "no command for"), ("sim800", "no command for")],
 )
 def test_what_cannot_be_read_is_not_changed(tmp_path, name, why):
     noted, modem = run_once(tmp_path, DIALECTS[name])
@@ -148,7 +158,9 @@ class Deaf(Watched):
 
 def test_a_modem_that_is_silent_for_a_while_is_asked_again(tmp_path):
     modem = Deaf(MODELS["sim7600"], tmp_path)
-    noted, _ = run_once(tmp_path, None, watched=modem, until=lambda one: one.setting("+CNMP") == "13")
+    noted, _ = run_once(
+        tmp_path, None, watched=modem, until=lambda one: one.setting("+CNMP") == "13"
+    )
     assert "does not tell" in noted["mode-unchanged"]
     assert modem.setting("+CNMP") == "2"
     assert not file_of(tmp_path).exists()
@@ -228,7 +240,9 @@ def test_a_modem_pulled_out_is_set_back_when_it_is_there_again(tmp_path):
     assert not file_of(tmp_path).exists()
 
 
-@pytest.mark.parametrize("other", [DIALECTS["ec25"], SIM7100], ids=["another family", "another model"])
+@pytest.mark.parametrize(
+    "other", [DIALECTS["ec25"], SIM7100], ids=["another family", "another model"]
+)
 def test_another_modem_is_not_given_what_was_of_the_first(tmp_path, other):
     first = Watched(MODELS["sim7600"], tmp_path)
     with PtyDevice(answering(first), tmp_path / "modem") as port, recording(tmp_path, port.path):
@@ -238,17 +252,29 @@ def test_another_modem_is_not_given_what_was_of_the_first(tmp_path, other):
     assert "SIMCOM_SIM7600E-H" in noted["mode-kept"]
     assert not [line for line in second.lines if "CNMP" in line or "nwscanmode" in line]
     # nor is it lost where the other one is set and set back
-    run_once(tmp_path, other, until=lambda modem: any("=13" in one or ",1,1" in one for one in modem.lines))
+    run_once(
+        tmp_path,
+        other,
+        until=lambda modem: any("=13" in one or ",1,1" in one for one in modem.lines),
+    )
     (kept,) = json.loads(file_of(tmp_path).read_text())
     assert kept["model"] == "SIMCOM_SIM7600E-H"
-    run_once(tmp_path, None, set_mode="", until=lambda modem: modem.setting("+CNMP") == "2", watched=first)
+    run_once(
+        tmp_path,
+        None,
+        set_mode="",
+        until=lambda modem: modem.setting("+CNMP") == "2",
+        watched=first,
+    )
     assert not file_of(tmp_path).exists()
 
 
 def test_what_the_owner_has_changed_since_is_left_so(tmp_path):
     modem = Watched(MODELS["sim7600"], tmp_path)
     file_of(tmp_path).write_text(
-        json.dumps([{"driver": "sim7600", "model": "SIMCOM_SIM7600E-H", "asks": "AT+CNMP?", "value": "2"}])
+        json.dumps(
+            [{"driver": "sim7600", "model": "SIMCOM_SIM7600E-H", "asks": "AT+CNMP?", "value": "2"}]
+        )
     )
     modem.modem.feed(b"AT+CNMP=38\r")
     noted, _ = run_once(tmp_path, None, set_mode="", watched=modem)
@@ -262,7 +288,16 @@ def test_a_value_that_is_none_is_not_sent(tmp_path, value):
     modem = Watched(MODELS["sim7600"], tmp_path)
     modem.modem.feed(b"AT+CNMP=13\r")
     file_of(tmp_path).write_text(
-        json.dumps([{"driver": "sim7600", "model": "SIMCOM_SIM7600E-H", "asks": "AT+CNMP?", "value": value}])
+        json.dumps(
+            [
+                {
+                    "driver": "sim7600",
+                    "model": "SIMCOM_SIM7600E-H",
+                    "asks": "AT+CNMP?",
+                    "value": value,
+                }
+            ]
+        )
     )
     noted, _ = run_once(tmp_path, None, set_mode="", watched=modem)
     assert "mode-left" in noted

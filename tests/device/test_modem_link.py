@@ -66,7 +66,9 @@ def _walk(folder, name) -> Walked:
 def _has_shown_all(walked, name) -> bool:
     """Whether a walk is long enough for all that is looked at below."""
     scans = [readings for _, readings in walked.scans() if readings]
-    named = {reading.cell for readings in scans for reading in readings if reading.role != "scan"} - {None}
+    named = {
+        reading.cell for readings in scans for reading in readings if reading.role != "scan"
+    } - {None}
     surveys = [n for n, readings in enumerate(scans) if readings[0].role == "scan"]
     polls = [n for n, readings in enumerate(scans) if readings[0].role == "serving"]
     surveyed = "full-scan" in walked.notes() or not FAMILIES[FAMILY[name]].surveys
@@ -79,7 +81,9 @@ def _has_shown_all(walked, name) -> bool:
 def walks(tmp_path_factory):
     folder = tmp_path_factory.mktemp("walks")
     with ThreadPoolExecutor(len(DIALECTS)) as pool:
-        return dict(zip(DIALECTS, pool.map(lambda name: _walk(folder, name), DIALECTS), strict=True))
+        return dict(
+            zip(DIALECTS, pool.map(lambda name: _walk(folder, name), DIALECTS), strict=True)
+        )
 
 
 def test_there_is_a_modem_for_every_family():
@@ -89,7 +93,9 @@ def test_there_is_a_modem_for_every_family():
 
 @pytest.mark.parametrize("name", DIALECTS)
 def test_modem_is_identified_and_set_up(walks, name):
-    assert any(text.endswith(f"driver {FAMILY[name]}") for text in walks[name].texts()), walks[name].texts()
+    assert any(text.endswith(f"driver {FAMILY[name]}") for text in walks[name].texts()), walks[
+        name
+    ].texts()
     assert walks[name].notes().count("modem-ready") == 1
     assert not {"no-answer", "setup-refused", "internal", "garbage"} & set(walks[name].notes())
 
@@ -164,7 +170,9 @@ class Story:
 
 
 def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b"") -> Walked:
-    """A walk in real time: some whole scans (or the begin of a full one), a fault, and whole scans again."""
+    """A walk in real time: some whole scans (or the begin of a full one), a fault, and whole scans
+    again.
+    """
     clock = SystemClock()
     story = Story(during_s[0])
     modem = BLOCK.modem(WalkTime(clock).now_s, name)
@@ -173,7 +181,11 @@ def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b""
     with PtyDevice(session, folder / "modem") as port:
         under_way = service(folder, clock, port.path, 600.0 if scan else 0.0, 0.1)
         under_way.start()
-        go_on(under_way, clock, lambda walked: scan in _sent(walked) if scan else len(walked.scans()) > 10)
+        go_on(
+            under_way,
+            clock,
+            lambda walked: scan in _sent(walked) if scan else len(walked.scans()) > 10,
+        )
         start_s = clock.now_ns() / 1e9
         if fault == "unplug":
             port.unplug()
@@ -193,7 +205,11 @@ def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b""
 
 def _sent(walked) -> bytes:
     raw = walked.run.tables["raw"]
-    parts = [walked.run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes() for r in raw if r["sent"]]
+    parts = [
+        walked.run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes()
+        for r in raw
+        if r["sent"]
+    ]
     return b"".join(parts)
 
 
@@ -202,13 +218,20 @@ def misbehaved(tmp_path_factory):
     folder = tmp_path_factory.mktemp("faults")
     with ThreadPoolExecutor(len(EVENTS) + 1) as pool:
         under_way = {fault: pool.submit(_misbehave, folder / fault, fault) for fault in EVENTS}
-        under_way[IN_A_SCAN] = pool.submit(_misbehave, folder / "scan", "brown-out", (1.0, 3.0), scan=b"AT+CNETSCAN\r")
+        under_way[IN_A_SCAN] = pool.submit(
+            _misbehave, folder / "scan", "brown-out", (1.0, 3.0), scan=b"AT+CNETSCAN\r"
+        )
         return {fault: walked.result() for fault, walked in under_way.items()}
 
 
 def _whole_again(walked: Walked) -> list[float]:
-    """Begins of the scans after the end of the fault from which on all are whole; the stop may cut the last one."""
-    usual = min((len(readings) for t_s, readings in walked.scans() if readings and t_s < walked.start_s), default=6)
+    """Begins of the scans after the end of the fault from which on all are whole; the stop may cut
+    the last one.
+    """
+    usual = min(
+        (len(readings) for t_s, readings in walked.scans() if readings and t_s < walked.start_s),
+        default=6,
+    )
     begins: list[float] = []
     for t_s, readings in walked.scans()[:-1]:
         if t_s >= walked.end_s:
@@ -265,6 +288,9 @@ def test_every_family_recovers_from_every_fault(tmp_path, fault):
         for name, walked in zip(DIALECTS, walks, strict=True):
             print(f"{fault} {name}: {recovered_s(walked):.2f} s")
             assert recovered_s(walked) < RECOVERED_S, walked.texts()
-            # in so long a silence the port is opened again, which a restart that is not told of cannot be told from
+            # in so long a silence the port is opened again, which a restart that is not told of
+            # cannot be told from
             assert (EVENTS[fault] | {"no-answer"}) & set(walked.notes()), walked.texts()
-            assert all(_is_of_the_world(reading) for _, readings in walked.scans() for reading in readings)
+            assert all(
+                _is_of_the_world(reading) for _, readings in walked.scans() for reading in readings
+            )

@@ -32,7 +32,12 @@ def test_the_first_word_says_that_it_has_started_and_all_feed_the_watchdog(heard
     manager.status("12 fixes\nREADY=0")
     manager.stopping()
     said = [next_word() for _ in range(4)]
-    assert said == [["READY=1", "WATCHDOG=1"], ["WATCHDOG=1"], ["STATUS=12 fixes READY=0"], ["STOPPING=1"]]
+    assert said == [
+        ["READY=1", "WATCHDOG=1"],
+        ["WATCHDOG=1"],
+        ["STATUS=12 fixes READY=0"],
+        ["STOPPING=1"],
+    ]
 
 
 def test_without_systemd_nobody_is_told(tmp_path):
@@ -61,7 +66,12 @@ def test_systemd_is_told_of_the_start_the_durable_ticks_and_the_stop(tmp_path, m
             assert read_run(next((tmp_path / "runs").glob("*.journal"))).meta.origin == "walk"
             service.wait_for(lambda: said().count("WATCHDOG=1") >= 3)
             logger.send_signal(signal.SIGSTOP)
-            service.wait_for(lambda: Path(f"/proc/{logger.pid}/stat").read_text().rpartition(")")[2].split()[0] == "T")
+            service.wait_for(
+                lambda: (
+                    Path(f"/proc/{logger.pid}/stat").read_text().rpartition(")")[2].split()[0]
+                    == "T"
+                )
+            )
             fed = said().count("WATCHDOG=1")
             time.sleep(2.5)  # more than two periods of the watchdog
             assert said().count("WATCHDOG=1") == fed
@@ -73,7 +83,9 @@ def test_systemd_is_told_of_the_start_the_durable_ticks_and_the_stop(tmp_path, m
     assert any(word.startswith("STATUS=") and "fixes" in word for word in words)
 
 
-def test_earlier_runs_are_recovered_by_the_service_itself_only_without_systemd(tmp_path, monkeypatch):
+def test_earlier_runs_are_recovered_by_the_service_itself_only_without_systemd(
+    tmp_path, monkeypatch
+):
     """Under systemd that is a unit of its own."""
     with devices() as (modem, gnss, _):
         site = service.site_toml(tmp_path, modem.path, gnss.path)

@@ -84,7 +84,9 @@ def test_what_a_device_sent_before_its_port_was_opened_is_read():
 
 
 def test_what_a_network_port_sends_at_once_is_read(monkeypatch):
-    """pyserial's flush comes right after the connection; here it finds what the other end has said meanwhile."""
+    """pyserial's flush comes right after the connection; here it finds what the other end has said
+    meanwhile.
+    """
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def answer_first(opened):
@@ -101,9 +103,13 @@ def test_what_a_network_port_sends_at_once_is_read(monkeypatch):
         assert heard == b"$GPGGA" * 100
 
 
-@pytest.mark.parametrize("ends", [lambda link: None, lambda link: link.read(), DeviceError("no answer")])
+@pytest.mark.parametrize(
+    "ends", [lambda link: None, lambda link: link.read(), DeviceError("no answer")]
+)
 def test_what_waits_in_a_port_that_is_left_is_recorded(ends):
-    """A session that ends by itself or by an error leaves nothing in the port, which forgets it when it is closed."""
+    """A session that ends by itself or by an error leaves nothing in the port, which forgets it
+    when it is closed.
+    """
     master, slave = pty.openpty()
     tty.setraw(slave)
     os.write(master, b"+CENG: 1,1\r\n" * 300)
@@ -162,7 +168,9 @@ def test_a_url_of_an_unknown_kind_is_a_mistake_in_the_configuration():
         check_url("smoke://signal")
 
 
-@pytest.mark.parametrize("url", ["gpsd://", "gpsd://somewhere", "gpsd://[::1]:2947/dev/ttyACM0", "gpsd:///dev/ttyACM0"])
+@pytest.mark.parametrize(
+    "url", ["gpsd://", "gpsd://somewhere", "gpsd://[::1]:2947/dev/ttyACM0", "gpsd:///dev/ttyACM0"]
+)
 def test_gpsd_is_named_by_its_own_scheme(url):
     check_url(url)
 

@@ -1,4 +1,6 @@
-"""What people say and who they are, on every port of the real service: in nothing that it leaves behind."""
+"""What people say and who they are, on every port of the real service: in nothing that it leaves
+behind.
+"""
 
 import numpy as np
 
@@ -33,7 +35,9 @@ def _everything(path):
 
 
 def test_no_number_and_no_message_is_in_anything_that_a_run_leaves(tmp_path, capfd):
-    """Devices at each other's ports: the receiver's says what a telephone says, and the modem's does too."""
+    """Devices at each other's ports: the receiver's says what a telephone says, and the modem's
+    does too.
+    """
     epochs = service.epochs(len(SAID)).split(b"$GNRMC")[1:]
     nmea = b"".join(b"$GNRMC" + epoch + said for epoch, said in zip(epochs, SAID, strict=True))
     modem, player = Telephone(), NmeaPlayer(nmea)

@@ -17,7 +17,9 @@ class Bench:
         self.inbox = inbox or Inbox()
         self.ended = threading.Event()
         writer = RunWriter(self.path, runs.meta())
-        self.recorder = Recorder(writer, LiveSettings(), self.inbox, SystemClock(), self.ended, **more)
+        self.recorder = Recorder(
+            writer, LiveSettings(), self.inbox, SystemClock(), self.ended, **more
+        )
         self.thread = threading.Thread(target=self.recorder.run)
 
     def finish(self):
@@ -34,7 +36,10 @@ def test_everything_in_the_inbox_is_recorded_at_the_end(tmp_path):
     run = bench.finish()
     assert len(run.tables["fixes"]) == 200
     assert run.end.reason == "test"
-    assert run.end.n_records == max(int(rows["seq"].max()) for rows in run.tables.values() if len(rows)) + 1
+    assert (
+        run.end.n_records
+        == max(int(rows["seq"].max()) for rows in run.tables.values() if len(rows)) + 1
+    )
 
 
 def test_a_scan_is_marked_with_the_fix_that_held(tmp_path):

@@ -26,7 +26,9 @@ def _notes(run):
 
 
 def test_real_drive_and_real_replies_are_recorded_whole(tmp_path, corpus):
-    """The F9K drive and every SIM800/SIM900 CENG reply of the corpus through real ptys: none lost, none invented."""
+    """The F9K drive and every SIM800/SIM900 CENG reply of the corpus through real ptys: none lost,
+    none invented.
+    """
     expected = [e for e in json.loads((corpus / "modem/expected.json").read_text()) if _is_ceng(e)]
     replies = [(corpus / "modem" / e["file"]).read_bytes() for e in expected]
     nmea = (corpus / "nmea/01_google_ublox-F9K_drive_2020.nmea").read_bytes()
@@ -42,9 +44,13 @@ def test_real_drive_and_real_replies_are_recorded_whole(tmp_path, corpus):
     assert (len(fixes), int(fixes["valid"].sum())) == (1142, 1142)
     raw = run.tables["raw"]
     heard = raw[(raw["source"] == b"gnss") & (raw["sent"] == 0)]
-    received = b"".join(run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes() for r in heard)
+    received = b"".join(
+        run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes() for r in heard
+    )
     assert received == nmea
-    assert _identities(run.tables["readings"]) == Counter(_key(row) for e in expected for row in e["expected"])
+    assert _identities(run.tables["readings"]) == Counter(
+        _key(row) for e in expected for row in e["expected"]
+    )
     assert replay(run).equal
 
 
@@ -77,7 +83,13 @@ def _identities(readings) -> Counter:
         return None if value == -1 else int(value)
 
     return Counter(
-        (r["role"].decode(), r["mcc"].decode() or None, known(r["lac"]), known(r["cid"]), known(r["rxlev_raw"]))
+        (
+            r["role"].decode(),
+            r["mcc"].decode() or None,
+            known(r["lac"]),
+            known(r["cid"]),
+            known(r["rxlev_raw"]),
+        )
         for r in readings
     )
 
@@ -85,14 +97,19 @@ def _identities(readings) -> Counter:
 @pytest.mark.parametrize("missing", ["modem", "gnss"])
 def test_starts_with_a_device_missing_and_picks_it_up(tmp_path, missing):
     names = {name: str(tmp_path / name) for name in ("modem", "gnss")}
-    player, modem = NmeaPlayer(service.epochs(10_000), bytes_per_s=3000), TranscriptModem([service.CENG] * 100_000)
+    player, modem = (
+        NmeaPlayer(service.epochs(10_000), bytes_per_s=3000),
+        TranscriptModem([service.CENG] * 100_000),
+    )
     with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
         ptys = {"modem": port.path, "gnss": gnss.path}
         present = "gnss" if missing == "modem" else "modem"
         os.symlink(ptys[present], names[present])
         first, later = ("fixes", "scans") if missing == "modem" else ("scans", "fixes")
         # a fix holds for longer than a busy machine keeps the receiver waiting
-        site = service.site_toml(tmp_path, names["modem"], names["gnss"], "[live]\nmax_fix_age_s = 600.0\n")
+        site = service.site_toml(
+            tmp_path, names["modem"], names["gnss"], "[live]\nmax_fix_age_s = 600.0\n"
+        )
         with service.running(site) as logger:
             service.wait_for(lambda: _journal_has(tmp_path, first, 5))
             assert not _journal_has(tmp_path, later, 1)
@@ -111,9 +128,14 @@ def test_starts_with_a_device_missing_and_picks_it_up(tmp_path, missing):
 
 
 def test_duration_ends_it_cleanly(tmp_path):
-    player, modem = NmeaPlayer(service.epochs(10_000), bytes_per_s=160), TranscriptModem([service.CENG] * 100_000)
+    player, modem = (
+        NmeaPlayer(service.epochs(10_000), bytes_per_s=160),
+        TranscriptModem([service.CENG] * 100_000),
+    )
     with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
-        with service.running(service.site_toml(tmp_path, port.path, gnss.path), "--duration", "6") as logger:
+        with service.running(
+            service.site_toml(tmp_path, port.path, gnss.path), "--duration", "6"
+        ) as logger:
             out, _ = logger.communicate(timeout=service.LIMIT_S)
     assert logger.returncode == 0
     run = _only_run(tmp_path)
@@ -129,7 +151,9 @@ def test_duration_ends_it_cleanly(tmp_path):
 def test_rows_that_come_unasked_are_recorded_once(tmp_path):
     """A modem left in mode 2 by somebody else: it never answers, but its rows are cells."""
     burst = service.CENG.replace(b"OK\r\n", b"").replace(b"\r\n+CENG: 1,1\r\n", b"")
-    player = NmeaPlayer(burst * 20)  # at once: each serving cell begins a scan, however long its bytes take
+    player = NmeaPlayer(
+        burst * 20
+    )  # at once: each serving cell begins a scan, however long its bytes take
     with PtyDevice(NmeaPlayer(service.epochs(1000), 400)) as gnss, PtyDevice(player) as port:
         with service.running(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
             service.wait_for(player.finished.is_set)
@@ -152,7 +176,9 @@ def test_noise_is_counted_not_obeyed(tmp_path):
     assert not len(run.tables["readings"])
     assert "garbage" in _notes(run)
     raw = run.tables["raw"]
-    assert int(raw["length"][raw["source"] == b"gnss"].sum()) == len(noise) + 2 + len(service.epochs(20))
+    assert int(raw["length"][raw["source"] == b"gnss"].sum()) == len(noise) + 2 + len(
+        service.epochs(20)
+    )
 
 
 def test_a_receiver_behind_a_socket(tmp_path):

@@ -85,11 +85,18 @@ def test_the_target_is_said_as_sure_as_it_is():
     several = target_status(ESTIMATE.cell, ESTIMATE)
     assert several.verdict == "several places"
     assert (several.semi_major_m, several.semi_minor_m, several.azimuth_deg) == (24.5, 12.2, 90.0)
-    assert (several.lat_deg, several.lon_deg) == pytest.approx(Utm(33).to_latlon(400_000.0, 5_800_000.0), abs=1e-6)
+    assert (several.lat_deg, several.lon_deg) == pytest.approx(
+        Utm(33).to_latlon(400_000.0, 5_800_000.0), abs=1e-6
+    )
     assert target_status(ESTIMATE.cell, replace(ESTIMATE, probability=0.99)).verdict == "one place"
-    assert str(several).startswith(f"target {ESTIMATE.cell}: several places ({ESTIMATE.probability:.2f}), ")
+    assert str(several).startswith(
+        f"target {ESTIMATE.cell}: several places ({ESTIMATE.probability:.2f}), "
+    )
     assert str(target_status(ESTIMATE.cell, None)) == f"target {ESTIMATE.cell}: cannot tell"
-    assert target_status(ESTIMATE.cell, replace(ESTIMATE, stage="ekf", probability=1.0)).verdict == "one close place"
+    assert (
+        target_status(ESTIMATE.cell, replace(ESTIMATE, stage="ekf", probability=1.0)).verdict
+        == "one close place"
+    )
 
 
 def test_the_folder_is_that_of_systemd(tmp_path):
@@ -119,12 +126,19 @@ def test_status_json_says_how_it_goes(tmp_path, monkeypatch):
         link.symlink_to(gnss.path)
         site = service.site_toml(tmp_path, modem.path, str(link), '[status]\nled = "no-such-led"\n')
         with service.running(site) as logger:
-            status = told(lambda s: s.state == "recording" and s.target and s.fix.valid and s.synced_ns)
+            status = told(
+                lambda s: s.state == "recording" and s.target and s.fix.valid and s.synced_ns
+            )
             assert status.pid == logger.pid
             assert status.since_ns < status.synced_ns <= status.now_ns
             assert min(status.fixes, status.scans, status.readings) > 0
-            assert {name: port.is_open for name, port in status.ports.items()} == {"modem": True, "gnss": True}
-            assert status.fix.lat_deg == pytest.approx(scenario("block", 1, 600.0).world.origin_lat_deg, abs=0.1)
+            assert {name: port.is_open for name, port in status.ports.items()} == {
+                "modem": True,
+                "gnss": True,
+            }
+            assert status.fix.lat_deg == pytest.approx(
+                scenario("block", 1, 600.0).world.origin_lat_deg, abs=0.1
+            )
             link.unlink()
             gnss.unplug()
             status = told(lambda s: s.state == "error" and not s.ports["gnss"].is_open)
@@ -146,10 +160,14 @@ def test_a_full_card_is_told_and_is_no_reason_for_a_restart(tmp_path, monkeypatc
         # for minutes, and too slow to fill the card by itself before
         noise = NmeaPlayer(os.urandom(1_000_000) * 50, bytes_per_s=200_000)
         with service.systemd(monkeypatch, tmp_path) as said, PtyDevice(noise) as gnss:
-            with service.running(service.site_toml(tmp_path, str(tmp_path / "none"), gnss.path)) as logger:
+            with service.running(
+                service.site_toml(tmp_path, str(tmp_path / "none"), gnss.path)
+            ) as logger:
                 service.wait_for(lambda: "READY=1" in said())
                 (filler := card / "filler").write_bytes(bytes(shutil.disk_usage(card).free))
-                service.wait_for(lambda: (read_status(tmp_path) or STATUS).text.startswith("waiting"))
+                service.wait_for(
+                    lambda: (read_status(tmp_path) or STATUS).text.startswith("waiting")
+                )
                 fed, synced_ns = said().count("WATCHDOG=1"), read_status(tmp_path).synced_ns
                 service.wait_for(lambda: said().count("WATCHDOG=1") >= fed + 3)
                 assert read_status(tmp_path).synced_ns == synced_ns

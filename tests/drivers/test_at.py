@@ -9,7 +9,9 @@ from tests.kit.framers import check_framer, cut, feed_all
 from tests.kit.growth import growth
 
 CENG_LINES = ("+CENG: 1,1", '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"')
-CENG_REPLY = b'\r\n+CENG: 1,1\r\n\r\n+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"\r\n\r\nOK\r\n'
+CENG_REPLY = (
+    b'\r\n+CENG: 1,1\r\n\r\n+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"\r\n\r\nOK\r\n'
+)
 
 
 def sent(command):
@@ -55,7 +57,11 @@ def test_echo_is_dropped_in_all_its_forms(echo):
 
 @pytest.mark.parametrize("end", [b"\r\n", b"\n", b"\r", b"\r\r\n", b"\n\r"])
 def test_any_line_end_ends_a_line(end):
-    check(sent("AT+CSQ"), end.join([b"+CSQ: 20,0", b"OK", b""]), [Reply("AT+CSQ", ("+CSQ: 20,0",), "OK")])
+    check(
+        sent("AT+CSQ"),
+        end.join([b"+CSQ: 20,0", b"OK", b""]),
+        [Reply("AT+CSQ", ("+CSQ: 20,0",), "OK")],
+    )
 
 
 @pytest.mark.parametrize(
@@ -76,10 +82,14 @@ def test_final_codes_close_a_reply(final):
     check(sent("AT+CENG?"), f"\r\n{final}\r\n".encode(), [Reply("AT+CENG?", (), final)])
 
 
-@pytest.mark.parametrize(("digit", "final"), [("0", "OK"), ("1", "CONNECT"), ("3", "NO CARRIER"), ("4", "ERROR")])
+@pytest.mark.parametrize(
+    ("digit", "final"), [("0", "OK"), ("1", "CONNECT"), ("3", "NO CARRIER"), ("4", "ERROR")]
+)
 def test_numeric_codes_close_a_reply_in_words(digit, final):
     check(sent("AT"), f"AT\r{digit}\r".encode(), [Reply("AT", (), final)])
-    check(sent("AT+CSQ"), f"+CSQ: 9,0\r\n{digit}\r".encode(), [Reply("AT+CSQ", ("+CSQ: 9,0",), final)])
+    check(
+        sent("AT+CSQ"), f"+CSQ: 9,0\r\n{digit}\r".encode(), [Reply("AT+CSQ", ("+CSQ: 9,0",), final)]
+    )
 
 
 def test_number_in_a_reply_with_words_is_a_line():
@@ -116,7 +126,9 @@ def test_number_is_a_line_once_the_modem_has_answered_in_words():
     ],
 )
 def test_unsolicited_line_inside_a_reply(line):
-    data = CENG_REPLY.replace(b"\r\n\r\n+CENG: 0", b"\r\n\r\n" + line.encode() + b"\r\n\r\n+CENG: 0")
+    data = CENG_REPLY.replace(
+        b"\r\n\r\n+CENG: 0", b"\r\n\r\n" + line.encode() + b"\r\n\r\n+CENG: 0"
+    )
     reply = Reply("AT+CENG?", CENG_LINES, "OK", interrupted=frozenset({0}))
     check(sent("AT+CENG?"), data, [Unsolicited(line), reply])
     assert reply.heard == (CENG_LINES[0], INTERRUPTED, *CENG_LINES[1:])
@@ -127,36 +139,53 @@ def test_lines_of_every_part_of_a_joined_command_belong_to_it():
     check(
         sent("AT+CPIN?;+CSQ;+COPS?"),
         "\n".join([*lines, "+CREG: 1", "OK", ""]).encode(),
-        [Unsolicited("+CREG: 1"), Reply("AT+CPIN?;+CSQ;+COPS?", lines, "OK", interrupted=frozenset({2}))],
+        [
+            Unsolicited("+CREG: 1"),
+            Reply("AT+CPIN?;+CSQ;+COPS?", lines, "OK", interrupted=frozenset({2})),
+        ],
     )
 
 
 def test_lines_without_prefix_belong_to_the_reply():
     line = 'Operator:"T, Mobile",MCC:310,MNC:260,Rxlev:53,Cellid:CF00,Arfcn:1709'
-    check(sent("AT+CNETSCAN"), f"\r\n{line}\r\n\r\nOK\r\n".encode(), [Reply("AT+CNETSCAN", (line,), "OK")])
+    check(
+        sent("AT+CNETSCAN"),
+        f"\r\n{line}\r\n\r\nOK\r\n".encode(),
+        [Reply("AT+CNETSCAN", (line,), "OK")],
+    )
 
 
 def test_lines_while_nothing_is_pending_are_unsolicited():
-    check(AtFramer, b"\r\nRDY\r\n\r\nOK\r\nhello\r\n", [Unsolicited("RDY"), Unsolicited("OK"), Unsolicited("hello")])
+    check(
+        AtFramer,
+        b"\r\nRDY\r\n\r\nOK\r\nhello\r\n",
+        [Unsolicited("RDY"), Unsolicited("OK"), Unsolicited("hello")],
+    )
 
 
 def test_sim900_prefix_without_blank():
     check(sent("AT+CENG?"), b'+CENG:0,"06"\r\nOK\r\n', [Reply("AT+CENG?", ('+CENG:0,"06"',), "OK")])
 
 
-@pytest.mark.parametrize("noise", [b"\x00", b"\xff\xfe", b"O\x01K", b"+CENG: 0,\xb01", b'"\x1b"', b"\x7f"])
+@pytest.mark.parametrize(
+    "noise", [b"\x00", b"\xff\xfe", b"O\x01K", b"+CENG: 0,\xb01", b'"\x1b"', b"\x7f"]
+)
 def test_bytes_that_are_no_text_are_garbage(noise):
     check(sent("AT"), noise + b"\r\nOK\r\n", [Garbage(noise), Reply("AT", (), "OK")])
 
 
 def test_high_bytes_are_text_between_quotation_marks():
     line = '+COPS: 0,0,"Téléphone"'
-    check(sent("AT+COPS?"), f"{line}\r\nOK\r\n".encode("latin-1"), [Reply("AT+COPS?", (line,), "OK")])
+    check(
+        sent("AT+COPS?"), f"{line}\r\nOK\r\n".encode("latin-1"), [Reply("AT+COPS?", (line,), "OK")]
+    )
 
 
 @pytest.mark.parametrize("length", [MAX_LINE + 1, 2 * MAX_LINE, 3 * MAX_LINE + 7])
 def test_overlong_line_is_garbage(length):
-    check(sent("AT"), b"x" * length + b"\r\nOK\r\n", [Garbage(b"x" * length), Reply("AT", (), "OK")])
+    check(
+        sent("AT"), b"x" * length + b"\r\nOK\r\n", [Garbage(b"x" * length), Reply("AT", (), "OK")]
+    )
 
 
 def test_longest_line_is_a_line():
@@ -215,10 +244,14 @@ def test_late_answer_of_another_command_does_not_close_the_reply():
 
 def test_late_bare_ok_does_not_close_a_question():
     check(
-        expired("AT", then="AT+CENG?"), b"OK\r\n" + CENG_REPLY, [Unsolicited("OK"), Reply("AT+CENG?", CENG_LINES, "OK")]
+        expired("AT", then="AT+CENG?"),
+        b"OK\r\n" + CENG_REPLY,
+        [Unsolicited("OK"), Reply("AT+CENG?", CENG_LINES, "OK")],
     )
     check(
-        expired("AT", then="AT+CSQ"), b"OK\n+CSQ: 1,0\nOK\n", [Unsolicited("OK"), Reply("AT+CSQ", ("+CSQ: 1,0",), "OK")]
+        expired("AT", then="AT+CSQ"),
+        b"OK\n+CSQ: 1,0\nOK\n",
+        [Unsolicited("OK"), Reply("AT+CSQ", ("+CSQ: 1,0",), "OK")],
     )
 
 
@@ -261,7 +294,11 @@ PIECES = st.sampled_from(
 STREAMS = st.lists(PIECES | st.binary(max_size=5), max_size=12).map(b"".join)
 
 
-@given(STREAMS, st.lists(st.integers(0, 60), max_size=12), st.sampled_from(["AT", "AT+CENG?", "AT+CENG=1,1"]))
+@given(
+    STREAMS,
+    st.lists(st.integers(0, 60), max_size=12),
+    st.sampled_from(["AT", "AT+CENG?", "AT+CENG=1,1"]),
+)
 def test_chunks_make_no_difference(data, sizes, command):
     make = expired("AT+CENG?", then=command)
     assert feed_all(make(), cut(data, sizes)) == feed_all(make(), [data])

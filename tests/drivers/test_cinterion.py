@@ -30,10 +30,23 @@ MONI_CALL = "847  17 -79 262 01 2A3B 4C5D 5   2   33  -104  30 I 851  2  4  5  -
 MONP = "67 24 -81 26201 4 27 25"
 SMONP = "853,31,-80,262,07,4,3,26,22,2A3C,4C5E,0,0"
 SNMON = '^SNMON: "INS",0,1,0,4C5D,2A3B,"26202",67,41,-70,1'
-SAMPLES = [SMONC, SMOND, SMONI_2G, SMONI_3G, SMONI_4G, MONI, MONI_CALL, MONP, f"2G:\n{SMONP}", SNMON]
+SAMPLES = [
+    SMONC,
+    SMOND,
+    SMONI_2G,
+    SMONI_3G,
+    SMONI_4G,
+    MONI,
+    MONI_CALL,
+    MONP,
+    f"2G:\n{SMONP}",
+    SNMON,
+]
 
 
-@pytest.mark.parametrize("dialect", ["siemens_smonc", "siemens_smond", "siemens_moni", "siemens_monp", "cinterion"])
+@pytest.mark.parametrize(
+    "dialect", ["siemens_smonc", "siemens_smond", "siemens_moni", "siemens_monp", "cinterion"]
+)
 def test_recorded_replies(corpus, dialect):
     recorded = entries(corpus, dialect)
     assert recorded
@@ -65,21 +78,38 @@ def test_smonc():
         c1=30,
         c2=30,
     )
-    assert (neighbour.role, who(neighbour), neighbour.arfcn) == ("neighbour", ("232", "03", 0x3010, None), 88)
+    assert (neighbour.role, who(neighbour), neighbour.arfcn) == (
+        "neighbour",
+        ("232", "03", 0x3010, None),
+        88,
+    )
 
 
 def test_smonc_where_cells_are_missing():
     empty = "000,000,0000,0000,00,0,0,-,-"
     assert MODEM.cells_in([f"^SMONC: {empty},{empty}"]) == (NoCell("GSM"),)
-    assert [row.role for row in MODEM.cells_in([f"{SMONC},{empty},{empty}"])] == ["serving", "neighbour"]
+    assert [row.role for row in MODEM.cells_in([f"{SMONC},{empty},{empty}"])] == [
+        "serving",
+        "neighbour",
+    ]
     undecoded = one("^SMONC: 000,000,0000,0000,00,88,26,-,-")
-    assert (who(undecoded), undecoded.arfcn, undecoded.bsic, undecoded.rxlev_raw) == ((None,) * 4, 88, None, 26)
+    assert (who(undecoded), undecoded.arfcn, undecoded.bsic, undecoded.rxlev_raw) == (
+        (None,) * 4,
+        88,
+        None,
+        26,
+    )
     assert undecoded.c1 is None
 
 
 def test_smond():
     serving, *neighbours = MODEM.cells_in([SMOND])
-    assert (who(serving), serving.arfcn, serving.rssi_dbm, serving.ta) == (("250", "01", 0xEA, 0xAE1), 756, -47.0, 1)
+    assert (who(serving), serving.arfcn, serving.rssi_dbm, serving.ta) == (
+        ("250", "01", 0xEA, 0xAE1),
+        756,
+        -47.0,
+        1,
+    )
     assert (serving.bsic, serving.more) == (None, {"bsic_raw": "23"})
     assert [cell.arfcn for cell in neighbours] == [1022, 783, 795, 791, 748, 669]
     assert who(neighbours[-1]) == ("250", "01", 0xEA, None)
@@ -90,16 +120,28 @@ def test_smond():
 def test_smond_where_cells_are_missing():
     nobody = ",,,,,,0,,,0,,,0"
     assert MODEM.cells_in([f"^SMOND:{nobody}" + ",,,,,,,0" * 6 + ",,99,99"]) == (NoCell("GSM"),)
-    assert [row.role for row in MODEM.cells_in([SMOND.replace("250,01,00EA,0AE1,23,756,47,,,0,,,0", nobody)])] == [
-        "neighbour"
-    ] * 6
+    assert [
+        row.role
+        for row in MODEM.cells_in([SMOND.replace("250,01,00EA,0AE1,23,756,47,,,0,,,0", nobody)])
+    ] == ["neighbour"] * 6
 
 
 def test_smoni_of_three_technologies():
     gsm, wcdma, lte = MODEM.cells_in([SMONI_2G, SMONI_3G, SMONI_4G])
-    assert (gsm.cell, gsm.arfcn, gsm.rssi_dbm, gsm.bsic, gsm.c1) == ("262-02-323-33722", 71, -61.0, 30, 33)
+    assert (gsm.cell, gsm.arfcn, gsm.rssi_dbm, gsm.bsic, gsm.c1) == (
+        "262-02-323-33722",
+        71,
+        -61.0,
+        30,
+        33,
+    )
     assert gsm.more == {"ncc": 3, "bcc": 6, "state": "NOCONN"}
-    assert (wcdma.cell, wcdma.psc, wcdma.ecio_db, wcdma.rscp_dbm) == ("262-02-323-141567", 296, -7.5, -79.0)
+    assert (wcdma.cell, wcdma.psc, wcdma.ecio_db, wcdma.rscp_dbm) == (
+        "262-02-323-141567",
+        296,
+        -7.5,
+        -79.0,
+    )
     assert (lte.cell, lte.arfcn, lte.band, lte.pci) == ("262-02-49013-3428611", 6300, 20, 350)
     assert (lte.rsrp_dbm, lte.rsrq_db) == (-94.0, -7.0)
     assert lte.more == {"state": "NOCONN", "duplex": "FDD", "srxlev": 33}
@@ -108,7 +150,12 @@ def test_smoni_of_three_technologies():
 
 @pytest.mark.parametrize(
     ("tail", "ta"),
-    [("NOCONN", None), ("5,-104,LIMSRV", None), ("651,3,5,-79,0,S_FR", 5), ("5,-104,h,3,5,-79,0,S_FR", 5)],
+    [
+        ("NOCONN", None),
+        ("5,-104,LIMSRV", None),
+        ("651,3,5,-79,0,S_FR", 5),
+        ("5,-104,h,3,5,-79,0,S_FR", 5),
+    ],
 )
 def test_ends_of_a_2g_row(tail, ta):
     reading = one(SMONI_2G.replace("NOCONN", tail))
@@ -117,7 +164,13 @@ def test_ends_of_a_2g_row(tail, ta):
 
 @pytest.mark.parametrize(
     ("line", "rat"),
-    [("2G,SEARCH,SEARCH", "GSM"), ("3G,SEARCH", "WCDMA"), ("4G,SEARCH", "LTE"), ("SEARCH", None), ("2g,search", "GSM")],
+    [
+        ("2G,SEARCH,SEARCH", "GSM"),
+        ("3G,SEARCH", "WCDMA"),
+        ("4G,SEARCH", "LTE"),
+        ("SEARCH", None),
+        ("2g,search", "GSM"),
+    ],
 )
 def test_search(line, rat):
     assert MODEM.cells_in([f"^SMONI: {line}"]) == (NoCell(rat, state="SEARCH"),)
@@ -127,7 +180,12 @@ def test_values_that_smoni_does_not_know():
     row = one("^SMONI: 3G,10713,117,-,-,262,01,2A3D,1C5D6E7,--,--,----,---,-,-6,-90,0,01,06")
     assert (row.cell, row.rscp_dbm, row.ecio_db) == ("262-01-10813-29742823", None, None)
     assert who(one(SMONI_2G.replace("83BA", "----"))) == ("262", "02", 0x143, None)
-    assert who(one(SMONI_2G.replace("83BA", "0000").replace("0143", "FFFE"))) == ("262", "02", None, None)
+    assert who(one(SMONI_2G.replace("83BA", "0000").replace("0143", "FFFE"))) == (
+        "262",
+        "02",
+        None,
+        None,
+    )
 
 
 def test_logs_around_a_row():
@@ -179,7 +237,9 @@ def test_cut_rows_tell_nothing_else(sample):
 
 def test_setup():
     assert converse(MODEM.setup(), {}, ((), "OK"))[0] is True
-    assert converse(MODEM.setup(), {"AT": ((), "OK")})[0] is True  # an old modem knows neither AT+CEREG nor AT+COPS=3,2
+    assert (
+        converse(MODEM.setup(), {"AT": ((), "OK")})[0] is True
+    )  # an old modem knows neither AT+CEREG nor AT+COPS=3,2
     assert converse(MODEM.setup(), {}, ((), None))[0] is False
 
 
@@ -189,12 +249,23 @@ def test_setup():
         (
             "AT^SMONI",
             [SMONI_2G],
-            ["AT^SMONI", "AT^SMONP=255", "AT^SMOND", "AT^SMONC", "AT^MONI", "AT^MONP"],  # who are its neighbours?
+            [
+                "AT^SMONI",
+                "AT^SMONP=255",
+                "AT^SMOND",
+                "AT^SMONC",
+                "AT^MONI",
+                "AT^MONP",
+            ],  # who are its neighbours?
         ),
         ("AT^SMONI", ["^SMONI: 2G,SEARCH,SEARCH"], ["AT^SMONI", "AT^SMONP=255"]),
         ("AT^SMOND", [SMOND], ["AT^SMONI", "AT^SMONP=255", "AT^SMOND"]),
         ("AT^SMONC", [SMONC], ["AT^SMONI", "AT^SMONP=255", "AT^SMOND", "AT^SMONC"]),
-        ("AT^MONI", [*HEADER, MONI], ["AT^SMONI", "AT^SMONP=255", "AT^SMOND", "AT^SMONC", "AT^MONI", "AT^MONP"]),
+        (
+            "AT^MONI",
+            [*HEADER, MONI],
+            ["AT^SMONI", "AT^SMONP=255", "AT^SMOND", "AT^SMONC", "AT^MONI", "AT^MONP"],
+        ),
     ],
 )
 def test_poll_asks_until_a_command_is_known(command, lines, asked):
@@ -205,7 +276,11 @@ def test_poll_asks_until_a_command_is_known(command, lines, asked):
 
 def test_neighbours_come_from_another_command_where_smonp_is_not_known():
     table = ["chann rs  dBm PLMN BCC C1 C2", MONP]
-    replies = {"AT^SMONI": ([SMONI_2G], "OK"), "AT^MONI": ([*HEADER, MONI], "OK"), "AT^MONP": (table, "OK")}
+    replies = {
+        "AT^SMONI": ([SMONI_2G], "OK"),
+        "AT^MONI": ([*HEADER, MONI], "OK"),
+        "AT^MONP": (table, "OK"),
+    }
     rows, _ = converse(MODEM.poll(), replies)
     assert rows == (*MODEM.cells_in([SMONI_2G]), *MODEM.cells_in(table))
     assert [row.role for row in rows] == ["serving", "neighbour"]
@@ -231,7 +306,9 @@ def test_poll_without_an_answer(final):
 
 def test_commands_listen_only():
     for command in (*MODEM.set_up, *MODEM.asked, *MODEM.surveys):
-        assert not re.search(r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|MON[IP]=(?!255)", command.text)
+        assert not re.search(
+            r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|MON[IP]=(?!255)", command.text
+        )
         assert not re.search(r"\^MON[IP]=", command.text)  # repeats without end
 
 
@@ -242,6 +319,8 @@ def test_own_modems(identity):
     assert MODEM.identifies.search(identity)
 
 
-@pytest.mark.parametrize("identity", ["SIMCOM_SIM800L", "Telit Cinterion LE910C1", "Quectel EC25", "u-blox SARA-G350"])
+@pytest.mark.parametrize(
+    "identity", ["SIMCOM_SIM800L", "Telit Cinterion LE910C1", "Quectel EC25", "u-blox SARA-G350"]
+)
 def test_modems_of_others(identity):
     assert not MODEM.identifies.search(identity)

@@ -58,13 +58,23 @@ def test_moni_in_a_call_and_while_searching():
     assert one(*HEADER, "                  Searching") == NoCell("GSM", state="Searching")
     assert MODEM.cells_in(["Searching"]) == ()
     reading = one(MONI.replace("4C5D   5   2  33  -104  30", "0000   -   -   -     -   -"))
-    assert (who(reading), reading.bsic, reading.rssi_dbm) == (("262", "01", 0x2A3B, None), None, -75.0)
+    assert (who(reading), reading.bsic, reading.rssi_dbm) == (
+        ("262", "01", 0x2A3B, None),
+        None,
+        -75.0,
+    )
 
 
-@pytest.mark.parametrize("row", [MONP, "67  24  -81 262  01   4  27  25", "  67 24 -81 26201 4 - -"])
+@pytest.mark.parametrize(
+    "row", [MONP, "67  24  -81 262  01   4  27  25", "  67 24 -81 26201 4 - -"]
+)
 def test_monp(row):
     reading = one(row)
-    assert (reading.role, who(reading), reading.arfcn) == ("neighbour", ("262", "01", None, None), 67)
+    assert (reading.role, who(reading), reading.arfcn) == (
+        "neighbour",
+        ("262", "01", None, None),
+        67,
+    )
     assert (reading.rssi_dbm, reading.more, reading.bsic) == (-81.0, {"bcc": 4}, None)
     assert reading.c1 == (None if "-" in row[-3:] else 27)
 

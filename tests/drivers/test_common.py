@@ -5,11 +5,21 @@ from logger.drivers.registry import FAMILIES, reader_of
 from logger.drivers.rows import as_json
 from tests.kit.corpus import check_entry, entries, lines_of
 
-OF_ALL = ("3gpp_", "simcom_nosim", "simcom_csq", "simcom_cnwinfo", "quectel_registration", "ublox_log")
+OF_ALL = (
+    "3gpp_",
+    "simcom_nosim",
+    "simcom_csq",
+    "simcom_cnwinfo",
+    "quectel_registration",
+    "ublox_log",
+)
 
 
 def rows(text):
-    return [{k: v for k, v in as_json(row).items() if v is not None} for row in common.read(text.splitlines())]
+    return [
+        {k: v for k, v in as_json(row).items() if v is not None}
+        for row in common.read(text.splitlines())
+    ]
 
 
 def test_every_driver_reads_the_common_ground_of_the_corpus(corpus):
@@ -29,9 +39,18 @@ def test_every_driver_reads_the_common_ground_of_the_corpus(corpus):
         ("+CREG: 1", {"stat": 1}),
         ("+CREG: 2,1", {"n": 2, "stat": 1}),
         ('+CREG: 1,"CE00","00005449"', {"stat": 1, "lac": 0xCE00, "cid": 0x5449}),
-        ('+CREG: 2,5,"CE00","00005449",0', {"n": 2, "stat": 5, "lac": 0xCE00, "cid": 0x5449, "act": 0, "rat": "GSM"}),
-        ('+CEREG: 2,1,"2AFE","1A2D001",9', {"n": 2, "stat": 1, "tac": 0x2AFE, "cid": 0x1A2D001, "act": 9}),
-        ('+CREG: 2,1,"FFFE","76340C",7]', {"n": 2, "stat": 1, "cid": 0x76340C, "act": 7, "rat": "LTE"}),
+        (
+            '+CREG: 2,5,"CE00","00005449",0',
+            {"n": 2, "stat": 5, "lac": 0xCE00, "cid": 0x5449, "act": 0, "rat": "GSM"},
+        ),
+        (
+            '+CEREG: 2,1,"2AFE","1A2D001",9',
+            {"n": 2, "stat": 1, "tac": 0x2AFE, "cid": 0x1A2D001, "act": 9},
+        ),
+        (
+            '+CREG: 2,1,"FFFE","76340C",7]',
+            {"n": 2, "stat": 1, "cid": 0x76340C, "act": 7, "rat": "LTE"},
+        ),
         ('+CREG: 2,1,"FFFE","1A2D001",7', {"n": 2, "stat": 1, "cid": 0x1A2D001, "rat": "LTE"}),
     ],
 )

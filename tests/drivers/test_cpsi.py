@@ -5,7 +5,8 @@ from logger.drivers import cpsi
 from logger.drivers.rows import NoCell, Signal, as_json
 from tests.kit.drivers import NOBODY, who
 
-# LTE and LTE_M are rows of the corpus, the others have values of our own in the layouts of firmware_notes/sim7600.md.
+# LTE and LTE_M are rows of the corpus, the others have values of our own in the layouts of
+# firmware_notes/sim7600.md.
 GSM = "+CPSI: GSM,Online,262-01,0x3A5C,41213,637 DCS 1800,-74,0,28-26"
 WCDMA = "+CPSI: WCDMA,Online,262-02,0x0A1B,19088743,WCDMA 2100,117,10688,0,9.5,86,25,31,500"
 LTE = "+CPSI: LTE,Online,310-260,0x2D18,50896642,236,EUTRAN-BAND4,2300,5,5,-125,-987,-663,10"
@@ -46,7 +47,11 @@ def test_gsm_of_an_a76xx_has_no_band():
 
 def test_wcdma_levels_have_lost_their_sign():
     reading = one(WCDMA)
-    assert (who(reading), reading.psc, reading.arfcn) == (("262", "02", 0x0A1B, 19088743), 117, 10688)
+    assert (who(reading), reading.psc, reading.arfcn) == (
+        ("262", "02", 0x0A1B, 19088743),
+        117,
+        10688,
+    )
     assert (reading.rscp_dbm, reading.ecio_db, reading.rssi_dbm) == (-86.0, -9.5, None)
     signed = one(WCDMA.replace(",9.5,86,", ",-9.5,-86,"))
     assert (signed.rscp_dbm, signed.ecio_db) == (-86.0, -9.5)
@@ -56,22 +61,45 @@ def test_wcdma_levels_have_lost_their_sign():
 
 def test_lte_in_tenths_of_a_decibel():
     reading = one(LTE)
-    assert (reading.rat, who(reading), reading.lac) == ("LTE", ("310", "260", 0x2D18, 50896642), None)
+    assert (reading.rat, who(reading), reading.lac) == (
+        "LTE",
+        ("310", "260", 0x2D18, 50896642),
+        None,
+    )
     assert (reading.pci, reading.arfcn, reading.band) == (236, 2300, 4)
-    assert (reading.rsrq_db, reading.rsrp_dbm, reading.rssi_dbm, reading.sinr_db) == (-12.5, -98.7, -66.3, 10.0)
+    assert (reading.rsrq_db, reading.rsrp_dbm, reading.rssi_dbm, reading.sinr_db) == (
+        -12.5,
+        -98.7,
+        -66.3,
+        10.0,
+    )
 
 
 def test_lte_in_whole_decibel():
     reading = one(LTE_M)
-    assert (reading.rat, who(reading), reading.band) == ("LTE-M", ("240", "07", 0x2AFE, 34564631), 20)
-    assert (reading.rsrq_db, reading.rsrp_dbm, reading.rssi_dbm, reading.sinr_db) == (-12.0, -81.0, -52.0, 10.0)
+    assert (reading.rat, who(reading), reading.band) == (
+        "LTE-M",
+        ("240", "07", 0x2AFE, 34564631),
+        20,
+    )
+    assert (reading.rsrq_db, reading.rsrp_dbm, reading.rssi_dbm, reading.sinr_db) == (
+        -12.0,
+        -81.0,
+        -52.0,
+        10.0,
+    )
     assert one(LTE_M.replace("CAT-M1", "NB-IOT")).rat == "NB-IoT"
 
 
 def test_lte_as_an_index_has_no_level():
     reading = one(INDEXED)
     assert who(reading) == ("262", "03", 0x5D21, 7654321)
-    assert (reading.rsrp_dbm, reading.rsrq_db, reading.rssi_dbm, reading.sinr_db) == (None, None, None, 7.0)
+    assert (reading.rsrp_dbm, reading.rsrq_db, reading.rssi_dbm, reading.sinr_db) == (
+        None,
+        None,
+        None,
+        7.0,
+    )
     assert {name: as_json(reading)[name] for name in ("rsrq_raw", "rsrp_raw", "rssi_raw")} == {
         "rsrq_raw": 19,
         "rsrp_raw": 58,
@@ -82,8 +110,17 @@ def test_lte_as_an_index_has_no_level():
 @pytest.mark.parametrize("snr", ["18", "240"])
 def test_nr_alone_whose_unit_of_snr_differs_by_firmware(snr):
     reading = one(NR_SA.replace(",18", f",{snr}"))
-    assert (reading.rat, who(reading), reading.band) == ("NR", ("262", "01", 0x2A4C31, 19088743210), 78)
-    assert (reading.pci, reading.arfcn, reading.rsrp_dbm, reading.rsrq_db) == (412, 632448, -88.0, -10.5)
+    assert (reading.rat, who(reading), reading.band) == (
+        "NR",
+        ("262", "01", 0x2A4C31, 19088743210),
+        78,
+    )
+    assert (reading.pci, reading.arfcn, reading.rsrp_dbm, reading.rsrq_db) == (
+        412,
+        632448,
+        -88.0,
+        -10.5,
+    )
     assert (reading.sinr_db, reading.more["sinr_raw"]) == (None, int(snr))
 
 
@@ -93,7 +130,9 @@ def test_nr_beside_lte():
     assert (nr.pci, nr.arfcn, nr.band, nr.rsrp_dbm, nr.rsrq_db) == (731, 641280, 78, -90.5, -12.0)
 
 
-@pytest.mark.parametrize("row", ["+CPSI: NR5G,203,632736,-11,-92,6.5", "+CPSI: NR5G_NSA,203,632736,-92,-11,6.5"])
+@pytest.mark.parametrize(
+    "row", ["+CPSI: NR5G,203,632736,-11,-92,6.5", "+CPSI: NR5G_NSA,203,632736,-92,-11,6.5"]
+)
 def test_nr_without_its_band_in_either_order(row):
     reading = one(row)
     assert (reading.pci, reading.arfcn, reading.band) == (203, 632736, None)
@@ -138,7 +177,11 @@ def test_writing_of_a_row(line):
 
 def test_rows_run_into_each_other():
     first, second = cpsi.read([LTE[:-3] + GSM])
-    assert (who(first), first.sinr_db, first.rssi_dbm) == (("310", "260", 0x2D18, 50896642), None, None)
+    assert (who(first), first.sinr_db, first.rssi_dbm) == (
+        ("310", "260", 0x2D18, 50896642),
+        None,
+        None,
+    )
     assert who(second) == ("262", "01", 0x3A5C, 41213)
 
 
@@ -163,7 +206,10 @@ def test_identity(whole, other, cell):
 
 
 def test_while_the_cell_changes_there_is_none():
-    assert one("+CPSI: LTE,Online,262-02,0x3C4D,26543210,0,EUTRAN-BAND0,4294967295,0,0,0,0,0,0") is None
+    assert (
+        one("+CPSI: LTE,Online,262-02,0x3C4D,26543210,0,EUTRAN-BAND0,4294967295,0,0,0,0,0,0")
+        is None
+    )
 
 
 ROWS = [GSM, WCDMA, LTE, LTE_M, INDEXED, NR_SA]
@@ -213,7 +259,17 @@ def test_other_lines_are_no_cell(line):
 
 def test_joined_rows_name_the_serving_cell_once():
     first = CellReading(role="serving", rat="GSM", lac=5, cid=7, rxlev_raw=30)
-    second = CellReading(role="serving", rat="GSM", mcc="262", mnc="01", lac=5, cid=7, band="DCS", rssi_dbm=-80.0, ta=2)
+    second = CellReading(
+        role="serving",
+        rat="GSM",
+        mcc="262",
+        mnc="01",
+        lac=5,
+        cid=7,
+        band="DCS",
+        rssi_dbm=-80.0,
+        ta=2,
+    )
     neighbour = CellReading(role="neighbour", rat="GSM", lac=5, cid=7, rxlev_raw=1)
     signal = Signal(csq_raw=3)
     joined, *others = cpsi.joined([neighbour, first, signal, second])
@@ -225,7 +281,9 @@ def test_joined_rows_name_the_serving_cell_once():
 
 def test_joined_rows_take_the_level_where_the_first_has_none():
     first = CellReading(role="serving", rat="LTE", cid=7, more={"rsrp_raw": 60})
-    second = CellReading(role="serving", rat="LTE", cid=7, rsrp_dbm=-80.0, more={"rsrp_raw": 61, "a": 1})
+    second = CellReading(
+        role="serving", rat="LTE", cid=7, rsrp_dbm=-80.0, more={"rsrp_raw": 61, "a": 1}
+    )
     other = CellReading(role="serving", rat="LTE", cid=8)
     joined, rest = cpsi.joined([first, second, other])
     assert (joined.rsrp_dbm, dict(joined.more), rest) == (-80.0, {"rsrp_raw": 60, "a": 1}, other)

@@ -1,4 +1,6 @@
-"""Damaged replies of all modems: nothing is raised, memory is bounded, and no identity is read that is not printed."""
+"""Damaged replies of all modems: nothing is raised, memory is bounded, and no identity is read that
+is not printed.
+"""
 
 import random
 import re
@@ -20,9 +22,13 @@ ALL_CHANGES, ALL_CHANGES_FOR_THE_FRAMER = 75_000, 100_000
 
 MOST_LINES_OF_A_FILE = 12
 PRINTS_NUMBERS = {"telit"}
-"""Families that print network codes as numbers, also hexadecimal ones: 01 may be a 1 in the text."""
+"""Families that print network codes as numbers, also hexadecimal ones: 01 may be a 1 in the
+text.
+"""
 
-REPLIES = [path.read_text("latin-1") for path in sorted((SHARED / "corpus" / "modem").glob("*.txt"))]
+REPLIES = [
+    path.read_text("latin-1") for path in sorted((SHARED / "corpus" / "modem").glob("*.txt"))
+]
 """The corpus, none where it is not beside this repository; long replies in pieces."""
 
 

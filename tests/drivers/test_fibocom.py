@@ -65,13 +65,23 @@ def test_modem_with_headings_prints_channel_and_pci_in_hexadecimal():
         rsrq_db=-8.0,
         more={"sinr_raw": 14, "rsrp_raw": 40, "rsrq_raw": 24},
     )
-    assert (first.role, who(first), first.arfcn, first.pci) == ("neighbour", (None, None, None, None), 1444, 305)
+    assert (first.role, who(first), first.arfcn, first.pci) == (
+        "neighbour",
+        (None, None, None, None),
+        1444,
+        305,
+    )
     assert (first.rsrp_dbm, first.rsrq_db, second.arfcn, second.pci) == (-118.0, -17.0, 200, 211)
 
 
 def test_fm350_prints_them_in_decimal():
     serving, neighbour = MODEM.cells_in(BARE)
-    assert (serving.cell, serving.arfcn, serving.pci, serving.band) == ("262-03-20064-47432886", 1444, 305, 3)
+    assert (serving.cell, serving.arfcn, serving.pci, serving.band) == (
+        "262-03-20064-47432886",
+        1444,
+        305,
+        3,
+    )
     assert (who(neighbour), neighbour.arfcn, neighbour.pci) == ((None, None, None, None), 2850, 417)
 
 
@@ -90,21 +100,41 @@ def test_where_no_base_fits_the_channel_is_unknown():
 def test_5g_beside_lte():
     lte, nr = MODEM.cells_in(EN_DC)
     assert (lte.cell, lte.arfcn, lte.pci) == ("262-11-20063-47432885", 1444, 440)
-    assert (nr.cell, nr.rat, nr.arfcn, nr.band, nr.pci) == ("262-11-10828-77969095", "NR", 632448, 78, 195)
+    assert (nr.cell, nr.rat, nr.arfcn, nr.band, nr.pci) == (
+        "262-11-10828-77969095",
+        "NR",
+        632448,
+        78,
+        195,
+    )
     assert (nr.rsrp_dbm, nr.rsrq_db) == (-83.0, -13.5)
-    filler = MODEM.cells_in([*BARE[:2], "1,9,,,FFFFFFF,00FFFFFFF,632448,211,5078,400,2,55,55,60"])[1]
+    filler = MODEM.cells_in([*BARE[:2], "1,9,,,FFFFFFF,00FFFFFFF,632448,211,5078,400,2,55,55,60"])[
+        1
+    ]
     assert (who(filler), filler.arfcn, filler.pci) == ((None, None, None, None), 632448, 211)
 
 
 def test_wcdma_and_gsm():
     (wcdma,), (gsm,) = MODEM.cells_in(UMTS), MODEM.cells_in(GSM)
-    assert (wcdma.rat, wcdma.cell, wcdma.arfcn, wcdma.psc) == ("WCDMA", "262-02-2620-27440068", 10713, 117)
+    assert (wcdma.rat, wcdma.cell, wcdma.arfcn, wcdma.psc) == (
+        "WCDMA",
+        "262-02-2620-27440068",
+        10713,
+        117,
+    )
     assert (wcdma.rscp_dbm, wcdma.ecio_db) == (-83.0, -8.0)
-    assert (gsm.rat, gsm.cell, gsm.arfcn, gsm.level_dbm) == ("GSM", "262-01-10811-15437", None, None)
+    assert (gsm.rat, gsm.cell, gsm.arfcn, gsm.level_dbm) == (
+        "GSM",
+        "262-01-10811-15437",
+        None,
+        None,
+    )
 
 
 def test_no_cell():
-    assert MODEM.cells_in(["AT+GTCCINFO?", "+GTCCINFO:", "2,0,,,FFFF,0,0,,0,,,,,", "OK"]) == (NoCell(),)
+    assert MODEM.cells_in(["AT+GTCCINFO?", "+GTCCINFO:", "2,0,,,FFFF,0,0,,0,,,,,", "OK"]) == (
+        NoCell(),
+    )
     assert MODEM.cells_in(["+GTCCINFO:", "OK"]) == ()
 
 
@@ -127,7 +157,8 @@ def test_logs_around_a_reply():
 
 
 @pytest.mark.parametrize(
-    ("good", "bad"), [("262,02", "26202"), ("4E5F,2D3C4B5", "4E5F2D3C4B5"), ("4E5F", "4G5F"), (",40,24", "")]
+    ("good", "bad"),
+    [("262,02", "26202"), ("4E5F,2D3C4B5", "4E5F2D3C4B5"), ("4E5F", "4G5F"), (",40,24", "")],
 )
 def test_damaged_row_names_no_cell(good, bad):
     assert not any(row.cid for row in MODEM.cells_in([line.replace(good, bad) for line in HEADED]))
@@ -158,7 +189,11 @@ def test_setup():
 
 def test_poll():
     rows = converse(MODEM.poll(), {"AT+GTCCINFO?": (HEADED[1:-1], "OK"), **COMMON})[0]
-    assert [row.role for row in rows if isinstance(row, CellReading)] == ["serving", "neighbour", "neighbour"]
+    assert [row.role for row in rows if isinstance(row, CellReading)] == [
+        "serving",
+        "neighbour",
+        "neighbour",
+    ]
 
 
 def test_poll_where_the_reply_tells_of_no_serving_cell():
@@ -173,14 +208,20 @@ def test_poll_without_an_answer(final):
 
 def test_commands_listen_only():
     for command in (*MODEM.set_up, *MODEM.asked, *MODEM.surveys):
-        assert not re.search(r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|GTACT|GTRAT", command.text)
+        assert not re.search(
+            r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|GTACT|GTRAT", command.text
+        )
 
 
-@pytest.mark.parametrize("identity", ["Manufacturer: Fibocom Wireless Inc. Model: FM350-GL", "L850-GL"])
+@pytest.mark.parametrize(
+    "identity", ["Manufacturer: Fibocom Wireless Inc. Model: FM350-GL", "L850-GL"]
+)
 def test_own_modems(identity):
     assert MODEM.identifies.search(identity)
 
 
-@pytest.mark.parametrize("identity", ["SIMCOM_SIM800L", "Telit LE910C1", "Quectel EC25", "u-blox SARA-L850"])
+@pytest.mark.parametrize(
+    "identity", ["SIMCOM_SIM800L", "Telit LE910C1", "Quectel EC25", "u-blox SARA-L850"]
+)
 def test_modems_of_others(identity):
     assert not MODEM.identifies.search(identity)

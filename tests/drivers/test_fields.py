@@ -1,6 +1,15 @@
 import pytest
 
-from logger.drivers.fields import area, cell_identity, decimal, hexadecimal, level, network, rsrq_db, values
+from logger.drivers.fields import (
+    area,
+    cell_identity,
+    decimal,
+    hexadecimal,
+    level,
+    network,
+    rsrq_db,
+    values,
+)
 
 
 @pytest.mark.parametrize(
@@ -24,13 +33,26 @@ def test_numbers_are_numbers_or_unknown():
     ]  # fmt: skip
     assert decimal("-3", -5, 5) == -3
     assert [hexadecimal(t) for t in ("fF", "0x1a", "g", "", "1 2")] == [255, 26, None, None, None]
-    assert [level(t, -120, 0) for t in ("-98.7", "-987", "nan", "1e1", "-5")] == [-98.7, None, None, None, -5.0]
+    assert [level(t, -120, 0) for t in ("-98.7", "-987", "nan", "1e1", "-5")] == [
+        -98.7,
+        None,
+        None,
+        None,
+        -5.0,
+    ]
     assert level("-987", -120, 0, 0.1) == pytest.approx(-98.7)
     assert [rsrq_db(t) for t in ("-10", "0")] == [-10.0, None]
 
 
 def test_parts_of_an_identity_that_say_unknown():
-    assert [area(t) for t in ("178d", "0000", "FFFE", "ffff", "10000", "")] == [0x178D, None, None, None, None, None]
+    assert [area(t) for t in ("178d", "0000", "FFFE", "ffff", "10000", "")] == [
+        0x178D,
+        None,
+        None,
+        None,
+        None,
+        None,
+    ]
     assert area("65535", base=10) is None
     assert area("7D3C00", bits=24) == 0x7D3C00
     assert [cell_identity(t, 16) for t in ("a53e", "ffff", "0")] == [0xA53E, None, None]

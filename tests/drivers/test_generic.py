@@ -23,7 +23,12 @@ def test_of_lte_the_level_is_that_of_the_reference_signal():
             "AT+CESQ": (["+CESQ: 99,99,255,255,20,60"], "OK"),
         },
     )
-    assert (rows[0].rat, rows[0].tac, rows[0].rsrp_dbm, rows[0].rssi_dbm) == ("LTE", 0x2AFE, -81.0, None)
+    assert (rows[0].rat, rows[0].tac, rows[0].rsrp_dbm, rows[0].rssi_dbm) == (
+        "LTE",
+        0x2AFE,
+        -81.0,
+        None,
+    )
 
 
 def test_no_cell_is_no_reading_and_no_answer_is_none():

@@ -36,17 +36,29 @@ def test_cgpsinfo():
     (fix,) = gnss.read_cgpsinfo([CGPSINFO])
     assert (fix.lat_deg, fix.lon_deg) == (pytest.approx(52.516275), pytest.approx(-7.377704))
     assert (fix.utc_ns, fix.alt_m) == (utc_ns(2026, 9, 21, 14, 13, 20, ns=500_000_000), 41.3)
-    assert (fix.speed_mps, fix.course_deg, fix.hdop, fix.sats_used) == (pytest.approx(5.1444444), None, None, None)
+    assert (fix.speed_mps, fix.course_deg, fix.hdop, fix.sats_used) == (
+        pytest.approx(5.1444444),
+        None,
+        None,
+        None,
+    )
 
 
 def test_qgpsloc():
     (fix,) = gnss.read_qgpsloc([QGPSLOC])
     assert (fix.lat_deg, fix.lon_deg) == (pytest.approx(-33.411), pytest.approx(-70.523))
-    assert (fix.utc_ns, fix.alt_m, fix.hdop, fix.sats_used) == (utc_ns(2026, 9, 21, 14, 13, 20), 560.0, 1.1, 9)
+    assert (fix.utc_ns, fix.alt_m, fix.hdop, fix.sats_used) == (
+        utc_ns(2026, 9, 21, 14, 13, 20),
+        560.0,
+        1.1,
+        9,
+    )
     assert (fix.speed_mps, fix.course_deg) == (pytest.approx(10.0), None)
 
 
-@pytest.mark.parametrize("place", ["-33.4110000,-70.5230000", "3324.6600,S,07031.3800,W", "3324.6600 S,07031.3800 W"])
+@pytest.mark.parametrize(
+    "place", ["-33.4110000,-70.5230000", "3324.6600,S,07031.3800,W", "3324.6600 S,07031.3800 W"]
+)
 def test_qgpsloc_in_its_other_formats(place):
     (fix,) = gnss.read_qgpsloc([QGPSLOC.replace("3324.6600S,07031.3800W", place)])
     assert (fix.lat_deg, fix.lon_deg) == (pytest.approx(-33.411), pytest.approx(-70.523))
@@ -65,7 +77,13 @@ def test_qgpsloc_in_its_other_formats(place):
 )
 def test_no_fix_and_no_time(read, line):
     (fix,) = read([line])
-    assert (fix.valid, fix.lat_deg, fix.lon_deg, fix.utc_ns, fix.speed_mps) == (False, None, None, None, None)
+    assert (fix.valid, fix.lat_deg, fix.lon_deg, fix.utc_ns, fix.speed_mps) == (
+        False,
+        None,
+        None,
+        None,
+        None,
+    )
 
 
 def test_no_fix_but_a_time():
@@ -124,7 +142,13 @@ def test_impossible_time_is_none(whole, other):
 
 @pytest.mark.parametrize(
     "line",
-    ["OK" + CGNSINF, "12:00:01 -> " + CGNSINF, CGNSINF + "\\r\\nOK", "AT+CGNSINF\r" + CGNSINF, CGNSINF + "\r"],
+    [
+        "OK" + CGNSINF,
+        "12:00:01 -> " + CGNSINF,
+        CGNSINF + "\\r\\nOK",
+        "AT+CGNSINF\r" + CGNSINF,
+        CGNSINF + "\r",
+    ],
 )
 def test_writing_of_a_row(line):
     assert gnss.read_cgnsinf([line]) == gnss.read_cgnsinf([CGNSINF])
@@ -138,7 +162,9 @@ def test_cut_row_has_the_whole_place_and_time_or_none(read, row):
     (whole,) = read([row])
     for end in range(len(row)):
         for fix in read([row[:end]]):
-            assert (fix.lat_deg, fix.lon_deg) in {(whole.lat_deg, whole.lon_deg), (None, None)}, row[:end]
+            assert (fix.lat_deg, fix.lon_deg) in {(whole.lat_deg, whole.lon_deg), (None, None)}, (
+                row[:end]
+            )
             assert fix.utc_ns in {whole.utc_ns, None}, row[:end]
 
 

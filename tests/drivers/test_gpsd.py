@@ -6,7 +6,19 @@ from hypothesis import strategies as st
 
 from logger.core.types import Fix
 from logger.drivers.garbage import Garbage
-from logger.drivers.gpsd import MAX_LINE, Device, Devices, Error, GpsdFixes, GpsdFramer, Gst, Sky, Tpv, Version, watch
+from logger.drivers.gpsd import (
+    MAX_LINE,
+    Device,
+    Devices,
+    Error,
+    GpsdFixes,
+    GpsdFramer,
+    Gst,
+    Sky,
+    Tpv,
+    Version,
+    watch,
+)
 from tests.kit.framers import check_framer, cut, feed_all
 from tests.kit.growth import growth
 
@@ -18,7 +30,18 @@ def line(name, **fields):
     return json.dumps({"class": name, **fields}).encode() + b"\r\n"
 
 
-TPV = line("TPV", device="/dev/a", mode=3, time=NOON, lat=52.5, lon=13.25, altMSL=45.5, alt=1.0, eph=17.1, speed=1.0)
+TPV = line(
+    "TPV",
+    device="/dev/a",
+    mode=3,
+    time=NOON,
+    lat=52.5,
+    lon=13.25,
+    altMSL=45.5,
+    alt=1.0,
+    eph=17.1,
+    speed=1.0,
+)
 SKY = line("SKY", device="/dev/a", hdop=0.9, uSat=9, satellites=[{"PRN": 1, "used": True}])
 GST = line("GST", device="/dev/a", time=NOON, lat=3.0, lon=4.0)
 
@@ -76,7 +99,9 @@ def test_reports_by_class():
     ],
 )
 def test_what_is_no_report_is_garbage(bad):
-    check_framer(GpsdFramer, bad + b"\r\n" + SKY, [Garbage(bad), Sky("/dev/a", 0.9, 9)], trailing=b'{"class')
+    check_framer(
+        GpsdFramer, bad + b"\r\n" + SKY, [Garbage(bad), Sky("/dev/a", 0.9, 9)], trailing=b'{"class'
+    )
 
 
 def test_endless_line_is_garbage_and_memory_is_bounded():
@@ -89,7 +114,10 @@ def test_endless_line_is_garbage_and_memory_is_bounded():
 
 
 @given(
-    st.lists(st.sampled_from([TPV, SKY, GST, b"\n", b"{", b"\r\n", b'"class"']) | st.binary(max_size=4), max_size=12)
+    st.lists(
+        st.sampled_from([TPV, SKY, GST, b"\n", b"{", b"\r\n", b'"class"']) | st.binary(max_size=4),
+        max_size=12,
+    )
 )
 def test_any_bytes_in_any_chunks(pieces):
     data = b"".join(pieces)
@@ -120,7 +148,10 @@ WHOLE = Fix(True, NOON_NS, 52.5, 13.25, alt_m=45.5, hdop=0.9, sats_used=9, speed
 
 
 def tpv(**changes):
-    return line("TPV", **{k: v for k, v in (json.loads(TPV) | changes).items() if k != "class" and v is not None})
+    return line(
+        "TPV",
+        **{k: v for k, v in (json.loads(TPV) | changes).items() if k != "class" and v is not None},
+    )
 
 
 @pytest.mark.parametrize("lines", [(SKY, TPV), (TPV, SKY), (tpv(mode=2), TPV, TPV, SKY)])
@@ -164,7 +195,8 @@ def test_validity(changes, valid, alt_m):
 
 
 @pytest.mark.parametrize(
-    ("status", "quality"), [(1, 1), (2, 2), (3, 4), (4, 5), (5, 6), (6, 1), (9, 3), (0, None), (77, None)]
+    ("status", "quality"),
+    [(1, 1), (2, 2), (3, 4), (4, 5), (5, 6), (6, 1), (9, 3), (0, None), (77, None)],
 )
 def test_status_becomes_gga_quality(status, quality):
     assert [fix.quality for _, fix in fixes(tpv(status=status))] == [quality]
@@ -199,7 +231,12 @@ def test_accuracy_is_the_receivers_own_or_unknown():
     assert accuracy(ublox, TPV) == 17.1
     assert accuracy(ublox, TPV, GST) == accuracy(nmea, TPV, GST) == pytest.approx(5.337214)
     assert accuracy(GST, TPV) == pytest.approx(5.337214)
-    assert accuracy(TPV, line("GST", device="/dev/a", time="2024-09-21T11:59:59.000Z", lat=3.0, lon=4.0)) is None
+    assert (
+        accuracy(
+            TPV, line("GST", device="/dev/a", time="2024-09-21T11:59:59.000Z", lat=3.0, lon=4.0)
+        )
+        is None
+    )
     assert accuracy(TPV, line("GST", device="/dev/b", time=NOON, lat=3.0, lon=4.0)) is None
 
 

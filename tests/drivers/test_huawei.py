@@ -54,12 +54,20 @@ def test_gsm():
         bsic=27,
         rssi_dbm=-72.0,
     )
-    assert (one(GSM.replace("-72,,", "-72,3,7")).rxq, one(GSM.replace("-72,,", "-72,3,7")).ta) == (3, 7)
+    assert (one(GSM.replace("-72,,", "-72,3,7")).rxq, one(GSM.replace("-72,,", "-72,3,7")).ta) == (
+        3,
+        7,
+    )
 
 
 def test_wcdma():
     cell = one(WCDMA)
-    assert (cell.cell, cell.psc, cell.rscp_dbm, cell.rssi_dbm) == (f"262-02-{0xA3C}-{0x1A2B3C4}", 117, -84.0, -67.0)
+    assert (cell.cell, cell.psc, cell.rscp_dbm, cell.rssi_dbm) == (
+        f"262-02-{0xA3C}-{0x1A2B3C4}",
+        117,
+        -84.0,
+        -67.0,
+    )
     assert cell.ecio_db == -8.0
     empty = one("^MONSC: WCDMA,262,02,10713,,1A2B3C4,A3C,,,,,")
     assert (empty.cell, empty.psc, empty.rscp_dbm) == (f"262-02-{0xA3C}-{0x1A2B3C4}", None, None)
@@ -86,13 +94,18 @@ def test_neighbours():
     assert (wcdma.psc, wcdma.rscp_dbm, wcdma.ecio_db) == (305, -98.0, -13.0)
     assert (lte.pci, lte.rsrp_dbm, lte.rsrq_db, lte.rssi_dbm) == (0x9C, -90.0, -13.0, -62.0)
     assert (nr.pci, nr.sinr_db) == (0x2A5, 0.0)
-    assert (who(one("^MONNC: GSM,2,637,,,,-84")), one("^MONNC: GSM,2,637,,,,-84").bsic) == (NOBODY, None)
+    assert (who(one("^MONNC: GSM,2,637,,,,-84")), one("^MONNC: GSM,2,637,,,,-84").bsic) == (
+        NOBODY,
+        None,
+    )
 
 
 def test_values_that_are_not_measured_or_unknown():
     nr = one("^MONNC: NR,632448,2A5,-157,-44,-24")
     assert (nr.pci, nr.rsrp_dbm, nr.rsrq_db, nr.sinr_db) == (0x2A5, None, None, None)
-    assert one("^MONNC: NR,632448,1B,-824,-104,-296").rsrp_dbm is None  # eighths of a dB, on some firmware
+    assert (
+        one("^MONNC: NR,632448,1B,-824,-104,-296").rsrp_dbm is None
+    )  # eighths of a dB, on some firmware
     assert who(one(GSM.replace("3C4D,2A3B", "FFFF,FFFE"))) == ("262", "01", None, None)
     assert who(one(GSM.replace("262,01", "000,00"))) == NOBODY
 
@@ -104,10 +117,17 @@ def test_no_cell():
     assert MODEM.cells_in(['^HCSQ: "LTE"']) == ()
 
 
-@pytest.mark.parametrize("text", ['"LTE",41,28,70,0', "LTE,41,28,70,0", ' "LTE", 41,28,70,0', '"lte",41,28,70,0'])
+@pytest.mark.parametrize(
+    "text", ['"LTE",41,28,70,0', "LTE,41,28,70,0", ' "LTE", 41,28,70,0', '"lte",41,28,70,0']
+)
 def test_signal_of_lte(text):
     assert one(f"^HCSQ:{text}") == Signal(
-        "LTE", rssi_dbm=-80.0, rsrp_dbm=-113.0, sinr_db=-6.2, rsrq_db=None, more={"raw": [41, 28, 70, 0]}
+        "LTE",
+        rssi_dbm=-80.0,
+        rsrp_dbm=-113.0,
+        sinr_db=-6.2,
+        rsrq_db=None,
+        more={"raw": [41, 28, 70, 0]},
     )
 
 
@@ -184,15 +204,23 @@ def test_setup():
 
 
 def test_poll():
-    rows = converse(MODEM.poll(), {"AT^MONSC": ([GSM], "OK"), "AT^MONNC": (NEIGHBOURS[:1], "OK"), **COMMON})[0]
+    rows = converse(
+        MODEM.poll(), {"AT^MONSC": ([GSM], "OK"), "AT^MONNC": (NEIGHBOURS[:1], "OK"), **COMMON}
+    )[0]
     assert [row.role for row in rows if isinstance(row, CellReading)] == ["serving", "neighbour"]
-    rows = converse(MODEM.poll(), {"AT^SMOND": (["^SMOND:262,01,2A3B,3C4D,27,58,72,,,0,,,0"], "OK")})[0]
+    rows = converse(
+        MODEM.poll(), {"AT^SMOND": (["^SMOND:262,01,2A3B,3C4D,27,58,72,,,0,,,0"], "OK")}
+    )[0]
     assert [row.cell for row in rows if isinstance(row, CellReading)] == ["262-01-10811-15437"]
 
 
 def test_poll_of_a_modem_that_does_not_know_monsc():
     serving, *_ = converse(MODEM.poll(), COMMON)[0]
-    assert (serving.role, serving.cell, serving.rsrp_dbm) == ("serving", "262-03-20063-47432885", -90.0)
+    assert (serving.role, serving.cell, serving.rsrp_dbm) == (
+        "serving",
+        "262-03-20063-47432885",
+        -90.0,
+    )
 
 
 @pytest.mark.parametrize("final", [None, "ERROR", "+CME ERROR: 100"])
@@ -209,11 +237,15 @@ def test_commands_listen_only():
         assert not re.search(r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM", command.text)
 
 
-@pytest.mark.parametrize("identity", ["Manufacturer: huawei Model: E3372", "HUAWEI MG323", "TD Tech Ltd MT5700M-CN"])
+@pytest.mark.parametrize(
+    "identity", ["Manufacturer: huawei Model: E3372", "HUAWEI MG323", "TD Tech Ltd MT5700M-CN"]
+)
 def test_own_modems(identity):
     assert MODEM.identifies.search(identity)
 
 
-@pytest.mark.parametrize("identity", ["SIMCOM_SIM800L", "Telit LE910C1", "Quectel EC25", "Sierra Wireless MC7455"])
+@pytest.mark.parametrize(
+    "identity", ["SIMCOM_SIM800L", "Telit LE910C1", "Quectel EC25", "Sierra Wireless MC7455"]
+)
 def test_modems_of_others(identity):
     assert not MODEM.identifies.search(identity)

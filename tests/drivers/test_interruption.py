@@ -1,4 +1,6 @@
-"""A row that is cut keeps neither its last value nor what hangs on it, in every family and at every place."""
+"""A row that is cut keeps neither its last value nor what hangs on it, in every family and at every
+place.
+"""
 
 import random
 import re
@@ -23,22 +25,43 @@ EC25 = '+QENG: "neighbourcell","GSM",262,01,1918,C851,59,118,-103,24,25,0,0'
 def told(driver, lines):
     """Who is named for certain, and which levels are told."""
     rows = rows_of(driver, lines)
-    cells = {who(row) if isinstance(row, CellReading) else (None, None, row.lac or row.tac, row.cid)
-             for row in rows if isinstance(row, CellReading | Registration) and not row.identity_unsure}  # fmt: skip
-    levels = {(name, getattr(row, name)) for row in rows if isinstance(row, CellReading) for name in LEVELS}
+    cells = {
+        who(row) if isinstance(row, CellReading) else (None, None, row.lac or row.tac, row.cid)
+        for row in rows
+        if isinstance(row, CellReading | Registration) and not row.identity_unsure
+    }
+    levels = {
+        (name, getattr(row, name))
+        for row in rows
+        if isinstance(row, CellReading)
+        for name in LEVELS
+    }
     return cells, levels
 
 
 def whole(driver, lines):
-    """The same for a reply that nothing has cut, an unsure identity among them: it is as it was sent."""
+    """The same for a reply that nothing has cut, an unsure identity among them: it is as it was
+    sent.
+    """
     rows = [row for row in driver.read(lines) if isinstance(row, CellReading | Registration)]
-    cells = {who(row) if isinstance(row, CellReading) else (None, None, row.lac or row.tac, row.cid) for row in rows}
-    return cells, {(name, getattr(row, name)) for row in rows if isinstance(row, CellReading) for name in LEVELS}
+    cells = {
+        who(row) if isinstance(row, CellReading) else (None, None, row.lac or row.tac, row.cid)
+        for row in rows
+    }
+    return cells, {
+        (name, getattr(row, name))
+        for row in rows
+        if isinstance(row, CellReading)
+        for name in LEVELS
+    }
 
 
 def is_part(cell, cells):
     """True where each part that is named is that of one cell."""
-    return any(all(part is None or part == other for part, other in zip(cell, known, strict=True)) for known in cells)
+    return any(
+        all(part is None or part == other for part, other in zip(cell, known, strict=True))
+        for known in cells
+    )
 
 
 def strong_and_weak(reply, rng):
@@ -48,13 +71,17 @@ def strong_and_weak(reply, rng):
 
 
 def cuts(lines):
-    """The reply with a URC in each place of each line, between line ends and without them, or with the rest lost."""
+    """The reply with a URC in each place of each line, between line ends and without them, or with
+    the rest lost.
+    """
     for number, line in enumerate(lines):
         for at in range(1, len(line) + 1):
             before, rest = [*lines[:number], line[:at]], [line[at:], *lines[number + 1 :]]
             yield [*before, URC, *rest]
             yield [*lines[:number], line[:at] + URC, *rest]
-            if re.search(r"[\s,]", line[at:]):  # a row that lost but the end of its last value is a row
+            if re.search(
+                r"[\s,]", line[at:]
+            ):  # a row that lost but the end of its last value is a row
                 yield [*before, *lines[number + 1 :]]
 
 
@@ -83,7 +110,9 @@ def test_a_whole_row_before_another_row_loses_nothing():
     assert [reading.level_dbm for reading in FAMILIES["quectel"].read(lines)] == [-103.0, -97.0]
 
 
-@pytest.mark.parametrize("following", ["+CREG: 1", "OK", "ERROR", "+CME ERROR: 3", "AT+QENG", "", "+QENG: 1,4"])
+@pytest.mark.parametrize(
+    "following", ["+CREG: 1", "OK", "ERROR", "+CME ERROR: 3", "AT+QENG", "", "+QENG: 1,4"]
+)
 def test_what_may_follow_a_row_cuts_none(following):
     assert uncut([EC25, following], NAMES)[0] == EC25
 

@@ -37,11 +37,19 @@ def test_what_a_modem_tells_can_be_set_again(command, line, value, back):
     assert command.is_value(value)
     assert command.set_to(value) == back
     assert not command.is_gsm(value)
-    for lines, final in (((line,), None), ((line,), "ERROR"), ((), "OK"), ((line, line), "OK"), (("+CSQ: 9,9",), "OK")):
+    for lines, final in (
+        ((line,), None),
+        ((line,), "ERROR"),
+        ((), "OK"),
+        ((line, line), "OK"),
+        (("+CSQ: 9,9",), "OK"),
+    ):
         assert command.value_in(Reply(command.asks, lines, final)) is None
 
 
-@pytest.mark.parametrize("line", ["+CNMP: ", "+CNMP: x", "+CNMP: 2,", "+CNMP: 2;+CFUN=0", "!SELRAT: Unknown RAT mode"])
+@pytest.mark.parametrize(
+    "line", ["+CNMP: ", "+CNMP: x", "+CNMP: 2,", "+CNMP: 2;+CFUN=0", "!SELRAT: Unknown RAT mode"]
+)
 def test_what_is_no_value_is_none(line):
     assert mode.CNMP[0].value_in(Reply("AT+CNMP?", (line,), "OK")) is None
     assert mode.SELRAT[0].value_in(Reply("AT!SELRAT?", (line,), "OK")) is None
@@ -49,7 +57,11 @@ def test_what_is_no_value_is_none(line):
 
 def test_a_value_counts_that_is_told_twice_in_a_row():
     asked = "AT+CNMP?"
-    once = [(asked, ("+CNMP: 38",), "OK"), (asked, ("+CNMP: 3",), "OK"), (asked, ("+CNMP: 38",), "OK")]
+    once = [
+        (asked, ("+CNMP: 38",), "OK"),
+        (asked, ("+CNMP: 3",), "OK"),
+        (asked, ("+CNMP: 38",), "OK"),
+    ]
     assert rehearsed(mode.current(mode.CNMP), [*once, once[0]]) == (mode.CNMP[0], "38")
     assert rehearsed(mode.current(mode.CNMP), [*once, (asked, (), None)]) is None
 
@@ -80,6 +92,9 @@ def test_what_a_modem_has_afterwards_is_asked_and_not_believed():
 
 
 def test_the_model_is_asked_and_no_number():
-    assert converse(mode.model(), {"AT+CGMM": (("SIM7600E-H",), "OK")}) == ("SIM7600E-H", ["AT+CGMM"])
+    assert converse(mode.model(), {"AT+CGMM": (("SIM7600E-H",), "OK")}) == (
+        "SIM7600E-H",
+        ["AT+CGMM"],
+    )
     assert converse(mode.model(), {"AT+CGMM": ((), "OK")})[0] is None
     assert converse(mode.model(), {})[0] is None

@@ -40,12 +40,17 @@ def test_any_line_end_ends_a_sentence(end):
 )
 def test_sentence_is_found_behind_noise_and_before_it(noise):
     check(noise + GGA.encode() + b"\r\n", [Garbage(noise), Sentence(GGA)])
-    check(GGA.encode() + b"\r\n" + noise + b"\r\n" + RMC.encode(), [Sentence(GGA), Garbage(noise), Sentence(RMC)])
+    check(
+        GGA.encode() + b"\r\n" + noise + b"\r\n" + RMC.encode(),
+        [Sentence(GGA), Garbage(noise), Sentence(RMC)],
+    )
 
 
 @pytest.mark.parametrize("keep", range(1, len(GGA)))
 def test_interrupted_sentence_does_not_take_the_next_one_with_it(keep):
-    check(GGA[:keep].encode() + RMC.encode() + b"\r\n", [Garbage(GGA[:keep].encode()), Sentence(RMC)])
+    check(
+        GGA[:keep].encode() + RMC.encode() + b"\r\n", [Garbage(GGA[:keep].encode()), Sentence(RMC)]
+    )
 
 
 @pytest.mark.parametrize(
@@ -73,7 +78,9 @@ def test_small_letters_in_the_checksum_and_unknown_types_are_sentences():
     assert [s.message for s in NmeaFramer().feed(odd.encode())] == [None]
 
 
-@pytest.mark.parametrize("body", ["PUBX", "PASHR", "PASHR,", "GPGGA", "GPGGA,", "CCGPQ,GGA", "GPRMC,,,", "PGRME"])
+@pytest.mark.parametrize(
+    "body", ["PUBX", "PASHR", "PASHR,", "GPGGA", "GPGGA,", "CCGPQ,GGA", "GPRMC,,,", "PGRME"]
+)
 def test_sentences_that_pynmea2_stumbles_over(body):
     events = list(NmeaFramer().feed(nmea(body).encode()))
     assert events == [Sentence(nmea(body))]
@@ -90,7 +97,19 @@ def test_endless_sentence_is_garbage_and_memory_is_bounded():
 
 
 PIECES = st.sampled_from(
-    [GGA.encode(), RMC.encode(), TXT.encode(), b"$GPG", b"\r\n", b"\r", b"$", b"*", b"*4", b"x" * 700, b"\xb5b"]
+    [
+        GGA.encode(),
+        RMC.encode(),
+        TXT.encode(),
+        b"$GPG",
+        b"\r\n",
+        b"\r",
+        b"$",
+        b"*",
+        b"*4",
+        b"x" * 700,
+        b"\xb5b",
+    ]
 )
 STREAMS = st.lists(PIECES | st.binary(max_size=4), max_size=12).map(b"".join)
 
@@ -100,10 +119,18 @@ def test_chunks_make_no_difference(data, sizes):
     assert feed_all(NmeaFramer(), cut(data, sizes)) == feed_all(NmeaFramer(), [data])
 
 
-@given(st.lists(st.tuples(st.binary(max_size=30).filter(lambda b: b"$" not in b), st.sampled_from([GGA, RMC, TXT]))))
+@given(
+    st.lists(
+        st.tuples(
+            st.binary(max_size=30).filter(lambda b: b"$" not in b), st.sampled_from([GGA, RMC, TXT])
+        )
+    )
+)
 def test_noise_between_sentences_loses_none(parts):
     data = b"".join(noise + text.encode() for noise, text in parts)
-    assert [e.text for e in NmeaFramer().feed(data) if isinstance(e, Sentence)] == [text for _, text in parts]
+    assert [e.text for e in NmeaFramer().feed(data) if isinstance(e, Sentence)] == [
+        text for _, text in parts
+    ]
 
 
 # --- fixes
@@ -119,11 +146,20 @@ def fixes(*texts, flush=True):
     return found + list(assembler.flush()) if flush else found
 
 
-def gga(time="120000.00", place="5230.0000,N,01315.0000,E", quality="1", tail="08,1.1,45.5,M,40.0,M,,"):
+def gga(
+    time="120000.00", place="5230.0000,N,01315.0000,E", quality="1", tail="08,1.1,45.5,M,40.0,M,,"
+):
     return nmea(f"GPGGA,{time},{place},{quality},{tail}")
 
 
-def rmc(time="120000.00", status="A", place="5230.0000,N,01315.0000,E", date="210924", mode="A,V", motion="2.0,84.4"):
+def rmc(
+    time="120000.00",
+    status="A",
+    place="5230.0000,N,01315.0000,E",
+    date="210924",
+    mode="A,V",
+    motion="2.0,84.4",
+):
     return nmea(f"GPRMC,{time},{status},{place},{motion},{date},,,{mode}")
 
 
@@ -151,7 +187,9 @@ def test_gga_and_rmc_of_one_epoch_are_one_fix_in_either_order():
 def when_reported(*texts):
     """For each sentence, how many fixes it completed."""
     assembler = FixAssembler()
-    return [len(list(assembler.feed(s, 0))) for text in texts for s in NmeaFramer().feed(text.encode())]
+    return [
+        len(list(assembler.feed(s, 0))) for text in texts for s in NmeaFramer().feed(text.encode())
+    ]
 
 
 def gst(time="120000.00", lat_m="3.0", lon_m="4.0"):
@@ -192,7 +230,9 @@ def test_a_lost_sentence_costs_its_own_values_and_no_fix(order, lost):
 
 def test_a_sentence_that_comes_after_the_silence_makes_no_second_fix():
     assembler = FixAssembler()
-    sentences = [s for text in (rmc(), gga(), rmc("120001.00")) for s in NmeaFramer().feed(text.encode())]
+    sentences = [
+        s for text in (rmc(), gga(), rmc("120001.00")) for s in NmeaFramer().feed(text.encode())
+    ]
     assert not list(assembler.feed(sentences[0], 0))
     assert len(list(assembler.flush())) == 1
     assert not list(assembler.feed(sentences[1], 1))
@@ -212,7 +252,13 @@ def test_standing_clock_hides_no_epoch():
 
 @pytest.mark.parametrize(
     ("lat_m", "lon_m", "acc_m"),
-    [("2.0", "2.0", 3.019184), ("3.0", "4.0", 5.337214), ("0.0", "0.0", None), ("", "2.0", None), ("x", "2", None)],
+    [
+        ("2.0", "2.0", 3.019184),
+        ("3.0", "4.0", 5.337214),
+        ("0.0", "0.0", None),
+        ("", "2.0", None),
+        ("x", "2", None),
+    ],
 )
 def test_gst_gives_the_radius_of_68_percent(lat_m, lon_m, acc_m):
     [(_, fix)] = fixes(gga(), rmc(), gst(lat_m=lat_m, lon_m=lon_m))
@@ -239,7 +285,8 @@ def test_accuracy_of_no_position_is_unknown():
 
 
 @pytest.mark.parametrize(
-    ("modes", "alt_m"), [("3", 45.5), ("2", None), ("", 45.5), ("x", 45.5), ("1", 45.5), ("13", 45.5), ("12", None)]
+    ("modes", "alt_m"),
+    [("3", 45.5), ("2", None), ("", 45.5), ("x", 45.5), ("1", 45.5), ("13", 45.5), ("12", None)],
 )
 def test_height_of_a_fix_in_two_dimensions_is_not_measured(modes, alt_m):
     [(_, fix)] = fixes(gga(), rmc(), *(gsa(mode, str(i)) for i, mode in enumerate(modes or [""])))
@@ -300,7 +347,10 @@ def test_zda_with_a_time_of_its_own_splits_no_epoch():
 
 def test_date_and_time_of_two_days_are_not_joined():
     last, first = rmc("235959.90", date="200924"), gga("000000.00")
-    assert [fix.utc_ns for _, fix in fixes(last, first)] == [NOON_NS - 12 * 3600 * 10**9 - 10**8, None]
+    assert [fix.utc_ns for _, fix in fixes(last, first)] == [
+        NOON_NS - 12 * 3600 * 10**9 - 10**8,
+        None,
+    ]
 
 
 def test_date_without_a_time_is_no_time():
@@ -315,7 +365,8 @@ def test_receiver_with_one_sentence(sentence):
 
 
 @pytest.mark.parametrize(
-    ("mode", "quality", "valid"), [("E", 6, True), ("M", 7, False), ("S", 8, False), ("A", None, True)]
+    ("mode", "quality", "valid"),
+    [("E", 6, True), ("M", 7, False), ("S", 8, False), ("A", None, True)],
 )
 def test_an_rmc_alone_says_that_its_position_is_not_measured(mode, quality, valid):
     [(_, fix)] = fixes(rmc(mode=mode))
@@ -346,7 +397,11 @@ def test_empty_epochs_are_no_fixes_one_by_one():
 @pytest.mark.parametrize(
     ("first", "second", "valid"),
     [(gga(quality=str(q)), rmc(), 1 <= q <= 6) for q in range(10)]
-    + [(gga(quality=""), rmc(), False), (gga(quality="x"), rmc(), False), (gga(), rmc(status="V"), False)]
+    + [
+        (gga(quality=""), rmc(), False),
+        (gga(quality="x"), rmc(), False),
+        (gga(), rmc(status="V"), False),
+    ]
     + [(gga(), rmc(mode=mode + ",V"), True) for mode in "ADEFPR"]
     + [(gga(), rmc(mode=mode), False) for mode in ("N,V", "M", "S")]
     + [(gga(), rmc(mode=""), True)],
@@ -407,7 +462,9 @@ def test_utc_is_exact(time, fraction_ns):
     assert fix.utc_ns == NOON_NS + fraction_ns
 
 
-@pytest.mark.parametrize("date", ["", "060180", "220899", "311219", "000000", "310224", "abc", "2109240"])
+@pytest.mark.parametrize(
+    "date", ["", "060180", "220899", "311219", "000000", "310224", "abc", "2109240"]
+)
 def test_date_of_a_receiver_that_has_lost_count_is_no_date(date):
     assert [(fix.valid, fix.utc_ns) for _, fix in fixes(gga(), rmc(date=date))] == [(True, None)]
 
@@ -426,7 +483,9 @@ def test_values_that_are_no_numbers_are_unknown():
     assert found == [(0, Fix(valid=True, utc_ns=NOON_NS, lat_deg=52.5, lon_deg=13.25, quality=1))]
 
 
-TEXTS = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="$*"), max_size=8)
+TEXTS = st.text(
+    st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="$*"), max_size=8
+)
 
 
 @given(st.lists(TEXTS, max_size=15))

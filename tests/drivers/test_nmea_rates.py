@@ -1,4 +1,6 @@
-"""Receivers at 5 and 10 Hz over midnight: every epoch is one fix with its own values, however the bytes are cut."""
+"""Receivers at 5 and 10 Hz over midnight: every epoch is one fix with its own values, however the
+bytes are cut.
+"""
 
 import random
 from datetime import UTC, datetime
@@ -21,7 +23,9 @@ def epoch_ns(i, rate_hz):
 def clock(i, rate_hz, digits=2):
     t_ns = epoch_ns(i, rate_hz)
     fraction = f"{t_ns % 10**9:09d}"[:digits]
-    return f"{datetime.fromtimestamp(t_ns // 10**9, UTC):%H%M%S}" + (f".{fraction}" if digits else "")
+    return f"{datetime.fromtimestamp(t_ns // 10**9, UTC):%H%M%S}" + (
+        f".{fraction}" if digits else ""
+    )
 
 
 def lat(i):
@@ -29,7 +33,9 @@ def lat(i):
 
 
 def gga(i, rate_hz):
-    return f"GNGGA,{clock(i, rate_hz)},{lat(i)},N,01315.00000,E,1,12,0.8,{40 + i / 100:.2f},M,40.0,M,,"
+    return (
+        f"GNGGA,{clock(i, rate_hz)},{lat(i)},N,01315.00000,E,1,12,0.8,{40 + i / 100:.2f},M,40.0,M,,"
+    )
 
 
 def rmc(i, rate_hz):
@@ -63,7 +69,11 @@ ORDERS = {
     "accuracy first": [gst, gga, gsa(1), gsa(2), rmc],
     "motion last": [gga, gst, gsa(1), vtg, GSV, rmc],
     "satellites between": [gga, GSV, gsa(1), rmc_of_three_digits, gst],
-    "accuracy once a second": [gga, rmc, lambda i, rate_hz: gst(i, rate_hz) if i % rate_hz == 0 else None],
+    "accuracy once a second": [
+        gga,
+        rmc,
+        lambda i, rate_hz: gst(i, rate_hz) if i % rate_hz == 0 else None,
+    ],
 }
 
 
@@ -107,7 +117,9 @@ def test_damage_costs_the_epochs_it_hits_at_most(order, rate_hz):
         data[at] ^= 0x80  # shows in the checksum
     framer, assembler = NmeaFramer(), FixAssembler()
     events = [event for event in framer.feed(bytes(data)) if isinstance(event, Sentence)]
-    found = [fix for event in events for _, fix in assembler.feed(event, 0)] + [fix for _, fix in assembler.flush()]
+    found = [fix for event in events for _, fix in assembler.feed(event, 0)] + [
+        fix for _, fix in assembler.flush()
+    ]
     told_of = {float(e.text.split(",")[1]) for e in events if e.text[3:6] in {"GGA", "RMC"}}
     assert len(found) == len(told_of) >= SECONDS * rate_hz - n_hit // 2  # who lost both is lost
     assert sum(fix.utc_ns is None for fix in found) <= n_hit

@@ -8,7 +8,8 @@ import pytest
 
 from logger.drivers.nmea import MAX_SENTENCE, FixAssembler, NmeaFramer, Sentence
 
-# fixes with GGA, without GGA, without a position; sentences of GGA and of RMC; stretches without a position
+# fixes with GGA, without GGA, without a position; sentences of GGA and of RMC; stretches without a
+# position
 
 LOGS = {
     "01_google_ublox-F9K_drive_2020": (1142, 0, 0, 1142, 1142, 0),
@@ -27,8 +28,15 @@ LOGS = {
 def test_recorded_log(corpus, log):
     data = (corpus / "nmea" / f"{log}.nmea").read_bytes()
     framer, assembler = NmeaFramer(), FixAssembler()
-    sentences = [e for i in range(0, len(data), 997) for e in framer.feed(data[i : i + 997]) if isinstance(e, Sentence)]
-    found = [fix for t, s in enumerate(sentences) for fix in assembler.feed(s, t)] + list(assembler.flush())
+    sentences = [
+        e
+        for i in range(0, len(data), 997)
+        for e in framer.feed(data[i : i + 997])
+        if isinstance(e, Sentence)
+    ]
+    found = [fix for t, s in enumerate(sentences) for fix in assembler.feed(s, t)] + list(
+        assembler.flush()
+    )
     kinds = [match[1] for s in sentences if (match := re.match(r"\$..(GGA|RMC)", s.text))]
     without_gga = sum(fix.quality is None for _, fix in found)
     counts = (len(found) - without_gga, without_gga, sum(not fix.valid for _, fix in found))
@@ -58,7 +66,12 @@ def test_damaged_log_gives_fixes_or_noise_and_keeps_little(corpus, log):
 def test_recorded_log_utc_runs_with_its_own_clock(corpus):
     data = (corpus / "nmea" / "01_google_ublox-F9K_drive_2020.nmea").read_bytes()
     assembler = FixAssembler()
-    times = [fix.utc_ns for s in NmeaFramer().feed(data) if isinstance(s, Sentence) for _, fix in assembler.feed(s, 0)]
+    times = [
+        fix.utc_ns
+        for s in NmeaFramer().feed(data)
+        if isinstance(s, Sentence)
+        for _, fix in assembler.feed(s, 0)
+    ]
     steps = {b - a for a, b in itertools.pairwise(times)}
     assert steps >= {s * 10**9 for s in (1, 6, 10, 19, 40)}
     assert all(step > 0 and step % 10**9 == 0 for step in steps)

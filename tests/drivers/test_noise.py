@@ -1,4 +1,6 @@
-"""Line noise before, after and between the lines of a reply, and in place of their ends: what is whole is read."""
+"""Line noise before, after and between the lines of a reply, and in place of their ends: what is
+whole is read.
+"""
 
 import random
 import re
@@ -21,14 +23,22 @@ def _noise(rng):
 
 BEFORE = {
     "before each line": lambda lines, rng: [_noise(rng) + line for line in lines],
-    "between the lines": lambda lines, rng: [piece for line in lines for piece in (_noise(rng), line)],
-    "with printable bytes in it": lambda lines, rng: [_noise(rng) + b"x~" + _noise(rng) + line for line in lines],
+    "between the lines": lambda lines, rng: [
+        piece for line in lines for piece in (_noise(rng), line)
+    ],
+    "with printable bytes in it": lambda lines, rng: [
+        _noise(rng) + b"x~" + _noise(rng) + line for line in lines
+    ],
 }
 AFTER = {
     "after each line": lambda lines, rng: [line + _noise(rng) for line in lines],
     "on both sides": lambda lines, rng: [_noise(rng) + line + _noise(rng) for line in lines],
-    "in place of the last bytes": lambda lines, rng: [line[: -rng.randint(1, 3)] + _noise(rng) for line in lines],
-    "in place of the first bytes": lambda lines, rng: [_noise(rng) + line[rng.randint(1, 12) :] for line in lines],
+    "in place of the last bytes": lambda lines, rng: [
+        line[: -rng.randint(1, 3)] + _noise(rng) for line in lines
+    ],
+    "in place of the first bytes": lambda lines, rng: [
+        _noise(rng) + line[rng.randint(1, 12) :] for line in lines
+    ],
     "in the middle": lambda lines, rng: [_in_the_middle(line, rng) for line in lines],
     "in place of line ends": lambda lines, rng: [_noise(rng).join(lines)],
 }
@@ -55,7 +65,9 @@ def test_noise_before_and_between_lines_takes_no_row(name, kind):
     driver, rng = FAMILIES[name], random.Random(1)
     for reply in own_replies(name):
         if all(NAME.match(line) for line in reply.split("\n") if line.strip()):
-            assert cells_of(driver, _heard(reply, BEFORE[kind], rng)) == cells_of(driver, reply.split("\n"))
+            assert cells_of(driver, _heard(reply, BEFORE[kind], rng)) == cells_of(
+                driver, reply.split("\n")
+            )
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -80,7 +92,9 @@ def test_a_modem_with_noise_before_every_line_is_still_polled():
     (reply,) = [event for event in framer.feed(said) if isinstance(event, Reply)]
     assert reply == Reply("ATI", ("SIM800 R14.18",), "OK")
     framer.send("AT+CENG?")
-    (reply,) = [event for event in framer.feed(b"\xff\xfe+CME ERROR: 3\r\n") if isinstance(event, Reply)]
+    (reply,) = [
+        event for event in framer.feed(b"\xff\xfe+CME ERROR: 3\r\n") if isinstance(event, Reply)
+    ]
     assert reply.final == "+CME ERROR: 3"
 
 
@@ -90,7 +104,10 @@ def test_a_modem_with_noise_before_every_line_is_still_polled():
         (b"+CSQ: 19,99", [(b"+CSQ: 19,99", True)]),
         (b"\xff\xfe+CENG: 1,1", [(b"\xff\xfe", False), (b"+CENG: 1,1", True)]),
         (b"+CENG: 1,1\xff", [(b"+CENG: 1,1", True), (b"\xff", False)]),
-        (b"+CENG: 1,1\xff+CENG: 2,2", [(b"+CENG: 1,1", True), (b"\xff", False), (b"+CENG: 2,2", True)]),
+        (
+            b"+CENG: 1,1\xff+CENG: 2,2",
+            [(b"+CENG: 1,1", True), (b"\xff", False), (b"+CENG: 2,2", True)],
+        ),
         (b"+CENG: 1,\xff1", [(b"+CENG: 1,\xff1", False)]),
         (b"\xff23,45", [(b"\xff23,45", False)]),  # a digit may be missing
         (b"\xffOK\x00", [(b"\xff", False), (b"OK", True), (b"\x00", False)]),

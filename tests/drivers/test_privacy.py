@@ -48,7 +48,9 @@ def test_what_is_of_people_and_devices_is_blanked_whatever_the_chunks(form):
     """Alone, at the end of what came, and between the rows of a reply, which stays as it was."""
     secret = form.encode("latin-1")
     assert found_in(secret) or "+CRSM" in form
-    for seed, data in enumerate([secret, secret + b"\r\n", b"\r\n" + secret + b"\r\n" + REPLY] * 30):
+    for seed, data in enumerate(
+        [secret, secret + b"\r\n", b"\r\n" + secret + b"\r\n" + REPLY] * 30
+    ):
         out = _cut(data, random.Random(seed))
         assert not found_in(out), out
         assert len(out) == len(data)
@@ -64,7 +66,9 @@ def test_what_tells_of_cells_places_and_times_is_left_alone(line):
 
 
 def test_all_forms_between_all_rows_in_any_order():
-    """An hour of a busy telephone in the middle of polls: no number is left, and no row is damaged."""
+    """An hour of a busy telephone in the middle of polls: no number is left, and no row is
+    damaged.
+    """
     rng = random.Random(3)
     for _ in range(20):
         forms = [form.encode("latin-1") for form in FORMS if "CENG" not in form]
@@ -79,8 +83,12 @@ def _changed(data):
 
 
 def test_no_row_and_no_sentence_of_the_recordings_is_touched(corpus):
-    """Replies and logs of real devices; what differs is one IMSI of zeros, and the rest of an IMEI among stars."""
-    found = [line for path in sorted(corpus.glob("modem/*.txt")) for line in _changed(path.read_bytes())]
+    """Replies and logs of real devices; what differs is one IMSI of zeros, and the rest of an IMEI
+    among stars.
+    """
+    found = [
+        line for path in sorted(corpus.glob("modem/*.txt")) for line in _changed(path.read_bytes())
+    ]
     assert [line[:6] for line in found] == [b"IMEI: ", b"#RFSTS"]
     for path in sorted(corpus.glob("nmea/*.nmea")):
         assert not _changed(path.read_bytes())

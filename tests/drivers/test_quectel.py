@@ -11,7 +11,8 @@ from tests.kit.drivers import NOBODY, cells_of, rehearsed, who
 
 MODEM = Quectel()
 
-# Values of our own in the layouts of the EC2x manual 6.17; WCDMA, SA, EN_DC and SHORT_SCAN are in the corpus.
+# Values of our own in the layouts of the EC2x manual 6.17; WCDMA, SA, EN_DC and SHORT_SCAN are in
+# the corpus.
 GSM = '+QENG: "servingcell","NOCONN","GSM",262,01,1A2B,3C4D,21,57,-,-66,255,255,0,39,41,1,-,-,-,-,-,-,-,-,-,"-"'
 IN_CALL = '+QENG: "servingcell","CONNECT","GSM",262,01,1A2B,3C4E,18,73,0,-71,5,12,3,0,0,0,h,1,5,0,31,40,41,0,0,"EFR"'
 WCDMA = '+QENG: "servingcell","NOCONN","WCDMA",515,03,3AB2,B55EEFF,3037,352,1,-94,-15,-,-,-,-,-'
@@ -31,7 +32,17 @@ SAMPLES = [GSM, IN_CALL, WCDMA, LTE, SA, *EN_DC, *QOPS, GSM_ON_GSM, GSM_ON_LTE, 
 
 
 @pytest.mark.parametrize(
-    "dialect", ["qeng_lte", "qeng_lte_gsm", "qeng_lte_wcdma", "qeng_5g", "qscan", "qcsq", "registration", "qgpsloc"]
+    "dialect",
+    [
+        "qeng_lte",
+        "qeng_lte_gsm",
+        "qeng_lte_wcdma",
+        "qeng_5g",
+        "qscan",
+        "qcsq",
+        "registration",
+        "qgpsloc",
+    ],
 )
 def test_recorded_replies(corpus, dialect):
     recorded = entries(corpus, f"quectel_{dialect}")
@@ -88,7 +99,8 @@ def test_ids_of_digits_only_are_hexadecimal():
 
 
 @pytest.mark.parametrize(
-    ("tail", "srxlev"), [("", None), (",21", 21), (",-", None), (",", None), (",7,50,33", 33), (",7,50", None)]
+    ("tail", "srxlev"),
+    [("", None), (",21", 21), (",-", None), (",", None), (",7,50,33", 33), (",7,50", None)],
 )
 def test_end_of_an_lte_row(tail, srxlev):
     cell = one(LTE.removesuffix(",23") + tail)
@@ -117,14 +129,24 @@ def test_words_for_a_technology(word, rat):
 
 def test_5g_alone():
     cell = one(SA)
-    assert (cell.rat, cell.more["mode"], who(cell)) == ("NR", "SA", ("460", "00", 0x46550B, 0x170C23000))
+    assert (cell.rat, cell.more["mode"], who(cell)) == (
+        "NR",
+        "SA",
+        ("460", "00", 0x46550B, 0x170C23000),
+    )
     assert (cell.arfcn, cell.band, cell.rsrp_dbm, cell.rsrq_db) == (504990, 41, -54.0, -10.0)
 
 
 def test_5g_beside_lte():
     lte, nr = cells(*EN_DC)
     assert (lte.cell, lte.more["state"]) == ("515-03-19107-53844326", "NOCONN")
-    assert (nr.rat, nr.more["mode"], nr.pci, nr.rsrp_dbm, nr.rsrq_db) == ("NR", "NSA", 832, -76.0, -11.0)
+    assert (nr.rat, nr.more["mode"], nr.pci, nr.rsrp_dbm, nr.rsrq_db) == (
+        "NR",
+        "NSA",
+        832,
+        -76.0,
+        -11.0,
+    )
     assert (nr.more["sinr_raw"], nr.arfcn, nr.band) == (21, 528030, 41)
     assert one('+QENG: "NR5G-NSA",515,03,832,-76,21,-11').rsrq_db == -11.0
     assert one('+QENG: "NR5G-NSA",262,03,65535,-32768,-32768,-32768').level_dbm is None
@@ -132,7 +154,12 @@ def test_5g_beside_lte():
 
 def test_order_in_a_neighbour_row_follows_the_technology_camped_on():
     gsm = one(GSM_ON_GSM)
-    assert (who(gsm), gsm.bsic, gsm.arfcn, gsm.rssi_dbm) == (("262", "01", 0x1A2C, 0x3C4F), 27, 61, -79.0)
+    assert (who(gsm), gsm.bsic, gsm.arfcn, gsm.rssi_dbm) == (
+        ("262", "01", 0x1A2C, 0x3C4F),
+        27,
+        61,
+        -79.0,
+    )
     for arfcn in (88, 262):  # the second could be a network code
         gsm = one(GSM_ON_LTE.replace('"GSM",88', f'"GSM",{arfcn}'))
         assert (who(gsm), gsm.arfcn, gsm.bsic, gsm.rssi_dbm) == (NOBODY, arfcn, 37, -81.0)
@@ -141,7 +168,8 @@ def test_order_in_a_neighbour_row_follows_the_technology_camped_on():
 
 
 @pytest.mark.parametrize(
-    "row", ["10663,5,12,60,219,-970,-80,21", "10663,-698,219,-970,-80,4,-32768,-", "10663,219,-97,-8"]
+    "row",
+    ["10663,5,12,60,219,-970,-80,21", "10663,-698,219,-970,-80,4,-32768,-", "10663,219,-97,-8"],
 )
 def test_wcdma_neighbour(row):
     cell = one(f'+QENG: "neighbourcell","WCDMA",{row}')
@@ -159,7 +187,13 @@ def test_wcdma_neighbour(row):
 )
 def test_lte_neighbour(row):
     cell = one(f"+QENG: {row}")
-    assert (cell.role, cell.arfcn, cell.pci, cell.rsrp_dbm, cell.rsrq_db) == ("neighbour", 800, 310, -116.0, -12.0)
+    assert (cell.role, cell.arfcn, cell.pci, cell.rsrp_dbm, cell.rsrq_db) == (
+        "neighbour",
+        800,
+        310,
+        -116.0,
+        -12.0,
+    )
     assert cell.more.get("kind") == (re.search("int(ra|er)", row) or [None])[0]
 
 
@@ -197,7 +231,12 @@ def test_band_scan():
         '1,"4G",1850,118,2,2B3C4D5,-98,-11,-69,0',
         '2,"3G",10663,219,6B7C,4D5E6F7,-97,19,0',
     )
-    assert (gsm.role, who(gsm), gsm.arfcn, gsm.bsic) == ("scan", ("262", "03", 0x1A2D, 0x3C50), 21, 14)
+    assert (gsm.role, who(gsm), gsm.arfcn, gsm.bsic) == (
+        "scan",
+        ("262", "03", 0x1A2D, 0x3C50),
+        21,
+        14,
+    )
     assert (gsm.rxlev_raw, gsm.rssi_dbm, lost.rxlev_raw) == (25, None, None)
     assert (who(lte), lte.pci, lte.rsrp_dbm) == (("262", "04", 2, 0x2B3C4D5), 118, -98.0)
     assert (who(umts), umts.psc, umts.rscp_dbm) == (("262", "04", 0x6B7C, 0x4D5E6F7), 219, -97.0)
@@ -206,7 +245,9 @@ def test_band_scan():
 
 def test_levels():
     assert MODEM.read(['+QCSQ: "GSM",-67']) == (Signal("GSM", rssi_dbm=-67.0),)
-    assert MODEM.read(['+QCSQ: "WCDMA",-72,-79,-7']) == (Signal("WCDMA", rssi_dbm=-72.0, rscp_dbm=-79.0, ecio_db=-7.0),)
+    assert MODEM.read(['+QCSQ: "WCDMA",-72,-79,-7']) == (
+        Signal("WCDMA", rssi_dbm=-72.0, rscp_dbm=-79.0, ecio_db=-7.0),
+    )
     assert MODEM.read(['+QCSQ: "NR5G",-75,4,-11']) == (
         Signal("NR", rsrp_dbm=-75.0, rsrq_db=-11.0, more={"sinr_raw": 4}),
     )
@@ -240,7 +281,12 @@ def test_no_cell():
 )
 def test_row_in_a_log(write, row):
     cell, found = one(row), one(write(row))
-    assert (found.role, found.rat, who(found), found.arfcn) == (cell.role, cell.rat, who(cell), cell.arfcn)
+    assert (found.role, found.rat, who(found), found.arfcn) == (
+        cell.role,
+        cell.rat,
+        who(cell),
+        cell.arfcn,
+    )
     assert found.level_dbm == cell.level_dbm
 
 
@@ -268,7 +314,13 @@ def test_identity_is_whole_or_nothing(printed, identity):
 
 def test_unknown_is_none():
     cell = one(GSM.replace(",21,57,-,-66,", ",255,-,-,-,"))
-    assert (cell.cell, cell.bsic, cell.arfcn, cell.level_dbm, cell.ta) == ("262-01-6699-15437", None, None, None, None)
+    assert (cell.cell, cell.bsic, cell.arfcn, cell.level_dbm, cell.ta) == (
+        "262-01-6699-15437",
+        None,
+        None,
+        None,
+        None,
+    )
 
 
 @pytest.mark.parametrize("row", [GSM, WCDMA, LTE, SA, GSM_ON_GSM, SCAN, EN_DC[1]])
@@ -313,10 +365,15 @@ def test_poll():
     )
     assert rehearsed(MODEM.poll(), [(serving, [GSM], "OK"), (neighbours, [], None)]) == (one(GSM),)
     assert rehearsed(MODEM.poll(), [(serving, [], "OK"), (neighbours, [], "OK")]) == ()
-    assert rehearsed(MODEM.poll(), [(serving, [], "ERROR"), (neighbours, [], "+CME ERROR: 100")]) is None
+    assert (
+        rehearsed(MODEM.poll(), [(serving, [], "ERROR"), (neighbours, [], "+CME ERROR: 100")])
+        is None
+    )
     assert rehearsed(MODEM.poll(), [(serving, [], None), (neighbours, [], None)]) is None
     searching = ['+QENG: "servingcell","SEARCH"']
-    assert rehearsed(MODEM.poll(), [(serving, searching, "OK"), (neighbours, [], "ERROR")]) == (NoCell(state="SEARCH"),)
+    assert rehearsed(MODEM.poll(), [(serving, searching, "OK"), (neighbours, [], "ERROR")]) == (
+        NoCell(state="SEARCH"),
+    )
 
 
 def test_survey():

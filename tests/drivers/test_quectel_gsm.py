@@ -13,9 +13,7 @@ MODEM = QuectelGsm()
 # Values of our own in the documented layout; NBIOT is a row of the corpus.
 HEADER = "+QENG: 1,4"
 SERVING = "+QENG: 0,262,01,1b2c,4d5e,3,42,-73,38,38,5,7,x,x,x,x,x,x,x"
-NEIGHBOURS = (
-    "+QENG: 1,1,5,-76,30,35,35,262,01,1b2c,4d5f,2,11,-80,17,31,31,262,01,1b2c,4d60,3,14,-88,44,23,23,262,01,1b2c,7a8b"
-)
+NEIGHBOURS = "+QENG: 1,1,5,-76,30,35,35,262,01,1b2c,4d5f,2,11,-80,17,31,31,262,01,1b2c,4d60,3,14,-88,44,23,23,262,01,1b2c,7a8b"
 CHANNELS = "+QENG: 4,4,(5,-76,30),(11,-80,17),(16,-101,x),(7,-102,6)"
 NBIOT = '+QENG: 0,1769,9,400,"00288516",-103,-9,-94,5,3,"A924",0,14,2'
 SAMPLES = [HEADER, SERVING, NEIGHBOURS, CHANNELS, NBIOT]
@@ -60,7 +58,11 @@ def test_serving_cell():
 
 def test_neighbours():
     found = cells(NEIGHBOURS)
-    assert [cell.cell for cell in found] == ["262-01-6956-19807", "262-01-6956-19808", "262-01-6956-31371"]
+    assert [cell.cell for cell in found] == [
+        "262-01-6956-19807",
+        "262-01-6956-19808",
+        "262-01-6956-31371",
+    ]
     assert [(cell.role, cell.arfcn, cell.rssi_dbm, cell.bsic) for cell in found] == [
         ("neighbour", 5, -76.0, 30),
         ("neighbour", 11, -80.0, 17),
@@ -74,11 +76,19 @@ def test_neighbours():
 def test_neighbours_in_a_line_that_a_terminal_has_wrapped(at, end):
     whole = cells(NEIGHBOURS)
     assert cells(NEIGHBOURS[:at] + end, NEIGHBOURS[at:]) == whole
-    assert cells(HEADER, SERVING, NEIGHBOURS[:at], NEIGHBOURS[at : at + 20], NEIGHBOURS[at + 20 :], "OK")[1:] == whole
+    assert (
+        cells(
+            HEADER, SERVING, NEIGHBOURS[:at], NEIGHBOURS[at : at + 20], NEIGHBOURS[at + 20 :], "OK"
+        )[1:]
+        == whole
+    )
 
 
 def test_a_urc_between_the_parts_of_a_wrapped_line_ends_it():
-    assert [cell.cell for cell in cells(NEIGHBOURS[:70], "+CIEV: 1", NEIGHBOURS[70:])] == ["262-01-6956-19807", None]
+    assert [cell.cell for cell in cells(NEIGHBOURS[:70], "+CIEV: 1", NEIGHBOURS[70:])] == [
+        "262-01-6956-19807",
+        None,
+    ]
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])
@@ -108,7 +118,12 @@ def test_strongest_channels():
 
 def test_nbiot_cell_has_the_same_prefix():
     cell = one(NBIOT)
-    assert (cell.rat, who(cell), cell.arfcn, cell.pci) == ("NB-IoT", (None, None, 0xA924, 0x288516), 1769, 400)
+    assert (cell.rat, who(cell), cell.arfcn, cell.pci) == (
+        "NB-IoT",
+        (None, None, 0xA924, 0x288516),
+        1769,
+        400,
+    )
     assert (cell.rsrp_dbm, cell.rsrq_db, cell.rssi_dbm, cell.band) == (-103.0, -9.0, -94.0, 3)
 
 
@@ -136,23 +151,41 @@ def test_impossible_nbiot_level_is_unknown():
 def test_nbiot_neighbours():
     with_offset, without = one("+QENG: 1,3740,1,137,-92"), one("+QENG: 1,3740,137,-92,-11")
     for cell in (with_offset, without):
-        assert (cell.role, cell.rat, cell.arfcn, cell.pci, cell.rsrp_dbm) == ("neighbour", "NB-IoT", 3740, 137, -92.0)
+        assert (cell.role, cell.rat, cell.arfcn, cell.pci, cell.rsrp_dbm) == (
+            "neighbour",
+            "NB-IoT",
+            3740,
+            137,
+            -92.0,
+        )
     assert (with_offset.rsrq_db, without.rsrq_db) == (None, -11.0)
     assert len(cells("+QENG: 1,3740,1,137,-92,3741,1,205,-97")) == 2
 
 
 def test_nbiot_modem_that_searches_has_no_cell():
-    assert MODEM.read(['+QENG: 0,0,0,0,"00000000",-157,-20,-110,-20,0,"0000",0,,3']) == (NoCell("NB-IoT"),)
+    assert MODEM.read(['+QENG: 0,0,0,0,"00000000",-157,-20,-110,-20,0,"0000",0,,3']) == (
+        NoCell("NB-IoT"),
+    )
 
 
-@pytest.mark.parametrize("line", ["+QENG: 1,0", "+QENG: 1,4", "+QENG: 0,0", "+QENG: 0", "+QENG: 2,21,88", "+QENG: 4,0"])
+@pytest.mark.parametrize(
+    "line", ["+QENG: 1,0", "+QENG: 1,4", "+QENG: 0,0", "+QENG: 0", "+QENG: 2,21,88", "+QENG: 4,0"]
+)
 def test_lines_without_a_cell(line):
     assert MODEM.read([line]) == ()
     assert MODEM.role_of(line) is None
 
 
 def test_rows_of_bc660_that_are_no_cells():
-    assert MODEM.read(["+QENG: 3,917,84,31", '+QENG: 4,"EMM_REGISTERED","NORMAL_SERVICE","IDLE","HPLMN",26201']) == ()
+    assert (
+        MODEM.read(
+            [
+                "+QENG: 3,917,84,31",
+                '+QENG: 4,"EMM_REGISTERED","NORMAL_SERVICE","IDLE","HPLMN",26201',
+            ]
+        )
+        == ()
+    )
 
 
 # --- unknown and damaged
@@ -178,7 +211,9 @@ def test_lost_comma_names_no_other_cell():
     for row in (SERVING, NEIGHBOURS, NBIOT):
         known = {who(cell) for cell in cells(row)} | {NOBODY}
         for comma in (match.start() for match in re.finditer(",", row)):
-            assert {who(cell) for cell in cells(row[:comma] + row[comma + 1 :])} <= known, row[:comma]
+            assert {who(cell) for cell in cells(row[:comma] + row[comma + 1 :])} <= known, row[
+                :comma
+            ]
 
 
 @pytest.mark.parametrize("row", [SERVING, NEIGHBOURS, NBIOT])
@@ -210,7 +245,9 @@ AWAKE = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
 
 def test_setup():
     assert rehearsed(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "OK")]) is True
-    assert rehearsed(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "ERROR")]) is True  # an NB-IoT modem
+    assert (
+        rehearsed(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "ERROR")]) is True
+    )  # an NB-IoT modem
     assert rehearsed(MODEM.setup(), [("AT", [], None)] * 5) is False
 
 
@@ -221,7 +258,9 @@ def test_poll_of_a_gsm_modem():
     assert rehearsed(MODEM.poll(), [("AT+QENG?", [HEADER], "OK")]) == ()
 
 
-@pytest.mark.parametrize(("lines", "final"), [([], None), ([HEADER], None), ([], "OK"), (["+QENG: 0,0"], "OK")])
+@pytest.mark.parametrize(
+    ("lines", "final"), [([], None), ([HEADER], None), ([], "OK"), (["+QENG: 0,0"], "OK")]
+)
 def test_poll_without_an_answer(lines, final):
     assert rehearsed(MODEM.poll(), [("AT+QENG?", lines, final)]) is None
 

@@ -7,8 +7,13 @@ from logger.drivers.recognition import Known, recognised, recognised_replies
 from logger.drivers.registry import FAMILIES
 from tests.kit.drivers import who
 
-PADDED = ['+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"', '+CENG: 1,"0128,15,30,a53f,310,411,178d"']
-SERVING = '+QENG: "servingcell","NOCONN","LTE","FDD",262,01,{cid},212,1300,3,5,5,{tac},-97,-8,-70,14,30'
+PADDED = [
+    '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"',
+    '+CENG: 1,"0128,15,30,a53f,310,411,178d"',
+]
+SERVING = (
+    '+QENG: "servingcell","NOCONN","LTE","FDD",262,01,{cid},212,1300,3,5,5,{tac},-97,-8,-70,14,30'
+)
 CPSI = "+CPSI: LTE,Online,262-02,0x2AFE,{cid},149,EUTRAN-BAND20,6300,3,3,-91,-885,-594,13"
 
 
@@ -48,7 +53,9 @@ def test_whole_rows_are_sure():
 
 
 def test_a_number_that_stands_twice_is_what_it_is():
-    rows = told("sim800", ['+CENG:1,"0672,19,30,a53e,310,260,113"', '+CENG:2,"0678,14,39,4e74,310,260,113"'])
+    rows = told(
+        "sim800", ['+CENG:1,"0672,19,30,a53e,310,260,113"', '+CENG:2,"0678,14,39,4e74,310,260,113"']
+    )
     assert [who(row)[2] for row in rows] == [0x113, 0x113]
     assert not any(row.identity_unsure for row in rows)
 
@@ -83,7 +90,10 @@ def test_serving_cells_of_one_channel_contradict_each_other():
 
 
 def test_rows_of_one_reply_show_a_firmware_that_does_not_pad():
-    rows = told("sim800", [f'+CENG: {n},"404,04,{lac},d91{n},38,13"' for n, lac in enumerate(("1b3", "138", "7d"))])
+    rows = told(
+        "sim800",
+        [f'+CENG: {n},"404,04,{lac},d91{n},38,13"' for n, lac in enumerate(("1b3", "138", "7d"))],
+    )
     assert not any(row.identity_unsure for row in rows)
 
 
@@ -124,13 +134,21 @@ def test_the_same_damage_again_and_again_proves_nothing():
     known = Known()
     for number in range(400):
         lost = number % 100 == 99
-        (row,), known = recognised(FAMILIES["quectel"].read([lte("1A2" if lost else "1A2B", "4940206")]), known)
+        (row,), known = recognised(
+            FAMILIES["quectel"].read([lte("1A2" if lost else "1A2B", "4940206")]), known
+        )
         assert row.identity_unsure == lost
 
 
 @pytest.mark.parametrize(
     ("mcc", "mnc", "unsure"),
-    [("262", "01", False), ("262", "001", True), ("262", "011", True), ("310", "260", False), ("310", "26", True)],
+    [
+        ("262", "01", False),
+        ("262", "001", True),
+        ("262", "011", True),
+        ("310", "260", False),
+        ("310", "26", True),
+    ],
 )
 def test_a_network_code_has_the_digits_of_its_country(mcc, mnc, unsure):
     assert told("sim800", PADDED[1].replace("310,411", f"{mcc},{mnc}"))[0].identity_unsure is unsure
@@ -143,7 +161,9 @@ def test_a_network_code_heard_before_is_sure_and_its_damage_is_not():
     assert told("sim800", known, known, known.replace("864", "84"))[0].identity_unsure
 
 
-@pytest.mark.parametrize(("row", "arfcn", "level"), [("0128,15", 128, -98.0), ("0128,5", 128, None)])
+@pytest.mark.parametrize(
+    ("row", "arfcn", "level"), [("0128,15", 128, -98.0), ("0128,5", 128, None)]
+)
 def test_a_level_without_its_padding_is_none(row, arfcn, level):
     reading = told("sim800", [PADDED[0], PADDED[1].replace("0128,15", row)])[1]
     assert (reading.arfcn, reading.rssi_dbm, reading.cid) == (arfcn, level, 0xA53F)
@@ -156,14 +176,18 @@ def test_a_channel_without_its_padding_is_none():
 
 
 def test_levels_of_firmware_that_does_not_pad_are_read():
-    rows = told("sim800", [f'+CENG: {n},"{61 + n},{n},30,a53{n},310,411,178d"' for n in range(1, 5)])
+    rows = told(
+        "sim800", [f'+CENG: {n},"{61 + n},{n},30,a53{n},310,411,178d"' for n in range(1, 5)]
+    )
     assert [row.rxlev_raw for row in rows] == [1, 2, 3, 4]
     assert [row.arfcn for row in rows] == [62, 63, 64, 65]
 
 
 def test_rows_come_back_with_plain_numbers():
     for row in told("sim800", PADDED):
-        assert {type(getattr(row, name)) for name in ("lac", "cid", "arfcn_raw", "rxlev_raw", "bsic")} <= {int}
+        assert {
+            type(getattr(row, name)) for name in ("lac", "cid", "arfcn_raw", "rxlev_raw", "bsic")
+        } <= {int}
 
 
 def test_what_is_remembered_is_bounded():
@@ -175,6 +199,15 @@ def test_what_is_remembered_is_bounded():
 
 
 def test_replies_of_a_transcript_know_of_each_other():
-    replies = [FAMILIES["sim7600"].read([decimal(cid)]) for cid in (50896642, 5896642, 50896642, 50896642, 7131)]
+    replies = [
+        FAMILIES["sim7600"].read([decimal(cid)])
+        for cid in (50896642, 5896642, 50896642, 50896642, 7131)
+    ]
     found, _ = recognised_replies(replies, Known())
-    assert [row.identity_unsure for rows in found for row in rows] == [False, True, False, False, False]
+    assert [row.identity_unsure for rows in found for row in rows] == [
+        False,
+        True,
+        False,
+        False,
+        False,
+    ]

@@ -16,7 +16,11 @@ MODEMS = {
         "SIMCOM_Ltd SIMCOM_SIM800L Revision:1418B05SIM800L24",
         "SIMCOM_SIM900 1137B13SIM900M64",
     ],
-    "sim7000": ["SIM7000E R1529 SIMCOM_Ltd SIMCOM_SIM7000E", "SIM7070 R1951.02 SIMCOM_SIM7070", "SIMCOM_SIM7080"],
+    "sim7000": [
+        "SIM7000E R1529 SIMCOM_Ltd SIMCOM_SIM7000E",
+        "SIM7070 R1951.02 SIMCOM_SIM7070",
+        "SIMCOM_SIM7080",
+    ],
     "sim7600": [
         "Manufacturer: SIMCOM INCORPORATED Model: SIMCOM_SIM5360E Revision: SIM5360E_V3.5",
         "Manufacturer: SIMCOM INCORPORATED Model: SIMCOM_SIM7600E-H",
@@ -35,15 +39,26 @@ MODEMS = {
         "Quectel_Ltd Quectel_M66 Revision: M66FAR01A12BT",
         "Quectel_Ltd Quectel_BC26 Revision: BC26NAR01A07",
     ],
-    "telit": ["Telit GL865-DUAL 16.01.150", "Telit LE910-EUG 17.00.523", "Telit GT864-QUAD 10.00.006"],
-    "ublox": ["u-blox SARA-G350-02S-01 08.90", "u-blox SARA-R510S-01B 03.15", "u-blox LARA-R6001-00B"],
+    "telit": [
+        "Telit GL865-DUAL 16.01.150",
+        "Telit LE910-EUG 17.00.523",
+        "Telit GT864-QUAD 10.00.006",
+    ],
+    "ublox": [
+        "u-blox SARA-G350-02S-01 08.90",
+        "u-blox SARA-R510S-01B 03.15",
+        "u-blox LARA-R6001-00B",
+    ],
     "cinterion": [
         "SIEMENS TC35 REVISION 04.00",
         "Cinterion BGS2-W REVISION 02.000",
         "SIEMENS MC55 REVISION 04.00",
         "Cinterion PLS8-E REVISION 03.011",
     ],
-    "sierra": ["Sierra Wireless, Incorporated MC7455 SWI9X30C_02.24.05.06", "Sierra Wireless, Incorporated EM7565"],
+    "sierra": [
+        "Sierra Wireless, Incorporated MC7455 SWI9X30C_02.24.05.06",
+        "Sierra Wireless, Incorporated EM7565",
+    ],
     "huawei": ["huawei E3372 21.180.01.00.00", "Huawei Technologies Co., Ltd. ME909s-120"],
     "fibocom": ["Fibocom Wireless Inc. L860-GL", "Fibocom FM350-GL 81600.0000.00.29.17.01"],
     "generic": ["", "ACME 2000", "ERROR"],
@@ -63,14 +78,18 @@ def test_an_unknown_driver_is_told_with_the_names_there_are():
     assert driver_of(AUTO) is None
 
 
-@pytest.mark.parametrize(("name", "text"), [(name, text) for name, texts in MODEMS.items() for text in texts])
+@pytest.mark.parametrize(
+    ("name", "text"), [(name, text) for name, texts in MODEMS.items() for text in texts]
+)
 def test_a_modem_is_known_by_what_it_says(name, text):
     assert family_of(text).name == name
 
 
 def test_the_dialogue_that_asks():
     said = {"AT": (), "ATE0": (), "ATI": ("SIM800 R14.18",), "AT+CGMM": ("SIMCOM_SIM800L",)}
-    (driver, text), asked = converse(identified(), {command: (lines, "OK") for command, lines in said.items()})
+    (driver, text), asked = converse(
+        identified(), {command: (lines, "OK") for command, lines in said.items()}
+    )
     assert (driver.name, text) == ("sim800", "SIM800 R14.18 SIMCOM_SIM800L")
     assert not any("CGSN" in text or "CIMI" in text for text in asked)
 
@@ -99,7 +118,9 @@ FORBIDDEN = (
     "COPS=4",
     "CMGS",
 )
-CHOOSES_TECHNOLOGIES = re.compile(r"CNMP=|CNMB=|NWSCAN|IOTOPMODE|URAT=|WS46=|SXRAT=|SELRAT=|SYSCFG|GTRAT=|G?T?X?ACT=\d")
+CHOOSES_TECHNOLOGIES = re.compile(
+    r"CNMP=|CNMB=|NWSCAN|IOTOPMODE|URAT=|WS46=|SXRAT=|SELRAT=|SYSCFG|GTRAT=|G?T?X?ACT=\d"
+)
 GSM_ONLY = {
     "sim7000": ["AT+CNMP=13"],
     "sim7600": ["AT+CNMP=13"],
@@ -116,7 +137,13 @@ GSM_ONLY = {
 
 @pytest.mark.parametrize("driver", FAMILIES.values(), ids=FAMILIES)
 def test_no_driver_asks_who_the_subscriber_is_or_transmits(driver):
-    for command in (*driver.set_up, *driver.asked, *driver.surveys, *driver.gnss_on, *driver.gnss_asked):
+    for command in (
+        *driver.set_up,
+        *driver.asked,
+        *driver.surveys,
+        *driver.gnss_on,
+        *driver.gnss_asked,
+    ):
         assert not any(word in command.text.upper() for word in FORBIDDEN), command
         assert not CHOOSES_TECHNOLOGIES.search(command.text.upper()), command
 
@@ -129,7 +156,9 @@ def test_the_one_exception_is_the_choice_of_gsm_only(driver):
         assert not any(word in text.upper() for word in FORBIDDEN), text
     # what is asked sets nothing
     assert all(command.asks.endswith(("?", '="nwscanmode"')) for command in driver.modes)
-    assert all(command.is_gsm(command.gsm) and command.is_value(command.gsm) for command in driver.modes)
+    assert all(
+        command.is_gsm(command.gsm) and command.is_value(command.gsm) for command in driver.modes
+    )
 
 
 @pytest.mark.parametrize("driver", FAMILIES.values(), ids=FAMILIES)

@@ -109,7 +109,10 @@ def test_wcdma_and_gsm():
     "lines",
     [
         [re.sub(r"\s+", " ", line) for line in LTE],
-        [f"{number}:[{' '.join(line.split())}]" for number, line in enumerate(["AT!GSTATUS?", *LTE[1:]])],
+        [
+            f"{number}:[{' '.join(line.split())}]"
+            for number, line in enumerate(["AT!GSTATUS?", *LTE[1:]])
+        ],
         [f"2022-03-15 17:03:01 {line}" for line in LTE],
         [line.replace("\t", "        ").upper() for line in LTE],
         ["\\r\\n".join(line.replace("\t", "\\t") for line in LTE)],
@@ -124,9 +127,15 @@ def test_logs_write_it_in_many_ways(lines):
 
 def test_levels_of_older_and_newer_labels():
     older = [
-        re.sub("PCC RxM RSSI:  -83", "RSSI (dBm):    -83", line).replace("PCC RxM RSRP", "RSRP (dBm)") for line in LTE
+        re.sub("PCC RxM RSSI:  -83", "RSSI (dBm):    -83", line).replace(
+            "PCC RxM RSRP", "RSRP (dBm)"
+        )
+        for line in LTE
     ]
-    mixed = [line.replace("PCC RxM RSRP", "RSRP (dBm)").replace("CC RxD RSRP", "CC RSRP (dBm)") for line in LTE]
+    mixed = [
+        line.replace("PCC RxM RSRP", "RSRP (dBm)").replace("CC RxD RSRP", "CC RSRP (dBm)")
+        for line in LTE
+    ]
     for lines in (older, mixed):
         assert (one(lines).rssi_dbm, one(lines).rsrp_dbm) == (-83.0, -111.0)
     absent = [line.replace("-111", "--") for line in mixed]
@@ -135,37 +144,64 @@ def test_levels_of_older_and_newer_labels():
 
 def test_unknown_values():
     row = one(
-        [line.replace("2B67 (11111)", "FFFF (65535)").replace("1444", "65535").replace("B3", "--") for line in LTE]
+        [
+            line.replace("2B67 (11111)", "FFFF (65535)")
+            .replace("1444", "65535")
+            .replace("B3", "--")
+            for line in LTE
+        ]
     )
     assert (row.tac, row.cid, row.arfcn, row.band) == (None, 19088743, None, None)
     assert one([*WCDMA[:3], "WCDMA band: Unknown", *WCDMA[4:]]).band is None
 
 
 def test_no_service():
-    assert one(["!GSTATUS:", "System mode:   NO SERVICE       PS state:    Not attached"]) == NoCell(
-        status="NO SERVICE"
-    )
-    assert one(["!GSTATUS:", "System mode:   LTE              PS state:    Not attached"]) == NoCell(
-        "LTE", status="LTE"
-    )
+    assert one(
+        ["!GSTATUS:", "System mode:   NO SERVICE       PS state:    Not attached"]
+    ) == NoCell(status="NO SERVICE")
+    assert one(
+        ["!GSTATUS:", "System mode:   LTE              PS state:    Not attached"]
+    ) == NoCell("LTE", status="LTE")
     assert MODEM.cells_in(["!GSTATUS:", "Temperature: 32", "OK"]) == ()
 
 
 def test_table():
     serving, intra, inter, wcdma = MODEM.cells_in(LTEINFO)
-    assert (serving.cell, serving.arfcn, serving.band, serving.pci) == ("262-03-11111-19088743", 1444, 3, 303)
-    assert (serving.rsrp_dbm, serving.rsrq_db, serving.rssi_dbm, serving.sinr_db) == (-91.4, -11.3, -61.2, 19.0)
+    assert (serving.cell, serving.arfcn, serving.band, serving.pci) == (
+        "262-03-11111-19088743",
+        1444,
+        3,
+        303,
+    )
+    assert (serving.rsrp_dbm, serving.rsrq_db, serving.rssi_dbm, serving.sinr_db) == (
+        -91.4,
+        -11.3,
+        -61.2,
+        19.0,
+    )
     assert (intra.role, intra.pci, intra.arfcn, intra.rsrp_dbm) == ("neighbour", 305, 1444, -99.7)
     assert (inter.pci, inter.arfcn, inter.more["srxlev"]) == (211, 6300, 4)
-    assert (wcdma.rat, wcdma.psc, wcdma.arfcn, wcdma.rscp_dbm, wcdma.ecio_db) == ("WCDMA", 117, 10713, -97.0, -11.5)
-    assert MODEM.cells_in([f"17:03:01.250 {line}" for line in LTEINFO]) == (serving, intra, inter, wcdma)
+    assert (wcdma.rat, wcdma.psc, wcdma.arfcn, wcdma.rscp_dbm, wcdma.ecio_db) == (
+        "WCDMA",
+        117,
+        10713,
+        -97.0,
+        -11.5,
+    )
+    assert MODEM.cells_in([f"17:03:01.250 {line}" for line in LTEINFO]) == (
+        serving,
+        intra,
+        inter,
+        wcdma,
+    )
 
 
 # --- damage
 
 
 @pytest.mark.parametrize(
-    ("good", "bad"), [("(19088743)", "(1908743)"), ("01234567 (", "01234657 ("), ("(11111)", "(1111)")]
+    ("good", "bad"),
+    [("(19088743)", "(1908743)"), ("01234567 (", "01234657 ("), ("(11111)", "(1111)")],
 )
 def test_numbers_that_contradict_each_other_leave_the_identity_unsure(good, bad):
     assert not one(LTE).identity_unsure
@@ -174,16 +210,21 @@ def test_numbers_that_contradict_each_other_leave_the_identity_unsure(good, bad)
     assert row.rsrp_dbm == one(LTE).rsrp_dbm
 
 
-@pytest.mark.parametrize(("good", "bad"), [("01234567 (19088743)", "01234567 (19088743"), ("(19088743)", "")])
+@pytest.mark.parametrize(
+    ("good", "bad"), [("01234567 (19088743)", "01234567 (19088743"), ("(19088743)", "")]
+)
 def test_place_without_its_number_in_brackets_is_no_place(good, bad):
     assert who(one([line.replace(good, bad) for line in LTE]))[3] is None
 
 
 @pytest.mark.parametrize(
-    ("good", "bad"), [("262  03", "26203"), ("01234567", "0123456"), ("1444 262", "1444 0 262"), ("11111", "11-11")]
+    ("good", "bad"),
+    [("262  03", "26203"), ("01234567", "0123456"), ("1444 262", "1444 0 262"), ("11111", "11-11")],
 )
 def test_damaged_row_of_a_table_is_no_cell(good, bad):
-    assert not any(row.cell for row in MODEM.cells_in([line.replace(good, bad) for line in LTEINFO]))
+    assert not any(
+        row.cell for row in MODEM.cells_in([line.replace(good, bad) for line in LTEINFO])
+    )
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
@@ -216,7 +257,9 @@ def test_poll_takes_the_network_from_the_operator_of_that_technology():
 
 
 def test_poll_tells_the_serving_cell_once():
-    rows = converse(MODEM.poll(), {"AT!GSTATUS?": (LTE, "OK"), "AT!LTEINFO?": (LTEINFO, "OK"), **cops(7)})[0]
+    rows = converse(
+        MODEM.poll(), {"AT!GSTATUS?": (LTE, "OK"), "AT!LTEINFO?": (LTEINFO, "OK"), **cops(7)}
+    )[0]
     assert [row.cell for row in rows if isinstance(row, CellReading) and row.role == "serving"] == [
         "262-03-11111-19088743"
     ]
@@ -229,16 +272,21 @@ def test_poll_without_an_answer(final):
 
 def test_commands_listen_only():
     for command in (*MODEM.set_up, *MODEM.asked, *MODEM.surveys):
-        assert not re.search(r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|ENTERCND", command.text)
+        assert not re.search(
+            r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|ENTERCND", command.text
+        )
 
 
-@pytest.mark.parametrize("identity", ["Manufacturer: Sierra Wireless, Incorporated Model: MC7455", "AirPrime MC8790"])
+@pytest.mark.parametrize(
+    "identity", ["Manufacturer: Sierra Wireless, Incorporated Model: MC7455", "AirPrime MC8790"]
+)
 def test_own_modems(identity):
     assert MODEM.identifies.search(identity)
 
 
 @pytest.mark.parametrize(
-    "identity", ["HL8548 Sierra Wireless", "Sierra Wireless SL8082T", "Telit LE910C1", "SIMCOM_SIM800L"]
+    "identity",
+    ["HL8548 Sierra Wireless", "Sierra Wireless SL8082T", "Telit LE910C1", "SIMCOM_SIM800L"],
 )
 def test_modems_of_others(identity):
     assert not MODEM.identifies.search(identity)

@@ -47,7 +47,13 @@ def test_lte_serving_cell_has_decimal_identity():
 
 def test_lte_neighbour():
     row = one(LTE_NEIGHBOUR, LTE_HEADER)
-    assert (row.role, row.rat, who(row), row.arfcn, row.pci) == ("neighbour", "LTE-M", NOBODY, 1444, 91)
+    assert (row.role, row.rat, who(row), row.arfcn, row.pci) == (
+        "neighbour",
+        "LTE-M",
+        NOBODY,
+        1444,
+        91,
+    )
     assert (row.rsrp_dbm, row.rssi_dbm, row.rsrq_db, row.sinr_db) == (-95.0, -60.0, -16.0, 13.0)
 
 
@@ -61,7 +67,10 @@ def test_lte_neighbour():
     ],
 )
 def test_header_tells_the_technology(header, rat):
-    assert (one(LTE_SERVING, header).rat, who(one(LTE_SERVING, header))) == (rat, ("262", "03", 4660, 30541322))
+    assert (one(LTE_SERVING, header).rat, who(one(LTE_SERVING, header))) == (
+        rat,
+        ("262", "03", 4660, 30541322),
+    )
 
 
 @pytest.mark.parametrize("header", [GSM_HEADER, None])
@@ -79,7 +88,11 @@ def test_gsm_rows_are_alike_and_hexadecimal(header):
         bsic=2,
         rxlev_raw=35,
     )
-    assert (neighbour.role, who(neighbour), neighbour.bsic) == ("neighbour", ("404", "95", 0xC1C0, 0x48AA), 8)
+    assert (neighbour.role, who(neighbour), neighbour.bsic) == (
+        "neighbour",
+        ("404", "95", 0xC1C0, 0x48AA),
+        8,
+    )
 
 
 @pytest.mark.parametrize(
@@ -133,7 +146,14 @@ def test_gsm_row_without_a_whole_identity_keeps_its_level(row, channel, rxl):
 
 
 @pytest.mark.parametrize(
-    "row", ['+CENG: 5,"0000,00,00,0000,000,00,0000"', '+CENG: 5,",,,,,,"', '+CENG: 5,""', '+CENG: 5,"066', "+CENG: 5"]
+    "row",
+    [
+        '+CENG: 5,"0000,00,00,0000,000,00,0000"',
+        '+CENG: 5,",,,,,,"',
+        '+CENG: 5,""',
+        '+CENG: 5,"066',
+        "+CENG: 5",
+    ],
 )
 def test_empty_slot_and_stump_are_no_cell(row):
     assert one(row, GSM_HEADER) is None
@@ -141,10 +161,17 @@ def test_empty_slot_and_stump_are_no_cell(row):
 
 def test_values_that_stand_for_unknown():
     row = one('+CENG: 0,"1444,999,-81,-55,0,99,65535,268435455,262,03,255"', LTE_HEADER)
-    assert (who(row), row.pci, row.rsrq_db, row.sinr_db) == (("262", "03", None, None), None, None, None)
+    assert (who(row), row.pci, row.rsrq_db, row.sinr_db) == (
+        ("262", "03", None, None),
+        None,
+        None,
+        None,
+    )
     row = one('+CENG: 0,"0665,35,99,ffff,404,95,fffe"', GSM_HEADER)
     assert (who(row), row.bsic) == (("404", "95", None, None), None)
-    assert who(one('+CENG: 0,"1444,207,-81,-55,-9,13,4660,30541322,000,00,255"', LTE_HEADER)) == NOBODY
+    assert (
+        who(one('+CENG: 0,"1444,207,-81,-55,-9,13,4660,30541322,000,00,255"', LTE_HEADER)) == NOBODY
+    )
     assert one('+CENG: 1,"1444,91,-999,-60,-16,13"', LTE_HEADER) is None
 
 
@@ -174,12 +201,16 @@ def test_cpsi_and_the_receiver_are_read_too():
     assert [as_json(row)["role"] for row in rows] == ["serving", "gnss"]
 
 
-@pytest.mark.parametrize("text", ["SIMCOM_SIM7000G", "SIM7070G R1951.05", "SIM7080G", "SIM7090G", "sim7000e R1529"])
+@pytest.mark.parametrize(
+    "text", ["SIMCOM_SIM7000G", "SIM7070G R1951.05", "SIM7080G", "SIM7090G", "sim7000e R1529"]
+)
 def test_it_knows_its_modems(text):
     assert Sim7000.identifies.search(text)
 
 
-@pytest.mark.parametrize("text", ["SIMCOM_SIM7600E", "SIM800 R14.18", "SIM70000", "SIM7020E", "SIM7100"])
+@pytest.mark.parametrize(
+    "text", ["SIMCOM_SIM7600E", "SIM800 R14.18", "SIM70000", "SIM7020E", "SIM7100"]
+)
 def test_it_leaves_others(text):
     assert not Sim7000.identifies.search(text)
 
@@ -200,7 +231,10 @@ def test_setup_of_a_modem_that_is_not_there():
 
 
 def test_poll_names_the_serving_cell_once():
-    answers = [("AT+CENG?", [LTE_HEADER, LTE_SERVING, LTE_NEIGHBOUR], "OK"), ("AT+CPSI?", [CPSI], "OK")]
+    answers = [
+        ("AT+CENG?", [LTE_HEADER, LTE_SERVING, LTE_NEIGHBOUR], "OK"),
+        ("AT+CPSI?", [CPSI], "OK"),
+    ]
     serving, neighbour = rehearsed(MODEM.poll(), answers)
     assert (serving.rsrp_dbm, serving.band, neighbour.pci) == (-81.0, 3, 91)
 
@@ -209,7 +243,9 @@ def test_poll_names_the_serving_cell_once():
 def test_poll_with_one_of_the_two_answers(ceng):
     rows = rehearsed(MODEM.poll(), [("AT+CENG?", *ceng), ("AT+CPSI?", [CPSI], "OK")])
     assert [row.cid for row in rows if isinstance(row, CellReading)] == [30541322]
-    rows = rehearsed(MODEM.poll(), [("AT+CENG?", [LTE_HEADER, LTE_SERVING], None), ("AT+CPSI?", [], None)])
+    rows = rehearsed(
+        MODEM.poll(), [("AT+CENG?", [LTE_HEADER, LTE_SERVING], None), ("AT+CPSI?", [], None)]
+    )
     assert [row.cid for row in rows] == [30541322]
 
 
@@ -225,7 +261,10 @@ def test_poll_switches_engineering_mode_on_again(header):
 
 
 def test_poll_without_service():
-    answers = [("AT+CENG?", ["+CENG: 1,1,0,NO SERVICE"], "OK"), ("AT+CPSI?", ["+CPSI: NO SERVICE,Online"], "OK")]
+    answers = [
+        ("AT+CENG?", ["+CENG: 1,1,0,NO SERVICE"], "OK"),
+        ("AT+CPSI?", ["+CPSI: NO SERVICE,Online"], "OK"),
+    ]
     assert all(isinstance(row, NoCell) for row in rehearsed(MODEM.poll(), answers))
 
 
@@ -234,7 +273,13 @@ def test_poll_without_service():
 
 def test_recorded_replies(corpus):
     found = entries(
-        corpus, "simcom_sim7000", "simcom_cpsi", "simcom_boot", "simcom_cgnsinf", "simcom_csq", "simcom_nosim"
+        corpus,
+        "simcom_sim7000",
+        "simcom_cpsi",
+        "simcom_boot",
+        "simcom_cgnsinf",
+        "simcom_csq",
+        "simcom_nosim",
     )
     assert len(found) >= 20
     for entry in found:

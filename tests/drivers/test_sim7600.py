@@ -11,7 +11,9 @@ MODEM = Sim7600()
 
 # Values of our own in the layouts of firmware_notes/sim7600.md.
 GSM = "+CCINFO:[SCELL],ARFCN:52,MCC:262,MNC:03,LAC:12345,ID:4321,BSIC:27,RXLev:-74dbm,C1:29,C2:-3,TA:0,TXPWR:0"
-GSM_NEIGHBOUR = "+CCINFO:[NCell1],ARFCN:77,MCC:262,MNC:03,LAC:12345,ID:4322,BSIC:41,RXLev:-83dbm,C1:26,C2:25"
+GSM_NEIGHBOUR = (
+    "+CCINFO:[NCell1],ARFCN:77,MCC:262,MNC:03,LAC:12345,ID:4322,BSIC:41,RXLev:-83dbm,C1:26,C2:25"
+)
 WCDMA = (
     "+CCINFO:[SCELL],UARFCN:10688,MCC:262,MNC:002,LAC:2587,ID:19088743,PSC:117,SSC:0,RSCP:86,ECIO:9.0"
     ",RXLev:-79dbm,TXPWR:0"
@@ -58,7 +60,12 @@ def test_gsm_cell():
         more={"bsic_raw": "27"},
     )
     row = one(GSM_NEIGHBOUR)
-    assert (row.role, who(row), row.c2, row.bsic) == ("neighbour", ("262", "03", 12345, 4322), 25, None)
+    assert (row.role, who(row), row.c2, row.bsic) == (
+        "neighbour",
+        ("262", "03", 12345, 4322),
+        25,
+        None,
+    )
 
 
 def test_wcdma_cell_whose_levels_have_lost_their_sign():
@@ -66,11 +73,18 @@ def test_wcdma_cell_whose_levels_have_lost_their_sign():
     assert (row.rat, row.psc, row.arfcn) == ("WCDMA", 117, 10688)
     assert (row.rscp_dbm, row.ecio_db, row.rssi_dbm) == (-86.0, -9.0, -79.0)
     row = one(WCDMA_NEIGHBOUR)
-    assert (who(row), row.psc, row.rscp_dbm, row.ecio_db, row.rssi_dbm) == (NOBODY, 305, -99.0, -14.5, -92.0)
+    assert (who(row), row.psc, row.rscp_dbm, row.ecio_db, row.rssi_dbm) == (
+        NOBODY,
+        305,
+        -99.0,
+        -14.5,
+        -92.0,
+    )
 
 
 @pytest.mark.parametrize(
-    ("printed", "mnc"), [("001", None), ("1", None), ("010", None), ("01", "01"), ("24", "24"), ("410", "410")]
+    ("printed", "mnc"),
+    [("001", None), ("1", None), ("010", None), ("01", "01"), ("24", "24"), ("410", "410")],
 )
 def test_network_code_with_a_zero_in_front_is_not_known(printed, mnc):
     assert who(one(WCDMA.replace("MNC:002", f"MNC:{printed}"))) == ("262", mnc, 2587, 19088743)
@@ -95,7 +109,9 @@ def test_identity_is_whole_or_nothing(whole, other, cell):
     assert (who(row), row.rssi_dbm) == (cell, -74.0)
 
 
-@pytest.mark.parametrize(("printed", "ta"), [("0", 0), ("63", 63), ("64", None), ("255", None), ("", None)])
+@pytest.mark.parametrize(
+    ("printed", "ta"), [("0", 0), ("63", 63), ("64", None), ("255", None), ("", None)]
+)
 def test_timing_advance(printed, ta):
     assert one(GSM.replace("TA:0", f"TA:{printed}")).ta == ta
 
@@ -168,12 +184,23 @@ def test_lte_cells():
 
 def test_neighbour_without_the_row_of_its_group_has_no_channel():
     row = one("+CMGRMI: LTE_InterFreq1_Cell1,417,-125,-1011,-772,0")
-    assert (row.arfcn, row.pci, row.rsrp_dbm, row.rsrq_db, row.rssi_dbm) == (None, 417, -101.1, -12.5, -77.2)
+    assert (row.arfcn, row.pci, row.rsrp_dbm, row.rsrq_db, row.rssi_dbm) == (
+        None,
+        417,
+        -101.1,
+        -12.5,
+        -77.2,
+    )
 
 
 @pytest.mark.parametrize(
     ("whole", "other"),
-    [(",262,02,", ",65535,02,"), (",262,02,", ",262,2,"), (",262,02,", ",262,002,"), (",262,02,5432", ",262,025432")],
+    [
+        (",262,02,", ",65535,02,"),
+        (",262,02,", ",262,2,"),
+        (",262,02,", ",262,002,"),
+        (",262,02,5432", ",262,025432"),
+    ],
 )
 def test_serving_cell_whose_network_is_not_whole_is_nobody(whole, other):
     assert all(who(row) == NOBODY for row in MODEM.read([CMGRMI[1].replace(whole, other)]))
@@ -181,7 +208,10 @@ def test_serving_cell_whose_network_is_not_whole_is_nobody(whole, other):
 
 def test_empty_groups_and_cut_rows_are_no_cell():
     assert MODEM.read([CMGRMI[0], CMGRMI[2], *CMGRMI[9:]]) == ()
-    assert MODEM.read(["+CMGRMI: LTE_Intra_Cell2,0,0,0,0,0", "+CMGRMI: LTE_Intra_Cell2,86,-140,-100"]) == ()
+    assert (
+        MODEM.read(["+CMGRMI: LTE_Intra_Cell2,0,0,0,0,0", "+CMGRMI: LTE_Intra_Cell2,86,-140,-100"])
+        == ()
+    )
     assert MODEM.read([CMGRMI[1][: CMGRMI[1].index(",-912")]]) == ()
 
 
@@ -207,7 +237,9 @@ def test_it_knows_its_modems(text):
     assert Sim7600.identifies.search(text)
 
 
-@pytest.mark.parametrize("text", ["SIMCOM_SIM7000G", "SIM7070G", "SIM800 R14.18", "EC25EFAR06A7670", "SIM868"])
+@pytest.mark.parametrize(
+    "text", ["SIMCOM_SIM7000G", "SIM7070G", "SIM800 R14.18", "EC25EFAR06A7670", "SIM868"]
+)
 def test_it_leaves_others(text):
     assert not Sim7600.identifies.search(text)
 
@@ -222,19 +254,29 @@ ASKED = ("AT+CPSI?", "AT+CCINFO", "AT+CMGRMI=4", "AT+CESQ")
 
 
 def polled(*answers):
-    return rehearsed(MODEM.poll(), [(text, *answer) for text, answer in zip(ASKED, answers, strict=True)])
+    return rehearsed(
+        MODEM.poll(), [(text, *answer) for text, answer in zip(ASKED, answers, strict=True)]
+    )
 
 
 def test_poll_names_the_serving_cell_once():
-    serving, *others = polled(([CPSI], "OK"), ([], "ERROR"), (CMGRMI, "OK"), (["+CESQ: 99,99,255,255,20,51"], "OK"))
+    serving, *others = polled(
+        ([CPSI], "OK"), ([], "ERROR"), (CMGRMI, "OK"), (["+CESQ: 99,99,255,255,20,51"], "OK")
+    )
     assert (serving.cid, serving.rsrp_dbm, serving.role) == (7654321, -91.1, "serving")
     assert [row.pci for row in others if isinstance(row, CellReading)] == [86, 417, 158]
 
 
 def test_poll_takes_the_network_from_the_line_that_knows_it():
     cpsi = "+CPSI: WCDMA,Online,262-02,0x0A1B,19088743,WCDMA 2100,117,10688,0,9.5,84,25,31,500"
-    serving, neighbour = polled(([cpsi], "OK"), ([WCDMA, WCDMA_NEIGHBOUR], "OK"), ([], "ERROR"), ([], "ERROR"))
-    assert (serving.cell, serving.rscp_dbm, neighbour.role) == ("262-02-2587-19088743", -84.0, "neighbour")
+    serving, neighbour = polled(
+        ([cpsi], "OK"), ([WCDMA, WCDMA_NEIGHBOUR], "OK"), ([], "ERROR"), ([], "ERROR")
+    )
+    assert (serving.cell, serving.rscp_dbm, neighbour.role) == (
+        "262-02-2587-19088743",
+        -84.0,
+        "neighbour",
+    )
 
 
 def test_first_answer_after_power_up_is_an_error():
@@ -250,7 +292,14 @@ def test_poll_without_service():
 
 
 def test_recorded_replies(corpus):
-    dialects = ("simcom_cpsi", "simcom_ccinfo", "simcom_cnwinfo", "simcom_boot", "simcom_cgpsinfo", "simcom_csq")
+    dialects = (
+        "simcom_cpsi",
+        "simcom_ccinfo",
+        "simcom_cnwinfo",
+        "simcom_boot",
+        "simcom_cgpsinfo",
+        "simcom_csq",
+    )
     found = [entry for entry in entries(corpus, *dialects) if "SIM7000" not in entry["source"]]
     assert len(found) >= 15
     for entry in found:

@@ -81,7 +81,11 @@ def test_mode_4():
 @pytest.mark.parametrize("number", [0, 4])
 def test_mode_3_has_no_channel(number, header):
     reading = one(f'+CENG: {number},"262,01,2b3c,4d5e,27,31"', header)
-    assert (who(reading), reading.bsic, reading.rxlev_raw) == (("262", "01", 0x2B3C, 0x4D5E), 27, 31)
+    assert (who(reading), reading.bsic, reading.rxlev_raw) == (
+        ("262", "01", 0x2B3C, 0x4D5E),
+        27,
+        31,
+    )
     assert (reading.arfcn, reading.arfcn_raw) == (None, None)
     assert reading.role == ("neighbour" if number else "serving")
 
@@ -107,8 +111,17 @@ def test_sim900_row_in_the_order_of_its_older_manual_names_no_cell():
 
 def test_scan_line():
     reading = one(SCAN)
-    assert (reading.role, who(reading), reading.bsic) == ("scan", ("310", "260", 0x0113, 0xCF00), 0x2C)
-    assert (reading.arfcn, reading.arfcn_raw, reading.rxlev_raw, reading.rssi_dbm) == (685, 1709, 53, None)
+    assert (reading.role, who(reading), reading.bsic) == (
+        "scan",
+        ("310", "260", 0x0113, 0xCF00),
+        0x2C,
+    )
+    assert (reading.arfcn, reading.arfcn_raw, reading.rxlev_raw, reading.rssi_dbm) == (
+        685,
+        1709,
+        53,
+        None,
+    )
 
 
 def test_short_scan_line_has_no_lac():
@@ -160,17 +173,23 @@ def test_networks_and_ids_that_look_like_fillers():
     assert one('+CENG: 1,"0030,16,25,127,255,06,75"').cell == "255-06-117-295"
 
 
-@pytest.mark.parametrize(("text", "bsic"), [("00", 0), ("63", 63), ("64", None), ("127", None), ("156", None)])
+@pytest.mark.parametrize(
+    ("text", "bsic"), [("00", 0), ("63", 63), ("64", None), ("127", None), ("156", None)]
+)
 def test_bsic(text, bsic):
     assert one(NEIGHBOUR.replace(",25,", f",{text},")).bsic == bsic
 
 
-@pytest.mark.parametrize(("text", "bsic"), [("3F", 63), ("40", None), ("FF", None), ("08", 8), ("5", None), ("", None)])
+@pytest.mark.parametrize(
+    ("text", "bsic"), [("3F", 63), ("40", None), ("FF", None), ("08", 8), ("5", None), ("", None)]
+)
 def test_bsic_of_a_scan_is_hexadecimal(text, bsic):
     assert one(SCAN.replace("Bsic:2C", f"Bsic:{text}")).bsic == bsic
 
 
-@pytest.mark.parametrize(("text", "ta"), [("0", 0), ("63", 63), ("64", None), ("255", None), ("x", None), ("", None)])
+@pytest.mark.parametrize(
+    ("text", "ta"), [("0", 0), ("63", 63), ("64", None), ("255", None), ("x", None), ("", None)]
+)
 def test_timing_advance(text, ta):
     assert one(SERVING.replace("255", text)).ta == ta
 
@@ -180,13 +199,16 @@ def test_quality(text, rxq):
     assert one(SERVING.replace(",28,00,", f",28,{text},")).rxq == rxq
 
 
-@pytest.mark.parametrize(("text", "dbm"), [("00", -113.0), ("63", -50.0), ("64", -49.0), ("99", None)])
+@pytest.mark.parametrize(
+    ("text", "dbm"), [("00", -113.0), ("63", -50.0), ("64", -49.0), ("99", None)]
+)
 def test_level(text, dbm):
     assert one(NEIGHBOUR.replace(",16,", f",{text},")).rssi_dbm == dbm
 
 
 @pytest.mark.parametrize(
-    ("printed", "arfcn"), [("0000", 0), ("0037", 37), ("1023", 1023), ("1536", 512), ("1834", 810), ("1100", None)]
+    ("printed", "arfcn"),
+    [("0000", 0), ("0037", 37), ("1023", 1023), ("1536", 512), ("1834", 810), ("1100", None)],
 )
 def test_channel(printed, arfcn):
     reading = one(NEIGHBOUR.replace("1688", printed))
@@ -245,15 +267,21 @@ def test_rows_that_came_before_a_time_out_are_kept():
     assert rehearsed(MODEM.poll(), [("AT+CENG?", ["+CENG: 1,1", SERVING], None)]) == (one(SERVING),)
 
 
-@pytest.mark.parametrize("lines", [["+CENG: 1,1"], ["+CENG: 3,1", '+CENG: 2,",,0000,0000,00,00"'], ['+CENG: 0,""']])
+@pytest.mark.parametrize(
+    "lines", [["+CENG: 1,1"], ["+CENG: 3,1", '+CENG: 2,",,0000,0000,00,00"'], ['+CENG: 0,""']]
+)
 def test_poll_where_there_is_no_cell(lines):
     assert rehearsed(MODEM.poll(), [("AT+CENG?", lines, "OK")]) == ()
 
 
 def test_rows_that_come_unasked():
     roles = ["serving", "serving", "serving", "neighbour", "scan"]
-    assert [MODEM.role_of(line) for line in (SERVING, '+CENG:0,"06', '+CENG:0,"', NEIGHBOUR, SCAN)] == roles
-    assert [MODEM.role_of(line) for line in ("+CENG: 1,1", "+CENG: 0,1", "OK", "+CREG: 0,1", "", "RDY")] == [None] * 6
+    assert [
+        MODEM.role_of(line) for line in (SERVING, '+CENG:0,"06', '+CENG:0,"', NEIGHBOUR, SCAN)
+    ] == roles
+    assert [
+        MODEM.role_of(line) for line in ("+CENG: 1,1", "+CENG: 0,1", "OK", "+CREG: 0,1", "", "RDY")
+    ] == [None] * 6
 
 
 @pytest.mark.parametrize(
@@ -273,7 +301,17 @@ def test_signs_of_a_restart(line):
 
 
 @pytest.mark.parametrize(
-    "line", ["UNDER-VOLTAGE WARNNING", "UNDER-VOLTAGE WARNING", "+CFUN: 0", "+CPIN: READY", "OK", "", SERVING, "RDY?"]
+    "line",
+    [
+        "UNDER-VOLTAGE WARNNING",
+        "UNDER-VOLTAGE WARNING",
+        "+CFUN: 0",
+        "+CPIN: READY",
+        "OK",
+        "",
+        SERVING,
+        "RDY?",
+    ],
 )
 def test_no_signs_of_a_restart(line):
     assert not MODEM.says_restarted(line)

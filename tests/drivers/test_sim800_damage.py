@@ -26,7 +26,9 @@ def test_cut_row_is_the_whole_cell_or_none(row):
     whole = one(row)
     for end in range(len(row)):
         reading = one(row[:end])
-        assert reading is None or who(reading) in (who(whole), ("310", "260", None, 0xCF00)), row[:end]
+        assert reading is None or who(reading) in (who(whole), ("310", "260", None, 0xCF00)), row[
+            :end
+        ]
 
 
 @pytest.mark.parametrize(
@@ -53,7 +55,11 @@ def test_row_without_marks_as_the_manual_prints_it():
 def test_lost_comma_names_no_cell(lost):
     row = NEIGHBOUR[: 10 + lost] + NEIGHBOUR[11 + lost :]
     reading = one(row)
-    assert reading is None or (who(reading), reading.arfcn_raw, reading.rxlev_raw) == (NOBODY, 1688, 16)
+    assert reading is None or (who(reading), reading.arfcn_raw, reading.rxlev_raw) == (
+        NOBODY,
+        1688,
+        16,
+    )
 
 
 @pytest.mark.parametrize("lac", ["013", "03", "00", "01130", "g113", "-113", " "])
@@ -84,7 +90,11 @@ ROWS = [
 ]
 TRANSCRIPT = "\n".join([*ROWS, "OK", ""]).encode()
 MUTATIONS = st.lists(
-    st.tuples(st.integers(0, len(TRANSCRIPT) - 1), st.sampled_from(["set", "cut", "add"]), st.integers(0, 255)),
+    st.tuples(
+        st.integers(0, len(TRANSCRIPT) - 1),
+        st.sampled_from(["set", "cut", "add"]),
+        st.integers(0, 255),
+    ),
     max_size=8,
 )
 
@@ -119,7 +129,9 @@ def test_damage_raises_nothing_and_invents_no_identity(mutations):
         lines = getattr(event, "lines", (getattr(event, "line", ""),))
         for line in lines:
             assert_identities_are_printed(MODEM.read([line]), line)
-    assert_identities_are_printed(MODEM.read(data.decode("latin-1").split("\n")), data.decode("latin-1"))
+    assert_identities_are_printed(
+        MODEM.read(data.decode("latin-1").split("\n")), data.decode("latin-1")
+    )
 
 
 def test_lost_comma_mark_or_line_end_makes_no_other_cell():

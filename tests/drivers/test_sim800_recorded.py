@@ -15,7 +15,9 @@ DATA = Path(__file__).parent / "data"
 
 
 def replies_of(path, command="AT+CENG?"):
-    """Lines of a recorded reply, through the framer as from a port, the end of the recording ending the last one."""
+    """Lines of a recorded reply, through the framer as from a port, the end of the recording ending
+    the last one.
+    """
     framer = AtFramer()
     framer.send(command)
     events = [*framer.feed(path.read_bytes()), *framer.flush()]
@@ -49,12 +51,17 @@ def test_recorded_reply(file, cells):
 def test_reply_as_a_recording_and_as_a_port_gives_it(corpus):
     folder = corpus / "modem"
     entries = [
-        e for e in json.loads((folder / "expected.json").read_text()) if re.match("simcom_sim[89]00", e["dialect"])
+        e
+        for e in json.loads((folder / "expected.json").read_text())
+        if re.match("simcom_sim[89]00", e["dialect"])
     ]
     assert len(entries) >= 11
     for entry in entries:
         raw = folder / entry["file"]
-        for lines in (raw.read_text("latin-1").splitlines(), replies_of(raw, entry["command"].split(";")[-1].strip())):
+        for lines in (
+            raw.read_text("latin-1").splitlines(),
+            replies_of(raw, entry["command"].split(";")[-1].strip()),
+        ):
             check_entry(entry, [as_json(row) for row in MODEM.read(lines)])
 
 

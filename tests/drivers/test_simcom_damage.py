@@ -1,4 +1,6 @@
-"""Replies of SIM7000 and SIM7600 that lack a mark or an end name no other cell; for other damage see test_damage."""
+"""Replies of SIM7000 and SIM7600 that lack a mark or an end name no other cell; for other damage
+see test_damage.
+"""
 
 import pytest
 

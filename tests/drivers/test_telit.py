@@ -21,11 +21,24 @@ SURVEYED = (
     "arfcn: 61 bsic: 37 rxLev: -57 ber: 0.00 mcc: 262 mnc: 1 lac: 12345 cellId: 6789 cellStatus: CELL_SUITABLE "
     "numArfcn: 2 arfcn: 61 67 numChannels: 3 array: 3 9 27 pbcch: 0 mstxpwr: 5 rxaccmin: 4"
 )
-SURVEYED_HEX = SURVEYED.replace("12345", "3039").replace("6789", "0A85").replace("bsic: 37", "bsic: 71")
+SURVEYED_HEX = (
+    SURVEYED.replace("12345", "3039").replace("6789", "0A85").replace("bsic: 37", "bsic: 71")
+)
 CSV = "1005,26,-76,0,262,02,23456,34567,CELL_SUITABLE,0"
 CSV_UMTS = "10713,-85,262,88,117,1234567,23457,0,-91,-4"
 CSV_LTE = "1444,-69,001,010,47432885,20063,303,0,-98,-12,20"
-ALL = [SERVING, NEIGHBOUR, LABELLED, UMTS, LTE, SERVINFO, SERVINFO_UMTS, SERVINFO_LTE, SURVEYED, SURVEYED_HEX]
+ALL = [
+    SERVING,
+    NEIGHBOUR,
+    LABELLED,
+    UMTS,
+    LTE,
+    SERVINFO,
+    SERVINFO_UMTS,
+    SERVINFO_LTE,
+    SURVEYED,
+    SURVEYED_HEX,
+]
 ALL += [CSV, CSV_UMTS, CSV_LTE]
 
 
@@ -91,12 +104,35 @@ def test_no_cell_in_an_empty_slot_or_a_head(line):
 
 def test_labels_of_the_three_technologies():
     gsm = one(LABELLED)
-    assert (who(gsm), gsm.bsic, gsm.arfcn, gsm.rssi_dbm, gsm.ta) == (("262", "01", 0x3F6A, 0x1B7C), 42, 1002, -71, 0)
+    assert (who(gsm), gsm.bsic, gsm.arfcn, gsm.rssi_dbm, gsm.ta) == (
+        ("262", "01", 0x3F6A, 0x1B7C),
+        42,
+        1002,
+        -71,
+        0,
+    )
     umts = one(UMTS)
-    assert (umts.rat, who(umts), umts.psc, umts.arfcn) == ("WCDMA", (None, None, 0x3F70, 0x1A2B3C4), 117, 10713)
-    assert (umts.rscp_dbm, umts.ecio_db, umts.rssi_dbm, umts.more["operator"]) == (-88, -6, -79, "Example 3G")
+    assert (umts.rat, who(umts), umts.psc, umts.arfcn) == (
+        "WCDMA",
+        (None, None, 0x3F70, 0x1A2B3C4),
+        117,
+        10713,
+    )
+    assert (umts.rscp_dbm, umts.ecio_db, umts.rssi_dbm, umts.more["operator"]) == (
+        -88,
+        -6,
+        -79,
+        "Example 3G",
+    )
     lte = one(LTE)
-    assert (lte.rat, lte.tac, lte.cid, lte.arfcn, lte.rsrp_dbm, lte.pci) == ("LTE", 0x4E5F, 0x2D3C4B5, 1444, -98, None)
+    assert (lte.rat, lte.tac, lte.cid, lte.arfcn, lte.rsrp_dbm, lte.pci) == (
+        "LTE",
+        0x4E5F,
+        0x2D3C4B5,
+        1444,
+        -98,
+        None,
+    )
 
 
 def test_cells_beside_the_serving_one():
@@ -118,7 +154,9 @@ def test_what_may_be_the_physical_identity_is_no_cell_identity(text):
     assert one(SERVINFO_LTE.replace("2D3C4B5", text)).cid is None
 
 
-@pytest.mark.parametrize(("line", "lac", "cid"), [("LAC:5C6D", 0x5C6D, None), ("LAC:5C6D ", 0x5C6D, None)])
+@pytest.mark.parametrize(
+    ("line", "lac", "cid"), [("LAC:5C6D", 0x5C6D, None), ("LAC:5C6D ", 0x5C6D, None)]
+)
 def test_line_that_its_author_has_broken(line, lac, cid):
     row = one("#MONI: Example BSIC:53 RxQual:0 " + line)
     assert (row.role, row.bsic, row.lac, row.cid) == ("serving", 43, lac, cid)
@@ -126,7 +164,10 @@ def test_line_that_its_author_has_broken(line, lac, cid):
 
 
 def test_rows_in_a_log():
-    rows = cells(f"12:00:01,5 <- {SERVING}\\r\\n{NEIGHBOUR}\\r\\n", f"> {SERVINFO.replace(chr(34), chr(92) + chr(34))}")
+    rows = cells(
+        f"12:00:01,5 <- {SERVING}\\r\\n{NEIGHBOUR}\\r\\n",
+        f"> {SERVINFO.replace(chr(34), chr(92) + chr(34))}",
+    )
     assert [row.role for row in rows] == ["serving", "neighbour", "serving"]
     assert rows[0].more == {"operator": "Example Net"}
     assert rows[2].more == {"operator": "Example, Net", "plmn": "26299"}
@@ -138,9 +179,28 @@ def test_rows_in_a_log():
 
 def test_servinfo_of_the_three_technologies():
     gsm, umts, lte = (one(line) for line in (SERVINFO, SERVINFO_UMTS, SERVINFO_LTE))
-    assert (gsm.rat, gsm.arfcn, gsm.lac, gsm.rssi_dbm, gsm.bsic, gsm.ta) == ("GSM", 58, 0x3F6A, -89, None, None)
-    assert (umts.rat, umts.arfcn, umts.psc, umts.lac, umts.rscp_dbm) == ("WCDMA", 10713, 117, 0x3F70, -88)
-    assert (lte.rat, lte.arfcn, lte.tac, lte.cid, lte.rsrp_dbm) == ("LTE", 1444, 0x4E5F, 0x2D3C4B5, -98)
+    assert (gsm.rat, gsm.arfcn, gsm.lac, gsm.rssi_dbm, gsm.bsic, gsm.ta) == (
+        "GSM",
+        58,
+        0x3F6A,
+        -89,
+        None,
+        None,
+    )
+    assert (umts.rat, umts.arfcn, umts.psc, umts.lac, umts.rscp_dbm) == (
+        "WCDMA",
+        10713,
+        117,
+        0x3F70,
+        -88,
+    )
+    assert (lte.rat, lte.arfcn, lte.tac, lte.cid, lte.rsrp_dbm) == (
+        "LTE",
+        1444,
+        0x4E5F,
+        0x2D3C4B5,
+        -98,
+    )
     assert lte.more["plmn"] == "001010"
 
 
@@ -193,8 +253,18 @@ def test_survey_in_numbers():
         26,
         "CELL_SUITABLE",
     )
-    assert (umts.rat, who(umts), umts.psc, umts.rscp_dbm) == ("WCDMA", ("262", "88", 23457, 1234567), 117, -91)
-    assert (lte.rat, who(lte), lte.pci, lte.rsrp_dbm) == ("LTE", ("001", "010", 20063, 47432885), 303, -98)
+    assert (umts.rat, who(umts), umts.psc, umts.rscp_dbm) == (
+        "WCDMA",
+        ("262", "88", 23457, 1234567),
+        117,
+        -91,
+    )
+    assert (lte.rat, who(lte), lte.pci, lte.rsrp_dbm) == (
+        "LTE",
+        ("001", "010", 20063, 47432885),
+        303,
+        -98,
+    )
     assert lte.rsrq_db == -12
 
 
@@ -209,16 +279,28 @@ def test_base_that_does_not_show_is_taken_as_shipped_and_unsure():
 
 
 @pytest.mark.parametrize("head", [["Network survey started ..."], ["AT#CSURVC"], []])
-@pytest.mark.parametrize("end", ["0,-98,-12,20", "0,-98,-12", "CELL_SUITABLE,-98,-12", "0", "CELL_OTHER"])
+@pytest.mark.parametrize(
+    "end", ["0,-98,-12,20", "0,-98,-12", "CELL_SUITABLE,-98,-12", "0", "CELL_OTHER"]
+)
 def test_carrier_of_lte_without_what_stands_around_it(head, end):
     (row,) = cells(*head, f"66786,-68,001,010,47432885,20063,303,{end}")
-    assert (row.rat, who(row), row.arfcn, row.pci) == ("LTE", ("001", "010", 20063, 47432885), 66786, 303)
+    assert (row.rat, who(row), row.arfcn, row.pci) == (
+        "LTE",
+        ("001", "010", 20063, 47432885),
+        66786,
+        303,
+    )
     assert row.rssi_dbm == -68
     assert (row.rsrp_dbm is None) == ("-98" not in end)
 
 
 def test_carrier_of_lte_or_wcdma_that_is_not_decoded():
-    rows = cells("Network survey started ...", "66786,-88", "earfcn: 1444 rxLev: -91", "uarfcn: 10713 rxLev: -93")
+    rows = cells(
+        "Network survey started ...",
+        "66786,-88",
+        "earfcn: 1444 rxLev: -91",
+        "uarfcn: 10713 rxLev: -93",
+    )
     assert [(row.rat, row.arfcn, row.rssi_dbm) for row in rows] == [
         ("LTE", 66786, -88), ("LTE", 1444, -91), ("WCDMA", 10713, -93),
     ]  # fmt: skip
@@ -232,26 +314,39 @@ def test_timing_advance_in_both_forms(ta):
 
 
 @pytest.mark.parametrize(
-    ("beside", "lac", "bsic"), [(CSV, 2345, 26), (CSV.replace("23456,34567", "5BA0,87C7"), 0x2345, 0o26)]
+    ("beside", "lac", "bsic"),
+    [(CSV, 2345, 26), (CSV.replace("23456,34567", "5BA0,87C7"), 0x2345, 0o26)],
 )
 def test_base_shows_in_other_lines_of_the_survey(beside, lac, bsic):
     row = cells(beside, AMBIGUOUS)[1]
     assert (row.lac, row.bsic) == (lac, bsic)
 
 
-@pytest.mark.parametrize(("setting", "lac"), [("AT#CSURVF=0", 2345), ("#CSURVF: 1", 0x2345), ("AT#CSURVF=2", 0x2345)])
+@pytest.mark.parametrize(
+    ("setting", "lac"), [("AT#CSURVF=0", 2345), ("#CSURVF: 1", 0x2345), ("AT#CSURVF=2", 0x2345)]
+)
 def test_base_that_the_transcript_sets(setting, lac):
     assert cells(setting, AMBIGUOUS)[0].lac == lac
 
 
 def test_line_in_another_base_than_its_survey_names_no_cell():
-    assert [row.cell is None for row in cells(CSV, CSV, CSV.replace("23456", "2345A"))] == [False, False, True]
+    assert [row.cell is None for row in cells(CSV, CSV, CSV.replace("23456", "2345A"))] == [
+        False,
+        False,
+        True,
+    ]
 
 
 def test_codes_as_hexadecimal_numbers():
-    for line in ("6300,-73,E8,B,1A2B3C4,4E5F,163,0,-99,-9,15", "6300,-73,0E8,0B,1A2B3C4,4E5F,163,0,-99,-9,15"):
+    for line in (
+        "6300,-73,E8,B,1A2B3C4,4E5F,163,0,-99,-9,15",
+        "6300,-73,0E8,0B,1A2B3C4,4E5F,163,0,-99,-9,15",
+    ):
         assert who(one(line)) == ("232", "11", 0x4E5F, 0x1A2B3C4)
-    lines = ("6300,-73,106,065,1A2B3C4,4E5F,163,0,-99,-9,15", "6300,-79,106,065,1A2B3C5,4E5F,164,0,-99,-9,15")
+    lines = (
+        "6300,-73,106,065,1A2B3C4,4E5F,163,0,-99,-9,15",
+        "6300,-79,106,065,1A2B3C5,4E5F,164,0,-99,-9,15",
+    )
     assert [who(row)[:2] for row in cells(*lines)] == [("262", "101")] * 2
 
 
@@ -262,7 +357,12 @@ def test_a_country_code_that_is_damaged_is_not_taken_for_hexadecimal(damaged):
 
 
 def test_carrier_without_identity():
-    lines = ["Network survey started ...", "44,-93", "arfcn: 30 rxLev: -95", "5,12,-80,0,FFF,FF,FFFF,FFFF,5,0"]
+    lines = [
+        "Network survey started ...",
+        "44,-93",
+        "arfcn: 30 rxLev: -95",
+        "5,12,-80,0,FFF,FF,FFFF,FFFF,5,0",
+    ]
     rows = cells(*lines)
     assert [(row.arfcn, row.rssi_dbm) for row in rows] == [(44, -93), (30, -95), (5, -80)]
     assert {who(row) for row in rows} == {NOBODY}
@@ -272,7 +372,9 @@ def test_carrier_without_identity():
 
 def test_two_records_that_have_run_into_each_other():
     for end in range(60, 140):
-        for row in cells(SURVEYED[:end] + SURVEYED.replace("12345", "12346").replace("6789", "4711")):
+        for row in cells(
+            SURVEYED[:end] + SURVEYED.replace("12345", "12346").replace("6789", "4711")
+        ):
             assert who(row) in {NOBODY, ("262", "01", 12345, 6789), ("262", "01", 12346, 4711)}
 
 
@@ -281,7 +383,10 @@ def test_two_records_that_have_run_into_each_other():
 
 def identities(rows):
     return {
-        (name, value) for row in rows for name in ("mcc", "mnc", "lac", "tac", "cid") if (value := getattr(row, name))
+        (name, value)
+        for row in rows
+        for name in ("mcc", "mnc", "lac", "tac", "cid")
+        if (value := getattr(row, name))
     }
 
 

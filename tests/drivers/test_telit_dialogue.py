@@ -23,13 +23,19 @@ def test_poll_names_the_serving_cell():
     }
     rows = converse(MODEM.poll(), answers)[0]
     readings = [row for row in rows if isinstance(row, CellReading)]
-    assert [(row.role, row.cell) for row in readings] == [("serving", "262-01-16234-7036"), ("neighbour", None)]
+    assert [(row.role, row.cell) for row in readings] == [
+        ("serving", "262-01-16234-7036"),
+        ("neighbour", None),
+    ]
     assert readings[0].c1 == 22
 
 
 def test_poll_on_lte_takes_the_cell_from_the_registration():
     line = '#SERVINFO: 6300,-55,"Example Net","26203",00000B2,4E5F,32,3,-84'
-    answers = {"AT#SERVINFO": ([line], "OK"), "AT+CEREG?": (['+CEREG: 2,1,"4E5F","0A1B2C3",7'], "OK")}
+    answers = {
+        "AT#SERVINFO": ([line], "OK"),
+        "AT+CEREG?": (['+CEREG: 2,1,"4E5F","0A1B2C3",7'], "OK"),
+    }
     rows = converse(MODEM.poll(), answers)[0]
     assert rows[0].cell == f"262-03-{0x4E5F}-{0x0A1B2C3}"
     answers["AT+CEREG?"] = (['+CEREG: 2,1,"4E60","0A1B2C3",7'], "OK")
@@ -44,7 +50,10 @@ def test_poll_without_an_answer():
 
 
 def test_survey_covers_all_channels_of_gsm_in_parts():
-    spans = [tuple(map(int, command.text.removeprefix("AT#CSURV=").split(","))) for command in MODEM.surveys]
+    spans = [
+        tuple(map(int, command.text.removeprefix("AT#CSURV=").split(",")))
+        for command in MODEM.surveys
+    ]
     channels = [channel for low, high in spans for channel in range(low, high + 1)]
     assert channels == [*range(125), *range(128, 252), *range(512, 886), *range(975, 1024)]
     assert all(command.timeout_s >= 120 for command in MODEM.surveys)
@@ -52,7 +61,14 @@ def test_survey_covers_all_channels_of_gsm_in_parts():
 
 @pytest.mark.parametrize(
     "text",
-    ["Telit HE910-D 12.00.003", "GM862-QUAD", "LE910C1-EU", "ME910C1-E2 Telit", "Telit Cinterion FN990A28", "GE864"],
+    [
+        "Telit HE910-D 12.00.003",
+        "GM862-QUAD",
+        "LE910C1-EU",
+        "ME910C1-E2 Telit",
+        "Telit Cinterion FN990A28",
+        "GE864",
+    ],
 )
 def test_modems_of_this_family(text):
     assert MODEM.identifies.search(text)

@@ -24,7 +24,9 @@ def test_poll_asks_until_there_are_cells():
     assert asked == ["AT+COPS?", "AT+CGED=5", "AT+UCELLINFO?"]
 
 
-@pytest.mark.parametrize(("plmn", "mnc"), [("26203", "03"), ("262003", "003"), ("26202", None), ("26303", None)])
+@pytest.mark.parametrize(
+    ("plmn", "mnc"), [("26203", "03"), ("262003", "003"), ("26202", None), ("26303", None)]
+)
 def test_poll_restores_the_zeros_of_a_network_code(plmn, mnc):
     answers = {"AT+CGED=5": (ENVIRONMENT, "OK"), "AT+COPS?": ([f'+COPS: 0,2,"{plmn}",2'], "OK")}
     reading = converse(MODEM.poll(), answers)[0][0]
@@ -47,7 +49,9 @@ def test_poll_without_an_answer_or_a_cell():
     assert converse(MODEM.poll(), {"AT+CGED=5": ((), "OK")})[0] == ()
 
 
-@pytest.mark.parametrize(("plmn", "mnc"), [("26203", "03"), ("262003", "003"), ("26202", None), ("26303", None)])
+@pytest.mark.parametrize(
+    ("plmn", "mnc"), [("26203", "03"), ("262003", "003"), ("26202", None), ("26303", None)]
+)
 def test_scan_restores_the_zeros_of_a_network_code(plmn, mnc):
     answers = {"AT+COPS=5": ([SCANNED], "OK"), "AT+COPS?": ([f'+COPS: 0,2,"{plmn}",0'], "OK")}
     (reading,), asked = converse(MODEM.survey(MODEM.surveys[0]), answers)
@@ -67,12 +71,15 @@ def test_scan_only_listens():
 
 
 @pytest.mark.parametrize(
-    "text", ["u-blox SARA-U201 23.60", "SARA-G350-02S-01", "LISA-U200", "u-blox TOBY-L210", "LARA-R6001"]
+    "text",
+    ["u-blox SARA-U201 23.60", "SARA-G350-02S-01", "LISA-U200", "u-blox TOBY-L210", "LARA-R6001"],
 )
 def test_modems_of_this_family(text):
     assert MODEM.identifies.search(text)
 
 
-@pytest.mark.parametrize("text", ["Quectel EC25", "Telit HE910", "SIMCOM_SIM800L", "Cinterion BGS2-W", "huawei ME909s"])
+@pytest.mark.parametrize(
+    "text", ["Quectel EC25", "Telit HE910", "SIMCOM_SIM800L", "Cinterion BGS2-W", "huawei ME909s"]
+)
 def test_modems_of_other_families(text):
     assert not MODEM.identifies.search(text)

@@ -1,4 +1,6 @@
-"""Bytes of a modem through the framer and every driver: `python fuzz_at.py -max_total_time=3600`."""
+"""Bytes of a modem through the framer and every driver: `python fuzz_at.py
+-max_total_time=3600`.
+"""
 
 import re
 import sys
@@ -44,7 +46,9 @@ def test_one(data: bytes) -> None:
 
 
 def check_identity(row: CellReading, tokens: set[str]) -> None:
-    numbers = {int(token, 16) for token in tokens if re.fullmatch(r"(?:0[xX])?[0-9A-Fa-f]{1,16}", token)}
+    numbers = {
+        int(token, 16) for token in tokens if re.fullmatch(r"(?:0[xX])?[0-9A-Fa-f]{1,16}", token)
+    }
     numbers |= {int(token) for token in tokens if re.fullmatch(r"[0-9]{1,12}", token)}
     for value in (row.lac, row.tac, row.cid):
         assert value is None or value in numbers, row

@@ -1,9 +1,9 @@
 """HDF5 runs changed in their structure: `python fuzz_hdf5.py -max_total_time=3600 [-seed=1]`.
 
-A change is one that h5py makes (types, shapes, chunks, filters, links, attributes, values, texts) or some bytes of the
-file. Each file must be read or refused by `RunFileError`, within limits of time and memory; and where every check of
-`info --verify` holds, all that h5py sees must be what was recorded.
-"""
+A change is one that h5py makes (types, shapes, chunks, filters, links, attributes, values, texts)
+or some bytes of the file. Each file must be read or refused by `RunFileError`, within limits of
+time and memory; and where every check of `info --verify` holds, all that h5py sees must be what was
+recorded."""
 
 import os
 import random
@@ -60,7 +60,9 @@ def change(file: h5py.File, secret: Path, rng: random.Random) -> None:
             rng.choice(known)(file, secret)
         case 1:
             shape = rng.choice([(), (0,), (3,), (2, 2), (10**6,), (10**12,)])
-            hostile.replaced(file, name, shape=shape, dtype=rng.choice(DTYPES), **rng.choice(MAKINGS))
+            hostile.replaced(
+                file, name, shape=shape, dtype=rng.choice(DTYPES), **rng.choice(MAKINGS)
+            )
         case 2:
             hostile.replaced(file, name, data=node[()], **rng.choice(MAKINGS), maxshape=(None,))
         case 3:
@@ -68,7 +70,9 @@ def change(file: h5py.File, secret: Path, rng: random.Random) -> None:
         case 4:
             holder = rng.choice([file, node])
             what = rng.choice([*holder.attrs, "more"])
-            holder.attrs[what] = rng.choice(["x", 7, 1.5, np.arange(9), b"\xff", "0" * 9999, h5py.Empty("f8"), [b"a"]])
+            holder.attrs[what] = rng.choice(
+                ["x", 7, 1.5, np.arange(9), b"\xff", "0" * 9999, h5py.Empty("f8"), [b"a"]]
+            )
         case 5 | 6:
             change_rows(node, rng)
         case 7:
@@ -77,7 +81,9 @@ def change(file: h5py.File, secret: Path, rng: random.Random) -> None:
         case 8:
             text = bytearray(bytes(file["meta"][()]))
             at = rng.randrange(len(text))
-            text[at : at + rng.randrange(3)] = rng.choice([b"", b"9", b"-", b'"', b"null", b"[", b"1e9"])
+            text[at : at + rng.randrange(3)] = rng.choice(
+                [b"", b"9", b"-", b'"', b"null", b"[", b"1e9"]
+            )
             del file["meta"]
             file["meta"] = np.bytes_(bytes(text))
 
@@ -122,7 +128,9 @@ def seen(path: Path) -> dict[str, object]:
         for name in file:
             node = file[name]
             found[name] = (
-                (node.dtype.descr, node.shape, node[()].tobytes()) if isinstance(node, h5py.Dataset) else "group"
+                (node.dtype.descr, node.shape, node[()].tobytes())
+                if isinstance(node, h5py.Dataset)
+                else "group"
             )
             found |= {f"{name}@{key}": repr(value) for key, value in node.attrs.items()}
     return found
@@ -181,4 +189,9 @@ def main(most_s: float, seed: int) -> int:
 if __name__ == "__main__":
     os.environ.setdefault("HDF5_USE_FILE_LOCKING", "FALSE")
     options = dict(argument.lstrip("-").partition("=")[::2] for argument in sys.argv[1:])
-    sys.exit(main(float(options.get("max_total_time", 3600)), int(options.get("seed", time.time_ns() % 10**6))))
+    sys.exit(
+        main(
+            float(options.get("max_total_time", 3600)),
+            int(options.get("seed", time.time_ns() % 10**6)),
+        )
+    )

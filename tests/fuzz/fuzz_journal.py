@@ -1,8 +1,8 @@
 """Journals of any bytes: `python fuzz_journal.py -max_total_time=3600`.
 
-Frames with right checksums and payloads of every kind stand among bytes of any kind. What comes of it is read, or
-refused by `RunFileError`; no record comes out of a frame that is not in the file, and the chain names what is missing.
-"""
+Frames with right checksums and payloads of every kind stand among bytes of any kind. What comes of
+it is read, or refused by `RunFileError`; no record comes out of a frame that is not in the file,
+and the chain names what is missing."""
 
 import os
 import sys
@@ -11,7 +11,9 @@ from pathlib import Path
 
 import atheris
 
-with atheris.instrument_imports(include=["logger.core.runfile", "logger.core.rows", "logger.core.schema"]):
+with atheris.instrument_imports(
+    include=["logger.core.runfile", "logger.core.rows", "logger.core.schema"]
+):
     from logger.core.errors import RunFileError
     from logger.core.runfile import read_run, read_sound_run, sealing_of
     from logger.core.runfile.frames import Frame, Kind, encode, scan
@@ -26,7 +28,9 @@ PATH = FOLDER / f"fuzz-{os.getpid()}.journal"
 runs.write_journal(PATH, runs.records(3), sync_every=2)
 HONEST = PATH.read_bytes()
 FRAMES = [
-    HONEST[frame.start - 28 : frame.start + frame.length + 4] for frame in scan(HONEST) if isinstance(frame, Frame)
+    HONEST[frame.start - 28 : frame.start + frame.length + 4]
+    for frame in scan(HONEST)
+    if isinstance(frame, Frame)
 ]
 META = msgspec.json.encode(runs.meta())
 TABLES = (b"fixes", b"scans", b"readings", b"notes", b"live", b"raw", b"other")
@@ -43,9 +47,15 @@ def journal_of(source: atheris.FuzzedDataProvider) -> bytes:
             case 3:
                 text = bytearray(META)
                 at = source.ConsumeIntInRange(0, len(text) - 1)
-                text[at : at + source.ConsumeIntInRange(0, 4)] = source.ConsumeBytes(source.ConsumeIntInRange(0, 6))
+                text[at : at + source.ConsumeIntInRange(0, 4)] = source.ConsumeBytes(
+                    source.ConsumeIntInRange(0, 6)
+                )
                 data += encode(
-                    1, source.ConsumeIntInRange(0, 9), Kind.META, bytes(text), source.ConsumeIntInRange(0, 4)
+                    1,
+                    source.ConsumeIntInRange(0, 9),
+                    Kind.META,
+                    bytes(text),
+                    source.ConsumeIntInRange(0, 4),
                 )
             case 4:
                 body = source.ConsumeBytes(source.ConsumeIntInRange(0, 700))

@@ -27,7 +27,12 @@ def test_one(data: bytes) -> None:
     body = b""
     while source.remaining_bytes() > 2:
         if source.ConsumeBool():  # a right checksum, which a fuzzer would seldom hit
-            text = source.ConsumeUnicodeNoSurrogates(80).encode("ascii", "ignore").replace(b"\r", b"").decode()
+            text = (
+                source.ConsumeUnicodeNoSurrogates(80)
+                .encode("ascii", "ignore")
+                .replace(b"\r", b"")
+                .decode()
+            )
             kind = KINDS[source.ConsumeIntInRange(0, len(KINDS) - 1)]
             body += sentence(f"{kind},{text}".replace("$", "").replace("*", "").replace("\n", ""))
         else:

@@ -52,16 +52,32 @@ class Browser:
         return self.ask(_OVERFLOWING)
 
     def requested(self) -> list[str]:
-        """Addresses asked for since the page was opened, its own file and data within it excepted."""
-        told = [json.loads(entry["message"])["message"] for entry in self._driver.get_log("performance")]
-        asked = [one["params"]["request"]["url"] for one in told if one["method"] == "Network.requestWillBeSent"]
+        """Addresses asked for since the page was opened, its own file and data within it
+        excepted.
+        """
+        told = [
+            json.loads(entry["message"])["message"] for entry in self._driver.get_log("performance")
+        ]
+        asked = [
+            one["params"]["request"]["url"]
+            for one in told
+            if one["method"] == "Network.requestWillBeSent"
+        ]
         entries = self.ask("return performance.getEntriesByType('resource').map(e => e.name)")
         own = self._driver.current_url
-        return [url for url in (*asked, *entries) if not url.startswith("data:") and url.split("#")[0] != own]
+        return [
+            url
+            for url in (*asked, *entries)
+            if not url.startswith("data:") and url.split("#")[0] != own
+        ]
 
     def complaints(self) -> list[str]:
         """Warnings and errors of the console since the page was opened."""
-        return [one["message"] for one in self._driver.get_log("browser") if one["level"] in {"WARNING", "SEVERE"}]
+        return [
+            one["message"]
+            for one in self._driver.get_log("browser")
+            if one["level"] in {"WARNING", "SEVERE"}
+        ]
 
     def barriers(self, axe: Path) -> list[dict]:
         """Findings of axe-core but for the minor ones."""
@@ -73,7 +89,9 @@ class Browser:
     def picture(self) -> bytes:
         """The whole page as PNG."""
         return base64.b64decode(
-            self._driver.execute_cdp_cmd("Page.captureScreenshot", {"captureBeyondViewport": True})["data"]
+            self._driver.execute_cdp_cmd("Page.captureScreenshot", {"captureBeyondViewport": True})[
+                "data"
+            ]
         )
 
     def printed(self) -> bytes:
@@ -87,10 +105,18 @@ def browser() -> Iterator[Browser]:
     webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
     program, driver = (shutil.which(name) for name in ("chromium", "chromedriver"))
     if program is None or driver is None:
-        pytest.skip("chromium and chromedriver are missing (Debian: apt-get install chromium chromium-driver)")
+        pytest.skip(
+            "chromium and chromedriver are missing (Debian: apt-get install chromium chromium-driver)"
+        )
     options = webdriver.ChromeOptions()
     options.binary_location = program
-    for argument in ("headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage", "hide-scrollbars"):
+    for argument in (
+        "headless=new",
+        "no-sandbox",
+        "disable-gpu",
+        "disable-dev-shm-usage",
+        "hide-scrollbars",
+    ):
         options.add_argument(f"--{argument}")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     started = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))

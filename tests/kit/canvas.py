@@ -29,4 +29,6 @@ def count(png: bytes, colour, *, within=(0.0, 1.0), off=30) -> int:
 
 def missing(png: bytes, *, within=(0.0, 1.0)) -> list[str]:
     """What of a walk cannot be seen."""
-    return [name for name, colour in SHOWN.items() if count(png, colour, within=within) < LEAST_PIXELS]
+    return [
+        name for name, colour in SHOWN.items() if count(png, colour, within=within) < LEAST_PIXELS
+    ]

@@ -9,7 +9,9 @@ IDENTITY = ("mcc", "lac", "tac", "cid")
 def entries(folder: Path, *dialects: str) -> list[dict]:
     """Entries of the dialects that begin so."""
     return [
-        e for e in json.loads((folder / "modem" / "expected.json").read_text()) if e["dialect"].startswith(dialects)
+        e
+        for e in json.loads((folder / "modem" / "expected.json").read_text())
+        if e["dialect"].startswith(dialects)
     ]
 
 
@@ -20,7 +22,11 @@ def lines_of(folder: Path, entry: dict) -> list[str]:
 def check_entry(entry: dict, rows: list[dict]) -> None:
     """Every expected row is there, and no cell has an identity that is not expected."""
     for wanted in entry["expected"]:
-        assert any(_is(row, wanted) for row in rows), (entry["file"], wanted, [r for r in rows if r["role"] != "gnss"])
+        assert any(_is(row, wanted) for row in rows), (
+            entry["file"],
+            wanted,
+            [r for r in rows if r["role"] != "gnss"],
+        )
     for row in rows:
         if row["role"] in {"serving", "neighbour", "scan"}:
             for key in IDENTITY:
@@ -33,7 +39,11 @@ def _is(row: dict, wanted: dict) -> bool:
 
 
 def _equal(key: str, value: object, wanted: object) -> bool:
-    if isinstance(wanted, (int, float)) and not isinstance(wanted, bool) and isinstance(value, (int, float)):
+    if (
+        isinstance(wanted, (int, float))
+        and not isinstance(wanted, bool)
+        and isinstance(value, (int, float))
+    ):
         within = 0.5 if key.endswith(("_dbm", "_db")) else 1e-6 if key in {"lat", "lon"} else 1e-9
         return abs(value - wanted) <= within
     return type(value) is type(wanted) and value == wanted

@@ -1,4 +1,6 @@
-"""What the tests of modem drivers have in common: whom a reading names, a modem that answers, and damage."""
+"""What the tests of modem drivers have in common: whom a reading names, a modem that answers, and
+damage.
+"""
 
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,7 +26,12 @@ def own_replies(family: str) -> list[str]:
 
 def who(reading: CellReading) -> tuple[str | None, str | None, int | None, int | None]:
     """Network, area and cell of a reading."""
-    return reading.mcc, reading.mnc, reading.tac if reading.lac is None else reading.lac, reading.cid
+    return (
+        reading.mcc,
+        reading.mnc,
+        reading.tac if reading.lac is None else reading.lac,
+        reading.cid,
+    )
 
 
 def cells_of(driver: Family, lines: Sequence[str]) -> list[CellReading]:
@@ -32,7 +39,9 @@ def cells_of(driver: Family, lines: Sequence[str]) -> list[CellReading]:
     return [row for row in driver.read(lines) if isinstance(row, CellReading)]
 
 
-def converse(dialogue: Dialogue[Any], replies: Mapping[str, Answer], default: Answer = ((), "ERROR")) -> Any:
+def converse(
+    dialogue: Dialogue[Any], replies: Mapping[str, Answer], default: Answer = ((), "ERROR")
+) -> Any:
     """Result of a dialogue with a modem that has these answers, and the commands it was sent."""
     sent: list[str] = []
 
@@ -43,8 +52,12 @@ def converse(dialogue: Dialogue[Any], replies: Mapping[str, Answer], default: An
     return _driven(dialogue, answer), sent
 
 
-def rehearsed(dialogue: Dialogue[Any], exchange: Sequence[tuple[str, Sequence[str], str | None]]) -> Any:
-    """Result of a dialogue that sends these commands in this order, each with its lines and final code, and no more."""
+def rehearsed(
+    dialogue: Dialogue[Any], exchange: Sequence[tuple[str, Sequence[str], str | None]]
+) -> Any:
+    """Result of a dialogue that sends these commands in this order, each with its lines and final
+    code, and no more.
+    """
     coming = iter(exchange)
 
     def answer(command: Command) -> Answer:
@@ -72,10 +85,11 @@ _WORDS = ["\\r\\n", "OK", "AT+", "+CENG: ", "^SMONI: ", "#MONI: ", "+UCGED: 2\n"
 
 
 def mutations(samples: Sequence[str], seed: int, changes: int) -> Iterator[str]:
-    """Texts with that many changes in total: each sample in turn, up to two others behind it, half the lines changed.
+    """Texts with that many changes in total: each sample in turn, up to two others behind it, half
+    the lines changed.
 
-    Bits turn, pieces are lost or come twice, marks, words and line ends come in or go, rows run into each other.
-    """
+    Bits turn, pieces are lost or come twice, marks, words and line ends come in or go, rows run
+    into each other."""
     rng = random.Random(seed)
     for sample in cycle(samples):
         text = "\n".join([sample, *rng.choices(samples, k=rng.randint(0, 2))])
@@ -89,8 +103,12 @@ def mutations(samples: Sequence[str], seed: int, changes: int) -> Iterator[str]:
             return
 
 
-_CHANGES: tuple[Callable[[str, str, random.Random], str], ...] = (  # of a text before and after some place
-    lambda before, after, rng: before + chr(ord(after[0]) % 256 ^ 1 << rng.randrange(8)) + after[1:],
+_CHANGES: tuple[
+    Callable[[str, str, random.Random], str], ...
+] = (  # of a text before and after some place
+    lambda before, after, rng: (
+        before + chr(ord(after[0]) % 256 ^ 1 << rng.randrange(8)) + after[1:]
+    ),
     lambda before, after, rng: before + after[rng.randint(1, 20) :],
     lambda before, after, rng: before + rng.choice(_MARKS) + after,
     lambda before, after, rng: before + rng.choice(_WORDS) + after,

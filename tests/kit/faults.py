@@ -1,4 +1,6 @@
-"""Cards that fail: a preloaded library that refuses, traces and kills at system calls; a recorder on such a card."""
+"""Cards that fail: a preloaded library that refuses, traces and kills at system calls; a recorder
+on such a card.
+"""
 
 import os
 import shutil
@@ -24,7 +26,9 @@ def library(folder: Path) -> Path:
     if shutil.which("gcc") is None:
         pytest.skip("gcc is needed to make the fault library")
     target = folder / "faulty_card.so"
-    subprocess.run(["gcc", "-shared", "-fPIC", "-O1", "-w", "-o", target, SOURCE, "-ldl"], check=True)
+    subprocess.run(
+        ["gcc", "-shared", "-fPIC", "-O1", "-w", "-o", target, SOURCE, "-ldl"], check=True
+    )
     return target
 
 
@@ -87,7 +91,11 @@ class Card:
     def environment(
         self, *, trace: bool = False, kill_at: int | None = None, bad_at: int | None = None
     ) -> dict[str, str]:
-        found = {"LD_PRELOAD": str(self._preload), "CARD": str(self.folder), "CARD_FAULTS": str(self._faults)}
+        found = {
+            "LD_PRELOAD": str(self._preload),
+            "CARD": str(self.folder),
+            "CARD_FAULTS": str(self._faults),
+        }
         if trace:
             found["CARD_TRACE"] = str(self.trace)
         if kill_at is not None:
@@ -98,7 +106,9 @@ class Card:
 
 
 class Recording:
-    """A recorder in a process of its own: every 2 ms a raw record that counts; it says what is durable."""
+    """A recorder in a process of its own: every 2 ms a raw record that counts; it says what is
+    durable.
+    """
 
     def __init__(self, process: subprocess.Popen[str], said: Path) -> None:
         self.process = process
@@ -120,7 +130,9 @@ class Recording:
         service.wait_for(lambda: self.durable >= goal)
 
     def wait_state(self, text: str) -> None:
-        """Wait until it has said this after what was waited for before; some states last a tick only."""
+        """Wait until it has said this after what was waited for before; some states last a tick
+        only.
+        """
         service.wait_for(lambda: text in self.lines("state")[self._heard :])
         self._heard += self.lines("state")[self._heard :].index(text) + 1
 
@@ -137,7 +149,9 @@ class Recording:
 
 
 @contextmanager
-def recording(card: Card, *, most_waiting: int = 16 << 20, trace: bool = False) -> Iterator[Recording]:
+def recording(
+    card: Card, *, most_waiting: int = 16 << 20, trace: bool = False
+) -> Iterator[Recording]:
     """A recorder that writes to the card, and does not outlive the test."""
     said = card.folder.with_name("said")
     command = [sys.executable, "-c", RECORD, str(card.folder), str(most_waiting)]
@@ -204,7 +218,9 @@ def replay(operation: Operation, folder: Path) -> Iterator[None]:
 def small_file_system(folder: Path, options: str) -> Iterator[Path]:
     """A tmpfs of its own; the test is skipped where none can be mounted."""
     folder.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], capture_output=True, check=False)
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], capture_output=True, check=False
+    )
     if mounted.returncode:
         pytest.skip("no file system can be mounted here")
     try:
@@ -269,7 +285,9 @@ for first in range(0, kills, at_once):
 
 @dataclass(frozen=True)
 class Killed:
-    """A recorder that was killed: its journal, when, and how many of its counting records were acknowledged."""
+    """A recorder that was killed: its journal, when, and how many of its counting records were
+    acknowledged.
+    """
 
     journal: Path
     killed_ns: int

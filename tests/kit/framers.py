@@ -35,8 +35,11 @@ def cut(data: bytes, sizes: Sequence[int]) -> list[bytes]:
     return [*chunks, data[start:]]
 
 
-def check_framer(make: Callable[[], Framer], data: bytes, expected: Iterable[Any], trailing: bytes) -> None:
-    """Feed `data` whole, byte by byte, in random chunks and followed by `trailing`, an unfinished piece of input.
+def check_framer(
+    make: Callable[[], Framer], data: bytes, expected: Iterable[Any], trailing: bytes
+) -> None:
+    """Feed `data` whole, byte by byte, in random chunks and followed by `trailing`, an unfinished
+    piece of input.
 
     The trailing bytes must stay in the framer without any event.
     """
@@ -47,9 +50,14 @@ def check_framer(make: Callable[[], Framer], data: bytes, expected: Iterable[Any
         "byte by byte": [data[i : i + 1] for i in range(len(data))],
         "with nothing in between": [b"", data, b""],
         "with trailing bytes": [data + trailing],
-        "with trailing bytes one by one": [data, *(trailing[i : i + 1] for i in range(len(trailing)))],
+        "with trailing bytes one by one": [
+            data,
+            *(trailing[i : i + 1] for i in range(len(trailing))),
+        ],
     }
     for n in range(5):
-        ways[f"random chunks {n}"] = cut(data, [sizes.randrange(1, 40) for _ in range(len(data) // 10)])
+        ways[f"random chunks {n}"] = cut(
+            data, [sizes.randrange(1, 40) for _ in range(len(data) // 10)]
+        )
     for way, chunks in ways.items():
         assert feed_all(make(), chunks) == wanted, way

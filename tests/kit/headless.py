@@ -17,7 +17,8 @@ PATIENCE_S = 180.0
 
 @contextmanager
 def headless(folder: Path, *through: str) -> Iterator[ViewerClient]:
-    """A viewer without a window, reachable from this machine only; it keeps its settings and its log in `folder`.
+    """A viewer without a window, reachable from this machine only; it keeps its settings and its
+    log in `folder`.
 
     `through` is a command that takes the viewer's as its arguments.
     """
@@ -29,7 +30,16 @@ def headless(folder: Path, *through: str) -> Iterator[ViewerClient]:
         "VK_ICD_FILENAMES": str(DRIVER),
         "XDG_RUNTIME_DIR": str(folder),
     }
-    command = [*through, str(program), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--expect-data-soon"]
+    command = [
+        *through,
+        str(program),
+        "--headless",
+        "--bind",
+        "127.0.0.1",
+        "--port",
+        str(port),
+        "--expect-data-soon",
+    ]
     with (folder / "log").open("wb") as log, viewer.child(command, environment, log.fileno()):
         yield _connected(port)
 

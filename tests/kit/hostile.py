@@ -19,7 +19,15 @@ def replaced(file: h5py.File, name: str, **made) -> h5py.Dataset:
 
 def _packed(file: h5py.File, name: str, n_rows: int, chunk: int, dtype) -> None:
     """Many rows of zeros, which take no room in the file."""
-    found = replaced(file, name, shape=(n_rows,), dtype=dtype, chunks=(chunk,), compression="gzip", maxshape=(None,))
+    found = replaced(
+        file,
+        name,
+        shape=(n_rows,),
+        dtype=dtype,
+        chunks=(chunk,),
+        compression="gzip",
+        maxshape=(None,),
+    )
     for at in range(0, n_rows, chunk):
         found[at : at + chunk] = np.zeros(min(chunk, n_rows - at), dtype)
 
@@ -60,8 +68,12 @@ def _rows(name: str) -> Callable[[h5py.File], np.dtype]:
 
 
 ELSEWHERE: dict[str, Change] = {
-    "external storage of a text": lambda f, s: replaced(f, "config", shape=(24,), dtype="S1", external=[(s, 0, 24)]),
-    "external storage of bytes": lambda f, s: replaced(f, "raw_bytes", shape=(24,), dtype="u1", external=[(s, 0, 24)]),
+    "external storage of a text": lambda f, s: replaced(
+        f, "config", shape=(24,), dtype="S1", external=[(s, 0, 24)]
+    ),
+    "external storage of bytes": lambda f, s: replaced(
+        f, "raw_bytes", shape=(24,), dtype="u1", external=[(s, 0, 24)]
+    ),
     "external link": lambda f, s: _linked(f, "config", h5py.ExternalLink(s, "/config")),
     "external link of nothing": lambda f, _: _linked(f, "x", h5py.ExternalLink("nowhere", "/x")),
     "soft link": lambda f, _: _linked(f, "fixes", h5py.SoftLink("/scans")),
@@ -104,7 +116,10 @@ UNREADABLE: dict[str, Change] = {
 """What cannot be read as a run."""
 
 ALTERED: dict[str, tuple[Change, str]] = {
-    "started_utc": (lambda f, _: f.attrs.__setitem__("started_utc", "1999-01-01T00:00:00Z"), "started_utc"),
+    "started_utc": (
+        lambda f, _: f.attrs.__setitem__("started_utc", "1999-01-01T00:00:00Z"),
+        "started_utc",
+    ),
     "program": (lambda f, _: f.attrs.__setitem__("program", "another"), "program"),
     "run_id": (lambda f, _: f.attrs.__setitem__("run_id", "f" * 32), "run_id"),
     "stop_reason": (lambda f, _: f.attrs.__setitem__("stop_reason", "arrested"), "stop_reason"),
@@ -114,8 +129,14 @@ ALTERED: dict[str, tuple[Change, str]] = {
     "an attribute more": (lambda f, _: f.attrs.__setitem__("author", "me"), "author"),
     "config": (lambda f, _: _text(f, "config", b"[run]"), "config"),
     "end": (lambda f, _: _text(f, "end", f["end"][()].replace(b'"test"', b'"sold"')), "end"),
-    "time of the end": (lambda f, _: _text(f, "end", f["end"][()].replace(b'"t_ns":', b'"t_ns":1')), "end"),
-    "more in the end": (lambda f, _: _text(f, "end", f["end"][()].replace(b"{", b'{"who":"me",', 1)), "end"),
+    "time of the end": (
+        lambda f, _: _text(f, "end", f["end"][()].replace(b'"t_ns":', b'"t_ns":1')),
+        "end",
+    ),
+    "more in the end": (
+        lambda f, _: _text(f, "end", f["end"][()].replace(b"{", b'{"who":"me",', 1)),
+        "end",
+    ),
     "no end": (lambda f, _: _text(f, "end", b"null"), "end"),
     "damage": (lambda f, _: _text(f, "damage", b'{"missing_frames":7}'), "damage"),
     "less damage": (lambda f, _: _text(f, "damage", b"{}"), "damage"),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from logger.device.kept_modes import FILE
+from logger.device.saved_modes import FILE
 from logger.sim.dialects import DIALECTS
 from logger.sim.dialects.dialect import Dialect, setting, who
 from logger.sim.modem import SimulatedModem
@@ -59,7 +59,9 @@ MODELS = {
 
 
 class Watched:
-    """A modem on the walk; it remembers the lines it was sent, and what lay in a folder meanwhile."""
+    """A modem on the walk; it remembers the lines it was sent, and what lay in a folder
+    meanwhile.
+    """
 
     def __init__(self, dialect: Dialect, folder: Path, now_s=lambda: 50.0) -> None:
         rng = np.random.default_rng(1)

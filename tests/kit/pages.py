@@ -3,7 +3,20 @@
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 
-VOID = {"meta", "link", "br", "img", "hr", "input", "path", "use", "rect", "circle", "image", "clippath"}
+VOID = {
+    "meta",
+    "link",
+    "br",
+    "img",
+    "hr",
+    "input",
+    "path",
+    "use",
+    "rect",
+    "circle",
+    "image",
+    "clippath",
+}
 
 
 @dataclass
@@ -41,7 +54,9 @@ class Page(HTMLParser):
             self._open.append(element)
 
     def handle_startendtag(self, tag, attrs):
-        self.elements.append(Element(tag, {k: v or "" for k, v in attrs}, tuple(e.tag for e in self._open)))
+        self.elements.append(
+            Element(tag, {k: v or "" for k, v in attrs}, tuple(e.tag for e in self._open))
+        )
 
     def handle_endtag(self, tag):
         if tag in VOID - {"clippath"}:

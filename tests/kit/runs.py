@@ -26,21 +26,33 @@ def reading(cid: int, rssi_dbm: float, role="serving") -> CellReading:
 
 
 def records(n: int) -> list[Record]:
-    """A walk of n seconds to the east: a fix, raw bytes and a scan of two cells a second, and a note now and then."""
+    """A walk of n seconds to the east: a fix, raw bytes and a scan of two cells a second, and a
+    note now and then.
+    """
     out = []
     for i in range(n):
         t_ns = i * 10**9
         out += [
             Record(t_ns, "gnss", RawBytes(f"$GPGGA,{i}\r\n".encode())),
-            Record(t_ns, "gnss", Fix(True, UTC0_NS + t_ns, 52.0, 13.0 + i * 2e-5, 34.5, hdop=0.9, sats_used=8)),
-            Record(t_ns + 5, "modem", Scan(t_ns, (reading(1, -60.0 - i % 7), reading(2, -70.0, "neighbour")), None)),
+            Record(
+                t_ns,
+                "gnss",
+                Fix(True, UTC0_NS + t_ns, 52.0, 13.0 + i * 2e-5, 34.5, hdop=0.9, sats_used=8),
+            ),
+            Record(
+                t_ns + 5,
+                "modem",
+                Scan(t_ns, (reading(1, -60.0 - i % 7), reading(2, -70.0, "neighbour")), None),
+            ),
         ]
         if i % 10 == 0:
             out.append(Record(t_ns + 6, "logger", Note("info", "tick", f"second {i}, Grüße")))
     return out
 
 
-def write_journal(path: Path, found: list[Record], *, sync_every: int = 20, close: bool = True, **changes) -> None:
+def write_journal(
+    path: Path, found: list[Record], *, sync_every: int = 20, close: bool = True, **changes
+) -> None:
     writer = RunWriter(path, meta(**changes))
     for i, record in enumerate(found, 1):
         writer.append(record)

@@ -1,4 +1,6 @@
-"""Numbers of people and devices, and messages, in the forms in which devices print them; and a search for them."""
+"""Numbers of people and devices, and messages, in the forms in which devices print them; and a
+search for them.
+"""
 
 import re
 from collections.abc import Iterator

@@ -17,7 +17,9 @@ class Served:
 
     def __init__(self, recording: Path) -> None:
         command = [sys.executable, "-c", _PROGRAM, str(recording)]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         self.address = self.process.stdout.readline().strip()
         self.port = int(self.address.rpartition(":")[2].rstrip("/"))
 

@@ -35,7 +35,9 @@ def site_toml(folder: Path, modem: str, gnss: str, more: str = "") -> Path:
 def running(config: Path, *more: str) -> Iterator[subprocess.Popen[str]]:
     """`fieldlogger run`, which does not outlive the test."""
     command = [*FIELDLOGGER, "run", "--config", str(config), *more]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         try:
             yield process
         finally:
@@ -45,7 +47,9 @@ def running(config: Path, *more: str) -> Iterator[subprocess.Popen[str]]:
 
 def python(script: str) -> str:
     """What a script prints in a Python of its own."""
-    return subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout
+    return subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True
+    ).stdout
 
 
 def wait_at_most(process: subprocess.Popen[bytes], seconds: float) -> None:

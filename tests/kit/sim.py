@@ -11,8 +11,18 @@ from logger.sim.scenario import scenario
 
 @contextmanager
 def devices(seed: int = 1, rate: float = 20.0) -> Iterator[tuple[PtyDevice, PtyDevice, PtyDevice]]:
-    """A modem and a receiver on one walk, `rate` times faster than real, and a port where nobody is."""
+    """A modem and a receiver on one walk, `rate` times faster than real, and a port where nobody
+    is.
+    """
     walk, time = scenario("block", seed, 600.0), WalkTime(ScaledClock(rate))
-    sessions = (answering(walk.modem(time.now_s)), talking(walk.receiver(), time), lambda _line: None)
-    with PtyDevice(sessions[0]) as modem, PtyDevice(sessions[1]) as gnss, PtyDevice(sessions[2]) as silent:
+    sessions = (
+        answering(walk.modem(time.now_s)),
+        talking(walk.receiver(), time),
+        lambda _line: None,
+    )
+    with (
+        PtyDevice(sessions[0]) as modem,
+        PtyDevice(sessions[1]) as gnss,
+        PtyDevice(sessions[2]) as silent,
+    ):
         yield modem, gnss, silent

@@ -1,4 +1,6 @@
-"""Small results of runs to draw: real readings and filters, and a posterior on a coarse grid, which is quick."""
+"""Small results of runs to draw: real readings and filters, and a posterior on a coarse grid, which
+is quick.
+"""
 
 import dataclasses
 from pathlib import Path
@@ -12,11 +14,11 @@ from logger.core.locator.region import Cells
 from logger.core.observations import CellObservations, observe
 from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
-from postproc.estimators import batch
-from postproc.estimators.filtered import Filtered, reference_ekf
-from postproc.smooth import CellResult, Smoothed
-from postproc.verify.claims import Claim
-from postproc.verify.run import CellVerdict, Verified
+from postproc.estimators import least_squares
+from postproc.estimators.filters import Filtered, reference_ekf
+from postproc.smoothing import CellResult, Smoothed
+from postproc.verification.claims import Claim
+from postproc.verification.run_claims import CellVerdict, Verified
 from tests.kit.runs import UTC0_NS, meta
 
 LAT, LON = 52.5, 13.4
@@ -32,8 +34,12 @@ def cell_name(i: int) -> str:
     return f"262-01-4711-{100 + i}"
 
 
-def write_run(path: Path, *, seconds: int, cells: int, utc: bool = True, truth: bool = True, speed_mps=1.4) -> Run:
-    """Walk around a square, a fix a second and a scan of all cells every other second, 200 ms long."""
+def write_run(
+    path: Path, *, seconds: int, cells: int, utc: bool = True, truth: bool = True, speed_mps=1.4
+) -> Run:
+    """Walk around a square, a fix a second and a scan of all cells every other second, 200 ms
+    long.
+    """
     x0, y0 = UTM.to_xy(LAT, LON)
     lat, lon = UTM.to_latlon(x0 + TRANSMITTER_M[0], y0 + TRANSMITTER_M[1])
     known = (Truth(cell_name(0), lat, lon),) if truth else ()
@@ -51,10 +57,15 @@ def write_run(path: Path, *, seconds: int, cells: int, utc: bool = True, truth: 
         writer.append(Record(t_ns, "gnss", fix))
         if i % 2 == 0:
             levels = _levels(rng, x[i], y[i], cells)
-            readings = tuple(CellReading("scan", "GSM", "262", "01", 4711, 100 + k, rssi_dbm=v) for k, v in levels)
+            readings = tuple(
+                CellReading("scan", "GSM", "262", "01", 4711, 100 + k, rssi_dbm=v)
+                for k, v in levels
+            )
             writer.append(Record(t_ns + 200_000_000, "modem", Scan(t_ns, readings, None)))
         if i % 50 == 0:
-            writer.append(Record(t_ns + 300_000_000, "logger", Note("warning", "tick", f"second {i}, Grüße")))
+            writer.append(
+                Record(t_ns + 300_000_000, "logger", Note("warning", "tick", f"second {i}, Grüße"))
+            )
     writer.close(START_NS + seconds * 10**9, "test")
     return read_run(path)
 
@@ -69,29 +80,50 @@ def smoothed(run: Run, *, verdict="located", places=1) -> Smoothed:
     """Every estimator for the first cell, none for the others."""
     observations = observe(run.tables["fixes"], run.tables["scans"], run.tables["readings"])
     by_name = {obs.cell: obs for obs in observations.cells}
-    others = [CellResult(name, len(obs), obs, "cannot tell", ("not asked",)) for name, obs in by_name.items()]
+    others = [
+        CellResult(name, len(obs), obs, "cannot tell", ("not asked",))
+        for name, obs in by_name.items()
+    ]
     obs = by_name[cell_name(0)]
     answer = posterior(obs, places)
     filtered, rts = filters(obs, answer)
-    fitted = batch.fit(obs, [(answer.x_m, answer.y_m)])
+    fitted = least_squares.fit(obs, [(answer.x_m, answer.y_m)])
     warnings = ("one place holds it; <b>not</b> | markup",)
-    first = CellResult(obs.cell, len(obs), obs, verdict, warnings, answer, reference_ekf(obs), filtered, rts, fitted)
-    return Smoothed(run, observations, (first, *(o for o in others if o.cell != obs.cell)), ("about the run",))
+    first = CellResult(
+        obs.cell,
+        len(obs),
+        obs,
+        verdict,
+        warnings,
+        answer,
+        reference_ekf(obs),
+        filtered,
+        rts,
+        fitted,
+    )
+    return Smoothed(
+        run, observations, (first, *(o for o in others if o.cell != obs.cell)), ("about the run",)
+    )
 
 
 def posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior:
-    """Gaussians of equal probability, the first near the transmitter, the next ones 150 m farther north each."""
+    """Gaussians of equal probability, the first near the transmitter, the next ones 150 m farther
+    north each.
+    """
     centre = np.array([obs.x_m[0] + TRANSMITTER_M[0] + 4.0, obs.y_m[0] + TRANSMITTER_M[1] - 3.0])
     centres = [centre + np.array([0.0, 150.0 * i]) for i in range(places)]
     side = 6.0
-    east, north = np.meshgrid(np.arange(-20, 21) * side, np.arange(-20, 21 + 25 * (places - 1)) * side)
+    east, north = np.meshgrid(
+        np.arange(-20, 21) * side, np.arange(-20, 21 + 25 * (places - 1)) * side
+    )
     x, y = centre[0] + east.ravel(), centre[1] + north.ravel()
     mass = sum(np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2 * sigma_m**2)) for cx, cy in centres)
     cells = Cells(x, y, np.full(len(x), side), mass / mass.sum())
     covariance = np.diag([sigma_m**2, (0.7 * sigma_m) ** 2, 4.0, 0.04])
     covariance[0, 1] = covariance[1, 0] = 0.3 * sigma_m**2
     modes = tuple(
-        made(Mode, probability=1 / places, state=np.array([*c, P0_DBM, ETA]), covariance=covariance) for c in centres
+        made(Mode, probability=1 / places, state=np.array([*c, P0_DBM, ETA]), covariance=covariance)
+        for c in centres
     )
     return made(
         Posterior, cells=cells, modes=modes, x_m=float(centre[0]), y_m=float(centre[1]), r95_m=2.45 * sigma_m,
@@ -115,14 +147,20 @@ def filters(obs: CellObservations, answer: Posterior) -> tuple[Filtered, Filtere
         state = steps[-1].state
     x = np.array([s.state[:4] for s in steps])
     p = np.array([ekf.covariance_matrix(s.state.p) for s in steps])
-    innovation, variance = (np.array([getattr(s, n) for s in steps]) for n in ("innovation_db", "innovation_var_db2"))
+    innovation, variance = (
+        np.array([getattr(s, n) for s in steps]) for n in ("innovation_db", "innovation_var_db2")
+    )
     none = np.full(len(x), np.nan)
     ahead = Filtered(obs.t_ns[half:], x, p, innovation, variance)
-    return ahead, Filtered(obs.t_ns[half:], np.repeat(x[-1:], len(x), 0), np.repeat(p[-1:], len(p), 0), none, none)
+    return ahead, Filtered(
+        obs.t_ns[half:], np.repeat(x[-1:], len(x), 0), np.repeat(p[-1:], len(p), 0), none, none
+    )
 
 
 def claims_about(result: Smoothed) -> Verified:
-    """A consistent claim about the first cell, a rejected one about the second, and a cell without any."""
+    """A consistent claim about the first cell, a rejected one about the second, and a cell without
+    any.
+    """
 
     def claimed(cell, verdict, north_deg):
         return CellVerdict(
@@ -131,4 +169,9 @@ def claims_about(result: Smoothed) -> Verified:
         )  # fmt: skip
 
     first, second = result.cells[:2]
-    return Verified(0.05, (claimed(first, "consistent", 0.0005), claimed(second, "rejected", 0.1)), ("other",), ())
+    return Verified(
+        0.05,
+        (claimed(first, "consistent", 0.0005), claimed(second, "rejected", 0.1)),
+        ("other",),
+        (),
+    )

@@ -1,4 +1,6 @@
-"""The start of `fieldlogger run`, watched from inside: what happens at the first flush that makes a frame durable."""
+"""The start of `fieldlogger run`, watched from inside: what happens at the first flush that makes a
+frame durable.
+"""
 
 import subprocess
 import sys
@@ -32,7 +34,9 @@ sys.exit(main())
 
 @contextmanager
 def starting(config: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """`fieldlogger run`, which writes a line `durable MODULES...` at that flush; it does not outlive the test."""
+    """`fieldlogger run`, which writes a line `durable MODULES...` at that flush; it does not
+    outlive the test.
+    """
     command = [sys.executable, "-c", _WATCHED, "run", "--config", str(config)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
         try:

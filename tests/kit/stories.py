@@ -1,10 +1,12 @@
-"""Stories to draw, without the time that estimating takes: each step's posterior is a Gaussian that shrinks."""
+"""Stories to draw, without the time that estimating takes: each step's posterior is a Gaussian that
+shrinks.
+"""
 
 import numpy as np
 
-from postproc.smooth import Smoothed
-from postproc.view.story import Story, of_one, story_of
-from postproc.view.unfolding import Step
+from postproc.smoothing import Smoothed
+from postproc.view.timeline import Step
+from postproc.view.view_model import Story, of_one, story_of
 from tests.kit import smoothed as kit
 
 SIGMAS_M = (40.0, 25.0, 16.0)
@@ -24,5 +26,9 @@ def steps(result) -> tuple[Step, ...]:
 def story(smoothed: Smoothed, claims=()) -> Story:
     """The first cell told in full."""
     result = next((cell for cell in smoothed.cells if cell.posterior), None)
-    told = [(result, steps(result), tuple(claims))] if result else [(cell, (), ()) for cell in smoothed.cells[:1]]
+    told = (
+        [(result, steps(result), tuple(claims))]
+        if result
+        else [(cell, (), ()) for cell in smoothed.cells[:1]]
+    )
     return story_of(of_one(smoothed), told)

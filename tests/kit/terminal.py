@@ -18,10 +18,16 @@ COLOUR = re.compile(r"\x1b\[(?:\d+;)*(?:3[0-8]|4[0-8]|9\d|10\d)(?:;\d+)*m")
 def on_terminal(
     *command: str, typed: str = "", timeout_s: float = 180.0, columns: int = 120, **environment: str
 ) -> tuple[str, int]:
-    """Run a command on a pty so many columns wide, type something, and give all it showed and its exit code."""
+    """Run a command on a pty so many columns wide, type something, and give all it showed and its
+    exit code.
+    """
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
-    kept = {k: v for k, v in os.environ.items() if k not in {"NO_COLOR", "FORCE_COLOR", "COLUMNS", "LINES"}}
+    kept = {
+        k: v
+        for k, v in os.environ.items()
+        if k not in {"NO_COLOR", "FORCE_COLOR", "COLUMNS", "LINES"}
+    }
     program = subprocess.Popen(
         command, stdin=theirs, stdout=theirs, stderr=theirs, close_fds=True, start_new_session=True,
         env=kept | {"TERM": "xterm-256color"} | environment,
@@ -39,7 +45,9 @@ def on_terminal(
 
 def postproc(*arguments: str, columns: int = 120, **environment: str) -> tuple[str, int]:
     """The command on a terminal."""
-    return on_terminal(sys.executable, "-m", "postproc.cli", *arguments, columns=columns, **environment)
+    return on_terminal(
+        sys.executable, "-m", "postproc.cli", *arguments, columns=columns, **environment
+    )
 
 
 def _read_all(ours: int, until_s: float) -> str:

@@ -9,9 +9,9 @@ from pathlib import Path
 from logger.config import parse_config
 from logger.core.errors import RunFileError
 from logger.core.runfile import Run, read_run
-from logger.device.beginning import begin_run
 from logger.device.clock import Clock
 from logger.device.service import Service
+from logger.device.startup import begin_run
 from tests.kit.service import LIMIT_S
 
 LOOK_EVERY_S = 0.5
@@ -27,18 +27,27 @@ class Walked:
 
     def notes(self) -> list[str]:
         """Codes of the events of the modem."""
-        return [row["code"].decode() for row in self.run.tables["notes"] if row["source"] == b"modem"]
+        return [
+            row["code"].decode() for row in self.run.tables["notes"] if row["source"] == b"modem"
+        ]
 
     def texts(self) -> list[str]:
         return [row["text"].decode() for row in self.run.tables["notes"]]
 
     def scans(self) -> list[tuple[float, list]]:
         """Begin of each scan and its readings."""
-        return [(r.value.t_start_ns / 1e9, list(r.value.readings)) for _, r in self.run.records("scans")]
+        return [
+            (r.value.t_start_ns / 1e9, list(r.value.readings)) for _, r in self.run.records("scans")
+        ]
 
 
 def service(
-    folder: Path, clock: Clock, port: str, full_scan_s: float, poll_s: float, gnss: str | None = None
+    folder: Path,
+    clock: Clock,
+    port: str,
+    full_scan_s: float,
+    poll_s: float,
+    gnss: str | None = None,
 ) -> Service:
     text = (
         f'[run]\ndirectory = "{folder}"\n[modem]\nport = "{port}"\n'
@@ -49,8 +58,11 @@ def service(
     return Service(config, begin_run(config, text, clock), clock, threading.Event())
 
 
-def go_on(under_way: Service, clock: Clock, done: Callable[[Walked], bool], limit_s: float = LIMIT_S) -> None:
-    """Record until the run so far satisfies a condition, or for so many real seconds; the test then says what it lacks.
+def go_on(
+    under_way: Service, clock: Clock, done: Callable[[Walked], bool], limit_s: float = LIMIT_S
+) -> None:
+    """Record until the run so far satisfies a condition, or for so many real seconds; the test then
+    says what it lacks.
 
     A test that waits so takes as long as the machine does.
     """

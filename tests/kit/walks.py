@@ -14,7 +14,9 @@ FLOOR_DBM = -110.0
 def observations(x, y, level, position_sigma=0.0):
     at = np.arange(len(x))
     x, y, level = (np.asarray(v, float) for v in (x, y, level))
-    return CellObservations("c", "gsm", Utm(32), at * 10**9, x, y, np.full(len(x), position_sigma), level, at)
+    return CellObservations(
+        "c", "gsm", Utm(32), at * 10**9, x, y, np.full(len(x), position_sigma), level, at
+    )
 
 
 def path(shape, count=600, step=1.4):
@@ -38,7 +40,9 @@ def path(shape, count=600, step=1.4):
 
 
 def _spiral(s, length, turns=3.0):
-    """Of Archimedes, outward; about equal steps, as its length grows with the square of the angle."""
+    """Of Archimedes, outward; about equal steps, as its length grows with the square of the
+    angle.
+    """
     end = 2 * np.pi * turns
     angle = end * np.sqrt(s / length)
     radius = 2 * length / end**2 * angle
@@ -73,14 +77,20 @@ def simulate(rng, shape, *, white_db=3.0, shadow_db=0.0, d_c=15.0, count=600, st
         distance = np.hypot(x - source[0], y - source[1])
         if distance.min() >= 25.0:
             break
-    level = rng.uniform(-45, -15) - 10 * rng.uniform(2.3, 3.9) * np.log10(distance) + white_db * rng.normal(size=count)
+    level = (
+        rng.uniform(-45, -15)
+        - 10 * rng.uniform(2.3, 3.9) * np.log10(distance)
+        + white_db * rng.normal(size=count)
+    )
     if shadow_db:
         level = np.round(level + shadowing(rng, x, y, shadow_db, d_c))
     return observations(x, y, level), source
 
 
 def clipped(obs, share):
-    """As a GSM modem tells the levels of a transmitter so weak that `share` of them are at the floor of its scale."""
+    """As a GSM modem tells the levels of a transmitter so weak that `share` of them are at the
+    floor of its scale.
+    """
     weaker = np.round(obs.level_dbm - np.quantile(obs.level_dbm, share) + FLOOR_DBM)
     return replace(obs, level_dbm=np.maximum(weaker, FLOOR_DBM))
 
@@ -90,7 +100,9 @@ def covered(found, point, slack_m=0.0):
     chosen = highest_density(found.cells)
     cells = found.cells
     reach = 0.5 * cells.size_m[chosen] + slack_m
-    inside = (np.abs(cells.x_m[chosen] - point[0]) <= reach) & (np.abs(cells.y_m[chosen] - point[1]) <= reach)
+    inside = (np.abs(cells.x_m[chosen] - point[0]) <= reach) & (
+        np.abs(cells.y_m[chosen] - point[1]) <= reach
+    )
     return bool(np.any(inside))
 
 

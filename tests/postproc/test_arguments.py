@@ -5,7 +5,17 @@ import pytest
 from postproc.cli import main
 from tests.kit import runs
 
-NASTY = ["a\0b", "/dev/null/x", "x" * 5000, "\x1b[2J", "/", "~nouser/x", "\udcff", "a\nb", "/dev/full"]
+NASTY = [
+    "a\0b",
+    "/dev/null/x",
+    "x" * 5000,
+    "\x1b[2J",
+    "/",
+    "~nouser/x",
+    "\udcff",
+    "a\nb",
+    "/dev/full",
+]
 
 
 def _one_line(capsys):

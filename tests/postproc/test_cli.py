@@ -41,7 +41,12 @@ def csv(tmp_path):
 def test_info_of_both_forms(tmp_path, capsys):
     runs.write_journal(tmp_path / "a.journal", runs.records(30), close=False)
     cut = _json(capsys, "info", tmp_path / "a.journal")
-    assert (cut["form"], cut["stopped"], cut["n_fixes"], cut["n_readings"]) == ("journal", None, 30, 60)
+    assert (cut["form"], cut["stopped"], cut["n_fixes"], cut["n_readings"]) == (
+        "journal",
+        None,
+        30,
+        60,
+    )
     assert cut["started_utc"] == "2026-09-21T14:13:20Z"
     assert [cell["cell"] for cell in cut["cells"]] == ["262-01-4711-1", "262-01-4711-2"]
     finished = _json(capsys, "info", finish_journal(tmp_path / "a.journal"))
@@ -59,7 +64,10 @@ def test_recover_makes_hdf5_of_a_cut_journal(tmp_path, capsys):
 
 
 def test_import_reads_what_the_contract_says(csv, tmp_path, capsys):
-    text = HEADER + "3,52.0,13.0002,-72,,,,\n1,52.0,13.0,-70.5,a,4,2G,hello\n2,52.0,13.0001,-71,b,,LTE,\n"
+    text = (
+        HEADER
+        + "3,52.0,13.0002,-72,,,,\n1,52.0,13.0,-70.5,a,4,2G,hello\n2,52.0,13.0001,-71,b,,LTE,\n"
+    )
     told = _json(capsys, "import", csv(text), "-o", tmp_path / "run.h5")
     assert (told["rows"], told["sorted"], told["bad_rows"]) == (3, True, [])
     run = read_run(tmp_path / "run.h5")
@@ -98,12 +106,18 @@ def test_import_names_bad_rows_by_line(csv, tmp_path, capsys):
         "7,86,13,-70",
         "",
     ]
-    told = _json(capsys, "import", csv("t_s,lat,lon,rssi_dbm\n" + "\n".join(rows)), "-o", tmp_path / "run.h5")
+    told = _json(
+        capsys, "import", csv("t_s,lat,lon,rssi_dbm\n" + "\n".join(rows)), "-o", tmp_path / "run.h5"
+    )
     assert [bad["line"] for bad in told["bad_rows"]] == [3, 4, 5, 6, 7, 8, 9]
     assert "no number" in told["bad_rows"][0]["why"]
     assert "84 deg" in told["bad_rows"][6]["why"]
     assert told["rows"] == 1
-    notes = [r.value for _, r in read_run(tmp_path / "run.h5").records("notes") if isinstance(r.value, Note)]
+    notes = [
+        r.value
+        for _, r in read_run(tmp_path / "run.h5").records("notes")
+        if isinstance(r.value, Note)
+    ]
     assert sum(note.code == "bad-row" for note in notes) == 7
 
 
@@ -146,10 +160,24 @@ def test_a_run_where_nothing_can_be_written_is_answered_all_the_same(tmp_path, c
 
 def test_import_to_nowhere(csv, tmp_path, capsys):
     assert "no such folder" in _fails(capsys, "import", csv("x"), "-o", tmp_path / "none/run.h5")
-    assert "No such file" in _fails(capsys, "import", tmp_path / "none.csv", "-o", tmp_path / "run.h5")
+    assert "No such file" in _fails(
+        capsys, "import", tmp_path / "none.csv", "-o", tmp_path / "run.h5"
+    )
 
 
-CONTRACT = {"cell", "n", "best", "modes", "region95", "reference_ekf", "ekf", "rts", "batch", "verdict", "warnings"}
+CONTRACT = {
+    "cell",
+    "n",
+    "best",
+    "modes",
+    "region95",
+    "reference_ekf",
+    "ekf",
+    "rts",
+    "batch",
+    "verdict",
+    "warnings",
+}
 BEST = {"lat", "lon", "r95_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma"}
 
 
@@ -209,7 +237,11 @@ def test_a_text_file_given_as_run_is_one_line(tmp_path, capsys, command):
 
 def test_polar_run_is_refused_in_one_line(tmp_path, capsys):
     path = _run(
-        tmp_path, [Record(0, "gnss", Fix(True, None, 88.0, 0.0)), Record(1, "m", Scan(0, (runs.reading(1, -7.0),)))]
+        tmp_path,
+        [
+            Record(0, "gnss", Fix(True, None, 88.0, 0.0)),
+            Record(1, "m", Scan(0, (runs.reading(1, -7.0),))),
+        ],
     )
     assert "84 deg" in _fails(capsys, "smooth", path)
 

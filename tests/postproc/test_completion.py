@@ -18,7 +18,9 @@ def completed(folder, script, typed):
     """What bash makes of a line whose last word is begun and followed by a tab."""
     ready = f"cd {shlex.quote(str(folder))}; source {script}; bind 'set enable-bracketed-paste off'"
     told = "postproc() { printf 'told'; printf '<%s>' \"$@\"; echo; }"
-    shown, _ = on_terminal(BASH, "--norc", "--noprofile", "-i", typed=f"{ready}\n{told}\npostproc {typed}\t\nexit\n")
+    shown, _ = on_terminal(
+        BASH, "--norc", "--noprofile", "-i", typed=f"{ready}\n{told}\npostproc {typed}\t\nexit\n"
+    )
     (line,) = [line.strip() for line in shown.splitlines() if line.strip().startswith("told<")]
     return line.removeprefix("told")
 
@@ -27,7 +29,10 @@ def completed(folder, script, typed):
 def script(tmp_path_factory):
     path = tmp_path_factory.mktemp("completion") / "postproc.bash"
     made = subprocess.run(
-        [sys.executable, "-m", "postproc.cli", "completion", "bash"], capture_output=True, check=True, text=True
+        [sys.executable, "-m", "postproc.cli", "completion", "bash"],
+        capture_output=True,
+        check=True,
+        text=True,
     )
     path.write_text(made.stdout)
     return path

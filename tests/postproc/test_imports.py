@@ -15,7 +15,19 @@ with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
     main(json.loads(sys.argv[1]))
 print(json.dumps(sorted(sys.modules)))
 """
-HEAVY = {"scipy", "numba", "llvmlite", "matplotlib", "shapely", "rerun", "pyarrow", "PIL", "jinja2", "pyproj", "pandas"}
+HEAVY = {
+    "scipy",
+    "numba",
+    "llvmlite",
+    "matplotlib",
+    "shapely",
+    "rerun",
+    "pyarrow",
+    "PIL",
+    "jinja2",
+    "pyproj",
+    "pandas",
+}
 LIBRARIES = HEAVY | {"numpy", "h5py", "msgspec", "rich", "threadpoolctl", "serial", "pynmea2"}
 
 
@@ -27,7 +39,9 @@ def run(tmp_path_factory):
 
 
 def _loaded(*arguments):
-    done = subprocess.run([sys.executable, "-c", LOADED, json.dumps(arguments)], capture_output=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED, json.dumps(arguments)], capture_output=True, check=True
+    )
     return set(json.loads(done.stdout))
 
 
@@ -35,7 +49,9 @@ def test_help_imports_no_library():
     assert not _loaded("--help") & LIBRARIES
 
 
-@pytest.mark.parametrize("command", ["smooth", "info", "import", "export", "report", "view", "verify", "plot"])
+@pytest.mark.parametrize(
+    "command", ["smooth", "info", "import", "export", "report", "view", "verify", "plot"]
+)
 def test_help_of_a_command_imports_no_library(command):
     assert not _loaded(command, "--help") & LIBRARIES
 
@@ -45,7 +61,11 @@ def test_info_imports_what_it_shows_and_nothing_more(run, more):
     loaded = _loaded("info", run, *more)
     assert "h5py" in loaded
     assert not loaded & HEAVY
-    assert not [n for n in loaded if n.startswith(("postproc.estimators", "postproc.smooth", "logger.core.locator"))]
+    assert not [
+        n
+        for n in loaded
+        if n.startswith(("postproc.estimators", "postproc.smoothing", "logger.core.locator"))
+    ]
 
 
 def test_recover_imports_no_estimator(run, tmp_path):

@@ -21,7 +21,11 @@ def commands(parser, name=""):
 
 def test_every_command_has_it():
     """A completion is a script."""
-    without = {name for name, command in commands(_parser()) if "--json" not in command._option_string_actions}
+    without = {
+        name
+        for name, command in commands(_parser())
+        if "--json" not in command._option_string_actions
+    }
     assert without == {"completion"}
 
 
@@ -34,7 +38,10 @@ def journal(tmp_path):
 def test_plot(journal, capsys):
     assert main(["plot", str(journal), "--cell", "262-01-4711-1", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told == {"path": str(journal.with_suffix(".png")), "bytes": journal.with_suffix(".png").stat().st_size}
+    assert told == {
+        "path": str(journal.with_suffix(".png")),
+        "bytes": journal.with_suffix(".png").stat().st_size,
+    }
 
 
 def test_recover(journal, capsys):

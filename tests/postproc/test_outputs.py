@@ -1,4 +1,6 @@
-"""A file that cannot be written is found out before anything is computed, by every command that writes one."""
+"""A file that cannot be written is found out before anything is computed, by every command that
+writes one.
+"""
 
 import pytest
 
@@ -36,10 +38,12 @@ def folder(tmp_path, monkeypatch):
         if not (tmp_path / f"pipe{suffix}").exists():
             os.mkfifo(tmp_path / f"pipe{suffix}")
     for work in (
-        "postproc.smooth.smooth_run", "postproc.interop.importing.import_walk", "postproc.interop.share.share",
-        "postproc.verify.celldb.CellImport", "postproc.toa.simulate.simulate",
+        "postproc.smoothing.smooth_run", "postproc.interop.importing.import_walk", "postproc.interop.share.share",
+        "postproc.verification.celldb.CellImport", "postproc.reproductions.toa.simulate.simulate",
     ):  # fmt: skip
-        monkeypatch.setattr(work, lambda *_, **__: pytest.fail("computed before the output was checked"))
+        monkeypatch.setattr(
+            work, lambda *_, **__: pytest.fail("computed before the output was checked")
+        )
     return tmp_path
 
 

@@ -1,4 +1,6 @@
-"""SQLite files of strangers: plain tables are read, and nothing in them runs for ever or runs at all."""
+"""SQLite files of strangers: plain tables are read, and nothing in them runs for ever or runs at
+all.
+"""
 
 import sqlite3
 from contextlib import closing
@@ -36,11 +38,16 @@ def test_tables_are_read_whatever_the_file_is_called(made):
 
 @pytest.mark.parametrize("view", ["SELECT 1 AS a", ENDLESS])
 def test_a_view_is_no_table(made, view):
-    with opened(made(f"CREATE VIEW data AS {view}")) as database, pytest.raises(sqlite3.DatabaseError):
+    with (
+        opened(made(f"CREATE VIEW data AS {view}")) as database,
+        pytest.raises(sqlite3.DatabaseError),
+    ):
         database.execute("SELECT * FROM data").fetchone()
 
 
-@pytest.mark.parametrize("statement", ["INSERT INTO data VALUES (2)", "DROP TABLE data", "ATTACH ':memory:' AS x"])
+@pytest.mark.parametrize(
+    "statement", ["INSERT INTO data VALUES (2)", "DROP TABLE data", "ATTACH ':memory:' AS x"]
+)
 def test_nothing_is_written_and_nothing_else_opened(made, statement):
     with opened(made("CREATE TABLE data (a)")) as database, pytest.raises(sqlite3.Error):
         database.execute(statement)
@@ -49,7 +56,10 @@ def test_nothing_is_written_and_nothing_else_opened(made, statement):
 def test_what_never_ends_is_ended_where_views_are_allowed(made, monkeypatch):
     monkeypatch.setattr(sqlite_file, "_STEPS_LEAST", 3_000_000)
     path = made(f"CREATE VIEW tiles AS {ENDLESS}")
-    with opened(path, views=True) as database, pytest.raises(sqlite3.OperationalError, match="interrupted"):
+    with (
+        opened(path, views=True) as database,
+        pytest.raises(sqlite3.OperationalError, match="interrupted"),
+    ):
         database.execute("SELECT count(*) FROM tiles").fetchone()
 
 

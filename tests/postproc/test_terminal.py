@@ -11,7 +11,7 @@ from rich.console import Console
 from postproc import info_table, tables, terminal
 from postproc.info import describe
 from postproc.results import summary
-from postproc.verify import tables as verify_tables
+from postproc.verification import tables as verify_tables
 from tests.kit import runs
 from tests.kit import smoothed as kit
 from tests.kit.terminal import COLOUR, postproc
@@ -21,7 +21,9 @@ from tests.kit.terminal import COLOUR, postproc
 def run(tmp_path_factory):
     path = tmp_path_factory.mktemp("terminal") / "walk.journal"
     records = runs.records(30)
-    runs.write_journal(path, [*records, runs.Record(31 * 10**9, "logger", runs.Note("warning", "x", "look here"))])
+    runs.write_journal(
+        path, [*records, runs.Record(31 * 10**9, "logger", runs.Note("warning", "x", "look here"))]
+    )
     return str(path)
 
 
@@ -42,7 +44,10 @@ def test_a_bar_on_a_terminal_only(run):
     assert "of 2" in shown
     assert "left" in shown
     piped = subprocess.run(
-        [sys.executable, "-m", "postproc.cli", "smooth", run], capture_output=True, check=True, text=True
+        [sys.executable, "-m", "postproc.cli", "smooth", run],
+        capture_output=True,
+        check=True,
+        text=True,
     )
     assert "\x1b" not in piped.stdout + piped.stderr
     assert piped.stderr == ""
@@ -64,7 +69,9 @@ def outputs(tmp_path, monkeypatch):
         file = io.StringIO()
 
         def console(**options):
-            wide = {"force_terminal": True, "width": columns, "color_system": None} if columns else {}
+            wide = (
+                {"force_terminal": True, "width": columns, "color_system": None} if columns else {}
+            )
             return Console(**{"file": file} | options | wide)
 
         monkeypatch.setattr(terminal, "Console", console)
@@ -79,7 +86,12 @@ def _all_at_once(tmp_path):
     found = summary(kit.smoothed(run, places=2))
     found["cells"][0]["cell"] = "310-410-65535-268435455"
     for key in ("batch", "ekf"):
-        found["cells"][0][key] |= {"lat": -12.34567, "lon": -123.45678, "p0_dbm": -105.6, "p0_sigma_db": 1234.5}
+        found["cells"][0][key] |= {
+            "lat": -12.34567,
+            "lon": -123.45678,
+            "p0_dbm": -105.6,
+            "p0_sigma_db": 1234.5,
+        }
     verified = kit.claims_about(kit.smoothed(run))
     return {
         "info": lambda: info_table.print_info(describe(run), details=True),
@@ -97,19 +109,25 @@ def test_no_number_is_cut_and_no_line_is_too_long(tmp_path, outputs, name, colum
     assert _numbers(whole) <= _numbers(narrow)
     assert "…" not in narrow
     places = _numbers(str(tmp_path)) | {str(tmp_path)}
-    long = [line for line in narrow.splitlines() if len(line) > columns and not any(p in line for p in places)]
+    long = [
+        line
+        for line in narrow.splitlines()
+        if len(line) > columns and not any(p in line for p in places)
+    ]
     # the digest is one word of 64 letters
     assert [line for line in long if not line.startswith("digest")] == []
 
 
 @pytest.mark.parametrize("columns", WIDTHS)
 def test_the_simulation_of_ranges_is_whole_too(outputs, columns):
-    from postproc.toa.report import print_rows
-    from postproc.toa.simulate import setting, simulate
+    from postproc.reproductions.toa.report import print_rows
+    from postproc.reproductions.toa.simulate import setting, simulate
 
     wanted = setting(None, None, [0.01, 100.0], 20, 0)
     rows = list(simulate(wanted))
-    whole, narrow = (outputs(lambda: print_rows(wanted, rows, steps=True), width) for width in (None, columns))
+    whole, narrow = (
+        outputs(lambda: print_rows(wanted, rows, steps=True), width) for width in (None, columns)
+    )
     assert _numbers(whole) <= _numbers(narrow)
 
 
@@ -117,12 +135,17 @@ def test_the_simulation_of_ranges_is_whole_too(outputs, columns):
 def test_a_real_terminal_gets_what_a_pipe_gets(run, columns):
     for command in (["info", "-v", run], ["smooth", "-v", run]):
         piped = subprocess.run(
-            [sys.executable, "-m", "postproc.cli", *command], capture_output=True, check=True, text=True
+            [sys.executable, "-m", "postproc.cli", *command],
+            capture_output=True,
+            check=True,
+            text=True,
         )
         shown, code = postproc(*command, columns=columns)
         assert code == 0
         told = CONTROL.sub("", shown).replace(run, "").replace("\r", "")
-        wrapped = {word for word in _numbers(piped.stdout.replace(run, "")) if len(word) < columns - 12}
+        wrapped = {
+            word for word in _numbers(piped.stdout.replace(run, "")) if len(word) < columns - 12
+        }
         assert wrapped <= _numbers(told)
 
 
@@ -142,7 +165,10 @@ def test_one_line_a_cell_and_the_located_first(tmp_path, outputs):
 def test_at_most_ten_events_the_gravest_of_them(tmp_path, outputs):
     from logger.core.runfile import read_run
 
-    notes = [runs.Record(10**9 * i, "logger", runs.Note("info", "x", f"small matter {i}")) for i in range(31, 60)]
+    notes = [
+        runs.Record(10**9 * i, "logger", runs.Note("info", "x", f"small matter {i}"))
+        for i in range(31, 60)
+    ]
     grave = runs.Record(61 * 10**9, "logger", runs.Note("error", "x", "grave matter"))
     runs.write_journal(tmp_path / "walk.journal", [*runs.records(30), *notes, grave])
     info = describe(read_run(tmp_path / "walk.journal"))
@@ -159,7 +185,9 @@ def test_markup_in_a_run_is_text(tmp_path, outputs):
     found = summary(kit.smoothed(run))
     found["cells"][0]["cell"] = "[/bold]:smile:[red]"
     for details in (False, True):
-        assert "[/bold]:smile:[red]" in outputs(lambda d=details: tables.print_summary(found, details=d), 80)
+        assert "[/bold]:smile:[red]" in outputs(
+            lambda d=details: tables.print_summary(found, details=d), 80
+        )
 
 
 @pytest.mark.parametrize("columns", [None, 60, 80])
@@ -173,7 +201,9 @@ def test_nothing_in_a_run_steers_the_terminal(tmp_path, outputs, columns):
     found["cells"][0]["warnings"] = found["run"]["warnings"] = [evil]
     cells = (replace(info.cells[0], cell=evil, rat=evil),)
     events = tuple(replace(event, text=evil, source=evil) for event in info.events)
-    info = replace(info, path=evil, origin=evil, stopped=evil, cells=cells, events=events, started_utc=evil)
+    info = replace(
+        info, path=evil, origin=evil, stopped=evil, cells=cells, events=events, started_utc=evil
+    )
     for show in (
         lambda: tables.print_summary(found, details=False),
         lambda: tables.print_summary(found, details=True),

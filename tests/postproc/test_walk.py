@@ -13,8 +13,16 @@ def _run(tmp_path, north_m, *, origin="test", step_s=1):
     records = []
     for i, north in enumerate(north_m):
         t_ns = i * step_s * 10**9
-        records.append(Record(t_ns, "gnss", Fix(True, None, 52.0 + north / 111_200.0, 13.0, hdop=1.0)))
-        records.append(Record(t_ns, "modem", Scan(t_ns, (CellReading("serving", rssi_dbm=-70.0, label="x"),), i, i)))
+        records.append(
+            Record(t_ns, "gnss", Fix(True, None, 52.0 + north / 111_200.0, 13.0, hdop=1.0))
+        )
+        records.append(
+            Record(
+                t_ns,
+                "modem",
+                Scan(t_ns, (CellReading("serving", rssi_dbm=-70.0, label="x"),), i, i),
+            )
+        )
     runs.write_journal(tmp_path / "walk.journal", records, origin=origin)
     return read_run(tmp_path / "walk.journal")
 

@@ -38,7 +38,9 @@ def modem(stopwatch):
 
 
 def _deaf(world, stopwatch):
-    return SimulatedModem(DIALECTS["sim800"], world, WALK, stopwatch, np.random.default_rng(0), decode_dbm=-40.0)
+    return SimulatedModem(
+        DIALECTS["sim800"], world, WALK, stopwatch, np.random.default_rng(0), decode_dbm=-40.0
+    )
 
 
 def test_a_poll_byte_by_byte(modem):
@@ -63,7 +65,9 @@ def test_number_of_cells_is_kept_where_a_setting_leaves_it_out(modem):
 
 def test_header_only_where_nothing_is_decoded(modem, stopwatch):
     deaf = _deaf(modem._world, stopwatch)
-    assert deaf.feed(b"ATE0\rAT+CENG=1,1\rAT+CENG?\r").endswith(b"\r\nOK\r\n\r\n+CENG: 1,1\r\n\r\nOK\r\n")
+    assert deaf.feed(b"ATE0\rAT+CENG=1,1\rAT+CENG?\r").endswith(
+        b"\r\nOK\r\n\r\n+CENG: 1,1\r\n\r\nOK\r\n"
+    )
 
 
 def test_the_walk_changes_the_serving_cell(modem, stopwatch):
@@ -111,7 +115,9 @@ def test_echo_until_it_is_switched_off(modem):
 def test_bytes_may_come_one_by_one(modem):
     modem.feed(b"ATE1\r")
 
-    assert b"".join(modem.feed(bytes([byte])) for byte in b"AT+CMEE=1\r") == b"AT+CMEE=1\r\r\nOK\r\n"
+    assert (
+        b"".join(modem.feed(bytes([byte])) for byte in b"AT+CMEE=1\r") == b"AT+CMEE=1\r\r\nOK\r\n"
+    )
 
 
 def test_mode_2_tells_without_being_asked(modem, stopwatch):
@@ -143,7 +149,9 @@ def test_the_driver_sets_it_up_and_polls_it(modem):
 
 
 def test_several_commands_in_a_line(modem):
-    assert modem.feed(b"AT+CMEE=1;+CSQ;+CREG?\r") == b"\r\n+CSQ: 27,0\r\n\r\n+CREG: 0,0\r\n\r\nOK\r\n"
+    assert (
+        modem.feed(b"AT+CMEE=1;+CSQ;+CREG?\r") == b"\r\n+CSQ: 27,0\r\n\r\n+CREG: 0,0\r\n\r\nOK\r\n"
+    )
     assert modem.feed(b"AT+CSQ;+NONSENSE;+CSQ\r") == b"\r\n+CSQ: 27,0\r\n\r\nERROR\r\n"
 
 

@@ -41,7 +41,10 @@ def test_slow_reader_loses_nothing():
 
 def test_rate_is_kept():
     began_s = time.monotonic()
-    with PtyDevice(NmeaPlayer(LOG[:10_240], bytes_per_s=20_480.0)) as device, open_port(device) as port:
+    with (
+        PtyDevice(NmeaPlayer(LOG[:10_240], bytes_per_s=20_480.0)) as device,
+        open_port(device) as port,
+    ):
         assert LOG[:10_240] == port.read(10_240)
         assert time.monotonic() - began_s > 0.4
 

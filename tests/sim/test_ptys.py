@@ -97,7 +97,9 @@ def test_receiver_does_not_keep_what_nobody_heard():
 @pytest.mark.parametrize("held", [True, False])
 @pytest.mark.parametrize("kind", ["modem", "receiver"])
 def test_stops_promptly_whoever_holds_the_port(kind, held):
-    session = answering(Parrot()) if kind == "modem" else talking(Ticker(), WalkTime(ScaledClock(1.0)))
+    session = (
+        answering(Parrot()) if kind == "modem" else talking(Ticker(), WalkTime(ScaledClock(1.0)))
+    )
     device = PtyDevice(session)
     device.__enter__()
     port = open_port(device) if held else None

@@ -16,7 +16,9 @@ NOISELESS = GnssNoise(0.0, 60.0, 0.0)
 
 def receiver(noise=None, cold_start_s=0.0, origin=(46.948, 7.4474), seed=0):
     world = World.build((), *origin, Radio(), np.random.default_rng(0))
-    return world, SimulatedReceiver(world, WALK, START, np.random.default_rng(seed), noise, cold_start_s)
+    return world, SimulatedReceiver(
+        world, WALK, START, np.random.default_rng(seed), noise, cold_start_s
+    )
 
 
 def parse(epoch):
@@ -38,7 +40,9 @@ def test_fix_byte_by_byte():
 
     assert epoch.startswith(b"$GNRMC,235950.50,A,0000.00000,N,00000.00000,E,")
     assert b",0.00,311224,,,A*" in epoch.splitlines()[0]
-    assert sentence("GNGGA,235950.50,0000.00000,N,00000.00000,E,1,12,0.92,540.0,M,48.0,M,,") in epoch
+    assert (
+        sentence("GNGGA,235950.50,0000.00000,N,00000.00000,E,1,12,0.92,540.0,M,48.0,M,,") in epoch
+    )
     assert sentence("GNGSA,A,3,02,05,12,15,21,24,25,29,67,68,77,84,1.68,0.92,1.41") in epoch
 
 
@@ -77,7 +81,9 @@ def test_epochs_land_within_the_noise():
     errors_m = []
     for t_s in range(0, 900, 10):
         rmc = parse(device.epoch(float(t_s)))[0]
-        errors_m.append(np.subtract(world.to_local(rmc.latitude, rmc.longitude), WALK.position(t_s)))
+        errors_m.append(
+            np.subtract(world.to_local(rmc.latitude, rmc.longitude), WALK.position(t_s))
+        )
 
     assert 0.5 < np.std(errors_m) < 5.0
     assert np.abs(errors_m).max() < 15.0

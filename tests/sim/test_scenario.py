@@ -16,7 +16,9 @@ def test_it_passes_the_target_and_keeps_off_the_others():
     centre = east_m.mean(), north_m.mean()
 
     nearest_m = np.hypot(east_m - block.target.east_m, north_m - block.target.north_m).min()
-    others_m = [np.hypot(t.east_m - centre[0], t.north_m - centre[1]) for t in block.world.transmitters[1:]]
+    others_m = [
+        np.hypot(t.east_m - centre[0], t.north_m - centre[1]) for t in block.world.transmitters[1:]
+    ]
 
     assert 20.0 < nearest_m < 60.0
     assert len(others_m) == 5
@@ -63,13 +65,17 @@ def test_unknown_scenario_is_named():
 
 
 def _most_likely_place(east_m, north_m, level_dbm):
-    """Best place on a grid of 10 m, P0 and eta fitted at each with weak priors around -30 dBm and 3."""
+    """Best place on a grid of 10 m, P0 and eta fitted at each with weak priors around -30 dBm and
+    3.
+    """
     grid_m = np.arange(-200.0, 500.0, 10.0)
     fits = []
     for x_m in grid_m:
         for y_m in grid_m:
             log_db = log_distance_db(east_m - x_m, north_m - y_m)
-            rows = np.vstack([np.column_stack([np.ones_like(log_db), -log_db]), [6 / 15, 0.0], [0.0, 6 / 0.6]])
+            rows = np.vstack(
+                [np.column_stack([np.ones_like(log_db), -log_db]), [6 / 15, 0.0], [0.0, 6 / 0.6]]
+            )
             target = np.append(level_dbm, [6 / 15 * -30.0, 6 / 0.6 * 3.0])
             theta, *_ = np.linalg.lstsq(rows, target, rcond=None)
             fits.append((float(np.square(target - rows @ theta).sum()), x_m, y_m))

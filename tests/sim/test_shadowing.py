@@ -4,7 +4,9 @@ import pytest
 from logger.sim.shadowing import Shadowing
 
 SIGMA_DB, DECORRELATION_M = 6.0, 20.0
-FIELDS = [Shadowing.draw(SIGMA_DB, DECORRELATION_M, np.random.default_rng(seed)) for seed in range(400)]
+FIELDS = [
+    Shadowing.draw(SIGMA_DB, DECORRELATION_M, np.random.default_rng(seed)) for seed in range(400)
+]
 
 
 def _samples_db(distance_m, azimuth_rad=0.7):
@@ -29,7 +31,9 @@ def test_correlation_falls_exponentially_in_every_direction(distance_m, azimuth_
     correlation = (samples_db[:, 0] * samples_db[:, 1]).mean() / SIGMA_DB**2
 
     # the product of two unit normals has a variance of at most 2
-    assert correlation == pytest.approx(np.exp(-distance_m / DECORRELATION_M), abs=4 * np.sqrt(2 / len(FIELDS)))
+    assert correlation == pytest.approx(
+        np.exp(-distance_m / DECORRELATION_M), abs=4 * np.sqrt(2 / len(FIELDS))
+    )
 
 
 def test_one_field_has_the_statistics_over_its_area():
@@ -51,7 +55,10 @@ def test_levels_are_normally_distributed():
 
 def test_the_same_place_has_the_same_shadowing():
     field = FIELDS[2]
-    there, again = field.at_db(np.array([3.0, 90.0]), np.array([4.0, 1.0])), field.at_db(np.array(3.0), np.array(4.0))
+    there, again = (
+        field.at_db(np.array([3.0, 90.0]), np.array([4.0, 1.0])),
+        field.at_db(np.array(3.0), np.array(4.0)),
+    )
 
     assert there[0] == pytest.approx(float(again), abs=1e-9)
 

@@ -8,7 +8,8 @@ from logger.core.runfile import read_run
 
 
 def test_another_modem_that_misbehaves(tmp_path, capsys):
-    # the modem's deadlines are real seconds, of which a simulated hour has the fewer the faster it goes
+    # the modem's deadlines are real seconds, of which a simulated hour has the fewer the faster it
+    # goes
     command = ["simulate", "--out", str(tmp_path), "--speed", "20", "--modem", "ec25"]
     for lasts_s in (240, 2400):  # the second for a machine that is ten times as slow
         fault = f"garbage:{lasts_s / 20}:{lasts_s / 3}"

@@ -4,7 +4,13 @@ import pytest
 from logger.sim.walk import BLOCK_M, SHAPES, Walk, waypoints
 
 RNG = np.random.default_rng(0)
-LENGTHS_M = {"straight": 200.0, "L": 400.0, "square": 800.0, "circle": 200.0 * np.pi, "random": 6 * 200.0}
+LENGTHS_M = {
+    "straight": 200.0,
+    "L": 400.0,
+    "square": 800.0,
+    "circle": 200.0 * np.pi,
+    "random": 6 * 200.0,
+}
 
 
 @pytest.mark.parametrize("shape", SHAPES)

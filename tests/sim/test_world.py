@@ -20,7 +20,11 @@ def test_levels_are_those_of_the_formula():
 
     expected = [
         [-30.0 - 60.0, -30.0, -30.0 - 30.0 * np.log10(np.hypot(100.0, 40.0))],
-        [-20.0 - 35.0 * np.log10(30.0), -20.0 - 35.0 * np.log10(np.hypot(99.8, 30.0)), -20.0 - 35.0 * np.log10(50.0)],
+        [
+            -20.0 - 35.0 * np.log10(30.0),
+            -20.0 - 35.0 * np.log10(np.hypot(99.8, 30.0)),
+            -20.0 - 35.0 * np.log10(50.0),
+        ],
     ]
     assert levels_dbm == pytest.approx(np.array(expected))
 
@@ -65,21 +69,31 @@ def test_each_transmitter_has_a_shadowing_of_its_own():
 
 def test_seed_decides_the_readings():
     places = np.linspace(0.0, 300.0, 50), np.zeros(50)
-    heard_dbm = [build(Radio(), seed=seed).heard_dbm(*places, np.random.default_rng(seed)) for seed in (1, 1, 2)]
+    heard_dbm = [
+        build(Radio(), seed=seed).heard_dbm(*places, np.random.default_rng(seed))
+        for seed in (1, 1, 2)
+    ]
 
     assert (heard_dbm[0] == heard_dbm[1]).all()
     assert (heard_dbm[0] != heard_dbm[2]).any()
 
 
-@pytest.mark.parametrize(("lat_deg", "lon_deg"), [(46.948, 7.4474), (-33.9, 18.4), (0.0, 5.999), (69.6, 18.9)])
+@pytest.mark.parametrize(
+    ("lat_deg", "lon_deg"), [(46.948, 7.4474), (-33.9, 18.4), (0.0, 5.999), (69.6, 18.9)]
+)
 def test_distances_agree_with_utm_within_a_thousandth(lat_deg, lon_deg):
     world = World.build((NEAR,), lat_deg, lon_deg, QUIET, np.random.default_rng(0))
     utm = Utm.at(lat_deg, lon_deg)
-    xy_m = [utm.to_xy(*world.to_latlon(*place)) for place in ((0.0, 0.0), (800.0, -300.0), (-450.0, 900.0))]
+    xy_m = [
+        utm.to_xy(*world.to_latlon(*place))
+        for place in ((0.0, 0.0), (800.0, -300.0), (-450.0, 900.0))
+    ]
 
     for (one, other), distance_m in (((0, 1), np.hypot(800, 300)), ((1, 2), np.hypot(1250, 1200))):
         assert np.hypot(*np.subtract(xy_m[one], xy_m[other])) == pytest.approx(distance_m, rel=1e-3)
 
 
 def test_local_coordinates_come_back():
-    assert build().to_local(*build().to_latlon(812.5, -40.25)) == pytest.approx((812.5, -40.25), abs=1e-5)
+    assert build().to_local(*build().to_latlon(812.5, -40.25)) == pytest.approx(
+        (812.5, -40.25), abs=1e-5
+    )

@@ -1,4 +1,6 @@
-"""install.sh into a folder instead of a machine; that a real boot then records is tested in tests/boot."""
+"""install.sh into a folder instead of a machine; that a real boot then records is tested in
+tests/boot.
+"""
 
 import os
 import shutil
@@ -13,7 +15,9 @@ INSTALL = REPOSITORY / "systemd/install.sh"
 
 
 def _install(*options):
-    return subprocess.run(["sh", INSTALL, *map(str, options)], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        ["sh", INSTALL, *map(str, options)], capture_output=True, text=True, check=False
+    )
 
 
 def _files(root):
@@ -28,7 +32,16 @@ def _files(root):
 def wheels(tmp_path_factory):
     """The program and all it needs, as `make wheels` and Debian's packages give it together."""
     folder = tmp_path_factory.mktemp("wheels")
-    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "-w", folder]
+    pip = [
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--quiet",
+        "--disable-pip-version-check",
+        "-w",
+        folder,
+    ]
     subprocess.run([*pip, REPOSITORY], check=True)
     return folder
 
@@ -41,9 +54,14 @@ def test_it_installs_again_and_again_without_a_network_and_goes_again(wheels, tm
     options = ("--root", root, "--wheels", wheels, "--prefix", "/opt/walk")
     done = _install(*options)
     assert done.returncode == 0, done.stderr
-    told = subprocess.run([root / "opt/walk/bin/fieldlogger", "check"], capture_output=True, text=True, check=False)
+    told = subprocess.run(
+        [root / "opt/walk/bin/fieldlogger", "check"], capture_output=True, text=True, check=False
+    )
     assert told.returncode == 0, told.stdout
-    assert "ExecStart=/opt/walk/bin/fieldlogger run" in (root / "etc/systemd/system/fieldlogger.service").read_text()
+    assert (
+        "ExecStart=/opt/walk/bin/fieldlogger run"
+        in (root / "etc/systemd/system/fieldlogger.service").read_text()
+    )
     assert os.readlink(root / "usr/local/bin/fieldlogger") == "/opt/walk/bin/fieldlogger"
     assert (root / "etc/systemd/system/multi-user.target.wants/fieldlogger.service").is_symlink()
     assert "cellwalk:" in (root / "etc/passwd").read_text()
@@ -56,7 +74,9 @@ def test_it_installs_again_and_again_without_a_network_and_goes_again(wheels, tm
     assert _install("--root", root, "--prefix", "/opt/walk", "--uninstall").returncode == 0
     assert (root / "etc/cellwalk/site.toml").read_text() == "# mine"
     assert not (root / "opt/walk").exists()
-    left = [path for path in root.rglob("*") if "fieldlogger" in path.name or "cellwalk." in path.name]
+    left = [
+        path for path in root.rglob("*") if "fieldlogger" in path.name or "cellwalk." in path.name
+    ]
     assert left == []
 
 

@@ -12,7 +12,9 @@ from logger.device.status import FOLDER
 FOLDER_OF_UNITS = Path(__file__).parents[2] / "systemd"
 UNITS = ("fieldlogger.service", "fieldlogger-recover.service")
 
-needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
+needs_systemd = pytest.mark.skipif(
+    shutil.which("systemd-analyze") is None, reason="no systemd-analyze here"
+)
 
 
 def _settings(unit):
@@ -39,7 +41,11 @@ def test_systemd_has_nothing_to_say_against_the_units(tmp_path):
     program.write_text("#!/bin/sh\n")
     program.chmod(0o755)
     for unit in UNITS:
-        text = (FOLDER_OF_UNITS / unit).read_text().replace("/opt/cellwalk/bin/fieldlogger", str(program))
+        text = (
+            (FOLDER_OF_UNITS / unit)
+            .read_text()
+            .replace("/opt/cellwalk/bin/fieldlogger", str(program))
+        )
         (tmp_path / unit).write_text(text)
     told = subprocess.run(
         ["systemd-analyze", "verify", "--man=no", *(tmp_path / unit for unit in UNITS)],
@@ -55,7 +61,9 @@ def test_it_starts_at_boot_and_is_never_given_up():
     for needed in ("Type=notify", "WatchdogSec=30", "Restart=always", "StartLimitIntervalSec=0"):
         assert needed in settings
     assert "WantedBy=multi-user.target" in settings
-    assert not [line for line in settings if line.startswith("BindsTo")], "an unplugged device must not stop it"
+    assert not [line for line in settings if line.startswith("BindsTo")], (
+        "an unplugged device must not stop it"
+    )
     # a run is named, and its time told from others, by the boot: it must stay readable
     assert "ProcSubset=pid" not in settings
 
@@ -70,13 +78,17 @@ def test_the_folders_are_those_that_the_program_uses():
 
 def test_the_rules_name_the_ports_of_the_sample_configuration_and_keep_others_away():
     rules = (FOLDER_OF_UNITS / "70-cellwalk.rules").read_text()
-    ports = re.findall(r'^port = "/dev/([^"]+)"', (FOLDER_OF_UNITS / "site.toml").read_text(), re.MULTILINE)
+    ports = re.findall(
+        r'^port = "/dev/([^"]+)"', (FOLDER_OF_UNITS / "site.toml").read_text(), re.MULTILINE
+    )
     assert len(ports) == 2
     for port in ports:
         assert f'SYMLINK+="{port}"' in rules
     assert 'ENV{ID_MM_DEVICE_IGNORE}="1"' in rules
     assert "gpsdctl@" in rules
     for line in rules.splitlines():
-        assert not line or line.startswith("#") or re.fullmatch(r'([A-Z]+(\{[\w.]+\})?[!=+]?="[^"]*"(, )?)+', line), (
-            line
-        )
+        assert (
+            not line
+            or line.startswith("#")
+            or re.fullmatch(r'([A-Z]+(\{[\w.]+\})?[!=+]?="[^"]*"(, )?)+', line)
+        ), line

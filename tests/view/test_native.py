@@ -73,19 +73,33 @@ def test_nothing_is_not_taken_for_a_walk(client, recordings):
 
 def foreign(trace):
     """Lines of a trace of system calls that speak to another machine, or ask for its address."""
-    spoken = [line for line in trace.read_text(errors="replace").splitlines() if "AF_INET" in line or "github" in line]
-    return [line for line in spoken if "github" in line or not re.search(r'"(127\.|::1|::ffff:127\.)', line)]
+    spoken = [
+        line
+        for line in trace.read_text(errors="replace").splitlines()
+        if "AF_INET" in line or "github" in line
+    ]
+    return [
+        line
+        for line in spoken
+        if "github" in line or not re.search(r'"(127\.|::1|::ffff:127\.)', line)
+    ]
 
 
 @pytest.mark.parametrize("discreet", [True, False])
-def test_nothing_leaves_the_machine_and_it_would_be_noticed(tmp_path, recordings, monkeypatch, discreet):
+def test_nothing_leaves_the_machine_and_it_would_be_noticed(
+    tmp_path, recordings, monkeypatch, discreet
+):
     if headless.DRIVER is None or not shutil.which("strace"):
-        pytest.skip("software Vulkan or strace is missing (Debian: apt-get install mesa-vulkan-drivers strace)")
+        pytest.skip(
+            "software Vulkan or strace is missing (Debian: apt-get install mesa-vulkan-drivers strace)"
+        )
     if not discreet:
         monkeypatch.setattr(viewer, "NOBODY", "")
     trace = tmp_path / "trace"
     calls = "trace=connect,sendto,sendmsg,sendmmsg"
-    with headless.headless(tmp_path, "strace", "-D", "-f", "-s", "99", "-e", calls, "-o", str(trace)) as client:
+    with headless.headless(
+        tmp_path, "strace", "-D", "-f", "-s", "99", "-e", calls, "-o", str(trace)
+    ) as client:
         client.open(str(recordings / "walk.rrd"))
         settled(client, "Plan")
     assert bool(foreign(trace)) != discreet, foreign(trace)

@@ -1,10 +1,12 @@
-"""The report in a real browser: nothing leaves the screen, nothing is asked of anybody, everybody can read it."""
+"""The report in a real browser: nothing leaves the screen, nothing is asked of anybody, everybody
+can read it.
+"""
 
 from dataclasses import replace
 
 import pytest
 
-from postproc.report.writing import report
+from postproc.report.rendering import report
 from tests.kit import smoothed as kit
 from tests.kit.browser import axe_core, browser
 
@@ -30,7 +32,9 @@ def chromium():
 def page(tmp_path_factory):
     """Every kind of cell, and a name that no line can hold."""
     folder = tmp_path_factory.mktemp("page")
-    found = kit.smoothed(kit.write_run(folder / "walk.journal", seconds=240, cells=3), verdict="ambiguous", places=2)
+    found = kit.smoothed(
+        kit.write_run(folder / "walk.journal", seconds=240, cells=3), verdict="ambiguous", places=2
+    )
     first, second, third = found.cells
     second = replace(second, obs=replace(second.obs, cell="x" * 200), cell="x" * 200)
     path = folder / "walk.html"
@@ -82,7 +86,11 @@ def test_words_of_pictures_are_large_enough_for_a_telephone(chromium, page):
 
 
 def test_an_hour_of_eight_cells_stays_below_three_megabytes(tmp_path):
-    found = kit.smoothed(kit.write_run(tmp_path / "hour.journal", seconds=3600, cells=1), verdict="ambiguous", places=2)
+    found = kit.smoothed(
+        kit.write_run(tmp_path / "hour.journal", seconds=3600, cells=1),
+        verdict="ambiguous",
+        places=2,
+    )
     cells = tuple(replace(found.cells[0], cell=f"{found.cells[0].cell}-{i}") for i in range(8))
     made = report(replace(found, cells=cells))
     assert len(made.cells) == 8
@@ -109,4 +117,6 @@ def test_axe_would_notice(chromium, tmp_path):
     path.write_text(FAULTY)
     axe = axe_core()
     chromium.open(path, width=PHONE, dark=False)
-    assert {"image-alt", "color-contrast", "html-has-lang"} <= {one["id"] for one in chromium.barriers(axe)}
+    assert {"image-alt", "color-contrast", "html-has-lang"} <= {
+        one["id"] for one in chromium.barriers(axe)
+    }

@@ -1,4 +1,6 @@
-"""The served viewer in a real browser: the walk is on the canvas, and nothing leaves the machine."""
+"""The served viewer in a real browser: the walk is on the canvas, and nothing leaves the
+machine.
+"""
 
 import signal
 import time
@@ -40,7 +42,11 @@ class Page:
         self.driver.set_page_load_timeout(PATIENCE_S)
         self.driver.set_script_timeout(PATIENCE_S)
         chromium.open(Address(address), width=WIDTH, dark=True)
-        self.wait(lambda: chromium.ask("return typeof window._handle === 'object' && !window._handle.has_panicked()"))
+        self.wait(
+            lambda: chromium.ask(
+                "return typeof window._handle === 'object' && !window._handle.has_panicked()"
+            )
+        )
 
     def wait(self, holds):
         until = time.monotonic() + PATIENCE_S
@@ -65,14 +71,20 @@ class Page:
     def look_at(self, share):
         """Click into the bar of time; the viewer's page has no other handle to it."""
         west, east, south = TIME_BAR
-        for kind, button, pressed in (("Moved", "none", 0), ("Pressed", "left", 1), ("Released", "left", 0)):
+        for kind, button, pressed in (
+            ("Moved", "none", 0),
+            ("Pressed", "left", 1),
+            ("Released", "left", 0),
+        ):
             event = {"type": f"mouse{kind}", "button": button, "buttons": pressed, "clickCount": 1}
             place = {"x": west + share * (east - west), "y": south}
             self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", event | place)
             self.picture()  # a frame between the events
 
     def errors(self):
-        return [one["message"] for one in self.driver.get_log("browser") if one["level"] == "SEVERE"]
+        return [
+            one["message"] for one in self.driver.get_log("browser") if one["level"] == "SEVERE"
+        ]
 
 
 @pytest.fixture(scope="module")
@@ -111,10 +123,14 @@ def test_the_walk_is_on_the_canvas_and_nothing_leaves(served, chromium):
 
 
 def test_nothing_is_not_taken_for_a_walk_and_a_request_is_noticed(served, chromium):
-    """The negative control: a page without a recording, in which somebody asks another machine for a picture."""
+    """The negative control: a page without a recording, in which somebody asks another machine for
+    a picture.
+    """
     page = Page(chromium, served.address + "?hide_welcome_screen&persist=0")
     time.sleep(3.0)
     assert len(missing(page.picture(), within=PLAN)) > 3
-    chromium.ask("const image = new Image(); document.body.append(image); image.src = 'https://192.0.2.1/x.png'")
+    chromium.ask(
+        "const image = new Image(); document.body.append(image); image.src = 'https://192.0.2.1/x.png'"
+    )
     page.wait(page.errors)
     assert any("192.0.2.1" in url for url in chromium.requested())

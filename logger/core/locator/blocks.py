@@ -19,7 +19,8 @@ _COARSER = 1.25
 class Censored(NamedTuple):
     """Places where the level was at the end of the modem's scale, shape (g,) each.
 
-    The level is at most `limit_dbm` where `side` is -1, at least that where it is +1; `readings` were taken there.
+    The level is at most `limit_dbm` where `side` is -1, at least that where it is +1; `readings`
+    were taken there.
     """
 
     x_m: FloatArray
@@ -36,9 +37,10 @@ NOTHING_CENSORED = Censored(*np.zeros((5, 0)))
 class Blocks:
     """The walk in blocks of readings taken at about one place.
 
-    `point_x_m, point_y_m, weight` are supporting points, shape (m,); block k has those from `first[k]` on, weights sum
-    to 1. `x_m, y_m, level_dbm, readings, position_sigma_m, modem` have shape (n,); `size_m` is the side of a block.
-    A block has readings of one modem only, numbered from 0.
+    `point_x_m, point_y_m, weight` are supporting points, shape (m,); block k has those from
+    `first[k]` on, weights sum to 1. `x_m, y_m, level_dbm, readings, position_sigma_m, modem` have
+    shape (n,); `size_m` is the side of a block. A block has readings of one modem only, numbered
+    from 0.
     """
 
     point_x_m: FloatArray
@@ -63,13 +65,17 @@ class Blocks:
         return len(self.first) == len(self.weight)
 
     def mean(self, of_points: FloatArray) -> FloatArray:
-        """Weighted means over the points of each block, shape (n, k), of rows for each point (m, k)."""
+        """Weighted means over the points of each block, shape (n, k), of rows for each point (m,
+        k).
+        """
         if self.of_one_point:
             return of_points
         return np.asarray(np.add.reduceat(self.weight[:, None] * of_points, self.first), float)
 
     def clear_of_censored(self) -> "Blocks":
-        """Those far from any censored reading, one point each: only there the levels kept are not the high ones."""
+        """Those far from any censored reading, one point each: only there the levels kept are not
+        the high ones.
+        """
         gone = self.censored
         apart_m = np.hypot(self.x_m[:, None] - gone.x_m, self.y_m[:, None] - gone.y_m)
         clear = np.min(apart_m, axis=1, initial=np.inf) > max(_CLEAR_M, 2.0 * self.size_m)
@@ -79,20 +85,38 @@ class Blocks:
 
 
 def single(column: FloatArray, size_m: float, gone: Censored) -> Blocks:
-    """Blocks without supporting points, from rows x, y, level, variance of the position, readings: shape (5, n)."""
+    """Blocks without supporting points, from rows x, y, level, variance of the position, readings:
+    shape (5, n).
+    """
     x_m, y_m, level_dbm, variance_m2, readings = column
     one = np.ones(len(x_m))
     every, modem = np.arange(len(x_m)), np.zeros(len(x_m), np.int64)
-    return Blocks(x_m, y_m, one, every, x_m, y_m, level_dbm, readings, np.sqrt(variance_m2), size_m, gone, modem)
+    return Blocks(
+        x_m,
+        y_m,
+        one,
+        every,
+        x_m,
+        y_m,
+        level_dbm,
+        readings,
+        np.sqrt(variance_m2),
+        size_m,
+        gone,
+        modem,
+    )
 
 
 def blocks(obs: CellObservations, most: int) -> Blocks:
-    """Gather the readings of one place and modem, whenever taken, into blocks; at most `most` of them.
+    """Gather the readings of one place and modem, whenever taken, into blocks; at most `most` of
+    them.
 
     Standing still or walking a street twice adds readings to a block and no block.
     """
     inside = obs.limit == 0
-    x_m, y_m, level, variance = (v[inside] for v in (obs.x_m, obs.y_m, obs.level_dbm, obs.position_sigma_m**2))
+    x_m, y_m, level, variance = (
+        v[inside] for v in (obs.x_m, obs.y_m, obs.level_dbm, obs.position_sigma_m**2)
+    )
     modem = _modems(obs)[inside]
     fine = squares(x_m, y_m, _MOST_POINTS, modem)[0]
     count = np.bincount(fine).astype(float)
@@ -113,7 +137,9 @@ def gathered(
     censored: Censored,
     modem: IntArray | None = None,
 ) -> Blocks:
-    """Blocks of supporting points, each the mean of `count` readings of a modem (None: of one); all arrays (m,)."""
+    """Blocks of supporting points, each the mean of `count` readings of a modem (None: of one); all
+    arrays (m,).
+    """
     modem = np.zeros(len(x_m), np.int64) if modem is None else modem
     coarse, size_m = squares(x_m, y_m, most, modem)
     order = np.argsort(coarse, kind="stable")
@@ -121,9 +147,13 @@ def gathered(
     x, y, level, variance = (v[order] for v in (x_m, y_m, level_dbm, variance_m2))
     total = np.asarray(np.bincount(coarse, count), float)
     weight = count / total[coarse]
-    bx, by, bl, bv = (np.asarray(np.bincount(coarse, weight * v), float) for v in (x, y, level, variance))
+    bx, by, bl, bv = (
+        np.asarray(np.bincount(coarse, weight * v), float) for v in (x, y, level, variance)
+    )
     first = np.searchsorted(coarse, np.arange(len(total)))
-    return Blocks(x, y, weight, first, bx, by, bl, total, np.sqrt(bv), size_m, censored, modem[order][first])
+    return Blocks(
+        x, y, weight, first, bx, by, bl, total, np.sqrt(bv), size_m, censored, modem[order][first]
+    )
 
 
 def _modems(obs: CellObservations) -> IntArray:
@@ -131,13 +161,16 @@ def _modems(obs: CellObservations) -> IntArray:
 
 
 def censored_places(obs: CellObservations, most: int = _MOST_CENSORED) -> Censored:
-    """Readings at either end of the scale, those of one place together, in at most `most` places for each end.
+    """Readings at either end of the scale, those of one place together, in at most `most` places
+    for each end.
 
     A place may have both ends.
     """
     at = np.flatnonzero(obs.limit)
     side, one = obs.limit[at].astype(float), np.ones(len(at))
-    return in_fewer_places(Censored(obs.x_m[at], obs.y_m[at], obs.level_dbm[at], side, one), most, _modems(obs)[at])
+    return in_fewer_places(
+        Censored(obs.x_m[at], obs.y_m[at], obs.level_dbm[at], side, one), most, _modems(obs)[at]
+    )
 
 
 def in_fewer_places(gone: Censored, most: int, modem: IntArray | None = None) -> Censored:
@@ -154,7 +187,9 @@ def in_fewer_places(gone: Censored, most: int, modem: IntArray | None = None) ->
 
 
 def squares(x_m: FloatArray, y_m: FloatArray, most: int, modem: IntArray) -> tuple[IntArray, float]:
-    """Number of the square of its modem each point lies in, as small as `most` squares allow, and their side."""
+    """Number of the square of its modem each point lies in, as small as `most` squares allow, and
+    their side.
+    """
     size_m = FINEST_BLOCK_M
     if not len(x_m):
         return np.zeros(0, np.int64), size_m

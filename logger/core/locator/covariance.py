@@ -1,7 +1,7 @@
 """Covariance of the mean levels of blocks by each hypothesis of the noise, and what whitens them.
 
-Shadowing is averaged over the points of a block: what changes within it is averaged away in part. Blocks taken for
-points, shadowing seemed to last longer than it does, and a walk to tell less.
+Shadowing is averaged over the points of a block: what changes within it is averaged away in part.
+Blocks taken for points, shadowing seemed to last longer than it does, and a walk to tell less.
 """
 
 from collections.abc import Sequence
@@ -26,41 +26,57 @@ class Whitener(NamedTuple):
 
 
 def covariances(blocks: Blocks, prior: Prior, numbers: Sequence[int] | None = None) -> FloatArray:
-    """K of the blocks' mean levels by every hypothesis, or those of some `numbers`, shape (c, n, n) by sigma^2."""
-    chosen = [prior.hypotheses[i] for i in (range(len(prior.hypotheses)) if numbers is None else numbers)]
+    """K of the blocks' mean levels by every hypothesis, or those of some `numbers`, shape (c, n, n)
+    by sigma^2.
+    """
+    chosen = [
+        prior.hypotheses[i] for i in (range(len(prior.hypotheses)) if numbers is None else numbers)
+    ]
     apart_m = np.hypot(*(v[:, None] - v for v in (blocks.point_x_m, blocks.point_y_m)))
     lasting = {h.decorrelation_m for h in chosen if h.decorrelation_m}
     shadowed = {d_c: blocks.mean(blocks.mean(correlation(apart_m, d_c)).T) for d_c in lasting}
     none = np.zeros((len(blocks), len(blocks)))
     k = np.stack([(1.0 - h.white_share) * shadowed.get(h.decorrelation_m, none) for h in chosen])
     diagonal = np.arange(len(blocks))
-    k[:, diagonal, diagonal] += [own_variance(blocks.readings, h.white_share, prior.sigma_db) for h in chosen]
+    k[:, diagonal, diagonal] += [
+        own_variance(blocks.readings, h.white_share, prior.sigma_db) for h in chosen
+    ]
     of_modems = offset_covariance(blocks.modem, prior)
     return k if of_modems is None else k + of_modems
 
 
 def correlation(apart_m: FloatArray, decorrelation_m: float) -> FloatArray:
-    """Of the shadowing at places that are this far apart (Gudmundson, Electronics Letters 27(23), 1991)."""
+    """Of the shadowing at places that are this far apart (Gudmundson, Electronics Letters 27(23),
+    1991).
+    """
     return np.asarray(np.exp(-apart_m / max(decorrelation_m, 1.0)), float)
 
 
-def own_variance(readings: FloatArray | float, white_share: FloatArray | float, sigma_db: float) -> FloatArray:
+def own_variance(
+    readings: FloatArray | float, white_share: FloatArray | float, sigma_db: float
+) -> FloatArray:
     """What only the block itself has of K's diagonal: fading and rounding to 1 dB.
 
     Fading stays the same for a while where one stands: more than 16 readings are not believed.
     """
-    return np.asarray(white_share / np.minimum(readings, READINGS_BELIEVED) + _ROUNDING_DB2 / sigma_db**2, float)
+    return np.asarray(
+        white_share / np.minimum(readings, READINGS_BELIEVED) + _ROUNDING_DB2 / sigma_db**2, float
+    )
 
 
 def offset_covariance(modem: IntArray, prior: Prior) -> FloatArray | None:
-    """What the offsets of modems (n,) add to K; None where there is one modem, whose offset is a part of P0.
+    """What the offsets of modems (n,) add to K; None where there is one modem, whose offset is a
+    part of P0.
 
     Levels are on the scale of modem 0; what another reads higher is the difference of two offsets.
     """
     if not np.any(modem):
         return None
     same, other = modem[:, None] == modem, modem > 0
-    return np.asarray((prior.offset_sigma_db / prior.sigma_db) ** 2 * (other[:, None] & other) * (1.0 + same), float)
+    return np.asarray(
+        (prior.offset_sigma_db / prior.sigma_db) ** 2 * (other[:, None] & other) * (1.0 + same),
+        float,
+    )
 
 
 def whiteners(blocks: Blocks, prior: Prior, numbers: Sequence[int] | None = None) -> list[Whitener]:
@@ -69,20 +85,30 @@ def whiteners(blocks: Blocks, prior: Prior, numbers: Sequence[int] | None = None
 
 
 def whiteners_of(k: FloatArray, numbers: Sequence[int] | None = None) -> list[Whitener]:
-    """One for each covariance in units of sigma^2, shape (c, n, n), by the hypotheses of these `numbers`, or of all."""
+    """One for each covariance in units of sigma^2, shape (c, n, n), by the hypotheses of these
+    `numbers`, or of all.
+    """
     chosen = range(len(k)) if numbers is None else numbers
     root = np.asarray(np.linalg.cholesky(k), float)
     log_det = 2.0 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
-    return [Whitener(*each) for each in zip(chosen, inverse_of_lower(root), log_det.tolist(), strict=True)]
+    return [
+        Whitener(*each)
+        for each in zip(chosen, inverse_of_lower(root), log_det.tolist(), strict=True)
+    ]
 
 
 def inverse_of_lower(root: FloatArray) -> FloatArray:
-    """Inverse of lower triangular matrices (..., n, n): by halves, which a general inverse takes four times as long."""
+    """Inverse of lower triangular matrices (..., n, n): by halves, which a general inverse takes
+    four times as long.
+    """
     n = root.shape[-1]
     if n <= _SMALL:
         return np.asarray(np.tril(np.linalg.inv(root)), float)
     half, found = n // 2, np.zeros_like(root)
-    first, last = inverse_of_lower(root[..., :half, :half]), inverse_of_lower(root[..., half:, half:])
+    first, last = (
+        inverse_of_lower(root[..., :half, :half]),
+        inverse_of_lower(root[..., half:, half:]),
+    )
     found[..., :half, :half], found[..., half:, half:] = first, last
     found[..., half:, :half] = -(last @ root[..., half:, :half]) @ first
     return found

@@ -1,13 +1,14 @@
 """What a walk says about places: log evidence with power, exponent and sigma integrated out.
 
-With K = R R' the covariance of a hypothesis, W = R^-1, and whitened rows o = W 1, l = -W L, z = W z, everything a place
-needs to be judged are six sums over rows (and the log of the rows' weights). With s2 = sigma^2,
-A = [[o'o, o'l], [o'l, l'l]] / s2 + Lambda0, b = (o'z, l'z) / s2 + Lambda0 m0:
+With K = R R' the covariance of a hypothesis, W = R^-1, and whitened rows o = W 1, l = -W L, z = W
+z, everything a place needs to be judged are six sums over rows (and the log of the rows' weights).
+With s2 = sigma^2, A = [[o'o, o'l], [o'l, l'l]] / s2 + Lambda0, b = (o'z, l'z) / s2 + Lambda0 m0:
 
     log p(z | x, y, sigma) = -n/2 log 2pi - n log sigma - 1/2 log|K| + 1/2 log|Lambda0| - 1/2 log|A|
                              - 1/2 (z'z / s2 + m0' Lambda0 m0 - b' A^-1 b)
 
-log sigma is integrated by Gauss-Hermite nodes around its mode (Naylor & Smith, Appl. Statist. 31(3), 1982).
+log sigma is integrated by Gauss-Hermite nodes around its mode (Naylor & Smith, Appl. Statist.
+31(3), 1982).
 """
 
 from functools import cache
@@ -27,16 +28,20 @@ SUMS = 7
 
 _NEWTON_STEPS = 2
 _LEAST_SIGMA_DB = 0.05
-"""Below it, as where all levels are the same, what is left of them is rounding errors, of either sign."""
+"""Below it, as where all levels are the same, what is left of them is rounding errors, of either
+sign.
+"""
 _STEADY = 0.05
 _STRIP = 64
 NODES = 7
 
 
 class Evidence(NamedTuple):
-    """Of each hypothesis (c) at each place (h): log evidence, mean and covariance of P0 and eta, mean of sigma.
+    """Of each hypothesis (c) at each place (h): log evidence, mean and covariance of P0 and eta,
+    mean of sigma.
 
-    `log_p` and `sigma_db` have shape (c, h), `theta` (2, c, h), `theta_cov` (3, c, h): var P0, cov, var eta.
+    `log_p` and `sigma_db` have shape (c, h), `theta` (2, c, h), `theta_cov` (3, c, h): var P0, cov,
+    var eta.
     """
 
     log_p: FloatArray
@@ -48,7 +53,8 @@ class Evidence(NamedTuple):
 def distances_db(blocks: Blocks, height_m: float, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
     """L = 10 log10 d of each block from each place, shape (n, h).
 
-    An uncertain receiver is farther away on average, E d^2 = d^2 + 2 sigma^2; the height adds too; at least 1 m.
+    An uncertain receiver is farther away on average, E d^2 = d^2 + 2 sigma^2; the height adds too;
+    at least 1 m.
     """
     spread = 2.0 * blocks.position_sigma_m**2
     if not blocks.of_one_point:
@@ -58,7 +64,8 @@ def distances_db(blocks: Blocks, height_m: float, x_m: FloatArray, y_m: FloatArr
 
 
 def receiver_variance(blocks: Blocks, prior: Prior, distance_db: FloatArray) -> FloatArray | None:
-    """Variance (n, h) that the error of the receiver's position adds, in units of sigma^2; None where there is none.
+    """Variance (n, h) that the error of the receiver's position adds, in units of sigma^2; None
+    where there is none.
 
     An error sigma_g at distance d moves the level by C eta sigma_g / d.
     """
@@ -67,24 +74,49 @@ def receiver_variance(blocks: Blocks, prior: Prior, distance_db: FloatArray) -> 
     return ratio if np.any(ratio) else None
 
 
-def sums(whitener: FloatArray, level_dbm: FloatArray, distance_db: FloatArray, extra: FloatArray | None) -> FloatArray:
-    """The sums of one hypothesis over rows of W (k, n), for blocks (n,) and places: `distance_db` (n, h); shape (7, h).
+def sums(
+    whitener: FloatArray, level_dbm: FloatArray, distance_db: FloatArray, extra: FloatArray | None
+) -> FloatArray:
+    """The sums of one hypothesis over rows of W (k, n), for blocks (n,) and places: `distance_db`
+    (n, h); shape (7, h).
 
-    A row of W with diagonal w predicts its block with variance 1 / w^2 (of sigma^2); `extra` variance of the block
-    weighs the row down by 1 / (1 + w^2 extra), as if it were independent.
+    A row of W with diagonal w predicts its block with variance 1 / w^2 (of sigma^2); `extra`
+    variance of the block weighs the row down by 1 / (1 + w^2 extra), as if it were independent.
     """
     rows, h = whitener.shape[0], distance_db.shape[1]
-    o, z, slope = whitener @ np.ones(whitener.shape[1]), whitener @ level_dbm, _slope(whitener, distance_db)
+    o, z, slope = (
+        whitener @ np.ones(whitener.shape[1]),
+        whitener @ level_dbm,
+        _slope(whitener, distance_db),
+    )
     if extra is None:
         fixed = [np.full(h, value) for value in (o @ o, o @ z, z @ z)]
-        return np.stack([fixed[0], o @ slope, _squares(slope, slope), fixed[1], z @ slope, fixed[2], np.zeros(h)])
+        return np.stack(
+            [
+                fixed[0],
+                o @ slope,
+                _squares(slope, slope),
+                fixed[1],
+                z @ slope,
+                fixed[2],
+                np.zeros(h),
+            ]
+        )
     last = whitener.shape[1] - rows
     own = np.diagonal(whitener, offset=last) ** 2
     weight = 1.0 / (1.0 + own[:, None] * extra[last:])
     weighed = weight * slope
     oo, oz, zz = np.stack([o * o, o * z, z * z]) @ weight
     return np.stack(
-        [oo, o @ weighed, _squares(weighed, slope), oz, z @ weighed, zz, 0.5 * np.sum(np.log(weight), axis=0)]
+        [
+            oo,
+            o @ weighed,
+            _squares(weighed, slope),
+            oz,
+            z @ weighed,
+            zz,
+            0.5 * np.sum(np.log(weight), axis=0),
+        ]
     )
 
 
@@ -101,7 +133,9 @@ def _squares(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nh,nh->h", a, b), float)
 
 
-def walk_sums(blocks: Blocks, found: list[Whitener], prior: Prior, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+def walk_sums(
+    blocks: Blocks, found: list[Whitener], prior: Prior, x_m: FloatArray, y_m: FloatArray
+) -> FloatArray:
     """Sums of all rows for each hypothesis and place, shape (7, c, h)."""
     distance_db = distances_db(blocks, prior.height_m, x_m, y_m)
     extra = receiver_variance(blocks, prior, distance_db)
@@ -109,7 +143,9 @@ def walk_sums(blocks: Blocks, found: list[Whitener], prior: Prior, x_m: FloatArr
 
 
 class _Fit(NamedTuple):
-    """P0 and eta given sigma: means and covariance; 1 / determinant of A, b, and w = 1 / sigma^2; shape (c, h) each."""
+    """P0 and eta given sigma: means and covariance; 1 / determinant of A, b, and w = 1 / sigma^2;
+    shape (c, h) each.
+    """
 
     p0: FloatArray
     eta: FloatArray
@@ -123,7 +159,12 @@ class _Fit(NamedTuple):
 
 
 def marginal(
-    total: FloatArray, n: int, log_det: FloatArray, prior: Prior, nodes: int = NODES, near_db: FloatArray | None = None
+    total: FloatArray,
+    n: int,
+    log_det: FloatArray,
+    prior: Prior,
+    nodes: int = NODES,
+    near_db: FloatArray | None = None,
 ) -> Evidence:
     """Integrate P0, eta and sigma: from sums (7, c, h) over n rows and log |K| (c, 1).
 
@@ -139,7 +180,9 @@ def marginal(
     constant = 0.5 * (2.0 * total[6] - log_det - n * log(2.0 * pi))
     if nodes > 1:
         return _over_sigma(total, n, prior, tau, 1.0 / np.sqrt(curvature), constant, nodes)
-    if np.max(np.abs(step)) < _STEADY:  # as after most live readings: the fit is as good there, log p by its slope
+    if (
+        np.max(np.abs(step)) < _STEADY
+    ):  # as after most live readings: the fit is as good there, log p by its slope
         log_p = _log_p(total, n, prior, before, fit) + 0.5 * slope * step
     else:
         fit = _fit(total, prior, tau)
@@ -148,18 +191,26 @@ def marginal(
     return Evidence(log_p, np.stack(fit[:2]), np.stack(fit[2:5]), np.exp(tau))
 
 
-def _slopes(total: FloatArray, n: int, prior: Prior, tau: FloatArray, fit: _Fit) -> tuple[FloatArray, FloatArray]:
-    """First derivative of `_log_p` by tau, and its second with the sign changed, for many levels."""
+def _slopes(
+    total: FloatArray, n: int, prior: Prior, tau: FloatArray, fit: _Fit
+) -> tuple[FloatArray, FloatArray]:
+    """First derivative of `_log_p` by tau, and its second with the sign changed, for many
+    levels.
+    """
     scaled, weight = fit.w * _residual(total, fit), 1.0 / prior.sigma_log_sd**2
     of_prior = prior.p0_sigma_db**-2 * fit.v00 + prior.eta_sigma**-2 * fit.v11
     return scaled - n + 2.0 - of_prior - weight * (tau - log(prior.sigma_db)), 2.0 * scaled + weight
 
 
 def _first_tau(total: FloatArray, n: int, prior: Prior) -> FloatArray:
-    """Where log sigma is sought first: that of the residuals of the prior's sigma, drawn towards the prior."""
+    """Where log sigma is sought first: that of the residuals of the prior's sigma, drawn towards
+    the prior.
+    """
     start, weight = np.full(total.shape[1:], log(prior.sigma_db)), 1.0 / prior.sigma_log_sd**2
     residual = np.maximum(_residual(total, _fit(total, prior, start)), n * _LEAST_SIGMA_DB**2)
-    return np.asarray((n * np.log(residual / max(n - 2, 1)) + weight * start) / (2.0 * n + weight), float)
+    return np.asarray(
+        (n * np.log(residual / max(n - 2, 1)) + weight * start) / (2.0 * n + weight), float
+    )
 
 
 def _fit(total: FloatArray, prior: Prior, tau: FloatArray) -> _Fit:
@@ -178,7 +229,9 @@ def _residual(total: FloatArray, fit: _Fit) -> FloatArray:
     """Sum of squares of what a fit leaves."""
     oo, ol, ll, oz, lz, zz, _ = total
     p0, eta = fit.p0, fit.eta
-    return np.asarray(zz - 2.0 * (p0 * oz + eta * lz) + p0 * p0 * oo + 2.0 * p0 * eta * ol + eta * eta * ll, float)
+    return np.asarray(
+        zz - 2.0 * (p0 * oz + eta * lz) + p0 * p0 * oo + 2.0 * p0 * eta * ol + eta * eta * ll, float
+    )
 
 
 def _log_p(total: FloatArray, n: int, prior: Prior, tau: FloatArray, fit: _Fit) -> FloatArray:
@@ -198,7 +251,13 @@ def _gauss_hermite(nodes: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _over_sigma(
-    total: FloatArray, n: int, prior: Prior, tau: FloatArray, sd: FloatArray, constant: FloatArray, nodes: int
+    total: FloatArray,
+    n: int,
+    prior: Prior,
+    tau: FloatArray,
+    sd: FloatArray,
+    constant: FloatArray,
+    nodes: int,
 ) -> Evidence:
     at, weights = _gauss_hermite(nodes)
     taus = [tau + sd * u for u in at]

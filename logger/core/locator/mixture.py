@@ -1,7 +1,7 @@
 """From the evidence of every hypothesis to the probability of places.
 
-Each hypothesis has a posterior of its own over the places, its likelihood raised to the power of its trust; they are
-mixed by how well each explains the walk as a whole.
+Each hypothesis has a posterior of its own over the places, its likelihood raised to the power of
+its trust; they are mixed by how well each explains the walk as a whole.
 """
 
 from functools import lru_cache
@@ -14,7 +14,9 @@ from logger.core.locator.prior import Prior
 
 
 class Mixture(NamedTuple):
-    """Joint probability of hypothesis and place, shape (c, h), sum 1, and the log evidence of the walk."""
+    """Joint probability of hypothesis and place, shape (c, h), sum 1, and the log evidence of the
+    walk.
+    """
 
     share: FloatArray
     log_evidence: float
@@ -31,11 +33,16 @@ class Mixture(NamedTuple):
 
 
 def mixture(
-    log_p: FloatArray, log_mass: FloatArray, numbers: IntArray, prior: Prior, log_weight: FloatArray | None = None
+    log_p: FloatArray,
+    log_mass: FloatArray,
+    numbers: IntArray,
+    prior: Prior,
+    log_weight: FloatArray | None = None,
 ) -> Mixture:
     """Mix hypotheses `numbers` (c,) with log evidence (c, h) over places with log prior mass (h,).
 
-    `log_weight` (c,) of the hypotheses, up to a constant, is their evidence unless something else is given.
+    `log_weight` (c,) of the hypotheses, up to a constant, is their evidence unless something else
+    is given.
     """
     normal = log_mass - log_sum(log_mass)
     trust, log_odds = _of_hypotheses(prior)

@@ -1,14 +1,15 @@
 """How much higher each modem reads than the first, where one cell was heard by several.
 
-Modem m > 0 reads z = P0 + b_m - eta L + v. The b are differences of offsets that are independent from modem to modem,
-so b ~ N(0, o^2 (I + 1 1')); integrated out, they add o^2 (1 + [same modem]) to the covariance of modems other than the
-first (a random effect: Laird & Ware, Biometrics 38(4), 1982; `evidence.offset_covariance`). Here they are unknowns
-beside P0 and eta, so that they can be told.
+Modem m > 0 reads z = P0 + b_m - eta L + v. The b are differences of offsets that are independent
+from modem to modem, so b ~ N(0, o^2 (I + 1 1')); integrated out, they add o^2 (1 + [same modem]) to
+the covariance of modems other than the first (a random effect: Laird & Ware, Biometrics 38(4),
+1982; `evidence.offset_covariance`). Here they are unknowns beside P0 and eta, so that they can be
+told.
 
-The evidence is in units of sigma^2, and a prior of offsets in dB is not: a first look at the walk in few blocks, with
-offsets as free as can be, says what sigma is, and o is given in units of that. Readings at the end of a scale are
-moved to the first modem's scale by what the first look says of the offsets, and left out where it says less than a
-level would.
+The evidence is in units of sigma^2, and a prior of offsets in dB is not: a first look at the walk
+in few blocks, with offsets as free as can be, says what sigma is, and o is given in units of that.
+Readings at the end of a scale are moved to the first modem's scale by what the first look says of
+the offsets, and left out where it says less than a level would.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +22,7 @@ from logger.core.locator.covariance import covariances
 from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.locator.mixture import Mixture
 from logger.core.locator.prior import Prior
-from logger.core.locator.tree import Effort, Tree, grow
+from logger.core.locator.quadtree import Effort, Tree, grow
 from logger.core.observations import CellObservations
 
 _MOST_PLACES = 150
@@ -32,7 +33,9 @@ _LOOK = Effort(most_cells=1500, split_share=0.01)
 
 @dataclass(frozen=True, slots=True)
 class Offsets:
-    """What each modem reads higher than the first: mean in dB, shape (m,), and covariance, shape (m, m)."""
+    """What each modem reads higher than the first: mean in dB, shape (m,), and covariance, shape
+    (m, m).
+    """
 
     mean_db: FloatArray
     covariance_db2: FloatArray
@@ -44,7 +47,9 @@ class Offsets:
 
 
 def first_look(obs: CellObservations, coarse: Blocks, prior: Prior) -> tuple[Prior, Censored]:
-    """Prior with the offsets in units of the sigma that the walk seems to have, and the censored places moved."""
+    """Prior with the offsets in units of the sigma that the walk seems to have, and the censored
+    places moved.
+    """
     plain = replace(coarse, censored=NOTHING_CENSORED)
     tree = grow(plain, replace(prior, offset_sigma_db=_FREE_DB), _LOOK)
     mixed = tree.mixture(prior)
@@ -56,14 +61,21 @@ def first_look(obs: CellObservations, coarse: Blocks, prior: Prior) -> tuple[Pri
     return scaled, censored_places(replace(moved, known_limit=np.where(vague, 0, moved.limit)))
 
 
-def offsets(blocks: Blocks, prior: Prior, tree: Tree, mixed: Mixture, among: IntArray, modems: int) -> Offsets:
-    """Offsets over the likeliest of the places `among`: between places and hypotheses, and given both."""
+def offsets(
+    blocks: Blocks, prior: Prior, tree: Tree, mixed: Mixture, among: IntArray, modems: int
+) -> Offsets:
+    """Offsets over the likeliest of the places `among`: between places and hypotheses, and given
+    both.
+    """
     p = mixed.probability[among]
     places = among[np.argsort(-p, kind="stable")[:_MOST_PLACES]]
     share = mixed.share[:, places] / np.sum(mixed.share[:, places])
     rows = np.flatnonzero(np.sum(share, axis=1) > _LEAST_SHARE)
     at = tree.x_m[places], tree.y_m[places]
-    given = [_given(blocks, prior, int(tree.numbers[c]), at, tree.evidence.sigma_db[c, places], modems) for c in rows]
+    given = [
+        _given(blocks, prior, int(tree.numbers[c]), at, tree.evidence.sigma_db[c, places], modems)
+        for c in rows
+    ]
     weight = share[rows] / np.sum(share[rows])
     mean, spread = np.stack([m for m, _ in given]), np.stack([v for _, v in given])
     average = np.einsum("ch,chi->i", weight, mean)
@@ -73,7 +85,12 @@ def offsets(blocks: Blocks, prior: Prior, tree: Tree, mixed: Mixture, among: Int
 
 
 def _given(
-    blocks: Blocks, prior: Prior, number: int, at: tuple[FloatArray, FloatArray], sigma_db: FloatArray, modems: int
+    blocks: Blocks,
+    prior: Prior,
+    number: int,
+    at: tuple[FloatArray, FloatArray],
+    sigma_db: FloatArray,
+    modems: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Mean (h, m - 1) and covariance (h, m - 1, m - 1) of b given hypothesis, place and sigma.
 
@@ -84,22 +101,30 @@ def _given(
     root = np.linalg.cholesky(covariances(of_one_modem, prior, [number])[0])
     distance_db = distances_db(blocks, prior.height_m, *at)
     is_of = (blocks.modem[:, None] == np.arange(1, modems)).astype(float)
-    white = np.linalg.solve(root, np.column_stack([blocks.level_dbm, np.ones(len(blocks)), is_of, -distance_db]))
+    white = np.linalg.solve(
+        root, np.column_stack([blocks.level_dbm, np.ones(len(blocks)), is_of, -distance_db])
+    )
     level, fixed, slope = white[:, 0], white[:, 1 : modems + 1], white[:, modems + 1 :]
     extra = receiver_variance(blocks, prior, distance_db)
     weight = np.full(slope.shape, hypothesis.trust * sigma_db**-2.0)
     if extra is not None:
         weight /= 1.0 + extra / np.diag(root)[:, None] ** 2
-    design = np.concatenate([np.broadcast_to(fixed.T[..., None], (modems, *slope.shape)), slope[None]])
+    design = np.concatenate(
+        [np.broadcast_to(fixed.T[..., None], (modems, *slope.shape)), slope[None]]
+    )
     precision, mean = _prior(prior, sigma_db, modems)
     a = np.einsum("inh,nh,jnh->hij", design, weight, design, optimize=True) + precision
-    b = np.einsum("inh,nh,n->hi", design, weight, level, optimize=True) + np.einsum("hij,j->hi", precision, mean)
+    b = np.einsum("inh,nh,n->hi", design, weight, level, optimize=True) + np.einsum(
+        "hij,j->hi", precision, mean
+    )
     inverse = np.linalg.inv(a)
     return np.einsum("hij,hj->hi", inverse, b)[:, 1:modems], inverse[:, 1:modems, 1:modems]
 
 
 def _prior(prior: Prior, sigma_db: FloatArray, modems: int) -> tuple[FloatArray, FloatArray]:
-    """Precision (h, m + 1, m + 1) and mean (m + 1,) of P0, the offsets of the other modems, and eta."""
+    """Precision (h, m + 1, m + 1) and mean (m + 1,) of P0, the offsets of the other modems, and
+    eta.
+    """
     precision = np.zeros((len(sigma_db), modems + 1, modems + 1))
     precision[:, 0, 0], precision[:, -1, -1] = prior.p0_sigma_db**-2, prior.eta_sigma**-2
     relative = np.linalg.inv(np.eye(modems - 1) + 1.0)

@@ -1,8 +1,10 @@
-"""The locator reading by reading, for the Pi: fewer blocks, cells and hypotheses, bounded time and memory.
+"""The locator reading by reading, for the Pi: fewer blocks, cells and hypotheses, bounded time and
+memory.
 
-Between two searches the places stay fixed. A reading then costs one row of the whitened system for each hypothesis: a
-new block conditions on all earlier ones, so its row of W = R^-1 is [-k' K^-1, 1] / s with s^2 = k_nn - k' K^-1 k
-(bordered Cholesky factor), and the sums of all places grow by that row.
+Between two searches the places stay fixed. A reading then costs one row of the whitened system for
+each hypothesis: a new block conditions on all earlier ones, so its row of W = R^-1 is [-k' K^-1, 1]
+/ s with s^2 = k_nn - k' K^-1 k (bordered Cholesky factor), and the sums of all places grow by that
+row.
 """
 
 from statistics import median
@@ -21,14 +23,21 @@ from logger.core.locator.blocks import (
     single,
 )
 from logger.core.locator.covariance import own_variance, whiteners
-from logger.core.locator.evidence import SUMS, Evidence, distances_db, marginal, receiver_variance, walk_sums
-from logger.core.locator.joint import log_weights_at
+from logger.core.locator.evidence import (
+    SUMS,
+    Evidence,
+    distances_db,
+    marginal,
+    receiver_variance,
+    walk_sums,
+)
+from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.posterior import BIAS_SHARE, moments_over
 from logger.core.locator.prior import Prior
+from logger.core.locator.quadtree import Effort, grow
 from logger.core.locator.region import Cells, places
 from logger.core.locator.symmetry import Curve, curve_of
-from logger.core.locator.tree import Effort, grow
 from logger.core.spikes import Judged, SpikeFilter
 
 MOST_BLOCKS = 100
@@ -54,7 +63,9 @@ class Heard(NamedTuple):
 
 
 class Place(NamedTuple):
-    """The strongest mode now: mean [x, y, P0, eta], covariance (4, 4), probability, and sigma of a level in dB."""
+    """The strongest mode now: mean [x, y, P0, eta], covariance (4, 4), probability, and sigma of a
+    level in dB.
+    """
 
     state: FloatArray
     covariance: FloatArray
@@ -63,11 +74,13 @@ class Place(NamedTuple):
 
 
 class _Searched(NamedTuple):
-    """Places (h,) kept by the last search, hypotheses (c,) not ruled out, and what earlier rows have summed up.
+    """Places (h,) kept by the last search, hypotheses (c,) not ruled out, and what earlier rows
+    have summed up.
 
-    `total` is (7, c, h) over the first `rows` blocks, `whitener` (c, MOST_BLOCKS, MOST_BLOCKS), `log_det` (c,) of
-    those rows, `distance_db` (MOST_BLOCKS, h), `label` (h,) the mode a place belongs to (-1: none), `gone` (c, h)
-    what censored readings add to the log evidence, `log_weight` (c,) as in `Tree`.
+    `total` is (7, c, h) over the first `rows` blocks, `whitener` (c, MOST_BLOCKS, MOST_BLOCKS),
+    `log_det` (c,) of those rows, `distance_db` (MOST_BLOCKS, h), `label` (h,) the mode a place
+    belongs to (-1: none), `gone` (c, h) what censored readings add to the log evidence,
+    `log_weight` (c,) as in `Tree`.
     """
 
     square: FloatArray
@@ -90,14 +103,18 @@ class OnlineLocator:
         self._prior = prior
         self._spikes = spikes or SpikeFilter[Heard]()
         self._white, self._apart_m, _ = np.array(prior.hypotheses).T
-        self._block = np.zeros((5, MOST_BLOCKS))  # means of x, y, level, variance of position; count
+        self._block = np.zeros(
+            (5, MOST_BLOCKS)
+        )  # means of x, y, level, variance of position; count
         self._curve: Curve | None = None  # that the track may be, by the last search
         self._n = 0
         self._size_m = FINEST_BLOCK_M
         self._gone: list[tuple[float, float, float, float, float]] = []
         self._searched: _Searched | None = None
         self._n_searched = 0
-        self._sigma_db = np.full(len(prior.hypotheses), prior.sigma_db)  # where readings are censored
+        self._sigma_db = np.full(
+            len(prior.hypotheses), prior.sigma_db
+        )  # where readings are censored
         self._evidence: Evidence | None = None
         self._mixed: Mixture | None = None
         self._place: Place | None = None
@@ -110,18 +127,26 @@ class OnlineLocator:
             return 0.0
         if self._searched is None:
             return float(self._n)
-        if self._lost or (self._curve is not None and not self._curve.holds(self._block[:2, : self._n])):
+        if self._lost or (
+            self._curve is not None and not self._curve.holds(self._block[:2, : self._n])
+        ):
             return _TURNED
         return self._n / max(_GROWN * self._n_searched, 1.0)
 
-    def add(self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int = 0) -> None:
-        """Take a reading as soon as its neighbours say that it is none but a place's; `limit` as in `scale.limits`."""
+    def add(
+        self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int = 0
+    ) -> None:
+        """Take a reading as soon as its neighbours say that it is none but a place's; `limit` as in
+        `scale.limits`.
+        """
         for reading, spike_db in self.judged(Heard(x_m, y_m, position_sigma_m, level_dbm, limit)):
             if not spike_db:
                 self.take(reading)
 
     def judged(self, heard: Heard) -> list[Judged[Heard]]:
-        """Readings of which the neighbours are known now, in their order; a spike is not to be taken."""
+        """Readings of which the neighbours are known now, in their order; a spike is not to be
+        taken.
+        """
         return self._spikes.take(heard)
 
     def take(self, heard: Heard) -> None:
@@ -130,9 +155,9 @@ class OnlineLocator:
         if limit:
             self._censor(x_m, y_m, level_dbm, limit)
             return
-        if self._n and max(abs(x_m - self._block[0, self._n - 1]), abs(y_m - self._block[1, self._n - 1])) <= (
-            0.5 * self._size_m
-        ):
+        if self._n and max(
+            abs(x_m - self._block[0, self._n - 1]), abs(y_m - self._block[1, self._n - 1])
+        ) <= (0.5 * self._size_m):
             last = self._block[:, self._n - 1]
             last[4] += 1.0
             last[:4] += (np.array([x_m, y_m, level_dbm, position_sigma_m**2]) - last[:4]) / last[4]
@@ -167,7 +192,9 @@ class OnlineLocator:
             self._evaluate(searched._replace(gone=gone, log_weight=tree.log_weight[alive]))
 
     def _judged(self, walk: Blocks) -> FloatArray | None:
-        """Log weight of each hypothesis, where readings are censored, at the place that was likeliest until now."""
+        """Log weight of each hypothesis, where readings are censored, at the place that was
+        likeliest until now.
+        """
         if self._searched is None or self._mixed is None or not len(walk.censored.x_m):
             return None
         x_m, y_m, size_m = self._searched.square
@@ -192,21 +219,27 @@ class OnlineLocator:
             self._lost = True
             return None
         indices = np.flatnonzero(label == int(np.argmax(masses)))
-        state, covariance = moments_over(searched.square, self._evidence, self._mixed.share, indices, p[indices])
+        state, covariance = moments_over(
+            searched.square, self._evidence, self._mixed.share, indices, p[indices]
+        )
         bias_m2 = BIAS_SHARE * median(self._block[3, : self._n].tolist())
         covariance[[0, 1], [0, 1]] += bias_m2
         sigma_db = float(np.sum(self._mixed.share * self._evidence.sigma_db))
         return Place(state, covariance, float(np.max(masses)), sigma_db)
 
     def noise(self) -> tuple[float, float]:
-        """White share and decorrelation distance in metres, weighed by the hypotheses' probabilities."""
+        """White share and decorrelation distance in metres, weighed by the hypotheses'
+        probabilities.
+        """
         if self._searched is None or self._mixed is None:
             return 1.0, 0.0
         share, numbers = self._mixed.by_hypothesis, self._searched.numbers
         return float(share @ self._white[numbers]), float(share @ self._apart_m[numbers])
 
     def _censor(self, x_m: float, y_m: float, level_dbm: float, limit: int) -> None:
-        """Count it to the last place while it is there; where there are too many places, neighbours become one."""
+        """Count it to the last place while it is there; where there are too many places, neighbours
+        become one.
+        """
         if self._gone:
             x0_m, y0_m, dbm, side, count = self._gone[-1]
             if side == limit and np.hypot(x_m - x0_m, y_m - y0_m) <= self._size_m:
@@ -229,7 +262,9 @@ class OnlineLocator:
     def _coarsen(self) -> None:
         """Half as many blocks, each larger; what was summed up is void."""
         x_m, y_m, level_dbm, variance_m2, count = self._block[:, : self._n]
-        merged = gathered(x_m, y_m, level_dbm, count, variance_m2, MOST_BLOCKS // 2, NOTHING_CENSORED)
+        merged = gathered(
+            x_m, y_m, level_dbm, count, variance_m2, MOST_BLOCKS // 2, NOTHING_CENSORED
+        )
         self._n, self._size_m = len(merged), merged.size_m
         self._block[:, : self._n] = np.stack(
             [merged.x_m, merged.y_m, merged.level_dbm, merged.position_sigma_m**2, merged.readings]
@@ -239,9 +274,15 @@ class OnlineLocator:
     def _on_curve(self, first: int, end: int) -> FloatArray:
         """Rows of the blocks from `first` to `end`, on the curve that the track may be."""
         column = self._block[:, first:end]
-        return column if self._curve is None else np.concatenate([self._curve.moved(column[:2]), column[2:]])
+        return (
+            column
+            if self._curve is None
+            else np.concatenate([self._curve.moved(column[:2]), column[2:]])
+        )
 
-    def _begun(self, square: FloatArray, log_mass: FloatArray, numbers: IntArray, label: IntArray) -> _Searched:
+    def _begun(
+        self, square: FloatArray, log_mass: FloatArray, numbers: IntArray, label: IntArray
+    ) -> _Searched:
         """Sums over the levels of all blocks but the last, which is still open."""
         rows, c, h = self._n - 1, len(numbers), square.shape[1]
         closed = single(self._on_curve(0, rows), self._size_m, NOTHING_CENSORED)
@@ -253,7 +294,19 @@ class OnlineLocator:
         log_det = np.array([w.log_det for w in found])
         total = walk_sums(closed, found, self._prior, square[0], square[1])
         gone = np.zeros((c, h))
-        return _Searched(square, log_mass, numbers, rows, total, whitener, log_det, distance_db, label, gone, None)
+        return _Searched(
+            square,
+            log_mass,
+            numbers,
+            rows,
+            total,
+            whitener,
+            log_det,
+            distance_db,
+            label,
+            gone,
+            None,
+        )
 
     def _evaluate(self, searched: _Searched, before: Evidence | None = None) -> None:
         """Close the rows of finished blocks, add that of the open one, and weigh the places.
@@ -265,7 +318,9 @@ class OnlineLocator:
             row, log_var, more = self._row(searched, searched.rows)
             searched.whitener[:, searched.rows, : searched.rows + 1] = row
             searched = searched._replace(
-                rows=searched.rows + 1, total=searched.total + more, log_det=searched.log_det + log_var
+                rows=searched.rows + 1,
+                total=searched.total + more,
+                log_det=searched.log_det + log_var,
             )
         self._searched = searched
         _, log_var, total = self._row(searched, self._n - 1)
@@ -275,11 +330,17 @@ class OnlineLocator:
         found = marginal(total, self._n, log_det, self._prior, EFFORT.nodes, near_db)
         self._evidence = found._replace(log_p=found.log_p + searched.gone)
         self._mixed = mixture(
-            self._evidence.log_p, searched.log_mass, searched.numbers, self._prior, searched.log_weight
+            self._evidence.log_p,
+            searched.log_mass,
+            searched.numbers,
+            self._prior,
+            searched.log_weight,
         )
 
     def _row(self, searched: _Searched, k: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Block k given those before it: row of W (c, k + 1), log of its variance (c,), its sums (7, c, h)."""
+        """Block k given those before it: row of W (c, k + 1), log of its variance (c,), its sums
+        (7, c, h).
+        """
         n = k + 1
         x, y, level_dbm, _, readings = on_curve = self._on_curve(0, n)
         one = single(on_curve[:, k:n], self._size_m, NOTHING_CENSORED)
@@ -292,10 +353,16 @@ class OnlineLocator:
         u = np.matmul(before, between[..., None])
         own = 1.0 - a + own_variance(readings[k], a, self._prior.sigma_db)
         variance = np.maximum(own - np.sum(u[..., 0] ** 2, axis=1), 1e-12)
-        row = np.concatenate([-np.matmul(np.swapaxes(u, 1, 2), before)[:, 0], np.ones((len(a), 1))], axis=1)
+        row = np.concatenate(
+            [-np.matmul(np.swapaxes(u, 1, 2), before)[:, 0], np.ones((len(a), 1))], axis=1
+        )
         row /= np.sqrt(variance)[:, None]
         extra = receiver_variance(one, self._prior, searched.distance_db[k:n])
-        return row, np.log(variance), self._row_sums(row, level_dbm, searched.distance_db[:n], extra)
+        return (
+            row,
+            np.log(variance),
+            self._row_sums(row, level_dbm, searched.distance_db[:n], extra),
+        )
 
     @staticmethod
     def _row_sums(
@@ -306,7 +373,14 @@ class OnlineLocator:
         weight = np.ones_like(slope) if extra is None else 1.0 / (1.0 + row[:, -1:] ** 2 * extra)
         weighed = weight * slope
         found = np.empty((SUMS, *slope.shape))
-        products = (o * o, weight), (o, weighed), (slope, weighed), (o * z, weight), (z, weighed), (z * z, weight)
+        products = (
+            (o * o, weight),
+            (o, weighed),
+            (slope, weighed),
+            (o * z, weight),
+            (z, weighed),
+            (z * z, weight),
+        )
         for part, (factor, values) in zip(found[:-1], products, strict=True):
             np.multiply(factor, values, out=part)
         np.log(weight, out=found[-1])

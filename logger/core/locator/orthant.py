@@ -1,8 +1,8 @@
 """How likely correlated levels are all beyond a limit: expectation propagation.
 
-No closed form exists for more than three dimensions. Each reading's factor Phi is replaced by a Gaussian that leaves
-the same mean and variance where all others are taken as given (Minka, UAI 2001; for this integral Cunningham, Hennig &
-Lacoste-Julien, arXiv 1111.6832).
+No closed form exists for more than three dimensions. Each reading's factor Phi is replaced by a
+Gaussian that leaves the same mean and variance where all others are taken as given (Minka, UAI
+2001; for this integral Cunningham, Hennig & Lacoste-Julien, arXiv 1111.6832).
 """
 
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.censored import log_cdf_and_slope
+from logger.core.locator.tobit import log_cdf_and_slope
 
 _SWEEPS = 12
 _DAMPED = 0.8
@@ -19,7 +19,9 @@ _LEAST_PRECISION = 1e-10
 
 
 class Sites(NamedTuple):
-    """The Gaussians exp(-precision f^2 / 2 + shift f) that stand for one reading of each place, shape (g,)."""
+    """The Gaussians exp(-precision f^2 / 2 + shift f) that stand for one reading of each place,
+    shape (g,).
+    """
 
     precision: FloatArray
     shift: FloatArray
@@ -35,13 +37,16 @@ def log_all_above(
 ) -> tuple[float, Sites]:
     """Log probability that all readings are above their limits, and the sites found.
 
-    Levels f ~ N(`mean`, `covariance`) of shape (g,) and (g, g); at place i `readings[i]` times f_i and noise of
-    `own_variance[i]` of its own, all above `limit[i]`. `begun` are the sites of a similar case.
+    Levels f ~ N(`mean`, `covariance`) of shape (g,) and (g, g); at place i `readings[i]` times f_i
+    and noise of `own_variance[i]` of its own, all above `limit[i]`. `begun` are the sites of a
+    similar case.
     """
     precision, shift = begun or Sites(np.zeros(len(mean)), np.zeros(len(mean)))
     found = -np.inf
     for sweep in range(_SWEEPS):
-        log_gaussian, at, variance = _joined(mean, covariance, readings * precision, readings * shift)
+        log_gaussian, at, variance = _joined(
+            mean, covariance, readings * precision, readings * shift
+        )
         of_cavity = np.maximum(1.0 / variance - precision, _LEAST_PRECISION)
         without = (at / variance - shift) / of_cavity
         log_phi, tilted, narrowed = _tilted(without, 1.0 / of_cavity, limit, own_variance)
@@ -54,7 +59,9 @@ def log_all_above(
         if abs(found - last) < _CLOSE_NATS:
             break
         share = _DAMPED if sweep else 1.0
-        precision = (1.0 - share) * precision + share * np.maximum(1.0 / narrowed - of_cavity, _LEAST_PRECISION)
+        precision = (1.0 - share) * precision + share * np.maximum(
+            1.0 / narrowed - of_cavity, _LEAST_PRECISION
+        )
         shift = (1.0 - share) * shift + share * (tilted / narrowed - of_cavity * without)
     return found, Sites(precision, shift)
 
@@ -62,7 +69,9 @@ def log_all_above(
 def _joined(
     mean: FloatArray, covariance: FloatArray, precision: FloatArray, shift: FloatArray
 ) -> tuple[float, FloatArray, FloatArray]:
-    """Log of the integral of N(f; mean, covariance) exp(-precision f^2 / 2 + shift f), and f's mean and variance."""
+    """Log of the integral of N(f; mean, covariance) exp(-precision f^2 / 2 + shift f), and f's mean
+    and variance.
+    """
     root = np.sqrt(precision)
     whole = np.eye(len(mean)) + root[:, None] * covariance * root
     scaled = root[:, None] * covariance
@@ -77,8 +86,14 @@ def _joined(
 def _tilted(
     mean: FloatArray, variance: FloatArray, limit: FloatArray, own_variance: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log probability that N(mean, variance) and noise are above the limit, and mean and variance given that."""
+    """Log probability that N(mean, variance) and noise are above the limit, and mean and variance
+    given that.
+    """
     sd = np.sqrt(variance + own_variance)
     u = (mean - limit) / sd
     log_phi, slope = log_cdf_and_slope(u)
-    return log_phi, mean + variance * slope / sd, variance - (variance / sd) ** 2 * slope * (u + slope)
+    return (
+        log_phi,
+        mean + variance * slope / sd,
+        variance - (variance / sd) ** 2 * slope * (u + slope),
+    )

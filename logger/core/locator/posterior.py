@@ -13,17 +13,19 @@ from logger.core.locator.blocks import Blocks, blocks
 from logger.core.locator.evidence import Evidence
 from logger.core.locator.offsets import Offsets, first_look, offsets
 from logger.core.locator.prior import Prior
+from logger.core.locator.quadtree import Effort, Tree, grow, nearest_m
 from logger.core.locator.region import LEVEL, Cells, area_m2, places
 from logger.core.locator.symmetry import symmetrical
-from logger.core.locator.timing import timing_of
-from logger.core.locator.tree import Effort, Tree, grow, nearest_m
+from logger.core.locator.timing_advance import timing_of
 from logger.core.observations import CellObservations
 
 COARSE_BLOCKS = 80
 LEAST_PEAK = 0.05
 """A place with this share of the highest density is named, however little mass it has."""
 BIAS_SHARE = 1.0
-"""Share of the variance of the receiver's position that lasts for the whole walk and moves the answer along."""
+"""Share of the variance of the receiver's position that lasts for the whole walk and moves the
+answer along.
+"""
 
 _MODE_LEVEL = 0.999
 _LEAST_MODE = 0.01
@@ -39,8 +41,8 @@ _PAIRS = ((0, 0), (0, 1), (1, 1))
 class Mode:
     """One place where the transmitter may stand.
 
-    `state` is the mean [x, y, P0, eta], `covariance` (4, 4) that of the mode's own mass; `peak` its highest density by
-    that of the highest peak of all.
+    `state` is the mean [x, y, P0, eta], `covariance` (4, 4) that of the mode's own mass; `peak` its
+    highest density by that of the highest peak of all.
     """
 
     probability: float
@@ -68,12 +70,14 @@ class Mode:
 class Posterior:
     """Everything known about one transmitter after a walk.
 
-    `x_m, y_m` is the median of the strongest mode: the place from which the transmitter is least far on average.
-    `r95_m` is the radius around it that holds 95 % of all mass, `drms_m` the root mean squared distance from it; the
-    other values are means and standard deviations over the whole posterior. `limit_share` is the mass at the end of
-    the searched area; `log_evidence` the log probability density of the levels under the model, to compare models.
-    Where timing advances were read the evidence is that of the levels given those, and `prior` reaches as far as they.
-    `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the first.
+    `x_m, y_m` is the median of the strongest mode: the place from which the transmitter is least
+    far on average. `r95_m` is the radius around it that holds 95 % of all mass, `drms_m` the root
+    mean squared distance from it; the other values are means and standard deviations over the whole
+    posterior. `limit_share` is the mass at the end of the searched area; `log_evidence` the log
+    probability density of the levels under the model, to compare models. Where timing advances were
+    read the evidence is that of the levels given those, and `prior` reaches as far as they.
+    `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the
+    first.
     """
 
     cells: Cells
@@ -106,9 +110,11 @@ class Posterior:
 
 
 def locate(obs: CellObservations, prior: Prior = Prior(), effort: Effort = Effort()) -> Posterior:  # noqa: B008 (frozen)
-    """Posterior of the transmitter's position given all readings of a cell, levels and timing advances.
+    """Posterior of the transmitter's position given all readings of a cell, levels and timing
+    advances.
 
-    Raises `EstimationError` without a single reading that is a level and not the end of the modem's scale.
+    Raises `EstimationError` without a single reading that is a level and not the end of the modem's
+    scale.
     """
     obs = obs.usable()
     limit = obs.limit
@@ -135,11 +141,15 @@ def locate(obs: CellObservations, prior: Prior = Prior(), effort: Effort = Effor
 def moments_over(
     square: FloatArray, evidence: Evidence, share: FloatArray, indices: IntArray, mass: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean (4,) and covariance (4, 4) of [x, y, P0, eta] over some places: between them, within each, and given (x, y).
+    """Mean (4,) and covariance (4, 4) of [x, y, P0, eta] over some places: between them, within
+    each, and given (x, y).
 
-    `share` (c, h) is the joint probability of hypothesis and place, `mass` the probability of the places `indices`.
+    `share` (c, h) is the joint probability of hypothesis and place, `mass` the probability of the
+    places `indices`.
     """
-    of_place, of_theta, spread = (np.take(v, indices, axis=-1) for v in (share, evidence.theta, evidence.theta_cov))
+    of_place, of_theta, spread = (
+        np.take(v, indices, axis=-1) for v in (share, evidence.theta, evidence.theta_cov)
+    )
     total = of_place.sum(axis=0)
     weight = mass / mass.sum()
     joint = of_place * (weight / np.where(total > 0.0, total, 1.0))
@@ -147,10 +157,15 @@ def moments_over(
     off, d = square[:2, indices] - mean[:2, None], of_theta - mean[2:, None, None]
     moved = joint * d
     covariance = np.empty((4, 4))
-    covariance[:2, :2] = (weight * off) @ off.T + np.eye(2) * float(weight @ square[2, indices] ** 2) / 12.0
+    covariance[:2, :2] = (weight * off) @ off.T + np.eye(2) * float(
+        weight @ square[2, indices] ** 2
+    ) / 12.0
     covariance[:2, 2:] = off @ moved.sum(axis=1).T
     covariance[2:, :2] = covariance[:2, 2:].T
-    v00, v01, v11 = (np.vdot(joint, v) + np.vdot(moved[i], d[k]) for v, (i, k) in zip(spread, _PAIRS, strict=True))
+    v00, v01, v11 = (
+        np.vdot(joint, v) + np.vdot(moved[i], d[k])
+        for v, (i, k) in zip(spread, _PAIRS, strict=True)
+    )
     covariance[2:, 2:] = [[v00, v01], [v01, v11]]
     return mean, covariance
 
@@ -161,7 +176,9 @@ def _summary(prior: Prior, gathered: Blocks, tree: Tree, modems: int) -> Posteri
     p = _moved(tree, mixed.probability, bias_m)
     cells = Cells(tree.x_m, tree.y_m, tree.size_m, p)
     square = np.stack(tree[:3])
-    modes = _modes(cells, lambda among: moments_over(square, tree.evidence, mixed.share, among, p[among]))
+    modes = _modes(
+        cells, lambda among: moments_over(square, tree.evidence, mixed.share, among, p[among])
+    )
     groups = {id(mode): indices for mode, indices in modes}
     found = sorted((mode for mode, _ in modes), key=lambda mode: -mode.probability)
     x_m, y_m = _median(cells, groups[id(found[0])])
@@ -169,7 +186,9 @@ def _summary(prior: Prior, gathered: Blocks, tree: Tree, modems: int) -> Posteri
     distance = np.hypot(tree.x_m - x_m, tree.y_m - y_m)
     order = np.argsort(distance)
     holds = int(np.searchsorted(np.cumsum(p[order]), LEVEL))
-    of_modems = offsets(gathered, prior, tree, mixed, groups[id(found[0])], modems) if modems > 1 else None
+    of_modems = (
+        offsets(gathered, prior, tree, mixed, groups[id(found[0])], modems) if modems > 1 else None
+    )
     hypotheses = np.array(prior.hypotheses)[tree.numbers]
     a, d_c = mixed.by_hypothesis @ hypotheses[:, :2]
     return Posterior(
@@ -186,14 +205,18 @@ def _summary(prior: Prior, gathered: Blocks, tree: Tree, modems: int) -> Posteri
         sigma_db=float(np.sum(mixed.share * tree.evidence.sigma_db)),
         decorrelation_m=float(d_c),
         white_share=min(float(a), 1.0),
-        limit_share=float(np.sum(p[nearest_m(gathered, tree.x_m, tree.y_m) > _END * prior.reach_m])),
+        limit_share=float(
+            np.sum(p[nearest_m(gathered, tree.x_m, tree.y_m) > _END * prior.reach_m])
+        ),
         log_evidence=mixed.log_evidence,
         prior=prior,
         offsets=of_modems,
     )
 
 
-def _modes(cells: Cells, moments: Callable[[IntArray], tuple[FloatArray, FloatArray]]) -> list[tuple[Mode, IntArray]]:
+def _modes(
+    cells: Cells, moments: Callable[[IntArray], tuple[FloatArray, FloatArray]]
+) -> list[tuple[Mode, IntArray]]:
     found = []
     highest = float(np.max(cells.density))
     for indices in places(cells, _MODE_LEVEL):
@@ -205,7 +228,9 @@ def _modes(cells: Cells, moments: Callable[[IntArray], tuple[FloatArray, FloatAr
 
 
 def _moved(tree: Tree, p: FloatArray, bias_m: float) -> FloatArray:
-    """Probability after an error of the receiver's position that is common to the walk has moved it: a blur."""
+    """Probability after an error of the receiver's position that is common to the walk has moved
+    it: a blur.
+    """
     if bias_m < _LEAST_BIAS_M:
         return p
     small = tree.size_m < 4.0 * bias_m
@@ -216,7 +241,9 @@ def _moved(tree: Tree, p: FloatArray, bias_m: float) -> FloatArray:
         some = of[i : i + _ROWS, None]
         d2 = (tree.x_m[some] - tree.x_m[to]) ** 2 + (tree.y_m[some] - tree.y_m[to]) ** 2
         variance = bias_m**2 + tree.size_m[some] ** 2 / 12.0
-        reaches = tree.size_m[to] ** 2 * np.exp(-0.5 * d2 / variance)  # from each row to each column
+        reaches = tree.size_m[to] ** 2 * np.exp(
+            -0.5 * d2 / variance
+        )  # from each row to each column
         moved[to] += (p[some[:, 0]] / np.sum(reaches, axis=1)) @ reaches
     return moved
 

@@ -10,7 +10,8 @@ from logger.core.errors import ConfigError
 
 
 class Hypothesis(NamedTuple):
-    """The residuals' covariance: share of it that is white, decorrelation distance of the rest (0 if all is white).
+    """The residuals' covariance: share of it that is white, decorrelation distance of the rest (0
+    if all is white).
 
     `trust` is the power its likelihood is raised to.
     """
@@ -24,15 +25,17 @@ class Hypothesis(NamedTuple):
 class Prior:
     """What is believed before the walk; printed with every result.
 
-    P0 and eta are normal, sigma is log-normal. White noise alone has probability `white_alone`, the pairs of white
-    share and decorrelation distance divide the rest evenly. The position is uniform within `near_m` of the walk and
-    falls with the distance to the power of `far_power` beyond, up to `reach_m`; with 2 every octave of range would
-    count the same. The antenna is `height_m` above the receiver. Modems read too high or too low by `offset_sigma_db`:
-    3GPP TS 45.008, 8.1.2, allows 6 dB.
+    P0 and eta are normal, sigma is log-normal. White noise alone has probability `white_alone`, the
+    pairs of white share and decorrelation distance divide the rest evenly. The position is uniform
+    within `near_m` of the walk and falls with the distance to the power of `far_power` beyond, up
+    to `reach_m`; with 2 every octave of range would count the same. The antenna is `height_m` above
+    the receiver. Modems read too high or too low by `offset_sigma_db`: 3GPP TS 45.008, 8.1.2,
+    allows 6 dB.
 
-    Residuals that hang together over more than `stationary_m` are no shadowing that a stationary Gaussian process
-    describes but hills, streets and the shape of the antenna: there the likelihood counts with the power `trust` only
-    (generalised posterior: Bissiri, Holmes & Walker, JRSS-B 78(5), 2016).
+    Residuals that hang together over more than `stationary_m` are no shadowing that a stationary
+    Gaussian process describes but hills, streets and the shape of the antenna: there the likelihood
+    counts with the power `trust` only (generalised posterior: Bissiri, Holmes & Walker, JRSS-B
+    78(5), 2016).
     """
 
     environment: str = "any"
@@ -57,14 +60,18 @@ class Prior:
     def hypotheses(self) -> list[Hypothesis]:
         """All hypotheses of the noise; the first is white noise alone."""
         pairs = [(a, d) for a in self.white_shares for d in self.decorrelation_m]
-        correlated = [Hypothesis(a, d, 1.0 if d <= self.stationary_m else self.trust) for a, d in pairs]
+        correlated = [
+            Hypothesis(a, d, 1.0 if d <= self.stationary_m else self.trust) for a, d in pairs
+        ]
         return [Hypothesis(1.0, 0.0, 1.0), *correlated]
 
     @property
     def log_odds(self) -> FloatArray:
         """Log prior probability of each hypothesis."""
         pairs = len(self.white_shares) * len(self.decorrelation_m)
-        return np.asarray(np.log([self.white_alone] + [(1.0 - self.white_alone) / max(pairs, 1)] * pairs), float)
+        return np.asarray(
+            np.log([self.white_alone] + [(1.0 - self.white_alone) / max(pairs, 1)] * pairs), float
+        )
 
 
 ENVIRONMENTS = {
@@ -73,14 +80,19 @@ ENVIRONMENTS = {
     "suburban": Prior(environment="suburban", eta=2.8, eta_sigma=0.6, sigma_db=5.5),
     "urban": Prior(environment="urban", eta=3.2, eta_sigma=0.7, sigma_db=6.5),
 }
-"""Priors by surroundings. "any" is as broad as 464 measured walks demand (eta 0.95 to 4.26 in 90 % of them); the others
-follow the usual tables (Rappaport, Wireless Communications, 2nd ed., table 4.2: free space 2, urban 2.7-3.5, shadowed
-urban 3-5)."""
+"""Priors by surroundings.
+
+"any" is as broad as 464 measured walks demand (eta 0.95 to 4.26 in 90 % of them); the others follow
+the usual tables (Rappaport, Wireless Communications, 2nd ed., table 4.2: free space 2, urban
+2.7-3.5, shadowed urban 3-5).
+"""
 
 
 def prior_for(environment: str, *, height_m: float | None = None) -> Prior:
     """Prior of surroundings by name; raises `ConfigError` for a name that is none."""
     if environment not in ENVIRONMENTS:
-        raise ConfigError(f"environment {environment!r} is unknown: one of {', '.join(ENVIRONMENTS)}")
+        raise ConfigError(
+            f"environment {environment!r} is unknown: one of {', '.join(ENVIRONMENTS)}"
+        )
     prior = ENVIRONMENTS[environment]
     return prior if height_m is None else replace(prior, height_m=height_m)

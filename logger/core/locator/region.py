@@ -1,8 +1,9 @@
 """Where the mass of a posterior lies: highest-density set and separate places.
 
-A posterior is a set of square cells that tile the searched area, each with a probability. Density is probability by
-area. The highest-density set of level 0.95 holds the densest cells that together have 95 % of the mass: the smallest
-region of that probability, whatever its shape (Hyndman, The American Statistician 50(2), 1996).
+A posterior is a set of square cells that tile the searched area, each with a probability. Density
+is probability by area. The highest-density set of level 0.95 holds the densest cells that together
+have 95 % of the mass: the smallest region of that probability, whatever its shape (Hyndman, The
+American Statistician 50(2), 1996).
 """
 
 from dataclasses import dataclass
@@ -13,7 +14,9 @@ from logger.core.arrays import FloatArray, IntArray
 
 LEVEL = 0.95
 SADDLE = 0.5
-"""Two peaks are one place when the pass between them is higher than this share of the lower peak."""
+"""Two peaks are one place when the pass between them is higher than this share of the lower
+peak.
+"""
 
 _ROWS = 256
 
@@ -52,12 +55,15 @@ def area_m2(cells: Cells, level: float = LEVEL) -> float:
 def places(cells: Cells, level: float) -> list[IntArray]:
     """Split a highest-density set into places, each the indices of its cells.
 
-    Cells are added from the densest on; one that touches nothing opens a place, others join the neighbouring place
-    with the highest peak. Places that meet at more than `SADDLE` times the lower peak are merged.
+    Cells are added from the densest on; one that touches nothing opens a place, others join the
+    neighbouring place with the highest peak. Places that meet at more than `SADDLE` times the lower
+    peak are merged.
     """
     chosen = highest_density(cells, level)
     density = cells.density[chosen]
-    peak = list(range(len(chosen)))  # of the place a cell belongs to; refers onward once that place is merged
+    peak = list(
+        range(len(chosen))
+    )  # of the place a cell belongs to; refers onward once that place is merged
     for i, met in enumerate(_denser_neighbours(cells, chosen)):
         roots = sorted({_root(peak, k) for k in met.tolist()})
         for root in roots[1:]:
@@ -81,6 +87,8 @@ def _denser_neighbours(cells: Cells, chosen: IntArray) -> list[IntArray]:
     for i in range(0, len(chosen), _ROWS):
         end = min(i + _ROWS, len(chosen))
         reach = half[i:end, None] + half[:end]
-        touch = (np.abs(x[i:end, None] - x[:end]) <= reach) & (np.abs(y[i:end, None] - y[:end]) <= reach)
+        touch = (np.abs(x[i:end, None] - x[:end]) <= reach) & (
+            np.abs(y[i:end, None] - y[:end]) <= reach
+        )
         found += [np.flatnonzero(row[: i + k]) for k, row in enumerate(touch)]
     return found

@@ -1,4 +1,6 @@
-"""Which places of a posterior count beside its best one, and their shares in whole percents that add up."""
+"""Which places of a posterior count beside its best one, and their shares in whole percents that
+add up.
+"""
 
 from collections.abc import Sequence
 
@@ -7,20 +9,27 @@ from logger.core.locator.posterior import LEAST_PEAK, Mode
 MINOR_PLACE = 0.03
 """A place with this share counts, however flat it is."""
 LEAST_SHARE = 0.01
-"""A place with less counts for nothing, however sharp: printed as 0 % it would send people to nowhere."""
+"""A place with less counts for nothing, however sharp: printed as 0 % it would send people to
+nowhere.
+"""
 
 
 def counting(modes: Sequence[Mode]) -> tuple[Mode, ...]:
-    """The best place, and those that cannot be dismissed: for their mass, or since they fit as well though small."""
+    """The best place, and those that cannot be dismissed: for their mass, or since they fit as well
+    though small.
+    """
     return (*modes[:1], *(mode for mode in modes[1:] if _is_rival(mode)))
 
 
 def _is_rival(mode: Mode) -> bool:
-    return mode.probability >= MINOR_PLACE or (mode.peak >= LEAST_PEAK and mode.probability >= LEAST_SHARE)
+    return mode.probability >= MINOR_PLACE or (
+        mode.peak >= LEAST_PEAK and mode.probability >= LEAST_SHARE
+    )
 
 
 def percents(modes: Sequence[Mode]) -> list[int]:
-    """Probabilities of `counting` places in whole percents, rounded so that their sum is that of the probabilities.
+    """Probabilities of `counting` places in whole percents, rounded so that their sum is that of
+    the probabilities.
 
     None of several is 0 or 100.
     """

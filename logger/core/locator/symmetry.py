@@ -1,9 +1,9 @@
 """A walk that is straight or round to within the error of its fixes is taken as exactly that.
 
-Levels heard on a line fit a place and its mirror image alike, on an arc of a circle a place and its inverse point
-(Apollonius). Whatever else bends the track tells the two apart; a bend no larger than the error of the fixes may be
-nothing but that error, and what it tells is chance: of 12 simulated straight walks with slow errors of 5 m, 7 left the
-wrong side more than 95 % sure.
+Levels heard on a line fit a place and its mirror image alike, on an arc of a circle a place and its
+inverse point (Apollonius). Whatever else bends the track tells the two apart; a bend no larger than
+the error of the fixes may be nothing but that error, and what it tells is chance: of 12 simulated
+straight walks with slow errors of 5 m, 7 left the wrong side more than 95 % sure.
 """
 
 from dataclasses import replace
@@ -15,13 +15,16 @@ from logger.core.arrays import FloatArray
 from logger.core.observations import CellObservations
 
 _MOST_SIGMAS = 1.5
-"""Of the track's root mean square distance from the curve: slow errors of a walk have few independent values."""
+"""Of the track's root mean square distance from the curve: slow errors of a walk have few
+independent values.
+"""
 _FARTHEST_SIGMAS = 4.0
 _LEAST_M = 1e-9
 
 
 class Curve(NamedTuple):
-    """A circle of `radius_m` about `centre_m` (2,), or without a radius the line there at right angles to `across`.
+    """A circle of `radius_m` about `centre_m` (2,), or without a radius the line there at right
+    angles to `across`.
 
     `within_m` is the root mean square distance that a track may have from it.
     """
@@ -50,11 +53,16 @@ class Curve(NamedTuple):
 
 
 def curve_of(point_m: FloatArray, position_sigma_m: FloatArray) -> Curve | None:
-    """The line, or else the circle, that a track (2, n) with errors (n,) may be; None where it is neither."""
+    """The line, or else the circle, that a track (2, n) with errors (n,) may be; None where it is
+    neither.
+    """
     within_m = float(_MOST_SIGMAS * np.sqrt(np.mean(position_sigma_m**2)))
     if within_m <= 0.0:
         return None
-    return next((curve for fit in (_line, _circle) if (curve := fit(point_m, within_m)).holds(point_m)), None)
+    return next(
+        (curve for fit in (_line, _circle) if (curve := fit(point_m, within_m)).holds(point_m)),
+        None,
+    )
 
 
 def symmetrical(obs: CellObservations) -> CellObservations:
@@ -81,4 +89,6 @@ def _circle(point_m: FloatArray, within_m: float) -> Curve:
     design = np.column_stack([*off, np.ones(off.shape[1])])
     *twice, rest = np.linalg.lstsq(design, np.sum(off**2, axis=0), rcond=None)[0].tolist()
     centre = 0.5 * np.array(twice)
-    return Curve(middle + centre, np.zeros(2), float(np.sqrt(max(rest + centre @ centre, 0.0))), within_m)
+    return Curve(
+        middle + centre, np.zeros(2), float(np.sqrt(max(rest + centre @ centre, 0.0))), within_m
+    )

@@ -1,7 +1,8 @@
 """The verdict: located, ambiguous or cannot tell, with the reason in plain words.
 
-What is said to be located has to be so with less trust as well: with every correlated noise believed as little as that
-of hills and streets. Of 13 measured walks located without that doubt 4 were not where that said, of the 9 left 1.
+What is said to be located has to be so with less trust as well: with every correlated noise
+believed as little as that of hills and streets. Of 13 measured walks located without that doubt 4
+were not where that said, of the 9 left 1.
 """
 
 from collections.abc import Sequence
@@ -11,9 +12,9 @@ from typing import Literal
 
 import numpy as np
 
-from logger.core.locator.division import LEAST_LOG_FACTOR, Division, divide
 from logger.core.locator.posterior import Mode, Posterior, locate
 from logger.core.locator.rivals import counting, percents
+from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division, divide
 from logger.core.observations import CellObservations
 
 _FEWEST_READINGS = 8
@@ -26,13 +27,17 @@ _DOUBTED = 1.25
 Verdict = Literal["located", "ambiguous", "cannot tell"]
 
 
-def judged(posterior: Posterior, obs: CellObservations) -> tuple[Verdict, list[str], Division | None]:
+def judged(
+    posterior: Posterior, obs: CellObservations
+) -> tuple[Verdict, list[str], Division | None]:
     """The verdict after every check, and the division in two transmitters that was asked about."""
     obs = obs.usable()
     division = divide(obs, posterior)
     told, reasons = verdict(posterior, obs, division)
     if told == "located":
-        doubted, why = verdict(locate(obs, replace(posterior.prior, stationary_m=0.0)), obs, larger=_DOUBTED)
+        doubted, why = verdict(
+            locate(obs, replace(posterior.prior, stationary_m=0.0)), obs, larger=_DOUBTED
+        )
         if doubted != "located":
             told = "cannot tell"
             even = "But that needs shadowing as even as it looks in this walk"
@@ -41,11 +46,16 @@ def judged(posterior: Posterior, obs: CellObservations) -> tuple[Verdict, list[s
 
 
 def verdict(
-    posterior: Posterior, obs: CellObservations, division: Division | None = None, *, larger: float = 1.0
+    posterior: Posterior,
+    obs: CellObservations,
+    division: Division | None = None,
+    *,
+    larger: float = 1.0,
 ) -> tuple[Verdict, list[str]]:
     """Whether the walk locates the transmitter, and in plain words why or why not.
 
-    `division` is what two transmitters would explain, where that was asked; the region may be `larger` than usual.
+    `division` is what two transmitters would explain, where that was asked; the region may be
+    `larger` than usual.
     """
     if division is not None and division.log_factor > LEAST_LOG_FACTOR:
         return "cannot tell", [_two(division, obs)]
@@ -56,14 +66,21 @@ def verdict(
     places = counting(posterior.modes)
     shares = percents(places)
     if len(places) == 1:
-        return "located", [f"one place holds {shares[0]}%; 95 % lie within {posterior.r95_m:.0f} m of it"]
+        return "located", [
+            f"one place holds {shares[0]}%; 95 % lie within {posterior.r95_m:.0f} m of it"
+        ]
     named = [f"{share}% at {_place(mode, obs)}" for share, mode in zip(shares, places, strict=True)]
     elsewhere = [f"{100 - sum(shares)}% elsewhere"] if sum(shares) < 100 else []
-    return "ambiguous", [f"the levels fit several places: {', '.join(named + elsewhere)}", _advice(places, obs)]
+    return "ambiguous", [
+        f"the levels fit several places: {', '.join(named + elsewhere)}",
+        _advice(places, obs),
+    ]
 
 
 def _two(division: Division, obs: CellObservations) -> str:
-    (lat1, lon1), (lat2, lon2) = (obs.utm.to_latlon(*place) for place in (division.one_m, division.other_m))
+    (lat1, lon1), (lat2, lon2) = (
+        obs.utm.to_latlon(*place) for place in (division.one_m, division.other_m)
+    )
     return (
         f"one position does not explain the data: two transmitters that share this identity would, near {lat1:.5f} "
         f"{lon1:.5f} and near {lat2:.5f} {lon2:.5f}; or something else shapes the levels (terrain, a sector antenna)"
@@ -71,8 +88,12 @@ def _two(division: Division, obs: CellObservations) -> str:
 
 
 def _advice(places: Sequence[Mode], obs: CellObservations) -> str:
-    """Where to walk to decide between the two strongest places, and which level there speaks for which."""
-    near, far = sorted(places[:2], key=lambda mode: hypot(mode.x_m - obs.x_m[-1], mode.y_m - obs.y_m[-1]))
+    """Where to walk to decide between the two strongest places, and which level there speaks for
+    which.
+    """
+    near, far = sorted(
+        places[:2], key=lambda mode: hypot(mode.x_m - obs.x_m[-1], mode.y_m - obs.y_m[-1])
+    )
     way_m = hypot(near.x_m - obs.x_m[-1], near.y_m - obs.y_m[-1])
     apart_m = hypot(near.x_m - far.x_m, near.y_m - far.y_m)
     here_dbm, there_dbm = (
@@ -96,12 +117,14 @@ def _too_little(posterior: Posterior, obs: CellObservations, larger: float) -> l
     radius_m = float(np.sqrt(posterior.region_area_m2 / np.pi))
     places = counting(posterior.modes)
     rivals = len(places) > 1
-    # a single place may have a thin far tail, which widens its ellipse but not the radius that holds 95 %
+    # a single place may have a thin far tail, which widens its ellipse but not the radius that
+    # holds 95 %
     widest_m = max(mode.ellipse.semi_major_m for mode in places) if rivals else posterior.r95_m
     seen_deg = _azimuths_seen_deg(posterior, obs)
     allowed_m = larger * _allowed_m(posterior, obs, walk_m)
     doubts = {
-        f"only {len(obs)} readings, at least {_FEWEST_READINGS} are needed": len(obs) < _FEWEST_READINGS,
+        f"only {len(obs)} readings, at least {_FEWEST_READINGS} are needed": len(obs)
+        < _FEWEST_READINGS,
         f"the walk spans only {walk_m:.0f} m": walk_m < _SHORTEST_WALK_M,
         "the level hardly changes along the walk": float(np.std(obs.level_dbm)) < _LEAST_CHANGE_DB,
         f"the transmitter may be farther than the searched {posterior.prior.reach_m / 1000:.0f} km": posterior.at_limit,
@@ -121,7 +144,8 @@ def _azimuths_seen_deg(posterior: Posterior, obs: CellObservations) -> float:
 
 
 def _allowed_m(posterior: Posterior, obs: CellObservations, walk_m: float) -> float:
-    """Largest radius called a location: half the walk's extent and half the median distance, 30 m for a near pass.
+    """Largest radius called a location: half the walk's extent and half the median distance, 30 m
+    for a near pass.
 
     Several places may each be twice as large: what counts there is that they are told apart.
     """

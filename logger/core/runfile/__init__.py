@@ -1,15 +1,16 @@
 """The run file: a journal while recording, plain HDF5 afterwards, read through one function.
 
-The only part of `core` that touches files, and the only one of the logger that imports h5py. Recording needs neither
-numpy nor h5py: a run begins before they are imported, and what needs them is imported when it is first used.
+The only part of `core` that touches files, and the only one of the logger that imports h5py.
+Recording needs neither numpy nor h5py: a run begins before they are imported, and what needs them
+is imported when it is first used.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, Truth
-from logger.core.runfile.names import journal_path
-from logger.core.runfile.room import FLOOR_BYTES, free_bytes, make_room
+from logger.core.runfile.retention import FLOOR_BYTES, free_bytes, make_room
+from logger.core.runfile.run_names import journal_path
 from logger.core.runfile.writer import RunWriter
 
 if TYPE_CHECKING:

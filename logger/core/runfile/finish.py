@@ -10,15 +10,17 @@ from logger.core.errors import RunFileError
 from logger.core.runfile.hdf5 import write_hdf5
 from logger.core.runfile.hdf5_reading import run_id_of
 from logger.core.runfile.journal_file import is_recording, sync_folder
+from logger.core.runfile.journal_reader import JournalParts
 from logger.core.runfile.meta import Damage
-from logger.core.runfile.names import JOURNAL, first_part, parts_of
-from logger.core.runfile.parts import JournalParts
+from logger.core.runfile.run_names import JOURNAL, first_part, parts_of
 
 _MARGIN_BYTES = 1 << 20
 
 
 def unfinished(folder: Path) -> list[Path]:
-    """Journals in a folder that hold something, have no HDF5 file yet and are not being recorded now."""
+    """Journals in a folder that hold something, have no HDF5 file yet and are not being recorded
+    now.
+    """
     found = sorted({p for p in map(first_part, folder.iterdir()) if p.suffix == JOURNAL})
     return [p for p in found if not p.with_suffix(".h5").exists() and _waits(p)]
 
@@ -43,8 +45,8 @@ class Finished:
 def finish(journal: Path) -> Finished:
     """Make the HDF5 file of a journal beside it, under the same name; the journal is kept as it is.
 
-    Safe to repeat, and to cut in the middle. Raises `RunFileError`, also where the HDF5 file of another run has that
-    name.
+    Safe to repeat, and to cut in the middle. Raises `RunFileError`, also where the HDF5 file of
+    another run has that name.
     """
     journal = first_part(journal)
     target = journal.with_suffix(".h5")
@@ -63,7 +65,8 @@ def finish_journal(journal: Path) -> Path:
 
 
 def convert_journal(journal: Path, target: Path) -> Damage:
-    """Make an HDF5 file of a journal under a given name, complete or not at all; returns what the journal has lost.
+    """Make an HDF5 file of a journal under a given name, complete or not at all; returns what the
+    journal has lost.
 
     A file of that name is replaced. Raises `RunFileError`.
     """
@@ -80,7 +83,9 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
         part.replace(target)
         sync_folder(target.parent)
     except (OSError, RuntimeError) as error:  # HDF5 tells of a full card by RuntimeError too
-        raise RunFileError(f"cannot write {target}: {getattr(error, 'strerror', None) or error}") from error
+        raise RunFileError(
+            f"cannot write {target}: {getattr(error, 'strerror', None) or error}"
+        ) from error
     finally:
         with suppress(OSError):
             part.unlink()
@@ -92,7 +97,9 @@ def _check_room(parts: JournalParts, target: Path) -> None:
     status = os.statvfs(target.parent)
     needed = _n_bytes(parts.path) + _MARGIN_BYTES
     if status.f_bavail * status.f_frsize < needed:
-        raise RunFileError(f"no room for {target}: {needed / 1e6:.0f} MB must be free; the journal is safe")
+        raise RunFileError(
+            f"no room for {target}: {needed / 1e6:.0f} MB must be free; the journal is safe"
+        )
 
 
 def _check_same_run(target: Path, run_id: str) -> None:

@@ -1,12 +1,15 @@
-"""Frames of a journal: self-delimiting, numbered, each half with its own CRC, so that damage stays where it is.
+"""Frames of a journal: self-delimiting, numbered, each half with its own CRC, so that damage stays
+where it is.
 
-    magic "CWJ1" | run u32 | kind u8 | version u8 | schema u16 | number u32 | length u32 | crc32(header) u32
+    magic "CWJ1" | run u32 | kind u8 | version u8 | schema u16 | number u32 | length u32 |
+    crc32(header) u32
     payload | crc32(payload) u32                                                          all little-endian
 
-`run` is a random number of the journal, so that a stale block of another journal is never taken for this one's.
-`schema` is the version of the tables, so that rows can be read even where their definition is lost.
-The header has its own CRC because a damaged length would swallow the good frames behind it. The payload is packed with
-zlib since version 2: what is written wears the card and waits in memory while it is full.
+`run` is a random number of the journal, so that a stale block of another journal is never taken for
+this one's. `schema` is the version of the tables, so that rows can be read even where their
+definition is lost. The header has its own CRC because a damaged length would swallow the good
+frames behind it. The payload is packed with zlib since version 2: what is written wears the card
+and waits in memory while it is full.
 """
 
 import struct
@@ -76,7 +79,9 @@ def encode(run: int, number: int, kind: Kind, payload: bytes, schema: int = 0) -
 
 
 def payload_of(packed: bytes, version: int) -> bytes | None:
-    """Payload of a frame as it was given to `encode`; None where it is no payload, though its CRC is right."""
+    """Payload of a frame as it was given to `encode`; None where it is no payload, though its CRC
+    is right.
+    """
     if version == _PLAIN_VERSION:
         return packed
     unpack = zlib.decompressobj()
@@ -88,7 +93,9 @@ def payload_of(packed: bytes, version: int) -> bytes | None:
 
 
 def scan(data: Buffer) -> Iterator[Frame | Skipped]:
-    """Every undamaged frame in order, with the bytes between them; zeros at the end are reserve, not damage."""
+    """Every undamaged frame in order, with the bytes between them; zeros at the end are reserve,
+    not damage.
+    """
     bodies = _Bodies(data)
     position = good_end = 0
     while (at := data.find(MAGIC, position)) >= 0:
@@ -121,9 +128,11 @@ def _header_at(data: Buffer, at: int) -> Frame | None:
 
 
 class _Bodies:
-    """Says which frames are undamaged: one by one, and by many at once where forged headers would make that long.
+    """Says which frames are undamaged: one by one, and by many at once where forged headers would
+    make that long.
 
-    Damaged frames of an honest journal follow each other, so that together they are no longer than the file.
+    Damaged frames of an honest journal follow each other, so that together they are no longer than
+    the file.
     """
 
     def __init__(self, data: Buffer) -> None:
@@ -134,7 +143,9 @@ class _Bodies:
 
     def is_whole(self, frame: Frame) -> bool:
         if self._patience > 0:
-            whole = crc32(self._data[frame.start : frame.start + frame.length]) == self._told_crc(frame)
+            whole = crc32(self._data[frame.start : frame.start + frame.length]) == self._told_crc(
+                frame
+            )
             self._patience -= 0 if whole else frame.length
             return whole
         if frame.start >= self._judged_until:

@@ -1,7 +1,9 @@
-"""The finished run as plain HDF5: one compound dataset for each table, readable by h5py, h5dump, PyTables and pandas.
+"""The finished run as plain HDF5: one compound dataset for each table, readable by h5py, h5dump,
+PyTables and pandas.
 
-The oldest file format there is (superblock 0), since a run must open anywhere; gzip, shuffle and fletcher32 per chunk.
-`frames` says how the rows were divided into frames of the journal, so that the hash chain can be checked without it.
+The oldest file format there is (superblock 0), since a run must open anywhere; gzip, shuffle and
+fletcher32 per chunk. `frames` says how the rows were divided into frames of the journal, so that
+the hash chain can be checked without it.
 """
 
 import os
@@ -18,8 +20,8 @@ import numpy.typing as npt
 from logger.core.errors import RunFileError
 from logger.core.printable import printable
 from logger.core.rows import DTYPES, Rows
+from logger.core.runfile.journal_reader import JournalParts, Part
 from logger.core.runfile.meta import RunEnd, RunMeta
-from logger.core.runfile.parts import JournalParts, Part
 from logger.core.schema import TABLES, columns_text
 from logger.core.timebase import fit_run
 from logger.core.utc import utc_text
@@ -27,8 +29,12 @@ from logger.core.utc import utc_text
 FORMAT = "cellwalk run"
 RAW_BYTES = "raw_bytes"
 FRAMES = "frames"
-FRAME_DTYPE = np.dtype([("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4"), ("crc32", "<u4")])
-"""One row for each frame of the journal; `crc32`, that of its payload, tells which rows were changed if any were."""
+FRAME_DTYPE = np.dtype(
+    [("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4"), ("crc32", "<u4")]
+)
+"""One row for each frame of the journal; `crc32`, that of its payload, tells which rows were
+changed if any were.
+"""
 BLOCK_ROWS = 4096
 _LIBVER = ("earliest", "v108")
 _FILTERS = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "fletcher32": True}
@@ -77,7 +83,12 @@ class _Datasets:
 
     def _make(self, name: str, dtype: np.dtype[Any]) -> None:
         dataset = self._file.create_dataset(
-            name, shape=(0,), maxshape=(None,), chunks=(1024 if dtype.names else 1 << 16,), dtype=dtype, **_FILTERS
+            name,
+            shape=(0,),
+            maxshape=(None,),
+            chunks=(1024 if dtype.names else 1 << 16,),
+            dtype=dtype,
+            **_FILTERS,
         )
         if name in TABLES:
             dataset.attrs["columns"] = columns_text(name, dtype.names or ())
@@ -104,7 +115,8 @@ def _frame_row(part: Part) -> tuple[int, int, str, int, int]:
 def write_hdf5(parts: JournalParts, path: Path) -> None:
     """Make the HDF5 file of a journal, wait until the card has it, and read every byte of it again.
 
-    Raises `RunFileError` when the journal has no readable definition of its tables or the file reads back differently.
+    Raises `RunFileError` when the journal has no readable definition of its tables or the file
+    reads back differently.
     """
     with h5py.File(path, "w", libver=_LIBVER, track_order=False, locking=False) as file:
         datasets = _Datasets(file)

@@ -1,8 +1,8 @@
 """What is in a run's HDF5 file, for a reader that does not trust it.
 
-Only what this program writes is taken: datasets of their own bytes, in the root, of known types, and no larger than the
-file can honestly hold. HDF5 itself would follow links to other files, run filters it is told of, and make room for
-whatever size is declared.
+Only what this program writes is taken: datasets of their own bytes, in the root, of known types,
+and no larger than the file can honestly hold. HDF5 itself would follow links to other files, run
+filters it is told of, and make room for whatever size is declared.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,9 +18,9 @@ import numpy as np
 from logger.core.errors import RunFileError
 from logger.core.rows import Rows, described
 from logger.core.runfile.hdf5 import FORMAT, FRAME_DTYPE, FRAMES, RAW_BYTES
+from logger.core.runfile.journal_reader import decode_meta
 from logger.core.runfile.limits import most_kept_bytes, most_unpacked_bytes
 from logger.core.runfile.meta import RunMeta
-from logger.core.runfile.parts import decode_meta
 
 TEXTS = ("meta", "config", "end", "damage")
 _MOST_TEXT_BYTES = 16 << 20
@@ -28,7 +28,9 @@ _MOST_TEXT_BYTES = 16 << 20
 _MOST_CHUNK_BYTES = 16 << 20
 """A chunk is unpacked as a whole; ours have at most 600 kB."""
 _MOST_MEMBERS = 1000
-FRAME_DTYPE_OF_SCHEMA_2 = np.dtype([("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4")])
+FRAME_DTYPE_OF_SCHEMA_2 = np.dtype(
+    [("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4")]
+)
 _FILTERS = frozenset({h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32})
 _LAYOUTS = frozenset({h5py.h5d.COMPACT, h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED})
 
@@ -73,11 +75,16 @@ class Content:
         return found
 
     def rows(self, meta: RunMeta) -> tuple[dict[str, Rows], int]:
-        """All tables but the frames, read; where a port gave more bytes than memory should hold, only their number."""
+        """All tables but the frames, read; where a port gave more bytes than memory should hold,
+        only their number.
+        """
         found = self.tables(meta)
         raw_bytes = found[RAW_BYTES]
         kept = {name: dataset for name, dataset in found.items() if name not in {FRAMES, RAW_BYTES}}
-        n_bytes, most = sum(dataset.nbytes for dataset in kept.values()), most_kept_bytes(self.file_bytes)
+        n_bytes, most = (
+            sum(dataset.nbytes for dataset in kept.values()),
+            most_kept_bytes(self.file_bytes),
+        )
         if n_bytes > most:
             raise RunFileError(self.too_much("it", n_bytes))
         tables = {name: dataset[...] for name, dataset in kept.items()}
@@ -127,26 +134,36 @@ def text_of_results(path: Path, run_id: str) -> bytes:
         if "summary" not in names or file.attrs.get("run_id") != run_id:
             return b""
         summary = file["summary"]
-        if not isinstance(summary, h5py.Dataset) or summary.shape != () or summary.dtype.kind != "S":
+        if (
+            not isinstance(summary, h5py.Dataset)
+            or summary.shape != ()
+            or summary.dtype.kind != "S"
+        ):
             return b""
         return bytes(summary[()]) if summary.nbytes <= most_kept_bytes(path.stat().st_size) else b""
 
 
 def _members(path: Path, file: h5py.File) -> tuple[str, ...]:
-    """Names in the root, none of which leads out of the file, whether we read it or not: others will."""
+    """Names in the root, none of which leads out of the file, whether we read it or not: others
+    will.
+    """
     if len(file) > _MOST_MEMBERS:
         raise RunFileError(f"{path} has {len(file)} members, and is no cellwalk run")
     names = tuple(file)
     for name in names:
         if file.id.links.get_info(name.encode(errors="surrogateescape")).type != h5py.h5l.TYPE_HARD:
-            raise RunFileError(f"{path}: {name} is a link to elsewhere; no run has that, and it is not read")
+            raise RunFileError(
+                f"{path}: {name} is a link to elsewhere; no run has that, and it is not read"
+            )
         if why := _not_of_its_own(h5py.h5o.open(file.id, name.encode(errors="surrogateescape"))):
             raise RunFileError(f"{path}: {name} {why}; no run has that, and it is not read")
     return names
 
 
 def _not_of_its_own(found: Any) -> str:
-    """Why a dataset is none whose bytes stand in this file and can be unpacked safely; empty where it is."""
+    """Why a dataset is none whose bytes stand in this file and can be unpacked safely; empty where
+    it is.
+    """
     if not isinstance(found, h5py.h5d.DatasetID):
         return ""
     made = found.get_create_plist()
@@ -154,10 +171,18 @@ def _not_of_its_own(found: Any) -> str:
         return "is made of other files"
     if made.get_layout() != h5py.h5d.COMPACT and made.get_external_count():
         return "keeps its bytes in another file"
-    return _hard_to_unpack(made, found.get_type().get_size()) if made.get_layout() == h5py.h5d.CHUNKED else ""
+    return (
+        _hard_to_unpack(made, found.get_type().get_size())
+        if made.get_layout() == h5py.h5d.CHUNKED
+        else ""
+    )
 
 
 def _hard_to_unpack(made: Any, row_bytes: int) -> str:
     if any(made.get_filter(i)[0] not in _FILTERS for i in range(made.get_nfilters())):
         return "is packed in a foreign way"
-    return "has chunks that are too large" if prod(made.get_chunk()) * row_bytes > _MOST_CHUNK_BYTES else ""
+    return (
+        "has chunks that are too large"
+        if prod(made.get_chunk()) * row_bytes > _MOST_CHUNK_BYTES
+        else ""
+    )

@@ -6,13 +6,15 @@ import msgspec
 
 from logger.core.errors import RunFileError
 from logger.core.runfile import hdf5_tasks
-from logger.core.runfile.guard import Arrays, guarded
+from logger.core.runfile.isolation import Arrays, guarded
+from logger.core.runfile.journal_reader import decode_meta
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, check_end
-from logger.core.runfile.parts import decode_meta
 
 
 def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, str, Arrays, int]:
-    """Everything in a run's HDF5 file: its digest, the tables, and how many raw bytes it has before the last."""
+    """Everything in a run's HDF5 file: its digest, the tables, and how many raw bytes it has before
+    the last.
+    """
     told, tables = guarded(path, hdf5_tasks.everything)
     meta = decode_meta(told["meta"].encode(), path)
     return (
@@ -34,7 +36,10 @@ def run_id_of(path: Path) -> str:
 
 
 def stored_summary(path: Path, run_id: str) -> bytes:
-    """JSON that the desk has left beside a run; empty where there is none of this run. Raises `RunFileError`."""
+    """JSON that the desk has left beside a run; empty where there is none of this run.
+
+    Raises `RunFileError`.
+    """
     try:
         return str(guarded(path, hdf5_tasks.results, run_id)[0]).encode()
     except OSError as error:

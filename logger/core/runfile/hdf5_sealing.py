@@ -1,7 +1,9 @@
-"""The seal of a run from its HDF5 file: the frames made anew from the rows, and all else from the frames.
+"""The seal of a run from its HDF5 file: the frames made anew from the rows, and all else from the
+frames.
 
-What a reader of the file can see is either under the hash chain (rows, raw bytes, description, stop) or follows from
-that (attributes, configuration, damage, units). Whatever is neither is a difference, and is named.
+What a reader of the file can see is either under the hash chain (rows, raw bytes, description,
+stop) or follows from that (attributes, configuration, damage, units). Whatever is neither is a
+difference, and is named.
 """
 
 from collections import Counter
@@ -85,7 +87,10 @@ class _Sealing:
                 payload = raw_payload(rows.tobytes(), readers[RAW_BYTES].take(n_bytes).tobytes())
                 told = ("raw", n_rows)
             elif kind == Kind.ROWS and table in self._meta.columns:
-                payload, told = rows_payload(table, readers[table].take(n_rows).tobytes()), (table, n_rows)
+                payload, told = (
+                    rows_payload(table, readers[table].take(n_rows).tobytes()),
+                    (table, n_rows),
+                )
             else:
                 raise RunFileError(f"{self._content.path}: frames names what is not in the file")
             if (table, n_rows) != told:
@@ -97,7 +102,9 @@ class _Sealing:
             yield number, kind, payload
 
     def _differences(self, damage: Damage) -> Iterator[str]:
-        yield from (f"{name}: {n} frames are not as they were recorded" for name, n in self._changed.items())
+        yield from (
+            f"{name}: {n} frames are not as they were recorded" for name, n in self._changed.items()
+        )
         yield from self._sealed.differences(self._end)
         if self._end is not None and self._end_text != msgspec.json.encode(self._end):
             yield "end: it says more than a stop does"
@@ -114,7 +121,8 @@ class _Sealing:
 
     def _of_damage(self, damage: Damage) -> Iterator[str]:
         missing = max(self._numbers, default=-1) + 1 - len(set(self._numbers))
-        # a journal may have lost its last frames too, which no number tells; not one that is sealed as it is
+        # a journal may have lost its last frames too, which no number tells; not one that is sealed
+        # as it is
         sealed = self._end is not None and self._sealed.recomputed == self._end.digest
         wrong = damage.missing_frames != missing if sealed else damage.missing_frames < missing
         if wrong or damage.description_lost == self._has_meta:
@@ -197,7 +205,9 @@ class _Reader:
     def each(self) -> Iterator[tuple[Any, ...]]:
         """All rows, as Python values."""
         while not self.at_end:
-            yield from self.take(min(BLOCK_ROWS, len(self) - self._next + len(self._block))).tolist()
+            yield from self.take(
+                min(BLOCK_ROWS, len(self) - self._next + len(self._block))
+            ).tolist()
 
     def take(self, n: int) -> Rows:
         """The next n rows, a copy; raises ValueError when there are not so many."""

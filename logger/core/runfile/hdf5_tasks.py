@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from logger.core.runfile.guard import Arrays
+from logger.core.runfile.isolation import Arrays
 
 
 def everything(path: Path) -> tuple[Any, Arrays]:

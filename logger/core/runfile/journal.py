@@ -1,4 +1,6 @@
-"""The journal of a run: frames, numbered and chained, in one file or, after the card has failed, in several."""
+"""The journal of a run: frames, numbered and chained, in one file or, after the card has failed, in
+several.
+"""
 
 import errno
 import os
@@ -8,7 +10,7 @@ from logger.core.errors import RunFileError
 from logger.core.runfile.chain import Chain
 from logger.core.runfile.frames import Kind, encode
 from logger.core.runfile.journal_file import ROOM_MAY_COME, JournalFile
-from logger.core.runfile.names import part_path
+from logger.core.runfile.run_names import part_path
 from logger.core.schema import SCHEMA_VERSION
 
 DESCRIBE_EVERY_SYNCS = 60
@@ -20,9 +22,10 @@ _CARD_ERRORS = ROOM_MAY_COME | {errno.EIO}
 class Journal:
     """Frames are collected by `add` and made durable by `sync`.
 
-    Raises `RunFileError` when the file exists or can never be made, `OSError` from `sync` when the card is full or
-    failing: everything since the last good sync then stays in memory, and the next `sync` tries again, after anything
-    but want of room in a new file (`file`): Linux may have dropped what it did not write, and call the next sync good.
+    Raises `RunFileError` when the file exists or can never be made, `OSError` from `sync` when the
+    card is full or failing: everything since the last good sync then stays in memory, and the next
+    `sync` tries again, after anything but want of room in a new file (`file`): Linux may have
+    dropped what it did not write, and call the next sync good.
     """
 
     def __init__(self, path: Path, description: bytes) -> None:
@@ -89,14 +92,19 @@ class Journal:
         try:
             self._file = JournalFile(path)
         except FileExistsError:
-            self._n_files += bool(self._n_files)  # what a failing card did not let go: the next try takes the next name
+            self._n_files += bool(
+                self._n_files
+            )  # what a failing card did not let go: the next try takes the next name
             raise
         self._n_files += 1
         self.file = path
         return self._file
 
     def _give_up_file(self) -> None:
-        """The next sync makes another. The lock of this one is kept: it tells others that the run goes on."""
+        """The next sync makes another.
+
+        The lock of this one is kept: it tells others that the run goes on.
+        """
         if self._file is None:
             return
         if self._file.is_empty and self.file != self.path:

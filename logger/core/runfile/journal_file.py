@@ -1,6 +1,8 @@
-"""One file of a journal: append only, zeroed reserve ahead of the end, on the card when `append` returns.
+"""One file of a journal: append only, zeroed reserve ahead of the end, on the card when `append`
+returns.
 
-Settings and their reasons were found by pulling the plug on 57 designs (ARCHITECTURE.md, decision 4).
+Settings and their reasons were found by pulling the plug on 57 designs (ARCHITECTURE.md, decision
+4).
 """
 
 import errno
@@ -10,14 +12,18 @@ from contextlib import suppress
 from pathlib import Path
 
 RESERVE_BYTES = 1 << 20
-"""Written zeros ahead of the data: a flush then changes no file size, which is what lying cards lose."""
+"""Written zeros ahead of the data: a flush then changes no file size, which is what lying cards
+lose.
+"""
 
 ROOM_MAY_COME = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS})
 """Errors after which the same file may be tried again: the card refused, it did not fail."""
 
 
 class JournalFile:
-    """A new file, locked against recovery while it is open; raises OSError, and leaves nothing, where it cannot be."""
+    """A new file, locked against recovery while it is open; raises OSError, and leaves nothing,
+    where it cannot be.
+    """
 
     def __init__(self, path: Path) -> None:
         self._fd = -1
@@ -39,7 +45,9 @@ class JournalFile:
         return self._end == 0
 
     def append(self, data: bytes | bytearray) -> None:
-        """Write all of it and wait until the card has it; after an OSError nothing counts as written."""
+        """Write all of it and wait until the card has it; after an OSError nothing counts as
+        written.
+        """
         with memoryview(data) as view:
             needed = self._write(view, self._end)
         if self._reserved - needed < RESERVE_BYTES // 2:
@@ -68,12 +76,15 @@ class JournalFile:
     def _let_go(self) -> None:
         fd, self._fd = self._fd, -1
         with suppress(OSError, ValueError):  # the second where there is none
-            # a process made meanwhile to read another run may have a copy, which would hold the lock on
+            # a process made meanwhile to read another run may have a copy, which would hold the
+            # lock on
             fcntl.flock(fd, fcntl.LOCK_UN)
             os.close(fd)
 
     def _reserve(self, needed: int) -> None:
-        """Zeros ahead, as far as there is room: the last of them are what a full card still takes."""
+        """Zeros ahead, as far as there is room: the last of them are what a full card still
+        takes.
+        """
         start = max(self._reserved, needed)
         with suppress(OSError), memoryview(bytes(needed + RESERVE_BYTES - start)) as zeros:
             while start < needed + RESERVE_BYTES:

@@ -1,4 +1,6 @@
-"""What a run says about itself: the first frame of a journal, repeated every minute, and `/meta` of the HDF5 file."""
+"""What a run says about itself: the first frame of a journal, repeated every minute, and `/meta` of
+the HDF5 file.
+"""
 
 import msgspec
 
@@ -15,7 +17,9 @@ class Truth(msgspec.Struct, frozen=True):
 
 
 class RunMeta(msgspec.Struct, frozen=True, kw_only=True):
-    """Identity and circumstances of a run; `columns` lets a reader of any version find its way in the rows."""
+    """Identity and circumstances of a run; `columns` lets a reader of any version find its way in
+    the rows.
+    """
 
     run_id: str
     boot_id: str
@@ -27,11 +31,15 @@ class RunMeta(msgspec.Struct, frozen=True, kw_only=True):
     live: LiveSettings = LiveSettings()
     truth: tuple[Truth, ...] = ()
     schema: int = SCHEMA_VERSION
-    columns: dict[str, list[tuple[str, str]]] = msgspec.field(default_factory=lambda: columns_of(SCHEMA_VERSION))
+    columns: dict[str, list[tuple[str, str]]] = msgspec.field(
+        default_factory=lambda: columns_of(SCHEMA_VERSION)
+    )
 
 
 def check_meta(meta: RunMeta) -> None:
-    """Raises ValueError for what is of the right form and cannot be: a file may say anything of itself."""
+    """Raises ValueError for what is of the right form and cannot be: a file may say anything of
+    itself.
+    """
     if any("\0" in text for text in (meta.run_id, meta.boot_id, meta.origin, meta.program)):
         raise ValueError("it holds a NUL character")
     if not -MOST_NS < meta.started_ns < MOST_NS:
@@ -74,7 +82,8 @@ def check_end(end: RunEnd) -> None:
 class Damage(msgspec.Struct, frozen=True, kw_only=True):
     """What is known to be missing from a run.
 
-    `meaningless_values` are those that no recorder writes; a reader counts them, and takes them for unknown.
+    `meaningless_values` are those that no recorder writes; a reader counts them, and takes them for
+    unknown.
     """
 
     missing_frames: int = 0
@@ -83,9 +92,18 @@ class Damage(msgspec.Struct, frozen=True, kw_only=True):
     meaningless_values: int = 0
 
     def __bool__(self) -> bool:
-        return bool(self.missing_frames or self.skipped_bytes or self.description_lost or self.meaningless_values)
+        return bool(
+            self.missing_frames
+            or self.skipped_bytes
+            or self.description_lost
+            or self.meaningless_values
+        )
 
     def __str__(self) -> str:
         told = f"{self.missing_frames} frames missing, {self.skipped_bytes} bytes damaged"
         told += ", the description of the run lost" if self.description_lost else ""
-        return told + (f", {self.meaningless_values} values without a meaning" if self.meaningless_values else "")
+        return told + (
+            f", {self.meaningless_values} values without a meaning"
+            if self.meaningless_values
+            else ""
+        )

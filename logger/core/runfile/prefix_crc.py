@@ -1,7 +1,8 @@
 """Checksums of many overlapping stretches of a file, in one pass over it.
 
-A forged journal may announce 200 000 frames of 64 MB, each to be checked against its CRC: that is hours. The CRC of any
-stretch follows from those of what stands before its begin and before its end (Mark Adler's crc32_combine in zlib).
+A forged journal may announce 200 000 frames of 64 MB, each to be checked against its CRC: that is
+hours. The CRC of any stretch follows from those of what stands before its begin and before its end
+(Mark Adler's crc32_combine in zlib).
 """
 
 from collections.abc import Sequence
@@ -36,7 +37,11 @@ def crc32_of_each(data: Buffer, starts: Sequence[int], ends: Sequence[int]) -> W
 
 def _shifted(crc: Words, n_bytes: npt.NDArray[np.int64]) -> Words:
     """CRCs after so many zero bytes each: times x^(8 n) modulo the polynomial."""
-    shifted, power, left = crc.copy(), np.uint32(1 << 23), n_bytes.copy()  # x^8, the highest power in the lowest bit
+    shifted, power, left = (
+        crc.copy(),
+        np.uint32(1 << 23),
+        n_bytes.copy(),
+    )  # x^8, the highest power in the lowest bit
     while left.any():
         odd = (left & 1).astype(bool)
         shifted[odd] = _times(shifted[odd], power)

@@ -7,7 +7,7 @@ from pathlib import Path
 from logger.core.errors import RunFileError
 from logger.core.runfile.finish import finish, unfinished
 from logger.core.runfile.meta import Damage
-from logger.core.runfile.names import is_hdf5
+from logger.core.runfile.run_names import is_hdf5
 
 SOMETHING_LOST = 3
 """Exit code of a recovery in which something was lost, as that of `mcap recover`."""
@@ -44,7 +44,8 @@ class Recovered:
 def recover(path: Path) -> Iterator[Recovered]:
     """Recover one journal, or all in a folder that have no HDF5 file yet.
 
-    In a folder, one that cannot be read does not keep the others. Raises `RunFileError` for a single one.
+    In a folder, one that cannot be read does not keep the others. Raises `RunFileError` for a
+    single one.
     """
     if not path.is_dir():
         if path.is_file() and is_hdf5(path):

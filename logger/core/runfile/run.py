@@ -14,19 +14,21 @@ from logger.core.errors import RunFileError
 from logger.core.rows import DTYPES, Rows, as_of_now, values_of
 from logger.core.runfile.hdf5 import RAW_BYTES
 from logger.core.runfile.hdf5_reading import read_hdf5
+from logger.core.runfile.journal_reader import JournalParts
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
-from logger.core.runfile.names import is_hdf5
-from logger.core.runfile.parts import JournalParts
-from logger.core.runfile.sound import sound
+from logger.core.runfile.run_names import is_hdf5
+from logger.core.runfile.sanitising import sound
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan, Value
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Tables of a run as structured arrays (columns in `schema`); `end` is None when the run was cut.
+    """Tables of a run as structured arrays (columns in `schema`); `end` is None when the run was
+    cut.
 
-    `digest` is that of the hash chain: what the run was sealed with, or, when it was cut, of what there is.
-    `raw_bytes` is empty where a port gave more than memory should hold; there are `n_raw_bytes` in the file.
+    `digest` is that of the hash chain: what the run was sealed with, or, when it was cut, of what
+    there is. `raw_bytes` is empty where a port gave more than memory should hold; there are
+    `n_raw_bytes` in the file.
     """
 
     path: Path
@@ -41,7 +43,9 @@ class Run:
 
     def records(self, *tables: str) -> Iterator[tuple[int, Record]]:
         """Records in recorded order with their numbers; all, or those of the tables named."""
-        wanted = [t for t in (tables or ("fixes", "scans", "notes", "live", "raw")) if len(self.tables[t])]
+        wanted = [
+            t for t in (tables or ("fixes", "scans", "notes", "live", "raw")) if len(self.tables[t])
+        ]
         if not wanted:
             return
         streams = {t: self._values(t) for t in wanted}
@@ -58,9 +62,16 @@ class Run:
             match table:
                 case "scans":
                     assert readings is not None
-                    value = Scan(row["t_start_ns"], readings.of(row["seq"]), row["fix_start_seq"], row["fix_seq"])
+                    value = Scan(
+                        row["t_start_ns"],
+                        readings.of(row["seq"]),
+                        row["fix_start_seq"],
+                        row["fix_seq"],
+                    )
                 case "raw":
-                    value = RawBytes(raw[row["offset"] : row["offset"] + row["length"]], bool(row["sent"]))
+                    value = RawBytes(
+                        raw[row["offset"] : row["offset"] + row["length"]], bool(row["sent"])
+                    )
                 case _:
                     value = _VALUES[table](row)
             yield row["seq"], Record(row["t_ns"], row["source"] or "", value)
@@ -79,14 +90,20 @@ def read_run(path: Path | str) -> Run:
 
 
 def read_sound_run(path: Path | str) -> Run:
-    """As `read_run`, for whoever computes with it: values that no recorder writes are unknown, and counted."""
+    """As `read_run`, for whoever computes with it: values that no recorder writes are unknown, and
+    counted.
+    """
     run = read_run(path)
     tables, n_bad = sound(run.tables, run.n_raw_bytes)
-    return replace(run, tables=tables, damage=msgspec.structs.replace(run.damage, meaningless_values=n_bad))
+    return replace(
+        run, tables=tables, damage=msgspec.structs.replace(run.damage, meaningless_values=n_bad)
+    )
 
 
 def check_file(path: Path) -> None:
-    """Raise `RunFileError` for what is no file with something in it; OSError where the system refuses to say."""
+    """Raise `RunFileError` for what is no file with something in it; OSError where the system
+    refuses to say.
+    """
     try:
         status = path.stat()
     except FileNotFoundError:
@@ -103,7 +120,9 @@ def _read_hdf5(path: Path) -> Run:
     meta, end, damage, digest, arrays, n_raw = read_hdf5(path)
     raw_bytes = arrays.pop(RAW_BYTES)
     tables = {table: as_of_now(table, rows) for table, rows in arrays.items()}
-    return Run(path, "hdf5", meta, end, damage, tables, raw_bytes, end.digest if end else digest, n_raw)
+    return Run(
+        path, "hdf5", meta, end, damage, tables, raw_bytes, end.digest if end else digest, n_raw
+    )
 
 
 def _read_journal(path: Path) -> Run:
@@ -123,9 +142,22 @@ def _read_journal(path: Path) -> Run:
             raise RunFileError(f"{path} unpacks to more than a run of this size can hold")
         if part.table:
             rows[part.table].append(found)
-    tables = {t: as_of_now(t, np.concatenate(found)) if found else np.empty(0, DTYPES[t]) for t, found in rows.items()}
+    tables = {
+        t: as_of_now(t, np.concatenate(found)) if found else np.empty(0, DTYPES[t])
+        for t, found in rows.items()
+    }
     raw_bytes = np.frombuffer(raw if len(raw) == n_raw else b"", np.uint8)
-    return Run(parts.path, "journal", parts.meta, parts.end, parts.damage, tables, raw_bytes, parts.digest, n_raw)
+    return Run(
+        parts.path,
+        "journal",
+        parts.meta,
+        parts.end,
+        parts.damage,
+        tables,
+        raw_bytes,
+        parts.digest,
+        n_raw,
+    )
 
 
 class _ReadingsBySeq:
@@ -158,9 +190,15 @@ def _note(row: dict[str, Any]) -> Note:
 
 def _live(row: dict[str, Any]) -> LiveEstimate:
     # a filter that has diverged stores NaN, which is a value here and not an unknown
-    named: dict[str, Any] = {f.name: np.nan if row[f.name] is None else row[f.name] for f in fields(LiveEstimate)}
+    named: dict[str, Any] = {
+        f.name: np.nan if row[f.name] is None else row[f.name] for f in fields(LiveEstimate)
+    }
     return LiveEstimate(**named)
 
 
 _READING_FIELDS = [f.name for f in fields(CellReading) if f.name not in {"label", "more"}]
-_VALUES: dict[str, Callable[[dict[str, Any]], Value]] = {"fixes": _fix, "notes": _note, "live": _live}
+_VALUES: dict[str, Callable[[dict[str, Any]], Value]] = {
+    "fixes": _fix,
+    "notes": _note,
+    "live": _live,
+}

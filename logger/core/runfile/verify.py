@@ -1,4 +1,6 @@
-"""Is a run whole and as it was sealed? For a third party: the file in either form is all that is needed."""
+"""Is a run whole and as it was sealed? For a third party: the file in either form is all that is
+needed.
+"""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,18 +11,20 @@ from logger.core.errors import RunFileError
 from logger.core.runfile import hdf5_tasks
 from logger.core.runfile.chain import Chain
 from logger.core.runfile.frames import Kind
-from logger.core.runfile.guard import guarded
+from logger.core.runfile.isolation import guarded
+from logger.core.runfile.journal_reader import JournalParts
 from logger.core.runfile.meta import Damage, RunEnd, stop_text
-from logger.core.runfile.names import is_hdf5
-from logger.core.runfile.parts import JournalParts
+from logger.core.runfile.run_names import is_hdf5
 
 
 @dataclass(frozen=True, slots=True)
 class Sealing:
-    """What the hash chain of a run says; `recomputed` is over the frames before the END frame, or all there are.
+    """What the hash chain of a run says; `recomputed` is over the frames before the END frame, or
+    all there are.
 
-    `surplus` names a table of the HDF5 file with rows that stand in no frame. `differences` say what else is not as the
-    chained frames have it; `stop_is_sealed` is False for a run of an earlier version, whose chain leaves the stop out.
+    `surplus` names a table of the HDF5 file with rows that stand in no frame. `differences` say
+    what else is not as the chained frames have it; `stop_is_sealed` is False for a run of an
+    earlier version, whose chain leaves the stop out.
     """
 
     end: RunEnd | None
@@ -41,7 +45,9 @@ class Sealing:
 
 @dataclass(slots=True)
 class Sealed:
-    """A chain that keeps the digest before the END frame, which must be the last, and what the STOP before it says."""
+    """A chain that keeps the digest before the END frame, which must be the last, and what the STOP
+    before it says.
+    """
 
     chain: Chain = field(default_factory=Chain)
     before_end: str | None = None
@@ -74,7 +80,10 @@ class Sealed:
 
 
 def sealing_of(path: Path) -> Sealing:
-    """Compute the hash chain of a run again, from its journal or its HDF5. Raises `RunFileError`."""
+    """Compute the hash chain of a run again, from its journal or its HDF5.
+
+    Raises `RunFileError`.
+    """
     return _of_hdf5(path) if is_hdf5(path) else _of_journal(path)
 
 

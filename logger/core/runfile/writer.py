@@ -14,19 +14,24 @@ from logger.core.schema import packed, row_size, rows_of
 from logger.core.types import RawBytes, Record
 
 FRAME_RECORDS = 4096
-"""A frame is read and checked as a whole, so it must stay small however many records come between two syncs."""
+"""A frame is read and checked as a whole, so it must stay small however many records come between
+two syncs.
+"""
 
 MOST_WAITING_BYTES = 16 << 20
-"""What may wait in memory for a full card, some hours of a walk; later records are counted and lost."""
+"""What may wait in memory for a full card, some hours of a walk; later records are counted and
+lost.
+"""
 
 RAW_COUNT = struct.Struct("<I")
 
 
 class RunWriter:
-    """The only owner of a run while it is recorded: `append` numbers the records, `sync` makes them durable.
+    """The only owner of a run while it is recorded: `append` numbers the records, `sync` makes them
+    durable.
 
-    A card that is full or failing at the start is waited for like one that is later. Raises what `Journal` raises.
-    One thread only.
+    A card that is full or failing at the start is waited for like one that is later. Raises what
+    `Journal` raises. One thread only.
     """
 
     def __init__(self, path: Path, meta: RunMeta) -> None:
@@ -50,7 +55,9 @@ class RunWriter:
 
     @property
     def is_durable(self) -> bool:
-        """True while nothing waits in the journal for the card; what was appended since the last `sync` is not seen."""
+        """True while nothing waits in the journal for the card; what was appended since the last
+        `sync` is not seen.
+        """
         return not self._journal.n_waiting
 
     @property
@@ -80,7 +87,9 @@ class RunWriter:
         return dropped
 
     def sync(self) -> None:
-        """Make everything appended so far durable; raises OSError and keeps it for the next try when it cannot."""
+        """Make everything appended so far durable; raises OSError and keeps it for the next try
+        when it cannot.
+        """
         self._queue_rows()
         self._journal.sync()
 
@@ -89,7 +98,9 @@ class RunWriter:
         self._journal.discard()
 
     def close(self, t_ns: int, reason: str) -> str:
-        """Write the end of the run, which seals it, and close the journal; returns the digest it is sealed with."""
+        """Write the end of the run, which seals it, and close the journal; returns the digest it is
+        sealed with.
+        """
         self._queue_rows()
         end = RunEnd(t_ns=t_ns, reason=reason, n_records=self._seq)
         self._journal.add(Kind.STOP, stop_text(end))
@@ -105,7 +116,9 @@ class RunWriter:
 
     def _queue_rows(self) -> None:
         if self._raw:
-            self._journal.add(Kind.RAW, raw_payload(packed("raw", self._raw), bytes(self._raw_data)))
+            self._journal.add(
+                Kind.RAW, raw_payload(packed("raw", self._raw), bytes(self._raw_data))
+            )
             self._raw.clear()
             self._raw_data.clear()
         for table, rows in self._rows.items():
@@ -120,5 +133,7 @@ def rows_payload(table: str, rows: bytes) -> bytes:
 
 
 def raw_payload(index: bytes, data: bytes) -> bytes:
-    """Payload of a RAW frame: number of index rows, the packed rows with their offsets counted in `data`, the bytes."""
+    """Payload of a RAW frame: number of index rows, the packed rows with their offsets counted in
+    `data`, the bytes.
+    """
     return RAW_COUNT.pack(len(index) // row_size("raw")) + index + data

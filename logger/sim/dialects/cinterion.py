@@ -1,4 +1,6 @@
-"""Siemens and Cinterion: BGS2 (^SMONI, ^MONI, ^MONP), MC55 (^SMONC), TC63 (^SMOND); captures 120 to 126."""
+"""Siemens and Cinterion: BGS2 (^SMONI, ^MONI, ^MONP), MC55 (^SMONC), TC63 (^SMOND); captures 120 to
+126.
+"""
 
 from itertools import chain, repeat
 
@@ -16,7 +18,9 @@ def smoni(air: Air, _: Settings) -> Answer:
         return ["^SMONI: 2G,SEARCH,SEARCH"]
     cell = one.cell
     where = f"{cell.arfcn},{one.dbm},{cell.mcc},{cell.mnc},{cell.lac:04X},{cell.cid:04X}"
-    return [f"^SMONI: 2G,{where},{one.c1},{one.c1},{cell.bsic // 8},{cell.bsic % 8},G,5,-107,LIMSRV"]
+    return [
+        f"^SMONI: 2G,{where},{one.c1},{one.c1},{cell.bsic // 8},{cell.bsic % 8},G,5,-107,LIMSRV"
+    ]
 
 
 def smonc(air: Air, _: Settings) -> Answer:
@@ -30,12 +34,16 @@ def _smonc(one: Heard) -> str:
     cell = one.cell
     if not one.decoded:
         return f"000,000,0000,0000,00,{cell.arfcn},{one.rxlev},-,-"
-    who_and_where = f"{cell.mcc},{cell.mnc},{cell.lac:04X},{cell.cid:04X},{cell.bsic:02d},{cell.arfcn}"
+    who_and_where = (
+        f"{cell.mcc},{cell.mnc},{cell.lac:04X},{cell.cid:04X},{cell.bsic:02d},{cell.arfcn}"
+    )
     return f"{who_and_where},{one.rxlev},{one.c1},{one.c1}"
 
 
 def smond(air: Air, _: Settings) -> Answer:
-    """The serving cell, six neighbours, timing advance, level and errors in one line; levels are without their sign."""
+    """The serving cell, six neighbours, timing advance, level and errors in one line; levels are
+    without their sign.
+    """
     if air.serving is None:
         return ["^SMOND: ,,,,,,0,,,0,,,0" + ",,,,,,,0" * NEIGHBOURS + ",,99,99"]
     cells = chain((_smond(one) for one in air.decoded_neighbours), repeat(",,,,,,0"))
@@ -51,7 +59,9 @@ def _smond(one: Heard) -> str:
 
 def moni(air: Air, _: Settings) -> Answer:
     """Columns of text."""
-    titles = "chann rs  dBm MCC MNC LAC  cell NCC BCC PWR  RXLev  C1 I chann TS timAdv PWR  dBm Q ChMod"
+    titles = (
+        "chann rs  dBm MCC MNC LAC  cell NCC BCC PWR  RXLev  C1 I chann TS timAdv PWR  dBm Q ChMod"
+    )
     head = ["Serving Cell" + " " * 42 + "I Dedicated channel", titles]
     one = air.serving
     if one is None:

@@ -1,4 +1,6 @@
-"""What all modems answer alike: registration, networks, quality (3GPP TS 27.007), told of a world of GSM cells."""
+"""What all modems answer alike: registration, networks, quality (3GPP TS 27.007), told of a world
+of GSM cells.
+"""
 
 from collections.abc import Mapping
 
@@ -52,7 +54,9 @@ def network(air: Air, settings: Settings) -> Answer:
 
 def networks(air: Air, _: Settings) -> Answer:
     plmns = dict.fromkeys(f"{one.cell.mcc}{one.cell.mnc}" for one in air.decoded)
-    offered = ",".join(f'(1,"{NETWORK_NAME}","{NETWORK_NAME}","{plmn}",{GSM_ACT})' for plmn in plmns)
+    offered = ",".join(
+        f'(1,"{NETWORK_NAME}","{NETWORK_NAME}","{plmn}",{GSM_ACT})' for plmn in plmns
+    )
     return [f"+COPS: {offered},,(0,1,3,4),(0,1,2)"]
 
 

@@ -1,6 +1,7 @@
 """What tells one modem from another: who it says it is, what it can be told and what it answers.
 
-Formats are written from manuals and captures (see firmware_notes), independently of the drivers that read them.
+Formats are written from manuals and captures (see firmware_notes), independently of the drivers
+that read them.
 """
 
 import re
@@ -10,9 +11,13 @@ from dataclasses import dataclass, field
 from logger.sim.air import Air
 
 Settings = Mapping[str, str]
-"""Values of the modem's settings by name: {"+CENG": "1,1"}; that of "=" is the argument of the command."""
+"""Values of the modem's settings by name: {"+CENG": "1,1"}; that of "=" is the argument of the
+command.
+"""
 Answer = Sequence[str] | int
-"""Blocks of text before OK, each between line ends, or the number of a +CME ERROR (3GPP TS 27.007 9.2)."""
+"""Blocks of text before OK, each between line ends, or the number of a +CME ERROR (3GPP TS 27.007
+9.2).
+"""
 Listing = Callable[[Air, Settings], Answer]
 
 IMEI = "004999010640000"
@@ -24,7 +29,8 @@ NO_SERVICE = 30
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """The value after power-up, and the form of those that are accepted; a value left out stays as it is.
+    """The value after power-up, and the form of those that are accepted; a value left out stays as
+    it is.
 
     What is `stored` is as it was before the power went.
     """
@@ -38,9 +44,10 @@ class Setting:
 class Dialect:
     """One model.
 
-    `replies` are by command without its AT, in capitals; one that ends with "=" takes any argument. `takes_s` says
-    which of them are slow, `unasked` is what the modem tells by itself every few seconds; `registered` ones have a SIM
-    card; on `abortable` ones a character ends a slow command, the others read it afterwards.
+    `replies` are by command without its AT, in capitals; one that ends with "=" takes any argument.
+    `takes_s` says which of them are slow, `unasked` is what the modem tells by itself every few
+    seconds; `registered` ones have a SIM card; on `abortable` ones a character ends a slow command,
+    the others read it afterwards.
     """
 
     name: str

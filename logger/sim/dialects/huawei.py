@@ -9,7 +9,9 @@ GSM_900 = 1
 
 
 def serving_cell(air: Air, _: Settings) -> Answer:
-    """Area and cell are hexadecimal, the cell comes first; the last two values are empty without a call."""
+    """Area and cell are hexadecimal, the cell comes first; the last two values are empty without a
+    call.
+    """
     one = air.serving
     if one is None:
         return ["^MONSC: NONE"]
@@ -31,18 +33,32 @@ def neighbour_cells(air: Air, _: Settings) -> Answer:
 
 def quality(air: Air, _: Settings) -> Answer:
     one = air.serving
-    return ["^HCSQ: NOSERVICE" if one is None else f'^HCSQ: "GSM",{min(max(one.dbm + 121, 0), 96)},255']
+    return [
+        "^HCSQ: NOSERVICE" if one is None else f'^HCSQ: "GSM",{min(max(one.dbm + 121, 0), 96)},255'
+    ]
 
 
 ME909S = Dialect(
     "me909s",
     who(
-        ["Manufacturer: Huawei", "Model: ME909s-120", "Revision: 11.617.01.00.00", f"IMEI: {IMEI}", "+GCAP: +CGSM"],
+        [
+            "Manufacturer: Huawei",
+            "Model: ME909s-120",
+            "Revision: 11.617.01.00.00",
+            f"IMEI: {IMEI}",
+            "+GCAP: +CGSM",
+        ],
         "Huawei",
         "ME909s-120",
         "11.617.01.00.00",
     ),
-    replies={"^MONSC": serving_cell, "^MONNC": neighbour_cells, "^HCSQ?": quality, **EPS, **modes.SYSCFGEX},
+    replies={
+        "^MONSC": serving_cell,
+        "^MONNC": neighbour_cells,
+        "^HCSQ?": quality,
+        **EPS,
+        **modes.SYSCFGEX,
+    },
     settings=SETTINGS | EPS_SETTINGS | modes.SYSCFGEX_SETTINGS,
     takes_s={"+COPS=?": COPS_SCAN_S},
     boot=("^SYSSTART",),

@@ -1,7 +1,9 @@
-"""Sierra MC7455 and Fibocom L850: modems of which no reply of GSM is known (captures 129, 131, 139).
+"""Sierra MC7455 and Fibocom L850: modems of which no reply of GSM is known (captures 129, 131,
+139).
 
-They tell of the same transmitters as of cells of LTE: area, cell, channel and colour code stand where area, cell,
-channel and physical cell identity of LTE stand. Neighbours have no identity there.
+They tell of the same transmitters as of cells of LTE: area, cell, channel and colour code stand
+where area, cell, channel and physical cell identity of LTE stand. Neighbours have no identity
+there.
 """
 
 from logger.sim.air import Air, Heard
@@ -14,10 +16,14 @@ RSSI_OVER_RSRP_DB = 28  # of 10 MHz
 
 
 def status(air: Air, _: Settings) -> Answer:
-    """Pairs of label and value, two to a line; numbers are hexadecimal and again decimal in brackets."""
+    """Pairs of label and value, two to a line; numbers are hexadecimal and again decimal in
+    brackets.
+    """
     one = air.serving
     if one is None:
-        return block(["!GSTATUS: ", "Mode:        ONLINE         ", "System mode:   No service     "])
+        return block(
+            ["!GSTATUS: ", "Mode:        ONLINE         ", "System mode:   No service     "]
+        )
     cell = one.cell
     rssi_dbm = one.dbm + RSSI_OVER_RSRP_DB
     lines = [
@@ -41,7 +47,12 @@ def lte_information(air: Air, _: Settings) -> Answer:
     """Tables: the serving cell, cells on its channel, cells on others."""
     one = air.serving
     if one is None:
-        return block(["!LTEINFO: ", "Serving:   EARFCN MCC MNC   TAC      CID Bd D U SNR PCI  RSRQ   RSRP   RSSI RXLV"])
+        return block(
+            [
+                "!LTEINFO: ",
+                "Serving:   EARFCN MCC MNC   TAC      CID Bd D U SNR PCI  RSRQ   RSRP   RSSI RXLV",
+            ]
+        )
     cell = one.cell
     where = f"{cell.arfcn:17d} {cell.mcc} {cell.mnc:>3} {cell.lac:5d} {cell.cid:08X}"
     serving = [
@@ -54,7 +65,10 @@ def lte_information(air: Air, _: Settings) -> Answer:
         " " * 52 + _levels(one) + " --",
     ]
     other = ["InterFreq: EARFCN ThresholdLow ThresholdHi Priority PCI  RSRQ   RSRP   RSSI RXLV"]
-    other += [f"{near.cell.arfcn:17d}            0           0        0 {_levels(near)}   0" for near in air.neighbours]
+    other += [
+        f"{near.cell.arfcn:17d}            0           0        0 {_levels(near)}   0"
+        for near in air.neighbours
+    ]
     return ["\r\n".join(part) for part in (serving, same, other)]
 
 
@@ -63,14 +77,28 @@ def _levels(one: Heard) -> str:
 
 
 def cells(air: Air, _: Settings) -> Answer:
-    """One row for each cell; area, cell, channel and physical identity are hexadecimal, levels indices of 27.007."""
+    """One row for each cell; area, cell, channel and physical identity are hexadecimal, levels
+    indices of 27.007.
+    """
     one = air.serving
     if one is None:
         return ["+GTCCINFO:"]
     cell = one.cell
     serving = f"1,4,{cell.mcc},{cell.mnc},{cell.lac:X},{cell.cid:X},{cell.arfcn:X},{cell.bsic:X},101,50,16,{_rows(one)}"
-    near = [f"2,4,,,,,{other.cell.arfcn:X},{other.cell.bsic:X},,{_rows(other)}" for other in air.neighbours]
-    return ["\r\n".join(["+GTCCINFO:", "LTE service cell:", serving, *(["LTE neighbor cell:", *near] if near else [])])]
+    near = [
+        f"2,4,,,,,{other.cell.arfcn:X},{other.cell.bsic:X},,{_rows(other)}"
+        for other in air.neighbours
+    ]
+    return [
+        "\r\n".join(
+            [
+                "+GTCCINFO:",
+                "LTE service cell:",
+                serving,
+                *(["LTE neighbor cell:", *near] if near else []),
+            ]
+        )
+    ]
 
 
 def _rows(one: Heard) -> str:
@@ -88,7 +116,12 @@ SIERRA_ATI = (
 )
 MC7455 = Dialect(
     "mc7455",
-    who(SIERRA_ATI, "Sierra Wireless, Incorporated", "MC7455", SIERRA_ATI[2].removeprefix("Revision: ")),
+    who(
+        SIERRA_ATI,
+        "Sierra Wireless, Incorporated",
+        "MC7455",
+        SIERRA_ATI[2].removeprefix("Revision: "),
+    ),
     replies={"!GSTATUS?": status, "!LTEINFO?": lte_information, **EPS, **modes.SELRAT},
     settings=SETTINGS | EPS_SETTINGS | modes.SELRAT_SETTINGS,
     takes_s={"+COPS=?": COPS_SCAN_S},
@@ -96,7 +129,12 @@ MC7455 = Dialect(
 )
 L850 = Dialect(
     "l850",
-    who(["FIBOCOM L850-GL"], '+CGMI: "FIBOCOM"', '+CGMM: "L850-GL"', '+CGMR: "18500.5001.00.02.24.03"'),
+    who(
+        ["FIBOCOM L850-GL"],
+        '+CGMI: "FIBOCOM"',
+        '+CGMM: "L850-GL"',
+        '+CGMR: "18500.5001.00.02.24.03"',
+    ),
     replies={"+GTCCINFO?": cells, **EPS, **modes.XACT},
     settings=SETTINGS | EPS_SETTINGS | modes.XACT_SETTINGS,
     takes_s={"+COPS=?": COPS_SCAN_S},

@@ -19,20 +19,28 @@ CNMP: Mapping[str, Listing] = {"+CNMP?": _told("+CNMP")}
 CNMP_SETTINGS = {"+CNMP": _stored("2", "2|13|38|51")}
 
 NWSCANMODE: Mapping[str, Listing] = {
-    '+QCFG="NWSCANMODE"': lambda _, settings: [f'+QCFG: "nwscanmode",{settings[_QCFG].split(",")[1]}']
+    '+QCFG="NWSCANMODE"': lambda _, settings: [
+        f'+QCFG: "nwscanmode",{settings[_QCFG].split(",")[1]}'
+    ]
 }
 NWSCANMODE_SETTINGS = {_QCFG: _stored('"NWSCANMODE",0,1', '"NWSCANMODE",[0-3](?:,[01])?')}
 
 _RATS = {"00": "Automatic", "01": "UMTS 3G Only", "02": "GSM 2G Only", "06": "LTE Only"}
 SELRAT: Mapping[str, Listing] = {
-    "!SELRAT?": lambda _, settings: [f"!SELRAT: {settings['!SELRAT']}, {_RATS[settings['!SELRAT']]}"]
+    "!SELRAT?": lambda _, settings: [
+        f"!SELRAT: {settings['!SELRAT']}, {_RATS[settings['!SELRAT']]}"
+    ]
 }
 SELRAT_SETTINGS = {"!SELRAT": _stored("00", "00|01|06")}  # an MC7455 has no GSM
 
 SYSCFGEX: Mapping[str, Listing] = {
-    "^SYSCFGEX?": lambda _, settings: [f"^SYSCFGEX:{settings['^SYSCFGEX'].split(',')[0]},3FFFFFFF,1,2,7FFFFFFFFFFFFFFF"]
+    "^SYSCFGEX?": lambda _, settings: [
+        f"^SYSCFGEX:{settings['^SYSCFGEX'].split(',')[0]},3FFFFFFF,1,2,7FFFFFFFFFFFFFFF"
+    ]
 }
-SYSCFGEX_SETTINGS = {"^SYSCFGEX": _stored('"00"', r'"(?:0[0-3]){1,3}",[0-9A-F]+,[0-2],[0-4],[0-9A-F]+,,')}
+SYSCFGEX_SETTINGS = {
+    "^SYSCFGEX": _stored('"00"', r'"(?:0[0-3]){1,3}",[0-9A-F]+,[0-2],[0-4],[0-9A-F]+,,')
+}
 
 XACT: Mapping[str, Listing] = {"+XACT?": _told("+XACT")}
 XACT_SETTINGS = {"+XACT": _stored("4,2,1,101,103", "[124](?:,[0-9]{1,3})*")}  # nor has an L850

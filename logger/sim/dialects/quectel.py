@@ -20,7 +20,9 @@ def serving_cell(air: Air, _: Settings) -> Answer:
         return ['+QENG: "servingcell","SEARCH"']
     cell = one.cell
     where = f"{cell.mcc},{cell.mnc},{cell.lac:X},{cell.cid:X},{cell.bsic},{cell.arfcn},-,{one.dbm}"
-    return [f'+QENG: "servingcell","{STATE}","GSM",{where},255,255,0,{one.c1},{one.c1},1,{"-," * 9}"-"']
+    return [
+        f'+QENG: "servingcell","{STATE}","GSM",{where},255,255,0,{one.c1},{one.c1},1,{"-," * 9}"-"'
+    ]
 
 
 def neighbour_cells(air: Air, _: Settings) -> Answer:
@@ -38,7 +40,9 @@ def quality(air: Air, _: Settings) -> Answer:
 
 
 def survey(air: Air, settings: Settings) -> Answer:
-    """All cells of the technology that is set, 2G here, under the network they belong to; their level is an index."""
+    """All cells of the technology that is set, 2G here, under the network they belong to; their
+    level is an index.
+    """
     if not settings["+QOPSCFG"].endswith("0") or air.serving is None:
         return []
     first = air.serving.cell
@@ -57,7 +61,9 @@ def engineering(air: Air, settings: Settings) -> Answer:
         return [header]
     rows = [_serving_row(air.serving)]
     if dump != "0" and (near := air.decoded_neighbours):
-        rows.append("+QENG: 1," + ",".join(f"{number},{_near(one)}" for number, one in enumerate(near, 1)))
+        rows.append(
+            "+QENG: 1," + ",".join(f"{number},{_near(one)}" for number, one in enumerate(near, 1))
+        )
     return [header, *block(rows)]
 
 
@@ -84,13 +90,22 @@ EC25 = Dialect(
         **EPS,
         **modes.NWSCANMODE,
     },
-    settings=SETTINGS | EPS_SETTINGS | receivers.QGPS_SETTINGS | QOPS_SETTINGS | modes.NWSCANMODE_SETTINGS,
+    settings=SETTINGS
+    | EPS_SETTINGS
+    | receivers.QGPS_SETTINGS
+    | QOPS_SETTINGS
+    | modes.NWSCANMODE_SETTINGS,
     takes_s={"+COPS=?": COPS_SCAN_S, "+QOPS": QOPS_S},
     boot=("RDY", "+CFUN: 1", "+QIND: SMS DONE"),
 )
 M95 = Dialect(
     "m95",
-    who(["Quectel_Ltd", "Quectel_M95", "Revision: M95FAR02A08"], "Quectel_Ltd", "Quectel_M95", "Revision: M95FAR02A08"),
+    who(
+        ["Quectel_Ltd", "Quectel_M95", "Revision: M95FAR02A08"],
+        "Quectel_Ltd",
+        "Quectel_M95",
+        "Revision: M95FAR02A08",
+    ),
     replies={"+QENG?": engineering},
     settings=SETTINGS | {"+QENG": setting("0,0", "[0-2](?:,[0-4])?")},
     takes_s={"+COPS=?": COPS_SCAN_S},

@@ -1,4 +1,6 @@
-"""The receiver inside a modem: +CGNSINF, +CGPSINFO and +QGPSLOC (sources: firmware_notes, captures 170 to 180)."""
+"""The receiver inside a modem: +CGNSINF, +CGPSINFO and +QGPSLOC (sources: firmware_notes, captures
+170 to 180).
+"""
 
 from logger.sim.air import Air, Place
 from logger.sim.dialects.dialect import Answer, Settings, setting
@@ -33,7 +35,9 @@ def cgpsinfo(air: Air, settings: Settings) -> Answer:
     lat = f"{_minutes(place.lat_deg, 2)},{'NS'[place.lat_deg < 0]}"
     lon = f"{_minutes(place.lon_deg, 3)},{'EW'[place.lon_deg < 0]}"
     motion = f"{place.speed_mps * KNOTS_PER_MPS:.1f},{place.course_deg:.1f}"
-    return [f"+CGPSINFO: {lat},{lon},{place.utc:%d%m%y},{_tenths(place)},{place.alt_m:.1f},{motion}"]
+    return [
+        f"+CGPSINFO: {lat},{lon},{place.utc:%d%m%y},{_tenths(place)},{place.alt_m:.1f},{motion}"
+    ]
 
 
 def qgpsloc(air: Air, settings: Settings) -> Answer:

@@ -5,7 +5,16 @@ from dataclasses import replace
 from logger.sim.air import Air
 from logger.sim.dialects import ceng, receivers
 from logger.sim.dialects.common import SETTINGS
-from logger.sim.dialects.dialect import NETWORK_NAME, NO_SERVICE, Answer, Dialect, Settings, block, setting, who
+from logger.sim.dialects.dialect import (
+    NETWORK_NAME,
+    NO_SERVICE,
+    Answer,
+    Dialect,
+    Settings,
+    block,
+    setting,
+    who,
+)
 
 NETSCAN_S = 40.0  # up to 45 by the manual, p197
 
@@ -44,7 +53,8 @@ SIM800 = Dialect(
     "sim800",
     who(["SIM800 R14.18"], "SIMCOM_Ltd", "SIMCOM_SIM800L", "Revision:1418B05SIM800L24"),
     replies={"+CENG?": engineering, "+CNETSCAN": netscan, "+CSQ": csq},
-    settings=SETTINGS | {"+CENG": setting("0,0", "[0-4](?:,[01])?"), "+CNETSCAN": setting("0", "[01]")},
+    settings=SETTINGS
+    | {"+CENG": setting("0,0", "[0-4](?:,[01])?"), "+CNETSCAN": setting("0", "[01]")},
     takes_s={"+CNETSCAN": NETSCAN_S},
     unasked=unasked,
     boot=("RDY", "+CFUN: 1", "+CPIN: NOT INSERTED", "Call Ready", "SMS Ready"),

@@ -1,4 +1,6 @@
-"""SIMCom SIM7000 and SIM7600 on a GSM network: AT+CENG, AT+CPSI and AT+CCINFO (captures 022, 029, 049)."""
+"""SIMCom SIM7000 and SIM7600 on a GSM network: AT+CENG, AT+CPSI and AT+CCINFO (captures 022, 029,
+049).
+"""
 
 from logger.sim.air import Air, Heard
 from logger.sim.dialects import modes, receivers
@@ -7,7 +9,9 @@ from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, 
 
 
 def engineering(air: Air, settings: Settings) -> Answer:
-    """Rows of seven values for the serving cell and its neighbours alike; the header counts them."""
+    """Rows of seven values for the serving cell and its neighbours alike; the header counts
+    them.
+    """
     mode, ncell = settings["+CENG"].split(",")
     heard = (air.serving, *air.decoded_neighbours) if air.serving and mode != "0" else ()
     system = "GSM" if air.serving else "NO SERVICE"
@@ -21,7 +25,9 @@ def _row(one: Heard) -> str:
 
 
 LTE_ONLY = "38"
-"""Value of +CNMP with which the transmitters are told of as cells of LTE, and have no neighbours."""
+"""Value of +CNMP with which the transmitters are told of as cells of LTE, and have no
+neighbours.
+"""
 RSSI_OVER_RSRP_DB = 28  # of 10 MHz
 
 

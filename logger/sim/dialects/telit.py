@@ -1,4 +1,6 @@
-"""Telit GE864: #MONI, #SERVINFO, #CSURV and #CSURVC (GM862 manual p273 to 278 and 376 to 379; captures 095 to 105)."""
+"""Telit GE864: #MONI, #SERVINFO, #CSURV and #CSURVC (GM862 manual p273 to 278 and 376 to 379;
+captures 095 to 105).
+"""
 
 from collections.abc import Sequence
 
@@ -30,12 +32,16 @@ def monitor(air: Air, settings: Settings) -> Answer:
         return NO_SERVICE
     if settings["#MONI"] != "7":
         cell = one.cell
-        who_and_where = f"BSIC:{bsic_octal(cell.bsic)} RxQual:0 LAC:{cell.lac:04X} Id:{cell.cid:04X}"
+        who_and_where = (
+            f"BSIC:{bsic_octal(cell.bsic)} RxQual:0 LAC:{cell.lac:04X} Id:{cell.cid:04X}"
+        )
         return [f"#MONI: {NETWORK_NAME} {who_and_where} ARFCN:{cell.arfcn} PWR:{one.dbm}dbm TA:0"]
     rows = [_row(one) for one in air.neighbours]
     rows += [NO_CELL] * (NEIGHBOURS - len(rows))
     serving = f"#MONI: S  {_row(one)} 0 0 {NETWORK_NAME}"
-    return block([HEADER, serving, *(f"#MONI: N{number} {row}" for number, row in enumerate(rows, 1))])
+    return block(
+        [HEADER, serving, *(f"#MONI: N{number} {row}" for number, row in enumerate(rows, 1))]
+    )
 
 
 def _row(one: Heard) -> str:
@@ -51,19 +57,27 @@ def serving_information(air: Air, _: Settings) -> Answer:
         return NO_SERVICE
     cell = one.cell
     network = f'"{NETWORK_NAME}","{cell.mcc}{cell.mnc}"'
-    return [f"#SERVINFO: {cell.arfcn},{one.dbm},{network},{bsic_octal(cell.bsic)},{cell.lac:04X},0,1"]
+    return [
+        f"#SERVINFO: {cell.arfcn},{one.dbm},{network},{bsic_octal(cell.bsic)},{cell.lac:04X},0,1"
+    ]
 
 
 def survey(air: Air, settings: Settings) -> Answer:
     """A line with labels for each carrier."""
     chosen = _chosen(air, settings)
-    return _survey(chosen, [_labelled(one, settings) for one in chosen if one.decoded], "arfcn: {} rxLev: {}")
+    return _survey(
+        chosen, [_labelled(one, settings) for one in chosen if one.decoded], "arfcn: {} rxLev: {}"
+    )
 
 
 def numeric_survey(air: Air, settings: Settings) -> Answer:
     """The same as values alone."""
     chosen = _chosen(air, settings)
-    lines = [f"{one.cell.arfcn},{','.join(_numbers(one, settings))},{SUITABLE},0" for one in chosen if one.decoded]
+    lines = [
+        f"{one.cell.arfcn},{','.join(_numbers(one, settings))},{SUITABLE},0"
+        for one in chosen
+        if one.decoded
+    ]
     return _survey(chosen, lines, "{},{}")
 
 
@@ -75,7 +89,9 @@ def _chosen(air: Air, settings: Settings) -> tuple[Heard, ...]:
 
 
 def _survey(chosen: Sequence[Heard], lines: list[str], unread: str) -> Answer:
-    """Between its first and its last line; a carrier whose broadcast was not read has channel and level."""
+    """Between its first and its last line; a carrier whose broadcast was not read has channel and
+    level.
+    """
     others = [unread.format(one.cell.arfcn, one.dbm) for one in chosen if not one.decoded]
     return ["Network survey started ...", *block([*lines, *others]), "Network survey ended"]
 
@@ -90,7 +106,9 @@ def _labelled(one: Heard, settings: Settings) -> str:
 
 
 def _numbers(one: Heard, settings: Settings) -> tuple[str, ...]:
-    """Decimal with #CSURVF=0; else the area and the cell are hexadecimal and the colour codes octal."""
+    """Decimal with #CSURVF=0; else the area and the cell are hexadecimal and the colour codes
+    octal.
+    """
     cell = one.cell
     decimal = settings["#CSURVF"] == "0"
     bsic = f"{cell.bsic:02d}" if decimal else bsic_octal(cell.bsic)
@@ -110,7 +128,11 @@ GE864 = Dialect(
         "#CSURVC=": numeric_survey,
     },
     settings=SETTINGS
-    | {"#SELINT": setting("0", "[012]"), "#MONI": setting("0", "[0-7]"), "#CSURVF": setting("0", "[012]")},
+    | {
+        "#SELINT": setting("0", "[012]"),
+        "#MONI": setting("0", "[0-7]"),
+        "#CSURVF": setting("0", "[012]"),
+    },
     takes_s={
         "+COPS=?": COPS_SCAN_S,
         **dict.fromkeys(("#CSURV", "#CSURVC"), SURVEY_S),

@@ -1,4 +1,6 @@
-"""u-blox SARA-G350: AT+CGED, AT+COPS=5 and AT+UCELLINFO (AT Commands Manual UBX-13002752; captures 107 to 113)."""
+"""u-blox SARA-G350: AT+CGED, AT+COPS=5 and AT+UCELLINFO (AT Commands Manual UBX-13002752; captures
+107 to 113).
+"""
 
 from logger.sim.air import Air, Heard
 from logger.sim.dialects.common import COPS_SCAN_S, SETTINGS
@@ -38,7 +40,10 @@ def cell_information(air: Air, settings: Settings) -> Answer:
     if air.serving is None:
         return NO_SERVICE
     heard = (air.serving, *air.decoded_neighbours)
-    return [f"+UCELLINFO: {settings['+UCELLINFO']:>7}, {min(n, 1):5d}, {_padded(one)}" for n, one in enumerate(heard)]
+    return [
+        f"+UCELLINFO: {settings['+UCELLINFO']:>7}, {min(n, 1):5d}, {_padded(one)}"
+        for n, one in enumerate(heard)
+    ]
 
 
 def _padded(one: Heard) -> str:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from logger.core.errors import EstimationError
 from logger.core.locator.posterior import locate
-from logger.core.locator.tree import Effort
+from logger.core.locator.quadtree import Effort
 from logger.core.locator.verdict import verdict
 from tests.kit.growth import growth
 from tests.kit.walks import FLOOR_DBM, observations, path, simulate
@@ -19,13 +19,29 @@ RNG = np.random.default_rng(27)
 
 
 def answer(obs, effort=QUICK):
-    """Posterior and verdict of a walk, None where it is refused as it should be; all numbers must be numbers."""
+    """Posterior and verdict of a walk, None where it is refused as it should be; all numbers must
+    be numbers.
+    """
     try:
         found = locate(obs, effort=effort)
     except EstimationError:
         return None
-    numbers = (found.x_m, found.y_m, found.r95_m, found.drms_m, found.p0_dbm, found.p0_sigma_db, found.eta)
-    numbers += (found.eta_sigma, found.sigma_db, found.limit_share, found.log_evidence, found.region_area_m2)
+    numbers = (
+        found.x_m,
+        found.y_m,
+        found.r95_m,
+        found.drms_m,
+        found.p0_dbm,
+        found.p0_sigma_db,
+        found.eta,
+    )
+    numbers += (
+        found.eta_sigma,
+        found.sigma_db,
+        found.limit_share,
+        found.log_evidence,
+        found.region_area_m2,
+    )
     assert np.all(np.isfinite(numbers))
     assert found.modes
     assert found.cells.probability.sum() == pytest.approx(1.0, abs=1e-6)
@@ -41,7 +57,9 @@ places_m = st.one_of(
     st.floats(-3e3, 3e3, width=32),
     st.floats(-1e7, 1e7, width=32),
 )
-levels_dbm = st.one_of(st.sampled_from([FLOOR_DBM, -80.0, -79.0, -47.0]), st.floats(-150.0, 40.0, width=16))
+levels_dbm = st.one_of(
+    st.sampled_from([FLOOR_DBM, -80.0, -79.0, -47.0]), st.floats(-150.0, 40.0, width=16)
+)
 readings = st.lists(st.tuples(places_m, places_m, levels_dbm), max_size=25)
 
 
@@ -80,9 +98,15 @@ def test_nothing_but_what_is_no_number():
 
 
 @settings(max_examples=12, deadline=None, derandomize=True)
-@given(st.integers(0, 2**32 - 1), st.sampled_from(["straight", "L", "square", "random"]), st.floats(1.5, 12.0))
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from(["straight", "L", "square", "random"]),
+    st.floats(1.5, 12.0),
+)
 def test_levels_that_know_nothing_of_the_place_locate_nothing(seed, shape, noise_db):
-    """Pure noise, whatever its pattern; a rare pattern may look like a source, but not like a near one."""
+    """Pure noise, whatever its pattern; a rare pattern may look like a source, but not like a near
+    one.
+    """
     x, y = path(shape, 60, 14.0)
     obs = observations(x, y, np.random.default_rng(seed).normal(-85.0, noise_db, 60))
     told = answer(obs)
@@ -98,7 +122,9 @@ ODD = {
     "two": observations([0.0, 8.0], [0.0, 1.0], [-70.0, -71.0]),
     "still": observations(STILL[:500], STILL[:500], RNG.normal(-80, 5, 500)),
     "1e5 still": observations(STILL, STILL, RNG.normal(-80, 5, 100_000), 4.0),
-    "1e5 trembling": observations(*RNG.normal(0, 4, (2, 100_000)), RNG.normal(-80, 5, 100_000), 4.0),
+    "1e5 trembling": observations(
+        *RNG.normal(0, 4, (2, 100_000)), RNG.normal(-80, 5, 100_000), 4.0
+    ),
     "same level": observations(np.arange(300) * 2.0, STILL[:300], np.full(300, -80.0)),
     "two levels": observations(np.arange(300) * 2.0, STILL[:300], np.arange(300) % 2 - 80.0),
     "all the same": observations(STILL[:40], STILL[:40], np.full(40, -80.0)),
@@ -116,7 +142,11 @@ def test_too_little_to_tell(obs):
 
 def test_all_at_the_ends_of_the_scale():
     x = np.arange(60) * 8.0
-    for level in (np.full(60, FLOOR_DBM), np.full(60, -47.0), np.where(x < 200.0, FLOOR_DBM, -47.0)):
+    for level in (
+        np.full(60, FLOOR_DBM),
+        np.full(60, -47.0),
+        np.where(x < 200.0, FLOOR_DBM, -47.0),
+    ):
         with pytest.raises(EstimationError, match="within the modem's scale"):
             locate(observations(x, 0 * x, level))
 

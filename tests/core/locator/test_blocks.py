@@ -63,8 +63,18 @@ def test_a_straight_street_is_one_row_of_blocks():
     """Also where the receiver trembles by a few decimetres across the street."""
     rng = np.random.default_rng(6)
     x = np.arange(100) * 6.0
-    assert len(blocks(observations(x, 0.1 * rng.normal(size=100), rng.normal(-80, 5, 100)), MOST)) == 100
-    assert len(blocks(observations(np.repeat(x, 2), 0.1 * rng.normal(size=200), np.full(200, -80.0)), MOST)) == 100
+    assert (
+        len(blocks(observations(x, 0.1 * rng.normal(size=100), rng.normal(-80, 5, 100)), MOST))
+        == 100
+    )
+    assert (
+        len(
+            blocks(
+                observations(np.repeat(x, 2), 0.1 * rng.normal(size=200), np.full(200, -80.0)), MOST
+            )
+        )
+        == 100
+    )
 
 
 def test_the_error_of_the_receiver_is_the_root_mean_square_of_a_block():
@@ -81,7 +91,9 @@ def test_readings_at_the_end_of_the_scale_are_gathered_apart():
     assert len(track) == 15
     assert track.readings.sum() == 59
     gone = track.censored
-    assert sorted(zip(gone.side.tolist(), gone.limit_dbm.tolist(), gone.readings.tolist(), strict=True)) == [
+    assert sorted(
+        zip(gone.side.tolist(), gone.limit_dbm.tolist(), gone.readings.tolist(), strict=True)
+    ) == [
         *[(-1.0, FLOOR_DBM, 4.0)] * 15,
         (1.0, -47.0, 1.0),
     ]

@@ -1,4 +1,6 @@
-"""Whether the posterior is as sure as it may be, by statistics over simulated and measured walks."""
+"""Whether the posterior is as sure as it may be, by statistics over simulated and measured
+walks.
+"""
 
 import csv
 import json
@@ -74,7 +76,9 @@ def held(rng, shape, runs, **walk):
 
 def test_region_holds_the_truth():
     rng = np.random.default_rng(10)
-    assert held(rng, "random", 6, count=150, step=5.6) >= 0.65  # of 0.95: fewer than 4 of 6 in 0.2 %
+    assert (
+        held(rng, "random", 6, count=150, step=5.6) >= 0.65
+    )  # of 0.95: fewer than 4 of 6 in 0.2 %
 
 
 @pytest.mark.slow
@@ -99,7 +103,9 @@ def test_measured_walks(traces):
         truth = json.loads((traces / row["dataset"] / "truth.json").read_text())
         info = truth["traces"][row["trace"]]
         source = truth["transmitters"][info["tx"]]
-        table = np.genfromtxt(traces / row["dataset"] / info["file"], delimiter=",", names=True, usecols=(1, 2, 3))
+        table = np.genfromtxt(
+            traces / row["dataset"] / info["file"], delimiter=",", names=True, usecols=(1, 2, 3)
+        )
         utm = Utm.at(source["lat"], source["lon"])
         x, y = utm.to_xy_arrays(table["lat"], table["lon"])
         posterior = locate(observations(x, y, table["rssi_dbm"], 4.0))

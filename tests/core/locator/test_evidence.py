@@ -27,7 +27,9 @@ def bent_walk(position_sigma=0.0, count=14):
 def evidence_of(track, prior, places, nodes=evidence.NODES):
     found = whiteners(track, prior)
     total = evidence.walk_sums(track, found, prior, *places)
-    return evidence.marginal(total, len(track), np.array([[w.log_det] for w in found]), prior, nodes)
+    return evidence.marginal(
+        total, len(track), np.array([[w.log_det] for w in found]), prior, nodes
+    )
 
 
 # --- oracle: written from the equations, with nothing of the code under test ---
@@ -42,7 +44,10 @@ class Oracle:
         self.distance_db = 5.0 * np.log10(d2 + prior.height_m**2 + 2.0 * track.position_sigma_m**2)
         self.covariance = self._covariance(track, *noise)
         self.design = np.column_stack([np.ones(len(d2)), -self.distance_db])
-        self.mean, self.spread = np.array([prior.p0_dbm, prior.eta]), np.array([prior.p0_sigma_db, prior.eta_sigma])
+        self.mean, self.spread = (
+            np.array([prior.p0_dbm, prior.eta]),
+            np.array([prior.p0_sigma_db, prior.eta_sigma]),
+        )
 
     def _covariance(self, track, white_share, d_c):
         """Of the levels by sigma^2, each whitened row's variance grown by the receiver's error."""
@@ -50,7 +55,13 @@ class Oracle:
         k = (1.0 - white_share) * (np.exp(-apart / d_c) if d_c else np.eye(len(apart)))
         k += np.diag(white_share / track.readings + 1.0 / 12.0 / self.prior.sigma_db**2)
         root = np.linalg.cholesky(k)
-        moved_db = 10.0 / np.log(10.0) * self.prior.eta * track.position_sigma_m / 10.0 ** (self.distance_db / 10.0)
+        moved_db = (
+            10.0
+            / np.log(10.0)
+            * self.prior.eta
+            * track.position_sigma_m
+            / 10.0 ** (self.distance_db / 10.0)
+        )
         grown = 1.0 + (moved_db / self.prior.sigma_db) ** 2 / np.diag(root) ** 2
         return root @ np.diag(grown) @ root.T
 
@@ -64,7 +75,9 @@ class Oracle:
         """Of all levels given sigma: P0 and eta are two more terms of a normal covariance."""
         of_theta = self.design * self.spread
         covariance = sigma**2 * self.covariance + of_theta @ of_theta.T
-        return scipy.stats.multivariate_normal.logpdf(self.level, self.design @ self.mean, covariance)
+        return scipy.stats.multivariate_normal.logpdf(
+            self.level, self.design @ self.mean, covariance
+        )
 
     def log_p_by_net(self, sigma):
         """The same by summing the likelihood over a net of P0 and eta."""
@@ -72,16 +85,25 @@ class Oracle:
         root = np.linalg.cholesky(cov)
         theta = mean + np.stack(np.meshgrid(u, u, indexing="ij"), -1) @ root.T
         r = self.level - theta @ self.design.T
-        log_p = -0.5 * np.einsum("abn,nm,abm->ab", r, np.linalg.inv(self.covariance), r, optimize=True) / sigma**2
+        log_p = (
+            -0.5
+            * np.einsum("abn,nm,abm->ab", r, np.linalg.inv(self.covariance), r, optimize=True)
+            / sigma**2
+        )
         log_p -= 0.5 * np.linalg.slogdet(2.0 * np.pi * sigma**2 * self.covariance)[1]
         log_p += scipy.stats.norm.logpdf(theta, self.mean, self.spread).sum(-1)
-        return np.log(np.sum(np.exp(log_p - log_p.max())) * (u[1] - u[0]) ** 2 * np.linalg.det(root)) + log_p.max()
+        return (
+            np.log(np.sum(np.exp(log_p - log_p.max())) * (u[1] - u[0]) ** 2 * np.linalg.det(root))
+            + log_p.max()
+        )
 
     def over_sigma(self, log_p, count=161):
         """Log of the integral over log sigma, the nodes and their weights."""
         log_sigma = np.linspace(np.log(0.8), np.log(25.0), count)
         values = np.array([log_p(s) for s in np.exp(log_sigma)])
-        values += scipy.stats.norm.logpdf(log_sigma, np.log(self.prior.sigma_db), self.prior.sigma_log_sd)
+        values += scipy.stats.norm.logpdf(
+            log_sigma, np.log(self.prior.sigma_db), self.prior.sigma_log_sd
+        )
         share = np.exp(values - values.max())
         return (
             np.log(scipy.integrate.trapezoid(share, log_sigma)) + values.max(),
@@ -111,7 +133,9 @@ def test_few_nodes_over_sigma_suffice(count):
     for row, noise in enumerate(NOISES):
         oracles = [Oracle(track, PRIOR, noise, place) for place in PLACES.T]
         expected = [oracle.over_sigma(oracle.log_p)[0] for oracle in oracles]
-        np.testing.assert_allclose(evidence_of(track, PRIOR, PLACES).log_p[row], expected, atol=1e-3, rtol=0)
+        np.testing.assert_allclose(
+            evidence_of(track, PRIOR, PLACES).log_p[row], expected, atol=1e-3, rtol=0
+        )
 
 
 def test_several_readings_in_a_block_count_as_their_mean():
@@ -128,13 +152,18 @@ def test_more_readings_of_one_block_than_sixteen_are_not_believed():
     at = [np.repeat(np.arange(12) * 20.0, n) for n in (16, 400)]
     level = -80.0 - np.arange(12) % 5
     few, many = (
-        evidence_of(blocks(observations(x, 0 * x, np.repeat(level, len(x) // 12)), MOST), PRIOR, PLACES) for x in at
+        evidence_of(
+            blocks(observations(x, 0 * x, np.repeat(level, len(x) // 12)), MOST), PRIOR, PLACES
+        )
+        for x in at
     )
     np.testing.assert_allclose(few.log_p, many.log_p, rtol=1e-12)
 
 
 def test_distance_of_a_large_block_is_that_of_its_points():
-    """Where a block is gathered from points wider apart, L is the mean over them and not that of their middle."""
+    """Where a block is gathered from points wider apart, L is the mean over them and not that of
+    their middle.
+    """
     rng = np.random.default_rng(5)
     x, y = rng.uniform(0, 400, (2, 600))
     track = blocks(observations(x, y, rng.normal(-80, 4, 600)), 30)
@@ -153,7 +182,9 @@ def test_p0_eta_and_sigma_given_the_position(row):
     for h, place in enumerate(PLACES.T):
         oracle = Oracle(track, PRIOR, NOISES[row], place)
         _, sigma, share = oracle.over_sigma(oracle.log_p)
-        means, covs = (np.array(values) for values in zip(*(oracle.theta(s) for s in sigma), strict=True))
+        means, covs = (
+            np.array(values) for values in zip(*(oracle.theta(s) for s in sigma), strict=True)
+        )
         mean = share @ means
         cov = np.einsum("s,sij->ij", share, covs) + (share * (means - mean).T) @ (means - mean)
         np.testing.assert_allclose(ours.theta[:, row, h], mean, rtol=1e-5)
@@ -163,7 +194,9 @@ def test_p0_eta_and_sigma_given_the_position(row):
 
 def test_without_a_prior_p0_and_eta_are_those_of_least_squares():
     obs, source = simulate(np.random.default_rng(2), "square")
-    flat = Prior(p0_sigma_db=1e4, eta_sigma=1e3, decorrelation_m=(30.0,), white_shares=(0.3,), height_m=0.0)
+    flat = Prior(
+        p0_sigma_db=1e4, eta_sigma=1e3, decorrelation_m=(30.0,), white_shares=(0.3,), height_m=0.0
+    )
     track = blocks(obs, MOST)
     ours = evidence_of(track, flat, np.array(source)[:, None])
     distance_db = 10 * np.log10(np.hypot(track.x_m - source[0], track.y_m - source[1]))
@@ -179,7 +212,10 @@ def test_levels_with_no_noise_but_their_rounding_keep_their_digits(away_m):
     x = np.arange(40) * 10.0
     level = np.round(-40 - 26 * np.log10(np.hypot(x - 90, 40)))
     at = np.array([[90.0], [away_m]])
-    one, other = (evidence_of(blocks(observations(x, 0 * x, level + tiny), MOST), PRIOR, at) for tiny in (0.0, 1e-9))
+    one, other = (
+        evidence_of(blocks(observations(x, 0 * x, level + tiny), MOST), PRIOR, at)
+        for tiny in (0.0, 1e-9)
+    )
     np.testing.assert_allclose(other.log_p, one.log_p, atol=1e-3)
 
 
@@ -190,7 +226,12 @@ def test_an_error_of_the_receiver_adds_variance_close_by():
     track = bent_walk(5.0)
     distance_db = evidence.distances_db(track, PRIOR.height_m, *PLACES)
     ratio = evidence.receiver_variance(track, PRIOR, distance_db)
-    d_m = np.sqrt((track.x_m[:, None] - PLACES[0]) ** 2 + (track.y_m[:, None] - PLACES[1]) ** 2 + 5.0**2 + 2 * 5.0**2)
+    d_m = np.sqrt(
+        (track.x_m[:, None] - PLACES[0]) ** 2
+        + (track.y_m[:, None] - PLACES[1]) ** 2
+        + 5.0**2
+        + 2 * 5.0**2
+    )
     by_geometry = (10 / np.log(10) * PRIOR.eta * 5.0 / d_m / PRIOR.sigma_db) ** 2
     np.testing.assert_allclose(ratio, by_geometry, rtol=1e-9)
 
@@ -203,12 +244,16 @@ def test_the_variance_of_the_receiver_is_that_of_simulated_errors():
     prior = Prior(height_m=0.0)
     at = evidence.distances_db(track, 0.0, np.array([d_m]), np.array([0.0]))
     ratio = evidence.receiver_variance(track, prior, at)
-    assert ratio[0, 0] * prior.sigma_db**2 == pytest.approx(np.var(prior.eta * 10 * np.log10(moved)), rel=0.03)
+    assert ratio[0, 0] * prior.sigma_db**2 == pytest.approx(
+        np.var(prior.eta * 10 * np.log10(moved)), rel=0.03
+    )
 
 
 def test_no_error_of_the_receiver_adds_none():
     track = bent_walk(0.0)
-    assert evidence.receiver_variance(track, PRIOR, evidence.distances_db(track, 5.0, *PLACES)) is None
+    assert (
+        evidence.receiver_variance(track, PRIOR, evidence.distances_db(track, 5.0, *PLACES)) is None
+    )
 
 
 @pytest.mark.parametrize("position_sigma", [2.0, 4.0, 8.0])
@@ -228,7 +273,9 @@ def test_rows_of_the_end_alone():
     for extra in (None, evidence.receiver_variance(track, PRIOR, distance_db)):
         w = whiteners(track, PRIOR)[1].matrix
         whole = evidence.sums(w, track.level_dbm, distance_db, extra)
-        before = evidence.sums(w[:9, :9], track.level_dbm[:9], distance_db[:9], None if extra is None else extra[:9])
+        before = evidence.sums(
+            w[:9, :9], track.level_dbm[:9], distance_db[:9], None if extra is None else extra[:9]
+        )
         after = evidence.sums(w[9:], track.level_dbm, distance_db, extra)
         np.testing.assert_allclose(before + after, whole, rtol=1e-10, atol=1e-12)
 
@@ -242,6 +289,8 @@ def test_shadowing_does_not_seem_to_last_longer_in_larger_blocks():
         gains = []
         for _ in range(12):
             level = -70.0 + 6.0 * root @ rng.normal(size=600)
-            log_p = evidence_of(blocks(observations(x, 0 * x, level), most), prior, PLACES + 1e5).log_p
+            log_p = evidence_of(
+                blocks(observations(x, 0 * x, level), most), prior, PLACES + 1e5
+            ).log_p
             gains.append(np.mean(log_p[1] - log_p[2]))
         assert np.mean(gains) > 0.5, most

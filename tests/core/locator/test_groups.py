@@ -11,7 +11,7 @@ from logger.core.locator.covariance import whiteners
 from logger.core.locator.offsets import first_look, offsets
 from logger.core.locator.posterior import COARSE_BLOCKS, locate
 from logger.core.locator.prior import Prior
-from logger.core.locator.tree import Tree
+from logger.core.locator.quadtree import Tree
 from tests.kit.walks import covered, observations, path
 
 PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
@@ -21,14 +21,24 @@ SHIFT_DB = 9.0
 
 
 def heard(rng, source, x, y, shift_db=0.0, white_db=3.0):
-    level = -35 - 30 * np.log10(np.hypot(x - source[0], y - source[1])) + white_db * rng.normal(size=len(x))
+    level = (
+        -35
+        - 30 * np.log10(np.hypot(x - source[0], y - source[1]))
+        + white_db * rng.normal(size=len(x))
+    )
     return observations(x, y, level + shift_db)
 
 
 def merged(*walks):
     """Walks of modems 0, 1, ... in one."""
-    columns = (np.concatenate([getattr(walk, name) for walk in walks]) for name in ("x_m", "y_m", "level_dbm"))
-    return replace(observations(*columns), modem=np.repeat(np.arange(len(walks)), [len(walk) for walk in walks]))
+    columns = (
+        np.concatenate([getattr(walk, name) for walk in walks])
+        for name in ("x_m", "y_m", "level_dbm")
+    )
+    return replace(
+        observations(*columns),
+        modem=np.repeat(np.arange(len(walks)), [len(walk) for walk in walks]),
+    )
 
 
 def two_walks(seed, shift_db=SHIFT_DB, **noise):
@@ -39,7 +49,11 @@ def two_walks(seed, shift_db=SHIFT_DB, **noise):
     source = (0.0, 0.0)
     while min(np.hypot(x - source[0], y - source[1]).min() for x, y in ways) < 25.0:
         source = rng.uniform(-60, 140), rng.uniform(40, 160)
-    return heard(rng, source, *ways[0], **noise), heard(rng, source, *ways[1], shift_db, **noise), source
+    return (
+        heard(rng, source, *ways[0], **noise),
+        heard(rng, source, *ways[1], shift_db, **noise),
+        source,
+    )
 
 
 # --- oracle: the offset as one more unknown, written from the equations ---
@@ -65,13 +79,17 @@ def design_of(track):
 
 
 def log_p_by_net(track, noise, sigma, offset_sigma_db):
-    """Of all levels given sigma: the likelihood summed over a net of offsets, normal with twice a modem's variance."""
+    """Of all levels given sigma: the likelihood summed over a net of offsets, normal with twice a
+    modem's variance.
+    """
     design = design_of(track) * [PRIOR.p0_sigma_db, PRIOR.eta_sigma]
     covariance = sigma**2 * noise_covariance(track, *noise) + design @ design.T
     mean = design_of(track) @ [PRIOR.p0_dbm, PRIOR.eta]
     spread = np.sqrt(2.0) * offset_sigma_db
     net = np.linspace(-8.0, 8.0, 1201) * spread
-    log_p = scipy.stats.multivariate_normal.logpdf(track.level_dbm - net[:, None] * track.modem, mean, covariance)
+    log_p = scipy.stats.multivariate_normal.logpdf(
+        track.level_dbm - net[:, None] * track.modem, mean, covariance
+    )
     log_p += scipy.stats.norm.logpdf(net, 0.0, spread)
     return np.log(scipy.integrate.trapezoid(np.exp(log_p - log_p.max()), net)) + log_p.max()
 
@@ -81,17 +99,22 @@ def test_random_effect_is_an_offset_integrated_out(row):
     track = short_walk()
     log_sigma = np.linspace(np.log(0.8), np.log(25.0), 81)
     values = [
-        log_p_by_net(track, NOISES[row], s, PRIOR.offset_sigma_db * s / PRIOR.sigma_db) for s in np.exp(log_sigma)
+        log_p_by_net(track, NOISES[row], s, PRIOR.offset_sigma_db * s / PRIOR.sigma_db)
+        for s in np.exp(log_sigma)
     ]
     values += scipy.stats.norm.logpdf(log_sigma, np.log(PRIOR.sigma_db), PRIOR.sigma_log_sd)
-    expected = np.log(scipy.integrate.trapezoid(np.exp(values - values.max()), log_sigma)) + values.max()
+    expected = (
+        np.log(scipy.integrate.trapezoid(np.exp(values - values.max()), log_sigma)) + values.max()
+    )
     assert evidence_at_place(track).log_p[row, 0] == pytest.approx(expected, abs=1e-6, rel=0)
 
 
 def evidence_at_place(track):
     found = whiteners(track, PRIOR)
     log_det = np.array([[w.log_det] for w in found])
-    return evidence.marginal(evidence.walk_sums(track, found, PRIOR, *PLACE), len(track), log_det, PRIOR, 15)
+    return evidence.marginal(
+        evidence.walk_sums(track, found, PRIOR, *PLACE), len(track), log_det, PRIOR, 15
+    )
 
 
 @pytest.mark.parametrize("row", [0, 1])
@@ -111,7 +134,9 @@ def test_told_offset_is_that_of_the_joint_normal(row):
     gain = variance * np.linalg.solve(of_levels, track.modem)
     mean = gain @ (track.level_dbm - design_of(track) @ [PRIOR.p0_dbm, PRIOR.eta])
     np.testing.assert_allclose(found.mean_db, [0.0, mean], rtol=1e-9)
-    np.testing.assert_allclose(found.sigma_db, [0.0, np.sqrt(variance * (1.0 - gain @ track.modem))], rtol=1e-9)
+    np.testing.assert_allclose(
+        found.sigma_db, [0.0, np.sqrt(variance * (1.0 - gain @ track.modem))], rtol=1e-9
+    )
 
 
 # --- one modem is what it was ---
@@ -121,8 +146,14 @@ def test_one_modem_changes_no_bit():
     bent, _, _ = two_walks(0)
     alone, numbered = locate(bent), locate(replace(bent, modem=np.zeros(len(bent), np.int64)))
     for field in fields(alone.cells):
-        np.testing.assert_array_equal(getattr(alone.cells, field.name), getattr(numbered.cells, field.name))
-    assert (alone.log_evidence, alone.p0_dbm, alone.offsets) == (numbered.log_evidence, numbered.p0_dbm, None)
+        np.testing.assert_array_equal(
+            getattr(alone.cells, field.name), getattr(numbered.cells, field.name)
+        )
+    assert (alone.log_evidence, alone.p0_dbm, alone.offsets) == (
+        numbered.log_evidence,
+        numbered.p0_dbm,
+        None,
+    )
 
 
 def test_no_block_has_readings_of_two_modems():
@@ -134,7 +165,9 @@ def test_no_block_has_readings_of_two_modems():
         for number, walk in enumerate((bent, crossing, bent)):
             mine = gathered.modem == number
             assert gathered.readings[mine].sum() == len(walk)
-            assert gathered.readings[mine] @ gathered.level_dbm[mine] == pytest.approx(np.sum(walk.level_dbm))
+            assert gathered.readings[mine] @ gathered.level_dbm[mine] == pytest.approx(
+                np.sum(walk.level_dbm)
+            )
 
 
 # --- what several modems say together ---
@@ -157,7 +190,9 @@ def test_two_walks_leave_less_than_each_alone():
     for seed in (1, 2):
         bent, crossing, _ = two_walks(seed)
         together = locate(merged(bent, crossing))
-        assert together.region_area_m2 < 0.8 * min(locate(bent).region_area_m2, locate(crossing).region_area_m2)
+        assert together.region_area_m2 < 0.8 * min(
+            locate(bent).region_area_m2, locate(crossing).region_area_m2
+        )
         assert together.prior == Prior()
 
 
@@ -215,5 +250,7 @@ def test_ends_of_scale_leave_the_region_true():
         low = [floored(walk, np.quantile(walk.level_dbm, 0.3)) for walk in (bent, crossing)]
         found = locate(merged(*low))
         held.append(covered(found, source))
-        assert found.offsets.mean_db[1] == pytest.approx(SHIFT_DB, abs=4.0 * found.offsets.sigma_db[1])
+        assert found.offsets.mean_db[1] == pytest.approx(
+            SHIFT_DB, abs=4.0 * found.offsets.sigma_db[1]
+        )
     assert all(held)

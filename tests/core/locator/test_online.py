@@ -22,7 +22,9 @@ def followed(obs):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_says_what_the_whole_walk_says(seed):
-    """As long as no block was merged the model is the same; the cells are larger and sigma is approximated."""
+    """As long as no block was merged the model is the same; the cells are larger and sigma is
+    approximated.
+    """
     obs, _ = simulate(np.random.default_rng(seed), "square", count=MOST_BLOCKS - 5, step=8.4)
     place, whole = followed(obs).place(), locate(obs, PRIOR)
     mode = min(whole.modes, key=lambda m: np.hypot(m.x_m - place.state[0], m.y_m - place.state[1]))
@@ -38,7 +40,10 @@ def test_rows_added_one_by_one_are_those_of_a_new_search():
     before = online.place()
     online.search()
     after = online.place()
-    assert np.hypot(*(before.state - after.state)[:2]) < 0.3 * np.sqrt(np.trace(after.covariance[:2, :2])) + 2.0
+    assert (
+        np.hypot(*(before.state - after.state)[:2])
+        < 0.3 * np.sqrt(np.trace(after.covariance[:2, :2])) + 2.0
+    )
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])

@@ -30,7 +30,9 @@ def test_agrees_with_the_box_probability(seed):
 
 def test_independent_readings_multiply():
     mean, own = np.array([0.0, 1.0, -4.0]), np.array([1.0, 2.0, 4.0])
-    found, _ = log_all_above(mean, 1e-9 * np.eye(3), np.array([0.5, 0.0, 1.0]), np.array([1.0, 4.0, 2.0]), own)
+    found, _ = log_all_above(
+        mean, 1e-9 * np.eye(3), np.array([0.5, 0.0, 1.0]), np.array([1.0, 4.0, 2.0]), own
+    )
     each = scipy.stats.norm.logcdf((mean - [0.5, 0.0, 1.0]) / np.sqrt(own))
     assert found == pytest.approx(float(each @ [1.0, 4.0, 2.0]), abs=1e-3)
 
@@ -50,7 +52,9 @@ def test_sites_of_a_similar_case_lead_to_the_same():
 @pytest.mark.parametrize("limit", [-1e3, 60.0])
 def test_what_is_certain_or_hopeless_stays_finite(limit):
     mean, covariance = drawn(np.random.default_rng(4), 20)
-    found, sites = log_all_above(mean, covariance, np.full(20, limit), np.full(20, 5.0), np.full(20, 1.0))
+    found, sites = log_all_above(
+        mean, covariance, np.full(20, limit), np.full(20, 5.0), np.full(20, 1.0)
+    )
     assert np.isfinite(found)
     assert found <= 1e-6
     assert all(np.all(np.isfinite(column)) for column in sites)

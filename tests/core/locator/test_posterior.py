@@ -33,25 +33,47 @@ def test_numbers_of_a_clear_case():
 def test_numbers_are_those_of_the_cells():
     obs, _ = walked(28, "L", shadow_db=4.0)
     found = locate(obs)
-    p, away = found.cells.probability, np.hypot(found.cells.x_m - found.x_m, found.cells.y_m - found.y_m)
+    p, away = (
+        found.cells.probability,
+        np.hypot(found.cells.x_m - found.x_m, found.cells.y_m - found.y_m),
+    )
     assert p.sum() == pytest.approx(1.0)
     assert p[away <= found.r95_m].sum() == pytest.approx(0.95, abs=0.01)
     assert found.drms_m == pytest.approx(np.sqrt(p @ away**2), rel=0.02)
     assert found.region_area_m2 == np.sum(found.cells.size_m[highest_density(found.cells)] ** 2)
     assert sum(mode.probability for mode in found.modes) == pytest.approx(1.0, abs=0.02)
-    assert [m.probability for m in found.modes] == sorted((m.probability for m in found.modes), reverse=True)
+    assert [m.probability for m in found.modes] == sorted(
+        (m.probability for m in found.modes), reverse=True
+    )
     assert max(mode.peak for mode in found.modes) == 1.0
     strongest = found.modes[0]
-    assert np.hypot(found.x_m - strongest.x_m, found.y_m - strongest.y_m) < strongest.ellipse.semi_major_m
+    assert (
+        np.hypot(found.x_m - strongest.x_m, found.y_m - strongest.y_m)
+        < strongest.ellipse.semi_major_m
+    )
 
 
 def test_what_is_finite_stays_finite_where_most_cells_hold_nothing():
-    """Levels almost without noise: the probability of a far cell is no number that a float can hold."""
+    """Levels almost without noise: the probability of a far cell is no number that a float can
+    hold.
+    """
     x, y = path("square", 150, 5.6)
-    level = -30 - 32 * np.log10(np.hypot(x - 100, y - 60)) + 0.05 * np.random.default_rng(1).normal(size=150)
+    level = (
+        -30
+        - 32 * np.log10(np.hypot(x - 100, y - 60))
+        + 0.05 * np.random.default_rng(1).normal(size=150)
+    )
     found = locate(observations(x, y, level))
     assert np.hypot(found.x_m - 100, found.y_m - 60) < 2.0
-    numbers = (found.r95_m, found.drms_m, found.p0_dbm, found.p0_sigma_db, found.eta, found.eta_sigma, found.sigma_db)
+    numbers = (
+        found.r95_m,
+        found.drms_m,
+        found.p0_dbm,
+        found.p0_sigma_db,
+        found.eta,
+        found.eta_sigma,
+        found.sigma_db,
+    )
     assert np.all(np.isfinite(numbers))
 
 
@@ -84,7 +106,9 @@ def test_straight_walk_leaves_two_mirror_images():
 
 @pytest.mark.parametrize("away", [0.6, 1.6])
 def test_round_walk_leaves_the_inverse_point(away):
-    """The distances from p and from its inverse have one ratio all along the circle (Apollonius)."""
+    """The distances from p and from its inverse have one ratio all along the circle
+    (Apollonius).
+    """
     x, y = path("circle", 150, 5.6)
     radius = np.hypot(x, y)[0]
     source, twin = (away * radius, 0.0), (radius / away, 0.0)
@@ -134,7 +158,9 @@ def test_constant_added_to_all_levels():
 
 
 def test_equal_levels_leave_no_rounding():
-    """Sums of squared levels exceed what is left of them a million times: a place must not win by lost digits."""
+    """Sums of squared levels exceed what is left of them a million times: a place must not win by
+    lost digits.
+    """
     x = np.arange(50) * 10.0
     a, b = (locate(observations(x, 0 * x, 0 * x - 80.0 + tiny)) for tiny in (0.0, 1e-9))
     assert b.log_evidence == pytest.approx(a.log_evidence, abs=0.01)
@@ -175,7 +201,9 @@ def test_the_search_reaches_as_far_as_it_says():
 
 @pytest.mark.parametrize("far_power", [3.0, 0.0])
 def test_mass_at_the_end_of_the_search_is_told(far_power):
-    """A source 10 km away, searched to 3 km, with 1 dB of noise; also under a prior that is even."""
+    """A source 10 km away, searched to 3 km, with 1 dB of noise; also under a prior that is
+    even.
+    """
     x, y = path("square", 150, 5.6)
     noise = np.random.default_rng(30).normal(size=len(x))
     obs = observations(x, y, 20 - 30 * np.log10(np.hypot(x - 10_000, y)) + noise)
@@ -222,10 +250,16 @@ def test_a_walk_half_at_the_floor_is_located_no_better_than_the_whole():
 def test_the_small_twin_within_a_round_walk_is_found(seed):
     """A twentieth of the mass on a hundredth of the area: no cell of the first search shows it."""
     x, y = path("circle")
-    level = -30.0 - 30.0 * np.log10(np.hypot(x - 300.0, y - 10.0)) + 3.0 * np.random.default_rng(seed).normal(size=600)
+    level = (
+        -30.0
+        - 30.0 * np.log10(np.hypot(x - 300.0, y - 10.0))
+        + 3.0 * np.random.default_rng(seed).normal(size=600)
+    )
     outside, inside = locate(observations(x, y, level)).modes
     radius_m2 = x[0] ** 2 + y[0] ** 2
-    assert np.hypot(inside.x_m, inside.y_m) == pytest.approx(radius_m2 / np.hypot(outside.x_m, outside.y_m), rel=0.1)
+    assert np.hypot(inside.x_m, inside.y_m) == pytest.approx(
+        radius_m2 / np.hypot(outside.x_m, outside.y_m), rel=0.1
+    )
     assert inside.probability > 0.02
     assert inside.peak > 0.5
 

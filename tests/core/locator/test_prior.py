@@ -28,7 +28,11 @@ def test_unknown_environment():
 def test_hypotheses_share_all_odds():
     prior = Prior()
     assert np.exp(prior.log_odds).sum() == pytest.approx(1.0)
-    assert len(prior.log_odds) == len(prior.hypotheses) == 1 + len(prior.white_shares) * len(prior.decorrelation_m)
+    assert (
+        len(prior.log_odds)
+        == len(prior.hypotheses)
+        == 1 + len(prior.white_shares) * len(prior.decorrelation_m)
+    )
     assert prior.hypotheses[0] == Hypothesis(1.0, 0.0, 1.0)
     assert np.exp(prior.log_odds[0]) == pytest.approx(prior.white_alone)
 

@@ -9,7 +9,9 @@ def gaussians(*peaks, count=100, size=4.0):
     """Cells of a mixture of round Gaussians (weight, x, y, sigma)."""
     at = (np.arange(count) - count / 2 + 0.5) * size
     x, y = (v.ravel() for v in np.meshgrid(at, at))
-    mass = sum(w / s**2 * np.exp(-((x - a) ** 2 + (y - b) ** 2) / (2 * s * s)) for w, a, b, s in peaks)
+    mass = sum(
+        w / s**2 * np.exp(-((x - a) ** 2 + (y - b) ** 2) / (2 * s * s)) for w, a, b, s in peaks
+    )
     return Cells(x, y, np.full(x.size, size), mass / mass.sum())
 
 
@@ -43,7 +45,9 @@ def test_dense_cells_come_first_whatever_their_size():
 
 def test_no_other_set_of_the_same_mass_is_smaller():
     rng = np.random.default_rng(1)
-    cells = Cells(np.arange(12.0), np.zeros(12), rng.uniform(0.5, 3.0, 12), rng.dirichlet(np.ones(12)))
+    cells = Cells(
+        np.arange(12.0), np.zeros(12), rng.uniform(0.5, 3.0, 12), rng.dirichlet(np.ones(12))
+    )
     chosen = region.highest_density(cells, 0.8)
     held, area = cells.probability[chosen].sum(), np.sum(cells.size_m[chosen] ** 2)
     assert held >= 0.8
@@ -78,13 +82,17 @@ def test_two_peaks_are_two_places():
 
 
 def test_near_peaks_are_one_place():
-    assert len(region.places(gaussians((0.5, -22.0, 0.0, 20.0), (0.5, 22.0, 0.0, 20.0)), 0.999)) == 1
+    assert (
+        len(region.places(gaussians((0.5, -22.0, 0.0, 20.0), (0.5, 22.0, 0.0, 20.0)), 0.999)) == 1
+    )
 
 
 @pytest.mark.parametrize(("apart_m", "count"), [(62.0, 1), (70.0, 2)])
 def test_the_pass_between_two_peaks_decides(apart_m, count):
     """Two Gaussians of sigma 20 m: the pass is at half the height when they are 66.6 m apart."""
-    cells = gaussians((0.5, -apart_m / 2, 0.0, 20.0), (0.5, apart_m / 2, 0.0, 20.0), count=200, size=2.0)
+    cells = gaussians(
+        (0.5, -apart_m / 2, 0.0, 20.0), (0.5, apart_m / 2, 0.0, 20.0), count=200, size=2.0
+    )
     assert len(region.places(cells, 0.999)) == count
 
 
@@ -96,12 +104,19 @@ def test_a_ring_is_one_place():
 
 
 def test_cells_that_meet_at_a_corner_touch():
-    cells = Cells(np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0, 3.0]), np.ones(3), np.array([0.4, 0.35, 0.25]))
+    cells = Cells(
+        np.array([0.0, 1.0, 3.0]),
+        np.array([0.0, 1.0, 3.0]),
+        np.ones(3),
+        np.array([0.4, 0.35, 0.25]),
+    )
     assert sorted(len(k) for k in region.places(cells, 1.0)) == [1, 2]
 
 
 def test_large_cells_touch_small_ones():
-    cells = Cells(np.array([0.0, 5.5]), np.array([0.0, 4.9]), np.array([1.0, 10.0]), np.array([0.02, 0.98]))
+    cells = Cells(
+        np.array([0.0, 5.5]), np.array([0.0, 4.9]), np.array([1.0, 10.0]), np.array([0.02, 0.98])
+    )
     assert len(region.places(cells, 1.0)) == 1
 
 

@@ -12,22 +12,37 @@ SIGMA_M = 5.0
 
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 def test_a_straight_track_with_errors_becomes_a_line(turn):
-    obs = misplaced(np.random.default_rng(1), SIGMA_M, observations(*path("straight"), np.zeros(600)))
-    x, y = obs.x_m * np.cos(turn) - obs.y_m * np.sin(turn), obs.x_m * np.sin(turn) + obs.y_m * np.cos(turn)
+    obs = misplaced(
+        np.random.default_rng(1), SIGMA_M, observations(*path("straight"), np.zeros(600))
+    )
+    x, y = (
+        obs.x_m * np.cos(turn) - obs.y_m * np.sin(turn),
+        obs.x_m * np.sin(turn) + obs.y_m * np.cos(turn),
+    )
     found = symmetrical(replace(obs, x_m=x, y_m=y))
-    assert np.linalg.svd(np.stack([found.x_m, found.y_m]) - [[found.x_m.mean()], [found.y_m.mean()]])[1][1] < 1e-6
+    assert (
+        np.linalg.svd(np.stack([found.x_m, found.y_m]) - [[found.x_m.mean()], [found.y_m.mean()]])[
+            1
+        ][1]
+        < 1e-6
+    )
     assert np.sqrt(np.mean((found.x_m - x) ** 2 + (found.y_m - y) ** 2)) < 1.5 * SIGMA_M
 
 
 def test_a_round_track_with_errors_becomes_a_circle():
     x, y = path("circle")
-    found = symmetrical(misplaced(np.random.default_rng(2), SIGMA_M, observations(x + 300.0, y, np.zeros(600))))
+    found = symmetrical(
+        misplaced(np.random.default_rng(2), SIGMA_M, observations(x + 300.0, y, np.zeros(600)))
+    )
     radius_m = np.hypot(found.x_m - 300.0, found.y_m)
     assert np.std(radius_m) < SIGMA_M
     middle = [found.x_m.mean(), found.y_m.mean()]
     design = np.column_stack([found.x_m - middle[0], found.y_m - middle[1], np.ones(600)])
     squares = design[:, 0] ** 2 + design[:, 1] ** 2
-    assert np.abs(squares - design @ np.linalg.lstsq(design, squares, rcond=None)[0]).max() < 1e-6 * squares.max()
+    assert (
+        np.abs(squares - design @ np.linalg.lstsq(design, squares, rcond=None)[0]).max()
+        < 1e-6 * squares.max()
+    )
 
 
 @pytest.mark.parametrize("shape", ["L", "square", "random", "spiral"])
@@ -52,7 +67,9 @@ def test_a_few_readings_and_one_place_are_no_trouble(count):
 
 
 def test_errors_of_the_fixes_do_not_tell_a_place_from_its_mirror_image():
-    """With the track as told one side, right or wrong, holds more than 95 % in half of such walks."""
+    """With the track as told one side, right or wrong, holds more than 95 % in half of such
+    walks.
+    """
     for seed in range(4):
         rng = np.random.default_rng(seed)
         cells = locate(misplaced(rng, SIGMA_M, simulate(rng, "straight")[0])).cells

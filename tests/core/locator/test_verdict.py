@@ -26,7 +26,12 @@ def reasons(obs, **prior):
 
 def beside(mode, east_m, probability, peak):
     """Another mode of the same shape."""
-    return replace(mode, probability=probability, peak=peak, state=mode.state + np.array([east_m, 0.0, 0.0, 0.0]))
+    return replace(
+        mode,
+        probability=probability,
+        peak=peak,
+        state=mode.state + np.array([east_m, 0.0, 0.0, 0.0]),
+    )
 
 
 def some(obs, chosen):
@@ -41,7 +46,10 @@ def test_located():
     obs, found = clear()
     said, (why,) = verdict(found, obs)
     assert said == "located"
-    assert why == f"one place holds {found.modes[0].probability:.0%}; 95 % lie within {found.r95_m:.0f} m of it"
+    assert (
+        why
+        == f"one place holds {found.modes[0].probability:.0%}; 95 % lie within {found.r95_m:.0f} m of it"
+    )
 
 
 @pytest.mark.parametrize("probability", [0.0, 0.001, 0.004, 0.0099])
@@ -88,7 +96,9 @@ def test_nobody_is_sent_to_a_place_that_is_not_named():
 def test_a_second_place_too_small_to_count_does_not_matter():
     obs, found = clear()
     best = found.modes[0]
-    assert verdict(replace(found, modes=(best, beside(best, 900.0, 0.01, 0.001))), obs)[0] == "located"
+    assert (
+        verdict(replace(found, modes=(best, beside(best, 900.0, 0.01, 0.001))), obs)[0] == "located"
+    )
 
 
 # --- ambiguous ---
@@ -105,11 +115,16 @@ def test_two_places():
         assert f"% at {lat_deg:.5f} {lon_deg:.5f}" in why[0]
 
 
-@pytest.mark.parametrize(("probability", "peak"), [(0.04, 0.001), (0.01, 0.2)], ids=["its mass", "its peak"])
+@pytest.mark.parametrize(
+    ("probability", "peak"), [(0.04, 0.001), (0.01, 0.2)], ids=["its mass", "its peak"]
+)
 def test_a_rival_counts_for_its_mass_or_its_peak(probability, peak):
     obs, found = clear()
     best = found.modes[0]
-    assert verdict(replace(found, modes=(best, beside(best, 300.0, probability, peak))), obs)[0] == "ambiguous"
+    assert (
+        verdict(replace(found, modes=(best, beside(best, 300.0, probability, peak))), obs)[0]
+        == "ambiguous"
+    )
 
 
 # --- cannot tell, each reason on its own walk ---
@@ -173,5 +188,6 @@ def test_located_is_what_less_trust_in_the_noise_leaves_located():
     said, (why,), _ = judged(found, obs)
     assert said == "cannot tell"
     assert (
-        "But that needs shadowing as even as it looks in this walk; if it is less even, the region is too large" in why
+        "But that needs shadowing as even as it looks in this walk; if it is less even, the region is too large"
+        in why
     )

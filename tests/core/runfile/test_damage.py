@@ -30,7 +30,11 @@ def journal(tmp_path_factory):
 @pytest.fixture(scope="module")
 def holders(journal):
     """End of each frame, and the records that stand in it alone (a scan stands in two)."""
-    return [(f.start - HEADER_SIZE, f.start + f.length + CRC_SIZE) for f in scan(journal) if isinstance(f, Frame)]
+    return [
+        (f.start - HEADER_SIZE, f.start + f.length + CRC_SIZE)
+        for f in scan(journal)
+        if isinstance(f, Frame)
+    ]
 
 
 def _records(path, data):
@@ -59,7 +63,9 @@ def _damaged(path, data, journal, spans):
         return
     run, got = _records(path, data)
     _nothing_invented(got)
-    n_numbered = sum(frame in data for frame in whole[: max(i for i, f in enumerate(whole) if f in data) + 1])
+    n_numbered = sum(
+        frame in data for frame in whole[: max(i for i, f in enumerate(whole) if f in data) + 1]
+    )
     last = max(i for i, frame in enumerate(whole) if frame in data)
     assert run.damage.missing_frames == last + 1 - n_numbered
 
@@ -101,11 +107,17 @@ def test_random_flips(journal, holders, tmp_path, n):
 @_flips(200)
 def test_random_splices(journal, holders, tmp_path, n):
     """Pieces of it in any order, doubled, with noise and with a foreign journal between."""
-    runs.write_journal(tmp_path / "other.journal", [Record(1, "x", Note("info", "foreign", "must not be read"))] * 9)
+    runs.write_journal(
+        tmp_path / "other.journal",
+        [Record(1, "x", Note("info", "foreign", "must not be read"))] * 9,
+    )
     other = (tmp_path / "other.journal").read_bytes()
     rng = random.Random(8)
     for _ in range(n):
-        pieces = [journal[slice(*sorted(rng.sample(range(len(journal)), 2)))] for _ in range(rng.randrange(1, 5))]
+        pieces = [
+            journal[slice(*sorted(rng.sample(range(len(journal)), 2)))]
+            for _ in range(rng.randrange(1, 5))
+        ]
         pieces.insert(rng.randrange(len(pieces) + 1), rng.randbytes(rng.randrange(300)))
         data = b"".join(pieces)
         whole = sum(journal[start:end] in data for start, end in holders)
@@ -150,7 +162,10 @@ def test_a_run_of_an_older_version_without_any_description_keeps_its_rows(tmp_pa
     """Its rows are shorter than those of today: every frame names the version that divides them."""
     old = dtypes_of(OLDEST_DESCRIBED)
     assert old["readings"].itemsize < DTYPES["readings"].itemsize
-    tables = {table: [c for c in columns if c.name in old[table].names] for table, columns in TABLES.items()}
+    tables = {
+        table: [c for c in columns if c.name in old[table].names]
+        for table, columns in TABLES.items()
+    }
     with monkeypatch.context() as past:
         past.setattr(schema, "TABLES", tables)
         past.setattr(schema, "_PACKING", schema.packing_of(OLDEST_DESCRIBED))

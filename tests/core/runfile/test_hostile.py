@@ -1,4 +1,6 @@
-"""Runs of strangers: refused in one line, or read without harm; and whatever was altered is named."""
+"""Runs of strangers: refused in one line, or read without harm; and whatever was altered is
+named.
+"""
 
 import os
 import shutil
@@ -114,14 +116,21 @@ sys.exit(code)
 
 
 def _more_mb(*argv):
-    done = subprocess.run([sys.executable, "-c", LIMITED, *map(str, argv)], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, *map(str, argv)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode in {0, 2, 3}, done.stderr
     assert "Traceback" not in done.stderr
     return int(done.stderr.split("MORE ")[1])
 
 
 def test_bytes_that_memory_should_not_hold_are_counted_and_left(crafted):
-    """A port that is stuck sends zeros for hours, which pack to nothing: the rest of such a run is read."""
+    """A port that is stuck sends zeros for hours, which pack to nothing: the rest of such a run is
+    read.
+    """
     path = crafted(lambda file, _: hostile._packed(file, "raw_bytes", 600 << 20, 1 << 20, "u1"))
     run = read_run(path)
     assert (len(run.raw_bytes), run.n_raw_bytes) == (0, 600 << 20)
@@ -131,7 +140,9 @@ def test_bytes_that_memory_should_not_hold_are_counted_and_left(crafted):
 
 
 def test_many_rows_take_no_more_memory_than_they_need(crafted):
-    path = crafted(lambda file, _: hostile._packed(file, "readings", 200_000, 16_384, file["readings"].dtype))
+    path = crafted(
+        lambda file, _: hostile._packed(file, "readings", 200_000, 16_384, file["readings"].dtype)
+    )
     for more in ([], ["--verify"]):
         assert _more_mb("info", path, *more) < 512
 
@@ -146,7 +157,11 @@ def test_a_journal_does_not_go_on_elsewhere(tmp_path, capsys, part):
         other.mkdir()
     else:
         os.mkfifo(other)
-    for argv in (["info", "a.journal"], ["info", "--verify", "a.journal"], ["recover", "a.journal"]):
+    for argv in (
+        ["info", "a.journal"],
+        ["info", "--verify", "a.journal"],
+        ["recover", "a.journal"],
+    ):
         assert main([*argv[:-1], str(tmp_path / argv[-1])]) == 2
         assert "a.journal.2" in _one_line(capsys)
 
@@ -179,7 +194,12 @@ def test_a_damaged_file_does_not_end_the_program(honest, tmp_path):
     import random
 
     data, rng = honest.read_bytes(), random.Random(5)
-    spots = [at for word in (b"TREE", b"SNOD", b"HEAP") for at in range(len(data)) if data.startswith(word, at)]
+    spots = [
+        at
+        for word in (b"TREE", b"SNOD", b"HEAP")
+        for at in range(len(data))
+        if data.startswith(word, at)
+    ]
     for _ in range(60):
         spoiled = bytearray(data)
         for _ in range(rng.randrange(1, 4)):

@@ -20,18 +20,31 @@ def tables_as_text() -> str:
     """The tables of the schema as they stand in the page."""
     out = [f"Schema {SCHEMA_VERSION}.\n"]
     for table, columns in TABLES.items():
-        rows = [f"| `{c.name}` | {c.dtype} | {c.unit} | {'' if c.unknown is None else c.unknown} |" for c in columns]
-        out += [f"### {table}\n", "| column | type | unit | unknown |", "|---|---|---|---|", *rows, ""]
+        rows = [
+            f"| `{c.name}` | {c.dtype} | {c.unit} | {'' if c.unknown is None else c.unknown} |"
+            for c in columns
+        ]
+        out += [
+            f"### {table}\n",
+            "| column | type | unit | unknown |",
+            "|---|---|---|---|",
+            *rows,
+            "",
+        ]
     return "\n".join(out)
 
 
 def test_the_page_lists_every_column():
-    assert tables_as_text() in PAGE, "python -m tests.core.runfile.test_page prints the tables for RUNFILE.md"
+    assert tables_as_text() in PAGE, (
+        "python -m tests.core.runfile.test_page prints the tables for RUNFILE.md"
+    )
 
 
 @pytest.fixture
 def run(tmp_path):
-    runs.write_journal(tmp_path / "a.journal", runs.records(20), config_text="[run]\n", versions={"numpy": "2"})
+    runs.write_journal(
+        tmp_path / "a.journal", runs.records(20), config_text="[run]\n", versions={"numpy": "2"}
+    )
     convert_journal(tmp_path / "a.journal", tmp_path / "a.h5")
     return tmp_path / "a.h5"
 
@@ -50,7 +63,9 @@ def _other_python():
     import os
 
     python = os.environ.get("CELLWALK_PANDAS_PYTHON", sys.executable)
-    found = subprocess.run([python, "-c", "import pandas, tables"], capture_output=True, check=False)
+    found = subprocess.run(
+        [python, "-c", "import pandas, tables"], capture_output=True, check=False
+    )
     if found.returncode:
         pytest.skip("set CELLWALK_PANDAS_PYTHON to a Python that has pandas and tables")
     return python
@@ -73,7 +88,9 @@ with tables.open_file({str(run)!r}) as file:
 def test_h5dump_opens_it(run):
     if shutil.which("h5dump") is None:
         pytest.skip("h5dump is not installed")
-    told = subprocess.run(["h5dump", "-d", "fixes", run], capture_output=True, text=True, check=True).stdout
+    told = subprocess.run(
+        ["h5dump", "-d", "fixes", run], capture_output=True, text=True, check=True
+    ).stdout
     assert "lat_deg" in told
 
 

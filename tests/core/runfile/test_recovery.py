@@ -8,7 +8,7 @@ import pytest
 
 from logger.cli import main as fieldlogger
 from logger.core.runfile import RunWriter, free_bytes, make_room, read_run, recover
-from logger.core.runfile.names import first_part, parts_of
+from logger.core.runfile.run_names import first_part, parts_of
 from postproc.cli import main as postproc
 from tests.kit import runs
 

@@ -42,7 +42,10 @@ VALUES = st.one_of(
         *[st.floats(allow_nan=False)] * 17,
     ),
 )  # fmt: skip
-RECORDS = st.lists(st.builds(Record, st.integers(0, 2**62), st.sampled_from(["modem", "gnss"]), VALUES), max_size=30)
+RECORDS = st.lists(
+    st.builds(Record, st.integers(0, 2**62), st.sampled_from(["modem", "gnss"]), VALUES),
+    max_size=30,
+)
 
 
 @settings(max_examples=25, deadline=None)
@@ -126,7 +129,9 @@ def test_a_journal_being_recorded_is_left_alone(tmp_path):
 
 
 def test_cut_journal_keeps_whole_ticks(tmp_path):
-    """Cut at every 97th byte: always readable, always a prefix of what was recorded, never more than a tick short."""
+    """Cut at every 97th byte: always readable, always a prefix of what was recorded, never more
+    than a tick short.
+    """
     found = runs.records(40)
     whole = tmp_path / "whole.journal"
     runs.write_journal(whole, found, sync_every=20)
@@ -137,7 +142,11 @@ def test_cut_journal_keeps_whole_ticks(tmp_path):
         cut.write_bytes(data[:end])
         run = read_run(cut)
         got = dict(run.records())
-        assert all(found[seq] == record for seq, record in got.items() if not isinstance(record.value, Scan))
+        assert all(
+            found[seq] == record
+            for seq, record in got.items()
+            if not isinstance(record.value, Scan)
+        )
         lengths.append(len(got))
     assert lengths == sorted(lengths)
     assert read_run(cut).end is None
@@ -228,7 +237,9 @@ def test_hdf5_is_of_the_oldest_format_and_describes_its_columns(tmp_path):
     assert (tmp_path / "a.h5").read_bytes()[8] == 0  # superblock version
     with h5py.File(tmp_path / "a.h5") as file:
         for table, columns in TABLES.items():
-            assert file[table].attrs["columns"].splitlines() == [f"{c.name}: {c.unit}" for c in columns]
+            assert file[table].attrs["columns"].splitlines() == [
+                f"{c.name}: {c.unit}" for c in columns
+            ]
 
 
 def test_long_texts_are_cut_between_characters(tmp_path):
@@ -264,7 +275,9 @@ for record in runs.records(5000):
 @pytest.mark.parametrize("seed", range(10))
 def test_kill_9_loses_nothing_that_was_synced(tmp_path, seed):
     path = tmp_path / "a.journal"
-    with subprocess.Popen([sys.executable, "-c", WRITE_FOREVER, str(path)], stdout=subprocess.PIPE, text=True) as child:
+    with subprocess.Popen(
+        [sys.executable, "-c", WRITE_FOREVER, str(path)], stdout=subprocess.PIPE, text=True
+    ) as child:
         for _ in range(random.Random(seed).randrange(1, 60)):
             acknowledged = int(child.stdout.readline())
         child.kill()

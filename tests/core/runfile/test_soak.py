@@ -42,7 +42,9 @@ def test_memory_and_descriptors_stay_as_they_are(tmp_path, hours):
         print(f"{n_records} records; {min(mb[1:]):.0f} to {max(mb[1:]):.0f} MB")
         assert max(mb[1:]) - mb[1] < 8
         convert_journal(path, tmp_path / "soak.h5")
-        print(f"{path.stat().st_size / 1e6:.0f} MB of journal; {_memory_mb():.0f} MB after the HDF5 was made")
+        print(
+            f"{path.stat().st_size / 1e6:.0f} MB of journal; {_memory_mb():.0f} MB after the HDF5 was made"
+        )
         assert _descriptors() == before
         if hours < 1:
             assert len(list(read_run(tmp_path / "soak.h5").records())) == n_records

@@ -36,7 +36,9 @@ def test_the_digest_is_what_the_page_says(journal):
         if frame.kind == Kind.END:
             break
         payload = payload_of(data[frame.start : frame.start + frame.length], frame.version)
-        digest = sha256(digest + frame.number.to_bytes(4, "little") + bytes([frame.kind]) + payload).digest()
+        digest = sha256(
+            digest + frame.number.to_bytes(4, "little") + bytes([frame.kind]) + payload
+        ).digest()
     assert digest.hex() == read_run(journal).digest
 
 
@@ -101,7 +103,13 @@ def test_a_whole_run_passes_every_check(journal, tmp_path, capsys):
     for path in (journal, tmp_path / "a.h5"):
         assert main(["info", "--verify", str(path)]) == 0
         lines = capsys.readouterr().out.splitlines()
-        assert [line.split()[1] for line in lines] == ["checksums:", "counts:", "time:", "stop:", "chain:"]
+        assert [line.split()[1] for line in lines] == [
+            "checksums:",
+            "counts:",
+            "time:",
+            "stop:",
+            "chain:",
+        ]
         assert all(line.startswith("ok ") for line in lines)
 
 

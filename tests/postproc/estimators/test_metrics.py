@@ -26,7 +26,9 @@ def test_nees_agrees_with_filterpy():
     root = rng.normal(size=(5, 3, 3))
     covariance = root @ np.swapaxes(root, 1, 2) + np.eye(3)
     expected = np.ravel(NEES(truth, estimate, covariance))
-    np.testing.assert_allclose(metrics.nees((truth - estimate)[..., 0], covariance), expected, rtol=1e-10)
+    np.testing.assert_allclose(
+        metrics.nees((truth - estimate)[..., 0], covariance), expected, rtol=1e-10
+    )
 
 
 def test_bounds_of_the_mean():
@@ -41,14 +43,18 @@ def test_lag1_of_an_ar1_series():
 @pytest.mark.parametrize("values", [[], [1.0], [1.0, 2.0], [3.0] * 9])
 def test_correlation_says_nothing_of_constant_or_short_series(values):
     assert metrics.lag1(np.array(values)) == 0.0
-    assert metrics.autocorrelation(np.array(values), 5).tolist() == [1.0] + [0.0] * min(5, max(len(values) - 1, 0))
+    assert metrics.autocorrelation(np.array(values), 5).tolist() == [1.0] + [0.0] * min(
+        5, max(len(values) - 1, 0)
+    )
 
 
 @pytest.mark.parametrize("count", [7, 100, 257])
 def test_autocorrelation_is_the_sum_over_pairs(count):
     series = ar1(np.random.default_rng(6), 0.5, count)
     off = series - np.mean(series)
-    expected = [off[lag:] @ off[: count - lag] / (off @ off) for lag in range(min(20, count - 1) + 1)]
+    expected = [
+        off[lag:] @ off[: count - lag] / (off @ off) for lag in range(min(20, count - 1) + 1)
+    ]
     found = metrics.autocorrelation(series, 20)
     np.testing.assert_allclose(found, expected, atol=1e-12)
     assert found[1] == pytest.approx(metrics.lag1(series))
@@ -73,7 +79,9 @@ def test_small_and_correlated_innovations_are_seen():
 
 
 def test_readings_at_the_limit_are_counted_apart():
-    found = metrics.consistency(np.array([2.0, np.nan, -2.0, np.nan]), np.array([4.0, np.nan, 1.0, np.nan]))
+    found = metrics.consistency(
+        np.array([2.0, np.nan, -2.0, np.nan]), np.array([4.0, np.nan, 1.0, np.nan])
+    )
     assert (found.n, found.n_at_limit, found.mean_nis) == (4, 2, 2.5)
 
 

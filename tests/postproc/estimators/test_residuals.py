@@ -5,8 +5,8 @@ import pytest
 
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations
-from postproc.estimators import batch, trends
-from postproc.estimators.filtered import Filtered
+from postproc.estimators import least_squares, residual_trends
+from postproc.estimators.filters import Filtered
 from postproc.estimators.metrics import consistency
 from postproc.estimators.residuals import diagnose
 
@@ -14,10 +14,14 @@ SOURCE = np.array([130.0, 150.0, -30.0, 3.0])
 
 
 def walk(rng, *, white_db=3.0, shadow_db=0.0, d_c=15.0, count=500):
-    """Round a square of 250 m past a source inside; readings 2 m apart, of honest log-distance levels."""
+    """Round a square of 250 m past a source inside; readings 2 m apart, of honest log-distance
+    levels.
+    """
     s = 2.0 * np.arange(count)
     corner = 250.0 * np.arange(5)
-    x, y = (np.interp(s, corner, 250.0 * np.array(turn)) for turn in ([0, 1, 1, 0, 0], [0, 0, 1, 1, 0]))
+    x, y = (
+        np.interp(s, corner, 250.0 * np.array(turn)) for turn in ([0, 1, 1, 0, 0], [0, 0, 1, 1, 0])
+    )
     shadow = rng.normal(size=count)
     kept = np.exp(-2.0 / d_c)
     for k in range(1, count):
@@ -35,7 +39,7 @@ def around(obs):
 
 
 def fitted(obs):
-    return batch.fit(obs, [(SOURCE[0], SOURCE[1])]).state
+    return least_squares.fit(obs, [(SOURCE[0], SOURCE[1])]).state
 
 
 def test_residuals_are_level_minus_model_and_what_a_limit_hides_is_none():
@@ -76,7 +80,9 @@ def test_numbers_describe_white_noise():
 def test_decorrelation_distance_is_found_along_the_walk():
     lengths, independent = [], []
     for seed in range(8):
-        found = diagnose(SOURCE, walk(np.random.default_rng(seed), white_db=0.0, shadow_db=6.0, d_c=20.0))
+        found = diagnose(
+            SOURCE, walk(np.random.default_rng(seed), white_db=0.0, shadow_db=6.0, d_c=20.0)
+        )
         lengths.append(found.decorrelation_m)
         independent.append(found.independent)
     assert np.median(lengths) == pytest.approx(20.0, rel=0.4)
@@ -90,7 +96,10 @@ def test_standard_errors_of_bins_are_true():
         for _ in range(6):
             obs = walk(rng, white_db=white_db, shadow_db=shadow_db)
             found = diagnose(fitted(obs), obs)
-            chi2 += [np.mean((bins.mean_db / bins.sigma_db) ** 2) for bins in (found.by_distance, found.by_azimuth)]
+            chi2 += [
+                np.mean((bins.mean_db / bins.sigma_db) ** 2)
+                for bins in (found.by_distance, found.by_azimuth)
+            ]
             assert found.by_azimuth.readings.sum() == len(obs)
         assert limits[0] < np.mean(chi2) < limits[1]
 
@@ -109,7 +118,9 @@ def test_bins_hold_their_means():
 def test_an_exponent_that_changes_is_named(change, word):
     obs = walk(np.random.default_rng(6), white_db=1.5)
     distance, _ = around(obs)
-    bent = replace(obs, level_dbm=obs.level_dbm - 10.0 * change * np.maximum(np.log10(distance / 130.0), 0.0))
+    bent = replace(
+        obs, level_dbm=obs.level_dbm - 10.0 * change * np.maximum(np.log10(distance / 130.0), 0.0)
+    )
     found = diagnose(fitted(bent), bent)
     assert found.bend.eta_change == pytest.approx(change, abs=4.0 * found.bend.eta_sigma)
     assert any(f"levels fall {word} beyond" in text for text in found.findings)
@@ -118,10 +129,14 @@ def test_an_exponent_that_changes_is_named(change, word):
 def test_a_sector_antenna_is_named():
     rng = np.random.default_rng(7)
     obs = walk(rng, white_db=1.5)
-    directed = replace(obs, level_dbm=obs.level_dbm + 4.5 * np.cos(around(obs)[1] - np.radians(120.0)))
+    directed = replace(
+        obs, level_dbm=obs.level_dbm + 4.5 * np.cos(around(obs)[1] - np.radians(120.0))
+    )
     found = diagnose(SOURCE, directed)
     assert found.sector.azimuth_deg == pytest.approx(120.0, abs=20.0)
-    assert found.sector.difference_db == pytest.approx(9.0, abs=3.0 * found.sector.difference_sigma_db)
+    assert found.sector.difference_db == pytest.approx(
+        9.0, abs=3.0 * found.sector.difference_sigma_db
+    )
     assert any(text.startswith("sector antenna suspected") for text in found.findings)
 
 
@@ -142,7 +157,9 @@ def test_outliers_are_named_by_scan_and_size():
     assert [one.scan_seq for one in found.outliers] == [1040, 1300]
     assert found.outliers[0].t_ns == 40 * 10**9
     assert found.outliers[0].residual_db == pytest.approx(-30.0, abs=9.0)
-    assert found.outliers[0].sigmas == pytest.approx(abs(found.outliers[0].residual_db) / found.sigma_db)
+    assert found.outliers[0].sigmas == pytest.approx(
+        abs(found.outliers[0].residual_db) / found.sigma_db
+    )
     (text,) = (text for text in found.findings if "outlying" in text)
     assert "2 outlying readings" in text
     assert "scan 1040" in text
@@ -157,7 +174,9 @@ def test_a_filter_that_is_too_sure_is_named_and_an_honest_one_is_not():
         states = np.zeros((500, 4)), np.zeros((500, 4, 4))
         innovations = Filtered(obs.t_ns, *states, rng.normal(0.0, 3.0, 500), np.full(500, claimed))
         found = diagnose(SOURCE, obs, innovations)
-        assert found.innovations == consistency(innovations.innovation_db, innovations.innovation_var_db2)
+        assert found.innovations == consistency(
+            innovations.innovation_db, innovations.innovation_var_db2
+        )
         said[name] = [text for text in found.findings if "filter" in text]
     (text,) = said["sure"]
     assert text.startswith("the filter is too sure of itself: its innovations squared are 1.")
@@ -184,10 +203,12 @@ def test_standing_still_is_survived():
 
 def test_a_trend_is_the_generalised_least_squares_one():
     obs = walk(np.random.default_rng(13), white_db=2.0, shadow_db=3.0)
-    design = batch.jacobian(SOURCE, obs)
+    design = least_squares.jacobian(SOURCE, obs)
     distance, azimuth = around(obs)
-    ground = trends.Ground(obs.x_m, obs.y_m, obs.level_dbm, 10.0 * np.log10(distance), azimuth, design)
-    noise = trends.noise_of(ground, np.sin(azimuth), np.cos(azimuth))
+    ground = residual_trends.Ground(
+        obs.x_m, obs.y_m, obs.level_dbm, 10.0 * np.log10(distance), azimuth, design
+    )
+    noise = residual_trends.noise_of(ground, np.sin(azimuth), np.cos(azimuth))
     which = [np.flatnonzero(noise.square == k) for k in range(noise.square.max() + 1)]
     rows = np.column_stack([design, np.sin(azimuth), np.cos(azimuth), obs.level_dbm])
     mean = np.array([np.mean(rows[k], axis=0) for k in which])
@@ -195,7 +216,11 @@ def test_a_trend_is_the_generalised_least_squares_one():
     information = mean[:, :6].T @ precision @ mean[:, :6]
     coefficient = np.linalg.solve(information, mean[:, :6].T @ precision @ mean[:, 6])[4:]
     covariance = np.linalg.inv(information)[4:, 4:]
-    sector = trends.sector(ground)
+    sector = residual_trends.sector(ground)
     assert sector.difference_db == pytest.approx(2.0 * np.hypot(*coefficient), rel=1e-6)
-    assert sector.azimuth_deg == pytest.approx(np.degrees(np.arctan2(*coefficient)) % 360.0, abs=1e-4)
-    assert sector.chi2 == pytest.approx(coefficient @ np.linalg.solve(covariance, coefficient), rel=1e-6)
+    assert sector.azimuth_deg == pytest.approx(
+        np.degrees(np.arctan2(*coefficient)) % 360.0, abs=1e-4
+    )
+    assert sector.chi2 == pytest.approx(
+        coefficient @ np.linalg.solve(covariance, coefficient), rel=1e-6
+    )

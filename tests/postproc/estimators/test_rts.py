@@ -7,7 +7,7 @@ from filterpy.kalman import rts_smoother
 from logger.core import shadow_ekf
 from logger.core.shadow_ekf import ShadowNoise
 from postproc.estimators import rts
-from postproc.estimators.filtered import kept_rows, shadow_pass
+from postproc.estimators.filters import kept_rows, shadow_pass
 from tests.kit.walks import simulate
 
 NOISE = ShadowNoise(5.0, 15.0, 2.0, 4.0)
@@ -20,7 +20,9 @@ def covariance(rng):
 
 
 def problem(seed, count=40, noise=NOISE, still=()):
-    """A walk, the mean it is started with and its covariance; the walker does not move before the readings `still`."""
+    """A walk, the mean it is started with and its covariance; the walker does not move before the
+    readings `still`.
+    """
     rng = np.random.default_rng(seed)
     obs, source = simulate(rng, "square", count=count, step=8.0, shadow_db=5.0, white_db=2.0)
     for k in still:
@@ -31,7 +33,9 @@ def problem(seed, count=40, noise=NOISE, still=()):
 
 def smoothed(obs, mean, p, noise, rows=None):
     given = np.empty((len(obs), 6))
-    state = shadow_ekf.release(shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0])), p)
+    state = shadow_ekf.release(
+        shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0])), p
+    )
     ahead = shadow_pass(obs, state, noise, given=given)
     rows = kept_rows(len(obs)) if rows is None else rows
     return ahead, rts.smooth(given, moved(obs), noise, mean, ahead.end, rows)
@@ -48,10 +52,14 @@ def recalled(obs, noise):
 
 
 def linearised(obs, ahead, mean):
-    """Rows h, values z and variances r of the linear problem that the EKF has solved: linearised where it stood."""
+    """Rows h, values z and variances r of the linear problem that the EKF has solved: linearised
+    where it stood.
+    """
     before = np.vstack([mean, ahead.filtered.x[:-1, :4]])
     rows, values, variances = [], [], []
-    for (x, y, p0, eta), x_m, y_m, level in zip(before, obs.x_m, obs.y_m, obs.level_dbm, strict=True):
+    for (x, y, p0, eta), x_m, y_m, level in zip(
+        before, obs.x_m, obs.y_m, obs.level_dbm, strict=True
+    ):
         d2 = (x - x_m) ** 2 + (y - y_m) ** 2 + NOISE.height_m**2
         slope = -10.0 / log(10.0) * eta / d2
         h = np.array([slope * (x - x_m), slope * (y - y_m), 1.0, -5.0 * log10(d2)])
@@ -93,14 +101,18 @@ def test_agrees_with_filterpy(seed):
     fs = [np.diag([1.0, 1.0, 1.0, 1.0, rho]) for rho in recalled(obs, noise)]
     qs = [np.diag([0.0, 0.0, 0.0, 0.0, noise.shadow_db**2 * (1.0 - f[4, 4] ** 2)]) for f in fs]
     # one more of each than it uses
-    x_filterpy, p_filterpy, *_ = rts_smoother(ahead.filtered.x, ahead.filtered.p, [*fs, fs[0]], [*qs, qs[0]])
+    x_filterpy, p_filterpy, *_ = rts_smoother(
+        ahead.filtered.x, ahead.filtered.p, [*fs, fs[0]], [*qs, qs[0]]
+    )
     np.testing.assert_allclose(x, x_filterpy, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(covariances, p_filterpy, rtol=1e-6, atol=1e-8)
 
 
 def test_what_stands_still_is_smoothed_to_the_last_filtered_state():
     ahead, (x, p) = smoothed(*problem(6))
-    np.testing.assert_array_equal(x[:, STATIC], np.broadcast_to(ahead.filtered.x[-1, STATIC], (len(x), 4)))
+    np.testing.assert_array_equal(
+        x[:, STATIC], np.broadcast_to(ahead.filtered.x[-1, STATIC], (len(x), 4))
+    )
     np.testing.assert_allclose(p[:, :4, :4] - ahead.filtered.p[-1, :4, :4], 0.0, atol=1e-12)
     np.testing.assert_allclose(x[-1], ahead.filtered.x[-1], rtol=1e-12)
     np.testing.assert_allclose(p[-1], ahead.filtered.p[-1], rtol=1e-9, atol=1e-12)
@@ -113,7 +125,9 @@ def test_where_the_walker_stood_the_shadowing_is_one():
     np.testing.assert_allclose(p[10:14, 4, 4], p[10, 4, 4], rtol=1e-9)
 
 
-@pytest.mark.parametrize("noise", [ShadowNoise(0.0, 15.0, 3.0, 4.0), ShadowNoise(0.0, 0.0, 3.0, 4.0)])
+@pytest.mark.parametrize(
+    "noise", [ShadowNoise(0.0, 15.0, 3.0, 4.0), ShadowNoise(0.0, 0.0, 3.0, 4.0)]
+)
 def test_without_shadowing_there_is_none_to_find(noise):
     obs, mean, p, _ = problem(8)
     _, (x, covariances) = smoothed(obs, mean, p, noise)
@@ -122,7 +136,9 @@ def test_without_shadowing_there_is_none_to_find(noise):
 
 
 def test_shadowing_is_where_it_says():
-    """Over simulated walks the smoothed shadowing misses the true one by as much as its variance says."""
+    """Over simulated walks the smoothed shadowing misses the true one by as much as its variance
+    says.
+    """
     rng = np.random.default_rng(9)
     errors = []
     for _ in range(60):
@@ -133,7 +149,9 @@ def test_shadowing_is_where_it_says():
         p = covariance(rng) * 0.1
         truth = np.array([*source, -30.0, 3.0])
         d2 = (obs.x_m - source[0]) ** 2 + (obs.y_m - source[1]) ** 2 + NOISE.height_m**2
-        obs.level_dbm[:] = np.round(-30.0 - 15.0 * np.log10(d2) + true + NOISE.white_db * rng.normal(size=100))
+        obs.level_dbm[:] = np.round(
+            -30.0 - 15.0 * np.log10(d2) + true + NOISE.white_db * rng.normal(size=100)
+        )
         _, (x, covariances) = smoothed(obs, rng.multivariate_normal(truth, p), p, NOISE)
         errors.append(np.mean((x[:, 4] - true) ** 2 / covariances[:, 4, 4]))
     assert np.mean(errors) == pytest.approx(1.0, abs=0.15)
@@ -151,7 +169,9 @@ def test_rows_are_those_asked_for():
 def test_one_reading_comes_back():
     obs, mean, p, noise = problem(11, count=40)
     given = np.empty((1, 6))
-    state = shadow_ekf.release(shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0])), p)
+    state = shadow_ekf.release(
+        shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0])), p
+    )
     ahead = shadow_pass(obs, state, noise, readings=slice(1), given=given)
     x, covariances = rts.smooth(given, np.empty(0), noise, mean, ahead.end, np.array([0]))
     np.testing.assert_allclose(x, ahead.filtered.x, rtol=1e-12)

@@ -17,7 +17,9 @@ def track(t_s, xy_m, sigma_m=3.7):
     n = len(t_s)
     x, y = np.asarray(xy_m, float).T
     t_ns = np.round(np.asarray(t_s) * S).astype(np.int64) + 77 * S
-    return Track(Utm(33), t_ns, np.arange(n), x + EAST_M, y + NORTH_M, np.broadcast_to(sigma_m, n) * 1.0)
+    return Track(
+        Utm(33), t_ns, np.arange(n), x + EAST_M, y + NORTH_M, np.broadcast_to(sigma_m, n) * 1.0
+    )
 
 
 def at(smoothed, t_s):
@@ -27,7 +29,9 @@ def at(smoothed, t_s):
 
 
 def streets(rng, seconds, speed_mps=1.4):
-    """A walk round blocks of 80 m that turns sharply and sometimes stands still: times 1 s apart and places (n, 2)."""
+    """A walk round blocks of 80 m that turns sharply and sometimes stands still: times 1 s apart
+    and places (n, 2).
+    """
     t_s = np.arange(float(seconds))
     stands = np.zeros(seconds, bool)
     for begin in rng.integers(0, seconds, seconds // 200):
@@ -53,10 +57,11 @@ def wander(rng, t_s, sigma_m, tau_s):
 
 
 def dense(model, times_s, asked_s, q):
-    """Mean and variance of the place at `asked_s`, from the joint Gaussian of all states and measurements.
+    """Mean and variance of the place at `asked_s`, from the joint Gaussian of all states and
+    measurements.
 
-    Also, for each measurement, its distance from the prediction by all the others, and the variance of that.
-    """
+    Also, for each measurement, its distance from the prediction by all the others, and the variance
+    of that."""
     every = np.unique(np.concatenate([times_s, asked_s]))
     size = 3 * len(every)
     first = int(np.searchsorted(every, times_s[0]))
@@ -68,7 +73,13 @@ def dense(model, times_s, asked_s, q):
         dt = every[k] - every[origin]
         a = np.exp(-abs(dt) / walker.WANDER_S)
         step = abs(dt)
-        noise = np.array([[q * step**3 / 3, q * dt * step / 2, 0], [q * dt * step / 2, q * step, 0], [0, 0, 1 - a * a]])
+        noise = np.array(
+            [
+                [q * step**3 / 3, q * dt * step / 2, 0],
+                [q * dt * step / 2, q * step, 0],
+                [0, 0, 1 - a * a],
+            ]
+        )
         own = slice(3 * k, 3 * k + 3)
         root[own] = np.array([[1, dt, 0], [0, 1, 0], [0, 0, a]]) @ root[3 * origin : 3 * origin + 3]
         root[own, own] += np.linalg.cholesky(noise)
@@ -85,7 +96,9 @@ def dense(model, times_s, asked_s, q):
     joint = h @ prior @ h.T + np.diag(r)
     asked = prior[3 * np.searchsorted(every, asked_s)]
     gain = np.linalg.solve(joint, h @ asked.T).T
-    spread = np.diag(prior)[3 * np.searchsorted(every, asked_s)] - np.sum(gain * (asked @ h.T), axis=1)
+    spread = np.diag(prior)[3 * np.searchsorted(every, asked_s)] - np.sum(
+        gain * (asked @ h.T), axis=1
+    )
     inverse = np.linalg.inv(joint)
     return gain @ z, spread, (inverse @ z) / np.diag(inverse)[:, None], 1.0 / np.diag(inverse)
 
@@ -104,19 +117,28 @@ def test_smoother_agrees_with_the_dense_solution():
     model = model._replace(variance=model.variance + excess)
     times_s = (given.t_ns - given.t_ns[0]) / 1e9
     asked_s = np.concatenate(
-        [[-7.0, -0.5], times_s, rng.uniform(0.0, times_s[-1], 10), times_s[-1] + np.array([0.5, 8.0])]
+        [
+            [-7.0, -0.5],
+            times_s,
+            rng.uniform(0.0, times_s[-1], 10),
+            times_s[-1] + np.array([0.5, 8.0]),
+        ]
     )
     mean, variance = walker._between(times_s, series, q, asked_s)
     # beyond gaps of 10 s the walk is taken to be livelier than the dense solution has it
     step_s = np.diff(times_s)[np.clip(np.searchsorted(times_s, asked_s, side="right") - 1, 0, 12)]
     same = step_s <= 10.0
-    expected_mean, expected_variance, residual, residual_variance = dense(model, times_s, asked_s, q)
+    expected_mean, expected_variance, residual, residual_variance = dense(
+        model, times_s, asked_s, q
+    )
     assert np.count_nonzero(same) > 15
     np.testing.assert_allclose(mean[same], expected_mean[same], rtol=1e-6, atol=1e-5)
     np.testing.assert_allclose(variance[same], expected_variance[same], rtol=1e-6, atol=1e-5)
     known = np.isfinite(model.variance)
     np.testing.assert_allclose(apart2[known], np.sum(residual**2, axis=1), rtol=1e-5, atol=1e-5)
-    np.testing.assert_allclose((expected - model.slack + excess)[known], residual_variance, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(
+        (expected - model.slack + excess)[known], residual_variance, rtol=1e-5, atol=1e-5
+    )
 
 
 def test_places_are_continuous_through_fixes_and_gaps():
@@ -140,7 +162,9 @@ def test_sigma_is_true_under_errors_that_last(white_m, with_velocity):
     for seed in range(6):
         rng = np.random.default_rng(seed)
         t_s, xy = streets(rng, 900)
-        error = wander(rng, t_s, np.sqrt(3.7**2 - white_m**2), 60.0) + white_m * rng.normal(size=xy.shape)
+        error = wander(rng, t_s, np.sqrt(3.7**2 - white_m**2), 60.0) + white_m * rng.normal(
+            size=xy.shape
+        )
         speed = np.gradient(xy, axis=0) + 0.1 * rng.normal(size=xy.shape)
         given = walker.Velocities(*speed.T, np.full(len(t_s), walker.VELOCITY_SIGMA_MPS))
         smoothed = walker.smooth_track(track(t_s, xy + error), given if with_velocity else None)
@@ -164,7 +188,9 @@ def test_smoothing_beats_interpolation_where_noise_is_white():
 def test_hours_at_one_place_are_not_centimetres(with_velocity):
     t_s = np.arange(7200.0)
     none = np.zeros(len(t_s))
-    given = walker.Velocities(none, none, none + walker.VELOCITY_SIGMA_MPS) if with_velocity else None
+    given = (
+        walker.Velocities(none, none, none + walker.VELOCITY_SIGMA_MPS) if with_velocity else None
+    )
     place, sigma = at(walker.smooth_track(track(t_s, np.zeros((len(t_s), 2))), given), t_s)
     assert np.max(np.abs(place)) < 0.1
     assert np.all((sigma > 2.7) & (sigma < 3.7))
@@ -217,9 +243,14 @@ def test_a_car_is_told_from_a_walker():
     rng = np.random.default_rng(6)
     t_s = np.arange(600.0)
     speed = 14.0 + 6.0 * np.sin(t_s / 15.0)
-    car = np.cumsum(np.column_stack([speed * np.cos(t_s / 40.0), speed * np.sin(t_s / 40.0)]), axis=0)
+    car = np.cumsum(
+        np.column_stack([speed * np.cos(t_s / 40.0), speed * np.sin(t_s / 40.0)]), axis=0
+    )
     on_foot = streets(rng, 600)[1]
-    found = [walker.smooth_track(track(t_s, xy + rng.normal(size=xy.shape))).accel_m2s3 for xy in (on_foot, car)]
+    found = [
+        walker.smooth_track(track(t_s, xy + rng.normal(size=xy.shape))).accel_m2s3
+        for xy in (on_foot, car)
+    ]
     assert found[0] < 0.2 <= found[1]
 
 
@@ -235,7 +266,9 @@ def test_one_fix_only():
 
 def test_repeated_time_stamps_and_rates_from_slow_to_fast():
     rng = np.random.default_rng(7)
-    t_s = np.concatenate([np.arange(0.0, 100.0, 10.0), np.arange(100.0, 130.0, 0.1), np.repeat(130.0, 5), [140.0]])
+    t_s = np.concatenate(
+        [np.arange(0.0, 100.0, 10.0), np.arange(100.0, 130.0, 0.1), np.repeat(130.0, 5), [140.0]]
+    )
     xy = np.column_stack([1.4 * t_s, 0.0 * t_s])
     given = track(t_s, xy + 0.5 * rng.normal(size=xy.shape))
     place, sigma = at(walker.smooth_track(given), t_s)
@@ -277,7 +310,9 @@ def test_velocities_come_from_speed_and_course_on_the_grid():
     found = walker.velocities(fixes, given)
     utm = Utm(33)
     north = np.subtract(utm.to_xy(52.001, 17.5), utm.to_xy(52.0, 17.5))
-    np.testing.assert_allclose([found.east_mps[0], found.north_mps[0]], 2.0 * north / np.hypot(*north), atol=1e-4)
+    np.testing.assert_allclose(
+        [found.east_mps[0], found.north_mps[0]], 2.0 * north / np.hypot(*north), atol=1e-4
+    )
     assert (found.east_mps[1], found.north_mps[1]) == (0.0, 0.0)
     assert 0.3 < found.sigma_mps[1] < 0.35
     assert np.isinf(found.sigma_mps[2])

@@ -1,4 +1,6 @@
-"""Whatever stands in a foreign file, an import says so in words: no value may raise what the command does not catch."""
+"""Whatever stands in a foreign file, an import says so in words: no value may raise what the
+command does not catch.
+"""
 
 import csv
 import json
@@ -34,7 +36,18 @@ VALUES = st.one_of(
     st.integers(-(2**70), 2**70).map(str),
     st.floats().map(str),
     st.sampled_from(
-        ["\0", "1e400", "-0", "9" * 400, "0001-01-01", "9999-12-31T23:59:59-23:59", "NaN", "\ud800", "_1", "1_0"]
+        [
+            "\0",
+            "1e400",
+            "-0",
+            "9" * 400,
+            "0001-01-01",
+            "9999-12-31T23:59:59-23:59",
+            "NaN",
+            "\ud800",
+            "_1",
+            "1_0",
+        ]
     ),
 )
 
@@ -61,7 +74,9 @@ def test_values_of_csv(form, data):
 
 @given(
     st.dictionaries(
-        st.sampled_from(list(ROWS["opencellid"])), st.one_of(VALUES, st.integers(), st.none(), st.just([])), min_size=1
+        st.sampled_from(list(ROWS["opencellid"])),
+        st.one_of(VALUES, st.integers(), st.none(), st.just([])),
+        min_size=1,
     )
 )
 @settings(max_examples=12, deadline=None)
@@ -72,7 +87,13 @@ def test_values_of_json(changed):
         _import(source)
 
 
-ANY = st.one_of(st.none(), st.integers(-(2**63), 2**63 - 1), st.floats(), st.text(max_size=8), st.binary(max_size=8))
+ANY = st.one_of(
+    st.none(),
+    st.integers(-(2**63), 2**63 - 1),
+    st.floats(),
+    st.text(max_size=8),
+    st.binary(max_size=8),
+)
 
 
 @given(
@@ -84,7 +105,14 @@ ANY = st.one_of(st.none(), st.integers(-(2**63), 2**63 - 1), st.floats(), st.tex
 )
 @settings(max_examples=12, deadline=None)
 def test_values_of_kismet(columns, changed):
-    observation = {"rat": "LTE", "mcc": 262, "mnc": 1, "tac": 1, "cell_id": 2, "rsrp": -100} | changed
+    observation = {
+        "rat": "LTE",
+        "mcc": 262,
+        "mnc": 1,
+        "tac": 1,
+        "cell_id": 2,
+        "rsrp": -100,
+    } | changed
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "source"
         database = sqlite3.connect(source)

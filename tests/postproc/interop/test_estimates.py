@@ -65,19 +65,34 @@ def test_a_file_says_located_once(tmp_path, write, every):
     write(walk, found, tmp_path / "out")
     if write is geojson.write:
         features = json.loads((tmp_path / "out").read_text())["features"]
-        told = [f["properties"].get("verdict") for f in features if f["properties"]["kind"] in {"place", "ellipse95"}]
+        told = [
+            f["properties"].get("verdict")
+            for f in features
+            if f["properties"]["kind"] in {"place", "ellipse95"}
+        ]
     else:
-        told = [e.text for e in ET.parse(tmp_path / "out").iter() if e.text and e.tag.endswith(("desc", "description"))]
+        told = [
+            e.text
+            for e in ET.parse(tmp_path / "out").iter()
+            if e.text and e.tag.endswith(("desc", "description"))
+        ]
     assert sum("located" in (text or "") for text in told) == 1
 
 
 GARBAGE = [
     {"converged": False} | dict.fromkeys(("lat", "lon", "ellipse95")),
-    {"lat": None, "lon": None, "ellipse95": {"semi_major_m": 1.0, "semi_minor_m": 1.0, "azimuth_deg": 0.0}},
+    {
+        "lat": None,
+        "lon": None,
+        "ellipse95": {"semi_major_m": 1.0, "semi_minor_m": 1.0, "azimuth_deg": 0.0},
+    },
     {"ellipse95": {"semi_major_m": None, "semi_minor_m": None, "azimuth_deg": None}},
     {"ellipse95": {"semi_major_m": 49908042.0, "semi_minor_m": 35141876.0, "azimuth_deg": 3.0}},
     {"ellipse95": None},
-    {"bounded": False, "ellipse95": {"semi_major_m": 30000.0, "semi_minor_m": 20.0, "azimuth_deg": 3.0}},
+    {
+        "bounded": False,
+        "ellipse95": {"semi_major_m": 30000.0, "semi_minor_m": 20.0, "azimuth_deg": 3.0},
+    },
 ]
 
 

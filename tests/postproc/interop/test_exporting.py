@@ -23,18 +23,40 @@ def _main(capsys, *argv, code=0):
 
 @pytest.fixture
 def run(tmp_path):
-    """A walk of several technologies on a machine with secrets; cells without identity, levels without dBm."""
-    private = {"config_text": f"owner = {SECRETS[0]}", "boot_id": SECRETS[3], "versions": {"host": SECRETS[3]}}
+    """A walk of several technologies on a machine with secrets; cells without identity, levels
+    without dBm.
+    """
+    private = {
+        "config_text": f"owner = {SECRETS[0]}",
+        "boot_id": SECRETS[3],
+        "versions": {"host": SECRETS[3]},
+    }
     writer = RunWriter(tmp_path / "walk.journal", meta(started_ns=7 * 10**9, **private))
     for i in range(30):
         t_ns = (7 + i) * 10**9
-        fix = Fix(True, UTC0_NS + t_ns, 52.0 + i * 1e-5, 13.0 + i * 2e-5, 34.5, hdop=0.9, speed_mps=1.25)
+        fix = Fix(
+            True, UTC0_NS + t_ns, 52.0 + i * 1e-5, 13.0 + i * 2e-5, 34.5, hdop=0.9, speed_mps=1.25
+        )
         writer.append(Record(t_ns, "gnss", fix))
         cells = (
-            CellReading("serving", "GSM", "262", "01", 4711, 17, arfcn=62, bsic=10, rssi_dbm=-60.0 - i, ta=1),
+            CellReading(
+                "serving", "GSM", "262", "01", 4711, 17, arfcn=62, bsic=10, rssi_dbm=-60.0 - i, ta=1
+            ),
             CellReading("neighbour", "GSM", "262", "01", 4711, 18, rxlev_raw=20 + i),
-            CellReading("scan", "LTE", "310", "410", tac=9, cid=2**28 - 1, pci=5, rsrp_dbm=-99.0, rsrq_db=-11.5),
-            CellReading("scan", "WCDMA", "262", "03", 6, 70000, psc=9, rscp_dbm=-88.0, ecio_db=-8.0),
+            CellReading(
+                "scan",
+                "LTE",
+                "310",
+                "410",
+                tac=9,
+                cid=2**28 - 1,
+                pci=5,
+                rsrp_dbm=-99.0,
+                rsrq_db=-11.5,
+            ),
+            CellReading(
+                "scan", "WCDMA", "262", "03", 6, 70000, psc=9, rscp_dbm=-88.0, ecio_db=-8.0
+            ),
             CellReading("neighbour", "GSM", arfcn=63, rssi_dbm=-90.0),
         )
         writer.append(Record(t_ns + 300_000_123, SECRETS[2][-7:], Scan(t_ns + 100_000_000, cells)))
@@ -49,13 +71,20 @@ def _plain(walk):
 
 def test_levels_stand_between_the_fixes_and_keep_what_is_known(run):
     walk = walked(read_run(run))
-    assert (len(walk.heard), walk.n_without_identity, walk.n_without_place, walk.has_utc) == (120, 30, 0, True)
+    assert (len(walk.heard), walk.n_without_identity, walk.n_without_place, walk.has_utc) == (
+        120,
+        30,
+        0,
+        True,
+    )
     one = walk.heard[4]
     assert one.t_ns == 8 * 10**9 + 200_000_061
     assert one.lat_deg == pytest.approx(52.0 + 1.2e-5, abs=1e-8)
     assert one.fix.utc_ns == pytest.approx(UTC0_NS + one.t_ns, abs=1000)
     assert (one.fix.alt_m, one.fix.speed_mps, one.reading.ta) == (34.5, 1.25, 1)
-    assert [h.reading.cell for h in walked(read_run(run), ["262-01-4711-18"]).heard] == ["262-01-4711-18"] * 30
+    assert [h.reading.cell for h in walked(read_run(run), ["262-01-4711-18"]).heard] == [
+        "262-01-4711-18"
+    ] * 30
 
 
 def test_csv_comes_back_equal_and_is_then_the_same_file(tmp_path, run, capsys):
@@ -76,7 +105,8 @@ def test_other_formats_come_back_equal_in_what_they_hold(tmp_path, run, capsys, 
     def held(walk):
         unit_ns = 10**9 if name == "wigle" else 10**6
         return sorted(
-            (one.fix.utc_ns // unit_ns, one.reading.cell, one.reading.rat, one.rssi_dbm) for one in walk.heard
+            (one.fix.utc_ns // unit_ns, one.reading.cell, one.reading.rat, one.rssi_dbm)
+            for one in walk.heard
         )
 
     def places(walk):
@@ -114,7 +144,9 @@ def test_nothing_of_the_walker_is_exported(tmp_path, run, capsys, name):
 @pytest.mark.parametrize("name", ["wigle", "opencellid-csv", "opencellid-json"])
 def test_without_utc_a_format_that_needs_it_says_so(tmp_path, capsys, name):
     kit.write_run(tmp_path / "a.journal", seconds=20, cells=1, utc=False)
-    told = _main(capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a", "--format", name, code=2)
+    told = _main(
+        capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a", "--format", name, code=2
+    )
     assert "needs UTC" in told.err
     assert not (tmp_path / "a").exists()
     told = _main(capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a.csv", "--json")
@@ -151,7 +183,11 @@ def test_estimates_are_computed_or_taken_from_beside_the_run(tmp_path, capsys):
     told = _main(capsys, "export", run.path, "-o", tmp_path / "b.geojson", "--estimates")
     assert "estimates are those of" in told.err
     places = [
-        [f for f in json.loads((tmp_path / n).read_text())["features"] if f["properties"]["kind"] == "place"]
+        [
+            f
+            for f in json.loads((tmp_path / n).read_text())["features"]
+            if f["properties"]["kind"] == "place"
+        ]
         for n in ("a.geojson", "b.geojson")
     ]
     assert all(places)
@@ -162,4 +198,7 @@ def test_a_run_without_a_fix_has_nothing_to_export(tmp_path, capsys):
     writer = RunWriter(tmp_path / "a.journal", meta())
     writer.append(Record(0, "modem", Scan(0, (CellReading("serving", rssi_dbm=-70.0, label="x"),))))
     writer.close(0, "test")
-    assert "no position fix" in _main(capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a.kml", code=2).err
+    assert (
+        "no position fix"
+        in _main(capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a.kml", code=2).err
+    )

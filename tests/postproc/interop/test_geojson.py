@@ -9,7 +9,9 @@ from tests.postproc.interop import walks
 
 def _written(tmp_path, walk, found=()):
     geojson.write(walk, found, tmp_path / "w.geojson")
-    return json.loads((tmp_path / "w.geojson").read_text(encoding="utf-8"), parse_constant=pytest.fail)
+    return json.loads(
+        (tmp_path / "w.geojson").read_text(encoding="utf-8"), parse_constant=pytest.fail
+    )
 
 
 def _of_kind(collection, kind):
@@ -17,7 +19,9 @@ def _of_kind(collection, kind):
 
 
 def check_rfc7946(collection):
-    """Structure, order and range of coordinates, closed and valid rings wound to the right, none over 180 degrees."""
+    """Structure, order and range of coordinates, closed and valid rings wound to the right, none
+    over 180 degrees.
+    """
     assert (collection["type"], "crs" in collection) == ("FeatureCollection", False)
     for feature in collection["features"]:
         assert feature.keys() == {"type", "geometry", "properties"}
@@ -45,7 +49,11 @@ def test_the_checker_finds_what_is_wrong():
 
     right = [[0, 0], [1, 0], [1, 1], [0, 0]]
     check_rfc7946(area(right))
-    for wrong in (right[::-1], [[x + 179.5, y] for x, y in right], [[0, 0], [2, 2], [2, 0], [0, 2], [0, 0]]):
+    for wrong in (
+        right[::-1],
+        [[x + 179.5, y] for x, y in right],
+        [[0, 0], [2, 2], [2, 0], [0, 2], [0, 0]],
+    ):
         with pytest.raises(AssertionError):
             check_rfc7946(area(wrong))
 
@@ -64,7 +72,9 @@ def test_walk_levels_and_estimates(tmp_path):
     assert sum(map(len, track["geometry"]["coordinates"])) == 120
     assert len(_of_kind(collection, "region")) == 2
     assert [f["properties"]["probability"] for f in _of_kind(collection, "place")][:2] == [0.5, 0.5]
-    region95, region50 = (shapely.geometry.shape(f["geometry"]) for f in _of_kind(collection, "region"))
+    region95, region50 = (
+        shapely.geometry.shape(f["geometry"]) for f in _of_kind(collection, "region")
+    )
     assert region95.buffer(1e-6).contains(region50)
     place = shapely.geometry.shape(_of_kind(collection, "place")[0]["geometry"])
     assert region50.contains(place)
@@ -79,7 +89,9 @@ def test_all_estimators_come_with_ellipses_and_without_the_verdict(tmp_path):
     assert [f["properties"]["name"] for f in places if f["properties"]["verdict"]] == ["best place"]
     ellipse, place = _of_kind(collection, "ellipse95")[0], places[1]
     assert ellipse["properties"]["name"] == place["properties"]["name"] == "posterior, place 1"
-    assert shapely.geometry.shape(ellipse["geometry"]).contains(shapely.geometry.shape(place["geometry"]))
+    assert shapely.geometry.shape(ellipse["geometry"]).contains(
+        shapely.geometry.shape(place["geometry"])
+    )
 
 
 def test_without_utc_there_are_seconds_only(tmp_path):

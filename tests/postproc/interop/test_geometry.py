@@ -48,7 +48,10 @@ def test_any_region_becomes_valid_polygons_of_the_same_area(radii, middle, clock
     points = [(r * np.cos(a), r * np.sin(a)) for r, a in zip(radii, angles, strict=True)]
     ring = [((middle + x + 180.0) % 360.0 - 180.0, y) for x, y in points]
     found = polygons([[[*ring, ring[0]]]])
-    assert abs(sum(shapely.Polygon(r[0], r[1:]).area for r in found) - shapely.Polygon(points).area) < 1e-5
+    assert (
+        abs(sum(shapely.Polygon(r[0], r[1:]).area for r in found) - shapely.Polygon(points).area)
+        < 1e-5
+    )
     assert all(_is_right(rings) for rings in found)
 
 

@@ -53,6 +53,10 @@ def test_without_utc_there_is_no_time_and_it_is_said(tmp_path, schema):
 def test_the_schema_finds_what_is_wrong(tmp_path, schema):
     gpx.write(walks.over_the_date_line(tmp_path), (), tmp_path / "w.gpx")
     text = (tmp_path / "w.gpx").read_text()
-    for right, wrong in (('lon="-180.0000000"', 'lon="180.0"'), ("<hdop>1.00", "<hdop>1e0"), ('version="1.1"', "")):
+    for right, wrong in (
+        ('lon="-180.0000000"', 'lon="180.0"'),
+        ("<hdop>1.00", "<hdop>1e0"),
+        ('version="1.1"', ""),
+    ):
         assert right in text
         assert not schema.is_valid(text.replace(right, wrong))

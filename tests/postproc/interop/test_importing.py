@@ -13,6 +13,7 @@ from logger.core.runfile import read_run
 from logger.core.types import Fix, Note, Scan
 from postproc.cli import main
 from postproc.info import describe
+from postproc.interop import decompression
 from postproc.interop.formats import recognise
 from postproc.interop.importing import import_walk
 from postproc.view.clock import clock_of
@@ -41,9 +42,15 @@ def _write(tmp_path, text, name="source.txt"):
         (WIGLE, "WiGLE CSV"),
         (WIGLE.partition("\n")[2], "WiGLE CSV"),
         ("lat,lon,mcc,mnc,lac,cellid,signal,measured_at,act\n", "OpenCelliD measurements, CSV"),
-        ("\ufeffmcc,mnc,lac,cell_id,dbm,lat,lon,measured_at,net_type\n", "OpenCelliD measurements, CSV"),
+        (
+            "\ufeffmcc,mnc,lac,cell_id,dbm,lat,lon,measured_at,net_type\n",
+            "OpenCelliD measurements, CSV",
+        ),
         ('\n {"measurements": []}', "OpenCelliD measurements, JSON"),
-        ("# CSV Version=0.3.0\r\ndeviceTime,latitude,longitude,mcc,mnc,lac,ci,arfcn\r\n", "Network Survey CSV"),
+        (
+            "# CSV Version=0.3.0\r\ndeviceTime,latitude,longitude,mcc,mnc,lac,ci,arfcn\r\n",
+            "Network Survey CSV",
+        ),
     ],
 )
 def test_formats_are_told_by_their_content(tmp_path, text, name):
@@ -51,7 +58,11 @@ def test_formats_are_told_by_their_content(tmp_path, text, name):
 
 
 def test_tables_tell_the_kind_of_sqlite(tmp_path):
-    for name, table in (("a", "KISMET (db_version INT)"), ("b", "LTE_MESSAGE (id INT)"), ("c", "wifi (id INT)")):
+    for name, table in (
+        ("a", "KISMET (db_version INT)"),
+        ("b", "LTE_MESSAGE (id INT)"),
+        ("c", "wifi (id INT)"),
+    ):
         database = sqlite3.connect(tmp_path / name)
         database.execute(f"CREATE TABLE {table}")
         database.execute("CREATE TABLE data (json TEXT)")
@@ -83,7 +94,10 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
         (b"PAR1\x15\x04", "looks like a Parquet table"),
         (b'<?xml version="1.0"?>\n<gpx>', "looks like XML or HTML"),
         (b'[{"lat": 1}]', "looks like a JSON list"),
-        (b"name;street;town\nA;B;C\n", "looks like a table with the columns name, street, town. Known are: our CSV"),
+        (
+            b"name;street;town\nA;B;C\n",
+            "looks like a table with the columns name, street, town. Known are: our CSV",
+        ),
         (b"Dear diary,\n", "looks like a table with the columns dear diary"),
         (b"one word\n", "looks like text that begins with 'one word'. Known are: our CSV"),
         (b'{"a": 1}', "measurements"),
@@ -103,13 +117,20 @@ def test_an_import_is_in_time_order_and_counts_what_it_leaves_out(tmp_path, caps
     source = _write(tmp_path, WIGLE)
     assert main(["import", str(source), "-o", str(tmp_path / "run.h5"), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert (told["rows"], told["repeated_rows"], told["other_rows"], len(told["bad_rows"])) == (2, 1, 1, 1)
+    assert (told["rows"], told["repeated_rows"], told["other_rows"], len(told["bad_rows"])) == (
+        2,
+        1,
+        1,
+        1,
+    )
     run = read_run(tmp_path / "run.h5")
     values = [record.value for _, record in run.records("fixes", "scans")]
     assert [type(value) for value in values] == [Fix, Scan, Fix, Scan]
     assert [scan.readings[0].cell for scan in values[1::2]] == ["262-01-4711-18", "262-01-4711-17"]
     assert [scan.t_start_ns for scan in values[1::2]] == [0, 10**9]
-    codes = [record.value.code for _, record in run.records("notes") if isinstance(record.value, Note)]
+    codes = [
+        record.value.code for _, record in run.records("notes") if isinstance(record.value, Note)
+    ]
     assert codes == ["sorted", "no-cells", "repeated", "bad-row"]
 
 
@@ -132,7 +153,9 @@ def _survey(tmp_path):
         "CREATE TABLE GSM_MESSAGE (Time INT, MCC INT, MNC INT, LAC INT, CID INT, Latitude REAL, "
         "Longitude REAL, SignalStrength REAL)"
     )
-    database.execute("INSERT INTO GSM_MESSAGE VALUES (1500000000000, 262, 1, 4711, 17, 52, 13, -70)")
+    database.execute(
+        "INSERT INTO GSM_MESSAGE VALUES (1500000000000, 262, 1, 4711, 17, 52, 13, -70)"
+    )
     database.commit()
     database.close()
     return tmp_path / "s.gpkg"
@@ -142,14 +165,22 @@ def _survey(tmp_path):
 @pytest.mark.parametrize("form", ["csv", "wigle", "geopackage"])
 def test_a_compressed_file_is_what_is_in_it(tmp_path, form, kind):
     plain = {
-        "csv": lambda: _write(tmp_path, "t_s,lat,lon,rssi_dbm\n0,52,13,-70\n1,52,13,-71\n", "a.csv"),
+        "csv": lambda: _write(
+            tmp_path, "t_s,lat,lon,rssi_dbm\n0,52,13,-70\n1,52,13,-71\n", "a.csv"
+        ),
         "wigle": lambda: _write(tmp_path, WIGLE, "w.csv"),
         "geopackage": lambda: _survey(tmp_path),
     }[form]()
     first = import_walk(plain, tmp_path / "plain.h5")
     packed = import_walk(_packed(tmp_path, plain, kind), tmp_path / "packed.h5")
-    assert (packed.format, packed.n_rows, packed.bad_rows) == (first.format, first.n_rows, first.bad_rows)
-    one, other = (read_run(tmp_path / name).tables["readings"] for name in ("plain.h5", "packed.h5"))
+    assert (packed.format, packed.n_rows, packed.bad_rows) == (
+        first.format,
+        first.n_rows,
+        first.bad_rows,
+    )
+    one, other = (
+        read_run(tmp_path / name).tables["readings"] for name in ("plain.h5", "packed.h5")
+    )
     assert one.tobytes() == other.tobytes()
 
 
@@ -162,14 +193,13 @@ def test_errors_name_the_compressed_file_and_not_its_copy(tmp_path, capsys):
 
 
 def test_a_zip_of_two_files_and_one_that_would_fill_the_disk(tmp_path, capsys, monkeypatch):
-    from postproc.interop import unpacked
 
     with zipfile.ZipFile(tmp_path / "two.zip", "w") as archive:
         archive.writestr("a.csv", "x")
         archive.writestr("b.csv", "x")
     assert main(["import", str(tmp_path / "two.zip"), "-o", str(tmp_path / "run.h5")]) == 2
     assert "a zip of 2 files" in capsys.readouterr().err
-    monkeypatch.setattr(unpacked, "MOST_BYTES", 2**22)
+    monkeypatch.setattr(decompression, "MOST_BYTES", 2**22)
     (tmp_path / "bomb.gz").write_bytes(gzip.compress(b"0" * 2**23, mtime=0))
     assert main(["import", str(tmp_path / "bomb.gz"), "-o", str(tmp_path / "run.h5")]) == 2
     assert "unpacks to more than" in capsys.readouterr().err
@@ -179,7 +209,9 @@ def test_a_zip_of_two_files_and_one_that_would_fill_the_disk(tmp_path, capsys, m
 
 
 def _drive(n, *, counted=False, held=1, seed=0):
-    """A car at 12 m/s that is heard every four seconds; a new place every `held` rows, `counted` numbers the rows."""
+    """A car at 12 m/s that is heard every four seconds; a new place every `held` rows, `counted`
+    numbers the rows.
+    """
     rng = np.random.default_rng(seed)
     lines = ["t_s,lat,lon,rssi_dbm"]
     for i in range(n):
@@ -206,9 +238,12 @@ def _shuffled(lines):
 
 
 BAD_TIMES = {
-    "all at once": lambda: [line if i == 0 else f"7,{line.partition(',')[2]}" for i, line in enumerate(_drive(80))],
+    "all at once": lambda: [
+        line if i == 0 else f"7,{line.partition(',')[2]}" for i, line in enumerate(_drive(80))
+    ],
     "ten rows a second": lambda: [
-        line if i == 0 else f"{i / 10},{line.partition(',')[2]}" for i, line in enumerate(_drive(80))
+        line if i == 0 else f"{i / 10},{line.partition(',')[2]}"
+        for i, line in enumerate(_drive(80))
     ],
     "sorted by level": lambda: _shuffled(_drive(80)),
 }
@@ -228,7 +263,10 @@ def test_times_that_cannot_be_right_are_asked_about(tmp_path, capsys, name):
 @pytest.mark.parametrize("name", BAD_TIMES)
 def test_without_times_no_place_moves_and_each_keeps_its_sigma(tmp_path, capsys, name):
     source = _write(tmp_path, "\n".join(BAD_TIMES[name]()))
-    assert main(["import", str(source), "-o", str(tmp_path / "run.h5"), "--times", "none", "--json"]) == 0
+    assert (
+        main(["import", str(source), "-o", str(tmp_path / "run.h5"), "--times", "none", "--json"])
+        == 0
+    )
     assert json.loads(capsys.readouterr().out)["times"] is False
     run = read_run(tmp_path / "run.h5")
     observations, warnings = walk_of(run)
@@ -260,7 +298,9 @@ def test_an_import_of_an_earlier_version_is_not_moved_either(tmp_path, monkeypat
 
 @pytest.mark.parametrize("year", [1975, 2007, 2017, 2019, 2025, 2041])
 def test_a_walk_of_any_year_keeps_its_date(tmp_path, year):
-    """The week counter of GPS, which began anew in 2019, is a matter of receivers and not of files."""
+    """The week counter of GPS, which began anew in 2019, is a matter of receivers and not of
+    files.
+    """
     run = tmp_path / "run.h5"
     import_walk(_write(tmp_path, WIGLE.replace("2025-06-21", f"{year}-06-21")), run)
     assert describe(read_run(run)).started_utc == f"{year}-06-21T00:25:37Z"
@@ -272,14 +312,17 @@ def test_a_walk_of_any_year_keeps_its_date(tmp_path, year):
 
 
 @pytest.mark.parametrize(
-    ("rat", "column"), [("GSM", "rssi_dbm"), ("WCDMA", "rscp_dbm"), ("LTE", "rsrp_dbm"), ("NR", "rsrp_dbm")]
+    ("rat", "column"),
+    [("GSM", "rssi_dbm"), ("WCDMA", "rscp_dbm"), ("LTE", "rsrp_dbm"), ("NR", "rsrp_dbm")],
 )
 def test_the_strongest_level_of_any_technology(tmp_path, capsys, rat, column):
     text = "t_s,lat,lon,rssi_dbm,rscp_dbm,rsrp_dbm,rat,cell\n"
     cells = dict.fromkeys(("rssi_dbm", "rscp_dbm", "rsrp_dbm"), "")
     for i, level in enumerate((-93, -71, -88)):
         values = cells | {column: level}
-        text += f"{i},52,13,{values['rssi_dbm']},{values['rscp_dbm']},{values['rsrp_dbm']},{rat},x\n"
+        text += (
+            f"{i},52,13,{values['rssi_dbm']},{values['rscp_dbm']},{values['rsrp_dbm']},{rat},x\n"
+        )
     import_walk(_write(tmp_path, text), tmp_path / "run.h5")
     (cell,) = describe(read_run(tmp_path / "run.h5")).cells
     assert (cell.rat, cell.strongest_dbm) == (rat, -71.0)

@@ -6,7 +6,7 @@ import pytest
 from logger.core.errors import RunFileError
 from logger.core.types import CellReading, Fix
 from postproc.interop import kismet
-from postproc.interop.heard import BadRow, NoCell
+from postproc.interop.sighting import BadRow, NoCell
 
 LTE = {
     "rat": "LTE", "mcc": 262, "mnc": 1, "tac": 36103, "cell_id": 17357057, "pci": 236, "earfcn": 1300, "band": 3,
@@ -33,7 +33,14 @@ def _log(path, *rows, version=10, lat=52.5, lon=13.5):
 
 
 def test_cells_of_both_sources(tmp_path):
-    gsm = LTE | {"rat": "GSM", "tac": 4711, "cell_id": 17, "earfcn": 62, "rssi": -71, "is_serving": False}
+    gsm = LTE | {
+        "rat": "GSM",
+        "tac": 4711,
+        "cell_id": 17,
+        "earfcn": 62,
+        "rssi": -71,
+        "is_serving": False,
+    }
     neighbour = {"rat": "LTE", "pci": 5, "earfcn": 900, "rsrp": -110}
     log = _log(
         tmp_path / "a.kismet",
@@ -59,7 +66,9 @@ def test_cells_of_both_sources(tmp_path):
 
 
 def test_places_of_old_logs_are_integers(tmp_path):
-    (row,) = kismet.read(_log(tmp_path / "a.kismet", ("Cellular", LTE), version=4, lat=5250000, lon=-1350000))
+    (row,) = kismet.read(
+        _log(tmp_path / "a.kismet", ("Cellular", LTE), version=4, lat=5250000, lon=-1350000)
+    )
     assert (row.lat_deg, row.lon_deg) == pytest.approx((52.5, -13.5))
 
 

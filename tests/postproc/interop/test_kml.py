@@ -25,7 +25,11 @@ def _written(tmp_path, walk, found=()):
 
 
 def _folder(root, name):
-    return next(f for f in root.iter(f"{{{kml.NAMESPACE}}}Folder") if f.findtext("k:name", namespaces=KML) == name)
+    return next(
+        f
+        for f in root.iter(f"{{{kml.NAMESPACE}}}Folder")
+        if f.findtext("k:name", namespaces=KML) == name
+    )
 
 
 def _points(element):
@@ -42,7 +46,11 @@ def test_valid_with_levels_regions_ellipses_and_places(tmp_path, schema):
     assert names[:3] == ["95 % region", "50 % region", "possible place 1: ambiguous (50%)"]
     assert {"EKF", "95 % ellipse of RTS", "least squares"} < set(names)
     # every level stands in the file, at its place
-    heard = {(round(h.lon_deg, 7), round(h.lat_deg, 7)) for h in walk.heard if h.reading.cell == "262-01-4711-100"}
+    heard = {
+        (round(h.lon_deg, 7), round(h.lat_deg, 7))
+        for h in walk.heard
+        if h.reading.cell == "262-01-4711-100"
+    }
     assert heard <= set(_points(_folder(cell, "levels")))
     assert len(_points(_folder(root, "walk"))) == 120
 
@@ -80,7 +88,9 @@ def test_names_that_are_no_xml_are_written_all_the_same(tmp_path, schema):
     from dataclasses import replace
 
     walk = walks.over_the_date_line(tmp_path)
-    one = replace(walk.heard[0], reading=replace(walk.heard[0].reading, label="<b>&\x01\ud800 Café"))
+    one = replace(
+        walk.heard[0], reading=replace(walk.heard[0].reading, label="<b>&\x01\ud800 Café")
+    )
     kml.write(Walked((one,), walk.track, walk.utm, 0, True, 0, 0), (), tmp_path / "w.kml")
     schema.validate(tmp_path / "w.kml")
     assert _folder(ET.parse(tmp_path / "w.kml").getroot(), "<b>& Café") is not None
@@ -100,7 +110,12 @@ def test_the_schema_finds_what_is_wrong(tmp_path, schema):
 
 @pytest.mark.parametrize(
     ("dbm", "name"),
-    [(-20, "-60 dBm and above"), (-60, "-60 dBm and above"), (-60.5, "-70 dBm and above"), (-111, "below -110 dBm")],
+    [
+        (-20, "-60 dBm and above"),
+        (-60, "-60 dBm and above"),
+        (-60.5, "-70 dBm and above"),
+        (-111, "below -110 dBm"),
+    ],
 )
 def test_classes(dbm, name):
     assert kml.class_name(kml.level_class(dbm)) == name

@@ -7,7 +7,7 @@ import pytest
 from logger.core.errors import RunFileError
 from logger.core.types import CellReading, Fix
 from postproc.interop import opencellid
-from postproc.interop.heard import BadRow, Heard, NoCell
+from postproc.interop.sighting import BadRow, Heard, NoCell
 
 SAMPLES = Path(__file__).resolve().parents[4] / "shared" / "corpus" / "formats"
 COLUMNS = (
@@ -18,9 +18,20 @@ AT_MS = 1_598_796_852_123
 
 
 def _read(tmp_path, *rows, **changes):
-    plain = {"mcc": 262, "mnc": 1, "lac": 4711, "cellid": 17, "lat": 52, "lon": 13, "measured_at": AT_MS, "act": "GSM"}
+    plain = {
+        "mcc": 262,
+        "mnc": 1,
+        "lac": 4711,
+        "cellid": 17,
+        "lat": 52,
+        "lon": 13,
+        "measured_at": AT_MS,
+        "act": "GSM",
+    }
     with (tmp_path / "m.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(dict.fromkeys([*COLUMNS, *(n for row in rows for n in row)])))
+        writer = csv.DictWriter(
+            file, list(dict.fromkeys([*COLUMNS, *(n for row in rows for n in row)]))
+        )
         writer.writeheader()
         writer.writerows(plain | changes | row for row in rows)
     return list(opencellid.read_csv(tmp_path / "m.csv"))
@@ -39,7 +50,9 @@ def test_dbm_and_asu(tmp_path, act, signal, name, level_dbm):
     assert getattr(row.reading, name) == level_dbm == row.reading.level_dbm
 
 
-@pytest.mark.parametrize(("act", "signal"), [("GSM", 99), ("LTE", 255), ("UMTS", 20), ("GSM", ""), ("GSM", 2147483647)])
+@pytest.mark.parametrize(
+    ("act", "signal"), [("GSM", 99), ("LTE", 255), ("UMTS", 20), ("GSM", ""), ("GSM", 2147483647)]
+)
 def test_a_level_that_is_not_known(tmp_path, act, signal):
     (row,) = _read(tmp_path, {"act": act, "signal": signal})
     assert isinstance(row, BadRow)
@@ -50,11 +63,24 @@ def test_unknown_marks_and_codes(tmp_path):
     gsm, lte, unnamed = _read(
         tmp_path,
         {"signal": -70, "ta": 3, "pci": mark, "tac": mark, "psc": ""},
-        {"signal": -90, "act": "LTE", "lac": 9, "tac": mark, "pci": 269, "ta": 5, "mnc": "030", "mcc": 310},
+        {
+            "signal": -90,
+            "act": "LTE",
+            "lac": 9,
+            "tac": mark,
+            "pci": 269,
+            "ta": 5,
+            "mnc": "030",
+            "mcc": 310,
+        },
         {"signal": -90, "act": "LTE", "cellid": mark, "lac": mark, "tac": mark, "pci": 269},
     )
-    assert gsm.reading == CellReading("scan", "GSM", "262", "01", lac=4711, cid=17, rssi_dbm=-70.0, ta=3)
-    assert lte.reading == CellReading("scan", "LTE", "310", "030", tac=9, cid=17, pci=269, rsrp_dbm=-90.0)
+    assert gsm.reading == CellReading(
+        "scan", "GSM", "262", "01", lac=4711, cid=17, rssi_dbm=-70.0, ta=3
+    )
+    assert lte.reading == CellReading(
+        "scan", "LTE", "310", "030", tac=9, cid=17, pci=269, rsrp_dbm=-90.0
+    )
     assert unnamed.reading == CellReading("scan", "LTE", "262", "01", pci=269, rsrp_dbm=-90.0)
 
 
@@ -70,7 +96,11 @@ def test_times_and_order_of_columns(tmp_path):
     )
     (tmp_path / "m.csv").write_text(text)
     rows = list(opencellid.read_csv(tmp_path / "m.csv"))
-    assert [row.fix.utc_ns for row in rows[:3]] == [AT_MS * 10**6, AT_MS * 10**6, AT_MS // 1000 * 10**9]
+    assert [row.fix.utc_ns for row in rows[:3]] == [
+        AT_MS * 10**6,
+        AT_MS * 10**6,
+        AT_MS // 1000 * 10**9,
+    ]
     assert {(row.lat_deg, row.lon_deg) for row in rows[:3]} == {(52.0, 13.0)}
     assert [type(row) for row in rows[3:]] == [BadRow, BadRow, NoCell]
 
@@ -94,7 +124,15 @@ def test_tower_collectors_own_export(tmp_path):
 
 @pytest.mark.parametrize("form", ["csv", "json"])
 def test_written_measurements_are_read_by_a_plain_reader_and_by_ours(tmp_path, form):
-    fix = Fix(True, utc_ns=AT_MS * 10**6, lat_deg=-1.5, lon_deg=2.25, acc_m=3.5, speed_mps=1.5, course_deg=10.0)
+    fix = Fix(
+        True,
+        utc_ns=AT_MS * 10**6,
+        lat_deg=-1.5,
+        lon_deg=2.25,
+        acc_m=3.5,
+        speed_mps=1.5,
+        course_deg=10.0,
+    )
     cells = [
         CellReading("scan", "GSM", "262", "01", lac=1, cid=2, rssi_dbm=-73.0, ta=3),
         CellReading("scan", "LTE", "310", "410", tac=4, cid=5, pci=6, rsrp_dbm=-101.0),

@@ -14,11 +14,17 @@ from tests.kit.runs import UTC0_NS, meta
 HOME = (52.5, 13.4)
 UTM = Utm.at(*HOME)
 SECRETS = (b"490154203237518", b"alice", b"boot-1234", b"ttyUSB7", b"by-id/usb-SERIAL77")
-PRIVATE = {"config_text": "owner = alice", "boot_id": "boot-1234", "versions": {"kernel": "alice-pi"}}
+PRIVATE = {
+    "config_text": "owner = alice",
+    "boot_id": "boot-1234",
+    "versions": {"kernel": "alice-pi"},
+}
 
 
 def _walk(tmp_path, xy, name="walk", live=False):
-    """A walk that starts at home; a fix and a scan a second, notes, raw bytes, and the live estimate if wanted."""
+    """A walk that starts at home; a fix and a scan a second, notes, raw bytes, and the live
+    estimate if wanted.
+    """
     about = meta(started_ns=5 * 10**9, **PRIVATE)
     writer = RunWriter(tmp_path / f"{name}.journal", about)
     tracker = LiveTracker(about.live)
@@ -28,7 +34,9 @@ def _walk(tmp_path, xy, name="walk", live=False):
         t_ns = (5 + i) * 10**9
         lat, lon = UTM.to_latlon(x0 + x, y0 + y)
         level = -35.0 - 30.0 * np.log10(np.hypot(x - 450.0, y - 60.0))
-        reading = CellReading("serving", "GSM", "262", "01", 4711, 17, rssi_dbm=float(np.round(level)))
+        reading = CellReading(
+            "serving", "GSM", "262", "01", 4711, 17, rssi_dbm=float(np.round(level))
+        )
         writer.append(Record(t_ns, "ttyUSB7", RawBytes(b"+CGSN: 490154203237518\r\n")))
         fix = Record(t_ns, "ttyUSB7", Fix(True, UTC0_NS + t_ns, lat, lon, hdop=1.0))
         seq = writer.append(fix)
@@ -39,7 +47,9 @@ def _walk(tmp_path, xy, name="walk", live=False):
                 if isinstance(value, LiveEstimate):
                     writer.append(Record(record.t_ns, "live", value))
         if i % 20 == 0:
-            writer.append(Record(t_ns + 600, "logger", Note("info", "port", "/dev/serial/by-id/usb-SERIAL77")))
+            writer.append(
+                Record(t_ns + 600, "logger", Note("info", "port", "/dev/serial/by-id/usb-SERIAL77"))
+            )
     writer.close(t_ns, "test")
     convert_journal(tmp_path / f"{name}.journal", tmp_path / f"{name}.h5")
     return tmp_path / f"{name}.h5"
@@ -69,7 +79,12 @@ def test_nothing_near_the_ends_is_left_at_any_time(tmp_path, capsys):
     assert len(x_m) == told["n_fixes"] > 100
     assert len(run.tables["readings"]) == told["n_readings"]
     # what is left is what it was
-    assert np.all(np.isin(run.tables["fixes"]["lat_deg"], read_run(tmp_path / "walk.h5").tables["fixes"]["lat_deg"]))
+    assert np.all(
+        np.isin(
+            run.tables["fixes"]["lat_deg"],
+            read_run(tmp_path / "walk.h5").tables["fixes"]["lat_deg"],
+        )
+    )
 
 
 def test_no_level_is_left_of_a_time_when_the_walker_was_near(tmp_path, capsys):
@@ -108,12 +123,21 @@ def test_secrets_are_gone_and_it_is_told(tmp_path, capsys):
     text = " ".join(told["removed"])
     for what in ("raw bytes", "configuration", "notes", "boot", "fixes", "versions"):
         assert what in text
-    assert main(["share", str(walk), "-o", str(tmp_path / "copy.h5")]) == 0  # a copy may be made again
+    assert (
+        main(["share", str(walk), "-o", str(tmp_path / "copy.h5")]) == 0
+    )  # a copy may be made again
     assert "removed" in capsys.readouterr().out
 
 
 def test_the_copy_opens_with_every_command(tmp_path, capsys):
-    _share(capsys, _walk(tmp_path, OUT_AND_BACK[:-1:6], live=True), "-o", tmp_path / "copy.h5", "--blur-m", "100")
+    _share(
+        capsys,
+        _walk(tmp_path, OUT_AND_BACK[:-1:6], live=True),
+        "-o",
+        tmp_path / "copy.h5",
+        "--blur-m",
+        "100",
+    )
     copy = str(tmp_path / "copy.h5")
     assert len(read_run(copy).tables["live"])
     for argv in (

@@ -20,8 +20,21 @@ PLACE = {
 
 def _summary(**changes):
     none = {"lat": None, "lon": None, "converged": False}
-    cell = {"cell": "a", "verdict": "located", "n": 3, "modes": [PLACE], "best": PLACE, "warnings": []}
-    cell |= {"ekf": none, "rts": none, "batch": none, "region95": {"geojson": None}, "region50": {"geojson": None}}
+    cell = {
+        "cell": "a",
+        "verdict": "located",
+        "n": 3,
+        "modes": [PLACE],
+        "best": PLACE,
+        "warnings": [],
+    }
+    cell |= {
+        "ekf": none,
+        "rts": none,
+        "batch": none,
+        "region95": {"geojson": None},
+        "region50": {"geojson": None},
+    }
     return {"cells": [cell | changes]}
 
 

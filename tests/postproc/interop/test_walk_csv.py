@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from logger.core.types import CellReading, Fix
 from postproc.interop import walk_csv
-from postproc.interop.heard import BadRow, Heard
+from postproc.interop.sighting import BadRow, Heard
 
 WHOLE = st.one_of(st.none(), st.integers(0, 2**31 - 2))
 FLOAT = st.one_of(st.none(), st.floats(-150.0, 0.0))
@@ -30,7 +30,13 @@ FIXES = st.builds(
 )
 
 
-@given(st.lists(st.builds(Heard, st.just(0), st.integers(-(10**15), 10**15), FIXES, READINGS), min_size=1, max_size=4))
+@given(
+    st.lists(
+        st.builds(Heard, st.just(0), st.integers(-(10**15), 10**15), FIXES, READINGS),
+        min_size=1,
+        max_size=4,
+    )
+)
 @settings(max_examples=60, deadline=None)
 def test_what_is_written_is_read_back_equal(heard):
     with tempfile.TemporaryDirectory() as folder:
@@ -42,10 +48,18 @@ def test_what_is_written_is_read_back_equal(heard):
 
 def test_a_bad_value_of_a_cell_is_a_bad_row(tmp_path):
     header = "t_s,lat,lon,rssi_dbm,mcc,mnc,lac,cid\n"
-    rows = ["0,52,13,-70,262,01,1,2", "1,52,13,-70,262,01,1,x", "2,52,13,-70,26201,01,1,2", "3,52,13,-70,262,01,-1,2"]
+    rows = [
+        "0,52,13,-70,262,01,1,2",
+        "1,52,13,-70,262,01,1,x",
+        "2,52,13,-70,26201,01,1,2",
+        "3,52,13,-70,262,01,-1,2",
+    ]
     (tmp_path / "walk.csv").write_text(header + "\n".join(rows))
     good, bad = walk_csv.read_walk(tmp_path / "walk.csv")
-    assert [h.reading.cell for h in good] == ["262-01-1-2", "target"]  # -1 is unknown: the identity is not whole
+    assert [h.reading.cell for h in good] == [
+        "262-01-1-2",
+        "target",
+    ]  # -1 is unknown: the identity is not whole
     assert bad == [BadRow(3, "cid is no integer: 'x'"), BadRow(4, "mcc is too long: '26201'")]
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from logger.core.types import CellReading, Fix
 from postproc.interop import wigle
-from postproc.interop.heard import BadRow, Heard, NoCell
+from postproc.interop.sighting import BadRow, Heard, NoCell
 
 HEAD = {
     "1.4": "MAC,SSID,AuthMode,FirstSeen,Channel,RSSI,CurrentLatitude,CurrentLongitude,AltitudeMeters,"
@@ -34,7 +34,9 @@ def test_each_technology_gets_its_own_level_and_area(tmp_path):
     )
     at = int(datetime(2025, 6, 21, 0, 25, 37, tzinfo=UTC).timestamp()) * 10**9
     assert gsm.fix == Fix(True, utc_ns=at, lat_deg=52.0, lon_deg=13.0, alt_m=30.0, acc_m=5.0)
-    assert gsm.reading == CellReading("scan", "GSM", "262", "01", lac=4711, cid=17, arfcn=62, rssi_dbm=-73.0)
+    assert gsm.reading == CellReading(
+        "scan", "GSM", "262", "01", lac=4711, cid=17, arfcn=62, rssi_dbm=-73.0
+    )
     # Type says GSM, AuthMode what it is
     assert lte.reading == CellReading(
         "scan", "LTE", "310", "410", tac=19467, cid=182103574, arfcn=66986, rsrp_dbm=-108.0
@@ -45,7 +47,9 @@ def test_each_technology_gets_its_own_level_and_area(tmp_path):
 
 @pytest.mark.parametrize("pre", [True, False])
 def test_older_columns_and_a_missing_first_line(tmp_path, pre):
-    (row,) = _file(tmp_path, "1.4", "26201_1_2,,GSM;de,2025-06-21 00:25:37,62,-73,52,13,30,0,GSM", pre=pre)
+    (row,) = _file(
+        tmp_path, "1.4", "26201_1_2,,GSM;de,2025-06-21 00:25:37,62,-73,52,13,30,0,GSM", pre=pre
+    )
     assert (row.line, row.reading.cell, row.fix.acc_m) == (3 if pre else 2, "262-01-1-2", None)
 
 
@@ -63,7 +67,9 @@ def test_what_is_no_cell_and_what_is_no_level(tmp_path):
     )
     assert [type(row) for row in rows] == [NoCell] * 3 + [BadRow] * 4
     whys = [row.why for row in rows[3:]]
-    assert [key in why for key, why in zip(("-113", "FirstSeen", "no fix", "MAC"), whys, strict=True)] == [True] * 4
+    assert [
+        key in why for key, why in zip(("-113", "FirstSeen", "no fix", "MAC"), whys, strict=True)
+    ] == [True] * 4
 
 
 def test_written_sightings_are_read_by_a_plain_reader_and_by_ours(tmp_path):

@@ -13,7 +13,11 @@ def around_a_square(tmp_path, *, verdict="ambiguous", every=False, **changes):
     """Walk of two cells, and estimates of one."""
     run = kit.write_run(tmp_path / "walk.journal", **{"seconds": 120, "cells": 2} | changes)
     walk = walked(run)
-    return run, walk, estimates(summary(kit.smoothed(run, verdict=verdict, places=2)), walk.utm, every=every)
+    return (
+        run,
+        walk,
+        estimates(summary(kit.smoothed(run, verdict=verdict, places=2)), walk.utm, every=every),
+    )
 
 
 def over_the_date_line(tmp_path):

@@ -22,21 +22,30 @@ def test_focus_is_located_first_then_heard_most(result):
 
 def test_headline_is_honest(result):
     cell = result.cells[0]
-    assert headline(replace(cell, verdict="located")).startswith("located: 95 % of the probability lie within 29 m")
-    assert headline(replace(cell, verdict="cannot tell", warnings=("too few",))) == "cannot tell: too few"
+    assert headline(replace(cell, verdict="located")).startswith(
+        "located: 95 % of the probability lie within 29 m"
+    )
+    assert (
+        headline(replace(cell, verdict="cannot tell", warnings=("too few",)))
+        == "cannot tell: too few"
+    )
 
 
 def test_region_out_of_all_proportion_leaves_the_walk_in_sight(result):
     cell = result.cells[0]
     cells = cell.posterior.cells
     x, y = cells.x_m.mean(), cells.y_m.mean()
-    far = replace(cells, x_m=x + 50 * (cells.x_m - x), y_m=y + 50 * (cells.y_m - y), size_m=cells.size_m * 50)
+    far = replace(
+        cells, x_m=x + 50 * (cells.x_m - x), y_m=y + 50 * (cells.y_m - y), size_m=cells.size_m * 50
+    )
     huge = replace(result, cells=(replace(cell, posterior=replace(cell.posterior, cells=far)),))
     box = picture_of(huge).box
     assert box.holds(0.0, 0.0)
     assert box.size < 400.0
 
 
-@pytest.mark.parametrize(("span", "most", "step"), [(950, 12, 100), (120, 12, 10), (0, 5, 1), (2401, 12, 500)])
+@pytest.mark.parametrize(
+    ("span", "most", "step"), [(950, 12, 100), (120, 12, 10), (0, 5, 1), (2401, 12, 500)]
+)
 def test_steps_are_round(span, most, step):
     assert nice_step(span, most) == step

@@ -8,7 +8,7 @@ from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.pictures import colours
 from postproc.pictures.plots import draw_run, figure_of
-from postproc.smooth import smooth_run
+from postproc.smoothing import smooth_run
 from tests.kit import smoothed as kit
 from tests.kit.runs import meta
 
@@ -22,7 +22,9 @@ def result(tmp_path_factory):
 def shown(figure):
     """Every text of a figure."""
     figure.draw_without_rendering()
-    return "\n".join(text.get_text() for text in figure.findobj(match=lambda a: hasattr(a, "get_text")))
+    return "\n".join(
+        text.get_text() for text in figure.findobj(match=lambda a: hasattr(a, "get_text"))
+    )
 
 
 def with_verdict(result, verdict, *warnings):
@@ -31,7 +33,8 @@ def with_verdict(result, verdict, *warnings):
 
 
 @pytest.mark.parametrize(
-    ("suffix", "magic"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF"), ("PNG", b"\x89PNG")]
+    ("suffix", "magic"),
+    [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF"), ("PNG", b"\x89PNG")],
 )
 def test_format_by_suffix(result, tmp_path, suffix, magic):
     draw_run(result, tmp_path / f"walk.{suffix}")
@@ -41,7 +44,14 @@ def test_format_by_suffix(result, tmp_path, suffix, magic):
 
 def test_every_estimator_is_named(result):
     text = shown(figure_of(result))
-    for part in ("95 % region", "50 % region", "EKF", "least squares", "reference EKF (wrong)", "truth (simulated)"):
+    for part in (
+        "95 % region",
+        "50 % region",
+        "EKF",
+        "least squares",
+        "reference EKF (wrong)",
+        "truth (simulated)",
+    ):
         assert part in text
     assert "SIMULATED" in text
     assert "located: 95 % of the probability lie within 29 m" in text

@@ -8,7 +8,9 @@ CLOCK = Clock(10**9, None)
 
 
 def levels(name, seconds, level_dbm):
-    return Levels(name, 10**9 + (np.array(seconds) * 1e9).astype(np.int64), np.array(level_dbm, float))
+    return Levels(
+        name, 10**9 + (np.array(seconds) * 1e9).astype(np.int64), np.array(level_dbm, float)
+    )
 
 
 def test_levels_stand_where_they_were_heard():

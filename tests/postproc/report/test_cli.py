@@ -25,7 +25,9 @@ def test_page_beside_the_run_and_pictures_where_wanted(run, tmp_path, capsys):
     assert capsys.readouterr().out.startswith(f"{run.with_suffix('.html')}: 1 cell told, ")
     page = Page(run.with_suffix(".html").read_text("utf-8"))
     names = {path.name for path in tmp_path.iterdir()}
-    assert {f"cell-1-{one}.{kind}" for one in ("plan", "distance", "levels") for kind in ("png", "svg")} <= names
+    assert {
+        f"cell-1-{one}.{kind}" for one in ("plan", "distance", "levels") for kind in ("png", "svg")
+    } <= names
     assert len(names) == 2 * len(page.all("svg"))
     assert (tmp_path / "cell-1-plan.png").read_bytes().startswith(b"\x89PNG")
     run.with_suffix(".html").unlink()
@@ -48,7 +50,9 @@ def test_mistakes_are_one_line(run, tmp_path, capsys):
     assert "no such folder" in fails(capsys, "report", run, "--pictures", tmp_path / "absent")
     assert "is a run" in fails(capsys, "report", run, "-o", run)
     assert "was not heard" in fails(capsys, "report", run, "--cell", "x")
-    assert "is no claim" in fails(capsys, "report", run, "--claim", "here", "-o", tmp_path / "x.html")
+    assert "is no claim" in fails(
+        capsys, "report", run, "--claim", "here", "-o", tmp_path / "x.html"
+    )
     assert "environment" in fails(capsys, "report", run, "--environment", "sea")
     assert list(tmp_path.iterdir()) == []
     assert run.exists()

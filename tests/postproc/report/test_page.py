@@ -7,12 +7,12 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
-from postproc.report.writing import most_told, report, report_together
+from postproc.multi_run import RunShare, Together, TogetherCell
+from postproc.report.rendering import most_told, report, report_together
 from postproc.results import summary
-from postproc.smooth import smooth_run
-from postproc.together import RunShare, Together, TogetherCell
-from postproc.verify.claims import Claim
-from postproc.verify.run import CellVerdict, Verified
+from postproc.smoothing import smooth_run
+from postproc.verification.claims import Claim
+from postproc.verification.run_claims import CellVerdict, Verified
 from tests.kit import smoothed as kit
 from tests.kit.pages import Page
 from tests.kit.runs import write_journal
@@ -41,7 +41,17 @@ def references(page):
     """Everything on a page that points anywhere."""
     for element in page.elements:
         for name, value in element.attributes.items():
-            if name in {"href", "xlink:href", "src", "srcset", "data", "action", "poster", "background", "cite"}:
+            if name in {
+                "href",
+                "xlink:href",
+                "src",
+                "srcset",
+                "data",
+                "action",
+                "poster",
+                "background",
+                "cite",
+            }:
                 yield value
             yield from re.findall(r"url\(([^)]*)\)", value)
     for style in page.all("style"):
@@ -70,7 +80,9 @@ def test_identifiers_are_unique_and_what_refers_to_them_finds_them(page):
 
 def test_every_picture_says_what_is_seen(page):
     pictures = page.all("svg", "img")
-    assert len(pictures) == 5 + 2 + 2 + 1  # all of the first cell, plan and levels of the others, the overview
+    assert (
+        len(pictures) == 5 + 2 + 2 + 1
+    )  # all of the first cell, plan and levels of the others, the overview
     told = []
     for picture in pictures:
         assert picture.get("role") == "img"
@@ -82,7 +94,10 @@ def test_every_picture_says_what_is_seen(page):
 
 def test_words_of_the_pictures_are_those_of_the_data(page, result):
     first = result.cells[0]
-    seen = {one: page.by_id(f"cell-1-{one}-seen").text for one in ("plan", "levels", "distance", "path-loss")}
+    seen = {
+        one: page.by_id(f"cell-1-{one}-seen").text
+        for one in ("plan", "levels", "distance", "path-loss")
+    }
     low, high = np.min(first.obs.level_dbm), np.max(first.obs.level_dbm)
     assert f"from {low:.0f} to {high:.0f} dBm" in seen["plan"]
     assert "The likeliest place lies 79 m east of the start" in seen["plan"]
@@ -96,7 +111,9 @@ def test_words_of_the_pictures_are_those_of_the_data(page, result):
 
 def test_structure_can_be_walked_by_ear(page):
     assert page.all("html")[0].get("lang") == "en"
-    assert all(len(page.all(tag)) == 1 for tag in ("header", "nav", "main", "footer", "h1", "title"))
+    assert all(
+        len(page.all(tag)) == 1 for tag in ("header", "nav", "main", "footer", "h1", "title")
+    )
     levels = [LEVELS.index(one.tag) for one in page.all(*LEVELS)]
     assert levels[0] == 0
     assert all(b - a <= 1 for a, b in pairwise(levels))
@@ -122,8 +139,15 @@ def test_values_are_those_of_the_summary(page, result):
     values = [one for one in page.elements if one.tag == "data"]
     shown = {float(one.get("value")) for one in values}
     for cell in summary(result)["cells"]:
-        wanted = [cell["best"][name] for name in ("lat", "lon", "r95_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")]
-        others = [cell[one] for one in ("ekf", "rts", "batch", "reference_ekf") if cell[one]["lat"] is not None]
+        wanted = [
+            cell["best"][name]
+            for name in ("lat", "lon", "r95_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
+        ]
+        others = [
+            cell[one]
+            for one in ("ekf", "rts", "batch", "reference_ekf")
+            if cell[one]["lat"] is not None
+        ]
         wanted += [one[name] for one in others for name in ("lat", "lon", "n")]
         assert {value for value in wanted if value is not None} <= shown
     assert all(abs(float(one.get("value")) - float(one.text)) < 1.0 for one in values)
@@ -141,7 +165,9 @@ def test_claims_stand_with_their_verdicts(page):
 @pytest.mark.parametrize("place", [(0.0, 103.4), (-52.5, -166.6), (83.9, 13.4)])
 def test_a_claim_at_the_other_end_of_the_world(result, place):
     cell = result.cells[0]
-    claim = CellVerdict(cell.cell, cell.n, Claim(cell.cell, *place, 5000.0, "x"), "rejected", ("because",))
+    claim = CellVerdict(
+        cell.cell, cell.n, Claim(cell.cell, *place, 5000.0, "x"), "rejected", ("because",)
+    )
     page = Page(report(result, Verified(0.05, (claim,), (), ()), most=1).html)
     assert "beyond)" in "".join(one.text for one in page.all("text"))
 
@@ -187,7 +213,10 @@ def test_words_can_be_read_in_light_in_darkness_and_on_paper(page):
     for colours in found:
         assert colours.keys() == found[0].keys()
         for ink in ("ink", "muted", "link"):
-            assert min(contrast(colours[ink], colours[ground]) for ground in ("paper", "ground")) >= 4.5, ink
+            assert (
+                min(contrast(colours[ink], colours[ground]) for ground in ("paper", "ground"))
+                >= 4.5
+            ), ink
         for badge in ("good", "doubt", "none", "bad"):
             assert contrast(colours[badge], colours[f"{badge}-bg"]) >= 4.5, badge
 
@@ -198,21 +227,36 @@ def write(path, records, **changes):
 
 
 def heard(t_ns, name):
-    return Record(t_ns, "modem", Scan(t_ns, (CellReading("scan", label=name, rssi_dbm=-60.0),), None))
+    return Record(
+        t_ns, "modem", Scan(t_ns, (CellReading("scan", label=name, rssi_dbm=-60.0),), None)
+    )
 
 
 def test_foreign_text_stays_text(tmp_path):
     """Names of cells, files and sources, notes and the configuration come from outside."""
     records = [Record(0, "gnss", Fix(True, None, 52.0, 13.0))]
     records += [heard(i * 10**9, HOSTILE) for i in range(3)]
-    records += [Record(3 * 10**9, "logger", Note("error", HOSTILE, f"{HOSTILE}\a\N{RIGHT-TO-LEFT OVERRIDE}"))]
+    records += [
+        Record(
+            3 * 10**9, "logger", Note("error", HOSTILE, f"{HOSTILE}\a\N{RIGHT-TO-LEFT OVERRIDE}")
+        )
+    ]
     path = tmp_path / "a<b onclick=x>&.journal"
-    run = write(path, records, config_text=HOSTILE, program=HOSTILE, origin=HOSTILE, versions={HOSTILE: HOSTILE})
+    run = write(
+        path,
+        records,
+        config_text=HOSTILE,
+        program=HOSTILE,
+        origin=HOSTILE,
+        versions={HOSTILE: HOSTILE},
+    )
     html = report(smooth_run(run)).html
     page = Page(html)
     assert page.all("script", "b") == []
     assert html.count("</style>") == 1
-    assert not [one for one in page.elements if any(name.startswith("on") for name in one.attributes)]
+    assert not [
+        one for one in page.elements if any(name.startswith("on") for name in one.attributes)
+    ]
     assert page.all("pre")[0].text == " ".join(HOSTILE.split())
     assert " ".join(HOSTILE.split()) in page.text
     assert "a<b onclick=x>&.journal" in page.text
@@ -228,10 +272,21 @@ def test_foreign_text_stays_text(tmp_path):
         [heard(0, "a"), heard(10**9, "b")],
         [Record(0, "gnss", Fix(True, None, 52.0, 13.0))],
         [Record(0, "gnss", Fix(True, None, 52.0, 13.0)), heard(10, "a")],
-        [Record(0, "gnss", Fix(True, None, 52.0, 13.0)), *(heard(i * 10**8, "a") for i in range(9))],
+        [
+            Record(0, "gnss", Fix(True, None, 52.0, 13.0)),
+            *(heard(i * 10**8, "a") for i in range(9)),
+        ],
         [Record(0, "gnss", Fix(False)), heard(10, "漢")],
     ],
-    ids=["nothing", "a note", "no fix", "only a fix", "one reading", "standing still", "invalid fix"],
+    ids=[
+        "nothing",
+        "a note",
+        "no fix",
+        "only a fix",
+        "one reading",
+        "standing still",
+        "invalid fix",
+    ],
 )
 def test_runs_with_next_to_nothing(records, tmp_path):
     page = Page(report(smooth_run(write(tmp_path / "x.journal", records))).html)
@@ -240,7 +295,9 @@ def test_runs_with_next_to_nothing(records, tmp_path):
 
 
 def test_what_to_walk_next_if_ambiguous(tmp_path):
-    """A straight walk past a transmitter on one side: both sides fit, and the page says where to go."""
+    """A straight walk past a transmitter on one side: both sides fit, and the page says where to
+    go.
+    """
     rng = np.random.default_rng(1)
     x0, y0 = kit.UTM.to_xy(kit.LAT, kit.LON)
     records = []
@@ -286,7 +343,11 @@ def test_many_cells_stand_in_the_table_and_few_are_told(tmp_path):
     made = report(kit.smoothed(kit.write_run(tmp_path / "x.journal", seconds=20, cells=40)), most=2)
     page = Page(made.html)
     assert len(made.cells) == len(page.all("article")) == 2
-    rows = [one for one in page.all("th") if one.get("scope") == "row" and one.text.startswith("262-01-4711-")]
+    rows = [
+        one
+        for one in page.all("th")
+        if one.get("scope") == "row" and one.text.startswith("262-01-4711-")
+    ]
     assert len(rows) == 40
     assert "Pictures are of the 2 cells with most to tell" in page.text
 
@@ -302,7 +363,10 @@ def test_an_hour_stays_small(tmp_path):
 
 def test_the_overview_is_a_picture_of_its_own(made, result, tmp_path):
     alone = replace(made, pictures=())
-    assert [path.name for path in alone.write_pictures(tmp_path)] == ["overview.png", "overview.svg"]
+    assert [path.name for path in alone.write_pictures(tmp_path)] == [
+        "overview.png",
+        "overview.svg",
+    ]
     assert (tmp_path / "overview.png").read_bytes().startswith(b"\x89PNG")
     assert report(replace(result, cells=result.cells[:1]), most=0).overview is None
 
@@ -313,7 +377,13 @@ def test_several_runs_on_one_page(result, tmp_path):
     short = replace(cell, posterior=None)
     shares = (RunShare(0, 60, 0.0, 0.0), RunShare(1, 60, 2.5, 1.0))
     merged = TogetherCell(cell, np.zeros(60, np.int64), shares, {0: short, 1: cell})
-    together = Together((result.run, other), {0: result.observations}, (merged,), ("told of both",), ((), ("of two",)))
+    together = Together(
+        (result.run, other),
+        {0: result.observations},
+        (merged,),
+        ("told of both",),
+        ((), ("of two",)),
+    )
     page = Page(report_together(together).html)
     assert len(page.all("svg")) == 2  # plan and distance: clocks differ
     assert "second.journal" in page.text

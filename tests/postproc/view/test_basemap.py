@@ -18,7 +18,9 @@ from tests.kit.stories import story
 UTM = CRS.from_epsg(32633)
 RED, GREEN, BLUE, YELLOW = (200, 40, 40), (40, 200, 40), (40, 40, 200), (200, 200, 40)
 QUARTERS = {(0, 0): RED, (0, 1): GREEN, (1, 0): BLUE, (1, 1): YELLOW}
-"""By south and east of the middle: red in the north-west, green north-east, blue south-west, yellow south-east."""
+"""By south and east of the middle: red in the north-west, green north-east, blue south-west, yellow
+south-east.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +50,9 @@ def check(basemap):
     rows, columns = basemap.pixels.shape[:2]
     for (south, east), colour in QUARTERS.items():
         at = basemap.pixels[int((0.4 + 0.2 * south) * rows), int((0.4 + 0.2 * east) * columns)]
-        np.testing.assert_allclose(at, [*colour, 255], atol=12, err_msg=f"south {south} east {east}")
+        np.testing.assert_allclose(
+            at, [*colour, 255], atol=12, err_msg=f"south {south} east {east}"
+        )
 
 
 def picture(folder, told, crs, unit, *, name="ground.png", world="ground.pgw", span_m=500.0):
@@ -57,7 +61,9 @@ def picture(folder, told, crs, unit, *, name="ground.png", world="ground.pgw", s
     image.save(folder / name)
     side = span_m * unit / image.width
     first = x - 0.5 * (image.width - 1) * side, y + 0.5 * (image.height - 1) * side
-    (folder / world).write_text("\n".join(f"{v!r}" for v in (side, 0.0, 0.0, -side, *map(float, first))))
+    (folder / world).write_text(
+        "\n".join(f"{v!r}" for v in (side, 0.0, 0.0, -side, *map(float, first)))
+    )
     return folder / name
 
 
@@ -98,7 +104,9 @@ def test_a_prj_file_tells_the_reference_system(told, tmp_path):
 
 
 def mosaic(told, columns=4):
-    """Tiles of Web Mercator whose colours are the quarters around the middle of the plan, by (zoom, column, row)."""
+    """Tiles of Web Mercator whose colours are the quarters around the middle of the plan, by (zoom,
+    column, row).
+    """
     crs = CRS.from_epsg(3857)
     world = 2 * np.pi * 6378137.0
     x, y = middle(told, crs)
@@ -124,7 +132,9 @@ def blob(pixels):
 def mbtiles(path, tiles, *, scheme=None):
     with sqlite3.connect(path) as database:
         database.execute("CREATE TABLE metadata (name text, value text)")
-        database.execute("CREATE TABLE tiles (zoom_level int, tile_column int, tile_row int, tile_data blob)")
+        database.execute(
+            "CREATE TABLE tiles (zoom_level int, tile_column int, tile_row int, tile_data blob)"
+        )
         if scheme:
             database.execute("INSERT INTO metadata VALUES ('scheme', ?)", (scheme,))
         rows = [
@@ -186,7 +196,9 @@ def test_a_fine_picture_is_made_coarser(told, tmp_path):
     side_m = told.box.size * 1.4 / 3000
     Image.effect_noise((3000, 3000), 50.0).save(tmp_path / "x.png")
     x, y = middle(told, UTM)
-    (tmp_path / "x.pgw").write_text(f"{side_m} 0 0 {-side_m} {x - 1500 * side_m} {y + 1500 * side_m}")
+    (tmp_path / "x.pgw").write_text(
+        f"{side_m} 0 0 {-side_m} {x - 1500 * side_m} {y + 1500 * side_m}"
+    )
     found = read_basemap(tmp_path / "x.png", told)
     assert max(found.pixels.shape) <= MOST_PIXELS
     assert np.all(found.pixels[..., 3] == 255)

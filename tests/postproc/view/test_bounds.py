@@ -6,8 +6,8 @@ import pytest
 
 from benchmarks.view import WALKS, walk
 from logger.core.observations import observe
-from postproc.estimators.filtered import MOST_ROWS, Filtered
-from postproc.smooth import CellResult, Smoothed
+from postproc.estimators.filters import MOST_ROWS, Filtered
+from postproc.smoothing import CellResult, Smoothed
 from postproc.view.plan import MOST_POINTS, MOST_STRIPS, level_strips, strips_of
 from postproc.view.scene import write_scene
 from postproc.view.series import MOST_DOTS
@@ -17,14 +17,24 @@ from tests.kit.stories import story
 
 
 def told(run):
-    """Every cell with its readings, the first with a posterior and as many states of a filter as are ever kept."""
+    """Every cell with its readings, the first with a posterior and as many states of a filter as
+    are ever kept.
+    """
     observations = observe(*(run.tables[name] for name in ("fixes", "scans", "readings")))
     first, *others = observations.cells
     at = np.linspace(0, len(first) - 1, min(len(first), MOST_ROWS)).astype(int)
-    x = np.column_stack([first.x_m[at], first.y_m[at], np.full(len(at), -30.0), np.full(len(at), 3.0)])
-    filtered = Filtered(first.t_ns[at], x, np.tile(np.eye(4), (len(at), 1, 1)), np.ones(len(at)), np.ones(len(at)))
+    x = np.column_stack(
+        [first.x_m[at], first.y_m[at], np.full(len(at), -30.0), np.full(len(at), 3.0)]
+    )
+    filtered = Filtered(
+        first.t_ns[at], x, np.tile(np.eye(4), (len(at), 1, 1)), np.ones(len(at)), np.ones(len(at))
+    )
     posterior = kit.posterior(first)
-    cells = [CellResult(first.cell, len(first), first, "located", (), posterior, filtered, filtered, filtered)]
+    cells = [
+        CellResult(
+            first.cell, len(first), first, "located", (), posterior, filtered, filtered, filtered
+        )
+    ]
     cells += [CellResult(obs.cell, len(obs), obs, "cannot tell", ()) for obs in others]
     return story(Smoothed(run, observations, tuple(cells), ()))
 
@@ -44,8 +54,13 @@ def check_bounds(path):
         batches = [chunk.to_record_batch() for chunk in parts]
         for batch in batches:
             for name in batch.schema.names:
-                longest = {":strips": MOST_STRIPS, ":positions": MOST_POINTS}.get(name[name.rfind(":") :])
-                assert longest is None or pc.max(pc.list_value_length(batch.column(name))).as_py() <= longest, name
+                longest = {":strips": MOST_STRIPS, ":positions": MOST_POINTS}.get(
+                    name[name.rfind(":") :]
+                )
+                assert (
+                    longest is None
+                    or pc.max(pc.list_value_length(batch.column(name))).as_py() <= longest
+                ), name
         if any(name.startswith("SeriesPoints") for batch in batches for name in batch.schema.names):
             scattered += sum(chunk.num_rows for chunk in parts if not chunk.is_static)
     assert 0 < scattered <= MOST_DOTS
@@ -71,5 +86,7 @@ def test_silence_is_a_gap():
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_next_to_nothing_has_no_stretch(count):
-    strips, level_dbm = level_strips(np.zeros(count, np.int64), np.zeros((count, 2)), np.zeros(count))
+    strips, level_dbm = level_strips(
+        np.zeros(count, np.int64), np.zeros((count, 2)), np.zeros(count)
+    )
     assert (strips, len(level_dbm)) == ([], 0)

@@ -28,7 +28,7 @@ def run(tmp_path_factory):
 def quick(monkeypatch):
     """Starting another process takes longer than these walks, and few steps show as much."""
     monkeypatch.setattr("os.cpu_count", lambda: 1)
-    monkeypatch.setattr("postproc.view.unfolding.MOST_STEPS", 3)
+    monkeypatch.setattr("postproc.view.timeline.MOST_STEPS", 3)
 
 
 @pytest.fixture
@@ -44,7 +44,10 @@ def fails(capsys):
 def test_a_run_is_saved_with_the_cell_that_has_most_to_tell(run, tmp_path, capsys):
     saved = tmp_path / "x.rrd"
     assert main(["view", str(run), "--save", str(saved), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"path": str(saved), "bytes": saved.stat().st_size}
+    assert json.loads(capsys.readouterr().out) == {
+        "path": str(saved),
+        "bytes": saved.stat().st_size,
+    }
     found = chunks(saved)
     assert f"/plan/cells/{SHOWN}/posterior/region95" in found
     assert not any(entity.startswith(f"/plan/cells/{OTHER}") for entity in found)
@@ -107,7 +110,10 @@ def test_claims_about_other_cells_are_not_passed_over(run, fails, tmp_path):
 def test_claims_of_a_file_are_drawn(run, tmp_path):
     (tmp_path / "claims.csv").write_text(f"cell,lat,lon,sigma_m\n{SHOWN},52.5,13.4,25\n")
     saved = tmp_path / "x.rrd"
-    assert main(["view", str(run), "--claims", str(tmp_path / "claims.csv"), "--save", str(saved)]) == 0
+    assert (
+        main(["view", str(run), "--claims", str(tmp_path / "claims.csv"), "--save", str(saved)])
+        == 0
+    )
     assert f"/plan/cells/{SHOWN}/claims/1/two_sigma" in chunks(saved)
 
 

@@ -38,7 +38,9 @@ def test_runs_follow_each_other_in_the_order_they_were_walked(runs):
     last_ns = first.tables["readings"]["t_ns"][-1]
     assert second.meta.started_ns == last_ns + PAUSE_NS
     np.testing.assert_array_equal(np.diff(second.tables["fixes"]["t_ns"]), S)
-    np.testing.assert_array_equal(first.tables["readings"]["t_start_ns"], first.tables["scans"]["t_start_ns"])
+    np.testing.assert_array_equal(
+        first.tables["readings"]["t_start_ns"], first.tables["scans"]["t_start_ns"]
+    )
     assert first.tables["scans"]["t_start_ns"][0] == 5
 
 

@@ -2,14 +2,17 @@ import numpy as np
 import pytest
 
 from logger.core.locator.region import Cells, area_m2, highest_density
-from postproc.estimators.outline import polygons
+from postproc.estimators.region_outline import polygons
 from postproc.view.regions import few_squares, rings
 
 
 def tree(seed):
     """Squares of 64 m split at random, with probability around one place."""
     rng = np.random.default_rng(seed)
-    leaves, todo = [], [(x, y, 64.0) for x in np.arange(-4, 4) * 64.0 for y in np.arange(-4, 4) * 64.0]
+    leaves, todo = (
+        [],
+        [(x, y, 64.0) for x in np.arange(-4, 4) * 64.0 for y in np.arange(-4, 4) * 64.0],
+    )
     while todo:
         west, south, side = todo.pop()
         if side > 4.0 and rng.random() < 0.7:
@@ -36,7 +39,9 @@ def test_fewer_squares_cover_the_same(seed, share):
 def test_rings_are_closed_and_count_from_the_origin():
     (ring,) = rings(Cells(*(np.array([v]) for v in (100.0, 200.0, 8.0, 1.0))), 0.95, (90.0, 190.0))
     np.testing.assert_array_equal(ring[0], ring[-1])
-    np.testing.assert_allclose([ring.min(axis=0), ring.max(axis=0)], [(6.0, 6.0), (14.0, 14.0)], atol=1e-3)
+    np.testing.assert_allclose(
+        [ring.min(axis=0), ring.max(axis=0)], [(6.0, 6.0), (14.0, 14.0)], atol=1e-3
+    )
 
 
 def test_cells_of_one_size_need_not_be_of_a_tree():

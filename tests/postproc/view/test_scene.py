@@ -10,14 +10,14 @@ from rerun.chunk import RrdReader
 from logger.core.errors import RunFileError
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
-from postproc.estimators.filtered import Filtered
-from postproc.smooth import smooth_run
-from postproc.verify.claims import Claim
-from postproc.verify.run import CellVerdict
+from postproc.estimators.filters import Filtered
+from postproc.smoothing import smooth_run
+from postproc.verification.claims import Claim
+from postproc.verification.run_claims import CellVerdict
 from postproc.view import viewer
 from postproc.view.blueprint import SHARED_AXIS
+from postproc.view.rerun_writer import ellipse_axes
 from postproc.view.scene import write_scene
-from postproc.view.sheet import ellipse_axes
 from postproc.view.world_map import zoom_of
 from tests.kit import smoothed as kit
 from tests.kit.recordings import chunks, fixed, moving, rows, times, values
@@ -26,7 +26,9 @@ from tests.kit.stories import story
 
 NAME = kit.cell_name(0)
 CELL, SERIES, STATES = (f"/{room}/{NAME}" for room in ("plan/cells", "series", "states"))
-CLAIM = CellVerdict(NAME, 60, Claim(NAME, kit.LAT, kit.LON, 30.0, "somebody"), "rejected", ("too <far>",))
+CLAIM = CellVerdict(
+    NAME, 60, Claim(NAME, kit.LAT, kit.LON, 30.0, "somebody"), "rejected", ("too <far>",)
+)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +50,9 @@ def saved(told, tmp_path_factory):
 
 
 def test_verify_accepts_the_file(saved):
-    done = subprocess.run([viewer.binary(), "rrd", "verify", saved], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [viewer.binary(), "rrd", "verify", saved], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -68,7 +72,9 @@ def test_every_part_is_there(saved):
         "/plan/walks/walk/track", "/plan/walker", "/plan/walker/trail", f"/plan/all/{NAME}", f"/report/{NAME}",
         "/events", f"{STATES}/verdict", "/states/receiver", "/map/walker", f"/map/cells/{NAME}/region95",
     }  # fmt: skip
-    expected = {f"{CELL}/{name}" for name in of_cell} | {f"{SERIES}/{name}" for name in of_series} | others
+    expected = (
+        {f"{CELL}/{name}" for name in of_cell} | {f"{SERIES}/{name}" for name in of_series} | others
+    )
     assert expected - set(chunks(saved)) == set()
 
 
@@ -95,7 +101,9 @@ def test_walker_is_where_the_fixes_are(saved, result):
 
 
 def test_other_values_are_noticed(saved, result):
-    """The negative control: one reading a hundredth of a dB, one fix a centimetre, one time a nanosecond off."""
+    """The negative control: one reading a hundredth of a dB, one fix a centimetre, one time a
+    nanosecond off.
+    """
     observations = result.observations
     first, track = observations.cells[0], observations.track
     one = np.arange(len(first)) == 7
@@ -106,7 +114,10 @@ def test_other_values_are_noticed(saved, result):
         with pytest.raises(AssertionError):
             check_levels(saved, replace(observations, cells=(changed, *observations.cells[1:])))
     one = np.arange(len(track.t_ns)) == 7
-    for moved in (replace(track, x_m=track.x_m + 0.01 * one), replace(track, t_ns=track.t_ns - one)):
+    for moved in (
+        replace(track, x_m=track.x_m + 0.01 * one),
+        replace(track, t_ns=track.t_ns - one),
+    ):
         with pytest.raises(AssertionError):
             check_walker(saved, moved)
 
@@ -117,7 +128,10 @@ def test_utc_is_that_of_the_fixes(saved, result):
 
 
 def test_trail_ends_at_the_walker(saved):
-    walker, trail = values(moving(saved, "/plan/walker"), ":positions"), moving(saved, "/plan/walker/trail")
+    walker, trail = (
+        values(moving(saved, "/plan/walker"), ":positions"),
+        moving(saved, "/plan/walker/trail"),
+    )
     np.testing.assert_array_equal([row[0][-1] for row in rows(trail, ":strips")], walker)
 
 
@@ -127,7 +141,11 @@ def test_the_way_has_the_colours_of_its_levels(saved, told):
     np.testing.assert_allclose(rows(columns, ":positions")[0], picture.heard_m, atol=1e-4)
     red, blue = (np.array(rows(columns, ":colors")[0]) >> shift & 255 for shift in (24, 8))
     strong = picture.heard_dbm > np.median(picture.heard_dbm)
-    assert np.mean(red[strong].astype(int) - blue[strong]) > 0 > np.mean(red[~strong].astype(int) - blue[~strong])
+    assert (
+        np.mean(red[strong].astype(int) - blue[strong])
+        > 0
+        > np.mean(red[~strong].astype(int) - blue[~strong])
+    )
 
 
 def test_filters_have_a_place_for_each_reading(saved, result):
@@ -147,7 +165,9 @@ def test_filters_have_a_place_for_each_reading(saved, result):
 def test_regions_shrink_step_by_step(saved, told):
     subject = told.subjects[0]
     columns = moving(saved, f"{CELL}/posterior/region95")
-    np.testing.assert_array_equal(times(columns, "elapsed"), [step.t_ns - kit.START_NS for step in subject.steps])
+    np.testing.assert_array_equal(
+        times(columns, "elapsed"), [step.t_ns - kit.START_NS for step in subject.steps]
+    )
     for row, rings in zip(rows(columns, ":strips"), subject.regions["95"], strict=True):
         assert len(row) == len(rings)
         for drawn, ring in zip(row, rings, strict=True):
@@ -162,7 +182,9 @@ def test_places_carry_their_probability(saved, told):
     columns = moving(saved, f"{CELL}/posterior/places")
     modes = [mode for step in told.subjects[0].steps for mode in step.posterior.modes]
     places = [place for row in rows(columns, ":positions") for place in row]
-    expected = told.local(np.array([mode.x_m for mode in modes]), np.array([mode.y_m for mode in modes]))
+    expected = told.local(
+        np.array([mode.x_m for mode in modes]), np.array([mode.y_m for mode in modes])
+    )
     np.testing.assert_allclose(places, expected, atol=1e-3)
     assert rows(columns, ":labels")[-1] == ["50%", "50%"]
     assert rows(columns, ":labels")[0] == [""]
@@ -191,7 +213,9 @@ def test_times_rise_and_the_clock_of_the_desk_is_absent(saved):
 
 def test_events_keep_their_text_and_level(saved):
     columns = moving(saved, "/events")
-    assert values(columns, ":text")[:, 0].tolist() == [f"logger: second {i}, Grüße" for i in (0, 50, 100)]
+    assert values(columns, ":text")[:, 0].tolist() == [
+        f"logger: second {i}, Grüße" for i in (0, 50, 100)
+    ]
     assert values(columns, ":level")[:, 0].tolist() == ["WARN"] * 3
 
 
@@ -206,7 +230,9 @@ def test_the_report_tells_the_verdict_and_escapes_markup(saved):
 
 
 def test_linked_plots_open_on_the_whole_run(saved):
-    """The viewer keeps their range at a place without a public name: see that it is written there."""
+    """The viewer keeps their range at a place without a public name: see that it is written
+    there.
+    """
     reader = RrdReader(saved)
     (blueprint,) = reader.blueprints()
     assert f"/{SHARED_AXIS}" in {chunk.entity_path for chunk in reader.stream(store=blueprint)}
@@ -215,10 +241,14 @@ def test_linked_plots_open_on_the_whole_run(saved):
 def test_the_map_shows_the_same_in_degrees(saved, result, told):
     track = result.observations.track
     walked = np.array(values(moving(saved, "/map/walker"), ":positions"))
-    np.testing.assert_allclose(walked, np.column_stack(track.utm.to_latlon_arrays(track.x_m, track.y_m)), atol=1e-9)
+    np.testing.assert_allclose(
+        walked, np.column_stack(track.utm.to_latlon_arrays(track.x_m, track.y_m)), atol=1e-9
+    )
     marks = rows(fixed(saved, f"/map/cells/{NAME}/estimates"), ":positions")[0]
     truth, claim = result.run.meta.truth[0], CLAIM.claim
-    np.testing.assert_allclose(marks[-2:], [(truth.lat_deg, truth.lon_deg), (claim.lat_deg, claim.lon_deg)], atol=1e-9)
+    np.testing.assert_allclose(
+        marks[-2:], [(truth.lat_deg, truth.lon_deg), (claim.lat_deg, claim.lon_deg)], atol=1e-9
+    )
     assert 15.0 < zoom_of(told) <= 18.0
 
 
@@ -263,7 +293,16 @@ FIX = Record(0, "gnss", Fix(True, None, 52.0, 13.0))
         [FIX, Record(10, "modem", Scan(0, (CellReading("serving", rssi_dbm=-60.0),), None))],
         [Record(0, "gnss", Fix(False)), scan(10, 1)],
     ],
-    ids=["nothing", "a note", "no fix", "only a fix", "one reading", "empty scan", "unknown cell", "invalid fix"],
+    ids=[
+        "nothing",
+        "a note",
+        "no fix",
+        "only a fix",
+        "one reading",
+        "empty scan",
+        "unknown cell",
+        "invalid fix",
+    ],
 )
 def test_runs_with_next_to_nothing(records, tmp_path):
     result = smooth_run(write(tmp_path / "x.journal", records))
@@ -286,8 +325,15 @@ def test_levels_without_any_fix(tmp_path):
 def test_diverged_filter_is_left_out(result, tmp_path):
     cell = result.cells[0]
     filtered = cell.reference
-    lost = Filtered(filtered.t_ns, filtered.x * np.nan, filtered.p * np.nan, *[filtered.innovation_db * np.nan] * 2)
-    away = Filtered(filtered.t_ns, filtered.x * 1e30, filtered.p * 1e30, *[filtered.innovation_db] * 2)
+    lost = Filtered(
+        filtered.t_ns,
+        filtered.x * np.nan,
+        filtered.p * np.nan,
+        *[filtered.innovation_db * np.nan] * 2,
+    )
+    away = Filtered(
+        filtered.t_ns, filtered.x * 1e30, filtered.p * 1e30, *[filtered.innovation_db] * 2
+    )
     for odd in (lost, away):
         changed = replace(result, cells=(replace(cell, reference=odd, ekf=odd),))
         write_scene(story(changed), tmp_path / "x.rrd")

@@ -58,9 +58,18 @@ def test_it_runs_in_the_foreground_and_listens_here_only(screen, monkeypatch, tm
     ("then", "why"),
     [
         ("echo 'panicked at main: No graphics adapter was found' >&2; exit 102", "no graphics"),
-        ("echo 'Error: app creation error: The GPU driver is lacking some abilities' >&2; exit 1", "no graphics"),
-        ("echo 'Error: Failed to open connection to X server' >&2; exit 1", "could not open the screen"),
-        ("echo 'WARN no GPU'; echo 'Error: neither WAYLAND_DISPLAY nor DISPLAY is set' >&2; exit 1", "open the screen"),
+        (
+            "echo 'Error: app creation error: The GPU driver is lacking some abilities' >&2; exit 1",
+            "no graphics",
+        ),
+        (
+            "echo 'Error: Failed to open connection to X server' >&2; exit 1",
+            "could not open the screen",
+        ),
+        (
+            "echo 'WARN no GPU'; echo 'Error: neither WAYLAND_DISPLAY nor DISPLAY is set' >&2; exit 1",
+            "open the screen",
+        ),
         ("exit 7", "code 7"),
     ],
 )
@@ -84,7 +93,9 @@ viewer.show(lambda path: path.write_text("a recording"), "run")
 def test_no_viewer_is_left_behind(number, tmp_path):
     program = fake(tmp_path, f"echo $$ > {tmp_path}/pid; exec sleep 60")
     environment = os.environ | {"DISPLAY": ":0"}
-    running = subprocess.Popen([sys.executable, "-c", PROGRAM, program], env=environment, stderr=subprocess.DEVNULL)
+    running = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, program], env=environment, stderr=subprocess.DEVNULL
+    )
     pid = tmp_path / "pid"
     until = time.monotonic() + 60
     while not (pid.exists() and pid.read_text().strip()):

@@ -51,7 +51,9 @@ def test_the_page_asks_nobody_else(served):
     _, headers, page = served.get("/?x=1")
     assert not re.search(rb"<(?:link|script|img)[^>]*(?:href|src)=[\"']?(?:https?:)?//", page)
     assert page.index(b"/guard.js") < page.index(b"re_viewer.js")
-    told = dict(part.strip().split(" ", 1) for part in headers["Content-Security-Policy"].split(";"))
+    told = dict(
+        part.strip().split(" ", 1) for part in headers["Content-Security-Policy"].split(";")
+    )
     assert told["default-src"] == "'none'"
     assert told["connect-src"].split()[0] == "'self'"
     assert not any("http" in sources or "*" in sources for sources in told.values())
@@ -59,7 +61,12 @@ def test_the_page_asks_nobody_else(served):
 
 
 def test_other_names_get_nothing(served):
-    for host in ("evil.example", f"evil.example:{served.port}", "", f"127.0.0.1.evil.example:{served.port}"):
+    for host in (
+        "evil.example",
+        f"evil.example:{served.port}",
+        "",
+        f"127.0.0.1.evil.example:{served.port}",
+    ):
         status, _, content = served.get("/run.rrd", host=host or ":")
         assert (status, content) == (421, b"")
     for host in ("localhost", f"localhost:{served.port}", "127.0.0.1"):
@@ -68,7 +75,9 @@ def test_other_names_get_nothing(served):
 
 def test_a_browser_that_goes_away_is_passed_over(served):
     with socket.create_connection(("127.0.0.1", served.port)) as gone:
-        gone.sendall(f"GET /re_viewer_bg.wasm HTTP/1.1\r\nHost: localhost:{served.port}\r\n\r\n".encode())
+        gone.sendall(
+            f"GET /re_viewer_bg.wasm HTTP/1.1\r\nHost: localhost:{served.port}\r\n\r\n".encode()
+        )
         gone.recv(100)
         gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     assert served.get("/run.rrd")[0] == 200
@@ -83,7 +92,9 @@ def test_it_ends_cleanly(number, recording):
 def test_scripts_in_the_page_are_allowed_as_they_are():
     script = b"let x = 1;"
     digest = base64.b64encode(hashlib.sha256(script).digest()).decode()
-    assert f"'sha256-{digest}'" in policy(b"<p><script>" + script + b"</script><script src='x'></script>")
+    assert f"'sha256-{digest}'" in policy(
+        b"<p><script>" + script + b"</script><script src='x'></script>"
+    )
 
 
 def test_links_to_others_are_taken_out():

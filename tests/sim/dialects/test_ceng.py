@@ -69,11 +69,22 @@ def test_no_row_without_a_serving_cell():
 def test_six_neighbours_sorted_by_level():
     heard = Air.of([Heard(cell(0x100 + n, arfcn=n), -100.0 + n, decoded=True) for n in range(9)])
 
-    assert [row[10:14] for row in rows(1, 1, heard)] == ["0008", "0007", "0006", "0005", "0004", "0003", "0002"]
+    assert [row[10:14] for row in rows(1, 1, heard)] == [
+        "0008",
+        "0007",
+        "0006",
+        "0005",
+        "0004",
+        "0003",
+        "0002",
+    ]
 
 
 def test_level_stays_within_what_modems_print():
-    levels = [rxl(Heard(cell(1), level_dbm, decoded=True)) for level_dbm in (-120.0, -113.0, -110.0, -50.0, -20.0)]
+    levels = [
+        rxl(Heard(cell(1), level_dbm, decoded=True))
+        for level_dbm in (-120.0, -113.0, -110.0, -50.0, -20.0)
+    ]
 
     assert levels == [0, 0, 3, 63, 64]
 

@@ -28,15 +28,26 @@ def told(name, command, air=AIR, **settings):
     """Lines of the reply to a command, with settings in the form CENG="1,1"."""
     dialect = DIALECTS[name]
     values = {key: kind.default for key, kind in dialect.settings.items()} | {"=": ""}
-    values |= {f"{prefix}{key}": value for key, value in settings.items() for prefix in "+#" if prefix + key in values}
+    values |= {
+        f"{prefix}{key}": value
+        for key, value in settings.items()
+        for prefix in "+#"
+        if prefix + key in values
+    }
     answer = dialect.replies[command](air, values)
     return answer if isinstance(answer, int) else "\r\n".join(answer).splitlines()
 
 
 def shape(line):
     """The line with one mark for each number or unknown value, and without blanks and names."""
-    line = re.sub(r'(?<=Operator: )"[^"]*"|DCS|EGSM', "NAME", re.sub(r":\s*", ": ", f" {line.strip()}"))
-    line = re.sub(r'(?<=[,:\s"\]#(-])-?[0-9A-Fa-fx]*\d[0-9A-Fa-f.]*(?=dbm|[^\w:]|\Z)|(?<=,)[-x]?(?=,|\Z)', "#", line)
+    line = re.sub(
+        r'(?<=Operator: )"[^"]*"|DCS|EGSM', "NAME", re.sub(r":\s*", ": ", f" {line.strip()}")
+    )
+    line = re.sub(
+        r'(?<=[,:\s"\]#(-])-?[0-9A-Fa-fx]*\d[0-9A-Fa-f.]*(?=dbm|[^\w:]|\Z)|(?<=,)[-x]?(?=,|\Z)',
+        "#",
+        line,
+    )
     return re.sub(r"\s+", " ", line)
 
 
@@ -73,15 +84,35 @@ def test_shapes_are_those_of_a_capture(corpus, name, command, file, settings, sh
 @pytest.mark.parametrize(
     ("name", "command", "line"),
     [
-        ("sim800", "+CNETSCAN", 'Operator:"Test PLMN 1-1",MCC:460,MNC:01,Rxlev:47,Cellid:C0DE,Arfcn:37'),
+        (
+            "sim800",
+            "+CNETSCAN",
+            'Operator:"Test PLMN 1-1",MCC:460,MNC:01,Rxlev:47,Cellid:C0DE,Arfcn:37',
+        ),
         ("ec25", "+QOPS", '1,"2G",37,1FD5,C0DE,25,47,41,0,1'),
-        ("ec25", '+QENG="NEIGHBOURCELL"', '+QENG: "neighbourcell","GSM",460,01,1FD5,A530,50,80,-80,25,25,0,0'),
+        (
+            "ec25",
+            '+QENG="NEIGHBOURCELL"',
+            '+QENG: "neighbourcell","GSM",460,01,1FD5,A530,50,80,-80,25,25,0,0',
+        ),
         ("ec25", "+QCSQ", '+QCSQ: "GSM",-64'),
-        ("ge864", "#MONI", "#MONI: Test PLMN 1-1 BSIC:31 RxQual:0 LAC:1FD5 Id:C0DE ARFCN:37 PWR:-64dbm TA:0"),
+        (
+            "ge864",
+            "#MONI",
+            "#MONI: Test PLMN 1-1 BSIC:31 RxQual:0 LAC:1FD5 Id:C0DE ARFCN:37 PWR:-64dbm TA:0",
+        ),
         ("ge864", "#SERVINFO", '#SERVINFO: 37,-64,"Test PLMN 1-1","46001",31,1FD5,0,1'),
-        ("sara-g350", "+COPS=5", "MCC:460, MNC:  1, LAC:1fd5, CI:c0de, BSIC:19, Arfcn:00037, RXLEV:047"),
+        (
+            "sara-g350",
+            "+COPS=5",
+            "MCC:460, MNC:  1, LAC:1fd5, CI:c0de, BSIC:19, Arfcn:00037, RXLEV:047",
+        ),
         ("sara-g350", "+CGED=3", '+CGED: RAT:"GSM",'),
-        ("sara-g350", "+UCELLINFO?", "+UCELLINFO:       0,     0,  460,    1, 1fd5, c0de,  47, 255"),
+        (
+            "sara-g350",
+            "+UCELLINFO?",
+            "+UCELLINFO:       0,     0,  460,    1, 1fd5, c0de,  47, 255",
+        ),
         ("bgs2", "^SMONI", "^SMONI: 2G,37,-64,460,01,1FD5,C0DE,41,41,3,1,G,5,-107,LIMSRV"),
         ("me909s", "^MONNC", "^MONNC: GSM,1,80,50,A530,1FD5,-80"),
         ("me909s", "^HCSQ?", '^HCSQ: "GSM",57,255'),
@@ -93,10 +124,16 @@ def test_a_line_holds_what_was_heard(name, command, line):
 
 
 def test_a_survey_of_some_channels():
-    carriers = [line for line in told("ge864", "#CSURV=", Air.of([*HEARD, UNREAD])) if line.startswith("arfcn")]
+    carriers = [
+        line
+        for line in told("ge864", "#CSURV=", Air.of([*HEARD, UNREAD]))
+        if line.startswith("arfcn")
+    ]
     assert len(carriers) == 8
     assert carriers[-1] == "arfcn: 12 rxLev: -70"
-    values = {key: kind.default for key, kind in DIALECTS["ge864"].settings.items()} | {"=": "81,83"}
+    values = {key: kind.default for key, kind in DIALECTS["ge864"].settings.items()} | {
+        "=": "81,83"
+    }
     some = "\n".join(DIALECTS["ge864"].replies["#CSURV="](AIR, values))
     assert re.findall(r"(?m)^arfcn: (\d+)", some) == ["81", "82", "83"]
     assert "bsic: 63 " not in some

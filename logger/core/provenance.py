@@ -1,0 +1,29 @@
+"""Where a run comes from, as its description says it: recorded, simulated, imported, or a shared
+copy of such a run.
+"""
+
+IMPORT = "import of"
+IMPORT_WITHOUT_TIMES = "import without times of"
+SHARED = "shared copy"
+
+_IMPORTS = (IMPORT, IMPORT_WITHOUT_TIMES, f"{SHARED} of an import")
+_WITHOUT_TIMES = (IMPORT_WITHOUT_TIMES, f"{SHARED} of an import without times")
+
+
+def is_import(origin: str) -> bool:
+    """Whether another program has recorded it: its times are what that program wrote, and not those
+    of a receiver.
+    """
+    return origin.startswith(_IMPORTS)
+
+
+def has_times(origin: str) -> bool:
+    """Whether the times of a run are times, and not only the order of its records."""
+    return not origin.startswith(_WITHOUT_TIMES)
+
+
+def shared(origin: str) -> str:
+    """Origin of a copy to give away, which names no file of its owner."""
+    if not is_import(origin):
+        return SHARED
+    return f"{SHARED} of an import{'' if has_times(origin) else ' without times'}"

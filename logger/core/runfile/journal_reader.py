@@ -1,0 +1,271 @@
+"""A journal read back, part by part, so that a day's walk needs no day's memory."""
+
+import struct
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from logger.core.errors import RunFileError
+from logger.core.live_settings import restored
+from logger.core.rows import Rows, described, dtypes_of
+from logger.core.runfile.chain import Chain
+from logger.core.runfile.file_buffer import buffer_of
+from logger.core.runfile.frames import MAX_PAYLOAD, Buffer, Frame, Kind, Skipped, payload_of, scan
+from logger.core.runfile.limits import most_kept_bytes, most_unpacked_bytes
+from logger.core.runfile.meta import Damage, RunEnd, RunMeta, RunStop, check_end, check_meta
+from logger.core.runfile.run_names import first_part, parts_of
+from logger.core.runfile.writer import RAW_COUNT
+from logger.core.schema import MOST_NS, OLDEST_DESCRIBED, SCHEMA_VERSION, columns_of
+
+NO_ROWS: Rows = np.empty(0, np.dtype([]))
+
+_INDEX = np.dtype(
+    [(name, "u4") for name in ("file", "run", "number", "kind", "version", "schema", "length")]
+    + [("start", "u8")]
+)
+_BLOCK = 4096
+_ZLIB_MOST = 1032
+"""A byte unpacks to at most so many (zlib.net/zlib_tech.html)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What one frame holds: rows of a table, in the table `raw` with their bytes, or (META, END)
+    none.
+    """
+
+    number: int
+    kind: int
+    payload: bytes
+    table: str = ""
+    rows: Rows = field(default_factory=lambda: NO_ROWS)
+    data: bytes = b""
+
+
+class JournalParts:
+    """Iterate once over the parts in their order; everything else is complete afterwards.
+
+    The frames of all files of the journal are found first, so that one that stands in two files, or
+    was moved, counts once and in its place. Raises `RunFileError` for a file that holds no frame of
+    a journal.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = first_part(path)
+        self.meta_text = b""
+        self.end_text = b"null"
+        self.end: RunEnd | None = None
+        self.chain = Chain()
+        self._meta: RunMeta | None = None
+        self._schema = SCHEMA_VERSION
+        self._missing = 0
+        self._skipped = 0
+        self._first_ns: int | None = None
+        self.most_kept_bytes = self._unpackable = 0
+
+    @property
+    def damage(self) -> Damage:
+        lost = self._meta is None
+        return Damage(
+            missing_frames=self._missing, skipped_bytes=self._skipped, description_lost=lost
+        )
+
+    @property
+    def digest(self) -> str:
+        """What the run was sealed with, or, when it was cut, the digest of what there is."""
+        return self.end.digest if self.end else self.chain.digest
+
+    @property
+    def meta(self) -> RunMeta:
+        """Description of the run; where it is lost, one that says so."""
+        if self._meta is not None:
+            return self._meta
+        return RunMeta(
+            run_id="",
+            boot_id="",
+            started_ns=self._first_ns if self._first_ns and abs(self._first_ns) < MOST_NS else 0,
+            origin="lost with the description",
+            program="",
+            schema=self._schema,
+            columns=columns_of(self._schema),
+        )
+
+    def __iter__(self) -> Iterator[Part]:
+        try:
+            files = parts_of(self.path)
+            if not files:
+                raise RunFileError(f"{self.path}: no such file")
+            with _opened(files) as buffers:
+                yield from self._parts(buffers)
+        except OSError as error:
+            raise RunFileError(
+                f"{error.filename or self.path}: {error.strerror or error}"
+            ) from error
+
+    def _parts(self, buffers: list[Buffer]) -> Iterator[Part]:
+        size = sum(map(len, buffers))
+        self.most_kept_bytes, self._unpackable = most_kept_bytes(size), most_unpacked_bytes(size)
+        index = self._index(buffers)
+        dtypes = self._describe(buffers, index)
+        stop: Part | None = None  # counts only with the END that repeats it
+        for entry in _entries(index):
+            payload = self._unpacked(buffers, entry)
+            part = None if payload is None else _part(entry, payload, dtypes)
+            if payload is None or part is None:
+                self._missing += 1
+                self._skipped += entry.length
+                continue
+            if part.kind == Kind.STOP:
+                stop = part
+                continue
+            if part.kind == Kind.END:
+                self.end, self.end_text = msgspec.json.decode(payload, type=RunEnd), payload
+                if stop is not None:
+                    self.chain.add(stop.number, stop.kind, stop.payload)
+                    yield stop
+            self.chain.add(part.number, part.kind, payload)
+            if len(part.rows) and self._first_ns is None:
+                self._first_ns = int(part.rows["t_ns"].min())
+            yield part
+
+    def _unpacked(self, buffers: list[Buffer], entry: "_Entry") -> bytes | None:
+        """Payload of a frame, None where it is none; raises `RunFileError` where they come to more
+        than can be.
+        """
+        packed = buffers[entry.file][entry.start : entry.start + entry.length]
+        payload = payload_of(packed, entry.version)
+        self._unpackable -= (
+            min(MAX_PAYLOAD, _ZLIB_MOST * entry.length) if payload is None else len(payload)
+        )
+        if self._unpackable < 0:
+            raise RunFileError(f"{self.path} unpacks to more than a run of this size can hold")
+        return payload
+
+    def _index(self, buffers: list[Buffer]) -> Rows:
+        """Where the frames of the run are, in the order of their numbers."""
+        if not any(len(buffer) for buffer in buffers):
+            raise RunFileError(f"{self.path} is empty")
+        found = np.fromiter(self._found(buffers), _INDEX)
+        if not len(found):
+            raise RunFileError(f"{self.path} is no cellwalk run: it holds no journal frame")
+        ((run, _),) = Counter(found["run"].tolist()).most_common(1)
+        stale = found["run"] != run
+        self._skipped += int(found["length"][stale].sum())
+        found = found[~stale]
+        numbers, first = np.unique(found["number"], return_index=True)
+        self._missing += int(numbers[-1]) + 1 - len(numbers)
+        index: Rows = found[first]
+        return index
+
+    def _found(self, buffers: list[Buffer]) -> Iterator[tuple[int, ...]]:
+        for i, buffer in enumerate(buffers):
+            for event in scan(buffer):
+                if isinstance(event, Skipped):
+                    self._skipped += event.n_bytes
+                else:
+                    yield _entry(i, event)
+
+    def _describe(self, buffers: list[Buffer], index: Rows) -> Mapping[str, np.dtype[np.void]]:
+        """Definition of the tables: from any of the descriptions, or from the version that every
+        frame names.
+        """
+        for entry in _entries(index[index["kind"] == Kind.META]):
+            text = self._unpacked(buffers, entry)
+            if text is not None:
+                self._meta, self.meta_text = decode_meta(text, self.path), text
+                return described(self._meta.columns)
+        versions = np.unique(index["schema"])
+        if len(versions) != 1 or not OLDEST_DESCRIBED <= versions[0] <= SCHEMA_VERSION:
+            raise RunFileError(f"{self.path} has lost its table definitions")
+        self._schema = int(versions[0])
+        self.meta_text = msgspec.json.encode(self.meta)
+        return dtypes_of(self._schema)
+
+
+def decode_meta(text: bytes, path: Path) -> RunMeta:
+    """Meta of a run; raises `RunFileError` when a newer cellwalk wrote it, or it is no meta at
+    all.
+    """
+    try:
+        found = msgspec.json.decode(text)
+        schema = found.get("schema")
+        if schema <= SCHEMA_VERSION:
+            meta = msgspec.convert(found | {"live": restored(found.get("live") or {})}, RunMeta)
+            check_meta(meta)
+            described(meta.columns)
+            return meta
+    except (msgspec.MsgspecError, ValueError, AttributeError, TypeError, RecursionError) as error:
+        raise RunFileError(
+            f"{path}: this cellwalk cannot read its description ({error})"
+        ) from error
+    raise RunFileError(
+        f"{path} has schema {schema}; this cellwalk reads up to {SCHEMA_VERSION}: please update"
+    )
+
+
+@contextmanager
+def _opened(paths: list[Path]) -> Iterator[list[Buffer]]:
+    """The files as buffers."""
+    with ExitStack() as stack:
+        yield [buffer_of(stack, path) for path in paths]
+
+
+def _entry(file: int, frame: Frame) -> tuple[int, ...]:
+    return (
+        file,
+        frame.run,
+        frame.number,
+        frame.kind,
+        frame.version,
+        frame.schema,
+        frame.length,
+        frame.start,
+    )
+
+
+class _Entry(NamedTuple):
+    """A row of the index as plain integers; the fields of `_INDEX`."""
+
+    file: int
+    run: int
+    number: int
+    kind: int
+    version: int
+    schema: int
+    length: int
+    start: int
+
+
+def _entries(index: Rows) -> Iterator[_Entry]:
+    """Rows by blocks: as Python's integers they take ten times the room."""
+    for at in range(0, len(index), _BLOCK):
+        yield from map(_Entry._make, index[at : at + _BLOCK].tolist())
+
+
+def _part(entry: _Entry, payload: bytes, dtypes: Mapping[str, np.dtype[np.void]]) -> Part | None:
+    """What a frame holds; None where it cannot be what its kind says."""
+    number, kind = entry.number, entry.kind
+    try:
+        match kind:
+            case Kind.ROWS:
+                table, body = payload[1 : 1 + payload[0]].decode(), payload[1 + payload[0] :]
+                return Part(number, kind, payload, table, np.frombuffer(body, dtypes[table]))
+            case Kind.RAW:
+                (count,) = RAW_COUNT.unpack_from(payload)
+                rows = np.frombuffer(payload, dtypes["raw"], count, RAW_COUNT.size)
+                return Part(
+                    number, kind, payload, "raw", rows, payload[RAW_COUNT.size + rows.nbytes :]
+                )
+            case Kind.END:
+                check_end(msgspec.json.decode(payload, type=RunEnd))
+            case Kind.STOP:
+                msgspec.json.decode(payload, type=RunStop)
+    except (msgspec.MsgspecError, ValueError, KeyError, IndexError, RecursionError, struct.error):
+        return None
+    return Part(number, kind, payload)

@@ -1,0 +1,48 @@
+"""Room on the card: the journal of a run goes when its HDF5 file is proven to hold the same; a run
+never goes.
+"""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from logger.core.errors import RunFileError
+from logger.core.runfile.journal_file import is_recording, sync_folder
+from logger.core.runfile.run_names import JOURNAL, parts_of
+
+FLOOR_BYTES = 200_000_000
+"""Some twenty hours of recording."""
+
+
+def free_bytes(folder: Path) -> int:
+    """Bytes that may still be written there; raises OSError."""
+    status = os.statvfs(folder)
+    return status.f_bavail * status.f_frsize
+
+
+def make_room(folder: Path, floor_bytes: int) -> Iterator[Path]:
+    """Remove the oldest journals until so much is free; each is compared with its HDF5 file before.
+
+    A journal with a gap stays: something more may be found in it one day. Raises OSError.
+    """
+    for journal in sorted(folder.glob(f"*{JOURNAL}")):
+        if free_bytes(folder) >= floor_bytes:
+            return
+        if _is_spare(journal):
+            for file in reversed(parts_of(journal)):
+                file.unlink()
+            sync_folder(folder)
+            yield journal
+
+
+def _is_spare(journal: Path) -> bool:
+    hdf5 = journal.with_suffix(".h5")
+    if not hdf5.exists() or any(map(is_recording, parts_of(journal))):
+        return False
+    from logger.core.runfile.verify import sealing_of  # noqa: PLC0415  needs HDF5, which a full card alone makes necessary
+
+    try:
+        sealing = sealing_of(journal)
+        return not sealing.damage.missing_frames and sealing == sealing_of(hdf5)
+    except RunFileError:
+        return False

@@ -1,0 +1,68 @@
+"""Names of runs: numbered, never dated, since the wall clock of a Pi is plausibly wrong.
+
+run-000017.journal       what was recorded
+run-000017.journal.2     where it went on after the card had failed; read as one with the first
+run-000017.h5            made from them
+"""
+
+import re
+from pathlib import Path
+
+from logger.core.errors import RunFileError
+
+JOURNAL = ".journal"
+_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+_NUMBERED = re.compile(r"run-(\d{6})\.")
+_LATER_PART = re.compile(r"(.*\.journal)\.\d+")
+
+
+def journal_path(folder: Path) -> Path:
+    """Name of a new journal: one more than the highest number there is, of journals or HDF5."""
+    numbers = [int(match[1]) for path in folder.iterdir() if (match := _NUMBERED.match(path.name))]
+    return folder / f"run-{max(numbers, default=0) + 1:06d}{JOURNAL}"
+
+
+def part_path(journal: Path, part: int) -> Path:
+    """Name of the nth file of a journal, from 1."""
+    return journal if part == 1 else journal.with_name(f"{journal.name}.{part}")
+
+
+def first_part(path: Path) -> Path:
+    """The name of the journal to which a file belongs."""
+    later = _LATER_PART.fullmatch(path.name)
+    return path.with_name(later[1]) if later else path
+
+
+def parts_of(journal: Path) -> list[Path]:
+    """All files of a journal in the order of their making.
+
+    Only the first was named by the user, and may be a link: in a folder of a stranger the others
+    may lead anywhere. Raises `RunFileError` for one that is no file, OSError for a folder that
+    cannot be read.
+    """
+    later = {
+        int(suffix): path
+        for path in journal.parent.iterdir()
+        if path.name.startswith(f"{journal.name}.")
+        and (suffix := path.name[len(journal.name) + 1 :]).isdecimal()
+    }
+    for path in later.values():
+        if path.is_symlink() or not path.is_file():
+            raise RunFileError(
+                f"{path} is a link or no file; a journal goes on in files of its own"
+            )
+    if journal.exists() and not journal.is_file():
+        raise RunFileError(f"{journal} cannot be read: it is no file")
+    return [*([journal] if journal.exists() else []), *(later[number] for number in sorted(later))]
+
+
+def is_hdf5(path: Path) -> bool:
+    """True for a file that begins as HDF5."""
+    try:
+        if not path.is_file():  # a pipe would be waited for
+            return False
+        with path.open("rb") as file:
+            return file.read(len(_HDF5_SIGNATURE)) == _HDF5_SIGNATURE
+    except OSError:
+        return False

@@ -1,0 +1,163 @@
+"""Tables of a stranger's run made sound: what no recorder writes is unknown afterwards, and
+counted.
+
+Everything that reads runs may then rely on it: times add up within 64 bits, places are on the
+Earth, levels are what a modem can say, text is UTF-8. An honest run comes out as it went in.
+"""
+
+from collections.abc import Callable
+from typing import get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from logger.core.rows import Rows
+from logger.core.schema import MOST_NS, TABLES, UNKNOWN_ID, UNKNOWN_TIME
+from logger.core.types import Level, Rat, Role
+
+_LAST_SEQ = 2**53
+"""More records than any card holds; a number beyond is no longer exact as a float."""
+_RANGES = {
+    "lat_deg": (-90.0, 90.0),
+    "lon_deg": (-180.0, 180.0),
+    "alt_m": (-1e12, 1e12),  # as far as the importers go
+    "acc_m": (0.0, 1e7),  # receivers without a position say some thousand kilometres
+    "hdop": (0.0, 1e6),
+    "speed_mps": (-1e12, 1e12),
+    "course_deg": (-1e12, 1e12),
+    "rssi_dbm": (-200.0, 50.0),
+    "rscp_dbm": (-200.0, 50.0),
+    "rsrp_dbm": (-200.0, 50.0),
+    "ecio_db": (-1e12, 1e12),
+    "rsrq_db": (-1e12, 1e12),
+    "sinr_db": (-1e12, 1e12),
+}
+_LARGEST_TA = 1282
+"""LTE (3GPP TS 36.213, 4.2.3); GSM has 63."""
+_LARGEST_RXLEV = 255
+_WORDS: dict[str, tuple[tuple[str, ...], bytes]] = {
+    "role": (get_args(Role), b"scan"),
+    "rat": (("", *get_args(Rat)), b""),
+    "level": (get_args(Level), b"info"),
+}
+"""Columns of a few words, and what stands for any other."""
+
+Truths = npt.NDArray[np.bool_]
+
+
+def sound(tables: dict[str, Rows], n_raw_bytes: int) -> tuple[dict[str, Rows], int]:
+    """Tables of today's columns, made sound; and how many rows and values had to be left out."""
+    found, n = {}, 0
+    for table, rows in tables.items():
+        found[table], n_bad = _Sound(table, rows, n_raw_bytes).result()
+        n += n_bad
+    return found, n
+
+
+class _Sound:
+    """One table; it is copied when something must be changed."""
+
+    def __init__(self, table: str, rows: Rows, n_raw_bytes: int) -> None:
+        self._table = table
+        self._n_raw_bytes = n_raw_bytes
+        usable = (
+            (rows["seq"] >= 0)
+            & (rows["seq"] < _LAST_SEQ)
+            & (rows["t_ns"] >= -MOST_NS)
+            & (rows["t_ns"] <= MOST_NS)
+        )
+        self._n_bad = int(len(rows) - np.count_nonzero(usable))
+        self._rows = rows[usable] if self._n_bad else rows
+        self._copied = bool(self._n_bad)
+
+    def result(self) -> tuple[Rows, int]:
+        if len(self._rows):
+            for column in TABLES[self._table]:
+                if column.dtype.startswith("S"):
+                    self._text(column.name)
+            of_table: dict[str, Callable[[], None]] = {
+                "fixes": self._fixes,
+                "scans": self._times,
+                "readings": self._readings,
+                "live": self._live,
+                "raw": self._raw,
+            }
+            of_table.get(self._table, lambda: None)()
+        return self._rows, self._n_bad
+
+    def _put(self, name: str, bad: Truths, value: object) -> None:
+        """Let a value stand where it was bad."""
+        if not (n := int(np.count_nonzero(bad))):
+            return
+        if not self._copied:
+            self._rows, self._copied = self._rows.copy(), True
+        self._rows[name][bad] = value
+        self._n_bad += n
+
+    def _text(self, name: str) -> None:
+        column = self._rows[name]
+        letters = np.ascontiguousarray(column).view(np.uint8).reshape(len(column), -1)
+        holds_nul = np.count_nonzero(letters, axis=1) != np.char.str_len(column)
+        for i in np.flatnonzero((letters >= 0x80).any(axis=1) | holds_nul).tolist():
+            text = bytes(column[i])
+            if (clean := _utf8(text, column.dtype.itemsize)) != text:
+                self._put(name, np.arange(len(column)) == i, clean)
+        if name in _WORDS:
+            words, instead = _WORDS[name]
+            self._put(name, ~np.isin(self._rows[name], [word.encode() for word in words]), instead)
+
+    def _numbers(self) -> None:
+        for name, (least, most) in _RANGES.items():
+            if name in (self._rows.dtype.names or ()):
+                values = self._rows[name]
+                self._put(name, ~np.isnan(values) & ~((values >= least) & (values <= most)), np.nan)
+
+    def _fixes(self) -> None:
+        self._numbers()
+        rows = self._rows
+        self._put("valid", rows["valid"] > 1, 1)
+        placeless = np.isnan(rows["lat_deg"]) | np.isnan(rows["lon_deg"])
+        self._put("valid", (self._rows["valid"] == 1) & placeless, 0)
+        utc_ns = self._rows["utc_ns"]
+        self._put(
+            "utc_ns",
+            (utc_ns != UNKNOWN_TIME) & ((utc_ns < -MOST_NS) | (utc_ns > MOST_NS)),
+            UNKNOWN_TIME,
+        )
+
+    def _times(self) -> None:
+        start_ns = self._rows["t_start_ns"]
+        bad = (start_ns != UNKNOWN_TIME) & ((start_ns < -MOST_NS) | (start_ns > MOST_NS))
+        if self._table == "scans":
+            bad |= start_ns == UNKNOWN_TIME
+        self._put("t_start_ns", bad, self._rows["t_ns"][bad])
+
+    def _readings(self) -> None:
+        self._numbers()
+        self._times()
+        for name, most in (("ta", _LARGEST_TA), ("rxlev_raw", _LARGEST_RXLEV)):
+            values = self._rows[name]
+            self._put(name, (values != UNKNOWN_ID) & ((values < 0) | (values > most)), UNKNOWN_ID)
+
+    def _live(self) -> None:
+        zone = np.abs(self._rows["utm_zone"].astype(np.int64))
+        self._put("utm_zone", (zone < 1) | (zone > 60), 1)
+
+    def _raw(self) -> None:
+        offset, length = self._rows["offset"], self._rows["length"].astype(np.int64)
+        bad = (
+            (offset < 0)
+            | (length < 0)
+            | (offset > self._n_raw_bytes)
+            | (length > self._n_raw_bytes - offset)
+        )
+        self._put("length", bad, 0)
+        self._put("offset", bad, 0)
+
+
+def _utf8(text: bytes, size: int) -> bytes:
+    """The same where it is UTF-8 without a NUL; else what can be read of it, as far as there is
+    room.
+    """
+    clean = text.replace(b"\0", b"?").decode("utf-8", "replace").encode()[:size]
+    return clean.decode("utf-8", "ignore").encode()

@@ -1,0 +1,65 @@
+"""Keeps room on the card for the run that is being recorded, in a thread that nobody waits for."""
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from logger.core.runfile import free_bytes, make_room
+from logger.core.types import Level
+
+LOOK_EVERY_S = 30.0
+
+
+class RoomKeeper:
+    """Looks at the free space now and then, and removes journals that are spare while it is below
+    the floor.
+
+    `tell` (level, code, text) is called from its thread. Reading runs again takes a Pi minutes,
+    hence the thread.
+    """
+
+    def __init__(
+        self, folder: Path, floor_bytes: int, tell: Callable[[Level, str, str], None]
+    ) -> None:
+        self._folder = folder
+        self._floor_bytes = floor_bytes
+        self._tell = tell
+        self._thread: threading.Thread | None = None
+        self._next_s = 0.0
+        self._complaint = ""
+
+    def look(self) -> None:
+        """Start to make room where it is needed; returns at once."""
+        if time.monotonic() < self._next_s or (
+            self._thread is not None and self._thread.is_alive()
+        ):
+            return
+        self._next_s = time.monotonic() + LOOK_EVERY_S
+        with suppress(OSError):
+            if free_bytes(self._folder) >= self._floor_bytes:
+                self._complaint = ""
+                return
+        self._thread = threading.Thread(target=self._make_room, name="room", daemon=True)
+        self._thread.start()
+
+    def finish(self) -> None:
+        """Begin nothing more."""
+        self._next_s = float("inf")
+
+    def _make_room(self) -> None:
+        try:
+            for journal in make_room(self._folder, self._floor_bytes):
+                self._tell(
+                    "info",
+                    "journal-removed",
+                    f"{journal.name} made room: its HDF5 file holds the same",
+                )
+            left = free_bytes(self._folder)
+            complaint = "the card is nearly full" if left < self._floor_bytes else ""
+        except OSError as error:
+            complaint = f"cannot make room: {error}"
+        if complaint and complaint != self._complaint:
+            self._tell("warning", "card-nearly-full", complaint)
+        self._complaint = complaint

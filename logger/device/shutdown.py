@@ -1,0 +1,40 @@
+"""The last words with a modem: what has to be asked when the stop has come already."""
+
+from logger.device.link import Link
+from logger.device.scan_timeout import LATE_S, PAUSE_S, Wait
+from logger.drivers.at import AtFramer
+from logger.drivers.dialogue import Command, Reply
+
+
+class AfterStop:
+    """Asks over an open port, as a session does; what else the modem says is recorded raw alone."""
+
+    def __init__(self, link: Link, framer: AtFramer) -> None:
+        self._link = link
+        self._framer = framer
+
+    def hear_out(self) -> None:
+        """Hear what is still to come, which must not be taken for an answer later."""
+        start_s = byte_s = self._now_s()
+        while self._now_s() - byte_s < PAUSE_S and self._now_s() - start_s < LATE_S:
+            if self._read() is not None:
+                byte_s = self._now_s()
+
+    def ask(self, command: Command) -> Reply:
+        """Send a command and wait for its reply; a timeout is a reply too."""
+        wait = Wait(command, self._now_s())
+        self._framer.send(command.text)
+        self._link.write(command.text.encode("ascii") + b"\r")
+        while not wait.is_over(self._now_s()):
+            found = [event for event in self._read() or () if isinstance(event, Reply)]
+            if found:
+                return found[0]
+        return self._framer.expire()
+
+    def _read(self) -> list[object] | None:
+        """What a chunk means; None for silence."""
+        _, data = self._link.read()
+        return list(self._framer.feed(data)) if data else None
+
+    def _now_s(self) -> float:
+        return self._link.clock.real_s(self._link.clock.now_ns() / 1e9)

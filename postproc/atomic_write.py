@@ -1,0 +1,65 @@
+"""Files that are written whole or not at all."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from logger.core.errors import RunFileError
+
+
+def check_writable(path: Path) -> None:
+    """Find out whether `whole_file` can write here, before the work that fills the file; raises
+    `RunFileError`.
+    """
+    with whole_file(path, keep=False) as part:
+        part.touch()
+
+
+def check_folder(folder: Path) -> None:
+    """Find out whether files can be written into a folder; raises `RunFileError`."""
+    check_writable(folder / ".cellwalk")
+
+
+def check_output(path: Path) -> None:
+    """As `check_writable`, for what must not replace a run either: that cannot be made again."""
+    from logger.core.runfile import read_sound_run  # noqa: PLC0415 (h5py; most files are written without)
+
+    check_writable(path)
+    if path.exists():
+        try:
+            read_sound_run(path)
+        except RunFileError:
+            return
+        raise RunFileError(f"{path} is a run; choose another name")
+
+
+@contextmanager
+def whole_file(path: Path, *, keep: bool = True) -> Iterator[Path]:
+    """Give a name to write to; what stands there gets its own name at the end, and nothing is left
+    after a failure.
+
+    Without `keep` nothing is left in any case. Raises `RunFileError` where it cannot be written;
+    HDF5 and rerun tell of that by RuntimeError too.
+    """
+    part = path.parent / f"{path.name}.part"  # of a path without a name too
+    try:
+        _check_name(path)
+        yield part
+        if keep:
+            part.replace(path)
+    except (OSError, RuntimeError) as error:
+        raise RunFileError(
+            f"cannot write {path}: {getattr(error, 'strerror', None) or error}"
+        ) from error
+    finally:
+        with suppress(OSError):  # it could not be made
+            part.unlink(missing_ok=True)
+
+
+def _check_name(path: Path) -> None:
+    if not path.parent.is_dir():
+        raise RunFileError(f"{path.parent}: no such folder")
+    if path.is_dir():
+        raise RunFileError(f"cannot write {path}: it is a folder")
+    if path.exists() and not path.is_file():
+        raise RunFileError(f"cannot write {path}: it is no plain file")

@@ -1,0 +1,47 @@
+"""Whether an estimator has ended with an answer: a minimum was reached, or a filter stayed where a
+transmitter can be.
+
+A fit that runs away, or a filter that diverges, ends with numbers as well: places on the other side
+of the Earth, a power of gigawatts, a covariance that is none. Such numbers are never passed on.
+"""
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.observations import CellObservations
+
+REACH_M = 30_000.0
+"""From the nearest reading: a GSM cell reaches 35 km at most, the search of the locator as far as
+this.
+"""
+P0_RANGE_DBM = (-200.0, 100.0)
+"""At 1 m, where free space leaves 25 to 35 dBm of the 65 dBm that the strongest base station
+radiates; a level that no modem can hear is the other end.
+"""
+MOST_ETA = 10.0
+"""Measured exponents lie between 1.5 and 6, indoors included."""
+
+
+def ended_well(
+    state: FloatArray, covariance: FloatArray, obs: CellObservations, *, any_slope: bool = False
+) -> bool:
+    """Whether `state` [x, y, P0, eta, ...] and its covariance are an answer to the readings.
+
+    `any_slope` lets the exponent be negative too, as the specification's filter does.
+    """
+    variance = np.diagonal(covariance)
+    if not (
+        np.all(np.isfinite(state)) and np.all(np.isfinite(covariance)) and np.all(variance >= 0.0)
+    ):
+        return False
+    return is_possible(state, obs.x_m, obs.y_m, any_slope=any_slope)
+
+
+def is_possible(
+    state: FloatArray, x_m: FloatArray, y_m: FloatArray, *, any_slope: bool = False
+) -> bool:
+    """Whether a transmitter like this could be heard at these places, shape (n,)."""
+    near = np.hypot(state[0] - x_m, state[1] - y_m).min() < REACH_M
+    power = P0_RANGE_DBM[0] <= state[2] <= P0_RANGE_DBM[1]
+    slope = abs(state[3]) <= MOST_ETA and (any_slope or state[3] > 0.0)
+    return bool(near and power and slope)

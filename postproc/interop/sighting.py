@@ -1,0 +1,78 @@
+"""What every foreign format comes down to: one cell heard at one place."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import TypeVar
+
+from logger.core.errors import GeoError
+from logger.core.types import CellReading, Fix
+
+Fields = TypeVar("Fields")
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """One cell heard at one place.
+
+    `line` is the line, row or record it stands in, `t_ns` orders them; `fix.utc_ns` is None where
+    only that is known.
+    """
+
+    line: int
+    t_ns: int
+    fix: Fix
+    reading: CellReading
+
+    @property
+    def lat_deg(self) -> float:
+        return _known(self.fix.lat_deg)
+
+    @property
+    def lon_deg(self) -> float:
+        return _known(self.fix.lon_deg)
+
+    @property
+    def rssi_dbm(self) -> float:
+        """Level, whatever the technology calls it."""
+        return _known(self.reading.level_dbm)
+
+
+@dataclass(frozen=True, slots=True)
+class BadRow:
+    """A row that could not be used, and why."""
+
+    line: int
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class NoCell:
+    """A row about something else: Wi-Fi, Bluetooth, a technology without a cell identity of
+    3GPP.
+    """
+
+    line: int
+
+
+Row = Heard | BadRow | NoCell
+
+
+def parsed(
+    rows: Iterable[tuple[int, Fields]], parse: Callable[[int, Fields], Heard | None]
+) -> Iterator[Row]:
+    """Rows with their line numbers, parsed; `parse` gives None for what is no cell, and raises for
+    what is bad.
+    """
+    for line, fields in rows:
+        try:
+            heard = parse(line, fields)
+        except (ValueError, GeoError) as error:
+            yield BadRow(line, str(error))
+        else:
+            yield heard or NoCell(line)
+
+
+def _known(value: float | None) -> float:
+    if value is None:
+        raise TypeError("a cell heard has a place and a level")
+    return value

@@ -1,0 +1,38 @@
+"""Text in cells of a CSV file that a spreadsheet opens: what looks like a formula is marked as
+text.
+
+`=cmd|...` in a cell's name would be run by whoever opens the file (OWASP, CSV Injection). The mark
+is an apostrophe, which spreadsheets do not show. Numbers stay as they are: a minus before a level
+is no formula.
+"""
+
+import re
+from collections.abc import Iterable
+
+_FORMULA = re.compile("'*[=+\\-@\t\r\n]")
+_TO_QUOTE = re.compile('[,"\r\n]')
+_MARKED = re.compile("'+[=+\\-@\t\r\n]")
+
+
+def marked(text: str) -> str:
+    """Text for a cell; a mark more where the text looks like a formula, or like one that is
+    marked.
+    """
+    return f"'{text}" if _FORMULA.match(text) else text
+
+
+def unmarked(text: str) -> str:
+    """The text that was marked."""
+    return text[1:] if _MARKED.match(text) else text
+
+
+def line(values: Iterable[str]) -> str:
+    """A line of CSV (RFC 4180) with its end; the csv module leaves a lone CR unquoted, and then
+    reads two lines.
+    """
+    return ",".join(_quoted(value) for value in values) + "\n"
+
+
+def _quoted(value: str) -> str:
+    doubled = value.replace('"', '""')
+    return f'"{doubled}"' if _TO_QUOTE.search(value) else value

@@ -1,0 +1,1 @@
+"""Reproductions of published documents: their models and tables, apart from the product."""

@@ -1,0 +1,245 @@
+"""Table 1 of the report beside the theory, and what of it cannot be known.
+
+The report prints detection probabilities of both tests for sigma 100 m and 20 km, with and without
+uncertainty of the claim (37.8, 37.8, 87.0 m), four receivers, false positions off by 2 sigma in two
+coordinates. Neither the places of the receivers nor the false-alarm rate are in its text. What can
+be tested is the relation of its two columns: one noncentrality, spread over 4 degrees of freedom
+and over 3.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.errors import ConfigError
+from postproc.reproductions.position_verification import theory
+from postproc.reproductions.position_verification.theory import Scene, detection, noncentrality_of
+from postproc.verification import ranging
+
+SIGMAS_M = (100.0, 20_000.0)
+CLAIM_SIGMA_M = (37.8, 37.8, 87.0)
+P_FA = 0.05
+"""Not the report's, which is not known: the smallest customary rate under which its printed values
+are possible.
+"""
+
+PRINTED = (
+    (0.98, 0.98),
+    (1.00, 1.00),
+    (1.00, 1.00),
+    (0.97, 0.98),
+    (0.83, 0.85),
+    (0.84, 0.85),
+    (0.93, 0.95),
+    (0.93, 0.95),
+)
+"""Printed pairs, direct and indirect; which row of the table each belongs to is not known."""
+
+CANNOT_BE_KNOWN = (
+    "the places of the receivers: the text of the report does not give them; those here are an input",
+    (
+        "the false-alarm rate: not given either, and the pairs do not tell, since the direct column fixes the indirect "
+        "one within 0.03 for any rate; a printed 1.00 needs 0.02 or more where the noncentrality is at most 8 per "
+        "receiver"
+    ),
+    "which printed pair belongs to which row, and the direction of the offset",
+)
+
+_APART_SIGMAS = 15.0
+_OFFSETS = ((2.0, 2.0), (2.0, -2.0))
+_CAP_PER_RECEIVER = 8.0
+_ROUNDING = 0.005
+_RANGE_M, _RANGE_ETA, _RANGE_SIGMA_DB, _RANGE_OFFSET_DB = 500.0, 3.0, 4.0, 1.0
+_CUT_SIGMAS = 3.0
+_SAMPLE = 500
+_MOST_TRIALS = 5_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """A probability by formula and by simulation; None where there is no such test."""
+
+    theory: float | None
+    simulated: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table: false-alarm rates with a true claim, detection with a false one."""
+
+    sigma_m: float
+    claim_sigma_m: tuple[float, ...]
+    offset_m: tuple[float, ...]
+    noncentrality_direct: float
+    noncentrality_indirect: float | None
+    false_alarm_direct: Rates
+    false_alarm_indirect: Rates
+    direct: Rates
+    indirect: Rates
+    indirect_from_direct: float
+    note: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class PrintedPair:
+    """A printed pair, and the indirect value that the direct one gives with 2, 3 or 4 degrees of
+    freedom.
+
+    `indirect` is given for the printed direct value and the ends of its rounding; `possible` is
+    False where the direct value is larger than the offset allows at this false-alarm rate.
+    """
+
+    printed_direct: float
+    printed_indirect: float
+    noncentrality: float
+    dof2: float
+    dof3: float
+    dof4: float
+    difference: float
+    possible: bool
+
+
+def default_receivers(sigma_m: float) -> FloatArray:
+    """Corners of a regular tetrahedron about the true place, shape (4, 3): ours, for want of the
+    report's.
+    """
+    corners = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+    return np.asarray(_APART_SIGMAS * sigma_m * corners / 3.0**0.5, float)
+
+
+def places(texts: Sequence[str]) -> FloatArray:
+    """Receivers from X,Y or X,Y,Z in metres, shape (n, d); raises `ConfigError`."""
+    try:
+        found = [[float(value) for value in text.split(",")] for text in texts]
+    except ValueError:
+        found = []
+    if (
+        len({len(one) for one in found}) != 1
+        or len(found[0]) not in {2, 3}
+        or not np.all(np.isfinite(found))
+    ):
+        raise ConfigError("receivers are given as X,Y or X,Y,Z in metres, all alike")
+    return np.array(found)
+
+
+def table(
+    p_fa: float,
+    receivers_m: FloatArray | None,
+    sigmas_m: Sequence[float],
+    trials: int,
+    rng: np.random.Generator,
+) -> list[Row]:
+    """The report's cases for receivers (n, d) about a true place at the origin; raises
+    `ConfigError`.
+    """
+    if not 0.0 < p_fa < 1.0:
+        raise ConfigError(f"a false-alarm rate lies between 0 and 1, not at {p_fa:g}")
+    rows = []
+    for sigma_m in sigmas_m:
+        if not (np.isfinite(sigma_m) and sigma_m > 0.0):
+            raise ConfigError(f"a sigma is larger than zero, not {sigma_m:g} m")
+        places = default_receivers(sigma_m) if receivers_m is None else receivers_m
+        d = places.shape[1] if places.ndim == 2 else 0
+        for claim_sigma in ((0.0,) * d, CLAIM_SIGMA_M[:d]):
+            scene = Scene(places, np.full(len(places), sigma_m), np.array(claim_sigma))
+            rows += [
+                _row(scene, sigma_m, np.array(o) * sigma_m, p_fa, trials, rng) for o in _OFFSETS
+            ]
+    return rows
+
+
+def _row(
+    scene: Scene,
+    sigma_m: float,
+    offset_m: FloatArray,
+    p_fa: float,
+    trials: int,
+    rng: np.random.Generator,
+) -> Row:
+    true_m = np.zeros(scene.dimensions)
+    claim_m = np.pad(offset_m, (0, scene.dimensions - 2))
+    direct, indirect = (
+        theory.direct(scene, true_m, claim_m),
+        theory.indirect(scene, true_m, claim_m),
+    )
+    alarms = theory.simulate(scene, true_m, true_m, p_fa, trials, rng)
+    found = theory.simulate(scene, true_m, claim_m, p_fa, trials, rng)
+    has = indirect is not None
+    return Row(
+        sigma_m,
+        tuple(scene.claim_sigma_m.tolist()),
+        tuple(claim_m.tolist()),
+        direct.noncentrality,
+        indirect.noncentrality if indirect else None,
+        Rates(p_fa, alarms.direct),
+        Rates(p_fa if has else None, alarms.indirect),
+        Rates(direct.power(p_fa), found.direct),
+        Rates(indirect.power(p_fa) if indirect else None, found.indirect),
+        detection(p_fa, scene.dimensions, direct.noncentrality),
+        theory.not_observable(scene, true_m),
+    )
+
+
+def printed(p_fa: float) -> list[PrintedPair]:
+    """The relation between the printed columns at a false-alarm rate: nothing of it depends on the
+    receivers.
+    """
+    most = detection(p_fa, 4, 4 * _CAP_PER_RECEIVER)
+    return [_pair(direct, indirect, p_fa, most) for direct, indirect in PRINTED]
+
+
+def _pair(direct: float, indirect: float, p_fa: float, most: float) -> PrintedPair:
+    noncentrality = noncentrality_of(p_fa, 4, min(direct, 1.0 - _ROUNDING))
+    two, three, four = (detection(p_fa, dof, noncentrality) for dof in (2, 3, 4))
+    return PrintedPair(
+        direct,
+        indirect,
+        noncentrality,
+        two,
+        three,
+        four,
+        indirect - three,
+        possible=direct - _ROUNDING <= most,
+    )
+
+
+def summary(
+    p_fa: float, receivers_m: FloatArray | None, sigmas_m: Sequence[float], trials: int, seed: int
+) -> dict[str, Any]:
+    """What `postproc verify-theory --json` prints; raises `ConfigError`."""
+    if not 1 <= trials <= _MOST_TRIALS:
+        raise ConfigError(f"between 1 and {_MOST_TRIALS} trials")
+    rng = np.random.default_rng(seed)
+    rows = table(p_fa, receivers_m, sigmas_m, trials, rng)
+    error, drawn = ranging.range_errors(
+        _RANGE_M, _RANGE_ETA, _RANGE_SIGMA_DB, _RANGE_OFFSET_DB, trials, rng
+    )
+    sample = drawn[:_SAMPLE]
+    checks = {
+        "first_taylor_term": rng.normal(error.mean_m, error.sigma_m, len(sample)),
+        "exact": sample,
+    }
+    return {
+        "p_fa": p_fa,
+        "trials": trials,
+        "receivers": "ours: a regular tetrahedron" if receivers_m is None else receivers_m.tolist(),
+        "rows": [asdict(row) for row in rows],
+        "printed": [asdict(pair) for pair in printed(p_fa)],
+        "cannot_be_known": list(CANNOT_BE_KNOWN),
+        "range_error": {
+            "distance_m": _RANGE_M,
+            "eta": _RANGE_ETA,
+            "sigma_db": _RANGE_SIGMA_DB,
+            "offset_db": _RANGE_OFFSET_DB,
+            **error._asdict(),
+        },
+        "normality": {name: _normality(values, rng) for name, values in checks.items()},
+    }
+
+
+def _normality(values: FloatArray, rng: np.random.Generator) -> list[dict[str, Any]]:
+    found = (ranging.normality(values, limit, rng) for limit in (None, _CUT_SIGMAS))
+    return [one._asdict() for one in found if one]

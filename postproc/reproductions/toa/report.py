@@ -1,0 +1,118 @@
+"""The table of the simulation: in a terminal, and as JSON."""
+
+import json
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.errors import ConfigError
+from postproc.json_text import Json
+from postproc.reproductions.toa.simulate import Row, Setting
+from postproc.terminal import say, screen, table
+
+_COLUMNS = ("LSE", "KF of the README", "KF on squares", "bound, epoch", "bound, motion")
+_NOTES = (
+    "LSE: each epoch alone.",
+    "KF of the README: singular S, inverted over independent rows; the pseudo-inverse gives the same to {apart:.1e} m.",
+    "KF on squares: the same task with a matrix of full rank.",
+    "Bound: mean error of a Gaussian that reaches the Cramer-Rao bound (unbiased estimators), of one epoch, or of all",
+    "epochs so far of an even motion.",
+    "NEES by degree of freedom: 1 for a covariance that is true, above 1 for one that is too small.",
+)
+
+
+def places(text: str) -> FloatArray:
+    """Places from "x,y x,y ..." (or with semicolons between) in metres, shape (n, 2); raises
+    `ConfigError`.
+    """
+    try:
+        found = [
+            [float(value) for value in place.split(",")] for place in text.replace(";", " ").split()
+        ]
+    except ValueError:
+        raise ConfigError(f"{text!r}: places are written x,y x,y ... in metres") from None
+    if not found or any(len(place) != 2 for place in found):
+        raise ConfigError(f"{text!r}: places are written x,y x,y ... in metres")
+    return np.array(found)
+
+
+def as_json(setting: Setting, rows: list[Row], *, steps: bool) -> str:
+    """All there is to know, with the errors of each step where wanted."""
+    found = {
+        "anchors_m": setting.anchors.place_m.tolist(),
+        "path_m": setting.path_m.tolist(),
+        "runs": setting.runs,
+        "seed": setting.seed,
+        "rows": [_row(row, steps=steps) for row in rows],
+    }
+    return json.dumps(found, indent=2)
+
+
+def _row(row: Row, *, steps: bool) -> Json:
+    found: Json = {"sigma2": row.sigma2_m2}
+    found |= {
+        name: None if errors is None else float(np.mean(errors))
+        for name, errors in _errors(row).items()
+    }
+    found |= {
+        "q_from": "README" if row.is_printed else "derived",
+        "kf_nees": row.kf_nees,
+        "squares_nees": row.squares_nees,
+        "pinv_difference_m": row.pinv_difference_m,
+    }
+    if steps:
+        found["steps"] = [
+            {"k": k}
+            | {name: None if e is None else float(e[k]) for name, e in _errors(row).items()}
+            for k in range(len(row.lse_m))
+        ]
+    return found
+
+
+def _errors(row: Row) -> dict[str, FloatArray | None]:
+    return {
+        "lse_m": row.lse_m,
+        "kf_m": row.kf_m,
+        "squares_m": row.squares_m,
+        "bound_epoch_m": row.epoch_bound_m,
+        "bound_motion_m": row.motion_bound_m,
+    }
+
+
+def print_rows(setting: Setting, rows: list[Row], *, steps: bool) -> None:
+    """Mean errors over steps and runs, one line for each variance; with `steps` one for each step
+    as well.
+    """
+    console = screen()
+    over = (
+        f"over {len(setting.path_m)} steps and {setting.runs} runs, {len(setting.anchors)} anchors"
+    )
+    say(console, f"mean error (m) {over}")
+    titles = ["sigma² (m²)", *_COLUMNS, "NEES KF", "NEES squares", "Q from"]
+    table(
+        console,
+        titles,
+        [line for row in rows for line in _lines(row, steps=steps)],
+        right=titles[1:-1],
+    )
+    apart_m = max(row.pinv_difference_m for row in rows)
+    for note in _NOTES:
+        say(console, note.format(apart=apart_m), "dim")
+
+
+def _lines(row: Row, *, steps: bool) -> list[list[str]]:
+    nees = (f"{row.kf_nees:.2f}", f"{row.squares_nees:.2f}")
+    q_from = "README" if row.is_printed else "derived"
+    by_step = range(len(row.lse_m) if steps else 0)
+    return [
+        [f"{row.sigma2_m2:g}", *_metres(row, slice(None)), *nees, q_from],
+        *([f"step {k}", *_metres(row, slice(k, k + 1))] for k in by_step),
+    ]
+
+
+def _metres(row: Row, steps: slice) -> list[str]:
+    """Mean errors over some steps with four digits, as the README's errors are known."""
+    return [
+        "-" if error_m is None else f"{np.mean(error_m[steps]):#.4g}"
+        for error_m in _errors(row).values()
+    ]

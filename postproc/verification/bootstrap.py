@@ -1,0 +1,109 @@
+"""Walks drawn as they would be if a transmitter stood at a given place: what both tests are
+calibrated by.
+
+Everything but the place is as this walk tells, wherever its transmitter stands: the likeliest
+hypothesis of the noise, and sigma and eta drawn together from their posterior (parametric
+bootstrap: Davison & Hinkley, Bootstrap Methods and their Application, 1997, ch. 4). P0 does not
+matter to either test and is left out. For the direct test the noise is judged without the
+directions that it looks for displacements in: judged with them, shadowing seems to last the longer
+the larger F is by chance, and alarms are too few (a p-value with plugged-in nuisances is too large
+where they depend on its statistic: Robins, van der Vaart & Ventura, J. Am. Statist. Assoc. 95(452),
+2000).
+
+Drawn walks are stationary, so they are judged with full trust. A measured walk is not, as a rule:
+hills, streets and the shape of the antenna stay in its residuals. It is judged with the trust that
+each hypothesis deserves (`logger.core.locator.prior`), as the locator does, so its p-values are
+larger than those of a simulated walk with the same levels would be.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.locator.blocks import Blocks
+from logger.core.locator.covariance import whiteners_of
+from logger.core.locator.evidence import distances_db, receiver_variance
+from logger.core.locator.prior import Prior
+from postproc.verification.likelihood_grid import Field, field_at
+
+_TAIL = 16
+_LEAST = 1e-300
+_LIKELY = 1e-4
+_ANY = 300.0  # variance in units of sigma^2
+
+
+@dataclass(frozen=True)
+class Nuisances:
+    """A `root` (n, n) of the noise's covariance by the likeliest hypothesis, and what goes with it.
+
+    That is, for places (m,), their probability, sigma, and mean and variance of eta.
+    """
+
+    blocks: Blocks
+    prior: Prior
+    root: FloatArray
+    probability: FloatArray
+    sigma_db: FloatArray
+    eta: FloatArray
+    eta_variance: FloatArray
+
+    @property
+    def mean_sigma_db(self) -> float:
+        """Noise that the walk shows."""
+        return float(self.probability @ self.sigma_db)
+
+    def walks(self, x_m: FloatArray, y_m: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Levels of one walk for each place (b,) of the transmitter, shape (n, b)."""
+        m = rng.choice(len(self.probability), len(x_m), p=self.probability)
+        eta = self.eta[m] + np.sqrt(self.eta_variance[m]) * rng.normal(size=len(m))
+        at_db = distances_db(self.blocks, self.prior.height_m, x_m, y_m)
+        noise = self.root @ rng.normal(size=at_db.shape)
+        extra = receiver_variance(self.blocks, self.prior, at_db)
+        if extra is not None:
+            noise += np.sqrt(extra) * rng.normal(size=extra.shape)
+        return np.asarray(self.sigma_db[m] * noise - eta * at_db, float)
+
+
+def nuisances(field: Field, level_dbm: FloatArray, k: FloatArray) -> Nuisances:
+    """Of a walk (n,), with the covariance `k` (c, n, n) by every hypothesis of the prior."""
+    log_p, variance = field.judged(level_dbm[:, None])
+    best = int(np.argmax(field.weights(log_p)[:, 0]))
+    eta, inverse = field.exponents(level_dbm)
+    joint = log_p[best, :, 0] + field.log_mass
+    p = np.exp(joint - np.max(joint))
+    likely = p > _LIKELY
+    of_noise = variance[best, likely, 0]
+    return Nuisances(
+        field.blocks,
+        field.prior,
+        np.asarray(np.linalg.cholesky(k[field.numbers[best]]), float),
+        p[likely] / np.sum(p[likely]),
+        np.sqrt(of_noise),
+        eta[best, likely],
+        of_noise * inverse[best, likely],
+    )
+
+
+def nuisances_off(
+    bent: FloatArray, field: Field, level_dbm: FloatArray, k: FloatArray
+) -> Nuisances:
+    """Of the same, whatever its levels have in the orthonormal directions `bent` (n, q), wherever
+    it was heard from.
+    """
+    free = whiteners_of(k[field.numbers] + _ANY * (bent @ bent.T), field.numbers.tolist())
+    return nuisances(field_at(field.blocks, field.prior, field.squares, free), level_dbm, k)
+
+
+def calibrated(calm: FloatArray, found: FloatArray) -> FloatArray:
+    """Share of the sorted `calm` (d,) at or below each of `found`; where few are, by a power law
+    through the least.
+    """
+    calm, found = np.maximum(calm, _LEAST), np.maximum(found, _LEAST)
+    count = np.searchsorted(calm, found, side="right")
+    edge = calm[_TAIL]
+    steep = float(
+        np.clip((_TAIL - 1.0) / max(float(np.sum(np.log(edge / calm[:_TAIL]))), 1e-9), 0.2, 5.0)
+    )
+    beyond = (_TAIL + 0.5) / (len(calm) + 1.0) * (np.minimum(found, edge) / edge) ** steep
+    return np.asarray(np.where(found < edge, beyond, (count + 0.5) / (len(calm) + 1.0)), float)

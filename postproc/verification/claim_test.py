@@ -1,0 +1,104 @@
+"""One claim against one walk: the direct test and the indirect one, both calibrated."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.locator.blocks import Blocks
+from logger.core.locator.covariance import covariances, whiteners_of
+from logger.core.locator.prior import Prior
+from postproc.verification.bootstrap import Nuisances, calibrated, nuisances, nuisances_off
+from postproc.verification.direct_test import DirectTest, direct_test
+from postproc.verification.indirect_test import IndirectTest, indirect_test
+from postproc.verification.likelihood_grid import Field, coarse_squares, field_at, refined
+
+DRAWS = 240
+
+_COARSE = 550
+_FINE = 1600
+_APART_M = 6.0
+_FEWEST_PLACES = 32
+_MOST_PLACES = 256
+_GOLDEN_RAD = np.pi * (3.0 - 5.0**0.5)
+
+
+@dataclass(frozen=True)
+class Listened:
+    """A walk ready to have claims tested: blocks with levels about zero, and what the noise is
+    like.
+
+    `covariances` (c, n, n) are those of every hypothesis of the prior. `field` has few places, to
+    be refined for a claim, `fine` those that the noise is judged at.
+    """
+
+    blocks: Blocks
+    prior: Prior
+    level_dbm: FloatArray
+    covariances: FloatArray
+    field: Field
+    fine: Field
+    noise: Nuisances
+
+
+@dataclass(frozen=True)
+class ClaimTest:
+    """Both tests of one claim; `calm_direct` are the sorted statistics of walks drawn from it."""
+
+    walk: Listened
+    claim: FloatArray
+    direct: DirectTest
+    indirect: IndirectTest
+    calm_direct: FloatArray
+
+    def p_direct(self, level_dbm: FloatArray, *, trusting: bool) -> FloatArray:
+        """p-values of levels (n, b), shape (b,); `trusting` the noise to be as stationary as a
+        simulated one.
+        """
+        return calibrated(self.calm_direct, self.direct.p_values(level_dbm, trusting=trusting))
+
+    def p_indirect(self, level_dbm: FloatArray, *, trusting: bool) -> FloatArray:
+        """p-values of levels (n, b), shape (b,); `trusting` as above."""
+        return self.indirect.p_values(level_dbm, trusting=trusting)
+
+
+def listened(blocks: Blocks, prior: Prior) -> Listened:
+    """Learn from a walk what does not depend on the claim."""
+    level_dbm = blocks.level_dbm - float(np.mean(blocks.level_dbm))
+    k, coarse = covariances(blocks, prior), coarse_squares(blocks, prior)
+    every = whiteners_of(k)
+    # each hypothesis has its own peak: places too coarse for the sharpest would rule that one out
+    searched = refined(field_at(blocks, prior, coarse, every[::6]), level_dbm[:, None], _FINE)
+    fine = field_at(blocks, prior, searched.squares, every).plausible(level_dbm)
+    field = refined(field_at(blocks, prior, coarse, fine.found), level_dbm[:, None], _COARSE)
+    return Listened(blocks, prior, level_dbm, k, field, fine, nuisances(fine, level_dbm, k))
+
+
+def claim_test(walk: Listened, claim: FloatArray, rng: np.random.Generator) -> ClaimTest | None:
+    """Prepare both tests of a claim of equally likely places (2, k); None for a walk of too few
+    blocks.
+    """
+    direct = direct_test(walk.blocks, walk.prior, walk.covariances, claim, walk.noise.mean_sigma_db)
+    if direct is None:
+        return None
+    at = claim[:, rng.integers(claim.shape[1], size=DRAWS)]
+    drawn = walk.noise.walks(at[0], at[1], rng)
+    indirect = indirect_test(walk.field, claim, drawn, walk.noise.mean_sigma_db, rng)
+    told = nuisances_off(direct.bent, walk.fine, walk.level_dbm, walk.covariances)
+    calm = direct.p_values(told.walks(at[0], at[1], rng), trusting=True)
+    return ClaimTest(walk, claim, direct, indirect, np.sort(calm))
+
+
+def around(x_m: float, y_m: float, sigma_m: float) -> FloatArray:
+    """Equally likely places (2, k) of a normal claim, or the place alone.
+
+    They lie on the spiral of a sunflower, which leaves no hole (Vogel, Math. Biosci. 44, 1979), the
+    closer together the less a walk may know a place by.
+    """
+    if sigma_m <= 0.0:
+        return np.array([[x_m], [y_m]])
+    k = int(np.clip((sigma_m / _APART_M) ** 2, _FEWEST_PLACES, _MOST_PLACES))
+    radius = sigma_m * np.sqrt(-2.0 * np.log(1.0 - (np.arange(k) + 0.5) / k))
+    angle = _GOLDEN_RAD * np.arange(k)
+    away = radius * np.stack([np.cos(angle), np.sin(angle)])
+    return np.asarray(np.array([[x_m], [y_m]]) + away - np.mean(away, axis=1, keepdims=True), float)

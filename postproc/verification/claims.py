@@ -1,0 +1,180 @@
+"""Claimed positions: from the command line, a CSV of our own, a cell export, or a cell database."""
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pyproj import Geod
+
+from logger.core.errors import ConfigError, GeoError, RunFileError
+from logger.core.geo import MAX_LATITUDE_DEG, check_position
+from postproc.verification.cell_export import cell_export
+from postproc.verification.celldb import CellDb, is_celldb
+from postproc.verification.parsing import identity_of
+
+RANGE_SIGMA = 0.5
+"""Sigma of a place in an export by its `range`, the greatest distance at which the cell was seen:
+the place is the middle of where it was seen, not where it stands.
+"""
+UNKNOWN_SIGMA_M = 1000.0
+"""Sigma of a place in an export that tells no range."""
+_COLUMNS = ("cell", "lat", "lon")
+_GEOD = Geod(ellps="WGS84")
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """Where a cell is said to stand, with a standard deviation on each axis; `cell` None: every
+    cell of the run.
+    """
+
+    cell: str | None
+    lat_deg: float
+    lon_deg: float
+    sigma_m: float
+    source: str
+
+
+_REACH_KM = 50.0
+"""A GSM cell is heard within 35 km, and a walk has its own length."""
+
+
+def away_m(one_deg: tuple[float, float], other_deg: tuple[float, float]) -> float:
+    """Distance on the Earth between two places (latitude, longitude)."""
+    return float(_GEOD.inv(one_deg[1], one_deg[0], other_deg[1], other_deg[0])[2])
+
+
+def swapped(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
+    """Question whether latitude and longitude were exchanged; `walk_deg` (latitude, longitude) is
+    where was walked.
+
+    None where the claim is near enough to be heard, or far away either way.
+    """
+    lat_deg, lon_deg = claim.lon_deg, claim.lat_deg
+    if not abs(lat_deg) <= MAX_LATITUDE_DEG:
+        return None
+    told_km, other_km = (
+        away_m(one, walk_deg) / 1000.0
+        for one in ((claim.lat_deg, claim.lon_deg), (lat_deg, lon_deg))
+    )
+    if told_km <= _REACH_KM or other_km > _REACH_KM:
+        return None
+    near = f"at {lat_deg:.5f} {lon_deg:.5f} it would be {max(other_km, 1.0):.0f} km or less from the walk"
+    return f"latitude and longitude swapped? {near} instead of {told_km:.0f} km"
+
+
+def parse_claim(text: str, cell: str | None) -> Claim:
+    """LAT,LON[,SIGMA_M]; raises `ConfigError`."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in {2, 3} or not all(map(math.isfinite, values)):
+        raise ConfigError(f"{text!r} is no claim: LAT,LON or LAT,LON,SIGMA_M is wanted")
+    return _checked(
+        Claim(cell, values[0], values[1], values[2] if len(values) == 3 else 0.0, "command line")
+    )
+
+
+def read_claims(path: Path, heard: Sequence[str]) -> list[Claim]:
+    """Claims about the cells heard; raises `RunFileError` for a file that holds none, and
+    `ConfigError`.
+
+    Our CSV has columns cell, lat, lon and optionally sigma_m. Cells that a database or an export
+    does not know simply have no claim.
+    """
+    if is_celldb(path):
+        return _of_database(path, heard)
+    try:
+        with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+            reader = csv.DictReader(file)
+            names = [name.strip().lower() for name in reader.fieldnames or ()]
+            if set(_COLUMNS) <= set(names) and "radio" not in names:
+                reader.fieldnames = names
+                return [_own(row, path, reader.line_num) for row in reader if row["cell"] in heard]
+    except OSError as error:
+        raise RunFileError(f"{path}: {error.strerror}") from error
+    except csv.Error as error:
+        raise RunFileError(f"{path} is no CSV file: {error}") from error
+    return _of_export(path, heard)
+
+
+def _own(row: dict[str, str], path: Path, line: int) -> Claim:
+    try:
+        sigma = row.get("sigma_m") or "0"
+        return _checked(
+            Claim(
+                row["cell"],
+                float(row["lat"]),
+                float(row["lon"]),
+                float(sigma),
+                f"{path} line {line}",
+            )
+        )
+    except (TypeError, ValueError) as error:
+        raise RunFileError(f"{path}: line {line}: {error}") from error
+    except (ConfigError, GeoError) as error:
+        raise RunFileError(f"{path}: line {line}: {error}") from error
+
+
+def _of_database(path: Path, heard: Sequence[str]) -> list[Claim]:
+    database = CellDb(path)
+    claims = []
+    for name in heard:
+        if identity_of(name) is not None:
+            known = database.by_identity(name)
+            if known:
+                found = max(known, key=lambda cell: cell.samples or 0)
+                where = (
+                    f"{path}{' (by the lower 16 bits of its identity)' if found.short_cid else ''}"
+                )
+                claims.append(Claim(name, found.lat, found.lon, _sigma_m(found.range_m), where))
+    database.close()
+    return claims
+
+
+def _of_export(path: Path, heard: Sequence[str]) -> list[Claim]:
+    wanted = {identity: name for name in heard if (identity := identity_of(name)) is not None}
+    claims: dict[str, Claim] = {}
+    with cell_export(path) as export:
+        place = export.column
+        for row in export.rows:
+            try:
+                mcc, net, area, cell = (
+                    int(row[place[column]]) for column in ("mcc", "net", "area", "cell")
+                )
+                name = wanted.get((mcc, net, area, cell))
+                if name is None:
+                    continue
+                span = row[place["range"]] if "range" in place else ""
+                sigma_m = _sigma_m(int(span) if span.isdigit() else None)
+                claims[name] = _checked(
+                    Claim(
+                        name, float(row[place["lat"]]), float(row[place["lon"]]), sigma_m, str(path)
+                    )
+                )
+            except (ValueError, IndexError, GeoError):
+                continue  # a row of an export that names no cell or no place
+    return list(claims.values())
+
+
+def _sigma_m(range_m: int | None) -> float:
+    return RANGE_SIGMA * range_m if range_m else UNKNOWN_SIGMA_M
+
+
+def _checked(claim: Claim) -> Claim:
+    try:
+        check_position(claim.lat_deg, claim.lon_deg)
+    except GeoError as error:
+        if abs(claim.lat_deg) <= 180.0 and abs(claim.lon_deg) <= MAX_LATITUDE_DEG < abs(
+            claim.lat_deg
+        ):
+            raise GeoError(f"{error}; latitude and longitude swapped?") from error
+        raise
+    if not 0.0 <= claim.sigma_m < 1e6:
+        raise ConfigError(
+            f"the sigma of a claim is a number of metres, zero or larger, not {claim.sigma_m:g}"
+        )
+    return claim

@@ -1,0 +1,110 @@
+"""What a walk could have told: the chance to reject a claim while the transmitter stands somewhere
+else.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from postproc.verification.claim_test import ClaimTest
+
+POWER = 0.95
+BEARINGS_DEG = (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)
+
+_SHARES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 20.0)
+_DRAWS = 32
+_NEARLY = 0.9
+_BATCH = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Detectable:
+    """Smallest displacement towards an azimuth that is rejected with 95 %, None where none up to
+    `limit_m` is.
+
+    `blind_m` is a larger one that is not, as the mirror image of a straight walk; None where there
+    is none.
+    """
+
+    azimuth_deg: float
+    direct_m: float | None
+    indirect_m: float | None
+    direct_blind_m: float | None
+    indirect_blind_m: float | None
+    limit_m: float
+
+
+def power(
+    test: ClaimTest,
+    x_m: FloatArray,
+    y_m: FloatArray,
+    p_fa: float,
+    draws: int,
+    rng: np.random.Generator,
+    *,
+    trusting: bool,
+) -> tuple[FloatArray, FloatArray]:
+    """Share of `draws` walks for each place (m,) of the transmitter in which each test rejects the
+    claim, (m,) each.
+    """
+    each_x, each_y = np.repeat(x_m, draws), np.repeat(y_m, draws)
+    direct, indirect = [], []
+    for k in range(0, len(each_x), _BATCH):
+        level_dbm = test.walk.noise.walks(each_x[k : k + _BATCH], each_y[k : k + _BATCH], rng)
+        direct.append(test.p_direct(level_dbm, trusting=trusting) <= p_fa)
+        indirect.append(test.p_indirect(level_dbm, trusting=trusting) <= p_fa)
+    found = (
+        np.concatenate(one).reshape(len(x_m), draws).mean(axis=1) for one in (direct, indirect)
+    )
+    return next(found), next(found)
+
+
+def detectable(
+    test: ClaimTest, p_fa: float, rng: np.random.Generator, *, trusting: bool
+) -> list[Detectable]:
+    """For each of eight azimuths; displacements are tried up to 20 times the claim's distance from
+    the walk.
+    """
+    middle = np.mean(test.claim, axis=1)
+    radius = distance_m(test) * np.array(_SHARES)
+    azimuth = np.radians(BEARINGS_DEG)
+    x = middle[0] + np.outer(np.sin(azimuth), radius).ravel()
+    y = middle[1] + np.outer(np.cos(azimuth), radius).ravel()
+    found = (
+        one.reshape(len(azimuth), len(radius))
+        for one in power(test, x, y, p_fa, _DRAWS, rng, trusting=trusting)
+    )
+    rows = zip(BEARINGS_DEG, *found, strict=True)
+    return [_row(deg, radius, one, other) for deg, one, other in rows]
+
+
+def _row(deg: float, radius: FloatArray, direct: FloatArray, indirect: FloatArray) -> Detectable:
+    (direct_m, direct_blind), (indirect_m, indirect_blind) = (
+        _crossing(radius, direct),
+        _crossing(radius, indirect),
+    )
+    return Detectable(deg, direct_m, indirect_m, direct_blind, indirect_blind, float(radius[-1]))
+
+
+def distance_m(test: ClaimTest) -> float:
+    """The claim's distance from the walk, at least the size of a block."""
+    middle, blocks = np.mean(test.claim, axis=1), test.walk.blocks
+    nearest = float(np.min(np.hypot(blocks.x_m - middle[0], blocks.y_m - middle[1])))
+    return max(nearest, 2.0 * blocks.size_m)
+
+
+def _crossing(radius: FloatArray, share: FloatArray) -> tuple[float | None, float | None]:
+    """Where the share first reaches 95 %, between the radii by its logarithm, and where it later
+    falls below 90 %.
+    """
+    reached = np.flatnonzero(share >= POWER)
+    if not len(reached):
+        return None, None
+    k = int(reached[0])
+    again = np.flatnonzero(share[k:] < _NEARLY)
+    blind = float(radius[k + again[0]]) if len(again) else None
+    if k == 0:
+        return float(radius[0]), blind
+    part = (POWER - share[k - 1]) / (share[k] - share[k - 1])
+    return float(radius[k - 1] * (radius[k] / radius[k - 1]) ** part), blind

@@ -1,0 +1,221 @@
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from logger.core.locator import evidence
+from logger.core.locator.blocks import blocks
+from logger.core.locator.covariance import whiteners
+from logger.core.locator.mixture import mixture
+from logger.core.locator.prior import Prior
+from logger.core.locator.quadtree import Effort, first_cells, grow
+from logger.core.locator.region import Cells, area_m2, highest_density
+from logger.core.locator.timing_advance import STEP_M, timing_of
+from tests.kit.walks import observations, simulate
+
+SMALL = Prior(
+    decorrelation_m=(30.0,),
+    white_shares=(0.3,),
+    stationary_m=0.0,
+    trust=0.5,
+    reach_m=400.0,
+    near_m=100.0,
+)
+
+
+def walk(count=24, noise_db=3.0, seed=1):
+    """A bend of 180 by 120 m; the transmitter is beside it."""
+    s = np.linspace(0.0, 300.0, count)
+    x, y = np.minimum(s, 180.0), np.maximum(s - 180.0, 0.0)
+    level = (
+        -35
+        - 27 * np.log10(np.hypot(x - 110, y - 60))
+        + noise_db * np.random.default_rng(seed).normal(size=count)
+    )
+    return observations(x, y, level, 3.0)
+
+
+def by_grid(obs, prior, most, step=5.0):
+    """The same posterior on an even grid over the whole area; its middle points and their
+    probability.
+    """
+    track = blocks(obs, most)
+    found = whiteners(track, prior)
+    log_det = np.array([[w.log_det] for w in found])
+    middle = [0.5 * (np.min(v) + np.max(v)) for v in (track.x_m, track.y_m)]
+    half = prior.reach_m + 0.5 * max(np.ptp(track.x_m), np.ptp(track.y_m))
+    at = np.arange(-half + 0.5 * step, half, step)
+    x, y = (v.ravel() for v in np.meshgrid(middle[0] + at, middle[1] + at))
+    parts = []
+    for i in range(0, len(x), 2000):
+        total = evidence.walk_sums(track, found, prior, x[i : i + 2000], y[i : i + 2000])
+        parts.append(evidence.marginal(total, len(track), log_det, prior).log_p)
+    nearest = np.min(np.hypot(x[:, None] - track.x_m, y[:, None] - track.y_m), axis=1)
+    log_prior = -prior.far_power * np.log(np.maximum(nearest / prior.near_m, 1.0))
+    numbers = np.arange(len(found))
+    return (
+        x,
+        y,
+        mixture(np.concatenate(parts, axis=1), log_prior + 2.0 * np.log(step), numbers, prior),
+    )
+
+
+@cache
+def both(count, most):
+    """Tree and grid of one walk."""
+    obs = walk(count, 0.6 * np.sqrt(count))
+    coarse = None if most is None else blocks(obs, most)
+    return grow(blocks(obs, 300), SMALL, Effort(), coarse), by_grid(obs, SMALL, 300)
+
+
+def cells_of(tree, prior=SMALL):
+    return Cells(tree.x_m, tree.y_m, tree.size_m, tree.mixture(prior).probability)
+
+
+def held_by(cells, inside, parts=6):
+    """Mass inside a region, cells across its border by the part of them that is inside."""
+    off = (np.arange(parts) + 0.5) / parts - 0.5
+    dx, dy = (v.ravel() for v in np.meshgrid(off, off))
+    x, y = (v[:, None] + cells.size_m[:, None] * d for v, d in ((cells.x_m, dx), (cells.y_m, dy)))
+    return float(np.sum(cells.probability * np.mean(inside(x, y), axis=1)))
+
+
+WALKS = pytest.mark.parametrize(
+    ("count", "most"), [(24, None), (120, 40)], ids=["small", "begun with fewer blocks"]
+)
+
+
+@WALKS
+def test_mass_of_every_region_is_that_of_a_fine_grid(count, most):
+    tree, (x, y, exact) = both(count, most)
+    cells, p = cells_of(tree), exact.probability
+    regions = {
+        "west": lambda x, y: x < 100.0,
+        "south": lambda x, y: y < 60.0,
+        "around the truth": lambda x, y: np.hypot(x - 110.0, y - 60.0) < 30.0,
+        "wider": lambda x, y: np.hypot(x - 110.0, y - 60.0) < 100.0,
+        "far": lambda x, y: np.hypot(x - 110.0, y - 60.0) > 250.0,
+    }
+    for name, inside in regions.items():
+        assert held_by(cells, inside) == pytest.approx(float(p[inside(x, y)].sum()), abs=0.02), name
+
+
+@WALKS
+def test_mean_spread_and_noise_are_those_of_a_fine_grid(count, most):
+    tree, (x, y, exact) = both(count, most)
+    p, q = tree.mixture(SMALL).probability, exact.probability
+    spread_m = np.sqrt(q @ (x - q @ x) ** 2)
+    assert (p @ tree.x_m, p @ tree.y_m) == pytest.approx((q @ x, q @ y), abs=0.05 * spread_m)
+    assert np.sqrt(p @ (tree.x_m - p @ tree.x_m) ** 2) == pytest.approx(spread_m, rel=0.05)
+    by_hypothesis = np.zeros(len(SMALL.hypotheses))
+    by_hypothesis[tree.numbers] = tree.mixture(SMALL).by_hypothesis
+    np.testing.assert_allclose(by_hypothesis, exact.by_hypothesis, atol=0.02)
+    if most is None:
+        assert tree.mixture(SMALL).log_evidence == pytest.approx(exact.log_evidence, abs=0.05)
+
+
+@WALKS
+def test_region_is_that_of_a_fine_grid(count, most):
+    tree, (x, y, exact) = both(count, most)
+    grid = Cells(x, y, np.full(len(x), 5.0), exact.probability)
+    for level in (0.5, 0.95):
+        assert area_m2(cells_of(tree), level) == pytest.approx(area_m2(grid, level), rel=0.1)
+
+
+@WALKS
+def test_leaves_tile_the_searched_area(count, most):
+    tree, _ = both(count, most)
+    side = np.sqrt(np.sum(tree.size_m**2))
+    assert side == pytest.approx(2.0 * SMALL.reach_m + 180.0, abs=3.0)
+    x_m, y_m = np.random.default_rng(2).uniform(-0.49 * side, 0.49 * side, (2, 200))
+    for x, y in zip(x_m + 90.0, y_m + 60.0, strict=True):
+        holds = (np.abs(tree.x_m - x) <= 0.5 * tree.size_m) & (
+            np.abs(tree.y_m - y) <= 0.5 * tree.size_m
+        )
+        assert np.count_nonzero(holds) == 1
+
+
+@pytest.mark.parametrize("shape", ["straight", "L", "random"])
+@pytest.mark.parametrize("shadow_db", [0.0, 6.0])
+def test_cells_are_at_most_half_the_posterior_sigma(shape, shadow_db):
+    """Sigma of a round Gaussian whose densest half has the same area."""
+    obs, _ = simulate(
+        np.random.default_rng(5), shape, white_db=2.0, shadow_db=shadow_db, count=150, step=5.6
+    )
+    prior = Prior()
+    tree = grow(blocks(obs, 300), prior, Effort(), blocks(obs, 80))
+    cells = cells_of(tree, prior)
+    sigma_m = np.sqrt(area_m2(cells, 0.5) / (np.pi * 2.0 * np.log(2.0)))
+    assert np.max(cells.size_m[highest_density(cells, 0.5)]) <= 0.5 * sigma_m
+
+
+def test_no_plausible_noise_is_left_out_for_the_fewer_blocks_of_the_beginning():
+    obs, _ = simulate(np.random.default_rng(7), "L", shadow_db=3.0, count=150, step=5.6)
+    track, prior = blocks(obs, 300), Prior()
+    shares = np.zeros((2, len(prior.hypotheses)))
+    for share, coarse in zip(shares, (None, blocks(obs, 80)), strict=True):
+        tree = grow(track, prior, Effort(), coarse)
+        share[tree.numbers] = tree.mixture(prior).by_hypothesis
+    assert np.max(shares) < 0.9
+    np.testing.assert_allclose(shares[1], shares[0], atol=0.02)
+
+
+# --- the first cells ---
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_first_cells_are_small_near_the_walk_and_reach_the_end(share):
+    track = blocks(walk(), 300)
+    x, y, size = first_cells(track, Prior(), share)
+    away = np.min(np.hypot(x[:, None] - track.x_m, y[:, None] - track.y_m), axis=1)
+    assert np.all(size <= np.maximum(10.0 * share, share * away) + 1e-9)
+    assert np.sum(size**2) == pytest.approx((2.0 * Prior().reach_m + 180.0) ** 2, rel=1e-9)
+    assert np.max(x + 0.5 * size) == pytest.approx(90.0 + 90.0 + Prior().reach_m)
+    assert len(x) < 3000
+
+
+def test_first_cells_on_a_ring_of_the_timing_advance_are_no_larger_than_its_step():
+    track, told = blocks(walk(), 300), replace(walk(), ta=np.full(24, 20))
+    plain = first_cells(track, Prior(), 0.5)
+    x, y, size = first_cells(track, Prior(), 0.5, timing_of(told))
+    away = np.hypot(x - 90.0, y - 60.0)
+    ring = (away > 19.0 * STEP_M) & (away < 21.0 * STEP_M)
+    assert np.max(size[ring]) <= STEP_M < np.max(plain[2])
+    assert np.sum(size**2) == pytest.approx(np.sum(plain[2] ** 2))
+    far = away > 24_000.0
+    assert np.max(size[far]) > 4.0 * STEP_M
+
+
+def test_places_of_the_prior_fade_beyond_what_is_near():
+    """Without information the tree holds the prior: flat nearby, by the third power beyond."""
+    prior = Prior(near_m=100.0, reach_m=2000.0)
+    tree = grow(blocks(observations([0.0], [0.0], [-70.0]), 300), prior)
+    away = np.hypot(tree.x_m, tree.y_m)
+    expected = -3.0 * np.log(np.maximum(away / 100.0, 1.0))
+    np.testing.assert_allclose(
+        tree.log_prior - tree.log_prior.max(), expected - expected.max(), atol=1e-9
+    )
+
+
+# --- effort ---
+
+
+def test_less_effort_is_fewer_cells_and_much_the_same_answer():
+    obs = walk(60)
+    full = grow(blocks(obs, 300), SMALL)
+    effort = Effort(most_cells=500, split_share=0.02, nodes=3, first_share=1.0, densest=0)
+    little = grow(blocks(obs, 300), SMALL, effort)
+    assert len(little.x_m) < 0.5 * len(full.x_m)
+    p, q = (tree.mixture(SMALL).probability for tree in (little, full))
+    spread_m = np.sqrt(q @ (full.x_m - q @ full.x_m) ** 2)
+    assert p @ little.x_m == pytest.approx(q @ full.x_m, abs=0.2 * spread_m)
+    assert p @ little.y_m == pytest.approx(q @ full.y_m, abs=0.2 * spread_m)
+
+
+def test_cells_are_bounded():
+    obs, _ = simulate(np.random.default_rng(6), "square", white_db=0.5, count=150, step=5.6)
+    effort = Effort(most_cells=800)
+    tree = grow(blocks(obs, 300), Prior(), effort)
+    first = first_cells(blocks(obs, 300), Prior(), effort.first_share).shape[1]
+    assert len(tree.x_m) < first + 4 * effort.most_cells

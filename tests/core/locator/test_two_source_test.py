@@ -1,0 +1,38 @@
+import numpy as np
+
+from logger.core.locator.posterior import locate
+from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, divide
+from logger.core.locator.verdict import verdict
+from tests.kit.walks import observations, path, simulate
+
+
+def two_sources(rng, apart_m=400.0):
+    """The louder of two transmitters, each passed at 40 m, 3 dB of white noise."""
+    x, y = path("L", 300, 2.8)
+    sources = np.array([(60.0, 40.0), (380.0, apart_m - 60.0)])
+    level = np.max([-30.0 - 30.0 * np.log10(np.hypot(x - a, y - b)) for a, b in sources], axis=0)
+    return observations(x, y, np.round(level + 3.0 * rng.normal(size=len(x)))), sources
+
+
+def test_two_transmitters_are_told():
+    obs, sources = two_sources(np.random.default_rng(1))
+    posterior = locate(obs)
+    division = divide(obs, posterior)
+    assert division.log_factor > LEAST_LOG_FACTOR
+    for source in sources:  # or its mirror image: each part of the walk may be straight
+        assert (
+            min(np.hypot(*(np.array(p) - source)) for p in (division.one_m, division.other_m))
+            < 120.0
+        )
+    told, (reason, *_) = verdict(posterior, obs, division)
+    assert told == "cannot tell"
+    assert "one position does not explain the data" in reason
+
+
+def test_one_transmitter_is_not_divided():
+    for seed in range(4):
+        obs, _ = simulate(
+            np.random.default_rng(seed), "L", count=300, step=2.8, white_db=2.0, shadow_db=6.0
+        )
+        division = divide(obs, locate(obs))
+        assert division is None or division.log_factor < LEAST_LOG_FACTOR

@@ -1,0 +1,122 @@
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, norm
+
+from logger.core import filter_monitor, shadow_ekf
+from logger.core.filter_monitor import Watch
+from logger.core.shadow_ekf import ShadowNoise, ShadowStep
+
+NOISE = ShadowNoise(0.0, 0.0, 3.0, 0.0)
+
+
+def state_at(distance_m, sigma_m=5.0):
+    held = shadow_ekf.hold([distance_m, 0.0, -30.0, 3.0], NOISE, 0.0, 0.0)
+    return shadow_ekf.release(held, np.diag([sigma_m**2, 4.0, 1.0, 0.01]))
+
+
+def seen(innovations, distance_m=200.0, watching=Watch()):  # noqa: B008 (immutable)
+    """The watch after innovations of claimed variance 1, the walker far from the place."""
+    state = state_at(distance_m)
+    for innovation in innovations:
+        watching = filter_monitor.follow(watching, ShadowStep(state, float(innovation), 1.0), NOISE)
+    return watching
+
+
+def first_alarm(innovations):
+    watching, state = Watch(), state_at(200.0)
+    for i, innovation in enumerate(innovations):
+        watching = filter_monitor.follow(watching, ShadowStep(state, float(innovation), 1.0), NOISE)
+        if watching.disagrees:
+            return i
+    return None
+
+
+@pytest.mark.parametrize("dof", [3.0, 10.0, 59.0, 400.0])
+def test_bound_is_the_chi_square_quantile(dof):
+    assert filter_monitor.mean_bound(dof, 4.0) == pytest.approx(
+        chi2.isf(norm.sf(4.0), dof) / dof, rel=0.05 if dof < 20.0 else 0.01
+    )
+
+
+def test_honest_innovations_are_left_alone():
+    rng = np.random.default_rng(1)
+    alarms = [first_alarm(rng.normal(size=1000)) for _ in range(100)]
+    assert sum(alarm is not None for alarm in alarms) <= 2
+
+
+@pytest.mark.parametrize(("factor", "within"), [(1.7, 100), (2.5, 40)])
+def test_innovations_larger_than_said_are_found(factor, within):
+    rng = np.random.default_rng(2)
+    alarms = [first_alarm(factor * rng.normal(size=400)) for _ in range(50)]
+    assert all(alarm is not None for alarm in alarms)
+    assert np.median(alarms) < within
+
+
+def test_one_outlier_takes_nothing_back():
+    rng = np.random.default_rng(3)
+    watching = seen([1e3], watching=seen(rng.normal(size=100)))
+    assert watching.disagrees is None
+    assert seen([1e3]).disagrees is None
+
+
+def test_the_alarm_goes_on_until_it_has_been_denied_as_often():
+    watching = seen(np.full(60, 2.0))
+    assert "NIS 4.0" in watching.disagrees
+    quiet = 0
+    while watching.disagrees:
+        watching = seen([0.0], watching=watching)
+        quiet += 1
+    assert watching.mean_nis < watching.nis_bound
+    assert (
+        quiet > math.log(4.0 / watching.nis_bound) * 30.0
+    )  # falling below the bound alone is not enough
+
+
+def test_a_reading_at_the_limit_says_nothing_of_the_nis():
+    watching = seen([1.5, 2.0])
+    after = filter_monitor.follow(watching, ShadowStep(state_at(200.0), math.nan, math.nan), NOISE)
+    assert (after.mean_nis, after.weight) == (watching.mean_nis, watching.weight)
+
+
+def compared(times, apart_m):
+    watching = Watch()
+    for _ in range(times):
+        watching = filter_monitor.compare(
+            watching, state_at(200.0, sigma_m=3.0), 200.0 + apart_m, 0.0, (16.0, 0.0, 9.0)
+        )
+    return watching
+
+
+def test_a_place_far_from_the_locators_is_found_in_three():
+    assert compared(1, 10.0).apart2 == pytest.approx(100.0 / 25.0)
+    assert compared(9, 10.0).disagrees is None
+    assert compared(2, 20.0).disagrees is None
+    assert "4.0 standard deviations apart" in compared(3, 20.0).disagrees
+
+
+def test_distance_is_by_both_covariances():
+    rng = np.random.default_rng(4)
+    root = rng.normal(size=(4, 4))
+    p = root @ root.T + np.eye(4)
+    state = shadow_ekf.release(shadow_ekf.hold([3.0, 4.0, 0.0, 0.0], NOISE, 0.0, 0.0), p)
+    other = np.array([[5.0, -1.0], [-1.0, 2.0]])
+    expected = np.array([2.0, -1.0]) @ np.linalg.solve(p[:2, :2] + other, [2.0, -1.0])
+    assert filter_monitor.compare(
+        Watch(), state, 1.0, 5.0, (5.0, -1.0, 2.0)
+    ).apart2 == pytest.approx(expected)
+
+
+def test_a_walker_too_near_for_the_uncertainty_is_told():
+    assert seen(np.zeros(9), distance_m=25.0).disagrees is None
+    assert seen(np.zeros(2), distance_m=15.0).disagrees is None
+    near = seen(np.zeros(3), distance_m=15.0)
+    assert "33% of the distance" in near.disagrees
+    assert seen(np.zeros(3), distance_m=200.0, watching=near).disagrees is None
+
+
+def test_widest_axis_is_the_largest_eigenvalue():
+    assert filter_monitor.widest(5.0, -1.0, 2.0) ** 2 == pytest.approx(
+        np.linalg.eigvalsh([[5.0, -1.0], [-1.0, 2.0]])[1]
+    )

@@ -1,0 +1,97 @@
+"""What a modem was set to outlasts a cut at any moment."""
+
+import errno
+import subprocess
+import sys
+
+import pytest
+
+from logger.device.saved_modes import FILE, KeptMode, KeptModes
+from tests.kit import faults
+
+OLD = KeptMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "2")
+NEW = KeptMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "38")
+OTHER = KeptMode("quectel", "EC25", 'AT+QCFG="nwscanmode"', "0")
+KEEP = (
+    "import sys; from pathlib import Path; from logger.device.saved_modes import KeptMode, KeptModes;"
+    "KeptModes(Path(sys.argv[1])).keep(KeptMode(*sys.argv[2:]))"
+)
+
+
+@pytest.fixture(scope="module")
+def preload(tmp_path_factory):
+    return faults.library(tmp_path_factory.mktemp("preload"))
+
+
+@pytest.fixture
+def card(tmp_path, preload):
+    return faults.Card(tmp_path, preload)
+
+
+def _keep(card, **environment):
+    command = [
+        sys.executable,
+        "-c",
+        KEEP,
+        str(card.folder),
+        NEW.driver,
+        NEW.model,
+        NEW.asks,
+        NEW.value,
+    ]
+    return subprocess.run(
+        command, check=False, capture_output=True, env=card.environment(**environment)
+    )
+
+
+def test_an_entry_for_each_model(tmp_path):
+    modes = KeptModes(tmp_path)
+    assert modes.all() == ()
+    for entry in (OLD, OTHER, NEW):
+        modes.keep(entry)
+    assert set(modes.all()) == {OTHER, NEW}
+    assert (modes.of("quectel", "EC25"), modes.of("quectel", "EC21")) == (OTHER, None)
+    modes.drop("sim7600", "SIMCOM_SIM7600E-H")
+    assert modes.all() == (OTHER,)
+    modes.drop("quectel", "EC25")
+    assert not list(tmp_path.iterdir())
+
+
+def test_it_is_on_the_card_before_it_has_its_name_and_its_name_too(card):
+    assert _keep(card, trace=True).returncode == 0
+    done = [(operation.what, operation.path.name) for operation in faults.operations(card.trace)]
+    part, folder = f"{FILE}.part", card.folder.name
+    order = [("fsync", part), ("rename", FILE), ("fsync", folder)]
+    assert [one for one in done if one[0] != "create"] == order
+
+
+def test_a_cut_at_any_system_call_leaves_the_old_or_the_new(card):
+    kept = KeptModes(card.folder)
+    kept.keep(OLD)
+    assert _keep(card, trace=True).returncode == 0
+    found = []
+    for kill_at in range(1, len(faults.operations(card.trace)) + 1):
+        kept.keep(OLD)
+        assert _keep(card, kill_at=kill_at).returncode == -9
+        found.append(kept.all())
+    assert found[0] == (OLD,)
+    assert found[-1] == (NEW,)
+    assert set(found) == {(OLD,), (NEW,)}
+
+
+@pytest.mark.parametrize(
+    "failing", [{"fsync": errno.EIO}, {"create": errno.ENOSPC}, {"rename": errno.EROFS}]
+)
+def test_a_card_that_does_not_take_it_says_so_and_has_the_old(card, failing):
+    kept = KeptModes(card.folder)
+    kept.keep(OLD)
+    card.fails(**failing)
+    assert b"OSError" in _keep(card).stderr
+    assert kept.all() == (OLD,)
+
+
+@pytest.mark.parametrize("data", [b"", b"[{", b"[1]", b'[{"driver": "sim7600"}]', b"\xff"])
+def test_a_damaged_file_is_an_error(tmp_path, data):
+    (tmp_path / FILE).write_bytes(data)
+    with pytest.raises(OSError, match="is damaged"):
+        KeptModes(tmp_path).all()

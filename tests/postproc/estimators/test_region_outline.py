@@ -1,0 +1,79 @@
+import json
+
+import numpy as np
+import pytest
+import shapely
+from shapely.geometry import Point, shape
+
+from logger.core.geo import Utm
+from logger.core.locator.region import Cells, area_m2
+from postproc.estimators.region_outline import geojson, outline, polygons
+
+UTM = Utm(32)
+EAST, NORTH = UTM.to_xy(48.0, 9.0)
+
+
+def gaussians(*peaks, count=100, size=4.0):
+    """Cells of a mixture of round Gaussians (weight, x, y, sigma) about a place in zone 32."""
+    at = (np.arange(count) - count / 2 + 0.5) * size
+    x, y = (v.ravel() for v in np.meshgrid(at, at))
+    mass = sum(
+        w / s**2 * np.exp(-((x - a) ** 2 + (y - b) ** 2) / (2 * s * s)) for w, a, b, s in peaks
+    )
+    return Cells(x + EAST, y + NORTH, np.full(x.size, size), mass / mass.sum())
+
+
+def test_polygons_have_the_area_of_the_region():
+    for level in (0.5, 0.95):
+        cells = gaussians((0.6, -80.0, 0.0, 20.0), (0.4, 80.0, 0.0, 30.0))
+        assert polygons(cells, level).area == pytest.approx(area_m2(cells, level), rel=1e-4)
+
+
+def test_cells_of_several_sizes_leave_no_gap():
+    x = np.array([0.0, 3.0, 3.0, 5.0]) + EAST
+    y = np.array([0.0, 1.0, -1.0, 1.0]) + NORTH
+    found = polygons(
+        Cells(x, y, np.array([4.0, 2.0, 2.0, 2.0]), np.array([0.4, 0.2, 0.2, 0.2])), 1.0
+    )
+    assert len(found.geoms) == 1
+    assert not found.geoms[0].interiors
+    assert found.area == pytest.approx(16.0 + 3 * 4.0, rel=1e-4)
+
+
+def test_the_outline_is_smoothed_by_less_than_a_cell():
+    cells = gaussians((1.0, 0.0, 0.0, 40.0))
+    (smooth,), exact = outline(cells), polygons(cells)
+    assert len(smooth.exterior.coords) < len(exact.geoms[0].exterior.coords)
+    assert smooth.symmetric_difference(exact).area < 0.03 * exact.area
+    assert smooth.hausdorff_distance(exact) <= 4.0
+    assert smooth.contains(Point(EAST, NORTH))
+    assert not smooth.contains(Point(EAST + 2.6 * 40.0, NORTH))
+
+
+def test_geojson_is_small_valid_and_counterclockwise():
+    cells = gaussians((0.6, -80.0, 0.0, 20.0), (0.4, 80.0, 0.0, 20.0))
+    found = geojson(cells, UTM)
+    area = shape(found)
+    assert area.is_valid
+    assert len(found["coordinates"]) == 2
+    assert all(part.exterior.is_ccw for part in area.geoms)
+    assert sum(len(ring) for part in found["coordinates"] for ring in part) < 150
+    assert len(json.dumps(found)) < 4000
+    for lon, lat in shapely.get_coordinates(area):
+        assert (lon, lat) == pytest.approx((9.0, 48.0), abs=0.01)
+        assert round(lon, 7) == lon
+    back_x, back_y = UTM.to_xy_arrays(*shapely.get_coordinates(area).T[::-1])
+    assert back_x.min() == pytest.approx(EAST - 80.0 - 49.0, abs=8.0)
+    assert back_y.max() == pytest.approx(NORTH + 49.0, abs=8.0)
+
+
+def test_holes_run_clockwise():
+    part = geojson(gaussians((1.0, 0.0, 0.0, 60.0), (-0.55, 0.0, 0.0, 45.0)), UTM)["coordinates"][0]
+    assert len(part) == 2
+    assert not shapely.LinearRing(part[1]).is_ccw
+
+
+def test_one_cell():
+    cells = Cells(np.array([EAST]), np.array([NORTH]), np.array([10.0]), np.array([1.0]))
+    assert len(geojson(cells, UTM)["coordinates"]) == 1
+    assert polygons(cells).area == pytest.approx(100.0, rel=1e-4)

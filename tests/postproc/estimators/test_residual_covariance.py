@@ -1,0 +1,108 @@
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from postproc.estimators import residual_covariance
+
+
+def lines(rng, count=600):
+    """A walk of 1.4 m steps along a bent line."""
+    s = 1.4 * np.arange(count)
+    return np.minimum(s, 400.0), np.maximum(s - 400.0, 0.0) + 0.01 * rng.normal(size=count)
+
+
+def noise(rng, x, y, white_db, shadow_db, d_c):
+    rho = np.exp(-np.hypot(np.diff(x), np.diff(y)) / d_c)
+    s = rng.normal(size=len(x))
+    for k, r in enumerate(rho, start=1):
+        s[k] = r * s[k - 1] + np.sqrt(1.0 - r * r) * s[k]
+    return shadow_db * s + white_db * rng.normal(size=len(x))
+
+
+def found(x, y, e, design):
+    one = np.ones(len(x))
+    left = e - design @ np.linalg.lstsq(design, e, rcond=None)[0]
+    return residual_covariance.residual_noise(x, y, one, one, design, left)
+
+
+def test_squares_hold_what_is_near_and_stay_few():
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(0.0, 1000.0, (2, 5000))
+    number = residual_covariance.squares(x, y, 200, 2.0)
+    assert number.min() == 0
+    assert number.max() < 200
+    for k in range(0, 200, 17):
+        assert np.ptp(x[number == k]) < 250.0
+        assert np.ptp(y[number == k]) < 250.0
+    # few places are kept apart
+    np.testing.assert_array_equal(
+        np.sort(residual_covariance.squares(np.array([0.0, 5.0, 0.1]), np.zeros(3), 9, 2.0)),
+        [0, 0, 1],
+    )
+
+
+def test_averages_are_weighted():
+    square, weight = np.array([0, 1, 0]), np.array([1.0, 2.0, 3.0])
+    np.testing.assert_allclose(
+        residual_covariance.averages(square, weight, np.array([4.0, 5.0, 8.0])), [7.0, 5.0]
+    )
+    rows = np.array([[4.0, 1.0], [5.0, 2.0], [8.0, 3.0]])
+    np.testing.assert_allclose(
+        residual_covariance.averages(square, weight, rows), [[7.0, 2.5], [5.0, 2.0]]
+    )
+
+
+def test_white_noise_is_found_white_and_of_its_size():
+    rng = np.random.default_rng(2)
+    x, y = lines(rng)
+    seen = found(x, y, noise(rng, x, y, 3.0, 0.0, 1.0), np.ones((600, 1)))
+    assert seen.white > 0.9
+    readings = np.bincount(seen.square)
+    np.testing.assert_allclose(np.diag(seen.covariance_db2) * readings, 9.0, rtol=0.25)
+
+
+@pytest.mark.parametrize("d_c", [12.0, 35.0])
+def test_correlation_is_found_and_doubled_for_want_of_trust(d_c):
+    rng = np.random.default_rng(3)
+    x, y = lines(rng)
+    seen = found(x, y, noise(rng, x, y, 1.0, 6.0, d_c), np.ones((600, 1)))
+    assert seen.white < 0.01
+    assert 0.5 * d_c < seen.decorrelation_m < 2.0 * d_c
+    assert np.mean(np.diag(seen.covariance_db2)) == pytest.approx(
+        37.0 / residual_covariance.TRUST, rel=0.5
+    )
+
+
+def test_restricted_likelihood_is_that_of_the_contrasts():
+    """Residuals of a fit are A'e with A' X = 0: their own likelihood, scale free, is the restricted
+    one.
+    """
+    rng = np.random.default_rng(4)
+    count, columns = 12, 3
+    x = np.arange(count) * 3.0
+    distance = np.abs(x[:, None] - x)
+    design, e = rng.normal(size=(count, columns)), rng.normal(size=count)
+    shapes = [
+        residual_covariance._shape(distance, np.ones(count), a, d_c)
+        for a, d_c in ((1.0, 0.0), (0.1, 12.0), (0.5, 35.0))
+    ]
+    contrasts = np.linalg.svd(design)[0][:, columns:]
+    sigma = np.geomspace(1e-3, 1e3, 4001)
+    expected = []
+    for shape in shapes:
+        inner = contrasts.T @ shape @ contrasts
+        density = [multivariate_normal(cov=s * s * inner).pdf(contrasts.T @ e) for s in sigma[::20]]
+        expected.append(
+            np.log(np.trapezoid(density, np.log(sigma[::20])))
+        )  # over a flat prior of log sigma
+    got = [residual_covariance._restricted(shape, design, e)[0] for shape in shapes]
+    np.testing.assert_allclose(np.diff(got), np.diff(expected), atol=1e-2)
+
+
+def test_very_few_squares_are_not_taken_for_certainty():
+    one = np.ones(6)
+    still = residual_covariance.residual_noise(
+        np.zeros(6), np.zeros(6), one, one, np.ones((6, 4)), np.zeros(6)
+    )
+    assert still.covariance_db2.shape == (1, 1)
+    assert still.covariance_db2[0, 0] > 1.0

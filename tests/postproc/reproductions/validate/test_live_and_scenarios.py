@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from logger.core import ekf
+from logger.core.types import Note
+from postproc.reproductions.validate import cost, live, scenarios
+from postproc.reproductions.validate.suite import QUICK
+from postproc.reproductions.validate.walk import ORIGIN_M, heard
+
+
+def test_the_live_reference_is_the_filter_itself():
+    x_m, y_m = scenarios._square()
+    level_dbm = heard(scenarios.STATION, x_m, y_m)
+    steps = live.of_stage(live.followed(x_m, y_m, level_dbm[None]), "reference-ekf")
+    state = ekf.start(x_m[0] + ORIGIN_M[0], y_m[0] + ORIGIN_M[1])
+    for step, *reading in zip(steps, x_m + ORIGIN_M[0], y_m + ORIGIN_M[1], level_dbm, strict=True):
+        state = ekf.step(state, *reading).state
+        assert (step.x_m, step.y_m) == pytest.approx(state[:2], abs=1e-3)
+        assert live.radius_m(step) == pytest.approx(ekf.drms_m(state.p), rel=1e-3)
+
+
+def test_a_cell_that_was_not_heard_is_not_in_the_scan():
+    levels = np.array([[-70.0, np.nan], [-80.0, -60.0]])
+    scans = [record.value for _, record in live.records(np.zeros(2), np.zeros(2), levels)][1::2]
+    assert [[reading.cid for reading in scan.readings] for scan in scans] == [[1, 2], [2]]
+
+
+def test_the_mirror_image_is_as_likely_until_the_line_is_left():
+    x_m, y_m = np.linspace(-200.0, 200.0, 80), np.full(80, 100.0)
+    level_dbm = heard(scenarios.STATION, x_m, y_m)
+    assert scenarios._mirrored(x_m, y_m, level_dbm) == pytest.approx(0.5, abs=0.02)
+    bent_x, bent_y = (
+        np.append(x_m, np.full(40, 200.0)),
+        np.append(y_m, np.linspace(100.0, -100.0, 40)),
+    )
+    assert scenarios._mirrored(bent_x, bent_y, heard(scenarios.STATION, bent_x, bent_y)) < 0.05
+
+
+def test_stationary_and_target_change_are_as_the_checklist_has_them():
+    stationary = scenarios._stationary()
+    assert [check.verdict for check in stationary] == ["holds", "does not hold", "holds"]
+    assert [check.verdict for check in scenarios._target()] == ["holds"] * 3
+
+
+def test_a_target_that_never_changes_would_be_found(monkeypatch):
+    said = live.followed
+    monkeypatch.setattr(
+        live,
+        "followed",
+        lambda *walk: [value for value in said(*walk) if not isinstance(value, Note)],
+    )
+    assert [check.verdict for check in scenarios._target()] == ["fails", "holds", "fails"]
+
+
+def test_cost_counts_what_it_says():
+    assert cost._bytes((1.5, (2.5,))) == cost._bytes(1.5) * 2 + cost._bytes(()) * 2 + 3 * 8
+    found = cost.checks(QUICK)
+    assert all(check.is_timed for check in found)
+    assert found[0].verdict == found[1].verdict == "holds"

@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+
+from logger.core import ekf
+from postproc.reproductions.validate import model, update
+from postproc.reproductions.validate.suite import QUICK
+
+
+def verdicts(group):
+    return {check.claim: check.verdict for check in group.checks(QUICK)}
+
+
+def test_what_is_right_and_what_is_wrong():
+    found = verdicts(model) | verdicts(update)
+    wrong = {claim for claim, verdict in found.items() if verdict == "claim is wrong"}
+    assert wrong == {
+        "K of eta is above 0",
+        next(claim for claim in found if "or equivalently" in claim),
+    }
+    assert {claim for claim, verdict in found.items() if verdict == "does not hold"} == {
+        "K of the position is far above 0 at first (P = 1000 I)"
+    }
+    assert "fails" not in found.values()
+
+
+def test_the_expected_level_and_its_slopes():
+    expected_dbm = -40.0 - 15.0 * np.log10(20_000.0)
+    assert expected_dbm == pytest.approx(model.EXPECTED_DBM)
+    assert model.differences(model.STATION) == pytest.approx(
+        [0.065144, 0.065144, 1.0, -21.50515], abs=1e-5
+    )
+
+
+def test_the_gain_is_that_of_the_dense_formula():
+    h = np.array(model.differences(model.STATION))
+    p = (1000.0 + 1e-5) * np.eye(4)
+    k = p @ h / (h @ p @ h + 9.0)
+    step = ekf.step(model.STATION, *model.USER, -100.0)
+    assert np.subtract(step.state[:4], model.STATION[:4]) / step.innovation_db == pytest.approx(
+        k, rel=1e-6
+    )
+    text = " ".join(check.measured for check in update.checks(QUICK))
+    assert f"{k[0]:+.2e}" in text
+    assert f"{k[3]:+.4f}" in text
+
+
+def test_the_lost_sign_in_our_filter_would_be_found(monkeypatch):
+    def lost(state, x_m, y_m):
+        hx, hy, one, he = right(state, x_m, y_m)
+        return -hx, -hy, one, he
+
+    right = ekf.jacobian
+    monkeypatch.setattr(ekf, "jacobian", lost)
+    assert sum(verdict == "fails" for verdict in verdicts(model).values()) >= 3
+
+
+def test_a_covariance_that_grows_would_be_found(monkeypatch):
+    def grown(*args, **kwargs):
+        step = right(*args, **kwargs)
+        return step._replace(
+            state=step.state._replace(p=tuple(1.1 * value for value in step.state.p))
+        )
+
+    right = ekf.step
+    monkeypatch.setattr(ekf, "step", grown)
+    assert verdicts(update)["P decreases with an update"] == "fails"

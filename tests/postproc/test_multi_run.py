@@ -1,0 +1,224 @@
+import json
+
+import h5py
+import numpy as np
+import pytest
+
+from logger.core.geo import Utm
+from logger.core.runfile import RunWriter, Truth, read_run
+from logger.core.types import CellReading, Fix, Record, Scan
+from postproc.cli import main
+from postproc.multi_run import modems_of, smooth_together
+from postproc.smoothing import smooth_run
+from tests.kit import runs
+from tests.kit.runs import UTC0_NS
+
+UTM = Utm(32)
+BORDER = (52.0, 12.0)
+"""Between zones 32 and 33."""
+SOURCE_M = (80.0, 70.0)
+"""East and north of the border point; all places of the walks are."""
+CELL, OTHER = "262-01-4711-1", "262-01-4711-2"
+BENT = (
+    np.append(np.linspace(-90, 30, 50), np.full(50, 30.0)),
+    np.append(np.zeros(50), np.linspace(0, 160, 50)),
+)
+STREET = np.full(80, 140.0), np.linspace(-60, 180, 80)
+SHIFT_DB = 9.0
+
+
+def walked(
+    path, way, *, shift_db=0.0, seed=0, cid=1, run_id=None, at_deg=BORDER, truth=True, **meta
+):
+    """A run: a fix and a scan of one cell every two seconds along a way."""
+    rng, zero = np.random.default_rng(seed), np.array(UTM.to_xy(*at_deg))
+    known = (Truth(CELL, *UTM.to_latlon(*(zero + SOURCE_M))),) if truth else ()
+    name = run_id or f"{path.stem:0>32}"
+    writer = RunWriter(path.with_suffix(".journal"), runs.meta(run_id=name, truth=known, **meta))
+    lat, lon = UTM.to_latlon_arrays(way[0] + zero[0], way[1] + zero[1])
+    distance = np.hypot(way[0] - SOURCE_M[0], way[1] - SOURCE_M[1])
+    level = np.round(-35 - 30 * np.log10(distance) + rng.normal(0, 2.5, len(lat)) + shift_db)
+    for i, (a, b, dbm) in enumerate(zip(lat.tolist(), lon.tolist(), level.tolist(), strict=True)):
+        t_ns = 2 * i * 10**9
+        writer.append(Record(t_ns, "gnss", Fix(True, UTC0_NS + t_ns, a, b, acc_m=2.0)))
+        reading = CellReading("serving", "GSM", "262", "01", 4711, cid, rssi_dbm=dbm)
+        writer.append(Record(t_ns + 5, "modem", Scan(t_ns, (reading,), None)))
+    writer.close(2 * len(lat) * 10**9, "test")
+    return path.with_suffix(".journal")
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory):
+    """Two walks past one transmitter, the second by a modem that reads 9 dB higher, in another UTM
+    zone.
+    """
+    folder = tmp_path_factory.mktemp("pair")
+    return [
+        walked(folder / "a.h5", BENT),
+        walked(folder / "b.h5", STREET, shift_db=SHIFT_DB, seed=1),
+    ]
+
+
+@pytest.fixture(scope="module")
+def both(pair):
+    return smooth_together([read_run(path) for path in pair])
+
+
+def fails(capsys, *argv):
+    assert main([str(a) for a in argv]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+def test_runs_lie_in_different_zones(pair):
+    zones = [smooth_run(read_run(path), ["none"][:0]).observations.track.utm.zone for path in pair]
+    assert zones == [32, 33]
+
+
+def test_offset_of_the_second_modem_is_told(both):
+    (cell,) = both.cells
+    first, second = cell.shares
+    assert (first.run, first.n, first.offset_db, first.sigma_db) == (0, 100, 0.0, 0.0)
+    assert (second.run, second.n) == (1, 80)
+    assert second.offset_db == pytest.approx(SHIFT_DB, abs=3.0 * second.sigma_db)
+    assert second.sigma_db < 2.0
+
+
+def test_together_they_tell_more_than_each_alone(both, pair):
+    (cell,) = both.cells
+    assert cell.result.n == 180
+    np.testing.assert_array_equal(cell.run, np.repeat([0, 1], [100, 80]))
+    areas = [result.posterior.region_area_m2 for result in cell.without.values()]
+    assert cell.result.posterior.region_area_m2 < 0.8 * min(areas)
+    # with two runs, without one of them is the other alone
+    alone = smooth_run(read_run(pair[0])).cells[0].posterior
+    assert cell.without[1].posterior.region_area_m2 == alone.region_area_m2
+    assert cell.without[1].posterior.modes[0].probability == alone.modes[0].probability
+
+
+def test_other_zone_is_no_other_place(both):
+    (cell,) = both.cells
+    x_m, y_m = np.add(UTM.to_xy(*BORDER), SOURCE_M)
+    for result in (cell.result, *cell.without.values()):
+        assert result.obs.utm.zone == 32
+    assert np.hypot(cell.result.posterior.x_m - x_m, cell.result.posterior.y_m - y_m) < 25.0
+    street = cell.without[0].obs
+    np.testing.assert_allclose(street.x_m, STREET[0] + UTM.to_xy(*BORDER)[0], atol=4.0)
+
+
+def test_estimators_that_know_no_offset_stand_back(both):
+    result = both.cells[0].result
+    assert (result.ekf, result.rts, result.reference) == (None, None, None)
+    assert any("several modems" in warning for warning in result.warnings)
+    best = result.posterior
+    assert (
+        np.hypot(result.batch.state[0] - best.x_m, result.batch.state[1] - best.y_m)
+        < 2.0 * best.r95_m
+    )
+    assert result.batch.sigma_db < 3.5  # 2.5 of noise; 9 dB of offset left in would be 5
+
+
+def test_json_table_and_file_of_two_runs(pair, capsys):
+    before = [path.read_bytes() for path in pair]
+    argv = ["smooth", *map(str, pair)]
+    assert main([*argv, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [run["path"] for run in found["runs"]] == [str(path) for path in pair]
+    assert found["warnings"] == []
+    (cell,) = found["cells"]
+    assert set(cell["offsets"][1]) == {"run", "n", "offset_db", "sigma_db"}
+    assert [gave["run"] for gave in cell["without"]] == [str(path) for path in pair]
+    assert set(cell["without"][0]["best"]) == {"lat", "lon", "r95_m"}
+    assert cell["without"][0]["region95"]["area_m2"] > cell["region95"]["area_m2"]
+    assert cell["truth"]["inside_region95"] is True
+    assert [path.read_bytes() for path in pair] == before
+    with h5py.File(pair[0].with_suffix(".together.post.h5")) as file:
+        assert json.loads(file["summary"][()]) == found
+        assert len(file.attrs["run_ids"]) == 2
+        assert np.bincount(file["cells/0000/observations/run"][()]).tolist() == [100, 80]
+    assert main([*argv, "-v"]) == 0
+    told = capsys.readouterr().out
+    assert f"{cell['offsets'][1]['offset_db']:+.1f} ±" in told
+    assert "without it" in told
+
+
+def test_one_run_keeps_its_contract(pair, capsys):
+    assert main(["smooth", str(pair[0]), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert set(found) == {"run", "cells"}
+    assert not {"offsets", "without"} & set(found["cells"][0])
+    assert pair[0].with_suffix(".post.h5").exists()
+
+
+def test_a_run_that_never_heard_the_cell_changes_nothing(pair, tmp_path):
+    deaf = walked(tmp_path / "c.h5", STREET, cid=2)
+    alone = smooth_run(read_run(pair[0])).cells[0]
+    together = smooth_together([read_run(pair[0]), read_run(deaf)], [CELL])
+    (cell,) = together.cells
+    for name in ("x_m", "y_m", "size_m", "probability"):
+        np.testing.assert_array_equal(
+            getattr(cell.result.posterior.cells, name), getattr(alone.posterior.cells, name)
+        )
+    assert (cell.without, len(cell.shares)) == ({}, 1)
+    assert cell.result.warnings == alone.warnings
+    assert "no cell was heard in two" in together.warnings[0]
+
+
+def test_a_run_without_a_fix_is_named(pair, tmp_path, capsys):
+    runs.write_journal(
+        tmp_path / "lost.journal", [Record(1, "modem", Scan(0, (runs.reading(1, -70.0),)))]
+    )
+    assert main(["smooth", str(tmp_path / "lost.journal"), str(pair[0]), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert "no position fix" in found["runs"][0]["warnings"][0]
+    assert found["runs"][1]["warnings"] == []
+    assert [cell["n"] for cell in found["cells"]] == [100]
+
+
+def test_mistakes_are_one_line(pair, tmp_path, capsys):
+    assert "are the same run" in fails(capsys, "smooth", pair[0], pair[1], pair[0])
+    far = walked(tmp_path / "far.h5", STREET, at_deg=(48.0, 12.0))
+    assert "445 km" in fails(capsys, "smooth", pair[0], far)
+    assert "was not heard" in fails(capsys, "smooth", *pair, "--cell", OTHER)
+    assert "no such file" in fails(capsys, "smooth", pair[0], tmp_path / "none.h5")
+
+
+# --- which modem ---
+
+BY_ID = '[modem]\nport = "/dev/serial/by-id/usb-SIM_0042-port0"\ndriver = "sim800"\n'
+BY_NUMBER = '[modem]\nport = "/dev/ttyUSB0"\ndriver = "sim800"\n'
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "same"),
+    [
+        ((BY_ID, "boot-1"), (BY_ID, "boot-2"), True),
+        ((BY_ID, "boot-1"), (BY_ID.replace("0042", "0043"), "boot-1"), False),
+        ((BY_NUMBER, "boot-1"), (BY_NUMBER, "boot-1"), True),
+        ((BY_NUMBER, "boot-1"), (BY_NUMBER, "boot-2"), False),
+        ((BY_NUMBER, ""), (BY_NUMBER, ""), False),
+        (("", "boot-1"), ("", "boot-1"), False),
+        (("not = [toml", "boot-1"), ("modem = 3", "boot-1"), False),
+    ],
+)
+def test_runs_of_one_modem_are_known_by_its_port(tmp_path, first, second, same):
+    found = []
+    for i, (text, boot) in enumerate((first, second)):
+        runs.write_journal(
+            tmp_path / f"{i}.journal", runs.records(1), config_text=text, boot_id=boot
+        )
+        found.append(read_run(tmp_path / f"{i}.journal"))
+    assert modems_of(found) == ([0, 0] if same else [0, 1])
+
+
+def test_runs_of_one_modem_have_no_offset_and_all_estimators(tmp_path):
+    halves = [tuple(axis[part] for axis in BENT) for part in (slice(0, 60), slice(60, None))]
+    paths = [
+        walked(tmp_path / f"{i}.h5", half, seed=i, config_text=BY_ID)
+        for i, half in enumerate(halves)
+    ]
+    (cell,) = smooth_together([read_run(path) for path in paths]).cells
+    assert cell.result.posterior.offsets is None
+    assert [(share.n, share.offset_db) for share in cell.shares] == [(60, 0.0), (40, 0.0)]
+    assert cell.result.reference is not None
+    assert not any("modem" in warning for warning in cell.result.warnings)

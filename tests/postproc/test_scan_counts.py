@@ -1,0 +1,140 @@
+"""A cell that one scan has named is never spoken of; an unsure identity makes no cell."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from logger.core.runfile import read_run
+from logger.core.types import Record, Scan
+from postproc.cli import main
+from postproc.info import describe
+from postproc.multi_run import smooth_together
+from postproc.scan_counts import scans_of, too_rarely
+from postproc.smoothing import smooth_run
+from tests.kit import runs
+from tests.kit.runs import reading
+
+REAL, FALSE, UNSURE, BOTH = (f"262-01-4711-{cid}" for cid in (1, 77, 88, 99))
+
+
+def records(n=60):
+    """A bent walk past cell 1; one scan with ten rows of cell 77; cell 88 never named surely, cell
+    99 twice.
+    """
+    rng = np.random.default_rng(3)
+    out = []
+    for i, record in enumerate(runs.records(n)):
+        value = record.value
+        if isinstance(value, Scan):
+            k = sum(isinstance(one.value, Scan) for one in out)
+            rows = [
+                reading(1, -60.0 - 0.5 * abs(k - 30) + rng.normal()),
+                replace(reading(88, -70.0), identity_unsure=True),
+            ]
+            rows += [reading(77, -10.0 - j) for j in range(10)] * (k == 20)
+            rows += [replace(reading(99, -65.0 - k % 5), identity_unsure=k not in {10, 40})]
+            out.append(Record(record.t_ns, record.source, replace(value, readings=tuple(rows))))
+        elif hasattr(value, "lat_deg"):
+            out.append(
+                replace(record, value=replace(value, lat_deg=52.0 + 2e-5 * max(i // 3 - 30, 0)))
+            )
+        else:
+            out.append(record)
+    return out
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("run") / "a.journal"
+    runs.write_journal(path, records())
+    return path
+
+
+def told(capsys, *argv):
+    assert main([str(a) for a in argv]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_scans_are_counted_not_readings(path):
+    run = read_run(path)
+    assert scans_of([run]) == {REAL: 60, FALSE: 1, UNSURE: 0, BOTH: 2}
+    assert scans_of([run, run])[FALSE] == 2
+    assert {cell.cell: cell.n_scans for cell in describe(run).cells} == scans_of([run])
+
+
+def test_why_a_cell_is_not_spoken_of():
+    assert too_rarely(1) == "heard in one scan only"
+    assert too_rarely(0) == "its identity was never read without doubt"
+    assert too_rarely(2) is None
+
+
+def test_what_was_heard_once_is_never_located(path):
+    found = {result.cell: result for result in smooth_run(read_run(path)).cells}
+    assert (found[FALSE].verdict, found[FALSE].warnings) == (
+        "cannot tell",
+        ("heard in one scan only",),
+    )
+    assert (found[UNSURE].verdict, found[UNSURE].n_scans) == ("cannot tell", 0)
+    assert all(
+        found[name].posterior is None and found[name].reference is None for name in (FALSE, UNSURE)
+    )
+    assert (found[REAL].n_scans, found[REAL].n) == (60, 60)
+    assert found[REAL].posterior is not None
+    assert (found[BOTH].n_scans, found[BOTH].n) == (2, 60)  # once known, its unsure levels count
+    assert found[BOTH].posterior is not None
+
+
+def test_json_says_in_how_many_scans(path, capsys):
+    cells = told(capsys, "smooth", path, "--json")["cells"]
+    assert {cell["cell"]: cell["n_scans"] for cell in cells} == {
+        REAL: 60,
+        FALSE: 1,
+        UNSURE: 0,
+        BOTH: 2,
+    }
+    (false,) = [cell for cell in cells if cell["cell"] == FALSE]
+    assert (false["best"]["lat"], false["region95"]["area_m2"], false["modes"]) == (None, None, [])
+    assert {
+        cell["cell"]: cell["n_scans"] for cell in told(capsys, "info", path, "--json")["cells"]
+    }[FALSE] == 1
+
+
+def test_scans_of_several_runs_add_up(path, tmp_path):
+    other = tmp_path / "b.journal"
+    runs.write_journal(other, [replace_names(record) for record in records()], run_id="1" * 32)
+    found = {
+        one.result.cell: one.result
+        for one in smooth_together([read_run(path), read_run(other)]).cells
+    }
+    assert (found[FALSE].n_scans, found[FALSE].verdict) == (1, "cannot tell")
+    assert found[FALSE].warnings == ("heard in one scan only",)
+    assert found[REAL].n_scans == 120
+
+
+def replace_names(record):
+    """The same record without the false cell."""
+    if not isinstance(record.value, Scan):
+        return record
+    kept = tuple(r for r in record.value.readings if r.cid != 77)
+    return replace(record, value=replace(record.value, readings=kept))
+
+
+def test_a_claim_about_it_is_not_tested(path, capsys):
+    found = told(capsys, "verify", path, "--claim", "52.0,13.0", "--json")
+    reasons = {cell["cell"]: (cell["verdict"], cell["reasons"]) for cell in found["cells"]}
+    assert reasons[FALSE] == ("cannot tell", ["heard in one scan only"])
+    assert reasons[UNSURE] == ("cannot tell", ["its identity was never read without doubt"])
+    assert all("scan" not in reason for reason in reasons[REAL][1])
+    assert sorted(found["heard_once"]) == [FALSE, UNSURE]
+
+
+def test_without_a_claim_it_is_no_finding(path, tmp_path, capsys):
+    claims = tmp_path / "claims.csv"
+    claims.write_text(f"cell,lat,lon\n{REAL},52.0,13.0\n")
+    found = told(capsys, "verify", path, "--claims", claims, "--json")
+    assert found["without_claim"] == [BOTH]
+    assert sorted(found["heard_once"]) == [FALSE, UNSURE]
+    (sites,) = told(capsys, "verify", path, "--sites", "--cell", FALSE, "--json")["cells"]
+    assert sites["why_not"] == "heard in one scan only"

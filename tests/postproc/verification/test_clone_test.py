@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+from logger.core.geo import Utm
+from logger.core.locator.blocks import blocks
+from logger.core.locator.posterior import locate
+from logger.core.locator.prior import Prior
+from postproc.verification.claim_test import listened
+from postproc.verification.clone_test import between_two, within_one
+from tests.kit.walks import observations, path
+
+PRIOR = Prior()
+
+
+def heard(rng, place, start=(0.0, 0.0), white_db=2.0):
+    x, y = path("square", 200, 3.0)
+    x, y = x + start[0], y + start[1]
+    level = (
+        -30.0
+        - 30.0 * np.log10(np.hypot(x - place[0], y - place[1]))
+        + white_db * rng.normal(size=len(x))
+    )
+    return x, y, level
+
+
+def test_two_runs_past_one_place_and_past_two():
+    rng = np.random.default_rng(1)
+    one = listened(blocks(observations(*heard(rng, (80.0, 40.0))), 40), PRIOR)
+    same = listened(blocks(observations(*heard(rng, (80.0, 40.0), (60.0, -30.0))), 40), PRIOR)
+    away = listened(blocks(observations(*heard(rng, (-10.0, 200.0), (60.0, -30.0))), 40), PRIOR)
+    calm, cloned = (between_two(one, other, Utm(32), rng) for other in (same, away))
+    assert calm.p > 0.05
+    assert cloned.p < 0.01
+    assert cloned.log_factor > max(calm.log_factor, 1.0)
+    assert np.hypot(cloned.one_m[0] - 80.0, cloned.one_m[1] - 40.0) < 40.0
+    assert np.hypot(cloned.other_m[0] + 10.0, cloned.other_m[1] - 200.0) < 60.0
+    assert len(cloned.places_deg) == 2
+
+
+def test_one_run_past_one_place_leaves_nothing_to_explain():
+    obs = observations(*heard(np.random.default_rng(2), (80.0, 40.0)))
+    assert within_one(obs, locate(obs, PRIOR), np.random.default_rng(0)) is None
+
+
+@pytest.mark.slow
+def test_one_run_past_two_places():
+    rng = np.random.default_rng(3)
+    x, y = np.linspace(0.0, 700.0, 350), 40.0 * np.sin(np.linspace(0.0, 9.0, 350))
+    levels = [
+        -30.0 - 30.0 * np.log10(np.hypot(x - a, y - 60.0)) + 2.0 * rng.normal(size=350)
+        for a in (100.0, 600.0)
+    ]
+    obs = observations(x, y, np.maximum(*levels))
+    found = within_one(obs, locate(obs, PRIOR), rng, draws=19)
+    assert found.log_factor > 6.9
+    assert found.p <= 0.05

@@ -1,0 +1,201 @@
+import json
+import re
+
+import pytest
+
+from logger.core.errors import GeoError
+from postproc.cli import main
+from postproc.verification.claims import parse_claim, swapped
+from tests.kit import runs
+from tests.kit.smoothed import LAT, LON, TRANSMITTER_M, UTM, cell_name, write_run
+
+BASE = "GSM,{mcc},1,4711,{cid},0,{lon},{lat},200,7,1,1282569574,1300155341,0\n"
+
+
+def tell(capsys, *argv):
+    assert main([str(a) for a in argv]) == 0
+    return capsys.readouterr().out
+
+
+def fails(capsys, *argv):
+    assert main([str(a) for a in argv]) == 2
+    errors = capsys.readouterr().err.splitlines()
+    assert len(errors) == 1, errors
+    return errors[0]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    path = tmp_path_factory.mktemp("run") / "run.journal"
+    write_run(path, seconds=300, cells=2)
+    return path
+
+
+def place(east, north):
+    x, y = UTM.to_xy(LAT, LON)
+    return UTM.to_latlon(x + east, y + north)
+
+
+def test_verify_tells_a_true_claim_from_a_false_one(run, tmp_path, capsys):
+    (true, far), cell = (place(*TRANSMITTER_M), place(900.0, 700.0)), cell_name(0)
+    file = tmp_path / "claims.csv"
+    file.write_text("cell,lat,lon\n" + "".join(f"{cell},{lat},{lon}\n" for lat, lon in (true, far)))
+    told = json.loads(tell(capsys, "verify", run, "--claims", file, "--json"))
+    good, bad = told["cells"]
+    assert (good["verdict"], bad["verdict"]) == ("consistent", "rejected")
+    assert good["q"] >= good["p"] > 0.05 >= bad["q"] >= bad["p"]
+    assert good["followed"] == "indirect"
+    assert len(good["detectable_m"]) == len(good["power"]) == 8
+    assert told["without_claim"] == [cell_name(1)]
+    assert "Benjamini" in told["false_discovery_control"]
+    south = json.loads(
+        tell(capsys, "verify", run, "--claim", "-33.5,-70.5", "--cell", cell, "--json")
+    )["cells"]
+    assert (south[0]["verdict"], south[0]["claim"]["lat_deg"]) == ("rejected", -33.5)
+    text = tell(
+        capsys, "verify", run, "--claim", f"{far[0]},{far[1]},20", "--cell", cell, "--pfa", "0.01"
+    )
+    assert "rejected" in text
+    assert "no alarm by itself" not in text  # only this cell was asked about
+    assert "over 1 claim " in text
+    text = tell(capsys, "verify", run, "--claims", file)
+    assert "1 cell heard without a claim" in text
+    assert "over 2 claims" in text
+
+
+def test_only_the_cells_asked_about_are_counted(run, tmp_path, capsys):
+    file = tmp_path / "claims.csv"
+    file.write_text("cell,lat,lon\n" + "".join(f"{cell_name(i)},{LAT},{LON}\n" for i in range(2)))
+    for only, claimed, without in (
+        ((), [cell_name(0), cell_name(1)], []),
+        (("--cell", cell_name(0)), [cell_name(0)], []),
+        (("--cell", cell_name(1)), [cell_name(1)], []),
+    ):
+        told = json.loads(tell(capsys, "verify", run, "--claims", file, *only, "--json"))
+        assert ([cell["cell"] for cell in told["cells"]], told["without_claim"]) == (
+            claimed,
+            without,
+        )
+    file.write_text(f"cell,lat,lon\n{cell_name(0)},{LAT},{LON}\n")
+    told = json.loads(
+        tell(capsys, "verify", run, "--claims", file, "--cell", cell_name(1), "--json")
+    )
+    assert (told["cells"], told["without_claim"]) == ([], [cell_name(1)])
+
+
+def test_a_swapped_claim_is_asked_about(run, capsys):
+    lat, lon = place(*TRANSMITTER_M)
+    told = json.loads(
+        tell(capsys, "verify", run, "--claim", f"{lon},{lat}", "--cell", cell_name(0), "--json")
+    )
+    (cell,) = told["cells"]
+    assert any(reason.startswith("latitude and longitude swapped?") for reason in cell["reasons"])
+    text = tell(capsys, "verify", run, "--claim", f"{lon},{lat}", "--cell", cell_name(0))
+    assert "latitude and longitude swapped? at 52.5" in text
+    told_km, asked_km = (
+        int(re.search(rf"(\d+) km{end}", text)[1]) for end in (" from the walk\n", "\n")
+    )
+    assert told_km == asked_km
+
+
+@pytest.mark.parametrize(
+    ("claim", "walk", "asked"),
+    [
+        ((13.4, 52.5), (52.5, 13.4), True),
+        ((151.2, -33.8), (-33.8, 151.2), None),  # no position on Earth: the error says it
+        ((52.5, 13.4), (52.5, 13.4), False),
+        ((52.9, 13.4), (52.5, 13.4), False),  # 45 km away: near enough
+        ((48.1, 11.6), (52.5, 13.4), False),  # far away either way
+        ((45.2, 45.1), (45.1, 45.2), False),  # both are near
+    ],
+)
+def test_who_is_asked_whether_a_claim_is_swapped(claim, walk, asked):
+    if asked is None:
+        with pytest.raises(GeoError, match="swapped"):
+            parse_claim(",".join(map(str, claim)), None)
+        return
+    assert bool(swapped(parse_claim(",".join(map(str, claim)), None), walk)) == asked
+
+
+def test_database_from_import_to_verify(run, tmp_path, capsys):
+    lat, lon = place(*TRANSMITTER_M)
+    export, db = tmp_path / "262.csv", tmp_path / "cells.db"
+    export.write_text(
+        BASE.format(mcc=262, cid=100, lat=lat, lon=lon) + BASE.format(mcc="x", cid=5, lat=1, lon=1)
+    )
+    assert main(["celldb", "import", str(export), "-o", str(db), "--json"]) == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out)["n_bad"] == 1
+    assert "row 2" in told.err
+    assert "1 cells" in tell(capsys, "celldb", "import", export, "-o", db)
+    (cell,) = json.loads(tell(capsys, "celldb", "lookup", db, "--cell", cell_name(0), "--json"))[
+        "cells"
+    ]
+    assert cell["lat"] == pytest.approx(lat)
+    assert "262-1-4711-100" in tell(capsys, "celldb", "lookup", db, "--near", f"{lat},{lon},50")
+    assert "no alarm by itself" in tell(capsys, "celldb", "lookup", db, "--near", "1,2")
+    (checked,) = json.loads(tell(capsys, "verify", run, "--claims", db, "--json"))["cells"]
+    assert (checked["cell"], checked["claim"]["sigma_m"]) == (cell_name(0), 100.0)
+    assert checked["verdict"] != "rejected"
+
+
+def test_sites(run, tmp_path, capsys):
+    (found,) = json.loads(tell(capsys, "verify", run, "--sites", "--cell", cell_name(0), "--json"))[
+        "cells"
+    ]
+    assert found["verdict"] == "no sign of two places"
+    write_run(tmp_path / "b.journal", seconds=200, cells=1)
+    both = json.loads(
+        tell(capsys, "verify", run, "--sites", "--against", tmp_path / "b.journal", "--json")
+    )["cells"]
+    assert [(one["cell"], one["verdict"]) for one in both] == [
+        (cell_name(0), "no sign of two places")
+    ]
+    assert "log factor" in tell(
+        capsys, "verify", run, "--sites", "--against", tmp_path / "b.journal"
+    )
+
+
+def test_verify_theory(capsys):
+    told = json.loads(
+        tell(capsys, "verify-theory", "--trials", "500", "--sigma", "50", "--pfa", "0.02", "--json")
+    )
+    assert told["p_fa"] == 0.02
+    assert len(told["rows"]) == 4
+    text = tell(
+        capsys,
+        "verify-theory",
+        "--trials",
+        "200",
+        "--receivers",
+        "1e3,0,0",
+        "0,1e3,0",
+        "-9e2,-5e2,300",
+    )
+    assert "needs 4 receivers" in text
+    assert "cannot be known" in text
+    assert "all alike" in fails(capsys, "verify-theory", "--receivers", "1,2", "1,2,3")
+
+
+def test_mistakes_are_one_line(run, tmp_path, capsys):
+    assert "no claim" in fails(capsys, "verify", run, "--claim", "here")
+    assert "was not heard" in fails(capsys, "verify", run, "--claim", "52,13", "--cell", "nobody")
+    assert "false-alarm rate" in fails(capsys, "verify", run, "--claim", "52,13", "--pfa", "7")
+    assert "--against" in fails(capsys, "verify", run, "--claim", "52,13", "--against", run)
+    assert "No such file" in fails(capsys, "verify", run, "--claims", tmp_path / "none")
+    assert "no such file" in fails(
+        capsys, "celldb", "lookup", tmp_path / "none", "--cell", "1-2-3-4"
+    )
+    assert "No such file" in fails(
+        capsys, "celldb", "import", tmp_path / "none", "-o", tmp_path / "c.db"
+    )
+    assert "no such folder" in fails(capsys, "celldb", "import", run, "-o", tmp_path / "x" / "c.db")
+
+
+def test_a_run_without_places_has_no_verdict(tmp_path, capsys):
+    runs.write_journal(
+        tmp_path / "a.journal", [record for record in runs.records(20) if record.source != "gnss"]
+    )
+    told = json.loads(tell(capsys, "verify", tmp_path / "a.journal", "--claim", "52,13", "--json"))
+    assert {cell["verdict"] for cell in told["cells"]} == {"cannot tell"}
+    assert told["warnings"]
