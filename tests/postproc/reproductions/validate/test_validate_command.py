@@ -8,7 +8,7 @@ from postproc.cli import main
 from postproc.reproductions.validate import report, suite
 from postproc.reproductions.validate.check import Check
 
-PAGE = Path(__file__).resolve().parents[3] / "VALIDATION.md"
+PAGE = Path(__file__).resolve().parents[4] / "VALIDATION.md"
 NUMBER = re.compile(r"-?\d+\.?\d*")
 
 
