@@ -22,7 +22,7 @@ from logger.core.geo import Utm
 from logger.core.observations import CellObservations
 from logger.core.shadow_ekf import ShadowNoise, ShadowState
 from postproc.estimators import rts
-from postproc.estimators.filters import kept_rows, reference_ekf, shadow_pass
+from postproc.estimators.filters import reference_ekf, retained_rows, shadow_pass
 
 COUNTS = (10_000, 100_000, 1_000_000)
 FILTERPY_MOST = 100_000
@@ -57,13 +57,13 @@ def start(obs: CellObservations) -> ShadowState:
 
 def ours(obs: CellObservations) -> tuple[FloatArray, FloatArray]:
     """Last filtered and first smoothed state."""
-    given = np.empty((len(obs), 6))
-    ahead = shadow_pass(obs, start(obs), NOISE, given=given)
+    conditionals = np.empty((len(obs), 6))
+    ahead = shadow_pass(obs, start(obs), NOISE, conditionals=conditionals)
     moved_m = np.hypot(np.diff(obs.x_m), np.diff(obs.y_m))
-    rows = kept_rows(len(obs))
+    rows = retained_rows(len(obs))
     rows[0] = 0
-    x, _ = rts.smooth(given, moved_m, NOISE, PLACE, ahead.end, rows)
-    return ahead.filtered.x[-1], x[0]
+    x, _ = rts.smooth(conditionals, moved_m, NOISE, PLACE, ahead.end, rows)
+    return ahead.path.x[-1], x[0]
 
 
 def filterpys(obs: CellObservations) -> tuple[FloatArray, FloatArray]:

@@ -19,7 +19,7 @@ from logger.core.observations import Observations
 from logger.core.runfile import Run
 from postproc.atomic_write import whole_file
 from postproc.estimators.direction_check import AXES, Comparison
-from postproc.estimators.filters import Filtered
+from postproc.estimators.filters import FilterPath
 from postproc.estimators.region_outline import geojson
 from postproc.estimators.residuals import Residuals
 from postproc.info import describe
@@ -188,7 +188,7 @@ def _no_estimate(result: CellResult, name: str) -> Json:
 
 def _last(result: CellResult, name: str) -> Json:
     """Where a filter ended."""
-    filtered: Filtered | None = getattr(result, name)
+    filtered: FilterPath | None = getattr(result, name)
     if filtered is None or result.obs is None:
         return _no_estimate(result, name)
     n = filtered.consistency.n if filtered.consistency else len(filtered)
@@ -282,7 +282,7 @@ def _write_cell(group: h5py.Group, result: CellResult) -> None:
     if result.obs.ta is not None:
         group["observations/ta"] = result.obs.ta
     for name in ("reference", "ekf", "backward", "rts"):
-        filtered: Filtered | None = getattr(result, name)
+        filtered: FilterPath | None = getattr(result, name)
         if filtered is not None:
             for column in ("t_ns", "x", "p", "innovation_db", "innovation_var_db2"):
                 group[f"{name}/{column}"] = getattr(filtered, column)

@@ -22,7 +22,7 @@ from logger.core.runfile import Run
 from postproc.estimators import ekf_initialisation, least_squares, residuals
 from postproc.estimators.convergence import ended_well
 from postproc.estimators.direction_check import Comparison, compare
-from postproc.estimators.filters import Filtered, reference_ekf
+from postproc.estimators.filters import FilterPath, reference_ekf
 from postproc.estimators.least_squares import BatchFit
 from postproc.estimators.residuals import Residuals
 from postproc.estimators.robust_losses import Loss
@@ -66,11 +66,11 @@ class CellResult:
     verdict: Verdict
     warnings: tuple[str, ...]
     posterior: Posterior | None = None
-    reference: Filtered | None = None
-    ekf: Filtered | None = None
-    rts: Filtered | None = None
+    reference: FilterPath | None = None
+    ekf: FilterPath | None = None
+    rts: FilterPath | None = None
     batch: BatchFit | None = None
-    backward: Filtered | None = None
+    backward: FilterPath | None = None
     comparison: Comparison | None = None
     residuals: Residuals | None = None
     timing: TimingCheck | None = None
@@ -192,7 +192,9 @@ def _converged_only(result: CellResult) -> CellResult:
     return replace(result, **kept, failed=failed, warnings=(*result.warnings, *told))
 
 
-def _converged(name: str, ended: BatchFit | Filtered | None, obs: CellObservations | None) -> bool:
+def _converged(
+    name: str, ended: BatchFit | FilterPath | None, obs: CellObservations | None
+) -> bool:
     if ended is None or obs is None:
         return True
     if isinstance(ended, BatchFit):

@@ -49,7 +49,8 @@ class LiveReference:
         level_dbm = level_of(scan, self.target)
         if level_dbm is None or self._state is None:
             return None
-        step = ekf.step(self._state, x_m, y_m, level_dbm, joseph=self._settings.joseph)
+        correct = ekf.joseph_step if self._settings.joseph else ekf.step
+        step = correct(self._state, x_m, y_m, level_dbm)
         self._state = step.state
         self.n += 1
         return step

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.estimators.filters import Filtered
+from postproc.estimators.filters import FilterPath
 
 GATE = 4.0
 AXES = ("east", "north", "P0", "eta")
@@ -51,7 +51,7 @@ class Comparison(NamedTuple):
         return f"the EKF forward and the EKF backward contradict each other, so trust neither: {', '.join(far)}"
 
 
-def compare(forward: Filtered, backward: Filtered) -> Comparison:
+def compare(forward: FilterPath, backward: FilterPath) -> Comparison:
     """Last state of a filter over the walk against that of one over the reversed walk."""
     difference = backward.x[-1, :4] - forward.x[-1, :4]
     variance = np.diagonal(forward.p[-1])[:4] + np.diagonal(backward.p[-1])[:4]

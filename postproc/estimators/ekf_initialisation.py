@@ -27,7 +27,7 @@ from logger.core.shadow_ekf import ShadowNoise
 from logger.core.shadow_noise import candidates
 from logger.core.spatial_thinning import Visited, tells
 from postproc.estimators import rts
-from postproc.estimators.filters import Filtered, kept_rows, shadow_pass
+from postproc.estimators.filters import FilterPath, retained_rows, shadow_pass
 
 ONE_PLACE = 0.95
 _FEWEST = 8
@@ -51,8 +51,8 @@ class EkfRun:
     posterior: Posterior
     noise: ShadowNoise
     first: int
-    filtered: Filtered
-    smoothed: Filtered
+    filtered: FilterPath
+    smoothed: FilterPath
     rows: IntArray
 
 
@@ -84,7 +84,7 @@ def run(
         return found
     first, posterior = found
     filtered, smoothed = _filter(fresh, first, posterior.modes[0], noise)
-    rows = kept_rows(len(obs))
+    rows = retained_rows(len(obs))
     return EkfRun(
         posterior, noise, first, filtered, smoothed, len(obs) - 1 - rows if backward else rows
     )
@@ -192,28 +192,37 @@ def _promising(obs: CellObservations, end: int, whole: Posterior, noise: ShadowN
     start, readings = shadow_ekf.release(start, wide), slice(int(counts[-1]))
     known = shadow_pass(fitting, start, noise, readings=readings, rows=counts - 1)
     ahead_m = np.minimum.accumulate(distance_m[::-1])[::-1][counts]
-    return np.asarray(counts[_widest_m(known.filtered.p) <= CLOSE * ahead_m])
+    return np.asarray(counts[_widest_m(known.path.p) <= CLOSE * ahead_m])
 
 
 def _filter(
     obs: CellObservations, first: int, mode: Mode, noise: ShadowNoise
-) -> tuple[Filtered, Filtered]:
+) -> tuple[FilterPath, FilterPath]:
     """Filter over the readings from `first` on, and smoother over all of them.
 
     Before `first` the shadowing alone is filtered, given the mode's place: the filter starts with
     what comes out.
     """
-    given = np.empty((len(obs), 6))
+    conditionals = np.empty((len(obs), 6))
     held = shadow_ekf.hold(mode.state, noise, float(obs.x_m[0]), float(obs.y_m[0]))
-    held = shadow_pass(obs, held, noise, readings=slice(first), given=given[:first]).end
+    held = shadow_pass(
+        obs, held, noise, readings=slice(first), conditionals=conditionals[:first]
+    ).end
     start = shadow_ekf.release(held, mode.covariance)
-    ahead = shadow_pass(obs, start, noise, readings=slice(first, None), given=given[first:])
-    rows = kept_rows(len(obs))
+    ahead = shadow_pass(
+        obs, start, noise, readings=slice(first, None), conditionals=conditionals[first:]
+    )
+    rows = retained_rows(len(obs))
     smoothed = rts.smooth(
-        given, np.hypot(np.diff(obs.x_m), np.diff(obs.y_m)), noise, mode.state, ahead.end, rows
+        conditionals,
+        np.hypot(np.diff(obs.x_m), np.diff(obs.y_m)),
+        noise,
+        mode.state,
+        ahead.end,
+        rows,
     )
     none = np.full(len(rows), np.nan)
-    return ahead.filtered, Filtered(obs.t_ns[rows], *smoothed, none, none)
+    return ahead.path, FilterPath(obs.t_ns[rows], *smoothed, none, none)
 
 
 def _distance_m(obs: CellObservations, mode: Mode, height_m: float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Filters over all readings of a cell, and the path they took."""
+"""Filters over all readings of a cell, and the states they pass through."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,18 +13,18 @@ from postproc.estimators import kernels
 from postproc.estimators.metrics import Consistency, consistency
 
 MOST_ROWS = 10_000
-"""Of a longer walk the states after every so many readings are kept, up to the last."""
+"""States kept of a longer walk: more than any picture can show, and 2 MB."""
 
 _ALL = slice(None)
 
 
 @dataclass(frozen=True, slots=True)
-class Filtered:
+class FilterPath:
     """States after readings, in the order these were taken: `t_ns` (m,), `x` (m, k), `p` (m, k, k).
 
     k is 4, or 5 with the shadowing last. `innovation_db` and `innovation_var_db2` have shape (m,);
-    they are NaN for a smoother and where no level was expected. `consistency` is that of all
-    readings used, kept as rows or not.
+    they are NaN for a smoother and where no level was expected. `consistency` covers all readings
+    used, also those without a row.
     """
 
     t_ns: IntArray
@@ -39,41 +39,37 @@ class Filtered:
 
     @property
     def nis(self) -> FloatArray:
-        """Normalised innovation squared, shape (m,): chi-square with one degree of freedom for an
-        honest filter.
+        """Normalised innovation squared, shape (m,).
+
+        Chi-square with one degree of freedom for a consistent filter.
         """
         return self.innovation_db**2 / self.innovation_var_db2
 
 
 class ShadowPass(NamedTuple):
-    """The shadowing EKF's path, its last state, and the log-likelihood of the levels but for a
-    constant.
-    """
+    """Path and last state of the shadowing EKF; the log-likelihood lacks a constant."""
 
-    filtered: Filtered
+    path: FilterPath
     end: ShadowState
     log_likelihood: float
 
 
-def kept_rows(count: int) -> IntArray:
+def retained_rows(count: int) -> IntArray:
     """Numbers of the readings after which a state is kept."""
     every = max(-(-count // MOST_ROWS), 1)
     return np.arange((count - 1) % every, count, every)
 
 
-def reference_ekf(obs: CellObservations) -> Filtered:
-    """The specification's EKF over all readings of a cell, started at the walker's place at the
-    first.
-    """
-    rows, innovation = kept_rows(len(obs)), np.empty((2, len(obs)))
-    x, p = np.empty((len(rows), 4)), np.empty((len(rows), 4, 4))
+def reference_ekf(obs: CellObservations) -> FilterPath:
+    """The specification's EKF over all readings of a cell, started at the walker's first place."""
+    rows, innovation = retained_rows(len(obs)), np.empty((2, len(obs)))
+    x, triangles = np.empty((len(rows), 4)), np.empty((len(rows), 10))
     readings = tuple(np.array(values, float) for values in (obs.x_m, obs.y_m, obs.level_dbm))
     start = ekf.start(float(obs.x_m[0]), float(obs.y_m[0]))
-    state = np.array(start[:4]), ekf.covariance_matrix(start.p)
-    kernels.reference(*state, ekf.Q_PER_STEP, ekf.R_DB2, readings, rows, innovation, (x, p))
-    return Filtered(
-        obs.t_ns[rows], x, p, innovation[0, rows], innovation[1, rows], consistency(*innovation)
-    )
+    kernels.reference(start, readings, rows, innovation, x, triangles)
+    p = ekf.covariance_matrix(triangles)
+    e, variance = innovation[:, rows]
+    return FilterPath(obs.t_ns[rows], x, p, e, variance, consistency(*innovation))
 
 
 def shadow_pass(
@@ -83,31 +79,26 @@ def shadow_pass(
     *,
     readings: slice = _ALL,
     rows: IntArray | None = None,
-    given: FloatArray | None = None,
+    conditionals: FloatArray | None = None,
 ) -> ShadowPass:
-    """Run the shadowing EKF over readings of a cell from a state; fills `given` (n, 6) for
-    `rts.smooth`.
+    """Run the shadowing EKF over readings of a cell from a state.
 
-    States are kept after the readings `rows`, ascending to the last; by default `kept_rows`.
-    Readings with a level of NaN move the filter along and tell it nothing; `Filtered.consistency`
-    does not count them.
+    States are kept after the readings `rows`, ascending to the last; by default `retained_rows`.
+    `conditionals` (n, 6) is filled for `rts.smooth`. Readings with a level of NaN only move the
+    receiver; `FilterPath.consistency` does not count them.
     """
     columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm)
     x_m, y_m, sigma_m, level_dbm = (np.array(values[readings], float) for values in columns)
     count = len(level_dbm)
-    rows = kept_rows(count) if rows is None else rows
-    given = np.empty((count, 6)) if given is None else given
-    innovation, x, factors = (
-        np.empty((2, count)),
-        np.empty((len(rows), 5)),
-        np.empty((len(rows), 15)),
-    )
+    rows = retained_rows(count) if rows is None else rows
+    conditionals = np.empty((count, 6)) if conditionals is None else conditionals
+    innovation = np.empty((2, count))
+    x, factors = np.empty((len(rows), 5)), np.empty((len(rows), 15))
     walk = (x_m, y_m, sigma_m, level_dbm, np.array(obs.limit[readings]))
-    end = kernels.shadow(state, noise, walk, rows, innovation, (x, factors), given)
+    end = kernels.shadow(state, noise, walk, rows, innovation, x, factors, conditionals)
+    e, variance = innovation
+    log_likelihood = -0.5 * float(np.nansum(np.log(variance) + e**2 / variance))
     p = shadow_ekf.covariance_matrix(factors)
-    told = consistency(*innovation[:, np.isfinite(level_dbm)])
-    found = Filtered(obs.t_ns[readings][rows], x, p, innovation[0, rows], innovation[1, rows], told)
-    log_likelihood = -0.5 * float(
-        np.nansum(np.log(innovation[1]) + innovation[0] ** 2 / innovation[1])
-    )
-    return ShadowPass(found, end, log_likelihood)
+    used = consistency(*innovation[:, np.isfinite(level_dbm)])
+    path = FilterPath(obs.t_ns[readings][rows], x, p, e[rows], variance[rows], used)
+    return ShadowPass(path, end, log_likelihood)

@@ -17,7 +17,7 @@ from scipy.stats import kurtosis, norm, skew
 from logger.core.arrays import FloatArray
 from logger.core.observations import CellObservations
 from postproc.estimators import least_squares, residual_trends
-from postproc.estimators.filters import Filtered
+from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import Consistency, consistency, lag1, mean_bounds
 from postproc.estimators.residual_covariance import ResidualNoise
 from postproc.estimators.residual_trends import Bend, Bins, Ground, Sector
@@ -80,7 +80,7 @@ class Residuals:
 def diagnose(
     state: FloatArray,
     obs: CellObservations,
-    filtered: Filtered | None = None,
+    filtered: FilterPath | None = None,
     *,
     height_m: float = 0.0,
 ) -> Residuals:
@@ -189,7 +189,7 @@ def _by_azimuth(ground: Ground, noise: ResidualNoise) -> Bins:
     return residual_trends.binned(ground, noise, number, 0.5 * (edges[1:] + edges[:-1]))
 
 
-def _innovations(filtered: Filtered | None) -> Consistency | None:
+def _innovations(filtered: FilterPath | None) -> Consistency | None:
     if filtered is None:
         return None
     return filtered.consistency or consistency(filtered.innovation_db, filtered.innovation_var_db2)

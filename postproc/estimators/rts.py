@@ -1,16 +1,17 @@
-"""Rauch-Tung-Striebel smoother of the shadowing EKF: the shadowing along the walk, with its
-uncertainty.
+"""Rauch-Tung-Striebel smoother of the shadowing EKF: the shadowing along the walk.
 
-Only the shadowing s moves, so the smoothed place, power and exponent (the rest, r) are the last
-filtered ones: smoothing repairs no bad start. Of the smoother (AIAA Journal 3(8), 1965) the row of
-s is left, and no matrix has to be inverted. Given r, the filter knows after reading k that s_k =
-a_k + b_k' r with variance v_k, and the smoother knows from all readings that
+Only the shadowing s moves, so the smoothed position, power and exponent (the rest, r) are the last
+filtered ones: smoothing cannot repair a bad start. Of the smoother (AIAA Journal 3(8), 1965) only
+the row of s remains, and no matrix is inverted. Given r, the filter knows after reading k that
+s_k = a_k + b_k' r with variance v_k, and the smoother knows from all readings that
 
-    s_k = m_k + c_k' r with variance w_k,    s_k+1 = rho_k s_k + noise of variance q_k,    g = rho v / (rho^2 v + q)
-    m_k = (1 - g rho) a_k + g m_k+1,    c_k likewise from b_k,    w_k = (1 - g rho) v_k + g^2 w_k+1
+    s_k = m_k + c_k' r with variance w_k
+    s_k+1 = rho_k s_k + noise of variance q_k,    g = rho v / (rho^2 v + q)
+    m_k = (1 - g rho) a_k + g m_k+1,    c_k likewise from b_k
+    w_k = (1 - g rho) v_k + g^2 w_k+1
 
-Every variance is a sum of positive terms, and var s_k = w_k + c_k' P c_k, cov(s_k, r) = P c_k with
-P that of the rest.
+Every variance is a sum of positive terms. With P the covariance of the rest,
+var s_k = w_k + c_k' P c_k and cov(s_k, r) = P c_k.
 """
 
 import numpy as np
@@ -21,7 +22,7 @@ from postproc.estimators import kernels
 
 
 def smooth(
-    given: FloatArray,
+    conditionals: FloatArray,
     moved_m: FloatArray,
     noise: ShadowNoise,
     origin: FloatArray,
@@ -30,17 +31,15 @@ def smooth(
 ) -> tuple[FloatArray, FloatArray]:
     """Smoothed [x, y, P0, eta, s] (m, 5) and covariances (m, 5, 5) after the readings `rows`.
 
-    `given` (n, 6) has columns a, b (4) and v, with r counted from `origin` (4,); `moved_m` (n - 1,)
-    lies between the readings; `end` is the last filtered state.
+    `conditionals` (n, 6) has columns a, b (4) and v, with r counted from `origin` (4,); `moved_m`
+    (n - 1,) lies between the readings; `end` is the last filtered state.
     """
-    rho = (
-        np.exp(-moved_m / noise.decorrelation_m)
-        if noise.decorrelation_m > 0.0
-        else np.zeros_like(moved_m)
-    )
-    kept = np.empty((len(rows), 6))
-    kernels.smooth(given, rho, noise.shadow_db**2 * (1.0 - rho**2), rows, kept)
-    mean, slope, variance = kept[:, 0], kept[:, 1:5], kept[:, 5]
+    rho = np.zeros_like(moved_m)
+    if noise.decorrelation_m > 0.0:
+        rho = np.exp(-moved_m / noise.decorrelation_m)
+    smoothed = np.empty((len(rows), 6))
+    kernels.smooth(conditionals, rho, noise.shadow_db**2 * (1.0 - rho**2), rows, smoothed)
+    mean, slope, variance = smoothed[:, 0], smoothed[:, 1:5], smoothed[:, 5]
     rest, covariance = np.array(end[:4]), covariance_matrix(end.factors)[:4, :4]
     shared = slope @ covariance
     x = np.column_stack([np.tile(rest, (len(rows), 1)), mean + slope @ (rest - origin)])

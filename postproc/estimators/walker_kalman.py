@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from postproc.estimators.kernels import compiled
+from postproc.estimators.kernels import jit
 
 STUDENT_DOF = 4.0
 _ANYWHERE_M2 = 1e8
@@ -84,12 +84,12 @@ def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatA
     return Series(x, p, r, n), (u[:, :, 0] ** 2 + u[:, :, 1] ** 2) / d**2, expected
 
 
-@compiled
+@jit
 def _dot(a: _Vector, b: _Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@jit
 def _times(p: _Symmetric, h: _Vector) -> _Vector:
     return (
         p[0] * h[0] + p[1] * h[1] + p[2] * h[2],
@@ -98,12 +98,12 @@ def _times(p: _Symmetric, h: _Vector) -> _Vector:
     )
 
 
-@compiled
+@jit
 def _plus(a: _Vector, factor: float, b: _Vector) -> _Vector:
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
-@compiled
+@jit
 def _plus_outer(p: _Symmetric, factor: float, a: _Vector, b: _Vector) -> _Symmetric:
     """P + factor (a b' + b a') / 2."""
     return (
@@ -116,7 +116,7 @@ def _plus_outer(p: _Symmetric, factor: float, a: _Vector, b: _Vector) -> _Symmet
     )
 
 
-@compiled
+@jit
 def _ahead(p: _Symmetric, dt: float, a: float, q: float) -> _Symmetric:
     """F P F' + Q."""
     return (
@@ -129,7 +129,7 @@ def _ahead(p: _Symmetric, dt: float, a: float, q: float) -> _Symmetric:
     )
 
 
-@compiled
+@jit
 def _behind(m: _Symmetric, dt: float, a: float) -> _Symmetric:
     """F' N F."""
     return (
@@ -142,7 +142,7 @@ def _behind(m: _Symmetric, dt: float, a: float) -> _Symmetric:
     )
 
 
-@compiled
+@jit
 def _filter(
     step_s: FloatArray,
     q: FloatArray,
@@ -197,7 +197,7 @@ def _filter(
     return total, xs, ps, gains, innovations, spreads
 
 
-@compiled
+@jit
 def _adjoint(
     step_s: FloatArray,
     a: FloatArray,

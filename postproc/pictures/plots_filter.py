@@ -8,7 +8,7 @@ from matplotlib.ticker import MaxNLocator
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.posterior import Posterior
-from postproc.estimators.filters import Filtered
+from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency
 from postproc.pictures import colours
 from postproc.pictures.picture import Picture
@@ -56,7 +56,7 @@ def draw_parameter(axes: Axes, picture: Picture, parameter: Parameter) -> None:
     axes.grid(visible=True)
 
 
-def draw_nis(axes: Axes, picture: Picture, filtered: Filtered) -> None:
+def draw_nis(axes: Axes, picture: Picture, filtered: FilterPath) -> None:
     """Innovations squared by what the filter expects of them: 95 % of an honest filter's lie below
     the line.
     """
@@ -117,5 +117,5 @@ def of_posterior(posterior: Posterior, parameter: Parameter) -> tuple[float, flo
     return posterior.eta, posterior.eta_sigma
 
 
-def _two_sigma(filtered: Filtered, row: int) -> FloatArray:
+def _two_sigma(filtered: FilterPath, row: int) -> FloatArray:
     return np.asarray(2.0 * np.sqrt(np.maximum(filtered.p[:, row, row], 0.0)), float)

@@ -10,7 +10,7 @@ import shapely
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.rivals import share_text
-from postproc.estimators.filters import Filtered
+from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency
 from postproc.json_text import Json
 from postproc.pictures.fit import Fit
@@ -110,7 +110,7 @@ def path_loss(picture: Picture) -> str:
     return " ".join(told)
 
 
-def consistency(filtered: Filtered, seen: Consistency) -> str:
+def consistency(filtered: FilterPath, seen: Consistency) -> str:
     """Whether the filter knows its errors."""
     nis = filtered.nis[np.isfinite(filtered.innovation_db)]
     above = float(np.mean(nis > NIS_95)) if len(nis) else 0.0
@@ -173,7 +173,7 @@ def _truth(found: Json) -> list[str]:
     ]
 
 
-def _state(filtered: Filtered, row: int) -> str:
+def _state(filtered: FilterPath, row: int) -> str:
     sigma = np.sqrt(np.maximum(np.diagonal(filtered.p[row]), 0.0))
     of = (_with_sigma(float(filtered.x[row, p.row]), float(sigma[p.row]), p) for p in (P0, ETA))
     return " and ".join(of)

@@ -7,7 +7,7 @@ import rerun as rr
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.observations import MAX_GAP_S
-from postproc.estimators.filters import Filtered
+from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Bytes, Colour
 from postproc.pictures.picture import mode_label
@@ -195,7 +195,7 @@ def _estimates(sheet: Sheet, story: Story, subject: Subject) -> None:
             sheet.always(f"{path}/ellipse", drawn, move)
 
 
-def _filter(sheet: Sheet, story: Story, filtered: Filtered, path: str, colour: Colour) -> None:
+def _filter(sheet: Sheet, story: Story, filtered: FilterPath, path: str, colour: Colour) -> None:
     """A filter's path, and its place and 95 % ellipse at each reading."""
     places = story.local(filtered.x[:, 0], filtered.x[:, 1])
     with np.errstate(invalid="ignore"):

@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 
 from logger.core.arrays import FloatArray, IntArray
-from postproc.estimators.filters import Filtered
+from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, NIS_999
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
@@ -73,7 +73,7 @@ def time_span(story: Story) -> IntArray | None:
     return np.array([min(int(t[0]) for t in times), max(int(t[-1]) for t in times)])
 
 
-def filters(subject: Subject) -> list[tuple[str, str, Colour, Filtered]]:
+def filters(subject: Subject) -> list[tuple[str, str, Colour, FilterPath]]:
     """The filters of a cell: key, name, colour, path."""
     both = (
         ("reference", "reference (wrong)", colours.REFERENCE, subject.result.reference),

@@ -50,8 +50,8 @@ def test_the_start_is_the_specified_one():
     assert np.array_equal(ekf.covariance_matrix(state.p), 1000.0 * np.eye(4))
 
 
-@pytest.mark.parametrize("joseph", [False, True])
-def test_agrees_with_filterpy(joseph):
+@pytest.mark.parametrize("correct", [ekf.step, ekf.joseph_step])
+def test_agrees_with_filterpy(correct):
     receiver, levels = _walk(1)
     oracle = ExtendedKalmanFilter(dim_x=4, dim_z=1)
     oracle.x = np.array([[*receiver[0], -40.0, 3.0]], float).T
@@ -72,7 +72,7 @@ def test_agrees_with_filterpy(joseph):
             row,
             lambda x, rx=rx, ry=ry: np.array([[_measurement(x.ravel(), (rx, ry))]]),
         )
-        step = ekf.step(state, rx, ry, level, joseph=joseph)
+        step = correct(state, rx, ry, level)
         state = step.state
         assert step.innovation_db == pytest.approx(float(oracle.y[0, 0]), rel=1e-9, abs=1e-9)
         assert step.innovation_var_db2 == pytest.approx(float(oracle.S[0, 0]), rel=1e-9)

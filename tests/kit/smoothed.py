@@ -15,7 +15,7 @@ from logger.core.observations import CellObservations, observe
 from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import least_squares
-from postproc.estimators.filters import Filtered, reference_ekf
+from postproc.estimators.filters import FilterPath, reference_ekf
 from postproc.smoothing import CellResult, Smoothed
 from postproc.verification.claims import Claim
 from postproc.verification.run_claims import CellVerdict, Verified
@@ -137,13 +137,13 @@ def made(kind, **values):
     return kind(**{f.name: 0.0 for f in dataclasses.fields(kind) if f.init} | values)
 
 
-def filters(obs: CellObservations, answer: Posterior) -> tuple[Filtered, Filtered]:
+def filters(obs: CellObservations, answer: Posterior) -> tuple[FilterPath, FilterPath]:
     """EKF over the second half of the readings, and RTS, which is its last state."""
     half, mode = len(obs) // 2, answer.modes[0]
     state = ekf.EkfState(*mode.state.tolist(), ekf.upper_triangle(mode.covariance))
     steps = []
     for x, y, level in zip(obs.x_m[half:], obs.y_m[half:], obs.level_dbm[half:], strict=True):
-        steps.append(ekf.step(state, float(x), float(y), float(level), q=0.0, joseph=True))
+        steps.append(ekf.joseph_step(state, float(x), float(y), float(level), q=0.0))
         state = steps[-1].state
     x = np.array([s.state[:4] for s in steps])
     p = np.array([ekf.covariance_matrix(s.state.p) for s in steps])
@@ -151,8 +151,8 @@ def filters(obs: CellObservations, answer: Posterior) -> tuple[Filtered, Filtere
         np.array([getattr(s, n) for s in steps]) for n in ("innovation_db", "innovation_var_db2")
     )
     none = np.full(len(x), np.nan)
-    ahead = Filtered(obs.t_ns[half:], x, p, innovation, variance)
-    return ahead, Filtered(
+    ahead = FilterPath(obs.t_ns[half:], x, p, innovation, variance)
+    return ahead, FilterPath(
         obs.t_ns[half:], np.repeat(x[-1:], len(x), 0), np.repeat(p[-1:], len(p), 0), none, none
     )
 

@@ -71,7 +71,7 @@ def _covariance(step: ekf.EkfStep) -> list[Check]:
     before = ekf.covariance_matrix(STATION.p) + ekf.Q_PER_STEP * np.eye(4)
     after = ekf.covariance_matrix(step.state.p)
     less = np.linalg.eigvalsh(before - after)
-    joseph = ekf.covariance_matrix(ekf.step(STATION, *USER, _HEARD_DBM, joseph=True).state.p)
+    joseph = ekf.covariance_matrix(ekf.joseph_step(STATION, *USER, _HEARD_DBM).state.p)
     apart = float(np.max(np.abs(joseph - after)))
     walked = _walked()
     least = min(

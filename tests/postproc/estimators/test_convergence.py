@@ -10,7 +10,7 @@ from logger.core.observations import CellObservations
 from postproc.cli import main
 from postproc.estimators import least_squares
 from postproc.estimators.convergence import MOST_ETA, P0_RANGE_DBM, REACH_M, ended_well
-from postproc.estimators.filters import Filtered
+from postproc.estimators.filters import FilterPath
 from postproc.smoothing import CellResult, _converged_only
 
 FINE = np.array([10.0, 20.0, -30.0, 3.0])
@@ -94,7 +94,7 @@ def test_a_filter_that_diverged_is_not_passed_on(name, broken):
 
     def filtered(state, covariance):
         none = np.array([np.nan])
-        return Filtered(obs.t_ns[-1:], state[None], covariance[None], none, none)
+        return FilterPath(obs.t_ns[-1:], state[None], covariance[None], none, none)
 
     broken_one, whole = filtered(*BROKEN[broken]), filtered(FINE, np.eye(4))
     every = dict.fromkeys(("reference", "ekf", "backward", "rts"), whole)

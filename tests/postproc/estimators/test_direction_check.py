@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from postproc.estimators.direction_check import compare
-from postproc.estimators.filters import Filtered
+from postproc.estimators.filters import FilterPath
 
 
 def filtered(last, sigmas):
     """A path whose last row alone counts."""
     x = np.array([np.zeros(5), last])
     p = np.array([np.eye(5), np.diag(np.square(sigmas))])
-    return Filtered(np.array([1, 2]), x, p, np.zeros(2), np.ones(2))
+    return FilterPath(np.array([1, 2]), x, p, np.zeros(2), np.ones(2))
 
 
 FORWARD = filtered([10.0, 20.0, -30.0, 3.0, 4.0], [3.0, 3.0, 1.0, 0.3, 2.0])

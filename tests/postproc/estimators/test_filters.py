@@ -79,9 +79,7 @@ def test_a_part_of_the_walk_from_where_the_one_before_ended():
     first = filters.shadow_pass(obs, start(obs, source), NOISE, readings=slice(50))
     second = filters.shadow_pass(obs, first.end, NOISE, readings=slice(50, None))
     assert second.end == whole.end
-    np.testing.assert_array_equal(
-        np.concatenate([first.filtered.t_ns, second.filtered.t_ns]), obs.t_ns
-    )
+    np.testing.assert_array_equal(np.concatenate([first.path.t_ns, second.path.t_ns]), obs.t_ns)
 
 
 def test_levels_that_are_unknown_are_walked_past_and_not_counted():
@@ -100,10 +98,10 @@ def test_levels_that_are_unknown_are_walked_past_and_not_counted():
     straight = np.arange(120) < 60  # past the corner two short ways are longer than one
     expected = filters.shadow_pass(left, start(obs, source), NOISE)
     np.testing.assert_allclose(
-        found.filtered.x[straight & ~gone], expected.filtered.x[straight[~gone]], rtol=1e-9
+        found.path.x[straight & ~gone], expected.path.x[straight[~gone]], rtol=1e-9
     )
-    assert np.all(np.isnan(found.filtered.innovation_db[gone]))
-    assert (found.filtered.consistency.n, found.filtered.consistency.n_at_limit) == (80, 0)
+    assert np.all(np.isnan(found.path.innovation_db[gone]))
+    assert (found.path.consistency.n, found.path.consistency.n_at_limit) == (80, 0)
 
 
 def test_nis_is_the_innovation_by_its_variance():
@@ -131,8 +129,8 @@ def test_of_a_long_walk_some_states_are_kept_up_to_the_last(monkeypatch):
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 99, 10_000, 10_001, 1_000_000])
-def test_kept_rows_are_even_and_end_at_the_last(count):
-    rows = filters.kept_rows(count)
+def test_retained_rows_are_even_and_end_at_the_last(count):
+    rows = filters.retained_rows(count)
     assert len(rows) <= filters.MOST_ROWS
     assert len(rows) >= min(count, filters.MOST_ROWS // 2)
     assert count == 0 or rows[-1] == count - 1

@@ -6,7 +6,7 @@ import pytest
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations
 from postproc.estimators import least_squares, residual_trends
-from postproc.estimators.filters import Filtered
+from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import consistency
 from postproc.estimators.residuals import diagnose
 
@@ -172,7 +172,9 @@ def test_a_filter_that_is_too_sure_is_named_and_an_honest_one_is_not():
     said = {}
     for name, claimed in (("honest", 9.0), ("sure", 5.0), ("humble", 20.0)):
         states = np.zeros((500, 4)), np.zeros((500, 4, 4))
-        innovations = Filtered(obs.t_ns, *states, rng.normal(0.0, 3.0, 500), np.full(500, claimed))
+        innovations = FilterPath(
+            obs.t_ns, *states, rng.normal(0.0, 3.0, 500), np.full(500, claimed)
+        )
         found = diagnose(SOURCE, obs, innovations)
         assert found.innovations == consistency(
             innovations.innovation_db, innovations.innovation_var_db2

@@ -7,7 +7,7 @@ from filterpy.kalman import rts_smoother
 from logger.core import shadow_ekf
 from logger.core.shadow_ekf import ShadowNoise
 from postproc.estimators import rts
-from postproc.estimators.filters import kept_rows, shadow_pass
+from postproc.estimators.filters import retained_rows, shadow_pass
 from tests.kit.walks import simulate
 
 NOISE = ShadowNoise(5.0, 15.0, 2.0, 4.0)
@@ -32,13 +32,13 @@ def problem(seed, count=40, noise=NOISE, still=()):
 
 
 def smoothed(obs, mean, p, noise, rows=None):
-    given = np.empty((len(obs), 6))
+    conditionals = np.empty((len(obs), 6))
     state = shadow_ekf.release(
         shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0])), p
     )
-    ahead = shadow_pass(obs, state, noise, given=given)
-    rows = kept_rows(len(obs)) if rows is None else rows
-    return ahead, rts.smooth(given, moved(obs), noise, mean, ahead.end, rows)
+    ahead = shadow_pass(obs, state, noise, conditionals=conditionals)
+    rows = retained_rows(len(obs)) if rows is None else rows
+    return ahead, rts.smooth(conditionals, moved(obs), noise, mean, ahead.end, rows)
 
 
 def moved(obs):
@@ -55,7 +55,7 @@ def linearised(obs, ahead, mean):
     """Rows h, values z and variances r of the linear problem that the EKF has solved: linearised
     where it stood.
     """
-    before = np.vstack([mean, ahead.filtered.x[:-1, :4]])
+    before = np.vstack([mean, ahead.path.x[:-1, :4]])
     rows, values, variances = [], [], []
     for (x, y, p0, eta), x_m, y_m, level in zip(
         before, obs.x_m, obs.y_m, obs.level_dbm, strict=True
@@ -102,7 +102,7 @@ def test_agrees_with_filterpy(seed):
     qs = [np.diag([0.0, 0.0, 0.0, 0.0, noise.shadow_db**2 * (1.0 - f[4, 4] ** 2)]) for f in fs]
     # one more of each than it uses
     x_filterpy, p_filterpy, *_ = rts_smoother(
-        ahead.filtered.x, ahead.filtered.p, [*fs, fs[0]], [*qs, qs[0]]
+        ahead.path.x, ahead.path.p, [*fs, fs[0]], [*qs, qs[0]]
     )
     np.testing.assert_allclose(x, x_filterpy, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(covariances, p_filterpy, rtol=1e-6, atol=1e-8)
@@ -111,11 +111,11 @@ def test_agrees_with_filterpy(seed):
 def test_what_stands_still_is_smoothed_to_the_last_filtered_state():
     ahead, (x, p) = smoothed(*problem(6))
     np.testing.assert_array_equal(
-        x[:, STATIC], np.broadcast_to(ahead.filtered.x[-1, STATIC], (len(x), 4))
+        x[:, STATIC], np.broadcast_to(ahead.path.x[-1, STATIC], (len(x), 4))
     )
-    np.testing.assert_allclose(p[:, :4, :4] - ahead.filtered.p[-1, :4, :4], 0.0, atol=1e-12)
-    np.testing.assert_allclose(x[-1], ahead.filtered.x[-1], rtol=1e-12)
-    np.testing.assert_allclose(p[-1], ahead.filtered.p[-1], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(p[:, :4, :4] - ahead.path.p[-1, :4, :4], 0.0, atol=1e-12)
+    np.testing.assert_allclose(x[-1], ahead.path.x[-1], rtol=1e-12)
+    np.testing.assert_allclose(p[-1], ahead.path.p[-1], rtol=1e-9, atol=1e-12)
 
 
 def test_where_the_walker_stood_the_shadowing_is_one():
@@ -168,11 +168,11 @@ def test_rows_are_those_asked_for():
 
 def test_one_reading_comes_back():
     obs, mean, p, noise = problem(11, count=40)
-    given = np.empty((1, 6))
+    conditionals = np.empty((1, 6))
     state = shadow_ekf.release(
         shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0])), p
     )
-    ahead = shadow_pass(obs, state, noise, readings=slice(1), given=given)
-    x, covariances = rts.smooth(given, np.empty(0), noise, mean, ahead.end, np.array([0]))
-    np.testing.assert_allclose(x, ahead.filtered.x, rtol=1e-12)
-    np.testing.assert_allclose(covariances, ahead.filtered.p, rtol=1e-9, atol=1e-12)
+    ahead = shadow_pass(obs, state, noise, readings=slice(1), conditionals=conditionals)
+    x, covariances = rts.smooth(conditionals, np.empty(0), noise, mean, ahead.end, np.array([0]))
+    np.testing.assert_allclose(x, ahead.path.x, rtol=1e-12)
+    np.testing.assert_allclose(covariances, ahead.path.p, rtol=1e-9, atol=1e-12)

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.view import WALKS, walk
 from logger.core.observations import observe
-from postproc.estimators.filters import MOST_ROWS, Filtered
+from postproc.estimators.filters import MOST_ROWS, FilterPath
 from postproc.smoothing import CellResult, Smoothed
 from postproc.view.plan import MOST_POINTS, MOST_STRIPS, level_strips, strips_of
 from postproc.view.scene import write_scene
@@ -26,7 +26,7 @@ def told(run):
     x = np.column_stack(
         [first.x_m[at], first.y_m[at], np.full(len(at), -30.0), np.full(len(at), 3.0)]
     )
-    filtered = Filtered(
+    filtered = FilterPath(
         first.t_ns[at], x, np.tile(np.eye(4), (len(at), 1, 1)), np.ones(len(at)), np.ones(len(at))
     )
     posterior = kit.posterior(first)

@@ -10,7 +10,7 @@ from rerun.chunk import RrdReader
 from logger.core.errors import RunFileError
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
-from postproc.estimators.filters import Filtered
+from postproc.estimators.filters import FilterPath
 from postproc.smoothing import smooth_run
 from postproc.verification.claims import Claim
 from postproc.verification.run_claims import CellVerdict
@@ -325,13 +325,13 @@ def test_levels_without_any_fix(tmp_path):
 def test_diverged_filter_is_left_out(result, tmp_path):
     cell = result.cells[0]
     filtered = cell.reference
-    lost = Filtered(
+    lost = FilterPath(
         filtered.t_ns,
         filtered.x * np.nan,
         filtered.p * np.nan,
         *[filtered.innovation_db * np.nan] * 2,
     )
-    away = Filtered(
+    away = FilterPath(
         filtered.t_ns, filtered.x * 1e30, filtered.p * 1e30, *[filtered.innovation_db] * 2
     )
     for odd in (lost, away):
