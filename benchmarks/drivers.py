@@ -12,10 +12,10 @@ from statistics import median
 
 import pynmea2
 
-from logger.drivers.at import AtFramer
-from logger.drivers.dialogue import Reply
-from logger.drivers.nmea import FixAssembler, NmeaFramer, Sentence
-from logger.drivers.sim800 import Sim800
+from logger.drivers.protocols.at import AtFramer
+from logger.drivers.protocols.dialogue import Reply
+from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
+from logger.drivers.simcom.sim800 import Sim800
 from logger.sim.receiver import sentence
 
 EPOCHS = 2_000

@@ -19,9 +19,9 @@ from pathlib import Path
 
 from logger.core.types import CellReading
 from logger.drivers.family import Family
-from logger.drivers.recognition import Known, recognised
+from logger.drivers.reading.recognition import Known, recognised
+from logger.drivers.reading.rows import Registration, Row
 from logger.drivers.registry import FAMILIES, reader_of
-from logger.drivers.rows import Registration, Row
 from logger.drivers.transcript import replies_of
 
 DATA = Path(__file__).resolve().parents[1] / "tests" / "drivers" / "data"

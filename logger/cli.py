@@ -230,8 +230,8 @@ def _write_new(path: Path, text: str) -> None:
 
 
 def _parse(arguments: argparse.Namespace) -> int:
+    from logger.drivers.reading.rows import as_json
     from logger.drivers.registry import driver_of, reader_of
-    from logger.drivers.rows import as_json
     from logger.drivers.transcript import rows_of
 
     chosen = driver_of(arguments.driver)

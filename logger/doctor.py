@@ -31,8 +31,8 @@ from logger.device.saved_modes import KeptModes
 from logger.device.service import Service
 from logger.device.startup import begin_run, usable_folder
 from logger.device.status import FOLDER, Status, read_status, status_folder
-from logger.drivers.dialogue import Command, Dialogue
 from logger.drivers.family import woken
+from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.registry import FAMILIES
 from logger.probe import converse
 

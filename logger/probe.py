@@ -14,11 +14,11 @@ from serial.tools import list_ports
 from logger.config import GNSS_OF_MODEM
 from logger.core.errors import DeviceError
 from logger.device.port import Port
-from logger.drivers.at import AtFramer
-from logger.drivers.dialogue import Command, Dialogue, Reply, driven
 from logger.drivers.family import Family
-from logger.drivers.nmea import NmeaFramer, Sentence
-from logger.drivers.privacy import Blanker
+from logger.drivers.privacy.redaction import Blanker
+from logger.drivers.protocols.at import AtFramer
+from logger.drivers.protocols.dialogue import Command, Dialogue, Reply, driven
+from logger.drivers.protocols.nmea import NmeaFramer, Sentence
 from logger.drivers.registry import AUTO, FAMILIES, identified
 
 T = TypeVar("T")

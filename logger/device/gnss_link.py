@@ -7,8 +7,8 @@ from typing import Any, Protocol
 from logger.core.types import BY_HAND, DEAD_RECKONING, SIMULATED, Fix
 from logger.core.utc import EARLIEST_UTC_NS
 from logger.device.link import Link
-from logger.drivers.garbage import Garbage
-from logger.drivers.nmea import FixAssembler, NmeaFramer
+from logger.drivers.protocols.garbage import Garbage
+from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
 
 SILENT_S = 1.5
 """Longer than the pause between two epochs at 1 Hz: what is pending then is all there will be."""

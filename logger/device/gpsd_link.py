@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 from logger.core.types import Fix
 from logger.device.gnss_link import gnss_session, listen
 from logger.device.link import Link
-from logger.drivers.gpsd import (
+from logger.drivers.protocols.gpsd import (
     Device,
     Devices,
     Error,

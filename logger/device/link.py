@@ -11,8 +11,8 @@ from logger.core.types import Level, Note, RawBytes, Record, Value
 from logger.device.clock import Clock
 from logger.device.port import Port
 from logger.device.scan_timeout import Patience
-from logger.drivers.privacy import Blanker
-from logger.drivers.recognition import Known
+from logger.drivers.privacy.redaction import Blanker
+from logger.drivers.reading.recognition import Known
 
 log = logging.getLogger(__name__)
 

@@ -1,5 +1,5 @@
 """Has a modem hear GSM only where the configuration says so, and sets it back
-(`logger.drivers.mode`).
+(`logger.drivers.network_mode`).
 
 The value before is durable before anything is changed. It is set back at the stop, or at the next
 start where the stop did not come or the modem had gone; whether the setting is still on or not.
@@ -11,9 +11,9 @@ from logger.core.types import Level
 from logger.device.link import Link
 from logger.device.saved_modes import KeptMode, KeptModes
 from logger.device.shutdown import AfterStop
-from logger.drivers.dialogue import Command, Reply, driven
 from logger.drivers.family import Family, woken
-from logger.drivers.mode import ModeCommand, changed, current, model, same
+from logger.drivers.network_mode import ModeCommand, changed, current, model, same
+from logger.drivers.protocols.dialogue import Command, Reply, driven
 
 Ask = Callable[[Command], Reply]
 

@@ -17,14 +17,14 @@ from logger.device.saved_modes import KeptModes
 from logger.device.scan_timeout import PAUSE_S, Wait
 from logger.device.shutdown import AfterStop
 from logger.device.unsolicited import Unasked
-from logger.drivers.at import AtFramer, Unsolicited
-from logger.drivers.dialogue import Command, Dialogue, Reply, driven
 from logger.drivers.family import Family
-from logger.drivers.garbage import Garbage
-from logger.drivers.generic import Generic
-from logger.drivers.recognition import recognised
+from logger.drivers.generic.generic import Generic
+from logger.drivers.protocols.at import AtFramer, Unsolicited
+from logger.drivers.protocols.dialogue import Command, Dialogue, Reply, driven
+from logger.drivers.protocols.garbage import Garbage
+from logger.drivers.reading.recognition import recognised
+from logger.drivers.reading.rows import Operator, Row
 from logger.drivers.registry import driver_of, identified
-from logger.drivers.rows import Operator, Row
 
 T = TypeVar("T")
 

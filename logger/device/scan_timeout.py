@@ -9,7 +9,7 @@ of them, elsewhere it is the whole scan: one rule serves both.
 
 import math
 
-from logger.drivers.dialogue import Command
+from logger.drivers.protocols.dialogue import Command
 
 MARGIN_S = 5.0
 """How much longer than ever before a scan may be silent."""

@@ -2,7 +2,7 @@
 too long.
 """
 
-from logger.drivers.dialogue import INTERRUPTED
+from logger.drivers.protocols.dialogue import INTERRUPTED
 
 BLOCK_GAP_S = 0.5
 """Silence that ends a block of rows nobody asked for; such blocks have no final line."""

@@ -7,12 +7,12 @@ from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
 from logger.core.types import CellReading, Role
-from logger.drivers import common
-from logger.drivers.dialogue import Command, Dialogue
-from logger.drivers.fields import reportable
-from logger.drivers.interruption import names_of, uncut
-from logger.drivers.mode import ModeCommand
-from logger.drivers.rows import Row
+from logger.drivers.network_mode import ModeCommand
+from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.reading import standard_replies
+from logger.drivers.reading.fields import reportable
+from logger.drivers.reading.interruption import names_of, uncut
+from logger.drivers.reading.rows import Row
 
 AUTOBAUD_TRIES = 5
 """With AT+IPR=0 the first characters after power-up are lost while the modem finds the rate."""
@@ -92,7 +92,7 @@ class Family:
         interrupted loses its last value, which may be cut.
         """
         whole = uncut(lines, self._names())
-        rows = (*self.cells_in(whole), *common.read(whole))
+        rows = (*self.cells_in(whole), *standard_replies.read(whole))
         return tuple(reportable(row) if isinstance(row, CellReading) else row for row in rows)
 
     @classmethod

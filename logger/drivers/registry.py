@@ -4,20 +4,20 @@ from collections.abc import Sequence
 
 from logger.core.errors import ConfigError
 from logger.core.types import CellReading
-from logger.drivers.cinterion import Cinterion
-from logger.drivers.dialogue import Command, Dialogue
+from logger.drivers.cinterion.cinterion import Cinterion
 from logger.drivers.family import Family, woken
-from logger.drivers.fibocom import Fibocom
-from logger.drivers.generic import Generic
-from logger.drivers.huawei import Huawei
-from logger.drivers.quectel import Quectel
-from logger.drivers.quectel_gsm import QuectelGsm
-from logger.drivers.sierra import Sierra
-from logger.drivers.sim800 import Sim800
-from logger.drivers.sim7000 import Sim7000
-from logger.drivers.sim7600 import Sim7600
-from logger.drivers.telit import Telit
-from logger.drivers.ublox import Ublox
+from logger.drivers.fibocom.fibocom import Fibocom
+from logger.drivers.generic.generic import Generic
+from logger.drivers.huawei.huawei import Huawei
+from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.quectel.quectel import Quectel
+from logger.drivers.quectel.quectel_gsm import QuectelGsm
+from logger.drivers.sierra.sierra import Sierra
+from logger.drivers.simcom.sim800 import Sim800
+from logger.drivers.simcom.sim7000 import Sim7000
+from logger.drivers.simcom.sim7600 import Sim7600
+from logger.drivers.telit.telit import Telit
+from logger.drivers.ublox.ublox import Ublox
 
 AUTO = "auto"
 FAMILIES: dict[str, Family] = {

@@ -4,10 +4,10 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from logger.drivers.dialogue import INTERRUPTED
 from logger.drivers.family import Family
-from logger.drivers.recognition import Known, recognised_replies
-from logger.drivers.rows import Row
+from logger.drivers.protocols.dialogue import INTERRUPTED
+from logger.drivers.reading.recognition import Known, recognised_replies
+from logger.drivers.reading.rows import Row
 
 _FINAL = re.compile(r"(?:OK|ERROR|\+CM[ES] ERROR\b.*)\s*\Z")
 _COMMAND = re.compile(r"AT[+^*$#!&A-Z]", re.IGNORECASE)

@@ -11,7 +11,7 @@ from logger.core.runfile import read_run
 from logger.device import scan_timeout
 from logger.device.clock import SystemClock
 from logger.device.scan_timeout import ASK_EVERY_S, LATE_S, MARGIN_S, PAUSE_S, Patience, Wait
-from logger.drivers.dialogue import Command
+from logger.drivers.protocols.dialogue import Command
 from logger.sim.clock import WalkTime
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import Misbehaving

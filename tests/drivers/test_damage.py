@@ -9,8 +9,8 @@ from collections.abc import Iterable
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.at import MAX_LINE, MAX_LINES, AtFramer
 from logger.drivers.family import Family
+from logger.drivers.protocols.at import MAX_LINE, MAX_LINES, AtFramer
 from logger.drivers.registry import FAMILIES
 from tests.conftest import SHARED
 from tests.kit.drivers import mutations, own_replies

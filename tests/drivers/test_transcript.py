@@ -1,5 +1,5 @@
+from logger.drivers.reading.rows import Registration
 from logger.drivers.registry import FAMILIES
-from logger.drivers.rows import Registration
 from logger.drivers.transcript import replies_of, rows_of
 
 ROW = '+CENG: {n},"0128,15,30,{cid},310,411,178d"'

@@ -9,9 +9,9 @@ import atheris
 
 with atheris.instrument_imports(include=["logger"]):
     from logger.core.types import CellReading
-    from logger.drivers.at import MAX_LINE, AtFramer
-    from logger.drivers.dialogue import Reply
-    from logger.drivers.privacy import blanked
+    from logger.drivers.privacy.redaction import blanked
+    from logger.drivers.protocols.at import MAX_LINE, AtFramer
+    from logger.drivers.protocols.dialogue import Reply
     from logger.drivers.registry import FAMILIES
 
 DRIVERS = tuple(FAMILIES.values())

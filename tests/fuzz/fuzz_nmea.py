@@ -5,8 +5,8 @@ import sys
 import atheris
 
 with atheris.instrument_imports(include=["logger", "pynmea2"]):
-    from logger.drivers.garbage import Garbage
-    from logger.drivers.nmea import FixAssembler, NmeaFramer
+    from logger.drivers.protocols.garbage import Garbage
+    from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
 
 from logger.sim.receiver import sentence
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from logger.core.types import CellReading
-from logger.drivers.dialogue import Command, Dialogue, Reply
 from logger.drivers.family import Family
+from logger.drivers.protocols.dialogue import Command, Dialogue, Reply
 
 Answer = tuple[Sequence[str], str | None]
 """Lines of a reply and its final result code, None for a time-out."""

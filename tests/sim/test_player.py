@@ -4,7 +4,7 @@ import time
 import numpy as np
 import pytest
 
-from logger.drivers.at import AtFramer
+from logger.drivers.protocols.at import AtFramer
 from logger.sim.player import NmeaPlayer, TranscriptModem
 from logger.sim.ptys import PtyDevice, answering
 from tests.kit.kept import KeptSerial

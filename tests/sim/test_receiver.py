@@ -4,7 +4,7 @@ import numpy as np
 import pynmea2
 import pytest
 
-from logger.drivers.nmea import FixAssembler, NmeaFramer
+from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
 from logger.sim.receiver import GnssNoise, SimulatedReceiver, sentence
 from logger.sim.walk import Walk, waypoints
 from logger.sim.world import Radio, World

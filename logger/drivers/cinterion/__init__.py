@@ -1,0 +1,1 @@
+"""Drivers of Siemens, Cinterion, Gemalto and Thales modems."""

@@ -1,0 +1,126 @@
+"""The choice of technologies: reading it, having a modem hear GSM only, and setting it back.
+
+This is the one exception to listening. A modem that is given another choice leaves its network and
+may register anew, which transmits. So it is done only where the configuration says so, and what is
+set back is the value that the modem itself has told before. Sources: firmware_notes of each family.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from logger.drivers.protocols.dialogue import Command, Dialogue, Reply
+
+SET_S = 12.0
+"""AT+CNMP may take 10 s by the SIM7600 manual; for the others no manual at hand says how long."""
+_TRIES = 4
+_LIST = r"\d{1,2}(?:,\s*\d{0,3})*"
+
+
+@dataclass(frozen=True, slots=True)
+class ModeCommand:
+    """One command of a family: `asks` is answered by a `line` with a value, `sets` takes a value.
+
+    The technologies stand in front of the first comma of a value; `gsm` is GSM only.
+    """
+
+    asks: str
+    line: str
+    sets: str
+    gsm: str
+    value: str = r"\d{1,3}"
+
+    def value_in(self, reply: Reply) -> str | None:
+        """The value that the modem tells, None where it tells none or more than one."""
+        form = re.compile(self.line.format(f"({self.value})"), re.IGNORECASE | re.ASCII)
+        matches = [match for line in reply.lines if (match := form.fullmatch(line.strip()))]
+        return matches[0][1].replace(" ", "") if reply.ok and len(matches) == 1 else None
+
+    def is_value(self, text: str) -> bool:
+        """Whether a text has the form of a value."""
+        return re.fullmatch(self.value, text, re.ASCII) is not None
+
+    def is_gsm(self, value: str) -> bool:
+        """Whether a value is GSM only."""
+        return same(value, self.gsm)
+
+    def set_to(self, value: str) -> str:
+        """The command line that sets a value."""
+        return self.sets.format(value)
+
+
+def same(one: str, other: str) -> bool:
+    """Whether two values choose the same technologies."""
+    return one.partition(",")[0] == other.partition(",")[0]
+
+
+CNMP = (ModeCommand("AT+CNMP?", r"\+CNMP:\s*{}", "AT+CNMP={}", "13"),)
+NWSCANMODE = (
+    ModeCommand(
+        'AT+QCFG="nwscanmode"',
+        r'\+QCFG:\s*"nwscanmode",\s*{}(?:,\d)?',
+        'AT+QCFG="nwscanmode",{},1',  # 1: at once, not at the next start
+        "1",
+    ),
+)
+URAT = (ModeCommand("AT+URAT?", r"\+URAT:\s*{}", "AT+URAT={}", "0", _LIST),)
+WS46 = (ModeCommand("AT+WS46?", r"(?:\+WS46:\s*)?{}", "AT+WS46={}", "12", r"\d\d"),)
+SXRAT = (ModeCommand("AT^SXRAT?", r"\^SXRAT:\s*{}", "AT^SXRAT={}", "0", _LIST),)
+SELRAT = (ModeCommand("AT!SELRAT?", r"!SELRAT:\s*{}\b.*", "AT!SELRAT={}", "02", r"[0-9A-F]{2}"),)
+SYSCFG = (  # 40000000, 2 and 4: bands, roaming and domain stay as they are
+    ModeCommand(
+        "AT^SYSCFGEX?",
+        r'\^SYSCFGEX:\s*"{}",.*',
+        'AT^SYSCFGEX="{}",40000000,2,4,40000000,,',
+        "01",
+        r"(?:\d\d){1,5}",
+    ),
+    ModeCommand(
+        "AT^SYSCFG?", r"\^SYSCFG:\s*{},.*", "AT^SYSCFG={},40000000,2,4", "13,1", r"\d{1,2},\d"
+    ),
+)
+GTRAT = (
+    ModeCommand("AT+GTRAT?", r"\+GTRAT:\s*{}", "AT+GTRAT={}", "0", _LIST),
+    ModeCommand("AT+XACT?", r"\+XACT:\s*{}", "AT+XACT={}", "0", _LIST),
+)
+
+
+def model() -> Dialogue[str | None]:
+    """What the modem calls itself; it is never asked for a number of its own."""
+    reply = yield Command("AT+CGMM")
+    text = " ".join(line.strip() for line in reply.lines)
+    return text if reply.ok and text else None
+
+
+def current(commands: Sequence[ModeCommand]) -> Dialogue[tuple[ModeCommand, str] | None]:
+    """The first of the commands that the modem answers, and its value.
+
+    A value counts that is told twice in a row: one damaged on the line must not be set later.
+    """
+    for command in commands:
+        before = None
+        for _ in range(_TRIES):
+            reply = yield Command(command.asks)
+            if reply.final is not None and not reply.ok:
+                break
+            value = command.value_in(reply)
+            if value is not None and value == before:
+                return command, value
+            before = value
+    return None
+
+
+def changed(command: ModeCommand, value: str) -> Dialogue[str | None]:
+    """Set a value; the one that the modem has then, None where it does not tell.
+
+    A modem that tells the technologies and those preferred may take the first alone.
+    """
+    shorter = value.partition(",")[0]
+    values = [value, shorter] if command.sets.endswith("={}") and shorter != value else [value]
+    found = None
+    for text in values:
+        yield Command(command.set_to(text), timeout_s=SET_S)
+        found = command.value_in((yield Command(command.asks)))
+        if found is not None and same(found, value):
+            break
+    return found

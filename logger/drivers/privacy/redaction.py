@@ -1,0 +1,126 @@
+"""Numbers of people and of their devices, and their messages, blanked before anybody sees them.
+
+Nothing here asks for IMSI, IMEI, SIM or telephone numbers or for messages, but modems volunteer
+them (ATI of a SIM5360 prints the IMEI, +CLIP who calls, +CMT what somebody writes). `patterns`
+says in which forms. Every port is blanked, since a modem may stand behind any of them; what
+receivers say has none of these forms.
+"""
+
+import re
+from typing import Literal
+
+from logger.drivers.privacy.patterns import (
+    LISTED,
+    MESSAGES,
+    OF_DEVICE,
+    RESULT,
+    ROW,
+    UNDER_WAY,
+    blanked_line,
+    is_private,
+    name_of,
+    without_text,
+)
+
+_LONGEST = 2048
+"""Bytes of a line that are looked at together; noise may have no line end at all."""
+_CONTEXT = 256
+"""What is kept of a longer one: more than any number has."""
+_LONGEST_TEXT = 700
+"""A message has 160 characters, or in hexadecimal 350 digits; a line under way in one is held back
+so long.
+"""
+_END = re.compile(rb"\r\n|\r|\n")
+
+_Text = Literal["", "message", "listed", "quoted"]
+
+
+class Blanker:
+    """Bytes of a device in, the same with an x for each digit or letter that is private out,
+    however they are cut.
+
+    What may be the beginning of something private is held back until its end has come.
+    """
+
+    def __init__(self) -> None:
+        self._line = b""  # the line under way, with a carriage return that a line feed may follow
+        self._told = 0  # bytes of it that have been given out
+        self._private = False  # it is private to its end, by a beginning that is kept no longer
+        self._text: _Text = ""  # lines that come are the text of a message
+        self._begun = False  # of which one has come
+
+    def feed(self, data: bytes) -> bytes:
+        """What may be told by now."""
+        out = bytearray()
+        data = self._line + data
+        start = 0
+        for end in _END.finditer(data):
+            if end[0] == b"\r" and end.end() == len(data):
+                break
+            out += self._finished(data[start : end.start()], end[0])
+            start = end.end()
+        self._line = data[start:]
+        out += self._under_way()
+        return bytes(out)
+
+    def flush(self) -> bytes:
+        """What is held back, at the end of a connection."""
+        rest = self._blanked(self._line)[self._told :]
+        self._line, self._told, self._private, self._text = b"", 0, False, ""
+        return rest
+
+    def _finished(self, line: bytes, end: bytes) -> bytes:
+        """What is still to be told of a line that is over."""
+        rest = (self._blanked(line) + end)[self._told :]
+        self._told, self._private = 0, False
+        self._follow(line)
+        return rest
+
+    def _under_way(self) -> bytes:
+        """What may already be told of a line that is not."""
+        line = self._line
+        if self._text and not RESULT.match(line):
+            end = len(line) if len(line) > _LONGEST_TEXT else self._told
+        else:
+            held = UNDER_WAY.search(line)
+            end = max(held.start() if held else len(line), self._told)
+        out = self._blanked(line)[self._told : end]
+        self._told = end
+        if len(line) > _LONGEST:
+            cut = min(len(line) - _CONTEXT, end)
+            self._private |= is_private(line)
+            self._line, self._told = line[cut:], end - cut
+        return out
+
+    def _blanked(self, line: bytes) -> bytes:
+        return without_text(line) if self._private or self._is_text(line) else blanked_line(line)
+
+    def _is_text(self, line: bytes) -> bool:
+        """True for a line of a message; a row of a table ends it, as a modem may be in the middle
+        of one.
+        """
+        if not self._text or OF_DEVICE.match(line):
+            return False
+        return not (self._text == "message" and self._begun and ROW.match(line))
+
+    def _follow(self, line: bytes) -> None:
+        """Take note of what a line says of those that come."""
+        if not self._text or OF_DEVICE.match(line):
+            name = name_of(line)
+            self._text = "message" if name in MESSAGES else "listed" if name in LISTED else ""
+            self._begun = False
+            if not self._text and name and line.count(b'"') % 2:
+                self._text = "quoted"
+        elif not line.strip():
+            if self._text == "message" and self._begun:
+                self._text = ""
+        elif self._text == "quoted" and b'"' in line:
+            self._text = ""
+        else:
+            self._begun = True
+
+
+def blanked(data: bytes) -> bytes:
+    """The same bytes with an x for what is private."""
+    blanker = Blanker()
+    return blanker.feed(data) + blanker.flush()

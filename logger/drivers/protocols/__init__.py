@@ -1,0 +1,1 @@
+"""Wire protocols: bytes of a modem, a receiver or gpsd in, events out."""

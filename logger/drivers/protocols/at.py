@@ -1,0 +1,236 @@
+"""The AT command line (ITU-T V.250, 3GPP TS 27.007): bytes of a modem in, replies and unasked lines
+out.
+
+`AtFramer` never raises, keeps at most one line and one reply, and gives the same events however the
+bytes are cut.
+
+A reply has no number, so an answer that comes after its time-out looks like the answer to the next
+command. Rules:
+
+1. A line begun before a command was written does not belong to its reply.
+2. A final code while nothing is pending is `Unsolicited` and settles the account of the expired command.
+3. While a command is pending and an older one still owes its final code, that code is taken for the old one's if lines
+   of the old one have come and none of the new one's, or if it is a bare OK where the new command
+   asks for lines. It becomes `Unsolicited` and the new command stays pending.
+4. If the new command then expires, rule 3 was wrong (the old answer was lost for good) and is not applied again.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from logger.drivers.protocols.dialogue import Reply
+from logger.drivers.protocols.garbage import Garbage
+from logger.drivers.protocols.line_noise import pieces
+
+MAX_LINE = 4096  # bytes; the longest real line, a COPS scan of a big city, has less than half of it
+MAX_LINES = 1000  # lines of one reply; what comes beyond is passed on as unsolicited
+
+_LINE_END = re.compile(rb"[\r\n]")
+_NAME = re.compile(r"[+*^#!$%][A-Z][A-Z0-9]*")
+_PREFIX = re.compile(rf"\s*({_NAME.pattern})\s?:")
+_CODES = frozenset({"OK", "ERROR", "NO CARRIER", "BUSY", "NO ANSWER", "NO DIALTONE"})
+_ERROR = re.compile(r"\+CM[ES] ERROR\b.*")
+# Result codes after ATV0. 2 is RING, which ends no reply.
+_ASKS_FOR_WORDS = re.compile(r"AT(?:I\d?|\+C?GM[IMR])", re.IGNORECASE)
+"""Commands that are answered in plain words, which tell of no cell."""
+_NUMERIC = {"0": "OK", "1": "CONNECT", "3": "NO CARRIER", "4": "ERROR"}
+_UNASKED = re.compile(
+    r"RDY|QCRDY|START|RING|Call Ready|SMS Ready|SMS DONE|PB DONE|NORMAL POWER DOWN|(?:UNDER|OVER)-VOLTAGE.*|DST: .*"
+    r"|\^SYSSTART.*"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Unsolicited:
+    """A line that answers nothing that is pending; `is_late` where it may answer the command that
+    has expired.
+    """
+
+    line: str
+    is_late: bool = field(default=False, compare=False)
+
+
+AtEvent = Reply | Unsolicited | Garbage
+
+
+class AtFramer:
+    """Bytes of one modem to events; `send` says which command the coming lines answer."""
+
+    def __init__(self) -> None:
+        self._buffer = b""  # the line under way
+        self._overlong = False  # the beginning of that line has already been given up
+        self._stale = False  # that line began before the pending command was written
+        self._blanks = 0  # empty lines just before it
+        self._verbose = (
+            False  # a final code in words has been seen, so the modem prints no numeric ones
+        )
+        self._command: str | None = None
+        self._names: frozenset[str] = frozenset()  # prefixes of its answers
+        self._lines: list[str] = []
+        self._interrupted: set[int] = set()  # numbers of lines after which something else came
+        self._expired: frozenset[str] | None = (
+            None  # prefixes of the expired command that owes a final code
+        )
+        self._expired_spoke = False  # lines of that command have come late
+        self._given_away = False  # rule 3 has been applied while this command was pending
+        self.echoed = False
+        """True where the last command came back, which a modem that was told not to does after a
+        restart only.
+        """
+
+    @property
+    def n_lines(self) -> int:
+        """Lines of the reply to the pending command that have come."""
+        return len(self._lines)
+
+    @property
+    def owes(self) -> bool:
+        """True while a command that has expired owes its final code: what comes may be of that
+        time.
+        """
+        return self._expired is not None
+
+    def send(self, command: str) -> None:
+        """Note that `command` was written, before what comes back is fed; a command still pending
+        is forgotten.
+        """
+        self._command = command.strip()
+        self._names = _names(command)
+        self._lines = []
+        self._interrupted = set()
+        self._stale = bool(self._buffer)
+        self._given_away = False
+        self.echoed = False
+
+    def feed(self, data: bytes) -> Iterator[AtEvent]:
+        """Events completed by `data`; all of it is taken at the call, also if nobody looks at the
+        events.
+        """
+        *complete, self._buffer = _LINE_END.split(self._buffer + data)
+        events = [event for raw in complete for event in self._line_events(raw)]
+        while len(self._buffer) > MAX_LINE:
+            events.append(Garbage(self._buffer[:MAX_LINE]))
+            self._buffer = self._buffer[MAX_LINE:]
+            self._overlong = True
+        return iter(events)
+
+    def flush(self) -> Iterator[AtEvent]:
+        """Events of the incomplete last line, for the end of a transcript; a live port has no
+        end.
+        """
+        return self.feed(b"\n") if self._buffer else iter(())
+
+    def expire(self) -> Reply:
+        """Close the pending command by time-out, with the lines that came."""
+        self._expired = None if self._given_away else self._names
+        self._expired_spoke = False
+        return self._close(None)
+
+    def abandon(self) -> Reply:
+        """Close the pending command, whose answer will never come since the modem has restarted."""
+        self._expired = None
+        return self._close(None)
+
+    def _line_events(self, raw: bytes) -> Iterator[AtEvent]:
+        if self._overlong or len(raw) > MAX_LINE:
+            self._overlong = self._stale = False
+            self._blanks = 0
+            for start in range(0, len(raw), MAX_LINE):
+                yield Garbage(raw[start : start + MAX_LINE])
+            return
+        if not raw.strip(b" \t"):
+            self._blanks += 1
+            self._stale = False
+            return
+        n_lines = len(self._lines)
+        for piece in pieces(raw, words=_ASKS_FOR_WORDS.fullmatch(self._command or "") is not None):
+            if piece.is_text:
+                event = self._line_event(piece.data.decode("latin-1").rstrip(" \t"))
+            else:
+                event = Garbage(piece.data)
+                if (
+                    len(self._lines) > n_lines
+                ):  # after a row of the same line, whose end it may have been
+                    self._interrupted.add(len(self._lines) - 1)
+            if event is not None:
+                yield event
+        self._blanks = 0
+        self._stale = False
+
+    def _line_event(self, line: str) -> AtEvent | None:
+        final = self._final(line)
+        if self._command is None or self._stale:
+            late = self._is_late(line)
+            if final is not None:
+                self._expired = None
+            return Unsolicited(line, late)
+        if line.strip().casefold() == self._command.casefold():
+            self.echoed = True
+            return None  # the echo, which may come twice or in lower case
+        if final is not None:
+            return self._final_event(line, final)
+        belongs = self._belongs(line)
+        if not belongs:
+            self._interrupted.add(len(self._lines) - 1)
+        if not belongs or len(self._lines) >= MAX_LINES:
+            return Unsolicited(line, self._is_late(line))
+        self._lines.append(line)
+        return None
+
+    def _final(self, line: str) -> str | None:
+        """Final result code that the line is, numeric ones translated to words."""
+        text = line.strip()
+        if text in _CODES or _ERROR.fullmatch(text):
+            self._verbose = True
+            return text
+        # A result in words stands between line ends, so a line "0" in such a reply has two blanks
+        # before it; a numeric result follows the line end of the echo or of the text directly.
+        return None if self._verbose or self._blanks > 1 else _NUMERIC.get(text)
+
+    def _final_event(self, line: str, final: str) -> AtEvent:
+        if self._expired is None:
+            return self._close(final)
+        bare = not self._lines
+        if bare and (self._expired_spoke or (final == "OK" and _asks(self._command or ""))):
+            self._expired = None
+            self._given_away = True
+            return Unsolicited(line)
+        if not bare and self._names != self._expired:
+            self._expired = None  # the modem answers this command, so it has done with the old one
+        return self._close(final)
+
+    def _belongs(self, line: str) -> bool:
+        prefix = _PREFIX.match(line)
+        if prefix:
+            return prefix[1] in self._names
+        return not _UNASKED.fullmatch(line.strip())
+
+    def _is_late(self, line: str) -> bool:
+        """True for a line that the expired command may have had; one with its name shows that it is
+        answered.
+        """
+        prefix = _PREFIX.match(line)
+        if prefix and self._expired and prefix[1] in self._expired:
+            self._expired_spoke = True
+        return self._expired is not None and (prefix is None or prefix[1] in self._expired)
+
+    def _close(self, final: str | None) -> Reply:
+        interrupted = frozenset(self._interrupted - {-1})
+        reply = Reply(self._command or "", tuple(self._lines), final, interrupted)
+        self._command = None
+        self._lines = []
+        self._interrupted = set()
+        return reply
+
+
+def _names(command: str) -> frozenset[str]:
+    """Names whose lines answer the command: `AT+CPIN?;+CSQ` has +CPIN and +CSQ."""
+    return frozenset(_NAME.findall(command.upper()))
+
+
+def _asks(command: str) -> bool:
+    """True for a read, test or action command (`AT+CENG?`, `AT+CSQ`), which answers with lines
+    before its OK.
+    """
+    return command.endswith("?") or ("=" not in command and bool(_names(command)))

@@ -1,0 +1,165 @@
+"""Quectel M95, M66, MC60, M35 (GSM) and BC26, BC66, BC660 (NB-IoT): AT+QENG rows
+(firmware_notes/quectel_gsm.md).
+
+    AT+QENG?
+    +QENG: 1,4                                                              header: mode, dump
+    +QENG: 0,262,01,1b2c,4d5e,3,42,-73,38,38,5,7,x,x,x,x,x,x,x              serving cell
+    +QENG: 1,1,5,-76,30,35,35,262,01,1b2c,4d5f,2,11,-80,..                  neighbours, ten values each
+    +QENG: 4,3,(5,-76,30),(11,-80,17),(16,-101,x)                           strongest channels: channel, dBm, BSIC
+
+    AT+QENG=0
+    +QENG: 0,1769,9,400,"00288516",-103,-9,-94,5,3,"A924",0,14,2            NB-IoT serving cell: the same prefix
+
+Where a level stands, the only negative number, tells the two serving rows apart. Area and cell are
+hexadecimal.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from typing import ClassVar
+
+from logger.core.types import CellReading
+from logger.drivers.family import Family
+from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.quectel.forms import cell, form, split
+from logger.drivers.reading.fields import decimal
+from logger.drivers.reading.rows import NoCell, Row
+
+_GSM = form("mcc mnc lac cid16 arfcn! bsic! rssi* c1 c2 _ _ _ _ _ _ _ _ _")
+_GSM_NEIGHBOUR = form("order* arfcn* rssi* bsic! c1 c2 mcc mnc lac cid16")
+_GSM_CHANNEL = form("arfcn* rssi* bsic!")
+_NBIOT = form("earfcn* _ pci! cid28 rsrp! rsrq rssi sinr band tac _ _ _")
+_NBIOT_NEIGHBOURS = (
+    form("earfcn* _ pci* rsrp*"),  # BC26: with the offset of the channel
+    form("earfcn* pci* rsrp* rsrq*"),  # BC660
+)
+_NBIOT_IDS = frozenset({3, 9})  # where cell and area stand; hexadecimal only in quotation marks
+
+_ROW = re.compile(r"\+QENG\s*:\s*(\d)\s*,\s*(.*)", re.IGNORECASE)
+_NEXT = re.compile(r"\\[rn]|(?=\+Q[A-Z0-9]+\s*:)", re.IGNORECASE)
+_VALUES = re.compile(r"[-\dA-Fa-fx,()\s]+")
+_HEADER = re.compile(r"\+QENG:\s*(\d)\s*(?:,\s*\d{1,3}\s*)?\Z")
+_CHANNEL = re.compile(r"\(([^()]*)\)")
+
+_MOST_ORDER = 9
+"""A row that begins with a number so low is a GSM one, cut: no carrier of LTE fits so close to the
+edge of a band.
+"""
+
+_OFF = "0"  # mode in the header
+
+
+class QuectelGsm(Family):
+    """Serving cell and neighbours by `AT+QENG?`, with engineering mode on; NB-IoT modems know only
+    `AT+QENG=0`.
+    """
+
+    name: ClassVar[str] = "quectel_gsm"
+    identifies: ClassVar[re.Pattern[str]] = re.compile(
+        r"Quectel.*?(?<![A-Z0-9-])(?:M(?:10|12|20|23|25|26|27|35|50|56|66|72|80|85|89|90|95)"
+        r"|MC(?:20|25|60|65|90)|BC(?:20|25|26|30|32|65|66))(?!\d\d)",
+        re.IGNORECASE | re.DOTALL,
+    )
+    set_up: ClassVar[tuple[Command, ...]] = (Command("AT+QENG=1,4"),)
+    asked: ClassVar[tuple[Command, ...]] = (Command("AT+QENG?"),)
+    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
+    asked_nbiot: ClassVar[tuple[Command, ...]] = (Command("AT+QENG=0", timeout_s=15.0),)
+
+    def poll(self) -> Dialogue[tuple[Row, ...] | None]:
+        """Cells heard now; None when there was no answer or engineering mode is off.
+
+        A GSM modem answers `AT+QENG?`; one that refuses it is an NB-IoT modem. (To a GSM modem
+        `AT+QENG=0` means off, which the next poll would see.)
+        """
+        reply = yield self.asked[0]
+        if reply.final is not None and not reply.ok:
+            return (yield from self.ask(self.asked_nbiot))
+        modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
+        answered = (reply.ok and modes) or any(map(self.role_of, reply.lines))
+        return self.read(reply.heard) if answered and _OFF not in modes else None
+
+    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+        """Cells in QENG rows of both technologies."""
+        pieces = (piece for line in lines for piece in _NEXT.split(line.replace('\\"', '"')))
+        rows = map(_ROW.search, _unwrapped(pieces))
+        return tuple(
+            reading for row in rows if row for reading in _READERS.get(row[1], _nothing)(row[2])
+        )
+
+
+def _unwrapped(lines: Iterable[str]) -> Iterator[str]:
+    """Lines with the rows whole that a terminal has wrapped: what follows a row and holds nothing
+    but values.
+    """
+    row = ""
+    for line in filter(str.strip, lines):
+        if _ROW.search(row) and _VALUES.fullmatch(line):
+            row += line.strip()
+            continue
+        yield row
+        row = line.strip()
+    yield row
+
+
+def _serving(body: str) -> Iterator[Row]:
+    raw, texts = body.split(","), split(body)
+    quoted = {at for at, text in enumerate(raw[:-1]) if '"' in text}
+    found = None if quoted else cell((_GSM,), texts, "serving", "GSM")
+    if found is None and len(texts) > max(_NBIOT_IDS) and texts[0] == "0":
+        yield NoCell("NB-IoT")
+    elif found is None:
+        hexadecimal = quoted if quoted <= _NBIOT_IDS else frozenset()
+        trusted = [
+            text if at in hexadecimal or at not in _NBIOT_IDS else ""
+            for at, text in enumerate(texts)
+        ]
+        found = cell((_NBIOT,), trusted, "serving", "NB-IoT")
+    if found:
+        yield found
+
+
+def _neighbours(body: str) -> Iterator[Row]:
+    texts = split(body)
+    groups = _in_order(texts)
+    found = [cell((_GSM_NEIGHBOUR,), group, "neighbour", "GSM") for group in groups]
+    if not groups and decimal(texts[0], 0, _MOST_ORDER) is None:
+        found = [
+            cell(_NBIOT_NEIGHBOURS, texts[at : at + 4], "neighbour", "NB-IoT")
+            for at in range(0, len(texts), 4)
+        ]
+    yield from (reading for reading in found if reading)
+
+
+def _in_order(texts: list[str]) -> list[list[str]]:
+    """Groups of ten values of a GSM row, as far as they are numbered upwards; where they are not, a
+    comma is lost.
+    """
+    texts = texts[:-1] if texts[-1] == "" else texts  # a comma ends the row
+    groups = [texts[at : at + 10] for at in range(0, len(texts), 10)]
+    if not any(map(_GSM_NEIGHBOUR.named, groups)):
+        return []  # of NB-IoT
+    if len(groups[-1][-1]) < 4:
+        groups[-1][-1] = (
+            ""  # a cell identity that ends the row shows only by its width that it is not cut
+        )
+    numbers = [decimal(group[0], 1, 9) for group in groups]
+    for at in range(1, len(groups)):
+        before, number = numbers[at - 1], numbers[at]
+        if before is None or number is None or number <= before:
+            return groups[: at - 1]
+    return groups
+
+
+def _channels(body: str) -> Iterator[Row]:
+    found = (
+        cell((_GSM_CHANNEL,), split(values), "neighbour", "GSM")
+        for values in _CHANNEL.findall(body)
+    )
+    yield from (reading for reading in found if reading)
+
+
+def _nothing(_body: str) -> Iterator[CellReading]:
+    yield from ()
+
+
+_READERS = {"0": _serving, "1": _neighbours, "4": _channels}

@@ -1,0 +1,1 @@
+"""Values, rows and identities in the text of a reply, for the drivers of all vendors."""

@@ -1,0 +1,149 @@
+"""What all modems print alike (3GPP TS 27.007): registration, operators, levels without a cell,
+errors.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from logger.drivers.reading.fields import RAT_OF_ACT, area, at, cell_identity, decimal, values
+from logger.drivers.reading.number_text import Form
+from logger.drivers.reading.rows import Operator, Refusal, Registration, Row, Signal
+
+_VALUE = r'(?:"[^"+]*"?|[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
+_REGISTRATION = re.compile(
+    rf"\+(CREG|CGREG|CEREG|C5GREG):\s*({_VALUE}(?:[ \t]*,[ \t]*{_VALUE})*)", re.ASCII
+)
+"""The values end where something else begins, an answer to another command in the same line or what
+a log appends.
+"""
+_LEADING_TWO = re.compile(r"\s*\d{1,3}\s*,\s*\d{1,3}\s*(?:,|\Z)")
+"""An answer begins with two small numbers, a report with one: `+CREG: 1,"CE00","00005449"` is a
+report.
+"""
+_CSQ = re.compile(r"\+CSQ:\s*(\d{1,2}),\s*(\d{1,2})(?!\d)")
+_CESQ = re.compile(r"\+CESQ:\s*(\d{1,3}(?:,\s*\d{1,3}){5})(?!\d)")
+_ERROR = re.compile(r"\+CM[ES] ERROR:\s*(?:(\d+)|([^\s\\][^\\]*?))\s*(?:\\.*)?\Z")
+_CHOSEN = re.compile(r'\+COPS:\s*[0-4],\s*([0-2]),\s*"([^"]*)"(?:,\s*(\d{1,2})(?!\d))?')
+_NAME = r'\s*(?:"([^"]*)"|([^",()]*))\s*,'
+_OFFERED = re.compile(
+    r"\(\s*([0-3])\s*," + _NAME + _NAME + r'\s*"?(\d{5,7})"?\s*(?:\)?\s*,\s*(\d{1,2})(?=\s*\)))?',
+    re.ASCII,
+)
+"""A network of AT+COPS=?; real lists close the bracket early, leave out quotes and names, and break
+lines.
+"""
+
+_MOST_STAT = 11
+_CELL, _NR_CELL = Form(16, frozenset({4, 7, 8})), Form(16, frozenset({9, 16}))
+"""A registration prints the cells of all technologies in one place, GSM with four digits."""
+
+
+def read(lines: Sequence[str]) -> tuple[Row, ...]:
+    """Rows in lines of the common forms, those of one kind after the other within each line."""
+    found: list[Row] = []
+    for line in lines:
+        for reader in _READERS:
+            found += reader(line)
+    return (*found, *_offered("\n".join(lines)))
+
+
+def _registrations(line: str) -> Iterator[Row]:
+    for domain, text in _REGISTRATION.findall(line):
+        answers = _LEADING_TWO.match(text) is not None
+        fields = values(text)
+        if text.count('"') % 2:
+            fields[-1] = ""  # cut within quotation marks
+        n, *fields = fields if answers else ["", *fields]
+        stat = decimal(fields[0], 0, _MOST_STAT)
+        if stat is None:
+            continue
+        if not at(fields, 1) and at(fields, 2):
+            fields[2:3] = [""]  # a cell never comes without its area: a comma stands twice
+        act = decimal(at(fields, 3).rstrip("])"), 0, 15)
+        bits, form = (36, _NR_CELL) if domain == "C5GREG" else (28, _CELL)
+        cid = cell_identity(at(fields, 2), bits, form=form)
+        where: dict[str, Any] = {
+            "lac" if domain in {"CREG", "CGREG"} else "tac": area(at(fields, 1), bits=24)
+        }
+        yield Registration(
+            domain,
+            stat,
+            rat=None if act is None else RAT_OF_ACT.get(act),
+            n=decimal(n),
+            cid=cid,
+            act=act,
+            **where,
+        )
+
+
+def _quality(line: str) -> Iterator[Row]:
+    for level, errors in _CSQ.findall(line):
+        raw = decimal(level, 0, 31)
+        yield Signal(
+            csq_raw=raw,
+            ber=decimal(errors, 0, 7),
+            rssi_dbm=None if raw is None else -113.0 + 2.0 * raw,
+        )
+
+
+def _extended_quality(line: str) -> Iterator[Row]:
+    """+CESQ (27.007 8.69): an index for each technology, those not in use 99 or 255."""
+    for text in _CESQ.findall(line):
+        rxlev, ber, rscp, ecno, rsrq, rsrp = (int(value) for value in values(text))
+        if rxlev <= 63:
+            yield Signal(
+                "GSM",
+                ber=ber if ber <= 7 else None,
+                rssi_dbm=rxlev - 110.0,
+                more={"rxlev_raw": rxlev},
+            )
+        if rscp <= 96:
+            ecio_db = ecno / 2.0 - 24.5 if ecno <= 49 else None
+            yield Signal(
+                "WCDMA",
+                rscp_dbm=rscp - 121.0,
+                ecio_db=ecio_db,
+                more={"rscp_raw": rscp, "ecn0_raw": ecno},
+            )
+        if rsrp <= 97:
+            rsrq_db = rsrq / 2.0 - 20.0 if rsrq <= 34 else None
+            yield Signal(
+                "LTE",
+                rsrp_dbm=rsrp - 141.0,
+                rsrq_db=rsrq_db,
+                more={"rsrp_raw": rsrp, "rsrq_raw": rsrq},
+            )
+
+
+def _refusals(line: str) -> Iterator[Row]:
+    match = _ERROR.search(line)
+    if match:
+        yield Refusal(code=int(match[1]) if match[1] and len(match[1]) < 6 else None, text=match[2])
+
+
+def _chosen(line: str) -> Iterator[Row]:
+    for form, text, act in _CHOSEN.findall(line):
+        number = decimal(act, 0, 15)
+        rat = None if number is None else RAT_OF_ACT.get(number)
+        named = {"plmn" if form == "2" else "name": text}
+        yield Operator(rat, act=number, **named)
+
+
+def _offered(text: str) -> Iterator[Row]:
+    for stat, long, plain_long, short, plain_short, plmn, act in _OFFERED.findall(text):
+        number = decimal(act, 0, 15)
+        rat = None if number is None else RAT_OF_ACT.get(number)
+        names = (
+            quoted or plain.strip() for quoted, plain in ((long, plain_long), (short, plain_short))
+        )
+        yield Operator(rat, int(stat), next(names), next(names), plmn=plmn, act=number)
+
+
+_READERS: tuple[Callable[[str], Iterator[Row]], ...] = (
+    _registrations,
+    _quality,
+    _extended_quality,
+    _refusals,
+    _chosen,
+)

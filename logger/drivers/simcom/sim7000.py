@@ -1,0 +1,225 @@
+"""SIMCom SIM7000, SIM7070, SIM7080, SIM7090: cells from AT+CENG and AT+CPSI
+(firmware_notes/sim7000.md).
+
+    +CENG: 1,1,2,LTE CAT-M1                                      header: mode, Ncell, cells, system
+    +CENG: 0,"1550,339,-73,-47,-12,17,102,303617,284,05,255"     serving cell; area and cell are decimal
+    +CENG: 1,"1550,414,-88,-51,-20,17"                           neighbour
+
+    +CENG: 1,1,6,GSM
+    +CENG: 0,"0665,35,02,4b2c,404,95,c1c0"                       serving cell and neighbours alike; hexadecimal
+
+These rows are not those of a SIM800, whose header has two values: under such a header nothing is
+read.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar
+
+from logger.core.types import CellReading, Rat, Role
+from logger.drivers import network_mode
+from logger.drivers.family import Family
+from logger.drivers.network_mode import ModeCommand
+from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.reading import modem_gnss
+from logger.drivers.reading.fields import (
+    area,
+    cell_identity,
+    decimal,
+    level,
+    network,
+    rsrp_dbm,
+    rsrq_db,
+    rssi_dbm,
+)
+from logger.drivers.reading.number_text import Form, Printed
+from logger.drivers.reading.rows import NoCell, Row
+from logger.drivers.simcom import cpsi
+
+ENGINEERING_ON = Command("AT+CENG=1,1")
+
+_PREFIX = re.compile(r"(?:\+|(?<![A-Z0-9+]))CENG:", re.IGNORECASE)
+_HEADER = re.compile(
+    r"\s*([0-4])\s*,\s*([01])\s*(?:,\s*\d{1,2}\s*,\s*([A-Z][-\w ]*))?\s*(?:[^-\w\s,].*)?\Z",
+    re.ASCII | re.IGNORECASE,
+)
+_ROW = re.compile(
+    r'\s*(\d{1,2})\s*,\s*(?:"([-\w,. ]*)(?:(")(?![-\w,"])|\Z)|([-\w,. ]*)(?=[^-\w,. "]|\Z))',
+    re.ASCII,
+)
+_OFF = re.compile(r"CENG:\s*0\s*,\s*[01]\s*(?:,|\Z)")
+_RATS: Mapping[str, Rat] = {
+    "GSM": "GSM",
+    "CAT-M": "LTE-M",
+    "NB": "NB-IoT",
+}  # marks in the name of a system
+_NO_SERVICE = "NO SERVICE"
+
+_LTE = ("earfcn", "pci", "rsrp", "rssi", "rsrq", "sinr", "tac", "cellid", "mcc", "mnc", "txpwr")
+_LTE_LEVELS = _LTE[:6]
+_GSM = ("bcch", "rxl", "bsic", "cellid", "mcc", "mnc", "lac")
+
+_HEX = re.compile(
+    r"[0-9A-Fa-f]{4}|[1-9A-Fa-f][0-9A-Fa-f]{0,2}|0?"
+)  # padded to four digits, or none to spare
+_LTE_FORM = {
+    "earfcn": re.compile(r"\d{1,6}"),
+    "pci": re.compile(r"\d{1,3}"),
+    "rsrp": re.compile(r"-\d{1,3}"),  # a SIM800 prints its rxq here, never negative
+}
+_LTE_IDENTITY = {"tac": re.compile(r"\d{1,5}"), "cellid": re.compile(r"\d{1,9}")}
+_GSM_IDENTITY = {
+    "bcch": re.compile(r"\d{1,4}"),
+    "rxl": re.compile(r"\d{1,2}"),
+    "bsic": re.compile(r"\d{0,3}"),
+    "cellid": _HEX,
+    "lac": _HEX,
+}
+_CHANNEL, _LEVEL = Form(10, frozenset({4})), Form(10, frozenset({2}))
+_FULL_WIDTH = {
+    "bcch": re.compile(r"\d{4}"),
+    "rxl": re.compile(r"\d\d"),
+    "lac": re.compile(r"[0-9A-Fa-f]{4}"),
+}
+
+
+class Sim7000(Family):
+    """Cells by `AT+CENG?`; `AT+CPSI?` adds band, selection criteria and the level of a GSM cell in
+    dBm.
+    """
+
+    name: ClassVar[str] = "sim7000"
+    identifies: ClassVar[re.Pattern[str]] = re.compile(r"SIM70(?:00|70|80|90)(?!\d)", re.IGNORECASE)
+    set_up: ClassVar[tuple[Command, ...]] = (ENGINEERING_ON,)
+    asked: ClassVar[tuple[Command, ...]] = (Command("AT+CENG?"), Command("AT+CPSI?"))
+    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
+    gnss_on: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF_ON
+    gnss_asked: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF
+    modes: ClassVar[tuple[ModeCommand, ...]] = network_mode.CNMP
+
+    def poll(self) -> Dialogue[tuple[Row, ...] | None]:
+        """Cells heard now, the serving one once; engineering mode is switched on again where the
+        modem lost it.
+        """
+        lines: list[str] = []
+        answered = False
+        for command in self.asked:
+            reply = yield command
+            answered |= reply.ok
+            lines += [*reply.heard, *filter(None, [reply.final])]
+        if any(map(_OFF.search, lines)):
+            yield ENGINEERING_ON
+        rows = cpsi.joined(self.read(lines))
+        return rows if answered or any(isinstance(row, CellReading) for row in rows) else None
+
+    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+        """Readings in CENG rows and CPSI lines; fixes of the modem's receiver."""
+        return (*_engineering(lines), *cpsi.read(lines), *modem_gnss.read_cgnsinf(lines))
+
+
+def _engineering(lines: Sequence[str]) -> Iterator[Row]:
+    system: str | None = None  # no header yet
+    for line in lines:
+        for text in _PREFIX.split(line.replace('\\"', '"'))[1:]:
+            header = _HEADER.match(text)
+            if header:
+                system = (header[3] or "").strip().upper()
+                if system == _NO_SERVICE:
+                    yield NoCell(status=system)
+            elif system != "" and (row := _ROW.match(text)):
+                reading = _reading(row, system)
+                if reading is not None:
+                    yield reading
+
+
+def _reading(row: re.Match[str], system: str | None) -> CellReading | None:
+    number, marked, end, plain = row.groups()
+    values = [value.strip() for value in (marked if marked is not None else plain).split(",")]
+    role: Role = "neighbour" if int(number) else "serving"
+    rat = next((rat for mark, rat in _RATS.items() if mark in (system or "")), None)
+    named = dict(zip(_LTE, values, strict=False))
+    if rat != "GSM" and all(
+        form.fullmatch(named.get(name, "")) for name, form in _LTE_FORM.items()
+    ):
+        return _lte(role, rat, values, closed=end is not None)
+    if rat == "GSM" or (system is None and len(values) == len(_GSM)):
+        return _gsm(role, values, closed=end is not None)
+    return None
+
+
+def _lte(role: Role, rat: Rat | None, values: list[str], *, closed: bool) -> CellReading | None:
+    """Reading of a row of LTE; one of another number of values keeps its levels, which stand in
+    front.
+    """
+    if len(values) < len(_LTE_LEVELS):
+        return None
+    if not closed:
+        values = [*values[:-1], ""]  # the last one may be cut
+    named = dict(zip(_LTE, values, strict=False))
+    who = _lte_identity(named) if len(values) == len(_LTE) else {}
+    level_dbm = rsrp_dbm(named["rsrp"])
+    if not who and level_dbm is None:
+        return None
+    return CellReading(
+        role=role,
+        rat=rat,
+        **who,
+        arfcn=decimal(named["earfcn"], 0, 262_143),
+        pci=decimal(named["pci"], 0, 503),
+        rsrp_dbm=level_dbm,
+        rssi_dbm=rssi_dbm(named["rssi"]),
+        rsrq_db=rsrq_db(named["rsrq"]),
+        sinr_db=level(named["sinr"], -23.0, 40.0),
+    )
+
+
+def _lte_identity(named: Mapping[str, str]) -> dict[str, Any]:
+    mcc, mnc = network(named["mcc"], named["mnc"])
+    if mcc is None or not all(form.fullmatch(named[name]) for name, form in _LTE_IDENTITY.items()):
+        return {}
+    return {
+        "mcc": mcc,
+        "mnc": mnc,
+        "tac": area(named["tac"], 10),
+        "cid": cell_identity(named["cellid"], 28, 10),
+    }
+
+
+def _gsm(role: Role, values: list[str], *, closed: bool) -> CellReading | None:
+    """Reading of a row of GSM; one of another number of values keeps its level, if that has its
+    full width.
+    """
+    named = dict(zip(_GSM, values, strict=False))
+    whole = len(values) == len(_GSM) and (
+        closed or _FULL_WIDTH["lac"].fullmatch(named["lac"]) is not None
+    )
+    who = _gsm_identity(named) if whole else {}
+    if not who and not (
+        closed and all(_FULL_WIDTH[name].fullmatch(named.get(name, "")) for name in ("bcch", "rxl"))
+    ):
+        return None
+    channel, rxl = decimal(named["bcch"], 0, 2047), decimal(named["rxl"], 0, 66)
+    bsic = decimal(named["bsic"], 0, 63) if "bsic" in named else None
+    if channel is None or (not who and not rxl):
+        return None  # an empty slot
+    return CellReading(
+        role=role,
+        rat="GSM",
+        **who,
+        arfcn=channel if channel < 1024 else None,
+        arfcn_raw=Printed(channel, named["bcch"], _CHANNEL),
+        bsic=bsic if who or bsic else None,  # 00 fills the field of a cell that is not decoded
+        rxlev_raw=None if rxl is None else Printed(rxl, named["rxl"], _LEVEL),
+    )
+
+
+def _gsm_identity(named: Mapping[str, str]) -> dict[str, Any]:
+    mcc, mnc = network(named["mcc"], named["mnc"])
+    if mcc is None or not all(form.fullmatch(named[name]) for name, form in _GSM_IDENTITY.items()):
+        return {}
+    return {
+        "mcc": mcc,
+        "mnc": mnc,
+        "lac": area(named["lac"]),
+        "cid": cell_identity(named["cellid"], 16),
+    }

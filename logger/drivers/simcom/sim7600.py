@@ -1,0 +1,210 @@
+"""SIMCom SIM5xxx, SIM7100 to SIM79xx, SIM82xx/83xx, A76xx, SIM7670: cells from AT+CPSI, AT+CCINFO
+and AT+CMGRMI.
+
+    +CCINFO:[SCELL],ARFCN:34,MCC:240,MNC:24,LAC:10001,ID:31,BSIC:18,RXLev:-78dbm,C1:33,C2:33,TA:0,TXPWR:0
+    +CCINFO:[NCell1],UARFCN:4436,PSC:230,SSC:0,RSCP:97,ECIO:15.5,RXLev:-97dbm          area and cell are decimal
+
+    +CMGRMI: Serving_Cell,1300,262,02,5432,2,7654321,3,5,5,12,211,-95,-912,-604,0      levels in tenths of dB
+    +CMGRMI: LTE_InterFreq1_Cell1,417,-125,-1011,-772,0
+
++CPSI is read in `cpsi`; where the facts come from is in firmware_notes/sim7600.md.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar
+
+from logger.core.types import CellReading, Role
+from logger.drivers import network_mode
+from logger.drivers.family import Family
+from logger.drivers.network_mode import ModeCommand
+from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.reading import modem_gnss
+from logger.drivers.reading.fields import (
+    area,
+    cell_identity,
+    decimal,
+    level,
+    network,
+    rsrp_dbm,
+    rsrq_db,
+    rssi_dbm,
+)
+from logger.drivers.reading.rows import Row
+from logger.drivers.simcom import cpsi
+
+_CCINFO = re.compile(
+    r"(?<![A-Z])CCINFO:\s*\[\s*(SCELL|NCELL\s*\d{0,2})\s*\]([^\\]*?)(?=\+?CCINFO:|\\|\Z)",
+    re.ASCII | re.IGNORECASE,
+)
+_PAIR = re.compile(r",\s*([A-Z]\w*)\s*:\s*([-\w.]+)\s*(?=(,)|\Z)", re.ASCII | re.IGNORECASE)
+_LAST = frozenset({"RXLEV", "C2"})
+"""Labels that may end a row; another value at the end is cut."""
+_WHO = re.compile(
+    r",\s*(U)?ARFCN\s*:\s*\d{1,5}\s*,\s*MCC\s*:\s*(\d{3})\s*,\s*MNC\s*:\s*(\d{1,3})\s*,\s*LAC\s*:\s*(\d{1,5})\s*,"
+    r"\s*ID\s*:\s*(\d{1,10})\s*,\s*(?(1)PSC|BSIC)\s*:",
+    re.IGNORECASE | re.ASCII,
+)
+_DBM = re.compile(r"(-\d{1,3})\s*dBm", re.IGNORECASE)
+
+_CMGRMI = re.compile(r"(?<![A-Z])CMGRMI:\s*(\w+)\s*,([-\w, ]*)", re.IGNORECASE | re.ASCII)
+_SERVING = (
+    *("arfcn", "mcc", "mnc", "tac", "mnc_digits", "cellid", "band", "dlbw", "ulbw", "rssnr"),
+    *("pci", "rsrq", "rsrp", "rssi", "srxlev"),
+)
+_NEIGHBOUR = ("pci", "rsrq", "rsrp", "rssi", "srxlev")
+_INTRA_CELL = re.compile(r"LTE_INTRA_CELL\d{1,2}")
+_INTER_CELL = re.compile(r"LTE_INTERFREQ(\d{1,2})_CELL\d{1,2}")
+_FREQUENCY = re.compile(r"Freq(\d{1,2})\s*,\s*(\d{1,6})\s*,", re.IGNORECASE | re.ASCII)
+
+
+class Sim7600(Family):
+    """The serving cell by `AT+CPSI?`, neighbours by `AT+CCINFO` (GSM, WCDMA) and `AT+CMGRMI=4`
+    (LTE).
+    """
+
+    name: ClassVar[str] = "sim7600"
+    identifies: ClassVar[re.Pattern[str]] = re.compile(
+        r"SIM(?:5\d|7[1-9]|8[23])\d\d(?!\d)|(?<![0-9A-Z])A7[69]\d\d(?!\d)", re.IGNORECASE
+    )
+    asked: ClassVar[tuple[Command, ...]] = (
+        Command("AT+CPSI?"),
+        Command("AT+CCINFO"),
+        Command("AT+CMGRMI=4"),
+        Command("AT+CESQ"),  # the level of LTE in dBm where CPSI prints an index
+    )
+    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
+    gnss_on: ClassVar[tuple[Command, ...]] = modem_gnss.CGPSINFO_ON
+    gnss_asked: ClassVar[tuple[Command, ...]] = modem_gnss.CGPSINFO
+    modes: ClassVar[tuple[ModeCommand, ...]] = network_mode.CNMP
+
+    def poll(self) -> Dialogue[tuple[Row, ...] | None]:
+        """Cells heard now, the serving one once; a modem has some of these commands and refuses the
+        others.
+        """
+        rows = yield from self.ask(self.asked)
+        return None if rows is None else cpsi.joined(rows)
+
+    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+        """Readings in lines of CPSI, CCINFO and CMGRMI; fixes of the modem's receiver."""
+        return (
+            *cpsi.read(lines),
+            *_system(lines),
+            *_measured(lines),
+            *modem_gnss.read_cgpsinfo(lines),
+        )
+
+
+def _system(lines: Sequence[str]) -> Iterator[Row]:
+    for line in lines:
+        for cell, text in _CCINFO.findall(line):
+            reading = _labelled("serving" if cell.upper() == "SCELL" else "neighbour", text)
+            if reading is not None:
+                yield reading
+
+
+def _labelled(role: Role, text: str) -> CellReading | None:
+    """Reading of one CCINFO row; the unit behind RXLev shows that the level is whole."""
+    pairs = ((label.upper(), value, comma) for label, value, comma in _PAIR.findall(text))
+    named = {label: value for label, value, comma in pairs if comma or label in _LAST}
+    if ("ARFCN" in named) == ("UARFCN" in named):
+        return None
+    on_gsm = "ARFCN" in named
+    received = _DBM.match(named.get("RXLEV", ""))
+    levels: dict[str, Any] = {
+        "rssi_dbm": rssi_dbm(received[1]) if received else None,
+        **({} if on_gsm else _code_levels(named)),
+    }
+    found = _WHO.match(text)
+    who = _labelled_identity(found, cid_bits=16 if on_gsm else 28) if found else {}
+    if not who and not any(value is not None for value in levels.values()):
+        return None
+    return CellReading(
+        role=role,
+        rat="GSM" if on_gsm else "WCDMA",
+        arfcn=decimal(named["ARFCN"], 0, 1023) if on_gsm else decimal(named["UARFCN"], 0, 16383),
+        psc=decimal(named.get("PSC", ""), 0, 511),
+        ta=decimal(named.get("TA", ""), 0, 63),
+        c1=decimal(named.get("C1", ""), -255, 255),
+        c2=decimal(named.get("C2", ""), -255, 255),
+        **who,
+        **levels,
+        more={"bsic_raw": named["BSIC"]} if "BSIC" in named else {},  # of a base that nobody states
+    )
+
+
+def _code_levels(named: Mapping[str, str]) -> dict[str, float | None]:
+    """RSCP and EC/IO, printed without their sign."""
+    rscp, ecio = (named.get(name, "").removeprefix("-") for name in ("RSCP", "ECIO"))
+    return {"rscp_dbm": rssi_dbm(rscp, -1.0), "ecio_db": level(ecio, -32.0, -0.1, -1.0)}
+
+
+def _labelled_identity(found: re.Match[str], cid_bits: int) -> dict[str, Any]:
+    mcc, mnc, lac, cell = found.groups()[1:]
+    if network(mcc, "00")[0] is None:
+        return {}
+    padded = len(mnc) == 1 or (len(mnc) == 3 and mnc.startswith("0"))  # 001 is printed for 01
+    return {
+        "mcc": mcc,
+        "mnc": None if padded else mnc,
+        "lac": area(lac, 10),
+        "cid": cell_identity(cell, cid_bits, 10),
+    }
+
+
+def _measured(lines: Sequence[str]) -> Iterator[Row]:
+    """LTE cells of CMGRMI; a neighbour's channel stands in the row of its group, further up."""
+    channels: dict[str, str] = {}
+    serving: tuple[int | None, int | None] | None = None
+    for line in lines:
+        for name, text in _CMGRMI.findall(line):
+            kind, values = name.upper(), [value.strip() for value in text.split(",")]
+            if kind == "SERVING_CELL" and len(values) == len(_SERVING):
+                channels = {}
+                reading = _lte("serving", dict(zip(_SERVING, values, strict=False)))
+                serving = (reading.arfcn, reading.pci)
+                yield reading
+            elif kind == "LTE_INTRA" and len(values) > 2:
+                channels["intra"] = values[1]
+            elif kind == "LTE_INTER":
+                channels |= dict(_FREQUENCY.findall(text))
+            elif (group := _group(kind)) and len(values) == len(_NEIGHBOUR):
+                named = dict(zip(_NEIGHBOUR, values, strict=False))
+                reading = _lte("neighbour", {**named, "arfcn": channels.get(group, "")})
+                if reading.rsrp_dbm is not None and (reading.arfcn, reading.pci) != serving:
+                    yield reading
+
+
+def _group(kind: str) -> str | None:
+    inter = _INTER_CELL.fullmatch(kind)
+    return inter[1] if inter else "intra" if _INTRA_CELL.fullmatch(kind) else None
+
+
+def _lte(role: Role, named: Mapping[str, str]) -> CellReading:
+    levels = {
+        "rsrp_dbm": rsrp_dbm(named["rsrp"], 0.1),
+        "rsrq_db": rsrq_db(named["rsrq"], 0.1),
+        "rssi_dbm": rssi_dbm(named["rssi"], 0.1),
+    }
+    return CellReading(
+        role=role,
+        rat="LTE",
+        **(_measured_identity(named) if role == "serving" else {}),
+        arfcn=decimal(named["arfcn"], 0, 262_143),
+        band=decimal(named.get("band", ""), 1, 255),
+        pci=decimal(named["pci"], 0, 503),
+        sinr_db=level(named.get("rssnr", ""), -23.0, 40.0),
+        **cpsi.tenths(levels),
+    )
+
+
+def _measured_identity(named: Mapping[str, str]) -> dict[str, Any]:
+    mcc, mnc = network(named["mcc"], named["mnc"])
+    if mcc is None or str(len(mnc or "")) != named["mnc_digits"]:
+        return {}
+    return {
+        "mcc": mcc,
+        "mnc": mnc,
+        "tac": area(named["tac"], 10),
+        "cid": cell_identity(named["cellid"], 28, 10),
+    }

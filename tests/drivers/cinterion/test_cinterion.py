@@ -1,0 +1,326 @@
+import re
+
+import pytest
+
+from logger.core.types import CellReading
+from logger.drivers.cinterion.cinterion import Cinterion
+from logger.drivers.reading.fields import pieces
+from logger.drivers.reading.rows import NoCell, as_json
+from tests.kit.corpus import check_entry, entries, lines_of
+from tests.kit.drivers import converse, who
+
+MODEM = Cinterion()
+
+# SMONC, SMOND and SMONI are rows of the corpus, the tables have values of our own in the layouts of
+# firmware_notes/cinterion.md.
+SMONC = "^SMONC: 232,03,3010,4EAF,32,82,38,30,30,232,03,3010,0000,36,88,26,18,18"
+SMOND = (
+    "^SMOND:250,01,00EA,0AE1,23,756,47,,,0,,,0,250,01,00EA,0ADE,40,1022,47,250,01,00DD,0A5E,23,783,78,"
+    "250,01,00EA,0AE2,43,795,78,250,01,00EA,0AE0,26,791,78,250,01,00EA,4EA7,20,748,86,250,01,00EA,,20,669,87,1,31,99"
+)
+SMONI_2G = "^SMONI: 2G,71,-61,262,02,0143,83BA,33,33,3,6,G,NOCONN"
+SMONI_3G = "^SMONI: 3G,10564,296,-7.5,-79,262,02,0143,00228FF,-92,-78,NOCONN"
+SMONI_4G = "^SMONI: 4G,6300,20,10,10,FDD,262,02,BF75,0345103,350,33,-94,-7,NOCONN"
+HEADER = [
+    "Serving Cell     I Dedicated channel",
+    "chann rs  dBm  PLMN  LAC cell NCC BCC PWR RXLev  C1 I chann TS timAdv",
+]
+MONI = "847  19  -75 26201 2A3B 4C5D   5   2  33  -104  30 I    No connection"
+MONI_CALL = "847  17 -79 262 01 2A3B 4C5D 5   2   33  -104  30 I 851  2  4  5  -80  1 S_HR"
+MONP = "67 24 -81 26201 4 27 25"
+SMONP = "853,31,-80,262,07,4,3,26,22,2A3C,4C5E,0,0"
+SNMON = '^SNMON: "INS",0,1,0,4C5D,2A3B,"26202",67,41,-70,1'
+SAMPLES = [
+    SMONC,
+    SMOND,
+    SMONI_2G,
+    SMONI_3G,
+    SMONI_4G,
+    MONI,
+    MONI_CALL,
+    MONP,
+    f"2G:\n{SMONP}",
+    SNMON,
+]
+
+
+@pytest.mark.parametrize(
+    "dialect", ["siemens_smonc", "siemens_smond", "siemens_moni", "siemens_monp", "cinterion"]
+)
+def test_recorded_replies(corpus, dialect):
+    recorded = entries(corpus, dialect)
+    assert recorded
+    for entry in recorded:
+        check_entry(entry, [as_json(row) for row in MODEM.read(lines_of(corpus, entry))])
+
+
+def one(*lines):
+    found = MODEM.cells_in(lines)
+    assert len(found) == 1
+    return found[0]
+
+
+# --- forms
+
+
+def test_smonc():
+    serving, neighbour = MODEM.cells_in([SMONC])
+    assert serving == CellReading(
+        role="serving",
+        rat="GSM",
+        mcc="232",
+        mnc="03",
+        lac=0x3010,
+        cid=0x4EAF,
+        arfcn=82,
+        bsic=32,
+        rxlev_raw=38,
+        c1=30,
+        c2=30,
+    )
+    assert (neighbour.role, who(neighbour), neighbour.arfcn) == (
+        "neighbour",
+        ("232", "03", 0x3010, None),
+        88,
+    )
+
+
+def test_smonc_where_cells_are_missing():
+    empty = "000,000,0000,0000,00,0,0,-,-"
+    assert MODEM.cells_in([f"^SMONC: {empty},{empty}"]) == (NoCell("GSM"),)
+    assert [row.role for row in MODEM.cells_in([f"{SMONC},{empty},{empty}"])] == [
+        "serving",
+        "neighbour",
+    ]
+    undecoded = one("^SMONC: 000,000,0000,0000,00,88,26,-,-")
+    assert (who(undecoded), undecoded.arfcn, undecoded.bsic, undecoded.rxlev_raw) == (
+        (None,) * 4,
+        88,
+        None,
+        26,
+    )
+    assert undecoded.c1 is None
+
+
+def test_smond():
+    serving, *neighbours = MODEM.cells_in([SMOND])
+    assert (who(serving), serving.arfcn, serving.rssi_dbm, serving.ta) == (
+        ("250", "01", 0xEA, 0xAE1),
+        756,
+        -47.0,
+        1,
+    )
+    assert (serving.bsic, serving.more) == (None, {"bsic_raw": "23"})
+    assert [cell.arfcn for cell in neighbours] == [1022, 783, 795, 791, 748, 669]
+    assert who(neighbours[-1]) == ("250", "01", 0xEA, None)
+    assert one(SMOND[: SMOND.index(",250,01,00EA,0ADE")]).rssi_dbm == -47.0
+    assert MODEM.cells_in([SMOND.replace("756,47", "756,-47")])[0] == serving
+
+
+def test_smond_where_cells_are_missing():
+    nobody = ",,,,,,0,,,0,,,0"
+    assert MODEM.cells_in([f"^SMOND:{nobody}" + ",,,,,,,0" * 6 + ",,99,99"]) == (NoCell("GSM"),)
+    assert [
+        row.role
+        for row in MODEM.cells_in([SMOND.replace("250,01,00EA,0AE1,23,756,47,,,0,,,0", nobody)])
+    ] == ["neighbour"] * 6
+
+
+def test_smoni_of_three_technologies():
+    gsm, wcdma, lte = MODEM.cells_in([SMONI_2G, SMONI_3G, SMONI_4G])
+    assert (gsm.cell, gsm.arfcn, gsm.rssi_dbm, gsm.bsic, gsm.c1) == (
+        "262-02-323-33722",
+        71,
+        -61.0,
+        30,
+        33,
+    )
+    assert gsm.more == {"ncc": 3, "bcc": 6, "state": "NOCONN"}
+    assert (wcdma.cell, wcdma.psc, wcdma.ecio_db, wcdma.rscp_dbm) == (
+        "262-02-323-141567",
+        296,
+        -7.5,
+        -79.0,
+    )
+    assert (lte.cell, lte.arfcn, lte.band, lte.pci) == ("262-02-49013-3428611", 6300, 20, 350)
+    assert (lte.rsrp_dbm, lte.rsrq_db) == (-94.0, -7.0)
+    assert lte.more == {"state": "NOCONN", "duplex": "FDD", "srxlev": 33}
+    assert "srxlev" not in one(SMONI_4G.replace("NOCONN", "CONN")).more
+
+
+@pytest.mark.parametrize(
+    ("tail", "ta"),
+    [
+        ("NOCONN", None),
+        ("5,-104,LIMSRV", None),
+        ("651,3,5,-79,0,S_FR", 5),
+        ("5,-104,h,3,5,-79,0,S_FR", 5),
+    ],
+)
+def test_ends_of_a_2g_row(tail, ta):
+    reading = one(SMONI_2G.replace("NOCONN", tail))
+    assert (reading.cell, reading.ta) == ("262-02-323-33722", ta)
+
+
+@pytest.mark.parametrize(
+    ("line", "rat"),
+    [
+        ("2G,SEARCH,SEARCH", "GSM"),
+        ("3G,SEARCH", "WCDMA"),
+        ("4G,SEARCH", "LTE"),
+        ("SEARCH", None),
+        ("2g,search", "GSM"),
+    ],
+)
+def test_search(line, rat):
+    assert MODEM.cells_in([f"^SMONI: {line}"]) == (NoCell(rat, state="SEARCH"),)
+
+
+def test_values_that_smoni_does_not_know():
+    row = one("^SMONI: 3G,10713,117,-,-,262,01,2A3D,1C5D6E7,--,--,----,---,-,-6,-90,0,01,06")
+    assert (row.cell, row.rscp_dbm, row.ecio_db) == ("262-01-10813-29742823", None, None)
+    assert who(one(SMONI_2G.replace("83BA", "----"))) == ("262", "02", 0x143, None)
+    assert who(one(SMONI_2G.replace("83BA", "0000").replace("0143", "FFFE"))) == (
+        "262",
+        "02",
+        None,
+        None,
+    )
+
+
+def test_logs_around_a_row():
+    for text in (
+        f"[17:03:01.250] < {SMONI_2G}",
+        SMONI_2G.lower(),
+        f"'\\r\\n{SMONI_2G}\\r\\n\\r\\nOK\\r\\n'",
+        f'"{SMONI_2G}"',
+    ):
+        assert one(text).cell == "262-02-323-33722"
+    assert list(pieces([r"a\r\nb", "", " ", "c\r"])) == ["a", "b", "c"]
+
+
+def test_unasked_rows():
+    assert MODEM.role_of(SMONI_2G) == "serving"
+    assert MODEM.role_of("^SMONI: 2G,SEARCH,SEARCH") is None
+    assert MODEM.role_of("OK") is None
+
+
+# --- damage
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        SMONI_2G.replace("262,02", "26202"),
+        SMONI_2G.replace("0143,83BA", "014383BA"),
+        SMONI_2G.replace("0143", "143"),
+        SMONI_2G.replace("83BA", "83B"),
+        SMONI_3G.replace("00228FF", "0228FF"),
+        SMONC.replace("3010,4EAF", "30104EAF"),
+        MONI.replace("2A3B 4C5D", "2A3B4C5D"),
+    ],
+)
+def test_lost_digit_or_comma_names_no_cell(row):
+    assert not any(isinstance(found, CellReading) and found.cell for found in MODEM.cells_in([row]))
+
+
+@pytest.mark.parametrize("sample", SAMPLES)
+def test_cut_rows_tell_nothing_else(sample):
+    identities = {who(row) for row in MODEM.cells_in(sample.split("\n"))}
+    for end in range(len(sample)):
+        for row in MODEM.cells_in(sample[:end].split("\n")):
+            assert isinstance(row, NoCell) or who(row) in identities
+
+
+# --- conversation
+
+
+def test_setup():
+    assert converse(MODEM.setup(), {}, ((), "OK"))[0] is True
+    assert (
+        converse(MODEM.setup(), {"AT": ((), "OK")})[0] is True
+    )  # an old modem knows neither AT+CEREG nor AT+COPS=3,2
+    assert converse(MODEM.setup(), {}, ((), None))[0] is False
+
+
+@pytest.mark.parametrize(
+    ("command", "lines", "asked"),
+    [
+        (
+            "AT^SMONI",
+            [SMONI_2G],
+            [
+                "AT^SMONI",
+                "AT^SMONP=255",
+                "AT^SMOND",
+                "AT^SMONC",
+                "AT^MONI",
+                "AT^MONP",
+            ],  # who are its neighbours?
+        ),
+        ("AT^SMONI", ["^SMONI: 2G,SEARCH,SEARCH"], ["AT^SMONI", "AT^SMONP=255"]),
+        ("AT^SMOND", [SMOND], ["AT^SMONI", "AT^SMONP=255", "AT^SMOND"]),
+        ("AT^SMONC", [SMONC], ["AT^SMONI", "AT^SMONP=255", "AT^SMOND", "AT^SMONC"]),
+        (
+            "AT^MONI",
+            [*HEADER, MONI],
+            ["AT^SMONI", "AT^SMONP=255", "AT^SMOND", "AT^SMONC", "AT^MONI", "AT^MONP"],
+        ),
+    ],
+)
+def test_poll_asks_until_a_command_is_known(command, lines, asked):
+    rows, sent = converse(MODEM.poll(), {command: (lines, "OK")})
+    assert rows == MODEM.cells_in(lines)
+    assert sent == asked
+
+
+def test_neighbours_come_from_another_command_where_smonp_is_not_known():
+    table = ["chann rs  dBm PLMN BCC C1 C2", MONP]
+    replies = {
+        "AT^SMONI": ([SMONI_2G], "OK"),
+        "AT^MONI": ([*HEADER, MONI], "OK"),
+        "AT^MONP": (table, "OK"),
+    }
+    rows, _ = converse(MODEM.poll(), replies)
+    assert rows == (*MODEM.cells_in([SMONI_2G]), *MODEM.cells_in(table))
+    assert [row.role for row in rows] == ["serving", "neighbour"]
+    rows, sent = converse(MODEM.poll(), replies | {"AT^SMONP=255": ([], "OK")})
+    assert rows == MODEM.cells_in([SMONI_2G])
+    assert sent == ["AT^SMONI", "AT^SMONP=255"]
+
+
+def test_poll_of_a_modem_that_knows_none_of_the_commands():
+    replies = {
+        "AT+COPS?": (['+COPS: 0,2,"26202",0'], "OK"),
+        "AT+CREG?": (['+CREG: 2,1,"0143","83BA",0'], "OK"),
+        "AT+CSQ": (["+CSQ: 20,99"], "OK"),
+    }
+    rows, _ = converse(MODEM.poll(), replies)
+    assert (rows[0].cell, rows[0].rssi_dbm) == ("262-02-323-33722", -73.0)
+
+
+@pytest.mark.parametrize("final", [None, "ERROR", "+CME ERROR: 100"])
+def test_poll_without_an_answer(final):
+    assert converse(MODEM.poll(), {}, ((), final))[0] is None
+
+
+def test_commands_listen_only():
+    for command in (*MODEM.set_up, *MODEM.asked, *MODEM.surveys):
+        assert not re.search(
+            r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|MON[IP]=(?!255)", command.text
+        )
+        assert not re.search(r"\^MON[IP]=", command.text)  # repeats without end
+
+
+@pytest.mark.parametrize(
+    "identity", ["SIEMENS TC35i REVISION 02.00", "Cinterion BGS2-W", "Gemalto EHS6", "THALES PLS63"]
+)
+def test_own_modems(identity):
+    assert MODEM.identifies.search(identity)
+
+
+@pytest.mark.parametrize(
+    "identity", ["SIMCOM_SIM800L", "Telit Cinterion LE910C1", "Quectel EC25", "u-blox SARA-G350"]
+)
+def test_modems_of_others(identity):
+    assert not MODEM.identifies.search(identity)

@@ -1,0 +1,227 @@
+import re
+
+import pytest
+
+from logger.core.types import CellReading
+from logger.drivers.fibocom.fibocom import Fibocom
+from logger.drivers.reading.rows import NoCell, as_json
+from tests.kit.corpus import check_entry, entries, lines_of
+from tests.kit.drivers import converse, who
+
+MODEM = Fibocom()
+
+# Values of our own in the layouts of firmware_notes/fibocom.md; BARE is that of an FM350.
+HEADED = [
+    "AT+GTCCINFO?",
+    "+GTCCINFO:",
+    "LTE service cell:",
+    "1,4,262,02,4E5F,2D3C4B5,5A4,12F,103,75,14,45,40,24",
+    "LTE neighbor cell:",
+    "2,4,,,,,5A4,131,,23,23,6",
+    "2,4,,,,,C8,D3,,15,15,9",
+    "",
+    "OK",
+]
+BARE = [
+    "+GTCCINFO:",
+    "1,4,262,03,4E60,002D3C4B6,1444,305,103,75,-1,31,31,15",
+    "",
+    "2,4,,,FFFF,00FFFFFFF,2850,417,,22,22,12",
+]
+EN_DC = [
+    "+GTCCINFO:",
+    "LTE-NR EN-DC service cell:",
+    "1,4,262,11,4E5F,2D3C4B5,5A4,1B8,103,100,38,60,60,22",
+    "1,9,262,11,2A4C,4A5B6C7,9A680,0C3,5078,100,55,74,74,60",
+]
+UMTS = ["+GTCCINFO:", "UMTS service cell:", "1,2,262,02,A3C,1A2B3C4,29D9,75,1,33,38,1,30"]
+GSM = ["+GTCCINFO:", "GSM service cell:", "1,1,262,01,2A3B,3C4D,58,27,900,5,20,33"]
+SAMPLES = ["\n".join(sample) for sample in (HEADED, BARE, EN_DC, UMTS, GSM)]
+
+
+def test_recorded_replies(corpus):
+    recorded = entries(corpus, "fibocom")
+    assert recorded
+    for entry in recorded:
+        check_entry(entry, [as_json(row) for row in MODEM.read(lines_of(corpus, entry))])
+
+
+# --- forms
+
+
+def test_modem_with_headings_prints_channel_and_pci_in_hexadecimal():
+    serving, first, second = MODEM.cells_in(HEADED)
+    assert serving == CellReading(
+        role="serving",
+        rat="LTE",
+        mcc="262",
+        mnc="02",
+        tac=0x4E5F,
+        cid=0x2D3C4B5,
+        arfcn=1444,
+        band=3,
+        pci=303,
+        rsrp_dbm=-101.0,
+        rsrq_db=-8.0,
+        more={"sinr_raw": 14, "rsrp_raw": 40, "rsrq_raw": 24},
+    )
+    assert (first.role, who(first), first.arfcn, first.pci) == (
+        "neighbour",
+        (None, None, None, None),
+        1444,
+        305,
+    )
+    assert (first.rsrp_dbm, first.rsrq_db, second.arfcn, second.pci) == (-118.0, -17.0, 200, 211)
+
+
+def test_fm350_prints_them_in_decimal():
+    serving, neighbour = MODEM.cells_in(BARE)
+    assert (serving.cell, serving.arfcn, serving.pci, serving.band) == (
+        "262-03-20064-47432886",
+        1444,
+        305,
+        3,
+    )
+    assert (who(neighbour), neighbour.arfcn, neighbour.pci) == ((None, None, None, None), 2850, 417)
+
+
+def test_the_rows_decide_against_the_headings():
+    serving, neighbour = MODEM.cells_in([BARE[0], "LTE service cell:", *BARE[1:]])
+    assert (serving.arfcn, neighbour.pci) == (1444, 417)
+    serving, *_ = MODEM.cells_in([line for line in HEADED if "cell:" not in line])
+    assert (serving.arfcn, serving.pci) == (1444, 303)
+
+
+def test_where_no_base_fits_the_channel_is_unknown():
+    reading, _ = MODEM.cells_in([line.replace("1444", "9999") for line in BARE])
+    assert (reading.cell, reading.arfcn, reading.pci) == ("262-03-20064-47432886", None, None)
+
+
+def test_5g_beside_lte():
+    lte, nr = MODEM.cells_in(EN_DC)
+    assert (lte.cell, lte.arfcn, lte.pci) == ("262-11-20063-47432885", 1444, 440)
+    assert (nr.cell, nr.rat, nr.arfcn, nr.band, nr.pci) == (
+        "262-11-10828-77969095",
+        "NR",
+        632448,
+        78,
+        195,
+    )
+    assert (nr.rsrp_dbm, nr.rsrq_db) == (-83.0, -13.5)
+    filler = MODEM.cells_in([*BARE[:2], "1,9,,,FFFFFFF,00FFFFFFF,632448,211,5078,400,2,55,55,60"])[
+        1
+    ]
+    assert (who(filler), filler.arfcn, filler.pci) == ((None, None, None, None), 632448, 211)
+
+
+def test_wcdma_and_gsm():
+    (wcdma,), (gsm,) = MODEM.cells_in(UMTS), MODEM.cells_in(GSM)
+    assert (wcdma.rat, wcdma.cell, wcdma.arfcn, wcdma.psc) == (
+        "WCDMA",
+        "262-02-2620-27440068",
+        10713,
+        117,
+    )
+    assert (wcdma.rscp_dbm, wcdma.ecio_db) == (-83.0, -8.0)
+    assert (gsm.rat, gsm.cell, gsm.arfcn, gsm.level_dbm) == (
+        "GSM",
+        "262-01-10811-15437",
+        None,
+        None,
+    )
+
+
+def test_no_cell():
+    assert MODEM.cells_in(["AT+GTCCINFO?", "+GTCCINFO:", "2,0,,,FFFF,0,0,,0,,,,,", "OK"]) == (
+        NoCell(),
+    )
+    assert MODEM.cells_in(["+GTCCINFO:", "OK"]) == ()
+
+
+def test_network_code_of_one_digit_is_no_network():
+    serving, _ = MODEM.cells_in([line.replace("262,03", "262,3") for line in BARE])
+    assert who(serving) == (None, None, 0x4E60, 0x2D3C4B6)
+
+
+def test_logs_around_a_reply():
+    whole = MODEM.cells_in(HEADED)
+    assert MODEM.cells_in([f"[17:03:01] {line}" for line in HEADED]) == whole
+    assert MODEM.cells_in(["\\r\\n".join(HEADED)]) == whole
+    assert MODEM.cells_in([line.lower() for line in HEADED]) == whole
+    assert MODEM.cells_in([line for line in HEADED if line != "+GTCCINFO:"]) == whole
+    assert MODEM.cells_in([*HEADED, "AT+GTCAINFO?", "PCC: 103,303,1444,75,0,1,0,0,40"]) == whole
+    assert MODEM.cells_in(HEADED[2:]) == ()
+
+
+# --- damage
+
+
+@pytest.mark.parametrize(
+    ("good", "bad"),
+    [("262,02", "26202"), ("4E5F,2D3C4B5", "4E5F2D3C4B5"), ("4E5F", "4G5F"), (",40,24", "")],
+)
+def test_damaged_row_names_no_cell(good, bad):
+    assert not any(row.cid for row in MODEM.cells_in([line.replace(good, bad) for line in HEADED]))
+
+
+@pytest.mark.parametrize("sample", SAMPLES)
+def test_cut_replies_tell_nothing_else(sample):
+    identities = {who(row) for row in MODEM.cells_in(sample.split("\n"))}
+    for end in range(len(sample)):
+        assert {who(row) for row in MODEM.cells_in(sample[:end].split("\n"))} <= identities
+
+
+# --- conversation
+
+
+COMMON = {
+    "AT+COPS?": (['+COPS: 0,2,"26202",0'], "OK"),
+    "AT+CREG?": (['+CREG: 2,1,"0143","83BA",0'], "OK"),
+    "AT+CSQ": (["+CSQ: 20,99"], "OK"),
+}
+
+
+def test_setup():
+    assert converse(MODEM.setup(), {}, ((), "OK"))[0] is True
+    assert converse(MODEM.setup(), {"AT": ((), "OK")})[0] is True
+    assert converse(MODEM.setup(), {}, ((), None))[0] is False
+
+
+def test_poll():
+    rows = converse(MODEM.poll(), {"AT+GTCCINFO?": (HEADED[1:-1], "OK"), **COMMON})[0]
+    assert [row.role for row in rows if isinstance(row, CellReading)] == [
+        "serving",
+        "neighbour",
+        "neighbour",
+    ]
+
+
+def test_poll_where_the_reply_tells_of_no_serving_cell():
+    serving, *_ = converse(MODEM.poll(), {"AT+GTCCINFO?": (["+GTCCINFO:"], "OK"), **COMMON})[0]
+    assert (serving.cell, serving.rssi_dbm) == ("262-02-323-33722", -73.0)
+
+
+@pytest.mark.parametrize("final", [None, "ERROR", "+CME ERROR: 100"])
+def test_poll_without_an_answer(final):
+    assert converse(MODEM.poll(), {}, ((), final))[0] is None
+
+
+def test_commands_listen_only():
+    for command in (*MODEM.set_up, *MODEM.asked, *MODEM.surveys):
+        assert not re.search(
+            r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|GTACT|GTRAT", command.text
+        )
+
+
+@pytest.mark.parametrize(
+    "identity", ["Manufacturer: Fibocom Wireless Inc. Model: FM350-GL", "L850-GL"]
+)
+def test_own_modems(identity):
+    assert MODEM.identifies.search(identity)
+
+
+@pytest.mark.parametrize(
+    "identity", ["SIMCOM_SIM800L", "Telit LE910C1", "Quectel EC25", "u-blox SARA-L850"]
+)
+def test_modems_of_others(identity):
+    assert not MODEM.identifies.search(identity)

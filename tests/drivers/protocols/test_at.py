@@ -1,0 +1,320 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from logger.drivers.protocols.at import MAX_LINE, MAX_LINES, AtFramer, Unsolicited
+from logger.drivers.protocols.dialogue import INTERRUPTED, Reply
+from logger.drivers.protocols.garbage import Garbage
+from tests.kit.framers import check_framer, cut, feed_all
+from tests.kit.growth import growth
+
+CENG_LINES = ("+CENG: 1,1", '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"')
+CENG_REPLY = (
+    b'\r\n+CENG: 1,1\r\n\r\n+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"\r\n\r\nOK\r\n'
+)
+
+
+def sent(command):
+    def make():
+        framer = AtFramer()
+        framer.send(command)
+        return framer
+
+    return make
+
+
+def expired(command, then):
+    """A framer on which `command` has expired and `then` is pending."""
+
+    def make():
+        framer = sent(command)()
+        framer.expire()
+        framer.send(then)
+        return framer
+
+    return make
+
+
+def check(make, data, expected):
+    check_framer(make, data, expected, trailing=b'+CENG: 3,"0038')
+
+
+@pytest.mark.parametrize(
+    "echo",
+    [
+        b"",
+        b"AT+CENG?\r",
+        b"AT+CENG?\r\n",
+        b"AT+CENG?\r\r\n",
+        b"at+ceng?\r\n",
+        b"AT+CENG?\r\r\nAT+CENG?\r\r\n",
+        b"AT+CENG? \n",
+    ],
+)
+def test_echo_is_dropped_in_all_its_forms(echo):
+    check(sent("AT+CENG?"), echo + CENG_REPLY, [Reply("AT+CENG?", CENG_LINES, "OK")])
+
+
+@pytest.mark.parametrize("end", [b"\r\n", b"\n", b"\r", b"\r\r\n", b"\n\r"])
+def test_any_line_end_ends_a_line(end):
+    check(
+        sent("AT+CSQ"),
+        end.join([b"+CSQ: 20,0", b"OK", b""]),
+        [Reply("AT+CSQ", ("+CSQ: 20,0",), "OK")],
+    )
+
+
+@pytest.mark.parametrize(
+    "final",
+    [
+        "OK",
+        "ERROR",
+        "+CME ERROR: 100",
+        "+CME ERROR: SIM not inserted",
+        "+CMS ERROR: 310",
+        "NO CARRIER",
+        "BUSY",
+        "NO ANSWER",
+        "NO DIALTONE",
+    ],
+)
+def test_final_codes_close_a_reply(final):
+    check(sent("AT+CENG?"), f"\r\n{final}\r\n".encode(), [Reply("AT+CENG?", (), final)])
+
+
+@pytest.mark.parametrize(
+    ("digit", "final"), [("0", "OK"), ("1", "CONNECT"), ("3", "NO CARRIER"), ("4", "ERROR")]
+)
+def test_numeric_codes_close_a_reply_in_words(digit, final):
+    check(sent("AT"), f"AT\r{digit}\r".encode(), [Reply("AT", (), final)])
+    check(
+        sent("AT+CSQ"), f"+CSQ: 9,0\r\n{digit}\r".encode(), [Reply("AT+CSQ", ("+CSQ: 9,0",), final)]
+    )
+
+
+def test_number_in_a_reply_with_words_is_a_line():
+    check(sent("AT+X"), b"AT+X\r\r\n0\r\n\r\nOK\r\n", [Reply("AT+X", ("0",), "OK")])
+
+
+def test_number_is_a_line_once_the_modem_has_answered_in_words():
+    framer = sent("AT")()
+    assert feed_all(framer, [b"OK\n"]) == [Reply("AT", (), "OK")]
+    framer.send("AT+X")
+    assert feed_all(framer, [b"4\nOK\n"]) == [Reply("AT+X", ("4",), "OK")]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "RDY",
+        "+CFUN: 1",
+        "+CPIN: READY",
+        "Call Ready",
+        "SMS Ready",
+        "UNDER-VOLTAGE WARNNING",
+        "UNDER-VOLTAGE WARNING",
+        "UNDER-VOLTAGE POWER DOWN",
+        "NORMAL POWER DOWN",
+        "*ATREADY: 1",
+        "*PSUTTZ: 2024,1,2,3,4,5",
+        "DST: 1",
+        "RING",
+        '+CREG: 1,"0113","4E72"',
+        "+CIEV: 10,26201",
+        "QCRDY",
+        "PB DONE",
+    ],
+)
+def test_unsolicited_line_inside_a_reply(line):
+    data = CENG_REPLY.replace(
+        b"\r\n\r\n+CENG: 0", b"\r\n\r\n" + line.encode() + b"\r\n\r\n+CENG: 0"
+    )
+    reply = Reply("AT+CENG?", CENG_LINES, "OK", interrupted=frozenset({0}))
+    check(sent("AT+CENG?"), data, [Unsolicited(line), reply])
+    assert reply.heard == (CENG_LINES[0], INTERRUPTED, *CENG_LINES[1:])
+
+
+def test_lines_of_every_part_of_a_joined_command_belong_to_it():
+    lines = ("+CPIN: READY", "+CSQ: 28,99", '+COPS: 0,2,"22288",7')
+    check(
+        sent("AT+CPIN?;+CSQ;+COPS?"),
+        "\n".join([*lines, "+CREG: 1", "OK", ""]).encode(),
+        [
+            Unsolicited("+CREG: 1"),
+            Reply("AT+CPIN?;+CSQ;+COPS?", lines, "OK", interrupted=frozenset({2})),
+        ],
+    )
+
+
+def test_lines_without_prefix_belong_to_the_reply():
+    line = 'Operator:"T, Mobile",MCC:310,MNC:260,Rxlev:53,Cellid:CF00,Arfcn:1709'
+    check(
+        sent("AT+CNETSCAN"),
+        f"\r\n{line}\r\n\r\nOK\r\n".encode(),
+        [Reply("AT+CNETSCAN", (line,), "OK")],
+    )
+
+
+def test_lines_while_nothing_is_pending_are_unsolicited():
+    check(
+        AtFramer,
+        b"\r\nRDY\r\n\r\nOK\r\nhello\r\n",
+        [Unsolicited("RDY"), Unsolicited("OK"), Unsolicited("hello")],
+    )
+
+
+def test_sim900_prefix_without_blank():
+    check(sent("AT+CENG?"), b'+CENG:0,"06"\r\nOK\r\n', [Reply("AT+CENG?", ('+CENG:0,"06"',), "OK")])
+
+
+@pytest.mark.parametrize(
+    "noise", [b"\x00", b"\xff\xfe", b"O\x01K", b"+CENG: 0,\xb01", b'"\x1b"', b"\x7f"]
+)
+def test_bytes_that_are_no_text_are_garbage(noise):
+    check(sent("AT"), noise + b"\r\nOK\r\n", [Garbage(noise), Reply("AT", (), "OK")])
+
+
+def test_high_bytes_are_text_between_quotation_marks():
+    line = '+COPS: 0,0,"Téléphone"'
+    check(
+        sent("AT+COPS?"), f"{line}\r\nOK\r\n".encode("latin-1"), [Reply("AT+COPS?", (line,), "OK")]
+    )
+
+
+@pytest.mark.parametrize("length", [MAX_LINE + 1, 2 * MAX_LINE, 3 * MAX_LINE + 7])
+def test_overlong_line_is_garbage(length):
+    check(
+        sent("AT"), b"x" * length + b"\r\nOK\r\n", [Garbage(b"x" * length), Reply("AT", (), "OK")]
+    )
+
+
+def test_longest_line_is_a_line():
+    check(sent("ATI"), b"x" * MAX_LINE + b"\r\nOK\r\n", [Reply("ATI", ("x" * MAX_LINE,), "OK")])
+
+
+def test_memory_is_bounded_without_line_ends_and_without_final_code():
+    framer = sent("ATI")()
+    for _ in range(100):
+        list(framer.feed(b"x" * 1000))
+        assert len(framer._buffer) <= MAX_LINE
+    framer = sent("ATI")()
+    events = list(framer.feed(b"abc\n" * (MAX_LINES + 5)))
+    assert events == [Unsolicited("abc")] * 5
+    assert framer.expire() == Reply("ATI", ("abc",) * MAX_LINES, None)
+
+
+def test_expired_command_keeps_its_lines():
+    framer = sent("AT+CENG?")()
+    assert list(framer.feed(b"\r\n+CENG: 1,1\r\n\r\n+CENG: 0,")) == []
+    assert framer.expire() == Reply("AT+CENG?", ("+CENG: 1,1",), None)
+
+
+def test_bytes_are_taken_also_if_nobody_looks_at_the_events():
+    framer = sent("AT+CENG?")()
+    framer.feed(CENG_REPLY[:30])
+    assert list(framer.feed(CENG_REPLY[30:])) == [Reply("AT+CENG?", CENG_LINES, "OK")]
+
+
+def test_flush_ends_the_last_line_of_a_transcript():
+    framer = sent("AT+CENG?")()
+    assert list(framer.feed(CENG_REPLY.rstrip())) == []
+    assert list(framer.flush()) == [Reply("AT+CENG?", CENG_LINES, "OK")]
+    assert list(framer.flush()) == []
+
+
+def test_line_begun_before_the_command_does_not_answer_it():
+    framer = AtFramer()
+    assert list(framer.feed(b"\r\nO")) == []
+    framer.send("AT")
+    assert list(framer.feed(b"K\r\n\r\nERROR\r\n")) == [Unsolicited("OK"), Reply("AT", (), "ERROR")]
+
+
+def test_late_final_code_while_nothing_is_pending_changes_nothing():
+    framer = sent("AT+CENG?")()
+    framer.expire()
+    assert list(framer.feed(CENG_REPLY)) == [*map(Unsolicited, CENG_LINES), Unsolicited("OK")]
+    framer.send("AT+CSQ")
+    assert list(framer.feed(b"OK\r\n")) == [Reply("AT+CSQ", (), "OK")]
+
+
+def test_late_answer_of_another_command_does_not_close_the_reply():
+    expected = [*map(Unsolicited, CENG_LINES), Unsolicited("OK"), Reply("AT", (), "OK")]
+    check(expired("AT+CENG?", then="AT"), CENG_REPLY + b"\r\nOK\r\n", expected)
+
+
+def test_late_bare_ok_does_not_close_a_question():
+    check(
+        expired("AT", then="AT+CENG?"),
+        b"OK\r\n" + CENG_REPLY,
+        [Unsolicited("OK"), Reply("AT+CENG?", CENG_LINES, "OK")],
+    )
+    check(
+        expired("AT", then="AT+CSQ"),
+        b"OK\n+CSQ: 1,0\nOK\n",
+        [Unsolicited("OK"), Reply("AT+CSQ", ("+CSQ: 1,0",), "OK")],
+    )
+
+
+def test_late_answer_that_never_comes_costs_one_time_out_at_most():
+    framer = expired("AT", then="AT+CENG?")()
+    assert list(framer.feed(b"OK\r\n")) == [Unsolicited("OK")]
+    framer.expire()
+    framer.send("AT+CENG?")
+    assert list(framer.feed(b"OK\r\n")) == [Reply("AT+CENG?", (), "OK")]
+
+
+def test_answer_of_its_own_settles_the_account():
+    framer = expired("AT", then="AT+CENG?")()
+    assert list(framer.feed(CENG_REPLY)) == [Reply("AT+CENG?", CENG_LINES, "OK")]
+    framer.send("AT+CSQ")
+    assert list(framer.feed(b"OK\r\n")) == [Reply("AT+CSQ", (), "OK")]
+
+
+PIECES = st.sampled_from(
+    [
+        b"\r\n",
+        b"\r",
+        b"\n",
+        b"OK\r\n",
+        b"ERROR\r\n",
+        b"0\r",
+        b"AT+CENG?\r\r\n",
+        b"RDY\r\n",
+        b'+CENG: 1,"',
+        b"0154,28",
+        b'"\r\n',
+        b"+CREG: 1\r\n",
+        b"\xff",
+        b"\x00\r\n",
+        b" ",
+        b"x" * 3000,
+        CENG_REPLY,
+    ]
+)
+STREAMS = st.lists(PIECES | st.binary(max_size=5), max_size=12).map(b"".join)
+
+
+@given(
+    STREAMS,
+    st.lists(st.integers(0, 60), max_size=12),
+    st.sampled_from(["AT", "AT+CENG?", "AT+CENG=1,1"]),
+)
+def test_chunks_make_no_difference(data, sizes, command):
+    make = expired("AT+CENG?", then=command)
+    assert feed_all(make(), cut(data, sizes)) == feed_all(make(), [data])
+
+
+@given(STREAMS)
+def test_a_reply_comes_at_most_once(data):
+    framer = sent("AT+CENG?")()
+    assert sum(isinstance(event, Reply) for event in feed_all(framer, [data])) <= 1
+
+
+def test_time_grows_with_the_rows_and_no_faster():
+    def read(count: int) -> None:
+        rows = b'+CENG: 1,"0128,15,30,a53f,310,411,178d"\r\n' * count + b"OK\r\n"
+        framer = sent("AT+CENG?")()
+        for i in range(0, len(rows), 64):
+            list(framer.feed(rows[i : i + 64]))
+
+    assert growth(read, 120, 960) < 4.0

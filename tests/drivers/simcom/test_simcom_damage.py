@@ -1,0 +1,40 @@
+"""Replies of SIM7000 and SIM7600 that lack a mark or an end name no other cell; for other damage
+see test_damage.
+"""
+
+import pytest
+
+from logger.drivers.simcom.sim7000 import Sim7000
+from logger.drivers.simcom.sim7600 import Sim7600
+from tests.kit.drivers import NOBODY, cells_of, own_replies, who
+
+MODEMS = [Sim7000(), Sim7600()]
+REPLIES = [reply for modem in MODEMS for reply in own_replies(modem.name)]
+
+
+def named(lines):
+    return {who(row) for modem in MODEMS for row in cells_of(modem, lines)}
+
+
+@pytest.mark.parametrize("text", REPLIES)
+def test_cut_reply_has_no_other_cell(text):
+    known = named(text.split("\n")) | {NOBODY}
+    for end in range(len(text)):
+        assert named(text[:end].split("\n")) <= known, text[:end]
+
+
+@pytest.mark.parametrize("text", REPLIES)
+def test_lost_mark_makes_no_other_cell(text):
+    known = named(text.split("\n")) | {NOBODY}
+    for at, mark in enumerate(text):
+        if not mark.isalnum():  # a digit lost inside a number cannot be seen
+            damaged = text[:at] + text[at + 1 :]
+            assert named(damaged.split("\n")) <= known, damaged
+
+
+@pytest.mark.parametrize("text", REPLIES)
+def test_added_comma_makes_no_other_cell(text):
+    known = named(text.split("\n")) | {NOBODY}
+    for at in range(len(text)):
+        damaged = f"{text[:at]},{text[at:]}"
+        assert named(damaged.split("\n")) <= known, damaged
