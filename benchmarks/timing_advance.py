@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.locator.posterior import locate
-from logger.core.locator.prior import Prior
 from logger.core.locator.timing_advance import STEP_M
+from logger.core.model.prior import Prior
 from logger.core.observations import LAST_TA, CellObservations
 from tests.kit.walks import covered, observations, path, shadowing
 

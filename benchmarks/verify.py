@@ -28,7 +28,7 @@ from scoreboard.worlds import plain
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.posterior import locate
-from logger.core.locator.prior import Prior
+from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 from postproc.smoothing import too_few
 from postproc.verification.cell_export import COLUMNS

@@ -242,7 +242,7 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 
 def _smooth(arguments: argparse.Namespace) -> int:
-    from logger.core.locator.prior import prior_for
+    from logger.core.model.prior import prior_for
     from logger.core.runfile import read_sound_run
     from postproc import results
     from postproc.progress import shown

@@ -10,9 +10,9 @@ import numpy as np
 
 from logger.core.errors import ConfigError
 from logger.core.locator.posterior import Posterior, locate
-from logger.core.locator.prior import ENVIRONMENTS, Prior
 from logger.core.locator.timing_advance import TimingCheck, timing_of
 from logger.core.locator.verdict import Verdict, judged
+from logger.core.model.prior import ENVIRONMENTS, Prior
 from logger.core.observations import (
     CellObservations,
     Observations,

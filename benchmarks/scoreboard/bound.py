@@ -10,7 +10,7 @@ from math import log
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.pathloss import MIN_DISTANCE_M, log_distance_db
+from logger.core.model.path_loss import MIN_DISTANCE_M, log_distance_db
 
 from .world import Place, Walk
 

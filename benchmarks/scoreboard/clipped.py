@@ -11,7 +11,7 @@ from scipy.special import log_ndtr
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import EstimationError
-from logger.core.pathloss import log_distance_db
+from logger.core.model.path_loss import log_distance_db
 
 from . import ours
 from .likelihood import Likelihood, nearest_m

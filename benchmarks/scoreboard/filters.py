@@ -13,7 +13,7 @@ from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, Unscen
 
 from logger.core import ekf as reference_ekf
 from logger.core.arrays import FloatArray
-from logger.core.pathloss import MIN_DISTANCE_M
+from logger.core.model.path_loss import MIN_DISTANCE_M
 
 from . import ours
 from .answer import Answer, gaussian

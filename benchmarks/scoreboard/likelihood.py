@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from logger.core.arrays import FloatArray
-from logger.core.pathloss import log_distance_db
+from logger.core.model.path_loss import log_distance_db
 
 from . import ours
 from .bound import slope_db_per_m

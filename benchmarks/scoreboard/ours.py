@@ -8,10 +8,10 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.posterior import locate
-from logger.core.locator.prior import Prior
 from logger.core.locator.region import Cells, highest_density, places
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR
 from logger.core.locator.verdict import judged
+from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 
 from .answer import Answer, Mode, Squares

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from logger.core.arrays import FloatArray
-from logger.core.pathloss import MIN_DISTANCE_M, log_distance_db
+from logger.core.model.path_loss import MIN_DISTANCE_M, log_distance_db
 
 from . import ours
 from .answer import Answer, gaussian

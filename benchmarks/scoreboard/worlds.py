@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.pathloss import log_distance_db
+from logger.core.model.path_loss import log_distance_db
 
 from .walks import COUNT, SHAPES, STEP_M, Points, circle_radius_m
 from .world import Noise, Place, Walk, World

@@ -19,7 +19,7 @@ from logger.core.live_cell import CellEstimate, LiveCell
 from logger.core.live_reference import LiveReference
 from logger.core.live_settings import REFERENCE, LiveSettings
 from logger.core.locator.online import Heard
-from logger.core.locator.prior import Prior, prior_for
+from logger.core.model.prior import Prior, prior_for
 from logger.core.observations import TIMING_S, fix_sigma_m, smeared_sigma_m
 from logger.core.sample_hold import Held
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan

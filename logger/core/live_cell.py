@@ -18,7 +18,7 @@ from logger.core.errors import EstimationError
 from logger.core.filter_monitor import CLOSE, Watch, compare, follow, widest
 from logger.core.locator.evidence import C
 from logger.core.locator.online import Heard, OnlineLocator, Place
-from logger.core.locator.prior import Prior
+from logger.core.model.prior import Prior
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
 from logger.core.shadow_noise import candidates, likeliest
 from logger.core.spikes import SpikeFilter

@@ -12,7 +12,7 @@ import numpy as np
 from pyproj import Proj
 
 from logger.core.arrays import FloatArray
-from logger.core.pathloss import log_distance_db
+from logger.core.model.path_loss import log_distance_db
 from logger.sim.shadowing import Shadowing
 
 

@@ -45,7 +45,7 @@ def add_report(report: argparse.ArgumentParser) -> None:
 
 
 def _report(arguments: argparse.Namespace) -> int:
-    from logger.core.locator.prior import prior_for
+    from logger.core.model.prior import prior_for
     from logger.core.runfile import read_sound_run
     from postproc.smoothing import Wishes
 

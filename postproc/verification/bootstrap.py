@@ -12,7 +12,7 @@ where they depend on its statistic: Robins, van der Vaart & Ventura, J. Am. Stat
 
 Drawn walks are stationary, so they are judged with full trust. A measured walk is not, as a rule:
 hills, streets and the shape of the antenna stay in its residuals. It is judged with the trust that
-each hypothesis deserves (`logger.core.locator.prior`), as the locator does, so its p-values are
+each hypothesis deserves (`logger.core.model.prior`), as the locator does, so its p-values are
 larger than those of a simulated walk with the same levels would be.
 """
 
@@ -21,10 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.blocks import Blocks
-from logger.core.locator.covariance import whiteners_of
 from logger.core.locator.evidence import distances_db, receiver_variance
-from logger.core.locator.prior import Prior
+from logger.core.model.blocks import Blocks
+from logger.core.model.noise import whiteners_of
+from logger.core.model.prior import Prior
 from postproc.verification.likelihood_grid import Field, field_at
 
 _TAIL = 16

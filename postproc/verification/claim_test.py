@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.blocks import Blocks
-from logger.core.locator.covariance import covariances, whiteners_of
-from logger.core.locator.prior import Prior
+from logger.core.model.blocks import Blocks
+from logger.core.model.noise import covariances, whiteners_of
+from logger.core.model.prior import Prior
 from postproc.verification.bootstrap import Nuisances, calibrated, nuisances, nuisances_off
 from postproc.verification.direct_test import DirectTest, direct_test
 from postproc.verification.indirect_test import IndirectTest, indirect_test

@@ -11,7 +11,7 @@ from logger.core.errors import ConfigError
 from postproc.atomic_write import check_writable
 
 if TYPE_CHECKING:
-    from logger.core.locator.prior import Prior
+    from logger.core.model.prior import Prior
     from logger.core.runfile import Run
     from postproc.verification.claims import Claim
     from postproc.verification.run_claims import Verified
@@ -153,7 +153,7 @@ def add_celldb(celldb: argparse.ArgumentParser) -> None:
 
 
 def _verify_claims(arguments: argparse.Namespace) -> int:
-    from logger.core.locator.prior import prior_for
+    from logger.core.model.prior import prior_for
     from logger.core.runfile import read_sound_run
     from postproc.json_text import as_json
     from postproc.smoothing import heard_cells

@@ -17,10 +17,10 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
-from logger.core.locator.covariance import correlation, own_variance
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.two_source_test import divide
+from logger.core.model.noise import correlation, independent_variance
 from logger.core.observations import CellObservations
 from postproc.verification.bootstrap import calibrated
 from postproc.verification.claim_test import Listened
@@ -89,7 +89,7 @@ class _Past:
         apart_m = np.hypot(obs.x_m[:, None] - obs.x_m, obs.y_m[:, None] - obs.y_m)
         white = posterior.white_share
         k = (1.0 - white) * correlation(apart_m, posterior.decorrelation_m)
-        k[np.diag_indices_from(k)] += own_variance(1.0, white, posterior.sigma_db)
+        k[np.diag_indices_from(k)] += independent_variance(1.0, white, posterior.sigma_db)
         self.root = posterior.sigma_db * np.linalg.cholesky(k)
 
     def drawn(self, rng: np.random.Generator) -> CellObservations:

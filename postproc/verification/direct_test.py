@@ -24,10 +24,10 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.blocks import Blocks
-from logger.core.locator.covariance import inverse_of_lower
 from logger.core.locator.evidence import distances_db, receiver_variance
-from logger.core.locator.prior import Prior
+from logger.core.model.blocks import Blocks
+from logger.core.model.noise import inverse_of_lower
+from logger.core.model.prior import Prior
 
 _ENERGY = 0.95
 _MOST_DIRECTIONS = 5

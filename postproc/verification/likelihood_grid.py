@@ -20,12 +20,12 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.blocks import Blocks
-from logger.core.locator.covariance import Whitener
 from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.locator.mixture import log_sum
-from logger.core.locator.prior import Prior
 from logger.core.locator.quadtree import children, first_cells, log_prior
+from logger.core.model.blocks import Blocks
+from logger.core.model.noise import Whitener
+from logger.core.model.prior import Prior
 
 Squares = FloatArray
 """Rows x, y, side: shape (3, h).

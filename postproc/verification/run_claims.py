@@ -22,9 +22,9 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from logger.core.identities import FEWEST_SCANS
-from logger.core.locator.blocks import Blocks, blocks
 from logger.core.locator.posterior import Posterior, locate
-from logger.core.locator.prior import Prior
+from logger.core.model.blocks import Blocks, blocks
+from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations, Track
 from logger.core.runfile import Run
 from postproc.scan_counts import scans_of, too_rarely

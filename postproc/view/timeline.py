@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.prior import Prior
 from logger.core.locator.verdict import Verdict
+from logger.core.model.prior import Prior
 from postproc.processes import each
 from postproc.smoothing import FEWEST_READINGS, CellResult, answer
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.pathloss import log_distance_db
+from logger.core.model.path_loss import log_distance_db
 from logger.sim.scenario import SCENARIOS, scenario
 
 

@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.blocks import Blocks
-from logger.core.locator.covariance import Whitener
-from logger.core.locator.prior import Prior
+from logger.core.model.blocks import Blocks
+from logger.core.model.noise import Whitener
+from logger.core.model.prior import Prior
 
 C = 10.0 / log(10.0)
 SUMS = 7

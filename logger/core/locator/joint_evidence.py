@@ -16,13 +16,13 @@ Guibas, SIGGRAPH 1995).
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.blocks import READINGS_BELIEVED, Blocks
-from logger.core.locator.covariance import Whitener, whiteners
 from logger.core.locator.evidence import distances_db
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.orthant import Sites, log_all_above
-from logger.core.locator.prior import Prior
 from logger.core.locator.tobit import beyond_dbm, distances_to, shadowing, shadowing_in_blocks
+from logger.core.model.blocks import READINGS_BELIEVED, Blocks
+from logger.core.model.noise import Whitener, whiteners
+from logger.core.model.prior import Prior
 
 _STEP = 0.25
 _MOST_STEPS = 8

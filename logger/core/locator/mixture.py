@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.prior import Prior
+from logger.core.model.prior import Prior
 
 
 class Mixture(NamedTuple):

@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.blocks import NOTHING_CENSORED, Blocks, Censored, censored_places
-from logger.core.locator.covariance import covariances
 from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.locator.mixture import Mixture
-from logger.core.locator.prior import Prior
 from logger.core.locator.quadtree import Effort, Tree, grow
+from logger.core.model.blocks import NOTHING_CENSORED, Blocks, Censored, censored_places
+from logger.core.model.noise import covariances
+from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 
 _MOST_PLACES = 150

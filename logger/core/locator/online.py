@@ -13,16 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.blocks import (
-    FINEST_BLOCK_M,
-    NOTHING_CENSORED,
-    Blocks,
-    Censored,
-    gathered,
-    in_fewer_places,
-    single,
-)
-from logger.core.locator.covariance import own_variance, whiteners
 from logger.core.locator.evidence import (
     SUMS,
     Evidence,
@@ -34,10 +24,20 @@ from logger.core.locator.evidence import (
 from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.posterior import BIAS_SHARE, moments_over
-from logger.core.locator.prior import Prior
 from logger.core.locator.quadtree import Effort, grow
 from logger.core.locator.region import Cells, places
 from logger.core.locator.symmetry import Curve, curve_of
+from logger.core.model.blocks import (
+    FINEST_BLOCK_M,
+    NOTHING_CENSORED,
+    Blocks,
+    Censored,
+    gathered,
+    in_fewer_places,
+    single,
+)
+from logger.core.model.noise import independent_variance, whiteners
+from logger.core.model.prior import Prior
 from logger.core.spikes import Judged, SpikeFilter
 
 MOST_BLOCKS = 100
@@ -351,7 +351,7 @@ class OnlineLocator:
         between = (1.0 - a)[:, None] * np.exp(-away / d_c[:, None])
         before = searched.whitener[:, :k, :k]
         u = np.matmul(before, between[..., None])
-        own = 1.0 - a + own_variance(readings[k], a, self._prior.sigma_db)
+        own = 1.0 - a + independent_variance(readings[k], a, self._prior.sigma_db)
         variance = np.maximum(own - np.sum(u[..., 0] ** 2, axis=1), 1e-12)
         row = np.concatenate(
             [-np.matmul(np.swapaxes(u, 1, 2), before)[:, 0], np.ones((len(a), 1))], axis=1

@@ -9,14 +9,14 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import Ellipse, ellipse95
 from logger.core.errors import EstimationError
-from logger.core.locator.blocks import Blocks, blocks
 from logger.core.locator.evidence import Evidence
 from logger.core.locator.offsets import Offsets, first_look, offsets
-from logger.core.locator.prior import Prior
 from logger.core.locator.quadtree import Effort, Tree, grow, nearest_m
 from logger.core.locator.region import LEVEL, Cells, area_m2, places
 from logger.core.locator.symmetry import symmetrical
 from logger.core.locator.timing_advance import timing_of
+from logger.core.model.blocks import Blocks, blocks
+from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 
 COARSE_BLOCKS = 80

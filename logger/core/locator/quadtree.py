@@ -6,14 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.locator.blocks import Blocks
-from logger.core.locator.covariance import Whitener, whiteners
 from logger.core.locator.evidence import NODES, Evidence, marginal, walk_sums
 from logger.core.locator.joint_evidence import log_weights, log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
-from logger.core.locator.prior import Prior
 from logger.core.locator.timing_advance import STEP_M, Timing
 from logger.core.locator.tobit import Given, given_levels, joined
+from logger.core.model.blocks import Blocks
+from logger.core.model.noise import Whitener, whiteners
+from logger.core.model.prior import Prior
 
 _SPLIT_SHARE = 0.002
 _MIN_CELL_M = 0.5

@@ -24,9 +24,9 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.locator.blocks import FINEST_BLOCK_M, squares
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.region import Cells
+from logger.core.model.blocks import FINEST_BLOCK_M, squares
 from logger.core.observations import LAST_TA, CellObservations
 
 STEP_M = 553.5

@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.blocks import Blocks, Censored
-from logger.core.locator.covariance import Whitener, correlation, own_variance
 from logger.core.locator.evidence import Evidence, distances_db, marginal
-from logger.core.locator.prior import Hypothesis, Prior
+from logger.core.model.blocks import Blocks, Censored
+from logger.core.model.noise import Whitener, correlation, independent_variance
+from logger.core.model.prior import Hypothesis, Prior
 
 _NEWTON_STEPS = 12
 _LARGEST_STEP = 0.4
@@ -85,7 +85,7 @@ def effective(
     Correlated shadowing, of which `left` (g, g) is unknown, hides several places at once: together
     they count as the 1' K^-1 1 of a common mean.
     """
-    k = left + np.diag(own_variance(readings, white_share, np.inf))
+    k = left + np.diag(independent_variance(readings, white_share, np.inf))
     k /= spread[:, None] * spread
     share = 1.0 / np.diagonal(k)
     worth = float(np.sum(np.linalg.solve(k, np.ones(len(k)))))

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.locator.blocks import NOTHING_CENSORED, blocks, single
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.prior import Prior
 from logger.core.locator.quadtree import Effort, Tree, grow
+from logger.core.model.blocks import NOTHING_CENSORED, blocks, single
+from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 
 LEAST_LOG_FACTOR = 5.0

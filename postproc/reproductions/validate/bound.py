@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from logger.core.arrays import FloatArray
-from logger.core.pathloss import log_distance_db
+from logger.core.model.path_loss import log_distance_db
 from postproc.reproductions.validate.walk import Station
 
 _C = 10.0 / log(10.0)

@@ -14,9 +14,9 @@ from logger.core import ekf
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.locator.posterior import Posterior, locate
-from logger.core.locator.prior import Prior
 from logger.core.locator.region import highest_density
 from logger.core.locator.verdict import verdict
+from logger.core.model.prior import Prior
 from postproc.reproductions.validate import bound
 from postproc.reproductions.validate.check import Check, Effort, promised
 from postproc.reproductions.validate.walk import (

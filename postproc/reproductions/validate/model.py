@@ -8,7 +8,7 @@ from math import log, log10
 import numpy as np
 
 from logger.core import ekf
-from logger.core.pathloss import log_distance_db
+from logger.core.model.path_loss import log_distance_db
 from postproc.reproductions.validate.check import Check, Effort, ours, wrong
 
 STATION, USER = ekf.start(1000.0, 2000.0), (1100.0, 2100.0)

@@ -6,8 +6,8 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
+from logger.core.model.path_loss import log_distance_db
 from logger.core.observations import CellObservations
-from logger.core.pathloss import log_distance_db
 
 UTM = Utm(54)
 ORIGIN_M = (388_000.0, 3_949_000.0)

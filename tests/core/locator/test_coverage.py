@@ -11,7 +11,7 @@ import scipy.stats
 
 from logger.core.geo import Utm
 from logger.core.locator.posterior import locate
-from logger.core.locator.prior import Prior
+from logger.core.model.prior import Prior
 from tests.kit.walks import covered, observations, path, simulate
 
 NEARBY = {"reach_m": 600.0, "near_m": 150.0}

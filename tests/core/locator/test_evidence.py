@@ -6,9 +6,9 @@ import scipy.integrate
 import scipy.stats
 
 from logger.core.locator import evidence
-from logger.core.locator.blocks import blocks
-from logger.core.locator.covariance import whiteners
-from logger.core.locator.prior import Prior
+from logger.core.model.blocks import blocks
+from logger.core.model.noise import whiteners
+from logger.core.model.prior import Prior
 from tests.kit.walks import observations, simulate
 
 MOST = 300

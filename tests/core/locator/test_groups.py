@@ -6,12 +6,12 @@ import scipy.integrate
 import scipy.stats
 
 from logger.core.locator import evidence
-from logger.core.locator.blocks import blocks
-from logger.core.locator.covariance import whiteners
 from logger.core.locator.offsets import first_look, offsets
 from logger.core.locator.posterior import COARSE_BLOCKS, locate
-from logger.core.locator.prior import Prior
 from logger.core.locator.quadtree import Tree
+from logger.core.model.blocks import blocks
+from logger.core.model.noise import whiteners
+from logger.core.model.prior import Prior
 from tests.kit.walks import covered, observations, path
 
 PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))

@@ -5,11 +5,11 @@ import pytest
 import scipy.special
 import scipy.stats
 
-from logger.core.locator.blocks import NOTHING_CENSORED, Censored, blocks
-from logger.core.locator.covariance import whiteners
 from logger.core.locator.joint_evidence import Joint, log_weights
 from logger.core.locator.posterior import locate
-from logger.core.locator.prior import Prior
+from logger.core.model.blocks import NOTHING_CENSORED, Censored, blocks
+from logger.core.model.noise import whiteners
+from logger.core.model.prior import Prior
 from tests.kit.walks import FLOOR_DBM, clipped, observations, simulate
 
 PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))

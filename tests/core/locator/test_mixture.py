@@ -3,7 +3,7 @@ import pytest
 import scipy.special
 
 from logger.core.locator.mixture import mixture
-from logger.core.locator.prior import Prior
+from logger.core.model.prior import Prior
 
 RNG = np.random.default_rng(1)
 NUMBERS = np.array([0, 2, 5, 9])

@@ -5,9 +5,9 @@ import pytest
 
 from logger.core.errors import EstimationError
 from logger.core.locator.posterior import BIAS_SHARE, locate
-from logger.core.locator.prior import Prior
 from logger.core.locator.region import highest_density
 from logger.core.locator.verdict import verdict
+from logger.core.model.prior import Prior
 from tests.kit.walks import clipped, covered, nearest_mode_m, observations, path, simulate
 
 

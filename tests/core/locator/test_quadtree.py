@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from logger.core.locator import evidence
-from logger.core.locator.blocks import blocks
-from logger.core.locator.covariance import whiteners
 from logger.core.locator.mixture import mixture
-from logger.core.locator.prior import Prior
 from logger.core.locator.quadtree import Effort, first_cells, grow
 from logger.core.locator.region import Cells, area_m2, highest_density
 from logger.core.locator.timing_advance import STEP_M, timing_of
+from logger.core.model.blocks import blocks
+from logger.core.model.noise import whiteners
+from logger.core.model.prior import Prior
 from tests.kit.walks import observations, simulate
 
 SMALL = Prior(

@@ -9,10 +9,7 @@ from benchmarks.timing_advance import CASES, compare, simulate
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
 from logger.core.locator import evidence
-from logger.core.locator.blocks import blocks
-from logger.core.locator.covariance import whiteners
 from logger.core.locator.posterior import locate
-from logger.core.locator.prior import Prior
 from logger.core.locator.quadtree import Effort, grow
 from logger.core.locator.region import Cells
 from logger.core.locator.timing_advance import (
@@ -23,6 +20,9 @@ from logger.core.locator.timing_advance import (
     probability,
     timing_of,
 )
+from logger.core.model.blocks import blocks
+from logger.core.model.noise import whiteners
+from logger.core.model.prior import Prior
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import Fix, Record, Scan
 from postproc import results, tables

@@ -6,12 +6,12 @@ import scipy.optimize
 import scipy.stats
 
 from logger.core.locator import tobit
-from logger.core.locator.blocks import Censored, blocks
-from logger.core.locator.covariance import covariances, whiteners
 from logger.core.locator.evidence import marginal, walk_sums
 from logger.core.locator.posterior import locate
-from logger.core.locator.prior import Prior
 from logger.core.locator.quadtree import Effort
+from logger.core.model.blocks import Censored, blocks
+from logger.core.model.noise import covariances, whiteners
+from logger.core.model.prior import Prior
 from tests.kit.walks import FLOOR_DBM, clipped, observations, simulate
 
 PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from logger.core.locator.posterior import locate
-from logger.core.locator.prior import Prior
 from logger.core.locator.verdict import judged, verdict
+from logger.core.model.prior import Prior
 from tests.kit.walks import observations, path, simulate
 
 

@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core.locator.blocks import blocks
-from logger.core.locator.covariance import covariances, whiteners_of
 from logger.core.locator.evidence import distances_db
-from logger.core.locator.prior import Prior
+from logger.core.model.blocks import blocks
+from logger.core.model.noise import covariances, whiteners_of
+from logger.core.model.prior import Prior
 from postproc.verification.bootstrap import calibrated, nuisances, nuisances_off
 from postproc.verification.claim_test import around, claim_test, listened
 from postproc.verification.claims import Claim

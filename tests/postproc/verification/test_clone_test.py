@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from logger.core.geo import Utm
-from logger.core.locator.blocks import blocks
 from logger.core.locator.posterior import locate
-from logger.core.locator.prior import Prior
+from logger.core.model.blocks import blocks
+from logger.core.model.prior import Prior
 from postproc.verification.claim_test import listened
 from postproc.verification.clone_test import between_two, within_one
 from tests.kit.walks import observations, path

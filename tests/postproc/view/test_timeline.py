@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.locator.prior import ENVIRONMENTS
+from logger.core.model.prior import ENVIRONMENTS
 from postproc.smoothing import CellResult, answer
 from postproc.view.timeline import MOST_STEPS, step_counts, unfold
 from tests.kit import walks

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.locator.blocks import FINEST_BLOCK_M, Censored, blocks, in_fewer_places
+from logger.core.model.blocks import FINEST_BLOCK_M, Censored, blocks, in_fewer_places
 from tests.kit.walks import FLOOR_DBM, observations
 
 MOST = 300

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from logger.core.locator import covariance
-from logger.core.locator.blocks import blocks
-from logger.core.locator.prior import Prior
+from logger.core.model import noise
+from logger.core.model.blocks import blocks
+from logger.core.model.prior import Prior
 from tests.kit.walks import observations, path
 
 PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
@@ -18,7 +18,7 @@ def test_shadowing_of_a_block_is_the_mean_over_its_points():
     drawn = np.linalg.cholesky(np.exp(-apart / 15.0)) @ rng.normal(size=(len(apart), 20_000))
     means = np.add.reduceat(walk.weight[:, None] * drawn, walk.first)
     rounding = np.eye(len(walk)) / 12.0 / prior.sigma_db**2
-    found = covariance.covariances(walk, prior)[1]
+    found = noise.covariances(walk, prior)[1]
     assert found - rounding == pytest.approx(np.cov(means), abs=0.04)
     assert np.max(np.diagonal(found)) < 0.9
 
@@ -26,17 +26,17 @@ def test_shadowing_of_a_block_is_the_mean_over_its_points():
 def test_what_is_whitened_is_white():
     x, y = path("square", 240, 3.0)
     walk = blocks(observations(x, y, np.zeros(240)), 20)
-    k = covariance.covariances(walk, PRIOR)
-    for one, found in zip(k, covariance.whiteners_of(k), strict=True):
+    k = noise.covariances(walk, PRIOR)
+    for one, found in zip(k, noise.whiteners_of(k), strict=True):
         assert found.matrix @ one @ found.matrix.T == pytest.approx(np.eye(len(walk)), abs=1e-9)
         assert found.log_det == pytest.approx(np.linalg.slogdet(one)[1])
-    assert [found.number for found in covariance.whiteners_of(k)] == [0, 1]
+    assert [found.number for found in noise.whiteners_of(k)] == [0, 1]
 
 
 @pytest.mark.parametrize("n", [1, 2, 16, 17, 75])
 def test_inverse_of_lower_triangular_matrices(n):
     root = np.tril(np.random.default_rng(n).normal(size=(3, n, n)), -1) / n + 2.0 * np.eye(n)
-    found = covariance.inverse_of_lower(root)
+    found = noise.inverse_of_lower(root)
     np.testing.assert_allclose(found @ root, np.broadcast_to(np.eye(n), root.shape), atol=1e-12)
     np.testing.assert_array_equal(found, np.tril(found))
 
@@ -44,7 +44,7 @@ def test_inverse_of_lower_triangular_matrices(n):
 def test_whiteners_of_some_hypotheses_are_those_of_all():
     level = np.linspace(-60.0, -90.0, 40)
     track = blocks(observations(np.linspace(0.0, 300.0, 40), np.zeros(40), level), 40)
-    every = covariance.whiteners(track, PRIOR)
-    for one in covariance.whiteners(track, PRIOR, [1]):
+    every = noise.whiteners(track, PRIOR)
+    for one in noise.whiteners(track, PRIOR, [1]):
         np.testing.assert_allclose(one.matrix, every[one.number].matrix, rtol=1e-12, atol=1e-12)
         assert one.log_det == pytest.approx(every[one.number].log_det)

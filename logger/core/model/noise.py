@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.blocks import READINGS_BELIEVED, Blocks
-from logger.core.locator.prior import Prior
+from logger.core.model.blocks import READINGS_BELIEVED, Blocks
+from logger.core.model.prior import Prior
 
 _ROUNDING_DB2 = 1.0 / 12.0
 _SMALL = 16
@@ -39,7 +39,7 @@ def covariances(blocks: Blocks, prior: Prior, numbers: Sequence[int] | None = No
     k = np.stack([(1.0 - h.white_share) * shadowed.get(h.decorrelation_m, none) for h in chosen])
     diagonal = np.arange(len(blocks))
     k[:, diagonal, diagonal] += [
-        own_variance(blocks.readings, h.white_share, prior.sigma_db) for h in chosen
+        independent_variance(blocks.readings, h.white_share, prior.sigma_db) for h in chosen
     ]
     of_modems = offset_covariance(blocks.modem, prior)
     return k if of_modems is None else k + of_modems
@@ -52,7 +52,7 @@ def correlation(apart_m: FloatArray, decorrelation_m: float) -> FloatArray:
     return np.asarray(np.exp(-apart_m / max(decorrelation_m, 1.0)), float)
 
 
-def own_variance(
+def independent_variance(
     readings: FloatArray | float, white_share: FloatArray | float, sigma_db: float
 ) -> FloatArray:
     """What only the block itself has of K's diagonal: fading and rounding to 1 dB.

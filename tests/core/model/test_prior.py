@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from logger.core.errors import ConfigError
-from logger.core.locator.prior import ENVIRONMENTS, Hypothesis, Prior, prior_for
+from logger.core.model.prior import ENVIRONMENTS, Hypothesis, Prior, prior_for
 
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)

@@ -1,0 +1,13 @@
+"""The measurement model: how strong a transmitter is received, and how that is disturbed.
+
+The level z_k of block k of the walk, received from a transmitter at (x, y):
+
+    z = P0 - eta L(x, y) + offsets of modems + antenna pattern + v,    v ~ N(0, sigma^2 K)
+
+    path_loss  L, its slope and the receiver's error: the only place with a logarithm of a distance
+    prior      what is assumed before the walk; the hypotheses of the noise with their trust
+    blocks     readings -> blocks of readings taken at one point
+    noise      K of the blocks for each hypothesis, and the matrices that whiten it
+
+Every estimator uses this package, live and offline; it imports none of them.
+"""
