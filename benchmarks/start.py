@@ -1,14 +1,12 @@
-"""How long after its start a process has the first bytes of a run on the card.
+"""Time from the start of a process to the first durable bytes of a run.
 
-    python benchmarks/start.py [--times 20] [--busy 4] [--tree PATH]
+python benchmarks/start.py [--times 20] [--busy 4] [--tree PATH]
 
-`fieldlogger run` is started anew each time, as it stands in `--tree` (default: here), beside so
-many busy loops. Its `os.pwrite`, `os.fsync` and `os.fdatasync` are watched: durable is the first
-flush that returns after a frame was written.
+`fieldlogger run` of the source tree `--tree` is started `--times` times, beside `--busy` busy
+loops. The first durable bytes are those of the first flush that returns after a frame was written.
 """
 
 import argparse
-import os
 import statistics
 import subprocess
 import sys
@@ -18,26 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-_WATCHED = """
-import os, sys, time
-told, framed = int(sys.argv.pop()), False
-
-def pwrite(fd, data, offset, real=os.pwrite):
-    global framed
-    framed = framed or bytes(data[:4]) == b"CWJ1"
-    return real(fd, data, offset)
-
-def flushing(real):
-    def flush(fd):
-        real(fd)
-        if framed:
-            os.write(told, b"%d\\n" % time.clock_gettime_ns(time.CLOCK_BOOTTIME))
-    return flush
-
-os.pwrite, os.fsync, os.fdatasync = pwrite, flushing(os.fsync), flushing(os.fdatasync)
-from logger.cli import main
-main()
-"""
+from tests.kit.first_flush import ROOT, first_flush, instrumented_service
 
 _SITE = """
 [run]
@@ -51,47 +30,37 @@ port = "{folder}/no-receiver"
 
 @contextmanager
 def busy(loops: int) -> Iterator[None]:
-    """So many processes that do nothing but take the processor."""
-    running = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(loops)]
+    """Run processes that only use the processor."""
+    processes = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(loops)]
     try:
         yield
     finally:
-        for process in running:
+        for process in processes:
             process.kill()
             process.wait()
 
 
 def start_s(folder: Path, tree: Path) -> float:
-    """Seconds from the start of a process to its first durable bytes; it is killed then."""
+    """Seconds from the start of a process to its first durable bytes."""
     site = folder / "site.toml"
     site.write_text(_SITE.format(folder=folder))
-    heard, told = os.pipe()
-    command = [sys.executable, "-c", _WATCHED, "run", "--config", str(site), str(told)]
-    begun_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)
-    environment = os.environ | {"PYTHONPATH": str(tree)}
-    # the current folder comes first in the path, before the tree
-    with subprocess.Popen(
-        command, pass_fds=[told], env=environment, cwd=folder, stderr=subprocess.DEVNULL
-    ) as process:
-        os.close(told)
-        with os.fdopen(heard) as lines:
-            first = lines.readline()
-        process.kill()
-    return (int(first) - begun_ns) / 1e9
+    start_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+    with instrumented_service(site, tree) as process:
+        return (first_flush(process).boottime_ns - start_ns) / 1e9
 
 
 def main() -> None:
-    """Print median and worst."""
+    """Print the median and the longest time."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--times", type=int, default=20)
     parser.add_argument("--busy", type=int, default=0)
-    parser.add_argument("--tree", type=Path, default=Path(__file__).parents[1])
-    arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder, busy(arguments.busy):
-        found = sorted(start_s(Path(folder), arguments.tree) for _ in range(arguments.times))
+    parser.add_argument("--tree", type=Path, default=ROOT)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder, busy(options.busy):
+        times_s = sorted(start_s(Path(folder), options.tree) for _ in range(options.times))
     print(
-        f"start to first durable byte, beside {arguments.busy} busy loops, {len(found)} starts: "
-        f"median {statistics.median(found):.2f} s, worst {found[-1]:.2f} s"
+        f"start to first durable byte, beside {options.busy} busy loops, {len(times_s)} starts: "
+        f"median {statistics.median(times_s):.2f} s, longest {times_s[-1]:.2f} s"
     )
 
 

@@ -18,7 +18,7 @@ from logger.core.locator.posterior import locate
 from logger.core.locator.timing_advance import STEP_M
 from logger.core.model.prior import Prior
 from logger.core.observations import LAST_TA, CellObservations
-from tests.kit.walks import covered, observations, path, shadowing
+from tests.kit.walks import observations, path, region_contains, shadowing
 
 SHAPES = ("L", "square", "random", "straight")
 
@@ -90,7 +90,7 @@ def compare(case: Case, runs: int, seed: int, prior: Prior = Prior()) -> np.ndar
         for j, heard in enumerate((replace(obs, ta=None), obs)):
             answer = locate(heard, prior)
             error_m = np.hypot(answer.x_m - source[0], answer.y_m - source[1])
-            found[i, j] = error_m, answer.region_area_m2, covered(answer, source)
+            found[i, j] = error_m, answer.region_area_m2, region_contains(answer, source)
     return found
 
 

@@ -29,7 +29,7 @@ from postproc.view.scene import write_scene
 from postproc.view.series import draw_levels
 from postproc.view.timeline import unfold
 from postproc.view.view_model import of_one, story_of
-from tests.kit.headless import DRIVER, MISSING, headless, settled
+from tests.kit.headless_viewer import DRIVER, MISSING, headless_viewer, stable_screenshot
 
 CELLS = 8
 WALKS = {"1 h": (3_600, 2), "28 h": (100_000, 2)}
@@ -134,12 +134,12 @@ def _measure(name: str, run: Run, folder: Path) -> None:
 
 def _opened_s(path: Path) -> float:
     """Seconds until a fresh viewer shows the walk, its window laid out and the plan at rest."""
-    with tempfile.TemporaryDirectory() as folder, headless(Path(folder)) as client:
+    with tempfile.TemporaryDirectory() as folder, headless_viewer(Path(folder)) as client:
         begun = time.perf_counter()
         client.open(str(path))
         while not client.get_state().views:
             time.sleep(0.1)
-        settled(client, "Plan")
+        stable_screenshot(client, "Plan")
         return time.perf_counter() - begun
 
 

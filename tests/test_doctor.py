@@ -17,8 +17,8 @@ from logger.drivers.registry import FAMILIES
 from logger.sim.dialects import DIALECTS
 from logger.sim.ptys import PtyDevice, answering
 from tests.kit import runs, service
-from tests.kit.modes import Watched
-from tests.kit.sim import devices
+from tests.kit.mode_modems import ObservedModem
+from tests.kit.simulated_devices import simulated_devices
 
 S = 10**9
 
@@ -42,7 +42,7 @@ def _trial(site, capsys, *ok, seconds=(3, 12, 60)):
 
 
 def test_a_trial_on_real_ports_finds_all_well(tmp_path, capsys):
-    with devices() as (modem, gnss, _):
+    with simulated_devices() as (modem, gnss, _):
         site = service.site_toml(tmp_path, modem.path, gnss.path)
         code, lines = _trial(site, capsys, "modem", "readings", "gnss", "SIM")
     assert code == 0, lines
@@ -56,7 +56,7 @@ def test_a_trial_on_real_ports_finds_all_well(tmp_path, capsys):
 
 
 def test_a_silent_modem_is_told_with_what_to_do(tmp_path, capsys):
-    with devices() as (_, gnss, silent):
+    with simulated_devices() as (_, gnss, silent):
         site = service.site_toml(tmp_path, silent.path, gnss.path)
         code, lines = _trial(site, capsys, "gnss")
     assert code == 2
@@ -66,27 +66,27 @@ def test_a_silent_modem_is_told_with_what_to_do(tmp_path, capsys):
 
 
 def test_a_run_under_way_is_looked_at_and_not_disturbed(tmp_path, capsys):
-    with devices() as (modem, gnss, _):
+    with simulated_devices() as (modem, gnss, _):
         site = service.site_toml(tmp_path, modem.path, gnss.path)
-        with service.running(site) as logger:
+        with service.running_service(site) as logger:
             service.wait_for(lambda: doctor.recording(tmp_path / "runs") is not None)
             service.wait_for(lambda: "usable" in _doctor(site, capsys))
-            service.stopped(logger)
+            service.stop_service(logger)
     assert doctor.recording(tmp_path / "empty") is None
 
 
 def test_a_running_service_is_asked_and_not_guessed_at(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
-    with devices() as (modem, gnss, _):
+    with simulated_devices() as (modem, gnss, _):
         site = service.site_toml(tmp_path, modem.path, gnss.path)
-        with service.running(site) as logger:
+        with service.running_service(site) as logger:
             service.wait_for(lambda: "ok    status: recording:" in _doctor(site, capsys))
             out = _doctor(site, capsys)
             assert "ok    card: has taken everything up to" in out
             assert "ok    queue: " in out
             gnss.unplug()
             service.wait_for(lambda: "fail  status: error:" in _doctor(site, capsys))
-            service.stopped(logger)
+            service.stop_service(logger)
 
 
 def test_what_a_service_says_of_itself_is_judged():
@@ -131,7 +131,7 @@ def test_undervoltage_as_the_firmware_tells_it(tmp_path, bits, state):
 
 
 def test_who_else_holds_the_port_is_named():
-    with devices() as (modem, _, _):
+    with simulated_devices() as (modem, _, _):
         held = os.open(modem.path, os.O_RDWR | os.O_NOCTTY)
         child = os.fork()
         if child == 0:
@@ -223,7 +223,7 @@ def test_the_last_line_is_the_verdict_on_all(lines, state, says):
 
 def _lte(tmp_path, set_mode=""):
     """A configuration, and a SIM7600 that its owner has set to LTE only."""
-    modem = Watched(DIALECTS["sim7600"], tmp_path)
+    modem = ObservedModem(DIALECTS["sim7600"], tmp_path)
     modem.modem.feed(b"AT+CNMP=38\r")
     site = service.site_toml(tmp_path, str(tmp_path / "modem"), str(tmp_path / "none"))
     mode = f'set_mode = "{set_mode}"\n' if set_mode else ""

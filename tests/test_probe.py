@@ -15,14 +15,14 @@ from logger.sim.clock import WalkTime
 from logger.sim.dialects import DIALECTS
 from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
-from tests.kit.sim import devices
+from tests.kit.simulated_devices import simulated_devices
 
 HAVE_A_RECEIVER = {"sim808", "sim7000", "sim7600", "ec25"}
 
 
 @pytest.fixture
 def ports():
-    with devices() as (modem, gnss, silent):
+    with simulated_devices() as (modem, gnss, silent):
         yield {modem.path: "", gnss.path: "", silent.path: ""}
 
 

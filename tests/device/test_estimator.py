@@ -9,7 +9,7 @@ from logger.device import estimator
 from logger.device.estimator import Estimator
 from logger.device.link import Inbox
 from tests.kit import runs
-from tests.kit.service import LIMIT_S, ends
+from tests.kit.service import LIMIT_S, assert_ends
 
 S = 10**9
 
@@ -60,7 +60,7 @@ def test_a_slow_processor_holds_nobody_up_and_is_told(monkeypatch):
     slow, taken = Slow(LiveSettings()), []
     beside = Estimator(lambda: slow, Inbox())
     beside.start()
-    ends(lambda: taken.extend(beside.give(seq, record) for seq, record in walk(30)))
+    assert_ends(lambda: taken.extend(beside.give(seq, record) for seq, record in walk(30)))
     assert len(taken) == 60
     assert taken[0]
     assert not taken[-1]

@@ -35,7 +35,7 @@ def _codes(run):
 def _whole(card, n_put):
     """The run on the card holds every record that was put, and is as it was sealed."""
     run = read_run(card.folder / "run-000001.journal")
-    assert faults.counted(run) == list(range(n_put))
+    assert faults.raw_counts(run) == list(range(n_put))
     assert not run.damage
     assert sealing_of(run.path).holds
     return run
@@ -87,8 +87,8 @@ def test_after_an_io_error_the_run_goes_on_in_a_new_file(card, operation):
         (f.start for f in scan(data) if isinstance(f, Frame) and f.number == begins), len(data)
     )
     first.write_bytes(data[:lost] + bytes(len(data) - lost))
-    assert faults.counted(read_run(first)) == list(range(n_put))
-    assert faults.counted(read_run(finish_journal(first))) == list(range(n_put))
+    assert faults.raw_counts(read_run(first)) == list(range(n_put))
+    assert faults.raw_counts(read_run(finish_journal(first))) == list(range(n_put))
 
 
 def test_a_name_that_is_taken_does_not_stop_it(card):
@@ -128,7 +128,7 @@ def test_what_finds_no_room_in_memory_is_counted(card):
         recorder.wait_durable(50)
         n_put = recorder.stop()
     run = read_run(card.folder / "run-000001.journal")
-    got = faults.counted(run)
+    got = faults.raw_counts(run)
     (text,) = [row["text"].decode() for row in run.tables["notes"] if row["code"] == b"overflow"]
     assert got == sorted(set(got))
     assert n_put - len(got) == int(text.split()[0]) > 0
@@ -197,7 +197,7 @@ def test_every_system_call_boundary_of_a_recording_is_readable(card, tmp_path):
 
 def _readable(folder, at_least):
     run = read_run(folder / "run-000001.journal")
-    got = faults.counted(run)
+    got = faults.raw_counts(run)
     assert got == list(range(len(got)))
     assert len(got) >= at_least
     return len(got)

@@ -60,7 +60,7 @@ def test_a_real_log_through_a_real_gpsd(tmp_path):
     port = _free_port()
     player = NmeaPlayer(log, bytes_per_s=5000)
     site = service.site_toml(tmp_path, str(tmp_path / "none"), f"gpsd://localhost:{port}")
-    with PtyDevice(player) as gnss, service.running(site) as logger:
+    with PtyDevice(player) as gnss, service.running_service(site) as logger:
         service.wait_for(
             lambda: any(b"running?" in row["text"] for row in _rows(tmp_path, "notes"))
         )
@@ -69,7 +69,7 @@ def test_a_real_log_through_a_real_gpsd(tmp_path):
         service.wait_for(
             lambda: any(b"disconnected" in row["text"] for row in _rows(tmp_path, "notes"))
         )
-        service.stopped(logger)
+        service.stop_service(logger)
     (path,) = (tmp_path / "runs").glob("run-*.h5")
     run = read_run(path)
     fixes = run.tables["fixes"][run.tables["fixes"]["valid"] == 1]

@@ -36,13 +36,13 @@ def _rows(folder):
 
 @pytest.mark.parametrize("seed", range(KILLS))
 def test_kill_9_loses_nothing_that_was_written(tmp_path, seed, capsys):
-    player = NmeaPlayer(service.epochs(10_000, rate_hz=10), bytes_per_s=1500)
+    player = NmeaPlayer(service.nmea_epochs(10_000, rate_hz=10), bytes_per_s=1500)
     with (
         PtyDevice(player) as gnss,
         PtyDevice(answering(TranscriptModem([service.CENG] * 100_000))) as port,
     ):
         config = service.site_toml(tmp_path, port.path, gnss.path)
-        with service.running(config) as logger:
+        with service.running_service(config) as logger:
             service.wait_for(lambda: _rows(tmp_path / "runs"))
             time.sleep(random.Random(seed).uniform(0.0, 3.0))
             seen = _rows(tmp_path / "runs")
@@ -59,7 +59,7 @@ def test_kill_9_loses_nothing_that_was_written(tmp_path, seed, capsys):
         assert postproc(["smooth", str(journal), "--json"]) == 0
         capsys.readouterr()
         # the next start makes the HDF5 of the run that was cut
-        with service.running(config, "--duration", "1") as again:
+        with service.running_service(config, "--duration", "1") as again:
             assert again.communicate(timeout=service.LIMIT_S)[0]
     runs = [read_run(p) for p in (tmp_path / "runs").glob("run-*.h5") if ".post" not in p.name]
     assert sorted(run.end is None for run in runs) == [False, True]

@@ -128,7 +128,9 @@ def test_rows_that_came_unasked_before_a_hang_up_are_readings(session):
 def test_the_epoch_before_a_hang_up_is_a_fix():
     device = Device()
     with linked(gnss_session, device.path, "gnss") as heard:
-        said = service.epochs(3).rpartition(b"$GNGGA")[0]  # of the last one only the RMC has come
+        said = service.nmea_epochs(3).rpartition(b"$GNGGA")[
+            0
+        ]  # of the last one only the RMC has come
         device.say(said)
         device.hang_up(heard, said)
         service.wait_for(lambda: any(note.value.code == "port-lost" for note in heard(Note)))

@@ -4,7 +4,7 @@ import pytest
 
 from logger.device import leds
 from logger.device.leds import Lamp
-from tests.kit.service import ends, wait_for
+from tests.kit.service import assert_ends, wait_for
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def test_a_change_is_shown_at_once_and_the_end_does_not_wait_for_a_flash(led, mo
             lamp.show("recording")
             _shows(led, "0")
 
-    ends(show)
+    assert_ends(show)
     assert (led / "trigger").read_text() == "mmc0"
 
 

@@ -11,7 +11,7 @@ from logger.device.clock import ScaledClock
 from logger.sim.clock import WalkTime
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
-from tests.kit.walked import Walked, go_on, service
+from tests.kit.recorded_runs import RecordedRun, make_service, record_until
 
 BLOCK = scenario("clear")
 CELLS = {(t.mcc, t.mnc, t.lac, t.cid) for t in BLOCK.world.transmitters}
@@ -66,10 +66,10 @@ def test_a_digit_lost_again_and_again_makes_no_cell_that_is_sure(tmp_path, name)
     clock = ScaledClock(SPEED)
     modem = Leaky(BLOCK.modem(WalkTime(clock).now_s, name), NUMBERS[name])
     with PtyDevice(answering(modem)) as port:
-        under_way = service(tmp_path, clock, port.path, 0.0, 0.05 * SPEED)
+        under_way = make_service(tmp_path, clock, port.path, 0.0, 0.05 * SPEED)
         under_way.start()
-        go_on(under_way, clock, lambda walked: len(walked.scans()) >= ENOUGH)
-        walked = Walked(read_run(under_way.stop("end")))
+        record_until(under_way, clock, lambda walked: len(walked.scans()) >= ENOUGH)
+        walked = RecordedRun(read_run(under_way.stop("end")))
     assert modem.lost >= ENOUGH // EACH - 1
     readings = [reading for _, found in walked.scans() for reading in found]
     false = [

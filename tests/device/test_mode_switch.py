@@ -20,7 +20,7 @@ from logger.sim.dialects import DIALECTS
 from logger.sim.dialects.dialect import who
 from logger.sim.ptys import PtyDevice, answering
 from tests.kit import service
-from tests.kit.modes import MODELS, Watched
+from tests.kit.mode_modems import MODELS, ObservedModem
 
 LIMIT_S = 60.0
 SIM7100 = replace(DIALECTS["sim7600"], says=who(["SIM7100"], "SIMCOM", "SIMCOM_SIM7100E", "1.0"))
@@ -72,7 +72,7 @@ def notes(run):
 
 def run_once(folder, dialect, set_mode="gsm", until=None, watched=None):
     """A run with a modem until a condition holds or it has scanned; its notes, and the modem."""
-    modem = watched or Watched(dialect, folder)
+    modem = watched or ObservedModem(dialect, folder)
     with (
         PtyDevice(answering(modem)) as port,
         recording(folder, port.path, set_mode) as (found, scans),
@@ -92,7 +92,7 @@ def test_every_command_is_tried():
 @pytest.mark.parametrize("name", MODELS)
 def test_gsm_only_is_set_and_set_back_at_the_stop(tmp_path, name):
     setting, before, value, sent = CHOICES[name]
-    modem = Watched(MODELS[name], tmp_path)
+    modem = ObservedModem(MODELS[name], tmp_path)
     with PtyDevice(answering(modem)) as port, recording(tmp_path, port.path) as (found, scans):
         service.wait_for(lambda: sent in modem.lines, LIMIT_S)
         since = scans()
@@ -117,7 +117,7 @@ def test_without_the_setting_nothing_about_it_is_sent(tmp_path, name):
 
 
 def test_a_modem_on_gsm_only_is_left_so(tmp_path):
-    modem = Watched(MODELS["sim7600"], tmp_path)
+    modem = ObservedModem(MODELS["sim7600"], tmp_path)
     modem.modem.feed(b"AT+CNMP=13\r")
     noted, _ = run_once(tmp_path, None, watched=modem)
     assert "mode-gsm" in noted
@@ -144,7 +144,7 @@ def test_what_cannot_be_read_is_not_changed(tmp_path, name, why):
     assert not file_of(tmp_path).exists()
 
 
-class Deaf(Watched):
+class Deaf(ObservedModem):
     """A modem that does not hear some questions."""
 
     lost = 0
@@ -174,11 +174,11 @@ def _site(tmp_path, port, set_mode):
 
 
 def test_sigterm_sets_it_back(tmp_path):
-    modem = Watched(MODELS["sim7600"], tmp_path / "runs")
+    modem = ObservedModem(MODELS["sim7600"], tmp_path / "runs")
     with PtyDevice(answering(modem)) as port:
-        with service.running(_site(tmp_path, port.path, "gsm")) as logger:
+        with service.running_service(_site(tmp_path, port.path, "gsm")) as logger:
             service.wait_for(lambda: modem.setting("+CNMP") == "13", LIMIT_S)
-            service.stopped(logger)
+            service.stop_service(logger)
     assert modem.setting("+CNMP") == "2"
     (run,) = (tmp_path / "runs").glob("run-*.h5")
     assert "mode-restored" in notes(read_run(run))
@@ -187,7 +187,7 @@ def test_sigterm_sets_it_back(tmp_path):
 def test_a_stop_in_the_middle_of_the_change(tmp_path):
     """The modem takes its time for the command and hears nothing meanwhile."""
     dialect = replace(MODELS["sim7600"], takes_s={"+CNMP=13": 3.0})
-    modem = Watched(dialect, tmp_path, time.monotonic)
+    modem = ObservedModem(dialect, tmp_path, time.monotonic)
     with PtyDevice(answering(modem)) as port, recording(tmp_path, port.path) as (found, _):
         service.wait_for(lambda: "AT+CNMP=13" in modem.lines, LIMIT_S)
     assert modem.setting("+CNMP") == "2"
@@ -198,9 +198,9 @@ def test_a_stop_in_the_middle_of_the_change(tmp_path):
 @pytest.mark.parametrize("set_mode", ["", "gsm"])
 def test_after_kill_9_the_next_start_sets_it_back(tmp_path, set_mode):
     folder = tmp_path / "runs"
-    modem = Watched(MODELS["sim7600"], folder)
+    modem = ObservedModem(MODELS["sim7600"], folder)
     with PtyDevice(answering(modem)) as port:
-        with service.running(_site(tmp_path, port.path, "gsm")) as logger:
+        with service.running_service(_site(tmp_path, port.path, "gsm")) as logger:
             service.wait_for(lambda: modem.setting("+CNMP") == "13", LIMIT_S)
             logger.kill()
             logger.communicate()
@@ -209,12 +209,12 @@ def test_after_kill_9_the_next_start_sets_it_back(tmp_path, set_mode):
         assert (kept["asks"], kept["value"]) == ("AT+CNMP?", "2")
         modem.modem.restart()
         sent = len(modem.lines)
-        with service.running(_site(tmp_path, port.path, set_mode)) as logger:
+        with service.running_service(_site(tmp_path, port.path, set_mode)) as logger:
             if set_mode:
                 service.wait_for(lambda: modem.lines[sent:].count("AT+CPSI?") > 1, LIMIT_S)
             else:
                 service.wait_for(lambda: modem.setting("+CNMP") == "2", LIMIT_S)
-            service.stopped(logger)
+            service.stop_service(logger)
     assert modem.setting("+CNMP") == "2"
     assert not file_of(folder).exists()
     last = notes(read_run(max(folder.glob("run-*.h5"))))
@@ -223,7 +223,7 @@ def test_after_kill_9_the_next_start_sets_it_back(tmp_path, set_mode):
 
 
 def test_a_modem_pulled_out_is_set_back_when_it_is_there_again(tmp_path):
-    modem = Watched(MODELS["sim7600"], tmp_path)
+    modem = ObservedModem(MODELS["sim7600"], tmp_path)
     with PtyDevice(answering(modem), tmp_path / "modem") as port:
         with recording(tmp_path, port.path) as (found, _):
             service.wait_for(lambda: modem.setting("+CNMP") == "13", LIMIT_S)
@@ -244,7 +244,7 @@ def test_a_modem_pulled_out_is_set_back_when_it_is_there_again(tmp_path):
     "other", [DIALECTS["ec25"], SIM7100], ids=["another family", "another model"]
 )
 def test_another_modem_is_not_given_what_was_of_the_first(tmp_path, other):
-    first = Watched(MODELS["sim7600"], tmp_path)
+    first = ObservedModem(MODELS["sim7600"], tmp_path)
     with PtyDevice(answering(first), tmp_path / "modem") as port, recording(tmp_path, port.path):
         service.wait_for(lambda: first.setting("+CNMP") == "13", LIMIT_S)
         port.unplug()
@@ -270,7 +270,7 @@ def test_another_modem_is_not_given_what_was_of_the_first(tmp_path, other):
 
 
 def test_what_the_owner_has_changed_since_is_left_so(tmp_path):
-    modem = Watched(MODELS["sim7600"], tmp_path)
+    modem = ObservedModem(MODELS["sim7600"], tmp_path)
     file_of(tmp_path).write_text(
         json.dumps(
             [{"driver": "sim7600", "model": "SIMCOM_SIM7600E-H", "asks": "AT+CNMP?", "value": "2"}]
@@ -285,7 +285,7 @@ def test_what_the_owner_has_changed_since_is_left_so(tmp_path):
 
 @pytest.mark.parametrize("value", ["2;+CFUN=0", "", "1,1"])
 def test_a_value_that_is_none_is_not_sent(tmp_path, value):
-    modem = Watched(MODELS["sim7600"], tmp_path)
+    modem = ObservedModem(MODELS["sim7600"], tmp_path)
     modem.modem.feed(b"AT+CNMP=13\r")
     file_of(tmp_path).write_text(
         json.dumps(
@@ -323,7 +323,7 @@ def test_a_modem_that_forgets_is_set_again(tmp_path):
     """One whose choice does not outlast the power."""
     dialect = MODELS["sim7600"]
     forgets = {**dialect.settings, "+CNMP": replace(dialect.settings["+CNMP"], stored=False)}
-    modem = Watched(replace(dialect, settings=forgets), tmp_path)
+    modem = ObservedModem(replace(dialect, settings=forgets), tmp_path)
     with PtyDevice(answering(modem)) as port, recording(tmp_path, port.path):
         service.wait_for(lambda: modem.setting("+CNMP") == "13", LIMIT_S)
         modem.modem.restart()

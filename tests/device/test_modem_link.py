@@ -14,7 +14,7 @@ from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
-from tests.kit.walked import Walked, go_on, service
+from tests.kit.recorded_runs import RecordedRun, make_service, record_until
 
 BLOCK = scenario("clear")
 CELLS = {(t.mcc, t.mnc, t.lac, t.cid) for t in BLOCK.world.transmitters}
@@ -52,15 +52,15 @@ EVENTS = {
 IN_A_SCAN = "brown-out in a full scan"
 
 
-def _walk(folder, name) -> Walked:
+def _walk(folder, name) -> RecordedRun:
     """A short walk with one modem at many times the speed."""
     clock = ScaledClock(SPEED)
     walk_time = WalkTime(clock)
     with PtyDevice(answering(BLOCK.modem(walk_time.now_s, name))) as port:
-        under_way = service(folder / name, clock, port.path, 70.0, 0.05 * SPEED)
+        under_way = make_service(folder / name, clock, port.path, 70.0, 0.05 * SPEED)
         under_way.start()
-        go_on(under_way, clock, lambda walked: _has_shown_all(walked, name))
-        return Walked(read_run(under_way.stop("end")))
+        record_until(under_way, clock, lambda walked: _has_shown_all(walked, name))
+        return RecordedRun(read_run(under_way.stop("end")))
 
 
 def _has_shown_all(walked, name) -> bool:
@@ -140,9 +140,9 @@ def test_the_receiver_of_the_modem_gives_the_fixes(tmp_path, name):
     clock = ScaledClock(SPEED)
     walk_time = WalkTime(clock)
     with PtyDevice(answering(BLOCK.modem(walk_time.now_s, name))) as port:
-        under_way = service(tmp_path, clock, port.path, 0, 1.0, gnss="modem")
+        under_way = make_service(tmp_path, clock, port.path, 0, 1.0, gnss="modem")
         under_way.start()
-        go_on(under_way, clock, lambda walked: walked.run.tables["fixes"]["valid"].sum() > 5)
+        record_until(under_way, clock, lambda walked: walked.run.tables["fixes"]["valid"].sum() > 5)
         run = read_run(under_way.stop("end"))
     fixes = run.tables["fixes"]
     found = fixes[fixes["valid"] == 1]
@@ -169,7 +169,7 @@ class Story:
         self._began_s = time.monotonic()
 
 
-def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b"") -> Walked:
+def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b"") -> RecordedRun:
     """A walk in real time: some whole scans (or the begin of a full one), a fault, and whole scans
     again.
     """
@@ -179,9 +179,9 @@ def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b""
     session = answering(modem if fault == "unplug" else Misbehaving(modem, fault, *during_s, story))
     folder.mkdir(parents=True, exist_ok=True)
     with PtyDevice(session, folder / "modem") as port:
-        under_way = service(folder, clock, port.path, 600.0 if scan else 0.0, 0.1)
+        under_way = make_service(folder, clock, port.path, 600.0 if scan else 0.0, 0.1)
         under_way.start()
-        go_on(
+        record_until(
             under_way,
             clock,
             lambda walked: scan in _sent(walked) if scan else len(walked.scans()) > 10,
@@ -197,10 +197,10 @@ def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b""
         end_s = start_s + during_s[1] - during_s[0]
 
         def is_well(walked):
-            return len(_whole_again(Walked(walked.run, start_s, end_s))) > 10
+            return len(_whole_again(RecordedRun(walked.run, start_s, end_s))) > 10
 
-        go_on(under_way, clock, is_well)
-        return Walked(read_run(under_way.stop("end")), start_s, end_s)
+        record_until(under_way, clock, is_well)
+        return RecordedRun(read_run(under_way.stop("end")), start_s, end_s)
 
 
 def _sent(walked) -> bytes:
@@ -224,7 +224,7 @@ def misbehaved(tmp_path_factory):
         return {fault: walked.result() for fault, walked in under_way.items()}
 
 
-def _whole_again(walked: Walked) -> list[float]:
+def _whole_again(walked: RecordedRun) -> list[float]:
     """Begins of the scans after the end of the fault from which on all are whole; the stop may cut
     the last one.
     """
@@ -239,7 +239,7 @@ def _whole_again(walked: Walked) -> list[float]:
     return begins
 
 
-def recovered_s(walked: Walked) -> float:
+def recovered_s(walked: RecordedRun) -> float:
     """Seconds from the end of the fault to the first scan after which all are whole."""
     return next(iter(_whole_again(walked)), float("inf")) - walked.end_s
 

@@ -10,7 +10,7 @@ from logger.core.runfile import read_run
 from logger.device import notify
 from logger.device.notify import ServiceManager
 from tests.kit import service
-from tests.kit.sim import devices
+from tests.kit.simulated_devices import simulated_devices
 
 
 @pytest.fixture(params=["path", "abstract"])
@@ -56,12 +56,12 @@ def test_a_systemd_that_does_not_read_holds_nobody_up(heard, monkeypatch):
         for _ in range(queue + 100):  # until its queue is full, and beyond
             manager.alive()
 
-    service.ends(tell)
+    service.assert_ends(tell)
 
 
 def test_systemd_is_told_of_the_start_the_durable_ticks_and_the_stop(tmp_path, monkeypatch):
-    with service.systemd(monkeypatch, tmp_path) as said, devices() as (modem, gnss, _):
-        with service.running(service.site_toml(tmp_path, modem.path, gnss.path)) as logger:
+    with service.systemd(monkeypatch, tmp_path) as said, simulated_devices() as (modem, gnss, _):
+        with service.running_service(service.site_toml(tmp_path, modem.path, gnss.path)) as logger:
             service.wait_for(lambda: "READY=1" in said())
             assert read_run(next((tmp_path / "runs").glob("*.journal"))).meta.origin == "walk"
             service.wait_for(lambda: said().count("WATCHDOG=1") >= 3)
@@ -77,7 +77,7 @@ def test_systemd_is_told_of_the_start_the_durable_ticks_and_the_stop(tmp_path, m
             assert said().count("WATCHDOG=1") == fed
             logger.send_signal(signal.SIGCONT)
             service.wait_for(lambda: said().count("WATCHDOG=1") >= fed + 3)
-            service.stopped(logger)
+            service.stop_service(logger)
         words = said()
     assert words.index("READY=1") < words.index("STOPPING=1")
     assert any(word.startswith("STATUS=") and "fixes" in word for word in words)
@@ -87,18 +87,18 @@ def test_earlier_runs_are_recovered_by_the_service_itself_only_without_systemd(
     tmp_path, monkeypatch
 ):
     """Under systemd that is a unit of its own."""
-    with devices() as (modem, gnss, _):
+    with simulated_devices() as (modem, gnss, _):
         site = service.site_toml(tmp_path, modem.path, gnss.path)
         first, second = (tmp_path / f"runs/run-00000{n}.h5" for n in (1, 2))
         with service.systemd(monkeypatch, tmp_path) as said:
-            with service.running(site) as logger:
+            with service.running_service(site) as logger:
                 service.wait_for(lambda: "READY=1" in said())
                 logger.kill()
-            with service.running(site) as logger:
+            with service.running_service(site) as logger:
                 service.wait_for(lambda: said().count("READY=1") == 2)
-                service.stopped(logger)
+                service.stop_service(logger)
         assert (first.exists(), second.exists()) == (False, True)
         monkeypatch.delenv("NOTIFY_SOCKET")
-        with service.running(site, "--duration", "1") as logger:
+        with service.running_service(site, "--duration", "1") as logger:
             logger.communicate(timeout=service.LIMIT_S)
     assert read_run(first).end is None

@@ -7,7 +7,7 @@ from logger.core.runfile import read_run
 from logger.core.types import Fix, Note, RawBytes, Record, Scan
 from logger.device.port_swap import PATIENCE_S, Placement
 from tests.kit import runs, service
-from tests.kit.sim import devices
+from tests.kit.simulated_devices import simulated_devices
 
 S = 10**9
 NMEA = RawBytes(b"$GPGGA,,,,,,0,,,,,,,,*66\r\n")
@@ -107,13 +107,13 @@ def _recorded(folder, table):
 
 @pytest.mark.slow
 def test_the_service_exchanges_ports_that_are_swapped(tmp_path):
-    with devices(rate=1.0) as (modem, gnss, _):
+    with simulated_devices(rate=1.0) as (modem, gnss, _):
         site = service.site_toml(tmp_path, gnss.path, modem.path)
         site.write_text(site.read_text().replace('driver = "sim800"', 'driver = "auto"'))
-        with service.running(site) as logger:
+        with service.running_service(site) as logger:
             service.wait_for(lambda: _recorded(tmp_path / "runs", "fixes") > 15)
             service.wait_for(lambda: _recorded(tmp_path / "runs", "scans") > 5)
-            run = read_run(Path(service.stopped(logger).strip()))
+            run = read_run(Path(service.stop_service(logger).strip()))
     codes = [row["code"].decode() for row in run.tables["notes"]]
     assert codes.count("ports-exchanged") == 1
     assert codes.index("ports-exchanged") < codes.index("modem-identified")

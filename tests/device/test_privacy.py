@@ -9,7 +9,7 @@ from logger.sim.player import NmeaPlayer, TranscriptModem
 from logger.sim.ptys import PtyDevice, answering
 from postproc.cli import main as postproc
 from tests.kit import service
-from tests.kit.secrets import FORMS, found_in
+from tests.kit.secrets import FORMS, leaked_secrets
 
 SAID = [b"\r\n" + form.encode("latin-1") + b"\r\n" for form in FORMS]
 
@@ -38,11 +38,11 @@ def test_no_number_and_no_message_is_in_anything_that_a_run_leaves(tmp_path, cap
     """Devices at each other's ports: the receiver's says what a telephone says, and the modem's
     does too.
     """
-    epochs = service.epochs(len(SAID)).split(b"$GNRMC")[1:]
+    epochs = service.nmea_epochs(len(SAID)).split(b"$GNRMC")[1:]
     nmea = b"".join(b"$GNRMC" + epoch + said for epoch, said in zip(epochs, SAID, strict=True))
     modem, player = Telephone(), NmeaPlayer(nmea)
     with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
-        with service.running(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
+        with service.running_service(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
             service.wait_for(lambda: player.finished.is_set() and not modem.to_say)
             served = modem.served
             service.wait_for(lambda: modem.served > served + 3)
@@ -51,14 +51,14 @@ def test_no_number_and_no_message_is_in_anything_that_a_run_leaves(tmp_path, cap
     (journal,) = (tmp_path / "runs").glob("*.journal")
     hdf5 = journal.with_suffix(".h5")
     for path in (journal, hdf5):
-        left = [found for piece in _everything(path) for found in found_in(piece)]
+        left = [found for piece in _everything(path) for found in leaked_secrets(piece)]
         assert not left
-    assert not found_in((told + errors).encode())
+    assert not leaked_secrets((told + errors).encode())
     for name in ("walk.kml", "walk.csv", "walk.geojson", "walk.gpx"):
         assert postproc(["export", str(hdf5), "-o", str(tmp_path / name)]) == 0
-        assert not found_in((tmp_path / name).read_bytes())
+        assert not leaked_secrets((tmp_path / name).read_bytes())
     assert postproc(["info", str(hdf5), "-v"]) == 0
-    assert not found_in(capfd.readouterr().out.encode())
+    assert not leaked_secrets(capfd.readouterr().out.encode())
     run = read_run(hdf5)
     assert b'+CLIP: "xxxxxxxxxxxx",xxx\r\n' in run.raw_bytes.tobytes()
     # nothing that both devices are there for has suffered

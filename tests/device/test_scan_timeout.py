@@ -18,7 +18,7 @@ from logger.sim.faults import Misbehaving
 from logger.sim.modem import SimulatedModem
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
-from tests.kit.walked import Walked, go_on, service
+from tests.kit.recorded_runs import RecordedRun, make_service, record_until
 
 SCAN = Command("AT+CNETSCAN", timeout_s=90.0, silence_s=50.0)
 OTHER = Command("AT+COPS=?", timeout_s=180.0)
@@ -195,14 +195,14 @@ def record(folder, case):
     def done(walked):
         if len(case.begun_s) < case.survey.parts + 2 + case.abortable:
             return False
-        polled = recovered_s(Walked(walked.run, start_s, start_s + case.due_s)) < math.inf
+        polled = recovered_s(RecordedRun(walked.run, start_s, start_s + case.due_s)) < math.inf
         return polled and (not case.slow_s or walked.notes().count("full-scan") >= 2)
 
     with PtyDevice(answering(case)) as port:
-        under_way = service(folder, clock, port.path, 1.5, 0.1)
+        under_way = make_service(folder, clock, port.path, 1.5, 0.1)
         under_way.start()
-        go_on(under_way, clock, done)
-        return Walked(read_run(under_way.stop("end")), start_s, start_s + case.due_s)
+        record_until(under_way, clock, done)
+        return RecordedRun(read_run(under_way.stop("end")), start_s, start_s + case.due_s)
 
 
 def recorded(folder, cases):

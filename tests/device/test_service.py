@@ -34,10 +34,10 @@ def test_real_drive_and_real_replies_are_recorded_whole(tmp_path, corpus):
     nmea = (corpus / "nmea/01_google_ublox-F9K_drive_2020.nmea").read_bytes()
     player, modem = NmeaPlayer(nmea), TranscriptModem(replies)
     with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
-        with service.running(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
+        with service.running_service(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
             service.wait_for(lambda: player.finished.is_set() and modem.served == len(replies), 120)
             service.wait_for(lambda: _journal_has(tmp_path, "fixes", 1142))
-            service.stopped(logger)
+            service.stop_service(logger)
     run = _only_run(tmp_path)
     assert run.end.reason == "signal SIGTERM"
     fixes = run.tables["fixes"]
@@ -98,7 +98,7 @@ def _identities(readings) -> Counter:
 def test_starts_with_a_device_missing_and_picks_it_up(tmp_path, missing):
     names = {name: str(tmp_path / name) for name in ("modem", "gnss")}
     player, modem = (
-        NmeaPlayer(service.epochs(10_000), bytes_per_s=3000),
+        NmeaPlayer(service.nmea_epochs(10_000), bytes_per_s=3000),
         TranscriptModem([service.CENG] * 100_000),
     )
     with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
@@ -110,12 +110,12 @@ def test_starts_with_a_device_missing_and_picks_it_up(tmp_path, missing):
         site = service.site_toml(
             tmp_path, names["modem"], names["gnss"], "[live]\nmax_fix_age_s = 600.0\n"
         )
-        with service.running(site) as logger:
+        with service.running_service(site) as logger:
             service.wait_for(lambda: _journal_has(tmp_path, first, 5))
             assert not _journal_has(tmp_path, later, 1)
             os.symlink(ptys[missing], names[missing])
             service.wait_for(lambda: _has_marked_scan(tmp_path))
-            service.stopped(logger, signal.SIGINT)
+            service.stop_service(logger, signal.SIGINT)
     run = _only_run(tmp_path)
     assert run.end.reason == "signal SIGINT"
     assert _notes(run).count("port-lost") == 1
@@ -129,11 +129,11 @@ def test_starts_with_a_device_missing_and_picks_it_up(tmp_path, missing):
 
 def test_duration_ends_it_cleanly(tmp_path):
     player, modem = (
-        NmeaPlayer(service.epochs(10_000), bytes_per_s=160),
+        NmeaPlayer(service.nmea_epochs(10_000), bytes_per_s=160),
         TranscriptModem([service.CENG] * 100_000),
     )
     with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
-        with service.running(
+        with service.running_service(
             service.site_toml(tmp_path, port.path, gnss.path), "--duration", "6"
         ) as logger:
             out, _ = logger.communicate(timeout=service.LIMIT_S)
@@ -154,11 +154,11 @@ def test_rows_that_come_unasked_are_recorded_once(tmp_path):
     player = NmeaPlayer(
         burst * 20
     )  # at once: each serving cell begins a scan, however long its bytes take
-    with PtyDevice(NmeaPlayer(service.epochs(1000), 400)) as gnss, PtyDevice(player) as port:
-        with service.running(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
+    with PtyDevice(NmeaPlayer(service.nmea_epochs(1000), 400)) as gnss, PtyDevice(player) as port:
+        with service.running_service(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
             service.wait_for(player.finished.is_set)
             service.wait_for(lambda: _journal_has(tmp_path, "readings", 40))
-            service.stopped(logger)
+            service.stop_service(logger)
     run = _only_run(tmp_path)
     assert len(run.tables["readings"]) == 40
     assert len(run.tables["scans"]) == 20
@@ -166,18 +166,18 @@ def test_rows_that_come_unasked_are_recorded_once(tmp_path):
 
 def test_noise_is_counted_not_obeyed(tmp_path):
     noise = np.random.default_rng(5).integers(128, 256, 5000, dtype=np.uint8).tobytes()
-    player = NmeaPlayer(noise + b"\r\n" + service.epochs(20))
+    player = NmeaPlayer(noise + b"\r\n" + service.nmea_epochs(20))
     with PtyDevice(player) as gnss, PtyDevice(NmeaPlayer(noise)) as port:
-        with service.running(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
+        with service.running_service(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
             service.wait_for(lambda: _journal_has(tmp_path, "fixes", 20))
-            service.stopped(logger)
+            service.stop_service(logger)
     run = _only_run(tmp_path)
     assert len(run.tables["fixes"]) == 20
     assert not len(run.tables["readings"])
     assert "garbage" in _notes(run)
     raw = run.tables["raw"]
     assert int(raw["length"][raw["source"] == b"gnss"].sum()) == len(noise) + 2 + len(
-        service.epochs(20)
+        service.nmea_epochs(20)
     )
 
 
@@ -185,12 +185,14 @@ def test_a_receiver_behind_a_socket(tmp_path):
     """Ports are anything that pyserial opens; the modem is missing all the while."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         url = f"socket://127.0.0.1:{server.getsockname()[1]}"
-        with service.running(service.site_toml(tmp_path, str(tmp_path / "none"), url)) as logger:
+        with service.running_service(
+            service.site_toml(tmp_path, str(tmp_path / "none"), url)
+        ) as logger:
             peer, _ = server.accept()
             with peer:
                 # opening a port throws away what has come before
                 service.wait_for(lambda: _journal_has(tmp_path, "notes", 2))
-                peer.sendall(service.epochs(50))
+                peer.sendall(service.nmea_epochs(50))
                 service.wait_for(lambda: _journal_has(tmp_path, "fixes", 50))
-                service.stopped(logger)
+                service.stop_service(logger)
     assert len(_only_run(tmp_path).tables["fixes"]) == 50

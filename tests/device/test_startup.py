@@ -17,7 +17,7 @@ from logger.device.libraries import LIBRARIES, installed_versions
 from logger.device.service import Service
 from logger.device.startup import begin_run
 from tests.kit import service
-from tests.kit.starting import modules_when_durable, starting
+from tests.kit.first_flush import first_flush, instrumented_service
 
 HEAVY = {
     "numpy",
@@ -45,10 +45,10 @@ def config(tmp_path):
 
 
 def test_nothing_heavy_is_imported_before_the_journal_is_durable(config):
-    with starting(config) as process:
-        modules = set(modules_when_durable(process))
+    with instrumented_service(config) as process:
+        modules = first_flush(process).modules
     assert not modules & HEAVY
-    assert not modules & set(HEAVY_OF_OURS)
+    assert modules.isdisjoint(HEAVY_OF_OURS)
 
 
 def test_nothing_the_ports_need_waits_for_numpy(tmp_path):
@@ -56,7 +56,7 @@ def test_nothing_the_ports_need_waits_for_numpy(tmp_path):
     still imported.
     """
     script = "import logger.device.service, sys; print(*sys.modules)"
-    modules = set(service.python(script).split())
+    modules = set(service.run_python(script).split())
     assert {
         "logger.device.service",
         "logger.device.recorder",
@@ -74,9 +74,9 @@ def test_a_journal_exists_whenever_a_killed_process_had_come_so_far(tmp_path, co
     runs = tmp_path / "runs"
     begun = 0
     for wait_s in [None, None, *(rng.uniform(0.0, 0.4) for _ in range(10))]:
-        with starting(config) as process:
+        with instrumented_service(config) as process:
             if wait_s is None:
-                modules_when_durable(process)
+                first_flush(process)
                 durable = True
             else:
                 service.wait_at_most(process, wait_s)
@@ -130,13 +130,13 @@ def test_a_run_that_can_never_be_leaves_no_journal(tmp_path, change):
 
 def test_what_a_receiver_sent_before_its_port_was_opened_is_recorded(tmp_path):
     """The whole service: the feed begins long before the logger does."""
-    said = service.epochs(20)
+    said = service.nmea_epochs(20)
     master, slave = os.openpty()
     tty.setraw(slave)
     assert os.write(master, said) == len(said) > 2000
     config = service.site_toml(tmp_path, str(tmp_path / "none"), os.ttyname(slave))
-    with service.running(config) as logger:
+    with service.running_service(config) as logger:
         service.wait_for(lambda: service.journal_holds(tmp_path / "runs", said))
-        service.stopped(logger)
+        service.stop_service(logger)
     os.close(master)
     os.close(slave)

@@ -15,7 +15,7 @@ from logger.sim.player import NmeaPlayer
 from logger.sim.ptys import PtyDevice
 from logger.sim.scenario import scenario
 from tests.kit import service
-from tests.kit.sim import devices
+from tests.kit.simulated_devices import simulated_devices
 
 STATUS = Status("recording", "", "run-1.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {})
 ESTIMATE = LiveEstimate(
@@ -122,10 +122,10 @@ def test_status_json_says_how_it_goes(tmp_path, monkeypatch):
         service.wait_for(looked)
         return found[0]
 
-    with devices() as (modem, gnss, _):
+    with simulated_devices() as (modem, gnss, _):
         link.symlink_to(gnss.path)
         site = service.site_toml(tmp_path, modem.path, str(link), '[status]\nled = "no-such-led"\n')
-        with service.running(site) as logger:
+        with service.running_service(site) as logger:
             status = told(
                 lambda s: s.state == "recording" and s.target and s.fix.valid and s.synced_ns
             )
@@ -143,7 +143,7 @@ def test_status_json_says_how_it_goes(tmp_path, monkeypatch):
             gnss.unplug()
             status = told(lambda s: s.state == "error" and not s.ports["gnss"].is_open)
             assert "gnss" in status.text
-            service.stopped(logger)
+            service.stop_service(logger)
 
 
 def test_a_full_card_is_told_and_is_no_reason_for_a_restart(tmp_path, monkeypatch):
@@ -160,7 +160,7 @@ def test_a_full_card_is_told_and_is_no_reason_for_a_restart(tmp_path, monkeypatc
         # for minutes, and too slow to fill the card by itself before
         noise = NmeaPlayer(os.urandom(1_000_000) * 50, bytes_per_s=200_000)
         with service.systemd(monkeypatch, tmp_path) as said, PtyDevice(noise) as gnss:
-            with service.running(
+            with service.running_service(
                 service.site_toml(tmp_path, str(tmp_path / "none"), gnss.path)
             ) as logger:
                 service.wait_for(lambda: "READY=1" in said())
@@ -173,6 +173,6 @@ def test_a_full_card_is_told_and_is_no_reason_for_a_restart(tmp_path, monkeypatc
                 assert read_status(tmp_path).synced_ns == synced_ns
                 filler.unlink()
                 service.wait_for(lambda: read_status(tmp_path).synced_ns > synced_ns)
-                service.stopped(logger)
+                service.stop_service(logger)
     finally:
         subprocess.run(["umount", "-l", card], check=False)

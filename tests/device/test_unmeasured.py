@@ -38,12 +38,12 @@ def _epochs(quality, mode, n=8):
 def test_they_are_told(tmp_path, capsys, quality, mode, kept, code, n_valid):
     player = NmeaPlayer(_epochs(quality, mode))
     with PtyDevice(player) as gnss:
-        with service.running(
+        with service.running_service(
             service.site_toml(tmp_path, str(tmp_path / "none"), gnss.path)
         ) as logger:
             service.wait_for(player.finished.is_set)
             service.wait_for(lambda: service.n_recorded(tmp_path / "runs", "fixes") == 8)
-            service.stopped(logger)
+            service.stop_service(logger)
     (path,) = (tmp_path / "runs").glob("run-*.h5")
     run = read_run(path)
     assert run.tables["fixes"]["quality"].tolist() == [kept] * 8

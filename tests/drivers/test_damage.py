@@ -14,7 +14,7 @@ from logger.drivers.protocols.at import MAX_LINE, MAX_LINES, AtFramer
 from logger.drivers.registry import FAMILIES
 from tests.conftest import SHARED
 from tests.kit.drivers import mutations, own_replies
-from tests.kit.framers import cut, merged
+from tests.kit.framers import merge_garbage, split_at
 
 CHANGES, CHANGES_FOR_THE_FRAMER = 3_000, 3_000
 ALL_CHANGES, ALL_CHANGES_FOR_THE_FRAMER = 75_000, 100_000
@@ -67,7 +67,7 @@ def check_framer(text: str, rng: random.Random) -> None:
     """The same events and little memory, whole, byte by byte and in chunks of any size."""
     data = text.encode("latin-1", "replace")
     sizes = [rng.randint(0, 40) for _ in range(len(data) // 10)]
-    ways = [fed([data]), fed(data[i : i + 1] for i in range(len(data))), fed(cut(data, sizes))]
+    ways = [fed([data]), fed(data[i : i + 1] for i in range(len(data))), fed(split_at(data, sizes))]
     assert ways[1:] == ways[:-1], text
 
 
@@ -79,7 +79,7 @@ def fed(chunks: Iterable[bytes]) -> list[object]:
         events += framer.feed(chunk)
         assert len(framer._buffer) <= MAX_LINE
         assert len(framer._lines) <= MAX_LINES
-    return [*merged(events), *framer.flush(), framer.expire()]
+    return [*merge_garbage(events), *framer.flush(), framer.expire()]
 
 
 def check_driver(name: str, changes: int) -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from logger.drivers import network_mode
 from logger.drivers.protocols.dialogue import Reply
-from tests.kit.drivers import converse, rehearsed
+from tests.kit.drivers import run_dialogue, run_exchange
 
 
 @pytest.mark.parametrize(
@@ -67,19 +67,19 @@ def test_a_value_counts_that_is_told_twice_in_a_row():
         (asked, ("+CNMP: 3",), "OK"),
         (asked, ("+CNMP: 38",), "OK"),
     ]
-    assert rehearsed(network_mode.current(network_mode.CNMP), [*once, once[0]]) == (
+    assert run_exchange(network_mode.current(network_mode.CNMP), [*once, once[0]]) == (
         network_mode.CNMP[0],
         "38",
     )
-    assert rehearsed(network_mode.current(network_mode.CNMP), [*once, (asked, (), None)]) is None
+    assert run_exchange(network_mode.current(network_mode.CNMP), [*once, (asked, (), None)]) is None
 
 
 def test_the_command_that_the_modem_knows_is_taken():
     answers = {"AT^SYSCFG?": (("^SYSCFG:2,0,3FFFFFFF,1,2",), "OK")}
-    found, asked = converse(network_mode.current(network_mode.SYSCFG), answers)
+    found, asked = run_dialogue(network_mode.current(network_mode.SYSCFG), answers)
     assert found == (network_mode.SYSCFG[1], "2,0")
     assert asked == ["AT^SYSCFGEX?", "AT^SYSCFG?", "AT^SYSCFG?"]
-    assert converse(network_mode.current(network_mode.SYSCFG), {})[0] is None
+    assert run_dialogue(network_mode.current(network_mode.SYSCFG), {})[0] is None
 
 
 def test_the_technologies_alone_are_set_where_the_preferred_ones_are_refused():
@@ -90,19 +90,19 @@ def test_the_technologies_alone_are_set_where_the_preferred_ones_are_refused():
         ("AT^SXRAT=2", (), "OK"),
         (told, ("^SXRAT: 2, 2",), "OK"),
     ]
-    assert rehearsed(network_mode.changed(command, "2,2"), replies) == "2,2"
+    assert run_exchange(network_mode.changed(command, "2,2"), replies) == "2,2"
 
 
 def test_what_a_modem_has_afterwards_is_asked_and_not_believed():
     answers = {"AT+CNMP=13": ((), "OK"), "AT+CNMP?": (("+CNMP: 2",), "OK")}
-    assert converse(network_mode.changed(network_mode.CNMP[0], "13"), answers)[0] == "2"
-    assert converse(network_mode.changed(network_mode.CNMP[0], "13"), {})[0] is None
+    assert run_dialogue(network_mode.changed(network_mode.CNMP[0], "13"), answers)[0] == "2"
+    assert run_dialogue(network_mode.changed(network_mode.CNMP[0], "13"), {})[0] is None
 
 
 def test_the_model_is_asked_and_no_number():
-    assert converse(network_mode.model(), {"AT+CGMM": (("SIM7600E-H",), "OK")}) == (
+    assert run_dialogue(network_mode.model(), {"AT+CGMM": (("SIM7600E-H",), "OK")}) == (
         "SIM7600E-H",
         ["AT+CGMM"],
     )
-    assert converse(network_mode.model(), {"AT+CGMM": ((), "OK")})[0] is None
-    assert converse(network_mode.model(), {})[0] is None
+    assert run_dialogue(network_mode.model(), {"AT+CGMM": ((), "OK")})[0] is None
+    assert run_dialogue(network_mode.model(), {})[0] is None

@@ -7,7 +7,7 @@ import pytest
 
 from logger.core.errors import ConfigError
 from logger.drivers.registry import AUTO, FAMILIES, driver_of, family_of, identified, reader_of
-from tests.kit.drivers import converse
+from tests.kit.drivers import run_dialogue
 
 # Answers to ATI, AT+CGMI, AT+CGMM and AT+CGMR as the vendors' manuals and public logs show them.
 MODEMS = {
@@ -87,7 +87,7 @@ def test_a_modem_is_known_by_what_it_says(name, text):
 
 def test_the_dialogue_that_asks():
     said = {"AT": (), "ATE0": (), "ATI": ("SIM800 R14.18",), "AT+CGMM": ("SIMCOM_SIM800L",)}
-    (driver, text), asked = converse(
+    (driver, text), asked = run_dialogue(
         identified(), {command: (lines, "OK") for command, lines in said.items()}
     )
     assert (driver.name, text) == ("sim800", "SIM800 R14.18 SIMCOM_SIM800L")
@@ -95,7 +95,7 @@ def test_the_dialogue_that_asks():
 
 
 def test_a_silent_modem_is_nobody():
-    assert converse(identified(), {}, ((), None))[0] is None
+    assert run_dialogue(identified(), {}, ((), None))[0] is None
 
 
 def test_a_transcript_is_read_by_the_driver_that_finds_most():

@@ -21,7 +21,7 @@ import numpy as np
 from logger.core.errors import RunFileError
 from logger.core.runfile import convert_journal
 from postproc.info import describe, verify
-from tests.kit import hostile, runs
+from tests.kit import hostile_runs, runs
 
 MOST_S, MOST_MB = 8.0, 512
 DTYPES = [
@@ -54,17 +54,19 @@ def change(file: h5py.File, secret: Path, rng: random.Random) -> None:
     """One change; what h5py refuses to make is none."""
     name = rng.choice(sorted(file))
     node = file[name]
-    known = [*hostile.ELSEWHERE.values(), *(made for made, _ in hostile.ALTERED.values())]
+    known = [*hostile_runs.ELSEWHERE.values(), *(made for made, _ in hostile_runs.ALTERED.values())]
     match rng.randrange(9):
         case 0:
             rng.choice(known)(file, secret)
         case 1:
             shape = rng.choice([(), (0,), (3,), (2, 2), (10**6,), (10**12,)])
-            hostile.replaced(
+            hostile_runs.replace_dataset(
                 file, name, shape=shape, dtype=rng.choice(DTYPES), **rng.choice(MAKINGS)
             )
         case 2:
-            hostile.replaced(file, name, data=node[()], **rng.choice(MAKINGS), maxshape=(None,))
+            hostile_runs.replace_dataset(
+                file, name, data=node[()], **rng.choice(MAKINGS), maxshape=(None,)
+            )
         case 3:
             node.resize((rng.choice([0, 1, len(node) // 2, len(node) + 1, 10**9]),))
         case 4:
@@ -164,7 +166,7 @@ def main(most_s: float, seed: int) -> int:
         runs.write_journal(folder / "a.journal", runs.records(40), config_text="[run]\n")
         convert_journal(folder / "a.journal", folder / "a.h5")
         honest, secret = seen(folder / "a.h5"), folder / "secret"
-        secret.write_bytes(hostile.SECRET)
+        secret.write_bytes(hostile_runs.SECRET)
         end_s = time.monotonic() + most_s
         while time.monotonic() < end_s:
             path, n = folder / "m.h5", n + 1

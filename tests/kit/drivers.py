@@ -16,7 +16,7 @@ Answer = tuple[Sequence[str], str | None]
 """Lines of a reply and its final result code, None for a time-out."""
 
 DATA = Path(__file__).parents[1] / "drivers" / "data" / "own"
-NOBODY = (None, None, None, None)
+NO_IDENTITY = (None, None, None, None)
 
 
 def own_replies(family: str) -> list[str]:
@@ -24,7 +24,7 @@ def own_replies(family: str) -> list[str]:
     return (DATA / f"{family}.txt").read_text("latin-1").removesuffix("\n").split("\n\n")
 
 
-def who(reading: CellReading) -> tuple[str | None, str | None, int | None, int | None]:
+def identity_of(reading: CellReading) -> tuple[str | None, str | None, int | None, int | None]:
     """Network, area and cell of a reading."""
     return (
         reading.mcc,
@@ -39,7 +39,7 @@ def cells_of(driver: Family, lines: Sequence[str]) -> list[CellReading]:
     return [row for row in driver.read(lines) if isinstance(row, CellReading)]
 
 
-def converse(
+def run_dialogue(
     dialogue: Dialogue[Any], replies: Mapping[str, Answer], default: Answer = ((), "ERROR")
 ) -> Any:
     """Result of a dialogue with a modem that has these answers, and the commands it was sent."""
@@ -52,7 +52,7 @@ def converse(
     return _driven(dialogue, answer), sent
 
 
-def rehearsed(
+def run_exchange(
     dialogue: Dialogue[Any], exchange: Sequence[tuple[str, Sequence[str], str | None]]
 ) -> Any:
     """Result of a dialogue that sends these commands in this order, each with its lines and final

@@ -165,7 +165,7 @@ def recording(
             process.kill()
 
 
-def counted(run: Run) -> list[int]:
+def raw_counts(run: Run) -> list[int]:
     """The counts in the raw records of a `Recording`."""
     return run.raw_bytes.view("<u8").tolist()
 

@@ -11,7 +11,7 @@ class Framer(Protocol):
     def feed(self, data: bytes) -> Iterator[Any]: ...
 
 
-def merged(events: Iterable[Any]) -> list[Any]:
+def merge_garbage(events: Iterable[Any]) -> list[Any]:
     """Events with neighbouring Garbage joined, since noise is reported as it comes."""
     result: list[Any] = []
     for event in events:
@@ -23,10 +23,10 @@ def merged(events: Iterable[Any]) -> list[Any]:
 
 
 def feed_all(framer: Framer, chunks: Iterable[bytes]) -> list[Any]:
-    return merged(event for chunk in chunks for event in framer.feed(chunk))
+    return merge_garbage(event for chunk in chunks for event in framer.feed(chunk))
 
 
-def cut(data: bytes, sizes: Sequence[int]) -> list[bytes]:
+def split_at(data: bytes, sizes: Sequence[int]) -> list[bytes]:
     """Pieces of the given sizes, the last one with all that is left."""
     chunks, start = [], 0
     for size in sizes:
@@ -43,7 +43,7 @@ def check_framer(
 
     The trailing bytes must stay in the framer without any event.
     """
-    wanted = merged(expected)
+    wanted = merge_garbage(expected)
     sizes = random.Random(data)
     ways = {
         "whole": [data],
@@ -56,7 +56,7 @@ def check_framer(
         ],
     }
     for n in range(5):
-        ways[f"random chunks {n}"] = cut(
+        ways[f"random chunks {n}"] = split_at(
             data, [sizes.randrange(1, 40) for _ in range(len(data) // 10)]
         )
     for way, chunks in ways.items():

@@ -106,7 +106,7 @@ FORMS: tuple[str, ...] = (
 _BETWEEN = re.compile(rb"[ ./()\"-]")
 
 
-def found_in(data: bytes) -> list[str]:
+def leaked_secrets(data: bytes) -> list[str]:
     """Secrets of which seven digits in a row, or a word, are left in any form."""
     plain = _BETWEEN.sub(b"", data)
     return [piece for piece in _pieces() if piece.encode() in data or piece.encode() in plain]

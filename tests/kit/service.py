@@ -32,7 +32,7 @@ def site_toml(folder: Path, modem: str, gnss: str, more: str = "") -> Path:
 
 
 @contextmanager
-def running(config: Path, *more: str) -> Iterator[subprocess.Popen[str]]:
+def running_service(config: Path, *more: str) -> Iterator[subprocess.Popen[str]]:
     """`fieldlogger run`, which does not outlive the test."""
     command = [*FIELDLOGGER, "run", "--config", str(config), *more]
     with subprocess.Popen(
@@ -45,7 +45,7 @@ def running(config: Path, *more: str) -> Iterator[subprocess.Popen[str]]:
                 process.kill()
 
 
-def python(script: str) -> str:
+def run_python(script: str) -> str:
     """What a script prints in a Python of its own."""
     return subprocess.run(
         [sys.executable, "-c", script], check=True, capture_output=True, text=True
@@ -58,7 +58,7 @@ def wait_at_most(process: subprocess.Popen[bytes], seconds: float) -> None:
         process.wait(seconds)
 
 
-def stopped(process: subprocess.Popen[str], by: signal.Signals = signal.SIGTERM) -> str:
+def stop_service(process: subprocess.Popen[str], by: signal.Signals = signal.SIGTERM) -> str:
     """Stop the service as systemd would; returns what it printed."""
     process.send_signal(by)
     out, errors = process.communicate(timeout=LIMIT_S)
@@ -84,7 +84,7 @@ def systemd(monkeypatch: pytest.MonkeyPatch, folder: Path) -> Iterator[Callable[
         yield said
 
 
-def ends(work: Callable[[], object], seconds: float = LIMIT_S) -> None:
+def assert_ends(work: Callable[[], object], seconds: float = LIMIT_S) -> None:
     """Do something that might wait for ever; AssertionError when it does not end in time."""
     thread = threading.Thread(target=work, daemon=True)
     thread.start()
@@ -118,7 +118,7 @@ def journal_holds(folder: Path, said: bytes) -> bool:
         return False  # made, and not yet written for the first time
 
 
-def epochs(n: int, rate_hz: float = 1.0) -> bytes:
+def nmea_epochs(n: int, rate_hz: float = 1.0) -> bytes:
     """NMEA of a walk to the east: RMC and GGA for each epoch, n of them."""
     out = []
     for i in range(n):

@@ -87,7 +87,7 @@ def simulate(rng, shape, *, white_db=3.0, shadow_db=0.0, d_c=15.0, count=600, st
     return observations(x, y, level), source
 
 
-def clipped(obs, share):
+def censor_at_floor(obs, share):
     """As a GSM modem tells the levels of a transmitter so weak that `share` of them are at the
     floor of its scale.
     """
@@ -95,7 +95,7 @@ def clipped(obs, share):
     return replace(obs, level_dbm=np.maximum(weaker, FLOOR_DBM))
 
 
-def covered(found, point, slack_m=0.0):
+def region_contains(found, point, slack_m=0.0):
     """Whether the 95 % region holds a point."""
     chosen = highest_density(found.cells)
     cells = found.cells
@@ -110,7 +110,7 @@ def nearest_mode_m(found, point):
     return min(np.hypot(m.x_m - point[0], m.y_m - point[1]) for m in found.modes)
 
 
-def misplaced(rng, sigma_m, obs):
+def add_position_errors(rng, sigma_m, obs):
     """The same walk with slow errors of the receiver's position."""
     east_m, north_m = (sigma_m * _lasting(rng, len(obs)) for _ in range(2))
     told = np.full(len(obs), sigma_m)

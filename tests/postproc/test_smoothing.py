@@ -6,7 +6,7 @@ import pytest
 from postproc.json_text import as_json
 from postproc.results import summary
 from postproc.smoothing import smooth_cell, smooth_run
-from tests.kit.smoothed import write_run
+from tests.kit.sample_results import write_run
 from tests.kit.walks import simulate
 
 

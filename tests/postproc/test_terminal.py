@@ -13,7 +13,7 @@ from postproc.info import describe
 from postproc.results import summary
 from postproc.verification import tables as verify_tables
 from tests.kit import runs
-from tests.kit import smoothed as kit
+from tests.kit import sample_results as kit
 from tests.kit.terminal import COLOUR, postproc
 
 
@@ -83,7 +83,7 @@ def outputs(tmp_path, monkeypatch):
 
 def _all_at_once(tmp_path):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=3)
-    found = summary(kit.smoothed(run, places=2))
+    found = summary(kit.sample_result(run, places=2))
     found["cells"][0]["cell"] = "310-410-65535-268435455"
     for key in ("batch", "ekf"):
         found["cells"][0][key] |= {
@@ -92,7 +92,7 @@ def _all_at_once(tmp_path):
             "p0_dbm": -105.6,
             "p0_sigma_db": 1234.5,
         }
-    verified = kit.claims_about(kit.smoothed(run))
+    verified = kit.sample_claims(kit.sample_result(run))
     return {
         "info": lambda: info_table.print_info(describe(run), details=True),
         "smooth": lambda: tables.print_summary(found, details=False),
@@ -151,7 +151,7 @@ def test_a_real_terminal_gets_what_a_pipe_gets(run, columns):
 
 def test_one_line_a_cell_and_the_located_first(tmp_path, outputs):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=33)
-    found = summary(kit.smoothed(run))
+    found = summary(kit.sample_result(run))
     found["cells"] = found["cells"][::-1]
     lines = outputs(lambda: tables.print_summary(found, details=False), 80).splitlines()
     rows = [line for line in lines if line.startswith("262-01-4711-")]
@@ -182,7 +182,7 @@ def test_at_most_ten_events_the_gravest_of_them(tmp_path, outputs):
 
 def test_markup_in_a_run_is_text(tmp_path, outputs):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
-    found = summary(kit.smoothed(run))
+    found = summary(kit.sample_result(run))
     found["cells"][0]["cell"] = "[/bold]:smile:[red]"
     for details in (False, True):
         assert "[/bold]:smile:[red]" in outputs(
@@ -195,7 +195,7 @@ def test_nothing_in_a_run_steers_the_terminal(tmp_path, outputs, columns):
     from dataclasses import replace
 
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
-    found, info = summary(kit.smoothed(run)), describe(run)
+    found, info = summary(kit.sample_result(run)), describe(run)
     evil = "\x1b]0;evil\x07\x1b[2J\u202e\r"
     found["cells"][0]["cell"] = found["run"]["path"] = evil
     found["cells"][0]["warnings"] = found["run"]["warnings"] = [evil]

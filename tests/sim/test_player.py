@@ -7,14 +7,14 @@ import pytest
 from logger.drivers.protocols.at import AtFramer
 from logger.sim.player import NmeaPlayer, TranscriptModem
 from logger.sim.ptys import PtyDevice, answering
-from tests.kit.kept import KeptSerial
 from tests.kit.service import LIMIT_S
+from tests.kit.unflushed_serial import UnflushedSerial
 
 LOG = b"".join(b"$GNTXT,%06d*00\r\n" % number for number in range(20_000))
 
 
 def open_port(device):
-    return KeptSerial(device.path, 115200, timeout=LIMIT_S, exclusive=True)
+    return UnflushedSerial(device.path, 115200, timeout=LIMIT_S, exclusive=True)
 
 
 def test_every_byte_comes_exactly_once():

@@ -9,8 +9,8 @@ import serial
 from logger.device.clock import ScaledClock
 from logger.sim.clock import WalkTime
 from logger.sim.ptys import PtyDevice, answering, talking
-from tests.kit.kept import KeptSerial
-from tests.kit.service import LIMIT_S, ends, wait_for
+from tests.kit.service import LIMIT_S, assert_ends, wait_for
+from tests.kit.unflushed_serial import UnflushedSerial
 
 
 class Parrot:
@@ -36,7 +36,9 @@ EVERY_BYTE = bytes(range(256))
 
 
 def open_port(device):
-    return KeptSerial(device.path, 115200, timeout=LIMIT_S, write_timeout=LIMIT_S, exclusive=True)
+    return UnflushedSerial(
+        device.path, 115200, timeout=LIMIT_S, write_timeout=LIMIT_S, exclusive=True
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -104,7 +106,7 @@ def test_stops_promptly_whoever_holds_the_port(kind, held):
     device.__enter__()
     port = open_port(device) if held else None
     time.sleep(0.05)
-    ends(lambda: device.__exit__(None, None, None))
+    assert_ends(lambda: device.__exit__(None, None, None))
     if port is not None:
         port.close()
 

@@ -9,11 +9,11 @@ import pytest
 from postproc.pictures import colours
 from postproc.view import viewer
 from postproc.view.scene import write_scene
-from tests.kit import headless
-from tests.kit import smoothed as kit
-from tests.kit.canvas import count, missing
-from tests.kit.headless import PATIENCE_S, settled
-from tests.kit.stories import story
+from tests.kit import headless_viewer
+from tests.kit import sample_results as kit
+from tests.kit.headless_viewer import PATIENCE_S, stable_screenshot
+from tests.kit.sample_view import sample_story
+from tests.kit.screenshots import count_pixels, missing_items
 
 pytestmark = pytest.mark.slow
 
@@ -25,27 +25,29 @@ PLAN = (0.0, 0.8)
 def recordings(tmp_path_factory):
     """A walk, and the same before anything was heard."""
     folder = tmp_path_factory.mktemp("native")
-    found = kit.smoothed(kit.write_run(folder / "walk.journal", seconds=240, cells=4))
-    write_scene(story(found), folder / "walk.rrd", online=False)
+    found = kit.sample_result(kit.write_run(folder / "walk.journal", seconds=240, cells=4))
+    write_scene(sample_story(found), folder / "walk.rrd", online=False)
     nothing = kit.write_run(folder / "empty.journal", seconds=0, cells=1)
-    write_scene(story(kit.Smoothed(nothing, None, (), ())), folder / "empty.rrd", online=False)
+    write_scene(
+        sample_story(kit.Smoothed(nothing, None, (), ())), folder / "empty.rrd", online=False
+    )
     return folder
 
 
 @pytest.fixture
 def client(tmp_path):
-    if headless.DRIVER is None:
-        pytest.skip(headless.MISSING)
-    with headless.headless(tmp_path) as found:
+    if headless_viewer.DRIVER is None:
+        pytest.skip(headless_viewer.MISSING)
+    with headless_viewer.headless_viewer(tmp_path) as found:
         yield found
 
 
 def test_a_walk_opens_on_its_end_with_everything_in_sight(client, recordings):
     begun = time.monotonic()
     client.open(str(recordings / "walk.rrd"))
-    while missing(client.take_screenshot()):
+    while missing_items(client.take_screenshot()):
         assert time.monotonic() - begun < PATIENCE_S
-    assert missing(settled(client, "Plan"), within=PLAN) == []
+    assert missing_items(stable_screenshot(client, "Plan"), within=PLAN) == []
     state = client.get_state()
     (recording,) = state.recordings
     assert recording.current_timeline == "utc"
@@ -57,10 +59,10 @@ def test_a_walk_opens_on_its_end_with_everything_in_sight(client, recordings):
 
 def test_the_region_shrinks(client, recordings):
     client.open(str(recordings / "walk.rrd"))
-    late = settled(client, "Plan")
+    late = stable_screenshot(client, "Plan")
     client.set_time("elapsed", duration=80.0, play_state="paused")
-    early = settled(client, "Plan")
-    outline = [count(png, colours.POSTERIOR, within=PLAN, off=12) for png in (early, late)]
+    early = stable_screenshot(client, "Plan")
+    outline = [count_pixels(png, colours.POSTERIOR, within=PLAN, off=12) for png in (early, late)]
     assert outline[0] > 1.5 * outline[1] > 0, outline
 
 
@@ -68,7 +70,7 @@ def test_nothing_is_not_taken_for_a_walk(client, recordings):
     """The negative control: what is looked for cannot be seen where it was not drawn."""
     client.open(str(recordings / "empty.rrd"))
     time.sleep(2.0)
-    assert len(missing(client.take_screenshot())) > 3
+    assert len(missing_items(client.take_screenshot())) > 3
 
 
 def foreign(trace):
@@ -89,7 +91,7 @@ def foreign(trace):
 def test_nothing_leaves_the_machine_and_it_would_be_noticed(
     tmp_path, recordings, monkeypatch, discreet
 ):
-    if headless.DRIVER is None or not shutil.which("strace"):
+    if headless_viewer.DRIVER is None or not shutil.which("strace"):
         pytest.skip(
             "software Vulkan or strace is missing (Debian: apt-get install mesa-vulkan-drivers strace)"
         )
@@ -97,9 +99,9 @@ def test_nothing_leaves_the_machine_and_it_would_be_noticed(
         monkeypatch.setattr(viewer, "NOBODY", "")
     trace = tmp_path / "trace"
     calls = "trace=connect,sendto,sendmsg,sendmmsg"
-    with headless.headless(
+    with headless_viewer.headless_viewer(
         tmp_path, "strace", "-D", "-f", "-s", "99", "-e", calls, "-o", str(trace)
     ) as client:
         client.open(str(recordings / "walk.rrd"))
-        settled(client, "Plan")
+        stable_screenshot(client, "Plan")
     assert bool(foreign(trace)) != discreet, foreign(trace)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from postproc.report.rendering import report
-from tests.kit import smoothed as kit
+from tests.kit import sample_results as kit
 from tests.kit.browser import axe_core, browser
 
 pytestmark = pytest.mark.slow
@@ -32,13 +32,13 @@ def chromium():
 def page(tmp_path_factory):
     """Every kind of cell, and a name that no line can hold."""
     folder = tmp_path_factory.mktemp("page")
-    found = kit.smoothed(
+    found = kit.sample_result(
         kit.write_run(folder / "walk.journal", seconds=240, cells=3), verdict="ambiguous", places=2
     )
     first, second, third = found.cells
     second = replace(second, obs=replace(second.obs, cell="x" * 200), cell="x" * 200)
     path = folder / "walk.html"
-    report(replace(found, cells=(first, second, third)), kit.claims_about(found)).write(path)
+    report(replace(found, cells=(first, second, third)), kit.sample_claims(found)).write(path)
     return path
 
 
@@ -86,7 +86,7 @@ def test_words_of_pictures_are_large_enough_for_a_telephone(chromium, page):
 
 
 def test_an_hour_of_eight_cells_stays_below_three_megabytes(tmp_path):
-    found = kit.smoothed(
+    found = kit.sample_result(
         kit.write_run(tmp_path / "hour.journal", seconds=3600, cells=1),
         verdict="ambiguous",
         places=2,

@@ -9,11 +9,11 @@ import pytest
 
 from postproc.pictures import colours
 from postproc.view.scene import write_scene
-from tests.kit import smoothed as kit
+from tests.kit import sample_results as kit
 from tests.kit.browser import browser
-from tests.kit.canvas import count, missing
-from tests.kit.served import Served
-from tests.kit.stories import story
+from tests.kit.sample_view import sample_story
+from tests.kit.screenshots import count_pixels, missing_items
+from tests.kit.web_server import WebServer
 
 pytestmark = pytest.mark.slow
 
@@ -90,9 +90,9 @@ class Page:
 @pytest.fixture(scope="module")
 def served(tmp_path_factory):
     folder = tmp_path_factory.mktemp("web")
-    found = kit.smoothed(kit.write_run(folder / "walk.journal", seconds=240, cells=4))
-    write_scene(story(found), folder / "walk.rrd", online=False)
-    running = Served(folder / "walk.rrd")
+    found = kit.sample_result(kit.write_run(folder / "walk.journal", seconds=240, cells=4))
+    write_scene(sample_story(found), folder / "walk.rrd", online=False)
+    running = WebServer(folder / "walk.rrd")
     yield running
     assert running.stop(signal.SIGINT) == 0
 
@@ -105,12 +105,12 @@ def chromium():
 
 def outline(png):
     """Pixels of the posterior's regions."""
-    return count(png, colours.POSTERIOR, within=PLAN, off=12)
+    return count_pixels(png, colours.POSTERIOR, within=PLAN, off=12)
 
 
 def test_the_walk_is_on_the_canvas_and_nothing_leaves(served, chromium):
     page = Page(chromium, served.address)
-    page.wait(lambda: not missing(page.picture(), within=PLAN))
+    page.wait(lambda: not missing_items(page.picture(), within=PLAN))
     late = outline(page.settled())
     page.look_at(1 / 3)
     page.wait(lambda: outline(page.picture()) > 1.5 * late > 0)
@@ -128,7 +128,7 @@ def test_nothing_is_not_taken_for_a_walk_and_a_request_is_noticed(served, chromi
     """
     page = Page(chromium, served.address + "?hide_welcome_screen&persist=0")
     time.sleep(3.0)
-    assert len(missing(page.picture(), within=PLAN)) > 3
+    assert len(missing_items(page.picture(), within=PLAN)) > 3
     chromium.ask(
         "const image = new Image(); document.body.append(image); image.src = 'https://192.0.2.1/x.png'"
     )

@@ -11,7 +11,7 @@ from logger.core.errors import EstimationError
 from logger.core.locator.posterior import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.verdict import verdict
-from tests.kit.growth import growth
+from tests.kit.scaling import cost_growth
 from tests.kit.walks import FLOOR_DBM, observations, path, simulate
 
 QUICK = Effort(most_cells=400, split_share=0.02, nodes=3, first_share=1.0)
@@ -177,4 +177,4 @@ def test_a_million_readings_in_one_spot_take_no_longer_each_than_ten_thousand():
         assert answer(obs, Effort())[1] == "cannot tell"
 
     for place in ((still, still), trembling):
-        assert growth(lambda count, at=place: locate_spot(count, *at), 10_000, 1_000_000) < 1.0
+        assert cost_growth(lambda count, at=place: locate_spot(count, *at), 10_000, 1_000_000) < 1.0

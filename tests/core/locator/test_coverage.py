@@ -12,7 +12,7 @@ import scipy.stats
 from logger.core.geo import Utm
 from logger.core.locator.posterior import locate
 from logger.core.model.prior import Prior
-from tests.kit.walks import covered, observations, path, simulate
+from tests.kit.walks import observations, path, region_contains, simulate
 
 NEARBY = {"reach_m": 600.0, "near_m": 150.0}
 WHITE = Prior(**NEARBY, white_alone=1.0 - 1e-9)
@@ -71,7 +71,7 @@ def test_level_of_the_truth_is_uniform(prior):
 
 def held(rng, shape, runs, **walk):
     simulated = [simulate(rng, shape, **walk) for _ in range(runs)]
-    return np.mean([covered(locate(obs), source) for obs, source in simulated])
+    return np.mean([region_contains(locate(obs), source) for obs, source in simulated])
 
 
 def test_region_holds_the_truth():
@@ -109,6 +109,6 @@ def test_measured_walks(traces):
         utm = Utm.at(source["lat"], source["lon"])
         x, y = utm.to_xy_arrays(table["lat"], table["lon"])
         posterior = locate(observations(x, y, table["rssi_dbm"], 4.0))
-        found.append(covered(posterior, utm.to_xy(source["lat"], source["lon"]), 10.0))
+        found.append(region_contains(posterior, utm.to_xy(source["lat"], source["lon"]), 10.0))
     print(f"{np.mean(found):.0%} of {len(found)} regions hold the transmitter")
     assert np.mean(found) > 0.8

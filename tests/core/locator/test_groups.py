@@ -12,7 +12,7 @@ from logger.core.locator.quadtree import Tree
 from logger.core.model.blocks import blocks
 from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior
-from tests.kit.walks import covered, observations, path
+from tests.kit.walks import observations, path, region_contains
 
 PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
 NOISES = [(1.0, 0.0), (0.3, 30.0)]
@@ -178,7 +178,7 @@ def test_offset_and_region_are_true():
     for seed in range(10):
         bent, crossing, source = two_walks(seed)
         found = locate(merged(bent, crossing))
-        held.append(covered(found, source))
+        held.append(region_contains(found, source))
         off.append((found.offsets.mean_db[1] - SHIFT_DB) / found.offsets.sigma_db[1])
         assert found.offsets.sigma_db[1] < 1.5
     assert np.mean(held) >= 0.8  # 10 of 0.95: fewer than 8 in 1 %
@@ -249,7 +249,7 @@ def test_ends_of_scale_leave_the_region_true():
         bent, crossing, source = two_walks(seed)
         low = [floored(walk, np.quantile(walk.level_dbm, 0.3)) for walk in (bent, crossing)]
         found = locate(merged(*low))
-        held.append(covered(found, source))
+        held.append(region_contains(found, source))
         assert found.offsets.mean_db[1] == pytest.approx(
             SHIFT_DB, abs=4.0 * found.offsets.sigma_db[1]
         )

@@ -10,7 +10,7 @@ from logger.core.locator.posterior import locate
 from logger.core.model.blocks import NOTHING_CENSORED, Censored, blocks
 from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior
-from tests.kit.walks import FLOOR_DBM, clipped, observations, simulate
+from tests.kit.walks import FLOOR_DBM, censor_at_floor, observations, simulate
 
 PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
 
@@ -97,7 +97,7 @@ def dense_walk(rng, white_db, shadow_db):
     """Readings every 1.4 m: what is beyond the floor alternates with what is not, or comes in
     stretches.
     """
-    return clipped(
+    return censor_at_floor(
         simulate(rng, "L", white_db=white_db, shadow_db=shadow_db, d_c=15.0, count=300)[0], 0.45
     )
 

@@ -5,7 +5,7 @@ from logger.core.live import live_prior
 from logger.core.live_settings import LiveSettings
 from logger.core.locator.online import MOST_BLOCKS, OnlineLocator
 from logger.core.locator.posterior import locate
-from tests.kit.walks import clipped, misplaced, simulate
+from tests.kit.walks import add_position_errors, censor_at_floor, simulate
 
 PRIOR = live_prior(LiveSettings(height_m=0.0))
 
@@ -50,13 +50,13 @@ def test_rows_added_one_by_one_are_those_of_a_new_search():
 def test_errors_of_the_fixes_choose_no_side_of_a_straight_walk(seed):
     """With the track as told one side holds more than 90 % in a third of such walks."""
     rng = np.random.default_rng(seed)
-    obs = misplaced(rng, 3.0, simulate(rng, "straight", count=400, step=2.1)[0])
+    obs = add_position_errors(rng, 3.0, simulate(rng, "straight", count=400, step=2.1)[0])
     assert followed(obs).place().probability < 0.7
 
 
 def test_a_walk_that_turns_is_searched_anew():
     rng = np.random.default_rng(5)
-    obs = misplaced(rng, 3.0, simulate(rng, "L", count=400, step=2.1)[0])
+    obs = add_position_errors(rng, 3.0, simulate(rng, "L", count=400, step=2.1)[0])
     ahead = obs.part(slice(200))
     online = followed(ahead)
     assert online._curve is not None
@@ -84,7 +84,7 @@ def test_a_long_walk_stays_bounded():
 
 def test_readings_at_the_floor_are_kept_and_bounded():
     obs, source = simulate(np.random.default_rng(7), "square", count=900)
-    low = clipped(obs, 0.45)
+    low = censor_at_floor(obs, 0.45)
     online = followed(low)
     assert len(online._gone) <= 40
     assert sum(count for *_, count in online._gone) == np.count_nonzero(low.limit)
@@ -95,7 +95,7 @@ def test_readings_at_the_floor_are_kept_and_bounded():
 
 
 def test_the_same_readings_at_the_floor_lead_to_the_same_bits():
-    low = clipped(simulate(np.random.default_rng(8), "L", count=200, step=4.2)[0], 0.45)
+    low = censor_at_floor(simulate(np.random.default_rng(8), "L", count=200, step=4.2)[0], 0.45)
     one, again = followed(low).place(), followed(low).place()
     assert np.array_equal(one.state, again.state)
     assert np.array_equal(one.covariance, again.covariance)

@@ -8,7 +8,14 @@ from logger.core.locator.posterior import BIAS_SHARE, locate
 from logger.core.locator.region import highest_density
 from logger.core.locator.verdict import verdict
 from logger.core.model.prior import Prior
-from tests.kit.walks import clipped, covered, nearest_mode_m, observations, path, simulate
+from tests.kit.walks import (
+    censor_at_floor,
+    nearest_mode_m,
+    observations,
+    path,
+    region_contains,
+    simulate,
+)
 
 
 def walked(seed, shape, **noise):
@@ -99,7 +106,7 @@ def test_straight_walk_leaves_two_mirror_images():
         assert len(found.modes) >= 2
         assert found.modes[1].peak == pytest.approx(found.modes[0].peak, rel=0.02)
         assert found.modes[1].probability == pytest.approx(found.modes[0].probability, abs=0.2)
-        assert covered(found, (x, y), 10.0) == covered(found, (x, -y), 10.0)
+        assert region_contains(found, (x, y), 10.0) == region_contains(found, (x, -y), 10.0)
         assert nearest_mode_m(found, (found.x_m, -found.y_m)) < 0.1 * mirrored + 2.0
         assert verdict(found, obs)[0] != "located"
 
@@ -117,8 +124,8 @@ def test_round_walk_leaves_the_inverse_point(away):
     found = locate(obs, Prior(height_m=0.0))
     assert nearest_mode_m(found, source) < 40.0
     assert nearest_mode_m(found, twin) < 40.0
-    assert covered(found, source, 10.0)
-    assert covered(found, twin, 10.0)
+    assert region_contains(found, source, 10.0)
+    assert region_contains(found, twin, 10.0)
     assert verdict(found, obs)[0] != "located"
 
 
@@ -241,7 +248,7 @@ def test_an_error_of_the_receiver_that_lasts_moves_the_answer_along(position_sig
 
 def test_a_walk_half_at_the_floor_is_located_no_better_than_the_whole():
     obs, _ = walked(24, "square", white_db=2.0)
-    half, whole = locate(clipped(obs, 0.5)), locate(obs)
+    half, whole = locate(censor_at_floor(obs, 0.5)), locate(obs)
     assert half.region_area_m2 > whole.region_area_m2
     assert np.isfinite(half.log_evidence)
 
@@ -281,7 +288,7 @@ def test_one_gross_error_moves_nothing(seed, spike_db):
 
 def test_an_error_does_not_hide_the_floor_of_the_scale():
     obs, _ = simulate(np.random.default_rng(2), "square", count=400)
-    obs = clipped(replace(obs, rat=None), 0.5)
+    obs = censor_at_floor(replace(obs, rat=None), 0.5)
     level_dbm = obs.level_dbm.copy()
     level_dbm[100] -= 60.0
     assert np.count_nonzero(replace(obs, level_dbm=level_dbm).usable().limit == -1) >= 190

@@ -5,14 +5,14 @@ import pytest
 
 from logger.core.locator.posterior import locate
 from logger.core.locator.symmetry import symmetrical
-from tests.kit.walks import misplaced, observations, path, simulate
+from tests.kit.walks import add_position_errors, observations, path, simulate
 
 SIGMA_M = 5.0
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 def test_a_straight_track_with_errors_becomes_a_line(turn):
-    obs = misplaced(
+    obs = add_position_errors(
         np.random.default_rng(1), SIGMA_M, observations(*path("straight"), np.zeros(600))
     )
     x, y = (
@@ -32,7 +32,9 @@ def test_a_straight_track_with_errors_becomes_a_line(turn):
 def test_a_round_track_with_errors_becomes_a_circle():
     x, y = path("circle")
     found = symmetrical(
-        misplaced(np.random.default_rng(2), SIGMA_M, observations(x + 300.0, y, np.zeros(600)))
+        add_position_errors(
+            np.random.default_rng(2), SIGMA_M, observations(x + 300.0, y, np.zeros(600))
+        )
     )
     radius_m = np.hypot(found.x_m - 300.0, found.y_m)
     assert np.std(radius_m) < SIGMA_M
@@ -47,7 +49,9 @@ def test_a_round_track_with_errors_becomes_a_circle():
 
 @pytest.mark.parametrize("shape", ["L", "square", "random", "spiral"])
 def test_other_walks_stay_as_they_are(shape):
-    obs = misplaced(np.random.default_rng(3), SIGMA_M, observations(*path(shape), np.zeros(600)))
+    obs = add_position_errors(
+        np.random.default_rng(3), SIGMA_M, observations(*path(shape), np.zeros(600))
+    )
     assert symmetrical(obs) is obs
 
 
@@ -72,5 +76,5 @@ def test_errors_of_the_fixes_do_not_tell_a_place_from_its_mirror_image():
     """
     for seed in range(4):
         rng = np.random.default_rng(seed)
-        cells = locate(misplaced(rng, SIGMA_M, simulate(rng, "straight")[0])).cells
+        cells = locate(add_position_errors(rng, SIGMA_M, simulate(rng, "straight")[0])).cells
         assert 0.2 < np.sum(cells.probability[cells.y_m > 0.0]) < 0.8

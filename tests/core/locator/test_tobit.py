@@ -12,7 +12,7 @@ from logger.core.locator.quadtree import Effort
 from logger.core.model.blocks import Censored, blocks
 from logger.core.model.noise import covariances, whiteners
 from logger.core.model.prior import Prior
-from tests.kit.walks import FLOOR_DBM, clipped, observations, simulate
+from tests.kit.walks import FLOOR_DBM, censor_at_floor, observations, simulate
 
 PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
 
@@ -246,16 +246,16 @@ def dropped(obs):
 
 
 def errors_m(way, walks, share):
-    found = [locate(way(clipped(obs, share))) for obs, _ in walks]
+    found = [locate(way(censor_at_floor(obs, share))) for obs, _ in walks]
     return [np.hypot(f.x_m - x, f.y_m - y) for f, (_, (x, y)) in zip(found, walks, strict=True)]
 
 
 def test_the_kit_clips_as_much_as_it_is_asked():
     obs, _ = simulate(np.random.default_rng(31), "square", count=150, step=5.6)
     for share in (0.2, 0.45, 0.7):
-        assert np.mean(clipped(obs, share).limit == -1) == pytest.approx(share, abs=0.05)
-        assert not np.any(taken_as_levels(clipped(obs, share)).limit)
-        assert not np.any(dropped(clipped(obs, share)).limit)
+        assert np.mean(censor_at_floor(obs, share).limit == -1) == pytest.approx(share, abs=0.05)
+        assert not np.any(taken_as_levels(censor_at_floor(obs, share)).limit)
+        assert not np.any(dropped(censor_at_floor(obs, share)).limit)
 
 
 def test_with_readings_at_the_floor_noise_is_believed_as_without_a_floor():
@@ -266,8 +266,8 @@ def test_with_readings_at_the_floor_noise_is_believed_as_without_a_floor():
     walks = [simulate(rng, "square", count=120, step=7.0)[0] for _ in range(2)]
     ways = (
         lambda obs: obs,
-        lambda obs: clipped(obs, 0.45),
-        lambda obs: dropped(clipped(obs, 0.45)),
+        lambda obs: censor_at_floor(obs, 0.45),
+        lambda obs: dropped(censor_at_floor(obs, 0.45)),
     )
     whole, used, alone = (
         np.array([locate(way(obs), effort=quick).white_share for obs in walks]) for way in ways

@@ -14,7 +14,7 @@ import pytest
 from logger.core.errors import RunFileError
 from logger.core.runfile import convert_journal, read_run, sealing_of
 from postproc.cli import main
-from tests.kit import hostile, runs
+from tests.kit import hostile_runs, runs
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def crafted(honest, tmp_path):
 
     def craft(change):
         path, secret = tmp_path / "crafted.h5", tmp_path / "secret"
-        secret.write_bytes(hostile.SECRET)
+        secret.write_bytes(hostile_runs.SECRET)
         shutil.copy(honest, path)
         with h5py.File(path, "r+") as file:
             change(file, secret)
@@ -42,30 +42,30 @@ def crafted(honest, tmp_path):
 
 def _one_line(capsys):
     said = capsys.readouterr()
-    assert hostile.SECRET.decode() not in said.out + said.err
+    assert hostile_runs.SECRET.decode() not in said.out + said.err
     assert len(said.err.splitlines()) == 1, said.err
     return said.err
 
 
-@pytest.mark.parametrize("name", hostile.ELSEWHERE)
+@pytest.mark.parametrize("name", hostile_runs.ELSEWHERE)
 def test_what_leads_out_of_the_file_is_refused(crafted, capsys, name):
-    path = crafted(hostile.ELSEWHERE[name])
+    path = crafted(hostile_runs.ELSEWHERE[name])
     for more in ([], ["--verify"], ["--json"]):
         assert main(["info", str(path), *more]) == 2
         assert "it is not read" in _one_line(capsys)
 
 
-@pytest.mark.parametrize("name", hostile.UNREADABLE)
+@pytest.mark.parametrize("name", hostile_runs.UNREADABLE)
 def test_what_is_no_run_is_one_line(crafted, capsys, name):
-    path = crafted(hostile.UNREADABLE[name])
+    path = crafted(hostile_runs.UNREADABLE[name])
     for more in ([], ["--verify"]):
         assert main(["info", str(path), *more]) == 2
         assert str(path) in _one_line(capsys)
 
 
-@pytest.mark.parametrize("name", hostile.ALTERED)
+@pytest.mark.parametrize("name", hostile_runs.ALTERED)
 def test_what_was_altered_is_named(crafted, capsys, name):
-    change, word = hostile.ALTERED[name]
+    change, word = hostile_runs.ALTERED[name]
     path = crafted(change)
     assert main(["info", "--verify", str(path)]) == 3
     failed = [line for line in capsys.readouterr().out.splitlines() if line.startswith("FAIL")]
@@ -80,7 +80,7 @@ def test_an_honest_run_of_either_version_of_frames_verifies(honest, crafted, cap
         rows = file["frames"][...]
         names = [name for name in rows.dtype.names if name != "crc32"]
         old = rows[names].astype([(name, rows.dtype[name]) for name in names])
-        hostile.replaced(file, "frames", data=old, chunks=(64,), maxshape=(None,))
+        hostile_runs.replace_dataset(file, "frames", data=old, chunks=(64,), maxshape=(None,))
 
     assert main(["info", "--verify", str(honest)]) == 0
     path = crafted(without_checksums)
@@ -131,7 +131,9 @@ def test_bytes_that_memory_should_not_hold_are_counted_and_left(crafted):
     """A port that is stuck sends zeros for hours, which pack to nothing: the rest of such a run is
     read.
     """
-    path = crafted(lambda file, _: hostile._packed(file, "raw_bytes", 600 << 20, 1 << 20, "u1"))
+    path = crafted(
+        lambda file, _: hostile_runs._packed(file, "raw_bytes", 600 << 20, 1 << 20, "u1")
+    )
     run = read_run(path)
     assert (len(run.raw_bytes), run.n_raw_bytes) == (0, 600 << 20)
     assert len(run.tables["readings"]) == 120
@@ -141,7 +143,9 @@ def test_bytes_that_memory_should_not_hold_are_counted_and_left(crafted):
 
 def test_many_rows_take_no_more_memory_than_they_need(crafted):
     path = crafted(
-        lambda file, _: hostile._packed(file, "readings", 200_000, 16_384, file["readings"].dtype)
+        lambda file, _: hostile_runs._packed(
+            file, "readings", 200_000, 16_384, file["readings"].dtype
+        )
     )
     for more in ([], ["--verify"]):
         assert _more_mb("info", path, *more) < 512

@@ -6,7 +6,7 @@ import pytest
 
 from logger.core.errors import RunFileError
 from logger.core.runfile import isolation
-from tests.kit import endings
+from tests.kit import isolated_tasks
 
 
 @pytest.fixture
@@ -17,9 +17,9 @@ def file(tmp_path):
 
 
 def test_a_value_and_arrays_come_back(file):
-    value, found = isolation.guarded(file, endings.well, {"a": [1, None]})
+    value, found = isolation.guarded(file, isolated_tasks.succeed, {"a": [1, None]})
     assert value == {"a": [1, None]}
-    for name, array in endings.ARRAYS.items():
+    for name, array in isolated_tasks.ARRAYS.items():
         assert found[name].tobytes() == array.tobytes()
         assert found[name].dtype == array.dtype
     found["rows"]["n"] = 7  # theirs to change
@@ -28,14 +28,14 @@ def test_a_value_and_arrays_come_back(file):
 @pytest.mark.parametrize(
     ("task", "says"),
     [
-        (endings.crash, "signal 11"),
-        (endings.abort, "signal 6"),
-        (endings.leave, "without a word"),
-        (endings.fill_bytes, "memory"),
-        (endings.fill_array, "memory"),
-        (endings.refuse, "what the task says"),
-        (endings.no_row, "is damaged: no row"),
-        (endings.too_deep, "is damaged: too deep"),
+        (isolated_tasks.crash, "signal 11"),
+        (isolated_tasks.abort, "signal 6"),
+        (isolated_tasks.leave, "without a word"),
+        (isolated_tasks.fill_bytes, "memory"),
+        (isolated_tasks.fill_array, "memory"),
+        (isolated_tasks.refuse, "what the task says"),
+        (isolated_tasks.no_row, "is damaged: no row"),
+        (isolated_tasks.too_deep, "is damaged: too deep"),
     ],
 )
 def test_an_end_is_an_error(file, capfd, task, says):
@@ -47,25 +47,25 @@ def test_an_end_is_an_error(file, capfd, task, says):
 def test_what_never_ends_is_ended(file, monkeypatch):
     monkeypatch.setattr(isolation, "most_cpu_s", lambda _: 1)
     with pytest.raises(RunFileError, match="longer"):
-        isolation.guarded(file, endings.compute)
+        isolation.guarded(file, isolated_tasks.compute)
 
 
 def test_what_waits_for_ever_is_ended(file, monkeypatch):
     monkeypatch.setattr(isolation, "_PATIENCE", 0.0)
     monkeypatch.setattr(isolation, "_START_S", 3.0)
     with pytest.raises(RunFileError, match="longer"):
-        isolation.guarded(file, endings.wait)
+        isolation.guarded(file, isolated_tasks.wait)
 
 
 def test_what_a_library_prints_is_no_part_of_the_reply(file, capfd):
-    assert isolation.guarded(file, endings.chatter) == (None, {})
+    assert isolation.guarded(file, isolated_tasks.chatter) == (None, {})
     assert capfd.readouterr() == ("", "")
 
 
 def test_locks_of_this_process_are_not_waited_for(file):
     """A forked copy has the locks that other threads hold, and nobody to free them."""
-    with endings.LOCK:
-        assert isolation.guarded(file, endings.under_lock) == (None, {})
+    with isolated_tasks.LOCK:
+        assert isolation.guarded(file, isolated_tasks.under_lock) == (None, {})
 
 
 def test_nothing_is_imported_from_the_folder_of_the_file(file, monkeypatch):
@@ -73,10 +73,10 @@ def test_nothing_is_imported_from_the_folder_of_the_file(file, monkeypatch):
     for name in ("logger", "numpy", "pickle"):
         (file.parent / f"{name}.py").write_text("raise SystemExit('a program of a stranger')")
     monkeypatch.chdir(file.parent)
-    assert isolation.guarded(file, endings.chatter) == (None, {})
+    assert isolation.guarded(file, isolated_tasks.chatter) == (None, {})
 
 
 def test_no_process_is_left(file):
-    isolation.guarded(file, endings.chatter)
+    isolation.guarded(file, isolated_tasks.chatter)
     with pytest.raises(ChildProcessError):
         os.waitpid(-1, os.WNOHANG)

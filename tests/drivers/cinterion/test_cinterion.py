@@ -7,7 +7,7 @@ from logger.drivers.cinterion.cinterion import Cinterion
 from logger.drivers.reading.fields import pieces
 from logger.drivers.reading.rows import NoCell, as_json
 from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import converse, who
+from tests.kit.drivers import identity_of, run_dialogue
 
 MODEM = Cinterion()
 
@@ -78,7 +78,7 @@ def test_smonc():
         c1=30,
         c2=30,
     )
-    assert (neighbour.role, who(neighbour), neighbour.arfcn) == (
+    assert (neighbour.role, identity_of(neighbour), neighbour.arfcn) == (
         "neighbour",
         ("232", "03", 0x3010, None),
         88,
@@ -93,7 +93,7 @@ def test_smonc_where_cells_are_missing():
         "neighbour",
     ]
     undecoded = one("^SMONC: 000,000,0000,0000,00,88,26,-,-")
-    assert (who(undecoded), undecoded.arfcn, undecoded.bsic, undecoded.rxlev_raw) == (
+    assert (identity_of(undecoded), undecoded.arfcn, undecoded.bsic, undecoded.rxlev_raw) == (
         (None,) * 4,
         88,
         None,
@@ -104,7 +104,7 @@ def test_smonc_where_cells_are_missing():
 
 def test_smond():
     serving, *neighbours = MODEM.cells_in([SMOND])
-    assert (who(serving), serving.arfcn, serving.rssi_dbm, serving.ta) == (
+    assert (identity_of(serving), serving.arfcn, serving.rssi_dbm, serving.ta) == (
         ("250", "01", 0xEA, 0xAE1),
         756,
         -47.0,
@@ -112,7 +112,7 @@ def test_smond():
     )
     assert (serving.bsic, serving.more) == (None, {"bsic_raw": "23"})
     assert [cell.arfcn for cell in neighbours] == [1022, 783, 795, 791, 748, 669]
-    assert who(neighbours[-1]) == ("250", "01", 0xEA, None)
+    assert identity_of(neighbours[-1]) == ("250", "01", 0xEA, None)
     assert one(SMOND[: SMOND.index(",250,01,00EA,0ADE")]).rssi_dbm == -47.0
     assert MODEM.cells_in([SMOND.replace("756,47", "756,-47")])[0] == serving
 
@@ -179,8 +179,8 @@ def test_search(line, rat):
 def test_values_that_smoni_does_not_know():
     row = one("^SMONI: 3G,10713,117,-,-,262,01,2A3D,1C5D6E7,--,--,----,---,-,-6,-90,0,01,06")
     assert (row.cell, row.rscp_dbm, row.ecio_db) == ("262-01-10813-29742823", None, None)
-    assert who(one(SMONI_2G.replace("83BA", "----"))) == ("262", "02", 0x143, None)
-    assert who(one(SMONI_2G.replace("83BA", "0000").replace("0143", "FFFE"))) == (
+    assert identity_of(one(SMONI_2G.replace("83BA", "----"))) == ("262", "02", 0x143, None)
+    assert identity_of(one(SMONI_2G.replace("83BA", "0000").replace("0143", "FFFE"))) == (
         "262",
         "02",
         None,
@@ -226,21 +226,21 @@ def test_lost_digit_or_comma_names_no_cell(row):
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_cut_rows_tell_nothing_else(sample):
-    identities = {who(row) for row in MODEM.cells_in(sample.split("\n"))}
+    identities = {identity_of(row) for row in MODEM.cells_in(sample.split("\n"))}
     for end in range(len(sample)):
         for row in MODEM.cells_in(sample[:end].split("\n")):
-            assert isinstance(row, NoCell) or who(row) in identities
+            assert isinstance(row, NoCell) or identity_of(row) in identities
 
 
 # --- conversation
 
 
 def test_setup():
-    assert converse(MODEM.setup(), {}, ((), "OK"))[0] is True
+    assert run_dialogue(MODEM.setup(), {}, ((), "OK"))[0] is True
     assert (
-        converse(MODEM.setup(), {"AT": ((), "OK")})[0] is True
+        run_dialogue(MODEM.setup(), {"AT": ((), "OK")})[0] is True
     )  # an old modem knows neither AT+CEREG nor AT+COPS=3,2
-    assert converse(MODEM.setup(), {}, ((), None))[0] is False
+    assert run_dialogue(MODEM.setup(), {}, ((), None))[0] is False
 
 
 @pytest.mark.parametrize(
@@ -269,7 +269,7 @@ def test_setup():
     ],
 )
 def test_poll_asks_until_a_command_is_known(command, lines, asked):
-    rows, sent = converse(MODEM.poll(), {command: (lines, "OK")})
+    rows, sent = run_dialogue(MODEM.poll(), {command: (lines, "OK")})
     assert rows == MODEM.cells_in(lines)
     assert sent == asked
 
@@ -281,10 +281,10 @@ def test_neighbours_come_from_another_command_where_smonp_is_not_known():
         "AT^MONI": ([*HEADER, MONI], "OK"),
         "AT^MONP": (table, "OK"),
     }
-    rows, _ = converse(MODEM.poll(), replies)
+    rows, _ = run_dialogue(MODEM.poll(), replies)
     assert rows == (*MODEM.cells_in([SMONI_2G]), *MODEM.cells_in(table))
     assert [row.role for row in rows] == ["serving", "neighbour"]
-    rows, sent = converse(MODEM.poll(), replies | {"AT^SMONP=255": ([], "OK")})
+    rows, sent = run_dialogue(MODEM.poll(), replies | {"AT^SMONP=255": ([], "OK")})
     assert rows == MODEM.cells_in([SMONI_2G])
     assert sent == ["AT^SMONI", "AT^SMONP=255"]
 
@@ -295,13 +295,13 @@ def test_poll_of_a_modem_that_knows_none_of_the_commands():
         "AT+CREG?": (['+CREG: 2,1,"0143","83BA",0'], "OK"),
         "AT+CSQ": (["+CSQ: 20,99"], "OK"),
     }
-    rows, _ = converse(MODEM.poll(), replies)
+    rows, _ = run_dialogue(MODEM.poll(), replies)
     assert (rows[0].cell, rows[0].rssi_dbm) == ("262-02-323-33722", -73.0)
 
 
 @pytest.mark.parametrize("final", [None, "ERROR", "+CME ERROR: 100"])
 def test_poll_without_an_answer(final):
-    assert converse(MODEM.poll(), {}, ((), final))[0] is None
+    assert run_dialogue(MODEM.poll(), {}, ((), final))[0] is None
 
 
 def test_commands_listen_only():

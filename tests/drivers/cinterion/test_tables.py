@@ -3,7 +3,7 @@ import pytest
 from logger.core.types import CellReading
 from logger.drivers.cinterion.cinterion import Cinterion
 from logger.drivers.reading.rows import NoCell
-from tests.kit.drivers import who
+from tests.kit.drivers import identity_of
 
 MODEM = Cinterion()
 
@@ -58,7 +58,7 @@ def test_moni_in_a_call_and_while_searching():
     assert one(*HEADER, "                  Searching") == NoCell("GSM", state="Searching")
     assert MODEM.cells_in(["Searching"]) == ()
     reading = one(MONI.replace("4C5D   5   2  33  -104  30", "0000   -   -   -     -   -"))
-    assert (who(reading), reading.bsic, reading.rssi_dbm) == (
+    assert (identity_of(reading), reading.bsic, reading.rssi_dbm) == (
         ("262", "01", 0x2A3B, None),
         None,
         -75.0,
@@ -70,7 +70,7 @@ def test_moni_in_a_call_and_while_searching():
 )
 def test_monp(row):
     reading = one(row)
-    assert (reading.role, who(reading), reading.arfcn) == (
+    assert (reading.role, identity_of(reading), reading.arfcn) == (
         "neighbour",
         ("262", "01", None, None),
         67,
@@ -85,12 +85,16 @@ def test_smonp_under_its_headings():
     )
     assert (gsm.cell, gsm.bsic, gsm.rssi_dbm) == ("262-07-10812-19550", 35, -80.0)
     assert (wcdma.rat, wcdma.psc, wcdma.rscp_dbm, wcdma.ecio_db) == ("WCDMA", 117, -84.0, -7.0)
-    assert who(one("2G:", SMONP.replace("4C5E", "----"))) == ("262", "07", 0x2A3C, None)
+    assert identity_of(one("2G:", SMONP.replace("4C5E", "----"))) == ("262", "07", 0x2A3C, None)
     assert MODEM.cells_in([SMONP]) == ()
 
 
 def test_scan():
     reading = one(SNMON)
-    assert (reading.role, who(reading), reading.arfcn) == ("scan", ("262", "02", None, None), 67)
+    assert (reading.role, identity_of(reading), reading.arfcn) == (
+        "scan",
+        ("262", "02", None, None),
+        67,
+    )
     assert (reading.rssi_dbm, reading.more) == (-70.0, {"lac_raw": "2A3B", "cell_raw": "4C5D"})
     assert MODEM.cells_in(['^SNMON: "INS",0,1']) == ()

@@ -6,7 +6,7 @@ from logger.core.types import CellReading
 from logger.drivers.fibocom.fibocom import Fibocom
 from logger.drivers.reading.rows import NoCell, as_json
 from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import converse, who
+from tests.kit.drivers import identity_of, run_dialogue
 
 MODEM = Fibocom()
 
@@ -65,7 +65,7 @@ def test_modem_with_headings_prints_channel_and_pci_in_hexadecimal():
         rsrq_db=-8.0,
         more={"sinr_raw": 14, "rsrp_raw": 40, "rsrq_raw": 24},
     )
-    assert (first.role, who(first), first.arfcn, first.pci) == (
+    assert (first.role, identity_of(first), first.arfcn, first.pci) == (
         "neighbour",
         (None, None, None, None),
         1444,
@@ -82,7 +82,11 @@ def test_fm350_prints_them_in_decimal():
         305,
         3,
     )
-    assert (who(neighbour), neighbour.arfcn, neighbour.pci) == ((None, None, None, None), 2850, 417)
+    assert (identity_of(neighbour), neighbour.arfcn, neighbour.pci) == (
+        (None, None, None, None),
+        2850,
+        417,
+    )
 
 
 def test_the_rows_decide_against_the_headings():
@@ -111,7 +115,11 @@ def test_5g_beside_lte():
     filler = MODEM.cells_in([*BARE[:2], "1,9,,,FFFFFFF,00FFFFFFF,632448,211,5078,400,2,55,55,60"])[
         1
     ]
-    assert (who(filler), filler.arfcn, filler.pci) == ((None, None, None, None), 632448, 211)
+    assert (identity_of(filler), filler.arfcn, filler.pci) == (
+        (None, None, None, None),
+        632448,
+        211,
+    )
 
 
 def test_wcdma_and_gsm():
@@ -140,7 +148,7 @@ def test_no_cell():
 
 def test_network_code_of_one_digit_is_no_network():
     serving, _ = MODEM.cells_in([line.replace("262,03", "262,3") for line in BARE])
-    assert who(serving) == (None, None, 0x4E60, 0x2D3C4B6)
+    assert identity_of(serving) == (None, None, 0x4E60, 0x2D3C4B6)
 
 
 def test_logs_around_a_reply():
@@ -166,9 +174,9 @@ def test_damaged_row_names_no_cell(good, bad):
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_cut_replies_tell_nothing_else(sample):
-    identities = {who(row) for row in MODEM.cells_in(sample.split("\n"))}
+    identities = {identity_of(row) for row in MODEM.cells_in(sample.split("\n"))}
     for end in range(len(sample)):
-        assert {who(row) for row in MODEM.cells_in(sample[:end].split("\n"))} <= identities
+        assert {identity_of(row) for row in MODEM.cells_in(sample[:end].split("\n"))} <= identities
 
 
 # --- conversation
@@ -182,13 +190,13 @@ COMMON = {
 
 
 def test_setup():
-    assert converse(MODEM.setup(), {}, ((), "OK"))[0] is True
-    assert converse(MODEM.setup(), {"AT": ((), "OK")})[0] is True
-    assert converse(MODEM.setup(), {}, ((), None))[0] is False
+    assert run_dialogue(MODEM.setup(), {}, ((), "OK"))[0] is True
+    assert run_dialogue(MODEM.setup(), {"AT": ((), "OK")})[0] is True
+    assert run_dialogue(MODEM.setup(), {}, ((), None))[0] is False
 
 
 def test_poll():
-    rows = converse(MODEM.poll(), {"AT+GTCCINFO?": (HEADED[1:-1], "OK"), **COMMON})[0]
+    rows = run_dialogue(MODEM.poll(), {"AT+GTCCINFO?": (HEADED[1:-1], "OK"), **COMMON})[0]
     assert [row.role for row in rows if isinstance(row, CellReading)] == [
         "serving",
         "neighbour",
@@ -197,13 +205,13 @@ def test_poll():
 
 
 def test_poll_where_the_reply_tells_of_no_serving_cell():
-    serving, *_ = converse(MODEM.poll(), {"AT+GTCCINFO?": (["+GTCCINFO:"], "OK"), **COMMON})[0]
+    serving, *_ = run_dialogue(MODEM.poll(), {"AT+GTCCINFO?": (["+GTCCINFO:"], "OK"), **COMMON})[0]
     assert (serving.cell, serving.rssi_dbm) == ("262-02-323-33722", -73.0)
 
 
 @pytest.mark.parametrize("final", [None, "ERROR", "+CME ERROR: 100"])
 def test_poll_without_an_answer(final):
-    assert converse(MODEM.poll(), {}, ((), final))[0] is None
+    assert run_dialogue(MODEM.poll(), {}, ((), final))[0] is None
 
 
 def test_commands_listen_only():

@@ -1,10 +1,10 @@
 from logger.core.types import CellReading
 from logger.drivers.generic.generic import Generic
-from tests.kit.drivers import converse
+from tests.kit.drivers import run_dialogue
 
 
 def test_the_serving_cell_is_joined_from_registration_network_and_level():
-    rows, _ = converse(
+    rows, _ = run_dialogue(
         Generic().poll(),
         {
             "AT+COPS?": (['+COPS: 0,2,"26201",0'], "OK"),
@@ -16,7 +16,7 @@ def test_the_serving_cell_is_joined_from_registration_network_and_level():
 
 
 def test_of_lte_the_level_is_that_of_the_reference_signal():
-    rows, _ = converse(
+    rows, _ = run_dialogue(
         Generic().poll(),
         {
             "AT+CEREG?": (['+CEREG: 2,1,"2AFE","1A2D001",7'], "OK"),
@@ -32,11 +32,11 @@ def test_of_lte_the_level_is_that_of_the_reference_signal():
 
 
 def test_no_cell_is_no_reading_and_no_answer_is_none():
-    rows, _ = converse(Generic().poll(), {"AT+CREG?": (["+CREG: 2,0"], "OK")})
+    rows, _ = run_dialogue(Generic().poll(), {"AT+CREG?": (["+CREG: 2,0"], "OK")})
     assert not any(isinstance(row, CellReading) for row in rows)
-    assert converse(Generic().poll(), {})[0] is None
+    assert run_dialogue(Generic().poll(), {})[0] is None
 
 
 def test_set_up_fails_only_where_the_modem_does_not_answer():
-    assert converse(Generic().setup(), {"AT": ((), "OK")})[0] is True
-    assert converse(Generic().setup(), {})[0] is False
+    assert run_dialogue(Generic().setup(), {"AT": ((), "OK")})[0] is True
+    assert run_dialogue(Generic().setup(), {})[0] is False

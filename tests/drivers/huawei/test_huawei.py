@@ -6,7 +6,7 @@ from logger.core.types import CellReading
 from logger.drivers.huawei.huawei import Huawei
 from logger.drivers.reading.rows import NoCell, Signal, as_json
 from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import NOBODY, converse, who
+from tests.kit.drivers import NO_IDENTITY, identity_of, run_dialogue
 
 MODEM = Huawei()
 
@@ -84,7 +84,7 @@ def test_lte_and_nr_have_a_hexadecimal_pci():
 def test_neighbours():
     gsm, wcdma, lte, nr = MODEM.cells_in(NEIGHBOURS)
     assert {cell.role for cell in (gsm, wcdma, lte, nr)} == {"neighbour"}
-    assert (who(gsm), gsm.arfcn, gsm.band, gsm.bsic, gsm.rssi_dbm) == (
+    assert (identity_of(gsm), gsm.arfcn, gsm.band, gsm.bsic, gsm.rssi_dbm) == (
         (None, None, 0x2A3B, 0x3C4E),
         637,
         1800,
@@ -94,8 +94,8 @@ def test_neighbours():
     assert (wcdma.psc, wcdma.rscp_dbm, wcdma.ecio_db) == (305, -98.0, -13.0)
     assert (lte.pci, lte.rsrp_dbm, lte.rsrq_db, lte.rssi_dbm) == (0x9C, -90.0, -13.0, -62.0)
     assert (nr.pci, nr.sinr_db) == (0x2A5, 0.0)
-    assert (who(one("^MONNC: GSM,2,637,,,,-84")), one("^MONNC: GSM,2,637,,,,-84").bsic) == (
-        NOBODY,
+    assert (identity_of(one("^MONNC: GSM,2,637,,,,-84")), one("^MONNC: GSM,2,637,,,,-84").bsic) == (
+        NO_IDENTITY,
         None,
     )
 
@@ -106,8 +106,8 @@ def test_values_that_are_not_measured_or_unknown():
     assert (
         one("^MONNC: NR,632448,1B,-824,-104,-296").rsrp_dbm is None
     )  # eighths of a dB, on some firmware
-    assert who(one(GSM.replace("3C4D,2A3B", "FFFF,FFFE"))) == ("262", "01", None, None)
-    assert who(one(GSM.replace("262,01", "000,00"))) == NOBODY
+    assert identity_of(one(GSM.replace("3C4D,2A3B", "FFFF,FFFE"))) == ("262", "01", None, None)
+    assert identity_of(one(GSM.replace("262,01", "000,00"))) == NO_IDENTITY
 
 
 def test_no_cell():
@@ -182,9 +182,9 @@ def test_damaged_row_names_no_cell(row):
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_cut_rows_tell_nothing_else(sample):
-    whole = who(one(sample))
+    whole = identity_of(one(sample))
     for end in range(len(sample)):
-        assert {who(row) for row in MODEM.cells_in([sample[:end]])} <= {whole}
+        assert {identity_of(row) for row in MODEM.cells_in([sample[:end]])} <= {whole}
 
 
 # --- conversation
@@ -198,24 +198,24 @@ COMMON = {
 
 
 def test_setup():
-    assert converse(MODEM.setup(), {}, ((), "OK"))[0] is True
-    assert converse(MODEM.setup(), {"AT": ((), "OK")})[0] is True
-    assert converse(MODEM.setup(), {}, ((), None))[0] is False
+    assert run_dialogue(MODEM.setup(), {}, ((), "OK"))[0] is True
+    assert run_dialogue(MODEM.setup(), {"AT": ((), "OK")})[0] is True
+    assert run_dialogue(MODEM.setup(), {}, ((), None))[0] is False
 
 
 def test_poll():
-    rows = converse(
+    rows = run_dialogue(
         MODEM.poll(), {"AT^MONSC": ([GSM], "OK"), "AT^MONNC": (NEIGHBOURS[:1], "OK"), **COMMON}
     )[0]
     assert [row.role for row in rows if isinstance(row, CellReading)] == ["serving", "neighbour"]
-    rows = converse(
+    rows = run_dialogue(
         MODEM.poll(), {"AT^SMOND": (["^SMOND:262,01,2A3B,3C4D,27,58,72,,,0,,,0"], "OK")}
     )[0]
     assert [row.cell for row in rows if isinstance(row, CellReading)] == ["262-01-10811-15437"]
 
 
 def test_poll_of_a_modem_that_does_not_know_monsc():
-    serving, *_ = converse(MODEM.poll(), COMMON)[0]
+    serving, *_ = run_dialogue(MODEM.poll(), COMMON)[0]
     assert (serving.role, serving.cell, serving.rsrp_dbm) == (
         "serving",
         "262-03-20063-47432885",
@@ -225,11 +225,11 @@ def test_poll_of_a_modem_that_does_not_know_monsc():
 
 @pytest.mark.parametrize("final", [None, "ERROR", "+CME ERROR: 100"])
 def test_poll_without_an_answer(final):
-    assert converse(MODEM.poll(), {}, ((), final))[0] is None
+    assert run_dialogue(MODEM.poll(), {}, ((), final))[0] is None
 
 
 def test_rows_before_a_time_out_are_kept():
-    assert converse(MODEM.poll(), {"AT^MONSC": ([GSM], None)}, ((), None))[0] == (one(GSM),)
+    assert run_dialogue(MODEM.poll(), {"AT^MONSC": ([GSM], None)}, ((), None))[0] == (one(GSM),)
 
 
 def test_commands_listen_only():

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from logger.drivers.privacy.redaction import Blanker, blanked
-from tests.kit.secrets import FORMS, found_in
+from tests.kit.secrets import FORMS, leaked_secrets
 
 DATA = Path(__file__).parents[1] / "data"
 REPLY = (
@@ -47,12 +47,12 @@ def _cut(data, rng):
 def test_what_is_of_people_and_devices_is_blanked_whatever_the_chunks(form):
     """Alone, at the end of what came, and between the rows of a reply, which stays as it was."""
     secret = form.encode("latin-1")
-    assert found_in(secret) or "+CRSM" in form
+    assert leaked_secrets(secret) or "+CRSM" in form
     for seed, data in enumerate(
         [secret, secret + b"\r\n", b"\r\n" + secret + b"\r\n" + REPLY] * 30
     ):
         out = _cut(data, random.Random(seed))
-        assert not found_in(out), out
+        assert not leaked_secrets(out), out
         assert len(out) == len(data)
         if data.endswith(REPLY):
             assert out.endswith(REPLY)
@@ -74,7 +74,7 @@ def test_all_forms_between_all_rows_in_any_order():
         forms = [form.encode("latin-1") for form in FORMS if "CENG" not in form]
         rng.shuffle(forms)
         out = _cut(b"".join(b"\r\n" + form + b"\r\n" + REPLY for form in forms), rng)
-        assert not found_in(out)
+        assert not leaked_secrets(out)
         assert out.count(REPLY) == len(forms)
 
 

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from logger.drivers.protocols.at import MAX_LINE, MAX_LINES, AtFramer, Unsolicited
 from logger.drivers.protocols.dialogue import INTERRUPTED, Reply
 from logger.drivers.protocols.garbage import Garbage
-from tests.kit.framers import check_framer, cut, feed_all
-from tests.kit.growth import growth
+from tests.kit.framers import check_framer, feed_all, split_at
+from tests.kit.scaling import cost_growth
 
 CENG_LINES = ("+CENG: 1,1", '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"')
 CENG_REPLY = (
@@ -301,7 +301,7 @@ STREAMS = st.lists(PIECES | st.binary(max_size=5), max_size=12).map(b"".join)
 )
 def test_chunks_make_no_difference(data, sizes, command):
     make = expired("AT+CENG?", then=command)
-    assert feed_all(make(), cut(data, sizes)) == feed_all(make(), [data])
+    assert feed_all(make(), split_at(data, sizes)) == feed_all(make(), [data])
 
 
 @given(STREAMS)
@@ -317,4 +317,4 @@ def test_time_grows_with_the_rows_and_no_faster():
         for i in range(0, len(rows), 64):
             list(framer.feed(rows[i : i + 64]))
 
-    assert growth(read, 120, 960) < 4.0
+    assert cost_growth(read, 120, 960) < 4.0

@@ -19,8 +19,8 @@ from logger.drivers.protocols.gpsd import (
     Version,
     watch,
 )
-from tests.kit.framers import check_framer, cut, feed_all
-from tests.kit.growth import growth
+from tests.kit.framers import check_framer, feed_all, split_at
+from tests.kit.scaling import cost_growth
 
 NOON = "2024-09-21T12:00:00.000Z"
 NOON_NS = 1_726_920_000 * 10**9
@@ -122,7 +122,7 @@ def test_endless_line_is_garbage_and_memory_is_bounded():
 def test_any_bytes_in_any_chunks(pieces):
     data = b"".join(pieces)
     whole = feed_all(GpsdFramer(), [data])
-    assert feed_all(GpsdFramer(), cut(data, [3] * (len(data) // 3))) == whole
+    assert feed_all(GpsdFramer(), split_at(data, [3] * (len(data) // 3))) == whole
     assembler = GpsdFixes()
     for event in whole:
         if not isinstance(event, Garbage):
@@ -260,4 +260,4 @@ def test_time_grows_with_the_bytes_and_no_faster():
             for report in framer.feed(data[i : i + 512]):
                 list(assembler.feed(report, i))
 
-    assert growth(read, 100, 800) < 4.0
+    assert cost_growth(read, 100, 800) < 4.0

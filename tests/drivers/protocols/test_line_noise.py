@@ -11,7 +11,7 @@ from logger.drivers.protocols.at import AtFramer, Unsolicited
 from logger.drivers.protocols.dialogue import Reply
 from logger.drivers.protocols.line_noise import Piece, pieces
 from logger.drivers.registry import FAMILIES
-from tests.kit.drivers import cells_of, own_replies, who
+from tests.kit.drivers import cells_of, identity_of, own_replies
 
 NOT_TEXT = bytes([*range(9), *range(14, 32), *range(127, 256)])
 NAME = re.compile(r"^[+*^#!$%][A-Z]+(?=\s?:)", re.MULTILINE)
@@ -75,12 +75,12 @@ def test_noise_before_and_between_lines_takes_no_row(name, kind):
 def test_noise_anywhere_invents_no_cell(name, kind):
     driver, rng = FAMILIES[name], random.Random(2)
     for reply in own_replies(name):
-        honest = {who(cell) for cell in cells_of(driver, reply.split("\n"))}
+        honest = {identity_of(cell) for cell in cells_of(driver, reply.split("\n"))}
         places = [{cell[i] for cell in honest} | {None} for i in range(4)]
         for _ in range(20):
             for cell in cells_of(driver, _heard(reply, (BEFORE | AFTER)[kind], rng)):
                 assert cell.identity_unsure or all(
-                    value in known for value, known in zip(who(cell), places, strict=False)
+                    value in known for value, known in zip(identity_of(cell), places, strict=False)
                 ), cell
 
 

@@ -12,8 +12,8 @@ from logger.core.types import Fix
 from logger.drivers.protocols.garbage import Garbage
 from logger.drivers.protocols.nmea import MAX_SENTENCE, FixAssembler, NmeaFramer, Sentence
 from logger.drivers.protocols.nmea_fix import radius68_m
-from tests.kit.framers import check_framer, cut, feed_all
-from tests.kit.growth import growth
+from tests.kit.framers import check_framer, feed_all, split_at
+from tests.kit.scaling import cost_growth
 
 
 def nmea(body):
@@ -116,7 +116,7 @@ STREAMS = st.lists(PIECES | st.binary(max_size=4), max_size=12).map(b"".join)
 
 @given(STREAMS, st.lists(st.integers(0, 80), max_size=12))
 def test_chunks_make_no_difference(data, sizes):
-    assert feed_all(NmeaFramer(), cut(data, sizes)) == feed_all(NmeaFramer(), [data])
+    assert feed_all(NmeaFramer(), split_at(data, sizes)) == feed_all(NmeaFramer(), [data])
 
 
 @given(
@@ -506,4 +506,4 @@ def test_time_grows_with_the_bytes_and_no_faster():
             for event in framer.feed(data[i : i + 64].encode()):
                 assembler.feed(event, i)
 
-    assert growth(read, 50, 400) < 4.0
+    assert cost_growth(read, 50, 400) < 4.0

@@ -10,7 +10,7 @@ import pytest
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
 from logger.drivers.protocols.nmea_fix import radius68_m
 from logger.sim.receiver import sentence
-from tests.kit.framers import cut
+from tests.kit.framers import split_at
 
 SECONDS = 40
 START_NS = int(datetime(2026, 9, 21, 23, 59, 40, tzinfo=UTC).timestamp()) * 10**9
@@ -96,7 +96,7 @@ def heard(chunks):
 def test_no_fix_is_lost_and_none_has_values_of_another(order, rate_hz):
     data = said(order, rate_hz)
     chance = random.Random(f"{order} {rate_hz}")
-    found = heard(cut(data, [chance.randrange(1, 400) for _ in range(len(data))]))
+    found = heard(split_at(data, [chance.randrange(1, 400) for _ in range(len(data))]))
     assert len(found) == SECONDS * rate_hz
     for i, fix in enumerate(found):
         assert fix.utc_ns == epoch_ns(i, rate_hz)

@@ -7,7 +7,7 @@ from logger.drivers.family import AUTOBAUD_TRIES
 from logger.drivers.quectel.quectel import Quectel
 from logger.drivers.reading.rows import NoCell, Signal, as_json
 from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import NOBODY, cells_of, rehearsed, who
+from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of, run_exchange
 
 MODEM = Quectel()
 
@@ -89,13 +89,17 @@ def test_gsm_level_as_an_index_as_the_manual_says():
 
 def test_wcdma():
     cell = one(WCDMA)
-    assert (who(cell), cell.arfcn, cell.psc) == (("515", "03", 0x3AB2, 0xB55EEFF), 3037, 352)
+    assert (identity_of(cell), cell.arfcn, cell.psc) == (
+        ("515", "03", 0x3AB2, 0xB55EEFF),
+        3037,
+        352,
+    )
     assert (cell.rscp_dbm, cell.ecio_db) == (-94.0, -15.0)
 
 
 def test_ids_of_digits_only_are_hexadecimal():
-    assert who(one(LTE)) == ("262", "01", 0xB2C, 0x314159)
-    assert who(one(LTE.replace("B2C", "1729"))) == ("262", "01", 0x1729, 0x314159)
+    assert identity_of(one(LTE)) == ("262", "01", 0xB2C, 0x314159)
+    assert identity_of(one(LTE.replace("B2C", "1729"))) == ("262", "01", 0x1729, 0x314159)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +133,7 @@ def test_words_for_a_technology(word, rat):
 
 def test_5g_alone():
     cell = one(SA)
-    assert (cell.rat, cell.more["mode"], who(cell)) == (
+    assert (cell.rat, cell.more["mode"], identity_of(cell)) == (
         "NR",
         "SA",
         ("460", "00", 0x46550B, 0x170C23000),
@@ -154,7 +158,7 @@ def test_5g_beside_lte():
 
 def test_order_in_a_neighbour_row_follows_the_technology_camped_on():
     gsm = one(GSM_ON_GSM)
-    assert (who(gsm), gsm.bsic, gsm.arfcn, gsm.rssi_dbm) == (
+    assert (identity_of(gsm), gsm.bsic, gsm.arfcn, gsm.rssi_dbm) == (
         ("262", "01", 0x1A2C, 0x3C4F),
         27,
         61,
@@ -162,7 +166,12 @@ def test_order_in_a_neighbour_row_follows_the_technology_camped_on():
     )
     for arfcn in (88, 262):  # the second could be a network code
         gsm = one(GSM_ON_LTE.replace('"GSM",88', f'"GSM",{arfcn}'))
-        assert (who(gsm), gsm.arfcn, gsm.bsic, gsm.rssi_dbm) == (NOBODY, arfcn, 37, -81.0)
+        assert (identity_of(gsm), gsm.arfcn, gsm.bsic, gsm.rssi_dbm) == (
+            NO_IDENTITY,
+            arfcn,
+            37,
+            -81.0,
+        )
     gsm = one('+QENG: "neighbourcell","GSM",45,-93,14,-6')
     assert (gsm.arfcn, gsm.bsic, gsm.rssi_dbm) == (None, 45, -93.0)
 
@@ -217,10 +226,14 @@ def test_gsm_channel_that_is_announced_but_not_heard():
 
 def test_scan_of_a_5g_modem():
     cell = one(SCAN)
-    assert (cell.role, who(cell), cell.band) == ("scan", ("262", "02", 0x5A6B, 0x1F2E3D4), 20)
+    assert (cell.role, identity_of(cell), cell.band) == (
+        "scan",
+        ("262", "02", 0x5A6B, 0x1F2E3D4),
+        20,
+    )
     cell = one(SHORT_SCAN)
-    assert (who(cell), cell.arfcn, cell.pci) == (("310", "260", None, None), 501390, 364)
-    assert who(one(SCAN.removesuffix(",5A6B,50,20"))) == ("262", "02", None, None)
+    assert (identity_of(cell), cell.arfcn, cell.pci) == (("310", "260", None, None), 501390, 364)
+    assert identity_of(one(SCAN.removesuffix(",5A6B,50,20"))) == ("262", "02", None, None)
 
 
 def test_band_scan():
@@ -231,16 +244,20 @@ def test_band_scan():
         '1,"4G",1850,118,2,2B3C4D5,-98,-11,-69,0',
         '2,"3G",10663,219,6B7C,4D5E6F7,-97,19,0',
     )
-    assert (gsm.role, who(gsm), gsm.arfcn, gsm.bsic) == (
+    assert (gsm.role, identity_of(gsm), gsm.arfcn, gsm.bsic) == (
         "scan",
         ("262", "03", 0x1A2D, 0x3C50),
         21,
         14,
     )
     assert (gsm.rxlev_raw, gsm.rssi_dbm, lost.rxlev_raw) == (25, None, None)
-    assert (who(lte), lte.pci, lte.rsrp_dbm) == (("262", "04", 2, 0x2B3C4D5), 118, -98.0)
-    assert (who(umts), umts.psc, umts.rscp_dbm) == (("262", "04", 0x6B7C, 0x4D5E6F7), 219, -97.0)
-    assert who(one(QOPS[1])) == NOBODY
+    assert (identity_of(lte), lte.pci, lte.rsrp_dbm) == (("262", "04", 2, 0x2B3C4D5), 118, -98.0)
+    assert (identity_of(umts), umts.psc, umts.rscp_dbm) == (
+        ("262", "04", 0x6B7C, 0x4D5E6F7),
+        219,
+        -97.0,
+    )
+    assert identity_of(one(QOPS[1])) == NO_IDENTITY
 
 
 def test_levels():
@@ -281,10 +298,10 @@ def test_no_cell():
 )
 def test_row_in_a_log(write, row):
     cell, found = one(row), one(write(row))
-    assert (found.role, found.rat, who(found), found.arfcn) == (
+    assert (found.role, found.rat, identity_of(found), found.arfcn) == (
         cell.role,
         cell.rat,
-        who(cell),
+        identity_of(cell),
         cell.arfcn,
     )
     assert found.level_dbm == cell.level_dbm
@@ -299,17 +316,17 @@ def test_row_in_a_log(write, row):
         ("262,01,FFFF,3C4D", ("262", "01", None, 0x3C4D)),
         ("262,01,1A2B,FFFF", ("262", "01", 0x1A2B, None)),
         ("262,01,1A2B,-", ("262", "01", 0x1A2B, None)),
-        ("-,-,-,-", NOBODY),
-        ("262,1,1A2B,3C4D", NOBODY),
-        ("2G2,01,1A2B,3C4D", NOBODY),
-        ("262,01,1H2B,3C4D", NOBODY),
-        ("262,01,1A2B,3C4D3", NOBODY),
-        ("000,01,1A2B,3C4D", NOBODY),
+        ("-,-,-,-", NO_IDENTITY),
+        ("262,1,1A2B,3C4D", NO_IDENTITY),
+        ("2G2,01,1A2B,3C4D", NO_IDENTITY),
+        ("262,01,1H2B,3C4D", NO_IDENTITY),
+        ("262,01,1A2B,3C4D3", NO_IDENTITY),
+        ("000,01,1A2B,3C4D", NO_IDENTITY),
     ],
 )
 def test_identity_is_whole_or_nothing(printed, identity):
     cell = one(GSM.replace("262,01,1A2B,3C4D", printed))
-    assert (who(cell), cell.arfcn, cell.rssi_dbm) == (identity, 57, -66.0)
+    assert (identity_of(cell), cell.arfcn, cell.rssi_dbm) == (identity, 57, -66.0)
 
 
 def test_unknown_is_none():
@@ -325,18 +342,22 @@ def test_unknown_is_none():
 
 @pytest.mark.parametrize("row", [GSM, WCDMA, LTE, SA, GSM_ON_GSM, SCAN, EN_DC[1]])
 def test_cut_row_is_the_same_cell_or_nobody(row):
-    whole = who(one(row))
+    whole = identity_of(one(row))
     for end in range(len(row)):
         cell = one(row[:end])
-        assert cell is None or who(cell) in {whole, NOBODY, (*whole[:2], None, None)}, row[:end]
+        assert cell is None or identity_of(cell) in {
+            whole,
+            NO_IDENTITY,
+            (*whole[:2], None, None),
+        }, row[:end]
 
 
 @pytest.mark.parametrize("row", [GSM, WCDMA, LTE, SA, GSM_ON_GSM, GSM_ON_LTE, EN_DC[1]])
 def test_lost_comma_names_no_other_cell(row):
-    whole = who(one(row))
+    whole = identity_of(one(row))
     for comma in (match.start() for match in re.finditer(",", row)):
         cell = one(row[:comma] + row[comma + 1 :])
-        assert cell is None or who(cell) in {whole, NOBODY}, comma
+        assert cell is None or identity_of(cell) in {whole, NO_IDENTITY}, comma
 
 
 @pytest.mark.parametrize(
@@ -353,31 +374,35 @@ AWAKE = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
 
 
 def test_setup_needs_a_modem_that_answers():
-    assert rehearsed(MODEM.setup(), AWAKE) is True
-    assert rehearsed(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
+    assert run_exchange(MODEM.setup(), AWAKE) is True
+    assert run_exchange(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
 
 
 def test_poll():
     serving, neighbours = 'AT+QENG="servingcell"', 'AT+QENG="neighbourcell"'
-    assert rehearsed(MODEM.poll(), [(serving, [GSM], "OK"), (neighbours, [GSM_ON_GSM], "OK")]) == (
+    assert run_exchange(
+        MODEM.poll(), [(serving, [GSM], "OK"), (neighbours, [GSM_ON_GSM], "OK")]
+    ) == (
         one(GSM),
         one(GSM_ON_GSM),
     )
-    assert rehearsed(MODEM.poll(), [(serving, [GSM], "OK"), (neighbours, [], None)]) == (one(GSM),)
-    assert rehearsed(MODEM.poll(), [(serving, [], "OK"), (neighbours, [], "OK")]) == ()
+    assert run_exchange(MODEM.poll(), [(serving, [GSM], "OK"), (neighbours, [], None)]) == (
+        one(GSM),
+    )
+    assert run_exchange(MODEM.poll(), [(serving, [], "OK"), (neighbours, [], "OK")]) == ()
     assert (
-        rehearsed(MODEM.poll(), [(serving, [], "ERROR"), (neighbours, [], "+CME ERROR: 100")])
+        run_exchange(MODEM.poll(), [(serving, [], "ERROR"), (neighbours, [], "+CME ERROR: 100")])
         is None
     )
-    assert rehearsed(MODEM.poll(), [(serving, [], None), (neighbours, [], None)]) is None
+    assert run_exchange(MODEM.poll(), [(serving, [], None), (neighbours, [], None)]) is None
     searching = ['+QENG: "servingcell","SEARCH"']
-    assert rehearsed(MODEM.poll(), [(serving, searching, "OK"), (neighbours, [], "ERROR")]) == (
+    assert run_exchange(MODEM.poll(), [(serving, searching, "OK"), (neighbours, [], "ERROR")]) == (
         NoCell(state="SEARCH"),
     )
 
 
 def test_survey():
-    (cell,) = rehearsed(MODEM.ask(MODEM.surveys[:1]), [(MODEM.surveys[0].text, QOPS, "OK")])
+    (cell,) = run_exchange(MODEM.ask(MODEM.surveys[:1]), [(MODEM.surveys[0].text, QOPS, "OK")])
     assert (cell.lac, cell.cid) == (0x1A2D, 0x3C50)
 
 

@@ -6,7 +6,7 @@ from logger.core.types import CellReading
 from logger.drivers.quectel.quectel_gsm import QuectelGsm
 from logger.drivers.reading.rows import NoCell, as_json
 from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import NOBODY, cells_of, rehearsed, who
+from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of, run_exchange
 
 MODEM = QuectelGsm()
 
@@ -103,7 +103,12 @@ def test_a_neighbour_of_several_that_is_not_heard(number):
 
 def test_neighbour_that_is_not_decoded_keeps_its_level():
     first, second = cells("+QENG: 1,1,9,-85,x,x,x,x,x,x,x,2,11,-80,17,31,31,262,01,1b2c,4d60")
-    assert (who(first), first.arfcn, first.rssi_dbm, first.bsic) == (NOBODY, 9, -85.0, None)
+    assert (identity_of(first), first.arfcn, first.rssi_dbm, first.bsic) == (
+        NO_IDENTITY,
+        9,
+        -85.0,
+        None,
+    )
     assert second.cell == "262-01-6956-19808"
 
 
@@ -118,7 +123,7 @@ def test_strongest_channels():
 
 def test_nbiot_cell_has_the_same_prefix():
     cell = one(NBIOT)
-    assert (cell.rat, who(cell), cell.arfcn, cell.pci) == (
+    assert (cell.rat, identity_of(cell), cell.arfcn, cell.pci) == (
         "NB-IoT",
         (None, None, 0xA924, 0x288516),
         1769,
@@ -196,31 +201,31 @@ def test_rows_of_bc660_that_are_no_cells():
     [
         ("262,01,ffff,4d5e", ("262", "01", None, 0x4D5E)),
         ("262,01,1b2c,0000", ("262", "01", 0x1B2C, None)),
-        ("x,x,x,x", NOBODY),
-        ("262,01,1b2c,4d5e0", NOBODY),
-        ("262,01,1b2g,4d5e", NOBODY),
-        ("26,01,1b2c,4d5e", NOBODY),
+        ("x,x,x,x", NO_IDENTITY),
+        ("262,01,1b2c,4d5e0", NO_IDENTITY),
+        ("262,01,1b2g,4d5e", NO_IDENTITY),
+        ("26,01,1b2c,4d5e", NO_IDENTITY),
     ],
 )
 def test_identity_is_whole_or_nothing(printed, identity):
     cell = one(SERVING.replace("262,01,1b2c,4d5e", printed))
-    assert (who(cell), cell.arfcn, cell.rssi_dbm) == (identity, 3, -73.0)
+    assert (identity_of(cell), cell.arfcn, cell.rssi_dbm) == (identity, 3, -73.0)
 
 
 def test_lost_comma_names_no_other_cell():
     for row in (SERVING, NEIGHBOURS, NBIOT):
-        known = {who(cell) for cell in cells(row)} | {NOBODY}
+        known = {identity_of(cell) for cell in cells(row)} | {NO_IDENTITY}
         for comma in (match.start() for match in re.finditer(",", row)):
-            assert {who(cell) for cell in cells(row[:comma] + row[comma + 1 :])} <= known, row[
-                :comma
-            ]
+            assert {identity_of(cell) for cell in cells(row[:comma] + row[comma + 1 :])} <= known, (
+                row[:comma]
+            )
 
 
 @pytest.mark.parametrize("row", [SERVING, NEIGHBOURS, NBIOT])
 def test_cut_row_names_no_other_cell(row):
-    known = {who(cell) for cell in cells(row)} | {NOBODY, (None, None, None, 0x288516)}
+    known = {identity_of(cell) for cell in cells(row)} | {NO_IDENTITY, (None, None, None, 0x288516)}
     for end in range(len(row)):
-        assert {who(cell) for cell in cells(row[:end])} <= known, row[:end]
+        assert {identity_of(cell) for cell in cells(row[:end])} <= known, row[:end]
 
 
 @pytest.mark.parametrize(
@@ -244,33 +249,35 @@ AWAKE = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
 
 
 def test_setup():
-    assert rehearsed(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "OK")]) is True
+    assert run_exchange(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "OK")]) is True
     assert (
-        rehearsed(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "ERROR")]) is True
+        run_exchange(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "ERROR")]) is True
     )  # an NB-IoT modem
-    assert rehearsed(MODEM.setup(), [("AT", [], None)] * 5) is False
+    assert run_exchange(MODEM.setup(), [("AT", [], None)] * 5) is False
 
 
 def test_poll_of_a_gsm_modem():
-    rows = rehearsed(MODEM.poll(), [("AT+QENG?", [HEADER, SERVING, NEIGHBOURS], "OK")])
-    assert [who(row) for row in rows] == [who(cell) for cell in cells(SERVING, NEIGHBOURS)]
-    assert rehearsed(MODEM.poll(), [("AT+QENG?", [HEADER, SERVING], None)]) == (one(SERVING),)
-    assert rehearsed(MODEM.poll(), [("AT+QENG?", [HEADER], "OK")]) == ()
+    rows = run_exchange(MODEM.poll(), [("AT+QENG?", [HEADER, SERVING, NEIGHBOURS], "OK")])
+    assert [identity_of(row) for row in rows] == [
+        identity_of(cell) for cell in cells(SERVING, NEIGHBOURS)
+    ]
+    assert run_exchange(MODEM.poll(), [("AT+QENG?", [HEADER, SERVING], None)]) == (one(SERVING),)
+    assert run_exchange(MODEM.poll(), [("AT+QENG?", [HEADER], "OK")]) == ()
 
 
 @pytest.mark.parametrize(
     ("lines", "final"), [([], None), ([HEADER], None), ([], "OK"), (["+QENG: 0,0"], "OK")]
 )
 def test_poll_without_an_answer(lines, final):
-    assert rehearsed(MODEM.poll(), [("AT+QENG?", lines, final)]) is None
+    assert run_exchange(MODEM.poll(), [("AT+QENG?", lines, final)]) is None
 
 
 def test_poll_of_an_nbiot_modem():
     refused = ("AT+QENG?", [], "+CME ERROR: 50")
-    assert rehearsed(MODEM.poll(), [refused, ("AT+QENG=0", [NBIOT], "OK")]) == (one(NBIOT),)
-    assert rehearsed(MODEM.poll(), [refused, ("AT+QENG=0", [], "OK")]) == ()
-    assert rehearsed(MODEM.poll(), [refused, ("AT+QENG=0", [], "ERROR")]) is None
-    assert rehearsed(MODEM.poll(), [refused, ("AT+QENG=0", [], None)]) is None
+    assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [NBIOT], "OK")]) == (one(NBIOT),)
+    assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], "OK")]) == ()
+    assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], "ERROR")]) is None
+    assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], None)]) is None
 
 
 @pytest.mark.parametrize(

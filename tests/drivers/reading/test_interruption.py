@@ -14,7 +14,7 @@ from logger.drivers.reading.interruption import names_of, uncut
 from logger.drivers.reading.rows import Registration
 from logger.drivers.registry import FAMILIES
 from logger.drivers.transcript import rows_of
-from tests.kit.drivers import own_replies, who
+from tests.kit.drivers import identity_of, own_replies
 
 URC = '+CIEV: "service",1'
 LEVELS = ("rssi_dbm", "rscp_dbm", "rsrp_dbm", "rxlev_raw")
@@ -26,7 +26,9 @@ def told(driver, lines):
     """Who is named for certain, and which levels are told."""
     rows = rows_of(driver, lines)
     cells = {
-        who(row) if isinstance(row, CellReading) else (None, None, row.lac or row.tac, row.cid)
+        identity_of(row)
+        if isinstance(row, CellReading)
+        else (None, None, row.lac or row.tac, row.cid)
         for row in rows
         if isinstance(row, CellReading | Registration) and not row.identity_unsure
     }
@@ -45,7 +47,9 @@ def whole(driver, lines):
     """
     rows = [row for row in driver.read(lines) if isinstance(row, CellReading | Registration)]
     cells = {
-        who(row) if isinstance(row, CellReading) else (None, None, row.lac or row.tac, row.cid)
+        identity_of(row)
+        if isinstance(row, CellReading)
+        else (None, None, row.lac or row.tac, row.cid)
         for row in rows
     }
     return cells, {

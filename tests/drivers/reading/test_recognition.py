@@ -5,7 +5,7 @@ import pytest
 from logger.drivers.reading.recognition import Known, recognised, recognised_replies
 from logger.drivers.registry import FAMILIES
 from logger.drivers.simcom.cpsi import joined
-from tests.kit.drivers import who
+from tests.kit.drivers import identity_of
 
 PADDED = [
     '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"',
@@ -56,7 +56,7 @@ def test_a_number_that_stands_twice_is_what_it_is():
     rows = told(
         "sim800", ['+CENG:1,"0672,19,30,a53e,310,260,113"', '+CENG:2,"0678,14,39,4e74,310,260,113"']
     )
-    assert [who(row)[2] for row in rows] == [0x113, 0x113]
+    assert [identity_of(row)[2] for row in rows] == [0x113, 0x113]
     assert not any(row.identity_unsure for row in rows)
 
 

@@ -6,7 +6,7 @@ from logger.core.types import CellReading
 from logger.drivers.reading.rows import NoCell, Operator, as_json
 from logger.drivers.sierra.sierra import Sierra
 from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import converse, who
+from tests.kit.drivers import identity_of, run_dialogue
 
 MODEM = Sierra()
 
@@ -214,7 +214,7 @@ def test_numbers_that_contradict_each_other_leave_the_identity_unsure(good, bad)
     ("good", "bad"), [("01234567 (19088743)", "01234567 (19088743"), ("(19088743)", "")]
 )
 def test_place_without_its_number_in_brackets_is_no_place(good, bad):
-    assert who(one([line.replace(good, bad) for line in LTE]))[3] is None
+    assert identity_of(one([line.replace(good, bad) for line in LTE]))[3] is None
 
 
 @pytest.mark.parametrize(
@@ -230,10 +230,10 @@ def test_damaged_row_of_a_table_is_no_cell(good, bad):
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_cut_replies_tell_nothing_else(sample):
     nobody = (None, None, None, None)
-    identities = {nobody, *(who(row) for row in MODEM.cells_in(sample.split("\n")))}
+    identities = {nobody, *(identity_of(row) for row in MODEM.cells_in(sample.split("\n")))}
     for end in range(len(sample)):
         for row in MODEM.cells_in(sample[:end].split("\n")):
-            assert isinstance(row, NoCell) or who(row) in identities, sample[:end]
+            assert isinstance(row, NoCell) or identity_of(row) in identities, sample[:end]
 
 
 # --- conversation
@@ -244,20 +244,20 @@ def cops(act):
 
 
 def test_setup():
-    assert converse(MODEM.setup(), {}, ((), "OK"))[0] is True
-    assert converse(MODEM.setup(), {"AT": ((), "OK")})[0] is True
-    assert converse(MODEM.setup(), {}, ((), None))[0] is False
+    assert run_dialogue(MODEM.setup(), {}, ((), "OK"))[0] is True
+    assert run_dialogue(MODEM.setup(), {"AT": ((), "OK")})[0] is True
+    assert run_dialogue(MODEM.setup(), {}, ((), None))[0] is False
 
 
 def test_poll_takes_the_network_from_the_operator_of_that_technology():
-    operator, cell = converse(MODEM.poll(), {"AT!GSTATUS?": (GSM, "OK"), **cops(0)})[0][::-1]
+    operator, cell = run_dialogue(MODEM.poll(), {"AT!GSTATUS?": (GSM, "OK"), **cops(0)})[0][::-1]
     assert (cell.cell, operator) == ("262-01-11113-40029", Operator("GSM", plmn="26201", act=0))
-    assert converse(MODEM.poll(), {"AT!GSTATUS?": (GSM, "OK"), **cops(7)})[0][0].mcc is None
-    assert converse(MODEM.poll(), {"AT!GSTATUS?": (GSM, "OK")})[0][0].mcc is None
+    assert run_dialogue(MODEM.poll(), {"AT!GSTATUS?": (GSM, "OK"), **cops(7)})[0][0].mcc is None
+    assert run_dialogue(MODEM.poll(), {"AT!GSTATUS?": (GSM, "OK")})[0][0].mcc is None
 
 
 def test_poll_tells_the_serving_cell_once():
-    rows = converse(
+    rows = run_dialogue(
         MODEM.poll(), {"AT!GSTATUS?": (LTE, "OK"), "AT!LTEINFO?": (LTEINFO, "OK"), **cops(7)}
     )[0]
     assert [row.cell for row in rows if isinstance(row, CellReading) and row.role == "serving"] == [
@@ -267,7 +267,7 @@ def test_poll_tells_the_serving_cell_once():
 
 @pytest.mark.parametrize("final", [None, "ERROR", "+CME ERROR: 100"])
 def test_poll_without_an_answer(final):
-    assert converse(MODEM.poll(), {}, ((), final))[0] is None
+    assert run_dialogue(MODEM.poll(), {}, ((), final))[0] is None
 
 
 def test_commands_listen_only():

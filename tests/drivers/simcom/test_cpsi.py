@@ -3,7 +3,7 @@ import pytest
 from logger.core.types import CellReading
 from logger.drivers.reading.rows import NoCell, Signal, as_json
 from logger.drivers.simcom import cpsi
-from tests.kit.drivers import NOBODY, who
+from tests.kit.drivers import NO_IDENTITY, identity_of
 
 # LTE and LTE_M are rows of the corpus, the others have values of our own in the layouts of
 # firmware_notes/sim7600.md.
@@ -41,13 +41,17 @@ def test_gsm():
 
 def test_gsm_of_an_a76xx_has_no_band():
     reading = one("+CPSI: GSM,Online,262-03,0x1C2D,23456,58,-69,1875,-4--9")
-    assert (who(reading), reading.arfcn, reading.band) == (("262", "03", 0x1C2D, 23456), 58, None)
+    assert (identity_of(reading), reading.arfcn, reading.band) == (
+        ("262", "03", 0x1C2D, 23456),
+        58,
+        None,
+    )
     assert (reading.rssi_dbm, reading.c1, reading.c2) == (-69.0, -4, -9)
 
 
 def test_wcdma_levels_have_lost_their_sign():
     reading = one(WCDMA)
-    assert (who(reading), reading.psc, reading.arfcn) == (
+    assert (identity_of(reading), reading.psc, reading.arfcn) == (
         ("262", "02", 0x0A1B, 19088743),
         117,
         10688,
@@ -61,7 +65,7 @@ def test_wcdma_levels_have_lost_their_sign():
 
 def test_lte_in_tenths_of_a_decibel():
     reading = one(LTE)
-    assert (reading.rat, who(reading), reading.lac) == (
+    assert (reading.rat, identity_of(reading), reading.lac) == (
         "LTE",
         ("310", "260", 0x2D18, 50896642),
         None,
@@ -77,7 +81,7 @@ def test_lte_in_tenths_of_a_decibel():
 
 def test_lte_in_whole_decibel():
     reading = one(LTE_M)
-    assert (reading.rat, who(reading), reading.band) == (
+    assert (reading.rat, identity_of(reading), reading.band) == (
         "LTE-M",
         ("240", "07", 0x2AFE, 34564631),
         20,
@@ -93,7 +97,7 @@ def test_lte_in_whole_decibel():
 
 def test_lte_as_an_index_has_no_level():
     reading = one(INDEXED)
-    assert who(reading) == ("262", "03", 0x5D21, 7654321)
+    assert identity_of(reading) == ("262", "03", 0x5D21, 7654321)
     assert (reading.rsrp_dbm, reading.rsrq_db, reading.rssi_dbm, reading.sinr_db) == (
         None,
         None,
@@ -110,7 +114,7 @@ def test_lte_as_an_index_has_no_level():
 @pytest.mark.parametrize("snr", ["18", "240"])
 def test_nr_alone_whose_unit_of_snr_differs_by_firmware(snr):
     reading = one(NR_SA.replace(",18", f",{snr}"))
-    assert (reading.rat, who(reading), reading.band) == (
+    assert (reading.rat, identity_of(reading), reading.band) == (
         "NR",
         ("262", "01", 0x2A4C31, 19088743210),
         78,
@@ -126,7 +130,7 @@ def test_nr_alone_whose_unit_of_snr_differs_by_firmware(snr):
 
 def test_nr_beside_lte():
     lte, nr = cpsi.read([LTE, NR_NSA])
-    assert (lte.rat, nr.rat, nr.role, who(nr)) == ("LTE", "NR", "serving", NOBODY)
+    assert (lte.rat, nr.rat, nr.role, identity_of(nr)) == ("LTE", "NR", "serving", NO_IDENTITY)
     assert (nr.pci, nr.arfcn, nr.band, nr.rsrp_dbm, nr.rsrq_db) == (731, 641280, 78, -90.5, -12.0)
 
 
@@ -177,12 +181,12 @@ def test_writing_of_a_row(line):
 
 def test_rows_run_into_each_other():
     first, second = cpsi.read([LTE[:-3] + GSM])
-    assert (who(first), first.sinr_db, first.rssi_dbm) == (
+    assert (identity_of(first), first.sinr_db, first.rssi_dbm) == (
         ("310", "260", 0x2D18, 50896642),
         None,
         None,
     )
-    assert who(second) == ("262", "01", 0x3A5C, 41213)
+    assert identity_of(second) == ("262", "01", 0x3A5C, 41213)
 
 
 @pytest.mark.parametrize(
@@ -193,16 +197,16 @@ def test_rows_run_into_each_other():
         (",50896642,", ",268435455,", ("310", "260", 0x2D18, None)),
         ("0x2D18", "0xFFFE", ("310", "260", None, 50896642)),
         ("0x2D18", "0x0000", ("310", "260", None, 50896642)),
-        ("310-260", "000-00", NOBODY),
-        ("0x2D18", "2D18", NOBODY),
-        ("0x2D18", "0x12D18", NOBODY),
-        (",50896642,", ",508966x2,", NOBODY),
-        ("310-260", "310-2600", NOBODY),
+        ("310-260", "000-00", NO_IDENTITY),
+        ("0x2D18", "2D18", NO_IDENTITY),
+        ("0x2D18", "0x12D18", NO_IDENTITY),
+        (",50896642,", ",508966x2,", NO_IDENTITY),
+        ("310-260", "310-2600", NO_IDENTITY),
     ],
 )
 def test_identity(whole, other, cell):
     reading = one(LTE.replace(whole, other))
-    assert (who(reading), reading.rsrp_dbm) == (cell, -98.7)
+    assert (identity_of(reading), reading.rsrp_dbm) == (cell, -98.7)
 
 
 def test_while_the_cell_changes_there_is_none():
@@ -218,7 +222,7 @@ ROWS = [GSM, WCDMA, LTE, LTE_M, INDEXED, NR_SA]
 @pytest.mark.parametrize("row", ROWS)
 def test_row_without_its_last_value_is_the_cell_and_a_shorter_one_is_none(row):
     values = row.split(",")
-    assert who(one(",".join(values[:-1]))) == who(one(row))
+    assert identity_of(one(",".join(values[:-1]))) == identity_of(one(row))
     assert one(",".join(values[:-2])) is None
 
 
@@ -227,7 +231,7 @@ def test_lost_value_before_the_levels_is_no_cell(row):
     values = row.split(",")
     for lost in range(2, 2 + 4):
         reading = one(",".join(values[:lost] + values[lost + 1 :]))
-        assert reading is None or who(reading) == who(one(row)), lost
+        assert reading is None or identity_of(reading) == identity_of(one(row)), lost
 
 
 @pytest.mark.parametrize("row", [*ROWS, NR_NSA])
@@ -237,7 +241,7 @@ def test_comma_lost_or_added_makes_no_other_cell_and_no_other_level(row):
         damaged = [row[:at] + row[at + 1 :]] if row[at] == "," else [row[:at] + "," + row[at:]]
         for reading in filter(None, map(one, damaged)):
             if not isinstance(reading, NoCell):
-                assert who(reading) in {who(whole), NOBODY}, damaged
+                assert identity_of(reading) in {identity_of(whole), NO_IDENTITY}, damaged
                 assert reading.level_dbm in {whole.level_dbm, None}, damaged
 
 

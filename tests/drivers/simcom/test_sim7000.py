@@ -5,7 +5,7 @@ from logger.drivers.family import AUTOBAUD_TRIES
 from logger.drivers.reading.rows import NoCell, as_json
 from logger.drivers.simcom.sim7000 import Sim7000
 from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import NOBODY, rehearsed, who
+from tests.kit.drivers import NO_IDENTITY, identity_of, run_exchange
 
 MODEM = Sim7000()
 
@@ -47,10 +47,10 @@ def test_lte_serving_cell_has_decimal_identity():
 
 def test_lte_neighbour():
     row = one(LTE_NEIGHBOUR, LTE_HEADER)
-    assert (row.role, row.rat, who(row), row.arfcn, row.pci) == (
+    assert (row.role, row.rat, identity_of(row), row.arfcn, row.pci) == (
         "neighbour",
         "LTE-M",
-        NOBODY,
+        NO_IDENTITY,
         1444,
         91,
     )
@@ -67,7 +67,7 @@ def test_lte_neighbour():
     ],
 )
 def test_header_tells_the_technology(header, rat):
-    assert (one(LTE_SERVING, header).rat, who(one(LTE_SERVING, header))) == (
+    assert (one(LTE_SERVING, header).rat, identity_of(one(LTE_SERVING, header))) == (
         rat,
         ("262", "03", 4660, 30541322),
     )
@@ -88,7 +88,7 @@ def test_gsm_rows_are_alike_and_hexadecimal(header):
         bsic=2,
         rxlev_raw=35,
     )
-    assert (neighbour.role, who(neighbour), neighbour.bsic) == (
+    assert (neighbour.role, identity_of(neighbour), neighbour.bsic) == (
         "neighbour",
         ("404", "95", 0xC1C0, 0x48AA),
         8,
@@ -142,7 +142,7 @@ def test_rows_of_a_sim800_without_a_header():
 )
 def test_gsm_row_without_a_whole_identity_keeps_its_level(row, channel, rxl):
     reading = one(row, GSM_HEADER)
-    assert (who(reading), reading.arfcn, reading.rxlev_raw) == (NOBODY, channel, rxl)
+    assert (identity_of(reading), reading.arfcn, reading.rxlev_raw) == (NO_IDENTITY, channel, rxl)
 
 
 @pytest.mark.parametrize(
@@ -161,26 +161,27 @@ def test_empty_slot_and_stump_are_no_cell(row):
 
 def test_values_that_stand_for_unknown():
     row = one('+CENG: 0,"1444,999,-81,-55,0,99,65535,268435455,262,03,255"', LTE_HEADER)
-    assert (who(row), row.pci, row.rsrq_db, row.sinr_db) == (
+    assert (identity_of(row), row.pci, row.rsrq_db, row.sinr_db) == (
         ("262", "03", None, None),
         None,
         None,
         None,
     )
     row = one('+CENG: 0,"0665,35,99,ffff,404,95,fffe"', GSM_HEADER)
-    assert (who(row), row.bsic) == (("404", "95", None, None), None)
+    assert (identity_of(row), row.bsic) == (("404", "95", None, None), None)
     assert (
-        who(one('+CENG: 0,"1444,207,-81,-55,-9,13,4660,30541322,000,00,255"', LTE_HEADER)) == NOBODY
+        identity_of(one('+CENG: 0,"1444,207,-81,-55,-9,13,4660,30541322,000,00,255"', LTE_HEADER))
+        == NO_IDENTITY
     )
     assert one('+CENG: 1,"1444,91,-999,-60,-16,13"', LTE_HEADER) is None
 
 
 def test_cut_lte_rows():
     uncut = ("262", "03", 4660, 30541322)
-    assert who(one(LTE_SERVING[:-1], LTE_HEADER)) == uncut
-    assert who(one(LTE_SERVING.replace(',255"', ""), LTE_HEADER)) == NOBODY
+    assert identity_of(one(LTE_SERVING[:-1], LTE_HEADER)) == uncut
+    assert identity_of(one(LTE_SERVING.replace(',255"', ""), LTE_HEADER)) == NO_IDENTITY
     short = one(LTE_SERVING[: LTE_SERVING.index(",30541322")], LTE_HEADER)
-    assert (who(short), short.rsrp_dbm) == (NOBODY, -81.0)
+    assert (identity_of(short), short.rsrp_dbm) == (NO_IDENTITY, -81.0)
     assert one(LTE_NEIGHBOUR[:-1], LTE_HEADER).sinr_db is None
     assert one(LTE_NEIGHBOUR[:-5], LTE_HEADER) is None
 
@@ -189,7 +190,7 @@ def test_rows_run_into_each_other():
     rows = MODEM.read([LTE_HEADER, LTE_SERVING[:-5] + LTE_NEIGHBOUR])
     assert [(row.role, row.rsrp_dbm) for row in rows] == [("serving", -81.0), ("neighbour", -95.0)]
     row = one(GSM_SERVING + '0662,31,08,48aa,404,95,c1c0"', GSM_HEADER)
-    assert row is None or who(row) == NOBODY
+    assert row is None or identity_of(row) == NO_IDENTITY
 
 
 def test_no_service():
@@ -223,11 +224,11 @@ QUIET = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
 
 @pytest.mark.parametrize("final", ["OK", "ERROR", "+CME ERROR: 4", None])
 def test_setup_with_and_without_engineering_mode(final):
-    assert rehearsed(MODEM.setup(), [*QUIET, ("AT+CENG=1,1", [], final)]) is True
+    assert run_exchange(MODEM.setup(), [*QUIET, ("AT+CENG=1,1", [], final)]) is True
 
 
 def test_setup_of_a_modem_that_is_not_there():
-    assert rehearsed(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
+    assert run_exchange(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
 
 
 def test_poll_names_the_serving_cell_once():
@@ -235,29 +236,31 @@ def test_poll_names_the_serving_cell_once():
         ("AT+CENG?", [LTE_HEADER, LTE_SERVING, LTE_NEIGHBOUR], "OK"),
         ("AT+CPSI?", [CPSI], "OK"),
     ]
-    serving, neighbour = rehearsed(MODEM.poll(), answers)
+    serving, neighbour = run_exchange(MODEM.poll(), answers)
     assert (serving.rsrp_dbm, serving.band, neighbour.pci) == (-81.0, 3, 91)
 
 
 @pytest.mark.parametrize("ceng", [([], "ERROR"), ([], None), ([], "+CME ERROR: 3")])
 def test_poll_with_one_of_the_two_answers(ceng):
-    rows = rehearsed(MODEM.poll(), [("AT+CENG?", *ceng), ("AT+CPSI?", [CPSI], "OK")])
+    rows = run_exchange(MODEM.poll(), [("AT+CENG?", *ceng), ("AT+CPSI?", [CPSI], "OK")])
     assert [row.cid for row in rows if isinstance(row, CellReading)] == [30541322]
-    rows = rehearsed(
+    rows = run_exchange(
         MODEM.poll(), [("AT+CENG?", [LTE_HEADER, LTE_SERVING], None), ("AT+CPSI?", [], None)]
     )
     assert [row.cid for row in rows] == [30541322]
 
 
 def test_poll_without_an_answer():
-    assert rehearsed(MODEM.poll(), [("AT+CENG?", [], None), ("AT+CPSI?", [], None)]) is None
-    assert rehearsed(MODEM.poll(), [("AT+CENG?", [], "ERROR"), ("AT+CPSI?", [], "ERROR")]) is None
+    assert run_exchange(MODEM.poll(), [("AT+CENG?", [], None), ("AT+CPSI?", [], None)]) is None
+    assert (
+        run_exchange(MODEM.poll(), [("AT+CENG?", [], "ERROR"), ("AT+CPSI?", [], "ERROR")]) is None
+    )
 
 
 @pytest.mark.parametrize("header", ["+CENG: 0,0", "+CENG: 0,1,0,LTE CAT-M1"])
 def test_poll_switches_engineering_mode_on_again(header):
     answers = [("AT+CENG?", [header], "OK"), ("AT+CPSI?", [CPSI], "OK"), ("AT+CENG=1,1", [], "OK")]
-    assert [row.cid for row in rehearsed(MODEM.poll(), answers)] == [30541322]
+    assert [row.cid for row in run_exchange(MODEM.poll(), answers)] == [30541322]
 
 
 def test_poll_without_service():
@@ -265,7 +268,7 @@ def test_poll_without_service():
         ("AT+CENG?", ["+CENG: 1,1,0,NO SERVICE"], "OK"),
         ("AT+CPSI?", ["+CPSI: NO SERVICE,Online"], "OK"),
     ]
-    assert all(isinstance(row, NoCell) for row in rehearsed(MODEM.poll(), answers))
+    assert all(isinstance(row, NoCell) for row in run_exchange(MODEM.poll(), answers))
 
 
 # --- recorded

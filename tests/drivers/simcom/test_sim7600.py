@@ -5,7 +5,7 @@ from logger.drivers.family import AUTOBAUD_TRIES
 from logger.drivers.reading.rows import NoCell, as_json
 from logger.drivers.simcom.sim7600 import Sim7600
 from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import NOBODY, rehearsed, who
+from tests.kit.drivers import NO_IDENTITY, identity_of, run_exchange
 
 MODEM = Sim7600()
 
@@ -60,7 +60,7 @@ def test_gsm_cell():
         more={"bsic_raw": "27"},
     )
     row = one(GSM_NEIGHBOUR)
-    assert (row.role, who(row), row.c2, row.bsic) == (
+    assert (row.role, identity_of(row), row.c2, row.bsic) == (
         "neighbour",
         ("262", "03", 12345, 4322),
         25,
@@ -73,8 +73,8 @@ def test_wcdma_cell_whose_levels_have_lost_their_sign():
     assert (row.rat, row.psc, row.arfcn) == ("WCDMA", 117, 10688)
     assert (row.rscp_dbm, row.ecio_db, row.rssi_dbm) == (-86.0, -9.0, -79.0)
     row = one(WCDMA_NEIGHBOUR)
-    assert (who(row), row.psc, row.rscp_dbm, row.ecio_db, row.rssi_dbm) == (
-        NOBODY,
+    assert (identity_of(row), row.psc, row.rscp_dbm, row.ecio_db, row.rssi_dbm) == (
+        NO_IDENTITY,
         305,
         -99.0,
         -14.5,
@@ -87,7 +87,12 @@ def test_wcdma_cell_whose_levels_have_lost_their_sign():
     [("001", None), ("1", None), ("010", None), ("01", "01"), ("24", "24"), ("410", "410")],
 )
 def test_network_code_with_a_zero_in_front_is_not_known(printed, mnc):
-    assert who(one(WCDMA.replace("MNC:002", f"MNC:{printed}"))) == ("262", mnc, 2587, 19088743)
+    assert identity_of(one(WCDMA.replace("MNC:002", f"MNC:{printed}"))) == (
+        "262",
+        mnc,
+        2587,
+        19088743,
+    )
 
 
 @pytest.mark.parametrize(
@@ -96,17 +101,17 @@ def test_network_code_with_a_zero_in_front_is_not_known(printed, mnc):
         ("LAC:12345", "LAC:65534", ("262", "03", None, 4321)),
         ("ID:4321,", "ID:65535,", ("262", "03", 12345, None)),
         ("ID:4321,", "ID:99999,", ("262", "03", 12345, None)),
-        ("MCC:262", "MCC:000", NOBODY),
-        ("MCC:262", "MCC:2x2", NOBODY),
-        ("LAC:12345", "LAC:30a9", NOBODY),
-        ("LAC:12345,", "LAC:12345", NOBODY),
-        ("LAC:12345,", "", NOBODY),
-        ("ID:4321,BSIC", "ID:4321", NOBODY),
+        ("MCC:262", "MCC:000", NO_IDENTITY),
+        ("MCC:262", "MCC:2x2", NO_IDENTITY),
+        ("LAC:12345", "LAC:30a9", NO_IDENTITY),
+        ("LAC:12345,", "LAC:12345", NO_IDENTITY),
+        ("LAC:12345,", "", NO_IDENTITY),
+        ("ID:4321,BSIC", "ID:4321", NO_IDENTITY),
     ],
 )
 def test_identity_is_whole_or_nothing(whole, other, cell):
     row = one(GSM.replace(whole, other))
-    assert (who(row), row.rssi_dbm) == (cell, -74.0)
+    assert (identity_of(row), row.rssi_dbm) == (cell, -74.0)
 
 
 @pytest.mark.parametrize(
@@ -179,7 +184,7 @@ def test_lte_cells():
         ("neighbour", 37900, 417, -101.1),
         ("neighbour", 2850, 158, -95.7),
     ]
-    assert {who(row) for row in neighbours} == {NOBODY}
+    assert {identity_of(row) for row in neighbours} == {NO_IDENTITY}
 
 
 def test_neighbour_without_the_row_of_its_group_has_no_channel():
@@ -203,7 +208,9 @@ def test_neighbour_without_the_row_of_its_group_has_no_channel():
     ],
 )
 def test_serving_cell_whose_network_is_not_whole_is_nobody(whole, other):
-    assert all(who(row) == NOBODY for row in MODEM.read([CMGRMI[1].replace(whole, other)]))
+    assert all(
+        identity_of(row) == NO_IDENTITY for row in MODEM.read([CMGRMI[1].replace(whole, other)])
+    )
 
 
 def test_empty_groups_and_cut_rows_are_no_cell():
@@ -246,15 +253,15 @@ def test_it_leaves_others(text):
 
 def test_setup():
     quiet = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
-    assert rehearsed(MODEM.setup(), quiet) is True
-    assert rehearsed(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
+    assert run_exchange(MODEM.setup(), quiet) is True
+    assert run_exchange(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
 
 
 ASKED = ("AT+CPSI?", "AT+CCINFO", "AT+CMGRMI=4", "AT+CESQ")
 
 
 def polled(*answers):
-    return rehearsed(
+    return run_exchange(
         MODEM.poll(), [(text, *answer) for text, answer in zip(ASKED, answers, strict=True)]
     )
 

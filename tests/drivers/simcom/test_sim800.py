@@ -5,8 +5,8 @@ import pytest
 from logger.core.types import CellReading
 from logger.drivers.family import AUTOBAUD_TRIES
 from logger.drivers.simcom.sim800 import Sim800
-from tests.kit.drivers import NOBODY, rehearsed, who
-from tests.kit.growth import growth
+from tests.kit.drivers import NO_IDENTITY, identity_of, run_exchange
+from tests.kit.scaling import cost_growth
 
 DATA = Path(__file__).parents[1] / "data"
 MODEM = Sim800()
@@ -59,7 +59,7 @@ def test_neighbour_with_cell_id_and_flag_of_the_1900_band():
 
 
 def test_neighbour_without_cell_id():
-    assert who(one('+CENG: 1,"0128,15,30,310,411,178d"')) == ("310", "411", 0x178D, None)
+    assert identity_of(one('+CENG: 1,"0128,15,30,310,411,178d"')) == ("310", "411", 0x178D, None)
 
 
 def test_mode_4():
@@ -72,16 +72,16 @@ def test_mode_4():
         -5,
     )
     row = one('+CENG: 1,"0067,21,44,262,01,3c4d,18,-6"')
-    assert (who(row), row.c1, row.c2) == (("262", "01", 0x3C4D, None), 18, -6)
+    assert (identity_of(row), row.c1, row.c2) == (("262", "01", 0x3C4D, None), 18, -6)
     row = one('+CENG: 1,"0067,21,44,5e70,262,01,3c4d,x,x"')
-    assert (who(row), row.c1, row.c2) == (("262", "01", 0x3C4D, 0x5E70), None, None)
+    assert (identity_of(row), row.c1, row.c2) == (("262", "01", 0x3C4D, 0x5E70), None, None)
 
 
 @pytest.mark.parametrize("header", [None, "+CENG: 3,0", "+CENG: 3,1"])
 @pytest.mark.parametrize("number", [0, 4])
 def test_mode_3_has_no_channel(number, header):
     reading = one(f'+CENG: {number},"262,01,2b3c,4d5e,27,31"', header)
-    assert (who(reading), reading.bsic, reading.rxlev_raw) == (
+    assert (identity_of(reading), reading.bsic, reading.rxlev_raw) == (
         ("262", "01", 0x2B3C, 0x4D5E),
         27,
         31,
@@ -92,7 +92,7 @@ def test_mode_3_has_no_channel(number, header):
 
 def test_header_decides_between_the_two_meanings_of_six_values():
     row = '+CENG: 2,"208,15,30,310,411,178d"'
-    assert who(one(row, "+CENG: 1,0")) == ("310", "411", 0x178D, None)
+    assert identity_of(one(row, "+CENG: 1,0")) == ("310", "411", 0x178D, None)
     assert one(row, "+CENG: 3,0") is None
     assert one(row) is None
     assert one('+CENG: 2,"0208,15,30,310,411,178d"', "+CENG: 3,0") is None
@@ -100,18 +100,18 @@ def test_header_decides_between_the_two_meanings_of_six_values():
 
 def test_sim900_has_no_documented_level_in_dbm():
     serving = one('+CENG:0,"0668,13,99,310,260,59,5431,05,03,fd,0"')
-    assert who(serving) == ("310", "260", 0xFD, 0x5431)
+    assert identity_of(serving) == ("310", "260", 0xFD, 0x5431)
     assert (serving.rxlev_raw, serving.rssi_dbm, serving.rxq, serving.ta) == (13, None, None, 0)
 
 
 def test_sim900_row_in_the_order_of_its_older_manual_names_no_cell():
     row = one('+CENG:0,"0668,13,99,310,260,59,5431,00fd,05,03,0"')
-    assert (who(row), row.arfcn, row.rxlev_raw) == (NOBODY, 668, 13)
+    assert (identity_of(row), row.arfcn, row.rxlev_raw) == (NO_IDENTITY, 668, 13)
 
 
 def test_scan_line():
     reading = one(SCAN)
-    assert (reading.role, who(reading), reading.bsic) == (
+    assert (reading.role, identity_of(reading), reading.bsic) == (
         "scan",
         ("310", "260", 0x0113, 0xCF00),
         0x2C,
@@ -125,7 +125,7 @@ def test_scan_line():
 
 
 def test_short_scan_line_has_no_lac():
-    assert who(one(SCAN[: SCAN.index(",Lac")])) == ("310", "260", None, 0xCF00)
+    assert identity_of(one(SCAN[: SCAN.index(",Lac")])) == ("310", "260", None, 0xCF00)
 
 
 # --- unknown values
@@ -143,7 +143,7 @@ def test_short_scan_line_has_no_lac():
 )
 def test_undecoded_cell_keeps_its_level(row, channel, rxl):
     reading = one(row)
-    assert (who(reading), reading.cell) == (NOBODY, None)
+    assert (identity_of(reading), reading.cell) == (NO_IDENTITY, None)
     assert (reading.arfcn, reading.rxlev_raw, reading.bsic) == (channel, rxl, None)
 
 
@@ -223,24 +223,24 @@ QUIET = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
 
 def test_setup():
     setup = [*QUIET, ("AT+CNETSCAN=1", [], "OK"), ("AT+CENG=1,1", [], "OK")]
-    assert rehearsed(MODEM.setup(), setup) is True
-    assert rehearsed(MODEM.setup(), [("AT", [], None), ("AT", ["A"], None), *setup]) is True
+    assert run_exchange(MODEM.setup(), setup) is True
+    assert run_exchange(MODEM.setup(), [("AT", [], None), ("AT", ["A"], None), *setup]) is True
 
 
 def test_setup_of_a_modem_that_is_not_there_or_not_able():
-    assert rehearsed(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
+    assert run_exchange(MODEM.setup(), [("AT", [], None)] * AUTOBAUD_TRIES) is False
     start = [("AT", [], "OK"), ("ATE0", [], None), ("ATV1", [], None), ("AT+CMEE=1", [], "ERROR")]
     refusing = [*start, ("AT+CNETSCAN=1", [], "OK"), ("AT+CENG=1,1", [], "+CME ERROR: 4")]
-    assert rehearsed(MODEM.setup(), refusing) is False
+    assert run_exchange(MODEM.setup(), refusing) is False
 
 
 def test_a_modem_without_the_long_form_of_the_scan_is_polled():
     setup = [*QUIET, ("AT+CNETSCAN=1", [], "ERROR"), ("AT+CENG=1,1", [], "OK")]
-    assert rehearsed(MODEM.setup(), setup) is True
+    assert run_exchange(MODEM.setup(), setup) is True
 
 
 def test_poll():
-    assert rehearsed(MODEM.poll(), [("AT+CENG?", ["+CENG: 1,1", SERVING, NEIGHBOUR], "OK")]) == (
+    assert run_exchange(MODEM.poll(), [("AT+CENG?", ["+CENG: 1,1", SERVING, NEIGHBOUR], "OK")]) == (
         one(SERVING),
         one(NEIGHBOUR),
     )
@@ -260,18 +260,20 @@ def test_poll():
     ],
 )
 def test_poll_without_an_answer(lines, final):
-    assert rehearsed(MODEM.poll(), [("AT+CENG?", lines, final)]) is None
+    assert run_exchange(MODEM.poll(), [("AT+CENG?", lines, final)]) is None
 
 
 def test_rows_that_came_before_a_time_out_are_kept():
-    assert rehearsed(MODEM.poll(), [("AT+CENG?", ["+CENG: 1,1", SERVING], None)]) == (one(SERVING),)
+    assert run_exchange(MODEM.poll(), [("AT+CENG?", ["+CENG: 1,1", SERVING], None)]) == (
+        one(SERVING),
+    )
 
 
 @pytest.mark.parametrize(
     "lines", [["+CENG: 1,1"], ["+CENG: 3,1", '+CENG: 2,",,0000,0000,00,00"'], ['+CENG: 0,""']]
 )
 def test_poll_where_there_is_no_cell(lines):
-    assert rehearsed(MODEM.poll(), [("AT+CENG?", lines, "OK")]) == ()
+    assert run_exchange(MODEM.poll(), [("AT+CENG?", lines, "OK")]) == ()
 
 
 def test_rows_that_come_unasked():
@@ -319,4 +321,4 @@ def test_no_signs_of_a_restart(line):
 
 def test_time_grows_with_the_rows_and_no_faster():
     lines = [SERVING, NEIGHBOUR, '+CENG: 2,"0233,26,00,,,0000"', SCAN]
-    assert growth(lambda replies: MODEM.read(lines * replies), 100, 800) < 4.0
+    assert cost_growth(lambda replies: MODEM.read(lines * replies), 100, 800) < 4.0

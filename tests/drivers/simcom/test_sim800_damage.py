@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from logger.drivers.protocols.at import AtFramer
 from logger.drivers.simcom.sim800 import Sim800
-from tests.kit.drivers import NOBODY, who
+from tests.kit.drivers import NO_IDENTITY, identity_of
 
 MODEM = Sim800()
 
@@ -26,9 +26,10 @@ def test_cut_row_is_the_whole_cell_or_none(row):
     whole = one(row)
     for end in range(len(row)):
         reading = one(row[:end])
-        assert reading is None or who(reading) in (who(whole), ("310", "260", None, 0xCF00)), row[
-            :end
-        ]
+        assert reading is None or identity_of(reading) in (
+            identity_of(whole),
+            ("310", "260", None, 0xCF00),
+        ), row[:end]
 
 
 @pytest.mark.parametrize(
@@ -55,8 +56,8 @@ def test_row_without_marks_as_the_manual_prints_it():
 def test_lost_comma_names_no_cell(lost):
     row = NEIGHBOUR[: 10 + lost] + NEIGHBOUR[11 + lost :]
     reading = one(row)
-    assert reading is None or (who(reading), reading.arfcn_raw, reading.rxlev_raw) == (
-        NOBODY,
+    assert reading is None or (identity_of(reading), reading.arfcn_raw, reading.rxlev_raw) == (
+        NO_IDENTITY,
         1688,
         16,
     )
@@ -65,7 +66,7 @@ def test_lost_comma_names_no_cell(lost):
 @pytest.mark.parametrize("lac", ["013", "03", "00", "01130", "g113", "-113", " "])
 def test_number_that_no_firmware_prints_names_no_cell(lac):
     reading = one(NEIGHBOUR.replace("0113", lac))
-    assert who(reading) == NOBODY or (lac == " " and reading.cell is None)
+    assert identity_of(reading) == NO_IDENTITY or (lac == " " and reading.cell is None)
 
 
 def test_rows_spliced_into_each_other_are_no_cell():
@@ -135,12 +136,16 @@ def test_damage_raises_nothing_and_invents_no_identity(mutations):
 
 
 def test_lost_comma_mark_or_line_end_makes_no_other_cell():
-    known = {who(reading) for reading in MODEM.read(TRANSCRIPT.decode().split("\n"))} | {NOBODY}
+    known = {identity_of(reading) for reading in MODEM.read(TRANSCRIPT.decode().split("\n"))} | {
+        NO_IDENTITY
+    }
     for at in range(len(TRANSCRIPT)):
         if chr(TRANSCRIPT[at]).isalnum():
             continue  # a digit lost inside a number cannot be seen
         damaged = TRANSCRIPT[:at] + TRANSCRIPT[at + 1 :]
-        assert {who(r) for r in MODEM.read(damaged.decode().split("\n"))} <= known, damaged[:at]
+        assert {identity_of(r) for r in MODEM.read(damaged.decode().split("\n"))} <= known, damaged[
+            :at
+        ]
 
 
 @given(st.lists(st.text(), max_size=5))

@@ -6,26 +6,26 @@ import pytest
 
 from logger.drivers.simcom.sim7000 import Sim7000
 from logger.drivers.simcom.sim7600 import Sim7600
-from tests.kit.drivers import NOBODY, cells_of, own_replies, who
+from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of, own_replies
 
 MODEMS = [Sim7000(), Sim7600()]
 REPLIES = [reply for modem in MODEMS for reply in own_replies(modem.name)]
 
 
 def named(lines):
-    return {who(row) for modem in MODEMS for row in cells_of(modem, lines)}
+    return {identity_of(row) for modem in MODEMS for row in cells_of(modem, lines)}
 
 
 @pytest.mark.parametrize("text", REPLIES)
 def test_cut_reply_has_no_other_cell(text):
-    known = named(text.split("\n")) | {NOBODY}
+    known = named(text.split("\n")) | {NO_IDENTITY}
     for end in range(len(text)):
         assert named(text[:end].split("\n")) <= known, text[:end]
 
 
 @pytest.mark.parametrize("text", REPLIES)
 def test_lost_mark_makes_no_other_cell(text):
-    known = named(text.split("\n")) | {NOBODY}
+    known = named(text.split("\n")) | {NO_IDENTITY}
     for at, mark in enumerate(text):
         if not mark.isalnum():  # a digit lost inside a number cannot be seen
             damaged = text[:at] + text[at + 1 :]
@@ -34,7 +34,7 @@ def test_lost_mark_makes_no_other_cell(text):
 
 @pytest.mark.parametrize("text", REPLIES)
 def test_added_comma_makes_no_other_cell(text):
-    known = named(text.split("\n")) | {NOBODY}
+    known = named(text.split("\n")) | {NO_IDENTITY}
     for at in range(len(text)):
         damaged = f"{text[:at]},{text[at:]}"
         assert named(damaged.split("\n")) <= known, damaged

@@ -4,7 +4,7 @@ from logger.core.types import CellReading
 from logger.drivers.reading.rows import NoCell, as_json
 from logger.drivers.telit.telit import Telit
 from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import NOBODY, cells_of, who
+from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of
 
 MODEM = Telit()
 
@@ -85,7 +85,13 @@ def test_table():
 
 def test_cell_that_is_heard_and_not_decoded_keeps_its_level():
     row = one("#MONI: N2 FF FFFF 0000 693 -88dbm -1 -1;")
-    assert (who(row), row.bsic, row.arfcn, row.rssi_dbm, row.c1) == (NOBODY, None, 693, -88.0, None)
+    assert (identity_of(row), row.bsic, row.arfcn, row.rssi_dbm, row.c1) == (
+        NO_IDENTITY,
+        None,
+        693,
+        -88.0,
+        None,
+    )
 
 
 @pytest.mark.parametrize(
@@ -104,7 +110,7 @@ def test_no_cell_in_an_empty_slot_or_a_head(line):
 
 def test_labels_of_the_three_technologies():
     gsm = one(LABELLED)
-    assert (who(gsm), gsm.bsic, gsm.arfcn, gsm.rssi_dbm, gsm.ta) == (
+    assert (identity_of(gsm), gsm.bsic, gsm.arfcn, gsm.rssi_dbm, gsm.ta) == (
         ("262", "01", 0x3F6A, 0x1B7C),
         42,
         1002,
@@ -112,7 +118,7 @@ def test_labels_of_the_three_technologies():
         0,
     )
     umts = one(UMTS)
-    assert (umts.rat, who(umts), umts.psc, umts.arfcn) == (
+    assert (umts.rat, identity_of(umts), umts.psc, umts.arfcn) == (
         "WCDMA",
         (None, None, 0x3F70, 0x1A2B3C4),
         117,
@@ -236,30 +242,35 @@ def test_servinfo_that_is_cut_tells_nothing(line):
 
 def test_survey_with_labels():
     row = one(SURVEYED)
-    assert (row.role, who(row), row.arfcn, row.bsic) == ("scan", ("262", "01", 12345, 6789), 61, 37)
+    assert (row.role, identity_of(row), row.arfcn, row.bsic) == (
+        "scan",
+        ("262", "01", 12345, 6789),
+        61,
+        37,
+    )
     assert (row.rssi_dbm, row.more) == (-57.0, {"status": "CELL_SUITABLE"})
 
 
 def test_survey_in_hexadecimal_has_an_octal_bsic():
     row = one(SURVEYED_HEX)
-    assert (who(row), row.bsic) == (("262", "01", 0x3039, 0x0A85), 57)
+    assert (identity_of(row), row.bsic) == (("262", "01", 0x3039, 0x0A85), 57)
 
 
 def test_survey_in_numbers():
     gsm, umts, lte = cells(CSV, CSV_UMTS, CSV_LTE)
-    assert (gsm.rat, who(gsm), gsm.bsic, gsm.more["status"]) == (
+    assert (gsm.rat, identity_of(gsm), gsm.bsic, gsm.more["status"]) == (
         "GSM",
         ("262", "02", 23456, 34567),
         26,
         "CELL_SUITABLE",
     )
-    assert (umts.rat, who(umts), umts.psc, umts.rscp_dbm) == (
+    assert (umts.rat, identity_of(umts), umts.psc, umts.rscp_dbm) == (
         "WCDMA",
         ("262", "88", 23457, 1234567),
         117,
         -91,
     )
-    assert (lte.rat, who(lte), lte.pci, lte.rsrp_dbm) == (
+    assert (lte.rat, identity_of(lte), lte.pci, lte.rsrp_dbm) == (
         "LTE",
         ("001", "010", 20063, 47432885),
         303,
@@ -273,7 +284,7 @@ AMBIGUOUS = "44,26,-76,0,262,02,2345,3456,0,0"
 
 def test_base_that_does_not_show_is_taken_as_shipped_and_unsure():
     row = one(AMBIGUOUS)
-    assert (who(row), row.identity_unsure) == (("262", "02", 2345, 3456), True)
+    assert (identity_of(row), row.identity_unsure) == (("262", "02", 2345, 3456), True)
     assert (row.bsic, row.rssi_dbm) == (None, -76.0)
     assert not cells(CSV, AMBIGUOUS)[1].identity_unsure
 
@@ -284,7 +295,7 @@ def test_base_that_does_not_show_is_taken_as_shipped_and_unsure():
 )
 def test_carrier_of_lte_without_what_stands_around_it(head, end):
     (row,) = cells(*head, f"66786,-68,001,010,47432885,20063,303,{end}")
-    assert (row.rat, who(row), row.arfcn, row.pci) == (
+    assert (row.rat, identity_of(row), row.arfcn, row.pci) == (
         "LTE",
         ("001", "010", 20063, 47432885),
         66786,
@@ -342,18 +353,18 @@ def test_codes_as_hexadecimal_numbers():
         "6300,-73,E8,B,1A2B3C4,4E5F,163,0,-99,-9,15",
         "6300,-73,0E8,0B,1A2B3C4,4E5F,163,0,-99,-9,15",
     ):
-        assert who(one(line)) == ("232", "11", 0x4E5F, 0x1A2B3C4)
+        assert identity_of(one(line)) == ("232", "11", 0x4E5F, 0x1A2B3C4)
     lines = (
         "6300,-73,106,065,1A2B3C4,4E5F,163,0,-99,-9,15",
         "6300,-79,106,065,1A2B3C5,4E5F,164,0,-99,-9,15",
     )
-    assert [who(row)[:2] for row in cells(*lines)] == [("262", "101")] * 2
+    assert [identity_of(row)[:2] for row in cells(*lines)] == [("262", "101")] * 2
 
 
 @pytest.mark.parametrize("damaged", ["182", "062", "2A2", "E62", "26F", "22"])
 def test_a_country_code_that_is_damaged_is_not_taken_for_hexadecimal(damaged):
     row = one(CSV.replace("262", damaged))
-    assert (who(row), row.rssi_dbm) == (NOBODY, -76.0)
+    assert (identity_of(row), row.rssi_dbm) == (NO_IDENTITY, -76.0)
 
 
 def test_carrier_without_identity():
@@ -365,7 +376,7 @@ def test_carrier_without_identity():
     ]
     rows = cells(*lines)
     assert [(row.arfcn, row.rssi_dbm) for row in rows] == [(44, -93), (30, -95), (5, -80)]
-    assert {who(row) for row in rows} == {NOBODY}
+    assert {identity_of(row) for row in rows} == {NO_IDENTITY}
     assert MODEM.read(["44,-93"]) == ()
     assert MODEM.read([*lines[:1], "Network survey ended (Carrier: 2 BCCh: 1)", "44,-93"]) == ()
 
@@ -375,7 +386,11 @@ def test_two_records_that_have_run_into_each_other():
         for row in cells(
             SURVEYED[:end] + SURVEYED.replace("12345", "12346").replace("6789", "4711")
         ):
-            assert who(row) in {NOBODY, ("262", "01", 12345, 6789), ("262", "01", 12346, 4711)}
+            assert identity_of(row) in {
+                NO_IDENTITY,
+                ("262", "01", 12345, 6789),
+                ("262", "01", 12346, 4711),
+            }
 
 
 # --- damage

@@ -2,7 +2,7 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.telit.telit import Telit
-from tests.kit.drivers import converse
+from tests.kit.drivers import run_dialogue
 
 MODEM = Telit()
 
@@ -11,8 +11,8 @@ NEIGHBOUR = "#MONI: N1 46 3F6B 2C8D 962 -86dbm 17 15"
 
 
 def test_setup_of_a_modem_that_knows_few_commands():
-    assert converse(MODEM.setup(), {"AT": ((), "OK")})[0] is True
-    assert converse(MODEM.setup(), {})[0] is False
+    assert run_dialogue(MODEM.setup(), {"AT": ((), "OK")})[0] is True
+    assert run_dialogue(MODEM.setup(), {})[0] is False
 
 
 def test_poll_names_the_serving_cell():
@@ -21,7 +21,7 @@ def test_poll_names_the_serving_cell():
         "AT#SERVINFO": (['#SERVINFO: 688,-79,"Example Net","26201",52,3F6A,01,1'], "OK"),
         "AT+CREG?": (['+CREG: 2,1,"3F6A","1B7C"'], "OK"),
     }
-    rows = converse(MODEM.poll(), answers)[0]
+    rows = run_dialogue(MODEM.poll(), answers)[0]
     readings = [row for row in rows if isinstance(row, CellReading)]
     assert [(row.role, row.cell) for row in readings] == [
         ("serving", "262-01-16234-7036"),
@@ -36,17 +36,21 @@ def test_poll_on_lte_takes_the_cell_from_the_registration():
         "AT#SERVINFO": ([line], "OK"),
         "AT+CEREG?": (['+CEREG: 2,1,"4E5F","0A1B2C3",7'], "OK"),
     }
-    rows = converse(MODEM.poll(), answers)[0]
+    rows = run_dialogue(MODEM.poll(), answers)[0]
     assert rows[0].cell == f"262-03-{0x4E5F}-{0x0A1B2C3}"
     answers["AT+CEREG?"] = (['+CEREG: 2,1,"4E60","0A1B2C3",7'], "OK")
-    assert converse(MODEM.poll(), answers)[0][0].cid is None
+    assert run_dialogue(MODEM.poll(), answers)[0][0].cid is None
 
 
 def test_poll_without_an_answer():
-    assert converse(MODEM.poll(), {})[0] is None
-    assert converse(MODEM.poll(), dict.fromkeys(["AT#MONI", "AT#SERVINFO"], ((), None)))[0] is None
-    assert converse(MODEM.poll(), {"AT#MONI": ((), "OK")})[0] == ()
-    assert converse(MODEM.poll(), {"AT#MONI": ([NEIGHBOUR], None)})[0] == MODEM.read([NEIGHBOUR])
+    assert run_dialogue(MODEM.poll(), {})[0] is None
+    assert (
+        run_dialogue(MODEM.poll(), dict.fromkeys(["AT#MONI", "AT#SERVINFO"], ((), None)))[0] is None
+    )
+    assert run_dialogue(MODEM.poll(), {"AT#MONI": ((), "OK")})[0] == ()
+    assert run_dialogue(MODEM.poll(), {"AT#MONI": ([NEIGHBOUR], None)})[0] == MODEM.read(
+        [NEIGHBOUR]
+    )
 
 
 def test_survey_covers_all_channels_of_gsm_in_parts():

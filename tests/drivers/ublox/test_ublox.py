@@ -3,7 +3,7 @@ import pytest
 from logger.drivers.reading.rows import NoCell, as_json
 from logger.drivers.ublox.ublox import Ublox
 from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import cells_of, who
+from tests.kit.drivers import cells_of, identity_of
 
 MODEM = Ublox()
 
@@ -77,20 +77,20 @@ def test_real_replies(corpus, dialect):
 
 def test_scan():
     gsm, umts, lte = cells([SCAN_2G, SCAN_3G, SCAN_LTE])
-    assert (gsm.role, gsm.rat, who(gsm), gsm.arfcn) == (
+    assert (gsm.role, gsm.rat, identity_of(gsm), gsm.arfcn) == (
         "scan",
         "GSM",
         ("262", "01", 0x3C4D, 0x5E6F),
         67,
     )
-    assert (umts.rat, who(umts), umts.arfcn, umts.psc) == (
+    assert (umts.rat, identity_of(umts), umts.arfcn, umts.psc) == (
         "WCDMA",
         ("262", "02", 0x1D2E, 0x3F4A5B6),
         10713,
         117,
     )
     assert umts.more == {"rscp_raw": 38, "ecn0_raw": 30}
-    assert (lte.rat, who(lte), lte.arfcn, lte.pci) == (
+    assert (lte.rat, identity_of(lte), lte.arfcn, lte.pci) == (
         "LTE",
         ("262", "03", 0x4E5F, 0x2D3C4B5),
         1444,
@@ -132,7 +132,7 @@ def test_scan_in_a_log():
         f"{SCAN_3G}\\r\\n{SCAN_2G}",
     ]
     assert [row.rat for row in cells(lines)] == ["GSM", "WCDMA", "GSM"]
-    assert who(cells([SCAN_2G.lower()])[0]) == who(one(SCAN_2G))
+    assert identity_of(cells([SCAN_2G.lower()])[0]) == identity_of(one(SCAN_2G))
 
 
 # --- +UCELLINFO
@@ -140,13 +140,13 @@ def test_scan_in_a_log():
 
 def test_cellinfo():
     gsm, umts = cells([CELLINFO_2G, CELLINFO_3G])
-    assert (gsm.role, gsm.rat, who(gsm), gsm.rxlev_raw) == (
+    assert (gsm.role, gsm.rat, identity_of(gsm), gsm.rxlev_raw) == (
         "serving",
         "GSM",
         ("262", "11", 0x3C4D, 0x5E6F),
         29,
     )
-    assert (umts.rat, who(umts), umts.psc, umts.arfcn) == (
+    assert (umts.rat, identity_of(umts), umts.psc, umts.arfcn) == (
         "WCDMA",
         ("262", "12", 0x1D2E, 0x3F4A5B6),
         117,
@@ -173,7 +173,7 @@ def test_cellinfo_that_is_unknown_or_cut_or_of_a_type_without_layout():
     assert MODEM.read([CELLINFO_3G[: CELLINFO_3G.index(", 44")]]) == ()
     assert MODEM.read(["+UCELLINFO: 0,5,262,03,4e5f,2d3c4b5,303,1444,41,7"]) == ()
     umts = one("+UCELLINFO: 1,3,262,12,1d2e,fffffff,117,10713,255,255")
-    assert (who(umts), umts.psc, umts.more) == (
+    assert (identity_of(umts), umts.psc, umts.more) == (
         ("262", "12", 0x1D2E, None),
         117,
         {"rscp_raw": None, "ecn0_raw": None},
@@ -185,22 +185,27 @@ def test_cellinfo_that_is_unknown_or_cut_or_of_a_type_without_layout():
 
 def test_ucged_of_the_models():
     r5, r422, gsm, umts = (one(*lines) for lines in (R5, R422, R6_2G, R6_3G))
-    assert (r5.rat, who(r5), r5.band, r5.pci) == ("LTE", ("001", "01", 0x4E5F, 0x2D3C4B5), 3, 303)
+    assert (r5.rat, identity_of(r5), r5.band, r5.pci) == (
+        "LTE",
+        ("001", "01", 0x4E5F, 0x2D3C4B5),
+        3,
+        303,
+    )
     assert (r5.rsrp_dbm, r5.rsrq_db, r5.sinr_db) == (-106, -6.5, 11.25)
-    assert (r422.rat, who(r422), r422.pci) == ("LTE", ("262", "03", 0x4E60, None), 305)
+    assert (r422.rat, identity_of(r422), r422.pci) == ("LTE", ("262", "03", 0x4E60, None), 305)
     assert (r422.rsrp_dbm, r422.rsrq_db, r422.sinr_db, r422.more) == (
         -92,
         -12,
         None,
         {"sinr_raw": 118},
     )
-    assert (gsm.rat, who(gsm), gsm.rxlev_raw, gsm.ta) == (
+    assert (gsm.rat, identity_of(gsm), gsm.rxlev_raw, gsm.ta) == (
         "GSM",
         ("262", "01", 0x3C4D, 0x5E6F),
         29,
         None,
     )
-    assert (umts.rat, who(umts), umts.psc, umts.rssi_dbm) == (
+    assert (umts.rat, identity_of(umts), umts.psc, umts.rssi_dbm) == (
         "WCDMA",
         ("001", "01", 0x1D2E, 0x3F4A5B6),
         117,
@@ -219,7 +224,7 @@ def test_ucged_without_a_cell():
 
 def test_ucged_of_a_cell_without_a_network():
     row = one("+UCGED: 2", "6,2,fff,fff", R5[2])
-    assert (who(row), row.arfcn, row.rsrp_dbm) == ((None, None, None, None), 1444, -106)
+    assert (identity_of(row), row.arfcn, row.rsrp_dbm) == ((None, None, None, None), 1444, -106)
 
 
 @pytest.mark.parametrize(
@@ -250,24 +255,24 @@ def test_levels_of_a_sara_r4():
 def test_environment_of_3g():
     row = one(*ENVIRONMENT_3G)
     assert (row.role, row.rat, row.arfcn) == ("serving", "WCDMA", 10713)
-    assert (who(row), row.more) == (("262", None, 0x2D3E, 0x4A5B6C7), {"mnc_raw": 3})
+    assert (identity_of(row), row.more) == (("262", None, 0x2D3E, 0x4A5B6C7), {"mnc_raw": 3})
 
 
 def test_environment_of_2g():
     serving, first, second = cells(ENVIRONMENT_2G)
-    assert (serving.role, serving.rat, who(serving)) == (
+    assert (serving.role, serving.rat, identity_of(serving)) == (
         "serving",
         "GSM",
         ("262", "01", 0x3C4D, 0x5E6F),
     )
     assert (serving.arfcn, serving.arfcn_raw, serving.rxlev_raw) == (704, 33472, 35)
-    assert (first.role, who(first), first.arfcn, first.rxlev_raw) == (
+    assert (first.role, identity_of(first), first.arfcn, first.rxlev_raw) == (
         "neighbour",
         ("262", "01", 0x3C4E, None),
         671,
         18,
     )
-    assert (who(second), second.arfcn) == ((None, None, None, None), 688)
+    assert (identity_of(second), second.arfcn) == ((None, None, None, None), 688)
 
 
 def test_dump_has_no_cell_in_empty_slots_and_in_those_not_measured():

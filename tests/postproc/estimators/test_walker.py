@@ -7,7 +7,7 @@ from logger.core.geo import Utm
 from logger.core.observations import CellObservations, Track
 from logger.core.rows import DTYPES
 from postproc.estimators import walker, walker_kalman
-from tests.kit.growth import growth
+from tests.kit.scaling import cost_growth
 
 S = 10**9
 EAST_M, NORTH_M = 5e5, 5.8e6
@@ -294,7 +294,7 @@ def test_time_grows_with_the_fixes_and_no_faster():
         walker.smooth_track(given).at(given.t_ns)
 
     smoothed(9)  # compiles
-    assert growth(smoothed, 10_000, 80_000) < 4.0
+    assert cost_growth(smoothed, 10_000, 80_000) < 4.0
 
 
 # --- joined to the run ---

@@ -9,7 +9,7 @@ from logger.core.geo import Utm
 from postproc.interop import geojson, gpx, kml
 from postproc.interop.estimates import estimates
 from postproc.results import summary
-from tests.kit import smoothed as kit
+from tests.kit import sample_results as kit
 from tests.postproc.interop import walks
 
 PEERS = ("ekf", "rts", "batch")
@@ -17,7 +17,7 @@ PEERS = ("ekf", "rts", "batch")
 
 def _cell(tmp_path, verdict="located", places=1):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
-    return summary(kit.smoothed(run, verdict=verdict, places=places))
+    return summary(kit.sample_result(run, verdict=verdict, places=places))
 
 
 def _estimates(found, **options):

@@ -10,7 +10,7 @@ from postproc import results
 from postproc.cli import main
 from postproc.interop.exporting import FORMATS
 from postproc.interop.levels import walked
-from tests.kit import smoothed as kit
+from tests.kit import sample_results as kit
 from tests.kit.runs import UTC0_NS, meta
 
 SECRETS = ("alice", "490154203237518", "/dev/ttyUSB7", "home-pi")
@@ -178,7 +178,7 @@ def test_estimates_are_computed_or_taken_from_beside_the_run(tmp_path, capsys):
     told = _main(capsys, "export", run.path, "-o", tmp_path / "a.geojson", "--estimates")
     assert "estimates of 1 cells" in told.out
     assert "estimates are those of" not in told.err
-    found = kit.smoothed(run)
+    found = kit.sample_result(run)
     results.write(found, results.summary(found), results.path_beside(run.path))
     told = _main(capsys, "export", run.path, "-o", tmp_path / "b.geojson", "--estimates")
     assert "estimates are those of" in told.err

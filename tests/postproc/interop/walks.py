@@ -5,7 +5,7 @@ from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.interop.estimates import estimates
 from postproc.interop.levels import walked
 from postproc.results import summary
-from tests.kit import smoothed as kit
+from tests.kit import sample_results as kit
 from tests.kit.runs import UTC0_NS, meta
 
 
@@ -16,7 +16,9 @@ def around_a_square(tmp_path, *, verdict="ambiguous", every=False, **changes):
     return (
         run,
         walk,
-        estimates(summary(kit.smoothed(run, verdict=verdict, places=2)), walk.utm, every=every),
+        estimates(
+            summary(kit.sample_result(run, verdict=verdict, places=2)), walk.utm, every=every
+        ),
     )
 
 

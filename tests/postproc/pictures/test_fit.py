@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from postproc.pictures.fit import fit_of
-from tests.kit import smoothed as kit
+from tests.kit import sample_results as kit
 
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory):
     run = kit.write_run(tmp_path_factory.mktemp("fit") / "walk.journal", seconds=120, cells=2)
-    return kit.smoothed(run).cells[0]
+    return kit.sample_result(run).cells[0]
 
 
 def test_level_is_model_plus_residual(cell):

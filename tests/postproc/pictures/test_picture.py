@@ -3,13 +3,13 @@ from dataclasses import replace
 import pytest
 
 from postproc.pictures.picture import focus_of, headline, nice_step, picture_of
-from tests.kit import smoothed as kit
+from tests.kit import sample_results as kit
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     run = kit.write_run(tmp_path_factory.mktemp("picture") / "walk.journal", seconds=120, cells=3)
-    return kit.smoothed(run, places=2, verdict="ambiguous")
+    return kit.sample_result(run, places=2, verdict="ambiguous")
 
 
 def test_focus_is_located_first_then_heard_most(result):

@@ -9,14 +9,14 @@ from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.pictures import colours
 from postproc.pictures.plots import draw_run, figure_of
 from postproc.smoothing import smooth_run
-from tests.kit import smoothed as kit
+from tests.kit import sample_results as kit
 from tests.kit.runs import meta
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     run = kit.write_run(tmp_path_factory.mktemp("plots") / "walk.journal", seconds=120, cells=3)
-    return kit.smoothed(run)
+    return kit.sample_result(run)
 
 
 def shown(figure):
@@ -65,7 +65,7 @@ def test_doubt_is_in_the_title(result):
 
 def test_a_run_that_is_not_simulated_does_not_say_so(tmp_path):
     run = kit.write_run(tmp_path / "x.journal", seconds=60, cells=2, truth=False, utc=False)
-    text = shown(figure_of(kit.smoothed(run)))
+    text = shown(figure_of(kit.sample_result(run)))
     assert "imulated" not in text
     assert "SIMULATED" not in text
     assert "date unknown" in text
@@ -73,7 +73,7 @@ def test_a_run_that_is_not_simulated_does_not_say_so(tmp_path):
 
 def test_places_carry_their_share_only_where_there_are_several(result):
     run = result.run
-    assert "50%" in shown(figure_of(kit.smoothed(run, places=2, verdict="ambiguous")))
+    assert "50%" in shown(figure_of(kit.sample_result(run, places=2, verdict="ambiguous")))
     assert "100%" not in shown(figure_of(result))
 
 

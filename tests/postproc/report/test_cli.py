@@ -4,7 +4,7 @@ import pytest
 
 from postproc.cli import main
 from tests.kit import runs
-from tests.kit.pages import Page
+from tests.kit.html_page import Page
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from postproc.results import summary
 from postproc.smoothing import smooth_run
 from postproc.verification.claims import Claim
 from postproc.verification.run_claims import CellVerdict, Verified
-from tests.kit import smoothed as kit
-from tests.kit.pages import Page
+from tests.kit import sample_results as kit
+from tests.kit.html_page import Page
 from tests.kit.runs import write_journal
 
 HOSTILE = """<script>alert(1)</script>"' onload=x & {{ 7*7 }} </pre></style> $a_{b}$ """
@@ -24,12 +24,12 @@ LEVELS = ("h1", "h2", "h3", "h4")
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     run = kit.write_run(tmp_path_factory.mktemp("report") / "walk.journal", seconds=120, cells=3)
-    return kit.smoothed(run)
+    return kit.sample_result(run)
 
 
 @pytest.fixture(scope="module")
 def made(result):
-    return report(result, kit.claims_about(result))
+    return report(result, kit.sample_claims(result))
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +177,7 @@ def test_without_claims_there_is_no_such_section(result):
 
 
 def test_the_same_run_gives_the_same_page(result, made):
-    assert report(result, kit.claims_about(result)).html == made.html
+    assert report(result, kit.sample_claims(result)).html == made.html
 
 
 def test_pictures_take_their_ink_from_the_page(made):
@@ -340,7 +340,9 @@ def test_most_told_are_located_first_then_heard_most(result):
 
 
 def test_many_cells_stand_in_the_table_and_few_are_told(tmp_path):
-    made = report(kit.smoothed(kit.write_run(tmp_path / "x.journal", seconds=20, cells=40)), most=2)
+    made = report(
+        kit.sample_result(kit.write_run(tmp_path / "x.journal", seconds=20, cells=40)), most=2
+    )
     page = Page(made.html)
     assert len(made.cells) == len(page.all("article")) == 2
     rows = [
@@ -354,7 +356,7 @@ def test_many_cells_stand_in_the_table_and_few_are_told(tmp_path):
 
 def test_an_hour_stays_small(tmp_path):
     run = kit.write_run(tmp_path / "x.journal", seconds=3600, cells=2)
-    found = kit.smoothed(run)
+    found = kit.sample_result(run)
     one = report(found, most=1)
     assert len(one.html) < 3_000_000 / 8
     drawn = re.findall(r"<svg.*?</svg>", one.html, re.DOTALL)

@@ -4,12 +4,12 @@ import pytest
 
 from postproc.report import wording
 from postproc.results import summary
-from tests.kit import smoothed as kit
+from tests.kit import sample_results as kit
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
-    return kit.smoothed(
+    return kit.sample_result(
         kit.write_run(tmp_path_factory.mktemp("words") / "w.journal", seconds=60, cells=2)
     )
 

@@ -7,7 +7,7 @@ from logger.core.errors import GeoError
 from postproc.cli import main
 from postproc.verification.claims import parse_claim, swapped
 from tests.kit import runs
-from tests.kit.smoothed import LAT, LON, TRANSMITTER_M, UTM, cell_name, write_run
+from tests.kit.sample_results import LAT, LON, TRANSMITTER_M, UTM, cell_name, write_run
 
 BASE = "GSM,{mcc},1,4711,{cid},0,{lon},{lat},200,7,1,1282569574,1300155341,0\n"
 

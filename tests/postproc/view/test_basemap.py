@@ -11,9 +11,9 @@ from pyproj import CRS, Transformer
 from logger.core.errors import ConfigError
 from postproc.view.basemap import MOST_PIXELS, read_basemap
 from postproc.view.scene import write_scene
-from tests.kit import smoothed as kit
-from tests.kit.recordings import chunks
-from tests.kit.stories import story
+from tests.kit import sample_results as kit
+from tests.kit.rerun_recordings import chunks
+from tests.kit.sample_view import sample_story
 
 UTM = CRS.from_epsg(32633)
 RED, GREEN, BLUE, YELLOW = (200, 40, 40), (40, 200, 40), (40, 40, 200), (200, 200, 40)
@@ -26,7 +26,7 @@ south-east.
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
     run = kit.write_run(tmp_path_factory.mktemp("basemap") / "walk.journal", seconds=120, cells=1)
-    return story(kit.smoothed(run))
+    return sample_story(kit.sample_result(run))
 
 
 def middle(told, crs):

@@ -11,9 +11,9 @@ from postproc.smoothing import CellResult, Smoothed
 from postproc.view.plan import MOST_POINTS, MOST_STRIPS, level_strips, strips_of
 from postproc.view.scene import write_scene
 from postproc.view.series import MOST_DOTS
-from tests.kit import smoothed as kit
-from tests.kit.recordings import chunks
-from tests.kit.stories import story
+from tests.kit import sample_results as kit
+from tests.kit.rerun_recordings import chunks
+from tests.kit.sample_view import sample_story
 
 
 def told(run):
@@ -29,14 +29,14 @@ def told(run):
     filtered = FilterPath(
         first.t_ns[at], x, np.tile(np.eye(4), (len(at), 1, 1)), np.ones(len(at)), np.ones(len(at))
     )
-    posterior = kit.posterior(first)
+    posterior = kit.sample_posterior(first)
     cells = [
         CellResult(
             first.cell, len(first), first, "located", (), posterior, filtered, filtered, filtered
         )
     ]
     cells += [CellResult(obs.cell, len(obs), obs, "cannot tell", ()) for obs in others]
-    return story(Smoothed(run, observations, tuple(cells), ()))
+    return sample_story(Smoothed(run, observations, tuple(cells), ()))
 
 
 @pytest.mark.parametrize(("length", "most_mb"), [("1 h", 4.0), ("28 h", 60.0)])

@@ -8,8 +8,8 @@ import pytest
 from logger.core.runfile import finish_journal
 from postproc.cli import main
 from tests.kit import runs
-from tests.kit import smoothed as kit
-from tests.kit.recordings import chunks, fixed, rows
+from tests.kit import sample_results as kit
+from tests.kit.rerun_recordings import chunks, rows, static_columns
 
 SHOWN, OTHER = kit.cell_name(0), kit.cell_name(1)
 
@@ -76,7 +76,7 @@ def test_several_runs_are_one_walk(tmp_path, fails):
     assert {"/plan/walks/run-000001/track", r"/plan/walks/run-000001\ \(2\)/track"} <= set(found)
     assert [chunk.num_rows for chunk in found[f"/rssi/{cell}"] if not chunk.is_static] == [30, 30]
     assert [chunk.num_rows for chunk in found["/plan/walker"] if not chunk.is_static] == [30, 30]
-    text = rows(fixed(saved, f"/report/{cell}"), ":text")[0][0]
+    text = rows(static_columns(saved, f"/report/{cell}"), ":text")[0][0]
     assert "run-000001.journal gave 30 readings" in text
     assert "without it cannot tell" in text
     assert "one run" in fails(*argv, "--claim", "52,13", "--save", saved)

@@ -19,10 +19,10 @@ from postproc.view.blueprint import SHARED_AXIS
 from postproc.view.rerun_writer import ellipse_axes
 from postproc.view.scene import write_scene
 from postproc.view.world_map import zoom_of
-from tests.kit import smoothed as kit
-from tests.kit.recordings import chunks, fixed, moving, rows, times, values
+from tests.kit import sample_results as kit
+from tests.kit.rerun_recordings import chunks, rows, static_columns, temporal_columns, times, values
 from tests.kit.runs import meta
-from tests.kit.stories import story
+from tests.kit.sample_view import sample_story
 
 NAME = kit.cell_name(0)
 CELL, SERIES, STATES = (f"/{room}/{NAME}" for room in ("plan/cells", "series", "states"))
@@ -34,12 +34,12 @@ CLAIM = CellVerdict(
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     run = kit.write_run(tmp_path_factory.mktemp("scene") / "walk.journal", seconds=120, cells=3)
-    return kit.smoothed(run, places=2, verdict="ambiguous")
+    return kit.sample_result(run, places=2, verdict="ambiguous")
 
 
 @pytest.fixture(scope="module")
 def told(result):
-    return story(result, [CLAIM])
+    return sample_story(result, [CLAIM])
 
 
 @pytest.fixture(scope="module")
@@ -80,13 +80,13 @@ def test_every_part_is_there(saved):
 
 def check_levels(path, observations):
     for obs in observations.cells:
-        columns = moving(path, f"/rssi/{obs.cell}")
+        columns = temporal_columns(path, f"/rssi/{obs.cell}")
         np.testing.assert_array_equal(values(columns, ":scalars")[:, 0], obs.level_dbm)
         np.testing.assert_array_equal(times(columns, "elapsed"), obs.t_ns - kit.START_NS)
 
 
 def check_walker(path, track):
-    columns = moving(path, "/plan/walker")
+    columns = temporal_columns(path, "/plan/walker")
     expected = np.column_stack([track.x_m - track.x_m[0], track.y_m - track.y_m[0]])
     np.testing.assert_allclose(values(columns, ":positions"), expected, atol=1e-4)
     np.testing.assert_array_equal(times(columns, "elapsed"), track.t_ns - kit.START_NS)
@@ -123,21 +123,21 @@ def test_other_values_are_noticed(saved, result):
 
 
 def test_utc_is_that_of_the_fixes(saved, result):
-    columns = moving(saved, "/plan/walker")
+    columns = temporal_columns(saved, "/plan/walker")
     np.testing.assert_array_equal(times(columns, "utc"), result.run.tables["fixes"]["utc_ns"])
 
 
 def test_trail_ends_at_the_walker(saved):
     walker, trail = (
-        values(moving(saved, "/plan/walker"), ":positions"),
-        moving(saved, "/plan/walker/trail"),
+        values(temporal_columns(saved, "/plan/walker"), ":positions"),
+        temporal_columns(saved, "/plan/walker/trail"),
     )
     np.testing.assert_array_equal([row[0][-1] for row in rows(trail, ":strips")], walker)
 
 
 def test_the_way_has_the_colours_of_its_levels(saved, told):
     picture = told.subjects[0].picture
-    columns = fixed(saved, f"{CELL}/levels")
+    columns = static_columns(saved, f"{CELL}/levels")
     np.testing.assert_allclose(rows(columns, ":positions")[0], picture.heard_m, atol=1e-4)
     red, blue = (np.array(rows(columns, ":colors")[0]) >> shift & 255 for shift in (24, 8))
     strong = picture.heard_dbm > np.median(picture.heard_dbm)
@@ -151,20 +151,20 @@ def test_the_way_has_the_colours_of_its_levels(saved, told):
 def test_filters_have_a_place_for_each_reading(saved, result):
     cell, track = result.cells[0], result.observations.track
     for key, filtered in (("ekf", cell.ekf), ("reference", cell.reference)):
-        columns = moving(saved, f"{CELL}/{key}")
+        columns = temporal_columns(saved, f"{CELL}/{key}")
         places = np.add(values(columns, ":positions"), (track.x_m[0], track.y_m[0]))
         np.testing.assert_allclose(places, filtered.x[:, :2], atol=1e-2)
         np.testing.assert_array_equal(times(columns, "elapsed"), filtered.t_ns - kit.START_NS)
-        nis = moving(saved, f"{SERIES}/nis/{key}")
+        nis = temporal_columns(saved, f"{SERIES}/nis/{key}")
         np.testing.assert_allclose(values(nis, ":scalars")[:, 0], filtered.nis)
-    band = moving(saved, f"{SERIES}/p0/ekf")
+    band = temporal_columns(saved, f"{SERIES}/p0/ekf")
     np.testing.assert_allclose(values(band, ":values")[:, 0], cell.ekf.x[:, 2])
     np.testing.assert_allclose(values(band, ":variances")[:, 0], 4 * cell.ekf.p[:, 2, 2])
 
 
 def test_regions_shrink_step_by_step(saved, told):
     subject = told.subjects[0]
-    columns = moving(saved, f"{CELL}/posterior/region95")
+    columns = temporal_columns(saved, f"{CELL}/posterior/region95")
     np.testing.assert_array_equal(
         times(columns, "elapsed"), [step.t_ns - kit.START_NS for step in subject.steps]
     )
@@ -174,12 +174,12 @@ def test_regions_shrink_step_by_step(saved, told):
             np.testing.assert_allclose(drawn, ring, atol=1e-4)
     widths = [np.ptp(np.array(row[0]), axis=0).max() for row in rows(columns, ":strips")]
     assert widths[0] > 2 * widths[-1]
-    areas = values(moving(saved, f"{SERIES}/area/posterior"), ":scalars")[:, 0]
+    areas = values(temporal_columns(saved, f"{SERIES}/area/posterior"), ":scalars")[:, 0]
     np.testing.assert_allclose(10**areas, [step.posterior.region_area_m2 for step in subject.steps])
 
 
 def test_places_carry_their_probability(saved, told):
-    columns = moving(saved, f"{CELL}/posterior/places")
+    columns = temporal_columns(saved, f"{CELL}/posterior/places")
     modes = [mode for step in told.subjects[0].steps for mode in step.posterior.modes]
     places = [place for row in rows(columns, ":positions") for place in row]
     expected = told.local(
@@ -191,12 +191,12 @@ def test_places_carry_their_probability(saved, told):
 
 
 def test_verdicts_are_states(saved):
-    columns = moving(saved, f"{STATES}/verdict")
+    columns = temporal_columns(saved, f"{STATES}/verdict")
     assert [row[0] for row in rows(columns, ":state")] == ["cannot tell", "ambiguous"]
 
 
 def test_claims_stand_where_they_say(saved):
-    columns = fixed(saved, f"{CELL}/claims/1")
+    columns = static_columns(saved, f"{CELL}/claims/1")
     np.testing.assert_allclose(rows(columns, ":positions")[0], [(0.0, 0.0)], atol=1e-3)
     assert rows(columns, ":labels")[0] == ["claim: rejected"]
 
@@ -212,7 +212,7 @@ def test_times_rise_and_the_clock_of_the_desk_is_absent(saved):
 
 
 def test_events_keep_their_text_and_level(saved):
-    columns = moving(saved, "/events")
+    columns = temporal_columns(saved, "/events")
     assert values(columns, ":text")[:, 0].tolist() == [
         f"logger: second {i}, Grüße" for i in (0, 50, 100)
     ]
@@ -220,7 +220,7 @@ def test_events_keep_their_text_and_level(saved):
 
 
 def test_the_report_tells_the_verdict_and_escapes_markup(saved):
-    text = rows(fixed(saved, f"/report/{NAME}"), ":text")[0][0]
+    text = rows(static_columns(saved, f"/report/{NAME}"), ":text")[0][0]
     assert "SIMULATED" in text
     assert "ambiguous: 2 places fit (50%, 50%)" in text
     assert r"\<b\>not\</b\> \| markup" in text
@@ -240,11 +240,11 @@ def test_linked_plots_open_on_the_whole_run(saved):
 
 def test_the_map_shows_the_same_in_degrees(saved, result, told):
     track = result.observations.track
-    walked = np.array(values(moving(saved, "/map/walker"), ":positions"))
+    walked = np.array(values(temporal_columns(saved, "/map/walker"), ":positions"))
     np.testing.assert_allclose(
         walked, np.column_stack(track.utm.to_latlon_arrays(track.x_m, track.y_m)), atol=1e-9
     )
-    marks = rows(fixed(saved, f"/map/cells/{NAME}/estimates"), ":positions")[0]
+    marks = rows(static_columns(saved, f"/map/cells/{NAME}/estimates"), ":positions")[0]
     truth, claim = result.run.meta.truth[0], CLAIM.claim
     np.testing.assert_allclose(
         marks[-2:], [(truth.lat_deg, truth.lon_deg), (claim.lat_deg, claim.lon_deg)], atol=1e-9
@@ -306,7 +306,7 @@ FIX = Record(0, "gnss", Fix(True, None, 52.0, 13.0))
 )
 def test_runs_with_next_to_nothing(records, tmp_path):
     result = smooth_run(write(tmp_path / "x.journal", records))
-    write_scene(story(result), tmp_path / "x.rrd")
+    write_scene(sample_story(result), tmp_path / "x.rrd")
     found = chunks(tmp_path / "x.rrd")
     assert any(entity.startswith("/report") for entity in found)
     has_fix = any(isinstance(r.value, Fix) and r.value.valid for r in records)
@@ -316,8 +316,8 @@ def test_runs_with_next_to_nothing(records, tmp_path):
 
 def test_levels_without_any_fix(tmp_path):
     result = smooth_run(write(tmp_path / "x.journal", [scan(0, 1, 2), scan(10**9, 1)]))
-    write_scene(story(result), tmp_path / "x.rrd")
-    columns = moving(tmp_path / "x.rrd", "/rssi/262-01-1-1")
+    write_scene(sample_story(result), tmp_path / "x.rrd")
+    columns = temporal_columns(tmp_path / "x.rrd", "/rssi/262-01-1-1")
     assert times(columns, "elapsed").tolist() == [0, 10**9]
     assert "utc" not in columns
 
@@ -336,7 +336,7 @@ def test_diverged_filter_is_left_out(result, tmp_path):
     )
     for odd in (lost, away):
         changed = replace(result, cells=(replace(cell, reference=odd, ekf=odd),))
-        write_scene(story(changed), tmp_path / "x.rrd")
+        write_scene(sample_story(changed), tmp_path / "x.rrd")
         assert f"{CELL}/reference" not in chunks(tmp_path / "x.rrd")
 
 
@@ -344,7 +344,7 @@ def test_odd_names_of_cells(tmp_path):
     name = "a/b [c] *$é 漢"
     label = Record(10, "modem", Scan(0, (CellReading("scan", label=name, rssi_dbm=-60.0),), None))
     result = smooth_run(write(tmp_path / "x.journal", [FIX, label]))
-    write_scene(story(result), tmp_path / "x.rrd")
+    write_scene(sample_story(result), tmp_path / "x.rrd")
     assert sum(entity.startswith("/rssi/") for entity in chunks(tmp_path / "x.rrd")) == 1
 
 

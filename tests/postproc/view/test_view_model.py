@@ -8,13 +8,13 @@ from logger.core.geo import Utm
 from logger.core.observations import Track
 from postproc.pictures import colours
 from postproc.view.view_model import _in_zone, _names, chosen, of_one
-from tests.kit import smoothed as kit
-from tests.kit.stories import story
+from tests.kit import sample_results as kit
+from tests.kit.sample_view import sample_story
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
-    return kit.smoothed(
+    return kit.sample_result(
         kit.write_run(tmp_path_factory.mktemp("story") / "walk.journal", seconds=120, cells=3)
     )
 
@@ -46,13 +46,13 @@ def test_cells_are_told_in_the_order_they_are_named(result):
 
 
 def test_each_cell_has_a_colour_of_its_own(result):
-    told = story(result)
+    told = sample_story(result)
     assert told.inks[told.subjects[0].cell] == colours.WALKER
     assert len(set(told.inks.values())) == 3
 
 
 def test_places_go_to_degrees_and_back(result):
-    told = story(result)
+    told = sample_story(result)
     places = np.array([(0.0, 0.0), (30.0, -70.0)])
     for place, (lat_deg, lon_deg) in zip(places, told.degrees(places), strict=True):
         np.testing.assert_allclose(told.place_of(lat_deg, lon_deg), place, atol=1e-6)

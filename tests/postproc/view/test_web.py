@@ -12,7 +12,7 @@ import pytest
 
 from logger.core.errors import ConfigError
 from postproc.view.web import pages, policy, serve
-from tests.kit.served import Served
+from tests.kit.web_server import WebServer
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def recording(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def served(recording):
-    running = Served(recording)
+    running = WebServer(recording)
     yield running
     assert running.stop(signal.SIGTERM) == 0
     assert running.said == ""
@@ -85,7 +85,7 @@ def test_a_browser_that_goes_away_is_passed_over(served):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_ends_cleanly(number, recording):
-    running = Served(recording)
+    running = WebServer(recording)
     assert running.stop(number) == 0
 
 

@@ -58,7 +58,7 @@ MODELS = {
 """Of each family and command one that takes GSM only."""
 
 
-class Watched:
+class ObservedModem:
     """A modem on the walk; it remembers the lines it was sent, and what lay in a folder
     meanwhile.
     """

@@ -16,7 +16,7 @@ PATIENCE_S = 180.0
 
 
 @contextmanager
-def headless(folder: Path, *through: str) -> Iterator[ViewerClient]:
+def headless_viewer(folder: Path, *through: str) -> Iterator[ViewerClient]:
     """A viewer without a window, reachable from this machine only; it keeps its settings and its
     log in `folder`.
 
@@ -54,7 +54,7 @@ def _connected(port: int) -> ViewerClient:
     raise TimeoutError("the viewer does not answer")
 
 
-def settled(client: ViewerClient, view: str) -> bytes:
+def stable_screenshot(client: ViewerClient, view: str) -> bytes:
     """A picture of one view that no longer changes: the first may be half drawn."""
     (view_id,) = [one.view_id for one in client.get_state().views if one.name == view]
     before, until = None, time.monotonic() + PATIENCE_S

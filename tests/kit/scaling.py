@@ -7,7 +7,7 @@ TRIES = 3
 """The least of so many times counts: what else the machine does only ever adds."""
 
 
-def growth(work: Callable[[int], object], small: int, large: int) -> float:
+def cost_growth(work: Callable[[int], object], small: int, large: int) -> float:
     """Processor time of `large` by that of `small`, over the ratio of the amounts: 1 is linear.
 
     Amounts eight times apart show quadratic work as 8, whatever the machine.

@@ -10,7 +10,9 @@ from logger.sim.scenario import scenario
 
 
 @contextmanager
-def devices(seed: int = 1, rate: float = 20.0) -> Iterator[tuple[PtyDevice, PtyDevice, PtyDevice]]:
+def simulated_devices(
+    seed: int = 1, rate: float = 20.0
+) -> Iterator[tuple[PtyDevice, PtyDevice, PtyDevice]]:
     """A modem and a receiver on one walk, `rate` times faster than real, and a port where nobody
     is.
     """

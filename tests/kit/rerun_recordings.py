@@ -18,12 +18,12 @@ def _columns(path, entity, *, static):
     return {name: batch.column(name) for name in batch.schema.names}
 
 
-def moving(path, entity):
+def temporal_columns(path, entity):
     """The chunk of an entity that changes with time, as columns by name."""
     return _columns(path, entity, static=False)
 
 
-def fixed(path, entity):
+def static_columns(path, entity):
     """The chunk of an entity that does not."""
     return _columns(path, entity, static=True)
 

@@ -20,15 +20,17 @@ SHOWN = {
 """Colours of a walk's plan."""
 
 
-def count(png: bytes, colour, *, within=(0.0, 1.0), off=30) -> int:
+def count_pixels(png: bytes, colour, *, within=(0.0, 1.0), off=30) -> int:
     """Pixels of about a colour, between two shares of the width."""
     pixels = np.asarray(Image.open(BytesIO(png)).convert("RGB")).astype(int)
     left, right = (int(share * pixels.shape[1]) for share in within)
     return int(np.count_nonzero(np.max(np.abs(pixels[:, left:right] - colour), axis=2) <= off))
 
 
-def missing(png: bytes, *, within=(0.0, 1.0)) -> list[str]:
+def missing_items(png: bytes, *, within=(0.0, 1.0)) -> list[str]:
     """What of a walk cannot be seen."""
     return [
-        name for name, colour in SHOWN.items() if count(png, colour, within=within) < LEAST_PIXELS
+        name
+        for name, colour in SHOWN.items()
+        if count_pixels(png, colour, within=within) < LEAST_PIXELS
     ]

@@ -12,14 +12,14 @@ Change = Callable[[h5py.File, Path], None]
 """Changes an open run; the path is that of a file beside it, which holds `SECRET`."""
 
 
-def replaced(file: h5py.File, name: str, **made) -> h5py.Dataset:
+def replace_dataset(file: h5py.File, name: str, **made) -> h5py.Dataset:
     del file[name]
     return file.create_dataset(name, **made)
 
 
 def _packed(file: h5py.File, name: str, n_rows: int, chunk: int, dtype) -> None:
     """Many rows of zeros, which take no room in the file."""
-    found = replaced(
+    found = replace_dataset(
         file,
         name,
         shape=(n_rows,),
@@ -60,7 +60,7 @@ def _text(file: h5py.File, name: str, text: bytes) -> None:
 def _big_endian(file: h5py.File, _: Path) -> None:
     rows = file["fixes"][...]
     other = [(name, rows.dtype[name].newbyteorder(">")) for name in rows.dtype.names]
-    replaced(file, "fixes", data=rows.astype(other))
+    replace_dataset(file, "fixes", data=rows.astype(other))
 
 
 def _rows(name: str) -> Callable[[h5py.File], np.dtype]:
@@ -68,10 +68,10 @@ def _rows(name: str) -> Callable[[h5py.File], np.dtype]:
 
 
 ELSEWHERE: dict[str, Change] = {
-    "external storage of a text": lambda f, s: replaced(
+    "external storage of a text": lambda f, s: replace_dataset(
         f, "config", shape=(24,), dtype="S1", external=[(s, 0, 24)]
     ),
-    "external storage of bytes": lambda f, s: replaced(
+    "external storage of bytes": lambda f, s: replace_dataset(
         f, "raw_bytes", shape=(24,), dtype="u1", external=[(s, 0, 24)]
     ),
     "external link": lambda f, s: _linked(f, "config", h5py.ExternalLink(s, "/config")),
@@ -87,13 +87,13 @@ UNREADABLE: dict[str, Change] = {
     "a number for a table": lambda f, _: _linked(f, "fixes", np.float64(1.0)),
     "nothing for a table": lambda f, _: _linked(f, "fixes", h5py.Empty("f8")),
     "no table": lambda f, _: f.__delitem__("readings"),
-    "numbers for rows": lambda f, _: replaced(f, "fixes", data=np.zeros(5)),
-    "objects for rows": lambda f, _: replaced(f, "fixes", shape=(5,), dtype=h5py.string_dtype()),
-    "references for rows": lambda f, _: replaced(f, "notes", shape=(5,), dtype=h5py.ref_dtype),
-    "rows within rows": lambda f, _: replaced(f, "fixes", shape=(5,), dtype=[("seq", [("a", "i4")])]),
-    "rows in two dimensions": lambda f, _: replaced(f, "fixes", shape=(5, 5), dtype=f["fixes"].dtype),
+    "numbers for rows": lambda f, _: replace_dataset(f, "fixes", data=np.zeros(5)),
+    "objects for rows": lambda f, _: replace_dataset(f, "fixes", shape=(5,), dtype=h5py.string_dtype()),
+    "references for rows": lambda f, _: replace_dataset(f, "notes", shape=(5,), dtype=h5py.ref_dtype),
+    "rows within rows": lambda f, _: replace_dataset(f, "fixes", shape=(5,), dtype=[("seq", [("a", "i4")])]),
+    "rows in two dimensions": lambda f, _: replace_dataset(f, "fixes", shape=(5, 5), dtype=f["fixes"].dtype),
     "numbers the other way round": _big_endian,
-    "a text of any length": lambda f, _: replaced(f, "meta", data="{}", dtype=h5py.string_dtype()),
+    "a text of any length": lambda f, _: replace_dataset(f, "meta", data="{}", dtype=h5py.string_dtype()),
     "no JSON": lambda f, _: _text(f, "meta", b"?"),
     "JSON without an end": lambda f, _: _text(f, "meta", b'{"a":' * 100_000),
     "an end that is none": lambda f, _: _text(f, "end", b"[1]"),
@@ -101,15 +101,15 @@ UNREADABLE: dict[str, Change] = {
     "damage that is none": lambda f, _: _text(f, "damage", b"7"),
     "columns of objects": lambda f, _: _text(f, "meta", f["meta"][()].replace(b'"<f8"', b'"O"')),
     "a table that is none": lambda f, _: _text(f, "meta", f["meta"][()].replace(b'"notes":', b'"../../x":')),
-    "a filter of others": lambda f, _: replaced(f, "notes", data=f["notes"][...], compression="lzf"),
+    "a filter of others": lambda f, _: replace_dataset(f, "notes", data=f["notes"][...], compression="lzf"),
     "a format of numbers": lambda f, _: f.attrs.__setitem__("format", np.arange(1000)),
     "thousands of members": lambda f, _: [f.create_group(f"g{i}") for i in range(1500)] and None,
-    "10^12 rows in chunks": lambda f, _: replaced(f, "fixes", shape=(10**12,), dtype=f["fixes"].dtype, chunks=(1024,)),
-    "10^12 rows": lambda f, _: replaced(f, "fixes", shape=(10**12,), dtype=f["fixes"].dtype),
+    "10^12 rows in chunks": lambda f, _: replace_dataset(f, "fixes", shape=(10**12,), dtype=f["fixes"].dtype, chunks=(1024,)),
+    "10^12 rows": lambda f, _: replace_dataset(f, "fixes", shape=(10**12,), dtype=f["fixes"].dtype),
     "10^12 rows more": lambda f, _: f["readings"].resize((10**12,)),
     "a large chunk": lambda f, _: _packed(f, "raw_bytes", 1 << 25, 1 << 25, "u1"),
     "a gigabyte of rows": lambda f, _: _packed(f, "readings", 4_000_000, 16_384, f["readings"].dtype),
-    "more than a gigabyte of bytes": lambda f, _: replaced(
+    "more than a gigabyte of bytes": lambda f, _: replace_dataset(
         f, "raw_bytes", shape=(3 << 30,), dtype="u1", chunks=(1 << 20,), compression="gzip"
     ),
 }  # fmt: skip

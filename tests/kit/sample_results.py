@@ -76,7 +76,7 @@ def _levels(rng: np.random.Generator, x: float, y: float, cells: int) -> list[tu
     return [(0, float(own)), *((k, float(rng.normal(-100.0, 4.0))) for k in range(1, cells))]
 
 
-def smoothed(run: Run, *, verdict="located", places=1) -> Smoothed:
+def sample_result(run: Run, *, verdict="located", places=1) -> Smoothed:
     """Every estimator for the first cell, none for the others."""
     observations = observe(run.tables["fixes"], run.tables["scans"], run.tables["readings"])
     by_name = {obs.cell: obs for obs in observations.cells}
@@ -85,8 +85,8 @@ def smoothed(run: Run, *, verdict="located", places=1) -> Smoothed:
         for name, obs in by_name.items()
     ]
     obs = by_name[cell_name(0)]
-    answer = posterior(obs, places)
-    filtered, rts = filters(obs, answer)
+    answer = sample_posterior(obs, places)
+    filtered, rts = sample_filters(obs, answer)
     fitted = least_squares.fit(obs, [(answer.x_m, answer.y_m)])
     warnings = ("one place holds it; <b>not</b> | markup",)
     first = CellResult(
@@ -106,7 +106,7 @@ def smoothed(run: Run, *, verdict="located", places=1) -> Smoothed:
     )
 
 
-def posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior:
+def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior:
     """Gaussians of equal probability, the first near the transmitter, the next ones 150 m farther
     north each.
     """
@@ -122,22 +122,24 @@ def posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior:
     covariance = np.diag([sigma_m**2, (0.7 * sigma_m) ** 2, 4.0, 0.04])
     covariance[0, 1] = covariance[1, 0] = 0.3 * sigma_m**2
     modes = tuple(
-        made(Mode, probability=1 / places, state=np.array([*c, P0_DBM, ETA]), covariance=covariance)
+        dataclass_with(
+            Mode, probability=1 / places, state=np.array([*c, P0_DBM, ETA]), covariance=covariance
+        )
         for c in centres
     )
-    return made(
+    return dataclass_with(
         Posterior, cells=cells, modes=modes, x_m=float(centre[0]), y_m=float(centre[1]), r95_m=2.45 * sigma_m,
         drms_m=1.4 * sigma_m, p0_dbm=P0_DBM, p0_sigma_db=2.0, eta=ETA, eta_sigma=0.2, sigma_db=2.0,
         decorrelation_m=10.0, white_share=0.5, limit_share=0.0, prior=Prior(), offsets=None,
     )  # fmt: skip
 
 
-def made(kind, **values):
+def dataclass_with(kind, **values):
     """A dataclass from the values that matter here, zero for what it has besides."""
     return kind(**{f.name: 0.0 for f in dataclasses.fields(kind) if f.init} | values)
 
 
-def filters(obs: CellObservations, answer: Posterior) -> tuple[FilterPath, FilterPath]:
+def sample_filters(obs: CellObservations, answer: Posterior) -> tuple[FilterPath, FilterPath]:
     """EKF over the second half of the readings, and RTS, which is its last state."""
     half, mode = len(obs) // 2, answer.modes[0]
     state = ekf.EkfState(*mode.state.tolist(), ekf.upper_triangle(mode.covariance))
@@ -157,7 +159,7 @@ def filters(obs: CellObservations, answer: Posterior) -> tuple[FilterPath, Filte
     )
 
 
-def claims_about(result: Smoothed) -> Verified:
+def sample_claims(result: Smoothed) -> Verified:
     """A consistent claim about the first cell, a rejected one about the second, and a cell without
     any.
     """

@@ -18,7 +18,7 @@ LOOK_EVERY_S = 0.5
 
 
 @dataclass
-class Walked:
+class RecordedRun:
     """A recorded run and the times of its fault, in seconds of the run's clock."""
 
     run: Run
@@ -41,7 +41,7 @@ class Walked:
         ]
 
 
-def service(
+def make_service(
     folder: Path,
     clock: Clock,
     port: str,
@@ -58,8 +58,8 @@ def service(
     return Service(config, begin_run(config, text, clock), clock, threading.Event())
 
 
-def go_on(
-    under_way: Service, clock: Clock, done: Callable[[Walked], bool], limit_s: float = LIMIT_S
+def record_until(
+    under_way: Service, clock: Clock, done: Callable[[RecordedRun], bool], limit_s: float = LIMIT_S
 ) -> None:
     """Record until the run so far satisfies a condition, or for so many real seconds; the test then
     says what it lacks.
@@ -74,8 +74,8 @@ def go_on(
             return
 
 
-def _so_far(folder: Path) -> Walked | None:
+def _so_far(folder: Path) -> RecordedRun | None:
     try:
-        return next((Walked(read_run(path)) for path in folder.glob("*.journal")), None)
+        return next((RecordedRun(read_run(path)) for path in folder.glob("*.journal")), None)
     except RunFileError:  # made, and not yet written for the first time
         return None

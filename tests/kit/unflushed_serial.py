@@ -3,7 +3,7 @@
 import serial
 
 
-class KeptSerial(serial.Serial):
+class UnflushedSerial(serial.Serial):
     """A port that is not flushed when it is opened."""
 
     def _reset_input_buffer(self) -> None:

@@ -12,7 +12,7 @@ sys.exit(serve(lambda path: shutil.copy(sys.argv[1], path), 0, lambda address: p
 """
 
 
-class Served:
+class WebServer:
     """A running server, and what it answers."""
 
     def __init__(self, recording: Path) -> None:
