@@ -207,8 +207,7 @@ def _verify_sites(arguments: argparse.Namespace, run: "Run", prior: "Prior") -> 
 
 def _verify_theory(arguments: argparse.Namespace) -> int:
     from postproc.json_text import as_json
-    from postproc.reproductions.position_verification import report
-    from postproc.verification import tables
+    from postproc.reproductions.position_verification import report, tables
 
     receivers = report.places(arguments.receivers) if arguments.receivers else None
     sigmas_m = arguments.sigma or report.SIGMAS_M

@@ -32,8 +32,8 @@ from postproc.smoothing import heard_cells, too_few
 from postproc.verification.claim_test import ClaimTest, around, claim_test, listened
 from postproc.verification.claims import Claim, away_m, swapped
 from postproc.verification.clone_test import Sites, between_two, within_one
+from postproc.verification.normality import Normality, normality
 from postproc.verification.power import Detectable, detectable, distance_m
-from postproc.verification.ranging import Normality, normality
 from postproc.walk import walk_of
 
 Verdict = Literal["consistent", "rejected", "cannot tell"]

@@ -15,9 +15,9 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
-from postproc.reproductions.position_verification import theory
+from postproc.reproductions.position_verification import ranging, theory
 from postproc.reproductions.position_verification.theory import Scene, detection, noncentrality_of
-from postproc.verification import ranging
+from postproc.verification.normality import normality
 
 SIGMAS_M = (100.0, 20_000.0)
 CLAIM_SIGMA_M = (37.8, 37.8, 87.0)
@@ -241,5 +241,5 @@ def summary(
 
 
 def _normality(values: FloatArray, rng: np.random.Generator) -> list[dict[str, Any]]:
-    found = (ranging.normality(values, limit, rng) for limit in (None, _CUT_SIGMAS))
+    found = (normality(values, limit, rng) for limit in (None, _CUT_SIGMAS))
     return [one._asdict() for one in found if one]
