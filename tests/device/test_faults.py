@@ -15,17 +15,20 @@ from logger.core.runfile.file_buffer import SECTOR
 from logger.core.runfile.frames import HEADER_SIZE, Frame, scan
 from logger.core.runfile.run_names import parts_of
 from logger.core.types import Scan
-from tests.kit import faults, runs
+from tests.kit import runs, service
+from tests.kit.card_trace import read_trace, replay
+from tests.kit.faulty_card import Card, build_preload_library, small_file_system
+from tests.kit.recorder_process import raw_counts, running_recorder
 
 
 @pytest.fixture(scope="session")
 def preload(tmp_path_factory):
-    return faults.library(tmp_path_factory.mktemp("preload"))
+    return build_preload_library(tmp_path_factory.mktemp("preload"))
 
 
 @pytest.fixture
 def card(tmp_path, preload):
-    return faults.Card(tmp_path, preload)
+    return Card(tmp_path, preload)
 
 
 def _codes(run):
@@ -35,7 +38,7 @@ def _codes(run):
 def _whole(card, n_put):
     """The run on the card holds every record that was put, and is as it was sealed."""
     run = read_run(card.folder / "run-000001.journal")
-    assert faults.raw_counts(run) == list(range(n_put))
+    assert raw_counts(run) == list(range(n_put))
     assert not run.damage
     assert sealing_of(run.path).holds
     return run
@@ -53,7 +56,7 @@ def _whole(card, n_put):
     ],
 )
 def test_a_card_that_fails_for_a_while_loses_nothing(card, failing, says):
-    with faults.recording(card) as recorder:
+    with running_recorder(card) as recorder:
         recorder.wait_durable(50)
         card.fails(**failing)
         recorder.wait_state(f"waiting for the card: {says}")
@@ -69,7 +72,7 @@ def test_a_card_that_fails_for_a_while_loses_nothing(card, failing, says):
 
 @pytest.mark.parametrize("operation", ["pwrite", "fdatasync"])
 def test_after_an_io_error_the_run_goes_on_in_a_new_file(card, operation):
-    with faults.recording(card) as recorder:
+    with running_recorder(card) as recorder:
         recorder.wait_durable(50)
         card.fails(**{operation: errno.EIO})
         recorder.wait_state("waiting for the card: Input/output error")
@@ -87,13 +90,13 @@ def test_after_an_io_error_the_run_goes_on_in_a_new_file(card, operation):
         (f.start for f in scan(data) if isinstance(f, Frame) and f.number == begins), len(data)
     )
     first.write_bytes(data[:lost] + bytes(len(data) - lost))
-    assert faults.raw_counts(read_run(first)) == list(range(n_put))
-    assert faults.raw_counts(read_run(finish_journal(first))) == list(range(n_put))
+    assert raw_counts(read_run(first)) == list(range(n_put))
+    assert raw_counts(read_run(finish_journal(first))) == list(range(n_put))
 
 
 def test_a_name_that_is_taken_does_not_stop_it(card):
     """An empty file that the failing card did not let go."""
-    with faults.recording(card) as recorder:
+    with running_recorder(card) as recorder:
         recorder.wait_durable(50)
         (card.folder / "run-000001.journal.2").touch()
         card.fails(fdatasync=errno.EIO)
@@ -108,10 +111,8 @@ def test_a_name_that_is_taken_does_not_stop_it(card):
 def test_a_card_that_cannot_make_a_file_at_the_start_is_waited_for(card, error):
     """Out of inodes, read-only or failing before the first byte."""
     card.fails(create=error)
-    with faults.recording(card) as recorder:
-        faults.service.wait_for(
-            lambda: any("waiting" in state for state in recorder.lines("state"))
-        )
+    with running_recorder(card) as recorder:
+        service.wait_for(lambda: any("waiting" in state for state in recorder.lines("state")))
         assert not list(card.folder.iterdir())
         card.fails()
         recorder.wait_durable(50)
@@ -119,7 +120,7 @@ def test_a_card_that_cannot_make_a_file_at_the_start_is_waited_for(card, error):
 
 
 def test_what_finds_no_room_in_memory_is_counted(card):
-    with faults.recording(card, most_waiting=3_000) as recorder:
+    with running_recorder(card, most_waiting=3_000) as recorder:
         recorder.wait_durable(50)
         card.fails(pwrite=errno.ENOSPC)
         recorder.wait_state("waiting for the card: No space left on device")
@@ -128,7 +129,7 @@ def test_what_finds_no_room_in_memory_is_counted(card):
         recorder.wait_durable(50)
         n_put = recorder.stop()
     run = read_run(card.folder / "run-000001.journal")
-    got = faults.raw_counts(run)
+    got = raw_counts(run)
     (text,) = [row["text"].decode() for row in run.tables["notes"] if row["code"] == b"overflow"]
     assert got == sorted(set(got))
     assert n_put - len(got) == int(text.split()[0]) > 0
@@ -139,9 +140,9 @@ def test_what_finds_no_room_in_memory_is_counted(card):
 
 
 def test_a_full_file_system_is_waited_out(tmp_path, preload):
-    with faults.small_file_system(tmp_path / "card", "size=3m") as folder:
-        card = faults.Card(tmp_path, preload)
-        with faults.recording(card) as recorder:
+    with small_file_system(tmp_path / "card", "size=3m") as folder:
+        card = Card(tmp_path, preload)
+        with running_recorder(card) as recorder:
             recorder.wait_durable(50)
             filler = folder / "filler"
             with filler.open("wb", buffering=0) as file, pytest.raises(OSError, match="No space"):
@@ -155,11 +156,11 @@ def test_a_full_file_system_is_waited_out(tmp_path, preload):
 
 
 def test_no_inode_left(tmp_path, preload):
-    with faults.small_file_system(tmp_path / "card", "size=8m,nr_inodes=3") as folder:
-        card = faults.Card(tmp_path, preload)
+    with small_file_system(tmp_path / "card", "size=8m,nr_inodes=3") as folder:
+        card = Card(tmp_path, preload)
         for name in "ab":
             (folder / name).touch()
-        with faults.recording(card) as recorder:
+        with running_recorder(card) as recorder:
             recorder.wait_state("waiting for the card: No space left on device")
             (folder / "a").unlink()
             recorder.wait_durable(50)
@@ -172,7 +173,7 @@ def test_no_inode_left(tmp_path, preload):
 
 def test_every_system_call_boundary_of_a_recording_is_readable(card, tmp_path):
     """The card as it was before each call, and in the middle of each write."""
-    with faults.recording(card, trace=True) as recorder:
+    with running_recorder(card, trace=True) as recorder:
         recorder.wait_durable(100)
         card.fails(fdatasync=errno.EIO)
         recorder.wait_state("waiting for the card: Input/output error")
@@ -181,15 +182,15 @@ def test_every_system_call_boundary_of_a_recording_is_readable(card, tmp_path):
         n_put = recorder.stop()
     replayed = tmp_path / "replayed"
     replayed.mkdir()
-    operations = faults.operations(card.trace)
+    operations = read_trace(card.trace)
     seen = synced = n_states = 0
     for operation in operations:
-        for _ in faults.replay(operation, replayed):
+        for _ in replay(operation, replayed):
             # cut in its first write, a run has not begun
-            if n_states or operation.what == "fdatasync":
+            if n_states or operation.name == "fdatasync":
                 seen = _readable(replayed, synced)
-            n_states += operation.what == "pwrite"
-        if operation.what == "fdatasync":
+            n_states += operation.name == "pwrite"
+        if operation.name == "fdatasync":
             synced = seen
     assert seen == n_put
     print(f"{len(operations)} calls, {n_states} states of their writes")
@@ -197,7 +198,7 @@ def test_every_system_call_boundary_of_a_recording_is_readable(card, tmp_path):
 
 def _readable(folder, at_least):
     run = read_run(folder / "run-000001.journal")
-    got = faults.raw_counts(run)
+    got = raw_counts(run)
     assert got == list(range(len(got)))
     assert len(got) >= at_least
     return len(got)
@@ -213,7 +214,7 @@ def test_a_cut_at_any_system_call_of_the_making_of_the_hdf5_loses_nothing(card):
     before = journal.read_bytes()
     command = [sys.executable, "-c", FINISH, str(card.folder)]
     subprocess.run(command, check=True, env=card.environment(trace=True))
-    n_calls = len(faults.operations(card.trace))
+    n_calls = len(read_trace(card.trace))
     assert n_calls > 10
     for kill_at in sorted({*range(1, n_calls + 1, max(1, n_calls // 8)), n_calls - 1, n_calls}):
         journal.with_suffix(".h5").unlink()

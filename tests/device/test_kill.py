@@ -14,7 +14,8 @@ from logger.device.recorder import TICK_S
 from logger.sim.player import NmeaPlayer, TranscriptModem
 from logger.sim.ptys import PtyDevice, answering
 from postproc.cli import main as postproc
-from tests.kit import faults, service
+from tests.kit import service
+from tests.kit.killed_recorders import kill_recorders
 
 KILLS = int(os.environ.get("CELLWALK_KILLS", "4"))
 
@@ -70,7 +71,7 @@ def test_kill_9_loses_nothing_that_was_written(tmp_path, seed, capsys):
 def test_kill_9_of_recorders_loses_nothing_acknowledged(tmp_path, kills):
     """Nothing that was synced is lost; what was received since the last sync is."""
     lost_s, begun = [], 0
-    for killed in faults.kill_recorders(tmp_path, kills):
+    for killed in kill_recorders(tmp_path, kills):
         if not killed.n_durable and not (killed.journal.exists() and killed.journal.stat().st_size):
             continue  # killed before its first write
         begun += 1

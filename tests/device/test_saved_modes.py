@@ -7,7 +7,8 @@ import sys
 import pytest
 
 from logger.device.saved_modes import FILE, KeptMode, KeptModes
-from tests.kit import faults
+from tests.kit.card_trace import read_trace
+from tests.kit.faulty_card import Card, build_preload_library
 
 OLD = KeptMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "2")
 NEW = KeptMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "38")
@@ -20,12 +21,12 @@ KEEP = (
 
 @pytest.fixture(scope="module")
 def preload(tmp_path_factory):
-    return faults.library(tmp_path_factory.mktemp("preload"))
+    return build_preload_library(tmp_path_factory.mktemp("preload"))
 
 
 @pytest.fixture
 def card(tmp_path, preload):
-    return faults.Card(tmp_path, preload)
+    return Card(tmp_path, preload)
 
 
 def _keep(card, **environment):
@@ -59,7 +60,7 @@ def test_an_entry_for_each_model(tmp_path):
 
 def test_it_is_on_the_card_before_it_has_its_name_and_its_name_too(card):
     assert _keep(card, trace=True).returncode == 0
-    done = [(operation.what, operation.path.name) for operation in faults.operations(card.trace)]
+    done = [(operation.name, operation.path.name) for operation in read_trace(card.trace)]
     part, folder = f"{FILE}.part", card.folder.name
     order = [("fsync", part), ("rename", FILE), ("fsync", folder)]
     assert [one for one in done if one[0] != "create"] == order
@@ -70,7 +71,7 @@ def test_a_cut_at_any_system_call_leaves_the_old_or_the_new(card):
     kept.keep(OLD)
     assert _keep(card, trace=True).returncode == 0
     found = []
-    for kill_at in range(1, len(faults.operations(card.trace)) + 1):
+    for kill_at in range(1, len(read_trace(card.trace)) + 1):
         kept.keep(OLD)
         assert _keep(card, kill_at=kill_at).returncode == -9
         found.append(kept.all())

@@ -1,4 +1,4 @@
-"""A headless Chromium, and what can be asked of a page in it."""
+"""A headless Chromium, and measurements on a page in it."""
 
 import base64
 import json
@@ -11,30 +11,35 @@ from pathlib import Path
 import pytest
 
 _OVERFLOWING = """
-const wide = document.documentElement.clientWidth, found = [];
-if (document.documentElement.scrollWidth > wide) found.push('page');
+const width = document.documentElement.clientWidth, names = [];
+if (document.documentElement.scrollWidth > width) names.push('page');
 for (const e of document.body.querySelectorAll('*')) {
   if (e.closest('.scroll') && !e.matches('.scroll')) continue;
   const r = e.getBoundingClientRect();
-  if (r.width > 1 && (r.right > wide + 1 || r.left < -1)) found.push(e.tagName + ' ' + e.className);
+  const outside = r.right > width + 1 || r.left < -1;
+  if (r.width > 1 && outside) names.push(e.tagName + ' ' + e.className);
 }
-return found;
+return names;
 """
 _AXE = """
 const done = arguments[arguments.length - 1];
-const told = v => ({id: v.id, impact: v.impact, help: v.help, nodes: v.nodes.map(n => n.html.slice(0, 200))});
-axe.run(document, {resultTypes: ['violations']}).then(r => done(r.violations.map(told)), e => done(String(e)));
+const summary = v => ({
+  id: v.id, impact: v.impact, help: v.help, nodes: v.nodes.map(n => n.html.slice(0, 200))
+});
+axe.run(document, {resultTypes: ['violations']}).then(
+  r => done(r.violations.map(summary)), e => done(String(e))
+);
 """
 
 
 class Browser:
-    """One page at a time, seen on a screen of any size, in light or in darkness."""
+    """One page at a time, on a screen of any width, in the light or dark colour scheme."""
 
     def __init__(self, driver) -> None:
         self._driver = driver
 
     def open(self, path: Path, *, width: int, dark: bool) -> None:
-        """Show a file; what the console and the network said before is forgotten."""
+        """Show a file and clear the logs of the console and the network."""
         feature = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self._driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
         screen = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600}
@@ -43,50 +48,48 @@ class Browser:
             self._driver.get_log(log)
         self._driver.get(path.as_uri())
 
-    def ask(self, script: str):
-        """What a script returns."""
+    def evaluate(self, script: str):
+        """Run a script in the page and return its result."""
         return self._driver.execute_script(script)
 
-    def overflowing(self) -> list[str]:
-        """Elements that reach out of the screen, those in boxes that scroll excepted."""
-        return self.ask(_OVERFLOWING)
+    def overflowing_elements(self) -> list[str]:
+        """Elements wider than the screen, except those inside boxes that scroll."""
+        return self.evaluate(_OVERFLOWING)
 
-    def requested(self) -> list[str]:
-        """Addresses asked for since the page was opened, its own file and data within it
-        excepted.
-        """
-        told = [
+    def requested_urls(self) -> list[str]:
+        """Addresses requested since the page was opened, except its own file and data URLs."""
+        messages = [
             json.loads(entry["message"])["message"] for entry in self._driver.get_log("performance")
         ]
-        asked = [
-            one["params"]["request"]["url"]
-            for one in told
-            if one["method"] == "Network.requestWillBeSent"
+        requests = [
+            message["params"]["request"]["url"]
+            for message in messages
+            if message["method"] == "Network.requestWillBeSent"
         ]
-        entries = self.ask("return performance.getEntriesByType('resource').map(e => e.name)")
+        entries = self.evaluate("return performance.getEntriesByType('resource').map(e => e.name)")
         own = self._driver.current_url
         return [
             url
-            for url in (*asked, *entries)
+            for url in (*requests, *entries)
             if not url.startswith("data:") and url.split("#")[0] != own
         ]
 
-    def complaints(self) -> list[str]:
+    def console_messages(self) -> list[str]:
         """Warnings and errors of the console since the page was opened."""
         return [
-            one["message"]
-            for one in self._driver.get_log("browser")
-            if one["level"] in {"WARNING", "SEVERE"}
+            entry["message"]
+            for entry in self._driver.get_log("browser")
+            if entry["level"] in {"WARNING", "SEVERE"}
         ]
 
-    def barriers(self, axe: Path) -> list[dict]:
-        """Findings of axe-core but for the minor ones."""
+    def accessibility_violations(self, axe: Path) -> list[dict]:
+        """Violations that axe-core reports, except the minor ones."""
         self._driver.execute_script(axe.read_text("utf-8"))
-        found = self._driver.execute_async_script(_AXE)
-        assert isinstance(found, list), found
-        return [one for one in found if one["impact"] in {"moderate", "serious", "critical"}]
+        violations = self._driver.execute_async_script(_AXE)
+        assert isinstance(violations, list), violations
+        return [v for v in violations if v["impact"] in {"moderate", "serious", "critical"}]
 
-    def picture(self) -> bytes:
+    def screenshot(self) -> bytes:
         """The whole page as PNG."""
         return base64.b64decode(
             self._driver.execute_cdp_cmd("Page.captureScreenshot", {"captureBeyondViewport": True})[
@@ -94,7 +97,7 @@ class Browser:
             ]
         )
 
-    def printed(self) -> bytes:
+    def pdf(self) -> bytes:
         """The page as PDF."""
         return base64.b64decode(self._driver.execute_cdp_cmd("Page.printToPDF", {})["data"])
 
@@ -106,7 +109,8 @@ def browser() -> Iterator[Browser]:
     program, driver = (shutil.which(name) for name in ("chromium", "chromedriver"))
     if program is None or driver is None:
         pytest.skip(
-            "chromium and chromedriver are missing (Debian: apt-get install chromium chromium-driver)"
+            "chromium and chromedriver are missing "
+            "(Debian: apt-get install chromium chromium-driver)"
         )
     options = webdriver.ChromeOptions()
     options.binary_location = program
@@ -119,16 +123,16 @@ def browser() -> Iterator[Browser]:
     ):
         options.add_argument(f"--{argument}")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    started = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    chrome = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
     try:
-        yield Browser(started)
+        yield Browser(chrome)
     finally:
-        started.quit()
+        chrome.quit()
 
 
 def axe_core() -> Path:
     """axe.min.js of the npm package axe-core; skips where CELLWALK_AXE does not name it."""
-    named = os.environ.get("CELLWALK_AXE", "")
-    if not Path(named).is_file():
+    path = os.environ.get("CELLWALK_AXE", "")
+    if not Path(path).is_file():
         pytest.skip("CELLWALK_AXE does not name axe.min.js (npm install axe-core)")
-    return Path(named)
+    return Path(path)

@@ -1,4 +1,4 @@
-"""A recording served to browsers by a process of its own, as the command does it."""
+"""The web server of `postproc view --web`, in a process of its own."""
 
 import subprocess
 import sys
@@ -8,12 +8,16 @@ from pathlib import Path
 _PROGRAM = """
 import shutil, sys
 from postproc.view.web import serve
-sys.exit(serve(lambda path: shutil.copy(sys.argv[1], path), 0, lambda address: print(address, flush=True)))
+
+def copy(path):
+    shutil.copy(sys.argv[1], path)
+
+sys.exit(serve(copy, 0, lambda address: print(address, flush=True)))
 """
 
 
 class WebServer:
-    """A running server, and what it answers."""
+    """A running server and its responses."""
 
     def __init__(self, recording: Path) -> None:
         command = [sys.executable, "-c", _PROGRAM, str(recording)]
@@ -27,13 +31,13 @@ class WebServer:
         """Status, headers and content."""
         connection = HTTPConnection("127.0.0.1", self.port, timeout=60)
         connection.request(method, path, headers={"Host": host or f"127.0.0.1:{self.port}"})
-        answer = connection.getresponse()
-        found = answer.status, dict(answer.getheaders()), answer.read()
+        response = connection.getresponse()
+        result = response.status, dict(response.getheaders()), response.read()
         connection.close()
-        return found
+        return result
 
     def stop(self, number) -> int:
-        """Send a signal; the exit code. What was said on stderr is in `said`."""
+        """Send a signal and return the exit code; the output on stderr is then in `errors`."""
         self.process.send_signal(number)
-        _, self.said = self.process.communicate(timeout=60)
+        _, self.errors = self.process.communicate(timeout=60)
         return self.process.returncode

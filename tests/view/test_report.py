@@ -50,25 +50,25 @@ def shown(request, chromium, page):
 
 
 def test_nothing_reaches_out_of_the_screen(shown):
-    assert shown.overflowing() == []
+    assert shown.overflowing_elements() == []
 
 
 def test_nothing_is_asked_of_anybody_and_the_console_is_silent(shown):
-    assert shown.requested() == []
-    assert shown.complaints() == []
+    assert shown.requested_urls() == []
+    assert shown.console_messages() == []
 
 
 def test_axe_finds_no_barrier(chromium, page):
     axe = axe_core()
     for width, dark in VIEWS:
         chromium.open(page, width=width, dark=dark)
-        assert chromium.barriers(axe) == [], (width, dark)
+        assert chromium.accessibility_violations(axe) == [], (width, dark)
 
 
 def test_darkness_reaches_the_pictures(chromium, page):
     def lightness(what):
         script = f"return getComputedStyle(document.querySelector('{what[0]}')).{what[1]}"
-        return sum(map(int, chromium.ask(script).split("(")[1].rstrip(")").split(",")[:3]))
+        return sum(map(int, chromium.evaluate(script).split("(")[1].rstrip(")").split(",")[:3]))
 
     chromium.open(page, width=DESKTOP, dark=False)
     day = [lightness(one) for one in (("html", "backgroundColor"), (".picture text", "fill"))]
@@ -82,7 +82,7 @@ def test_words_of_pictures_are_large_enough_for_a_telephone(chromium, page):
     chromium.open(page, width=PHONE, dark=False)
     script = """return [...document.querySelectorAll('.picture text')].map(t =>
       parseFloat(getComputedStyle(t).fontSize) * Math.hypot(t.getScreenCTM().a, t.getScreenCTM().b))"""
-    assert min(chromium.ask(script)) > 9.0
+    assert min(chromium.evaluate(script)) > 9.0
 
 
 def test_an_hour_of_eight_cells_stays_below_three_megabytes(tmp_path):
@@ -99,7 +99,7 @@ def test_an_hour_of_eight_cells_stays_below_three_megabytes(tmp_path):
 
 def test_prints(chromium, page):
     chromium.open(page, width=DESKTOP, dark=True)
-    assert chromium.printed().startswith(b"%PDF")
+    assert chromium.pdf().startswith(b"%PDF")
 
 
 def test_the_checks_would_notice(chromium, tmp_path):
@@ -107,9 +107,9 @@ def test_the_checks_would_notice(chromium, tmp_path):
     path = tmp_path / "faulty.html"
     path.write_text(FAULTY)
     chromium.open(path, width=PHONE, dark=False)
-    assert "page" in chromium.overflowing()
-    assert any(url.endswith("x.png") for url in chromium.requested())
-    assert any("broken" in text for text in chromium.complaints())
+    assert "page" in chromium.overflowing_elements()
+    assert any(url.endswith("x.png") for url in chromium.requested_urls())
+    assert any("broken" in text for text in chromium.console_messages())
 
 
 def test_axe_would_notice(chromium, tmp_path):
@@ -118,5 +118,5 @@ def test_axe_would_notice(chromium, tmp_path):
     axe = axe_core()
     chromium.open(path, width=PHONE, dark=False)
     assert {"image-alt", "color-contrast", "html-has-lang"} <= {
-        one["id"] for one in chromium.barriers(axe)
+        one["id"] for one in chromium.accessibility_violations(axe)
     }

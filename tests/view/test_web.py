@@ -43,7 +43,7 @@ class Page:
         self.driver.set_script_timeout(PATIENCE_S)
         chromium.open(Address(address), width=WIDTH, dark=True)
         self.wait(
-            lambda: chromium.ask(
+            lambda: chromium.evaluate(
                 "return typeof window._handle === 'object' && !window._handle.has_panicked()"
             )
         )
@@ -54,7 +54,7 @@ class Page:
             assert time.monotonic() < until, "it never happens"
             time.sleep(0.5)
 
-    def picture(self):
+    def screenshot(self):
         return self.driver.get_screenshot_as_png()
 
     def settled(self):
@@ -62,7 +62,7 @@ class Page:
         seen = [b""]
 
         def rests():
-            seen.append(self.picture())
+            seen.append(self.screenshot())
             return seen[-1] == seen[-2]
 
         self.wait(rests)
@@ -79,7 +79,7 @@ class Page:
             event = {"type": f"mouse{kind}", "button": button, "buttons": pressed, "clickCount": 1}
             place = {"x": west + share * (east - west), "y": south}
             self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", event | place)
-            self.picture()  # a frame between the events
+            self.screenshot()  # a frame between the events
 
     def errors(self):
         return [
@@ -110,13 +110,16 @@ def outline(png):
 
 def test_the_walk_is_on_the_canvas_and_nothing_leaves(served, chromium):
     page = Page(chromium, served.address)
-    page.wait(lambda: not missing_items(page.picture(), within=PLAN))
+    page.wait(lambda: not missing_items(page.screenshot(), within=PLAN))
     late = outline(page.settled())
     page.look_at(1 / 3)
-    page.wait(lambda: outline(page.picture()) > 1.5 * late > 0)
+    page.wait(lambda: outline(page.screenshot()) > 1.5 * late > 0)
     # what the page asks of others is answered on the spot
-    assert chromium.ask("return fetch('https://tel.example/').then(answer => answer.status)") == 204
-    asked = chromium.requested()
+    assert (
+        chromium.evaluate("return fetch('https://tel.example/').then(answer => answer.status)")
+        == 204
+    )
+    asked = chromium.requested_urls()
     assert any(url.endswith("/run.rrd") for url in asked)
     assert {url for url in asked if not url.startswith(served.address)} == set()
     assert page.errors() == []
@@ -128,9 +131,9 @@ def test_nothing_is_not_taken_for_a_walk_and_a_request_is_noticed(served, chromi
     """
     page = Page(chromium, served.address + "?hide_welcome_screen&persist=0")
     time.sleep(3.0)
-    assert len(missing_items(page.picture(), within=PLAN)) > 3
-    chromium.ask(
+    assert len(missing_items(page.screenshot(), within=PLAN)) > 3
+    chromium.evaluate(
         "const image = new Image(); document.body.append(image); image.src = 'https://192.0.2.1/x.png'"
     )
     page.wait(page.errors)
-    assert any("192.0.2.1" in url for url in chromium.requested())
+    assert any("192.0.2.1" in url for url in chromium.requested_urls())

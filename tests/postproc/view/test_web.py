@@ -27,7 +27,7 @@ def served(recording):
     running = WebServer(recording)
     yield running
     assert running.stop(signal.SIGTERM) == 0
-    assert running.said == ""
+    assert running.errors == ""
 
 
 def test_it_listens_on_the_loopback_only_and_alone(served):
