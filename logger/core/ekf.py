@@ -1,23 +1,21 @@
 """The reference EKF: the original specification's filter, started at the receiver.
 
 It is kept as the reference that results are compared with. Started at the receiver it stays there
-and claims to be right (ARCHITECTURE.md, decision 8). Model, with d = |(x, y) - receiver|, at least
-1 m, and dx = x - receiver_x:
-
-    z = P0 - 10 eta log10(d)
-    H = [-10 eta dx / (ln10 d^2), -10 eta dy / (ln10 d^2), 1, -10 log10(d)]
+and claims to be right (ARCHITECTURE.md, decision 8). The model is that of
+`model.path_loss` without height and receiver error; H holds its derivatives by [x, y, P0, eta].
 
 Four states and a scalar measurement are written out in plain floats, since arrays of this size are
 slower (Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, ch. 5
 and 10).
 """
 
-from math import log, log10, sqrt
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.arrays import FloatArray
+from logger.core.model.path_loss import level_gradient
 
 # all five values are the specification's
 P0_START_DBM = -40.0
@@ -25,9 +23,6 @@ ETA_START = 3.0
 VARIANCE_START = 1000.0
 Q_PER_STEP = 1e-5
 R_DB2 = 9.0
-
-_C = 10.0 / log(10.0)
-_RANGE_CLAMP_M2 = 1.0
 
 Covariance = tuple[float, float, float, float, float, float, float, float, float, float]
 """Upper triangle: xx, xy, x0, xe, yy, y0, ye, 00, 0e, ee."""
@@ -62,11 +57,9 @@ def jacobian(
     state: EkfState, receiver_x_m: float, receiver_y_m: float
 ) -> tuple[float, float, float, float]:
     """Row H of the measurement model at a state."""
-    dx = state.x_m - receiver_x_m
-    dy = state.y_m - receiver_y_m
-    d2 = max(dx * dx + dy * dy, _RANGE_CLAMP_M2)
-    slope = -_C * state.eta / d2
-    return slope * dx, slope * dy, 1.0, -5.0 * log10(d2)
+    dx, dy = state.x_m - receiver_x_m, state.y_m - receiver_y_m
+    hx, hy, he, _ = level_gradient(dx, dy, state.eta, 0.0)
+    return hx, hy, 1.0, he
 
 
 def step(

@@ -86,7 +86,11 @@ def follow(watch: Watch, step: ShadowStep, noise: ShadowNoise) -> Watch:
     """The watch after one more step of the filter."""
     state = step.state
     xx, xy, _, _, yy, *_ = static_covariance(state.factors)
-    d2 = (state.x_m - state.at_x_m) ** 2 + (state.y_m - state.at_y_m) ** 2 + noise.height_m**2
+    d2 = (
+        (state.x_m - state.receiver_x_m) ** 2
+        + (state.y_m - state.receiver_y_m) ** 2
+        + noise.height_m**2
+    )
     nearness = widest(xx, xy, yy) / sqrt(max(d2, 1.0))
     watch = watch._replace(
         nearness=nearness, near_alarm=_heard(watch.near_alarm, nearness > NEAR, _NEAR_PATIENCE)

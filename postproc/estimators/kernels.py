@@ -16,6 +16,7 @@ from numba.extending import register_jitable
 from logger.core import ekf, shadow_ekf
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.ekf import EkfState
+from logger.core.model import path_loss
 from logger.core.shadow_ekf import ShadowNoise, ShadowState
 
 
@@ -132,13 +133,18 @@ def _smooth(
             row -= 1
 
 
-reference = jit(_reference_loop(_compilable(ekf, "jacobian", "step")))
+_MODEL = _compilable(path_loss, "level_gradient")
+_SHADOW = _compilable(
+    shadow_ekf, "shadow_correlation", "_move", "_bierman", "_shift", "_beyond_limit", "step"
+)
+
+reference = jit(_reference_loop(_MODEL + _compilable(ekf, "jacobian", "step")))
 """`ekf.step` for each reading, bit for bit; returns the last state.
 
 Fills `innovation` (2, n) with innovations and variances, and after the readings `rows` fills
 `states` (m, 4) and `triangles` (m, 10) of the covariance. """
 
-shadow = jit(_shadow_loop(_compilable(shadow_ekf, "recall", "beyond_limit", "step")))
+shadow = jit(_shadow_loop(_MODEL + _SHADOW))
 """`shadow_ekf.step` for each reading; returns the last state.
 
 Fills `innovation` (2, n), after the readings `rows` `states` [x, y, P0, eta, s] (m, 5) and

@@ -106,7 +106,9 @@ def test_agrees_with_filterpy():
 
 def test_stays_positive_where_the_plain_update_does_not():
     noise = ShadowNoise(0.0, 0.0, 1e-9, 0.0)
-    state = started(TRUTH, np.diag([1e12, 1e12, 1e6, 1e6]), noise, (0.0, 0.0))._replace(at_x_m=0.0)
+    state = started(TRUTH, np.diag([1e12, 1e12, 1e6, 1e6]), noise, (0.0, 0.0))._replace(
+        receiver_x_m=0.0
+    )
     plain = ekf.EkfState(*TRUTH.tolist(), ekf.upper_triangle(np.diag([1e12, 1e12, 1e6, 1e6])))
     rng = np.random.default_rng(2)
     lost = False
