@@ -65,7 +65,7 @@ def read_ceng(replies: int) -> None:
         for piece in chunks(REPLY):
             for event in framer.feed(piece):
                 if isinstance(event, Reply):
-                    driver.cells_in(event.lines)
+                    driver.rows_in(event.lines)
 
 
 def per_second(run: Callable[[], None], count: int) -> float:

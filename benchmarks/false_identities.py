@@ -19,7 +19,7 @@ from pathlib import Path
 
 from logger.core.types import CellReading
 from logger.drivers.family import Family
-from logger.drivers.reading.recognition import Known, recognised
+from logger.drivers.reading.recognition import NumberHistory, mark_doubtful
 from logger.drivers.reading.rows import Registration, Row
 from logger.drivers.registry import FAMILIES, reader_of
 from logger.drivers.transcript import replies_of
@@ -101,9 +101,9 @@ def damaged(text: str, way: str, rng: random.Random) -> Iterator[str]:
             yield text[:at] + chr(ord(byte) ^ 1 << rng.randrange(7)) + text[at + 1 :]
 
 
-def read(driver: Family, text: str, known: Known) -> tuple[tuple[Row, ...], Known]:
+def read(driver: Family, text: str, known: NumberHistory) -> tuple[tuple[Row, ...], NumberHistory]:
     """Rows of one reply, as a session reads them."""
-    return recognised(driver.read(text.split("\n")), known)
+    return mark_doubtful(driver.read(text.split("\n")), known)
 
 
 def told(rows: Iterable[Row]) -> Told:
@@ -137,7 +137,7 @@ def count(
     driver: Family, text: str, tally: Tally, ways: Sequence[str] = WAYS, each: int = 1
 ) -> None:
     """Count what damage makes of one reply, of every byte or of every so many."""
-    rows, known = read(driver, text, Known())
+    rows, known = read(driver, text, NumberHistory())
     honest = told(rows)
     if not honest.named and not honest.levels:
         return
@@ -151,7 +151,7 @@ def count(
         for number, worse in enumerate(damaged(text, way, rng)):
             if number % each == 0:
                 tally.trials[way] += 1
-                _count_alone(told(read(driver, worse, Known())[0]), honest, way, tally)
+                _count_alone(told(read(driver, worse, NumberHistory())[0]), honest, way, tally)
                 tally.of_two_scans[way] += any(
                     is_false(who, honest.named) for who in _heard(driver, text, worse)
                 )
@@ -161,8 +161,8 @@ def count_session(driver: Family, text: str, tally: Tally, polls: int = POLLS) -
     """Count false and unsure cells of a modem that sends one reply again and again over a line that
     is not good.
     """
-    honest = told(read(driver, text, Known())[0])
-    known, rng = Known(), random.Random(2)
+    honest = told(read(driver, text, NumberHistory())[0])
+    known, rng = NumberHistory(), random.Random(2)
     if not honest.named:
         return
     for poll in range(polls):
@@ -186,7 +186,7 @@ def _count_alone(found: Told, honest: Told, way: str, tally: Tally) -> None:
 
 def _heard(driver: Family, text: str, worse: str) -> set[Who]:
     """Cells that two of three scans have named for certain, the damaged one in the middle."""
-    known, heard = Known(), Counter[Who]()
+    known, heard = NumberHistory(), Counter[Who]()
     for reply in (text, worse, text):
         rows, known = read(driver, reply, known)
         heard.update(told(rows).sure)

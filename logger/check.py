@@ -75,7 +75,7 @@ def _site(config: SiteConfig) -> Iterator[Line]:
     check_mode(config.modem.driver, config.modem.set_mode)
     yield _folder(usable_folder(config.run.directory))
     yield _port("modem", config.modem.port)
-    if config.gnss.port == GNSS_OF_MODEM and driver is not None and not driver.gnss_asked:
+    if config.gnss.port == GNSS_OF_MODEM and driver is not None and not driver.gnss_poll_commands:
         yield Line(
             "fail", "gnss", f"driver {driver.name} reads no receiver of the modem: name a port"
         )

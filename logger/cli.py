@@ -191,7 +191,7 @@ def _print_lines(lines: "Iterable[Line]", *, as_json: bool) -> int:
 
 
 def _probe(arguments: argparse.Namespace) -> int:
-    from logger.probe import probe, proposed, serial_ports
+    from logger.probe import probe, propose_config, serial_ports
 
     there = serial_ports()
     ports = {port: there.get(port, "") for port in arguments.ports} or there
@@ -201,7 +201,7 @@ def _probe(arguments: argparse.Namespace) -> int:
         )
     print(f"looking at {', '.join(ports)}: up to 20 s", file=sys.stderr)
     found = probe(ports)
-    proposal = proposed(found)
+    proposal = propose_config(found)
     if arguments.json:
         print(json.dumps([asdict(one) for one in found], indent=2))
     else:

@@ -31,7 +31,7 @@ from logger.device.saved_modes import KeptModes
 from logger.device.service import Service
 from logger.device.startup import begin_run, usable_folder
 from logger.device.status import FOLDER, Status, read_status, status_folder
-from logger.drivers.family import woken
+from logger.drivers.family import wake
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.registry import FAMILIES
 from logger.probe import converse
@@ -255,7 +255,7 @@ def sim_card(config: SiteConfig) -> Line:
 
 
 def _sim_state() -> Dialogue[str | None]:
-    if not (yield from woken()):
+    if not (yield from wake()):
         return None
     yield Command("AT+CMEE=2")
     reply = yield Command("AT+CPIN?", timeout_s=5.0)
@@ -336,11 +336,13 @@ def _gsm_only(run: Run, set_mode: str) -> str:
         return refused[-1]
     if set_mode:
         return f'`fieldlogger run` sets it to GSM only (set_mode = "{set_mode}")'
-    if driver is None or not driver.modes:
+    if driver is None or not driver.mode_commands:
         return (
             "the driver has no command for GSM only: set the modem to it by hand, or take another"
         )
-    commands: str = " or ".join(command.set_to(command.gsm) for command in driver.modes)
+    commands: str = " or ".join(
+        command.set_to(command.gsm_only) for command in driver.mode_commands
+    )
     return f'set_mode = "gsm" ({commands})'
 
 

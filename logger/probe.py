@@ -15,11 +15,11 @@ from logger.config import GNSS_OF_MODEM
 from logger.core.errors import DeviceError
 from logger.device.port import Port
 from logger.drivers.family import Family
-from logger.drivers.privacy.redaction import Blanker
+from logger.drivers.privacy.redaction import Redactor
 from logger.drivers.protocols.at import AtFramer
-from logger.drivers.protocols.dialogue import Command, Dialogue, Reply, driven
+from logger.drivers.protocols.dialogue import Command, Dialogue, Reply, run_dialogue
 from logger.drivers.protocols.nmea import NmeaFramer, Sentence
-from logger.drivers.registry import AUTO, FAMILIES, identified
+from logger.drivers.registry import AUTO, FAMILIES, identify
 
 T = TypeVar("T")
 
@@ -40,7 +40,7 @@ Kind = Literal["modem", "gnss", "unknown", "busy"]
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class PortReport:
     """One port: a name that stays when it is replugged where there is one, and what answered there.
 
     `receiver` says whether a modem has one of its own, None where that is not known.
@@ -65,7 +65,7 @@ def serial_ports() -> dict[str, str]:
     return ports
 
 
-def probe(ports: dict[str, str], bauds: Iterable[int] = BAUDS) -> list[Found]:
+def probe(ports: dict[str, str], bauds: Iterable[int] = BAUDS) -> list[PortReport]:
     """Look at all ports at once; each is opened and, where no receiver speaks, sent `AT`."""
     tried = tuple(bauds)
     with ThreadPoolExecutor(max(len(ports), 1)) as pool:
@@ -82,20 +82,20 @@ def stable_name(port: str) -> str:
     )
 
 
-def _probe_port(port: str, usb: str, bauds: tuple[int, ...]) -> Found:
+def _probe_port(port: str, usb: str, bauds: tuple[int, ...]) -> PortReport:
     name = stable_name(port)
     for baud in bauds:
         try:
             with Port(port, baud, 0.1) as opened:
                 if _hears_nmea(opened):
-                    return Found(name, usb, "gnss", baud, text="NMEA")
-                if _answers(opened) and (who := converse(opened, identified())):
+                    return PortReport(name, usb, "gnss", baud, text="NMEA")
+                if _answers(opened) and (who := converse(opened, identify())):
                     driver, text = who
                     receiver = converse(opened, _has_receiver(driver))
-                    return Found(name, usb, "modem", baud, driver.name, text, receiver)
+                    return PortReport(name, usb, "modem", baud, driver.name, text, receiver)
         except DeviceError as error:
-            return Found(name, usb, "busy", text=str(error))
-    return Found(name, usb, "unknown", text="nothing that is known has answered")
+            return PortReport(name, usb, "busy", text=str(error))
+    return PortReport(name, usb, "unknown", text="nothing that is known has answered")
 
 
 def _hears_nmea(port: Port) -> bool:
@@ -118,9 +118,9 @@ def _has_receiver(driver: Family) -> Dialogue[bool]:
     It knows the command that asks for a fix, or the one that switches the receiver on: a test
     command of the form AT+X=? is answered OK where AT+X= is known (ITU-T V.250 5.4.1).
     """
-    tests = (Command(on.text.partition("=")[0] + "=?") for on in driver.gnss_on)
+    tests = (Command(on.text.partition("=")[0] + "=?") for on in driver.gnss_start_commands)
     yield Command("AT+CMEE=1")
-    for command in (*driver.gnss_asked, *tests):
+    for command in (*driver.gnss_poll_commands, *tests):
         reply = yield command
         if reply.ok or (reply.final or "").endswith(RECEIVER_IS_OFF):
             return True
@@ -129,15 +129,15 @@ def _has_receiver(driver: Family) -> Dialogue[bool]:
 
 def converse(port: Port, dialogue: Dialogue[T]) -> T:
     """Drive a dialogue over an open port."""
-    return driven(dialogue, partial(_ask, port, AtFramer()))
+    return run_dialogue(dialogue, partial(_ask, port, AtFramer()))
 
 
 def _ask(port: Port, framer: AtFramer, command: Command) -> Reply:
     framer.send(command.text)
     port.write(command.text.encode("ascii") + b"\r")
-    blanker = Blanker()
+    redactor = Redactor()
     for data in _chunks(port, command.timeout_s):
-        for event in framer.feed(blanker.feed(data)):
+        for event in framer.feed(redactor.feed(data)):
             if isinstance(event, Reply):
                 return event
     return framer.expire()
@@ -161,7 +161,7 @@ class Proposal:
     advice: str = ""
 
 
-def proposed(found: Iterable[Found], folder: Path | None = None) -> Proposal:
+def propose_config(found: Iterable[PortReport], folder: Path | None = None) -> Proposal:
     """The configuration for the first modem and the first receiver."""
     every = list(found)
     modem = next((one for one in every if one.kind == "modem"), None)
@@ -184,9 +184,9 @@ def usual_folder() -> Path:
     return Path.home() / "cellwalk"
 
 
-def site_toml(found: Iterable[Found], folder: Path | None = None) -> str:
+def site_toml(found: Iterable[PortReport], folder: Path | None = None) -> str:
     """The text alone."""
-    return proposed(found, folder).text
+    return propose_config(found, folder).text
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,14 +195,14 @@ class _Table:
     missing: str = ""
 
 
-def _modem(modem: Found | None) -> _Table:
+def _modem(modem: PortReport | None) -> _Table:
     if modem is None:
         return _empty("modem", "no modem has answered: powered, plugged in? fill in [modem] port")
     driver = f"driver = {_text(modem.driver or AUTO)}"
     return _Table(["[modem]", f"# {_comment(modem.text)}", *_at(modem), driver])
 
 
-def _gnss(gnss: Found | None, modem: Found | None) -> _Table:
+def _gnss(gnss: PortReport | None, modem: PortReport | None) -> _Table:
     if gnss is not None:
         return _Table(["[gnss]", *_at(gnss)])
     if modem is not None and _locates(modem):
@@ -212,17 +212,17 @@ def _gnss(gnss: Found | None, modem: Found | None) -> _Table:
     return _empty("gnss", f"no receiver has spoken: plugged in? fill in [gnss] port; {others}")
 
 
-def _locates(modem: Found) -> bool:
+def _locates(modem: PortReport) -> bool:
     """Whether the modem's own receiver can give the fixes."""
     driver = FAMILIES.get(modem.driver or "")
-    return driver is not None and bool(driver.gnss_asked) and modem.receiver is not False
+    return driver is not None and bool(driver.gnss_poll_commands) and modem.receiver is not False
 
 
 def _empty(table: str, missing: str) -> _Table:
     return _Table([f"[{table}]", f"# {missing}", 'port = ""'], missing)
 
 
-def _at(found: Found) -> list[str]:
+def _at(found: PortReport) -> list[str]:
     baud = [] if found.baud is None else [f"baud = {found.baud}"]
     return [f"port = {_text(found.port)}", *baud]
 

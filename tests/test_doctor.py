@@ -275,7 +275,7 @@ def _heard(rats, driver, *notes):
 @pytest.mark.parametrize("driver", FAMILIES)
 def test_the_advice_names_the_command_of_the_family(tmp_path, driver):
     line = _of(tmp_path, _heard(["LTE"], driver))["readings"]
-    commands = [command.set_to(command.gsm) for command in FAMILIES[driver].modes]
+    commands = [command.set_to(command.gsm_only) for command in FAMILIES[driver].mode_commands]
     assert line.state == "warn"
     assert "only LTE: a 2G catcher would not be recorded; " in line.text
     assert ('set_mode = "gsm"' in line.text) == bool(commands)

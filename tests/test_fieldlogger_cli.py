@@ -172,7 +172,7 @@ def test_simulate_a_short_walk(tmp_path, capsys):
 def test_gsm_only_is_refused_where_the_driver_has_no_command_for_it(site, capsys, driver):
     chosen = f'driver = "{driver}"\nset_mode = "gsm"'
     site.write_text(site.read_text().replace('driver = "sim800"', chosen))
-    if driver == "auto" or FAMILIES[driver].modes:
+    if driver == "auto" or FAMILIES[driver].mode_commands:
         assert main(["check", "--config", str(site)]) == 0
         return
     line = _fails(capsys, "check", "--config", site)
@@ -190,6 +190,6 @@ def test_another_mode_than_gsm_is_refused(site, capsys):
 def test_a_receiver_that_the_driver_does_not_read_is_refused(site, capsys, driver):
     text = site.read_text().replace('driver = "sim800"', f'driver = "{driver}"')
     site.write_text(text.replace("/dev/ttyUSB78", "modem"))
-    reads = bool(FAMILIES[driver].gnss_asked)
+    reads = bool(FAMILIES[driver].gnss_poll_commands)
     assert main(["check", "--config", str(site)]) == (0 if reads else 2)
     assert ("name a port" in capsys.readouterr().out) == (not reads)

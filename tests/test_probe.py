@@ -10,7 +10,7 @@ from logger.cli import main
 from logger.config import parse_config
 from logger.device.clock import ScaledClock
 from logger.drivers.registry import FAMILIES
-from logger.probe import Found, probe, proposed, site_toml
+from logger.probe import PortReport, probe, propose_config, site_toml
 from logger.sim.clock import WalkTime
 from logger.sim.dialects import DIALECTS
 from logger.sim.ptys import PtyDevice, answering, talking
@@ -44,7 +44,7 @@ def looked_at(patience):
     with ExitStack() as stack:
         paths = [stack.enter_context(PtyDevice(session)).path for session in sessions.values()]
         found = dict(zip(sessions, probe(dict.fromkeys(paths, ""), bauds=(115_200,)), strict=True))
-        found["none"] = Found("/dev/ttyUSB9", "", "busy", text="in use by another program")
+        found["none"] = PortReport("/dev/ttyUSB9", "", "busy", text="in use by another program")
         yield found
 
 
@@ -66,7 +66,7 @@ def test_a_modem_is_asked_whether_it_has_a_receiver(looked_at):
 def test_check_accepts_every_proposal_or_says_what_to_fill_in(
     looked_at, tmp_path, capsys, modem, receiver
 ):
-    proposal = proposed([looked_at[modem], looked_at[receiver]], tmp_path / "runs")
+    proposal = propose_config([looked_at[modem], looked_at[receiver]], tmp_path / "runs")
     site = tmp_path / "site.toml"
     site.write_text(proposal.text)
     fixes = receiver == "receiver" or modem in HAVE_A_RECEIVER
@@ -87,15 +87,15 @@ def test_check_accepts_every_proposal_or_says_what_to_fill_in(
 
 @pytest.mark.parametrize(("driver", "asked"), [*product(FAMILIES, [True, None])])
 def test_the_receiver_of_a_modem_is_proposed_where_its_driver_reads_one(driver, asked):
-    found = [Found("/dev/ttyUSB2", "", "modem", 115_200, driver, "a modem", asked)]
+    found = [PortReport("/dev/ttyUSB2", "", "modem", 115_200, driver, "a modem", asked)]
     port = tomllib.loads(site_toml(found))["gnss"]["port"]
-    assert port == ("modem" if FAMILIES[driver].gnss_asked else "")
+    assert port == ("modem" if FAMILIES[driver].gnss_poll_commands else "")
 
 
 def test_the_proposal_is_a_configuration():
     found = [
-        Found("/dev/ttyUSB0", "", "gnss", 9600),
-        Found("/dev/ttyUSB1", "", "modem", 115_200, "sim800", "SIM800"),
+        PortReport("/dev/ttyUSB0", "", "gnss", 9600),
+        PortReport("/dev/ttyUSB1", "", "modem", 115_200, "sim800", "SIM800"),
     ]
     config = parse_config(site_toml(found), "proposal")
     assert (config.modem.port, config.modem.driver) == ("/dev/ttyUSB1", "sim800")
@@ -107,8 +107,8 @@ def test_the_proposal_is_a_configuration():
 def test_no_name_and_no_word_of_a_modem_breaks_the_file():
     odd = 'a"b\\c\x07\x7f'
     found = [
-        Found(f"/dev/{odd}", "", "modem", 9600, "sim800", f"says {odd}\nport = 1"),
-        Found("/dev/ü", "", "gnss", 9600),
+        PortReport(f"/dev/{odd}", "", "modem", 9600, "sim800", f"says {odd}\nport = 1"),
+        PortReport("/dev/ü", "", "gnss", 9600),
     ]
     config = parse_config(site_toml(found), "proposal")
     assert (config.modem.port, config.gnss.port) == (f"/dev/{odd}", "/dev/ü")

@@ -11,8 +11,8 @@ from logger.core.types import Level, Note, RawBytes, Record, Value
 from logger.device.clock import Clock
 from logger.device.port import Port
 from logger.device.scan_timeout import Patience
-from logger.drivers.privacy.redaction import Blanker
-from logger.drivers.reading.recognition import Known
+from logger.drivers.privacy.redaction import Redactor
+from logger.drivers.reading.recognition import NumberHistory
 
 log = logging.getLogger(__name__)
 
@@ -100,11 +100,11 @@ class Link:
         self.clock = clock
         self.stop = stop
         self.patience = Patience()
-        self.known = Known()
+        self.known = NumberHistory()
         self._url = url
         self._baud = baud
         self._inbox = inbox
-        self._blanker = Blanker()
+        self._blanker = Redactor()
         self._port: Port | None = None
         self._port_url = url
         self._tallies: dict[str, Tally] = {}

@@ -11,9 +11,9 @@ from logger.core.types import Level
 from logger.device.link import Link
 from logger.device.saved_modes import KeptMode, KeptModes
 from logger.device.shutdown import AfterStop
-from logger.drivers.family import Family, woken
-from logger.drivers.network_mode import ModeCommand, changed, current, model, same
-from logger.drivers.protocols.dialogue import Command, Reply, driven
+from logger.drivers.family import Family, wake
+from logger.drivers.network_mode import ModeCommand, ask_model, read_mode, same_mode, set_mode
+from logger.drivers.protocols.dialogue import Command, Reply, run_dialogue
 
 Ask = Callable[[Command], Reply]
 
@@ -71,7 +71,7 @@ class ModeSwitch:
 
     def _set_back(self, driver: Family, ask: Ask) -> bool:
         """Whether nothing is left to do."""
-        name = driven(model(), ask) if driven(woken(), ask) else None
+        name = run_dialogue(ask_model(), ask) if run_dialogue(wake(), ask) else None
         if name is None:
             return False
         entry = self._kept.of(driver.name, name)
@@ -80,12 +80,12 @@ class ModeSwitch:
     def _settle(self, driver: Family, ask: Ask) -> bool:
         """Whether nothing is left to do; what has failed may succeed the next time."""
         kept = self._kept.all()
-        if self._gsm_only and not driver.modes:
+        if self._gsm_only and not driver.mode_commands:
             self._unchanged(f"driver {driver.name} has no command for GSM only")
             return True
         if not self._gsm_only and not kept:
             return True
-        name = driven(model(), ask)
+        name = run_dialogue(ask_model(), ask)
         if name is None:
             self._unchanged("the modem does not say which model it is (AT+CGMM)")
             return False
@@ -105,14 +105,14 @@ class ModeSwitch:
         return True
 
     def _change(self, driver: Family, name: str, entry: KeptMode | None, ask: Ask) -> bool:
-        found = driven(current(driver.modes), ask)
+        found = run_dialogue(read_mode(driver.mode_commands), ask)
         if found is None:
-            asks = " and ".join(command.asks for command in driver.modes)
+            asks = " and ".join(command.query for command in driver.mode_commands)
             self._unchanged(f"the modem does not tell what it is ({asks})")
             return False
         command, value = found
         if command.is_gsm(value):
-            text = f"the modem hears GSM only by itself ({command.asks})"
+            text = f"the modem hears GSM only by itself ({command.query})"
             if entry is not None:
                 text = (
                     f"the modem hears GSM only; it was {entry.value}, and is set back at the stop"
@@ -120,14 +120,14 @@ class ModeSwitch:
             self._note("info", "mode-gsm", text)
             return True
         # durable first: whatever happens from here on, the next start knows what it was
-        self._kept.keep(KeptMode(driver.name, name, command.asks, value))
-        now = driven(changed(command, command.gsm), ask)
-        sent = command.set_to(command.gsm)
+        self._kept.keep(KeptMode(driver.name, name, command.query, value))
+        now = run_dialogue(set_mode(command, command.gsm_only), ask)
+        sent = command.set_to(command.gsm_only)
         if now is not None and command.is_gsm(now):
             text = f"{sent}: the modem hears GSM only; it was {value}, and is set back at the stop"
             self._note("info", "mode-set", text)
             return True
-        if now is not None and same(now, value):
+        if now is not None and same_mode(now, value):
             self._kept.drop(driver.name, name)
             self._unchanged(f"the modem refuses {sent}")
             return True
@@ -141,12 +141,14 @@ class ModeSwitch:
             text = f"{self._kept.path}: {entry.asks} {entry.value!r} is nothing of this modem; remove it"
             self._note("warning", "mode-left", text)
             return True
-        found = driven(current([command]), ask)
+        found = run_dialogue(read_mode([command]), ask)
         if found is not None and not command.is_gsm(found[1]):
-            text = f"the modem is on {found[1]} and no longer on GSM only ({command.asks}): left so"
+            text = (
+                f"the modem is on {found[1]} and no longer on GSM only ({command.query}): left so"
+            )
         else:
-            now = driven(changed(command, entry.value), ask)
-            if now is None or not same(now, entry.value):
+            now = run_dialogue(set_mode(command, entry.value), ask)
+            if now is None or not same_mode(now, entry.value):
                 return False
             text = f"{command.set_to(entry.value)}: the modem is as it was before GSM only"
         self._kept.drop(entry.driver, entry.model)
@@ -165,7 +167,7 @@ class ModeSwitch:
 
 def _command(driver: Family, entry: KeptMode) -> ModeCommand | None:
     """The command of an entry; None where the file names another, or a value that is none."""
-    known = (command for command in driver.modes if command.asks == entry.asks)
+    known = (command for command in driver.mode_commands if command.query == entry.asks)
     return next((command for command in known if command.is_value(entry.value)), None)
 
 

@@ -20,11 +20,11 @@ from logger.device.unsolicited import Unasked
 from logger.drivers.family import Family
 from logger.drivers.generic.generic import Generic
 from logger.drivers.protocols.at import AtFramer, Unsolicited
-from logger.drivers.protocols.dialogue import Command, Dialogue, Reply, driven
+from logger.drivers.protocols.dialogue import Command, Dialogue, Reply, run_dialogue
 from logger.drivers.protocols.garbage import Garbage
-from logger.drivers.reading.recognition import recognised
+from logger.drivers.reading.recognition import mark_doubtful
 from logger.drivers.reading.rows import Operator, Row
-from logger.drivers.registry import driver_of, identified
+from logger.drivers.registry import driver_of, identify
 
 T = TypeVar("T")
 
@@ -110,7 +110,7 @@ class _Conversation:
         if self._set_up:
             self._mode.renew()
             if self._locates:
-                self._talk(self._driver.ask(self._driver.gnss_on))
+                self._talk(self._driver.ask(self._driver.gnss_start_commands))
             if not self._told_ready:
                 self._told_ready = True
                 self._link.note(
@@ -125,23 +125,23 @@ class _Conversation:
         """Ask the modem who it is; a modem that no family knows is asked twice, as its words may be
         damaged.
         """
-        found = self._talk(identified())
+        found = self._talk(identify())
         if found is None:
             return None
         driver, text = found
-        if driver.name == Generic.name and self._talk(identified()) != found:
+        if driver.name == Generic.name and self._talk(identify()) != found:
             self._link.count("unidentified", 1, "times the modem did not say clearly who it is")
             return None
         self._link.note("info", "modem-identified", f"modem says {text!r}: driver {driver.name}")
         return driver
 
     def _poll(self, driver: Family) -> None:
-        start_ns = self._late_ns if self._framer.owes else self._link.clock.now_ns()
+        start_ns = self._late_ns if self._framer.late_final_due else self._link.clock.now_ns()
         self._damaged = False
         rows = self._talk(driver.poll())
-        if self._framer.echoed and self._set_up and not self._echoes:
+        if self._framer.echo_seen and self._set_up and not self._echoes:
             self._lose("modem echoes again, as after a restart; setting it up again")
-        self._echoes = self._framer.echoed
+        self._echoes = self._framer.echo_seen
         if rows is None:
             if self._set_up and self._answered and not self._wire.is_over:
                 self._link.count(
@@ -151,7 +151,7 @@ class _Conversation:
             return
         self._emit_scan(start_ns, self._wire.heard_ns, rows)
         if self._locates:
-            for row in self._talk(driver.ask(driver.gnss_asked)) or ():
+            for row in self._talk(driver.ask(driver.gnss_poll_commands)) or ():
                 if isinstance(row, Fix):
                     self._link.emit(credible(row), self._wire.heard_ns, source="gnss")
                     count_unmeasured(self._link, row)
@@ -166,12 +166,12 @@ class _Conversation:
             and self._settings.full_scan_interval_s > 0
             and now_ns >= self._survey_ns
         ):
-            self._survey = list(driver.surveys)
+            self._survey = list(driver.survey_commands)
             self._survey_ns = now_ns + round(self._settings.full_scan_interval_s * 1e9)
         if self._survey:
             command = self._survey.pop(0)
             self._damaged = False
-            rows = driven(driver.survey(command), self._scan)
+            rows = run_dialogue(driver.survey(command), self._scan)
             if rows is not None:
                 cells = [row for row in rows if isinstance(row, CellReading)]
                 networks = sum(isinstance(row, Operator) for row in rows)
@@ -188,13 +188,13 @@ class _Conversation:
 
         That there are none is recorded only where nothing was lost that might have told of some.
         """
-        told, self._link.known = recognised(rows, self._link.known)
+        told, self._link.known = mark_doubtful(rows, self._link.known)
         readings = tuple(dict.fromkeys(row for row in told if isinstance(row, CellReading)))
         if readings or not self._damaged:
             self._link.emit(Scan(start_ns, readings), end_ns)
 
     def _talk(self, dialogue: Dialogue[T]) -> T:
-        return driven(dialogue, self._ask)
+        return run_dialogue(dialogue, self._ask)
 
     def _ask(self, command: Command) -> Reply:
         """Send a command and wait for its reply; a timeout is a reply too, and so is a restart."""
@@ -297,7 +297,7 @@ class _Conversation:
 
     def _hear_unasked(self, line: str, *, is_late: bool) -> None:
         driver = self._driver or Generic()
-        if driver.says_restarted(line):
+        if driver.is_restart(line):
             if not self._restarted:  # more of such lines may follow
                 self._lose(f"modem says {line!r}; setting it up again")
             self._restarted = True

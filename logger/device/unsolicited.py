@@ -2,7 +2,7 @@
 too long.
 """
 
-from logger.drivers.protocols.dialogue import INTERRUPTED
+from logger.drivers.protocols.dialogue import INTERRUPTION
 
 BLOCK_GAP_S = 0.5
 """Silence that ends a block of rows nobody asked for; such blocks have no final line."""
@@ -25,7 +25,7 @@ class Unasked:
     def interrupt(self) -> None:
         """Take note that something else came, which may have cut the last row."""
         if self._lines:
-            self._lines.append(INTERRUPTED)
+            self._lines.append(INTERRUPTION)
 
     def is_over(self, now_ns: int) -> bool:
         """True when there is a block, and it has been silent for long enough."""

@@ -36,19 +36,19 @@ class Family:
     Nothing here transmits by choice, `modes` apart, or asks who the subscriber is. A family says
     which modems are its own (`identifies`, searched in what ATI, AT+CGMI and AT+CGMM answer), what
     prepares them, what asks for the cells heard now and what for all there are; and it reads the
-    lines (`cells_in`).
+    lines (`rows_in`).
     """
 
     name: ClassVar[str]
     identifies: ClassVar[re.Pattern[str]]
-    set_up: ClassVar[tuple[Command, ...]] = ()
-    asked: ClassVar[tuple[Command, ...]]
-    surveys: ClassVar[tuple[Command, ...]] = ()
+    setup_commands: ClassVar[tuple[Command, ...]] = ()
+    poll_commands: ClassVar[tuple[Command, ...]]
+    survey_commands: ClassVar[tuple[Command, ...]] = ()
     """Full scans: each command takes long and is a scan of its own, with polls in between."""
-    gnss_on: ClassVar[tuple[Command, ...]] = ()
-    gnss_asked: ClassVar[tuple[Command, ...]] = ()
+    gnss_start_commands: ClassVar[tuple[Command, ...]] = ()
+    gnss_poll_commands: ClassVar[tuple[Command, ...]] = ()
     """The modem's own receiver, used where the configuration says so."""
-    modes: ClassVar[tuple[ModeCommand, ...]] = ()
+    mode_commands: ClassVar[tuple[ModeCommand, ...]] = ()
     """How it is made to hear GSM only, where the configuration says so; a modem knows one of
     them.
     """
@@ -57,13 +57,13 @@ class Family:
         """Prepare the modem after power-up or a restart; False when it did not accept what polling
         needs.
         """
-        return (yield from prepared(self.set_up))
+        return (yield from prepared(self.setup_commands))
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask once for the cells heard now; None when the answer was no answer (timeout, error,
         mode lost).
         """
-        return (yield from self.ask(self.asked))
+        return (yield from self.ask(self.poll_commands))
 
     def survey(self, command: Command) -> Dialogue[tuple[Row, ...] | None]:
         """Put one command of the full scan; None when there was no answer."""
@@ -80,7 +80,7 @@ class Family:
         for command in commands:
             reply = yield command
             answered |= reply.ok
-            lines += [command.text, *reply.heard, *filter(None, [reply.final])]
+            lines += [command.text, *reply.marked_lines, *filter(None, [reply.final])]
         rows = self.read(lines)
         return rows if answered or any(isinstance(row, CellReading) for row in rows) else None
 
@@ -92,15 +92,20 @@ class Family:
         interrupted loses its last value, which may be cut.
         """
         whole = uncut(lines, self._names())
-        rows = (*self.cells_in(whole), *standard_replies.read(whole))
+        rows = (*self.rows_in(whole), *standard_replies.read(whole))
         return tuple(reportable(row) if isinstance(row, CellReading) else row for row in rows)
 
     @classmethod
     def _names(cls) -> frozenset[str]:
-        commands = (*cls.set_up, *cls.asked, *cls.surveys, *cls.gnss_asked)
+        commands = (
+            *cls.setup_commands,
+            *cls.poll_commands,
+            *cls.survey_commands,
+            *cls.gnss_poll_commands,
+        )
         return names_of(" ".join(command.text for command in commands))
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Rows in the forms of this family."""
         raise NotImplementedError
 
@@ -108,15 +113,15 @@ class Family:
         """Role of the cells that a line describes, also when it comes unasked; where "serving" is
         among them, that.
         """
-        roles = [row.role for row in self.cells_in([line]) if isinstance(row, CellReading)]
+        roles = [row.role for row in self.rows_in([line]) if isinstance(row, CellReading)]
         return "serving" if "serving" in roles else next(iter(roles), None)
 
-    def says_restarted(self, line: str) -> bool:
+    def is_restart(self, line: str) -> bool:
         """True for a line that means the modem has restarted and lost its set-up."""
         return _RESTARTED.fullmatch(line.strip()) is not None
 
 
-def woken() -> Dialogue[bool]:
+def wake() -> Dialogue[bool]:
     """Find a modem at the other end, and its rate."""
     for _ in range(AUTOBAUD_TRIES):
         reply = yield Command("AT", timeout_s=1.0)
@@ -129,7 +134,7 @@ def prepared(commands: Iterable[Command]) -> Dialogue[bool]:
     """Wake the modem, make it quiet and set it up; False when it refuses a command that is
     needed.
     """
-    if not (yield from woken()):
+    if not (yield from wake()):
         return False
     accepted = True
     for command in (*QUIET, *commands):

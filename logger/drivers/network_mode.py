@@ -19,15 +19,15 @@ _LIST = r"\d{1,2}(?:,\s*\d{0,3})*"
 
 @dataclass(frozen=True, slots=True)
 class ModeCommand:
-    """One command of a family: `asks` is answered by a `line` with a value, `sets` takes a value.
+    """One command of a family: `query` is answered by a `line` with a value, `assignment` takes a value.
 
-    The technologies stand in front of the first comma of a value; `gsm` is GSM only.
+    The technologies stand in front of the first comma of a value; `gsm_only` is GSM only.
     """
 
-    asks: str
+    query: str
     line: str
-    sets: str
-    gsm: str
+    assignment: str
+    gsm_only: str
     value: str = r"\d{1,3}"
 
     def value_in(self, reply: Reply) -> str | None:
@@ -42,14 +42,14 @@ class ModeCommand:
 
     def is_gsm(self, value: str) -> bool:
         """Whether a value is GSM only."""
-        return same(value, self.gsm)
+        return same_mode(value, self.gsm_only)
 
     def set_to(self, value: str) -> str:
         """The command line that sets a value."""
-        return self.sets.format(value)
+        return self.assignment.format(value)
 
 
-def same(one: str, other: str) -> bool:
+def same_mode(one: str, other: str) -> bool:
     """Whether two values choose the same technologies."""
     return one.partition(",")[0] == other.partition(",")[0]
 
@@ -85,14 +85,14 @@ GTRAT = (
 )
 
 
-def model() -> Dialogue[str | None]:
+def ask_model() -> Dialogue[str | None]:
     """What the modem calls itself; it is never asked for a number of its own."""
     reply = yield Command("AT+CGMM")
     text = " ".join(line.strip() for line in reply.lines)
     return text if reply.ok and text else None
 
 
-def current(commands: Sequence[ModeCommand]) -> Dialogue[tuple[ModeCommand, str] | None]:
+def read_mode(commands: Sequence[ModeCommand]) -> Dialogue[tuple[ModeCommand, str] | None]:
     """The first of the commands that the modem answers, and its value.
 
     A value counts that is told twice in a row: one damaged on the line must not be set later.
@@ -100,7 +100,7 @@ def current(commands: Sequence[ModeCommand]) -> Dialogue[tuple[ModeCommand, str]
     for command in commands:
         before = None
         for _ in range(_TRIES):
-            reply = yield Command(command.asks)
+            reply = yield Command(command.query)
             if reply.final is not None and not reply.ok:
                 break
             value = command.value_in(reply)
@@ -110,17 +110,19 @@ def current(commands: Sequence[ModeCommand]) -> Dialogue[tuple[ModeCommand, str]
     return None
 
 
-def changed(command: ModeCommand, value: str) -> Dialogue[str | None]:
+def set_mode(command: ModeCommand, value: str) -> Dialogue[str | None]:
     """Set a value; the one that the modem has then, None where it does not tell.
 
     A modem that tells the technologies and those preferred may take the first alone.
     """
     shorter = value.partition(",")[0]
-    values = [value, shorter] if command.sets.endswith("={}") and shorter != value else [value]
+    values = (
+        [value, shorter] if command.assignment.endswith("={}") and shorter != value else [value]
+    )
     found = None
     for text in values:
         yield Command(command.set_to(text), timeout_s=SET_S)
-        found = command.value_in((yield Command(command.asks)))
-        if found is not None and same(found, value):
+        found = command.value_in((yield Command(command.query)))
+        if found is not None and same_mode(found, value):
             break
     return found

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from logger.core.errors import ConfigError
 from logger.core.types import CellReading
 from logger.drivers.cinterion.cinterion import Cinterion
-from logger.drivers.family import Family, woken
+from logger.drivers.family import Family, wake
 from logger.drivers.fibocom.fibocom import Fibocom
 from logger.drivers.generic.generic import Generic
 from logger.drivers.huawei.huawei import Huawei
@@ -56,17 +56,17 @@ def check_mode(driver: str, set_mode: str) -> None:
     that can.
     """
     family = driver_of(driver)
-    if set_mode and family is not None and not family.modes:
-        able = ", ".join(name for name, one in FAMILIES.items() if one.modes)
+    if set_mode and family is not None and not family.mode_commands:
+        able = ", ".join(name for name, one in FAMILIES.items() if one.mode_commands)
         text = (
             f"driver {driver!r} has no command for it; leave it out. Drivers that have one: {able}"
         )
         raise ConfigError(f'[modem] set_mode = "{set_mode}": {text}')
 
 
-def identified() -> Dialogue[tuple[Family, str] | None]:
+def identify() -> Dialogue[tuple[Family, str] | None]:
     """Ask a modem who it is: its driver and its own words; None when it does not answer."""
-    if not (yield from woken()):
+    if not (yield from wake()):
         return None
     said: list[str] = []
     for command in _WHO:
@@ -87,7 +87,7 @@ def reader_of(lines: Sequence[str]) -> Family:
     """
 
     def found(driver: Family) -> tuple[int, int, int]:
-        rows = driver.cells_in(lines)
+        rows = driver.rows_in(lines)
         cells = [row for row in rows if isinstance(row, CellReading)]
         return sum(cell.cid is not None for cell in cells), len(cells), len(rows)
 

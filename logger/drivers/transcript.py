@@ -5,8 +5,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from logger.drivers.family import Family
-from logger.drivers.protocols.dialogue import INTERRUPTED
-from logger.drivers.reading.recognition import Known, recognised_replies
+from logger.drivers.protocols.dialogue import INTERRUPTION
+from logger.drivers.reading.recognition import NumberHistory, mark_doubtful_replies
 from logger.drivers.reading.rows import Row
 
 _FINAL = re.compile(r"(?:OK|ERROR|\+CM[ES] ERROR\b.*)\s*\Z")
@@ -19,10 +19,10 @@ def rows_of(driver: Family, lines: Sequence[str]) -> tuple[Row, ...]:
     A last line without its line end is cut where the transcript shows what ends a reply.
     """
     divided = any(_FINAL.match(line.strip()) or _COMMAND.match(line.strip()) for line in lines)
-    lines = [*lines, INTERRUPTED] if divided and lines[-1].strip() else lines
+    lines = [*lines, INTERRUPTION] if divided and lines[-1].strip() else lines
     rows = driver.read(lines)
     replies = _grouped(rows, [driver.read(reply) for reply in replies_of(driver, lines)])
-    found, _ = recognised_replies(replies, Known())
+    found, _ = mark_doubtful_replies(replies, NumberHistory())
     judged = {
         id(row): told
         for reply, tells in zip(replies, found, strict=True)

@@ -142,7 +142,7 @@ def test_rows_of_a_slow_reply_have_the_time_in_which_they_were_heard(session, mo
     """Some come in time, some after the time-out, some into the next polls: none is told of a later
     time only.
     """
-    monkeypatch.setattr(Sim800, "asked", (Command("AT+CENG?", timeout_s=0.3),))
+    monkeypatch.setattr(Sim800, "poll_commands", (Command("AT+CENG?", timeout_s=0.3),))
     monkeypatch.setattr(scan_timeout, "LATE_S", 0.2)
     device = Device()
     with linked(session, device.path) as heard:

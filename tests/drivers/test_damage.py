@@ -52,7 +52,7 @@ def check(driver: Family, text: str) -> None:
         if isinstance(row, CellReading):
             assert _is_printed(driver, row, digits, numbers), (row, text)
     for line in lines:
-        driver.role_of(line), driver.says_restarted(line)
+        driver.role_of(line), driver.is_restart(line)
 
 
 def _is_printed(driver: Family, row: CellReading, digits: set[str], numbers: set[int]) -> bool:
@@ -128,7 +128,7 @@ def test_framer_takes_many_damaged_lines():
 
 def test_a_made_up_identity_is_found():
     class Liar(type(FAMILIES["generic"])):
-        def cells_in(self, lines):
+        def rows_in(self, lines):
             return (CellReading("serving", "GSM", "262", "01", 0x3C4D, 4711),)
 
     check(Liar(), "262,01,3c4d,4711")

@@ -38,7 +38,7 @@ from tests.kit.drivers import run_dialogue, run_exchange
     ],
 )
 def test_what_a_modem_tells_can_be_set_again(command, line, value, back):
-    assert command.value_in(Reply(command.asks, (line,), "OK")) == value
+    assert command.value_in(Reply(command.query, (line,), "OK")) == value
     assert command.is_value(value)
     assert command.set_to(value) == back
     assert not command.is_gsm(value)
@@ -49,7 +49,7 @@ def test_what_a_modem_tells_can_be_set_again(command, line, value, back):
         ((line, line), "OK"),
         (("+CSQ: 9,9",), "OK"),
     ):
-        assert command.value_in(Reply(command.asks, lines, final)) is None
+        assert command.value_in(Reply(command.query, lines, final)) is None
 
 
 @pytest.mark.parametrize(
@@ -67,19 +67,21 @@ def test_a_value_counts_that_is_told_twice_in_a_row():
         (asked, ("+CNMP: 3",), "OK"),
         (asked, ("+CNMP: 38",), "OK"),
     ]
-    assert run_exchange(network_mode.current(network_mode.CNMP), [*once, once[0]]) == (
+    assert run_exchange(network_mode.read_mode(network_mode.CNMP), [*once, once[0]]) == (
         network_mode.CNMP[0],
         "38",
     )
-    assert run_exchange(network_mode.current(network_mode.CNMP), [*once, (asked, (), None)]) is None
+    assert (
+        run_exchange(network_mode.read_mode(network_mode.CNMP), [*once, (asked, (), None)]) is None
+    )
 
 
 def test_the_command_that_the_modem_knows_is_taken():
     answers = {"AT^SYSCFG?": (("^SYSCFG:2,0,3FFFFFFF,1,2",), "OK")}
-    found, asked = run_dialogue(network_mode.current(network_mode.SYSCFG), answers)
+    found, asked = run_dialogue(network_mode.read_mode(network_mode.SYSCFG), answers)
     assert found == (network_mode.SYSCFG[1], "2,0")
     assert asked == ["AT^SYSCFGEX?", "AT^SYSCFG?", "AT^SYSCFG?"]
-    assert run_dialogue(network_mode.current(network_mode.SYSCFG), {})[0] is None
+    assert run_dialogue(network_mode.read_mode(network_mode.SYSCFG), {})[0] is None
 
 
 def test_the_technologies_alone_are_set_where_the_preferred_ones_are_refused():
@@ -90,19 +92,19 @@ def test_the_technologies_alone_are_set_where_the_preferred_ones_are_refused():
         ("AT^SXRAT=2", (), "OK"),
         (told, ("^SXRAT: 2, 2",), "OK"),
     ]
-    assert run_exchange(network_mode.changed(command, "2,2"), replies) == "2,2"
+    assert run_exchange(network_mode.set_mode(command, "2,2"), replies) == "2,2"
 
 
 def test_what_a_modem_has_afterwards_is_asked_and_not_believed():
     answers = {"AT+CNMP=13": ((), "OK"), "AT+CNMP?": (("+CNMP: 2",), "OK")}
-    assert run_dialogue(network_mode.changed(network_mode.CNMP[0], "13"), answers)[0] == "2"
-    assert run_dialogue(network_mode.changed(network_mode.CNMP[0], "13"), {})[0] is None
+    assert run_dialogue(network_mode.set_mode(network_mode.CNMP[0], "13"), answers)[0] == "2"
+    assert run_dialogue(network_mode.set_mode(network_mode.CNMP[0], "13"), {})[0] is None
 
 
 def test_the_model_is_asked_and_no_number():
-    assert run_dialogue(network_mode.model(), {"AT+CGMM": (("SIM7600E-H",), "OK")}) == (
+    assert run_dialogue(network_mode.ask_model(), {"AT+CGMM": (("SIM7600E-H",), "OK")}) == (
         "SIM7600E-H",
         ["AT+CGMM"],
     )
-    assert run_dialogue(network_mode.model(), {"AT+CGMM": ((), "OK")})[0] is None
-    assert run_dialogue(network_mode.model(), {})[0] is None
+    assert run_dialogue(network_mode.ask_model(), {"AT+CGMM": ((), "OK")})[0] is None
+    assert run_dialogue(network_mode.ask_model(), {})[0] is None

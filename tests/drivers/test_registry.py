@@ -6,7 +6,7 @@ import re
 import pytest
 
 from logger.core.errors import ConfigError
-from logger.drivers.registry import AUTO, FAMILIES, driver_of, family_of, identified, reader_of
+from logger.drivers.registry import AUTO, FAMILIES, driver_of, family_of, identify, reader_of
 from tests.kit.drivers import run_dialogue
 
 # Answers to ATI, AT+CGMI, AT+CGMM and AT+CGMR as the vendors' manuals and public logs show them.
@@ -88,14 +88,14 @@ def test_a_modem_is_known_by_what_it_says(name, text):
 def test_the_dialogue_that_asks():
     said = {"AT": (), "ATE0": (), "ATI": ("SIM800 R14.18",), "AT+CGMM": ("SIMCOM_SIM800L",)}
     (driver, text), asked = run_dialogue(
-        identified(), {command: (lines, "OK") for command, lines in said.items()}
+        identify(), {command: (lines, "OK") for command, lines in said.items()}
     )
     assert (driver.name, text) == ("sim800", "SIM800 R14.18 SIMCOM_SIM800L")
     assert not any("CGSN" in text or "CIMI" in text for text in asked)
 
 
 def test_a_silent_modem_is_nobody():
-    assert run_dialogue(identified(), {}, ((), None))[0] is None
+    assert run_dialogue(identify(), {}, ((), None))[0] is None
 
 
 def test_a_transcript_is_read_by_the_driver_that_finds_most():
@@ -138,11 +138,11 @@ GSM_ONLY = {
 @pytest.mark.parametrize("driver", FAMILIES.values(), ids=FAMILIES)
 def test_no_driver_asks_who_the_subscriber_is_or_transmits(driver):
     for command in (
-        *driver.set_up,
-        *driver.asked,
-        *driver.surveys,
-        *driver.gnss_on,
-        *driver.gnss_asked,
+        *driver.setup_commands,
+        *driver.poll_commands,
+        *driver.survey_commands,
+        *driver.gnss_start_commands,
+        *driver.gnss_poll_commands,
     ):
         assert not any(word in command.text.upper() for word in FORBIDDEN), command
         assert not CHOOSES_TECHNOLOGIES.search(command.text.upper()), command
@@ -150,19 +150,23 @@ def test_no_driver_asks_who_the_subscriber_is_or_transmits(driver):
 
 @pytest.mark.parametrize("driver", FAMILIES.values(), ids=FAMILIES)
 def test_the_one_exception_is_the_choice_of_gsm_only(driver):
-    sent = [command.set_to(command.gsm) for command in driver.modes]
+    sent = [command.set_to(command.gsm_only) for command in driver.mode_commands]
     assert sent == GSM_ONLY.get(driver.name, [])
-    for text in (*sent, *(command.asks for command in driver.modes)):
+    for text in (*sent, *(command.query for command in driver.mode_commands)):
         assert not any(word in text.upper() for word in FORBIDDEN), text
     # what is asked sets nothing
-    assert all(command.asks.endswith(("?", '="nwscanmode"')) for command in driver.modes)
+    assert all(command.query.endswith(("?", '="nwscanmode"')) for command in driver.mode_commands)
     assert all(
-        command.is_gsm(command.gsm) and command.is_value(command.gsm) for command in driver.modes
+        command.is_gsm(command.gsm_only) and command.is_value(command.gsm_only)
+        for command in driver.mode_commands
     )
 
 
 @pytest.mark.parametrize("driver", FAMILIES.values(), ids=FAMILIES)
 def test_a_full_scan_is_asked_after_before_its_time_is_over(driver):
     """By what is documented, or not at all; no other command is."""
-    assert all(c.silence_s < c.timeout_s or c.silence_s == math.inf for c in driver.surveys)
-    assert {c.silence_s for c in (*driver.set_up, *driver.asked, *driver.gnss_asked)} <= {math.inf}
+    assert all(c.silence_s < c.timeout_s or c.silence_s == math.inf for c in driver.survey_commands)
+    assert {
+        c.silence_s
+        for c in (*driver.setup_commands, *driver.poll_commands, *driver.gnss_poll_commands)
+    } <= {math.inf}

@@ -9,7 +9,7 @@ import atheris
 
 with atheris.instrument_imports(include=["logger"]):
     from logger.core.types import CellReading
-    from logger.drivers.privacy.redaction import blanked
+    from logger.drivers.privacy.redaction import redact
     from logger.drivers.protocols.at import MAX_LINE, AtFramer
     from logger.drivers.protocols.dialogue import Reply
     from logger.drivers.registry import FAMILIES
@@ -42,7 +42,7 @@ def test_one(data: bytes) -> None:
     for row in driver.read([text, *lines]):
         if isinstance(row, CellReading):
             check_identity(row, tokens)
-    assert len(blanked(body)) == len(body)
+    assert len(redact(body)) == len(body)
 
 
 def check_identity(row: CellReading, tokens: set[str]) -> None:

@@ -113,7 +113,7 @@ class Cinterion(Family):
     identifies: ClassVar[re.Pattern[str]] = re.compile(
         r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b", re.IGNORECASE
     )
-    set_up: ClassVar[tuple[Command, ...]] = Generic.set_up
+    setup_commands: ClassVar[tuple[Command, ...]] = Generic.setup_commands
     ways: ClassVar[tuple[tuple[Command, ...], ...]] = (
         (Command("AT^SMONI"), Command("AT^SMONP=255")),
         (Command("AT^SMOND"),),
@@ -123,15 +123,15 @@ class Cinterion(Family):
     """From the best to the poorest, that for the neighbours last; none of them is known to all
     modems of the family.
     """
-    asked: ClassVar[tuple[Command, ...]] = (
+    poll_commands: ClassVar[tuple[Command, ...]] = (
         *(command for way in ways for command in way),
-        *Generic.asked,
+        *Generic.poll_commands,
     )
-    surveys: ClassVar[tuple[Command, ...]] = (
+    survey_commands: ClassVar[tuple[Command, ...]] = (
         Command('AT^SNMON="INS",2', timeout_s=180.0),
-        *Generic.surveys,
+        *Generic.survey_commands,
     )
-    modes: ClassVar[tuple[ModeCommand, ...]] = network_mode.SXRAT
+    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.SXRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells by the first way that gives any; neighbours by the next ones where it refuses to
@@ -151,7 +151,7 @@ class Cinterion(Family):
                 return found
         return found or (yield from Generic().poll())
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in all forms of ^SMONC, ^SMOND, ^SMONI, ^SMONP, ^SNMON, ^MONI and ^MONP."""
         whole = tuple(pieces(lines))
         found: list[Row] = []

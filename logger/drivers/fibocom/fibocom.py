@@ -121,16 +121,19 @@ class Fibocom(Family):
     identifies: ClassVar[re.Pattern[str]] = re.compile(
         r"\bFIBOCOM\b|\bL8[1356]0-GL\b", re.IGNORECASE
     )
-    set_up: ClassVar[tuple[Command, ...]] = Generic.set_up
-    asked: ClassVar[tuple[Command, ...]] = (Command("AT+GTCCINFO?", timeout_s=8.0), *Generic.asked)
-    surveys: ClassVar[tuple[Command, ...]] = Generic.surveys
-    modes: ClassVar[tuple[ModeCommand, ...]] = network_mode.GTRAT
+    setup_commands: ClassVar[tuple[Command, ...]] = Generic.setup_commands
+    poll_commands: ClassVar[tuple[Command, ...]] = (
+        Command("AT+GTCCINFO?", timeout_s=8.0),
+        *Generic.poll_commands,
+    )
+    survey_commands: ClassVar[tuple[Command, ...]] = Generic.survey_commands
+    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.GTRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now; the serving one put together from +CREG and its like where +GTCCINFO
         tells of none.
         """
-        rows = yield from self.ask(self.asked)
+        rows = yield from self.ask(self.poll_commands)
         if rows is None or any(
             isinstance(row, CellReading) and row.role == "serving" for row in rows
         ):
@@ -138,7 +141,7 @@ class Fibocom(Family):
         serving = serving_cell(rows)
         return rows if serving is None else (serving, *rows)
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells of all replies to +GTCCINFO."""
         found: list[Row] = []
         for reply in _REPLY.findall("\n".join(pieces(lines)) + "\n"):

@@ -17,13 +17,13 @@ class Generic(Family):
 
     name: ClassVar[str] = "generic"
     identifies: ClassVar[re.Pattern[str]] = re.compile(r"\A")
-    set_up: ClassVar[tuple[Command, ...]] = (
+    setup_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+CREG=2"),
         Command("AT+CGREG=2"),
         Command("AT+CEREG=2"),
         Command("AT+COPS=3,2"),  # the form in which AT+COPS? names the network; it chooses none
     )
-    asked: ClassVar[tuple[Command, ...]] = (
+    poll_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+COPS?"),
         Command("AT+CREG?"),
         Command("AT+CGREG?"),
@@ -31,14 +31,14 @@ class Generic(Family):
         Command("AT+CSQ"),
         Command("AT+CESQ"),
     )
-    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
+    survey_commands: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:  # noqa: ARG002 (it has no form of its own)
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:  # noqa: ARG002 (it has no form of its own)
         return ()
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask, and join what belongs to the serving cell."""
-        rows = yield from self.ask(self.asked)
+        rows = yield from self.ask(self.poll_commands)
         serving = serving_cell(rows or ())
         return rows if serving is None or rows is None else (serving, *rows)
 

@@ -138,28 +138,28 @@ class Huawei(Family):
     identifies: ClassVar[re.Pattern[str]] = re.compile(
         r"\bHUAWEI\b|\bTD[ -]?TECH\b|\bMT5700", re.IGNORECASE
     )
-    set_up: ClassVar[tuple[Command, ...]] = Generic.set_up
-    asked: ClassVar[tuple[Command, ...]] = (
+    setup_commands: ClassVar[tuple[Command, ...]] = Generic.setup_commands
+    poll_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT^MONSC"),
         Command("AT^MONNC"),
         Command("AT^HCSQ?"),
         Command("AT^SMOND"),
-        *Generic.asked,
+        *Generic.poll_commands,
     )
-    surveys: ClassVar[tuple[Command, ...]] = Generic.surveys
-    modes: ClassVar[tuple[ModeCommand, ...]] = network_mode.SYSCFG
+    survey_commands: ClassVar[tuple[Command, ...]] = Generic.survey_commands
+    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.SYSCFG
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now; the serving one put together from +CREG and its like where ^MONSC is not
         known.
         """
-        rows = yield from self.ask(self.asked)
+        rows = yield from self.ask(self.poll_commands)
         if rows is None or any(isinstance(row, CellReading) for row in rows):
             return rows
         serving = serving_cell(rows)
         return rows if serving is None else (serving, *rows)
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Rows of ^MONSC, ^MONNC, ^HCSQ, ^SMONC and ^SMOND."""
         found: list[Row] = []
         for line in pieces(lines):

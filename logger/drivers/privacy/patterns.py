@@ -125,12 +125,12 @@ _DIGIT = re.compile(rb"[0-9]")
 _LETTERS = re.compile(rb"[0-9A-Za-z\x80-\xff]")
 
 
-def without_digits(data: bytes) -> bytes:
+def mask_digits(data: bytes) -> bytes:
     """The same with an x for each digit."""
     return _DIGIT.sub(b"x", data)
 
 
-def without_text(data: bytes) -> bytes:
+def mask_text(data: bytes) -> bytes:
     """The same with an x for each letter and digit, of any alphabet."""
     return _LETTERS.sub(b"x", data)
 
@@ -152,7 +152,7 @@ def is_private(line: bytes) -> bool:
     )
 
 
-def blanked_line(line: bytes) -> bytes:
+def redact_line(line: bytes) -> bytes:
     """A line, or the beginning of one, without what it tells of people and their devices."""
     if _SENTENCE.fullmatch(line) and not _LONG_RUN.search(line):
         return line
@@ -161,19 +161,15 @@ def blanked_line(line: bytes) -> bytes:
         begun = private.end()
         following = _NEXT_RESULT.search(line, begun)
         end = following.start() if following else len(line)
-        return (
-            _blanked_numbers(line[:begun])
-            + without_text(line[begun:end])
-            + blanked_line(line[end:])
-        )
+        return _blanked_numbers(line[:begun]) + mask_text(line[begun:end]) + redact_line(line[end:])
     command = _COMMAND.match(line)
     if command:
-        return line[: command.end()] + without_text(line[command.end() :])
+        return line[: command.end()] + mask_text(line[command.end() :])
     return _blanked_numbers(line)
 
 
 def _blanked_numbers(line: bytes) -> bytes:
     label = LABEL.search(line)
     if label:
-        line = line[: label.end()] + without_digits(line[label.end() :])
-    return NUMBER.sub(lambda number: without_digits(number[0]), line)
+        line = line[: label.end()] + mask_digits(line[label.end() :])
+    return NUMBER.sub(lambda number: mask_digits(number[0]), line)

@@ -16,10 +16,10 @@ from logger.drivers.privacy.patterns import (
     RESULT,
     ROW,
     UNDER_WAY,
-    blanked_line,
     is_private,
+    mask_text,
     name_of,
-    without_text,
+    redact_line,
 )
 
 _LONGEST = 2048
@@ -35,7 +35,7 @@ _END = re.compile(rb"\r\n|\r|\n")
 _Text = Literal["", "message", "listed", "quoted"]
 
 
-class Blanker:
+class Redactor:
     """Bytes of a device in, the same with an x for each digit or letter that is private out,
     however they are cut.
 
@@ -93,7 +93,7 @@ class Blanker:
         return out
 
     def _blanked(self, line: bytes) -> bytes:
-        return without_text(line) if self._private or self._is_text(line) else blanked_line(line)
+        return mask_text(line) if self._private or self._is_text(line) else redact_line(line)
 
     def _is_text(self, line: bytes) -> bool:
         """True for a line of a message; a row of a table ends it, as a modem may be in the middle
@@ -120,7 +120,7 @@ class Blanker:
             self._begun = True
 
 
-def blanked(data: bytes) -> bytes:
+def redact(data: bytes) -> bytes:
     """The same bytes with an x for what is private."""
-    blanker = Blanker()
-    return blanker.feed(data) + blanker.flush()
+    redactor = Redactor()
+    return redactor.feed(data) + redactor.flush()

@@ -74,7 +74,7 @@ class AtFramer:
         )
         self._expired_spoke = False  # lines of that command have come late
         self._given_away = False  # rule 3 has been applied while this command was pending
-        self.echoed = False
+        self.echo_seen = False
         """True where the last command came back, which a modem that was told not to does after a
         restart only.
         """
@@ -85,7 +85,7 @@ class AtFramer:
         return len(self._lines)
 
     @property
-    def owes(self) -> bool:
+    def late_final_due(self) -> bool:
         """True while a command that has expired owes its final code: what comes may be of that
         time.
         """
@@ -101,7 +101,7 @@ class AtFramer:
         self._interrupted = set()
         self._stale = bool(self._buffer)
         self._given_away = False
-        self.echoed = False
+        self.echo_seen = False
 
     def feed(self, data: bytes) -> Iterator[AtEvent]:
         """Events completed by `data`; all of it is taken at the call, also if nobody looks at the
@@ -166,7 +166,7 @@ class AtFramer:
                 self._expired = None
             return Unsolicited(line, late)
         if line.strip().casefold() == self._command.casefold():
-            self.echoed = True
+            self.echo_seen = True
             return None  # the echo, which may come twice or in lower case
         if final is not None:
             return self._final_event(line, final)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import TypeVar
 
-INTERRUPTED = "\x18"
+INTERRUPTION = "\x18"
 """Stands among lines where a row may have been cut; CAN, which no framer lets through."""
 
 
@@ -46,19 +46,19 @@ class Reply:
         return self.final == "OK"
 
     @property
-    def heard(self) -> tuple[str, ...]:
-        """The lines, with `INTERRUPTED` where one may have lost its end."""
-        heard: list[str] = []
+    def marked_lines(self) -> tuple[str, ...]:
+        """The lines, with `INTERRUPTION` where one may have lost its end."""
+        lines: list[str] = []
         for number, line in enumerate(self.lines):
-            heard += [line, INTERRUPTED] if number in self.interrupted else [line]
-        return tuple(heard)
+            lines += [line, INTERRUPTION] if number in self.interrupted else [line]
+        return tuple(lines)
 
 
 T = TypeVar("T")
 Dialogue = Generator[Command, Reply, T]
 
 
-def driven(dialogue: Dialogue[T], ask: Callable[[Command], Reply]) -> T:
+def run_dialogue(dialogue: Dialogue[T], ask: Callable[[Command], Reply]) -> T:
     """Result of a dialogue whose commands are put to `ask`."""
     try:
         command = next(dialogue)

@@ -126,21 +126,21 @@ class Quectel(Family):
         r"Quectel.*?(?<![A-Z0-9-])(?:EC|EG|EM|EP|BG|RM|RG|RX|AG|AF|AN|UC|UG|SC|SG)\d",
         re.IGNORECASE | re.DOTALL,
     )
-    asked: ClassVar[tuple[Command, ...]] = (
+    poll_commands: ClassVar[tuple[Command, ...]] = (
         Command('AT+QENG="servingcell"'),
         Command('AT+QENG="neighbourcell"'),
     )
-    surveys: ClassVar[tuple[Command, ...]] = (
+    survey_commands: ClassVar[tuple[Command, ...]] = (
         Command('AT+QOPSCFG="scancontrol",0;+QOPS', timeout_s=300.0),
         Command('AT+QOPSCFG="scancontrol",1;+QOPS', timeout_s=300.0),
         Command('AT+QOPSCFG="scancontrol",2;+QOPS', timeout_s=300.0),
         Command("AT+QSCAN=3,1", timeout_s=300.0, silence_s=125.0),
     )
-    gnss_on: ClassVar[tuple[Command, ...]] = modem_gnss.QGPSLOC_ON
-    gnss_asked: ClassVar[tuple[Command, ...]] = modem_gnss.QGPSLOC
-    modes: ClassVar[tuple[ModeCommand, ...]] = network_mode.NWSCANMODE
+    gnss_start_commands: ClassVar[tuple[Command, ...]] = modem_gnss.QGPSLOC_ON
+    gnss_poll_commands: ClassVar[tuple[Command, ...]] = modem_gnss.QGPSLOC
+    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.NWSCANMODE
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in QENG, QSCAN and QOPS rows, levels in QCSQ rows, fixes of the receiver."""
         return (*_rows(lines), *modem_gnss.read_qgpsloc(lines))
 

@@ -60,10 +60,10 @@ class QuectelGsm(Family):
         r"|MC(?:20|25|60|65|90)|BC(?:20|25|26|30|32|65|66))(?!\d\d)",
         re.IGNORECASE | re.DOTALL,
     )
-    set_up: ClassVar[tuple[Command, ...]] = (Command("AT+QENG=1,4"),)
-    asked: ClassVar[tuple[Command, ...]] = (Command("AT+QENG?"),)
-    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
-    asked_nbiot: ClassVar[tuple[Command, ...]] = (Command("AT+QENG=0", timeout_s=15.0),)
+    setup_commands: ClassVar[tuple[Command, ...]] = (Command("AT+QENG=1,4"),)
+    poll_commands: ClassVar[tuple[Command, ...]] = (Command("AT+QENG?"),)
+    survey_commands: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
+    nbiot_poll_commands: ClassVar[tuple[Command, ...]] = (Command("AT+QENG=0", timeout_s=15.0),)
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now; None when there was no answer or engineering mode is off.
@@ -71,14 +71,14 @@ class QuectelGsm(Family):
         A GSM modem answers `AT+QENG?`; one that refuses it is an NB-IoT modem. (To a GSM modem
         `AT+QENG=0` means off, which the next poll would see.)
         """
-        reply = yield self.asked[0]
+        reply = yield self.poll_commands[0]
         if reply.final is not None and not reply.ok:
-            return (yield from self.ask(self.asked_nbiot))
+            return (yield from self.ask(self.nbiot_poll_commands))
         modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
         answered = (reply.ok and modes) or any(map(self.role_of, reply.lines))
-        return self.read(reply.heard) if answered and _OFF not in modes else None
+        return self.read(reply.marked_lines) if answered and _OFF not in modes else None
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in QENG rows of both technologies."""
         pieces = (piece for line in lines for piece in _NEXT.split(line.replace('\\"', '"')))
         rows = map(_ROW.search, _unwrapped(pieces))

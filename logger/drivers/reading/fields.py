@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from logger.core.types import CellReading, Rat
-from logger.drivers.reading.number_text import Form, Printed
+from logger.drivers.reading.number_text import Form, NumberText
 
 RAT_OF_ACT: dict[
     int, Rat
@@ -193,7 +193,7 @@ def area(text: str, base: int = 16, bits: int = 16) -> int | None:
     code = (hexadecimal if base == 16 else decimal)(text, 0, 2**bits - 1)
     if code is None or code in {0, 0xFFFE, 0xFFFF, 2**bits - 2, 2**bits - 1}:
         return None
-    return Printed(code, text, _AREAS[base, bits])
+    return NumberText(code, text, _AREAS[base, bits])
 
 
 def cell_identity(text: str, bits: int, base: int = 16, form: Form | None = None) -> int | None:
@@ -203,7 +203,7 @@ def cell_identity(text: str, bits: int, base: int = 16, form: Form | None = None
     identity = (hexadecimal if base == 16 else decimal)(text, 0, 2**bits - 1)
     if identity is None or identity in {0, 0xFFFF, 2**bits - 1}:
         return None
-    return Printed(identity, text, form or _CELLS[base, bits])
+    return NumberText(identity, text, form or _CELLS[base, bits])
 
 
 def network(mcc: str, mnc: str) -> tuple[str, str] | tuple[None, None]:

@@ -10,7 +10,7 @@ Nothing in such a row shows whether its last value is whole. So it goes, and its
 import re
 from collections.abc import Iterator, Sequence
 
-from logger.drivers.protocols.dialogue import INTERRUPTED
+from logger.drivers.protocols.dialogue import INTERRUPTION
 
 _NAME = re.compile(r"[+*^$!#%][A-Z][A-Z0-9]*")
 _PREFIX = re.compile(rf"\s*({_NAME.pattern})\s?:", re.IGNORECASE)
@@ -31,7 +31,7 @@ def names_of(commands: str) -> frozenset[str]:
 
 
 def uncut(lines: Sequence[str], names: frozenset[str]) -> list[str]:
-    """The lines without last values that may be cut, and without `INTERRUPTED`; `names` are those
+    """The lines without last values that may be cut, and without `INTERRUPTION`; `names` are those
     of the family.
     """
     return list(_uncut(lines, names))
@@ -40,7 +40,7 @@ def uncut(lines: Sequence[str], names: frozenset[str]) -> list[str]:
 def _uncut(lines: Sequence[str], names: frozenset[str]) -> Iterator[str]:
     said = [part for line in lines if line.strip() for part in _parts(line, names)]
     for line, following in zip(said, [*said[1:], ""], strict=False):
-        if line == INTERRUPTED:
+        if line == INTERRUPTION:
             continue
         yield _without_end(line) if _interrupts(following, line, names) else line
 
@@ -49,14 +49,14 @@ def _parts(line: str, names: frozenset[str]) -> Iterator[str]:
     """The line, in two where a URC stands in the middle of it."""
     for glued in _GLUED.finditer(line):
         if glued[1].upper() not in names | _COMMON:
-            yield from (line[: glued.start()], INTERRUPTED, line[glued.start() :])
+            yield from (line[: glued.start()], INTERRUPTION, line[glued.start() :])
             return
     yield line
 
 
 def _interrupts(line: str, before: str, names: frozenset[str]) -> bool:
     """True for a line that belongs to no reply of the family."""
-    if line == INTERRUPTED:
+    if line == INTERRUPTION:
         return True
     prefix, own = _PREFIX.match(line), _PREFIX.match(before)
     if prefix is None:

@@ -17,7 +17,7 @@ class Form:
     whole: frozenset[int]
 
 
-class Printed(int):
+class NumberText(int):
     """An integer, equal to any of the same value, with its text; `proven` where the reply has said
     it twice.
     """
@@ -34,15 +34,15 @@ class Printed(int):
         number.proven = proven
         return number
 
-    def __reduce__(self) -> tuple[type["Printed"], tuple[int, str, Form, bool]]:
+    def __reduce__(self) -> tuple[type["NumberText"], tuple[int, str, Form, bool]]:
         """What makes a copy of it."""
-        return Printed, (int(self), self.text, self.form, self.proven)
+        return NumberText, (int(self), self.text, self.form, self.proven)
 
 
 def proven(number: int | None) -> int | None:
     """The number, needing no other proof of its digits."""
     return (
-        Printed(number, number.text, number.form, proven=True)
-        if isinstance(number, Printed)
+        NumberText(number, number.text, number.form, proven=True)
+        if isinstance(number, NumberText)
         else number
     )

@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 from logger.core.types import CellReading
 from logger.drivers.reading.network_codes import mnc_digits
-from logger.drivers.reading.number_text import Form, Printed
+from logger.drivers.reading.number_text import Form, NumberText
 from logger.drivers.reading.rows import Registration, Row
 
 Key = TypeVar("Key", bound=Hashable)
@@ -60,7 +60,7 @@ Print = tuple[bool, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class NumberHistory:
     """What the replies of a modem have shown so far."""
 
     columns: Mapping[Column, Texts] = field(default_factory=dict)
@@ -72,17 +72,19 @@ class Known:
         return self.columns.get(column, {})
 
 
-def recognised(rows: Sequence[Row], known: Known) -> tuple[tuple[Row, ...], Known]:
+def mark_doubtful(
+    rows: Sequence[Row], known: NumberHistory
+) -> tuple[tuple[Row, ...], NumberHistory]:
     """Rows of one reply with doubtful identities marked and doubtful values dropped, and what is
     known with them.
     """
-    (found,), after = recognised_replies([rows], known)
+    (found,), after = mark_doubtful_replies([rows], known)
     return found, after
 
 
-def recognised_replies(
-    replies: Sequence[Sequence[Row]], known: Known
-) -> tuple[list[tuple[Row, ...]], Known]:
+def mark_doubtful_replies(
+    replies: Sequence[Sequence[Row]], known: NumberHistory
+) -> tuple[list[tuple[Row, ...]], NumberHistory]:
     """The same for the replies of a whole transcript, where the later ones say something of the
     earlier ones too.
     """
@@ -99,7 +101,7 @@ def recognised_replies(
     return found, everything
 
 
-def _seen(rows: Iterable[Row]) -> Known:
+def _seen(rows: Iterable[Row]) -> NumberHistory:
     """What one reply shows; a number that a driver has copied from one row to another was printed
     once.
     """
@@ -116,14 +118,16 @@ def _seen(rows: Iterable[Row]) -> Known:
         network = _network(row)
         if network is not None:
             networks[network] += 1
-    return Known(columns, networks, prints)
+    return NumberHistory(columns, networks, prints)
 
 
-def _with(known: Known, reply: Known) -> Known:
+def _with(known: NumberHistory, reply: NumberHistory) -> NumberHistory:
     columns = dict(known.columns)
     for column, texts in reply.columns.items():
         columns[column] = _sum(known.of(column), texts)
-    return Known(columns, _sum(known.networks, reply.networks), _sum(known.prints, reply.prints))
+    return NumberHistory(
+        columns, _sum(known.networks, reply.networks), _sum(known.prints, reply.prints)
+    )
 
 
 def _sum(known: Mapping[Key, int], more: Mapping[Key, int]) -> Mapping[Key, int]:
@@ -131,15 +135,15 @@ def _sum(known: Mapping[Key, int], more: Mapping[Key, int]) -> Mapping[Key, int]
     return counts if len(counts) <= MOST_TEXTS else dict(list(counts.items())[len(counts) // 2 :])
 
 
-def _numbers(row: Row) -> Iterator[tuple[str, Printed]]:
+def _numbers(row: Row) -> Iterator[tuple[str, NumberText]]:
     if isinstance(row, CellReading | Registration):
         for name in (*_IDENTITY, *_VALUES):
             number = getattr(row, name, None)
-            if isinstance(number, Printed):
+            if isinstance(number, NumberText):
                 yield name, number
 
 
-def _column(row: Row, name: str, number: Printed) -> Column:
+def _column(row: Row, name: str, number: NumberText) -> Column:
     return getattr(row, "role", None) == "scan", name, number.form
 
 
@@ -175,7 +179,7 @@ def _differ(first: CellReading, second: CellReading) -> bool:
     return any(one is not None and other is not None and one != other for one, other in pairs)
 
 
-def _judged(row: Row, reply: Known, everything: Known, *, unsure: bool) -> Row:
+def _judged(row: Row, reply: NumberHistory, everything: NumberHistory, *, unsure: bool) -> Row:
     """The row with plain numbers."""
     if not isinstance(row, CellReading | Registration):
         return row
@@ -191,13 +195,15 @@ def _judged(row: Row, reply: Known, everything: Known, *, unsure: bool) -> Row:
     return replace(row, **changes, identity_unsure=unsure) if changes or unsure else row
 
 
-def _heard_before(row: Row, reply: Known, everything: Known) -> bool:
+def _heard_before(row: Row, reply: NumberHistory, everything: NumberHistory) -> bool:
     """True where the area and the cell of a row stand in another reply too."""
     prints = [(name in _AREA, int(number)) for name, number in _numbers(row) if name in _IDENTITY]
     return bool(prints) and all(everything.prints.get(one, 0) > reply.prints[one] for one in prints)
 
 
-def _is_sure(row: Row, name: str, number: Printed, reply: Known, everything: Known) -> bool:
+def _is_sure(
+    row: Row, name: str, number: NumberText, reply: NumberHistory, everything: NumberHistory
+) -> bool:
     """True where no digit of a part of an identity seems to be lost or doubled."""
     if number.proven:
         return True
@@ -219,7 +225,9 @@ def _is_sure(row: Row, name: str, number: Printed, reply: Known, everything: Kno
     return again or _is_free(column, number, reply, everything)
 
 
-def _is_free(column: Column, number: Printed, reply: Known, everything: Known) -> bool:
+def _is_free(
+    column: Column, number: NumberText, reply: NumberHistory, everything: NumberHistory
+) -> bool:
     """True where short numbers are shown to be nothing odd.
 
     Of decimal numbers any other reply shows it. For hexadecimal ones it takes a short one, which in
@@ -240,7 +248,7 @@ def _is_free(column: Column, number: Printed, reply: Known, everything: Known) -
     return False
 
 
-def _is_whole(number: Printed, others: Texts) -> bool:
+def _is_whole(number: NumberText, others: Texts) -> bool:
     """True for a level or a channel that has all its digits, or comes from firmware that does not
     pad.
     """
@@ -252,7 +260,7 @@ def _is_whole(number: Printed, others: Texts) -> bool:
     return not text.startswith("0") and not _pads(others, whole) and short > total / SPARSE
 
 
-def _others(column: Column, number: Printed, everything: Known) -> Texts:
+def _others(column: Column, number: NumberText, everything: NumberHistory) -> Texts:
     """All numbers of the column but this one."""
     texts = dict(everything.of(column))
     texts[number.text] = texts.get(number.text, 1) - 1
@@ -297,7 +305,7 @@ def _one_slip_before(text: str) -> Iterator[str]:
             yield text[:at] + text[at + 1 :]
 
 
-def _is_network_sure(network: Network | None, everything: Known) -> bool:
+def _is_network_sure(network: Network | None, everything: NumberHistory) -> bool:
     """True where the network code has the digits that its country uses, or has been printed more
     than once.
     """

@@ -106,23 +106,23 @@ class Sierra(Family):
     identifies: ClassVar[re.Pattern[str]] = re.compile(
         r"\A(?!.*\b(?:HL|SL|Q2)\d)(?:.*\bSIERRA WIRELESS\b|.*\bAIRPRIME\b)", re.IGNORECASE
     )
-    set_up: ClassVar[tuple[Command, ...]] = (
+    setup_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+COPS=3,2"),
     )  # the form of the answer; it chooses none
-    asked: ClassVar[tuple[Command, ...]] = (
+    poll_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+COPS?"),
         Command("AT!GSTATUS?"),
         Command("AT!LTEINFO?"),
     )
-    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
-    modes: ClassVar[tuple[ModeCommand, ...]] = network_mode.SELRAT
+    survey_commands: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
+    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.SELRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now, the serving one once, and with its network."""
-        rows = yield from self.ask(self.asked)
+        rows = yield from self.ask(self.poll_commands)
         return None if rows is None else joined(rows)
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Serving cells of !GSTATUS, all cells of !LTEINFO."""
         text = "\n".join(line.replace("\\t", "\t") for line in pieces(lines)) + "\n"
         found: list[Row] = []

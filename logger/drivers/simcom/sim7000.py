@@ -32,7 +32,7 @@ from logger.drivers.reading.fields import (
     rsrq_db,
     rssi_dbm,
 )
-from logger.drivers.reading.number_text import Form, Printed
+from logger.drivers.reading.number_text import Form, NumberText
 from logger.drivers.reading.rows import NoCell, Row
 from logger.drivers.simcom import cpsi
 
@@ -90,12 +90,12 @@ class Sim7000(Family):
 
     name: ClassVar[str] = "sim7000"
     identifies: ClassVar[re.Pattern[str]] = re.compile(r"SIM70(?:00|70|80|90)(?!\d)", re.IGNORECASE)
-    set_up: ClassVar[tuple[Command, ...]] = (ENGINEERING_ON,)
-    asked: ClassVar[tuple[Command, ...]] = (Command("AT+CENG?"), Command("AT+CPSI?"))
-    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
-    gnss_on: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF_ON
-    gnss_asked: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF
-    modes: ClassVar[tuple[ModeCommand, ...]] = network_mode.CNMP
+    setup_commands: ClassVar[tuple[Command, ...]] = (ENGINEERING_ON,)
+    poll_commands: ClassVar[tuple[Command, ...]] = (Command("AT+CENG?"), Command("AT+CPSI?"))
+    survey_commands: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
+    gnss_start_commands: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF_ON
+    gnss_poll_commands: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF
+    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.CNMP
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now, the serving one once; engineering mode is switched on again where the
@@ -103,16 +103,16 @@ class Sim7000(Family):
         """
         lines: list[str] = []
         answered = False
-        for command in self.asked:
+        for command in self.poll_commands:
             reply = yield command
             answered |= reply.ok
-            lines += [*reply.heard, *filter(None, [reply.final])]
+            lines += [*reply.marked_lines, *filter(None, [reply.final])]
         if any(map(_OFF.search, lines)):
             yield ENGINEERING_ON
         rows = cpsi.joined(self.read(lines))
         return rows if answered or any(isinstance(row, CellReading) for row in rows) else None
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in CENG rows and CPSI lines; fixes of the modem's receiver."""
         return (*_engineering(lines), *cpsi.read(lines), *modem_gnss.read_cgnsinf(lines))
 
@@ -207,9 +207,9 @@ def _gsm(role: Role, values: list[str], *, closed: bool) -> CellReading | None:
         rat="GSM",
         **who,
         arfcn=channel if channel < 1024 else None,
-        arfcn_raw=Printed(channel, named["bcch"], _CHANNEL),
+        arfcn_raw=NumberText(channel, named["bcch"], _CHANNEL),
         bsic=bsic if who or bsic else None,  # 00 fills the field of a cell that is not decoded
-        rxlev_raw=None if rxl is None else Printed(rxl, named["rxl"], _LEVEL),
+        rxlev_raw=None if rxl is None else NumberText(rxl, named["rxl"], _LEVEL),
     )
 
 

@@ -67,25 +67,25 @@ class Sim7600(Family):
     identifies: ClassVar[re.Pattern[str]] = re.compile(
         r"SIM(?:5\d|7[1-9]|8[23])\d\d(?!\d)|(?<![0-9A-Z])A7[69]\d\d(?!\d)", re.IGNORECASE
     )
-    asked: ClassVar[tuple[Command, ...]] = (
+    poll_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+CPSI?"),
         Command("AT+CCINFO"),
         Command("AT+CMGRMI=4"),
         Command("AT+CESQ"),  # the level of LTE in dBm where CPSI prints an index
     )
-    surveys: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
-    gnss_on: ClassVar[tuple[Command, ...]] = modem_gnss.CGPSINFO_ON
-    gnss_asked: ClassVar[tuple[Command, ...]] = modem_gnss.CGPSINFO
-    modes: ClassVar[tuple[ModeCommand, ...]] = network_mode.CNMP
+    survey_commands: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
+    gnss_start_commands: ClassVar[tuple[Command, ...]] = modem_gnss.CGPSINFO_ON
+    gnss_poll_commands: ClassVar[tuple[Command, ...]] = modem_gnss.CGPSINFO
+    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.CNMP
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now, the serving one once; a modem has some of these commands and refuses the
         others.
         """
-        rows = yield from self.ask(self.asked)
+        rows = yield from self.ask(self.poll_commands)
         return None if rows is None else cpsi.joined(rows)
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in lines of CPSI, CCINFO and CMGRMI; fixes of the modem's receiver."""
         return (
             *cpsi.read(lines),

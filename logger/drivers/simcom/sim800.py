@@ -19,7 +19,7 @@ from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.fields import area, cell_identity
-from logger.drivers.reading.number_text import Form, Printed
+from logger.drivers.reading.number_text import Form, NumberText
 from logger.drivers.reading.rows import Row
 
 DBM_OF_RXL_0 = -113.0  # SIM800 manual V1.09 p163, and printed by mode 4: 44 beside -69
@@ -106,26 +106,26 @@ class Sim800(Family):
     identifies: ClassVar[re.Pattern[str]] = re.compile(
         r"SIM(?:COM_SIM)?[89]\d\d(?!\d)", re.IGNORECASE
     )
-    set_up: ClassVar[tuple[Command, ...]] = (
+    setup_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+CNETSCAN=1"),  # with area and BSIC
         Command("AT+CENG=1,1", needed=True),
     )
-    asked: ClassVar[tuple[Command, ...]] = (Command("AT+CENG?"),)
-    surveys: ClassVar[tuple[Command, ...]] = (
+    poll_commands: ClassVar[tuple[Command, ...]] = (Command("AT+CENG?"),)
+    survey_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+CNETSCAN", timeout_s=90.0, silence_s=50.0),
     )
-    gnss_on: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF_ON
-    gnss_asked: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF
+    gnss_start_commands: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF_ON
+    gnss_poll_commands: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now; None when there was no answer or engineering mode is off."""
-        reply = yield self.asked[0]
+        reply = yield self.poll_commands[0]
         modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
         has_rows = any(map(self.role_of, reply.lines))
         answered = has_rows or bool(modes) if reply.ok else has_rows and reply.final is None
-        return None if not answered or "0" in modes else self.read(reply.heard)
+        return None if not answered or "0" in modes else self.read(reply.marked_lines)
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in CENG rows of modes 1 to 4 and in CNETSCAN lines; fixes of the SIM808."""
         readings: list[Row] = []
         mode = None
@@ -269,8 +269,8 @@ def _arfcn(printed: int) -> int | None:
     return printed - 1024 if 512 <= printed - 1024 <= 810 else None
 
 
-def _as_printed(name: str, number: int | None, values: Mapping[str, str]) -> Printed | None:
-    return None if number is None else Printed(number, values[name], _WIDTHS[name])
+def _as_printed(name: str, number: int | None, values: Mapping[str, str]) -> NumberText | None:
+    return None if number is None else NumberText(number, values[name], _WIDTHS[name])
 
 
 def _number(values: Mapping[str, str], name: str) -> int | None:

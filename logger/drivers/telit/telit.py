@@ -86,7 +86,7 @@ class Telit(Family):
         r"|\b(?:G[CELMT]86\d|UC864|U[EL]86\d|HE86\d|[CDGHLMU]E9[124]0|L[MN]9[4-6]\d|F[NT]9\d0)",
         re.IGNORECASE,
     )
-    set_up: ClassVar[tuple[Command, ...]] = (
+    setup_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT#SELINT=2"),
         Command("AT+CREG=2"),
         Command("AT+CEREG=2"),
@@ -95,23 +95,23 @@ class Telit(Family):
             "AT#MONI=7"
         ),  # all cells; models and networks that do not know it answer AT#MONI for the serving cell
     )
-    asked: ClassVar[tuple[Command, ...]] = (
+    poll_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT#MONI", timeout_s=5.0),
         Command("AT#SERVINFO", timeout_s=5.0),
         Command("AT+CREG?"),
         Command("AT+CEREG?"),
     )
-    surveys: ClassVar[tuple[Command, ...]] = tuple(
+    survey_commands: ClassVar[tuple[Command, ...]] = tuple(
         Command(f"AT#CSURV={low},{high}", timeout_s=120.0, silence_s=15.0) for low, high in SLICES
     )
-    modes: ClassVar[tuple[ModeCommand, ...]] = network_mode.WS46
+    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.WS46
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask, and join what the replies say of the serving cell."""
-        rows = yield from self.ask(self.asked)
+        rows = yield from self.ask(self.poll_commands)
         return None if rows is None else joined(rows)
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in #MONI and #SERVINFO rows and in network surveys."""
         plain = [piece.replace('\\"', '"') for piece in pieces(lines)]
         return (*(row for line in plain for row in _rows(line)), *survey_rows(plain))

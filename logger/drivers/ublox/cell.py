@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers.reading.fields import area, cell_identity, decimal, level, rsrp_dbm, rsrq_db
-from logger.drivers.reading.number_text import Form, Printed
+from logger.drivers.reading.number_text import Form, NumberText
 from logger.drivers.reading.rows import NoCell
 
 Texts = Mapping[str, str]
@@ -78,7 +78,7 @@ def reading(role: Role, rat: Rat, texts: Texts) -> CellReading | NoCell | None:
 def _rxlev(texts: Texts) -> int | None:
     padded = texts.get("rxlev_of_three", "")
     index = decimal(padded or texts.get("rxlev", ""), 0, 63)
-    return Printed(index, padded, _THREE) if index is not None and padded else index
+    return NumberText(index, padded, _THREE) if index is not None and padded else index
 
 
 def _network(texts: Texts) -> tuple[str | None, str | None, dict[str, int]]:

@@ -54,22 +54,22 @@ class Ublox(Family):
     identifies: ClassVar[re.Pattern[str]] = re.compile(
         r"\bu-?blox\b|\b(?:SARA|LISA|LARA|TOBY|LENA|LEON|LUCY)-[A-Z]?\d", re.IGNORECASE
     )
-    set_up: ClassVar[tuple[Command, ...]] = (
-        *Generic.set_up,
+    setup_commands: ClassVar[tuple[Command, ...]] = (
+        *Generic.setup_commands,
         Command(
             "AT+UCGED=5"
         ),  # all that the SARA-R4 knows; the others refuse it or have it replaced by the next
         Command("AT+UCGED=2"),
     )
-    asked: ClassVar[tuple[Command, ...]] = (
+    poll_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+CGED=5", timeout_s=5.0),
         Command("AT+UCELLINFO?", timeout_s=7.0),
         Command("AT+UCGED?", timeout_s=5.0),
     )
-    surveys: ClassVar[tuple[Command, ...]] = (
+    survey_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+COPS=5", timeout_s=200.0, silence_s=60.0),
     )
-    modes: ClassVar[tuple[ModeCommand, ...]] = network_mode.URAT
+    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.URAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask in turn until a reply has cells; zeros that a network code has lost come back from
@@ -77,7 +77,7 @@ class Ublox(Family):
         """
         answers: list[tuple[Row, ...]] = []
         network = (yield from self.ask([Command("AT+COPS?")])) or ()
-        for command in self.asked:
+        for command in self.poll_commands:
             rows = yield from self.ask([command])
             if rows and any(isinstance(row, CellReading) for row in rows):
                 return completed((*rows, *network))
@@ -96,7 +96,7 @@ class Ublox(Family):
         network = (yield from self.ask([Command("AT+COPS?")])) or ()
         return completed((*rows, *network))[: len(rows)]
 
-    def cells_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in the rows of +UCELLINFO, +UCGED, +CGED and AT+COPS=5."""
         plain = [piece.replace('\\"', '"') for piece in pieces(lines)]
         return (

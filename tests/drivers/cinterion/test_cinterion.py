@@ -55,7 +55,7 @@ def test_recorded_replies(corpus, dialect):
 
 
 def one(*lines):
-    found = MODEM.cells_in(lines)
+    found = MODEM.rows_in(lines)
     assert len(found) == 1
     return found[0]
 
@@ -64,7 +64,7 @@ def one(*lines):
 
 
 def test_smonc():
-    serving, neighbour = MODEM.cells_in([SMONC])
+    serving, neighbour = MODEM.rows_in([SMONC])
     assert serving == CellReading(
         role="serving",
         rat="GSM",
@@ -87,8 +87,8 @@ def test_smonc():
 
 def test_smonc_where_cells_are_missing():
     empty = "000,000,0000,0000,00,0,0,-,-"
-    assert MODEM.cells_in([f"^SMONC: {empty},{empty}"]) == (NoCell("GSM"),)
-    assert [row.role for row in MODEM.cells_in([f"{SMONC},{empty},{empty}"])] == [
+    assert MODEM.rows_in([f"^SMONC: {empty},{empty}"]) == (NoCell("GSM"),)
+    assert [row.role for row in MODEM.rows_in([f"{SMONC},{empty},{empty}"])] == [
         "serving",
         "neighbour",
     ]
@@ -103,7 +103,7 @@ def test_smonc_where_cells_are_missing():
 
 
 def test_smond():
-    serving, *neighbours = MODEM.cells_in([SMOND])
+    serving, *neighbours = MODEM.rows_in([SMOND])
     assert (identity_of(serving), serving.arfcn, serving.rssi_dbm, serving.ta) == (
         ("250", "01", 0xEA, 0xAE1),
         756,
@@ -114,20 +114,20 @@ def test_smond():
     assert [cell.arfcn for cell in neighbours] == [1022, 783, 795, 791, 748, 669]
     assert identity_of(neighbours[-1]) == ("250", "01", 0xEA, None)
     assert one(SMOND[: SMOND.index(",250,01,00EA,0ADE")]).rssi_dbm == -47.0
-    assert MODEM.cells_in([SMOND.replace("756,47", "756,-47")])[0] == serving
+    assert MODEM.rows_in([SMOND.replace("756,47", "756,-47")])[0] == serving
 
 
 def test_smond_where_cells_are_missing():
     nobody = ",,,,,,0,,,0,,,0"
-    assert MODEM.cells_in([f"^SMOND:{nobody}" + ",,,,,,,0" * 6 + ",,99,99"]) == (NoCell("GSM"),)
+    assert MODEM.rows_in([f"^SMOND:{nobody}" + ",,,,,,,0" * 6 + ",,99,99"]) == (NoCell("GSM"),)
     assert [
         row.role
-        for row in MODEM.cells_in([SMOND.replace("250,01,00EA,0AE1,23,756,47,,,0,,,0", nobody)])
+        for row in MODEM.rows_in([SMOND.replace("250,01,00EA,0AE1,23,756,47,,,0,,,0", nobody)])
     ] == ["neighbour"] * 6
 
 
 def test_smoni_of_three_technologies():
-    gsm, wcdma, lte = MODEM.cells_in([SMONI_2G, SMONI_3G, SMONI_4G])
+    gsm, wcdma, lte = MODEM.rows_in([SMONI_2G, SMONI_3G, SMONI_4G])
     assert (gsm.cell, gsm.arfcn, gsm.rssi_dbm, gsm.bsic, gsm.c1) == (
         "262-02-323-33722",
         71,
@@ -173,7 +173,7 @@ def test_ends_of_a_2g_row(tail, ta):
     ],
 )
 def test_search(line, rat):
-    assert MODEM.cells_in([f"^SMONI: {line}"]) == (NoCell(rat, state="SEARCH"),)
+    assert MODEM.rows_in([f"^SMONI: {line}"]) == (NoCell(rat, state="SEARCH"),)
 
 
 def test_values_that_smoni_does_not_know():
@@ -221,14 +221,14 @@ def test_unasked_rows():
     ],
 )
 def test_lost_digit_or_comma_names_no_cell(row):
-    assert not any(isinstance(found, CellReading) and found.cell for found in MODEM.cells_in([row]))
+    assert not any(isinstance(found, CellReading) and found.cell for found in MODEM.rows_in([row]))
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_cut_rows_tell_nothing_else(sample):
-    identities = {identity_of(row) for row in MODEM.cells_in(sample.split("\n"))}
+    identities = {identity_of(row) for row in MODEM.rows_in(sample.split("\n"))}
     for end in range(len(sample)):
-        for row in MODEM.cells_in(sample[:end].split("\n")):
+        for row in MODEM.rows_in(sample[:end].split("\n")):
             assert isinstance(row, NoCell) or identity_of(row) in identities
 
 
@@ -270,7 +270,7 @@ def test_setup():
 )
 def test_poll_asks_until_a_command_is_known(command, lines, asked):
     rows, sent = run_dialogue(MODEM.poll(), {command: (lines, "OK")})
-    assert rows == MODEM.cells_in(lines)
+    assert rows == MODEM.rows_in(lines)
     assert sent == asked
 
 
@@ -282,10 +282,10 @@ def test_neighbours_come_from_another_command_where_smonp_is_not_known():
         "AT^MONP": (table, "OK"),
     }
     rows, _ = run_dialogue(MODEM.poll(), replies)
-    assert rows == (*MODEM.cells_in([SMONI_2G]), *MODEM.cells_in(table))
+    assert rows == (*MODEM.rows_in([SMONI_2G]), *MODEM.rows_in(table))
     assert [row.role for row in rows] == ["serving", "neighbour"]
     rows, sent = run_dialogue(MODEM.poll(), replies | {"AT^SMONP=255": ([], "OK")})
-    assert rows == MODEM.cells_in([SMONI_2G])
+    assert rows == MODEM.rows_in([SMONI_2G])
     assert sent == ["AT^SMONI", "AT^SMONP=255"]
 
 
@@ -305,7 +305,7 @@ def test_poll_without_an_answer(final):
 
 
 def test_commands_listen_only():
-    for command in (*MODEM.set_up, *MODEM.asked, *MODEM.surveys):
+    for command in (*MODEM.setup_commands, *MODEM.poll_commands, *MODEM.survey_commands):
         assert not re.search(
             r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|MON[IP]=(?!255)", command.text
         )

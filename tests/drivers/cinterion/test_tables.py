@@ -20,7 +20,7 @@ SNMON = '^SNMON: "INS",0,1,0,4C5D,2A3B,"26202",67,41,-70,1'
 
 
 def one(*lines):
-    found = MODEM.cells_in(lines)
+    found = MODEM.rows_in(lines)
     assert len(found) == 1
     return found[0]
 
@@ -56,7 +56,7 @@ def test_moni_in_a_call_and_while_searching():
     reading = one(MONI_CALL)
     assert (reading.ta, reading.rxq, reading.more) == (4, 1, {"ncc": 5, "bcc": 2})
     assert one(*HEADER, "                  Searching") == NoCell("GSM", state="Searching")
-    assert MODEM.cells_in(["Searching"]) == ()
+    assert MODEM.rows_in(["Searching"]) == ()
     reading = one(MONI.replace("4C5D   5   2  33  -104  30", "0000   -   -   -     -   -"))
     assert (identity_of(reading), reading.bsic, reading.rssi_dbm) == (
         ("262", "01", 0x2A3B, None),
@@ -80,13 +80,13 @@ def test_monp(row):
 
 
 def test_smonp_under_its_headings():
-    gsm, wcdma = MODEM.cells_in(
+    gsm, wcdma = MODEM.rows_in(
         ["2G:", SMONP, "851,30,-82,262,07,4,1", "3G:", "10713,117,-7.0,-84", "-----,---,-----,----"]
     )
     assert (gsm.cell, gsm.bsic, gsm.rssi_dbm) == ("262-07-10812-19550", 35, -80.0)
     assert (wcdma.rat, wcdma.psc, wcdma.rscp_dbm, wcdma.ecio_db) == ("WCDMA", 117, -84.0, -7.0)
     assert identity_of(one("2G:", SMONP.replace("4C5E", "----"))) == ("262", "07", 0x2A3C, None)
-    assert MODEM.cells_in([SMONP]) == ()
+    assert MODEM.rows_in([SMONP]) == ()
 
 
 def test_scan():
@@ -97,4 +97,4 @@ def test_scan():
         67,
     )
     assert (reading.rssi_dbm, reading.more) == (-70.0, {"lac_raw": "2A3B", "cell_raw": "4C5D"})
-    assert MODEM.cells_in(['^SNMON: "INS",0,1']) == ()
+    assert MODEM.rows_in(['^SNMON: "INS",0,1']) == ()

@@ -50,7 +50,7 @@ def test_recorded_replies(corpus):
 
 
 def test_modem_with_headings_prints_channel_and_pci_in_hexadecimal():
-    serving, first, second = MODEM.cells_in(HEADED)
+    serving, first, second = MODEM.rows_in(HEADED)
     assert serving == CellReading(
         role="serving",
         rat="LTE",
@@ -75,7 +75,7 @@ def test_modem_with_headings_prints_channel_and_pci_in_hexadecimal():
 
 
 def test_fm350_prints_them_in_decimal():
-    serving, neighbour = MODEM.cells_in(BARE)
+    serving, neighbour = MODEM.rows_in(BARE)
     assert (serving.cell, serving.arfcn, serving.pci, serving.band) == (
         "262-03-20064-47432886",
         1444,
@@ -90,19 +90,19 @@ def test_fm350_prints_them_in_decimal():
 
 
 def test_the_rows_decide_against_the_headings():
-    serving, neighbour = MODEM.cells_in([BARE[0], "LTE service cell:", *BARE[1:]])
+    serving, neighbour = MODEM.rows_in([BARE[0], "LTE service cell:", *BARE[1:]])
     assert (serving.arfcn, neighbour.pci) == (1444, 417)
-    serving, *_ = MODEM.cells_in([line for line in HEADED if "cell:" not in line])
+    serving, *_ = MODEM.rows_in([line for line in HEADED if "cell:" not in line])
     assert (serving.arfcn, serving.pci) == (1444, 303)
 
 
 def test_where_no_base_fits_the_channel_is_unknown():
-    reading, _ = MODEM.cells_in([line.replace("1444", "9999") for line in BARE])
+    reading, _ = MODEM.rows_in([line.replace("1444", "9999") for line in BARE])
     assert (reading.cell, reading.arfcn, reading.pci) == ("262-03-20064-47432886", None, None)
 
 
 def test_5g_beside_lte():
-    lte, nr = MODEM.cells_in(EN_DC)
+    lte, nr = MODEM.rows_in(EN_DC)
     assert (lte.cell, lte.arfcn, lte.pci) == ("262-11-20063-47432885", 1444, 440)
     assert (nr.cell, nr.rat, nr.arfcn, nr.band, nr.pci) == (
         "262-11-10828-77969095",
@@ -112,9 +112,7 @@ def test_5g_beside_lte():
         195,
     )
     assert (nr.rsrp_dbm, nr.rsrq_db) == (-83.0, -13.5)
-    filler = MODEM.cells_in([*BARE[:2], "1,9,,,FFFFFFF,00FFFFFFF,632448,211,5078,400,2,55,55,60"])[
-        1
-    ]
+    filler = MODEM.rows_in([*BARE[:2], "1,9,,,FFFFFFF,00FFFFFFF,632448,211,5078,400,2,55,55,60"])[1]
     assert (identity_of(filler), filler.arfcn, filler.pci) == (
         (None, None, None, None),
         632448,
@@ -123,7 +121,7 @@ def test_5g_beside_lte():
 
 
 def test_wcdma_and_gsm():
-    (wcdma,), (gsm,) = MODEM.cells_in(UMTS), MODEM.cells_in(GSM)
+    (wcdma,), (gsm,) = MODEM.rows_in(UMTS), MODEM.rows_in(GSM)
     assert (wcdma.rat, wcdma.cell, wcdma.arfcn, wcdma.psc) == (
         "WCDMA",
         "262-02-2620-27440068",
@@ -140,25 +138,25 @@ def test_wcdma_and_gsm():
 
 
 def test_no_cell():
-    assert MODEM.cells_in(["AT+GTCCINFO?", "+GTCCINFO:", "2,0,,,FFFF,0,0,,0,,,,,", "OK"]) == (
+    assert MODEM.rows_in(["AT+GTCCINFO?", "+GTCCINFO:", "2,0,,,FFFF,0,0,,0,,,,,", "OK"]) == (
         NoCell(),
     )
-    assert MODEM.cells_in(["+GTCCINFO:", "OK"]) == ()
+    assert MODEM.rows_in(["+GTCCINFO:", "OK"]) == ()
 
 
 def test_network_code_of_one_digit_is_no_network():
-    serving, _ = MODEM.cells_in([line.replace("262,03", "262,3") for line in BARE])
+    serving, _ = MODEM.rows_in([line.replace("262,03", "262,3") for line in BARE])
     assert identity_of(serving) == (None, None, 0x4E60, 0x2D3C4B6)
 
 
 def test_logs_around_a_reply():
-    whole = MODEM.cells_in(HEADED)
-    assert MODEM.cells_in([f"[17:03:01] {line}" for line in HEADED]) == whole
-    assert MODEM.cells_in(["\\r\\n".join(HEADED)]) == whole
-    assert MODEM.cells_in([line.lower() for line in HEADED]) == whole
-    assert MODEM.cells_in([line for line in HEADED if line != "+GTCCINFO:"]) == whole
-    assert MODEM.cells_in([*HEADED, "AT+GTCAINFO?", "PCC: 103,303,1444,75,0,1,0,0,40"]) == whole
-    assert MODEM.cells_in(HEADED[2:]) == ()
+    whole = MODEM.rows_in(HEADED)
+    assert MODEM.rows_in([f"[17:03:01] {line}" for line in HEADED]) == whole
+    assert MODEM.rows_in(["\\r\\n".join(HEADED)]) == whole
+    assert MODEM.rows_in([line.lower() for line in HEADED]) == whole
+    assert MODEM.rows_in([line for line in HEADED if line != "+GTCCINFO:"]) == whole
+    assert MODEM.rows_in([*HEADED, "AT+GTCAINFO?", "PCC: 103,303,1444,75,0,1,0,0,40"]) == whole
+    assert MODEM.rows_in(HEADED[2:]) == ()
 
 
 # --- damage
@@ -169,14 +167,14 @@ def test_logs_around_a_reply():
     [("262,02", "26202"), ("4E5F,2D3C4B5", "4E5F2D3C4B5"), ("4E5F", "4G5F"), (",40,24", "")],
 )
 def test_damaged_row_names_no_cell(good, bad):
-    assert not any(row.cid for row in MODEM.cells_in([line.replace(good, bad) for line in HEADED]))
+    assert not any(row.cid for row in MODEM.rows_in([line.replace(good, bad) for line in HEADED]))
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_cut_replies_tell_nothing_else(sample):
-    identities = {identity_of(row) for row in MODEM.cells_in(sample.split("\n"))}
+    identities = {identity_of(row) for row in MODEM.rows_in(sample.split("\n"))}
     for end in range(len(sample)):
-        assert {identity_of(row) for row in MODEM.cells_in(sample[:end].split("\n"))} <= identities
+        assert {identity_of(row) for row in MODEM.rows_in(sample[:end].split("\n"))} <= identities
 
 
 # --- conversation
@@ -215,7 +213,7 @@ def test_poll_without_an_answer(final):
 
 
 def test_commands_listen_only():
-    for command in (*MODEM.set_up, *MODEM.asked, *MODEM.surveys):
+    for command in (*MODEM.setup_commands, *MODEM.poll_commands, *MODEM.survey_commands):
         assert not re.search(
             r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|GTACT|GTRAT", command.text
         )

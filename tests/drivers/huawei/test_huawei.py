@@ -33,7 +33,7 @@ def test_recorded_replies(corpus, dialect):
 
 
 def one(*lines):
-    found = MODEM.cells_in(lines)
+    found = MODEM.rows_in(lines)
     assert len(found) == 1
     return found[0]
 
@@ -74,7 +74,7 @@ def test_wcdma():
 
 
 def test_lte_and_nr_have_a_hexadecimal_pci():
-    lte, nr = MODEM.cells_in([LTE, NR])
+    lte, nr = MODEM.rows_in([LTE, NR])
     assert (lte.cell, lte.pci, lte.arfcn) == (f"262-03-{0x4E5F}-{0x2D3C4B5}", 0x12F, 1444)
     assert (lte.rsrp_dbm, lte.rsrq_db, lte.rssi_dbm) == (-96.0, -12.0, -65.0)
     assert (nr.cell, nr.pci, nr.arfcn) == (f"262-01-{0x2A4C31}-{0x4A5B6C7D8}", 0x1C2, 632448)
@@ -82,7 +82,7 @@ def test_lte_and_nr_have_a_hexadecimal_pci():
 
 
 def test_neighbours():
-    gsm, wcdma, lte, nr = MODEM.cells_in(NEIGHBOURS)
+    gsm, wcdma, lte, nr = MODEM.rows_in(NEIGHBOURS)
     assert {cell.role for cell in (gsm, wcdma, lte, nr)} == {"neighbour"}
     assert (identity_of(gsm), gsm.arfcn, gsm.band, gsm.bsic, gsm.rssi_dbm) == (
         (None, None, 0x2A3B, 0x3C4E),
@@ -112,9 +112,9 @@ def test_values_that_are_not_measured_or_unknown():
 
 def test_no_cell():
     assert one("^MONSC: NONE") == NoCell(status="NONE")
-    assert MODEM.cells_in(["^MONNC: NONE"]) == ()
+    assert MODEM.rows_in(["^MONNC: NONE"]) == ()
     assert one('^HCSQ: "NOSERVICE"') == one("^HCSQ: NOSERVICE") == NoCell(status="NOSERVICE")
-    assert MODEM.cells_in(['^HCSQ: "LTE"']) == ()
+    assert MODEM.rows_in(['^HCSQ: "LTE"']) == ()
 
 
 @pytest.mark.parametrize(
@@ -177,14 +177,14 @@ def test_unasked_rows():
     ],
 )
 def test_damaged_row_names_no_cell(row):
-    assert MODEM.cells_in([row]) == ()
+    assert MODEM.rows_in([row]) == ()
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_cut_rows_tell_nothing_else(sample):
     whole = identity_of(one(sample))
     for end in range(len(sample)):
-        assert {identity_of(row) for row in MODEM.cells_in([sample[:end]])} <= {whole}
+        assert {identity_of(row) for row in MODEM.rows_in([sample[:end]])} <= {whole}
 
 
 # --- conversation
@@ -233,7 +233,7 @@ def test_rows_before_a_time_out_are_kept():
 
 
 def test_commands_listen_only():
-    for command in (*MODEM.set_up, *MODEM.asked, *MODEM.surveys):
+    for command in (*MODEM.setup_commands, *MODEM.poll_commands, *MODEM.survey_commands):
         assert not re.search(r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM", command.text)
 
 

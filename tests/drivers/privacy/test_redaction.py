@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from logger.drivers.privacy.redaction import Blanker, blanked
+from logger.drivers.privacy.redaction import Redactor, redact
 from tests.kit.secrets import FORMS, leaked_secrets
 
 DATA = Path(__file__).parents[1] / "data"
@@ -36,11 +36,11 @@ HARMLESS = [
 
 
 def _cut(data, rng):
-    blanker, out = Blanker(), b""
+    redactor, out = Redactor(), b""
     while data:
         n = rng.choice((1, rng.randint(1, 8), rng.randint(1, 200)))
-        out, data = out + blanker.feed(data[:n]), data[n:]
-    return out + blanker.flush()
+        out, data = out + redactor.feed(data[:n]), data[n:]
+    return out + redactor.flush()
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -60,7 +60,7 @@ def test_what_is_of_people_and_devices_is_blanked_whatever_the_chunks(form):
 
 @pytest.mark.parametrize("line", HARMLESS)
 def test_what_tells_of_cells_places_and_times_is_left_alone(line):
-    assert blanked(line) == line
+    assert redact(line) == line
     for seed in range(30):
         assert _cut(line, random.Random(seed)) == line
 
@@ -79,7 +79,7 @@ def test_all_forms_between_all_rows_in_any_order():
 
 
 def _changed(data):
-    return [a for a, b in zip(data.split(b"\n"), blanked(data).split(b"\n"), strict=True) if a != b]
+    return [a for a, b in zip(data.split(b"\n"), redact(data).split(b"\n"), strict=True) if a != b]
 
 
 def test_no_row_and_no_sentence_of_the_recordings_is_touched(corpus):
@@ -102,13 +102,13 @@ def test_nothing_of_our_own_recordings_is_touched(path):
 def test_a_message_does_not_swallow_the_rows_after_it():
     rows = b"arfcn: 15 bsic: 20 rxLev: -71 ber: 0.00 mcc: 262 mnc: 01\r\n  15  20  63  262  01  4711  0310 12345\r\n"
     data = b'+CMT: "+4917698765432",,"26/11/21,12:00:00+04"\r\nTreffpunkt\r\n' + rows
-    assert blanked(data).endswith(rows)
+    assert redact(data).endswith(rows)
 
 
 def test_memory_is_bounded_in_an_endless_line():
     for endless in (b"71234560", b"abcdefgh", b'+CUSD: 1,"', b"+CMT: ,24\r"):
-        blanker = Blanker()
-        told = b"".join(blanker.feed(endless * 12 + b"1234567890123456") for _ in range(1000))
+        redactor = Redactor()
+        told = b"".join(redactor.feed(endless * 12 + b"1234567890123456") for _ in range(1000))
         whole = len(endless * 12 + b"1234567890123456") * 1000
         assert whole - 4096 <= len(told) <= whole
         assert b"1234567890123456" not in told

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from logger.drivers.protocols.at import MAX_LINE, MAX_LINES, AtFramer, Unsolicited
-from logger.drivers.protocols.dialogue import INTERRUPTED, Reply
+from logger.drivers.protocols.dialogue import INTERRUPTION, Reply
 from logger.drivers.protocols.garbage import Garbage
 from tests.kit.framers import check_framer, feed_all, split_at
 from tests.kit.scaling import cost_growth
@@ -131,7 +131,7 @@ def test_unsolicited_line_inside_a_reply(line):
     )
     reply = Reply("AT+CENG?", CENG_LINES, "OK", interrupted=frozenset({0}))
     check(sent("AT+CENG?"), data, [Unsolicited(line), reply])
-    assert reply.heard == (CENG_LINES[0], INTERRUPTED, *CENG_LINES[1:])
+    assert reply.marked_lines == (CENG_LINES[0], INTERRUPTION, *CENG_LINES[1:])
 
 
 def test_lines_of_every_part_of_a_joined_command_belong_to_it():

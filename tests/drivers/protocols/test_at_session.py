@@ -11,11 +11,11 @@ def test_an_echo_is_told(data):
     framer = AtFramer()
     framer.send("AT+CSQ")
     list(framer.feed(data))
-    assert framer.echoed
+    assert framer.echo_seen
     framer.send("AT+CSQ")
-    assert not framer.echoed
+    assert not framer.echo_seen
     list(framer.feed(b"\r\n+CSQ: 20,0\r\n\r\nOK\r\n"))
-    assert not framer.echoed
+    assert not framer.echo_seen
 
 
 def test_a_reply_under_way_is_told():

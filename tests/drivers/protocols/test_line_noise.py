@@ -56,7 +56,10 @@ def _heard(reply, damage, rng):
     framer.send("AT" + ";".join(name + "?" for name in sorted(set(NAME.findall(reply)))))
     events = [*framer.feed(b"\r\n".join([*damage(lines, rng), b"", b"OK", b""]))]
     (answer,) = [event for event in events if isinstance(event, Reply)] or [framer.expire()]
-    return [*answer.heard, *(event.line for event in events if isinstance(event, Unsolicited))]
+    return [
+        *answer.marked_lines,
+        *(event.line for event in events if isinstance(event, Unsolicited)),
+    ]
 
 
 @pytest.mark.parametrize("name", FAMILIES)

@@ -402,7 +402,9 @@ def test_poll():
 
 
 def test_survey():
-    (cell,) = run_exchange(MODEM.ask(MODEM.surveys[:1]), [(MODEM.surveys[0].text, QOPS, "OK")])
+    (cell,) = run_exchange(
+        MODEM.ask(MODEM.survey_commands[:1]), [(MODEM.survey_commands[0].text, QOPS, "OK")]
+    )
     assert (cell.lac, cell.cid) == (0x1A2D, 0x3C50)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.protocols.at import AtFramer
-from logger.drivers.protocols.dialogue import INTERRUPTED
+from logger.drivers.protocols.dialogue import INTERRUPTION
 from logger.drivers.reading.interruption import names_of, uncut
 from logger.drivers.reading.rows import Registration
 from logger.drivers.registry import FAMILIES
@@ -121,7 +121,9 @@ def test_what_may_follow_a_row_cuts_none(following):
     assert uncut([EC25, following], NAMES)[0] == EC25
 
 
-@pytest.mark.parametrize("following", [URC, "RING", "^MODE: 3,3", "*PSUTTZ: 2024,1,2", INTERRUPTED])
+@pytest.mark.parametrize(
+    "following", [URC, "RING", "^MODE: 3,3", "*PSUTTZ: 2024,1,2", INTERRUPTION]
+)
 def test_what_stands_where_a_row_should_go_on_cuts_it(following):
     assert uncut([EC25, following], NAMES)[0] == EC25[:-1]
 
@@ -138,7 +140,9 @@ def test_a_urc_in_the_middle_of_a_live_reply_cuts_the_row_before_it():
     data = EC25.replace("-103", "-10\r\n+CIEV: 1\r\n3").encode() + b"\r\nOK\r\n"
     *_, reply = framer.feed(data)
     assert reply.interrupted == {0}
-    assert all(reading.level_dbm is None for reading in FAMILIES["quectel"].read(reply.heard))
+    assert all(
+        reading.level_dbm is None for reading in FAMILIES["quectel"].read(reply.marked_lines)
+    )
 
 
 def test_a_transcript_that_ends_within_a_row_loses_its_last_value():

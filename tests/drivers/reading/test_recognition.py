@@ -2,7 +2,7 @@
 
 import pytest
 
-from logger.drivers.reading.recognition import Known, recognised, recognised_replies
+from logger.drivers.reading.recognition import NumberHistory, mark_doubtful, mark_doubtful_replies
 from logger.drivers.registry import FAMILIES
 from logger.drivers.simcom.cpsi import joined
 from tests.kit.drivers import identity_of
@@ -19,11 +19,11 @@ CPSI = "+CPSI: LTE,Online,262-02,0x2AFE,{cid},149,EUTRAN-BAND20,6300,3,3,-91,-88
 
 def told(family, *replies, known=None):
     """Readings of the last of the replies, which the modem sends one after the other."""
-    known = known or Known()
+    known = known or NumberHistory()
     rows = ()
     for reply in replies:
         lines = [reply] if isinstance(reply, str) else reply
-        rows, known = recognised(FAMILIES[family].read(lines), known)
+        rows, known = mark_doubtful(FAMILIES[family].read(lines), known)
     return rows
 
 
@@ -72,7 +72,7 @@ def test_areas_that_contradict_each_other_are_unsure_where_the_rows_are_one():
     cmgrmi = "+CMGRMI: Serving_Cell,6300,262,02,{area},2,190887432,3,3,3,12,149,-95,-912,-604,0"
     for area, unsure in ((11006, False), (1106, True)):
         rows = joined(FAMILIES["sim7600"].read([decimal(190887432), cmgrmi.format(area=area)]))
-        ((row,), _) = recognised(rows, Known())
+        ((row,), _) = mark_doubtful(rows, NumberHistory())
         assert row.identity_unsure is unsure
 
 
@@ -80,7 +80,7 @@ def test_rows_that_are_made_one_have_printed_the_cell_twice():
     ccinfo = "+CCINFO:[SCELL],ARFCN:34,MCC:262,MNC:01,LAC:14940,ID:1213,BSIC:18,RXLev:-78dbm,C1:33,C2:33,TA:0,TXPWR:0"
     gsm = "+CPSI: GSM,Online,262-01,0x3A5C,1213,34 EGSM 900,-78,0,33-33"
     for lines, unsure in (([gsm, ccinfo], False), ([gsm], True)):
-        ((row,), _) = recognised(joined(FAMILIES["sim7600"].read(lines)), Known())
+        ((row,), _) = mark_doubtful(joined(FAMILIES["sim7600"].read(lines)), NumberHistory())
         assert (row.cid, row.identity_unsure) == (1213, unsure)
 
 
@@ -123,18 +123,18 @@ def test_the_known_cell_stays_sure_beside_its_damaged_self():
 
 
 def test_a_neighbour_that_is_often_heard_is_no_damage():
-    known = Known()
+    known = NumberHistory()
     for _ in range(5):
         for cid in (10111, 1011):
-            rows, known = recognised(FAMILIES["sim7600"].read([decimal(cid)]), known)
+            rows, known = mark_doubtful(FAMILIES["sim7600"].read([decimal(cid)]), known)
     assert not rows[0].identity_unsure
 
 
 def test_the_same_damage_again_and_again_proves_nothing():
-    known = Known()
+    known = NumberHistory()
     for number in range(400):
         lost = number % 100 == 99
-        (row,), known = recognised(
+        (row,), known = mark_doubtful(
             FAMILIES["quectel"].read([lte("1A2" if lost else "1A2B", "4940206")]), known
         )
         assert row.identity_unsure == lost
@@ -191,9 +191,9 @@ def test_rows_come_back_with_plain_numbers():
 
 
 def test_what_is_remembered_is_bounded():
-    known = Known()
+    known = NumberHistory()
     for cid in range(100_000, 102_500):
-        _, known = recognised(FAMILIES["sim7600"].read([decimal(cid)]), known)
+        _, known = mark_doubtful(FAMILIES["sim7600"].read([decimal(cid)]), known)
     assert all(len(texts) <= 2000 for texts in known.columns.values())
     assert len(known.prints) <= 2000
 
@@ -203,7 +203,7 @@ def test_replies_of_a_transcript_know_of_each_other():
         FAMILIES["sim7600"].read([decimal(cid)])
         for cid in (50896642, 5896642, 50896642, 50896642, 7131)
     ]
-    found, _ = recognised_replies(replies, Known())
+    found, _ = mark_doubtful_replies(replies, NumberHistory())
     assert [row.identity_unsure for rows in found for row in rows] == [
         False,
         True,

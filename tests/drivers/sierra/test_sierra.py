@@ -74,7 +74,7 @@ def test_recorded_replies(corpus, dialect):
 
 
 def one(lines):
-    found = MODEM.cells_in(lines)
+    found = MODEM.rows_in(lines)
     assert len(found) == 1
     return found[0]
 
@@ -98,7 +98,7 @@ def test_lte():
 
 
 def test_wcdma_and_gsm():
-    wcdma, gsm = MODEM.cells_in([*WCDMA, *GSM])
+    wcdma, gsm = MODEM.rows_in([*WCDMA, *GSM])
     assert (wcdma.rat, wcdma.lac, wcdma.cid, wcdma.arfcn) == ("WCDMA", 11112, 66364854, 10713)
     assert (wcdma.rssi_dbm, wcdma.band) == (-71.0, "WCDMA 2100")
     assert (gsm.rat, gsm.lac, gsm.cid, gsm.arfcn) == ("GSM", 11113, 40029, 987)
@@ -162,11 +162,11 @@ def test_no_service():
     assert one(
         ["!GSTATUS:", "System mode:   LTE              PS state:    Not attached"]
     ) == NoCell("LTE", status="LTE")
-    assert MODEM.cells_in(["!GSTATUS:", "Temperature: 32", "OK"]) == ()
+    assert MODEM.rows_in(["!GSTATUS:", "Temperature: 32", "OK"]) == ()
 
 
 def test_table():
-    serving, intra, inter, wcdma = MODEM.cells_in(LTEINFO)
+    serving, intra, inter, wcdma = MODEM.rows_in(LTEINFO)
     assert (serving.cell, serving.arfcn, serving.band, serving.pci) == (
         "262-03-11111-19088743",
         1444,
@@ -188,7 +188,7 @@ def test_table():
         -97.0,
         -11.5,
     )
-    assert MODEM.cells_in([f"17:03:01.250 {line}" for line in LTEINFO]) == (
+    assert MODEM.rows_in([f"17:03:01.250 {line}" for line in LTEINFO]) == (
         serving,
         intra,
         inter,
@@ -222,17 +222,15 @@ def test_place_without_its_number_in_brackets_is_no_place(good, bad):
     [("262  03", "26203"), ("01234567", "0123456"), ("1444 262", "1444 0 262"), ("11111", "11-11")],
 )
 def test_damaged_row_of_a_table_is_no_cell(good, bad):
-    assert not any(
-        row.cell for row in MODEM.cells_in([line.replace(good, bad) for line in LTEINFO])
-    )
+    assert not any(row.cell for row in MODEM.rows_in([line.replace(good, bad) for line in LTEINFO]))
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_cut_replies_tell_nothing_else(sample):
     nobody = (None, None, None, None)
-    identities = {nobody, *(identity_of(row) for row in MODEM.cells_in(sample.split("\n")))}
+    identities = {nobody, *(identity_of(row) for row in MODEM.rows_in(sample.split("\n")))}
     for end in range(len(sample)):
-        for row in MODEM.cells_in(sample[:end].split("\n")):
+        for row in MODEM.rows_in(sample[:end].split("\n")):
             assert isinstance(row, NoCell) or identity_of(row) in identities, sample[:end]
 
 
@@ -271,7 +269,7 @@ def test_poll_without_an_answer(final):
 
 
 def test_commands_listen_only():
-    for command in (*MODEM.set_up, *MODEM.asked, *MODEM.surveys):
+    for command in (*MODEM.setup_commands, *MODEM.poll_commands, *MODEM.survey_commands):
         assert not re.search(
             r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|ENTERCND", command.text
         )

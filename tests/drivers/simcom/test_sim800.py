@@ -299,7 +299,7 @@ def test_rows_that_come_unasked():
     ],
 )
 def test_signs_of_a_restart(line):
-    assert MODEM.says_restarted(line)
+    assert MODEM.is_restart(line)
 
 
 @pytest.mark.parametrize(
@@ -316,7 +316,7 @@ def test_signs_of_a_restart(line):
     ],
 )
 def test_no_signs_of_a_restart(line):
-    assert not MODEM.says_restarted(line)
+    assert not MODEM.is_restart(line)
 
 
 def test_time_grows_with_the_rows_and_no_faster():

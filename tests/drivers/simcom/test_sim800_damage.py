@@ -152,4 +152,4 @@ def test_lost_comma_mark_or_line_end_makes_no_other_cell():
 def test_any_text_is_harmless(lines):
     MODEM.read(lines)
     for line in lines:
-        MODEM.role_of(line), MODEM.says_restarted(line)
+        MODEM.role_of(line), MODEM.is_restart(line)

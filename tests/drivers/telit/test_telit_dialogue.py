@@ -56,11 +56,11 @@ def test_poll_without_an_answer():
 def test_survey_covers_all_channels_of_gsm_in_parts():
     spans = [
         tuple(map(int, command.text.removeprefix("AT#CSURV=").split(",")))
-        for command in MODEM.surveys
+        for command in MODEM.survey_commands
     ]
     channels = [channel for low, high in spans for channel in range(low, high + 1)]
     assert channels == [*range(125), *range(128, 252), *range(512, 886), *range(975, 1024)]
-    assert all(command.timeout_s >= 120 for command in MODEM.surveys)
+    assert all(command.timeout_s >= 120 for command in MODEM.survey_commands)
 
 
 @pytest.mark.parametrize(

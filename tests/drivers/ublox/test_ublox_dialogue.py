@@ -54,22 +54,25 @@ def test_poll_without_an_answer_or_a_cell():
 )
 def test_scan_restores_the_zeros_of_a_network_code(plmn, mnc):
     answers = {"AT+COPS=5": ([SCANNED], "OK"), "AT+COPS?": ([f'+COPS: 0,2,"{plmn}",0'], "OK")}
-    (reading,), asked = run_dialogue(MODEM.survey(MODEM.surveys[0]), answers)
+    (reading,), asked = run_dialogue(MODEM.survey(MODEM.survey_commands[0]), answers)
     assert (reading.mcc, reading.mnc, reading.cid, reading.rssi_dbm) == ("262", mnc, 0x4A5B, None)
     assert asked == ["AT+COPS=5", "AT+COPS?"]
 
 
 def test_scan_of_a_modem_that_has_no_network_or_refuses_it():
     answers = {"AT+COPS=5": ([SCANNED], "OK"), "AT+COPS?": (["+COPS: 0"], "OK")}
-    assert [row.mnc for row in run_dialogue(MODEM.survey(MODEM.surveys[0]), answers)[0]] == [None]
+    assert [
+        row.mnc for row in run_dialogue(MODEM.survey(MODEM.survey_commands[0]), answers)[0]
+    ] == [None]
     assert (
-        run_dialogue(MODEM.survey(MODEM.surveys[0]), {"AT+COPS?": (["+COPS: 0"], "OK")})[0] is None
+        run_dialogue(MODEM.survey(MODEM.survey_commands[0]), {"AT+COPS?": (["+COPS: 0"], "OK")})[0]
+        is None
     )
 
 
 def test_scan_only_listens():
-    assert [command.text for command in MODEM.surveys] == ["AT+COPS=5"]
-    assert MODEM.surveys[0].timeout_s >= 180
+    assert [command.text for command in MODEM.survey_commands] == ["AT+COPS=5"]
+    assert MODEM.survey_commands[0].timeout_s >= 180
 
 
 @pytest.mark.parametrize(
