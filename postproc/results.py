@@ -14,7 +14,7 @@ from logger.core.ellipse import ellipse95
 from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import area_m2
-from logger.core.locator.rivals import counting, percents
+from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.observations import Observations
 from logger.core.runfile import Run
 from postproc.atomic_write import whole_file
@@ -133,8 +133,8 @@ def _located(posterior: Posterior, utm: Utm) -> Json:
     lat, lon = utm.to_latlon(posterior.x_m, posterior.y_m)
     named = {name: getattr(posterior, name) for name in _BEST[2:]}
     modes = []
-    places = counting(posterior.modes)
-    percent = {id(mode): share for mode, share in zip(places, percents(places), strict=True)}
+    places = relevant_modes(posterior.modes)
+    percent = {id(mode): share for mode, share in zip(places, whole_percents(places), strict=True)}
     for mode in posterior.modes:
         mode_lat, mode_lon = utm.to_latlon(mode.x_m, mode.y_m)
         ellipse = asdict(mode.ellipse)
@@ -143,10 +143,13 @@ def _located(posterior: Posterior, utm: Utm) -> Json:
     return {
         "best": {"lat": lat, "lon": lon, **named},
         "modes": modes,
-        "region95": {"area_m2": area_m2(posterior.cells), "geojson": geojson(posterior.cells, utm)},
+        "region95": {
+            "area_m2": area_m2(posterior.squares),
+            "geojson": geojson(posterior.squares, utm),
+        },
         "region50": {
-            "area_m2": area_m2(posterior.cells, 0.5),
-            "geojson": geojson(posterior.cells, utm, 0.5),
+            "area_m2": area_m2(posterior.squares, 0.5),
+            "geojson": geojson(posterior.squares, utm, 0.5),
         },
         "noise": {
             "sigma_db": posterior.sigma_db,
@@ -288,4 +291,4 @@ def _write_cell(group: h5py.Group, result: CellResult) -> None:
                 group[f"{name}/{column}"] = getattr(filtered, column)
     if result.posterior is not None:
         for column in ("x_m", "y_m", "size_m", "probability"):
-            group[f"posterior/{column}"] = getattr(result.posterior.cells, column)
+            group[f"posterior/{column}"] = getattr(result.posterior.squares, column)

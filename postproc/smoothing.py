@@ -221,7 +221,7 @@ def answer(obs: CellObservations, prior: Prior) -> CellResult:
     posterior = locate(kept, prior)
     told, reasons, _ = judged(posterior, kept)
     timing = timing_of(kept)
-    checked = None if timing is None else timing.check(posterior.cells)
+    checked = None if timing is None else timing.check(posterior.squares)
     if checked and checked.warning:
         reasons.append(checked.warning)
     reasons += _set_aside(aside)

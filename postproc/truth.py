@@ -30,5 +30,5 @@ def truth_of(result: CellResult, run: Run) -> dict[str, Any] | None:
         lat, lon = utm.to_latlon(result.posterior.x_m, result.posterior.y_m)
         found["error_m"] = _GEOD.inv(lon, lat, truth.lon_deg, truth.lat_deg)[2]
         place = shapely.Point(utm.to_xy(truth.lat_deg, truth.lon_deg))
-        found["inside_region95"] = bool(polygons(result.posterior.cells).intersects(place))
+        found["inside_region95"] = bool(polygons(result.posterior.squares).intersects(place))
     return found

@@ -8,7 +8,8 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.posterior import locate
-from logger.core.locator.region import Cells, highest_density, places
+from logger.core.locator.region import Squares as Leaves
+from logger.core.locator.region import highest_density, mode_regions
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR
 from logger.core.locator.verdict import judged
 from logger.core.model.prior import Prior
@@ -78,8 +79,8 @@ def answer(world: World, walk: Walk, prior: Prior = PRIOR) -> Answer:
     obs = observations(world, walk)
     found = locate(obs, prior)
     told, _, division = judged(found, obs)
-    chosen = highest_density(found.cells)
-    cells = found.cells
+    chosen = highest_density(found.squares)
+    cells = found.squares
     return Answer(
         x_m=found.x_m,
         y_m=found.y_m,
@@ -94,4 +95,4 @@ def split_into_places(
     x_m: FloatArray, y_m: FloatArray, size_m: FloatArray, probability: FloatArray
 ) -> list[IntArray]:
     """Indices of the cells of each place: the limit tells places apart by the same rule."""
-    return places(Cells(x_m, y_m, size_m, probability), _MODE_LEVEL)
+    return mode_regions(Leaves(x_m, y_m, size_m, probability), _MODE_LEVEL)

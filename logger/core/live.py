@@ -21,7 +21,7 @@ from logger.core.live_settings import REFERENCE, LiveSettings
 from logger.core.locator.online import Heard
 from logger.core.model.prior import Prior, prior_for
 from logger.core.observations import TIMING_S, fix_sigma_m, smeared_sigma_m
-from logger.core.sample_hold import Held
+from logger.core.sample_hold import SampleHold
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
 LIVE_DECORRELATION_M = (12.0, 40.0, 200.0)
@@ -52,7 +52,7 @@ class LiveTracker:
         self.settings = settings
         self._prior = live_prior(settings)
         self._utm: Utm | None = None
-        self._fixes = Held[Receiver](settings.max_fix_age_s)
+        self._fixes = SampleHold[Receiver](settings.max_fix_age_s)
         self._unmapped = False
         self._reference = LiveReference(settings)
         self._identities = Identities()

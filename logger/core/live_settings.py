@@ -59,7 +59,7 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     height_m: float = 5.0
 
 
-def restored(recorded: Mapping[str, Any]) -> dict[str, Any]:
+def restore_settings(recorded: Mapping[str, Any]) -> dict[str, Any]:
     """Settings as a run holds them, each null as what it stood for: JSON has no infinity and no
     NaN.
 

@@ -22,7 +22,7 @@ def has_times(origin: str) -> bool:
     return not origin.startswith(_WITHOUT_TIMES)
 
 
-def shared(origin: str) -> str:
+def origin_of_copy(origin: str) -> str:
     """Origin of a copy to give away, which names no file of its owner."""
     if not is_import(origin):
         return SHARED

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from logger.core.schema import HEAD, SCHEMA_VERSION, TABLES, Column, columns_of, encoded
+from logger.core.schema import HEAD, SCHEMA_VERSION, TABLES, Column, columns_of, encode
 
 Rows = npt.NDArray[np.void]
 
@@ -20,7 +20,9 @@ def dtypes_of(version: int) -> Mapping[str, np.dtype[np.void]]:
 DTYPES: Mapping[str, np.dtype[np.void]] = dtypes_of(SCHEMA_VERSION)
 
 
-def described(columns: Mapping[str, Iterable[tuple[str, str]]]) -> Mapping[str, np.dtype[np.void]]:
+def parse_dtypes(
+    columns: Mapping[str, Iterable[tuple[str, str]]],
+) -> Mapping[str, np.dtype[np.void]]:
     """Rows as a run describes them by name and type of each column; today's where it does not.
 
     Raises ValueError for what describes none of our tables: a file may say anything of itself.
@@ -29,11 +31,11 @@ def described(columns: Mapping[str, Iterable[tuple[str, str]]]) -> Mapping[str, 
     for table, given in columns.items():
         if table not in TABLES:
             raise ValueError(f"no table is called {table!r}")
-        found[table] = _described(table, dict(given))
+        found[table] = _parse_dtype(table, dict(given))
     return found
 
 
-def _described(table: str, kinds: Mapping[str, str]) -> np.dtype[np.void]:
+def _parse_dtype(table: str, kinds: Mapping[str, str]) -> np.dtype[np.void]:
     todays = {column.name: np.dtype(column.dtype) for column in TABLES[table]}
     for name, kind in kinds.items():
         if not _PLAIN.fullmatch(kind):
@@ -55,14 +57,14 @@ _PLAIN = re.compile(r"\|?S[1-9]\d{0,2}|[<|]?[iuf][1248]")
 _MOST_COLUMNS = 100
 
 
-def as_of_now(table: str, rows: Rows) -> Rows:
+def to_current_columns(table: str, rows: Rows) -> Rows:
     """Rows of a run of any version, with today's columns: unknown where that version had none."""
     if rows.dtype == DTYPES[table]:
         return rows
     whole = np.zeros(len(rows), DTYPES[table])
     for column in TABLES[table]:
         has = column.name in (rows.dtype.names or ())
-        whole[column.name] = rows[column.name] if has else encoded(column, None)
+        whole[column.name] = rows[column.name] if has else encode(column, None)
     return whole
 
 

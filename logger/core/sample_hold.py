@@ -11,7 +11,7 @@ second.
 """
 
 
-class Held(Generic[T]):
+class SampleHold(Generic[T]):
     """Values in the order of their times, each holding until the next one or until it is too
     old.
     """

@@ -218,7 +218,7 @@ def packing_of(version: int) -> dict[str, struct.Struct]:
 _PACKING = packing_of(SCHEMA_VERSION)
 
 
-def packed(table: str, rows: Iterable[tuple[Any, ...]]) -> bytes:
+def pack_rows(table: str, rows: Iterable[tuple[Any, ...]]) -> bytes:
     """Rows of a table, values in column order, as bytes; raises OverflowError for a number that
     does not fit.
     """
@@ -265,12 +265,12 @@ def _row(
 ) -> tuple[Any, ...]:
     given = {**head, **more}
     return tuple(
-        encoded(column, given[column.name] if column.name in given else getattr(value, column.name))
+        encode(column, given[column.name] if column.name in given else getattr(value, column.name))
         for column in TABLES[table]
     )
 
 
-def encoded(column: Column, value: Any) -> Any:
+def encode(column: Column, value: Any) -> Any:
     """A value as it stands in a row: unknown texts are empty, other unknowns have their mark."""
     if column.dtype.startswith("S"):
         return _fit("" if value is None else str(value), int(column.dtype[1:]))

@@ -18,7 +18,7 @@ _MOST_READINGS = 30
 _LITTLE_SHADOW = 0.15
 
 
-class Here(NamedTuple):
+class Visit(NamedTuple):
     """Whether the walker has been here before, and whether this visit has had its share of
     readings.
     """
@@ -33,7 +33,7 @@ class _Square(NamedTuple):
     readings: int
 
 
-class Visited:
+class VisitLog:
     """Squares of ground that readings have come from; give it every reading of a walk, in order.
 
     A visit lasts 60 m of way from its first reading in the square: what comes later has come back.
@@ -44,7 +44,7 @@ class Visited:
         self._at: tuple[float, float] | None = None
         self._way_m = 0.0
 
-    def take(self, x_m: float, y_m: float) -> Here:
+    def take(self, x_m: float, y_m: float) -> Visit:
         """Take a reading's place; say what is known of it."""
         if self._at is not None:
             self._way_m += hypot(x_m - self._at[0], y_m - self._at[1])
@@ -55,10 +55,10 @@ class Visited:
         if now - visit_m > _VISIT_M:
             visit_m, readings = now, 0
         self._squares[key] = _Square(first_m, visit_m, readings + 1)
-        return Here(now - first_m > _VISIT_M, readings >= _MOST_READINGS)
+        return Visit(now - first_m > _VISIT_M, readings >= _MOST_READINGS)
 
 
-def tells(here: Here, noise: ShadowNoise) -> bool:
+def is_informative(here: Visit, noise: ShadowNoise) -> bool:
     """Whether a reading taken here tells a filter something new.
 
     Not where the walker lingers, since fading stays the same with him, and not at a second visit,

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from logger.core.live_settings import BEHIND, LiveSettings
 from logger.core.runfile import FLOOR_BYTES, RunWriter
-from logger.core.sample_hold import Held
+from logger.core.sample_hold import SampleHold
 from logger.core.types import Fix, Level, LiveEstimate, Note, Record, Scan
 from logger.device.clock import Clock
 from logger.device.estimator import Estimator
@@ -53,7 +53,7 @@ class Recorder:
     ) -> None:
         self._writer = writer
         self._estimator = Estimator.of(settings, inbox)
-        self._fixes = Held[int](settings.max_fix_age_s)
+        self._fixes = SampleHold[int](settings.max_fix_age_s)
         self._behind = False
         self._inbox = inbox
         self._clock = clock

@@ -25,7 +25,7 @@ from logger.core.locator.verdict import verdict
 from logger.core.observations import CellObservations
 from logger.core.shadow_ekf import ShadowNoise
 from logger.core.shadow_noise import candidates
-from logger.core.spatial_thinning import Visited, tells
+from logger.core.spatial_thinning import VisitLog, is_informative
 from postproc.estimators import rts
 from postproc.estimators.filters import FilterPath, retained_rows, shadow_pass
 
@@ -108,9 +108,9 @@ def noise_of(obs: CellObservations, whole: Posterior) -> ShadowNoise:
 
 def _fresh(obs: CellObservations, noise: ShadowNoise) -> CellObservations:
     """The readings with a level of NaN where the place has told before what it can."""
-    visited = Visited()
+    visited = VisitLog()
     told = [
-        tells(visited.take(x_m, y_m), noise)
+        is_informative(visited.take(x_m, y_m), noise)
         for x_m, y_m in zip(obs.x_m.tolist(), obs.y_m.tolist(), strict=True)
     ]
     return replace(obs, level_dbm=np.where(told, obs.level_dbm, np.nan), known_limit=obs.limit)

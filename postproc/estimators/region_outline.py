@@ -10,20 +10,20 @@ from shapely.geometry.polygon import orient
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.geo import Utm
-from logger.core.locator.region import LEVEL, Cells, highest_density
+from logger.core.locator.region import LEVEL, Squares, highest_density
 
 _DEGREE_DECIMALS = 7
 _SIMPLIFY_CELLS = 0.5
 
 
-def _squares(cells: Cells, chosen: IntArray) -> npt.NDArray[np.object_]:
+def _squares(cells: Squares, chosen: IntArray) -> npt.NDArray[np.object_]:
     """Squares as polygons, a little too large so that neighbours overlap."""
     half = 0.5 * cells.size_m[chosen] * (1.0 + 1e-6)
     x, y = cells.x_m[chosen], cells.y_m[chosen]
     return np.asarray(shapely.box(x - half, y - half, x + half, y + half))
 
 
-def polygons(cells: Cells, level: float = LEVEL) -> MultiPolygon:
+def polygons(cells: Squares, level: float = LEVEL) -> MultiPolygon:
     """Outline of the highest-density set in UTM metres."""
     chosen = highest_density(cells, level)
     union = shapely.union_all(_squares(cells, chosen), grid_size=1e-3)
@@ -31,7 +31,7 @@ def polygons(cells: Cells, level: float = LEVEL) -> MultiPolygon:
     return MultiPolygon([shapely.simplify(part, 1e-3) for part in parts])
 
 
-def outline(cells: Cells, level: float = LEVEL) -> list[Polygon]:
+def outline(cells: Squares, level: float = LEVEL) -> list[Polygon]:
     """Highest-density set in UTM metres to be drawn or handed on: outer rings counterclockwise.
 
     Steps of the cells are smoothed by up to half the smallest cell, to keep the outline short.
@@ -45,7 +45,7 @@ def outline(cells: Cells, level: float = LEVEL) -> list[Polygon]:
     ]
 
 
-def geojson(cells: Cells, utm: Utm, level: float = LEVEL) -> dict[str, Any]:
+def geojson(cells: Squares, utm: Utm, level: float = LEVEL) -> dict[str, Any]:
     """Outline as a GeoJSON MultiPolygon: lon/lat, 7 decimals (RFC 7946)."""
     parts = outline(cells, level)
     rings = [

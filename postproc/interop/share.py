@@ -22,7 +22,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import ConfigError
 from logger.core.live import LiveTracker
 from logger.core.observations import MAX_GAP_S, Track, track_of
-from logger.core.provenance import SHARED, shared
+from logger.core.provenance import SHARED, origin_of_copy
 from logger.core.runfile import Run
 from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
 from postproc.interop.run_builder import Append, meta_of, spare, write_run
@@ -60,7 +60,7 @@ def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
             f"the walk is nowhere far from its ends: nothing is left with --blur-m {blur_m:g}"
         )
     start_ns = int(shown.starts[0])
-    meta = meta_of(shared(run.meta.origin), live=run.meta.live, truth=run.meta.truth)
+    meta = meta_of(origin_of_copy(run.meta.origin), live=run.meta.live, truth=run.meta.truth)
     counts: Counter[str] = Counter()
 
     def fill(append: Append) -> int:

@@ -9,8 +9,8 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.censoring import levels_dbm
 from logger.core.locator.posterior import Mode, Posterior
-from logger.core.locator.region import Cells
-from logger.core.locator.rivals import counting, percents, share_text
+from logger.core.locator.region import Squares
+from logger.core.locator.rivals import relevant_modes, share_text, whole_percents
 from logger.core.observations import MAX_GAP_S, Track, times_ns
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit_run
@@ -154,7 +154,7 @@ def picture_of(smoothed: Smoothed, focus: CellResult | None = None) -> Picture:
     heard_dbm = obs.level_dbm if obs else np.empty(0)
     posterior = focus.posterior if focus else None
     region95, region50 = (
-        _rings(posterior.cells, at, origin) if posterior else [] for at in (0.95, 0.5)
+        _rings(posterior.squares, at, origin) if posterior else [] for at in (0.95, 0.5)
     )
     truth_m = _truth(smoothed, focus, origin)
     return Picture(
@@ -194,8 +194,8 @@ def headline(result: CellResult) -> str:
             f"located: 95 % of the probability lie within {posterior.r95_m:.0f} m of the best place"
         )
     if result.verdict == "ambiguous" and posterior is not None:
-        places = counting(posterior.modes)
-        shares = ", ".join(f"{share}%" for share in percents(places)[:4])
+        places = relevant_modes(posterior.modes)
+        shares = ", ".join(f"{share}%" for share in whole_percents(places)[:4])
         return (
             f"ambiguous: {len(places)} places fit ({shares}); 95 % radius {posterior.r95_m:.0f} m"
         )
@@ -250,7 +250,7 @@ def _strength(level_dbm: FloatArray) -> tuple[float, float]:
     return float(np.floor(low)), float(max(np.ceil(high), np.floor(low) + 1.0))
 
 
-def _rings(cells: Cells, level: float, origin_m: tuple[float, float]) -> Rings:
+def _rings(cells: Squares, level: float, origin_m: tuple[float, float]) -> Rings:
     parts = outline(cells, level)
     return [
         np.asarray(ring.coords, float) - origin_m

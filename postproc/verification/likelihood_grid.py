@@ -22,7 +22,7 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.locator.mixture import log_sum
-from logger.core.locator.quadtree import children, first_cells, log_prior
+from logger.core.locator.quadtree import children, first_squares, log_prior
 from logger.core.model.blocks import Blocks
 from logger.core.model.noise import Whitener
 from logger.core.model.prior import Prior
@@ -245,4 +245,4 @@ def refined(field: Field, level_dbm: FloatArray, most: int, share: float = 0.01)
 
 def coarse_squares(blocks: Blocks, prior: Prior) -> Squares:
     """Where a search begins."""
-    return first_cells(blocks, prior, 1.2)
+    return first_squares(blocks, prior, 1.2)

@@ -9,7 +9,7 @@ import rerun as rr
 from PIL import Image
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.region import Cells
+from logger.core.locator.region import Squares
 from postproc.pictures import colours
 from postproc.pictures.picture import Box
 from postproc.view.rerun_writer import Sheet, entity
@@ -35,13 +35,13 @@ def draw_heat(sheet: Sheet, story: Story, subject: Subject, box: Box) -> None:
     )
     sheet.always(path, style, corner)
     blobs = [
-        png(density(step.posterior.cells, story.origin_m, box, pixel_m)) for step in subject.steps
+        png(density(step.posterior.squares, story.origin_m, box, pixel_m)) for step in subject.steps
     ]
     times = np.array([step.t_ns for step in subject.steps])
     sheet.over_time(path, times, rr.EncodedImage.columns(blob=blobs))
 
 
-def density(cells: Cells, origin_m: tuple[float, float], box: Box, pixel_m: float) -> FloatArray:
+def density(cells: Squares, origin_m: tuple[float, float], box: Box, pixel_m: float) -> FloatArray:
     """Probability of each pixel of a picture of the plan, north up; what lies outside is left out.
 
     Every cell counts in a pixel by the area that they share: each corner of it is a step of a sum

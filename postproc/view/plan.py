@@ -257,7 +257,7 @@ def _all_cells(sheet: Sheet, story: Story) -> None:
         if cell.posterior is None or cell.verdict == "cannot tell" or story.box is None:
             continue
         ink = story.inks.get(cell.cell, colours.QUIET)
-        found = rings(cell.posterior.cells, SHARES["95"], story.origin_m)
+        found = rings(cell.posterior.squares, SHARES["95"], story.origin_m)
         region = rr.LineStrips2D(closed(found), colors=[(*ink, 200)], radii=points(0.75))
         sheet.always(entity("plan", "all", cell.cell, "region95"), region)
         modes = cell.posterior.modes

@@ -3,14 +3,14 @@
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.region import Cells, highest_density
+from logger.core.locator.region import Squares, highest_density
 from postproc.estimators.region_outline import outline
 
 _ONE_NUMBER = np.array([1 << 32, 1])
 """Makes one number of column and row, which are counted in the finest cells."""
 
 
-def rings(cells: Cells, share: float, origin_m: tuple[float, float]) -> list[FloatArray]:
+def rings(cells: Squares, share: float, origin_m: tuple[float, float]) -> list[FloatArray]:
     """Outline of the smallest region with this share of the probability: closed rings (k, 2) in
     metres from `origin_m`.
 
@@ -25,7 +25,7 @@ def rings(cells: Cells, share: float, origin_m: tuple[float, float]) -> list[Flo
     return [ring - origin_m for ring in found]
 
 
-def few_squares(cells: Cells, share: float) -> Cells:
+def few_squares(cells: Squares, share: float) -> Squares:
     """The cells of a region, four of them that make up a square joined to one, again and again."""
     chosen = highest_density(cells, share)
     largest = int(np.argmax(cells.size_m))
@@ -48,7 +48,7 @@ def few_squares(cells: Cells, share: float) -> Cells:
         corner + square[:, i] * finest_m + 0.5 * side_m
         for i, corner in ((1, corner_x_m), (2, corner_y_m))
     )
-    return Cells(x_m, y_m, side_m, np.full(len(square), 1.0 / len(square)))
+    return Squares(x_m, y_m, side_m, np.full(len(square), 1.0 / len(square)))
 
 
 def _joined(square: IntArray, side: int) -> IntArray:

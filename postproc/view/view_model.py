@@ -214,7 +214,7 @@ def _regions(
     steps: Sequence[Step], origin_m: tuple[float, float]
 ) -> dict[str, list[list[FloatArray]]]:
     return {
-        name: [rings(step.posterior.cells, share, origin_m) for step in steps]
+        name: [rings(step.posterior.squares, share, origin_m) for step in steps]
         for name, share in SHARES.items()
     }
 

@@ -1,6 +1,12 @@
 import pytest
 
-from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES, has_times, is_import, shared
+from logger.core.provenance import (
+    IMPORT,
+    IMPORT_WITHOUT_TIMES,
+    has_times,
+    is_import,
+    origin_of_copy,
+)
 
 
 @pytest.mark.parametrize(
@@ -16,7 +22,7 @@ from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES, has_times, is_i
 )
 def test_a_shared_copy_is_of_the_kind_of_its_run_and_names_no_file(origin, imported, times):
     assert (is_import(origin), has_times(origin)) == (imported, times)
-    copy = shared(origin)
+    copy = origin_of_copy(origin)
     assert (is_import(copy), has_times(copy)) == (imported, times)
     assert "walk" not in copy
-    assert shared(copy) == copy
+    assert origin_of_copy(copy) == copy

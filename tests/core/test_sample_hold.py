@@ -1,10 +1,10 @@
-from logger.core.sample_hold import Held
+from logger.core.sample_hold import SampleHold
 
 S = 10**9
 
 
 def test_a_value_holds_until_the_next_one_or_its_age():
-    held = Held[str](max_age_s=3.0)
+    held = SampleHold[str](max_age_s=3.0)
     assert held.at(0) is None
     assert held.last is None
     held.add(1 * S, "a")
@@ -16,7 +16,7 @@ def test_a_value_holds_until_the_next_one_or_its_age():
 
 
 def test_only_the_latest_are_kept():
-    held = Held[int](max_age_s=1e6)
+    held = SampleHold[int](max_age_s=1e6)
     for t in range(10_000):
         held.add(t, t)
     assert held.at(9_999) == 9_999

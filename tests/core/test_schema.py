@@ -3,7 +3,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from logger.core.rows import DTYPES, as_of_now, dtypes_of, values_of
+from logger.core.rows import DTYPES, dtypes_of, to_current_columns, values_of
 from logger.core.schema import TABLES, rows_of
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan
 
@@ -64,14 +64,14 @@ def test_rows_of_an_older_run_have_all_of_todays_columns():
     ]
     old = today[names].copy()
     old["arfcn"] = 77
-    rows = as_of_now("readings", old)
+    rows = to_current_columns("readings", old)
     assert rows.dtype == DTYPES["readings"]
     assert next(values_of("readings", rows))["arfcn"] == 77
     assert all(
         next(values_of("readings", rows))[name] is None
         for name in ("rsrp_dbm", "tac", "band", "t_start_ns")
     )
-    assert as_of_now("readings", today) is today
+    assert to_current_columns("readings", today) is today
 
 
 @pytest.mark.parametrize("unsure", [False, True])
@@ -81,4 +81,7 @@ def test_a_run_keeps_which_identity_is_unsure_and_an_older_one_has_none(unsure):
     table = np.array([row for name, row in found if name == "readings"], DTYPES["readings"])
     assert next(values_of("readings", table))["identity_unsure"] == (1 if unsure else None)
     older = table[list(dtypes_of(2)["readings"].names)]
-    assert next(values_of("readings", as_of_now("readings", older)))["identity_unsure"] is None
+    assert (
+        next(values_of("readings", to_current_columns("readings", older)))["identity_unsure"]
+        is None
+    )

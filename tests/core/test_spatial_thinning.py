@@ -3,14 +3,14 @@ import pytest
 
 from logger.core import shadow_ekf
 from logger.core.shadow_ekf import ShadowNoise
-from logger.core.spatial_thinning import Here, Visited, tells
+from logger.core.spatial_thinning import Visit, VisitLog, is_informative
 from logger.sim.shadowing import Shadowing
 
 SHADOWED, WHITE = ShadowNoise(6.0, 15.0, 2.0, 0.0), ShadowNoise(0.1, 15.0, 3.0, 0.0)
 
 
 def taken(x_m, y_m):
-    visited = Visited()
+    visited = VisitLog()
     return [
         visited.take(x, y)
         for x, y in zip(np.asarray(x_m).tolist(), np.asarray(y_m).tolist(), strict=True)
@@ -25,7 +25,7 @@ def rounds(laps, step=2.8, side=200.0):
 
 def test_a_walk_that_never_comes_back_is_new_everywhere():
     s = np.arange(0.0, 2000.0, 1.4)
-    assert set(taken(s, 0.3 * s)) == {Here(again=False, lingers=False)}
+    assert set(taken(s, 0.3 * s)) == {Visit(again=False, lingers=False)}
 
 
 def test_the_second_round_is_no_news():
@@ -51,10 +51,10 @@ def test_standing_still_soon_lingers_and_pacing_comes_back():
 
 
 def test_noise_that_is_nearly_white_is_new_at_every_visit():
-    assert tells(Here(again=True, lingers=False), WHITE)
-    assert not tells(Here(again=True, lingers=False), SHADOWED)
-    assert not tells(Here(again=False, lingers=True), WHITE)
-    assert tells(Here(again=False, lingers=False), SHADOWED)
+    assert is_informative(Visit(again=True, lingers=False), WHITE)
+    assert not is_informative(Visit(again=True, lingers=False), SHADOWED)
+    assert not is_informative(Visit(again=False, lingers=True), WHITE)
+    assert is_informative(Visit(again=False, lingers=False), SHADOWED)
 
 
 @pytest.mark.parametrize(("once", "low", "high"), [(True, 0.87, 1.0), (False, 0.0, 0.85)])
@@ -62,7 +62,7 @@ def test_a_filter_stays_honest_over_a_street_walked_four_times(once, low, high):
     """Shadowing of the place, the same in each round; coverage of the 95 % ellipse in 80 worlds."""
     rng = np.random.default_rng(2)
     x, y = rounds(4, step=5.6)
-    told = [tells(here, SHADOWED) or not once for here in taken(x, y)]
+    told = [is_informative(here, SHADOWED) or not once for here in taken(x, y)]
     p = np.diag([8.0, 8.0, 3.0, 0.15]) ** 2
     held = []
     for _ in range(80):

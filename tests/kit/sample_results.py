@@ -10,7 +10,7 @@ import numpy as np
 from logger.core import ekf
 from logger.core.geo import Utm
 from logger.core.locator.posterior import Mode, Posterior, Prior
-from logger.core.locator.region import Cells
+from logger.core.locator.region import Squares
 from logger.core.observations import CellObservations, observe
 from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
@@ -118,7 +118,7 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
     )
     x, y = centre[0] + east.ravel(), centre[1] + north.ravel()
     mass = sum(np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2 * sigma_m**2)) for cx, cy in centres)
-    cells = Cells(x, y, np.full(len(x), side), mass / mass.sum())
+    cells = Squares(x, y, np.full(len(x), side), mass / mass.sum())
     covariance = np.diag([sigma_m**2, (0.7 * sigma_m) ** 2, 4.0, 0.04])
     covariance[0, 1] = covariance[1, 0] = 0.3 * sigma_m**2
     modes = tuple(
@@ -128,7 +128,7 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
         for c in centres
     )
     return dataclass_with(
-        Posterior, cells=cells, modes=modes, x_m=float(centre[0]), y_m=float(centre[1]), r95_m=2.45 * sigma_m,
+        Posterior, squares=cells, modes=modes, x_m=float(centre[0]), y_m=float(centre[1]), r95_m=2.45 * sigma_m,
         drms_m=1.4 * sigma_m, p0_dbm=P0_DBM, p0_sigma_db=2.0, eta=ETA, eta_sigma=0.2, sigma_db=2.0,
         decorrelation_m=10.0, white_share=0.5, limit_share=0.0, prior=Prior(), offsets=None,
     )  # fmt: skip

@@ -97,8 +97,8 @@ def censor_at_floor(obs, share):
 
 def region_contains(found, point, slack_m=0.0):
     """Whether the 95 % region holds a point."""
-    chosen = highest_density(found.cells)
-    cells = found.cells
+    chosen = highest_density(found.squares)
+    cells = found.squares
     reach = 0.5 * cells.size_m[chosen] + slack_m
     inside = (np.abs(cells.x_m[chosen] - point[0]) <= reach) & (
         np.abs(cells.y_m[chosen] - point[1]) <= reach

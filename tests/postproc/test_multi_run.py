@@ -157,7 +157,7 @@ def test_a_run_that_never_heard_the_cell_changes_nothing(pair, tmp_path):
     (cell,) = together.cells
     for name in ("x_m", "y_m", "size_m", "probability"):
         np.testing.assert_array_equal(
-            getattr(cell.result.posterior.cells, name), getattr(alone.posterior.cells, name)
+            getattr(cell.result.posterior.squares, name), getattr(alone.posterior.squares, name)
         )
     assert (cell.without, len(cell.shares)) == ({}, 1)
     assert cell.result.warnings == alone.warnings

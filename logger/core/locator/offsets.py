@@ -28,7 +28,7 @@ from logger.core.observations import CellObservations
 _MOST_PLACES = 150
 _LEAST_SHARE = 1e-3
 _FREE_DB = 60.0
-_LOOK = Effort(most_cells=1500, split_share=0.01)
+_LOOK = Effort(most_squares=1500, split_share=0.01)
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,8 +25,8 @@ from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.posterior import BIAS_SHARE, moments_over
 from logger.core.locator.quadtree import Effort, grow
-from logger.core.locator.region import Cells, places
-from logger.core.locator.symmetry import Curve, curve_of
+from logger.core.locator.region import Squares, mode_regions
+from logger.core.locator.symmetry import Curve, fit_curve
 from logger.core.model.blocks import (
     FINEST_BLOCK_M,
     NOTHING_CENSORED,
@@ -42,7 +42,7 @@ from logger.core.spikes import Judged, SpikeFilter
 
 MOST_BLOCKS = 100
 FEWEST_BLOCKS = 4
-EFFORT = Effort(most_cells=500, split_share=0.02, nodes=1, first_share=1.0, samples=0, densest=0)
+EFFORT = Effort(most_squares=500, split_share=0.02, nodes=1, first_share=1.0, samples=0, densest=0)
 
 _MOST_CENSORED = 40
 _KEPT_MASS = 1e-5
@@ -172,16 +172,16 @@ class OnlineLocator:
             return
         self._lost = False
         point_m, variance_m2 = self._block[:2, : self._n], self._block[3, : self._n]
-        self._curve = curve_of(point_m, np.sqrt(variance_m2))
+        self._curve = fit_curve(point_m, np.sqrt(variance_m2))
         walk = single(self._on_curve(0, self._n), self._size_m, self._censored())
         tree = grow(walk, self._prior, EFFORT, log_weight=self._judged(walk))
         mixed = tree.mixture(self._prior)
         kept = np.flatnonzero(mixed.probability > _KEPT_MASS)
         alive = np.flatnonzero(mixed.by_hypothesis > _PLAUSIBLE * np.max(mixed.by_hypothesis))
         square = np.stack([tree.x_m, tree.y_m, tree.size_m])[:, kept]
-        cells = Cells(square[0], square[1], square[2], mixed.probability[kept])
+        cells = Squares(square[0], square[1], square[2], mixed.probability[kept])
         label = np.full(len(kept), -1)
-        for k, indices in enumerate(places(cells, _MODE_LEVEL)):
+        for k, indices in enumerate(mode_regions(cells, _MODE_LEVEL)):
             label[indices] = k
         log_mass = (tree.log_prior + 2.0 * np.log(tree.size_m))[kept]
         searched = self._begun(square, log_mass, tree.numbers[alive], label)

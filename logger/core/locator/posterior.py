@@ -12,8 +12,8 @@ from logger.core.errors import EstimationError
 from logger.core.locator.evidence import Evidence
 from logger.core.locator.offsets import Offsets, first_look, offsets
 from logger.core.locator.quadtree import Effort, Tree, grow, nearest_m
-from logger.core.locator.region import LEVEL, Cells, area_m2, places
-from logger.core.locator.symmetry import symmetrical
+from logger.core.locator.region import LEVEL, Squares, area_m2, mode_regions
+from logger.core.locator.symmetry import snap_to_curve
 from logger.core.locator.timing_advance import timing_of
 from logger.core.model.blocks import Blocks, blocks
 from logger.core.model.prior import Prior
@@ -80,7 +80,7 @@ class Posterior:
     first.
     """
 
-    cells: Cells
+    squares: Squares
     modes: tuple[Mode, ...]
     x_m: float
     y_m: float
@@ -106,7 +106,7 @@ class Posterior:
     @property
     def region_area_m2(self) -> float:
         """Area of the 95 % highest-density region."""
-        return area_m2(self.cells)
+        return area_m2(self.squares)
 
 
 def locate(obs: CellObservations, prior: Prior = Prior(), effort: Effort = Effort()) -> Posterior:  # noqa: B008 (frozen)
@@ -120,7 +120,7 @@ def locate(obs: CellObservations, prior: Prior = Prior(), effort: Effort = Effor
     limit = obs.limit
     if not np.any(limit == 0):
         raise EstimationError("there is no reading of this cell within the modem's scale")
-    obs = symmetrical(obs)
+    obs = snap_to_curve(obs)
     timing = timing_of(obs)
     if timing is not None:
         prior = replace(prior, reach_m=max(prior.reach_m, timing.reach_m))
@@ -174,7 +174,7 @@ def _summary(prior: Prior, gathered: Blocks, tree: Tree, modems: int) -> Posteri
     mixed = tree.mixture(prior)
     bias_m = float(np.sqrt(BIAS_SHARE) * np.median(gathered.position_sigma_m))
     p = _moved(tree, mixed.probability, bias_m)
-    cells = Cells(tree.x_m, tree.y_m, tree.size_m, p)
+    cells = Squares(tree.x_m, tree.y_m, tree.size_m, p)
     square = np.stack(tree[:3])
     modes = _modes(
         cells, lambda among: moments_over(square, tree.evidence, mixed.share, among, p[among])
@@ -192,7 +192,7 @@ def _summary(prior: Prior, gathered: Blocks, tree: Tree, modems: int) -> Posteri
     hypotheses = np.array(prior.hypotheses)[tree.numbers]
     a, d_c = mixed.by_hypothesis @ hypotheses[:, :2]
     return Posterior(
-        cells=cells,
+        squares=cells,
         modes=tuple(found),
         x_m=x_m,
         y_m=y_m,
@@ -215,11 +215,11 @@ def _summary(prior: Prior, gathered: Blocks, tree: Tree, modems: int) -> Posteri
 
 
 def _modes(
-    cells: Cells, moments: Callable[[IntArray], tuple[FloatArray, FloatArray]]
+    cells: Squares, moments: Callable[[IntArray], tuple[FloatArray, FloatArray]]
 ) -> list[tuple[Mode, IntArray]]:
     found = []
     highest = float(np.max(cells.density))
-    for indices in places(cells, _MODE_LEVEL):
+    for indices in mode_regions(cells, _MODE_LEVEL):
         mass = float(np.sum(cells.probability[indices]))
         peak = float(np.max(cells.density[indices])) / highest
         if mass >= _LEAST_MODE or peak >= LEAST_PEAK:
@@ -248,7 +248,7 @@ def _moved(tree: Tree, p: FloatArray, bias_m: float) -> FloatArray:
     return moved
 
 
-def _median(cells: Cells, indices: IntArray) -> tuple[float, float]:
+def _median(cells: Squares, indices: IntArray) -> tuple[float, float]:
     """Geometric median of the mass of some cells, by Weiszfeld's iteration."""
     x_m, y_m, mass = cells.x_m[indices], cells.y_m[indices], cells.probability[indices]
     inner = cells.size_m[indices] / 3.0

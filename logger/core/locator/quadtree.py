@@ -33,7 +33,7 @@ _HOPELESS_NATS = 15.0
 class Effort(NamedTuple):
     """How finely to search.
 
-    Cells with more than `split_share` of the mass are split, until there are `most_cells` more than
+    Cells with more than `split_share` of the mass are split, until there are `most_squares` more than
     at first; sigma is integrated over `nodes`; the first cells are no larger than `first_share` of
     their distance from the walk, which `posterior.locate` gathers into `most_blocks`. Where
     readings are censored hypotheses are compared at `samples` places of each of the two likeliest,
@@ -42,7 +42,7 @@ class Effort(NamedTuple):
     cells.
     """
 
-    most_cells: int = 6000
+    most_squares: int = 6000
     split_share: float = _SPLIT_SHARE
     nodes: int = NODES
     first_share: float = 0.5
@@ -179,9 +179,9 @@ def grow(
     walk = Walk.of(rough, prior, effort, _within(log_weight, _HOPELESS_NATS), log_weight, timing)
     if rough is not blocks:
         walk = walk._replace(
-            effort=effort._replace(most_cells=_MOST_SCOUTS, split_share=5.0 * effort.split_share)
+            effort=effort._replace(most_squares=_MOST_SCOUTS, split_share=5.0 * effort.split_share)
         )
-    begun = _grown(walk, walk.at(first_cells(rough, prior, effort.first_share, timing)))
+    begun = _grown(walk, walk.at(first_squares(rough, prior, effort.first_share, timing)))
     if log_weight is not None and effort.samples:
         log_weight = _weighed(begun, blocks, prior, effort.samples)
         begun = begun._replace(log_weight=log_weight[begun.numbers])
@@ -206,10 +206,10 @@ def _scouted(
     best.
     """
     quick = effort._replace(
-        most_cells=effort.most_cells // 10, split_share=5.0 * effort.split_share
+        most_squares=effort.most_squares // 10, split_share=5.0 * effort.split_share
     )
     walk = Walk.of(rough, prior, quick, [0], None, timing)
-    tree = _grown(walk, walk.at(first_cells(rough, prior, effort.first_share, timing)))
+    tree = _grown(walk, walk.at(first_squares(rough, prior, effort.first_share, timing)))
     best = int(np.argmax(tree.mixture(prior).probability / tree.size_m**2))
     begun_db = np.full(len(prior.hypotheses), prior.sigma_db)
     return log_weights_at(blocks, prior, float(tree.x_m[best]), float(tree.y_m[best]), begun_db)[0]
@@ -243,7 +243,7 @@ def _grown(walk: Walk, tree: Tree) -> Tree:
     """Split what holds much of the mass; at first of a flattened posterior, whose peaks a large
     cell cannot miss.
     """
-    most = len(tree.x_m) + walk.effort.most_cells
+    most = len(tree.x_m) + walk.effort.most_squares
     for power in _FLATTENED:
         p = tree.mixture(walk.prior, power).probability
         tree = _split(
@@ -273,7 +273,7 @@ def nearest_m(blocks: Blocks, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.min(d2, axis=1)), float)
 
 
-def first_cells(
+def first_squares(
     blocks: Blocks, prior: Prior, share: float, timing: Timing | None = None
 ) -> FloatArray:
     """Cells no larger than `share` of their distance from the walk, out to the reach; rows x, y,

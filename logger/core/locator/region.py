@@ -22,7 +22,7 @@ _ROWS = 256
 
 
 @dataclass(frozen=True, slots=True)
-class Cells:
+class Squares:
     """Square cells, shape (n,): centre and side in metres, probability (sum 1)."""
 
     x_m: FloatArray
@@ -39,7 +39,7 @@ class Cells:
         return self.probability / self.size_m**2
 
 
-def highest_density(cells: Cells, level: float = LEVEL) -> IntArray:
+def highest_density(cells: Squares, level: float = LEVEL) -> IntArray:
     """Indices of the densest cells that hold `level` of the mass, densest first."""
     order = np.argsort(-cells.density, kind="stable")
     held = np.cumsum(cells.probability[order])
@@ -47,12 +47,12 @@ def highest_density(cells: Cells, level: float = LEVEL) -> IntArray:
     return order[:count]
 
 
-def area_m2(cells: Cells, level: float = LEVEL) -> float:
+def area_m2(cells: Squares, level: float = LEVEL) -> float:
     """Area of the highest-density set."""
     return float(np.sum(cells.size_m[highest_density(cells, level)] ** 2))
 
 
-def places(cells: Cells, level: float) -> list[IntArray]:
+def mode_regions(cells: Squares, level: float) -> list[IntArray]:
     """Split a highest-density set into places, each the indices of its cells.
 
     Cells are added from the densest on; one that touches nothing opens a place, others join the
@@ -80,7 +80,7 @@ def _root(peak: list[int], k: int) -> int:
     return k
 
 
-def _denser_neighbours(cells: Cells, chosen: IntArray) -> list[IntArray]:
+def _denser_neighbours(cells: Squares, chosen: IntArray) -> list[IntArray]:
     """For each chosen cell those before it that share an edge or a corner with it."""
     x, y, half = cells.x_m[chosen], cells.y_m[chosen], 0.5 * cells.size_m[chosen] * (1.0 + 1e-6)
     found = []

@@ -1,4 +1,4 @@
-"""Which places of a posterior count beside its best one, and their shares in whole percents that
+"""Which places of a posterior count beside its best one, and their shares in whole whole_percents that
 add up.
 """
 
@@ -14,7 +14,7 @@ nowhere.
 """
 
 
-def counting(modes: Sequence[Mode]) -> tuple[Mode, ...]:
+def relevant_modes(modes: Sequence[Mode]) -> tuple[Mode, ...]:
     """The best place, and those that cannot be dismissed: for their mass, or since they fit as well
     though small.
     """
@@ -27,8 +27,8 @@ def _is_rival(mode: Mode) -> bool:
     )
 
 
-def percents(modes: Sequence[Mode]) -> list[int]:
-    """Probabilities of `counting` places in whole percents, rounded so that their sum is that of
+def whole_percents(modes: Sequence[Mode]) -> list[int]:
+    """Probabilities of `counting` places in whole whole_percents, rounded so that their sum is that of
     the probabilities.
 
     None of several is 0 or 100.

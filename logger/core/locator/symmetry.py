@@ -52,7 +52,7 @@ class Curve(NamedTuple):
         return np.asarray(off * (1.0 - self.radius_m / np.maximum(np.hypot(*off), _LEAST_M)), float)
 
 
-def curve_of(point_m: FloatArray, position_sigma_m: FloatArray) -> Curve | None:
+def fit_curve(point_m: FloatArray, position_sigma_m: FloatArray) -> Curve | None:
     """The line, or else the circle, that a track (2, n) with errors (n,) may be; None where it is
     neither.
     """
@@ -65,10 +65,10 @@ def curve_of(point_m: FloatArray, position_sigma_m: FloatArray) -> Curve | None:
     )
 
 
-def symmetrical(obs: CellObservations) -> CellObservations:
+def snap_to_curve(obs: CellObservations) -> CellObservations:
     """The readings moved to the curve that their track may be."""
     point_m = np.stack([obs.x_m, obs.y_m])
-    curve = curve_of(point_m, obs.position_sigma_m)
+    curve = fit_curve(point_m, obs.position_sigma_m)
     if curve is None:
         return obs
     x_m, y_m = curve.moved(point_m)

@@ -25,7 +25,7 @@ import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
 from logger.core.locator.mixture import log_sum
-from logger.core.locator.region import Cells
+from logger.core.locator.region import Squares
 from logger.core.model.blocks import FINEST_BLOCK_M, squares
 from logger.core.observations import LAST_TA, CellObservations
 
@@ -99,7 +99,7 @@ class Timing(NamedTuple):
         reaches = off_m < 0.5 * STEP_M + 2.0 * BIAS_SIGMA_M + np.sqrt(0.5) * square[2]
         return np.asarray(np.any(reaches, axis=0), bool)
 
-    def check(self, cells: Cells) -> "TimingCheck":
+    def check(self, cells: Squares) -> "TimingCheck":
         """How many places' TA disagree with a posterior: less than 5 % of it is where they fit,
         within 2 sigma.
         """

@@ -24,7 +24,7 @@ LEAST_LOG_FACTOR = 5.0
 Of 200 simulated walks past one source none exceeds it, of 165 measured ones 6.
 """
 
-_EFFORT = Effort(most_cells=800, split_share=0.01, nodes=3, densest=0)
+_EFFORT = Effort(most_squares=800, split_share=0.01, nodes=3, densest=0)
 _BLOCKS = 80
 _FEWEST = 8
 _FEWEST_READINGS = 40

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from logger.core.locator.posterior import Mode, Posterior, locate
-from logger.core.locator.rivals import counting, percents
+from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division, divide
 from logger.core.observations import CellObservations
 
@@ -63,8 +63,8 @@ def verdict(
     reasons = _too_little(posterior, obs, larger)
     if reasons:
         return "cannot tell", reasons
-    places = counting(posterior.modes)
-    shares = percents(places)
+    places = relevant_modes(posterior.modes)
+    shares = whole_percents(places)
     if len(places) == 1:
         return "located", [
             f"one place holds {shares[0]}%; 95 % lie within {posterior.r95_m:.0f} m of it"
@@ -115,7 +115,7 @@ def _too_little(posterior: Posterior, obs: CellObservations, larger: float) -> l
     """Why the readings do not hold the answer."""
     walk_m = float(np.hypot(np.ptp(obs.x_m), np.ptp(obs.y_m)))
     radius_m = float(np.sqrt(posterior.region_area_m2 / np.pi))
-    places = counting(posterior.modes)
+    places = relevant_modes(posterior.modes)
     rivals = len(places) > 1
     # a single place may have a thin far tail, which widens its ellipse but not the radius that
     # holds 95 %
@@ -150,5 +150,5 @@ def _allowed_m(posterior: Posterior, obs: CellObservations, walk_m: float) -> fl
     Several places may each be twice as large: what counts there is that they are told apart.
     """
     median_m = float(np.median(np.hypot(obs.x_m - posterior.x_m, obs.y_m - posterior.y_m)))
-    share = 1.0 if len(counting(posterior.modes)) > 1 else 0.5
+    share = 1.0 if len(relevant_modes(posterior.modes)) > 1 else 0.5
     return share * min(walk_m, max(median_m, 60.0))

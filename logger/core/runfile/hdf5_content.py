@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 
 from logger.core.errors import RunFileError
-from logger.core.rows import Rows, described
+from logger.core.rows import Rows, parse_dtypes
 from logger.core.runfile.hdf5 import FORMAT, FRAME_DTYPE, FRAMES, RAW_BYTES
 from logger.core.runfile.journal_reader import decode_meta
 from logger.core.runfile.limits import most_kept_bytes, most_unpacked_bytes
@@ -67,7 +67,7 @@ class Content:
 
     def tables(self, meta: RunMeta) -> Mapping[str, h5py.Dataset]:
         """All tables, with the bytes and the frames, by name."""
-        dtypes = {**described(meta.columns), RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
+        dtypes = {**parse_dtypes(meta.columns), RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
         found = {name: self.table(name, dtype) for name, dtype in dtypes.items()}
         n_bytes = sum(dataset.nbytes for dataset in found.values())
         if n_bytes > most_unpacked_bytes(self.file_bytes):

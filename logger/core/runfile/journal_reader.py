@@ -12,8 +12,8 @@ import msgspec
 import numpy as np
 
 from logger.core.errors import RunFileError
-from logger.core.live_settings import restored
-from logger.core.rows import Rows, described, dtypes_of
+from logger.core.live_settings import restore_settings
+from logger.core.rows import Rows, dtypes_of, parse_dtypes
 from logger.core.runfile.chain import Chain
 from logger.core.runfile.file_buffer import buffer_of
 from logger.core.runfile.frames import MAX_PAYLOAD, Buffer, Frame, Kind, Skipped, payload_of, scan
@@ -179,7 +179,7 @@ class JournalParts:
             text = self._unpacked(buffers, entry)
             if text is not None:
                 self._meta, self.meta_text = decode_meta(text, self.path), text
-                return described(self._meta.columns)
+                return parse_dtypes(self._meta.columns)
         versions = np.unique(index["schema"])
         if len(versions) != 1 or not OLDEST_DESCRIBED <= versions[0] <= SCHEMA_VERSION:
             raise RunFileError(f"{self.path} has lost its table definitions")
@@ -196,9 +196,11 @@ def decode_meta(text: bytes, path: Path) -> RunMeta:
         found = msgspec.json.decode(text)
         schema = found.get("schema")
         if schema <= SCHEMA_VERSION:
-            meta = msgspec.convert(found | {"live": restored(found.get("live") or {})}, RunMeta)
+            meta = msgspec.convert(
+                found | {"live": restore_settings(found.get("live") or {})}, RunMeta
+            )
             check_meta(meta)
-            described(meta.columns)
+            parse_dtypes(meta.columns)
             return meta
     except (msgspec.MsgspecError, ValueError, AttributeError, TypeError, RecursionError) as error:
         raise RunFileError(

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.errors import RunFileError
-from logger.core.rows import DTYPES, Rows, as_of_now, values_of
+from logger.core.rows import DTYPES, Rows, to_current_columns, values_of
 from logger.core.runfile.hdf5 import RAW_BYTES
 from logger.core.runfile.hdf5_reading import read_hdf5
 from logger.core.runfile.journal_reader import JournalParts
@@ -119,7 +119,7 @@ def check_file(path: Path) -> None:
 def _read_hdf5(path: Path) -> Run:
     meta, end, damage, digest, arrays, n_raw = read_hdf5(path)
     raw_bytes = arrays.pop(RAW_BYTES)
-    tables = {table: as_of_now(table, rows) for table, rows in arrays.items()}
+    tables = {table: to_current_columns(table, rows) for table, rows in arrays.items()}
     return Run(
         path, "hdf5", meta, end, damage, tables, raw_bytes, end.digest if end else digest, n_raw
     )
@@ -143,7 +143,7 @@ def _read_journal(path: Path) -> Run:
         if part.table:
             rows[part.table].append(found)
     tables = {
-        t: as_of_now(t, np.concatenate(found)) if found else np.empty(0, DTYPES[t])
+        t: to_current_columns(t, np.concatenate(found)) if found else np.empty(0, DTYPES[t])
         for t, found in rows.items()
     }
     raw_bytes = np.frombuffer(raw if len(raw) == n_raw else b"", np.uint8)

@@ -10,7 +10,7 @@ import msgspec
 from logger.core.runfile.frames import Kind
 from logger.core.runfile.journal import Journal
 from logger.core.runfile.meta import RunEnd, RunMeta, stop_text
-from logger.core.schema import packed, row_size, rows_of
+from logger.core.schema import pack_rows, row_size, rows_of
 from logger.core.types import RawBytes, Record
 
 FRAME_RECORDS = 4096
@@ -117,12 +117,12 @@ class RunWriter:
     def _queue_rows(self) -> None:
         if self._raw:
             self._journal.add(
-                Kind.RAW, raw_payload(packed("raw", self._raw), bytes(self._raw_data))
+                Kind.RAW, raw_payload(pack_rows("raw", self._raw), bytes(self._raw_data))
             )
             self._raw.clear()
             self._raw_data.clear()
         for table, rows in self._rows.items():
-            self._journal.add(Kind.ROWS, rows_payload(table, packed(table, rows)))
+            self._journal.add(Kind.ROWS, rows_payload(table, pack_rows(table, rows)))
         self._rows.clear()
 
 

@@ -151,7 +151,7 @@ def located(station: Station, x_m: FloatArray, y_m: FloatArray, level_dbm: Float
 
 def holds(found: Posterior, x_m: float, y_m: float) -> bool:
     """Whether the 95 % region holds a place."""
-    cells, chosen = found.cells, highest_density(found.cells)
+    cells, chosen = found.squares, highest_density(found.squares)
     off_m = np.maximum(np.abs(cells.x_m[chosen] - x_m), np.abs(cells.y_m[chosen] - y_m))
     return bool(np.any(off_m <= 0.5 * cells.size_m[chosen]))
 

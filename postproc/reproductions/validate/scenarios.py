@@ -172,7 +172,7 @@ def _second(walk: Walked) -> float:
 
 def _mirrored(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> float:
     """Probability of the side of the first line where the station is not."""
-    cells = locate(observations(x_m, y_m, level_dbm)).cells
+    cells = locate(observations(x_m, y_m, level_dbm)).squares
     beyond = cells.y_m > float(observations(x_m, y_m, level_dbm).y_m[0])
     return float(np.sum(cells.probability[beyond]))
 

@@ -14,7 +14,7 @@ from logger.core.locator.verdict import verdict
 from tests.kit.scaling import cost_growth
 from tests.kit.walks import FLOOR_DBM, observations, path, simulate
 
-QUICK = Effort(most_cells=400, split_share=0.02, nodes=3, first_share=1.0)
+QUICK = Effort(most_squares=400, split_share=0.02, nodes=3, first_share=1.0)
 RNG = np.random.default_rng(27)
 
 
@@ -44,8 +44,8 @@ def answer(obs, effort=QUICK):
     )
     assert np.all(np.isfinite(numbers))
     assert found.modes
-    assert found.cells.probability.sum() == pytest.approx(1.0, abs=1e-6)
-    assert np.min(found.cells.probability) >= 0.0
+    assert found.squares.probability.sum() == pytest.approx(1.0, abs=1e-6)
+    assert np.min(found.squares.probability) >= 0.0
     assert found.r95_m > 0.0
     return found, *verdict(found, obs)
 

@@ -49,7 +49,7 @@ def drawn(rng, prior, shape):
 
 def level_of(found, point, rng):
     """Mass of all places denser than that of a point; that of its own cell by chance."""
-    cells = found.cells
+    cells = found.squares
     off = np.maximum(np.abs(cells.x_m - point[0]), np.abs(cells.y_m - point[1])) / cells.size_m
     own = int(np.argmin(off))
     denser = cells.density > cells.density[own]

@@ -145,9 +145,9 @@ def test_told_offset_is_that_of_the_joint_normal(row):
 def test_one_modem_changes_no_bit():
     bent, _, _ = two_walks(0)
     alone, numbered = locate(bent), locate(replace(bent, modem=np.zeros(len(bent), np.int64)))
-    for field in fields(alone.cells):
+    for field in fields(alone.squares):
         np.testing.assert_array_equal(
-            getattr(alone.cells, field.name), getattr(numbered.cells, field.name)
+            getattr(alone.squares, field.name), getattr(numbered.squares, field.name)
         )
     assert (alone.log_evidence, alone.p0_dbm, alone.offsets) == (
         numbered.log_evidence,

@@ -41,13 +41,13 @@ def test_numbers_are_those_of_the_cells():
     obs, _ = walked(28, "L", shadow_db=4.0)
     found = locate(obs)
     p, away = (
-        found.cells.probability,
-        np.hypot(found.cells.x_m - found.x_m, found.cells.y_m - found.y_m),
+        found.squares.probability,
+        np.hypot(found.squares.x_m - found.x_m, found.squares.y_m - found.y_m),
     )
     assert p.sum() == pytest.approx(1.0)
     assert p[away <= found.r95_m].sum() == pytest.approx(0.95, abs=0.01)
     assert found.drms_m == pytest.approx(np.sqrt(p @ away**2), rel=0.02)
-    assert found.region_area_m2 == np.sum(found.cells.size_m[highest_density(found.cells)] ** 2)
+    assert found.region_area_m2 == np.sum(found.squares.size_m[highest_density(found.squares)] ** 2)
     assert sum(mode.probability for mode in found.modes) == pytest.approx(1.0, abs=0.02)
     assert [m.probability for m in found.modes] == sorted(
         (m.probability for m in found.modes), reverse=True
@@ -87,7 +87,7 @@ def test_what_is_finite_stays_finite_where_most_cells_hold_nothing():
 def test_no_place_is_known_better_than_the_cell_it_is_in():
     x, y = path("square", 150, 5.6)
     found = locate(observations(x, y, -30 - 32 * np.log10(np.hypot(x - 100, y - 60))))
-    assert found.r95_m > 0.3 * np.min(found.cells.size_m)
+    assert found.r95_m > 0.3 * np.min(found.squares.size_m)
 
 
 def test_no_reading_at_all():
@@ -201,7 +201,7 @@ def test_standing_still_adds_no_certainty():
 def test_the_search_reaches_as_far_as_it_says():
     obs, _ = walked(29, "square")
     for reach_m in (500.0, 30_000.0):
-        cells = locate(obs, Prior(reach_m=reach_m)).cells
+        cells = locate(obs, Prior(reach_m=reach_m)).squares
         assert np.max(np.abs(cells.x_m) + 0.5 * cells.size_m) >= reach_m
         assert np.max(np.abs(cells.y_m) + 0.5 * cells.size_m) >= reach_m
 
@@ -215,8 +215,10 @@ def test_mass_at_the_end_of_the_search_is_told(far_power):
     noise = np.random.default_rng(30).normal(size=len(x))
     obs = observations(x, y, 20 - 30 * np.log10(np.hypot(x - 10_000, y)) + noise)
     found = locate(obs, Prior(reach_m=3000.0, far_power=far_power))
-    away = np.hypot(found.cells.x_m - 100, found.cells.y_m - 100)
-    assert found.limit_share == pytest.approx(found.cells.probability[away > 2200.0].sum(), abs=0.1)
+    away = np.hypot(found.squares.x_m - 100, found.squares.y_m - 100)
+    assert found.limit_share == pytest.approx(
+        found.squares.probability[away > 2200.0].sum(), abs=0.1
+    )
     assert found.limit_share > 0.02
     assert found.at_limit
     told, reasons = verdict(found, obs)
@@ -238,7 +240,7 @@ def test_an_error_of_the_receiver_that_lasts_moves_the_answer_along(position_sig
     x, y = path("square", 150, 5.6)
     level = np.round(-30 - 32 * np.log10(np.hypot(x - 100, y - 90)))
     found = locate(observations(x, y, level, position_sigma))
-    p, cells = found.cells.probability, found.cells
+    p, cells = found.squares.probability, found.squares
     for at in (cells.x_m, cells.y_m):
         assert np.sqrt(p @ (at - p @ at) ** 2) > 0.9 * np.sqrt(BIAS_SHARE) * position_sigma
 

@@ -6,8 +6,8 @@ import pytest
 
 from logger.core.locator import evidence
 from logger.core.locator.mixture import mixture
-from logger.core.locator.quadtree import Effort, first_cells, grow
-from logger.core.locator.region import Cells, area_m2, highest_density
+from logger.core.locator.quadtree import Effort, first_squares, grow
+from logger.core.locator.region import Squares, area_m2, highest_density
 from logger.core.locator.timing_advance import STEP_M, timing_of
 from logger.core.model.blocks import blocks
 from logger.core.model.noise import whiteners
@@ -70,7 +70,7 @@ def both(count, most):
 
 
 def cells_of(tree, prior=SMALL):
-    return Cells(tree.x_m, tree.y_m, tree.size_m, tree.mixture(prior).probability)
+    return Squares(tree.x_m, tree.y_m, tree.size_m, tree.mixture(prior).probability)
 
 
 def held_by(cells, inside, parts=6):
@@ -118,7 +118,7 @@ def test_mean_spread_and_noise_are_those_of_a_fine_grid(count, most):
 @WALKS
 def test_region_is_that_of_a_fine_grid(count, most):
     tree, (x, y, exact) = both(count, most)
-    grid = Cells(x, y, np.full(len(x), 5.0), exact.probability)
+    grid = Squares(x, y, np.full(len(x), 5.0), exact.probability)
     for level in (0.5, 0.95):
         assert area_m2(cells_of(tree), level) == pytest.approx(area_m2(grid, level), rel=0.1)
 
@@ -165,9 +165,9 @@ def test_no_plausible_noise_is_left_out_for_the_fewer_blocks_of_the_beginning():
 
 
 @pytest.mark.parametrize("share", [0.5, 1.0])
-def test_first_cells_are_small_near_the_walk_and_reach_the_end(share):
+def test_first_squares_are_small_near_the_walk_and_reach_the_end(share):
     track = blocks(walk(), 300)
-    x, y, size = first_cells(track, Prior(), share)
+    x, y, size = first_squares(track, Prior(), share)
     away = np.min(np.hypot(x[:, None] - track.x_m, y[:, None] - track.y_m), axis=1)
     assert np.all(size <= np.maximum(10.0 * share, share * away) + 1e-9)
     assert np.sum(size**2) == pytest.approx((2.0 * Prior().reach_m + 180.0) ** 2, rel=1e-9)
@@ -175,10 +175,10 @@ def test_first_cells_are_small_near_the_walk_and_reach_the_end(share):
     assert len(x) < 3000
 
 
-def test_first_cells_on_a_ring_of_the_timing_advance_are_no_larger_than_its_step():
+def test_first_squares_on_a_ring_of_the_timing_advance_are_no_larger_than_its_step():
     track, told = blocks(walk(), 300), replace(walk(), ta=np.full(24, 20))
-    plain = first_cells(track, Prior(), 0.5)
-    x, y, size = first_cells(track, Prior(), 0.5, timing_of(told))
+    plain = first_squares(track, Prior(), 0.5)
+    x, y, size = first_squares(track, Prior(), 0.5, timing_of(told))
     away = np.hypot(x - 90.0, y - 60.0)
     ring = (away > 19.0 * STEP_M) & (away < 21.0 * STEP_M)
     assert np.max(size[ring]) <= STEP_M < np.max(plain[2])
@@ -204,7 +204,7 @@ def test_places_of_the_prior_fade_beyond_what_is_near():
 def test_less_effort_is_fewer_cells_and_much_the_same_answer():
     obs = walk(60)
     full = grow(blocks(obs, 300), SMALL)
-    effort = Effort(most_cells=500, split_share=0.02, nodes=3, first_share=1.0, densest=0)
+    effort = Effort(most_squares=500, split_share=0.02, nodes=3, first_share=1.0, densest=0)
     little = grow(blocks(obs, 300), SMALL, effort)
     assert len(little.x_m) < 0.5 * len(full.x_m)
     p, q = (tree.mixture(SMALL).probability for tree in (little, full))
@@ -215,7 +215,7 @@ def test_less_effort_is_fewer_cells_and_much_the_same_answer():
 
 def test_cells_are_bounded():
     obs, _ = simulate(np.random.default_rng(6), "square", white_db=0.5, count=150, step=5.6)
-    effort = Effort(most_cells=800)
+    effort = Effort(most_squares=800)
     tree = grow(blocks(obs, 300), Prior(), effort)
-    first = first_cells(blocks(obs, 300), Prior(), effort.first_share).shape[1]
-    assert len(tree.x_m) < first + 4 * effort.most_cells
+    first = first_squares(blocks(obs, 300), Prior(), effort.first_share).shape[1]
+    assert len(tree.x_m) < first + 4 * effort.most_squares

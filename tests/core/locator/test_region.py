@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from logger.core.locator import region
-from logger.core.locator.region import Cells
+from logger.core.locator.region import Squares
 
 
 def gaussians(*peaks, count=100, size=4.0):
@@ -12,7 +12,7 @@ def gaussians(*peaks, count=100, size=4.0):
     mass = sum(
         w / s**2 * np.exp(-((x - a) ** 2 + (y - b) ** 2) / (2 * s * s)) for w, a, b, s in peaks
     )
-    return Cells(x, y, np.full(x.size, size), mass / mass.sum())
+    return Squares(x, y, np.full(x.size, size), mass / mass.sum())
 
 
 def quartered(cells, wanted):
@@ -25,7 +25,7 @@ def quartered(cells, wanted):
             y.append(cells.y_m[wanted] + j * quarter)
             size.append(2.0 * quarter)
             p.append(0.25 * cells.probability[wanted])
-    return Cells(*(np.concatenate(v) for v in (x, y, size, p)))
+    return Squares(*(np.concatenate(v) for v in (x, y, size, p)))
 
 
 # --- highest density ---
@@ -38,14 +38,14 @@ def test_area_of_a_gaussian(level, chi2):
 
 
 def test_dense_cells_come_first_whatever_their_size():
-    cells = Cells(np.array([0.0, 10.0]), np.zeros(2), np.array([1.0, 10.0]), np.array([0.4, 0.6]))
+    cells = Squares(np.array([0.0, 10.0]), np.zeros(2), np.array([1.0, 10.0]), np.array([0.4, 0.6]))
     np.testing.assert_array_equal(region.highest_density(cells, 0.3), [0])
     np.testing.assert_array_equal(region.highest_density(cells, 0.95), [0, 1])
 
 
 def test_no_other_set_of_the_same_mass_is_smaller():
     rng = np.random.default_rng(1)
-    cells = Cells(
+    cells = Squares(
         np.arange(12.0), np.zeros(12), rng.uniform(0.5, 3.0, 12), rng.dirichlet(np.ones(12))
     )
     chosen = region.highest_density(cells, 0.8)
@@ -62,14 +62,17 @@ def test_how_finely_the_plane_is_cut_does_not_matter():
     cells = gaussians((0.7, -60.0, 0.0, 20.0), (0.3, 60.0, 0.0, 20.0))
     finer = quartered(cells, cells.x_m > 0.0)
     assert region.area_m2(finer) == pytest.approx(region.area_m2(cells), rel=1e-3)
-    held = [sorted(c.probability[k].sum() for k in region.places(c, 0.999)) for c in (cells, finer)]
+    held = [
+        sorted(c.probability[k].sum() for k in region.mode_regions(c, 0.999))
+        for c in (cells, finer)
+    ]
     assert held[1] == pytest.approx(held[0], abs=1e-3)
 
 
 def test_all_mass():
     cells = gaussians((1.0, 0.0, 0.0, 30.0), count=10, size=30.0)
     assert len(region.highest_density(cells, 1.0)) == len(cells)
-    assert region.area_m2(Cells(np.zeros(1), np.zeros(1), np.full(1, 10.0), np.ones(1))) == 100.0
+    assert region.area_m2(Squares(np.zeros(1), np.zeros(1), np.full(1, 10.0), np.ones(1))) == 100.0
 
 
 # --- places ---
@@ -77,13 +80,14 @@ def test_all_mass():
 
 def test_two_peaks_are_two_places():
     cells = gaussians((0.7, -80.0, 0.0, 20.0), (0.3, 80.0, 0.0, 20.0))
-    found = region.places(cells, 0.999)
+    found = region.mode_regions(cells, 0.999)
     assert sorted(cells.probability[k].sum() for k in found) == pytest.approx([0.3, 0.7], abs=0.01)
 
 
 def test_near_peaks_are_one_place():
     assert (
-        len(region.places(gaussians((0.5, -22.0, 0.0, 20.0), (0.5, 22.0, 0.0, 20.0)), 0.999)) == 1
+        len(region.mode_regions(gaussians((0.5, -22.0, 0.0, 20.0), (0.5, 22.0, 0.0, 20.0)), 0.999))
+        == 1
     )
 
 
@@ -93,35 +97,35 @@ def test_the_pass_between_two_peaks_decides(apart_m, count):
     cells = gaussians(
         (0.5, -apart_m / 2, 0.0, 20.0), (0.5, apart_m / 2, 0.0, 20.0), count=200, size=2.0
     )
-    assert len(region.places(cells, 0.999)) == count
+    assert len(region.mode_regions(cells, 0.999)) == count
 
 
 def test_a_ring_is_one_place():
     """Peaks along it meet one after the other, the last one the first."""
     angle = np.linspace(0.0, 2.0 * np.pi, 17)[:-1]
     ring = [(1.0, 120.0 * np.cos(a), 120.0 * np.sin(a), 20.0) for a in angle]
-    assert len(region.places(gaussians(*ring), 0.99)) == 1
+    assert len(region.mode_regions(gaussians(*ring), 0.99)) == 1
 
 
 def test_cells_that_meet_at_a_corner_touch():
-    cells = Cells(
+    cells = Squares(
         np.array([0.0, 1.0, 3.0]),
         np.array([0.0, 1.0, 3.0]),
         np.ones(3),
         np.array([0.4, 0.35, 0.25]),
     )
-    assert sorted(len(k) for k in region.places(cells, 1.0)) == [1, 2]
+    assert sorted(len(k) for k in region.mode_regions(cells, 1.0)) == [1, 2]
 
 
 def test_large_cells_touch_small_ones():
-    cells = Cells(
+    cells = Squares(
         np.array([0.0, 5.5]), np.array([0.0, 4.9]), np.array([1.0, 10.0]), np.array([0.02, 0.98])
     )
-    assert len(region.places(cells, 1.0)) == 1
+    assert len(region.mode_regions(cells, 1.0)) == 1
 
 
 def test_places_share_no_cell_and_hold_the_level():
     cells = gaussians((0.5, -60.0, 0.0, 15.0), (0.3, 60.0, 40.0, 25.0), (0.2, 0.0, -90.0, 10.0))
-    together = np.concatenate(region.places(cells, 0.99))
+    together = np.concatenate(region.mode_regions(cells, 0.99))
     assert len(np.unique(together)) == len(together)
     assert cells.probability[together].sum() == pytest.approx(0.99, abs=0.001)

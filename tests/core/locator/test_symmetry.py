@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from logger.core.locator.posterior import locate
-from logger.core.locator.symmetry import symmetrical
+from logger.core.locator.symmetry import snap_to_curve
 from tests.kit.walks import add_position_errors, observations, path, simulate
 
 SIGMA_M = 5.0
@@ -19,7 +19,7 @@ def test_a_straight_track_with_errors_becomes_a_line(turn):
         obs.x_m * np.cos(turn) - obs.y_m * np.sin(turn),
         obs.x_m * np.sin(turn) + obs.y_m * np.cos(turn),
     )
-    found = symmetrical(replace(obs, x_m=x, y_m=y))
+    found = snap_to_curve(replace(obs, x_m=x, y_m=y))
     assert (
         np.linalg.svd(np.stack([found.x_m, found.y_m]) - [[found.x_m.mean()], [found.y_m.mean()]])[
             1
@@ -31,7 +31,7 @@ def test_a_straight_track_with_errors_becomes_a_line(turn):
 
 def test_a_round_track_with_errors_becomes_a_circle():
     x, y = path("circle")
-    found = symmetrical(
+    found = snap_to_curve(
         add_position_errors(
             np.random.default_rng(2), SIGMA_M, observations(x + 300.0, y, np.zeros(600))
         )
@@ -52,13 +52,13 @@ def test_other_walks_stay_as_they_are(shape):
     obs = add_position_errors(
         np.random.default_rng(3), SIGMA_M, observations(*path(shape), np.zeros(600))
     )
-    assert symmetrical(obs) is obs
+    assert snap_to_curve(obs) is obs
 
 
 @pytest.mark.parametrize("shape", ["straight", "circle"])
 def test_a_track_without_errors_stays_as_it_is(shape):
     bent = observations(*path(shape), np.zeros(600))
-    found = symmetrical(replace(bent, y_m=bent.y_m + 0.1 * np.sin(bent.x_m)))
+    found = snap_to_curve(replace(bent, y_m=bent.y_m + 0.1 * np.sin(bent.x_m)))
     np.testing.assert_array_equal(found.y_m, bent.y_m + 0.1 * np.sin(bent.x_m))
 
 
@@ -66,7 +66,7 @@ def test_a_track_without_errors_stays_as_it_is(shape):
 def test_a_few_readings_and_one_place_are_no_trouble(count):
     for step in (0.0, 5.0):
         x = step * np.arange(count)
-        found = symmetrical(observations(x, x, np.zeros(count), position_sigma=3.0))
+        found = snap_to_curve(observations(x, x, np.zeros(count), position_sigma=3.0))
         assert np.allclose(found.x_m, x, atol=4.5)
 
 
@@ -76,5 +76,5 @@ def test_errors_of_the_fixes_do_not_tell_a_place_from_its_mirror_image():
     """
     for seed in range(4):
         rng = np.random.default_rng(seed)
-        cells = locate(add_position_errors(rng, SIGMA_M, simulate(rng, "straight")[0])).cells
+        cells = locate(add_position_errors(rng, SIGMA_M, simulate(rng, "straight")[0])).squares
         assert 0.2 < np.sum(cells.probability[cells.y_m > 0.0]) < 0.8

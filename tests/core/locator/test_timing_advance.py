@@ -11,7 +11,7 @@ from logger.core.geo import Utm
 from logger.core.locator import evidence
 from logger.core.locator.posterior import locate
 from logger.core.locator.quadtree import Effort, grow
-from logger.core.locator.region import Cells
+from logger.core.locator.region import Squares
 from logger.core.locator.timing_advance import (
     BIAS_M,
     BIAS_SIGMA_M,
@@ -206,7 +206,7 @@ def test_tree_is_that_of_a_fine_grid():
     fine = grow(
         blocks(obs, 300),
         prior,
-        Effort(most_cells=40_000, split_share=2e-4, first_share=0.2),
+        Effort(most_squares=40_000, split_share=2e-4, first_share=0.2),
         timing=found,
     )
     q = fine.mixture(prior).probability
@@ -235,7 +235,7 @@ def test_reach_follows_the_ring():
 
 def test_check_counts_places_that_disagree():
     x = np.arange(0.0, 1000.0, 100.0)
-    here = Cells(np.array([1000.0]), np.array([0.0]), np.array([10.0]), np.ones(1))
+    here = Squares(np.array([1000.0]), np.array([0.0]), np.array([10.0]), np.ones(1))
     agrees = of(x, np.floor((1000.0 - x + 200.0) / STEP_M)).check(here)
     assert (agrees.places, agrees.disagree, agrees.warning) == (10, 0, None)
     some = of(x, [7, 7, 1, 1, 1, 1, 1, 1, 1, 0]).check(here)
@@ -258,7 +258,7 @@ def test_no_ta_is_no_timing():
 def test_unknown_ta_changes_no_bit():
     obs, _ = simulate(np.random.default_rng(1), "L", CASES["0.3-2 km"])
     none, unknown = (locate(replace(obs, ta=ta), WHITE) for ta in (None, np.full(len(obs), -1)))
-    assert np.array_equal(none.cells.probability, unknown.cells.probability)
+    assert np.array_equal(none.squares.probability, unknown.squares.probability)
     assert none.log_evidence == unknown.log_evidence
 
 

@@ -262,7 +262,7 @@ def test_with_readings_at_the_floor_noise_is_believed_as_without_a_floor():
     """Levels alone are the high ones near the floor, which looks like less and like correlated
     noise.
     """
-    rng, quick = np.random.default_rng(30), Effort(most_cells=1000, samples=4)
+    rng, quick = np.random.default_rng(30), Effort(most_squares=1000, samples=4)
     walks = [simulate(rng, "square", count=120, step=7.0)[0] for _ in range(2)]
     ways = (
         lambda obs: obs,

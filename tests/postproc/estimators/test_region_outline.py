@@ -6,7 +6,7 @@ import shapely
 from shapely.geometry import Point, shape
 
 from logger.core.geo import Utm
-from logger.core.locator.region import Cells, area_m2
+from logger.core.locator.region import Squares, area_m2
 from postproc.estimators.region_outline import geojson, outline, polygons
 
 UTM = Utm(32)
@@ -20,7 +20,7 @@ def gaussians(*peaks, count=100, size=4.0):
     mass = sum(
         w / s**2 * np.exp(-((x - a) ** 2 + (y - b) ** 2) / (2 * s * s)) for w, a, b, s in peaks
     )
-    return Cells(x + EAST, y + NORTH, np.full(x.size, size), mass / mass.sum())
+    return Squares(x + EAST, y + NORTH, np.full(x.size, size), mass / mass.sum())
 
 
 def test_polygons_have_the_area_of_the_region():
@@ -33,7 +33,7 @@ def test_cells_of_several_sizes_leave_no_gap():
     x = np.array([0.0, 3.0, 3.0, 5.0]) + EAST
     y = np.array([0.0, 1.0, -1.0, 1.0]) + NORTH
     found = polygons(
-        Cells(x, y, np.array([4.0, 2.0, 2.0, 2.0]), np.array([0.4, 0.2, 0.2, 0.2])), 1.0
+        Squares(x, y, np.array([4.0, 2.0, 2.0, 2.0]), np.array([0.4, 0.2, 0.2, 0.2])), 1.0
     )
     assert len(found.geoms) == 1
     assert not found.geoms[0].interiors
@@ -74,6 +74,6 @@ def test_holes_run_clockwise():
 
 
 def test_one_cell():
-    cells = Cells(np.array([EAST]), np.array([NORTH]), np.array([10.0]), np.array([1.0]))
+    cells = Squares(np.array([EAST]), np.array([NORTH]), np.array([10.0]), np.array([1.0]))
     assert len(geojson(cells, UTM)["coordinates"]) == 1
     assert polygons(cells).area == pytest.approx(100.0, rel=1e-4)

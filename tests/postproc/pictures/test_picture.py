@@ -33,12 +33,12 @@ def test_headline_is_honest(result):
 
 def test_region_out_of_all_proportion_leaves_the_walk_in_sight(result):
     cell = result.cells[0]
-    cells = cell.posterior.cells
+    cells = cell.posterior.squares
     x, y = cells.x_m.mean(), cells.y_m.mean()
     far = replace(
         cells, x_m=x + 50 * (cells.x_m - x), y_m=y + 50 * (cells.y_m - y), size_m=cells.size_m * 50
     )
-    huge = replace(result, cells=(replace(cell, posterior=replace(cell.posterior, cells=far)),))
+    huge = replace(result, cells=(replace(cell, posterior=replace(cell.posterior, squares=far)),))
     box = picture_of(huge).box
     assert box.holds(0.0, 0.0)
     assert box.size < 400.0

@@ -3,7 +3,7 @@ from io import BytesIO
 import numpy as np
 from PIL import Image
 
-from logger.core.locator.region import Cells
+from logger.core.locator.region import Squares
 from postproc.pictures import colours
 from postproc.pictures.picture import Box
 from postproc.view.density_image import density, png
@@ -12,7 +12,7 @@ BOX = Box(0.0, 0.0, 40.0, 20.0)
 
 
 def cells(*squares):
-    return Cells(*np.array(squares, float).T)
+    return Squares(*np.array(squares, float).T)
 
 
 def test_probability_lies_where_the_cells_are_north_up():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.locator.region import Cells, area_m2, highest_density
+from logger.core.locator.region import Squares, area_m2, highest_density
 from postproc.estimators.region_outline import polygons
 from postproc.view.regions import few_squares, rings
 
@@ -22,7 +22,7 @@ def tree(seed):
             leaves.append((west + side / 2 + 1234.5, south + side / 2 - 99.25, side))
     x, y, side = np.array(leaves).T
     mass = np.exp(-((x - 1240.0) ** 2 + (y + 90.0) ** 2) / 2 / 60.0**2) * side**2
-    return Cells(x, y, side, mass / mass.sum())
+    return Squares(x, y, side, mass / mass.sum())
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -37,7 +37,9 @@ def test_fewer_squares_cover_the_same(seed, share):
 
 
 def test_rings_are_closed_and_count_from_the_origin():
-    (ring,) = rings(Cells(*(np.array([v]) for v in (100.0, 200.0, 8.0, 1.0))), 0.95, (90.0, 190.0))
+    (ring,) = rings(
+        Squares(*(np.array([v]) for v in (100.0, 200.0, 8.0, 1.0))), 0.95, (90.0, 190.0)
+    )
     np.testing.assert_array_equal(ring[0], ring[-1])
     np.testing.assert_allclose(
         [ring.min(axis=0), ring.max(axis=0)], [(6.0, 6.0), (14.0, 14.0)], atol=1e-3
@@ -46,5 +48,5 @@ def test_rings_are_closed_and_count_from_the_origin():
 
 def test_cells_of_one_size_need_not_be_of_a_tree():
     x, y = (v.ravel() for v in np.meshgrid(np.arange(5) * 3.0, np.arange(5) * 3.0))
-    cells = Cells(x, y, np.full(25, 3.0), np.full(25, 0.04))
+    cells = Squares(x, y, np.full(25, 3.0), np.full(25, 0.04))
     np.testing.assert_allclose(np.sum(few_squares(cells, 1.0).size_m ** 2), 225.0)
