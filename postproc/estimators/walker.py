@@ -240,13 +240,14 @@ def _between(
     ahead = np.maximum(dt, 0.0)
     rest = step_s - ahead
     q_here = q * np.where(np.maximum(step_s, np.abs(dt)) > MAX_GAP_S, GAP_FACTOR, 1.0)
-    p00, p01, p02, p11, p12, _ = series.p[before].T
+    p00, p01, p02 = series.p[before, 0].T
+    _, p11, p12 = series.p[before, 1].T
     mean = series.x[before, 0] + dt[:, None] * series.x[before, 1]
     variance = p00 + 2.0 * dt * p01 + dt**2 * p11 + q_here * np.abs(dt) ** 3 / 3.0
     u0, u1, u2 = p00 + dt * p01, p01 + dt * p11, p02 + dt * p12
     u0, u1 = u0 + ahead * u1 + q_here * ahead**3 / 3.0, u1 + q_here * ahead**2 / 2.0
     u = np.column_stack([u0 + rest * u1, u1, u2 * np.exp(-step_s / WANDER_S)])
-    r, n = series.r[after], series.n[after][:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    r, n = series.r[after], series.n[after]
     inner = before < last
     mean += np.where(inner[:, None], np.einsum("ni,nij->nj", u, r), 0.0)
     return mean, variance - np.where(inner, np.einsum("ni,nij,nj->n", u, n, u), 0.0)

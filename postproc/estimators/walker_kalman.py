@@ -1,12 +1,12 @@
-"""Kalman filter and adjoint smoother of a walker's track, compiled; the model and its symbols are
-in `walker`.
+"""Kalman filter and adjoint smoother of a walker's track, compiled; the model is in `walker`.
 
 The smoother inverts nothing and yields leave-one-out residuals (Bryson & Frazier 1963; de Jong, J.
-Amer. Statist. Assoc. 84(408), 1989). Symmetric matrices are their upper triangles 00 01 02 11 12
-22. A fix has two measurements, the place with h = [1, 0, s] and the velocity with h = [0, 1, 0];
-one with infinite variance is left out.
+Amer. Statist. Assoc. 84(408), 1989). A fix has two measurements, the position with h = [1, 0, s]
+and the velocity with h = [0, 1, 0]; one with infinite variance is left out. Both axes share their
+covariances. All functions work in place on small arrays, since numba is slow to allocate them.
 """
 
+from math import log, log1p
 from typing import NamedTuple
 
 import numpy as np
@@ -14,20 +14,18 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from postproc.estimators.kernels import jit
 
-STUDENT_DOF = 4.0
-_ANYWHERE_M2 = 1e8
-_START_MPS2 = 25.0
-
-_Vector = tuple[float, float, float]
-_Symmetric = tuple[float, float, float, float, float, float]
+STUDENT_DOF = 4.0  # heavy tails, and still a finite variance
+_START_VARIANCE = np.array([1e8, 25.0, 1.0])
+"""Position within 10 km of the first fix (m^2), a walker's velocity (m^2/s^2), wandering by s."""
+_POSITION, _VELOCITY = 0, 1
 
 
 class Model(NamedTuple):
-    """Fixes and what is believed of them; `step_s` since the fix before, and q and a for that step,
-    have shape (n,).
+    """Fixes and what is assumed of them.
 
-    `z` (n, 2, 2) is by fix, kind (place, velocity) and axis, `wander_m` (n,) is s, `variance` (n,
-    2) that of the white noise, `slack` (n, 2) the variance within which nothing is an outlier.
+    `step_s` (n,) is the time since the fix before, `q` and `a` (n,) belong to that step. `z` (n, 2,
+    2) is by fix, kind (position, velocity) and axis, `wander_m` (n,) is s, `variance` (n, 2) that
+    of the white noise, `slack` (n, 2) the variance within which nothing is an outlier.
     """
 
     step_s: FloatArray
@@ -40,10 +38,10 @@ class Model(NamedTuple):
 
 
 class Series(NamedTuple):
-    """States `x` (n, 3, 2) and covariances `p` (n, 6) of the filter after each fix.
+    """States `x` (n, 3, 2) and covariances `p` (n, 3, 3) of the filter after each fix.
 
-    Adjoint vectors `r` (n, 3, 2) and matrices `n` (n, 6): what a fix and all later ones say of the
-    state before it.
+    Adjoint vectors `r` (n, 3, 2) and matrices `n` (n, 3, 3): what a fix and all later ones add to
+    the state before it.
     """
 
     x: FloatArray
@@ -53,187 +51,174 @@ class Series(NamedTuple):
 
 
 def score(model: Model, excess: FloatArray) -> float:
-    """Log-likelihood of the fixes, each innovation Student distributed; sets `excess` (n, 2) by the
-    innovations.
+    """Log-likelihood of the fixes, each innovation Student distributed.
+
+    Overwrites `excess` (n, 2) with what the innovations suggest.
     """
-    return float(_filter(*model, excess, True)[0])
+    return float(_filter(model, excess, True)[0])
 
 
 def excess_variance(apart2: FloatArray, expected: FloatArray) -> FloatArray:
-    """Variance to be added to that of a measurement whose error is too large for it, shape as
-    given.
+    """Variance to be added to that of a measurement whose error is too large for it.
 
-    Of a Student error with nu degrees of freedom and squared size e^2 on two axes where E was
-    expected on one, the variance is E (nu + e^2 / E) / (nu + 2) at least.
+    All three have the same shape. Of a Student error with nu degrees of freedom and squared size
+    e^2 on two axes where E was expected on one, the variance is E (nu + e^2 / E) / (nu + 2) at
+    least.
     """
     return np.maximum(apart2 - 2.0 * expected, 0.0) / (STUDENT_DOF + 2.0)
 
 
 def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatArray]:
-    """Smooth with `excess` (n, 2) added to the variances; also how far each measurement is from
-    what all others say.
+    """Smooth with `excess` (n, 2) added to the variances; compare each measurement with the others.
 
-    That is a distance squared (n, 2) and its expected variance on each axis (n, 2), with the slack,
-    without the excess.
+    Returns the series, the squared distance (n, 2) of each measurement from what all others say,
+    and the variance (n, 2) of it expected on each axis, with the slack, without the excess.
     """
-    _, x, p, gain, innovation, spread = _filter(*model, excess, False)
-    r, n, u, d = _adjoint(
-        model.step_s, model.a, model.wander_m, model.variance, gain, innovation, spread
-    )
-    expected = 1.0 / d - excess + np.where(np.isfinite(model.variance), model.slack, 0.0)
-    return Series(x, p, r, n), (u[:, :, 0] ** 2 + u[:, :, 1] ** 2) / d**2, expected
+    _, x, p, gains, innovations, variances = _filter(model, excess, False)
+    r, n, residuals, precision = _adjoint(model, gains, innovations, variances)
+    slack = np.where(np.isfinite(model.variance), model.slack, 0.0)
+    apart2 = np.sum(residuals**2, axis=2) / precision**2
+    return Series(x, p, r, n), apart2, 1.0 / precision - excess + slack
 
 
 @jit
-def _dot(a: _Vector, b: _Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+def _dot(a: FloatArray, b: FloatArray) -> float:
+    product: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return product
 
 
 @jit
-def _times(p: _Symmetric, h: _Vector) -> _Vector:
-    return (
-        p[0] * h[0] + p[1] * h[1] + p[2] * h[2],
-        p[1] * h[0] + p[3] * h[1] + p[4] * h[2],
-        p[2] * h[0] + p[4] * h[1] + p[5] * h[2],
-    )
+def _multiply(matrix: FloatArray, v: FloatArray, product: FloatArray) -> None:
+    for i in range(3):
+        product[i] = _dot(matrix[i], v)
 
 
 @jit
-def _plus(a: _Vector, factor: float, b: _Vector) -> _Vector:
-    return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
+def _differ(z: FloatArray, h: FloatArray, x: FloatArray, difference: FloatArray) -> None:
+    """z - h' X on both axes."""
+    for axis in range(2):
+        difference[axis] = z[axis] - _dot(h, x[:, axis])
 
 
 @jit
-def _plus_outer(p: _Symmetric, factor: float, a: _Vector, b: _Vector) -> _Symmetric:
-    """P + factor (a b' + b a') / 2."""
-    return (
-        p[0] + factor * a[0] * b[0],
-        p[1] + 0.5 * factor * (a[0] * b[1] + a[1] * b[0]),
-        p[2] + 0.5 * factor * (a[0] * b[2] + a[2] * b[0]),
-        p[3] + factor * a[1] * b[1],
-        p[4] + 0.5 * factor * (a[1] * b[2] + a[2] * b[1]),
-        p[5] + factor * a[2] * b[2],
-    )
+def _add_product(rows: FloatArray, factor: float, v: FloatArray, u: FloatArray) -> None:
+    """X += factor v u', with X (3, 2)."""
+    for i in range(3):
+        for axis in range(2):
+            rows[i, axis] += factor * v[i] * u[axis]
 
 
 @jit
-def _ahead(p: _Symmetric, dt: float, a: float, q: float) -> _Symmetric:
-    """F P F' + Q."""
-    return (
-        p[0] + dt * (2.0 * p[1] + dt * p[3]) + q * dt**3 / 3.0,
-        p[1] + dt * p[3] + q * dt**2 / 2.0,
-        a * (p[2] + dt * p[4]),
-        p[3] + q * dt,
-        a * p[4],
-        a * a * p[5] + 1.0 - a * a,
-    )
+def _add_outer(matrix: FloatArray, factor: float, a: FloatArray, b: FloatArray) -> None:
+    """M += factor (a b' + b a') / 2."""
+    for i in range(3):
+        for j in range(3):
+            matrix[i, j] += 0.5 * factor * (a[i] * b[j] + a[j] * b[i])
 
 
 @jit
-def _behind(m: _Symmetric, dt: float, a: float) -> _Symmetric:
-    """F' N F."""
-    return (
-        m[0],
-        m[1] + dt * m[0],
-        a * m[2],
-        m[3] + dt * (2.0 * m[1] + dt * m[0]),
-        a * (m[4] + dt * m[2]),
-        a * a * m[5],
-    )
+def _transition(rows: FloatArray, to: int, source: int, dt: float, a: float) -> None:
+    """F M for `to` 0 and `source` 1, F' M for `to` 1 and `source` 0; M has 3 rows."""
+    for j in range(rows.shape[1]):
+        rows[to, j] += dt * rows[source, j]
+        rows[2, j] *= a
+
+
+@jit
+def _predict(x: FloatArray, p: FloatArray, dt: float, a: float, q: float) -> None:
+    """F x and F P F' + Q."""
+    _transition(x, 0, 1, dt, a)
+    _transition(p, 0, 1, dt, a)
+    _transition(p.T, 0, 1, dt, a)
+    p[0, 0] += q * dt**3 / 3.0
+    p[0, 1] += q * dt**2 / 2.0
+    p[1, 0] += q * dt**2 / 2.0
+    p[1, 1] += q * dt
+    p[2, 2] += 1.0 - a * a
+
+
+@jit
+def _observation(h: FloatArray, kind: int, wander_m: float) -> None:
+    """Row h of a measurement."""
+    h[0], h[1], h[2] = (1.0, 0.0, wander_m) if kind == _POSITION else (0.0, 1.0, 0.0)
+
+
+@jit
+def _log_student(apart2: float, variance: float) -> float:
+    """Log density of an innovation on two axes, but for a constant."""
+    return -log(variance) - 0.5 * (STUDENT_DOF + 2.0) * log1p(apart2 / variance / STUDENT_DOF)
+
+
+_excess_variance = jit(excess_variance)
 
 
 @jit
 def _filter(
-    step_s: FloatArray,
-    q: FloatArray,
-    a: FloatArray,
-    z: FloatArray,
-    wander_m: FloatArray,
-    variance: FloatArray,
-    slack: FloatArray,
-    excess: FloatArray,
-    judge: bool,
+    model: Model, excess: FloatArray, robust: bool
 ) -> tuple[float, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Score, states and covariances after each fix; for each measurement P h, innovation and its
-    variance.
+    """Log-likelihood; states and covariances; P h, innovation and its variance by measurement.
+
+    `robust` sets `excess` from the innovations; else it is used as it is.
     """
-    n, total = len(step_s), 0.0
-    xs, ps = np.empty((n, 3, 2)), np.empty((n, 6))
-    gains, innovations, spreads = np.zeros((n, 2, 3)), np.zeros((n, 2, 2)), np.ones((n, 2))
-    x, y = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    p = (_ANYWHERE_M2, 0.0, 0.0, _START_MPS2, 0.0, 1.0)
+    n, log_likelihood = len(model.step_s), 0.0
+    xs, ps = np.empty((n, 3, 2)), np.empty((n, 3, 3))
+    gains, innovations, variances = np.zeros((n, 2, 3)), np.zeros((n, 2, 2)), np.ones((n, 2))
+    x, p, h = np.zeros((3, 2)), np.diag(_START_VARIANCE), np.empty(3)
     for k in range(n):
         if k > 0:
-            dt = step_s[k]
-            p = _ahead(p, dt, a[k], q[k])
-            x, y = (x[0] + dt * x[1], x[1], a[k] * x[2]), (y[0] + dt * y[1], y[1], a[k] * y[2])
-        for j, h in enumerate(((1.0, 0.0, wander_m[k]), (0.0, 1.0, 0.0))):
-            if variance[k, j] == np.inf:
+            _predict(x, p, model.step_s[k], model.a[k], model.q[k])
+        for kind in (_POSITION, _VELOCITY):
+            if model.variance[k, kind] == np.inf:
                 continue
-            gain = _times(p, h)
-            dx, dy = z[k, j, 0] - _dot(h, x), z[k, j, 1] - _dot(h, y)
-            s = _dot(h, gain) + variance[k, j]
-            if judge:
-                apart2 = dx * dx + dy * dy
-                if k > 0:
-                    total -= np.log(s) + 0.5 * (STUDENT_DOF + 2.0) * np.log1p(
-                        apart2 / s / STUDENT_DOF
-                    )
-                excess[k, j] = (
-                    max(apart2 - 2.0 * (s + slack[k, j]), 0.0) / (STUDENT_DOF + 2.0)
-                    if k > 0
-                    else 0.0
-                )
-            s += excess[k, j]
-            x, y, p = (
-                _plus(x, dx / s, gain),
-                _plus(y, dy / s, gain),
-                _plus_outer(p, -1.0 / s, gain, gain),
-            )
-            gains[k, j] = gain
-            innovations[k, j] = dx, dy
-            spreads[k, j] = s
-        xs[k, :, 0], xs[k, :, 1], ps[k] = x, y, p
-    return total, xs, ps, gains, innovations, spreads
+            _observation(h, kind, model.wander_m[k])
+            gain, e = gains[k, kind], innovations[k, kind]
+            _multiply(p, h, gain)
+            _differ(model.z[k, kind], h, x, e)
+            variance = _dot(h, gain) + model.variance[k, kind]
+            if robust:
+                excess[k, kind] = 0.0
+                if k > 0:  # the first fix only tells where the walk begins
+                    apart2 = e[0] * e[0] + e[1] * e[1]
+                    log_likelihood += _log_student(apart2, variance)
+                    expected = variance + model.slack[k, kind]
+                    excess[k, kind] = _excess_variance(apart2, expected)
+            variance += excess[k, kind]
+            _add_product(x, 1.0 / variance, gain, e)
+            _add_outer(p, -1.0 / variance, gain, gain)
+            variances[k, kind] = variance
+        xs[k], ps[k] = x, p
+    return log_likelihood, xs, ps, gains, innovations, variances
 
 
 @jit
 def _adjoint(
-    step_s: FloatArray,
-    a: FloatArray,
-    wander_m: FloatArray,
-    variance: FloatArray,
-    gains: FloatArray,
-    innovations: FloatArray,
-    spreads: FloatArray,
+    model: Model, gains: FloatArray, innovations: FloatArray, variances: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Adjoint series r and N; for each measurement u (n, 2, 2) and D (n, 2): residual u / D, of
-    variance 1 / D.
+    """Adjoint series r and N; for each measurement u (n, 2, 2) and D (n, 2).
+
+    The leave-one-out residual is u / D, of variance 1 / D.
     """
-    n = len(step_s)
-    rs, ns, us, ds = np.empty((n, 3, 2)), np.empty((n, 6)), np.zeros((n, 2, 2)), np.ones((n, 2))
-    rx, ry, m = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    n = len(model.step_s)
+    rs, ns = np.empty((n, 3, 2)), np.empty((n, 3, 3))
+    residuals, precision = np.zeros((n, 2, 2)), np.ones((n, 2))
+    r, m, h, m_gain = np.zeros((3, 2)), np.zeros((3, 3)), np.empty(3), np.empty(3)
     for k in range(n - 1, -1, -1):
-        for j, h in ((1, (0.0, 1.0, 0.0)), (0, (1.0, 0.0, wander_m[k]))):
-            if variance[k, j] == np.inf:
+        for kind in (_VELOCITY, _POSITION):
+            if model.variance[k, kind] == np.inf:
                 continue
-            s = spreads[k, j]
-            gain = (gains[k, j, 0] / s, gains[k, j, 1] / s, gains[k, j, 2] / s)
-            seen = _times(m, gain)
-            ux, uy = (
-                innovations[k, j, 0] / s - _dot(gain, rx),
-                innovations[k, j, 1] / s - _dot(gain, ry),
-            )
-            d = 1.0 / s + _dot(gain, seen)
-            rx, ry = _plus(rx, ux, h), _plus(ry, uy, h)
-            m = _plus_outer(_plus_outer(m, -2.0, h, seen), d, h, h)
-            us[k, j] = ux, uy
-            ds[k, j] = d
-        rs[k, :, 0], rs[k, :, 1], ns[k] = rx, ry, m
-        dt = step_s[k]
-        m = _behind(m, dt, a[k])
-        rx, ry = (
-            (rx[0], rx[1] + dt * rx[0], a[k] * rx[2]),
-            (ry[0], ry[1] + dt * ry[0], a[k] * ry[2]),
-        )
-    return rs, ns, us, ds
+            _observation(h, kind, model.wander_m[k])
+            gain, s, u = gains[k, kind], variances[k, kind], residuals[k, kind]
+            _multiply(m, gain, m_gain)
+            d = 1.0 / s + _dot(gain, m_gain) / s**2
+            _differ(innovations[k, kind], gain, r, u)
+            u /= s
+            _add_product(r, 1.0, h, u)
+            _add_outer(m, -2.0 / s, h, m_gain)
+            _add_outer(m, d, h, h)
+            precision[k, kind] = d
+        rs[k], ns[k] = r, m
+        dt, a = model.step_s[k], model.a[k]
+        _transition(r, 1, 0, dt, a)
+        _transition(m, 1, 0, dt, a)
+        _transition(m.T, 1, 0, dt, a)
+    return rs, ns, residuals, precision
