@@ -1,17 +1,16 @@
-"""What all families of modems have in common: a driver is one family's commands and the reading of
-its replies.
-"""
+"""The base class of all modem drivers: the commands of one family and the reading of its replies."""
 
 import re
 from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
 from logger.core.types import CellReading, Role
+from logger.drivers.claim import Claim
 from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import standard_replies
 from logger.drivers.reading.fields import reportable
-from logger.drivers.reading.interruption import names_of, uncut
+from logger.drivers.reading.interruption import drop_cut_values, names_of
 from logger.drivers.reading.rows import Row
 
 AUTOBAUD_TRIES = 5
@@ -21,26 +20,24 @@ QUIET = (Command("ATE0"), Command("ATV1"), Command("AT+CMEE=1"))
 """No echo, results in words, errors as numbers: lost at every restart."""
 
 _RESTARTED = re.compile(
-    r"RDY|QCRDY|START|\^SYSSTART|\+CFUN: ?1|\*ATREADY\b.*|(?:UNDER|OVER)-VOLTAGE.*POWER DOWN|NORMAL POWER DOWN",
+    r"RDY|QCRDY|START|\^SYSSTART|\+CFUN: ?1|\*ATREADY\b.*"
+    r"|(?:UNDER|OVER)-VOLTAGE.*POWER DOWN|NORMAL POWER DOWN",
     re.IGNORECASE,
 )
 
 
 class Family:
-    """Driver of one family, stateless: one instance serves a live port, a transcript and the
-    simulator alike.
+    """Driver of one family of modems, stateless: live ports, transcripts and the simulator share it.
 
-    `read` gives numbers as they were printed; what the modem's earlier replies show of them is
-    judged in `recognition`.
+    A family declares which modems it serves (`claim`) and the commands that prepare a modem, poll
+    the cells it receives now, scan all networks and ask its own GNSS receiver; `rows_in` reads the
+    lines of the replies. Numbers keep their text; `recognition` decides which of them are sure.
 
-    Nothing here transmits by choice, `modes` apart, or asks who the subscriber is. A family says
-    which modems are its own (`identifies`, searched in what ATI, AT+CGMI and AT+CGMM answer), what
-    prepares them, what asks for the cells heard now and what for all there are; and it reads the
-    lines (`rows_in`).
+    No command transmits by choice, `mode_commands` apart, or asks for the subscriber's identity.
     """
 
     name: ClassVar[str]
-    identifies: ClassVar[re.Pattern[str]]
+    claim: ClassVar[Claim] = Claim()
     setup_commands: ClassVar[tuple[Command, ...]] = ()
     poll_commands: ClassVar[tuple[Command, ...]]
     survey_commands: ClassVar[tuple[Command, ...]] = ()
@@ -49,31 +46,24 @@ class Family:
     gnss_poll_commands: ClassVar[tuple[Command, ...]] = ()
     """The modem's own receiver, used where the configuration says so."""
     mode_commands: ClassVar[tuple[ModeCommand, ...]] = ()
-    """How it is made to hear GSM only, where the configuration says so; a modem knows one of
-    them.
-    """
+    """What restricts the modem to GSM, used where the configuration says so; a modem has one."""
 
     def setup(self) -> Dialogue[bool]:
-        """Prepare the modem after power-up or a restart; False when it did not accept what polling
-        needs.
-        """
-        return (yield from prepared(self.setup_commands))
+        """Prepare the modem after power-up or a restart; False when a needed command is refused."""
+        return (yield from prepare(self.setup_commands))
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Ask once for the cells heard now; None when the answer was no answer (timeout, error,
-        mode lost).
-        """
+        """Ask once for the cells received now; None without an answer (timeout, error)."""
         return (yield from self.ask(self.poll_commands))
 
     def survey(self, command: Command) -> Dialogue[tuple[Row, ...] | None]:
-        """Put one command of the full scan; None when there was no answer."""
+        """Send one command of the full scan; None when there was no answer."""
         return (yield from self.ask([command]))
 
     def ask(self, commands: Iterable[Command]) -> Dialogue[tuple[Row, ...] | None]:
-        """Rows of the replies to some commands, read together; None when there was no answer to
-        any.
+        """Rows of the replies to some commands, read together; None without any answer.
 
-        Lines that came before a time-out are as good as others: what is cut is not read as a row.
+        Lines before a time-out count as well: a row that is cut is not read.
         """
         lines: list[str] = []
         answered = False
@@ -85,14 +75,13 @@ class Family:
         return rows if answered or any(isinstance(row, CellReading) for row in rows) else None
 
     def read(self, lines: Sequence[str]) -> tuple[Row, ...]:
-        """All rows in lines of replies or of a whole transcript; lines of other kinds are passed
-        over.
+        """All rows in lines of replies or of a transcript; other lines are skipped.
 
-        A line with a command says what the following lines answer. A row that something else has
-        interrupted loses its last value, which may be cut.
+        A line with a command shows what the lines after it answer. A row that another message
+        interrupts loses its last value, which may be cut.
         """
-        whole = uncut(lines, self._names())
-        rows = (*self.rows_in(whole), *standard_replies.read(whole))
+        lines = drop_cut_values(lines, self._names())
+        rows = (*self.rows_in(lines), *standard_replies.read(lines))
         return tuple(reportable(row) if isinstance(row, CellReading) else row for row in rows)
 
     @classmethod
@@ -110,19 +99,17 @@ class Family:
         raise NotImplementedError
 
     def role_of(self, line: str) -> Role | None:
-        """Role of the cells that a line describes, also when it comes unasked; where "serving" is
-        among them, that.
-        """
+        """Role of the cells in a line, also of an unsolicited one; "serving" before others."""
         roles = [row.role for row in self.rows_in([line]) if isinstance(row, CellReading)]
         return "serving" if "serving" in roles else next(iter(roles), None)
 
     def is_restart(self, line: str) -> bool:
-        """True for a line that means the modem has restarted and lost its set-up."""
+        """True for a line by which the modem reports a restart, which loses its set-up."""
         return _RESTARTED.fullmatch(line.strip()) is not None
 
 
 def wake() -> Dialogue[bool]:
-    """Find a modem at the other end, and its rate."""
+    """True once a modem answers `AT`, by which it also finds the rate."""
     for _ in range(AUTOBAUD_TRIES):
         reply = yield Command("AT", timeout_s=1.0)
         if reply.ok:
@@ -130,10 +117,8 @@ def wake() -> Dialogue[bool]:
     return False
 
 
-def prepared(commands: Iterable[Command]) -> Dialogue[bool]:
-    """Wake the modem, make it quiet and set it up; False when it refuses a command that is
-    needed.
-    """
+def prepare(commands: Iterable[Command]) -> Dialogue[bool]:
+    """Wake the modem, make it quiet and set it up; False when it refuses a needed command."""
     if not (yield from wake()):
         return False
     accepted = True

@@ -1,45 +1,33 @@
-"""Modem drivers by the name that a configuration gives them, and by what a modem says of itself."""
+"""Modem drivers by the name that a configuration gives them, and by the identity of a modem."""
 
-from collections.abc import Sequence
+import pkgutil
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import astuple
+from importlib import import_module
 
+from logger import drivers
 from logger.core.errors import ConfigError
 from logger.core.types import CellReading
-from logger.drivers.cinterion.cinterion import Cinterion
 from logger.drivers.family import Family, wake
-from logger.drivers.fibocom.fibocom import Fibocom
 from logger.drivers.generic.generic import Generic
-from logger.drivers.huawei.huawei import Huawei
 from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.quectel.quectel import Quectel
-from logger.drivers.quectel.quectel_gsm import QuectelGsm
-from logger.drivers.sierra.sierra import Sierra
-from logger.drivers.simcom.sim800 import Sim800
-from logger.drivers.simcom.sim7000 import Sim7000
-from logger.drivers.simcom.sim7600 import Sim7600
-from logger.drivers.telit.telit import Telit
-from logger.drivers.ublox.ublox import Ublox
 
 AUTO = "auto"
-FAMILIES: dict[str, Family] = {
-    driver.name: driver
-    for driver in (
-        Sim800(),
-        Sim7000(),
-        Sim7600(),
-        Quectel(),
-        QuectelGsm(),
-        Telit(),
-        Ublox(),
-        Cinterion(),
-        Sierra(),
-        Huawei(),
-        Fibocom(),
-        Generic(),
-    )
-}
-"""In the order in which they are asked whether a modem is theirs; the last one takes any."""
+_IDENTITY = tuple(Command(text) for text in ("ATE0", "ATI", "AT+CGMI", "AT+CGMM", "AT+CGMR"))
 
-_WHO = tuple(Command(text) for text in ("ATE0", "ATI", "AT+CGMI", "AT+CGMM", "AT+CGMR"))
+
+def _installed() -> Iterator[Family]:
+    """One driver of each class in the `DRIVERS` of the vendor folders."""
+    for folder in pkgutil.iter_modules(drivers.__path__, f"{drivers.__name__}."):
+        if folder.ispkg:
+            for driver in getattr(import_module(folder.name), "DRIVERS", ()):
+                yield driver()
+
+
+FAMILIES: Mapping[str, Family] = {
+    driver.name: driver for driver in sorted(_installed(), key=lambda driver: driver.name)
+}
+"""All drivers by name; which of them serves a modem does not depend on the order."""
 
 
 def driver_of(name: str) -> Family | None:
@@ -52,12 +40,10 @@ def driver_of(name: str) -> Family | None:
 
 
 def check_mode(driver: str, set_mode: str) -> None:
-    """Raise `ConfigError` where a setting asks for what a driver cannot do; `auto` may find one
-    that can.
-    """
+    """Raise `ConfigError` where `[modem] set_mode` asks for what the driver has no command for."""
     family = driver_of(driver)
     if set_mode and family is not None and not family.mode_commands:
-        able = ", ".join(name for name, one in FAMILIES.items() if one.mode_commands)
+        able = ", ".join(name for name, other in FAMILIES.items() if other.mode_commands)
         text = (
             f"driver {driver!r} has no command for it; leave it out. Drivers that have one: {able}"
         )
@@ -65,30 +51,39 @@ def check_mode(driver: str, set_mode: str) -> None:
 
 
 def identify() -> Dialogue[tuple[Family, str] | None]:
-    """Ask a modem who it is: its driver and its own words; None when it does not answer."""
+    """Ask a modem for its identity: its driver and the text; None when it does not answer."""
     if not (yield from wake()):
         return None
-    said: list[str] = []
-    for command in _WHO:
+    lines: list[str] = []
+    for command in _IDENTITY:
         reply = yield command
-        said += [line.strip() for line in reply.lines if line.strip() not in said]
-    text = " ".join(said)
+        lines += [line.strip() for line in reply.lines if line.strip() not in lines]
+    text = " ".join(lines)
     return family_of(text), text
 
 
 def family_of(identity: str) -> Family:
-    """The driver for a modem that says this of itself."""
-    return next(driver for driver in FAMILIES.values() if driver.identifies.search(identity))
+    """The driver of the modem with this identity: the one with the most specific claim."""
+    return next(iter(claimants(identity, FAMILIES.values())), FAMILIES[Generic.name])
+
+
+def claimants(identity: str, families: Iterable[Family]) -> list[Family]:
+    """Drivers with the most specific claim on an identity; none where nobody claims it."""
+    ranks = {family: family.claim.rank(identity) for family in families}
+    highest = max(ranks.values())
+    return [family for family, rank in ranks.items() if rank == highest > 0]
 
 
 def reader_of(lines: Sequence[str]) -> Family:
-    """The driver that finds most of its own in a transcript: most cells with an identity, most
-    cells, most rows.
+    """The driver that reads most in a transcript: cells with an identity, cells, rows, values.
+
+    Of several that read the same it is the first by name; `generic` where nobody reads a row.
     """
 
-    def found(driver: Family) -> tuple[int, int, int]:
+    def count(driver: Family) -> tuple[int, ...]:
         rows = driver.rows_in(lines)
         cells = [row for row in rows if isinstance(row, CellReading)]
-        return sum(cell.cid is not None for cell in cells), len(cells), len(rows)
+        n_values = sum(value is not None for cell in cells for value in astuple(cell))
+        return sum(cell.cid is not None for cell in cells), len(cells), len(rows), n_values
 
-    return max(FAMILIES.values(), key=found)
+    return max((FAMILIES[Generic.name], *FAMILIES.values()), key=count)

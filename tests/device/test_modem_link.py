@@ -71,7 +71,7 @@ def _has_shown_all(walked, name) -> bool:
     } - {None}
     surveys = [n for n, readings in enumerate(scans) if readings[0].role == "scan"]
     polls = [n for n, readings in enumerate(scans) if readings[0].role == "serving"]
-    surveyed = "full-scan" in walked.notes() or not FAMILIES[FAMILY[name]].surveys
+    surveyed = "full-scan" in walked.notes() or not FAMILIES[FAMILY[name]].survey_commands
     if name in SURVEYED:
         surveyed = len(surveys) >= 2 and any(surveys[0] < n < surveys[-1] for n in polls)
     return len(polls) > 5 and surveyed and len(named) >= (1 if name in NAMELESS else 6)
@@ -127,7 +127,7 @@ def test_full_scans_are_between_polls(walks, name):
     assert (len(surveys) >= 2) == (name in SURVEYED)
     if surveys:
         assert "serving" in kinds[surveys[0] : surveys[-1]]
-    assert ("full-scan" in walks[name].notes()) == bool(FAMILIES[FAMILY[name]].surveys)
+    assert ("full-scan" in walks[name].notes()) == bool(FAMILIES[FAMILY[name]].survey_commands)
 
 
 @pytest.mark.parametrize("name", DIALECTS)

@@ -1,1 +1,5 @@
 """Drivers of Siemens, Cinterion, Gemalto and Thales modems."""
+
+from logger.drivers.cinterion.cinterion import Cinterion
+
+DRIVERS = (Cinterion,)

@@ -18,6 +18,7 @@ from typing import ClassVar
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.cinterion.tables import rows_of_tables, scanned
+from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.generic.generic import Generic
 from logger.drivers.network_mode import ModeCommand
@@ -110,8 +111,8 @@ class Cinterion(Family):
     """The serving cell and six neighbours, by whichever command the modem knows."""
 
     name: ClassVar[str] = "cinterion"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(
-        r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b", re.IGNORECASE
+    claim: ClassVar[Claim] = Claim(
+        maker=r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b"
     )
     setup_commands: ClassVar[tuple[Command, ...]] = Generic.setup_commands
     ways: ClassVar[tuple[tuple[Command, ...], ...]] = (

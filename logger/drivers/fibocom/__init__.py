@@ -1,1 +1,5 @@
 """Drivers of Fibocom modems."""
+
+from logger.drivers.fibocom.fibocom import Fibocom
+
+DRIVERS = (Fibocom,)

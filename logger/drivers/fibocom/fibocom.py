@@ -19,6 +19,7 @@ from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
+from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.generic.generic import Generic, serving_cell
 from logger.drivers.network_mode import ModeCommand
@@ -118,9 +119,7 @@ class Fibocom(Family):
     """Serving cell and neighbours by AT+GTCCINFO?, which takes 25 ms and needs no SIM."""
 
     name: ClassVar[str] = "fibocom"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(
-        r"\bFIBOCOM\b|\bL8[1356]0-GL\b", re.IGNORECASE
-    )
+    claim: ClassVar[Claim] = Claim(maker=r"\bFIBOCOM\b", series=r"\bL8[1356]0-GL\b")
     setup_commands: ClassVar[tuple[Command, ...]] = Generic.setup_commands
     poll_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+GTCCINFO?", timeout_s=8.0),

@@ -1,1 +1,5 @@
-"""The driver of every other modem."""
+"""The driver of every modem that no other driver claims."""
+
+from logger.drivers.generic.generic import Generic
+
+DRIVERS = (Generic,)

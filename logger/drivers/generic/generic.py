@@ -2,7 +2,6 @@
 or +CESQ.
 """
 
-import re
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -16,7 +15,6 @@ class Generic(Family):
     """The serving cell of a modem that no other family knows."""
 
     name: ClassVar[str] = "generic"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(r"\A")
     setup_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+CREG=2"),
         Command("AT+CGREG=2"),

@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.cinterion.cinterion import grouped
+from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.generic.generic import Generic, serving_cell
 from logger.drivers.network_mode import ModeCommand
@@ -135,9 +136,7 @@ class Huawei(Family):
     """
 
     name: ClassVar[str] = "huawei"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(
-        r"\bHUAWEI\b|\bTD[ -]?TECH\b|\bMT5700", re.IGNORECASE
-    )
+    claim: ClassVar[Claim] = Claim(maker=r"\bHUAWEI\b|\bTD[ -]?TECH\b", series=r"\bMT5700")
     setup_commands: ClassVar[tuple[Command, ...]] = Generic.setup_commands
     poll_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT^MONSC"),

@@ -19,6 +19,7 @@ from typing import ClassVar
 
 from logger.core.types import Rat
 from logger.drivers import network_mode
+from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command
@@ -122,9 +123,8 @@ class Quectel(Family):
     """
 
     name: ClassVar[str] = "quectel"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(
-        r"Quectel.*?(?<![A-Z0-9-])(?:EC|EG|EM|EP|BG|RM|RG|RX|AG|AF|AN|UC|UG|SC|SG)\d",
-        re.IGNORECASE | re.DOTALL,
+    claim: ClassVar[Claim] = Claim(
+        series=r"Quectel.*?(?<![A-Z0-9-])(?:EC|EG|EM|EP|BG|RM|RG|RX|AG|AF|AN|UC|UG|SC|SG)\d"
     )
     poll_commands: ClassVar[tuple[Command, ...]] = (
         Command('AT+QENG="servingcell"'),

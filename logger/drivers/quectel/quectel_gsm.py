@@ -19,6 +19,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import ClassVar
 
 from logger.core.types import CellReading
+from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.quectel.forms import cell, form, split
@@ -55,10 +56,9 @@ class QuectelGsm(Family):
     """
 
     name: ClassVar[str] = "quectel_gsm"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(
-        r"Quectel.*?(?<![A-Z0-9-])(?:M(?:10|12|20|23|25|26|27|35|50|56|66|72|80|85|89|90|95)"
-        r"|MC(?:20|25|60|65|90)|BC(?:20|25|26|30|32|65|66))(?!\d\d)",
-        re.IGNORECASE | re.DOTALL,
+    claim: ClassVar[Claim] = Claim(
+        series=r"Quectel.*?(?<![A-Z0-9-])(?:M(?:10|12|20|23|25|26|27|35|50|56|66|72|80|85|89|90|95)"
+        r"|MC(?:20|25|60|65|90)|BC(?:20|25|26|30|32|65|66))(?!\d\d)"
     )
     setup_commands: ClassVar[tuple[Command, ...]] = (Command("AT+QENG=1,4"),)
     poll_commands: ClassVar[tuple[Command, ...]] = (Command("AT+QENG?"),)

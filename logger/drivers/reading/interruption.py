@@ -1,10 +1,10 @@
-"""Rows that something else has cut: a URC begins where a value should have gone on, a reply ends in
-the middle.
+"""Rows that another message interrupts: a URC begins within a value, or a reply ends within one.
 
     +QENG: "neighbourcell","GSM",262,01,1918,C851,59,118,-10      of -103
     +CIEV: "service",1
 
-Nothing in such a row shows whether its last value is whole. So it goes, and its comma stays.
+Nothing in such a row shows whether its last value is complete. So the value is dropped and its
+comma stays.
 """
 
 import re
@@ -22,7 +22,7 @@ _RESULT = re.compile(
 _LAST_VALUE = re.compile(r"[^\s,]*\s*\Z")
 _CLOSED = re.compile(r'"[^"]*"\s*\Z')
 _COMMON = frozenset({"+CREG", "+CGREG", "+CEREG", "+C5GREG", "+COPS", "+CSQ", "+CESQ"})
-"""What every family reads (`common`)."""
+"""Names of the replies that every family reads (`standard_replies`)."""
 
 
 def names_of(commands: str) -> frozenset[str]:
@@ -30,19 +30,17 @@ def names_of(commands: str) -> frozenset[str]:
     return frozenset(_NAME.findall(commands.upper()))
 
 
-def uncut(lines: Sequence[str], names: frozenset[str]) -> list[str]:
-    """The lines without last values that may be cut, and without `INTERRUPTION`; `names` are those
-    of the family.
+def drop_cut_values(lines: Sequence[str], names: frozenset[str]) -> list[str]:
+    """The lines without last values that may be cut, and without `INTERRUPTION`.
+
+    `names` are the result names of the family (`names_of`).
     """
-    return list(_uncut(lines, names))
-
-
-def _uncut(lines: Sequence[str], names: frozenset[str]) -> Iterator[str]:
-    said = [part for line in lines if line.strip() for part in _parts(line, names)]
-    for line, following in zip(said, [*said[1:], ""], strict=False):
-        if line == INTERRUPTION:
-            continue
-        yield _without_end(line) if _interrupts(following, line, names) else line
+    parts = [part for line in lines if line.strip() for part in _parts(line, names)]
+    return [
+        _without_end(line) if _interrupts(following, line, names) else line
+        for line, following in zip(parts, [*parts[1:], ""], strict=False)
+        if line != INTERRUPTION
+    ]
 
 
 def _parts(line: str, names: frozenset[str]) -> Iterator[str]:
@@ -70,5 +68,5 @@ def _interrupts(line: str, before: str, names: frozenset[str]) -> bool:
 
 
 def _without_end(line: str) -> str:
-    """The line without its last value; one in quotation marks is whole."""
+    """The line without its last value, unless that stands in quotation marks."""
     return line if _RESULT.match(line) or _CLOSED.search(line) else _LAST_VALUE.sub("", line)

@@ -21,6 +21,7 @@ from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
+from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
@@ -103,8 +104,8 @@ class Sierra(Family):
     """
 
     name: ClassVar[str] = "sierra"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(
-        r"\A(?!.*\b(?:HL|SL|Q2)\d)(?:.*\bSIERRA WIRELESS\b|.*\bAIRPRIME\b)", re.IGNORECASE
+    claim: ClassVar[Claim] = Claim(
+        maker=r"\A(?!.*\b(?:HL|SL|Q2)\d)(?:.*\bSIERRA WIRELESS\b|.*\bAIRPRIME\b)"
     )
     setup_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+COPS=3,2"),

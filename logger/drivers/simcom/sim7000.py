@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
+from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
@@ -89,7 +90,7 @@ class Sim7000(Family):
     """
 
     name: ClassVar[str] = "sim7000"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(r"SIM70(?:00|70|80|90)(?!\d)", re.IGNORECASE)
+    claim: ClassVar[Claim] = Claim(series=r"SIM70(?:00|70|80|90)(?!\d)")
     setup_commands: ClassVar[tuple[Command, ...]] = (ENGINEERING_ON,)
     poll_commands: ClassVar[tuple[Command, ...]] = (Command("AT+CENG?"), Command("AT+CPSI?"))
     survey_commands: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)

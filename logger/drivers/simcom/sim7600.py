@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Role
 from logger.drivers import network_mode
+from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
@@ -64,8 +65,8 @@ class Sim7600(Family):
     """
 
     name: ClassVar[str] = "sim7600"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(
-        r"SIM(?:5\d|7[1-9]|8[23])\d\d(?!\d)|(?<![0-9A-Z])A7[69]\d\d(?!\d)", re.IGNORECASE
+    claim: ClassVar[Claim] = Claim(
+        series=r"SIM(?:5\d|7[1-9]|8[23])\d\d(?!\d)|(?<![0-9A-Z])A7[69]\d\d(?!\d)"
     )
     poll_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+CPSI?"),

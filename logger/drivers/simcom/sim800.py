@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from logger.core.types import CellReading, Role
+from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
@@ -103,9 +104,7 @@ class Sim800(Family):
     """Cells by `AT+CENG?`, all networks by `AT+CNETSCAN`."""
 
     name: ClassVar[str] = "sim800"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(
-        r"SIM(?:COM_SIM)?[89]\d\d(?!\d)", re.IGNORECASE
-    )
+    claim: ClassVar[Claim] = Claim(series=r"SIM(?:COM_SIM)?[89]\d\d(?!\d)")
     setup_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT+CNETSCAN=1"),  # with area and BSIC
         Command("AT+CENG=1,1", needed=True),

@@ -1,1 +1,5 @@
 """Drivers of Telit modems."""
+
+from logger.drivers.telit.telit import Telit
+
+DRIVERS = (Telit,)

@@ -17,6 +17,7 @@ from typing import ClassVar
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
+from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
@@ -81,10 +82,9 @@ class Telit(Family):
     """
 
     name: ClassVar[str] = "telit"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(
-        r"\btelit\b(?! cinterion)"
-        r"|\b(?:G[CELMT]86\d|UC864|U[EL]86\d|HE86\d|[CDGHLMU]E9[124]0|L[MN]9[4-6]\d|F[NT]9\d0)",
-        re.IGNORECASE,
+    claim: ClassVar[Claim] = Claim(
+        maker=r"\btelit\b(?! cinterion)",
+        series=r"\b(?:G[CELMT]86\d|UC864|U[EL]86\d|HE86\d|[CDGHLMU]E9[124]0|L[MN]9[4-6]\d|F[NT]9\d0)",
     )
     setup_commands: ClassVar[tuple[Command, ...]] = (
         Command("AT#SELINT=2"),

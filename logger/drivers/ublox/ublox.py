@@ -15,6 +15,7 @@ from typing import ClassVar
 
 from logger.core.types import CellReading, Role
 from logger.drivers import network_mode
+from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.generic.generic import Generic
 from logger.drivers.network_mode import ModeCommand
@@ -51,8 +52,8 @@ class Ublox(Family):
     """
 
     name: ClassVar[str] = "ublox"
-    identifies: ClassVar[re.Pattern[str]] = re.compile(
-        r"\bu-?blox\b|\b(?:SARA|LISA|LARA|TOBY|LENA|LEON|LUCY)-[A-Z]?\d", re.IGNORECASE
+    claim: ClassVar[Claim] = Claim(
+        maker=r"\bu-?blox\b", series=r"\b(?:SARA|LISA|LARA|TOBY|LENA|LEON|LUCY)-[A-Z]?\d"
     )
     setup_commands: ClassVar[tuple[Command, ...]] = (
         *Generic.setup_commands,

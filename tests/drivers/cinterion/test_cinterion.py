@@ -310,17 +310,3 @@ def test_commands_listen_only():
             r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|MON[IP]=(?!255)", command.text
         )
         assert not re.search(r"\^MON[IP]=", command.text)  # repeats without end
-
-
-@pytest.mark.parametrize(
-    "identity", ["SIEMENS TC35i REVISION 02.00", "Cinterion BGS2-W", "Gemalto EHS6", "THALES PLS63"]
-)
-def test_own_modems(identity):
-    assert MODEM.identifies.search(identity)
-
-
-@pytest.mark.parametrize(
-    "identity", ["SIMCOM_SIM800L", "Telit Cinterion LE910C1", "Quectel EC25", "u-blox SARA-G350"]
-)
-def test_modems_of_others(identity):
-    assert not MODEM.identifies.search(identity)

@@ -217,17 +217,3 @@ def test_commands_listen_only():
         assert not re.search(
             r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|GTACT|GTRAT", command.text
         )
-
-
-@pytest.mark.parametrize(
-    "identity", ["Manufacturer: Fibocom Wireless Inc. Model: FM350-GL", "L850-GL"]
-)
-def test_own_modems(identity):
-    assert MODEM.identifies.search(identity)
-
-
-@pytest.mark.parametrize(
-    "identity", ["SIMCOM_SIM800L", "Telit LE910C1", "Quectel EC25", "u-blox SARA-L850"]
-)
-def test_modems_of_others(identity):
-    assert not MODEM.identifies.search(identity)

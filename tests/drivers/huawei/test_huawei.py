@@ -235,17 +235,3 @@ def test_rows_before_a_time_out_are_kept():
 def test_commands_listen_only():
     for command in (*MODEM.setup_commands, *MODEM.poll_commands, *MODEM.survey_commands):
         assert not re.search(r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM", command.text)
-
-
-@pytest.mark.parametrize(
-    "identity", ["Manufacturer: huawei Model: E3372", "HUAWEI MG323", "TD Tech Ltd MT5700M-CN"]
-)
-def test_own_modems(identity):
-    assert MODEM.identifies.search(identity)
-
-
-@pytest.mark.parametrize(
-    "identity", ["SIMCOM_SIM800L", "Telit LE910C1", "Quectel EC25", "Sierra Wireless MC7455"]
-)
-def test_modems_of_others(identity):
-    assert not MODEM.identifies.search(identity)

@@ -406,20 +406,3 @@ def test_survey():
         MODEM.ask(MODEM.survey_commands[:1]), [(MODEM.survey_commands[0].text, QOPS, "OK")]
     )
     assert (cell.lac, cell.cid) == (0x1A2D, 0x3C50)
-
-
-@pytest.mark.parametrize(
-    ("said", "own"),
-    [
-        ("Quectel EC25 Revision: EC25EFAR06A01M4G", True),
-        ("Quectel BG95-M3 Revision: BG95M3LAR02A03", True),
-        ("Quectel RM520N-GL Revision: RM520NGLAAR01A07M4G", True),
-        ("Quectel_Ltd EC20F Quectel", True),
-        ("Quectel_Ltd Quectel_M95 Revision: M95AR01A19", False),
-        ("Quectel_Ltd Quectel_BC26 Revision: BC26NBR01A01", False),
-        ("Sierra Wireless, Incorporated EM7455", False),
-        ("SIMCOM_SIM7600E-H", False),
-    ],
-)
-def test_identity_of_the_modem(said, own):
-    assert bool(MODEM.identifies.search(said)) is own

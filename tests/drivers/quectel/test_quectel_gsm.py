@@ -278,21 +278,3 @@ def test_poll_of_an_nbiot_modem():
     assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], "OK")]) == ()
     assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], "ERROR")]) is None
     assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], None)]) is None
-
-
-@pytest.mark.parametrize(
-    ("said", "own"),
-    [
-        ("Quectel_Ltd Quectel_M95 Revision: M95AR01A19", True),
-        ("Quectel_Ltd Quectel_MC60 Revision: MC60CAR01A14", True),
-        ("Quectel_Ltd Quectel_M66 Revision: M66FAR01A12BT", True),
-        ("Quectel_Ltd Quectel_BC26 Revision: BC26NBR01A01", True),
-        ("Quectel_Ltd Quectel_BC660K-GL Revision: BC660KGLAAR01A03", True),
-        ("Quectel BG95-M3 Revision: BG95M3LAR02A03", False),
-        ("Quectel EC25 Revision: EC25EFAR06A01M4G", False),
-        ("Quectel BC95-G", False),  # another dialect
-        ("SIEMENS MC55", False),
-    ],
-)
-def test_identity_of_the_modem(said, own):
-    assert bool(MODEM.identifies.search(said)) is own

@@ -10,7 +10,7 @@ import pytest
 from logger.core.types import CellReading
 from logger.drivers.protocols.at import AtFramer
 from logger.drivers.protocols.dialogue import INTERRUPTION
-from logger.drivers.reading.interruption import names_of, uncut
+from logger.drivers.reading.interruption import drop_cut_values, names_of
 from logger.drivers.reading.rows import Registration
 from logger.drivers.registry import FAMILIES
 from logger.drivers.transcript import rows_of
@@ -110,7 +110,7 @@ def test_a_level_before_a_urc_is_none(text):
 
 def test_a_whole_row_before_another_row_loses_nothing():
     lines = ["AT+QENG", EC25, EC25.replace("-103", "-97"), "OK"]
-    assert uncut(lines, NAMES) == lines
+    assert drop_cut_values(lines, NAMES) == lines
     assert [reading.level_dbm for reading in FAMILIES["quectel"].read(lines)] == [-103.0, -97.0]
 
 
@@ -118,20 +118,20 @@ def test_a_whole_row_before_another_row_loses_nothing():
     "following", ["+CREG: 1", "OK", "ERROR", "+CME ERROR: 3", "AT+QENG", "", "+QENG: 1,4"]
 )
 def test_what_may_follow_a_row_cuts_none(following):
-    assert uncut([EC25, following], NAMES)[0] == EC25
+    assert drop_cut_values([EC25, following], NAMES)[0] == EC25
 
 
 @pytest.mark.parametrize(
     "following", [URC, "RING", "^MODE: 3,3", "*PSUTTZ: 2024,1,2", INTERRUPTION]
 )
 def test_what_stands_where_a_row_should_go_on_cuts_it(following):
-    assert uncut([EC25, following], NAMES)[0] == EC25[:-1]
+    assert drop_cut_values([EC25, following], NAMES)[0] == EC25[:-1]
 
 
 def test_a_value_in_quotation_marks_is_whole():
     line = '+CENG: 1,"0128,15,30,a53f,310,411,178d"'
-    assert uncut([line, URC], NAMES)[0] == line
-    assert uncut([line[:-1], URC], NAMES)[0] == line[: -len('178d"')]
+    assert drop_cut_values([line, URC], NAMES)[0] == line
+    assert drop_cut_values([line[:-1], URC], NAMES)[0] == line[: -len('178d"')]
 
 
 def test_a_urc_in_the_middle_of_a_live_reply_cuts_the_row_before_it():

@@ -273,18 +273,3 @@ def test_commands_listen_only():
         assert not re.search(
             r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|ENTERCND", command.text
         )
-
-
-@pytest.mark.parametrize(
-    "identity", ["Manufacturer: Sierra Wireless, Incorporated Model: MC7455", "AirPrime MC8790"]
-)
-def test_own_modems(identity):
-    assert MODEM.identifies.search(identity)
-
-
-@pytest.mark.parametrize(
-    "identity",
-    ["HL8548 Sierra Wireless", "Sierra Wireless SL8082T", "Telit LE910C1", "SIMCOM_SIM800L"],
-)
-def test_modems_of_others(identity):
-    assert not MODEM.identifies.search(identity)

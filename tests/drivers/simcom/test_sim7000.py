@@ -202,20 +202,6 @@ def test_cpsi_and_the_receiver_are_read_too():
     assert [as_json(row)["role"] for row in rows] == ["serving", "gnss"]
 
 
-@pytest.mark.parametrize(
-    "text", ["SIMCOM_SIM7000G", "SIM7070G R1951.05", "SIM7080G", "SIM7090G", "sim7000e R1529"]
-)
-def test_it_knows_its_modems(text):
-    assert Sim7000.identifies.search(text)
-
-
-@pytest.mark.parametrize(
-    "text", ["SIMCOM_SIM7600E", "SIM800 R14.18", "SIM70000", "SIM7020E", "SIM7100"]
-)
-def test_it_leaves_others(text):
-    assert not Sim7000.identifies.search(text)
-
-
 # --- conversation
 
 

@@ -225,32 +225,6 @@ def test_empty_groups_and_cut_rows_are_no_cell():
 # --- the modem
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "Manufacturer: SIMCOM INCORPORATED Model: SIMCOM_SIM5360E",
-        "SIMCOM_SIM7600JC-H",
-        "SIMCOM_SIM7500E",
-        "SIM7100E",
-        "SIM7670G",
-        "SIM7906E",
-        "SIMCOM_SIM8200EA-M2",
-        "SIM8380G",
-        "Model: A7670E-LASE Revision: A7670M7_V1.11.1",
-        "SIMCOM_A7672S",
-    ],
-)
-def test_it_knows_its_modems(text):
-    assert Sim7600.identifies.search(text)
-
-
-@pytest.mark.parametrize(
-    "text", ["SIMCOM_SIM7000G", "SIM7070G", "SIM800 R14.18", "EC25EFAR06A7670", "SIM868"]
-)
-def test_it_leaves_others(text):
-    assert not Sim7600.identifies.search(text)
-
-
 def test_setup():
     quiet = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
     assert run_exchange(MODEM.setup(), quiet) is True

@@ -1,5 +1,3 @@
-import pytest
-
 from logger.core.types import CellReading
 from logger.drivers.telit.telit import Telit
 from tests.kit.drivers import run_dialogue
@@ -61,33 +59,3 @@ def test_survey_covers_all_channels_of_gsm_in_parts():
     channels = [channel for low, high in spans for channel in range(low, high + 1)]
     assert channels == [*range(125), *range(128, 252), *range(512, 886), *range(975, 1024)]
     assert all(command.timeout_s >= 120 for command in MODEM.survey_commands)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "Telit HE910-D 12.00.003",
-        "GM862-QUAD",
-        "LE910C1-EU",
-        "ME910C1-E2 Telit",
-        "Telit Cinterion FN990A28",
-        "GE864",
-    ],
-)
-def test_modems_of_this_family(text):
-    assert MODEM.identifies.search(text)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "Quectel EC25",
-        "SIMCOM_SIM7600E",
-        "Cinterion BGS2-W",
-        "Telit Cinterion EXS82",
-        "u-blox SARA-U201",
-        "huawei ME909s",
-    ],
-)
-def test_modems_of_other_families(text):
-    assert not MODEM.identifies.search(text)

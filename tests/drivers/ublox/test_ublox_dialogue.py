@@ -73,18 +73,3 @@ def test_scan_of_a_modem_that_has_no_network_or_refuses_it():
 def test_scan_only_listens():
     assert [command.text for command in MODEM.survey_commands] == ["AT+COPS=5"]
     assert MODEM.survey_commands[0].timeout_s >= 180
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["u-blox SARA-U201 23.60", "SARA-G350-02S-01", "LISA-U200", "u-blox TOBY-L210", "LARA-R6001"],
-)
-def test_modems_of_this_family(text):
-    assert MODEM.identifies.search(text)
-
-
-@pytest.mark.parametrize(
-    "text", ["Quectel EC25", "Telit HE910", "SIMCOM_SIM800L", "Cinterion BGS2-W", "huawei ME909s"]
-)
-def test_modems_of_other_families(text):
-    assert not MODEM.identifies.search(text)
