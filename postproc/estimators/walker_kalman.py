@@ -95,7 +95,7 @@ def _multiply(matrix: FloatArray, v: FloatArray, product: FloatArray) -> None:
 
 @jit
 def _differ(z: FloatArray, h: FloatArray, x: FloatArray, difference: FloatArray) -> None:
-    """z - h' X on both axes."""
+    """Difference z - h' X on both axes."""
     for axis in range(2):
         difference[axis] = z[axis] - _dot(h, x[:, axis])
 

@@ -119,7 +119,9 @@ def test_shadowing_is_found_along_the_walk_also_before_the_handover():
     for _ in range(60):
         obs, source, true = square_walk(rng, noise_db=1.0, shadow_db=4.0)
         mode = Mode(1.0, 1.0, rng.multivariate_normal([*source, -30.0, 3.0], p), p)
-        _, found = ekf_initialisation._filter(obs, 200, mode, ShadowNoise(4.0, 15.0, 1.0, 0.0))
+        _, found = ekf_initialisation._filter_and_smooth(
+            obs, 200, mode, ShadowNoise(4.0, 15.0, 1.0, 0.0)
+        )
         off = found.x[:, 4] - true
         assert np.std(off) < 0.5 * np.std(true)
         errors.append(off**2 / found.p[:, 4, 4])
@@ -161,13 +163,13 @@ def test_a_walk_that_ends_too_near_for_its_knowledge_gives_a_reason(walk):
 
 def test_a_place_tells_once_where_there_is_shadowing(walk):
     obs = walk[0]
-    shadowed = ekf_initialisation._fresh(obs, ShadowNoise(6.0, 15.0, 2.0, 0.0))
+    shadowed = ekf_initialisation._thin(obs, ShadowNoise(6.0, 15.0, 2.0, 0.0))
     lap = len(obs) // 2
     assert np.mean(np.isfinite(shadowed.level_dbm[:lap])) > 0.95
     assert np.mean(np.isfinite(shadowed.level_dbm[lap:])) < 0.05
     np.testing.assert_array_equal(shadowed.limit, obs.limit)
     np.testing.assert_array_equal(
-        ekf_initialisation._fresh(obs, ShadowNoise(0.0, 0.0, 2.0, 0.0)).level_dbm, obs.level_dbm
+        ekf_initialisation._thin(obs, ShadowNoise(0.0, 0.0, 2.0, 0.0)).level_dbm, obs.level_dbm
     )
 
 
