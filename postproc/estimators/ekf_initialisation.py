@@ -141,7 +141,7 @@ def _find_start(
 
 def _bisect(low: int, end: int, is_located: Callable[[int], bool]) -> int | None:
     """About the smallest count that is located; None where the largest below `end` is not."""
-    high = end - max((end - low) // 2**_BISECTIONS, 1)
+    high = end - max((end - low) >> _BISECTIONS, 1)
     if not is_located(high):
         return None
     for _ in range(_BISECTIONS):
@@ -176,7 +176,7 @@ def _shortest_promising(
     The filter is run at the whole walk's position over levels that fit exactly, so that it stays
     there and its covariance is that of the information in the readings.
     """
-    counts = np.unique(np.linspace(_FEWEST, end - 1, _PREFIXES).astype(int))
+    counts: IntArray = np.unique(np.linspace(_FEWEST, end - 1, _PREFIXES).astype(int))
     if counts[0] < _FEWEST:
         return None
     best, prior = whole.modes[0], whole.prior
