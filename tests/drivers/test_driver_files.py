@@ -24,3 +24,10 @@ def test_a_driver_has_its_notes_tests_and_replies(name):
         if not (ROOT / path).is_file()
     ]
     assert not missing
+
+
+@pytest.mark.parametrize("folder", ["ati", "own"])
+def test_replies_belong_to_a_driver_that_is_found(folder):
+    """A driver that is missing in `DRIVERS` of its vendor folder leaves its replies behind."""
+    files = (ROOT / "tests" / "drivers" / "data" / folder).glob("*.txt")
+    assert {path.stem for path in files} == set(FAMILIES)

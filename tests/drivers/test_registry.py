@@ -18,7 +18,7 @@ def test_each_driver_by_its_name(name):
 
 
 def test_an_unknown_driver_is_an_error_that_lists_the_known_ones():
-    with pytest.raises(ConfigError, match=r"'nokia'; known are: auto, cinterion.*ublox"):
+    with pytest.raises(ConfigError, match=r"'nokia'; known are: auto, .*cinterion.*ublox"):
         driver_of("nokia")
     assert driver_of(AUTO) is None
 
