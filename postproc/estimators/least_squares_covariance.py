@@ -1,20 +1,19 @@
-"""How wide a least-squares fit is: its covariance with correlated residuals, as far as the readings
-object.
+"""How uncertain a least-squares fit is: its covariance with correlated residuals.
 
 For the weighted linear problem with design J, weights W and residuals of covariance Omega
-(`correlated`)
+(`residual_covariance`)
 
     cov = (J' W J)^-1 J' W Omega W J (J' W J)^-1
 
 (sandwich: Huber 1967; White, Econometrica 48(4), 1980). It takes the model as linear about the
-minimum. Where the misfit rises more slowly than that, each axis of the place's ellipse is stretched
-to where the misfit, minimised over P0 and eta, has risen by what was expected at its end; a profile
-likelihood, one axis at a time.
+minimum. Where the misfit rises more slowly than that, each axis of the position's ellipse is
+stretched to where the misfit, minimised over P0 and eta, has risen by what was expected at its end;
+a profile likelihood, one axis at a time.
 
 The 95 % ellipse then held the truth in all of 80 simulated walks (L and square, 840 m) with 3 dB of
 white noise and in 81 % with 6 dB decorrelating over 15 m, where sigma^2 (J' W J)^-1 did in 97 and
 23 %. In 165 measured walks it did in 80 %, the other in 15 %; but only a third of those ellipses
-end at all, and of these 55 % held the truth.
+are bounded at all, and of these 55 % held the truth.
 """
 
 from typing import NamedTuple
@@ -24,28 +23,19 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import CHI2_95_2DOF
 from postproc.estimators.convergence import REACH_M
+from postproc.estimators.least_squares_rows import Rows
 from postproc.estimators.residual_covariance import averages, residual_noise
 
-_STEP = 2.0**0.25
-_LEAST_M2 = 1e-6
-_SINGULAR = 1e-8
+_STEP = 2.0**0.25  # along a profile: the end of an axis is found to 19 %
+_LEAST_M2 = 1e-6  # levels that are all alike fit exactly anywhere
+_SINGULAR = 1e-8  # singular values below it are rounding
 
 
-class Working(NamedTuple):
-    """A weighted linear problem about a minimum: places, levels, readings and weight of each row,
-    shape (n,).
-    """
+class Sandwich(NamedTuple):
+    """Covariance (4, 4) of [x, y, P0, eta] and weighted residual variance.
 
-    x_m: FloatArray
-    y_m: FloatArray
-    level_dbm: FloatArray
-    readings: FloatArray
-    weight: FloatArray
-
-
-class Spread(NamedTuple):
-    """Covariance (4, 4), weighted residual variance, factor by which correlation widens the place,
-    whether it ends.
+    `inflation` is the factor by which correlation widens the position, `bounded` whether the
+    readings end all axes of its ellipse.
     """
 
     covariance: FloatArray
@@ -54,98 +44,78 @@ class Spread(NamedTuple):
     bounded: bool
 
 
-def distance_db(
-    x_m: FloatArray, y_m: FloatArray, at_x_m: float, at_y_m: float, height_m: float
-) -> FloatArray:
-    """L = 10 log10 d of each row from a place, d at least 1 m."""
-    d2 = (at_x_m - x_m) ** 2 + (at_y_m - y_m) ** 2 + height_m**2
-    return np.asarray(5.0 * np.log10(np.maximum(d2, 1.0)), float)
+def sandwich(rows: Rows, design: FloatArray, state: FloatArray) -> Sandwich:
+    """Covariance of the fit whose minimum is `state` (4,).
 
-
-def spread(rows: Working, design: FloatArray, state: FloatArray, height_m: float) -> Spread:
-    """Spread of the fit whose minimum is `state`; `design` (n, 4) is the model's derivative by the
-    state.
+    `rows` are those of the linear problem, `design` (n, 4) is the model's derivative by the state.
     """
-    e = (
-        state[2]
-        - state[3] * distance_db(rows.x_m, rows.y_m, state[0], state[1], height_m)
-        - rows.level_dbm
-    )
+    e = rows.residuals(state)
     scale = np.sqrt(rows.weight @ design**2)
     scale = np.where(scale > 0.0, scale, 1.0)
     scaled = design / scale
-    bread = _inverse(np.sqrt(rows.weight)[:, None] * scaled)
+    bread = _inverse_square(np.sqrt(rows.weight)[:, None] * scaled)
     noise = residual_noise(rows.x_m, rows.y_m, rows.readings, rows.weight, design, e)
     total = np.bincount(noise.square, rows.weight)
     score = bread @ (total[:, None] * averages(noise.square, rows.weight, scaled)).T
     covariance = score @ noise.covariance_db2 @ score.T
-    variance = float(rows.weight @ e**2) / max(len(e) - 4, 1)
-    widened, plain = np.linalg.det(covariance[:2, :2]), np.linalg.det(variance * bread[:2, :2])
-    inflation = float(np.sqrt(widened / plain)) if widened > 0.0 < plain else 1.0
+    variance_db2 = float(rows.weight @ e**2) / max(len(e) - 4, 1)
+    wide, narrow = np.linalg.det(covariance[:2, :2]), np.linalg.det(variance_db2 * bread[:2, :2])
+    inflation = float(np.sqrt(wide / narrow)) if wide > 0.0 < narrow else 1.0
     unit = np.outer(scale, scale)
-    stretched, bounded = _stretched(rows, state, height_m, covariance / unit, bread / unit)
-    return Spread(stretched, variance, inflation, bounded)
+    covariance, bounded = _stretch(rows, state, covariance / unit, bread / unit)
+    return Sandwich(covariance, variance_db2, inflation, bounded)
 
 
-def _inverse(rows: FloatArray) -> FloatArray:
+def _inverse_square(rows: FloatArray) -> FloatArray:
     """(A' A)^-1; what is not observed is widely uncertain."""
-    _, size, axes = np.linalg.svd(rows, full_matrices=False)
+    _, size, axes = np.linalg.svd(rows, full_matrices=len(rows) < rows.shape[1])
     size = np.pad(size, (0, rows.shape[1] - len(size)))
-    axes = np.linalg.svd(rows)[2] if len(rows) < rows.shape[1] else axes
     axes = axes / np.maximum(size, _SINGULAR * size[0])[:, None]
     return np.asarray(axes.T @ axes, float)
 
 
-def _stretched(
-    rows: Working, state: FloatArray, height_m: float, covariance: FloatArray, bread: FloatArray
+def _stretch(
+    rows: Rows, state: FloatArray, covariance: FloatArray, bread: FloatArray
 ) -> tuple[FloatArray, bool]:
-    """Covariance with the axes of the place stretched, and whether the readings end all of them."""
-    rise = np.linalg.pinv(bread[:2, :2])
-    variance, axes = np.linalg.eigh(covariance[:2, :2])
-    variance = np.maximum(variance, _LEAST_M2)  # levels that are all alike fit exactly anywhere
-    ends = [
-        _end_m(
-            rows,
-            state,
-            height_m,
-            side * axis,
-            np.sqrt(CHI2_95_2DOF * v),
-            CHI2_95_2DOF * v * (axis @ rise @ axis),
-        )
-        for v, axis in zip(variance, axes.T, strict=True)
-        for side in (1.0, -1.0)
-    ]
-    reached = np.array(ends).reshape(2, 2).max(axis=1)
-    more = axes @ np.diag(reached**2 / CHI2_95_2DOF - variance) @ axes.T
-    # P0 and eta move with the place
-    along = np.vstack([np.eye(2), (np.linalg.pinv(covariance[:2, :2]) @ covariance[:2, 2:]).T])
-    whole = covariance + along @ more @ along.T
-    return 0.5 * (whole + whole.T), bool(np.all(reached < REACH_M))
+    """Covariance with the position's axes stretched, and whether the readings end all of them."""
+    position = covariance[:2, :2]
+    curvature = np.linalg.pinv(bread[:2, :2])
+    variance, axes = np.linalg.eigh(position)
+    variance = np.maximum(variance, _LEAST_M2)
+    reach_m = np.empty(2)
+    for k, axis in enumerate(axes.T):
+        begin_m = np.sqrt(CHI2_95_2DOF * variance[k])
+        rise = CHI2_95_2DOF * variance[k] * (axis @ curvature @ axis)
+        reach_m[k] = max(end_m(rows, state, side * axis, begin_m, rise) for side in (1.0, -1.0))
+    more = axes @ np.diag(reach_m**2 / CHI2_95_2DOF - variance) @ axes.T
+    # P0 and eta move with the position
+    along = np.vstack([np.eye(2), (np.linalg.pinv(position) @ covariance[:2, 2:]).T])
+    stretched = covariance + along @ more @ along.T
+    return 0.5 * (stretched + stretched.T), bool(np.all(reach_m < REACH_M))
 
 
-def _end_m(
-    rows: Working, state: FloatArray, height_m: float, axis: FloatArray, begin_m: float, rise: float
-) -> float:
-    """Distance from the minimum at which the misfit has risen by `rise`, `begin_m` at least, the
-    reach at most.
+def end_m(rows: Rows, state: FloatArray, axis: FloatArray, begin_m: float, rise: float) -> float:
+    """Distance from the minimum along `axis` (2,) at which the misfit has risen by `rise`.
+
+    `begin_m` at least, 30 km at most.
     """
     if begin_m >= REACH_M:
         return begin_m
-    steps_m = np.append(
-        np.geomspace(begin_m, REACH_M, 2 + int(np.log(REACH_M / begin_m) / np.log(_STEP))), REACH_M
-    )
-    lowest = _misfit(rows, state[0], state[1], height_m)
-    for step_m in steps_m:
+    n_steps = 2 + int(np.log(REACH_M / begin_m) / np.log(_STEP))
+    lowest = profile_misfit(rows, state[0], state[1])
+    for step_m in np.geomspace(begin_m, REACH_M, n_steps).tolist():
         x_m, y_m = state[:2] + step_m * axis
-        if _misfit(rows, x_m, y_m, height_m) - lowest >= rise:
+        if profile_misfit(rows, x_m, y_m) - lowest >= rise:
             return float(step_m)
     return REACH_M
 
 
-def _misfit(rows: Working, x_m: float, y_m: float, height_m: float) -> float:
-    """Weighted squared misfit of a place, P0 and eta free."""
-    distance = distance_db(rows.x_m, rows.y_m, x_m, y_m, height_m)
+def profile_misfit(rows: Rows, x_m: float, y_m: float) -> float:
+    """Weighted squared misfit of a position, P0 and eta free."""
     share = rows.weight / np.sum(rows.weight)
-    level, distance = rows.level_dbm - share @ rows.level_dbm, distance - share @ distance
-    slope = float(rows.weight @ (level * distance)) / max(float(rows.weight @ distance**2), 1e-12)
-    return float(rows.weight @ (level - slope * distance) ** 2)
+    distance_db = rows.log_distance_db(x_m, y_m)
+    distance_db -= share @ distance_db
+    level_db = rows.level_dbm - share @ rows.level_dbm
+    spread_db2 = max(float(rows.weight @ distance_db**2), 1e-12)
+    eta = -float(rows.weight @ (level_db * distance_db)) / spread_db2
+    return float(rows.weight @ (level_db + eta * distance_db) ** 2)

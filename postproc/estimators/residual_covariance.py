@@ -24,6 +24,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.model.blocks import squares
 
 WHITE_SHARES = (0.1, 0.5)
 DECORRELATIONS_M = (12.0, 35.0, 110.0, 350.0, 1100.0)
@@ -62,22 +63,6 @@ class ResidualNoise(NamedTuple):
     decorrelation_m: float
 
 
-def squares(x_m: FloatArray, y_m: FloatArray, most: int, finest_m: float) -> IntArray:
-    """Number of the square each place lies in, the squares as small as `most` of them allow."""
-    size_m, x, y = finest_m, x_m, y_m
-    index = np.arange(len(x_m))
-    while True:
-        column, row = (np.floor((v - np.mean(v)) / size_m).astype(np.int64) for v in (x, y))
-        key = (row - row.min()) * (int(np.ptp(column)) + 1) + column - column.min()
-        found, number = np.unique(key, return_inverse=True)
-        index = number[index].astype(np.int64)
-        if len(found) <= most:
-            return index
-        count = np.bincount(number)
-        x, y = np.bincount(number, x) / count, np.bincount(number, y) / count
-        size_m *= 1.25
-
-
 def averages(square: IntArray, weight: FloatArray, values: FloatArray) -> FloatArray:
     """Weighted means of the rows of `values`, (n,) or (n, k), in each square."""
     total = np.bincount(square, weight)
@@ -98,7 +83,7 @@ def residual_noise(
 
     `readings` is how many a row stands for.
     """
-    square = squares(x_m, y_m, _MOST_SQUARES, _FINEST_M)
+    square, _ = squares(x_m, y_m, _MOST_SQUARES)
     x, y, e = (averages(square, weight, v) for v in (x_m, y_m, residual_db))
     scaled = averages(
         square, weight, design / np.maximum(np.sqrt(np.mean(design**2, axis=0)), 1e-300)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
+from logger.core.model.path_loss import log_distance_db
 from postproc.estimators import least_squares
-from postproc.estimators.least_squares_covariance import distance_db
 from postproc.smoothing import CellResult
 
 
@@ -15,8 +15,8 @@ class Fit:
     """Level and residual of each reading, shape (n,), by its distance from the strongest place of
     the posterior.
 
-    `distance_m` is that of the antenna, at its height; the model is `p0_dbm - 10 eta lg
-    distance_m`. `within` are the readings that are no end of the modem's scale; `residual_db` is
+    `distance_m` is the model's, with the antenna's height and the receiver's error; the model is
+    `p0_dbm - 10 eta lg distance_m`. `within` are the readings that are no end of the modem's scale; `residual_db` is
     level minus model, NaN for the others.
     """
 
@@ -44,7 +44,8 @@ def fit_of(cell: CellResult) -> Fit | None:
     state, height_m = posterior.modes[0].state, posterior.prior.height_m
     within = np.asarray(obs.limit == 0, np.bool_)
     residual_db = np.where(within, -least_squares.residuals(state, obs, height_m), np.nan)
-    away_db = distance_db(obs.x_m, obs.y_m, float(state[0]), float(state[1]), height_m)
+    dx_m, dy_m = state[0] - obs.x_m, state[1] - obs.y_m
+    away_db = log_distance_db(dx_m, dy_m, height_m, obs.position_sigma_m)
     scatter_db = float(np.nanstd(residual_db)) if np.any(within) else float("nan")
     return Fit(
         10.0 ** (0.1 * away_db),

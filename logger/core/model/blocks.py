@@ -186,11 +186,19 @@ def in_fewer_places(gone: Censored, most: int, modem: IntArray | None = None) ->
     return Censored(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def squares(x_m: FloatArray, y_m: FloatArray, most: int, modem: IntArray) -> tuple[IntArray, float]:
-    """Number of the square of its modem each point lies in, as small as `most` squares allow, and
-    their side.
+def squares(
+    x_m: FloatArray,
+    y_m: FloatArray,
+    most: int,
+    modem: IntArray | int = 0,
+    *,
+    finest_m: float = FINEST_BLOCK_M,
+) -> tuple[IntArray, float]:
+    """Number of the square of its modem each point lies in, and the side of the squares.
+
+    The squares are as small as `most` of them allow, `finest_m` at least.
     """
-    size_m = FINEST_BLOCK_M
+    size_m = finest_m
     if not len(x_m):
         return np.zeros(0, np.int64), size_m
     while True:

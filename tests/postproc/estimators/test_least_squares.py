@@ -10,6 +10,8 @@ from logger.core.errors import EstimationError
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations
 from postproc.estimators import least_squares, least_squares_covariance
+from postproc.estimators.least_squares_rows import each_reading, group
+from postproc.estimators.least_squares_search import Search
 
 SOURCE = np.array([60.0, 90.0, -30.0, 3.0])
 
@@ -42,12 +44,14 @@ def nees(fit, source=SOURCE):
 
 
 def test_linear_part_agrees_with_dense_least_squares():
-    rng = np.random.default_rng(1)
-    distance_db, level = rng.uniform(10.0, 25.0, 50), rng.normal(-80.0, 5.0, 50)
-    design = np.column_stack([np.ones(50), -distance_db])
-    theta, cofactor = least_squares.fit_linear(distance_db, level)
-    np.testing.assert_allclose(theta, scipy.linalg.lstsq(design, level)[0], rtol=1e-9)
-    np.testing.assert_allclose(cofactor, np.linalg.inv(design.T @ design), rtol=1e-9)
+    obs = walk(np.random.default_rng(1), count=50)
+    rows = group(obs, 5.0, robust=False)
+    loss_db = rows.log_distance_db(40.0, 70.0)
+    root = np.sqrt(rows.weight)
+    expected, *_ = scipy.linalg.lstsq(
+        root[:, None] * np.column_stack([np.ones(50), -loss_db]), root * obs.level_dbm
+    )
+    np.testing.assert_allclose(rows.best_at(40.0, 70.0), [40.0, 70.0, *expected], rtol=1e-9)
 
 
 @pytest.mark.parametrize("height_m", [0.0, 25.0])
@@ -94,10 +98,8 @@ def test_finds_the_minimum_scipy_finds(loss, height_m):
 
 def test_gradient_by_kaufman_is_that_of_the_projected_misfit():
     obs = walk(np.random.default_rng(4))
-    search = least_squares._Search(
-        least_squares._gathered(obs, obs.limit, robust=False), "linear", 0.0, 3.0
-    )
-    misfit, slope = search._projection()
+    search = Search(group(obs, 0.0, robust=False), "linear", 3.0)
+    misfit, slope = search.projection()
     place, step = np.array([100.0, 40.0]), 1e-3
     numeric = [
         (np.sum(misfit(place + d) ** 2) - np.sum(misfit(place - d) ** 2)) / (4 * step)
@@ -108,10 +110,10 @@ def test_gradient_by_kaufman_is_that_of_the_projected_misfit():
 
 def test_deviation_at_a_limit_has_the_derivative_it_says():
     obs = walk(np.random.default_rng(4), noise_db=6.0, count=60)
-    rows = least_squares._gathered(obs, np.arange(60) % 3 - 1, robust=False)
-    search, step = least_squares._Search(rows, "linear", 0.0, 4.0), np.array([0.0, 0.0, 1e-5, 0.0])
-    deviation, rate = search._deviation(SOURCE)
-    ahead, behind = (search._deviation(SOURCE + side * step)[0] for side in (1, -1))
+    rows = each_reading(replace(obs, known_limit=np.arange(60) % 3 - 1), 0.0)
+    search, step = Search(rows, "linear", 4.0), np.array([0.0, 0.0, 1e-5, 0.0])
+    deviation, rate = search.deviation(SOURCE)
+    ahead, behind = (search.deviation(SOURCE + side * step)[0] for side in (1, -1))
     np.testing.assert_allclose(rate, (ahead - behind) / 2e-5, rtol=1e-5, atol=1e-7)
     # the deviation is the root of the log-likelihood that a level lies beyond the limit
     model = least_squares.residuals(SOURCE, obs) + obs.level_dbm
@@ -134,12 +136,10 @@ def test_deviation_at_a_limit_stays_finite_far_away():
         rat="GSM",
         known_limit=-1 * (obs.level_dbm < -80.0),
     )
-    search = least_squares._Search(
-        least_squares._gathered(obs, obs.limit, robust=False), "linear", 0.0, 3.0
-    )
+    search = Search(group(obs, 0.0, robust=False), "linear", 3.0)
     for p0_dbm in (-1e12, -1e11, 1e11, 1e12):
         assert all(
-            np.all(np.isfinite(v)) for v in search._deviation(np.array([0.0, 0.0, p0_dbm, 3.0]))
+            np.all(np.isfinite(v)) for v in search.deviation(np.array([0.0, 0.0, p0_dbm, 3.0]))
         )
 
 
@@ -220,18 +220,14 @@ def test_an_axis_is_stretched_to_where_the_misfit_has_risen():
         source=np.array([30.0, 120.0, -30.0, 3.0]),
     )
     fit = least_squares.fit(obs, [(30.0, 120.0)])
-    rows = least_squares._Search(
-        least_squares._gathered(obs, obs.limit, robust=False), "linear", 0.0, 3.0
-    ).working(fit.state)
+    rows = Search(group(obs, 0.0, robust=False), "linear", 3.0).linearised(fit.state)
 
     def end_m(begin_m, rise):
-        return least_squares_covariance._end_m(
-            rows, fit.state, 0.0, np.array([0.0, 1.0]), begin_m, rise
-        )
+        return least_squares_covariance.end_m(rows, fit.state, np.array([0.0, 1.0]), begin_m, rise)
 
     def risen(away_m):
         lowest, there = (
-            least_squares_covariance._misfit(rows, fit.state[0], fit.state[1] + d, 0.0)
+            least_squares_covariance.profile_misfit(rows, fit.state[0], fit.state[1] + d)
             for d in (0.0, away_m)
         )
         return there - lowest

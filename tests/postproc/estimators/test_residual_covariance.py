@@ -25,22 +25,6 @@ def found(x, y, e, design):
     return residual_covariance.residual_noise(x, y, one, one, design, left)
 
 
-def test_squares_hold_what_is_near_and_stay_few():
-    rng = np.random.default_rng(1)
-    x, y = rng.uniform(0.0, 1000.0, (2, 5000))
-    number = residual_covariance.squares(x, y, 200, 2.0)
-    assert number.min() == 0
-    assert number.max() < 200
-    for k in range(0, 200, 17):
-        assert np.ptp(x[number == k]) < 250.0
-        assert np.ptp(y[number == k]) < 250.0
-    # few places are kept apart
-    np.testing.assert_array_equal(
-        np.sort(residual_covariance.squares(np.array([0.0, 5.0, 0.1]), np.zeros(3), 9, 2.0)),
-        [0, 0, 1],
-    )
-
-
 def test_averages_are_weighted():
     square, weight = np.array([0, 1, 0]), np.array([1.0, 2.0, 3.0])
     np.testing.assert_allclose(

@@ -23,8 +23,9 @@ def test_level_is_model_plus_residual(cell):
 
 def test_distance_is_that_of_the_antenna(cell):
     state, height_m = cell.posterior.modes[0].state, cell.posterior.prior.height_m
-    across_m = np.hypot(cell.obs.x_m - state[0], cell.obs.y_m - state[1])
-    np.testing.assert_allclose(fit_of(cell).distance_m, np.hypot(across_m, height_m))
+    squared_m2 = (cell.obs.x_m - state[0]) ** 2 + (cell.obs.y_m - state[1]) ** 2 + height_m**2
+    squared_m2 += 2.0 * cell.obs.position_sigma_m**2  # the expected square of the distance
+    np.testing.assert_allclose(fit_of(cell).distance_m, np.sqrt(squared_m2))
 
 
 def test_the_end_of_the_scale_leaves_no_residual(cell):

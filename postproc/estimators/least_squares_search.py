@@ -1,0 +1,169 @@
+"""Search of the minima of a least-squares fit over [x, y, P0, eta].
+
+At a given position P0 and eta are linear, so Levenberg-Marquardt searches over the position only
+(variable projection: Golub & Pereyra, Inverse Problems 19(2), 2003; Jacobian by Kaufman, BIT 15,
+1975). A robust loss and limited readings end that: the search then goes on over all four.
+
+A level at the floor means that the true one is no higher, by the residual
+sigma sqrt(-2 log Phi((floor - model) / sigma)) (Tobin, Econometrica 26(1), 1958).
+"""
+
+from collections.abc import Callable, Sequence
+from math import sqrt
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.special import erfcx, log_ndtr
+
+from logger.core.arrays import FloatArray
+from postproc.estimators.convergence import is_possible
+from postproc.estimators.least_squares_rows import Rows
+from postproc.estimators.robust_losses import Loss, influence
+
+_ArrayFunction = Callable[[FloatArray], FloatArray]
+
+_STEPS = 200  # searches that converge take some 20
+_SCALE = (10.0, 10.0, 3.0, 0.3)  # usual sigmas of x, y (m), P0 (dB) and eta
+_LEAST_SCALE_DB = 1.0  # of a robust loss: levels are rounded to 1 dB
+_LEAST_RATE, _LEAST_SLOPE = 1e-3, 0.1  # below these a row is far beyond what the loss follows
+
+
+class Minimum(NamedTuple):
+    """A state [x, y, P0, eta], its cost chi2 / 2, and whether it is one that can be."""
+
+    state: FloatArray
+    cost: float
+    converged: bool
+
+
+class Search(NamedTuple):
+    """What is minimised: the loss of the rows' deviations.
+
+    `sigma_db` scales a robust loss and limits.
+    """
+
+    rows: Rows
+    loss: Loss
+    sigma_db: float
+
+    def minima(self, starts: Sequence[tuple[float, float]]) -> list[Minimum]:
+        """Minimum reached from each start (x, y), best first; impossible ones come last."""
+        minima = [self._minimum_from(start) for start in starts]
+        return sorted(minima, key=lambda minimum: (not minimum.converged, minimum.cost))
+
+    def _minimum_from(self, start: tuple[float, float]) -> Minimum:
+        projected = self._search_position(start)
+        if self.loss == "linear" and np.all(self.rows.free):
+            return projected
+        starts = projected.state, self.rows.best_at(*start)
+        return min(map(self._search_state, starts), key=lambda minimum: minimum.cost)
+
+    def _search_position(self, start: tuple[float, float]) -> Minimum:
+        """Least squares of the levels over the position, P0 and eta projected out."""
+        misfit, slope = self.projection()
+        method: Literal["lm", "trf"] = "lm" if np.count_nonzero(self.rows.free) >= 2 else "trf"
+
+        def search() -> Minimum:
+            end = least_squares(
+                misfit, start, jac=slope, method=method, x_scale=_SCALE[:2], max_nfev=_STEPS
+            )
+            state = self.rows.best_at(float(end.x[0]), float(end.x[1]))
+            return self._minimum(state, end.cost, end.success)
+
+        return _tolerate_divergence(search, self.rows.best_at(*start))
+
+    def projection(self) -> tuple[_ArrayFunction, _ArrayFunction]:
+        """Misfit (n,) of a position beyond what P0 and eta explain, and its derivative (n, 2).
+
+        The derivative leaves out that of the projection (Kaufman).
+        """
+        rows = self.rows.levels()
+        root = np.sqrt(rows.weight)
+
+        def project_out(position: FloatArray, values: FloatArray) -> FloatArray:
+            distance_db = rows.log_distance_db(position[0], position[1])
+            basis = np.linalg.qr(np.column_stack([root, -root * distance_db]))[0]
+            return np.asarray(values - basis @ (basis.T @ values), float)
+
+        def misfit(position: FloatArray) -> FloatArray:
+            return project_out(position, root * rows.level_dbm)
+
+        def slope(position: FloatArray) -> FloatArray:
+            state = rows.best_at(position[0], position[1])
+            return project_out(position, -root[:, None] * rows.jacobian(state)[:, :2])
+
+        return misfit, slope
+
+    def _search_state(self, state: FloatArray) -> Minimum:
+        """Minimum of the loss of all rows over all four unknowns."""
+        root = np.sqrt(self.rows.weight)
+
+        def misfit(state: FloatArray) -> FloatArray:
+            return root * self.deviation(state)[0]
+
+        def slope(state: FloatArray) -> FloatArray:
+            return (root * self.deviation(state)[1])[:, None] * self.rows.jacobian(state)
+
+        def search() -> Minimum:
+            end = least_squares(
+                misfit,
+                state,
+                jac=slope,
+                method="lm" if self.loss == "linear" and len(root) >= 4 else "trf",
+                x_scale=_SCALE,
+                loss=self.loss,
+                f_scale=self._scale_db,
+                max_nfev=_STEPS,
+            )
+            return self._minimum(np.asarray(end.x, float), end.cost, end.success)
+
+        return _tolerate_divergence(search, state)
+
+    @property
+    def _scale_db(self) -> float:
+        return max(self.sigma_db, _LEAST_SCALE_DB)
+
+    def _minimum(self, state: FloatArray, cost: float, success: bool) -> Minimum:
+        possible = is_possible(state, self.rows.x_m, self.rows.y_m)
+        return Minimum(state, float(cost), success and possible)
+
+    def deviation(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Deviation in dB of each row and its derivative by the model, shape (n,).
+
+        Positive where the model is too high.
+        """
+        deviation, rate = self.rows.residuals(state), np.ones(len(self.rows.limit))
+        hidden = ~self.rows.free
+        side = -self.rows.limit[hidden]
+        u = -side * deviation[hidden] / self.sigma_db
+        size = self.sigma_db * np.sqrt(np.maximum(-2.0 * log_ndtr(u), 1e-12))
+        # phi(u) / Phi(u), which are both 0 far out
+        mills = sqrt(2.0 / np.pi) / erfcx(-u / sqrt(2.0))
+        deviation[hidden], rate[hidden] = side * size, self.sigma_db * mills / size
+        return deviation, rate
+
+    def linearised(self, state: FloatArray) -> Rows:
+        """Rows of the weighted linear problem with the same minimum.
+
+        Their levels deviate by psi(r) / (mean psi' dr/dmodel).
+        """
+        r, rate = self.deviation(state)
+        psi, slope = influence(self.loss, np.sqrt(self.rows.weight) * r / self._scale_db)
+        mean_slope = max(float(np.mean(slope)), _LEAST_SLOPE)
+        e = r * psi / (mean_slope * np.maximum(rate, _LEAST_RATE))
+        model_dbm = self.rows.residuals(state) + self.rows.level_dbm
+        weight = self.rows.weight * np.where(rate > _LEAST_RATE, rate**2, _LEAST_RATE**2)
+        return self.rows._replace(level_dbm=model_dbm - e, weight=weight)
+
+
+def _tolerate_divergence(search: Callable[[], Minimum], start: FloatArray) -> Minimum:
+    """The end of a search, or its start where it ran beyond what floats hold."""
+    try:
+        with np.errstate(all="ignore"):
+            minimum = search()
+    except (ValueError, np.linalg.LinAlgError):
+        return Minimum(start, np.inf, converged=False)
+    if not np.all(np.isfinite(minimum.state)):
+        return Minimum(start, np.inf, converged=False)
+    return minimum
