@@ -32,7 +32,7 @@ from logger.core.live import live_prior
 from logger.core.live_cell import LiveCell
 from logger.core.live_settings import LiveSettings
 from logger.core.locator.online import Heard
-from logger.core.locator.posterior import locate
+from logger.core.locator.pipeline import locate
 from logger.core.observations import CellObservations
 from logger.core.spikes import Judged, SpikeFilter
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.locator.posterior import locate
+from logger.core.locator.pipeline import locate
 from logger.core.locator.timing_advance import STEP_M
 from logger.core.model.prior import Prior
 from logger.core.observations import LAST_TA, CellObservations

@@ -27,7 +27,7 @@ from scoreboard.world import Noise, World
 from scoreboard.worlds import plain
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.posterior import locate
+from logger.core.locator.pipeline import locate
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 from postproc.smoothing import too_few

@@ -9,9 +9,10 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from logger.core.errors import ConfigError
-from logger.core.locator.posterior import Posterior, locate
+from logger.core.locator.pipeline import decide, locate
+from logger.core.locator.posterior import Posterior
 from logger.core.locator.timing_advance import TimingCheck, timing_of
-from logger.core.locator.verdict import Verdict, judged
+from logger.core.locator.verdict import Verdict
 from logger.core.model.prior import ENVIRONMENTS, Prior
 from logger.core.observations import (
     CellObservations,
@@ -219,7 +220,7 @@ def answer(obs: CellObservations, prior: Prior) -> CellResult:
         return CellResult(obs.cell, len(obs), obs, "cannot tell", (why,))
     kept, aside = obs.usable(), tuple(obs.spikes())
     posterior = locate(kept, prior)
-    told, reasons, _ = judged(posterior, kept)
+    told, reasons, _ = decide(posterior, kept)
     timing = timing_of(kept)
     checked = None if timing is None else timing.check(posterior.squares)
     if checked and checked.warning:

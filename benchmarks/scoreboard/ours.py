@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.posterior import locate
+from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.region import Squares as Leaves
 from logger.core.locator.region import highest_density, mode_regions
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR
-from logger.core.locator.verdict import judged
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 
@@ -78,7 +77,7 @@ def answer(world: World, walk: Walk, prior: Prior = PRIOR) -> Answer:
     """What the locator says of a walk; raises `EstimationError`."""
     obs = observations(world, walk)
     found = locate(obs, prior)
-    told, _, division = judged(found, obs)
+    told, _, division = decide(found, obs)
     chosen = highest_density(found.squares)
     cells = found.squares
     return Answer(

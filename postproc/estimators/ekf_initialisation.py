@@ -19,9 +19,10 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import EstimationError
 from logger.core.filter_monitor import CLOSE
 from logger.core.locator.online import EFFORT
-from logger.core.locator.posterior import Mode, Posterior, locate
+from logger.core.locator.pipeline import locate
+from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.quadtree import Effort
-from logger.core.locator.verdict import verdict
+from logger.core.locator.verdict import assess
 from logger.core.model import path_loss
 from logger.core.observations import CellObservations
 from logger.core.shadow_ekf import ShadowNoise
@@ -114,7 +115,7 @@ def _find_start(
     obs: CellObservations, thinned: CellObservations, whole: Posterior, noise: ShadowNoise
 ) -> tuple[int, Posterior] | NoRun:
     """About the shortest prefix after which there is one close mode, and its posterior."""
-    if verdict(whole, obs)[0] != "located":
+    if assess(whole, obs).verdict != "located":
         return NoRun("the whole walk does not locate the transmitter")
     end = int(np.flatnonzero(np.isfinite(thinned.level_dbm))[-1]) + 1
     shortest = _shortest_promising(thinned, end, whole, noise)
@@ -164,7 +165,7 @@ def _locate_prefix(
     best = posterior.modes[0]
     nearest_m = np.min(_distance_m(rest, best, height_m))
     is_close = _widest_sigma_m(best.covariance) <= CLOSE * nearest_m
-    is_single = best.probability >= ONE_MODE and verdict(posterior, prefix)[0] == "located"
+    is_single = best.probability >= ONE_MODE and assess(posterior, prefix).verdict == "located"
     return posterior if is_close and is_single else None
 
 

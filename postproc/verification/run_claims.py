@@ -22,7 +22,8 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from logger.core.identities import FEWEST_SCANS
-from logger.core.locator.posterior import Posterior, locate
+from logger.core.locator.pipeline import locate
+from logger.core.locator.posterior import Posterior
 from logger.core.model.blocks import Blocks, blocks
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations, Track

@@ -19,7 +19,8 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.locator.mixture import Mixture
-from logger.core.locator.quadtree import Effort, Tree, grow
+from logger.core.locator.quadtree import Effort, Tree
+from logger.core.locator.search import search_once
 from logger.core.model.blocks import NOTHING_CENSORED, Blocks, Censored, censored_places
 from logger.core.model.noise import covariances
 from logger.core.model.prior import Prior
@@ -51,7 +52,7 @@ def first_look(obs: CellObservations, coarse: Blocks, prior: Prior) -> tuple[Pri
     places moved.
     """
     plain = replace(coarse, censored=NOTHING_CENSORED)
-    tree = grow(plain, replace(prior, offset_sigma_db=_FREE_DB), _LOOK)
+    tree = search_once(plain, replace(prior, offset_sigma_db=_FREE_DB), _LOOK)
     mixed = tree.mixture(prior)
     sigma_db = float(np.sum(mixed.share * tree.evidence.sigma_db))
     scaled = replace(prior, offset_sigma_db=prior.offset_sigma_db * prior.sigma_db / sigma_db)

@@ -23,9 +23,10 @@ from logger.core.locator.evidence import (
 )
 from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
-from logger.core.locator.posterior import BIAS_SHARE, moments_over
-from logger.core.locator.quadtree import Effort, grow
+from logger.core.locator.quadtree import Effort
 from logger.core.locator.region import Squares, mode_regions
+from logger.core.locator.search import search_once
+from logger.core.locator.summary import BIAS_SHARE, moments_over
 from logger.core.locator.symmetry import Curve, fit_curve
 from logger.core.model.blocks import (
     FINEST_BLOCK_M,
@@ -174,7 +175,7 @@ class OnlineLocator:
         point_m, variance_m2 = self._block[:2, : self._n], self._block[3, : self._n]
         self._curve = fit_curve(point_m, np.sqrt(variance_m2))
         walk = single(self._on_curve(0, self._n), self._size_m, self._censored())
-        tree = grow(walk, self._prior, EFFORT, log_weight=self._judged(walk))
+        tree = search_once(walk, self._prior, EFFORT, log_weight=self._judged(walk))
         mixed = tree.mixture(self._prior)
         kept = np.flatnonzero(mixed.probability > _KEPT_MASS)
         alive = np.flatnonzero(mixed.by_hypothesis > _PLAUSIBLE * np.max(mixed.by_hypothesis))

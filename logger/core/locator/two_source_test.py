@@ -13,7 +13,8 @@ import numpy as np
 from logger.core.arrays import BoolArray, FloatArray
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.quadtree import Effort, Tree, grow
+from logger.core.locator.quadtree import Effort, Tree
+from logger.core.locator.search import search_once
 from logger.core.model.blocks import NOTHING_CENSORED, blocks, single
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
@@ -105,7 +106,7 @@ def _part(column: FloatArray, size_m: float, prior: Prior) -> _Part:
     """Log evidence of each hypothesis of the noise, with its prior odds, and the likeliest
     transmitter.
     """
-    tree = grow(single(column, size_m, NOTHING_CENSORED), prior, _EFFORT)
+    tree = search_once(single(column, size_m, NOTHING_CENSORED), prior, _EFFORT)
     log_mass = tree.log_prior + 2.0 * np.log(tree.size_m)
     evidence = np.full(len(prior.hypotheses), _IMPOSSIBLE)
     evidence[tree.numbers] = (

@@ -13,9 +13,10 @@ import numpy as np
 from logger.core import ekf
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import CHI2_95_2DOF
-from logger.core.locator.posterior import Posterior, locate
+from logger.core.locator.pipeline import locate
+from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import highest_density
-from logger.core.locator.verdict import verdict
+from logger.core.locator.verdict import assess
 from logger.core.model.prior import Prior
 from postproc.reproductions.validate import bound
 from postproc.reproductions.validate.check import Check, Effort, promised
@@ -145,7 +146,7 @@ def located(station: Station, x_m: FloatArray, y_m: FloatArray, level_dbm: Float
         abs(found.eta - station.eta),
         found.r95_m,
         holds(found, station.x_m + ORIGIN_M[0], station.y_m + ORIGIN_M[1]),
-        verdict(found, obs)[0],
+        assess(found, obs).verdict,
     )
 
 

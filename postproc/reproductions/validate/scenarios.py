@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.posterior import locate
+from logger.core.locator.pipeline import locate
 from logger.core.types import LiveEstimate, Note
 from postproc.reproductions.validate import convergence, live
 from postproc.reproductions.validate.check import Check, Effort, ours, promised

@@ -10,7 +10,7 @@ import pytest
 import scipy.stats
 
 from logger.core.geo import Utm
-from logger.core.locator.posterior import locate
+from logger.core.locator.pipeline import locate
 from logger.core.model.prior import Prior
 from tests.kit.walks import observations, path, region_contains, simulate
 

@@ -7,7 +7,8 @@ import scipy.stats
 
 from logger.core.locator import evidence
 from logger.core.locator.offsets import first_look, offsets
-from logger.core.locator.posterior import COARSE_BLOCKS, locate
+from logger.core.locator.pipeline import locate
+from logger.core.locator.preparation import COARSE_BLOCKS
 from logger.core.locator.quadtree import Tree
 from logger.core.model.blocks import blocks
 from logger.core.model.noise import whiteners

@@ -6,7 +6,7 @@ import scipy.special
 import scipy.stats
 
 from logger.core.locator.joint_evidence import Joint, log_weights
-from logger.core.locator.posterior import locate
+from logger.core.locator.pipeline import locate
 from logger.core.model.blocks import NOTHING_CENSORED, Censored, blocks
 from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior

@@ -4,7 +4,7 @@ import pytest
 from logger.core.live import live_prior
 from logger.core.live_settings import LiveSettings
 from logger.core.locator.online import MOST_BLOCKS, OnlineLocator
-from logger.core.locator.posterior import locate
+from logger.core.locator.pipeline import locate
 from tests.kit.walks import add_position_errors, censor_at_floor, simulate
 
 PRIOR = live_prior(LiveSettings(height_m=0.0))

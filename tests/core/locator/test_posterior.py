@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from logger.core.errors import EstimationError
-from logger.core.locator.posterior import BIAS_SHARE, locate
+from logger.core.locator.pipeline import locate
 from logger.core.locator.region import highest_density
-from logger.core.locator.verdict import verdict
+from logger.core.locator.summary import BIAS_SHARE
+from logger.core.locator.verdict import assess
 from logger.core.model.prior import Prior
 from tests.kit.walks import (
     censor_at_floor,
@@ -28,7 +29,7 @@ def walked(seed, shape, **noise):
 def test_numbers_of_a_clear_case():
     obs, source = walked(24, "square", white_db=2.0)
     found = locate(obs)
-    assert verdict(found, obs)[0] == "located"
+    assert assess(found, obs).verdict == "located"
     assert np.hypot(found.x_m - source[0], found.y_m - source[1]) < 1.5 * found.r95_m
     assert found.sigma_db == pytest.approx(2.0, abs=0.4)
     assert found.eta + 3 * found.eta_sigma > 2.3
@@ -108,7 +109,7 @@ def test_straight_walk_leaves_two_mirror_images():
         assert found.modes[1].probability == pytest.approx(found.modes[0].probability, abs=0.2)
         assert region_contains(found, (x, y), 10.0) == region_contains(found, (x, -y), 10.0)
         assert nearest_mode_m(found, (found.x_m, -found.y_m)) < 0.1 * mirrored + 2.0
-        assert verdict(found, obs)[0] != "located"
+        assert assess(found, obs).verdict != "located"
 
 
 @pytest.mark.parametrize("away", [0.6, 1.6])
@@ -126,7 +127,7 @@ def test_round_walk_leaves_the_inverse_point(away):
     assert nearest_mode_m(found, twin) < 40.0
     assert region_contains(found, source, 10.0)
     assert region_contains(found, twin, 10.0)
-    assert verdict(found, obs)[0] != "located"
+    assert assess(found, obs).verdict != "located"
 
 
 # --- invariances ---
@@ -221,7 +222,7 @@ def test_mass_at_the_end_of_the_search_is_told(far_power):
     )
     assert found.limit_share > 0.02
     assert found.at_limit
-    told, reasons = verdict(found, obs)
+    told, reasons, _ = assess(found, obs)
     assert told == "cannot tell"
     assert any("farther than the searched 3 km" in reason for reason in reasons)
 

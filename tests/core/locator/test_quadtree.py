@@ -6,8 +6,9 @@ import pytest
 
 from logger.core.locator import evidence
 from logger.core.locator.mixture import mixture
-from logger.core.locator.quadtree import Effort, first_squares, grow
+from logger.core.locator.quadtree import Effort, first_squares
 from logger.core.locator.region import Squares, area_m2, highest_density
+from logger.core.locator.search import Walk, coarse_search, refine, search_once, weigh_noise
 from logger.core.locator.timing_advance import STEP_M, timing_of
 from logger.core.model.blocks import blocks
 from logger.core.model.noise import whiteners
@@ -22,6 +23,12 @@ SMALL = Prior(
     reach_m=400.0,
     near_m=100.0,
 )
+
+
+def search_twice(fine, coarse, prior):
+    task = Walk(fine, coarse, prior, Effort())
+    tree = coarse_search(task)
+    return refine(task, tree, weigh_noise(task, tree))
 
 
 def walk(count=24, noise_db=3.0, seed=1):
@@ -65,8 +72,9 @@ def by_grid(obs, prior, most, step=5.0):
 def both(count, most):
     """Tree and grid of one walk."""
     obs = walk(count, 0.6 * np.sqrt(count))
-    coarse = None if most is None else blocks(obs, most)
-    return grow(blocks(obs, 300), SMALL, Effort(), coarse), by_grid(obs, SMALL, 300)
+    fine = blocks(obs, 300)
+    coarse = fine if most is None else blocks(obs, most)
+    return search_twice(fine, coarse, SMALL), by_grid(obs, SMALL, 300)
 
 
 def cells_of(tree, prior=SMALL):
@@ -144,7 +152,7 @@ def test_cells_are_at_most_half_the_posterior_sigma(shape, shadow_db):
         np.random.default_rng(5), shape, white_db=2.0, shadow_db=shadow_db, count=150, step=5.6
     )
     prior = Prior()
-    tree = grow(blocks(obs, 300), prior, Effort(), blocks(obs, 80))
+    tree = search_twice(blocks(obs, 300), blocks(obs, 80), prior)
     cells = cells_of(tree, prior)
     sigma_m = np.sqrt(area_m2(cells, 0.5) / (np.pi * 2.0 * np.log(2.0)))
     assert np.max(cells.size_m[highest_density(cells, 0.5)]) <= 0.5 * sigma_m
@@ -154,8 +162,8 @@ def test_no_plausible_noise_is_left_out_for_the_fewer_blocks_of_the_beginning():
     obs, _ = simulate(np.random.default_rng(7), "L", shadow_db=3.0, count=150, step=5.6)
     track, prior = blocks(obs, 300), Prior()
     shares = np.zeros((2, len(prior.hypotheses)))
-    for share, coarse in zip(shares, (None, blocks(obs, 80)), strict=True):
-        tree = grow(track, prior, Effort(), coarse)
+    for share, coarse in zip(shares, (track, blocks(obs, 80)), strict=True):
+        tree = search_twice(track, coarse, prior)
         share[tree.numbers] = tree.mixture(prior).by_hypothesis
     assert np.max(shares) < 0.9
     np.testing.assert_allclose(shares[1], shares[0], atol=0.02)
@@ -190,7 +198,7 @@ def test_first_squares_on_a_ring_of_the_timing_advance_are_no_larger_than_its_st
 def test_places_of_the_prior_fade_beyond_what_is_near():
     """Without information the tree holds the prior: flat nearby, by the third power beyond."""
     prior = Prior(near_m=100.0, reach_m=2000.0)
-    tree = grow(blocks(observations([0.0], [0.0], [-70.0]), 300), prior)
+    tree = search_once(blocks(observations([0.0], [0.0], [-70.0]), 300), prior)
     away = np.hypot(tree.x_m, tree.y_m)
     expected = -3.0 * np.log(np.maximum(away / 100.0, 1.0))
     np.testing.assert_allclose(
@@ -203,9 +211,9 @@ def test_places_of_the_prior_fade_beyond_what_is_near():
 
 def test_less_effort_is_fewer_cells_and_much_the_same_answer():
     obs = walk(60)
-    full = grow(blocks(obs, 300), SMALL)
+    full = search_once(blocks(obs, 300), SMALL)
     effort = Effort(most_squares=500, split_share=0.02, nodes=3, first_share=1.0, densest=0)
-    little = grow(blocks(obs, 300), SMALL, effort)
+    little = search_once(blocks(obs, 300), SMALL, effort)
     assert len(little.x_m) < 0.5 * len(full.x_m)
     p, q = (tree.mixture(SMALL).probability for tree in (little, full))
     spread_m = np.sqrt(q @ (full.x_m - q @ full.x_m) ** 2)
@@ -216,6 +224,6 @@ def test_less_effort_is_fewer_cells_and_much_the_same_answer():
 def test_cells_are_bounded():
     obs, _ = simulate(np.random.default_rng(6), "square", white_db=0.5, count=150, step=5.6)
     effort = Effort(most_squares=800)
-    tree = grow(blocks(obs, 300), Prior(), effort)
+    tree = search_once(blocks(obs, 300), Prior(), effort)
     first = first_squares(blocks(obs, 300), Prior(), effort.first_share).shape[1]
     assert len(tree.x_m) < first + 4 * effort.most_squares

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core.locator.posterior import locate
+from logger.core.locator.pipeline import locate
 from logger.core.locator.symmetry import snap_to_curve
 from tests.kit.walks import add_position_errors, observations, path, simulate
 

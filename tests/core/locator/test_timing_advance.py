@@ -9,9 +9,10 @@ from benchmarks.timing_advance import CASES, compare, simulate
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
 from logger.core.locator import evidence
-from logger.core.locator.posterior import locate
-from logger.core.locator.quadtree import Effort, grow
+from logger.core.locator.pipeline import locate
+from logger.core.locator.quadtree import Effort
 from logger.core.locator.region import Squares
+from logger.core.locator.search import search_once
 from logger.core.locator.timing_advance import (
     BIAS_M,
     BIAS_SIGMA_M,
@@ -178,7 +179,7 @@ def test_ta_alone_is_a_ring(step):
     obs = at_places([0.0], [0.0], [step])
     found = timing_of(obs)
     prior = replace(WIDE, reach_m=max(30_000.0, found.reach_m))
-    tree = grow(blocks(obs, 300), prior, timing=found)
+    tree = search_once(blocks(obs, 300), prior, timing=found)
     p, away = tree.mixture(prior).probability, np.hypot(tree.x_m, tree.y_m)
     at, expected = along_a_ray(obs, prior, found)
     low, high = (step - 1.5) * STEP_M, (step + 1.5) * STEP_M if step < 63 else prior.reach_m
@@ -201,9 +202,9 @@ def test_tree_is_that_of_a_fine_grid():
     )
     prior = replace(WIDE, near_m=400.0, reach_m=5000.0)
     found = timing_of(obs)
-    tree = grow(blocks(obs, 300), prior, timing=found)
+    tree = search_once(blocks(obs, 300), prior, timing=found)
     p = tree.mixture(prior).probability
-    fine = grow(
+    fine = search_once(
         blocks(obs, 300),
         prior,
         Effort(most_squares=40_000, split_share=2e-4, first_share=0.2),

@@ -7,7 +7,7 @@ import scipy.stats
 
 from logger.core.locator import tobit
 from logger.core.locator.evidence import marginal, walk_sums
-from logger.core.locator.posterior import locate
+from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.model.blocks import Censored, blocks
 from logger.core.model.noise import covariances, whiteners

@@ -1,8 +1,8 @@
 import numpy as np
 
-from logger.core.locator.posterior import locate
+from logger.core.locator.pipeline import locate
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, divide
-from logger.core.locator.verdict import verdict
+from logger.core.locator.verdict import assess
 from tests.kit.walks import observations, path, simulate
 
 
@@ -24,7 +24,7 @@ def test_two_transmitters_are_told():
             min(np.hypot(*(np.array(p) - source)) for p in (division.one_m, division.other_m))
             < 120.0
         )
-    told, (reason, *_) = verdict(posterior, obs, division)
+    told, (reason, *_), _ = assess(posterior, obs, division)
     assert told == "cannot tell"
     assert "one position does not explain the data" in reason
 

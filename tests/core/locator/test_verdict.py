@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from logger.core.locator.posterior import locate
-from logger.core.locator.verdict import judged, verdict
+from logger.core.locator.pipeline import decide, locate
+from logger.core.locator.verdict import assess
 from logger.core.model.prior import Prior
 from tests.kit.walks import observations, path, simulate
 
@@ -19,7 +19,7 @@ def clear():
 
 
 def reasons(obs, **prior):
-    said, why = verdict(locate(obs, Prior(**prior)), obs)
+    said, why, _ = assess(locate(obs, Prior(**prior)), obs)
     assert said == "cannot tell"
     return " / ".join(why)
 
@@ -44,7 +44,7 @@ def some(obs, chosen):
 
 def test_located():
     obs, found = clear()
-    said, (why,) = verdict(found, obs)
+    said, (why,), _ = assess(found, obs)
     assert said == "located"
     assert (
         why
@@ -56,7 +56,7 @@ def test_located():
 def test_a_place_that_would_be_printed_as_nothing_is_no_rival_however_sharp_it_is(probability):
     obs, found = clear()
     best = replace(found.modes[0], probability=1.0 - probability)
-    said, why = verdict(replace(found, modes=(best, beside(best, 300.0, probability, 1.0))), obs)
+    said, why, _ = assess(replace(found, modes=(best, beside(best, 300.0, probability, 1.0))), obs)
     assert said == "located"
     assert "0%" not in " ".join(why).replace("100%", "")
 
@@ -76,7 +76,7 @@ def test_shares_of_places_add_up_and_none_is_nothing_or_all(shares):
     obs, found = clear()
     best = replace(found.modes[0], probability=shares[0])
     others = (beside(best, 300.0 * i, share, 0.5) for i, share in enumerate(shares[1:], 1))
-    said, why = verdict(replace(found, modes=(best, *others)), obs)
+    said, why, _ = assess(replace(found, modes=(best, *others)), obs)
     assert said == "ambiguous"
     told = [int(percent) for percent in re.findall(r"(\d+)%", why[0])]
     assert sum(told) == 100
@@ -88,7 +88,7 @@ def test_nobody_is_sent_to_a_place_that_is_not_named():
     obs, found = clear()
     best = replace(found.modes[0], probability=0.6)
     rest = (beside(best, 5.0, 0.002, 1.0), beside(best, 400.0, 0.398, 0.9))
-    _, (named, advice) = verdict(replace(found, modes=(best, *rest)), obs)
+    _, (named, advice), _ = assess(replace(found, modes=(best, *rest)), obs)
     place = re.search(r"walk past (\S+ \S+),", advice)[1]
     assert f"at {place}" in named
 
@@ -97,7 +97,7 @@ def test_a_second_place_too_small_to_count_does_not_matter():
     obs, found = clear()
     best = found.modes[0]
     assert (
-        verdict(replace(found, modes=(best, beside(best, 900.0, 0.01, 0.001))), obs)[0] == "located"
+        assess(replace(found, modes=(best, beside(best, 900.0, 0.01, 0.001))), obs)[0] == "located"
     )
 
 
@@ -107,7 +107,7 @@ def test_a_second_place_too_small_to_count_does_not_matter():
 def test_two_places():
     obs, _ = simulate(np.random.default_rng(25), "straight", white_db=2.0, count=150, step=5.6)
     found = locate(obs)
-    said, why = verdict(found, obs)
+    said, why, _ = assess(found, obs)
     assert said == "ambiguous"
     assert len(why) == 2
     for mode in found.modes:
@@ -122,7 +122,7 @@ def test_a_rival_counts_for_its_mass_or_its_peak(probability, peak):
     obs, found = clear()
     best = found.modes[0]
     assert (
-        verdict(replace(found, modes=(best, beside(best, 300.0, probability, peak))), obs)[0]
+        assess(replace(found, modes=(best, beside(best, 300.0, probability, peak))), obs)[0]
         == "ambiguous"
     )
 
@@ -133,7 +133,7 @@ def test_a_rival_counts_for_its_mass_or_its_peak(probability, peak):
 def test_few_readings():
     obs, _ = clear()
     assert "only 6 readings, at least 8 are needed" in reasons(some(obs, np.arange(0, 150, 25)))
-    eight = verdict(locate(some(obs, np.arange(0, 150, 19))), some(obs, np.arange(0, 150, 19)))[1]
+    eight = assess(locate(some(obs, np.arange(0, 150, 19))), some(obs, np.arange(0, 150, 19)))[1]
     assert not any("readings" in why for why in eight)
 
 
@@ -176,16 +176,16 @@ def test_large_region():
 
 def test_reasons_are_all_told_at_once():
     obs = observations([0.0, 8.0], [0.0, 1.0], [-70.0, -71.0])
-    assert len(verdict(locate(obs), obs)[1]) >= 3
+    assert len(assess(locate(obs), obs).reasons) >= 3
 
 
 def test_located_is_what_less_trust_in_the_noise_leaves_located():
     obs, found = clear()
-    assert judged(found, obs)[:2] == verdict(found, obs)
+    assert decide(found, obs)[:2] == assess(found, obs)[:2]
     obs, _ = simulate(np.random.default_rng(6), "square", white_db=1.0, shadow_db=5.0, d_c=30.0)
     found = locate(obs)
-    assert verdict(found, obs)[0] == "located"
-    said, (why,), _ = judged(found, obs)
+    assert assess(found, obs).verdict == "located"
+    said, (why,), _ = decide(found, obs)
     assert said == "cannot tell"
     assert (
         "But that needs shadowing as even as it looks in this walk; if it is less even, the region is too large"

@@ -5,7 +5,8 @@ import pytest
 
 from logger.core.geo import Utm
 from logger.core.locator.online import EFFORT
-from logger.core.locator.posterior import Mode, locate
+from logger.core.locator.pipeline import locate
+from logger.core.locator.posterior import Mode
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 from logger.core.shadow_ekf import ShadowNoise

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from logger.core.geo import Utm
-from logger.core.locator.posterior import locate
+from logger.core.locator.pipeline import locate
 from logger.core.model.blocks import blocks
 from logger.core.model.prior import Prior
 from postproc.verification.claim_test import listened

@@ -1,0 +1,53 @@
+"""The locator from the readings of a cell to a verdict, in five steps.
+
+    prepare                    readings -> blocks of readings taken at one point
+    1 coarse    coarse_search  a quadtree over positions, with the walk in few blocks
+    2 weigh     weigh_noise    which hypotheses of the noise the walk leaves plausible
+    3 refine    refine         the quadtree again, with all blocks and those hypotheses
+    4 summarise summarise      leaves -> modes, median, radius, means of P0, eta and sigma
+    5 decide    decide         located, ambiguous or cannot tell, with reasons
+
+`locate` is steps 1 to 4 and is all that most callers need. The device runs steps 1 and 2
+(`search.search_once`) and updates their result with each reading (`online`); `moments_over`,
+`mode_regions`, `fit_curve` and everything in `logger.core.model` are the same functions on both.
+"""
+
+from dataclasses import replace
+
+from logger.core.locator.posterior import Posterior
+from logger.core.locator.preparation import prepare
+from logger.core.locator.quadtree import Effort
+from logger.core.locator.search import coarse_search, refine, weigh_noise
+from logger.core.locator.summary import summarise
+from logger.core.locator.two_source_test import divide
+from logger.core.locator.verdict import Decision, assess, doubt
+from logger.core.model.prior import Prior
+from logger.core.observations import CellObservations
+
+
+def locate(obs: CellObservations, prior: Prior = Prior(), effort: Effort = Effort()) -> Posterior:  # noqa: B008 (frozen)
+    """Posterior of the transmitter's position given all readings of a cell.
+
+    Levels, censored readings and timing advances all count. Raises `EstimationError` without a
+    single level inside the modem's scale.
+    """
+    task = prepare(obs, prior, effort)
+    tree = coarse_search(task.walk)
+    noise = weigh_noise(task.walk, tree)
+    tree = refine(task.walk, tree, noise)
+    return summarise(task, tree)
+
+
+def decide(posterior: Posterior, obs: CellObservations) -> Decision:
+    """The verdict after every check.
+
+    "Located" has to hold with less trust in the noise as well: with every correlated noise trusted
+    as little as that of hills and streets. Of 13 measured walks located without that check 4 were
+    wrong, of the 9 that pass it 1.
+    """
+    obs = obs.usable()
+    decision = assess(posterior, obs, divide(obs, posterior))
+    if decision.verdict != "located":
+        return decision
+    cautious = locate(obs, replace(posterior.prior, stationary_m=0.0))
+    return doubt(decision, cautious, obs)

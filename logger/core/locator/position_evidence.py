@@ -1,0 +1,102 @@
+"""Evidence of a walk at positions: evaluates squares of the tree in pieces that fit the cache."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import BoolArray, FloatArray
+from logger.core.locator.evidence import Evidence, marginal, walk_sums
+from logger.core.locator.quadtree import Tree, children, log_prior
+from logger.core.locator.timing_advance import Timing
+from logger.core.locator.tobit import Given, given_levels, joined
+from logger.core.model.blocks import Blocks
+from logger.core.model.noise import Whitener
+from logger.core.model.prior import Prior
+
+_CHUNK = 512
+"""Squares evaluated at a time: the matrices of blocks by squares stay in the processor's cache."""
+
+
+class PositionEvidence(NamedTuple):
+    """A walk under some hypotheses of the noise, ready to be evaluated at positions.
+
+    `log_weight` is that of all hypotheses as in `Tree`. `conditionals` describe the censored
+    readings given the levels, one for each of the `whiteners`; none where no reading is censored.
+    """
+
+    blocks: Blocks
+    prior: Prior
+    nodes: int
+    whiteners: list[Whitener]
+    log_weight: FloatArray | None
+    timing: Timing | None
+    conditionals: list[Given]
+
+    @classmethod
+    def of(
+        cls,
+        blocks: Blocks,
+        prior: Prior,
+        nodes: int,
+        whiteners: list[Whitener],
+        log_weight: FloatArray | None,
+        timing: Timing | None,
+    ) -> "PositionEvidence":
+        """The evidence of blocks; `whiteners` belong to these blocks."""
+        censored = whiteners if len(blocks.censored.x_m) else []
+        conditionals = [
+            given_levels(blocks, noise, prior.hypotheses[noise.number]) for noise in censored
+        ]
+        return cls(blocks, prior, nodes, whiteners, log_weight, timing, conditionals)
+
+    def leaves(self, squares: FloatArray, near: Evidence | None = None) -> Tree:
+        """Leaves at squares (3, h): rows x, y, side.
+
+        `near` (c, h) is the evidence at a point close to each of them, where to begin to look.
+        """
+        starts = range(0, squares.shape[1], _CHUNK)
+        parts = [self._evidence(squares[:2, i : i + _CHUNK], _chunk(near, i)) for i in starts]
+        columns = zip(*parts, strict=True)
+        numbers = np.array([noise.number for noise in self.whiteners])
+        x_m, y_m, size_m = squares
+        return Tree(
+            x_m,
+            y_m,
+            size_m,
+            log_prior=log_prior(self.blocks, self.prior, squares),
+            evidence=Evidence(*(np.concatenate(values, axis=-1) for values in columns)),
+            numbers=numbers,
+            log_weight=None if self.log_weight is None else self.log_weight[numbers],
+            log_timing=self._log_timing(squares, starts),
+        )
+
+    def split(self, tree: Tree, chosen: BoolArray) -> Tree:
+        """The tree with its chosen leaves, a mask of shape (h,), split in four."""
+        if not np.any(chosen):
+            return tree
+        parents = None
+        if self.conditionals:
+            repeated = ([values[..., chosen]] * 4 for values in tree.evidence)
+            parents = Evidence(*(np.concatenate(values, axis=-1) for values in repeated))
+        quarters = self.leaves(children(tree.squares[:, chosen]), parents)
+        return tree.replace_leaves(chosen, quarters)
+
+    def _evidence(self, position: FloatArray, near: Evidence | None) -> Evidence:
+        x_m, y_m = position
+        sums = walk_sums(self.blocks, self.whiteners, self.prior, x_m, y_m)
+        log_det = np.array([noise.log_det for noise in self.whiteners])[:, None]
+        if not self.conditionals:
+            return marginal(sums, len(self.blocks), log_det, self.prior, self.nodes)
+        return joined(sums, log_det, self.blocks, self.conditionals, self.prior, x_m, y_m, near)
+
+    def _log_timing(self, squares: FloatArray, starts: range) -> FloatArray | None:
+        if self.timing is None:
+            return None
+        parts = [self.timing.log_p(*squares[:2, i : i + _CHUNK]) for i in starts]
+        return np.concatenate(parts)
+
+
+def _chunk(near: Evidence | None, first: int) -> Evidence | None:
+    if near is None:
+        return None
+    return Evidence(*(values[..., first : first + _CHUNK] for values in near))

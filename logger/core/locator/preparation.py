@@ -1,0 +1,69 @@
+"""What the search needs of the readings of a cell: checks, symmetry, blocks and the prior's reach."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.errors import EstimationError
+from logger.core.locator.offsets import first_look
+from logger.core.locator.quadtree import Effort
+from logger.core.locator.search import Walk
+from logger.core.locator.symmetry import snap_to_curve
+from logger.core.locator.timing_advance import timing_of
+from logger.core.model.blocks import blocks
+from logger.core.model.prior import Prior
+from logger.core.observations import CellObservations
+
+COARSE_BLOCKS = 80
+"""Blocks of the coarse search: its time grows with their square."""
+
+
+class LocatorInput(NamedTuple):
+    """The walk to search, the prior to report, and what has been subtracted from all levels.
+
+    `prior` reaches as far as the timing advances; that of `walk` is `mean_dbm` lower, as the
+    levels are, and has offsets of modems in its own units (`offsets.first_look`).
+    """
+
+    walk: Walk
+    prior: Prior
+    mean_dbm: float
+    n_modems: int
+
+
+def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput:
+    """Gather the usable readings of a cell into blocks.
+
+    Raises `EstimationError` without a single level inside the modem's scale.
+    """
+    obs = obs.usable()
+    limit = obs.limit
+    if not np.any(limit == 0):
+        raise EstimationError("there is no reading of this cell within the modem's scale")
+    obs = snap_to_curve(obs)
+    timing = timing_of(obs)
+    if timing is not None:
+        prior = replace(prior, reach_m=max(prior.reach_m, timing.reach_m))
+    # sums of squares of small numbers keep their digits
+    mean_dbm = float(np.mean(obs.level_dbm))
+    centred = replace(obs, level_dbm=obs.level_dbm - mean_dbm, known_limit=limit)
+    walk_prior = replace(prior, p0_dbm=prior.p0_dbm - mean_dbm)
+    walk = _on_one_scale(_in_blocks(centred, walk_prior, effort), centred)
+    return LocatorInput(walk._replace(timing=timing), prior, mean_dbm, obs.n_modems)
+
+
+def _in_blocks(obs: CellObservations, prior: Prior, effort: Effort) -> Walk:
+    fine = blocks(obs, effort.most_blocks)
+    coarse = blocks(obs, COARSE_BLOCKS) if len(fine) > COARSE_BLOCKS else fine
+    return Walk(fine, coarse, prior, effort)
+
+
+def _on_one_scale(walk: Walk, obs: CellObservations) -> Walk:
+    """The walk with censored readings of all modems on the scale of the first."""
+    if obs.n_modems == 1:
+        return walk
+    prior, censored = first_look(obs, walk.coarse, walk.prior)
+    fine = replace(walk.blocks, censored=censored)
+    coarse = replace(walk.coarse, censored=censored) if walk.is_searched_twice else fine
+    return walk._replace(blocks=fine, coarse=coarse, prior=prior)

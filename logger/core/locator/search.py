@@ -1,0 +1,175 @@
+"""The search over positions in three steps: coarse, weigh the noise, refine.
+
+`coarse_search` uses the walk in few blocks, `weigh_noise` drops the hypotheses of the noise that
+the walk rules out, `refine` searches with all blocks and the hypotheses that are left. The desktop
+takes all three (`pipeline.locate`). The device, the test for two sources and the offsets of modems
+use `search_once`, the same steps with one set of blocks.
+"""
+
+from math import log
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.locator.joint_evidence import log_weights, log_weights_at
+from logger.core.locator.position_evidence import PositionEvidence
+from logger.core.locator.quadtree import Effort, Tree, first_squares
+from logger.core.locator.timing_advance import Timing
+from logger.core.locator.tree_growth import grow
+from logger.core.model.blocks import Blocks
+from logger.core.model.noise import Whitener, whiteners
+from logger.core.model.prior import Prior
+
+_COARSE_SQUARES = 1500
+"""Squares of a coarse search that a finer one follows: it splits what matters again."""
+_COARSE_SHARE = 5.0
+"""Such a search splits squares with this many times the usual share."""
+_QUICK_PART = 10
+"""The search under white noise alone, for a first position, uses this part of the squares."""
+_LEAST_RATIO = 1e-4
+"""Hypotheses this much less likely than the likeliest change no printed digit."""
+_HOPELESS_NATS = 15.0
+"""Hypotheses worse by this (3 million to 1) at one position are not tried at others."""
+_BEST_SQUARES = 15
+"""Squares of each hypothesis at which all blocks decide whether it is plausible."""
+
+
+class Walk(NamedTuple):
+    """What is searched: the walk in `blocks`, and in few `coarse` ones, or the same once more."""
+
+    blocks: Blocks
+    coarse: Blocks
+    prior: Prior
+    effort: Effort
+    timing: Timing | None = None
+
+    @property
+    def is_searched_twice(self) -> bool:
+        """Whether a finer search follows the coarse one."""
+        return self.coarse is not self.blocks
+
+
+class Noise(NamedTuple):
+    """Hypotheses for the fine search: their `whiteners` of all blocks, and weights as in `Tree`.
+
+    `log_weight` (c,) has all hypotheses; None where no reading is censored.
+    """
+
+    whiteners: list[Whitener]
+    log_weight: FloatArray | None
+
+
+def search_once(
+    blocks: Blocks,
+    prior: Prior,
+    effort: Effort = Effort(),  # noqa: B008 (frozen)
+    timing: Timing | None = None,
+    log_weight: FloatArray | None = None,
+) -> Tree:
+    """Search with one set of blocks; `log_weight` (c,) of all hypotheses if known already."""
+    walk = Walk(blocks, blocks, prior, effort, timing)
+    tree = coarse_search(walk, log_weight)
+    return refine(walk, tree, weigh_noise(walk, tree))
+
+
+def coarse_search(walk: Walk, log_weight: FloatArray | None = None) -> Tree:
+    """Step 1: the tree over the coarse blocks.
+
+    Where readings are censored `log_weight` (c,) of all hypotheses is needed first; without one it
+    is found at the position that is best under white noise.
+    """
+    if log_weight is None and len(walk.blocks.censored.x_m):
+        log_weight = _log_weight_at_first_position(walk)
+    numbers = None if log_weight is None else _numbers_within(log_weight, _HOPELESS_NATS)
+    effort = walk.effort
+    if walk.is_searched_twice:
+        share = _COARSE_SHARE * effort.split_share
+        effort = effort._replace(most_squares=_COARSE_SQUARES, split_share=share)
+    return _search_coarse_blocks(walk, effort, numbers, log_weight)
+
+
+def weigh_noise(walk: Walk, tree: Tree) -> Noise:
+    """Step 2: the hypotheses of the noise that all blocks leave plausible.
+
+    The levels decide where no reading is censored. Otherwise the joint evidence of levels and
+    censored readings does, since the levels that remain beside the floor are the high ones.
+    """
+    if tree.log_weight is None:
+        return Noise(_plausible_whiteners(walk, tree), None)
+    log_weight = np.full(len(walk.prior.hypotheses), -np.inf)
+    log_weight[tree.numbers] = _joint_log_weight(walk, tree)
+    if not walk.is_searched_twice:
+        return Noise([], log_weight)
+    plausible = _numbers_within(log_weight, -log(_LEAST_RATIO))
+    return Noise(whiteners(walk.blocks, walk.prior, plausible), log_weight)
+
+
+def refine(walk: Walk, tree: Tree, noise: Noise) -> Tree:
+    """Step 3: the tree over all blocks under the plausible hypotheses."""
+    if not walk.is_searched_twice:
+        weights = noise.log_weight
+        return tree._replace(log_weight=None if weights is None else weights[tree.numbers])
+    effort = walk.effort._replace(densest=0)  # the coarse search has split these
+    evidence = _evidence(walk, walk.blocks, noise.whiteners, noise.log_weight)
+    return grow(evidence.leaves(tree.squares), evidence.split, walk.prior, effort)
+
+
+def _evidence(
+    walk: Walk, blocks: Blocks, noise: list[Whitener], log_weight: FloatArray | None
+) -> PositionEvidence:
+    return PositionEvidence.of(
+        blocks, walk.prior, walk.effort.nodes, noise, log_weight, walk.timing
+    )
+
+
+def _search_coarse_blocks(
+    walk: Walk, effort: Effort, numbers: list[int] | None, log_weight: FloatArray | None
+) -> Tree:
+    noise = whiteners(walk.coarse, walk.prior, numbers)
+    evidence = _evidence(walk, walk.coarse, noise, log_weight)
+    squares = first_squares(walk.coarse, walk.prior, effort.first_share, walk.timing)
+    return grow(evidence.leaves(squares), evidence.split, walk.prior, effort)
+
+
+def _log_weight_at_first_position(walk: Walk) -> FloatArray:
+    """Log weight of all hypotheses at the position that is best under white noise, shape (c,)."""
+    most_squares = walk.effort.most_squares // _QUICK_PART
+    share = _COARSE_SHARE * walk.effort.split_share
+    effort = walk.effort._replace(most_squares=most_squares, split_share=share)
+    tree = _search_coarse_blocks(walk, effort, [0], None)
+    best = int(np.argmax(tree.mixture(walk.prior).probability / tree.size_m**2))
+    x_m, y_m = float(tree.x_m[best]), float(tree.y_m[best])
+    sigma_db = np.full(len(walk.prior.hypotheses), walk.prior.sigma_db)
+    return log_weights_at(walk.blocks, walk.prior, x_m, y_m, sigma_db)[0]
+
+
+def _joint_log_weight(walk: Walk, tree: Tree) -> FloatArray:
+    """Log weight of the tree's hypotheses by their joint evidence over its positions: (c,)."""
+    if not walk.effort.samples and tree.log_weight is not None:
+        return tree.log_weight
+    noise = whiteners(walk.blocks, walk.prior, tree.numbers.tolist())
+    positions = tree.log_mass(), tree.x_m, tree.y_m
+    samples = walk.effort.samples
+    return log_weights(walk.blocks, walk.prior, noise, tree.evidence.log_p, *positions, samples)
+
+
+def _plausible_whiteners(walk: Walk, tree: Tree) -> list[Whitener]:
+    """Hypotheses that the levels of all blocks do not rule out at the best squares of the tree."""
+    if not walk.is_searched_twice:
+        return []
+    noise = whiteners(walk.blocks, walk.prior)
+    timing = 0.0 if tree.log_timing is None else tree.log_timing
+    worst_first = -tree.evidence.log_p - tree.log_prior - timing
+    best = np.unique(np.argsort(worst_first, axis=1)[:, :_BEST_SQUARES])
+    leaves = _evidence(walk, walk.blocks, noise, None).leaves(tree.squares[:, best])
+    share = leaves.mixture(walk.prior).by_hypothesis
+    least = _LEAST_RATIO * np.max(share)
+    return [noise[k] for k in np.flatnonzero(share > least)]
+
+
+def _numbers_within(log_weight: FloatArray, nats: float) -> list[int]:
+    """Numbers of the hypotheses that are worse than the likeliest by less than this."""
+    plausible = log_weight > np.max(log_weight) - nats
+    numbers: list[int] = np.flatnonzero(plausible).tolist()
+    return numbers

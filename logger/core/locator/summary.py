@@ -1,0 +1,192 @@
+"""From the tree to the posterior: modes, median, radius, and means of the other unknowns."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.locator.evidence import Evidence
+from logger.core.locator.mixture import Mixture
+from logger.core.locator.offsets import Offsets, offsets
+from logger.core.locator.posterior import LEAST_PEAK, Mode, Posterior
+from logger.core.locator.preparation import LocatorInput
+from logger.core.locator.quadtree import Tree, nearest_m
+from logger.core.locator.region import LEVEL, Squares, mode_regions
+
+BIAS_SHARE = 1.0
+"""Share of the variance of the receiver's position that lasts for the walk and moves the result."""
+END_OF_REACH = 0.7
+"""Beyond this part of the prior's reach a position is at the end of the searched area."""
+
+_MODE_LEVEL = 0.999
+"""Modes are the separate parts of the region with this probability."""
+_LEAST_MODE = 0.01
+"""A mode with this probability is listed, however flat it is."""
+_LEAST_BIAS_M = 0.5
+"""Smaller errors of the receiver's position than the smallest square are not applied."""
+_LEAST_SHARE = 1e-6
+"""Squares with less probability than this are not blurred: 10 000 of them have 1 % together."""
+_BLUR_REACH = 4.0
+"""Squares larger than this many standard deviations of the blur would not change."""
+_MEDIAN_TURNS = 30
+"""Weiszfeld's iteration halves its error in a turn or two."""
+_ROWS = 64
+"""Squares blurred at a time: these matrices stay in the processor's cache."""
+_THETA_PAIRS = ((0, 0), (0, 1), (1, 1))
+"""Order of `Evidence.theta_cov`: var P0, cov(P0, eta), var eta."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Region:
+    """A mode and the indices of its squares."""
+
+    mode: Mode
+    indices: IntArray
+
+
+def summarise(task: LocatorInput, tree: Tree) -> Posterior:
+    """Step 4: the posterior of the leaves of a tree."""
+    walk, evidence = task.walk, _on_recorded_scale(tree.evidence, task.mean_dbm)
+    mixed = tree.mixture(walk.prior)
+    bias_m = float(np.sqrt(BIAS_SHARE) * np.median(walk.blocks.position_sigma_m))
+    p = _blur(tree, mixed.probability, bias_m)
+    squares = Squares(tree.x_m, tree.y_m, tree.size_m, p)
+    regions = _regions(squares, evidence, mixed)
+    x_m, y_m = _median(squares, regions[0].indices)
+    mean, covariance = moments_over(tree.squares, evidence, mixed.share, np.arange(len(p)), p)
+    r95_m, drms_m = _radii(squares, x_m, y_m)
+    white_share, decorrelation_m = _noise(task, tree, mixed)
+    is_at_end = nearest_m(walk.blocks, tree.x_m, tree.y_m) > END_OF_REACH * walk.prior.reach_m
+    return Posterior(
+        squares=squares,
+        modes=tuple(region.mode for region in regions),
+        x_m=x_m,
+        y_m=y_m,
+        r95_m=r95_m,
+        drms_m=drms_m,
+        p0_dbm=float(mean[2]),
+        p0_sigma_db=float(np.sqrt(covariance[2, 2])),
+        eta=float(mean[3]),
+        eta_sigma=float(np.sqrt(covariance[3, 3])),
+        sigma_db=float(np.sum(mixed.share * evidence.sigma_db)),
+        decorrelation_m=decorrelation_m,
+        white_share=white_share,
+        limit_share=float(np.sum(p[is_at_end])),
+        log_evidence=mixed.log_evidence,
+        prior=task.prior,
+        offsets=_offsets(task, tree, mixed, regions[0]),
+    )
+
+
+def moments_over(
+    square: FloatArray, evidence: Evidence, share: FloatArray, indices: IntArray, mass: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Mean (4,) and covariance (4, 4) of [x, y, P0, eta] over the squares `indices`.
+
+    `square` (3, h) has rows x, y, side, `share` (c, h) the joint probability of hypothesis and
+    square, `mass` the probability of the chosen squares. The covariance adds that between squares,
+    that within a square, and that of P0 and eta given the position.
+    """
+    position, side_m = square[:2, indices], square[2, indices]
+    share = np.take(share, indices, axis=-1)
+    theta = np.take(evidence.theta, indices, axis=-1)
+    theta_cov = np.take(evidence.theta_cov, indices, axis=-1)
+    total = share.sum(axis=0)
+    weight = mass / mass.sum()
+    joint = share * (weight / np.where(total > 0.0, total, 1.0))
+    mean = np.concatenate([position @ weight, [np.vdot(joint, v) for v in theta]])
+    from_mean = position - mean[:2, None]
+    theta_off = theta - mean[2:, None, None]
+    weighted_off = joint * theta_off
+    within_m2 = float(weight @ side_m**2) / 12.0
+    v00, v01, v11 = (
+        np.vdot(joint, v) + np.vdot(weighted_off[i], theta_off[k])
+        for v, (i, k) in zip(theta_cov, _THETA_PAIRS, strict=True)
+    )
+    covariance = np.empty((4, 4))
+    covariance[:2, :2] = (weight * from_mean) @ from_mean.T + np.eye(2) * within_m2
+    covariance[:2, 2:] = from_mean @ weighted_off.sum(axis=1).T
+    covariance[2:, :2] = covariance[:2, 2:].T
+    covariance[2:, 2:] = [[v00, v01], [v01, v11]]
+    return mean, covariance
+
+
+def _on_recorded_scale(evidence: Evidence, mean_dbm: float) -> Evidence:
+    """The evidence with P0 as high as the levels were before `mean_dbm` was subtracted."""
+    theta = evidence.theta.copy()
+    theta[0] += mean_dbm
+    return evidence._replace(theta=theta)
+
+
+def _regions(squares: Squares, evidence: Evidence, mixed: Mixture) -> list[_Region]:
+    """Modes with much probability or a high peak, the likeliest first."""
+    square = np.stack([squares.x_m, squares.y_m, squares.size_m])
+    highest = float(np.max(squares.density))
+    regions = []
+    for indices in mode_regions(squares, _MODE_LEVEL):
+        p = squares.probability[indices]
+        mass = float(np.sum(p))
+        peak = float(np.max(squares.density[indices])) / highest
+        if mass >= _LEAST_MODE or peak >= LEAST_PEAK:
+            moments = moments_over(square, evidence, mixed.share, indices, p)
+            regions.append(_Region(Mode(mass, peak, *moments), indices))
+    return sorted(regions, key=lambda region: -region.mode.probability)
+
+
+def _radii(squares: Squares, x_m: float, y_m: float) -> tuple[float, float]:
+    """Radius around a point with 95 % of the probability, and root mean square distance from it."""
+    p, size_m = squares.probability, squares.size_m
+    distance_m = np.hypot(squares.x_m - x_m, squares.y_m - y_m)
+    order = np.argsort(distance_m)
+    last = int(np.searchsorted(np.cumsum(p[order]), LEVEL))
+    outer_m = np.hypot(distance_m, 0.5 * size_m)[order]
+    within_m2 = size_m**2 / 6.0  # mean square distance from the centre of a square
+    drms_m = float(np.sqrt(np.sum(p * (distance_m**2 + within_m2))))
+    return float(outer_m[min(last, len(p) - 1)]), drms_m
+
+
+def _noise(task: LocatorInput, tree: Tree, mixed: Mixture) -> tuple[float, float]:
+    """Mean white share and decorrelation distance in m over the hypotheses."""
+    hypotheses = np.array(task.walk.prior.hypotheses)[tree.numbers]
+    white_share, decorrelation_m = mixed.by_hypothesis @ hypotheses[:, :2]
+    return min(float(white_share), 1.0), float(decorrelation_m)
+
+
+def _offsets(task: LocatorInput, tree: Tree, mixed: Mixture, region: _Region) -> Offsets | None:
+    if task.n_modems == 1:
+        return None
+    walk = task.walk
+    return offsets(walk.blocks, walk.prior, tree, mixed, region.indices, task.n_modems)
+
+
+def _blur(tree: Tree, p: FloatArray, bias_m: float) -> FloatArray:
+    """Probability (h,) after a position error of the receiver that lasts for the complete walk."""
+    if bias_m < _LEAST_BIAS_M:
+        return p
+    is_small = tree.size_m < _BLUR_REACH * bias_m
+    targets = np.flatnonzero(is_small)
+    sources = np.flatnonzero(is_small & (p > _LEAST_SHARE))
+    blurred = p.copy()
+    blurred[sources] = 0.0
+    for i in range(0, len(sources), _ROWS):
+        rows = sources[i : i + _ROWS, None]
+        dx_m, dy_m = tree.x_m[rows] - tree.x_m[targets], tree.y_m[rows] - tree.y_m[targets]
+        variance_m2 = bias_m**2 + tree.size_m[rows] ** 2 / 12.0
+        density = np.exp(-0.5 * (dx_m**2 + dy_m**2) / variance_m2)
+        reach = tree.size_m[targets] ** 2 * density
+        blurred[targets] += (p[rows[:, 0]] / np.sum(reach, axis=1)) @ reach
+    return blurred
+
+
+def _median(squares: Squares, indices: IntArray) -> tuple[float, float]:
+    """Geometric median of the probability of some squares, by Weiszfeld's iteration."""
+    x_m, y_m = squares.x_m[indices], squares.y_m[indices]
+    mass = squares.probability[indices]
+    inner_m = squares.size_m[indices] / 3.0  # about the mean distance within a square
+    x, y = float(mass @ x_m / np.sum(mass)), float(mass @ y_m / np.sum(mass))
+    for _ in range(_MEDIAN_TURNS):
+        distance_m = np.hypot(np.hypot(x_m - x, y_m - y), inner_m)
+        weight = mass / distance_m
+        total = float(np.sum(weight))
+        x, y = float(weight @ x_m) / total, float(weight @ y_m) / total
+    return x, y
