@@ -1,31 +1,30 @@
-"""Where a transmitter stands: the posterior over places, with everything else integrated out.
+"""Where a transmitter stands: the posterior over positions, with all other unknowns integrated out.
 
-Model of the mean level z_k in block k of the walk, L_k = 10 log10 d_k:
+The model of the levels is `logger.core.model`. Given a position, a hypothesis of the noise and
+sigma, it is linear in P0 and eta, which are integrated in closed form. Sigma is integrated by
+quadrature. Positions and hypotheses are summed, the positions over a quadtree of squares that are
+split where the probability is (marginalised point mass; Schoen, Gustafsson & Nordlund, IEEE Trans.
+Signal Process. 53(7), 2005). `pipeline` names the steps in their order; begin to read there.
 
-    z = P0 - eta L(x, y) + v,    v ~ N(0, sigma^2 K),    K_ij = (1 - a) <exp(-D / d_c)> + a delta_ij / n_i
-
-with <> the mean over the points of blocks i and j, D apart (shadowing is a property of the place:
-Gudmundson, Electron. Lett. 27(23), 1991), a the white share and n_i the readings of the block. A
-hypothesis of the noise is a pair (a, d_c). Given (x, y), the hypothesis and sigma the model is
-linear in P0 and eta, which are integrated in closed form; sigma is integrated by quadrature; places
-and hypotheses are summed, the places over a tree of square cells split where the mass is
-(marginalised point mass; Schoen, Gustafsson & Nordlund, IEEE Trans. Signal Process. 53(7), 2005).
-
-    prior      what is believed before the walk
-    symmetry   a track that is straight or round but for its errors
-    blocks     readings -> blocks of one place
-    covariance K of each hypothesis of the noise, and what whitens it
-    evidence   blocks, places -> log evidence of each hypothesis, with P0 and eta
-    offsets    how much higher one modem reads than another
-    censored   what readings at the end of the modem's scale add to it
-    joint      which noise explains levels and censored readings together
-    orthant    how likely correlated levels are all beyond a limit
-    mixture    evidence -> probability of places
-    timing     what timing advances say of places
-    tree       the search over places
-    region     highest-density sets and separate places
-    posterior  all of it for the readings of a cell
-    division   whether two transmitters share the identity
-    online     the same, reading by reading
-    verdict    located, ambiguous or cannot tell, in plain words
+    pipeline          locate and decide: the five steps
+    preparation       readings of a cell -> what is searched
+    search            steps 1 to 3: coarse, weigh the noise, refine
+    quadtree          squares, their prior, the tree
+    tree_growth       which squares are split
+    position_evidence the evidence of a walk at squares
+    evidence          blocks, positions -> log evidence of each hypothesis, with P0 and eta
+    tobit             what censored readings add to it
+    joint_evidence    which noise explains levels and censored readings together
+    orthant           the probability that correlated levels are all beyond a limit
+    mixture           evidence -> probability of positions
+    symmetry          tracks that are straight or round to within their errors
+    timing_advance    what timing advances add
+    offsets           how much higher one modem reads than another
+    summary           step 4: tree -> posterior
+    posterior         the result
+    region            highest-density regions and modes
+    rivals            which modes are relevant, and their shares in percent
+    verdict           step 5: located, ambiguous or cannot tell
+    two_source_test   whether two transmitters share the identity
+    online            the same reading by reading, for the device
 """

@@ -278,7 +278,7 @@ class OnlineLocator:
         return (
             column
             if self._curve is None
-            else np.concatenate([self._curve.moved(column[:2]), column[2:]])
+            else np.concatenate([self._curve.project(column[:2]), column[2:]])
         )
 
     def _begun(

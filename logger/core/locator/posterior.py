@@ -10,7 +10,7 @@ from logger.core.locator.region import Squares, area_m2
 from logger.core.model.prior import Prior
 
 LEAST_PEAK = 0.05
-"""A position with this share of the highest density is a mode, however little probability it has."""
+"""A position with this share of the highest density is a mode, however improbable."""
 _LIMIT_SHARE = 0.01
 """With more probability than this at the end of the searched area, the search ended too early."""
 

@@ -1,4 +1,4 @@
-"""What the search needs of the readings of a cell: checks, symmetry, blocks and the prior's reach."""
+"""From the readings of a cell to what is searched: checks, symmetry, blocks, reach."""
 
 from dataclasses import replace
 from typing import NamedTuple

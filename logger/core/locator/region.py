@@ -1,9 +1,8 @@
-"""Where the mass of a posterior lies: highest-density set and separate places.
+"""Where the probability of a posterior lies: highest-density regions and separate modes.
 
-A posterior is a set of square cells that tile the searched area, each with a probability. Density
-is probability by area. The highest-density set of level 0.95 holds the densest cells that together
-have 95 % of the mass: the smallest region of that probability, whatever its shape (Hyndman, The
-American Statistician 50(2), 1996).
+The highest-density region of level 0.95 is made of the densest squares that together have 95 % of
+the probability. It is the smallest region with that probability (Hyndman, The American Statistician
+50(2), 1996).
 """
 
 from dataclasses import dataclass
@@ -14,16 +13,17 @@ from logger.core.arrays import FloatArray, IntArray
 
 LEVEL = 0.95
 SADDLE = 0.5
-"""Two peaks are one place when the pass between them is higher than this share of the lower
-peak.
-"""
+"""Two peaks are one mode if the saddle between them is higher than this share of the lower peak."""
 
+_TOUCH = 1.0 + 1e-6
+"""Squares that share an edge touch in spite of rounding."""
 _ROWS = 256
+"""Squares compared at a time: these matrices stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True)
 class Squares:
-    """Square cells, shape (n,): centre and side in metres, probability (sum 1)."""
+    """Squares that tile the searched area, shape (n,): centre and side in m, probability (sum 1)."""
 
     x_m: FloatArray
     y_m: FloatArray
@@ -39,56 +39,54 @@ class Squares:
         return self.probability / self.size_m**2
 
 
-def highest_density(cells: Squares, level: float = LEVEL) -> IntArray:
-    """Indices of the densest cells that hold `level` of the mass, densest first."""
-    order = np.argsort(-cells.density, kind="stable")
-    held = np.cumsum(cells.probability[order])
-    count = int(np.searchsorted(held, level * held[-1])) + 1
+def highest_density(squares: Squares, level: float = LEVEL) -> IntArray:
+    """Indices of the densest squares with `level` of the probability, densest first."""
+    order = np.argsort(-squares.density, kind="stable")
+    cumulative = np.cumsum(squares.probability[order])
+    count = int(np.searchsorted(cumulative, level * cumulative[-1])) + 1
     return order[:count]
 
 
-def area_m2(cells: Squares, level: float = LEVEL) -> float:
-    """Area of the highest-density set."""
-    return float(np.sum(cells.size_m[highest_density(cells, level)] ** 2))
+def area_m2(squares: Squares, level: float = LEVEL) -> float:
+    """Area of the highest-density region."""
+    return float(np.sum(squares.size_m[highest_density(squares, level)] ** 2))
 
 
-def mode_regions(cells: Squares, level: float) -> list[IntArray]:
-    """Split a highest-density set into places, each the indices of its cells.
+def mode_regions(squares: Squares, level: float) -> list[IntArray]:
+    """The separate parts of a highest-density region, each as the indices of its squares.
 
-    Cells are added from the densest on; one that touches nothing opens a place, others join the
-    neighbouring place with the highest peak. Places that meet at more than `SADDLE` times the lower
-    peak are merged.
+    Squares are added from the densest on. One that touches none of them begins a part; others join
+    the neighbouring part with the highest peak. Parts that meet above `SADDLE` times the lower peak
+    are merged.
     """
-    chosen = highest_density(cells, level)
-    density = cells.density[chosen]
-    peak = list(
-        range(len(chosen))
-    )  # of the place a cell belongs to; refers onward once that place is merged
-    for i, met in enumerate(_denser_neighbours(cells, chosen)):
-        roots = sorted({_root(peak, k) for k in met.tolist()})
-        for root in roots[1:]:
-            if density[i] > SADDLE * density[root]:
-                peak[root] = roots[0]
-        peak[i] = roots[0] if roots else i
-    label = np.array([_root(peak, i) for i in range(len(chosen))])
+    chosen = highest_density(squares, level)
+    density = squares.density[chosen]
+    peak = list(range(len(chosen)))  # of each square's part; points on where that part was merged
+    for i, neighbours in enumerate(_denser_neighbours(squares, chosen)):
+        peaks = sorted({_final_peak(peak, k) for k in neighbours.tolist()})
+        for lower in peaks[1:]:
+            if density[i] > SADDLE * density[lower]:
+                peak[lower] = peaks[0]
+        peak[i] = peaks[0] if peaks else i
+    label = np.array([_final_peak(peak, i) for i in range(len(chosen))])
     return [chosen[label == k] for k in np.unique(label)]
 
 
-def _root(peak: list[int], k: int) -> int:
+def _final_peak(peak: list[int], k: int) -> int:
     while peak[k] != k:
         k = peak[k]
     return k
 
 
-def _denser_neighbours(cells: Squares, chosen: IntArray) -> list[IntArray]:
-    """For each chosen cell those before it that share an edge or a corner with it."""
-    x, y, half = cells.x_m[chosen], cells.y_m[chosen], 0.5 * cells.size_m[chosen] * (1.0 + 1e-6)
-    found = []
+def _denser_neighbours(squares: Squares, chosen: IntArray) -> list[IntArray]:
+    """For each chosen square those before it that share an edge or a corner with it."""
+    x_m, y_m = squares.x_m[chosen], squares.y_m[chosen]
+    half_m = 0.5 * squares.size_m[chosen] * _TOUCH
+    neighbours = []
     for i in range(0, len(chosen), _ROWS):
-        end = min(i + _ROWS, len(chosen))
-        reach = half[i:end, None] + half[:end]
-        touch = (np.abs(x[i:end, None] - x[:end]) <= reach) & (
-            np.abs(y[i:end, None] - y[:end]) <= reach
-        )
-        found += [np.flatnonzero(row[: i + k]) for k, row in enumerate(touch)]
-    return found
+        rows, before = slice(i, i + _ROWS), slice(0, i + _ROWS)
+        reach_m = half_m[rows, None] + half_m[before]
+        touches = np.abs(x_m[rows, None] - x_m[before]) <= reach_m
+        touches &= np.abs(y_m[rows, None] - y_m[before]) <= reach_m
+        neighbours += [np.flatnonzero(row[: i + k]) for k, row in enumerate(touches)]
+    return neighbours

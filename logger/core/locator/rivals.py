@@ -1,49 +1,41 @@
-"""Which places of a posterior count beside its best one, and their shares in whole whole_percents that
-add up.
-"""
+"""Which modes are relevant beside the best one, and their shares in whole percents."""
 
 from collections.abc import Sequence
 
 from logger.core.locator.posterior import LEAST_PEAK, Mode
 
-MINOR_PLACE = 0.03
-"""A place with this share counts, however flat it is."""
+MINOR_MODE = 0.03
+"""A mode with this share is relevant, however flat it is."""
 LEAST_SHARE = 0.01
-"""A place with less counts for nothing, however sharp: printed as 0 % it would send people to
-nowhere.
-"""
+"""A mode with less is irrelevant, however sharp: as "0 %" it would send people the wrong way."""
 
 
 def relevant_modes(modes: Sequence[Mode]) -> tuple[Mode, ...]:
-    """The best place, and those that cannot be dismissed: for their mass, or since they fit as well
-    though small.
-    """
-    return (*modes[:1], *(mode for mode in modes[1:] if _is_rival(mode)))
+    """The best mode, and those with much probability or with a peak that fits nearly as well."""
+    return (*modes[:1], *filter(_is_rival, modes[1:]))
 
 
 def _is_rival(mode: Mode) -> bool:
-    return mode.probability >= MINOR_PLACE or (
-        mode.peak >= LEAST_PEAK and mode.probability >= LEAST_SHARE
-    )
+    is_sharp = mode.peak >= LEAST_PEAK and mode.probability >= LEAST_SHARE
+    return is_sharp or mode.probability >= MINOR_MODE
 
 
 def whole_percents(modes: Sequence[Mode]) -> list[int]:
-    """Probabilities of `counting` places in whole whole_percents, rounded so that their sum is that of
-    the probabilities.
+    """Probabilities of relevant modes in whole percents with the sum of the probabilities.
 
-    None of several is 0 or 100.
+    The largest remainders are rounded up. None of several modes has 0 or 100.
     """
     exact = [100.0 * mode.probability for mode in modes]
-    whole = [int(value) for value in exact]
-    missing = round(sum(exact)) - sum(whole)
-    by_rest = sorted(range(len(whole)), key=lambda i: exact[i] - whole[i], reverse=True)
-    for i in by_rest[:missing]:
-        whole[i] += 1
-    return whole
+    percents = [int(value) for value in exact]
+    missing = round(sum(exact)) - sum(percents)
+    by_remainder = sorted(range(len(exact)), key=lambda i: percents[i] - exact[i])
+    for i in by_remainder[:missing]:
+        percents[i] += 1
+    return percents
 
 
 def share_text(probability: float) -> str:
-    """Share of one place among several, which is never nothing and never all."""
+    """Share of one mode among several, which is never 0 or 100 %."""
     if probability < LEAST_SHARE:
         return "under 1%"
     return "over 99%" if probability > 1.0 - LEAST_SHARE else f"{probability:.0%}"

@@ -1,9 +1,9 @@
-"""A walk that is straight or round to within the error of its fixes is taken as exactly that.
+"""A track that is straight or round to within the errors of its fixes is taken as exactly that.
 
-Levels heard on a line fit a place and its mirror image alike, on an arc of a circle a place and its
-inverse point (Apollonius). Whatever else bends the track tells the two apart; a bend no larger than
-the error of the fixes may be nothing but that error, and what it tells is chance: of 12 simulated
-straight walks with slow errors of 5 m, 7 left the wrong side more than 95 % sure.
+Levels along a line fit a position and its mirror image equally well, those along an arc a position
+and its inverse point (Apollonius). Any other bend of the track distinguishes the two. A bend no
+larger than the errors of the fixes may be nothing but those errors, and then decides by chance: of
+12 simulated straight walks with slow errors of 5 m, 7 were more than 95 % sure of the wrong side.
 """
 
 from dataclasses import replace
@@ -15,80 +15,79 @@ from logger.core.arrays import FloatArray
 from logger.core.observations import CellObservations
 
 _MOST_SIGMAS = 1.5
-"""Of the track's root mean square distance from the curve: slow errors of a walk have few
-independent values.
-"""
+"""Largest rms distance of a track from its curve: slow errors have few independent values."""
 _FARTHEST_SIGMAS = 4.0
+"""Points farther from the curve than chance allows are no part of it."""
 _LEAST_M = 1e-9
+"""A point at the centre of the circle is divided by this distance instead of zero."""
 
 
 class Curve(NamedTuple):
-    """A circle of `radius_m` about `centre_m` (2,), or without a radius the line there at right
-    angles to `across`.
+    """A circle of `radius_m` about `centre_m` (2,), or a line through it at right angles to `across`.
 
-    `within_m` is the root mean square distance that a track may have from it.
+    `tolerance_m` is the largest rms distance of a track that may be this curve. A line has no
+    radius.
     """
 
     centre_m: FloatArray
     across: FloatArray
     radius_m: float | None
-    within_m: float
+    tolerance_m: float
 
     def holds(self, point_m: FloatArray) -> bool:
         """Whether a track (2, n) may be this curve."""
-        return bool(np.mean(np.sum(self._aside_m(point_m) ** 2, axis=0)) <= self.within_m**2)
+        squared_m2 = np.sum(self._offset_m(point_m) ** 2, axis=0)
+        return bool(np.mean(squared_m2) <= self.tolerance_m**2)
 
-    def moved(self, point_m: FloatArray) -> FloatArray:
-        """Points (2, n) on the curve, where they are near enough to belong to it."""
-        aside_m = self._aside_m(point_m)
-        near = np.hypot(*aside_m) <= _FARTHEST_SIGMAS / _MOST_SIGMAS * self.within_m
-        return np.where(near, point_m - aside_m, point_m)
+    def project(self, point_m: FloatArray) -> FloatArray:
+        """Points (2, n) on the curve, if they are near enough to belong to it."""
+        offset_m = self._offset_m(point_m)
+        farthest_m = _FARTHEST_SIGMAS / _MOST_SIGMAS * self.tolerance_m
+        return np.where(np.hypot(*offset_m) <= farthest_m, point_m - offset_m, point_m)
 
-    def _aside_m(self, point_m: FloatArray) -> FloatArray:
-        """How far points are from the curve, as vectors (2, n)."""
-        off = point_m - self.centre_m[:, None]
+    def _offset_m(self, point_m: FloatArray) -> FloatArray:
+        """Vectors from the curve to points (2, n)."""
+        from_centre = point_m - self.centre_m[:, None]
         if self.radius_m is None:
-            return np.outer(self.across, self.across @ off)
-        return np.asarray(off * (1.0 - self.radius_m / np.maximum(np.hypot(*off), _LEAST_M)), float)
+            return np.outer(self.across, self.across @ from_centre)
+        distance_m = np.maximum(np.hypot(*from_centre), _LEAST_M)
+        return np.asarray(from_centre * (1.0 - self.radius_m / distance_m), float)
 
 
 def fit_curve(point_m: FloatArray, position_sigma_m: FloatArray) -> Curve | None:
-    """The line, or else the circle, that a track (2, n) with errors (n,) may be; None where it is
-    neither.
-    """
-    within_m = float(_MOST_SIGMAS * np.sqrt(np.mean(position_sigma_m**2)))
-    if within_m <= 0.0:
+    """The line, or else the circle, that a track (2, n) with errors (n,) may be; None if neither."""
+    tolerance_m = float(_MOST_SIGMAS * np.sqrt(np.mean(position_sigma_m**2)))
+    if tolerance_m <= 0.0:
         return None
-    return next(
-        (curve for fit in (_line, _circle) if (curve := fit(point_m, within_m)).holds(point_m)),
-        None,
-    )
+    curves = (fit(point_m, tolerance_m) for fit in (_line, _circle))
+    return next((curve for curve in curves if curve.holds(point_m)), None)
 
 
 def snap_to_curve(obs: CellObservations) -> CellObservations:
-    """The readings moved to the curve that their track may be."""
+    """The readings on the line or circle that their track may be, unchanged if it is neither."""
     point_m = np.stack([obs.x_m, obs.y_m])
     curve = fit_curve(point_m, obs.position_sigma_m)
     if curve is None:
         return obs
-    x_m, y_m = curve.moved(point_m)
+    x_m, y_m = curve.project(point_m)
     return replace(obs, x_m=x_m, y_m=y_m)
 
 
-def _line(point_m: FloatArray, within_m: float) -> Curve:
+def _line(point_m: FloatArray, tolerance_m: float) -> Curve:
     """The line with the least sum of squared distances."""
-    middle = np.mean(point_m, axis=1)
-    off = point_m - middle[:, None]
-    return Curve(middle, np.linalg.eigh(off @ off.T)[1][:, 0], None, within_m)
+    middle_m = np.mean(point_m, axis=1)
+    from_middle = point_m - middle_m[:, None]
+    across = np.linalg.eigh(from_middle @ from_middle.T)[1][:, 0]
+    return Curve(middle_m, across, None, tolerance_m)
 
 
-def _circle(point_m: FloatArray, within_m: float) -> Curve:
+def _circle(point_m: FloatArray, tolerance_m: float) -> Curve:
     """The circle by linear least squares in the squared distances (Kasa, IEEE TIM 25(1), 1976)."""
-    middle = np.mean(point_m, axis=1)
-    off = point_m - middle[:, None]
-    design = np.column_stack([*off, np.ones(off.shape[1])])
-    *twice, rest = np.linalg.lstsq(design, np.sum(off**2, axis=0), rcond=None)[0].tolist()
-    centre = 0.5 * np.array(twice)
-    return Curve(
-        middle + centre, np.zeros(2), float(np.sqrt(max(rest + centre @ centre, 0.0))), within_m
-    )
+    middle_m = np.mean(point_m, axis=1)
+    from_middle = point_m - middle_m[:, None]
+    design = np.column_stack([*from_middle, np.ones(from_middle.shape[1])])
+    solution = np.linalg.lstsq(design, np.sum(from_middle**2, axis=0), rcond=None)[0]
+    *twice_centre, rest = solution.tolist()
+    centre_m = 0.5 * np.array(twice_centre)
+    radius_m = float(np.sqrt(max(rest + centre_m @ centre_m, 0.0)))
+    return Curve(middle_m + centre_m, np.zeros(2), radius_m, tolerance_m)
