@@ -19,7 +19,8 @@ from pathlib import Path
 
 from logger.core.types import CellReading
 from logger.drivers.family import Family
-from logger.drivers.reading.recognition import NumberHistory, mark_doubtful
+from logger.drivers.reading.number_history import NumberHistory
+from logger.drivers.reading.recognition import mark_doubtful
 from logger.drivers.reading.rows import Registration, Row
 from logger.drivers.registry import FAMILIES, reader_of
 from logger.drivers.transcript import replies_of

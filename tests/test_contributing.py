@@ -26,7 +26,6 @@ DRIVERS = (AcmeX,)
 
 import re
 from collections.abc import Sequence
-from typing import ClassVar
 
 from logger.core.types import CellReading
 from logger.drivers.claim import Claim
@@ -41,9 +40,9 @@ _ROW = re.compile(r"\\+ACELL: (\\d{3}),(\\d\\d),([0-9A-F]{4}),([0-9A-F]{4}),(-\\
 class AcmeX(Family):
     """The serving cell by `AT+ACELL?`."""
 
-    name: ClassVar[str] = "acme_x"
-    claim: ClassVar[Claim] = Claim(maker=r"\\bACME Ltd\\b")
-    poll_commands: ClassVar[tuple[Command, ...]] = (Command("AT+ACELL?"),)
+    name = "acme_x"
+    claim = Claim(maker=r"\\bACME Ltd\\b")
+    poll_commands = (Command("AT+ACELL?"),)
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in +ACELL rows."""

@@ -13,7 +13,6 @@ Area and cell have their full width in hexadecimal (TC35i manual V1.05 p207-210,
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import ClassVar
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
@@ -21,7 +20,6 @@ from logger.drivers.cinterion.tables import rows_of_tables, scanned
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.generic.generic import Generic
-from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import (
     SEVEN,
@@ -110,12 +108,10 @@ _UNKNOWN = re.compile(r"-*")
 class Cinterion(Family):
     """The serving cell and six neighbours, by whichever command the modem knows."""
 
-    name: ClassVar[str] = "cinterion"
-    claim: ClassVar[Claim] = Claim(
-        maker=r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b"
-    )
-    setup_commands: ClassVar[tuple[Command, ...]] = Generic.setup_commands
-    ways: ClassVar[tuple[tuple[Command, ...], ...]] = (
+    name = "cinterion"
+    claim = Claim(maker=r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b")
+    setup_commands = Generic.setup_commands
+    ways = (
         (Command("AT^SMONI"), Command("AT^SMONP=255")),
         (Command("AT^SMOND"),),
         (Command("AT^SMONC"),),
@@ -124,15 +120,15 @@ class Cinterion(Family):
     """From the best to the poorest, that for the neighbours last; none of them is known to all
     modems of the family.
     """
-    poll_commands: ClassVar[tuple[Command, ...]] = (
+    poll_commands = (
         *(command for way in ways for command in way),
         *Generic.poll_commands,
     )
-    survey_commands: ClassVar[tuple[Command, ...]] = (
+    survey_commands = (
         Command('AT^SNMON="INS",2', timeout_s=180.0),
         *Generic.survey_commands,
     )
-    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.SXRAT
+    mode_commands = network_mode.SXRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells by the first way that gives any; neighbours by the next ones where it refuses to
@@ -157,7 +153,7 @@ class Cinterion(Family):
         whole = tuple(pieces(lines))
         found: list[Row] = []
         for line in whole:
-            found += grouped(line)
+            found += grouped_cells(line)
             found += (row for text in _SMONI.findall(line) if (row := _smoni(text)) is not None)
             found += scanned(line)
         return (*found, *rows_of_tables(whole))
@@ -167,7 +163,7 @@ def _is_neighbour(row: Row) -> bool:
     return isinstance(row, CellReading) and row.role == "neighbour"
 
 
-def grouped(line: str) -> Iterator[Row]:
+def grouped_cells(line: str) -> Iterator[Row]:
     """Cells of a ^SMONC or ^SMOND line, as Huawei's GSM modules print them too (MG323 specification
     8.5, 8.6).
     """

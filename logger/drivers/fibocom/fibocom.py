@@ -15,14 +15,12 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
-from logger.drivers.generic.generic import Generic, serving_cell
-from logger.drivers.network_mode import ModeCommand
+from logger.drivers.generic.generic import Generic
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import (
     area,
@@ -34,8 +32,9 @@ from logger.drivers.reading.fields import (
     pieces,
 )
 from logger.drivers.reading.fields import values as split
-from logger.drivers.reading.number_text import Form
+from logger.drivers.reading.number_text import NumberForm
 from logger.drivers.reading.rows import NoCell, Row
+from logger.drivers.reading.serving_cell import is_serving, with_serving_cell
 
 _REPLY = re.compile(
     r"\+GTCCINFO\s*[:?](.*?)(?=[+*^$!][A-Z]{3}|\bPCC\b|\bOK\b|\bERROR\b|\Z)",
@@ -80,7 +79,7 @@ _BITS: Mapping[Rat, tuple[int, int]] = {
     "LTE": (16, 28),
     "NR": (24, 36),
 }
-_CELL = Form(16, frozenset({7, 9}))  # the FM350 pads to the width of NR
+_CELL = NumberForm(16, frozenset({7, 9}))  # the FM350 pads to the width of NR
 _NOBODY = frozenset({0xFFFFFFF, 0xFFFFFFFF})  # fills the cell of a neighbour on NR too
 _MOST_CODE: Mapping[Rat, int] = {"GSM": 99, "WCDMA": 511, "LTE": 503, "NR": 1007}
 
@@ -118,27 +117,24 @@ class _Cell:
 class Fibocom(Family):
     """Serving cell and neighbours by AT+GTCCINFO?, which takes 25 ms and needs no SIM."""
 
-    name: ClassVar[str] = "fibocom"
-    claim: ClassVar[Claim] = Claim(maker=r"\bFIBOCOM\b", series=r"\bL8[1356]0-GL\b")
-    setup_commands: ClassVar[tuple[Command, ...]] = Generic.setup_commands
-    poll_commands: ClassVar[tuple[Command, ...]] = (
+    name = "fibocom"
+    claim = Claim(maker=r"\bFIBOCOM\b", series=r"\bL8[1356]0-GL\b")
+    setup_commands = Generic.setup_commands
+    poll_commands = (
         Command("AT+GTCCINFO?", timeout_s=8.0),
         *Generic.poll_commands,
     )
-    survey_commands: ClassVar[tuple[Command, ...]] = Generic.survey_commands
-    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.GTRAT
+    survey_commands = Generic.survey_commands
+    mode_commands = network_mode.GTRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now; the serving one put together from +CREG and its like where +GTCCINFO
         tells of none.
         """
         rows = yield from self.ask(self.poll_commands)
-        if rows is None or any(
-            isinstance(row, CellReading) and row.role == "serving" for row in rows
-        ):
+        if rows is None or any(map(is_serving, rows)):
             return rows
-        serving = serving_cell(rows)
-        return rows if serving is None else (serving, *rows)
+        return with_serving_cell(rows)
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells of all replies to +GTCCINFO."""

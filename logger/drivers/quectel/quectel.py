@@ -1,29 +1,26 @@
-"""Quectel EC2x, EG, EM, EP, BG9x and the 5G modules: cells from AT+QENG, QSCAN and QOPS
-(firmware_notes/quectel.md).
+"""Quectel EC2x, EG, EM, EP, BG9x and the 5G modules: cells from AT+QENG, QSCAN and QOPS.
 
-    +QENG:
-    "servingcell","NOCONN","GSM",262,01,1A2B,3C4D,21,57,-,-66,255,255,0,39,41,1,-,-,-,-,-,-,-,-,-,"-"
+    +QENG: "servingcell","NOCONN","GSM",262,01,1A2B,3C4D,21,57,-,-66,255,255,0,39,41,1,-,...,"-"
     +QENG: "neighbourcell","GSM",262,01,1A2C,3C4F,27,61,-79,24,25,0,0
-    +QENG: "servingcell","NOCONN"                               EN-DC: the cells follow in lines of their own
+    +QENG: "servingcell","NOCONN"                   EN-DC: the cells follow in separate lines
     +QENG: "LTE","FDD",515,03,3359966,1,150,1,5,5,4AA3,-89,-13,-58,16,15,20,-
     +QENG: "NR5G-NSA",515,03,832,-76,21,-11,528030,41,8,1
 
-The order of the values depends on the technology the modem camps on, which a neighbour's line does
-not tell: the values do. Area and cell are hexadecimal, all else is decimal.
+The order of the values depends on the technology that the modem camps on. A neighbour's line does
+not name that technology; its values show it. Area and cell are hexadecimal, all else is decimal
+(firmware_notes/quectel.md).
 """
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar
 
 from logger.core.types import Rat
 from logger.drivers import network_mode
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
-from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command
-from logger.drivers.quectel.forms import Form, cell, form, measured, split
+from logger.drivers.quectel.forms import Form, cells, form, levels, split
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.fields import decimal
 from logger.drivers.reading.rows import NoCell, Row, Signal
@@ -52,7 +49,7 @@ _GSM = form(
 _WCDMA = form("mcc mnc lac cid28 uarfcn! psc! _ rscp! ecio _ _ _ _ _")
 _LTE = form("duplex! mcc mnc cid28 pci! earfcn! band _ _ tac rsrp! rsrq rssi sinr")
 _NR_SA = form("duplex! mcc mnc cid36 pci! tac24 nrarfcn! band bandwidth! rsrp! rsrq sinr")
-_NR_NSA = form("mcc mnc pci! rsrp! sinr rsrq nrarfcn band", whole=6)
+_NR_NSA = form("mcc mnc pci! rsrp! sinr rsrq nrarfcn band", complete=6)
 _SERVING_FORMS: Mapping[str, Form] = {
     "GSM": _GSM,
     "WCDMA": _WCDMA,
@@ -66,7 +63,7 @@ _SRXLEV_AFTER = frozenset({1, 3})  # values of an LTE row behind sinr where the 
 
 _NEIGHBOURS: Mapping[Rat, tuple[Form, ...]] = {
     "GSM": (
-        form("mcc! mnc! lac cid16 bsic! arfcn* rxlev! c1 c2 _ _", whole=7),  # camped on GSM
+        form("mcc! mnc! lac cid16 bsic! arfcn* rxlev! c1 c2 _ _", complete=7),  # camped on GSM
         form("arfcn* _ _ _ _ _ bsic! rssi10! _"),  # on LTE
         form("bsic* rssi* _ _"),  # on WCDMA
     ),
@@ -75,9 +72,9 @@ _NEIGHBOURS: Mapping[Rat, tuple[Form, ...]] = {
         form("uarfcn! _ psc* rscp10* ecio10 _ _ srxlev"),  # on WCDMA
         form("uarfcn! psc* rscp* ecio"),  # on GSM
     ),
-    "NR": (form("nrarfcn! pci* rsrp! rsrq sinr", whole=4),),
+    "NR": (form("nrarfcn! pci* rsrp! rsrq sinr", complete=4),),
 }
-_RSRQ_FIRST = form("earfcn! pci* rsrq rsrp! rssi sinr srxlev", whole=5)  # camped on LTE
+_RSRQ_FIRST = form("earfcn! pci* rsrq rsrp! rssi sinr srxlev", complete=5)  # camped on LTE
 _RSRP_FIRST = form(
     "earfcn! pci* rsrp! rsrq"
 )  # on GSM, WCDMA or NR, and where the modem has a Unisoc chip
@@ -87,8 +84,8 @@ _NEIGHBOURS_LTE = {
 }  # by "intra" or "inter"
 
 _QSCAN: Mapping[Rat, Form] = {  # the last four only with AT+QSCAN=..,1
-    "LTE": form("mcc mnc earfcn! pci! rsrp! rsrq srxlev _ cid28 tac _ band", whole=8),
-    "NR": form("mcc mnc nrarfcn! pci! rsrp! rsrq srxlev _ cid36 tac24 _ band", whole=8),
+    "LTE": form("mcc mnc earfcn! pci! rsrp! rsrq srxlev _ cid28 tac _ band", complete=8),
+    "NR": form("mcc mnc nrarfcn! pci! rsrp! rsrq srxlev _ cid36 tac24 _ band", complete=8),
 }
 _QSCAN_SHORT = 8  # values that a row has at least, and all it has without cell and area
 
@@ -118,27 +115,25 @@ _NEIGHBOUR = re.compile(r"neighbou?rcell\s*(intra|inter)?", re.IGNORECASE)
 
 
 class Quectel(Family):
-    """Serving cell and neighbours by `AT+QENG`; all cells by `AT+QOPS` (2G, 3G, 4G) or `AT+QSCAN`
-    (5G modules).
-    """
+    """Cells by `AT+QENG`; all cells by `AT+QOPS` (2G, 3G, 4G) or `AT+QSCAN` (5G modules)."""
 
-    name: ClassVar[str] = "quectel"
-    claim: ClassVar[Claim] = Claim(
+    name = "quectel"
+    claim = Claim(
         series=r"Quectel.*?(?<![A-Z0-9-])(?:EC|EG|EM|EP|BG|RM|RG|RX|AG|AF|AN|UC|UG|SC|SG)\d"
     )
-    poll_commands: ClassVar[tuple[Command, ...]] = (
+    poll_commands = (
         Command('AT+QENG="servingcell"'),
         Command('AT+QENG="neighbourcell"'),
     )
-    survey_commands: ClassVar[tuple[Command, ...]] = (
+    survey_commands = (
         Command('AT+QOPSCFG="scancontrol",0;+QOPS', timeout_s=300.0),
         Command('AT+QOPSCFG="scancontrol",1;+QOPS', timeout_s=300.0),
         Command('AT+QOPSCFG="scancontrol",2;+QOPS', timeout_s=300.0),
         Command("AT+QSCAN=3,1", timeout_s=300.0, silence_s=125.0),
     )
-    gnss_start_commands: ClassVar[tuple[Command, ...]] = modem_gnss.QGPSLOC_ON
-    gnss_poll_commands: ClassVar[tuple[Command, ...]] = modem_gnss.QGPSLOC
-    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.NWSCANMODE
+    gnss_start_commands = modem_gnss.QGPSLOC_ON
+    gnss_poll_commands = modem_gnss.QGPSLOC
+    mode_commands = network_mode.NWSCANMODE
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in QENG, QSCAN and QOPS rows, levels in QCSQ rows, fixes of the receiver."""
@@ -150,13 +145,12 @@ def _rows(lines: Sequence[str]) -> Iterator[Row]:
     network = ("", "")  # of the QOPS rows that follow
     for line in lines:
         for piece in _NEXT.split(line.replace('\\"', '"')):
-            found = _ROW.search(piece)
-            if found is None:
-                offered = _QOPS_CELL.search(piece)
-                if offered:
-                    yield from _offered(network, offered[1], split(offered[2]))
+            row = _ROW.search(piece)
+            if row is None:
+                for generation, values in _QOPS_CELL.findall(piece):
+                    yield from _offered_cells(network, generation, split(values))
                 continue
-            kind, texts = found[1].upper(), split(found[2])
+            kind, texts = row[1].upper(), split(row[2])
             if kind == "QENG":
                 if _SERVING.fullmatch(texts[0]):
                     state = texts[1] if len(texts) == 2 else None
@@ -165,7 +159,7 @@ def _rows(lines: Sequence[str]) -> Iterator[Row]:
                 plmn = _PLMN.search(texts[-1])
                 network = (plmn[1], plmn[2]) if plmn else ("", "")
             else:
-                yield from (_scanned if kind == "QSCAN" else _quality)(texts)
+                yield from (_scan if kind == "QSCAN" else _quality)(texts)
 
 
 def _engineering(texts: list[str], state: str | None) -> Iterator[Row]:
@@ -191,9 +185,7 @@ def _serving(word: str, texts: list[str], state: str | None) -> Iterator[Row]:
     elif shape is _LTE:
         tail = len(texts) - len(_LTE.names)
         more["srxlev"] = decimal(texts[-1], -200, 10000) if tail in _SRXLEV_AFTER else None
-    found = cell((shape,), texts, "serving", rat, more)
-    if found:
-        yield found
+    yield from cells((shape,), texts, "serving", rat, more)
 
 
 def _neighbour(kind: str | None, word: str, texts: list[str]) -> Iterator[Row]:
@@ -201,36 +193,31 @@ def _neighbour(kind: str | None, word: str, texts: list[str]) -> Iterator[Row]:
     if rat is None:
         return
     more = {"kind": kind.lower()} if kind else {}
-    found = cell(_NEIGHBOURS.get(rat) or _NEIGHBOURS_LTE[bool(kind)], texts, "neighbour", rat, more)
-    if found and rat == "GSM" and found.mcc is None and found.rssi_dbm is None:
-        yield replace(found, bsic=None)  # only announced, not heard: its BSIC is a filler
-    elif found:
-        yield found
+    forms = _NEIGHBOURS.get(rat) or _NEIGHBOURS_LTE[bool(kind)]
+    for reading in cells(forms, texts, "neighbour", rat, more):
+        announced = rat == "GSM" and reading.mcc is None and reading.rssi_dbm is None
+        yield replace(reading, bsic=None) if announced else reading  # a filler before reception
 
 
-def _scanned(texts: list[str]) -> Iterator[Row]:
+def _scan(texts: list[str]) -> Iterator[Row]:
     rat = _rat(texts[0])
     if rat is None or rat not in _QSCAN:
         return
     values = texts[1:]
-    whole = len(values) >= len(_QSCAN[rat].names)
-    found = cell((_QSCAN[rat],), values if whole else values[:_QSCAN_SHORT], "scan", rat)
-    if found:
-        yield found
+    complete = len(values) >= len(_QSCAN[rat].names)
+    yield from cells((_QSCAN[rat],), values if complete else values[:_QSCAN_SHORT], "scan", rat)
 
 
-def _offered(network: tuple[str, str], generation: str, texts: list[str]) -> Iterator[Row]:
+def _offered_cells(network: tuple[str, str], generation: str, texts: list[str]) -> Iterator[Row]:
     rat, shape = _QOPS[generation]
-    found = cell((shape,), [*network, *texts], "scan", rat)
-    if found:
-        yield found
+    yield from cells((shape,), [*network, *texts], "scan", rat)
 
 
 def _quality(texts: list[str]) -> Iterator[Row]:
     rat = _rat(texts[0])
     names = _QCSQ.get(rat)
     if names and len(texts) > len(names):
-        values = measured(dict(zip(names, texts[1:], strict=False)))
+        values = levels(dict(zip(names, texts[1:], strict=False)))
         more = {name: values.pop(name) for name in ("sinr_raw",) if name in values}
         yield Signal(rat, **values, more=more)
     elif _plain(texts[0]) == "NOSERVICE":

@@ -1,28 +1,25 @@
-"""Quectel M95, M66, MC60, M35 (GSM) and BC26, BC66, BC660 (NB-IoT): AT+QENG rows
-(firmware_notes/quectel_gsm.md).
+"""Quectel M95, M66, MC60, M35 (GSM) and BC26, BC66, BC660 (NB-IoT): AT+QENG rows.
 
     AT+QENG?
-    +QENG: 1,4                                                              header: mode, dump
-    +QENG: 0,262,01,1b2c,4d5e,3,42,-73,38,38,5,7,x,x,x,x,x,x,x              serving cell
-    +QENG: 1,1,5,-76,30,35,35,262,01,1b2c,4d5f,2,11,-80,..                  neighbours, ten values each
-    +QENG: 4,3,(5,-76,30),(11,-80,17),(16,-101,x)                           strongest channels: channel, dBm, BSIC
+    +QENG: 1,4                                                     header: mode, dump
+    +QENG: 0,262,01,1b2c,4d5e,3,42,-73,38,38,5,7,x,x,x,x,x,x,x     serving cell
+    +QENG: 1,1,5,-76,30,35,35,262,01,1b2c,4d5f,2,11,-80,..         neighbours, ten values each
+    +QENG: 4,3,(5,-76,30),(11,-80,17),(16,-101,x)                  channel, dBm, BSIC
 
     AT+QENG=0
-    +QENG: 0,1769,9,400,"00288516",-103,-9,-94,5,3,"A924",0,14,2            NB-IoT serving cell: the same prefix
+    +QENG: 0,1769,9,400,"00288516",-103,-9,-94,5,3,"A924",0,14,2   NB-IoT, the same prefix
 
-Where a level stands, the only negative number, tells the two serving rows apart. Area and cell are
-hexadecimal.
+The place of the level, the only negative number, distinguishes the two serving rows. Area and cell
+are hexadecimal (firmware_notes/quectel_gsm.md).
 """
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from typing import ClassVar
 
-from logger.core.types import CellReading
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.quectel.forms import cell, form, split
+from logger.drivers.quectel.forms import cells, form, split
 from logger.drivers.reading.fields import decimal
 from logger.drivers.reading.rows import NoCell, Row
 
@@ -43,30 +40,27 @@ _HEADER = re.compile(r"\+QENG:\s*(\d)\s*(?:,\s*\d{1,3}\s*)?\Z")
 _CHANNEL = re.compile(r"\(([^()]*)\)")
 
 _MOST_ORDER = 9
-"""A row that begins with a number so low is a GSM one, cut: no carrier of LTE fits so close to the
-edge of a band.
-"""
+"""A row that begins with a number so low is a cut one of GSM: no LTE carrier is so close to the
+edge of a band."""
 
 _OFF = "0"  # mode in the header
 
 
 class QuectelGsm(Family):
-    """Serving cell and neighbours by `AT+QENG?`, with engineering mode on; NB-IoT modems know only
-    `AT+QENG=0`.
-    """
+    """Cells by `AT+QENG?` in engineering mode; NB-IoT modems know `AT+QENG=0` only."""
 
-    name: ClassVar[str] = "quectel_gsm"
-    claim: ClassVar[Claim] = Claim(
+    name = "quectel_gsm"
+    claim = Claim(
         series=r"Quectel.*?(?<![A-Z0-9-])(?:M(?:10|12|20|23|25|26|27|35|50|56|66|72|80|85|89|90|95)"
         r"|MC(?:20|25|60|65|90)|BC(?:20|25|26|30|32|65|66))(?!\d\d)"
     )
-    setup_commands: ClassVar[tuple[Command, ...]] = (Command("AT+QENG=1,4"),)
-    poll_commands: ClassVar[tuple[Command, ...]] = (Command("AT+QENG?"),)
-    survey_commands: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
-    nbiot_poll_commands: ClassVar[tuple[Command, ...]] = (Command("AT+QENG=0", timeout_s=15.0),)
+    setup_commands = (Command("AT+QENG=1,4"),)
+    poll_commands = (Command("AT+QENG?"),)
+    survey_commands = (Command("AT+COPS=?", timeout_s=180.0),)
+    nbiot_poll_commands = (Command("AT+QENG=0", timeout_s=15.0),)
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells heard now; None when there was no answer or engineering mode is off.
+        """Cells received now; None without an answer or where engineering mode is off.
 
         A GSM modem answers `AT+QENG?`; one that refuses it is an NB-IoT modem. (To a GSM modem
         `AT+QENG=0` means off, which the next poll would see.)
@@ -81,16 +75,17 @@ class QuectelGsm(Family):
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in QENG rows of both technologies."""
         pieces = (piece for line in lines for piece in _NEXT.split(line.replace('\\"', '"')))
-        rows = map(_ROW.search, _unwrapped(pieces))
+        rows = map(_ROW.search, _join_wrapped_rows(pieces))
         return tuple(
-            reading for row in rows if row for reading in _READERS.get(row[1], _nothing)(row[2])
+            reading
+            for row in rows
+            if row and row[1] in _READERS
+            for reading in _READERS[row[1]](row[2])
         )
 
 
-def _unwrapped(lines: Iterable[str]) -> Iterator[str]:
-    """Lines with the rows whole that a terminal has wrapped: what follows a row and holds nothing
-    but values.
-    """
+def _join_wrapped_rows(lines: Iterable[str]) -> Iterator[str]:
+    """Lines with wrapped rows joined: a line of nothing but values goes on with the row above."""
     row = ""
     for line in filter(str.strip, lines):
         if _ROW.search(row) and _VALUES.fullmatch(line):
@@ -104,44 +99,37 @@ def _unwrapped(lines: Iterable[str]) -> Iterator[str]:
 def _serving(body: str) -> Iterator[Row]:
     raw, texts = body.split(","), split(body)
     quoted = {at for at, text in enumerate(raw[:-1]) if '"' in text}
-    found = None if quoted else cell((_GSM,), texts, "serving", "GSM")
-    if found is None and len(texts) > max(_NBIOT_IDS) and texts[0] == "0":
-        yield NoCell("NB-IoT")
-    elif found is None:
+    found: tuple[Row, ...] = () if quoted else cells((_GSM,), texts, "serving", "GSM")
+    if not found and len(texts) > max(_NBIOT_IDS) and texts[0] == "0":
+        found = (NoCell("NB-IoT"),)
+    elif not found:
         hexadecimal = quoted if quoted <= _NBIOT_IDS else frozenset()
         trusted = [
             text if at in hexadecimal or at not in _NBIOT_IDS else ""
             for at, text in enumerate(texts)
         ]
-        found = cell((_NBIOT,), trusted, "serving", "NB-IoT")
-    if found:
-        yield found
+        found = cells((_NBIOT,), trusted, "serving", "NB-IoT")
+    yield from found
 
 
 def _neighbours(body: str) -> Iterator[Row]:
     texts = split(body)
     groups = _in_order(texts)
-    found = [cell((_GSM_NEIGHBOUR,), group, "neighbour", "GSM") for group in groups]
+    for group in groups:
+        yield from cells((_GSM_NEIGHBOUR,), group, "neighbour", "GSM")
     if not groups and decimal(texts[0], 0, _MOST_ORDER) is None:
-        found = [
-            cell(_NBIOT_NEIGHBOURS, texts[at : at + 4], "neighbour", "NB-IoT")
-            for at in range(0, len(texts), 4)
-        ]
-    yield from (reading for reading in found if reading)
+        for at in range(0, len(texts), 4):
+            yield from cells(_NBIOT_NEIGHBOURS, texts[at : at + 4], "neighbour", "NB-IoT")
 
 
 def _in_order(texts: list[str]) -> list[list[str]]:
-    """Groups of ten values of a GSM row, as far as they are numbered upwards; where they are not, a
-    comma is lost.
-    """
+    """Groups of ten values of a GSM row, as far as their numbers ascend: else a comma is lost."""
     texts = texts[:-1] if texts[-1] == "" else texts  # a comma ends the row
     groups = [texts[at : at + 10] for at in range(0, len(texts), 10)]
-    if not any(map(_GSM_NEIGHBOUR.named, groups)):
+    if not any(map(_GSM_NEIGHBOUR.values_of, groups)):
         return []  # of NB-IoT
     if len(groups[-1][-1]) < 4:
-        groups[-1][-1] = (
-            ""  # a cell identity that ends the row shows only by its width that it is not cut
-        )
+        groups[-1][-1] = ""  # at the end of a row only its width shows that an identity is not cut
     numbers = [decimal(group[0], 1, 9) for group in groups]
     for at in range(1, len(groups)):
         before, number = numbers[at - 1], numbers[at]
@@ -151,15 +139,8 @@ def _in_order(texts: list[str]) -> list[list[str]]:
 
 
 def _channels(body: str) -> Iterator[Row]:
-    found = (
-        cell((_GSM_CHANNEL,), split(values), "neighbour", "GSM")
-        for values in _CHANNEL.findall(body)
-    )
-    yield from (reading for reading in found if reading)
-
-
-def _nothing(_body: str) -> Iterator[CellReading]:
-    yield from ()
+    for values in _CHANNEL.findall(body):
+        yield from cells((_GSM_CHANNEL,), split(values), "neighbour", "GSM")
 
 
 _READERS = {"0": _serving, "1": _neighbours, "4": _channels}

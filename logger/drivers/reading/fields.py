@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from logger.core.types import CellReading, Rat
-from logger.drivers.reading.number_text import Form, NumberText
+from logger.drivers.reading.number_text import NumberForm, NumberText
 
 RAT_OF_ACT: dict[
     int, Rat
@@ -65,22 +65,22 @@ _OWN = {
 Where it is damaged that of the carrier does not stand in: it is another one.
 """
 
-SEVEN = Form(16, frozenset({7}))
-EIGHT = Form(16, frozenset({8}))
+SEVEN = NumberForm(16, frozenset({7}))
+EIGHT = NumberForm(16, frozenset({8}))
 """Cell identities of 28 bits in columns of a fixed width."""
 _AREAS = {
-    (16, 16): Form(16, frozenset({4})),
-    (16, 24): Form(16, frozenset({4, 6})),  # +CREG and its like print 16 bits in four digits
-    (10, 16): Form(10, frozenset({5})),
-    (10, 24): Form(10, frozenset({8})),
+    (16, 16): NumberForm(16, frozenset({4})),
+    (16, 24): NumberForm(16, frozenset({4, 6})),  # +CREG and its like print 16 bits in four digits
+    (10, 16): NumberForm(10, frozenset({5})),
+    (10, 24): NumberForm(10, frozenset({8})),
 }
 _CELLS = {
-    (16, 16): Form(16, frozenset({4})),
-    (16, 28): Form(16, frozenset({7, 8})),
-    (16, 36): Form(16, frozenset({9, 16})),
-    (10, 16): Form(10, frozenset({5})),
-    (10, 28): Form(10, frozenset({9})),
-    (10, 36): Form(10, frozenset({11})),
+    (16, 16): NumberForm(16, frozenset({4})),
+    (16, 28): NumberForm(16, frozenset({7, 8})),
+    (16, 36): NumberForm(16, frozenset({9, 16})),
+    (10, 16): NumberForm(10, frozenset({5})),
+    (10, 28): NumberForm(10, frozenset({9})),
+    (10, 36): NumberForm(10, frozenset({11})),
 }
 """By base and bits: the widths in which no digit can be missing."""
 
@@ -196,7 +196,9 @@ def area(text: str, base: int = 16, bits: int = 16) -> int | None:
     return NumberText(code, text, _AREAS[base, bits])
 
 
-def cell_identity(text: str, bits: int, base: int = 16, form: Form | None = None) -> int | None:
+def cell_identity(
+    text: str, bits: int, base: int = 16, form: NumberForm | None = None
+) -> int | None:
     """Cell identity of 16 (GSM), 28 (WCDMA, LTE) or 36 bits (NR); zero and all ones say
     "unknown".
     """

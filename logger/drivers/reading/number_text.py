@@ -1,8 +1,8 @@
 """A number that remembers how it was printed.
 
-The value of `a5f` is 2655 whether it was sent so or has lost a digit of `a53f`. What tells is the
-width, beside the other numbers of the reply and of the modem; so the text travels with the value
-until `recognition` has seen them all.
+The value of `a5f` is 2655 whether the modem sent that or a digit of `a53f` was lost. The width
+shows it, beside the other numbers of the reply and of the modem; so the text travels with the value
+until `recognition` has compared them all.
 """
 
 from dataclasses import dataclass
@@ -10,39 +10,42 @@ from typing import Self
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
-    """Base of a number, and the widths in which all its digits are there."""
+class NumberForm:
+    """Base of a number, and the widths in which no digit can be missing."""
 
     base: int
-    whole: frozenset[int]
+    full_widths: frozenset[int]
+
+    def is_full(self, text: str) -> bool:
+        """True for a number with all its digits."""
+        return len(text) in self.full_widths
 
 
 class NumberText(int):
-    """An integer, equal to any of the same value, with its text; `proven` where the reply has said
-    it twice.
+    """An integer with its text, equal to any integer of the same value.
+
+    `confirmed` where the reply contains the number twice.
     """
 
     text: str
-    form: Form
-    proven: bool
+    form: NumberForm
+    confirmed: bool
 
-    def __new__(cls, value: int, text: str, form: Form, proven: bool = False) -> Self:
-        """Number of that value; the text without blanks, sign and 0x."""
+    def __new__(cls, value: int, text: str, form: NumberForm, confirmed: bool = False) -> Self:
+        """Number of that value; the text is kept without blanks, sign and 0x."""
         number = super().__new__(cls, value)
         number.text = text.strip().lower().removeprefix("0x")
         number.form = form
-        number.proven = proven
+        number.confirmed = confirmed
         return number
 
-    def __reduce__(self) -> tuple[type["NumberText"], tuple[int, str, Form, bool]]:
+    def __reduce__(self) -> tuple[type["NumberText"], tuple[int, str, NumberForm, bool]]:
         """What makes a copy of it."""
-        return NumberText, (int(self), self.text, self.form, self.proven)
+        return NumberText, (int(self), self.text, self.form, self.confirmed)
 
 
-def proven(number: int | None) -> int | None:
-    """The number, needing no other proof of its digits."""
-    return (
-        NumberText(number, number.text, number.form, proven=True)
-        if isinstance(number, NumberText)
-        else number
-    )
+def confirm(number: int | None) -> int | None:
+    """The number, marked as printed twice."""
+    if not isinstance(number, NumberText):
+        return number
+    return NumberText(number, number.text, number.form, confirmed=True)

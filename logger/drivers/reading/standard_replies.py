@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from logger.drivers.reading.fields import RAT_OF_ACT, area, at, cell_identity, decimal, values
-from logger.drivers.reading.number_text import Form
+from logger.drivers.reading.number_text import NumberForm
 from logger.drivers.reading.rows import Operator, Refusal, Registration, Row, Signal
 
 _VALUE = r'(?:"[^"+]*"?|[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
@@ -35,7 +35,7 @@ lines.
 """
 
 _MOST_STAT = 11
-_CELL, _NR_CELL = Form(16, frozenset({4, 7, 8})), Form(16, frozenset({9, 16}))
+_CELL, _NR_CELL = NumberForm(16, frozenset({4, 7, 8})), NumberForm(16, frozenset({9, 16}))
 """A registration prints the cells of all technologies in one place, GSM with four digits."""
 
 

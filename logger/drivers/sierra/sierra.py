@@ -17,13 +17,11 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
-from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import (
     EIGHT,
@@ -37,7 +35,7 @@ from logger.drivers.reading.fields import (
     rsrq_db,
     rssi_dbm,
 )
-from logger.drivers.reading.number_text import proven
+from logger.drivers.reading.number_text import confirm
 from logger.drivers.reading.rows import NoCell, Operator, Row
 
 _FLAGS = re.ASCII | re.IGNORECASE
@@ -103,20 +101,16 @@ class Sierra(Family):
     dialects.
     """
 
-    name: ClassVar[str] = "sierra"
-    claim: ClassVar[Claim] = Claim(
-        maker=r"\A(?!.*\b(?:HL|SL|Q2)\d)(?:.*\bSIERRA WIRELESS\b|.*\bAIRPRIME\b)"
-    )
-    setup_commands: ClassVar[tuple[Command, ...]] = (
-        Command("AT+COPS=3,2"),
-    )  # the form of the answer; it chooses none
-    poll_commands: ClassVar[tuple[Command, ...]] = (
+    name = "sierra"
+    claim = Claim(maker=r"\A(?!.*\b(?:HL|SL|Q2)\d)(?:.*\bSIERRA WIRELESS\b|.*\bAIRPRIME\b)")
+    setup_commands = (Command("AT+COPS=3,2"),)  # the form of the answer; it chooses none
+    poll_commands = (
         Command("AT+COPS?"),
         Command("AT!GSTATUS?"),
         Command("AT!LTEINFO?"),
     )
-    survey_commands: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
-    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.SELRAT
+    survey_commands = (Command("AT+COPS=?", timeout_s=180.0),)
+    mode_commands = network_mode.SELRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now, the serving one once, and with its network."""
@@ -168,8 +162,8 @@ def _status(text: str) -> Iterator[Row]:
     (where, place_agrees), (who, cell_agrees) = (
         _in_brackets(text, label) for label in ("TAC" if rat in {"LTE", "NR"} else "LAC", "Cell ID")
     )
-    place = proven(area(where, 10, area_bits)) if who else None  # in two bases
-    identity = proven(cell_identity(who, cell_bits, 10)) if where else None
+    place = confirm(area(where, 10, area_bits)) if who else None  # in two bases
+    identity = confirm(cell_identity(who, cell_bits, 10)) if where else None
     channel = decimal(_value(text, labels["channel"]), 0, 3279165)
     reading = CellReading(
         role="serving",

@@ -8,8 +8,7 @@ places: then its identity, further left, is whole also where the end of the line
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from logger.core.types import CellReading, Rat
@@ -24,7 +23,6 @@ from logger.drivers.reading.fields import (
     rsrq_db,
     rssi_dbm,
 )
-from logger.drivers.reading.number_text import proven
 from logger.drivers.reading.rows import NoCell, Row
 
 _ROW = re.compile(r"(?<![A-Z])CPSI:([-\w ,.]*)", re.ASCII | re.IGNORECASE)
@@ -69,9 +67,6 @@ _MOST_EARFCN = 262_143
 _BITS: Mapping[Rat, tuple[int, int]] = {"GSM": (16, 16), "NR": (24, 36)}  # of area and cell
 _BITS_OF_OTHERS = (16, 28)
 _C1_C2 = re.compile(r"(-?\d{1,3})-(-?\d{1,3})")
-_LEVELS = frozenset(
-    {"rxlev_raw", "rxq", "rssi_dbm", "rscp_dbm", "ecio_db", "rsrp_dbm", "rsrq_db", "sinr_db"}
-)
 
 _Levels = tuple[dict[str, Any], dict[str, Any]]
 """Fields of a reading, and what goes into `more` as printed."""
@@ -81,42 +76,6 @@ def read(lines: Sequence[str]) -> tuple[Row, ...]:
     """Serving cells, two where LTE and NR are used together, and `NoCell` for NO SERVICE."""
     found = (_row(match[1]) for line in lines for match in _ROW.finditer(line))
     return tuple(row for row in found if row is not None)
-
-
-def joined(rows: Iterable[Row]) -> tuple[Row, ...]:
-    """Rows of one poll with each serving cell once, first: what the first row leaves open is filled
-    from the others.
-
-    A level beside another one is not taken over: they may be of different scales.
-    """
-    serving: dict[tuple[Rat | None, int], CellReading] = {}
-    others: list[Row] = []
-    for row in rows:
-        if not isinstance(row, CellReading) or row.role != "serving" or row.cid is None:
-            others.append(row)
-            continue
-        first = serving.get((row.rat, row.cid))
-        serving[row.rat, row.cid] = row if first is None else _filled(first, row)
-    return (*serving.values(), *others)
-
-
-def _filled(first: CellReading, second: CellReading) -> CellReading:
-    open_ones = [
-        f.name for f in fields(CellReading) if f.name != "more" and getattr(first, f.name) is None
-    ]
-    if first.level_dbm is not None:
-        open_ones = [name for name in open_ones if name not in _LEVELS]
-    values: dict[str, Any] = {name: getattr(second, name) for name in open_ones}
-    for name in ("lac", "tac", "cid"):
-        if getattr(first, name) is not None and getattr(first, name) == getattr(second, name):
-            values[name] = proven(getattr(first, name))
-    # one area is printed in hexadecimal, the other in decimal
-    values["identity_unsure"] = any(
-        getattr(second, name) not in {None, getattr(first, name)}
-        for name in ("mcc", "mnc", "lac", "tac")
-        if name not in open_ones
-    )
-    return replace(first, more={**second.more, **first.more}, **values)
 
 
 def _row(text: str) -> Row | None:

@@ -14,13 +14,12 @@ read.
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
-from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.fields import (
@@ -33,8 +32,9 @@ from logger.drivers.reading.fields import (
     rsrq_db,
     rssi_dbm,
 )
-from logger.drivers.reading.number_text import Form, NumberText
+from logger.drivers.reading.number_text import NumberForm, NumberText
 from logger.drivers.reading.rows import NoCell, Row
+from logger.drivers.reading.serving_cell import merge_serving_cells
 from logger.drivers.simcom import cpsi
 
 ENGINEERING_ON = Command("AT+CENG=1,1")
@@ -76,7 +76,7 @@ _GSM_IDENTITY = {
     "cellid": _HEX,
     "lac": _HEX,
 }
-_CHANNEL, _LEVEL = Form(10, frozenset({4})), Form(10, frozenset({2}))
+_CHANNEL, _LEVEL = NumberForm(10, frozenset({4})), NumberForm(10, frozenset({2}))
 _FULL_WIDTH = {
     "bcch": re.compile(r"\d{4}"),
     "rxl": re.compile(r"\d\d"),
@@ -89,14 +89,14 @@ class Sim7000(Family):
     dBm.
     """
 
-    name: ClassVar[str] = "sim7000"
-    claim: ClassVar[Claim] = Claim(series=r"SIM70(?:00|70|80|90)(?!\d)")
-    setup_commands: ClassVar[tuple[Command, ...]] = (ENGINEERING_ON,)
-    poll_commands: ClassVar[tuple[Command, ...]] = (Command("AT+CENG?"), Command("AT+CPSI?"))
-    survey_commands: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
-    gnss_start_commands: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF_ON
-    gnss_poll_commands: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF
-    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.CNMP
+    name = "sim7000"
+    claim = Claim(series=r"SIM70(?:00|70|80|90)(?!\d)")
+    setup_commands = (ENGINEERING_ON,)
+    poll_commands = (Command("AT+CENG?"), Command("AT+CPSI?"))
+    survey_commands = (Command("AT+COPS=?", timeout_s=180.0),)
+    gnss_start_commands = modem_gnss.CGNSINF_ON
+    gnss_poll_commands = modem_gnss.CGNSINF
+    mode_commands = network_mode.CNMP
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now, the serving one once; engineering mode is switched on again where the
@@ -110,7 +110,7 @@ class Sim7000(Family):
             lines += [*reply.marked_lines, *filter(None, [reply.final])]
         if any(map(_OFF.search, lines)):
             yield ENGINEERING_ON
-        rows = cpsi.joined(self.read(lines))
+        rows = merge_serving_cells(self.read(lines))
         return rows if answered or any(isinstance(row, CellReading) for row in rows) else None
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:

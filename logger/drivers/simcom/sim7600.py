@@ -12,13 +12,12 @@ and AT+CMGRMI.
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 from logger.core.types import CellReading, Role
 from logger.drivers import network_mode
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
-from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.fields import (
@@ -32,6 +31,7 @@ from logger.drivers.reading.fields import (
     rssi_dbm,
 )
 from logger.drivers.reading.rows import Row
+from logger.drivers.reading.serving_cell import merge_serving_cells
 from logger.drivers.simcom import cpsi
 
 _CCINFO = re.compile(
@@ -64,27 +64,25 @@ class Sim7600(Family):
     (LTE).
     """
 
-    name: ClassVar[str] = "sim7600"
-    claim: ClassVar[Claim] = Claim(
-        series=r"SIM(?:5\d|7[1-9]|8[23])\d\d(?!\d)|(?<![0-9A-Z])A7[69]\d\d(?!\d)"
-    )
-    poll_commands: ClassVar[tuple[Command, ...]] = (
+    name = "sim7600"
+    claim = Claim(series=r"SIM(?:5\d|7[1-9]|8[23])\d\d(?!\d)|(?<![0-9A-Z])A7[69]\d\d(?!\d)")
+    poll_commands = (
         Command("AT+CPSI?"),
         Command("AT+CCINFO"),
         Command("AT+CMGRMI=4"),
         Command("AT+CESQ"),  # the level of LTE in dBm where CPSI prints an index
     )
-    survey_commands: ClassVar[tuple[Command, ...]] = (Command("AT+COPS=?", timeout_s=180.0),)
-    gnss_start_commands: ClassVar[tuple[Command, ...]] = modem_gnss.CGPSINFO_ON
-    gnss_poll_commands: ClassVar[tuple[Command, ...]] = modem_gnss.CGPSINFO
-    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.CNMP
+    survey_commands = (Command("AT+COPS=?", timeout_s=180.0),)
+    gnss_start_commands = modem_gnss.CGPSINFO_ON
+    gnss_poll_commands = modem_gnss.CGPSINFO
+    mode_commands = network_mode.CNMP
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now, the serving one once; a modem has some of these commands and refuses the
         others.
         """
         rows = yield from self.ask(self.poll_commands)
-        return None if rows is None else cpsi.joined(rows)
+        return None if rows is None else merge_serving_cells(rows)
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in lines of CPSI, CCINFO and CMGRMI; fixes of the modem's receiver."""

@@ -12,7 +12,6 @@ damaged further right keeps the level of its channel without an identity.
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 from logger.core.types import CellReading, Role
 from logger.drivers.claim import Claim
@@ -20,7 +19,7 @@ from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.fields import area, cell_identity
-from logger.drivers.reading.number_text import Form, NumberText
+from logger.drivers.reading.number_text import NumberForm, NumberText
 from logger.drivers.reading.rows import Row
 
 DBM_OF_RXL_0 = -113.0  # SIM800 manual V1.09 p163, and printed by mode 4: 44 beside -69
@@ -89,9 +88,9 @@ _FORMS = {  # of a row that is not damaged
 }
 # Some firmware pads these to so many digits.
 _WIDTHS = {
-    "bcch": Form(10, frozenset({4})),
-    "rxl": Form(10, frozenset({2})),
-    "bsic": Form(10, frozenset({2})),
+    "bcch": NumberForm(10, frozenset({4})),
+    "rxl": NumberForm(10, frozenset({2})),
+    "bsic": NumberForm(10, frozenset({2})),
 }
 _NOBODY: tuple[None, None, None, None] = (None, None, None, None)
 
@@ -103,18 +102,16 @@ Identity = (
 class Sim800(Family):
     """Cells by `AT+CENG?`, all networks by `AT+CNETSCAN`."""
 
-    name: ClassVar[str] = "sim800"
-    claim: ClassVar[Claim] = Claim(series=r"SIM(?:COM_SIM)?[89]\d\d(?!\d)")
-    setup_commands: ClassVar[tuple[Command, ...]] = (
+    name = "sim800"
+    claim = Claim(series=r"SIM(?:COM_SIM)?[89]\d\d(?!\d)")
+    setup_commands = (
         Command("AT+CNETSCAN=1"),  # with area and BSIC
         Command("AT+CENG=1,1", needed=True),
     )
-    poll_commands: ClassVar[tuple[Command, ...]] = (Command("AT+CENG?"),)
-    survey_commands: ClassVar[tuple[Command, ...]] = (
-        Command("AT+CNETSCAN", timeout_s=90.0, silence_s=50.0),
-    )
-    gnss_start_commands: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF_ON
-    gnss_poll_commands: ClassVar[tuple[Command, ...]] = modem_gnss.CGNSINF
+    poll_commands = (Command("AT+CENG?"),)
+    survey_commands = (Command("AT+CNETSCAN", timeout_s=90.0, silence_s=50.0),)
+    gnss_start_commands = modem_gnss.CGNSINF_ON
+    gnss_poll_commands = modem_gnss.CGNSINF
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells heard now; None when there was no answer or engineering mode is off."""

@@ -13,13 +13,11 @@ Formats: GM862 AT reference (80000ST10025a) p273-278, HE863 (80377ST10083a) p141
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import ClassVar
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
-from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import (
     area,
@@ -81,12 +79,12 @@ class Telit(Family):
     at a time.
     """
 
-    name: ClassVar[str] = "telit"
-    claim: ClassVar[Claim] = Claim(
+    name = "telit"
+    claim = Claim(
         maker=r"\btelit\b(?! cinterion)",
         series=r"\b(?:G[CELMT]86\d|UC864|U[EL]86\d|HE86\d|[CDGHLMU]E9[124]0|L[MN]9[4-6]\d|F[NT]9\d0)",
     )
-    setup_commands: ClassVar[tuple[Command, ...]] = (
+    setup_commands = (
         Command("AT#SELINT=2"),
         Command("AT+CREG=2"),
         Command("AT+CEREG=2"),
@@ -95,16 +93,16 @@ class Telit(Family):
             "AT#MONI=7"
         ),  # all cells; models and networks that do not know it answer AT#MONI for the serving cell
     )
-    poll_commands: ClassVar[tuple[Command, ...]] = (
+    poll_commands = (
         Command("AT#MONI", timeout_s=5.0),
         Command("AT#SERVINFO", timeout_s=5.0),
         Command("AT+CREG?"),
         Command("AT+CEREG?"),
     )
-    survey_commands: ClassVar[tuple[Command, ...]] = tuple(
+    survey_commands = tuple(
         Command(f"AT#CSURV={low},{high}", timeout_s=120.0, silence_s=15.0) for low, high in SLICES
     )
-    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.WS46
+    mode_commands = network_mode.WS46
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask, and join what the replies say of the serving cell."""

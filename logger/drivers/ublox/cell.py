@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers.reading.fields import area, cell_identity, decimal, level, rsrp_dbm, rsrq_db
-from logger.drivers.reading.number_text import Form, NumberText
+from logger.drivers.reading.number_text import NumberForm, NumberText
 from logger.drivers.reading.rows import NoCell
 
 Texts = Mapping[str, str]
@@ -26,7 +26,7 @@ _INDICES = {  # name of the raw value, and what its index can be
     "rsrq": ("rsrq_raw", -30, 46),
     "sinr_index": ("sinr_raw", 0, 254),
 }
-_THREE = Form(10, frozenset({3}))
+_THREE = NumberForm(10, frozenset({3}))
 _AS_PRINTED = ("bsic_text", "rxlev_text")
 """Values of a base that is not documented."""
 

@@ -11,14 +11,12 @@ The rows with labels are in `labels`, those of +UCGED in `ucged`.
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import ClassVar
 
 from logger.core.types import CellReading, Role
 from logger.drivers import network_mode
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.generic.generic import Generic
-from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import decimal, listed, pieces
 from logger.drivers.reading.rows import Operator, Row
@@ -51,26 +49,22 @@ class Ublox(Family):
     common ones.
     """
 
-    name: ClassVar[str] = "ublox"
-    claim: ClassVar[Claim] = Claim(
-        maker=r"\bu-?blox\b", series=r"\b(?:SARA|LISA|LARA|TOBY|LENA|LEON|LUCY)-[A-Z]?\d"
-    )
-    setup_commands: ClassVar[tuple[Command, ...]] = (
+    name = "ublox"
+    claim = Claim(maker=r"\bu-?blox\b", series=r"\b(?:SARA|LISA|LARA|TOBY|LENA|LEON|LUCY)-[A-Z]?\d")
+    setup_commands = (
         *Generic.setup_commands,
         Command(
             "AT+UCGED=5"
         ),  # all that the SARA-R4 knows; the others refuse it or have it replaced by the next
         Command("AT+UCGED=2"),
     )
-    poll_commands: ClassVar[tuple[Command, ...]] = (
+    poll_commands = (
         Command("AT+CGED=5", timeout_s=5.0),
         Command("AT+UCELLINFO?", timeout_s=7.0),
         Command("AT+UCGED?", timeout_s=5.0),
     )
-    survey_commands: ClassVar[tuple[Command, ...]] = (
-        Command("AT+COPS=5", timeout_s=200.0, silence_s=60.0),
-    )
-    mode_commands: ClassVar[tuple[ModeCommand, ...]] = network_mode.URAT
+    survey_commands = (Command("AT+COPS=5", timeout_s=200.0, silence_s=60.0),)
+    mode_commands = network_mode.URAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask in turn until a reply has cells; zeros that a network code has lost come back from

@@ -2,9 +2,10 @@
 
 import pytest
 
-from logger.drivers.reading.recognition import NumberHistory, mark_doubtful, mark_doubtful_replies
+from logger.drivers.reading.number_history import NumberHistory
+from logger.drivers.reading.recognition import mark_doubtful, mark_doubtful_replies
+from logger.drivers.reading.serving_cell import merge_serving_cells
 from logger.drivers.registry import FAMILIES
-from logger.drivers.simcom.cpsi import joined
 from tests.kit.drivers import identity_of
 
 PADDED = [
@@ -71,7 +72,9 @@ def test_an_area_and_its_other_base_are_printed_twice():
 def test_areas_that_contradict_each_other_are_unsure_where_the_rows_are_one():
     cmgrmi = "+CMGRMI: Serving_Cell,6300,262,02,{area},2,190887432,3,3,3,12,149,-95,-912,-604,0"
     for area, unsure in ((11006, False), (1106, True)):
-        rows = joined(FAMILIES["sim7600"].read([decimal(190887432), cmgrmi.format(area=area)]))
+        rows = merge_serving_cells(
+            FAMILIES["sim7600"].read([decimal(190887432), cmgrmi.format(area=area)])
+        )
         ((row,), _) = mark_doubtful(rows, NumberHistory())
         assert row.identity_unsure is unsure
 
@@ -80,7 +83,9 @@ def test_rows_that_are_made_one_have_printed_the_cell_twice():
     ccinfo = "+CCINFO:[SCELL],ARFCN:34,MCC:262,MNC:01,LAC:14940,ID:1213,BSIC:18,RXLev:-78dbm,C1:33,C2:33,TA:0,TXPWR:0"
     gsm = "+CPSI: GSM,Online,262-01,0x3A5C,1213,34 EGSM 900,-78,0,33-33"
     for lines, unsure in (([gsm, ccinfo], False), ([gsm], True)):
-        ((row,), _) = mark_doubtful(joined(FAMILIES["sim7600"].read(lines)), NumberHistory())
+        ((row,), _) = mark_doubtful(
+            merge_serving_cells(FAMILIES["sim7600"].read(lines)), NumberHistory()
+        )
         assert (row.cid, row.identity_unsure) == (1213, unsure)
 
 

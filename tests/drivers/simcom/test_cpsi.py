@@ -2,6 +2,7 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.reading.rows import NoCell, Signal, as_json
+from logger.drivers.reading.serving_cell import merge_serving_cells
 from logger.drivers.simcom import cpsi
 from tests.kit.drivers import NO_IDENTITY, identity_of
 
@@ -276,7 +277,7 @@ def test_joined_rows_name_the_serving_cell_once():
     )
     neighbour = CellReading(role="neighbour", rat="GSM", lac=5, cid=7, rxlev_raw=1)
     signal = Signal(csq_raw=3)
-    joined, *others = cpsi.joined([neighbour, first, signal, second])
+    joined, *others = merge_serving_cells([neighbour, first, signal, second])
     assert others == [neighbour, signal]
     assert joined == CellReading(
         role="serving", rat="GSM", mcc="262", mnc="01", lac=5, cid=7, band="DCS", rxlev_raw=30, ta=2
@@ -289,5 +290,5 @@ def test_joined_rows_take_the_level_where_the_first_has_none():
         role="serving", rat="LTE", cid=7, rsrp_dbm=-80.0, more={"rsrp_raw": 61, "a": 1}
     )
     other = CellReading(role="serving", rat="LTE", cid=8)
-    joined, rest = cpsi.joined([first, second, other])
+    joined, rest = merge_serving_cells([first, second, other])
     assert (joined.rsrp_dbm, dict(joined.more), rest) == (-80.0, {"rsrp_raw": 60, "a": 1}, other)
