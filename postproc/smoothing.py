@@ -25,6 +25,7 @@ from postproc.estimators.convergence import ended_well
 from postproc.estimators.direction_check import Comparison, compare
 from postproc.estimators.filters import FilterPath, reference_ekf
 from postproc.estimators.least_squares import BatchFit
+from postproc.estimators.residual_findings import findings
 from postproc.estimators.residuals import Residuals
 from postproc.estimators.robust_losses import Loss
 from postproc.processes import each
@@ -164,7 +165,7 @@ def smooth_cell(obs: CellObservations, wishes: Wishes = Wishes()) -> CellResult:
     left = residuals.diagnose(
         posterior.modes[0].state, level, whole.ekf, height_m=wishes.prior.height_m
     )
-    warnings = [*whole.warnings, *_batch_warnings(whole.batch, posterior), *left.findings]
+    warnings = [*whole.warnings, *_batch_warnings(whole.batch, posterior), *findings(left)]
     if isinstance(forward, ekf_initialisation.NoRun):
         warnings.append(f"no EKF and no RTS: {forward.reason}")
     if compared and compared.warning:

@@ -1,10 +1,10 @@
 """How residuals of a walk vary together: the covariance behind every honest standard error.
 
-Shadowing belongs to places, so residuals are alike where places are near, whenever measured. With
-D_ij the distance of two squares, a the white share, d_c the decorrelation distance and n_i the
-readings of a square:
+Shadowing belongs to the ground, so residuals are alike where points are near, whenever measured.
+With D_ij the distance of two squares, a the white share, d_c the decorrelation distance and n_i the
+readings of a square, `model.noise` has
 
-    cov(e_i, e_j) = sigma^2 [(1 - a) exp(-D_ij / d_c) + a delta_ij / n_i]
+    cov(e_i, e_j) = sigma^2 [(1 - a) exp(-D_ij / d_c) + delta_ij (a / n_i + rounding)]
 
 (Gudmundson, Electron. Lett. 27(23), 1991). Residuals of a fit look whiter than the noise was, since
 the fit follows it; restricted likelihood allows for that (Patterson & Thompson, Biometrika 58(3),
@@ -14,38 +14,37 @@ metric of K:
     log p(a, d_c | e) = -1/2 log|K| - 1/2 log|X' K^-1 X| - (m - k) / 2 log s + const
     E sigma^2 = (s + SIGMA_DB^2) / (m - k - 1)
 
-The covariance returned is the mean over the pairs (a, d_c) held possible and short enough for the
-walk to tell.
+The covariance returned is the mean over the hypotheses short enough for the walk to tell.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
+from scipy.special import softmax
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.blocks import squares
+from logger.core.model.noise import correlation, independent_variance
+from logger.core.model.prior import Hypothesis, Prior
 
-WHITE_SHARES = (0.1, 0.5)
-DECORRELATIONS_M = (12.0, 35.0, 110.0, 350.0, 1100.0)
-"""Correlated noise held possible, each pair as likely as white noise alone.
+_NOISE = Prior(
+    white_shares=(0.1, 0.5),
+    decorrelation_m=(12.0, 35.0, 110.0, 350.0, 1100.0),
+    stationary_m=0.0,
+    trust=0.5,
+)
+"""Noise considered: each pair of share and distance is as likely as white noise alone.
 
-Half of 464 measured walks decorrelated within 22 m, nearly all within 12 to 390 m.
+Half of 464 measured walks decorrelated within 22 m, nearly all within 12 to 390 m. Variances of
+correlated noise are divided by the trust: an exponential is a guess about houses and hills, and
+regions that trusted it fully held the truth in 78 % of 165 measured walks where 95 % were meant.
 """
-SIGMA_DB = 5.4
-"""Median of those walks with the true place given; counts as one more reading, for walks of very
-few.
-"""
-TRUST = 0.5
-"""Variances of correlated noise are divided by it: an exponential is a guess about houses and
-hills, and regions drawn with full trust in it held the truth in 78 % of 165 measured walks where 95
-% were meant.
-"""
+SIGMA_DB = _NOISE.sigma_db
+"""Median of those walks with the true position known; counts as one more reading."""
 
-_MOST_SQUARES = 300
-_FINEST_M = 2.0
-_READINGS_BELIEVED = 16  # fading stays the same for a while where one stands
-_ROUNDING_SHARE = 0.003
+_MOST_SQUARES = 300  # their covariance is factored for each hypothesis
+_NEGLIGIBLE_DB2 = 1e-9  # misfit of levels that fit exactly
 
 
 class ResidualNoise(NamedTuple):
@@ -53,7 +52,7 @@ class ResidualNoise(NamedTuple):
 
     `square` (n,) is the number of the square each row lies in; `covariance_db2` (m, m) is that of
     the squares' means; `white` the probability that nothing is correlated; `white_share` and
-    `decorrelation_m` are means over what is.
+    `decorrelation_m` are means over the correlated hypotheses.
     """
 
     square: IntArray
@@ -70,6 +69,12 @@ def averages(square: IntArray, weight: FloatArray, values: FloatArray) -> FloatA
     return np.asarray(columns[0] if values.ndim == 1 else np.column_stack(columns), float)
 
 
+def unit_columns(design: FloatArray) -> FloatArray:
+    """The design (n, k) with columns of unit mean square, for rank and rounding."""
+    scale = np.sqrt(np.mean(design**2, axis=0))
+    return np.asarray(design / np.maximum(scale, 1e-300), float)
+
+
 def residual_noise(
     x_m: FloatArray,
     y_m: FloatArray,
@@ -78,59 +83,56 @@ def residual_noise(
     design: FloatArray,
     residual_db: FloatArray,
 ) -> ResidualNoise:
-    """Noise that the residuals (n,) of a weighted fit with this design (n, k) tell of; weights are
-    positive.
+    """Noise that the residuals (n,) of a weighted fit with this design (n, k) show.
 
-    `readings` is how many a row stands for.
+    `readings` (n,) is how many a row stands for; the weights (n,) are positive.
     """
     square, _ = squares(x_m, y_m, _MOST_SQUARES)
     x, y, e = (averages(square, weight, v) for v in (x_m, y_m, residual_db))
-    scaled = averages(
-        square, weight, design / np.maximum(np.sqrt(np.mean(design**2, axis=0)), 1e-300)
-    )
-    believed = np.minimum(np.bincount(square, readings), _READINGS_BELIEVED)
-    distance_m = np.hypot(x[:, None] - x, y[:, None] - y)
-    pairs = _pairs(0.5 * float(np.max(distance_m)))
-    shapes = [_shape(distance_m, believed, a, d_c) for a, d_c in pairs]
-    found = [_restricted(shape, scaled, e) for shape in shapes]
-    log_p, variance = np.array(found).T
-    p = np.exp(log_p - np.max(log_p))
-    p /= np.sum(p)
-    belief = np.where(pairs[:, 0] < 1.0, TRUST, 1.0)
-    covariance = sum(f * shape for f, shape in zip(p * variance / belief, shapes, strict=True))
-    share, d_c = p[1:] @ pairs[1:] / max(np.sum(p[1:]), 1e-300)
+    scaled = averages(square, weight, unit_columns(design))
+    n_there = np.bincount(square, readings).astype(float)
+    apart_m = np.hypot(x[:, None] - x, y[:, None] - y)
+    hypotheses = _testable(0.5 * float(np.max(apart_m)))
+    shapes = np.array([_shape(apart_m, n_there, h) for h in hypotheses])
+    log_p, variance_db2 = np.array([_restricted_likelihood(k, scaled, e) for k in shapes]).T
+    p = softmax(log_p)
+    white_share, decorrelation_m, trust = np.array(hypotheses).T
+    covariance = np.einsum("h,hij->ij", p * variance_db2 / trust, shapes)
+    correlated = p[1:] / max(np.sum(p[1:]), 1e-300)
     return ResidualNoise(
-        square, np.asarray(covariance, float), float(p[0]), float(share), float(d_c)
+        square,
+        covariance,
+        white=float(p[0]),
+        white_share=float(correlated @ white_share[1:]),
+        decorrelation_m=float(correlated @ decorrelation_m[1:]),
     )
 
 
-def _pairs(longest_m: float) -> FloatArray:
-    """White shares and decorrelation distances; one much longer than the walk is a trend, which the
-    fit takes up.
+def _testable(longest_m: float) -> list[Hypothesis]:
+    """Hypotheses whose decorrelation distance the walk can tell from a trend; the first is white.
+
+    A trend is taken up by the fit.
     """
-    known = [d_c for d_c in DECORRELATIONS_M if d_c <= max(longest_m, DECORRELATIONS_M[0])]
-    return np.array([(1.0, 0.0), *((a, d_c) for a in WHITE_SHARES for d_c in known)])
+    longest_m = max(longest_m, _NOISE.decorrelation_m[0])
+    return [h for h in _NOISE.hypotheses if h.decorrelation_m <= longest_m]
 
 
-def _shape(
-    distance_m: FloatArray, readings: FloatArray, white_share: float, decorrelation_m: float
-) -> FloatArray:
-    """K of one hypothesis, shape (m, m)."""
-    k = (1.0 - white_share) * np.exp(-distance_m / max(decorrelation_m, 1.0))
-    k[np.diag_indices_from(k)] += white_share / readings + _ROUNDING_SHARE
-    return np.asarray(k, float)
+def _shape(apart_m: FloatArray, readings: FloatArray, hypothesis: Hypothesis) -> FloatArray:
+    """K of one hypothesis in units of sigma^2, shape (m, m)."""
+    white = hypothesis.white_share
+    own = independent_variance(readings, white, SIGMA_DB)
+    return (1.0 - white) * correlation(apart_m, hypothesis.decorrelation_m) + np.diag(own)
 
 
-def _restricted(shape: FloatArray, design: FloatArray, e: FloatArray) -> tuple[float, float]:
+def _restricted_likelihood(
+    shape: FloatArray, design: FloatArray, e: FloatArray
+) -> tuple[float, float]:
     """Log restricted likelihood of K, and the mean of sigma^2 under it."""
     root = cholesky(shape, lower=True)
     white = solve_triangular(root, np.column_stack([design, e]), lower=True)
     basis, size, _ = np.linalg.svd(white[:, :-1], full_matrices=False)
     off = white[:, -1] - basis @ (basis.T @ white[:, -1])
-    misfit, free = float(off @ off), max(len(e) - design.shape[1], 0)
-    log_det = float(
-        np.sum(np.log(np.diag(root))) + np.sum(np.log(np.maximum(size, 1e-9 * size[0])))
-    )
-    return -log_det - 0.5 * free * np.log(misfit + 1e-9), (misfit + SIGMA_DB**2) / max(
-        free - 1.0, 0.5
-    )
+    misfit_db2, free = float(off @ off), max(len(e) - design.shape[1], 0)
+    log_det = np.sum(np.log(np.diag(root))) + np.sum(np.log(np.maximum(size, 1e-9 * size[0])))
+    log_p = -float(log_det) - 0.5 * free * np.log(misfit_db2 + _NEGLIGIBLE_DB2)
+    return log_p, (misfit_db2 + SIGMA_DB**2) / max(free - 1.0, 0.5)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from logger.core.model.prior import Hypothesis
 from postproc.estimators import residual_covariance
 
 
@@ -52,9 +53,7 @@ def test_correlation_is_found_and_doubled_for_want_of_trust(d_c):
     seen = found(x, y, noise(rng, x, y, 1.0, 6.0, d_c), np.ones((600, 1)))
     assert seen.white < 0.01
     assert 0.5 * d_c < seen.decorrelation_m < 2.0 * d_c
-    assert np.mean(np.diag(seen.covariance_db2)) == pytest.approx(
-        37.0 / residual_covariance.TRUST, rel=0.5
-    )
+    assert np.mean(np.diag(seen.covariance_db2)) == pytest.approx(2.0 * 37.0, rel=0.5)
 
 
 def test_restricted_likelihood_is_that_of_the_contrasts():
@@ -67,7 +66,7 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
     distance = np.abs(x[:, None] - x)
     design, e = rng.normal(size=(count, columns)), rng.normal(size=count)
     shapes = [
-        residual_covariance._shape(distance, np.ones(count), a, d_c)
+        residual_covariance._shape(distance, np.ones(count), Hypothesis(a, d_c, 1.0))
         for a, d_c in ((1.0, 0.0), (0.1, 12.0), (0.5, 35.0))
     ]
     contrasts = np.linalg.svd(design)[0][:, columns:]
@@ -79,7 +78,7 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
         expected.append(
             np.log(np.trapezoid(density, np.log(sigma[::20])))
         )  # over a flat prior of log sigma
-    got = [residual_covariance._restricted(shape, design, e)[0] for shape in shapes]
+    got = [residual_covariance._restricted_likelihood(shape, design, e)[0] for shape in shapes]
     np.testing.assert_allclose(np.diff(got), np.diff(expected), atol=1e-2)
 
 

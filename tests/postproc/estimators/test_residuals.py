@@ -8,6 +8,7 @@ from logger.core.observations import CellObservations
 from postproc.estimators import least_squares, residual_trends
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import consistency
+from postproc.estimators.residual_findings import findings
 from postproc.estimators.residuals import diagnose
 
 SOURCE = np.array([130.0, 150.0, -30.0, 3.0])
@@ -57,12 +58,12 @@ def test_residuals_are_level_minus_model_and_what_a_limit_hides_is_none():
 @pytest.mark.parametrize(("white_db", "shadow_db"), [(3.0, 0.0), (0.5, 6.0), (3.0, 6.0)])
 def test_honest_worlds_raise_no_alarm(white_db, shadow_db):
     rng = np.random.default_rng(2)
-    alarms = {"levels": 0, "sector": 0, "outlying": 0, "alike": 0}
+    alarms = {"levels": 0, "sector": 0, "outlying": 0, "correlated": 0}
     for _ in range(12):
         obs = walk(rng, white_db=white_db, shadow_db=shadow_db)
-        said = " ".join(diagnose(fitted(obs), obs).findings)
+        said = " ".join(findings(diagnose(fitted(obs), obs)))
         alarms = {word: count + (word in said) for word, count in alarms.items()}
-    assert alarms["alike"] == (12 if shadow_db else 0)
+    assert alarms["correlated"] == (12 if shadow_db else 0)
     assert max(alarms["levels"], alarms["sector"], alarms["outlying"]) <= 2
 
 
@@ -122,8 +123,10 @@ def test_an_exponent_that_changes_is_named(change, word):
         obs, level_dbm=obs.level_dbm - 10.0 * change * np.maximum(np.log10(distance / 130.0), 0.0)
     )
     found = diagnose(fitted(bent), bent)
-    assert found.bend.eta_change == pytest.approx(change, abs=4.0 * found.bend.eta_sigma)
-    assert any(f"levels fall {word} beyond" in text for text in found.findings)
+    assert found.exponent_change.eta_change == pytest.approx(
+        change, abs=4.0 * found.exponent_change.eta_sigma
+    )
+    assert any(f"levels fall {word} beyond" in text for text in findings(found))
 
 
 def test_a_sector_antenna_is_named():
@@ -132,7 +135,7 @@ def test_a_sector_antenna_is_named():
         obs = walk(np.random.default_rng(seed), white_db=1.5)
         pattern_db = 4.5 * np.cos(around(obs)[1] - np.radians(120.0))
         found = diagnose(SOURCE, replace(obs, level_dbm=obs.level_dbm + pattern_db))
-        assert any(text.startswith("sector antenna suspected") for text in found.findings)
+        assert any(text.startswith("sector antenna suspected") for text in findings(found))
         azimuths_deg.append(found.sector.azimuth_deg)
         z.append((found.sector.difference_db - 9.0) / found.sector.difference_sigma_db)
     assert np.mean(azimuths_deg) == pytest.approx(120.0, abs=12.0)
@@ -145,7 +148,7 @@ def test_an_azimuth_that_hardly_changes_tells_nothing():
     state = np.array([100_000.0, 0.0, -30.0, 3.0])
     found = diagnose(state, obs)
     assert found.sector is None or found.sector.difference_sigma_db > 20.0
-    assert not any("sector" in text for text in found.findings)
+    assert not any("sector" in text for text in findings(found))
 
 
 def test_outliers_are_named_by_scan_and_size():
@@ -159,7 +162,7 @@ def test_outliers_are_named_by_scan_and_size():
     assert found.outliers[0].sigmas == pytest.approx(
         abs(found.outliers[0].residual_db) / found.sigma_db
     )
-    (text,) = (text for text in found.findings if "outlying" in text)
+    (text,) = (text for text in findings(found) if "outlying" in text)
     assert "2 outlying readings" in text
     assert "scan 1040" in text
     assert "weaker" in text
@@ -178,9 +181,9 @@ def test_a_filter_that_is_too_sure_is_named_and_an_honest_one_is_not():
         assert found.innovations == consistency(
             innovations.innovation_db, innovations.innovation_var_db2
         )
-        said[name] = [text for text in found.findings if "filter" in text]
+        said[name] = [text for text in findings(found) if "filter" in text]
     (text,) = said["sure"]
-    assert text.startswith("the filter is too sure of itself: its innovations squared are 1.")
+    assert text.startswith("the filter is overconfident: its squared innovations are 1.")
     assert said["honest"] == said["humble"] == []
 
 
@@ -188,14 +191,14 @@ def test_a_filter_that_is_too_sure_is_named_and_an_honest_one_is_not():
 def test_few_readings_are_listed_and_not_judged(count):
     found = diagnose(SOURCE, walk(np.random.default_rng(11), count=count))
     assert len(found.residual_db) == count
-    assert found.findings == []
-    assert found.bend is found.sector is found.by_distance is None
+    assert findings(found) == []
+    assert found.exponent_change is found.sector is found.by_distance is None
 
 
 def test_standing_still_is_survived():
     obs = walk(np.random.default_rng(12), count=50)
     found = diagnose(SOURCE, replace(obs, x_m=np.zeros(50), y_m=np.zeros(50)))
-    assert found.bend is found.sector is None
+    assert found.exponent_change is found.sector is None
     assert found.independent == 1.0
 
 
