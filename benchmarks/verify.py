@@ -30,7 +30,7 @@ from logger.core.arrays import FloatArray
 from logger.core.locator.pipeline import locate
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
-from postproc.smoothing import too_few
+from postproc.cell_estimation import too_few
 from postproc.verification.cell_export import COLUMNS
 from postproc.verification.celldb import CellDb, CellImport
 from postproc.verification.claim_test import Listened, around, claim_test, listened

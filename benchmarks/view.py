@@ -23,12 +23,12 @@ from logger.core.model.prior import ENVIRONMENTS
 from logger.core.rows import DTYPES
 from logger.core.runfile import Run, RunMeta
 from logger.core.runfile.meta import Damage
-from postproc.smoothing import smooth_run
+from postproc.smoothing import smooth_runs
 from postproc.view.rerun_writer import Sheet
 from postproc.view.scene import write_scene
 from postproc.view.series import draw_levels
 from postproc.view.timeline import unfold
-from postproc.view.view_model import of_one, story_of
+from postproc.view.view_model import estimated, story_of
 from tests.kit.headless_viewer import DRIVER, MISSING, headless_viewer, stable_screenshot
 
 CELLS = 8
@@ -104,11 +104,11 @@ def _readings(
 
 def _measure(name: str, run: Run, folder: Path) -> None:
     begun = time.perf_counter()
-    smoothed = smooth_run(run, ["262-01-1-1"], processes=2)
+    smoothed = smooth_runs([run], ["262-01-1-1"], processes=2)
     told = [(cell, tuple(unfold(cell, ENVIRONMENTS["any"], 2)), ()) for cell in smoothed.cells[:1]]
     estimated_s = time.perf_counter() - begun
     results = folder / "results"
-    results.write_bytes(pickle.dumps((of_one(smoothed), told)))
+    results.write_bytes(pickle.dumps((estimated(smoothed), told)))
     spent_s, peak_mb, size_mb = _alone(_write, results, folder / "ours.rrd")
     fixes, readings = len(run.tables["fixes"]), len(run.tables["readings"])
     print(

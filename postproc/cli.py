@@ -20,7 +20,6 @@ from postproc.view import cli as view
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
-    from postproc.smoothing import Wishes
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -246,35 +245,19 @@ def _smooth(arguments: argparse.Namespace) -> int:
     from logger.core.runfile import read_sound_run
     from postproc import results
     from postproc.progress import shown
-    from postproc.smoothing import Wishes, smooth_run
+    from postproc.result import Options
+    from postproc.smoothing import smooth_runs
 
-    wishes = Wishes(prior_for(arguments.environment, height_m=arguments.height), arguments.loss)
-    if len(arguments.run) > 1:
-        return _smooth_together(arguments, wishes)
-    run = read_sound_run(arguments.run[0])
-    smoothed = smooth_run(
-        run, arguments.cell, wishes=wishes, progress=shown, processes=_processes()
+    options = Options(prior_for(arguments.environment, height_m=arguments.height), arguments.loss)
+    runs = [read_sound_run(path) for path in arguments.run]
+    result = smooth_runs(
+        runs, arguments.cell, options=options, progress=shown, processes=_processes()
     )
-    found = results.summary(smoothed)
+    found = results.summary(result)
     _print_results(arguments, found)
     # printed first: a run on a card that cannot be written has an answer too
-    results.write(smoothed, found, results.path_beside(arguments.run[0]))
-    return 0
-
-
-def _smooth_together(arguments: argparse.Namespace, wishes: "Wishes") -> int:
-    from logger.core.runfile import read_sound_run
-    from postproc import results
-    from postproc.multi_run import smooth_together
-    from postproc.progress import shown
-
-    runs = [read_sound_run(path) for path in arguments.run]
-    together = smooth_together(
-        runs, arguments.cell, wishes=wishes, progress=shown, processes=_processes()
-    )
-    found = results.summary_together(together)
-    _print_results(arguments, found)
-    results.write_together(together, found, results.path_beside(arguments.run[0], together=True))
+    beside = results.path_beside(arguments.run[0], together=len(runs) > 1)
+    results.write(result, found, beside)
     return 0
 
 
@@ -291,10 +274,10 @@ def _print_results(arguments: argparse.Namespace, found: dict[str, Any]) -> None
 def _export(arguments: argparse.Namespace) -> int:
     from postproc.progress import shown
     from postproc.results import summary
-    from postproc.smoothing import smooth_run
+    from postproc.smoothing import smooth_runs
 
     def summarise(run: "Run", only: Sequence[str] | None) -> dict[str, Any]:
-        return summary(smooth_run(run, only, progress=shown, processes=_processes()))
+        return summary(smooth_runs([run], only, progress=shown, processes=_processes()))
 
     return interop.export(arguments, summarise)
 

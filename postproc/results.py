@@ -15,8 +15,6 @@ from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import area_m2
 from logger.core.locator.rivals import relevant_modes, whole_percents
-from logger.core.observations import Observations
-from logger.core.runfile import Run
 from postproc.atomic_write import whole_file
 from postproc.estimators.direction_check import AXES, Comparison
 from postproc.estimators.filters import FilterPath
@@ -24,8 +22,7 @@ from postproc.estimators.region_outline import geojson
 from postproc.estimators.residuals import Residuals
 from postproc.info import describe
 from postproc.json_text import Json, as_json
-from postproc.multi_run import Together, TogetherCell
-from postproc.smoothing import CellResult, Smoothed
+from postproc.result import CellResult, ObservedRun, Result
 from postproc.truth import truth_of
 
 _BEST = ("lat", "lon", "r95_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
@@ -36,50 +33,37 @@ def path_beside(run: Path, *, together: bool = False) -> Path:
     return run.with_suffix(".together.post.h5" if together else ".post.h5")
 
 
-def summary(smoothed: Smoothed) -> Json:
+def summary(result: Result) -> Json:
     """What `postproc smooth --json` prints; unknown values are null."""
-    return {
-        "run": _run(smoothed.run, smoothed.observations, smoothed.warnings),
-        "cells": [_cell(result, smoothed.run) for result in smoothed.cells],
-    }
+    runs = [_run(run) for run in result.runs]
+    if len(runs) == 1:
+        runs[0]["warnings"] += result.warnings
+        return {"run": runs[0], "cells": [_cell(cell, result.runs) for cell in result.cells]}
+    cells = [_cell(cell, result.runs) | _by_run(cell, result.runs) for cell in result.cells]
+    return {"runs": runs, "warnings": list(result.warnings), "cells": cells}
 
 
-def summary_together(together: Together) -> Json:
-    """What `postproc smooth --json` prints of several runs: `runs`, and what each of them gave to a
-    cell.
-    """
-    runs = together.runs
-    return {
-        "runs": [
-            _run(run, together.observations.get(i), together.run_warnings[i])
-            for i, run in enumerate(runs)
-        ],
-        "warnings": list(together.warnings),
-        "cells": [_cell_together(cell, runs) for cell in together.cells],
-    }
-
-
-def _run(run: Run, observations: Observations | None, warnings: Sequence[str]) -> Json:
-    info = asdict(describe(run))
+def _run(observed: ObservedRun) -> Json:
+    info = asdict(describe(observed.run))
     for bulky in ("cells", "events", "gaps"):
         del info[bulky]
     info["n_readings_without_position"] = (
-        observations.n_without_position if observations else info["n_readings"]
+        observed.observations.n_without_position if observed.observations else info["n_readings"]
     )
-    return info | {"warnings": list(warnings)}
+    return info | {"warnings": list(observed.warnings)}
 
 
-def _cell_together(cell: TogetherCell, runs: Sequence[Run]) -> Json:
-    name = cell.result.cell
-    knows = next(
-        (run for run in runs if any(truth.cell == name for truth in run.meta.truth)), runs[0]
-    )
-    offsets = [asdict(share) | {"run": str(runs[share.run].path)} for share in cell.shares]
-    without = [
-        _short(result) | {"run": str(runs[left_out].path)}
-        for left_out, result in cell.without.items()
-    ]
-    return _cell(cell.result, knows) | {"offsets": offsets, "without": without}
+def _by_run(cell: CellResult, runs: Sequence[ObservedRun]) -> Json:
+    """Only of several runs: what each gave to a cell, and the answer without it."""
+    return {
+        "offsets": [
+            asdict(share) | {"run": str(runs[share.run].run.path)} for share in cell.shares
+        ],
+        "without": [
+            _short(rest) | {"run": str(runs[left_out].run.path)}
+            for left_out, rest in cell.without.items()
+        ],
+    }
 
 
 def _short(result: CellResult) -> Json:
@@ -98,7 +82,7 @@ def _short(result: CellResult) -> Json:
     return entry
 
 
-def _cell(result: CellResult, run: Run) -> Json:
+def _cell(result: CellResult, runs: Sequence[ObservedRun]) -> Json:
     posterior, obs = result.posterior, result.obs
     entry: Json = {
         "cell": result.cell,
@@ -122,7 +106,7 @@ def _cell(result: CellResult, run: Run) -> Json:
     entry["batch"] = _batch(result)
     entry["residuals"] = _residuals(result.residuals)
     entry["set_aside"] = [spike._asdict() for spike in result.set_aside]
-    entry["truth"] = truth_of(result, run)
+    entry["truth"] = truth_of(result, [run.run for run in runs])
     entry["warnings"] = list(result.warnings)
     if result.timing is not None:
         entry["timing"] = result.timing._asdict()
@@ -244,27 +228,24 @@ def _batch(result: CellResult) -> Json:
     return estimate(fitted.state, fitted.covariance, fitted.n, utm) | more | {"rivals": rivals}
 
 
-def write(smoothed: Smoothed, found: Json, path: Path) -> None:
+def write(result: Result, found: Json, path: Path) -> None:
     """Summary `found`, and the path of every filter, to HDF5; complete or not at all.
 
-    Raises `RunFileError`.
+    Of several runs `run` of each reading is its place in the attribute `run_ids`. Raises
+    `RunFileError`.
     """
+    run_ids = [run.run.meta.run_id for run in result.runs]
     with _results_file(path, found) as file:
-        file.attrs["run_id"] = smoothed.run.meta.run_id
-        for i, result in enumerate(smoothed.cells):
-            _write_cell(file.create_group(f"cells/{i:04d}"), result)
-
-
-def write_together(together: Together, found: Json, path: Path) -> None:
-    """As `write` for several runs: `run` of each reading is its place in the attribute
-    `run_ids`.
-    """
-    with _results_file(path, found) as file:
-        file.attrs["run_ids"] = [run.meta.run_id for run in together.runs]
-        for i, cell in enumerate(together.cells):
+        file.attrs["run_id" if len(run_ids) == 1 else "run_ids"] = (
+            run_ids[0] if len(run_ids) == 1 else run_ids
+        )
+        for i, cell in enumerate(result.cells):
             group = file.create_group(f"cells/{i:04d}")
-            _write_cell(group, cell.result)
-            group["observations/run"] = cell.run
+            _write_cell(group, cell)
+            if len(run_ids) > 1:
+                group["observations/run"] = (
+                    np.zeros(0, np.int64) if cell.run_index is None else cell.run_index
+                )
 
 
 @contextmanager

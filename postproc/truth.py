@@ -1,5 +1,6 @@
 """What a simulated run knows about itself: where its transmitters really stand."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import shapely
@@ -7,16 +8,16 @@ from pyproj import Geod
 
 from logger.core.runfile import Run
 from postproc.estimators.region_outline import polygons
-from postproc.smoothing import CellResult
+from postproc.result import CellResult
 
 _GEOD = Geod(ellps="WGS84")
 
 
-def truth_of(result: CellResult, run: Run) -> dict[str, Any] | None:
+def truth_of(result: CellResult, runs: Sequence[Run]) -> dict[str, Any] | None:
     """True place of a simulated cell, the error of the best place, and whether the 95 % region
     holds the truth.
     """
-    truth = next((t for t in run.meta.truth if t.cell == result.cell), None)
+    truth = next((t for run in runs for t in run.meta.truth if t.cell == result.cell), None)
     if truth is None:
         return None
     found: dict[str, Any] = {

@@ -19,29 +19,31 @@ from logger.core.rows import Rows
 from logger.core.runfile import Run
 from postproc.estimators import stale_fixes, track_plausibility, walker
 from postproc.estimators.walker import SmoothedTrack
+from postproc.result import ObservedRun
 
 
-def walk_of(run: Run) -> tuple[Observations | None, list[str]]:
-    """Readings of a run at the walker's smoothed places, None where it never knew its place, and
-    warnings.
+def observe_run(run: Run) -> ObservedRun:
+    """A run's readings at the walker's smoothed positions, and warnings about the run.
 
-    Where an imported file's times cannot be those of its places, nothing is smoothed: each place is
-    as it was written.
+    Where the times of an imported file contradict its positions, nothing is smoothed: each position
+    is as it was written. Without a fix there are no observations.
     """
     try:
         observations = observe(run.tables["fixes"], run.tables["scans"], run.tables["readings"])
     except EstimationError as error:
-        return None, [str(error)]
+        return ObservedRun(run, None, (str(error),))
     if not has_times(run.meta.origin):
-        return observations, ["the readings were imported without times: no place is smoothed"]
+        warning = "the readings were imported without times: no place is smoothed"
+        return ObservedRun(run, observations, (warning,))
     walked = _walked(run.tables, observations)
     if is_import(run.meta.origin):
         why = track_plausibility.too_fast(observations.track) or track_plausibility.too_many_apart(
             walked
         )
         if why:
-            return observations, [f"the times cannot be right: {why}; so no place is smoothed"]
-    return _placed(run.tables, observations, walked), _moved(walked)
+            warning = f"the times cannot be right: {why}; so no place is smoothed"
+            return ObservedRun(run, observations, (warning,))
+    return ObservedRun(run, _placed(run.tables, observations, walked), tuple(_moved(walked)))
 
 
 def _walked(tables: Mapping[str, Rows], observations: Observations) -> SmoothedTrack:

@@ -83,7 +83,7 @@ def export(arguments: argparse.Namespace, summarise: Summarise) -> int:
     from logger.core.runfile import read_sound_run
     from postproc.interop import exporting
     from postproc.interop.levels import walked
-    from postproc.smoothing import heard_cells
+    from postproc.smoothing import observed_cells
 
     name = exporting.format_of(arguments.format, arguments.output)
     wanted = arguments.estimates or arguments.all_estimators
@@ -92,7 +92,7 @@ def export(arguments: argparse.Namespace, summarise: Summarise) -> int:
         raise ConfigError(f"{name} holds measurements only; {which} goes with kml, geojson and gpx")
     run = read_sound_run(arguments.run)
     check_output(arguments.output)
-    walk = walked(run, list(heard_cells([run], arguments.cell)) if arguments.cell else None)
+    walk = walked(run, list(observed_cells([run], arguments.cell)) if arguments.cell else None)
     found = _estimates(arguments, run, walk, summarise) if wanted else []
     told = exporting.export(walk, found, arguments.output, name)
     if arguments.json:
@@ -111,9 +111,9 @@ def _estimates(
     """As `postproc smooth` has left them beside the run, or computed now."""
     from postproc.interop.estimates import estimates, stored_estimates
     from postproc.results import path_beside
-    from postproc.smoothing import heard_cells
+    from postproc.smoothing import observed_cells
 
-    cells = list(heard_cells([run], arguments.cell))
+    cells = list(observed_cells([run], arguments.cell))
     beside = path_beside(arguments.run)
     every = arguments.all_estimators
     stored = stored_estimates(beside, run.meta.run_id, cells, walk.utm, every=every)

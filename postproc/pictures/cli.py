@@ -23,15 +23,15 @@ def _plot(arguments: argparse.Namespace) -> int:
     from postproc.picture_file import check_picture
     from postproc.pictures.plots import draw_run
     from postproc.progress import shown
-    from postproc.smoothing import smooth_run
+    from postproc.smoothing import smooth_runs
 
     target = arguments.output or arguments.run.with_suffix(".png")
     check_picture(target)
     only = arguments.cell and [arguments.cell]
-    smoothed = smooth_run(
-        read_sound_run(arguments.run), only, progress=shown, processes=os.cpu_count() or 1
+    result = smooth_runs(
+        [read_sound_run(arguments.run)], only, progress=shown, processes=os.cpu_count() or 1
     )
-    draw_run(smoothed, target)
+    draw_run(result, target)
     print(
         json.dumps({"path": str(target), "bytes": target.stat().st_size}, indent=2)
         if arguments.json

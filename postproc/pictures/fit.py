@@ -7,7 +7,7 @@ import numpy as np
 from logger.core.arrays import BoolArray, FloatArray
 from logger.core.model.path_loss import log_distance_db
 from postproc.estimators import least_squares
-from postproc.smoothing import CellResult
+from postproc.result import CellResult
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """What every picture of a run shows, in metres east and north of the first fix."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import floor, log10
 from typing import NamedTuple
@@ -17,7 +18,7 @@ from logger.core.timebase import TimeBase, fit_run
 from postproc.estimators.region_outline import outline
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
-from postproc.smoothing import CellResult, Smoothed
+from postproc.result import CellResult, ObservedRun
 
 Rings = list[FloatArray]
 """Outline of a region: closed rings of shape (k, 2), outer ones counterclockwise, holes
@@ -106,7 +107,7 @@ class Picture:
     `heard_dbm` (k,); `strength_dbm` are the weakest and the strongest level of the colour scale.
     """
 
-    smoothed: Smoothed
+    run: Run
     clock: Clock
     levels: tuple[Levels, ...]
     focus: CellResult | None
@@ -122,11 +123,6 @@ class Picture:
     truth_m: tuple[float, float] | None
     box: Box | None
 
-    @property
-    def run(self) -> Run:
-        """The recording."""
-        return self.smoothed.run
-
     def local(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         """UTM positions as local ones, shape (n, 2)."""
         return _local(x_m, y_m, self.origin_m)
@@ -140,12 +136,9 @@ class Picture:
         return np.split(self.track_m, silent)
 
 
-def picture_of(smoothed: Smoothed, focus: CellResult | None = None) -> Picture:
-    """Gather what is drawn of `focus`, or of the cell with most to tell; an empty run gives an
-    empty picture.
-    """
-    run, observations = smoothed.run, smoothed.observations
-    focus = focus or focus_of(smoothed)
+def picture_of(observed: ObservedRun, focus: CellResult | None) -> Picture:
+    """Gather what is drawn of a run and of the cell `focus`; an empty run gives an empty picture."""
+    run, observations = observed.run, observed.observations
     track = observations.track if observations else None
     origin = (float(track.x_m[0]), float(track.y_m[0])) if track else (0.0, 0.0)
     track_m = _local(track.x_m, track.y_m, origin) if track else np.empty((0, 2))
@@ -156,9 +149,9 @@ def picture_of(smoothed: Smoothed, focus: CellResult | None = None) -> Picture:
     region95, region50 = (
         _rings(posterior.squares, at, origin) if posterior else [] for at in (0.95, 0.5)
     )
-    truth_m = _truth(smoothed, focus, origin)
+    truth_m = _truth(observed, focus, origin)
     return Picture(
-        smoothed=smoothed,
+        run=run,
         clock=clock_of(run),
         levels=levels_of(run),
         focus=focus,
@@ -181,9 +174,9 @@ def clock_of(run: Run) -> Clock:
     return Clock(run.meta.started_ns, fit_run(run.meta.origin, run.tables["fixes"]))
 
 
-def focus_of(smoothed: Smoothed) -> CellResult | None:
+def focus_of(cells: Sequence[CellResult]) -> CellResult | None:
     """The cell with most to tell: located ones first, then the one with most readings."""
-    return max(smoothed.cells, key=lambda cell: (cell.verdict == "located", cell.n), default=None)
+    return max(cells, key=lambda cell: (cell.verdict == "located", cell.n), default=None)
 
 
 def headline(result: CellResult) -> str:
@@ -284,10 +277,10 @@ def _estimates(focus: CellResult | None, origin_m: tuple[float, float]) -> tuple
 
 
 def _truth(
-    smoothed: Smoothed, focus: CellResult | None, origin_m: tuple[float, float]
+    observed: ObservedRun, focus: CellResult | None, origin_m: tuple[float, float]
 ) -> tuple[float, float] | None:
-    observations = smoothed.observations
-    known = next((t for t in smoothed.run.meta.truth if focus and t.cell == focus.cell), None)
+    observations = observed.observations
+    known = next((t for t in observed.run.meta.truth if focus and t.cell == focus.cell), None)
     if known is None or observations is None:
         return None
     x_m, y_m = observations.track.utm.to_xy(known.lat_deg, known.lon_deg)

@@ -14,7 +14,7 @@ from postproc.verification import cli as verify
 if TYPE_CHECKING:
     from logger.core.runfile import Run
     from postproc.report.rendering import Report
-    from postproc.smoothing import Wishes
+    from postproc.result import Options
 
 
 def add_report(report: argparse.ArgumentParser) -> None:
@@ -47,43 +47,38 @@ def add_report(report: argparse.ArgumentParser) -> None:
 def _report(arguments: argparse.Namespace) -> int:
     from logger.core.model.prior import prior_for
     from logger.core.runfile import read_sound_run
-    from postproc.smoothing import Wishes
+    from postproc.result import Options
 
     begun_s = perf_counter()
     target = arguments.output or arguments.run[0].with_suffix(".html")
     check_output(target)
     if arguments.pictures is not None:
         check_folder(arguments.pictures)
-    wishes = Wishes(prior_for(arguments.environment, height_m=arguments.height))
-    made = _made(arguments, [read_sound_run(path) for path in arguments.run], wishes)
+    options = Options(prior_for(arguments.environment, height_m=arguments.height))
+    made = _made(arguments, [read_sound_run(path) for path in arguments.run], options)
     size = made.write(target)
     pictures = list(made.write_pictures(arguments.pictures)) if arguments.pictures else []
     _tell(arguments, target, size, made.cells, pictures, perf_counter() - begun_s)
     return 0
 
 
-def _made(arguments: argparse.Namespace, runs: "list[Run]", wishes: "Wishes") -> "Report":
-    from postproc.multi_run import smooth_together
+def _made(arguments: argparse.Namespace, runs: "list[Run]", options: "Options") -> "Report":
     from postproc.progress import shown
-    from postproc.report.rendering import MOST_TOLD, report, report_together
-    from postproc.smoothing import smooth_run
+    from postproc.report.rendering import MOST_TOLD, report
+    from postproc.smoothing import smooth_runs
 
-    processes = os.cpu_count() or 1
-    most = max(MOST_TOLD, len(arguments.cell or ()))
-    if len(runs) > 1:
-        if arguments.claim or arguments.claims:
-            raise ConfigError("a claim is tested against one run: give that run alone")
-        together = smooth_together(
-            runs, arguments.cell, wishes=wishes, progress=shown, processes=processes
+    if len(runs) > 1 and (arguments.claim or arguments.claims):
+        raise ConfigError("a claim is tested against one run: give that run alone")
+    result = smooth_runs(
+        runs, arguments.cell, options=options, progress=shown, processes=os.cpu_count() or 1
+    )
+    verified = None
+    if len(runs) == 1:
+        verified = verify.verified(
+            arguments, runs[0], arguments.cell or [None], arguments.pfa, options.prior
         )
-        return report_together(together, most=most, progress=shown)
-    smoothed = smooth_run(
-        runs[0], arguments.cell, wishes=wishes, progress=shown, processes=processes
-    )
-    verified = verify.verified(
-        arguments, runs[0], arguments.cell or [None], arguments.pfa, wishes.prior
-    )
-    return report(smoothed, verified, most=most, progress=shown)
+    most = max(MOST_TOLD, len(arguments.cell or ()))
+    return report(result, verified, most=most, progress=shown)
 
 
 def _tell(

@@ -19,7 +19,7 @@ from postproc.report import wording
 from postproc.report.figures import Drawn
 from postproc.report.svg import inline
 from postproc.report.wording import Answer
-from postproc.smoothing import CellResult
+from postproc.result import CellResult, Result
 from postproc.tables import TITLES
 from postproc.verification.run_claims import CellVerdict, Verified
 
@@ -100,9 +100,9 @@ def walk_of(run: Run, warnings: Sequence[str]) -> Walk:
 
 
 def html(
-    cells: Sequence[CellResult],
+    result: Result,
     told: Sequence[Told],
-    found: Json,
+    found: Sequence[Json],
     walks: Sequence[Walk],
     verified: Verified | None,
     overview: Drawn | None = None,
@@ -110,12 +110,11 @@ def html(
     """The page; the same input gives the same text."""
     page = _templates().get_template("report.html")
     return page.render(
-        heading=wording.counted(cells, [one.answer for one in told]),
+        heading=wording.counted(result.cells, [one.answer for one in told]),
         told=told,
-        cells=found["cells"],
-        warnings=[text for walk in walks for text in walk.warnings]
-        + list(found.get("warnings", ())),
-        prior=next((cell["prior"] for cell in found["cells"] if cell["prior"]), None),
+        cells=found,
+        warnings=[text for walk in walks for text in walk.warnings] + list(result.warnings),
+        prior=next((cell["prior"] for cell in found if cell["prior"]), None),
         heard=_heard(walks),
         overview=_shown(overview.name, overview) if overview else None,
         walks=walks,

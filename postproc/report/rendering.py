@@ -9,14 +9,14 @@ import matplotlib as mpl
 from logger.core.runfile import Run
 from postproc.atomic_write import whole_file
 from postproc.json_text import Json
-from postproc.multi_run import Together
 from postproc.pictures.picture import clock_of, levels_of, picture_of
 from postproc.pictures.plots import save_figure
 from postproc.pictures.plots_style import PIXELS_PER_INCH, STYLE
 from postproc.report.figures import Drawn, overview, pictures_of
 from postproc.report.page import Told, html, told_cell, walk_of
-from postproc.results import summary, summary_together
-from postproc.smoothing import CellResult, Progress, Smoothed
+from postproc.result import CellResult, Result
+from postproc.results import summary
+from postproc.smoothing import Progress
 from postproc.verification.run_claims import Verified
 
 MOST_TOLD = 8
@@ -59,55 +59,43 @@ class Report:
 
 
 def report(
-    smoothed: Smoothed,
+    result: Result,
     verified: Verified | None = None,
     *,
     most: int = MOST_TOLD,
     progress: Progress | None = None,
 ) -> Report:
-    """The page of one run; at most so many cells are told in full."""
-    found = summary(smoothed)
-    chosen = most_told(smoothed.cells, most)
+    """The page of one run or of several; at most so many cells are told in full.
+
+    Each of several runs has a clock of its own, so that nothing of them is drawn over time.
+    """
+    found = summary(result)
+    chosen = most_told(result.cells, most)
     about = [
         [one for one in verified.cells if one.cell == cell.cell] if verified else []
         for cell in chosen
     ]
     entries = _entries(chosen, found)
-    made = (
-        tuple(pictures_of(picture_of(smoothed, cell), entry, claims))
-        for cell, entry, claims in zip(chosen, entries, about, strict=True)
-    )
-    drawn = _drawn(made, [cell.cell for cell in chosen], progress)
-    every = _overview(smoothed.run, found)
-    walks = [walk_of(smoothed.run, smoothed.warnings)]
-    page = html(smoothed.cells, _told(chosen, found, drawn), found, walks, verified, every)
-    return Report(page, tuple(cell.cell for cell in chosen), drawn, every)
-
-
-def report_together(
-    together: Together, *, most: int = MOST_TOLD, progress: Progress | None = None
-) -> Report:
-    """The page of several runs; each has a clock of its own, so that nothing is drawn over time."""
-    found = summary_together(together)
-    cells = [cell.result for cell in together.cells]
-    chosen = most_told(cells, most)
-    first = {cell.result.cell: cell.shares[0].run for cell in together.cells if cell.shares}
+    alone = len(result.runs) == 1
     made = (
         tuple(
             pictures_of(
-                picture_of(_heard_in(together, first[cell.cell], cell), cell),
-                entry,
-                over_time=False,
+                picture_of(result.runs[_first_run(cell)], cell), entry, claims, over_time=alone
             )
         )
-        for cell, entry in zip(chosen, _entries(chosen, found), strict=True)
+        for cell, entry, claims in zip(chosen, entries, about, strict=True)
     )
     drawn = _drawn(made, [cell.cell for cell in chosen], progress)
-    walks = [
-        walk_of(run, told) for run, told in zip(together.runs, together.run_warnings, strict=True)
-    ]
-    page = html(cells, _told(chosen, found, drawn), found, walks, None)
-    return Report(page, tuple(cell.cell for cell in chosen), drawn)
+    every = _overview(result.runs[0].run, found) if alone else None
+    walks = [walk_of(observed.run, observed.warnings) for observed in result.runs]
+    told = _told(chosen, found, drawn)
+    page = html(result, told, found["cells"], walks, verified, every)
+    return Report(page, tuple(cell.cell for cell in chosen), drawn, every)
+
+
+def _first_run(cell: CellResult) -> int:
+    """Index of the run whose track and clock the pictures of a cell show."""
+    return cell.shares[0].run if cell.shares else 0
 
 
 def most_told(cells: Sequence[CellResult], most: int) -> list[CellResult]:
@@ -116,11 +104,6 @@ def most_told(cells: Sequence[CellResult], most: int) -> list[CellResult]:
     """
     known = [cell for cell in cells if cell.obs is not None]
     return sorted(known, key=lambda cell: (_RANK.index(cell.verdict), -cell.n))[:most]
-
-
-def _heard_in(together: Together, run: int, cell: CellResult) -> Smoothed:
-    """A cell of all runs, with the track and the clock of one that heard it."""
-    return Smoothed(together.runs[run], together.observations.get(run), (cell,), ())
 
 
 def _overview(run: Run, found: Json) -> Drawn | None:

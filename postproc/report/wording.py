@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from logger.core.locator.posterior import Posterior
 from postproc.json_text import Json
-from postproc.smoothing import CellResult
+from postproc.result import CellResult
 
 _COMPASS = (
     "north",

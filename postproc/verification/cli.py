@@ -74,7 +74,7 @@ def verified(
     """What a run says of the claims asked for about some cells (None: every cell); None where none
     were.
     """
-    from postproc.smoothing import heard_cells
+    from postproc.smoothing import observed_cells
     from postproc.verification.claims import parse_claim, read_claims
 
     if not arguments.claim and not arguments.claims:
@@ -82,7 +82,7 @@ def verified(
     found = [parse_claim(text, cell) for text in arguments.claim or () for cell in cells]
     if arguments.claims:
         found += read_claims(
-            arguments.claims, list(heard_cells([run], [cell for cell in cells if cell] or None))
+            arguments.claims, list(observed_cells([run], [cell for cell in cells if cell] or None))
         )
     return _tested(run, found, p_fa, prior, [cell for cell in cells if cell] or None)
 
@@ -156,7 +156,7 @@ def _verify_claims(arguments: argparse.Namespace) -> int:
     from logger.core.model.prior import prior_for
     from logger.core.runfile import read_sound_run
     from postproc.json_text import as_json
-    from postproc.smoothing import heard_cells
+    from postproc.smoothing import observed_cells
     from postproc.verification import claims, tables
 
     run, prior = (
@@ -167,7 +167,7 @@ def _verify_claims(arguments: argparse.Namespace) -> int:
         return _verify_sites(arguments, run, prior)
     if arguments.against is not None:
         raise ConfigError("--against goes with --sites")
-    heard = heard_cells([run], arguments.cell and [arguments.cell])
+    heard = observed_cells([run], arguments.cell and [arguments.cell])
     if arguments.claim is not None:
         found = [claims.parse_claim(arguments.claim, arguments.cell)]
     else:
@@ -184,14 +184,14 @@ def _verify_sites(arguments: argparse.Namespace, run: "Run", prior: "Prior") -> 
     from logger.core.runfile import read_sound_run
     from postproc.json_text import as_json
     from postproc.progress import shown
-    from postproc.smoothing import heard_cells
+    from postproc.smoothing import observed_cells
     from postproc.verification import tables
     from postproc.verification.run_claims import sites_of
 
     other = read_sound_run(arguments.against) if arguments.against is not None else None
-    heard = heard_cells([run], arguments.cell and [arguments.cell])
+    heard = observed_cells([run], arguments.cell and [arguments.cell])
     if other is not None and not arguments.cell:
-        both = heard_cells([other], None)
+        both = observed_cells([other], None)
         heard = {cell: n for cell, n in heard.items() if cell in both}
     cells = shown(heard, "one place or two:", len(heard), list(heard))
     found = [

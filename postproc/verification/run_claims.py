@@ -28,14 +28,15 @@ from logger.core.model.blocks import Blocks, blocks
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations, Track
 from logger.core.runfile import Run
+from postproc.cell_estimation import too_few
 from postproc.scan_counts import scans_of, too_rarely
-from postproc.smoothing import heard_cells, too_few
+from postproc.smoothing import observed_cells
 from postproc.verification.claim_test import ClaimTest, around, claim_test, listened
 from postproc.verification.claims import Claim, away_m, swapped
 from postproc.verification.clone_test import Sites, between_two, within_one
 from postproc.verification.normality import Normality, normality
 from postproc.verification.power import Detectable, detectable, distance_m
-from postproc.walk import walk_of
+from postproc.walk import observe_run
 
 Verdict = Literal["consistent", "rejected", "cannot tell"]
 Followed = Literal["direct", "indirect"]
@@ -123,9 +124,10 @@ class Verification:
     ) -> None:
         if not 0.0 < p_fa <= 0.5:
             raise ConfigError(f"a false-alarm rate lies between 0 and 0.5, not at {p_fa:g}")
-        heard = heard_cells([run], [claim.cell for claim in claims if claim.cell] or None)
-        every = heard_cells([run], only)
-        observations, self.warnings = walk_of(run)
+        heard = observed_cells([run], [claim.cell for claim in claims if claim.cell] or None)
+        every = observed_cells([run], only)
+        observed = observe_run(run)
+        observations, self.warnings = observed.observations, list(observed.warnings)
         self.known = {obs.cell: obs for obs in observations.cells} if observations else {}
         self.walk_deg = _middle_deg(observations.track) if observations else None
         self.pairs = [
@@ -280,8 +282,8 @@ def sites_of(
 
 
 def _heard(run: Run, cell: str) -> CellObservations | None:
-    heard_cells([run], [cell])
-    observations, _ = walk_of(run)
+    observed_cells([run], [cell])
+    observations = observe_run(run).observations
     return (
         next((obs for obs in observations.cells if obs.cell == cell), None)
         if observations

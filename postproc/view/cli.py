@@ -16,7 +16,7 @@ _P_FA = 0.05
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
-    from postproc.smoothing import CellResult
+    from postproc.result import CellResult
     from postproc.verification.run_claims import CellVerdict
     from postproc.view.view_model import Estimated, Story
 
@@ -128,7 +128,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def _story(arguments: argparse.Namespace, runs: Sequence["Run"]) -> "Story":
     from postproc.progress import shown
-    from postproc.smoothing import Wishes
+    from postproc.result import Options
     from postproc.view.timeline import MOST_STEPS, unfold
     from postproc.view.view_model import chosen, story_of
 
@@ -137,34 +137,30 @@ def _story(arguments: argparse.Namespace, runs: Sequence["Run"]) -> "Story":
     claims = _claims(arguments, found, subjects)
     told = []
     for result in subjects:
-        steps = unfold(result, Wishes().prior, _processes())
+        steps = unfold(result, Options().prior, _processes())
         steps_shown = shown(steps, f"how the answer for {result.cell} came about", MOST_STEPS)
         told.append((result, tuple(steps_shown), claims.get(result.cell, ())))
     return story_of(found, told)
 
 
 def _estimated(runs: Sequence["Run"], only: Sequence[str] | None) -> "Estimated":
-    from postproc.multi_run import smooth_together
     from postproc.progress import shown
-    from postproc.smoothing import smooth_run
+    from postproc.smoothing import smooth_runs
     from postproc.view.clock import end_to_end
-    from postproc.view.view_model import of_one, of_several
+    from postproc.view.view_model import estimated
 
-    if len(runs) == 1:
-        return of_one(smooth_run(runs[0], only, progress=shown, processes=_processes()))
-    return of_several(
-        smooth_together(end_to_end(runs), only, progress=shown, processes=_processes())
-    )
+    aligned = end_to_end(runs) if len(runs) > 1 else runs
+    return estimated(smooth_runs(aligned, only, progress=shown, processes=_processes()))
 
 
 def _claims(
     arguments: argparse.Namespace, found: "Estimated", subjects: Sequence["CellResult"]
 ) -> dict[str, tuple["CellVerdict", ...]]:
     """Claims about the cells told in full, tested, by cell."""
-    from postproc.smoothing import Wishes
+    from postproc.result import Options
 
     cells = [subject.cell for subject in subjects]
-    tested = verify.verified(arguments, found.runs[0], cells, _P_FA, Wishes().prior)
+    tested = verify.verified(arguments, found.runs[0], cells, _P_FA, Options().prior)
     if tested is None:
         return {}
     if not tested.cells:

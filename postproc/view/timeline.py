@@ -9,8 +9,9 @@ import numpy as np
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.verdict import Verdict
 from logger.core.model.prior import Prior
+from postproc.cell_estimation import FEWEST_READINGS, locate_cell
 from postproc.processes import each
-from postproc.smoothing import FEWEST_READINGS, CellResult, answer
+from postproc.result import CellResult
 
 MOST_STEPS = 16
 """Each costs as much as the answer itself."""
@@ -35,7 +36,7 @@ def unfold(result: CellResult, prior: Prior, processes: int = 1) -> Iterator[Ste
     if obs is None or posterior is None:
         return
     counts = step_counts(len(obs))[:-1]
-    found = each(partial(answer, prior=prior), [obs.part(slice(n)) for n in counts], processes)
+    found = each(partial(locate_cell, prior=prior), [obs.part(slice(n)) for n in counts], processes)
     for n, part in zip(counts, found, strict=True):
         if part.posterior is not None:
             yield Step(int(obs.t_ns[n - 1]), n, part.verdict, part.posterior)

@@ -14,7 +14,6 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.geo import Utm
 from logger.core.observations import Observations, Track
 from logger.core.runfile import Run
-from postproc.multi_run import Together, TogetherCell
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.picture import (
@@ -26,7 +25,7 @@ from postproc.pictures.picture import (
     levels_of,
     picture_of,
 )
-from postproc.smoothing import CellResult, Smoothed
+from postproc.result import CellResult, ObservedRun, Result
 from postproc.verification.run_claims import CellVerdict
 from postproc.view.clock import Clock, clock_of
 from postproc.view.regions import rings
@@ -125,29 +124,22 @@ class Estimated:
     warnings: tuple[str, ...]
 
 
-def of_one(smoothed: Smoothed) -> Estimated:
-    """A run alone."""
-    tracks = {0: smoothed.observations.track} if smoothed.observations else {}
-    return Estimated(
-        (smoothed.run,), tracks, smoothed.observations, smoothed.cells, smoothed.warnings
-    )
+def estimated(result: Result) -> Estimated:
+    """One run, or several laid end to end, in the zone of the first that has a position."""
+    runs = tuple(observed.run for observed in result.runs)
+    observations = [(i, run.observations) for i, run in enumerate(result.runs) if run.observations]
+    tracks = {i: found.track for i, found in observations}
+    joined = replace(observations[0][1], track=_joined(list(tracks.values()))) if tracks else None
+    cells = tuple(_with_shares(cell, runs) for cell in result.cells)
+    told = [
+        f"{observed.run.path.name}: {text}" if len(runs) > 1 else text
+        for observed in result.runs
+        for text in observed.warnings
+    ]
+    return Estimated(runs, tracks, joined, cells, (*result.warnings, *told))
 
 
-def of_several(together: Together) -> Estimated:
-    """Several runs, in the zone of the first that knows its place."""
-    first = next(iter(together.observations.values()), None)
-    tracks = {
-        i: _in_zone(found.track, first.track.utm)
-        for i, found in together.observations.items()
-        if first
-    }
-    joined = replace(first, track=_joined(list(tracks.values()))) if first else None
-    cells = tuple(_with_shares(cell, together.runs) for cell in together.cells)
-    told = [f"{run.path.name}: {text}" for run, texts in _by_run(together) for text in texts]
-    return Estimated(together.runs, tracks, joined, cells, (*together.warnings, *told))
-
-
-def _with_shares(cell: TogetherCell, runs: Sequence[Run]) -> CellResult:
+def _with_shares(cell: CellResult, runs: Sequence[Run]) -> CellResult:
     """The answer of all runs; what each gave to it, and the answer without it, are told with the
     warnings.
     """
@@ -158,14 +150,14 @@ def _with_shares(cell: TogetherCell, runs: Sequence[Run]) -> CellResult:
             text += f", heard {share.offset_db:+.1f} ± {share.sigma_db:.1f} dB by its modem"
         without = cell.without.get(share.run)
         told.append(text if without is None else f"{text}; without it {headline(without)}")
-    return replace(cell.result, warnings=(*cell.result.warnings, *told))
+    return replace(cell, warnings=(*cell.warnings, *told))
 
 
 def chosen(found: Estimated, only: Sequence[str] | None) -> list[CellResult]:
     """The cells to be told in full: those named, else the one with most to tell."""
     if only:
         return [cell for name in dict.fromkeys(only) for cell in found.cells if cell.cell == name]
-    focus = focus_of(Smoothed(found.runs[0], found.observations, found.cells, found.warnings))
+    focus = focus_of(found.cells)
     return [focus] if focus else []
 
 
@@ -175,9 +167,7 @@ def story_of(
 ) -> Story:
     """Gather what is drawn; a run with nothing in it gives an empty story."""
     plain = _without_readings(found)
-    pictures = [picture_of(replace(plain, cells=(result,))) for result, _, _ in subjects] or [
-        picture_of(plain)
-    ]
+    pictures = [picture_of(plain, result) for result, _, _ in subjects] or [picture_of(plain, None)]
     origin_m = pictures[0].origin_m
     names = _names([run.path for run in found.runs])
     tracks = [found.tracks.get(i) for i in range(len(names))]
@@ -235,13 +225,13 @@ def _names(paths: Sequence[Path]) -> list[str]:
     ]
 
 
-def _without_readings(found: Estimated) -> Smoothed:
+def _without_readings(found: Estimated) -> ObservedRun:
     """What pictures of single cells are made of; levels are gathered by walk, once."""
     run = found.runs[0]
     truth = tuple(dict.fromkeys(known for one in found.runs for known in one.meta.truth))
     tables = {**run.tables, "readings": run.tables["readings"][:0]}
     plain = replace(run, meta=msgspec.structs.replace(run.meta, truth=truth), tables=tables)
-    return Smoothed(plain, found.observations, (), found.warnings)
+    return ObservedRun(plain, found.observations, found.warnings)
 
 
 def _around(boxes: Sequence[Box]) -> Box | None:
@@ -254,17 +244,6 @@ def _around(boxes: Sequence[Box]) -> Box | None:
         max(values) for values in zip(*((box.east, box.north) for box in boxes), strict=True)
     )
     return Box(west, south, east, north)
-
-
-def _by_run(together: Together) -> list[tuple[Run, tuple[str, ...]]]:
-    return list(zip(together.runs, together.run_warnings, strict=True))
-
-
-def _in_zone(track: Track, utm: Utm) -> Track:
-    if track.utm == utm:
-        return track
-    x_m, y_m = utm.to_xy_arrays(*track.utm.to_latlon_arrays(track.x_m, track.y_m))
-    return replace(track, utm=utm, x_m=x_m, y_m=y_m)
 
 
 def _joined(tracks: Sequence[Track]) -> Track:

@@ -16,7 +16,7 @@ from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath, reference_ekf
-from postproc.smoothing import CellResult, Smoothed
+from postproc.result import CellResult, ObservedRun, Result
 from postproc.verification.claims import Claim
 from postproc.verification.run_claims import CellVerdict, Verified
 from tests.kit.runs import UTC0_NS, meta
@@ -76,7 +76,7 @@ def _levels(rng: np.random.Generator, x: float, y: float, cells: int) -> list[tu
     return [(0, float(own)), *((k, float(rng.normal(-100.0, 4.0))) for k in range(1, cells))]
 
 
-def sample_result(run: Run, *, verdict="located", places=1) -> Smoothed:
+def sample_result(run: Run, *, verdict="located", places=1) -> Result:
     """Every estimator for the first cell, none for the others."""
     observations = observe(run.tables["fixes"], run.tables["scans"], run.tables["readings"])
     by_name = {obs.cell: obs for obs in observations.cells}
@@ -101,9 +101,8 @@ def sample_result(run: Run, *, verdict="located", places=1) -> Smoothed:
         rts,
         fitted,
     )
-    return Smoothed(
-        run, observations, (first, *(o for o in others if o.cell != obs.cell)), ("about the run",)
-    )
+    observed = ObservedRun(run, observations, ("about the run",))
+    return Result((observed,), (first, *(o for o in others if o.cell != obs.cell)))
 
 
 def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior:
@@ -159,7 +158,7 @@ def sample_filters(obs: CellObservations, answer: Posterior) -> tuple[FilterPath
     )
 
 
-def sample_claims(result: Smoothed) -> Verified:
+def claims_about(result: Result) -> Verified:
     """A consistent claim about the first cell, a rejected one about the second, and a cell without
     any.
     """

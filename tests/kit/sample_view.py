@@ -4,9 +4,9 @@ shrinks.
 
 import numpy as np
 
-from postproc.smoothing import Smoothed
+from postproc.result import Result
 from postproc.view.timeline import Step
-from postproc.view.view_model import Story, of_one, story_of
+from postproc.view.view_model import Story, estimated, story_of
 from tests.kit import sample_results as kit
 
 SIGMAS_M = (40.0, 25.0, 16.0)
@@ -23,7 +23,7 @@ def sample_steps(result) -> tuple[Step, ...]:
     return (*found, Step(int(obs.t_ns[-1]), len(obs), result.verdict, result.posterior))
 
 
-def sample_story(smoothed: Smoothed, claims=()) -> Story:
+def sample_story(smoothed: Result, claims=()) -> Story:
     """The first cell told in full."""
     result = next((cell for cell in smoothed.cells if cell.posterior), None)
     told = (
@@ -31,4 +31,4 @@ def sample_story(smoothed: Smoothed, claims=()) -> Story:
         if result
         else [(cell, (), ()) for cell in smoothed.cells[:1]]
     )
-    return story_of(of_one(smoothed), told)
+    return story_of(estimated(smoothed), told)

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from logger.core.geo import Utm
+from logger.core.observations import Track
 from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.cli import main
-from postproc.multi_run import modems_of, smooth_together
-from postproc.smoothing import smooth_run
+from postproc.multi_run import _in_zone, modems_of
+from postproc.smoothing import smooth_runs
 from tests.kit import runs
 from tests.kit.runs import UTC0_NS
 
@@ -61,7 +62,7 @@ def pair(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def both(pair):
-    return smooth_together([read_run(path) for path in pair])
+    return smooth_runs([read_run(path) for path in pair])
 
 
 def fails(capsys, *argv):
@@ -71,7 +72,7 @@ def fails(capsys, *argv):
 
 
 def test_runs_lie_in_different_zones(pair):
-    zones = [smooth_run(read_run(path), ["none"][:0]).observations.track.utm.zone for path in pair]
+    zones = [smooth_runs([read_run(path)]).runs[0].observations.track.utm.zone for path in pair]
     assert zones == [32, 33]
 
 
@@ -86,12 +87,12 @@ def test_offset_of_the_second_modem_is_told(both):
 
 def test_together_they_tell_more_than_each_alone(both, pair):
     (cell,) = both.cells
-    assert cell.result.n == 180
-    np.testing.assert_array_equal(cell.run, np.repeat([0, 1], [100, 80]))
+    assert cell.n == 180
+    np.testing.assert_array_equal(cell.run_index, np.repeat([0, 1], [100, 80]))
     areas = [result.posterior.region_area_m2 for result in cell.without.values()]
-    assert cell.result.posterior.region_area_m2 < 0.8 * min(areas)
+    assert cell.posterior.region_area_m2 < 0.8 * min(areas)
     # with two runs, without one of them is the other alone
-    alone = smooth_run(read_run(pair[0])).cells[0].posterior
+    alone = smooth_runs([read_run(pair[0])]).cells[0].posterior
     assert cell.without[1].posterior.region_area_m2 == alone.region_area_m2
     assert cell.without[1].posterior.modes[0].probability == alone.modes[0].probability
 
@@ -99,15 +100,15 @@ def test_together_they_tell_more_than_each_alone(both, pair):
 def test_other_zone_is_no_other_place(both):
     (cell,) = both.cells
     x_m, y_m = np.add(UTM.to_xy(*BORDER), SOURCE_M)
-    for result in (cell.result, *cell.without.values()):
+    for result in (cell, *cell.without.values()):
         assert result.obs.utm.zone == 32
-    assert np.hypot(cell.result.posterior.x_m - x_m, cell.result.posterior.y_m - y_m) < 25.0
+    assert np.hypot(cell.posterior.x_m - x_m, cell.posterior.y_m - y_m) < 25.0
     street = cell.without[0].obs
     np.testing.assert_allclose(street.x_m, STREET[0] + UTM.to_xy(*BORDER)[0], atol=4.0)
 
 
 def test_estimators_that_know_no_offset_stand_back(both):
-    result = both.cells[0].result
+    result = both.cells[0]
     assert (result.ekf, result.rts, result.reference) == (None, None, None)
     assert any("several modems" in warning for warning in result.warnings)
     best = result.posterior
@@ -152,15 +153,15 @@ def test_one_run_keeps_its_contract(pair, capsys):
 
 def test_a_run_that_never_heard_the_cell_changes_nothing(pair, tmp_path):
     deaf = walked(tmp_path / "c.h5", STREET, cid=2)
-    alone = smooth_run(read_run(pair[0])).cells[0]
-    together = smooth_together([read_run(pair[0]), read_run(deaf)], [CELL])
+    alone = smooth_runs([read_run(pair[0])]).cells[0]
+    together = smooth_runs([read_run(pair[0]), read_run(deaf)], [CELL])
     (cell,) = together.cells
     for name in ("x_m", "y_m", "size_m", "probability"):
         np.testing.assert_array_equal(
-            getattr(cell.result.posterior.squares, name), getattr(alone.posterior.squares, name)
+            getattr(cell.posterior.squares, name), getattr(alone.posterior.squares, name)
         )
     assert (cell.without, len(cell.shares)) == ({}, 1)
-    assert cell.result.warnings == alone.warnings
+    assert cell.warnings == alone.warnings
     assert "no cell was heard in two" in together.warnings[0]
 
 
@@ -181,6 +182,16 @@ def test_mistakes_are_one_line(pair, tmp_path, capsys):
     assert "445 km" in fails(capsys, "smooth", pair[0], far)
     assert "was not heard" in fails(capsys, "smooth", *pair, "--cell", OTHER)
     assert "no such file" in fails(capsys, "smooth", pair[0], tmp_path / "none.h5")
+
+
+def test_a_track_of_the_next_zone_keeps_its_place():
+    here, there = Utm(32), Utm(33)
+    lat, lon = np.array([50.0, 50.001]), np.array([12.001, 12.002])
+    track = Track(there, np.arange(2), np.arange(2), *there.to_xy_arrays(lat, lon), np.ones(2))
+    moved = _in_zone(track, here)
+    assert moved.utm == here
+    np.testing.assert_allclose(here.to_latlon_arrays(moved.x_m, moved.y_m), (lat, lon), atol=1e-9)
+    assert _in_zone(track, there) is track
 
 
 # --- which modem ---
@@ -217,8 +228,8 @@ def test_runs_of_one_modem_have_no_offset_and_all_estimators(tmp_path):
         walked(tmp_path / f"{i}.h5", half, seed=i, config_text=BY_ID)
         for i, half in enumerate(halves)
     ]
-    (cell,) = smooth_together([read_run(path) for path in paths]).cells
-    assert cell.result.posterior.offsets is None
+    (cell,) = smooth_runs([read_run(path) for path in paths]).cells
+    assert cell.posterior.offsets is None
     assert [(share.n, share.offset_db) for share in cell.shares] == [(60, 0.0), (40, 0.0)]
-    assert cell.result.reference is not None
-    assert not any("modem" in warning for warning in cell.result.warnings)
+    assert cell.reference is not None
+    assert not any("modem" in warning for warning in cell.warnings)

@@ -38,7 +38,7 @@ def folder(tmp_path, monkeypatch):
         if not (tmp_path / f"pipe{suffix}").exists():
             os.mkfifo(tmp_path / f"pipe{suffix}")
     for work in (
-        "postproc.smoothing.smooth_run", "postproc.interop.importing.import_walk", "postproc.interop.share.share",
+        "postproc.smoothing.smooth_runs", "postproc.interop.importing.import_walk", "postproc.interop.share.share",
         "postproc.verification.celldb.CellImport", "postproc.reproductions.toa.simulate.simulate",
     ):  # fmt: skip
         monkeypatch.setattr(

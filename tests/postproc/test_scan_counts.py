@@ -10,9 +10,8 @@ from logger.core.runfile import read_run
 from logger.core.types import Record, Scan
 from postproc.cli import main
 from postproc.info import describe
-from postproc.multi_run import smooth_together
 from postproc.scan_counts import scans_of, too_rarely
-from postproc.smoothing import smooth_run
+from postproc.smoothing import smooth_runs
 from tests.kit import runs
 from tests.kit.runs import reading
 
@@ -71,7 +70,7 @@ def test_why_a_cell_is_not_spoken_of():
 
 
 def test_what_was_heard_once_is_never_located(path):
-    found = {result.cell: result for result in smooth_run(read_run(path)).cells}
+    found = {result.cell: result for result in smooth_runs([read_run(path)]).cells}
     assert (found[FALSE].verdict, found[FALSE].warnings) == (
         "cannot tell",
         ("heard in one scan only",),
@@ -104,10 +103,7 @@ def test_json_says_in_how_many_scans(path, capsys):
 def test_scans_of_several_runs_add_up(path, tmp_path):
     other = tmp_path / "b.journal"
     runs.write_journal(other, [replace_names(record) for record in records()], run_id="1" * 32)
-    found = {
-        one.result.cell: one.result
-        for one in smooth_together([read_run(path), read_run(other)]).cells
-    }
+    found = {one.cell: one for one in smooth_runs([read_run(path), read_run(other)]).cells}
     assert (found[FALSE].n_scans, found[FALSE].verdict) == (1, "cannot tell")
     assert found[FALSE].warnings == ("heard in one scan only",)
     assert found[REAL].n_scans == 120

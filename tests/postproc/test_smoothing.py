@@ -3,16 +3,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from postproc.cell_estimation import estimate_cell
 from postproc.json_text import as_json
 from postproc.results import summary
-from postproc.smoothing import smooth_cell, smooth_run
+from postproc.smoothing import smooth_runs
 from tests.kit.sample_results import write_run
 from tests.kit.walks import simulate
 
 
 def test_processes_give_what_one_gives(tmp_path):
     run = write_run(tmp_path / "a.journal", seconds=60, cells=4)
-    alone, shared = (summary(smooth_run(run, processes=n)) for n in (1, 2))
+    alone, shared = (summary(smooth_runs([run], processes=n)) for n in (1, 2))
     assert as_json(shared) == as_json(alone)
     assert len(shared["cells"]) == 4
 
@@ -22,7 +23,7 @@ def test_a_level_set_aside_is_named_and_moves_nothing():
     at = int(np.argmax(np.hypot(obs.x_m - source[0], obs.y_m - source[1])))
     level_dbm = obs.level_dbm.copy()
     level_dbm[at] += 30.0
-    plain, found = (smooth_cell(one) for one in (obs, replace(obs, level_dbm=level_dbm)))
+    plain, found = (estimate_cell(one) for one in (obs, replace(obs, level_dbm=level_dbm)))
     assert [spike.scan_seq for spike in found.set_aside] == [at]
     assert plain.set_aside == ()
     assert sum(f"dBm in scan {at}, is" in why and "set aside" in why for why in found.warnings) == 1

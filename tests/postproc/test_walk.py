@@ -4,7 +4,7 @@ import numpy as np
 
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Record, Scan
-from postproc.walk import walk_of
+from postproc.walk import observe_run
 from tests.kit import runs
 
 
@@ -30,19 +30,19 @@ def _run(tmp_path, north_m, *, origin="test", step_s=1):
 def test_a_fix_that_was_set_aside_is_told_with_its_distance(tmp_path):
     north_m = np.arange(100) * 1.4
     north_m[50] += 500.0
-    _, warnings = walk_of(_run(tmp_path, north_m))
+    warnings = observe_run(_run(tmp_path, north_m)).warnings
     (told,) = warnings
     assert told.startswith("1 fix lies apart from all others, up to 50")
     assert told.endswith("m from the way, and was set aside")
 
 
 def test_an_even_walk_has_nothing_to_tell(tmp_path):
-    assert walk_of(_run(tmp_path, np.arange(100) * 1.4))[1] == []
+    assert observe_run(_run(tmp_path, np.arange(100) * 1.4)).warnings == ()
 
 
 def test_a_recorded_run_is_smoothed_however_fast_it_was(tmp_path):
     """Its times are the clock's, so it was a fast train."""
     north_m = np.arange(100) * 80.0
     for origin, asked in (("test", False), ("import of train.csv", True)):
-        _, warnings = walk_of(_run(tmp_path, north_m, origin=origin))
+        warnings = observe_run(_run(tmp_path, north_m, origin=origin)).warnings
         assert any("the times cannot be right" in warning for warning in warnings) == asked

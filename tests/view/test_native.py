@@ -29,7 +29,9 @@ def recordings(tmp_path_factory):
     write_scene(sample_story(found), folder / "walk.rrd", online=False)
     nothing = kit.write_run(folder / "empty.journal", seconds=0, cells=1)
     write_scene(
-        sample_story(kit.Smoothed(nothing, None, (), ())), folder / "empty.rrd", online=False
+        sample_story(kit.Result((kit.ObservedRun(nothing, None, ()),), ())),
+        folder / "empty.rrd",
+        online=False,
     )
     return folder
 

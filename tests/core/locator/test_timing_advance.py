@@ -28,8 +28,8 @@ from logger.core.runfile import RunWriter, read_run
 from logger.core.types import Fix, Record, Scan
 from postproc import results, tables
 from postproc.multi_run import merge
-from postproc.smoothing import smooth_run
-from postproc.walk import walk_of
+from postproc.smoothing import smooth_runs
+from postproc.walk import observe_run
 from tests.kit import runs
 from tests.kit.walks import observations
 
@@ -305,7 +305,7 @@ def recorded(path, shift, ta_of, run_id="a"):
 
 def test_smooth_says_whether_the_ta_agree(tmp_path, capsys):
     none, near, lie = (
-        results.summary(smooth_run(recorded(tmp_path / f"{name}.journal", 0.0, ta_of)))
+        results.summary(smooth_runs([recorded(tmp_path / f"{name}.journal", 0.0, ta_of)]))
         for name, ta_of in (
             ("none", lambda _: None),
             ("near", lambda _: 0),
@@ -330,7 +330,7 @@ def test_runs_together_keep_the_ta_of_each(tmp_path):
     found = [
         recorded(tmp_path / f"{name}.journal", *way, run_id=name) for name, way in ways.items()
     ]
-    parts = {i: walk_of(run)[0].cells[0] for i, run in enumerate(found)}
+    parts = {i: observe_run(run).observations.cells[0] for i, run in enumerate(found)}
     joined = merge(parts, [0, 1])
     assert joined.ta.tolist() == [0] * 60 + [-1] * 60
     assert merge({1: parts[1]}, [0, 1]).ta is None

@@ -17,7 +17,7 @@ from postproc.interop import decompression
 from postproc.interop.formats import recognise
 from postproc.interop.importing import import_walk
 from postproc.view.clock import clock_of
-from postproc.walk import walk_of
+from postproc.walk import observe_run
 
 WIGLE = (
     "WigleWifi-1.4,appRelease=2\n"
@@ -269,14 +269,14 @@ def test_without_times_no_place_moves_and_each_keeps_its_sigma(tmp_path, capsys,
     )
     assert json.loads(capsys.readouterr().out)["times"] is False
     run = read_run(tmp_path / "run.h5")
-    observations, warnings = walk_of(run)
-    (obs,) = observations.cells
+    observed = observe_run(run)
+    (obs,) = observed.observations.cells
     assert len(obs) == 80
     rows = [line.split(",") for line in source.read_text().splitlines()[1:]]
     places = obs.utm.to_xy_arrays(*(np.array([float(row[i]) for row in rows]) for i in (1, 2)))
     np.testing.assert_allclose([obs.x_m, obs.y_m], places, atol=1e-6)
     np.testing.assert_array_equal(obs.position_sigma_m, UNKNOWN_SIGMA_M)
-    assert "without times" in warnings[0]
+    assert "without times" in observed.warnings[0]
     assert describe(run).started_utc is None
 
 
@@ -286,10 +286,10 @@ def test_an_import_of_an_earlier_version_is_not_moved_either(tmp_path, monkeypat
     monkeypatch.setattr("postproc.interop.importing._check_times", lambda *_: None)
     source = _write(tmp_path, "\n".join(BAD_TIMES[name]()))
     import_walk(source, tmp_path / "run.h5")
-    observations, warnings = walk_of(read_run(tmp_path / "run.h5"))
-    (obs,) = observations.cells
-    assert any("the times cannot be right" in warning for warning in warnings)
-    track = observations.track
+    observed = observe_run(read_run(tmp_path / "run.h5"))
+    (obs,) = observed.observations.cells
+    assert any("the times cannot be right" in warning for warning in observed.warnings)
+    track = observed.observations.track
     assert set(np.round(obs.x_m, 3)) <= set(np.round(track.x_m, 3))
 
 

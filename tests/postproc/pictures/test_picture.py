@@ -14,10 +14,10 @@ def result(tmp_path_factory):
 
 def test_focus_is_located_first_then_heard_most(result):
     a, b, c = result.cells
-    assert focus_of(result).cell == kit.cell_name(0)
-    chosen = replace(result, cells=(a, replace(b, verdict="located", n=9), replace(c, n=10_000)))
+    assert focus_of(result.cells).cell == kit.cell_name(0)
+    chosen = (a, replace(b, verdict="located", n=9), replace(c, n=10_000))
     assert focus_of(chosen).cell == b.cell
-    assert focus_of(replace(result, cells=())) is None
+    assert focus_of(()) is None
 
 
 def test_headline_is_honest(result):
@@ -38,8 +38,8 @@ def test_region_out_of_all_proportion_leaves_the_walk_in_sight(result):
     far = replace(
         cells, x_m=x + 50 * (cells.x_m - x), y_m=y + 50 * (cells.y_m - y), size_m=cells.size_m * 50
     )
-    huge = replace(result, cells=(replace(cell, posterior=replace(cell.posterior, squares=far)),))
-    box = picture_of(huge).box
+    huge = replace(cell, posterior=replace(cell.posterior, squares=far))
+    box = picture_of(result.runs[0], huge).box
     assert box.holds(0.0, 0.0)
     assert box.size < 400.0
 

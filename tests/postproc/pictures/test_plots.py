@@ -8,7 +8,7 @@ from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.pictures import colours
 from postproc.pictures.plots import draw_run, figure_of
-from postproc.smoothing import smooth_run
+from postproc.smoothing import smooth_runs
 from tests.kit import sample_results as kit
 from tests.kit.runs import meta
 
@@ -72,7 +72,7 @@ def test_a_run_that_is_not_simulated_does_not_say_so(tmp_path):
 
 
 def test_places_carry_their_share_only_where_there_are_several(result):
-    run = result.run
+    run = result.runs[0].run
     assert "50%" in shown(figure_of(kit.sample_result(run, places=2, verdict="ambiguous")))
     assert "100%" not in shown(figure_of(result))
 
@@ -111,7 +111,7 @@ def test_runs_with_next_to_nothing(records, tmp_path):
         value = Fix(True, None, 52.0, 13.0) if kind == "fix" else Scan(at_s, cells, None)
         writer.append(Record(at_s * 10**9 // 4, "test", value))
     writer.close(0, "test")
-    draw_run(smooth_run(read_run(tmp_path / "x.journal")), tmp_path / "x.png")
+    draw_run(smooth_runs([read_run(tmp_path / "x.journal")]), tmp_path / "x.png")
     assert (tmp_path / "x.png").stat().st_size > 1000
 
 

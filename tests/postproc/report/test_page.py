@@ -7,10 +7,10 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
-from postproc.multi_run import RunShare, Together, TogetherCell
-from postproc.report.rendering import most_told, report, report_together
+from postproc.report.rendering import most_told, report
+from postproc.result import ObservedRun, Result, RunShare
 from postproc.results import summary
-from postproc.smoothing import smooth_run
+from postproc.smoothing import smooth_runs
 from postproc.verification.claims import Claim
 from postproc.verification.run_claims import CellVerdict, Verified
 from tests.kit import sample_results as kit
@@ -250,7 +250,7 @@ def test_foreign_text_stays_text(tmp_path):
         origin=HOSTILE,
         versions={HOSTILE: HOSTILE},
     )
-    html = report(smooth_run(run)).html
+    html = report(smooth_runs([run])).html
     page = Page(html)
     assert page.all("script", "b") == []
     assert html.count("</style>") == 1
@@ -289,7 +289,7 @@ def test_foreign_text_stays_text(tmp_path):
     ],
 )
 def test_runs_with_next_to_nothing(records, tmp_path):
-    page = Page(report(smooth_run(write(tmp_path / "x.journal", records))).html)
+    page = Page(report(smooth_runs([write(tmp_path / "x.journal", records)])).html)
     assert page.all("h1")[0].text
     assert "date unknown" in page.text
 
@@ -309,7 +309,7 @@ def test_what_to_walk_next_if_ambiguous(tmp_path):
             Record(i * 10**9, "gnss", Fix(True, None, lat, lon, hdop=0.9)),
             Record(i * 10**9 + 1, "modem", Scan(i * 10**9, readings, None)),
         ]
-    smoothed = smooth_run(write(tmp_path / "straight.journal", records))
+    smoothed = smooth_runs([write(tmp_path / "straight.journal", records)])
     (cell,) = smoothed.cells
     assert cell.verdict == "ambiguous"
     page = Page(report(smoothed).html)
@@ -378,15 +378,10 @@ def test_several_runs_on_one_page(result, tmp_path):
     cell = result.cells[0]
     short = replace(cell, posterior=None)
     shares = (RunShare(0, 60, 0.0, 0.0), RunShare(1, 60, 2.5, 1.0))
-    merged = TogetherCell(cell, np.zeros(60, np.int64), shares, {0: short, 1: cell})
-    together = Together(
-        (result.run, other),
-        {0: result.observations},
-        (merged,),
-        ("told of both",),
-        ((), ("of two",)),
-    )
-    page = Page(report_together(together).html)
+    merged = replace(cell, shares=shares, without={0: short, 1: cell})
+    walks = (replace(result.runs[0], warnings=()), ObservedRun(other, None, ("of two",)))
+    together = Result(walks, (merged,), ("told of both",))
+    page = Page(report(together).html)
     assert len(page.all("svg")) == 2  # plan and distance: clocks differ
     assert "second.journal" in page.text
     assert {"2.5", "1.0"} <= {one.get("value") for one in page.all("data")}

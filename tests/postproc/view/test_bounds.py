@@ -7,7 +7,7 @@ import pytest
 from benchmarks.view import WALKS, walk
 from logger.core.observations import observe
 from postproc.estimators.filters import MOST_ROWS, FilterPath
-from postproc.smoothing import CellResult, Smoothed
+from postproc.result import CellResult, ObservedRun, Result
 from postproc.view.plan import MOST_POINTS, MOST_STRIPS, level_strips, strips_of
 from postproc.view.scene import write_scene
 from postproc.view.series import MOST_DOTS
@@ -36,7 +36,7 @@ def told(run):
         )
     ]
     cells += [CellResult(obs.cell, len(obs), obs, "cannot tell", ()) for obs in others]
-    return sample_story(Smoothed(run, observations, tuple(cells), ()))
+    return sample_story(Result((ObservedRun(run, observations, ()),), tuple(cells)))
 
 
 @pytest.mark.parametrize(("length", "most_mb"), [("1 h", 4.0), ("28 h", 60.0)])

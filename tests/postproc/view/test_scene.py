@@ -11,7 +11,7 @@ from logger.core.errors import RunFileError
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators.filters import FilterPath
-from postproc.smoothing import smooth_run
+from postproc.smoothing import smooth_runs
 from postproc.verification.claims import Claim
 from postproc.verification.run_claims import CellVerdict
 from postproc.view import viewer
@@ -93,18 +93,18 @@ def check_walker(path, track):
 
 
 def test_levels_are_those_read(saved, result):
-    check_levels(saved, result.observations)
+    check_levels(saved, result.runs[0].observations)
 
 
 def test_walker_is_where_the_fixes_are(saved, result):
-    check_walker(saved, result.observations.track)
+    check_walker(saved, result.runs[0].observations.track)
 
 
 def test_other_values_are_noticed(saved, result):
     """The negative control: one reading a hundredth of a dB, one fix a centimetre, one time a
     nanosecond off.
     """
-    observations = result.observations
+    observations = result.runs[0].observations
     first, track = observations.cells[0], observations.track
     one = np.arange(len(first)) == 7
     for changed in (
@@ -124,7 +124,9 @@ def test_other_values_are_noticed(saved, result):
 
 def test_utc_is_that_of_the_fixes(saved, result):
     columns = temporal_columns(saved, "/plan/walker")
-    np.testing.assert_array_equal(times(columns, "utc"), result.run.tables["fixes"]["utc_ns"])
+    np.testing.assert_array_equal(
+        times(columns, "utc"), result.runs[0].run.tables["fixes"]["utc_ns"]
+    )
 
 
 def test_trail_ends_at_the_walker(saved):
@@ -149,7 +151,7 @@ def test_the_way_has_the_colours_of_its_levels(saved, told):
 
 
 def test_filters_have_a_place_for_each_reading(saved, result):
-    cell, track = result.cells[0], result.observations.track
+    cell, track = result.cells[0], result.runs[0].observations.track
     for key, filtered in (("ekf", cell.ekf), ("reference", cell.reference)):
         columns = temporal_columns(saved, f"{CELL}/{key}")
         places = np.add(values(columns, ":positions"), (track.x_m[0], track.y_m[0]))
@@ -239,13 +241,13 @@ def test_linked_plots_open_on_the_whole_run(saved):
 
 
 def test_the_map_shows_the_same_in_degrees(saved, result, told):
-    track = result.observations.track
+    track = result.runs[0].observations.track
     walked = np.array(values(temporal_columns(saved, "/map/walker"), ":positions"))
     np.testing.assert_allclose(
         walked, np.column_stack(track.utm.to_latlon_arrays(track.x_m, track.y_m)), atol=1e-9
     )
     marks = rows(static_columns(saved, f"/map/cells/{NAME}/estimates"), ":positions")[0]
-    truth, claim = result.run.meta.truth[0], CLAIM.claim
+    truth, claim = result.runs[0].run.meta.truth[0], CLAIM.claim
     np.testing.assert_allclose(
         marks[-2:], [(truth.lat_deg, truth.lon_deg), (claim.lat_deg, claim.lon_deg)], atol=1e-9
     )
@@ -305,7 +307,7 @@ FIX = Record(0, "gnss", Fix(True, None, 52.0, 13.0))
     ],
 )
 def test_runs_with_next_to_nothing(records, tmp_path):
-    result = smooth_run(write(tmp_path / "x.journal", records))
+    result = smooth_runs([write(tmp_path / "x.journal", records)])
     write_scene(sample_story(result), tmp_path / "x.rrd")
     found = chunks(tmp_path / "x.rrd")
     assert any(entity.startswith("/report") for entity in found)
@@ -315,7 +317,7 @@ def test_runs_with_next_to_nothing(records, tmp_path):
 
 
 def test_levels_without_any_fix(tmp_path):
-    result = smooth_run(write(tmp_path / "x.journal", [scan(0, 1, 2), scan(10**9, 1)]))
+    result = smooth_runs([write(tmp_path / "x.journal", [scan(0, 1, 2), scan(10**9, 1)])])
     write_scene(sample_story(result), tmp_path / "x.rrd")
     columns = temporal_columns(tmp_path / "x.rrd", "/rssi/262-01-1-1")
     assert times(columns, "elapsed").tolist() == [0, 10**9]
@@ -343,7 +345,7 @@ def test_diverged_filter_is_left_out(result, tmp_path):
 def test_odd_names_of_cells(tmp_path):
     name = "a/b [c] *$é 漢"
     label = Record(10, "modem", Scan(0, (CellReading("scan", label=name, rssi_dbm=-60.0),), None))
-    result = smooth_run(write(tmp_path / "x.journal", [FIX, label]))
+    result = smooth_runs([write(tmp_path / "x.journal", [FIX, label])])
     write_scene(sample_story(result), tmp_path / "x.rrd")
     assert sum(entity.startswith("/rssi/") for entity in chunks(tmp_path / "x.rrd")) == 1
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from logger.core.model.prior import ENVIRONMENTS
-from postproc.smoothing import CellResult, answer
+from postproc.cell_estimation import locate_cell
+from postproc.result import CellResult
 from postproc.view.timeline import MOST_STEPS, step_counts, unfold
 from tests.kit import walks
 
@@ -20,14 +21,14 @@ def test_steps_end_with_everything_and_are_denser_at_the_beginning(count):
 def test_each_step_is_the_answer_of_the_readings_so_far(monkeypatch):
     monkeypatch.setattr("postproc.view.timeline.MOST_STEPS", 4)
     obs, _ = walks.simulate(np.random.default_rng(3), "square", count=80, step=8.0)
-    result = answer(obs, ENVIRONMENTS["any"])
+    result = locate_cell(obs, ENVIRONMENTS["any"])
     found = list(unfold(result, ENVIRONMENTS["any"]))
     assert (found[-1].verdict, found[-1].n) == (result.verdict, 80)
     assert found[-1].posterior is result.posterior
     assert found[0].posterior.region_area_m2 > found[-1].posterior.region_area_m2
     some = found[len(found) // 2]
     assert some.t_ns == obs.t_ns[some.n - 1]
-    again = answer(obs.part(slice(some.n)), ENVIRONMENTS["any"])
+    again = locate_cell(obs.part(slice(some.n)), ENVIRONMENTS["any"])
     assert (again.verdict, again.posterior.r95_m) == (some.verdict, some.posterior.r95_m)
 
 

@@ -4,10 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from logger.core.geo import Utm
-from logger.core.observations import Track
 from postproc.pictures import colours
-from postproc.view.view_model import _in_zone, _names, chosen, of_one
+from postproc.view.view_model import _names, chosen, estimated
 from tests.kit import sample_results as kit
 from tests.kit.sample_view import sample_story
 
@@ -24,18 +22,8 @@ def test_runs_called_the_same_are_told_apart():
     assert _names([*paths, Path("x.h5")]) == ["run-000001", "run-000001 (2)", "run-000001 (3)", "x"]
 
 
-def test_a_track_of_the_next_zone_keeps_its_place():
-    here, there = Utm(32), Utm(33)
-    lat, lon = np.array([50.0, 50.001]), np.array([12.001, 12.002])
-    track = Track(there, np.arange(2), np.arange(2), *there.to_xy_arrays(lat, lon), np.ones(2))
-    moved = _in_zone(track, here)
-    assert moved.utm == here
-    np.testing.assert_allclose(here.to_latlon_arrays(moved.x_m, moved.y_m), (lat, lon), atol=1e-9)
-    assert _in_zone(track, there) is track
-
-
 def test_cells_are_told_in_the_order_they_are_named(result):
-    found = of_one(result)
+    found = estimated(result)
     names = [cell.cell for cell in found.cells]
     assert [cell.cell for cell in chosen(found, [names[2], names[0], names[2]])] == [
         names[2],

@@ -1,0 +1,111 @@
+"""The result of `smooth`: every estimator over every cell of one run or of several.
+
+One run is several with n = 1. Tables, report, view, exports and JSON are made of this and of
+nothing else; positions are UTM, times nanoseconds (conventions: `logger.core`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+
+from logger.core.arrays import IntArray
+from logger.core.locator.posterior import Posterior
+from logger.core.locator.timing_advance import TimingCheck
+from logger.core.locator.verdict import Verdict
+from logger.core.model.prior import ENVIRONMENTS, Prior
+from logger.core.observations import CellObservations, Observations, SpikeLevel
+from logger.core.runfile import Run
+from postproc.estimators.direction_check import Comparison
+from postproc.estimators.filters import FilterPath
+from postproc.estimators.least_squares import BatchFit
+from postproc.estimators.residuals import Residuals
+from postproc.estimators.robust_losses import Loss
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user may choose: the prior, and the loss of the least-squares fit."""
+
+    prior: Prior = ENVIRONMENTS["any"]
+    loss: Loss = "linear"
+
+
+@dataclass(frozen=True, slots=True)
+class ObservedRun:
+    """A run with its readings at the walker's smoothed positions, and warnings about the run.
+
+    `observations` is None where the run has no position fix. Of several runs all observations are
+    in the UTM zone of the first run that has a position.
+    """
+
+    run: Run
+    observations: Observations | None
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RunShare:
+    """What a run contributes to a cell: `n` readings, and the offset of its modem.
+
+    `run` is the index in `Result.runs`. `offset_db` is how much higher its modem reads than that of
+    the first run that observed the cell; None where it could not be estimated.
+    """
+
+    run: int
+    n: int
+    offset_db: float | None
+    sigma_db: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class CellResult:
+    """What each estimator states about one cell; None where it has nothing reliable to state.
+
+    `n` counts the readings with a position, `n_scans` the scans that identified the cell without
+    doubt. The answer is `posterior` with its `verdict`; the reference EKF, the EKF forward and
+    backward with their comparison, the RTS smoother and the least-squares fit (`batch`) are for
+    comparison. `residuals` are those at the posterior's best position. `timing` compares timing
+    advances with the posterior; None where none was read. `failed` names the estimators that did
+    not converge; their values are dropped. `set_aside` are levels that the readings before and
+    after contradict; only the reference EKF and `residuals` use them.
+
+    Of several runs, `run_index` (n,) is the index in `Result.runs` of each reading of `obs`,
+    `shares` what each run contributed, and `without` the answer without one run, by its index;
+    empty unless two or more runs observed the cell.
+    """
+
+    cell: str
+    n: int
+    obs: CellObservations | None
+    verdict: Verdict
+    warnings: tuple[str, ...]
+    posterior: Posterior | None = None
+    reference: FilterPath | None = None
+    ekf: FilterPath | None = None
+    rts: FilterPath | None = None
+    batch: BatchFit | None = None
+    backward: FilterPath | None = None
+    comparison: Comparison | None = None
+    residuals: Residuals | None = None
+    timing: TimingCheck | None = None
+    failed: tuple[str, ...] = ()
+    set_aside: tuple[SpikeLevel, ...] = ()
+    n_scans: int | None = None
+    run_index: IntArray | None = None
+    shares: tuple[RunShare, ...] = ()
+    without: Mapping[int, "CellResult"] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """All cells of one or several runs, the cell with most readings first.
+
+    `warnings` are about the runs together; those about one run are in `runs`. `version` is that of
+    the program that estimated.
+    """
+
+    runs: tuple[ObservedRun, ...]
+    cells: tuple[CellResult, ...]
+    warnings: tuple[str, ...] = ()
+    options: Options = Options()
+    version: str = field(default_factory=lambda: version("cellwalk"))
