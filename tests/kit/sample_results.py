@@ -158,7 +158,7 @@ def sample_filters(obs: CellObservations, answer: Posterior) -> tuple[FilterPath
     )
 
 
-def claims_about(result: Result) -> Verified:
+def sample_claims(result: Result) -> Verified:
     """A consistent claim about the first cell, a rejected one about the second, and a cell without
     any.
     """
