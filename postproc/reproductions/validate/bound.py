@@ -5,30 +5,25 @@ Lambda0 the inverse variances of normal priors on P0 and eta (Van Trees, Detecti
 Modulation Theory I, sec. 2.4).
 """
 
-from math import log
-
 import numpy as np
 from scipy.optimize import brentq
 
 from logger.core.arrays import FloatArray
-from logger.core.model.path_loss import log_distance_db
+from logger.core.model.path_loss import level_slopes
 from postproc.reproductions.validate.walk import Station
 
-_C = 10.0 / log(10.0)
-_DIRECTIONS = 720
+_DIRECTIONS = 720  # every half degree: the median is right to 1e-6
 
 
 def slopes(station: Station, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
     """G, shape (n, 4)."""
-    dx_m, dy_m = station.x_m - x_m, station.y_m - y_m
-    loss_db = log_distance_db(dx_m, dy_m)
-    slope = -_C * station.eta / 10.0 ** (loss_db / 5.0)
-    return np.column_stack([slope * dx_m, slope * dy_m, np.ones(len(x_m)), -loss_db])
+    return level_slopes(station.x_m - x_m, station.y_m - y_m, station.eta)
 
 
 def covariance(g: FloatArray, r_db2: float, precision: FloatArray) -> FloatArray:
-    """Least covariance of an unbiased estimate, shape (4, 4); `precision` (2,) is that of the
-    priors.
+    """Least covariance of an unbiased estimate, shape (4, 4).
+
+    `precision` (2,) is that of the priors on P0 and eta.
     """
     information = g.T @ g / r_db2
     information[[2, 3], [2, 3]] += precision
@@ -44,11 +39,9 @@ def median_error_m(plane_m2: FloatArray) -> float:
     small, large = np.linalg.eigvalsh(plane_m2)
     t = np.pi * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
     steep = np.cos(t) ** 2 / large + np.sin(t) ** 2 / small
+    scale = float(np.sqrt(small * large))
 
     def beyond(r_m: float) -> float:
-        return (
-            float(np.mean(np.exp(-0.5 * steep * r_m**2) / steep)) / float(np.sqrt(small * large))
-            - 0.5
-        )
+        return float(np.mean(np.exp(-0.5 * steep * r_m**2) / steep)) / scale - 0.5
 
     return float(brentq(beyond, 0.0, 2.0 * float(np.sqrt(large))))

@@ -7,9 +7,9 @@ from typing import Literal, NamedTuple
 Verdict = Literal["holds", "does not hold", "claim is wrong", "fails"]
 
 VERDICTS: dict[Verdict, str] = {
-    "holds": "it is so here",
-    "does not hold": "it was promised of the filter or of the geometry, and measured otherwise",
-    "claim is wrong": "calculation contradicts it; what we measured is right and is kept",
+    "holds": "the claim is true here",
+    "does not hold": "promised of the filter or of the geometry, and measured otherwise",
+    "claim is wrong": "calculation contradicts it; our measured value is right and is kept",
     "fails": "our own code is at fault (the command then ends with 1)",
 }
 
@@ -18,7 +18,7 @@ VERDICTS: dict[Verdict, str] = {
 class Check:
     """A claim, what we measured, and the verdict.
 
-    `is_sampled` where simulated runs stand behind the figure, so that fewer runs give another one;
+    `is_sampled` where the figure comes from simulated runs, so that fewer runs give another one;
     `is_timed` where it is a time or a size of this machine.
     """
 
@@ -31,9 +31,7 @@ class Check:
 
 
 class Effort(NamedTuple):
-    """How many simulated circles and scenarios stand behind a figure, and how many readings are
-    timed.
-    """
+    """Number of simulated circles and scenarios behind a figure, and of timed readings."""
 
     circles: int
     scenarios: int
@@ -43,16 +41,31 @@ class Effort(NamedTuple):
 Group = Callable[[Effort], list[Check]]
 
 
+class Line(NamedTuple):
+    """A check without its topic."""
+
+    claim: str
+    measured: str
+    verdict: Verdict
+
+
+def checks_of(
+    topic: str, *lines: Line, is_sampled: bool = False, is_timed: bool = False
+) -> list[Check]:
+    """The checks of one topic."""
+    return [Check(topic, *line, is_sampled, is_timed) for line in lines]
+
+
 def ours(right: bool) -> Verdict:
     """Verdict on a claim that our code has to meet."""
     return "holds" if right else "fails"
 
 
-def promised(reached: bool) -> Verdict:
-    """Verdict on what somebody else's filter was promised to do."""
+def theirs(reached: bool) -> Verdict:
+    """Verdict on what the specification promises of its filter."""
     return "holds" if reached else "does not hold"
 
 
 def wrong(right: bool) -> Verdict:
-    """Verdict on a wrong claim, where `right` tells whether our own value is right."""
+    """Verdict on a wrong claim, where `right` is whether our own value is right."""
     return "claim is wrong" if right else "fails"

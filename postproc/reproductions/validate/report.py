@@ -2,7 +2,9 @@
 
 import json
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import groupby
 
 from postproc.reproductions.validate.check import VERDICTS, Check, Verdict
 from postproc.terminal import say, screen, styled
@@ -16,69 +18,57 @@ _STYLES: dict[Verdict, str] = {
 _INTRODUCTION = """\
 # The specification, checked
 
-Written by `postproc validate --page`; a test compares it with what the command prints. The claims are those of the
-specification's checklist ("EKF Implementation Validation") and of its derivation document. The reference EKF is the
-filter they describe; cellwalk is the locator of this project. Errors are medians over simulated runs. What the
-checklist asks of an Android application (service, permissions, map, battery) has no counterpart here and is left out.
+Printed by `postproc validate --page`; a test compares this page with the output of the command. The
+claims are those of the specification's checklist ("EKF Implementation Validation") and of its
+derivation document. The reference EKF is the filter they describe; cellwalk is the locator of this
+project. Errors are medians over simulated runs. What the checklist requires of an Android
+application (service, permissions, map, battery) has no counterpart here and is left out.
 """
 
 
-def print_checks(found: list[Check]) -> None:
+def print_checks(checks: Sequence[Check]) -> None:
     """By topic: verdict and claim, and what we measured."""
     console = screen()
-    topic = ""
-    for check in found:
-        if check.topic != topic:
-            say(console, check.topic, "bold")
-        topic = check.topic
-        head = styled((f"{check.verdict}: ", _STYLES[check.verdict]), (check.claim, ""))
-        say(console, head, bullet="  ")
-        say(console, f"measured: {check.measured}", bullet="    ")
-    say(console, _counts(found))
+    for topic, of_topic in groupby(checks, key=lambda check: check.topic):
+        say(console, topic, "bold")
+        for check in of_topic:
+            head = styled((f"{check.verdict}: ", _STYLES[check.verdict]), (check.claim, ""))
+            say(console, head, bullet="  ")
+            say(console, f"measured: {check.measured}", bullet="    ")
+    say(console, _summary(checks))
 
 
-def as_json(found: list[Check]) -> str:
-    """All fields of all checks."""
-    return json.dumps(
-        {"checks": [asdict(check) for check in found], "verdicts": _by_verdict(found)}, indent=2
-    )
+def as_json(checks: Sequence[Check]) -> str:
+    """All fields of all checks, and how often each verdict was given."""
+    values = {"checks": [asdict(check) for check in checks], "verdicts": _by_verdict(checks)}
+    return json.dumps(values, indent=2)
 
 
-def page(found: list[Check]) -> str:
+def page(checks: Sequence[Check]) -> str:
     """The page; figures of this machine are left out."""
-    lines = [
-        _INTRODUCTION,
-        *(f"- **{verdict}**: {meaning}" for verdict, meaning in VERDICTS.items()),
-    ]
-    topic = ""
-    for check in found:
-        if check.topic != topic:
-            lines += [
-                "",
-                f"## {check.topic}",
-                "",
-                "| claim | what we measured | verdict |",
-                "|---|---|---|",
-            ]
-            topic = check.topic
-        lines.append(f"| {_cell(check.claim)} | {_cell(_lasting(check))} | {check.verdict} |")
-    return "\n".join([*lines, "", _counts(found), ""])
+    lines = [_INTRODUCTION]
+    lines += [f"- **{verdict}**: {meaning}" for verdict, meaning in VERDICTS.items()]
+    for topic, of_topic in groupby(checks, key=lambda check: check.topic):
+        lines += ["", f"## {topic}", "", "| claim | what we measured | verdict |", "|---|---|---|"]
+        lines += [row(check) for check in of_topic]
+    return "\n".join([*lines, "", _summary(checks), ""])
 
 
-def _lasting(check: Check) -> str:
-    return "differs by machine: see the command" if check.is_timed else check.measured
+def row(check: Check) -> str:
+    """One line of the page's table."""
+    measured = "differs by machine: see the command" if check.is_timed else check.measured
+    return f"| {_escape(check.claim)} | {_escape(measured)} | {check.verdict} |"
 
 
-def _cell(text: str) -> str:
+def _escape(text: str) -> str:
     return text.replace("|", "\\|").replace("*", "\\*")
 
 
-def _by_verdict(found: list[Check]) -> dict[str, int]:
-    counted = Counter(check.verdict for check in found)
-    return {verdict: counted[verdict] for verdict in VERDICTS}
+def _by_verdict(checks: Sequence[Check]) -> dict[Verdict, int]:
+    count = Counter(check.verdict for check in checks)
+    return {verdict: count[verdict] for verdict in VERDICTS}
 
 
-def _counts(found: list[Check]) -> str:
-    return f"{len(found)} checks: " + ", ".join(
-        f"{count} {verdict}" for verdict, count in _by_verdict(found).items()
-    )
+def _summary(checks: Sequence[Check]) -> str:
+    counts = (f"{count} {verdict}" for verdict, count in _by_verdict(checks).items())
+    return f"{len(checks)} checks: {', '.join(counts)}"

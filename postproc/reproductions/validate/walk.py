@@ -6,16 +6,16 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
-from logger.core.model.path_loss import log_distance_db
+from logger.core.model import path_loss
 from logger.core.observations import CellObservations
 
-UTM = Utm(54)
+UTM = Utm(54)  # of the checklist's Tokyo
 ORIGIN_M = (388_000.0, 3_949_000.0)
 INTERVAL_S = 2.0
 
 
 class Station(NamedTuple):
-    """Place, power at 1 m, exponent."""
+    """Position, power at 1 m, exponent."""
 
     x_m: float
     y_m: float
@@ -28,18 +28,27 @@ RADIUS_M = 500.0
 
 
 def circle(count: int, radius_m: float = RADIUS_M, of: int = 50) -> tuple[FloatArray, FloatArray]:
-    """The first `count` of `of` places around the origin, shape (count,) each."""
+    """The first `count` of `of` points around the origin, shape (count,) each."""
     angle = 2.0 * np.pi * np.arange(count) / of
     return radius_m * np.cos(angle), radius_m * np.sin(angle)
 
 
-def heard(station: Station, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-    """Levels without noise in dBm, shape (n,)."""
-    return station.p0_dbm - station.eta * log_distance_db(x_m - station.x_m, y_m - station.y_m)
+def true_level_dbm(station: Station, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    """Levels without noise, shape (n,)."""
+    distance_db = path_loss.log_distance_db(x_m - station.x_m, y_m - station.y_m)
+    return path_loss.level_dbm(station.p0_dbm, station.eta, distance_db)
+
+
+def noisy_level_dbm(
+    station: Station, x_m: FloatArray, y_m: FloatArray, seed: list[int], noise_db: float
+) -> FloatArray:
+    """Levels with white noise, shape (n,)."""
+    noise = np.random.default_rng(seed).normal(size=len(x_m))
+    return true_level_dbm(station, x_m, y_m) + noise_db * noise
 
 
 def observations(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> CellObservations:
-    """A walk as the locator wants it, with the receiver's place known and no end of the scale."""
+    """The walk for the locator, with exact positions of the receiver and no limit of the levels."""
     count = len(x_m)
     return CellObservations(
         cell="cell",

@@ -3,24 +3,24 @@ import pytest
 from scipy.optimize import least_squares
 
 from postproc.reproductions.validate import bound
-from postproc.reproductions.validate.walk import Station, circle, heard
+from postproc.reproductions.validate.walk import Station, circle, true_level_dbm
 
 STATION = Station(140.0, 80.0, -30.0, 3.0)
 NO_PRIOR = np.zeros(2)
 
 
-def walked():
+def irregular_walk():
     rng = np.random.default_rng(1)
     return np.cumsum(rng.normal(5.0, 20.0, 200)), np.cumsum(rng.normal(0.0, 20.0, 200))
 
 
 def test_the_slopes_are_those_of_the_levels():
-    x_m, y_m = walked()
+    x_m, y_m = irregular_walk()
     step = 1e-5
     numeric = [
         (
-            heard(Station(*(np.array(STATION) + d)), x_m, y_m)
-            - heard(Station(*(np.array(STATION) - d)), x_m, y_m)
+            true_level_dbm(Station(*(np.array(STATION) + d)), x_m, y_m)
+            - true_level_dbm(Station(*(np.array(STATION) - d)), x_m, y_m)
         )
         / (2.0 * step)
         for d in step * np.eye(4)
@@ -29,14 +29,16 @@ def test_the_slopes_are_those_of_the_levels():
 
 
 def test_least_squares_reaches_the_bound_in_little_noise():
-    x_m, y_m = walked()
+    x_m, y_m = irregular_walk()
     rng, sigma_db = np.random.default_rng(0), 0.05
-    level_dbm = heard(STATION, x_m, y_m)
+    level_dbm = true_level_dbm(STATION, x_m, y_m)
     fits = []
     for _ in range(150):
         z = level_dbm + sigma_db * rng.normal(size=200)
         fits.append(
-            least_squares(lambda s, z=z: heard(Station(*s), x_m, y_m) - z, STATION, x_scale="jac").x
+            least_squares(
+                lambda s, z=z: true_level_dbm(Station(*s), x_m, y_m) - z, STATION, x_scale="jac"
+            ).x
         )
     least = bound.covariance(bound.slopes(STATION, x_m, y_m), sigma_db**2, NO_PRIOR)
     # the sd of a variance over 150 fits is 12 %
@@ -45,7 +47,7 @@ def test_least_squares_reaches_the_bound_in_little_noise():
 
 def test_a_prior_is_information():
     g, precision = bound.slopes(STATION, *circle(3)), np.array([0.25, 4.0])
-    least = bound.covariance(bound.slopes(STATION, *walked()), 9.0, precision)
+    least = bound.covariance(bound.slopes(STATION, *irregular_walk()), 9.0, precision)
     assert np.all(np.diag(least)[2:] < 1.0 / precision)
     assert np.linalg.matrix_rank(g) == 3
 

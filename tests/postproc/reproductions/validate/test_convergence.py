@@ -3,42 +3,42 @@ import pytest
 
 from logger.core.ellipse import CHI2_95_2DOF
 from postproc.reproductions.validate import convergence, scenarios
-from postproc.reproductions.validate.walk import SPEC, circle, heard
+from postproc.reproductions.validate.walk import SPEC, circle, true_level_dbm
 
 
-def walked():
-    x_m, y_m = scenarios._square()
+def irregular_walk():
+    x_m, y_m = scenarios.around_block()
     noise_db = np.random.default_rng(0).normal(size=len(x_m))
-    return scenarios.STATION, x_m, y_m, heard(scenarios.STATION, x_m, y_m) + noise_db
+    return scenarios.STATION, x_m, y_m, true_level_dbm(scenarios.STATION, x_m, y_m) + noise_db
 
 
 def test_our_locator_finds_a_station_that_can_be_found():
-    found = convergence.located(*walked())
-    assert found.place_m < 30.0
+    found = convergence.run_locator(*irregular_walk())
+    assert found.position_m < 30.0
     assert found.covers
     assert found.radius_m < 100.0
 
 
 def test_a_region_that_is_elsewhere_does_not_cover():
-    station, *readings = walked()
+    station, *readings = irregular_walk()
     moved = station._replace(x_m=station.x_m + 500.0)
-    found = convergence.located(moved, *readings)
+    found = convergence.run_locator(moved, *readings)
     assert not found.covers
-    assert found.place_m == pytest.approx(500.0, abs=60.0)
+    assert found.position_m == pytest.approx(500.0, abs=60.0)
 
 
 def test_the_reference_filter_stays_where_it_started():
     x_m, y_m = circle(50)
-    found = convergence.filtered(SPEC, x_m, y_m, heard(SPEC, x_m, y_m))
-    assert found.place_m == pytest.approx(500.0, abs=1.0)
+    found = convergence.run_reference(SPEC, x_m, y_m, true_level_dbm(SPEC, x_m, y_m))
+    assert found.position_m == pytest.approx(500.0, abs=1.0)
     assert not found.covers
-    assert found.place_m**2 > CHI2_95_2DOF * found.radius_m**2
+    assert found.position_m**2 > CHI2_95_2DOF * found.radius_m**2
 
 
-def test_the_table_says_what_each_claim_is_worth():
-    found = convergence._row(convergence.CLAIMS[0], 1)
-    assert [check.verdict for check in found] == ["does not hold"] * 3
-    assert all(check.is_sampled for check in found)
+def test_each_claim_has_a_verdict_and_the_figures_it_rests_on():
+    lines = convergence.compare(convergence.CLAIMS[0], 1)
+    assert [verdict for _, _, verdict in lines] == ["does not hold"] * 3
+    _, measured, _ = lines[0]
     for name in (
         "reference EKF",
         "cellwalk",
@@ -46,5 +46,5 @@ def test_the_table_says_what_each_claim_is_worth():
         "cannot tell",
         "which the claim is beyond",
     ):
-        assert name in found[0].measured
-    assert "rank 3 of 4" in convergence._undetermined().measured
+        assert name in measured
+    assert "rank 3 of 4" in convergence.observability()[1]

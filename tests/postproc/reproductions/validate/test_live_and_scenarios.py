@@ -5,13 +5,13 @@ from logger.core import ekf
 from logger.core.types import Note
 from postproc.reproductions.validate import cost, live, scenarios
 from postproc.reproductions.validate.suite import QUICK
-from postproc.reproductions.validate.walk import ORIGIN_M, heard
+from postproc.reproductions.validate.walk import ORIGIN_M, true_level_dbm
 
 
 def test_the_live_reference_is_the_filter_itself():
-    x_m, y_m = scenarios._square()
-    level_dbm = heard(scenarios.STATION, x_m, y_m)
-    steps = live.of_stage(live.followed(x_m, y_m, level_dbm[None]), "reference-ekf")
+    x_m, y_m = scenarios.around_block()
+    level_dbm = true_level_dbm(scenarios.STATION, x_m, y_m)
+    steps = live.of_stage(live.track(x_m, y_m, level_dbm[None]), "reference-ekf")
     state = ekf.start(x_m[0] + ORIGIN_M[0], y_m[0] + ORIGIN_M[1])
     for step, *reading in zip(steps, x_m + ORIGIN_M[0], y_m + ORIGIN_M[1], level_dbm, strict=True):
         state = ekf.step(state, *reading).state
@@ -27,29 +27,34 @@ def test_a_cell_that_was_not_heard_is_not_in_the_scan():
 
 def test_the_mirror_image_is_as_likely_until_the_line_is_left():
     x_m, y_m = np.linspace(-200.0, 200.0, 80), np.full(80, 100.0)
-    level_dbm = heard(scenarios.STATION, x_m, y_m)
-    assert scenarios._mirrored(x_m, y_m, level_dbm) == pytest.approx(0.5, abs=0.02)
+    level_dbm = true_level_dbm(scenarios.STATION, x_m, y_m)
+    assert scenarios.mirror_probability(x_m, y_m, level_dbm) == pytest.approx(0.5, abs=0.02)
     bent_x, bent_y = (
         np.append(x_m, np.full(40, 200.0)),
         np.append(y_m, np.linspace(100.0, -100.0, 40)),
     )
-    assert scenarios._mirrored(bent_x, bent_y, heard(scenarios.STATION, bent_x, bent_y)) < 0.05
+    assert (
+        scenarios.mirror_probability(
+            bent_x, bent_y, true_level_dbm(scenarios.STATION, bent_x, bent_y)
+        )
+        < 0.05
+    )
 
 
 def test_stationary_and_target_change_are_as_the_checklist_has_them():
-    stationary = scenarios._stationary()
+    stationary = scenarios.stationary()
     assert [check.verdict for check in stationary] == ["holds", "does not hold", "holds"]
-    assert [check.verdict for check in scenarios._target()] == ["holds"] * 3
+    assert [check.verdict for check in scenarios.target_change()] == ["holds"] * 3
 
 
 def test_a_target_that_never_changes_would_be_found(monkeypatch):
-    said = live.followed
+    said = live.track
     monkeypatch.setattr(
         live,
-        "followed",
+        "track",
         lambda *walk: [value for value in said(*walk) if not isinstance(value, Note)],
     )
-    assert [check.verdict for check in scenarios._target()] == ["fails", "holds", "fails"]
+    assert [check.verdict for check in scenarios.target_change()] == ["fails", "holds", "fails"]
 
 
 def test_cost_counts_what_it_says():

@@ -24,7 +24,7 @@ def krueger(lat_deg, lon_deg, zone):
     return 500_000.0 + radius_m * x, radius_m * y + (1e7 if zone < 0 else 0.0)
 
 
-@pytest.mark.parametrize("place", utm.PLACES, ids=lambda place: place.name)
+@pytest.mark.parametrize("place", utm.EXAMPLES, ids=lambda place: place.name)
 def test_the_true_places_are_those_of_an_independent_series(place):
     assert krueger(place.lat_deg, place.lon_deg, place.zone) == pytest.approx(
         place.true_m, abs=0.051

@@ -17,10 +17,6 @@ def quick():
     return [check for group in suite.GROUPS for check in group(suite.QUICK)]
 
 
-def _row(check):
-    return f"| {report._cell(check.claim)} | {report._cell(report._lasting(check))} | {check.verdict} |"
-
-
 def _claim(line):
     return line.split(" | ")[0]
 
@@ -29,7 +25,7 @@ def test_the_page_is_what_the_command_prints_as_far_as_nothing_is_simulated_or_t
     text = PAGE.read_text()
     lines = text.splitlines()
     for check in quick:
-        row = _row(check)
+        row = report.row(check)
         if check.is_sampled or check.is_timed:
             assert _claim(row) in {_claim(line) for line in lines}
         else:
