@@ -1,15 +1,15 @@
-"""Readings at the end of the modem's scale: information, but not a level.
+"""Censored readings: the level is beyond a limit of the modem's scale, by an unknown amount.
 
 A level known only to be at most c has the likelihood Phi((c - mu) / s) (Tobin, Econometrica 26(1),
-1958; for localisation Gustafson et al., arXiv 1504.03977). What the levels z tell of it is taken
-first. With W as in `evidence`, K_c the covariance of censored places and blocks, gain G = K_c W'W,
-and H = [1, -L]:
+1958; for localisation Gustafson et al., arXiv 1504.03977). It is taken given the levels z. With W
+the whitener of the blocks, K_c the covariance of censored points and blocks, gain G = K_c W'W, and
+H the columns of the model (H_c those at censored points):
 
-    level at c | z, P0, eta, sigma ~ N(H_c t + G (z - H t), sigma^2 (K_cc - G K_c')),  t = (P0, eta)
+    level at c | z, theta, sigma ~ N(H_c theta + G (z - H theta), sigma^2 (K_cc - G K_c'))
 
-The product of these terms and the density of z is integrated over P0, eta and log sigma together by
-Laplace's method: near the end of the scale the levels kept are the high ones, and alone they tell
-too small a sigma.
+The product of these terms and the density of z is integrated over the coefficients theta and log
+sigma together by Laplace's method: near the floor the levels received are the high ones, and alone
+they suggest too small a sigma.
 """
 
 from typing import NamedTuple
@@ -17,289 +17,262 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.evidence import Evidence, distances_db, marginal
+from logger.core.locator.normal_tail import log_cdf_and_slope
 from logger.core.model.blocks import Blocks, Censored
+from logger.core.model.columns import censored_columns, varying_columns
+from logger.core.model.elimination import eliminate, inverse, packed_index, pivots, side, solution
+from logger.core.model.marginal import Evidence, marginal
 from logger.core.model.noise import Whitener, correlation, independent_variance
 from logger.core.model.prior import Hypothesis, Prior
 
 _NEWTON_STEPS = 12
-_LARGEST_STEP = 0.4
-_SHORTER = 0.25
-_CLOSE_NATS = 1e-2
+_LARGEST_STEP = 0.4  # of log sigma
+_SHORTER = 0.25  # of a step that does not lead up
+_SMALL_GAIN_NATS = 1e-2  # expected of the next step: far below what decides between positions
 _COLUMNS = 512  # at once: these matrices stay in the cache
 _LEAST_SHARE = 0.2
-_HALF_STEP_DB = 0.5
-_SQRT_2PI = float(np.sqrt(2.0 * np.pi))
-_HALF_ROOT = float(np.sqrt(0.125))
+"""Of the curvature in log sigma that must remain once the coefficients are eliminated."""
+_HALF_STEP_DB = 0.5  # levels are rounded to 1 dB
 
 
-class Given(NamedTuple):
-    """What blocks of known level tell of the censored places under one hypothesis.
+class Conditional(NamedTuple):
+    """Levels at censored points given those of the blocks, under one hypothesis.
 
-    `gain` (g, n) is G, `known_dbm` (g,) is G z, `power` (g,) how much P0 still counts, `spread`
-    (g,) the standard deviation of a level in units of sigma, `worth` (g,) how many independent
-    readings those of the place are.
+    `gain` (g, n) is G, `predicted_dbm` (g,) is G z, `sd` (g,) the standard deviation of a level in
+    units of sigma, `effective_readings` (g,) the number of independent readings with as much
+    information.
     """
 
     gain: FloatArray
-    known_dbm: FloatArray
-    power: FloatArray
-    spread: FloatArray
-    worth: FloatArray
+    predicted_dbm: FloatArray
+    sd: FloatArray
+    effective_readings: FloatArray
 
 
-def given_levels(blocks: Blocks, noise: Whitener, hypothesis: Hypothesis) -> Given:
-    """What the levels of blocks tell of their censored places."""
+def conditional_levels(blocks: Blocks, noise: Whitener, hypothesis: Hypothesis) -> Conditional:
+    """Distribution of the levels at the censored points of some blocks, given theirs."""
     gone = blocks.censored
     known = noise.matrix @ shadowing_in_blocks(blocks, hypothesis).T
     left = shadowing(gone, hypothesis, gone.x_m, gone.y_m) - known.T @ known
     gain = known.T @ noise.matrix
-    spread = np.sqrt(np.maximum(np.diagonal(left), 0.0) + hypothesis.white_share)
-    worth = effective(left, spread, hypothesis.white_share, gone.readings)
-    return Given(gain, gain @ blocks.level_dbm, 1.0 - np.sum(gain, axis=1), spread, worth)
+    sd = np.sqrt(np.maximum(np.diagonal(left), 0.0) + hypothesis.white_share)
+    effective = effective_readings(left, sd, hypothesis.white_share, gone.readings)
+    return Conditional(gain, gain @ blocks.level_dbm, sd, effective)
 
 
 def shadowing(
     gone: Censored, hypothesis: Hypothesis, x_m: FloatArray, y_m: FloatArray
 ) -> FloatArray:
-    """Covariance, in units of sigma^2, of the shadowing at censored places with that at places
-    (n,), shape (g, n).
-    """
-    a, d_c, _ = hypothesis
+    """Covariance (g, n), in units of sigma^2, of the shadowing at censored and other points."""
     apart_m = np.hypot(gone.x_m[:, None] - x_m, gone.y_m[:, None] - y_m)
-    return (1.0 - a) * correlation(apart_m, d_c)
+    return (1.0 - hypothesis.white_share) * correlation(apart_m, hypothesis.decorrelation_m)
 
 
 def shadowing_in_blocks(blocks: Blocks, hypothesis: Hypothesis) -> FloatArray:
     """The same with the means over the points of the blocks, shape (g, n)."""
-    return blocks.mean(
-        shadowing(blocks.censored, hypothesis, blocks.point_x_m, blocks.point_y_m).T
-    ).T
+    of_points = shadowing(blocks.censored, hypothesis, blocks.point_x_m, blocks.point_y_m)
+    return blocks.mean(of_points.T).T
 
 
-def effective(
-    left: FloatArray, spread: FloatArray, white_share: float, readings: FloatArray
+def effective_readings(
+    left: FloatArray, sd: FloatArray, white_share: float, readings: FloatArray
 ) -> FloatArray:
-    """How many independent readings those of each place are worth, shape (g,).
+    """Number of independent readings that those of each point are worth, shape (g,).
 
-    Correlated shadowing, of which `left` (g, g) is unknown, hides several places at once: together
+    Correlated shadowing, of which `left` (g, g) is unknown, hides several points at once: together
     they count as the 1' K^-1 1 of a common mean.
     """
     k = left + np.diag(independent_variance(readings, white_share, np.inf))
-    k /= spread[:, None] * spread
-    share = 1.0 / np.diagonal(k)
-    worth = float(np.sum(np.linalg.solve(k, np.ones(len(k)))))
-    return np.asarray(share * min(worth / float(np.sum(share)), 1.0), float)
+    k /= sd[:, None] * sd
+    each = 1.0 / np.diagonal(k)
+    together = float(np.sum(np.linalg.solve(k, np.ones(len(k)))))
+    return np.asarray(each * min(together / float(np.sum(each)), 1.0), float)
 
 
 def beyond_dbm(gone: Censored) -> FloatArray:
-    """What the level was beyond: it is rounded to the end of the scale from inside it too, shape
-    (g,).
-    """
+    """What the level was beyond, shape (g,): levels within half a step are rounded to the limit."""
     return np.asarray(gone.limit_dbm - _HALF_STEP_DB * gone.side, float)
 
 
-def distances_to(gone: Censored, height_m: float, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-    """L = 10 log10 d of each censored place from each place (h,), shape (g, h)."""
-    d2 = (x_m - gone.x_m[:, None]) ** 2 + (y_m - gone.y_m[:, None]) ** 2 + height_m**2
-    return np.asarray(5.0 * np.log10(np.maximum(d2, 1.0)), float)
-
-
-def joined(
+def tobit_evidence(
     total: FloatArray,
     log_det: FloatArray,
     blocks: Blocks,
-    given: list[Given],
+    conditional: list[Conditional],
     prior: Prior,
     x_m: FloatArray,
     y_m: FloatArray,
     near: Evidence | None = None,
 ) -> Evidence:
-    """As `evidence.marginal`, of levels and censored readings; one of `given` for each hypothesis.
+    """As `marginal`, of levels and censored readings, with one of `conditional` per hypothesis.
 
-    `near` is the evidence of places nearby, to begin with.
+    `near` is the evidence at positions nearby, where the search for the mode begins.
     """
     start = marginal(total, len(blocks), log_det, prior, 1) if near is None else near
-    gone_db = distances_to(blocks.censored, prior.height_m, x_m, y_m)
-    levels_db = distances_db(blocks, prior.height_m, x_m, y_m)
-    begun = np.stack([*start.theta, np.log(start.sigma_db)])
+    censored = censored_columns(blocks.censored, prior, x_m, y_m)
+    varying = varying_columns(blocks, prior, x_m, y_m)
+    begin = np.concatenate([np.log(start.sigma_db)[None], start.theta])
     at_once, parts = max(_COLUMNS // len(x_m), 1), []
-    for i in range(0, len(given), at_once):
+    for i in range(0, len(conditional), at_once):
         some = slice(i, i + at_once)
-        terms = _Terms.of(blocks.censored, given[some], gone_db, levels_db)
-        of_some = (
-            total[:, some].reshape(len(total), -1),
-            len(blocks),
-            terms,
-            prior,
-            begun[:, some].reshape(3, -1),
-        )
-        parts.append(_laplace(*of_some))
-    log_p, mean, spread = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
-    mean, spread = mean.reshape(begun.shape), spread.reshape(begun.shape)
+        terms = _terms(blocks.censored, conditional[some], censored, varying)
+        columns = (values[:, some].reshape(len(values), -1) for values in (total, begin))
+        parts.append(_laplace(*columns, len(blocks), terms, prior))
+    log_p, mode, covariance = (
+        np.concatenate(v, axis=-1) for v in zip(*parts, strict=True)
+    )
+    mode = mode.reshape(begin.shape)
     constant = -0.5 * (log_det + len(blocks) * np.log(2.0 * np.pi))
-    return Evidence(log_p.reshape(begun.shape[1:]) + constant, mean[:2], spread, np.exp(mean[2]))
+    return Evidence(
+        log_p.reshape(begin.shape[1:]) + constant,
+        mode[1:],
+        covariance.reshape(3, *begin.shape[1:]),
+        np.exp(mode[0]),
+    )
 
 
 class _Terms(NamedTuple):
-    """Censored terms worth * log Phi((of_p0 P0 + of_eta eta + of_one) / sigma), shape (g, k) each.
+    """Censored terms, effective_readings * log Phi((columns . theta + of_one) / sigma).
 
-    A column for each place under one hypothesis after the other.
+    `columns` has shape (q, g, k), the others (g, k): k runs over the positions of one hypothesis
+    after the other.
     """
 
-    of_p0: FloatArray
-    of_eta: FloatArray
+    columns: FloatArray
     of_one: FloatArray
-    worth: FloatArray
+    effective_readings: FloatArray
 
-    @classmethod
-    def of(
-        cls, gone: Censored, given: list[Given], gone_db: FloatArray, levels_db: FloatArray
-    ) -> "_Terms":
-        sign = np.stack([gone.side / one.spread for one in given], axis=1)
-        power, known_dbm, worth = (
-            np.stack(column, axis=1)
-            for column in zip(*((g.power, g.known_dbm, g.worth) for g in given), strict=True)
-        )
-        apart_db = [
-            gone_db - one.gain @ levels_db if np.any(one.gain) else gone_db for one in given
-        ]
-        of_one = sign * (known_dbm - beyond_dbm(gone)[:, None])
-        of_p0, sign, of_one, worth = np.repeat(
-            [sign * power, sign, of_one, worth], gone_db.shape[1], axis=2
-        )
-        return cls(of_p0, -sign * np.concatenate(apart_db, axis=1), of_one, worth)
+    def part(self, some: IntArray) -> "_Terms":
+        """Those of some k."""
+        return _Terms(*(values[..., some] for values in self))
 
-    def some(self, columns: IntArray) -> "_Terms":
-        """Those of some columns."""
-        return _Terms(*(values[:, columns] for values in self))
+
+def _terms(
+    gone: Censored,
+    conditional: list[Conditional],
+    censored: list[FloatArray],
+    varying: list[FloatArray],
+) -> _Terms:
+    parts = [_of_hypothesis(gone, one, censored, varying) for one in conditional]
+    return _Terms(*(np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)))
+
+
+def _of_hypothesis(
+    gone: Censored,
+    conditional: Conditional,
+    censored: list[FloatArray],
+    varying: list[FloatArray],
+) -> _Terms:
+    gain, predicted_dbm, sd, effective = conditional
+    sign = (gone.side / sd)[:, None]
+    shape = censored[0].shape
+    columns = np.empty((1 + len(censored), *shape))
+    columns[0] = (1.0 - np.sum(gain, axis=1))[:, None]
+    columns[1:] = censored
+    if np.any(gain):
+        columns[1:] -= gain @ np.stack(varying)
+    columns *= sign
+    of_one = sign * (predicted_dbm - beyond_dbm(gone))[:, None]
+    return _Terms(
+        columns, np.broadcast_to(of_one, shape), np.broadcast_to(effective[:, None], shape)
+    )
 
 
 def _laplace(
-    total: FloatArray, n: int, terms: _Terms, prior: Prior, at: FloatArray
+    total: FloatArray, begin: FloatArray, n: int, terms: _Terms, prior: Prior
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log evidence (h,), mode (3, h), covariance of P0 and eta (3, h); Newton's method begins at
-    `at` (3, h).
+    """Log evidence (k,), mode (q + 1, k) and covariance of P0 and eta (3, k) by Newton's method.
 
-    A step that does not lead up is shortened.
+    It begins at `begin` (q + 1, k): log sigma, then the coefficients. A step that does not lead up
+    is shortened.
     """
-    bend, length, far = (
-        _bend(total, n, terms, prior, at),
-        np.ones(at.shape[1]),
-        np.arange(at.shape[1]),
-    )
+    at, length, active = begin, np.ones(begin.shape[1]), np.arange(begin.shape[1])
+    surface = _surface(total, n, terms, prior, at)
     for _ in range(_NEWTON_STEPS):
-        step, gain = _newton_step(bend[:, far])
-        still = length[far] * gain > _CLOSE_NATS
-        far = far[still]
-        if not len(far):
+        step, gain = _newton_step(surface[:, active])
+        moving = length[active] * gain > _SMALL_GAIN_NATS
+        active = active[moving]
+        if not len(active):
             break
-        there = at[:, far] + length[far] * step[:, still]
-        tried = _bend(total[:, far], n, terms.some(far), prior, there)
-        up = tried[0] >= bend[0, far]
-        at[:, far[up]], bend[:, far[up]] = there[:, up], tried[:, up]
-        length[far] = np.where(up, 1.0, _SHORTER * length[far])
-    (h00, h01, h11), (k0, k1), corner = bend[4:7], *_column(bend)
-    det = h00 * h11 - h01 * h01
-    spread = np.stack(
-        [h11 / det + k0 * k0 / corner, -h01 / det + k0 * k1 / corner, h00 / det + k1 * k1 / corner]
-    )
-    return bend[0] - 0.5 * np.log(det * corner), at, spread
+        there = at[:, active] + length[active] * step[:, moving]
+        tried = _surface(total[:, active], n, terms.part(active), prior, there)
+        up = tried[0] >= surface[0, active]
+        at[:, active[up]], surface[:, active[up]] = there[:, up], tried[:, up]
+        length[active] = np.where(up, 1.0, _SHORTER * length[active])
+    system = _eliminated(surface)
+    covariance = inverse(system, 3)[[1, 2, 2], [1, 1, 2]]
+    return surface[0] - 0.5 * np.log(np.prod(pivots(system), axis=0)), at, covariance
 
 
-def _newton_step(bend: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Step (3, h), and twice what it is expected to gain (h,)."""
-    (g0, g1, g2), (h00, h01, h11), (k0, k1), corner = bend[1:4], bend[4:7], *_column(bend)
-    of_sigma = np.clip((g2 - k0 * g0 - k1 * g1) / corner, -_LARGEST_STEP, _LARGEST_STEP)
-    det = h00 * h11 - h01 * h01
-    of_p0, of_eta = (
-        (h11 * g0 - h01 * g1) / det - k0 * of_sigma,
-        (h00 * g1 - h01 * g0) / det - k1 * of_sigma,
-    )
-    step = np.stack([of_p0, of_eta, of_sigma])
-    return step, np.asarray(np.sum(step * bend[1:4], axis=0), float)
+def _newton_step(surface: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Step (q + 1, k), and twice the gain expected of it (k,)."""
+    unknowns = side(surface) - 1
+    step = solution(_eliminated(surface), unknowns)
+    gradient = surface[[packed_index(i + 1, 0) for i in range(unknowns)]]
+    return step, np.asarray(np.sum(step * gradient, axis=0), float)
 
 
-def _column(bend: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Last column of the negative Hessian solved for the first two unknowns (2, h), and what is
-    left of its corner.
+def _eliminated(surface: FloatArray) -> FloatArray:
+    """Newton's system with the coefficients eliminated and the step of log sigma bounded."""
+    system = surface.copy()
+    eliminate(system, first=2)
+    gradient, curvature = packed_index(1, 0), packed_index(1, 1)
+    system[curvature] = np.maximum(system[curvature], _LEAST_SHARE * surface[curvature])
+    of_log_sigma = system[gradient] / system[curvature]
+    system[gradient] = np.clip(of_log_sigma, -_LARGEST_STEP, _LARGEST_STEP)
+    return system
+
+
+def _surface(
+    total: FloatArray, n: int, terms: _Terms, prior: Prior, at: FloatArray
+) -> FloatArray:
+    """Log density at `at` (q + 1, k) with its gradient and negative Hessian, packed (m, k).
+
+    Row 0 holds the log density, the other rows those of log sigma and of the coefficients: the
+    gradient first, then the negative second derivatives.
     """
-    h00, h01, h11, h02, h12, h22 = bend[4:]
-    solved = np.stack([h11 * h02 - h01 * h12, h00 * h12 - h01 * h02]) / (h00 * h11 - h01 * h01)
-    return solved, np.maximum(h22 - solved[0] * h02 - solved[1] * h12, _LEAST_SHARE * h22)
+    tau, theta = at[0], at[1:]
+    columns, of_one, effective = terms
+    mean, precision = (values[:, None] for values in prior.coefficients)
+    off, precision_tau = theta - mean, prior.sigma_log_sd**-2
+    off_tau = tau - np.log(prior.sigma_db)
+    q, inverse_sigma = len(theta), np.exp(-tau)
+    w = inverse_sigma * inverse_sigma
 
+    # the levels: residuals projected on each column, and their sum of squares, by sigma^2
+    pull = total[[packed_index(i + 1, 0) for i in range(q)]]
+    of_levels = w * (pull - np.einsum("ijk,jk->ik", _square(total, q), theta))
+    residual = w * (total[0] - np.sum(pull * theta, axis=0)) - np.sum(theta * of_levels, axis=0)
+    residual = np.maximum(residual, 0.0)
 
-def _bend(total: FloatArray, n: int, terms: _Terms, prior: Prior, at: FloatArray) -> FloatArray:
-    """Log density in P0, eta and log sigma, its gradient, its negative Hessian (00, 01, 11, 02, 12,
-    22): (10, h).
-    """
-    oo, ol, ll, oz, lz, zz, log_weight = total
-    p0, eta, tau = at
-    lam0, lam1, lam2 = prior.p0_sigma_db**-2, prior.eta_sigma**-2, prior.sigma_log_sd**-2
-    off0, off1, off2 = p0 - prior.p0_dbm, eta - prior.eta, tau - np.log(prior.sigma_db)
-    s = np.exp(-tau)
-    w = s * s
-    r0, r1 = w * (oz - p0 * oo - eta * ol), w * (lz - p0 * ol - eta * ll)
-    residual = np.maximum(w * (zz - p0 * oz - eta * lz) - p0 * r0 - eta * r1, 0.0)
-
-    x0, x1, of_one, worth = terms
-    u = s * (x0 * p0 + x1 * eta + of_one)
+    # the censored terms: derivatives of log Phi(u) by u, and of u by the unknowns
+    u = inverse_sigma * (np.einsum("igk,ik->gk", columns, theta) + of_one)
     log_phi, slope = log_cdf_and_slope(u)
-    first = worth * slope
+    first = effective * slope
     second = first * (slope + u)
-    mixed, second0, second1 = second * u - first, second * x0, second * x1
+    mixed = second * u - first
 
-    log_p = log_weight - n * tau + 0.5 * np.log(lam0 * lam1 * lam2) + _dot(worth, log_phi)
-    log_p -= 0.5 * (residual + lam0 * off0 * off0 + lam1 * off1 * off1 + lam2 * off2 * off2)
-    return np.stack(
-        [
-            log_p,
-            r0 - lam0 * off0 + s * _dot(first, x0),
-            r1 - lam1 * off1 + s * _dot(first, x1),
-            residual - n - lam2 * off2 - _dot(first, u),
-            w * (oo + _dot(second0, x0)) + lam0,
-            w * (ol + _dot(second0, x1)),
-            w * (ll + _dot(second1, x1)) + lam1,
-            2.0 * r0 - s * _dot(mixed, x0),
-            2.0 * r1 - s * _dot(mixed, x1),
-            np.maximum(2.0 * residual + lam2 + _dot(mixed, u), 0.5 * lam2),
+    log_p = total[-1] - n * tau + 0.5 * np.sum(np.log(precision)) + _dot(effective, log_phi)
+    log_p += 0.5 * np.log(precision_tau)
+    log_p -= 0.5 * (residual + np.sum(precision * off * off, axis=0) + precision_tau * off_tau**2)
+    gradient_tau = residual - n - precision_tau * off_tau - _dot(first, u)
+    curvature_tau = 2.0 * residual + precision_tau + _dot(mixed, u)
+    rows = [log_p, gradient_tau, np.maximum(curvature_tau, 0.5 * precision_tau)]
+    for i, column in enumerate(columns):
+        rows.append(of_levels[i] - precision[i] * off[i] + inverse_sigma * _dot(first, column))
+        rows.append(2.0 * of_levels[i] - inverse_sigma * _dot(mixed, column))
+        bent = second * column
+        rows += [
+            w * (total[packed_index(i + 1, j + 1)] + _dot(bent, columns[j])) for j in range(i + 1)
         ]
-    )
+        rows[-1] += precision[i]
+    return np.stack(rows)
+
+
+def _square(total: FloatArray, q: int) -> FloatArray:
+    """X'wX of packed sums, shape (q, q, k)."""
+    return total[[[packed_index(max(i, j), min(i, j)) for j in range(1, q + 1)] for i in range(1, q + 1)]]
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("gk,gk->k", a, b), float)
-
-
-def log_cdf_and_slope(u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Log of the standard normal distribution function and its slope phi(u) / Phi(u), relative
-    errors below 2e-7.
-
-    From the rational approximation of erfc in Abramowitz & Stegun 7.1.26's successor (Press et al.,
-    Numerical Recipes, sec. 6.2, erfcc), whose logarithm stays finite far in the tail.
-    """
-    squared = 0.5 * u * u
-    t = 1.0 / (1.0 + np.abs(u) * _HALF_ROOT)
-    power = np.full_like(t, _ERFC[0])
-    for coefficient in _ERFC[1:]:
-        power *= t
-        power += coefficient
-    tail = 0.5 * t * np.exp(power)  # of -|u|, times exp(u^2 / 2)
-    bell, below = np.exp(-squared), u < 0.0
-    share = np.where(below, tail, 1.0 - bell * tail)
-    slope = np.where(below, 1.0, bell) / (_SQRT_2PI * share)
-    return np.log(share) - np.where(below, squared, 0.0), slope
-
-
-_ERFC = (
-    0.17087277,
-    -0.82215223,
-    1.48851587,
-    -1.13520398,
-    0.27886807,
-    -0.18628806,
-    0.09678418,
-    0.37409196,
-    1.00002368,
-    -1.26551223,
-)

@@ -17,10 +17,10 @@ _COARSER = 1.25
 
 
 class Censored(NamedTuple):
-    """Places where the level was at the end of the modem's scale, shape (g,) each.
+    """Points where the level was at a censoring limit of the modem's scale, shape (g,) each.
 
     The level is at most `limit_dbm` where `side` is -1, at least that where it is +1; `readings`
-    were taken there.
+    were taken there. The receiver's position has a standard deviation of `position_sigma_m`.
     """
 
     x_m: FloatArray
@@ -28,9 +28,10 @@ class Censored(NamedTuple):
     limit_dbm: FloatArray
     side: FloatArray
     readings: FloatArray
+    position_sigma_m: FloatArray
 
 
-NOTHING_CENSORED = Censored(*np.zeros((5, 0)))
+NOTHING_CENSORED = Censored(*np.zeros((6, 0)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,28 +162,30 @@ def _modems(obs: CellObservations) -> IntArray:
 
 
 def censored_places(obs: CellObservations, most: int = _MOST_CENSORED) -> Censored:
-    """Readings at either end of the scale, those of one place together, in at most `most` places
-    for each end.
+    """Censored readings, those of one point together, in at most `most` points for each limit.
 
-    A place may have both ends.
+    A point may have both limits.
     """
     at = np.flatnonzero(obs.limit)
     side, one = obs.limit[at].astype(float), np.ones(len(at))
-    return in_fewer_places(
-        Censored(obs.x_m[at], obs.y_m[at], obs.level_dbm[at], side, one), most, _modems(obs)[at]
+    each = Censored(
+        obs.x_m[at], obs.y_m[at], obs.level_dbm[at], side, one, obs.position_sigma_m[at]
     )
+    return in_fewer_places(each, most, _modems(obs)[at])
 
 
 def in_fewer_places(gone: Censored, most: int, modem: IntArray | None = None) -> Censored:
-    """At most `most` places for each end of the scale, of one modem each (g,; None: of one)."""
+    """At most `most` points for each limit, of one modem each (g,; None: one modem altogether)."""
     modem = np.zeros(len(gone.x_m), np.int64) if modem is None else modem
     parts = []
     for side in (-1.0, 1.0):
         at = np.flatnonzero(gone.side == side)
-        which, count = squares(gone.x_m[at], gone.y_m[at], most, modem[at])[0], gone.readings[at]
-        total = np.bincount(which, count).astype(float)
-        x, y, limit = (np.bincount(which, count * v[at]) / total for v in gone[:3])
-        parts.append((x, y, limit, np.full(len(total), side), total))
+        square, _ = squares(gone.x_m[at], gone.y_m[at], most, modem[at])
+        readings = gone.readings[at]
+        total = np.bincount(square, readings).astype(float)
+        columns = (gone.x_m, gone.y_m, gone.limit_dbm, gone.position_sigma_m**2)
+        x, y, limit, variance = (np.bincount(square, readings * v[at]) / total for v in columns)
+        parts.append((x, y, limit, np.full(len(total), side), total, np.sqrt(variance)))
     return Censored(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 

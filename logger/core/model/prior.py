@@ -1,6 +1,8 @@
-"""What is believed before the walk."""
+"""What is assumed before the walk: priors of the coefficients, the noise and the position."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -8,12 +10,20 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 
+ANTENNAS = MappingProxyType({"omni": (), "sector": (9.3, 3.3)})
+"""Standard deviations in dB of each harmonic of the antenna pattern, for cosine and sine alike.
+
+A sector antenna with a half-power beam width of 65 degrees and 25 dB front to back (3GPP TR 36.942,
+4.2.1: -min(12 (b / 65)^2, 25) dB) has first and second harmonics of 13.1 and 4.6 dB. With a uniform
+azimuth of the beam, cosine and sine each have that divided by sqrt(2). The other harmonics together
+are 1.1 dB rms and count as noise.
+"""
+
 
 class Hypothesis(NamedTuple):
-    """The residuals' covariance: share of it that is white, decorrelation distance of the rest (0
-    if all is white).
+    """Covariance of the residuals: a white share, the rest with a decorrelation distance.
 
-    `trust` is the power its likelihood is raised to.
+    `decorrelation_m` is 0 where all is white. `trust` is the power that the likelihood is raised to.
     """
 
     white_share: float
@@ -21,21 +31,29 @@ class Hypothesis(NamedTuple):
     trust: float
 
 
+class Coefficients(NamedTuple):
+    """Mean and precision (inverse variance) of P0, eta and the harmonics, shape (q,) each."""
+
+    mean: FloatArray
+    precision: FloatArray
+
+
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """What is believed before the walk; printed with every result.
+    """What is assumed before the walk; printed with every result.
 
     P0 and eta are normal, sigma is log-normal. White noise alone has probability `white_alone`, the
     pairs of white share and decorrelation distance divide the rest evenly. The position is uniform
     within `near_m` of the walk and falls with the distance to the power of `far_power` beyond, up
     to `reach_m`; with 2 every octave of range would count the same. The antenna is `height_m` above
     the receiver. Modems read too high or too low by `offset_sigma_db`: 3GPP TS 45.008, 8.1.2,
-    allows 6 dB.
+    allows 6 dB. Each harmonic of the antenna pattern has the standard deviation in `antenna_db`;
+    without any the antenna is omnidirectional.
 
-    Residuals that hang together over more than `stationary_m` are no shadowing that a stationary
-    Gaussian process describes but hills, streets and the shape of the antenna: there the likelihood
-    counts with the power `trust` only (generalised posterior: Bissiri, Holmes & Walker, JRSS-B
-    78(5), 2016).
+    Residuals that are correlated over more than `stationary_m` are not shadowing, which a
+    stationary Gaussian process describes, but hills, streets and the pattern of the antenna: there
+    the likelihood counts with the power `trust` only (generalised posterior: Bissiri, Holmes &
+    Walker, JRSS-B 78(5), 2016).
     """
 
     environment: str = "any"
@@ -55,6 +73,7 @@ class Prior:
     trust: float = 0.3
     reach_m: float = 30_000.0
     offset_sigma_db: float = 6.0
+    antenna_db: tuple[float, ...] = ()
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
@@ -67,11 +86,23 @@ class Prior:
 
     @property
     def log_odds(self) -> FloatArray:
-        """Log prior probability of each hypothesis."""
+        """Log prior probability of each hypothesis, shape (c,)."""
         pairs = len(self.white_shares) * len(self.decorrelation_m)
-        return np.asarray(
-            np.log([self.white_alone] + [(1.0 - self.white_alone) / max(pairs, 1)] * pairs), float
-        )
+        each = (1.0 - self.white_alone) / max(pairs, 1)
+        return np.asarray(np.log([self.white_alone] + [each] * pairs), float)
+
+    @property
+    def coefficients(self) -> Coefficients:
+        """Prior of the linear coefficients, in the order of `columns`."""
+        return _coefficients(self)
+
+
+@lru_cache(maxsize=16)  # needed after each live reading
+def _coefficients(prior: Prior) -> Coefficients:
+    harmonics = np.repeat(np.array(prior.antenna_db, float), 2)
+    mean = np.concatenate([[prior.p0_dbm, prior.eta], np.zeros(len(harmonics))])
+    sigma = np.concatenate([[prior.p0_sigma_db, prior.eta_sigma], harmonics])
+    return Coefficients(mean, sigma**-2.0)
 
 
 ENVIRONMENTS = {
@@ -88,11 +119,13 @@ the usual tables (Rappaport, Wireless Communications, 2nd ed., table 4.2: free s
 """
 
 
-def prior_for(environment: str, *, height_m: float | None = None) -> Prior:
-    """Prior of surroundings by name; raises `ConfigError` for a name that is none."""
-    if environment not in ENVIRONMENTS:
-        raise ConfigError(
-            f"environment {environment!r} is unknown: one of {', '.join(ENVIRONMENTS)}"
-        )
-    prior = ENVIRONMENTS[environment]
+def prior_for(environment: str, *, height_m: float | None = None, antenna: str = "omni") -> Prior:
+    """Prior by the names of surroundings and antenna; raises `ConfigError` for an unknown name."""
+    for name, kind, choices in (
+        (environment, "environment", ENVIRONMENTS),
+        (antenna, "antenna", ANTENNAS),
+    ):
+        if name not in choices:
+            raise ConfigError(f"{kind} {name!r} is unknown: one of {', '.join(choices)}")
+    prior = replace(ENVIRONMENTS[environment], antenna_db=ANTENNAS[antenna])
     return prior if height_m is None else replace(prior, height_m=height_m)

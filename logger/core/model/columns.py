@@ -1,0 +1,77 @@
+"""The linear columns of the model: what multiplies P0, eta and the harmonics of an antenna pattern.
+
+Given a position, the level is linear in its unknown coefficients:
+
+    z = P0 - eta L + a1 cos b + b1 sin b + a2 cos 2b + b2 sin 2b + ... + v
+
+b is the azimuth under which the transmitter sees the receiver. The columns are 1, which is the same
+for all positions, and -L, cos b, sin b, ..., which vary with the position. An omnidirectional
+antenna has no harmonics. All coefficients have independent normal priors. Another kind of pattern
+is another column here and its prior in `Prior.coefficients`.
+"""
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.model.blocks import Blocks, Censored
+from logger.core.model.path_loss import distance_m, log_distance_db, receiver_error_db
+from logger.core.model.prior import Prior
+
+
+
+def varying_columns(
+    blocks: Blocks, prior: Prior, x_m: FloatArray, y_m: FloatArray
+) -> list[FloatArray]:
+    """Columns that vary with the position: means over the points of each block, (n, h) each.
+
+    The first is -L, then follow cosine and sine of each harmonic of the antenna pattern.
+    """
+    sigma_m = blocks.position_sigma_m
+    if not blocks.of_one_point:
+        sigma_m = np.repeat(sigma_m, np.diff(np.append(blocks.first, len(blocks.point_x_m))))
+    columns = _of_points(blocks.point_x_m, blocks.point_y_m, sigma_m, prior, x_m, y_m)
+    return [blocks.mean(column) for column in columns]
+
+
+def censored_columns(
+    censored: Censored, prior: Prior, x_m: FloatArray, y_m: FloatArray
+) -> list[FloatArray]:
+    """The same for censored readings, (g, h) each."""
+    sigma_m = censored.position_sigma_m
+    return _of_points(censored.x_m, censored.y_m, sigma_m, prior, x_m, y_m)
+
+
+def _of_points(
+    point_x_m: FloatArray,
+    point_y_m: FloatArray,
+    sigma_m: FloatArray,
+    prior: Prior,
+    x_m: FloatArray,
+    y_m: FloatArray,
+) -> list[FloatArray]:
+    dx_m, dy_m = point_x_m[:, None] - x_m, point_y_m[:, None] - y_m
+    distance_db = log_distance_db(dx_m, dy_m, prior.height_m, sigma_m[:, None])
+    columns = [-distance_db]
+    if prior.antenna_db:
+        columns += _harmonics(dx_m, dy_m, distance_db, len(prior.antenna_db))
+    return columns
+
+
+def _harmonics(
+    dx_m: FloatArray, dy_m: FloatArray, distance_db: FloatArray, orders: int
+) -> list[FloatArray]:
+    """cos kb and sin kb for k = 1 to `orders`, fading to zero right below the antenna."""
+    direction = (dx_m + 1j * dy_m) / distance_m(distance_db)
+    powers = [direction**k for k in range(1, orders + 1)]
+    return [part for power in powers for part in (power.real, power.imag)]
+
+
+def receiver_variance(blocks: Blocks, prior: Prior, distance_db: FloatArray) -> FloatArray | None:
+    """Variance (n, h), in units of sigma^2, caused by the receiver's position error; None without one.
+
+    An error sigma_g at distance d moves the level by about (10 / ln 10) eta sigma_g / d.
+    """
+    if not np.any(blocks.position_sigma_m):
+        return None
+    error_db = receiver_error_db(prior.eta, blocks.position_sigma_m[:, None], distance_db)
+    return np.asarray((error_db / prior.sigma_db) ** 2, float)

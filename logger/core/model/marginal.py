@@ -1,0 +1,264 @@
+"""The one marginaliser: evidence of a position with the linear coefficients and sigma integrated out.
+
+With whitened columns X = W [columns], z = W levels, weights of rows w, s2 = sigma^2 and the prior
+N(m0, Lambda0^-1) of the coefficients, all that a position needs are the sums X'wX, X'wz and z'wz:
+
+    A = X'wX / s2 + Lambda0,    b = X'wz / s2 + Lambda0 m0
+    log p(z | x, y, sigma) = -n/2 log 2pi - n log sigma - 1/2 log|K| + 1/2 log|w|
+                             + 1/2 log|Lambda0| - 1/2 log|A|
+                             - 1/2 (z'wz / s2 + m0' Lambda0 m0 - b' A^-1 b)
+
+Sums are packed lower triangles with z as row 0 (see `elimination`), then one row more, the log
+weight of all rows. log sigma is integrated by Gauss-Hermite nodes about its mode (Naylor & Smith,
+Appl. Statist. 31(3), 1982), or by Laplace's method.
+"""
+
+from functools import cache
+from math import log, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.model.blocks import Blocks
+from logger.core.model.columns import receiver_variance, varying_columns
+from logger.core.model.elimination import eliminate, inverse, pivots, side, solution
+from logger.core.model.noise import Whitener
+from logger.core.model.prior import Coefficients, Prior
+
+NODES = 7
+"""Gauss-Hermite nodes for log sigma."""
+
+_NEWTON_STEPS = 2  # from a start that is close: the third changes the mode by less than 1e-3
+_LARGEST_STEP = 0.5  # of log sigma, so that Newton's method does not leave the region it describes
+_LEAST_SIGMA_DB = 0.05
+"""Below it, as where all levels are equal, residuals are rounding errors of either sign."""
+_SMALL_STEP = 0.05  # of log sigma: log p changes by its slope, within 1e-3 nats
+_STRIP = 64  # rows of a whitener multiplied at once
+
+
+class Evidence(NamedTuple):
+    """What the levels give for each hypothesis of the noise (c) at each position (h).
+
+    `log_p` and `sigma_db` (mean) have shape (c, h); `theta` (q, c, h) is the mean of P0, eta and the
+    antenna's harmonics; `theta_cov` (3, c, h) holds var P0, cov, var eta.
+    """
+
+    log_p: FloatArray
+    theta: FloatArray
+    theta_cov: FloatArray
+    sigma_db: FloatArray
+
+
+class Fit(NamedTuple):
+    """Coefficients given sigma: the eliminated system (m, c, h)."""
+
+    system: FloatArray
+
+    @property
+    def theta(self) -> FloatArray:
+        """Means of all coefficients, shape (q, c, h)."""
+        return solution(self.system, side(self.system) - 1)
+
+    def covariance(self, count: int) -> FloatArray:
+        """Covariance of the first `count` coefficients, shape (count, count, c, h)."""
+        return inverse(self.system, count)
+
+    @property
+    def log_det(self) -> FloatArray:
+        """log |A|, shape (c, h)."""
+        return np.asarray(np.log(np.prod(pivots(self.system), axis=0)), float)
+
+    @property
+    def misfit(self) -> FloatArray:
+        """z'wz / s2 + m0' Lambda0 m0 - b' A^-1 b, shape (c, h)."""
+        return self.system[0]
+
+
+def walk_sums(
+    blocks: Blocks, whiteners: list[Whitener], prior: Prior, x_m: FloatArray, y_m: FloatArray
+) -> FloatArray:
+    """Sums over all blocks for each hypothesis (c) and position (h), shape (m + 1, c, h)."""
+    columns = varying_columns(blocks, prior, x_m, y_m)
+    extra = receiver_variance(blocks, prior, -columns[0])
+    fixed = np.stack([blocks.level_dbm, np.ones(len(blocks))])
+    of_each = [sums(one.matrix, fixed, columns, extra) for one in whiteners]
+    return np.stack(of_each, axis=1)
+
+
+def sums(
+    whitener: FloatArray,
+    fixed: FloatArray,
+    varying: list[FloatArray],
+    extra: FloatArray | None,
+) -> FloatArray:
+    """Sums of one hypothesis, shape (m + 1, h), for W (n, n).
+
+    `fixed` (f, n) are the levels and the columns that are the same for all positions, `varying` the
+    others, (n, h) each. A row of W with diagonal d predicts its block with variance 1 / d^2; the
+    `extra` variance (n, h) of the block, independent of all others, gives it the weight
+    1 / (1 + d^2 extra).
+    """
+    fixed = fixed @ whitener.T
+    varying = [whitened(whitener, column) for column in varying]
+    i, j = np.tril_indices(len(fixed))
+    products = fixed[i] * fixed[j]
+    if extra is None:
+        h = varying[0].shape[1]
+        rows = [np.repeat(np.sum(products, axis=1)[:, None], h, axis=1)]
+        weighted, log_weight = varying, np.zeros(h)
+    else:
+        weight = row_weights(whitener, extra)
+        rows = [products @ weight]
+        weighted = [weight * column for column in varying]
+        log_weight = 0.5 * np.sum(np.log(weight), axis=0)
+    for k, column in enumerate(weighted):
+        rows.append(fixed @ column)
+        rows += [np.einsum("nh,nh->h", column, other)[None] for other in varying[: k + 1]]
+    return np.concatenate([*rows, log_weight[None]])
+
+
+def row_weights(whitener: FloatArray, extra: FloatArray) -> FloatArray:
+    """Weights (n, h) of whitened rows whose blocks have `extra` variance (n, h) of their own."""
+    return np.asarray(1.0 / (1.0 + np.diagonal(whitener)[:, None] ** 2 * extra), float)
+
+
+def whitened(whitener: FloatArray, column: FloatArray) -> FloatArray:
+    """W times a column (n, h), in strips of rows: right of the diagonal W is zero."""
+    product = np.empty_like(column)
+    for i in range(0, len(whitener), _STRIP):
+        end = i + _STRIP
+        np.matmul(whitener[i:end, :end], column[:end], out=product[i:end])
+    return product
+
+
+def augmented(prior: Coefficients) -> FloatArray:
+    """Packed sums that the prior of the coefficients adds, shape (m,)."""
+    q = len(prior.mean)
+    matrix = np.zeros((q + 1, q + 1))
+    pull = prior.precision * prior.mean
+    matrix[0, 0], matrix[1:, 0] = pull @ prior.mean, pull
+    matrix[1:, 1:] = np.diag(prior.precision)
+    return matrix[np.tril_indices(q + 1)]
+
+
+def fit(total: FloatArray, of_prior: FloatArray, log_sigma: FloatArray) -> Fit:
+    """Coefficients given sigma, from sums (m + 1, c, h) and the `augmented` prior (m, 1, 1)."""
+    system = total[:-1] * np.exp(-2.0 * log_sigma)
+    system += of_prior
+    eliminate(system)
+    return Fit(system)
+
+
+def marginal(
+    total: FloatArray,
+    n: int,
+    log_det: FloatArray,
+    prior: Prior,
+    nodes: int = NODES,
+    near_db: FloatArray | None = None,
+) -> Evidence:
+    """Integrate coefficients and sigma: from sums (m + 1, c, h) of n rows and log |K| (c, 1).
+
+    `near_db` (c, h) is a sigma that cannot be far off, as that of one reading less. One node stands
+    for Laplace's method.
+    """
+    law = _Law(total, n, prior)
+    tau = law.first_log_sigma() if near_db is None else np.log(near_db)
+    for _ in range(min(_NEWTON_STEPS, nodes)):
+        before, given = tau, law.given(tau)
+        slope, curvature = law.slopes(tau, given)
+        step = np.clip(slope / curvature, -_LARGEST_STEP, _LARGEST_STEP)
+        tau = np.maximum(tau + step, log(_LEAST_SIGMA_DB))
+    constant = 0.5 * (2.0 * total[-1] - log_det - n * log(2.0 * pi))
+    if nodes > 1:
+        return _over_nodes(law, tau, 1.0 / np.sqrt(curvature), constant, nodes)
+    if np.max(np.abs(step)) < _SMALL_STEP:  # as after most live readings: the last fit is as good
+        log_p = law.log_p(before, given) + 0.5 * slope * step
+    else:
+        given = law.given(tau)
+        log_p = law.log_p(tau, given)
+    log_p += constant - 0.5 * np.log(curvature / (2.0 * pi))
+    return Evidence(log_p, given.theta, _packed(given.covariance(2)), np.exp(tau))
+
+
+class _Law:
+    """Log density of levels and log sigma, the coefficients integrated out."""
+
+    def __init__(self, total: FloatArray, n: int, prior: Prior) -> None:
+        self._total, self._n, self._prior = total, n, prior
+        self._of_prior = augmented(prior.coefficients)[:, None, None]
+        precision = prior.coefficients.precision
+        self._log_det = float(np.sum(np.log(precision)))
+        self._mean, self._precision = (
+            v[:, None, None] for v in (prior.coefficients.mean, precision)
+        )
+        self._weight = 1.0 / prior.sigma_log_sd**2
+
+    def given(self, tau: FloatArray) -> Fit:
+        """Coefficients given sigma = exp(tau)."""
+        return fit(self._total, self._of_prior, tau)
+
+    def log_p(self, tau: FloatArray, given: Fit) -> FloatArray:
+        """Log density; `given` belongs to the same tau."""
+        prior = self._prior
+        off = (tau - log(prior.sigma_db)) / prior.sigma_log_sd
+        log_p = 0.5 * (self._log_det - given.log_det - given.misfit - off * off) - self._n * tau
+        return np.asarray(log_p - log(prior.sigma_log_sd * sqrt(2.0 * pi)), float)
+
+    def residual(self, given: Fit) -> FloatArray:
+        """Weighted sum of squares of what the fit leaves of the levels, by sigma^2."""
+        off = given.theta - self._mean
+        return np.asarray(given.misfit - np.sum(self._precision * off * off, axis=0), float)
+
+    def slopes(self, tau: FloatArray, given: Fit) -> tuple[FloatArray, FloatArray]:
+        """Derivative of `log_p` by tau, and minus the second one, for many levels."""
+        residual, q = self.residual(given), len(self._precision)
+        variance = np.einsum("iich->ich", given.covariance(q))
+        of_prior = np.sum(self._precision * variance, axis=0)
+        slope = residual - self._n + q - of_prior
+        slope -= self._weight * (tau - log(self._prior.sigma_db))
+        return slope, 2.0 * residual + self._weight
+
+    def first_log_sigma(self) -> FloatArray:
+        """That of the residuals of the prior's sigma, drawn towards the prior."""
+        n, sigma_db, q = self._n, self._prior.sigma_db, len(self._precision)
+        start = np.full(self._total.shape[1:], log(sigma_db))
+        residual = sigma_db**2 * self.residual(self.given(start))
+        variance = np.maximum(residual, n * _LEAST_SIGMA_DB**2) / max(n - q, 1)
+        pulled = n * np.log(variance) + self._weight * start
+        return np.asarray(pulled / (2.0 * n + self._weight), float)
+
+
+@cache
+def _gauss_hermite(nodes: int) -> tuple[FloatArray, FloatArray]:
+    at, weights = np.polynomial.hermite_e.hermegauss(nodes)
+    return np.asarray(at, float), np.asarray(weights, float)
+
+
+def _over_nodes(
+    law: _Law, tau: FloatArray, sd: FloatArray, constant: FloatArray, nodes: int
+) -> Evidence:
+    """Quadrature over log sigma ~ about N(tau, sd^2)."""
+    at, weights = _gauss_hermite(nodes)
+    taus = tau + sd * at[:, None, None]
+    each = [law.given(one) for one in taus]
+    log_p = np.stack([law.log_p(*pair) for pair in zip(taus, each, strict=True)])
+    log_p += (0.5 * at**2 + np.log(weights))[:, None, None]
+    top = np.max(log_p, axis=0)
+    share = np.exp(log_p - top)
+    total = np.sum(share, axis=0)
+    share /= total
+    theta = np.stack([one.theta for one in each])
+    mean = np.sum(share[:, None] * theta, axis=0)
+    off = theta[:, :2] - mean[:2]
+    covariance = np.stack([one.covariance(2) for one in each])
+    covariance += off[:, :, None] * off[:, None]
+    spread = np.sum(share[:, None] * np.stack([_packed(one) for one in covariance]), axis=0)
+    sigma_db = np.sum(share * np.exp(taus), axis=0)
+    return Evidence(top + np.log(total * sd) + constant, mean, spread, sigma_db)
+
+
+def _packed(covariance: FloatArray) -> FloatArray:
+    """Variance of the first, covariance, variance of the second: (3, c, h) of (2, 2, c, h)."""
+    return covariance[[0, 1, 1], [0, 0, 1]]
