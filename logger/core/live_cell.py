@@ -16,8 +16,8 @@ import numpy as np
 from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
 from logger.core.filter_monitor import CLOSE, Watch, compare, follow, widest
-from logger.core.locator.evidence import C
 from logger.core.locator.online import Heard, OnlineLocator, Place
+from logger.core.model.path_loss import level_gradient
 from logger.core.model.prior import Prior
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
 from logger.core.shadow_noise import candidates, likeliest
@@ -180,10 +180,7 @@ def _of_locator(place: Place, before: Place | None, heard: Heard, height_m: floa
 def _innovation(before: Place, heard: Heard, height_m: float) -> tuple[float, float]:
     """How far a level was from what the place before it let expect, and the variance of that."""
     x_m, y_m, p0_dbm, eta = before.state.tolist()
-    dx, dy = x_m - heard.x_m, y_m - heard.y_m
-    d2 = max(dx * dx + dy * dy + height_m * height_m, 1.0)
-    distance_db = 5.0 * np.log10(d2)
-    h = np.array([-C * eta * dx / d2, -C * eta * dy / d2, 1.0, -distance_db])
-    return heard.level_dbm - p0_dbm + eta * distance_db, float(
-        h @ before.covariance @ h + before.sigma_db**2
-    )
+    by_x, by_y, by_eta, _ = level_gradient(x_m - heard.x_m, y_m - heard.y_m, eta, height_m**2)
+    h = np.array([by_x, by_y, 1.0, by_eta])
+    variance_db2 = float(h @ before.covariance @ h) + before.sigma_db**2
+    return heard.level_dbm - (p0_dbm + eta * by_eta), variance_db2

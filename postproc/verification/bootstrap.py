@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.model.blocks import Blocks
+from logger.core.model.columns import distances_db, receiver_variance
 from logger.core.model.noise import whiteners_of
 from logger.core.model.prior import Prior
 from postproc.verification.likelihood_grid import Field, field_at

@@ -24,8 +24,8 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.model.blocks import Blocks
+from logger.core.model.columns import distances_db, receiver_variance
 from logger.core.model.noise import inverse_of_lower
 from logger.core.model.prior import Prior
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.evidence import distances_db
+from logger.core.model.columns import distances_db
 from postproc.verification.bootstrap import calibrated
 from postproc.verification.likelihood_grid import Field, bearings, refined
 

@@ -20,10 +20,10 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.quadtree import children, first_squares, log_prior
 from logger.core.model.blocks import Blocks
+from logger.core.model.columns import distances_db, receiver_variance
 from logger.core.model.noise import Whitener
 from logger.core.model.prior import Prior
 

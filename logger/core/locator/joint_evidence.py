@@ -1,73 +1,76 @@
-"""Which noise explains the levels and the ends of the scale together.
+"""Which hypothesis of the noise explains levels and censored readings together.
 
-Beside the floor only high levels are kept, which by themselves look like less and like correlated
-noise. Levels z and censored readings are therefore judged by one Gaussian: the evidence of the
-levels times the probability that the others, given these, are beyond the scale. With W as in
-`evidence`, H = [1, -L], censored places marked c, B = W K_c':
+Near the floor only high levels are received, which by themselves look like less and like correlated
+noise. Levels z and censored readings are therefore compared with one Gaussian: the evidence of the
+levels times the probability that the others, given these, are beyond the limits. With W the
+whitener of the blocks, H the columns of the model, H_c and K_c those at censored points, and
+G = K_c W'W:
 
-    t | z ~ N(m, V),  V^-1 = (W H)'(W H) / s2 + Lambda0
-    level at c | z ~ N(H_c m + B' W (z - H m), s2 (K_cc - B'B) + D V D'),  D = H_c - B' W H
+    theta | z ~ N(m, V),  V^-1 = (W H)'(W H) / s2 + Lambda0
+    level at c | z ~ N(G z + D m, s2 (K_cc - G K_c') + D V D'),  D = H_c - G H
 
-That is too much work for every place; it is done at a few, and the evidence integrated over places
-by importance sampling from what `censored` makes of them, with the balance heuristic (Veach &
-Guibas, SIGGRAPH 1995).
+That is too much work for every position; it is done at a few, and the evidence integrated over
+positions by importance sampling from what `tobit` makes of them, with the balance heuristic (Veach
+& Guibas, SIGGRAPH 1995).
 """
 
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.evidence import distances_db
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.orthant import Sites, log_all_above
-from logger.core.locator.tobit import beyond_dbm, distances_to, shadowing, shadowing_in_blocks
+from logger.core.locator.tobit import beyond_dbm, shadowing, shadowing_in_blocks
 from logger.core.model.blocks import READINGS_BELIEVED, Blocks
+from logger.core.model.columns import censored_columns, varying_columns
+from logger.core.model.marginal import SigmaLaw, sums
 from logger.core.model.noise import Whitener, whiteners
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Hypothesis, Prior
 
-_STEP = 0.25
-_MOST_STEPS = 8
-_LEAST_CURVATURE = 1.0
-_SAMPLED_FROM = 2
-_HOPELESS_NATS = 12.0
+_STEP = 0.25  # of log sigma: a parabola through three such points has its top within 1 %
+_MOST_STEPS = 8  # of log sigma: a factor of 7
+_LEAST_CURVATURE = 1.0  # of one reading, about
+_SAMPLED_FROM = 2  # likeliest hypotheses
+_HOPELESS_NATS = 12.0  # less likely than the best: no longer compared
 _SAMPLED_MASS = 0.9999
 _MEAN_APART = 1.0 / 3.0  # of two readings of a square, by its side: a way straight across
 
 
 class Joint:
-    """Levels and censored places under one hypothesis; asked for places one after another, nearby
-    ones cost least.
+    """Levels and censored readings under one hypothesis, evaluated at one position after another.
 
-    `sigma_db` is where to begin to look for sigma, and after a place what was found there.
+    `sigma_db` is where the search for sigma begins: what it was at the last position, so that
+    nearby positions cost least.
     """
 
     def __init__(
         self, blocks: Blocks, prior: Prior, noise: Whitener, sigma_db: float | None = None
     ) -> None:
         gone, hypothesis = blocks.censored, prior.hypotheses[noise.number]
-        a, d_c, _ = hypothesis
-        reach_m = max(d_c, 1.0) / _MEAN_APART
-        in_common = np.where(
-            gone.readings > 1.0, np.exp(-_side_m(gone.x_m, gone.y_m) / reach_m), 1.0
-        )
-        common = np.sqrt(in_common)[:, None]
+        shared = _shared_in_point(gone.readings, _side_m(gone.x_m, gone.y_m), hypothesis)
+        common = np.sqrt(shared)[:, None]
+        known = noise.matrix @ (common * shadowing_in_blocks(blocks, hypothesis)).T
+        between = common * shadowing(gone, hypothesis, gone.x_m, gone.y_m) * common.T
         self._blocks, self._prior, self._noise = blocks, prior, noise
-        self._in_place = 1.0 - (1.0 - a) * in_common
-        self._level = noise.matrix @ blocks.level_dbm
-        self._known = noise.matrix @ (common * shadowing_in_blocks(blocks, hypothesis)).T
-        shared = common * shadowing(gone, hypothesis, gone.x_m, gone.y_m) * common.T
-        self._left = shared - self._known.T @ self._known
+        self._independent = 1.0 - (1.0 - hypothesis.white_share) * shared
+        self._gain = known.T @ noise.matrix
+        self._predicted_dbm = self._gain @ blocks.level_dbm
+        self._left = between - known.T @ known
         self._readings = np.minimum(gone.readings, READINGS_BELIEVED)
+        self._fixed = np.stack([blocks.level_dbm, np.ones(len(blocks))])
         self._sites: Sites | None = None
         self.sigma_db = prior.sigma_db if sigma_db is None else sigma_db
 
     def log_p(self, x_m: float, y_m: float) -> float:
-        """Log evidence at a place; log sigma is integrated out by Laplace's method."""
-        place, height_m = (np.array([x_m]), np.array([y_m])), self._prior.height_m
-        design = self._noise.matrix @ _design(distances_db(self._blocks, height_m, *place))
-        of_gone = _design(distances_to(self._blocks.censored, height_m, *place))
+        """Log evidence at a position; log sigma is integrated out by Laplace's method."""
+        position = np.array([x_m]), np.array([y_m])
+        varying = varying_columns(self._blocks, self._prior, *position)
+        censored = censored_columns(self._blocks.censored, self._prior, *position)
+        total = sums(self._noise.matrix, self._fixed, varying, None)[..., None]
+        law = SigmaLaw(total, len(self._blocks), self._prior)
+        unknown = _design(censored) - self._gain @ _design(varying)
 
         def at(log_sigma: float) -> float:
-            return self._given_sigma(design, of_gone, log_sigma)
+            return self._given_sigma(law, unknown, log_sigma)
 
         middle = float(np.log(self.sigma_db))
         low, top, high = (at(middle + k * _STEP) for k in (-1, 0, 1))
@@ -82,35 +85,37 @@ class Joint:
         curvature = max((2.0 * top - low - high) / _STEP**2, _LEAST_CURVATURE)
         step = float(np.clip(slope / curvature, -_STEP, _STEP))
         self.sigma_db = float(np.exp(middle + step))
-        return top + slope * step - 0.5 * curvature * step**2 - 0.5 * float(np.log(curvature))
+        at_mode = top + slope * step - 0.5 * curvature * step**2
+        return at_mode + 0.5 * float(np.log(2.0 * np.pi / curvature))
 
-    def _given_sigma(self, design: FloatArray, of_gone: FloatArray, log_sigma: float) -> float:
-        prior, gone, s2 = self._prior, self._blocks.censored, float(np.exp(2.0 * log_sigma))
-        precision = np.array([prior.p0_sigma_db**-2, prior.eta_sigma**-2])
-        mean = np.array([prior.p0_dbm, prior.eta])
-        a = design.T @ design / s2 + np.diag(precision)
-        theta = np.linalg.solve(a, design.T @ self._level / s2 + precision * mean)
-        left, moved = self._level - design @ theta, theta - mean
-        off = (log_sigma - np.log(prior.sigma_db)) / prior.sigma_log_sd
-        log_p = -0.5 * float(
-            left @ left / s2 + moved @ (precision * moved) + off * off + self._noise.log_det
-        )
-        log_p += 0.5 * float(np.sum(np.log(precision)) - np.linalg.slogdet(a)[1]) - np.log(
-            prior.sigma_log_sd
-        )
-        log_p -= len(left) * (log_sigma + 0.5 * np.log(2.0 * np.pi))
-        unknown = of_gone - self._known.T @ design
+    def _given_sigma(self, law: SigmaLaw, unknown: FloatArray, log_sigma: float) -> float:
+        """Log density of levels, censored readings and log sigma; `unknown` (g, q) is D."""
+        gone, tau = self._blocks.censored, np.array([[log_sigma]])
+        given, s2 = law.given(tau), float(np.exp(2.0 * log_sigma))
+        log_p = float(law.log_p(tau, given)[0, 0]) - 0.5 * self._noise.log_det
+        log_p -= 0.5 * len(self._blocks) * float(np.log(2.0 * np.pi))
+        theta, covariance = given.theta[:, 0, 0], given.covariance(unknown.shape[1])[..., 0, 0]
+        spread = s2 * self._left + unknown @ covariance @ unknown.T
         beyond, self._sites = log_all_above(
-            gone.side * (of_gone @ theta + self._known.T @ left),
-            gone.side[:, None]
-            * (s2 * self._left + unknown @ np.linalg.solve(a, unknown.T))
-            * gone.side,
+            gone.side * (self._predicted_dbm + unknown @ theta),
+            gone.side[:, None] * spread * gone.side,
             gone.side * beyond_dbm(gone),
             self._readings,
-            s2 * self._in_place,
+            s2 * self._independent,
             self._sites,
         )
-        return float(log_p) + beyond
+        return log_p + beyond
+
+
+def _shared_in_point(readings: FloatArray, side_m: float, hypothesis: Hypothesis) -> FloatArray:
+    """Correlation of the shadowing of two readings gathered in one point, shape (g,)."""
+    reach_m = max(hypothesis.decorrelation_m, 1.0) / _MEAN_APART
+    return np.where(readings > 1.0, np.exp(-side_m / reach_m), 1.0)
+
+
+def _design(varying: list[FloatArray]) -> FloatArray:
+    """All columns for one position, shape (n, q), of those that vary with it, (n, 1) each."""
+    return np.concatenate([np.ones_like(varying[0]), *varying], axis=1)
 
 
 def log_weights_at(
@@ -174,8 +179,3 @@ def _side_m(x_m: FloatArray, y_m: FloatArray) -> float:
     apart_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
     apart_m[np.diag_indices_from(apart_m)] = np.inf
     return float(np.median(np.min(apart_m, axis=1)))
-
-
-def _design(distance_db: FloatArray) -> FloatArray:
-    """H of places at one distance each, shape (n, 2), from (n, 1)."""
-    return np.concatenate([np.ones_like(distance_db), -distance_db], axis=1)

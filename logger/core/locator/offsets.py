@@ -17,12 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.evidence import distances_db, receiver_variance
 from logger.core.locator.mixture import Mixture
 from logger.core.locator.quadtree import Effort, Tree
 from logger.core.locator.search import search_once
 from logger.core.model.blocks import NOTHING_CENSORED, Blocks, Censored, censored_places
-from logger.core.model.noise import covariances
+from logger.core.model.columns import receiver_variance, varying_columns
+from logger.core.model.marginal import augmented, fit, sums
+from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 
@@ -93,42 +94,28 @@ def _given(
     sigma_db: FloatArray,
     modems: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean (h, m - 1) and covariance (h, m - 1, m - 1) of b given hypothesis, place and sigma.
+    """Mean (h, m - 1) and covariance (h, m - 1, m - 1) of b, given hypothesis, position and sigma.
 
-    Levels count with the hypothesis' trust, as they do for the place.
+    Levels count with the trust of the hypothesis, as they do for the position.
     """
-    hypothesis = prior.hypotheses[number]
-    of_one_modem = replace(blocks, modem=np.zeros_like(blocks.modem))
-    root = np.linalg.cholesky(covariances(of_one_modem, prior, [number])[0])
-    distance_db = distances_db(blocks, prior.height_m, *at)
-    is_of = (blocks.modem[:, None] == np.arange(1, modems)).astype(float)
-    white = np.linalg.solve(
-        root, np.column_stack([blocks.level_dbm, np.ones(len(blocks)), is_of, -distance_db])
-    )
-    level, fixed, slope = white[:, 0], white[:, 1 : modems + 1], white[:, modems + 1 :]
-    extra = receiver_variance(blocks, prior, distance_db)
-    weight = np.full(slope.shape, hypothesis.trust * sigma_db**-2.0)
-    if extra is not None:
-        weight /= 1.0 + extra / np.diag(root)[:, None] ** 2
-    design = np.concatenate(
-        [np.broadcast_to(fixed.T[..., None], (modems, *slope.shape)), slope[None]]
-    )
-    precision, mean = _prior(prior, sigma_db, modems)
-    a = np.einsum("inh,nh,jnh->hij", design, weight, design, optimize=True) + precision
-    b = np.einsum("inh,nh,n->hi", design, weight, level, optimize=True) + np.einsum(
-        "hij,j->hi", precision, mean
-    )
-    inverse = np.linalg.inv(a)
-    return np.einsum("hij,hj->hi", inverse, b)[:, 1:modems], inverse[:, 1:modems, 1:modems]
+    one_scale = replace(blocks, modem=np.zeros_like(blocks.modem))
+    (noise,) = whiteners(one_scale, prior, [number])
+    varying = varying_columns(blocks, prior, *at)
+    extra = receiver_variance(blocks, prior, -varying[0])
+    of_modem = (np.arange(1, modems)[:, None] == blocks.modem).astype(float)
+    fixed = np.vstack([blocks.level_dbm, np.ones(len(blocks)), of_modem])
+    total = sums(noise.matrix, fixed, varying, extra)
+    trust = prior.hypotheses[number].trust
+    given = fit(total, _prior(prior, sigma_db, modems), np.log(sigma_db) - 0.5 * np.log(trust))
+    covariance = given.covariance(modems)[1:, 1:]
+    return given.theta[1:modems].T, np.moveaxis(covariance, -1, 0)
 
 
-def _prior(prior: Prior, sigma_db: FloatArray, modems: int) -> tuple[FloatArray, FloatArray]:
-    """Precision (h, m + 1, m + 1) and mean (m + 1,) of P0, the offsets of the other modems, and
-    eta.
-    """
-    precision = np.zeros((len(sigma_db), modems + 1, modems + 1))
-    precision[:, 0, 0], precision[:, -1, -1] = prior.p0_sigma_db**-2, prior.eta_sigma**-2
+def _prior(prior: Prior, sigma_db: FloatArray, modems: int) -> FloatArray:
+    """Packed prior (m, h) of P0, the offsets of the other modems, eta and the harmonics."""
+    mean, diagonal = (np.insert(v, 1, np.zeros(modems - 1)) for v in prior.coefficients)
+    precision = np.repeat(np.diag(diagonal)[..., None], len(sigma_db), axis=2)
     relative = np.linalg.inv(np.eye(modems - 1) + 1.0)
     offset_db = prior.offset_sigma_db / prior.sigma_db * sigma_db
-    precision[:, 1:-1, 1:-1] = relative / offset_db[:, None, None] ** 2
-    return precision, np.array([prior.p0_dbm, *np.zeros(modems - 1), prior.eta])
+    precision[1:modems, 1:modems] = relative[..., None] / offset_db**2
+    return augmented(mean, precision)

@@ -13,14 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.evidence import (
-    SUMS,
-    Evidence,
-    distances_db,
-    marginal,
-    receiver_variance,
-    walk_sums,
-)
+from logger.core.locator.bordered_sums import BorderedSums
 from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.quadtree import Effort
@@ -37,7 +30,7 @@ from logger.core.model.blocks import (
     in_fewer_places,
     single,
 )
-from logger.core.model.noise import independent_variance, whiteners
+from logger.core.model.marginal import Evidence, marginal
 from logger.core.model.prior import Prior
 from logger.core.spikes import Judged, SpikeFilter
 
@@ -75,23 +68,16 @@ class Place(NamedTuple):
 
 
 class _Searched(NamedTuple):
-    """Places (h,) kept by the last search, hypotheses (c,) not ruled out, and what earlier rows
-    have summed up.
+    """Places (h,) kept by the last search, hypotheses (c,) not ruled out, and their sums.
 
-    `total` is (7, c, h) over the first `rows` blocks, `whitener` (c, MOST_BLOCKS, MOST_BLOCKS),
-    `log_det` (c,) of those rows, `distance_db` (MOST_BLOCKS, h), `label` (h,) the mode a place
-    belongs to (-1: none), `gone` (c, h) what censored readings add to the log evidence,
-    `log_weight` (c,) as in `Tree`.
+    `label` (h,) is the mode a place belongs to (-1: none), `gone` (c, h) what censored readings add
+    to the log evidence, `log_weight` (c,) as in `Tree`.
     """
 
     square: FloatArray
     log_mass: FloatArray
     numbers: IntArray
-    rows: int
-    total: FloatArray
-    whitener: FloatArray
-    log_det: FloatArray
-    distance_db: FloatArray
+    sums: BorderedSums
     label: IntArray
     gone: FloatArray
     log_weight: FloatArray | None
@@ -110,7 +96,7 @@ class OnlineLocator:
         self._curve: Curve | None = None  # that the track may be, by the last search
         self._n = 0
         self._size_m = FINEST_BLOCK_M
-        self._gone: list[tuple[float, float, float, float, float]] = []
+        self._gone: list[tuple[float, ...]] = []
         self._searched: _Searched | None = None
         self._n_searched = 0
         self._sigma_db = np.full(
@@ -154,7 +140,7 @@ class OnlineLocator:
         """Take a reading that has been judged."""
         x_m, y_m, position_sigma_m, level_dbm, limit = heard
         if limit:
-            self._censor(x_m, y_m, level_dbm, limit)
+            self._censor(x_m, y_m, position_sigma_m, level_dbm, limit)
             return
         if self._n and max(
             abs(x_m - self._block[0, self._n - 1]), abs(y_m - self._block[1, self._n - 1])
@@ -237,22 +223,24 @@ class OnlineLocator:
         share, numbers = self._mixed.by_hypothesis, self._searched.numbers
         return float(share @ self._white[numbers]), float(share @ self._apart_m[numbers])
 
-    def _censor(self, x_m: float, y_m: float, level_dbm: float, limit: int) -> None:
+    def _censor(
+        self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int
+    ) -> None:
         """Count it to the last place while it is there; where there are too many places, neighbours
         become one.
         """
         if self._gone:
-            x0_m, y0_m, dbm, side, count = self._gone[-1]
+            x0_m, y0_m, dbm, side, count, sigma_m = self._gone[-1]
             if side == limit and np.hypot(x_m - x0_m, y_m - y0_m) <= self._size_m:
-                self._gone[-1] = (x0_m, y0_m, dbm, side, count + 1.0)
+                self._gone[-1] = (x0_m, y0_m, dbm, side, count + 1.0, sigma_m)
                 return
-        self._gone.append((x_m, y_m, level_dbm, float(limit), 1.0))
+        self._gone.append((x_m, y_m, level_dbm, float(limit), 1.0, position_sigma_m))
         if len(self._gone) > _MOST_CENSORED:
             fewer = in_fewer_places(self._censored(), _MOST_CENSORED // 2)
             self._gone = list(zip(*(column.tolist() for column in fewer), strict=True))
 
     def _censored(self) -> Censored:
-        return Censored(*np.array(self._gone).reshape(-1, 5).T)
+        return Censored(*np.array(self._gone).reshape(-1, 6).T)
 
     def _open(self, block: FloatArray) -> None:
         if self._n == MOST_BLOCKS:
@@ -285,48 +273,15 @@ class OnlineLocator:
         self, square: FloatArray, log_mass: FloatArray, numbers: IntArray, label: IntArray
     ) -> _Searched:
         """Sums over the levels of all blocks but the last, which is still open."""
-        rows, c, h = self._n - 1, len(numbers), square.shape[1]
-        closed = single(self._on_curve(0, rows), self._size_m, NOTHING_CENSORED)
-        found = whiteners(closed, self._prior, numbers.tolist())
-        whitener = np.zeros((c, MOST_BLOCKS, MOST_BLOCKS))
-        whitener[:, :rows, :rows] = [w.matrix for w in found]
-        distance_db = np.zeros((MOST_BLOCKS, h))
-        distance_db[:rows] = distances_db(closed, self._prior.height_m, square[0], square[1])
-        log_det = np.array([w.log_det for w in found])
-        total = walk_sums(closed, found, self._prior, square[0], square[1])
-        gone = np.zeros((c, h))
-        return _Searched(
-            square,
-            log_mass,
-            numbers,
-            rows,
-            total,
-            whitener,
-            log_det,
-            distance_db,
-            label,
-            gone,
-            None,
-        )
+        closed = single(self._on_curve(0, self._n - 1), self._size_m, NOTHING_CENSORED)
+        sums = BorderedSums(self._prior, numbers, (square[0], square[1]), closed, MOST_BLOCKS)
+        gone = np.zeros((len(numbers), square.shape[1]))
+        return _Searched(square, log_mass, numbers, sums, label, gone, None)
 
     def _evaluate(self, searched: _Searched, before: Evidence | None = None) -> None:
-        """Close the rows of finished blocks, add that of the open one, and weigh the places.
-
-        `before` is the evidence at the same places one reading ago.
-        """
-        self._place = None
-        while searched.rows < self._n - 1:
-            row, log_var, more = self._row(searched, searched.rows)
-            searched.whitener[:, searched.rows, : searched.rows + 1] = row
-            searched = searched._replace(
-                rows=searched.rows + 1,
-                total=searched.total + more,
-                log_det=searched.log_det + log_var,
-            )
-        self._searched = searched
-        _, log_var, total = self._row(searched, self._n - 1)
-        total += searched.total
-        log_det = (searched.log_det + log_var)[:, None]
+        """Weigh the places by all blocks; `before` is the evidence there one reading ago."""
+        self._place, self._searched = None, searched
+        total, log_det = searched.sums.over(self._on_curve(0, self._n))
         near_db = None if before is None else before.sigma_db
         found = marginal(total, self._n, log_det, self._prior, EFFORT.nodes, near_db)
         self._evidence = found._replace(log_p=found.log_p + searched.gone)
@@ -337,53 +292,3 @@ class OnlineLocator:
             self._prior,
             searched.log_weight,
         )
-
-    def _row(self, searched: _Searched, k: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Block k given those before it: row of W (c, k + 1), log of its variance (c,), its sums
-        (7, c, h).
-        """
-        n = k + 1
-        x, y, level_dbm, _, readings = on_curve = self._on_curve(0, n)
-        one = single(on_curve[:, k:n], self._size_m, NOTHING_CENSORED)
-        x_m, y_m, _ = searched.square
-        searched.distance_db[k] = distances_db(one, self._prior.height_m, x_m, y_m)[0]
-        away = np.hypot(x[:k] - x[k], y[:k] - y[k])
-        a, d_c = self._white[searched.numbers], np.maximum(self._apart_m[searched.numbers], 1.0)
-        between = (1.0 - a)[:, None] * np.exp(-away / d_c[:, None])
-        before = searched.whitener[:, :k, :k]
-        u = np.matmul(before, between[..., None])
-        own = 1.0 - a + independent_variance(readings[k], a, self._prior.sigma_db)
-        variance = np.maximum(own - np.sum(u[..., 0] ** 2, axis=1), 1e-12)
-        row = np.concatenate(
-            [-np.matmul(np.swapaxes(u, 1, 2), before)[:, 0], np.ones((len(a), 1))], axis=1
-        )
-        row /= np.sqrt(variance)[:, None]
-        extra = receiver_variance(one, self._prior, searched.distance_db[k:n])
-        return (
-            row,
-            np.log(variance),
-            self._row_sums(row, level_dbm, searched.distance_db[:n], extra),
-        )
-
-    @staticmethod
-    def _row_sums(
-        row: FloatArray, level_dbm: FloatArray, distance_db: FloatArray, extra: FloatArray | None
-    ) -> FloatArray:
-        """As `evidence.sums` for one row of each hypothesis at once, shape (7, c, h)."""
-        o, z, slope = np.sum(row, axis=1)[:, None], (row @ level_dbm)[:, None], -(row @ distance_db)
-        weight = np.ones_like(slope) if extra is None else 1.0 / (1.0 + row[:, -1:] ** 2 * extra)
-        weighed = weight * slope
-        found = np.empty((SUMS, *slope.shape))
-        products = (
-            (o * o, weight),
-            (o, weighed),
-            (slope, weighed),
-            (o * z, weight),
-            (z, weighed),
-            (z * z, weight),
-        )
-        for part, (factor, values) in zip(found[:-1], products, strict=True):
-            np.multiply(factor, values, out=part)
-        np.log(weight, out=found[-1])
-        found[-1] *= 0.5
-        return found

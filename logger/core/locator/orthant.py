@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.tobit import log_cdf_and_slope
+from logger.core.locator.normal_tail import log_cdf_and_slope
 
 _SWEEPS = 12
 _DAMPED = 0.8

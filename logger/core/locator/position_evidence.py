@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.locator.evidence import Evidence, marginal, walk_sums
 from logger.core.locator.quadtree import Tree, children, log_prior
 from logger.core.locator.timing_advance import Timing
-from logger.core.locator.tobit import Given, given_levels, joined
+from logger.core.locator.tobit import Conditional, conditional_levels, tobit_evidence
 from logger.core.model.blocks import Blocks
+from logger.core.model.marginal import Evidence, marginal, walk_sums
 from logger.core.model.noise import Whitener
 from logger.core.model.prior import Prior
 
@@ -30,7 +30,7 @@ class PositionEvidence(NamedTuple):
     whiteners: list[Whitener]
     log_weight: FloatArray | None
     timing: Timing | None
-    conditionals: list[Given]
+    conditionals: list[Conditional]
 
     @classmethod
     def of(
@@ -45,7 +45,7 @@ class PositionEvidence(NamedTuple):
         """The evidence of blocks; `whiteners` belong to these blocks."""
         censored = whiteners if len(blocks.censored.x_m) else []
         conditionals = [
-            given_levels(blocks, noise, prior.hypotheses[noise.number]) for noise in censored
+            conditional_levels(blocks, noise, prior.hypotheses[noise.number]) for noise in censored
         ]
         return cls(blocks, prior, nodes, whiteners, log_weight, timing, conditionals)
 
@@ -87,7 +87,9 @@ class PositionEvidence(NamedTuple):
         log_det = np.array([noise.log_det for noise in self.whiteners])[:, None]
         if not self.conditionals:
             return marginal(sums, len(self.blocks), log_det, self.prior, self.nodes)
-        return joined(sums, log_det, self.blocks, self.conditionals, self.prior, x_m, y_m, near)
+        return tobit_evidence(
+            sums, log_det, self.blocks, self.conditionals, self.prior, x_m, y_m, near
+        )
 
     def _log_timing(self, squares: FloatArray, starts: range) -> FloatArray | None:
         if self.timing is None:

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.locator.evidence import NODES, Evidence
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.timing_advance import STEP_M, Timing
 from logger.core.model.blocks import Blocks
+from logger.core.model.marginal import NODES, Evidence
 from logger.core.model.prior import Prior
 
 _FINEST_FIRST_M = 5.0

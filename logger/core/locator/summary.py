@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.evidence import Evidence
 from logger.core.locator.mixture import Mixture
 from logger.core.locator.offsets import Offsets, offsets
 from logger.core.locator.posterior import LEAST_PEAK, Mode, Posterior
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree, nearest_m
 from logger.core.locator.region import LEVEL, Squares, mode_regions
+from logger.core.model.marginal import Evidence
 
 BIAS_SHARE = 1.0
 """Share of the variance of the receiver's position that lasts for the walk and moves the result."""
@@ -89,7 +89,7 @@ def moments_over(
     """
     position, side_m = square[:2, indices], square[2, indices]
     share = np.take(share, indices, axis=-1)
-    theta = np.take(evidence.theta, indices, axis=-1)
+    theta = np.take(evidence.theta[:2], indices, axis=-1)
     theta_cov = np.take(evidence.theta_cov, indices, axis=-1)
     total = share.sum(axis=0)
     weight = mass / mass.sum()

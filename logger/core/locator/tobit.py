@@ -116,11 +116,9 @@ def tobit_evidence(
     for i in range(0, len(conditional), at_once):
         some = slice(i, i + at_once)
         terms = _terms(blocks.censored, conditional[some], censored, varying)
-        columns = (values[:, some].reshape(len(values), -1) for values in (total, begin))
-        parts.append(_laplace(*columns, len(blocks), terms, prior))
-    log_p, mode, covariance = (
-        np.concatenate(v, axis=-1) for v in zip(*parts, strict=True)
-    )
+        of_some, at = (values[:, some].reshape(len(values), -1) for values in (total, begin))
+        parts.append(_laplace(of_some, at, len(blocks), terms, prior))
+    log_p, mode, covariance = (np.concatenate(v, axis=-1) for v in zip(*parts, strict=True))
     mode = mode.reshape(begin.shape)
     constant = -0.5 * (log_det + len(blocks) * np.log(2.0 * np.pi))
     return Evidence(
@@ -223,9 +221,7 @@ def _eliminated(surface: FloatArray) -> FloatArray:
     return system
 
 
-def _surface(
-    total: FloatArray, n: int, terms: _Terms, prior: Prior, at: FloatArray
-) -> FloatArray:
+def _surface(total: FloatArray, n: int, terms: _Terms, prior: Prior, at: FloatArray) -> FloatArray:
     """Log density at `at` (q + 1, k) with its gradient and negative Hessian, packed (m, k).
 
     Row 0 holds the log density, the other rows those of log sigma and of the coefficients: the
@@ -271,7 +267,9 @@ def _surface(
 
 def _square(total: FloatArray, q: int) -> FloatArray:
     """X'wX of packed sums, shape (q, q, k)."""
-    return total[[[packed_index(max(i, j), min(i, j)) for j in range(1, q + 1)] for i in range(1, q + 1)]]
+    return total[
+        [[packed_index(max(i, j), min(i, j)) for j in range(1, q + 1)] for i in range(1, q + 1)]
+    ]
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -117,7 +117,7 @@ def _part(column: FloatArray, size_m: float, prior: Prior) -> _Part:
 
 def _likeliest(tree: Tree) -> tuple[float, float, float, float]:
     hypothesis, place = np.unravel_index(np.argmax(tree.evidence.log_p), tree.evidence.log_p.shape)
-    p0_dbm, eta = tree.evidence.theta[:, hypothesis, place].tolist()
+    p0_dbm, eta = tree.evidence.theta[:2, hypothesis, place].tolist()
     return float(tree.x_m[place]), float(tree.y_m[place]), p0_dbm, eta
 
 

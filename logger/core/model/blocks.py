@@ -65,6 +65,14 @@ class Blocks:
         """Whether each block has one supporting point only."""
         return len(self.first) == len(self.weight)
 
+    @property
+    def point_sigma_m(self) -> FloatArray:
+        """Standard deviation of the receiver's position per axis at each point, shape (m,)."""
+        if self.of_one_point:
+            return self.position_sigma_m
+        points = np.diff(np.append(self.first, len(self.weight)))
+        return np.repeat(self.position_sigma_m, points)
+
     def mean(self, of_points: FloatArray) -> FloatArray:
         """Weighted means over the points of each block, shape (n, k), of rows for each point (m,
         k).

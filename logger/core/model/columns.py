@@ -18,7 +18,6 @@ from logger.core.model.path_loss import distance_m, log_distance_db, receiver_er
 from logger.core.model.prior import Prior
 
 
-
 def varying_columns(
     blocks: Blocks, prior: Prior, x_m: FloatArray, y_m: FloatArray
 ) -> list[FloatArray]:
@@ -26,11 +25,15 @@ def varying_columns(
 
     The first is -L, then follow cosine and sine of each harmonic of the antenna pattern.
     """
-    sigma_m = blocks.position_sigma_m
-    if not blocks.of_one_point:
-        sigma_m = np.repeat(sigma_m, np.diff(np.append(blocks.first, len(blocks.point_x_m))))
+    sigma_m = blocks.point_sigma_m
     columns = _of_points(blocks.point_x_m, blocks.point_y_m, sigma_m, prior, x_m, y_m)
     return [blocks.mean(column) for column in columns]
+
+
+def distances_db(blocks: Blocks, height_m: float, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    """L = 10 log10 d of each block from each position (h,), means over its points, shape (n, h)."""
+    dx_m, dy_m = blocks.point_x_m[:, None] - x_m, blocks.point_y_m[:, None] - y_m
+    return blocks.mean(log_distance_db(dx_m, dy_m, height_m, blocks.point_sigma_m[:, None]))
 
 
 def censored_columns(
@@ -60,7 +63,7 @@ def _of_points(
 def _harmonics(
     dx_m: FloatArray, dy_m: FloatArray, distance_db: FloatArray, orders: int
 ) -> list[FloatArray]:
-    """cos kb and sin kb for k = 1 to `orders`, fading to zero right below the antenna."""
+    """Cos kb and sin kb for k = 1 to `orders`, fading to zero right below the antenna."""
     direction = (dx_m + 1j * dy_m) / distance_m(distance_db)
     powers = [direction**k for k in range(1, orders + 1)]
     return [part for power in powers for part in (power.real, power.imag)]

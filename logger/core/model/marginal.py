@@ -24,7 +24,7 @@ from logger.core.model.blocks import Blocks
 from logger.core.model.columns import receiver_variance, varying_columns
 from logger.core.model.elimination import eliminate, inverse, pivots, side, solution
 from logger.core.model.noise import Whitener
-from logger.core.model.prior import Coefficients, Prior
+from logger.core.model.prior import Prior
 
 NODES = 7
 """Gauss-Hermite nodes for log sigma."""
@@ -66,13 +66,13 @@ class Fit(NamedTuple):
 
     @property
     def log_det(self) -> FloatArray:
-        """log |A|, shape (c, h)."""
+        """Log |A|, shape (c, h)."""
         return np.asarray(np.log(np.prod(pivots(self.system), axis=0)), float)
 
     @property
     def misfit(self) -> FloatArray:
-        """z'wz / s2 + m0' Lambda0 m0 - b' A^-1 b, shape (c, h)."""
-        return self.system[0]
+        """Z'wz / s2 + m0' Lambda0 m0 - b' A^-1 b, shape (c, h)."""
+        return np.asarray(self.system[0], float)
 
 
 def walk_sums(
@@ -132,18 +132,18 @@ def whitened(whitener: FloatArray, column: FloatArray) -> FloatArray:
     return product
 
 
-def augmented(prior: Coefficients) -> FloatArray:
-    """Packed sums that the prior of the coefficients adds, shape (m,)."""
-    q = len(prior.mean)
-    matrix = np.zeros((q + 1, q + 1))
-    pull = prior.precision * prior.mean
-    matrix[0, 0], matrix[1:, 0] = pull @ prior.mean, pull
-    matrix[1:, 1:] = np.diag(prior.precision)
+def augmented(mean: FloatArray, precision: FloatArray) -> FloatArray:
+    """Packed sums (m, ...) that a normal prior adds: mean (q,), inverse covariance (q, q, ...)."""
+    q = len(mean)
+    matrix = np.zeros((q + 1, q + 1, *precision.shape[2:]))
+    matrix[1:, 1:] = precision
+    matrix[1:, 0] = np.einsum("ij...,j->i...", precision, mean)
+    matrix[0, 0] = np.einsum("i,i...->...", mean, matrix[1:, 0])
     return matrix[np.tril_indices(q + 1)]
 
 
 def fit(total: FloatArray, of_prior: FloatArray, log_sigma: FloatArray) -> Fit:
-    """Coefficients given sigma, from sums (m + 1, c, h) and the `augmented` prior (m, 1, 1)."""
+    """Coefficients given sigma, from sums (m + 1, c, h) and the `augmented` prior (m, ...)."""
     system = total[:-1] * np.exp(-2.0 * log_sigma)
     system += of_prior
     eliminate(system)
@@ -163,7 +163,7 @@ def marginal(
     `near_db` (c, h) is a sigma that cannot be far off, as that of one reading less. One node stands
     for Laplace's method.
     """
-    law = _Law(total, n, prior)
+    law = SigmaLaw(total, n, prior)
     tau = law.first_log_sigma() if near_db is None else np.log(near_db)
     for _ in range(min(_NEWTON_STEPS, nodes)):
         before, given = tau, law.given(tau)
@@ -182,17 +182,15 @@ def marginal(
     return Evidence(log_p, given.theta, _packed(given.covariance(2)), np.exp(tau))
 
 
-class _Law:
+class SigmaLaw:
     """Log density of levels and log sigma, the coefficients integrated out."""
 
     def __init__(self, total: FloatArray, n: int, prior: Prior) -> None:
         self._total, self._n, self._prior = total, n, prior
-        self._of_prior = augmented(prior.coefficients)[:, None, None]
-        precision = prior.coefficients.precision
+        mean, precision = prior.coefficients
+        self._of_prior = augmented(mean, np.diag(precision))[:, None, None]
         self._log_det = float(np.sum(np.log(precision)))
-        self._mean, self._precision = (
-            v[:, None, None] for v in (prior.coefficients.mean, precision)
-        )
+        self._mean, self._precision = mean[:, None, None], precision[:, None, None]
         self._weight = 1.0 / prior.sigma_log_sd**2
 
     def given(self, tau: FloatArray) -> Fit:
@@ -237,7 +235,7 @@ def _gauss_hermite(nodes: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _over_nodes(
-    law: _Law, tau: FloatArray, sd: FloatArray, constant: FloatArray, nodes: int
+    law: SigmaLaw, tau: FloatArray, sd: FloatArray, constant: FloatArray, nodes: int
 ) -> Evidence:
     """Quadrature over log sigma ~ about N(tau, sd^2)."""
     at, weights = _gauss_hermite(nodes)

@@ -5,12 +5,12 @@ import pytest
 import scipy.integrate
 import scipy.stats
 
-from logger.core.locator import evidence
 from logger.core.locator.offsets import first_look, offsets
 from logger.core.locator.pipeline import locate
 from logger.core.locator.preparation import COARSE_BLOCKS
 from logger.core.locator.quadtree import Tree
 from logger.core.model.blocks import blocks
+from logger.core.model.marginal import Evidence, marginal, walk_sums
 from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior
 from tests.kit.walks import observations, path, region_contains
@@ -113,9 +113,7 @@ def test_random_effect_is_an_offset_integrated_out(row):
 def evidence_at_place(track):
     found = whiteners(track, PRIOR)
     log_det = np.array([[w.log_det] for w in found])
-    return evidence.marginal(
-        evidence.walk_sums(track, found, PRIOR, *PLACE), len(track), log_det, PRIOR, 15
-    )
+    return marginal(walk_sums(track, found, PRIOR, *PLACE), len(track), log_det, PRIOR, 15)
 
 
 @pytest.mark.parametrize("row", [0, 1])
@@ -124,7 +122,7 @@ def test_told_offset_is_that_of_the_joint_normal(row):
     track = short_walk()
     leaf = (*PLACE, np.array([1.0]), np.zeros(1))
     seen = evidence_at_place(track)
-    one = evidence.Evidence(*(values[..., [row], :] for values in seen))
+    one = Evidence(*(values[..., [row], :] for values in seen))
     tree = Tree(*leaf, one, np.array([row]), None)
     found = offsets(track, PRIOR, tree, tree.mixture(PRIOR), np.array([0]), 2)
     sigma = float(one.sigma_db[0, 0])

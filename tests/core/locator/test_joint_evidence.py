@@ -20,7 +20,7 @@ def track_of(side=-1.0, limit_dbm=-82.0, count=4):
     x = np.arange(6) * 25.0
     level = -70.0 - 2.0 * np.arange(6) + 3.0 * np.random.default_rng(8).normal(size=6)
     places = np.linspace(10.0, 160.0, count), np.full(count, 5.0)
-    gone = Censored(*places, *(np.full(count, v) for v in (limit_dbm, side, 1.0)))
+    gone = Censored(*places, *(np.full(count, v) for v in (limit_dbm, side, 1.0, 0.0)))
     return replace(blocks(observations(x, 0 * x, level), 300), censored=gone)
 
 

@@ -87,7 +87,7 @@ def test_readings_at_the_floor_are_kept_and_bounded():
     low = censor_at_floor(obs, 0.45)
     online = followed(low)
     assert len(online._gone) <= 40
-    assert sum(count for *_, count in online._gone) == np.count_nonzero(low.limit)
+    assert sum(count for *_, count, _ in online._gone) == np.count_nonzero(low.limit)
     place = online.place()
     off = np.subtract(place.state[:2], source)
     assert off @ np.linalg.solve(place.covariance[:2, :2], off) < 9.0

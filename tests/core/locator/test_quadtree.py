@@ -4,13 +4,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from logger.core.locator import evidence
 from logger.core.locator.mixture import mixture
 from logger.core.locator.quadtree import Effort, first_squares
 from logger.core.locator.region import Squares, area_m2, highest_density
 from logger.core.locator.search import Walk, coarse_search, refine, search_once, weigh_noise
 from logger.core.locator.timing_advance import STEP_M, timing_of
 from logger.core.model.blocks import blocks
+from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior
 from tests.kit.walks import observations, simulate
@@ -56,8 +56,8 @@ def by_grid(obs, prior, most, step=5.0):
     x, y = (v.ravel() for v in np.meshgrid(middle[0] + at, middle[1] + at))
     parts = []
     for i in range(0, len(x), 2000):
-        total = evidence.walk_sums(track, found, prior, x[i : i + 2000], y[i : i + 2000])
-        parts.append(evidence.marginal(total, len(track), log_det, prior).log_p)
+        total = walk_sums(track, found, prior, x[i : i + 2000], y[i : i + 2000])
+        parts.append(marginal(total, len(track), log_det, prior).log_p)
     nearest = np.min(np.hypot(x[:, None] - track.x_m, y[:, None] - track.y_m), axis=1)
     log_prior = -prior.far_power * np.log(np.maximum(nearest / prior.near_m, 1.0))
     numbers = np.arange(len(found))

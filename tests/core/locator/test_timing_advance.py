@@ -8,7 +8,6 @@ import scipy.stats
 from benchmarks.timing_advance import CASES, compare, simulate
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
-from logger.core.locator import evidence
 from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.region import Squares
@@ -22,6 +21,7 @@ from logger.core.locator.timing_advance import (
     timing_of,
 )
 from logger.core.model.blocks import blocks
+from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior
 from logger.core.runfile import RunWriter, read_run
@@ -162,8 +162,8 @@ def along_a_ray(obs, prior, found):
     """
     at = np.geomspace(1.0, prior.reach_m, 4000)
     walk, zero = blocks(obs, 300), np.zeros(4000)
-    total = evidence.walk_sums(walk, whiteners(walk, prior), prior, at, zero)
-    levels = evidence.marginal(total, len(walk), np.zeros((1, 1)), prior).log_p[0]
+    total = walk_sums(walk, whiteners(walk, prior), prior, at, zero)
+    levels = marginal(total, len(walk), np.zeros((1, 1)), prior).log_p[0]
     log_mass = (
         levels
         + found.log_p(at, zero)

@@ -6,10 +6,10 @@ import scipy.optimize
 import scipy.stats
 
 from logger.core.locator import tobit
-from logger.core.locator.evidence import marginal, walk_sums
 from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.model.blocks import Censored, blocks
+from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import covariances, whiteners
 from logger.core.model.prior import Prior
 from tests.kit.walks import FLOOR_DBM, censor_at_floor, observations, simulate
@@ -17,33 +17,11 @@ from tests.kit.walks import FLOOR_DBM, censor_at_floor, observations, simulate
 PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
 
 
-# --- the normal distribution function ---
-
-
-def test_log_normal_cdf_over_its_whole_range():
-    u = np.linspace(-40.0, 10.0, 20_001)
-    expected = scipy.stats.norm.logcdf(u)
-    found, slope = tobit.log_cdf_and_slope(u)
-    np.testing.assert_allclose(found, expected, atol=2e-7, rtol=0)
-    low = u < 5.0  # beyond, the logarithm is smaller than the error that is allowed
-    np.testing.assert_allclose(found[low], expected[low], atol=2e-7, rtol=1e-6)
-    np.testing.assert_allclose(slope, np.exp(scipy.stats.norm.logpdf(u) - expected), rtol=1e-6)
-
-
-def test_log_normal_cdf_stays_finite_and_rises():
-    u = np.concatenate([-np.logspace(6, -6, 2000), np.logspace(-6, 6, 2000)])
-    found, slope = tobit.log_cdf_and_slope(u)
-    assert np.all(np.isfinite(found))
-    assert np.all(found <= 0.0)
-    assert np.all(np.diff(found) > -1e-7)
-    assert np.all(np.isfinite(slope))
-
-
 # --- what the levels tell of them ---
 
 
 def ends(x_m, side=-1.0, limit_dbm=FLOOR_DBM, readings=1.0, y_m=40.0):
-    columns = np.broadcast_arrays(np.asarray(x_m, float), y_m, limit_dbm, side, readings)
+    columns = np.broadcast_arrays(np.asarray(x_m, float), y_m, limit_dbm, side, readings, 0.0)
     return Censored(*(np.array(column, float) for column in columns))
 
 
@@ -56,24 +34,23 @@ def track_of(gone, count=12, apart_m=25.0, noise_db=0.0):
 
 def given(track, number, prior=PRIOR):
     (noise,) = whiteners(track, prior, [number])
-    return tobit.given_levels(track, noise, prior.hypotheses[number])
+    return tobit.conditional_levels(track, noise, prior.hypotheses[number])
 
 
 def test_white_noise_leaves_every_reading_its_worth_and_nothing_known():
     found = given(track_of(ends(np.arange(10) * 20.0, readings=4.0)), 0)
-    np.testing.assert_allclose(found.worth, 4.0, rtol=1e-9)
-    np.testing.assert_allclose(found.spread, 1.0)
-    np.testing.assert_allclose(found.power, 1.0)
-    assert not found.known_dbm.any()
+    np.testing.assert_allclose(found.effective_readings, 4.0, rtol=1e-9)
+    np.testing.assert_allclose(found.sd, 1.0)
+    assert not found.predicted_dbm.any()
 
 
 def test_one_shadow_over_all_places_counts_once():
     away = given(track_of(ends(1e6 + np.arange(10) * 0.01)), 1)
     k = 0.7 + 0.3 * np.eye(10)
-    assert away.worth.sum() == pytest.approx(np.linalg.inv(k).sum(), rel=0.01)
-    assert away.worth.sum() < 1.5
+    assert away.effective_readings.sum() == pytest.approx(np.linalg.inv(k).sum(), rel=0.01)
+    assert away.effective_readings.sum() < 1.5
     np.testing.assert_allclose(
-        given(track_of(ends(np.arange(1, 11) * 1e4)), 1).worth, 1.0, rtol=0.01
+        given(track_of(ends(np.arange(1, 11) * 1e4)), 1).effective_readings, 1.0, rtol=0.01
     )
 
 
@@ -93,9 +70,8 @@ def test_what_the_levels_tell_is_the_conditional_gaussian(number):
     variance = hypothesis.white_share + (0.7 if number else 0.0) - np.sum(gain * cross, axis=1)
     found = given(track, number)
     np.testing.assert_allclose(found.gain, gain, atol=1e-9)
-    np.testing.assert_allclose(found.known_dbm, gain @ track.level_dbm, atol=1e-7)
-    np.testing.assert_allclose(found.power, 1.0 - gain.sum(axis=1), atol=1e-9)
-    np.testing.assert_allclose(found.spread, np.sqrt(variance), atol=1e-9)
+    np.testing.assert_allclose(found.predicted_dbm, gain @ track.level_dbm, atol=1e-7)
+    np.testing.assert_allclose(found.sd, np.sqrt(variance), atol=1e-9)
 
 
 def test_large_blocks_tell_no_more_than_there_is_to_know():
@@ -126,7 +102,9 @@ def joined(track, number, prior=PRIOR):
     found = whiteners(track, prior, [number])
     total = walk_sums(track, found, prior, *PLACES)
     log_det = np.array([[found[0].log_det]])
-    both = tobit.joined(total, log_det, track, [given(track, number, prior)], prior, *PLACES)
+    both = tobit.tobit_evidence(
+        total, log_det, track, [given(track, number, prior)], prior, *PLACES
+    )
     return both, marginal(total, len(track), log_det, prior)
 
 
@@ -148,9 +126,13 @@ def by_net(track, number, h):
         off = track.level_dbm - p0[..., None] + eta[..., None] * of_levels
         squares = np.einsum("...i,ij,...j->...", off, inverse, off)
         levels = -0.5 * (n * np.log(2.0 * np.pi) + log_det + squares * np.exp(-2.0 * tau)) - n * tau
-        mean = p0[..., None] * one.power - eta[..., None] * of_gone + one.known_dbm
+        mean = (
+            p0[..., None] * (1.0 - one.gain.sum(axis=1))
+            - eta[..., None] * of_gone
+            + one.predicted_dbm
+        )
         beyond = gone.side * (mean - gone.limit_dbm) + 0.5  # half a step
-        ends = normal.logcdf(beyond / one.spread * np.exp(-tau)[..., None]) @ one.worth
+        ends = normal.logcdf(beyond / one.sd * np.exp(-tau)[..., None]) @ one.effective_readings
         priors = normal.logpdf(p0, PRIOR.p0_dbm, PRIOR.p0_sigma_db) + normal.logpdf(
             eta, PRIOR.eta, PRIOR.eta_sigma
         )

@@ -116,7 +116,9 @@ def test_without_an_end_of_the_scale_nothing_is_apart():
 def test_neighbours_at_the_end_of_the_scale_become_one_place_and_none_is_lost():
     x = np.concatenate([np.arange(60) * 5.0, np.arange(20) * 5.0])
     side = np.where(np.arange(80) < 60, -1.0, 1.0)
-    gone = Censored(x, 0 * x, np.where(side < 0, FLOOR_DBM, -47.0), side, np.arange(80) % 3 + 1.0)
+    gone = Censored(
+        x, 0 * x, np.where(side < 0, FLOOR_DBM, -47.0), side, np.arange(80) % 3 + 1.0, 0 * x
+    )
     fewer = in_fewer_places(gone, 15)
     for end in (-1.0, 1.0):
         before, after = gone.side == end, fewer.side == end

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core.locator.evidence import distances_db
 from logger.core.model.blocks import blocks
+from logger.core.model.columns import distances_db
 from logger.core.model.noise import covariances, whiteners_of
 from logger.core.model.prior import Prior
 from postproc.verification.bootstrap import calibrated, nuisances, nuisances_off

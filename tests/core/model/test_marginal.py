@@ -1,12 +1,12 @@
-from itertools import pairwise
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import scipy.integrate
 import scipy.stats
 
-from logger.core.locator import evidence
 from logger.core.model.blocks import blocks
+from logger.core.model.marginal import NODES, marginal, walk_sums
 from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior
 from tests.kit.walks import observations, simulate
@@ -14,6 +14,7 @@ from tests.kit.walks import observations, simulate
 MOST = 300
 PLACES = np.array([[90.0, 200.0, -400.0], [40.0, -50.0, 300.0]])
 PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
+SECTOR = replace(PRIOR, antenna_db=(9.3, 3.3))
 NOISES = [(1.0, 0.0), (0.3, 30.0)]
 
 
@@ -24,12 +25,10 @@ def bent_walk(position_sigma=0.0, count=14):
     return blocks(observations(x, y, level, position_sigma), MOST)
 
 
-def evidence_of(track, prior, places, nodes=evidence.NODES):
+def evidence_of(track, prior, places, nodes=NODES):
     found = whiteners(track, prior)
-    total = evidence.walk_sums(track, found, prior, *places)
-    return evidence.marginal(
-        total, len(track), np.array([[w.log_det] for w in found]), prior, nodes
-    )
+    total = walk_sums(track, found, prior, *places)
+    return marginal(total, len(track), np.array([[w.log_det] for w in found]), prior, nodes)
 
 
 # --- oracle: written from the equations, with nothing of the code under test ---
@@ -43,10 +42,19 @@ class Oracle:
         d2 = (track.x_m - place[0]) ** 2 + (track.y_m - place[1]) ** 2
         self.distance_db = 5.0 * np.log10(d2 + prior.height_m**2 + 2.0 * track.position_sigma_m**2)
         self.covariance = self._covariance(track, *noise)
-        self.design = np.column_stack([np.ones(len(d2)), -self.distance_db])
-        self.mean, self.spread = (
-            np.array([prior.p0_dbm, prior.eta]),
-            np.array([prior.p0_sigma_db, prior.eta_sigma]),
+        azimuth = np.arctan2(track.y_m - place[1], track.x_m - place[0])
+        fading = np.hypot(track.x_m - place[0], track.y_m - place[1]) / 10 ** (
+            self.distance_db / 10
+        )
+        harmonics = [
+            fading**k * f(k * azimuth)
+            for k in range(1, 1 + len(prior.antenna_db))
+            for f in (np.cos, np.sin)
+        ]
+        self.design = np.column_stack([np.ones(len(d2)), -self.distance_db, *harmonics])
+        self.mean = np.array([prior.p0_dbm, prior.eta, *np.zeros(len(harmonics))])
+        self.spread = np.array(
+            [prior.p0_sigma_db, prior.eta_sigma, *np.repeat(prior.antenna_db, 2)]
         )
 
     def _covariance(self, track, white_share, d_c):
@@ -126,6 +134,25 @@ def test_log_evidence_is_the_integral_over_p0_eta_and_sigma(place, row, position
     assert ours == pytest.approx(oracle.over_sigma(oracle.log_p)[0], abs=1e-6, rel=0)
 
 
+@pytest.mark.parametrize("row", [0, 1])
+def test_harmonics_of_an_antenna_are_integrated_as_well(row):
+    track = bent_walk(5.0, count=40)
+    ours = evidence_of(track, SECTOR, PLACES, nodes=15)
+    for h, place in enumerate(PLACES.T):
+        oracle = Oracle(track, SECTOR, NOISES[row], place)
+        log_p, sigma, share = oracle.over_sigma(oracle.log_p)
+        assert ours.log_p[row, h] == pytest.approx(log_p, abs=1e-6, rel=0)
+        mean = share @ [oracle.theta(s)[0] for s in sigma]
+        np.testing.assert_allclose(ours.theta[:, row, h], mean, rtol=1e-5)
+
+
+def test_wide_columns_do_not_change_what_a_narrow_prior_says():
+    track, narrow = bent_walk(5.0), replace(PRIOR, antenna_db=(1e-4,))
+    omni, sector = (evidence_of(track, prior, PLACES) for prior in (PRIOR, narrow))
+    np.testing.assert_allclose(sector.log_p, omni.log_p, atol=1e-4, rtol=0)
+    np.testing.assert_allclose(sector.theta_cov, omni.theta_cov, rtol=1e-3)
+
+
 @pytest.mark.parametrize("count", [1, 2, 6, 60])
 def test_few_nodes_over_sigma_suffice(count):
     """Those of the search are fewer: a thousandth of a nat decides nothing."""
@@ -158,21 +185,6 @@ def test_more_readings_of_one_block_than_sixteen_are_not_believed():
         for x in at
     )
     np.testing.assert_allclose(few.log_p, many.log_p, rtol=1e-12)
-
-
-def test_distance_of_a_large_block_is_that_of_its_points():
-    """Where a block is gathered from points wider apart, L is the mean over them and not that of
-    their middle.
-    """
-    rng = np.random.default_rng(5)
-    x, y = rng.uniform(0, 400, (2, 600))
-    track = blocks(observations(x, y, rng.normal(-80, 4, 600)), 30)
-    assert len(track) <= 30
-    (distance_db,) = evidence.distances_db(track, 5.0, np.array([130.0]), np.array([210.0])).T
-    each = 5.0 * np.log10((track.point_x_m - 130.0) ** 2 + (track.point_y_m - 210.0) ** 2 + 25.0)
-    ends = np.append(track.first, len(each))
-    expected = [np.average(each[i:j], weights=track.weight[i:j]) for i, j in pairwise(ends)]
-    np.testing.assert_allclose(distance_db, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("row", [0, 1])
@@ -219,41 +231,7 @@ def test_levels_with_no_noise_but_their_rounding_keep_their_digits(away_m):
     np.testing.assert_allclose(other.log_p, one.log_p, atol=1e-3)
 
 
-# --- the receiver's error ---
-
-
-def test_an_error_of_the_receiver_adds_variance_close_by():
-    track = bent_walk(5.0)
-    distance_db = evidence.distances_db(track, PRIOR.height_m, *PLACES)
-    ratio = evidence.receiver_variance(track, PRIOR, distance_db)
-    d_m = np.sqrt(
-        (track.x_m[:, None] - PLACES[0]) ** 2
-        + (track.y_m[:, None] - PLACES[1]) ** 2
-        + 5.0**2
-        + 2 * 5.0**2
-    )
-    by_geometry = (10 / np.log(10) * PRIOR.eta * 5.0 / d_m / PRIOR.sigma_db) ** 2
-    np.testing.assert_allclose(ratio, by_geometry, rtol=1e-9)
-
-
-def test_the_variance_of_the_receiver_is_that_of_simulated_errors():
-    rng = np.random.default_rng(5)
-    d_m, sigma_m = 60.0, 3.0
-    moved = np.hypot(d_m + sigma_m * rng.normal(size=200_000), sigma_m * rng.normal(size=200_000))
-    track = blocks(observations([0.0], [0.0], [-70.0], sigma_m), MOST)
-    prior = Prior(height_m=0.0)
-    at = evidence.distances_db(track, 0.0, np.array([d_m]), np.array([0.0]))
-    ratio = evidence.receiver_variance(track, prior, at)
-    assert ratio[0, 0] * prior.sigma_db**2 == pytest.approx(
-        np.var(prior.eta * 10 * np.log10(moved)), rel=0.03
-    )
-
-
-def test_no_error_of_the_receiver_adds_none():
-    track = bent_walk(0.0)
-    assert (
-        evidence.receiver_variance(track, PRIOR, evidence.distances_db(track, 5.0, *PLACES)) is None
-    )
+# --- several places, larger blocks ---
 
 
 @pytest.mark.parametrize("position_sigma", [2.0, 4.0, 8.0])
@@ -264,20 +242,6 @@ def test_evidence_of_a_place_does_not_depend_on_the_places_beside_it(position_si
     alone = evidence_of(track, Prior(), far).log_p[:, 0]
     in_company = evidence_of(track, Prior(), np.hstack([far, near])).log_p[:, 0]
     np.testing.assert_allclose(in_company, alone, rtol=1e-10)
-
-
-def test_rows_of_the_end_alone():
-    """New blocks add rows to W; their sums and those of the rows before make the whole."""
-    track = bent_walk(5.0)
-    distance_db = evidence.distances_db(track, PRIOR.height_m, *PLACES)
-    for extra in (None, evidence.receiver_variance(track, PRIOR, distance_db)):
-        w = whiteners(track, PRIOR)[1].matrix
-        whole = evidence.sums(w, track.level_dbm, distance_db, extra)
-        before = evidence.sums(
-            w[:9, :9], track.level_dbm[:9], distance_db[:9], None if extra is None else extra[:9]
-        )
-        after = evidence.sums(w[9:], track.level_dbm, distance_db, extra)
-        np.testing.assert_allclose(before + after, whole, rtol=1e-10, atol=1e-12)
 
 
 def test_shadowing_does_not_seem_to_last_longer_in_larger_blocks():

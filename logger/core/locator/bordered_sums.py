@@ -1,0 +1,104 @@
+"""Sums over the blocks of a walk that grows, at fixed positions and for several hypotheses.
+
+A new block is conditioned on all earlier ones: its row of W = R^-1 is [-k' K^-1, 1] / s with
+s^2 = k_nn - k' K^-1 k (bordered Cholesky factor), and the sums of `marginal` grow by that row.
+"""
+
+import numpy as np
+
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.model.blocks import NOTHING_CENSORED, Blocks, single
+from logger.core.model.columns import receiver_variance, varying_columns
+from logger.core.model.elimination import packed_index
+from logger.core.model.marginal import walk_sums
+from logger.core.model.noise import independent_variance, whiteners
+from logger.core.model.prior import Prior
+
+_LEAST_VARIANCE = 1e-12  # of a block given all others, by sigma^2: above rounding errors
+
+
+class BorderedSums:
+    """Sums over the first blocks of a walk, to which others are added one by one.
+
+    Positions (h,) and hypotheses `numbers` (c,) do not change; at most `most` blocks are held.
+    """
+
+    def __init__(
+        self,
+        prior: Prior,
+        numbers: IntArray,
+        position_m: tuple[FloatArray, FloatArray],
+        closed: Blocks,
+        most: int,
+    ) -> None:
+        hypotheses = np.array(prior.hypotheses)[numbers]
+        noises = whiteners(closed, prior, numbers.tolist())
+        columns = varying_columns(closed, prior, *position_m)
+        rows = len(closed)
+        self._prior, self._position_m, self._rows = prior, position_m, rows
+        self._white_share, self._decorrelation_m = hypotheses[:, 0], hypotheses[:, 1:2]
+        self._whitener = np.zeros((len(numbers), most, most))
+        self._whitener[:, :rows, :rows] = [noise.matrix for noise in noises]
+        self._columns = np.zeros((len(columns), most, len(position_m[0])))
+        self._columns[:, :rows] = columns
+        self._log_det = np.array([noise.log_det for noise in noises])
+        self._total = walk_sums(closed, noises, prior, *position_m)
+
+    def over(self, walk: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Sums (m + 1, c, h) and log |K| (c, 1) over blocks of which the last one is still open.
+
+        `walk` (5, n) has rows x, y, level, variance of the position, readings.
+        """
+        for k in range(self._rows, walk.shape[1] - 1):
+            row, log_variance, more = self._row(walk[:, : k + 1])
+            self._whitener[:, k, : k + 1] = row
+            self._total, self._log_det = self._total + more, self._log_det + log_variance
+            self._rows = k + 1
+        _, log_variance, more = self._row(walk)
+        more += self._total
+        return more, (self._log_det + log_variance)[:, None]
+
+    def _row(self, walk: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The last block given those before it: row of W (c, n), log variance (c,), its sums."""
+        k = walk.shape[1] - 1
+        last = single(walk[:, k:], 0.0, NOTHING_CENSORED)
+        self._columns[:, k : k + 1] = varying_columns(last, self._prior, *self._position_m)
+        extra = receiver_variance(last, self._prior, -self._columns[0, k : k + 1])
+        row, variance = self._conditional(walk)
+        more = _row_sums(row, walk[2], self._columns[:, : k + 1], extra)
+        return row, np.log(variance), more
+
+    def _conditional(self, walk: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Row of W (c, n) of the last block, and its variance given all others (c,)."""
+        x, y, _, _, readings = walk
+        before = self._whitener[:, : len(x) - 1, : len(x) - 1]
+        shadowed = (1.0 - self._white_share)[:, None]
+        apart_m = np.hypot(x[:-1] - x[-1], y[:-1] - y[-1])
+        between = shadowed * np.exp(-apart_m / np.maximum(self._decorrelation_m, 1.0))
+        known = np.matmul(before, between[..., None])[..., 0]
+        alone = independent_variance(readings[-1], self._white_share, self._prior.sigma_db)
+        variance = shadowed[:, 0] + alone - np.sum(known**2, axis=1)
+        variance = np.maximum(variance, _LEAST_VARIANCE)
+        row = np.ones((len(variance), len(x)))
+        row[:, :-1] = -np.matmul(known[:, None], before)[:, 0]
+        return row / np.sqrt(variance)[:, None], variance
+
+
+def _row_sums(
+    row: FloatArray, level_dbm: FloatArray, columns: FloatArray, extra: FloatArray | None
+) -> FloatArray:
+    """As `marginal.sums`, for one row of each hypothesis: (m + 1, c, h)."""
+    varying = row @ columns
+    fixed = row @ level_dbm, np.sum(row, axis=1)
+    white = [*(value[:, None] for value in fixed), *varying]
+    weight = np.ones_like(varying[0])
+    if extra is not None:
+        weight /= 1.0 + row[:, -1:] ** 2 * extra
+    total = np.empty((packed_index(len(white), 0) + 1, *weight.shape))
+    for i, one in enumerate(white):
+        weighted = weight * one
+        for j in range(i + 1):
+            np.multiply(weighted, white[j], out=total[packed_index(i, j)])
+    np.log(weight, out=total[-1])
+    total[-1] *= 0.5
+    return total
