@@ -173,7 +173,7 @@ def test_equal_levels_leave_no_rounding():
     a, b = (locate(observations(x, 0 * x, 0 * x - 80.0 + tiny)) for tiny in (0.0, 1e-9))
     assert b.log_evidence == pytest.approx(a.log_evidence, abs=0.01)
     assert b.r95_m == pytest.approx(a.r95_m, rel=0.05)
-    assert np.max(a.cells.probability) < 0.1
+    assert np.max(a.squares.probability) < 0.1
 
 
 def test_order_of_the_readings_does_not_matter():
