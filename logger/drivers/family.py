@@ -8,10 +8,10 @@ from logger.core.types import CellReading, Role
 from logger.drivers.claim import Claim
 from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading import standard_replies
 from logger.drivers.reading.fields import reportable
 from logger.drivers.reading.interruption import drop_cut_values, names_of
 from logger.drivers.reading.rows import Row
+from logger.drivers.reading.standard_replies import standard_rows
 
 AUTOBAUD_TRIES = 5
 """With AT+IPR=0 the first characters after power-up are lost while the modem finds the rate."""
@@ -81,7 +81,7 @@ class Family:
         interrupts loses its last value, which may be cut.
         """
         lines = drop_cut_values(lines, self._names())
-        rows = (*self.rows_in(lines), *standard_replies.read(lines))
+        rows = (*self.rows_in(lines), *standard_rows(lines))
         return tuple(reportable(row) if isinstance(row, CellReading) else row for row in rows)
 
     @classmethod

@@ -1,20 +1,21 @@
 """Fibocom: cells from +GTCCINFO (firmware_notes/fibocom.md).
 
     +GTCCINFO:
-    LTE service cell:                                            FM350 prints no headings
-    1,4,262,02,BFD3,2D4201,189C,30,120,50,16,42,42,26            service, RAT, network, area, cell, channel, PCI,
-    LTE neighbor cell:                                           band (+ 100), bandwidth, indices
+    LTE service cell:                                    (the FM350 prints no headings)
+    1,4,262,02,BFD3,2D4201,189C,30,120,50,16,42,42,26    service, RAT, network, area, cell,
+    LTE neighbor cell:                                   channel, PCI, band, bandwidth, indices
     2,4,,,,,189C,190,,24,24,2
 
 Area and cell are hexadecimal. Channel and PCI are so in the modems with headings and decimal in the
-FM350; the rows of one reply decide it together, by letters, by the range of a PCI and by the band
-that a channel belongs to.
+FM350. The rows of one reply decide it together: by letters, by the range of a PCI and by the band
+of a channel.
 """
 
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
@@ -32,6 +33,14 @@ from logger.drivers.reading.fields import (
     pieces,
 )
 from logger.drivers.reading.fields import values as split
+from logger.drivers.reading.index_scales import (
+    ECN0_OF_INDEX,
+    RSCP_OF_INDEX,
+    RSRP_OF_INDEX,
+    RSRQ_OF_INDEX,
+    SS_RSRP_OF_INDEX,
+    SS_RSRQ_OF_INDEX,
+)
 from logger.drivers.reading.number_text import NumberForm
 from logger.drivers.reading.rows import NoCell, Row
 from logger.drivers.reading.serving_cell import is_serving, with_serving_cell
@@ -80,18 +89,26 @@ _BITS: Mapping[Rat, tuple[int, int]] = {
     "NR": (24, 36),
 }
 _CELL = NumberForm(16, frozenset({7, 9}))  # the FM350 pads to the width of NR
+_SCALES = {  # attribute and scale by the name of the value
+    "rscp": ("rscp_dbm", RSCP_OF_INDEX),
+    "ecno": ("ecio_db", ECN0_OF_INDEX),
+    "rsrp": ("rsrp_dbm", RSRP_OF_INDEX),
+    "rsrq": ("rsrq_db", RSRQ_OF_INDEX),
+}
+_SCALES_NR = {"rsrp": ("rsrp_dbm", SS_RSRP_OF_INDEX), "rsrq": ("rsrq_db", SS_RSRQ_OF_INDEX)}
 _NOBODY = frozenset({0xFFFFFFF, 0xFFFFFFFF})  # fills the cell of a neighbour on NR too
 _MOST_CODE: Mapping[Rat, int] = {"GSM": 99, "WCDMA": 511, "LTE": 503, "NR": 1007}
 
-_LTE_BANDS = (  # first downlink EARFCN, band (3GPP TS 36.101 table 5.7.3-1)
-    (0, 1), (600, 2), (1200, 3), (1950, 4), (2400, 5), (2650, 6), (2750, 7), (3450, 8), (3800, 9), (4150, 10),
-    (4750, 11), (5010, 12), (5180, 13), (5280, 14), (5730, 17), (5850, 18), (6000, 19), (6150, 20), (6450, 21),
-    (6600, 22), (7500, 23), (7700, 24), (8040, 25), (8690, 26), (9040, 27), (9210, 28), (9660, 29), (9770, 30),
-    (9870, 31), (9920, 32), (36000, 33), (36200, 34), (36350, 35), (36950, 36), (37550, 37), (37750, 38),
-    (38250, 39), (38650, 40), (39650, 41), (41590, 42), (43590, 43), (45590, 44), (46590, 45), (46790, 46),
-    (54540, 47), (55240, 48), (65536, 65), (66436, 66), (67336, 67), (67536, 68), (67836, 69), (68336, 70),
-    (68586, 71),
-)  # fmt: skip
+_ANY_BAND = 999  # above all bands
+_LTE_BAND_EDGES = (  # first downlink EARFCN and band (3GPP TS 36.101 table 5.7.3-1)
+    "0:1 600:2 1200:3 1950:4 2400:5 2650:6 2750:7 3450:8 3800:9 4150:10 4750:11 5010:12 "
+    "5180:13 5280:14 5730:17 5850:18 6000:19 6150:20 6450:21 6600:22 7500:23 7700:24 8040:25 "
+    "8690:26 9040:27 9210:28 9660:29 9770:30 9870:31 9920:32 36000:33 36200:34 36350:35 "
+    "36950:36 37550:37 37750:38 38250:39 38650:40 39650:41 41590:42 43590:43 45590:44 "
+    "46590:45 46790:46 54540:47 55240:48 65536:65 66436:66 67336:67 67536:68 67836:69 "
+    "68336:70 68586:71"
+)
+_LTE_BANDS = [tuple(map(int, edge.split(":"))) for edge in _LTE_BAND_EDGES.split()]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,15 +120,12 @@ class _Cell:
 
     @property
     def band(self) -> int | None:
-        """Band, as a number; 100 is added on LTE, and 50 stands before it on NR."""
+        """Band as a number; the modem adds 100 on LTE and prints 50 before it on NR."""
         printed = decimal(self.named.get("band", ""), 1)
-        if printed is None:
-            return None
-        if self.rat == "NR":
-            return (
-                int(str(printed)[2:]) if str(printed).startswith("50") and printed > 500 else None
-            )
-        return printed - 100 if self.rat == "LTE" and printed > 100 else printed
+        if printed is None or self.rat != "NR":
+            return printed - 100 if printed and self.rat == "LTE" and printed > 100 else printed
+        digits = str(printed)
+        return int(digits[2:]) if digits.startswith("50") and printed > 500 else None
 
 
 class Fibocom(Family):
@@ -128,9 +142,7 @@ class Fibocom(Family):
     mode_commands = network_mode.GTRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells heard now; the serving one put together from +CREG and its like where +GTCCINFO
-        tells of none.
-        """
+        """Cells received now; the serving one from +CREG and its like where +GTCCINFO has none."""
         rows = yield from self.ask(self.poll_commands)
         if rows is None or any(map(is_serving, rows)):
             return rows
@@ -163,7 +175,7 @@ def _reply_rows(lines: Sequence[str]) -> Iterator[Row]:
 
 
 def _cell(fields: list[str], heading: str) -> _Cell | None:
-    """Row in its layout; None where it is damaged or of an unknown technology."""
+    """Row in its layout; None where it is damaged or its technology unknown."""
     rat = _RATS.get(at(fields, 1)) or _RATS_OF_HEADINGS.get(heading)
     if rat is None:
         return None
@@ -179,9 +191,7 @@ def _cell(fields: list[str], heading: str) -> _Cell | None:
 
 
 def _base(cells: Sequence[_Cell], *, headings: bool) -> Callable[[str], int | None]:
-    """How channels and PCIs of a reply are read: the base with which all rows agree, else what the
-    headings tell.
-    """
+    """Reader of channels and PCIs: of the base that fits all rows, else that of the headings."""
     fitting = [read for read in (hexadecimal, decimal) if all(_fits(cell, read) for cell in cells)]
     usual = hexadecimal if headings else decimal
     return usual if usual in fitting else next(iter(fitting), lambda _: None)
@@ -195,18 +205,25 @@ def _fits(cell: _Cell, read: Callable[[str], int | None]) -> bool:
         return False
     if cell.rat != "LTE" or cell.band is None or not cell.named["channel"]:
         return True
-    return _LTE_BANDS[bisect_right(_LTE_BANDS, (channel, 999)) - 1][1] == cell.band
+    return _LTE_BANDS[bisect_right(_LTE_BANDS, (channel, _ANY_BAND)) - 1][1] == cell.band
 
 
 def _reading(cell: _Cell, number: Callable[[str], int | None]) -> CellReading:
     named, rat = cell.named, cell.rat
     mcc, mnc = network(named["mcc"], named["mnc"])
     area_bits, cell_bits = _BITS[rat]
-    nr = rat == "NR"
-    place = area(named["area"], bits=area_bits)
-    identity = cell_identity(named["cell"], cell_bits, form=None if nr or rat == "GSM" else _CELL)
-    channel, code = (None if rat == "GSM" else number(named[name]) for name in ("channel", "code"))
     later = rat in {"LTE", "NR"}
+    place = area(named["area"], bits=area_bits)
+    form = _CELL if rat in {"WCDMA", "LTE"} else None
+    identity = cell_identity(named["cell"], cell_bits, form=form)
+    is_nobody = identity in _NOBODY or (mcc is None and named["service"] != "1")
+    channel, code = (None if rat == "GSM" else number(named[name]) for name in ("channel", "code"))
+    scales = _SCALES | (_SCALES_NR if rat == "NR" else {})
+    levels: dict[str, Any] = {
+        attribute: scale.value_of(named[name])
+        for name, (attribute, scale) in scales.items()
+        if name in named
+    }
     return CellReading(
         role="serving" if named["service"] == "1" else "neighbour",
         rat=rat,
@@ -214,24 +231,15 @@ def _reading(cell: _Cell, number: Callable[[str], int | None]) -> CellReading:
         mnc=mnc,
         lac=None if later else place,
         tac=place if later else None,
-        cid=None if identity in _NOBODY or (mcc is None and named["service"] != "1") else identity,
+        cid=None if is_nobody else identity,
         arfcn=channel,
         band=cell.band,
         psc=code if rat == "WCDMA" else None,
         pci=code if later else None,
-        rscp_dbm=_scaled(named.get("rscp", ""), 96, -121.0, 1.0),
-        ecio_db=_scaled(named.get("ecno", ""), 49, -24.5, 0.5),
-        rsrp_dbm=_scaled(named.get("rsrp", ""), 126 if nr else 97, -157.0 if nr else -141.0, 1.0),
-        rsrq_db=_scaled(named.get("rsrq", ""), 126 if nr else 34, -43.5 if nr else -20.0, 0.5),
         more={
             f"{name}_raw": decimal(named[name], -999)
             for name in ("sinr", "rsrp", "rsrq", "rscp")
             if name in named
         },
+        **levels,
     )
-
-
-def _scaled(text: str, most: int, at_zero: float, step: float) -> float | None:
-    """Level of an index of 3GPP TS 27.007 8.69 (+CESQ); above the highest is unknown."""
-    index = decimal(text, 0, most)
-    return None if index is None else at_zero + step * index

@@ -1,9 +1,10 @@
 """Huawei, HiSilicon Balong: cells from ^MONSC and ^MONNC, levels from ^HCSQ.
 
-    ^MONSC: GSM,460,00,1,12,49,2D54,57B2,-68,,          band, ARFCN, BSIC, cell, area, dBm, RxQual, TA
-    ^MONSC: LTE,460,00,38400,D975244,8,24C8,-85,-10,-54 EARFCN, cell, PCI, area, RSRP, RSRQ, RSSI
-    ^MONNC: NR,524910,17F,-157,-44,-24                  neighbour: NR-ARFCN, PCI, RSRP, RSRQ, SINR
-    ^HCSQ:"LTE",30,19,66,0                              indices of RSSI, RSRP, SINR, RSRQ
+    ^MONSC: GSM,460,00,1,12,49,2D54,57B2,-68,,     band, ARFCN, BSIC, cell, area, dBm, quality, TA
+    ^MONSC: LTE,460,00,38400,D975244,8,24C8,-85,-10,-54
+                                                   EARFCN, cell, PCI, area, RSRP, RSRQ, RSSI
+    ^MONNC: NR,524910,17F,-157,-44,-24             neighbour: NR-ARFCN, PCI, RSRP, RSRQ, SINR
+    ^HCSQ:"LTE",30,19,66,0                         indices of RSSI, RSRP, SINR, RSRQ
 
 Cell, area and PCI are hexadecimal without leading zeros, all else is decimal (the format strings of
 the firmware's AT layer, published with the HiSilicon kernel sources). Unknown values are empty
@@ -17,7 +18,7 @@ from typing import Any
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.cinterion.cinterion import grouped_cells
+from logger.drivers.cinterion.grouped_cells import grouped_cells
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.generic.generic import Generic

@@ -208,6 +208,11 @@ def cell_identity(
     return NumberText(identity, text, form or _CELLS[base, bits])
 
 
+def bsic_of(ncc: int | None, bcc: int | None) -> int | None:
+    """Base station identity code of the network's and the station's colour code."""
+    return None if ncc is None or bcc is None else 8 * ncc + bcc
+
+
 def network(mcc: str, mnc: str) -> tuple[str, str] | tuple[None, None]:
     """Country and network code as printed, both or neither."""
     mcc, mnc = mcc.strip(), mnc.strip()
@@ -220,28 +225,3 @@ def pieces(lines: Iterable[str]) -> Iterator[str]:
     """
     for line in lines:
         yield from filter(str.strip, re.split(r"(?:\\[rn]|[\r\n])+", line))
-
-
-def labelled(form: Iterable[tuple[str, str]], between: str) -> re.Pattern[str]:
-    """Pattern of `label: value` in a fixed order, for (label, pattern of its value); a group is
-    named as its label.
-    """
-    return _joined(
-        (rf"{re.escape(label)}\s?:\s*(?P<{_group(label)}>{value})" for label, value in form),
-        between,
-    )
-
-
-def listed(form: Iterable[tuple[str, str]]) -> re.Pattern[str]:
-    """Pattern of values between commas in a fixed order, for (name, pattern of its value)."""
-    return _joined((rf"(?P<{_group(name)}>{value})" for name, value in form), r"\s*,\s*")
-
-
-def _joined(parts: Iterable[str], between: str) -> re.Pattern[str]:
-    return re.compile(
-        r"(?<![\w.,-])" + between.join(parts) + r"(?![\w.])", re.IGNORECASE | re.ASCII
-    )
-
-
-def _group(label: str) -> str:
-    return re.sub(r"\W", "_", label.lower())

@@ -61,7 +61,7 @@ class NumberHistory:
         return self.columns.get(column, {})
 
     def with_reply(self, reply: "NumberHistory") -> "NumberHistory":
-        """This history and that of one more reply."""
+        """The history with one more reply."""
         return NumberHistory(
             {
                 **self.columns,

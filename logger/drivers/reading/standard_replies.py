@@ -1,12 +1,18 @@
-"""What all modems print alike (3GPP TS 27.007): registration, operators, levels without a cell,
-errors.
-"""
+"""Replies of 3GPP TS 27.007, which all modems print: registration, networks, levels, errors."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from logger.drivers.reading.fields import RAT_OF_ACT, area, at, cell_identity, decimal, values
+from logger.drivers.reading.index_scales import (
+    CSQ_OF_INDEX,
+    ECN0_OF_INDEX,
+    RSCP_OF_INDEX,
+    RSRP_OF_INDEX,
+    RSRQ_OF_INDEX,
+    RXLEV_OF_INDEX,
+)
 from logger.drivers.reading.number_text import NumberForm
 from logger.drivers.reading.rows import Operator, Refusal, Registration, Row, Signal
 
@@ -14,9 +20,7 @@ _VALUE = r'(?:"[^"+]*"?|[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
 _REGISTRATION = re.compile(
     rf"\+(CREG|CGREG|CEREG|C5GREG):\s*({_VALUE}(?:[ \t]*,[ \t]*{_VALUE})*)", re.ASCII
 )
-"""The values end where something else begins, an answer to another command in the same line or what
-a log appends.
-"""
+"""The values end where something else begins: another answer in the same line, or text of a log."""
 _LEADING_TWO = re.compile(r"\s*\d{1,3}\s*,\s*\d{1,3}\s*(?:,|\Z)")
 """An answer begins with two small numbers, a report with one: `+CREG: 1,"CE00","00005449"` is a
 report.
@@ -30,22 +34,17 @@ _OFFERED = re.compile(
     r"\(\s*([0-3])\s*," + _NAME + _NAME + r'\s*"?(\d{5,7})"?\s*(?:\)?\s*,\s*(\d{1,2})(?=\s*\)))?',
     re.ASCII,
 )
-"""A network of AT+COPS=?; real lists close the bracket early, leave out quotes and names, and break
-lines.
-"""
+"""A network of AT+COPS=?; lists close the bracket early, lack quotes and names, and break lines."""
 
 _MOST_STAT = 11
 _CELL, _NR_CELL = NumberForm(16, frozenset({4, 7, 8})), NumberForm(16, frozenset({9, 16}))
 """A registration prints the cells of all technologies in one place, GSM with four digits."""
 
 
-def read(lines: Sequence[str]) -> tuple[Row, ...]:
-    """Rows in lines of the common forms, those of one kind after the other within each line."""
-    found: list[Row] = []
-    for line in lines:
-        for reader in _READERS:
-            found += reader(line)
-    return (*found, *_offered("\n".join(lines)))
+def standard_rows(lines: Sequence[str]) -> tuple[Row, ...]:
+    """Rows in lines of the standard forms, those of one kind after the other within each line."""
+    rows = (row for line in lines for reader in _READERS for row in reader(line))
+    return (*rows, *_offered_networks("\n".join(lines)))
 
 
 def _registrations(line: str) -> Iterator[Row]:
@@ -80,40 +79,36 @@ def _registrations(line: str) -> Iterator[Row]:
 def _quality(line: str) -> Iterator[Row]:
     for level, errors in _CSQ.findall(line):
         raw = decimal(level, 0, 31)
-        yield Signal(
-            csq_raw=raw,
-            ber=decimal(errors, 0, 7),
-            rssi_dbm=None if raw is None else -113.0 + 2.0 * raw,
-        )
+        yield Signal(csq_raw=raw, ber=decimal(errors, 0, 7), rssi_dbm=CSQ_OF_INDEX.value_at(raw))
 
 
 def _extended_quality(line: str) -> Iterator[Row]:
     """+CESQ (27.007 8.69): an index for each technology, those not in use 99 or 255."""
     for text in _CESQ.findall(line):
-        rxlev, ber, rscp, ecno, rsrq, rsrp = (int(value) for value in values(text))
-        if rxlev <= 63:
-            yield Signal(
+        rxlev, ber, rscp, ecn0, rsrq, rsrp = (int(value) for value in values(text))
+        signals = (
+            Signal(
                 "GSM",
                 ber=ber if ber <= 7 else None,
-                rssi_dbm=rxlev - 110.0,
+                rssi_dbm=RXLEV_OF_INDEX.value_at(rxlev),
                 more={"rxlev_raw": rxlev},
-            )
-        if rscp <= 96:
-            ecio_db = ecno / 2.0 - 24.5 if ecno <= 49 else None
-            yield Signal(
+            ),
+            Signal(
                 "WCDMA",
-                rscp_dbm=rscp - 121.0,
-                ecio_db=ecio_db,
-                more={"rscp_raw": rscp, "ecn0_raw": ecno},
-            )
-        if rsrp <= 97:
-            rsrq_db = rsrq / 2.0 - 20.0 if rsrq <= 34 else None
-            yield Signal(
+                rscp_dbm=RSCP_OF_INDEX.value_at(rscp),
+                ecio_db=ECN0_OF_INDEX.value_at(ecn0),
+                more={"rscp_raw": rscp, "ecn0_raw": ecn0},
+            ),
+            Signal(
                 "LTE",
-                rsrp_dbm=rsrp - 141.0,
-                rsrq_db=rsrq_db,
+                rsrp_dbm=RSRP_OF_INDEX.value_at(rsrp),
+                rsrq_db=RSRQ_OF_INDEX.value_at(rsrq),
                 more={"rsrp_raw": rsrp, "rsrq_raw": rsrq},
-            )
+            ),
+        )
+        for signal in signals:
+            if (signal.rssi_dbm, signal.rscp_dbm, signal.rsrp_dbm) != (None, None, None):
+                yield signal
 
 
 def _refusals(line: str) -> Iterator[Row]:
@@ -122,7 +117,7 @@ def _refusals(line: str) -> Iterator[Row]:
         yield Refusal(code=int(match[1]) if match[1] and len(match[1]) < 6 else None, text=match[2])
 
 
-def _chosen(line: str) -> Iterator[Row]:
+def _chosen_network(line: str) -> Iterator[Row]:
     for form, text, act in _CHOSEN.findall(line):
         number = decimal(act, 0, 15)
         rat = None if number is None else RAT_OF_ACT.get(number)
@@ -130,7 +125,7 @@ def _chosen(line: str) -> Iterator[Row]:
         yield Operator(rat, act=number, **named)
 
 
-def _offered(text: str) -> Iterator[Row]:
+def _offered_networks(text: str) -> Iterator[Row]:
     for stat, long, plain_long, short, plain_short, plmn, act in _OFFERED.findall(text):
         number = decimal(act, 0, 15)
         rat = None if number is None else RAT_OF_ACT.get(number)
@@ -145,5 +140,5 @@ _READERS: tuple[Callable[[str], Iterator[Row]], ...] = (
     _quality,
     _extended_quality,
     _refusals,
-    _chosen,
+    _chosen_network,
 )

@@ -5,13 +5,13 @@
     LTE band:      B7               LTE bw:      20 MHz
     LTE Rx chan:   3110             LTE Tx chan: 21110
     PCC RxM RSSI:  -89              PCC RxM RSRP:  -117
-    Tx Power:      --               TAC:         2B67 (11111)    hexadecimal, and decimal in the brackets
+    Tx Power:      --               TAC:         2B67 (11111)    hexadecimal (decimal)
     RSRQ (dB):     -8.0             Cell ID:     00005101 (20737)
 
     Serving:   EARFCN MCC MNC   TAC      CID Bd D U SNR PCI  RSRQ   RSRP   RSSI RXLV
                   800 310 410 35666 0A14666A  2 5 5  22 404 -14.1  -79.6  -45.5 --
 
-!GSTATUS does not tell the network; a poll takes it from +COPS.
+!GSTATUS does not contain the network; a poll takes it from +COPS.
 """
 
 import re
@@ -23,20 +23,18 @@ from logger.drivers import network_mode
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.reading.cell_values import read_values
 from logger.drivers.reading.fields import (
     EIGHT,
     area,
     cell_identity,
     decimal,
-    level,
     network,
     pieces,
-    rsrp_dbm,
-    rsrq_db,
-    rssi_dbm,
 )
 from logger.drivers.reading.number_text import confirm
 from logger.drivers.reading.rows import NoCell, Operator, Row
+from logger.drivers.reading.serving_cell import chosen_networks, is_serving
 
 _FLAGS = re.ASCII | re.IGNORECASE
 _SECTION = re.compile(  # a reply, also one whose first line is lost
@@ -58,22 +56,25 @@ _LABELS: Mapping[
     Rat, Mapping[str, tuple[str, ...]]
 ] = {  # the main antenna of the main carrier first
     "LTE": {
-        "channel": (r"LTE Rx chan",),
+        "nrarfcn": (r"LTE Rx chan",),
         "rssi": (r"PCC RxM RSSI", r"RSSI \(dBm\)"),
         "rsrp": (r"PCC RxM RSRP", r"RSRP \(dBm\)"),
         "rsrq": (r"RSRQ \(dB\)",),
-        "sinr": (r"SINR \(dB\)",),
+        "snr": (r"SINR \(dB\)",),
     },
     "NR": {
-        "channel": (r"NR5G Rx chan",),
+        "nrarfcn": (r"NR5G Rx chan",),
         "rsrp": (r"NR5G RSRP \(dBm\)",),
         "rsrq": (r"NR5G RSRQ \(dB\)",),
-        "sinr": (r"NR5G SINR \(dB\)",),
+        "snr": (r"NR5G SINR \(dB\)",),
     },
-    "WCDMA": {"channel": (r"WCDMA channel",), "rssi": _UMTS_LEVEL},
-    "GSM": {"channel": (r"GSM channel",), "rssi": _UMTS_LEVEL},
+    "WCDMA": {"nrarfcn": (r"WCDMA channel",), "rssi": _UMTS_LEVEL},
+    "GSM": {"nrarfcn": (r"GSM channel",), "rssi": _UMTS_LEVEL},
 }
-_BAND = r"(?:LTE band\s*:\s*(B\d{1,3})|NR5G band\s*:\s*(n\d{1,3})|%s band\s*:\s*((?!unknown)(?:WCDMA )?\w+))(?!\w)"
+_BAND = (
+    r"(?:LTE band\s*:\s*(B\d{1,3})|NR5G band\s*:\s*(n\d{1,3})"
+    r"|%s band\s*:\s*((?!unknown)(?:WCDMA )?\w+))(?!\w)"
+)
 _BITS: Mapping[Rat, tuple[int, int]] = {
     "GSM": (16, 16),
     "WCDMA": (16, 28),
@@ -87,6 +88,21 @@ _TABLE = re.compile(
 )
 _NUMBER = r"-?\d{1,5}(?:\.\d{1,2})?"
 _FORMS = {"MCC": r"\d{3}", "MNC": r"\d{2,3}", "TAC": r"\d{1,5}", "CID": r"[0-9A-F]{8}"}
+_COLUMNS = {  # names of `cell_values`
+    "EARFCN": "earfcn",
+    "UARFCN": "earfcn",
+    "ARFCN": "earfcn",
+    "BD": "band",
+    "PSC": "psc",
+    "PCI": "pci",
+    "RSSI": "rssi",
+    "RSCP": "rscp",
+    "ECN0": "ecn0",
+    "RSRP": "rsrp",
+    "RSRQ": "rsrq",
+    "SNR": "snr",
+}
+_NO_CHANNEL = 0xFFFF
 _TABLE_RATS: Mapping[str, Rat] = {
     "SERVING": "LTE",
     "INTRAFREQ": "LTE",
@@ -97,9 +113,7 @@ _TABLE_RATS: Mapping[str, Rat] = {
 
 
 class Sierra(Family):
-    """The serving cell of all technologies, neighbours on LTE; HL and SL modules speak other
-    dialects.
-    """
+    """The serving cell of all technologies, neighbours on LTE; not the HL and SL modules."""
 
     name = "sierra"
     claim = Claim(maker=r"\A(?!.*\b(?:HL|SL|Q2)\d)(?:.*\bSIERRA WIRELESS\b|.*\bAIRPRIME\b)")
@@ -113,9 +127,9 @@ class Sierra(Family):
     mode_commands = network_mode.SELRAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells heard now, the serving one once, and with its network."""
+        """Cells received now, the serving one once and with its network."""
         rows = yield from self.ask(self.poll_commands)
-        return None if rows is None else joined(rows)
+        return None if rows is None else complete_serving_cells(rows)
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Serving cells of !GSTATUS, all cells of !LTEINFO."""
@@ -126,26 +140,22 @@ class Sierra(Family):
         return tuple(found)
 
 
-def joined(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """Rows of one poll: no second serving cell of a technology beside a whole one; the network is
-    that of +COPS.
+def complete_serving_cells(rows: Sequence[Row]) -> tuple[Row, ...]:
+    """Rows of one poll without a second serving cell of a technology beside a complete one.
+
+    !GSTATUS prints no network; it is that of +COPS.
     """
-    whole = {
-        row.rat
-        for row in rows
-        if isinstance(row, CellReading) and row.role == "serving" and row.cell
-    }
-    chosen = next(
-        (row for row in rows if isinstance(row, Operator) and row.stat is None and row.plmn), None
-    )
-    mcc, mnc = network(chosen.plmn[:3], chosen.plmn[3:]) if chosen and chosen.plmn else (None, None)
+    complete = {row.rat for row in rows if is_serving(row) and row.cell}
+    chosen = next(chosen_networks(rows), Operator(plmn=""))
+    plmn = chosen.plmn or ""
+    mcc, mnc = network(plmn[:3], plmn[3:])
     kept: list[Row] = []
     for row in rows:
-        if not isinstance(row, CellReading) or row.role != "serving" or row.cell:
+        if not is_serving(row) or row.cell:
             kept.append(row)
-        elif row.rat not in whole:
-            own = chosen is not None and chosen.rat == row.rat and row.cid is not None
-            kept.append(replace(row, mcc=mcc, mnc=mnc) if own else row)
+        elif row.rat not in complete:
+            has_network = plmn and chosen.rat == row.rat and row.cid is not None
+            kept.append(replace(row, mcc=mcc, mnc=mnc) if has_network else row)
     return tuple(kept)
 
 
@@ -157,36 +167,31 @@ def _status(text: str) -> Iterator[Row]:
     if rat is None:
         yield NoCell(status=mode[1])
         return
-    labels = _LABELS[rat]
+    is_lte_or_later = rat in {"LTE", "NR"}
     area_bits, cell_bits = _BITS[rat]
-    (where, place_agrees), (who, cell_agrees) = (
-        _in_brackets(text, label) for label in ("TAC" if rat in {"LTE", "NR"} else "LAC", "Cell ID")
-    )
-    place = confirm(area(where, 10, area_bits)) if who else None  # in two bases
-    identity = confirm(cell_identity(who, cell_bits, 10)) if where else None
-    channel = decimal(_value(text, labels["channel"]), 0, 3279165)
+    area_text, areas_agree = _in_brackets(text, "TAC" if is_lte_or_later else "LAC")
+    cell_text, cells_agree = _in_brackets(text, "Cell ID")
+    place = area(area_text, 10, area_bits) if cell_text else None
+    cid = cell_identity(cell_text, cell_bits, 10) if area_text else None
+    named = {name: _value(text, labels) for name, labels in _LABELS[rat].items()}
+    values = read_values(named)
+    values["tac" if is_lte_or_later else "lac"] = confirm(place)
+    if values["arfcn"] == _NO_CHANNEL:
+        values["arfcn"] = None
     reading = CellReading(
         role="serving",
         rat=rat,
-        lac=None if rat in {"LTE", "NR"} else place,
-        tac=place if rat in {"LTE", "NR"} else None,
-        cid=identity,
-        arfcn=None if channel == 0xFFFF else channel,
+        cid=confirm(cid),  # printed in two bases
         band=_band(text, rat),
-        rssi_dbm=rssi_dbm(_value(text, labels.get("rssi", ()))),
-        rsrp_dbm=rsrp_dbm(_value(text, labels.get("rsrp", ()))),
-        rsrq_db=rsrq_db(_value(text, labels.get("rsrq", ()))),
-        sinr_db=level(_value(text, labels.get("sinr", ())), -30.0, 50.0),
-        identity_unsure=not (place_agrees and cell_agrees),
+        identity_unsure=not (areas_agree and cells_agree),
+        **values,
     )
     nothing = reading.level_dbm is None and reading.cid is None and reading.arfcn is None
     yield NoCell(rat, status=mode[1]) if nothing else reading
 
 
 def _value(text: str, labels: Sequence[str]) -> str:
-    """What follows the first of the labels that is there; a label inside a longer one is
-    another.
-    """
+    """What follows the first label in the text; a label within a longer one does not count."""
     for label in labels:
         found = re.search(rf"(?<![A-Z])(?<![A-Z] ){label}[ \t]*:[ \t]*([-+.\w]*)", text, _FLAGS)
         if found:
@@ -195,9 +200,9 @@ def _value(text: str, labels: Sequence[str]) -> str:
 
 
 def _in_brackets(text: str, label: str) -> tuple[str, bool]:
-    """The decimal number in brackets behind a hexadecimal one, and whether the two are the same.
+    """The decimal number in brackets after a hexadecimal one, and whether the two are equal.
 
-    Modems are seen that print the two differently. Which is right, nobody knows.
+    Some modems print two different numbers, and nothing shows which of them is right.
     """
     found = re.search(
         rf"(?<![A-Z]){label}\s*:\s*([0-9A-F]{{1,9}})\s*\((\d{{1,11}})\)", text, _FLAGS
@@ -211,7 +216,7 @@ def _band(text: str, rat: Rat) -> str | None:
 
 
 def _tables(lines: Sequence[str]) -> Iterator[Row]:
-    """Rows below their headings; the column names of a heading say what a row has."""
+    """Rows below their headings, which name the columns."""
     kind, names = "", [""]
     serving = CellReading("serving")
     for line in lines:
@@ -243,16 +248,16 @@ def _row(names: Sequence[str], words: Sequence[str]) -> dict[str, str] | None:
     ):
         return None
     named = dict(zip(names, values, strict=True))
-    whole = all(
+    well_formed = all(
         re.fullmatch(rf"-+|{_FORMS.get(name, _NUMBER)}", text, _FLAGS)
         for name, text in named.items()
     )
-    return named if whole else None
+    return named if well_formed else None
 
 
 def _reading(kind: str, rat: Rat, named: Mapping[str, str]) -> CellReading:
     mcc, mnc = network(named.get("MCC", ""), named.get("MNC", ""))
-    channel = named.get("EARFCN") or named.get("UARFCN") or named.get("ARFCN", "")
+    texts = {_COLUMNS[name]: text for name, text in named.items() if name in _COLUMNS}
     return CellReading(
         role="serving" if kind == "SERVING" else "neighbour",
         rat=rat,
@@ -260,15 +265,6 @@ def _reading(kind: str, rat: Rat, named: Mapping[str, str]) -> CellReading:
         mnc=mnc,
         tac=area(named.get("TAC", ""), 10) if mcc else None,
         cid=cell_identity(named.get("CID", ""), 28, form=EIGHT) if mcc else None,
-        arfcn=decimal(channel, 0, 262143),
-        band=decimal(named.get("BD", ""), 1, 255),
-        psc=decimal(named.get("PSC", ""), 0, 511),
-        pci=decimal(named.get("PCI", ""), 0, 503),
-        rssi_dbm=rssi_dbm(named.get("RSSI", "")),
-        rscp_dbm=rssi_dbm(named.get("RSCP", "")),
-        ecio_db=level(named.get("ECN0", ""), -32.0, 0.0),
-        rsrp_dbm=rsrp_dbm(named.get("RSRP", "")),
-        rsrq_db=rsrq_db(named.get("RSRQ", "")),
-        sinr_db=level(named.get("SNR", ""), -30.0, 50.0),
         more={"srxlev": decimal(named.get("RXLV", ""), -255, 255)},
+        **read_values(texts),
     )

@@ -1,15 +1,16 @@
-"""What the rows of all u-blox commands have in common: one reading from texts by name, in whatever
-order they come.
+"""The reading of a cell from its texts by name, for the rows of all u-blox commands.
 
 Area and cell identity are hexadecimal. Levels are the indices of 3GPP TS 36.133 and 45.008, 255
 unknown.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from logger.core.types import CellReading, Rat, Role
-from logger.drivers.reading.fields import area, cell_identity, decimal, level, rsrp_dbm, rsrq_db
+from logger.drivers.reading.cell_values import VALUES, Readers, between, read_values
+from logger.drivers.reading.fields import area, cell_identity, decimal
+from logger.drivers.reading.index_scales import CARRIER_OF_INDEX, RSRP_OF_INDEX, RSRQ_OF_INDEX
 from logger.drivers.reading.number_text import NumberForm, NumberText
 from logger.drivers.reading.rows import NoCell
 
@@ -17,36 +18,52 @@ Texts = Mapping[str, str]
 
 PCS_FLAG = 0x8000
 """Added to the channel in the 1900 MHz band (AT+CGED)."""
-_HIGHEST = {"GSM": 1023, "WCDMA": 16383, "LTE": 262143}
+_CHANNELS: Mapping[Rat, str] = {"GSM": "arfcn", "WCDMA": "uarfcn", "LTE": "earfcn"}
 _NO_CHANNEL = 65535
-_INDICES = {  # name of the raw value, and what its index can be
-    "rscp": ("rscp_raw", 0, 96),
-    "ecn0": ("ecn0_raw", 0, 49),
-    "rsrp": ("rsrp_raw", -17, 97),
-    "rsrq": ("rsrq_raw", -30, 46),
-    "sinr_index": ("sinr_raw", 0, 254),
+_INDICES = {  # name of the raw value, and the range of its index
+    "rscp": ("rscp_raw", between(0, 96)),
+    "ecn0": ("ecn0_raw", between(0, 49)),
+    "rsrp": ("rsrp_raw", between(-17, 97)),
+    "rsrq": ("rsrq_raw", between(-30, 46)),
+    "sinr_index": ("sinr_raw", between(0, 254)),
+}
+_READERS: Readers = {
+    "band": ("band", between(1, 254)),
+    "psc": VALUES["psc"],
+    "pci": VALUES["pci"],
+    "rssi_index": ("rssi_dbm", CARRIER_OF_INDEX.value_of),
+    "rsrp_dbm": VALUES["rsrp"],
+    "rsrq_db": VALUES["rsrq"],
+    "sinr": VALUES["snr"],
+    "ta": VALUES["ta"],
+    "c1": ("c1", between(-127, 127)),
+    "c2": ("c2", between(-127, 127)),
 }
 _THREE = NumberForm(10, frozenset({3}))
 _AS_PRINTED = ("bsic_text", "rxlev_text")
 """Values of a base that is not documented."""
 
 
-def reading(role: Role, rat: Rat, texts: Texts) -> CellReading | NoCell | None:
-    """One cell; for a serving cell of which all is unknown NoCell, for a neighbour None."""
+def readings(role: Role, rat: Rat, texts: Texts) -> Iterator[CellReading | NoCell]:
+    """One cell; of a serving cell with unknown values only `NoCell`, of a neighbour nothing."""
     mcc, mnc, number = _network(texts)
     identified = mcc is not None or "mcc" not in texts
     place = area(texts.get("lac", texts.get("tac", ""))) if identified else None
     cid = cell_identity(texts.get("ci", ""), 16 if rat == "GSM" else 28) if identified else None
-    channel, printed = _channel(texts.get("arfcn", ""), rat)
-    raw = {
-        name: decimal(texts[text], low, high)
-        for text, (name, low, high) in _INDICES.items()
-        if text in texts
-    }
-    rxlev = _rxlev(texts)
+    channel, flagged = _channel(texts.get("arfcn", ""), rat)
     if mcc is None and cid is None and channel is None:
-        return NoCell(rat) if role == "serving" else None
-    return CellReading(
+        yield from [NoCell(rat)] if role == "serving" else []
+        return
+    values = read_values(texts, _READERS)
+    raw = read_values(texts, _INDICES)
+    for name, attribute, scale in (
+        ("rsrp_raw", "rsrp_dbm", RSRP_OF_INDEX),
+        ("rsrq_raw", "rsrq_db", RSRQ_OF_INDEX),
+    ):
+        if raw.get(name) is not None:
+            values[attribute] = scale.value_at(raw[name])
+    printed = {name: texts[name] for name in _AS_PRINTED if texts.get(name)}
+    yield CellReading(
         role=role,
         rat=rat,
         mcc=mcc,
@@ -55,23 +72,10 @@ def reading(role: Role, rat: Rat, texts: Texts) -> CellReading | NoCell | None:
         tac=place if rat == "LTE" else None,
         cid=cid,
         arfcn=channel,
-        arfcn_raw=printed,
-        band=decimal(texts.get("band", ""), 1, 254),
-        psc=decimal(texts.get("psc", ""), 0, 511),
-        pci=decimal(texts.get("pci", ""), 0, 503),
-        rxlev_raw=rxlev,
-        rssi_dbm=_carrier_dbm(texts.get("rssi_index", "")),
-        rsrp_dbm=rsrp_dbm(texts.get("rsrp_dbm", ""))
-        if raw.get("rsrp_raw") is None
-        else _rsrp_dbm(raw["rsrp_raw"]),
-        rsrq_db=rsrq_db(texts.get("rsrq_db", ""))
-        if raw.get("rsrq_raw") is None
-        else _rsrq_db(raw["rsrq_raw"]),
-        sinr_db=level(texts.get("sinr", ""), -30.0, 50.0),
-        ta=decimal(texts.get("ta", ""), 0, 63),
-        c1=decimal(texts.get("c1", ""), -127, 127),
-        c2=decimal(texts.get("c2", ""), -127, 127),
-        more={**raw, **number, **{name: texts[name] for name in _AS_PRINTED if texts.get(name)}},
+        arfcn_raw=flagged,
+        rxlev_raw=_rxlev(texts),
+        more={**raw, **number, **printed},
+        **values,
     )
 
 
@@ -82,9 +86,7 @@ def _rxlev(texts: Texts) -> int | None:
 
 
 def _network(texts: Texts) -> tuple[str | None, str | None, dict[str, int]]:
-    """Country and network; a network code that has lost its zeros, a single digit, stays a number
-    (`mnc_raw`).
-    """
+    """Country and network; a network code of one digit has lost its zeros and stays a number."""
     mcc, mnc = texts.get("mcc", ""), texts.get("mnc", "")
     if not re.fullmatch(r"(?!000)[0-9]{3}", mcc) or not re.fullmatch(r"[0-9]{1,3}", mnc):
         return None, None, {}
@@ -92,26 +94,11 @@ def _network(texts: Texts) -> tuple[str | None, str | None, dict[str, int]]:
 
 
 def _channel(text: str, rat: Rat) -> tuple[int | None, int | None]:
-    """Channel, and the number as printed where it carries the flag of the 1900 MHz band."""
+    """Channel, and the number as printed where it has the flag of the 1900 MHz band."""
     number = decimal(text, 0, 2**18)
     if number is None or number == _NO_CHANNEL:
         return None, None
     if rat == "GSM" and number >= PCS_FLAG:
-        return (number - PCS_FLAG if 512 <= number - PCS_FLAG <= 810 else None), number
-    return (number if number <= _HIGHEST[rat] else None), None
-
-
-def _rsrp_dbm(index: int | None) -> float | None:
-    return None if index is None or index < 0 else index - 141.0
-
-
-def _rsrq_db(index: int | None) -> float | None:
-    return None if index is None or not 0 <= index <= 34 else index / 2.0 - 20.0
-
-
-def _carrier_dbm(text: str) -> float | None:
-    """Level of a WCDMA carrier, all its cells together (3GPP TS 25.133 9.1.3; ubxlib,
-    rssiUtranToDbm).
-    """
-    index = decimal(text, 0, 76)
-    return None if index is None else index - 100.0
+        channel = number - PCS_FLAG
+        return (channel if 512 <= channel <= 810 else None), number
+    return VALUES[_CHANNELS[rat]][1](text), None

@@ -1,11 +1,10 @@
-"""u-blox LISA, SARA, LARA, TOBY: cells from +CGED, +UCELLINFO, +UCGED and AT+COPS=5
-(firmware_notes/ublox.md).
+"""u-blox LISA, SARA, LARA, TOBY: cells from +CGED, +UCELLINFO, +UCGED and AT+COPS=5.
 
     +UCELLINFO:       1,     2,  310,  410, 7f05, 57b14e2, 395, 1032, 255, 255
-                   mode, type, mcc, mnc, lac, cell id (hexadecimal), scrambling code, channel, RSCP,
-                   Ec/N0; 255 unknown
+                   mode, type, mcc, mnc, lac, cell id, scrambling code, channel, RSCP, Ec/N0
 
-The rows with labels are in `labels`, those of +UCGED in `ucged`.
+Area and cell id are hexadecimal, 255 is unknown. `labels` reads the rows with labels, `ucged` those
+of +UCGED (firmware_notes/ublox.md).
 """
 
 import re
@@ -18,44 +17,39 @@ from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.generic.generic import Generic
 from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.fields import decimal, listed, pieces
-from logger.drivers.reading.rows import Operator, Row
-from logger.drivers.ublox.cell import reading
+from logger.drivers.reading.fields import decimal, pieces
+from logger.drivers.reading.row_patterns import form, listed_row
+from logger.drivers.reading.rows import Row
+from logger.drivers.reading.serving_cell import chosen_networks
+from logger.drivers.ublox.cell import readings
 from logger.drivers.ublox.labels import labelled_rows
 from logger.drivers.ublox.ucged import ucged_rows
 
-_CODE, _HEX, _INDEX = r"\d{1,5}|F{3,4}", r"[0-9A-F]{1,8}", r"\d{1,5}"
-_HEAD = (
-    ("mode", r"[01]"),
-    ("type", r"[0-4]"),
-    ("mcc", _CODE),
-    ("mnc", _CODE),
-    ("lac", _HEX),
-    ("ci", _HEX),
-)
-_2G = listed((*_HEAD, ("rxlev", _INDEX)))
-_3G = listed((*_HEAD, ("psc", _INDEX), ("arfcn", _INDEX), ("rscp", _INDEX), ("ecn0", _INDEX)))
+_PATTERNS = {
+    "mode": r"[01]",
+    "type": r"[0-4]",
+    "code": r"\d{1,5}|F{3,4}",
+    "hex": r"[0-9A-F]{1,8}",
+    "index": r"\d{1,5}",
+}
+_HEAD = "mode/mode type/type mcc/code mnc/code lac/hex ci/hex "
+_2G = listed_row(form(_HEAD + "rxlev/index", _PATTERNS))
+_3G = listed_row(form(_HEAD + "psc/index arfcn/index rscp/index ecn0/index", _PATTERNS))
 _UCELLINFO = re.compile(r"\+UCELLINFO:\s*((?:(?!\+UCELLINFO:).)*)", re.IGNORECASE)
 _CUT_LEVEL = re.compile(r",(?=\s)[\s\d]{1,3}\Z")
-"""An index at the end of a row with columns, which begin with a blank and are filled to three
-digits.
-"""
+"""An index at the end of a row in columns, which begin with a blank and have three digits."""
 _SERVING = frozenset({0, 2})
 _FIRST_3G = 2
 
 
 class Ublox(Family):
-    """Cells by the first of three commands that the model knows, else the serving cell by the
-    common ones.
-    """
+    """Cells by the first of three commands that a model knows, else by the standard ones."""
 
     name = "ublox"
     claim = Claim(maker=r"\bu-?blox\b", series=r"\b(?:SARA|LISA|LARA|TOBY|LENA|LEON|LUCY)-[A-Z]?\d")
     setup_commands = (
         *Generic.setup_commands,
-        Command(
-            "AT+UCGED=5"
-        ),  # all that the SARA-R4 knows; the others refuse it or have it replaced by the next
+        Command("AT+UCGED=5"),  # all that the SARA-R4 knows; the next replaces it elsewhere
         Command("AT+UCGED=2"),
     )
     poll_commands = (
@@ -67,29 +61,25 @@ class Ublox(Family):
     mode_commands = network_mode.URAT
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Ask in turn until a reply has cells; zeros that a network code has lost come back from
-        AT+COPS?.
-        """
+        """Ask in turn until a reply has cells; AT+COPS? restores lost zeros of a network code."""
         answers: list[tuple[Row, ...]] = []
         network = (yield from self.ask([Command("AT+COPS?")])) or ()
         for command in self.poll_commands:
             rows = yield from self.ask([command])
             if rows and any(isinstance(row, CellReading) for row in rows):
-                return completed((*rows, *network))
+                return complete_networks((*rows, *network))
             answers += [] if rows is None else [rows]
         common = yield from Generic().poll()
         answers += [] if common is None else [common]
         return tuple(row for rows in answers for row in rows) if answers else None
 
     def survey(self, command: Command) -> Dialogue[tuple[Row, ...] | None]:
-        """As for all; zeros that the code of the modem's own network has lost come back from
-        AT+COPS?.
-        """
+        """As for all; AT+COPS? restores the lost zeros of the modem's own network."""
         rows = yield from self.ask([command])
         if rows is None:
             return None
         network = (yield from self.ask([Command("AT+COPS?")])) or ()
-        return completed((*rows, *network))[: len(rows)]
+        return complete_networks((*rows, *network))[: len(rows)]
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in the rows of +UCELLINFO, +UCGED, +CGED and AT+COPS=5."""
@@ -101,22 +91,18 @@ class Ublox(Family):
         )
 
 
-def completed(rows: tuple[Row, ...]) -> tuple[Row, ...]:
-    """Rows whose network code is printed as a number get its digits where +COPS names the same
-    network in full.
-    """
-    codes = [
-        row.plmn for row in rows if isinstance(row, Operator) and row.stat is None and row.plmn
-    ]
+def complete_networks(rows: tuple[Row, ...]) -> tuple[Row, ...]:
+    """Rows with the network code of +COPS where they print the same code without its zeros."""
+    plmn = next((network.plmn for network in chosen_networks(rows)), None) or ""
     return tuple(
-        _completed(row, codes[0]) if codes and isinstance(row, CellReading) else row for row in rows
+        replace(row, mnc=plmn[3:]) if isinstance(row, CellReading) and _is_of(row, plmn) else row
+        for row in rows
     )
 
 
-def _completed(reading: CellReading, plmn: str) -> CellReading:
+def _is_of(reading: CellReading, plmn: str) -> bool:
     number = reading.more.get("mnc_raw")
-    same = reading.mcc == plmn[:3] and number is not None and decimal(plmn[3:]) == number
-    return replace(reading, mnc=plmn[3:]) if same else reading
+    return number is not None and reading.mcc == plmn[:3] and decimal(plmn[3:]) == number
 
 
 def _ucellinfo(line: str) -> Iterator[Row]:
@@ -128,6 +114,4 @@ def _ucellinfo(line: str) -> Iterator[Row]:
             continue
         role: Role = "serving" if int(row["type"]) in _SERVING else "neighbour"
         texts = row.groupdict() | ({"rxlev": ""} if _CUT_LEVEL.search(text) else {})
-        cell = reading(role, "WCDMA" if is_3g else "GSM", texts)
-        if cell is not None:
-            yield cell
+        yield from readings(role, "WCDMA" if is_3g else "GSM", texts)

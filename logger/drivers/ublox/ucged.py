@@ -13,75 +13,48 @@ import re
 from collections.abc import Iterator, Sequence
 
 from logger.core.types import Rat
-from logger.drivers.reading.fields import listed
+from logger.drivers.reading.row_patterns import form, listed_row
 from logger.drivers.reading.rows import Row
-from logger.drivers.ublox.cell import reading
+from logger.drivers.ublox.cell import readings
 
 _START = re.compile(r"\+UCGED:\s*2\b", re.IGNORECASE)
 _STOP = re.compile(r"\bOK\b|\bERROR\b|\bAT\+", re.IGNORECASE)
 _NETWORK = re.compile(
-    r"(?<![\w.,-])(?P<rat>[2346])\s*,(?:\s*(?P<service>\d{1,3})\s*,)?\s*(?P<mcc>\d{3}|fff)\s*,\s*(?P<mnc>\d{1,3}|fff?)\s*\Z",
+    r"(?<![\w.,-])(?P<rat>[2346])\s*,(?:\s*(?P<service>\d{1,3})\s*,)?"
+    r"\s*(?P<mcc>\d{3}|fff)\s*,\s*(?P<mnc>\d{1,3}|fff?)\s*\Z",
     re.IGNORECASE | re.ASCII,
 )
 _RATS: dict[str, Rat] = {"2": "GSM", "3": "WCDMA", "4": "LTE", "6": "LTE"}
-_CHANNEL, _SMALL, _INDEX, _RATIO = r"\d{1,6}", r"\d{1,5}", r"-?\d{1,3}", r"-?\d{1,3}(?:\.\d+)?"
-_AREA, _CELL, _HEX = r"[0-9A-F]{1,4}", r"[0-9A-F]{1,8}", r"[0-9A-F]{1,8}"
-_GSM = listed(
-    (
-        ("arfcn", _CHANNEL),
-        ("is_1900", r"\d{1,3}"),
-        ("ci", _AREA),
-        ("bsic_text", r"\w{1,3}"),
-        ("lac", _AREA),
-        ("rac", _HEX),
-        ("rxlev", _INDEX),
-        ("ta", _INDEX),
-        ("c1", _INDEX),
-        ("c2", _INDEX),
-    )
+_PATTERNS = {
+    "channel": r"\d{1,6}",
+    "small": r"\d{1,5}",
+    "index": r"-?\d{1,3}",
+    "flag": r"\d{1,3}",
+    "text": r"\w{1,3}",
+    "ratio": r"-?\d{1,3}(?:\.\d+)?",
+    "area": r"[0-9A-F]{1,4}",
+    "cell": r"[0-9A-F]{1,8}",
+}
+_LTE_CARRIER = "arfcn/channel band/small ul/small dl/small tac/area "
+
+
+def _row(labels: str) -> re.Pattern[str]:
+    return listed_row(form(labels, _PATTERNS))
+
+
+_GSM = _row(
+    "arfcn/channel is_1900/flag ci/area bsic_text/text lac/area rac/cell rxlev/index ta/index"
+    " c1/index c2/index"
 )
-_WCDMA = listed(
-    (
-        ("arfcn", _CHANNEL),
-        ("band", _SMALL),
-        ("ci", _CELL),
-        ("lac", _AREA),
-        ("rac", _HEX),
-        ("psc", _SMALL),
-        ("rrc", _SMALL),
-        ("rssi_index", _INDEX),
-        ("ecn0", _INDEX),
-    )
+_WCDMA = _row(
+    "arfcn/channel band/small ci/cell lac/area rac/cell psc/small rrc/small rssi_index/index"
+    " ecn0/index"
 )
-_LTE_CARRIER = (
-    ("arfcn", _CHANNEL),
-    ("band", _SMALL),
-    ("ul", _SMALL),
-    ("dl", _SMALL),
-    ("tac", _AREA),
+_LTE = _row(
+    _LTE_CARRIER + "ci/cell pci/small tmsi/cell mme_group/cell mme/cell rsrp/index rsrq/index"
+    " sinr/ratio"
 )
-_LTE = listed(
-    (
-        *_LTE_CARRIER,
-        ("ci", _CELL),
-        ("pci", _SMALL),
-        ("tmsi", _HEX),
-        ("mme_group", _HEX),
-        ("mme", _HEX),
-        ("rsrp", _INDEX),
-        ("rsrq", _INDEX),
-        ("sinr", _RATIO),
-    )
-)
-_LTE_R422 = listed(
-    (
-        *_LTE_CARRIER,
-        ("pci", _SMALL),
-        ("rsrp_dbm", _RATIO),
-        ("rsrq_db", _RATIO),
-        ("sinr_index", _SMALL),
-    )
-)
+_LTE_R422 = _row(_LTE_CARRIER + "pci/small rsrp_dbm/ratio rsrq_db/ratio sinr_index/small")
 _LEVELS = re.compile(r"\+(?P<name>RSRP|RSRQ):\s*(?P<cells>[^+]*)", re.IGNORECASE)
 _LEVEL = re.compile(
     r'(?<!\d)(?P<pci>\d{1,3}),(?P<arfcn>\d{1,6}),"?(?P<value>-\d{1,3}\.\d{1,2})(?!\d)'
@@ -103,15 +76,9 @@ def _serving_cells(lines: Sequence[str]) -> Iterator[Row]:
         elif expected and network is None:
             network = _NETWORK.search(line)
         elif network is not None and (values := _layout(network).search(line)):
-            cell = reading(
-                "serving", _RATS[network["rat"]], {**network.groupdict(""), **values.groupdict("")}
-            )
-            expected, network = (
-                False,
-                None,
-            )  # the neighbours that may follow have no documented layout
-            if cell is not None:
-                yield cell
+            texts = network.groupdict("") | values.groupdict("")
+            yield from readings("serving", _RATS[network["rat"]], texts)
+            expected, network = False, None  # no manual gives the layout of neighbours
 
 
 def _layout(network: re.Match[str]) -> re.Pattern[str]:
@@ -133,6 +100,4 @@ def _measured_cells(lines: Sequence[str]) -> Iterator[Row]:
                 )
                 texts[name] = cell["value"]
     for number, texts in enumerate(found.values()):
-        row = reading("neighbour" if number else "serving", "LTE", texts)
-        if row is not None:
-            yield row
+        yield from readings("neighbour" if number else "serving", "LTE", texts)

@@ -200,7 +200,7 @@ def test_what_is_remembered_is_bounded():
     for cid in range(100_000, 102_500):
         _, known = mark_doubtful(FAMILIES["sim7600"].read([decimal(cid)]), known)
     assert all(len(texts) <= 2000 for texts in known.columns.values())
-    assert len(known.prints) <= 2000
+    assert len(known.codes) <= 2000
 
 
 def test_replies_of_a_transcript_know_of_each_other():
