@@ -1,9 +1,8 @@
-"""A moving object placed by ranges to anchors: the Kalman filter of the README of
-Kalman_Filter_ToA, and what it costs.
+"""Position of a moving object from ranges to anchors: the README of Kalman_Filter_ToA, reproduced.
 
     model      anchors -> differences of squared ranges z, H, R
     lse        the fix of one epoch by the normal equations, with its covariance
-    process    Q and E[w]: as printed, and derived
+    process    Q and E[w]: those of the README, and in closed form
     kalman     the filter of the README, vectorised over runs
     squares    the same task without a singular matrix: a filter on the squared ranges themselves
     bound      what no unbiased estimator can beat

@@ -1,8 +1,7 @@
-"""The Cramer-Rao bound of a place from ranges: one epoch alone, and all epochs so far of an even
-motion.
+"""The Cramer-Rao bound of a position from ranges: of one epoch, and of all epochs so far.
 
-J = sum over ranges of u u' / sigma^2, u the unit vector from anchor to place; for even motion u
-becomes [u, j u] in the epoch j before. At an anchor a range has no derivative: there u is taken
+J = sum over ranges of u u' / sigma^2, u the unit vector from anchor to position; at constant
+velocity u becomes [u, j u] in the epoch j before. At an anchor a range has no derivative: there u is taken
 along the path, its limit for an object on it. The bound is for unbiased estimators; where sigma is
 as large as the field, a biased one may be better.
 """
@@ -13,7 +12,7 @@ from scipy.special import ellipe
 from logger.core.arrays import FloatArray
 from postproc.reproductions.toa.model import Anchors
 
-_AT_ANCHOR_M = 1e-9
+_AT_ANCHOR_M = 1e-9  # nearer, the direction is rounding
 
 
 def of_epochs_m2(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> FloatArray:
@@ -22,9 +21,10 @@ def of_epochs_m2(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> Floa
     return np.asarray(sigma2_m2 * np.linalg.inv(np.swapaxes(u, 1, 2) @ u), float)
 
 
-def of_even_motion_m2(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> FloatArray:
-    """Least covariance of each place from all ranges so far, when the motion is known to be even;
-    (steps, 2, 2).
+def of_constant_velocity_m2(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> FloatArray:
+    """Least covariance of each position from all ranges so far, shape (steps, 2, 2).
+
+    The motion is known to have a constant velocity.
     """
     u = _directions(anchors, path_m)
     least = of_epochs_m2(anchors, path_m, sigma2_m2)
@@ -47,7 +47,7 @@ def mean_error_m(covariance_m2: FloatArray) -> FloatArray:
 
 def _directions(anchors: Anchors, path_m: FloatArray) -> FloatArray:
     """Unit vectors from the anchors, shape (steps, n, 2)."""
-    off_m = path_m[:, None, :] - anchors.place_m
+    off_m = path_m[:, None, :] - anchors.position_m
     along_m = np.gradient(path_m, axis=0)[:, None, :]
     off_m = np.where(anchors.ranges_m(path_m)[..., None] < _AT_ANCHOR_M, along_m, off_m)
     length_m = np.linalg.norm(off_m, axis=-1, keepdims=True)

@@ -17,7 +17,6 @@ The pseudo-inverse over all pairs and the plain inverse over n - 1 independent r
 filter.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -27,25 +26,22 @@ from postproc.reproductions.toa.lse import covariance_m2, fix_m
 from postproc.reproductions.toa.model import Anchors, Rows, all_pairs, independent
 from postproc.reproductions.toa.process import Process
 
-Weigh = Callable[[FloatArray, FloatArray, int], FloatArray]
-
 
 class Track(NamedTuple):
-    """Estimated places (runs, steps, 2) in metres and what the filter says of them, (runs, steps,
-    2, 2) in m^2.
-    """
+    """Estimated positions (runs, steps, 2) in metres, and their P (runs, steps, 2, 2) in m^2."""
 
-    place_m: FloatArray
+    position_m: FloatArray
     p_m2: FloatArray
 
 
 def by_pseudo_inverse(
     anchors: Anchors, ranges_m: FloatArray, sigma2_m2: float, process: Process, p1: FloatArray
 ) -> Track:
-    """All pairs as the README has them, S inverted on its range; arguments as of
-    `by_independent_rows`.
+    """All pairs as the README has them, S inverted on its range.
+
+    The arguments are those of `by_independent_rows`.
     """
-    return _filtered(all_pairs(anchors), ranges_m, sigma2_m2, process, p1, _pseudo_solved)
+    return _run(all_pairs(anchors), ranges_m, sigma2_m2, process, p1)
 
 
 def by_independent_rows(
@@ -56,7 +52,7 @@ def by_independent_rows(
     `ranges_m` has shape (runs, steps, n) with two steps or more; `p1` (2, 2) is P after the second
     step.
     """
-    return _filtered(independent(anchors), ranges_m, sigma2_m2, process, p1, _solved)
+    return _run(independent(anchors), ranges_m, sigma2_m2, process, p1)
 
 
 def initial_p_m2(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> FloatArray:
@@ -64,35 +60,29 @@ def initial_p_m2(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> Floa
     return covariance_m2(anchors, path_m[1], sigma2_m2)
 
 
-def _filtered(
-    rows: Rows,
-    ranges_m: FloatArray,
-    sigma2_m2: float,
-    process: Process,
-    p1: FloatArray,
-    solved: Weigh,
+def _run(
+    rows: Rows, ranges_m: FloatArray, sigma2_m2: float, process: Process, p1: FloatArray
 ) -> Track:
     h, rank = rows.h, len(rows.anchors) - 1
-    place = fix_m(rows.anchors, ranges_m)
-    p = np.broadcast_to(p1, (*place.shape, 2)).copy()
+    position = fix_m(rows.anchors, ranges_m)
+    p = np.broadcast_to(p1, (*position.shape, 2)).copy()
     z, by_step = rows.z_m2(ranges_m), np.moveaxis(ranges_m, 1, 0)
-    for k in range(2, place.shape[1]):
-        predicted = 2.0 * place[:, k - 1] - place[:, k - 2] + process.mean_m
+    for k in range(2, position.shape[1]):
+        predicted = 2.0 * position[:, k - 1] - position[:, k - 2] + process.mean_m
         p_predicted = p[:, k - 1] + process.q_m2
         hp = h @ p_predicted
-        gain = np.swapaxes(solved(hp @ h.T + rows.r_m4(by_step[k], sigma2_m2), hp, rank), -1, -2)
+        s = hp @ h.T + rows.r_m4(by_step[k], sigma2_m2)
+        gain = np.swapaxes(_solve(s, hp, rank), -1, -2)
         innovation = z[:, k] - predicted @ h.T
-        place[:, k] = predicted + (gain @ innovation[..., None])[..., 0]
+        position[:, k] = predicted + (gain @ innovation[..., None])[..., 0]
         p[:, k] = p_predicted - gain @ hp
-    return Track(place, p)
+    return Track(position, p)
 
 
-def _solved(s: FloatArray, hp: FloatArray, _: int) -> FloatArray:
-    return np.asarray(np.linalg.solve(s, hp), float)
-
-
-def _pseudo_solved(s: FloatArray, hp: FloatArray, rank: int) -> FloatArray:
-    """S^+ H P with the `rank` largest eigenvalues; the others are zero up to rounding."""
+def _solve(s: FloatArray, hp: FloatArray, rank: int) -> FloatArray:
+    """S^+ H P; where S is singular, the eigenvalues beyond the `rank` largest are rounding."""
+    if s.shape[-1] == rank:
+        return np.asarray(np.linalg.solve(s, hp), float)
     value, vector = np.linalg.eigh(s)
-    kept = vector[..., -rank:]
-    return np.asarray(kept @ ((np.swapaxes(kept, -1, -2) @ hp) / value[..., -rank:, None]), float)
+    basis = vector[..., -rank:]
+    return np.asarray(basis @ ((np.swapaxes(basis, -1, -2) @ hp) / value[..., -rank:, None]), float)

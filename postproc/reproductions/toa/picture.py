@@ -18,13 +18,14 @@ _LINES = {
     "KF of the README": ("kf_m", "#2166ac", "-"),
     "KF on squares": ("squares_m", "#1b7837", "-"),
     "bound, one epoch": ("epoch_bound_m", "#555555", "--"),
-    "bound, even motion": ("motion_bound_m", "#555555", ":"),
+    "bound, constant velocity": ("motion_bound_m", "#555555", ":"),
 }
 
 
 def draw(setting: Setting, rows: list[Row], path: Path) -> None:
-    """Write the figure, format by the suffix (.png, .svg, .pdf); raises `ConfigError` or
-    `RunFileError`.
+    """Write the figure, format by the suffix (.png, .svg, .pdf).
+
+    Raises `ConfigError` or `RunFileError`.
     """
     figure = _figure(setting, rows)
     with whole_file(path) as part:
@@ -38,7 +39,8 @@ def _figure(setting: Setting, rows: list[Row]) -> Figure:
     _by_noise(by_noise, sorted(rows, key=lambda row: row.sigma2_m2))
     _by_step(by_step, rows[len(rows) // 2])
     figure.suptitle(
-        f"{len(setting.anchors)} anchors, {len(setting.path_m)} steps, {setting.runs} simulated runs"
+        f"{len(setting.anchors)} anchors, {len(setting.path_m)} steps, "
+        f"{setting.runs} simulated runs"
     )
     return figure
 

@@ -13,33 +13,34 @@ from postproc.terminal import say, screen, table
 _COLUMNS = ("LSE", "KF of the README", "KF on squares", "bound, epoch", "bound, motion")
 _NOTES = (
     "LSE: each epoch alone.",
-    "KF of the README: singular S, inverted over independent rows; the pseudo-inverse gives the same to {apart:.1e} m.",
+    "KF of the README: singular S, inverted over independent rows;",
+    "the pseudo-inverse gives the same to {apart:.1e} m.",
     "KF on squares: the same task with a matrix of full rank.",
-    "Bound: mean error of a Gaussian that reaches the Cramer-Rao bound (unbiased estimators), of one epoch, or of all",
-    "epochs so far of an even motion.",
-    "NEES by degree of freedom: 1 for a covariance that is true, above 1 for one that is too small.",
+    "Bound: mean error of a Gaussian that reaches the Cramer-Rao bound (unbiased estimators),",
+    "of one epoch, or of all epochs so far at constant velocity.",
+    "NEES by degree of freedom: 1 for a true covariance, above 1 for one that is too small.",
 )
+_FORM = "{text!r}: positions are written x,y x,y ... in metres"
 
 
 def places(text: str) -> FloatArray:
-    """Places from "x,y x,y ..." (or with semicolons between) in metres, shape (n, 2); raises
-    `ConfigError`.
+    """Positions from "x,y x,y ..." (or with semicolons between) in metres, shape (n, 2).
+
+    Raises `ConfigError`.
     """
+    pairs = [pair.split(",") for pair in text.replace(";", " ").split()]
+    if not pairs or any(len(pair) != 2 for pair in pairs):
+        raise ConfigError(_FORM.format(text=text))
     try:
-        found = [
-            [float(value) for value in place.split(",")] for place in text.replace(";", " ").split()
-        ]
+        return np.array(pairs, float)
     except ValueError:
-        raise ConfigError(f"{text!r}: places are written x,y x,y ... in metres") from None
-    if not found or any(len(place) != 2 for place in found):
-        raise ConfigError(f"{text!r}: places are written x,y x,y ... in metres")
-    return np.array(found)
+        raise ConfigError(_FORM.format(text=text)) from None
 
 
 def as_json(setting: Setting, rows: list[Row], *, steps: bool) -> str:
-    """All there is to know, with the errors of each step where wanted."""
+    """All figures, with the errors of each step if `steps`."""
     found = {
-        "anchors_m": setting.anchors.place_m.tolist(),
+        "anchors_m": setting.anchors.position_m.tolist(),
         "path_m": setting.path_m.tolist(),
         "runs": setting.runs,
         "seed": setting.seed,
@@ -80,14 +81,13 @@ def _errors(row: Row) -> dict[str, FloatArray | None]:
 
 
 def print_rows(setting: Setting, rows: list[Row], *, steps: bool) -> None:
-    """Mean errors over steps and runs, one line for each variance; with `steps` one for each step
-    as well.
-    """
+    """Mean errors over steps and runs, a line for each variance; with `steps` for each step too."""
     console = screen()
-    over = (
-        f"over {len(setting.path_m)} steps and {setting.runs} runs, {len(setting.anchors)} anchors"
+    say(
+        console,
+        f"mean error (m) over {len(setting.path_m)} steps and {setting.runs} runs, "
+        f"{len(setting.anchors)} anchors",
     )
-    say(console, f"mean error (m) {over}")
     titles = ["sigma² (m²)", *_COLUMNS, "NEES KF", "NEES squares", "Q from"]
     table(
         console,

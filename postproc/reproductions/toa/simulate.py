@@ -1,5 +1,6 @@
-"""Mean errors over many simulated runs, as the README counts them: over all steps, the first two
-being single fixes.
+"""Mean errors over many simulated runs, as the README has them.
+
+They are means over all steps, the first two being single fixes.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,15 +11,16 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
+from postproc.estimators.metrics import nees
 from postproc.reproductions.toa import bound, kalman, process, squares
 from postproc.reproductions.toa.lse import fix_m
 from postproc.reproductions.toa.model import README_ANCHORS_M, README_PATH_M, Anchors
 
-_CHUNK = 2000
-_FARTHEST_M = 1e7
-_FINEST_M, _COARSEST_M = 1e-6, 1e6
-_EVEN_M = 1e-9
-_CHECKED_RUNS = 20
+_CHUNK = 2000  # runs at once: some 20 MB
+_FARTHEST_M = 1e7  # half way around the Earth is 2e7
+_FINEST_M, _COARSEST_M = 1e-6, 1e6  # between these the matrices keep their digits
+_CONSTANT = 1e-9  # change of a step by the size of the path: less is rounding
+_COMPARED_RUNS = 20  # for the pseudo-inverse, which is slow
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,14 +39,16 @@ class Setting:
 
     def __post_init__(self) -> None:
         if self.path_m.ndim != 2 or self.path_m.shape[1] != 2 or len(self.path_m) < 3:
-            raise ConfigError("the path needs three places x,y or more: the filter starts from two")
-        if not np.max(np.abs(np.concatenate([self.path_m, self.anchors.place_m]))) <= _FARTHEST_M:
-            raise ConfigError(
-                "anchors and path are places in metres, at most 10 000 km from the origin"
-            )
-        if not self.sigma2_m2 or not all(
-            _FINEST_M**2 <= s <= _COARSEST_M**2 for s in self.sigma2_m2
+            raise ConfigError("the path needs three points x,y or more: the filter starts from two")
+        if (
+            not np.max(np.abs(np.concatenate([self.path_m, self.anchors.position_m])))
+            <= _FARTHEST_M
         ):
+            raise ConfigError(
+                "anchors and path are positions in metres, at most 10 000 km from the origin"
+            )
+        is_possible = (_FINEST_M**2 <= s <= _COARSEST_M**2 for s in self.sigma2_m2)
+        if not self.sigma2_m2 or not all(is_possible):
             raise ConfigError(
                 "the variance of a range is a number of square metres between 1e-12 and 1e12"
             )
@@ -52,12 +56,11 @@ class Setting:
             raise ConfigError("at least one run, and a seed that is not negative")
 
     @property
-    def is_even(self) -> bool:
-        """Whether the object moves at one velocity."""
+    def has_constant_velocity(self) -> bool:
+        """Whether all steps of the path are the same."""
         turns_m = np.diff(self.path_m, 2, axis=0)
-        return bool(
-            np.max(np.abs(turns_m)) <= _EVEN_M * max(float(np.max(np.abs(self.path_m))), 1.0)
-        )
+        size_m = max(float(np.max(np.abs(self.path_m))), 1.0)
+        return bool(np.max(np.abs(turns_m)) <= _CONSTANT * size_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +69,8 @@ class Row:
 
     `kf` is the README's filter with the printed Q and E[w] where it has them (`is_printed`),
     `squares` the filter without a singular matrix. `epoch_bound` and `motion_bound` are mean errors
-    of Gaussians that reach the Cramer-Rao bound of one epoch and of even motion; the latter is None
-    for another motion. `kf_nees` and `squares_nees` are the normalised errors squared by degree of
+    of Gaussians that reach the Cramer-Rao bound of one epoch and of constant velocity; the latter is
+    None for another motion. `kf_nees` and `squares_nees` are the normalised errors squared by degree of
     freedom over the filtered steps: 1 for a covariance that is true. `pinv_difference_m` is the
     largest difference between pseudo-inverse and independent rows over some of the runs.
     """
@@ -91,8 +94,9 @@ def setting(
     runs: int = 10_000,
     seed: int = 0,
 ) -> Setting:
-    """The README's simulation with what is given in place of its own; raises `ConfigError` as
-    `Setting` does.
+    """The README's simulation, with the arguments in position of its values.
+
+    Raises `ConfigError` as `Setting` does.
     """
     return Setting(
         Anchors(np.array(README_ANCHORS_M) if anchors_m is None else anchors_m),
@@ -103,50 +107,51 @@ def setting(
     )
 
 
-def simulate(wanted: Setting) -> Iterator[Row]:
+def simulate(setting: Setting) -> Iterator[Row]:
     """One row for each variance, in their order."""
-    for number, sigma2_m2 in enumerate(wanted.sigma2_m2):
-        yield _row(wanted, sigma2_m2, np.random.default_rng([wanted.seed, number]))
+    for number, sigma2_m2 in enumerate(setting.sigma2_m2):
+        yield _row(setting, sigma2_m2, np.random.default_rng([setting.seed, number]))
 
 
-def _row(wanted: Setting, sigma2_m2: float, rng: np.random.Generator) -> Row:
-    printed = process.printed(wanted.anchors, wanted.path_m, sigma2_m2)
-    # squares of coordinates keep their digits near the origin, and nothing here depends on where
-    # that is
-    middle_m = np.mean(wanted.anchors.place_m, axis=0)
-    anchors, path_m = Anchors(wanted.anchors.place_m - middle_m), wanted.path_m - middle_m
-    noise = printed or process.derived(anchors, path_m, sigma2_m2)
-    error_m, nees, apart_m = np.zeros((3, len(path_m))), np.zeros(2), 0.0
-    for count in _chunks(wanted.runs):
-        ranges_m = anchors.ranges_m(path_m) + np.sqrt(sigma2_m2) * rng.normal(
-            size=(count, len(path_m), len(anchors))
-        )
-        seen = _seen(anchors, path_m, sigma2_m2, noise, ranges_m)
-        error_m, nees, apart_m = (
-            error_m + seen.error_m,
-            nees + seen.nees,
-            max(apart_m, seen.apart_m),
-        )
+def _row(setting: Setting, sigma2_m2: float, rng: np.random.Generator) -> Row:
+    published = process.published(setting.anchors, setting.path_m, sigma2_m2)
+    # squares of coordinates keep their digits near the origin, and no error depends on the origin
+    middle_m = np.mean(setting.anchors.position_m, axis=0)
+    anchors, path_m = Anchors(setting.anchors.position_m - middle_m), setting.path_m - middle_m
+    noise = published or process.closed_form(anchors, path_m, sigma2_m2)
+    error_m, nees_sum, apart_m = np.zeros((3, len(path_m))), np.zeros(2), 0.0
+    for begin in range(0, setting.runs, _CHUNK):
+        size = min(_CHUNK, setting.runs - begin), len(path_m), len(anchors)
+        ranges_m = anchors.ranges_m(path_m) + np.sqrt(sigma2_m2) * rng.normal(size=size)
+        sums = _sums(anchors, path_m, sigma2_m2, noise, ranges_m)
+        error_m += sums.error_m
+        nees_sum += sums.nees
+        apart_m = max(apart_m, sums.apart_m)
     epoch_m2 = bound.of_epochs_m2(anchors, path_m, sigma2_m2)
-    motion_m2 = bound.of_even_motion_m2(anchors, path_m, sigma2_m2) if wanted.is_even else None
-    lse_m, kf_m, squares_m = error_m / wanted.runs
+    motion_bound_m = None
+    if setting.has_constant_velocity:
+        motion_m2 = bound.of_constant_velocity_m2(anchors, path_m, sigma2_m2)
+        motion_bound_m = bound.mean_error_m(motion_m2)
+    lse_m, kf_m, squares_m = error_m / setting.runs
+    kf_nees, squares_nees = (nees_sum / setting.runs).tolist()
     return Row(
         sigma2_m2=sigma2_m2,
-        is_printed=printed is not None,
+        is_printed=published is not None,
         lse_m=lse_m,
         kf_m=kf_m,
         squares_m=squares_m,
         epoch_bound_m=bound.mean_error_m(epoch_m2),
-        motion_bound_m=None if motion_m2 is None else bound.mean_error_m(motion_m2),
-        kf_nees=float(nees[0]) / wanted.runs,
-        squares_nees=float(nees[1]) / wanted.runs,
+        motion_bound_m=motion_bound_m,
+        kf_nees=kf_nees,
+        squares_nees=squares_nees,
         pinv_difference_m=apart_m,
     )
 
 
-class _Seen(NamedTuple):
-    """Sums over some runs: errors (3, steps), NEES of both filters (2,); and how far pinv was from
-    the rows.
+class _Sums(NamedTuple):
+    """Sums over some runs: errors (3, steps) and NEES of both filters (2,).
+
+    `apart_m` is the largest difference between pseudo-inverse and independent rows.
     """
 
     error_m: FloatArray
@@ -154,37 +159,27 @@ class _Seen(NamedTuple):
     apart_m: float
 
 
-def _seen(
+def _sums(
     anchors: Anchors,
     path_m: FloatArray,
     sigma2_m2: float,
     noise: process.Process,
     ranges_m: FloatArray,
-) -> _Seen:
+) -> _Sums:
     p1 = kalman.initial_p_m2(anchors, path_m, sigma2_m2)
     turns_m = np.diff(path_m, 2, axis=0)
     kf = kalman.by_independent_rows(anchors, ranges_m, sigma2_m2, noise, p1)
-    free = squares.filtered(anchors, ranges_m, sigma2_m2, turns_m.T @ turns_m / len(turns_m))
-    off_m = np.stack([fix_m(anchors, ranges_m), kf.place_m, free.place_m]) - path_m
-    pinv = kalman.by_pseudo_inverse(anchors, ranges_m[:_CHECKED_RUNS], sigma2_m2, noise, p1)
-    return _Seen(
-        np.sum(np.hypot(off_m[..., 0], off_m[..., 1]), axis=1),
-        np.array([_nees(kf, path_m), _nees(free, path_m)]),
-        float(np.max(np.abs(pinv.place_m - kf.place_m[:_CHECKED_RUNS]))),
+    full_rank = squares.run(anchors, ranges_m, sigma2_m2, turns_m.T @ turns_m / len(turns_m))
+    off_m = np.stack([fix_m(anchors, ranges_m), kf.position_m, full_rank.position_m]) - path_m
+    pinv = kalman.by_pseudo_inverse(anchors, ranges_m[:_COMPARED_RUNS], sigma2_m2, noise, p1)
+    return _Sums(
+        np.sum(np.linalg.norm(off_m, axis=-1), axis=1),
+        np.array([_nees(kf, path_m), _nees(full_rank, path_m)]),
+        float(np.max(np.abs(pinv.position_m - kf.position_m[:_COMPARED_RUNS]))),
     )
 
 
-def _chunks(runs: int) -> Iterator[int]:
-    for done in range(0, runs, _CHUNK):
-        yield min(_CHUNK, runs - done)
-
-
 def _nees(track: kalman.Track, path_m: FloatArray) -> float:
-    """Normalised errors squared by degree of freedom: sum over runs of the mean over the filtered
-    steps.
-    """
-    off_m, p = track.place_m[:, 2:] - path_m[2:], track.p_m2[:, 2:]
-    det = p[..., 0, 0] * p[..., 1, 1] - p[..., 0, 1] ** 2
-    x, y = off_m[..., 0], off_m[..., 1]
-    nees = (p[..., 1, 1] * x * x - 2.0 * p[..., 0, 1] * x * y + p[..., 0, 0] * y * y) / det
-    return float(np.sum(np.mean(nees, axis=1)) / 2.0)
+    """Sum over the runs of the mean NEES of the filtered steps, by degree of freedom."""
+    values = nees(track.position_m[:, 2:] - path_m[2:], track.p_m2[:, 2:])
+    return float(np.sum(np.mean(values, axis=1)) / 2.0)

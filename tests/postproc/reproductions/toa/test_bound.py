@@ -13,7 +13,7 @@ def test_least_squares_on_ranges_reaches_the_bounds():
     rng, sigma2, runs = np.random.default_rng(0), 1e-4, 400
     epoch, motion = (
         bound.of_epochs_m2(README, PATH, sigma2)[3],
-        bound.of_even_motion_m2(README, PATH, sigma2)[3],
+        bound.of_constant_velocity_m2(README, PATH, sigma2)[3],
     )
     age = np.arange(3, -1, -1)[:, None]
     single, together = [], []

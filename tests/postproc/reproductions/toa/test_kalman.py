@@ -30,11 +30,11 @@ def textbook(anchors, ranges, sigma2, noise, p):
 
 @pytest.mark.parametrize("sigma2", process.README_SIGMA2_M2)
 def test_pseudo_inverse_and_independent_rows_agree(sigma2):
-    noise, p1 = process.printed(README, PATH, sigma2), kalman.initial_p_m2(README, PATH, sigma2)
+    noise, p1 = process.published(README, PATH, sigma2), kalman.initial_p_m2(README, PATH, sigma2)
     ranges = simulated(README, PATH, sigma2, 300)
     rows = kalman.by_independent_rows(README, ranges, sigma2, noise, p1)
     pinv = kalman.by_pseudo_inverse(README, ranges, sigma2, noise, p1)
-    assert np.max(np.abs(rows.place_m - pinv.place_m)) < 1e-9
+    assert np.max(np.abs(rows.position_m - pinv.position_m)) < 1e-9
     assert np.max(np.abs(rows.p_m2[:, 1:] - pinv.p_m2[:, 1:])) < 1e-9 * max(sigma2, 1.0)
 
 
@@ -42,12 +42,12 @@ def test_pseudo_inverse_and_independent_rows_agree(sigma2):
 def test_the_filter_is_the_textbook_one_for_any_anchors(count):
     rng = np.random.default_rng(count)
     anchors = Anchors(rng.uniform(-20.0, 20.0, (count, 2)))
-    noise, p1 = process.derived(anchors, PATH, 0.5), kalman.initial_p_m2(anchors, PATH, 0.5)
+    noise, p1 = process.closed_form(anchors, PATH, 0.5), kalman.initial_p_m2(anchors, PATH, 0.5)
     ranges = simulated(anchors, PATH, 0.5, 3, count)
     found = kalman.by_independent_rows(anchors, ranges, 0.5, noise, p1)
     for run in range(3):
         place, p = textbook(anchors, ranges[run], 0.5, noise, p1)
-        assert found.place_m[run] == pytest.approx(place, abs=1e-8)
+        assert found.position_m[run] == pytest.approx(place, abs=1e-8)
         assert found.p_m2[run, -1] == pytest.approx(p, abs=1e-8)
 
 

@@ -84,9 +84,9 @@ def test_r_is_too_large_by_the_fourth_power_on_average():
     )
 
 
-def test_bad_anchors_are_told():
+def test_bad_anchors_are_output():
     for bad in ([[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]], [[5.0, 5.0]] * 4):
         with pytest.raises(ConfigError, match="one line"):
             Anchors(np.array(bad))
-    with pytest.raises(ConfigError, match="places"):
+    with pytest.raises(ConfigError, match="positions"):
         Anchors(np.array([[0.0, np.nan], [1.0, 0.0], [0.0, 1.0]]))

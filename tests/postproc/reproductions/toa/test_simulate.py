@@ -44,7 +44,7 @@ def test_nothing_depends_on_where_the_origin_is():
     here = setting(sigma2_m2=[0.3], runs=50)
     there = replace(
         here,
-        anchors=type(here.anchors)(here.anchors.place_m + np.array([4e5, 5.7e6])),
+        anchors=type(here.anchors)(here.anchors.position_m + np.array([4e5, 5.7e6])),
         path_m=here.path_m + np.array([4e5, 5.7e6]),
     )
     (a,), (b,) = simulate(here), simulate(there)
@@ -52,13 +52,13 @@ def test_nothing_depends_on_where_the_origin_is():
     assert b.epoch_bound_m == pytest.approx(a.epoch_bound_m, abs=1e-6)
 
 
-def _told(capsys, *argv):
+def _output(capsys, *argv):
     assert main(["toa", "simulate", "--runs", "200", *argv]) == 0
     return capsys.readouterr().out
 
 
 def test_json_has_a_row_for_each_variance(capsys):
-    found = json.loads(_told(capsys, "--json", "--sigma2", "0.01", "0.5", "--steps"))
+    found = json.loads(_output(capsys, "--json", "--sigma2", "0.01", "0.5", "--steps"))
     printed, derived = found["rows"]
     assert (printed["sigma2"], printed["q_from"], derived["sigma2"], derived["q_from"]) == (
         0.01,
@@ -74,14 +74,14 @@ def test_json_has_a_row_for_each_variance(capsys):
 def test_any_anchors_and_any_path(capsys):
     anchors, path = "0,0;60,0;30,50;10,20", "5,5 7,6 10,6 12,9 15,9"
     (row,) = json.loads(
-        _told(capsys, "--json", "--anchors", anchors, "--path", path, "--sigma2", "1")
+        _output(capsys, "--json", "--anchors", anchors, "--path", path, "--sigma2", "1")
     )["rows"]
     assert row["bound_motion_m"] is None
     assert 0.5 * row["bound_epoch_m"] < row["kf_m"] < 3.0 * row["bound_epoch_m"]
 
 
 def test_table_and_picture(capsys, tmp_path):
-    out = _told(capsys, "--steps", "--plot", str(tmp_path / "toa.png"))
+    out = _output(capsys, "--steps", "--plot", str(tmp_path / "toa.png"))
     assert "step 10" in out
     assert (tmp_path / "toa.png").read_bytes().startswith(b"\x89PNG")
 
