@@ -1,10 +1,10 @@
-"""`postproc view` from results to .rrd: time, size and memory, beside logging row by row.
+"""`postproc view` from results to .rrd: time, size and memory, compared with logging row by row.
 
 python benchmarks/view.py
 
-Estimating is apart: it is done first, in another process. "row by row" logs the fixes and levels of
-the same walk with one call of rerun each, as its tutorials do, and nothing else; of the long walk
-only the first part. Beside it stand the same fixes and levels as postproc writes them.
+Estimating is not included: it is done first, in another process. "row by row" logs the fixes and
+levels of the same walk with one call of rerun each, as its tutorials do, and nothing else; of the
+long walk only the first part. "fixes, levels" is the same content as postproc writes it.
 """
 
 import multiprocessing
@@ -24,19 +24,21 @@ from logger.core.rows import DTYPES
 from logger.core.runfile import Run, RunMeta
 from logger.core.runfile.meta import Damage
 from postproc.smoothing import smooth_runs
-from postproc.view.rerun_writer import Sheet
+from postproc.view.rerun_writer import RerunWriter
 from postproc.view.scene import write_scene
 from postproc.view.series import draw_levels
-from postproc.view.timeline import unfold
-from postproc.view.view_model import estimated, story_of
+from postproc.view.timeline import answer_steps
+from postproc.view.view_model import CellDetail, view_model
 from tests.kit.headless_viewer import DRIVER, MISSING, headless_viewer, stable_screenshot
 
 CELLS = 8
 WALKS = {"1 h": (3_600, 2), "28 h": (100_000, 2)}
 """Fixes, one a second, and seconds between scans."""
 PEER_ROWS = 5_000
+"""Logged row by row and scaled up: all rows of the long walk would take minutes."""
 LAT_DEG, LON_DEG, UTC0_NS = 52.5, 13.4, 1_790_000_000 * 10**9
 _STEP_M, _REACH_M = 1.4, 900.0
+"""Metres walked in a second, and half the side of the town."""
 
 
 def main() -> None:
@@ -47,9 +49,7 @@ def main() -> None:
 
 
 def walk(fixes: int, every: int) -> Run:
-    """Streets of a town, a fix a second and a scan of all cells every few seconds, as tables in
-    memory.
-    """
+    """A walk in the streets of a town, with a scan of all cells every `every` seconds."""
     rng = np.random.default_rng(1)
     heading = np.repeat(rng.integers(0, 4, fixes // 100 + 1), 100)[:fixes] * np.pi / 2
     x, y = (
@@ -103,96 +103,99 @@ def _readings(
 
 
 def _measure(name: str, run: Run, folder: Path) -> None:
-    begun = time.perf_counter()
-    smoothed = smooth_runs([run], ["262-01-1-1"], processes=2)
-    told = [(cell, tuple(unfold(cell, ENVIRONMENTS["any"], 2)), ()) for cell in smoothed.cells[:1]]
-    estimated_s = time.perf_counter() - begun
-    results = folder / "results"
-    results.write_bytes(pickle.dumps((estimated(smoothed), told)))
-    spent_s, peak_mb, size_mb = _alone(_write, results, folder / "ours.rrd")
+    start_s = time.perf_counter()
+    result = smooth_runs([run], ["262-01-1-1"], processes=2)
+    cell = result.cells[0]
+    steps = tuple(answer_steps(cell, ENVIRONMENTS["any"], 2))
+    estimation_s = time.perf_counter() - start_s
+    estimates = folder / "results"
+    estimates.write_bytes(pickle.dumps((result, [CellDetail(cell, steps)])))
     fixes, readings = len(run.tables["fixes"]), len(run.tables["readings"])
     print(
-        f"{name}: {fixes} fixes, {readings} readings of {CELLS} cells (estimated in {estimated_s:.1f} s)"
+        f"{name}: {fixes} fixes, {readings} readings of {CELLS} cells "
+        f"(estimated in {estimation_s:.1f} s)"
     )
+    spent_s, peak_mb, size_mb = _in_process(_write_view, estimates, folder / "ours.rrd")
     print(f"  postproc view  {spent_s:7.2f} s {size_mb:7.2f} MB  peak {peak_mb:5.0f} MB")
-    columns_s, _, columns_mb = _alone(_columns, results, folder / "columns.rrd")
+    columns_s, _, columns_mb = _in_process(_write_columns, estimates, folder / "columns.rrd")
     print(f"  fixes, levels  {columns_s:7.2f} s {columns_mb:7.2f} MB")
-    rows_s, _, rows_mb = _alone(_rows, results, folder / "rows.rrd")
+    rows_s, _, rows_mb = _in_process(_write_rows, estimates, folder / "rows.rrd")
     share = min(PEER_ROWS / fixes, 1.0)
+    scaled = f", scaled up from {share:.0%}" if share < 1.0 else ""
     print(
-        f"  row by row     {rows_s / share:7.2f} s {rows_mb / share:7.2f} MB"
-        f"{f', scaled up from {share:.0%}' if share < 1.0 else ''}: {rows_s / share / columns_s:.0f} times as long",
+        f"  row by row     {rows_s / share:7.2f} s {rows_mb / share:7.2f} MB{scaled}: "
+        f"{rows_s / share / columns_s:.0f} times as long",
         flush=True,
     )
-    print(
-        f"  opens on software Vulkan in {_opened_s(folder / 'ours.rrd'):.1f} s"
-        if DRIVER
-        else f"  {MISSING}",
-        flush=True,
-    )
+    opening = f"opens on software Vulkan in {_opening_s(folder / 'ours.rrd'):.1f} s"
+    print(f"  {opening if DRIVER else MISSING}", flush=True)
 
 
-def _opened_s(path: Path) -> float:
-    """Seconds until a fresh viewer shows the walk, its window laid out and the plan at rest."""
+def _opening_s(path: Path) -> float:
+    """Seconds until a new viewer shows the walk, with its layout complete and the plan stable."""
+    if not DRIVER:
+        return float("nan")
     with tempfile.TemporaryDirectory() as folder, headless_viewer(Path(folder)) as client:
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         client.open(str(path))
         while not client.get_state().views:
             time.sleep(0.1)
         stable_screenshot(client, "Plan")
-        return time.perf_counter() - begun
+        return time.perf_counter() - start_s
 
 
-def _alone(
-    work: Callable[[Path, Path], float], results: Path, path: Path
+def _in_process(
+    work: Callable[[Path, Path], float], estimates: Path, path: Path
 ) -> tuple[float, float, float]:
     """Seconds, megabytes of memory and of file of work done in a process of its own."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
-        spent_s, peak_mb = pool.apply(_timed, (work, results, path))
+        spent_s, peak_mb = pool.apply(_measure_memory, (work, estimates, path))
     return spent_s, peak_mb, path.stat().st_size / 1e6
 
 
-def _timed(work: Callable[[Path, Path], float], results: Path, path: Path) -> tuple[float, float]:
-    spent_s = work(results, path)
-    # not of getrusage: a process begins with the peak of the one it was made from
+def _measure_memory(
+    work: Callable[[Path, Path], float], estimates: Path, path: Path
+) -> tuple[float, float]:
+    spent_s = work(estimates, path)
+    # getrusage would start with the peak of the parent process
     status = Path("/proc/self/status")
     peak = re.search(r"VmHWM:\s+(\d+) kB", status.read_text()) if status.exists() else None
     return spent_s, float(peak[1]) / 1e3 if peak else float("nan")
 
 
-def _write(results: Path, path: Path) -> float:
-    found, told = pickle.loads(results.read_bytes())
-    begun = time.perf_counter()
-    write_scene(story_of(found, told), path)
-    return time.perf_counter() - begun
+def _write_view(estimates: Path, path: Path) -> float:
+    result, details = pickle.loads(estimates.read_bytes())
+    start_s = time.perf_counter()
+    write_scene(view_model(result, details), path)
+    return time.perf_counter() - start_s
 
 
-def _columns(results: Path, path: Path) -> float:
+def _write_columns(estimates: Path, path: Path) -> float:
     """Fixes and levels alone, as postproc writes them."""
-    found, _ = pickle.loads(results.read_bytes())
-    story = story_of(found, [])
-    begun = time.perf_counter()
+    result, _ = pickle.loads(estimates.read_bytes())
+    view = view_model(result, [])
+    start_s = time.perf_counter()
     recording = rr.RecordingStream("columns")
     recording.save(path)
-    sheet = Sheet(recording, story.clock)
-    for walk in story.walks:
-        sheet.over_time(
-            "walker", walk.t_ns, rr.GeoPoints.columns(positions=story.degrees(walk.track_m))
-        )
-    draw_levels(sheet, story)
+    writer = RerunWriter(recording, view.survey.clock)
+    for walk in view.survey.walks:
+        columns = rr.GeoPoints.columns(positions=view.survey.degrees(walk.track_m))
+        writer.send_columns("walker", walk.t_ns, columns)
+    draw_levels(writer, view)
     recording.flush()
     recording.disconnect()
-    return time.perf_counter() - begun
+    return time.perf_counter() - start_s
 
 
-def _rows(results: Path, path: Path) -> float:
-    found, _ = pickle.loads(results.read_bytes())
-    tables = found.runs[0].tables
+def _write_rows(estimates: Path, path: Path) -> float:
+    """Fixes and levels alone, one call for each."""
+    result, _ = pickle.loads(estimates.read_bytes())
+    tables = result.runs[0].run.tables
     share = min(PEER_ROWS / len(tables["fixes"]), 1.0)
     fixes, readings = (
         tables[name][: round(share * len(tables[name]))] for name in ("fixes", "readings")
     )
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     recording = rr.RecordingStream("rows")
     recording.save(path)
     for fix in fixes:
@@ -203,7 +206,7 @@ def _rows(results: Path, path: Path) -> float:
         recording.log(f"rssi/{reading['cell'].decode()}", rr.Scalars(float(reading["rssi_dbm"])))
     recording.flush()
     recording.disconnect()
-    return time.perf_counter() - begun
+    return time.perf_counter() - start_s
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
-"""Colours of every picture: one for each estimator, and a scale for levels; all hold on black and
-on white.
+"""Colours of every picture: one for each estimator and verdict, and a scale for levels.
+
+All of them are legible on black and on white. A colour is red, green, blue from 0 to 255.
 """
 
 from typing import Final
@@ -23,9 +24,7 @@ WALKER: Final = (40, 130, 240)
 QUIET: Final = (125, 125, 135)
 
 INK: Final = (31, 36, 43)
-"""Words, axes and lines on white paper, with those below; a dark page puts others in their
-place.
-"""
+"""Text, axes and lines on white paper, with the next three; a dark page replaces all four."""
 MUTED: Final = (92, 100, 112)
 GRID: Final = (221, 225, 230)
 PAPER: Final = (255, 255, 255)
@@ -42,7 +41,17 @@ OTHERS: Final = (
     (180, 120, 160),
     (90, 145, 160),
 )
-"""Cells that are not the one looked at, in turn."""
+"""Cells other than the one shown in detail, in turn."""
+
+GREEN: Final = (50, 140, 80)
+RED: Final = (190, 50, 60)
+
+_VERDICTS: dict[str, Colour] = {
+    "located": GREEN,
+    "consistent": GREEN,
+    "ambiguous": (190, 140, 30),
+    "rejected": (225, 85, 165),
+}
 
 _SCALE = np.array(
     [
@@ -60,20 +69,21 @@ _SCALE = np.array(
 )  # turbo (A. Mikhailov, 2019) without its dark ends
 
 
-def of_levels(level_dbm: FloatArray, weakest_dbm: float, strongest_dbm: float) -> Bytes:
-    """Red, green, blue of each level, shape (n, 3): blue is weak, red is strong; grey where the
-    level is NaN.
-    """
-    span = max(strongest_dbm - weakest_dbm, 1e-9)
-    at = np.clip((level_dbm - weakest_dbm) / span, 0.0, 1.0) * (len(_SCALE) - 1)
+def verdict_colour(verdict: str) -> Colour:
+    """Green for yes, pink for no, amber for several positions, grey for undecided."""
+    return _VERDICTS.get(verdict, QUIET)
+
+
+def level_colours(level_dbm: FloatArray, weakest_dbm: float, strongest_dbm: float) -> Bytes:
+    """Colours (n, 3) of levels (n,): blue is weak, red is strong, grey is NaN."""
+    span_db = max(strongest_dbm - weakest_dbm, 1e-9)  # two equal limits make no division by zero
+    position = np.clip((level_dbm - weakest_dbm) / span_db, 0.0, 1.0) * (len(_SCALE) - 1)
+    finite = np.isfinite(position)
     steps = np.arange(len(_SCALE))
-    known = np.isfinite(at)
-    mixed = np.column_stack(
-        [np.interp(np.where(known, at, 0.0), steps, channel) for channel in _SCALE.T]
-    )
-    return np.where(known[:, None], np.round(mixed), QUIET).astype(np.uint8)
+    rgb = [np.interp(np.where(finite, position, 0.0), steps, channel) for channel in _SCALE.T]
+    return np.where(finite[:, None], np.round(np.column_stack(rgb)), QUIET).astype(np.uint8)
 
 
-def scale(count: int) -> Bytes:
+def level_scale(count: int) -> Bytes:
     """The scale of levels from weak to strong in `count` steps, shape (count, 3)."""
-    return of_levels(np.linspace(0.0, 1.0, count), 0.0, 1.0)
+    return level_colours(np.linspace(0.0, 1.0, count), 0.0, 1.0)

@@ -1,173 +1,141 @@
-"""The plan on paper: north up, metres east and north of the first fix."""
+"""The printed plan: north up, metres east and north of the first fix."""
 
 from math import hypot
 
-import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Ellipse, PathPatch
 from matplotlib.path import Path
-from matplotlib.ticker import MaxNLocator
 
-from logger.core.ellipse import ellipse95
 from postproc.pictures import colours
-from postproc.pictures.picture import Box, Estimate, Picture, Rings, mode_label
-from postproc.pictures.plots_style import empty, legend_below, rgb, thinned
+from postproc.pictures.estimates import Estimate
+from postproc.pictures.geometry import Box, evenly_spaced
+from postproc.pictures.picture import Picture, mode_label
+from postproc.pictures.plots_style import (
+    draw_marks,
+    draw_message,
+    legend_below,
+    level_bar,
+    level_colours,
+    rgb,
+)
 
 _MOST_CORNERS = 5000
+"""Of a strip of the track: more cannot be distinguished on paper."""
+_FAR_M = 10_000.0
+"""Distances beyond this are not printed in metres."""
 
 
 def draw_plan(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
-    """The walk, the regions, and where each estimator puts the transmitter."""
+    """The walk, the regions, and the transmitter's position by each estimator."""
     if picture.box is None:
-        empty(axes, "no position fix")
+        draw_message(axes, "no position fix")
         return
-    _ground(axes, picture.box)
-    _walk(figure, axes, picture)
-    _posterior(axes, picture)
+    _draw_ground(axes, picture.box)
+    _draw_walks(figure, axes, picture)
+    _draw_posterior(axes, picture, picture.box)
     for estimate in picture.estimates:
-        if estimate.key != "rts":  # of a transmitter that stands still it is the EKF's last state
-            _estimate(axes, estimate, picture.box)
+        if estimate.key != "rts":  # of a transmitter at rest it is the EKF's last state
+            _draw_estimate(axes, estimate, picture.box)
     if picture.truth_m is not None:
-        label = "truth (simulated)" + beyond(picture.box, *picture.truth_m)
-        axes.plot(
-            *picture.truth_m, "*", color=rgb(colours.TRUTH), markersize=13, label=label, zorder=9
-        )
+        label = "truth (simulated)" + outside_note(picture.box, *picture.truth_m)
+        draw_marks(axes, *picture.truth_m, "*", colours.TRUTH, 13, label=label, zorder=9)
     legend_below(figure, axes)
 
 
-def _ground(axes: Axes, box: Box) -> None:
+def outside_note(box: Box, east_m: float, north_m: float) -> str:
+    """Remark in a legend on a position outside the plan; empty for one inside."""
+    if box.contains(east_m, north_m):
+        return ""
+    distance_m = hypot(
+        max(box.west - east_m, east_m - box.east, 0.0),
+        max(box.south - north_m, north_m - box.north, 0.0),
+    )
+    return f" ({distance_m:.0f} m outside)" if distance_m < _FAR_M else " (far outside)"
+
+
+def _draw_ground(axes: Axes, box: Box) -> None:
     axes.set_aspect("equal")
     axes.set_xlim(box.west, box.east)
     axes.set_ylim(box.south, box.north)
     axes.set_xlabel("east of the first fix (m)")
     axes.set_ylabel("north of the first fix (m)")
-    axes.grid(visible=True)
     arrow = {"arrowstyle": "->", "color": rgb(colours.INK)}
-    axes.annotate(
-        "N",
-        (0.04, 0.97),
-        (0.04, 0.87),
-        xycoords="axes fraction",
-        ha="center",
-        va="center",
-        arrowprops=arrow,
-    ).set_zorder(10)
+    north = axes.annotate(
+        "N", (0.04, 0.97), (0.04, 0.87), xycoords="axes fraction", arrowprops=arrow
+    )
+    north.set(ha="center", va="center", zorder=10)
 
 
-def _walk(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
-    """The track in grey, cut where the receiver was silent; readings in the colours of levels."""
-    for strip in picture.strips_m:
-        some = strip[thinned(len(strip), _MOST_CORNERS)]
-        axes.plot(*some.T, color=rgb(colours.QUIET), linewidth=1, alpha=0.6, zorder=2)
-    ink, paper = rgb(colours.INK), rgb(colours.PAPER)
-    for end, marker, label in ((0, "o", "start of the walk"), (-1, "s", "end of the walk")):
-        axes.plot(
-            *picture.track_m[end],
-            marker,
-            color=paper,
-            markeredgecolor=ink,
-            markersize=5,
-            label=label,
-            zorder=5,
-        )
-    if len(picture.heard_m):
-        weakest, strongest = picture.strength_dbm
+def _draw_walks(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
+    """The tracks in grey, cut where there was no fix, and the readings coloured by their level."""
+    grey, ink = rgb(colours.QUIET), rgb(colours.INK)
+    for walk in picture.survey.walks:
+        for strip in walk.strips_m:
+            corners = strip[evenly_spaced(len(strip), _MOST_CORNERS)]
+            axes.plot(*corners.T, color=grey, linewidth=1, alpha=0.6, zorder=2)
+        for which, row, marker in (("start", 0, "o"), ("end", -1, "s")):
+            if len(walk.track_m):
+                x_m, y_m = walk.track_m[row]
+                style = {"markeredgecolor": ink, "label": f"{which} of the walk", "zorder": 5}
+                draw_marks(axes, x_m, y_m, marker, colours.PAPER, 5, **style)
+    if len(picture.readings_m):
         levels = axes.scatter(
-            picture.heard_m[:, 0],
-            picture.heard_m[:, 1],
-            c=picture.heard_dbm,
+            picture.readings_m[:, 0],
+            picture.readings_m[:, 1],
+            c=picture.level_dbm,
             s=7,
-            cmap=ListedColormap(colours.scale(256) / 255.0),
-            vmin=weakest,
-            vmax=strongest,
             linewidths=0,
             zorder=3,
             rasterized=True,
+            **level_colours(picture.level_range_dbm),
         )
-        bar = figure.colorbar(
-            levels, ax=axes, label="level (dBm)", extend="both", location="top", aspect=40
-        )
-        bar.locator = MaxNLocator(6, integer=True)
-        bar.outline.set_visible(False)
+        level_bar(figure, axes, levels, 6, location="top", aspect=40)
 
 
-def _posterior(axes: Axes, picture: Picture) -> None:
-    """Regions of 95 % and 50 % of the probability, and the places in them."""
+def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
+    """Regions of 95 % and 50 % of the probability, and the modes of the posterior."""
     posterior = picture.focus.posterior if picture.focus else None
-    if posterior is None or picture.box is None:
+    if posterior is None:
         return
     blue, white = rgb(colours.POSTERIOR), rgb(colours.PAPER)
     for name, rings, alpha in (("95 %", picture.region95, 0.12), ("50 %", picture.region50, 0.25)):
         if rings:
-            outside = not all(
-                picture.box.holds(*corner) for ring in rings for corner in ring.tolist()
-            )
-            label = f"{name} region" + (" (reaches beyond)" if outside else "")
-            patch = PathPatch(
-                _outline(rings), facecolor=(*blue, alpha), edgecolor=blue, label=label, zorder=4
-            )
-            axes.add_patch(patch)
-    for i, mode in enumerate(posterior.modes):
-        named = "likely places" if len(posterior.modes) > 1 else "likeliest place"
-        east, north = picture.local(np.array([mode.x_m]), np.array([mode.y_m]))[0].tolist()
-        legend = "_nolegend_" if i else named + beyond(picture.box, east, north)
-        axes.plot(
-            east,
-            north,
-            "o",
-            color=blue,
-            markeredgecolor=white,
-            markersize=7,
-            label=legend,
-            zorder=8,
-        )
-        share = axes.annotate(
-            mode_label(posterior, mode), (east, north), (7, 7), textcoords="offset points"
-        )
+            inside = all(box.contains(*corner) for ring in rings for corner in ring.tolist())
+            label = f"{name} region" + ("" if inside else " (extends outside)")
+            # holes run the other way round and stay empty
+            path = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
+            style = {"facecolor": (*blue, alpha), "edgecolor": blue, "zorder": 4}
+            axes.add_patch(PathPatch(path, label=label, **style))
+    several = len(posterior.modes) > 1
+    name = "likely positions" if several else "most likely position"
+    positions_m = picture.survey.modes_m(posterior.modes)
+    for i, (mode, (east_m, north_m)) in enumerate(
+        zip(posterior.modes, positions_m.tolist(), strict=True)
+    ):
+        label = "_nolegend_" if i else name + outside_note(box, east_m, north_m)
+        style = {"markeredgecolor": white, "label": label, "zorder": 8}
+        draw_marks(axes, east_m, north_m, "o", colours.POSTERIOR, 7, **style)
+        text = mode_label(posterior, mode)
+        share = axes.annotate(text, (east_m, north_m), (7, 7), textcoords="offset points")
         share.set(fontsize=9, fontweight="bold", zorder=9, annotation_clip=True)
 
 
-def _outline(rings: Rings) -> Path:
-    """Rings as one path; holes run the other way round and stay empty."""
-    return Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
-
-
-def _estimate(axes: Axes, estimate: Estimate, box: Box) -> None:
-    """An estimator's last word with its 95 % ellipse."""
-    east, north = float(estimate.x[0]), float(estimate.x[1])
-    colour = rgb(estimate.colour)
-    axes.plot(
-        east,
-        north,
-        "x",
-        color=colour,
-        markersize=8,
-        label=estimate.name + beyond(box, east, north),
-        zorder=7,
-    )
-    found = ellipse95(estimate.p[0, 0], estimate.p[0, 1], estimate.p[1, 1])
-    width, height = 2.0 * found.semi_major_m, 2.0 * found.semi_minor_m
+def _draw_estimate(axes: Axes, estimate: Estimate, box: Box) -> None:
+    """Final position of an estimator with its 95 % ellipse."""
+    east_m, north_m = estimate.x[:2].tolist()
+    ink = rgb(estimate.colour)
+    label = estimate.name + outside_note(box, east_m, north_m)
+    draw_marks(axes, east_m, north_m, "x", estimate.colour, 8, label=label, zorder=7)
+    ellipse = estimate.ellipse
     axes.add_patch(
         Ellipse(
-            (east, north),
-            width,
-            height,
-            angle=90.0 - found.azimuth_deg,
+            (east_m, north_m),
+            2.0 * ellipse.semi_major_m,
+            2.0 * ellipse.semi_minor_m,
+            angle=90.0 - ellipse.azimuth_deg,
             fill=False,
-            edgecolor=colour,
+            edgecolor=ink,
             zorder=6,
         )
     )
-
-
-def beyond(box: Box, east: float, north: float) -> str:
-    """A remark for what the picture does not reach."""
-    if box.holds(east, north):
-        return ""
-    off_m = hypot(
-        max(box.west - east, east - box.east, 0.0),
-        max(box.south - north, north - box.north, 0.0),
-    )
-    return f" ({off_m:.0f} m beyond)" if off_m < 10_000.0 else " (far beyond)"

@@ -1,66 +1,64 @@
-"""Every cell of a run as a strip of colours over time: who was heard when, and how loud."""
+"""Every cell of a run as a strip of colours over time: when it was received, and how strong."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from logger.core.arrays import FloatArray
-from postproc.pictures import colours
-from postproc.pictures.picture import Clock, Levels
+from postproc.pictures.clock import Clock
+from postproc.pictures.picture import colour_range_dbm
+from postproc.pictures.plots_style import level_bar, level_colours
+from postproc.pictures.survey import Levels
 
-_MOST_PARTS = 240
+_MOST_INTERVALS = 240
+"""More would be narrower than a pixel on a telephone."""
 
 
 class Strips(NamedTuple):
-    """Mean level of each cell in each part of the run, shape (cells, parts), NaN where it was not
-    heard.
-    """
+    """Mean level of each cell in each interval, shape (cells, intervals); NaN without a reading."""
 
     level_dbm: FloatArray
     minutes: float
 
 
 def strips_of(rows: Sequence[Levels | None], clock: Clock) -> Strips | None:
-    """Levels of cells from the start of the run to the last one, in a few hundred parts at most;
-    None without any.
+    """Mean levels of cells over equal intervals from the start to the last reading.
+
+    None without a reading.
     """
     minutes = [np.empty(0) if row is None else clock.minutes(row.t_ns) for row in rows]
-    end = max((float(at.max()) for at in minutes if len(at)), default=0.0)
+    end = max((float(times.max()) for times in minutes if len(times)), default=0.0)
     if end <= 0.0:
         return None
-    # wide enough for two readings of the cell heard most, that silence is a gap and the way of
-    # scanning is none
-    parts = int(np.clip(max(len(at) for at in minutes) // 2, 1, _MOST_PARTS))
-    level_dbm = np.full((len(rows), parts), np.nan)
-    for i, (row, at) in enumerate(zip(rows, minutes, strict=True)):
+    # two readings of the cell read most often fit in an interval: a gap then is a real silence
+    most_readings = max(map(len, minutes))
+    count = int(np.clip(most_readings // 2, 1, _MOST_INTERVALS))
+    level_dbm = np.full((len(rows), count), np.nan)
+    for i, (row, times) in enumerate(zip(rows, minutes, strict=True)):
         if row is not None:
-            part = np.clip((at / end * parts).astype(np.int64), 0, parts - 1)
-            count = np.bincount(part, minlength=parts)
-            heard = count > 0
-            level_dbm[i, heard] = np.bincount(part, row.level_dbm, parts)[heard] / count[heard]
+            interval = np.clip((times / end * count).astype(np.int64), 0, count - 1)
+            n_readings = np.bincount(interval, minlength=count)
+            has_reading = n_readings > 0
+            sums = np.bincount(interval, row.level_dbm, count)
+            level_dbm[i, has_reading] = sums[has_reading] / n_readings[has_reading]
     return Strips(level_dbm, end)
 
 
-def draw_strips(figure: Figure, axes: Axes, found: Strips) -> None:
-    """The first cell on top, numbered from 1."""
-    low, high = np.nanpercentile(found.level_dbm, (2.0, 98.0))
-    levels = axes.imshow(
-        found.level_dbm,
+def draw_strips(figure: Figure, axes: Axes, strips: Strips) -> None:
+    """One row for each cell, numbered from 1 at the top."""
+    image = axes.imshow(
+        strips.level_dbm,
         aspect="auto",
         interpolation="nearest",
-        cmap=ListedColormap(colours.scale(256) / 255.0),
-        vmin=float(np.floor(low)),
-        vmax=float(max(np.ceil(high), np.floor(low) + 1.0)),
-        extent=(0.0, found.minutes, len(found.level_dbm) + 0.5, 0.5),
+        extent=(0.0, strips.minutes, len(strips.level_dbm) + 0.5, 0.5),
+        **level_colours(colour_range_dbm(strips.level_dbm)),
     )
-    bar = figure.colorbar(levels, ax=axes, label="level (dBm)", extend="both", aspect=12)
-    bar.locator = MaxNLocator(4, integer=True)
-    bar.outline.set_visible(False)
+    level_bar(figure, axes, image, 4, aspect=12)
+    axes.grid(visible=False)
     axes.yaxis.set_major_locator(MaxNLocator(10, integer=True, min_n_ticks=1))
     axes.set_xlabel("minutes since the start")
     axes.set_ylabel("cell no.")

@@ -1,13 +1,13 @@
-"""One page that tells a walk: the verdict in plain words first, then what it rests on.
+"""One page about a walk: the verdict in plain words first, then the evidence.
 
-    words     verdicts, advice and quantities in plain words
-    seen      what each picture shows, in words
-    figures   the pictures of a cell
-    svg       a picture as part of a page, in colours that the page gives it
-    page      the page from its parts, by the template in `templates`
-    writing   the page and its pictures to files
-    cli       the command
+    wording    verdicts, advice and quantities in plain words
+    alt_text   alternative texts of the figures
+    figures    the figures of a cell
+    svg        a figure as part of a page, in colours that the page chooses
+    page       the page from its parts, by the template in `templates`
+    rendering  the page and its figures of a result, and as files
+    cli        the command
 
-The page asks nobody for anything: no script, no font, no picture from elsewhere, and a policy in it
-that says so.
+The page requests nothing: it has no script, font or picture from elsewhere, and a content security
+policy that forbids them.
 """

@@ -55,16 +55,16 @@ def _report(arguments: argparse.Namespace) -> int:
     if arguments.pictures is not None:
         check_folder(arguments.pictures)
     options = Options(prior_for(arguments.environment, height_m=arguments.height))
-    made = _made(arguments, [read_sound_run(path) for path in arguments.run], options)
-    size = made.write(target)
-    pictures = list(made.write_pictures(arguments.pictures)) if arguments.pictures else []
-    _tell(arguments, target, size, made.cells, pictures, perf_counter() - begun_s)
+    report = _make_report(arguments, [read_sound_run(path) for path in arguments.run], options)
+    size = report.write(target)
+    pictures = list(report.write_figures(arguments.pictures)) if arguments.pictures else []
+    _tell(arguments, target, size, report.cells, pictures, perf_counter() - begun_s)
     return 0
 
 
-def _made(arguments: argparse.Namespace, runs: "list[Run]", options: "Options") -> "Report":
+def _make_report(arguments: argparse.Namespace, runs: "list[Run]", options: "Options") -> "Report":
     from postproc.progress import shown
-    from postproc.report.rendering import MOST_TOLD, report
+    from postproc.report.rendering import MOST_DETAILED, make_report
     from postproc.smoothing import smooth_runs
 
     if len(runs) > 1 and (arguments.claim or arguments.claims):
@@ -77,8 +77,8 @@ def _made(arguments: argparse.Namespace, runs: "list[Run]", options: "Options") 
         verified = verify.verified(
             arguments, runs[0], arguments.cell or [None], arguments.pfa, options.prior
         )
-    most = max(MOST_TOLD, len(arguments.cell or ()))
-    return report(result, verified, most=most, progress=shown)
+    most = max(MOST_DETAILED, len(arguments.cell or ()))
+    return make_report(result, verified, most=most, progress=shown)
 
 
 def _tell(
@@ -101,7 +101,6 @@ def _tell(
         }
         print(as_json(written | {"seconds": round(took_s, 2)}))
         return
+    detailed = f"{number_of(len(cells), 'cell')} in detail"
     more = f", {len(pictures)} pictures in {arguments.pictures}" if pictures else ""
-    print(
-        f"{target}: {number_of(len(cells), 'cell')} told, {size / 1e6:.2f} MB in {took_s:.1f} s{more}"
-    )
+    print(f"{target}: {detailed}, {size / 1e6:.2f} MB in {took_s:.1f} s{more}")

@@ -1,72 +1,57 @@
-"""The page from its parts."""
+"""The page from its parts, by the template in `templates`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
 from math import inf
-from pathlib import Path
 from typing import Any
 from unicodedata import category
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
+from logger.core.geo import Utm
 from logger.core.runfile import Run
 from postproc.info import CellCount, Event, Gap, Info, describe
-from postproc.json_text import Json
+from postproc.pictures.estimates import EstimatorRow, estimator_rows
 from postproc.report import wording
-from postproc.report.figures import Drawn
-from postproc.report.svg import inline
+from postproc.report.figures import ReportFigure
+from postproc.report.svg import inline_svg
 from postproc.report.wording import Answer
-from postproc.result import CellResult, Result
-from postproc.tables import TITLES
+from postproc.result import CellResult, ObservedRun, Result
 from postproc.verification.run_claims import CellVerdict, Verified
 
 _NO_CLAIMS = Verified(0.0, (), (), ())
 _MOST_EVENTS = 150
 _MOST_GAPS = 60
+"""Of a run: a recorder that fails for hours writes more than anybody reads."""
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
-    """A picture as it stands on the page."""
+class PageFigure:
+    """A figure on the page; `key` is unique there."""
 
     key: str
     title: str
     svg: Markup
-    seen: str
+    alt_text: str
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """A cell told in full: its answer, its part of `results.summary`, findings beside the answer,
-    and pictures.
-    """
+class CellSection:
+    """A cell in detail: its answer, warnings that the answer does not repeat, and figures."""
 
     key: str
+    result: CellResult
     answer: Answer
-    found: Json
     findings: tuple[str, ...]
-    pictures: tuple[Shown, ...]
-
-    @property
-    def estimators(self) -> list[tuple[str, Json, str]]:
-        """Name, values and extent in words of each estimator that has a place."""
-        best, rows = self.found["best"], []
-        if best["lat"] is not None:
-            rows.append(("posterior", best | {"n": self.found["n"]}, f"radius {best['r95_m']:.0f}"))
-        for name, title in TITLES.items():
-            if self.found[name]["lat"] is not None:
-                rows.append((title, self.found[name], _axes(self.found[name]["ellipse95"])))
-        return rows
+    figures: tuple[PageFigure, ...]
+    estimators: tuple[EstimatorRow, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Walk:
-    """One run as the page tells it; `events` and `gaps` are bounded, the worst and the longest
-    kept.
-    """
+class RunSection:
+    """One run; `events` and `gaps` are bounded: the most severe and the longest."""
 
     run: Run
     info: Info
@@ -75,97 +60,88 @@ class Walk:
     gaps: tuple[Gap, ...]
 
 
-def told_cell(number: int, cell: CellResult, found: Json, drawn: Sequence[Drawn]) -> Told:
-    """A cell with its pictures, its number naming it on the page."""
+def cell_section(number: int, result: CellResult, figures: Sequence[ReportFigure]) -> CellSection:
+    """A cell with its figures; the number identifies it on the page."""
     key = f"cell-{number}"
-    answer = wording.answer(cell, found)
-    told = f"{answer.text} {answer.advice}".lower()
-    findings = tuple(text for text in cell.warnings if text.lower() not in told)
-    pictures = tuple(_shown(f"{key}-{one.name}", one) for one in drawn)
-    return Told(key, answer, found, findings, pictures)
-
-
-def walk_of(run: Run, warnings: Sequence[str]) -> Walk:
-    """A run with what happened on the way."""
-    info = describe(run)
-    told = sorted(info.events, key=lambda event: event.level not in {"warning", "error"})[
-        :_MOST_EVENTS
-    ]
-    longest = sorted(info.gaps, key=lambda gap: -gap.length_s)[:_MOST_GAPS]
-    events, gaps = (
-        sorted(told, key=lambda event: event.t_s),
-        sorted(longest, key=lambda gap: gap.start_s),
+    answer = wording.answer(result)
+    answered = f"{answer.text} {answer.advice}".lower()
+    return CellSection(
+        key=key,
+        result=result,
+        answer=answer,
+        findings=tuple(text for text in result.warnings if text.lower() not in answered),
+        figures=tuple(_page_figure(f"{key}-{figure.name}", figure) for figure in figures),
+        estimators=estimator_rows(result),
     )
-    return Walk(run, info, tuple(warnings), tuple(events), tuple(gaps))
+
+
+def run_section(observed: ObservedRun) -> RunSection:
+    """A run with its events and gaps, in the order of time."""
+    info = describe(observed.run)
+    severe = sorted(info.events, key=lambda event: event.level not in {"warning", "error"})
+    longest = sorted(info.gaps, key=lambda gap: -gap.length_s)
+    events = sorted(severe[:_MOST_EVENTS], key=lambda event: event.t_s)
+    gaps = sorted(longest[:_MOST_GAPS], key=lambda gap: gap.start_s)
+    return RunSection(observed.run, info, observed.warnings, tuple(events), tuple(gaps))
 
 
 def html(
     result: Result,
-    told: Sequence[Told],
-    found: Sequence[Json],
-    walks: Sequence[Walk],
+    cells: Sequence[CellSection],
     verified: Verified | None,
-    overview: Drawn | None = None,
+    overview: ReportFigure | None = None,
 ) -> str:
     """The page; the same input gives the same text."""
-    page = _templates().get_template("report.html")
-    return page.render(
-        heading=wording.counted(result.cells, [one.answer for one in told]),
-        told=told,
-        cells=found,
-        warnings=[text for walk in walks for text in walk.warnings] + list(result.warnings),
-        prior=next((cell["prior"] for cell in found if cell["prior"]), None),
-        heard=_heard(walks),
-        overview=_shown(overview.name, overview) if overview else None,
-        walks=walks,
+    runs = [run_section(observed) for observed in result.runs]
+    return _template("report.html").render(
+        heading=wording.heading(result.cells, [cell.answer for cell in cells]),
+        details=cells,
+        cells=result.cells,
+        warnings=[text for run in runs for text in run.warnings] + list(result.warnings),
+        prior=next((cell.posterior.prior for cell in result.cells if cell.posterior), None),
+        counts=_strongest_counts(runs),
+        overview=_page_figure(overview.name, overview) if overview else None,
+        runs=runs,
         claims=verified or _NO_CLAIMS,
-        detectable=_detectable,
-        program=f"cellwalk {version('cellwalk')}",
+        program=f"cellwalk {result.version}",
     )
 
 
-def _heard(walks: Sequence[Walk]) -> dict[str, CellCount]:
-    """Cells of all walks, each as it was where it was heard strongest."""
-    every = sorted(
-        (cell for walk in walks for cell in walk.info.cells),
-        key=lambda cell: cell.strongest_dbm or -inf,
-    )
-    return {cell.cell: cell for cell in every}
+def _strongest_counts(runs: Sequence[RunSection]) -> dict[str, CellCount]:
+    """Counts of every cell, from the run in which it was strongest."""
+    counts = [count for run in runs for count in run.info.cells]
+    counts.sort(key=lambda count: count.strongest_dbm or -inf)
+    return {count.cell: count for count in counts}
 
 
-def _shown(key: str, drawn: Drawn) -> Shown:
-    return Shown(
-        key, drawn.title, inline(drawn.figure, key, f"{key}-title", f"{key}-seen"), drawn.seen
-    )
+def _page_figure(key: str, figure: ReportFigure) -> PageFigure:
+    svg = inline_svg(figure.figure, key, f"{key}-title", f"{key}-text")
+    return PageFigure(key, figure.title, svg, figure.alt_text)
 
 
 @cache
-def _templates() -> Environment:
-    """Everything put into the page is escaped, the pictures of `svg` excepted."""
+def _template(name: str) -> Template:
+    """All text on the page is escaped, except the figures of `svg`."""
     environment = Environment(
         loader=PackageLoader("postproc.report"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_plain,
+        finalize=_printable,
     )
     environment.filters |= {
-        "axes": _axes,
         "metres": wording.metres,
         "of": wording.number_of,
-        "place": wording.place_text,
         "time": wording.time_text,
         "duration": wording.duration_text,
-        "filename": lambda path: Path(path).name,
     }
-    return environment
+    environment.globals |= {"degrees": _degrees, "detectable": _detectable}
+    return environment.get_template(name)
 
 
-def _plain(value: Any) -> Any:
-    """Nothing known is a dash; what cannot be printed, a lone surrogate or a bell, shows as
-    such.
-    """
+def _printable(value: Any) -> Any:
+    """Values with a dash for None, and without control characters and lone surrogates."""
     if value is None:
         return "–"
     if isinstance(value, Markup) or not isinstance(value, str):
@@ -176,13 +152,17 @@ def _plain(value: Any) -> Any:
     )
 
 
-def _axes(ellipse: Json) -> str:
-    return f"{ellipse['semi_major_m']:.0f} × {ellipse['semi_minor_m']:.0f}"
+def _degrees(cell: CellResult) -> tuple[float, float] | None:
+    """Latitude and longitude of the answer."""
+    if cell.posterior is None or cell.obs is None:
+        return None
+    utm: Utm = cell.obs.utm
+    return utm.to_latlon(cell.posterior.x_m, cell.posterior.y_m)
 
 
-def _detectable(cell: CellVerdict) -> str:
-    """Displacements that the test followed would have noticed."""
-    noticed = [m for m in cell.detectable_m if m is not None]
-    return (
-        f"{wording.metres(min(noticed))} to {wording.metres(max(noticed))}" if noticed else "none"
-    )
+def _detectable(tested: CellVerdict) -> str:
+    """Displacements that the test used would have detected."""
+    displacements_m = [m for m in tested.detectable_m if m is not None]
+    if not displacements_m:
+        return "none"
+    return f"{wording.metres(min(displacements_m))} to {wording.metres(max(displacements_m))}"

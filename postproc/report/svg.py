@@ -1,6 +1,4 @@
-"""A picture as part of a page: in the page's colours, with identifiers of its own, referring to
-nothing outside.
-"""
+"""A picture as part of a page: in the page's colours, with its own identifiers, self-contained."""
 
 import io
 import re
@@ -13,29 +11,37 @@ from matplotlib.figure import Figure
 from postproc.pictures import colours
 from postproc.pictures.plots_style import PIXELS_PER_INCH, STYLE
 
-_THEMED = {"ink": colours.INK, "muted": colours.MUTED, "grid": colours.GRID, "paper": colours.PAPER}
+_PAGE_COLOURS = {
+    "ink": colours.INK,
+    "muted": colours.MUTED,
+    "grid": colours.GRID,
+    "paper": colours.PAPER,
+}
 """Colours of a picture that the page chooses, by the name of its custom property."""
 
 _SVG = "{http://www.w3.org/2000/svg}"
-_NUMBERS = ("d", "x", "y", "width", "height", "transform", "viewBox")
-_LONG = re.compile(r"(\.\d\d)\d+")
+_NUMERIC = ("d", "x", "y", "width", "height", "transform", "viewBox")
+_DECIMALS = re.compile(r"(\.\d\d)\d+")
 _FONT = re.compile(r"(font(?:-family)?:(?: bold)?(?: [\d.]+px)?) '[^;]*")
 _REFERENCE = re.compile(r"url\(#([^)]+)\)")
-_VARIABLES = {f"#{r:02x}{g:02x}{b:02x}": f"var(--{name})" for name, (r, g, b) in _THEMED.items()}
+_VARIABLES = {
+    f"#{red:02x}{green:02x}{blue:02x}": f"var(--{name})"
+    for name, (red, green, blue) in _PAGE_COLOURS.items()
+}
 
 
-def inline(figure: Figure, name: str, labelled_by: str, described_by: str) -> Markup:
-    """SVG of a figure to be put into HTML, transparent; `name` must be its own on the page."""
-    root = ET.fromstring(_drawn(figure))  # noqa: S314 (what matplotlib just wrote)
-    for dropped in root.findall(f"{_SVG}metadata"):
-        root.remove(dropped)
-    for parent in root.iter(f"{_SVG}defs"):
-        for style in parent.findall(f"{_SVG}style"):  # it would hold for the whole page
-            parent.remove(style)
-    used = _referred(root)
+def inline_svg(figure: Figure, name: str, labelled_by: str, described_by: str) -> Markup:
+    """SVG of a figure for HTML, transparent; `name` must be unique on the page."""
+    root = ET.fromstring(_svg(figure))  # noqa: S314 (what matplotlib just wrote)
+    for metadata in root.findall(f"{_SVG}metadata"):
+        root.remove(metadata)
+    for definitions in root.iter(f"{_SVG}defs"):
+        for style in definitions.findall(f"{_SVG}style"):  # it would apply to all of the page
+            definitions.remove(style)
+    referenced = _referenced_ids(root)
     for element in root.iter():
         element.tag = element.tag.removeprefix(_SVG)
-        element.attrib = _own(element.attrib, name, used)
+        element.attrib = _page_attributes(element.attrib, name, referenced)
         element.tail = None
         if element.tag != "text" and element.text and not element.text.strip():
             element.text = None
@@ -47,49 +53,45 @@ def inline(figure: Figure, name: str, labelled_by: str, described_by: str) -> Ma
         "aria-labelledby": labelled_by,
         "aria-describedby": described_by,
     }
-    return Markup(ET.tostring(root, encoding="unicode"))  # noqa: S704 (every text in it went through the XML writer)
+    return Markup(ET.tostring(root, encoding="unicode"))  # noqa: S704 (the XML writer escapes text)
 
 
-def _drawn(figure: Figure) -> bytes:
-    written = io.BytesIO()
+def _svg(figure: Figure) -> bytes:
+    file = io.BytesIO()
     with mpl.rc_context(STYLE | {"svg.fonttype": "none"}):
         figure.savefig(
-            written, format="svg", dpi=PIXELS_PER_INCH, transparent=True, metadata={"Date": None}
+            file, format="svg", dpi=PIXELS_PER_INCH, transparent=True, metadata={"Date": None}
         )
-    return written.getvalue()
+    return file.getvalue()
 
 
-def _referred(root: ET.Element) -> set[str]:
+def _referenced_ids(root: ET.Element) -> set[str]:
     """Identifiers that something in the picture refers to."""
-    found = set()
+    ids = set()
     for element in root.iter():
-        found |= {
-            value[1:]
-            for key, value in element.attrib.items()
-            if key.endswith("href") and value[:1] == "#"
-        }
-        found |= {match for value in element.attrib.values() for match in _REFERENCE.findall(value)}
-    return found
+        for key, value in element.attrib.items():
+            ids |= set(_REFERENCE.findall(value))
+            if key.endswith("href") and value.startswith("#"):
+                ids.add(value[1:])
+    return ids
 
 
-def _own(attributes: dict[str, str], name: str, used: set[str]) -> dict[str, str]:
-    """Attributes with short numbers, the page's colours, and identifiers that no other picture
-    has.
-    """
-    found: dict[str, str] = {}
+def _page_attributes(attributes: dict[str, str], name: str, referenced: set[str]) -> dict[str, str]:
+    """Attributes with short numbers, the page's colours and unique identifiers."""
+    changed: dict[str, str] = {}
     for key, value in attributes.items():
         if key == "id":
-            found |= {key: f"{name}-{value}"} if value in used else {}
+            changed |= {key: f"{name}-{value}"} if value in referenced else {}
         elif key.endswith("href"):
-            found["href"] = f"#{name}-{value[1:]}" if value.startswith("#") else value
-        elif key in _NUMBERS:
-            found[key] = _LONG.sub(r"\1", value)
+            changed["href"] = f"#{name}-{value[1:]}" if value.startswith("#") else value
+        elif key in _NUMERIC:
+            changed[key] = _DECIMALS.sub(r"\1", value)
         else:
-            found[key] = _themed(_REFERENCE.sub(rf"url(#{name}-\1)", value))
-    return found
+            changed[key] = _in_page_colours(_REFERENCE.sub(rf"url(#{name}-\1)", value))
+    return changed
 
 
-def _themed(value: str) -> str:
+def _in_page_colours(value: str) -> str:
     value = _FONT.sub(r"\1 var(--sans)", value)
     for colour, variable in _VARIABLES.items():
         value = value.replace(colour, variable)

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from math import atan2, degrees, hypot, isfinite
 from typing import NamedTuple
 
+from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
-from postproc.json_text import Json
+from logger.core.locator.rivals import relevant_modes, whole_percents
 from postproc.result import CellResult
 
 _COMPASS = (
@@ -19,13 +20,16 @@ _COMPASS = (
     "west",
     "north-west",
 )
-_MOST_PLACES = 4
-_WORTH_A_WALK_M = 5000.0
+_MOST_POSITIONS = 4
+"""Positions of an ambiguous cell that its answer lists; the plan shows all."""
+_LONGEST_WALK_M = 5000.0
+"""An hour's walk: towards a position less certain than this no walk is advised."""
 
 
 class Answer(NamedTuple):
-    """A verdict for somebody who has a minute; `advice` says what to walk next, None where nothing
-    is missing.
+    """The answer for a cell in a few words.
+
+    `advice` is where to walk next, None where no walk is needed.
     """
 
     verdict: str
@@ -34,45 +38,51 @@ class Answer(NamedTuple):
     advice: str | None
 
 
-def answer(cell: CellResult, found: Json) -> Answer:
-    """What the walk says of a cell; `found` is its part of `results.summary`."""
-    posterior = cell.posterior
-    if posterior is None or cell.verdict == "cannot tell":
-        why = cell.warnings[0] if cell.warnings else "the readings do not hold the answer"
-        return Answer(cell.verdict, "Cannot be told yet", _sentence(why), _advice(cell))
+def answer(cell: CellResult) -> Answer:
+    """What the walk shows about a cell."""
+    posterior, obs = cell.posterior, cell.obs
+    if posterior is None or obs is None or cell.verdict == "cannot tell":
+        reason = cell.warnings[0] if cell.warnings else "the readings do not determine a position"
+        return Answer(cell.verdict, "No position yet", _sentence(reason), _advice(cell))
     if cell.verdict == "located":
-        area = area_text(found["region95"]["area_m2"])
-        text = f"With 95 % probability it stands in a region of {area} about {place_text(found['best'])}."
+        area = area_text(posterior.region_area_m2)
+        position = degrees_text(obs.utm, posterior.x_m, posterior.y_m)
+        text = f"It stands in a region of {area} around {position} with a probability of 95 %."
         return Answer(cell.verdict, f"Located within {metres(posterior.r95_m)}", text, None)
-    places = [mode for mode in found["modes"] if mode["percent"] is not None]
-    shares = [f"{mode['percent']}% at {place_text(mode)}" for mode in places[:_MOST_PLACES]]
-    more = len(places) - len(shares)
-    text = (
-        f"The levels fit several places: {', '.join(shares)}{f' and {more} more' if more else ''}."
-    )
-    return Answer(cell.verdict, f"{len(places)} places fit", text, _advice(cell))
+    modes = relevant_modes(posterior.modes)
+    shares = [
+        f"{percent}% at {degrees_text(obs.utm, mode.x_m, mode.y_m)}"
+        for mode, percent in zip(modes, whole_percents(modes), strict=True)
+    ]
+    more = len(modes) - _MOST_POSITIONS
+    listed = ", ".join(shares[:_MOST_POSITIONS]) + (f" and {more} more" if more > 0 else "")
+    text = f"The levels fit several positions: {listed}."
+    return Answer(cell.verdict, f"{len(modes)} positions fit", text, _advice(cell))
 
 
-def counted(cells: Sequence[CellResult], answers: Sequence[Answer]) -> str:
-    """The verdicts of all cells in one line; of a single one the answer itself."""
+def heading(cells: Sequence[CellResult], answers: Sequence[Answer]) -> str:
+    """The verdicts of all cells in one line, or the answer of a single one."""
     if not cells:
-        return "No cell was heard"
+        return "No cell was observed"
     if len(cells) == len(answers) == 1:
-        return f"Cell {cells[0].cell}: {answers[0].title[:1].lower()}{answers[0].title[1:]}"
-    of = Counter(cell.verdict for cell in cells)
-    parts = [f"{of['located']} of {number_of(len(cells), 'cell')} located"]
-    parts += [f"{of['ambiguous']} ambiguous"] * bool(of["ambiguous"])
-    parts += [f"{of['cannot tell']} cannot be told"] * bool(of["cannot tell"])
+        title = answers[0].title
+        return f"Cell {cells[0].cell}: {title[:1].lower()}{title[1:]}"
+    counts = Counter(cell.verdict for cell in cells)
+    parts = [f"{counts['located']} of {number_of(len(cells), 'cell')} located"]
+    if n_ambiguous := counts["ambiguous"]:
+        parts.append(f"{n_ambiguous} ambiguous")
+    if n_undecided := counts["cannot tell"]:
+        parts.append(f"{n_undecided} without a position")
     return ", ".join(parts)
 
 
-def number_of(count: int, what: str) -> str:
-    """A number of things."""
-    return f"{count} {what}{'s' * (count != 1)}"
+def number_of(count: int, noun: str) -> str:
+    """A number with its noun."""
+    return f"{count} {noun}{'s' * (count != 1)}"
 
 
 def metres(value_m: float | None) -> str:
-    """A length with the digits that matter."""
+    """A length with its significant digits."""
     if value_m is None or not isfinite(value_m):
         return "unknown"
     if value_m < 1000.0:
@@ -81,19 +91,20 @@ def metres(value_m: float | None) -> str:
 
 
 def area_text(area_m2: float) -> str:
-    """An area with the digits that matter."""
+    """An area with its significant digits."""
     if area_m2 >= 100_000.0:
         return f"{area_m2 / 1e6:.2g} km²"
     return f"{float(f'{area_m2:.2g}'):,.0f} m²".replace(",", "\N{NARROW NO-BREAK SPACE}")
 
 
-def place_text(place: Json) -> str:
+def degrees_text(utm: Utm, x_m: float, y_m: float) -> str:
     """Latitude and longitude to a metre."""
-    return f"{place['lat']:.5f} {place['lon']:.5f}"
+    lat_deg, lon_deg = utm.to_latlon(x_m, y_m)
+    return f"{lat_deg:.5f} {lon_deg:.5f}"
 
 
 def direction(east_m: float, north_m: float) -> str:
-    """A direction in words, to one of eight."""
+    """One of eight directions."""
     return _COMPASS[round(degrees(atan2(east_m, north_m)) / 45.0) % 8]
 
 
@@ -104,7 +115,7 @@ def time_text(seconds: float) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """How long something lasted."""
+    """Length of an interval."""
     if seconds < 120.0:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)
@@ -112,27 +123,25 @@ def duration_text(seconds: float) -> str:
 
 
 def _advice(cell: CellResult) -> str | None:
-    """The locator's own advice where several places fit, else where a next walk would tell most."""
+    """The locator's advice where several positions fit, else the most informative walk."""
     if cell.verdict == "ambiguous":
         return _sentence(cell.warnings[1]) if len(cell.warnings) > 1 else None
     if cell.posterior is None or cell.obs is None or not len(cell.obs):
-        return "Walk where this cell is heard, with a position fix, and turn a corner or two on the way."
-    return _nearer(cell, cell.posterior)
+        return "Walk where this cell is received, with a position fix, and turn a corner or two."
+    return _closer(cell, cell.posterior)
 
 
-def _nearer(cell: CellResult, posterior: Posterior) -> str:
-    """Towards the likeliest place, or along where the cell was heard loudest where that is too far
-    to be one.
-    """
+def _closer(cell: CellResult, posterior: Posterior) -> str:
+    """Towards the most likely position, or towards higher levels where that is uncertain."""
     obs = cell.obs
-    if obs is None or posterior.at_limit or posterior.r95_m > _WORTH_A_WALK_M:
-        return "The level says little of the distance yet: walk on to where it is heard clearly stronger."
+    if obs is None or posterior.at_limit or posterior.r95_m > _LONGEST_WALK_M:
+        return "The levels do not show the distance yet: walk to where they are clearly higher."
     east_m, north_m = posterior.x_m - float(obs.x_m[-1]), posterior.y_m - float(obs.y_m[-1])
-    lat, lon = obs.utm.to_latlon(posterior.x_m, posterior.y_m)
+    position = degrees_text(obs.utm, posterior.x_m, posterior.y_m)
     return (
-        f"Walk past the likeliest place, {lat:.5f} {lon:.5f}, {metres(hypot(east_m, north_m))} to the "
-        f"{direction(east_m, north_m)} of where this walk last heard it, and around it: levels from more than one side "
-        "tell most."
+        f"Walk around the most likely position, {position}. It is "
+        f"{metres(hypot(east_m, north_m))} {direction(east_m, north_m)} of the last reading of "
+        "this cell. Levels from more than one side are the most informative."
     )
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from logger.core.runfile import Run
     from postproc.result import CellResult
     from postproc.verification.run_claims import CellVerdict
-    from postproc.view.view_model import Estimated, Story
+    from postproc.view.view_model import ViewModel
 
 
 def add_view(view: argparse.ArgumentParser) -> None:
@@ -68,9 +68,9 @@ def _view(arguments: argparse.Namespace) -> int:
 
     def write(path: Path) -> None:
         """Estimate and draw, after it is known that the result can be shown."""
-        story = _story(arguments, runs)
-        basemap = read_basemap(arguments.basemap, story) if arguments.basemap else None
-        write_scene(story, path, basemap=basemap, online=not arguments.web)
+        view = _view_model(arguments, runs)
+        basemap = read_basemap(arguments.basemap, view) if arguments.basemap else None
+        write_scene(view, path, basemap=basemap, online=not arguments.web)
 
     if arguments.web:
         return _serve(arguments, write)
@@ -90,13 +90,13 @@ def _show_recording(arguments: argparse.Namespace) -> int:
     """What `--save` has written, in the same viewers: bare `rerun` listens for everybody and counts
     its users.
     """
-    from postproc.view.recording import opened
+    from postproc.view.recording import copy_recording
     from postproc.view.viewer import show
 
     options = ("save", "claim", "claims", "cell", "basemap")
     if given := [f"--{name}" for name in options if getattr(arguments, name)]:
         raise ConfigError(f"{given[0]} goes with a run; {arguments.run[0]} is a recording already")
-    write = opened(arguments.run)
+    write = copy_recording(arguments.run)
     return _serve(arguments, write) if arguments.web else show(write, arguments.run[0].stem)
 
 
@@ -126,48 +126,41 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ConfigError("claims are tested against one run: give one, or leave the claims out")
 
 
-def _story(arguments: argparse.Namespace, runs: Sequence["Run"]) -> "Story":
+def _view_model(arguments: argparse.Namespace, runs: Sequence["Run"]) -> "ViewModel":
     from postproc.progress import shown
     from postproc.result import Options
-    from postproc.view.timeline import MOST_STEPS, unfold
-    from postproc.view.view_model import chosen, story_of
-
-    found = _estimated(runs, arguments.cell)
-    subjects = chosen(found, arguments.cell)
-    claims = _claims(arguments, found, subjects)
-    told = []
-    for result in subjects:
-        steps = unfold(result, Options().prior, _processes())
-        steps_shown = shown(steps, f"how the answer for {result.cell} came about", MOST_STEPS)
-        told.append((result, tuple(steps_shown), claims.get(result.cell, ())))
-    return story_of(found, told)
-
-
-def _estimated(runs: Sequence["Run"], only: Sequence[str] | None) -> "Estimated":
-    from postproc.progress import shown
     from postproc.smoothing import smooth_runs
-    from postproc.view.clock import end_to_end
-    from postproc.view.view_model import estimated
+    from postproc.view.end_to_end import end_to_end
+    from postproc.view.timeline import MOST_STEPS, answer_steps
+    from postproc.view.view_model import CellDetail, select_cells, view_model
 
-    aligned = end_to_end(runs) if len(runs) > 1 else runs
-    return estimated(smooth_runs(aligned, only, progress=shown, processes=_processes()))
+    in_sequence = end_to_end(runs) if len(runs) > 1 else runs
+    result = smooth_runs(in_sequence, arguments.cell, progress=shown, processes=_processes())
+    cells = select_cells(result, arguments.cell)
+    claims = _claims(arguments, in_sequence[0], cells)
+    details = []
+    for cell in cells:
+        steps = answer_steps(cell, Options().prior, _processes())
+        steps_shown = shown(steps, f"answer for {cell.cell} step by step", MOST_STEPS)
+        details.append(CellDetail(cell, tuple(steps_shown), claims.get(cell.cell, ())))
+    return view_model(result, details)
 
 
 def _claims(
-    arguments: argparse.Namespace, found: "Estimated", subjects: Sequence["CellResult"]
+    arguments: argparse.Namespace, run: "Run", cells: Sequence["CellResult"]
 ) -> dict[str, tuple["CellVerdict", ...]]:
-    """Claims about the cells told in full, tested, by cell."""
+    """Verdicts on the claims about the cells in detail, by cell."""
     from postproc.result import Options
 
-    cells = [subject.cell for subject in subjects]
-    tested = verify.verified(arguments, found.runs[0], cells, _P_FA, Options().prior)
+    names = [cell.cell for cell in cells]
+    tested = verify.verified(arguments, run, names, _P_FA, Options().prior)
     if tested is None:
         return {}
     if not tested.cells:
         raise ConfigError(
-            f"{arguments.claims} claims nothing about {', '.join(cells) or 'any cell'}; see --cell"
+            f"{arguments.claims} claims nothing about {', '.join(names) or 'any cell'}; see --cell"
         )
-    return {cell: tuple(one for one in tested.cells if one.cell == cell) for cell in cells}
+    return {name: tuple(one for one in tested.cells if one.cell == name) for name in names}
 
 
 def _processes() -> int:

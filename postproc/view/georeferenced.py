@@ -1,4 +1,4 @@
-"""Pixels with a place on the Earth."""
+"""Images with a position on the Earth."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,9 +11,7 @@ from logger.core.arrays import FloatArray
 
 
 class Area(NamedTuple):
-    """The plan's area: a mesh (2, k, k) of places in `crs`, and the finest pixel in metres that is
-    worth having.
-    """
+    """The plan's area: a mesh (2, k, k) of points in `crs`, and the finest useful pixel."""
 
     crs: CRS
     mesh: FloatArray
@@ -26,8 +24,9 @@ class Area(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """Pixels (rows, columns, 4); the middle of pixel (column, row) lies at `affine` (2, 3) @
-    [column, row, 1].
+    """Pixels (rows, columns, 4) of a part of the Earth.
+
+    The centre of pixel (column, row) lies at `affine` (2, 3) @ [column, row, 1] in `crs`.
     """
 
     pixels: npt.NDArray[np.uint8]
@@ -35,12 +34,12 @@ class Ground:
     affine: FloatArray
 
     def pixel_at(self, area: Area) -> tuple[FloatArray, FloatArray]:
-        """Column and row, with fractions, of each place of the area's mesh."""
+        """Column and row, with fractions, of each point of the area's mesh."""
         return pixel_of(self.affine, area.within(self.crs))
 
 
-def pixel_of(affine: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Column and row of places (2, ...)."""
-    inverse = np.linalg.inv(affine[:, :2])
-    x, y = places[0] - affine[0, 2], places[1] - affine[1, 2]
-    return inverse[0, 0] * x + inverse[0, 1] * y, inverse[1, 0] * x + inverse[1, 1] * y
+def pixel_of(affine: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Column and row of points (2, ...)."""
+    offset = points - affine[:, 2].reshape(2, *[1] * (points.ndim - 1))
+    column, row = np.tensordot(np.linalg.inv(affine[:, :2]), offset, axes=1)
+    return column, row

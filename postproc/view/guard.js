@@ -1,5 +1,6 @@
-// The viewer asks other machines for releases and statistics. Here it is told at once that there is nothing, so that no
-// request leaves and none fails. It opens the recording beside this script.
+// The viewer sends requests for releases and statistics to other machines. This script answers them
+// within the page with an empty response: none leaves this machine, and none fails.
+// It then opens the recording that is served beside it.
 "use strict";
 (() => {
   const here = (resource) => {

@@ -6,274 +6,201 @@ import numpy as np
 import rerun as rr
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.ellipse import ellipse95
 from logger.core.observations import MAX_GAP_S
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
-from postproc.pictures.colours import Bytes, Colour
+from postproc.pictures.colours import Colour
+from postproc.pictures.estimates import Estimate
+from postproc.pictures.geometry import evenly_spaced
 from postproc.pictures.picture import mode_label
-from postproc.view.density_image import draw_heat
-from postproc.view.ground import colour_of_verdict, draw_ground, draw_key, draw_level_key, key_of
-from postproc.view.regions import rings
-from postproc.view.rerun_writer import (
-    Sheet,
-    closed,
-    ellipse_axes,
-    entity,
-    points,
-    strips_by_row,
-    thinned,
-)
-from postproc.view.view_model import SHARES, Story, Subject, Walk
+from postproc.pictures.regions import region_rings
+from postproc.pictures.survey import Walk
+from postproc.view.density_image import draw_density
+from postproc.view.ground import draw_ground, draw_key, draw_level_scale
+from postproc.view.layers import FARTHEST_M, MOST_STRIPS, draw_levels, draw_posterior, draw_walks
+from postproc.view.rerun_writer import RerunWriter, on_screen
+from postproc.view.surface import Style, Surface
+from postproc.view.view_model import REGION_SHARES, CellView, ViewModel
 
-MOST_STRIPS = 5_000
 MOST_POINTS = 40_000
-REGION_WIDTHS = (1.5, 2.5)
-"""Of the outlines of 95 % and 50 %, in points."""
+"""With more points in one entity the viewer becomes slow."""
 _TRAIL_FIXES = 30
-FARTHEST_M = 1e6
-"""A filter that has run away farther than this cannot be drawn in single precision and tells
-nothing.
-"""
+"""Half a minute of one fix a second."""
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 49)
 
 
-def draw_plan(sheet: Sheet, story: Story) -> None:
+def draw_plan(writer: RerunWriter, view: ViewModel) -> None:
     """Everything on the plan; nothing for a run without a fix."""
-    if story.box is None:
+    if view.box is None:
         return
-    draw_ground(sheet, story.box)
-    for walk in story.walks:
-        _walk(sheet, walk)
-    _walker(sheet, story.walks)
-    for subject in story.subjects:
-        draw_level_key(sheet, subject, story.box)
-        draw_key(
-            sheet, entity("plan", "cells", subject.cell, "key"), key_of(story, subject), story.box
-        )
-        draw_heat(sheet, story, subject, story.box)
-        _levels(sheet, subject)
-        _posterior(sheet, story, subject)
-        _estimates(sheet, story, subject)
-        _claims(sheet, story, subject)
-        if subject.picture.truth_m is not None:
-            _mark(
-                sheet,
-                entity("plan", "cells", subject.cell, "truth"),
-                subject.picture.truth_m,
-                colours.TRUTH,
-                7.0,
-            )
-    _all_cells(sheet, story)
-
-
-def strips_of(t_ns: IntArray, places_m: FloatArray) -> list[FloatArray]:
-    """A walk cut where the receiver was silent: at most `MOST_STRIPS` strips of two or more places,
-    (k, 2).
-    """
-    silent = np.flatnonzero(np.diff(t_ns) > MAX_GAP_S * 1e9) + 1
-    strips = [strip for strip in np.split(places_m, silent) if len(strip) > 1]
-    return strips[thinned(len(strips), MOST_STRIPS)]
+    plan = Surface(
+        writer,
+        "plan",
+        is_plan=True,
+        most_points=MOST_POINTS,
+        convert=lambda m: m.astype(np.float32),
+    )
+    draw_ground(plan, view.box)
+    draw_walks(plan, view)
+    _draw_trail(plan, view.survey.walks)
+    for cell in view.cell_views:
+        draw_level_scale(plan, cell, view.box)
+        draw_key(plan, view, cell)
+        draw_density(plan, view, cell)
+        draw_levels(plan, cell)
+        _draw_level_track(plan, cell)
+        draw_posterior(plan, view, cell)
+        _draw_estimates(plan, view, cell)
+        _draw_claims(plan, view, cell)
+        if cell.picture.truth_m is not None:
+            style = Style([colours.TRUTH], 7.0, 20.0)
+            plan.points(("cells", cell.name, "truth"), np.array([cell.picture.truth_m]), style)
+    _draw_all_cells(plan, view)
 
 
 def level_strips(
-    t_ns: IntArray, places_m: FloatArray, level_dbm: FloatArray
+    t_ns: IntArray, positions_m: FloatArray, level_dbm: FloatArray
 ) -> tuple[list[FloatArray], FloatArray]:
-    """The way from reading to reading with the mean level of each stretch, at most `MOST_STRIPS` of
-    them.
+    """The track from reading to reading, and the mean level of each strip.
 
-    Where nothing was heard for long there is no stretch.
+    At most `MOST_STRIPS` strips (k, 2); none where there was no reading for long.
     """
-    each = max(1, -(-(len(t_ns) - 1) // MOST_STRIPS))
-    begins = range(0, len(t_ns) - 1, each)
-    long_ns = each * MAX_GAP_S * 1e9
-    parts = [
-        slice(i, i + each + 1)
-        for i in begins
-        if t_ns[min(i + each, len(t_ns) - 1)] - t_ns[i] <= long_ns
+    n_steps = max(1, -(-(len(t_ns) - 1) // MOST_STRIPS))
+    longest_ns = n_steps * MAX_GAP_S * 1e9
+    starts = range(0, len(t_ns) - 1, n_steps)
+    slices = [
+        slice(start, start + n_steps + 1)
+        for start in starts
+        if t_ns[min(start + n_steps, len(t_ns) - 1)] - t_ns[start] <= longest_ns
     ]
-    return [places_m[part] for part in parts], np.array(
-        [np.mean(level_dbm[part]) for part in parts]
-    )
+    means_dbm = np.array([np.mean(level_dbm[part]) for part in slices])
+    return [positions_m[part] for part in slices], means_dbm
 
 
-def _walk(sheet: Sheet, walk: Walk) -> None:
-    """The track in grey."""
-    strips = closed(strips_of(walk.t_ns, walk.track_m))
-    if strips:
-        ink = [(*colours.QUIET, 160)]
-        drawn = rr.LineStrips2D(strips, colors=ink, radii=points(1.0), draw_order=0.0)
-        sheet.always(entity("plan", "walks", walk.name, "track"), drawn)
+def ellipse_axes(p: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """95 % ellipses of covariances (n, k, k): semi-axes (n, 2) in m, quaternions (n, 4).
 
-
-def _walker(sheet: Sheet, walks: Sequence[Walk]) -> None:
-    """Where the walker is at the time looked at, and where he came from."""
-    ink, size = colours.WALKER, points(7.0)
-    sheet.always("plan/walker", rr.Points2D.from_fields(colors=[ink], radii=size, draw_order=30.0))
-    style = rr.LineStrips2D.from_fields(colors=[(*ink, 200)], radii=points(3.0), draw_order=29.0)
-    sheet.always("plan/walker/trail", style)
-    most = MOST_STRIPS // max(len(walks), 1)
-    for walk in walks:
-        places = walk.track_m.astype(np.float32)
-        sheet.over_time("plan/walker", walk.t_ns, rr.Points2D.columns(positions=places))
-        # trails of equal length: the first ones stand still at the first fix
-        part = thinned(len(places), most)
-        ago = np.arange(_TRAIL_FIXES - 1, -1, -1)
-        trails = places[np.maximum(np.arange(len(places))[part, None] - ago, 0)]
-        sheet.over_time(
-            "plan/walker/trail", walk.t_ns[part], rr.LineStrips2D.columns(strips=trails)
-        )
-
-
-def _levels(sheet: Sheet, subject: Subject) -> None:
-    """The way along which the cell was heard, in the colours of its levels."""
-    obs, picture = subject.result.obs, subject.picture
-    if obs is None or not len(obs):
-        return
-    path = entity("plan", "cells", subject.cell, "levels")
-    part = thinned(len(obs), MOST_POINTS)
-    rgb = colours.of_levels(picture.heard_dbm[part], *picture.strength_dbm)
-    sheet.always(
-        path, rr.Points2D(picture.heard_m[part], colors=rgb, radii=points(2.5), draw_order=5.0)
-    )
-    strips, means_dbm = level_strips(obs.t_ns, picture.heard_m, picture.heard_dbm)
-    if strips:
-        ink: Bytes = colours.of_levels(means_dbm, *picture.strength_dbm)
-        drawn = rr.LineStrips2D(closed(strips), colors=ink, radii=points(2.5), draw_order=4.0)
-        sheet.always(entity("plan", "cells", subject.cell, "levels", "track"), drawn)
-
-
-def _posterior(sheet: Sheet, story: Story, subject: Subject) -> None:
-    """Regions that hold 95 % and 50 % of the probability, and the places in them, as they came
-    about.
+    A quaternion turns x to the major axis. Azimuths run clockwise from north, angles in a plane
+    counterclockwise from east: angle = 90 deg - azimuth.
     """
-    if not subject.steps:
-        return
-    times = np.array([step.t_ns for step in subject.steps])
-    for (name, rows), width in zip(subject.regions.items(), REGION_WIDTHS, strict=True):
-        path = entity("plan", "cells", subject.cell, "posterior", f"region{name}")
-        ink, radius = [colours.POSTERIOR], points(0.5 * width)
-        sheet.always(path, rr.LineStrips2D.from_fields(colors=ink, radii=radius, draw_order=10.0))
-        sheet.over_time(path, times, strips_by_row(rows))
-    path = entity("plan", "cells", subject.cell, "posterior", "places")
-    style = rr.Points2D.from_fields(
-        colors=[colours.POSTERIOR], radii=points(5.0), show_labels=True, draw_order=20.0
-    )
-    sheet.always(path, style)
-    rim = rr.Points2D.from_fields(
-        colors=[(255, 255, 255)], radii=points(7.0), show_labels=False, draw_order=19.0
-    )
-    sheet.always(f"{path}/rim", rim)
-    modes = [(step.posterior, mode) for step in subject.steps for mode in step.posterior.modes]
-    places = story.local(
-        np.array([mode.x_m for _, mode in modes]), np.array([mode.y_m for _, mode in modes])
-    )
-    labels = [mode_label(posterior, mode) for posterior, mode in modes]
-    counts = [len(step.posterior.modes) for step in subject.steps]
-    sheet.over_time(
-        path, times, rr.Points2D.columns(positions=places, labels=labels).partition(counts)
-    )
-    sheet.over_time(f"{path}/rim", times, rr.Points2D.columns(positions=places).partition(counts))
+    axes_m, quaternions = np.empty((len(p), 2)), np.zeros((len(p), 4))
+    for i, covariance in enumerate(p):
+        ellipse = ellipse95(*covariance[[0, 0, 1], [0, 1, 1]].tolist())
+        axes_m[i] = ellipse.semi_major_m, ellipse.semi_minor_m
+        half_angle = 0.5 * np.radians(90.0 - ellipse.azimuth_deg)
+        quaternions[i, 2:] = np.sin(half_angle), np.cos(half_angle)
+    return axes_m, quaternions
 
 
-def _estimates(sheet: Sheet, story: Story, subject: Subject) -> None:
-    """Filters along the walk, and the last word of RTS and least squares."""
-    for key, colour, filtered in (
-        ("reference", colours.REFERENCE, subject.result.reference),
-        ("ekf", colours.EKF, subject.result.ekf),
+def _draw_trail(plan: Surface, walks: Sequence[Walk]) -> None:
+    """The last fixes before the cursor."""
+    ink, path = (*colours.WALKER, 200), ("walker", "trail")
+    style = rr.LineStrips2D.from_fields(colors=[ink], radii=on_screen(3.0), draw_order=29.0)
+    plan.log_static(path, style)
+    for walk in walks:
+        shown = evenly_spaced(len(walk.t_ns), MOST_STRIPS // len(walks))
+        # trails of equal length: the first ones stay at the first fix
+        back = np.arange(_TRAIL_FIXES - 1, -1, -1)
+        trails = plan.convert(walk.track_m)[np.maximum(shown[:, None] - back, 0)]
+        plan.send_columns(path, walk.t_ns[shown], rr.LineStrips2D.columns(strips=trails))
+
+
+def _draw_level_track(plan: Surface, cell: CellView) -> None:
+    """The track along which the cell was received, in the colours of its levels."""
+    obs, picture = cell.result.obs, cell.picture
+    if obs is not None:
+        strips_m, means_dbm = level_strips(obs.t_ns, picture.readings_m, picture.level_dbm)
+        inks = colours.level_colours(means_dbm, *picture.level_range_dbm)
+        plan.lines(("cells", cell.name, "levels", "track"), strips_m, Style(inks, 2.5, 4.0))
+
+
+def _draw_estimates(plan: Surface, view: ViewModel, cell: CellView) -> None:
+    """Filters along the walk, and the final estimates of RTS and least squares."""
+    for estimate in cell.picture.estimates:
+        if estimate.key in ("rts", "batch") and np.hypot(*estimate.x[:2]) < FARTHEST_M:
+            _draw_final(plan, ("cells", cell.name, estimate.key), estimate)
+    for key, ink, filtered in (
+        ("reference", colours.REFERENCE, cell.result.reference),
+        ("ekf", colours.EKF, cell.result.ekf),
     ):
         if filtered is not None:
-            _filter(sheet, story, filtered, entity("plan", "cells", subject.cell, key), colour)
-    for estimate in subject.picture.estimates:
-        if estimate.key in ("rts", "batch") and np.hypot(*estimate.x[:2]) < FARTHEST_M:
-            path = entity("plan", "cells", subject.cell, estimate.key)
-            place = (float(estimate.x[0]), float(estimate.x[1]))
-            _mark(sheet, path, place, estimate.colour, 5.0)
-            axes, turn = ellipse_axes(estimate.p[None])
-            # an ellipse has no angle: its entity is turned
-            drawn = rr.Ellipses2D(half_sizes=axes, colors=[estimate.colour], line_radii=points(1.0))
-            move = rr.Transform3D(translation=(*place, 0.0), quaternion=rr.Quaternion(xyzw=turn[0]))
-            sheet.always(f"{path}/ellipse", drawn, move)
+            _draw_filter(plan, view, ("cells", cell.name, key), filtered, ink)
 
 
-def _filter(sheet: Sheet, story: Story, filtered: FilterPath, path: str, colour: Colour) -> None:
-    """A filter's path, and its place and 95 % ellipse at each reading."""
-    places = story.local(filtered.x[:, 0], filtered.x[:, 1])
-    with np.errstate(invalid="ignore"):
-        sane = np.all(np.isfinite(filtered.p), axis=(1, 2)) & (
-            np.hypot(places[:, 0], places[:, 1]) < FARTHEST_M
-        )
-    t_ns, places = filtered.t_ns[sane], places[sane]
-    if not len(places):
-        return
-    if len(places) > 1:
-        drawn = rr.LineStrips2D(
-            [places.astype(np.float32)], colors=[(*colour, 130)], radii=points(0.75)
-        )
-        sheet.always(f"{path}/path", drawn)
-    sheet.always(path, rr.Points2D.from_fields(colors=[colour], radii=points(5.0), draw_order=15.0))
-    sheet.over_time(path, t_ns, rr.Points2D.columns(positions=places))
-    axes, turns = ellipse_axes(filtered.p[sane])
-    sheet.always(
-        f"{path}/ellipse", rr.Ellipses2D.from_fields(colors=[colour], line_radii=points(1.25))
+def _draw_final(plan: Surface, path: Sequence[str], estimate: Estimate) -> None:
+    """A position with its 95 % ellipse."""
+    position_m, ink = estimate.x[:2], [estimate.colour]
+    plan.points(path, position_m[None], Style(ink, 5.0, 20.0))
+    axes_m, (quaternion,) = ellipse_axes(estimate.p[None])
+    # rerun's ellipses have no angle: the entity is rotated
+    plan.log_static(
+        (*path, "ellipse"),
+        rr.Ellipses2D(half_sizes=axes_m, colors=ink, line_radii=on_screen(1.0)),
+        rr.Transform3D(
+            translation=(*position_m.tolist(), 0.0), quaternion=rr.Quaternion(xyzw=quaternion)
+        ),
     )
-    move = rr.Transform3D.columns(
-        translation=np.column_stack([places, np.zeros(len(places))]), quaternion=turns
-    )
-    sheet.over_time(f"{path}/ellipse", t_ns, rr.Ellipses2D.columns(half_sizes=axes), move)
 
 
-def _claims(sheet: Sheet, story: Story, subject: Subject) -> None:
-    """Where the cell is said to stand, in the colour of the verdict; around it two sigma of what
-    was said.
-    """
-    for i, claim in enumerate(subject.claims, 1):
-        place = story.place_of(claim.claim.lat_deg, claim.claim.lon_deg)
-        if place is None or np.hypot(*place) > FARTHEST_M:
-            continue
-        path, ink = (
-            entity("plan", "cells", subject.cell, "claims", str(i)),
-            colour_of_verdict(claim.verdict),
-        )
-        drawn = rr.Points2D(
-            [place],
-            colors=[ink],
-            radii=points(8.0),
-            labels=[f"claim: {claim.verdict}"],
-            draw_order=25.0,
-        )
-        sheet.always(path, drawn)
-        if claim.claim.sigma_m > 0.0:
-            ring = place + 2.0 * claim.claim.sigma_m * np.column_stack(
-                [np.cos(_CIRCLE), np.sin(_CIRCLE)]
-            )
-            sheet.always(
-                f"{path}/two_sigma", rr.LineStrips2D([ring], colors=[ink], radii=points(1.0))
-            )
-
-
-def _all_cells(sheet: Sheet, story: Story) -> None:
-    """Where every cell of the run that has a place stands, with its 95 % region."""
-    for cell in story.cells:
-        if cell.posterior is None or cell.verdict == "cannot tell" or story.box is None:
-            continue
-        ink = story.inks.get(cell.cell, colours.QUIET)
-        found = rings(cell.posterior.squares, SHARES["95"], story.origin_m)
-        region = rr.LineStrips2D(closed(found), colors=[(*ink, 200)], radii=points(0.75))
-        sheet.always(entity("plan", "all", cell.cell, "region95"), region)
-        modes = cell.posterior.modes
-        places = story.local(
-            np.array([mode.x_m for mode in modes]), np.array([mode.y_m for mode in modes])
-        )
-        labels = [f"{cell.cell} {mode_label(cell.posterior, mode)}".rstrip() for mode in modes]
-        drawn = rr.Points2D(
-            places, colors=[ink], radii=points(6.0), labels=labels, show_labels=True
-        )
-        sheet.always(entity("plan", "all", cell.cell), drawn)
-
-
-def _mark(
-    sheet: Sheet, path: str, place_m: tuple[float, float], colour: Colour, radius: float
+def _draw_filter(
+    plan: Surface, view: ViewModel, path: Sequence[str], filtered: FilterPath, ink: Colour
 ) -> None:
-    sheet.always(
-        path, rr.Points2D([place_m], colors=[colour], radii=points(radius), draw_order=20.0)
+    """A filter's path, and its position and 95 % ellipse at each reading."""
+    positions_m = view.survey.local(filtered.x[:, 0], filtered.x[:, 1])
+    with np.errstate(invalid="ignore"):
+        drawable = np.all(np.isfinite(filtered.p), axis=(1, 2)) & (
+            np.hypot(*positions_m.T) < FARTHEST_M
+        )
+    t_ns, positions_m = filtered.t_ns[drawable], positions_m[drawable]
+    if not len(t_ns):
+        return
+    if len(t_ns) > 1:
+        plan.lines((*path, "path"), [positions_m], Style([(*ink, 130)], 0.75))
+    plan.points_over_time(path, t_ns, positions_m, Style([ink], 5.0, 15.0))
+    axes_m, quaternions = ellipse_axes(filtered.p[drawable])
+    ellipse = (*path, "ellipse")
+    style = rr.Ellipses2D.from_fields(colors=[ink], line_radii=on_screen(1.25))
+    plan.log_static(ellipse, style)
+    centres_m = np.column_stack([positions_m, np.zeros(len(t_ns))])
+    plan.send_columns(
+        ellipse,
+        t_ns,
+        rr.Ellipses2D.columns(half_sizes=axes_m),
+        rr.Transform3D.columns(translation=centres_m, quaternion=quaternions),
     )
+
+
+def _draw_claims(plan: Surface, view: ViewModel, cell: CellView) -> None:
+    """Claimed positions in the colour of the verdict, each with its circle of two sigma."""
+    if view.survey.utm is None:
+        return
+    for i, tested in enumerate(cell.claims, 1):
+        claim, ink = tested.claim, [colours.verdict_colour(tested.verdict)]
+        position_m = view.survey.position_m(claim.lat_deg, claim.lon_deg)
+        if np.hypot(*position_m) > FARTHEST_M:
+            continue
+        path = ("cells", cell.name, "claims", str(i))
+        labels = [f"claim: {tested.verdict}"]
+        plan.points(path, position_m[None], Style(ink, 8.0, 25.0), labels=labels)
+        if claim.sigma_m > 0.0:
+            circle = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
+            ring_m = position_m + 2.0 * claim.sigma_m * circle
+            plan.lines((*path, "two_sigma"), [ring_m], Style(ink, 1.0))
+
+
+def _draw_all_cells(plan: Surface, view: ViewModel) -> None:
+    """Position and 95 % region of every cell that has a position."""
+    for result in view.cells:
+        posterior = result.posterior
+        if posterior is None or result.verdict == "cannot tell":
+            continue
+        ink = view.cell_colours.get(result.cell, colours.QUIET)
+        rings = region_rings(posterior.squares, REGION_SHARES["95"], view.survey.origin_m)
+        plan.lines(("all", result.cell, "region95"), rings, Style([(*ink, 200)], 0.75))
+        labels = [
+            f"{result.cell} {mode_label(posterior, mode)}".rstrip() for mode in posterior.modes
+        ]
+        positions_m = view.survey.modes_m(posterior.modes)
+        style = Style([ink], 6.0, 30.0)
+        plan.points(("all", result.cell), positions_m, style, labels=labels, show_labels=True)

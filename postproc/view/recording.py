@@ -1,4 +1,4 @@
-"""A recording that `view --save` has written, shown again."""
+"""A recording that `view --save` has written, opened again."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -7,28 +7,29 @@ from shutil import copyfile
 from logger.core.errors import ConfigError, RunFileError
 
 _MAGIC = b"RRF"
-"""Every rerun recording begins so; what follows is its version."""
+"""Every rerun recording starts with it; its version follows."""
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a file is named as a recording."""
+    """Whether a file has the name of a recording."""
     return path.suffix.lower() == ".rrd"
 
 
-def opened(paths: Sequence[Path]) -> Callable[[Path], None]:
-    """What copies the one recording to where a viewer reads it; raises `ConfigError` or
-    `RunFileError`.
+def copy_recording(paths: Sequence[Path]) -> Callable[[Path], None]:
+    """A function that copies the one recording to where a viewer reads it.
+
+    Raises `ConfigError` or `RunFileError`.
     """
     if len(paths) > 1:
-        raise ConfigError("a recording is shown alone: give one .rrd, or runs")
+        raise ConfigError("give one recording (.rrd) alone, or runs")
     (source,) = paths
     try:
         with source.open("rb") as file:
-            head = file.read(len(_MAGIC))
+            magic = file.read(len(_MAGIC))
     except OSError as error:
         raise RunFileError(f"{source}: {error.strerror}") from error
-    if head != _MAGIC:
-        raise RunFileError(f"{source} is no rerun recording")
+    if magic != _MAGIC:
+        raise RunFileError(f"{source} is not a rerun recording")
     return lambda target: _copy(source, target)
 
 

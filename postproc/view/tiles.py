@@ -1,7 +1,7 @@
 """Raster tiles in one file: MBTiles 1.3, and GeoPackage (OGC 12-128r18, clause 2.2).
 
-Rows of a GeoPackage are numbered from the north. Those of MBTiles are from the south (TMS) unless
-its metadata say xyz.
+Rows of a GeoPackage are numbered from the north. Those of MBTiles are numbered from the south (TMS)
+unless its metadata state xyz.
 """
 
 import math
@@ -23,13 +23,34 @@ from postproc.view.georeferenced import Area, Ground
 from postproc.view.world_file import WEB_MERCATOR
 
 MOST_TILES = 64
+"""Eight by eight of 256 pixels: as many pixels as the plan can use."""
 _HALF_WORLD_M = math.pi * 6378137.0
+"""Half the circumference of Web Mercator's sphere."""
 _MAGIC = b"SQLite format 3\0"
 
+_TABLES = "SELECT name FROM sqlite_master WHERE type IN ('table', 'view')"
+_ZOOMS = "SELECT DISTINCT zoom_level FROM tiles ORDER BY zoom_level DESC"
+_TILE_SETS = """
+SELECT s.table_name, s.min_x, s.max_y, r.organization, r.organization_coordsys_id, r.definition
+FROM gpkg_tile_matrix_set s
+JOIN gpkg_contents c ON c.table_name = s.table_name AND c.data_type = 'tiles'
+JOIN gpkg_spatial_ref_sys r ON r.srs_id = s.srs_id
+"""
+_MATRICES = """
+SELECT zoom_level, matrix_width, matrix_height,
+    tile_width * pixel_x_size, tile_height * pixel_y_size
+FROM gpkg_tile_matrix WHERE table_name = ? ORDER BY zoom_level DESC
+"""
+_TILE = """
+SELECT CAST(tile_data AS BLOB) FROM "{table}"
+WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?
+"""
 
-class Level(NamedTuple):
-    """One zoom level: `west, north` is the corner of tile (0, 0), `wide, high` the size of each in
-    units of `crs`.
+
+class TileMatrix(NamedTuple):
+    """One zoom level: `west, north` is the corner of tile (0, 0) in units of `crs`.
+
+    `tile_width` and `tile_height` are the size of a tile in the same units.
     """
 
     table: str
@@ -39,25 +60,26 @@ class Level(NamedTuple):
     rows: int
     west: float
     north: float
-    wide: float
-    high: float
+    tile_width: float
+    tile_height: float
     from_south: bool
 
-    def span(self, places: FloatArray) -> tuple[range, range]:
-        """Columns and rows, counted from the north, that cover places (2, ...)."""
-        column, row = (places[0] - self.west) / self.wide, (self.north - places[1]) / self.high
+    def span(self, points: FloatArray) -> tuple[range, range]:
+        """Columns and rows, counted from the north, that cover points (2, ...)."""
+        column = (points[0] - self.west) / self.tile_width
+        row = (self.north - points[1]) / self.tile_height
         if not (np.all(np.isfinite(column)) and np.all(np.isfinite(row))):
             return range(0), range(0)
         return _covering(column, self.columns), _covering(row, self.rows)
 
 
-def _covering(at: FloatArray, count: int) -> range:
-    """Those of `count` tiles in a row that reach from the least to the greatest place."""
-    return range(max(math.floor(at.min()), 0), min(math.floor(at.max()) + 1, count))
+def _covering(index: FloatArray, count: int) -> range:
+    """Those of `count` tiles that cover all fractional indices."""
+    return range(max(math.floor(index.min()), 0), min(math.floor(index.max()) + 1, count))
 
 
 def is_database(path: Path) -> bool:
-    """Whether a file is one of SQLite, as both kinds are."""
+    """Whether a file is an SQLite database, as both kinds of tile files are."""
     try:
         with path.open("rb") as file:
             return file.read(len(_MAGIC)) == _MAGIC
@@ -66,89 +88,81 @@ def is_database(path: Path) -> bool:
 
 
 def open_tiles(path: Path, area: Area) -> Ground:
-    """The tiles that cover an area, of the finest level that needs no more than `MOST_TILES`;
-    raises `ConfigError`.
+    """The tiles that cover an area, of the finest level that needs at most `MOST_TILES`.
+
+    Raises `ConfigError`.
     """
     try:
         with opened(path, views=True) as database:
-            for level in _levels(database):
-                columns, rows = level.span(area.within(level.crs))
+            for matrix in _matrices(database):
+                columns, rows = matrix.span(area.within(matrix.crs))
                 if 0 < len(columns) * len(rows) <= MOST_TILES:
-                    found = _mosaic(database, level, columns, rows)
-                    if found is not None:
-                        return found
+                    ground = _mosaic(database, matrix, columns, rows)
+                    if ground is not None:
+                        return ground
     except sqlite3.Error as error:
-        raise ConfigError(f"{path} holds no raster tiles: {error}") from error
+        raise ConfigError(f"{path} contains no raster tiles: {error}") from error
     except CRSError as error:
-        raise ConfigError(f"{path}: its reference system is not known") from error
+        raise ConfigError(f"{path}: unknown reference system") from error
     except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError) as error:
-        raise ConfigError(f"{path}: a tile is no picture (vector tiles cannot be drawn)") from error
-    raise ConfigError(f"{path} shows nothing of the place of this walk")
+        raise ConfigError(
+            f"{path}: a tile is not an image (vector tiles are not supported)"
+        ) from error
+    raise ConfigError(f"{path} does not cover the area of this walk")
 
 
-def _levels(database: sqlite3.Connection) -> Iterator[Level]:
-    """All levels of all layers, the finest of each first."""
-    names = {
-        name
-        for (name,) in database.execute(
-            "SELECT name FROM sqlite_master WHERE type IN ('table', 'view')"
-        )
-    }
-    yield from _of_geopackage(database) if "gpkg_contents" in names else _of_mbtiles(database)
+def _matrices(database: sqlite3.Connection) -> Iterator[TileMatrix]:
+    """All zoom levels of all layers, the finest of each first."""
+    names = {name for (name,) in database.execute(_TABLES)}
+    return _of_geopackage(database) if "gpkg_contents" in names else _of_mbtiles(database)
 
 
-def _of_mbtiles(database: sqlite3.Connection) -> Iterator[Level]:
-    told = dict(database.execute("SELECT name, value FROM metadata"))
-    from_south = told.get("scheme", "tms") != "xyz"
-    for (zoom,) in database.execute(
-        "SELECT DISTINCT zoom_level FROM tiles ORDER BY zoom_level DESC"
+def _of_mbtiles(database: sqlite3.Connection) -> Iterator[TileMatrix]:
+    metadata = dict(database.execute("SELECT name, value FROM metadata"))
+    from_south = metadata.get("scheme", "tms") != "xyz"
+    corner = -_HALF_WORLD_M, _HALF_WORLD_M
+    for (zoom,) in database.execute(_ZOOMS).fetchall():
+        count = 2**zoom
+        side = 2 * _HALF_WORLD_M / count
+        size = count, count
+        yield TileMatrix("tiles", WEB_MERCATOR, zoom, *size, *corner, side, side, from_south)
+
+
+def _of_geopackage(database: sqlite3.Connection) -> Iterator[TileMatrix]:
+    for table, west, north, organisation, code, definition in database.execute(
+        _TILE_SETS
     ).fetchall():
-        side = 2 * _HALF_WORLD_M / 2**zoom
-        corner = -_HALF_WORLD_M, _HALF_WORLD_M
-        yield Level("tiles", WEB_MERCATOR, zoom, 2**zoom, 2**zoom, *corner, side, side, from_south)
-
-
-def _of_geopackage(database: sqlite3.Connection) -> Iterator[Level]:
-    sets = database.execute(
-        "SELECT s.table_name, s.min_x, s.max_y, r.organization, r.organization_coordsys_id, r.definition "
-        "FROM gpkg_tile_matrix_set s JOIN gpkg_contents c ON c.table_name = s.table_name AND c.data_type = 'tiles' "
-        "JOIN gpkg_spatial_ref_sys r ON r.srs_id = s.srs_id"
-    ).fetchall()
-    for table, west, north, organisation, number, definition in sets:
-        known = organisation.upper() == "EPSG"
-        crs = CRS.from_epsg(number) if known else CRS.from_user_input(definition)
-        matrices = database.execute(
-            "SELECT zoom_level, matrix_width, matrix_height, tile_width * pixel_x_size, tile_height * pixel_y_size "
-            "FROM gpkg_tile_matrix WHERE table_name = ? ORDER BY zoom_level DESC",
-            (table,),
-        ).fetchall()
-        for zoom, columns, rows, wide, high in matrices:
-            yield Level(table, crs, zoom, columns, rows, west, north, wide, high, from_south=False)
+        is_epsg = organisation.upper() == "EPSG"
+        crs = CRS.from_epsg(code) if is_epsg else CRS.from_user_input(definition)
+        for zoom, columns, rows, width, height in database.execute(_MATRICES, (table,)).fetchall():
+            yield TileMatrix(
+                table, crs, zoom, columns, rows, west, north, width, height, from_south=False
+            )
 
 
 def _mosaic(
-    database: sqlite3.Connection, level: Level, columns: range, rows: range
+    database: sqlite3.Connection, matrix: TileMatrix, columns: range, rows: range
 ) -> Ground | None:
-    """Tiles side by side, clear where there is none; None where there is none at all."""
-    name = '"' + level.table.replace('"', '""') + '"'
-    query = f"SELECT CAST(tile_data AS BLOB) FROM {name} WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"  # noqa: S608
-    found: dict[tuple[int, int], Image.Image] = {}
+    """Tiles side by side, transparent where one is missing; None where all are."""
+    query = _TILE.format(table=matrix.table.replace('"', '""'))
+    tiles: dict[tuple[int, int], Image.Image] = {}
     for row in rows:
         for column in columns:
-            stored = level.rows - 1 - row if level.from_south else row
-            tile = database.execute(query, (level.zoom, column, stored)).fetchone()
+            stored = matrix.rows - 1 - row if matrix.from_south else row
+            tile = database.execute(query, (matrix.zoom, column, stored)).fetchone()
             if tile is not None:
-                found[column, row] = Image.open(BytesIO(tile[0])).convert("RGBA")
-    if not found:
+                tiles[column, row] = Image.open(BytesIO(tile[0])).convert("RGBA")
+    if not tiles:
         return None
-    width, height = next(iter(found.values())).size
-    whole = Image.new("RGBA", (width * len(columns), height * len(rows)))
-    for (column, row), picture in found.items():
-        whole.paste(
-            picture.resize((width, height)),
-            ((column - columns[0]) * width, (row - rows[0]) * height),
-        )
-    wide, high = level.wide / width, level.high / height
-    west, north = level.west + columns[0] * level.wide, level.north - rows[0] * level.high
-    affine = np.array([[wide, 0.0, west + 0.5 * wide], [0.0, -high, north - 0.5 * high]])
-    return Ground(np.asarray(whole), level.crs, affine)
+    width, height = next(iter(tiles.values())).size
+    mosaic = Image.new("RGBA", (width * len(columns), height * len(rows)))
+    for (column, row), tile in tiles.items():
+        corner = (column - columns[0]) * width, (row - rows[0]) * height
+        mosaic.paste(tile.resize((width, height)), corner)
+    pixel_x, pixel_y = matrix.tile_width / width, matrix.tile_height / height
+    west = matrix.west + columns[0] * matrix.tile_width
+    north = matrix.north - rows[0] * matrix.tile_height
+    affine = np.array(
+        [[pixel_x, 0.0, west + 0.5 * pixel_x], [0.0, -pixel_y, north - 0.5 * pixel_y]]
+    )
+    return Ground(np.asarray(mosaic), matrix.crs, affine)

@@ -1,4 +1,4 @@
-"""The rerun viewer as a program of its own, that listens on this machine only and ends with us."""
+"""The rerun viewer as a child process that listens on this machine only and ends with us."""
 
 import os
 import re
@@ -14,69 +14,70 @@ from tempfile import TemporaryDirectory
 from logger.core.errors import ConfigError
 
 LOOPBACK = "127.0.0.1"
-NOBODY = f"http://{LOOPBACK}:9"
+DEAD_PROXY = f"http://{LOOPBACK}:9"
+"""The discard port: nothing answers there."""
 
-_INSTEAD = "use --web, or --save RUN.rrd and `postproc view RUN.rrd` elsewhere"
+_ALTERNATIVE = "use --web, or --save RUN.rrd and `postproc view RUN.rrd` on another machine"
 _MISSING = "the viewer is missing: install cellwalk[view]"
-_TILES = "tile.openstreetmap.org"
+_TILE_SERVER = "tile.openstreetmap.org"
 _GRACE_S = 5.0
+"""A viewer that has not ended after this is killed."""
 
 
 def show(write: Callable[[Path], None], name: str) -> int:
-    """Write a recording to a temporary file and show it until the window is closed; the exit code
-    is 0.
+    """Write a recording to a temporary file and show it until the window is closed.
+
+    Returns the exit code 0; raises `ConfigError`.
     """
     _check_screen()
     viewer = binary()
     with TemporaryDirectory(prefix="cellwalk-") as folder:
-        path, log = Path(folder) / f"{name}.rrd", Path(folder) / "viewer.log"
+        path, log_path = Path(folder) / f"{name}.rrd", Path(folder) / "viewer.log"
         write(path)
+        environment = offline_environment(viewer, Path(folder))
         with (
-            log.open("wb") as told,
-            child(command(viewer, path), discreet(viewer, Path(folder)), told.fileno()) as run,
+            log_path.open("wb") as log,
+            child(command(viewer, path), environment, log.fileno()) as process,
         ):
-            code = run.wait()
+            code = process.wait()
         if code:
-            raise ConfigError(f"{_reason(code, log.read_text(errors='replace'))}: {_INSTEAD}")
+            reason = _failure(code, log_path.read_text(errors="replace"))
+            raise ConfigError(f"{reason}: {_ALTERNATIVE}")
     return 0
 
 
 def _check_screen() -> None:
-    """Raise `ConfigError` where no window can be opened; only Linux tells."""
-    if sys.platform.startswith("linux") and not any(
-        os.environ.get(v) for v in ("DISPLAY", "WAYLAND_DISPLAY")
-    ):
-        raise ConfigError(f"there is no screen to show it on: {_INSTEAD}")
+    """Raise `ConfigError` where no window can be opened; only Linux shows that in advance."""
+    screens = ("DISPLAY", "WAYLAND_DISPLAY")
+    if sys.platform.startswith("linux") and not any(map(os.environ.get, screens)):
+        raise ConfigError(f"there is no screen: {_ALTERNATIVE}")
 
 
 def binary() -> Path:
-    """The viewer itself: the `rerun` on the path is a script that would leave it behind when it is
-    stopped.
+    """The viewer's own executable; raises `ConfigError`.
+
+    The `rerun` on the path is a script that would leave the viewer running when it is stopped.
     """
     try:
-        folder = files("rerun_cli")
+        folder = Path(str(files("rerun_cli")))
     except ImportError as error:
         raise ConfigError(_MISSING) from error
-    candidates = [
-        Path(str(folder)) / name
-        for name in ("Rerun.app/Contents/MacOS/Rerun", "rerun.exe", "rerun")
-    ]
-    found = next((path for path in candidates if path.is_file()), None)
-    if found is None:
-        raise ConfigError(_MISSING)
-    return found
+    for name in ("Rerun.app/Contents/MacOS/Rerun", "rerun.exe", "rerun"):
+        if (folder / name).is_file():
+            return folder / name
+    raise ConfigError(_MISSING)
 
 
-def discreet(viewer: Path, folder: Path) -> dict[str, str]:
-    """Environment in which the viewer asks the network for nothing but the map's tiles, once
-    somebody looks at the map.
+def offline_environment(viewer: Path, folder: Path) -> dict[str, str]:
+    """Environment in which the viewer requests nothing but map tiles, once the map is shown.
 
-    No variable turns off its statistics (seen with rerun 0.41), its settings do: so it gets a
-    folder of settings of its own, and the user's stay as they are; only Linux heeds that. It looks
-    for a newer version of itself by whatever proxy is set, so that is one that nobody answers at.
+    Usage statistics are turned off in the viewer's settings, since no variable does so (rerun
+    0.41): the viewer gets its own folder of settings, and the user's stay as they are. Only Linux
+    respects that folder. The check for a newer version goes through the proxy that is set, and so
+    reaches nothing.
     """
     environment = os.environ | {"XDG_CONFIG_HOME": str(folder / "settings")}
-    for name, value in (("HTTPS_PROXY", NOBODY), ("NO_PROXY", _TILES)):
+    for name, value in (("HTTPS_PROXY", DEAD_PROXY), ("NO_PROXY", _TILE_SERVER)):
         environment |= {name: value, name.lower(): value}
     subprocess.run(  # noqa: S603
         [viewer, "analytics", "disable"], env=environment, check=False, capture_output=True
@@ -85,7 +86,7 @@ def discreet(viewer: Path, folder: Path) -> dict[str, str]:
 
 
 def command(viewer: Path, path: Path) -> list[str]:
-    """A viewer of its own, whatever others are open, reachable from this machine only."""
+    """A new viewer, whatever others are open, reachable from this machine only."""
     return [str(viewer), "--bind", LOOPBACK, "--port", "auto", str(path)]
 
 
@@ -93,49 +94,47 @@ def command(viewer: Path, path: Path) -> list[str]:
 def child(
     command: Sequence[str], environment: Mapping[str, str], log: int
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """A program that is gone when this ends, also when we are told to terminate; it writes to the
-    file `log`.
-    """
-    with terminated_as_interrupted():
-        running = subprocess.Popen(  # noqa: S603
+    """A child process that ends with this context, also on SIGTERM; its output goes to `log`."""
+    with terminate_as_interrupt():
+        process = subprocess.Popen(  # noqa: S603
             command, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log
         )
         try:
-            yield running
+            yield process
         finally:
-            running.terminate()
+            process.terminate()
             try:
-                running.wait(_GRACE_S)
+                process.wait(_GRACE_S)
             except subprocess.TimeoutExpired:
-                running.kill()
-                running.wait()
+                process.kill()
+                process.wait()
 
 
 @contextmanager
-def terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM raises `KeyboardInterrupt` meanwhile, so that what was begun is ended in order.
+def terminate_as_interrupt() -> Iterator[None]:
+    """Let SIGTERM raise `KeyboardInterrupt`, so that contexts are closed in order.
 
-    SIGINT does so too where a shell that put us into the background had it ignored.
+    SIGINT does so, too, even if a shell that put us into the background ignores it.
     """
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    before = {
+    previous = {
         number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:
         yield
     finally:
-        for number, handler in before.items():
+        for number, handler in previous.items():
             signal.signal(number, handler)
 
 
-def _reason(code: int, log: str) -> str:
-    """What ended the viewer, by its last words."""
-    last = min((log.rpartition(mark)[2] for mark in ("Error: ", "panicked at ")), key=len)
-    if re.search(r"graphics|adapter|gpu|vulkan", last, re.IGNORECASE):
-        return "the viewer found no graphics that it can use"
-    if re.search(r"x server|display|wayland", last, re.IGNORECASE):
+def _failure(code: int, log: str) -> str:
+    """Why the viewer ended, by the last error in its log."""
+    error = min((log.rpartition(mark)[2] for mark in ("Error: ", "panicked at ")), key=len)
+    if re.search(r"graphics|adapter|gpu|vulkan", error, re.IGNORECASE):
+        return "the viewer found no usable graphics adapter"
+    if re.search(r"x server|display|wayland", error, re.IGNORECASE):
         return "the viewer could not open the screen"
     return f"the viewer stopped with code {code}"

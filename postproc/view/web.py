@@ -1,9 +1,9 @@
-"""The viewer in a browser of this machine: one origin on the loopback, from which nothing leaves.
+"""The viewer in a browser on this machine: one origin on the loopback, which requests nothing else.
 
-The viewer's own web server listens for more than that, and its page asks other machines for fonts,
-releases and statistics. So its page is fetched from it once, and served by us beside the recording,
-with a policy that forbids every other origin and a script that answers such requests before they
-are made.
+The viewer's own web server listens on all interfaces, and its page requests fonts, releases and
+statistics from other machines. So its page is fetched once and served from here beside the
+recording. A content security policy forbids every other origin, and a script answers such requests
+within the page.
 """
 
 import base64
@@ -24,7 +24,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from logger.core.errors import ConfigError
-from postproc.view.viewer import LOOPBACK, binary, child, discreet, terminated_as_interrupted
+from postproc.view.viewer import (
+    LOOPBACK,
+    binary,
+    child,
+    offline_environment,
+    terminate_as_interrupt,
+)
 
 RECORDING = "/run.rrd"
 _GUARD = "/guard.js"
@@ -35,30 +41,32 @@ _ASSETS = {
     "/favicon.ico": "image/x-icon",
 }
 _READY_S = 20.0
-_OUR_NAMES = {LOOPBACK, "localhost"}
-_INLINE = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
-_LINK_OUT = re.compile(rb"""<link\b[^>]*\bhref=["']https?:[^>]*>""")
+"""The viewer's own server starts within a second; on a loaded machine it may take several."""
+_POLL_S = 0.05
+_HOST_NAMES = {LOOPBACK, "localhost"}
+_INLINE_SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
+_EXTERNAL_LINK = re.compile(rb"""<link\b[^>]*\bhref=["']https?:[^>]*>""")
 
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """What is answered to one path."""
+    """The response to one path: its media type and content."""
 
-    kind: str
+    media_type: str
     content: bytes
 
 
 def serve(write: Callable[[Path], None], port: int, announce: Callable[[str], None]) -> int:
-    """Serve a recording until Ctrl-C or SIGTERM; `port` 0 is any that is free.
+    """Serve a recording until Ctrl-C or SIGTERM; with `port` 0 on any free port.
 
-    Raises `ConfigError`.
+    Returns the exit code 0; raises `ConfigError`.
     """
     server = _server(port)
-    with server, terminated_as_interrupted(), TemporaryDirectory(prefix="cellwalk-") as folder:
+    with server, terminate_as_interrupt(), TemporaryDirectory(prefix="cellwalk-") as folder:
         path = Path(folder) / "run.rrd"
         write(path)
-        server.pages = pages(fetched(Path(folder)), path.read_bytes())
-        server.policy = policy(server.pages["/"].content)
+        server.pages = pages(fetch_viewer(Path(folder)), path.read_bytes())
+        server.policy = content_security_policy(server.pages["/"].content)
         with suppress(KeyboardInterrupt):
             announce(f"http://{LOOPBACK}:{server.server_port}/")
             server.serve_forever()
@@ -66,28 +74,25 @@ def serve(write: Callable[[Path], None], port: int, announce: Callable[[str], No
 
 
 def pages(viewer: Mapping[str, bytes], recording: bytes) -> dict[str, Page]:
-    """Everything there is: the viewer's page with our script and without links to others, and the
-    recording.
+    """Every page by its path.
+
+    The viewer's page gets the script `guard.js` and loses its links to other machines.
     """
-    found = {path: Page(kind, viewer[path]) for path, kind in _ASSETS.items()}
+    assets = {path: Page(media_type, viewer[path]) for path, media_type in _ASSETS.items()}
     guard = f'<script src="{_GUARD}"></script>'.encode()
-    head = _LINK_OUT.sub(b"", viewer["/"]).replace(b"<head>", b"<head>" + guard, 1)
+    html = _EXTERNAL_LINK.sub(b"", viewer["/"]).replace(b"<head>", b"<head>" + guard, 1)
     script = files(__package__).joinpath("guard.js").read_bytes()
-    return found | {
-        "/": Page(_ASSETS["/"], head),
+    return assets | {
+        "/": Page(_ASSETS["/"], html),
         _GUARD: Page("text/javascript", script),
         RECORDING: Page("application/octet-stream", recording),
     }
 
 
-def policy(page: bytes) -> str:
-    """Content security policy of a page: its own origin, and the scripts that stand in it as they
-    are.
-    """
-    inline = " ".join(
-        f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"
-        for script in _INLINE.findall(page)
-    )
+def content_security_policy(page: bytes) -> str:
+    """Policy that allows a page its own origin, and its inline scripts by their digests."""
+    digests = (hashlib.sha256(script).digest() for script in _INLINE_SCRIPT.findall(page))
+    inline = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
     return "; ".join(
         (
             "default-src 'none'",
@@ -104,24 +109,18 @@ def policy(page: bytes) -> str:
     )
 
 
-def fetched(folder: Path) -> dict[str, bytes]:
-    """The viewer's page and program, from its own web server, which is stopped again."""
+def fetch_viewer(folder: Path) -> dict[str, bytes]:
+    """The viewer's page and program by path, from its own web server, which is then stopped."""
     viewer, port = binary(), _free_port()
-    to = [
-        "--serve-web",
-        "--bind",
-        LOOPBACK,
-        "--web-viewer-port",
-        str(port),
-        "--port",
-        str(_free_port()),
-    ]
-    with (folder / "viewer.log").open("wb") as log:
-        environment = discreet(viewer, folder)
-        # it opens a browser of its own, where it can
-        with child([str(viewer), *to], environment | {"BROWSER": "true"}, log.fileno()):
-            _wait_for(port)
-            return {path: _get(port, path) for path in _ASSETS}
+    ports = ["--web-viewer-port", str(port), "--port", str(_free_port())]
+    # the viewer opens a browser where it can
+    environment = offline_environment(viewer, folder) | {"BROWSER": "true"}
+    with (
+        (folder / "viewer.log").open("wb") as log,
+        child([str(viewer), "--serve-web", "--bind", LOOPBACK, *ports], environment, log.fileno()),
+    ):
+        _wait_for(port)
+        return {path: _get(port, path) for path in _ASSETS}
 
 
 class _Server(ThreadingHTTPServer):
@@ -133,7 +132,7 @@ class _Server(ThreadingHTTPServer):
         super().__init__((LOOPBACK, port), _Handler)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Pass over a browser that went away; anything else is a bug of ours."""
+        """Ignore a browser that closed the connection; anything else is an error here."""
         if not isinstance(sys.exception(), ConnectionError):
             super().handle_error(request, client_address)
 
@@ -150,17 +149,17 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(with_content=False)
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002
-        """Say nothing: who looks at a run is nobody's business."""
+        """Log nothing: requests are private."""
 
     def _answer(self, *, with_content: bool) -> None:
         page = self.server.pages.get(self.path.partition("?")[0])
         status = HTTPStatus.OK if page else HTTPStatus.NOT_FOUND
-        # another name that leads here is a page of somebody else that tries to read the run
-        if self.headers.get("Host", "").partition(":")[0] not in _OUR_NAMES:
+        # any other name is a third-party page that tries to read the run (DNS rebinding)
+        if self.headers.get("Host", "").partition(":")[0] not in _HOST_NAMES:
             page, status = None, HTTPStatus.MISDIRECTED_REQUEST
         content = page.content if page else b""
         self.send_response(status)
-        self.send_header("Content-Type", page.kind if page else "text/plain")
+        self.send_header("Content-Type", page.media_type if page else "text/plain")
         self.send_header("Content-Length", str(len(content)))
         self.send_header("Content-Security-Policy", self.server.policy)
         self.send_header("Cross-Origin-Resource-Policy", "same-origin")
@@ -177,9 +176,9 @@ def _server(port: int) -> _Server:
     try:
         return _Server(port)
     except (OSError, OverflowError) as error:
-        why = getattr(error, "strerror", None) or error
+        reason = getattr(error, "strerror", None) or error
         raise ConfigError(
-            f"cannot serve on port {port}: {why}; leave --port out for one that is free"
+            f"cannot serve on port {port}: {reason}; without --port a free one is used"
         ) from error
 
 
@@ -190,14 +189,14 @@ def _free_port() -> int:
 
 
 def _wait_for(port: int) -> None:
-    until = time.monotonic() + _READY_S
-    while time.monotonic() < until:
+    deadline_s = time.monotonic() + _READY_S
+    while time.monotonic() < deadline_s:
         with socket.socket() as probe:
             if probe.connect_ex((LOOPBACK, port)) == 0:
                 return
-        time.sleep(0.05)
+        time.sleep(_POLL_S)
     raise ConfigError(
-        "the viewer's web page is not there: use --save RUN.rrd, or install cellwalk[view] again"
+        "the viewer's web server does not start: use --save RUN.rrd, or reinstall cellwalk[view]"
     )
 
 
@@ -205,10 +204,10 @@ def _get(port: int, path: str) -> bytes:
     connection = HTTPConnection(LOOPBACK, port, timeout=_READY_S)
     try:
         connection.request("GET", path)
-        answer = connection.getresponse()
-        if answer.status != HTTPStatus.OK:
-            raise ConfigError(f"the viewer's web page lacks {path}: install cellwalk[view] again")
-        return answer.read()
+        response = connection.getresponse()
+        if response.status != HTTPStatus.OK:
+            raise ConfigError(f"the viewer's web page lacks {path}: reinstall cellwalk[view]")
+        return response.read()
     except (OSError, HTTPException) as error:
         raise ConfigError(f"the viewer's web page cannot be read: {error}") from error
     finally:

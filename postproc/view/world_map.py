@@ -1,5 +1,6 @@
-"""The same on a map of the world: it needs a network for its tiles, and has neither ellipse nor
-polygon.
+"""The walk on a map of the world, whose tiles come from the network.
+
+A map view of rerun has neither ellipses nor filled areas.
 """
 
 from math import cos, log2, radians
@@ -8,103 +9,57 @@ import numpy as np
 import rerun as rr
 
 from postproc.pictures import colours
-from postproc.pictures.picture import Box
-from postproc.view.ground import colour_of_verdict
-from postproc.view.plan import FARTHEST_M, MOST_STRIPS, REGION_WIDTHS, strips_of
-from postproc.view.rerun_writer import Sheet, entity, points, thinned
-from postproc.view.view_model import Story, Subject
+from postproc.view.layers import FARTHEST_M, draw_levels, draw_posterior, draw_walks
+from postproc.view.rerun_writer import RerunWriter, on_screen
+from postproc.view.surface import Style, Surface
+from postproc.view.view_model import CellView, ViewModel
 
-_MOST_FIXES = 5_000
+_MOST_POINTS = 5_000
+"""With more points the map view becomes slow."""
 _MAP_PIXELS, _TILE_PIXELS = 700, 256
+"""Size of the map view in a window of usual size, and of a tile of Web Mercator."""
 _EQUATOR_M = 40_075_017.0
 _MOST_ZOOM = 18.0
+"""OpenStreetMap has no tiles beyond 19."""
 
 
-def draw_map(sheet: Sheet, story: Story) -> None:
-    """Walks, walker, and for each cell told in full its region and places as they came about."""
-    if story.utm is None or story.box is None:
+def draw_map(writer: RerunWriter, view: ViewModel) -> None:
+    """Walks, and for each cell shown in detail its levels, regions and positions."""
+    if view.box is None:
         return
-    box = story.box
-    corners = story.degrees(
-        np.array([(x, y) for x in (box.west, box.east) for y in (box.south, box.north)])
+    surface = Surface(
+        writer, "map", is_plan=False, most_points=_MOST_POINTS, convert=view.survey.degrees
     )
-    # the map centres on what is visible now: an unseen frame keeps it where it is
-    sheet.always(
-        "map/frame", rr.GeoPoints(lat_lon=corners, colors=[(0, 0, 0, 0)], radii=points(0.1))
-    )
-    style = rr.GeoPoints.from_fields(colors=[colours.WALKER], radii=points(7.0))
-    sheet.always("map/walker", style)
-    for walk in story.walks:
-        strips = [story.degrees(strip) for strip in strips_of(walk.t_ns, walk.track_m)]
-        if strips:
-            drawn = rr.GeoLineStrings(lat_lon=strips, colors=[colours.QUIET], radii=points(1.5))
-            sheet.always(entity("map", "walks", walk.name, "track"), drawn)
-        part = thinned(len(walk.t_ns), _MOST_FIXES)
-        if len(walk.t_ns):
-            places = rr.GeoPoints.columns(positions=story.degrees(walk.track_m[part]))
-            sheet.over_time("map/walker", walk.t_ns[part], places)
-    for subject in story.subjects:
-        _subject(sheet, story, subject)
+    # the map centres on what is visible at the moment: an invisible frame keeps it in place
+    corners = view.survey.degrees(view.box.corners_m)
+    frame = rr.GeoPoints(lat_lon=corners, colors=[(0, 0, 0, 0)], radii=on_screen(0.1))
+    surface.log_static(("frame",), frame)
+    draw_walks(surface, view)
+    for cell in view.cell_views:
+        draw_levels(surface, cell)
+        draw_posterior(surface, view, cell)
+        _draw_marks(surface, view, cell)
 
 
-def zoom_of(story: Story) -> float:
-    """Web Mercator zoom at which the plan's box fills the view."""
-    box: Box | None = story.box
-    if story.utm is None or box is None:
+def zoom_of(view: ViewModel) -> float:
+    """Web Mercator zoom at which the plan's box fills the map view."""
+    box = view.box
+    if box is None:
         return 1.0
-    middle = story.degrees(np.array([[0.5 * (box.west + box.east), 0.5 * (box.south + box.north)]]))
-    around_m = _EQUATOR_M * cos(radians(float(middle[0, 0])))
+    lat_deg = float(view.survey.degrees(box.corners_m)[:, 0].mean())
+    around_m = _EQUATOR_M * cos(radians(lat_deg))
     return min(log2(around_m / max(box.size, 1.0) * _MAP_PIXELS / _TILE_PIXELS), _MOST_ZOOM)
 
 
-def _subject(sheet: Sheet, story: Story, subject: Subject) -> None:
-    obs, picture = subject.result.obs, subject.picture
-    if obs is not None and len(obs):
-        part = thinned(len(obs), MOST_STRIPS)
-        rgb = colours.of_levels(picture.heard_dbm[part], *picture.strength_dbm)
-        heard = rr.GeoPoints(
-            lat_lon=story.degrees(picture.heard_m[part]), colors=rgb, radii=points(3.0)
-        )
-        sheet.always(entity("map", "cells", subject.cell, "levels"), heard)
-    _others(sheet, story, subject)
-    if not subject.steps:
-        return
-    times = np.array([step.t_ns for step in subject.steps])
-    for (name, by_step), width in zip(subject.regions.items(), REGION_WIDTHS, strict=True):
-        path = entity("map", "cells", subject.cell, f"region{name}")
-        sheet.always(
-            path,
-            rr.GeoLineStrings.from_fields(colors=[colours.POSTERIOR], radii=points(0.75 * width)),
-        )
-        columns = rr.GeoLineStrings.columns(
-            line_strings=[story.degrees(ring) for rings in by_step for ring in rings]
-        )
-        sheet.over_time(path, times, columns.partition([len(rings) for rings in by_step]))
-    path = entity("map", "cells", subject.cell, "places")
-    sheet.always(path, rr.GeoPoints.from_fields(colors=[colours.POSTERIOR], radii=points(6.0)))
-    modes = [mode for step in subject.steps for mode in step.posterior.modes]
-    places = story.local(
-        np.array([mode.x_m for mode in modes]), np.array([mode.y_m for mode in modes])
-    )
-    found = rr.GeoPoints.columns(positions=story.degrees(places))
-    sheet.over_time(
-        path, times, found.partition([len(step.posterior.modes) for step in subject.steps])
-    )
-
-
-def _others(sheet: Sheet, story: Story, subject: Subject) -> None:
-    """The last word of every estimator, the truth of a simulation, and claims."""
-    marks = [(estimate.x[:2], estimate.colour) for estimate in subject.picture.estimates]
-    if subject.picture.truth_m is not None:
-        marks.append((np.array(subject.picture.truth_m), colours.TRUTH))
-    for one in subject.claims:
-        place = story.place_of(one.claim.lat_deg, one.claim.lon_deg)
-        if place is not None:
-            marks.append((place, colour_of_verdict(one.verdict)))
-    near = [(place, ink) for place, ink in marks if np.hypot(*place) < FARTHEST_M]
+def _draw_marks(surface: Surface, view: ViewModel, cell: CellView) -> None:
+    """The final position of every estimator, the truth of a simulation, and claims."""
+    marks = [(estimate.x[:2], estimate.colour) for estimate in cell.picture.estimates]
+    if cell.picture.truth_m is not None:
+        marks.append((np.array(cell.picture.truth_m), colours.TRUTH))
+    for tested in cell.claims:
+        position_m = view.survey.position_m(tested.claim.lat_deg, tested.claim.lon_deg)
+        marks.append((position_m, colours.verdict_colour(tested.verdict)))
+    near = [(position_m, ink) for position_m, ink in marks if np.hypot(*position_m) < FARTHEST_M]
     if near:
-        places, inks = zip(*near, strict=True)
-        drawn = rr.GeoPoints(
-            lat_lon=story.degrees(np.array(places)), colors=inks, radii=points(5.0)
-        )
-        sheet.always(entity("map", "cells", subject.cell, "estimates"), drawn)
+        positions_m, inks = zip(*near, strict=True)
+        surface.points(("cells", cell.name, "marks"), np.array(positions_m), Style(inks, 4.0))

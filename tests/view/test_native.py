@@ -12,7 +12,7 @@ from postproc.view.scene import write_scene
 from tests.kit import headless_viewer
 from tests.kit import sample_results as kit
 from tests.kit.headless_viewer import PATIENCE_S, stable_screenshot
-from tests.kit.sample_view import sample_story
+from tests.kit.sample_view import sample_view
 from tests.kit.screenshots import count_pixels, missing_items
 
 pytestmark = pytest.mark.slow
@@ -26,10 +26,10 @@ def recordings(tmp_path_factory):
     """A walk, and the same before anything was heard."""
     folder = tmp_path_factory.mktemp("native")
     found = kit.sample_result(kit.write_run(folder / "walk.journal", seconds=240, cells=4))
-    write_scene(sample_story(found), folder / "walk.rrd", online=False)
+    write_scene(sample_view(found), folder / "walk.rrd", online=False)
     nothing = kit.write_run(folder / "empty.journal", seconds=0, cells=1)
     write_scene(
-        sample_story(kit.Result((kit.ObservedRun(nothing, None, ()),), ())),
+        sample_view(kit.Result((kit.ObservedRun(nothing, None, ()),), ())),
         folder / "empty.rrd",
         online=False,
     )

@@ -11,7 +11,7 @@ from postproc.pictures import colours
 from postproc.view.scene import write_scene
 from tests.kit import sample_results as kit
 from tests.kit.browser import browser
-from tests.kit.sample_view import sample_story
+from tests.kit.sample_view import sample_view
 from tests.kit.screenshots import count_pixels, missing_items
 from tests.kit.web_server import WebServer
 
@@ -91,7 +91,7 @@ class Page:
 def served(tmp_path_factory):
     folder = tmp_path_factory.mktemp("web")
     found = kit.sample_result(kit.write_run(folder / "walk.journal", seconds=240, cells=4))
-    write_scene(sample_story(found), folder / "walk.rrd", online=False)
+    write_scene(sample_view(found), folder / "walk.rrd", online=False)
     running = WebServer(folder / "walk.rrd")
     yield running
     assert running.stop(signal.SIGINT) == 0

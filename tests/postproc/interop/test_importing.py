@@ -16,7 +16,7 @@ from postproc.info import describe
 from postproc.interop import decompression
 from postproc.interop.formats import recognise
 from postproc.interop.importing import import_walk
-from postproc.view.clock import clock_of
+from postproc.pictures.clock import clock_of
 from postproc.walk import observe_run
 
 WIGLE = (
@@ -304,7 +304,7 @@ def test_a_walk_of_any_year_keeps_its_date(tmp_path, year):
     run = tmp_path / "run.h5"
     import_walk(_write(tmp_path, WIGLE.replace("2025-06-21", f"{year}-06-21")), run)
     assert describe(read_run(run)).started_utc == f"{year}-06-21T00:25:37Z"
-    assert clock_of([read_run(run)]).knows_utc
+    assert clock_of([read_run(run)]).has_utc
     with h5py.File(run) as file:
         assert file.attrs["started_utc"] == f"{year}-06-21T00:25:37Z"
     assert main(["export", str(run), "-o", str(tmp_path / "back.csv"), "--format", "wigle"]) == 0

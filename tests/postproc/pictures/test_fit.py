@@ -18,7 +18,7 @@ def test_level_is_model_plus_residual(cell):
     assert len(fit.level_dbm) == len(cell.obs)
     np.testing.assert_allclose(fit.model_dbm(fit.distance_m) + fit.residual_db, fit.level_dbm)
     assert (fit.p0_dbm, fit.eta) == (kit.P0_DBM, kit.ETA)
-    assert fit.scatter_db == pytest.approx(np.std(fit.residual_db))
+    assert fit.sigma_db == pytest.approx(np.std(fit.residual_db))
 
 
 def test_distance_is_that_of_the_antenna(cell):
@@ -28,14 +28,14 @@ def test_distance_is_that_of_the_antenna(cell):
     np.testing.assert_allclose(fit_of(cell).distance_m, np.sqrt(squared_m2))
 
 
-def test_the_end_of_the_scale_leaves_no_residual(cell):
+def test_a_censored_reading_has_no_residual(cell):
     limit = np.zeros(len(cell.obs), np.int64)
     limit[:7] = -1
     fit = fit_of(replace(cell, obs=replace(cell.obs, known_limit=limit)))
-    assert np.count_nonzero(~fit.within) == 7
+    assert np.count_nonzero(~fit.uncensored) == 7
     assert np.all(np.isnan(fit.residual_db[:7]))
-    assert np.isfinite(fit.scatter_db)
+    assert np.isfinite(fit.sigma_db)
 
 
-def test_without_a_place_there_is_no_fit(cell):
+def test_without_a_position_there_is_no_fit(cell):
     assert fit_of(replace(cell, posterior=None)) is None

@@ -2,7 +2,8 @@ from dataclasses import replace
 
 import pytest
 
-from postproc.pictures.picture import focus_of, headline, nice_step, picture_of
+from postproc.pictures.picture import focus_of, headline, picture_of
+from postproc.pictures.survey import survey_of
 from tests.kit import sample_results as kit
 
 
@@ -12,40 +13,43 @@ def result(tmp_path_factory):
     return kit.sample_result(run, places=2, verdict="ambiguous")
 
 
-def test_focus_is_located_first_then_heard_most(result):
+def test_focus_is_a_located_cell_before_one_with_more_readings(result):
     a, b, c = result.cells
-    assert focus_of(result.cells).cell == kit.cell_name(0)
-    chosen = (a, replace(b, verdict="located", n=9), replace(c, n=10_000))
-    assert focus_of(chosen).cell == b.cell
-    assert focus_of(()) is None
+    assert focus_of(result).cell == kit.cell_name(0)
+    cells = (a, replace(b, verdict="located", n=9), replace(c, n=10_000))
+    assert focus_of(replace(result, cells=cells)).cell == b.cell
+    assert focus_of(replace(result, cells=())) is None
 
 
-def test_headline_is_honest(result):
+def test_headline_states_the_verdict_and_its_extent(result):
     cell = result.cells[0]
-    assert headline(replace(cell, verdict="located")).startswith(
-        "located: 95 % of the probability lie within 29 m"
-    )
-    assert (
-        headline(replace(cell, verdict="cannot tell", warnings=("too few",)))
-        == "cannot tell: too few"
-    )
+    located = headline(replace(cell, verdict="located"))
+    assert located == "located: 95 % of the probability is within 29 m of the best position"
+    assert headline(cell) == "ambiguous: 2 positions fit (50%, 50%); 95 % radius 29 m"
+    undecided = replace(cell, verdict="cannot tell", warnings=("too few",))
+    assert headline(undecided) == "cannot tell: too few"
 
 
-def test_region_out_of_all_proportion_leaves_the_walk_in_sight(result):
+def test_a_region_far_larger_than_the_walk_leaves_the_walk_visible(result):
     cell = result.cells[0]
-    cells = cell.posterior.squares
-    x, y = cells.x_m.mean(), cells.y_m.mean()
+    squares = cell.posterior.squares
+    x, y = squares.x_m.mean(), squares.y_m.mean()
     far = replace(
-        cells, x_m=x + 50 * (cells.x_m - x), y_m=y + 50 * (cells.y_m - y), size_m=cells.size_m * 50
+        squares,
+        x_m=x + 50 * (squares.x_m - x),
+        y_m=y + 50 * (squares.y_m - y),
+        size_m=squares.size_m * 50,
     )
     huge = replace(cell, posterior=replace(cell.posterior, squares=far))
-    box = picture_of(result.runs[0], huge).box
-    assert box.holds(0.0, 0.0)
+    box = picture_of(survey_of(result), huge).box
+    assert box.contains(0.0, 0.0)
     assert box.size < 400.0
 
 
-@pytest.mark.parametrize(
-    ("span", "most", "step"), [(950, 12, 100), (120, 12, 10), (0, 5, 1), (2401, 12, 500)]
-)
-def test_steps_are_round(span, most, step):
-    assert nice_step(span, most) == step
+def test_estimates_are_local_and_those_that_have_a_picture(result):
+    picture = picture_of(survey_of(result), result.cells[0])
+    assert [estimate.key for estimate in picture.estimates] == ["batch", "ekf", "rts", "reference"]
+    ekf = picture.estimates[1]
+    assert ekf.name == "EKF"
+    x_m, y_m = result.cells[0].ekf.x[-1, :2]
+    assert survey_of(result).local(x_m, y_m)[0].tolist() == ekf.x[:2].tolist()

@@ -54,13 +54,13 @@ def test_every_estimator_is_named(result):
     ):
         assert part in text
     assert "SIMULATED" in text
-    assert "located: 95 % of the probability lie within 29 m" in text
+    assert "located: 95 % of the probability is within 29 m" in text
 
 
 def test_doubt_is_in_the_title(result):
     text = shown(figure_of(with_verdict(result, "cannot tell", "the walk spans only 3 m")))
     assert "cannot tell: the walk spans only 3 m" in text
-    assert "the 95 % radius around the likeliest place is 29 m" in text
+    assert "the 95 % radius around the most likely position is 29 m" in text
 
 
 def test_a_run_that_is_not_simulated_does_not_say_so(tmp_path):
@@ -132,7 +132,7 @@ def test_a_folder_in_the_way_is_one_line(result, tmp_path):
 
 
 def test_colours_of_levels():
-    rgb = colours.of_levels(np.array([-110.0, -80.0, -50.0, -40.0, np.nan]), -110.0, -50.0)
+    rgb = colours.level_colours(np.array([-110.0, -80.0, -50.0, -40.0, np.nan]), -110.0, -50.0)
     assert rgb.shape == (5, 3)
     assert rgb[0].tolist() == [66, 75, 181]
     assert rgb[2].tolist() == rgb[3].tolist() == [169, 22, 1]

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from postproc.pictures.picture import Clock, Levels
+from postproc.pictures.clock import Clock
 from postproc.pictures.strips import strips_of
+from postproc.pictures.survey import Levels
 
-CLOCK = Clock(10**9, None)
+CLOCK = Clock(np.array([10**9]), (None,))
 
 
 def levels(name, seconds, level_dbm):
@@ -13,25 +14,25 @@ def levels(name, seconds, level_dbm):
     )
 
 
-def test_levels_stand_where_they_were_heard():
+def test_levels_are_in_their_intervals():
     often = levels("a", np.arange(0, 241), np.linspace(-50, -60, 241))
     found = strips_of([often, None, levels("b", [121, 121.5, 239], [-70, -90, -75])], CLOCK)
     assert found.minutes == pytest.approx(4.0)
     assert found.level_dbm.shape == (3, 120)
-    heard = np.isfinite(found.level_dbm)
-    assert heard.sum(axis=1).tolist() == [120, 0, 2]
+    has_reading = np.isfinite(found.level_dbm)
+    assert has_reading.sum(axis=1).tolist() == [120, 0, 2]
     assert found.level_dbm[0, [0, -1]] == pytest.approx([-50.0, -60.0], abs=0.1)
-    assert np.flatnonzero(heard[2]).tolist() == [60, 119]
+    assert np.flatnonzero(has_reading[2]).tolist() == [60, 119]
     assert found.level_dbm[2, [60, 119]].tolist() == [-80.0, -75.0]
 
 
-def test_parts_are_no_finer_than_the_scans():
-    """A cell read every ten seconds was heard all the time."""
+def test_intervals_are_no_finer_than_the_scans():
+    """A cell that is read every ten seconds has no gap."""
     found = strips_of([levels("a", np.arange(0, 600, 10), np.full(60, -70.0))], CLOCK)
     assert np.all(np.isfinite(found.level_dbm))
 
 
-def test_without_a_level_there_is_nothing_to_see():
+def test_without_a_level_there_are_no_strips():
     assert strips_of([], CLOCK) is None
     assert strips_of([None], CLOCK) is None
     assert strips_of([levels("a", [], [])], CLOCK) is None

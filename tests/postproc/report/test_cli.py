@@ -22,7 +22,7 @@ def fails(capsys, *argv):
 
 def test_page_beside_the_run_and_pictures_where_wanted(run, tmp_path, capsys):
     assert main(["report", str(run), "--pictures", str(tmp_path), "--cell", "262-01-4711-1"]) == 0
-    assert capsys.readouterr().out.startswith(f"{run.with_suffix('.html')}: 1 cell told, ")
+    assert capsys.readouterr().out.startswith(f"{run.with_suffix('.html')}: 1 cell in detail, ")
     page = Page(run.with_suffix(".html").read_text("utf-8"))
     names = {path.name for path in tmp_path.iterdir()}
     assert {
@@ -33,15 +33,15 @@ def test_page_beside_the_run_and_pictures_where_wanted(run, tmp_path, capsys):
     run.with_suffix(".html").unlink()
 
 
-def test_json_says_what_was_written(run, tmp_path, capsys):
+def test_json_describes_the_files(run, tmp_path, capsys):
     target = tmp_path / "x.html"
     claim = ("--claim", "52.001,13.0,30", "--cell", "262-01-4711-1")
     assert main(["report", str(run), "-o", str(target), "--json", *claim]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["path"] == str(target)
-    assert told["bytes"] == target.stat().st_size
-    assert told["cells"] == ["262-01-4711-1"]
-    assert told["pictures"] == []
+    written = json.loads(capsys.readouterr().out)
+    assert written["path"] == str(target)
+    assert written["bytes"] == target.stat().st_size
+    assert written["cells"] == ["262-01-4711-1"]
+    assert written["pictures"] == []
     assert "52.00100" in Page(target.read_text("utf-8")).text
 
 

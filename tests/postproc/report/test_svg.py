@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from postproc.pictures.plots_style import STYLE, figure_of_size
-from postproc.report.svg import inline
+from postproc.report.svg import inline_svg
 
 
 @pytest.fixture
@@ -19,8 +19,8 @@ def figure():
     return made
 
 
-def test_nothing_refers_outside_and_nothing_is_left_for_the_whole_page(figure):
-    svg = inline(figure, "one", "t", "d")
+def test_it_is_self_contained_and_affects_nothing_else(figure):
+    svg = inline_svg(figure, "one", "t", "d")
     assert "xmlns" not in svg
     assert "<style" not in svg
     assert "<metadata" not in svg
@@ -29,15 +29,15 @@ def test_nothing_refers_outside_and_nothing_is_left_for_the_whole_page(figure):
 
 
 def test_two_pictures_share_no_identifier(figure):
-    one, other = (inline(figure, name, "t", "d") for name in ("one", "two"))
+    one, other = (inline_svg(figure, name, "t", "d") for name in ("one", "two"))
     first, second = (set(re.findall(r' id="([^"]+)"', svg)) for svg in (one, other))
     assert first
     assert not first & second
     assert {a or b for a, b in re.findall(r'url\(#([^)]+)\)|href="#([^"]+)"', one)} == first
 
 
-def test_words_stay_words(figure):
-    svg = inline(figure, "one", "t", "d")
+def test_text_stays_text(figure):
+    svg = inline_svg(figure, "one", "t", "d")
     assert "a &lt; b &amp; c &gt; d" in svg
     assert "var(--sans)" in svg
     assert "DejaVu" not in svg
@@ -45,8 +45,8 @@ def test_words_stay_words(figure):
     assert 'aria-labelledby="t"' in svg
 
 
-def test_numbers_are_short_and_the_picture_stays_where_it_was(figure):
-    svg = inline(figure, "one", "t", "d")
+def test_numbers_are_short_and_the_size_is_kept(figure):
+    svg = inline_svg(figure, "one", "t", "d")
     for name in ("d", "x", "transform", "viewBox"):
         for value in re.findall(rf' {name}="([^"]*)"', svg):
             assert not re.search(r"\.\d\d\d", value), value

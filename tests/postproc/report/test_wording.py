@@ -1,9 +1,9 @@
+import re
 from dataclasses import replace
 
 import pytest
 
 from postproc.report import wording
-from postproc.results import summary
 from tests.kit import sample_results as kit
 
 
@@ -25,7 +25,7 @@ def result(tmp_path_factory):
         (None, "unknown"),
     ],
 )
-def test_metres_have_the_digits_that_matter(value_m, text):
+def test_lengths_have_their_significant_digits(value_m, text):
     assert wording.metres(value_m) == text
     assert wording.metres(float("inf")) == "unknown"
 
@@ -63,44 +63,40 @@ def test_times():
     assert [wording.number_of(n, "cell") for n in (0, 1, 2)] == ["0 cells", "1 cell", "2 cells"]
 
 
-def answers(result, **changes):
-    cell = replace(result.cells[0], **changes)
-    return wording.answer(cell, summary(result)["cells"][0])
+def answer(result, **changes):
+    return wording.answer(replace(result.cells[0], **changes))
 
 
 def test_a_located_cell_needs_no_further_walk(result):
-    found = answers(result)
-    assert (found.title, found.advice) == ("Located within 29 m", None)
+    located = answer(result)
+    assert (located.title, located.advice) == ("Located within 29 m", None)
+    assert re.match(r"It stands in a region of .* m² around 52\.50\d+ 13\.40\d+ with", located.text)
 
 
-def test_the_advice_of_an_ambiguous_one_is_the_locators(result):
-    found = answers(result, verdict="ambiguous", warnings=("why", "to decide walk there"))
-    assert found.advice == "To decide walk there."
-    assert answers(result, verdict="ambiguous", warnings=("why",)).advice is None
+def test_an_ambiguous_cell_has_the_locators_advice(result):
+    ambiguous = answer(result, verdict="ambiguous", warnings=("why", "to decide walk there"))
+    assert ambiguous.advice == "To decide walk there."
+    assert ambiguous.text.startswith("The levels fit several positions: 100% at 52.50")
+    assert answer(result, verdict="ambiguous", warnings=("why",)).advice is None
 
 
-def test_one_that_cannot_be_told_says_why_and_where_to_walk(result):
-    found = answers(result, verdict="cannot tell", warnings=("one-sided walk",))
-    assert found.text == "One-sided walk."
-    assert "past the likeliest place, 52.50" in found.advice
-    posterior = result.cells[0].posterior
-    lost = replace(posterior, limit_share=0.5)
-    assert (
-        "says little of the distance"
-        in answers(result, verdict="cannot tell", posterior=lost).advice
-    )
-    assert (
-        "Walk where this cell is heard"
-        in answers(result, verdict="cannot tell", posterior=None).advice
-    )
-    assert answers(result, verdict="cannot tell", posterior=None, obs=None, warnings=()).text
+def test_a_cell_without_a_position_has_a_reason_and_advice(result):
+    undecided = answer(result, verdict="cannot tell", warnings=("one-sided walk",))
+    assert undecided.text == "One-sided walk."
+    assert "Walk around the most likely position, 52.50" in undecided.advice
+    at_limit = replace(result.cells[0].posterior, limit_share=0.5)
+    far = answer(result, verdict="cannot tell", posterior=at_limit)
+    assert "do not show the distance yet" in far.advice
+    unknown = answer(result, verdict="cannot tell", posterior=None)
+    assert "Walk where this cell is received" in unknown.advice
+    assert answer(result, verdict="cannot tell", posterior=None, obs=None, warnings=()).text
 
 
-def test_verdicts_are_counted(result):
+def test_the_heading_counts_verdicts(result):
     a, b = result.cells
-    told = [answers(result)]
-    assert wording.counted([], []) == "No cell was heard"
-    assert wording.counted([a], told) == f"Cell {a.cell}: located within 29 m"
-    assert wording.counted([a, b], told) == "1 of 2 cells located, 1 cannot be told"
+    answers = [answer(result)]
+    assert wording.heading([], []) == "No cell was observed"
+    assert wording.heading([a], answers) == f"Cell {a.cell}: located within 29 m"
+    assert wording.heading([a, b], answers) == "1 of 2 cells located, 1 without a position"
     both = [a, replace(b, verdict="ambiguous")]
-    assert wording.counted(both, told) == "1 of 2 cells located, 1 ambiguous"
+    assert wording.heading(both, answers) == "1 of 2 cells located, 1 ambiguous"

@@ -1,4 +1,4 @@
-"""Pictures and tiles of known ground: every pixel must stand where its colour says."""
+"""Images and tiles with a known pattern: every pixel must be at its position."""
 
 import sqlite3
 from io import BytesIO
@@ -13,26 +13,23 @@ from postproc.view.basemap import MOST_PIXELS, read_basemap
 from postproc.view.scene import write_scene
 from tests.kit import sample_results as kit
 from tests.kit.rerun_recordings import chunks
-from tests.kit.sample_view import sample_story
+from tests.kit.sample_view import sample_view
 
 UTM = CRS.from_epsg(32633)
 RED, GREEN, BLUE, YELLOW = (200, 40, 40), (40, 200, 40), (40, 40, 200), (200, 200, 40)
 QUARTERS = {(0, 0): RED, (0, 1): GREEN, (1, 0): BLUE, (1, 1): YELLOW}
-"""By south and east of the middle: red in the north-west, green north-east, blue south-west, yellow
-south-east.
-"""
+"""By south and east of the centre: red is north-west, yellow south-east."""
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory):
+def view(tmp_path_factory):
     run = kit.write_run(tmp_path_factory.mktemp("basemap") / "walk.journal", seconds=120, cells=1)
-    return sample_story(kit.sample_result(run))
+    return sample_view(kit.sample_result(run))
 
 
-def middle(told, crs):
-    """The middle of the plan in a reference system."""
-    x = told.origin_m[0] + 0.5 * (told.box.west + told.box.east)
-    y = told.origin_m[1] + 0.5 * (told.box.south + told.box.north)
+def centre(view, crs):
+    """The centre of the plan in a reference system."""
+    x, y = view.box.corners_m.mean(axis=0) + view.survey.origin_m
     return Transformer.from_crs(UTM, crs, always_xy=True).transform(x, y)
 
 
@@ -55,9 +52,9 @@ def check(basemap):
         )
 
 
-def picture(folder, told, crs, unit, *, name="ground.png", world="ground.pgw", span_m=500.0):
-    """Four quarters around the middle of the plan."""
-    image, (x, y) = quarters(), middle(told, crs)
+def picture(folder, view, crs, unit, *, name="ground.png", world="ground.pgw", span_m=500.0):
+    """Four quarters around the centre of the plan."""
+    image, (x, y) = quarters(), centre(view, crs)
     image.save(folder / name)
     side = span_m * unit / image.width
     first = x - 0.5 * (image.width - 1) * side, y + 0.5 * (image.height - 1) * side
@@ -81,35 +78,33 @@ DEGREE = 1.0 / 70_000
     ],
     ids=["UTM", "JPEG", "long name", "degrees", "Web Mercator"],
 )
-def test_a_picture_with_a_world_file(crs, unit, name, world, told, tmp_path):
-    check(read_basemap(picture(tmp_path, told, crs, unit, name=name, world=world), told))
+def test_a_picture_with_a_world_file(crs, unit, name, world, view, tmp_path):
+    check(read_basemap(picture(tmp_path, view, crs, unit, name=name, world=world), view))
 
 
-def test_a_turned_picture(told, tmp_path):
-    path, (x, y) = tmp_path / "ground.png", middle(told, UTM)
+def test_a_turned_picture(view, tmp_path):
+    path, (x, y) = tmp_path / "ground.png", centre(view, UTM)
     quarters().rotate(-90).save(path)  # north is to the right of it
     side = 30.0
     first = x - 31.5 * side, y - 31.5 * side
     (tmp_path / "ground.pgw").write_text(f"0 {side} {side} 0 {first[0]} {first[1]}")
-    check(read_basemap(path, told))
+    check(read_basemap(path, view))
 
 
-def test_a_prj_file_tells_the_reference_system(told, tmp_path):
-    path = picture(tmp_path, told, CRS.from_epsg(25833), 1.0)
+def test_a_prj_file_sets_the_reference_system(view, tmp_path):
+    path = picture(tmp_path, view, CRS.from_epsg(25833), 1.0)
     (tmp_path / "ground.prj").write_text(CRS.from_epsg(25833).to_wkt())
-    check(read_basemap(path, told))
+    check(read_basemap(path, view))
     (tmp_path / "ground.prj").write_text("somewhere")
-    with pytest.raises(ConfigError, match="no reference system"):
-        read_basemap(path, told)
+    with pytest.raises(ConfigError, match="no known reference system"):
+        read_basemap(path, view)
 
 
-def mosaic(told, columns=4):
-    """Tiles of Web Mercator whose colours are the quarters around the middle of the plan, by (zoom,
-    column, row).
-    """
+def mosaic(view, columns=4):
+    """Tiles of Web Mercator by (zoom, column, row), their colours the quarters around the centre."""
     crs = CRS.from_epsg(3857)
     world = 2 * np.pi * 6378137.0
-    x, y = middle(told, crs)
+    x, y = centre(view, crs)
     found = {}
     for zoom in (14, 18):
         side = world / 2**zoom
@@ -147,11 +142,11 @@ def mbtiles(path, tiles, *, scheme=None):
 
 
 @pytest.mark.parametrize("scheme", [None, "tms", "xyz"])
-def test_mbtiles_count_rows_from_the_south_unless_they_say_otherwise(scheme, told, tmp_path):
-    check(read_basemap(mbtiles(tmp_path / "x.mbtiles", mosaic(told), scheme=scheme), told))
+def test_mbtiles_count_rows_from_the_south_unless_their_metadata_state_xyz(scheme, view, tmp_path):
+    check(read_basemap(mbtiles(tmp_path / "x.mbtiles", mosaic(view), scheme=scheme), view))
 
 
-def test_geopackage_counts_rows_from_the_north(told, tmp_path):
+def test_geopackage_counts_rows_from_the_north(view, tmp_path):
     path = tmp_path / "x.gpkg"
     world = np.pi * 6378137.0
     with sqlite3.connect(path) as database:
@@ -171,84 +166,84 @@ def test_geopackage_counts_rows_from_the_north(told, tmp_path):
             pixel = 2 * world / 2**zoom / 256
             matrix = ('odd "name', zoom, 2**zoom, 2**zoom, 256, 256, pixel, pixel)
             database.execute("INSERT INTO gpkg_tile_matrix VALUES (?, ?, ?, ?, ?, ?, ?, ?)", matrix)
-        rows = [(*key, blob(pixels)) for key, pixels in mosaic(told).items()]
+        rows = [(*key, blob(pixels)) for key, pixels in mosaic(view).items()]
         database.executemany('INSERT INTO "odd ""name" VALUES (?, ?, ?, ?)', rows)
     database.close()
-    check(read_basemap(path, told))
+    check(read_basemap(path, view))
 
 
-def test_missing_tiles_are_clear(told, tmp_path):
-    tiles = mosaic(told)
+def test_missing_tiles_are_transparent(view, tmp_path):
+    tiles = mosaic(view)
     fewer = dict(list(tiles.items())[::2])
-    found = read_basemap(mbtiles(tmp_path / "x.mbtiles", fewer), told)
+    found = read_basemap(mbtiles(tmp_path / "x.mbtiles", fewer), view)
     assert 0 < np.mean(found.pixels[..., 3] > 0) < 1
 
 
-def test_it_is_drawn_under_the_plan_and_bounded_in_size(told, tmp_path):
-    found = read_basemap(picture(tmp_path, told, UTM, 1.0), told)
+def test_it_is_drawn_below_the_plan_and_limited_in_size(view, tmp_path):
+    found = read_basemap(picture(tmp_path, view, UTM, 1.0), view)
     assert max(found.pixels.shape) <= MOST_PIXELS
-    write_scene(told, tmp_path / "x.rrd", basemap=found)
+    write_scene(view, tmp_path / "x.rrd", basemap=found)
     assert "/plan/ground/basemap" in chunks(tmp_path / "x.rrd")
     assert (tmp_path / "x.rrd").stat().st_size < 3e6
 
 
-def test_a_fine_picture_is_made_coarser(told, tmp_path):
-    side_m = told.box.size * 1.4 / 3000
+def test_a_fine_image_is_reduced(view, tmp_path):
+    side_m = view.box.size * 1.4 / 3000
     Image.effect_noise((3000, 3000), 50.0).save(tmp_path / "x.png")
-    x, y = middle(told, UTM)
+    x, y = centre(view, UTM)
     (tmp_path / "x.pgw").write_text(
         f"{side_m} 0 0 {-side_m} {x - 1500 * side_m} {y + 1500 * side_m}"
     )
-    found = read_basemap(tmp_path / "x.png", told)
+    found = read_basemap(tmp_path / "x.png", view)
     assert max(found.pixels.shape) <= MOST_PIXELS
     assert np.all(found.pixels[..., 3] == 255)
 
 
-def no_world_file(folder, told):
+def no_world_file(folder, view):
     quarters().save(folder / "x.png")
     return folder / "x.png"
 
 
-def bad_world_file(folder, told):
+def bad_world_file(folder, view):
     (folder / "x.pgw").write_text("1 0 0 north")
-    return no_world_file(folder, told)
+    return no_world_file(folder, view)
 
 
-def flat_world_file(folder, told):
+def flat_world_file(folder, view):
     (folder / "x.pgw").write_text("0 0 0 0 1 1")
-    return no_world_file(folder, told)
+    return no_world_file(folder, view)
 
 
-def far_away(folder, told):
+def far_away(folder, view):
     (folder / "x.pgw").write_text("1 0 0 -1 900000 7000000")
-    return no_world_file(folder, told)
+    return no_world_file(folder, view)
 
 
-def no_picture(folder, told):
+def no_picture(folder, view):
     (folder / "x.pgw").write_text("1 0 0 -1 0 0")
     (folder / "x.png").write_text("hello")
     return folder / "x.png"
 
 
-def cut_picture(folder, told):
-    path = picture(folder, told, UTM, 1.0)
+def cut_picture(folder, view):
+    path = picture(folder, view, UTM, 1.0)
     path.write_bytes(path.read_bytes()[:120])
     return path
 
 
-def vector_tiles(folder, told):
-    path = mbtiles(folder / "x.mbtiles", mosaic(told))
+def vector_tiles(folder, view):
+    path = mbtiles(folder / "x.mbtiles", mosaic(view))
     with sqlite3.connect(path) as database:
         database.execute("UPDATE tiles SET tile_data = 'pbf'")
     database.close()
     return path
 
 
-def far_tiles(folder, told):
+def far_tiles(folder, view):
     return mbtiles(folder / "x.mbtiles", {(14, 1, 1): np.zeros((256, 256, 3), np.uint8)})
 
 
-def another_database(folder, told):
+def another_database(folder, view):
     with sqlite3.connect(folder / "x.db") as database:
         database.execute("CREATE TABLE x (y)")
     database.close()
@@ -256,26 +251,26 @@ def another_database(folder, told):
 
 
 @pytest.mark.parametrize(
-    ("made", "told_why"),
+    ("make_file", "reason"),
     [
         (no_world_file, "no world file"),
         (bad_world_file, "six numbers"),
         (flat_world_file, "no size"),
-        (far_away, "do not meet"),
-        (no_picture, "is no picture"),
+        (far_away, "does not overlap"),
+        (no_picture, "is not an image"),
         (cut_picture, "cannot be read"),
         (vector_tiles, "vector"),
-        (far_tiles, "nothing of the place"),
+        (far_tiles, "does not cover"),
         (another_database, "no raster tiles"),
-        (lambda folder, told: folder / "absent.png", "no world file"),
+        (lambda folder, view: folder / "absent.png", "no world file"),
     ],
 )
-def test_what_cannot_be_used_is_one_line(made, told_why, told, tmp_path):
-    with pytest.raises(ConfigError, match=told_why):
-        read_basemap(made(tmp_path, told), told)
+def test_an_unusable_file_is_one_line(make_file, reason, view, tmp_path):
+    with pytest.raises(ConfigError, match=reason):
+        read_basemap(make_file(tmp_path, view), view)
 
 
-def test_without_a_plan_there_is_no_ground(tmp_path, told):
+def test_without_a_plan_there_is_no_ground(tmp_path, view):
     from dataclasses import replace
 
-    assert read_basemap(picture(tmp_path, told, UTM, 1.0), replace(told, box=None)) is None
+    assert read_basemap(picture(tmp_path, view, UTM, 1.0), replace(view, box=None)) is None

@@ -1,4 +1,4 @@
-"""However long the walk, the viewer gets no more than it can draw, in a file that can be sent."""
+"""However long the walk, a recording stays within what the viewer can draw, and small."""
 
 import numpy as np
 import pyarrow.compute as pc
@@ -8,18 +8,17 @@ from benchmarks.view import WALKS, walk
 from logger.core.observations import observe
 from postproc.estimators.filters import MOST_ROWS, FilterPath
 from postproc.result import CellResult, ObservedRun, Result
-from postproc.view.plan import MOST_POINTS, MOST_STRIPS, level_strips, strips_of
+from postproc.view.layers import MOST_STRIPS
+from postproc.view.plan import MOST_POINTS, level_strips
 from postproc.view.scene import write_scene
 from postproc.view.series import MOST_DOTS
 from tests.kit import sample_results as kit
 from tests.kit.rerun_recordings import chunks
-from tests.kit.sample_view import sample_story
+from tests.kit.sample_view import sample_view
 
 
-def told(run):
-    """Every cell with its readings, the first with a posterior and as many states of a filter as
-    are ever kept.
-    """
+def long_view(run):
+    """Every cell with its readings, the first with a posterior and as many states as a filter keeps."""
     observations = observe(*(run.tables[name] for name in ("fixes", "scans", "readings")))
     first, *others = observations.cells
     at = np.linspace(0, len(first) - 1, min(len(first), MOST_ROWS)).astype(int)
@@ -36,20 +35,20 @@ def told(run):
         )
     ]
     cells += [CellResult(obs.cell, len(obs), obs, "cannot tell", ()) for obs in others]
-    return sample_story(Result((ObservedRun(run, observations, ()),), tuple(cells)))
+    return sample_view(Result((ObservedRun(run, observations, ()),), tuple(cells)))
 
 
 @pytest.mark.parametrize(("length", "most_mb"), [("1 h", 4.0), ("28 h", 60.0)])
 def test_size(length, most_mb, tmp_path):
-    write_scene(told(walk(*WALKS[length])), tmp_path / "x.rrd")
+    write_scene(long_view(walk(*WALKS[length])), tmp_path / "x.rrd")
     assert (tmp_path / "x.rrd").stat().st_size < most_mb * 1e6
     if length == "28 h":
         check_bounds(tmp_path / "x.rrd")
 
 
 def check_bounds(path):
-    """Nothing is drawn at one time in more pieces than the viewer can take."""
-    scattered = 0
+    """No entity has more strips or points at one time than the viewer can draw."""
+    n_dots = 0
     for parts in chunks(path).values():
         batches = [chunk.to_record_batch() for chunk in parts]
         for batch in batches:
@@ -62,14 +61,14 @@ def check_bounds(path):
                     or pc.max(pc.list_value_length(batch.column(name))).as_py() <= longest
                 ), name
         if any(name.startswith("SeriesPoints") for batch in batches for name in batch.schema.names):
-            scattered += sum(chunk.num_rows for chunk in parts if not chunk.is_static)
-    assert 0 < scattered <= MOST_DOTS
+            n_dots += sum(chunk.num_rows for chunk in parts if not chunk.is_static)
+    assert 0 < n_dots <= MOST_DOTS
 
 
-def test_a_long_way_is_joined_to_fewer_stretches():
+def test_a_long_track_has_fewer_strips():
     t_ns = np.arange(20_001) * 10**9
-    places = np.column_stack([t_ns / 1e9, 0.0 * t_ns])
-    strips, level_dbm = level_strips(t_ns, places, -50.0 - t_ns / 1e12)
+    positions_m = np.column_stack([t_ns / 1e9, 0.0 * t_ns])
+    strips, level_dbm = level_strips(t_ns, positions_m, -50.0 - t_ns / 1e12)
     assert len(strips) == len(level_dbm) == MOST_STRIPS
     assert strips[0][-1, 0] == strips[1][0, 0]
     assert strips[-1][-1, 0] == 20_000.0
@@ -78,14 +77,13 @@ def test_a_long_way_is_joined_to_fewer_stretches():
 
 def test_silence_is_a_gap():
     t_ns = np.array([0, 1, 2, 100, 101]) * 10**9
-    places = np.column_stack([np.arange(5.0), np.zeros(5)])
-    assert [len(strip) for strip in strips_of(t_ns, places)] == [3, 2]
-    strips, _ = level_strips(t_ns, places, np.zeros(5))
+    positions_m = np.column_stack([np.arange(5.0), np.zeros(5)])
+    strips, _ = level_strips(t_ns, positions_m, np.zeros(5))
     assert [strip[:, 0].tolist() for strip in strips] == [[0, 1], [1, 2], [3, 4]]
 
 
 @pytest.mark.parametrize("count", [0, 1])
-def test_next_to_nothing_has_no_stretch(count):
+def test_one_reading_has_no_strip(count):
     strips, level_dbm = level_strips(
         np.zeros(count, np.int64), np.zeros((count, 2)), np.zeros(count)
     )

@@ -77,8 +77,8 @@ def test_several_runs_are_one_walk(tmp_path, fails):
     assert [chunk.num_rows for chunk in found[f"/rssi/{cell}"] if not chunk.is_static] == [30, 30]
     assert [chunk.num_rows for chunk in found["/plan/walker"] if not chunk.is_static] == [30, 30]
     text = rows(static_columns(saved, f"/report/{cell}"), ":text")[0][0]
-    assert "run-000001.journal gave 30 readings" in text
-    assert "without it cannot tell" in text
+    assert "run-000001.journal contributed 30 readings" in text
+    assert "without it: cannot tell" in text
     assert "one run" in fails(*argv, "--claim", "52,13", "--save", saved)
 
 
@@ -121,7 +121,7 @@ def test_without_a_screen_nothing_is_estimated_first(run, fails, monkeypatch):
     monkeypatch.setattr("sys.platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr("postproc.view.cli._story", lambda *_: pytest.fail("estimated"))
+    monkeypatch.setattr("postproc.view.cli._view_model", lambda *_: pytest.fail("estimated"))
     assert "--web" in fails(run)
 
 
@@ -177,12 +177,12 @@ def test_what_was_saved_is_shown_on_this_machine_only(run, viewer, capsys):
 @pytest.mark.parametrize(
     ("argv", "says"),
     [
-        (["a.rrd", "b.rrd"], "a recording is shown alone"),
-        (["a.rrd", "RUN"], "a recording is shown alone"),
+        (["a.rrd", "b.rrd"], "one recording (.rrd) alone"),
+        (["a.rrd", "RUN"], "one recording (.rrd) alone"),
         (["a.rrd", "--cell", "x"], "--cell goes with a run"),
         (["a.rrd", "--claim", "52,13"], "--claim goes with a run"),
         (["a.rrd", "--save", "c.rrd"], "--save goes with a run"),
-        (["b.rrd"], "no rerun recording"),
+        (["b.rrd"], "not a rerun recording"),
         (["none.rrd"], "No such file"),
     ],
 )

@@ -4,7 +4,7 @@ import pytest
 from logger.core.model.prior import ENVIRONMENTS
 from postproc.cell_estimation import locate_cell
 from postproc.result import CellResult
-from postproc.view.timeline import MOST_STEPS, step_counts, unfold
+from postproc.view.timeline import MOST_STEPS, answer_steps, step_counts
 from tests.kit import walks
 
 
@@ -22,7 +22,7 @@ def test_each_step_is_the_answer_of_the_readings_so_far(monkeypatch):
     monkeypatch.setattr("postproc.view.timeline.MOST_STEPS", 4)
     obs, _ = walks.simulate(np.random.default_rng(3), "square", count=80, step=8.0)
     result = locate_cell(obs, ENVIRONMENTS["any"])
-    found = list(unfold(result, ENVIRONMENTS["any"]))
+    found = list(answer_steps(result, ENVIRONMENTS["any"]))
     assert (found[-1].verdict, found[-1].n) == (result.verdict, 80)
     assert found[-1].posterior is result.posterior
     assert found[0].posterior.region_area_m2 > found[-1].posterior.region_area_m2
@@ -33,4 +33,6 @@ def test_each_step_is_the_answer_of_the_readings_so_far(monkeypatch):
 
 
 def test_without_a_posterior_there_is_no_step():
-    assert list(unfold(CellResult("c", 0, None, "cannot tell", ()), ENVIRONMENTS["any"])) == []
+    assert (
+        list(answer_steps(CellResult("c", 0, None, "cannot tell", ()), ENVIRONMENTS["any"])) == []
+    )

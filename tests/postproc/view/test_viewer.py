@@ -57,10 +57,13 @@ def test_it_runs_in_the_foreground_and_listens_here_only(screen, monkeypatch, tm
 @pytest.mark.parametrize(
     ("then", "why"),
     [
-        ("echo 'panicked at main: No graphics adapter was found' >&2; exit 102", "no graphics"),
+        (
+            "echo 'panicked at main: No graphics adapter was found' >&2; exit 102",
+            "no usable graphics",
+        ),
         (
             "echo 'Error: app creation error: The GPU driver is lacking some abilities' >&2; exit 1",
-            "no graphics",
+            "no usable graphics",
         ),
         (
             "echo 'Error: Failed to open connection to X server' >&2; exit 1",

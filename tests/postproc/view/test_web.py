@@ -1,4 +1,4 @@
-"""The server as the user starts it: a process of its own with the real viewer's page."""
+"""The server as a separate process, with the real viewer's page."""
 
 import base64
 import hashlib
@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from logger.core.errors import ConfigError
-from postproc.view.web import pages, policy, serve
+from postproc.view.web import content_security_policy, pages, serve
 from tests.kit.web_server import WebServer
 
 
@@ -30,7 +30,7 @@ def served(recording):
     assert running.errors == ""
 
 
-def test_it_listens_on_the_loopback_only_and_alone(served):
+def test_it_listens_on_the_loopback_only_without_child_processes(served):
     process = psutil.Process(served.process.pid)
     assert process.children(recursive=True) == []
     listening = [one.laddr for one in process.net_connections() if one.status == psutil.CONN_LISTEN]
@@ -47,7 +47,7 @@ def test_it_serves_the_recording_and_the_viewer(served):
     assert served.get("/../pyproject.toml")[0] == 404
 
 
-def test_the_page_asks_nobody_else(served):
+def test_the_page_requests_nothing_from_other_machines(served):
     _, headers, page = served.get("/?x=1")
     assert not re.search(rb"<(?:link|script|img)[^>]*(?:href|src)=[\"']?(?:https?:)?//", page)
     assert page.index(b"/guard.js") < page.index(b"re_viewer.js")
@@ -60,7 +60,7 @@ def test_the_page_asks_nobody_else(served):
     assert "'unsafe-inline'" not in told["script-src"]
 
 
-def test_other_names_get_nothing(served):
+def test_a_request_under_another_host_name_gets_nothing(served):
     for host in (
         "evil.example",
         f"evil.example:{served.port}",
@@ -73,7 +73,7 @@ def test_other_names_get_nothing(served):
         assert served.get("/run.rrd", host=host)[0] == 200
 
 
-def test_a_browser_that_goes_away_is_passed_over(served):
+def test_a_closed_connection_is_ignored(served):
     with socket.create_connection(("127.0.0.1", served.port)) as gone:
         gone.sendall(
             f"GET /re_viewer_bg.wasm HTTP/1.1\r\nHost: localhost:{served.port}\r\n\r\n".encode()
@@ -89,15 +89,15 @@ def test_it_ends_cleanly(number, recording):
     assert running.stop(number) == 0
 
 
-def test_scripts_in_the_page_are_allowed_as_they_are():
+def test_inline_scripts_are_allowed_by_their_digests():
     script = b"let x = 1;"
     digest = base64.b64encode(hashlib.sha256(script).digest()).decode()
-    assert f"'sha256-{digest}'" in policy(
+    assert f"'sha256-{digest}'" in content_security_policy(
         b"<p><script>" + script + b"</script><script src='x'></script>"
     )
 
 
-def test_links_to_others_are_taken_out():
+def test_links_to_other_machines_are_removed():
     page = b'<head><link\n href="https://fonts.example/x" rel="s"><link rel="icon" href="favicon.ico"></head>'
     viewer = dict.fromkeys(("/", "/re_viewer.js", "/re_viewer_bg.wasm", "/favicon.ico"), page)
     found = pages(viewer, b"")["/"].content
@@ -106,12 +106,12 @@ def test_links_to_others_are_taken_out():
 
 
 @pytest.mark.parametrize("port", [-1, 65_536])
-def test_a_port_that_is_none_is_one_line(port):
+def test_an_invalid_port_is_one_line(port):
     with pytest.raises(ConfigError, match="cannot serve"):
         serve(lambda path: None, port, print)
 
 
-def test_a_port_that_is_taken_is_one_line(taken_port):
+def test_a_port_in_use_is_one_line(taken_port):
     with pytest.raises(ConfigError, match="--port"):
         serve(lambda path: None, taken_port, print)
 

@@ -3,7 +3,7 @@ import pytest
 
 from logger.core.locator.region import Squares, area_m2, highest_density
 from postproc.estimators.region_outline import polygons
-from postproc.view.regions import few_squares, rings
+from postproc.pictures.regions import merge_squares, region_rings
 
 
 def tree(seed):
@@ -29,15 +29,15 @@ def tree(seed):
 @pytest.mark.parametrize("share", [0.5, 0.95])
 def test_fewer_squares_cover_the_same(seed, share):
     cells = tree(seed)
-    few = few_squares(cells, share)
+    few = merge_squares(cells, share)
     assert len(few) < len(highest_density(cells, share))
     np.testing.assert_allclose(np.sum(few.size_m**2), area_m2(cells, share))
     both = polygons(cells, share).symmetric_difference(polygons(few, 1.0))
     assert both.area < 1e-4 * area_m2(cells, share)
 
 
-def test_rings_are_closed_and_count_from_the_origin():
-    (ring,) = rings(
+def test_rings_are_closed_and_relative_to_the_origin():
+    (ring,) = region_rings(
         Squares(*(np.array([v]) for v in (100.0, 200.0, 8.0, 1.0))), 0.95, (90.0, 190.0)
     )
     np.testing.assert_array_equal(ring[0], ring[-1])
@@ -49,4 +49,4 @@ def test_rings_are_closed_and_count_from_the_origin():
 def test_cells_of_one_size_need_not_be_of_a_tree():
     x, y = (v.ravel() for v in np.meshgrid(np.arange(5) * 3.0, np.arange(5) * 3.0))
     cells = Squares(x, y, np.full(25, 3.0), np.full(25, 0.04))
-    np.testing.assert_allclose(np.sum(few_squares(cells, 1.0).size_m ** 2), 225.0)
+    np.testing.assert_allclose(np.sum(merge_squares(cells, 1.0).size_m ** 2), 225.0)

@@ -4,7 +4,8 @@ import pytest
 from logger.core.runfile import RunWriter, read_run
 from logger.core.schema import UNKNOWN_TIME
 from logger.core.types import CellReading, Fix, Record, Scan
-from postproc.view.clock import PAUSE_NS, clock_of, end_to_end
+from postproc.pictures.clock import clock_of
+from postproc.view.end_to_end import PAUSE_NS, end_to_end
 from tests.kit.runs import UTC0_NS, meta
 
 S = 10**9
@@ -58,7 +59,7 @@ def test_where_one_run_has_no_date_there_is_none_and_the_order_is_the_given_one(
     laid = end_to_end([*runs, undated])
     assert [run.path.stem for run in laid] == ["late", "earl", "none"]
     clock = clock_of(laid)
-    assert not clock.knows_utc
+    assert not clock.has_utc
     assert clock.utc_ns(np.array([0])) is None
 
 
