@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from logger.core.censoring import levels_dbm
+from logger.core.column import UNKNOWN_ID
 from logger.core.errors import ConfigError
 from logger.core.runfile import Run, Sealing, read_sound_run, sealing_of
-from logger.core.schema import UNKNOWN_ID
 from logger.core.timebase import fit_run
 from logger.core.types import DEAD_RECKONING
 from logger.core.utc import utc_text

@@ -9,8 +9,8 @@ highest value.
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.column import UNKNOWN_ID
 from logger.core.rows import Rows
-from logger.core.schema import UNKNOWN_ID
 
 GSM_FLOOR_DBM = -110.0
 GSM_CEILING_DBM = -47.0

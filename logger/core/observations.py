@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.censoring import levels_dbm, limits
+from logger.core.column import UNKNOWN_TIME
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
 from logger.core.rows import Rows
-from logger.core.schema import UNKNOWN_TIME
 from logger.core.spikes import spikes_along
 from logger.core.types import DEAD_RECKONING
 

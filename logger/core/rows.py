@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from logger.core.schema import HEAD, SCHEMA_VERSION, TABLES, Column, columns_of, encode
+from logger.core.column import Column
+from logger.core.schema import HEAD, SCHEMA_VERSION, TABLES, columns_of, encode
 
 Rows = npt.NDArray[np.void]
 

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.arrays import IntArray
+from logger.core.column import UNKNOWN_TIME
 from logger.core.provenance import has_times, is_import
 from logger.core.rows import Rows
-from logger.core.schema import UNKNOWN_TIME
 from logger.core.utc import EARLIEST_UTC_NS, LATEST_UTC_NS
 
 STEP_S = 0.6

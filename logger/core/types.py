@@ -1,172 +1,182 @@
-"""The values that travel from the ports to the run file: one frozen dataclass for each kind of
-record.
+"""The values that travel from the ports to the run file: one frozen dataclass for each record.
+
+The annotations hold type and unit of each column of the run file (`column`). Fields without them
+are not stored.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
+
+from logger.core.column import (
+    Count,
+    Covariance,
+    Digits,
+    Flag,
+    Float,
+    Int,
+    LongId,
+    Real,
+    Seq,
+    Signed,
+    Time,
+)
 
 Role = Literal["serving", "neighbour", "scan"]
 Rat = Literal["GSM", "WCDMA", "LTE", "LTE-M", "NB-IoT", "NR"]
 Level = Literal["info", "warning", "error"]
 
+RXLEV_0_DBM = -110.0
+"""Nominal level of RXLEV 0 (3GPP TS 45.008, 8.1.4)."""
+DEAD_RECKONING, BY_HAND, SIMULATED = 6, 7, 8
+"""GGA qualities of a fix that was not measured."""
+
 
 @dataclass(frozen=True, slots=True)
 class RawBytes:
-    """Bytes as they crossed a port; `sent` is True for what the logger wrote."""
+    """Bytes as they crossed a port; `sent` is True for those that the logger wrote."""
 
     data: bytes
     sent: bool = False
 
 
-DEAD_RECKONING, BY_HAND, SIMULATED = 6, 7, 8
-"""Qualities of a fix that was not measured."""
-
-
 @dataclass(frozen=True, slots=True)
 class Fix:
-    """One epoch of a GNSS receiver, also when it has no position (`valid` False, position None).
+    """One epoch of a GNSS receiver, also without a position (`valid` False, position None).
 
-    `quality` is that of NMEA's GGA: 1 to 5 measured, 6 by dead reckoning, without satellites; 7
-    typed in by hand and 8 simulated are no positions.
+    `quality` is that of NMEA's GGA: 1 to 5 are measured, 6 is dead reckoning without satellites;
+    7 (typed in by hand) and 8 (simulated) are no positions.
     """
 
-    valid: bool
-    utc_ns: int | None = None
-    lat_deg: float | None = None
-    lon_deg: float | None = None
-    alt_m: float | None = None
-    acc_m: float | None = None
-    hdop: float | None = None
-    sats_used: int | None = None
-    quality: int | None = None
-    speed_mps: float | None = None
-    course_deg: float | None = None
+    valid: Annotated[Flag, "1 when the receiver had a position"]
+    utc_ns: Annotated[Time, "ns since 1970 UTC, by GPS"] = None
+    lat_deg: Annotated[Real, "deg north, WGS 84"] = None
+    lon_deg: Annotated[Real, "deg east, WGS 84"] = None
+    alt_m: Annotated[Real, "m above sea level"] = None
+    acc_m: Annotated[Real, "m, radius that holds 68 % of the positions"] = None
+    hdop: Annotated[Real, "1"] = None
+    sats_used: Annotated[Count, "satellites"] = None
+    quality: Annotated[Count, "NMEA 0183 GGA quality"] = None
+    speed_mps: Annotated[Real, "m/s"] = None
+    course_deg: Annotated[Real, "deg clockwise from true north"] = None
 
 
 @dataclass(frozen=True, slots=True)
 class CellReading:
-    """One cell as one reply of a modem reports it; identities are integers whatever base the modem
-    prints.
+    """One cell as one reply of a modem reports it.
 
-    `lac` is that of GSM and WCDMA, `tac` that of LTE and later; `arfcn` is the channel of any
-    technology. `ta` is the GSM timing advance in steps of 553.5 m (3GPP TS 45.010). `label` names
-    the cell where a file was imported that has no identity; a modem never fills it. `more` is what
-    else the modem prints and the run file keeps as raw bytes only. `identity_unsure`: the form of
-    the row does not rule out that a byte of the identity was lost or doubled.
+    Identities are integers, whatever base the modem prints. `label` names the cell if an imported
+    file has no identity; a modem never fills it. `more` is what else the modem prints, which the
+    run file keeps as raw bytes only. `identity_unsure`: the form of the row does not exclude that a
+    byte of the identity was lost or doubled.
     """
 
-    role: Role
-    rat: Rat | None = None
-    mcc: str | None = None
-    mnc: str | None = None
-    lac: int | None = None
-    cid: int | None = None
-    tac: int | None = None
-    arfcn: int | None = None
-    arfcn_raw: int | None = None
-    band: int | str | None = None
-    bsic: int | None = None
-    psc: int | None = None
-    pci: int | None = None
-    rxlev_raw: int | None = None
-    rxq: int | None = None
-    rssi_dbm: float | None = None
-    rscp_dbm: float | None = None
-    ecio_db: float | None = None
-    rsrp_dbm: float | None = None
-    rsrq_db: float | None = None
-    sinr_db: float | None = None
-    ta: int | None = None
-    c1: int | None = None
-    c2: int | None = None
+    role: Annotated[Role, "S12", "serving, neighbour or scan"]
+    rat: Annotated[Rat | None, "S8", "radio access technology"] = None
+    mcc: Annotated[Digits, "mobile country code, as printed"] = None
+    mnc: Annotated[Digits, "mobile network code, as printed"] = None
+    lac: Annotated[Count, "location area code, GSM and WCDMA"] = None
+    tac: Annotated[Count, "tracking area code, LTE and later"] = field(default=None, kw_only=True)
+    cid: Annotated[LongId, "cell identity"] = None
+    arfcn: Annotated[Count, "channel number"] = None
+    arfcn_raw: Annotated[Count, "channel number as printed"] = None
+    band: Annotated[int | str | None, "S12", "band as printed"] = None
+    bsic: Annotated[Count, "GSM: 8 NCC + BCC"] = None
+    psc: Annotated[Count, "WCDMA: primary scrambling code"] = None
+    pci: Annotated[Count, "LTE and later: physical cell identity"] = None
+    rxlev_raw: Annotated[Count, "level index as printed"] = None
+    rxq: Annotated[Count, "quality index as printed"] = None
+    rssi_dbm: Annotated[Real, "dBm"] = None
+    rscp_dbm: Annotated[Real, "dBm, WCDMA"] = None
+    ecio_db: Annotated[Real, "dB, WCDMA"] = None
+    rsrp_dbm: Annotated[Real, "dBm, LTE and later"] = None
+    rsrq_db: Annotated[Real, "dB, LTE and later"] = None
+    sinr_db: Annotated[Real, "dB, LTE and later"] = None
+    ta: Annotated[Count, "timing advance, steps of 553.5 m"] = None
+    c1: Annotated[Signed, "path loss criterion C1"] = None
+    c2: Annotated[Signed, "reselection criterion C2"] = None
     label: str | None = None
-    identity_unsure: bool = False
+    identity_unsure: Annotated[Flag, 0, "1 where a byte of the identity may be lost or doubled"] = (
+        False
+    )
     more: Mapping[str, int | str | None] = field(default_factory=dict, hash=False)
 
     @property
     def cell(self) -> str | None:
-        """Name of the cell, `mcc-mnc-area-cid`, or None while the modem has not decoded who it
-        is.
-        """
+        """Name of the cell, `mcc-mnc-area-cid`; None while the modem has not decoded it."""
         if self.label is not None:
             return self.label
         area = self.tac if self.lac is None else self.lac
-        if self.mcc is None or self.mnc is None or area is None or self.cid is None:
+        if None in (self.mcc, self.mnc, area, self.cid):
             return None
         return f"{self.mcc}-{self.mnc}-{area}-{self.cid}"
 
     @property
     def level_dbm(self) -> float | None:
-        """Level used for estimation: that of the cell's own signal, where the technology tells it
-        apart.
+        """Level used for estimation: that of the cell's own signal, if the technology has one.
 
-        Where a modem documents no dBm scale the nominal one of 3GPP TS 45.008 8.1.4 stands in (-110
-        dBm + RXLEV); its unknown offset is the same for all readings of the modem and ends up in
-        P0.
+        Modems without a documented dBm scale get the nominal one of 3GPP TS 45.008, 8.1.4. Its
+        unknown offset is the same for all readings of the modem and becomes part of P0.
         """
         for level_dbm in (self.rsrp_dbm, self.rscp_dbm, self.rssi_dbm):
             if level_dbm is not None:
                 return level_dbm
-        return None if self.rxlev_raw is None else self.rxlev_raw - 110.0
+        return None if self.rxlev_raw is None else self.rxlev_raw + RXLEV_0_DBM
 
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """All cells of one reply of a modem, begun at `t_start_ns`; empty where it says that there is
-    no cell.
+    """All cells of one reply of a modem, begun at `t_start_ns`; empty if it reports no cell.
 
     `fix_start_seq` and `fix_seq` are the record numbers of the fixes that were current when it
     began and when it was recorded, None without one.
     """
 
-    t_start_ns: int
+    t_start_ns: Annotated[Seq, "ns since boot, when the modem was asked"]
     readings: tuple[CellReading, ...]
-    fix_start_seq: int | None = None
-    fix_seq: int | None = None
+    fix_start_seq: Annotated[LongId, "seq of the fix current when the modem was asked"] = None
+    fix_seq: Annotated[LongId, "seq of the fix current at the end of the scan"] = None
 
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """Something that happened: a port lost, bytes dropped, a new target, the reason of the stop."""
+    """An event: a port lost, bytes dropped, a new target, the reason of the stop."""
 
-    level: Level
-    code: str
-    text: str
+    level: Annotated[Level, "S8", "info, warning or error"]
+    code: Annotated[str, "S24", "kind of event"]
+    text: Annotated[str, "S400", "what happened"]
 
 
 @dataclass(frozen=True, slots=True)
 class LiveEstimate:
-    """State, covariance and innovation of the on-device estimate after the reading of `cell` in
-    scan `scan_seq`.
+    """The on-device estimate after the reading of `cell` in scan `scan_seq`.
 
-    `utm_zone` is negative south of the equator; p_.. is the upper triangle of P in state order x,
-    y, P0 (0), eta (e). `probability` is that of the place the state belongs to: below 1 there are
-    others.
+    p_.. is the upper triangle of the covariance of [x, y, P0, eta], written x, y, 0, e.
+    `probability` is that of the position the state belongs to: below 1 there are others.
     """
 
-    scan_seq: int
-    stage: str
-    cell: str
-    n: int
-    utm_zone: int
-    x_m: float
-    y_m: float
-    p0_dbm: float
-    eta: float
-    p_xx: float
-    p_xy: float
-    p_x0: float
-    p_xe: float
-    p_yy: float
-    p_y0: float
-    p_ye: float
-    p_00: float
-    p_0e: float
-    p_ee: float
-    innovation_db: float
-    innovation_var_db2: float
-    probability: float
+    scan_seq: Annotated[Seq, "seq of the scan that was used"]
+    stage: Annotated[str, "S16", "which estimator"]
+    cell: Annotated[str, "S64", "target"]
+    n: Annotated[Int, "readings used so far"]
+    utm_zone: Annotated[Int, "UTM zone, negative south of the equator"]
+    x_m: Annotated[Float, "m east"]
+    y_m: Annotated[Float, "m north"]
+    p0_dbm: Annotated[Float, "dBm at 1 m"]
+    eta: Annotated[Float, "1"]
+    p_xx: Covariance
+    p_xy: Covariance
+    p_x0: Covariance
+    p_xe: Covariance
+    p_yy: Covariance
+    p_y0: Covariance
+    p_ye: Covariance
+    p_00: Covariance
+    p_0e: Covariance
+    p_ee: Covariance
+    innovation_db: Annotated[Float, "dB"]
+    innovation_var_db2: Annotated[Float, "dB^2"]
+    probability: Annotated[Float, "1, of the place; below 1 there are others"]
 
 
 Value = RawBytes | Fix | Scan | Note | LiveEstimate
@@ -174,9 +184,7 @@ Value = RawBytes | Fix | Scan | Note | LiveEstimate
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A value, when it was complete (time since boot) and where it came from ("modem", "gnss",
-    "logger", ...).
-    """
+    """A value, when it was complete (ns since boot) and its source ("modem", "gnss", "logger")."""
 
     t_ns: int
     source: str

@@ -13,8 +13,9 @@ from dataclasses import fields as fields_of
 from dataclasses import replace
 from pathlib import Path
 
+from logger.core.column import UNKNOWN_SIGNED
 from logger.core.geo import check_position
-from logger.core.schema import TABLES, UNKNOWN_SIGNED
+from logger.core.schema import TABLES
 from logger.core.types import CellReading, Fix
 from logger.core.utc import utc_text
 from postproc.interop import csv_table

@@ -6,8 +6,8 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
+from logger.core.column import UNKNOWN_TIME
 from logger.core.runfile import Run
-from logger.core.schema import UNKNOWN_TIME
 from postproc.pictures.clock import clock_of
 
 PAUSE_NS = 60 * 10**9

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.schema import UNKNOWN_TIME
+from logger.core.column import UNKNOWN_TIME
 from logger.core.timebase import fit
 from logger.core.utc import utc_text
 

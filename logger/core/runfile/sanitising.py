@@ -11,8 +11,9 @@ from typing import get_args
 import numpy as np
 import numpy.typing as npt
 
+from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
 from logger.core.rows import Rows
-from logger.core.schema import MOST_NS, TABLES, UNKNOWN_ID, UNKNOWN_TIME
+from logger.core.schema import MOST_NS, TABLES
 from logger.core.types import Level, Rat, Role
 
 _LAST_SEQ = 2**53

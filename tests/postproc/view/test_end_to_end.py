@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from logger.core.column import UNKNOWN_TIME
 from logger.core.runfile import RunWriter, read_run
-from logger.core.schema import UNKNOWN_TIME
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.pictures.clock import clock_of
 from postproc.view.end_to_end import PAUSE_NS, end_to_end
