@@ -3,22 +3,23 @@ PYTHON ?= python3
 BIN := .venv/bin
 DEMO := demo-out
 
-.PHONY: demo test test-oldest lint test-faults test-boot test-view fuzz soak bench scoreboard wheels clean
+.PHONY: demo test test-oldest lint test-faults test-boot test-view fuzz soak bench scoreboard docs wheels clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
 	@echo "== walk: 31 minutes at 40 times the speed, simulated modem and receiver behind real ptys (50 s)"
 	$(BIN)/fieldlogger simulate --out $(DEMO) --speed 40 --seed 3
 	mv $(DEMO)/run-000001.h5 $(DEMO)/run.h5 && mv $(DEMO)/run-000001.journal $(DEMO)/run.journal
-	@echo "== desk"
+	@echo "== desktop program"
 	$(BIN)/postproc smooth $(DEMO)/run.h5
 	$(BIN)/postproc view $(DEMO)/run.h5 --save $(DEMO)/run.rrd
 	$(BIN)/postproc plot $(DEMO)/run.h5 -o $(DEMO)/run.png
 	$(BIN)/postproc report $(DEMO)/run.h5
-	@echo "== done: $(DEMO)/run.html tells the walk; $(BIN)/postproc view $(DEMO)/run.rrd opens it in the viewer, on this machine only"
+	@echo "== done: open $(DEMO)/run.html in a browser,"
+	@echo "   or the walk in the viewer: $(BIN)/postproc view $(DEMO)/run.rrd"
 
-# by two processes: many tests wait for a service in real time, so a machine of two cores is not
-# busier with two. WORKERS=0 runs them one after another, for a debugger.
+# Two processes, because many tests wait for a service in real time. WORKERS=0 runs the tests one
+# after another, for a debugger.
 WORKERS ?= 2
 test: lint
 	$(BIN)/pytest -m "not slow" -n $(WORKERS) --dist worksteal
@@ -29,13 +30,13 @@ lint: .venv/dev.stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# the logger with the oldest libraries it allows, those of Debian 12; without the tests that need the desk
+# the logger with the oldest libraries it allows, those of Debian 12; without tests of the desktop program
 OLDEST := numpy==1.24.* h5py==3.8.* pyproj==3.4.* pyserial==3.5 pynmea2==1.15.* msgspec==0.18.0
 test-oldest: .venv/oldest.stamp
 	.venv/oldest/bin/pytest -m "not slow" $$(grep -rLE '^ *(from|import) (postproc|benchmarks|scipy|filterpy)' \
 		--include='test_*.py' tests/core tests/drivers tests/device tests/sim tests/systemd)
 
-# what systemd/install.sh --wheels takes, for a Pi without a network; Debian 13 has Python 3.13
+# wheels for systemd/install.sh --wheels, for a Pi without a network; Debian 13 has Python 3.13
 ARCH ?= aarch64
 PY ?= 3.11
 wheels: .venv/pip.stamp
@@ -43,13 +44,13 @@ wheels: .venv/pip.stamp
 	$(BIN)/pip download --disable-pip-version-check --no-deps --only-binary=:all: -d dist/wheels \
 		--platform manylinux2014_$(ARCH) --python-version $(PY) 'msgspec>=0.18'
 
-# the long forms: the service killed 50 times and a recorder 1000 times, 10 000 damaged journals, failing cards
+# the long tests: the service killed 50 times, a recorder 1000 times; damaged journals, failing cards
 test-faults: .venv/dev.stamp
 	CELLWALK_KILLS=50 $(BIN)/pytest -s tests/device/test_kill.py
 	$(BIN)/pytest -s tests/device/test_faults.py
 	$(BIN)/pytest -m slow --ignore tests/boot --ignore tests/view --deselect tests/device/test_kill.py --deselect tests/core/runfile/test_soak.py
 
-# coverage-guided, an hour each; see tests/fuzz/README.md
+# coverage-guided fuzzing, an hour for each target; see tests/fuzz/README.md
 FUZZ_S ?= 3600
 fuzz: .venv/dev.stamp
 	$(BIN)/pip install --disable-pip-version-check atheris
@@ -59,19 +60,19 @@ fuzz: .venv/dev.stamp
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_journal.py -max_total_time=$(FUZZ_S) -max_len=2048 -len_control=0 .venv/fuzz/journal
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_hdf5.py -max_total_time=$(FUZZ_S)
 
-# a real boot under QEMU by ../shared/bootrig: install, walk, unplug, cut the power; half an hour without KVM
+# a complete boot under QEMU with ../shared/bootrig: install, walk, unplug, power cut; half an hour without KVM
 # CELLWALK_CUTS=300 CELLWALK_REPLUGS=50 CELLWALK_BOARD=arm64 CELLWALK_BOOT_CACHE=DIR (for the image; 6 GB)
 test-boot: .venv/dev.stamp
 	$(BIN)/pytest -s tests/boot
 
-# the viewer drawn by a processor, and what is served in a real browser; skips what this machine lacks. Debian has it:
+# the viewer with software rendering, and the pages in a real browser; skips what is not installed. On Debian:
 # apt-get install chromium chromium-driver mesa-vulkan-drivers npm strace
 AXE := .venv/axe/node_modules/axe-core/axe.min.js
 test-view: .venv/dev.stamp
 	test -e $(AXE) || npm install --silent --no-fund --prefix .venv/axe axe-core@4.14.1 || true
 	CELLWALK_AXE=$(AXE) $(BIN)/pytest tests/view
 
-# a day of records at full speed, what an hour costs the card, and the service for two hours in real time
+# a day of records at full speed, bytes written in an hour, and the service for two hours in real time
 soak: .venv/dev.stamp
 	$(BIN)/pytest -s tests/core/runfile/test_soak.py
 	$(BIN)/python benchmarks/recording.py
@@ -89,6 +90,14 @@ bench: .venv/dev.stamp
 # errors and coverage of every estimator over simulated and measured walks: about half an hour
 scoreboard: .venv/dev.stamp
 	$(BIN)/python benchmarks/accuracy.py
+
+# the pages of docs/ as a static site in dist/docs, without a network; warnings are errors
+docs: .venv/docs.stamp
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs dist/docs
+
+.venv/docs.stamp: .venv/pip.stamp pyproject.toml
+	$(BIN)/pip install --disable-pip-version-check -e '.[docs]'
+	touch $@
 
 .venv/pip.stamp:
 	$(PYTHON) -m venv .venv

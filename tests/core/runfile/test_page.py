@@ -1,4 +1,4 @@
-"""RUNFILE.md says what the schema says, and what other programs find in the HDF5 file."""
+"""docs/runfile.md agrees with the schema and with what other programs read in the HDF5 file."""
 
 import shutil
 import subprocess
@@ -13,7 +13,7 @@ from logger.core.runfile.hdf5 import RAW_BYTES
 from logger.core.schema import SCHEMA_VERSION, TABLES
 from tests.kit import runs
 
-PAGE = (Path(__file__).parents[3] / "RUNFILE.md").read_text()
+PAGE = (Path(__file__).parents[3] / "docs/runfile.md").read_text()
 
 
 def tables_as_text() -> str:
@@ -36,7 +36,7 @@ def tables_as_text() -> str:
 
 def test_the_page_lists_every_column():
     assert tables_as_text() in PAGE, (
-        "python -m tests.core.runfile.test_page prints the tables for RUNFILE.md"
+        "python -m tests.core.runfile.test_page prints the tables for docs/runfile.md"
     )
 
 

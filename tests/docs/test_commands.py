@@ -1,0 +1,99 @@
+"""Every shell command in the documentation is run, or checked where it cannot be run here."""
+
+import gzip
+import re
+import shlex
+import shutil
+
+import pytest
+
+from logger.core.runfile import finish_journal
+from postproc.verification.cell_export import COLUMNS
+from tests.docs import commands, known_names
+from tests.docs.pages import PAGES, ROOT, name_of, shell_lines
+from tests.kit.sample_results import LAT, LON, write_run
+
+NOT_RUN = {
+    "postproc view": "opens a window; tests/view runs it",
+    "postproc replay": "needs a recorded live estimate; tests/postproc/test_replay.py runs it",
+    "postproc share": "needs a longer walk; tests/postproc/interop/test_share.py runs it",
+    "fieldlogger probe": "opens the serial ports of this machine",
+    "fieldlogger doctor": "examines this machine; tests/test_doctor.py runs it",
+    "fieldlogger run": "records until stopped; tests/device/test_service.py runs it",
+    "fieldlogger simulate": "takes a minute; tests/sim/test_simulate_command.py runs it",
+    "postproc toa simulate": "takes long; tests/postproc/reproductions/toa runs it",
+    "postproc validate": "takes long; tests/postproc/reproductions/validate runs it",
+}
+"""Commands of which only the name and the options are checked."""
+CELL_ROW = f"GSM,262,1,4711,100,0,{LON},{LAT},1000,7,1,1282569574,1300155341,0\n"
+PAGE_OF = {" ".join(line.split()): page for page in PAGES for line in shell_lines(page)}
+OURS = [line for line in PAGE_OF if re.search(r"\b(postproc|fieldlogger) ", line)]
+OTHERS = [line for line in PAGE_OF if line not in OURS]
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A folder with every file that the commands of the documentation name."""
+    folder = tmp_path_factory.mktemp("files")
+    journal = folder / "run-000017.journal"
+    write_run(journal, seconds=240, cells=1)
+    run = finish_journal(journal)
+    for name in ("run.h5", "a.h5"):
+        shutil.copy(run, folder / name)
+    write_run(folder / "b.journal", seconds=200, cells=1, speed_mps=1.1)
+    finish_journal(folder / "b.journal")
+    (folder / "DIR").mkdir()
+    shutil.copy(journal, folder / "DIR")
+    with gzip.open(folder / "cells.csv.gz", "wt") as cells:
+        cells.write(",".join(COLUMNS) + "\n" + CELL_ROW)
+    shutil.copy(ROOT / "tests/drivers/data/sitch_sim800l_mode2.txt", folder / "reply.txt")
+    shutil.copy(ROOT / "systemd/site.toml", folder / "site.toml")
+    assert commands.run("postproc", "export", str(folder / "run.h5"), "-o", str(folder / "FILE"),
+                        "--format", "csv")[0] == 0  # fmt: skip
+    return folder
+
+
+def _words(line: str) -> list[str]:
+    """Words of a command without `sudo` and without the shell around it."""
+    inner = re.search(r"\$\((.*)\)", line)
+    words = shlex.split(inner[1] if inner else line)
+    return words[1:] if words[0] == "sudo" else words
+
+
+def _id(line: str) -> str:
+    return f"{name_of(PAGE_OF[line])}: {line}"
+
+
+@pytest.mark.parametrize("line", OURS, ids=_id)
+def test_our_commands_run(line, files, monkeypatch):
+    monkeypatch.chdir(files)
+    program, *arguments = _words(line)
+    assert commands.fits(shlex.join([program, *arguments])), line
+    if any(" ".join([program, *arguments]).startswith(name) for name in NOT_RUN):
+        return
+    if "HEX" in arguments:
+        digest = re.search(r"[0-9a-f]{64}", commands.run("postproc", "info", "run.h5", "--json")[1])
+        arguments[arguments.index("HEX")] = digest[0]
+    code, output = commands.run(program, *arguments)
+    assert code == 0, output
+
+
+def test_commands_that_are_not_run_are_in_the_documentation():
+    lines = [" ".join(_words(line)) for line in OURS]
+    assert [name for name in NOT_RUN if not any(s.startswith(name) for s in lines)] == []
+
+
+@pytest.mark.parametrize("line", OTHERS, ids=_id)
+def test_other_commands_name_what_exists(line):
+    """Installation and make change the machine or take long: their names are checked."""
+    match _words(line):
+        case ["make", target]:
+            assert target in known_names.make_targets()
+        case ["pip", "install", package]:
+            assert package == "." or package.strip(".[]") in known_names.extras()
+        case ["systemctl", "start", unit]:
+            assert (ROOT / "systemd" / f"{unit}.service").is_file()
+        case [script] if script.startswith("./"):
+            assert (ROOT / script).stat().st_mode & 0o100
+        case words:
+            pytest.fail(f"unknown command: {words}")
