@@ -24,6 +24,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.special import softmax
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.model import marginal
 from logger.core.model.blocks import squares
 from logger.core.model.noise import correlation, independent_variance
 from logger.core.model.prior import Hypothesis, Prior
@@ -44,6 +45,7 @@ SIGMA_DB = _NOISE.sigma_db
 """Median of those walks with the true position known; counts as one more reading."""
 
 _MOST_SQUARES = 300  # their covariance is factored for each hypothesis
+_FLAT = 1e-9  # precision of columns whose mean square is 1: nothing but keeps them invertible
 _NEGLIGIBLE_DB2 = 1e-9  # misfit of levels that fit exactly
 
 
@@ -94,7 +96,8 @@ def residual_noise(
     apart_m = np.hypot(x[:, None] - x, y[:, None] - y)
     hypotheses = _testable(0.5 * float(np.max(apart_m)))
     shapes = np.array([_shape(apart_m, n_there, h) for h in hypotheses])
-    log_p, variance_db2 = np.array([_restricted_likelihood(k, scaled, e) for k in shapes]).T
+    likelihoods = [_restricted_likelihood(shape, scaled, e) for shape in shapes]
+    log_p, variance_db2 = np.array(likelihoods).T
     p = softmax(log_p)
     white_share, decorrelation_m, trust = np.array(hypotheses).T
     covariance = np.einsum("h,hij->ij", p * variance_db2 / trust, shapes)
@@ -127,12 +130,19 @@ def _shape(apart_m: FloatArray, readings: FloatArray, hypothesis: Hypothesis) ->
 def _restricted_likelihood(
     shape: FloatArray, design: FloatArray, e: FloatArray
 ) -> tuple[float, float]:
-    """Log restricted likelihood of K, and the mean of sigma^2 under it."""
+    """Log restricted likelihood of K, and the mean of sigma^2 under it.
+
+    The coefficients of the design are integrated out by the model's marginaliser under a prior that
+    is flat beside any reading.
+    """
+    k = design.shape[1]
     root = cholesky(shape, lower=True)
-    white = solve_triangular(root, np.column_stack([design, e]), lower=True)
-    basis, size, _ = np.linalg.svd(white[:, :-1], full_matrices=False)
-    off = white[:, -1] - basis @ (basis.T @ white[:, -1])
-    misfit_db2, free = float(off @ off), max(len(e) - design.shape[1], 0)
-    log_det = np.sum(np.log(np.diag(root))) + np.sum(np.log(np.maximum(size, 1e-9 * size[0])))
-    log_p = -float(log_det) - 0.5 * free * np.log(misfit_db2 + _NEGLIGIBLE_DB2)
+    white = solve_triangular(root, np.column_stack([e, design]), lower=True)
+    sums = (white.T @ white)[np.tril_indices(k + 1)]
+    flat = marginal.augmented(np.zeros(k), _FLAT * np.eye(k))
+    no_weight, sigma_1 = 0.0, np.zeros((1, 1))
+    rest = marginal.fit(np.append(sums, no_weight)[:, None, None], flat[:, None, None], sigma_1)
+    misfit_db2, free = max(float(rest.misfit[0, 0]), 0.0), max(len(e) - k, 0)
+    log_det = 2.0 * float(np.sum(np.log(np.diag(root)))) + float(rest.log_det[0, 0])
+    log_p = -0.5 * (log_det + free * np.log(misfit_db2 + _NEGLIGIBLE_DB2))
     return log_p, (misfit_db2 + SIGMA_DB**2) / max(free - 1.0, 0.5)

@@ -78,7 +78,7 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
         expected.append(
             np.log(np.trapezoid(density, np.log(sigma[::20])))
         )  # over a flat prior of log sigma
-    got = [residual_covariance._restricted_likelihood(shape, design, e)[0] for shape in shapes]
+    got = [residual_covariance._restricted_likelihood(k, design, e)[0] for k in shapes]
     np.testing.assert_allclose(np.diff(got), np.diff(expected), atol=1e-2)
 
 
