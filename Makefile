@@ -31,7 +31,7 @@ lint: .venv/dev.stamp
 	$(BIN)/lint-imports
 
 # the logger with the oldest libraries it allows, those of Debian 12; without tests of the desktop program
-OLDEST := numpy==1.24.* h5py==3.8.* pyproj==3.4.* pyserial==3.5 pynmea2==1.15.* msgspec==0.18.0
+OLDEST := numpy==1.24.* h5py==3.8.* pyproj==3.4.* pyserial==3.5 pynmea2==1.15.* msgspec==0.18.0 click==8.1.*
 test-oldest: .venv/oldest.stamp
 	.venv/oldest/bin/pytest -m "not slow" $$(grep -rLE '^ *(from|import) (postproc|benchmarks|scipy|filterpy)' \
 		--include='test_*.py' tests/core tests/drivers tests/device tests/sim tests/systemd)

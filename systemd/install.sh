@@ -9,7 +9,7 @@
 set -eu
 
 here=$(dirname "$(readlink -f "$0")")
-packages="python3-venv python3-numpy python3-h5py python3-serial python3-pyproj python3-nmea2"
+packages="python3-venv python3-click python3-numpy python3-h5py python3-serial python3-pyproj python3-nmea2"
 wheels='' prefix=/opt/cellwalk root='' uninstall=''
 
 usage() { sed -n 's/^# \{0,1\}//; 2,8p' "$0"; }
@@ -84,7 +84,7 @@ program() {
         ln -sfn /usr/share/proj "$venv/share/proj"
     fi
     # Debian's h5py is not called h5py in pip's books, so that what can be imported counts
-    for module in h5py msgspec numpy pynmea2 pyproj serial; do
+    for module in click h5py msgspec numpy pynmea2 pyproj serial; do
         "$venv/bin/python" -c "import $module" 2>/dev/null && continue
         [ $module = serial ] && module=pyserial
         pip "$module" || fail "$module is missing; without a network give --wheels (README.md)"

@@ -1,14 +1,21 @@
-"""The commands `verify`, `verify-theory` and `celldb` of `postproc`."""
+"""The commands `verify` and `celldb` of `postproc`."""
 
-import argparse
-import re
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from logger.core.arguments import file_path, height, input_path, whole
+import click
+
+from logger.command_line import FILE, INPUT, json_option
 from logger.core.errors import ConfigError
-from postproc.atomic_write import check_writable
+from postproc.options import (
+    false_alarm_option,
+    only_one,
+    prior_options,
+    run_argument,
+)
 
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior
@@ -17,77 +24,32 @@ if TYPE_CHECKING:
     from postproc.verification.run_claims import Verified
 
 
-def add_verify(verify: argparse.ArgumentParser) -> None:
-    what = verify.add_mutually_exclusive_group(required=True)
-    what.add_argument(
-        "--claim", metavar="LAT,LON[,SIGMA_M]", help="claimed position, of --cell or of every cell"
-    )
-    what.add_argument(
-        "--claims",
-        type=input_path,
-        metavar="FILE",
-        help="CSV (cell,lat,lon[,sigma_m]), cell export or cells.db",
-    )
-    what.add_argument(
-        "--sites", action="store_true", help="is --cell heard from one place or from two?"
-    )
-    southern(verify)
-    verify.add_argument("--cell", metavar="NAME", help="only this cell")
-    verify.add_argument(
-        "--against",
-        type=input_path,
-        metavar="RUN",
-        help="with --sites: a second run of the same cell",
-    )
-    verify.add_argument(
-        "--pfa", type=float, default=0.05, metavar="P", help="false-alarm rate (default: 0.05)"
-    )
-    verify.add_argument(
-        "--environment", default="any", help="prior: any (default), open, suburban or urban"
-    )
-    verify.add_argument(
-        "--height",
-        type=height("--height"),
-        metavar="M",
-        help="antenna above the receiver (default: 5 m)",
-    )
-    verify.add_argument("--json", action="store_true")
-    verify.set_defaults(command=_verify_claims)
+@dataclass(frozen=True, slots=True)
+class ClaimOptions:
+    """Claims that a command tests beside its main work, from its options `--claim`, `--claims`."""
+
+    texts: Sequence[str]
+    path: Path | None
+    p_fa: float
+
+    def __bool__(self) -> bool:
+        return bool(self.texts or self.path)
+
+    def test(self, run: "Run", cells: Sequence[str | None], prior: "Prior") -> "Verified | None":
+        """Test the claims about some cells (None: every cell); None without claims."""
+        from postproc.smoothing import observed_cells
+        from postproc.verification.claims import parse_claim, read_claims
+
+        if not self:
+            return None
+        only = [cell for cell in cells if cell] or None
+        claims = [parse_claim(text, cell) for text in self.texts for cell in cells]
+        if self.path:
+            claims += read_claims(self.path, list(observed_cells([run], only)))
+        return _test(run, claims, self.p_fa, prior, only)
 
 
-def add_claims(parser: argparse.ArgumentParser) -> None:
-    """Options of a command that also tests claims, for `verified`."""
-    southern(parser)
-    what = "claimed position, of --cell or of every cell (may be repeated)"
-    parser.add_argument("--claim", action="append", metavar="LAT,LON[,SIGMA_M]", help=what)
-    what = "claims: CSV, cell export or cells.db, as for verify"
-    parser.add_argument("--claims", type=input_path, metavar="FILE", help=what)
-
-
-def verified(
-    arguments: argparse.Namespace,
-    run: "Run",
-    cells: Sequence[str | None],
-    p_fa: float,
-    prior: "Prior",
-) -> "Verified | None":
-    """What a run says of the claims asked for about some cells (None: every cell); None where none
-    were.
-    """
-    from postproc.smoothing import observed_cells
-    from postproc.verification.claims import parse_claim, read_claims
-
-    if not arguments.claim and not arguments.claims:
-        return None
-    found = [parse_claim(text, cell) for text in arguments.claim or () for cell in cells]
-    if arguments.claims:
-        found += read_claims(
-            arguments.claims, list(observed_cells([run], [cell for cell in cells if cell] or None))
-        )
-    return _tested(run, found, p_fa, prior, [cell for cell in cells if cell] or None)
-
-
-def _tested(
+def _test(
     run: "Run", claims: "Sequence[Claim]", p_fa: float, prior: "Prior", only: Sequence[str] | None
 ) -> "Verified":
     from postproc.progress import shown
@@ -98,137 +60,120 @@ def _tested(
     return verification.adjusted(list(shown(verification.each(), "verifying", len(names), names)))
 
 
-def southern(parser: argparse.ArgumentParser) -> None:
-    """Let an argument begin with the minus of a coordinate, as a latitude south of the equator
-    does.
+@click.command
+@run_argument
+@click.option(
+    "--claim", metavar="LAT,LON[,SIGMA_M]", help="Claimed position of --cell or of every cell."
+)
+@click.option(
+    "--claims",
+    "claims_path",
+    type=INPUT,
+    metavar="FILE",
+    help="CSV (cell,lat,lon[,sigma_m]), cell export or cells.db.",
+)
+@click.option("--sites", is_flag=True, help="Test whether --cell has one transmitter or two.")
+@click.option("--cell", metavar="NAME", help="Only this cell.")
+@click.option(
+    "--against", type=INPUT, metavar="RUN", help="With --sites: a second run of the same cell."
+)
+@false_alarm_option
+@prior_options
+@json_option
+def verify(
+    path: Path,
+    claim: str | None,
+    claims_path: Path | None,
+    cell: str | None,
+    against: Path | None,
+    p_fa: float,
+    prior: "Prior",
+    *,
+    sites: bool,
+    as_json: bool,
+) -> None:
+    """Test claimed positions of cells.
+
+    Each is consistent, rejected or cannot be decided; the power of the test is printed too.
     """
-    parser._negative_number_matcher = re.compile(r"-[\d.]")  # noqa: SLF001 (argparse has no other way)
-
-
-def add_theory(theory: argparse.ArgumentParser) -> None:
-    southern(theory)
-    theory.add_argument(
-        "--pfa", type=float, default=0.05, metavar="P", help="false-alarm rate (default: 0.05)"
-    )
-    theory.add_argument(
-        "--receivers",
-        nargs="+",
-        metavar="X,Y[,Z]",
-        help="metres from the true place (default: ours)",
-    )
-    theory.add_argument(
-        "--sigma", type=float, nargs="+", metavar="M", help="of a range (default: 100 and 20000 m)"
-    )
-    theory.add_argument(
-        "--trials", type=int, default=20_000, metavar="N", help="simulated claims (default: 20000)"
-    )
-    theory.add_argument("--seed", type=whole("--seed", 0, 2**63 - 1), default=0, metavar="N")
-    theory.add_argument("--json", action="store_true")
-    theory.set_defaults(command=_verify_theory)
-
-
-def add_celldb(celldb: argparse.ArgumentParser) -> None:
-    commands = celldb.add_subparsers(required=True, metavar="COMMAND")
-    imports = commands.add_parser("import", help="add exports to a database file")
-    imports.add_argument(
-        "file",
-        type=input_path,
-        nargs="+",
-        metavar="FILE",
-        help="world, country or MLS export, .gz or plain",
-    )
-    imports.add_argument("-o", "--output", type=file_path, required=True, metavar="CELLS.DB")
-    imports.add_argument("--json", action="store_true")
-    imports.set_defaults(command=_celldb_import)
-    lookup = commands.add_parser("lookup", help="cells by identity or around a place")
-    southern(lookup)
-    lookup.add_argument("db", type=input_path, metavar="CELLS.DB")
-    which = lookup.add_mutually_exclusive_group(required=True)
-    which.add_argument("--cell", metavar="MCC-MNC-AREA-CID")
-    which.add_argument(
-        "--near", metavar="LAT,LON[,RADIUS_M]", help="nearest first, at most 100 (default: 1000 m)"
-    )
-    lookup.add_argument("--json", action="store_true")
-    lookup.set_defaults(command=_celldb_lookup)
-
-
-def _verify_claims(arguments: argparse.Namespace) -> int:
-    from logger.core.model.prior import prior_for
     from logger.core.runfile import read_sound_run
-    from postproc.json_text import as_json
+    from postproc.json_text import as_json as json_text
     from postproc.smoothing import observed_cells
-    from postproc.verification import claims, tables
+    from postproc.verification import tables
+    from postproc.verification.claims import parse_claim, read_claims
 
-    run, prior = (
-        read_sound_run(arguments.run),
-        prior_for(arguments.environment, height_m=arguments.height),
-    )
-    if arguments.sites:
-        return _verify_sites(arguments, run, prior)
-    if arguments.against is not None:
+    only_one({"--claim": claim, "--claims": claims_path, "--sites": sites}, is_required=True)
+    run, only = read_sound_run(path), [cell] if cell else None
+    if sites:
+        other = read_sound_run(against) if against is not None else None
+        _verify_sites(run, other, only, p_fa, prior, as_json=as_json)
+        return
+    if against is not None:
         raise ConfigError("--against goes with --sites")
-    heard = observed_cells([run], arguments.cell and [arguments.cell])
-    if arguments.claim is not None:
-        found = [claims.parse_claim(arguments.claim, arguments.cell)]
+    observed = observed_cells([run], only)
+    if claim is not None:
+        claims = [parse_claim(claim, cell)]
+    elif claims_path is not None:
+        claims = read_claims(claims_path, list(observed))
+    verified = _test(run, claims, p_fa, prior, only)
+    if as_json:
+        print(json_text(tables.as_dict(verified)))
     else:
-        found = claims.read_claims(arguments.claims, list(heard))
-    tested = _tested(run, found, arguments.pfa, prior, arguments.cell and [arguments.cell])
-    if arguments.json:
-        print(as_json(tables.as_dict(tested)))
-    else:
-        tables.print_verified(tested)
-    return 0
+        tables.print_verified(verified)
 
 
-def _verify_sites(arguments: argparse.Namespace, run: "Run", prior: "Prior") -> int:
-    from logger.core.runfile import read_sound_run
-    from postproc.json_text import as_json
+def _verify_sites(
+    run: "Run",
+    other: "Run | None",
+    only: Sequence[str] | None,
+    p_fa: float,
+    prior: "Prior",
+    *,
+    as_json: bool,
+) -> None:
+    from postproc.json_text import as_json as json_text
     from postproc.progress import shown
     from postproc.smoothing import observed_cells
     from postproc.verification import tables
     from postproc.verification.run_claims import sites_of
 
-    other = read_sound_run(arguments.against) if arguments.against is not None else None
-    heard = observed_cells([run], arguments.cell and [arguments.cell])
-    if other is not None and not arguments.cell:
-        both = observed_cells([other], None)
-        heard = {cell: n for cell, n in heard.items() if cell in both}
-    cells = shown(heard, "one place or two:", len(heard), list(heard))
-    found = [
-        tables.sites_dict(cell, *sites_of(run, cell, other, prior), arguments.pfa) for cell in cells
+    names = list(observed_cells([run], only))
+    if other is not None and not only:
+        in_other = observed_cells([other], None)
+        names = [name for name in names if name in in_other]
+    cells = [
+        tables.sites_dict(name, *sites_of(run, name, other, prior), p_fa)
+        for name in shown(names, "one place or two:", len(names), names)
     ]
-    if arguments.json:
-        print(as_json({"p_fa": arguments.pfa, "cells": found}))
-    else:
-        for cell_found in found:
-            tables.print_sites(cell_found)
-    return 0
+    if as_json:
+        print(json_text({"p_fa": p_fa, "cells": cells}))
+        return
+    for cell in cells:
+        tables.print_sites(cell)
 
 
-def _verify_theory(arguments: argparse.Namespace) -> int:
-    from postproc.json_text import as_json
-    from postproc.reproductions.position_verification import report, tables
-
-    receivers = report.places(arguments.receivers) if arguments.receivers else None
-    sigmas_m = arguments.sigma or report.SIGMAS_M
-    found = report.summary(arguments.pfa, receivers, sigmas_m, arguments.trials, arguments.seed)
-    if arguments.json:
-        print(as_json(found))
-    else:
-        tables.print_theory(found)
-    return 0
+@click.group(no_args_is_help=False)
+def celldb() -> None:
+    """Keep OpenCelliD and Mozilla exports as one indexed file."""
 
 
-def _celldb_import(arguments: argparse.Namespace) -> int:
-    from dataclasses import asdict
+@celldb.command("import")
+@click.argument("paths", type=INPUT, nargs=-1, required=True, metavar="FILE...")
+@click.option("-o", "--output", type=FILE, required=True, metavar="CELLS.DB")
+@json_option
+def import_exports(paths: Sequence[Path], output: Path, *, as_json: bool) -> int:
+    """Add exports to a database file.
 
-    from postproc.json_text import as_json
+    FILE is a world, country or MLS export, .gz or plain.
+    """
+    from postproc.atomic_write import check_writable
+    from postproc.json_text import as_json as json_text
     from postproc.progress import shown
     from postproc.verification.celldb import CellImport
 
-    check_writable(arguments.output)
-    work = CellImport(arguments.file, arguments.output)
-    names = [path.name for path in arguments.file for _ in range(100)]
+    check_writable(output)
+    work = CellImport(list(paths), output)
+    names = [path.name for path in paths for _ in range(100)]
     for _ in shown(work, "importing", len(names), names):
         pass
     imported = work.imported
@@ -236,33 +181,37 @@ def _celldb_import(arguments: argparse.Namespace) -> int:
         return 1
     for bad in imported.bad_rows:
         print(f"{bad.file}: row {bad.row} is no cell: {bad.text}", file=sys.stderr)
-    if arguments.json:
-        print(as_json(asdict(imported) | {"path": str(imported.path)}))
+    if as_json:
+        print(json_text(asdict(imported) | {"path": str(imported.path)}))
     else:
         print(
-            f"{imported.path}: {imported.n_cells} cells; {imported.n_rows} rows read, {imported.n_bad} bad, "
-            f"{imported.n_replaced} replaced by newer ones"
+            f"{imported.path}: {imported.n_cells} cells; {imported.n_rows} rows read, "
+            f"{imported.n_bad} bad, {imported.n_replaced} replaced by newer ones"
         )
     return 0
 
 
-def _celldb_lookup(arguments: argparse.Namespace) -> int:
-    from dataclasses import asdict
-
-    from postproc.json_text import as_json
+@celldb.command
+@click.argument("path", type=INPUT, metavar="CELLS.DB")
+@click.option("--cell", "identity", metavar="MCC-MNC-AREA-CID")
+@click.option(
+    "--near",
+    metavar="LAT,LON[,RADIUS_M]",
+    help="Nearest first, at most 100 (default radius: 1000 m).",
+)
+@json_option
+def lookup(path: Path, identity: str | None, near: str | None, *, as_json: bool) -> None:
+    """Find cells by identity or around a position."""
+    from postproc.json_text import as_json as json_text
     from postproc.verification import tables
     from postproc.verification.celldb import CellDb
     from postproc.verification.parsing import place_of
 
-    database = CellDb(arguments.db)
-    found = (
-        database.by_identity(arguments.cell)
-        if arguments.cell
-        else database.near(*place_of(arguments.near))
-    )
+    only_one({"--cell": identity, "--near": near}, is_required=True)
+    database = CellDb(path)
+    cells = database.by_identity(identity) if identity else database.near(*place_of(near or ""))
     database.close()
-    if arguments.json:
-        print(as_json({"cells": [asdict(cell) for cell in found], "absence_is_an_alarm": False}))
+    if as_json:
+        print(json_text({"cells": [asdict(cell) for cell in cells], "absence_is_an_alarm": False}))
     else:
-        tables.print_cells(found)
-    return 0
+        tables.print_cells(cells)

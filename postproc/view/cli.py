@@ -1,167 +1,170 @@
 """The command `view` of `postproc`."""
 
-import argparse
-import json
-import os
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from logger.core.arguments import file_path, input_path, whole
+import click
+
+from logger.command_line import FILE, INPUT, json_option, number, print_json
 from logger.core.errors import ConfigError
-from postproc.atomic_write import check_output
-from postproc.verification import cli as verify
-
-_P_FA = 0.05
+from postproc.options import claims_options, estimate, only_one, processors, runs_argument
+from postproc.verification.cli import ClaimOptions
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
-    from postproc.result import CellResult
     from postproc.verification.run_claims import CellVerdict
     from postproc.view.view_model import ViewModel
 
-
-def add_view(view: argparse.ArgumentParser) -> None:
-    verify.add_claims(view)
-    view.add_argument(
-        "--cell", action="append", metavar="NAME", help="cell to tell in full (may be repeated)"
-    )
-    view.add_argument(
-        "--basemap",
-        type=input_path,
-        metavar="FILE",
-        help="under the plan: PNG or JPEG with a world file, GeoPackage, MBTiles",
-    )
-    where = view.add_mutually_exclusive_group()
-    where.add_argument(
-        "--save",
-        type=file_path,
-        metavar="RUN.RRD",
-        help="write the recording instead of opening the viewer",
-    )
-    where.add_argument(
-        "--web", action="store_true", help="serve it to a browser on this machine, until Ctrl-C"
-    )
-    view.add_argument(
-        "--port",
-        type=whole("--port", 0, 65_535),
-        metavar="N",
-        help="of --web (default: one that is free)",
-    )
-    view.add_argument(
-        "--json", action="store_true", help="with --save: say what was written as JSON"
-    )
-    view.set_defaults(command=_view)
+_P_FA = 0.05
+"""False-alarm rate of the tests of claims, the default of `verify`."""
 
 
-def _view(arguments: argparse.Namespace) -> int:
+@dataclass(frozen=True, slots=True)
+class _Options:
+    """Options of `view`, by the names of the command line."""
+
+    claim: Sequence[str]
+    claims: Path | None
+    cell: Sequence[str]
+    basemap: Path | None
+    save: Path | None
+    port: int | None
+    web: bool
+    as_json: bool
+
+
+@click.command
+@runs_argument
+@claims_options
+@click.option(
+    "--cell", multiple=True, metavar="NAME", help="Cell to show in detail (may be repeated)."
+)
+@click.option(
+    "--basemap",
+    type=INPUT,
+    metavar="FILE",
+    help="Map under the plan: PNG or JPEG with a world file, GeoPackage, MBTiles.",
+)
+@click.option(
+    "--save",
+    type=FILE,
+    metavar="RUN.RRD",
+    help="Write the recording instead of opening the viewer.",
+)
+@click.option("--web", is_flag=True, help="Serve to a browser on this machine, until Ctrl-C.")
+@click.option(
+    "--port",
+    type=number(int, 0, 65_535),
+    metavar="N",
+    help="Port of --web (default: a free one).",
+)
+@json_option
+def view(paths: Sequence[Path], **options: Any) -> int:
+    """Show runs or a saved recording in rerun or in a browser."""
     from logger.core.runfile import read_sound_run
     from postproc.view.basemap import read_basemap
     from postproc.view.recording import is_recording
     from postproc.view.scene import write_scene
     from postproc.view.viewer import show
 
-    _check(arguments)
-    if any(map(is_recording, arguments.run)):
-        return _show_recording(arguments)
-    runs = [read_sound_run(path) for path in arguments.run]
+    only_one({"--save": options["save"], "--web": options["web"]})
+    chosen = _Options(**options)
+    _check(chosen, paths)
+    if any(map(is_recording, paths)):
+        return _show_recording(chosen, paths)
+    runs = [read_sound_run(path) for path in paths]
 
     def write(path: Path) -> None:
         """Estimate and draw, after it is known that the result can be shown."""
-        view = _view_model(arguments, runs)
-        basemap = read_basemap(arguments.basemap, view) if arguments.basemap else None
-        write_scene(view, path, basemap=basemap, online=not arguments.web)
+        model = _view_model(chosen, runs)
+        basemap = read_basemap(chosen.basemap, model) if chosen.basemap else None
+        write_scene(model, path, basemap=basemap, online=not chosen.web)
 
-    if arguments.web:
-        return _serve(arguments, write)
-    if arguments.save is None:
+    if chosen.web:
+        return _serve(chosen, write)
+    if chosen.save is None:
         return show(write, runs[0].path.stem)
-    write(arguments.save)
-    written = {"path": str(arguments.save), "bytes": arguments.save.stat().st_size}
-    print(
-        json.dumps(written)
-        if arguments.json
-        else f"{arguments.save}: `postproc view {arguments.save}` opens it"
-    )
+    write(chosen.save)
+    if chosen.as_json:
+        print_json({"path": chosen.save, "bytes": chosen.save.stat().st_size})
+    else:
+        print(f"{chosen.save}: `postproc view {chosen.save}` opens it")
     return 0
 
 
-def _show_recording(arguments: argparse.Namespace) -> int:
-    """What `--save` has written, in the same viewers: bare `rerun` listens for everybody and counts
-    its users.
-    """
+def _show_recording(options: _Options, paths: Sequence[Path]) -> int:
+    """Show what `--save` has written: bare `rerun` serves everybody and counts its users."""
     from postproc.view.recording import copy_recording
     from postproc.view.viewer import show
 
-    options = ("save", "claim", "claims", "cell", "basemap")
-    if given := [f"--{name}" for name in options if getattr(arguments, name)]:
-        raise ConfigError(f"{given[0]} goes with a run; {arguments.run[0]} is a recording already")
-    write = copy_recording(arguments.run)
-    return _serve(arguments, write) if arguments.web else show(write, arguments.run[0].stem)
+    for name in ("save", "claim", "claims", "cell", "basemap"):
+        if getattr(options, name):
+            raise ConfigError(f"--{name} goes with a run; {paths[0]} is a recording already")
+    write = copy_recording(paths)
+    return _serve(options, write) if options.web else show(write, paths[0].stem)
 
 
-def _serve(arguments: argparse.Namespace, write: Callable[[Path], None]) -> int:
+def _serve(options: _Options, write: Callable[[Path], None]) -> int:
     from postproc.view.web import serve
 
     return serve(
-        write, arguments.port or 0, lambda address: print(f"{address} - Ctrl-C ends it", flush=True)
+        write, options.port or 0, lambda address: print(f"{address} - Ctrl-C ends it", flush=True)
     )
 
 
-def _check(arguments: argparse.Namespace) -> None:
-    """Tell of mistakes at once, not after the minute that estimating may take."""
+def _check(options: _Options, paths: Sequence[Path]) -> None:
+    """Report mistakes at once, not after the minute that estimating may take."""
+    from postproc.atomic_write import check_output
     from postproc.verification.claims import parse_claim
 
-    if arguments.save is not None and arguments.save.suffix != ".rrd":
-        raise ConfigError(f"{arguments.save}: a rerun recording is named .rrd")
-    if arguments.save is not None:
-        check_output(arguments.save)
-    if arguments.port is not None and not arguments.web:
+    if options.save is not None:
+        if options.save.suffix != ".rrd":
+            raise ConfigError(f"{options.save}: a rerun recording is named .rrd")
+        check_output(options.save)
+    if options.port is not None and not options.web:
         raise ConfigError("--port goes with --web")
-    if arguments.basemap is not None and not arguments.basemap.is_file():
-        raise ConfigError(f"{arguments.basemap}: no such file")
-    for text in arguments.claim or ():
+    if options.basemap is not None and not options.basemap.is_file():
+        raise ConfigError(f"{options.basemap}: no such file")
+    for text in options.claim:
         parse_claim(text, None)
-    if len(arguments.run) > 1 and (arguments.claim or arguments.claims):
+    if len(paths) > 1 and (options.claim or options.claims):
         raise ConfigError("claims are tested against one run: give one, or leave the claims out")
 
 
-def _view_model(arguments: argparse.Namespace, runs: Sequence["Run"]) -> "ViewModel":
+def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
     from postproc.progress import shown
     from postproc.result import Options
-    from postproc.smoothing import smooth_runs
     from postproc.view.end_to_end import end_to_end
     from postproc.view.timeline import MOST_STEPS, answer_steps
     from postproc.view.view_model import CellDetail, select_cells, view_model
 
     in_sequence = end_to_end(runs) if len(runs) > 1 else runs
-    result = smooth_runs(in_sequence, arguments.cell, progress=shown, processes=_processes())
-    cells = select_cells(result, arguments.cell)
-    claims = _claims(arguments, in_sequence[0], cells)
+    result = estimate(in_sequence, options.cell)
+    cells = select_cells(result, options.cell)
+    verdicts = _verdicts(options, in_sequence[0], [cell.cell for cell in cells])
     details = []
     for cell in cells:
-        steps = answer_steps(cell, Options().prior, _processes())
+        steps = answer_steps(cell, Options().prior, processors())
         steps_shown = shown(steps, f"answer for {cell.cell} step by step", MOST_STEPS)
-        details.append(CellDetail(cell, tuple(steps_shown), claims.get(cell.cell, ())))
+        details.append(CellDetail(cell, tuple(steps_shown), verdicts.get(cell.cell, ())))
     return view_model(result, details)
 
 
-def _claims(
-    arguments: argparse.Namespace, run: "Run", cells: Sequence["CellResult"]
+def _verdicts(
+    options: _Options, run: "Run", names: Sequence[str]
 ) -> dict[str, tuple["CellVerdict", ...]]:
     """Verdicts on the claims about the cells in detail, by cell."""
     from postproc.result import Options
 
-    names = [cell.cell for cell in cells]
-    tested = verify.verified(arguments, run, names, _P_FA, Options().prior)
-    if tested is None:
+    claims = ClaimOptions(options.claim, options.claims, _P_FA)
+    verified = claims.test(run, names, Options().prior)
+    if verified is None:
         return {}
-    if not tested.cells:
-        raise ConfigError(
-            f"{arguments.claims} claims nothing about {', '.join(names) or 'any cell'}; see --cell"
-        )
-    return {name: tuple(one for one in tested.cells if one.cell == name) for name in names}
-
-
-def _processes() -> int:
-    return os.cpu_count() or 1
+    if not verified.cells:
+        cells = ", ".join(names) or "any cell"
+        raise ConfigError(f"{options.claims} claims nothing about {cells}; see --cell")
+    return {
+        name: tuple(verdict for verdict in verified.cells if verdict.cell == name) for name in names
+    }

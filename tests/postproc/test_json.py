@@ -1,30 +1,28 @@
 """Every command that ends says what it did as JSON."""
 
-import argparse
 import json
 
+import click
 import pytest
 
-from postproc.cli import _parser, main
+from postproc.cli import main, program
 from tests.kit import runs
 
 
-def commands(parser, name=""):
-    """Name and parser of each command that can be run."""
-    below = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
-    if not below:
-        yield name, parser
-    for action in below:
-        for word, command in action.choices.items():
-            yield from commands(command, f"{name} {word}".strip())
+def commands(group, prefix=""):
+    """Name and command of each command that can be run."""
+    for name, command in group.commands.items():
+        if isinstance(command, click.Group):
+            yield from commands(command, f"{prefix}{name} ")
+        else:
+            yield prefix + name, command
 
 
-def test_every_command_has_it():
-    """A completion is a script."""
+def test_every_command_but_completion_prints_json():
     without = {
         name
-        for name, command in commands(_parser())
-        if "--json" not in command._option_string_actions
+        for name, command in commands(program)
+        if not any("--json" in parameter.opts for parameter in command.params)
     }
     assert without == {"completion"}
 

@@ -1,62 +1,76 @@
 """The command `toa` of `postproc`."""
 
-import argparse
+from collections.abc import Sequence
+from pathlib import Path
 
-from logger.core.arguments import file_path
+import click
 
-
-def add_toa(toa: argparse.ArgumentParser) -> None:
-    simulate = toa.add_subparsers(required=True, metavar="COMMAND").add_parser(
-        "simulate", help="mean errors by noise"
-    )
-    simulate.add_argument(
-        "--runs", type=int, default=10_000, metavar="N", help="simulated runs (default: 10000)"
-    )
-    simulate.add_argument("--seed", type=int, default=0, metavar="N")
-    simulate.add_argument(
-        "--anchors", metavar='"X,Y X,Y ..."', help="anchors in metres (default: the README's four)"
-    )
-    simulate.add_argument(
-        "--path", metavar='"X,Y X,Y ..."', help="places of the object (default: (k, k), k = 0..10)"
-    )
-    simulate.add_argument(
-        "--sigma2",
-        type=float,
-        nargs="+",
-        metavar="M2",
-        help="variances of a range (default: 0.01 ... 100)",
-    )
-    simulate.add_argument("--steps", action="store_true", help="errors of each step as well")
-    simulate.add_argument(
-        "--plot", type=file_path, metavar="FILE", help="draw the errors (.png, .svg, .pdf)"
-    )
-    simulate.add_argument("--json", action="store_true")
-    simulate.set_defaults(command=_toa_simulate)
+from logger.command_line import FILE, json_option
+from postproc.options import ListCommand
 
 
-def _toa_simulate(arguments: argparse.Namespace) -> int:
+@click.group(no_args_is_help=False)
+def toa() -> None:
+    """Simulate the README's Kalman filter of ranges to anchors."""
+
+
+@toa.command(cls=ListCommand)
+@click.option(
+    "--runs", "n_runs", type=int, default=10_000, show_default=True, help="Simulated runs."
+)
+@click.option("--seed", type=int, default=0, metavar="N")
+@click.option(
+    "--anchors", metavar='"X,Y X,Y ..."', help="Anchors in metres (default: the README's four)."
+)
+@click.option(
+    "--path",
+    "route",
+    metavar='"X,Y X,Y ..."',
+    help="Positions of the object (default: (k, k), k = 0..10).",
+)
+@click.option(
+    "--sigma2",
+    "sigma2_m2",
+    type=float,
+    multiple=True,
+    metavar="M2...",
+    help="Variances of a range (default: 0.01 ... 100).",
+)
+@click.option("--steps", is_flag=True, help="Print the errors of each step as well.")
+@click.option("--plot", type=FILE, metavar="FILE", help="Draw the errors (.png, .svg, .pdf).")
+@json_option
+def simulate(
+    n_runs: int,
+    seed: int,
+    anchors: str | None,
+    route: str | None,
+    sigma2_m2: Sequence[float],
+    plot: Path | None,
+    *,
+    steps: bool,
+    as_json: bool,
+) -> None:
+    """Print the mean errors for each noise variance."""
+    from postproc.picture_file import check_picture
     from postproc.progress import shown
     from postproc.reproductions.toa import report
-    from postproc.reproductions.toa.simulate import setting, simulate
+    from postproc.reproductions.toa import simulate as simulation
 
-    wanted = setting(
-        report.places(arguments.anchors) if arguments.anchors is not None else None,
-        report.places(arguments.path) if arguments.path is not None else None,
-        arguments.sigma2,
-        arguments.runs,
-        arguments.seed,
+    setting = simulation.setting(
+        report.places(anchors) if anchors is not None else None,
+        report.places(route) if route is not None else None,
+        sigma2_m2 or None,
+        n_runs,
+        seed,
     )
-    if arguments.plot is not None:
-        from postproc.picture_file import check_picture
-
-        check_picture(arguments.plot)
-    rows = list(shown(simulate(wanted), "simulating", len(wanted.sigma2_m2)))
-    if arguments.json:
-        print(report.as_json(wanted, rows, steps=arguments.steps))
+    if plot is not None:
+        check_picture(plot)
+    rows = list(shown(simulation.simulate(setting), "simulating", len(setting.sigma2_m2)))
+    if as_json:
+        print(report.as_json(setting, rows, steps=steps))
     else:
-        report.print_rows(wanted, rows, steps=arguments.steps)
-    if arguments.plot is not None:
+        report.print_rows(setting, rows, steps=steps)
+    if plot is not None:
         from postproc.reproductions.toa.picture import draw
 
-        draw(wanted, rows, arguments.plot)
-    return 0
+        draw(setting, rows, plot)

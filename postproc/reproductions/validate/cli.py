@@ -1,32 +1,31 @@
 """The command `validate` of `postproc`."""
 
-import argparse
+import click
+
+from logger.command_line import json_option
+from postproc.options import only_one
 
 
-def add_validate(validate: argparse.ArgumentParser) -> None:
-    validate.add_argument(
-        "--quick", action="store_true", help="fewer simulated runs: a few seconds"
-    )
-    form = validate.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true")
-    form.add_argument(
-        "--page", action="store_true", help="print VALIDATION.md, without what differs by machine"
-    )
-    validate.set_defaults(command=_validate)
-
-
-def _validate(arguments: argparse.Namespace) -> int:
+@click.command
+@click.option("--quick", is_flag=True, help="Simulate fewer runs: a few seconds.")
+@json_option
+@click.option(
+    "--page", "as_page", is_flag=True, help="Print VALIDATION.md, without what differs by machine."
+)
+def validate(*, quick: bool, as_json: bool, as_page: bool) -> int:
+    """Check each claim of the specification by measurement."""
     from postproc.progress import shown
     from postproc.reproductions.validate import report
     from postproc.reproductions.validate.suite import GROUPS, QUICK, THOROUGH
 
-    effort = QUICK if arguments.quick else THOROUGH
+    only_one({"--json": as_json, "--page": as_page})
+    effort = QUICK if quick else THOROUGH
     groups = shown(GROUPS, "checking the specification", len(GROUPS))
-    found = [check for group in groups for check in group(effort)]
-    if arguments.json:
-        print(report.as_json(found))
-    elif arguments.page:
-        print(report.page(found), end="")
+    checks = [check for group in groups for check in group(effort)]
+    if as_json:
+        print(report.as_json(checks))
+    elif as_page:
+        print(report.page(checks), end="")
     else:
-        report.print_checks(found)
-    return 0 if all(check.verdict != "fails" for check in found) else 1
+        report.print_checks(checks)
+    return 0 if all(check.verdict != "fails" for check in checks) else 1

@@ -1,0 +1,166 @@
+"""Shared parts of the programs `fieldlogger` and `postproc`: argument types, options, exit codes.
+
+A mistake of the user is one line on stderr and exit code 2; no exception leaves `run_program`.
+"""
+
+import json
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import click
+
+from logger.core.errors import FieldLoggerError
+from logger.core.printable import plain_streams, printable
+
+Real = TypeVar("Real", bound=float)
+
+MOST_S = 1_000_000_000
+"""30 years. A longer time is a typing error, and nanoseconds of this one fit into 64 bits."""
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as a shell reports it (128 + SIGINT)."""
+
+
+class PathType(click.Path):
+    """A path; with `is_file` one that names a file, with `is_input` one that can also be read.
+
+    `/` and `..` name no file. A device such as /dev/zero never ends, so it is no input.
+    """
+
+    def __init__(self, *, is_file: bool = False, is_input: bool = False) -> None:
+        super().__init__(path_type=Path)
+        self._is_file = is_file or is_input
+        self._is_input = is_input
+
+    def convert(
+        self,
+        value: str | os.PathLike[str],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> Path:
+        path = Path(value)
+        if "\0" in str(path):
+            self.fail(f"{str(path)!r} contains a NUL character", param, ctx)
+        if self._is_file and path.name in {"", ".."}:
+            self.fail(f"{str(path)!r} names no file", param, ctx)
+        if self._is_input and (path.is_char_device() or path.is_block_device()):
+            self.fail(f"{path} is a device, not a file", param, ctx)
+        return path
+
+
+def number(
+    parse: Callable[[str], Real],
+    least: float,
+    most: float,
+    *,
+    unit: str = "",
+    open_below: bool = False,
+) -> Callable[[str], Real]:
+    """Make a parser of numbers from `least`, itself left out if `open_below`, to `most`.
+
+    `parse` is `float` or `int`. No limit admits NaN or infinity.
+    """
+    kind = "an integer" if parse is int else "a number"
+    above = "more than" if open_below else "at least"
+    wanted = f"{kind} of {above} {least:,} and at most {most:,} {unit}".strip()
+
+    def parse_within(text: str) -> Real:
+        try:
+            value = parse(text)
+        except ValueError:
+            value = None
+        if value is None or not least <= value <= most or (open_below and value == least):
+            raise click.BadParameter(f"{str(text)[:40]!r} is not {wanted}")
+        return value
+
+    return parse_within
+
+
+PATH = PathType()
+FILE = PathType(is_file=True)
+INPUT = PathType(is_input=True)
+DURATION_S = number(float, 0, MOST_S, unit="s", open_below=True)
+SEED = number(int, 0, 2**63 - 1)
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+
+
+def print_json(document: object) -> None:
+    """Print a document that consists of plain values and paths."""
+    print(json.dumps(document, indent=2, default=str))
+
+
+def run_program(program: click.Group, name: str, argv: Sequence[str] | None) -> int:
+    """Run one command line (default: that of this process) and return its exit code."""
+    with plain_streams():
+        try:
+            return _invoke(program, name, sys.argv[1:] if argv is None else argv)
+        except click.exceptions.Exit as end:  # --help
+            return end.exit_code
+        except BrokenPipeError:
+            return 0
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        except (click.ClickException, FieldLoggerError, ModuleNotFoundError, OSError) as error:
+            print(f"{name}: {printable(_reason(error))}", file=sys.stderr)
+            return 2
+
+
+def _invoke(program: click.Group, name: str, argv: Sequence[str]) -> int:
+    completion = f"_{name.upper()}_COMPLETE"
+    if completion in os.environ:
+        from click.shell_completion import shell_complete
+
+        return shell_complete(program, {}, name, completion, os.environ[completion])
+    with program.make_context(name, list(argv)) as context:
+        code: int | None = program.invoke(context)
+        return code or 0
+
+
+def _reason(error: Exception) -> str:
+    """What went wrong and, as far as known, what to do, in one line."""
+    if isinstance(error, click.UsageError) and error.ctx is not None:
+        # click lists the choices of an argument on lines of their own
+        text = " ".join(error.format_message().split()).rstrip(".")
+        return f"{text}; see '{error.ctx.command_path} --help'"
+    if isinstance(error, ModuleNotFoundError):
+        return _missing(error)
+    if isinstance(error, OSError):
+        return f"{error.filename or ''}: {error.strerror or error}".removeprefix(": ")
+    return str(error)
+
+
+def _missing(error: ModuleNotFoundError) -> str:
+    """Name the extra to install: the plain installation has no library that only postproc uses."""
+    if error.name is None or error.name.startswith(("logger", "postproc")):
+        raise error
+    is_viewer = error.name.partition(".")[0] in {"rerun", "rerun_cli", "pyarrow"}
+    return f"{error.name} is missing: pip install 'cellwalk[{'view' if is_viewer else 'post'}]'"
+
+
+@click.command
+@click.argument("path", type=PATH)
+@json_option
+@click.pass_context
+def recover(context: click.Context, path: Path, *, as_json: bool) -> int:
+    """Make HDF5 files of journals that a power cut left behind.
+
+    PATH is a journal or a folder of runs. The exit code is 3 if anything was lost.
+    """
+    from logger.core.runfile import SOMETHING_LOST
+    from logger.core.runfile import recover as recover_path
+
+    results = []
+    for result in recover_path(path):
+        results.append(result)
+        if as_json:
+            continue
+        print(result, flush=True)
+        if result.loss:
+            print(f"{context.find_root().info_name}: {result.loss}", file=sys.stderr)
+    if as_json:
+        print_json([result.as_dict() for result in results])
+    return SOMETHING_LOST if any(result.loss for result in results) else 0

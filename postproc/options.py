@@ -1,0 +1,129 @@
+"""Options and arguments that several commands of `postproc` share, each declared once."""
+
+import functools
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from logger.command_line import INPUT, number
+
+if TYPE_CHECKING:
+    from logger.core.runfile import Run
+    from postproc.result import Options, Result
+
+Command = Callable[..., int | None]
+
+_HIGHEST_M = 10_000
+"""Limit of an antenna's height above the receiver; no mountain road sees a greater difference."""
+
+run_argument = click.argument("path", type=INPUT, metavar="RUN")
+runs_argument = click.argument("paths", type=INPUT, nargs=-1, required=True, metavar="RUN...")
+cells_option = click.option(
+    "--cell", "cells", multiple=True, metavar="NAME", help="Only this cell (may be repeated)."
+)
+false_alarm_option = click.option(
+    "--pfa",
+    "p_fa",
+    type=float,
+    default=0.05,
+    show_default=True,
+    metavar="P",
+    help="False-alarm rate of the tests.",
+)
+
+
+def claims_options(command: Command) -> Command:
+    """Add `--claim` and `--claims` of a command that tests claims beside its main work."""
+    command = click.option(
+        "--claims",
+        type=INPUT,
+        metavar="FILE",
+        help="Claims: CSV, cell export or cells.db, as for verify.",
+    )(command)
+    return click.option(
+        "--claim",
+        multiple=True,
+        metavar="LAT,LON[,SIGMA_M]",
+        help="Claimed position of --cell or of every cell (may be repeated).",
+    )(command)
+
+
+def prior_options(command: Command) -> Command:
+    """Add the options of the propagation prior and pass the `Prior` itself as `prior`."""
+
+    @click.option(
+        "--environment",
+        default="any",
+        show_default=True,
+        metavar="NAME",
+        help="Prior of the path loss: any, open, suburban or urban.",
+    )
+    @click.option(
+        "--height",
+        "height_m",
+        type=number(float, 0, _HIGHEST_M, unit="m"),
+        metavar="M",
+        help="Height of the antenna above the receiver (default: 5 m).",
+    )
+    @functools.wraps(command)
+    def with_prior(
+        *arguments: Any, environment: str, height_m: float | None, **options: Any
+    ) -> int | None:
+        from logger.core.model.prior import prior_for
+
+        return command(*arguments, prior=prior_for(environment, height_m=height_m), **options)
+
+    return with_prior
+
+
+class ListCommand(click.Command):
+    """A command without positional arguments, whose repeatable options take several values each.
+
+    click knows only `--sigma 1 --sigma 2`; this accepts `--sigma 1 2` as well.
+    """
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        repeatable = {
+            name
+            for parameter in self.params
+            if isinstance(parameter, click.Option) and parameter.multiple
+            for name in parameter.opts
+        }
+        current, expanded = "", list[str]()
+        for word in args:
+            if word.startswith("--"):
+                current = word if word in repeatable else ""
+            elif current and expanded[-1] != current:
+                expanded.append(current)
+            expanded.append(word)
+        return super().parse_args(ctx, expanded)
+
+
+def only_one(options: Mapping[str, object], *, is_required: bool = False) -> None:
+    """Refuse more than one of several options, by name, and none where one is required."""
+    present = [name for name, value in options.items() if value is not None and value is not False]
+    context = click.get_current_context()
+    if len(present) > 1:
+        context.fail(f"{present[1]} is not allowed with {present[0]}")
+    if is_required and not present:
+        context.fail(f"one of {', '.join(options)} is required")
+
+
+def estimate(
+    runs: "Sequence[Run]", cells: Sequence[str], options: "Options | None" = None
+) -> "Result":
+    """Estimate cells (none named: all) of runs on all processors, with a bar on the terminal."""
+    from postproc.progress import shown
+    from postproc.result import Options
+    from postproc.smoothing import smooth_runs
+
+    return smooth_runs(
+        runs, cells, options=options or Options(), progress=shown, processes=processors()
+    )
+
+
+def processors() -> int:
+    """Number of processors that the estimators may use."""
+    return os.cpu_count() or 1
