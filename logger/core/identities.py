@@ -1,43 +1,37 @@
-"""Which cells are there: those that two scans have named.
+"""Which cells exist: those that two scans have named.
 
-A changed digit gives the name of a cell that is not there, and no form shows it; but it does not
-come twice. So a cell heard in a single scan is never a target and never located. A reading whose
-identity is unsure makes no cell known.
+A changed digit names a cell that does not exist, and no form of a row shows it; but it does not
+occur twice. So a cell named in a single scan is never a target and never located. A reading with an
+unsure identity does not make a cell known.
 """
 
+from logger.core.latest import Latest
 from logger.core.types import Scan
 
 FEWEST_SCANS = 2
 
 _MOST_ONCE = 1000
-"""With a false name in each second a cell that is there has a quarter of an hour to be heard
-again.
-"""
+"""With a false name in each second, a real cell has a quarter of an hour to be named again."""
 _MOST_KNOWN = 10_000
 
 
 class Identities:
-    """Names of late; those heard once and those known are bounded apart, so that false names
-    displace no known one.
+    """Names of late; those named once and those known are bounded apart.
+
+    So false names displace no known one.
     """
 
     def __init__(self) -> None:
-        self._once: dict[str, None] = {}  # the one heard longest ago first
-        self._known: dict[str, None] = {}
+        self._once: Latest[None] = Latest(_MOST_ONCE)
+        self._known: Latest[None] = Latest(_MOST_KNOWN)
 
     def __contains__(self, name: str | None) -> bool:
         return name in self._known
 
-    def hear(self, scan: Scan) -> None:
+    def add(self, scan: Scan) -> None:
         """Take the names of a scan, each once."""
-        named = dict.fromkeys(
-            r.cell for r in scan.readings if r.cell is not None and not r.identity_unsure
-        )
-        for name in named:
-            again = name in self._once or name in self._known
+        sure = (r.cell for r in scan.readings if not r.identity_unsure)
+        for name in dict.fromkeys(name for name in sure if name is not None):
+            is_known = name in self._once or name in self._known
             self._once.pop(name, None)
-            self._known.pop(name, None)
-            of_its_kind, most = (self._known, _MOST_KNOWN) if again else (self._once, _MOST_ONCE)
-            of_its_kind[name] = None
-            if len(of_its_kind) > most:
-                del of_its_kind[next(iter(of_its_kind))]
+            (self._known if is_known else self._once).put(name, None)

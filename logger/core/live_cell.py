@@ -1,21 +1,19 @@
-"""One cell on the device: the locator, and the EKF it hands over to once the place is close and
-single.
+"""One cell on the device: the locator, and an EKF once the position is close and single.
 
-The EKF starts from the locator's place when its standard deviation is at most 12 m and 0.15 of the
-walker's distance to it (a linearised filter is honest only when it starts close), and takes up the
-shadowing from the last readings. It is followed by `watch`, and taken back when the watch
-disagrees.
+The EKF starts from the locator's position when that has a sigma of at most 12 m and 0.15 of the
+walker's distance (a linearised filter is consistent only if it starts close), and takes the
+shadowing from the last readings. `filter_monitor` follows it and decides when to discard it.
 """
 
 from collections import deque
-from math import hypot, sqrt
+from math import hypot, nan, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
-from logger.core.filter_monitor import CLOSE, Watch, compare, follow, widest
+from logger.core.filter_monitor import CLOSE, FilterMonitor, widest
 from logger.core.locator.online import Heard, OnlineLocator, Place
 from logger.core.model.path_loss import level_gradient
 from logger.core.model.prior import Prior
@@ -26,16 +24,18 @@ from logger.core.spikes import SpikeFilter
 LOCATOR, EKF = "locator", "ekf"
 
 ONE_PLACE = 0.98
+"""A mode with this probability counts as the only one."""
 TIGHT_M = 12.0
+"""Largest sigma of the position at the start of the EKF, whatever the distance."""
 _RECENT = 200
+"""Readings that the shadowing at the start is taken from."""
 
 
 class CellEstimate(NamedTuple):
-    """State [x, y, P0, eta] after a reading, upper triangle of its covariance, and the stage that
-    it comes from.
+    """State [x, y, P0, eta] after a reading, upper triangle of its covariance, and its stage.
 
-    `probability` is that of the place; the innovation belongs to the reading and is NaN where
-    nothing was expected.
+    `probability` is that of the position. The innovation belongs to the reading and is NaN if
+    there was no expectation.
     """
 
     stage: str
@@ -46,23 +46,21 @@ class CellEstimate(NamedTuple):
     innovation_var_db2: float
 
 
-class _Running(NamedTuple):
+class _RunningEkf(NamedTuple):
     state: ShadowState
     noise: ShadowNoise
-    watch: Watch
+    monitor: FilterMonitor = FilterMonitor()
 
 
 class LiveCell:
-    """Estimate of one cell, reading by reading; `news` holds what happened at the last reading, as
-    (code, text).
-    """
+    """Estimate of one cell; `news` are the events of the last reading, as (code, text)."""
 
     def __init__(self, prior: Prior, spikes: SpikeFilter[Heard] | None = None) -> None:
         self._prior = prior
         self._locator = OnlineLocator(prior, spikes)
-        self._running: _Running | None = None
+        self._ekf: _RunningEkf | None = None
         self._recent: deque[Heard] = deque(maxlen=_RECENT)
-        self._barred = False
+        self._may_start = True
         self.n = 0
         self.n_set_aside = 0
         self.news: list[tuple[str, str]] = []
@@ -73,10 +71,10 @@ class LiveCell:
         return self._locator.stale
 
     def take(self, heard: Heard) -> CellEstimate | None:
-        """Take a reading; None while there is nothing to be said.
+        """Take a reading; None while there is no estimate.
 
-        A level far from that of its forerunner waits until the next ones share it: the estimate is
-        then after all of them. One that they do not share is set aside.
+        A level far from that of its predecessor waits until the next ones confirm it: the estimate
+        is then after all of them. One that they do not confirm is set aside.
         """
         self.news = []
         estimate = None
@@ -84,101 +82,101 @@ class LiveCell:
             if spike_db:
                 self._set_aside(reading, spike_db)
             else:
-                estimate = self._taken(reading)
+                estimate = self._update(reading)
         return estimate
+
+    def search(self) -> None:
+        """Let the locator search again."""
+        self._locator.search()
+        self._may_start = True
 
     def _set_aside(self, heard: Heard, spike_db: float) -> None:
         self.n_set_aside += 1
-        how = "above" if spike_db > 0.0 else "below"
-        text = f"{heard.level_dbm:.0f} dBm is {abs(spike_db):.0f} dB {how} the readings around it and was set aside"
-        self.news.append(("level-set-aside", text))
+        side = "above" if spike_db > 0.0 else "below"
+        off = f"{abs(spike_db):.0f} dB {side} the readings around it"
+        self.news.append(
+            ("level-set-aside", f"{heard.level_dbm:.0f} dBm is {off} and was set aside")
+        )
 
-    def _taken(self, heard: Heard) -> CellEstimate | None:
+    def _update(self, heard: Heard) -> CellEstimate | None:
         self.n += 1
         before = self._locator.place()
         self._locator.take(heard)
         self._recent.append(heard)
         place = self._locator.place()
-        step = self._stepped(heard, place)
+        step = self._step_ekf(heard, place)
         if step is not None:
-            return _of_filter(step)
+            return _ekf_estimate(step)
         if place is None:
             return None
-        estimate = _of_locator(place, before, heard, self._prior.height_m)
-        if not self._barred and _is_close(place, heard):
-            self._start(place)
-        return estimate
+        if self._may_start and _is_close(place, heard):
+            self._start_ekf(place)
+        return _locator_estimate(place, before, heard, self._prior.height_m)
 
-    def search(self) -> None:
-        """Let the locator search anew."""
-        self._locator.search()
-        self._barred = False
-
-    def _stepped(self, heard: Heard, place: Place | None) -> ShadowStep | None:
-        """The running filter's next step; None without one, or where it has just been taken
-        back.
-        """
-        if self._running is None:
+    def _step_ekf(self, heard: Heard, place: Place | None) -> ShadowStep | None:
+        """Next step of the EKF; None without one, or if it has just been discarded."""
+        if self._ekf is None:
             return None
-        step = shadow_ekf.step(self._running.state, self._running.noise, *heard)
-        seen = follow(self._running.watch, step, self._running.noise)
+        step = shadow_ekf.step(self._ekf.state, self._ekf.noise, *heard)
+        monitor = self._ekf.monitor.after_step(step, self._ekf.noise)
         if place is not None:
-            p = place.covariance
-            spread = (float(p[0, 0]), float(p[0, 1]), float(p[1, 1]))
-            seen = compare(seen, step.state, float(place.state[0]), float(place.state[1]), spread)
-        self._running = self._running._replace(state=step.state, watch=seen)
-        if seen.disagrees is None:
+            (xx, xy), (_, yy) = place.covariance[:2, :2].tolist()
+            x_m, y_m, _, _ = place.state.tolist()
+            monitor = monitor.after_search(step.state, x_m, y_m, (xx, xy, yy))
+        self._ekf = self._ekf._replace(state=step.state, monitor=monitor)
+        if monitor.disagrees is None:
             return step
-        self.news.append(("ekf-taken-back", seen.disagrees))
-        self._running, self._barred = None, True
+        self.news.append(("ekf-taken-back", monitor.disagrees))
+        self._ekf, self._may_start = None, False
         return None
 
-    def _start(self, place: Place) -> None:
+    def _start_ekf(self, place: Place) -> None:
         white_share, decorrelation_m = self._locator.noise()
-        found = candidates(place.sigma_db, decorrelation_m, white_share, self._prior.height_m)
-        noise = likeliest(found, place.state, list(self._recent))
-        state = shadow_ekf.hold(place.state, noise, self._recent[0].x_m, self._recent[0].y_m)
+        height_m = self._prior.height_m
+        noises = candidates(place.sigma_db, decorrelation_m, white_share, height_m)
+        noise = likeliest(noises, place.state, list(self._recent))
+        first = self._recent[0]
+        state = shadow_ekf.hold(place.state, noise, first.x_m, first.y_m)
         for heard in self._recent:
             state = shadow_ekf.step(state, noise, *heard).state
         try:
             state = shadow_ekf.release(state, place.covariance)
         except EstimationError:
             return
-        self._running = _Running(state, noise, Watch())
-        spread_m = sqrt(place.covariance[0, 0] + place.covariance[1, 1])
-        self.news.append(
-            ("ekf-started", f"the locator holds one place with a DRMS of {spread_m:.0f} m")
-        )
+        self._ekf = _RunningEkf(state, noise)
+        drms_m = sqrt(place.covariance[0, 0] + place.covariance[1, 1])
+        text = f"the locator has one position with a DRMS of {drms_m:.0f} m"
+        self.news.append(("ekf-started", text))
 
 
 def _is_close(place: Place, heard: Heard) -> bool:
-    """Whether a Gaussian may stand for the place, seen from where the walker is."""
+    """Whether a Gaussian may stand for the position at the walker's distance from it."""
     (xx, xy), (_, yy) = place.covariance[:2, :2].tolist()
-    distance_m = hypot(float(place.state[0]) - heard.x_m, float(place.state[1]) - heard.y_m)
-    return place.probability >= ONE_PLACE and widest(xx, xy, yy) <= min(CLOSE * distance_m, TIGHT_M)
+    x_m, y_m, _, _ = place.state.tolist()
+    distance_m = hypot(x_m - heard.x_m, y_m - heard.y_m)
+    is_tight = widest(xx, xy, yy) <= min(CLOSE * distance_m, TIGHT_M)
+    return is_tight and place.probability >= ONE_PLACE
 
 
-def _of_filter(step: ShadowStep) -> CellEstimate:
-    s = step.state
-    state = (s.x_m, s.y_m, s.p0_dbm, s.eta)
-    return CellEstimate(
-        EKF, 1.0, state, static_covariance(s.factors), step.innovation_db, step.innovation_var_db2
-    )
+def _ekf_estimate(step: ShadowStep) -> CellEstimate:
+    s, innovation = step.state, (step.innovation_db, step.innovation_var_db2)
+    state = s.x_m, s.y_m, s.p0_dbm, s.eta
+    return CellEstimate(EKF, 1.0, state, static_covariance(s.factors), *innovation)
 
 
-def _of_locator(place: Place, before: Place | None, heard: Heard, height_m: float) -> CellEstimate:
-    x_m, y_m, p0_dbm, eta = place.state.tolist()
-    innovation_db, variance_db2 = np.nan, np.nan
+def _locator_estimate(
+    place: Place, before: Place | None, heard: Heard, height_m: float
+) -> CellEstimate:
+    innovation = nan, nan
     if before is not None and not heard.limit:
-        innovation_db, variance_db2 = _innovation(before, heard, height_m)
-    triangle = ekf.upper_triangle(place.covariance)
-    return CellEstimate(
-        LOCATOR, place.probability, (x_m, y_m, p0_dbm, eta), triangle, innovation_db, variance_db2
-    )
+        innovation = _innovation(before, heard, height_m)
+    x_m, y_m, p0_dbm, eta = place.state.tolist()
+    state, p = (x_m, y_m, p0_dbm, eta), ekf.upper_triangle(place.covariance)
+    return CellEstimate(LOCATOR, place.probability, state, p, *innovation)
 
 
 def _innovation(before: Place, heard: Heard, height_m: float) -> tuple[float, float]:
-    """How far a level was from what the place before it let expect, and the variance of that."""
+    """Level minus that expected from the position before it in dB, and the variance of that."""
     x_m, y_m, p0_dbm, eta = before.state.tolist()
     by_x, by_y, by_eta, _ = level_gradient(x_m - heard.x_m, y_m - heard.y_m, eta, height_m**2)
     h = np.array([by_x, by_y, 1.0, by_eta])

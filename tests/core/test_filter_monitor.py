@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2, norm
 
 from logger.core import filter_monitor, shadow_ekf
-from logger.core.filter_monitor import Watch
+from logger.core.filter_monitor import FilterMonitor
 from logger.core.shadow_ekf import ShadowNoise, ShadowStep
 
 NOISE = ShadowNoise(0.0, 0.0, 3.0, 0.0)
@@ -16,18 +16,18 @@ def state_at(distance_m, sigma_m=5.0):
     return shadow_ekf.release(held, np.diag([sigma_m**2, 4.0, 1.0, 0.01]))
 
 
-def seen(innovations, distance_m=200.0, watching=Watch()):  # noqa: B008 (immutable)
+def seen(innovations, distance_m=200.0, watching=FilterMonitor()):  # noqa: B008 (immutable)
     """The watch after innovations of claimed variance 1, the walker far from the place."""
     state = state_at(distance_m)
     for innovation in innovations:
-        watching = filter_monitor.follow(watching, ShadowStep(state, float(innovation), 1.0), NOISE)
+        watching = watching.after_step(ShadowStep(state, float(innovation), 1.0), NOISE)
     return watching
 
 
 def first_alarm(innovations):
-    watching, state = Watch(), state_at(200.0)
+    watching, state = FilterMonitor(), state_at(200.0)
     for i, innovation in enumerate(innovations):
-        watching = filter_monitor.follow(watching, ShadowStep(state, float(innovation), 1.0), NOISE)
+        watching = watching.after_step(ShadowStep(state, float(innovation), 1.0), NOISE)
         if watching.disagrees:
             return i
     return None
@@ -76,15 +76,15 @@ def test_the_alarm_goes_on_until_it_has_been_denied_as_often():
 
 def test_a_reading_at_the_limit_says_nothing_of_the_nis():
     watching = seen([1.5, 2.0])
-    after = filter_monitor.follow(watching, ShadowStep(state_at(200.0), math.nan, math.nan), NOISE)
+    after = watching.after_step(ShadowStep(state_at(200.0), math.nan, math.nan), NOISE)
     assert (after.mean_nis, after.weight) == (watching.mean_nis, watching.weight)
 
 
 def compared(times, apart_m):
-    watching = Watch()
+    watching = FilterMonitor()
     for _ in range(times):
-        watching = filter_monitor.compare(
-            watching, state_at(200.0, sigma_m=3.0), 200.0 + apart_m, 0.0, (16.0, 0.0, 9.0)
+        watching = watching.after_search(
+            state_at(200.0, sigma_m=3.0), 200.0 + apart_m, 0.0, (16.0, 0.0, 9.0)
         )
     return watching
 
@@ -103,9 +103,9 @@ def test_distance_is_by_both_covariances():
     state = shadow_ekf.release(shadow_ekf.hold([3.0, 4.0, 0.0, 0.0], NOISE, 0.0, 0.0), p)
     other = np.array([[5.0, -1.0], [-1.0, 2.0]])
     expected = np.array([2.0, -1.0]) @ np.linalg.solve(p[:2, :2] + other, [2.0, -1.0])
-    assert filter_monitor.compare(
-        Watch(), state, 1.0, 5.0, (5.0, -1.0, 2.0)
-    ).apart2 == pytest.approx(expected)
+    assert FilterMonitor().after_search(state, 1.0, 5.0, (5.0, -1.0, 2.0)).apart2 == pytest.approx(
+        expected
+    )
 
 
 def test_a_walker_too_near_for_the_uncertainty_is_told():

@@ -37,8 +37,8 @@ def test_a_place_by_dead_reckoning_counts_less():
     measured, reckoned = (LiveTracker(LiveSettings()) for _ in range(2))
     for tracker, quality in ((measured, 1), (reckoned, 6)):
         tracker.feed(0, Record(0, "gnss", Fix(True, None, 52.0, 13.0, hdop=1.0, quality=quality)))
-    assert measured._fixes.last.sigma_m == pytest.approx(4.0)
-    assert reckoned._fixes.last.sigma_m == pytest.approx(28.28, abs=0.01)
+    assert measured._track._fixes.last.sigma_m == pytest.approx(4.0)
+    assert reckoned._track._fixes.last.sigma_m == pytest.approx(28.28, abs=0.01)
 
 
 def test_locks_on_the_strongest_and_steps_the_reference_filter():
