@@ -1,4 +1,4 @@
-"""The base class of all modem drivers: the commands of one family and the reading of its replies."""
+"""The base class of all modem drivers: commands of a family, and how its replies are read."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -27,7 +27,7 @@ _RESTARTED = re.compile(
 
 
 class Family:
-    """Driver of one family of modems, stateless: live ports, transcripts and the simulator share it.
+    """Driver of one family of modems, stateless: live ports and transcripts share it.
 
     A family declares which modems it serves (`claim`) and the commands that prepare a modem, poll
     the cells it receives now, scan all networks and ask its own GNSS receiver; `rows_in` reads the

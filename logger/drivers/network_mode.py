@@ -1,4 +1,4 @@
-"""The choice of technologies: reading it, having a modem hear GSM only, and setting it back.
+"""Network mode selection: read it, restrict a modem to GSM, and set it back.
 
 This is the one exception to listening. A modem that is given another choice leaves its network and
 may register anew, which transmits. So it is done only where the configuration says so, and what is
@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from logger.drivers.protocols.dialogue import Command, Dialogue, Reply
 
 SET_S = 12.0
-"""AT+CNMP may take 10 s by the SIM7600 manual; for the others no manual at hand says how long."""
+"""AT+CNMP may take 10 s (SIM7600 manual); the manuals of the others give no time."""
 _TRIES = 4
 _LIST = r"\d{1,2}(?:,\s*\d{0,3})*"
 
 
 @dataclass(frozen=True, slots=True)
 class ModeCommand:
-    """One command of a family: `query` is answered by a `line` with a value, `assignment` takes a value.
+    """One command of a family: a `line` answers its `query`, its `assignment` takes a value.
 
     The technologies stand in front of the first comma of a value; `gsm_only` is GSM only.
     """
@@ -31,7 +31,7 @@ class ModeCommand:
     value: str = r"\d{1,3}"
 
     def value_in(self, reply: Reply) -> str | None:
-        """The value that the modem tells, None where it tells none or more than one."""
+        """The value that the modem reports, None where it reports none or more than one."""
         form = re.compile(self.line.format(f"({self.value})"), re.IGNORECASE | re.ASCII)
         matches = [match for line in reply.lines if (match := form.fullmatch(line.strip()))]
         return matches[0][1].replace(" ", "") if reply.ok and len(matches) == 1 else None
@@ -86,7 +86,7 @@ GTRAT = (
 
 
 def ask_model() -> Dialogue[str | None]:
-    """What the modem calls itself; it is never asked for a number of its own."""
+    """The model name that the modem reports; it is never asked for a number of its own."""
     reply = yield Command("AT+CGMM")
     text = " ".join(line.strip() for line in reply.lines)
     return text if reply.ok and text else None
@@ -111,7 +111,7 @@ def read_mode(commands: Sequence[ModeCommand]) -> Dialogue[tuple[ModeCommand, st
 
 
 def set_mode(command: ModeCommand, value: str) -> Dialogue[str | None]:
-    """Set a value; the one that the modem has then, None where it does not tell.
+    """Set a value; returns the one that the modem has then, None where it reports none.
 
     A modem that tells the technologies and those preferred may take the first alone.
     """

@@ -1,4 +1,4 @@
-"""A transcript of a modem: all its replies, and which of the rows came in which of them."""
+"""A transcript of a modem: its rows, and which of them came in one reply."""
 
 import re
 from collections import Counter
@@ -15,7 +15,7 @@ _COMMAND = re.compile(r"AT[+^*$#!&A-Z]", re.IGNORECASE)
 
 
 def rows_of(driver: Family, lines: Sequence[str]) -> tuple[Row, ...]:
-    """All rows of a transcript; each reply says something of the numbers in the others.
+    """All rows of a transcript; each reply is evidence for the numbers of the others.
 
     A last line without its line end is cut where the transcript shows what ends a reply.
     """
@@ -33,9 +33,7 @@ def rows_of(driver: Family, lines: Sequence[str]) -> tuple[Row, ...]:
 
 
 def replies_of(driver: Family, lines: Sequence[str]) -> Iterator[list[str]]:
-    """Lines by reply: a final code ends one, a command begins one, and among rows nobody asked for
-    a serving cell.
-    """
+    """Lines by reply; a final code ends one, a command or an unasked serving cell begins one."""
     unasked = not any(_FINAL.match(line.strip()) or _COMMAND.match(line.strip()) for line in lines)
     reply: list[str] = []
     for line in lines:
@@ -51,9 +49,7 @@ def replies_of(driver: Family, lines: Sequence[str]) -> Iterator[list[str]]:
 
 
 def _grouped(rows: Sequence[Row], replies: Sequence[Sequence[Row]]) -> list[list[Row]]:
-    """The rows by reply; all as one where the replies read by themselves say something else than
-    the whole.
-    """
+    """The rows by reply; as one reply where the replies alone read differently."""
     if Counter(map(repr, rows)) != Counter(repr(row) for reply in replies for row in reply):
         return [list(rows)]
     left: dict[str, list[Row]] = {}

@@ -1,4 +1,4 @@
-"""Forms in which devices print numbers and words of people: what of one line has to be blanked.
+"""Patterns of personal numbers and texts in the output of devices, line by line.
 
 IMEI and IMSI have 15 digits, IMEISV 16 (3GPP TS 23.003), a SIM 18 to 22 (ITU-T E.118). What tells
 of a cell, a place or a time has at most 14 digits in a row, so these are blanked wherever they
@@ -12,15 +12,22 @@ import re
 # gpsd prints decimals to the last bit; 0x begins a mask; binary data has a byte many times over
 _LONG = rb"(?<![0-9]\.)(?<![0-9xX])(?!(?P<same>[0-9])(?P=same)*(?![0-9]))[0-9]{15,}"
 _IMEI = (
-    rb"(?<![0-9])(?:(?:[0-9]{2}(?P<a>[ ./-])[0-9]{6}(?P=a)[0-9]{6}|[0-9]{6}(?P<b>[ ./-])[0-9]{2}(?P=b)[0-9]{6})"
+    rb"(?<![0-9])(?:(?:[0-9]{2}(?P<a>[ ./-])[0-9]{6}(?P=a)[0-9]{6}"
+    rb"|[0-9]{6}(?P<b>[ ./-])[0-9]{2}(?P=b)[0-9]{6})"
     rb"(?:[ ./-][0-9]{1,2})?|[0-9]{8}(?P<d>[ ./-])[0-9]{6}(?P=d)[0-9]{1,2}"
     rb"|[0-9]{8}[ ./-][0-9]{7}|[0-9]{7}[ ./-][0-9]{8})(?![0-9])"
 )
 # a number that is a time of Unix after the networks' code would be taken for one, so these are left
 # out
-_IMSI = rb"(?<![0-9])[2-7](?:[0-9]{2}(?P<c>[ ./-])[0-9]{2,3}(?P=c)[0-9]{9,10}|[0-9]{4}[ ./-](?!1[5-9])[0-9]{10})(?![0-9])"
+_IMSI = (
+    rb"(?<![0-9])[2-7](?:[0-9]{2}(?P<c>[ ./-])[0-9]{2,3}(?P=c)[0-9]{9,10}"
+    rb"|[0-9]{4}[ ./-](?!1[5-9])[0-9]{10})(?![0-9])"
+)
 _SIM = rb"(?<![0-9A-Za-z])89[0-9]{2}[0-9A-Fa-f]{14,18}(?![0-9A-Za-z])"
-_SIM_GROUPED = rb"(?<![0-9])(?:89[0-9]{2}|8[0-9]{3}|98[0-9]{2})(?:[ ./-][0-9]{2,4}){3,7}(?:[ ./-]?[0-9A-F]{1,4})?(?![0-9])"
+_SIM_GROUPED = (
+    rb"(?<![0-9])(?:89[0-9]{2}|8[0-9]{3}|98[0-9]{2})(?:[ ./-][0-9]{2,4}){3,7}"
+    rb"(?:[ ./-]?[0-9A-F]{1,4})?(?![0-9])"
+)
 # a cell's name has the same dashes, and four groups at most; a time may have more
 _DASHED = rb"(?<![0-9-])(?!(?:19|20)[0-9]{2}-[01][0-9]-)(?:[0-9]{2,5}-){4,9}[0-9]{1,5}(?![0-9-])"
 _INTERNATIONAL = rb"\+[0-9](?:[ ()./-]{0,2}[0-9]){7,}"
@@ -35,7 +42,10 @@ _NATIONAL_GROUPED = (
     rb"(?<![0-9.,A-Za-z:])\(?0[1-9][0-9]{1,4}\)?[/-][ ]?[0-9]{2,}(?:[ /-][0-9]{2,}){0,4}(?![0-9.])"
 )
 # no time, no decimal
-_QUOTED = rb'(?<=")(?!(?:19|20)[0-9]{12}"|[0-9]{1,3}\.[0-9]{4,}")\(?[0-9](?:[ ()./*#-]{0,2}[0-9]){9,}(?=["\r\n]|\Z)'
+_QUOTED = (
+    rb'(?<=")(?!(?:19|20)[0-9]{12}"|[0-9]{1,3}\.[0-9]{4,}")'
+    rb'\(?[0-9](?:[ ()./*#-]{0,2}[0-9]){9,}(?=["\r\n]|\Z)'
+)
 # 27.007 writes the type of an address (129 national, 145 international, ...) behind the number
 _TYPED = rb'(?<=")[0-9*#][0-9 ()./*#-]{2,}(?="[ ]?,[ ]?(?:128|129|145|161|177|208)\b)'
 
@@ -60,20 +70,20 @@ NUMBER = re.compile(
 """A number of a person or a device, whatever the line says."""
 
 LABEL = re.compile(
-    rb"(?<![A-Za-z])(?:IMEI(?:[ _-]?SV)?|IMSI|U?ICCID|CCID|MSISDN|MEID|ESN|phone|caller|calling|tel|subscriber"
+    rb"(?<![A-Za-z])(?:IMEI(?:[ _-]?SV)?|IMSI|U?ICCID|CCID|MSISDN|MEID|ESN"
+    rb"|phone|caller|calling|tel|subscriber"
     rb"|(?:serial|phone|own|SIM|mobile)[ _-]?(?:number|no\.?|nr\.?))(?![A-Za-z])",
     re.IGNORECASE,
 )
-"""Words before such a number; the digits up to the end of the line are blanked."""
+"""Words before such a number; the digits to the end of the line are redacted."""
 
 NAMES = frozenset(
-    b"CLIP CCWA CNUM CLCC COLP CDIP CNAP DSCI SLCC CCFC CCFCU CRSL CMT CMGR CMGL CMGW QCMGR QCMGL SMGR SMGL CDS CDU"
-    b" CLASS0 CUSD CUSDR CUSATP STGI CPBR CPBF CPBW CPBFEX CSCA CIMI CGSN GSN EGMR SIMEI CCID ICCID QCCID SCID SICCID"
+    b"CLIP CCWA CNUM CLCC COLP CDIP CNAP DSCI SLCC CCFC CCFCU CRSL CMT CMGR CMGL CMGW QCMGR QCMGL"
+    b" SMGR SMGL CDS CDU CLASS0 CUSD CUSDR CUSATP STGI CPBR CPBF CPBW CPBFEX CSCA CIMI CGSN GSN"
+    b" EGMR SIMEI CCID ICCID QCCID SCID SICCID"
     b" CRSM CSIM CGLA CCHO MEID SN".split()
 )
-"""Results that print such numbers, names or messages; without their sign, in which families differ
-(+CCID, ^SCID).
-"""
+"""Results that print such numbers, names or messages, without their sign (+CCID, ^SCID)."""
 
 MESSAGES = frozenset((b"CMT", b"CDS"))
 """A message follows in the next line, or lines, up to an empty one."""
@@ -92,9 +102,7 @@ OF_DEVICE = re.compile(
     rb"[ \t]*(?:[+^*#!%][A-Z][A-Z0-9]*[ ]?:|\$[A-Z]{2}[A-Z0-9]+,|\{\"class\"|AT[+^*#!$%]"
     rb"|(?:OK|ERROR|RDY|NO CARRIER)[ \t]*\Z)"
 )
-"""The beginning of a line that is no text of a message: a result, a final code, an echo, a report
-of a receiver.
-"""
+"""The beginning of a line that is no message text: a result, a final code, an echo."""
 _FIELD = rb"[ \t]*\"?-?(?:0x)?[0-9A-Fa-f.]{0,10}\"?[ \t]*"
 ROW = re.compile(
     rb"(?:[ \t]*[A-Za-z_][\w ()/]{0,19}:[ ]*-?[\w.]+[ \t,]*){3,}\Z|"
@@ -104,22 +112,18 @@ ROW = re.compile(
     + rb"){4,}\Z"
     rb"|[ \t]*(?:-?[0-9A-Fa-f]{1,8}[ \t]+){6,}[^\r\n]{0,40}\Z"
 )
-"""A row of a table of cells that has no name of its own: three named values, five fields, or seven
-columns.
-"""
+"""An unnamed row of a table of cells: three named values, five fields, or seven columns."""
 
 UNDER_WAY = re.compile(
     rb"(?:[\"+(]{0,3}[0-9+(\"][0-9A-Fa-f ()./*#+-]{0,63}[\" ,]{0,3}[0-9]{0,3})\Z"
 )
-"""What may be such a number with what comes after it; five times as long as one, so that no end of
-it is missed.
-"""
+"""The beginning of such a number, five times as long as one, so that no end is missed."""
 
 _COMMAND = re.compile(
     rb"[ \t]*AT(?:\+(?:CPIN|CLCK|CPWD|CPBW|CMGS|CMGW|CSCA|CUSD)[ ]?=|D(?=[0-9+TPI\"*#]))",
     re.IGNORECASE,
 )
-"""Commands with a secret, which another program may have sent and the modem echo."""
+"""Commands with a secret, which another program may send and the modem echo."""
 
 _DIGIT = re.compile(rb"[0-9]")
 _LETTERS = re.compile(rb"[0-9A-Za-z\x80-\xff]")
@@ -136,9 +140,7 @@ def mask_text(data: bytes) -> bytes:
 
 
 def name_of(line: bytes) -> bytes:
-    """Name of the last result in a line that prints numbers or messages, empty where there is
-    none.
-    """
+    """Name of the last result in a line that prints numbers or messages, else empty."""
     found: bytes = b""
     for result in _PRIVATE.finditer(line):
         found = result[0][1:].rstrip(b" :")
@@ -153,7 +155,7 @@ def is_private(line: bytes) -> bool:
 
 
 def redact_line(line: bytes) -> bytes:
-    """A line, or the beginning of one, without what it tells of people and their devices."""
+    """A line, or the beginning of one, with personal numbers and texts redacted."""
     if _SENTENCE.fullmatch(line) and not _LONG_RUN.search(line):
         return line
     private = _PRIVATE.search(line)

@@ -1,4 +1,4 @@
-"""Numbers of people and of their devices, and their messages, blanked before anybody sees them.
+"""Redaction of personal numbers and messages, before anything is recorded or read.
 
 Nothing here asks for IMSI, IMEI, SIM or telephone numbers or for messages, but modems volunteer
 them (ATI of a SIM5360 prints the IMEI, +CLIP who calls, +CMT what somebody writes). `patterns`
@@ -36,8 +36,7 @@ _Text = Literal["", "message", "listed", "quoted"]
 
 
 class Redactor:
-    """Bytes of a device in, the same with an x for each digit or letter that is private out,
-    however they are cut.
+    """Bytes of a device in; the same out with an x for each private digit or letter.
 
     What may be the beginning of something private is held back until its end has come.
     """
@@ -50,7 +49,7 @@ class Redactor:
         self._begun = False  # of which one has come
 
     def feed(self, data: bytes) -> bytes:
-        """What may be told by now."""
+        """Redacted bytes that are decided by now."""
         out = bytearray()
         data = self._line + data
         start = 0
@@ -64,20 +63,20 @@ class Redactor:
         return bytes(out)
 
     def flush(self) -> bytes:
-        """What is held back, at the end of a connection."""
+        """The bytes held back, at the end of a connection."""
         rest = self._blanked(self._line)[self._told :]
         self._line, self._told, self._private, self._text = b"", 0, False, ""
         return rest
 
     def _finished(self, line: bytes, end: bytes) -> bytes:
-        """What is still to be told of a line that is over."""
+        """What is still to be passed on of a line that is over."""
         rest = (self._blanked(line) + end)[self._told :]
         self._told, self._private = 0, False
         self._follow(line)
         return rest
 
     def _under_way(self) -> bytes:
-        """What may already be told of a line that is not."""
+        """What may already be passed on of an unfinished line."""
         line = self._line
         if self._text and not RESULT.match(line):
             end = len(line) if len(line) > _LONGEST_TEXT else self._told
@@ -96,9 +95,7 @@ class Redactor:
         return mask_text(line) if self._private or self._is_text(line) else redact_line(line)
 
     def _is_text(self, line: bytes) -> bool:
-        """True for a line of a message; a row of a table ends it, as a modem may be in the middle
-        of one.
-        """
+        """True for a line of a message; a row of a table ends the message."""
         if not self._text or OF_DEVICE.match(line):
             return False
         return not (self._text == "message" and self._begun and ROW.match(line))
@@ -121,6 +118,6 @@ class Redactor:
 
 
 def redact(data: bytes) -> bytes:
-    """The same bytes with an x for what is private."""
+    """The same bytes with an x for each private digit or letter."""
     redactor = Redactor()
     return redactor.feed(data) + redactor.flush()

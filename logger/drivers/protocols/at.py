@@ -1,5 +1,4 @@
-"""The AT command line (ITU-T V.250, 3GPP TS 27.007): bytes of a modem in, replies and unasked lines
-out.
+"""The AT command line (ITU-T V.250, 3GPP TS 27.007): bytes in, replies and URCs out.
 
 `AtFramer` never raises, keeps at most one line and one reply, and gives the same events however the
 bytes are cut.
@@ -8,11 +7,12 @@ A reply has no number, so an answer that comes after its time-out looks like the
 command. Rules:
 
 1. A line begun before a command was written does not belong to its reply.
-2. A final code while nothing is pending is `Unsolicited` and settles the account of the expired command.
-3. While a command is pending and an older one still owes its final code, that code is taken for the old one's if lines
-   of the old one have come and none of the new one's, or if it is a bare OK where the new command
-   asks for lines. It becomes `Unsolicited` and the new command stays pending.
-4. If the new command then expires, rule 3 was wrong (the old answer was lost for good) and is not applied again.
+2. A final code while nothing is pending is `Unsolicited`; it ends the expired command.
+3. While a command is pending and an older one still owes its final code, that code belongs to the
+   older one if lines of the older one have come and none of the new one, or if it is a bare OK
+   where the new command asks for lines. It becomes `Unsolicited`; the new command stays pending.
+4. If the new command then expires, rule 3 was wrong (the old answer is lost) and is not applied
+   again.
 """
 
 import re
@@ -33,19 +33,17 @@ _CODES = frozenset({"OK", "ERROR", "NO CARRIER", "BUSY", "NO ANSWER", "NO DIALTO
 _ERROR = re.compile(r"\+CM[ES] ERROR\b.*")
 # Result codes after ATV0. 2 is RING, which ends no reply.
 _ASKS_FOR_WORDS = re.compile(r"AT(?:I\d?|\+C?GM[IMR])", re.IGNORECASE)
-"""Commands that are answered in plain words, which tell of no cell."""
+"""Commands whose answer is plain words, which describe no cell."""
 _NUMERIC = {"0": "OK", "1": "CONNECT", "3": "NO CARRIER", "4": "ERROR"}
 _UNASKED = re.compile(
-    r"RDY|QCRDY|START|RING|Call Ready|SMS Ready|SMS DONE|PB DONE|NORMAL POWER DOWN|(?:UNDER|OVER)-VOLTAGE.*|DST: .*"
-    r"|\^SYSSTART.*"
+    r"RDY|QCRDY|START|RING|Call Ready|SMS Ready|SMS DONE|PB DONE|NORMAL POWER DOWN"
+    r"|(?:UNDER|OVER)-VOLTAGE.*|DST: .*|\^SYSSTART.*"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Unsolicited:
-    """A line that answers nothing that is pending; `is_late` where it may answer the command that
-    has expired.
-    """
+    """A line that answers no pending command; `is_late` if it may answer the expired one."""
 
     line: str
     is_late: bool = field(default=False, compare=False)
@@ -86,15 +84,11 @@ class AtFramer:
 
     @property
     def late_final_due(self) -> bool:
-        """True while a command that has expired owes its final code: what comes may be of that
-        time.
-        """
+        """True while an expired command still owes its final code: bytes may belong to it."""
         return self._expired is not None
 
     def send(self, command: str) -> None:
-        """Note that `command` was written, before what comes back is fed; a command still pending
-        is forgotten.
-        """
+        """Note that `command` was written; a command that is still pending is forgotten."""
         self._command = command.strip()
         self._names = _names(command)
         self._lines = []
@@ -104,9 +98,7 @@ class AtFramer:
         self.echo_seen = False
 
     def feed(self, data: bytes) -> Iterator[AtEvent]:
-        """Events completed by `data`; all of it is taken at the call, also if nobody looks at the
-        events.
-        """
+        """Events completed by `data`, all of which is consumed at the call."""
         *complete, self._buffer = _LINE_END.split(self._buffer + data)
         events = [event for raw in complete for event in self._line_events(raw)]
         while len(self._buffer) > MAX_LINE:
@@ -116,9 +108,7 @@ class AtFramer:
         return iter(events)
 
     def flush(self) -> Iterator[AtEvent]:
-        """Events of the incomplete last line, for the end of a transcript; a live port has no
-        end.
-        """
+        """Events of the incomplete last line, at the end of a transcript."""
         return self.feed(b"\n") if self._buffer else iter(())
 
     def expire(self) -> Reply:
@@ -207,9 +197,7 @@ class AtFramer:
         return not _UNASKED.fullmatch(line.strip())
 
     def _is_late(self, line: str) -> bool:
-        """True for a line that the expired command may have had; one with its name shows that it is
-        answered.
-        """
+        """True for a line that may answer the expired command; its name proves that it does."""
         prefix = _PREFIX.match(line)
         if prefix and self._expired and prefix[1] in self._expired:
             self._expired_spoke = True
@@ -230,7 +218,5 @@ def _names(command: str) -> frozenset[str]:
 
 
 def _asks(command: str) -> bool:
-    """True for a read, test or action command (`AT+CENG?`, `AT+CSQ`), which answers with lines
-    before its OK.
-    """
+    """True for a read, test or action command, which answers with lines before its OK."""
     return command.endswith("?") or ("=" not in command and bool(_names(command)))

@@ -1,4 +1,4 @@
-"""The shape of a conversation with a modem, without any I/O.
+"""A conversation with a modem, without any I/O.
 
 A driver yields `Command`s and is sent `Reply`s; whoever drives the generator owns the port. A
 timeout is a Reply with `final` None, so a driver treats it as data.
@@ -10,13 +10,15 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 INTERRUPTION = "\x18"
-"""Stands among lines where a row may have been cut; CAN, which no framer lets through."""
+"""Marks where a row may have been cut; CAN, which no framer passes on."""
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One AT command line, without its carriage return; polling a modem that refuses a `needed` one
-    is no use.
+    """One AT command line, without its carriage return.
+
+    A modem that refuses a `needed` one cannot be polled. `silence_s` is the documented time for
+    which a full scan may be silent, infinite where no manual gives one.
 
     `silence_s` is how long a full scan may be silent by what is documented, infinite where nothing
     is.
@@ -30,8 +32,7 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The lines between a command and its final result code; `final` is None when none came in
-    time.
+    """The lines between a command and its final result code, None after a time-out.
 
     `interrupted` are the numbers of the lines after which the modem said something else.
     """
@@ -59,7 +60,7 @@ Dialogue = Generator[Command, Reply, T]
 
 
 def run_dialogue(dialogue: Dialogue[T], ask: Callable[[Command], Reply]) -> T:
-    """Result of a dialogue whose commands are put to `ask`."""
+    """Result of a dialogue whose commands are sent with `ask`."""
     try:
         command = next(dialogue)
         while True:

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Garbage:
-    """Bytes that could not be read: line noise, a damaged or an endless line; their line ends are
-    not kept.
-    """
+    """Bytes that are no text of the device, without line ends: noise or an endless line."""
 
     data: bytes

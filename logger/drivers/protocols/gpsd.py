@@ -1,6 +1,4 @@
-"""gpsd: lines of JSON in, reports out, and the reports of one epoch joined to a fix (gpsd_json(5),
-protocol 3).
-"""
+"""gpsd (gpsd_json(5), protocol 3): lines of JSON in, reports out, joined to fixes."""
 
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -16,9 +14,7 @@ MAX_LINE = 16_384
 """Bytes; gpsd cuts its own lines at 10240."""
 MAX_DEVICES = 16
 SAME_EPOCH_S = 0.9
-"""Reports without a time are of one epoch this long: gpsd says several times a second that there is
-no fix.
-"""
+"""Reports without a time belong to one epoch for so long: gpsd repeats them without a fix."""
 
 Size = Annotated[float, msgspec.Meta(ge=0)]
 Count = Annotated[int, msgspec.Meta(ge=0, le=999)]
@@ -35,7 +31,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class Version(msgspec.Struct, frozen=True):
-    """What gpsd says first."""
+    """The first report of gpsd."""
 
     release: str
     proto_major: int
@@ -57,15 +53,13 @@ class Devices(msgspec.Struct, frozen=True):
 
 
 class Error(msgspec.Struct, frozen=True):
-    """What gpsd did not understand."""
+    """A request that gpsd did not understand."""
 
     message: str
 
 
 class Tpv(msgspec.Struct, frozen=True):
-    """Time, position, velocity: mode 0 and 1 have no position, 2 has one without height, 3 with
-    it.
-    """
+    """Time, position, velocity: mode 2 has a position, mode 3 a height too, 0 and 1 none."""
 
     mode: int
     device: str = ""
@@ -109,7 +103,7 @@ class _Head(msgspec.Struct, frozen=True):
 
 
 def watch(device: str = "") -> bytes:
-    """What makes gpsd report: everything, or one of its devices only."""
+    """The request for reports of all devices, or of one."""
     only = {"device": device} if device else {}
     return b"?VERSION;\n?WATCH=%b;\n" % msgspec.json.encode({"enable": True, "json": True, **only})
 
@@ -121,9 +115,7 @@ class GpsdFramer:
         self._tail = b""  # a line under way
 
     def feed(self, data: bytes) -> Iterator[Report | Garbage]:
-        """Reports completed by `data`, which is all taken at the call; classes of no use here leave
-        nothing.
-        """
+        """Reports completed by `data`, which is all consumed at the call."""
         *lines, self._tail = (self._tail + data).split(b"\n")
         events = [event for line in lines if (event := _report(line.strip(b"\r"))) is not None]
         if len(self._tail) > MAX_LINE:
@@ -235,7 +227,7 @@ def _fix(tpv: Tpv, sky: Sky, accuracy_m: float | None) -> Fix:
 
 
 def _accuracy_m(tpv: Tpv, gst: Gst, driver: str) -> float | None:
-    """Radius that holds 68 % of the positions, where the receiver itself tells one.
+    """Radius that holds 68 % of the positions, where the receiver itself reports one.
 
     For an NMEA receiver gpsd makes up `eph`: a constant times the HDOP, often that of the epoch
     before. Others tell it themselves, with a certainty that gpsd does not know and that nobody
@@ -252,9 +244,7 @@ def _accuracy_m(tpv: Tpv, gst: Gst, driver: str) -> float | None:
 
 
 def _utc_ns(tpv: Tpv) -> int | None:
-    """Nanoseconds since 1970; without a fix the time may be any, and a leap second has no
-    number.
-    """
+    """Nanoseconds since 1970; None without a fix and for a leap second."""
     if tpv.mode < 2 or tpv.time is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""Lines with noise around them: what can be read without guessing what stood in its place.
+"""Lines with noise around them: what can be read without guessing.
 
 Noise before a line has taken nothing of it where the line begins with its name (`+CENG:`, `arfcn:`)
 or is a final code. Noise after a line may stand in place of its end, and noise in the middle in
@@ -14,7 +14,8 @@ from typing import NamedTuple
 _TEXT = re.compile(rb'(?:[\t !#-~]++|"[\t !#-~\x80-\xff]*+(?:"|\Z))*+')
 _AROUND = bytes(sorted({*range(256)} - {*range(0x20, 0x7F), 0x09}))
 _NAMED = re.compile(
-    rb"(?:\A|(?<=[^\t -~]))(?:[+*^#!$%][A-Z][A-Z0-9]+[ ]?:|[A-Za-z][A-Za-z_ ()/]{1,19}:|\+CM[ES] ERROR\b)"
+    rb"(?:\A|(?<=[^\t -~]))"
+    rb"(?:[+*^#!$%][A-Z][A-Z0-9]+[ ]?:|[A-Za-z][A-Za-z_ ()/]{1,19}:|\+CM[ES] ERROR\b)"
 )
 _FINAL = re.compile(rb"OK|ERROR|NO CARRIER")
 
@@ -27,9 +28,7 @@ class Piece(NamedTuple):
 
 
 def pieces(line: bytes, *, words: bool = False) -> Iterator[Piece]:
-    """The parts of a line in their order; `words` says that the device was asked for words that
-    have no name.
-    """
+    """The parts of a line; `words` where the device was asked for words without a name."""
     if _TEXT.fullmatch(line):
         yield Piece(line, is_text=True)
         return

@@ -1,5 +1,4 @@
-"""NMEA 0183: bytes of a GNSS receiver in, sentences out, and the sentences of one epoch joined to a
-fix.
+"""NMEA 0183: bytes of a receiver in, sentences out, and those of one epoch joined to a fix.
 
 pynmea2 names the fields of a sentence. Framing is done here: pynmea2 loses the sentence after an
 interrupted one (see firmware_notes/nmea.md).
@@ -24,7 +23,7 @@ REMEMBERED_EPOCHS = 4
 """A sentence missing in fewer epochs than these was damaged on the way, not switched off."""
 
 _HEADS = frozenset({pynmea2.GGA, pynmea2.RMC, pynmea2.GNS})
-"""What makes an epoch; the others only add to one."""
+"""Sentences that make an epoch; the others only add to one."""
 _TIMED = frozenset({pynmea2.GST, pynmea2.ZDA})
 _UNTIMED = frozenset({pynmea2.GSA, pynmea2.VTG})
 
@@ -37,9 +36,7 @@ _BEGINNING = re.compile(rb"\$" + _BODY + rb"{0,%d}+(?:\*[0-9A-Fa-f]?)?\Z" % (MAX
 
 @dataclass(frozen=True, slots=True)
 class Sentence:
-    """One sentence with a right checksum, `$` to `*HH`; `message` is None for a type that pynmea2
-    does not know.
-    """
+    """One sentence with a right checksum; `message` is None for a type unknown to pynmea2."""
 
     text: str
     message: Any = field(compare=False, repr=False, default=None)
@@ -52,8 +49,7 @@ class NmeaFramer:
         self._tail = b""  # a sentence under way
 
     def feed(self, data: bytes) -> Iterator[Sentence | Garbage]:
-        """Events completed by `data`; all of it is taken at the call, also if nobody looks at the
-        events.
+        """Events completed by `data`, all of which is consumed at the call.
 
         A sentence is complete with its checksum: its line end need not have come. Noise is reported
         as it comes, one event for each stretch in one call, without line ends.
@@ -76,9 +72,7 @@ class NmeaFramer:
 
 @dataclass(slots=True)
 class _Epoch:
-    """Messages of one time of day (empty until one has it), the first of each type, of GSA the one
-    that knows most.
-    """
+    """Messages of one time of day by type: the first of each, of GSA the most informative."""
 
     t_ns: int
     time: int | str
@@ -112,8 +106,7 @@ class FixAssembler:
         self._expected: Counter[str] | None = None
 
     def feed(self, sentence: Sentence, t_ns: int) -> Iterator[tuple[int, Fix]]:
-        """Fixes completed by a sentence stamped `t_ns`; a fix has the stamp of its epoch's first
-        GGA, GNS or RMC.
+        """Fixes completed by a sentence, with the stamp of the first GGA, GNS or RMC.
 
         An epoch is complete when it has all that the last few had, so a receiver may print what it
         likes in the order it likes. It ends without that when the next one begins, or by `flush`;
@@ -138,9 +131,7 @@ class FixAssembler:
         return iter(list(self._epoch.take()) if self._epoch else [])
 
     def _begins_epoch(self, address: str, message: Any) -> bool:
-        """True for another time of day, or the same sentence again; one without a time joins what
-        is pending.
-        """
+        """True for another time of day, or for a sentence that the epoch has already."""
         if self._epoch is None or address in self._epoch.heard:
             return True
         return (
@@ -176,9 +167,7 @@ def _noise(data: bytes) -> list[Sentence | Garbage]:
 
 
 def _time_of_day(message: Any) -> int | str:
-    """Time of day for comparing: "120000" equals "120000.00"; one that is no time (a leap second)
-    equals its like.
-    """
+    """Time of day for comparison: "120000" equals "120000.00"."""
     time_ns = time_of_day_ns(message)
     text: str = message.data[0]
     return text if time_ns is None else time_ns

@@ -1,5 +1,4 @@
-"""What the NMEA sentences of one epoch say together: a fix, with nothing in it that they do not
-say.
+"""The fix that the NMEA sentences of one epoch state, and nothing beyond it.
 
 Values are read from the text of the fields: pynmea2 takes an empty position for 0/0 and lets 75
 minutes pass (see firmware_notes/nmea.md).
@@ -38,9 +37,7 @@ _TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d)(?:\.(\d{0,9}))?")
 
 
 def fix_of(epoch: Mapping[type[Any], Any]) -> Fix:
-    """Fix of the messages of one epoch by their pynmea2 types; where GGA (or GNS) and RMC disagree
-    there is none.
-    """
+    """Fix of the messages of one epoch by type; none where GGA (or GNS) and RMC disagree."""
     place, rmc = epoch.get(pynmea2.GGA) or epoch.get(pynmea2.GNS), epoch.get(pynmea2.RMC)
     quality = _worse(_quality(place), rmc)
     position = (_position(place) or _position(rmc)) if _is_valid(place, quality, rmc) else None
@@ -65,9 +62,7 @@ def fix_of(epoch: Mapping[type[Any], Any]) -> Fix:
 
 
 def time_of_day_ns(message: Any) -> int | None:
-    """Nanoseconds since midnight of the first field, `hhmmss.sss`, to the last digit; a leap second
-    has none.
-    """
+    """Nanoseconds since midnight of the first field, `hhmmss.sss`; None for a leap second."""
     match = _TIME.fullmatch(message.data[0]) if message and message.data else None
     if not match:
         return None
@@ -76,7 +71,7 @@ def time_of_day_ns(message: Any) -> int | None:
 
 
 def nav_mode(gsa: Any) -> int | None:
-    """1 no fix, 2 position without height, 3 with it; None where a GSA does not say."""
+    """1 no fix, 2 position without height, 3 with it; None without a statement of the GSA."""
     text = gsa.data[1] if gsa and len(gsa.data) > 1 else ""
     return int(text) if text in {"1", "2", "3"} else None
 
@@ -100,9 +95,7 @@ def _is_valid(place: Any, quality: int | None, rmc: Any) -> bool:
 
 
 def _quality(place: Any) -> int | None:
-    """GGA quality 0 to 9; of a GNS that of its best constellation, each of which has a mode
-    letter.
-    """
+    """GGA quality 0 to 9; of a GNS that of its best constellation."""
     if isinstance(place, pynmea2.GNS):
         letter = _first(
             letter if letter in place.mode_indicator else None for letter in _BEST_FIRST
@@ -112,7 +105,7 @@ def _quality(place: Any) -> int | None:
 
 
 def _worse(quality: int | None, rmc: Any) -> int | None:
-    """The quality, or that of the RMC where that says that its position was not measured."""
+    """The quality, or that of an RMC whose position was not measured."""
     letter = rmc.data[11] if rmc and len(rmc.data) > 11 else ""
     return (
         _QUALITY_OF_MODE[letter]
@@ -131,9 +124,7 @@ def _position(message: Any) -> tuple[float, float] | None:
 
 
 def _angle_deg(text: str, letter: str, letters: str, limit_deg: float) -> float | None:
-    """Signed degrees of `dddmm.mmmm` and its hemisphere, the second of `letters` being the negative
-    one.
-    """
+    """Signed degrees of `dddmm.mmmm` and a hemisphere of `letters`, the second negative."""
     match = _ANGLE.fullmatch(text)
     if not match or len(letter) != 1 or letter not in letters or float(match[2]) >= 60.0:
         return None
@@ -144,9 +135,7 @@ def _angle_deg(text: str, letter: str, letters: str, limit_deg: float) -> float 
 
 
 def _motion(rmc: Any, vtg: Any) -> tuple[float | None, float | None]:
-    """Speed in m/s and course in degrees of an RMC, else of a VTG; each may be missing for
-    itself.
-    """
+    """Speed in m/s and course in degrees of an RMC, else of a VTG, each by itself."""
     pairs = [(rmc.spd_over_grnd, rmc.true_course)] if rmc else []
     if (
         vtg and vtg.data[1:2] == ["T"] and vtg.data[5:6] == ["N"]
@@ -178,9 +167,7 @@ def _hdop(place: Any, gsa: Any) -> float | None:
 
 
 def _utc_ns(message: Any) -> int | None:
-    """Nanoseconds since 1970 of the date and the time of one RMC or ZDA: two sentences may lie on
-    two days.
-    """
+    """Nanoseconds since 1970 of one RMC or ZDA: two sentences may lie on two days."""
     time_ns = time_of_day_ns(message)
     day = None if time_ns is None else _date(message)
     if time_ns is None or day is None or day < EARLIEST_UTC:
@@ -204,9 +191,7 @@ def _date(message: Any) -> date | None:
 
 
 def number(value: object) -> float | None:
-    """A finite number; pynmea2 hands on as text what it could not convert, and mixes float, Decimal
-    and text.
-    """
+    """A finite number; pynmea2 passes unconverted fields on as text."""
     try:
         found = float(value) if value is not None else math.nan  # type: ignore[arg-type]
     except (ValueError, TypeError):

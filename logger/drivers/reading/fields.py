@@ -1,4 +1,4 @@
-"""Values as modems print them: numbers of either base, levels, and the parts of an identity.
+"""Values as modems print them: numbers of either base, levels, parts of an identity.
 
 Nothing here guesses: a text that is not such a value, or a mark for unknown, is None.
 """
@@ -29,17 +29,13 @@ RAT_OF_ACT: dict[
 }
 
 _GSM_DBM = (-113.0, -47.0)
-"""From the lowest index of the modems' scale (SIM800 manual V1.09 p163) to RXLEV 63 (3GPP TS 45.008
-8.1.4).
-"""
+"""Lowest index (SIM800 manual V1.09 p163) to RXLEV 63 (3GPP TS 45.008 8.1.4)."""
 _RSRP_DBM = (-140.0, -43.0)
 """3GPP TS 36.133 9.1.4, and one step more at the strong end, where modems round."""
 _COVERAGE_DBM = (-156.0, -43.0)
 """The same with enhanced coverage: NB-IoT (36.133 9.1.22.9) and LTE-M (9.1.4, extended)."""
 _CARRIER_DBM = (-120.0, -20.0)
-"""All that the receiver takes in on a channel; no 3GPP range for LTE, modems print up to -35
-dBm.
-"""
+"""Total power on a channel; 3GPP gives LTE no range, modems print up to -35 dBm."""
 LEVELS_DBM: Mapping[str, Mapping[Rat | None, tuple[float, float]]] = {
     "rssi_dbm": {"GSM": _GSM_DBM, None: _CARRIER_DBM},
     "rscp_dbm": {None: (-120.0, -25.0)},  # 3GPP TS 25.133 9.1.1.3
@@ -50,9 +46,7 @@ LEVELS_DBM: Mapping[str, Mapping[Rat | None, tuple[float, float]]] = {
         None: _RSRP_DBM,
     },
 }
-"""What a level can be by technology, None for all others; a level outside is damage, and is
-none.
-"""
+"""Range of a level by technology, None for all others; a level outside is damaged."""
 _OWN = {
     "WCDMA": "rscp_dbm",
     "LTE": "rsrp_dbm",
@@ -60,7 +54,7 @@ _OWN = {
     "NB-IoT": "rsrp_dbm",
     "NR": "rsrp_dbm",
 }
-"""The level of the cell alone.
+"""The level of the cell alone; where it is damaged, that of the carrier does not replace it.
 
 Where it is damaged that of the carrier does not stand in: it is another one.
 """
@@ -90,9 +84,7 @@ _MNC = re.compile(r"[0-9]{2,3}")
 
 
 def values(text: str) -> list[str]:
-    """Fields between commas, without blanks around them and without quotation marks; commas in
-    quotes do not count.
-    """
+    """Fields between commas, without blanks and quotation marks; quoted commas do not count."""
     return [(quoted or plain).strip() for quoted, plain in _FIELD.findall(text + ",")]
 
 
@@ -149,9 +141,7 @@ def _widest(name: str) -> tuple[float, float]:
 
 
 _CARRIER_ABOVE_DB = (-3.0, 60.0)
-"""A carrier holds the cell's signal, and up to 20 dB (resource blocks) and 34 dB (RSRQ) more;
-averaged apart.
-"""
+"""Carrier above cell: up to 20 dB (resource blocks) and 34 dB (RSRQ), averaged separately."""
 
 
 def reportable(reading: CellReading) -> CellReading:
@@ -179,17 +169,13 @@ def _is_reportable(reading: CellReading, name: str) -> bool:
 
 
 def rsrq_db(text: str, scale: float = 1.0) -> float | None:
-    """Reference signal received quality (3GPP TS 36.133 9.1.7, 38.133 10.1.11: -43 to 20 dB); 0
-    stands for unknown.
-    """
+    """Reference signal received quality (3GPP TS 36.133 9.1.7, 38.133 10.1.11); 0 is unknown."""
     found = level(text, -43.0, 20.0, scale)
     return None if found == 0.0 else found
 
 
 def area(text: str, base: int = 16, bits: int = 16) -> int | None:
-    """Location or tracking area code; all zeros, all ones and the last but one say "none" (3GPP TS
-    24.008 10.5.1.3).
-    """
+    """Location or tracking area code; None for the marks of 3GPP TS 24.008 10.5.1.3."""
     code = (hexadecimal if base == 16 else decimal)(text, 0, 2**bits - 1)
     if code is None or code in {0, 0xFFFE, 0xFFFF, 2**bits - 2, 2**bits - 1}:
         return None
@@ -199,9 +185,7 @@ def area(text: str, base: int = 16, bits: int = 16) -> int | None:
 def cell_identity(
     text: str, bits: int, base: int = 16, form: NumberForm | None = None
 ) -> int | None:
-    """Cell identity of 16 (GSM), 28 (WCDMA, LTE) or 36 bits (NR); zero and all ones say
-    "unknown".
-    """
+    """Cell identity of 16 (GSM), 28 (WCDMA, LTE) or 36 bits (NR); None for 0 and all ones."""
     identity = (hexadecimal if base == 16 else decimal)(text, 0, 2**bits - 1)
     if identity is None or identity in {0, 0xFFFF, 2**bits - 1}:
         return None
@@ -213,6 +197,15 @@ def bsic_of(ncc: int | None, bcc: int | None) -> int | None:
     return None if ncc is None or bcc is None else 8 * ncc + bcc
 
 
+HEX = r"[0-9A-Fa-f]{4}|[1-9A-Fa-f][0-9A-Fa-f]{0,2}|0?"
+"""A number of 16 bits: firmware pads to four digits or prints no leading zero; "013" is neither."""
+
+
+def matches(patterns: Mapping[str, str], named: Mapping[str, str]) -> bool:
+    """True where each value that has a pattern matches it; a missing value is empty."""
+    return all(re.fullmatch(pattern, named.get(name, "")) for name, pattern in patterns.items())
+
+
 def network(mcc: str, mnc: str) -> tuple[str, str] | tuple[None, None]:
     """Country and network code as printed, both or neither."""
     mcc, mnc = mcc.strip(), mnc.strip()
@@ -220,8 +213,6 @@ def network(mcc: str, mnc: str) -> tuple[str, str] | tuple[None, None]:
 
 
 def pieces(lines: Iterable[str]) -> Iterator[str]:
-    """Lines that a log has written as one, with their ends as text (backslash, r, n), apart again;
-    no empty ones.
-    """
+    """Lines that a log has joined, with CR and LF as text, apart again; no empty ones."""
     for line in lines:
         yield from filter(str.strip, re.split(r"(?:\\[rn]|[\r\n])+", line))

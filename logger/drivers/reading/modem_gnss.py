@@ -1,5 +1,4 @@
-"""The receiver inside a modem: +CGNSINF (SIM808, SIM868, SIM7000), +CGPSINFO (SIM5320, SIM7600),
-+QGPSLOC (Quectel).
+"""GNSS receivers in modems: +CGNSINF, +CGPSINFO (SIMCom) and +QGPSLOC (Quectel).
 
     +CGNSINF:
     1,1,20150327014838.000,31.221783,121.354528,114.600,0.28,0.0,1,,1.9,2.2,1.0,,8,4,,,42,,
@@ -94,9 +93,7 @@ def read_cgpsinfo(lines: Sequence[str]) -> tuple[Fix, ...]:
 
 
 def read_qgpsloc(lines: Sequence[str]) -> tuple[Fix, ...]:
-    """Fixes in +QGPSLOC lines of any of its three formats; error 516 in answer to it says that
-    there is none.
-    """
+    """Fixes in +QGPSLOC lines of its three formats; error 516 reports that there is none."""
     fixes: list[Fix] = []
     asked = False
     for line in lines:
@@ -114,9 +111,7 @@ def read_qgpsloc(lines: Sequence[str]) -> tuple[Fix, ...]:
 def _rows(
     prefix: re.Pattern[str], names: tuple[str, ...], lines: Sequence[str]
 ) -> Iterator[dict[str, str]]:
-    """Values by name, empty where there is none; the last value of a row that is too short may be
-    cut and is left.
-    """
+    """Values by name; the last value of a short row may be cut and is left out."""
     for line in lines:
         for body in prefix.findall(line):
             values = [value.strip() for value in body.split(",")]
@@ -175,7 +170,7 @@ def _fix(
     speed_mps: float | None,
     course_deg: float | None,
 ) -> Fix:
-    """Fix of a row; without a whole position there is none, whatever else is printed."""
+    """Fix of a row; without a complete position there is none."""
     if not valid or lat_deg is None or lon_deg is None:
         return Fix(valid=False, utc_ns=utc_ns, sats_used=decimal(named.get("used", ""), 0, 99))
     return Fix(
@@ -198,9 +193,7 @@ def _number(text: str, low: float, high: float) -> float | None:
 
 
 def _degrees(text: str, letters: str, limit_deg: float) -> float | None:
-    """Degrees of `ddmm.mmmm` with its hemisphere, the second of `letters` being the negative one,
-    or as they are.
-    """
+    """Degrees of `ddmm.mmmm` and a hemisphere of `letters`, or decimal degrees."""
     found = _MINUTES.fullmatch(text)
     if not found:
         return _number(text, -limit_deg, limit_deg) if "." in text else None
@@ -222,9 +215,7 @@ def _utc_ns_of(date: str, time: str) -> int | None:
 def _utc_ns(
     year: str, month: str, day: str, hour: str, minute: str, second: str, fraction: str | None
 ) -> int | None:
-    """Nanoseconds since 1970, to the last digit; None for a day or a time that is none, a leap
-    second among them.
-    """
+    """Nanoseconds since 1970; None for an impossible time and for a leap second."""
     if int(year) < EARLIEST_YEAR:
         return None
     try:

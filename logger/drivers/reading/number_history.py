@@ -1,4 +1,4 @@
-"""The numbers that a modem has printed so far, by column: what its firmware pads, what came often."""
+"""The numbers that a modem has printed so far, by column, and how often each came."""
 
 from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator, Mapping
@@ -12,7 +12,7 @@ from logger.drivers.reading.rows import Registration, Row
 Key = TypeVar("Key", bound=Hashable)
 
 MOST_TEXTS = 2000
-"""Numbers remembered of a column: the cells of a long walk. Beyond it the oldest half is dropped."""
+"""Numbers remembered of a column; beyond it the oldest half is dropped."""
 
 AREA = frozenset({"lac", "tac"})
 IDENTITY = ("lac", "tac", "cid")

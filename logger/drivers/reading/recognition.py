@@ -51,7 +51,7 @@ DECIMAL = 10
 def mark_doubtful(
     rows: Sequence[Row], history: NumberHistory
 ) -> tuple[tuple[Row, ...], NumberHistory]:
-    """Rows of one reply with doubtful identities marked, doubtful values dropped; the new history."""
+    """Rows of one reply, doubtful identities marked and values dropped; the new history."""
     (marked,), after = mark_doubtful_replies([rows], history)
     return marked, after
 

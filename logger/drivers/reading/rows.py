@@ -1,6 +1,4 @@
-"""What a modem's reply can say, one value for each kind of row; cells and fixes are those of
-`core.types`.
-"""
+"""The rows of a modem's reply; cells and fixes are those of `core.types`."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -14,9 +12,7 @@ MPS_PER_KNOT = 1852 / 3600
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """Answer or report of +CREG, +CGREG, +CEREG or +C5GREG (3GPP TS 27.007 7.2, 10.1.20); `n` only
-    in an answer.
-    """
+    """Answer or report of +CREG and its like (3GPP TS 27.007 7.2, 10.1.20); answers have `n`."""
 
     domain: str
     stat: int
@@ -31,9 +27,7 @@ class Registration:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """Level without a cell; `raw` are the values as printed where their meaning depends on the
-    technology.
-    """
+    """Level without a cell; `raw` are printed values whose meaning depends on the technology."""
 
     rat: Rat | None = None
     csq_raw: int | None = None
@@ -49,9 +43,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """A network: of a scan with `stat`, `long` and `short`, the chosen one with `name` or
-    `plmn`.
-    """
+    """A network: offered by a scan (`stat`, `long`, `short`) or chosen (`name`, `plmn`)."""
 
     rat: Rat | None = None
     stat: int | None = None
@@ -64,7 +56,7 @@ class Operator:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A final error: its number, or its words where the modem is told to use words."""
+    """A final error: its number, or its words."""
 
     code: int | None = None
     text: str | None = None
@@ -72,7 +64,7 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class NoCell:
-    """The modem says that it has no cell: `status` or `state` as printed."""
+    """The modem reports that it has no cell: `status` or `state` as printed."""
 
     rat: Rat | None = None
     status: str | None = None
@@ -91,7 +83,7 @@ _ROLES = {
 
 
 def as_json(row: Row) -> dict[str, Any]:
-    """One flat object for a row, null where the modem says unknown or nothing."""
+    """One flat JSON object for a row, null where a value is unknown."""
     if isinstance(row, Fix):
         return _fix_json(row)
     named = asdict(row)

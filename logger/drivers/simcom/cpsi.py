@@ -95,9 +95,7 @@ def _row(text: str) -> Row | None:
 def _cell(
     rat: Rat, names: tuple[str, ...], values: list[str], more: Mapping[str, str]
 ) -> CellReading | None:
-    """Reading of a row with all its values, or all but the last; None for another one and for one
-    that says nothing.
-    """
+    """Reading of a row that lacks at most its last value; None for others and empty ones."""
     if not len(names) - 1 <= len(values) <= len(names) + (_MORE_OF_NR if rat == "NR" else 0):
         return None
     if len(values) < len(names):
@@ -130,9 +128,7 @@ def _where(rat: Rat, named: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _identity(rat: Rat, named: Mapping[str, str]) -> dict[str, Any]:
-    """Who the cell is, empty where a part of it is not in its form; a part that is a mark for
-    unknown is None.
-    """
+    """The identity, empty where a part is damaged; a part marked as unknown is None."""
     if "plmn" not in named:
         return {}
     area_bits, cid_bits = _BITS.get(rat, _BITS_OF_OTHERS)
@@ -161,9 +157,7 @@ def _gsm(named: Mapping[str, str]) -> _Levels:
 
 
 def _wcdma(named: Mapping[str, str]) -> _Levels:
-    """EC/IO and RSCP are printed without their sign; one that cannot be shows that values are lost
-    or added.
-    """
+    """EC/IO and RSCP are printed without sign; an impossible one shows a lost or added value."""
     ecio, rscp = (named[name].removeprefix("-") for name in ("ecio", "rscp"))
     ecio_db = level(ecio, -32.0, -0.1, -1.0) if _ECIO.fullmatch(ecio) else None
     return {
@@ -173,7 +167,7 @@ def _wcdma(named: Mapping[str, str]) -> _Levels:
 
 
 def _lte(named: Mapping[str, str]) -> _Levels:
-    """Levels in one unit or none of them; the ratio of signal to noise is in dB everywhere."""
+    """Levels in one unit or none of them; the ratio of signal to noise is always in dB."""
     sinr = {"sinr_db": level(named.get("rssnr", ""), -23.0, 40.0)}
     printed = [named.get(name, "") for name in ("rsrq", "rsrp", "rssi")]
     indices = [decimal(text, 0, 255) for text in printed]
@@ -198,9 +192,7 @@ def _lte(named: Mapping[str, str]) -> _Levels:
 
 
 def _nr(named: Mapping[str, str]) -> _Levels:
-    """The order of RSRP and RSRQ differs between forms, RSRP is always the lower; SNR is in dB or
-    in tenths of it.
-    """
+    """RSRP and RSRQ come in either order, RSRP is the lower; SNR is in dB or tenths."""
     low, high = sorted(
         (named["rsrp"], named.get("rsrq", "")),
         key=lambda text: level(text, -99999.0, 99999.0) or 0.0,
@@ -218,9 +210,7 @@ def _nr(named: Mapping[str, str]) -> _Levels:
 
 
 def _scale(rsrp: str) -> float | None:
-    """Decibel in a unit of this row: the SIM7000 prints dB, the SIM7600 tenths; None for the index
-    of an A76xx.
-    """
+    """Unit of the row: SIM7000 prints dB, SIM7600 tenths; None for the index of an A76xx."""
     if rsrp_dbm(rsrp) is not None:
         return 1.0
     return None if rsrp_dbm(rsrp, 0.1) is None else 0.1

@@ -1,15 +1,14 @@
-"""SIMCom SIM7000, SIM7070, SIM7080, SIM7090: cells from AT+CENG and AT+CPSI
-(firmware_notes/sim7000.md).
+"""SIMCom SIM7000, SIM7070, SIM7080, SIM7090: cells from AT+CENG and AT+CPSI.
 
-    +CENG: 1,1,2,LTE CAT-M1                                      header: mode, Ncell, cells, system
-    +CENG: 0,"1550,339,-73,-47,-12,17,102,303617,284,05,255"     serving cell; area and cell are decimal
-    +CENG: 1,"1550,414,-88,-51,-20,17"                           neighbour
+    +CENG: 1,1,2,LTE CAT-M1                                    header: mode, Ncell, cells, system
+    +CENG: 0,"1550,339,-73,-47,-12,17,102,303617,284,05,255"   serving cell, decimal
+    +CENG: 1,"1550,414,-88,-51,-20,17"                         neighbour
 
     +CENG: 1,1,6,GSM
-    +CENG: 0,"0665,35,02,4b2c,404,95,c1c0"                       serving cell and neighbours alike; hexadecimal
+    +CENG: 0,"0665,35,02,4b2c,404,95,c1c0"                     any cell, hexadecimal
 
-These rows are not those of a SIM800, whose header has two values: under such a header nothing is
-read.
+A SIM800 prints other rows under a header of two values: under such a header nothing is read
+(firmware_notes/sim7000.md).
 """
 
 import re
@@ -22,16 +21,8 @@ from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
-from logger.drivers.reading.fields import (
-    area,
-    cell_identity,
-    decimal,
-    level,
-    network,
-    rsrp_dbm,
-    rsrq_db,
-    rssi_dbm,
-)
+from logger.drivers.reading.cell_values import read_values
+from logger.drivers.reading.fields import HEX, area, cell_identity, decimal, matches, network
 from logger.drivers.reading.number_text import NumberForm, NumberText
 from logger.drivers.reading.rows import NoCell, Row
 from logger.drivers.reading.serving_cell import merge_serving_cells
@@ -49,45 +40,37 @@ _ROW = re.compile(
     re.ASCII,
 )
 _OFF = re.compile(r"CENG:\s*0\s*,\s*[01]\s*(?:,|\Z)")
-_RATS: Mapping[str, Rat] = {
+_RATS: Mapping[str, Rat] = {  # by a part of the name of a system
     "GSM": "GSM",
     "CAT-M": "LTE-M",
     "NB": "NB-IoT",
-}  # marks in the name of a system
+}
 _NO_SERVICE = "NO SERVICE"
 
 _LTE = ("earfcn", "pci", "rsrp", "rssi", "rsrq", "sinr", "tac", "cellid", "mcc", "mnc", "txpwr")
 _LTE_LEVELS = _LTE[:6]
 _GSM = ("bcch", "rxl", "bsic", "cellid", "mcc", "mnc", "lac")
 
-_HEX = re.compile(
-    r"[0-9A-Fa-f]{4}|[1-9A-Fa-f][0-9A-Fa-f]{0,2}|0?"
-)  # padded to four digits, or none to spare
-_LTE_FORM = {
-    "earfcn": re.compile(r"\d{1,6}"),
-    "pci": re.compile(r"\d{1,3}"),
-    "rsrp": re.compile(r"-\d{1,3}"),  # a SIM800 prints its rxq here, never negative
+_LTE_FORM = {  # in the place of the RSRP a SIM800 prints its rxq, which is never negative
+    "earfcn": r"\d{1,6}",
+    "pci": r"\d{1,3}",
+    "rsrp": r"-\d{1,3}",
 }
-_LTE_IDENTITY = {"tac": re.compile(r"\d{1,5}"), "cellid": re.compile(r"\d{1,9}")}
+_LTE_IDENTITY = {"tac": r"\d{1,5}", "cellid": r"\d{1,9}"}
 _GSM_IDENTITY = {
-    "bcch": re.compile(r"\d{1,4}"),
-    "rxl": re.compile(r"\d{1,2}"),
-    "bsic": re.compile(r"\d{0,3}"),
-    "cellid": _HEX,
-    "lac": _HEX,
+    "bcch": r"\d{1,4}",
+    "rxl": r"\d{1,2}",
+    "bsic": r"\d{0,3}",
+    "cellid": HEX,
+    "lac": HEX,
 }
+_FULL_LAC = {"lac": r"[0-9A-Fa-f]{4}"}
+_FULL_LEVEL = {"bcch": r"\d{4}", "rxl": r"\d\d"}
 _CHANNEL, _LEVEL = NumberForm(10, frozenset({4})), NumberForm(10, frozenset({2}))
-_FULL_WIDTH = {
-    "bcch": re.compile(r"\d{4}"),
-    "rxl": re.compile(r"\d\d"),
-    "lac": re.compile(r"[0-9A-Fa-f]{4}"),
-}
 
 
 class Sim7000(Family):
-    """Cells by `AT+CENG?`; `AT+CPSI?` adds band, selection criteria and the level of a GSM cell in
-    dBm.
-    """
+    """Cells by `AT+CENG?`; `AT+CPSI?` adds band, C1, C2 and the level of a GSM cell in dBm."""
 
     name = "sim7000"
     claim = Claim(series=r"SIM70(?:00|70|80|90)(?!\d)")
@@ -99,9 +82,7 @@ class Sim7000(Family):
     mode_commands = network_mode.CNMP
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells heard now, the serving one once; engineering mode is switched on again where the
-        modem lost it.
-        """
+        """Cells received now, the serving one once; switches a lost engineering mode on again."""
         lines: list[str] = []
         answered = False
         for command in self.poll_commands:
@@ -139,44 +120,30 @@ def _reading(row: re.Match[str], system: str | None) -> CellReading | None:
     role: Role = "neighbour" if int(number) else "serving"
     rat = next((rat for mark, rat in _RATS.items() if mark in (system or "")), None)
     named = dict(zip(_LTE, values, strict=False))
-    if rat != "GSM" and all(
-        form.fullmatch(named.get(name, "")) for name, form in _LTE_FORM.items()
-    ):
+    if rat != "GSM" and matches(_LTE_FORM, named):
         return _lte(role, rat, values, closed=end is not None)
     if rat == "GSM" or (system is None and len(values) == len(_GSM)):
         return _gsm(role, values, closed=end is not None)
     return None
 
 
-def _lte(role: Role, rat: Rat | None, values: list[str], *, closed: bool) -> CellReading | None:
-    """Reading of a row of LTE; one of another number of values keeps its levels, which stand in
-    front.
-    """
-    if len(values) < len(_LTE_LEVELS):
+def _lte(role: Role, rat: Rat | None, texts: list[str], *, closed: bool) -> CellReading | None:
+    """Reading of a row of LTE; one of another number of values keeps its levels, the first six."""
+    if len(texts) < len(_LTE_LEVELS):
         return None
     if not closed:
-        values = [*values[:-1], ""]  # the last one may be cut
-    named = dict(zip(_LTE, values, strict=False))
-    who = _lte_identity(named) if len(values) == len(_LTE) else {}
-    level_dbm = rsrp_dbm(named["rsrp"])
-    if not who and level_dbm is None:
+        texts = [*texts[:-1], ""]  # the last one may be cut
+    named = dict(zip(_LTE, texts, strict=False))
+    values = read_values({name: named[name] for name in _LTE_LEVELS})
+    who = _lte_identity(named) if len(texts) == len(_LTE) else {}
+    if not who and values["rsrp_dbm"] is None:
         return None
-    return CellReading(
-        role=role,
-        rat=rat,
-        **who,
-        arfcn=decimal(named["earfcn"], 0, 262_143),
-        pci=decimal(named["pci"], 0, 503),
-        rsrp_dbm=level_dbm,
-        rssi_dbm=rssi_dbm(named["rssi"]),
-        rsrq_db=rsrq_db(named["rsrq"]),
-        sinr_db=level(named["sinr"], -23.0, 40.0),
-    )
+    return CellReading(role=role, rat=rat, **who, **values)
 
 
 def _lte_identity(named: Mapping[str, str]) -> dict[str, Any]:
     mcc, mnc = network(named["mcc"], named["mnc"])
-    if mcc is None or not all(form.fullmatch(named[name]) for name, form in _LTE_IDENTITY.items()):
+    if mcc is None or not matches(_LTE_IDENTITY, named):
         return {}
     return {
         "mcc": mcc,
@@ -186,21 +153,15 @@ def _lte_identity(named: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-def _gsm(role: Role, values: list[str], *, closed: bool) -> CellReading | None:
-    """Reading of a row of GSM; one of another number of values keeps its level, if that has its
-    full width.
-    """
-    named = dict(zip(_GSM, values, strict=False))
-    whole = len(values) == len(_GSM) and (
-        closed or _FULL_WIDTH["lac"].fullmatch(named["lac"]) is not None
-    )
-    who = _gsm_identity(named) if whole else {}
-    if not who and not (
-        closed and all(_FULL_WIDTH[name].fullmatch(named.get(name, "")) for name in ("bcch", "rxl"))
-    ):
+def _gsm(role: Role, texts: list[str], *, closed: bool) -> CellReading | None:
+    """Reading of a row of GSM; one of another number of values keeps a level of full width."""
+    named = dict(zip(_GSM, texts, strict=False))
+    complete = len(texts) == len(_GSM) and (closed or matches(_FULL_LAC, named))
+    who = _gsm_identity(named) if complete else {}
+    if not who and not (closed and matches(_FULL_LEVEL, named)):
         return None
     channel, rxl = decimal(named["bcch"], 0, 2047), decimal(named["rxl"], 0, 66)
-    bsic = decimal(named["bsic"], 0, 63) if "bsic" in named else None
+    bsic = decimal(named.get("bsic", ""), 0, 63)
     if channel is None or (not who and not rxl):
         return None  # an empty slot
     return CellReading(
@@ -216,7 +177,7 @@ def _gsm(role: Role, values: list[str], *, closed: bool) -> CellReading | None:
 
 def _gsm_identity(named: Mapping[str, str]) -> dict[str, Any]:
     mcc, mnc = network(named["mcc"], named["mnc"])
-    if mcc is None or not all(form.fullmatch(named[name]) for name, form in _GSM_IDENTITY.items()):
+    if mcc is None or not matches(_GSM_IDENTITY, named):
         return {}
     return {
         "mcc": mcc,

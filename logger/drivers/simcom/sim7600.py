@@ -1,13 +1,13 @@
-"""SIMCom SIM5xxx, SIM7100 to SIM79xx, SIM82xx/83xx, A76xx, SIM7670: cells from AT+CPSI, AT+CCINFO
-and AT+CMGRMI.
+"""SIMCom SIM5xxx, SIM7100 to SIM79xx, SIM82xx/83xx, A76xx, SIM7670: AT+CPSI, +CCINFO, +CMGRMI.
 
-    +CCINFO:[SCELL],ARFCN:34,MCC:240,MNC:24,LAC:10001,ID:31,BSIC:18,RXLev:-78dbm,C1:33,C2:33,TA:0,TXPWR:0
-    +CCINFO:[NCell1],UARFCN:4436,PSC:230,SSC:0,RSCP:97,ECIO:15.5,RXLev:-97dbm          area and cell are decimal
+    +CCINFO:[SCELL],ARFCN:34,MCC:240,MNC:24,LAC:10001,ID:31,BSIC:18,RXLev:-78dbm,C1:33,C2:33,TA:0,...
+    +CCINFO:[NCell1],UARFCN:4436,PSC:230,SSC:0,RSCP:97,ECIO:15.5,RXLev:-97dbm
 
-    +CMGRMI: Serving_Cell,1300,262,02,5432,2,7654321,3,5,5,12,211,-95,-912,-604,0      levels in tenths of dB
+    +CMGRMI: Serving_Cell,1300,262,02,5432,2,7654321,3,5,5,12,211,-95,-912,-604,0
     +CMGRMI: LTE_InterFreq1_Cell1,417,-125,-1011,-772,0
 
-+CPSI is read in `cpsi`; where the facts come from is in firmware_notes/sim7600.md.
+Area and cell of +CCINFO are decimal; levels of +CMGRMI are tenths of a dB. `cpsi` reads +CPSI; the
+sources are in firmware_notes/sim7600.md.
 """
 
 import re
@@ -20,10 +20,10 @@ from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
+from logger.drivers.reading.cell_values import read_values
 from logger.drivers.reading.fields import (
     area,
     cell_identity,
-    decimal,
     level,
     network,
     rsrp_dbm,
@@ -42,27 +42,27 @@ _PAIR = re.compile(r",\s*([A-Z]\w*)\s*:\s*([-\w.]+)\s*(?=(,)|\Z)", re.ASCII | re
 _LAST = frozenset({"RXLEV", "C2"})
 """Labels that may end a row; another value at the end is cut."""
 _WHO = re.compile(
-    r",\s*(U)?ARFCN\s*:\s*\d{1,5}\s*,\s*MCC\s*:\s*(\d{3})\s*,\s*MNC\s*:\s*(\d{1,3})\s*,\s*LAC\s*:\s*(\d{1,5})\s*,"
-    r"\s*ID\s*:\s*(\d{1,10})\s*,\s*(?(1)PSC|BSIC)\s*:",
+    r",\s*(U)?ARFCN\s*:\s*\d{1,5}\s*,\s*MCC\s*:\s*(\d{3})\s*,\s*MNC\s*:\s*(\d{1,3})\s*,"
+    r"\s*LAC\s*:\s*(\d{1,5})\s*,\s*ID\s*:\s*(\d{1,10})\s*,\s*(?(1)PSC|BSIC)\s*:",
     re.IGNORECASE | re.ASCII,
 )
+_CCINFO_VALUES = ("ARFCN", "UARFCN", "PSC", "TA", "C1", "C2")
 _DBM = re.compile(r"(-\d{1,3})\s*dBm", re.IGNORECASE)
 
 _CMGRMI = re.compile(r"(?<![A-Z])CMGRMI:\s*(\w+)\s*,([-\w, ]*)", re.IGNORECASE | re.ASCII)
 _SERVING = (
-    *("arfcn", "mcc", "mnc", "tac", "mnc_digits", "cellid", "band", "dlbw", "ulbw", "rssnr"),
+    *("earfcn", "mcc", "mnc", "tac", "mnc_digits", "cellid", "band", "dlbw", "ulbw", "sinr"),
     *("pci", "rsrq", "rsrp", "rssi", "srxlev"),
 )
 _NEIGHBOUR = ("pci", "rsrq", "rsrp", "rssi", "srxlev")
+_LTE_VALUES = ("earfcn", "band", "pci", "sinr")
 _INTRA_CELL = re.compile(r"LTE_INTRA_CELL\d{1,2}")
 _INTER_CELL = re.compile(r"LTE_INTERFREQ(\d{1,2})_CELL\d{1,2}")
 _FREQUENCY = re.compile(r"Freq(\d{1,2})\s*,\s*(\d{1,6})\s*,", re.IGNORECASE | re.ASCII)
 
 
 class Sim7600(Family):
-    """The serving cell by `AT+CPSI?`, neighbours by `AT+CCINFO` (GSM, WCDMA) and `AT+CMGRMI=4`
-    (LTE).
-    """
+    """The serving cell by AT+CPSI, neighbours by AT+CCINFO (GSM, WCDMA) and AT+CMGRMI (LTE)."""
 
     name = "sim7600"
     claim = Claim(series=r"SIM(?:5\d|7[1-9]|8[23])\d\d(?!\d)|(?<![0-9A-Z])A7[69]\d\d(?!\d)")
@@ -78,9 +78,7 @@ class Sim7600(Family):
     mode_commands = network_mode.CNMP
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells heard now, the serving one once; a modem has some of these commands and refuses the
-        others.
-        """
+        """Cells received now, the serving one once; a modem refuses the commands it lacks."""
         rows = yield from self.ask(self.poll_commands)
         return None if rows is None else merge_serving_cells(rows)
 
@@ -89,7 +87,7 @@ class Sim7600(Family):
         return (
             *cpsi.read(lines),
             *_system(lines),
-            *_measured(lines),
+            *_environment(lines),
             *modem_gnss.read_cgpsinfo(lines),
         )
 
@@ -97,13 +95,13 @@ class Sim7600(Family):
 def _system(lines: Sequence[str]) -> Iterator[Row]:
     for line in lines:
         for cell, text in _CCINFO.findall(line):
-            reading = _labelled("serving" if cell.upper() == "SCELL" else "neighbour", text)
+            reading = _system_cell("serving" if cell.upper() == "SCELL" else "neighbour", text)
             if reading is not None:
                 yield reading
 
 
-def _labelled(role: Role, text: str) -> CellReading | None:
-    """Reading of one CCINFO row; the unit behind RXLev shows that the level is whole."""
+def _system_cell(role: Role, text: str) -> CellReading | None:
+    """Reading of one CCINFO row; the unit behind RXLev shows that the level is complete."""
     pairs = ((label.upper(), value, comma) for label, value, comma in _PAIR.findall(text))
     named = {label: value for label, value, comma in pairs if comma or label in _LAST}
     if ("ARFCN" in named) == ("UARFCN" in named):
@@ -114,21 +112,18 @@ def _labelled(role: Role, text: str) -> CellReading | None:
         "rssi_dbm": rssi_dbm(received[1]) if received else None,
         **({} if on_gsm else _code_levels(named)),
     }
-    found = _WHO.match(text)
-    who = _labelled_identity(found, cid_bits=16 if on_gsm else 28) if found else {}
+    row = _WHO.match(text)
+    who = _system_identity(row, cid_bits=16 if on_gsm else 28) if row else {}
     if not who and not any(value is not None for value in levels.values()):
         return None
+    texts = {name.lower(): named[name] for name in _CCINFO_VALUES if name in named}
     return CellReading(
         role=role,
         rat="GSM" if on_gsm else "WCDMA",
-        arfcn=decimal(named["ARFCN"], 0, 1023) if on_gsm else decimal(named["UARFCN"], 0, 16383),
-        psc=decimal(named.get("PSC", ""), 0, 511),
-        ta=decimal(named.get("TA", ""), 0, 63),
-        c1=decimal(named.get("C1", ""), -255, 255),
-        c2=decimal(named.get("C2", ""), -255, 255),
         **who,
         **levels,
-        more={"bsic_raw": named["BSIC"]} if "BSIC" in named else {},  # of a base that nobody states
+        **read_values(texts),
+        more={"bsic_raw": named["BSIC"]} if "BSIC" in named else {},  # its base is undocumented
     )
 
 
@@ -138,7 +133,7 @@ def _code_levels(named: Mapping[str, str]) -> dict[str, float | None]:
     return {"rscp_dbm": rssi_dbm(rscp, -1.0), "ecio_db": level(ecio, -32.0, -0.1, -1.0)}
 
 
-def _labelled_identity(found: re.Match[str], cid_bits: int) -> dict[str, Any]:
+def _system_identity(found: re.Match[str], cid_bits: int) -> dict[str, Any]:
     mcc, mnc, lac, cell = found.groups()[1:]
     if network(mcc, "00")[0] is None:
         return {}
@@ -151,7 +146,7 @@ def _labelled_identity(found: re.Match[str], cid_bits: int) -> dict[str, Any]:
     }
 
 
-def _measured(lines: Sequence[str]) -> Iterator[Row]:
+def _environment(lines: Sequence[str]) -> Iterator[Row]:
     """LTE cells of CMGRMI; a neighbour's channel stands in the row of its group, further up."""
     channels: dict[str, str] = {}
     serving: tuple[int | None, int | None] | None = None
@@ -169,7 +164,7 @@ def _measured(lines: Sequence[str]) -> Iterator[Row]:
                 channels |= dict(_FREQUENCY.findall(text))
             elif (group := _group(kind)) and len(values) == len(_NEIGHBOUR):
                 named = dict(zip(_NEIGHBOUR, values, strict=False))
-                reading = _lte("neighbour", {**named, "arfcn": channels.get(group, "")})
+                reading = _lte("neighbour", {**named, "earfcn": channels.get(group, "")})
                 if reading.rsrp_dbm is not None and (reading.arfcn, reading.pci) != serving:
                     yield reading
 
@@ -180,6 +175,7 @@ def _group(kind: str) -> str | None:
 
 
 def _lte(role: Role, named: Mapping[str, str]) -> CellReading:
+    texts = {name: named[name] for name in _LTE_VALUES if name in named}
     levels = {
         "rsrp_dbm": rsrp_dbm(named["rsrp"], 0.1),
         "rsrq_db": rsrq_db(named["rsrq"], 0.1),
@@ -189,10 +185,7 @@ def _lte(role: Role, named: Mapping[str, str]) -> CellReading:
         role=role,
         rat="LTE",
         **(_measured_identity(named) if role == "serving" else {}),
-        arfcn=decimal(named["arfcn"], 0, 262_143),
-        band=decimal(named.get("band", ""), 1, 255),
-        pci=decimal(named["pci"], 0, 503),
-        sinr_db=level(named.get("rssnr", ""), -23.0, 40.0),
+        **read_values(texts),
         **cpsi.tenths(levels),
     )
 

@@ -1,13 +1,13 @@
 """SIMCom SIM800, SIM808 and SIM900: cells from AT+CENG and AT+CNETSCAN (firmware_notes/sim800.md).
 
     AT+CENG?
-    +CENG: 1,1                                                  header: mode, Ncell
-    +CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"        serving cell
-    +CENG: 1,"0128,15,30,a53f,310,411,178d"                     neighbour; lac and cell id are hexadecimal
+    +CENG: 1,1                                              header: mode, Ncell
+    +CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"    serving cell
+    +CENG: 1,"0128,15,30,a53f,310,411,178d"                 neighbour
     OK
 
-A row is read only in a documented layout. Its identity is taken whole or not at all; a row that is
-damaged further right keeps the level of its channel without an identity.
+Area and cell id are hexadecimal. A row is read only in a documented layout. Its identity is read
+completely or not at all; a row that is damaged further right keeps the level of its channel.
 """
 
 import re
@@ -114,7 +114,7 @@ class Sim800(Family):
     gnss_poll_commands = modem_gnss.CGNSINF
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells heard now; None when there was no answer or engineering mode is off."""
+        """Cells received now; None without an answer or where engineering mode is off."""
         reply = yield self.poll_commands[0]
         modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
         has_rows = any(map(self.role_of, reply.lines))
@@ -141,9 +141,7 @@ class Sim800(Family):
 
 
 def _parse_row(row: re.Match[str], mode: int | None) -> CellReading | None:
-    """Reading of one CENG row; None for an empty slot and for a row that is cut or damaged on the
-    left.
-    """
+    """Reading of one CENG row; None for an empty slot and for a row damaged on its left."""
     blank, number, body, end = row.groups()
     role: Role = "serving" if int(number) == 0 else "neighbour"
     texts = [text.strip() for text in body.split(",")]
@@ -159,9 +157,7 @@ def _parse_row(row: re.Match[str], mode: int | None) -> CellReading | None:
 
 
 def _layout(serving: bool, texts: Sequence[str], mode: int | None) -> tuple[str, ...] | None:
-    """Names of the values; six are mode 3, or a neighbour without cell id, whose channel has four
-    digits.
-    """
+    """Names of the values; six are mode 3, or a neighbour, whose channel has four digits."""
     if len(texts) == len(_LOCATION) and (
         serving or mode == 3 or (mode is None and len(texts[0]) != 4)
     ):
@@ -170,9 +166,7 @@ def _layout(serving: bool, texts: Sequence[str], mode: int | None) -> tuple[str,
 
 
 def _ends_whole(last: str, texts: list[str]) -> bool:
-    """False where the row's last value may be cut; one that a row can do without is blanked
-    instead.
-    """
+    """False where the row's last value may be cut; one that the row can spare is emptied."""
     uncut = _UNCUT.get(last)
     if uncut and uncut.fullmatch(texts[-1]):
         return True
@@ -182,7 +176,7 @@ def _ends_whole(last: str, texts: list[str]) -> bool:
 
 
 def _identity(values: Mapping[str, str]) -> Identity | None:
-    """Who the cell is: nobody where the modem has not decoded it, None where the row is damaged."""
+    """The identity: unknown where not decoded, None where the row is damaged."""
     if all(_FILLER.fullmatch(values.get(name) or "") for name in ("mcc", "mnc", "lac", "cellid")):
         return _NOBODY
     if not all(
@@ -196,9 +190,7 @@ def _identity(values: Mapping[str, str]) -> Identity | None:
 
 
 def _has_level(values: Mapping[str, str]) -> bool:
-    """True where channel and level have their full width, so that no comma before them is lost or
-    added.
-    """
+    """True where channel and level have their full width: no comma before them is lost."""
     return bool(
         re.fullmatch(r"\d{4}", values.get("bcch", ""))
         and re.fullmatch(r"\d\d", values.get("rxl", ""))
@@ -257,9 +249,7 @@ def _reading(
 
 
 def _arfcn(printed: int) -> int | None:
-    """Real channel: the SIM800 adds 1024 to those of the 1900 MHz band, 512 to 810 (3GPP TS 45.005
-    2).
-    """
+    """Channel without the 1024 that a SIM800 adds in the 1900 MHz band (3GPP TS 45.005 2)."""
     if printed < 1024:
         return printed
     return printed - 1024 if 512 <= printed - 1024 <= 810 else None
