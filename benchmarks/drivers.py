@@ -1,4 +1,4 @@
-"""Speed of the framers and parsers against the library inside, over the same bytes in the same run.
+"""Speed of the framers and parsers beside the libraries, over the same bytes in one run.
 
 python benchmarks/drivers.py
 """
@@ -30,7 +30,8 @@ REPLY = (
     b'+CENG: 0,"0666,21,00,310,260,08,4e72,04,03,0113,255"\r\n'
     b'+CENG: 1,"1688,16,25,a53f,310,260,0113"\r\n+CENG: 2,"1702,14,51,a53d,310,260,0113"\r\n'
     b'+CENG: 3,"1692,13,20,4e71,310,260,0113"\r\n+CENG: 4,"1696,13,30,a53e,310,260,0113"\r\n'
-    b'+CENG: 5,"1701,08,40,5e58,310,260,0113"\r\n+CENG: 6,"1698,06,62,4f2f,310,260,0113"\r\n\r\nOK\r\n'
+    b'+CENG: 5,"1701,08,40,5e58,310,260,0113"\r\n+CENG: 6,"1698,06,62,4f2f,310,260,0113"\r\n'
+    b"\r\nOK\r\n"
 )
 
 

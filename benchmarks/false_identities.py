@@ -75,9 +75,7 @@ class Tally:
 
 
 def replies(corpus: Path | None = None) -> Iterator[tuple[Family, str]]:
-    """Replies of the tests' data by family, and those of a folder by the family that reads most in
-    them.
-    """
+    """Replies of the tests' data by family, those of a folder by the family that reads most."""
     for name, driver in FAMILIES.items():
         own = (DATA / "own" / f"{name}.txt").read_text("latin-1").removesuffix("\n")
         yield from ((driver, reply) for reply in own.split("\n\n"))
@@ -159,9 +157,7 @@ def count(
 
 
 def count_session(driver: Family, text: str, tally: Tally, polls: int = POLLS) -> None:
-    """Count false and unsure cells of a modem that sends one reply again and again over a line that
-    is not good.
-    """
+    """Count false and unsure cells of a modem that repeats one reply over a noisy line."""
     honest = told(read(driver, text, NumberHistory())[0])
     known, rng = NumberHistory(), random.Random(2)
     if not honest.named:
@@ -216,16 +212,20 @@ def table(tallies: dict[str, Tally]) -> str:
     ]
     for name, tally in {**tallies, "all": _sum(tallies.values())}.items():
         slips = ("lost", "doubled")
-        alone, changed = (
-            tally.rate(tally.identities, *slips),
-            tally.rate(tally.identities, "changed"),
+        percentages = (
+            f"{100 * share:8.2f}"
+            for share in (
+                tally.rate(tally.identities, *slips),
+                tally.rate(tally.identities, "changed"),
+                10 * tally.rate(tally.of_two_scans, *WAYS),
+                tally.rate(tally.levels, *slips),
+                tally.rate(tally.channels, *slips),
+                tally.of_session("false", "damaged"),
+                tally.of_session("marked", "whole"),
+            )
         )
-        lines.append(
-            f"{name:12} {tally.replies:8} {tally.marked_alone:8} {tally.marked_later:8}"
-            f" {100 * alone:8.2f} {100 * changed:8.2f} {1000 * tally.rate(tally.of_two_scans, *WAYS):8.2f}"
-            f" {100 * tally.rate(tally.levels, *slips):8.2f} {100 * tally.rate(tally.channels, *slips):8.2f}"
-            f" {100 * tally.of_session('false', 'damaged'):8.2f} {100 * tally.of_session('marked', 'whole'):8.2f}"
-        )
+        counts = (tally.replies, tally.marked_alone, tally.marked_later)
+        lines.append(" ".join([f"{name:12}", *(f"{count:8}" for count in counts), *percentages]))
     return "\n".join(lines)
 
 

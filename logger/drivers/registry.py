@@ -16,7 +16,7 @@ AUTO = "auto"
 _IDENTITY = tuple(Command(text) for text in ("ATE0", "ATI", "AT+CGMI", "AT+CGMM", "AT+CGMR"))
 
 
-def _installed() -> Iterator[Family]:
+def _all_drivers() -> Iterator[Family]:
     """One driver of each class in the `DRIVERS` of the vendor folders."""
     for folder in pkgutil.iter_modules(drivers.__path__, f"{drivers.__name__}."):
         if folder.ispkg:
@@ -25,7 +25,7 @@ def _installed() -> Iterator[Family]:
 
 
 FAMILIES: Mapping[str, Family] = {
-    driver.name: driver for driver in sorted(_installed(), key=lambda driver: driver.name)
+    driver.name: driver for driver in sorted(_all_drivers(), key=lambda driver: driver.name)
 }
 """All drivers by name; which of them serves a modem does not depend on the order."""
 

@@ -22,14 +22,14 @@ def rows_of(driver: Family, lines: Sequence[str]) -> tuple[Row, ...]:
     divided = any(_FINAL.match(line.strip()) or _COMMAND.match(line.strip()) for line in lines)
     lines = [*lines, INTERRUPTION] if divided and lines[-1].strip() else lines
     rows = driver.read(lines)
-    replies = _grouped(rows, [driver.read(reply) for reply in replies_of(driver, lines)])
+    replies = _group_rows(rows, [driver.read(reply) for reply in replies_of(driver, lines)])
     found, _ = mark_doubtful_replies(replies, NumberHistory())
-    judged = {
-        id(row): told
-        for reply, tells in zip(replies, found, strict=True)
-        for row, told in zip(reply, tells, strict=True)
+    marked_rows = {
+        id(row): marked
+        for reply, marked_reply in zip(replies, found, strict=True)
+        for row, marked in zip(reply, marked_reply, strict=True)
     }
-    return tuple(judged[id(row)] for row in rows)
+    return tuple(marked_rows[id(row)] for row in rows)
 
 
 def replies_of(driver: Family, lines: Sequence[str]) -> Iterator[list[str]]:
@@ -48,7 +48,7 @@ def replies_of(driver: Family, lines: Sequence[str]) -> Iterator[list[str]]:
     yield reply
 
 
-def _grouped(rows: Sequence[Row], replies: Sequence[Sequence[Row]]) -> list[list[Row]]:
+def _group_rows(rows: Sequence[Row], replies: Sequence[Sequence[Row]]) -> list[list[Row]]:
     """The rows by reply; as one reply where the replies alone read differently."""
     if Counter(map(repr, rows)) != Counter(repr(row) for reply in replies for row in reply):
         return [list(rows)]

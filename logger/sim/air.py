@@ -1,4 +1,4 @@
-"""What a modem knows at one moment: the cells it hears, and where its receiver says it is."""
+"""What a modem knows at one moment: the cells it receives, and the fix of its receiver."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,14 +13,12 @@ ACCESS_DBM = -105
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
-    """One cell at its level; not decoded means that the modem knows no more than channel and
-    level.
-    """
+class ReceivedCell:
+    """One cell at its level; of one that is not decoded only channel and level are known."""
 
     cell: Transmitter
     level_dbm: float
-    decoded: bool
+    is_decoded: bool
 
     @property
     def rxlev(self) -> int:
@@ -38,8 +36,8 @@ class Heard:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """A fix of the modem's own receiver."""
+class ModemFix:
+    """A fix of the modem's GNSS receiver."""
 
     lat_deg: float
     lon_deg: float
@@ -53,33 +51,35 @@ class Place:
 class Air:
     """The strongest decoded cell serves; the others follow by level.
 
-    `place` tells where, None without a fix.
+    `fix` gives the position, None without one.
     """
 
-    serving: Heard | None
-    others: tuple[Heard, ...]
-    place: Callable[[], Place | None]
+    serving: ReceivedCell | None
+    others: tuple[ReceivedCell, ...]
+    fix: Callable[[], ModemFix | None]
 
     @classmethod
-    def of(cls, heard: Sequence[Heard], place: Callable[[], Place | None] = lambda: None) -> Self:
-        by_level = sorted(heard, key=lambda one: one.level_dbm, reverse=True)
-        serving = next((one for one in by_level if one.decoded), None)
-        return cls(serving, tuple(one for one in by_level if one is not serving), place)
+    def of(
+        cls, cells: Sequence[ReceivedCell], fix: Callable[[], ModemFix | None] = lambda: None
+    ) -> Self:
+        by_level = sorted(cells, key=lambda one: one.level_dbm, reverse=True)
+        serving = next((one for one in by_level if one.is_decoded), None)
+        return cls(serving, tuple(one for one in by_level if one is not serving), fix)
 
     @property
-    def neighbours(self) -> tuple[Heard, ...]:
+    def neighbours(self) -> tuple[ReceivedCell, ...]:
         """Those that a modem with a serving cell measures."""
         return self.others[:NEIGHBOURS] if self.serving else ()
 
     @property
-    def decoded_neighbours(self) -> tuple[Heard, ...]:
-        return tuple(one for one in self.neighbours if one.decoded)
+    def decoded_neighbours(self) -> tuple[ReceivedCell, ...]:
+        return tuple(one for one in self.neighbours if one.is_decoded)
 
     @property
-    def decoded(self) -> tuple[Heard, ...]:
+    def decoded_cells(self) -> tuple[ReceivedCell, ...]:
         """All cells that a full scan can name."""
         return (
             ()
             if self.serving is None
-            else (self.serving, *(one for one in self.others if one.decoded))
+            else (self.serving, *(one for one in self.others if one.is_decoded))
         )

@@ -10,7 +10,8 @@ BURST_BYTES = 24  # so many random bytes are hardly ever all printable
 SLOW_S_PER_BYTE = 0.03
 URCS_PER_S = 200.0
 URCS = (
-    "+CREG: 2", "+CREG: 1", '+CIEV: "CALL",0', '*PSUTTZ: 2024,5,14,9,0,0,"+4",1', "DST: 1", "RING", "Call Ready",
+    "+CREG: 2", "+CREG: 1", '+CIEV: "CALL",0', '*PSUTTZ: 2024,5,14,9,0,0,"+4",1', "DST: 1",
+    "RING", "Call Ready",
     '+CMTI: "SM",1', "+CGREG: 0", "^BOOT:1,0,0,0,6", "UNDER-VOLTAGE WARNNING", "SMS Ready",
 )  # fmt: skip
 
@@ -20,7 +21,7 @@ class Modem(Protocol):
 
     def feed(self, data: bytes) -> bytes: ...
 
-    def unasked(self) -> bytes: ...
+    def unsolicited(self) -> bytes: ...
 
     def restart(self) -> bytes: ...
 
@@ -38,20 +39,20 @@ class Fault:
         self.rng = rng
 
     def begin(self) -> bytes:
-        """What is said at its beginning."""
+        """What the modem writes at its beginning."""
         return b""
 
-    def heard(self, data: bytes) -> bytes:
-        """What the modem hears of what was written to it."""
+    def to_modem(self, data: bytes) -> bytes:
+        """What reaches the modem of the bytes written to it."""
         return data
 
-    def said(self, data: bytes, t_s: float) -> bytes:
-        """What comes out of what the modem says, which is often nothing."""
+    def from_modem(self, data: bytes, t_s: float) -> bytes:
+        """What reaches the port of the bytes that the modem writes."""
         del t_s
         return data
 
     def end(self) -> bytes:
-        """What is said at its end."""
+        """What the modem writes at its end."""
         return b""
 
 
@@ -60,7 +61,7 @@ class GarbageBytes(Fault):
 
     _bursts = 0
 
-    def said(self, data: bytes, t_s: float) -> bytes:
+    def from_modem(self, data: bytes, t_s: float) -> bytes:
         due = int(t_s / BURST_EVERY_S) - self._bursts
         self._bursts += due
         for _ in range(due):
@@ -70,25 +71,25 @@ class GarbageBytes(Fault):
 
 
 class Hang(Fault):
-    """Neither hears nor says anything."""
+    """Receives and writes nothing."""
 
-    def heard(self, data: bytes) -> bytes:
+    def to_modem(self, data: bytes) -> bytes:
         del data
         return b""
 
-    def said(self, data: bytes, t_s: float) -> bytes:
+    def from_modem(self, data: bytes, t_s: float) -> bytes:
         del data, t_s
         return b""
 
 
 class Stall(Hang):
-    """As a hang, but all that was written meanwhile is answered at its end."""
+    """A hang that answers everything at its end."""
 
     def __init__(self, modem: Modem, rng: np.random.Generator) -> None:
         super().__init__(modem, rng)
         self._kept = b""
 
-    def heard(self, data: bytes) -> bytes:
+    def to_modem(self, data: bytes) -> bytes:
         self._kept += data
         return b""
 
@@ -97,7 +98,7 @@ class Stall(Hang):
 
 
 class BrownOut(Hang):
-    """The supply sags: noise, silence, and the modem is back with the settings of its factory."""
+    """The supply sags: noise, silence, then a restart with factory settings."""
 
     def begin(self) -> bytes:
         return _noise(self.rng)
@@ -107,9 +108,7 @@ class BrownOut(Hang):
 
 
 class SilentReset(Fault):
-    """A restart that says nothing, as that of a modem that waits for the first AT to find its
-    rate.
-    """
+    """A restart without a message, as of a modem that waits for AT to find its rate."""
 
     def begin(self) -> bytes:
         self.modem.restart()
@@ -119,7 +118,7 @@ class SilentReset(Fault):
 class EchoOn(Fault):
     """The echo comes on, and stays on whatever the modem is told."""
 
-    def heard(self, data: bytes) -> bytes:
+    def to_modem(self, data: bytes) -> bytes:
         self.modem.echo()
         return data
 
@@ -133,14 +132,14 @@ class SlowBytes(Fault):
         self._kept = b""
         self._t_s = 0.0
 
-    def heard(self, data: bytes) -> bytes:
+    def to_modem(self, data: bytes) -> bytes:
         self._kept += data
         if self._left:
             return b""
         heard, self._kept = self._kept, b""
         return heard
 
-    def said(self, data: bytes, t_s: float) -> bytes:
+    def from_modem(self, data: bytes, t_s: float) -> bytes:
         if not self._left:
             self._t_s = t_s
         self._left += data
@@ -148,7 +147,7 @@ class SlowBytes(Fault):
         self._t_s += n * SLOW_S_PER_BYTE
         out, self._left = self._left[:n], self._left[n:]
         if not self._left and self._kept:
-            self._left = self.modem.feed(self.heard(b""))
+            self._left = self.modem.feed(self.to_modem(b""))
         return out
 
     def end(self) -> bytes:
@@ -158,7 +157,7 @@ class SlowBytes(Fault):
 class DuplicatedLines(Fault):
     """Each line comes twice, its end included."""
 
-    def said(self, data: bytes, t_s: float) -> bytes:
+    def from_modem(self, data: bytes, t_s: float) -> bytes:
         del t_s
         return b"".join(line * 2 for line in data.splitlines(keepends=True))
 
@@ -170,18 +169,18 @@ class RepeatedAnswers(Fault):
         super().__init__(modem, rng)
         self._last = b""
 
-    def said(self, data: bytes, t_s: float) -> bytes:
+    def from_modem(self, data: bytes, t_s: float) -> bytes:
         del t_s
         out, self._last = self._last + data, data
         return out
 
 
 class UrcStorm(Fault):
-    """Lines that nobody asked for, hundreds a second, each whole."""
+    """Unsolicited lines, hundreds a second, each complete."""
 
     _told = 0
 
-    def said(self, data: bytes, t_s: float) -> bytes:
+    def from_modem(self, data: bytes, t_s: float) -> bytes:
         due = int(t_s * URCS_PER_S) - self._told
         self._told += due
         lines = "".join(f"\r\n{URCS[int(at)]}\r\n" for at in self.rng.integers(len(URCS), size=due))
@@ -226,16 +225,18 @@ class Misbehaving:
         out = self._turn()
         if self._stage != 1:
             return out + self._modem.feed(data)
-        return out + self._fault.said(
-            self._modem.feed(self._fault.heard(data)), self._now_s() - self._start_s
+        return out + self._fault.from_modem(
+            self._modem.feed(self._fault.to_modem(data)), self._now_s() - self._start_s
         )
 
-    def unasked(self) -> bytes:
+    def unsolicited(self) -> bytes:
         """What it writes by itself since the last call."""
         out = self._turn()
         if self._stage != 1:
-            return out + self._modem.unasked()
-        return out + self._fault.said(self._modem.unasked(), self._now_s() - self._start_s)
+            return out + self._modem.unsolicited()
+        return out + self._fault.from_modem(
+            self._modem.unsolicited(), self._now_s() - self._start_s
+        )
 
     def _turn(self) -> bytes:
         """Begin or end the fault when its time has come."""

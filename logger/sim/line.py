@@ -9,7 +9,7 @@ PAUSE_S = 0.02
 
 
 class PtyLine:
-    """Reads and writes until `stop` is set; nobody at the far end is a normal state.
+    """Reads and writes until `stop` is set; a closed far end is a normal state.
 
     What is written while the far end is open is kept for whoever has opened it; a program that
     flushes the port as it opens it, as pyserial does by itself, loses what came before, as it would
@@ -34,9 +34,7 @@ class PtyLine:
             return b""
 
     def write(self, data: bytes) -> bool:
-        """Write all, as slowly as it is read; False when the far end was closed or `stop` was set
-        before.
-        """
+        """Write all, as slowly as it is read; False once the far end is closed or `stop` is set."""
         while data:
             if self.stop.is_set() or not self._is_open():
                 return False
@@ -47,24 +45,22 @@ class PtyLine:
                     continue
         return True
 
-    def is_heard(self) -> bool:
+    def has_listener(self) -> bool:
         """True where a program has opened the far end; discards what it wrote."""
         while self.read(0.0):
             pass
         return self._is_open()
 
-    def wait_heard(self) -> bool:
-        """Wait until somebody listens; False when `stop` was set before."""
+    def wait_for_listener(self) -> bool:
+        """Wait until a program opens the far end; False when `stop` was set before."""
         while not self.stop.is_set():
-            if self.is_heard():
+            if self.has_listener():
                 return True
             self.stop.wait(PAUSE_S)
         return False
 
     def _wait(self, event: int, timeout_s: float) -> bool:
-        """True when ready for the event; without a far end it sleeps instead, since a hang-up is
-        always ready.
-        """
+        """True when ready for the event; sleeps while the far end is closed."""
         ready = self._poll(event, timeout_s)
         if ready & event:
             return True

@@ -6,17 +6,17 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
-from logger.sim.air import Air, Heard, Place
+from logger.sim.air import Air, ModemFix, ReceivedCell
 from logger.sim.dialects import common
 from logger.sim.dialects.dialect import Dialect, Listing
-from logger.sim.terminal import AtTerminal, framed
+from logger.sim.terminal import AtTerminal, frame_text
 from logger.sim.walk import Walk
 from logger.sim.world import World
 
 DECODE_DBM = -104.0
-"""Level from which a cell's broadcast is read: access is allowed there (C1 > 0, see `air`)."""
+"""Level from which broadcasts are decoded: access is allowed there (C1 > 0, see `air`)."""
 UNASKED_EVERY_S = 5.0
-"""Period of the rows that come unasked, which is documented nowhere."""
+"""Period of unsolicited rows, which no manual gives."""
 COLD_START_S = 30.0
 ALTITUDE_M = 540.0
 
@@ -31,7 +31,7 @@ _ERROR_TEXTS = {
 
 
 class SimulatedModem:
-    """One modem from power-up on; each look at the cells is a new reading with fading of its own.
+    """One modem from power-up on; each reply has new fading.
 
     `now_s` tells the seconds since the walk began, `utc_start` when that was for its receiver,
     which has no noise.
@@ -68,25 +68,23 @@ class SimulatedModem:
         """What the modem writes after these bytes."""
         return self._terminal.feed(data)
 
-    def unasked(self) -> bytes:
-        """What it writes by itself since the last call; answers that took their time are among
-        it.
-        """
+    def unsolicited(self) -> bytes:
+        """What it writes by itself since the last call, slow answers among it."""
         if self._terminal.busy:
             return self._terminal.finish(self._late) if self._now_s() >= self._due_s else b""
-        if self._dialect.unasked is None or self._now_s() - self._told_s < UNASKED_EVERY_S:
+        if self._dialect.unsolicited is None or self._now_s() - self._told_s < UNASKED_EVERY_S:
             return b""
         self._told_s = self._now_s()
-        told = self._dialect.unasked(self._listen(), self._settings)
-        return b"" if isinstance(told, int) else framed(*told)
+        told = self._dialect.unsolicited(self._listen(), self._settings)
+        return b"" if isinstance(told, int) else frame_text(*told)
 
     def restart(self) -> bytes:
-        """Lose the power and come back: all settings are as at first.
+        """Lose the power and come back with the settings of power-up; returns the boot lines.
 
         Returns what it says when it is ready.
         """
         self._restart()
-        return framed(*self._dialect.boot)
+        return frame_text(*self._dialect.boot)
 
     def echo(self) -> None:
         """Switch the echo on, as a modem does that loses nothing else."""
@@ -105,19 +103,17 @@ class SimulatedModem:
         self._told_s = self._now_s()
 
     def _answer(self, line: str) -> bytes | None:
-        """Answer of a line, which may hold several commands (`AT+CSQ;+COPS?`); None where it comes
-        later.
-        """
+        """Answer of a line of one or several commands; None where it comes later."""
         out = b""
         takes_s = 0.0
         final = "OK"
         for text in _PARTS.findall(line.removeprefix("AT")):
             blocks, final = self._do(text.strip())
-            out += framed(*blocks)
+            out += frame_text(*blocks)
             takes_s = max(takes_s, self._takes_s(text.strip()) if final == "OK" else 0.0)
             if final != "OK":
                 break
-        out += framed(final)
+        out += frame_text(final)
         if not takes_s:
             return out
         self._late, self._due_s = out, self._now_s() + takes_s
@@ -125,18 +121,16 @@ class SimulatedModem:
 
     def _do(self, command: str) -> tuple[list[str], str]:
         """Blocks of text and the final result of one command."""
-        if command in self._dialect.says:
-            return list(self._dialect.says[command]), "OK"
-        name, argument = self._listed(command)
+        if command in self._dialect.identity:
+            return list(self._dialect.identity[command]), "OK"
+        name, argument = self._reply_name(command)
         if name in self._replies:
             answer = self._replies[name](self._listen(), {**self._settings, "=": argument})
             return ([], self._error(answer)) if isinstance(answer, int) else (list(answer), "OK")
         return [], "OK" if self._set(command) else "ERROR"
 
-    def _listed(self, command: str) -> tuple[str, str]:
-        """Name of the command among the replies, and the argument of one that takes any
-        (`#CSURV=`).
-        """
+    def _reply_name(self, command: str) -> tuple[str, str]:
+        """Name of the command among the replies, and the argument of one that takes any."""
         name, equals, argument = command.partition("=")
         return (
             (name + equals, argument)
@@ -145,10 +139,10 @@ class SimulatedModem:
         )
 
     def _takes_s(self, command: str) -> float:
-        return self._dialect.takes_s.get(self._listed(command)[0], 0.0)
+        return self._dialect.takes_s.get(self._reply_name(command)[0], 0.0)
 
     def _set(self, command: str) -> bool:
-        """Do as a setting says; False for what is not understood."""
+        """Apply a setting; False for what is not understood."""
         told = _SETTING.fullmatch(command)
         kind = self._dialect.settings.get(told[1]) if told else None
         if told is None or kind is None or not kind.form.fullmatch(told[2]):
@@ -167,17 +161,17 @@ class SimulatedModem:
     def _listen(self) -> Air:
         now_s = self._now_s()
         east_m, north_m = self._walk.positions(np.array([now_s]))
-        levels_dbm = self._world.heard_dbm(east_m, north_m, self._rng)[:, 0]
+        levels_dbm = self._world.received_dbm(east_m, north_m, self._rng)[:, 0]
         heard = [
-            Heard(cell, float(level_dbm), decoded=bool(level_dbm >= self._decode_dbm))
+            ReceivedCell(cell, float(level_dbm), is_decoded=bool(level_dbm >= self._decode_dbm))
             for cell, level_dbm in zip(self._world.transmitters, levels_dbm, strict=True)
         ]
         return Air.of(heard, lambda: self._place(now_s))
 
-    def _place(self, now_s: float) -> Place | None:
+    def _place(self, now_s: float) -> ModemFix | None:
         if self._utc_start is None or now_s < COLD_START_S:
             return None
         speed_mps, course_deg = self._walk.motion(now_s)
         lat_deg, lon_deg = self._world.to_latlon(*self._walk.position(now_s))
         utc = self._utc_start + timedelta(seconds=now_s)
-        return Place(lat_deg, lon_deg, ALTITUDE_M, utc, speed_mps, course_deg)
+        return ModemFix(lat_deg, lon_deg, ALTITUDE_M, utc, speed_mps, course_deg)

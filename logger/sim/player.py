@@ -1,13 +1,11 @@
-"""Recorded material played through a pty: an NMEA log as it is, and a modem that gives recorded
-replies.
-"""
+"""Recorded data behind a pty: an NMEA log, or a modem that gives recorded replies."""
 
 import threading
 from collections.abc import Sequence
 from typing import Literal
 
 from logger.sim.line import PtyLine
-from logger.sim.terminal import AtTerminal, framed
+from logger.sim.terminal import AtTerminal, frame_text
 
 CHUNK = 1024
 FINAL_CODES = (b"OK", b"ERROR")
@@ -15,8 +13,7 @@ FINAL_BEGINNINGS = (b"+CME ERROR:", b"+CMS ERROR:")
 
 
 class NmeaPlayer:
-    """Session of a receiver that plays `data` once, at a rate in bytes per real second or as fast
-    as it is read.
+    """Session of a receiver that plays `data` once, in bytes per second or at full speed.
 
     `finished` is set when the last byte is in the hands of the system; the reader may have some of
     them before itself.
@@ -31,7 +28,7 @@ class NmeaPlayer:
         """Begin when somebody listens, pause when nobody does, and fall silent at the end."""
         for start in range(0, len(self._data), CHUNK):
             chunk = self._data[start : start + CHUNK]
-            if not line.wait_heard():
+            if not line.wait_for_listener():
                 return
             line.write(chunk)
             if self._bytes_per_s is not None:
@@ -41,8 +38,7 @@ class NmeaPlayer:
 
 
 class TranscriptModem:
-    """A modem that answers each `AT+CENG?` with the next recorded reply, and other settings with
-    OK.
+    """A modem that answers each `AT+CENG?` with the next recorded reply.
 
     After the last reply it says that it hears no cell ("empty") or answers with an error ("error").
     `served` counts the replies given.
@@ -60,18 +56,20 @@ class TranscriptModem:
         """What the modem writes after these bytes."""
         return self._terminal.feed(data)
 
-    def unasked(self) -> bytes:
+    def unsolicited(self) -> bytes:
         return b""
 
     def _answer(self, command: str) -> bytes:
         if command.startswith(("AT+CMEE=", "AT+CENG=")):
-            return framed("OK")
+            return frame_text("OK")
         if command != "AT+CENG?":
-            return framed("ERROR")
+            return frame_text("ERROR")
         if self.served < len(self._replies):
             self.served += 1
             return _on_the_wire(self._replies[self.served - 1])
-        return framed("+CENG: 1,1", "OK") if self._afterwards == "empty" else framed("ERROR")
+        return (
+            frame_text("+CENG: 1,1", "OK") if self._afterwards == "empty" else frame_text("ERROR")
+        )
 
 
 def _on_the_wire(reply: bytes) -> bytes:
@@ -80,7 +78,7 @@ def _on_the_wire(reply: bytes) -> bytes:
         reply = reply.replace(b"\n", b"\r\n")
     if not reply.endswith(b"\r\n"):
         reply += b"\r\n"
-    return b"\r\n" + reply + (b"" if _ends(reply) else framed("OK"))
+    return b"\r\n" + reply + (b"" if _ends(reply) else frame_text("OK"))
 
 
 def _ends(reply: bytes) -> bool:

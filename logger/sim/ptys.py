@@ -16,7 +16,7 @@ from logger.sim.clock import WalkTime
 from logger.sim.line import PtyLine
 
 LISTEN_S = 0.05
-"""Real seconds between two looks at whether to stop; bytes that come are read at once."""
+"""Real seconds between two checks of the stop event; bytes are read at once."""
 EPOCH_S = 1.0
 
 Session = Callable[[PtyLine], None]
@@ -29,7 +29,7 @@ class Answering(Protocol):
         """What it writes after these bytes."""
         ...
 
-    def unasked(self) -> bytes:
+    def unsolicited(self) -> bytes:
         """What it writes by itself since the last call."""
         ...
 
@@ -43,8 +43,7 @@ class Talking(Protocol):
 
 
 class PtyDevice:
-    """A device behind a pty, in a thread of its own between entry and exit; `path` is what the
-    service opens.
+    """A device behind a pty, in a thread of its own; `path` is what the service opens.
 
     It outlives the service: the path can be closed and opened again. With `name`, a link to the
     pty, it can also be pulled out and plugged in again, which gives it another pty.
@@ -106,21 +105,19 @@ def answering(device: Answering) -> Session:
     def session(line: PtyLine) -> None:
         while not line.stop.is_set():
             data = line.read(LISTEN_S)
-            line.write((device.feed(data) if data else b"") + device.unasked())
+            line.write((device.feed(data) if data else b"") + device.unsolicited())
 
     return session
 
 
 def talking(device: Talking, time: WalkTime) -> Session:
-    """Session of a receiver: writes an epoch at each second of the walk, also when nobody
-    listens.
-    """
+    """Session of a receiver: writes an epoch each second of the walk, listener or not."""
 
     def session(line: PtyLine) -> None:
         t_s = 0.0
         while not time.wait_until(line.stop, t_s):
             text = device.epoch(t_s)
-            if line.is_heard():
+            if line.has_listener():
                 line.write(text)
             t_s += EPOCH_S
 

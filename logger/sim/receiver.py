@@ -1,6 +1,4 @@
-"""A GNSS receiver carried along a walk: RMC, GGA and GSA of one epoch at a time, as a u-blox M8
-prints them.
-"""
+"""A GNSS receiver on a walk: RMC, GGA and GSA of each epoch, as a u-blox M8 prints them."""
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -29,9 +27,7 @@ NO_FIX = (
 
 @dataclass(frozen=True, slots=True)
 class GnssNoise:
-    """Error of the position on each axis: one that wanders (Gauss-Markov, first order) and one of
-    each epoch.
-    """
+    """Error on each axis: a first-order Gauss-Markov part and a white part of each epoch."""
 
     wander_sigma_m: float = 3.0
     wander_time_s: float = 60.0
@@ -39,9 +35,7 @@ class GnssNoise:
 
 
 class SimulatedReceiver:
-    """One receiver from power-up on; without a fix for the first `cold_start_s` seconds of the
-    walk.
-    """
+    """One receiver from power-up on, without a fix for `cold_start_s` seconds."""
 
     def __init__(
         self,
@@ -70,9 +64,7 @@ class SimulatedReceiver:
         return b"".join(sentence(text) for text in texts)
 
     def _advance(self, t_s: float) -> tuple[float, float, float]:
-        """Error of the position in metres: x' = a x + sqrt(1 - a^2) sigma w with a = exp(-dt /
-        T).
-        """
+        """Position error in metres: x' = a x + sqrt(1 - a^2) sigma w, a = exp(-dt / T)."""
         noise = self._noise
         kept = float(np.exp(-(t_s - self._t_s) / noise.wander_time_s))
         drive_m = self._rng.normal(0.0, noise.wander_sigma_m, 3)

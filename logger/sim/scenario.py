@@ -49,16 +49,15 @@ CELLS = (
     ),
 )
 BLOCK = (
-    (-120.0, -100.0), (-120.0, 80.0), (110.0, 80.0), (110.0, 200.0), (-40.0, 200.0), (-40.0, 330.0), (330.0, 330.0),
-    (330.0, 118.0), (150.0, 118.0), (150.0, -90.0), (330.0, -90.0), (330.0, 20.0), (-20.0, 20.0),
+    (-120.0, -100.0), (-120.0, 80.0), (110.0, 80.0), (110.0, 200.0), (-40.0, 200.0),
+    (-40.0, 330.0), (330.0, 330.0), (330.0, 118.0), (150.0, 118.0),
+    (150.0, -90.0), (330.0, -90.0), (330.0, 20.0), (-20.0, 20.0),
 )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scenario:
-    """Everything that a simulated walk needs; the same seed gives the same walk to the last digit
-    of each epoch.
-    """
+    """All that a simulated walk needs; the same seed gives the same walk to the last digit."""
 
     name: str
     world: World
@@ -69,9 +68,7 @@ class Scenario:
     target: Transmitter
 
     def modem(self, now_s: Callable[[], float], name: str = "sim800") -> SimulatedModem:
-        """The modem that is carried, by its name in `DIALECTS`; `now_s` tells the seconds since the
-        walk began.
-        """
+        """The modem on the walk, by its name in `DIALECTS`; `now_s` is the time of the walk."""
         rng = np.random.default_rng([self.seed, 1])
         return SimulatedModem(
             DIALECTS[name], self.world, self.walk, now_s, rng, utc_start=self.utc_start

@@ -1,5 +1,4 @@
-"""Log-normal shadowing that belongs to the place: a Gaussian field with covariance sigma^2 exp(-d /
-d_c).
+"""Log-normal shadowing: a Gaussian field with covariance sigma^2 exp(-d / d_c).
 
 The model is Gudmundson's (Electronics Letters 27(23), 1991). The field is a sum of plane waves
 whose wave numbers are drawn from its spectrum in the plane, proportional to (1 + (k d_c)^2)^(-3/2).
@@ -20,7 +19,7 @@ WAVES = 512
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shadowing:
-    """The shadowing of one transmitter, the same whenever one comes back."""
+    """The shadowing of one transmitter at each position, constant in time."""
 
     amplitude_db: float
     k_east_per_m: FloatArray

@@ -1,6 +1,4 @@
-"""The command line of a modem (ITU-T V.250): echo, carriage returns and the frame around
-answers.
-"""
+"""The command line of a modem (ITU-T V.250): echo, carriage returns, framed answers."""
 
 from collections.abc import Callable
 
@@ -10,8 +8,7 @@ MAX_COMMAND = 556  # SIM800 AT Command Manual V1.09, 1.4
 
 
 class AtTerminal:
-    """Bytes in, echo and answers out; `answer` is given each command line and returns the framed
-    answer.
+    """Bytes in, echo and answers out; `answer` gets each command line, returns the answer.
 
     It returns None for an answer that takes its time: then nothing is read until `finish`, or,
     where commands are `abortable` (V.250 5.6.1), the next character ends the command.
@@ -33,15 +30,13 @@ class AtTerminal:
         self.echo = True
 
     def feed(self, data: bytes) -> bytes:
-        """What the modem writes back; a command ends with its carriage return, line feeds mean
-        nothing.
-        """
+        """What the modem writes back; a carriage return ends a command."""
         out = bytearray()
         self._waiting += data
         if self.busy and self._abortable and self._waiting:
             self._waiting.pop(0)
             self.busy = False
-            out += framed("OK")
+            out += frame_text("OK")
         while self._waiting and not self.busy:
             byte = self._waiting.pop(0)
             if byte == LINE_FEED:
@@ -64,15 +59,15 @@ class AtTerminal:
         self._line.clear()
         match command:
             case "AT" | "ATV1":
-                return framed("OK")
+                return frame_text("OK")
             case "ATE0" | "ATE1" | "ATE":
                 self.echo = command == "ATE1"
-                return framed("OK")
+                return frame_text("OK")
         answer = self._answer(command) if command.startswith("AT") else b""
         self.busy = answer is None
         return answer or b""
 
 
-def framed(*texts: str) -> bytes:
+def frame_text(*texts: str) -> bytes:
     """Each text between line ends, as a modem with ATV1 prints it."""
     return "".join(f"\r\n{text}\r\n" for text in texts).encode("ascii")

@@ -45,9 +45,7 @@ class Walk:
         )
 
     def motion(self, t_s: float) -> tuple[float, float]:
-        """Speed in m/s, zero before and after the walk, and course in degrees from north of the leg
-        under way.
-        """
+        """Speed in m/s, zero outside the walk, and course in degrees from north of the leg."""
         leg = int(np.searchsorted(self._distances_m(), t_s * self.speed_mps, side="right"))
         leg = min(max(leg, 1), len(self.waypoints) - 1)
         (east_0, north_0), (east_1, north_1) = self.waypoints[leg - 1 : leg + 1]

@@ -1,4 +1,4 @@
-"""Base stations on the ground, and the levels that are heard of them.
+"""Base stations on the ground, and their levels at a position.
 
     level = P0 - 10 eta log10(d) + shadowing(place) + fading(reading), rounded, not below the floor
 
@@ -18,7 +18,7 @@ from logger.sim.shadowing import Shadowing
 
 @dataclass(frozen=True, slots=True)
 class Transmitter:
-    """One cell: where it stands, how strong it is (P0 in dBm at 1 m) and who it says it is."""
+    """One cell: its position, its power (P0 in dBm at 1 m) and its identity."""
 
     east_m: float
     north_m: float
@@ -35,7 +35,7 @@ class Transmitter:
 
 @dataclass(frozen=True, slots=True)
 class Radio:
-    """How levels scatter and what a receiver can tell apart.
+    """How levels spread, and what a receiver resolves.
 
     `floor_dbm` is where GSM's RXLEV begins (3GPP TS 45.008 8.1.4), `step_db` its resolution; 0
     means no rounding.
@@ -50,9 +50,7 @@ class Radio:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """Transmitters around an origin; the first axis of levels is the transmitter, the others are of
-    the places.
-    """
+    """Transmitters around an origin; levels have the shape (transmitter, *positions)."""
 
     transmitters: tuple[Transmitter, ...]
     origin_lat_deg: float
@@ -83,16 +81,14 @@ class World:
         )
 
     def shadowed_dbm(self, east_m: FloatArray, north_m: FloatArray) -> FloatArray:
-        """Levels that the place decides: by the formula and with shadowing."""
+        """Levels that the position determines: by the formula and with shadowing."""
         shadows_db = np.stack([shadowing.at_db(east_m, north_m) for shadowing in self.shadowing])
         return self.levels_dbm(east_m, north_m) + shadows_db
 
-    def heard_dbm(
+    def received_dbm(
         self, east_m: FloatArray, north_m: FloatArray, rng: np.random.Generator
     ) -> FloatArray:
-        """Levels of one reading at each place: with fading, rounded, and the floor where they are
-        below it.
-        """
+        """Levels of one reading at each position: with fading, rounded, not below the floor."""
         level_dbm = self.shadowed_dbm(east_m, north_m)
         level_dbm = level_dbm + rng.normal(0.0, self.radio.fading_sigma_db, level_dbm.shape)
         if self.radio.step_db > 0.0:

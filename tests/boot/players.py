@@ -29,7 +29,7 @@ class Modem(players.Player):
         self._sock.sendall(self._device.feed(data))
 
     def tick(self):
-        if said := self._device.unasked():
+        if said := self._device.unsolicited():
             self.send(said)
 
 

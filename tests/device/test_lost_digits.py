@@ -53,8 +53,8 @@ class Leaky:
         at = found.start(2) + self.lost % len(found[2])
         return out[:at] + out[at + 1 :]
 
-    def unasked(self) -> bytes:
-        return self._modem.unasked()
+    def unsolicited(self) -> bytes:
+        return self._modem.unsolicited()
 
 
 def who(reading):

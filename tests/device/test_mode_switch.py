@@ -23,7 +23,7 @@ from tests.kit import service
 from tests.kit.mode_modems import MODELS, ObservedModem
 
 LIMIT_S = 60.0
-SIM7100 = replace(DIALECTS["sim7600"], says=who(["SIM7100"], "SIMCOM", "SIMCOM_SIM7100E", "1.0"))
+SIM7100 = replace(DIALECTS["sim7600"], identity=who(["SIM7100"], "SIMCOM", "SIMCOM_SIM7100E", "1.0"))
 CHOICES = {  # the setting; as it was; what of it is kept; the command for GSM only
     "sim7600": ("+CNMP", "2", "2", "AT+CNMP=13"),
     "sim7000": ("+CNMP", "2", "2", "AT+CNMP=13"),
@@ -104,7 +104,7 @@ def test_gsm_only_is_set_and_set_back_at_the_stop(tmp_path, name):
     # it was durable when the modem got the command
     (kept,) = json.loads(modem.kept[sent])
     assert kept["value"] == value
-    assert kept["model"] in MODELS[name].says["+CGMM"][0]
+    assert kept["model"] in MODELS[name].identity["+CGMM"][0]
     assert not file_of(tmp_path).exists()
     assert not {"mode-unchanged", "mode-left", "internal"} & set(noted)
 

@@ -21,7 +21,7 @@ class Telephone(TranscriptModem):
         super().__init__([service.CENG] * 100_000)
         self.to_say = [b"\xff\xfe", *SAID]
 
-    def unasked(self):
+    def unsolicited(self):
         return self.to_say.pop(0) if self.to_say else b""
 
 

@@ -168,8 +168,8 @@ class Case:
                 self._misbehave()
         return self._modem.feed(data)
 
-    def unasked(self):
-        return self._modem.unasked()
+    def unsolicited(self):
+        return self._modem.unsolicited()
 
     def _misbehave(self):
         if self.slow_s:

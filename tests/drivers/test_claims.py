@@ -45,7 +45,7 @@ def test_a_driver_is_reached_by_the_answers_of_its_modems(name):
 def test_no_two_drivers_claim_one_answer():
     answers = [text for name in FAMILIES for text in answers_of(name)]
     simulated = [
-        " ".join(text for lines in dialect.says.values() for text in lines)
+        " ".join(text for lines in dialect.identity.values() for text in lines)
         for dialect in DIALECTS.values()
     ]
     assert conflicts([*answers, *simulated], FAMILIES.values()) == {}

@@ -23,7 +23,7 @@ def _another(name: str, says, setting_name: str, default: str, form: str, listin
     return replace(
         dialect,
         name=says[1],
-        says=who([says[1]], *says, "1.0"),
+        identity=who([says[1]], *says, "1.0"),
         replies={**replies, command: lambda _, told: listing(told[setting_name])},
         settings={**settings, setting_name: setting(default, form, stored=True)},
     )
@@ -82,5 +82,5 @@ class ObservedModem:
                 self.kept.setdefault(self.lines[-1], self._file.read_text())
         return self.modem.feed(data)
 
-    def unasked(self) -> bytes:
-        return self.modem.unasked()
+    def unsolicited(self) -> bytes:
+        return self.modem.unsolicited()

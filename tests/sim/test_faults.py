@@ -29,7 +29,7 @@ def through(modem, now, times, command=b"AT+CSQ\r"):
     said = []
     for t_s in times:
         now.t_s = t_s
-        said.append(modem.feed(command) + modem.unasked())
+        said.append(modem.feed(command) + modem.unsolicited())
     return said
 
 
@@ -65,14 +65,14 @@ def test_a_hang_loses_what_it_is_told(now):
     modem = misbehaving("hang", now)
     assert through(modem, now, [10.0, 15.0, 19.9]) == [b"", b"", b""]
     now.t_s = 20.0
-    assert modem.unasked() == b""
+    assert modem.unsolicited() == b""
 
 
 def test_a_stall_answers_everything_at_its_end(now):
     modem = misbehaving("stall", now)
     assert through(modem, now, [10.0, 15.0, 19.9]) == [b"", b"", b""]
     now.t_s = 20.0
-    assert len(CSQ.findall(modem.unasked())) == 3
+    assert len(CSQ.findall(modem.unsolicited())) == 3
 
 
 def test_a_brown_out_ends_with_the_settings_of_the_factory(now):
@@ -81,7 +81,7 @@ def test_a_brown_out_ends_with_the_settings_of_the_factory(now):
     assert len(noise) == 24
     assert not any(silence)
     now.t_s = 20.0
-    assert b"\r\nRDY\r\n" in modem.unasked()
+    assert b"\r\nRDY\r\n" in modem.unsolicited()
     assert modem.feed(b"AT+CENG?\r") == b"AT+CENG?\r\r\n+CENG: 0,0\r\n\r\nOK\r\n"
 
 
@@ -105,7 +105,7 @@ def test_slow_bytes_come_at_their_rate_and_none_is_lost(now):
     assert out == b""
     for n in range(60):
         now.t_s = 10.0 + 0.03 * (n + 1) + 1e-6
-        more = modem.unasked()
+        more = modem.unsolicited()
         assert len(more) <= 1
         out += more
     assert len(CSQ.findall(out)) == 2
@@ -124,8 +124,8 @@ def test_an_answer_comes_again_before_the_next(now):
     first = modem.feed(b"AT+CSQ\r")
     assert CSQ.fullmatch(first)
     assert modem.feed(b"AT\r") == first + b"\r\nOK\r\n"
-    assert modem.unasked() == b"\r\nOK\r\n"
-    assert modem.unasked() == b""
+    assert modem.unsolicited() == b"\r\nOK\r\n"
+    assert modem.unsolicited() == b""
 
 
 def test_a_storm_is_of_whole_lines(now):

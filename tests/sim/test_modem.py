@@ -123,11 +123,11 @@ def test_bytes_may_come_one_by_one(modem):
 def test_mode_2_tells_without_being_asked(modem, stopwatch):
     modem.feed(b"AT+CENG=2,1\r")
 
-    assert modem.unasked() == b""
+    assert modem.unsolicited() == b""
     stopwatch.t_s = 5.0
-    rows = modem.unasked()
+    rows = modem.unsolicited()
     assert re.fullmatch(rb'\r\n\+CENG: 0,"[^"]*"\r\n\+CENG: 1,"[^"]*"\r\n', rows)
-    assert modem.unasked() == b""
+    assert modem.unsolicited() == b""
 
 
 def test_the_driver_sets_it_up_and_polls_it(modem):
@@ -160,9 +160,9 @@ def test_a_full_scan_takes_its_time(modem, stopwatch):
 
     assert modem.feed(b"AT+CNETSCAN\rAT+CSQ\r") == b""
     stopwatch.t_s = 39.0
-    assert modem.unasked() == b""
+    assert modem.unsolicited() == b""
     stopwatch.t_s = 40.0
-    said = modem.unasked()
+    said = modem.unsolicited()
     assert said.count(b"Operator:") == 2
     assert b"MCC:001,MNC:01,Rxlev:11,Cellid:A53F,Arfcn:25,Lac:0114,Bsic:19\r\n" in said
     assert said.endswith(b"\r\n\r\nOK\r\n\r\n+CSQ: 10,0\r\n\r\nOK\r\n")  # read 40 s later
@@ -177,7 +177,7 @@ def test_a_character_ends_a_full_scan_of_an_abortable_modem(stopwatch):
 
     assert modem.feed(b"AT\r") == b"\r\nOK\r\n"  # what follows the first character is no command
     stopwatch.t_s = 50.0
-    assert modem.unasked() == b""
+    assert modem.unsolicited() == b""
     assert modem.feed(b"AT+CSQ\r").endswith(b"\r\nOK\r\n")
 
 

@@ -22,7 +22,7 @@ class Parrot:
     def feed(self, data):
         return data
 
-    def unasked(self):
+    def unsolicited(self):
         said, self.pending = self.pending, b""
         return said
 

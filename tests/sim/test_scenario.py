@@ -47,7 +47,7 @@ def test_the_clear_world_is_the_formula():
     clear = scenario("clear")
     east_m, north_m = clear.walk.positions(np.arange(0.0, 900.0, 10.0))
 
-    heard_dbm = clear.world.heard_dbm(east_m, north_m, np.random.default_rng(0))
+    heard_dbm = clear.world.received_dbm(east_m, north_m, np.random.default_rng(0))
 
     assert np.abs(heard_dbm - clear.world.levels_dbm(east_m, north_m)).max() <= 0.5
 
@@ -86,7 +86,7 @@ def _most_likely_place(east_m, north_m, level_dbm):
 def test_the_target_can_be_located(seed):
     block = scenario(seed=seed)
     east_m, north_m = block.walk.positions(np.arange(0.0, block.duration_s, 10.0))
-    level_dbm = block.world.heard_dbm(east_m, north_m, np.random.default_rng(seed))[0]
+    level_dbm = block.world.received_dbm(east_m, north_m, np.random.default_rng(seed))[0]
 
     x_m, y_m = _most_likely_place(east_m, north_m, level_dbm)
 

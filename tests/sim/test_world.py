@@ -32,13 +32,13 @@ def test_levels_are_those_of_the_formula():
 def test_levels_keep_the_shape_of_the_places():
     places = np.zeros((4, 5))
 
-    assert build().heard_dbm(places, places, np.random.default_rng(0)).shape == (2, 4, 5)
+    assert build().received_dbm(places, places, np.random.default_rng(0)).shape == (2, 4, 5)
 
 
 def test_readings_are_whole_dbm_and_never_below_the_floor():
     distances_m = np.geomspace(1.0, 5000.0, 400)
 
-    heard_dbm = build().heard_dbm(distances_m, np.zeros(400), np.random.default_rng(0))[0]
+    heard_dbm = build().received_dbm(distances_m, np.zeros(400), np.random.default_rng(0))[0]
 
     exact_dbm = build().levels_dbm(distances_m, np.zeros(400))[0]
     assert (heard_dbm == np.round(heard_dbm)).all()
@@ -50,7 +50,7 @@ def test_fading_is_white_and_shadowing_stays():
     world = build(Radio(shadowing_sigma_db=6.0, fading_sigma_db=2.0, step_db=0.0))
     places = np.full(5000, 70.0), np.full(5000, -20.0)
 
-    heard_dbm = world.heard_dbm(*places, np.random.default_rng(3))
+    heard_dbm = world.received_dbm(*places, np.random.default_rng(3))
 
     assert np.ptp(world.shadowed_dbm(*places), axis=1) == pytest.approx(0.0, abs=1e-9)
     scatter_db = heard_dbm - world.shadowed_dbm(*places)
@@ -70,7 +70,7 @@ def test_each_transmitter_has_a_shadowing_of_its_own():
 def test_seed_decides_the_readings():
     places = np.linspace(0.0, 300.0, 50), np.zeros(50)
     heard_dbm = [
-        build(Radio(), seed=seed).heard_dbm(*places, np.random.default_rng(seed))
+        build(Radio(), seed=seed).received_dbm(*places, np.random.default_rng(seed))
         for seed in (1, 1, 2)
     ]
 

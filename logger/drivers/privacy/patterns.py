@@ -163,14 +163,14 @@ def redact_line(line: bytes) -> bytes:
         begun = private.end()
         following = _NEXT_RESULT.search(line, begun)
         end = following.start() if following else len(line)
-        return _blanked_numbers(line[:begun]) + mask_text(line[begun:end]) + redact_line(line[end:])
+        return _redact_numbers(line[:begun]) + mask_text(line[begun:end]) + redact_line(line[end:])
     command = _COMMAND.match(line)
     if command:
         return line[: command.end()] + mask_text(line[command.end() :])
-    return _blanked_numbers(line)
+    return _redact_numbers(line)
 
 
-def _blanked_numbers(line: bytes) -> bytes:
+def _redact_numbers(line: bytes) -> bytes:
     label = LABEL.search(line)
     if label:
         line = line[: label.end()] + mask_digits(line[label.end() :])

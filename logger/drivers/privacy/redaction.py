@@ -43,7 +43,7 @@ class Redactor:
 
     def __init__(self) -> None:
         self._line = b""  # the line under way, with a carriage return that a line feed may follow
-        self._told = 0  # bytes of it that have been given out
+        self._n_passed = 0  # bytes of it that have been given out
         self._private = False  # it is private to its end, by a beginning that is kept no longer
         self._text: _Text = ""  # lines that come are the text of a message
         self._begun = False  # of which one has come
@@ -56,7 +56,7 @@ class Redactor:
         for end in _END.finditer(data):
             if end[0] == b"\r" and end.end() == len(data):
                 break
-            out += self._finished(data[start : end.start()], end[0])
+            out += self._finish_line(data[start : end.start()], end[0])
             start = end.end()
         self._line = data[start:]
         out += self._under_way()
@@ -64,14 +64,14 @@ class Redactor:
 
     def flush(self) -> bytes:
         """The bytes held back, at the end of a connection."""
-        rest = self._blanked(self._line)[self._told :]
-        self._line, self._told, self._private, self._text = b"", 0, False, ""
+        rest = self._redact(self._line)[self._n_passed :]
+        self._line, self._n_passed, self._private, self._text = b"", 0, False, ""
         return rest
 
-    def _finished(self, line: bytes, end: bytes) -> bytes:
+    def _finish_line(self, line: bytes, end: bytes) -> bytes:
         """What is still to be passed on of a line that is over."""
-        rest = (self._blanked(line) + end)[self._told :]
-        self._told, self._private = 0, False
+        rest = (self._redact(line) + end)[self._n_passed :]
+        self._n_passed, self._private = 0, False
         self._follow(line)
         return rest
 
@@ -79,19 +79,19 @@ class Redactor:
         """What may already be passed on of an unfinished line."""
         line = self._line
         if self._text and not RESULT.match(line):
-            end = len(line) if len(line) > _LONGEST_TEXT else self._told
+            end = len(line) if len(line) > _LONGEST_TEXT else self._n_passed
         else:
             held = UNDER_WAY.search(line)
-            end = max(held.start() if held else len(line), self._told)
-        out = self._blanked(line)[self._told : end]
-        self._told = end
+            end = max(held.start() if held else len(line), self._n_passed)
+        out = self._redact(line)[self._n_passed : end]
+        self._n_passed = end
         if len(line) > _LONGEST:
             cut = min(len(line) - _CONTEXT, end)
             self._private |= is_private(line)
-            self._line, self._told = line[cut:], end - cut
+            self._line, self._n_passed = line[cut:], end - cut
         return out
 
-    def _blanked(self, line: bytes) -> bytes:
+    def _redact(self, line: bytes) -> bytes:
         return mask_text(line) if self._private or self._is_text(line) else redact_line(line)
 
     def _is_text(self, line: bytes) -> bool:

@@ -70,8 +70,8 @@ class AtFramer:
         self._expired: frozenset[str] | None = (
             None  # prefixes of the expired command that owes a final code
         )
-        self._expired_spoke = False  # lines of that command have come late
-        self._given_away = False  # rule 3 has been applied while this command was pending
+        self._expired_answered = False  # lines of that command have come late
+        self._final_reassigned = False  # rule 3 has been applied while this command was pending
         self.echo_seen = False
         """True where the last command came back, which a modem that was told not to does after a
         restart only.
@@ -94,7 +94,7 @@ class AtFramer:
         self._lines = []
         self._interrupted = set()
         self._stale = bool(self._buffer)
-        self._given_away = False
+        self._final_reassigned = False
         self.echo_seen = False
 
     def feed(self, data: bytes) -> Iterator[AtEvent]:
@@ -113,8 +113,8 @@ class AtFramer:
 
     def expire(self) -> Reply:
         """Close the pending command by time-out, with the lines that came."""
-        self._expired = None if self._given_away else self._names
-        self._expired_spoke = False
+        self._expired = None if self._final_reassigned else self._names
+        self._expired_answered = False
         return self._close(None)
 
     def abandon(self) -> Reply:
@@ -182,9 +182,9 @@ class AtFramer:
         if self._expired is None:
             return self._close(final)
         bare = not self._lines
-        if bare and (self._expired_spoke or (final == "OK" and _asks(self._command or ""))):
+        if bare and (self._expired_answered or (final == "OK" and _asks(self._command or ""))):
             self._expired = None
-            self._given_away = True
+            self._final_reassigned = True
             return Unsolicited(line)
         if not bare and self._names != self._expired:
             self._expired = None  # the modem answers this command, so it has done with the old one
@@ -200,7 +200,7 @@ class AtFramer:
         """True for a line that may answer the expired command; its name proves that it does."""
         prefix = _PREFIX.match(line)
         if prefix and self._expired and prefix[1] in self._expired:
-            self._expired_spoke = True
+            self._expired_answered = True
         return self._expired is not None and (prefix is None or prefix[1] in self._expired)
 
     def _close(self, final: str | None) -> Reply:

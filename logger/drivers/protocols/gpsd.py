@@ -150,7 +150,7 @@ class GpsdFixes:
             if not self._reported:
                 self._tpv = report
         elif isinstance(report, Sky):
-            self._sky = _merged(self._sky, report)
+            self._sky = _merge_sky(self._sky, report)
         elif isinstance(report, Gst):
             self._gst = report
         elif isinstance(report, (Device, Devices)):
@@ -187,7 +187,7 @@ def _report(line: bytes) -> Report | Garbage | None:
         return Garbage(line)
 
 
-def _merged(before: Sky, sky: Sky) -> Sky:
+def _merge_sky(before: Sky, sky: Sky) -> Sky:
     """One SKY may have the DOPs and the next the satellites."""
     if sky.device != before.device:
         return sky

@@ -44,10 +44,10 @@ def pieces(line: bytes, *, words: bool = False) -> Iterator[Piece]:
     if begins[0]:
         yield Piece(line[: begins[0]], is_text=False)
     for begin, end in zip(begins, [*begins[1:], len(line)], strict=True):
-        yield from _named(line[begin:end])
+        yield from _named_pieces(line[begin:end])
 
 
-def _named(part: bytes) -> Iterator[Piece]:
+def _named_pieces(part: bytes) -> Iterator[Piece]:
     """A part that begins with text, up to the next one."""
     text = part.rstrip(_AROUND)
     if not _TEXT.fullmatch(text):

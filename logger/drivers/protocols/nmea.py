@@ -77,12 +77,12 @@ class _Epoch:
     t_ns: int
     time: int | str
     messages: dict[type[Any], Any] = field(default_factory=dict)
-    heard: Counter[str] = field(default_factory=Counter)
+    received: Counter[str] = field(default_factory=Counter)
     reported: bool = False
 
     def add(self, address: str, message: Any) -> None:
         kind = type(message)
-        self.heard[address] += 1
+        self.received[address] += 1
         if self.time == "" and kind not in _UNTIMED:
             self.time = _time_of_day(message)
         before = self.messages.setdefault(kind, message)
@@ -122,7 +122,7 @@ class FixAssembler:
             self._early[kind] = address, message
         elif epoch and kind in _HEADS | _TIMED | _UNTIMED:
             epoch.add(address, message)
-            if self._expected is not None and epoch.heard >= self._expected:
+            if self._expected is not None and epoch.received >= self._expected:
                 fixes += epoch.take()
         return iter(fixes)
 
@@ -132,7 +132,7 @@ class FixAssembler:
 
     def _begins_epoch(self, address: str, message: Any) -> bool:
         """True for another time of day, or for a sentence that the epoch has already."""
-        if self._epoch is None or address in self._epoch.heard:
+        if self._epoch is None or address in self._epoch.received:
             return True
         return (
             "" not in (self._epoch.time, time := _time_of_day(message)) and time != self._epoch.time
@@ -141,7 +141,7 @@ class FixAssembler:
     def _begin(self, t_ns: int, message: Any) -> Iterator[tuple[int, Fix]]:
         if self._epoch:
             yield from self._epoch.take()
-            self._recent.append(self._epoch.heard)
+            self._recent.append(self._epoch.received)
             self._expected = reduce(or_, self._recent)
         self._epoch = _Epoch(t_ns, _time_of_day(message))
         for address, early in self._early.values():

@@ -72,7 +72,7 @@ _Levels = tuple[dict[str, Any], dict[str, Any]]
 """Fields of a reading, and what goes into `more` as printed."""
 
 
-def read(lines: Sequence[str]) -> tuple[Row, ...]:
+def serving_cells(lines: Sequence[str]) -> tuple[Row, ...]:
     """Serving cells, two where LTE and NR are used together, and `NoCell` for NO SERVICE."""
     found = (_row(match[1]) for line in lines for match in _ROW.finditer(line))
     return tuple(row for row in found if row is not None)

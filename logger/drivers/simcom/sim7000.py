@@ -96,7 +96,7 @@ class Sim7000(Family):
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in CENG rows and CPSI lines; fixes of the modem's receiver."""
-        return (*_engineering(lines), *cpsi.read(lines), *modem_gnss.read_cgnsinf(lines))
+        return (*_engineering(lines), *cpsi.serving_cells(lines), *modem_gnss.read_cgnsinf(lines))
 
 
 def _engineering(lines: Sequence[str]) -> Iterator[Row]:

@@ -85,7 +85,7 @@ class Sim7600(Family):
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in lines of CPSI, CCINFO and CMGRMI; fixes of the modem's receiver."""
         return (
-            *cpsi.read(lines),
+            *cpsi.serving_cells(lines),
             *_system(lines),
             *_environment(lines),
             *modem_gnss.read_cgpsinfo(lines),

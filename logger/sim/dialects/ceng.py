@@ -4,7 +4,7 @@ A cell that is heard but not decoded has its level and blanks; empty slots are p
 only.
 """
 
-from logger.sim.air import NEIGHBOURS, Air, Heard
+from logger.sim.air import NEIGHBOURS, Air, ReceivedCell
 
 DBM_OF_RXL_0 = -113
 RXL_MAX = 64
@@ -13,7 +13,7 @@ RLA, TXP = 5, 5  # as captured; access is allowed from -110 dBm + RLA (3GPP TS 4
 IDLE = ",x,x,x,x,x,x,x"  # tch to ch_mod, which only a call fills
 
 
-def rxl(one: Heard) -> int:
+def rxl(one: ReceivedCell) -> int:
     return min(max(one.dbm - DBM_OF_RXL_0, 0), RXL_MAX)
 
 
@@ -28,7 +28,7 @@ def rows(mode: int, ncell: int, air: Air) -> list[str]:
     return [f'+CENG: {number},"{text}"' for number, text in enumerate(texts[: 1 + NEIGHBOURS])]
 
 
-def _serving(mode: int, one: Heard) -> str:
+def _serving(mode: int, one: ReceivedCell) -> str:
     cell = one.cell
     if mode == 3:
         return _location(one)
@@ -39,21 +39,21 @@ def _serving(mode: int, one: Heard) -> str:
     return text if mode != 4 else f"{text},{rxl(one) + DBM_OF_RXL_0},{one.c1},{one.c1}{IDLE}"
 
 
-def _neighbour(mode: int, ncell: int, one: Heard) -> str | None:
+def _neighbour(mode: int, ncell: int, one: ReceivedCell) -> str | None:
     """Text of a neighbour's row; None where no form is known of one that is not decoded."""
-    if mode in {3, 4} and not one.decoded:
+    if mode in {3, 4} and not one.is_decoded:
         return None
     cell = one.cell
     if mode == 3:
         return _location(one)
-    head = f"{cell.arfcn:04d},{rxl(one):02d},{cell.bsic if one.decoded else 0:02d}"
-    if not one.decoded:
+    head = f"{cell.arfcn:04d},{rxl(one):02d},{cell.bsic if one.is_decoded else 0:02d}"
+    if not one.is_decoded:
         return f"{head},ffff,,,0000" if ncell else f"{head},,,0000"
     cid = f",{cell.cid:04x}" if ncell else ""
     criteria = f",{one.c1},{one.c1}" if mode == 4 else ""
     return f"{head}{cid},{cell.mcc},{cell.mnc},{cell.lac:04x}{criteria}"
 
 
-def _location(one: Heard) -> str:
+def _location(one: ReceivedCell) -> str:
     cell = one.cell
     return f"{cell.mcc},{cell.mnc},{cell.lac:04x},{cell.cid:04x},{cell.bsic:02d},{rxl(one):02d}"

@@ -1,10 +1,8 @@
-"""Siemens and Cinterion: BGS2 (^SMONI, ^MONI, ^MONP), MC55 (^SMONC), TC63 (^SMOND); captures 120 to
-126.
-"""
+"""Siemens and Cinterion: BGS2 (^SMONI, ^MONI, ^MONP), MC55 (^SMONC), TC63 (^SMOND); 120 to 126."""
 
 from itertools import chain, repeat
 
-from logger.sim.air import NEIGHBOURS, Air, Heard
+from logger.sim.air import NEIGHBOURS, Air, ReceivedCell
 from logger.sim.dialects.common import COPS_SCAN_S, SETTINGS
 from logger.sim.dialects.dialect import Answer, Dialect, Settings, block, who
 
@@ -30,9 +28,9 @@ def smonc(air: Air, _: Settings) -> Answer:
     return ["^SMONC: " + ",".join(next(cells) for _ in range(1 + NEIGHBOURS))]
 
 
-def _smonc(one: Heard) -> str:
+def _smonc(one: ReceivedCell) -> str:
     cell = one.cell
-    if not one.decoded:
+    if not one.is_decoded:
         return f"000,000,0000,0000,00,{cell.arfcn},{one.rxlev},-,-"
     who_and_where = (
         f"{cell.mcc},{cell.mnc},{cell.lac:04X},{cell.cid:04X},{cell.bsic:02d},{cell.arfcn}"
@@ -41,9 +39,7 @@ def _smonc(one: Heard) -> str:
 
 
 def smond(air: Air, _: Settings) -> Answer:
-    """The serving cell, six neighbours, timing advance, level and errors in one line; levels are
-    without their sign.
-    """
+    """Serving cell, six neighbours, TA, level and errors in one line; levels without sign."""
     if air.serving is None:
         return ["^SMOND: ,,,,,,0,,,0,,,0" + ",,,,,,,0" * NEIGHBOURS + ",,99,99"]
     cells = chain((_smond(one) for one in air.decoded_neighbours), repeat(",,,,,,0"))
@@ -52,9 +48,10 @@ def smond(air: Air, _: Settings) -> Answer:
     return [f"^SMOND: {_smond(air.serving)},,,0,,,0,{near},1,{csq},99"]
 
 
-def _smond(one: Heard) -> str:
+def _smond(one: ReceivedCell) -> str:
     cell = one.cell
-    return f"{cell.mcc},{cell.mnc},{cell.lac:04X},{cell.cid:04X},{cell.bsic:02d},{cell.arfcn},{-one.dbm}"
+    who = f"{cell.mcc},{cell.mnc},{cell.lac:04X},{cell.cid:04X}"
+    return f"{who},{cell.bsic:02d},{cell.arfcn},{-one.dbm}"
 
 
 def moni(air: Air, _: Settings) -> Answer:
@@ -67,7 +64,8 @@ def moni(air: Air, _: Settings) -> Answer:
     if one is None:
         return block([*head, "Searching"])
     cell = one.cell
-    where = f"{cell.arfcn:4d} {one.rxlev:3d} {one.dbm:4d} {cell.mcc}  {cell.mnc} {cell.lac:04X} {cell.cid:04X}"
+    where = f"{cell.arfcn:4d} {one.rxlev:3d} {one.dbm:4d} {cell.mcc}  {cell.mnc}"
+    where += f" {cell.lac:04X} {cell.cid:04X}"
     colours = f"{cell.bsic // 8:3d} {cell.bsic % 8:3d}"
     return block([*head, f"{where} {colours}   33   -105 {one.c1:3d} I Limited Service"])
 

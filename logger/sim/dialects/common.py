@@ -1,6 +1,4 @@
-"""What all modems answer alike: registration, networks, quality (3GPP TS 27.007), told of a world
-of GSM cells.
-"""
+"""Replies of all modems (3GPP TS 27.007) in a world of GSM cells: network, level."""
 
 from collections.abc import Mapping
 
@@ -39,7 +37,7 @@ def registration(name: str) -> Listing:
     return listing
 
 
-def unregistered(name: str) -> Listing:
+def no_registration(name: str) -> Listing:
     return lambda _, settings: [f"{name}: {settings[name]},0"]
 
 
@@ -53,14 +51,14 @@ def network(air: Air, settings: Settings) -> Answer:
 
 
 def networks(air: Air, _: Settings) -> Answer:
-    plmns = dict.fromkeys(f"{one.cell.mcc}{one.cell.mnc}" for one in air.decoded)
+    plmns = dict.fromkeys(f"{one.cell.mcc}{one.cell.mnc}" for one in air.decoded_cells)
     offered = ",".join(
         f'(1,"{NETWORK_NAME}","{NETWORK_NAME}","{plmn}",{GSM_ACT})' for plmn in plmns
     )
     return [f"+COPS: {offered},,(0,1,3,4),(0,1,2)"]
 
 
-EPS: Mapping[str, Listing] = {"+CEREG?": unregistered("+CEREG"), "+CESQ": cesq}
+EPS: Mapping[str, Listing] = {"+CEREG?": no_registration("+CEREG"), "+CESQ": cesq}
 """What modems of LTE know besides, while they camp on GSM."""
 EPS_SETTINGS = {"+CEREG": setting("0", "[0-2]")}
 
@@ -68,12 +66,12 @@ ANYWHERE: Mapping[str, Listing] = {"+CSQ": csq, "+COPS=?": networks}
 REGISTERED: Mapping[str, Listing] = {
     "+CPIN?": lambda *_: ["+CPIN: READY"],
     "+CREG?": registration("+CREG"),
-    "+CGREG?": unregistered("+CGREG"),
+    "+CGREG?": no_registration("+CGREG"),
     "+COPS?": network,
 }
 NO_CARD: Mapping[str, Listing] = {
     "+CPIN?": lambda *_: NO_SIM,
-    "+CREG?": unregistered("+CREG"),
-    "+CGREG?": unregistered("+CGREG"),
+    "+CREG?": no_registration("+CREG"),
+    "+CGREG?": no_registration("+CGREG"),
     "+COPS?": lambda *_: ["+COPS: 0"],
 }

@@ -1,4 +1,4 @@
-"""What tells one modem from another: who it says it is, what it can be told and what it answers.
+"""What distinguishes one modem from another: identity, settings and replies.
 
 Formats are written from manuals and captures (see firmware_notes), independently of the drivers
 that read them.
@@ -11,17 +11,13 @@ from dataclasses import dataclass, field
 from logger.sim.air import Air
 
 Settings = Mapping[str, str]
-"""Values of the modem's settings by name: {"+CENG": "1,1"}; that of "=" is the argument of the
-command.
-"""
+"""Values of the settings by name, {"+CENG": "1,1"}; "=" is the argument of the command."""
 Answer = Sequence[str] | int
-"""Blocks of text before OK, each between line ends, or the number of a +CME ERROR (3GPP TS 27.007
-9.2).
-"""
+"""Blocks of text before OK, or the number of a +CME ERROR (3GPP TS 27.007 9.2)."""
 Listing = Callable[[Air, Settings], Answer]
 
 IMEI = "004999010640000"
-"""Of a test device; modems print theirs unasked."""
+"""IMEI of a test device; modems print theirs without being asked."""
 NETWORK_NAME = "Test PLMN 1-1"
 NO_SIM = 10
 NO_SERVICE = 30
@@ -29,8 +25,7 @@ NO_SERVICE = 30
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """The value after power-up, and the form of those that are accepted; a value left out stays as
-    it is.
+    """The value after power-up, and the form of accepted ones; parts left out stay as they are.
 
     What is `stored` is as it was before the power went.
     """
@@ -45,17 +40,17 @@ class Dialect:
     """One model.
 
     `replies` are by command without its AT, in capitals; one that ends with "=" takes any argument.
-    `takes_s` says which of them are slow, `unasked` is what the modem tells by itself every few
+    `takes_s` is how long slow ones take, `unsolicited` what the modem prints by itself every few
     seconds; `registered` ones have a SIM card; on `abortable` ones a character ends a slow command,
     the others read it afterwards.
     """
 
     name: str
-    says: Mapping[str, Sequence[str]]
+    identity: Mapping[str, Sequence[str]]
     replies: Mapping[str, Listing]
     settings: Mapping[str, Setting] = field(default_factory=dict)
     takes_s: Mapping[str, float] = field(default_factory=dict)
-    unasked: Listing | None = None
+    unsolicited: Listing | None = None
     boot: Sequence[str] = ("RDY", "+CFUN: 1", "Call Ready")
     registered: bool = False
     abortable: bool = False
@@ -66,7 +61,7 @@ def setting(default: str, form: str, *, stored: bool = False) -> Setting:
 
 
 def who(ati: Sequence[str], maker: str, model: str, revision: str) -> dict[str, Sequence[str]]:
-    """Answers to the four questions who a modem is."""
+    """Answers to the four commands that ask for the identity."""
     return {"I": ["\r\n".join(ati)], "+CGMI": [maker], "+CGMM": [model], "+CGMR": [revision]}
 
 

@@ -9,9 +9,7 @@ GSM_900 = 1
 
 
 def serving_cell(air: Air, _: Settings) -> Answer:
-    """Area and cell are hexadecimal, the cell comes first; the last two values are empty without a
-    call.
-    """
+    """Area and cell are hexadecimal, the cell first; two values are empty without a call."""
     one = air.serving
     if one is None:
         return ["^MONSC: NONE"]
@@ -23,8 +21,8 @@ def serving_cell(air: Air, _: Settings) -> Answer:
 def neighbour_cells(air: Air, _: Settings) -> Answer:
     """Zero for the cell and the area of one that is not decoded."""
     lines = [
-        f"^MONNC: GSM,{GSM_900},{one.cell.arfcn},{one.cell.bsic if one.decoded else 0}"
-        + (f",{one.cell.cid:X},{one.cell.lac:X}" if one.decoded else ",0,0")
+        f"^MONNC: GSM,{GSM_900},{one.cell.arfcn},{one.cell.bsic if one.is_decoded else 0}"
+        + (f",{one.cell.cid:X},{one.cell.lac:X}" if one.is_decoded else ",0,0")
         + f",{one.dbm}"
         for one in air.neighbours
     ]

@@ -1,12 +1,10 @@
-"""Sierra MC7455 and Fibocom L850: modems of which no reply of GSM is known (captures 129, 131,
-139).
+"""Sierra MC7455 and Fibocom L850: no GSM reply of these modems is known (129, 131, 139).
 
-They tell of the same transmitters as of cells of LTE: area, cell, channel and colour code stand
-where area, cell, channel and physical cell identity of LTE stand. Neighbours have no identity
-there.
+They report the transmitters as LTE cells: area, cell, channel and colour code stand for area, cell,
+channel and PCI. Neighbours have no identity.
 """
 
-from logger.sim.air import Air, Heard
+from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects import modes
 from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
 from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, who
@@ -16,9 +14,7 @@ RSSI_OVER_RSRP_DB = 28  # of 10 MHz
 
 
 def status(air: Air, _: Settings) -> Answer:
-    """Pairs of label and value, two to a line; numbers are hexadecimal and again decimal in
-    brackets.
-    """
+    """Pairs of label and value, two to a line; numbers are hexadecimal (decimal)."""
     one = air.serving
     if one is None:
         return block(
@@ -72,19 +68,19 @@ def lte_information(air: Air, _: Settings) -> Answer:
     return ["\r\n".join(part) for part in (serving, same, other)]
 
 
-def _levels(one: Heard) -> str:
-    return f"{one.cell.bsic:3d} {RSRQ_DB:5.1f} {one.level_dbm:6.1f} {one.level_dbm + RSSI_OVER_RSRP_DB:6.1f}"
+def _levels(one: ReceivedCell) -> str:
+    rssi_dbm = one.level_dbm + RSSI_OVER_RSRP_DB
+    return f"{one.cell.bsic:3d} {RSRQ_DB:5.1f} {one.level_dbm:6.1f} {rssi_dbm:6.1f}"
 
 
 def cells(air: Air, _: Settings) -> Answer:
-    """One row for each cell; area, cell, channel and physical identity are hexadecimal, levels
-    indices of 27.007.
-    """
+    """One row for each cell; identity and channel hexadecimal, levels indices of 27.007."""
     one = air.serving
     if one is None:
         return ["+GTCCINFO:"]
     cell = one.cell
-    serving = f"1,4,{cell.mcc},{cell.mnc},{cell.lac:X},{cell.cid:X},{cell.arfcn:X},{cell.bsic:X},101,50,16,{_rows(one)}"
+    who = f"{cell.mcc},{cell.mnc},{cell.lac:X},{cell.cid:X}"
+    serving = f"1,4,{who},{cell.arfcn:X},{cell.bsic:X},101,50,16,{_rows(one)}"
     near = [
         f"2,4,,,,,{other.cell.arfcn:X},{other.cell.bsic:X},,{_rows(other)}"
         for other in air.neighbours
@@ -101,7 +97,7 @@ def cells(air: Air, _: Settings) -> Answer:
     ]
 
 
-def _rows(one: Heard) -> str:
+def _rows(one: ReceivedCell) -> str:
     rsrp = min(max(one.dbm + 141, 0), 97)
     return f"{rsrp},{rsrp},{round((RSRQ_DB + 20) * 2)}"
 

@@ -7,23 +7,23 @@ from logger.sim.dialects.dialect import Listing, Setting, setting
 _QCFG = "+QCFG"
 
 
-def _told(name: str) -> Listing:
+def _setting_reply(name: str) -> Listing:
     return lambda _, settings: [f"{name}: {settings[name]}"]
 
 
-def _stored(default: str, form: str) -> Setting:
+def _stored_setting(default: str, form: str) -> Setting:
     return setting(default, form, stored=True)
 
 
-CNMP: Mapping[str, Listing] = {"+CNMP?": _told("+CNMP")}
-CNMP_SETTINGS = {"+CNMP": _stored("2", "2|13|38|51")}
+CNMP: Mapping[str, Listing] = {"+CNMP?": _setting_reply("+CNMP")}
+CNMP_SETTINGS = {"+CNMP": _stored_setting("2", "2|13|38|51")}
 
 NWSCANMODE: Mapping[str, Listing] = {
     '+QCFG="NWSCANMODE"': lambda _, settings: [
         f'+QCFG: "nwscanmode",{settings[_QCFG].split(",")[1]}'
     ]
 }
-NWSCANMODE_SETTINGS = {_QCFG: _stored('"NWSCANMODE",0,1', '"NWSCANMODE",[0-3](?:,[01])?')}
+NWSCANMODE_SETTINGS = {_QCFG: _stored_setting('"NWSCANMODE",0,1', '"NWSCANMODE",[0-3](?:,[01])?')}
 
 _RATS = {"00": "Automatic", "01": "UMTS 3G Only", "02": "GSM 2G Only", "06": "LTE Only"}
 SELRAT: Mapping[str, Listing] = {
@@ -31,7 +31,7 @@ SELRAT: Mapping[str, Listing] = {
         f"!SELRAT: {settings['!SELRAT']}, {_RATS[settings['!SELRAT']]}"
     ]
 }
-SELRAT_SETTINGS = {"!SELRAT": _stored("00", "00|01|06")}  # an MC7455 has no GSM
+SELRAT_SETTINGS = {"!SELRAT": _stored_setting("00", "00|01|06")}  # an MC7455 has no GSM
 
 SYSCFGEX: Mapping[str, Listing] = {
     "^SYSCFGEX?": lambda _, settings: [
@@ -39,8 +39,10 @@ SYSCFGEX: Mapping[str, Listing] = {
     ]
 }
 SYSCFGEX_SETTINGS = {
-    "^SYSCFGEX": _stored('"00"', r'"(?:0[0-3]){1,3}",[0-9A-F]+,[0-2],[0-4],[0-9A-F]+,,')
+    "^SYSCFGEX": _stored_setting('"00"', r'"(?:0[0-3]){1,3}",[0-9A-F]+,[0-2],[0-4],[0-9A-F]+,,')
 }
 
-XACT: Mapping[str, Listing] = {"+XACT?": _told("+XACT")}
-XACT_SETTINGS = {"+XACT": _stored("4,2,1,101,103", "[124](?:,[0-9]{1,3})*")}  # nor has an L850
+XACT: Mapping[str, Listing] = {"+XACT?": _setting_reply("+XACT")}
+XACT_SETTINGS = {
+    "+XACT": _stored_setting("4,2,1,101,103", "[124](?:,[0-9]{1,3})*")
+}  # nor has an L850

@@ -3,7 +3,7 @@
 Sources: captures 059 to 069, 088; 091, 092; the example of QOPS in the EC2x AT Commands Manual.
 """
 
-from logger.sim.air import Air, Heard
+from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects import modes, receivers
 from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
 from logger.sim.dialects.dialect import NETWORK_NAME, Answer, Dialect, Settings, block, setting, who
@@ -29,7 +29,7 @@ def neighbour_cells(air: Air, _: Settings) -> Answer:
     return block([_neighbour(one) for one in air.decoded_neighbours])
 
 
-def _neighbour(one: Heard) -> str:
+def _neighbour(one: ReceivedCell) -> str:
     cell = one.cell
     where = f"{cell.mcc},{cell.mnc},{cell.lac:X},{cell.cid:X},{cell.bsic},{cell.arfcn}"
     return f'+QENG: "neighbourcell","GSM",{where},{one.dbm},{one.c1},{one.c1},0,0'
@@ -40,15 +40,13 @@ def quality(air: Air, _: Settings) -> Answer:
 
 
 def survey(air: Air, settings: Settings) -> Answer:
-    """All cells of the technology that is set, 2G here, under the network they belong to; their
-    level is an index.
-    """
+    """All cells of the chosen technology, 2G here, below their network; levels are indices."""
     if not settings["+QOPSCFG"].endswith("0") or air.serving is None:
         return []
     first = air.serving.cell
     rows = [
         f'{number},"2G",{one.cell.arfcn},{one.cell.lac:X},{one.cell.cid:X},{one.cell.bsic},{one.rxlev},{one.c1},0,1'
-        for number, one in enumerate(air.decoded, 1)
+        for number, one in enumerate(air.decoded_cells, 1)
     ]
     return block([f'+QOPS: "{NETWORK_NAME}","{NETWORK_NAME}","{first.mcc}{first.mnc}"', *rows])
 
@@ -67,15 +65,16 @@ def engineering(air: Air, settings: Settings) -> Answer:
     return [header, *block(rows)]
 
 
-def _serving_row(one: Heard) -> str:
+def _serving_row(one: ReceivedCell) -> str:
     cell = one.cell
     who_and_where = f"{cell.mcc},{cell.mnc},{cell.lac:04x},{cell.cid:04x},{cell.arfcn},{cell.bsic}"
     return f"+QENG: 0,{who_and_where},{one.dbm},{one.c1},{one.c1},5,5" + ",x" * 7
 
 
-def _near(one: Heard) -> str:
+def _near(one: ReceivedCell) -> str:
     cell = one.cell
-    return f"{cell.arfcn},{one.dbm},{cell.bsic},{one.c1},{one.c1},{cell.mcc},{cell.mnc},{cell.lac:04x},{cell.cid:04x}"
+    who = f"{cell.mcc},{cell.mnc},{cell.lac:04x},{cell.cid:04x}"
+    return f"{cell.arfcn},{one.dbm},{cell.bsic},{one.c1},{one.c1},{who}"
 
 
 EC25 = Dialect(

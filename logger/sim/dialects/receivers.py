@@ -1,8 +1,6 @@
-"""The receiver inside a modem: +CGNSINF, +CGPSINFO and +QGPSLOC (sources: firmware_notes, captures
-170 to 180).
-"""
+"""GNSS receivers in modems: +CGNSINF, +CGPSINFO and +QGPSLOC (captures 170 to 180)."""
 
-from logger.sim.air import Air, Place
+from logger.sim.air import Air, ModemFix
 from logger.sim.dialects.dialect import Answer, Settings, setting
 
 KMH_PER_MPS = 3.6
@@ -18,7 +16,7 @@ def cgnsinf(air: Air, settings: Settings) -> Answer:
     """Decimal degrees and km/h; without a fix the time is that of a clock begun in 1980."""
     if settings["+CGNSPWR"] == "0":
         return ["+CGNSINF: 0,,,,,,,,,,,,,,,,,,,,"]
-    place = air.place()
+    place = air.fix()
     if place is None:
         return ["+CGNSINF: 1,0,19800106000014.000,,,,0.00,0.0,0,,,,,,0,0,,,,,"]
     time = f"{place.utc:%Y%m%d%H%M%S}.{place.utc.microsecond // 1000:03d}"
@@ -29,7 +27,7 @@ def cgnsinf(air: Air, settings: Settings) -> Answer:
 
 def cgpsinfo(air: Air, settings: Settings) -> Answer:
     """Degrees and minutes, and knots; all values are empty without a fix."""
-    place = air.place()
+    place = air.fix()
     if place is None or settings["+CGPS"].startswith("0"):
         return ["+CGPSINFO: ,,,,,,,,"]
     lat = f"{_minutes(place.lat_deg, 2)},{'NS'[place.lat_deg < 0]}"
@@ -42,7 +40,7 @@ def cgpsinfo(air: Air, settings: Settings) -> Answer:
 
 def qgpsloc(air: Air, settings: Settings) -> Answer:
     """Signed degrees of mode 2; the course is degrees and minutes."""
-    place = air.place()
+    place = air.fix()
     if settings["+QGPS"] == "0":
         return QUECTEL_NOT_ACTIVE
     if place is None:
@@ -54,7 +52,7 @@ def qgpsloc(air: Air, settings: Settings) -> Answer:
     return [f"+QGPSLOC: {_tenths(place)},{where},{motion},{place.utc:%d%m%y},09"]
 
 
-def _tenths(place: Place) -> str:
+def _tenths(place: ModemFix) -> str:
     return f"{place.utc:%H%M%S}.{place.utc.microsecond // 100_000}"
 
 

@@ -23,7 +23,7 @@ def engineering(air: Air, settings: Settings) -> Answer:
     return [f"+CENG: {settings['+CENG']}", *block(_rows(air, settings))]
 
 
-def unasked(air: Air, settings: Settings) -> Answer:
+def unsolicited(air: Air, settings: Settings) -> Answer:
     return block(_rows(air, settings)) if settings["+CENG"].startswith("2") else []
 
 
@@ -39,7 +39,7 @@ def netscan(air: Air, settings: Settings) -> Answer:
         f'Operator:"{NETWORK_NAME}",MCC:{one.cell.mcc},MNC:{one.cell.mnc},Rxlev:{one.rxlev}'
         f",Cellid:{one.cell.cid:04X},Arfcn:{one.cell.arfcn}"
         + (f",Lac:{one.cell.lac:04X},Bsic:{one.cell.bsic:02X}" if long else "")
-        for one in air.decoded
+        for one in air.decoded_cells
     ]
     return block(lines) or NO_SERVICE
 
@@ -56,13 +56,13 @@ SIM800 = Dialect(
     settings=SETTINGS
     | {"+CENG": setting("0,0", "[0-4](?:,[01])?"), "+CNETSCAN": setting("0", "[01]")},
     takes_s={"+CNETSCAN": NETSCAN_S},
-    unasked=unasked,
+    unsolicited=unsolicited,
     boot=("RDY", "+CFUN: 1", "+CPIN: NOT INSERTED", "Call Ready", "SMS Ready"),
 )
 SIM808 = replace(
     SIM800,
     name="sim808",
-    says=who(["SIM808 R14.18"], "SIMCOM_Ltd", "SIMCOM_SIM808", "Revision:1418B03SIM808M32"),
+    identity=who(["SIM808 R14.18"], "SIMCOM_Ltd", "SIMCOM_SIM808", "Revision:1418B03SIM808M32"),
     replies={**SIM800.replies, "+CGNSINF": receivers.cgnsinf},
     settings={**SIM800.settings, **receivers.CGNS_SETTINGS},
 )

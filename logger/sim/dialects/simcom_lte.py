@@ -1,17 +1,13 @@
-"""SIMCom SIM7000 and SIM7600 on a GSM network: AT+CENG, AT+CPSI and AT+CCINFO (captures 022, 029,
-049).
-"""
+"""SIMCom SIM7000 and SIM7600 on GSM: AT+CENG, AT+CPSI, AT+CCINFO (022, 029, 049)."""
 
-from logger.sim.air import Air, Heard
+from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects import modes, receivers
 from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
 from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, setting, who
 
 
 def engineering(air: Air, settings: Settings) -> Answer:
-    """Rows of seven values for the serving cell and its neighbours alike; the header counts
-    them.
-    """
+    """Rows of seven values for the serving cell and its neighbours; the header counts them."""
     mode, ncell = settings["+CENG"].split(",")
     heard = (air.serving, *air.decoded_neighbours) if air.serving and mode != "0" else ()
     system = "GSM" if air.serving else "NO SERVICE"
@@ -19,15 +15,14 @@ def engineering(air: Air, settings: Settings) -> Answer:
     return [header, *block([f'+CENG: {number},"{_row(one)}"' for number, one in enumerate(heard)])]
 
 
-def _row(one: Heard) -> str:
+def _row(one: ReceivedCell) -> str:
     cell = one.cell
-    return f"{cell.arfcn:04d},{one.rxlev:02d},{cell.bsic:02d},{cell.cid:04x},{cell.mcc},{cell.mnc},{cell.lac:04x}"
+    radio = f"{cell.arfcn:04d},{one.rxlev:02d},{cell.bsic:02d}"
+    return f"{radio},{cell.cid:04x},{cell.mcc},{cell.mnc},{cell.lac:04x}"
 
 
 LTE_ONLY = "38"
-"""Value of +CNMP with which the transmitters are told of as cells of LTE, and have no
-neighbours.
-"""
+"""Value of +CNMP with which the transmitters are reported as LTE cells without neighbours."""
 RSSI_OVER_RSRP_DB = 28  # of 10 MHz
 
 
@@ -50,12 +45,12 @@ def cell_information(air: Air, settings: Settings) -> Answer:
     """Serving cell and neighbours with labels, all of it decimal."""
     if air.serving is None or settings["+CNMP"] == LTE_ONLY:
         return []
-    serving = f"+CCINFO:[SCELL],{_labelled(air.serving)},TA:0,TXPWR:0"
+    serving = f"+CCINFO:[SCELL],{_labels(air.serving)},TA:0,TXPWR:0"
     found = enumerate(air.decoded_neighbours, 1)
-    return block([serving, *(f"+CCINFO:[NCell{number}],{_labelled(one)}" for number, one in found)])
+    return block([serving, *(f"+CCINFO:[NCell{number}],{_labels(one)}" for number, one in found)])
 
 
-def _labelled(one: Heard) -> str:
+def _labels(one: ReceivedCell) -> str:
     cell = one.cell
     return (
         f"ARFCN:{cell.arfcn},MCC:{cell.mcc},MNC:{cell.mnc},LAC:{cell.lac},ID:{cell.cid},BSIC:{cell.bsic}"

@@ -1,10 +1,8 @@
-"""Telit GE864: #MONI, #SERVINFO, #CSURV and #CSURVC (GM862 manual p273 to 278 and 376 to 379;
-captures 095 to 105).
-"""
+"""Telit GE864: #MONI, #SERVINFO, #CSURV, #CSURVC (GM862 manual p273-278, p376-379)."""
 
 from collections.abc import Sequence
 
-from logger.sim.air import NEIGHBOURS, Air, Heard
+from logger.sim.air import NEIGHBOURS, Air, ReceivedCell
 from logger.sim.dialects.common import COPS_SCAN_S, SETTINGS
 from logger.sim.dialects.dialect import (
     NETWORK_NAME,
@@ -44,11 +42,12 @@ def monitor(air: Air, settings: Settings) -> Answer:
     )
 
 
-def _row(one: Heard) -> str:
+def _row(one: ReceivedCell) -> str:
     cell = one.cell
-    if not one.decoded:
+    if not one.is_decoded:
         return f"FF FFFF 0000 {cell.arfcn} {one.dbm}dbm -1 -1"
-    return f"{bsic_octal(cell.bsic)} {cell.lac:04X} {cell.cid:04X} {cell.arfcn} {one.dbm}dbm {one.c1} {one.c1}"
+    who = f"{bsic_octal(cell.bsic)} {cell.lac:04X} {cell.cid:04X}"
+    return f"{who} {cell.arfcn} {one.dbm}dbm {one.c1} {one.c1}"
 
 
 def serving_information(air: Air, _: Settings) -> Answer:
@@ -64,51 +63,48 @@ def serving_information(air: Air, _: Settings) -> Answer:
 
 def survey(air: Air, settings: Settings) -> Answer:
     """A line with labels for each carrier."""
-    chosen = _chosen(air, settings)
+    chosen = _cells_in_range(air, settings)
     return _survey(
-        chosen, [_labelled(one, settings) for one in chosen if one.decoded], "arfcn: {} rxLev: {}"
+        chosen, [_labels(one, settings) for one in chosen if one.is_decoded], "arfcn: {} rxLev: {}"
     )
 
 
 def numeric_survey(air: Air, settings: Settings) -> Answer:
     """The same as values alone."""
-    chosen = _chosen(air, settings)
+    chosen = _cells_in_range(air, settings)
     lines = [
         f"{one.cell.arfcn},{','.join(_numbers(one, settings))},{SUITABLE},0"
         for one in chosen
-        if one.decoded
+        if one.is_decoded
     ]
     return _survey(chosen, lines, "{},{}")
 
 
-def _chosen(air: Air, settings: Settings) -> tuple[Heard, ...]:
-    """Cells in the range of channels that the command names, all of them where it names none."""
+def _cells_in_range(air: Air, settings: Settings) -> tuple[ReceivedCell, ...]:
+    """Cells in the range of channels that the command names, or all."""
     heard = air.others if air.serving is None else (air.serving, *air.others)
     low, _, high = settings["="].partition(",")
     return tuple(one for one in heard if not high or int(low) <= one.cell.arfcn <= int(high))
 
 
-def _survey(chosen: Sequence[Heard], lines: list[str], unread: str) -> Answer:
-    """Between its first and its last line; a carrier whose broadcast was not read has channel and
-    level.
-    """
-    others = [unread.format(one.cell.arfcn, one.dbm) for one in chosen if not one.decoded]
+def _survey(chosen: Sequence[ReceivedCell], lines: list[str], unread: str) -> Answer:
+    """Between first and last line; of an undecoded carrier channel and level are printed."""
+    others = [unread.format(one.cell.arfcn, one.dbm) for one in chosen if not one.is_decoded]
     return ["Network survey started ...", *block([*lines, *others]), "Network survey ended"]
 
 
-def _labelled(one: Heard, settings: Settings) -> str:
+def _labels(one: ReceivedCell, settings: Settings) -> str:
     bsic, level, errors, mcc, mnc, lac, cid = _numbers(one, settings)
     arfcn = one.cell.arfcn
     return (
-        f"arfcn: {arfcn} bsic: {bsic} rxLev: {level} ber: {errors}.00 mcc: {mcc} mnc: {mnc} lac: {lac} cellId: {cid}"
+        f"arfcn: {arfcn} bsic: {bsic} rxLev: {level} ber: {errors}.00"
+        f" mcc: {mcc} mnc: {mnc} lac: {lac} cellId: {cid}"
         f" cellStatus: {SUITABLE} numArfcn: 1 arfcn: {arfcn} numChannels: 0"
     )
 
 
-def _numbers(one: Heard, settings: Settings) -> tuple[str, ...]:
-    """Decimal with #CSURVF=0; else the area and the cell are hexadecimal and the colour codes
-    octal.
-    """
+def _numbers(one: ReceivedCell, settings: Settings) -> tuple[str, ...]:
+    """Decimal with #CSURVF=0; else hexadecimal, and colour codes octal."""
     cell = one.cell
     decimal = settings["#CSURVF"] == "0"
     bsic = f"{cell.bsic:02d}" if decimal else bsic_octal(cell.bsic)

@@ -1,8 +1,6 @@
-"""u-blox SARA-G350: AT+CGED, AT+COPS=5 and AT+UCELLINFO (AT Commands Manual UBX-13002752; captures
-107 to 113).
-"""
+"""u-blox SARA-G350: AT+CGED, AT+COPS=5, AT+UCELLINFO (UBX-13002752, captures 107-113)."""
 
-from logger.sim.air import Air, Heard
+from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects.common import COPS_SCAN_S, SETTINGS
 from logger.sim.dialects.dialect import NO_SERVICE, Answer, Dialect, Settings, setting, who
 
@@ -23,10 +21,10 @@ def all_cells(air: Air, _: Settings) -> Answer:
 
 def deep_scan(air: Air, _: Settings) -> Answer:
     """A line for each cell, without prefix."""
-    return [_line(one) for one in air.decoded] or NO_SERVICE
+    return [_line(one) for one in air.decoded_cells] or NO_SERVICE
 
 
-def _line(one: Heard) -> str:
+def _line(one: ReceivedCell) -> str:
     cell = one.cell
     network = f"MCC:{cell.mcc}, MNC:{int(cell.mnc):3d}"
     return (
@@ -41,14 +39,15 @@ def cell_information(air: Air, settings: Settings) -> Answer:
         return NO_SERVICE
     heard = (air.serving, *air.decoded_neighbours)
     return [
-        f"+UCELLINFO: {settings['+UCELLINFO']:>7}, {min(n, 1):5d}, {_padded(one)}"
+        f"+UCELLINFO: {settings['+UCELLINFO']:>7}, {min(n, 1):5d}, {_columns(one)}"
         for n, one in enumerate(heard)
     ]
 
 
-def _padded(one: Heard) -> str:
+def _columns(one: ReceivedCell) -> str:
     cell = one.cell
-    return f"{int(cell.mcc):4d}, {int(cell.mnc):4d}, {cell.lac:4x}, {cell.cid:4x}, {one.rxlev:3d}, {UNKNOWN}"
+    who = f"{int(cell.mcc):4d}, {int(cell.mnc):4d}, {cell.lac:4x}, {cell.cid:4x}"
+    return f"{who}, {one.rxlev:3d}, {UNKNOWN}"
 
 
 SARA_G350 = Dialect(

@@ -1,5 +1,5 @@
 from logger.drivers.simcom.sim800 import Sim800
-from logger.sim.air import Air, Heard
+from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects.ceng import rows, rxl
 from logger.sim.world import Transmitter
 
@@ -8,11 +8,11 @@ def cell(cid, arfcn=666, bsic=8, lac=0x113):
     return Transmitter(0.0, 0.0, -30.0, 3.0, "310", "260", lac, cid, arfcn, bsic)
 
 
-UNREAD = Heard(cell(0x00FD, arfcn=233, bsic=61), -87.0, decoded=False)
+UNREAD = ReceivedCell(cell(0x00FD, arfcn=233, bsic=61), -87.0, is_decoded=False)
 HEARD = Air.of(
     [
-        Heard(cell(0xA53F, arfcn=25, bsic=25), -97.0, decoded=True),
-        Heard(cell(0x4E72), -92.0, decoded=True),
+        ReceivedCell(cell(0xA53F, arfcn=25, bsic=25), -97.0, is_decoded=True),
+        ReceivedCell(cell(0x4E72), -92.0, is_decoded=True),
         UNREAD,
     ]
 )
@@ -67,7 +67,7 @@ def test_no_row_without_a_serving_cell():
 
 
 def test_six_neighbours_sorted_by_level():
-    heard = Air.of([Heard(cell(0x100 + n, arfcn=n), -100.0 + n, decoded=True) for n in range(9)])
+    heard = Air.of([ReceivedCell(cell(0x100 + n, arfcn=n), -100.0 + n, is_decoded=True) for n in range(9)])
 
     assert [row[10:14] for row in rows(1, 1, heard)] == [
         "0008",
@@ -82,7 +82,7 @@ def test_six_neighbours_sorted_by_level():
 
 def test_level_stays_within_what_modems_print():
     levels = [
-        rxl(Heard(cell(1), level_dbm, decoded=True))
+        rxl(ReceivedCell(cell(1), level_dbm, is_decoded=True))
         for level_dbm in (-120.0, -113.0, -110.0, -50.0, -20.0)
     ]
 

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from logger.sim.air import Air, Heard, Place
+from logger.sim.air import Air, ModemFix, ReceivedCell
 from logger.sim.dialects import DIALECTS
 from logger.sim.world import Transmitter
 
@@ -14,12 +14,12 @@ def cell(cid, arfcn, bsic, lac=0x1FD5):
     return Transmitter(0.0, 0.0, -30.0, 3.0, "460", "01", lac, cid, arfcn, bsic)
 
 
-PLACE = Place(46.9487, -7.4475, 540.0, datetime(2024, 5, 14, 9, 0, 12, 500_000, UTC), 1.3, 90.25)
+PLACE = ModemFix(46.9487, -7.4475, 540.0, datetime(2024, 5, 14, 9, 0, 12, 500_000, UTC), 1.3, 90.25)
 HEARD = [
-    Heard(cell(0xC0DE, 37, 25), -64.0, decoded=True),
-    *(Heard(cell(0xA530 + n, 80 + n, 50 + n), -80.0 - n, decoded=True) for n in range(6)),
+    ReceivedCell(cell(0xC0DE, 37, 25), -64.0, is_decoded=True),
+    *(ReceivedCell(cell(0xA530 + n, 80 + n, 50 + n), -80.0 - n, is_decoded=True) for n in range(6)),
 ]
-UNREAD = Heard(cell(0x7E72, 12, 60), -70.0, decoded=False)
+UNREAD = ReceivedCell(cell(0x7E72, 12, 60), -70.0, is_decoded=False)
 AIR = Air.of(HEARD, lambda: PLACE)
 NOWHERE = Air.of([UNREAD])
 
