@@ -35,7 +35,7 @@ from postproc.verification.cell_export import COLUMNS
 from postproc.verification.celldb import CellDb, CellImport
 from postproc.verification.claim_test import Listened, around, claim_test, listened
 from postproc.verification.power import power
-from postproc.verification.run_claims import blocks_of, observable
+from postproc.verification.cell_claim import blocks_of, observable
 
 SHAPES = ("L", "square", "random")
 NOISES = {"white 3 dB": Noise(3.0), "6 dB over 15 m + 1 dB": Noise(1.0, 6.0, 15.0, step_db=1.0)}

@@ -1,0 +1,48 @@
+"""Estimates where a rogue base station stands, from the runs that `logger` records.
+
+    from postproc import read_run, smooth
+
+    result = smooth(read_run("run-000017.h5"))
+
+`docs/api.md` describes each function. The names are imported when they are first used, since the
+estimators take seconds to import and most commands need few of them.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from postproc.api import export, locate, observations, read_run, smooth, verify
+    from postproc.result import CellResult, ObservedRun, Options, Result
+    from postproc.verification.claims import Claim
+
+__all__ = [
+    "CellResult",
+    "Claim",
+    "ObservedRun",
+    "Options",
+    "Result",
+    "export",
+    "locate",
+    "observations",
+    "read_run",
+    "smooth",
+    "verify",
+]
+
+_MODULE_OF = {
+    **dict.fromkeys(("export", "locate", "observations", "read_run", "smooth", "verify"), "api"),
+    **dict.fromkeys(("CellResult", "ObservedRun", "Options", "Result"), "result"),
+    "Claim": "verification.claims",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used (PEP 562)."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -148,11 +148,11 @@ def _start_deg(observations: Observations) -> tuple[float, float]:
 
 
 def _observations_in(observations: Observations, utm: Utm) -> Observations:
-    cells = tuple(_in_zone(obs, utm) for obs in observations.cells)
-    return replace(observations, track=_in_zone(observations.track, utm), cells=cells)
+    cells = tuple(in_zone(obs, utm) for obs in observations.cells)
+    return replace(observations, track=in_zone(observations.track, utm), cells=cells)
 
 
-def _in_zone(placed: Placed, utm: Utm) -> Placed:
+def in_zone(placed: Placed, utm: Utm) -> Placed:
     """The same positions in another zone."""
     if placed.utm == utm:
         return placed

@@ -70,7 +70,7 @@ def export(
     check_output(output)
     walk = walked(run, list(observed_cells([run], cells)) if cells else None)
     found = _estimates(path, run, walk, cells, every=all_estimators) if has_estimates else []
-    exported = exporting.export(walk, found, output, name)
+    exported = exporting.write_export(walk, found, output, name)
     if as_json:
         print_json(asdict(exported))
         return

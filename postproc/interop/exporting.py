@@ -66,8 +66,11 @@ FORMATS = {
 _BY_SUFFIX = {f".{name}": name for name in ("kml", "geojson", "gpx", "csv", "parquet")}
 
 
-def format_of(name: str | None, target: Path) -> str:
-    """Format by name, or by the suffix of the file; raises `ConfigError`."""
+def format_of(name: str | None, target: Path, *, with_estimates: bool = False) -> str:
+    """Name of the format, by default that of the suffix.
+
+    Raises `ConfigError` for an unknown one, and for one without estimates if those are wanted.
+    """
     if name is None:
         name = _BY_SUFFIX.get(target.suffix.lower())
     if name is None:
@@ -75,12 +78,17 @@ def format_of(name: str | None, target: Path) -> str:
         raise ConfigError(
             f"{target}: name a format with --format ({', '.join(FORMATS)}), or end in {suffixes}"
         )
+    if name not in FORMATS:
+        raise ConfigError(f"format {name!r} is unknown: one of {', '.join(FORMATS)}")
+    if with_estimates and not FORMATS[name].has_estimates:
+        raise ConfigError(f"{name} holds measurements only; estimates go with kml, geojson and gpx")
     return name
 
 
-def export(walk: Walked, found: Sequence[Estimate], target: Path, name: str) -> Exported:
-    """Write a file, whole or not at all; raises `RunFileError` where nothing is left that the
-    format can hold.
+def write_export(walk: Walked, found: Sequence[Estimate], target: Path, name: str) -> Exported:
+    """Write a file, complete or not at all.
+
+    Raises `RunFileError` where nothing is left that the format can hold.
     """
     form = FORMATS[name]
     heard = [one for one in walk.heard if form.writable is None or form.writable(one)]

@@ -16,7 +16,7 @@ from postproc.pictures.picture import Picture
 from postproc.pictures.strips import Strips
 from postproc.report.wording import area_text, direction, metres
 from postproc.truth import truth_of
-from postproc.verification.run_claims import CellVerdict
+from postproc.verification.verdicts import CellVerdict
 
 _MOST_POSITIONS = 4
 _FIX_ERROR_M = 5.0

@@ -22,7 +22,7 @@ from postproc.pictures.plots_style import DASHED, draw_marks, figure_of_size, le
 from postproc.pictures.strips import draw_strips, strips_of
 from postproc.pictures.survey import Levels
 from postproc.report import alt_text
-from postproc.verification.run_claims import CellVerdict
+from postproc.verification.verdicts import CellVerdict
 
 _WIDTH_INCH = 4.6
 """Narrow, so that texts are legible on a telephone as well."""

@@ -19,7 +19,7 @@ from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
 from postproc.report.wording import Answer
 from postproc.result import CellResult, ObservedRun, Result
-from postproc.verification.run_claims import CellVerdict, Verified
+from postproc.verification.verdicts import CellVerdict, Verified
 
 _NO_CLAIMS = Verified(0.0, (), (), ())
 _MOST_EVENTS = 150

@@ -15,7 +15,7 @@ from postproc.report.figures import ReportFigure, figures_of, overview
 from postproc.report.page import cell_section, html
 from postproc.result import CellResult, Result
 from postproc.smoothing import Progress
-from postproc.verification.run_claims import Verified
+from postproc.verification.verdicts import Verified
 
 MOST_DETAILED = 8
 """Cells with figures, unless more are named; the others are in the table."""

@@ -33,8 +33,8 @@ class Claim:
     cell: str | None
     lat_deg: float
     lon_deg: float
-    sigma_m: float
-    source: str
+    sigma_m: float = 0.0
+    source: str = ""
 
 
 _REACH_KM = 50.0

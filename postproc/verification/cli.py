@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from logger.core.model.prior import Prior
     from logger.core.runfile import Run
     from postproc.verification.claims import Claim
-    from postproc.verification.run_claims import Verified
+    from postproc.verification.verdicts import Verified
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,11 +53,9 @@ def _test(
     run: "Run", claims: "Sequence[Claim]", p_fa: float, prior: "Prior", only: Sequence[str] | None
 ) -> "Verified":
     from postproc.progress import shown
-    from postproc.verification.run_claims import Verification
+    from postproc.verification.run_claims import verify_claims
 
-    verification = Verification(run, claims, p_fa, prior, only)
-    names = [cell for cell, _ in verification.pairs]
-    return verification.adjusted(list(shown(verification.each(), "verifying", len(names), names)))
+    return verify_claims(run, claims, p_fa, prior, only, progress=shown)
 
 
 @click.command
@@ -135,7 +133,7 @@ def _verify_sites(
     from postproc.progress import shown
     from postproc.smoothing import observed_cells
     from postproc.verification import tables
-    from postproc.verification.run_claims import sites_of
+    from postproc.verification.run_sites import sites_of
 
     names = list(observed_cells([run], only))
     if other is not None and not only:

@@ -9,7 +9,7 @@ from postproc.json_text import Json
 from postproc.terminal import say, screen, styled, table
 from postproc.verification.celldb import DbCell
 from postproc.verification.clone_test import Sites
-from postproc.verification.run_claims import CellVerdict, Verified
+from postproc.verification.verdicts import CellVerdict, Verified
 
 _STYLES = {"consistent": "green", "rejected": "red", "cannot tell": "yellow"}
 

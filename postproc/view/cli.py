@@ -14,7 +14,7 @@ from postproc.verification.cli import ClaimOptions
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
-    from postproc.verification.run_claims import CellVerdict
+    from postproc.verification.verdicts import CellVerdict
     from postproc.view.view_model import ViewModel
 
 _P_FA = 0.05

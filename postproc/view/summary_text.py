@@ -8,7 +8,7 @@ from postproc.pictures.estimates import estimator_rows
 from postproc.pictures.path_loss import ETA, P0
 from postproc.pictures.picture import headline
 from postproc.result import CellResult
-from postproc.verification.run_claims import CellVerdict
+from postproc.verification.verdicts import CellVerdict
 from postproc.view.view_model import CellView, ViewModel
 
 _COLOURS = (

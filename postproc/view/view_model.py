@@ -14,7 +14,7 @@ from postproc.pictures.picture import Picture, focus_of, picture_of
 from postproc.pictures.regions import Rings, region_rings
 from postproc.pictures.survey import Survey, survey_of
 from postproc.result import CellResult, Result
-from postproc.verification.run_claims import CellVerdict
+from postproc.verification.verdicts import CellVerdict
 from postproc.view.timeline import Step
 
 REGION_SHARES = {"95": 0.95, "50": 0.5}

@@ -9,7 +9,7 @@ from logger.core.observations import Track
 from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.cli import main
-from postproc.multi_run import _in_zone, modems_of
+from postproc.multi_run import in_zone, modems_of
 from postproc.smoothing import smooth_runs
 from tests.kit import runs
 from tests.kit.runs import UTC0_NS
@@ -188,10 +188,10 @@ def test_a_track_of_the_next_zone_keeps_its_place():
     here, there = Utm(32), Utm(33)
     lat, lon = np.array([50.0, 50.001]), np.array([12.001, 12.002])
     track = Track(there, np.arange(2), np.arange(2), *there.to_xy_arrays(lat, lon), np.ones(2))
-    moved = _in_zone(track, here)
+    moved = in_zone(track, here)
     assert moved.utm == here
     np.testing.assert_allclose(here.to_latlon_arrays(moved.x_m, moved.y_m), (lat, lon), atol=1e-9)
-    assert _in_zone(track, there) is track
+    assert in_zone(track, there) is track
 
 
 # --- which modem ---

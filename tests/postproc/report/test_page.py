@@ -9,7 +9,7 @@ import pytest
 from postproc.report.rendering import make_report
 from postproc.results import summary
 from postproc.verification.claims import Claim
-from postproc.verification.run_claims import CellVerdict, Verified
+from postproc.verification.verdicts import CellVerdict, Verified
 from tests.kit import sample_results as kit
 from tests.kit.html_page import Page
 

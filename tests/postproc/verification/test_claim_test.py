@@ -8,11 +8,12 @@ from logger.core.model.columns import distances_db
 from logger.core.model.noise import covariances, whiteners_of
 from logger.core.model.prior import Prior
 from postproc.verification.bootstrap import calibrated, nuisances, nuisances_off
+from postproc.verification.cell_claim import ClaimOptions, verify_cell
 from postproc.verification.claim_test import around, claim_test, listened
 from postproc.verification.claims import Claim
 from postproc.verification.likelihood_grid import field_at
 from postproc.verification.power import BEARINGS_DEG, detectable, power
-from postproc.verification.run_claims import benjamini_hochberg, verify_cell
+from postproc.verification.run_claims import benjamini_hochberg
 from tests.kit.walks import observations, path, simulate
 
 PRIOR = Prior(decorrelation_m=(15.0, 60.0), white_shares=(0.1,))
@@ -222,12 +223,10 @@ def test_benjamini_hochberg():
 def test_walks_that_cannot_tell_say_why():
     claim, rng = Claim("c", 0.0, 9.0, 0.0, "test"), np.random.default_rng(0)
     x, y = path("straight", 8)
-    few = verify_cell("c", observations(x, y, -60.0 - 3.0 * np.arange(8)), claim, 0.05, PRIOR, rng)
+    options = ClaimOptions(0.05, PRIOR)
+    few = verify_cell(observations(x, y, -60.0 - 3.0 * np.arange(8)), claim, options, rng)
     assert few.verdict == "cannot tell"
     assert "places with a level" in few.reasons[0]
-    none = verify_cell("c", None, claim, 0.05, PRIOR, rng)
-    assert none.verdict == "cannot tell"
-    still = verify_cell(
-        "c", observations(np.zeros(50), np.zeros(50), np.full(50, -60.0)), claim, 0.05, PRIOR, rng
-    )
+    standing = observations(np.zeros(50), np.zeros(50), np.full(50, -60.0))
+    still = verify_cell(standing, claim, options, rng)
     assert still.verdict == "cannot tell"

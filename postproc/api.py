@@ -1,0 +1,226 @@
+"""The public functions of `postproc`; see `docs/api.md` for examples.
+
+Positions are metres east and north (UTM for runs, any plane for bare arrays), latitudes and
+longitudes degrees (WGS84), levels dBm, times nanoseconds since boot. Arrays are numpy. All errors
+are `logger.core.errors.FieldLoggerError`.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import overload
+
+import numpy as np
+import numpy.typing as npt
+
+from logger.core.arrays import FloatArray
+from logger.core.errors import ConfigError, EstimationError
+from logger.core.geo import Utm
+from logger.core.model.prior import prior_for
+from logger.core.observations import CellObservations, Observations
+from logger.core.runfile import Run, read_sound_run
+from postproc.atomic_write import check_output
+from postproc.cell_estimation import locate_cell
+from postproc.estimators.robust_losses import Loss
+from postproc.interop.estimates import estimates
+from postproc.interop.exporting import Exported, format_of, write_export
+from postproc.interop.levels import walked
+from postproc.result import CellResult, Options, Result
+from postproc.results import summary
+from postproc.smoothing import observed_cells, smooth_runs
+from postproc.verification.claims import Claim, read_claims
+from postproc.verification.run_claims import verify_claims
+from postproc.verification.verdicts import Verified
+from postproc.walk import observe_run
+
+RunOrPath = Run | Path | str
+
+_PLANE = Utm(31)
+"""Frame of bare arrays: any zone will do, since nothing is converted to degrees."""
+
+
+def read_run(path: Path | str) -> Run:
+    """Read a run file, HDF5 or journal.
+
+    Values that no recorder writes (damage, forgery) are unknown and counted in `Run.damage`. The
+    tables and their units: `docs/runfile.md`.
+
+    Raises `RunFileError` for a file that is no run.
+    """
+    return read_sound_run(path)
+
+
+def observations(run: RunOrPath) -> Observations:
+    """Readings of each cell at the walker's smoothed positions.
+
+    `cells` has one `CellObservations` per cell, most readings first: arrays of shape (n,) with
+    `t_ns` (ns since boot), `x_m` and `y_m` (metres in the UTM zone `utm`), `position_sigma_m`
+    (metres per axis) and `level_dbm`. `track` is the walk: shape (k,) for k fixes.
+
+    Raises `EstimationError` for a run without a position fix, `RunFileError` for a file that is no
+    run.
+    """
+    observed = observe_run(_run(run))
+    if observed.observations is None:
+        raise EstimationError(*observed.warnings)
+    return observed.observations
+
+
+@overload
+def locate(
+    readings: CellObservations, /, *, environment: str = "any", height_m: float | None = None
+) -> CellResult: ...
+
+
+@overload
+def locate(
+    x_m: npt.ArrayLike,
+    y_m: npt.ArrayLike,
+    level_dbm: npt.ArrayLike,
+    /,
+    *,
+    position_sigma_m: npt.ArrayLike = 0.0,
+    rat: str | None = None,
+    environment: str = "any",
+    height_m: float | None = None,
+) -> CellResult: ...
+
+
+def locate(
+    readings: CellObservations | npt.ArrayLike,
+    y_m: npt.ArrayLike | None = None,
+    level_dbm: npt.ArrayLike | None = None,
+    /,
+    *,
+    position_sigma_m: npt.ArrayLike = 0.0,
+    rat: str | None = None,
+    environment: str = "any",
+    height_m: float | None = None,
+) -> CellResult:
+    """Posterior of a transmitter's position and the verdict, from the readings of one cell.
+
+    Either `CellObservations`, or bare arrays in the order of the walk: receiver positions `x_m` and
+    `y_m`, shape (n,), metres in any plane with the same scale on both axes, and `level_dbm`, shape
+    (n,). `position_sigma_m`, scalar or shape (n,), is the standard deviation of the receiver's
+    position per axis. `rat` ("GSM", "LTE", ...) tells where the modem's scale ends: readings there
+    are censored. `environment` (any, open, suburban, urban) and `height_m`, the antenna above the
+    receiver, choose the prior of P0 and eta.
+
+    The result has `verdict` ("located", "ambiguous", "cannot tell"), `warnings` with the reasons,
+    and `posterior`, None for too few readings: `x_m`, `y_m` and `r95_m` in metres, `p0_dbm` at 1 m,
+    `eta`, `modes` and `squares`, each in the frame of the input.
+
+    Raises `ConfigError` for arrays of different shapes and an unknown environment.
+    Source: docs/specification.md; `logger.core.locator.pipeline` is the algorithm.
+    """
+    prior = prior_for(environment, height_m=height_m)
+    if isinstance(readings, CellObservations):
+        return locate_cell(readings, prior)
+    if y_m is None or level_dbm is None:
+        raise ConfigError("bare arrays are given as locate(x_m, y_m, level_dbm)")
+    return locate_cell(_bare(readings, y_m, level_dbm, position_sigma_m, rat), prior)
+
+
+def smooth(
+    runs: RunOrPath | Sequence[RunOrPath],
+    cells: Sequence[str] | None = None,
+    *,
+    environment: str = "any",
+    height_m: float | None = None,
+    loss: Loss = "linear",
+    processes: int = 1,
+) -> Result:
+    """Every estimator over every cell of one run or of several, or over `cells` only.
+
+    Readings of several runs are joined, with an unknown offset between the levels of different
+    modems. `loss` is that of the least-squares fit. More than one of `processes` needs a main guard
+    in the calling script. `Result.cells` has a `CellResult` per cell, most readings first; arrays
+    of its estimators are shape (n,) or (n, 4) with x, y (metres, UTM), P0 (dBm at 1 m) and eta.
+
+    Raises `RunFileError` for a file that is no run, `ConfigError` for a cell that was not observed,
+    an unknown environment or a run that appears twice, `GeoError` for runs too far apart.
+    """
+    every = [runs] if isinstance(runs, RunOrPath) else runs
+    options = Options(prior_for(environment, height_m=height_m), loss)
+    return smooth_runs([_run(run) for run in every], cells, options=options, processes=processes)
+
+
+def verify(
+    run: RunOrPath,
+    claims: Claim | Sequence[Claim] | Path | str,
+    cells: Sequence[str] | None = None,
+    *,
+    p_fa: float = 0.05,
+    environment: str = "any",
+    height_m: float | None = None,
+) -> Verified:
+    """Test claimed positions of cells against a run: consistent, rejected or cannot tell.
+
+    `claims` are `Claim`s (degrees WGS84, `sigma_m` in metres per axis) or a file: CSV with cell,
+    lat, lon[, sigma_m], a cell export or a cell database. Of the claims rejected at most the share
+    `p_fa` is rejected wrongly, on average (Benjamini and Hochberg 1995).
+
+    Raises `ConfigError` for a cell that was not observed or a rate outside 0 to 0.5, `RunFileError`
+    for a file that cannot be read.
+    """
+    observed = _run(run)
+    if isinstance(claims, Claim):
+        claims = [claims]
+    elif isinstance(claims, (Path, str)):
+        claims = read_claims(Path(claims), list(observed_cells([observed], cells)))
+    return verify_claims(observed, claims, p_fa, prior_for(environment, height_m=height_m), cells)
+
+
+def export(
+    run: RunOrPath,
+    path: Path | str,
+    *,
+    form: str | None = None,
+    result: Result | None = None,
+    all_estimators: bool = False,
+    cells: Sequence[str] | None = None,
+) -> Exported:
+    """Write levels and track of a run in another format, complete or not at all.
+
+    The format is `form` or the suffix of `path`: kml, geojson, gpx, csv, wigle, opencellid-csv,
+    opencellid-json, parquet. With `result`, that of `smooth` for this run, the estimates are
+    written too (kml, geojson, gpx), with `all_estimators` those of the EKF, the RTS smoother and
+    least squares besides.
+
+    Raises `ConfigError` for an unknown format, estimates in a format that has none and a `path`
+    that cannot be written, `EstimationError` for a run without a position fix, `RunFileError`
+    where nothing can be written.
+    """
+    target, observed = Path(path), _run(run)
+    name = format_of(form, target, with_estimates=result is not None)
+    check_output(target)
+    walk = walked(observed, list(observed_cells([observed], cells)) if cells else None)
+    stored = [] if result is None else estimates(summary(result), walk.utm, every=all_estimators)
+    return write_export(walk, stored, target, name)
+
+
+def _run(run: RunOrPath) -> Run:
+    return run if isinstance(run, Run) else read_run(run)
+
+
+def _bare(
+    x_m: npt.ArrayLike,
+    y_m: npt.ArrayLike,
+    level_dbm: npt.ArrayLike,
+    position_sigma_m: npt.ArrayLike,
+    rat: str | None,
+) -> CellObservations:
+    x, y, level = (np.asarray(values, float) for values in (x_m, y_m, level_dbm))
+    if x.ndim != 1 or not x.shape == y.shape == level.shape:
+        raise ConfigError(
+            f"x_m, y_m and level_dbm are of one shape (n,), not {x.shape}, {y.shape}, {level.shape}"
+        )
+    sigma_m = _broadcast(position_sigma_m, len(x))
+    number = np.arange(len(x))
+    return CellObservations("", rat, _PLANE, number * 10**9, x, y, sigma_m, level, number)
+
+
+def _broadcast(values: npt.ArrayLike, n: int) -> FloatArray:
+    try:
+        return np.broadcast_to(np.asarray(values, float), (n,)).copy()
+    except ValueError:
+        raise ConfigError(f"position_sigma_m is a scalar or has shape ({n},)") from None

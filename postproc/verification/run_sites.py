@@ -1,0 +1,59 @@
+"""One transmitter or two for a cell of a run, or of two runs."""
+
+import numpy as np
+
+from logger.core.identities import FEWEST_SCANS
+from logger.core.locator.pipeline import locate
+from logger.core.model.prior import Prior
+from logger.core.observations import CellObservations
+from logger.core.runfile import Run
+from postproc.cell_estimation import too_few
+from postproc.multi_run import in_zone
+from postproc.scan_counts import scans_of, too_rarely
+from postproc.smoothing import observed_cells
+from postproc.verification.cell_claim import FEWEST_BLOCKS, blocks_of
+from postproc.verification.claim_test import listened
+from postproc.verification.clone_test import Sites, between_two, within_one
+from postproc.verification.run_claims import SEED
+from postproc.walk import observe_run
+
+
+def sites_of(
+    run: Run, cell: str, other: Run | None, prior: Prior
+) -> tuple[Sites | None, str | None]:
+    """The two-site test of a cell; None and the reason where it cannot be made.
+
+    Raises `ConfigError` for a cell that a run did not observe.
+    """
+    runs = [run] if other is None else [run, other]
+    observed_cells(runs[:1], [cell])
+    observed_cells(runs[-1:], [cell])
+    for each in runs:
+        if why := too_rarely(scans_of([each]).get(cell, FEWEST_SCANS)):
+            return None, why
+    walks = _readings(runs, cell)
+    if len(walks) < len(runs):
+        return None, "the cell was not heard where the walker knew the place"
+    rng = np.random.default_rng(SEED)
+    if other is None:
+        return _within_one_walk(walks[0], prior, rng)
+    first, second = (blocks_of(obs) for obs in walks)
+    if min(len(first), len(second)) < FEWEST_BLOCKS:
+        return None, f"fewer than {FEWEST_BLOCKS} places with a level"
+    return between_two(listened(first, prior), listened(second, prior), walks[0].utm, rng), None
+
+
+def _readings(runs: list[Run], cell: str) -> list[CellObservations]:
+    """Readings of the cell in each run that has any with a position, in the zone of the first."""
+    observed = [observe_run(run).observations for run in runs]
+    walks = [obs for each in observed if each for obs in each.cells if obs.cell == cell]
+    return [in_zone(obs, walks[0].utm) for obs in walks]
+
+
+def _within_one_walk(
+    obs: CellObservations, prior: Prior, rng: np.random.Generator
+) -> tuple[Sites | None, str | None]:
+    if why := too_few(obs):
+        return None, why
+    sites = within_one(obs, locate(obs, prior), rng)
+    return sites, None if sites else "one place leaves no more unexplained than shadowing does"

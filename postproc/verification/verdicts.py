@@ -1,0 +1,64 @@
+"""Verdicts on claimed positions: what `verify` returns."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from postproc.verification.claims import Claim
+from postproc.verification.normality import Normality
+from postproc.verification.power import Detectable
+
+Verdict = Literal["consistent", "rejected", "cannot tell"]
+Followed = Literal["direct", "indirect"]
+
+
+@dataclass(frozen=True, slots=True)
+class CellVerdict:
+    """One claim about one cell; values are None where they cannot be computed, `reasons` say why.
+
+    `followed` is the test that decides, `p` its p-value and `q` the same adjusted for the number of
+    claims. `p_direct` and `p_indirect` are those of both tests; `p_direct_model` and
+    `p_indirect_model` trust the noise to be stationary, as that of a simulated run is, where they
+    are the same. `level` is that of the smallest highest-density region of the posterior that
+    contains the claim, `distance_m` the claim's from the walk, `best_deg` the posterior's best
+    position (latitude, longitude), `normality` that of the whitened residuals at the claim, of all
+    and of those within 3 sigma.
+    """
+
+    cell: str
+    n: int
+    claim: Claim
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    followed: Followed | None = None
+    p: float | None = None
+    q: float | None = None
+    p_direct: float | None = None
+    p_indirect: float | None = None
+    p_direct_model: float | None = None
+    p_indirect_model: float | None = None
+    level: float | None = None
+    distance_m: float | None = None
+    best_deg: tuple[float, float] | None = None
+    power: tuple[Detectable, ...] = ()
+    normality: tuple[Normality, ...] = ()
+
+    @property
+    def detectable_m(self) -> list[float | None]:
+        """Least displacement that the test rejects with probability 0.95, by direction."""
+        name = "indirect_m" if self.followed == "indirect" else "direct_m"
+        return [getattr(direction, name) for direction in self.power]
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """Verdicts on all claims of a run.
+
+    `without_claim` are cells observed that no claim is about, which is no alarm; `heard_once` are
+    cells identified in one scan only or never without doubt, which are not tested.
+    """
+
+    p_fa: float
+    cells: tuple[CellVerdict, ...]
+    without_claim: tuple[str, ...]
+    warnings: tuple[str, ...]
+    heard_once: tuple[str, ...] = ()

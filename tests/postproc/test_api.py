@@ -1,0 +1,132 @@
+"""The public functions, as a script outside the project calls them."""
+
+import importlib
+import inspect
+import pkgutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import postproc
+from logger.core.errors import ConfigError, EstimationError, RunFileError
+from postproc import Claim, locate
+from postproc.results import summary
+from tests.kit import runs
+from tests.kit.sample_results import ETA, P0_DBM, cell_name, write_run
+
+FUNCTIONS = ("export", "locate", "observations", "read_run", "smooth", "verify")
+SOURCE_M = (40.0, 60.0)
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("api") / "walk.journal"
+    write_run(path, seconds=240, cells=2)
+    return path
+
+
+def walk():
+    """Receiver positions around a corner, and levels with 2 dB of white noise."""
+    x = np.append(np.linspace(0, 120, 40), np.full(40, 120.0))
+    y = np.append(np.zeros(40), np.linspace(0, 120, 40))
+    distance = np.hypot(x - SOURCE_M[0], y - SOURCE_M[1])
+    noise = np.random.default_rng(2).normal(0.0, 2.0, len(x))
+    return x, y, P0_DBM - 10.0 * ETA * np.log10(distance) + noise
+
+
+def test_no_submodule_takes_the_name_of_a_function():
+    for module in pkgutil.walk_packages(postproc.__path__, "postproc."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+    for name in FUNCTIONS:
+        assert inspect.isfunction(getattr(postproc, name)), name
+    assert set(postproc.__all__) <= set(dir(postproc))
+    with pytest.raises(AttributeError, match="no attribute 'smoothe'"):
+        _ = postproc.smoothe
+
+
+def test_the_package_imports_nothing_until_a_name_is_used():
+    code = "import sys, postproc; print(len(sys.modules)); assert 'numpy' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_both_packages_are_typed(tmp_path):
+    root = Path(postproc.__file__).parents[1]
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation"]
+    built = subprocess.run([*command, "-w", tmp_path, root], capture_output=True, text=True)
+    if built.returncode:  # the builder is not installed here: what it would take has to be there
+        assert "hatchling" in built.stderr
+        assert all((root / name / "py.typed").is_file() for name in ("logger", "postproc"))
+        return
+    names = zipfile.ZipFile(next(tmp_path.glob("*.whl"))).namelist()
+    assert {"logger/py.typed", "postproc/py.typed"} <= set(names)
+
+
+def test_bare_arrays_are_located_in_their_own_frame():
+    x, y, level = walk()
+    here = locate(x, y, level)
+    assert here.verdict == "located"
+    assert np.hypot(here.posterior.x_m - SOURCE_M[0], here.posterior.y_m - SOURCE_M[1]) < 20.0
+    far = locate(list(x + 5e5), y + 5e6, level)
+    assert far.posterior.x_m - 5e5 == pytest.approx(here.posterior.x_m, abs=0.01)
+    unsure = locate(x, y, level, position_sigma_m=15.0, environment="urban", height_m=20.0)
+    assert unsure.posterior.prior.height_m == 20.0
+
+
+def test_observations_are_located_as_in_a_result(path):
+    (obs, _) = postproc.observations(path).cells
+    alone = locate(obs)
+    found = postproc.smooth(path, [cell_name(0)])
+    (cell,) = found.cells
+    assert (alone.posterior.x_m, alone.verdict) == (cell.posterior.x_m, cell.verdict)
+    assert found.runs[0].run.path == path
+    assert postproc.smooth([postproc.read_run(path)], [cell_name(0)]).cells[0].n == cell.n
+
+
+def test_what_cannot_be_located_says_why(tmp_path):
+    few = locate([0.0, 1.0], [0.0, 0.0], [-60.0, -61.0])
+    assert (few.verdict, few.posterior) == ("cannot tell", None)
+    for wrong in (([0.0], [0.0, 1.0], [0.0]), ([[0.0]], [[0.0]], [[0.0]])):
+        with pytest.raises(ConfigError, match="one shape"):
+            locate(*wrong)
+    with pytest.raises(ConfigError, match="shape"):
+        locate([0.0] * 6, [0.0] * 6, [0.0] * 6, position_sigma_m=[1.0, 2.0])
+    with pytest.raises(ConfigError, match=r"locate\(x_m, y_m"):
+        locate([0.0])
+    with pytest.raises(ConfigError, match="environment"):
+        locate([0.0] * 6, [0.0] * 6, [0.0] * 6, environment="moon")
+    with pytest.raises(RunFileError):
+        postproc.read_run(tmp_path / "none.h5")
+    runs.write_journal(tmp_path / "lost.journal", [])
+    with pytest.raises(EstimationError, match="no position fix"):
+        postproc.observations(tmp_path / "lost.journal")
+
+
+def test_claims_are_verified(path):
+    run = postproc.read_run(path)
+    (truth,) = run.meta.truth
+    near = Claim(truth.cell, truth.lat_deg, truth.lon_deg)
+    far = Claim(truth.cell, truth.lat_deg + 0.02, truth.lon_deg)
+    verdicts = [cell.verdict for cell in postproc.verify(run, [near, far], [truth.cell]).cells]
+    assert verdicts == ["consistent", "rejected"]
+    assert postproc.verify(run, far).cells[0].verdict == "rejected"
+    (path.parent / "claims.csv").write_text(f"cell,lat,lon\n{truth.cell},{truth.lat_deg},13.4\n")
+    assert len(postproc.verify(run, path.parent / "claims.csv").cells) == 1
+
+
+def test_a_run_is_exported_with_its_estimates(path):
+    result = postproc.smooth(path, [cell_name(0)])
+    target = path.parent / "walk.geojson"
+    told = postproc.export(path, target, result=result)
+    assert (told.format, told.n_estimates) == ("geojson", 1)
+    best = summary(result)["cells"][0]["best"]
+    assert f"{best['lat']:.4f}"[:7] in target.read_text()
+    assert postproc.export(path, path.parent / "walk.csv", cells=[cell_name(1)]).n_levels == 120
+    with pytest.raises(ConfigError, match="estimates go with"):
+        postproc.export(path, path.parent / "walk.csv", result=result)
+    with pytest.raises(ConfigError, match="format 'shp'"):
+        postproc.export(path, path.parent / "walk.shp", form="shp")
