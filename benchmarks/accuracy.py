@@ -1,9 +1,7 @@
-"""How far off and how honest: the locator, its peers and the exact limit on worlds with a known
-answer.
+"""Errors and coverage of the locator, of other methods and of the exact limit.
 
 python benchmarks/accuracy.py [--case NAME ...] [--method NAME ...] [--runs M] [--seed S] [--jobs N]
-[--quick]
-                              [--json FILE] [--markdown FILE]
+                              [--quick] [--json FILE] [--markdown FILE]
 """
 
 import argparse

@@ -1,8 +1,9 @@
-"""What recording costs: bytes written to the card, processor and memory for an hour of records at
-full speed.
+"""Cost of an hour of recording: bytes written to the card, processor time and memory.
 
-The load is that of a fast receiver and a busy city: NMEA at 10 Hz, and every 2 s a scan of 1 to 40
-cells as text and as readings, all with the live estimate. python benchmarks/recording.py [HOURS]
+python benchmarks/recording.py [HOURS]
+
+The load is that of a fast receiver in a busy city: NMEA at 10 Hz, and a scan of 1 to 40 cells every
+2 s as text and as readings, with the live estimate.
 """
 
 import os
@@ -33,8 +34,10 @@ def second(k: int, rng: random.Random) -> Iterator[Record]:
         lat, lon = 52.5 + 1.2e-5 * k + rng.gauss(0, 1e-6), 13.4 + 2e-5 * k + rng.gauss(0, 1e-6)
         place = f"{52:02d}{lat % 1 * 60:08.5f},N,{13:03d}{lon % 1 * 60:08.5f},E"
         clock = f"{k // 3600 % 24:02d}{k // 60 % 60:02d}{k % 60:02d}.{i}0"
-        rmc = f"$GNRMC,{clock},A,{place},{rng.uniform(2, 3):.3f},{rng.uniform(0, 360):.2f},210926,,,A,V*5A\r\n"
-        gga = f"$GNGGA,{clock},{place},1,{rng.randrange(7, 12):02d},0.9,{rng.gauss(34, 1):.1f},M,40.0,M,,*4C\r\n"
+        motion = f"{rng.uniform(2, 3):.3f},{rng.uniform(0, 360):.2f}"
+        rmc = f"$GNRMC,{clock},A,{place},{motion},210926,,,A,V*5A\r\n"
+        quality = f"1,{rng.randrange(7, 12):02d},0.9,{rng.gauss(34, 1):.1f}"
+        gga = f"$GNGGA,{clock},{place},{quality},M,40.0,M,,*4C\r\n"
         yield Record(t_ns, "gnss", RawBytes((rmc + gga).encode()))
         yield Record(
             t_ns,
@@ -74,11 +77,10 @@ def _scan(t_ns: int, rng: random.Random) -> Iterator[Record]:
 
 @contextmanager
 def counted_pages() -> Iterator[Counter[str]]:
-    """Count the pages that are touched by writes: a card gets whole pages, however few bytes are
-    new in them.
+    """Count the pages that writes touch: a card writes complete pages, however few bytes are new.
 
-    /proc/self/io counts a page once for several writes of it, and is no measure of what is flushed
-    each second.
+    /proc/self/io counts a page once for several writes, so it does not measure what is flushed each
+    second.
     """
     pages: Counter[str] = Counter()
     real = os.pwrite
@@ -127,10 +129,12 @@ def main() -> None:
             run = finish_journal(journal)
             peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
             print(
-                f"{'with' if live else 'without'} live estimate: {card_mb * 3600 / seconds:.1f} MB/h to the card, "
+                f"{'with' if live else 'without'} live estimate: {card_mb * 3600 / seconds:.1f} "
+                f"MB/h to the card, "
                 f"journal {journal.stat().st_size * 3600 / seconds / 1e6:.1f} MB/h, "
                 f"{cpu_s / seconds:.4f} s of processor a second ({spent_s:.0f} s in all); "
-                f"HDF5 {run.stat().st_size * 3600 / seconds / 1e6:.1f} MB/h in {time.perf_counter() - begun:.1f} s; "
+                f"HDF5 {run.stat().st_size * 3600 / seconds / 1e6:.1f} MB/h in "
+                f"{time.perf_counter() - begun:.1f} s; "
                 f"peak {peak_mb:.0f} MB",
                 flush=True,
             )

@@ -1,12 +1,11 @@
-"""What one gross error among the levels does to the answer, live and at the desk, and what guarding
-against it costs.
+"""Effect of one outlier among the levels on the estimate, live and at the desktop.
 
 python benchmarks/robustness.py [--runs M] [--measured all|N] [--seed S] [--spike DB] [--count N]
-[--where random|last]
+                                [--where random|last]
 
-Each walk is answered four times: as it is and with the error, with the guard and without it.
-Simulated walks have white noise of 3 dB and shadowing of 6 dB over 15 m in turn; the measured ones
-lie beside this repository.
+Each walk is estimated four times: with and without the outlier, with and without its rejection.
+Simulated walks alternate between white noise of 3 dB and shadowing of 6 dB over 15 m. The measured
+walks are beside this repository.
 """
 
 import argparse
@@ -56,8 +55,9 @@ class Place(NamedTuple):
 
 
 class Compared(NamedTuple):
-    """One walk: answers without and with the guard, as it is and with the error in it; `found` of
-    `asked` named.
+    """Estimates of one walk without and with rejection, without and with the outlier.
+
+    `found` of `asked` outliers were identified.
     """
 
     kind: str
@@ -157,7 +157,10 @@ def compare(
 def table(found: list[Compared], title: str) -> list[str]:
     """Ratios of one estimate, by kind of walk."""
     lines = [
-        f"{title:32}  walks found   error x: now / before    area x: now / before     clean: area, error x"
+        (
+            f"{title:32}  walks found   error x: now / before    "
+            "area x: now / before     clean: area, error x"
+        )
     ]
     kinds = dict.fromkeys(one.kind for one in found)
     groups = {

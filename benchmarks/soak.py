@@ -1,8 +1,8 @@
-"""The service for hours in real time: memory, descriptors and processor, against an idle Python
-process.
+"""Memory, descriptors and processor time of the service over hours, beside an idle Python process.
 
-Its devices are a receiver at 10 Hz and a modem that tells 40 cells every 2 s. python
-benchmarks/soak.py [HOURS]
+python benchmarks/soak.py [HOURS]
+
+Its devices are a receiver at 10 Hz and a modem that reports 40 cells every 2 s.
 """
 
 import subprocess
@@ -112,7 +112,8 @@ def watched(service: subprocess.Popen, idle: subprocess.Popen, hours: float) -> 
         passed_s, now, rest = time.monotonic() - begun_s, loads[-1], load_of(idle.pid)
         print(
             f"{passed_s / 60:5.0f} min  {now.memory_mb:6.1f} MB  {now.descriptors} descriptors  "
-            f"{100 * now.cpu_s / passed_s:.2f} % of a core  (idle Python: {rest.memory_mb:.1f} MB, {rest.cpu_s:.2f} s)",
+            f"{100 * now.cpu_s / passed_s:.2f} % of a core  (idle Python: {rest.memory_mb:.1f} "
+            f"MB, {rest.cpu_s:.2f} s)",
             flush=True,
         )
     return loads
@@ -146,11 +147,13 @@ def main() -> None:
                 idle.kill()
         journal = next(Path(folder).glob("*.journal"))
         print(
-            f"journal {journal.stat().st_size / 1e6:.1f} MB, the service ended with {service.returncode}"
+            f"journal {journal.stat().st_size / 1e6:.1f} MB, the service ended with "
+            f"{service.returncode}"
         )
     settled = loads[min(60, len(loads) // 2) :]
     print(
-        f"memory after the settling: {settled[0].memory_mb:.1f} to {max(one.memory_mb for one in settled):.1f} MB"
+        f"memory after the settling: {settled[0].memory_mb:.1f} to "
+        f"{max(one.memory_mb for one in settled):.1f} MB"
     )
 
 

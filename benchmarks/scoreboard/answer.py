@@ -1,6 +1,4 @@
-"""What a method says about one walk: a place, how sure it is, and where else the source may
-stand.
-"""
+"""The estimate of one method for one walk: position, uncertainty and other possible positions."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -82,19 +80,17 @@ class Mode:
         return float(np.hypot(self.x_m - place[0], self.y_m - place[1]))
 
     def nees(self, place: Place) -> float:
-        """Normalised estimation error squared, chi-square with 2 degrees of freedom where the
-        covariance is true.
-        """
+        """Normalised squared error, chi-square with 2 degrees of freedom for a true covariance."""
         off = np.array([place[0] - self.x_m, place[1] - self.y_m])
         return float(off @ np.linalg.solve(self.covariance, off))
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Estimate, modes (most probable first; none for a method without uncertainty), region, and
-    verdict if any.
+    """Estimate, modes (most probable first), region, and verdict.
 
-    `fits` is False where the method says that one position does not explain the levels.
+    Modes are empty for a method without uncertainty. `fits` is False if the method reports that one
+    position does not explain the levels.
     """
 
     x_m: float
@@ -106,8 +102,9 @@ class Answer:
 
 
 def gaussian(mean: FloatArray, covariance: FloatArray) -> Answer:
-    """Answer of a method that knows a mean [x, y, ...] and a covariance only; raises `ValueError`
-    for no covariance.
+    """Answer of a method that gives only a mean [x, y, ...] and a covariance.
+
+    Raises `ValueError` for an invalid covariance.
     """
     if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(covariance))):
         raise ValueError("diverged")

@@ -20,8 +20,9 @@ _C = 10.0 / log(10.0)
 def slope_db_per_m(
     walk: Walk, x_m: FloatArray, y_m: FloatArray, eta: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivative of the levels by a source's x and y, shape (n, h) each, for sources of shape
-    (h,).
+    """Derivatives of the levels by x and y of the sources, shape (n, h) each.
+
+    The sources have the shape (h,).
     """
     east_m, north_m = x_m - walk.x_m[:, None], y_m - walk.y_m[:, None]
     squared = np.maximum(east_m**2 + north_m**2, MIN_DISTANCE_M**2)
@@ -31,8 +32,9 @@ def slope_db_per_m(
 def covariance_bound(
     walk: Walk, source: Place, eta: float, covariance_db2: FloatArray, prior_precision: FloatArray
 ) -> FloatArray:
-    """Smallest covariance of an unbiased [x, y, P0, eta], shape (4, 4); `prior_precision` of P0 and
-    eta has (2,).
+    """Smallest covariance of an unbiased estimate of [x, y, P0, eta], shape (4, 4).
+
+    `prior_precision` of P0 and eta has the shape (2,).
     """
     x_m, y_m = np.array([source[0]]), np.array([source[1]])
     east, north = slope_db_per_m(walk, x_m, y_m, np.array([eta]))

@@ -49,10 +49,9 @@ Build = Callable[[np.random.Generator, str], World]
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Worlds of one kind; `world(seed, run)` is the same for the same numbers, whatever else is
-    run.
+    """Worlds of one kind; `world(seed, run)` depends on its two arguments only.
 
-    `runs` are done unless told otherwise, `most` is all there are.
+    `runs` worlds are evaluated by default; `most` is the number of worlds that exist.
     """
 
     name: str
@@ -157,7 +156,10 @@ def _specified() -> list[Case]:
     for spread in (False, True):
         for count in SPECIFIED_READINGS:
             where = "all around the circle" if spread else "the first of 50 around the circle"
-            title = f"the specification's scenario: {count} readings at 500 m, {where}, white noise 3 dB"
+            title = (
+                f"the specification's scenario: {count} readings at 500 m, {where}, "
+                "white noise 3 dB"
+            )
             name = f"spec-{count}-{'around' if spread else 'begun'}"
             build = partial(_specified_world, count=count, spread=spread)
             cases.append(_simulated(name, title, build, shapes=("circle",)))

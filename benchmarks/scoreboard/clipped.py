@@ -1,9 +1,8 @@
-"""The limit of clipped levels: the posterior of an observer who knows the white noise and the end
-of the scale.
+"""The limit for censored levels: the posterior for known white noise and a known lower limit.
 
 A level reported as the floor c was at most c + 1/2 before rounding: Phi((c + 1/2 - mu) / sigma)
 (Tobin, Econometrica 26(1), 1958). Given the levels, P0 and eta are normal; the product of these
-terms is integrated over them by Laplace's method, Newton steps from the mean on.
+terms is integrated over them by Laplace's method, with Newton steps from the mean.
 """
 
 import numpy as np
@@ -22,8 +21,9 @@ _NEWTON_STEPS = 9
 
 
 class ClippedLikelihood(Likelihood):
-    """What a walk with levels at `floor_dbm` says about places, for known white noise; raises
-    `EstimationError`.
+    """Likelihood of positions for a walk with levels at `floor_dbm`, for known white noise.
+
+    Raises `EstimationError` without a level above the floor.
     """
 
     def __init__(self, walk: Walk, noise: Noise, floor_dbm: float) -> None:

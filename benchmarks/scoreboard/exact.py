@@ -123,9 +123,7 @@ def _cut(
 
 
 def _resolved(likelihood: Likelihood, leaves: Square) -> tuple[Square, IntArray]:
-    """Second pass: cells no larger than a quarter sigma where the mass is, and the leaf each is
-    in.
-    """
+    """Second pass: squares of at most a quarter sigma where the mass is, and the leaf of each."""
     core = _highest_density(leaves, leaves.mass(), _RESOLVED)
     sigma_m = likelihood.local_sigma_m(leaves.x_m[core], leaves.y_m[core])
     parts = np.ceil(_CELLS_PER_SIGMA * leaves.size_m[core] / sigma_m)

@@ -1,8 +1,7 @@
-"""Recursive peers: the reference EKF of this project, and filterpy's EKF and UKF with a start that
-makes sense.
+"""Recursive methods: the reference EKF of this project, and EKF and UKF of filterpy.
 
-State [x, y, P0, eta], standing still. filterpy's are told the true noise and start at the
-receiver's first place with standard deviations of 200 m, 30 dB and 0.9.
+The state is [x, y, P0, eta] of a static transmitter. The filters of filterpy know the true noise
+and start at the receiver's first position with standard deviations of 200 m, 30 dB and 0.9.
 """
 
 from collections.abc import Callable

@@ -45,8 +45,9 @@ class Likelihood:
     def linear(
         self, x_m: FloatArray, y_m: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """At places (h,): whitened -L (n, h), A as a00, a01, a11 (3, h), b (2, h), mean of P0 and
-        eta (2, h).
+        """Linear model at positions (h,): whitened -L, A, b, and the mean of P0 and eta.
+
+        Shapes: -L (n, h), A as a00, a01, a11 (3, h), b (2, h), mean (2, h).
         """
         slope = self.whitened(
             -log_distance_db(x_m - self.walk.x_m[:, None], y_m - self.walk.y_m[:, None])
@@ -81,9 +82,7 @@ class Likelihood:
         return np.asarray(log_p + ours.log_position_prior(nearest_m(self.walk, x_m, y_m)), float)
 
     def local_sigma_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        """Smallest standard deviation of the place for a source there, P0 and eta unknown; shape
-        (h,).
-        """
+        """Smallest standard deviation of a source's position for unknown P0 and eta, shape (h,)."""
         return np.concatenate(
             [
                 self._local_sigma_m(x_m[i : i + _CHUNK], y_m[i : i + _CHUNK])

@@ -1,6 +1,4 @@
-"""The only door to the locator under test: what it is given, what it says, and the priors that the
-limit shares.
-"""
+"""The only interface to the locator under test: its input, its result, its priors."""
 
 from dataclasses import dataclass, replace
 
@@ -59,8 +57,9 @@ def observations(world: World, walk: Walk) -> CellObservations:
 
 
 def knowing(noise: Noise) -> Prior:
-    """Prior of one who knows the kind of noise, white or over which distance, and not how strong it
-    is.
+    """Prior for a known kind of noise, white or with a decorrelation distance.
+
+    The strength of the noise is unknown.
     """
     if noise.shadow_db == 0.0:
         return replace(PRIOR, white_alone=1.0, white_shares=())

@@ -19,12 +19,11 @@ _MARGIN_M = 250.0
 
 
 def least_squares_fit(walk: Walk) -> Answer:
-    """Best minimum over [x, y, P0, eta] from the best places of a grid, with weak priors on P0 and
-    eta.
+    """Best minimum over [x, y, P0, eta] from the best points of a grid.
 
-    Levenberg-Marquardt with the analytic Jacobian; covariance (J'J)^-1 sigma^2, sigma from the
-    residuals. The priors count by the noise: all minima are fitted again once it is known. Raises
-    `ValueError` where there is no covariance.
+    P0 and eta have weak priors. Levenberg-Marquardt with the analytic Jacobian; covariance
+    (J'J)^-1 sigma^2, sigma from the residuals. The priors are weighted by the noise, so all
+    minima are fitted again once it is known. Raises `ValueError` where there is no covariance.
     """
     states = [_fit(walk, start, NOISE_OF_MEASURED_WALKS_DB) for start in _starts(walk)]
     noise_db = min(_noise_db(state, walk) for state in states)

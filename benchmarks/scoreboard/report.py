@@ -25,10 +25,14 @@ HEADINGS = (
     *("ANEES/2", "of one place", "runs", "failures", "s"),
 )
 LEGEND = (
-    "Median and 90th percentile of the error; share of runs whose 95 % region holds the truth; median area of that "
-    "region, and median over the runs of its ratio to the exact posterior's; ANEES/2 of the strongest mode with its "
-    "own covariance (1 is honest), and the same over those runs only whose answer is one place; median CPU time. "
-    "A failed run has an infinite error. The exact posterior knows the noise, the receiver's true places and the "
+    "Median and 90th percentile of the error; share of runs whose 95 % region holds the truth; "
+    "median area of that "
+    "region, and median over the runs of its ratio to the exact posterior's; ANEES/2 of the "
+    "strongest mode with its "
+    "own covariance (1 is honest), and the same over those runs only whose answer is one place; "
+    "median CPU time. "
+    "A failed run has an infinite error. The exact posterior knows the noise, the receiver's "
+    "true places and the "
     "levels before clipping."
 )
 

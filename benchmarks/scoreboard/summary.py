@@ -13,9 +13,7 @@ from .score import EXACT, Score
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Scores of one method, shape (n,), in the order of the runs; NaN where it has no such
-    thing.
-    """
+    """Scores of one method in the order of the runs, shape (n,); NaN for a missing score."""
 
     error_m: FloatArray
     covered: FloatArray

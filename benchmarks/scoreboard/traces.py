@@ -1,6 +1,4 @@
-"""Measured walks past a surveyed transmitter; they lie beside the repository and are no part of
-it.
-"""
+"""Measured walks past a surveyed transmitter; they are beside the repository, not part of it."""
 
 import csv
 import json
@@ -23,15 +21,17 @@ PUBLISHED = {"ls_err": "least squares (published)", "max_err": "strongest sample
 
 @cache
 def names(classes: str) -> tuple[tuple[str, str], ...]:
-    """Data set and name of the walks of some geometry classes ("A", "CDE"); none where the folder
-    is absent.
+    """Data set and name of the walks of some geometry classes ("A", "CDE").
+
+    There are none where the folder is missing.
     """
     return tuple((row["dataset"], row["trace"]) for row in _reference() if row["class"] in classes)
 
 
 def measured(dataset: str, trace: str) -> World:
-    """One measured walk; the receiver's position counts as known to 5 m, as for every import
-    without an accuracy.
+    """One measured walk, with a standard deviation of 5 m for the positions of the receiver.
+
+    Every import without an accuracy uses the same value.
     """
     truth = json.loads((FOLDER / dataset / "truth.json").read_text())
     about = truth["traces"][trace]

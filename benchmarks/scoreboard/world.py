@@ -1,6 +1,4 @@
-"""A walk with a known answer, simulated or measured: what every method is given, and what it is
-judged by.
-"""
+"""A walk with a known transmitter, simulated or measured: input of each method and the truth."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -1,9 +1,8 @@
-"""Simulated worlds: log-distance levels past a source at the receiver's height, one builder for
-each kind of trouble.
+"""Simulated worlds: log-distance levels at the source's height, one builder for each difficulty.
 
-Where nothing else is said P0 ~ U(-45, -15) dBm, eta ~ U(2.3, 3.9), and the source stands 25 to 200
-m off a point of the walk and never closer than 25 m to any. Every world is turned by a random angle
-and shifted to where UTM coordinates are, so that no grid is aligned with it by luck.
+Unless stated otherwise, P0 ~ U(-45, -15) dBm, eta ~ U(2.3, 3.9), and the source is 25 to 200 m from
+a point of the walk and never closer than 25 m to any. Every world is rotated by a random angle and
+shifted to usual UTM coordinates, so that no grid is aligned with it by chance.
 """
 
 from collections.abc import Callable
@@ -41,8 +40,9 @@ def plain(rng: np.random.Generator, shape: str, noise: Noise) -> World:
 
 
 def clipped(rng: np.random.Generator, shape: str, share: float, noise: Noise) -> World:
-    """1 dB steps, and P0 such that this share of the levels is at -110 dBm or below: reported as
-    exactly -110.
+    """Levels in steps of 1 dB; P0 such that this share of them is at -110 dBm or below.
+
+    Those are reported as exactly -110 dBm.
     """
     points, source = _beside(rng, shape, _AWAY_M)
     loud = _heard(rng, points, source, replace(noise, step_db=0.0)).walk
@@ -54,8 +54,9 @@ def clipped(rng: np.random.Generator, shape: str, share: float, noise: Noise) ->
 
 
 def misplaced(rng: np.random.Generator, shape: str, kind: GpsError) -> World:
-    """A pass at 15 to 40 m; the receiver's position is wrong by 5 m an axis: each fix, slowly (60
-    s), or for good.
+    """A pass at 15 to 40 m with errors of the receiver's position of 5 m an axis.
+
+    The errors are independent for each fix, slow (60 s) or constant.
     """
     points, source = _beside(rng, shape, (15.0, 40.0))
     world = _heard(rng, points, source, Noise(3.0))
@@ -146,8 +147,9 @@ def _heard(rng: np.random.Generator, points: Points, source: Place, noise: Noise
 
 
 def _twin(shape: str, source: Place) -> Place | None:
-    """Mirror image in a straight walk; inverse point of a circle, to which the ratio of distances
-    is constant.
+    """Mirror image in a straight walk, or the inverse point of a circle.
+
+    The ratio of the distances to a point and its inverse is constant on the circle.
     """
     if shape == "straight":
         return source[0], -source[1]
@@ -172,9 +174,7 @@ def _level_dbm(points: Points, source: Place, p0_dbm: float, eta: float) -> Floa
 
 
 def _gauss_markov(rng: np.random.Generator, count: int, memory: float) -> FloatArray:
-    """Stationary series of unit variance with correlation `memory` between neighbours, shape
-    (count,).
-    """
+    """Stationary series of unit variance with correlation `memory`, shape (count,)."""
     values = rng.normal(size=count)
     for k in range(1, count):
         values[k] = memory * values[k - 1] + np.sqrt(1.0 - memory**2) * values[k]

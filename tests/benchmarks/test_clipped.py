@@ -21,9 +21,7 @@ def short_walk(count=30):
 
 
 def by_net(walk, x_m, y_m):
-    """The same by summing over a net of P0 and eta; only differences between places mean
-    anything.
-    """
+    """The same by a sum over a grid of P0 and eta; only differences are defined."""
     heard = walk.level_dbm > FLOOR_DBM
     distance_db = 10.0 * np.log10(np.maximum(np.hypot(walk.x_m - x_m, walk.y_m - y_m), 1.0))
     prior, noise = ours.LINEAR_PRIOR, Noise(3.0, step_db=1.0)

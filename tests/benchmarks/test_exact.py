@@ -24,8 +24,9 @@ def heard(noise, shape="L", count=40, step_m=10.0, seed=1):
 
 
 def by_quadrature(walk, noise, x_m, y_m):
-    """Log of the integral of likelihood times priors over P0 and eta on a fine grid, and of the
-    prior of the place.
+    """Log of the integral of likelihood times priors over P0 and eta on a fine grid.
+
+    The prior of the position is included.
     """
     loss_db = 10.0 * np.log10(np.hypot(walk.x_m - x_m, walk.y_m - y_m))
     covariance = noise.covariance_db2(walk.x_m, walk.y_m)

@@ -1,6 +1,4 @@
-"""One damaged byte makes few false cells: a quick form of the benchmark, which fails where the rate
-rises.
-"""
+"""One damaged byte produces few false cells; a short form of the benchmark."""
 
 import random
 from dataclasses import replace

@@ -9,8 +9,9 @@ from logger.sim.scenario import scenario
 
 @pytest.fixture(scope="session")
 def workplace():
-    """A folder with short paths (sockets are in it), emptied at the next time; a run takes some
-    GB.
+    """A folder with a short path, since sockets are in it; it is emptied at the next run.
+
+    A run takes several GB.
     """
     from tests.boot.machines import BOARD, CACHE
 
@@ -22,9 +23,7 @@ def workplace():
 
 @pytest.fixture(scope="session")
 def installed(workplace):
-    """A card on which the one command of systemd/README.md was run, without a network, and the
-    ports were probed.
-    """
+    """A card with an installation as systemd/README.md describes it, without a network."""
     from tests.boot import machines, players
 
     board = machines.rig.BOARDS[machines.BOARD]
@@ -32,7 +31,8 @@ def installed(workplace):
         pytest.skip(f"no {board['qemu'][0]} here")
     if not board["share"]:
         pytest.skip(
-            f"the rig shows no folder of the host to a {machines.BOARD}, so that nothing can be installed"
+            f"the rig shows no folder of the host to a {machines.BOARD}, so that nothing can be "
+            f"installed"
         )
     image = machines.CACHE / f"base-{board['arch']}.raw"
     if not image.exists() and os.getuid() != 0:

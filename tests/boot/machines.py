@@ -51,8 +51,9 @@ def wait_recording(m, more_fixes: int = 0, seconds: float = 180.0) -> None:
 
 
 def boottime_zero_s(m) -> float:
-    """The host's monotonic time at which CLOCK_BOOTTIME of the guest was 0; never late, and early
-    by milliseconds.
+    """The host's monotonic time when CLOCK_BOOTTIME of the guest was 0.
+
+    The value is never late, and early by milliseconds.
     """
     zeros = []
     for _ in range(5):

@@ -1,6 +1,4 @@
-"""The far ends of the rig's adapters: the modem and the receiver of a simulated walk, in real
-time.
-"""
+"""Modem and receiver of a simulated walk in real time, at the adapters of the rig."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -50,9 +48,7 @@ class Receiver(players.Player):
 
 @contextmanager
 def carried(machine, walk: Scenario) -> Iterator[WalkTime]:
-    """Modem and receiver at the ports of a machine, carried along a walk that begins now, through
-    all its boots.
-    """
+    """Carry modem and receiver along a walk that starts now, through all boots of a machine."""
     time = WalkTime(SystemClock())
     modem = Modem(machine.socket("modem"), walk.modem(time.now_s))
     receiver = Receiver(machine.socket("gps"), walk.receiver(cold_start_s=0.0), time)

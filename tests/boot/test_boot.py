@@ -1,6 +1,4 @@
-"""Install, boot, walk, unplug, cut the power, boot again without a clock, fetch the runs: one
-story, told once.
-"""
+"""Installation, boot, walk, unplugged devices, power cut, boot without a clock, and the runs."""
 
 import json
 import os
@@ -83,16 +81,17 @@ def _replugged(m, name, for_s):
     m.replug(name)
     replugged_s = time.monotonic()
     source = {"modem": "modem", "gps": "gnss"}[name]
-    m.run(f"for i in $(seq 60); do grep -A3 '\"{source}\": {{' /run/cellwalk/status.json | grep -q 'is_open\": true' "
-          "&& exit 0; sleep 0.5; done; exit 1", timeout=90)  # fmt: skip
+    m.run(
+        f"for i in $(seq 60); do grep -A3 '\"{source}\": {{' /run/cellwalk/status.json "
+        "| grep -q 'is_open\": true' && exit 0; sleep 0.5; done; exit 1",
+        timeout=90,
+    )
     time.sleep(3.0)
     return source, unplugged_s, replugged_s
 
 
 def _read_only(m, for_s=10.0):
-    """Let the kernel make the card read-only, as after an error of it, and writable again; the two
-    times.
-    """
+    """Make the card read-only, as after an error, and writable again; the two times."""
     begun_s = time.monotonic()
     m.run("echo u > /proc/sysrq-trigger; until ! touch /refused; do sleep 0.1; done")
     time.sleep(for_s)
@@ -115,9 +114,7 @@ def _look(m, seen):
 
 
 def _asked_to_send(m):
-    """Packets that any program of the machine asked the kernel to send by IP, with or without a way
-    to send them.
-    """
+    """Packets that any program of the machine gave to the kernel, with or without a route."""
     names, values = (line.split()[1:] for line in m.run("grep ^Ip: /proc/net/snmp").splitlines())
     four = dict(zip(names, map(int, values), strict=True))
     six = dict(
@@ -140,13 +137,15 @@ def test_it_records_from_power_on(story):
     first_s = story.zero_s + raw["t_ns"].min() / 1e9 - story.power_on_s
     kernel_s = raw["t_ns"].min() / 1e9
     print(
-        f"power on to first recorded byte: {first_s:.1f} s ({kernel_s:.1f} s since the kernel began)"
+        f"power on to first recorded byte: {first_s:.1f} s ({kernel_s:.1f} s since the kernel "
+        f"began)"
     )
     begun_us, durable_us = (
         int(story.started[f"{name}TimestampMonotonic"]) for name in ("ExecMainStart", "ActiveEnter")
     )
     print(
-        f"process start to the first durable bytes, as systemd was told: {(durable_us - begun_us) / 1e6:.2f} s"
+        f"process start to the first durable bytes, as systemd was told: "
+        f"{(durable_us - begun_us) / 1e6:.2f} s"
     )
     assert set(raw["source"]) == {b"modem", b"gnss"}
     assert first_s < BOOT_S
@@ -154,7 +153,8 @@ def test_it_records_from_power_on(story):
 
 def test_the_service_is_shut_in_and_nothing_leaves_the_machine(story):
     print(
-        f"exposure {story.exposure}; listening: {story.listening or 'nothing'}; packets asked for: {story.sent}"
+        f"exposure {story.exposure}; listening: {story.listening or 'nothing'}; packets asked "
+        f"for: {story.sent}"
     )
     assert story.exposure <= 1.5
     assert story.listening == ""
@@ -172,7 +172,8 @@ def test_unplugged_devices_come_back_without_a_restart(story):
         gap_s = heard_s[heard_s > replugged_s].min() - heard_s[heard_s < unplugged_s].max()
         late_s.append(gap_s - (replugged_s - unplugged_s))
     print(
-        f"{len(late_s)} times unplugged, restarts {story.restarts}, longest gap beyond the fault {max(late_s):.1f} s"
+        f"{len(late_s)} times unplugged, restarts {story.restarts}, longest gap beyond the fault "
+        f"{max(late_s):.1f} s"
     )
     assert story.restarts == "0"
     assert max(late_s) <= 10.0
@@ -225,5 +226,7 @@ def _smoothed(run, capsys):
     assert postproc(["smooth", str(run.path), "--json"]) == 0
     cells = json.loads(capsys.readouterr().out)
     with capsys.disabled():
-        print(f"\n{run.path.name}: {len(run.tables['fixes'])} fixes, {len(run.tables['readings'])} readings, "
-              f"{str(cells)[:300]}")  # fmt: skip
+        print(
+            f"\n{run.path.name}: {len(run.tables['fixes'])} fixes, "
+            f"{len(run.tables['readings'])} readings, {str(cells)[:300]}"
+        )

@@ -33,11 +33,11 @@ StandardOutput=journal+console
 
 
 class Watch(threading.Thread):
-    """Notes how long the log of writes was when, and when the guest had said that records were on
-    its card.
+    """Length of the log of writes over time, and the acknowledgements of the guest.
 
-    An acknowledgement is noted with the length of the log after it was heard: a cut there or later
-    must keep it."""
+    An acknowledgement is stored with the length of the log after it was received: a cut there or
+    later must keep the record.
+    """
 
     def __init__(self, m):
         super().__init__(daemon=True)
@@ -118,8 +118,9 @@ class Cuts:
 
 
 class Recorded:
-    """One boot with two runs, cut at its end; `before` is the card as it was, `whole` all that was
-    written.
+    """One boot with two runs, cut at its end.
+
+    `before` is the card before the boot, `whole` contains everything that was written.
     """
 
     def __init__(self, installed, folder):
@@ -161,10 +162,9 @@ def recorded(installed, workplace):
 
 
 def lost_s(folder: Path, whole, due: dict[str, int], until_ns: float) -> float:
-    """Recover what a cut card holds, and check it; age in seconds of the oldest record that came
-    and is not there.
+    """Recover and check a cut card; age in seconds of the oldest received record that is missing.
 
-    What was computed (source "live") can be computed again.
+    Computed records (source "live") do not count, since they can be computed again.
     """
     for one in recover(folder):
         assert not one.error or one.journal.stem not in due, one.error
@@ -202,8 +202,10 @@ def test_what_a_cut_card_holds(recorded, workplace):
         else:
             worst_s[kind] = max(loss_s, worst_s.get(kind, 0.0))
     print(
-        f"{BOARD}: {len(cuts.writes)} writes, {len(cuts.flushes)} flushes, {len(watch.acknowledged)} syncs, "
-        f"{max(n for _, _, n in watch.acknowledged)} records; {CUTS - len(failures)} of {CUTS} cuts recovered in "
+        f"{BOARD}: {len(cuts.writes)} writes, {len(cuts.flushes)} flushes, "
+        f"{len(watch.acknowledged)} syncs, "
+        f"{max(n for _, _, n in watch.acknowledged)} records; {CUTS - len(failures)} of {CUTS} "
+        f"cuts recovered in "
         f"{time.monotonic() - begun_s:.0f} s, "
         f"lost at most {', '.join(f'{s:.2f} s {kind}' for kind, s in worst_s.items())}"
     )

@@ -1,6 +1,4 @@
-"""The light of systemd/README.md on a real LED class device: that of the board's keyboard, for want
-of an ACT.
-"""
+"""The LED of systemd/README.md on a real LED class device, that of the board's keyboard."""
 
 import re
 import time
@@ -37,7 +35,8 @@ def card(installed, workplace):
 def _lit(m, samples=400):
     """Share of some seconds in which it shines."""
     seen = m.run(
-        f"for i in $(seq {samples}); do read b < {FOLDER}/brightness; printf %s $b; sleep 0.02; done",
+        f"for i in $(seq {samples}); do read b < {FOLDER}/brightness; printf %s $b; sleep 0.02; "
+        "done",
         timeout=90,
     )
     return seen.count("1") / samples

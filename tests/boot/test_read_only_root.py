@@ -1,6 +1,4 @@
-"""What systemd/README.md says of a root that is never written and of the stop button, followed to
-the letter.
-"""
+"""The read-only root and the stop button, exactly as systemd/README.md describes them."""
 
 import struct
 import subprocess
@@ -39,8 +37,10 @@ class Parted:
             file.write(_table((1, self._root_mib), (1 + self._root_mib, RUNS_MIB)))
             file.truncate(self.runs_at + RUNS_MIB * MIB)
         _dd(root.path, self.card.path, seek=1)
-        subprocess.run(["mke2fs", "-q", "-t", "ext4", "-F", "-E", f"offset={self.runs_at}", self.card.path,
-                        f"{RUNS_MIB}M"], check=True, stderr=subprocess.DEVNULL)  # fmt: skip
+        ext4 = ["mke2fs", "-q", "-t", "ext4", "-F", "-E", f"offset={self.runs_at}"]
+        subprocess.run(
+            [*ext4, self.card.path, f"{RUNS_MIB}M"], check=True, stderr=subprocess.DEVNULL
+        )
         root.path.unlink()
 
     def runs(self):
@@ -52,8 +52,9 @@ class Parted:
 
 
 def _with_overlay(root, folder):
-    """Folder of the kernel and of an initrd that can overlay a root: the rig's own is without
-    busybox.
+    """Folder of the kernel and of an initrd that can overlay a root.
+
+    The initrd of the rig has no busybox.
     """
     initrd = "/var/tmp/initrd"
     with machine(root, folder / "machine") as m:
@@ -69,9 +70,7 @@ def _with_overlay(root, folder):
 
 
 def _table(*partitions_mib):
-    """Boot record with a table of partitions (start, size): status, heads, kind 83 (Linux), heads,
-    sectors.
-    """
+    """Boot record with a table of Linux partitions (kind 83) of the given start and size."""
     entries = [
         struct.pack("<4xB3xII", 0x83, start * SECTORS, size * SECTORS)
         for start, size in partitions_mib
@@ -116,7 +115,8 @@ def test_a_root_that_is_never_written(installed, workplace, capsys):
     packages = (CACHE / f"packages-{rig.BOARDS[BOARD]['arch']}.txt").read_text()
     if not {"overlayroot", "busybox"} <= set(packages.split()):
         pytest.skip(
-            "the rig's image is without overlayroot, which Raspberry Pi OS takes, and busybox; remove base-*.raw"
+            "the rig's image is without overlayroot, which Raspberry Pi OS takes, and busybox; "
+            "remove base-*.raw"
         )
     folder = workplace / "overlay"
     parted = Parted(installed, folder)
@@ -152,7 +152,8 @@ def test_a_root_that_is_never_written(installed, workplace, capsys):
     cut, stopped = (read_run(runs / f"run-{number:06d}.h5") for number in (1, 2))
     with capsys.disabled():
         print(
-            f"\ncut: {len(cut.tables['fixes'])} fixes; by the button: {len(stopped.tables['fixes'])}, {stopped.end}"
+            f"\ncut: {len(cut.tables['fixes'])} fixes; by the button: "
+            f"{len(stopped.tables['fixes'])}, {stopped.end}"
         )
     assert cut.end is None
     assert not cut.damage.missing_frames

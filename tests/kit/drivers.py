@@ -1,6 +1,4 @@
-"""What the tests of modem drivers have in common: whom a reading names, a modem that answers, and
-damage.
-"""
+"""Helpers for tests of modem drivers: identities of readings, a modem that answers, and damage."""
 
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -55,9 +53,7 @@ def run_dialogue(
 def run_exchange(
     dialogue: Dialogue[Any], exchange: Sequence[tuple[str, Sequence[str], str | None]]
 ) -> Any:
-    """Result of a dialogue that sends these commands in this order, each with its lines and final
-    code, and no more.
-    """
+    """Result of a dialogue that sends exactly these commands; each has its lines and final code."""
     coming = iter(exchange)
 
     def answer(command: Command) -> Answer:
@@ -85,11 +81,12 @@ _WORDS = ["\\r\\n", "OK", "AT+", "+CENG: ", "^SMONI: ", "#MONI: ", "+UCGED: 2\n"
 
 
 def mutations(samples: Sequence[str], seed: int, changes: int) -> Iterator[str]:
-    """Texts with that many changes in total: each sample in turn, up to two others behind it, half
-    the lines changed.
+    """Damaged texts with the given number of changes in total.
 
-    Bits turn, pieces are lost or come twice, marks, words and line ends come in or go, rows run
-    into each other."""
+    Each sample is used in turn, followed by up to two others, with half of the lines changed: bits
+    flip, pieces are lost or repeated, characters, words and line ends are inserted or removed, and
+    rows run into each other.
+    """
     rng = random.Random(seed)
     for sample in cycle(samples):
         text = "\n".join([sample, *rng.choices(samples, k=rng.randint(0, 2))])

@@ -38,10 +38,9 @@ def split_at(data: bytes, sizes: Sequence[int]) -> list[bytes]:
 def check_framer(
     make: Callable[[], Framer], data: bytes, expected: Iterable[Any], trailing: bytes
 ) -> None:
-    """Feed `data` whole, byte by byte, in random chunks and followed by `trailing`, an unfinished
-    piece of input.
+    """Feed `data` whole, byte by byte, in random chunks, and followed by `trailing`.
 
-    The trailing bytes must stay in the framer without any event.
+    `trailing` is an incomplete piece of input, which must stay in the framer without any event.
     """
     wanted = merge_garbage(expected)
     sizes = random.Random(data)

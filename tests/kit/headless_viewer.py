@@ -17,10 +17,10 @@ PATIENCE_S = 180.0
 
 @contextmanager
 def headless_viewer(folder: Path, *through: str) -> Iterator[ViewerClient]:
-    """A viewer without a window, reachable from this machine only; it keeps its settings and its
-    log in `folder`.
+    """A viewer without a window, reachable from this machine only.
 
-    `through` is a command that takes the viewer's as its arguments.
+    It stores its settings and its log in `folder`. `through` is a command that runs the viewer's
+    command, which follows as its arguments.
     """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

@@ -88,31 +88,51 @@ UNREADABLE: dict[str, Change] = {
     "nothing for a table": lambda f, _: _linked(f, "fixes", h5py.Empty("f8")),
     "no table": lambda f, _: f.__delitem__("readings"),
     "numbers for rows": lambda f, _: replace_dataset(f, "fixes", data=np.zeros(5)),
-    "objects for rows": lambda f, _: replace_dataset(f, "fixes", shape=(5,), dtype=h5py.string_dtype()),
-    "references for rows": lambda f, _: replace_dataset(f, "notes", shape=(5,), dtype=h5py.ref_dtype),
-    "rows within rows": lambda f, _: replace_dataset(f, "fixes", shape=(5,), dtype=[("seq", [("a", "i4")])]),
-    "rows in two dimensions": lambda f, _: replace_dataset(f, "fixes", shape=(5, 5), dtype=f["fixes"].dtype),
+    "objects for rows": lambda f, _: replace_dataset(
+        f, "fixes", shape=(5,), dtype=h5py.string_dtype()
+    ),
+    "references for rows": lambda f, _: replace_dataset(
+        f, "notes", shape=(5,), dtype=h5py.ref_dtype
+    ),
+    "rows within rows": lambda f, _: replace_dataset(
+        f, "fixes", shape=(5,), dtype=[("seq", [("a", "i4")])]
+    ),
+    "rows in two dimensions": lambda f, _: replace_dataset(
+        f, "fixes", shape=(5, 5), dtype=f["fixes"].dtype
+    ),
     "numbers the other way round": _big_endian,
-    "a text of any length": lambda f, _: replace_dataset(f, "meta", data="{}", dtype=h5py.string_dtype()),
+    "a text of any length": lambda f, _: replace_dataset(
+        f, "meta", data="{}", dtype=h5py.string_dtype()
+    ),
     "no JSON": lambda f, _: _text(f, "meta", b"?"),
     "JSON without an end": lambda f, _: _text(f, "meta", b'{"a":' * 100_000),
     "an end that is none": lambda f, _: _text(f, "end", b"[1]"),
-    "an end at no time": lambda f, _: _text(f, "end", b'{"t_ns":9223372036854775807,"reason":"","n_records":0}'),
+    "an end at no time": lambda f, _: _text(
+        f, "end", b'{"t_ns":9223372036854775807,"reason":"","n_records":0}'
+    ),
     "damage that is none": lambda f, _: _text(f, "damage", b"7"),
     "columns of objects": lambda f, _: _text(f, "meta", f["meta"][()].replace(b'"<f8"', b'"O"')),
-    "a table that is none": lambda f, _: _text(f, "meta", f["meta"][()].replace(b'"notes":', b'"../../x":')),
-    "a filter of others": lambda f, _: replace_dataset(f, "notes", data=f["notes"][...], compression="lzf"),
+    "a table that is none": lambda f, _: _text(
+        f, "meta", f["meta"][()].replace(b'"notes":', b'"../../x":')
+    ),
+    "a filter of others": lambda f, _: replace_dataset(
+        f, "notes", data=f["notes"][...], compression="lzf"
+    ),
     "a format of numbers": lambda f, _: f.attrs.__setitem__("format", np.arange(1000)),
     "thousands of members": lambda f, _: [f.create_group(f"g{i}") for i in range(1500)] and None,
-    "10^12 rows in chunks": lambda f, _: replace_dataset(f, "fixes", shape=(10**12,), dtype=f["fixes"].dtype, chunks=(1024,)),
+    "10^12 rows in chunks": lambda f, _: replace_dataset(
+        f, "fixes", shape=(10**12,), dtype=f["fixes"].dtype, chunks=(1024,)
+    ),
     "10^12 rows": lambda f, _: replace_dataset(f, "fixes", shape=(10**12,), dtype=f["fixes"].dtype),
     "10^12 rows more": lambda f, _: f["readings"].resize((10**12,)),
     "a large chunk": lambda f, _: _packed(f, "raw_bytes", 1 << 25, 1 << 25, "u1"),
-    "a gigabyte of rows": lambda f, _: _packed(f, "readings", 4_000_000, 16_384, f["readings"].dtype),
+    "a gigabyte of rows": lambda f, _: _packed(
+        f, "readings", 4_000_000, 16_384, f["readings"].dtype
+    ),
     "more than a gigabyte of bytes": lambda f, _: replace_dataset(
         f, "raw_bytes", shape=(3 << 30,), dtype="u1", chunks=(1 << 20,), compression="gzip"
     ),
-}  # fmt: skip
+}
 """What cannot be read as a run."""
 
 ALTERED: dict[str, tuple[Change, str]] = {

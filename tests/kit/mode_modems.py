@@ -35,32 +35,57 @@ MODELS = {
     "ec25": DIALECTS["ec25"],
     "me909s": DIALECTS["me909s"],
     "e173": _another(
-        "me909s", ("huawei", "E173"), "^SYSCFG", "2,0",
-        "(?:2|13|14),[0-3](?:,40000000,2,4)?", lambda v: [f"^SYSCFG:{v.split(',4')[0]},3FFFFFFF,1,2"],
+        "me909s",
+        ("huawei", "E173"),
+        "^SYSCFG",
+        "2,0",
+        "(?:2|13|14),[0-3](?:,40000000,2,4)?",
+        lambda v: [f"^SYSCFG:{v.split(',4')[0]},3FFFFFFF,1,2"],
     ),
     "le910": _another("ge864", ("Telit", "LE910-EUG"), "+WS46", "25", "12|22|25|28", lambda v: [v]),
     "sara-u201": _another(
-        "sara-g350", ("u-blox", "SARA-U201"), "+URAT", "1,2", "[0-2](?:,[02])?", lambda v: [f"+URAT: {v}"]
+        "sara-g350",
+        ("u-blox", "SARA-U201"),
+        "+URAT",
+        "1,2",
+        "[0-2](?:,[02])?",
+        lambda v: [f"+URAT: {v}"],
     ),
     "ehs6": _another(
-        "bgs2", ("Cinterion", "EHS6"), "^SXRAT", "1,2", "[0-2](?:,[02])?",
+        "bgs2",
+        ("Cinterion", "EHS6"),
+        "^SXRAT",
+        "1,2",
+        "[0-2](?:,[02])?",
         lambda v: [f"^SXRAT: {v.replace(',', ', ')}"],
     ),
     "wp7607": _another(
-        "mc7455", ("Sierra Wireless, Incorporated", "WP7607"), "!SELRAT", "00", "0[0126]",
+        "mc7455",
+        ("Sierra Wireless, Incorporated", "WP7607"),
+        "!SELRAT",
+        "00",
+        "0[0126]",
         lambda v: [f"!SELRAT: {v}, Automatic"],
     ),
-    "l610": _another("l850", ("Fibocom", "L610"), "+GTRAT", "10,3,0", r"\d+(?:,\d+)*", lambda v: [f"+GTRAT: {v}"]),
-    "xmm7160": _another(
-        "l850", ("Fibocom", "L850-GL"), "+XACT", "6,2,1,101,103", r"\d+(?:,\d+)*", lambda v: [f"+XACT: {v}"]
+    "l610": _another(
+        "l850", ("Fibocom", "L610"), "+GTRAT", "10,3,0", r"\d+(?:,\d+)*", lambda v: [f"+GTRAT: {v}"]
     ),
-}  # fmt: skip
+    "xmm7160": _another(
+        "l850",
+        ("Fibocom", "L850-GL"),
+        "+XACT",
+        "6,2,1,101,103",
+        r"\d+(?:,\d+)*",
+        lambda v: [f"+XACT: {v}"],
+    ),
+}
 """Of each family and command one that takes GSM only."""
 
 
 class ObservedModem:
-    """A modem on the walk; it remembers the lines it was sent, and what lay in a folder
-    meanwhile.
+    """A modem on the walk that stores the lines it receives.
+
+    It also stores the content of the file of modes at each of them.
     """
 
     def __init__(self, dialect: Dialect, folder: Path, now_s=lambda: 50.0) -> None:

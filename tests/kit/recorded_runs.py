@@ -61,10 +61,9 @@ def make_service(
 def record_until(
     under_way: Service, clock: Clock, done: Callable[[RecordedRun], bool], limit_s: float = LIMIT_S
 ) -> None:
-    """Record until the run so far satisfies a condition, or for so many real seconds; the test then
-    says what it lacks.
+    """Record until the run satisfies a condition, or for so many real seconds.
 
-    A test that waits so takes as long as the machine does.
+    The caller then asserts the condition, so a test takes as long as the machine needs.
     """
     end_s = time.monotonic() + limit_s
     while time.monotonic() < end_s:

@@ -26,8 +26,9 @@ def reading(cid: int, rssi_dbm: float, role="serving") -> CellReading:
 
 
 def records(n: int) -> list[Record]:
-    """A walk of n seconds to the east: a fix, raw bytes and a scan of two cells a second, and a
-    note now and then.
+    """A walk of n seconds to the east.
+
+    Each second has a fix, raw bytes and a scan of two cells, every tenth a note.
     """
     out = []
     for i in range(n):

@@ -1,6 +1,4 @@
-"""Small results of runs to draw: real readings and filters, and a posterior on a coarse grid, which
-is quick.
-"""
+"""Small results of runs to draw: real readings and filters, and a posterior on a coarse grid."""
 
 import dataclasses
 from pathlib import Path
@@ -37,8 +35,9 @@ def cell_name(i: int) -> str:
 def write_run(
     path: Path, *, seconds: int, cells: int, utc: bool = True, truth: bool = True, speed_mps=1.4
 ) -> Run:
-    """Walk around a square, a fix a second and a scan of all cells every other second, 200 ms
-    long.
+    """Walk around a square with a fix every second and a scan of all cells every other second.
+
+    A scan takes 200 ms.
     """
     x0, y0 = UTM.to_xy(LAT, LON)
     lat, lon = UTM.to_latlon(x0 + TRANSMITTER_M[0], y0 + TRANSMITTER_M[1])
@@ -106,8 +105,9 @@ def sample_result(run: Run, *, verdict="located", places=1) -> Result:
 
 
 def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior:
-    """Gaussians of equal probability, the first near the transmitter, the next ones 150 m farther
-    north each.
+    """Gaussians of equal probability, the first one near the transmitter.
+
+    Each further one is 150 m farther north.
     """
     centre = np.array([obs.x_m[0] + TRANSMITTER_M[0] + 4.0, obs.y_m[0] + TRANSMITTER_M[1] - 3.0])
     centres = [centre + np.array([0.0, 150.0 * i]) for i in range(places)]
@@ -127,10 +127,24 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
         for c in centres
     )
     return dataclass_with(
-        Posterior, squares=cells, modes=modes, x_m=float(centre[0]), y_m=float(centre[1]), r95_m=2.45 * sigma_m,
-        drms_m=1.4 * sigma_m, p0_dbm=P0_DBM, p0_sigma_db=2.0, eta=ETA, eta_sigma=0.2, sigma_db=2.0,
-        decorrelation_m=10.0, white_share=0.5, limit_share=0.0, prior=Prior(), offsets=None,
-    )  # fmt: skip
+        Posterior,
+        squares=cells,
+        modes=modes,
+        x_m=float(centre[0]),
+        y_m=float(centre[1]),
+        r95_m=2.45 * sigma_m,
+        drms_m=1.4 * sigma_m,
+        p0_dbm=P0_DBM,
+        p0_sigma_db=2.0,
+        eta=ETA,
+        eta_sigma=0.2,
+        sigma_db=2.0,
+        decorrelation_m=10.0,
+        white_share=0.5,
+        limit_share=0.0,
+        prior=Prior(),
+        offsets=None,
+    )
 
 
 def dataclass_with(kind, **values):
@@ -159,15 +173,22 @@ def sample_filters(obs: CellObservations, answer: Posterior) -> tuple[FilterPath
 
 
 def sample_claims(result: Result) -> Verified:
-    """A consistent claim about the first cell, a rejected one about the second, and a cell without
-    any.
-    """
+    """A consistent claim for the first cell, a rejected one for the second, one unclaimed cell."""
 
     def claimed(cell, verdict, north_deg):
         return CellVerdict(
-            cell.cell, cell.n, Claim(cell.cell, LAT + north_deg, LON, 20.0, "command line"), verdict,
-            ("because",), "indirect", 0.5, 0.5, 0.5, 0.5, distance_m=33.0,
-        )  # fmt: skip
+            cell.cell,
+            cell.n,
+            Claim(cell.cell, LAT + north_deg, LON, 20.0, "command line"),
+            verdict,
+            ("because",),
+            "indirect",
+            0.5,
+            0.5,
+            0.5,
+            0.5,
+            distance_m=33.0,
+        )
 
     first, second = result.cells[:2]
     return Verified(

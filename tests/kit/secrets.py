@@ -1,6 +1,4 @@
-"""Numbers of people and devices, and messages, in the forms in which devices print them; and a
-search for them.
-"""
+"""Personal numbers and messages in the forms in which devices print them, and a search for them."""
 
 import re
 from collections.abc import Iterator
@@ -37,14 +35,23 @@ FORMS: tuple[str, ...] = (
     f"^DSCI: 1,1,4,0,{AT_HOME},129",
     f'+CSCA: "+{ABROAD}",145',
     f'+CMT: "+{ABROAD}","","26/11/21,12:00:00+04"\r\n{WORDS[0]} {WORDS[1]} 2468',
-    f'+CMT: "{AT_HOME}","{WORDS[2]}","26/11/21,12:00:00+04",129,4,0,0,"+{ABROAD}",145,22\r\n{WORDS[0]}\n{AT_HOME}\r\n',
-    f'+CMT: "+{ABROAD}",,"26/11/21,12:00:00+04"\r\n{WORDS[0]}\r\n{WORDS[1]} {AT_HOME[:4]} {AT_HOME[4:]}\r\n',
+    (
+        f'+CMT: "{AT_HOME}","{WORDS[2]}","26/11/21,12:00:00+04",129,4,0,0,"+{ABROAD}",145,22'
+        f"\r\n{WORDS[0]}\n{AT_HOME}\r\n"
+    ),
+    (
+        f'+CMT: "+{ABROAD}",,"26/11/21,12:00:00+04"\r\n'
+        f"{WORDS[0]}\r\n{WORDS[1]} {AT_HOME[:4]} {AT_HOME[4:]}\r\n"
+    ),
     f'+CMT: "{_ucs2("+" + ABROAD)}",,"26/11/21,12:00:00+04"\r\n{_ucs2(WORDS[0] + AT_HOME)}',
     f"+CMT: ,44\r\n{_PDU}",
     f'+CMT: "{WORDS[2]}",44\r\n{_PDU}',
     f"+CDS: 25\r\n0006{_PDU}",
     f'+CDS: 6,1,"+{ABROAD}",145,"26/11/21,12:00:00+04","26/11/21,12:00:01+04",0',
-    f'+CMGR: "REC UNREAD","+{ABROAD}",,"26/11/21,12:00:00+04"\r\n{WORDS[0]}\r\n\r\n{WORDS[1]} {AT_HOME}\r\n',
+    (
+        f'+CMGR: "REC UNREAD","+{ABROAD}",,"26/11/21,12:00:00+04"\r\n'
+        f"{WORDS[0]}\r\n\r\n{WORDS[1]} {AT_HOME}\r\n"
+    ),
     f"+CMGR: 0,,44\r\n{_PDU}",
     (
         f'+CMGL: 1,"REC READ","{AT_HOME}",,"26/11/21,12:00:00+04"\r\n{WORDS[0]}\r\n'

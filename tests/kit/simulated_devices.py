@@ -13,9 +13,7 @@ from logger.sim.scenario import scenario
 def simulated_devices(
     seed: int = 1, rate: float = 20.0
 ) -> Iterator[tuple[PtyDevice, PtyDevice, PtyDevice]]:
-    """A modem and a receiver on one walk, `rate` times faster than real, and a port where nobody
-    is.
-    """
+    """A modem and a receiver on one walk, `rate` times faster than real time, and a silent port."""
     walk, time = scenario("block", seed, 600.0), WalkTime(ScaledClock(rate))
     sessions = (
         answering(walk.modem(time.now_s)),

@@ -18,9 +18,7 @@ COLOUR = re.compile(r"\x1b\[(?:\d+;)*(?:3[0-8]|4[0-8]|9\d|10\d)(?:;\d+)*m")
 def on_terminal(
     *command: str, typed: str = "", timeout_s: float = 180.0, columns: int = 120, **environment: str
 ) -> tuple[str, int]:
-    """Run a command on a pty so many columns wide, type something, and give all it showed and its
-    exit code.
-    """
+    """Run a command on a pty and type a text; return the output and the exit code."""
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
     kept = {

@@ -40,8 +40,9 @@ def path(shape, count=600, step=1.4):
 
 
 def _spiral(s, length, turns=3.0):
-    """Of Archimedes, outward; about equal steps, as its length grows with the square of the
-    angle.
+    """Archimedean spiral, outward, in about equal steps.
+
+    The length of the spiral grows with the square of the angle.
     """
     end = 2 * np.pi * turns
     angle = end * np.sqrt(s / length)
@@ -88,9 +89,7 @@ def simulate(rng, shape, *, white_db=3.0, shadow_db=0.0, d_c=15.0, count=600, st
 
 
 def censor_at_floor(obs, share):
-    """As a GSM modem tells the levels of a transmitter so weak that `share` of them are at the
-    floor of its scale.
-    """
+    """Levels as a GSM modem reports them if `share` of them are at the lower limit of its scale."""
     weaker = np.round(obs.level_dbm - np.quantile(obs.level_dbm, share) + FLOOR_DBM)
     return replace(obs, level_dbm=np.maximum(weaker, FLOOR_DBM))
 
