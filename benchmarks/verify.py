@@ -30,9 +30,9 @@ from logger.core.locator.pipeline import locate
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 from postproc.cell_estimation import too_few
+from postproc.verification.cell_claim import blocks_of, observable
 from postproc.verification.claim_test import Listened, around, claim_test, listened
 from postproc.verification.power import power
-from postproc.verification.cell_claim import blocks_of, observable
 
 SHAPES = ("L", "square", "random")
 NOISES = {"white 3 dB": Noise(3.0), "6 dB over 15 m + 1 dB": Noise(1.0, 6.0, 15.0, step_db=1.0)}
@@ -160,14 +160,13 @@ def powers(options: argparse.Namespace) -> Json:
                 )
         table = np.array(rows)
         for share in (*DISPLACED, None):
-            some = table if share is None else table[table[:, 0] == share]
-            mean = np.mean(some[:, 1:], axis=0).tolist()
-            figures[f"{name}, {share or 'all'}"] = [len(some), *mean]
+            chosen = table if share is None else table[table[:, 0] == share]
+            mean = np.mean(chosen[:, 1:], axis=0).tolist()
+            figures[f"{name}, {share or 'all'}"] = [len(chosen), *mean]
             print(
-                f"power     {name}, {share or 'all'} x distance, {len(some)} walks: direct "
-                f"{mean[0]:.3f} (predicted"
-                f" {mean[2]:.3f}), indirect {mean[1]:.3f} (predicted {mean[3]:.3f}); +- "
-                f"{0.5 / len(some) ** 0.5:.3f}"
+                f"power     {name}, {share or 'all'} x distance, {len(chosen)} walks: "
+                f"direct {mean[0]:.3f} (predicted {mean[2]:.3f}), "
+                f"indirect {mean[1]:.3f} (predicted {mean[3]:.3f}); +- {0.5 / len(chosen) ** 0.5:.3f}"
             )
     return figures
 
@@ -186,7 +185,7 @@ def measured(options: argparse.Namespace) -> Json:
     """Measured walks with a surveyed transmitter."""
     rng = np.random.default_rng(options.seed)
     names = list(traces.names("ABCDE"))
-    rng.shuffle(names)  # where time ends early, the walks done are any of them
+    rng.shuffle(names)  # if time runs out, the walks done are a random sample
     rows: dict[float, list[tuple[bool, ...]]] = {0.0: [], **{share: [] for share in DISPLACED}}
     for k in _within(60.0 * options.minutes, len(names)):
         world = traces.measured(*names[k])
@@ -206,12 +205,12 @@ def measured(options: argparse.Namespace) -> Json:
             p = tuple(
                 float(f(level_dbm, trusting=False)[0]) for f in (test.p_direct, test.p_indirect)
             )
-            followed = p[1] if observable(posterior) else p[0]
+            recommended = p[1] if observable(posterior) else p[0]
             rules = cellguard(obs, claim), crocodile_hunter(obs, claim)
             outcomes.append(
                 (
-                    *(v <= RATES[0] for v in (followed, *p)),
-                    *(v <= RATES[1] for v in (followed, *p)),
+                    *(v <= RATES[0] for v in (recommended, *p)),
+                    *(v <= RATES[1] for v in (recommended, *p)),
                     *rules,
                 )
             )
@@ -221,14 +220,13 @@ def measured(options: argparse.Namespace) -> Json:
             mean = np.mean(np.array(outcomes, float), axis=0).tolist()
             result[str(share)] = {"walks": len(outcomes), "rejected": mean}
             print(
-                f"measured  displaced by {share:g} x distance, {len(outcomes)} walks, at {RATES[0]} "
-                f"/ {RATES[1]}: followed"
-                f" {mean[0]:.3f} / {mean[3]:.3f}, direct {mean[1]:.3f} / {mean[4]:.3f}, indirect "
-                f"{mean[2]:.3f} /"
-                f" {mean[5]:.3f}; CellGuard {mean[6]:.3f}, Crocodile Hunter {mean[7]:.3f}"
+                f"measured  displaced by {share:g} x distance, {len(outcomes)} walks, "
+                f"at {RATES[0]} / {RATES[1]}: recommended {mean[0]:.3f} / {mean[3]:.3f}, "
+                f"direct {mean[1]:.3f} / {mean[4]:.3f}, indirect {mean[2]:.3f} / {mean[5]:.3f}; "
+                f"CellGuard {mean[6]:.3f}, Crocodile Hunter {mean[7]:.3f}"
             )
     if not names:
-        print("measured  left out: the measured walks are not beside this repository")
+        print("measured  skipped: the measured walks are not beside this repository")
     return result
 
 

@@ -36,11 +36,11 @@ def files(tmp_path_factory):
     """A folder with every file that the commands of the documentation name."""
     folder = tmp_path_factory.mktemp("files")
     journal = folder / "run-000017.journal"
-    write_run(journal, seconds=240, cells=1)
+    write_run(journal, seconds=120, cells=1)
     run = finish_journal(journal)
     for name in ("run.h5", "a.h5"):
         shutil.copy(run, folder / name)
-    write_run(folder / "b.journal", seconds=200, cells=1, speed_mps=1.1)
+    write_run(folder / "b.journal", seconds=100, cells=1, speed_mps=1.1)
     finish_journal(folder / "b.journal")
     (folder / "DIR").mkdir()
     shutil.copy(journal, folder / "DIR")

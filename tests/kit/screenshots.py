@@ -14,8 +14,8 @@ SHOWN = {
     "EKF": colours.EKF,
     "least squares": colours.BATCH,
     "truth": colours.TRUTH,
-    "a weak level": tuple(colours.scale(9)[1].tolist()),
-    "a strong level": tuple(colours.scale(9)[7].tolist()),
+    "a weak level": tuple(colours.level_scale(9)[1].tolist()),
+    "a strong level": tuple(colours.level_scale(9)[7].tolist()),
 }
 """Colours of a walk's plan."""
 
