@@ -23,7 +23,9 @@ from tests.kit import service
 from tests.kit.mode_modems import MODELS, ObservedModem
 
 LIMIT_S = 60.0
-SIM7100 = replace(DIALECTS["sim7600"], identity=who(["SIM7100"], "SIMCOM", "SIMCOM_SIM7100E", "1.0"))
+SIM7100 = replace(
+    DIALECTS["sim7600"], identity=who(["SIM7100"], "SIMCOM", "SIMCOM_SIM7100E", "1.0")
+)
 CHOICES = {  # the setting; as it was; what of it is kept; the command for GSM only
     "sim7600": ("+CNMP", "2", "2", "AT+CNMP=13"),
     "sim7000": ("+CNMP", "2", "2", "AT+CNMP=13"),

@@ -17,9 +17,18 @@ HARMLESS = [
     b"+CNWINFO: LTE,20820130336514,0x7C4C7,0,0,UNKOWN,UNKOWN,0,0,-99\r\n",
     b'+QENG: "NR5G-SA","TDD",310,260,170C2C5F0,684,7D3C00,520110,41,12,-90,-11,20,1,50\r\n',
     b'+CREG: 2,1,"00C8","00005449",7\r\n+C5GREG: 2,1,"000001","000000001",11\r\n',
-    b'+COPS: (2,"Telekom.de","TMO","26201",7),(1,"Vodafone.de","Voda","26202",2),,(0,1,2,3,4),(0,1,2)\r\n',
-    b'+CCLK: "26/11/21,12:00:00+04"\r\n+QLTS: "2026/11/21,12:00:00+04,0"\r\n*PSUTTZ: "20261121120000","+04",0\r\n',
-    b"arfcn: 15 bsic: 20 rxLev: -71 ber: 0.00 mcc: 262 mnc: 01 lac: 21014 cellId: 12345 cellStatus: CELL_SUITABLE\r\n",
+    (
+        b'+COPS: (2,"Telekom.de","TMO","26201",7),(1,"Vodafone.de",'
+        b'"Voda","26202",2),,(0,1,2,3,4),(0,1,2)\r\n'
+    ),
+    (
+        b'+CCLK: "26/11/21,12:00:00+04"\r\n+QLTS: "2026/11/21,'
+        b'12:00:00+04,0"\r\n*PSUTTZ: "20261121120000","+04",0\r\n'
+    ),
+    (
+        b"arfcn: 15 bsic: 20 rxLev: -71 ber: 0.00 mcc: 262 mnc: 01 lac:"
+        b" 21014 cellId: 12345 cellStatus: CELL_SUITABLE\r\n"
+    ),
     b"Cc:262 Nc:01 BSIC:20 RxQual:0 LAC:4E8A Id:2F3A ARFCN:123 PWR:-71dbm TA:1\r\n",
     b"  15  20  63  262  01  4711  0310 12345   0   0  I  5\r\n",
     (
@@ -100,7 +109,10 @@ def test_nothing_of_our_own_recordings_is_touched(path):
 
 
 def test_a_message_does_not_swallow_the_rows_after_it():
-    rows = b"arfcn: 15 bsic: 20 rxLev: -71 ber: 0.00 mcc: 262 mnc: 01\r\n  15  20  63  262  01  4711  0310 12345\r\n"
+    rows = (
+        b"arfcn: 15 bsic: 20 rxLev: -71 ber: 0.00 mcc: 262 mnc:"
+        b" 01\r\n  15  20  63  262  01  4711  0310 12345\r\n"
+    )
     data = b'+CMT: "+4917698765432",,"26/11/21,12:00:00+04"\r\nTreffpunkt\r\n' + rows
     assert redact(data).endswith(rows)
 

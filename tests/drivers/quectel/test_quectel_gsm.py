@@ -13,7 +13,10 @@ MODEM = QuectelGsm()
 # Values of our own in the documented layout; NBIOT is a row of the corpus.
 HEADER = "+QENG: 1,4"
 SERVING = "+QENG: 0,262,01,1b2c,4d5e,3,42,-73,38,38,5,7,x,x,x,x,x,x,x"
-NEIGHBOURS = "+QENG: 1,1,5,-76,30,35,35,262,01,1b2c,4d5f,2,11,-80,17,31,31,262,01,1b2c,4d60,3,14,-88,44,23,23,262,01,1b2c,7a8b"
+NEIGHBOURS = (
+    "+QENG: 1,1,5,-76,30,35,35,262,01,1b2c,4d5f,2,11,-80,17,31,31,"
+    "262,01,1b2c,4d60,3,14,-88,44,23,23,262,01,1b2c,7a8b"
+)
 CHANNELS = "+QENG: 4,4,(5,-76,30),(11,-80,17),(16,-101,x),(7,-102,6)"
 NBIOT = '+QENG: 0,1769,9,400,"00288516",-103,-9,-94,5,3,"A924",0,14,2'
 SAMPLES = [HEADER, SERVING, NEIGHBOURS, CHANNELS, NBIOT]

@@ -8,7 +8,10 @@ from logger.drivers.reading.rows import as_json
 from tests.kit.corpus import check_entry, entries, lines_of
 
 # A place and a time of our own in the layouts of firmware_notes/sim7000.md and sim7600.md.
-CGNSINF = "+CGNSINF: 1,1,20260921141320.000,52.516275,13.377704,41.300,5.40,273.5,1,,0.9,1.3,1.0,,11,8,3,,38,,"
+CGNSINF = (
+    "+CGNSINF: 1,1,20260921141320.000,52.516275,13.377704,"
+    "41.300,5.40,273.5,1,,0.9,1.3,1.0,,11,8,3,,38,,"
+)
 CGPSINFO = "+CGPSINFO: 5230.976500,N,00722.662240,W,210926,141320.5,41.3,10.0,"
 QGPSLOC = "+QGPSLOC: 141320.0,3324.6600S,07031.3800W,1.1,560.0,2,0.00,36.0,19.4,210926,9"
 

@@ -80,7 +80,10 @@ def test_areas_that_contradict_each_other_are_unsure_where_the_rows_are_one():
 
 
 def test_rows_that_are_made_one_have_printed_the_cell_twice():
-    ccinfo = "+CCINFO:[SCELL],ARFCN:34,MCC:262,MNC:01,LAC:14940,ID:1213,BSIC:18,RXLev:-78dbm,C1:33,C2:33,TA:0,TXPWR:0"
+    ccinfo = (
+        "+CCINFO:[SCELL],ARFCN:34,MCC:262,MNC:01,LAC:14940,ID:1213,"
+        "BSIC:18,RXLev:-78dbm,C1:33,C2:33,TA:0,TXPWR:0"
+    )
     gsm = "+CPSI: GSM,Online,262-01,0x3A5C,1213,34 EGSM 900,-78,0,33-33"
     for lines, unsure in (([gsm, ccinfo], False), ([gsm], True)):
         ((row,), _) = mark_doubtful(

@@ -96,7 +96,10 @@ def test_levels_without_a_cell():
 
 
 def test_a_list_of_networks_broken_between_lines_and_without_quotes():
-    text = '+COPS: (2,"A, B","AB","26201",0),(1,Net\r\nwork,"","26202"),2),(1,x,y,310260),,(0,1,4),(0-2)'
+    text = (
+        '+COPS: (2,"A, B","AB","26201",0),(1,Net\r\nwork,"",'
+        '"26202"),2),(1,x,y,310260),,(0,1,4),(0-2)'
+    )
     assert [(r.get("stat"), r.get("plmn"), r.get("rat")) for r in rows(text)] == [
         (2, "26201", "GSM"),
         (1, "26202", "WCDMA"),

@@ -67,7 +67,9 @@ def test_no_row_without_a_serving_cell():
 
 
 def test_six_neighbours_sorted_by_level():
-    heard = Air.of([ReceivedCell(cell(0x100 + n, arfcn=n), -100.0 + n, is_decoded=True) for n in range(9)])
+    heard = Air.of(
+        [ReceivedCell(cell(0x100 + n, arfcn=n), -100.0 + n, is_decoded=True) for n in range(9)]
+    )
 
     assert [row[10:14] for row in rows(1, 1, heard)] == [
         "0008",

@@ -1,0 +1,82 @@
+from logger.drivers.protocols.at import AtFramer, Unsolicited
+from logger.drivers.protocols.dialogue import Reply
+from tests.kit.framers import check_framer
+
+CENG_LINES = ("+CENG: 1,1", '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"')
+
+CENG_REPLY = (
+    b'\r\n+CENG: 1,1\r\n\r\n+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"\r\n\r\nOK\r\n'
+)
+
+
+def sent(command):
+    def make():
+        framer = AtFramer()
+        framer.send(command)
+        return framer
+
+    return make
+
+
+def expired(command, then):
+    """A framer on which `command` has expired and `then` is pending."""
+
+    def make():
+        framer = sent(command)()
+        framer.expire()
+        framer.send(then)
+        return framer
+
+    return make
+
+
+def check(make, data, expected):
+    check_framer(make, data, expected, trailing=b'+CENG: 3,"0038')
+
+
+def test_line_begun_before_the_command_does_not_answer_it():
+    framer = AtFramer()
+    assert list(framer.feed(b"\r\nO")) == []
+    framer.send("AT")
+    assert list(framer.feed(b"K\r\n\r\nERROR\r\n")) == [Unsolicited("OK"), Reply("AT", (), "ERROR")]
+
+
+def test_late_final_code_while_nothing_is_pending_changes_nothing():
+    framer = sent("AT+CENG?")()
+    framer.expire()
+    assert list(framer.feed(CENG_REPLY)) == [*map(Unsolicited, CENG_LINES), Unsolicited("OK")]
+    framer.send("AT+CSQ")
+    assert list(framer.feed(b"OK\r\n")) == [Reply("AT+CSQ", (), "OK")]
+
+
+def test_late_answer_of_another_command_does_not_close_the_reply():
+    expected = [*map(Unsolicited, CENG_LINES), Unsolicited("OK"), Reply("AT", (), "OK")]
+    check(expired("AT+CENG?", then="AT"), CENG_REPLY + b"\r\nOK\r\n", expected)
+
+
+def test_late_bare_ok_does_not_close_a_question():
+    check(
+        expired("AT", then="AT+CENG?"),
+        b"OK\r\n" + CENG_REPLY,
+        [Unsolicited("OK"), Reply("AT+CENG?", CENG_LINES, "OK")],
+    )
+    check(
+        expired("AT", then="AT+CSQ"),
+        b"OK\n+CSQ: 1,0\nOK\n",
+        [Unsolicited("OK"), Reply("AT+CSQ", ("+CSQ: 1,0",), "OK")],
+    )
+
+
+def test_late_answer_that_never_comes_costs_one_time_out_at_most():
+    framer = expired("AT", then="AT+CENG?")()
+    assert list(framer.feed(b"OK\r\n")) == [Unsolicited("OK")]
+    framer.expire()
+    framer.send("AT+CENG?")
+    assert list(framer.feed(b"OK\r\n")) == [Reply("AT+CENG?", (), "OK")]
+
+
+def test_answer_of_its_own_settles_the_account():
+    framer = expired("AT", then="AT+CENG?")()
+    assert list(framer.feed(CENG_REPLY)) == [Reply("AT+CENG?", CENG_LINES, "OK")]
+    framer.send("AT+CSQ")
+    assert list(framer.feed(b"OK\r\n")) == [Reply("AT+CSQ", (), "OK")]
