@@ -1,5 +1,4 @@
-"""The desk's shadowing EKF and its smoother against filterpy's, over the same readings in the same
-run.
+"""The compiled shadowing EKF and its smoother against filterpy's, over the same readings.
 
 python benchmarks/desk_filter.py
 """
@@ -19,6 +18,7 @@ from filterpy.kalman import ExtendedKalmanFilter, rts_smoother
 from logger.core import shadow_ekf
 from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
+from logger.core.model.path_loss import log_distance_db
 from logger.core.observations import CellObservations
 from logger.core.shadow_ekf import ShadowNoise, ShadowState
 from postproc.estimators import rts
@@ -27,7 +27,7 @@ from postproc.estimators.filters import reference_ekf, retained_rows, shadow_pas
 COUNTS = (10_000, 100_000, 1_000_000)
 FILTERPY_MOST = 100_000
 NOISE = ShadowNoise(shadow_db=5.0, decorrelation_m=15.0, white_db=2.0, height_m=8.0)
-PLACE = np.array([60.0, 95.0, -30.0, 3.0])
+STATE = np.array([60.0, 95.0, -30.0, 3.0])
 SPREAD = np.diag([100.0, 100.0, 20.0, 0.1])
 FIRST = "first"
 
@@ -38,21 +38,17 @@ def walk(count: int) -> CellObservations:
     s = np.arange(count) * 1.4 % 800.0
     corner = [0, 200, 400, 600, 800]
     x, y = np.interp(s, corner, [0, 200, 200, 0, 0]), np.interp(s, corner, [0, 0, 200, 200, 0])
-    level = (
-        PLACE[2]
-        - 10.0 * PLACE[3] * np.log10(np.hypot(x - PLACE[0], y - PLACE[1]))
-        + 3.0 * rng.normal(size=count)
-    )
-    at = np.arange(count)
+    level = STATE[2] - STATE[3] * log_distance_db(x - STATE[0], y - STATE[1])
+    level = np.round(level + 3.0 * rng.normal(size=count))
+    number = np.arange(count)
     return CellObservations(
-        "c", None, Utm(32), at * 10**9, x, y, np.full(count, 3.0), np.round(level), at
+        "c", None, Utm(32), number * 10**9, x, y, np.full(count, 3.0), level, number
     )
 
 
 def start(obs: CellObservations) -> ShadowState:
-    return shadow_ekf.release(
-        shadow_ekf.hold(PLACE, NOISE, float(obs.x_m[0]), float(obs.y_m[0])), SPREAD
-    )
+    state = shadow_ekf.hold(STATE, NOISE, float(obs.x_m[0]), float(obs.y_m[0]))
+    return shadow_ekf.release(state, SPREAD)
 
 
 def ours(obs: CellObservations) -> tuple[FloatArray, FloatArray]:
@@ -62,14 +58,14 @@ def ours(obs: CellObservations) -> tuple[FloatArray, FloatArray]:
     moved_m = np.hypot(np.diff(obs.x_m), np.diff(obs.y_m))
     rows = retained_rows(len(obs))
     rows[0] = 0
-    x, _ = rts.smooth(conditionals, moved_m, NOISE, PLACE, ahead.end, rows)
+    x, _ = rts.smooth(conditionals, moved_m, NOISE, STATE, ahead.end, rows)
     return ahead.path.x[-1], x[0]
 
 
 def filterpys(obs: CellObservations) -> tuple[FloatArray, FloatArray]:
     """The same of filterpy's ExtendedKalmanFilter and rts_smoother."""
     oracle = ExtendedKalmanFilter(dim_x=5, dim_z=1)
-    oracle.x = np.append(PLACE, 0.0).reshape(5, 1)
+    oracle.x = np.append(STATE, 0.0).reshape(5, 1)
     oracle.P = np.zeros((5, 5))
     oracle.P[:4, :4], oracle.P[4, 4] = SPREAD, NOISE.shadow_db**2
     slope = -10.0 / math.log(10.0)
@@ -133,8 +129,8 @@ def seconds(run: Callable[[CellObservations], object], obs: CellObservations, ro
     return float(np.median(times))
 
 
-def first_calls() -> None:
-    """What the first call of each loop takes in a new process."""
+def time_first_calls() -> None:
+    """Time of the first call of each loop in a new process."""
     obs = walk(1000)
     for name, run in (("filter and smoother", ours), ("reference filter", reference_ekf)):
         begin = time.perf_counter()
@@ -144,8 +140,8 @@ def first_calls() -> None:
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as cache:
-        for when in ("compiling", "from the cache"):
-            print(f"first call in a new process, {when}:", flush=True)
+        for origin in ("compiling", "from the cache"):
+            print(f"first call in a new process, {origin}:", flush=True)
             subprocess.run(
                 [sys.executable, __file__, FIRST],
                 check=True,
@@ -153,29 +149,29 @@ def main() -> None:
             )
     small = walk(COUNTS[0])
     pairs = zip(ours(small), filterpys(small), strict=True)
-    print(
-        f"largest difference after {COUNTS[0]} readings: {max(np.max(np.abs(a - b)) for a, b in pairs):.1e}"
-    )
+    apart = max(np.max(np.abs(a - b)) for a, b in pairs)
+    print(f"largest difference after {COUNTS[0]} readings: {apart:.1e}")
     reference_ekf(small)
     print(
         "CPU seconds, filter and smoother; filterpy on at most 100 000 readings, scaled beyond (*)"
     )
     print(
-        f"{'readings':>10}{'ours':>10}{'us each':>10}{'filterpy':>11}{'ratio':>8}{'reference':>11}{'peak MB':>9}"
+        f"{'readings':>10}{'ours':>10}{'us each':>10}{'filterpy':>11}{'ratio':>8}"
+        f"{'reference':>11}{'peak MB':>9}"
     )
     for count in COUNTS:
         obs = walk(count)
-        mine, reference = seconds(ours, obs, 5), seconds(reference_ekf, obs, 5)
+        ours_s, reference = seconds(ours, obs, 5), seconds(reference_ekf, obs, 5)
         peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-        theirs = seconds(filterpys, walk(min(count, FILTERPY_MOST)), 1) * max(
+        filterpy_s = seconds(filterpys, walk(min(count, FILTERPY_MOST)), 1) * max(
             count / FILTERPY_MOST, 1.0
         )
         star = "*" if count > FILTERPY_MOST else " "
         print(
-            f"{count:10d}{mine:10.4f}{mine / count * 1e6:10.3f}{theirs:10.2f}{star}{theirs / mine:8.0f}"
-            f"{reference:11.4f}{peak_mb:9.0f}"
+            f"{count:10d}{ours_s:10.4f}{ours_s / count * 1e6:10.3f}{filterpy_s:10.2f}{star}"
+            f"{filterpy_s / ours_s:8.0f}{reference:11.4f}{peak_mb:9.0f}"
         )
 
 
 if __name__ == "__main__":
-    first_calls() if sys.argv[1:] == [FIRST] else main()
+    time_first_calls() if sys.argv[1:] == [FIRST] else main()

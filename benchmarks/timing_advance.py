@@ -24,9 +24,7 @@ SHAPES = ("L", "square", "random", "straight")
 
 
 class Case(NamedTuple):
-    """Distance of the source from a point of the walk, shadowing, and what shifts every delay of
-    the walk.
-    """
+    """Distance of the source from a point of the walk, shadowing, and a shift of all delays."""
 
     away_m: tuple[float, float]
     shadow_db: float = 0.0
@@ -70,7 +68,7 @@ def simulate(
 def timing_advance(
     rng: np.random.Generator, x_m: np.ndarray, y_m: np.ndarray, way_m: np.ndarray
 ) -> np.ndarray:
-    """Steps that the network tells for ways of the signal."""
+    """Timing advance that the network sends for path lengths of the signal."""
     a, b = (shadowing(rng, x_m, y_m, 1.0, 40.0) for _ in range(2))
     detour_m = 50.0 * (a**2 + b**2)
     phone, station = rng.uniform(-0.5, 0.5), rng.uniform(-0.25, 0.25, len(way_m))
@@ -81,17 +79,18 @@ def timing_advance(
 
 
 def compare(case: Case, runs: int, seed: int, prior: Prior = Prior()) -> np.ndarray:  # noqa: B008 (frozen)
-    """Error in m, 95 % region in m2 and whether it holds the source, without and with timing: shape
-    (runs, 2, 3).
+    """Error in m, 95 % region in m2 and whether it holds the source: shape (runs, 2, 3).
+
+    The second axis is without and with timing advance.
     """
-    rng, found = np.random.default_rng(seed), np.zeros((runs, 2, 3))
+    rng, outcomes = np.random.default_rng(seed), np.zeros((runs, 2, 3))
     for i in range(runs):
         obs, source = simulate(rng, SHAPES[i % len(SHAPES)], case)
-        for j, heard in enumerate((replace(obs, ta=None), obs)):
-            answer = locate(heard, prior)
+        for j, readings in enumerate((replace(obs, ta=None), obs)):
+            answer = locate(readings, prior)
             error_m = np.hypot(answer.x_m - source[0], answer.y_m - source[1])
-            found[i, j] = error_m, answer.region_area_m2, region_contains(answer, source)
-    return found
+            outcomes[i, j] = error_m, answer.region_area_m2, region_contains(answer, source)
+    return outcomes
 
 
 def main() -> None:
@@ -100,17 +99,19 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--case", nargs="+", choices=list(CASES), default=list(CASES))
-    asked = parser.parse_args()
-    for name in asked.case:
-        found = compare(CASES[name], asked.runs, asked.seed)
-        smaller = np.median(found[:, 1, 1] / found[:, 0, 1])
-        print(f"{name}, {asked.runs} walks: the region is {smaller:.2f} times as large (median)")
+    arguments = parser.parse_args()
+    for name in arguments.case:
+        outcomes = compare(CASES[name], arguments.runs, arguments.seed)
+        smaller = np.median(outcomes[:, 1, 1] / outcomes[:, 0, 1])
+        print(
+            f"{name}, {arguments.runs} walks: the region is {smaller:.2f} times as large (median)"
+        )
         for row, what in enumerate(("without", "with")):
-            error_m, area_m2 = np.median(found[:, row, :2], axis=0)
-            held, mean_m = np.mean(found[:, row, 2]), np.mean(found[:, row, 0])
+            error_m, area_m2 = np.median(outcomes[:, row, :2], axis=0)
+            coverage, mean_m = np.mean(outcomes[:, row, 2]), np.mean(outcomes[:, row, 0])
             print(
-                f"  {what:7} median error {error_m:5.0f} m, mean {mean_m:5.0f} m; 95 % in {area_m2 / 1e6:7.3f} km2, "
-                f"coverage {held:.2f}",
+                f"  {what:7} median error {error_m:5.0f} m, mean {mean_m:5.0f} m; "
+                f"95 % in {area_m2 / 1e6:7.3f} km2, coverage {coverage:.2f}",
                 flush=True,
             )
 

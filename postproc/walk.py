@@ -47,7 +47,7 @@ def observe_run(run: Run) -> ObservedRun:
 
 
 def _walked(tables: Mapping[str, Rows], observations: Observations) -> SmoothedTrack:
-    track = stale_fixes.fresh(observations.track)
+    track = stale_fixes.without_stale(observations.track)
     return walker.smooth_track(track, walker.velocities(tables["fixes"], track))
 
 
@@ -61,7 +61,7 @@ def _placed(
     """
 
     def put(obs: CellObservations) -> CellObservations:
-        at = walker.place(obs, walked)
+        at = walker.relocate(obs, walked)
         before, after = (walked.at(obs.t_ns + shift) for shift in (-(10**9) // 2, 10**9 // 2))
         late_m = TIMING_S * np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
         begun, ended = (walked.at(t_ns) for t_ns in scan_times_ns(tables["scans"], obs))

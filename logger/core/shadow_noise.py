@@ -1,8 +1,8 @@
-"""The share of the noise that is white, from the readings themselves.
+"""The white share of a filter's noise, chosen by the readings.
 
-The locator gathers readings into blocks and holds only a few shares for possible, so that its mean
-share is rough, and a filter with a wrong share is surprised by every reading or by none. How likely
-the levels are, with the place taken as certain, tells the shares apart (prediction error
+The locator averages readings in blocks and considers a few shares only, so that its mean share is
+rough, and the innovations of a filter with a wrong share are too large or too small. The likelihood
+of the levels, with the position taken as certain, distinguishes the shares (prediction error
 decomposition: Schweppe, IEEE Trans. Inf. Theory 11(1), 1965).
 """
 
@@ -13,46 +13,41 @@ from logger.core.arrays import FloatArray
 from logger.core.shadow_ekf import ShadowNoise, hold, split_noise, step
 
 _WHITE_SHARES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
-_NEARLY_WHITE = 0.95
-_FEWEST = 50
+_NEARLY_WHITE = 0.95  # the decorrelation distance of so little correlated noise is arbitrary
+_FEWEST = 50  # readings, with which a share is known to a factor of 2
 
 Reading = tuple[float, float, float, float, int]
-"""Receiver's x and y and its error per axis (m), level (dBm), limit: as `shadow_ekf.step` takes
-them.
-"""
+"""Receiver's x, y and its error per axis (m), level (dBm), limit: arguments of `shadow_ekf.step`."""
 
 
 def candidates(
     sigma_db: float, decorrelation_m: float, white_share: float, height_m: float
 ) -> list[ShadowNoise]:
-    """What the locator says of the noise, then the same with other white shares.
+    """The locator's noise, then the same with other white shares.
 
-    Where nearly all of it is white, its mean decorrelation distance says nothing, and all of it is
-    taken for white.
+    All of it is taken for white where nearly all is.
     """
     if white_share >= _NEARLY_WHITE:
         return [split_noise(sigma_db, 0.0, 1.0, height_m)]
-    return [
-        split_noise(sigma_db, decorrelation_m, share, height_m)
-        for share in (white_share, *_WHITE_SHARES)
-    ]
+    shares = white_share, *_WHITE_SHARES
+    return [split_noise(sigma_db, decorrelation_m, share, height_m) for share in shares]
 
 
 def likeliest(
-    found: Sequence[ShadowNoise], mean: FloatArray, readings: Sequence[Reading]
+    noises: Sequence[ShadowNoise], mean: FloatArray, readings: Sequence[Reading]
 ) -> ShadowNoise:
-    """That of the candidates under which the readings are likeliest, given [x, y, P0, eta].
+    """The noise under which the readings are likeliest, given [x, y, P0, eta].
 
-    The first where there are fewer than 50 readings, which tell too little. Costs a step for each
-    pair of both.
+    The first for fewer than 50 readings. Takes a step of the filter for each pair of noise and
+    reading.
     """
     if len(readings) < _FEWEST:
-        return found[0]
-    return max(found, key=lambda noise: _log_likelihood(noise, mean, readings))
+        return noises[0]
+    return max(noises, key=lambda noise: _log_likelihood(noise, mean, readings))
 
 
 def _log_likelihood(noise: ShadowNoise, mean: FloatArray, readings: Sequence[Reading]) -> float:
-    """Of the levels that are no limits, but for a constant."""
+    """Log-likelihood of the levels that are not at a limit, but for a constant."""
     state = hold(mean, noise, readings[0][0], readings[0][1])
     total = 0.0
     for reading in readings:

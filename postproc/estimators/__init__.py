@@ -1,3 +1,1 @@
-"""Where a cell stands, by every method: pure functions, arrays in, values out; nothing is drawn or
-stored here.
-"""
+"""Position of a cell by every method: pure functions of arrays, without drawing or files."""

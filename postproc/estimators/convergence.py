@@ -1,8 +1,7 @@
-"""Whether an estimator has ended with an answer: a minimum was reached, or a filter stayed where a
-transmitter can be.
+"""Whether an estimator has ended with an answer that can be true.
 
-A fit that runs away, or a filter that diverges, ends with numbers as well: places on the other side
-of the Earth, a power of gigawatts, a covariance that is none. Such numbers are never passed on.
+A fit that runs away, or a filter that diverges, ends with numbers as well: positions on the other
+side of the Earth, a power of gigawatts, an indefinite covariance. Such numbers are never passed on.
 """
 
 import numpy as np
@@ -11,12 +10,10 @@ from logger.core.arrays import FloatArray
 from logger.core.observations import CellObservations
 
 REACH_M = 30_000.0
-"""From the nearest reading: a GSM cell reaches 35 km at most, the search of the locator as far as
-this.
-"""
+"""From the nearest reading: a GSM cell reaches at most 35 km, the locator searches this far."""
 P0_RANGE_DBM = (-200.0, 100.0)
 """At 1 m, where free space leaves 25 to 35 dBm of the 65 dBm that the strongest base station
-radiates; a level that no modem can hear is the other end.
+radiates; the lower end is a level that no modem can receive.
 """
 MOST_ETA = 10.0
 """Measured exponents lie between 1.5 and 6, indoors included."""
@@ -29,10 +26,8 @@ def ended_well(
 
     `any_slope` lets the exponent be negative too, as the specification's filter does.
     """
-    variance = np.diagonal(covariance)
-    if not (
-        np.all(np.isfinite(state)) and np.all(np.isfinite(covariance)) and np.all(variance >= 0.0)
-    ):
+    is_finite = np.all(np.isfinite(state)) and np.all(np.isfinite(covariance))
+    if not is_finite or np.any(np.diagonal(covariance) < 0.0):
         return False
     return is_possible(state, obs.x_m, obs.y_m, any_slope=any_slope)
 
@@ -40,7 +35,7 @@ def ended_well(
 def is_possible(
     state: FloatArray, x_m: FloatArray, y_m: FloatArray, *, any_slope: bool = False
 ) -> bool:
-    """Whether a transmitter like this could be heard at these places, shape (n,)."""
+    """Whether such a transmitter could be received at these points, shape (n,)."""
     near = np.hypot(state[0] - x_m, state[1] - y_m).min() < REACH_M
     power = P0_RANGE_DBM[0] <= state[2] <= P0_RANGE_DBM[1]
     slope = abs(state[3]) <= MOST_ETA and (any_slope or state[3] > 0.0)

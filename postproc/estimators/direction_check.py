@@ -1,10 +1,9 @@
-"""The same walk filtered from its start and from its end: two answers that must not contradict each
-other.
+"""The same walk filtered from its start and from its end: two answers that must agree.
 
-They come from the same readings, so an honest pair differs by far less than its covariances allow.
-A pair that differs by more than 4 combined standard deviations on any axis is never averaged: at
-least one of the two is wrong (the gate at which RTKLIB's `valcomb` refuses to combine a forward
-with a backward solution).
+They come from the same readings, so a consistent pair differs by far less than its covariances
+allow. A pair that differs by more than 4 combined standard deviations on any axis is never
+averaged: at least one of the two is wrong (the gate at which RTKLIB's `valcomb` refuses to combine
+a forward with a backward solution).
 """
 
 from typing import NamedTuple
@@ -19,8 +18,9 @@ _FORMATS = ("{:.0f} m", "{:.0f} m", "{:.1f} dB", "{:.2f}")
 
 
 class Comparison(NamedTuple):
-    """Differences backward - forward of the last [x, y, P0, eta], and each by its combined standard
-    deviation.
+    """Differences backward - forward of the last [x, y, P0, eta].
+
+    `sigmas` are the differences divided by their combined standard deviations.
     """
 
     difference: tuple[float, float, float, float]
@@ -38,17 +38,19 @@ class Comparison(NamedTuple):
 
     @property
     def warning(self) -> str | None:
-        """What to tell of a pair that does not agree."""
+        """Warning for a pair that does not agree."""
         if self.agrees:
             return None
-        far = [
+        columns = zip(AXES, _FORMATS, self.difference, self.sigmas, strict=True)
+        beyond = [
             f"{name} by {form.format(abs(difference))} ({abs(sigmas):.1f} sigma)"
-            for name, form, difference, sigmas in zip(
-                AXES, _FORMATS, self.difference, self.sigmas, strict=True
-            )
+            for name, form, difference, sigmas in columns
             if abs(sigmas) > GATE
         ]
-        return f"the EKF forward and the EKF backward contradict each other, so trust neither: {', '.join(far)}"
+        return (
+            "the EKF forward and the EKF backward contradict each other, so trust neither: "
+            f"{', '.join(beyond)}"
+        )
 
 
 def compare(forward: FilterPath, backward: FilterPath) -> Comparison:

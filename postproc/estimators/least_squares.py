@@ -1,8 +1,8 @@
 """Least squares over [x, y, P0, eta] from several starts.
 
 Least squares is as good as its start and does not report other minima by itself: start it from the
-modes of the posterior, and read `rivals` and `bounded`. Levels at the modem's limit are used for
-what they say, not left out.
+modes of the posterior, and read `rivals` and `bounded`. Levels at the modem's limit are used as the
+bounds that they are.
 """
 
 from collections.abc import Sequence
@@ -105,7 +105,7 @@ def fit(
 def _sandwich(search: Search, state: FloatArray) -> Sandwich:
     try:
         with np.errstate(all="ignore"):  # what overflows is no covariance, and is NaN below
-            return sandwich(search.linearised(state), search.rows.jacobian(state), state)
+            return sandwich(search.linear_problem(state), search.rows.jacobian(state), state)
     except (ValueError, OverflowError, np.linalg.LinAlgError):
         return Sandwich(np.full((4, 4), np.nan), np.nan, 1.0, bounded=False)
 

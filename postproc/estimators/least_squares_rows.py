@@ -17,8 +17,8 @@ _FINE_SQUARES = 50_000  # centres that are cheap to gather again
 class Rows(NamedTuple):
     """Readings, or means of those in a square, shape (n,) each.
 
-    `limit` is -1 where the level is the modem's lowest, 1 where it is the highest, else 0; `height_m`
-    is that of the antenna above the receiver, `readings` how many a row stands for.
+    `limit` is -1 where the level is the modem's lowest, 1 where it is the highest, else 0;
+    `height_m` is that of the antenna above the receiver, `readings` how many a row stands for.
     """
 
     x_m: FloatArray

@@ -143,7 +143,7 @@ class Search(NamedTuple):
         deviation[hidden], rate[hidden] = side * size, self.sigma_db * mills / size
         return deviation, rate
 
-    def linearised(self, state: FloatArray) -> Rows:
+    def linear_problem(self, state: FloatArray) -> Rows:
         """Rows of the weighted linear problem with the same minimum.
 
         Their levels deviate by psi(r) / (mean psi' dr/dmodel).

@@ -1,4 +1,4 @@
-"""Is an estimator as good as it says: NEES, NIS, whiteness.
+"""Whether an estimator is as good as it claims: NEES, NIS, whiteness.
 
 Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, sec. 5.4: for
 a consistent estimator the normalised errors are chi-square distributed, and innovations are white.
@@ -16,16 +16,16 @@ from logger.core.arrays import FloatArray
 NIS_95, NIS_999 = 3.841, 10.828
 """Points of chi-square with one degree of freedom."""
 _LAGS = 20
-_WHITE_SIGMAS = 1.96
+_WHITE_SIGMAS = 1.96  # 95 % of a normal law
 
 
 class Consistency(NamedTuple):
-    """A filter's innovations against what it claims of them.
+    """A filter's innovations against the variances it claims for them.
 
-    `n` readings were used and `n_at_limit` of them only said that the level is beyond the modem's
-    limit. The mean NIS of the others lies in `nis_bounds` in 95 % of honest filters.
-    `autocorrelation` (lags 1 to 20 or fewer) of the normalised innovations lies within
-    +-`white_bound` at 95 % of the lags if they are white.
+    `n` readings were used, and `n_at_limit` of them were at the modem's limit. The mean NIS of the
+    others lies in `nis_bounds` for 95 % of consistent filters. `autocorrelation` (lags 1 to 20 or
+    fewer) of the normalised innovations lies within +-`white_bound` at 95 % of the lags if they are
+    white.
     """
 
     n: int
@@ -37,8 +37,9 @@ class Consistency(NamedTuple):
 
 
 def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Normalised estimation error squared e' P^-1 e, shape (n,), of errors (n, k) and covariances
-    (n, k, k).
+    """Normalised estimation error squared e' P^-1 e, shape (...,).
+
+    Errors have shape (..., k), covariances (..., k, k).
     """
     weighted = np.linalg.solve(covariance, error[..., None])[..., 0]
     return np.asarray(np.sum(error * weighted, axis=-1), float)
@@ -50,16 +51,15 @@ def mean_bounds(count: int, dof: int = 1, level: float = 0.95) -> tuple[float, f
     `count` is the number of independent values: of runs for NEES, of readings for NIS.
     """
     tail = 0.5 * (1.0 - level)
-    return float(chi2.ppf(tail, count * dof) / count), float(
-        chi2.ppf(1.0 - tail, count * dof) / count
-    )
+    total = chi2(count * dof)
+    return float(total.ppf(tail) / count), float(total.ppf(1.0 - tail) / count)
 
 
 def autocorrelation(values: FloatArray, lags: int) -> FloatArray:
-    """Autocorrelation of a series (n,) at lags 0 to `lags`, at most n - 1; biased estimate, so that
-    it is a covariance.
+    """Autocorrelation of a series (n,) at lags 0 to `lags`, at most n - 1.
 
-    0 beyond lag 0 where the series says nothing (constant or fewer than 3).
+    The biased estimate, which is positive semidefinite; 0 beyond lag 0 of a series that is constant
+    or shorter than 3.
     """
     lags = min(lags, max(len(values) - 1, 0))
     off = values - np.mean(values) if len(values) else values
@@ -72,19 +72,15 @@ def autocorrelation(values: FloatArray, lags: int) -> FloatArray:
 
 
 def lag1(values: FloatArray) -> float:
-    """Autocorrelation of neighbours in a series (n,); 0 where it says nothing (constant or fewer
-    than 3).
-    """
-    off = values - np.mean(values) if len(values) else values
-    power = float(off @ off)
-    if len(values) < 3 or power <= 0.0:
-        return 0.0
-    return float(off[1:] @ off[:-1]) / power
+    """Autocorrelation of neighbours in a series (n,); 0 if it is constant or shorter than 3."""
+    at_lag = autocorrelation(values, 1)
+    return float(at_lag[1]) if len(at_lag) > 1 else 0.0
 
 
 def consistency(innovation_db: FloatArray, variance_db2: FloatArray) -> Consistency:
-    """What the innovations (n,) and their variances (n,) say of a filter; NaN for readings at the
-    modem's limit.
+    """Consistency of a filter from its innovations (n,) and their variances (n,).
+
+    They are NaN for readings at the modem's limit.
     """
     normalised = (innovation_db / np.sqrt(variance_db2))[np.isfinite(innovation_db)]
     count = len(normalised)

@@ -1,4 +1,4 @@
-"""Highest-density regions as polygons: in UTM metres to be drawn, in degrees to be handed on."""
+"""Highest-density regions as polygons: in UTM metres for drawing, in degrees for GeoJSON."""
 
 from typing import Any
 

@@ -184,7 +184,7 @@ def _innovations(filtered: FilterPath | None) -> Consistency | None:
 def _outliers(
     residual_db: FloatArray, sigma_db: float, obs: CellObservations
 ) -> tuple[Outlier, ...]:
-    """Readings farther out than the farthest of as many normal ones nearly ever is, largest first."""
+    """Readings beyond all that as many normal ones would have, the largest first."""
     sigmas = np.abs(residual_db) / sigma_db
     limit = norm.isf(0.5 * _OUTLIER_CHANCE / len(residual_db))
     beyond = np.flatnonzero(sigmas > limit)

@@ -10,8 +10,9 @@ Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 
 
 def influence(loss: Loss, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """psi(u) / u and psi'(u) of a loss, u in units of its scale (scipy's definitions of the
-    losses).
+    """Influence psi(u) / u and its slope psi'(u), u in units of the loss's scale.
+
+    The losses are scipy's.
     """
     if loss == "soft_l1":
         return (1.0 + u**2) ** -0.5, (1.0 + u**2) ** -1.5

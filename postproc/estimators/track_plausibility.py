@@ -1,7 +1,7 @@
 """Whether the times of a track can be those of a walk.
 
-A file whose "seconds" only count its rows says nothing of speed. Smoothing in time then moves the
-fixes by kilometres: it takes what is far away for an error of the receiver.
+A file whose "seconds" only count its rows has no speed. Smoothing in time then moves the fixes by
+kilometres: it takes distant fixes for errors of the receiver.
 """
 
 import numpy as np
@@ -19,46 +19,46 @@ accuracy. With the number of the row for seconds it is 0.4 to 0.6 of those that 
 car every few seconds.
 """
 _FEWEST = 3
-"""Steps, or fixes set aside: one or two errors of a receiver say nothing of the times."""
+"""Steps, or fixes set aside: one or two errors of a receiver do not discredit the times."""
+_NO_TIME_MPS = 1e6  # several fixes of one time have no finite speed
 
 
 def too_fast(track: Track) -> str | None:
     """Why the steps from fix to fix are too fast to be true; None where they are not."""
     speed_mps = _speeds_mps(track)
-    if len(speed_mps) < _FEWEST or float(np.median(speed_mps)) <= FASTEST_MPS:
+    if len(speed_mps) < _FEWEST:
         return None
-    # as many are slower as faster; several fixes of one time have no finite speed
-    middle = float(np.median(np.minimum(speed_mps, 1e6)))
-    how_fast = f"faster than {3.6 * middle:.0f} km/h" if middle < 1e6 else "made in no time"
+    median_mps = float(np.median(np.minimum(speed_mps, _NO_TIME_MPS)))
+    if median_mps <= FASTEST_MPS:
+        return None
+    how_fast = f"faster than {3.6 * median_mps:.0f} km/h"
+    if median_mps >= _NO_TIME_MPS:
+        how_fast = "made in no time"
     return f"every second step from fix to fix would be {how_fast}"
 
 
-def too_many_apart(walked: SmoothedTrack) -> str | None:
+def too_many_apart(walk: SmoothedTrack) -> str | None:
     """Why the fixes contradict their times; None where they do not."""
-    n, of = int(np.count_nonzero(walked.outlier | moved_too_far(walked))), len(walked.outlier)
-    if n < _FEWEST or n <= MOST_APART * of:
+    count, n = int(np.count_nonzero(walk.outlier | moved_too_far(walk))), len(walk.outlier)
+    if count < _FEWEST or count <= MOST_APART * n:
         return None
-    return f"{n} of {of} fixes cannot belong to one way in these times"
+    return f"{count} of {n} fixes cannot belong to one path in these times"
 
 
 def _speeds_mps(track: Track) -> FloatArray:
-    """Speed of each step from place to place; a step no longer than the errors of the fixes may be
-    none.
-    """
+    """Speed of each step between positions; 0 for one no longer than the errors of the fixes."""
     step_m, step_s = steps(track)
-    real = step_m > 2.0 * float(np.median(track.sigma_m))
+    is_step = step_m > 2.0 * float(np.median(track.sigma_m))
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.where(real, step_m / step_s, 0.0), float)
+        return np.asarray(np.where(is_step, step_m / step_s, 0.0), float)
 
 
-def moved_m(walked: SmoothedTrack) -> FloatArray:
-    """How far each fix lies from where the walker is taken to have been at its time, shape (n,)."""
-    at = walked.at(walked.track.t_ns)
-    return np.asarray(np.hypot(at.x_m - walked.track.x_m, at.y_m - walked.track.y_m), float)
+def moved_m(walk: SmoothedTrack) -> FloatArray:
+    """Distance of each fix from the walker's smoothed position at its time, shape (n,)."""
+    smooth, track = walk.at(walk.track.t_ns), walk.track
+    return np.asarray(np.hypot(smooth.x_m - track.x_m, smooth.y_m - track.y_m), float)
 
 
-def moved_too_far(walked: SmoothedTrack) -> BoolArray:
-    """Which fixes are used and yet farther from the walker's smoothed place than three times their
-    sigma.
-    """
-    return np.asarray((moved_m(walked) > 3.0 * walked.track.sigma_m) & ~walked.outlier, np.bool_)
+def moved_too_far(walk: SmoothedTrack) -> BoolArray:
+    """Which fixes are used and yet farther than 3 sigma from the walker's smoothed position."""
+    return np.asarray((moved_m(walk) > 3.0 * walk.track.sigma_m) & ~walk.outlier, np.bool_)

@@ -1,23 +1,24 @@
-"""Where the walker was: the fixes of a run smoothed, with a sigma that is true.
+"""Positions of the walker: the fixes of a run smoothed, with a true sigma.
 
-Each axis has the state [p, v, b]: place, velocity, and the wandering part of the receiver's error
-in units of its own sigma s. Acceleration is white with density q, b is a first-order Gauss-Markov
+Each axis has the state [p, v, b]: position, velocity, and the wandering part of the receiver's
+error in units of its sigma s. Acceleration is white with density q, b is a first-order Gauss-Markov
 process:
 
     p' = p + v dt,    v' = v,    cov(p', v') = q [[dt^3 / 3, dt^2 / 2], [dt^2 / 2, dt]]
     b' = a b,         var b' = 1 - a^2,    a = exp(-dt / WANDER_S)
     z_p = p + s b + white noise,           z_v = v + white noise
 
-A fix of claimed sigma has three errors. The white one is smoothed away as far as the motion allows;
-the wandering one averages out only where somebody stands for minutes; the lasting one shows in no
-data of a run and is added to what is returned. q and the white share are those of a small set under
-which the fixes are likeliest. Both axes have the same covariances, so one recursion serves the two.
+The error of a fix has three parts. The white one is smoothed away as far as the motion allows; the
+wandering one averages out only while the walker stands for minutes; the lasting one cannot be seen
+in the data of one run and is added to the returned sigma. q and the white share are those of a
+small set that make the fixes likeliest. Both axes have the same covariances, so one recursion
+serves the two.
 
 Defaults: receivers at rest (Telit HE910, Quectel L76K; 2 to 3 minutes) had 0.01 to 0.07 m of white
-noise and wandered by 0.15 to 1.2 m, half of it forgotten after some 20 s, where HDOP claimed 3 to 6
-m; one in motion (Quectel EG25-G) had 6 m of white noise. Over 20 days the errors of a Garmin lost
-correlation fast within a minute and slowly over an hour (D. L. Wilson, "Correlation of errors",
-erols.com/dlwilson).
+noise and wandered by 0.15 to 1.2 m, half of it decorrelated after some 20 s, where HDOP claimed 3
+to 6 m; one in motion (Quectel EG25-G) had 6 m of white noise. Over 20 days the errors of a Garmin
+lost correlation fast within a minute and slowly over an hour (D. L. Wilson, "Correlation of
+errors", erols.com/dlwilson).
 """
 
 from collections.abc import Callable
@@ -34,12 +35,11 @@ from logger.core.rows import Rows
 from postproc.estimators.walker_kalman import Model, Series, excess_variance, score, smooth
 
 USABLE_SIGMA_M = 20.0
-"""A place less certain than this per axis is better left out; proposed in the place of a longest
-gap.
-"""
+"""A position less certain than this per axis is better left out."""
 VELOCITY_SIGMA_MPS = 0.3
-"""Per axis, of velocities a second apart; more of them tell no more."""
+"""Per axis, of velocities a second apart; denser ones carry no more information."""
 WANDER_S = 60.0
+"""Decorrelation time of the wandering error, between those of the receivers above."""
 LASTING_SHARE = 0.5
 """Share of the slow variance that lasts longer than a run."""
 GAP_FACTOR = 4.0
@@ -54,26 +54,25 @@ ACCELERATIONS_M2S3 = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 WHITE_SHARES = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 """Candidates of the sigma of the white part by the claimed sigma."""
 
-_LEAST_SIGMA_M = 0.5
-_STILL_MPS = 0.5
+_LEAST_SIGMA_M = 0.5  # no receiver without corrections is better
+_STILL_MPS = 0.5  # receivers print no course below about this speed
 _OUTLIER_SIGMA = 5.0
-_DOUBTFUL_RUN = 3
-_REWEIGHTINGS = 5
+_DOUBTFUL_RUN = 3  # outliers in a row, from which on the rest may be the wrong part
+_REWEIGHTINGS = 5  # after them the weights change by less than 1 %
 _LONGEST_STEP_S = 3600.0  # beyond it nothing is known, and floats would lose the rest
+_LEAST_STEP_S = 0.1  # for the rate of velocities: no receiver used here is faster
 
 
 class Velocities(NamedTuple):
-    """Velocity towards grid east and north at each fix of a track, shape (n,); sigma is infinite
-    where unknown.
-    """
+    """Velocity to grid east and north at each fix, shape (n,); sigma is infinite if unknown."""
 
     east_mps: FloatArray
     north_mps: FloatArray
     sigma_mps: FloatArray
 
 
-class Places(NamedTuple):
-    """Where the walker was, shape (n,): `covariance_m2` (n, 2, 2) and `sigma_m` per axis."""
+class Positions(NamedTuple):
+    """Positions of the walker, shape (n,): `covariance_m2` (n, 2, 2) and `sigma_m` per axis."""
 
     x_m: FloatArray
     y_m: FloatArray
@@ -85,10 +84,9 @@ class Places(NamedTuple):
 class SmoothedTrack:
     """The walk between and beyond the fixes of `track`.
 
-    `accel_m2s3` (q) and `white_share` are what the fixes chose. `outlier` (n,) marks fixes more
-    than five sigma from where all others put the walker: they are hardly used, and where three or
-    more follow each other nobody knows which side is right, so the distance is part of the sigma
-    there.
+    `accel_m2s3` (q) and `white_share` are the likeliest. `outlier` (n,) marks fixes more than five
+    sigma from the position that all others give: they are hardly used. Where three or more follow
+    each other either side may be right, so the distance `doubt_m` (n,) is part of the sigma there.
     """
 
     track: Track
@@ -103,10 +101,10 @@ class SmoothedTrack:
         """Number of fixes set aside."""
         return int(np.count_nonzero(self.outlier))
 
-    def at(self, t_ns: IntArray) -> Places:
-        """Places at any times, shape (n,); the further from a fix, the less certain."""
+    def at(self, t_ns: IntArray) -> Positions:
+        """Positions at any times, shape (n,); the farther from a fix, the less certain."""
         fix_s, t_s = _clock_s(self.track, self.track.t_ns), _clock_s(self.track, t_ns)
-        mean, variance = _between(fix_s, self.series, self.accel_m2s3, t_s)
+        mean, variance = interpolate(fix_s, self.series, self.accel_m2s3, t_s)
         lasting_m = sqrt(LASTING_SHARE * _slow_share(self.white_share)) * _claimed_m(self.track)
         variance = (
             variance
@@ -114,26 +112,24 @@ class SmoothedTrack:
             + np.interp(t_s, fix_s, self.doubt_m) ** 2
         )
         x_m, y_m = mean.T + np.array([[self.track.x_m[0]], [self.track.y_m[0]]])
-        return Places(x_m, y_m, variance[:, None, None] * np.eye(2), np.sqrt(variance))
+        return Positions(x_m, y_m, variance[:, None, None] * np.eye(2), np.sqrt(variance))
 
 
-def place(obs: CellObservations, walker: SmoothedTrack) -> CellObservations:
-    """The same readings at the walker's smoothed places."""
-    found = walker.at(obs.t_ns)
-    return replace(obs, x_m=found.x_m, y_m=found.y_m, position_sigma_m=found.sigma_m)
+def relocate(obs: CellObservations, walk: SmoothedTrack) -> CellObservations:
+    """The same readings at the walker's smoothed positions."""
+    smooth = walk.at(obs.t_ns)
+    return replace(obs, x_m=smooth.x_m, y_m=smooth.y_m, position_sigma_m=smooth.sigma_m)
 
 
 def velocities(fixes: Rows, track: Track) -> Velocities:
-    """Speed and course from the table `fixes`, joined to a track by record number; unknown where
-    the table has none.
+    """Speed and course from the table `fixes`, joined to a track by record number.
 
-    Receivers print no course at rest: slower than 0.5 m/s the velocity then is zero, give or take
-    the speed.
+    Unknown where the table has none. Receivers print no course at rest: below 0.5 m/s the velocity
+    is then zero with the speed as sigma.
     """
     order = np.argsort(fixes["seq"])
-    row = fixes[
-        order[np.minimum(np.searchsorted(fixes["seq"], track.seq, sorter=order), len(fixes) - 1)]
-    ]
+    number = np.searchsorted(fixes["seq"], track.seq, sorter=order)
+    row = fixes[order[np.minimum(number, len(fixes) - 1)]]
     speed = np.where(row["seq"] == track.seq, row["speed_mps"], np.nan)
     still = ~np.isfinite(row["course_deg"]) & (speed < _STILL_MPS)
     moving = np.isfinite(speed * row["course_deg"])
@@ -144,9 +140,7 @@ def velocities(fixes: Rows, track: Track) -> Velocities:
 
 
 def _convergence(row: Rows, track: Track) -> FloatArray:
-    """Azimuth of grid north in radians: tan = tan(dlon) sin(lat), dlon from the middle of the
-    zone.
-    """
+    """Azimuth of grid north, radians: tan = tan(dlon) sin(lat), dlon from the central meridian."""
     middle_deg = 6.0 * abs(track.utm.zone) - 183.0
     dlon = np.radians((row["lon_deg"] - middle_deg + 180.0) % 360.0 - 180.0)
     return np.asarray(np.arctan(np.tan(dlon) * np.sin(np.radians(row["lat_deg"]))), float)
@@ -157,7 +151,7 @@ def smooth_track(track: Track, velocity: Velocities | None = None) -> SmoothedTr
     excess = np.zeros((len(track.t_ns), 2))
     q, share = _likeliest(lambda q, share: score(_model(track, velocity, q, share), excess))
     model = _model(track, velocity, q, share)
-    score(model, excess)  # outliers by what came before, to begin with
+    score(model, excess)  # the first weights come from the fixes before each
     for _ in range(_REWEIGHTINGS):
         excess = excess_variance(*smooth(model, excess)[1:])
     series, apart2, expected = smooth(model, excess)
@@ -167,21 +161,21 @@ def smooth_track(track: Track, velocity: Velocities | None = None) -> SmoothedTr
 
 
 def _in_a_run(outlier: BoolArray) -> BoolArray:
-    """Which outliers have others beside them, so many that it may be the rest that is wrong."""
+    """Which outliers belong to a run so long that the other fixes may be the wrong ones."""
     number = np.cumsum(~outlier)
-    return outlier & (
-        np.bincount(number[outlier], minlength=len(outlier) + 1)[number] >= _DOUBTFUL_RUN
-    )
+    length = np.bincount(number[outlier], minlength=len(outlier) + 1)[number]
+    return outlier & (length >= _DOUBTFUL_RUN)
 
 
 def _model(track: Track, velocity: Velocities | None, q: float, share: float) -> Model:
-    east, north, velocity_sigma = velocity or (np.zeros(len(track.t_ns)),) * 2 + (
-        np.full(len(track.t_ns), np.inf),
-    )
+    if velocity is None:
+        none = np.zeros(len(track.t_ns))
+        velocity = Velocities(none, none, np.full(len(none), np.inf))
+    east, north, velocity_sigma = velocity
     claimed_m = _claimed_m(track)
     step_s = _steps_s(_clock_s(track, track.t_ns))
     z = np.stack([[track.x_m - track.x_m[0], east], [track.y_m - track.y_m[0], north]]).T
-    rate = np.maximum(1.0 / np.maximum(step_s, 0.1), 1.0)
+    rate = np.maximum(1.0 / np.maximum(step_s, _LEAST_STEP_S), 1.0)
     return Model(
         step_s,
         q * np.where(step_s > MAX_GAP_S, GAP_FACTOR, 1.0),
@@ -194,8 +188,8 @@ def _model(track: Track, velocity: Velocities | None, q: float, share: float) ->
 
 
 def _clock_s(track: Track, t_ns: IntArray) -> FloatArray:
-    """Seconds since the first fix, gaps of more than an hour counted as an hour."""
-    fix_s, t_s = (track.t_ns - track.t_ns[0]) / 1e9, (t_ns - track.t_ns[0]) / 1e9
+    """Seconds since the first fix; a gap of more than an hour counts as an hour."""
+    fix_s, t_s = ((times_ns - track.t_ns[0]) / 1e9 for times_ns in (track.t_ns, t_ns))
     beyond_s = np.clip(t_s - np.clip(t_s, 0.0, fix_s[-1]), -_LONGEST_STEP_S, _LONGEST_STEP_S)
     return np.asarray(np.interp(t_s, fix_s, np.cumsum(_steps_s(fix_s))) + beyond_s, float)
 
@@ -209,29 +203,27 @@ def _claimed_m(track: Track) -> FloatArray:
 
 
 def _slow_share(white_share: float) -> float:
-    """Slow variance by the claimed one: what is not white, but half of it where more is white than
-    was claimed.
-    """
+    """Slow variance by the claimed one: what is not white, but half of the claim at least."""
     return max(1.0 - white_share**2, 0.5)
 
 
 def _likeliest(likelihood: Callable[[float, float], float]) -> tuple[float, float]:
     """The best pair of candidates, one coordinate at a time: they hardly depend on each other."""
-    q, share, known = 0.1, 0.05, cache(likelihood)
+    q, share, cached = 0.1, 0.05, cache(likelihood)
     for _ in range(2):
-        q = max(ACCELERATIONS_M2S3, key=lambda one: known(one, share))
-        share = max(WHITE_SHARES, key=lambda one: known(q, one))
+        q = max(ACCELERATIONS_M2S3, key=lambda candidate: cached(candidate, share))
+        share = max(WHITE_SHARES, key=lambda candidate: cached(q, candidate))
     return q, share
 
 
-def _between(
+def interpolate(
     fix_s: FloatArray, series: Series, q: float, t_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean (n, 2) and variance (n,) of the place at any times.
+    """Mean (n, 2) and variance (n,) of the position at any times.
 
     Given the fixes up to the one before, p(t) has a mean, a variance and a covariance u with the
     state just before the next fix. With r and N of that fix the mean moves by u' r and the variance
-    falls by u' N u. Before the first fix the walk is the same taken backwards.
+    falls by u' N u. Before the first fix the walk is the same in reversed time.
     """
     last = len(fix_s) - 1
     before = np.clip(np.searchsorted(fix_s, t_s, side="right") - 1, 0, last)
@@ -248,6 +240,6 @@ def _between(
     u0, u1 = u0 + ahead * u1 + q_here * ahead**3 / 3.0, u1 + q_here * ahead**2 / 2.0
     u = np.column_stack([u0 + rest * u1, u1, u2 * np.exp(-step_s / WANDER_S)])
     r, n = series.r[after], series.n[after]
-    inner = before < last
-    mean += np.where(inner[:, None], np.einsum("ni,nij->nj", u, r), 0.0)
-    return mean, variance - np.where(inner, np.einsum("ni,nij,nj->n", u, n, u), 0.0)
+    u[before == last] = 0.0  # no fix follows
+    mean += np.einsum("ni,nij->nj", u, r)
+    return mean, variance - np.einsum("ni,nij,nj->n", u, n, u)

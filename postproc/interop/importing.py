@@ -94,7 +94,7 @@ def _check_times(source: Path, form: Format, heard: Sequence[Heard]) -> None:
     except GeoError:  # nothing can be located there, which is told by who tries
         return
     why = track_plausibility.too_fast(track) or track_plausibility.too_many_apart(
-        walker.smooth_track(stale_fixes.fresh(track))
+        walker.smooth_track(stale_fixes.without_stale(track))
     )
     if why:
         raise RunFileError(

@@ -60,7 +60,7 @@ def _trim(values: FloatArray, limit_sigmas: float | None) -> tuple[FloatArray, f
 
 
 def _distance(values: FloatArray, low: float, high: float) -> float:
-    """Largest difference between the distribution of the values and the normal law within limits."""
+    """Largest difference between the distribution of the values and the truncated normal law."""
     mean, sigma = float(np.mean(values)), max(float(np.std(values, ddof=1)), 1e-300)
     if np.isfinite(low):
         sigma *= _untrimmed_sigma((high - low) / (2.0 * sigma))

@@ -94,7 +94,7 @@ def setting(
     runs: int = 10_000,
     seed: int = 0,
 ) -> Setting:
-    """The README's simulation, with the arguments in position of its values.
+    """The README's simulation, with the arguments instead of its values.
 
     Raises `ConfigError` as `Setting` does.
     """

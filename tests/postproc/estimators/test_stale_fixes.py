@@ -17,7 +17,7 @@ def test_repeated_places_shortly_before_a_jump_are_old():
     """100 m in jumps every 8 s, and each place told again every second."""
     t_s = np.arange(80)
     given = track(t_s, 100.0 * (t_s // 8))
-    found = stale_fixes.fresh(given)
+    found = stale_fixes.without_stale(given)
     assert found.seq.tolist() == [
         *range(0, 72, 8),
         *range(72, 80),
@@ -33,7 +33,7 @@ def test_repeated_places_shortly_before_a_jump_are_old():
 def test_who_stands_for_an_hour_stands():
     t_s = np.arange(0, 3600, 5)
     given = track(t_s, np.where(t_s < 3500, 0.0, 30.0))
-    kept = stale_fixes.fresh(given)
+    kept = stale_fixes.without_stale(given)
     assert len(kept.t_ns) > 700
     assert not np.any((kept.t_ns > 3441 * 10**9) & (kept.t_ns < 3500 * 10**9))
 
@@ -43,12 +43,12 @@ def test_a_receiver_that_writes_few_digits_loses_no_fix():
     given = track(
         t_s, np.round(0.3 * t_s)
     )  # each place told three times, but no step is longer than the errors
-    assert len(stale_fixes.fresh(given).t_ns) == 200
+    assert len(stale_fixes.without_stale(given).t_ns) == 200
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_short_tracks(n):
-    assert len(stale_fixes.fresh(track(range(n), [100.0 * i for i in range(n)])).t_ns) == n
+    assert len(stale_fixes.without_stale(track(range(n), [100.0 * i for i in range(n)])).t_ns) == n
 
 
 # --- plausible ---

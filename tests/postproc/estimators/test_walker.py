@@ -124,7 +124,7 @@ def test_smoother_agrees_with_the_dense_solution():
             times_s[-1] + np.array([0.5, 8.0]),
         ]
     )
-    mean, variance = walker._between(times_s, series, q, asked_s)
+    mean, variance = walker.interpolate(times_s, series, q, asked_s)
     # beyond gaps of 10 s the walk is taken to be livelier than the dense solution has it
     step_s = np.diff(times_s)[np.clip(np.searchsorted(times_s, asked_s, side="right") - 1, 0, 12)]
     same = step_s <= 10.0
@@ -324,7 +324,7 @@ def test_readings_are_placed_on_the_smoothed_walk():
     smoothed = walker.smooth_track(track(t_s, xy))
     t_ns = smoothed.track.t_ns[10:20] + 400_000_000
     obs = CellObservations("c", None, Utm(33), t_ns, *np.zeros((4, 10)), np.arange(10))
-    placed = walker.place(obs, smoothed)
+    placed = walker.relocate(obs, smoothed)
     found = smoothed.at(t_ns)
     np.testing.assert_array_equal(placed.x_m, found.x_m)
     np.testing.assert_array_equal(placed.position_sigma_m, found.sigma_m)
