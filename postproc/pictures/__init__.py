@@ -1,1 +1,1 @@
-"""What a run looks like: one `Picture`, drawn as a rerun recording and as a printed page."""
+"""Pictures of a run: what they show (`survey`, `picture`), and the printed ones (`plots`)."""

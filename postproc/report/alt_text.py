@@ -54,7 +54,7 @@ def distance(fit: Fit) -> str:
     text = (
         f"{len(fit.level_dbm)} readings at distances of {metres(near_m)} to {metres(far_m)} from "
         f"the most likely position. The model falls from {high_dbm:.0f} to {low_dbm:.0f} dBm. The "
-        f"residuals have a standard deviation of {fit.sigma_db:.1f} dB; {beyond:.1%} of them "
+        f"residuals have a standard deviation of {fit.sigma_db:.1f} dB; {100.0 * beyond:.1f} % "
         "exceed twice that (4.6 % of a normal distribution would)."
     )
     n_censored = int(np.count_nonzero(~fit.uncensored))
@@ -107,14 +107,14 @@ def consistency(filtered: FilterPath, tested: Consistency) -> str:
     nis = filtered.nis[np.isfinite(filtered.innovation_db)]
     above = float(np.mean(nis > NIS_95)) if len(nis) else 0.0
     low, high = tested.nis_bounds
-    verdict = "it is" if low <= tested.mean_nis <= high else "it is not"
+    side = "inside" if low <= tested.mean_nis <= high else "outside"
     lags = np.abs(tested.autocorrelation)
     n_outside = int(np.count_nonzero(lags > tested.white_bound))
     return (
-        f"The mean NIS of {tested.n - tested.n_at_limit} innovations is {tested.mean_nis:.2f}. For "
-        f"a consistent filter with white innovations it is between {low:.2f} and {high:.2f}: here "
-        f"{verdict}. {above:.1%} of the values exceed the 95 % bound. {n_outside} of {len(lags)} "
-        f"lags are outside the band of white noise; {0.05 * len(lags):.0f} are expected by chance."
+        f"The mean NIS of {tested.n - tested.n_at_limit} innovations is {tested.mean_nis:.2f}, "
+        f"{side} the interval of a consistent filter, {low:.2f} to {high:.2f}. "
+        f"{100.0 * above:.1f} % of the values exceed the 95 % bound. {n_outside} of {len(lags)} "
+        f"lags are outside the band of white noise, where chance puts {0.05 * len(lags):.0f}."
     )
 
 

@@ -47,7 +47,7 @@ def answer(cell: CellResult) -> Answer:
     if cell.verdict == "located":
         area = area_text(posterior.region_area_m2)
         position = degrees_text(obs.utm, posterior.x_m, posterior.y_m)
-        text = f"It stands in a region of {area} around {position} with a probability of 95 %."
+        text = f"With a probability of 95 %, it is in a region of {area} around {position}."
         return Answer(cell.verdict, f"Located within {metres(posterior.r95_m)}", text, None)
     modes = relevant_modes(posterior.modes)
     shares = [

@@ -1,3 +1,1 @@
-"""A run in the rerun viewer: what is told of it, drawn on sheets of a recording, and the programs
-that show it.
-"""
+"""A run in the rerun viewer: the view model, its recording, and the programs that show it."""

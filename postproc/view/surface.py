@@ -58,7 +58,8 @@ class Surface(NamedTuple):
         **labels: Any,
     ) -> None:
         """A point for each time, or `counts` of them; `labels` (n,) change with the points."""
-        self.log_static(path, self._points.from_fields(**self._style(style)))
+        shown = {"show_labels": True} if labels and self.is_plan else {}
+        self.log_static(path, self._points.from_fields(**self._style(style), **shown))
         columns = self._points.columns(**self._point_fields(positions_m, labels))
         self.send_columns(path, t_ns, columns if counts is None else columns.partition(counts))
 

@@ -26,7 +26,7 @@ def headless_viewer(folder: Path, *through: str) -> Iterator[ViewerClient]:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     program = viewer.binary()
-    environment = viewer.discreet(program, folder) | {
+    environment = viewer.offline_environment(program, folder) | {
         "VK_ICD_FILENAMES": str(DRIVER),
         "XDG_RUNTIME_DIR": str(folder),
     }

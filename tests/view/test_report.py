@@ -1,12 +1,10 @@
-"""The report in a real browser: nothing leaves the screen, nothing is asked of anybody, everybody
-can read it.
-"""
+"""The report in a real browser: it fits the screen, requests nothing and is accessible."""
 
 from dataclasses import replace
 
 import pytest
 
-from postproc.report.rendering import report
+from postproc.report.rendering import make_report
 from tests.kit import sample_results as kit
 from tests.kit.browser import axe_core, browser
 
@@ -14,7 +12,7 @@ pytestmark = pytest.mark.slow
 
 PHONE, DESKTOP = 390, 1280
 VIEWS = [(PHONE, False), (PHONE, True), (DESKTOP, False), (DESKTOP, True)]
-NAMES = ["phone in light", "phone in darkness", "desktop in light", "desktop in darkness"]
+NAMES = ["light phone", "dark phone", "light desktop", "dark desktop"]
 
 FAULTY = """<!doctype html><html><head><title>faulty</title></head><body>
 <div style="width: 3000px">too wide</div><img src="http://127.0.0.1:9/x.png">
@@ -30,15 +28,15 @@ def chromium():
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    """Every kind of cell, and a name that no line can hold."""
+    """Every kind of cell, and a name longer than any line."""
     folder = tmp_path_factory.mktemp("page")
-    found = kit.sample_result(
-        kit.write_run(folder / "walk.journal", seconds=240, cells=3), verdict="ambiguous", places=2
-    )
-    first, second, third = found.cells
+    run = kit.write_run(folder / "walk.journal", seconds=240, cells=3)
+    result = kit.sample_result(run, verdict="ambiguous", places=2)
+    first, second, third = result.cells
     second = replace(second, obs=replace(second.obs, cell="x" * 200), cell="x" * 200)
     path = folder / "walk.html"
-    report(replace(found, cells=(first, second, third)), kit.sample_claims(found)).write(path)
+    claims = kit.sample_claims(result)
+    make_report(replace(result, cells=(first, second, third)), claims).write(path)
     return path
 
 
@@ -49,52 +47,55 @@ def shown(request, chromium, page):
     return chromium
 
 
-def test_nothing_reaches_out_of_the_screen(shown):
+def test_everything_fits_the_screen(shown):
     assert shown.overflowing_elements() == []
 
 
-def test_nothing_is_asked_of_anybody_and_the_console_is_silent(shown):
+def test_it_requests_nothing_and_the_console_is_empty(shown):
     assert shown.requested_urls() == []
     assert shown.console_messages() == []
 
 
-def test_axe_finds_no_barrier(chromium, page):
+def test_axe_finds_no_violation(chromium, page):
     axe = axe_core()
     for width, dark in VIEWS:
         chromium.open(page, width=width, dark=dark)
         assert chromium.accessibility_violations(axe) == [], (width, dark)
 
 
-def test_darkness_reaches_the_pictures(chromium, page):
-    def lightness(what):
-        script = f"return getComputedStyle(document.querySelector('{what[0]}')).{what[1]}"
+def test_pictures_follow_the_colour_scheme(chromium, page):
+    def brightness(selector, colour):
+        """Sum of red, green and blue, from 0 to 765."""
+        script = f"return getComputedStyle(document.querySelector('{selector}')).{colour}"
         return sum(map(int, chromium.evaluate(script).split("(")[1].rstrip(")").split(",")[:3]))
 
-    chromium.open(page, width=DESKTOP, dark=False)
-    day = [lightness(one) for one in (("html", "backgroundColor"), (".picture text", "fill"))]
-    chromium.open(page, width=DESKTOP, dark=True)
-    night = [lightness(one) for one in (("html", "backgroundColor"), (".picture text", "fill"))]
-    assert (day[0] > 600, night[0] < 150) == (True, True), (day, night)
-    assert (day[1] < 150, night[1] > 600) == (True, True), (day, night)
+    def ground_and_text(*, dark):
+        chromium.open(page, width=DESKTOP, dark=dark)
+        return brightness("html", "backgroundColor"), brightness(".picture text", "fill")
+
+    light_ground, dark_text = ground_and_text(dark=False)
+    dark_ground, light_text = ground_and_text(dark=True)
+    assert min(light_ground, light_text) > 600
+    assert max(dark_ground, dark_text) < 150
 
 
-def test_words_of_pictures_are_large_enough_for_a_telephone(chromium, page):
+def test_text_in_pictures_is_legible_on_a_phone(chromium, page):
     chromium.open(page, width=PHONE, dark=False)
-    script = """return [...document.querySelectorAll('.picture text')].map(t =>
-      parseFloat(getComputedStyle(t).fontSize) * Math.hypot(t.getScreenCTM().a, t.getScreenCTM().b))"""
+    script = """return [...document.querySelectorAll('.picture text')].map(text => {
+      const {a, b} = text.getScreenCTM();
+      return parseFloat(getComputedStyle(text).fontSize) * Math.hypot(a, b);
+    })"""
     assert min(chromium.evaluate(script)) > 9.0
 
 
 def test_an_hour_of_eight_cells_stays_below_three_megabytes(tmp_path):
-    found = kit.sample_result(
-        kit.write_run(tmp_path / "hour.journal", seconds=3600, cells=1),
-        verdict="ambiguous",
-        places=2,
-    )
-    cells = tuple(replace(found.cells[0], cell=f"{found.cells[0].cell}-{i}") for i in range(8))
-    made = report(replace(found, cells=cells))
-    assert len(made.cells) == 8
-    assert 1_000_000 < len(made.html.encode()) < 3_000_000
+    run = kit.write_run(tmp_path / "hour.journal", seconds=3600, cells=1)
+    result = kit.sample_result(run, verdict="ambiguous", places=2)
+    (cell,) = result.cells
+    cells = tuple(replace(cell, cell=f"{cell.cell}-{i}") for i in range(8))
+    report = make_report(replace(result, cells=cells))
+    assert len(report.cells) == 8
+    assert 1_000_000 < len(report.html.encode()) < 3_000_000
 
 
 def test_prints(chromium, page):
@@ -102,7 +103,7 @@ def test_prints(chromium, page):
     assert chromium.pdf().startswith(b"%PDF")
 
 
-def test_the_checks_would_notice(chromium, tmp_path):
+def test_the_checks_find_faults(chromium, tmp_path):
     """A page with one fault of each kind."""
     path = tmp_path / "faulty.html"
     path.write_text(FAULTY)
@@ -112,11 +113,11 @@ def test_the_checks_would_notice(chromium, tmp_path):
     assert any("broken" in text for text in chromium.console_messages())
 
 
-def test_axe_would_notice(chromium, tmp_path):
+def test_axe_finds_faults(chromium, tmp_path):
     path = tmp_path / "faulty.html"
     path.write_text(FAULTY)
     axe = axe_core()
     chromium.open(path, width=PHONE, dark=False)
     assert {"image-alt", "color-contrast", "html-has-lang"} <= {
-        one["id"] for one in chromium.accessibility_violations(axe)
+        violation["id"] for violation in chromium.accessibility_violations(axe)
     }

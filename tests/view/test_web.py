@@ -1,6 +1,4 @@
-"""The served viewer in a real browser: the walk is on the canvas, and nothing leaves the
-machine.
-"""
+"""The served viewer in a real browser: it shows the walk and calls no other machine."""
 
 import signal
 import time
@@ -19,14 +17,14 @@ pytestmark = pytest.mark.slow
 
 WIDTH = 1280
 TIME_BAR = (255, 1051, 886)
-"""West, east and height of the bar of time, in pixels of that page."""
+"""West end, east end and height of the time bar, in pixels of that page."""
 PATIENCE_S = 180.0
 PLAN = (0.0, 0.4)
 """Of the page's width; farther east is the key."""
 
 
 class Address(str):
-    """What a browser opens."""
+    """A URL in place of a path."""
 
     __slots__ = ()
 
@@ -57,19 +55,19 @@ class Page:
     def screenshot(self):
         return self.driver.get_screenshot_as_png()
 
-    def settled(self):
-        """The picture once it no longer changes."""
+    def stable_screenshot(self):
+        """A screenshot that no longer changes."""
         seen = [b""]
 
-        def rests():
+        def is_stable():
             seen.append(self.screenshot())
             return seen[-1] == seen[-2]
 
-        self.wait(rests)
+        self.wait(is_stable)
         return seen[-1]
 
     def look_at(self, share):
-        """Click into the bar of time; the viewer's page has no other handle to it."""
+        """Click into the time bar: the page offers no other access to the cursor."""
         west, east, south = TIME_BAR
         for kind, button, pressed in (
             ("Moved", "none", 0),
@@ -90,8 +88,8 @@ class Page:
 @pytest.fixture(scope="module")
 def served(tmp_path_factory):
     folder = tmp_path_factory.mktemp("web")
-    found = kit.sample_result(kit.write_run(folder / "walk.journal", seconds=240, cells=4))
-    write_scene(sample_view(found), folder / "walk.rrd", online=False)
+    result = kit.sample_result(kit.write_run(folder / "walk.journal", seconds=240, cells=4))
+    write_scene(sample_view(result), folder / "walk.rrd", online=False)
     running = WebServer(folder / "walk.rrd")
     yield running
     assert running.stop(signal.SIGINT) == 0
@@ -108,32 +106,27 @@ def outline(png):
     return count_pixels(png, colours.POSTERIOR, within=PLAN, off=12)
 
 
-def test_the_walk_is_on_the_canvas_and_nothing_leaves(served, chromium):
+def test_it_shows_the_walk_and_calls_no_other_machine(served, chromium):
     page = Page(chromium, served.address)
     page.wait(lambda: not missing_items(page.screenshot(), within=PLAN))
-    late = outline(page.settled())
+    late = outline(page.stable_screenshot())
     page.look_at(1 / 3)
     page.wait(lambda: outline(page.screenshot()) > 1.5 * late > 0)
-    # what the page asks of others is answered on the spot
-    assert (
-        chromium.evaluate("return fetch('https://tel.example/').then(answer => answer.status)")
-        == 204
-    )
-    asked = chromium.requested_urls()
-    assert any(url.endswith("/run.rrd") for url in asked)
-    assert {url for url in asked if not url.startswith(served.address)} == set()
+    # a request to another machine is answered within the page
+    fetch = "return fetch('https://tel.example/').then(answer => answer.status)"
+    assert chromium.evaluate(fetch) == 204
+    urls = chromium.requested_urls()
+    assert any(url.endswith("/run.rrd") for url in urls)
+    assert all(url.startswith(served.address) for url in urls)
     assert page.errors() == []
 
 
-def test_nothing_is_not_taken_for_a_walk_and_a_request_is_noticed(served, chromium):
-    """The negative control: a page without a recording, in which somebody asks another machine for
-    a picture.
-    """
+def test_an_empty_page_and_an_external_request_are_detected(served, chromium):
+    """The negative control: no recording, and an image from another machine."""
     page = Page(chromium, served.address + "?hide_welcome_screen&persist=0")
     time.sleep(3.0)
     assert len(missing_items(page.screenshot(), within=PLAN)) > 3
-    chromium.evaluate(
-        "const image = new Image(); document.body.append(image); image.src = 'https://192.0.2.1/x.png'"
-    )
+    script = "const image = new Image(); document.body.append(image);"
+    chromium.evaluate(f"{script} image.src = 'https://192.0.2.1/x.png'")
     page.wait(page.errors)
     assert any("192.0.2.1" in url for url in chromium.requested_urls())

@@ -70,7 +70,8 @@ def answer(result, **changes):
 def test_a_located_cell_needs_no_further_walk(result):
     located = answer(result)
     assert (located.title, located.advice) == ("Located within 29 m", None)
-    assert re.match(r"It stands in a region of .* m² around 52\.50\d+ 13\.40\d+ with", located.text)
+    expected = r"With a probability of 95 %, it is in a region of .* m² around 52\.50\d+ 13\.40"
+    assert re.match(expected, located.text)
 
 
 def test_an_ambiguous_cell_has_the_locators_advice(result):

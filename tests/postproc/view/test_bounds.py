@@ -18,7 +18,7 @@ from tests.kit.sample_view import sample_view
 
 
 def long_view(run):
-    """Every cell with its readings, the first with a posterior and as many states as a filter keeps."""
+    """Every cell with its readings, the first with a posterior and a filter path of full length."""
     observations = observe(*(run.tables[name] for name in ("fixes", "scans", "readings")))
     first, *others = observations.cells
     at = np.linspace(0, len(first) - 1, min(len(first), MOST_ROWS)).astype(int)

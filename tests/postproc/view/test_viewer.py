@@ -54,29 +54,25 @@ def test_it_runs_in_the_foreground_and_listens_here_only(screen, monkeypatch, tm
     assert not os.path.exists(opened.split()[-1])
 
 
+NO_GRAPHICS = (
+    "echo 'panicked at main: No graphics adapter was found' >&2; exit 102",
+    "echo 'Error: app creation: The GPU driver is lacking some abilities' >&2; exit 1",
+)
+NO_SCREEN = (
+    "echo 'Error: Failed to open connection to X server' >&2; exit 1",
+    "echo 'WARN no GPU'; echo 'Error: neither WAYLAND_DISPLAY nor DISPLAY is set' >&2; exit 1",
+)
+
+
 @pytest.mark.parametrize(
     ("then", "why"),
     [
-        (
-            "echo 'panicked at main: No graphics adapter was found' >&2; exit 102",
-            "no usable graphics",
-        ),
-        (
-            "echo 'Error: app creation error: The GPU driver is lacking some abilities' >&2; exit 1",
-            "no usable graphics",
-        ),
-        (
-            "echo 'Error: Failed to open connection to X server' >&2; exit 1",
-            "could not open the screen",
-        ),
-        (
-            "echo 'WARN no GPU'; echo 'Error: neither WAYLAND_DISPLAY nor DISPLAY is set' >&2; exit 1",
-            "open the screen",
-        ),
+        *((script, "no usable graphics") for script in NO_GRAPHICS),
+        *((script, "could not open the screen") for script in NO_SCREEN),
         ("exit 7", "code 7"),
     ],
 )
-def test_what_went_wrong_is_one_line(then, why, screen, monkeypatch, tmp_path, capfd):
+def test_a_failure_of_the_viewer_is_one_line(then, why, screen, monkeypatch, tmp_path, capfd):
     monkeypatch.setattr(viewer, "binary", lambda: fake(tmp_path, then))
     with pytest.raises(ConfigError, match=f"{why}.*--web"):
         show(write, "run")
