@@ -33,7 +33,7 @@ from logger.core.live_settings import LiveSettings
 from logger.core.locator.online import Heard
 from logger.core.locator.pipeline import locate
 from logger.core.observations import CellObservations
-from logger.core.spikes import Judged, SpikeFilter
+from logger.core.spikes import SpikeCheck, SpikeFilter
 
 SIMULATED = (
     "white-L",
@@ -74,8 +74,8 @@ class Compared(NamedTuple):
 class NoGuard(SpikeFilter[Heard]):
     """Takes every level."""
 
-    def take(self, reading: Heard) -> list[Judged[Heard]]:
-        return [Judged(reading, 0.0)]
+    def take(self, reading: Heard) -> list[SpikeCheck[Heard]]:
+        return [SpikeCheck(reading, 0.0)]
 
 
 def desk(world: World, obs: CellObservations, *, guard: bool) -> Place:

@@ -17,11 +17,11 @@ from logger.check import NOT_THERE, Line, State, check, site_config
 from logger.config import SiteConfig
 from logger.core.censoring import levels_dbm
 from logger.core.errors import DeviceError
-from logger.core.observations import UERE_M
 from logger.core.rows import Rows
 from logger.core.runfile import Run, read_run
 from logger.core.runfile.journal_file import is_recording
 from logger.core.runfile.run_names import JOURNAL, first_part
+from logger.core.track import UERE_M
 from logger.core.types import DEAD_RECKONING
 from logger.device.clock import SystemClock
 from logger.device.mode_switch import left_changed

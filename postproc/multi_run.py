@@ -16,8 +16,9 @@ from pyproj import Geod
 from logger.core.errors import ConfigError, GeoError
 from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
-from logger.core.observations import CellObservations, Observations, Track
+from logger.core.observations import CellObservations, Observations
 from logger.core.runfile import Run
+from logger.core.track import Track
 from postproc.result import ObservedRun, RunShare
 
 FARTHEST_KM = 300.0

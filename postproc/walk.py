@@ -6,17 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from logger.core.errors import EstimationError
-from logger.core.observations import (
-    TIMING_S,
-    CellObservations,
-    Observations,
-    observe,
-    scan_times_ns,
-    smeared_sigma_m,
-)
+from logger.core.observations import CellObservations, Observations, observe, scan_times_ns
 from logger.core.provenance import has_times, is_import
 from logger.core.rows import Rows
 from logger.core.runfile import Run
+from logger.core.track import TIMING_S, smeared_sigma_m
 from postproc.estimators import stale_fixes, track_plausibility, walker
 from postproc.estimators.walker import SmoothedTrack
 from postproc.result import ObservedRun

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from logger.core.geo import Utm
-from logger.core.observations import UNKNOWN_SIGMA_M
+from logger.core.track import UNKNOWN_SIGMA_M
 from postproc.interop.walk_csv import read_walk
 
 from .world import Walk, World

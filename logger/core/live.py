@@ -18,7 +18,7 @@ from logger.core.live_reference import LiveReference
 from logger.core.live_settings import LiveSettings
 from logger.core.locator.online import Heard
 from logger.core.model.prior import Prior, prior_for
-from logger.core.observations import TIMING_S
+from logger.core.track import TIMING_S
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
 LIVE_DECORRELATION_M = (12.0, 40.0, 200.0)

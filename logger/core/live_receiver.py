@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 from logger.core.errors import GeoError
 from logger.core.geo import Utm
-from logger.core.observations import TIMING_S, fix_sigma_m, smeared_sigma_m
 from logger.core.sample_hold import SampleHold
+from logger.core.track import TIMING_S, fix_sigma_m, smeared_sigma_m
 from logger.core.types import Fix, Note, Scan
 
 _LEAST_S = 1.0

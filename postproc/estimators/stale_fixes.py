@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.observations import Track
+from logger.core.track import Track
 
 SLOW_MPS = 0.5
 """Slow walk: a jump is assumed to have taken no longer than its length at this speed."""

@@ -7,7 +7,7 @@ kilometres: it takes distant fixes for errors of the receiver.
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.observations import Track
+from logger.core.track import Track
 from postproc.estimators.stale_fixes import steps
 from postproc.estimators.walker import SmoothedTrack
 

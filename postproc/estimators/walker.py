@@ -30,8 +30,9 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.observations import MAX_GAP_S, CellObservations, Track
+from logger.core.observations import CellObservations
 from logger.core.rows import Rows
+from logger.core.track import MAX_GAP_S, Track
 from postproc.estimators.walker_kalman import Model, Series, excess_variance, score, smooth
 
 USABLE_SIGMA_M = 20.0

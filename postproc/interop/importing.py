@@ -9,8 +9,8 @@ import numpy as np
 
 from logger.core.errors import GeoError, RunFileError
 from logger.core.geo import Utm
-from logger.core.observations import Track, fix_sigma_m
 from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES
+from logger.core.track import Track, fix_sigma_m
 from logger.core.types import Fix, Note, Record, Scan
 from postproc.estimators import stale_fixes, track_plausibility, walker
 from postproc.interop.decompression import unpacked

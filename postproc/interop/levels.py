@@ -15,11 +15,12 @@ import numpy.typing as npt
 from logger.core.arrays import IntArray
 from logger.core.censoring import levels_dbm
 from logger.core.geo import Utm
-from logger.core.observations import MAX_GAP_S, SIGMA_OF_RADIUS68, Observations, observe
+from logger.core.observations import Observations, observe
 from logger.core.provenance import is_import
 from logger.core.rows import values_of
 from logger.core.runfile import Run
 from logger.core.timebase import fit_run
+from logger.core.track import MAX_GAP_S, SIGMA_OF_RADIUS68
 from logger.core.types import CellReading, Fix
 from postproc.interop.sighting import Heard
 

@@ -21,9 +21,9 @@ from threadpoolctl import threadpool_limits
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import ConfigError
 from logger.core.live import LiveTracker
-from logger.core.observations import MAX_GAP_S, Track, track_of
 from logger.core.provenance import SHARED, origin_of_copy
 from logger.core.runfile import Run
+from logger.core.track import MAX_GAP_S, Track, track_of
 from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
 from postproc.interop.run_builder import Append, meta_of, spare, write_run
 

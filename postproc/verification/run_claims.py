@@ -14,8 +14,8 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from logger.core.model.prior import Prior
-from logger.core.observations import Track
 from logger.core.runfile import Run
+from logger.core.track import Track
 from postproc.scan_counts import scans_of, too_rarely
 from postproc.smoothing import Progress, observed_cells
 from postproc.verification.cell_claim import ClaimOptions, undecided, verify_cell

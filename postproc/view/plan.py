@@ -7,7 +7,7 @@ import rerun as rr
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import ellipse95
-from logger.core.observations import MAX_GAP_S
+from logger.core.track import MAX_GAP_S
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour

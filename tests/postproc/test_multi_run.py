@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from logger.core.geo import Utm
-from logger.core.observations import Track
 from logger.core.runfile import RunWriter, Truth, read_run
+from logger.core.track import Track
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.cli import main
 from postproc.multi_run import in_zone, modems_of

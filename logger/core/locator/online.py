@@ -32,7 +32,7 @@ from logger.core.model.blocks import (
 )
 from logger.core.model.marginal import Evidence, marginal
 from logger.core.model.prior import Prior
-from logger.core.spikes import Judged, SpikeFilter
+from logger.core.spikes import SpikeCheck, SpikeFilter
 
 MOST_BLOCKS = 100
 FEWEST_BLOCKS = 4
@@ -130,7 +130,7 @@ class OnlineLocator:
             if not spike_db:
                 self.take(reading)
 
-    def judged(self, heard: Heard) -> list[Judged[Heard]]:
+    def judged(self, heard: Heard) -> list[SpikeCheck[Heard]]:
         """Readings of which the neighbours are known now, in their order; a spike is not to be
         taken.
         """

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from logger.core.geo import Utm
-from logger.core.observations import Track
+from logger.core.track import Track
 from postproc.estimators import stale_fixes, track_plausibility, walker
 
 

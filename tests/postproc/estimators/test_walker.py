@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from logger.core.geo import Utm
-from logger.core.observations import CellObservations, Track
+from logger.core.observations import CellObservations
 from logger.core.rows import DTYPES
+from logger.core.track import Track
 from postproc.estimators import walker, walker_kalman
 from tests.kit.scaling import cost_growth
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from logger.core.errors import RunFileError
-from logger.core.observations import UNKNOWN_SIGMA_M
 from logger.core.runfile import read_run
+from logger.core.track import UNKNOWN_SIGMA_M
 from logger.core.types import Fix, Note, Scan
 from postproc.cli import main
 from postproc.info import describe

@@ -5,8 +5,8 @@ import pytest
 
 from logger.core.geo import Utm
 from logger.core.live import LiveTracker
-from logger.core.observations import track_of
 from logger.core.runfile import RunWriter, convert_journal, read_run
+from logger.core.track import track_of
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan
 from postproc.cli import main
 from tests.kit.runs import UTC0_NS, meta
