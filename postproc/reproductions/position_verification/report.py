@@ -2,9 +2,8 @@
 
 The report prints detection probabilities of both tests for sigma 100 m and 20 km, with and without
 uncertainty of the claim (37.8, 37.8, 87.0 m), four receivers, false positions off by 2 sigma in two
-coordinates. Neither the places of the receivers nor the false-alarm rate are in its text. What can
-be tested is the relation of its two columns: one noncentrality, spread over 4 degrees of freedom
-and over 3.
+coordinates. Its text contains neither the positions of the receivers nor the false-alarm rate. The
+relation of its two columns can be tested: one noncentrality, with 4 degrees of freedom and with 3.
 """
 
 from collections.abc import Sequence
@@ -22,9 +21,7 @@ from postproc.verification.normality import normality
 SIGMAS_M = (100.0, 20_000.0)
 CLAIM_SIGMA_M = (37.8, 37.8, 87.0)
 P_FA = 0.05
-"""Not the report's, which is not known: the smallest customary rate under which its printed values
-are possible.
-"""
+"""The smallest customary rate that allows the printed values; the report gives none."""
 
 PRINTED = (
     (0.98, 0.98),
@@ -36,26 +33,29 @@ PRINTED = (
     (0.93, 0.95),
     (0.93, 0.95),
 )
-"""Printed pairs, direct and indirect; which row of the table each belongs to is not known."""
+"""Printed pairs, direct and indirect; the row of the table that each belongs to is not known."""
 
 CANNOT_BE_KNOWN = (
-    "the places of the receivers: the text of the report does not give them; those here are an input",
     (
-        "the false-alarm rate: not given either, and the pairs do not tell, since the direct column fixes the indirect "
-        "one within 0.03 for any rate; a printed 1.00 needs 0.02 or more where the noncentrality is at most 8 per "
-        "receiver"
+        "the positions of the receivers: the text of the report does not give them; "
+        "those here are an input"
+    ),
+    (
+        "the false-alarm rate: not given either, and it does not follow from the pairs, since the "
+        "direct column fixes the indirect one within 0.03 for any rate; a printed 1.00 needs 0.02 "
+        "or more where the noncentrality is at most 8 per receiver"
     ),
     "which printed pair belongs to which row, and the direction of the offset",
 )
 
-_APART_SIGMAS = 15.0
-_OFFSETS = ((2.0, 2.0), (2.0, -2.0))
-_CAP_PER_RECEIVER = 8.0
-_ROUNDING = 0.005
-_RANGE_M, _RANGE_ETA, _RANGE_SIGMA_DB, _RANGE_OFFSET_DB = 500.0, 3.0, 4.0, 1.0
+_APART_SIGMAS = 15.0  # so far away, ranges are linear over an offset of 2 sigma
+_OFFSETS = ((2.0, 2.0), (2.0, -2.0))  # in sigmas: the report's size, and both directions of it
+_CAP_PER_RECEIVER = 8.0  # |offset|^2 / sigma^2, where a receiver lies in the offset's direction
+_ROUNDING = 0.005  # of the printed values
+_RANGE = {"distance_m": 500.0, "eta": 3.0, "sigma_db": 4.0, "offset_db": 1.0}  # a usual street
 _CUT_SIGMAS = 3.0
-_SAMPLE = 500
-_MOST_TRIALS = 5_000_000
+_SAMPLE = 500  # values for the check of normality, which is quadratic in time
+_MOST_TRIALS = 5_000_000  # 1 GB
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,11 +85,11 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class PrintedPair:
-    """A printed pair, and the indirect value that the direct one gives with 2, 3 or 4 degrees of
-    freedom.
+    """A printed pair, and the indirect value that follows from the direct one.
 
-    `indirect` is given for the printed direct value and the ends of its rounding; `possible` is
-    False where the direct value is larger than the offset allows at this false-alarm rate.
+    `dof2`, `dof3` and `dof4` are that value for so many degrees of freedom, `difference` is printed
+    minus `dof3`. `possible` is False where the direct value is larger than the offset allows at
+    this false-alarm rate.
     """
 
     printed_direct: float
@@ -103,9 +103,7 @@ class PrintedPair:
 
 
 def default_receivers(sigma_m: float) -> FloatArray:
-    """Corners of a regular tetrahedron about the true place, shape (4, 3): ours, for want of the
-    report's.
-    """
+    """Corners of a regular tetrahedron about the true position, shape (4, 3); our choice."""
     corners = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
     return np.asarray(_APART_SIGMAS * sigma_m * corners / 3.0**0.5, float)
 
@@ -113,16 +111,12 @@ def default_receivers(sigma_m: float) -> FloatArray:
 def places(texts: Sequence[str]) -> FloatArray:
     """Receivers from X,Y or X,Y,Z in metres, shape (n, d); raises `ConfigError`."""
     try:
-        found = [[float(value) for value in text.split(",")] for text in texts]
+        receivers_m = np.array([text.split(",") for text in texts], float)
     except ValueError:
-        found = []
-    if (
-        len({len(one) for one in found}) != 1
-        or len(found[0]) not in {2, 3}
-        or not np.all(np.isfinite(found))
-    ):
+        receivers_m = np.empty((0, 0))
+    if receivers_m.shape[1] not in {2, 3} or not np.all(np.isfinite(receivers_m)):
         raise ConfigError("receivers are given as X,Y or X,Y,Z in metres, all alike")
-    return np.array(found)
+    return receivers_m
 
 
 def table(
@@ -132,8 +126,9 @@ def table(
     trials: int,
     rng: np.random.Generator,
 ) -> list[Row]:
-    """The report's cases for receivers (n, d) about a true place at the origin; raises
-    `ConfigError`.
+    """The report's cases for receivers (n, d) about a true position at the origin.
+
+    Raises `ConfigError`.
     """
     if not 0.0 < p_fa < 1.0:
         raise ConfigError(f"a false-alarm rate lies between 0 and 1, not at {p_fa:g}")
@@ -141,13 +136,13 @@ def table(
     for sigma_m in sigmas_m:
         if not (np.isfinite(sigma_m) and sigma_m > 0.0):
             raise ConfigError(f"a sigma is larger than zero, not {sigma_m:g} m")
-        places = default_receivers(sigma_m) if receivers_m is None else receivers_m
-        d = places.shape[1] if places.ndim == 2 else 0
+        scene_m = default_receivers(sigma_m) if receivers_m is None else receivers_m
+        d = scene_m.shape[1] if scene_m.ndim == 2 else 0
         for claim_sigma in ((0.0,) * d, CLAIM_SIGMA_M[:d]):
-            scene = Scene(places, np.full(len(places), sigma_m), np.array(claim_sigma))
-            rows += [
-                _row(scene, sigma_m, np.array(o) * sigma_m, p_fa, trials, rng) for o in _OFFSETS
-            ]
+            scene = Scene(scene_m, np.full(len(scene_m), sigma_m), np.array(claim_sigma))
+            for offset in _OFFSETS:
+                offset_m = np.array(offset) * sigma_m
+                rows.append(_row(scene, sigma_m, offset_m, p_fa, trials, rng))
     return rows
 
 
@@ -161,13 +156,10 @@ def _row(
 ) -> Row:
     true_m = np.zeros(scene.dimensions)
     claim_m = np.pad(offset_m, (0, scene.dimensions - 2))
-    direct, indirect = (
-        theory.direct(scene, true_m, claim_m),
-        theory.indirect(scene, true_m, claim_m),
-    )
+    direct = theory.direct(scene, true_m, claim_m)
+    indirect = theory.indirect(scene, true_m, claim_m)
     alarms = theory.simulate(scene, true_m, true_m, p_fa, trials, rng)
-    found = theory.simulate(scene, true_m, claim_m, p_fa, trials, rng)
-    has = indirect is not None
+    detections = theory.simulate(scene, true_m, claim_m, p_fa, trials, rng)
     return Row(
         sigma_m,
         tuple(scene.claim_sigma_m.tolist()),
@@ -175,18 +167,16 @@ def _row(
         direct.noncentrality,
         indirect.noncentrality if indirect else None,
         Rates(p_fa, alarms.direct),
-        Rates(p_fa if has else None, alarms.indirect),
-        Rates(direct.power(p_fa), found.direct),
-        Rates(indirect.power(p_fa) if indirect else None, found.indirect),
+        Rates(p_fa if indirect else None, alarms.indirect),
+        Rates(direct.power(p_fa), detections.direct),
+        Rates(indirect.power(p_fa) if indirect else None, detections.indirect),
         detection(p_fa, scene.dimensions, direct.noncentrality),
         theory.not_observable(scene, true_m),
     )
 
 
-def printed(p_fa: float) -> list[PrintedPair]:
-    """The relation between the printed columns at a false-alarm rate: nothing of it depends on the
-    receivers.
-    """
+def printed_pairs(p_fa: float) -> list[PrintedPair]:
+    """The relation of the printed columns at a false-alarm rate, whatever the receivers."""
     most = detection(p_fa, 4, 4 * _CAP_PER_RECEIVER)
     return [_pair(direct, indirect, p_fa, most) for direct, indirect in PRINTED]
 
@@ -214,32 +204,24 @@ def summary(
         raise ConfigError(f"between 1 and {_MOST_TRIALS} trials")
     rng = np.random.default_rng(seed)
     rows = table(p_fa, receivers_m, sigmas_m, trials, rng)
-    error, drawn = ranging.range_errors(
-        _RANGE_M, _RANGE_ETA, _RANGE_SIGMA_DB, _RANGE_OFFSET_DB, trials, rng
-    )
-    sample = drawn[:_SAMPLE]
-    checks = {
-        "first_taylor_term": rng.normal(error.mean_m, error.sigma_m, len(sample)),
-        "exact": sample,
+    error, errors_m = ranging.range_errors(**_RANGE, trials=trials, rng=rng)
+    sample_m = errors_m[:_SAMPLE]
+    samples_m = {
+        "first_taylor_term": rng.normal(error.mean_m, error.sigma_m, len(sample_m)),
+        "exact": sample_m,
     }
     return {
         "p_fa": p_fa,
         "trials": trials,
         "receivers": "ours: a regular tetrahedron" if receivers_m is None else receivers_m.tolist(),
         "rows": [asdict(row) for row in rows],
-        "printed": [asdict(pair) for pair in printed(p_fa)],
+        "printed": [asdict(pair) for pair in printed_pairs(p_fa)],
         "cannot_be_known": list(CANNOT_BE_KNOWN),
-        "range_error": {
-            "distance_m": _RANGE_M,
-            "eta": _RANGE_ETA,
-            "sigma_db": _RANGE_SIGMA_DB,
-            "offset_db": _RANGE_OFFSET_DB,
-            **error._asdict(),
-        },
-        "normality": {name: _normality(values, rng) for name, values in checks.items()},
+        "range_error": _RANGE | error._asdict(),
+        "normality": {name: _normality(values, rng) for name, values in samples_m.items()},
     }
 
 
 def _normality(values: FloatArray, rng: np.random.Generator) -> list[dict[str, Any]]:
-    found = (normality(values, limit, rng) for limit in (None, _CUT_SIGMAS))
-    return [one._asdict() for one in found if one]
+    checks = (normality(values, limit, rng) for limit in (None, _CUT_SIGMAS))
+    return [check._asdict() for check in checks if check]

@@ -17,8 +17,11 @@ def print_theory(found: Json) -> None:
     say(console, "each: theory / simulated", bullet="  ")
     for note in sorted({row["note"] for row in found["rows"] if row["note"]}):
         say(console, note, bullet="  ")
-    says = "printed in the report, and the indirect value that the direct one gives by degrees of freedom"
-    say(console, f"\n{says}")
+    say(
+        console,
+        "\nprinted in the report, and the indirect value that follows from the direct one, "
+        "by degrees of freedom",
+    )
     titles = ["direct", "indirect", "3 (ours)", "2", "4", "printed - ours"]
     table(console, titles, [_printed_row(pair) for pair in found["printed"]])
     say(console, "cannot be known")
@@ -48,33 +51,25 @@ def _printed_row(pair: Json) -> list[str]:
 
 def _print_ranging(console: Console, found: Json) -> None:
     error = found["range_error"]
-    says = (
-        f"ranging by level at {error['distance_m']:g} m, eta {error['eta']:g}, {error['sigma_db']:g} dB, "
-        f"{error['offset_db']:g} dB off: C = {error['slope_db_per_m']:.4f} dB/m"
+    say(
+        console,
+        f"\nranging by level at {error['distance_m']:g} m, eta {error['eta']:g}, "
+        f"{error['sigma_db']:g} dB, {error['offset_db']:g} dB off: "
+        f"C = {error['slope_db_per_m']:.4f} dB/m",
     )
-    say(console, f"\n{says}")
+    ways = ("{}_m", "exact_{}_m", "simulated_{}_m")
     rows = [
-        [
-            f"{name} (m)",
-            *(
-                f"{error[key]:.1f}"
-                for key in (f"{name}_m", f"exact_{name}_m", f"simulated_{name}_m")
-            ),
-        ]
+        [f"{name} (m)", *(f"{error[way.format(name)]:.1f}" for way in ways)]
         for name in ("mean", "sigma")
     ]
-    table(
-        console, ["", "first Taylor term", "exact", "simulated"], rows, right=("exact", "simulated")
-    )
+    titles = ["", "first Taylor term", "exact", "simulated"]
+    table(console, titles, rows, right=("exact", "simulated"))
     for law, checks in found["normality"].items():
         for check in checks:
-            cut = (
-                "all values"
-                if check["limit_sigmas"] is None
-                else f"within {check['limit_sigmas']:g} sigma"
-            )
-            what = f"normal? {law.replace('_', ' ')}, {cut}: KS {check['distance']:.3f}, p {check['p']:.3f}"
-            say(console, what, bullet="  ")
+            limit = check["limit_sigmas"]
+            values = "all values" if limit is None else f"within {limit:g} sigma"
+            result = f"KS {check['distance']:.3f}, p {check['p']:.3f}"
+            say(console, f"normal? {law.replace('_', ' ')}, {values}: {result}", bullet="  ")
 
 
 def _rates(rates: Json) -> str:

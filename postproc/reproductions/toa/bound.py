@@ -1,9 +1,9 @@
 """The Cramer-Rao bound of a position from ranges: of one epoch, and of all epochs so far.
 
 J = sum over ranges of u u' / sigma^2, u the unit vector from anchor to position; at constant
-velocity u becomes [u, j u] in the epoch j before. At an anchor a range has no derivative: there u is taken
-along the path, its limit for an object on it. The bound is for unbiased estimators; where sigma is
-as large as the field, a biased one may be better.
+velocity u becomes [u, j u] in the epoch j before. At an anchor a range has no derivative: there u
+is taken along the path, its limit for an object on it. The bound is for unbiased estimators; where
+sigma is as large as the field, a biased one may be better.
 """
 
 import numpy as np

@@ -5,8 +5,8 @@ With Z_i = |X - a_i| + v_i, v_i ~ N(0, sigma^2), a squared range is
     Z_i^2 = |X|^2 - 2 a_i' X + |a_i|^2 + e_i
     E e_i = sigma^2,    var e_i = 4 sigma^2 |X - a_i|^2 + 2 sigma^4
 
-so that |X|^2 and the bias cancel in differences. With D the matrix of differences (one row e_i - e_j for
-each pair i < j)
+so that |X|^2 and the bias cancel in differences. With D the matrix of differences (one row e_i -
+e_j for each pair i < j)
 
     z = D (Z^2 - |a|^2) = H X + D e,    H = -2 D a,    R = 4 sigma^2 D diag(Z^2) D'
 

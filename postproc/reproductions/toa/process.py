@@ -40,7 +40,7 @@ _PUBLISHED = {
 README_SIGMA2_M2 = tuple(_PUBLISHED)
 
 
-def published(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> Process | None:
+def readme_values(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> Process | None:
     """The README's values, None for another variance, other anchors or another path."""
     same_anchors = np.array_equal(anchors.position_m, README_ANCHORS_M)
     if not same_anchors or not np.array_equal(path_m, README_PATH_M):

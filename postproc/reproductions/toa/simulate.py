@@ -69,10 +69,10 @@ class Row:
 
     `kf` is the README's filter with the printed Q and E[w] where it has them (`is_printed`),
     `squares` the filter without a singular matrix. `epoch_bound` and `motion_bound` are mean errors
-    of Gaussians that reach the Cramer-Rao bound of one epoch and of constant velocity; the latter is
-    None for another motion. `kf_nees` and `squares_nees` are the normalised errors squared by degree of
-    freedom over the filtered steps: 1 for a covariance that is true. `pinv_difference_m` is the
-    largest difference between pseudo-inverse and independent rows over some of the runs.
+    of Gaussians that reach the Cramer-Rao bound of one epoch and of constant velocity; the latter
+    is None for another motion. `kf_nees` and `squares_nees` are the normalised errors squared by
+    degree of freedom over the filtered steps: 1 for a covariance that is true. `pinv_difference_m`
+    is the largest difference between pseudo-inverse and independent rows over some of the runs.
     """
 
     sigma2_m2: float
@@ -114,7 +114,7 @@ def simulate(setting: Setting) -> Iterator[Row]:
 
 
 def _row(setting: Setting, sigma2_m2: float, rng: np.random.Generator) -> Row:
-    published = process.published(setting.anchors, setting.path_m, sigma2_m2)
+    published = process.readme_values(setting.anchors, setting.path_m, sigma2_m2)
     # squares of coordinates keep their digits near the origin, and no error depends on the origin
     middle_m = np.mean(setting.anchors.position_m, axis=0)
     anchors, path_m = Anchors(setting.anchors.position_m - middle_m), setting.path_m - middle_m

@@ -1,7 +1,7 @@
 """The same task without a singular matrix: a filter on the squared ranges themselves.
 
-The state is [x, y, vx, vy]. No differences are taken, so R is diagonal and S of full rank. For X ~ N(m, C) the moments of a
-squared range are exact:
+The state is [x, y, vx, vy]. No differences are taken, so R is diagonal and S of full rank. For X ~
+N(m, C) the moments of a squared range are exact:
 
     E Z^2 = |m - a|^2 + tr C + sigma^2
     S     = G C G' + 2 tr(C^2) 1 1' + diag(4 sigma^2 (|m - a|^2 + tr C) + 2 sigma^4)
@@ -9,8 +9,8 @@ squared range are exact:
 
 (second-order filter; Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and
 Navigation, sec. 10.3). It has no trouble at an anchor, where the range itself has no derivative.
-Its motion model is the one that the README assumes, constant velocity, without the noise of the fixes counted as
-process noise.
+Its motion model is the one that the README assumes, constant velocity, without the noise of the
+fixes counted as process noise.
 """
 
 import numpy as np

@@ -82,8 +82,8 @@ def compare(claim: Claim, runs: int) -> list[Line]:
     levels_dbm = [
         noisy_level_dbm(SPEC, x_m, y_m, [claim.readings, run], NOISE_DB) for run in range(runs)
     ]
-    reference, by_reference = _run(run_reference, x_m, y_m, levels_dbm)
-    cellwalk, by_cellwalk = _run(run_locator, x_m, y_m, levels_dbm)
+    reference, by_reference = _medians(run_reference, x_m, y_m, levels_dbm)
+    cellwalk, by_cellwalk = _medians(run_locator, x_m, y_m, levels_dbm)
     prior = Prior()
     precision = np.array([prior.p0_sigma_db, prior.eta_sigma]) ** -2.0
     least = bound.covariance(bound.slopes(SPEC, x_m, y_m), NOISE_DB**2, precision)
@@ -117,7 +117,7 @@ def compare(claim: Claim, runs: int) -> list[Line]:
     ]
 
 
-def _run(
+def _medians(
     estimate: Estimator, x_m: FloatArray, y_m: FloatArray, levels_dbm: list[FloatArray]
 ) -> tuple[Outcome, list[Outcome]]:
     """Medians over the runs, and the outcome of each."""

@@ -2,15 +2,15 @@ import numpy as np
 import pytest
 
 from logger.core.errors import ConfigError
-from postproc.reproductions.position_verification.report import printed, summary
+from postproc.reproductions.position_verification.report import printed_pairs, summary
 
 
 def test_indirect_column_follows_from_the_direct_one_with_three_degrees_of_freedom():
     for p_fa in (0.02, 0.05, 0.1):
-        for pair in printed(p_fa):
+        for pair in printed_pairs(p_fa):
             assert abs(pair.difference) <= 0.03
             assert pair.dof2 > pair.dof3 > pair.dof4
-    pair = next(pair for pair in printed(0.05) if pair.printed_direct == 0.93)
+    pair = next(pair for pair in printed_pairs(0.05) if pair.printed_direct == 0.93)
     assert round(pair.dof3, 2) == 0.95
     assert round(pair.dof2, 2) != 0.95
     assert round(pair.dof4, 2) != 0.95
@@ -19,7 +19,7 @@ def test_indirect_column_follows_from_the_direct_one_with_three_degrees_of_freed
 def test_a_printed_one_needs_a_rate_of_two_per_cent():
     for p_fa, possible in ((0.01, False), (0.019, False), (0.021, True), (0.05, True)):
         assert all(
-            pair.possible == possible for pair in printed(p_fa) if pair.printed_direct == 1.0
+            pair.possible == possible for pair in printed_pairs(p_fa) if pair.printed_direct == 1.0
         )
 
 
@@ -38,7 +38,7 @@ def test_summary_holds_every_case_and_says_what_is_unknown():
 @pytest.mark.parametrize(
     "change", [{"p_fa": 0.0}, {"p_fa": 1.5}, {"sigmas_m": (0.0,)}, {"trials": 0}]
 )
-def test_wishes_that_make_no_sense(change):
+def test_options_that_make_no_sense(change):
     with pytest.raises(ConfigError):
         summary(
             **{"p_fa": 0.05, "receivers_m": None, "sigmas_m": (100.0,), "trials": 10, "seed": 0}

@@ -30,7 +30,10 @@ def textbook(anchors, ranges, sigma2, noise, p):
 
 @pytest.mark.parametrize("sigma2", process.README_SIGMA2_M2)
 def test_pseudo_inverse_and_independent_rows_agree(sigma2):
-    noise, p1 = process.published(README, PATH, sigma2), kalman.initial_p_m2(README, PATH, sigma2)
+    noise, p1 = (
+        process.readme_values(README, PATH, sigma2),
+        kalman.initial_p_m2(README, PATH, sigma2),
+    )
     ranges = simulated(README, PATH, sigma2, 300)
     rows = kalman.by_independent_rows(README, ranges, sigma2, noise, p1)
     pinv = kalman.by_pseudo_inverse(README, ranges, sigma2, noise, p1)

@@ -3,14 +3,14 @@ import pytest
 
 from postproc.reproductions.toa.lse import fix_m
 from postproc.reproductions.toa.model import README_ANCHORS_M, README_PATH_M, Anchors
-from postproc.reproductions.toa.process import README_SIGMA2_M2, closed_form, published
+from postproc.reproductions.toa.process import README_SIGMA2_M2, closed_form, readme_values
 
 README, PATH = Anchors(np.array(README_ANCHORS_M)), np.array(README_PATH_M)
 
 
 @pytest.mark.parametrize("sigma2", README_SIGMA2_M2)
 def test_the_printed_q_and_mean_are_the_derived_ones_with_sampling_noise(sigma2):
-    found, expected = published(README, PATH, sigma2), closed_form(README, PATH, sigma2)
+    found, expected = readme_values(README, PATH, sigma2), closed_form(README, PATH, sigma2)
     variance = 4.28 * sigma2 + 0.025 * sigma2**2
     assert expected.q_m2 == pytest.approx(variance * np.eye(2))
     # of 10 000 runs: 1.4 % for a variance, 1 % of it for a covariance, 1 % of its root for a mean
@@ -37,6 +37,6 @@ def test_a_turn_of_the_path_is_process_noise():
 
 
 def test_the_table_is_for_its_own_geometry():
-    assert published(README, PATH, 0.5) is None
-    assert published(README, PATH[:5], 1.0) is None
-    assert published(Anchors(README.position_m + 1.0), PATH, 1.0) is None
+    assert readme_values(README, PATH, 0.5) is None
+    assert readme_values(README, PATH[:5], 1.0) is None
+    assert readme_values(Anchors(README.position_m + 1.0), PATH, 1.0) is None
