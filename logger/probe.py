@@ -26,7 +26,7 @@ T = TypeVar("T")
 BAUDS = (115_200, 9600, 38_400, 57_600, 4800, 230_400, 460_800, 19_200)
 """Tried in this order: modems and USB, then receivers, then what is rare."""
 LISTEN_S = 1.3
-"""A receiver at 1 Hz has said something by then."""
+"""A receiver at 1 Hz has printed an epoch by then."""
 _SENTENCES = 2
 """Right checksums that make a receiver: one may be noise."""
 _TRIES = 2
@@ -43,7 +43,7 @@ Kind = Literal["modem", "gnss", "unknown", "busy"]
 class PortReport:
     """One port: a name that stays when it is replugged where there is one, and what answered there.
 
-    `receiver` says whether a modem has one of its own, None where that is not known.
+    `receiver` is whether the modem has one of its own, None where unknown.
     """
 
     port: str
@@ -56,7 +56,7 @@ class PortReport:
 
 
 def serial_ports() -> dict[str, str]:
-    """Serial ports of this machine that belong to a device, and what USB says of each."""
+    """Serial ports of this machine that belong to a device, and the USB description of each."""
     ports = {}
     for found in list_ports.comports():
         usb = "" if found.vid is None else f"{found.vid:04x}:{found.pid:04x} {found.description}"
@@ -66,7 +66,7 @@ def serial_ports() -> dict[str, str]:
 
 
 def probe(ports: dict[str, str], bauds: Iterable[int] = BAUDS) -> list[PortReport]:
-    """Look at all ports at once; each is opened and, where no receiver speaks, sent `AT`."""
+    """Look at all ports at once; each is opened and, without a receiver there, sent `AT`."""
     tried = tuple(bauds)
     with ThreadPoolExecutor(max(len(ports), 1)) as pool:
         return list(pool.map(lambda port: _probe_port(port, ports[port], tried), ports))
@@ -87,10 +87,10 @@ def _probe_port(port: str, usb: str, bauds: tuple[int, ...]) -> PortReport:
     for baud in bauds:
         try:
             with Port(port, baud, 0.1) as opened:
-                if _hears_nmea(opened):
+                if _is_receiver(opened):
                     return PortReport(name, usb, "gnss", baud, text="NMEA")
-                if _answers(opened) and (who := converse(opened, identify())):
-                    driver, text = who
+                if _answers(opened) and (found := converse(opened, identify())):
+                    driver, text = found
                     receiver = converse(opened, _has_receiver(driver))
                     return PortReport(name, usb, "modem", baud, driver.name, text, receiver)
         except DeviceError as error:
@@ -98,24 +98,24 @@ def _probe_port(port: str, usb: str, bauds: tuple[int, ...]) -> PortReport:
     return PortReport(name, usb, "unknown", text="nothing that is known has answered")
 
 
-def _hears_nmea(port: Port) -> bool:
-    framer, heard = NmeaFramer(), 0
+def _is_receiver(port: Port) -> bool:
+    framer, n_sentences = NmeaFramer(), 0
     for data in _chunks(port, LISTEN_S):
-        heard += sum(isinstance(event, Sentence) for event in framer.feed(data))
-        if heard >= _SENTENCES:
+        n_sentences += sum(isinstance(event, Sentence) for event in framer.feed(data))
+        if n_sentences >= _SENTENCES:
             return True
     return False
 
 
 def _answers(port: Port) -> bool:
-    """Whether something answers OK to `AT`, the first of which only tells the modem the rate."""
+    """Whether something answers OK to `AT`, the first of which sets the rate."""
     return any(_ask(port, AtFramer(), Command("AT", timeout_s=0.5)).ok for _ in range(_TRIES))
 
 
 def _has_receiver(driver: Family) -> Dialogue[bool]:
     """Whether the modem has a receiver of its own, which is not switched on for it.
 
-    It knows the command that asks for a fix, or the one that switches the receiver on: a test
+    It has the command that asks for a fix, or the one that switches the receiver on: a test
     command of the form AT+X=? is answered OK where AT+X= is known (ITU-T V.250 5.4.1).
     """
     tests = (Command(on.text.partition("=")[0] + "=?") for on in driver.gnss_start_commands)
@@ -154,7 +154,7 @@ def _chunks(port: Port, seconds: float) -> Iterator[bytes]:
 class Proposal:
     """Text of a site.toml, which `fieldlogger check` accepts where nothing is missing.
 
-    `advice` says in one line what is missing and what to do; the text has it as comments.
+    `advice` is one line on what is missing and what to do; the text has it as comments.
     """
 
     text: str

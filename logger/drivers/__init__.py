@@ -1,1 +1,1 @@
-"""What devices say: bytes and text in, values out; nothing here opens, waits or reads a clock."""
+"""Drivers: bytes and text of devices in, values out; no I/O, no waiting, no clock."""

@@ -44,9 +44,9 @@ class Family:
     """Full scans: each command takes long and is a scan of its own, with polls in between."""
     gnss_start_commands: ClassVar[tuple[Command, ...]] = ()
     gnss_poll_commands: ClassVar[tuple[Command, ...]] = ()
-    """The modem's own receiver, used where the configuration says so."""
+    """The modem's own receiver, used if configured."""
     mode_commands: ClassVar[tuple[ModeCommand, ...]] = ()
-    """What restricts the modem to GSM, used where the configuration says so; a modem has one."""
+    """What restricts the modem to GSM, used if configured; a modem has one."""
 
     def setup(self) -> Dialogue[bool]:
         """Prepare the modem after power-up or a restart; False when a needed command is refused."""

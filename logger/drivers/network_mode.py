@@ -1,8 +1,8 @@
 """Network mode selection: read it, restrict a modem to GSM, and set it back.
 
 This is the one exception to listening. A modem that is given another choice leaves its network and
-may register anew, which transmits. So it is done only where the configuration says so, and what is
-set back is the value that the modem itself has told before. Sources: firmware_notes of each family.
+may register anew, which transmits. It is done only if configured, and the
+value that is set back is the one that the modem reported before. Sources: firmware_notes.
 """
 
 import re
@@ -95,7 +95,7 @@ def ask_model() -> Dialogue[str | None]:
 def read_mode(commands: Sequence[ModeCommand]) -> Dialogue[tuple[ModeCommand, str] | None]:
     """The first of the commands that the modem answers, and its value.
 
-    A value counts that is told twice in a row: one damaged on the line must not be set later.
+    A value counts once it is reported twice in a row: a damaged one must not be set later.
     """
     for command in commands:
         before = None
@@ -113,7 +113,7 @@ def read_mode(commands: Sequence[ModeCommand]) -> Dialogue[tuple[ModeCommand, st
 def set_mode(command: ModeCommand, value: str) -> Dialogue[str | None]:
     """Set a value; returns the one that the modem has then, None where it reports none.
 
-    A modem that tells the technologies and those preferred may take the first alone.
+    A modem that reports allowed and preferred technologies may accept the first alone.
     """
     shorter = value.partition(",")[0]
     values = (

@@ -68,7 +68,7 @@ def family_of(identity: str) -> Family:
 
 
 def claimants(identity: str, families: Iterable[Family]) -> list[Family]:
-    """Drivers with the most specific claim on an identity; none where nobody claims it."""
+    """Drivers with the most specific claim on an identity; none where no driver claims it."""
     ranks = {family: family.claim.rank(identity) for family in families}
     highest = max(ranks.values())
     return [family for family, rank in ranks.items() if rank == highest > 0]
@@ -77,7 +77,7 @@ def claimants(identity: str, families: Iterable[Family]) -> list[Family]:
 def reader_of(lines: Sequence[str]) -> Family:
     """The driver that reads most in a transcript: cells with an identity, cells, rows, values.
 
-    Of several that read the same it is the first by name; `generic` where nobody reads a row.
+    Of several that read the same it is the first by name; `generic` where no driver reads a row.
     """
 
     def count(driver: Family) -> tuple[int, ...]:

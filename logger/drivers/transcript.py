@@ -33,11 +33,13 @@ def rows_of(driver: Family, lines: Sequence[str]) -> tuple[Row, ...]:
 
 
 def replies_of(driver: Family, lines: Sequence[str]) -> Iterator[list[str]]:
-    """Lines by reply; a final code ends one, a command or an unasked serving cell begins one."""
-    unasked = not any(_FINAL.match(line.strip()) or _COMMAND.match(line.strip()) for line in lines)
+    """Lines by reply, from a command (or an unsolicited serving cell) to a final code."""
+    unsolicited = not any(
+        _FINAL.match(line.strip()) or _COMMAND.match(line.strip()) for line in lines
+    )
     reply: list[str] = []
     for line in lines:
-        begins = driver.role_of(line) == "serving" if unasked else _COMMAND.match(line.strip())
+        begins = driver.role_of(line) == "serving" if unsolicited else _COMMAND.match(line.strip())
         if begins and reply:
             yield reply
             reply = []

@@ -55,7 +55,7 @@ _IDLE = frozenset({"NOCONN", "LIMSRV"})
 
 
 class Cinterion(Family):
-    """The serving cell and six neighbours, by whichever command the modem knows."""
+    """The serving cell and six neighbours, by the command that the modem has."""
 
     name = "cinterion"
     claim = Claim(maker=r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b")
@@ -66,7 +66,7 @@ class Cinterion(Family):
         (Command("AT^SMONC"),),
         (Command("AT^MONI"), Command("AT^MONP")),
     )
-    """From the best to the poorest, each with the neighbours' command last; no modem knows all."""
+    """From the best to the poorest, each with the neighbours' command last; no modem has all."""
     poll_commands = (
         *(command for way in ways for command in way),
         *Generic.poll_commands,

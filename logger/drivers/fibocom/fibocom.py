@@ -186,8 +186,8 @@ def _cell(fields: list[str], heading: str) -> _Cell | None:
         for name, text in named.items()
     )
     # of a GSM row only the front is known; a row of another length has a comma more or less
-    whole = len(fields) > len(_FRONT) if rat == "GSM" else len(fields) == len(layout)
-    return _Cell(rat, named) if whole and well_formed else None
+    complete = len(fields) > len(_FRONT) if rat == "GSM" else len(fields) == len(layout)
+    return _Cell(rat, named) if complete and well_formed else None
 
 
 def _base(cells: Sequence[_Cell], *, headings: bool) -> Callable[[str], int | None]:
@@ -213,7 +213,7 @@ def _reading(cell: _Cell, number: Callable[[str], int | None]) -> CellReading:
     mcc, mnc = network(named["mcc"], named["mnc"])
     area_bits, cell_bits = _BITS[rat]
     later = rat in {"LTE", "NR"}
-    place = area(named["area"], bits=area_bits)
+    area_code = area(named["area"], bits=area_bits)
     form = _CELL if rat in {"WCDMA", "LTE"} else None
     identity = cell_identity(named["cell"], cell_bits, form=form)
     is_nobody = identity in _NOBODY or (mcc is None and named["service"] != "1")
@@ -229,8 +229,8 @@ def _reading(cell: _Cell, number: Callable[[str], int | None]) -> CellReading:
         rat=rat,
         mcc=mcc,
         mnc=mnc,
-        lac=None if later else place,
-        tac=place if later else None,
+        lac=None if later else area_code,
+        tac=area_code if later else None,
         cid=None if is_nobody else identity,
         arfcn=channel,
         band=cell.band,

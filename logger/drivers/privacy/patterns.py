@@ -1,10 +1,9 @@
 """Patterns of personal numbers and texts in the output of devices, line by line.
 
-IMEI and IMSI have 15 digits, IMEISV 16 (3GPP TS 23.003), a SIM 18 to 22 (ITU-T E.118). What tells
-of a cell, a place or a time has at most 14 digits in a row, so these are blanked wherever they
-stand. Telephone numbers are shorter: they are known by a plus, by how they are grouped, by their
-quotes, or by the result that prints them (3GPP TS 27.007, TS
-27.005).
+IMEI and IMSI have 15 digits, IMEISV 16 (3GPP TS 23.003), a SIM 18 to 22 (ITU-T E.118). Data of
+cells, positions and times have at most 14 digits in a row, so longer ones are redacted everywhere.
+Telephone numbers are shorter: a plus, groups, quotes or the result that prints them show them
+(3GPP TS 27.007, TS 27.005).
 """
 
 import re
@@ -67,7 +66,7 @@ NUMBER = re.compile(
         )
     )
 )
-"""A number of a person or a device, whatever the line says."""
+"""A number of a person or a device in any line."""
 
 LABEL = re.compile(
     rb"(?<![A-Za-z])(?:IMEI(?:[ _-]?SV)?|IMSI|U?ICCID|CCID|MSISDN|MEID|ESN"

@@ -1,9 +1,9 @@
 """Redaction of personal numbers and messages, before anything is recorded or read.
 
 Nothing here asks for IMSI, IMEI, SIM or telephone numbers or for messages, but modems volunteer
-them (ATI of a SIM5360 prints the IMEI, +CLIP who calls, +CMT what somebody writes). `patterns`
-says in which forms. Every port is blanked, since a modem may stand behind any of them; what
-receivers say has none of these forms.
+them (ATI of a SIM5360 prints the IMEI, +CLIP the caller, +CMT a message). `patterns` has their
+forms. Every port is redacted, since a modem may be behind any of them; GNSS receivers print none of
+these forms.
 """
 
 import re
@@ -25,7 +25,7 @@ from logger.drivers.privacy.patterns import (
 _LONGEST = 2048
 """Bytes of a line that are looked at together; noise may have no line end at all."""
 _CONTEXT = 256
-"""What is kept of a longer one: more than any number has."""
+"""Bytes that remain of a longer one: more than any number has."""
 _LONGEST_TEXT = 700
 """A message has 160 characters, or in hexadecimal 350 digits; a line under way in one is held back
 so long.
@@ -44,7 +44,7 @@ class Redactor:
     def __init__(self) -> None:
         self._line = b""  # the line under way, with a carriage return that a line feed may follow
         self._n_passed = 0  # bytes of it that have been given out
-        self._private = False  # it is private to its end, by a beginning that is kept no longer
+        self._private = False  # it is private to its end, by a beginning that has been dropped
         self._text: _Text = ""  # lines that come are the text of a message
         self._begun = False  # of which one has come
 
@@ -101,7 +101,7 @@ class Redactor:
         return not (self._text == "message" and self._begun and ROW.match(line))
 
     def _follow(self, line: bytes) -> None:
-        """Take note of what a line says of those that come."""
+        """Update the state by a line, for the lines that follow it."""
         if not self._text or OF_DEVICE.match(line):
             name = name_of(line)
             self._text = "message" if name in MESSAGES else "listed" if name in LISTED else ""

@@ -53,29 +53,24 @@ AtEvent = Reply | Unsolicited | Garbage
 
 
 class AtFramer:
-    """Bytes of one modem to events; `send` says which command the coming lines answer."""
+    """Bytes of one modem to events; `send` sets which command the coming lines answer."""
 
     def __init__(self) -> None:
         self._buffer = b""  # the line under way
         self._overlong = False  # the beginning of that line has already been given up
         self._stale = False  # that line began before the pending command was written
         self._blanks = 0  # empty lines just before it
-        self._verbose = (
-            False  # a final code in words has been seen, so the modem prints no numeric ones
-        )
+        self._verbose = False  # a final code in words has come, so the modem prints no numeric ones
         self._command: str | None = None
         self._names: frozenset[str] = frozenset()  # prefixes of its answers
         self._lines: list[str] = []
         self._interrupted: set[int] = set()  # numbers of lines after which something else came
-        self._expired: frozenset[str] | None = (
-            None  # prefixes of the expired command that owes a final code
-        )
+        # prefixes of the expired command that owes a final code
+        self._expired: frozenset[str] | None = None
         self._expired_answered = False  # lines of that command have come late
         self._final_reassigned = False  # rule 3 has been applied while this command was pending
         self.echo_seen = False
-        """True where the last command came back, which a modem that was told not to does after a
-        restart only.
-        """
+        """True where the last command was echoed, which shows a restart after ATE0."""
 
     @property
     def n_lines(self) -> int:

@@ -34,7 +34,7 @@ class Command:
 class Reply:
     """The lines between a command and its final result code, None after a time-out.
 
-    `interrupted` are the numbers of the lines after which the modem said something else.
+    `interrupted` are the numbers of the lines after which the modem printed something else.
     """
 
     command: str

@@ -138,7 +138,7 @@ class GpsdFixes:
     def feed(self, report: Report, t_ns: int) -> Iterator[tuple[int, Fix]]:
         """Fixes completed by a report stamped `t_ns`; a fix has the stamp of its epoch's first TPV.
 
-        gpsd tells an epoch in one TPV or in several that know more and more, with SKY and GST
+        gpsd reports an epoch in one TPV or in several with more and more values, with SKY and GST
         before or after them. It ends when the next begins, or by `flush`; a TPV that comes after
         that is left out.
         """
@@ -230,8 +230,8 @@ def _accuracy_m(tpv: Tpv, gst: Gst, driver: str) -> float | None:
     """Radius that holds 68 % of the positions, where the receiver itself reports one.
 
     For an NMEA receiver gpsd makes up `eph`: a constant times the HDOP, often that of the epoch
-    before. Others tell it themselves, with a certainty that gpsd does not know and that nobody
-    should take for better than 68 %.
+    before. Others report it themselves, with a certainty unknown to gpsd, which is taken
+    as 68 %.
     """
     if (
         tpv.time is not None

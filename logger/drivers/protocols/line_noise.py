@@ -1,8 +1,8 @@
 """Lines with noise around them: what can be read without guessing.
 
 Noise before a line has taken nothing of it where the line begins with its name (`+CENG:`, `arfcn:`)
-or is a final code. Noise after a line may stand in place of its end, and noise in the middle in
-place of anything: such a line is no text.
+or is a final code. Noise after a line may replace its end, and noise in the middle any part
+of it: such a line is no text.
 """
 
 import re

@@ -38,9 +38,9 @@ _TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d)(?:\.(\d{0,9}))?")
 
 def fix_of(epoch: Mapping[type[Any], Any]) -> Fix:
     """Fix of the messages of one epoch by type; none where GGA (or GNS) and RMC disagree."""
-    place, rmc = epoch.get(pynmea2.GGA) or epoch.get(pynmea2.GNS), epoch.get(pynmea2.RMC)
-    quality = _worse(_quality(place), rmc)
-    position = (_position(place) or _position(rmc)) if _is_valid(place, quality, rmc) else None
+    gga, rmc = epoch.get(pynmea2.GGA) or epoch.get(pynmea2.GNS), epoch.get(pynmea2.RMC)
+    quality = _worse(_quality(gga), rmc)
+    position = (_position(gga) or _position(rmc)) if _is_valid(gga, quality, rmc) else None
     gsa = epoch.get(pynmea2.GSA)
     lat_deg, lon_deg = position or (None, None)
     speed_mps, course_deg = _motion(rmc, epoch.get(pynmea2.VTG)) if position else (None, None)
@@ -49,12 +49,10 @@ def fix_of(epoch: Mapping[type[Any], Any]) -> Fix:
         utc_ns=_first(map(_utc_ns, (rmc, epoch.get(pynmea2.ZDA)))),
         lat_deg=lat_deg,
         lon_deg=lon_deg,
-        alt_m=number(place.altitude) if place and position and nav_mode(gsa) != 2 else None,
+        alt_m=number(gga.altitude) if gga and position and nav_mode(gsa) != 2 else None,
         acc_m=_accuracy_m(epoch.get(pynmea2.GST)) if position else None,
-        hdop=_hdop(place, gsa),
-        sats_used=int(place.num_sats)
-        if place and re.fullmatch(r"\d{1,2}", place.num_sats)
-        else None,
+        hdop=_hdop(gga, gsa),
+        sats_used=int(gga.num_sats) if gga and re.fullmatch(r"\d{1,2}", gga.num_sats) else None,
         quality=quality,
         speed_mps=speed_mps,
         course_deg=course_deg,
@@ -85,23 +83,21 @@ def radius68_m(sigma_lat_m: float, sigma_lon_m: float) -> float:
     return math.sqrt(-math.log(1.0 - 0.68) * (sigma_lat_m**2 + sigma_lon_m**2))
 
 
-def _is_valid(place: Any, quality: int | None, rmc: Any) -> bool:
+def _is_valid(gga: Any, quality: int | None, rmc: Any) -> bool:
     # pynmea2's own is_valid is False for every RMC of NMEA 4.1 with navigational status V, and for
     # GGA quality 6.
-    if place and quality not in _POSITIONED:
+    if gga and quality not in _POSITIONED:
         return False
     # by position: pynmea2 before 1.19 has no name for the mode
     return not rmc or (rmc.status == "A" and not _NOT_MEASURED.intersection(rmc.data[11:12]))
 
 
-def _quality(place: Any) -> int | None:
+def _quality(gga: Any) -> int | None:
     """GGA quality 0 to 9; of a GNS that of its best constellation."""
-    if isinstance(place, pynmea2.GNS):
-        letter = _first(
-            letter if letter in place.mode_indicator else None for letter in _BEST_FIRST
-        )
+    if isinstance(gga, pynmea2.GNS):
+        letter = _first(letter if letter in gga.mode_indicator else None for letter in _BEST_FIRST)
         return _QUALITY_OF_MODE[letter or "N"]
-    return place.gps_qual if place and place.gps_qual in range(10) else None
+    return gga.gps_qual if gga and gga.gps_qual in range(10) else None
 
 
 def _worse(quality: int | None, rmc: Any) -> int | None:
@@ -157,10 +153,8 @@ def _accuracy_m(gst: Any) -> float | None:
     return radius68_m(sigmas_m[0], sigmas_m[1]) or None  # 0.0 fills the field
 
 
-def _hdop(place: Any, gsa: Any) -> float | None:
-    texts = (
-        [place.hdop if isinstance(place, pynmea2.GNS) else place.horizontal_dil] if place else []
-    )
+def _hdop(gga: Any, gsa: Any) -> float | None:
+    texts = [gga.hdop if isinstance(gga, pynmea2.GNS) else gga.horizontal_dil] if gga else []
     if gsa:
         texts.append(gsa.hdop)
     return _first(_within(number(text), math.inf) or None for text in texts)  # 0.0 fills the field

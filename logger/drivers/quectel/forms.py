@@ -2,7 +2,7 @@
 
 A form is the names of its values in their order; `_` is a value that is not read. A name with `!`
 must be there and fit, one with `*` must be known too: they prove the order, since a comma lost or
-added moves a value that does not fit into their place. Then the row has another form.
+added moves another value there, which does not fit. Then the row has another form.
 """
 
 import re
@@ -77,12 +77,12 @@ def cells(
     if shape is None or named is None:
         return ()
     uncut = not shape.is_cut(texts) or shape.identity <= named.keys()
-    who = identity(named) if uncut else {}
+    ids = identity(named) if uncut else {}
     values = levels(named)
-    if all(value is None for value in (*values.values(), *who.values())):
+    if all(value is None for value in (*values.values(), *ids.values())):
         return ()
     beside = {name: values.pop(name) for name in _BESIDE if name in values}
-    return (CellReading(role, rat, **who, **values, more={**(more or {}), **beside}),)
+    return (CellReading(role, rat, **ids, **values, more={**(more or {}), **beside}),)
 
 
 def levels(named: Mapping[str, str]) -> dict[str, Any]:

@@ -121,7 +121,7 @@ def level(text: str, low: float, high: float, scale: float = 1.0) -> float | Non
 
 
 def rssi_dbm(text: str, scale: float = 1.0) -> float | None:
-    """Received level of any technology; `reportable` knows the narrower range of each."""
+    """Received level of any technology; `reportable` has the narrower range of each."""
     return level(text, *_widest("rssi_dbm"), scale)
 
 

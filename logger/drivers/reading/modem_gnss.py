@@ -5,8 +5,9 @@
     +CGPSINFO: 4429.967842,N,01124.141582,E,250325,160319.0,57.7,0.0, +QGPSLOC:
     142748.0,2259.0881S,04321.5515W,2.0,-83.0,2,0.00,0.0,0.0,140119,10
 
-A position is read whole or not at all. The course of +QGPSLOC is documented as degrees and minutes,
-which captures do not prove, so it is not read. Sources: firmware_notes/sim7000.md and sim7600.md.
+A position is read completely or not at all. The course of +QGPSLOC is documented as degrees and
+minutes, which captures do not prove, so it is not read. Sources: firmware_notes/sim7000.md and
+sim7600.md.
 """
 
 import re
@@ -36,7 +37,7 @@ _BODY = r"([-+\w. ,]*)"
 _CGNSINF = re.compile(r"\+U?C?GNSINF:" + _BODY, re.ASCII)
 _CGPSINFO = re.compile(r"\+CGPSINFO:" + _BODY, re.ASCII)
 _QGPSLOC = re.compile(r"\+QGPSLOC:" + _BODY, re.ASCII)
-_QGPSLOC_ASKED = re.compile(r"AT\+QGPSLOC", re.IGNORECASE)
+_QGPSLOC_COMMAND = re.compile(r"AT\+QGPSLOC", re.IGNORECASE)
 _NOT_FIXED = re.compile(r"\+CME ERROR:\s*516(?!\d)")
 _COMMAND = re.compile(r"(?:\A|\W)AT\+", re.IGNORECASE)
 
@@ -95,11 +96,11 @@ def read_cgpsinfo(lines: Sequence[str]) -> tuple[Fix, ...]:
 def read_qgpsloc(lines: Sequence[str]) -> tuple[Fix, ...]:
     """Fixes in +QGPSLOC lines of its three formats; error 516 reports that there is none."""
     fixes: list[Fix] = []
-    asked = False
+    is_answer = False
     for line in lines:
         if _COMMAND.search(line):
-            asked = _QGPSLOC_ASKED.search(line) is not None
-        if asked and _NOT_FIXED.search(line):
+            is_answer = _QGPSLOC_COMMAND.search(line) is not None
+        if is_answer and _NOT_FIXED.search(line):
             fixes.append(Fix(valid=False))
         fixes += [
             _qgpsloc(named)

@@ -86,7 +86,7 @@ def has_identity(row: Row) -> TypeGuard[CellReading | Registration]:
 
 
 def numbers(row: Row) -> Iterator[tuple[str, NumberText]]:
-    """The numbers of a row that have kept their text, by attribute."""
+    """The numbers of a row that still have their text, by attribute."""
     if has_identity(row):
         for name in (*IDENTITY, *PADDED_VALUES):
             number = getattr(row, name, None)

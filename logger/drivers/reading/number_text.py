@@ -32,7 +32,7 @@ class NumberText(int):
     confirmed: bool
 
     def __new__(cls, value: int, text: str, form: NumberForm, confirmed: bool = False) -> Self:
-        """Number of that value; the text is kept without blanks, sign and 0x."""
+        """Number of that value; its text has no blanks, sign and 0x."""
         number = super().__new__(cls, value)
         number.text = text.strip().lower().removeprefix("0x")
         number.form = form

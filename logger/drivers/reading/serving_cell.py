@@ -1,4 +1,4 @@
-"""The serving cell of one poll, from the rows of several replies: each of them knows a part."""
+"""The serving cell of one poll, from the rows of several replies: each contains a part."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields, replace
@@ -32,19 +32,19 @@ def with_serving_cell(rows: Sequence[Row]) -> tuple[Row, ...]:
     return (*(_registered_cell(row, rows) for row in registered[:1]), *rows)
 
 
-def _registered_cell(place: Registration, rows: Sequence[Row]) -> CellReading:
+def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellReading:
     plmn = next((network.plmn for network in chosen_networks(rows)), None) or ""
     signals = [row for row in rows if isinstance(row, Signal)]
-    of_rat = (row for row in signals if row.rat is not None and row.rat == place.rat)
+    of_rat = (row for row in signals if row.rat is not None and row.rat == registration.rat)
     signal = next(of_rat, Signal())
     return CellReading(
         role="serving",
-        rat=place.rat,
+        rat=registration.rat,
         mcc=plmn[:3] or None,
         mnc=plmn[3:] or None,
-        lac=place.lac,
-        tac=place.tac,
-        cid=place.cid,
+        lac=registration.lac,
+        tac=registration.tac,
+        cid=registration.cid,
         rssi_dbm=next((row.rssi_dbm for row in signals if row.rssi_dbm is not None), None),
         rscp_dbm=signal.rscp_dbm,
         rsrp_dbm=signal.rsrp_dbm,

@@ -38,7 +38,7 @@ _OFFERED = re.compile(
 
 _MOST_STAT = 11
 _CELL, _NR_CELL = NumberForm(16, frozenset({4, 7, 8})), NumberForm(16, frozenset({9, 16}))
-"""A registration prints the cells of all technologies in one place, GSM with four digits."""
+"""A registration prints the cells of all technologies in one field, GSM with four digits."""
 
 
 def standard_rows(lines: Sequence[str]) -> tuple[Row, ...]:

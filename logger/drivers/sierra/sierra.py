@@ -171,11 +171,11 @@ def _status(text: str) -> Iterator[Row]:
     area_bits, cell_bits = _BITS[rat]
     area_text, areas_agree = _in_brackets(text, "TAC" if is_lte_or_later else "LAC")
     cell_text, cells_agree = _in_brackets(text, "Cell ID")
-    place = area(area_text, 10, area_bits) if cell_text else None
+    area_code = area(area_text, 10, area_bits) if cell_text else None
     cid = cell_identity(cell_text, cell_bits, 10) if area_text else None
     named = {name: _value(text, labels) for name, labels in _LABELS[rat].items()}
     values = read_values(named)
-    values["tac" if is_lte_or_later else "lac"] = confirm(place)
+    values["tac" if is_lte_or_later else "lac"] = confirm(area_code)
     if values["arfcn"] == _NO_CHANNEL:
         values["arfcn"] = None
     reading = CellReading(

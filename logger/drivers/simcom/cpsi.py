@@ -3,8 +3,8 @@
     +CPSI: GSM,Online,502-12,0x1054,62168,512 DCS 1800,-71,0,32-32
     +CPSI: LTE,Online,310-260,0x2D18,50896642,236,EUTRAN-BAND4,2300,5,5,-125,-987,-663,10
 
-The area is hexadecimal, the cell decimal. A row is read where its band and channel stand in their
-places: then its identity, further left, is whole also where the end of the line is cut.
+The area is hexadecimal, the cell decimal. A row is read where band and channel are the
+values that they should be: then the identity, further left, is complete even if the end is cut.
 """
 
 import re
@@ -104,12 +104,12 @@ def _cell(
     if not all(form.fullmatch(named[name]) for name, form in _PLACES.items() if name in named):
         return None
     where = _where(rat, named)
-    who = (
+    ids = (
         _identity(rat, named) if where["arfcn"] is not None else {}
     )  # 4294967295 while it changes its cell
     levels, raw = _LEVELS_OF.get(rat, _lte)(named)
-    reading = CellReading(role="serving", rat=rat, **where, **who, **levels, more={**more, **raw})
-    return reading if who or reading.level_dbm is not None else None
+    reading = CellReading(role="serving", rat=rat, **where, **ids, **levels, more={**more, **raw})
+    return reading if ids or reading.level_dbm is not None else None
 
 
 def _where(rat: Rat, named: Mapping[str, str]) -> dict[str, Any]:
@@ -199,8 +199,8 @@ def _nr(named: Mapping[str, str]) -> _Levels:
     )
     scale = _scale(low)
     snr = named.get("snr", "")
-    whole = decimal(snr, -999, 999)
-    raw = {"sinr_raw": snr if whole is None else whole} if snr else {}
+    integer = decimal(snr, -999, 999)
+    raw = {"sinr_raw": snr if integer is None else integer} if snr else {}
     if scale is None:
         return {}, raw
     ratio = rsrq_db(high, scale)

@@ -51,7 +51,7 @@ _LTE = ("earfcn", "pci", "rsrp", "rssi", "rsrq", "sinr", "tac", "cellid", "mcc",
 _LTE_LEVELS = _LTE[:6]
 _GSM = ("bcch", "rxl", "bsic", "cellid", "mcc", "mnc", "lac")
 
-_LTE_FORM = {  # in the place of the RSRP a SIM800 prints its rxq, which is never negative
+_LTE_FORM = {  # instead of the RSRP a SIM800 prints its rxq, which is never negative
     "earfcn": r"\d{1,6}",
     "pci": r"\d{1,3}",
     "rsrp": r"-\d{1,3}",
@@ -135,10 +135,10 @@ def _lte(role: Role, rat: Rat | None, texts: list[str], *, closed: bool) -> Cell
         texts = [*texts[:-1], ""]  # the last one may be cut
     named = dict(zip(_LTE, texts, strict=False))
     values = read_values({name: named[name] for name in _LTE_LEVELS})
-    who = _lte_identity(named) if len(texts) == len(_LTE) else {}
-    if not who and values["rsrp_dbm"] is None:
+    ids = _lte_identity(named) if len(texts) == len(_LTE) else {}
+    if not ids and values["rsrp_dbm"] is None:
         return None
-    return CellReading(role=role, rat=rat, **who, **values)
+    return CellReading(role=role, rat=rat, **ids, **values)
 
 
 def _lte_identity(named: Mapping[str, str]) -> dict[str, Any]:
@@ -157,20 +157,20 @@ def _gsm(role: Role, texts: list[str], *, closed: bool) -> CellReading | None:
     """Reading of a row of GSM; one of another number of values keeps a level of full width."""
     named = dict(zip(_GSM, texts, strict=False))
     complete = len(texts) == len(_GSM) and (closed or matches(_FULL_LAC, named))
-    who = _gsm_identity(named) if complete else {}
-    if not who and not (closed and matches(_FULL_LEVEL, named)):
+    ids = _gsm_identity(named) if complete else {}
+    if not ids and not (closed and matches(_FULL_LEVEL, named)):
         return None
     channel, rxl = decimal(named["bcch"], 0, 2047), decimal(named["rxl"], 0, 66)
     bsic = decimal(named.get("bsic", ""), 0, 63)
-    if channel is None or (not who and not rxl):
+    if channel is None or (not ids and not rxl):
         return None  # an empty slot
     return CellReading(
         role=role,
         rat="GSM",
-        **who,
+        **ids,
         arfcn=channel if channel < 1024 else None,
         arfcn_raw=NumberText(channel, named["bcch"], _CHANNEL),
-        bsic=bsic if who or bsic else None,  # 00 fills the field of a cell that is not decoded
+        bsic=bsic if ids or bsic else None,  # 00 fills the field of a cell that is not decoded
         rxlev_raw=None if rxl is None else NumberText(rxl, named["rxl"], _LEVEL),
     )
 

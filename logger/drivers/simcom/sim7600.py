@@ -113,14 +113,14 @@ def _system_cell(role: Role, text: str) -> CellReading | None:
         **({} if on_gsm else _code_levels(named)),
     }
     row = _WHO.match(text)
-    who = _system_identity(row, cid_bits=16 if on_gsm else 28) if row else {}
-    if not who and not any(value is not None for value in levels.values()):
+    ids = _system_identity(row, cid_bits=16 if on_gsm else 28) if row else {}
+    if not ids and not any(value is not None for value in levels.values()):
         return None
     texts = {name.lower(): named[name] for name in _CCINFO_VALUES if name in named}
     return CellReading(
         role=role,
         rat="GSM" if on_gsm else "WCDMA",
-        **who,
+        **ids,
         **levels,
         **read_values(texts),
         more={"bsic_raw": named["BSIC"]} if "BSIC" in named else {},  # its base is undocumented

@@ -120,7 +120,7 @@ def _labelled_row(text: str) -> CellReading | None:
         return None  # an empty slot
     on_lte = rat == "LTE"
     cell = found.get("id", "")
-    place = area(found.get("tac" if on_lte else "lac", ""))
+    area_code = area(found.get("tac" if on_lte else "lac", ""))
     mcc, mnc = network(found.get("cc", ""), found.get("nc", ""))
     named = {label: found[label] for label in _LEVELS if label in found}
     named["rssi"] = found.get("pwr", "").lower().removesuffix("dbm")
@@ -131,16 +131,16 @@ def _labelled_row(text: str) -> CellReading | None:
         rat=rat,
         mcc=mcc,
         mnc=mnc,
-        lac=None if on_lte else place,
-        tac=place if on_lte else None,
-        cid=None if place is None else _identity(cell, rat),
+        lac=None if on_lte else area_code,
+        tac=area_code if on_lte else None,
+        cid=None if area_code is None else _identity(cell, rat),
         pci=hexadecimal(cell, 0, HIGHEST_PCI) if on_lte and "tac" not in found else None,
         arfcn=channel,
         bsic=octal_bsic(found.get("bsic", "")),
         more=_operator("" if _ADJACENT.match(name) else name),
         **read_values(named),
     )
-    has_value = channel is not None or place is not None or reading.level_dbm is not None
+    has_value = channel is not None or area_code is not None or reading.level_dbm is not None
     return reading if has_value else None
 
 
@@ -183,7 +183,7 @@ def _servinfo(fields: list[str]) -> CellReading | NoCell | None:
     channel = _channel(dict.fromkeys(_CHANNELS, texts["channel"]), rat)
     code = re.sub(r"\s|[Ff]\Z", "", texts["code"])
     found = read_values(texts)
-    if channel is None or (found["rssi_dbm"] is None and not code and not _place(found)):
+    if channel is None or (found["rssi_dbm"] is None and not code and not _area_code(found)):
         return NoCell(rat)
     plmn = {"plmn": code} if re.fullmatch(r"\d{5,6}", code) else {}
     return CellReading(
@@ -196,7 +196,7 @@ def _servinfo(fields: list[str]) -> CellReading | NoCell | None:
     )
 
 
-def _place(found: Mapping[str, int | None]) -> int | None:
+def _area_code(found: Mapping[str, int | None]) -> int | None:
     return found.get("lac", found.get("tac"))
 
 

@@ -79,7 +79,7 @@ _ROWS = [
     for rat, labels in _FORMS.items()
     for pattern in (listed_row(labels), labelled_row(labels, between=r"[\s,]+"))
 ]
-# A row of LTE may end before the levels of the cell; in the place of its cell one of WCDMA has a
+# A row of LTE may end before the levels of the cell; instead of its cell one of WCDMA has a
 # scrambling code.
 _WITHOUT_LEVELS = listed_row(
     [(name, r"[0-9A-F]{4,9}" if name == "cellId" else value) for name, value in _FORMS["LTE"][:-2]]
@@ -145,7 +145,7 @@ def _reading(carrier: Carrier, base: int | None, *, is_decimal: bool) -> CellRea
     is_unknown = base is None and not carrier.bases
     agreed = base if base is not None and carrier.bases <= {base} else None
     sure_base = DECIMAL if is_unknown else agreed
-    mcc, mnc, place, cid = _identity(carrier, sure_base, is_decimal=is_decimal)
+    mcc, mnc, area_code, cid = _identity(carrier, sure_base, is_decimal=is_decimal)
     status = texts.get("cellstatus", "").upper()
     status = _STATUS[int(status)] if status.isdecimal() else status
     return CellReading(
@@ -153,8 +153,8 @@ def _reading(carrier: Carrier, base: int | None, *, is_decimal: bool) -> CellRea
         rat=rat,
         mcc=mcc,
         mnc=mnc,
-        lac=None if rat == "LTE" else place,
-        tac=place if rat == "LTE" else None,
+        lac=None if rat == "LTE" else area_code,
+        tac=area_code if rat == "LTE" else None,
         cid=cid,
         arfcn=channel,
         bsic=None if is_unknown else _bsic(texts.get("bsic", ""), sure_base),

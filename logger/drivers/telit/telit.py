@@ -60,18 +60,18 @@ def complete_serving_cell(rows: tuple[Row, ...]) -> tuple[Row, ...]:
     serving = [row for row in rows if is_serving(row)]
     if not serving:
         return rows
-    best = max(serving, key=lambda row: (row.cid is not None, _place(row) is not None))
-    alike = [row for row in serving if row.rat == best.rat and _place(row) == _place(best)]
+    best = max(serving, key=lambda row: (row.cid is not None, _area(row) is not None))
+    alike = [row for row in serving if row.rat == best.rat and _area(row) == _area(best)]
     plmns = [str(row.more["plmn"]) for row in alike if row.more.get("plmn")]
     if plmns and best.mcc is None:
         mcc, mnc = network(plmns[0][:3], plmns[0][3:])
         best = replace(best, mcc=mcc, mnc=mnc)
-    if best.cid is None and _place(best) is not None:
+    if best.cid is None and _area(best) is not None:
         registered = (row for row in rows if isinstance(row, Registration))
-        cids = (row.cid for row in registered if _place(row) == _place(best))
+        cids = (row.cid for row in registered if _area(row) == _area(best))
         best = replace(best, cid=next(cids, None))
     return (best, *(row for row in rows if row not in serving))
 
 
-def _place(row: CellReading | Registration) -> int | None:
+def _area(row: CellReading | Registration) -> int | None:
     return row.tac if row.lac is None else row.lac

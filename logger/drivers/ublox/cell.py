@@ -48,7 +48,7 @@ def readings(role: Role, rat: Rat, texts: Texts) -> Iterator[CellReading | NoCel
     """One cell; of a serving cell with unknown values only `NoCell`, of a neighbour nothing."""
     mcc, mnc, number = _network(texts)
     identified = mcc is not None or "mcc" not in texts
-    place = area(texts.get("lac", texts.get("tac", ""))) if identified else None
+    area_code = area(texts.get("lac", texts.get("tac", ""))) if identified else None
     cid = cell_identity(texts.get("ci", ""), 16 if rat == "GSM" else 28) if identified else None
     channel, flagged = _channel(texts.get("arfcn", ""), rat)
     if mcc is None and cid is None and channel is None:
@@ -68,8 +68,8 @@ def readings(role: Role, rat: Rat, texts: Texts) -> Iterator[CellReading | NoCel
         rat=rat,
         mcc=mcc,
         mnc=mnc,
-        lac=None if rat == "LTE" else place,
-        tac=place if rat == "LTE" else None,
+        lac=None if rat == "LTE" else area_code,
+        tac=area_code if rat == "LTE" else None,
         cid=cid,
         arfcn=channel,
         arfcn_raw=flagged,

@@ -140,8 +140,8 @@ def _environment(lines: Sequence[str]) -> Iterator[Row]:
     texts: dict[str, str] = {}
     for line in lines:
         heading = _HEADING.search(line)
-        who = next((row for pattern in _WHO if (row := pattern.search(line))), None)
-        if heading or who:
+        identity = next((row for pattern in _WHO if (row := pattern.search(line))), None)
+        if heading or identity:
             yield from _cell(role, rat_of_head, texts)
             texts = {}
         technology = _TECHNOLOGY.search(line)
@@ -150,10 +150,10 @@ def _environment(lines: Sequence[str]) -> Iterator[Row]:
             role = (
                 "serving" if heading["serving"] else "neighbour" if heading["neighbour"] else None
             )
-        if who and role is not None:
-            texts = _texts(who)
+        if identity and role is not None:
+            texts = _texts(identity)
         if texts:
-            radio = line[who.end() :] if who else line
+            radio = line[identity.end() :] if identity else line
             texts |= {name: value for name, value in _radio(radio).items() if name not in texts}
         yield from _dumped_cells(line)
     yield from _cell(role, rat_of_head, texts)

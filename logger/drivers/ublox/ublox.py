@@ -43,13 +43,13 @@ _FIRST_3G = 2
 
 
 class Ublox(Family):
-    """Cells by the first of three commands that a model knows, else by the standard ones."""
+    """Cells by the first of three commands that a model has, else by the standard ones."""
 
     name = "ublox"
     claim = Claim(maker=r"\bu-?blox\b", series=r"\b(?:SARA|LISA|LARA|TOBY|LENA|LEON|LUCY)-[A-Z]?\d")
     setup_commands = (
         *Generic.setup_commands,
-        Command("AT+UCGED=5"),  # all that the SARA-R4 knows; the next replaces it elsewhere
+        Command("AT+UCGED=5"),  # the only one of the SARA-R4; the next replaces it elsewhere
         Command("AT+UCGED=2"),
     )
     poll_commands = (
