@@ -12,7 +12,7 @@ from logger.device.startup import begin_run
 from logger.sim.clock import WalkTime
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
-from logger.sim.ptys import Answering, PtyDevice, answering, talking
+from logger.sim.ptys import AnsweringDevice, PtyDevice, answering, talking
 from logger.sim.scenario import SCENARIOS, Scenario, scenario
 
 _SITE = """\
@@ -55,7 +55,7 @@ def simulate(
     clock = ScaledClock(speed)
     time = WalkTime(clock)
     well = walk.modem(time.now_s, modem_name)
-    modem: Answering = (
+    modem: AnsweringDevice = (
         well if misbehaviour is None else Misbehaving(well, *misbehaviour, time.now_s, seed)
     )
     receiver = talking(walk.receiver(), time)

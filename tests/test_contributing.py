@@ -73,7 +73,7 @@ def test_a_reply():
 
 from logger.sim.air import Air
 from logger.sim.dialects.common import SETTINGS
-from logger.sim.dialects.dialect import NO_SERVICE, Answer, Dialect, Settings, who
+from logger.sim.dialects.dialect import NO_SERVICE, Answer, Dialect, Settings, identity_replies
 
 
 def serving_cell(air: Air, _: Settings) -> Answer:
@@ -87,7 +87,7 @@ def serving_cell(air: Air, _: Settings) -> Answer:
 
 ACME_X = Dialect(
     "acme_x",
-    who(["ACME Ltd X20"], "ACME Ltd", "X20", "1.0"),
+    identity_replies(["ACME Ltd X20"], "ACME Ltd", "X20", "1.0"),
     replies={"+ACELL?": serving_cell},
     settings=SETTINGS,
 )

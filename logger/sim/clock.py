@@ -5,7 +5,7 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """What is asked of a clock."""
+    """What the simulator needs of a clock."""
 
     def now_ns(self) -> int:
         """Nanoseconds since any moment."""

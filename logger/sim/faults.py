@@ -87,14 +87,14 @@ class Stall(Hang):
 
     def __init__(self, modem: Modem, rng: np.random.Generator) -> None:
         super().__init__(modem, rng)
-        self._kept = b""
+        self._pending = b""
 
     def to_modem(self, data: bytes) -> bytes:
-        self._kept += data
+        self._pending += data
         return b""
 
     def end(self) -> bytes:
-        return self.modem.feed(self._kept)
+        return self.modem.feed(self._pending)
 
 
 class BrownOut(Hang):
@@ -116,7 +116,7 @@ class SilentReset(Fault):
 
 
 class EchoOn(Fault):
-    """The echo comes on, and stays on whatever the modem is told."""
+    """The echo comes on, and stays on whatever the modem is sent."""
 
     def to_modem(self, data: bytes) -> bytes:
         self.modem.echo()
@@ -124,20 +124,20 @@ class EchoOn(Fault):
 
 
 class SlowBytes(Fault):
-    """One byte at a time; the modem hears nothing while it has something left to say."""
+    """One byte at a time; the modem reads nothing while it has bytes left to write."""
 
     def __init__(self, modem: Modem, rng: np.random.Generator) -> None:
         super().__init__(modem, rng)
         self._left = b""
-        self._kept = b""
+        self._pending = b""
         self._t_s = 0.0
 
     def to_modem(self, data: bytes) -> bytes:
-        self._kept += data
+        self._pending += data
         if self._left:
             return b""
-        heard, self._kept = self._kept, b""
-        return heard
+        received, self._pending = self._pending, b""
+        return received
 
     def from_modem(self, data: bytes, t_s: float) -> bytes:
         if not self._left:
@@ -146,12 +146,12 @@ class SlowBytes(Fault):
         n = int((t_s - self._t_s) / SLOW_S_PER_BYTE)
         self._t_s += n * SLOW_S_PER_BYTE
         out, self._left = self._left[:n], self._left[n:]
-        if not self._left and self._kept:
+        if not self._left and self._pending:
             self._left = self.modem.feed(self.to_modem(b""))
         return out
 
     def end(self) -> bytes:
-        return self._left + self.modem.feed(self._kept)
+        return self._left + self.modem.feed(self._pending)
 
 
 class DuplicatedLines(Fault):
@@ -178,11 +178,11 @@ class RepeatedAnswers(Fault):
 class UrcStorm(Fault):
     """Unsolicited lines, hundreds a second, each complete."""
 
-    _told = 0
+    _n_sent = 0
 
     def from_modem(self, data: bytes, t_s: float) -> bytes:
-        due = int(t_s * URCS_PER_S) - self._told
-        self._told += due
+        due = int(t_s * URCS_PER_S) - self._n_sent
+        self._n_sent += due
         lines = "".join(f"\r\n{URCS[int(at)]}\r\n" for at in self.rng.integers(len(URCS), size=due))
         return data + lines.encode("ascii")
 

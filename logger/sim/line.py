@@ -11,7 +11,7 @@ PAUSE_S = 0.02
 class PtyLine:
     """Reads and writes until `stop` is set; a closed far end is a normal state.
 
-    What is written while the far end is open is kept for whoever has opened it; a program that
+    What is written while the far end is open waits for the program that has opened it; one that
     flushes the port as it opens it, as pyserial does by itself, loses what came before, as it would
     lose it of a real device.
     """
@@ -25,7 +25,7 @@ class PtyLine:
         os.close(self._master)
 
     def read(self, timeout_s: float) -> bytes:
-        """Bytes that came; empty after the real seconds, and where nobody holds the far end."""
+        """Bytes that came; empty after the real seconds, and while the far end is closed."""
         if not self._wait(select.POLLIN, timeout_s):
             return b""
         try:

@@ -15,7 +15,7 @@ from logger.sim.world import World
 
 DECODE_DBM = -104.0
 """Level from which broadcasts are decoded: access is allowed there (C1 > 0, see `air`)."""
-UNASKED_EVERY_S = 5.0
+UNSOLICITED_EVERY_S = 5.0
 """Period of unsolicited rows, which no manual gives."""
 COLD_START_S = 30.0
 ALTITUDE_M = 540.0
@@ -33,7 +33,7 @@ _ERROR_TEXTS = {
 class SimulatedModem:
     """One modem from power-up on; each reply has new fading.
 
-    `now_s` tells the seconds since the walk began, `utc_start` when that was for its receiver,
+    `now_s` gives the seconds since the walk began, `utc_start` when that was for its receiver,
     which has no noise.
     """
 
@@ -61,7 +61,7 @@ class SimulatedModem:
         self._settings: dict[str, str] = {}
         self._late = b""
         self._due_s = 0.0
-        self._told_s = 0.0
+        self._sent_s = 0.0
         self._restart()
 
     def feed(self, data: bytes) -> bytes:
@@ -72,16 +72,16 @@ class SimulatedModem:
         """What it writes by itself since the last call, slow answers among it."""
         if self._terminal.busy:
             return self._terminal.finish(self._late) if self._now_s() >= self._due_s else b""
-        if self._dialect.unsolicited is None or self._now_s() - self._told_s < UNASKED_EVERY_S:
+        if self._dialect.unsolicited is None or self._now_s() - self._sent_s < UNSOLICITED_EVERY_S:
             return b""
-        self._told_s = self._now_s()
-        told = self._dialect.unsolicited(self._listen(), self._settings)
-        return b"" if isinstance(told, int) else frame_text(*told)
+        self._sent_s = self._now_s()
+        lines = self._dialect.unsolicited(self._listen(), self._settings)
+        return b"" if isinstance(lines, int) else frame_text(*lines)
 
     def restart(self) -> bytes:
         """Lose the power and come back with the settings of power-up; returns the boot lines.
 
-        Returns what it says when it is ready.
+        Returns the lines that it prints when it is ready.
         """
         self._restart()
         return frame_text(*self._dialect.boot)
@@ -92,15 +92,15 @@ class SimulatedModem:
 
     def _restart(self) -> None:
         self._terminal.restart()
-        kept = {
+        stored = {
             name: value
             for name, value in self._settings.items()
             if self._dialect.settings[name].stored
         }
         self._settings = {
             name: kind.default for name, kind in self._dialect.settings.items()
-        } | kept
-        self._told_s = self._now_s()
+        } | stored
+        self._sent_s = self._now_s()
 
     def _answer(self, line: str) -> bytes | None:
         """Answer of a line of one or several commands; None where it comes later."""
@@ -143,13 +143,13 @@ class SimulatedModem:
 
     def _set(self, command: str) -> bool:
         """Apply a setting; False for what is not understood."""
-        told = _SETTING.fullmatch(command)
-        kind = self._dialect.settings.get(told[1]) if told else None
-        if told is None or kind is None or not kind.form.fullmatch(told[2]):
+        setting = _SETTING.fullmatch(command)
+        kind = self._dialect.settings.get(setting[1]) if setting else None
+        if setting is None or kind is None or not kind.form.fullmatch(setting[2]):
             return False
-        before, now = self._settings[told[1]].split(","), told[2].split(",")
-        self._settings[told[1]] = ",".join(now + before[len(now) :])
-        self._told_s = self._now_s()
+        before, now = self._settings[setting[1]].split(","), setting[2].split(",")
+        self._settings[setting[1]] = ",".join(now + before[len(now) :])
+        self._sent_s = self._now_s()
         return True
 
     def _error(self, code: int) -> str:
@@ -162,13 +162,13 @@ class SimulatedModem:
         now_s = self._now_s()
         east_m, north_m = self._walk.positions(np.array([now_s]))
         levels_dbm = self._world.received_dbm(east_m, north_m, self._rng)[:, 0]
-        heard = [
+        cells = [
             ReceivedCell(cell, float(level_dbm), is_decoded=bool(level_dbm >= self._decode_dbm))
             for cell, level_dbm in zip(self._world.transmitters, levels_dbm, strict=True)
         ]
-        return Air.of(heard, lambda: self._place(now_s))
+        return Air.of(cells, lambda: self._fix(now_s))
 
-    def _place(self, now_s: float) -> ModemFix | None:
+    def _fix(self, now_s: float) -> ModemFix | None:
         if self._utc_start is None or now_s < COLD_START_S:
             return None
         speed_mps, course_deg = self._walk.motion(now_s)

@@ -25,7 +25,7 @@ class NmeaPlayer:
         self.finished = threading.Event()
 
     def __call__(self, line: PtyLine) -> None:
-        """Begin when somebody listens, pause when nobody does, and fall silent at the end."""
+        """Begin when a program opens the port, pause while it is closed, fall silent at the end."""
         for start in range(0, len(self._data), CHUNK):
             chunk = self._data[start : start + CHUNK]
             if not line.wait_for_listener():
@@ -40,7 +40,7 @@ class NmeaPlayer:
 class TranscriptModem:
     """A modem that answers each `AT+CENG?` with the next recorded reply.
 
-    After the last reply it says that it hears no cell ("empty") or answers with an error ("error").
+    After the last reply it reports no cell ("empty") or answers with an error ("error").
     `served` counts the replies given.
     """
 

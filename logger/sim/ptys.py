@@ -22,8 +22,8 @@ EPOCH_S = 1.0
 Session = Callable[[PtyLine], None]
 
 
-class Answering(Protocol):
-    """A modem: it answers, and may speak by itself."""
+class AnsweringDevice(Protocol):
+    """A modem: it answers, and may write by itself."""
 
     def feed(self, data: bytes) -> bytes:
         """What it writes after these bytes."""
@@ -34,11 +34,11 @@ class Answering(Protocol):
         ...
 
 
-class Talking(Protocol):
-    """A receiver: it says something each second and does not listen."""
+class TalkingDevice(Protocol):
+    """A receiver: it writes each second and reads nothing."""
 
     def epoch(self, t_s: float) -> bytes:
-        """What it says at that second of the walk."""
+        """What it writes at that second of the walk."""
         ...
 
 
@@ -81,7 +81,7 @@ class PtyDevice:
         master, slave = os.openpty()
         tty.setraw(slave)
         self.path = os.ttyname(slave)
-        os.close(slave)  # so that the master hears when nobody holds it
+        os.close(slave)  # so that the master notices when the far end is closed
         if self._name is not None:
             self._name.symlink_to(self.path)
             self.path = str(self._name)
@@ -99,7 +99,7 @@ class PtyDevice:
         self._session(self._line)
 
 
-def answering(device: Answering) -> Session:
+def answering(device: AnsweringDevice) -> Session:
     """Session of a modem: reads bytes and writes answers."""
 
     def session(line: PtyLine) -> None:
@@ -110,7 +110,7 @@ def answering(device: Answering) -> Session:
     return session
 
 
-def talking(device: Talking, time: WalkTime) -> Session:
+def talking(device: TalkingDevice, time: WalkTime) -> Session:
     """Session of a receiver: writes an epoch each second of the walk, listener or not."""
 
     def session(line: PtyLine) -> None:

@@ -58,7 +58,7 @@ class SimulatedReceiver:
         self._t_s = 0.0
 
     def epoch(self, t_s: float) -> bytes:
-        """The sentences of one epoch; epochs are asked for in order."""
+        """The sentences of one epoch; epochs come in order."""
         error_m = self._advance(t_s)
         texts = NO_FIX if t_s < self._cold_start_s else self._fix(t_s, error_m)
         return b"".join(sentence(text) for text in texts)
@@ -66,9 +66,9 @@ class SimulatedReceiver:
     def _advance(self, t_s: float) -> tuple[float, float, float]:
         """Position error in metres: x' = a x + sqrt(1 - a^2) sigma w, a = exp(-dt / T)."""
         noise = self._noise
-        kept = float(np.exp(-(t_s - self._t_s) / noise.wander_time_s))
+        decay = float(np.exp(-(t_s - self._t_s) / noise.wander_time_s))
         drive_m = self._rng.normal(0.0, noise.wander_sigma_m, 3)
-        self._wander_m = kept * self._wander_m + np.sqrt(1.0 - kept**2) * drive_m
+        self._wander_m = decay * self._wander_m + np.sqrt(1.0 - decay**2) * drive_m
         self._t_s = t_s
         east_m, north_m, up_m = self._wander_m + self._rng.normal(0.0, noise.white_sigma_m, 3)
         return float(east_m), float(north_m), float(up_m)
@@ -105,5 +105,5 @@ def _angle(angle_deg: float, degree_digits: int, letters: str) -> str:
     """Angle as `ddmm.mmmmm` and its hemisphere, the second of `letters` being the negative one."""
     # Rounded once, in steps of 1e-5 minutes, so that no 60.00000 minutes come out.
     degrees, steps = divmod(round(abs(angle_deg) * 6_000_000), 6_000_000)
-    whole, fraction = divmod(steps, 100_000)
-    return f"{degrees:0{degree_digits}d}{whole:02d}.{fraction:05d},{letters[angle_deg < 0.0]}"
+    minutes, fraction = divmod(steps, 100_000)
+    return f"{degrees:0{degree_digits}d}{minutes:02d}.{fraction:05d},{letters[angle_deg < 0.0]}"

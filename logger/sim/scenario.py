@@ -83,7 +83,7 @@ class Scenario:
 
 
 def scenario(name: str = DEFAULT, seed: int = 1, duration_s: float | None = None) -> Scenario:
-    """A named scenario; it lasts as long as its walk unless `duration_s` says otherwise."""
+    """A named scenario; it lasts as long as its walk unless `duration_s` is given."""
     if name not in SCENARIOS:
         raise ValueError(f"no scenario {name!r}; there are {', '.join(SCENARIOS)}")
     radio = SCENARIOS[name]

@@ -1,7 +1,7 @@
 """Log-normal shadowing: a Gaussian field with covariance sigma^2 exp(-d / d_c).
 
 The model is Gudmundson's (Electronics Letters 27(23), 1991). The field is a sum of plane waves
-whose wave numbers are drawn from its spectrum in the plane, proportional to (1 + (k d_c)^2)^(-3/2).
+with random wave numbers of its spectrum in the plane, proportional to (1 + (k d_c)^2)^(-3/2).
 Over the seeds its variance and its correlation are exact at every place, without grid, edge or
 interpolation; one field has both within some 3 %.
 """

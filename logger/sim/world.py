@@ -67,7 +67,7 @@ class World:
         radio: Radio,
         rng: np.random.Generator,
     ) -> Self:
-        """A world whose shadowing is drawn from the generator."""
+        """A world with random shadowing."""
         shadowing = tuple(
             Shadowing.draw(radio.shadowing_sigma_db, radio.decorrelation_m, rng)
             for _ in transmitters

@@ -17,14 +17,14 @@ from logger.device.saved_modes import FILE
 from logger.device.service import Service
 from logger.device.startup import begin_run
 from logger.sim.dialects import DIALECTS
-from logger.sim.dialects.dialect import who
+from logger.sim.dialects.dialect import identity_replies
 from logger.sim.ptys import PtyDevice, answering
 from tests.kit import service
 from tests.kit.mode_modems import MODELS, ObservedModem
 
 LIMIT_S = 60.0
 SIM7100 = replace(
-    DIALECTS["sim7600"], identity=who(["SIM7100"], "SIMCOM", "SIMCOM_SIM7100E", "1.0")
+    DIALECTS["sim7600"], identity=identity_replies(["SIM7100"], "SIMCOM", "SIMCOM_SIM7100E", "1.0")
 )
 CHOICES = {  # the setting; as it was; what of it is kept; the command for GSM only
     "sim7600": ("+CNMP", "2", "2", "AT+CNMP=13"),

@@ -7,7 +7,7 @@ import numpy as np
 
 from logger.device.saved_modes import FILE
 from logger.sim.dialects import DIALECTS
-from logger.sim.dialects.dialect import Dialect, setting, who
+from logger.sim.dialects.dialect import Dialect, identity_replies, setting
 from logger.sim.modem import SimulatedModem
 from logger.sim.scenario import scenario
 
@@ -23,7 +23,7 @@ def _another(name: str, says, setting_name: str, default: str, form: str, listin
     return replace(
         dialect,
         name=says[1],
-        identity=who([says[1]], *says, "1.0"),
+        identity=identity_replies([says[1]], *says, "1.0"),
         replies={**replies, command: lambda _, told: listing(told[setting_name])},
         settings={**settings, setting_name: setting(default, form, stored=True)},
     )

@@ -1,6 +1,6 @@
 """Rows of AT+CENG as a SIM800 prints them (SIM800 AT Command Manual V1.09 p161-163, and captures).
 
-A cell that is heard but not decoded has its level and blanks; empty slots are printed in mode 3
+A cell that is received but not decoded has its level and blanks; empty slots are printed in mode 3
 only.
 """
 

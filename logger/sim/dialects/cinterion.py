@@ -4,7 +4,7 @@ from itertools import chain, repeat
 
 from logger.sim.air import NEIGHBOURS, Air, ReceivedCell
 from logger.sim.dialects.common import COPS_SCAN_S, SETTINGS
-from logger.sim.dialects.dialect import Answer, Dialect, Settings, block, who
+from logger.sim.dialects.dialect import Answer, Dialect, Settings, block, identity_replies
 
 NO_CELL = "000,000,0000,0000,00,0,0,-,-"
 
@@ -23,8 +23,8 @@ def smoni(air: Air, _: Settings) -> Answer:
 
 def smonc(air: Air, _: Settings) -> Answer:
     """Seven cells of nine values in one line; the level is an index."""
-    heard = (air.serving, *air.neighbours) if air.serving else ()
-    cells = chain(map(_smonc, heard), repeat(NO_CELL))
+    received = (air.serving, *air.neighbours) if air.serving else ()
+    cells = chain(map(_smonc, received), repeat(NO_CELL))
     return ["^SMONC: " + ",".join(next(cells) for _ in range(1 + NEIGHBOURS))]
 
 
@@ -50,8 +50,8 @@ def smond(air: Air, _: Settings) -> Answer:
 
 def _smond(one: ReceivedCell) -> str:
     cell = one.cell
-    who = f"{cell.mcc},{cell.mnc},{cell.lac:04X},{cell.cid:04X}"
-    return f"{who},{cell.bsic:02d},{cell.arfcn},{-one.dbm}"
+    identity = f"{cell.mcc},{cell.mnc},{cell.lac:04X},{cell.cid:04X}"
+    return f"{identity},{cell.bsic:02d},{cell.arfcn},{-one.dbm}"
 
 
 def moni(air: Air, _: Settings) -> Answer:
@@ -83,7 +83,9 @@ def monp(air: Air, _: Settings) -> Answer:
 SCAN = {"+COPS=?": COPS_SCAN_S}
 BGS2 = Dialect(
     "bgs2",
-    who(["Cinterion", "BGS2-W", "REVISION 02.000"], "Cinterion", "BGS2-W", "REVISION 02.000"),
+    identity_replies(
+        ["Cinterion", "BGS2-W", "REVISION 02.000"], "Cinterion", "BGS2-W", "REVISION 02.000"
+    ),
     replies={"^SMONI": smoni, "^MONI": moni, "^MONP": monp},
     settings=SETTINGS,
     takes_s=SCAN,
@@ -91,7 +93,7 @@ BGS2 = Dialect(
 )
 MC55 = Dialect(
     "mc55",
-    who(["SIEMENS", "MC55", "REVISION 04.00"], "SIEMENS", "MC55", "REVISION 04.00"),
+    identity_replies(["SIEMENS", "MC55", "REVISION 04.00"], "SIEMENS", "MC55", "REVISION 04.00"),
     replies={"^SMONC": smonc, "^MONI": moni, "^MONP": monp},
     settings=SETTINGS,
     takes_s=SCAN,
@@ -99,7 +101,7 @@ MC55 = Dialect(
 )
 TC63 = Dialect(
     "tc63",
-    who(["SIEMENS", "TC63", "REVISION 02.000"], "SIEMENS", "TC63", "REVISION 02.000"),
+    identity_replies(["SIEMENS", "TC63", "REVISION 02.000"], "SIEMENS", "TC63", "REVISION 02.000"),
     replies={"^SMOND": smond, "^SMONC": smonc, "^MONI": moni, "^MONP": monp},
     settings=SETTINGS,
     takes_s=SCAN,

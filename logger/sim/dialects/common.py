@@ -25,7 +25,7 @@ def cesq(air: Air, _: Settings) -> Answer:
 
 
 def registration(name: str) -> Listing:
-    """Answer of a modem in the network: `n,stat` and, where it was asked for, area and cell."""
+    """Answer of a modem in the network: `n,stat` and, where it was set, area and cell."""
 
     def listing(air: Air, settings: Settings) -> Answer:
         n = settings[name]

@@ -60,7 +60,9 @@ def setting(default: str, form: str, *, stored: bool = False) -> Setting:
     return Setting(default, re.compile(form), stored)
 
 
-def who(ati: Sequence[str], maker: str, model: str, revision: str) -> dict[str, Sequence[str]]:
+def identity_replies(
+    ati: Sequence[str], maker: str, model: str, revision: str
+) -> dict[str, Sequence[str]]:
     """Answers to the four commands that ask for the identity."""
     return {"I": ["\r\n".join(ati)], "+CGMI": [maker], "+CGMM": [model], "+CGMR": [revision]}
 

@@ -3,7 +3,7 @@
 from logger.sim.air import Air
 from logger.sim.dialects import modes
 from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
-from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, who
+from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, identity_replies
 
 GSM_900 = 1
 
@@ -38,7 +38,7 @@ def quality(air: Air, _: Settings) -> Answer:
 
 ME909S = Dialect(
     "me909s",
-    who(
+    identity_replies(
         [
             "Manufacturer: Huawei",
             "Model: ME909s-120",

@@ -7,7 +7,7 @@ channel and PCI. Neighbours have no identity.
 from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects import modes
 from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
-from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, who
+from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, identity_replies
 
 RSRQ_DB, SINR_DB = -8.0, 8.6
 RSSI_OVER_RSRP_DB = 28  # of 10 MHz
@@ -79,8 +79,8 @@ def cells(air: Air, _: Settings) -> Answer:
     if one is None:
         return ["+GTCCINFO:"]
     cell = one.cell
-    who = f"{cell.mcc},{cell.mnc},{cell.lac:X},{cell.cid:X}"
-    serving = f"1,4,{who},{cell.arfcn:X},{cell.bsic:X},101,50,16,{_rows(one)}"
+    identity = f"{cell.mcc},{cell.mnc},{cell.lac:X},{cell.cid:X}"
+    serving = f"1,4,{identity},{cell.arfcn:X},{cell.bsic:X},101,50,16,{_rows(one)}"
     near = [
         f"2,4,,,,,{other.cell.arfcn:X},{other.cell.bsic:X},,{_rows(other)}"
         for other in air.neighbours
@@ -112,7 +112,7 @@ SIERRA_ATI = (
 )
 MC7455 = Dialect(
     "mc7455",
-    who(
+    identity_replies(
         SIERRA_ATI,
         "Sierra Wireless, Incorporated",
         "MC7455",
@@ -125,7 +125,7 @@ MC7455 = Dialect(
 )
 L850 = Dialect(
     "l850",
-    who(
+    identity_replies(
         ["FIBOCOM L850-GL"],
         '+CGMI: "FIBOCOM"',
         '+CGMM: "L850-GL"',

@@ -1,11 +1,11 @@
-"""A modem that knows nothing but 3GPP TS 27.007; it needs a SIM card to have a cell at all."""
+"""A modem of 3GPP TS 27.007 alone, which has a cell with a SIM card only."""
 
 from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
-from logger.sim.dialects.dialect import Dialect, who
+from logger.sim.dialects.dialect import Dialect, identity_replies
 
 PLAIN = Dialect(
     "plain",
-    who(["Modem 1"], "Example", "Modem 1", "1.0"),
+    identity_replies(["Modem 1"], "Example", "Modem 1", "1.0"),
     replies=EPS,
     settings=SETTINGS | EPS_SETTINGS,
     takes_s={"+COPS=?": COPS_SCAN_S},

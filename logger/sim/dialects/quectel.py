@@ -6,7 +6,15 @@ Sources: captures 059 to 069, 088; 091, 092; the example of QOPS in the EC2x AT 
 from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects import modes, receivers
 from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
-from logger.sim.dialects.dialect import NETWORK_NAME, Answer, Dialect, Settings, block, setting, who
+from logger.sim.dialects.dialect import (
+    NETWORK_NAME,
+    Answer,
+    Dialect,
+    Settings,
+    block,
+    identity_replies,
+    setting,
+)
 
 QOPS_S = 12.0  # documented nowhere
 QOPS_SETTINGS = {"+QOPSCFG": setting('"SCANCONTROL",0', '"SCANCONTROL",[0-2]')}
@@ -73,13 +81,15 @@ def _serving_row(one: ReceivedCell) -> str:
 
 def _near(one: ReceivedCell) -> str:
     cell = one.cell
-    who = f"{cell.mcc},{cell.mnc},{cell.lac:04x},{cell.cid:04x}"
-    return f"{cell.arfcn},{one.dbm},{cell.bsic},{one.c1},{one.c1},{who}"
+    identity = f"{cell.mcc},{cell.mnc},{cell.lac:04x},{cell.cid:04x}"
+    return f"{cell.arfcn},{one.dbm},{cell.bsic},{one.c1},{one.c1},{identity}"
 
 
 EC25 = Dialect(
     "ec25",
-    who(["Quectel", "EC25", "Revision: EC25EFAR06A03M4G"], "Quectel", "EC25", "EC25EFAR06A03M4G"),
+    identity_replies(
+        ["Quectel", "EC25", "Revision: EC25EFAR06A03M4G"], "Quectel", "EC25", "EC25EFAR06A03M4G"
+    ),
     replies={
         '+QENG="SERVINGCELL"': serving_cell,
         '+QENG="NEIGHBOURCELL"': neighbour_cells,
@@ -99,7 +109,7 @@ EC25 = Dialect(
 )
 M95 = Dialect(
     "m95",
-    who(
+    identity_replies(
         ["Quectel_Ltd", "Quectel_M95", "Revision: M95FAR02A08"],
         "Quectel_Ltd",
         "Quectel_M95",

@@ -59,5 +59,5 @@ def _tenths(place: ModemFix) -> str:
 def _minutes(angle_deg: float, degree_digits: int) -> str:
     """The angle without its sign as `ddmm.mmmmmm`."""
     degrees, steps = divmod(round(abs(angle_deg) * 60_000_000), 60_000_000)
-    whole, fraction = divmod(steps, 1_000_000)
-    return f"{degrees:0{degree_digits}d}{whole:02d}.{fraction:06d}"
+    whole_minutes, fraction = divmod(steps, 1_000_000)
+    return f"{degrees:0{degree_digits}d}{whole_minutes:02d}.{fraction:06d}"

@@ -12,8 +12,8 @@ from logger.sim.dialects.dialect import (
     Dialect,
     Settings,
     block,
+    identity_replies,
     setting,
-    who,
 )
 
 NETSCAN_S = 40.0  # up to 45 by the manual, p197
@@ -51,7 +51,9 @@ def csq(air: Air, _: Settings) -> Answer:
 
 SIM800 = Dialect(
     "sim800",
-    who(["SIM800 R14.18"], "SIMCOM_Ltd", "SIMCOM_SIM800L", "Revision:1418B05SIM800L24"),
+    identity_replies(
+        ["SIM800 R14.18"], "SIMCOM_Ltd", "SIMCOM_SIM800L", "Revision:1418B05SIM800L24"
+    ),
     replies={"+CENG?": engineering, "+CNETSCAN": netscan, "+CSQ": csq},
     settings=SETTINGS
     | {"+CENG": setting("0,0", "[0-4](?:,[01])?"), "+CNETSCAN": setting("0", "[01]")},
@@ -62,7 +64,9 @@ SIM800 = Dialect(
 SIM808 = replace(
     SIM800,
     name="sim808",
-    identity=who(["SIM808 R14.18"], "SIMCOM_Ltd", "SIMCOM_SIM808", "Revision:1418B03SIM808M32"),
+    identity=identity_replies(
+        ["SIM808 R14.18"], "SIMCOM_Ltd", "SIMCOM_SIM808", "Revision:1418B03SIM808M32"
+    ),
     replies={**SIM800.replies, "+CGNSINF": receivers.cgnsinf},
     settings={**SIM800.settings, **receivers.CGNS_SETTINGS},
 )

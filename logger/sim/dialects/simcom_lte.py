@@ -3,16 +3,24 @@
 from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects import modes, receivers
 from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
-from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, setting, who
+from logger.sim.dialects.dialect import (
+    IMEI,
+    Answer,
+    Dialect,
+    Settings,
+    block,
+    identity_replies,
+    setting,
+)
 
 
 def engineering(air: Air, settings: Settings) -> Answer:
     """Rows of seven values for the serving cell and its neighbours; the header counts them."""
     mode, ncell = settings["+CENG"].split(",")
-    heard = (air.serving, *air.decoded_neighbours) if air.serving and mode != "0" else ()
+    cells = (air.serving, *air.decoded_neighbours) if air.serving and mode != "0" else ()
     system = "GSM" if air.serving else "NO SERVICE"
-    header = f"+CENG: {mode},{ncell},{len(heard)},{system}"
-    return [header, *block([f'+CENG: {number},"{_row(one)}"' for number, one in enumerate(heard)])]
+    header = f"+CENG: {mode},{ncell},{len(cells)},{system}"
+    return [header, *block([f'+CENG: {number},"{_row(one)}"' for number, one in enumerate(cells)])]
 
 
 def _row(one: ReceivedCell) -> str:
@@ -60,7 +68,9 @@ def _labels(one: ReceivedCell) -> str:
 
 SIM7000 = Dialect(
     "sim7000",
-    who(["SIM7000E R1351"], "SIMCOM_Ltd", "SIMCOM_SIM7000E", "Revision:1351B03SIM7000E"),
+    identity_replies(
+        ["SIM7000E R1351"], "SIMCOM_Ltd", "SIMCOM_SIM7000E", "Revision:1351B03SIM7000E"
+    ),
     replies={
         "+CENG?": engineering,
         "+CPSI?": system_information,
@@ -77,7 +87,7 @@ SIM7000 = Dialect(
 )
 SIM7600 = Dialect(
     "sim7600",
-    who(
+    identity_replies(
         [
             "Manufacturer: SIMCOM INCORPORATED",
             "Model: SIMCOM_SIM7600E-H",

@@ -12,8 +12,8 @@ from logger.sim.dialects.dialect import (
     Settings,
     block,
     bsic_octal,
+    identity_replies,
     setting,
-    who,
 )
 
 SURVEY_S = 60.0  # the manual allows two minutes
@@ -46,8 +46,8 @@ def _row(one: ReceivedCell) -> str:
     cell = one.cell
     if not one.is_decoded:
         return f"FF FFFF 0000 {cell.arfcn} {one.dbm}dbm -1 -1"
-    who = f"{bsic_octal(cell.bsic)} {cell.lac:04X} {cell.cid:04X}"
-    return f"{who} {cell.arfcn} {one.dbm}dbm {one.c1} {one.c1}"
+    identity = f"{bsic_octal(cell.bsic)} {cell.lac:04X} {cell.cid:04X}"
+    return f"{identity} {cell.arfcn} {one.dbm}dbm {one.c1} {one.c1}"
 
 
 def serving_information(air: Air, _: Settings) -> Answer:
@@ -82,9 +82,9 @@ def numeric_survey(air: Air, settings: Settings) -> Answer:
 
 def _cells_in_range(air: Air, settings: Settings) -> tuple[ReceivedCell, ...]:
     """Cells in the range of channels that the command names, or all."""
-    heard = air.others if air.serving is None else (air.serving, *air.others)
+    cells = air.others if air.serving is None else (air.serving, *air.others)
     low, _, high = settings["="].partition(",")
-    return tuple(one for one in heard if not high or int(low) <= one.cell.arfcn <= int(high))
+    return tuple(one for one in cells if not high or int(low) <= one.cell.arfcn <= int(high))
 
 
 def _survey(chosen: Sequence[ReceivedCell], lines: list[str], unread: str) -> Answer:
@@ -114,7 +114,7 @@ def _numbers(one: ReceivedCell, settings: Settings) -> tuple[str, ...]:
 
 GE864 = Dialect(
     "ge864",
-    who(["332"], "Telit", "GE864-QUAD-V2", "10.00.144"),
+    identity_replies(["332"], "Telit", "GE864-QUAD-V2", "10.00.144"),
     replies={
         "#MONI": monitor,
         "#SERVINFO": serving_information,

@@ -2,7 +2,14 @@
 
 from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects.common import COPS_SCAN_S, SETTINGS
-from logger.sim.dialects.dialect import NO_SERVICE, Answer, Dialect, Settings, setting, who
+from logger.sim.dialects.dialect import (
+    NO_SERVICE,
+    Answer,
+    Dialect,
+    Settings,
+    identity_replies,
+    setting,
+)
 
 DEEP_SCAN_S = 30.0  # measured; up to three minutes
 UNKNOWN = 255
@@ -37,22 +44,22 @@ def cell_information(air: Air, settings: Settings) -> Answer:
     """Type 0 is the serving cell, 1 a neighbour; numbers are padded with blanks."""
     if air.serving is None:
         return NO_SERVICE
-    heard = (air.serving, *air.decoded_neighbours)
+    cells = (air.serving, *air.decoded_neighbours)
     return [
         f"+UCELLINFO: {settings['+UCELLINFO']:>7}, {min(n, 1):5d}, {_columns(one)}"
-        for n, one in enumerate(heard)
+        for n, one in enumerate(cells)
     ]
 
 
 def _columns(one: ReceivedCell) -> str:
     cell = one.cell
-    who = f"{int(cell.mcc):4d}, {int(cell.mnc):4d}, {cell.lac:4x}, {cell.cid:4x}"
-    return f"{who}, {one.rxlev:3d}, {UNKNOWN}"
+    identity = f"{int(cell.mcc):4d}, {int(cell.mnc):4d}, {cell.lac:4x}, {cell.cid:4x}"
+    return f"{identity}, {one.rxlev:3d}, {UNKNOWN}"
 
 
 SARA_G350 = Dialect(
     "sara-g350",
-    who(["SARA-G350-02S-01"], "u-blox", "SARA-G350", "08.70"),
+    identity_replies(["SARA-G350-02S-01"], "u-blox", "SARA-G350", "08.70"),
     replies={
         "+CGED=3": serving_cell,
         "+CGED=5": all_cells,
