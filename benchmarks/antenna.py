@@ -1,0 +1,137 @@
+"""The sector antenna model against the omnidirectional one, on walks past antennas of both kinds.
+
+python benchmarks/antenna.py [--runs N] [--measured N] [--seed S] [--jobs N]
+
+Simulated sector antennas have the pattern of 3GPP TR 36.942, 4.2.1: a half-power beam width of 65
+degrees, 25 dB front to back, and a random azimuth. The walks are those of the scoreboard, with
+white noise of 3 dB or with shadowing of 6 dB over 15 m. The measured walks are located as well,
+where they lie beside the repository.
+"""
+
+import argparse
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from multiprocessing import Pool
+from typing import NamedTuple
+from zlib import crc32
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # each process has one core
+
+import numpy as np
+from scoreboard import ours, traces, worlds
+from scoreboard.answer import Squares
+from scoreboard.walks import TELLING
+from scoreboard.world import Noise, World
+
+from logger.core.arrays import FloatArray
+from logger.core.locator.pipeline import locate
+from logger.core.locator.region import highest_density
+from logger.core.model.prior import ANTENNAS
+
+BEAM_WIDTH_DEG = 65.0
+FRONT_TO_BACK_DB = 25.0
+NOISES = {"white 3 dB": Noise(3.0), "shadowing 6 dB / 15 m": Noise(0.0, 6.0, 15.0, step_db=1.0)}
+MEASURED_CLASSES = "ABCDE"
+
+
+class Job(NamedTuple):
+    """One walk: simulated past an antenna under some noise, or (`noise` is empty) measured."""
+
+    antenna: str
+    noise: str
+    seed: int
+    run: int
+
+
+class Score(NamedTuple):
+    """Error of the position, whether the 95 % region holds the truth, and its area."""
+
+    error_m: float
+    covered: bool
+    area_m2: float
+
+
+def pattern_db(azimuth_deg: FloatArray) -> FloatArray:
+    """Loss of the sector antenna by the azimuth off its beam."""
+    off_deg = (azimuth_deg + 180.0) % 360.0 - 180.0
+    return -np.minimum(12.0 * (off_deg / BEAM_WIDTH_DEG) ** 2, FRONT_TO_BACK_DB)
+
+
+def world_of(job: Job) -> World:
+    """The walk of a job."""
+    if not job.noise:
+        return traces.measured(*traces.names(MEASURED_CLASSES)[job.run])
+    rng = np.random.default_rng([job.seed, crc32(job.noise.encode()), job.run])
+    world = worlds.plain(rng, TELLING[job.run % len(TELLING)], NOISES[job.noise])
+    if job.antenna == "omni":
+        return world
+    walk, ((x_m, y_m),) = world.walk, world.sources
+    azimuth_deg = np.degrees(np.arctan2(walk.x_m - x_m, walk.y_m - y_m))
+    level_dbm = walk.level_dbm + pattern_db(azimuth_deg - rng.uniform(0.0, 360.0))
+    if NOISES[job.noise].step_db:
+        level_dbm = np.round(level_dbm)
+    return replace(world, walk=replace(walk, level_dbm=level_dbm))
+
+
+def score(job: Job) -> tuple[Job, dict[str, Score]]:
+    """Scores of both models."""
+    world = world_of(job)
+    obs = ours.observations(world, world.walk)
+    scores = {}
+    for model, antenna_db in ANTENNAS.items():
+        posterior = locate(obs, replace(ours.PRIOR, antenna_db=antenna_db))
+        squares = posterior.squares
+        chosen = highest_density(squares)
+        region = Squares(squares.x_m[chosen], squares.y_m[chosen], squares.size_m[chosen])
+        covered = region.holds(world.sources[0], world.slack_m)
+        error_m = world.error_m((posterior.x_m, posterior.y_m))
+        scores[model] = Score(error_m, covered, region.area_m2)
+    return job, scores
+
+
+def jobs(runs: int, most_measured: int, seed: int) -> Iterator[Job]:
+    """All jobs, those of each kind one after another."""
+    for run in range(runs):
+        for antenna in ANTENNAS:
+            yield from (Job(antenna, noise, seed, run) for noise in NOISES)
+    measured = min(len(traces.names(MEASURED_CLASSES)), most_measured)
+    yield from (Job("measured", "", seed, run) for run in range(measured))
+
+
+def row(name: str, scores: list[dict[str, Score]]) -> str:
+    """One line of the table: median error, coverage and median area of both models."""
+    omni, sector = (
+        [np.array(column) for column in zip(*(one[model] for one in scores), strict=True)]
+        for model in ANTENNAS
+    )
+    ratio = np.median(sector[0]) / np.median(omni[0])
+    cells = [
+        f"{np.median(error):8.1f} {np.mean(covered):6.3f} {np.median(area) ** 0.5:8.0f}"
+        for error, covered, area in (omni, sector)
+    ]
+    return f"{name:36} {len(scores):5} {cells[0]} {cells[1]} {ratio:7.2f}"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=100)
+    parser.add_argument("--measured", type=int, default=1000, help="at most so many of these")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=2)
+    asked = parser.parse_args()
+    scores: dict[str, list[dict[str, Score]]] = {}
+    with Pool(asked.jobs) as pool:
+        for job, found in pool.imap(score, jobs(asked.runs, asked.measured, asked.seed)):
+            name = f"{job.antenna} antenna, {job.noise}" if job.noise else "measured walks"
+            scores.setdefault(name, []).append(found)
+    header = partial("{:36} {:>5} {:>24} {:>24} {:>7}".format, "error m / coverage / sqrt area m")
+    print(header("walks", "omni model", "sector model", "ratio"))
+    for name, found in scores.items():
+        print(row(name, found))
+
+
+if __name__ == "__main__":
+    main()
