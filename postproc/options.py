@@ -61,6 +61,13 @@ def prior_options(command: Command) -> Command:
         help="Prior of the path loss: any, open, suburban or urban.",
     )
     @click.option(
+        "--antenna",
+        default="omni",
+        show_default=True,
+        metavar="NAME",
+        help="Prior of the antenna pattern: omni, or sector for a beam of unknown azimuth.",
+    )
+    @click.option(
         "--height",
         "height_m",
         type=number(float, 0, _HIGHEST_M, unit="m"),
@@ -69,11 +76,12 @@ def prior_options(command: Command) -> Command:
     )
     @functools.wraps(command)
     def with_prior(
-        *arguments: Any, environment: str, height_m: float | None, **options: Any
+        *arguments: Any, environment: str, antenna: str, height_m: float | None, **options: Any
     ) -> int | None:
         from logger.core.model.prior import prior_for
 
-        return command(*arguments, prior=prior_for(environment, height_m=height_m), **options)
+        prior = prior_for(environment, height_m=height_m, antenna=antenna)
+        return command(*arguments, prior=prior, **options)
 
     return with_prior
 

@@ -41,6 +41,7 @@ KEYS = {
         "joseph",
         "most_cells",
         "environment",
+        "antenna",
         "height_m",
     ],
     "status": ["led"],

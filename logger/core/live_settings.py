@@ -46,7 +46,7 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `hysteresis_db` stronger in the same scan, or strongest after the target was not heard for
     `lost_s`. A fix older than `max_fix_age_s` is none. `joseph` chooses the form of the reference
     filter's covariance update. `environment` names the prior: any, open, suburban or urban;
-    `height_m` is the antenna's above the receiver.
+    `antenna` that of its pattern: omni or sector; `height_m` is its height above the receiver.
     """
 
     target: str = STRONGEST
@@ -56,6 +56,7 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     joseph: bool = False
     most_cells: int = 64
     environment: Literal["any", "open", "suburban", "urban"] = "any"
+    antenna: Literal["omni", "sector"] = "omni"
     height_m: float = 5.0
 
 

@@ -22,10 +22,10 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.model.blocks import Blocks
-from logger.core.model.columns import distances_db, receiver_variance
+from logger.core.model.columns import distances_db, receiver_variance, varying_columns
 from logger.core.model.noise import whiteners_of
 from logger.core.model.prior import Prior
-from postproc.verification.likelihood_grid import Field, field_at
+from postproc.verification.likelihood_grid import LikelihoodGrid, likelihood_grid
 
 _TAIL = 16
 _LEAST = 1e-300
@@ -57,17 +57,36 @@ class Nuisances:
         """Levels of one walk for each place (b,) of the transmitter, shape (n, b)."""
         m = rng.choice(len(self.probability), len(x_m), p=self.probability)
         eta = self.eta[m] + np.sqrt(self.eta_variance[m]) * rng.normal(size=len(m))
+        position_m, sigma_db = np.stack([x_m, y_m]), self.sigma_db[m]
         at_db = distances_db(self.blocks, self.prior.height_m, x_m, y_m)
         noise = self.root @ rng.normal(size=at_db.shape)
         extra = receiver_variance(self.blocks, self.prior, at_db)
         if extra is not None:
             noise += np.sqrt(extra) * rng.normal(size=extra.shape)
-        return np.asarray(self.sigma_db[m] * noise - eta * at_db, float)
+        levels_dbm = sigma_db * noise - eta * at_db
+        if self.prior.antenna_db:
+            size = sigma_db / self.prior.sigma_db
+            levels_dbm += antenna_patterns(self.blocks, self.prior, position_m, size, rng)
+        return np.asarray(levels_dbm, float)
 
 
-def nuisances(field: Field, level_dbm: FloatArray, k: FloatArray) -> Nuisances:
+def antenna_patterns(
+    blocks: Blocks,
+    prior: Prior,
+    position_m: FloatArray,
+    size: FloatArray,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Random patterns of antennas at positions (2, b), `size` (b,) times the prior's, (n, b) in dB."""
+    _, *harmonics = varying_columns(blocks, prior, position_m[0], position_m[1])
+    sigma_db = np.repeat(prior.antenna_db, 2)[:, None] * size
+    drawn = sigma_db * rng.normal(size=(len(harmonics), len(size)))
+    return np.asarray(np.einsum("knb,kb->nb", np.stack(harmonics), drawn), float)
+
+
+def nuisances(field: LikelihoodGrid, level_dbm: FloatArray, k: FloatArray) -> Nuisances:
     """Of a walk (n,), with the covariance `k` (c, n, n) by every hypothesis of the prior."""
-    log_p, variance = field.judged(level_dbm[:, None])
+    log_p, variance = field.evaluate(level_dbm[:, None])
     best = int(np.argmax(field.weights(log_p)[:, 0]))
     eta, inverse = field.exponents(level_dbm)
     joint = log_p[best, :, 0] + field.log_mass
@@ -86,13 +105,13 @@ def nuisances(field: Field, level_dbm: FloatArray, k: FloatArray) -> Nuisances:
 
 
 def nuisances_off(
-    bent: FloatArray, field: Field, level_dbm: FloatArray, k: FloatArray
+    bent: FloatArray, field: LikelihoodGrid, level_dbm: FloatArray, k: FloatArray
 ) -> Nuisances:
     """Of the same, whatever its levels have in the orthonormal directions `bent` (n, q), wherever
     it was heard from.
     """
     free = whiteners_of(k[field.numbers] + _ANY * (bent @ bent.T), field.numbers.tolist())
-    return nuisances(field_at(field.blocks, field.prior, field.squares, free), level_dbm, k)
+    return nuisances(likelihood_grid(field.blocks, field.prior, field.squares, free), level_dbm, k)
 
 
 def calibrated(calm: FloatArray, found: FloatArray) -> FloatArray:

@@ -11,7 +11,12 @@ from logger.core.model.prior import Prior
 from postproc.verification.bootstrap import Nuisances, calibrated, nuisances, nuisances_off
 from postproc.verification.direct_test import DirectTest, direct_test
 from postproc.verification.indirect_test import IndirectTest, indirect_test
-from postproc.verification.likelihood_grid import Field, coarse_squares, field_at, refined
+from postproc.verification.likelihood_grid import (
+    LikelihoodGrid,
+    coarse_squares,
+    likelihood_grid,
+    refined,
+)
 
 DRAWS = 240
 
@@ -36,8 +41,8 @@ class Listened:
     prior: Prior
     level_dbm: FloatArray
     covariances: FloatArray
-    field: Field
-    fine: Field
+    field: LikelihoodGrid
+    fine: LikelihoodGrid
     noise: Nuisances
 
 
@@ -68,9 +73,13 @@ def listened(blocks: Blocks, prior: Prior) -> Listened:
     k, coarse = covariances(blocks, prior), coarse_squares(blocks, prior)
     every = whiteners_of(k)
     # each hypothesis has its own peak: places too coarse for the sharpest would rule that one out
-    searched = refined(field_at(blocks, prior, coarse, every[::6]), level_dbm[:, None], _FINE)
-    fine = field_at(blocks, prior, searched.squares, every).plausible(level_dbm)
-    field = refined(field_at(blocks, prior, coarse, fine.found), level_dbm[:, None], _COARSE)
+    searched = refined(
+        likelihood_grid(blocks, prior, coarse, every[::6]), level_dbm[:, None], _FINE
+    )
+    fine = likelihood_grid(blocks, prior, searched.squares, every).plausible(level_dbm)
+    field = refined(
+        likelihood_grid(blocks, prior, coarse, fine.whiteners), level_dbm[:, None], _COARSE
+    )
     return Listened(blocks, prior, level_dbm, k, field, fine, nuisances(fine, level_dbm, k))
 
 

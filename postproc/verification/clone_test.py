@@ -24,7 +24,7 @@ from logger.core.model.noise import correlation, independent_variance
 from logger.core.observations import CellObservations
 from postproc.verification.bootstrap import calibrated
 from postproc.verification.claim_test import Listened
-from postproc.verification.likelihood_grid import Field, refined
+from postproc.verification.likelihood_grid import LikelihoodGrid, refined
 
 DRAWS = 39
 """Past one transmitter, for one run: p can then be as small as 0.025."""
@@ -107,7 +107,7 @@ def _fewer(obs: CellObservations) -> CellObservations:
 
 def between_two(one: Listened, other: Listened, utm: Utm, rng: np.random.Generator) -> Sites:
     """Two runs in the same zone."""
-    field = one.field.at_other(other.blocks, other.field.found)
+    field = one.field.with_walk(other.blocks, other.field.whiteners)
     fine = refined(field, other.level_dbm[:, None], _MOST_SQUARES)
     fields = one.field.with_squares(fine.squares), fine
     levels = one.level_dbm, other.level_dbm
@@ -118,7 +118,7 @@ def between_two(one: Listened, other: Listened, utm: Utm, rng: np.random.Generat
     at = rng.choice(len(p), _PAIRS, p=p / np.sum(p))
     x, y = fine.squares[0, at], fine.squares[1, at]
     drawn = [
-        _over_places(f, walk.noise.walks(x, y, rng), np.ones(len(f.found)))
+        _over_places(f, walk.noise.walks(x, y, rng), np.ones(len(f.whiteners)))
         for f, walk in zip(fields, (one, other), strict=True)
     ]
     calm = np.sort(np.exp(-_factor(drawn[0], drawn[1], log_mass)))
@@ -134,9 +134,9 @@ def _factor(one: FloatArray, other: FloatArray, log_mass: FloatArray) -> FloatAr
     return np.asarray(apart - log_sum((log_mass[:, None] + one + other).T), float)
 
 
-def _over_places(field: Field, level_dbm: FloatArray, trust: FloatArray) -> FloatArray:
+def _over_places(field: LikelihoodGrid, level_dbm: FloatArray, trust: FloatArray) -> FloatArray:
     """Log evidence of walks (n, b) at places, each hypothesis tempered and then mixed: (h, b)."""
-    log_p, _ = field.judged(level_dbm)
+    log_p, _ = field.evaluate(level_dbm)
     log_mass = (field.log_mass - log_sum(field.log_mass))[:, None]
     tempered = trust[:, None, None] * log_p
     norm = log_sum(np.swapaxes(tempered + log_mass, 1, 2))[:, None]

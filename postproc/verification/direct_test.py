@@ -25,7 +25,7 @@ from scipy.special import chdtrc, fdtrc
 
 from logger.core.arrays import FloatArray
 from logger.core.model.blocks import Blocks
-from logger.core.model.columns import distances_db, receiver_variance
+from logger.core.model.columns import distances_db, receiver_variance, varying_columns
 from logger.core.model.noise import inverse_of_lower
 from logger.core.model.prior import Prior
 
@@ -120,6 +120,8 @@ def direct_test(
         return None
     own = prior.eta**2 * np.cov(possible, bias=True) if claim.shape[1] > 1 else np.zeros((n, n))
     extra = receiver_variance(blocks, prior, claim_db[:, None])
+    if prior.antenna_db:
+        own = own + _antenna_covariance(blocks, prior, claim)
     more = own / sigma_db**2 + (np.diag(extra[:, 0]) if extra is not None else 0.0)
     design = np.column_stack([np.ones(n), -claim_db, bent])
     root = np.asarray(np.linalg.cholesky(k + more), float)
@@ -141,6 +143,14 @@ def direct_test(
         np.array([h.trust for h in prior.hypotheses]),
         prior,
     )
+
+
+def _antenna_covariance(blocks: Blocks, prior: Prior, claim: FloatArray) -> FloatArray:
+    """Covariance (n, n) in dB^2 of the levels by an unknown antenna pattern at the claim (2, m)."""
+    middle = np.mean(claim, axis=1, keepdims=True)
+    _, *harmonics = varying_columns(blocks, prior, middle[0], middle[1])
+    pattern = np.concatenate(harmonics, axis=1) * np.repeat(prior.antenna_db, 2)
+    return np.asarray(pattern @ pattern.T, float)
 
 
 def _directions(

@@ -18,9 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.model.columns import distances_db
-from postproc.verification.bootstrap import calibrated
-from postproc.verification.likelihood_grid import Field, bearings, refined
+from postproc.verification.bootstrap import antenna_patterns, calibrated
+from postproc.verification.likelihood_grid import LikelihoodGrid, refined
 
 ANTENNA_DB = 6.0
 """Sigma of the cosine and of the sine of a measured transmitter's pattern: 15 dB from front to back
@@ -42,8 +41,8 @@ class IndirectTest:
     `calm` and `calm_directional` are the sorted statistics of walks drawn from the claim.
     """
 
-    field: Field
-    directional: Field
+    field: LikelihoodGrid
+    directional: LikelihoodGrid
     k: int
     calm: FloatArray
     calm_directional: FloatArray
@@ -69,7 +68,7 @@ class IndirectTest:
 
 
 def indirect_test(
-    field: Field,
+    field: LikelihoodGrid,
     claim: FloatArray,
     drawn_dbm: FloatArray,
     sigma_db: float,
@@ -83,26 +82,20 @@ def indirect_test(
     fine, k = refined(field, drawn_dbm[:, :_SCOUTS], _MOST_SQUARES), claim.shape[1]
     squares = np.concatenate([fine.squares, np.vstack([claim, np.zeros(k)])], axis=1)
     plain = field.with_squares(squares)
-    directional = replace(plain, antenna_db=ANTENNA_DB)
-    # as in the field, the pattern is known by the noise: as much larger as that is
-    size_db = ANTENNA_DB * sigma_db / field.prior.sigma_db
-    pattern_dbm = _pattern(field, claim, drawn_dbm.shape[1], rng)
-    calm = _tails(plain, k, drawn_dbm), _tails(directional, k, drawn_dbm + size_db * pattern_dbm)
+    directional, of_antenna = plain, np.zeros(1)
+    if not field.prior.antenna_db:
+        directional = plain.with_prior(replace(field.prior, antenna_db=(ANTENNA_DB,)))
+        middle = np.repeat(np.mean(claim, axis=1, keepdims=True), drawn_dbm.shape[1], axis=1)
+        size = np.full(drawn_dbm.shape[1], sigma_db / field.prior.sigma_db)
+        of_antenna = antenna_patterns(directional.blocks, directional.prior, middle, size, rng)
+    calm = _tails(plain, k, drawn_dbm), _tails(directional, k, drawn_dbm + of_antenna)
     return IndirectTest(plain, directional, k, *(np.sort(one) for one in calm))
 
 
-def _pattern(field: Field, claim: FloatArray, b: int, rng: np.random.Generator) -> FloatArray:
-    """Patterns of antennas in the middle of the claim in units of their sigma, shape (n, b)."""
-    middle = np.mean(claim, axis=1, keepdims=True)
-    away_db = distances_db(field.blocks, field.prior.height_m, middle[0], middle[1])
-    seen = bearings(field.blocks, middle, away_db)
-    return np.asarray(np.concatenate(seen, axis=1) @ rng.normal(size=(2, b)), float)
-
-
 def _tails(
-    field: Field, k: int, level_dbm: FloatArray, trust: FloatArray | None = None
+    field: LikelihoodGrid, k: int, level_dbm: FloatArray, trust: FloatArray | None = None
 ) -> FloatArray:
-    log_p, _ = field.judged(level_dbm)
+    log_p, _ = field.evaluate(level_dbm)
     density = field.densities(log_p, np.ones(len(log_p)) if trust is None else trust)
     mass = density[:-k] * field.squares[2, :-k, None] ** 2
     claim = np.mean(density[-k:], axis=0)

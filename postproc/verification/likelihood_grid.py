@@ -1,17 +1,13 @@
-"""What walks say about places: the locator's evidence for many walks at once, real or drawn.
+"""The likelihood of positions on a grid of squares, for many walks at once, real or simulated.
 
-The model is the locator's (`logger.core.locator`): z = P0 - eta L(x, y) + v, v ~ N(0, sigma^2 K_c)
-for hypothesis c of the noise. What changes is the prior of power and scale, so that thousands of
-drawn walks cost a few matrix products: P0 is flat, eta ~ N(eta0, eta_sigma^2) in units of a
-reference sigma, sigma^2 inverse gamma. With whitened rows o = W 1, X = -W L, z = W z, weights w of
-rows, Lam = (sigma_ref / eta_sigma)^2, m = eta0,
+The model is `logger.core.model`, with another prior of power and scale, so that thousands of
+simulated walks cost a few matrix products: P0 is flat, the other coefficients are normal in units
+of a reference sigma, sigma^2 is inverse gamma with a0 and b0. With whitened columns X, z = W levels
+and weights of rows w (see `marginal`), Lambda the precision in units of sigma_ref^-2 and m the mean
+of the coefficients:
 
-    A = X'wX + Lam - (X'wo)(o'wX) / o'wo      g = X'wz + Lam m - (X'wo)(o'wz) / o'wo
-    S = z'wz + m'Lam m - (o'wz)^2 / o'wo - g'A^-1 g log p = -1/2 log|K| + 1/2 sum log w - 1/2 log
-    o'wo - 1/2 log|A| - (a0 + (n - 1) / 2) log(b0 + S / 2) + const
-
-An antenna that does not send all round adds a cos b + c sin b, b the bearing from it; a and c ~
-N(0, antenna_db^2) are then two more columns of X.
+    A = X'wX + Lambda,    g = X'wz + Lambda m,    S = z'wz + m'Lambda m - g'A^-1 g
+    log p = -1/2 log|K| + 1/2 sum log w - 1/2 log|A| - (a0 + (n - 1) / 2) log(b0 + S / 2) + const
 """
 
 from dataclasses import dataclass
@@ -23,169 +19,166 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.quadtree import children, first_squares, log_prior
 from logger.core.model.blocks import Blocks
-from logger.core.model.columns import distances_db, receiver_variance
+from logger.core.model.columns import receiver_variance, varying_columns
+from logger.core.model.elimination import eliminate, packed_index, pivots, reduced, side
+from logger.core.model.marginal import augmented, fit, products, row_weights, sums, whitened
 from logger.core.model.noise import Whitener
 from logger.core.model.prior import Prior
 
 Squares = FloatArray
 """Rows x, y, side: shape (3, h).
 
-A place without extent has side 0 and no probability of its own.
+A position without extent has side 0 and no probability of its own.
 """
 
-_STRIP = 32
+_STRIP = 32  # walks at once: these matrices stay in the cache
 _SIGMA_SHAPE = 1.7
 """Of the inverse gamma law of sigma^2: about as wide as the locator's log-normal one (0.45)."""
-_LEAST_WEIGHT = 0.003
+_LEAST_WEIGHT = 0.003  # of a hypothesis that is not ruled out
 _MOST_HYPOTHESES = 6
+_LEAST_SIDE_M = 1.0  # of a square that is split: far below what a walk can resolve
 
 
-class _Design(NamedTuple):
-    """Of one hypothesis: w of rows and places, and what makes sums of z of it; h places, q columns
-    of X.
+class _Projections(NamedTuple):
+    """What turns levels into S, for one hypothesis: `weight` (n, h) of rows, and for each of the q
+    columns `rows` (q, n, h) and `shift` (q, h), so that g'A^-1 g = sum (rows'z + shift)^2.
 
-    With R'R = A^-1, R lower triangular: `level` (n, h) gives o'wz / sqrt(o'wo), `rows` (q, n, h)
-    and `of_eta` (q, h), the first column of R, give R g, and `log_det` (h,) is log(o'wo |A|).
+    `log_det` (h,) is log|A|.
     """
 
-    w: FloatArray
-    level: FloatArray
-    rows: FloatArray
-    of_eta: FloatArray
+    weight: FloatArray
+    rows: list[FloatArray]
+    shift: FloatArray
     log_det: FloatArray
 
 
 @dataclass(frozen=True)
-class Field:
-    """Walks of `blocks` judged at `squares` (3, h) under hypotheses `numbers` (c,).
+class LikelihoodGrid:
+    """A walk of `blocks` at `squares` (3, h) under the hypotheses of some whiteners.
 
-    The arrays with a first axis c hold what does not depend on levels. With an `antenna_db` of 0
-    the antenna sends all round.
+    `columns` are those of the model that vary with the position, `extra` the variance of the
+    receiver's error: they do not depend on levels.
     """
 
     blocks: Blocks
     prior: Prior
     squares: Squares
-    found: list[Whitener]
-    distance_db: FloatArray
+    whiteners: list[Whitener]
+    columns: list[FloatArray]
     extra: FloatArray | None
-    antenna_db: float = 0.0
 
     @property
     def numbers(self) -> IntArray:
-        """Hypotheses of the noise by their number in the prior."""
-        return np.array([w.number for w in self.found])
+        """Hypotheses of the noise by their number in the prior, shape (c,)."""
+        return np.array([w.number for w in self.whiteners])
 
     @property
     def trust(self) -> FloatArray:
         """Power that the likelihood of each hypothesis is raised to, shape (c,)."""
-        return np.array([self.prior.hypotheses[w.number].trust for w in self.found])
-
-    @property
-    def _eta_weight(self) -> float:
-        return (self.prior.sigma_db / self.prior.eta_sigma) ** 2
+        return np.array([self.prior.hypotheses[number].trust for number in self.numbers])
 
     @property
     def log_mass(self) -> FloatArray:
-        """Log prior probability of each square, shape (h,), -inf for those without extent; up to a
-        constant.
-        """
+        """Log prior probability of each square, shape (h,), up to a constant; -inf without extent."""
+        density = log_prior(self.blocks, self.prior, self.squares)
         with np.errstate(divide="ignore"):
-            return np.asarray(
-                log_prior(self.blocks, self.prior, self.squares) + 2.0 * np.log(self.squares[2]),
-                float,
-            )
+            return np.asarray(density + 2.0 * np.log(self.squares[2]), float)
 
-    def with_squares(self, squares: Squares) -> "Field":
-        """The same walk and hypotheses at other places."""
-        return field_at(self.blocks, self.prior, squares, self.found, self.antenna_db)
+    def with_squares(self, squares: Squares) -> "LikelihoodGrid":
+        """The same walk and hypotheses on another grid."""
+        return likelihood_grid(self.blocks, self.prior, squares, self.whiteners)
 
-    def at_other(self, blocks: Blocks, found: list[Whitener]) -> "Field":
-        """The same places, judged by another walk."""
-        return field_at(blocks, self.prior, self.squares, found, self.antenna_db)
+    def with_prior(self, prior: Prior) -> "LikelihoodGrid":
+        """The same walk, hypotheses and squares with another prior of the coefficients."""
+        return likelihood_grid(self.blocks, prior, self.squares, self.whiteners)
 
-    def judged(self, level_dbm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Log evidence and mean of sigma^2 by hypothesis and place, for levels (n, b): shape (c, h,
-        b) each.
-        """
-        log_p = np.empty((len(self.found), self.squares.shape[1], level_dbm.shape[1]))
+    def with_walk(self, blocks: Blocks, whiteners: list[Whitener]) -> "LikelihoodGrid":
+        """The same squares for another walk."""
+        return likelihood_grid(blocks, self.prior, self.squares, whiteners)
+
+    def evaluate(self, level_dbm: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Log evidence and mean of sigma^2 for levels (n, b), shape (c, h, b) each."""
+        log_p = np.empty((len(self.whiteners), self.squares.shape[1], level_dbm.shape[1]))
         variance = np.empty_like(log_p)
-        for i, whitener in enumerate(self.found):
-            self._judge(whitener, level_dbm, log_p[i], variance[i])
+        for i, whitener in enumerate(self.whiteners):
+            self._evaluate(whitener, level_dbm, log_p[i], variance[i])
         return log_p, variance
 
-    def _judge(
+    def _evaluate(
         self, whitener: Whitener, level_dbm: FloatArray, log_p: FloatArray, variance: FloatArray
     ) -> None:
+        mean, precision = self._coefficients
+        least = _SIGMA_SHAPE * self.prior.sigma_db**2
+        scale = least + 0.5 * float(np.sum(precision * mean**2))
         shape = _SIGMA_SHAPE + 0.5 * (len(self.blocks) - 1)
-        scale = _SIGMA_SHAPE * self.prior.sigma_db**2 + 0.5 * self._eta_weight * self.prior.eta**2
-        of = self._design(whitener)
-        constant = 0.5 * (np.sum(np.log(of.w), axis=0) - whitener.log_det - of.log_det)[:, None]
-        shift = of.of_eta[..., None] * self._eta_weight * self.prior.eta
+        of = self._projections(whitener)
+        log_weight = np.sum(np.log(of.weight), axis=0)
+        constant = 0.5 * (log_weight - whitener.log_det - of.log_det)[:, None]
         z = whitener.matrix @ level_dbm
         squares = z * z
-        for k in range(0, level_dbm.shape[1], _STRIP):  # few at a time: these stay in the cache
+        for k in range(0, level_dbm.shape[1], _STRIP):
             some = slice(k, k + _STRIP)
-            left = of.w.T @ squares[:, some] - (of.level.T @ z[:, some]) ** 2
-            for rows, more in zip(of.rows, shift, strict=True):
-                left = left - (rows.T @ z[:, some] + more) ** 2
-            total = np.maximum(scale + 0.5 * left, _SIGMA_SHAPE * self.prior.sigma_db**2)
+            left = of.weight.T @ squares[:, some]
+            for rows, shift in zip(of.rows, of.shift, strict=True):
+                left = left - (rows.T @ z[:, some] + shift[:, None]) ** 2
+            total = np.maximum(scale + 0.5 * left, least)
             np.subtract(constant, shape * np.log(total), out=log_p[:, some])
             np.divide(total, shape - 1.0, out=variance[:, some])
 
     def exponents(self, level_dbm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mean of eta, and its variance by that of the noise, for one walk (n,): shape (c, h)
-        each.
-        """
-        mean, inverse = [], []
-        for whitener in self.found:
-            of, z = self._design(whitener), whitener.matrix @ level_dbm
-            inverse.append(np.sum(of.of_eta**2, axis=0))
-            found = np.sum(of.of_eta * (np.swapaxes(of.rows, 1, 2) @ z), axis=0)
-            mean.append(found + inverse[-1] * self._eta_weight * self.prior.eta)
-        return np.stack(mean), np.stack(inverse)
+        """Mean of eta, and its variance by that of the noise, for one walk (n,): (c, h) each."""
+        fixed = np.stack([level_dbm, np.ones(len(level_dbm))])
+        of_prior = augmented(*self._normal)[:, None]
+        mean, variance = [], []
+        for whitener in self.whiteners:
+            total = sums(whitener.matrix, fixed, self.columns, self.extra)
+            given = fit(total, of_prior, np.zeros(total.shape[1]))
+            mean.append(given.theta[1])
+            variance.append(given.covariance(2)[1, 1])
+        return np.stack(mean), np.stack(variance)
 
-    def _design(self, whitener: Whitener) -> "_Design":
-        columns, believed = [-self.distance_db], [self._eta_weight]
-        if self.antenna_db:
-            columns += bearings(self.blocks, self.squares, self.distance_db)
-            believed += [(self.prior.sigma_db / self.antenna_db) ** 2] * 2
-        o, x = np.sum(whitener.matrix, axis=1)[:, None], whitener.matrix @ np.stack(columns)
-        w = self._weights(whitener)
-        wo, wx = w * o, w * x
-        oo, ox = np.sum(wo * o, axis=0), np.sum(wx * o, axis=1)
-        a = (
-            np.einsum("inh,jnh->hij", wx, x)
-            - np.einsum("ih,jh->hij", ox, ox / oo)
-            + np.diag(believed)
-        )
-        root = np.linalg.inv(np.linalg.cholesky(a))
-        rows = np.einsum("hij,jnh->inh", root, wx - (ox / oo)[:, None] * wo)
-        size = np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
-        return _Design(w, wo * oo**-0.5, rows, root[:, :, 0].T, np.log(oo) - 2.0 * size)
+    @property
+    def _coefficients(self) -> tuple[FloatArray, FloatArray]:
+        """Mean and precision by the reference sigma, shape (q,) each; P0 is flat."""
+        mean, precision = self.prior.coefficients
+        precision = precision * self.prior.sigma_db**2
+        precision[0] = 0.0
+        return mean, precision
 
-    def _weights(self, whitener: Whitener) -> FloatArray:
-        """Of rows, for the error of the receiver's position at each place: (n, h), or (n, 1) where
-        there is none.
-        """
-        if self.extra is None:
-            return np.ones((len(self.blocks), 1))
-        own = np.diagonal(whitener.matrix) ** 2
-        return np.asarray(1.0 / (1.0 + own[:, None] * self.extra), float)
+    @property
+    def _normal(self) -> tuple[FloatArray, FloatArray]:
+        mean, precision = self._coefficients
+        return mean, np.diag(precision)
+
+    def _projections(self, whitener: Whitener) -> _Projections:
+        n = len(self.blocks)
+        one = np.sum(whitener.matrix, axis=1)
+        varying = [whitened(whitener.matrix, column) for column in self.columns]
+        weight = None if self.extra is None else row_weights(whitener.matrix, self.extra)
+        system = products(np.stack([np.zeros(n), one]), varying, weight)[:-1]
+        system += augmented(*self._normal)[:, None]
+        eliminate(system)
+        size = np.sqrt(pivots(system))
+        shift = size * system[[packed_index(k, 0) for k in range(1, side(system))]]
+        weight = np.ones((n, 1)) if weight is None else weight
+        columns = reduced(system, [one[:, None], *varying])
+        rows = [weight * column / each for column, each in zip(columns, size, strict=True)]
+        return _Projections(weight, rows, shift, 2.0 * np.sum(np.log(size), axis=0))
 
     def weights(self, log_p: FloatArray) -> FloatArray:
-        """Probability of each hypothesis, wherever the transmitter stands, shape (c, b)."""
+        """Probability of each hypothesis, over all positions, shape (c, b)."""
         total = self.overall(log_p) + self.prior.log_odds[self.numbers][:, None]
         return np.asarray(np.exp(total - log_sum(total.T)), float)
 
     def overall(self, log_p: FloatArray) -> FloatArray:
-        """Log evidence of each hypothesis over all places, shape (c, b)."""
+        """Log evidence of each hypothesis over all squares, shape (c, b)."""
         log_mass = self.log_mass - log_sum(self.log_mass)
         return log_sum(np.swapaxes(log_p + log_mass[:, None], 1, 2))
 
     def densities(self, log_p: FloatArray, trust: FloatArray) -> FloatArray:
-        """Probability per square metre at each place, each likelihood raised to the power `trust`
-        (c,): (h, b).
+        """Probability per square metre of each square, shape (h, b).
+
+        The likelihood of each hypothesis is raised to the power `trust` (c,).
         """
         tempered = trust[:, None, None] * log_p
         log_mass = (self.log_mass - log_sum(self.log_mass))[:, None]
@@ -194,53 +187,44 @@ class Field:
         share = np.exp(tempered - norm[:, None]) * self.weights(log_p)[:, None]
         return np.asarray(np.sum(share, axis=0) * np.exp(log_density)[:, None], float)
 
-    def plausible(self, level_dbm: FloatArray) -> "Field":
-        """With the hypotheses only that one walk (n,) has not ruled out, at most six."""
-        p = self.weights(self.judged(level_dbm[:, None])[0])[:, 0]
+    def plausible(self, level_dbm: FloatArray) -> "LikelihoodGrid":
+        """Without the hypotheses that one walk (n,) rules out, with six at most."""
+        p = self.weights(self.evaluate(level_dbm[:, None])[0])[:, 0]
         keep = [i for i in np.argsort(-p)[:_MOST_HYPOTHESES].tolist() if p[i] > _LEAST_WEIGHT]
-        found = [self.found[i] for i in sorted(keep)]
-        return field_at(self.blocks, self.prior, self.squares, found, self.antenna_db)
+        whiteners = [self.whiteners[i] for i in sorted(keep)]
+        return likelihood_grid(self.blocks, self.prior, self.squares, whiteners)
 
 
-def field_at(
-    blocks: Blocks, prior: Prior, squares: Squares, found: list[Whitener], antenna_db: float = 0.0
-) -> Field:
-    """Field of a walk at places."""
-    distance_db = distances_db(blocks, prior.height_m, squares[0], squares[1])
-    extra = receiver_variance(blocks, prior, distance_db)
-    return Field(blocks, prior, squares, found, distance_db, extra, antenna_db)
+def likelihood_grid(
+    blocks: Blocks, prior: Prior, squares: Squares, whiteners: list[Whitener]
+) -> LikelihoodGrid:
+    """The grid of a walk at squares (3, h)."""
+    columns = varying_columns(blocks, prior, squares[0], squares[1])
+    extra = receiver_variance(blocks, prior, -columns[0])
+    return LikelihoodGrid(blocks, prior, squares, whiteners, columns, extra)
 
 
-def bearings(blocks: Blocks, places: FloatArray, distance_db: FloatArray) -> list[FloatArray]:
-    """Cosine and sine (n, h) of the bearing under which places (2 or 3, h), `distance_db` away, see
-    the blocks.
+def refined(
+    grid: LikelihoodGrid, level_dbm: FloatArray, most: int, share: float = 0.01
+) -> LikelihoodGrid:
+    """Split squares until none holds over `share` of any walk (n, b) under any hypothesis.
+
+    No more than `most` squares are made.
     """
-    away_m = 10.0 ** (0.1 * distance_db)
-    return [
-        (own_m[:, None] - m) / away_m
-        for own_m, m in ((blocks.x_m, places[0]), (blocks.y_m, places[1]))
-    ]
-
-
-def refined(field: Field, level_dbm: FloatArray, most: int, share: float = 0.01) -> Field:
-    """Split squares until by no hypothesis one holds over `share` of any of the walks (n, b), or
-    there are `most`.
-    """
-    while field.squares.shape[1] < most:
-        log_p, _ = field.judged(level_dbm)
+    while grid.squares.shape[1] < most:
+        log_p, _ = grid.evaluate(level_dbm)
         # flattened, so that a peak inside a large square is not missed
-        log_mass = 0.5 * log_p + field.log_mass[:, None]
+        log_mass = 0.5 * log_p + grid.log_mass[:, None]
         p = np.max(np.exp(log_mass - log_sum(np.swapaxes(log_mass, 1, 2))[:, None]), axis=(0, 2))
-        wanted = p > share
-        order = np.argsort(-np.where(wanted, p, 0.0))[: max((most - len(p)) // 3, 0)]
+        heavy = p > share
+        order = np.argsort(-np.where(heavy, p, 0.0))[: max((most - len(p)) // 3, 0)]
         split = np.zeros(len(p), np.bool_)
-        split[order] = wanted[order] & (field.squares[2, order] > 1.0)
+        split[order] = heavy[order] & (grid.squares[2, order] > _LEAST_SIDE_M)
         if not np.any(split):
             break
-        field = field.with_squares(
-            np.concatenate([field.squares[:, ~split], children(field.squares[:, split])], axis=1)
-        )
-    return field
+        quarters = children(grid.squares[:, split])
+        grid = grid.with_squares(np.concatenate([grid.squares[:, ~split], quarters], axis=1))
+    return grid
 
 
 def coarse_squares(blocks: Blocks, prior: Prior) -> Squares:

@@ -63,3 +63,15 @@ def inverse(eliminated: FloatArray, count: int) -> FloatArray:
         found[k, :k] = found[:k, k] = -np.sum(unit[:, None] * known, axis=0)
         found[k, k] = 1.0 / eliminated[start + k] - np.sum(unit * found[:k, k], axis=0)
     return found
+
+
+def reduced(eliminated: FloatArray, columns: list[FloatArray]) -> list[FloatArray]:
+    """Columns (n, ...) of the unknowns with those of later unknowns taken off: U^-1 applied to them.
+
+    With A = X'X the reduced columns are orthogonal, their squares sum to D.
+    """
+    found = list(columns)
+    for k in range(len(columns) - 1, 0, -1):
+        for i in range(k):
+            found[i] = found[i] - eliminated[packed_index(k + 1, i + 1)] * found[k]
+    return found

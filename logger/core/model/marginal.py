@@ -99,17 +99,20 @@ def sums(
     `extra` variance (n, h) of the block, independent of all others, gives it the weight
     1 / (1 + d^2 extra).
     """
-    fixed = fixed @ whitener.T
-    varying = [whitened(whitener, column) for column in varying]
+    weight = None if extra is None else row_weights(whitener, extra)
+    return products(fixed @ whitener.T, [whitened(whitener, v) for v in varying], weight)
+
+
+def products(fixed: FloatArray, varying: list[FloatArray], weight: FloatArray | None) -> FloatArray:
+    """Sums over whitened rows, shape (m + 1, h): `fixed` (f, n), `varying` and `weight` (n, h)."""
     i, j = np.tril_indices(len(fixed))
-    products = fixed[i] * fixed[j]
-    if extra is None:
+    pairs = fixed[i] * fixed[j]
+    if weight is None:
         h = varying[0].shape[1]
-        rows = [np.repeat(np.sum(products, axis=1)[:, None], h, axis=1)]
+        rows = [np.repeat(np.sum(pairs, axis=1)[:, None], h, axis=1)]
         weighted, log_weight = varying, np.zeros(h)
     else:
-        weight = row_weights(whitener, extra)
-        rows = [products @ weight]
+        rows = [pairs @ weight]
         weighted = [weight * column for column in varying]
         log_weight = 0.5 * np.sum(np.log(weight), axis=0)
     for k, column in enumerate(weighted):

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from logger.core.model.blocks import blocks
-from logger.core.model.columns import distances_db
+from logger.core.model.columns import distances_db, varying_columns
 from logger.core.model.noise import covariances, whiteners_of
 from logger.core.model.prior import Prior
 from postproc.verification.bootstrap import calibrated, nuisances, nuisances_off
 from postproc.verification.cell_claim import ClaimOptions, verify_cell
 from postproc.verification.claim_test import around, claim_test, listened
 from postproc.verification.claims import Claim
-from postproc.verification.likelihood_grid import field_at
+from postproc.verification.likelihood_grid import likelihood_grid
 from postproc.verification.power import BEARINGS_DEG, detectable, power
 from postproc.verification.run_claims import benjamini_hochberg
 from tests.kit.walks import observations, path, simulate
@@ -25,12 +25,13 @@ def walk_of(seed, shape="square", prior=PRIOR, **noise):
 
 
 @pytest.mark.parametrize("antenna_db", [0.0, 6.0])
-def test_field_is_the_density_of_its_model_in_one_piece(antenna_db):
+def test_grid_has_the_density_of_its_model_in_one_piece(antenna_db):
+    prior = replace(PRIOR, antenna_db=(antenna_db,) if antenna_db else ())
     walk, source = walk_of(1)
     places = np.array([[source[0], 300.0, -900.0], [source[1], -50.0, 700.0], [1.0, 1.0, 1.0]])
     covariance = covariances(walk.blocks, PRIOR)
-    field = field_at(walk.blocks, PRIOR, places, whiteners_of(covariance), antenna_db)
-    log_p, variance = field.judged(walk.level_dbm[:, None])
+    field = likelihood_grid(walk.blocks, prior, places, whiteners_of(covariance))
+    log_p, variance = field.evaluate(walk.level_dbm[:, None])
     k = (PRIOR.eta_sigma / PRIOR.sigma_db) ** 2
     n = len(walk.blocks)
     for c in range(len(PRIOR.hypotheses)):
@@ -38,11 +39,10 @@ def test_field_is_the_density_of_its_model_in_one_piece(antenna_db):
             d = distances_db(
                 walk.blocks, PRIOR.height_m, places[0, h : h + 1], places[1, h : h + 1]
             )[:, 0]
-            angle = np.arctan2(walk.blocks.y_m - places[1, h], walk.blocks.x_m - places[0, h])
-            level = np.hypot(
-                walk.blocks.x_m - places[0, h], walk.blocks.y_m - places[1, h]
-            ) / 10.0 ** (0.1 * d)
-            pattern = np.cos(angle[:, None] - angle) * np.outer(level, level)
+            columns = varying_columns(
+                walk.blocks, prior, places[0, h : h + 1], places[1, h : h + 1]
+            )
+            pattern = sum((column @ column.T for column in columns[1:]), np.zeros((n, n)))
             shape = (
                 covariance[c]
                 + k * np.outer(d, d)
@@ -89,10 +89,10 @@ def test_position_error_makes_near_blocks_count_less():
     at = np.array([[source[0]], [source[1]], [1.0]])
     walks = (blocks(observations(obs.x_m, obs.y_m, obs.level_dbm, s), 40) for s in (0.0, 15.0))
     sure, unsure = (
-        field_at(walk, PRIOR, at, whiteners_of(covariances(walk, PRIOR))) for walk in walks
+        likelihood_grid(walk, PRIOR, at, whiteners_of(covariances(walk, PRIOR))) for walk in walks
     )
     level = (sure.blocks.level_dbm - sure.blocks.level_dbm.mean())[:, None]
-    assert unsure.judged(level)[1][0, 0, 0] < sure.judged(level)[1][0, 0, 0]
+    assert unsure.evaluate(level)[1][0, 0, 0] < sure.evaluate(level)[1][0, 0, 0]
 
 
 def test_true_claims_pass_and_false_ones_fail_at_their_rate():
