@@ -21,6 +21,7 @@ from logger.core.locator.mixture import log_sum
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.two_source_test import divide
 from logger.core.model.noise import correlation, independent_variance
+from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.observations import CellObservations
 from postproc.verification.bootstrap import calibrated
 from postproc.verification.claim_test import Listened
@@ -84,8 +85,9 @@ class _Past:
     def __init__(self, obs: CellObservations, posterior: Posterior) -> None:
         best, prior = posterior.modes[0], posterior.prior
         self.obs = obs
-        d2 = (obs.x_m - best.x_m) ** 2 + (obs.y_m - best.y_m) ** 2 + prior.height_m**2
-        self.level_dbm = best.state[2] - best.state[3] * 5.0 * np.log10(np.maximum(d2, 1.0))
+        dx_m, dy_m = obs.x_m - best.x_m, obs.y_m - best.y_m
+        distance_db = log_distance_db(dx_m, dy_m, prior.height_m, obs.position_sigma_m)
+        self.level_dbm = level_dbm(best.state[2], best.state[3], distance_db)
         apart_m = np.hypot(obs.x_m[:, None] - obs.x_m, obs.y_m[:, None] - obs.y_m)
         white = posterior.white_share
         k = (1.0 - white) * correlation(apart_m, posterior.decorrelation_m)
@@ -93,8 +95,8 @@ class _Past:
         self.root = posterior.sigma_db * np.linalg.cholesky(k)
 
     def drawn(self, rng: np.random.Generator) -> CellObservations:
-        level_dbm = self.level_dbm + self.root @ rng.normal(size=len(self.obs))
-        return replace(self.obs, level_dbm=level_dbm, known_limit=np.zeros(len(self.obs), np.int64))
+        drawn_dbm = self.level_dbm + self.root @ rng.normal(size=len(self.obs))
+        return replace(self.obs, level_dbm=drawn_dbm, known_limit=np.zeros(len(self.obs), np.int64))
 
 
 def _fewer(obs: CellObservations) -> CellObservations:

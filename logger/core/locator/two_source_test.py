@@ -1,9 +1,9 @@
-"""Whether one position explains a walk, or two transmitters share the identity.
+"""Test of one transmitter against two that share the identity.
 
-The walk is divided in two by which of two places is heard better there, and each part located
-alone. Two transmitters are believed when the walk passes both and two posteriors, under the same
-noise, explain the levels far better than one: their evidence counts every unknown of both (Bayes
-factor; Kass & Raftery, J. Am. Stat. Assoc. 90(430), 1995).
+The walk is divided in two by which of two positions is nearer, and each part located alone. Two
+transmitters are accepted where the walk passes both, and two posteriors under the same noise
+explain the levels far better than one: their evidence counts every unknown of both (Bayes factor;
+Kass & Raftery, J. Am. Stat. Assoc. 90(430), 1995).
 """
 
 from typing import NamedTuple
@@ -13,9 +13,10 @@ import numpy as np
 from logger.core.arrays import BoolArray, FloatArray
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.quadtree import Effort, Tree
+from logger.core.locator.quadtree import Effort
 from logger.core.locator.search import search_once
-from logger.core.model.blocks import NOTHING_CENSORED, blocks, single
+from logger.core.model.blocks import READINGS_BELIEVED, Blocks, blocks
+from logger.core.model.columns import varying_columns
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 
@@ -26,19 +27,21 @@ Of 200 simulated walks past one source none exceeds it, of 165 measured ones 6.
 """
 
 _EFFORT = Effort(most_squares=800, split_share=0.01, nodes=3, densest=0)
-_BLOCKS = 80
-_FEWEST = 8
+_MOST_BLOCKS = 80  # a walk is located ten times or so
+_FEWEST_BLOCKS = 8  # of a part: twice the unknowns of a transmitter
 _FEWEST_READINGS = 40
-_RIVALS = 3
-_APART = 0.12
-_SMOOTHING = 0.03
-_TURNS = 3
-_IMPOSSIBLE = -1e9
+_RIVALS = 3  # peaks of the level besides the highest one
+_APART = 0.12  # of peaks, by the extent of the walk
+_PEAK_REACH = 0.7  # by that distance: a peak is the highest level within it
+_SMOOTHING = 0.03  # of the level, by the extent of the walk
+_TURNS = 3  # of division and location
+_IMPOSSIBLE = -1e9  # log evidence of a hypothesis that one of the parts rules out
 
 
 class Division(NamedTuple):
-    """Two places that together explain the levels: log Bayes factor against one, and x, y of each
-    in metres.
+    """Two positions that together explain the levels.
+
+    `log_factor` is the log Bayes factor against one position; x, y of each are in metres.
     """
 
     log_factor: float
@@ -47,107 +50,97 @@ class Division(NamedTuple):
 
 
 class _Part(NamedTuple):
+    """Log evidence of each hypothesis, with its prior odds, and the likeliest transmitter."""
+
     log_evidence: FloatArray
     x_m: float
     y_m: float
-    p0_dbm: float
-    eta: float
+    theta: FloatArray
 
 
 def divide(obs: CellObservations, posterior: Posterior) -> Division | None:
-    """The division that explains the levels best, None where the walk has no two loud places to
-    divide it by.
+    """The division that explains the levels best; None where the levels have one peak only.
 
-    Not asked where `posterior`, of one transmitter, leaves no more than shadowing unexplained; nor
-    of several modems, whose offsets would divide a walk as well.
+    None as well where `posterior`, of one transmitter, leaves no more than shadowing unexplained,
+    and for several modems, whose offsets would divide a walk too.
     """
     prior = posterior.prior
-    plain = posterior.decorrelation_m <= prior.stationary_m
+    is_explained = posterior.decorrelation_m <= prior.stationary_m
     obs = obs.usable()
-    if plain or obs.n_modems > 1 or np.count_nonzero(obs.limit == 0) < _FEWEST_READINGS:
+    if is_explained or obs.n_modems > 1 or np.count_nonzero(obs.limit == 0) < _FEWEST_READINGS:
         return None
-    walk = blocks(obs, _BLOCKS)
-    column = np.stack([walk.x_m, walk.y_m, walk.level_dbm, walk.position_sigma_m**2, walk.readings])
-    first, *others = _loud_places(column)
+    gathered = blocks(obs, _MOST_BLOCKS)
+    walk = gathered.part(np.ones(len(gathered), np.bool_))
+    first, *others = _peaks(walk)
     if not others:
         return None
-    whole = float(log_sum(_part(column, walk.size_m, prior).log_evidence))
-    found = [_best(column, walk.size_m, prior, first, other, whole) for other in others]
-    return max((one for one in found if one is not None), default=None)
+    undivided = float(log_sum(_located(walk, prior).log_evidence))
+    divisions = [_best_division(walk, prior, first, other, undivided) for other in others]
+    return max((one for one in divisions if one is not None), default=None)
 
 
-def _best(
-    column: FloatArray, size_m: float, prior: Prior, first: int, other: int, whole: float
+def _best_division(
+    walk: Blocks, prior: Prior, first: int, other: int, undivided: float
 ) -> Division | None:
-    """Divide by distance, then again and again by which of the two transmitters found is the
-    louder.
-    """
-    x_m, y_m = column[:2]
-    mine = np.hypot(x_m - x_m[first], y_m - y_m[first]) < np.hypot(
-        x_m - x_m[other], y_m - y_m[other]
+    """Divide by distance, then again by which of the two located transmitters is the stronger."""
+    in_one = _distance_m(walk, walk.x_m[first], walk.y_m[first]) < _distance_m(
+        walk, walk.x_m[other], walk.y_m[other]
     )
     best = None
     for _ in range(_TURNS):
-        if min(np.count_nonzero(mine), np.count_nonzero(~mine)) < _FEWEST:
+        if min(np.count_nonzero(in_one), np.count_nonzero(~in_one)) < _FEWEST_BLOCKS:
             break
-        one, two = (_part(column[:, side], size_m, prior) for side in (mine, ~mine))
-        factor = float(log_sum(one.log_evidence + two.log_evidence - prior.log_odds)) - whole
-        passed = max(_nearest_m(part, column) for part in (one, two)) <= prior.near_m
-        if passed and (best is None or factor > best.log_factor):
+        one, two = (_located(walk.part(chosen), prior) for chosen in (in_one, ~in_one))
+        both = one.log_evidence + two.log_evidence - prior.log_odds
+        factor = float(log_sum(both)) - undivided
+        nearest_m = [np.min(_distance_m(walk, part.x_m, part.y_m)) for part in (one, two)]
+        if max(nearest_m) <= prior.near_m and (best is None or factor > best.log_factor):
             best = Division(factor, (one.x_m, one.y_m), (two.x_m, two.y_m))
-        louder = _level_dbm(one, column, prior) > _level_dbm(two, column, prior)
-        if np.array_equal(louder, mine):
+        stronger = _expected_dbm(one, walk, prior) > _expected_dbm(two, walk, prior)
+        if np.array_equal(stronger, in_one):
             break
-        mine = louder
+        in_one = stronger
     return best
 
 
-def _part(column: FloatArray, size_m: float, prior: Prior) -> _Part:
-    """Log evidence of each hypothesis of the noise, with its prior odds, and the likeliest
-    transmitter.
-    """
-    tree = search_once(single(column, size_m, NOTHING_CENSORED), prior, _EFFORT)
-    log_mass = tree.log_prior + 2.0 * np.log(tree.size_m)
-    evidence = np.full(len(prior.hypotheses), _IMPOSSIBLE)
-    evidence[tree.numbers] = (
-        log_sum(tree.evidence.log_p + log_mass - log_sum(log_mass)) + prior.log_odds[tree.numbers]
-    )
-    return _Part(evidence, *_likeliest(tree))
+def _located(walk: Blocks, prior: Prior) -> _Part:
+    tree = search_once(walk, prior, _EFFORT)
+    log_mass = tree.log_mass()
+    log_evidence = np.full(len(prior.hypotheses), _IMPOSSIBLE)
+    over_positions = log_sum(tree.evidence.log_p + log_mass - log_sum(log_mass))
+    log_evidence[tree.numbers] = over_positions + prior.log_odds[tree.numbers]
+    c, h = np.unravel_index(np.argmax(tree.evidence.log_p), tree.evidence.log_p.shape)
+    return _Part(log_evidence, float(tree.x_m[h]), float(tree.y_m[h]), tree.evidence.theta[:, c, h])
 
 
-def _likeliest(tree: Tree) -> tuple[float, float, float, float]:
-    hypothesis, place = np.unravel_index(np.argmax(tree.evidence.log_p), tree.evidence.log_p.shape)
-    p0_dbm, eta = tree.evidence.theta[:2, hypothesis, place].tolist()
-    return float(tree.x_m[place]), float(tree.y_m[place]), p0_dbm, eta
+def _distance_m(walk: Blocks, x_m: float, y_m: float) -> FloatArray:
+    return np.asarray(np.hypot(walk.x_m - x_m, walk.y_m - y_m), float)
 
 
-def _nearest_m(part: _Part, column: FloatArray) -> float:
-    return float(np.min(np.hypot(column[0] - part.x_m, column[1] - part.y_m)))
+def _expected_dbm(part: _Part, walk: Blocks, prior: Prior) -> FloatArray:
+    """Levels (n,) of the blocks by the transmitter of a part."""
+    varying = varying_columns(walk, prior, np.array([part.x_m]), np.array([part.y_m]))
+    return np.asarray(part.theta[0] + np.concatenate(varying, axis=1) @ part.theta[1:], float)
 
 
-def _level_dbm(part: _Part, column: FloatArray, prior: Prior) -> FloatArray:
-    d2 = (column[0] - part.x_m) ** 2 + (column[1] - part.y_m) ** 2 + prior.height_m**2
-    return np.asarray(part.p0_dbm - part.eta * 5.0 * np.log10(np.maximum(d2, 1.0)), float)
-
-
-def _loud_places(column: FloatArray) -> list[int]:
-    """Blocks where the smoothed level is highest, and where else it has a peak, loudest first."""
-    x_m, y_m, level_dbm, _, readings = column
-    apart_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
+def _peaks(walk: Blocks) -> list[int]:
+    """Blocks where the smoothed level is highest and where else it has a peak, strongest first."""
+    apart_m = np.hypot(walk.x_m[:, None] - walk.x_m, walk.y_m[:, None] - walk.y_m)
     extent_m = float(np.max(apart_m))
     if extent_m <= 0.0:
         return [0]
-    near = np.exp(-0.5 * (apart_m / (_SMOOTHING * extent_m)) ** 2) * np.minimum(readings, 16.0)
-    smooth_dbm = near @ level_dbm / np.sum(near, axis=1)
-    chosen: list[int] = []
+    kernel = np.exp(-0.5 * (apart_m / (_SMOOTHING * extent_m)) ** 2)
+    kernel *= np.minimum(walk.readings, READINGS_BELIEVED)
+    smooth_dbm = kernel @ walk.level_dbm / np.sum(kernel, axis=1)
+    peaks: list[int] = []
     for k in np.argsort(-smooth_dbm).tolist():
-        far = all(apart_m[k, c] > _APART * extent_m for c in chosen)
-        if far and _is_peak(smooth_dbm, apart_m[k] < 0.7 * _APART * extent_m, k):
-            chosen.append(k)
-        if len(chosen) > _RIVALS:
+        is_apart = all(apart_m[k, peak] > _APART * extent_m for peak in peaks)
+        if is_apart and _is_peak(smooth_dbm, apart_m[k] < _PEAK_REACH * _APART * extent_m, k):
+            peaks.append(k)
+        if len(peaks) > _RIVALS:
             break
-    return chosen
+    return peaks
 
 
-def _is_peak(smooth_dbm: FloatArray, beside: BoolArray, k: int) -> bool:
-    return bool(smooth_dbm[k] >= np.max(smooth_dbm[beside]))
+def _is_peak(smooth_dbm: FloatArray, near: BoolArray, k: int) -> bool:
+    return bool(smooth_dbm[k] >= np.max(smooth_dbm[near]))

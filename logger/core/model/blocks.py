@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.arrays import FloatArray, IntArray
+from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.observations import CellObservations
 
 FINEST_BLOCK_M = 2.0
@@ -81,38 +81,37 @@ class Blocks:
             return of_points
         return np.asarray(np.add.reduceat(self.weight[:, None] * of_points, self.first), float)
 
+    def part(self, chosen: BoolArray) -> "Blocks":
+        """The chosen blocks (n,), each with its middle as the only point, without censored ones."""
+        columns = (self.x_m, self.y_m, self.level_dbm, self.position_sigma_m**2, self.readings)
+        plain = single(np.stack(columns)[:, chosen], self.size_m, NOTHING_CENSORED)
+        return replace(plain, modem=self.modem[chosen])
+
     def clear_of_censored(self) -> "Blocks":
-        """Those far from any censored reading, one point each: only there the levels kept are not
-        the high ones.
-        """
+        """Those far from any censored reading: nearer, the levels received are the high ones."""
         gone = self.censored
         apart_m = np.hypot(self.x_m[:, None] - gone.x_m, self.y_m[:, None] - gone.y_m)
-        clear = np.min(apart_m, axis=1, initial=np.inf) > max(_CLEAR_M, 2.0 * self.size_m)
-        columns = (self.x_m, self.y_m, self.level_dbm, self.position_sigma_m**2, self.readings)
-        plain = single(np.stack(columns)[:, clear], self.size_m, NOTHING_CENSORED)
-        return replace(plain, modem=self.modem[clear])
+        nearest_m = np.min(apart_m, axis=1, initial=np.inf)
+        return self.part(nearest_m > max(_CLEAR_M, 2.0 * self.size_m))
 
 
 def single(column: FloatArray, size_m: float, gone: Censored) -> Blocks:
-    """Blocks without supporting points, from rows x, y, level, variance of the position, readings:
-    shape (5, n).
-    """
+    """Blocks of one point each, from rows (5, n): x, y, level, variance of the position, readings."""
     x_m, y_m, level_dbm, variance_m2, readings = column
-    one = np.ones(len(x_m))
-    every, modem = np.arange(len(x_m)), np.zeros(len(x_m), np.int64)
+    count = len(x_m)
     return Blocks(
-        x_m,
-        y_m,
-        one,
-        every,
-        x_m,
-        y_m,
-        level_dbm,
-        readings,
-        np.sqrt(variance_m2),
-        size_m,
-        gone,
-        modem,
+        point_x_m=x_m,
+        point_y_m=y_m,
+        weight=np.ones(count),
+        first=np.arange(count),
+        x_m=x_m,
+        y_m=y_m,
+        level_dbm=level_dbm,
+        readings=readings,
+        position_sigma_m=np.sqrt(variance_m2),
+        size_m=size_m,
+        censored=gone,
+        modem=np.zeros(count, np.int64),
     )
 
 

@@ -11,14 +11,13 @@ Gamma^2 / C^2). The series is that of an exponential: d~ / d is log-normal, and 
 while Gamma is small against 10 eta / ln 10, which is 11 to 17 dB.
 """
 
-from math import exp, log
+from math import exp
 from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.arrays import FloatArray
-
-_LN10 = log(10.0)
+from logger.core.model.path_loss import DB_PER_E_FOLD
 
 
 class RangeError(NamedTuple):
@@ -35,7 +34,7 @@ class RangeError(NamedTuple):
 
 def slope_db_per_m(distance_m: float, eta: float) -> float:
     """C: how fast the level changes with the distance."""
-    return -10.0 * eta / (distance_m * _LN10)
+    return -DB_PER_E_FOLD * eta / distance_m
 
 
 def range_errors(
@@ -48,7 +47,7 @@ def range_errors(
 ) -> tuple[RangeError, FloatArray]:
     """The error of ranging by level, `offset_db` = B - B~, and simulated errors (trials,)."""
     c = slope_db_per_m(distance_m, eta)
-    log_scale = _LN10 / (10.0 * eta)
+    log_scale = 1.0 / (DB_PER_E_FOLD * eta)
     noise_db = offset_db + sigma_db * rng.normal(size=trials)
     errors_m = distance_m * (np.exp(-log_scale * noise_db) - 1.0)
     variance = (log_scale * sigma_db) ** 2
