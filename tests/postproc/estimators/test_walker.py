@@ -6,143 +6,12 @@ import pytest
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations
 from logger.core.rows import DTYPES
-from logger.core.track import Track
-from postproc.estimators import walker, walker_kalman
+from postproc.estimators import walker
 from tests.kit.scaling import cost_growth
-
-S = 10**9
-EAST_M, NORTH_M = 5e5, 5.8e6
+from tests.kit.walker_tracks import at, streets, track, wander
 
 
-def track(t_s, xy_m, sigma_m=3.7):
-    n = len(t_s)
-    x, y = np.asarray(xy_m, float).T
-    t_ns = np.round(np.asarray(t_s) * S).astype(np.int64) + 77 * S
-    return Track(
-        Utm(33), t_ns, np.arange(n), x + EAST_M, y + NORTH_M, np.broadcast_to(sigma_m, n) * 1.0
-    )
-
-
-def at(smoothed, t_s):
-    """Places and sigma per axis at times given as to `track`."""
-    found = smoothed.at(np.round(np.asarray(t_s) * S).astype(np.int64) + 77 * S)
-    return np.column_stack([found.x_m - EAST_M, found.y_m - NORTH_M]), found.sigma_m
-
-
-def streets(rng, seconds, speed_mps=1.4):
-    """A walk round blocks of 80 m that turns sharply and sometimes stands still: times 1 s apart
-    and places (n, 2).
-    """
-    t_s = np.arange(float(seconds))
-    stands = np.zeros(seconds, bool)
-    for begin in rng.integers(0, seconds, seconds // 200):
-        stands[begin : begin + rng.integers(5, 60)] = True
-    length = np.cumsum(np.where(stands, 0.0, speed_mps))
-    corner = 80.0 * np.arange(200)
-    turn = np.arange(200) % 8
-    x = np.interp(length, corner, 80.0 * np.array([0, 1, 1, 2, 2, 1, 1, 0])[turn])
-    y = np.interp(length, corner, 80.0 * np.array([0, 0, 1, 1, 2, 2, 3, 3])[turn])
-    return t_s, np.column_stack([x, y])
-
-
-def wander(rng, t_s, sigma_m, tau_s):
-    """Gauss-Markov error of both axes (n, 2)."""
-    error = sigma_m * rng.normal(size=(len(t_s), 2))
-    for k in range(1, len(t_s)):
-        kept = np.exp(-(t_s[k] - t_s[k - 1]) / tau_s)
-        error[k] = kept * error[k - 1] + np.sqrt(1.0 - kept**2) * error[k]
-    return error
-
-
-# --- against the dense solution ---
-
-
-def dense(model, times_s, asked_s, q):
-    """Mean and variance of the place at `asked_s`, from the joint Gaussian of all states and
-    measurements.
-
-    Also, for each measurement, its distance from the prediction by all the others, and the variance
-    of that."""
-    every = np.unique(np.concatenate([times_s, asked_s]))
-    size = 3 * len(every)
-    first = int(np.searchsorted(every, times_s[0]))
-    # innovations form: every state is a sum of independent increments
-    root = np.zeros((size, 3 * len(every)))
-    root[3 * first : 3 * first + 3, 3 * first : 3 * first + 3] = np.diag([1e4, 5.0, 1.0])
-    for k in [*range(first + 1, len(every)), *range(first - 1, -1, -1)]:
-        origin = k - 1 if k > first else k + 1
-        dt = every[k] - every[origin]
-        a = np.exp(-abs(dt) / walker.WANDER_S)
-        step = abs(dt)
-        noise = np.array(
-            [
-                [q * step**3 / 3, q * dt * step / 2, 0],
-                [q * dt * step / 2, q * step, 0],
-                [0, 0, 1 - a * a],
-            ]
-        )
-        own = slice(3 * k, 3 * k + 3)
-        root[own] = np.array([[1, dt, 0], [0, 1, 0], [0, 0, a]]) @ root[3 * origin : 3 * origin + 3]
-        root[own, own] += np.linalg.cholesky(noise)
-    h, z, r = [], [], []
-    for i, t in enumerate(times_s):
-        k = int(np.searchsorted(every, t))
-        for j, row in enumerate(([1.0, 0.0, model.wander_m[i]], [0.0, 1.0, 0.0])):
-            if np.isfinite(model.variance[i, j]):
-                h.append(np.zeros(size))
-                h[-1][3 * k : 3 * k + 3] = row
-                z.append(model.z[i, j])
-                r.append(model.variance[i, j])
-    h, z, prior = np.array(h), np.array(z), root @ root.T
-    joint = h @ prior @ h.T + np.diag(r)
-    asked = prior[3 * np.searchsorted(every, asked_s)]
-    gain = np.linalg.solve(joint, h @ asked.T).T
-    spread = np.diag(prior)[3 * np.searchsorted(every, asked_s)] - np.sum(
-        gain * (asked @ h.T), axis=1
-    )
-    inverse = np.linalg.inv(joint)
-    return gain @ z, spread, (inverse @ z) / np.diag(inverse)[:, None], 1.0 / np.diag(inverse)
-
-
-def test_smoother_agrees_with_the_dense_solution():
-    rng = np.random.default_rng(1)
-    t_s = np.sort(rng.uniform(0.0, 60.0, 14))
-    t_s[5] = t_s[4]  # a repeated time stamp
-    given = track(t_s, 20.0 * rng.normal(size=(14, 2)), rng.uniform(2.0, 6.0, 14))
-    sigma = np.where(rng.random(14) < 0.5, 0.4, np.inf)
-    speed = walker.Velocities(rng.normal(size=14), rng.normal(size=14), sigma)
-    q = 0.3
-    model = walker._model(given, speed, q, 0.2)._replace(q=np.full(14, q))
-    excess = rng.uniform(0.0, 3.0, (14, 2))
-    series, apart2, expected = walker_kalman.smooth(model, excess)
-    model = model._replace(variance=model.variance + excess)
-    times_s = (given.t_ns - given.t_ns[0]) / 1e9
-    asked_s = np.concatenate(
-        [
-            [-7.0, -0.5],
-            times_s,
-            rng.uniform(0.0, times_s[-1], 10),
-            times_s[-1] + np.array([0.5, 8.0]),
-        ]
-    )
-    mean, variance = walker.interpolate(times_s, series, q, asked_s)
-    # beyond gaps of 10 s the walk is taken to be livelier than the dense solution has it
-    step_s = np.diff(times_s)[np.clip(np.searchsorted(times_s, asked_s, side="right") - 1, 0, 12)]
-    same = step_s <= 10.0
-    expected_mean, expected_variance, residual, residual_variance = dense(
-        model, times_s, asked_s, q
-    )
-    assert np.count_nonzero(same) > 15
-    np.testing.assert_allclose(mean[same], expected_mean[same], rtol=1e-6, atol=1e-5)
-    np.testing.assert_allclose(variance[same], expected_variance[same], rtol=1e-6, atol=1e-5)
-    known = np.isfinite(model.variance)
-    np.testing.assert_allclose(apart2[known], np.sum(residual**2, axis=1), rtol=1e-5, atol=1e-5)
-    np.testing.assert_allclose(
-        (expected - model.slack + excess)[known], residual_variance, rtol=1e-5, atol=1e-5
-    )
-
-
-def test_places_are_continuous_through_fixes_and_gaps():
+def test_positions_are_continuous_through_fixes_and_gaps():
     rng = np.random.default_rng(2)
     t_s, xy = streets(rng, 200)
     keep = (t_s < 80) | (t_s > 120)
@@ -153,7 +22,7 @@ def test_places_are_continuous_through_fixes_and_gaps():
     assert np.max(np.abs(np.diff(sigma)[(fine[1:] > 0.0) & (fine[1:] < 199.0)])) < 0.05
 
 
-# --- honest ---
+# --- consistency ---
 
 
 @pytest.mark.parametrize("white_m", [0.2, 1.5, 3.0])
@@ -240,7 +109,7 @@ def test_a_jump_that_stays_is_doubt_and_not_certainty():
     assert np.max(sigma[140:]) < 4.0
 
 
-def test_a_car_is_told_from_a_walker():
+def test_a_car_is_distinguished_from_a_walker():
     rng = np.random.default_rng(6)
     t_s = np.arange(600.0)
     speed = 14.0 + 6.0 * np.sin(t_s / 15.0)
@@ -255,7 +124,7 @@ def test_a_car_is_told_from_a_walker():
     assert found[0] < 0.2 <= found[1]
 
 
-# --- odd tracks ---
+# --- unusual tracks ---
 
 
 def test_one_fix_only():
@@ -298,7 +167,7 @@ def test_time_grows_with_the_fixes_and_no_faster():
     assert cost_growth(smoothed, 10_000, 80_000) < 4.0
 
 
-# --- joined to the run ---
+# --- with the run ---
 
 
 def test_velocities_come_from_speed_and_course_on_the_grid():
@@ -319,7 +188,7 @@ def test_velocities_come_from_speed_and_course_on_the_grid():
     assert np.isinf(found.sigma_mps[2])
 
 
-def test_readings_are_placed_on_the_smoothed_walk():
+def test_readings_are_relocated_to_the_smoothed_walk():
     rng = np.random.default_rng(9)
     t_s, xy = streets(rng, 120)
     smoothed = walker.smooth_track(track(t_s, xy))

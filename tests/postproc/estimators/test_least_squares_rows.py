@@ -1,0 +1,75 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from logger.core.geo import Utm
+from logger.core.observations import CellObservations
+from postproc.estimators import least_squares
+from postproc.estimators.least_squares_rows import group
+from tests.kit.bent_walk import SOURCE, nees, walk
+
+
+def test_linear_part_agrees_with_dense_least_squares():
+    obs = walk(np.random.default_rng(1), count=50)
+    rows = group(obs, 5.0, robust=False)
+    loss_db = rows.log_distance_db(40.0, 70.0)
+    root = np.sqrt(rows.weight)
+    expected, *_ = scipy.linalg.lstsq(
+        root[:, None] * np.column_stack([np.ones(50), -loss_db]), root * obs.level_dbm
+    )
+    np.testing.assert_allclose(rows.best_at(40.0, 70.0), [40.0, 70.0, *expected], rtol=1e-9)
+
+
+@pytest.mark.parametrize("height_m", [0.0, 25.0])
+def test_jacobian_agrees_with_central_differences(height_m):
+    obs = walk(np.random.default_rng(2))
+    step = 1e-4
+    numeric = [
+        (
+            least_squares.residuals(SOURCE + d, obs, height_m)
+            - least_squares.residuals(SOURCE - d, obs, height_m)
+        )
+        / (2 * step)
+        for d in step * np.eye(4)
+    ]
+    np.testing.assert_allclose(
+        least_squares.jacobian(SOURCE, obs, height_m),
+        np.column_stack(numeric),
+        rtol=1e-6,
+        atol=1e-8,
+    )
+
+
+def test_readings_of_one_place_do_not_outweigh_the_walk():
+    obs = walk(np.random.default_rng(8), shadow_m=10.0)
+    again = np.concatenate([np.arange(len(obs)), np.full(900, 120)])
+    arrays = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
+    long = replace(obs, **{name: getattr(obs, name)[again] for name in arrays})
+    short_fit, long_fit = (least_squares.fit(one, [(60.0, 90.0)]) for one in (obs, long))
+    assert np.hypot(*(short_fit.state - long_fit.state)[:2]) < 10.0
+    shrunk = np.linalg.det(long_fit.covariance[:2, :2]) / np.linalg.det(
+        short_fit.covariance[:2, :2]
+    )
+    assert shrunk > 0.25
+
+
+@pytest.mark.parametrize("loss", ["linear", "huber"])
+def test_a_million_readings(loss):
+    rng = np.random.default_rng(9)
+    count = 1_000_000
+    s = np.linspace(0.0, 800.0, count)
+    x, y = np.minimum(s, 400.0), np.maximum(s - 400.0, 0.0)
+    level = (
+        SOURCE[2]
+        - 10.0 * SOURCE[3] * np.log10(np.hypot(x - SOURCE[0], y - SOURCE[1]))
+        + 3.0 * rng.normal(size=count)
+    )
+    at = np.arange(count)
+    obs = CellObservations("c", None, Utm(32), at, x, y, np.zeros(count), level, at)
+    fit = least_squares.fit(obs, [(40.0, 70.0), (300.0, 300.0)], loss=loss)
+    assert fit.n == count
+    assert nees(fit) < 9.2
+    assert fit.sigma_db == pytest.approx(3.0, abs=0.05)
+    assert np.hypot(*(fit.state - SOURCE)[:2]) < 2.0
