@@ -166,7 +166,8 @@ def powers(options: argparse.Namespace) -> Json:
             print(
                 f"power     {name}, {share or 'all'} x distance, {len(chosen)} walks: "
                 f"direct {mean[0]:.3f} (predicted {mean[2]:.3f}), "
-                f"indirect {mean[1]:.3f} (predicted {mean[3]:.3f}); +- {0.5 / len(chosen) ** 0.5:.3f}"
+                f"indirect {mean[1]:.3f} (predicted {mean[3]:.3f}); "
+                f"+- {0.5 / len(chosen) ** 0.5:.3f}"
             )
     return figures
 

@@ -104,7 +104,7 @@ def test_gsm_only_is_set_and_set_back_at_the_stop(tmp_path, name):
     assert "mode-restored" in noted, noted
     assert modem.setting(setting).startswith(before)  # 40000000 and what follows: as it is
     # it was durable when the modem got the command
-    (kept,) = json.loads(modem.kept[sent])
+    (kept,) = json.loads(modem.file_at_line[sent])
     assert kept["value"] == value
     assert kept["model"] in MODELS[name].identity["+CGMM"][0]
     assert not file_of(tmp_path).exists()

@@ -90,7 +90,7 @@ class Browser:
         return [v for v in violations if v["impact"] in {"moderate", "serious", "critical"}]
 
     def screenshot(self) -> bytes:
-        """The whole page as PNG."""
+        """The complete page as PNG."""
         return base64.b64decode(
             self._driver.execute_cdp_cmd("Page.captureScreenshot", {"captureBeyondViewport": True})[
                 "data"

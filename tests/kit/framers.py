@@ -27,7 +27,7 @@ def feed_all(framer: Framer, chunks: Iterable[bytes]) -> list[Any]:
 
 
 def split_at(data: bytes, sizes: Sequence[int]) -> list[bytes]:
-    """Pieces of the given sizes, the last one with all that is left."""
+    """Pieces of these sizes and a last piece with the rest."""
     chunks, start = [], 0
     for size in sizes:
         chunks.append(data[start : start + size])

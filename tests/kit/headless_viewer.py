@@ -1,4 +1,4 @@
-"""The native viewer without a screen, drawn by a processor: software Vulkan."""
+"""The native viewer without a screen, rendered by software Vulkan."""
 
 import socket
 import time
@@ -12,7 +12,7 @@ from postproc.view import viewer
 
 DRIVER = next(Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"), None)
 MISSING = "software Vulkan is missing (Debian: apt-get install mesa-vulkan-drivers)"
-PATIENCE_S = 180.0
+TIMEOUT_S = 180.0
 
 
 @contextmanager
@@ -45,7 +45,7 @@ def headless_viewer(folder: Path, *through: str) -> Iterator[ViewerClient]:
 
 
 def _connected(port: int) -> ViewerClient:
-    until = time.monotonic() + PATIENCE_S
+    until = time.monotonic() + TIMEOUT_S
     while time.monotonic() < until:
         with socket.socket() as probe:
             if probe.connect_ex(("127.0.0.1", port)) == 0:
@@ -55,13 +55,13 @@ def _connected(port: int) -> ViewerClient:
 
 
 def stable_screenshot(client: ViewerClient, view: str) -> bytes:
-    """A picture of one view that no longer changes: the first may be half drawn."""
-    (view_id,) = [one.view_id for one in client.get_state().views if one.name == view]
-    before, until = None, time.monotonic() + PATIENCE_S
+    """A picture of one view after it has stopped changing; the first may be incomplete."""
+    (view_id,) = [v.view_id for v in client.get_state().views if v.name == view]
+    before, until = None, time.monotonic() + TIMEOUT_S
     while time.monotonic() < until:
         now = client.take_screenshot(view_id)
         if now == before:
             return now
         before = now
         time.sleep(0.2)
-    raise TimeoutError("the picture never comes to rest")
+    raise TimeoutError("the picture never stops changing")

@@ -1,4 +1,4 @@
-"""HDF5 runs as nobody records them: each a change of an honest one, by name."""
+"""HDF5 runs that no recorder writes: each is a named change of a genuine run."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +9,7 @@ import numpy as np
 SECRET = b"a secret of this machine"
 
 Change = Callable[[h5py.File, Path], None]
-"""Changes an open run; the path is that of a file beside it, which holds `SECRET`."""
+"""Changes an open run; the path is that of a file beside it that contains `SECRET`."""
 
 
 def replace_dataset(file: h5py.File, name: str, **made) -> h5py.Dataset:
@@ -18,8 +18,8 @@ def replace_dataset(file: h5py.File, name: str, **made) -> h5py.Dataset:
 
 
 def _packed(file: h5py.File, name: str, n_rows: int, chunk: int, dtype) -> None:
-    """Many rows of zeros, which take no room in the file."""
-    found = replace_dataset(
+    """Many rows of zeros, which need almost no space in the file."""
+    dataset = replace_dataset(
         file,
         name,
         shape=(n_rows,),
@@ -29,7 +29,7 @@ def _packed(file: h5py.File, name: str, n_rows: int, chunk: int, dtype) -> None:
         maxshape=(None,),
     )
     for at in range(0, n_rows, chunk):
-        found[at : at + chunk] = np.zeros(min(chunk, n_rows - at), dtype)
+        dataset[at : at + chunk] = np.zeros(min(chunk, n_rows - at), dtype)
 
 
 def _virtual(file: h5py.File, secret: Path) -> None:
@@ -80,7 +80,7 @@ ELSEWHERE: dict[str, Change] = {
     "soft link of nothing": lambda f, _: _linked(f, "x", h5py.SoftLink("/nowhere")),
     "virtual dataset": _virtual,
 }
-"""What leads out of the file."""
+"""Changes that refer to other files."""
 
 UNREADABLE: dict[str, Change] = {
     "a group for a table": _group,
@@ -115,7 +115,7 @@ UNREADABLE: dict[str, Change] = {
     "a table that is none": lambda f, _: _text(
         f, "meta", f["meta"][()].replace(b'"notes":', b'"../../x":')
     ),
-    "a filter of others": lambda f, _: replace_dataset(
+    "a filter that we do not use": lambda f, _: replace_dataset(
         f, "notes", data=f["notes"][...], compression="lzf"
     ),
     "a format of numbers": lambda f, _: f.attrs.__setitem__("format", np.arange(1000)),
@@ -133,7 +133,7 @@ UNREADABLE: dict[str, Change] = {
         f, "raw_bytes", shape=(3 << 30,), dtype="u1", chunks=(1 << 20,), compression="gzip"
     ),
 }
-"""What cannot be read as a run."""
+"""Changes that make the run unreadable."""
 
 ALTERED: dict[str, tuple[Change, str]] = {
     "started_utc": (
@@ -175,7 +175,7 @@ ALTERED: dict[str, tuple[Change, str]] = {
     "a frame's checksum": (lambda f, _: _changed(f, "frames", "crc32", 3), "altered"),
     "a frame after the seal": (lambda f, _: _resealed(f), "seal"),
 }
-"""What is read, and is not as it was recorded; the word that names it."""
+"""Changes of a readable run, and the word by which the verification names each."""
 
 
 def _changed(file: h5py.File, table: str, column: str, value: object, row: int = 5) -> None:

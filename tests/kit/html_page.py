@@ -1,4 +1,4 @@
-"""A page as a parser of HTML sees it."""
+"""The elements of an HTML page."""
 
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
@@ -73,8 +73,8 @@ class Page(HTMLParser):
         return [element for element in self.elements if element.tag in tags]
 
     def by_id(self, name: str) -> Element:
-        (found,) = [element for element in self.elements if element.get("id") == name]
-        return found
+        (element,) = [e for e in self.elements if e.get("id") == name]
+        return element
 
     @property
     def text(self) -> str:

@@ -40,7 +40,7 @@ def fill_array(_path):
 
 
 def refuse(_path):
-    raise RunFileError("what the task says")
+    raise RunFileError("message of the task")
 
 
 def no_row(_path):

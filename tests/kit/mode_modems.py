@@ -1,4 +1,4 @@
-"""Simulated modems with each of the commands that choose technologies, and one that is watched."""
+"""Simulated modems with each command that selects technologies, and one that is observed."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +14,9 @@ from logger.sim.scenario import scenario
 WALK = scenario("clear")
 
 
-def _another(name: str, says, setting_name: str, default: str, form: str, listing) -> Dialect:
+def _another(
+    name: str, maker_and_model, setting_name: str, default: str, form: str, listing
+) -> Dialect:
     """A simulated modem under another name, with one command more."""
     dialect = DIALECTS[name]
     command = f"{setting_name}?"
@@ -22,9 +24,9 @@ def _another(name: str, says, setting_name: str, default: str, form: str, listin
     settings = {key: kind for key, kind in dialect.settings.items() if key != "^SYSCFGEX"}
     return replace(
         dialect,
-        name=says[1],
-        identity=identity_replies([says[1]], *says, "1.0"),
-        replies={**replies, command: lambda _, told: listing(told[setting_name])},
+        name=maker_and_model[1],
+        identity=identity_replies([maker_and_model[1]], *maker_and_model, "1.0"),
+        replies={**replies, command: lambda _, settings: listing(settings[setting_name])},
         settings={**settings, setting_name: setting(default, form, stored=True)},
     )
 
@@ -79,7 +81,7 @@ MODELS = {
         lambda v: [f"+XACT: {v}"],
     ),
 }
-"""Of each family and command one that takes GSM only."""
+"""One modem of each family and command that can restrict itself to GSM."""
 
 
 class ObservedModem:
@@ -92,7 +94,7 @@ class ObservedModem:
         rng = np.random.default_rng(1)
         self.modem = SimulatedModem(dialect, WALK.world, WALK.walk, now_s, rng)
         self.lines: list[str] = []
-        self.kept: dict[str, str] = {}
+        self.file_at_line: dict[str, str] = {}
         self._file = folder / FILE
         self._line = b""
 
@@ -104,7 +106,7 @@ class ObservedModem:
         for line in lines:
             self.lines.append(line.decode("latin-1"))
             if self._file.exists():
-                self.kept.setdefault(self.lines[-1], self._file.read_text())
+                self.file_at_line.setdefault(self.lines[-1], self._file.read_text())
         return self.modem.feed(data)
 
     def unsolicited(self) -> bytes:

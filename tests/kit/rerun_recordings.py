@@ -1,4 +1,4 @@
-"""What stands in a recording of rerun, read back chunk by chunk."""
+"""Content of a recording of rerun, read chunk by chunk."""
 
 import numpy as np
 from rerun.chunk import RrdReader
@@ -6,10 +6,10 @@ from rerun.chunk import RrdReader
 
 def chunks(path):
     """Chunks by entity."""
-    found = {}
+    by_entity = {}
     for chunk in RrdReader(path).stream():
-        found.setdefault(chunk.entity_path, []).append(chunk)
-    return found
+        by_entity.setdefault(chunk.entity_path, []).append(chunk)
+    return by_entity
 
 
 def _columns(path, entity, *, static):
@@ -24,7 +24,7 @@ def temporal_columns(path, entity):
 
 
 def static_columns(path, entity):
-    """The chunk of an entity that does not."""
+    """The chunk of an entity that does not change with time, as columns by name."""
     return _columns(path, entity, static=True)
 
 

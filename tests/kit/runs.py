@@ -52,14 +52,14 @@ def records(n: int) -> list[Record]:
 
 
 def write_journal(
-    path: Path, found: list[Record], *, sync_every: int = 20, close: bool = True, **changes
+    path: Path, stream: list[Record], *, sync_every: int = 20, close: bool = True, **changes
 ) -> None:
     writer = RunWriter(path, meta(**changes))
-    for i, record in enumerate(found, 1):
+    for i, record in enumerate(stream, 1):
         writer.append(record)
         if i % sync_every == 0:
             writer.sync()
     if close:
-        writer.close(found[-1].t_ns if found else 0, "test")
+        writer.close(stream[-1].t_ns if stream else 0, "test")
     else:
         writer.sync()

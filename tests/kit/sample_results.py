@@ -79,7 +79,7 @@ def sample_result(run: Run, *, verdict="located", places=1) -> Result:
     """Every estimator for the first cell, none for the others."""
     observations = observe(run.tables["fixes"], run.tables["scans"], run.tables["readings"])
     by_name = {obs.cell: obs for obs in observations.cells}
-    others = [
+    rest = [
         CellResult(name, len(obs), obs, "cannot tell", ("not asked",))
         for name, obs in by_name.items()
     ]
@@ -101,7 +101,7 @@ def sample_result(run: Run, *, verdict="located", places=1) -> Result:
         fitted,
     )
     observed = ObservedRun(run, observations, ("about the run",))
-    return Result((observed,), (first, *(o for o in others if o.cell != obs.cell)))
+    return Result((observed,), (first, *(cell for cell in rest if cell.cell != obs.cell)))
 
 
 def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior:

@@ -1,4 +1,4 @@
-"""What can be seen on a screenshot of the viewer."""
+"""Items of a walk that are visible on a screenshot of the viewer."""
 
 from io import BytesIO
 
@@ -21,14 +21,14 @@ SHOWN = {
 
 
 def count_pixels(png: bytes, colour, *, within=(0.0, 1.0), off=30) -> int:
-    """Pixels of about a colour, between two shares of the width."""
+    """Number of pixels of about a colour, between two fractions of the width."""
     pixels = np.asarray(Image.open(BytesIO(png)).convert("RGB")).astype(int)
     left, right = (int(share * pixels.shape[1]) for share in within)
     return int(np.count_nonzero(np.max(np.abs(pixels[:, left:right] - colour), axis=2) <= off))
 
 
 def missing_items(png: bytes, *, within=(0.0, 1.0)) -> list[str]:
-    """What of a walk cannot be seen."""
+    """Items of a walk that are not visible."""
     return [
         name
         for name, colour in SHOWN.items()

@@ -17,7 +17,7 @@ from logger.core.runfile import read_run
 from logger.sim.receiver import sentence
 
 LIMIT_S = 120.0
-"""For whatever takes a second on an idle machine; a test that comes near it has found something."""
+"""Limit for actions that take a second on an idle machine."""
 FIELDLOGGER = (sys.executable, "-m", "logger.cli")
 
 
@@ -46,14 +46,14 @@ def running_service(config: Path, *more: str) -> Iterator[subprocess.Popen[str]]
 
 
 def run_python(script: str) -> str:
-    """What a script prints in a Python of its own."""
+    """Output of a script in a Python process of its own."""
     return subprocess.run(
         [sys.executable, "-c", script], check=True, capture_output=True, text=True
     ).stdout
 
 
 def wait_at_most(process: subprocess.Popen[bytes], seconds: float) -> None:
-    """Wait for the end of a process, or so long."""
+    """Wait for the end of a process, at most for some seconds."""
     with suppress(subprocess.TimeoutExpired):
         process.wait(seconds)
 
@@ -68,24 +68,24 @@ def stop_service(process: subprocess.Popen[str], by: signal.Signals = signal.SIG
 
 @contextmanager
 def systemd(monkeypatch: pytest.MonkeyPatch, folder: Path) -> Iterator[Callable[[], list[str]]]:
-    """A $NOTIFY_SOCKET for the next service; gives all assignments heard so far."""
-    heard: list[str] = []
+    """A $NOTIFY_SOCKET for the next service; yields a function that returns all assignments."""
+    received: list[str] = []
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as server:
         server.bind(str(folder / "notify"))
         server.setblocking(False)
         monkeypatch.setenv("NOTIFY_SOCKET", str(folder / "notify"))
 
-        def said() -> list[str]:
-            with suppress(OSError):  # nothing more now, or for ever
+        def assignments() -> list[str]:
+            with suppress(OSError):  # nothing more now
                 while True:
-                    heard.extend(server.recv(4096).decode().splitlines())
-            return heard
+                    received.extend(server.recv(4096).decode().splitlines())
+            return received
 
-        yield said
+        yield assignments
 
 
 def assert_ends(work: Callable[[], object], seconds: float = LIMIT_S) -> None:
-    """Do something that might wait for ever; AssertionError when it does not end in time."""
+    """Run something that might block; AssertionError if it does not end in time."""
     thread = threading.Thread(target=work, daemon=True)
     thread.start()
     thread.join(seconds)
@@ -109,11 +109,11 @@ def n_recorded(folder: Path, table: str) -> int:
         return 0  # made, and not yet written for the first time
 
 
-def journal_holds(folder: Path, said: bytes) -> bool:
-    """True when the only journal of a folder has those bytes, as they were sent, and no others."""
+def journal_holds(folder: Path, sent: bytes) -> bool:
+    """True if the only journal of a folder contains exactly these raw bytes."""
     try:
         (journal,) = folder.glob("*.journal")
-        return read_run(journal).raw_bytes.tobytes() == said
+        return read_run(journal).raw_bytes.tobytes() == sent
     except (RunFileError, ValueError):
         return False  # made, and not yet written for the first time
 

@@ -1,4 +1,4 @@
-"""What a program shows on a real terminal."""
+"""The output of a program on a real terminal."""
 
 import fcntl
 import os
@@ -21,14 +21,14 @@ def on_terminal(
     """Run a command on a pty and type a text; return the output and the exit code."""
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
-    kept = {
+    inherited = {
         k: v
         for k, v in os.environ.items()
         if k not in {"NO_COLOR", "FORCE_COLOR", "COLUMNS", "LINES"}
     }
     program = subprocess.Popen(
         command, stdin=theirs, stdout=theirs, stderr=theirs, close_fds=True, start_new_session=True,
-        env=kept | {"TERM": "xterm-256color"} | environment,
+        env=inherited | {"TERM": "xterm-256color"} | environment,
     )  # fmt: skip
     os.close(theirs)
     try:

@@ -1,4 +1,4 @@
-"""pyserial's port as the logger opens it: what came before the opening is kept."""
+"""pyserial's port as the logger opens it: bytes received before the opening are not discarded."""
 
 import serial
 

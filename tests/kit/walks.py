@@ -94,26 +94,26 @@ def censor_at_floor(obs, share):
     return replace(obs, level_dbm=np.maximum(weaker, FLOOR_DBM))
 
 
-def region_contains(found, point, slack_m=0.0):
-    """Whether the 95 % region holds a point."""
-    chosen = highest_density(found.squares)
-    cells = found.squares
-    reach = 0.5 * cells.size_m[chosen] + slack_m
-    inside = (np.abs(cells.x_m[chosen] - point[0]) <= reach) & (
-        np.abs(cells.y_m[chosen] - point[1]) <= reach
+def region_contains(posterior, point, slack_m=0.0):
+    """True if the 95 % region contains a point."""
+    chosen = highest_density(posterior.squares)
+    squares = posterior.squares
+    reach = 0.5 * squares.size_m[chosen] + slack_m
+    inside = (np.abs(squares.x_m[chosen] - point[0]) <= reach) & (
+        np.abs(squares.y_m[chosen] - point[1]) <= reach
     )
     return bool(np.any(inside))
 
 
-def nearest_mode_m(found, point):
-    return min(np.hypot(m.x_m - point[0], m.y_m - point[1]) for m in found.modes)
+def nearest_mode_m(posterior, point):
+    return min(np.hypot(m.x_m - point[0], m.y_m - point[1]) for m in posterior.modes)
 
 
 def add_position_errors(rng, sigma_m, obs):
     """The same walk with slow errors of the receiver's position."""
     east_m, north_m = (sigma_m * _lasting(rng, len(obs)) for _ in range(2))
-    told = np.full(len(obs), sigma_m)
-    return replace(obs, x_m=obs.x_m + east_m, y_m=obs.y_m + north_m, position_sigma_m=told)
+    sigmas_m = np.full(len(obs), sigma_m)
+    return replace(obs, x_m=obs.x_m + east_m, y_m=obs.y_m + north_m, position_sigma_m=sigmas_m)
 
 
 def _lasting(rng, count, memory=0.98):

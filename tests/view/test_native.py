@@ -11,7 +11,7 @@ from postproc.view import viewer
 from postproc.view.scene import write_scene
 from tests.kit import headless_viewer
 from tests.kit import sample_results as kit
-from tests.kit.headless_viewer import PATIENCE_S, stable_screenshot
+from tests.kit.headless_viewer import TIMEOUT_S, stable_screenshot
 from tests.kit.sample_view import sample_view
 from tests.kit.screenshots import count_pixels, missing_items
 
@@ -48,7 +48,7 @@ def test_a_walk_opens_at_its_end_with_everything_visible(client, recordings):
     start_s = time.monotonic()
     client.open(str(recordings / "walk.rrd"))
     while missing_items(client.take_screenshot()):
-        assert time.monotonic() - start_s < PATIENCE_S
+        assert time.monotonic() - start_s < TIMEOUT_S
     assert missing_items(stable_screenshot(client, "Plan"), within=PLAN) == []
     state = client.get_state()
     (recording,) = state.recordings

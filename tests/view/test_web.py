@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 WIDTH = 1280
 TIME_BAR = (255, 1051, 886)
 """West end, east end and height of the time bar, in pixels of that page."""
-PATIENCE_S = 180.0
+TIMEOUT_S = 180.0
 PLAN = (0.0, 0.4)
 """Of the page's width; farther east is the key."""
 
@@ -37,8 +37,8 @@ class Page:
 
     def __init__(self, chromium, address):
         self.chromium, self.driver, self.address = chromium, chromium._driver, address
-        self.driver.set_page_load_timeout(PATIENCE_S)
-        self.driver.set_script_timeout(PATIENCE_S)
+        self.driver.set_page_load_timeout(TIMEOUT_S)
+        self.driver.set_script_timeout(TIMEOUT_S)
         chromium.open(Address(address), width=WIDTH, dark=True)
         self.wait(
             lambda: chromium.evaluate(
@@ -47,7 +47,7 @@ class Page:
         )
 
     def wait(self, holds):
-        until = time.monotonic() + PATIENCE_S
+        until = time.monotonic() + TIMEOUT_S
         while not holds():
             assert time.monotonic() < until, "it never happens"
             time.sleep(0.5)
