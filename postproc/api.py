@@ -21,11 +21,10 @@ from logger.core.runfile import Run, read_sound_run
 from postproc.atomic_write import check_output
 from postproc.cell_estimation import locate_cell
 from postproc.estimators.robust_losses import Loss
-from postproc.interop.estimates import estimates
+from postproc.interop.estimates import estimates_of
 from postproc.interop.exporting import Exported, format_of, write_export
 from postproc.interop.levels import walked
 from postproc.result import CellResult, Options, Result
-from postproc.results import summary
 from postproc.smoothing import observed_cells, smooth_runs
 from postproc.verification.claims import Claim, read_claims
 from postproc.verification.run_claims import verify_claims
@@ -194,7 +193,7 @@ def export(
     name = format_of(form, target, with_estimates=result is not None)
     check_output(target)
     walk = walked(observed, list(observed_cells([observed], cells)) if cells else None)
-    stored = [] if result is None else estimates(summary(result), walk.utm, every=all_estimators)
+    stored = [] if result is None else estimates_of(result, walk.utm, every=all_estimators)
     return write_export(walk, stored, target, name)
 
 

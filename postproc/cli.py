@@ -27,6 +27,7 @@ from postproc.view.cli import view
 
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior
+    from postproc.result_json import Summary
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -151,16 +152,17 @@ def smooth(
     from logger.core.runfile import read_sound_run
     from postproc import results
     from postproc.result import Options
+    from postproc.summary import summarise
 
     runs = [read_sound_run(path) for path in paths]
     result = estimate(runs, cells, Options(prior, loss))
-    summary = results.summary(result)
+    summary = summarise(result)
     # printed first: a run on a read-only card has an answer too
     _print_summary(summary, details=bool(cells or verbose), as_json=as_json)
     results.write(result, summary, results.path_beside(paths[0], together=len(runs) > 1))
 
 
-def _print_summary(summary: dict[str, Any], *, details: bool, as_json: bool) -> None:
+def _print_summary(summary: "Summary", *, details: bool, as_json: bool) -> None:
     from postproc.json_text import as_json as json_text
     from postproc.tables import print_summary
 

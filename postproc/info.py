@@ -50,9 +50,9 @@ class Event:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Info:
-    """Summary of a run; times in UTC are None where GPS never told the time."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunFacts:
+    """A run in single values; `started_utc` is None where GPS never reported the time."""
 
     path: str
     form: str
@@ -76,6 +76,12 @@ class Info:
     n_readings_without_identity: int
     n_live: int
     n_raw_bytes: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Info(RunFacts):
+    """Summary of a run, with its cells, gaps and events."""
+
     cells: tuple[CellCount, ...]
     gaps: tuple[Gap, ...]
     events: tuple[Event, ...]

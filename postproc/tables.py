@@ -1,17 +1,28 @@
-"""Results of `smooth` in a terminal: a line for each cell, and all that is known of those that were
-asked for.
-"""
+"""The summary of `smooth` in a terminal: a line per cell, or every detail of the cells."""
 
 from collections.abc import Sequence
 
+from msgspec import UNSET
 from rich.console import Console
 from rich.text import Text
 
+from logger.core.ellipse import Ellipse
 from logger.core.locator.rivals import share_text
-from postproc.json_text import Json
-from postproc.terminal import Cell, fits, say, screen, styled, table
+from postproc.result_json import (
+    Best,
+    BestWithout,
+    Cell,
+    FinalState,
+    LeastSquares,
+    Mode,
+    RunSummary,
+    Summary,
+    SummaryOfRun,
+    TruthCheck,
+)
+from postproc.terminal import fits, say, screen, styled, table
 
-TITLES = {
+_TITLES = {
     "batch": "least squares",
     "ekf": "EKF",
     "ekf_backward": "EKF backward",
@@ -20,181 +31,150 @@ TITLES = {
 }
 _STYLES = {"located": "green", "ambiguous": "yellow", "cannot tell": "red"}
 _ORDER = tuple(_STYLES)
+_REFERENCE = "the specification's filter, kept for reference: its place and its ellipse are not to be trusted"
 
 
-def print_summary(found: Json, *, details: bool) -> None:
-    """What was found, as `results` gives it: one line for each cell, or with `details` all that is
-    known of it.
-    """
+def print_summary(summary: Summary, *, details: bool) -> None:
+    """One line for each cell, or with `details` its reasons and every estimator."""
     console = screen()
-    runs = found.get("runs") or [found["run"]]
-    _print_warnings(console, runs, found.get("warnings", ()))
-    cells = sorted(found["cells"], key=lambda cell: _ORDER.index(cell["verdict"]))
+    if isinstance(summary, SummaryOfRun):
+        _print_warnings(console, [summary.run], [])
+    else:
+        _print_warnings(console, summary.runs, summary.warnings)
+    cells = sorted(summary.cells, key=lambda cell: _ORDER.index(cell.verdict))
     if not cells:
         return
     if not details:
         _print_lines(console, cells)
-        say(
-            console,
-            "\nThe reasons and all details of one cell: --cell NAME; of every cell: -v",
-            "dim",
-        )
+        more = "The reasons and all details of one cell: --cell NAME; of every cell: -v"
+        say(console, f"\n{more}", "dim")
         return
     for cell in cells:
         _print_cell(console, cell)
-    if any(cell["reference_ekf"]["lat"] is not None for cell in cells):
-        says = "the specification's filter, kept for reference: its place and its ellipse are not to be trusted"
-        say(console, f"\n* {says}")
+    if any(cell.reference_ekf.lat is not None for cell in cells):
+        say(console, f"\n* {_REFERENCE}")
 
 
-def _print_warnings(console: Console, runs: Sequence[Json], warnings: Sequence[str]) -> None:
-    if any(run["simulated"] for run in runs):
+def _print_warnings(console: Console, runs: Sequence[RunSummary], warnings: Sequence[str]) -> None:
+    if any(run.simulated for run in runs):
         say(console, "This is a simulated run: the error to the known truth is shown.")
     for run in runs:
-        which = f"{run['path']}: " if len(runs) > 1 else ""
-        for warning in run["warnings"]:
+        which = f"{run.path}: " if len(runs) > 1 else ""
+        for warning in run.warnings:
             say(console, f"{which}{warning}", "red")
     for warning in warnings:
         say(console, warning, "yellow")
 
 
-def _print_lines(console: Console, cells: Sequence[Json]) -> None:
-    """One line for each cell, or one sentence where a line is too short for that."""
-    simulated = any(cell["truth"] for cell in cells)
-    titles = [
-        "cell",
-        "readings",
-        "verdict",
-        "place",
-        "95 % within",
-        *(["error"] if simulated else []),
-    ]
-    rows = [_in_one_line(cell) for cell in cells]
+def _print_lines(console: Console, cells: Sequence[Cell]) -> None:
+    """One line for each cell, or one sentence where the terminal is too narrow for the table."""
+    titles = ["cell", "readings", "verdict", "place", "95 % within"]
+    if any(cell.truth for cell in cells):
+        titles.append("error")
+    rows = [_line(cell) for cell in cells]
     if fits(console, titles, rows):
         table(console, titles, rows, right=("readings", "95 % within", "error"))
         return
     for cell in cells:
-        say(console, _in_one_sentence(cell), bullet="- ")
+        say(console, _sentence(cell), bullet="- ")
 
 
-def _in_one_sentence(cell: Json) -> Text:
-    name, n, verdict, place, within, off = map(str, _in_one_line(cell))
-    where = {"located": f" at {place}, 95 % within {within}", "ambiguous": f", {place}"}.get(
-        cell["verdict"], ""
-    )
-    more = f"{where}, {n} readings{f', error {off}' if off else ''}"
-    return styled((f"{name}: ", ""), (verdict, _STYLES[cell["verdict"]]), (more, ""))
+def _sentence(cell: Cell) -> Text:
+    name, n, verdict, place, within, error = map(str, _line(cell))
+    where = {"located": f" at {place}, 95 % within {within}", "ambiguous": f", {place}"}
+    more = f"{where.get(verdict, '')}, {n} readings{f', error {error}' if error else ''}"
+    return styled((f"{name}: ", ""), (verdict, _STYLES[verdict]), (more, ""))
 
 
-def _in_one_line(cell: Json) -> list[Cell]:
-    verdict = Text(cell["verdict"], _STYLES[cell["verdict"]])
-    place, within = "", ""
-    if cell["verdict"] == "located":
-        place, within = _place(cell["best"]), _metres(cell["best"]["r95_m"])
-    elif cell["verdict"] == "ambiguous":
-        place = f"{sum(mode['percent'] is not None for mode in cell['modes'])} places"
-    truth = cell["truth"]
-    known = cell["verdict"] == "located" and truth is not None and truth["error_m"] is not None
-    off = [_metres(truth["error_m"]) if known and truth else ""]
-    return [cell["cell"], str(cell["n"]), verdict, place, within, *off]
+def _line(cell: Cell) -> list[str | Text]:
+    place = within = error = ""
+    if cell.verdict == "located":
+        place, within = _position(cell.best), _metres(cell.best.r95_m)
+        error = _metres(cell.truth.error_m) if cell.truth else ""
+    elif cell.verdict == "ambiguous":
+        place = f"{sum(mode.percent is not None for mode in cell.modes)} places"
+    verdict = Text(cell.verdict, _STYLES[cell.verdict])
+    return [cell.cell, str(cell.n), verdict, place, within, error]
 
 
-def _print_cell(console: Console, cell: Json) -> None:
-    verdict = (cell["verdict"], _STYLES[cell["verdict"]])
-    in_scans = (
-        ""
-        if cell["n_scans"] is None
-        else f", heard in {cell['n_scans']} scan{'s' * (cell['n_scans'] != 1)}"
-    )
-    say(
-        console,
-        styled(
-            ("\n", ""), (cell["cell"], "bold"), (f"  {cell['n']} readings{in_scans}  ", ""), verdict
-        ),
-    )
-    for warning in cell["warnings"]:
+def _print_cell(console: Console, cell: Cell) -> None:
+    scans = ""
+    if cell.n_scans is not None:
+        scans = f", heard in {cell.n_scans} scan{'s' * (cell.n_scans != 1)}"
+    verdict = (cell.verdict, _STYLES[cell.verdict])
+    counts = (f"  {cell.n} readings{scans}  ", "")
+    say(console, styled(("\n", ""), (cell.cell, "bold"), counts, verdict))
+    for warning in cell.warnings:
         say(console, warning, bullet="  - ")
     _print_estimators(console, cell)
-    if timing := cell.get("timing"):
-        says = f"timing advance: read at {timing['places']} places, {timing['disagree']} disagree"
-        say(console, says, bullet="  ")
-    if cell.get("without"):
-        _print_by_run(console, cell)
-    _print_truth(console, cell["truth"])
+    if cell.timing is not UNSET:
+        points = f"read at {cell.timing.places} places, {cell.timing.disagree} disagree"
+        say(console, f"timing advance: {points}", bullet="  ")
+    if cell.without:
+        _print_runs(console, cell)
+    _print_truth(console, cell.truth)
 
 
-def _print_estimators(console: Console, cell: Json) -> None:
+def _print_estimators(console: Console, cell: Cell) -> None:
     rows: list[list[str]] = []
-    if cell["best"]["lat"] is not None:
-        rows.append(
-            _row("posterior", cell["best"] | {"n": cell["n"]}, f"r {cell['best']['r95_m']:.0f}")
-        )
-    for i, mode in enumerate(cell["modes"], 1):
-        share = (
-            f"{mode['percent']}%"
-            if mode["percent"] is not None
-            else share_text(mode["probability"])
-        )
-        rows.append([f"  place {i}: {share}", _place(mode), _axes(mode["ellipse95"])])
-    for name, title in TITLES.items():
-        if cell[name]["converged"] is False:
+    if cell.best.lat is not None:
+        best = cell.best
+        extent = f"r {best.r95_m:.0f}"
+        rows.append(["posterior", _position(best), extent, *_parameters(best), str(cell.n)])
+    for i, mode in enumerate(cell.modes, 1):
+        share = share_text(mode.probability) if mode.percent is None else f"{mode.percent}%"
+        rows.append([f"  place {i}: {share}", _position(mode), _axes(mode.ellipse95)])
+    for name, title in _TITLES.items():
+        state: FinalState | LeastSquares = getattr(cell, name)
+        if state.converged is False:
             rows.append([title, "did not converge"])
-        elif cell[name]["lat"] is not None:
-            bounded = cell[name].get("bounded") is not False
-            rows.append(
-                _row(
-                    title,
-                    cell[name],
-                    _axes(cell[name]["ellipse95"]) if bounded else "",
-                    bounded=bounded,
-                )
-            )
+        elif state.lat is not None:
+            rows.append([title, _position(state), *_fitted(state), str(state.n)])
     table(console, ["estimator", "place", "95 % (m)", "P0 (dBm)", "eta", "n"], rows, right=("n",))
 
 
-def _row(title: str, e: Json, extent: str, *, bounded: bool = True) -> list[str]:
-    """What a fit without bounds says of its own uncertainty is no number."""
-    if not bounded:
-        return [title, _place(e), "no bounds", f"{e['p0_dbm']:.1f}", f"{e['eta']:.2f}", str(e["n"])]
-    power = f"{e['p0_dbm']:.1f} ± {e['p0_sigma_db']:.1f}"
-    return [title, _place(e), extent, power, f"{e['eta']:.2f} ± {e['eta_sigma']:.2f}", str(e["n"])]
+def _fitted(state: FinalState | LeastSquares) -> list[str]:
+    """Extent, P0 and eta; a fit that the readings do not bound has no uncertainty to print."""
+    if isinstance(state, LeastSquares) and state.bounded is False:
+        return ["no bounds", f"{state.p0_dbm:.1f}", f"{state.eta:.2f}"]
+    return [_axes(state.ellipse95), *_parameters(state)]
 
 
-def _print_by_run(console: Console, cell: Json) -> None:
-    """What each run gave: its level against the first, and the answer without it."""
+def _parameters(state: Best | FinalState | LeastSquares) -> list[str]:
+    return [
+        f"{state.p0_dbm:.1f} ± {state.p0_sigma_db:.1f}",
+        f"{state.eta:.2f} ± {state.eta_sigma:.2f}",
+    ]
+
+
+def _print_runs(console: Console, cell: Cell) -> None:
+    """What each run contributes: its level against the first, and the answer without it."""
     rows = []
-    for gave, without in zip(cell["offsets"], cell["without"], strict=True):
-        best, offset = without["best"], gave["offset_db"]
-        level = (
-            "-"
-            if offset is None
-            else f"{offset:+.1f} ± {gave['sigma_db']:.1f}"
-            if gave["sigma_db"]
-            else "0"
-        )
-        place = (_place(best), f"r {best['r95_m']:.0f}") if best else ("-", "-")
-        rows.append([gave["run"], str(gave["n"]), level, *place, without["verdict"]])
-    table(
-        console, ["run", "n", "reads (dB)", "without it", "95 % (m)", "verdict"], rows, right=("n",)
-    )
+    for share, rest in zip(cell.offsets or (), cell.without or (), strict=True):
+        level = "-" if share.offset_db is None else "0"
+        if share.offset_db is not None and share.sigma_db:
+            level = f"{share.offset_db:+.1f} ± {share.sigma_db:.1f}"
+        place = (_position(rest.best), f"r {rest.best.r95_m:.0f}") if rest.best else ("-", "-")
+        rows.append([share.run, str(share.n), level, *place, rest.verdict])
+    titles = ["run", "n", "reads (dB)", "without it", "95 % (m)", "verdict"]
+    table(console, titles, rows, right=("n",))
 
 
-def _place(e: Json) -> str:
-    return f"{e['lat']:.5f} {e['lon']:.5f}"
+def _position(position: Best | BestWithout | Mode | FinalState | LeastSquares) -> str:
+    return f"{position.lat:.5f} {position.lon:.5f}"
 
 
-def _axes(ellipse: Json) -> str:
-    return f"{ellipse['semi_major_m']:.0f} x {ellipse['semi_minor_m']:.0f}"
+def _axes(ellipse: Ellipse | None) -> str:
+    return f"{ellipse.semi_major_m:.0f} x {ellipse.semi_minor_m:.0f}" if ellipse else ""
 
 
-def _metres(m: float) -> str:
-    return f"{m:.0f} m"
+def _metres(m: float | None) -> str:
+    return "" if m is None else f"{m:.0f} m"
 
 
-def _print_truth(console: Console, truth: Json | None) -> None:
-    if truth is not None and truth["error_m"] is not None:
-        inside = "inside" if truth["inside_region95"] else "OUTSIDE"
-        says = (
-            f"truth: best place is {truth['error_m']:.0f} m off, truth is {inside} the 95 % region"
-        )
-        say(console, says, bullet="  ")
+def _print_truth(console: Console, truth: TruthCheck | None) -> None:
+    if truth is None or truth.error_m is None:
+        return
+    side = "inside" if truth.inside_region95 else "OUTSIDE"
+    error = f"best place is {truth.error_m:.0f} m off"
+    say(console, f"truth: {error}, truth is {side} the 95 % region", bullet="  ")

@@ -85,15 +85,15 @@ def _estimates(
     path: Path, run: "Run", walk: "Walked", cells: Sequence[str], *, every: bool
 ) -> "list[Estimate]":
     """The estimates that `postproc smooth` has stored beside the run, or new ones."""
-    from postproc.interop.estimates import estimates, stored_estimates
-    from postproc.results import path_beside, summary
+    from postproc.interop.estimates import estimates_of, stored_estimates
+    from postproc.results import path_beside
     from postproc.smoothing import observed_cells
 
     beside = path_beside(path)
     wanted = list(observed_cells([run], cells))
     stored = stored_estimates(beside, run.meta.run_id, wanted, walk.utm, every=every)
     if stored is None:
-        return estimates(summary(estimate([run], cells)), walk.utm, every=every)
+        return estimates_of(estimate([run], cells), walk.utm, every=every)
     print(f"estimates are those of {beside}", file=sys.stderr)
     return stored
 

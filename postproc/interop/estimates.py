@@ -1,13 +1,11 @@
-"""What was found of each cell, as places, regions and ellipses: from a summary of `postproc
-smooth`.
-"""
+"""Positions, regions and ellipses of each cell, from a summary of `postproc smooth`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import msgspec
+from msgspec import UNSET, Struct, UnsetType
 from shapely.errors import ShapelyError
 
 from logger.core.errors import FieldLoggerError
@@ -15,20 +13,21 @@ from logger.core.geo import Utm, check_position
 from logger.core.locator.rivals import LEAST_SHARE
 from logger.core.runfile.hdf5_reading import stored_summary
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
+from postproc.json_text import as_json
+from postproc.result import Result
+from postproc.summary import summarise
 
 _PEERS = {"ekf": "EKF", "rts": "RTS", "batch": "least squares"}
-"""The reference EKF is left out: it is documented, and wrong."""
+"""Without the reference EKF, whose ellipse is known to be wrong."""
 _WIDEST_M = 50_000.0
-"""No transmitter is heard that far away, and a UTM zone is not true for much more: a wider ellipse
-says nothing.
-"""
+"""GSM reaches 35 km: a wider ellipse contains no information."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """One place where a cell may stand; `probability` is None for an estimator that knows only one.
+    """A position of a cell; `probability` is None for an estimator with a single one.
 
-    `verdict` is that on the cell for the places of the answer, None for those of other estimators.
+    `verdict` is that on the cell for the positions of the answer, None for other estimators.
     """
 
     name: str
@@ -40,9 +39,9 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What was found of one cell; without places where nothing honest can be said.
+    """The answer about one cell; no places where the readings determine none.
 
-    `left_out` says in words which estimators have no place here, and why.
+    `left_out` names the estimators without a position, and why.
     """
 
     cell: str
@@ -54,116 +53,162 @@ class Estimate:
     left_out: tuple[str, ...] = ()
 
 
-def estimates(summary: Mapping[str, Any], utm: Utm, *, every: bool = False) -> list[Estimate]:
+class _Ellipse(Struct):
+    semi_major_m: float | None
+    semi_minor_m: float | None
+    azimuth_deg: float | None
+
+
+class _State(Struct):
+    """A position of an estimator; an earlier version stores no `converged` and no `percent`."""
+
+    lat: float | None = None
+    lon: float | None = None
+    ellipse95: _Ellipse | None = None
+    probability: float | None = None
+    percent: int | UnsetType | None = UNSET
+    converged: bool | None = None
+    bounded: bool = True
+
+
+class _Geometry(Struct):
+    coordinates: list[list[list[tuple[float, float]]]]
+
+
+class _Region(Struct):
+    geojson: _Geometry | None
+
+
+class StoredCell(Struct):
+    """The part of `result_json.Cell` that exports need, of this version or of an earlier one."""
+
+    cell: str
+    verdict: str
+    n: int
+    best: _State
+    modes: list[_State]
+    region95: _Region
+    region50: _Region
+    ekf: _State
+    rts: _State
+    batch: _State
+    warnings: list[str]
+
+
+class StoredSummary(Struct):
+    """A summary as `postproc smooth --json` prints it."""
+
+    cells: list[StoredCell]
+
+
+def estimates_of(result: Result, utm: Utm, *, every: bool = False) -> list[Estimate]:
+    """The answers and their regions; `utm` is the zone of the run.
+
+    With `every` the positions and ellipses of the other estimators besides.
+    """
+    return estimates(as_json(summarise(result)), utm, every=every)
+
+
+def estimates(summary: str | bytes, utm: Utm, *, every: bool = False) -> list[Estimate]:
     """Estimates in a summary as `postproc smooth --json` prints it; `utm` is the zone of the run.
 
-    The answer and its region, or with `every` the places and ellipses of the other estimators
-    besides.
+    Raises `msgspec.ValidationError` for JSON that is no summary.
     """
-    return [_estimate(cell, utm, every) for cell in summary["cells"]]
+    stored = msgspec.json.decode(summary, type=StoredSummary)
+    return [_estimate(cell, utm, every) for cell in stored.cells]
 
 
 def stored_estimates(
     path: Path, run_id: str, cells: Sequence[str], utm: Utm, *, every: bool = False
 ) -> list[Estimate] | None:
-    """Estimates that `postproc smooth` has left beside the run.
+    """Estimates that `postproc smooth` has stored beside the run.
 
-    None where they are not of this run, lack a cell, or are not as we write them: they can be
-    computed.
+    None where they are not of this run, lack a cell, or are not valid: they can be computed.
     """
     try:
-        summary = msgspec.json.decode(stored_summary(path, run_id))
-        by_name = {cell["cell"]: cell for cell in summary["cells"]}
-        return estimates(summary | {"cells": [by_name[name] for name in cells]}, utm, every=every)
-    except (
-        FieldLoggerError,
-        ShapelyError,
-        LookupError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        RecursionError,
-    ):
+        stored = estimates(stored_summary(path, run_id), utm, every=every)
+        by_name = {estimate.cell: estimate for estimate in stored}
+        return [by_name[cell] for cell in cells]
+    except (FieldLoggerError, ShapelyError, LookupError, ValueError, RecursionError):
         return None
 
 
-def _estimate(cell: Mapping[str, Any], utm: Utm, every: bool) -> Estimate:
-    regions = {level: cell[f"region{level}"]["geojson"] for level in (95, 50)}
+def _estimate(cell: StoredCell, utm: Utm, every: bool) -> Estimate:
     outlines = {
-        level: tuple(polygons(found["coordinates"])) for level, found in regions.items() if found
+        level: tuple(polygons(region.geojson.coordinates))
+        for level, region in ((95, cell.region95), (50, cell.region50))
+        if region.geojson
     }
     more, left_out = _others(cell, utm) if every else ([], [])
-    places = [*_answer(cell), *more]
+    places = (*_answer(cell), *more)
     return Estimate(
-        cell["cell"],
-        cell["verdict"],
-        cell["n"],
-        tuple(places),
-        outlines,
-        tuple(cell["warnings"]),
-        tuple(left_out),
+        cell.cell, cell.verdict, cell.n, places, outlines, tuple(cell.warnings), tuple(left_out)
     )
 
 
-def _answer(cell: Mapping[str, Any]) -> list[Place]:
-    """Places that the verdict is about: several only where it says that there are several."""
-    verdict, best = cell["verdict"], cell["best"]
-    if verdict == "ambiguous":
-        likely = [mode for mode in cell["modes"] if _counts(mode)]
+def _answer(cell: StoredCell) -> list[Place]:
+    """Positions that the verdict is about: several only where it is "ambiguous"."""
+    if cell.verdict == "ambiguous":
+        likely = [mode for mode in cell.modes if _is_relevant(mode)]
         return [
-            Place(f"possible place {i}", _at(mode), mode["probability"], (), verdict)
+            Place(f"possible place {i}", _lon_lat(mode), mode.probability, (), cell.verdict)
             for i, mode in enumerate(likely, 1)
         ]
-    if best["lat"] is None:
+    if cell.best.lat is None:
         return []
-    return [
-        Place("best place" if verdict == "located" else "best guess", _at(best), None, (), verdict)
-    ]
+    name = "best place" if cell.verdict == "located" else "best guess"
+    return [Place(name, _lon_lat(cell.best), None, (), cell.verdict)]
 
 
-def _counts(mode: Mapping[str, Any]) -> bool:
-    """Whether the verdict names a place; a summary of an earlier version does not say it."""
-    if "percent" in mode:
-        return mode["percent"] is not None
-    return bool(mode["probability"] >= LEAST_SHARE)
+def _is_relevant(mode: _State) -> bool:
+    """Whether the verdict counts a mode; an earlier version stores its probability alone."""
+    if mode.percent is UNSET:
+        return mode.probability is not None and mode.probability >= LEAST_SHARE
+    return mode.percent is not None
 
 
-def _others(cell: Mapping[str, Any], utm: Utm) -> tuple[list[Place], list[str]]:
-    """Places with ellipses: the posterior's by Gaussians, and those of the other estimators; and
-    who has none.
-    """
+def _others(cell: StoredCell, utm: Utm) -> tuple[list[Place], list[str]]:
+    """Modes and other estimators with their ellipses, and which have none and why."""
     places, left_out = [], []
-    modes = {f"posterior, place {i}": mode for i, mode in enumerate(cell["modes"], 1)}
-    for name, found in {**modes, **{name: cell[key] for key, name in _PEERS.items()}}.items():
-        if why := _no_answer(found):
-            left_out.append(f"{name} of {cell['cell']}: {why}")
-        elif found["lat"] is not None:
-            places.append(Place(name, _at(found), found.get("probability"), _ellipse(found, utm)))
+    states = {f"posterior, place {i}": mode for i, mode in enumerate(cell.modes, 1)}
+    states |= {name: getattr(cell, key) for key, name in _PEERS.items()}
+    for name, state in states.items():
+        if why := _no_answer(state):
+            left_out.append(f"{name} of {cell.cell}: {why}")
+        elif state.lat is not None:
+            places.append(Place(name, _lon_lat(state), state.probability, _ellipse(state, utm)))
     return places, left_out
 
 
-def _no_answer(found: Mapping[str, Any]) -> str | None:
-    """Why an estimator that was asked has no place to show; None where it has one or was not
-    asked.
-    """
-    if found.get("converged") is False:
+def _no_answer(state: _State) -> str | None:
+    """Why an estimator that was run has no position to show; None for every other."""
+    if state.converged is False:
         return "it did not converge"
-    shape = found["ellipse95"]
-    if found["lat"] is not None and (shape is None or None in shape.values()):
-        return "it did not converge"  # a summary of an earlier version, in which infinity is null
-    wide = shape is not None and shape["semi_major_m"] > _WIDEST_M
-    return "the readings do not bound it" if wide or found.get("bounded") is False else None
+    if state.lat is None:
+        return None
+    shape = state.ellipse95
+    if shape is None or shape.semi_major_m is None:  # null was infinity in an earlier version
+        return "it did not converge"
+    is_wide = shape.semi_major_m > _WIDEST_M
+    return "the readings do not bound it" if is_wide or not state.bounded else None
 
 
-def _ellipse(found: Mapping[str, Any], utm: Utm) -> tuple[Rings, ...]:
-    shape = found["ellipse95"]
-    axes_m = (shape["semi_major_m"], shape["semi_minor_m"])
-    return tuple(
-        polygons([[ellipse(found["lat"], found["lon"], utm, axes_m, shape["azimuth_deg"])]])
-    )
+def _ellipse(state: _State, utm: Utm) -> tuple[Rings, ...]:
+    shape = state.ellipse95
+    assert shape is not None
+    axes_m = float(shape.semi_major_m or 0.0), float(shape.semi_minor_m or 0.0)
+    lat_deg, lon_deg = _position(state)
+    ring = ellipse(lat_deg, lon_deg, utm, axes_m, float(shape.azimuth_deg or 0.0))
+    return tuple(polygons([[ring]]))
 
 
-def _at(found: Mapping[str, Any]) -> LonLat:
-    lat_deg, lon_deg = float(found["lat"]), float(found["lon"])
+def _lon_lat(state: _State) -> LonLat:
+    lat_deg, lon_deg = _position(state)
     check_position(lat_deg, lon_deg)
     return lon_deg, lat_deg
+
+
+def _position(state: _State) -> tuple[float, float]:
+    if state.lat is None or state.lon is None:
+        raise ValueError("a position without latitude or longitude")
+    return state.lat, state.lon

@@ -159,10 +159,10 @@ def _claims(picture: Picture, claims: Sequence[CellVerdict]) -> list[str]:
 def _truth(picture: Picture) -> list[str]:
     runs = [walk.run for walk in picture.survey.walks]
     truth = truth_of(picture.focus, runs) if picture.focus else None
-    if truth is None or truth["error_m"] is None:
+    if truth is None or truth.error_m is None:
         return []
-    side = "inside" if truth["inside_region95"] else "outside"
-    text = f"The true position in this simulation is {metres(truth['error_m'])} from the best one"
+    side = "inside" if truth.inside_region95 else "outside"
+    text = f"The true position in this simulation is {metres(truth.error_m)} from the best one"
     return [f"{text}, {side} the region."]
 
 

@@ -1,7 +1,9 @@
 """Small results of runs to draw: real readings and filters, and a posterior on a coarse grid."""
 
 import dataclasses
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +16,9 @@ from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath, reference_ekf
+from postproc.json_text import as_json
 from postproc.result import CellResult, ObservedRun, Result
+from postproc.summary import summarise
 from postproc.verification.claims import Claim
 from postproc.verification.verdicts import CellVerdict, Verified
 from tests.kit.runs import UTC0_NS, meta
@@ -197,3 +201,8 @@ def sample_claims(result: Result) -> Verified:
         ("other",),
         (),
     )
+
+
+def json_of(result: Result) -> dict[str, Any]:
+    """What `postproc smooth --json` prints."""
+    return json.loads(as_json(summarise(result)))

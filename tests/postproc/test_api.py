@@ -14,9 +14,8 @@ import pytest
 import postproc
 from logger.core.errors import ConfigError, EstimationError, RunFileError
 from postproc import Claim, locate
-from postproc.results import summary
 from tests.kit import runs
-from tests.kit.sample_results import ETA, P0_DBM, cell_name, write_run
+from tests.kit.sample_results import ETA, P0_DBM, cell_name, json_of, write_run
 
 FUNCTIONS = ("export", "locate", "observations", "read_run", "smooth", "verify")
 SOURCE_M = (40.0, 60.0)
@@ -126,7 +125,7 @@ def test_a_run_is_exported_with_its_estimates(path):
     target = path.parent / "walk.geojson"
     told = postproc.export(path, target, result=result)
     assert (told.format, told.n_estimates) == ("geojson", 1)
-    best = summary(result)["cells"][0]["best"]
+    best = json_of(result)["cells"][0]["best"]
     assert f"{best['lat']:.4f}"[:7] in target.read_text()
     assert postproc.export(path, path.parent / "walk.csv", cells=[cell_name(1)]).n_levels == 120
     with pytest.raises(ConfigError, match="estimates go with"):

@@ -5,17 +5,17 @@ import pytest
 
 from postproc.cell_estimation import estimate_cell
 from postproc.json_text import as_json
-from postproc.results import summary
 from postproc.smoothing import smooth_runs
+from postproc.summary import summarise
 from tests.kit.sample_results import write_run
 from tests.kit.walks import simulate
 
 
 def test_processes_give_what_one_gives(tmp_path):
     run = write_run(tmp_path / "a.journal", seconds=60, cells=4)
-    alone, shared = (summary(smooth_runs([run], processes=n)) for n in (1, 2))
+    alone, shared = (summarise(smooth_runs([run], processes=n)) for n in (1, 2))
     assert as_json(shared) == as_json(alone)
-    assert len(shared["cells"]) == 4
+    assert len(shared.cells) == 4
 
 
 def test_a_level_set_aside_is_named_and_moves_nothing():

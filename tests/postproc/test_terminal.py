@@ -10,7 +10,7 @@ from rich.console import Console
 
 from postproc import info_table, tables, terminal
 from postproc.info import describe
-from postproc.results import summary
+from postproc.summary import summarise
 from postproc.verification import tables as verify_tables
 from tests.kit import runs
 from tests.kit import sample_results as kit
@@ -83,15 +83,16 @@ def outputs(tmp_path, monkeypatch):
 
 def _all_at_once(tmp_path):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=3)
-    found = summary(kit.sample_result(run, places=2))
-    found["cells"][0]["cell"] = "310-410-65535-268435455"
+    found = summarise(kit.sample_result(run, places=2))
+    found.cells[0].cell = "310-410-65535-268435455"
     for key in ("batch", "ekf"):
-        found["cells"][0][key] |= {
-            "lat": -12.34567,
-            "lon": -123.45678,
-            "p0_dbm": -105.6,
-            "p0_sigma_db": 1234.5,
-        }
+        state = getattr(found.cells[0], key)
+        state.lat, state.lon, state.p0_dbm, state.p0_sigma_db = (
+            -12.34567,
+            -123.45678,
+            -105.6,
+            1234.5,
+        )
     verified = kit.sample_claims(kit.sample_result(run))
     return {
         "info": lambda: info_table.print_info(describe(run), details=True),
@@ -151,8 +152,8 @@ def test_a_real_terminal_gets_what_a_pipe_gets(run, columns):
 
 def test_one_line_a_cell_and_the_located_first(tmp_path, outputs):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=33)
-    found = summary(kit.sample_result(run))
-    found["cells"] = found["cells"][::-1]
+    found = summarise(kit.sample_result(run))
+    found.cells.reverse()
     lines = outputs(lambda: tables.print_summary(found, details=False), 80).splitlines()
     rows = [line for line in lines if line.startswith("262-01-4711-")]
     assert len(rows) == 33
@@ -182,8 +183,8 @@ def test_at_most_ten_events_the_gravest_of_them(tmp_path, outputs):
 
 def test_markup_in_a_run_is_text(tmp_path, outputs):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
-    found = summary(kit.sample_result(run))
-    found["cells"][0]["cell"] = "[/bold]:smile:[red]"
+    found = summarise(kit.sample_result(run))
+    found.cells[0].cell = "[/bold]:smile:[red]"
     for details in (False, True):
         assert "[/bold]:smile:[red]" in outputs(
             lambda d=details: tables.print_summary(found, details=d), 80
@@ -195,10 +196,10 @@ def test_nothing_in_a_run_steers_the_terminal(tmp_path, outputs, columns):
     from dataclasses import replace
 
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
-    found, info = summary(kit.sample_result(run)), describe(run)
+    found, info = summarise(kit.sample_result(run)), describe(run)
     evil = "\x1b]0;evil\x07\x1b[2J\u202e\r"
-    found["cells"][0]["cell"] = found["run"]["path"] = evil
-    found["cells"][0]["warnings"] = found["run"]["warnings"] = [evil]
+    found.run = replace(found.run, path=evil, warnings=[evil])
+    found.cells[0].cell, found.cells[0].warnings = evil, [evil]
     cells = (replace(info.cells[0], cell=evil, rat=evil),)
     events = tuple(replace(event, text=evil, source=evil) for event in info.events)
     info = replace(

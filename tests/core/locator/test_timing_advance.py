@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.stats
+from msgspec import UNSET
 
 from benchmarks.timing_advance import CASES, compare, simulate
 from logger.core.errors import EstimationError
@@ -26,9 +27,10 @@ from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import Fix, Record, Scan
-from postproc import results, tables
+from postproc import tables
 from postproc.multi_run import merge
 from postproc.smoothing import smooth_runs
+from postproc.summary import summarise
 from postproc.walk import observe_run
 from tests.kit import runs
 from tests.kit.walks import observations
@@ -305,20 +307,20 @@ def recorded(path, shift, ta_of, run_id="a"):
 
 def test_smooth_says_whether_the_ta_agree(tmp_path, capsys):
     none, near, lie = (
-        results.summary(smooth_runs([recorded(tmp_path / f"{name}.journal", 0.0, ta_of)]))
+        summarise(smooth_runs([recorded(tmp_path / f"{name}.journal", 0.0, ta_of)]))
         for name, ta_of in (
             ("none", lambda _: None),
             ("near", lambda _: 0),
             ("lie", lambda i: 9 if i % 10 else None),
         )
     )
-    assert "timing" not in none["cells"][0]
-    places = near["cells"][0]["timing"]["places"]
-    assert near["cells"][0]["timing"] == {"places": places, "disagree": 0}
+    assert none.cells[0].timing is UNSET
+    places = near.cells[0].timing.places
+    assert near.cells[0].timing.disagree == 0
     assert 10 <= places <= 16
-    told = lie["cells"][0]
-    assert told["timing"]["disagree"] > 8
-    assert any("timing advance disagrees" in warning for warning in told["warnings"])
+    told = lie.cells[0]
+    assert told.timing.disagree > 8
+    assert any("timing advance disagrees" in warning for warning in told.warnings)
     tables.print_summary(near, details=True)
     assert f"timing advance: read at {places} places, 0 disagree" in capsys.readouterr().out
     tables.print_summary(none, details=True)

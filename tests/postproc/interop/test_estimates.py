@@ -8,7 +8,6 @@ import pytest
 from logger.core.geo import Utm
 from postproc.interop import geojson, gpx, kml
 from postproc.interop.estimates import estimates
-from postproc.results import summary
 from tests.kit import sample_results as kit
 from tests.postproc.interop import walks
 
@@ -17,11 +16,11 @@ PEERS = ("ekf", "rts", "batch")
 
 def _cell(tmp_path, verdict="located", places=1):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
-    return summary(kit.sample_result(run, verdict=verdict, places=places))
+    return kit.json_of(kit.sample_result(run, verdict=verdict, places=places))
 
 
 def _estimates(found, **options):
-    return estimates(found, kit.UTM, **options)
+    return estimates(json.dumps(found), kit.UTM, **options)
 
 
 @pytest.mark.parametrize(
@@ -110,5 +109,5 @@ def test_what_did_not_converge_is_left_out_and_named(tmp_path, garbage, key):
 
 def test_an_ellipse_at_the_edge_of_the_map_is_drawn(tmp_path):
     found = _cell(tmp_path)
-    (every,) = estimates(found, Utm(32), every=True)
+    (every,) = estimates(json.dumps(found), Utm(32), every=True)
     assert all(place.ellipse95 for place in every.places if not place.verdict)

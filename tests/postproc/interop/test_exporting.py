@@ -10,6 +10,7 @@ from postproc import results
 from postproc.cli import main
 from postproc.interop.exporting import FORMATS
 from postproc.interop.levels import walked
+from postproc.summary import summarise
 from tests.kit import sample_results as kit
 from tests.kit.runs import UTC0_NS, meta
 
@@ -179,7 +180,7 @@ def test_estimates_are_computed_or_taken_from_beside_the_run(tmp_path, capsys):
     assert "estimates of 1 cells" in told.out
     assert "estimates are those of" not in told.err
     found = kit.sample_result(run)
-    results.write(found, results.summary(found), results.path_beside(run.path))
+    results.write(found, summarise(found), results.path_beside(run.path))
     told = _main(capsys, "export", run.path, "-o", tmp_path / "b.geojson", "--estimates")
     assert "estimates are those of" in told.err
     places = [

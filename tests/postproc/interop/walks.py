@@ -2,9 +2,8 @@
 
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
-from postproc.interop.estimates import estimates
+from postproc.interop.estimates import estimates_of
 from postproc.interop.levels import walked
-from postproc.results import summary
 from tests.kit import sample_results as kit
 from tests.kit.runs import UTC0_NS, meta
 
@@ -13,13 +12,8 @@ def around_a_square(tmp_path, *, verdict="ambiguous", every=False, **changes):
     """Walk of two cells, and estimates of one."""
     run = kit.write_run(tmp_path / "walk.journal", **{"seconds": 120, "cells": 2} | changes)
     walk = walked(run)
-    return (
-        run,
-        walk,
-        estimates(
-            summary(kit.sample_result(run, verdict=verdict, places=2)), walk.utm, every=every
-        ),
-    )
+    result = kit.sample_result(run, verdict=verdict, places=2)
+    return run, walk, estimates_of(result, walk.utm, every=every)
 
 
 def over_the_date_line(tmp_path):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from postproc.report.rendering import make_report
-from postproc.results import summary
 from postproc.verification.claims import Claim
 from postproc.verification.verdicts import CellVerdict, Verified
 from tests.kit import sample_results as kit
@@ -73,7 +72,7 @@ def test_the_verdict_comes_first(page, result):
 def test_values_are_those_of_the_summary(page, result):
     values = [one for one in page.elements if one.tag == "data"]
     shown = {float(one.get("value")) for one in values}
-    for cell in summary(result)["cells"]:
+    for cell in kit.json_of(result)["cells"]:
         wanted = [
             cell["best"][name]
             for name in ("lat", "lon", "r95_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")

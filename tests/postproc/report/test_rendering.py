@@ -9,7 +9,6 @@ from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.report.rendering import make_report, select_cells
 from postproc.result import ObservedRun, Result, RunShare
-from postproc.results import summary
 from postproc.smoothing import smooth_runs
 from tests.kit import sample_results as kit
 from tests.kit.html_page import Page
@@ -77,7 +76,7 @@ def test_an_ambiguous_cell_has_advice(tmp_path):
     article = page.all("article")[0].text
     assert "2 positions fit" in article
     (advice,) = [one.text for one in page.all("p") if one.get("class") == "advice"]
-    best = summary(result)["cells"][0]["modes"]
+    best = kit.json_of(result)["cells"][0]["modes"]
     assert any(f"walk past {mode['lat']:.5f} {mode['lon']:.5f}" in advice for mode in best)
     assert "position 2:" in page.text
 

@@ -1,0 +1,216 @@
+"""The JSON form of a `Result`."""
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from logger.core import ekf
+from logger.core.arrays import FloatArray
+from logger.core.ellipse import ellipse95
+from logger.core.geo import Utm
+from logger.core.locator.posterior import Posterior
+from logger.core.locator.region import area_m2
+from logger.core.locator.rivals import relevant_modes, whole_percents
+from logger.core.runfile import Run
+from postproc import result_json as form
+from postproc.estimators.direction_check import AXES, Comparison
+from postproc.estimators.filters import FilterPath
+from postproc.estimators.least_squares import BatchFit
+from postproc.estimators.region_outline import geojson
+from postproc.estimators.residuals import Residuals
+from postproc.info import RunFacts, describe
+from postproc.result import CellResult, ObservedRun, Result
+from postproc.truth import truth_of
+
+_PARAMETERS = ("r95_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
+_STATISTICS = (
+    "sigma_db",
+    "skewness",
+    "excess_kurtosis",
+    "beyond_3_sigma",
+    "lag1",
+    "decorrelation_m",
+    "independent",
+)
+
+
+def summarise(result: Result) -> form.Summary:
+    """What `postproc smooth --json` prints of one run or of several."""
+    runs = [observed.run for observed in result.runs]
+    cells = [_cell(cell, runs) for cell in result.cells]
+    if len(runs) == 1:
+        (observed,) = result.runs
+        return form.SummaryOfRun(run=_run(observed, result.warnings), cells=cells)
+    for cell, entry in zip(result.cells, cells, strict=True):
+        entry.offsets = [
+            form.Offset(
+                run=str(runs[share.run].path),
+                n=share.n,
+                offset_db=share.offset_db,
+                sigma_db=share.sigma_db,
+            )
+            for share in cell.shares
+        ]
+        entry.without = [_without(rest, runs[i]) for i, rest in cell.without.items()]
+    summaries = [_run(observed) for observed in result.runs]
+    return form.SummaryOfRuns(runs=summaries, warnings=list(result.warnings), cells=cells)
+
+
+def _run(observed: ObservedRun, more: Sequence[str] = ()) -> form.RunSummary:
+    info = describe(observed.run)
+    facts = {field.name: getattr(info, field.name) for field in fields(RunFacts)}
+    observations = observed.observations
+    return form.RunSummary(
+        **facts,
+        n_readings_without_position=(
+            observations.n_without_position if observations else info.n_readings
+        ),
+        warnings=[*observed.warnings, *more],
+    )
+
+
+def _cell(result: CellResult, runs: Sequence[Run]) -> form.Cell:
+    entry = form.Cell(
+        cell=result.cell,
+        n=result.n,
+        n_scans=result.n_scans,
+        verdict=result.verdict,
+        best=form.Best(),
+        modes=[],
+        region95=form.Region(),
+        region50=form.Region(),
+        prior=None,
+        reference_ekf=_final_state(result, "reference"),
+        ekf=_final_state(result, "ekf"),
+        ekf_backward=_final_state(result, "backward"),
+        agreement=_agreement(result.comparison),
+        rts=_final_state(result, "rts"),
+        batch=_least_squares(result),
+        residuals=_residuals(result.residuals),
+        set_aside=[form.Spike(**spike._asdict()) for spike in result.set_aside],
+        truth=truth_of(result, runs),
+        warnings=list(result.warnings),
+    )
+    if result.timing is not None:
+        entry.timing = form.Timing(**result.timing._asdict())
+    if result.posterior is not None and result.obs is not None:
+        _add_posterior(entry, result.posterior, result.obs.utm)
+    return entry
+
+
+def _add_posterior(entry: form.Cell, posterior: Posterior, utm: Utm) -> None:
+    lat, lon = utm.to_latlon(posterior.x_m, posterior.y_m)
+    values = {name: getattr(posterior, name) for name in _PARAMETERS}
+    entry.best = form.Best(lat=lat, lon=lon, **values)
+    entry.modes = _modes(posterior, utm)
+    entry.region95, entry.region50 = (
+        form.Region(
+            area_m2=area_m2(posterior.squares, share),
+            geojson=form.MultiPolygon(**geojson(posterior.squares, utm, share)),
+        )
+        for share in (0.95, 0.5)
+    )
+    entry.noise = form.Noise(
+        sigma_db=posterior.sigma_db,
+        decorrelation_m=posterior.decorrelation_m,
+        white_share=posterior.white_share,
+    )
+    entry.prior = posterior.prior
+
+
+def _modes(posterior: Posterior, utm: Utm) -> list[form.Mode]:
+    relevant = relevant_modes(posterior.modes)
+    percents = {
+        id(mode): percent for mode, percent in zip(relevant, whole_percents(relevant), strict=True)
+    }
+    return [
+        form.Mode(
+            **_degrees(utm, mode.x_m, mode.y_m),
+            probability=mode.probability,
+            percent=percents.get(id(mode)),
+            ellipse95=mode.ellipse,
+        )
+        for mode in posterior.modes
+    ]
+
+
+def _degrees(utm: Utm, x_m: float, y_m: float) -> dict[str, float]:
+    return dict(zip(("lat", "lon"), utm.to_latlon(float(x_m), float(y_m)), strict=True))
+
+
+def _without(rest: CellResult, left_out: Run) -> form.Without:
+    entry = form.Without(
+        n=rest.n, verdict=rest.verdict, best=None, region95=form.Area(), run=str(left_out.path)
+    )
+    if rest.posterior is not None and rest.obs is not None:
+        position = _degrees(rest.obs.utm, rest.posterior.x_m, rest.posterior.y_m)
+        entry.best = form.BestWithout(**position, r95_m=rest.posterior.r95_m)
+        entry.region95 = form.Area(area_m2=rest.posterior.region_area_m2)
+    return entry
+
+
+def _state(x: FloatArray, p: FloatArray, utm: Utm) -> dict[str, Any]:
+    """A Gaussian estimate: state (4,), covariance (4, 4)."""
+    return {
+        **_degrees(utm, x[0], x[1]),
+        "drms_m": ekf.drms_m(ekf.upper_triangle(p)),
+        "p0_dbm": float(x[2]),
+        "p0_sigma_db": float(np.sqrt(max(p[2, 2], 0.0))),
+        "eta": float(x[3]),
+        "eta_sigma": float(np.sqrt(max(p[3, 3], 0.0))),
+        "ellipse95": ellipse95(p[0, 0], p[0, 1], p[1, 1]),
+    }
+
+
+def _final_state(result: CellResult, name: str) -> form.FinalState:
+    path: FilterPath | None = getattr(result, name)
+    if path is None or result.obs is None:
+        return form.FinalState(converged=False if name in result.failed else None)
+    n = path.consistency.n if path.consistency else len(path)
+    state = _state(path.x[-1, :4], path.p[-1, :4, :4], result.obs.utm)
+    return form.FinalState(**state, n=n, converged=True)
+
+
+def _least_squares(result: CellResult) -> form.LeastSquares:
+    fit: BatchFit | None = result.batch
+    if fit is None or result.obs is None:
+        return form.LeastSquares(converged=False if "batch" in result.failed else None)
+    utm = result.obs.utm
+    return form.LeastSquares(
+        **_state(fit.state, fit.covariance, utm),
+        n=fit.n,
+        sigma_db=fit.sigma_db,
+        converged=fit.converged,
+        bounded=fit.bounded,
+        correlation_inflation=fit.inflation,
+        rivals=[form.Point(**_degrees(utm, rival[0], rival[1])) for rival in fit.rivals],
+    )
+
+
+def _agreement(compared: Comparison | None) -> form.Agreement | None:
+    if compared is None:
+        return None
+    sigmas: dict[str, float | None] = dict(zip(AXES, compared.sigmas, strict=True))
+    return form.Agreement(sigmas=sigmas, agrees=compared.agrees)
+
+
+def _residuals(residuals: Residuals | None) -> form.Residuals | None:
+    if residuals is None:
+        return None
+    bins = [
+        part and form.Bins(**_lists(part)) for part in (residuals.by_distance, residuals.by_azimuth)
+    ]
+    innovations = residuals.innovations
+    return form.Residuals(
+        **{name: getattr(residuals, name) for name in _STATISTICS},
+        by_distance=bins[0],
+        by_azimuth=bins[1],
+        innovations=innovations and form.Innovations(**innovations._asdict()),
+        outliers=[form.Outlier(**outlier._asdict()) for outlier in residuals.outliers],
+    )
+
+
+def _lists(columns: NamedTuple) -> dict[str, Any]:
+    return {name: column.tolist() for name, column in columns._asdict().items()}

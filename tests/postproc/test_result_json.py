@@ -1,0 +1,82 @@
+"""The JSON of `smooth` keeps its contract, which `docs/result.schema.json` states."""
+
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from logger.core.runfile import read_run
+from postproc.json_text import as_json
+from postproc.result_json import schema
+from postproc.smoothing import smooth_runs
+from postproc.summary import summarise
+from tests.kit import runs
+from tests.kit import sample_results as kit
+
+SCHEMA = Path(__file__).parents[2] / "docs" / "result.schema.json"
+
+STATE = ["lat", "lon", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma", "ellipse95", "n"]
+CELL = [
+    *("cell", "n", "n_scans", "verdict", "best", "modes", "region95", "region50", "prior"),
+    *("noise", "reference_ekf", "ekf", "ekf_backward", "agreement", "rts", "batch", "residuals"),
+    *("set_aside", "truth", "warnings"),
+]
+
+
+@pytest.fixture(scope="module")
+def validator():
+    published = json.loads(SCHEMA.read_text())
+    jsonschema.Draft202012Validator.check_schema(published)
+    return jsonschema.Draft202012Validator(published)
+
+
+@pytest.fixture(scope="module")
+def summaries(tmp_path_factory):
+    """One run, and two runs of which one has no position fix."""
+    folder = tmp_path_factory.mktemp("json")
+    run = kit.write_run(folder / "walk.journal", seconds=120, cells=2)
+    empty = [runs.Record(1, "modem", runs.Scan(0, ()))]
+    runs.write_journal(folder / "lost.journal", empty, run_id="1" * 32)
+    results = [smooth_runs(some) for some in ([run], [run, read_run(folder / "lost.journal")])]
+    return [json.loads(as_json(summarise(result))) for result in results]
+
+
+def test_the_published_schema_is_that_of_the_types():
+    text = json.dumps(schema(), indent=2) + "\n"
+    assert SCHEMA.read_text() == text, "write it with python -m postproc.result_json"
+
+
+def test_results_are_valid(summaries, validator):
+    for summary in summaries:
+        validator.validate(summary)
+
+
+def test_the_schema_rejects_other_documents(summaries, validator):
+    one = summaries[0]
+    for wrong in ({}, {**one, "cells": [{}]}, {**one, "run": None}, {"cells": one["cells"]}):
+        assert not validator.is_valid(wrong)
+
+
+def test_keys_and_their_order(summaries):
+    one, several = summaries
+    assert list(one) == ["run", "cells"]
+    assert list(several) == ["runs", "warnings", "cells"]
+    (located, *_) = one["cells"]
+    assert list(located) == CELL
+    assert list(several["cells"][0]) == [*CELL, "offsets", "without"]
+    assert list(located["ekf"]) == [*STATE, "converged"]
+    more = ["sigma_db", "converged", "bounded", "correlation_inflation", "rivals"]
+    assert list(located["batch"]) == STATE + more
+    assert list(located["best"]) == ["lat", "lon", "r95_m", *STATE[2:7]]
+    assert list(located["modes"][0]) == ["lat", "lon", "probability", "percent", "ellipse95"]
+    assert list(one["run"])[-2:] == ["n_readings_without_position", "warnings"]
+
+
+def test_what_was_not_estimated_is_null(tmp_path):
+    run = kit.write_run(tmp_path / "walk.journal", seconds=4, cells=1)
+    (cell,) = kit.json_of(smooth_runs([run]))["cells"]
+    assert list(cell) == [key for key in CELL if key != "noise"]
+    assert cell["ekf"] == dict.fromkeys(STATE) | {"n": 0, "converged": None} == cell["batch"]
+    assert set(cell["best"].values()) == {None}
+    assert (cell["prior"], cell["region95"]) == (None, {"area_m2": None, "geojson": None})
