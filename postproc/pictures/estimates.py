@@ -1,6 +1,5 @@
 """Final states of the estimators, as pictures and tables show them beside the posterior."""
 
-from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -23,17 +22,14 @@ class Estimator(NamedTuple):
     colour: Colour
 
 
-ESTIMATORS: Final = (
-    Estimator("batch", "least squares", colours.BATCH),
-    Estimator("ekf", "EKF", colours.EKF),
-    Estimator("backward", "EKF backward", colours.EKF),
-    Estimator("rts", "RTS", colours.RTS),
-    Estimator("reference", "reference EKF (wrong)", colours.REFERENCE),
-)
+BATCH: Final = Estimator("batch", "least squares", colours.BATCH)
+EKF: Final = Estimator("ekf", "EKF", colours.EKF)
+BACKWARD: Final = Estimator("backward", "EKF backward", colours.EKF)
+RTS: Final = Estimator("rts", "RTS", colours.RTS)
+REFERENCE: Final = Estimator("reference", "reference EKF (wrong)", colours.REFERENCE)
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
+class Estimate(NamedTuple):
     """Final state of one estimator after `n` readings.
 
     `x` (4,) is a position in metres, P0 in dBm and eta; `p` (4, 4) its covariance.
@@ -45,28 +41,9 @@ class Estimate:
     n: int
 
     @property
-    def key(self) -> str:
-        """Of the estimator."""
-        return self.estimator.key
-
-    @property
-    def name(self) -> str:
-        """Of the estimator."""
-        return self.estimator.name
-
-    @property
-    def colour(self) -> Colour:
-        """Of the estimator."""
-        return self.estimator.colour
-
-    @property
     def ellipse(self) -> Ellipse:
         """95 % ellipse."""
         return ellipse95(*self.p[[0, 0, 1], [0, 1, 1]].tolist())
-
-    def local(self, origin_m: tuple[float, float]) -> "Estimate":
-        """With a position in metres from `origin_m`."""
-        return replace(self, x=self.x - np.array([*origin_m, 0.0, 0.0]))
 
 
 class EstimatorRow(NamedTuple):
@@ -102,30 +79,25 @@ def estimator_rows(cell: CellResult) -> tuple[EstimatorRow, ...]:
         position_deg = utm.to_latlon(float(estimate.x[0]), float(estimate.x[1]))
         p0, eta = (parameter.of_state(estimate.x, estimate.p) for parameter in (P0, ETA))
         extent = _axes(estimate.ellipse)
-        rows.append(EstimatorRow(estimate.name, position_deg, extent, p0, eta, estimate.n))
+        rows.append(
+            EstimatorRow(estimate.estimator.name, position_deg, extent, p0, eta, estimate.n)
+        )
     return tuple(rows)
 
 
 def final_estimates(cell: CellResult) -> tuple[Estimate, ...]:
     """Final state of each estimator that has a finite one; positions are UTM."""
-    states = [(estimator, *_final_state(cell, estimator.key)) for estimator in ESTIMATORS]
+    estimates = []
+    if (fit := cell.batch) is not None:
+        estimates.append(Estimate(BATCH, fit.state, fit.covariance, fit.n))
+    for estimator in (EKF, BACKWARD, RTS, REFERENCE):
+        filtered: FilterPath | None = getattr(cell, estimator.key)
+        if filtered is not None and len(filtered):
+            n = filtered.consistency.n if filtered.consistency else len(filtered)
+            estimates.append(Estimate(estimator, filtered.x[-1, :4], filtered.p[-1, :4, :4], n))
     return tuple(
-        Estimate(estimator, x, p, n)
-        for estimator, x, p, n in states
-        if n and np.all(np.isfinite(x)) and np.all(np.isfinite(p))
+        one for one in estimates if np.all(np.isfinite(one.x)) and np.all(np.isfinite(one.p))
     )
-
-
-def _final_state(cell: CellResult, key: str) -> tuple[FloatArray, FloatArray, int]:
-    """State, covariance and number of readings; the number is 0 where there is no state."""
-    if key == "batch":
-        fit = cell.batch
-        return (fit.state, fit.covariance, fit.n) if fit else (np.empty(0), np.empty(0), 0)
-    filtered: FilterPath | None = getattr(cell, key)
-    if filtered is None or not len(filtered):
-        return np.empty(0), np.empty(0), 0
-    n = filtered.consistency.n if filtered.consistency else len(filtered)
-    return filtered.x[-1, :4], filtered.p[-1, :4, :4], n
 
 
 def _axes(ellipse: Ellipse) -> str:

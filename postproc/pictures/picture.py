@@ -7,9 +7,9 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.rivals import relevant_modes, share_text, whole_percents
-from postproc.pictures.estimates import Estimate, final_estimates
+from postproc.pictures.estimates import BACKWARD, Estimate, final_estimates
 from postproc.pictures.geometry import Box, plan_box
-from postproc.pictures.regions import Rings, region_rings
+from postproc.pictures.regions import Rings, regions_of
 from postproc.pictures.survey import Survey
 from postproc.result import CellResult, Result
 
@@ -22,8 +22,9 @@ _DEFAULT_RANGE_DBM = (-110.0, -50.0)
 class Picture:
     """A survey and the cell `focus`, as they are drawn; without a fix there is no `box`.
 
-    `readings_m` (k, 2) are the positions of the cell's readings and `level_dbm` (k,) their levels;
-    `level_range_dbm` are the ends of the colour scale.
+    `regions` are the outlines by name; `estimates` have local positions. `readings_m` (k, 2) are
+    the positions of the cell's readings and `level_dbm` (k,) their levels; `level_range_dbm` are
+    the ends of the colour scale.
     """
 
     survey: Survey
@@ -31,8 +32,7 @@ class Picture:
     readings_m: FloatArray
     level_dbm: FloatArray
     level_range_dbm: tuple[float, float]
-    region95: Rings
-    region50: Rings
+    regions: dict[str, Rings]
     estimates: tuple[Estimate, ...]
     truth_m: tuple[float, float] | None
     box: Box | None
@@ -44,12 +44,9 @@ def picture_of(survey: Survey, focus: CellResult | None) -> Picture:
     posterior = focus.posterior if focus else None
     readings_m = survey.local(obs.x_m, obs.y_m) if obs else np.empty((0, 2))
     level_dbm = obs.level_dbm if obs else np.empty(0)
-    region95, region50 = (
-        region_rings(posterior.squares, share, survey.origin_m) if posterior else []
-        for share in (0.95, 0.5)
-    )
+    regions = regions_of(posterior.squares, survey.origin_m) if posterior else {}
     truth_m = _truth_m(survey, focus)
-    extras = [np.vstack(region95)] if region95 else []
+    extras = [np.vstack(regions["95"])] if regions else []
     extras += [np.array([truth_m])] if truth_m else []
     walked_m = np.vstack([survey.track_m, readings_m])
     return Picture(
@@ -58,8 +55,7 @@ def picture_of(survey: Survey, focus: CellResult | None) -> Picture:
         readings_m=readings_m,
         level_dbm=level_dbm,
         level_range_dbm=colour_range_dbm(level_dbm),
-        region95=region95,
-        region50=region50,
+        regions=regions,
         estimates=_estimates(survey, focus),
         truth_m=truth_m,
         box=plan_box(walked_m, extras) if survey.utm else None,
@@ -103,8 +99,12 @@ def colour_range_dbm(level_dbm: FloatArray) -> tuple[float, float]:
 
 def _estimates(survey: Survey, focus: CellResult | None) -> tuple[Estimate, ...]:
     """Local estimates that are drawn: the EKF backward has no picture."""
-    estimates = final_estimates(focus) if focus else ()
-    return tuple(one.local(survey.origin_m) for one in estimates if one.key != "backward")
+    shift = np.array([*survey.origin_m, 0.0, 0.0])
+    return tuple(
+        estimate._replace(x=estimate.x - shift)
+        for estimate in (final_estimates(focus) if focus else ())
+        if estimate.estimator != BACKWARD
+    )
 
 
 def _truth_m(survey: Survey, focus: CellResult | None) -> tuple[float, float] | None:

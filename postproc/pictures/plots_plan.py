@@ -8,7 +8,7 @@ from matplotlib.patches import Ellipse, PathPatch
 from matplotlib.path import Path
 
 from postproc.pictures import colours
-from postproc.pictures.estimates import Estimate
+from postproc.pictures.estimates import RTS, Estimate
 from postproc.pictures.geometry import Box, evenly_spaced
 from postproc.pictures.picture import Picture, mode_label
 from postproc.pictures.plots_style import (
@@ -35,7 +35,7 @@ def draw_plan(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
     _draw_walks(figure, axes, picture)
     _draw_posterior(axes, picture, picture.box)
     for estimate in picture.estimates:
-        if estimate.key != "rts":  # of a transmitter at rest it is the EKF's last state
+        if estimate.estimator != RTS:  # of a transmitter at rest it is the EKF's last state
             _draw_estimate(axes, estimate, picture.box)
     if picture.truth_m is not None:
         label = "truth (simulated)" + outside_note(picture.box, *picture.truth_m)
@@ -99,10 +99,10 @@ def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
     if posterior is None:
         return
     blue, white = rgb(colours.POSTERIOR), rgb(colours.PAPER)
-    for name, rings, alpha in (("95 %", picture.region95, 0.12), ("50 %", picture.region50, 0.25)):
-        if rings:
+    for name, alpha in (("95", 0.12), ("50", 0.25)):
+        if rings := picture.regions[name]:
             inside = all(box.contains(*corner) for ring in rings for corner in ring.tolist())
-            label = f"{name} region" + ("" if inside else " (extends outside)")
+            label = f"{name} % region" + ("" if inside else " (extends outside)")
             # holes run the other way round and stay empty
             path = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
             style = {"facecolor": (*blue, alpha), "edgecolor": blue, "zorder": 4}
@@ -124,9 +124,9 @@ def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
 def _draw_estimate(axes: Axes, estimate: Estimate, box: Box) -> None:
     """Final position of an estimator with its 95 % ellipse."""
     east_m, north_m = estimate.x[:2].tolist()
-    ink = rgb(estimate.colour)
-    label = estimate.name + outside_note(box, east_m, north_m)
-    draw_marks(axes, east_m, north_m, "x", estimate.colour, 8, label=label, zorder=7)
+    _, name, colour = estimate.estimator
+    label = name + outside_note(box, east_m, north_m)
+    draw_marks(axes, east_m, north_m, "x", colour, 8, label=label, zorder=7)
     ellipse = estimate.ellipse
     axes.add_patch(
         Ellipse(
@@ -135,7 +135,7 @@ def _draw_estimate(axes: Axes, estimate: Estimate, box: Box) -> None:
             2.0 * ellipse.semi_minor_m,
             angle=90.0 - ellipse.azimuth_deg,
             fill=False,
-            edgecolor=ink,
+            edgecolor=rgb(colour),
             zorder=6,
         )
     )

@@ -16,6 +16,15 @@ _KEY_FACTORS = np.array([1 << 32, 1])
 """Combine column and row, counted in the finest squares, into one integer."""
 
 
+REGION_SHARES = {"95": 0.95, "50": 0.5}
+"""Regions that are drawn, by name."""
+
+
+def regions_of(squares: Squares, origin_m: tuple[float, float]) -> dict[str, Rings]:
+    """Outlines of all regions that are drawn, by name."""
+    return {name: region_rings(squares, share, origin_m) for name, share in REGION_SHARES.items()}
+
+
 def region_rings(cells: Squares, share: float, origin_m: tuple[float, float]) -> Rings:
     """Outline of the smallest region with this share of the probability, from `origin_m` in m."""
     polygons = outline(merge_squares(cells, share), 1.0)

@@ -146,14 +146,12 @@ def _posterior(picture: Picture) -> list[str]:
 
 
 def _claims(picture: Picture, claims: Sequence[CellVerdict]) -> list[str]:
-    return [
-        f"A claimed position ({tested.verdict}) is "
-        + _from_start(
-            picture, picture.survey.position_m(tested.claim.lat_deg, tested.claim.lon_deg)
-        )
-        + "."
-        for tested in claims
-    ]
+    sentences = []
+    for tested in claims:
+        position_m = picture.survey.position_m(tested.claim.lat_deg, tested.claim.lon_deg)
+        where = _from_start(picture, position_m)
+        sentences.append(f"A claimed position ({tested.verdict}) is {where}.")
+    return sentences
 
 
 def _truth(picture: Picture) -> list[str]:

@@ -84,7 +84,7 @@ def key_of(view: ViewModel, cell: CellView) -> list[tuple[str, Colour]]:
     entries = [("walker", colours.WALKER)] if len(view.survey.track_m) else []
     if cell.steps:
         entries.append(("posterior: 95 %, 50 %", colours.POSTERIOR))
-    entries += [(estimate.name, estimate.colour) for estimate in cell.picture.estimates]
+    entries += [estimate.estimator[1:] for estimate in cell.picture.estimates]
     verdicts = [tested.verdict for tested in cell.claims]
     entries += [(f"claim: {verdict}", colours.verdict_colour(verdict)) for verdict in verdicts]
     if cell.picture.truth_m is not None:

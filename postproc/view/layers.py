@@ -43,7 +43,8 @@ def draw_posterior(surface: Surface, view: ViewModel, cell: CellView) -> None:
     path = ("cells", cell.name, "posterior")
     for share, radius in _REGION_RADII.items():
         style = Style([colours.POSTERIOR], radius, 10.0)
-        surface.lines_over_time((*path, f"region{share}"), cell.t_ns, cell.regions[share], style)
+        rings = [regions[share] for regions in cell.regions]
+        surface.lines_over_time((*path, f"region{share}"), cell.t_ns, rings, style)
     posteriors = [step.posterior for step in cell.steps]
     positions_m = view.survey.modes_m([mode for one in posteriors for mode in one.modes])
     counts = [len(posterior.modes) for posterior in posteriors]

@@ -11,17 +11,17 @@ from logger.core.track import MAX_GAP_S
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
-from postproc.pictures.estimates import Estimate
+from postproc.pictures.estimates import BATCH, RTS, Estimate
 from postproc.pictures.geometry import evenly_spaced
 from postproc.pictures.picture import mode_label
-from postproc.pictures.regions import region_rings
+from postproc.pictures.regions import REGION_SHARES, region_rings
 from postproc.pictures.survey import Walk
 from postproc.view.density_image import draw_density
 from postproc.view.ground import draw_ground, draw_key, draw_level_scale
 from postproc.view.layers import FARTHEST_M, MOST_STRIPS, draw_levels, draw_posterior, draw_walks
 from postproc.view.rerun_writer import RerunWriter, on_screen
 from postproc.view.surface import Style, Surface
-from postproc.view.view_model import REGION_SHARES, CellView, ViewModel
+from postproc.view.view_model import CellView, ViewModel
 
 MOST_POINTS = 40_000
 """With more points in one entity the viewer becomes slow."""
@@ -118,19 +118,16 @@ def _draw_level_track(plan: Surface, cell: CellView) -> None:
 def _draw_estimates(plan: Surface, view: ViewModel, cell: CellView) -> None:
     """Filters along the walk, and the final estimates of RTS and least squares."""
     for estimate in cell.picture.estimates:
-        if estimate.key in ("rts", "batch") and np.hypot(*estimate.x[:2]) < FARTHEST_M:
-            _draw_final(plan, ("cells", cell.name, estimate.key), estimate)
-    for key, ink, filtered in (
-        ("reference", colours.REFERENCE, cell.result.reference),
-        ("ekf", colours.EKF, cell.result.ekf),
-    ):
-        if filtered is not None:
-            _draw_filter(plan, view, ("cells", cell.name, key), filtered, ink)
+        if estimate.estimator in (RTS, BATCH) and np.hypot(*estimate.x[:2]) < FARTHEST_M:
+            _draw_final(plan, ("cells", cell.name, estimate.estimator.key), estimate)
+    for estimator, filtered in cell.filters:
+        path = ("cells", cell.name, estimator.key)
+        _draw_filter(plan, view, path, filtered, estimator.colour)
 
 
 def _draw_final(plan: Surface, path: Sequence[str], estimate: Estimate) -> None:
     """A position with its 95 % ellipse."""
-    position_m, ink = estimate.x[:2], [estimate.colour]
+    position_m, ink = estimate.x[:2], [estimate.estimator.colour]
     plan.points(path, position_m[None], Style(ink, 5.0, 20.0))
     axes_m, (quaternion,) = ellipse_axes(estimate.p[None])
     # rerun's ellipses have no angle: the entity is rotated

@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, NIS_999
 from postproc.pictures import colours
-from postproc.pictures.colours import Colour
+from postproc.pictures.estimates import BATCH, REFERENCE, RTS
 from postproc.pictures.path_loss import ETA, P0, Parameter
 from postproc.view.plan import ellipse_axes
 from postproc.view.rerun_writer import RerunWriter, dots, entity, line, step_line
@@ -39,19 +38,9 @@ def draw_series(writer: RerunWriter, view: ViewModel) -> None:
         _draw_accuracy(writer, view, cell)
 
 
-def filters(cell: CellView) -> Iterator[tuple[str, str, Colour, FilterPath]]:
-    """The filters of a cell: key, name, colour, path."""
-    for key, name, ink, filtered in (
-        ("reference", "reference (wrong)", colours.REFERENCE, cell.result.reference),
-        ("ekf", "EKF", colours.EKF, cell.result.ekf),
-    ):
-        if filtered is not None:
-            yield key, name, ink, filtered
-
-
 def has_innovations(cell: CellView) -> bool:
     """Whether a filter has run, so that there is a NIS to plot."""
-    return any(len(filtered) for _, _, _, filtered in filters(cell))
+    return any(len(filtered) for _, filtered in cell.filters)
 
 
 def axis_range(cell: CellView, key: str) -> tuple[float, float] | None:
@@ -105,7 +94,7 @@ def _shown_values(cell: CellView, parameter: Parameter) -> Iterator[FloatArray]:
         value, sigma = parameter.of_states(ekf.x, ekf.p)
         yield from (value - 2.0 * sigma, value + 2.0 * sigma)
     for estimate in cell.picture.estimates:
-        if estimate.key != "reference":
+        if estimate.estimator != REFERENCE:
             yield estimate.x[[parameter.row]]
 
 
@@ -120,24 +109,24 @@ def _draw_path_loss(
             f"{path}/posterior", cell.t_ns, mean, sigma, name="posterior", ink=colours.POSTERIOR
         )
     for estimate in cell.picture.estimates:
-        if estimate.key in ("batch", "rts"):
+        if estimate.estimator in (BATCH, RTS):
+            key, name, ink = estimate.estimator
             value = np.full(2, estimate.x[parameter.row])
-            style = line(estimate.name, estimate.colour)
-            writer.plot(f"{path}/{estimate.key}", span_ns, value, style)
-    for filter_key, name, ink, filtered in filters(cell):
+            writer.plot(f"{path}/{key}", span_ns, value, line(name, ink))
+    for (key, name, ink), filtered in cell.filters:
         value, sigma = parameter.of_states(filtered.x, filtered.p)
         finite = np.isfinite(value) & np.isfinite(sigma)
         t_ns, value, sigma = filtered.t_ns[finite], value[finite], sigma[finite]
-        if filter_key == "ekf":
-            writer.plot_band(f"{path}/ekf", t_ns, value, sigma, name=name, ink=ink)
+        if key == "ekf":
+            writer.plot_band(f"{path}/{key}", t_ns, value, sigma, name=name, ink=ink)
         else:
-            writer.plot(f"{path}/{filter_key}", t_ns, value, line(name, ink, 1.0))
+            writer.plot(f"{path}/{key}", t_ns, value, line(name, ink, 1.0))
 
 
 def _draw_consistency(writer: RerunWriter, cell: CellView, span_ns: IntArray) -> None:
     """NIS: chi-square with one degree of freedom for a consistent filter."""
     path = entity("series", cell.name, "nis")
-    for key, name, ink, filtered in filters(cell):
+    for (key, name, ink), filtered in cell.filters:
         with np.errstate(divide="ignore", invalid="ignore"):
             nis = filtered.nis
         _plot_finite(writer, f"{path}/{key}", filtered.t_ns, nis, dots(name, ink, 2.0))
@@ -154,7 +143,7 @@ def _draw_area(writer: RerunWriter, cell: CellView) -> None:
         style = step_line("posterior region", colours.POSTERIOR)
         area_m2 = cell.of_steps("region_area_m2")
         writer.plot(f"{path}/posterior", cell.t_ns, np.log10(area_m2), style)
-    for key, name, ink, filtered in filters(cell):
+    for (key, name, ink), filtered in cell.filters:
         axes_m, _ = ellipse_axes(filtered.p)
         with np.errstate(divide="ignore", invalid="ignore"):
             lg_area = np.log10(np.pi * axes_m[:, 0] * axes_m[:, 1])

@@ -7,18 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
+from postproc.pictures.estimates import EKF, REFERENCE, Estimator
 from postproc.pictures.geometry import Box
 from postproc.pictures.picture import Picture, focus_of, picture_of
-from postproc.pictures.regions import Rings, region_rings
+from postproc.pictures.regions import Rings, regions_of
 from postproc.pictures.survey import Survey, survey_of
 from postproc.result import CellResult, Result
 from postproc.verification.verdicts import CellVerdict
 from postproc.view.timeline import Step
-
-REGION_SHARES = {"95": 0.95, "50": 0.5}
-"""Regions that are drawn, by name."""
 
 
 class CellDetail(NamedTuple):
@@ -33,14 +32,13 @@ class CellDetail(NamedTuple):
 class CellView:
     """A cell in detail.
 
-    `regions` are the outlines of the regions that contain 95 % and 50 %, for each step: closed
-    rings (k, 2) in local metres.
+    `regions` are the outlines by name, one dictionary for each step.
     """
 
     picture: Picture
     result: CellResult
     steps: tuple[Step, ...]
-    regions: dict[str, list[Rings]]
+    regions: tuple[dict[str, Rings], ...]
     claims: tuple[CellVerdict, ...]
 
     @property
@@ -52,6 +50,12 @@ class CellView:
     def t_ns(self) -> IntArray:
         """Times since boot of the steps, shape (n,)."""
         return np.array([step.t_ns for step in self.steps], np.int64)
+
+    @property
+    def filters(self) -> list[tuple[Estimator, FilterPath]]:
+        """The filters that ran, the reference first."""
+        paths = ((REFERENCE, self.result.reference), (EKF, self.result.ekf))
+        return [(estimator, path) for estimator, path in paths if path is not None]
 
     def of_steps(self, name: str) -> FloatArray:
         """A value of the posterior at each step, shape (n,)."""
@@ -104,12 +108,7 @@ def view_model(result: Result, details: Sequence[CellDetail]) -> ViewModel:
 
 
 def _cell_view(survey: Survey, detail: CellDetail) -> CellView:
-    regions = {
-        name: [
-            region_rings(step.posterior.squares, share, survey.origin_m) for step in detail.steps
-        ]
-        for name, share in REGION_SHARES.items()
-    }
+    regions = tuple(regions_of(step.posterior.squares, survey.origin_m) for step in detail.steps)
     return CellView(picture_of(survey, detail.result), *detail[:2], regions, detail.claims)
 
 

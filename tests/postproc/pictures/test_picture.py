@@ -48,8 +48,8 @@ def test_a_region_far_larger_than_the_walk_leaves_the_walk_visible(result):
 
 def test_estimates_are_local_and_those_that_have_a_picture(result):
     picture = picture_of(survey_of(result), result.cells[0])
-    assert [estimate.key for estimate in picture.estimates] == ["batch", "ekf", "rts", "reference"]
+    keys = [estimate.estimator.key for estimate in picture.estimates]
+    assert keys == ["batch", "ekf", "rts", "reference"]
     ekf = picture.estimates[1]
-    assert ekf.name == "EKF"
     x_m, y_m = result.cells[0].ekf.x[-1, :2]
     assert survey_of(result).local(x_m, y_m)[0].tolist() == ekf.x[:2].tolist()
