@@ -114,9 +114,9 @@ def extras() -> frozenset[str]:
 
 @cache
 def configuration_keys() -> frozenset[str]:
-    """Keys of systemd/site.toml, those in comments as well."""
+    """Keys and sections of systemd/site.toml, those in comments as well."""
     text = (ROOT / "systemd/site.toml").read_text("utf-8")
-    return frozenset(re.findall(r"^(?:# )?(\w+) = ", text, re.MULTILINE))
+    return frozenset(re.findall(r"^(?:# )?(\[\w+\]|\w+)(?: = |$)", text, re.MULTILINE))
 
 
 def file_exists(text: str, page: Path) -> bool:

@@ -47,9 +47,9 @@ HOUSE_WORDS = {
 }  # fmt: skip
 """Names of modules that were replaced by the terms of the field."""
 
-LONG_FILES_LEFT = 31
-WIDE_FILES_LEFT = 178
-PARTICIPLES_LEFT = 176
+LONG_FILES_LEFT = 8
+WIDE_FILES_LEFT = 100
+PARTICIPLES_LEFT = 92
 """Exceptions from the time before the rules: these numbers only go down, to 0."""
 
 
