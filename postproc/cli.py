@@ -118,7 +118,8 @@ def replay(path: Path, *, as_json: bool) -> int:
             f"replay differs from live: {result.n_recorded} recorded, "
             f"{result.n_replayed} replayed, {result.n_equal} equal; "
             f"first difference at record {result.first_difference}, "
-            f"largest {result.largest_m:.3g} m"
+            f"largest {result.largest_m:.3g} m; "
+            f"recorded by {result.recorded_by}, replayed by {result.replayed_by}"
         )
     return 0 if result.equal else 1
 

@@ -1,7 +1,8 @@
-"""The live estimate again, from the recorded fixes and scans alone."""
+"""The live estimate once more, from the recorded fixes and scans alone."""
 
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass
+from importlib.metadata import version
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -14,10 +15,11 @@ from logger.core.types import LiveEstimate
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """Live estimates as recorded and as computed again; equal means equal to the last bit.
+    """Live estimates as recorded and as recomputed; equal means equal to the last bit.
 
-    Bits agree on one kind of machine. Between a Pi and a laptop log10 and BLAS may differ in the
-    last bit, and `largest_m` tells how far that has carried the position.
+    That holds on one kind of machine. Between a Pi and a laptop log10 and BLAS may differ in the
+    last bit; `largest_m` is how far that has moved the position. A run of another version of the
+    program may differ by more: `recorded_by` and `replayed_by` name both.
     """
 
     n_recorded: int
@@ -25,16 +27,19 @@ class Replay:
     n_equal: int
     first_difference: int | None
     largest_m: float
+    recorded_by: str
+    replayed_by: str
 
     @property
     def equal(self) -> bool:
+        """Whether every estimate is there and equal."""
         return self.n_equal == self.n_recorded == self.n_replayed
 
 
 def estimates(run: Run) -> Iterator[LiveEstimate]:
     """Live estimates computed from the run's fixes and scans, in their recorded order."""
     tracker = LiveTracker(run.meta.live)
-    with threadpool_limits(1):  # as on the device: threads of BLAS add up in another order
+    with threadpool_limits(1):  # as on the device: several threads of BLAS add in another order
         for seq, record in run.records("fixes", "scans"):
             for value in tracker.feed(seq, record):
                 if isinstance(value, LiveEstimate):
@@ -42,24 +47,31 @@ def estimates(run: Run) -> Iterator[LiveEstimate]:
 
 
 def replay(run: Run) -> Replay:
-    """Repeat the live estimate and compare; a pulled plug or a slow device may lack the end."""
-    recorded = [
-        record.value for _, record in run.records("live") if isinstance(record.value, LiveEstimate)
-    ]
-    again = list(estimates(run))
+    """Repeat the live estimate and compare.
+
+    After a power cut, or on a slow device, the end of the recorded estimates may be missing.
+    """
+    values = (record.value for _, record in run.records("live"))
+    recorded = [value for value in values if isinstance(value, LiveEstimate)]
+    replayed = list(estimates(run))
     if run.end is None or np.any(run.tables["notes"]["code"] == BEHIND.encode()):
-        common = min(len(recorded), len(again))
-        recorded, again = recorded[:common], again[:common]
-    n_equal, first, largest = 0, None, 0.0
-    for a, b in zip(recorded, again, strict=False):
-        if _same(a, b):
-            n_equal += 1
-            continue
-        first = a.scan_seq if first is None else first
-        largest = max(largest, abs(a.x_m - b.x_m), abs(a.y_m - b.y_m))
-    return Replay(len(recorded), len(again), n_equal, first, largest)
+        common = min(len(recorded), len(replayed))
+        recorded, replayed = recorded[:common], replayed[:common]
+    pairs = list(zip(recorded, replayed, strict=False))
+    different = [(a, b) for a, b in pairs if not _are_equal(a, b)]
+    offsets_m = [abs(off) for a, b in different for off in (a.x_m - b.x_m, a.y_m - b.y_m)]
+    return Replay(
+        len(recorded),
+        len(replayed),
+        n_equal=len(pairs) - len(different),
+        first_difference=different[0][0].scan_seq if different else None,
+        largest_m=max([0.0, *offsets_m]),  # NaN compares false and is passed over
+        recorded_by=run.meta.program,
+        replayed_by=f"cellwalk {version('cellwalk')}",
+    )
 
 
-def _same(a: LiveEstimate, b: LiveEstimate) -> bool:
+def _are_equal(a: LiveEstimate, b: LiveEstimate) -> bool:
     """Equal in every field; NaN equals NaN, since a diverged filter must diverge again."""
-    return all(x == y or (x != x and y != y) for x, y in zip(astuple(a), astuple(b), strict=True))  # noqa: PLR0124
+    fields = zip(astuple(a), astuple(b), strict=True)
+    return all(x == y or (x != x and y != y) for x, y in fields)  # noqa: PLR0124

@@ -1,8 +1,7 @@
-"""WGS 84 <-> UTM, with the zone frozen for a run so that a walk across its border or the equator
-stays continuous.
+"""WGS 84 <-> UTM in one zone for a run: a walk across its border or the equator is continuous.
 
-Transverse Mercator by PROJ (Karney 2011), good to nanometres at the distances of a walk, also far
-outside the zone.
+Transverse Mercator by PROJ (Karney 2011), accurate to nanometres at the distances of a walk, also
+far outside the zone.
 """
 
 from dataclasses import dataclass
@@ -18,9 +17,9 @@ MAX_LATITUDE_DEG = 84.0
 
 
 def zone_of(lat_deg: float, lon_deg: float) -> int:
-    """UTM zone 1..60 of a place, negative on the southern hemisphere.
+    """UTM zone 1..60 of a position, negative on the southern hemisphere.
 
-    The widened zones of Norway and Svalbard are not applied: any zone nearby serves a walk equally
+    The wider zones of Norway and Svalbard are not applied: any zone nearby serves a walk equally
     well. Raises `GeoError` for a latitude beyond 84 deg or a value that is no position.
     """
     check_position(lat_deg, lon_deg)
@@ -34,7 +33,8 @@ def check_position(lat_deg: float, lon_deg: float) -> None:
         raise GeoError(f"no position on Earth: latitude {lat_deg}, longitude {lon_deg} deg")
     if abs(lat_deg) > MAX_LATITUDE_DEG:
         raise GeoError(
-            f"latitude {lat_deg:.4f} deg is beyond 84 deg, where UTM ends; cellwalk cannot map this walk"
+            f"latitude {lat_deg:.4f} deg is beyond 84 deg, where UTM ends; "
+            "cellwalk cannot map this walk"
         )
 
 
@@ -50,7 +50,7 @@ class Utm:
         return cls(zone_of(lat_deg, lon_deg))
 
     def to_xy(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        """East and north of one place in metres."""
+        """East and north of one position in metres."""
         check_position(lat_deg, lon_deg)
         x_m, y_m = _proj(self.zone)(lon_deg, lat_deg)
         return float(x_m), float(y_m)
@@ -58,21 +58,21 @@ class Utm:
     def to_xy_arrays(
         self, lat_deg: FloatArray, lon_deg: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """East and north in metres, shape as given."""
-        for worst in (
-            (np.argmax(np.abs(lat_deg)), np.argmax(np.abs(lon_deg))) if lat_deg.size else ()
-        ):
-            check_position(float(lat_deg.flat[worst]), float(lon_deg.flat[worst]))
+        """East and north in metres, shape as the arguments."""
+        if lat_deg.size:
+            for values in (lat_deg, lon_deg):
+                worst = np.argmax(np.abs(values))
+                check_position(float(lat_deg.flat[worst]), float(lon_deg.flat[worst]))
         x_m, y_m = _proj(self.zone)(lon_deg, lat_deg)
         return np.asarray(x_m, float), np.asarray(y_m, float)
 
     def to_latlon(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Latitude and longitude in degrees of one place."""
+        """Latitude and longitude in degrees of one position."""
         lon_deg, lat_deg = _proj(self.zone)(x_m, y_m, inverse=True)
         return float(lat_deg), float(lon_deg)
 
     def to_latlon_arrays(self, x_m: FloatArray, y_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Latitude and longitude in degrees, shape as given."""
+        """Latitude and longitude in degrees, shape as the arguments."""
         lon_deg, lat_deg = _proj(self.zone)(x_m, y_m, inverse=True)
         return np.asarray(lat_deg, float), np.asarray(lon_deg, float)
 

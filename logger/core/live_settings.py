@@ -21,32 +21,28 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
         "height_m": (0.0, 10_000.0),  # mountains end below
     }
 )
-"""Least and most of each setting that has a meaning.
-
-Runs of earlier versions may hold others, and are read.
-"""
+"""Smallest and largest value of each setting; runs of earlier versions may have others."""
 LONGEST_TARGET_BYTES = 64
-"""The run file has no room for a longer name of a cell."""
+"""The run file stores no longer name of a cell."""
 
 REFERENCE = "reference-ekf"
 """Stage of the estimates of the reference filter."""
 
 BEHIND = "estimate-behind"
-"""Code of the Note of a device that could not keep up: the last recorded scans have no live
-estimate.
-"""
+"""Code of the Note of a device that fell behind: the last scans have no live estimate."""
 
 
 class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How the live estimate chooses its cells, its fix and its prior.
 
-    Every cell named by two scans is tracked, up to `most_cells` at once: the one not heard for
+    Every cell named by two scans is tracked, up to `most_cells` at once: the one not received for
     longest gives way. `target` is "strongest" or the name of a cell, for the reference filter and
     the default view; it is one that two scans have named. The target changes when another cell is
-    `hysteresis_db` stronger in the same scan, or strongest after the target was not heard for
-    `lost_s`. A fix older than `max_fix_age_s` is none. `joseph` chooses the form of the reference
-    filter's covariance update. `environment` names the prior: any, open, suburban or urban;
-    `antenna` that of its pattern: omni or sector; `height_m` is its height above the receiver.
+    `hysteresis_db` stronger in the same scan, or strongest after the target was not received for
+    `lost_s`. A fix older than `max_fix_age_s` is not used. `joseph` chooses the form of the
+    reference filter's covariance update. `environment` names the prior: any, open, suburban or
+    urban; `antenna` that of its pattern: omni or sector; `height_m` is its height above the
+    receiver.
     """
 
     target: str = STRONGEST
@@ -61,11 +57,10 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def restore_settings(recorded: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings as a run holds them, each null as what it stood for: JSON has no infinity and no
-    NaN.
+    """Settings as a run stores them, with each null as the value that it stands for.
 
-    An infinite hysteresis is written so. Earlier versions let other settings be infinite or NaN: a
-    time is then never over, which both had come to, and the height is the default.
+    JSON has neither infinity nor NaN. An infinite hysteresis is stored as null. Earlier versions
+    also stored infinite times, which never end, and a height without a value, which is the default.
     """
     known = dict.fromkeys(LIMITS, math.inf) | {"height_m": LiveSettings().height_m}
     return {name: known.get(name) if value is None else value for name, value in recorded.items()}

@@ -1,9 +1,8 @@
-"""Text from elsewhere on a terminal: a run, a modem or a file name may hold characters that steer
-the terminal.
+"""Untrusted text on a terminal: runs, modems and file names may contain control sequences.
 
-Control characters (ESC clears the screen and renames windows), marks of direction (which show a
-text in another order than it has) and halves of surrogates become escapes as JSON writes them, so
-that JSON stays JSON.
+Control characters (ESC clears the screen and renames windows), direction marks (which change the
+order in which a text is shown) and halves of surrogates become escapes as in JSON, so that JSON
+stays JSON.
 """
 
 import re
@@ -13,29 +12,27 @@ from contextlib import contextmanager
 from typing import Any, TextIO
 from unicodedata import category
 
-_STEERING = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+_CONTROLS = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 """Unicode: control, format, surrogate, and the separators of lines and paragraphs."""
-_KEPT_BY_STREAMS = "\n\t"
-# what is plain ASCII, which nearly all text is, is not looked at letter by letter
+_LAYOUT = "\n\t"
+# printable ASCII, which nearly all text is, needs no escape
 _SUSPECT = re.compile(r"[^ -~]")
 
 
 def printable(text: str, keep: str = "") -> str:
-    """The text on one line, with nothing in it that steers a terminal; characters in `keep`
-    stay.
-    """
-    return _SUSPECT.sub(lambda found: found[0] if found[0] in keep else _escaped(found[0]), text)
+    """The text on one line without anything that controls a terminal; `keep` characters stay."""
+    return _SUSPECT.sub(lambda found: found[0] if found[0] in keep else _escape(found[0]), text)
 
 
-def _escaped(character: str) -> str:
-    if category(character) not in _STEERING:
+def _escape(character: str) -> str:
+    if category(character) not in _CONTROLS:
         return character
     units = character.encode("utf-16-be", "surrogatepass")
     return "".join(f"\\u{units[i]:02x}{units[i + 1]:02x}" for i in range(0, len(units), 2))
 
 
 class PlainStream:
-    """A text stream that lets no steering character pass but ends of lines and tabs."""
+    """A text stream that passes no control character but ends of lines and tabs."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -44,7 +41,7 @@ class PlainStream:
         )
 
     def write(self, text: str) -> int:
-        self._stream.write(printable(text, _KEPT_BY_STREAMS))
+        self._stream.write(printable(text, _LAYOUT))
         return len(text)
 
     def writelines(self, lines: Iterator[str]) -> None:
@@ -57,7 +54,7 @@ class PlainStream:
 
 @contextmanager
 def plain_streams() -> Iterator[None]:
-    """Let everything that is printed meanwhile go through a `PlainStream`."""
+    """Print everything within the context through a `PlainStream`."""
     out, errors = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = PlainStream(out), PlainStream(errors)
     try:

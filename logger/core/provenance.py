@@ -1,5 +1,6 @@
-"""Where a run comes from, as its description says it: recorded, simulated, imported, or a shared
-copy of such a run.
+"""Where a run comes from, as its description states it.
+
+A run is recorded, simulated, imported, or a shared copy of such a run.
 """
 
 IMPORT = "import of"
@@ -11,9 +12,7 @@ _WITHOUT_TIMES = (IMPORT_WITHOUT_TIMES, f"{SHARED} of an import without times")
 
 
 def is_import(origin: str) -> bool:
-    """Whether another program has recorded it: its times are what that program wrote, and not those
-    of a receiver.
-    """
+    """Whether another program recorded it: its times are then those of that program."""
     return origin.startswith(_IMPORTS)
 
 

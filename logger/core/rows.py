@@ -1,4 +1,4 @@
-"""The run file's tables as numpy arrays: what `schema` says, for those who read runs."""
+"""The tables of `schema` as numpy arrays, for everything that reads runs."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -14,7 +14,7 @@ Rows = npt.NDArray[np.void]
 
 
 def dtypes_of(version: int) -> Mapping[str, np.dtype[np.void]]:
-    """Packed rows as that version wrote them, from `OLDEST_DESCRIBED` on."""
+    """Packed rows as a version from `OLDEST_DESCRIBED` on wrote them."""
     return {table: np.dtype(columns) for table, columns in columns_of(version).items()}
 
 
@@ -24,27 +24,24 @@ DTYPES: Mapping[str, np.dtype[np.void]] = dtypes_of(SCHEMA_VERSION)
 def parse_dtypes(
     columns: Mapping[str, Iterable[tuple[str, str]]],
 ) -> Mapping[str, np.dtype[np.void]]:
-    """Rows as a run describes them by name and type of each column; today's where it does not.
+    """Rows as a run describes them by name and type of each column; today's if it does not.
 
-    Raises ValueError for what describes none of our tables: a file may say anything of itself.
+    Raises ValueError for a description that fits none of our tables: the file is not trusted.
     """
-    found = dict(DTYPES)
-    for table, given in columns.items():
+    dtypes = dict(DTYPES)
+    for table, description in columns.items():
         if table not in TABLES:
             raise ValueError(f"no table is called {table!r}")
-        found[table] = _parse_dtype(table, dict(given))
-    return found
+        dtypes[table] = _parse_dtype(table, dict(description))
+    return dtypes
 
 
 def _parse_dtype(table: str, kinds: Mapping[str, str]) -> np.dtype[np.void]:
-    todays = {column.name: np.dtype(column.dtype) for column in TABLES[table]}
+    today = {column.name: np.dtype(column.dtype) for column in TABLES[table]}
     for name, kind in kinds.items():
         if not _PLAIN.fullmatch(kind):
             raise ValueError(f"{table}: no column is of the type {kind!r}")
-        then, now = np.dtype(kind), todays.get(name)
-        if now is not None and (
-            then.kind != now.kind or (then.kind != "S" and then.itemsize > now.itemsize)
-        ):
+        if name in today and not _is_compatible(np.dtype(kind), today[name]):
             raise ValueError(f"{table}: the column {name!r} was never of the type {kind!r}")
     if len(kinds) > _MOST_COLUMNS:
         raise ValueError(f"{table} has {len(kinds)} columns")
@@ -53,31 +50,38 @@ def _parse_dtype(table: str, kinds: Mapping[str, str]) -> np.dtype[np.void]:
     return np.dtype(list(kinds.items()))
 
 
+def _is_compatible(stored: np.dtype[Any], today: np.dtype[Any]) -> bool:
+    """Whether today's column holds every value of the stored one; texts may be shortened."""
+    return stored.kind == today.kind and (stored.kind == "S" or stored.itemsize <= today.itemsize)
+
+
 _PLAIN = re.compile(r"\|?S[1-9]\d{0,2}|[<|]?[iuf][1248]")
 """Types that a column of a run has: little-endian numbers, and text of fewer than 1000 bytes."""
 _MOST_COLUMNS = 100
+"""More than any version had: a description must not exhaust the memory."""
 
 
 def to_current_columns(table: str, rows: Rows) -> Rows:
-    """Rows of a run of any version, with today's columns: unknown where that version had none."""
+    """Rows of a run of any version with today's columns; those it did not have are unknown."""
     if rows.dtype == DTYPES[table]:
         return rows
-    whole = np.zeros(len(rows), DTYPES[table])
+    current = np.zeros(len(rows), DTYPES[table])
+    names = rows.dtype.names or ()
     for column in TABLES[table]:
-        has = column.name in (rows.dtype.names or ())
-        whole[column.name] = rows[column.name] if has else encode(column, None)
-    return whole
+        current[column.name] = rows[column.name] if column.name in names else encode(column, None)
+    return current
 
 
 def values_of(table: str, rows: Rows) -> Iterator[dict[str, Any]]:
-    """Python values of each row by column name, None where unknown; columns this version does not
-    know are left out.
+    """Python values of each row by column name, None if unknown.
+
+    Columns that this version does not have are left out.
     """
     columns = {column.name: column for column in TABLES[table]}
-    names = rows.dtype.names or ()
-    known = [(i, columns[name]) for i, name in enumerate(names) if name in columns]
+    stored = [columns.get(name) for name in rows.dtype.names or ()]
     for row in rows.tolist():
-        yield {column.name: _decode(column, row[i]) for i, column in known}
+        fields = zip(stored, row, strict=True)
+        yield {column.name: _decode(column, value) for column, value in fields if column}
 
 
 def _decode(column: Column, value: Any) -> Any:

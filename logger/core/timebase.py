@@ -1,8 +1,8 @@
-"""From time since boot to UTC, fitted over what the GPS receiver said, since a Pi has no clock.
+"""From time since boot to UTC, fitted to the times of the GPS receiver, since a Pi has no clock.
 
-Nothing is believed of the wall clock. A receiver may be wrong too: before its first fix, by a
-rollover of its week counter, by leap seconds it has not heard of yet. Where its words disagree, UTC
-is unknown rather than wrong.
+The wall clock is not used. A receiver may be wrong too: before its first fix, by a rollover of its
+week counter, by leap seconds it has not received yet. If its times contradict each other, UTC is
+unknown rather than wrong.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from logger.core.arrays import IntArray
+from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.column import UNKNOWN_TIME
 from logger.core.provenance import has_times, is_import
 from logger.core.rows import Rows
@@ -21,31 +21,25 @@ STEP_S = 0.6
 DRIFT_MOST = 100e-6
 """No crystal of a computer is worse."""
 AGREE_SHARE = 0.9
-"""Less agreement than this is no knowledge."""
+"""UTC is known only if this share of the pairs agrees."""
 LEAP_S = 20.0
-"""Smaller steps are leap seconds that a receiver has heard of late (up to 12.5 min): its last word
-is right.
-"""
+"""Smaller steps are leap seconds received late (up to 12.5 min): the last times are right."""
 DRIFT_SPAN_S = 600.0
-"""Shorter runs do not determine the drift of a crystal (some ppm) against the jitter of a serial
-line.
-"""
+"""Shorter runs do not separate drift (some ppm) from the jitter of a serial line."""
 _MOST_PAIRS = 2000
+"""Pairs compared with each other; between them the result is interpolated."""
 _BINS = 24
+"""Of a run, for its drift: each has the promptest sentences of some minutes."""
 _PROMPT = 90.0
-"""Percentile of UTC minus time of arrival that stands for no delay: sentences come late, never
-early.
-"""
-
-Floats = npt.NDArray[np.float64]
-Truths = npt.NDArray[np.bool_]
+"""Percentile of UTC minus arrival that stands for no delay: sentences come late, never early."""
+_MIDNIGHT_S = 3.0
+"""A leap second happens at midnight UTC; so close to it a step may be real."""
+_DAY_S = 86_400
 
 
 @dataclass(frozen=True, slots=True)
 class TimeBase:
-    """UTC = reference_utc + (1 + drift) (t - reference_t); `sigma_s` is the scatter of the pairs
-    used.
-    """
+    """UTC = reference_utc + (1 + drift) (t - reference_t); `sigma_s` is the spread of the pairs."""
 
     reference_t_ns: int
     reference_utc_ns: int
@@ -60,7 +54,7 @@ class TimeBase:
         return self.reference_utc_ns + elapsed + round(self.drift * elapsed)
 
     def utc_ns_array(self, t_ns: IntArray) -> IntArray:
-        """UTC of times since boot, shape as given."""
+        """UTC of times since boot, shape as the argument."""
         elapsed = t_ns - self.reference_t_ns
         return self.reference_utc_ns + elapsed + np.round(self.drift * elapsed).astype(np.int64)
 
@@ -68,8 +62,8 @@ class TimeBase:
 def fit_run(origin: str, fixes: Rows) -> TimeBase | None:
     """As `fit` for the table `fixes` of a run; `origin` is the one in its description.
 
-    The times of an import are those of another program, of any year: no week counter is asked about
-    them. Without times there is no UTC.
+    Times of an import are those of another program, of any year: the week counter does not apply.
+    An import without times has no UTC.
     """
     if not has_times(origin):
         return None
@@ -83,16 +77,14 @@ def fit(
     *,
     any_year: bool = False,
 ) -> TimeBase | None:
-    """Fit the pairs (time since boot, UTC by GPS), arrays of shape (n,) with `UNKNOWN_TIME` where
-    there is none.
+    """Fit the pairs (time since boot, UTC by GPS), shape (n,); None if UTC remains unknown.
 
-    `valid` (n,) is 0 where the receiver had no position: it then knows the time from its own clock
-    at best, and the pair is not used. None when nothing is left, or what is left contradicts
-    itself: UTC is then unknown. With `any_year` a time may also lie where a receiver that is wrong
-    by a rollover would put it.
+    `utc_ns` is `UNKNOWN_TIME` without a time. `valid` (n,) is 0 if the receiver had no position: it
+    then has the time from its own clock at best, and the pair is not used. With `any_year` a time
+    may also be where a receiver with a rollover error would put it.
     """
-    known = utc_ns != UNKNOWN_TIME
-    usable = known if any_year else (utc_ns >= EARLIEST_UTC_NS) & (utc_ns < LATEST_UTC_NS)
+    has_utc = utc_ns != UNKNOWN_TIME
+    usable = has_utc if any_year else (utc_ns >= EARLIEST_UTC_NS) & (utc_ns < LATEST_UTC_NS)
     if valid is not None:
         usable = usable & (valid != 0)
     if not np.any(usable):
@@ -100,86 +92,85 @@ def fit(
     order = np.argsort(t_ns[usable], kind="stable")
     t, utc = t_ns[usable][order], utc_ns[usable][order]
     elapsed_s, early_s = (t - t[0]) / 1e9, ((utc - utc[-1]) - (t - t[-1])) / 1e9
-    believed = _believed(elapsed_s, early_s, utc)
-    if believed is None:
+    agrees = _agreeing_pairs(elapsed_s, early_s, utc)
+    if agrees is None:
         return None
-    elapsed_s, early_s = elapsed_s[believed], early_s[believed]
-    drift = _drift(elapsed_s, early_s) if elapsed_s[-1] - elapsed_s[0] > DRIFT_SPAN_S else 0.0
-    residual_s = early_s - drift * elapsed_s
+    drift, residual_s = _line(elapsed_s[agrees], early_s[agrees])
     prompt_ns = round(float(np.percentile(residual_s, _PROMPT)) * 1e9)
     return TimeBase(
         reference_t_ns=int(t[0]),
         reference_utc_ns=int(t[0]) + int(utc[-1] - t[-1]) + prompt_ns,
         drift=drift,
         sigma_s=float(np.std(residual_s)),
-        n_pairs=int(np.count_nonzero(believed)),
-        n_rejected=int(np.count_nonzero(known)) - int(np.count_nonzero(believed)),
+        n_pairs=len(residual_s),
+        n_rejected=int(np.count_nonzero(has_utc)) - len(residual_s),
     )
 
 
-def _believed(elapsed_s: Floats, early_s: Floats, utc_ns: IntArray) -> Truths | None:
-    """Which pairs tell the time, shape as given; None where they contradict each other."""
+def _agreeing_pairs(
+    elapsed_s: FloatArray, early_s: FloatArray, utc_ns: IntArray
+) -> BoolArray | None:
+    """Which pairs have the right time, shape (n,); None if they contradict each other."""
     thin = np.unique(np.linspace(0, len(elapsed_s) - 1, _MOST_PAIRS).astype(int))
-    opinions = _opinions(elapsed_s[thin].tolist(), early_s[thin].tolist())
-    largest = max(opinions, key=len)
-    chosen = (
-        largest
-        if len(largest) >= AGREE_SHARE * len(thin)
-        else _last_leap(opinions, early_s[thin], utc_ns[thin])
-    )
-    if chosen is None:
+    thin_early_s = early_s[thin]
+    groups = _consistent_groups(elapsed_s[thin].tolist(), thin_early_s.tolist())
+    group: list[int] | None = max(groups, key=len)
+    if group is None or len(group) < AGREE_SHARE * len(thin):
+        group = _group_after_leap(groups, thin_early_s, utc_ns[thin])
+    if group is None:
         return None
-    at_s, line_s = elapsed_s[thin][chosen], early_s[thin][chosen]
-    believed: Truths = np.abs(early_s - np.interp(elapsed_s, at_s, line_s)) <= STEP_S
-    return believed
+    line_s = np.interp(elapsed_s, elapsed_s[thin][group], thin_early_s[group])
+    return np.asarray(np.abs(early_s - line_s) <= STEP_S)
 
 
-def _opinions(elapsed_s: list[float], early_s: list[float]) -> list[list[int]]:
-    """Pairs grouped by whether one clock may have told them, in order of time."""
-    opinions: list[list[int]] = []
-    for i, (at_s, offset_s) in enumerate(zip(elapsed_s, early_s, strict=True)):
-        for opinion in opinions:
-            last = opinion[-1]
-            if abs(offset_s - early_s[last]) <= STEP_S + DRIFT_MOST * (at_s - elapsed_s[last]):
-                opinion.append(i)
+def _consistent_groups(elapsed_s: list[float], early_s: list[float]) -> list[list[int]]:
+    """Pairs that one clock may have given, as indices in order of time."""
+    groups: list[list[int]] = []
+    for i, (t_s, offset_s) in enumerate(zip(elapsed_s, early_s, strict=True)):
+        for group in groups:
+            last = group[-1]
+            if abs(offset_s - early_s[last]) <= STEP_S + DRIFT_MOST * (t_s - elapsed_s[last]):
+                group.append(i)
                 break
         else:
-            opinions.append([i])
-    return opinions
+            groups.append([i])
+    return groups
 
 
-def _last_leap(opinions: list[list[int]], early_s: Floats, utc_ns: IntArray) -> list[int] | None:
-    """The last opinion, where only leap seconds that were heard of late stand between it and the
-    others.
-    """
-    last = max(opinions, key=lambda opinion: opinion[-1])
-    near = [
-        opinion for opinion in opinions if abs(early_s[opinion[-1]] - early_s[last[0]]) <= LEAP_S
-    ]
-    before = [opinion for opinion in near if opinion is not last]
-    if sum(map(len, near)) < AGREE_SHARE * len(early_s) or len(last) * 3 < len(early_s):
-        return None
-    if any(opinion[-1] > last[0] for opinion in before) or _is_midnight(int(utc_ns[last[0]])):
-        return None
-    return last
+def _group_after_leap(
+    groups: list[list[int]], early_s: FloatArray, utc_ns: IntArray
+) -> list[int] | None:
+    """The last group, if it differs from those before it by leap seconds received late only."""
+    last = max(groups, key=lambda group: group[-1])
+    begin = last[0]
+    near = [group for group in groups if abs(early_s[group[-1]] - early_s[begin]) <= LEAP_S]
+    is_most = sum(map(len, near)) >= AGREE_SHARE * len(early_s)
+    is_long = len(last) * 3 >= len(early_s)
+    is_after = all(group[-1] <= begin for group in near if group is not last)
+    if is_most and is_long and is_after and not _is_midnight(int(utc_ns[begin])):
+        return last
+    return None
 
 
 def _is_midnight(utc_ns: int) -> bool:
-    """True where a leap second may really have happened: then neither opinion is right all the
-    time.
-    """
-    seconds = utc_ns / 1e9 % 86_400
-    return min(seconds, 86_400 - seconds) < 3.0
+    """Whether a leap second may really have happened: then no group is right all the time."""
+    seconds = utc_ns / 1e9 % _DAY_S
+    return min(seconds, _DAY_S - seconds) < _MIDNIGHT_S
 
 
-def _drift(elapsed_s: Floats, early_s: Floats) -> float:
-    """Slope by the median over pairs of bins, each bin by its promptest sentences (Theil 1950, Sen
-    1968).
-    """
+def _line(elapsed_s: FloatArray, early_s: FloatArray) -> tuple[float, FloatArray]:
+    """Drift, 0 for a short run, and what it leaves in seconds."""
+    is_long = elapsed_s[-1] - elapsed_s[0] > DRIFT_SPAN_S
+    drift = _drift(elapsed_s, early_s) if is_long else 0.0
+    return drift, early_s - drift * elapsed_s
+
+
+def _drift(elapsed_s: FloatArray, early_s: FloatArray) -> float:
+    """Median slope over pairs of bins, each by its promptest sentences (Theil 1950, Sen 1968)."""
     edges = np.linspace(elapsed_s[0], elapsed_s[-1], _BINS + 1)[1:-1]
-    groups = np.searchsorted(edges, elapsed_s)
-    filled = np.unique(groups)
-    x = np.array([elapsed_s[groups == g].mean() for g in filled])
-    y = np.array([np.percentile(early_s[groups == g], _PROMPT) for g in filled])
+    bins = np.searchsorted(edges, elapsed_s)
+    members = [bins == number for number in np.unique(bins)]
+    x = np.array([elapsed_s[member].mean() for member in members])
+    y = np.array([np.percentile(early_s[member], _PROMPT) for member in members])
     i, j = np.triu_indices(len(x), 1)
     return float(np.median((y[j] - y[i]) / (x[j] - x[i])))

@@ -1,17 +1,18 @@
-"""Whether an identity is heard from one place or from two: the signature of a cloned cell.
+"""Whether an identity is received from one position or from two: the signature of a cloned cell.
 
-Of one run the locator's own finding is used (`logger.core.locator.two_source_test`): the walk
-divided in two, each part located alone. Of two runs each is located alone, and both together; with
-p the evidence of a run over places h of prior mass m,
+For one run the locator's own test is used (`logger.core.locator.two_source_test`): the walk is
+divided in two and each part located alone. Of two runs each is located alone, and both together;
+with p the evidence of a run over positions h of prior mass m,
 
     log factor = log sum_h m p1(h) + log sum_h m p2(h) - log sum_h m p1(h) p2(h)
 
-Both run through the same calibration: walks past one transmitter, drawn from what was found, with
-the noise of the walk, and the share of them whose factor is as large. Draws end early when several
-were (Besag & Clifford, Biometrika 78(2), 1991).
+Both have the same calibration: walks past one transmitter are simulated from the estimate with the
+noise of the walk, and p is the share of them whose factor is as large. The simulation ends early
+when several were (Besag & Clifford, Biometrika 78(2), 1991).
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,20 +29,26 @@ from postproc.verification.claim_test import Listened
 from postproc.verification.likelihood_grid import LikelihoodGrid, refined
 
 DRAWS = 39
-"""Past one transmitter, for one run: p can then be as small as 0.025."""
+"""Walks simulated past one transmitter for one run: p can then be as small as 0.025."""
 
 _ENOUGH = 4
+"""So many walks with a factor as large decide that it is not significant."""
 _PAIRS = 240
+"""Pairs of walks simulated for two runs; each takes far less time than a division."""
 _MOST_READINGS = 800
+"""Of a simulated walk: its covariance grows with their square."""
 _MOST_SQUARES = 1400
+"""Of the common grid of two runs."""
+_LEAST_WEIGHT = 1e-300
+"""Weights of hypotheses below this have no logarithm."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sites:
-    """Log Bayes factor of two places against one, with the chance of one as large where there is
-    one transmitter.
+    """Log Bayes factor of two positions against one, and the chance of one as large by noise.
 
-    `one_m, other_m` are the likeliest places, x and y.
+    `draws` walks past one transmitter were simulated for `p`. `one_m, other_m` are the likeliest
+    positions, x and y.
     """
 
     log_factor: float
@@ -60,87 +67,108 @@ class Sites:
 def within_one(
     obs: CellObservations, posterior: Posterior, rng: np.random.Generator, draws: int = DRAWS
 ) -> Sites | None:
-    """One run; None where one place leaves nothing to explain, or the walk has no two loud
-    places.
+    """Test of one run.
+
+    None if one position leaves nothing to explain, or the walk has no two strong points.
     """
-    found = divide(obs, posterior)
-    if found is None:
+    division = divide(obs, posterior)
+    if division is None:
         return None
-    if found.log_factor <= 0.0:
-        return Sites(found.log_factor, 1.0, 0, found.one_m, found.other_m, obs.utm)
-    walk = _fewer(obs.usable().part(obs.usable().limit == 0))
-    one_place = _Past(walk, posterior)
-    as_large = done = 0
-    while done < draws and as_large < _ENOUGH:
-        drawn = divide(one_place.drawn(rng), posterior)
-        as_large += drawn is not None and drawn.log_factor >= found.log_factor
-        done += 1
-    p = as_large / done if as_large >= _ENOUGH else (as_large + 1.0) / (done + 1.0)
-    return Sites(found.log_factor, p, done, found.one_m, found.other_m, obs.utm)
+    p, done = 1.0, 0
+    if division.log_factor > 0.0:
+        usable = obs.usable()
+        one_source = _OneSource.of(_thin(usable.part(usable.limit == 0)), posterior)
+        p, done = _chance(one_source, posterior, division.log_factor, rng, draws)
+    return Sites(division.log_factor, p, done, division.one_m, division.other_m, obs.utm)
 
 
-class _Past:
-    """Walks past the one transmitter that the posterior names."""
+class _OneSource(NamedTuple):
+    """Expected levels past the one transmitter of a posterior, and a root of their covariance."""
 
-    def __init__(self, obs: CellObservations, posterior: Posterior) -> None:
-        best, prior = posterior.modes[0], posterior.prior
-        self.obs = obs
-        dx_m, dy_m = obs.x_m - best.x_m, obs.y_m - best.y_m
-        distance_db = log_distance_db(dx_m, dy_m, prior.height_m, obs.position_sigma_m)
-        self.level_dbm = level_dbm(best.state[2], best.state[3], distance_db)
+    obs: CellObservations
+    level_dbm: FloatArray
+    root: FloatArray
+
+    @classmethod
+    def of(cls, obs: CellObservations, posterior: Posterior) -> "_OneSource":
+        x_m, y_m, p0_dbm, eta = posterior.modes[0].state.tolist()
+        dx_m, dy_m, height_m = obs.x_m - x_m, obs.y_m - y_m, posterior.prior.height_m
+        distance_db = log_distance_db(dx_m, dy_m, height_m, obs.position_sigma_m)
         apart_m = np.hypot(obs.x_m[:, None] - obs.x_m, obs.y_m[:, None] - obs.y_m)
-        white = posterior.white_share
+        white, sigma_db = posterior.white_share, posterior.sigma_db
         k = (1.0 - white) * correlation(apart_m, posterior.decorrelation_m)
-        k[np.diag_indices_from(k)] += independent_variance(1.0, white, posterior.sigma_db)
-        self.root = posterior.sigma_db * np.linalg.cholesky(k)
+        k[np.diag_indices_from(k)] += independent_variance(1.0, white, sigma_db)
+        root = np.asarray(sigma_db * np.linalg.cholesky(k), float)
+        return cls(obs, level_dbm(p0_dbm, eta, distance_db), root)
 
-    def drawn(self, rng: np.random.Generator) -> CellObservations:
-        drawn_dbm = self.level_dbm + self.root @ rng.normal(size=len(self.obs))
-        return replace(self.obs, level_dbm=drawn_dbm, known_limit=np.zeros(len(self.obs), np.int64))
+    def simulate(self, rng: np.random.Generator) -> CellObservations:
+        noise_db = self.root @ rng.normal(size=len(self.obs))
+        no_limit = np.zeros(len(self.obs), np.int64)
+        return replace(self.obs, level_dbm=self.level_dbm + noise_db, known_limit=no_limit)
 
 
-def _fewer(obs: CellObservations) -> CellObservations:
-    """Every second or third reading of a long walk: a covariance of thousands of readings costs
-    minutes.
-    """
+def _chance(
+    source: _OneSource,
+    posterior: Posterior,
+    log_factor: float,
+    rng: np.random.Generator,
+    draws: int,
+) -> tuple[float, int]:
+    """Share of simulated walks with a factor as large, and how many were simulated."""
+    n_as_large = done = 0
+    while done < draws and n_as_large < _ENOUGH:
+        division = divide(source.simulate(rng), posterior)
+        n_as_large += division is not None and division.log_factor >= log_factor
+        done += 1
+    if n_as_large >= _ENOUGH:
+        return n_as_large / done, done
+    return (n_as_large + 1.0) / (done + 1.0), done
+
+
+def _thin(obs: CellObservations) -> CellObservations:
+    """Every second or third reading of a long walk: a covariance of thousands takes minutes."""
     step = -(-len(obs) // _MOST_READINGS)
     return obs.part(slice(None, None, step)) if step > 1 else obs
 
 
 def between_two(one: Listened, other: Listened, utm: Utm, rng: np.random.Generator) -> Sites:
-    """Two runs in the same zone."""
+    """Test of two runs in the same zone."""
+    walks = one, other
     field = one.field.with_walk(other.blocks, other.field.whiteners)
     fine = refined(field, other.level_dbm[:, None], _MOST_SQUARES)
     fields = one.field.with_squares(fine.squares), fine
-    levels = one.level_dbm, other.level_dbm
-    logs = [_over_places(f, v[:, None], f.trust)[:, 0] for f, v in zip(fields, levels, strict=True)]
     log_mass = fine.log_mass - log_sum(fine.log_mass)
-    joint = log_mass + logs[0] + logs[1]
-    p = np.exp(joint - log_sum(joint))
-    at = rng.choice(len(p), _PAIRS, p=p / np.sum(p))
-    x, y = fine.squares[0, at], fine.squares[1, at]
-    drawn = [
-        _over_places(f, walk.noise.walks(x, y, rng), np.ones(len(f.whiteners)))
-        for f, walk in zip(fields, (one, other), strict=True)
+    log_p = [
+        _log_p(field, walk.level_dbm[:, None], field.trust)
+        for field, walk in zip(fields, walks, strict=True)
     ]
-    calm = np.sort(np.exp(-_factor(drawn[0], drawn[1], log_mass)))
-    factor = float(_factor(logs[0][:, None], logs[1][:, None], log_mass)[0])
-    chance = float(calibrated(calm, np.exp(-np.array([factor])))[0])
-    places = [fine.squares[:2, int(np.argmax(log + log_mass))].tolist() for log in logs]
-    return Sites(factor, chance, _PAIRS, tuple(places[0]), tuple(places[1]), utm)
+    joint = log_mass + log_p[0][:, 0] + log_p[1][:, 0]
+    p = np.exp(joint - log_sum(joint))
+    x_m, y_m, _ = fine.squares[:, rng.choice(len(p), _PAIRS, p=p / np.sum(p))]
+    simulated = [
+        _log_p(field, walk.noise.walks(x_m, y_m, rng), np.ones(len(field.whiteners)))
+        for field, walk in zip(fields, walks, strict=True)
+    ]
+    log_factor = float(_log_factor(log_p[0], log_p[1], log_mass)[0])
+    by_noise = np.sort(np.exp(-_log_factor(simulated[0], simulated[1], log_mass)))
+    chance = float(calibrated(by_noise, np.exp(-np.array([log_factor])))[0])
+    best = [int(np.argmax(log[:, 0] + log_mass)) for log in log_p]
+    (x1_m, y1_m), (x2_m, y2_m) = (fine.squares[:2, k].tolist() for k in best)
+    return Sites(log_factor, chance, _PAIRS, (x1_m, y1_m), (x2_m, y2_m), utm)
 
 
-def _factor(one: FloatArray, other: FloatArray, log_mass: FloatArray) -> FloatArray:
+def _log_factor(one: FloatArray, other: FloatArray, log_mass: FloatArray) -> FloatArray:
     """Log factor for walks (h, b), shape (b,)."""
-    apart = log_sum((log_mass[:, None] + one).T) + log_sum((log_mass[:, None] + other).T)
-    return np.asarray(apart - log_sum((log_mass[:, None] + one + other).T), float)
+    mass = log_mass[:, None]
+    apart = log_sum((mass + one).T) + log_sum((mass + other).T)
+    return np.asarray(apart - log_sum((mass + one + other).T), float)
 
 
-def _over_places(field: LikelihoodGrid, level_dbm: FloatArray, trust: FloatArray) -> FloatArray:
-    """Log evidence of walks (n, b) at places, each hypothesis tempered and then mixed: (h, b)."""
-    log_p, _ = field.evaluate(level_dbm)
+def _log_p(field: LikelihoodGrid, levels_dbm: FloatArray, trust: FloatArray) -> FloatArray:
+    """Log evidence of walks (n, b) at positions, each hypothesis tempered, then mixed: (h, b)."""
+    log_p, _ = field.evaluate(levels_dbm)
     log_mass = (field.log_mass - log_sum(field.log_mass))[:, None]
     tempered = trust[:, None, None] * log_p
     norm = log_sum(np.swapaxes(tempered + log_mass, 1, 2))[:, None]
-    log_weight = np.log(np.maximum(field.weights(log_p), 1e-300))[:, None]
+    log_weight = np.log(np.maximum(field.weights(log_p), _LEAST_WEIGHT))[:, None]
     return log_sum(np.moveaxis(tempered - norm + log_weight, 0, 2))

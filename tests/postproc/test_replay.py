@@ -1,4 +1,5 @@
 from dataclasses import replace
+from importlib.metadata import version
 
 from logger.core.live import LiveTracker
 from logger.core.runfile import read_run
@@ -45,6 +46,10 @@ def test_one_bit_is_noticed(tmp_path):
     assert not found.equal
     assert (found.n_equal, found.first_difference) == (len(_live(records)) - 1, value.scan_seq)
     assert 0.0 < found.largest_m < 2e-9
+    assert (found.recorded_by, found.replayed_by) == (
+        runs.meta().program,
+        f"cellwalk {version('cellwalk')}",
+    )
 
 
 def test_a_cut_run_is_compared_as_far_as_it_goes(tmp_path):

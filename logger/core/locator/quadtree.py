@@ -26,8 +26,8 @@ class Effort(NamedTuple):
     """How finely to search.
 
     Squares with more than `split_share` of the probability are split, until there are
-    `most_squares` more than at first. Sigma is integrated over `nodes`. The first squares are no larger than
-    `first_share` of their distance from the walk, which is gathered into `most_blocks`. Where
+    `most_squares` more than at first. Sigma is integrated over `nodes`. The first squares are no
+    larger than `first_share` of their distance from the walk, which has `most_blocks`. Where
     readings are censored, hypotheses are compared at `samples` positions of each of the two
     likeliest, and at one position only with 0. The `densest` squares are split even if they hold
     little: a narrow peak beside a broad one, such as the mirror image inside a round walk, hides

@@ -23,7 +23,7 @@ _ROWS = 256
 
 @dataclass(frozen=True, slots=True)
 class Squares:
-    """Squares that tile the searched area, shape (n,): centre and side in m, probability (sum 1)."""
+    """Squares that tile the searched area, (n,): centre and side in m, probability (sum 1)."""
 
     x_m: FloatArray
     y_m: FloatArray

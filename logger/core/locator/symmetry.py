@@ -23,7 +23,7 @@ _LEAST_M = 1e-9
 
 
 class Curve(NamedTuple):
-    """A circle of `radius_m` about `centre_m` (2,), or a line through it at right angles to `across`.
+    """A circle of `radius_m` about `centre_m` (2,), or a line through it normal to `across` (2,).
 
     `tolerance_m` is the largest rms distance of a track that may be this curve. A line has no
     radius.
@@ -55,7 +55,7 @@ class Curve(NamedTuple):
 
 
 def fit_curve(point_m: FloatArray, position_sigma_m: FloatArray) -> Curve | None:
-    """The line, or else the circle, that a track (2, n) with errors (n,) may be; None if neither."""
+    """The line, or else the circle, that a track (2, n) with errors (n,) may be; else None."""
     tolerance_m = float(_MOST_SIGMAS * np.sqrt(np.mean(position_sigma_m**2)))
     if tolerance_m <= 0.0:
         return None

@@ -60,7 +60,7 @@ _END_OF_REACH = 0.7
 
 
 class Timing(NamedTuple):
-    """Timing advances by location, shape (k,) each; weights of the steps at one location add to 1."""
+    """Timing advances by location, (k,) each; weights of the steps at one location add to 1."""
 
     x_m: FloatArray
     y_m: FloatArray
