@@ -65,26 +65,26 @@ def test_every_driver_in_a_vendor_folder_is_installed():
                 assert type(FAMILIES[value.name]) is value
 
 
-class A7608(sim7600.Sim7600):
-    """A driver for one model of a series that another driver serves."""
+class A7999(sim7600.Sim7600):
+    """A driver for one model (an invented one) of a series that another driver serves."""
 
-    name = "a7608"
-    claim = Claim(series=r"A7608")
+    name = "a7999"
+    claim = Claim(series=r"A7999")
 
 
-ANSWER = "Model: A7608E-H Revision: A7608M7_V1.0"
+ANSWER = "Model: A7999E-H Revision: A7999M7_V1.0"
 
 
 def test_a_driver_that_claims_what_another_one_has_is_found_out():
-    families = [*FAMILIES.values(), A7608()]
-    assert conflicts([ANSWER], families) == {ANSWER: ["sim7600", "a7608"]}
+    families = [*FAMILIES.values(), A7999()]
+    assert conflicts([ANSWER], families) == {ANSWER: ["sim7600", "a7999"]}
     assert unreached([ANSWER], families[-1], families) == [ANSWER]
 
 
 @pytest.mark.parametrize("first", [True, False])
 def test_the_driver_of_a_model_comes_before_that_of_its_series(monkeypatch, first):
-    monkeypatch.setattr(A7608, "claim", Claim(model=r"A7608"))
-    driver = A7608()
+    monkeypatch.setattr(A7999, "claim", Claim(model=r"A7999"))
+    driver = A7999()
     families = [driver, *FAMILIES.values()] if first else [*FAMILIES.values(), driver]
     assert conflicts([ANSWER], families) == {}
     assert unreached([ANSWER], driver, families) == []

@@ -47,10 +47,11 @@ def test_a_transcript_without_a_row_of_any_vendor_is_read_by_the_generic_driver(
 
 
 def test_of_drivers_that_read_the_same_it_is_the_first_by_name():
-    assert (
-        reader_of(["+CPSI: GSM,Online,502-12,0x1054,62168,512 DCS 1800,-71,0,32-32"]).name
-        == "sim7000"
-    )
+    lines = ["+CPSI: GSM,Online,502-12,0x1054,62168,512 DCS 1800,-71,0,32-32"]
+    rows = FAMILIES["sim7600"].rows_in(lines)
+    alike = [name for name, driver in FAMILIES.items() if driver.rows_in(lines) == rows]
+    assert len(alike) > 1
+    assert reader_of(lines).name == min(alike)
 
 
 FORBIDDEN = (
