@@ -85,8 +85,10 @@ def ellipse_axes(p: FloatArray) -> tuple[FloatArray, FloatArray]:
     counterclockwise from east: angle = 90 deg - azimuth.
     """
     axes_m, quaternions = np.empty((len(p), 2)), np.zeros((len(p), 4))
-    for i, covariance in enumerate(p):
-        ellipse = ellipse95(*covariance[[0, 0, 1], [0, 1, 1]].tolist())
+    # lists of floats: indexing each matrix would take longer than the ellipses
+    columns = (p[:, row, column].tolist() for row, column in ((0, 0), (0, 1), (1, 1)))
+    for i, (xx, xy, yy) in enumerate(zip(*columns, strict=True)):
+        ellipse = ellipse95(xx, xy, yy)
         axes_m[i] = ellipse.semi_major_m, ellipse.semi_minor_m
         half_angle = 0.5 * np.radians(90.0 - ellipse.azimuth_deg)
         quaternions[i, 2:] = np.sin(half_angle), np.cos(half_angle)
