@@ -164,11 +164,11 @@ class Proposal:
 def propose_config(found: Iterable[PortReport], folder: Path | None = None) -> Proposal:
     """The configuration for the first modem and the first receiver."""
     every = list(found)
-    modem = next((one for one in every if one.kind == "modem"), None)
-    gnss = next((one for one in every if one.kind == "gnss"), None)
+    modem = next((port for port in every if port.kind == "modem"), None)
+    gnss = next((port for port in every if port.kind == "gnss"), None)
     tables = [_modem(modem), _gnss(gnss, modem)]
     missing = [table.missing for table in tables if table.missing]
-    busy = [one.text for one in every if one.kind == "busy"] if missing else []
+    busy = [port.text for port in every if port.kind == "busy"] if missing else []
     run = ["[run]", f"directory = {_text(str(folder or usual_folder()))}"]
     if busy:
         run = [*(f"# {_comment(text)}" for text in busy), *run]
@@ -206,10 +206,10 @@ def _gnss(gnss: PortReport | None, modem: PortReport | None) -> _Table:
     if gnss is not None:
         return _Table(["[gnss]", *_at(gnss)])
     if modem is not None and _locates(modem):
-        comment = "# no receiver of its own has spoken; that of the modem needs an antenna too"
+        comment = "# no separate receiver has answered; that of the modem needs an antenna too"
         return _Table(["[gnss]", comment, f"port = {_text(GNSS_OF_MODEM)}"])
     others = '"gpsd://localhost" is that of gpsd, "modem" the modem\'s own where it has one'
-    return _empty("gnss", f"no receiver has spoken: plugged in? fill in [gnss] port; {others}")
+    return _empty("gnss", f"no receiver has answered: plugged in? fill in [gnss] port; {others}")
 
 
 def _locates(modem: PortReport) -> bool:

@@ -127,10 +127,10 @@ def test_the_command_prints_the_proposal_and_never_writes_over_a_file(ports, tmp
 def test_what_is_missing_is_one_line(tmp_path, capsys):
     site = tmp_path / "site.toml"
     assert main(["probe", str(tmp_path / "none"), "--write", str(site)]) == 2
-    looking, advice = capsys.readouterr().err.splitlines()
-    assert looking.startswith("looking at")
+    progress, advice = capsys.readouterr().err.splitlines()
+    assert progress.startswith("probing ")
     assert advice.startswith("fieldlogger: no modem has answered")
-    assert "no receiver has spoken" in advice
+    assert "no receiver has answered" in advice
     assert "no such port" in advice
     assert "fill in [modem] port" in site.read_text()
 
