@@ -20,7 +20,14 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.normal_tail import log_cdf_and_slope
 from logger.core.model.blocks import Blocks, Censored
 from logger.core.model.columns import censored_columns, varying_columns
-from logger.core.model.elimination import eliminate, inverse, packed_index, pivots, side, solution
+from logger.core.model.elimination import (
+    eliminate,
+    inverse,
+    log_determinant,
+    packed_index,
+    side,
+    solution,
+)
 from logger.core.model.marginal import Evidence, marginal
 from logger.core.model.noise import Whitener, correlation, independent_variance
 from logger.core.model.prior import Hypothesis, Prior
@@ -199,7 +206,7 @@ def _laplace(
         length[active] = np.where(up, 1.0, _SHORTER * length[active])
     system = _eliminated(surface)
     covariance = inverse(system, 3)[[1, 2, 2], [1, 1, 2]]
-    return surface[0] - 0.5 * np.log(np.prod(pivots(system), axis=0)), at, covariance
+    return surface[0] - 0.5 * log_determinant(system), at, covariance
 
 
 def _newton_step(surface: FloatArray) -> tuple[FloatArray, FloatArray]:

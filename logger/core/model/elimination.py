@@ -11,6 +11,7 @@ triangular, elimination from the last unknown to the first leaves
 A^-1, follow without the others.
 """
 
+from functools import reduce
 from math import isqrt
 
 import numpy as np
@@ -40,9 +41,14 @@ def eliminate(packed: FloatArray, first: int = 1) -> None:
         row[:] = ratio
 
 
-def pivots(eliminated: FloatArray) -> FloatArray:
-    """D of all unknowns, shape (q, ...)."""
-    return eliminated[[packed_index(k, k) for k in range(1, side(eliminated))]]
+def log_determinant(eliminated: FloatArray) -> FloatArray:
+    """Log |A|, the sum of log D."""
+    return np.asarray(np.log(reduce(np.multiply, pivots(eliminated))), float)
+
+
+def pivots(eliminated: FloatArray) -> list[FloatArray]:
+    """D of all unknowns."""
+    return [eliminated[packed_index(k, k)] for k in range(1, side(eliminated))]
 
 
 def solution(eliminated: FloatArray, count: int) -> FloatArray:
@@ -57,11 +63,14 @@ def solution(eliminated: FloatArray, count: int) -> FloatArray:
 def inverse(eliminated: FloatArray, count: int) -> FloatArray:
     """Block of A^-1 that belongs to the first `count` unknowns, shape (count, count, ...)."""
     found = np.empty((count, count, *eliminated.shape[1:]))
-    for k in range(count):
+    np.divide(1.0, eliminated[packed_index(1, 1)], out=found[0, 0])
+    for k in range(1, count):
         start = packed_index(k + 1, 1)
-        unit, known = eliminated[start : start + k], found[:k, :k]
-        found[k, :k] = found[:k, k] = -np.sum(unit[:, None] * known, axis=0)
-        found[k, k] = 1.0 / eliminated[start + k] - np.sum(unit * found[:k, k], axis=0)
+        unit = eliminated[start : start + k]
+        between = -(unit[:, None] * found[:k, :k]).sum(axis=0)
+        found[k, :k] = found[:k, k] = between
+        np.divide(1.0, eliminated[start + k], out=found[k, k])
+        found[k, k] -= (unit * between).sum(axis=0)
     return found
 
 

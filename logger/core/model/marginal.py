@@ -13,16 +13,16 @@ weight of all rows. log sigma is integrated by Gauss-Hermite nodes about its mod
 Appl. Statist. 31(3), 1982), or by Laplace's method.
 """
 
-from functools import cache
+from functools import cache, cached_property, lru_cache
 from math import log, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.arrays import FloatArray
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.blocks import Blocks
 from logger.core.model.columns import receiver_variance, varying_columns
-from logger.core.model.elimination import eliminate, inverse, pivots, side, solution
+from logger.core.model.elimination import eliminate, inverse, log_determinant, side, solution
 from logger.core.model.noise import Whitener
 from logger.core.model.prior import Prior
 
@@ -35,6 +35,10 @@ _LEAST_SIGMA_DB = 0.05
 """Below it, as where all levels are equal, residuals are rounding errors of either sign."""
 _SMALL_STEP = 0.05  # of log sigma: log p changes by its slope, within 1e-3 nats
 _STRIP = 64  # rows of a whitener multiplied at once
+
+
+PAIRS = ((0, 0), (0, 1), (1, 1))
+"""Entries of `Evidence.theta_cov`: var P0, cov, var eta."""
 
 
 class Evidence(NamedTuple):
@@ -50,29 +54,33 @@ class Evidence(NamedTuple):
     sigma_db: FloatArray
 
 
-class Fit(NamedTuple):
-    """Coefficients given sigma: the eliminated system (m, c, h)."""
+class Fit:
+    """Coefficients given sigma, from an eliminated system (m, c, h)."""
 
-    system: FloatArray
+    def __init__(self, system: FloatArray) -> None:
+        self._system = system
+        self._covariance: FloatArray | None = None
 
-    @property
+    @cached_property
     def theta(self) -> FloatArray:
         """Means of all coefficients, shape (q, c, h)."""
-        return solution(self.system, side(self.system) - 1)
+        return solution(self._system, side(self._system) - 1)
 
     def covariance(self, count: int) -> FloatArray:
         """Covariance of the first `count` coefficients, shape (count, count, c, h)."""
-        return inverse(self.system, count)
+        if self._covariance is None or len(self._covariance) < count:
+            self._covariance = inverse(self._system, count)
+        return self._covariance[:count, :count]
 
     @property
     def log_det(self) -> FloatArray:
         """Log |A|, shape (c, h)."""
-        return np.asarray(np.log(np.prod(pivots(self.system), axis=0)), float)
+        return log_determinant(self._system)
 
     @property
     def misfit(self) -> FloatArray:
         """Z'wz / s2 + m0' Lambda0 m0 - b' A^-1 b, shape (c, h)."""
-        return np.asarray(self.system[0], float)
+        return np.asarray(self._system[0], float)
 
 
 def walk_sums(
@@ -105,7 +113,7 @@ def sums(
 
 def products(fixed: FloatArray, varying: list[FloatArray], weight: FloatArray | None) -> FloatArray:
     """Sums over whitened rows, shape (m + 1, h): `fixed` (f, n), `varying` and `weight` (n, h)."""
-    i, j = np.tril_indices(len(fixed))
+    i, j = _lower_triangle(len(fixed))
     pairs = fixed[i] * fixed[j]
     if weight is None:
         h = varying[0].shape[1]
@@ -119,6 +127,12 @@ def products(fixed: FloatArray, varying: list[FloatArray], weight: FloatArray | 
         rows.append(fixed @ column)
         rows += [np.einsum("nh,nh->h", column, other)[None] for other in varying[: k + 1]]
     return np.concatenate([*rows, log_weight[None]])
+
+
+@cache
+def _lower_triangle(count: int) -> tuple[IntArray, IntArray]:
+    i, j = np.tril_indices(count)
+    return i, j
 
 
 def row_weights(whitener: FloatArray, extra: FloatArray) -> FloatArray:
@@ -182,7 +196,9 @@ def marginal(
         given = law.given(tau)
         log_p = law.log_p(tau, given)
     log_p += constant - 0.5 * np.log(curvature / (2.0 * pi))
-    return Evidence(log_p, given.theta, _packed(given.covariance(2)), np.exp(tau))
+    covariance = given.covariance(2)
+    spread = np.stack([covariance[i, j] for i, j in PAIRS])
+    return Evidence(log_p, given.theta, spread, np.exp(tau))
 
 
 class SigmaLaw:
@@ -190,10 +206,7 @@ class SigmaLaw:
 
     def __init__(self, total: FloatArray, n: int, prior: Prior) -> None:
         self._total, self._n, self._prior = total, n, prior
-        mean, precision = prior.coefficients
-        self._of_prior = augmented(mean, np.diag(precision))[:, None, None]
-        self._log_det = float(np.sum(np.log(precision)))
-        self._mean, self._precision = mean[:, None, None], precision[:, None, None]
+        self._mean, self._precision, self._of_prior, self._log_det = _prior_terms(prior)
         self._weight = 1.0 / prior.sigma_log_sd**2
 
     def given(self, tau: FloatArray) -> Fit:
@@ -215,8 +228,8 @@ class SigmaLaw:
     def slopes(self, tau: FloatArray, given: Fit) -> tuple[FloatArray, FloatArray]:
         """Derivative of `log_p` by tau, and minus the second one, for many levels."""
         residual, q = self.residual(given), len(self._precision)
-        variance = np.einsum("iich->ich", given.covariance(q))
-        of_prior = np.sum(self._precision * variance, axis=0)
+        covariance = given.covariance(q)
+        of_prior = sum(self._precision[i] * covariance[i, i] for i in range(q))
         slope = residual - self._n + q - of_prior
         slope -= self._weight * (tau - log(self._prior.sigma_db))
         return slope, 2.0 * residual + self._weight
@@ -229,6 +242,14 @@ class SigmaLaw:
         variance = np.maximum(residual, n * _LEAST_SIGMA_DB**2) / max(n - q, 1)
         pulled = n * np.log(variance) + self._weight * start
         return np.asarray(pulled / (2.0 * n + self._weight), float)
+
+
+@lru_cache(maxsize=16)  # needed after each live reading
+def _prior_terms(prior: Prior) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Mean and precision (q, 1, 1), packed sums (m, 1, 1) and log |Lambda0| of the coefficients."""
+    mean, precision = prior.coefficients
+    of_prior = augmented(mean, np.diag(precision))[:, None, None]
+    return mean[:, None, None], precision[:, None, None], of_prior, float(np.sum(np.log(precision)))
 
 
 @cache
@@ -250,16 +271,12 @@ def _over_nodes(
     share = np.exp(log_p - top)
     total = np.sum(share, axis=0)
     share /= total
-    theta = np.stack([one.theta for one in each])
-    mean = np.sum(share[:, None] * theta, axis=0)
-    off = theta[:, :2] - mean[:2]
-    covariance = np.stack([one.covariance(2) for one in each])
-    covariance += off[:, :, None] * off[:, None]
-    spread = np.sum(share[:, None] * np.stack([_packed(one) for one in covariance]), axis=0)
+    theta = [one.theta for one in each]
+    mean = sum(weight * one for weight, one in zip(share, theta, strict=True))
+    spread = np.zeros((3, *tau.shape))
+    for weight, given, at_node in zip(share, each, theta, strict=True):
+        covariance, off = given.covariance(2), at_node[:2] - mean[:2]
+        for k, (i, j) in enumerate(PAIRS):
+            spread[k] += weight * (covariance[i, j] + off[i] * off[j])
     sigma_db = np.sum(share * np.exp(taus), axis=0)
     return Evidence(top + np.log(total * sd) + constant, mean, spread, sigma_db)
-
-
-def _packed(covariance: FloatArray) -> FloatArray:
-    """Variance of the first, covariance, variance of the second: (3, c, h) of (2, 2, c, h)."""
-    return covariance[[0, 1, 1], [0, 0, 1]]
