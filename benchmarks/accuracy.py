@@ -20,7 +20,7 @@ from rich.progress import (
 )
 from scoreboard.cases import CASES
 from scoreboard.report import as_json, board, markdown, show
-from scoreboard.run import collected, jobs_of
+from scoreboard.run import collect_scores, jobs_of
 from scoreboard.score import METHODS
 
 QUICK_RUNS = 2
@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         *columns, console=Console(stderr=True), disable=not sys.stderr.isatty()
     ) as progress:
         task = progress.add_task("runs", total=len(jobs))
-        scores = collected(jobs, asked.jobs, lambda: progress.advance(task))
+        scores = collect_scores(jobs, asked.jobs, lambda: progress.advance(task))
     found = board(scores, asked.seed)
     show(found, Console(width=None if sys.stdout.isatty() else TABLE_WIDTH))
     for case in CASES.values():

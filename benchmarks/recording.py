@@ -49,11 +49,11 @@ def second(k: int, rng: random.Random) -> Iterator[Record]:
 
 
 def _scan(t_ns: int, rng: random.Random) -> Iterator[Record]:
-    heard = rng.sample(CELLS, rng.randint(1, 40))
-    levels = [rng.randrange(5, 60) for _ in heard]
+    observed = rng.sample(CELLS, rng.randint(1, 40))
+    levels = [rng.randrange(5, 60) for _ in observed]
     text = "".join(
         f'+CENG: {i},"{arfcn:04d},{level},00,262,01,{arfcn % 60},{cid:x},05,05,{lac},255"\r\n'
-        for i, ((lac, cid, arfcn), level) in enumerate(zip(heard, levels, strict=True))
+        for i, ((lac, cid, arfcn), level) in enumerate(zip(observed, levels, strict=True))
     )
     yield Record(t_ns, "modem", RawBytes(b"AT+CENG?\r\n", sent=True))
     yield Record(t_ns, "modem", RawBytes(text.encode()))
@@ -70,7 +70,7 @@ def _scan(t_ns: int, rng: random.Random) -> Iterator[Record]:
             rxlev_raw=level,
             rssi_dbm=level - 110.0,
         )
-        for (lac, cid, arfcn), level in zip(heard, levels, strict=True)
+        for (lac, cid, arfcn), level in zip(observed, levels, strict=True)
     )
     yield Record(t_ns, "modem", Scan(t_ns - 800_000_000, readings))
 

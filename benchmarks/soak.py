@@ -55,7 +55,7 @@ class Load:
 
 
 def load_of(pid: int) -> Load:
-    """Resident memory, open descriptors and processor time, as proc(5) tells them."""
+    """Resident memory, open descriptors and processor time, from proc(5)."""
     proc = Path(f"/proc/{pid}")
     pages = int((proc / "statm").read_text().split()[1])
     ticks = sum(map(int, (proc / "stat").read_text().rpartition(")")[2].split()[11:13]))
@@ -82,8 +82,8 @@ def town() -> World:
     return World.build(transmitters, ORIGIN_LAT_DEG, ORIGIN_LON_DEG, Radio(), rng)
 
 
-def all_heard(air: Air, _: Settings) -> Answer:
-    """Every cell, where a real SIM800 tells seven."""
+def all_cells(air: Air, _: Settings) -> Answer:
+    """Every cell, where a real SIM800 reports seven."""
     rows = [ceng.rows(4, 1, Air.of([one]))[0] for one in air.decoded]
     numbered = [row.replace("+CENG: 0", f"+CENG: {number}") for number, row in enumerate(rows)]
     return ["+CENG: 4,1", *block(numbered)]
@@ -101,7 +101,7 @@ def fast_receiver(receiver: SimulatedReceiver, walked: WalkTime) -> Session:
     return session
 
 
-def watched(service: subprocess.Popen, idle: subprocess.Popen, hours: float) -> list[Load]:
+def measure_loads(service: subprocess.Popen, idle: subprocess.Popen, hours: float) -> list[Load]:
     """Loads of the service each minute, printed as they are seen."""
     loads: list[Load] = []
     begun_s = time.monotonic()
@@ -125,7 +125,7 @@ def main() -> None:
     world, walk, walked = town(), Walk(BLOCK * LAPS), WalkTime(SystemClock())
     rng = np.random.default_rng(2)
     dialect = replace(
-        DIALECTS["sim800"], replies={**DIALECTS["sim800"].replies, "+CENG?": all_heard}
+        DIALECTS["sim800"], replies={**DIALECTS["sim800"].replies, "+CENG?": all_cells}
     )
     modem = SimulatedModem(dialect, world, walk, walked.now_s, rng, utc_start=UTC_START)
     receiver = SimulatedReceiver(world, walk, UTC_START, rng)
@@ -141,7 +141,7 @@ def main() -> None:
         command = [sys.executable, "-m", "logger.cli", "run", "--config", str(site)]
         with subprocess.Popen(command) as service:
             try:
-                loads = watched(service, idle, hours)
+                loads = measure_loads(service, idle, hours)
             finally:
                 service.terminate()
                 idle.kill()

@@ -68,7 +68,7 @@ class Squares:
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """One place where the source may stand, with the (2, 2) covariance of its own mass."""
+    """One possible position of the source, with the (2, 2) covariance of its probability."""
 
     x_m: float
     y_m: float

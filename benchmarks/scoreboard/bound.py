@@ -2,7 +2,7 @@
 
 J = G' K^-1 G + diag(0, 0, Lambda0), G the derivative of the mean level by [x, y, P0, eta] at the
 true state, K the covariance of the levels (Van Trees, Detection, Estimation, and Modulation Theory
-I, sec. 2.4). An estimator that is told where sources tend to stand may do better.
+I, sec. 2.4). An estimator with a prior of the position may do better.
 """
 
 from math import log

@@ -16,8 +16,8 @@ from .score import (
     EXACT_CLIPPED,
     LEAST_SQUARES,
     OURS,
-    OURS_TOLD,
-    OURS_WHOLE,
+    OURS_KNOWN_NOISE,
+    OURS_UNCENSORED,
     STRONGEST,
 )
 from .walks import TELLING
@@ -26,11 +26,11 @@ from .world import Noise, World
 PEERS = (LEAST_SQUARES, *FILTERS, CENTROID, STRONGEST)
 KNOWN = (OURS, EXACT, BOUND, *PEERS)
 """Methods where the oracle walks the same walk; where it does not, a bound would not be theirs."""
-MATCHED = (OURS, OURS_TOLD, EXACT, BOUND, *PEERS)
+MATCHED = (OURS, OURS_KNOWN_NOISE, EXACT, BOUND, *PEERS)
 """The same where the locator may be told the kind of noise, as the oracle is."""
 ORACLE = (OURS, EXACT, *PEERS)
-CLIPPED_SHADOWED = (OURS, OURS_WHOLE, EXACT, *PEERS)
-CLIPPED = (OURS, OURS_WHOLE, EXACT, EXACT_CLIPPED, *PEERS)
+CLIPPED_SHADOWED = (OURS, OURS_UNCENSORED, EXACT, *PEERS)
+CLIPPED = (OURS, OURS_UNCENSORED, EXACT, EXACT_CLIPPED, *PEERS)
 """Clipped levels have a limit of their own where the noise is white."""
 UNKNOWN = (OURS, *PEERS)
 
@@ -72,7 +72,7 @@ def generator(name: str, seed: int, run: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, crc32(name.encode()), run]))
 
 
-def _simulated(
+def _simulated_cases(
     name: str,
     title: str,
     build: Build,
@@ -93,14 +93,14 @@ def _white() -> list[Case]:
     title = "white noise 3 dB, walk: {}"
     build = partial(worlds.plain, noise=WHITE)
     return [
-        _simulated(
+        _simulated_cases(
             f"white-{shape}", title.format(shape), build, methods=MATCHED, shapes=(shape,), runs=200
         )
         for shape in TELLING
     ]
 
 
-def _shadowed() -> list[Case]:
+def _shadowing_cases() -> list[Case]:
     cases = []
     for shadow_db, d_c_m in ((6.0, 15.0), (8.0, 30.0)):
         for kind, in_plane in (("path", False), ("field", True)):
@@ -108,29 +108,31 @@ def _shadowed() -> list[Case]:
             where = "a field in the plane" if in_plane else "first order along the path"
             title = f"shadowing {shadow_db:.0f} dB over {d_c_m:.0f} m, {where}, 1 dB steps"
             build = partial(worlds.plain, noise=noise)
-            cases.append(_simulated(f"shadow{shadow_db:.0f}-{kind}", title, build, methods=MATCHED))
+            cases.append(
+                _simulated_cases(f"shadow{shadow_db:.0f}-{kind}", title, build, methods=MATCHED)
+            )
     return cases
 
 
 def _twins() -> list[Case]:
     build = partial(worlds.plain, noise=WHITE)
     return [
-        _simulated(
+        _simulated_cases(
             "twin-straight",
             "straight walk, white noise 3 dB: mirror image",
             build,
             shapes=("straight",),
         ),
-        _simulated(
+        _simulated_cases(
             "twin-circle", "round walk, white noise 3 dB: inverse point", build, shapes=("circle",)
         ),
     ]
 
 
-def _clipped() -> list[Case]:
+def _censored_cases() -> list[Case]:
     title = "{:.0%} of the levels clipped at -110 dBm, {}, 1 dB steps"
     white = [
-        _simulated(
+        _simulated_cases(
             f"clip-{100 * share:.0f}",
             title.format(share, "white noise 3 dB"),
             partial(worlds.clipped, share=share, noise=WHITE),
@@ -140,18 +142,20 @@ def _clipped() -> list[Case]:
     ]
     build = partial(worlds.clipped, share=0.45, noise=SHADOWED)
     of_shadow = title.format(0.45, "shadowing 6 dB over 15 m along the path")
-    return [*white, _simulated("clip-45-shadow", of_shadow, build, methods=CLIPPED_SHADOWED)]
+    return [*white, _simulated_cases("clip-45-shadow", of_shadow, build, methods=CLIPPED_SHADOWED)]
 
 
-def _misplaced() -> list[Case]:
+def _gps_error_cases() -> list[Case]:
     title = "position error of the receiver 5 m an axis, {}, pass at 15 to 40 m, white noise 3 dB"
     return [
-        _simulated(name, title.format(kind), partial(worlds.misplaced, kind=kind), methods=ORACLE)
+        _simulated_cases(
+            name, title.format(kind), partial(worlds.with_gps_errors, kind=kind), methods=ORACLE
+        )
         for name, kind in GPS_ERRORS.items()
     ]
 
 
-def _specified() -> list[Case]:
+def _specified_cases() -> list[Case]:
     cases = []
     for spread in (False, True):
         for count in SPECIFIED_READINGS:
@@ -162,15 +166,15 @@ def _specified() -> list[Case]:
             )
             name = f"spec-{count}-{'around' if spread else 'begun'}"
             build = partial(_specified_world, count=count, spread=spread)
-            cases.append(_simulated(name, title, build, shapes=("circle",)))
+            cases.append(_simulated_cases(name, title, build, shapes=("circle",)))
     return cases
 
 
 def _specified_world(rng: np.random.Generator, _: str, *, count: int, spread: bool) -> World:
-    return worlds.specified(rng, count, spread=spread)
+    return worlds.specified_scenario(rng, count, spread=spread)
 
 
-def _measured() -> list[Case]:
+def _measured_cases() -> list[Case]:
     cases = []
     for classes, what in (
         ("A", "passes within 50 m and sees 120 deg"),
@@ -200,17 +204,17 @@ CASES: dict[str, Case] = {
     case.name: case
     for case in (
         *_white(),
-        *_shadowed(),
+        *_shadowing_cases(),
         *_twins(),
-        *_clipped(),
-        *_misplaced(),
-        _simulated(
+        *_censored_cases(),
+        *_gps_error_cases(),
+        _simulated_cases(
             "two-sources",
             "two transmitters with one identity, 200 to 500 m apart, white noise 3 dB",
             worlds.shared_identity,
             methods=UNKNOWN,
         ),
-        *_measured(),
-        *_specified(),
+        *_measured_cases(),
+        *_specified_cases(),
     )
 }

@@ -29,16 +29,22 @@ class ClippedLikelihood(Likelihood):
     def __init__(self, walk: Walk, noise: Noise, floor_dbm: float) -> None:
         if noise.shadow_db:
             raise EstimationError("the limit of clipped levels is known for white noise only")
-        heard = walk.level_dbm > floor_dbm
-        super().__init__(Walk(walk.x_m[heard], walk.y_m[heard], walk.level_dbm[heard]), noise)
+        uncensored = walk.level_dbm > floor_dbm
+        super().__init__(
+            Walk(walk.x_m[uncensored], walk.y_m[uncensored], walk.level_dbm[uncensored]), noise
+        )
         self._every = walk
-        self._lost = Walk(walk.x_m[~heard], walk.y_m[~heard], walk.level_dbm[~heard])
+        self._censored = Walk(
+            walk.x_m[~uncensored], walk.y_m[~uncensored], walk.level_dbm[~uncensored]
+        )
         self._white_db = noise.white_db
         self._most_dbm = floor_dbm + _HALF_STEP_DB
 
     def _log_p(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         _, (a00, a01, a11), b, (m0, m1) = self.linear(x_m, y_m)
-        distance_db = log_distance_db(x_m - self._lost.x_m[:, None], y_m - self._lost.y_m[:, None])
+        distance_db = log_distance_db(
+            x_m - self._censored.x_m[:, None], y_m - self._censored.y_m[:, None]
+        )
         p0, eta, h00, h01, h11 = m0, m1, a00, a01, a11
         for _ in range(_NEWTON_STEPS):
             u = (self._most_dbm - p0 + eta * distance_db) / self._white_db

@@ -50,8 +50,8 @@ def answer(walk: Walk, noise: Noise) -> Answer:
 
 def posterior(likelihood: Likelihood) -> Answer:
     """Posterior over places of a likelihood."""
-    leaves = _searched(likelihood)
-    cells, leaf = _resolved(likelihood, leaves)
+    leaves = _search(likelihood)
+    cells, leaf = _resolve(likelihood, leaves)
     mass = cells.mass()
     by_leaf = np.bincount(leaf, mass, minlength=len(leaves.x_m)).astype(float)
     found = ours.split_into_places(leaves.x_m, leaves.y_m, leaves.size_m, by_leaf)
@@ -64,9 +64,9 @@ def posterior(likelihood: Likelihood) -> Answer:
     return Answer(x_m, y_m, tuple(_mode(cells, mass, mine) for mine in groups), region)
 
 
-def _searched(likelihood: Likelihood) -> Square:
+def _search(likelihood: Likelihood) -> Square:
     """First pass: leaves small where the mass is."""
-    leaves = _evaluated(likelihood, *_first_cells(likelihood.walk))
+    leaves = _evaluate(likelihood, *_first_cells(likelihood.walk))
     for turn in range(_MOST_TURNS):
         wanted = leaves.mass() > _HEAVY
         if turn < _SEARCH_TURNS:  # a peak may still hide between the centres
@@ -95,7 +95,7 @@ def _first_cells(walk: Walk) -> tuple[FloatArray, FloatArray, FloatArray]:
     return x_m, y_m, size_m
 
 
-def _evaluated(
+def _evaluate(
     likelihood: Likelihood, x_m: FloatArray, y_m: FloatArray, size_m: FloatArray
 ) -> Square:
     return Square(x_m, y_m, size_m, likelihood.log_p(x_m, y_m))
@@ -104,7 +104,7 @@ def _evaluated(
 def _split(likelihood: Likelihood, leaves: Square, wanted: BoolArray) -> Square:
     """Leaves with the wanted ones cut into four."""
     x_m, y_m, size_m, _ = (column[wanted] for column in leaves)
-    new = _evaluated(likelihood, *_cut(x_m, y_m, size_m, np.full(len(x_m), 2))[:3])
+    new = _evaluate(likelihood, *_cut(x_m, y_m, size_m, np.full(len(x_m), 2))[:3])
     return Square(
         *(np.concatenate([old[~wanted], added]) for old, added in zip(leaves, new, strict=True))
     )
@@ -122,14 +122,14 @@ def _cut(
     return x_m[parent] + (column - middle) * side, y_m[parent] + (row - middle) * side, side, parent
 
 
-def _resolved(likelihood: Likelihood, leaves: Square) -> tuple[Square, IntArray]:
+def _resolve(likelihood: Likelihood, leaves: Square) -> tuple[Square, IntArray]:
     """Second pass: squares of at most a quarter sigma where the mass is, and the leaf of each."""
     core = _highest_density(leaves, leaves.mass(), _RESOLVED)
     sigma_m = likelihood.local_sigma_m(leaves.x_m[core], leaves.y_m[core])
     parts = np.ceil(_CELLS_PER_SIGMA * leaves.size_m[core] / sigma_m)
     parts = np.ceil(parts * min(1.0, np.sqrt(_MOST_CELLS / np.sum(parts**2)))).astype(np.int64)
     x_m, y_m, size_m, parent = _cut(leaves.x_m[core], leaves.y_m[core], leaves.size_m[core], parts)
-    fine = _evaluated(likelihood, x_m, y_m, size_m)
+    fine = _evaluate(likelihood, x_m, y_m, size_m)
     rest = np.setdiff1d(np.arange(len(leaves.x_m)), core)
     cells = Square(
         *(np.concatenate([new, old[rest]]) for new, old in zip(fine, leaves, strict=True))

@@ -1,4 +1,4 @@
-"""What an answer says about a world beyond its error, as yes or no: each has to be yes."""
+"""Facts of an answer besides its error; each has to be true."""
 
 from math import pi
 
@@ -8,11 +8,11 @@ import shapely
 from .answer import Answer, Mode, Region
 from .world import Place, World
 
-TWIN_HELD = "truth or twin inside the region"
+MIRROR_INSIDE = "truth or twin inside the region"
 BOTH_LISTED = "truth and twin both listed"
 PAIRED = "each listed place with its twin"
 NOT_ONE_PLACE = "never told as one place"
-SAID_NOT_TO_FIT = "says that one position does not explain the levels"
+REPORTED_NOT_TO_FIT = "says that one position does not explain the levels"
 NOT_BETWEEN = "not located more than 50 m off both"
 MODEST = "not located where the region is larger than the walk"
 
@@ -28,10 +28,10 @@ def facts_of(world: World, found: Answer) -> dict[str, bool]:
         return facts
     if found.verdict is not None:
         facts[MODEST] = found.verdict != "located" or found.region.area_m2 <= walk_area_m2(world)
-    if world.twin is not None:
-        facts |= _twin_facts(world, world.twin, found, found.region)
+    if world.mirror is not None:
+        facts |= _mirror_facts(world, world.mirror, found, found.region)
     if len(world.sources) > 1 and found.verdict is not None:
-        facts[SAID_NOT_TO_FIT] = not found.fits
+        facts[REPORTED_NOT_TO_FIT] = not found.fits
         facts[NOT_BETWEEN] = (
             found.verdict != "located" or world.error_m((found.x_m, found.y_m)) <= _OFF_M
         )
@@ -44,16 +44,16 @@ def walk_area_m2(world: World) -> float:
     return float(pi * shapely.minimum_bounding_radius(points) ** 2)
 
 
-def _twin_facts(world: World, twin: Place, found: Answer, region: Region) -> dict[str, bool]:
+def _mirror_facts(world: World, mirror: Place, found: Answer, region: Region) -> dict[str, bool]:
     source = world.sources[0]
-    holds_source, holds_twin = region.holds(source, 0.0), region.holds(twin, 0.0)
+    holds_source, holds_mirror = region.holds(source, 0.0), region.holds(mirror, 0.0)
     # closer than a listing is exact they are one place
-    same = bool(np.hypot(source[0] - twin[0], source[1] - twin[1]) <= 2.0 * _LISTED_M)
-    shown_apart = len(found.modes) > 1 or (holds_source and holds_twin)
+    same = bool(np.hypot(source[0] - mirror[0], source[1] - mirror[1]) <= 2.0 * _LISTED_M)
+    shown_apart = len(found.modes) > 1 or (holds_source and holds_mirror)
     return {
-        TWIN_HELD: holds_source or holds_twin,
+        MIRROR_INSIDE: holds_source or holds_mirror,
         BOTH_LISTED: all(
-            any(_lists(mode, place) for mode in found.modes) for place in (source, twin)
+            any(_lists(mode, place) for mode in found.modes) for place in (source, mirror)
         ),
         PAIRED: all(
             any(_lists(other, _twin_of(mode, world)) for other in found.modes)

@@ -8,7 +8,11 @@ from collections.abc import Callable
 from math import log
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter  # type: ignore[import-untyped]
+from filterpy.kalman import (  # type: ignore[import-untyped]
+    ExtendedKalmanFilter,
+    MerweScaledSigmaPoints,
+    UnscentedKalmanFilter,
+)
 
 from logger.core import ekf as reference_ekf
 from logger.core.arrays import FloatArray
@@ -30,7 +34,7 @@ def reference(world: World) -> Answer:
     return gaussian(np.array(state[:4]), reference_ekf.covariance_matrix(state.p))
 
 
-def extended(world: World) -> Answer:
+def extended_kalman_filter(world: World) -> Answer:
     """EKF of filterpy."""
     ekf = ExtendedKalmanFilter(dim_x=4, dim_z=1)
     mean, ekf.P = _start(world.walk)
@@ -40,7 +44,7 @@ def extended(world: World) -> Answer:
     return gaussian(ekf.x[:, 0], ekf.P)
 
 
-def unscented(world: World) -> Answer:
+def unscented_kalman_filter(world: World) -> Answer:
     """UKF of filterpy, sigma points of van der Merwe (alpha 0.1, beta 2, kappa -1)."""
     points = MerweScaledSigmaPoints(4, alpha=0.1, beta=2.0, kappa=-1.0)
     ukf = UnscentedKalmanFilter(4, 1, dt=1.0, hx=_level_of_points, fx=_stands_still, points=points)
@@ -95,6 +99,6 @@ def _slope(state: FloatArray, x_m: float, y_m: float) -> FloatArray:
 
 FILTERS: dict[str, Callable[[World], Answer]] = {
     "reference EKF": reference,
-    "filterpy EKF": extended,
-    "filterpy UKF": unscented,
+    "filterpy EKF": extended_kalman_filter,
+    "filterpy UKF": unscented_kalman_filter,
 }

@@ -23,7 +23,7 @@ _CHUNK = 1024
 
 
 class Likelihood:
-    """What a walk says about places, for known noise."""
+    """Likelihood of positions for a walk with known noise."""
 
     def __init__(self, walk: Walk, noise: Noise) -> None:
         self.walk = walk

@@ -45,7 +45,7 @@ def observations(world: World, walk: Walk) -> CellObservations:
     t_s = np.arange(count, dtype=float) if world.t_s is None else world.t_s
     return CellObservations(
         cell="cell",
-        rat="GSM" if world.floor_dbm is not None else None,  # what it says is where the scale ends
+        rat="GSM" if world.floor_dbm is not None else None,  # its scale has the limit
         utm=world.utm,
         t_ns=np.asarray(np.round(t_s * 1e9), np.int64),
         x_m=walk.x_m,
@@ -56,7 +56,7 @@ def observations(world: World, walk: Walk) -> CellObservations:
     )
 
 
-def knowing(noise: Noise) -> Prior:
+def known_noise_prior(noise: Noise) -> Prior:
     """Prior for a known kind of noise, white or with a decorrelation distance.
 
     The strength of the noise is unknown.
@@ -73,10 +73,10 @@ def knowing(noise: Noise) -> Prior:
 
 
 def answer(world: World, walk: Walk, prior: Prior = PRIOR) -> Answer:
-    """What the locator says of a walk; raises `EstimationError`."""
+    """The locator's answer for a walk; raises `EstimationError`."""
     obs = observations(world, walk)
     found = locate(obs, prior)
-    told, _, division = decide(found, obs)
+    verdict_text, _, division = decide(found, obs)
     chosen = highest_density(found.squares)
     cells = found.squares
     return Answer(
@@ -84,7 +84,7 @@ def answer(world: World, walk: Walk, prior: Prior = PRIOR) -> Answer:
         y_m=found.y_m,
         modes=tuple(Mode(m.x_m, m.y_m, m.covariance[:2, :2], m.probability) for m in found.modes),
         region=Squares(cells.x_m[chosen], cells.y_m[chosen], cells.size_m[chosen]),
-        verdict=told,
+        verdict=verdict_text,
         fits=division is None or division.log_factor <= LEAST_LOG_FACTOR,
     )
 

@@ -16,7 +16,7 @@ from .claims import Claim, claims
 from .run import Scores
 from .score import BOUND, EXACT, LEAST_SQUARES, OURS
 from .summary import Given, Row, rows_of, verdicts_of
-from .targets import Judged, judged
+from .targets import Assessment, assess
 
 MOST_NAMED = 12
 PACKAGES = ("cellwalk", "numpy", "scipy", "filterpy", "shapely")
@@ -25,11 +25,11 @@ HEADINGS = (
     *("ANEES/2", "of one place", "runs", "failures", "s"),
 )
 LEGEND = (
-    "Median and 90th percentile of the error; share of runs whose 95 % region holds the truth; "
+    "Median and 90th percentile of the error; share of runs whose 95 % region contains the truth; "
     "median area of that "
     "region, and median over the runs of its ratio to the exact posterior's; ANEES/2 of the "
     "strongest mode with its "
-    "own covariance (1 is honest), and the same over those runs only whose answer is one place; "
+    "own covariance (1 is exact), and the same over those runs only whose answer is one place; "
     "median CPU time. "
     "A failed run has an infinite error. The exact posterior knows the noise, the receiver's "
     "true places and the "
@@ -47,7 +47,7 @@ class Board:
     versions: Mapping[str, str]
     seed: int
     scores: Mapping[str, Scores]
-    targets: Sequence[Judged]
+    targets: Sequence[Assessment]
     claims: Sequence[Claim]
 
 
@@ -55,7 +55,7 @@ def board(scores: Mapping[str, Scores], seed: int) -> Board:
     """The scoreboard of some runs, dated now."""
     versions = {"python": platform.python_version()} | {name: version(name) for name in PACKAGES}
     date_utc = datetime.now(UTC).strftime("%Y-%m-%dT%H:%MZ")
-    return Board(date_utc, versions, seed, scores, judged(scores), claims(scores))
+    return Board(date_utc, versions, seed, scores, assess(scores), claims(scores))
 
 
 def show(found: Board, console: Console) -> None:
@@ -70,12 +70,12 @@ def show(found: Board, console: Console) -> None:
             console, "the specification's table", CLAIM_HEADINGS, _claim_lines(found.claims)
         )
     console.print(LEGEND, style="dim")
-    console.print(_dated(found), style="dim", highlight=False)
+    console.print(_date(found), style="dim", highlight=False)
 
 
 def markdown(found: Board) -> str:
     """The same as Markdown."""
-    parts = [f"# Accuracy\n\n{_dated(found)}\n\n{LEGEND}"]
+    parts = [f"# Accuracy\n\n{_date(found)}\n\n{LEGEND}"]
     if found.targets:
         parts.append(
             "## Targets\n\n" + _markdown_table(TARGET_HEADINGS, _target_lines(found.targets))
@@ -117,10 +117,10 @@ def as_json(found: Board) -> str:
         }
         for one in found.targets
     ]
-    told = [asdict(claim) | {"within_bound": claim.is_within_bound} for claim in found.claims]
+    texts = [asdict(claim) | {"within_bound": claim.is_within_bound} for claim in found.claims]
     whole = {"date_utc": found.date_utc, "versions": found.versions, "seed": found.seed}
     return json.dumps(
-        _finite(whole | {"targets": targets, "claims": told, "cases": cases}),
+        _finite(whole | {"targets": targets, "claims": texts, "cases": cases}),
         indent=1,
         allow_nan=False,
     )
@@ -158,7 +158,7 @@ CLAIM_HEADINGS = (
 )
 
 
-def _target_lines(found: Sequence[Judged]) -> Lines:
+def _target_lines(found: Sequence[Assessment]) -> Lines:
     return [
         (
             ", ".join(one.target.cases),
@@ -233,19 +233,20 @@ def _given(scores: Scores) -> list[Given]:
 
 
 def _verdicts(scores: Scores) -> str:
-    told = ", ".join(
-        f"{given.verdict} {given.count}{_missed(given.missed_runs)}" for given in _given(scores)
+    texts = ", ".join(
+        f"{verdict.verdict} {verdict.count}{_missed_runs(verdict.missed_runs)}"
+        for verdict in _given(scores)
     )
-    return f"cellwalk's verdicts: {told}" if told else ""
+    return f"cellwalk's verdicts: {texts}" if texts else ""
 
 
-def _missed(runs: Sequence[int]) -> str:
+def _missed_runs(runs: Sequence[int]) -> str:
     """Numbers of the runs, by which each can be done again."""
     named = " ".join(map(str, runs[:MOST_NAMED])) + (" ..." if len(runs) > MOST_NAMED else "")
     return f" (truth outside the region in {len(runs)}: {named})" if runs else ""
 
 
-def _dated(found: Board) -> str:
+def _date(found: Board) -> str:
     return f"{found.date_utc}, seed {found.seed}, " + ", ".join(
         f"{name} {v}" for name, v in found.versions.items()
     )

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from threadpoolctl import threadpool_limits
 
 from .cases import CASES
-from .score import Score, published, score
+from .score import Score, published_scores, score
 
 Scores = dict[str, list[Score]]
 """By method, in the order of the runs."""
@@ -38,25 +38,27 @@ def done(job: Job) -> tuple[Job, list[Score]]:
     """Scores of all methods of one job, on one core."""
     with threadpool_limits(1):
         world = CASES[job.case].world(job.seed, job.run)
-        return job, [score(world, method, job.run) for method in job.methods] + published(
+        return job, [score(world, method, job.run) for method in job.methods] + published_scores(
             world, job.run
         )
 
 
-def collected(jobs: Sequence[Job], processes: int, told: Callable[[], None]) -> dict[str, Scores]:
-    """Scores by case and method; `told` is called after each job."""
+def collect_scores(
+    jobs: Sequence[Job], processes: int, on_done: Callable[[], None]
+) -> dict[str, Scores]:
+    """Scores by case and method; `on_done` is called after each job."""
     found: dict[str, Scores] = {}
-    for job, scores in _unordered(jobs, processes):
+    for job, scores in _run_unordered(jobs, processes):
         for one in scores:
             found.setdefault(job.case, {}).setdefault(one.method, []).append(one)
-        told()
+        on_done()
     for scores_by_method in found.values():
         for column in scores_by_method.values():
             column.sort(key=lambda one: one.run)
     return {name: found[name] for name in CASES if name in found}
 
 
-def _unordered(jobs: Sequence[Job], processes: int) -> Iterator[tuple[Job, list[Score]]]:
+def _run_unordered(jobs: Sequence[Job], processes: int) -> Iterator[tuple[Job, list[Score]]]:
     if processes == 1:
         yield from map(done, jobs)
         return

@@ -19,7 +19,11 @@ from .filters import FILTERS
 from .peers import least_squares_fit, strongest_sample, weighted_centroid
 from .world import World
 
-OURS, OURS_TOLD, OURS_WHOLE = "cellwalk", "cellwalk, told the kind of noise", "cellwalk, unclipped"
+OURS, OURS_KNOWN_NOISE, OURS_UNCENSORED = (
+    "cellwalk",
+    "cellwalk, told the kind of noise",
+    "cellwalk, unclipped",
+)
 EXACT, BOUND = "exact posterior", "Cramer-Rao bound"
 EXACT_CLIPPED = "exact posterior, clipped"
 LEAST_SQUARES, CENTROID, STRONGEST = "least squares", "weighted centroid", "strongest sample"
@@ -61,7 +65,7 @@ def _exact(world: World) -> Answer:
 def _ours_told(world: World) -> Answer:
     if world.noise is None:
         raise EstimationError("nobody knows the noise of a measured walk")
-    return ours.answer(world, world.walk, ours.knowing(world.noise))
+    return ours.answer(world, world.walk, ours.known_noise_prior(world.noise))
 
 
 def _exact_clipped(world: World) -> Answer:
@@ -72,8 +76,8 @@ def _exact_clipped(world: World) -> Answer:
 
 ANSWERS: dict[str, Callable[[World], Answer]] = {
     OURS: lambda world: ours.answer(world, world.walk),
-    OURS_TOLD: _ours_told,
-    OURS_WHOLE: lambda world: ours.answer(world, world.whole),
+    OURS_KNOWN_NOISE: _ours_told,
+    OURS_UNCENSORED: lambda world: ours.answer(world, world.whole),
     EXACT: _exact,
     EXACT_CLIPPED: _exact_clipped,
     LEAST_SQUARES: lambda world: least_squares_fit(world.walk),
@@ -83,8 +87,8 @@ ANSWERS: dict[str, Callable[[World], Answer]] = {
 }
 METHODS = (
     OURS,
-    OURS_TOLD,
-    OURS_WHOLE,
+    OURS_KNOWN_NOISE,
+    OURS_UNCENSORED,
     EXACT,
     EXACT_CLIPPED,
     BOUND,
@@ -105,7 +109,7 @@ def score(world: World, method: str, run: int) -> Score:
         with np.errstate(all="ignore"):
             found = ANSWERS[method](world)
             seconds = process_time() - start
-            return _judged(world, method, run, found, seconds)
+            return _score(world, method, run, found, seconds)
     except (EstimationError, ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
         covered = None if method in WITHOUT_REGION else False
         return Score(
@@ -118,12 +122,12 @@ def score(world: World, method: str, run: int) -> Score:
         )
 
 
-def published(world: World, run: int) -> list[Score]:
+def published_scores(world: World, run: int) -> list[Score]:
     """Errors that others have reached on this world."""
-    return [Score(method, run, error_m) for method, error_m in world.published.items()]
+    return [Score(method, run, error_m) for method, error_m in world.published_scores.items()]
 
 
-def _judged(world: World, method: str, run: int, found: Answer, seconds: float) -> Score:
+def _score(world: World, method: str, run: int, found: Answer, seconds: float) -> Score:
     error_m = world.error_m((found.x_m, found.y_m))
     if not error_m < _DIVERGED_M:
         raise ValueError("diverged")

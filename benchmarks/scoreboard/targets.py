@@ -1,7 +1,7 @@
 """The targets, as data, and whether they are reached.
 
-A target is judged by the measured value alone; the 95 % interval beside it (bootstrap over the
-runs, Wilson's for a share) says how far chance reaches.
+A target is assessed by the measured value alone; the 95 % interval beside it (bootstrap over the
+runs, Wilson's for a share) states the random error.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,8 +20,8 @@ from .score import (
     EXACT_CLIPPED,
     LEAST_SQUARES,
     OURS,
-    OURS_TOLD,
-    OURS_WHOLE,
+    OURS_KNOWN_NOISE,
+    OURS_UNCENSORED,
     STRONGEST,
     Score,
 )
@@ -32,7 +32,7 @@ from .walks import TELLING
 Table = Mapping[str, Columns]
 """Scores of a case by method."""
 Measure = Callable[[Table, str, IntArray], float]
-"""A figure of one method over some runs of a case; the runs are told by their indices."""
+"""A figure of one method over some runs of a case; the runs are given by their indices."""
 
 _RESAMPLES = 1000
 _Z95 = 1.96
@@ -52,7 +52,7 @@ class Target:
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class Assessment:
     """A target, what its method reaches, its 95 % interval, how many runs that took.
 
     `limit` is what the exact posterior reaches on the same runs, None where there is none.
@@ -118,22 +118,27 @@ def _white(shape: str) -> list[Target]:
             0.92,
             0.98,
             is_share=True,
-            method=OURS_TOLD,
+            method=OURS_KNOWN_NOISE,
         ),
         Target(
-            case, "ANEES / 2, told that noise is white", _half_anees, 0.87, 1.15, method=OURS_TOLD
+            case,
+            "ANEES / 2, told that noise is white",
+            _half_anees,
+            0.87,
+            1.15,
+            method=OURS_KNOWN_NOISE,
         ),
         Target(
             case,
             "median error / exact posterior's, told so",
             _error_by(EXACT),
             high=1.10,
-            method=OURS_TOLD,
+            method=OURS_KNOWN_NOISE,
         ),
     ]
 
 
-def _shadowed(name: str) -> list[Target]:
+def _shadowing_targets(name: str) -> list[Target]:
     return [
         Target((name,), "coverage", _coverage, 0.90, is_share=True),
         Target((name,), "median error / exact posterior's", _error_by(EXACT), high=1.10),
@@ -145,7 +150,7 @@ def _all_of(case: str, *names: str) -> list[Target]:
     return [Target((case,), name, _share(name), 1.0, is_share=True) for name in names]
 
 
-def _clipped(share: float) -> list[Target]:
+def _censored_targets(share: float) -> list[Target]:
     case = (f"clip-{100 * share:.0f}",)
     return [
         Target(case, "coverage", _coverage, 0.90, is_share=True),
@@ -164,7 +169,7 @@ def _clipped(share: float) -> list[Target]:
         Target(
             case,
             "median error / cellwalk's own, levels not clipped",
-            _error_by(OURS_WHOLE),
+            _error_by(OURS_UNCENSORED),
             high=1.15,
         ),
     ]
@@ -177,13 +182,13 @@ def _clipped_shadowed() -> list[Target]:
         Target(
             case,
             "median error / cellwalk's own, levels not clipped",
-            _error_by(OURS_WHOLE),
+            _error_by(OURS_UNCENSORED),
             high=1.15,
         ),
     ]
 
 
-def _measured() -> list[Target]:
+def _measured_targets() -> list[Target]:
     simple = (LEAST_SQUARES, STRONGEST, *PUBLISHED.values())
     what = "median error / the better of least squares and strongest sample"
     return [
@@ -201,28 +206,30 @@ TARGETS: tuple[Target, ...] = (
     *(
         target
         for name in ("shadow6-path", "shadow6-field", "shadow8-path", "shadow8-field")
-        for target in _shadowed(name)
+        for target in _shadowing_targets(name)
     ),
     *_all_of(
-        "twin-straight", facts.TWIN_HELD, facts.BOTH_LISTED, facts.PAIRED, facts.NOT_ONE_PLACE
+        "twin-straight", facts.MIRROR_INSIDE, facts.BOTH_LISTED, facts.PAIRED, facts.NOT_ONE_PLACE
     ),
-    *_all_of("twin-circle", facts.TWIN_HELD, facts.BOTH_LISTED, facts.PAIRED, facts.NOT_ONE_PLACE),
-    *(target for share in CLIPPED_SHARES for target in _clipped(share)),
+    *_all_of(
+        "twin-circle", facts.MIRROR_INSIDE, facts.BOTH_LISTED, facts.PAIRED, facts.NOT_ONE_PLACE
+    ),
+    *(target for share in CLIPPED_SHARES for target in _censored_targets(share)),
     *_clipped_shadowed(),
     *(Target((name,), "coverage", _coverage, 0.90, is_share=True) for name in GPS_ERRORS),
-    *_all_of("two-sources", facts.SAID_NOT_TO_FIT, facts.NOT_BETWEEN),
-    *_measured(),
+    *_all_of("two-sources", facts.REPORTED_NOT_TO_FIT, facts.NOT_BETWEEN),
+    *_measured_targets(),
 )
 
 
-def judged(found: Mapping[str, Scores], targets: Sequence[Target] = TARGETS) -> list[Judged]:
+def assess(found: Mapping[str, Scores], targets: Sequence[Target] = TARGETS) -> list[Assessment]:
     """Those targets whose cases were run with all methods they need."""
     results = []
     for target in targets:
         if not all(case in found for case in target.cases):
             continue
         try:
-            results.append(_judged(target, _together([found[case] for case in target.cases])))
+            results.append(_assess(target, _together([found[case] for case in target.cases])))
         except KeyError:  # a method that was left out
             continue
     return results
@@ -230,19 +237,19 @@ def judged(found: Mapping[str, Scores], targets: Sequence[Target] = TARGETS) -> 
 
 def _together(parts: Sequence[Scores]) -> Table:
     methods = set.intersection(*(set(part) for part in parts))
-    return {method: Columns.of(_concatenated(parts, method)) for method in methods}
+    return {method: Columns.of(_concatenate(parts, method)) for method in methods}
 
 
-def _concatenated(parts: Sequence[Scores], method: str) -> list[Score]:
+def _concatenate(parts: Sequence[Scores], method: str) -> list[Score]:
     return [score for part in parts for score in part[method]]
 
 
-def _judged(target: Target, table: Table) -> Judged:
+def _assess(target: Target, table: Table) -> Assessment:
     count = len(table[target.method].error_m)
     value = target.measure(table, target.method, np.arange(count))
     interval = _wilson(value, count) if target.is_share else _bootstrap(target, table, count)
     limit = target.measure(table, EXACT, np.arange(count)) if EXACT in table else None
-    return Judged(target, value, interval, count, limit)
+    return Assessment(target, value, interval, count, limit)
 
 
 def _bootstrap(target: Target, table: Table, count: int) -> tuple[float, float]:

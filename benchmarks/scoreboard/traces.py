@@ -51,12 +51,12 @@ def measured(dataset: str, trace: str) -> World:
         slack_m=SURVEY_SLACK_M,
         t_s=1e-9 * (t_ns - t_ns[0]),
         utm=utm,
-        published=_published(dataset, trace),
+        published_scores=_read_published(dataset, trace),
         name=f"{dataset}/{trace}",
     )
 
 
-def _published(dataset: str, trace: str) -> dict[str, float]:
+def _read_published(dataset: str, trace: str) -> dict[str, float]:
     row = next(row for row in _reference() if (row["dataset"], row["trace"]) == (dataset, trace))
     return {method: float(row[column]) for column, method in PUBLISHED.items()}
 

@@ -18,7 +18,7 @@ NOISE_OF_MEASURED_WALKS_DB = 5.4
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """What disturbs the levels of a simulated world; the exact posterior is told, nobody else.
+    """Noise of the levels of a simulated world, known to the exact posterior only.
 
     White noise `white_db`, shadowing `shadow_db` with correlation exp(-D / `decorrelation_m`),
     where D is the distance of two readings along the path or (`in_plane`) straight across, and
@@ -66,7 +66,7 @@ class Walk:
     def __len__(self) -> int:
         return len(self.x_m)
 
-    def moved(self, turn: FloatArray, shift_m: Place) -> "Walk":
+    def transformed(self, turn: FloatArray, shift_m: Place) -> "Walk":
         """Turned about the origin by a (2, 2) rotation, then shifted."""
         x_m, y_m = turn @ np.vstack([self.x_m, self.y_m])
         return replace(self, x_m=x_m + shift_m[0], y_m=y_m + shift_m[1])
@@ -76,12 +76,12 @@ class Walk:
 class World:
     """One walk with a known answer; places are (x, y) in metres.
 
-    `walk` is what was recorded, `whole` the same without error of the receiver's position and
-    without clipping: what an oracle is given. `sources` has one place or, where two transmitters
-    share an identity, two; `twin` is another place that fits equally well. `eta` and `noise` are
-    None where nobody knows them. `slack_m` is allowed for the survey. `t_s` has shape (n,), None
-    for a reading a second. `published` are errors that others have reached on it, by method. A
-    measured walk has a `name`.
+    `walk` is the recorded walk, `whole` the same without errors of the receiver's position and
+    without censoring, as the exact limit uses it. `sources` has one position, or two if two
+    transmitters share an identity; `mirror` is another position that fits equally well. `eta` and
+    `noise` are None where they are unknown. `slack_m` is the error of the survey. `t_s` has the
+    shape (n,), or is None for a reading every second. `published_scores` are errors that others
+    have reached, by method. A measured walk has a `name`.
     """
 
     walk: Walk
@@ -89,25 +89,25 @@ class World:
     sources: tuple[Place, ...]
     eta: float | None = None
     noise: Noise | None = None
-    twin: Place | None = None
+    mirror: Place | None = None
     position_sigma_m: float = 0.0
     floor_dbm: float | None = None
     slack_m: float = 0.0
     t_s: FloatArray | None = None
     utm: Utm = _ZONE
-    published: Mapping[str, float] = field(default_factory=dict)
+    published_scores: Mapping[str, float] = field(default_factory=dict)
     name: str = ""
 
     @property
     def noise_db(self) -> float:
-        """Noise that the filters are told."""
+        """Noise that the filters know."""
         return self.noise.total_db if self.noise else NOISE_OF_MEASURED_WALKS_DB
 
     def error_m(self, place: Place) -> float:
         """Distance of a place to the nearest source."""
         return float(min(np.hypot(place[0] - x_m, place[1] - y_m) for x_m, y_m in self.sources))
 
-    def moved(self, turn: FloatArray, shift_m: Place) -> "World":
+    def transformed(self, turn: FloatArray, shift_m: Place) -> "World":
         """Turned about the origin, then shifted: nothing that is true of it changes."""
 
         def place(at: Place) -> Place:
@@ -116,8 +116,8 @@ class World:
 
         return replace(
             self,
-            walk=self.walk.moved(turn, shift_m),
-            whole=self.whole.moved(turn, shift_m),
+            walk=self.walk.transformed(turn, shift_m),
+            whole=self.whole.transformed(turn, shift_m),
             sources=tuple(place(source) for source in self.sources),
-            twin=place(self.twin) if self.twin else None,
+            mirror=place(self.mirror) if self.mirror else None,
         )

@@ -36,7 +36,7 @@ def plain(rng: np.random.Generator, shape: str, noise: Noise) -> World:
     """A source beside a walk of some shape; with its twin for a straight or a round walk."""
     points, source = _beside(rng, shape, _AWAY_M)
     world = _heard(rng, points, source, noise)
-    return _placed(rng, replace(world, twin=_twin(shape, source)))
+    return _place_randomly(rng, replace(world, mirror=_mirror_of(shape, source)))
 
 
 def clipped(rng: np.random.Generator, shape: str, share: float, noise: Noise) -> World:
@@ -49,11 +49,13 @@ def clipped(rng: np.random.Generator, shape: str, share: float, noise: Noise) ->
     shift_db = FLOOR_DBM + 0.5 - np.quantile(loud.level_dbm, share)
     whole = replace(loud, level_dbm=np.round(loud.level_dbm + shift_db))
     walk = replace(whole, level_dbm=np.maximum(whole.level_dbm, FLOOR_DBM))
-    told = replace(noise, step_db=1.0)
-    return _placed(rng, World(walk, whole, (source,), noise=told, floor_dbm=FLOOR_DBM))
+    rounded_noise = replace(noise, step_db=1.0)
+    return _place_randomly(
+        rng, World(walk, whole, (source,), noise=rounded_noise, floor_dbm=FLOOR_DBM)
+    )
 
 
-def misplaced(rng: np.random.Generator, shape: str, kind: GpsError) -> World:
+def with_gps_errors(rng: np.random.Generator, shape: str, kind: GpsError) -> World:
     """A pass at 15 to 40 m with errors of the receiver's position of 5 m an axis.
 
     The errors are independent for each fix, slow (60 s) or constant.
@@ -64,13 +66,14 @@ def misplaced(rng: np.random.Generator, shape: str, kind: GpsError) -> World:
     memory = {"white": 0.0, "slow": np.exp(-1.0 / _GPS_MEMORY_S), "constant": 1.0}[kind]
     east_m, north_m = (GPS_SIGMA_M * _gauss_markov(rng, count, memory) for _ in range(2))
     walk = replace(world.walk, x_m=world.walk.x_m + east_m, y_m=world.walk.y_m + north_m)
-    return _placed(rng, replace(world, walk=walk, position_sigma_m=GPS_SIGMA_M))
+    return _place_randomly(rng, replace(world, walk=walk, position_sigma_m=GPS_SIGMA_M))
 
 
 def shared_identity(rng: np.random.Generator, shape: str) -> World:
-    """Two sources 200 to 500 m apart, both passed within 60 m; of two levels the stronger is heard.
+    """Two sources 200 to 500 m apart, both passed within 60 m.
 
-    Their powers are within 5 dB, and each is the stronger one in a fifth of the readings or more.
+    The stronger of their levels is received. Their powers are within 5 dB, and each is the stronger
+    one in a fifth of the readings or more.
     """
     while True:
         points = SHAPES[shape](rng, COUNT, STEP_M)
@@ -91,23 +94,23 @@ def shared_identity(rng: np.random.Generator, shape: str) -> World:
         levels += 3.0 * rng.normal(size=levels.shape)
         if _LEAST_SHARE <= np.mean(levels[0] > levels[1]) <= 1.0 - _LEAST_SHARE:
             walk = Walk(*points, np.max(levels, axis=0))
-            return _placed(rng, World(walk, walk, (one, other), eta=eta, noise=Noise(3.0)))
+            return _place_randomly(rng, World(walk, walk, (one, other), eta=eta, noise=Noise(3.0)))
 
 
-def specified(rng: np.random.Generator, count: int, *, spread: bool) -> World:
+def specified_scenario(rng: np.random.Generator, count: int, *, spread: bool) -> World:
     """The specification's scenario: `count` readings 500 m from the station, 3 dB.
 
     They are the first of 50 on the circle (`spread`: all around it).
     """
     angle = 2.0 * np.pi * np.arange(count) / (count if spread else SPEC_READINGS)
     points = SPEC_RADIUS_M * np.cos(angle), SPEC_RADIUS_M * np.sin(angle)
-    return _placed(rng, _heard(rng, points, (0.0, 0.0), Noise(3.0)))
+    return _place_randomly(rng, _heard(rng, points, (0.0, 0.0), Noise(3.0)))
 
 
-def _placed(rng: np.random.Generator, world: World) -> World:
+def _place_randomly(rng: np.random.Generator, world: World) -> World:
     angle = rng.uniform(0.0, 2.0 * np.pi)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return world.moved(turn, _ORIGIN_M)
+    return world.transformed(turn, _ORIGIN_M)
 
 
 def _beside(
@@ -146,7 +149,7 @@ def _heard(rng: np.random.Generator, points: Points, source: Place, noise: Noise
     return World(walk, walk, (source,), eta=eta, noise=noise)
 
 
-def _twin(shape: str, source: Place) -> Place | None:
+def _mirror_of(shape: str, source: Place) -> Place | None:
     """Mirror image in a straight walk, or the inverse point of a circle.
 
     The ratio of the distances to a point and its inverse is constant on the circle.

@@ -50,5 +50,5 @@ def test_a_measured_walk(traces):
     assert np.min(away_m) == pytest.approx(about["d_min_m"], rel=0.05)
     assert np.max(away_m) == pytest.approx(about["d_max_m"], rel=0.01)
     assert world.noise is None
-    assert len(world.published) == 2
+    assert len(world.published_scores) == 2
     assert world.name == "kuleuven_lora_p2p/campus_1105_125358_n124"

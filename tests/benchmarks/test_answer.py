@@ -48,7 +48,7 @@ def round_(x_m, y_m, sigma_m):
     return Mode(x_m, y_m, sigma_m**2 * np.eye(2), 0.5)
 
 
-def told(modes, verdict="ambiguous", radius_m=10.0, fits=True):
+def answer_with(modes, verdict="ambiguous", radius_m=10.0, fits=True):
     region = Squares(*np.array([(mode.x_m, mode.y_m, radius_m) for mode in modes]).T)
     return Answer(modes[0].x_m, modes[0].y_m, tuple(modes), region, verdict, fits)
 
@@ -59,51 +59,55 @@ def world_with(**about):
 
 
 def test_twin_has_to_be_told():
-    world = world_with(twin=(0.0, -50.0))
-    good = facts.facts_of(world, told([round_(0, 49, 5), round_(0, -51, 5)]))
+    world = world_with(mirror=(0.0, -50.0))
+    good = facts.facts_of(world, answer_with([round_(0, 49, 5), round_(0, -51, 5)]))
     assert all(good.values())
     assert len(good) == 5
-    lone = facts.facts_of(world, told([round_(0, -48, 5)], "located"))
-    assert lone[facts.TWIN_HELD]
+    lone = facts.facts_of(world, answer_with([round_(0, -48, 5)], "located"))
+    assert lone[facts.MIRROR_INSIDE]
     assert not lone[facts.BOTH_LISTED]
     assert not lone[facts.PAIRED]
     assert not lone[facts.NOT_ONE_PLACE]
     one_wide_place = [round_(0, 0, 60)]
-    assert facts.facts_of(world, told(one_wide_place, "cannot tell", radius_m=200.0))[
+    assert facts.facts_of(world, answer_with(one_wide_place, "cannot tell", radius_m=200.0))[
         facts.NOT_ONE_PLACE
     ]
-    assert not facts.facts_of(world, told(one_wide_place, "located", radius_m=200.0))[
+    assert not facts.facts_of(world, answer_with(one_wide_place, "located", radius_m=200.0))[
         facts.NOT_ONE_PLACE
     ]
-    assert not facts.facts_of(world, told(one_wide_place, "cannot tell", radius_m=60.0))[
+    assert not facts.facts_of(world, answer_with(one_wide_place, "cannot tell", radius_m=60.0))[
         facts.NOT_ONE_PLACE
     ]
 
 
 def test_places_that_noise_has_moved_are_a_pair_still():
-    moved = [round_(60, 40, 5), round_(60, -41, 5)]
-    found = facts.facts_of(world_with(twin=(0.0, -50.0)), told(moved))
+    transformed = [round_(60, 40, 5), round_(60, -41, 5)]
+    found = facts.facts_of(world_with(mirror=(0.0, -50.0)), answer_with(transformed))
     assert found[facts.PAIRED]
     assert not found[facts.BOTH_LISTED]
     angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
     walk = Walk(100.0 * np.cos(angle), 100.0 * np.sin(angle), np.full(60, -80.0))
-    ring = World(walk, walk, ((0.0, 50.0),), twin=(0.0, 200.0))
-    assert facts.facts_of(ring, told([round_(25, 0, 5), round_(400, 0, 5)]))[facts.PAIRED]
-    assert not facts.facts_of(ring, told([round_(25, 0, 5), round_(0, 400, 5)]))[facts.PAIRED]
+    ring = World(walk, walk, ((0.0, 50.0),), mirror=(0.0, 200.0))
+    assert facts.facts_of(ring, answer_with([round_(25, 0, 5), round_(400, 0, 5)]))[facts.PAIRED]
+    assert not facts.facts_of(ring, answer_with([round_(25, 0, 5), round_(0, 400, 5)]))[
+        facts.PAIRED
+    ]
 
 
 def test_a_region_larger_than_the_walk_is_no_location():
     world = world_with()
-    assert not facts.facts_of(world, told([round_(0, 50, 5)], "located", radius_m=400.0))[
+    assert not facts.facts_of(world, answer_with([round_(0, 50, 5)], "located", radius_m=400.0))[
         facts.MODEST
     ]
-    assert facts.facts_of(world, told([round_(0, 50, 5)], "located"))[facts.MODEST]
+    assert facts.facts_of(world, answer_with([round_(0, 50, 5)], "located"))[facts.MODEST]
     assert facts.walk_area_m2(world) == pytest.approx(np.pi * 100.0**2, rel=1e-3)
 
 
 def test_two_sources():
     world = world_with(sources=((-100.0, 50.0), (100.0, 50.0)))
-    between = facts.facts_of(world, told([round_(0, 50, 5)], "located"))
-    assert not between[facts.SAID_NOT_TO_FIT]
+    between = facts.facts_of(world, answer_with([round_(0, 50, 5)], "located"))
+    assert not between[facts.REPORTED_NOT_TO_FIT]
     assert not between[facts.NOT_BETWEEN]
-    assert all(facts.facts_of(world, told([round_(0, 50, 5)], "does not fit", fits=False)).values())
+    assert all(
+        facts.facts_of(world, answer_with([round_(0, 50, 5)], "does not fit", fits=False)).values()
+    )

@@ -22,7 +22,7 @@ def short_walk(count=30):
 
 def by_net(walk, x_m, y_m):
     """The same by a sum over a grid of P0 and eta; only differences are defined."""
-    heard = walk.level_dbm > FLOOR_DBM
+    uncensored = walk.level_dbm > FLOOR_DBM
     distance_db = 10.0 * np.log10(np.maximum(np.hypot(walk.x_m - x_m, walk.y_m - y_m), 1.0))
     prior, noise = ours.LINEAR_PRIOR, Noise(3.0, step_db=1.0)
     p0, eta = np.meshgrid(
@@ -30,9 +30,12 @@ def by_net(walk, x_m, y_m):
     )
     mean = p0[..., None] - eta[..., None] * distance_db
     log_p = np.sum(
-        scipy.stats.norm.logpdf(walk.level_dbm[heard], mean[..., heard], noise.total_db), axis=-1
+        scipy.stats.norm.logpdf(walk.level_dbm[uncensored], mean[..., uncensored], noise.total_db),
+        axis=-1,
     )
-    log_p += np.sum(scipy.special.log_ndtr((FLOOR_DBM + 0.5 - mean[..., ~heard]) / 3.0), axis=-1)
+    log_p += np.sum(
+        scipy.special.log_ndtr((FLOOR_DBM + 0.5 - mean[..., ~uncensored]) / 3.0), axis=-1
+    )
     log_p -= 0.5 * (
         prior.precision[0] * (p0 - prior.mean[0]) ** 2
         + prior.precision[1] * (eta - prior.mean[1]) ** 2

@@ -12,7 +12,7 @@ SOURCE = np.array([110.0, 70.0])
 AROUND = np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
 
 
-def heard(noise, shape="L", count=40, step_m=10.0, seed=1):
+def simulated_walk(noise, shape="L", count=40, step_m=10.0, seed=1):
     rng = np.random.default_rng(seed)
     x_m, y_m = SHAPES[shape](rng, count, step_m)
     level_dbm = -35.0 - 28.0 * np.log10(np.hypot(x_m - SOURCE[0], y_m - SOURCE[1]))
@@ -49,7 +49,7 @@ def by_quadrature(walk, noise, x_m, y_m):
 
 @pytest.mark.parametrize("noise", [WHITE, SHADOWED])
 def test_closed_form_agrees_with_brute_force(noise):
-    walk = heard(noise)
+    walk = simulated_walk(noise)
     x_m, y_m = np.array([150.0, 60.0, -300.0, 900.0]), np.array([90.0, 200.0, -250.0, 40.0])
     closed = Likelihood(walk, noise).log_p(x_m, y_m)
     brute = np.array([by_quadrature(walk, noise, *place) for place in zip(x_m, y_m, strict=True)])
@@ -58,7 +58,7 @@ def test_closed_form_agrees_with_brute_force(noise):
 
 @pytest.mark.parametrize("noise", [Noise(1.0), Noise(0.5, 3.0, 20.0, step_db=1.0)])
 def test_region_and_mode_agree_with_a_uniform_fine_grid(noise):
-    walk = heard(noise, "square", count=60)
+    walk = simulated_walk(noise, "square", count=60)
     found = exact.answer(walk, noise)
     mean = np.array([found.modes[0].x_m, found.modes[0].y_m])
     reach_m = 8.0 * np.sqrt(np.max(np.linalg.eigvalsh(found.modes[0].covariance)))
@@ -85,14 +85,14 @@ def test_region_and_mode_agree_with_a_uniform_fine_grid(noise):
 
 
 def test_cells_are_a_quarter_of_the_posterior_sigma():
-    walk = heard(Noise(1.0), count=200, step_m=3.0)
+    walk = simulated_walk(Noise(1.0), count=200, step_m=3.0)
     found = exact.answer(walk, Noise(1.0))
     thinnest_m = np.sqrt(np.min(np.linalg.eigvalsh(found.modes[0].covariance)))
     assert np.max(found.region.size_m) <= 0.3 * thinnest_m
 
 
 def test_straight_walk_leaves_two_equal_places():
-    found = exact.answer(heard(WHITE, "straight", count=120, step_m=5.0), WHITE)
+    found = exact.answer(simulated_walk(WHITE, "straight", count=120, step_m=5.0), WHITE)
     assert [mode.probability for mode in found.modes] == pytest.approx([0.5, 0.5], abs=0.01)
     assert found.modes[0].y_m == pytest.approx(-found.modes[1].y_m, rel=0.01)
 

@@ -103,9 +103,9 @@ def test_damage_is_of_one_byte_each():
 
 
 def test_a_cell_with_less_known_of_it_is_no_false_one():
-    honest = [("310", "411", 0x178D, 0xA53F)]
-    assert not is_false(("310", "411", None, 0xA53F), honest)
-    assert is_false(("310", "411", 0x178D, 0xA5F), honest)
+    genuine = [("310", "411", 0x178D, 0xA53F)]
+    assert not is_false(("310", "411", None, 0xA53F), genuine)
+    assert is_false(("310", "411", 0x178D, 0xA5F), genuine)
 
 
 def test_the_table_has_a_line_for_each_family_and_one_for_all(tallies):

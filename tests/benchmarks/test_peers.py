@@ -39,7 +39,7 @@ def test_jacobian_agrees_with_central_differences():
     )
 
 
-@pytest.mark.parametrize("peer", [filters.extended, filters.unscented])
+@pytest.mark.parametrize("peer", [filters.extended_kalman_filter, filters.unscented_kalman_filter])
 def test_filters_agree_with_least_squares_from_a_good_start(monkeypatch, peer):
     expected = peers.least_squares_fit(EASY.walk)
     start = np.array([expected.x_m + 5.0, expected.y_m - 5.0, -40.0, 2.6])

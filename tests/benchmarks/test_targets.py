@@ -30,7 +30,7 @@ def test_every_target_belongs_to_a_case():
 
 
 def test_reached():
-    found = targets.judged({"white-L": GOOD})
+    found = targets.assess({"white-L": GOOD})
     assert [one.value for one in found] == pytest.approx([0.95, 1.0, 10.0 / 9.5, 10.0 / 12.0])
     assert [one.limit for one in found] == pytest.approx([1.0, 1.0, 1.0, 9.5 / 12.0])
     assert all(one.is_reached for one in found)
@@ -39,18 +39,18 @@ def test_reached():
 
 def test_not_reached():
     bad = GOOD | {OURS: scored(OURS, np.full(100, 20.0), missed=30, nees=8.0)}
-    assert not any(one.is_reached for one in targets.judged({"white-L": bad}))
+    assert not any(one.is_reached for one in targets.assess({"white-L": bad}))
 
 
 def test_left_out_methods_leave_out_their_targets():
-    assert len(targets.judged({"white-L": {OURS: GOOD[OURS]}})) == 2
-    assert not targets.judged({"white-L": {EXACT: GOOD[EXACT]}})
+    assert len(targets.assess({"white-L": {OURS: GOOD[OURS]}})) == 2
+    assert not targets.assess({"white-L": {EXACT: GOOD[EXACT]}})
 
 
 def test_measured_classes_are_judged_together():
     located = {name: {OURS: scored(OURS, [1.0], facts={facts.MODEST: good})} for name, good in
                (("real-A", True), ("real-B", False), ("real-CDE", True))}  # fmt: skip
-    (modest,) = [one for one in targets.judged(located) if one.target.what == facts.MODEST]
+    (modest,) = [one for one in targets.assess(located) if one.target.what == facts.MODEST]
     assert modest.value == pytest.approx(2 / 3)
     assert not modest.is_reached
 

@@ -57,9 +57,13 @@ def test_noise_has_the_covariance_that_the_oracle_is_told(in_plane):
         squared_db2.append(
             [np.mean((residual_db[p[:, 0]] - residual_db[p[:, 1]]) ** 2) for p in pairs]
         )
-    told = noise.covariance_db2(*SHAPES["square"](np.random.default_rng(0), 600, 1.4))
+    covariance_db2 = noise.covariance_db2(*SHAPES["square"](np.random.default_rng(0), 600, 1.4))
     expected = [
-        np.mean(told[p[:, 0], p[:, 0]] + told[p[:, 1], p[:, 1]] - 2.0 * told[p[:, 0], p[:, 1]])
+        np.mean(
+            covariance_db2[p[:, 0], p[:, 0]]
+            + covariance_db2[p[:, 1], p[:, 1]]
+            - 2.0 * covariance_db2[p[:, 0], p[:, 1]]
+        )
         for p in pairs
     ]
     np.testing.assert_allclose(np.mean(squared_db2, axis=0), expected, rtol=0.3)
@@ -70,9 +74,9 @@ def test_noise_has_the_covariance_that_the_oracle_is_told(in_plane):
 def test_the_twin_fits_equally_well(shape):
     for run in range(5):
         world = worlds.plain(generator("twin", 1, run), shape, WHITE)
-        ratio = distance_m(world.walk, world.sources[0]) / distance_m(world.walk, world.twin)
+        ratio = distance_m(world.walk, world.sources[0]) / distance_m(world.walk, world.mirror)
         np.testing.assert_allclose(ratio, ratio[0], rtol=1e-9)
-        assert distance_m(world.walk, world.twin).min() > 1.0
+        assert distance_m(world.walk, world.mirror).min() > 1.0
 
 
 @pytest.mark.parametrize("share", [0.2, 0.45, 0.7])
@@ -81,15 +85,17 @@ def test_this_share_is_clipped(share):
     assert np.mean(world.walk.level_dbm == -110.0) == pytest.approx(share, abs=0.01)
     assert np.mean(world.whole.level_dbm <= -110.0) == pytest.approx(share, abs=0.01)
     assert np.min(world.whole.level_dbm) < -112.0
-    heard = world.walk.level_dbm > -110.0
-    np.testing.assert_array_equal(world.walk.level_dbm[heard], world.whole.level_dbm[heard])
+    uncensored = world.walk.level_dbm > -110.0
+    np.testing.assert_array_equal(
+        world.walk.level_dbm[uncensored], world.whole.level_dbm[uncensored]
+    )
 
 
 @pytest.mark.parametrize(
     ("kind", "memory"), [("white", 0.0), ("slow", np.exp(-1 / 60)), ("constant", 1.0)]
 )
 def test_position_error(kind, memory):
-    runs = [worlds.misplaced(generator("gps", 1, run), "square", kind) for run in range(100)]
+    runs = [worlds.with_gps_errors(generator("gps", 1, run), "square", kind) for run in range(100)]
     off_m = np.array([world.walk.x_m - world.whole.x_m for world in runs])
     assert np.std(off_m[:, 300]) == pytest.approx(5.0, rel=0.25)
     assert np.mean(off_m[:, 300] * off_m[:, 301]) / np.mean(off_m[:, 300] ** 2) == pytest.approx(
@@ -109,7 +115,7 @@ def test_two_sources_are_both_passed_and_heard():
 
 
 def test_the_specifications_circle():
-    world = worlds.specified(generator("spec", 1, 0), 20, spread=False)
+    world = worlds.specified_scenario(generator("spec", 1, 0), 20, spread=False)
     np.testing.assert_allclose(distance_m(world.walk, world.sources[0]), 500.0)
     apart_m = np.hypot(np.diff(world.walk.x_m), np.diff(world.walk.y_m))
     np.testing.assert_allclose(apart_m, 1000.0 * np.sin(np.pi / 50.0))

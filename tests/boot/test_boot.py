@@ -54,7 +54,7 @@ def story(installed, workplace):
         wait_recording(m, more_fixes=20)
         for i in range(REPLUGS):
             for name in ("modem", "gps"):
-                seen.outages.append(_replugged(m, name, 2.0 + i % 3))
+                seen.outages.append(_replug(m, name, 2.0 + i % 3))
         seen.read_only_s = _read_only(m)
         wait_recording(m, more_fixes=30)
         _look(m, seen)
@@ -73,7 +73,7 @@ def story(installed, workplace):
     return seen
 
 
-def _replugged(m, name, for_s):
+def _replug(m, name, for_s):
     """Unplug, wait, plug in again, and wait until the logger hears of it; the two times."""
     unplugged_s = time.monotonic()
     m.unplug(name)
@@ -203,7 +203,7 @@ def test_the_run_that_was_cut_is_whole_but_for_its_end(story, capsys):
     assert run.end is None
     assert not run.damage.missing_frames
     assert sealing_of(run.path).broken_at is None
-    _smoothed(run, capsys)
+    _smooth(run, capsys)
     assert lost_s <= 3.0  # two, and the second between two words of the receiver
 
 
@@ -218,10 +218,10 @@ def test_the_run_without_a_clock_is_sealed_and_knows_its_utc(story, capsys):
     assert abs(utc_s) < 1.0  # between the clocks of two machines, one of them emulated
     assert postproc(["info", "--verify", str(run.path)]) == 0
     assert "digest" in capsys.readouterr().out
-    _smoothed(run, capsys)
+    _smooth(run, capsys)
 
 
-def _smoothed(run, capsys):
+def _smooth(run, capsys):
     assert len(run.tables["readings"]) > 10
     assert postproc(["smooth", str(run.path), "--json"]) == 0
     cells = json.loads(capsys.readouterr().out)

@@ -36,6 +36,7 @@ STANDARD_TERMS = {
     "fixed": "of a number of digits, as in printf",
     "padded": "array with padding",
     "signed": "with a sign",
+    "unsolicited": "result code that the modem sends by itself, 3GPP TS 27.007",
 }
 """Participles that are terms of the field."""
 
