@@ -1,13 +1,15 @@
+"""Settings and shared material for all tests."""
+
 import os
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
-# before numpy comes: the matrices are small, and threads of BLAS would only wait for each other
+# set before numpy is imported: the matrices are small, so threads of BLAS would only wait
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# a busy machine is no finding
+# a slow example on a busy machine is not an error
 settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("unhurried")
 
@@ -17,7 +19,7 @@ SHARED = Path(__file__).resolve().parents[2] / "shared"
 def _folder(name: str) -> Path:
     folder = SHARED / name
     if not folder.is_dir():
-        pytest.skip(f"{name}: the shared test material is not beside this repository")
+        pytest.skip(f"{name}: the shared test material is missing beside this repository")
     return folder
 
 
