@@ -1,4 +1,4 @@
-"""`fieldlogger` that also says what the card has taken, for the tests: runs inside the image."""
+"""`fieldlogger` that also prints which records are durable; it runs inside the image."""
 
 import sys
 

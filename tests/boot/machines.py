@@ -1,4 +1,4 @@
-"""Machines of the boot rig that have the logger installed, and what is asked of them."""
+"""Machines of the boot rig with the logger installed, and queries of their state."""
 
 import json
 import os
@@ -30,13 +30,13 @@ def machine(card, folder: Path, share: Path | None = None, kernel: Path = CACHE)
 
 
 def status(m) -> dict:
-    """What status.json says; empty while there is none."""
+    """Content of status.json; empty while there is no such file."""
     text = m.run("cat /run/cellwalk/status.json", check=False)
     return json.loads(text) if text.startswith("{") else {}
 
 
 def wait_recording(m, more_fixes: int = 0, seconds: float = 180.0) -> None:
-    """Wait until the logger records positions, and then for some more."""
+    """Wait until the logger records positions, and then for more of them."""
     end_s, wanted = time.monotonic() + seconds, None
     while True:
         now = status(m)

@@ -13,7 +13,7 @@ players = pytest.importorskip("players", reason="the boot rig is not beside this
 
 
 class Modem(players.Player):
-    """A simulated modem, switched on with the machine."""
+    """A simulated modem that is switched on with the machine."""
 
     def __init__(self, path, device):
         super().__init__(path)
@@ -32,7 +32,7 @@ class Modem(players.Player):
 
 
 class Receiver(players.Player):
-    """A simulated receiver that says something each second, heard or not."""
+    """A simulated receiver that sends every second, whether its port is open or not."""
 
     def __init__(self, path, device, time):
         super().__init__(path)

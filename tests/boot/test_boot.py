@@ -24,12 +24,12 @@ REPLUGS = int(os.environ.get("CELLWALK_REPLUGS", "5"))
 
 @dataclass
 class Story:
-    """What was seen; times in seconds of the host's clock, or since power-on."""
+    """Observations of all boots; times in seconds of the host's clock, or since power-on."""
 
     walk_begun_s: float = 0.0
     power_on_s: float = 0.0
     zero_s: float = 0.0
-    """When CLOCK_BOOTTIME of the first boot was 0."""
+    """Host time when CLOCK_BOOTTIME of the first boot was 0."""
     again_zero_s: float = 0.0
     outages: list[tuple[str, float, float]] = field(default_factory=list)
     read_only_s: tuple[float, float] = (0.0, 0.0)
@@ -74,7 +74,7 @@ def story(installed, workplace):
 
 
 def _replug(m, name, for_s):
-    """Unplug, wait, plug in again, and wait until the logger hears of it; the two times."""
+    """Unplug, wait, plug in again, and wait until the logger opens it; the two times."""
     unplugged_s = time.monotonic()
     m.unplug(name)
     time.sleep(for_s)

@@ -62,16 +62,16 @@ class Watch(threading.Thread):
         self.join()
 
     def due(self, length: int) -> dict[str, int]:
-        """How many records of each run a card must hold that was cut when the log was so long."""
+        """Records of each run that a card must contain after a cut at this length of the log."""
         return {run: n for at, run, n in self.acknowledged if at <= length}
 
     def latest_s(self, length: int) -> float:
-        """When the log was surely so long: a cut that left less was before."""
+        """Time at which the log certainly had this length; shorter cuts happened before it."""
         return self.times_s[min(bisect_left(self.lengths, length), len(self.times_s) - 1)]
 
 
 class Cuts:
-    """The log of writes, and cuts of it: each makes a card, and tells two lengths of the log.
+    """The log of writes, and cuts of it: each makes a card and gives two lengths of the log.
 
     Everything before the first is on the card; what made the log as long as the second is not, or
     not all of it."""
@@ -88,7 +88,7 @@ class Cuts:
         return ends[0], ends[-1]
 
     def torn(self, card, n, seed):
-        """Of the last write only the first sectors."""
+        """A cut that keeps only the first sectors of the last write."""
         lengths = self.in_order(card, n)
         offset, length, at = self.writes[n]
         kept = SECTOR * random.Random(seed).randrange(length // SECTOR)
@@ -103,7 +103,7 @@ class Cuts:
         return self.flushes[n - 1], self.flushes[n]
 
     def at_random(self, card, seed, first, last):
-        """Between two lengths of the log."""
+        """A random cut between two lengths of the log."""
         chance = random.Random(seed)
         kind = ("in order", "reordered", "torn")[seed % 3]
         if kind == "reordered":

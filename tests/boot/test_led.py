@@ -18,7 +18,7 @@ SITE = "/etc/cellwalk/site.toml"
 
 @pytest.fixture(scope="module")
 def card(installed, workplace):
-    """A card whose user did what the page says of an LED of one's own."""
+    """A card configured as the page describes it for an additional LED."""
     card = installed.copy(workplace / "led.raw")
     tree = workplace / "led-tree"
     drop_in = tree / "etc/systemd/system/fieldlogger.service.d"
@@ -33,7 +33,7 @@ def card(installed, workplace):
 
 
 def _lit(m, samples=400):
-    """Share of some seconds in which it shines."""
+    """Fraction of the time in which the LED is on."""
     seen = m.run(
         f"for i in $(seq {samples}); do read b < {FOLDER}/brightness; printf %s $b; sleep 0.02; "
         "done",

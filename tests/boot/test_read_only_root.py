@@ -16,13 +16,13 @@ MIB = 1 << 20
 SECTORS = MIB // 512
 RUNS_MIB = 256
 MOUNTED_BYTES = 8192
-"""The superblocks of the root and of its journal, when ext4 mounts it, for reading too."""
+"""Superblocks of the root and of its journal, which ext4 writes even when it mounts read-only."""
 DISK = rig.BOARDS[BOARD]["disk"]
 PART = DISK + ("p{}" if DISK[-1].isdigit() else "{}")
 
 
 class Parted:
-    """A card with two partitions, the root and that of the runs, as the page wants it."""
+    """A card with two partitions, root and runs, as the page describes it."""
 
     def __init__(self, installed, folder):
         folder.mkdir()
@@ -44,7 +44,7 @@ class Parted:
         root.path.unlink()
 
     def runs(self):
-        """The folder of the runs, as it is now."""
+        """The current content of the folder of the runs."""
         alone = rig.Card(self._folder / "runs.raw")
         _dd(self.card.path, alone.path, skip=1 + self._root_mib)
         alone.pull("/", self._folder / "fetched")
@@ -103,7 +103,7 @@ def _dd(source, target, **blocks):
 
 
 def _written_bytes(m, before):
-    """How much was written to the disk before an offset."""
+    """Number of bytes written to the disk before an offset."""
     return sum(length for _, offset, length, _ in m.log.entries() if offset < before)
 
 
