@@ -23,7 +23,8 @@ FOOT_HEIGHT = 0.14
 _FINE_LINES, _BOLD_EVERY = 24, 5
 """At most this many fine lines across the plan, every fifth of them bold."""
 _SCALE_STEPS = 24
-_MOST_KEY_GAP = 10
+"""Enough for the scale to look continuous."""
+_LEAST_KEY_ROWS = 10
 """A short key is spaced as if it had this many rows."""
 _INK: Colour = (150, 150, 160)
 _GRID_ORDER = -10.0
@@ -72,7 +73,7 @@ def draw_key(plan: Surface, view: ViewModel, cell: CellView) -> None:
     assert box is not None
     entries = key_of(view, cell)
     rows = np.arange(len(entries)) + 0.3
-    y = box.north - rows * box.height / max(len(entries), _MOST_KEY_GAP)
+    y = box.north - rows * box.height / max(len(entries), _LEAST_KEY_ROWS)
     positions_m = np.column_stack([np.full(len(y), box.east + 0.5 * KEY_WIDTH * box.size), y])
     labels, inks = [name for name, _ in entries], [ink for _, ink in entries]
     path = ("cells", cell.name, "key")

@@ -57,7 +57,7 @@ def test_every_estimator_is_named(result):
     assert "located: 95 % of the probability is within 29 m" in text
 
 
-def test_doubt_is_in_the_title(result):
+def test_the_title_states_why_there_is_no_position(result):
     text = shown(figure_of(with_verdict(result, "cannot tell", "the walk spans only 3 m")))
     assert "cannot tell: the walk spans only 3 m" in text
     assert "the 95 % radius around the most likely position is 29 m" in text
@@ -71,7 +71,7 @@ def test_a_run_that_is_not_simulated_does_not_say_so(tmp_path):
     assert "date unknown" in text
 
 
-def test_places_carry_their_share_only_where_there_are_several(result):
+def test_modes_have_a_label_only_where_there_are_several(result):
     run = result.runs[0].run
     assert "50%" in shown(figure_of(kit.sample_result(run, places=2, verdict="ambiguous")))
     assert "100%" not in shown(figure_of(result))
@@ -86,7 +86,7 @@ def test_plan_is_to_scale(result):
     assert south < 0.0 < north
 
 
-def test_what_lies_beyond_the_picture_is_said(result):
+def test_the_legend_names_positions_outside_the_plan(result):
     cell = result.cells[0]
     state = cell.batch.state + np.array([6000.0, 0.0, 0.0, 0.0])
     away = replace(result, cells=(replace(cell, batch=replace(cell.batch, state=state)),))
@@ -104,7 +104,7 @@ def test_what_lies_beyond_the_picture_is_said(result):
     ],
     ids=["nothing", "no fix", "only a fix", "one reading", "standing still"],
 )
-def test_runs_with_next_to_nothing(records, tmp_path):
+def test_runs_with_few_records(records, tmp_path):
     writer = RunWriter(tmp_path / "x.journal", meta())
     for kind, at_s, *label in records:
         cells = tuple(CellReading("scan", label=name, rssi_dbm=-70.0) for name in label)
@@ -125,7 +125,7 @@ def test_missing_folder_is_one_line(result, tmp_path):
         draw_run(result, tmp_path / "absent" / "x.png")
 
 
-def test_a_folder_in_the_way_is_one_line(result, tmp_path):
+def test_a_folder_of_the_same_name_is_one_line(result, tmp_path):
     (tmp_path / "x.png").mkdir()
     with pytest.raises(RunFileError, match="cannot write"):
         draw_run(result, tmp_path / "x.png")

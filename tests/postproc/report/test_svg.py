@@ -11,15 +11,15 @@ from postproc.report.svg import inline_svg
 @pytest.fixture
 def figure():
     with mpl.rc_context(STYLE):
-        made = figure_of_size(3.0, 2.0)
-        axes = made.subplots()
+        figure = figure_of_size(3.0, 2.0)
+        axes = figure.subplots()
         axes.plot(np.linspace(0.0, 1.0, 50), np.linspace(0.0, 1.0, 50) ** 2)
         axes.plot([0.0, 0.5], [0.123456789, 1.0], ".", rasterized=True)
         axes.set_title("a < b & c > d")
-    return made
+    return figure
 
 
-def test_it_is_self_contained_and_affects_nothing_else(figure):
+def test_it_is_self_contained(figure):
     svg = inline_svg(figure, "one", "t", "d")
     assert "xmlns" not in svg
     assert "<style" not in svg

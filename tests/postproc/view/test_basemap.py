@@ -105,7 +105,7 @@ def mosaic(view, columns=4):
     crs = CRS.from_epsg(3857)
     world = 2 * np.pi * 6378137.0
     x, y = centre(view, crs)
-    found = {}
+    tiles = {}
     for zoom in (14, 18):
         side = world / 2**zoom
         left, top = int((x + world / 2) / side), int((world / 2 - y) / side)
@@ -114,8 +114,8 @@ def mosaic(view, columns=4):
                 east = -world / 2 + (column + (np.arange(256) + 0.5) / 256) * side >= x
                 south = world / 2 - (row + (np.arange(256) + 0.5) / 256) * side <= y
                 colours = np.array(list(QUARTERS.values()), np.uint8)
-                found[zoom, column, row] = colours[2 * south[:, None] + east[None, :]]
-    return found
+                tiles[zoom, column, row] = colours[2 * south[:, None] + east[None, :]]
+    return tiles
 
 
 def blob(pixels):
@@ -180,14 +180,14 @@ def test_geopackage_counts_rows_from_the_north(view, tmp_path):
 def test_missing_tiles_are_transparent(view, tmp_path):
     tiles = mosaic(view)
     fewer = dict(list(tiles.items())[::2])
-    found = read_basemap(mbtiles(tmp_path / "x.mbtiles", fewer), view)
-    assert 0 < np.mean(found.pixels[..., 3] > 0) < 1
+    basemap = read_basemap(mbtiles(tmp_path / "x.mbtiles", fewer), view)
+    assert 0 < np.mean(basemap.pixels[..., 3] > 0) < 1
 
 
 def test_it_is_drawn_below_the_plan_and_limited_in_size(view, tmp_path):
-    found = read_basemap(picture(tmp_path, view, UTM, 1.0), view)
-    assert max(found.pixels.shape) <= MOST_PIXELS
-    write_scene(view, tmp_path / "x.rrd", basemap=found)
+    basemap = read_basemap(picture(tmp_path, view, UTM, 1.0), view)
+    assert max(basemap.pixels.shape) <= MOST_PIXELS
+    write_scene(view, tmp_path / "x.rrd", basemap=basemap)
     assert "/plan/ground/basemap" in chunks(tmp_path / "x.rrd")
     assert (tmp_path / "x.rrd").stat().st_size < 3e6
 
@@ -199,9 +199,9 @@ def test_a_fine_image_is_reduced(view, tmp_path):
     (tmp_path / "x.pgw").write_text(
         f"{side_m} 0 0 {-side_m} {x - 1500 * side_m} {y + 1500 * side_m}"
     )
-    found = read_basemap(tmp_path / "x.png", view)
-    assert max(found.pixels.shape) <= MOST_PIXELS
-    assert np.all(found.pixels[..., 3] == 255)
+    basemap = read_basemap(tmp_path / "x.png", view)
+    assert max(basemap.pixels.shape) <= MOST_PIXELS
+    assert np.all(basemap.pixels[..., 3] == 255)
 
 
 def no_world_file(folder, view):

@@ -48,20 +48,20 @@ def test_a_run_is_saved_with_the_cell_that_has_most_to_tell(run, tmp_path, capsy
         "path": str(saved),
         "bytes": saved.stat().st_size,
     }
-    found = chunks(saved)
-    assert f"/plan/cells/{SHOWN}/posterior/region95" in found
-    assert not any(entity.startswith(f"/plan/cells/{OTHER}") for entity in found)
-    assert f"/rssi/{OTHER}" in found
+    entities = chunks(saved)
+    assert f"/plan/cells/{SHOWN}/posterior/region95" in entities
+    assert not any(entity.startswith(f"/plan/cells/{OTHER}") for entity in entities)
+    assert f"/rssi/{OTHER}" in entities
 
 
 def test_several_cells_with_claims(run, tmp_path):
     saved = tmp_path / "x.rrd"
     cells = ["--cell", SHOWN, "--cell", OTHER]
     assert main(["view", str(run), *cells, "--claim", "-52.5,13.4,50", "--save", str(saved)]) == 0
-    found = chunks(saved)
+    entities = chunks(saved)
     for cell in (SHOWN, OTHER):
-        assert f"/report/{cell}" in found
-        assert f"/plan/cells/{cell}/levels" in found
+        assert f"/report/{cell}" in entities
+        assert f"/plan/cells/{cell}/levels" in entities
 
 
 def test_several_runs_are_one_walk(tmp_path, fails):
@@ -72,10 +72,13 @@ def test_several_runs_are_one_walk(tmp_path, fails):
     saved, cell = tmp_path / "x.rrd", "262-01-4711-1"
     argv = [*map(str, paths), "--cell", cell]
     assert main(["view", *argv, "--save", str(saved)]) == 0
-    found = chunks(saved)
-    assert {"/plan/walks/run-000001/track", r"/plan/walks/run-000001\ \(2\)/track"} <= set(found)
-    assert [chunk.num_rows for chunk in found[f"/rssi/{cell}"] if not chunk.is_static] == [30, 30]
-    assert [chunk.num_rows for chunk in found["/plan/walker"] if not chunk.is_static] == [30, 30]
+    entities = chunks(saved)
+    assert {"/plan/walks/run-000001/track", r"/plan/walks/run-000001\ \(2\)/track"} <= set(entities)
+    assert [chunk.num_rows for chunk in entities[f"/rssi/{cell}"] if not chunk.is_static] == [
+        30,
+        30,
+    ]
+    assert [chunk.num_rows for chunk in entities["/plan/walker"] if not chunk.is_static] == [30, 30]
     text = rows(static_columns(saved, f"/report/{cell}"), ":text")[0][0]
     assert "run-000001.journal contributed 30 readings" in text
     assert "without it: cannot tell" in text
@@ -117,7 +120,7 @@ def test_claims_of_a_file_are_drawn(run, tmp_path):
     assert f"/plan/cells/{SHOWN}/claims/1/two_sigma" in chunks(saved)
 
 
-def test_without_a_screen_nothing_is_estimated_first(run, fails, monkeypatch):
+def test_a_missing_screen_is_reported_before_estimating(run, fails, monkeypatch):
     monkeypatch.setattr("sys.platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
@@ -186,7 +189,7 @@ def test_what_was_saved_is_shown_on_this_machine_only(run, viewer, capsys):
         (["none.rrd"], "No such file"),
     ],
 )
-def test_a_recording_is_shown_alone(run, viewer, monkeypatch, fails, argv, says):
+def test_a_recording_takes_no_options_of_a_run(run, viewer, monkeypatch, fails, argv, says):
     monkeypatch.chdir(viewer)
     (viewer / "a.rrd").write_bytes(b"RRF2....")
     (viewer / "b.rrd").write_bytes(b"lat,lon")

@@ -15,17 +15,17 @@ def cells(*squares):
     return Squares(*np.array(squares, float).T)
 
 
-def test_probability_lies_where_the_cells_are_north_up():
-    found = density(
+def test_probability_is_at_the_squares_north_up():
+    pixels = density(
         cells((1005.0, 2015.0, 10.0, 0.75), (1035.5, 2000.5, 0.5, 0.25)), (1000.0, 2000.0), BOX, 1.0
     )
-    assert found.shape == (20, 40)
-    np.testing.assert_allclose(found[:10, :10], 0.0075)
-    np.testing.assert_allclose(found[19, 35], 0.25)
-    np.testing.assert_allclose(np.sum(found), 1.0)
+    assert pixels.shape == (20, 40)
+    np.testing.assert_allclose(pixels[:10, :10], 0.0075)
+    np.testing.assert_allclose(pixels[19, 35], 0.25)
+    np.testing.assert_allclose(np.sum(pixels), 1.0)
 
 
-def test_what_lies_outside_is_left_out():
+def test_squares_outside_the_plan_are_left_out():
     outside = [
         (-5.0, 5.0, 10.0, 0.25),
         (100.0, 5.0, 0.5, 0.25),
@@ -37,7 +37,7 @@ def test_what_lies_outside_is_left_out():
     np.testing.assert_allclose(np.sum(half), 0.5)
 
 
-def test_the_glow_is_clear_where_there_is_nothing():
+def test_the_glow_is_transparent_where_the_density_is_zero():
     picture = np.asarray(Image.open(BytesIO(png(np.array([[0.0, 0.25, 1.0]])))))
     assert picture[0, :, 3].tolist() == sorted(picture[0, :, 3].tolist())
     assert (picture[0, 0, 3], picture[0, 2, 3]) == (0, 255)

@@ -49,8 +49,8 @@ def test_utc_is_that_of_each_run(runs):
     laid = end_to_end(runs)
     clock = clock_of(laid)
     for run, expected in zip(laid, (UTC0_NS, UTC0_NS + 86_400 * S), strict=True):
-        found = clock.utc_ns(run.tables["fixes"]["t_ns"])
-        np.testing.assert_array_equal(found, expected + np.arange(5) * S)
+        utc_ns = clock.utc_ns(run.tables["fixes"]["t_ns"])
+        np.testing.assert_array_equal(utc_ns, expected + np.arange(5) * S)
     assert clock.elapsed_ns(laid[1].tables["fixes"]["t_ns"])[0] == laid[1].meta.started_ns
 
 

@@ -61,11 +61,11 @@ FIX = Record(0, "gnss", Fix(True, None, 52.0, 13.0))
 def test_runs_with_few_records(records, tmp_path):
     result = smooth_runs([write(tmp_path / "x.journal", records)])
     write_scene(sample_view(result), tmp_path / "x.rrd")
-    found = chunks(tmp_path / "x.rrd")
-    assert any(entity.startswith("/report") for entity in found)
+    entities = chunks(tmp_path / "x.rrd")
+    assert any(entity.startswith("/report") for entity in entities)
     has_fix = any(isinstance(r.value, Fix) and r.value.valid for r in records)
-    assert ("/plan/walker" in found) == has_fix
-    assert ("/plan/missing" in found) != has_fix
+    assert ("/plan/walker" in entities) == has_fix
+    assert ("/plan/missing" in entities) != has_fix
 
 
 def test_levels_without_any_fix(tmp_path):
@@ -108,7 +108,7 @@ def test_missing_folder_is_one_line(view, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_in_the_way_is_one_line(view, tmp_path):
+def test_a_folder_of_the_same_name_is_one_line(view, tmp_path):
     (tmp_path / "x.rrd").mkdir()
     with pytest.raises(RunFileError, match="cannot write"):
         write_scene(view, tmp_path / "x.rrd")

@@ -36,7 +36,7 @@ def screen(monkeypatch):
     monkeypatch.setenv("DISPLAY", ":0")
 
 
-def test_without_a_screen_it_says_what_to_do(monkeypatch):
+def test_a_missing_screen_is_an_error_with_alternatives(monkeypatch):
     monkeypatch.setattr("sys.platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
