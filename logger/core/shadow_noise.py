@@ -17,7 +17,7 @@ _NEARLY_WHITE = 0.95  # the decorrelation distance of so little correlated noise
 _FEWEST = 50  # readings, with which a share is known to a factor of 2
 
 Reading = tuple[float, float, float, float, int]
-"""Receiver's x, y and its error per axis (m), level (dBm), limit: arguments of `shadow_ekf.step`."""
+"""Receiver's x, y and error per axis (m), level (dBm), limit: arguments of `shadow_ekf.step`."""
 
 
 def candidates(

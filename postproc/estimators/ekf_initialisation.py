@@ -67,20 +67,20 @@ class NoRun:
 
 def run(
     obs: CellObservations,
-    whole: Posterior,
+    full: Posterior,
     noise: ShadowNoise | None = None,
     *,
     backward: bool = False,
 ) -> EkfRun | NoRun:
     """Find the start, filter the remaining readings, smooth all.
 
-    `whole` is the posterior of all readings; where it locates nothing, no prefix is tried. `noise`
+    `full` is the posterior of all readings; where it locates nothing, no prefix is tried. `noise`
     is that of `noise_of` by default. `backward` takes the readings from the last to the first.
     """
     readings = obs.part(slice(None, None, -1)) if backward else obs
-    noise = noise or noise_of(obs, whole)
+    noise = noise or noise_of(obs, full)
     thinned = _thin(readings, noise)
-    start = _find_start(readings, thinned, whole, noise)
+    start = _find_start(readings, thinned, full, noise)
     if isinstance(start, NoRun):
         return start
     first, posterior = start
@@ -91,16 +91,16 @@ def run(
     return EkfRun(posterior, noise, first, filtered, smoothed, rows)
 
 
-def noise_of(obs: CellObservations, whole: Posterior) -> ShadowNoise:
+def noise_of(obs: CellObservations, full: Posterior) -> ShadowNoise:
     """Noise of the EKF: the posterior's, with the white share that makes the levels likeliest."""
-    mean, readings = whole.modes[0].state, slice(_MOST_FOR_NOISE)
+    mean, readings = full.modes[0].state, slice(_MOST_FOR_NOISE)
 
     def log_likelihood(noise: ShadowNoise) -> float:
         state = shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0]))
         return shadow_pass(obs, state, noise, readings=readings).log_likelihood
 
-    residual_noise = whole.sigma_db, whole.decorrelation_m, whole.white_share
-    return max(candidates(*residual_noise, whole.prior.height_m), key=log_likelihood)
+    residual_noise = full.sigma_db, full.decorrelation_m, full.white_share
+    return max(candidates(*residual_noise, full.prior.height_m), key=log_likelihood)
 
 
 def _thin(obs: CellObservations, noise: ShadowNoise) -> CellObservations:
@@ -112,13 +112,13 @@ def _thin(obs: CellObservations, noise: ShadowNoise) -> CellObservations:
 
 
 def _find_start(
-    obs: CellObservations, thinned: CellObservations, whole: Posterior, noise: ShadowNoise
+    obs: CellObservations, thinned: CellObservations, full: Posterior, noise: ShadowNoise
 ) -> tuple[int, Posterior] | NoRun:
     """About the shortest prefix after which there is one close mode, and its posterior."""
-    if assess(whole, obs).verdict != "located":
-        return NoRun("the whole walk does not locate the transmitter")
+    if assess(full, obs).verdict != "located":
+        return NoRun("the complete walk does not locate the transmitter")
     end = int(np.flatnonzero(np.isfinite(thinned.level_dbm))[-1]) + 1
-    shortest = _shortest_promising(thinned, end, whole, noise)
+    shortest = _shortest_promising(thinned, end, full, noise)
     if shortest is None:
         return NoRun(
             "no part of the walk locates the transmitter to "
@@ -126,11 +126,11 @@ def _find_start(
         )
 
     def locate_prefix(count: int, effort: Effort) -> Posterior | None:
-        return _locate_prefix(obs, count, whole, effort, noise.height_m)
+        return _locate_prefix(obs, count, full, effort, noise.height_m)
 
     count = _bisect(shortest, end, lambda count: locate_prefix(count, EFFORT) is not None)
     if count is None:
-        return NoRun("only the whole walk locates the transmitter: no reading is left to filter")
+        return NoRun("only the complete walk locates the transmitter: no reading is left to filter")
     # a rough search may miss one of two modes
     for candidate in sorted({count, (count + end) // 2}):
         if posterior := locate_prefix(candidate, Effort()):
@@ -154,12 +154,12 @@ def _bisect(low: int, end: int, is_located: Callable[[int], bool]) -> int | None
 
 
 def _locate_prefix(
-    obs: CellObservations, count: int, whole: Posterior, effort: Effort, height_m: float
+    obs: CellObservations, count: int, full: Posterior, effort: Effort, height_m: float
 ) -> Posterior | None:
     """Posterior of the first readings, if it is close to Gaussian for the others."""
     prefix, rest = obs.part(slice(count)), obs.part(slice(count, None))
     try:
-        posterior = locate(prefix, whole.prior, effort)
+        posterior = locate(prefix, full.prior, effort)
     except EstimationError:  # all of them at the modem's limit
         return None
     best = posterior.modes[0]
@@ -170,17 +170,17 @@ def _locate_prefix(
 
 
 def _shortest_promising(
-    obs: CellObservations, end: int, whole: Posterior, noise: ShadowNoise
+    obs: CellObservations, end: int, full: Posterior, noise: ShadowNoise
 ) -> int | None:
     """Length below `end` of the shortest prefix that may be close.
 
-    The filter is run at the whole walk's position over levels that fit exactly, so that it stays
+    The filter is run at the position of the complete walk over levels that fit exactly, so that it stays
     there and its covariance is that of the information in the readings.
     """
     counts: IntArray = np.unique(np.linspace(_FEWEST, end - 1, _PREFIXES).astype(int))
     if counts[0] < _FEWEST:
         return None
-    best, prior = whole.modes[0], whole.prior
+    best, prior = full.modes[0], full.prior
     distance_db = _distance_db(obs, best, noise.height_m)
     level_dbm = path_loss.level_dbm(best.state[2], best.state[3], distance_db)
     level_dbm[np.isnan(obs.level_dbm)] = np.nan

@@ -32,7 +32,7 @@ def polygons(cells: Squares, level: float = LEVEL) -> MultiPolygon:
 
 
 def outline(cells: Squares, level: float = LEVEL) -> list[Polygon]:
-    """Highest-density set in UTM metres to be drawn or handed on: outer rings counterclockwise.
+    """Highest-density set in UTM metres: outer rings counterclockwise.
 
     Steps of the cells are smoothed by up to half the smallest cell, to keep the outline short.
     """

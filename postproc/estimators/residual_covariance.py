@@ -123,8 +123,8 @@ def _testable(longest_m: float) -> list[Hypothesis]:
 def _shape(apart_m: FloatArray, readings: FloatArray, hypothesis: Hypothesis) -> FloatArray:
     """K of one hypothesis in units of sigma^2, shape (m, m)."""
     white = hypothesis.white_share
-    own = independent_variance(readings, white, SIGMA_DB)
-    return (1.0 - white) * correlation(apart_m, hypothesis.decorrelation_m) + np.diag(own)
+    independent = np.diag(independent_variance(readings, white, SIGMA_DB))
+    return (1.0 - white) * correlation(apart_m, hypothesis.decorrelation_m) + independent
 
 
 def _restricted_likelihood(

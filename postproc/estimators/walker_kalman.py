@@ -71,7 +71,7 @@ def excess_variance(apart2: FloatArray, expected: FloatArray) -> FloatArray:
 def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatArray]:
     """Smooth with `excess` (n, 2) added to the variances; compare each measurement with the others.
 
-    Returns the series, the squared distance (n, 2) of each measurement from what all others say,
+    Returns the series, the squared distance (n, 2) of each measurement from the prediction by all others,
     and the variance (n, 2) of it expected on each axis, with the slack, without the excess.
     """
     _, x, p, gains, innovations, variances = _filter(model, excess, False)
@@ -177,7 +177,7 @@ def _filter(
             variance = _dot(h, gain) + model.variance[k, kind]
             if robust:
                 excess[k, kind] = 0.0
-                if k > 0:  # the first fix only tells where the walk begins
+                if k > 0:  # the first fix has no prediction
                     apart2 = e[0] * e[0] + e[1] * e[1]
                     log_likelihood += _log_student(apart2, variance)
                     expected = variance + model.slack[k, kind]

@@ -90,7 +90,7 @@ def test_covariance_stays_symmetric_and_positive():
     assert np.linalg.eigvalsh(matrix).min() > 0
 
 
-def test_reference_is_never_where_it_says():
+def test_reference_is_never_within_its_ellipse():
     """The measured failure that keeps the reference from being the answer: no truth in its
     ellipse.
     """

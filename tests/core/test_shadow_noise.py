@@ -18,34 +18,38 @@ def readings(rng, *, white_db, shadow_db, d_c=15.0, count=400):
 
 
 @pytest.mark.parametrize(("white_db", "shadow_db"), [(1.0, 6.0), (2.0, 3.0), (3.0, 1.0)])
-def test_the_white_share_is_found_whatever_the_locator_said(white_db, shadow_db):
-    found = []
+def test_the_white_share_is_estimated_whatever_the_locator_has(white_db, shadow_db):
+    result = []
     for seed in range(5):
-        heard = readings(np.random.default_rng(seed), white_db=white_db, shadow_db=shadow_db)
-        for said in (0.02, 0.5):
-            candidates = shadow_noise.candidates(np.hypot(white_db, shadow_db), 15.0, said, 0.0)
-            found.append(shadow_noise.likeliest(candidates, PLACE, heard).white_db)
-    assert np.median(found) == pytest.approx(
+        readings_there = readings(
+            np.random.default_rng(seed), white_db=white_db, shadow_db=shadow_db
+        )
+        for white_share in (0.02, 0.5):
+            candidates = shadow_noise.candidates(
+                np.hypot(white_db, shadow_db), 15.0, white_share, 0.0
+            )
+            result.append(shadow_noise.likeliest(candidates, PLACE, readings_there).white_db)
+    assert np.median(result) == pytest.approx(
         white_db, rel=0.4
     )  # shares of the candidates are up to 2.5 apart
 
 
 def test_few_readings_leave_the_locators_share():
-    heard = readings(np.random.default_rng(1), white_db=3.0, shadow_db=1.0)
+    readings_there = readings(np.random.default_rng(1), white_db=3.0, shadow_db=1.0)
     candidates = shadow_noise.candidates(3.2, 15.0, 0.02, 0.0)
-    assert shadow_noise.likeliest(candidates, PLACE, heard[:49]) == split_noise(
+    assert shadow_noise.likeliest(candidates, PLACE, readings_there[:49]) == split_noise(
         3.2, 15.0, 0.02, 0.0
     )
-    assert shadow_noise.likeliest(candidates, PLACE, heard[:50]) != candidates[0]
+    assert shadow_noise.likeliest(candidates, PLACE, readings_there[:50]) != candidates[0]
 
 
 def test_readings_at_the_limit_are_no_obstacle():
-    heard = [
+    readings_there = [
         (*reading[:4], -1)
         for reading in readings(np.random.default_rng(2), white_db=2.0, shadow_db=3.0)
     ]
     candidates = shadow_noise.candidates(3.6, 15.0, 0.3, 0.0)
-    assert shadow_noise.likeliest(candidates, PLACE, heard) == candidates[0]
+    assert shadow_noise.likeliest(candidates, PLACE, readings_there) == candidates[0]
 
 
 def test_nothing_is_asked_where_nearly_all_noise_is_white():

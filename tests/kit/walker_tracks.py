@@ -20,8 +20,8 @@ def track(t_s, xy_m, sigma_m=3.7):
 
 def at(smoothed, t_s):
     """Positions and sigma per axis at times as those of `track`."""
-    found = smoothed.at(np.round(np.asarray(t_s) * S).astype(np.int64) + 77 * S)
-    return np.column_stack([found.x_m - EAST_M, found.y_m - NORTH_M]), found.sigma_m
+    result = smoothed.at(np.round(np.asarray(t_s) * S).astype(np.int64) + 77 * S)
+    return np.column_stack([result.x_m - EAST_M, result.y_m - NORTH_M]), result.sigma_m
 
 
 def streets(rng, seconds, speed_mps=1.4):
@@ -42,6 +42,6 @@ def wander(rng, t_s, sigma_m, tau_s):
     """Gauss-Markov error of both axes (n, 2)."""
     error = sigma_m * rng.normal(size=(len(t_s), 2))
     for k in range(1, len(t_s)):
-        kept = np.exp(-(t_s[k] - t_s[k - 1]) / tau_s)
-        error[k] = kept * error[k - 1] + np.sqrt(1.0 - kept**2) * error[k]
+        rho = np.exp(-(t_s[k] - t_s[k - 1]) / tau_s)
+        error[k] = rho * error[k - 1] + np.sqrt(1.0 - rho**2) * error[k]
     return error

@@ -38,7 +38,7 @@ def few_readings(seed):
 
 
 @pytest.mark.parametrize("loss", ["linear", "huber", "cauchy"])
-def test_least_squares_converges_to_what_can_be_or_says_that_it_did_not(loss):
+def test_least_squares_converges_to_a_possible_state_or_reports_that_it_did_not(loss):
     n_failed = 0
     for seed in range(80):
         obs = few_readings(seed)

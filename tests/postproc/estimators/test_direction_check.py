@@ -16,22 +16,23 @@ FORWARD = filtered([10.0, 20.0, -30.0, 3.0, 4.0], [3.0, 3.0, 1.0, 0.3, 2.0])
 
 
 def test_differences_are_in_combined_sigmas():
-    found = compare(FORWARD, filtered([20.0, 20.0, -33.0, 2.5, -40.0], [4.0, 4.0, 0.5, 0.4, 2.0]))
-    assert found.difference == pytest.approx((10.0, 0.0, -3.0, -0.5))
-    assert found.sigmas == pytest.approx((2.0, 0.0, -3.0 / 1.25**0.5, -1.0))
-    assert found.largest == pytest.approx(3.0 / 1.25**0.5)
-    assert found.agrees
-    assert found.warning is None
+    result = compare(FORWARD, filtered([20.0, 20.0, -33.0, 2.5, -40.0], [4.0, 4.0, 0.5, 0.4, 2.0]))
+    assert result.difference == pytest.approx((10.0, 0.0, -3.0, -0.5))
+    assert result.sigmas == pytest.approx((2.0, 0.0, -3.0 / 1.25**0.5, -1.0))
+    assert result.largest == pytest.approx(3.0 / 1.25**0.5)
+    assert result.agrees
+    assert result.warning is None
 
 
 def test_one_axis_beyond_four_sigma_is_a_contradiction():
-    found = compare(FORWARD, filtered([10.0, 41.0, -30.0, 3.0, 4.0], [4.0, 4.0, 1.0, 0.4, 2.0]))
-    assert not found.agrees
-    assert found.warning == (
-        "the EKF forward and the EKF backward contradict each other, so trust neither: north by 21 m (4.2 sigma)"
+    result = compare(FORWARD, filtered([10.0, 41.0, -30.0, 3.0, 4.0], [4.0, 4.0, 1.0, 0.4, 2.0]))
+    assert not result.agrees
+    assert result.warning == (
+        "the EKF forward and the EKF backward contradict each other, so trust neither: "
+        "north by 21 m (4.2 sigma)"
     )
 
 
-def test_the_shadowing_belongs_to_other_places_and_is_not_compared():
+def test_the_shadowing_belongs_to_other_points_and_is_not_compared():
     other = filtered([10.0, 20.0, -30.0, 3.0, -400.0], [3.0, 3.0, 1.0, 0.3, 0.1])
     assert compare(FORWARD, other).largest == 0.0

@@ -36,7 +36,7 @@ def square_walk(rng, *, noise_db=2.0, laps=2, step=2.8, source=(60.0, 95.0), sha
     return obs, np.array(source), shadow_db * shadow
 
 
-def handed_over(obs, prior=FLAT, **options):
+def filter_run(obs, prior=FLAT, **options):
     run = ekf_initialisation.run(obs, locate(obs, prior, EFFORT), **options)
     assert isinstance(run, ekf_initialisation.EkfRun)
     return run
@@ -55,12 +55,12 @@ def walk():
 
 @pytest.fixture(scope="module")
 def forward(walk):
-    return handed_over(walk[0])
+    return filter_run(walk[0])
 
 
 @pytest.fixture(scope="module")
 def backward(walk):
-    return handed_over(walk[0], backward=True)
+    return filter_run(walk[0], backward=True)
 
 
 def nees(run, source):
@@ -68,14 +68,14 @@ def nees(run, source):
     return metrics.nees(error[None], run.filtered.p[-1:, :2, :2])[0]
 
 
-def test_both_passes_end_where_they_say(walk, forward, backward):
+def test_both_passes_are_consistent_at_the_end(walk, forward, backward):
     for run in (forward, backward):
         assert nees(run, walk[1]) < 13.8  # 0.999 of chi-square with 2 degrees of freedom
         assert np.hypot(*(run.filtered.x[-1, :2] - walk[1])) < 15.0
     assert compare(forward.filtered, backward.filtered).agrees
 
 
-def test_no_reading_is_used_twice_for_the_place(walk, forward):
+def test_no_reading_is_used_twice_for_the_position(walk, forward):
     obs, first = walk[0], forward.first
     before = locate(obs.part(slice(first)), FLAT)
     np.testing.assert_array_equal(forward.filtered.t_ns, obs.t_ns[first:])
@@ -90,22 +90,22 @@ def test_the_start_is_close_for_the_rest_of_the_walk(walk, forward):
     assert 0.1 * len(obs) < forward.first < 0.9 * len(obs)
 
 
-def test_innovations_are_as_large_as_said(forward):
-    found = forward.filtered.consistency
-    assert found.mean_nis == pytest.approx(np.mean(forward.filtered.nis))
-    assert 0.7 < found.mean_nis < 1.3
-    assert abs(found.autocorrelation[0]) < 0.2
+def test_innovations_are_as_large_as_claimed(forward):
+    result = forward.filtered.consistency
+    assert result.mean_nis == pytest.approx(np.mean(forward.filtered.nis))
+    assert 0.7 < result.mean_nis < 1.3
+    assert abs(result.autocorrelation[0]) < 0.2
 
 
 def test_backward_is_forward_over_the_reversed_walk(walk, backward):
     obs = walk[0]
-    again = handed_over(obs.part(slice(None, None, -1)))
+    again = filter_run(obs.part(slice(None, None, -1)))
     np.testing.assert_allclose(backward.filtered.x, again.filtered.x, rtol=1e-2)
     np.testing.assert_array_equal(backward.filtered.t_ns, obs.t_ns[::-1][backward.first :])
     np.testing.assert_array_equal(obs.t_ns[backward.rows], backward.smoothed.t_ns)
 
 
-def test_smoothing_leaves_the_place_and_covers_the_whole_walk(walk, forward):
+def test_smoothing_keeps_the_position_and_covers_the_complete_walk(walk, forward):
     last = forward.filtered.x[-1]
     np.testing.assert_array_equal(forward.rows, np.arange(len(walk[0])))
     np.testing.assert_array_equal(forward.smoothed.t_ns, walk[0].t_ns)
@@ -113,19 +113,19 @@ def test_smoothing_leaves_the_place_and_covers_the_whole_walk(walk, forward):
     assert forward.smoothed.x[-1, 4] == pytest.approx(last[4], abs=1e-9)
 
 
-def test_shadowing_is_found_along_the_walk_also_before_the_handover():
+def test_shadowing_is_estimated_also_before_the_start_of_the_filter():
     rng = np.random.default_rng(7)
     p = np.diag([36.0, 36.0, 4.0, 0.02])
     errors = []
     for _ in range(60):
         obs, source, true = square_walk(rng, noise_db=1.0, shadow_db=4.0)
         mode = Mode(1.0, 1.0, rng.multivariate_normal([*source, -30.0, 3.0], p), p)
-        _, found = ekf_initialisation._filter_and_smooth(
+        _, result = ekf_initialisation._filter_and_smooth(
             obs, 200, mode, ShadowNoise(4.0, 15.0, 1.0, 0.0)
         )
-        off = found.x[:, 4] - true
+        off = result.x[:, 4] - true
         assert np.std(off) < 0.5 * np.std(true)
-        errors.append(off**2 / found.p[:, 4, 4])
+        errors.append(off**2 / result.p[:, 4, 4])
     before, after = np.mean(errors, axis=0)[:200], np.mean(errors, axis=0)[200:]
     assert np.mean(before) == pytest.approx(1.0, abs=0.35)
     assert np.mean(after) == pytest.approx(1.0, abs=0.35)
@@ -134,8 +134,8 @@ def test_shadowing_is_found_along_the_walk_also_before_the_handover():
 def test_noise_is_split_as_the_levels_ask_for():
     obs, _, _ = square_walk(np.random.default_rng(8), noise_db=2.0, shadow_db=4.0)
     whole = locate(obs, FLAT, EFFORT)
-    for said in (0.02, 0.9):
-        noise = ekf_initialisation.noise_of(obs, replace(whole, white_share=said))
+    for white_share in (0.02, 0.9):
+        noise = ekf_initialisation.noise_of(obs, replace(whole, white_share=white_share))
         assert noise.white_db == pytest.approx(2.0, rel=0.35)
         assert noise.decorrelation_m == whole.decorrelation_m
         assert np.hypot(noise.white_db, noise.shadow_db) == pytest.approx(whole.sigma_db)
@@ -162,7 +162,7 @@ def test_a_walk_that_ends_too_near_for_its_knowledge_gives_a_reason(walk):
     assert "15% of its distance" in run.reason
 
 
-def test_a_place_tells_once_where_there_is_shadowing(walk):
+def test_a_point_counts_once_where_there_is_shadowing(walk):
     obs = walk[0]
     shadowed = ekf_initialisation._thin(obs, ShadowNoise(6.0, 15.0, 2.0, 0.0))
     lap = len(obs) // 2
@@ -174,7 +174,7 @@ def test_a_place_tells_once_where_there_is_shadowing(walk):
     )
 
 
-def test_a_twin_half_way_is_no_start():
+def test_a_mirror_image_half_way_is_no_start():
     """Half of this L leaves the place and its mirror image, and a rough search may hold the wrong
     one for sure.
     """
@@ -184,9 +184,9 @@ def test_a_twin_half_way_is_no_start():
 
 
 @pytest.mark.slow
-def test_honest_in_many_worlds():
+def test_consistent_in_many_worlds():
     rng = np.random.default_rng(9)
-    found = []
+    result = []
     for k in range(40):
         source = tuple(rng.uniform(40.0, 160.0, 2))
         obs, place, _ = square_walk(
@@ -194,6 +194,6 @@ def test_honest_in_many_worlds():
         )
         run = ekf_initialisation.run(obs, locate(obs, FLAT, EFFORT))
         if isinstance(run, ekf_initialisation.EkfRun):
-            found.append(nees(run, place))
-    assert len(found) >= 12
-    assert np.mean(np.array(found) < 5.991) >= 0.85
+            result.append(nees(run, place))
+    assert len(result) >= 12
+    assert np.mean(np.array(result) < 5.991) >= 0.85

@@ -25,8 +25,8 @@ def step_by_step(obs, state):
         obs.limit.tolist(),
         strict=True,
     ):
-        yield (found := shadow_ekf.step(state, NOISE, x_m, y_m, sigma_m, level_dbm, limit))
-        state = found.state
+        yield (result := shadow_ekf.step(state, NOISE, x_m, y_m, sigma_m, level_dbm, limit))
+        state = result.state
 
 
 def uncertain(obs, sigma_m=3.0):
@@ -35,14 +35,14 @@ def uncertain(obs, sigma_m=3.0):
 
 def test_reference_is_the_live_filter_step_by_step():
     obs, _ = simulate(np.random.default_rng(1), "L", count=50)
-    found = filters.reference_ekf(obs)
+    result = filters.reference_ekf(obs)
     state = ekf.start(float(obs.x_m[0]), float(obs.y_m[0]))
     for i in range(50):
         step = ekf.step(state, float(obs.x_m[i]), float(obs.y_m[i]), float(obs.level_dbm[i]))
         state = step.state
-        assert found.x[i].tolist() == list(state[:4])
-        assert np.array_equal(found.p[i], ekf.covariance_matrix(state.p))
-        assert (found.innovation_db[i], found.innovation_var_db2[i]) == step[1:]
+        assert result.x[i].tolist() == list(state[:4])
+        assert np.array_equal(result.p[i], ekf.covariance_matrix(state.p))
+        assert (result.innovation_db[i], result.innovation_var_db2[i]) == step[1:]
 
 
 @pytest.mark.parametrize("share_at_floor", [0.0, 0.3])
@@ -53,23 +53,23 @@ def test_compiled_shadow_filter_is_the_live_one(share_at_floor):
         uncertain(obs),
         level_dbm=np.maximum(obs.level_dbm - lower_db, -110.0 if share_at_floor else -np.inf),
     )
-    found, end, log_likelihood = filters.shadow_pass(obs, start(obs, source), NOISE)
+    result, end, log_likelihood = filters.shadow_pass(obs, start(obs, source), NOISE)
     steps = list(step_by_step(obs, start(obs, source)))
     at_limit = sum(np.isnan(step.innovation_db) for step in steps)
     assert at_limit == pytest.approx(300 * share_at_floor, abs=20)
-    assert found.consistency.n_at_limit == at_limit
+    assert result.consistency.n_at_limit == at_limit
     states = np.array([step.state[:5] for step in steps])
     covariances = shadow_ekf.covariance_matrix([step.state.factors for step in steps])
-    np.testing.assert_allclose(found.x, states, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(found.p, covariances, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(result.x, states, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(result.p, covariances, rtol=1e-11, atol=1e-12)
     np.testing.assert_allclose(
-        found.innovation_db, [step.innovation_db for step in steps], rtol=1e-11, atol=1e-11
+        result.innovation_db, [step.innovation_db for step in steps], rtol=1e-11, atol=1e-11
     )
     np.testing.assert_allclose(
-        found.innovation_var_db2, [s.innovation_var_db2 for s in steps], rtol=1e-12
+        result.innovation_var_db2, [s.innovation_var_db2 for s in steps], rtol=1e-12
     )
     assert end.factors == pytest.approx(steps[-1].state.factors, rel=1e-11)
-    e, s = found.innovation_db, found.innovation_var_db2
+    e, s = result.innovation_db, result.innovation_var_db2
     assert log_likelihood == pytest.approx(-0.5 * np.nansum(np.log(s) + e**2 / s))
 
 
@@ -86,7 +86,7 @@ def test_levels_that_are_unknown_are_walked_past_and_not_counted():
     obs, source = simulate(np.random.default_rng(5), "L", count=120)
     gone = np.arange(120) % 3 == 1
     holed = replace(obs, level_dbm=np.where(gone, np.nan, obs.level_dbm), known_limit=obs.limit)
-    found = filters.shadow_pass(holed, start(obs, source), NOISE)
+    result = filters.shadow_pass(holed, start(obs, source), NOISE)
     left = replace(
         obs,
         **{
@@ -98,21 +98,21 @@ def test_levels_that_are_unknown_are_walked_past_and_not_counted():
     straight = np.arange(120) < 60  # past the corner two short ways are longer than one
     expected = filters.shadow_pass(left, start(obs, source), NOISE)
     np.testing.assert_allclose(
-        found.path.x[straight & ~gone], expected.path.x[straight[~gone]], rtol=1e-9
+        result.path.x[straight & ~gone], expected.path.x[straight[~gone]], rtol=1e-9
     )
-    assert np.all(np.isnan(found.path.innovation_db[gone]))
-    assert (found.path.consistency.n, found.path.consistency.n_at_limit) == (80, 0)
+    assert np.all(np.isnan(result.path.innovation_db[gone]))
+    assert (result.path.consistency.n, result.path.consistency.n_at_limit) == (80, 0)
 
 
 def test_nis_is_the_innovation_by_its_variance():
     obs, _ = simulate(np.random.default_rng(2), "square", count=30)
-    found = filters.reference_ekf(obs)
-    assert np.array_equal(found.nis, found.innovation_db**2 / found.innovation_var_db2)
-    assert found.consistency.mean_nis == pytest.approx(np.mean(found.nis))
-    assert len(found) == 30
+    result = filters.reference_ekf(obs)
+    assert np.array_equal(result.nis, result.innovation_db**2 / result.innovation_var_db2)
+    assert result.consistency.mean_nis == pytest.approx(np.mean(result.nis))
+    assert len(result) == 30
 
 
-def test_of_a_long_walk_some_states_are_kept_up_to_the_last(monkeypatch):
+def test_states_of_a_long_walk_are_thinned_evenly_up_to_the_last(monkeypatch):
     obs, source = simulate(np.random.default_rng(4), "square", count=301)
     passes = [
         lambda: filters.reference_ekf(obs),
@@ -120,12 +120,12 @@ def test_of_a_long_walk_some_states_are_kept_up_to_the_last(monkeypatch):
     ]
     whole = [run() for run in passes]
     monkeypatch.setattr(filters, "MOST_ROWS", 100)
-    for every, kept in zip(whole, [run() for run in passes], strict=True):
-        assert len(kept) == 76
+    for every, retained in zip(whole, [run() for run in passes], strict=True):
+        assert len(retained) == 76
         for column in ("t_ns", "x", "p", "innovation_db", "innovation_var_db2"):
-            np.testing.assert_array_equal(getattr(kept, column), getattr(every, column)[::4])
-        assert kept.consistency == every.consistency
-        assert kept.consistency.n == 301
+            np.testing.assert_array_equal(getattr(retained, column), getattr(every, column)[::4])
+        assert retained.consistency == every.consistency
+        assert retained.consistency.n == 301
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 99, 10_000, 10_001, 1_000_000])

@@ -42,7 +42,7 @@ def test_jacobian_agrees_with_central_differences(height_m):
     )
 
 
-def test_readings_of_one_place_do_not_outweigh_the_walk():
+def test_readings_of_one_point_do_not_outweigh_the_walk():
     obs = walk(np.random.default_rng(8), shadow_m=10.0)
     again = np.concatenate([np.arange(len(obs)), np.full(900, 120)])
     arrays = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")

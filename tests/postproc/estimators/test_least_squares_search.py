@@ -21,7 +21,7 @@ def test_gradient_by_kaufman_is_that_of_the_projected_misfit():
     np.testing.assert_allclose(slope(place).T @ misfit(place), numeric, rtol=1e-6)
 
 
-def test_deviation_at_a_limit_has_the_derivative_it_says():
+def test_deviation_at_a_limit_has_the_returned_derivative():
     obs = walk(np.random.default_rng(4), noise_db=6.0, count=60)
     rows = each_reading(replace(obs, known_limit=np.arange(60) % 3 - 1), 0.0)
     search, step = Search(rows, "linear", 4.0), np.array([0.0, 0.0, 1e-5, 0.0])

@@ -41,7 +41,7 @@ def test_lag1_of_an_ar1_series():
 
 
 @pytest.mark.parametrize("values", [[], [1.0], [1.0, 2.0], [3.0] * 9])
-def test_correlation_says_nothing_of_constant_or_short_series(values):
+def test_correlation_of_constant_or_short_series_is_zero(values):
     assert metrics.lag1(np.array(values)) == 0.0
     assert metrics.autocorrelation(np.array(values), 5).tolist() == [1.0] + [0.0] * min(
         5, max(len(values) - 1, 0)
@@ -55,37 +55,37 @@ def test_autocorrelation_is_the_sum_over_pairs(count):
     expected = [
         off[lag:] @ off[: count - lag] / (off @ off) for lag in range(min(20, count - 1) + 1)
     ]
-    found = metrics.autocorrelation(series, 20)
-    np.testing.assert_allclose(found, expected, atol=1e-12)
-    assert found[1] == pytest.approx(metrics.lag1(series))
+    result = metrics.autocorrelation(series, 20)
+    np.testing.assert_allclose(result, expected, atol=1e-12)
+    assert result[1] == pytest.approx(metrics.lag1(series))
 
 
 def test_white_innovations_of_the_right_size_are_consistent():
     rng = np.random.default_rng(7)
     variance = rng.uniform(1.0, 30.0, 20_000)
-    found = metrics.consistency(np.sqrt(variance) * rng.normal(size=20_000), variance)
-    assert (found.n, found.n_at_limit) == (20_000, 0)
-    assert found.mean_nis == pytest.approx(1.0, abs=0.04)
-    assert found.nis_bounds == pytest.approx((0.98, 1.02), abs=0.001)
-    assert sum(abs(r) > found.white_bound for r in found.autocorrelation) <= 4
-    assert len(found.autocorrelation) == 20
+    result = metrics.consistency(np.sqrt(variance) * rng.normal(size=20_000), variance)
+    assert (result.n, result.n_at_limit) == (20_000, 0)
+    assert result.mean_nis == pytest.approx(1.0, abs=0.04)
+    assert result.nis_bounds == pytest.approx((0.98, 1.02), abs=0.001)
+    assert sum(abs(r) > result.white_bound for r in result.autocorrelation) <= 4
+    assert len(result.autocorrelation) == 20
 
 
-def test_small_and_correlated_innovations_are_seen():
+def test_small_and_correlated_innovations_are_detected():
     series = ar1(np.random.default_rng(8), 0.6, 5000)
-    found = metrics.consistency(series, np.full(5000, 9.0))
-    assert found.mean_nis < found.nis_bounds[0]
-    assert found.autocorrelation[:3] == pytest.approx((0.6, 0.36, 0.216), abs=0.06)
+    result = metrics.consistency(series, np.full(5000, 9.0))
+    assert result.mean_nis < result.nis_bounds[0]
+    assert result.autocorrelation[:3] == pytest.approx((0.6, 0.36, 0.216), abs=0.06)
 
 
 def test_readings_at_the_limit_are_counted_apart():
-    found = metrics.consistency(
+    result = metrics.consistency(
         np.array([2.0, np.nan, -2.0, np.nan]), np.array([4.0, np.nan, 1.0, np.nan])
     )
-    assert (found.n, found.n_at_limit, found.mean_nis) == (4, 2, 2.5)
+    assert (result.n, result.n_at_limit, result.mean_nis) == (4, 2, 2.5)
 
 
-def test_nothing_heard_says_nothing():
-    found = metrics.consistency(np.array([np.nan]), np.array([np.nan]))
-    assert (found.n, found.n_at_limit) == (1, 1)
-    assert np.isnan(found.mean_nis)
+def test_no_innovations_have_no_consistency():
+    result = metrics.consistency(np.array([np.nan]), np.array([np.nan]))
+    assert (result.n, result.n_at_limit) == (1, 1)
+    assert np.isnan(result.mean_nis)

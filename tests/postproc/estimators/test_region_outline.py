@@ -32,12 +32,12 @@ def test_polygons_have_the_area_of_the_region():
 def test_cells_of_several_sizes_leave_no_gap():
     x = np.array([0.0, 3.0, 3.0, 5.0]) + EAST
     y = np.array([0.0, 1.0, -1.0, 1.0]) + NORTH
-    found = polygons(
+    result = polygons(
         Squares(x, y, np.array([4.0, 2.0, 2.0, 2.0]), np.array([0.4, 0.2, 0.2, 0.2])), 1.0
     )
-    assert len(found.geoms) == 1
-    assert not found.geoms[0].interiors
-    assert found.area == pytest.approx(16.0 + 3 * 4.0, rel=1e-4)
+    assert len(result.geoms) == 1
+    assert not result.geoms[0].interiors
+    assert result.area == pytest.approx(16.0 + 3 * 4.0, rel=1e-4)
 
 
 def test_the_outline_is_smoothed_by_less_than_a_cell():
@@ -52,13 +52,13 @@ def test_the_outline_is_smoothed_by_less_than_a_cell():
 
 def test_geojson_is_small_valid_and_counterclockwise():
     cells = gaussians((0.6, -80.0, 0.0, 20.0), (0.4, 80.0, 0.0, 20.0))
-    found = geojson(cells, UTM)
-    area = shape(found)
+    result = geojson(cells, UTM)
+    area = shape(result)
     assert area.is_valid
-    assert len(found["coordinates"]) == 2
+    assert len(result["coordinates"]) == 2
     assert all(part.exterior.is_ccw for part in area.geoms)
-    assert sum(len(ring) for part in found["coordinates"] for ring in part) < 150
-    assert len(json.dumps(found)) < 4000
+    assert sum(len(ring) for part in result["coordinates"] for ring in part) < 150
+    assert len(json.dumps(result)) < 4000
     for lon, lat in shapely.get_coordinates(area):
         assert (lon, lat) == pytest.approx((9.0, 48.0), abs=0.01)
         assert round(lon, 7) == lon

@@ -20,7 +20,7 @@ def noise(rng, x, y, white_db, shadow_db, d_c):
     return shadow_db * s + white_db * rng.normal(size=len(x))
 
 
-def found(x, y, e, design):
+def estimate(x, y, e, design):
     one = np.ones(len(x))
     left = e - design @ np.linalg.lstsq(design, e, rcond=None)[0]
     return residual_covariance.residual_noise(x, y, one, one, design, left)
@@ -37,23 +37,23 @@ def test_averages_are_weighted():
     )
 
 
-def test_white_noise_is_found_white_and_of_its_size():
+def test_white_noise_is_estimated_white_and_of_its_size():
     rng = np.random.default_rng(2)
     x, y = lines(rng)
-    seen = found(x, y, noise(rng, x, y, 3.0, 0.0, 1.0), np.ones((600, 1)))
-    assert seen.white > 0.9
-    readings = np.bincount(seen.square)
-    np.testing.assert_allclose(np.diag(seen.covariance_db2) * readings, 9.0, rtol=0.25)
+    estimated = estimate(x, y, noise(rng, x, y, 3.0, 0.0, 1.0), np.ones((600, 1)))
+    assert estimated.white > 0.9
+    readings = np.bincount(estimated.square)
+    np.testing.assert_allclose(np.diag(estimated.covariance_db2) * readings, 9.0, rtol=0.25)
 
 
 @pytest.mark.parametrize("d_c", [12.0, 35.0])
-def test_correlation_is_found_and_doubled_for_want_of_trust(d_c):
+def test_correlation_is_estimated_and_doubled_for_lack_of_trust(d_c):
     rng = np.random.default_rng(3)
     x, y = lines(rng)
-    seen = found(x, y, noise(rng, x, y, 1.0, 6.0, d_c), np.ones((600, 1)))
-    assert seen.white < 0.01
-    assert 0.5 * d_c < seen.decorrelation_m < 2.0 * d_c
-    assert np.mean(np.diag(seen.covariance_db2)) == pytest.approx(2.0 * 37.0, rel=0.5)
+    estimated = estimate(x, y, noise(rng, x, y, 1.0, 6.0, d_c), np.ones((600, 1)))
+    assert estimated.white < 0.01
+    assert 0.5 * d_c < estimated.decorrelation_m < 2.0 * d_c
+    assert np.mean(np.diag(estimated.covariance_db2)) == pytest.approx(2.0 * 37.0, rel=0.5)
 
 
 def test_restricted_likelihood_is_that_of_the_contrasts():

@@ -24,9 +24,9 @@ def walk(rng, *, white_db=3.0, shadow_db=0.0, d_c=15.0, count=500):
         np.interp(s, corner, 250.0 * np.array(turn)) for turn in ([0, 1, 1, 0, 0], [0, 0, 1, 1, 0])
     )
     shadow = rng.normal(size=count)
-    kept = np.exp(-2.0 / d_c)
+    rho = np.exp(-2.0 / d_c)
     for k in range(1, count):
-        shadow[k] = kept * shadow[k - 1] + np.sqrt(1.0 - kept**2) * shadow[k]
+        shadow[k] = rho * shadow[k - 1] + np.sqrt(1.0 - rho**2) * shadow[k]
     level = SOURCE[2] - 10.0 * SOURCE[3] * np.log10(np.hypot(x - SOURCE[0], y - SOURCE[1]))
     at = np.arange(count)
     level = level + white_db * rng.normal(size=count) + shadow_db * shadow
@@ -48,44 +48,44 @@ def test_residuals_are_level_minus_model_and_what_a_limit_hides_is_none():
     level = obs.level_dbm.copy()
     level[:9] = -110.0
     obs = replace(obs, level_dbm=level, rat="GSM")
-    found = diagnose(SOURCE, obs)
+    result = diagnose(SOURCE, obs)
     expected = obs.level_dbm - (SOURCE[2] - 10.0 * SOURCE[3] * np.log10(around(obs)[0]))
-    assert np.all(np.isnan(found.residual_db[:9]))
-    np.testing.assert_allclose(found.residual_db[9:], expected[9:])
-    assert found.sigma_db == pytest.approx(3.0, abs=0.4)
+    assert np.all(np.isnan(result.residual_db[:9]))
+    np.testing.assert_allclose(result.residual_db[9:], expected[9:])
+    assert result.sigma_db == pytest.approx(3.0, abs=0.4)
 
 
 @pytest.mark.parametrize(("white_db", "shadow_db"), [(3.0, 0.0), (0.5, 6.0), (3.0, 6.0)])
-def test_honest_worlds_raise_no_alarm(white_db, shadow_db):
+def test_worlds_of_the_model_raise_no_alarm(white_db, shadow_db):
     rng = np.random.default_rng(2)
     alarms = {"levels": 0, "sector": 0, "outlying": 0, "correlated": 0}
     for _ in range(12):
         obs = walk(rng, white_db=white_db, shadow_db=shadow_db)
-        said = " ".join(findings(diagnose(fitted(obs), obs)))
-        alarms = {word: count + (word in said) for word, count in alarms.items()}
+        findings_text = " ".join(findings(diagnose(fitted(obs), obs)))
+        alarms = {word: count + (word in findings_text) for word, count in alarms.items()}
     assert alarms["correlated"] == (12 if shadow_db else 0)
     assert max(alarms["levels"], alarms["sector"], alarms["outlying"]) <= 2
 
 
 def test_numbers_describe_white_noise():
-    found = diagnose(SOURCE, walk(np.random.default_rng(3)))
-    assert abs(found.skewness) < 0.35
-    assert abs(found.excess_kurtosis) < 0.7
-    assert found.beyond_3_sigma < 0.012
-    assert abs(found.lag1) < 0.1
-    assert found.correlated < 0.1
-    assert found.decorrelation_m < 2.0
-    assert found.independent > 250
+    result = diagnose(SOURCE, walk(np.random.default_rng(3)))
+    assert abs(result.skewness) < 0.35
+    assert abs(result.excess_kurtosis) < 0.7
+    assert result.beyond_3_sigma < 0.012
+    assert abs(result.lag1) < 0.1
+    assert result.correlated < 0.1
+    assert result.decorrelation_m < 2.0
+    assert result.independent > 250
 
 
-def test_decorrelation_distance_is_found_along_the_walk():
+def test_decorrelation_distance_is_estimated_along_the_walk():
     lengths, independent = [], []
     for seed in range(8):
-        found = diagnose(
+        result = diagnose(
             SOURCE, walk(np.random.default_rng(seed), white_db=0.0, shadow_db=6.0, d_c=20.0)
         )
-        lengths.append(found.decorrelation_m)
-        independent.append(found.independent)
+        lengths.append(result.decorrelation_m)
+        independent.append(result.independent)
     assert np.median(lengths) == pytest.approx(20.0, rel=0.4)
     assert np.median(independent) == pytest.approx(1000.0 / 40.0, rel=0.4)
 
@@ -96,23 +96,23 @@ def test_standard_errors_of_bins_are_true():
         chi2 = []
         for _ in range(6):
             obs = walk(rng, white_db=white_db, shadow_db=shadow_db)
-            found = diagnose(fitted(obs), obs)
+            result = diagnose(fitted(obs), obs)
             chi2 += [
                 np.mean((bins.mean_db / bins.sigma_db) ** 2)
-                for bins in (found.by_distance, found.by_azimuth)
+                for bins in (result.by_distance, result.by_azimuth)
             ]
-            assert found.by_azimuth.readings.sum() == len(obs)
+            assert result.by_azimuth.readings.sum() == len(obs)
         assert limits[0] < np.mean(chi2) < limits[1]
 
 
 def test_bins_hold_their_means():
     obs = walk(np.random.default_rng(5))
-    found = diagnose(SOURCE, obs)
+    result = diagnose(SOURCE, obs)
     azimuth = np.degrees(around(obs)[1]) % 360.0
-    for centre, mean, readings in zip(*(found.by_azimuth[i] for i in (0, 1, 3)), strict=True):
+    for centre, mean, readings in zip(*(result.by_azimuth[i] for i in (0, 1, 3)), strict=True):
         inside = (azimuth >= centre - 15.0) & (azimuth < centre + 15.0)
         assert np.count_nonzero(inside) == readings
-        assert np.mean(found.residual_db[inside]) == pytest.approx(mean)
+        assert np.mean(result.residual_db[inside]) == pytest.approx(mean)
 
 
 @pytest.mark.parametrize(("change", "word"), [(2.5, "faster"), (-2.0, "more slowly")])
@@ -122,11 +122,11 @@ def test_an_exponent_that_changes_is_named(change, word):
     bent = replace(
         obs, level_dbm=obs.level_dbm - 10.0 * change * np.maximum(np.log10(distance / 130.0), 0.0)
     )
-    found = diagnose(fitted(bent), bent)
-    assert found.exponent_change.eta_change == pytest.approx(
-        change, abs=4.0 * found.exponent_change.eta_sigma
+    result = diagnose(fitted(bent), bent)
+    assert result.exponent_change.eta_change == pytest.approx(
+        change, abs=4.0 * result.exponent_change.eta_sigma
     )
-    assert any(f"levels fall {word} beyond" in text for text in findings(found))
+    assert any(f"levels fall {word} beyond" in text for text in findings(result))
 
 
 def test_a_sector_antenna_is_named():
@@ -134,72 +134,72 @@ def test_a_sector_antenna_is_named():
     for seed in range(6):
         obs = walk(np.random.default_rng(seed), white_db=1.5)
         pattern_db = 4.5 * np.cos(around(obs)[1] - np.radians(120.0))
-        found = diagnose(SOURCE, replace(obs, level_dbm=obs.level_dbm + pattern_db))
-        assert any(text.startswith("sector antenna suspected") for text in findings(found))
-        azimuths_deg.append(found.sector.azimuth_deg)
-        z.append((found.sector.difference_db - 9.0) / found.sector.difference_sigma_db)
+        result = diagnose(SOURCE, replace(obs, level_dbm=obs.level_dbm + pattern_db))
+        assert any(text.startswith("sector antenna suspected") for text in findings(result))
+        azimuths_deg.append(result.sector.azimuth_deg)
+        z.append((result.sector.difference_db - 9.0) / result.sector.difference_sigma_db)
     assert np.mean(azimuths_deg) == pytest.approx(120.0, abs=12.0)
     assert np.max(np.abs(z)) < 3.0
 
 
-def test_an_azimuth_that_hardly_changes_tells_nothing():
+def test_an_azimuth_that_hardly_changes_gives_no_sector():
     """All readings in one direction: what a sector does, power and exponent do as well."""
     obs = walk(np.random.default_rng(8), count=60)
     state = np.array([100_000.0, 0.0, -30.0, 3.0])
-    found = diagnose(state, obs)
-    assert found.sector is None or found.sector.difference_sigma_db > 20.0
-    assert not any("sector" in text for text in findings(found))
+    result = diagnose(state, obs)
+    assert result.sector is None or result.sector.difference_sigma_db > 20.0
+    assert not any("sector" in text for text in findings(result))
 
 
 def test_outliers_are_named_by_scan_and_size():
     obs = walk(np.random.default_rng(9))
     level = obs.level_dbm.copy()
     level[[40, 300]] += [-30.0, 22.0]
-    found = diagnose(SOURCE, replace(obs, level_dbm=level))
-    assert [one.scan_seq for one in found.outliers] == [1040, 1300]
-    assert found.outliers[0].t_ns == 40 * 10**9
-    assert found.outliers[0].residual_db == pytest.approx(-30.0, abs=9.0)
-    assert found.outliers[0].sigmas == pytest.approx(
-        abs(found.outliers[0].residual_db) / found.sigma_db
+    result = diagnose(SOURCE, replace(obs, level_dbm=level))
+    assert [one.scan_seq for one in result.outliers] == [1040, 1300]
+    assert result.outliers[0].t_ns == 40 * 10**9
+    assert result.outliers[0].residual_db == pytest.approx(-30.0, abs=9.0)
+    assert result.outliers[0].sigmas == pytest.approx(
+        abs(result.outliers[0].residual_db) / result.sigma_db
     )
-    (text,) = (text for text in findings(found) if "outlying" in text)
+    (text,) = (text for text in findings(result) if "outlying" in text)
     assert "2 outlying readings" in text
     assert "scan 1040" in text
     assert "weaker" in text
 
 
-def test_a_filter_that_is_too_sure_is_named_and_an_honest_one_is_not():
+def test_an_overconfident_filter_is_named_and_a_consistent_one_is_not():
     rng = np.random.default_rng(10)
     obs = walk(rng)
-    said = {}
+    findings_text = {}
     for name, claimed in (("honest", 9.0), ("sure", 5.0), ("humble", 20.0)):
         states = np.zeros((500, 4)), np.zeros((500, 4, 4))
         innovations = FilterPath(
             obs.t_ns, *states, rng.normal(0.0, 3.0, 500), np.full(500, claimed)
         )
-        found = diagnose(SOURCE, obs, innovations)
-        assert found.innovations == consistency(
+        result = diagnose(SOURCE, obs, innovations)
+        assert result.innovations == consistency(
             innovations.innovation_db, innovations.innovation_var_db2
         )
-        said[name] = [text for text in findings(found) if "filter" in text]
-    (text,) = said["sure"]
+        findings_text[name] = [text for text in findings(result) if "filter" in text]
+    (text,) = findings_text["sure"]
     assert text.startswith("the filter is overconfident: its squared innovations are 1.")
-    assert said["honest"] == said["humble"] == []
+    assert findings_text["honest"] == findings_text["humble"] == []
 
 
 @pytest.mark.parametrize("count", [1, 5, 19])
-def test_few_readings_are_listed_and_not_judged(count):
-    found = diagnose(SOURCE, walk(np.random.default_rng(11), count=count))
-    assert len(found.residual_db) == count
-    assert findings(found) == []
-    assert found.exponent_change is found.sector is found.by_distance is None
+def test_few_readings_are_listed_without_statistics(count):
+    result = diagnose(SOURCE, walk(np.random.default_rng(11), count=count))
+    assert len(result.residual_db) == count
+    assert findings(result) == []
+    assert result.exponent_change is result.sector is result.by_distance is None
 
 
 def test_standing_still_is_survived():
     obs = walk(np.random.default_rng(12), count=50)
-    found = diagnose(SOURCE, replace(obs, x_m=np.zeros(50), y_m=np.zeros(50)))
-    assert found.exponent_change is found.sector is None
-    assert found.independent == 1.0
+    result = diagnose(SOURCE, replace(obs, x_m=np.zeros(50), y_m=np.zeros(50)))
+    assert result.exponent_change is result.sector is None
+    assert result.independent == 1.0
 
 
 # --- trends against the dense solution ---

@@ -135,7 +135,7 @@ def test_without_shadowing_there_is_none_to_find(noise):
     assert np.all(covariances[:, 4] == 0.0)
 
 
-def test_shadowing_is_where_it_says():
+def test_shadowing_is_consistent():
     """Over simulated walks the smoothed shadowing misses the true one by as much as its variance
     says.
     """

@@ -13,18 +13,18 @@ def track(t_s, x_m, y_m=None, sigma_m=7.0):
     return Track(Utm(32), t_ns, np.arange(len(x_m)), x_m, y_m, np.full(len(x_m), sigma_m))
 
 
-def test_repeated_places_shortly_before_a_jump_are_old():
-    """100 m in jumps every 8 s, and each place told again every second."""
+def test_repeated_positions_shortly_before_a_jump_are_stale():
+    """100 m in jumps every 8 s, and each position repeated every second."""
     t_s = np.arange(80)
-    given = track(t_s, 100.0 * (t_s // 8))
-    found = stale_fixes.without_stale(given)
-    assert found.seq.tolist() == [
+    fixes = track(t_s, 100.0 * (t_s // 8))
+    result = stale_fixes.without_stale(fixes)
+    assert result.seq.tolist() == [
         *range(0, 72, 8),
         *range(72, 80),
     ]  # nothing tells when the last place was left
     before, after = (
-        np.abs(walker.smooth_track(one).at(given.t_ns).x_m - 12.5 * t_s)[:72]
-        for one in (given, found)
+        np.abs(walker.smooth_track(one).at(fixes.t_ns).x_m - 12.5 * t_s)[:72]
+        for one in (fixes, result)
     )
     assert np.max(before) > 40.0
     assert np.max(after) < 20.0
@@ -32,18 +32,18 @@ def test_repeated_places_shortly_before_a_jump_are_old():
 
 def test_who_stands_for_an_hour_stands():
     t_s = np.arange(0, 3600, 5)
-    given = track(t_s, np.where(t_s < 3500, 0.0, 30.0))
-    kept = stale_fixes.without_stale(given)
-    assert len(kept.t_ns) > 700
-    assert not np.any((kept.t_ns > 3441 * 10**9) & (kept.t_ns < 3500 * 10**9))
+    fixes = track(t_s, np.where(t_s < 3500, 0.0, 30.0))
+    retained = stale_fixes.without_stale(fixes)
+    assert len(retained.t_ns) > 700
+    assert not np.any((retained.t_ns > 3441 * 10**9) & (retained.t_ns < 3500 * 10**9))
 
 
 def test_a_receiver_that_writes_few_digits_loses_no_fix():
     t_s = np.arange(200)
-    given = track(
+    fixes = track(
         t_s, np.round(0.3 * t_s)
-    )  # each place told three times, but no step is longer than the errors
-    assert len(stale_fixes.without_stale(given).t_ns) == 200
+    )  # each place reason three times, but no step is longer than the errors
+    assert len(stale_fixes.without_stale(fixes).t_ns) == 200
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -55,14 +55,14 @@ def test_short_tracks(n):
 
 
 @pytest.mark.parametrize(
-    ("speed_mps", "told"), [(1.4, None), (14.0, None), (55.0, None), (70.0, "252 km/h")]
+    ("speed_mps", "reason"), [(1.4, None), (14.0, None), (55.0, None), (70.0, "252 km/h")]
 )
-def test_the_median_step_tells_the_speed(speed_mps, told):
-    found = track_plausibility.too_fast(
+def test_the_median_step_gives_the_speed(speed_mps, reason):
+    result = track_plausibility.too_fast(
         track(np.arange(100) * 2.0, np.arange(100) * 2.0 * speed_mps)
     )
-    assert (found is None) == (told is None)
-    assert told is None or told in found
+    assert (result is None) == (reason is None)
+    assert reason is None or reason in result
 
 
 def test_errors_of_fixes_are_no_speed():

@@ -55,7 +55,7 @@ def test_smoothing_beats_interpolation_where_noise_is_white():
 
 
 @pytest.mark.parametrize("with_velocity", [False, True])
-def test_hours_at_one_place_are_not_centimetres(with_velocity):
+def test_hours_at_one_point_are_not_centimetres(with_velocity):
     t_s = np.arange(7200.0)
     none = np.zeros(len(t_s))
     given = (
@@ -117,11 +117,11 @@ def test_a_car_is_distinguished_from_a_walker():
         np.column_stack([speed * np.cos(t_s / 40.0), speed * np.sin(t_s / 40.0)]), axis=0
     )
     on_foot = streets(rng, 600)[1]
-    found = [
+    result = [
         walker.smooth_track(track(t_s, xy + rng.normal(size=xy.shape))).accel_m2s3
         for xy in (on_foot, car)
     ]
-    assert found[0] < 0.2 <= found[1]
+    assert result[0] < 0.2 <= result[1]
 
 
 # --- unusual tracks ---
@@ -177,15 +177,15 @@ def test_velocities_come_from_speed_and_course_on_the_grid():
     fixes["speed_mps"] = [2.0, 0.1, np.nan, 2.0]
     fixes["course_deg"] = [0.0, np.nan, 90.0, np.nan]
     given = replace(track(np.arange(3.0), np.zeros((3, 2))), seq=np.array([3, 7, 8]))
-    found = walker.velocities(fixes, given)
+    result = walker.velocities(fixes, given)
     utm = Utm(33)
     north = np.subtract(utm.to_xy(52.001, 17.5), utm.to_xy(52.0, 17.5))
     np.testing.assert_allclose(
-        [found.east_mps[0], found.north_mps[0]], 2.0 * north / np.hypot(*north), atol=1e-4
+        [result.east_mps[0], result.north_mps[0]], 2.0 * north / np.hypot(*north), atol=1e-4
     )
-    assert (found.east_mps[1], found.north_mps[1]) == (0.0, 0.0)
-    assert 0.3 < found.sigma_mps[1] < 0.35
-    assert np.isinf(found.sigma_mps[2])
+    assert (result.east_mps[1], result.north_mps[1]) == (0.0, 0.0)
+    assert 0.3 < result.sigma_mps[1] < 0.35
+    assert np.isinf(result.sigma_mps[2])
 
 
 def test_readings_are_relocated_to_the_smoothed_walk():
@@ -195,9 +195,9 @@ def test_readings_are_relocated_to_the_smoothed_walk():
     t_ns = smoothed.track.t_ns[10:20] + 400_000_000
     obs = CellObservations("c", None, Utm(33), t_ns, *np.zeros((4, 10)), np.arange(10))
     placed = walker.relocate(obs, smoothed)
-    found = smoothed.at(t_ns)
-    np.testing.assert_array_equal(placed.x_m, found.x_m)
-    np.testing.assert_array_equal(placed.position_sigma_m, found.sigma_m)
-    np.testing.assert_allclose(found.covariance_m2[:, 0, 0], found.sigma_m**2)
-    assert np.all(found.covariance_m2[:, 0, 1] == 0.0)
+    result = smoothed.at(t_ns)
+    np.testing.assert_array_equal(placed.x_m, result.x_m)
+    np.testing.assert_array_equal(placed.position_sigma_m, result.sigma_m)
+    np.testing.assert_allclose(result.covariance_m2[:, 0, 0], result.sigma_m**2)
+    assert np.all(result.covariance_m2[:, 0, 1] == 0.0)
     assert placed.level_dbm is obs.level_dbm

@@ -23,14 +23,14 @@ def test_a_printed_one_needs_a_rate_of_two_per_cent():
         )
 
 
-def test_summary_holds_every_case_and_says_what_is_unknown():
-    found = summary(0.05, None, (100.0, 20_000.0), 2000, 1)
-    assert len(found["rows"]) == 8
-    assert {row["claim_sigma_m"][0] for row in found["rows"]} == {0.0, 37.8}
-    for row in found["rows"]:
+def test_summary_has_every_case_and_states_what_is_unknown():
+    result = summary(0.05, None, (100.0, 20_000.0), 2000, 1)
+    assert len(result["rows"]) == 8
+    assert {row["claim_sigma_m"][0] for row in result["rows"]} == {0.0, 37.8}
+    for row in result["rows"]:
         for rates in (row["direct"], row["indirect"]):
             assert rates["simulated"] == pytest.approx(rates["theory"], abs=0.05)
-    assert len(found["cannot_be_known"]) == 3
+    assert len(result["cannot_be_known"]) == 3
     plane = summary(0.05, np.array([[900.0, 0.0], [0.0, 900.0], [-900.0, -900.0]]), (50.0,), 500, 1)
     assert all(len(row["offset_m"]) == 2 for row in plane["rows"])
 

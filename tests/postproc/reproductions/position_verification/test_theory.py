@@ -33,20 +33,24 @@ def test_closed_form_and_simulation_agree(receivers, p_fa, claim_sigma):
     alarms = theory.simulate(here, true, true, p_fa, TRIALS, rng)
     assert agrees(alarms.direct, p_fa)
     assert agrees(alarms.indirect, p_fa)
-    found = theory.simulate(here, true, false, p_fa, TRIALS, rng)
+    result = theory.simulate(here, true, false, p_fa, TRIALS, rng)
     # second-order terms of the ranges shift the noncentrality by some per cent
-    assert found.direct == pytest.approx(theory.direct(here, true, false).power(p_fa), abs=0.02)
-    assert found.indirect == pytest.approx(theory.indirect(here, true, false).power(p_fa), abs=0.02)
-    assert found.indirect > found.direct
+    assert result.direct == pytest.approx(theory.direct(here, true, false).power(p_fa), abs=0.02)
+    assert result.indirect == pytest.approx(
+        theory.indirect(here, true, false).power(p_fa), abs=0.02
+    )
+    assert result.indirect > result.direct
 
 
 def test_receivers_of_unequal_quality_and_a_claim_sure_on_one_axis():
     here = Scene(2000.0 * SQUARE, np.array([20.0, 50.0, 90.0, 30.0, 400.0]), np.array([60.0, 0.0]))
     true, false, rng = np.zeros(2), np.array([70.0, -40.0]), np.random.default_rng(4)
     assert agrees(theory.simulate(here, true, true, 0.05, TRIALS, rng).indirect, 0.05)
-    found = theory.simulate(here, true, false, 0.05, TRIALS, rng)
-    assert found.direct == pytest.approx(theory.direct(here, true, false).power(0.05), abs=0.02)
-    assert found.indirect == pytest.approx(theory.indirect(here, true, false).power(0.05), abs=0.02)
+    result = theory.simulate(here, true, false, 0.05, TRIALS, rng)
+    assert result.direct == pytest.approx(theory.direct(here, true, false).power(0.05), abs=0.02)
+    assert result.indirect == pytest.approx(
+        theory.indirect(here, true, false).power(0.05), abs=0.02
+    )
 
 
 def test_both_noncentralities_are_one_for_small_offsets():

@@ -17,15 +17,15 @@ def simulated(anchors, path, sigma2, runs, seed=0):
 def textbook(anchors, ranges, sigma2, noise, p):
     """One run by the README's equations, with numpy's pseudo-inverse."""
     pairs = all_pairs(anchors)
-    h, found = pairs.h, [*fix_m(anchors, ranges[:2])]
+    h, result = pairs.h, [*fix_m(anchors, ranges[:2])]
     for z in ranges[2:]:
-        predicted = found[-1] + (found[-1] - found[-2]) + noise.mean_m
+        predicted = result[-1] + (result[-1] - result[-2]) + noise.mean_m
         p_predicted = p + noise.q_m2
         s = h @ p_predicted @ h.T + pairs.r_m4(z, sigma2)
         gain = p_predicted @ h.T @ np.linalg.pinv(s, rcond=1e-10, hermitian=True)
-        found.append(predicted + gain @ (pairs.z_m2(z) - h @ predicted))
+        result.append(predicted + gain @ (pairs.z_m2(z) - h @ predicted))
         p = p_predicted - gain @ h @ p_predicted
-    return np.array(found), p
+    return np.array(result), p
 
 
 @pytest.mark.parametrize("sigma2", process.README_SIGMA2_M2)
@@ -47,11 +47,11 @@ def test_the_filter_is_the_textbook_one_for_any_anchors(count):
     anchors = Anchors(rng.uniform(-20.0, 20.0, (count, 2)))
     noise, p1 = process.closed_form(anchors, PATH, 0.5), kalman.initial_p_m2(anchors, PATH, 0.5)
     ranges = simulated(anchors, PATH, 0.5, 3, count)
-    found = kalman.by_independent_rows(anchors, ranges, 0.5, noise, p1)
+    result = kalman.by_independent_rows(anchors, ranges, 0.5, noise, p1)
     for run in range(3):
         place, p = textbook(anchors, ranges[run], 0.5, noise, p1)
-        assert found.position_m[run] == pytest.approx(place, abs=1e-8)
-        assert found.p_m2[run, -1] == pytest.approx(p, abs=1e-8)
+        assert result.position_m[run] == pytest.approx(place, abs=1e-8)
+        assert result.p_m2[run, -1] == pytest.approx(p, abs=1e-8)
 
 
 def test_the_innovation_covariance_of_the_readme_has_no_inverse():

@@ -56,7 +56,7 @@ def test_the_printed_h_z_and_r_are_the_derived_ones():
 
 
 @pytest.mark.parametrize("rows", [all_pairs, independent])
-def test_each_row_reproduces_the_exact_place_without_noise(rows):
+def test_each_row_reproduces_the_exact_position_without_noise(rows):
     rng = np.random.default_rng(1)
     for anchors in (README, Anchors(rng.uniform(-50.0, 50.0, (6, 2)))):
         at = rng.uniform(-40.0, 40.0, (20, 2))

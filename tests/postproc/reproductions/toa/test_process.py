@@ -10,13 +10,13 @@ README, PATH = Anchors(np.array(README_ANCHORS_M)), np.array(README_PATH_M)
 
 @pytest.mark.parametrize("sigma2", README_SIGMA2_M2)
 def test_the_printed_q_and_mean_are_the_derived_ones_with_sampling_noise(sigma2):
-    found, expected = readme_values(README, PATH, sigma2), closed_form(README, PATH, sigma2)
+    result, expected = readme_values(README, PATH, sigma2), closed_form(README, PATH, sigma2)
     variance = 4.28 * sigma2 + 0.025 * sigma2**2
     assert expected.q_m2 == pytest.approx(variance * np.eye(2))
     # of 10 000 runs: 1.4 % for a variance, 1 % of it for a covariance, 1 % of its root for a mean
-    assert found.q_m2 == pytest.approx(expected.q_m2, abs=0.042 * variance)
+    assert result.q_m2 == pytest.approx(expected.q_m2, abs=0.042 * variance)
     assert expected.mean_m == pytest.approx(np.zeros(2))
-    assert found.mean_m == pytest.approx(np.zeros(2), abs=0.04 * np.sqrt(variance))
+    assert result.mean_m == pytest.approx(np.zeros(2), abs=0.04 * np.sqrt(variance))
 
 
 def test_the_derived_moments_are_those_of_simulated_fixes():

@@ -24,7 +24,7 @@ def five_seeds():
 
 def test_the_reference_averages_are_met_within_three_standard_deviations(five_seeds):
     for number, (sigma2, (lse, kf)) in enumerate(REFERENCE.items()):
-        rows = [found[number] for found in five_seeds]
+        rows = [result[number] for result in five_seeds]
         assert {row.sigma2_m2 for row in rows} == {sigma2}
         assert np.mean([row.lse_m for row in rows]) == pytest.approx(lse[0], abs=3.0 * lse[1])
         assert np.mean([row.kf_m for row in rows]) == pytest.approx(kf[0], abs=3.0 * kf[1])
@@ -58,8 +58,8 @@ def _output(capsys, *argv):
 
 
 def test_json_has_a_row_for_each_variance(capsys):
-    found = json.loads(_output(capsys, "--json", "--sigma2", "0.01", "0.5", "--steps"))
-    printed, derived = found["rows"]
+    result = json.loads(_output(capsys, "--json", "--sigma2", "0.01", "0.5", "--steps"))
+    printed, derived = result["rows"]
     assert (printed["sigma2"], printed["q_from"], derived["sigma2"], derived["q_from"]) == (
         0.01,
         "README",
@@ -106,6 +106,6 @@ def test_table_and_picture(capsys, tmp_path):
 )
 def test_a_mistake_is_one_line(argv, capsys):
     assert main(["toa", "simulate", *argv]) == 2
-    told = capsys.readouterr().err.splitlines()
-    assert len(told) == 1
-    assert told[0].startswith("postproc: ")
+    output = capsys.readouterr().err.splitlines()
+    assert len(output) == 1
+    assert output[0].startswith("postproc: ")

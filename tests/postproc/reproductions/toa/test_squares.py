@@ -51,6 +51,6 @@ def test_a_turn_is_followed_when_it_is_output():
     path = np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 0.0], [4.0, 2.0], [4.0, 4.0], [4.0, 6.0]])
     ranges = simulated(path, 1e-4, 50)
     blind = squares.run(README, ranges, 1e-4, np.zeros((2, 2)))
-    told = squares.run(README, ranges, 1e-4, 2.0 * np.eye(2))
-    assert np.mean(np.hypot(*(told.position_m[:, 3] - path[3]).T)) < 0.05
+    output = squares.run(README, ranges, 1e-4, 2.0 * np.eye(2))
+    assert np.mean(np.hypot(*(output.position_m[:, 3] - path[3]).T)) < 0.05
     assert np.mean(np.hypot(*(blind.position_m[:, 3] - path[3]).T)) > 0.2

@@ -12,27 +12,27 @@ def irregular_walk():
     return scenarios.STATION, x_m, y_m, true_level_dbm(scenarios.STATION, x_m, y_m) + noise_db
 
 
-def test_our_locator_finds_a_station_that_can_be_found():
-    found = convergence.run_locator(*irregular_walk())
-    assert found.position_m < 30.0
-    assert found.covers
-    assert found.radius_m < 100.0
+def test_our_locator_locates_an_observable_station():
+    result = convergence.run_locator(*irregular_walk())
+    assert result.position_m < 30.0
+    assert result.covers
+    assert result.radius_m < 100.0
 
 
 def test_a_region_that_is_elsewhere_does_not_cover():
     station, *readings = irregular_walk()
     moved = station._replace(x_m=station.x_m + 500.0)
-    found = convergence.run_locator(moved, *readings)
-    assert not found.covers
-    assert found.position_m == pytest.approx(500.0, abs=60.0)
+    result = convergence.run_locator(moved, *readings)
+    assert not result.covers
+    assert result.position_m == pytest.approx(500.0, abs=60.0)
 
 
 def test_the_reference_filter_stays_where_it_started():
     x_m, y_m = circle(50)
-    found = convergence.run_reference(SPEC, x_m, y_m, true_level_dbm(SPEC, x_m, y_m))
-    assert found.position_m == pytest.approx(500.0, abs=1.0)
-    assert not found.covers
-    assert found.position_m**2 > CHI2_95_2DOF * found.radius_m**2
+    result = convergence.run_reference(SPEC, x_m, y_m, true_level_dbm(SPEC, x_m, y_m))
+    assert result.position_m == pytest.approx(500.0, abs=1.0)
+    assert not result.covers
+    assert result.position_m**2 > CHI2_95_2DOF * result.radius_m**2
 
 
 def test_each_claim_has_a_verdict_and_the_figures_it_rests_on():

@@ -19,7 +19,7 @@ def test_the_live_reference_is_the_filter_itself():
         assert live.radius_m(step) == pytest.approx(ekf.drms_m(state.p), rel=1e-3)
 
 
-def test_a_cell_that_was_not_heard_is_not_in_the_scan():
+def test_a_cell_that_was_not_received_is_not_in_the_scan():
     levels = np.array([[-70.0, np.nan], [-80.0, -60.0]])
     scans = [record.value for _, record in live.records(np.zeros(2), np.zeros(2), levels)][1::2]
     assert [[reading.cid for reading in scan.readings] for scan in scans] == [[1, 2], [2]]
@@ -47,18 +47,18 @@ def test_stationary_and_target_change_are_as_the_checklist_has_them():
     assert [check.verdict for check in scenarios.target_change()] == ["holds"] * 3
 
 
-def test_a_target_that_never_changes_would_be_found(monkeypatch):
-    said = live.track
+def test_a_target_that_never_changes_fails_the_check(monkeypatch):
+    findings_text = live.track
     monkeypatch.setattr(
         live,
         "track",
-        lambda *walk: [value for value in said(*walk) if not isinstance(value, Note)],
+        lambda *walk: [value for value in findings_text(*walk) if not isinstance(value, Note)],
     )
     assert [check.verdict for check in scenarios.target_change()] == ["fails", "holds", "fails"]
 
 
-def test_cost_counts_what_it_says():
+def test_cost_counts_bytes_and_holds():
     assert cost._bytes((1.5, (2.5,))) == cost._bytes(1.5) * 2 + cost._bytes(()) * 2 + 3 * 8
-    found = cost.checks(QUICK)
-    assert all(check.is_timed for check in found)
-    assert found[0].verdict == found[1].verdict == "holds"
+    result = cost.checks(QUICK)
+    assert all(check.is_timed for check in result)
+    assert result[0].verdict == result[1].verdict == "holds"

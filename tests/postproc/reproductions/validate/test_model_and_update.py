@@ -11,16 +11,16 @@ def verdicts(group):
 
 
 def test_what_is_right_and_what_is_wrong():
-    found = verdicts(model) | verdicts(update)
-    wrong = {claim for claim, verdict in found.items() if verdict == "claim is wrong"}
+    result = verdicts(model) | verdicts(update)
+    wrong = {claim for claim, verdict in result.items() if verdict == "claim is wrong"}
     assert wrong == {
         "K of eta is above 0",
-        next(claim for claim in found if "or equivalently" in claim),
+        next(claim for claim in result if "or equivalently" in claim),
     }
-    assert {claim for claim, verdict in found.items() if verdict == "does not hold"} == {
+    assert {claim for claim, verdict in result.items() if verdict == "does not hold"} == {
         "K of the position is far above 0 at first (P = 1000 I)"
     }
-    assert "fails" not in found.values()
+    assert "fails" not in result.values()
 
 
 def test_the_expected_level_and_its_slopes():
@@ -44,7 +44,7 @@ def test_the_gain_is_that_of_the_dense_formula():
     assert f"{k[3]:+.4f}" in text
 
 
-def test_the_lost_sign_in_our_filter_would_be_found(monkeypatch):
+def test_a_lost_sign_in_our_filter_fails_the_check(monkeypatch):
     def lost(state, x_m, y_m):
         hx, hy, one, he = right(state, x_m, y_m)
         return -hx, -hy, one, he
@@ -54,7 +54,7 @@ def test_the_lost_sign_in_our_filter_would_be_found(monkeypatch):
     assert sum(verdict == "fails" for verdict in verdicts(model).values()) >= 3
 
 
-def test_a_covariance_that_grows_would_be_found(monkeypatch):
+def test_a_covariance_that_grows_fails_the_check(monkeypatch):
     def grown(*args, **kwargs):
         step = right(*args, **kwargs)
         return step._replace(

@@ -25,7 +25,7 @@ def krueger(lat_deg, lon_deg, zone):
 
 
 @pytest.mark.parametrize("place", utm.EXAMPLES, ids=lambda place: place.name)
-def test_the_true_places_are_those_of_an_independent_series(place):
+def test_the_true_coordinates_are_those_of_an_independent_series(place):
     assert krueger(place.lat_deg, place.lon_deg, place.zone) == pytest.approx(
         place.true_m, abs=0.051
     )
@@ -37,7 +37,7 @@ def test_the_claims_are_wrong_and_ours_are_right():
     assert "fails" not in verdicts.values()
 
 
-def test_a_broken_projection_is_found(monkeypatch):
+def test_a_broken_projection_fails_the_check(monkeypatch):
     true = utm.Utm.to_xy
     monkeypatch.setattr(
         utm.Utm, "to_xy", lambda *place: tuple(value + 1.0 for value in true(*place))

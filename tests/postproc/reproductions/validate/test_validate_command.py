@@ -30,12 +30,14 @@ def test_the_page_is_what_the_command_prints_as_far_as_nothing_is_simulated_or_t
             assert _claim(row) in {_claim(line) for line in lines}
         else:
             assert row in lines
-    kept = [
+    retained = [
         line
         for line in report.page(quick).splitlines()
         if not line.startswith(("| ", f"{len(quick)} checks"))
     ]
-    assert kept == [line for line in lines if not line.startswith(("| ", f"{len(quick)} checks"))]
+    assert retained == [
+        line for line in lines if not line.startswith(("| ", f"{len(quick)} checks"))
+    ]
     assert len(quick) == sum(line.startswith("| ") for line in lines) - len(
         {check.topic for check in quick}
     )
@@ -52,15 +54,15 @@ def test_the_whole_page_is_what_the_command_prints(capsys):
     """
     assert main(["validate", "--page"]) == 0
     timed = "differs by machine"
-    printed, kept = (
+    printed, retained = (
         "\n".join(
             line for line in text.splitlines() if timed not in line and " checks: " not in line
         )
         for text in (capsys.readouterr().out, PAGE.read_text())
     )
-    assert NUMBER.sub("#", printed) == NUMBER.sub("#", kept)
-    found, expected = ([float(n) for n in NUMBER.findall(text)] for text in (printed, kept))
-    assert found == pytest.approx(expected, rel=0.02, abs=0.02)
+    assert NUMBER.sub("#", printed) == NUMBER.sub("#", retained)
+    result, expected = ([float(n) for n in NUMBER.findall(text)] for text in (printed, retained))
+    assert result == pytest.approx(expected, rel=0.02, abs=0.02)
 
 
 def _few(verdict):
