@@ -174,8 +174,8 @@ def _shortest_promising(
 ) -> int | None:
     """Length below `end` of the shortest prefix that may be close.
 
-    The filter is run at the position of the complete walk over levels that fit exactly, so that it stays
-    there and its covariance is that of the information in the readings.
+    The filter is run at the position of the complete walk over levels that fit exactly, so that it
+    stays there and its covariance is that of the information in the readings.
     """
     counts: IntArray = np.unique(np.linspace(_FEWEST, end - 1, _PREFIXES).astype(int))
     if counts[0] < _FEWEST:

@@ -71,8 +71,8 @@ def excess_variance(apart2: FloatArray, expected: FloatArray) -> FloatArray:
 def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatArray]:
     """Smooth with `excess` (n, 2) added to the variances; compare each measurement with the others.
 
-    Returns the series, the squared distance (n, 2) of each measurement from the prediction by all others,
-    and the variance (n, 2) of it expected on each axis, with the slack, without the excess.
+    Returns the series, the squared distance (n, 2) of each measurement from the prediction by all
+    others, and the variance (n, 2) of it expected on each axis, with the slack, without the excess.
     """
     _, x, p, gains, innovations, variances = _filter(model, excess, False)
     r, n, residuals, precision = _adjoint(model, gains, innovations, variances)

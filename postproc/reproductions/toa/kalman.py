@@ -41,7 +41,7 @@ def by_pseudo_inverse(
 
     The arguments are those of `by_independent_rows`.
     """
-    return _run(all_pairs(anchors), ranges_m, sigma2_m2, process, p1)
+    return _filter(all_pairs(anchors), ranges_m, sigma2_m2, process, p1)
 
 
 def by_independent_rows(
@@ -52,7 +52,7 @@ def by_independent_rows(
     `ranges_m` has shape (runs, steps, n) with two steps or more; `p1` (2, 2) is P after the second
     step.
     """
-    return _run(independent(anchors), ranges_m, sigma2_m2, process, p1)
+    return _filter(independent(anchors), ranges_m, sigma2_m2, process, p1)
 
 
 def initial_p_m2(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> FloatArray:
@@ -60,7 +60,7 @@ def initial_p_m2(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> Floa
     return covariance_m2(anchors, path_m[1], sigma2_m2)
 
 
-def _run(
+def _filter(
     rows: Rows, ranges_m: FloatArray, sigma2_m2: float, process: Process, p1: FloatArray
 ) -> Track:
     h, rank = rows.h, len(rows.anchors) - 1
