@@ -8,8 +8,8 @@ compared with those around it, never with a model of the walk. It is a spike if 
 transmitter right there would make it, given how they rise towards it.
 
 The readings are checked in their order, each as soon as possible. One that is near its predecessor
-passes at once; another waits until two of the next three confirm or contradict it. The desktop
-program checks with the same class (`spikes_along`).
+passes at once; another waits until two of the next three confirm or contradict it. Desktop and
+device check with the same class.
 """
 
 from collections import deque
@@ -19,17 +19,18 @@ from math import hypot, sqrt
 from statistics import fmean, median
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.path_loss import log_distance
 
-SIDE = 3
+_SIDE = 3
 """Readings on each side: the median of three is no spike even with two in a row."""
-SLOPE_SIDE = 5
+_SLOPE_SIDE = 5
 """Readings on each side that show how levels rise towards a transmitter right here."""
-REACH_M = 200.0
+_REACH_M = 200.0
 """Readings farther away are not related enough to the level here."""
-LEAST_ABOVE_DB, LEAST_BELOW_DB = 18.0, 20.0
+_LEAST_ABOVE_DB, _LEAST_BELOW_DB = 18.0, 20.0
 """Smaller differences move no position far, and occur beside a transmitter."""
-N_CHANGES = 64
+_N_CHANGES = 64
 """Changes between neighbours that the noise is taken from."""
 
 _FEWEST = 3
@@ -87,10 +88,10 @@ class SpikeFilter(Generic[T]):
     """Passes readings on in their order, each checked against its neighbours."""
 
     def __init__(self) -> None:
-        self._before: deque[T] = deque(maxlen=SLOPE_SIDE)  # without spikes
+        self._before: deque[T] = deque(maxlen=_SLOPE_SIDE)  # without spikes
         quantiles = ((k + 0.5) / _FIRST_CHANGES for k in range(_FIRST_CHANGES))
         first_db = (sqrt(2.0) * _FIRST_SIGMA_DB * quantile for quantile in quantiles)
-        self._changes_db: deque[float] = deque(first_db, maxlen=N_CHANGES)
+        self._changes_db: deque[float] = deque(first_db, maxlen=_N_CHANGES)
         self._waiting: deque[T] = deque()
 
     def take(self, reading: T) -> list[SpikeCheck[T]]:
@@ -101,14 +102,6 @@ class SpikeFilter(Generic[T]):
     def finish(self) -> list[SpikeCheck[T]]:
         """The readings that still wait, decided by those there are."""
         return self._pass(ended=True)
-
-    def skip(self, last: Sequence[T], changes_db: Sequence[float]) -> None:
-        """Take readings that are each near their predecessor: the last ones, and all changes.
-
-        Only while none waits and the reading before them was no spike.
-        """
-        self._before.extend(last)
-        self._changes_db.extend(changes_db)
 
     def _pass(self, *, ended: bool) -> list[SpikeCheck[T]]:
         checks: list[SpikeCheck[T]] = []
@@ -131,16 +124,38 @@ class SpikeFilter(Generic[T]):
     def _spike_db(self, *, ended: bool) -> float | None:
         """How far the reading that waits longest stands out, 0 if it does not, None if open."""
         head = self._waiting[0]
-        if self._before and abs(head.level_dbm - self._before[-1].level_dbm) <= LEAST_ABOVE_DB:
+        if self._before and abs(head.level_dbm - self._before[-1].level_dbm) <= _LEAST_ABOVE_DB:
             return 0.0
         before = [reading for reading in self._before if _are_near(reading, head)]
         following = list(islice(self._waiting, 1, None))
         near = takewhile(lambda reading: _are_near(reading, head), following)
-        after = list(islice(near, SLOPE_SIDE))
+        after = list(islice(near, _SLOPE_SIDE))
         changes_db = (abs(a.level_dbm - b.level_dbm) for a, b in pairwise(after))
         sigma_db = _sigma_db([*self._changes_db, *changes_db])
         is_complete = ended or len(after) < len(following)
         return _Neighbours(head, before, after, sigma_db, is_complete).spike_db()
+
+
+class _Level(NamedTuple):
+    """As `LevelAtPoint`; `k` is its number among the readings."""
+
+    k: int
+    x_m: float
+    y_m: float
+    level_dbm: float
+    limit: int
+
+
+def spikes_along(
+    x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray, limit: IntArray
+) -> list[tuple[int, float]]:
+    """Number of each spike among the levels of a walk, (n,) in time order, and its height in dB."""
+    spikes = SpikeFilter[_Level]()
+    columns = (column.tolist() for column in (x_m, y_m, level_dbm, limit))
+    rows = zip(range(len(x_m)), *columns, strict=True)
+    checks = [check for row in rows for check in spikes.take(_Level(*row))]
+    checks += spikes.finish()
+    return [(check.reading.k, check.spike_db) for check in checks if check.spike_db]
 
 
 class _Neighbours(NamedTuple):
@@ -154,7 +169,7 @@ class _Neighbours(NamedTuple):
 
     def spike_db(self) -> float | None:
         """As `SpikeFilter._spike_db`."""
-        if not self.ended and len(self.before) <= 1 and len(self.after) < SIDE:
+        if not self.ended and len(self.before) <= 1 and len(self.after) < _SIDE:
             return None
         usual_dbm = self._usual_dbm()
         off_db = self.head.level_dbm - usual_dbm
@@ -165,8 +180,8 @@ class _Neighbours(NamedTuple):
         sign = 1.0 if off_db > 0.0 else -1.0
         height_db = sign * self.head.level_dbm
         is_apart = [height_db - sign * one.level_dbm > margin_db for one in self.after]
-        n_as_far = sum(sign * (one.level_dbm - usual_dbm) > margin_db for one in self.after[:SIDE])
-        vote = _vote(is_apart[:SIDE], n_as_far, ended=self.ended)
+        n_as_far = sum(sign * (one.level_dbm - usual_dbm) > margin_db for one in self.after[:_SIDE])
+        vote = _vote(is_apart[:_SIDE], n_as_far, ended=self.ended)
         if vote is None:
             return None
         if not vote or (n_as_far and abs(off_db) <= _TWO_FACTOR * margin_db):
@@ -174,16 +189,16 @@ class _Neighbours(NamedTuple):
         apart = [one for one, apart in zip(self.after, is_apart, strict=True) if apart]
         if off_db < 0.0 or not self._may_be_passing([*self.before, *apart]):
             return off_db
-        return None if not self.ended and len(self.after) < SLOPE_SIDE else 0.0
+        return None if not self.ended and len(self.after) < _SLOPE_SIDE else 0.0
 
     def _usual_dbm(self) -> float:
-        side = self.before[-SIDE:] if len(self.before) > 1 else self.after[:SIDE] or self.before
+        side = self.before[-_SIDE:] if len(self.before) > 1 else self.after[:_SIDE] or self.before
         return median(one.level_dbm for one in side) if side else self.head.level_dbm
 
     def _margin_db(self, off_db: float) -> float:
         if off_db > 0.0:
-            return max(LEAST_ABOVE_DB, _SIGMAS_ABOVE * self.sigma_db)
-        return max(LEAST_BELOW_DB, _SIGMAS_BELOW * self.sigma_db)
+            return max(_LEAST_ABOVE_DB, _SIGMAS_ABOVE * self.sigma_db)
+        return max(_LEAST_BELOW_DB, _SIGMAS_BELOW * self.sigma_db)
 
     def _may_be_passing(self, around: Sequence[LevelAtPoint]) -> bool:
         """Whether a transmitter right here explains the level.
@@ -214,9 +229,9 @@ def _vote(is_apart: Sequence[bool], n_as_far: int, *, ended: bool) -> bool | Non
     are a real peak.
     """
     n_apart, n_shared = sum(is_apart), len(is_apart) - sum(is_apart)
-    if ended and len(is_apart) < SIDE:
+    if ended and len(is_apart) < _SIDE:
         return n_apart >= n_shared or n_as_far == n_shared == 1
-    if 2 * max(n_apart, n_shared) < SIDE:
+    if 2 * max(n_apart, n_shared) < _SIDE:
         return None
     return n_apart > n_shared
 
@@ -229,7 +244,7 @@ def _sigma_db(changes_db: Iterable[float]) -> float:
 
 
 def _are_near(a: LevelAtPoint, b: LevelAtPoint) -> bool:
-    return hypot(a.x_m - b.x_m, a.y_m - b.y_m) <= REACH_M
+    return hypot(a.x_m - b.x_m, a.y_m - b.y_m) <= _REACH_M
 
 
 def _passing_distance_db(head: LevelAtPoint, other: LevelAtPoint) -> float:

@@ -8,9 +8,13 @@ from logger.core.ellipse import ellipse95
 
 @pytest.mark.parametrize(
     ("xx", "xy", "yy", "major", "minor", "azimuth"),
-    [(4.0, 0.0, 1.0, 2.0, 1.0, 90.0), (1.0, 0.0, 4.0, 2.0, 1.0, 0.0), (2.5, 1.5, 2.5, 2.0, 1.0, 45.0),
-     (2.5, -1.5, 2.5, 2.0, 1.0, 135.0)],
-)  # fmt: skip
+    [
+        (4.0, 0.0, 1.0, 2.0, 1.0, 90.0),
+        (1.0, 0.0, 4.0, 2.0, 1.0, 0.0),
+        (2.5, 1.5, 2.5, 2.0, 1.0, 45.0),
+        (2.5, -1.5, 2.5, 2.0, 1.0, 135.0),
+    ],
+)
 def test_ellipse(xx, xy, yy, major, minor, azimuth):
     ellipse = ellipse95(xx, xy, yy)
     scale = math.sqrt(5.991)

@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from logger.core.censoring import limits
-from logger.core.spikes import SpikeFilter
-from logger.core.spikes_along import spikes_along
+from logger.core.spikes import SpikeFilter, spikes_along
 
 
 class Level(NamedTuple):

@@ -18,7 +18,7 @@ NEARBY = {"reach_m": 600.0, "near_m": 150.0}
 WHITE = Prior(**NEARBY, white_alone=1.0 - 1e-9)
 EVERY_NOISE = Prior(**NEARBY, trust=1.0)
 
-# --- walks drawn from the prior itself: the level of the region that just holds the truth is uniform ---
+# --- walks from the prior itself: the level of the region that just holds the truth is uniform ---
 
 
 def place_of_prior(rng, prior, x, y):

@@ -1,0 +1,55 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from logger.core.locator.pipeline import locate
+from logger.core.locator.preparation import COARSE_BLOCKS, prepare
+from logger.core.locator.quadtree import Effort
+from logger.core.model.prior import Prior
+from tests.kit.walks import censor_at_floor, observations, simulate
+
+
+@pytest.mark.parametrize("n_modems", [1, 2])
+@pytest.mark.parametrize("count", [COARSE_BLOCKS - 20, COARSE_BLOCKS + 20])
+def test_a_walk_in_few_blocks_is_searched_once_whatever_the_modems(count, n_modems):
+    x = 10.0 * np.arange(count)
+    obs = observations(x, 0.0 * x, -70.0 - 0.1 * np.arange(count))
+    if n_modems == 2:
+        obs = replace(obs, modem=np.arange(count) % 2)
+    walk = prepare(obs, Prior(reach_m=2000.0), Effort()).walk
+    assert walk.is_searched_twice == (count > COARSE_BLOCKS)
+
+
+@pytest.mark.parametrize("spike_db", [30.0, -30.0])
+@pytest.mark.parametrize("seed", [3, 5, 6])
+def test_one_gross_error_moves_nothing(seed, spike_db):
+    obs, source = simulate(np.random.default_rng(seed), "random", count=400)
+    at = int(np.argmax(np.hypot(obs.x_m - source[0], obs.y_m - source[1])))
+    level_dbm = obs.level_dbm.copy()
+    level_dbm[at] += spike_db
+    wrong = replace(obs, level_dbm=level_dbm)
+    plain, found = locate(obs), locate(wrong)
+    assert [spike.k for spike in wrong.spikes()] == [at]
+    assert np.hypot(found.x_m - plain.x_m, found.y_m - plain.y_m) < 3.0
+    assert found.region_area_m2 < 2.0 * plain.region_area_m2
+    assert found.r95_m < 1.4 * plain.r95_m
+
+
+def test_an_error_does_not_hide_the_floor_of_the_scale():
+    obs, _ = simulate(np.random.default_rng(2), "square", count=400)
+    obs = censor_at_floor(replace(obs, rat=None), 0.5)
+    level_dbm = obs.level_dbm.copy()
+    level_dbm[100] -= 60.0
+    assert np.count_nonzero(replace(obs, level_dbm=level_dbm).usable().limit == -1) >= 190
+
+
+def test_spikes_are_sought_in_the_walk_of_each_modem():
+    obs, _ = simulate(np.random.default_rng(1), "L", count=400)
+    modem = np.arange(400) % 2
+    level_dbm = obs.level_dbm + 30.0 * modem
+    assert replace(obs, level_dbm=level_dbm, modem=modem).spikes() == []
+    level_dbm[101] += 30.0
+    (spike,) = replace(obs, level_dbm=level_dbm, modem=modem).spikes()
+    assert (spike.k, spike.scan_seq, spike.t_ns) == (101, 101, 101 * 10**9)
+    assert spike.above_db == pytest.approx(30.0, abs=9.0)

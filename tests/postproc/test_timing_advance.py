@@ -1,0 +1,70 @@
+"""Timing advances in what `smooth` reports of one run and of several."""
+
+from dataclasses import replace
+
+import numpy as np
+from msgspec import UNSET
+
+from logger.core.geo import Utm
+from logger.core.runfile import RunWriter, read_run
+from logger.core.types import Fix, Record, Scan
+from postproc import tables
+from postproc.multi_run import merge
+from postproc.smoothing import smooth_runs
+from postproc.summary import summarise
+from postproc.walk import observe_run
+from tests.kit import runs
+
+
+def recorded(path, shift, ta_of, run_id="a"):
+    """A run past a transmitter whose serving cell tells a TA, or none."""
+    utm, x = Utm(33), np.arange(0.0, 600.0, 10.0)
+    zero = np.array(utm.to_xy(52.0, 13.0))
+    writer = RunWriter(path, runs.meta(run_id=f"{run_id:0>32}"))
+    lat, lon = utm.to_latlon_arrays(zero[0] + x, zero[1] + shift + 0.2 * np.abs(x - 300.0))
+    level = (
+        -30.0
+        - 28.0 * np.log10(np.hypot(x - 250.0, shift - 60.0))
+        + np.random.default_rng(1).normal(0, 2, len(x))
+    )
+    for i in range(len(x)):
+        found = replace(runs.reading(1, float(np.round(level[i]))), ta=ta_of(i))
+        writer.append(
+            Record(i * 10**9, "gnss", Fix(True, None, float(lat[i]), float(lon[i]), acc_m=2.0))
+        )
+        writer.append(Record(i * 10**9 + 5, "modem", Scan(i * 10**9, (found,))))
+    writer.close(60 * 10**9, "done")
+    return read_run(path)
+
+
+def test_smooth_says_whether_the_ta_agree(tmp_path, capsys):
+    none, near, lie = (
+        summarise(smooth_runs([recorded(tmp_path / f"{name}.journal", 0.0, ta_of)]))
+        for name, ta_of in (
+            ("none", lambda _: None),
+            ("near", lambda _: 0),
+            ("lie", lambda i: 9 if i % 10 else None),
+        )
+    )
+    assert none.cells[0].timing is UNSET
+    places = near.cells[0].timing.places
+    assert near.cells[0].timing.disagree == 0
+    assert 10 <= places <= 16
+    told = lie.cells[0]
+    assert told.timing.disagree > 8
+    assert any("timing advance disagrees" in warning for warning in told.warnings)
+    tables.print_summary(near, details=True)
+    assert f"timing advance: read at {places} places, 0 disagree" in capsys.readouterr().out
+    tables.print_summary(none, details=True)
+    assert "timing" not in capsys.readouterr().out
+
+
+def test_runs_together_keep_the_ta_of_each(tmp_path):
+    ways = {"a": (0.0, lambda _: 0), "b": (140.0, lambda _: None)}
+    found = [
+        recorded(tmp_path / f"{name}.journal", *way, run_id=name) for name, way in ways.items()
+    ]
+    parts = {i: observe_run(run).observations.cells[0] for i, run in enumerate(found)}
+    joined = merge(parts, [0, 1])
+    assert joined.ta.tolist() == [0] * 60 + [-1] * 60
+    assert merge({1: parts[1]}, [0, 1]).ta is None
