@@ -66,7 +66,12 @@ def observations(run: RunOrPath) -> Observations:
 
 @overload
 def locate(
-    readings: CellObservations, /, *, environment: str = "any", height_m: float | None = None
+    readings: CellObservations,
+    /,
+    *,
+    environment: str = "any",
+    height_m: float | None = None,
+    antenna: str = "omni",
 ) -> CellResult: ...
 
 
@@ -81,6 +86,7 @@ def locate(
     rat: str | None = None,
     environment: str = "any",
     height_m: float | None = None,
+    antenna: str = "omni",
 ) -> CellResult: ...
 
 
@@ -94,6 +100,7 @@ def locate(
     rat: str | None = None,
     environment: str = "any",
     height_m: float | None = None,
+    antenna: str = "omni",
 ) -> CellResult:
     """Posterior of a transmitter's position and the verdict, from the readings of one cell.
 
@@ -102,16 +109,16 @@ def locate(
     (n,). `position_sigma_m`, scalar or shape (n,), is the standard deviation of the receiver's
     position per axis. `rat` ("GSM", "LTE", ...) tells where the modem's scale ends: readings there
     are censored. `environment` (any, open, suburban, urban) and `height_m`, the antenna above the
-    receiver, choose the prior of P0 and eta.
+    receiver, choose the prior of P0 and eta; `antenna` (omni, sector) that of the antenna pattern.
 
     The result has `verdict` ("located", "ambiguous", "cannot tell"), `warnings` with the reasons,
     and `posterior`, None for too few readings: `x_m`, `y_m` and `r95_m` in metres, `p0_dbm` at 1 m,
     `eta`, `modes` and `squares`, each in the frame of the input.
 
     Raises `ConfigError` for arrays of different shapes and an unknown environment.
-    Source: docs/specification.md; `logger.core.locator.pipeline` is the algorithm.
+    Source: `logger.core.locator.pipeline`, where the steps of the algorithm are listed.
     """
-    prior = prior_for(environment, height_m=height_m)
+    prior = prior_for(environment, height_m=height_m, antenna=antenna)
     if isinstance(readings, CellObservations):
         return locate_cell(readings, prior)
     if y_m is None or level_dbm is None:
@@ -125,6 +132,7 @@ def smooth(
     *,
     environment: str = "any",
     height_m: float | None = None,
+    antenna: str = "omni",
     loss: Loss = "linear",
     processes: int = 1,
 ) -> Result:
@@ -139,7 +147,7 @@ def smooth(
     an unknown environment or a run that appears twice, `GeoError` for runs too far apart.
     """
     every = [runs] if isinstance(runs, RunOrPath) else runs
-    options = Options(prior_for(environment, height_m=height_m), loss)
+    options = Options(prior_for(environment, height_m=height_m, antenna=antenna), loss)
     return smooth_runs([_run(run) for run in every], cells, options=options, processes=processes)
 
 
@@ -151,6 +159,7 @@ def verify(
     p_fa: float = 0.05,
     environment: str = "any",
     height_m: float | None = None,
+    antenna: str = "omni",
 ) -> Verified:
     """Test claimed positions of cells against a run: consistent, rejected or cannot tell.
 
@@ -166,7 +175,9 @@ def verify(
         claims = [claims]
     elif isinstance(claims, (Path, str)):
         claims = read_claims(Path(claims), list(observed_cells([observed], cells)))
-    return verify_claims(observed, claims, p_fa, prior_for(environment, height_m=height_m), cells)
+    return verify_claims(
+        observed, claims, p_fa, prior_for(environment, height_m=height_m, antenna=antenna), cells
+    )
 
 
 def export(

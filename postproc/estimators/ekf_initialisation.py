@@ -75,7 +75,8 @@ def run(
     """Find the start, filter the remaining readings, smooth all.
 
     `full` is the posterior of all readings; where it locates nothing, no prefix is tried. `noise`
-    is that of `noise_of` by default. `backward` takes the readings from the last to the first.
+    is that of `noise_of` by default. States have shape (m, 5): x, y in metres, P0 in dBm, eta and
+    shadowing in dB. `backward` takes the readings from the last to the first.
     """
     readings = obs.part(slice(None, None, -1)) if backward else obs
     noise = noise or noise_of(obs, full)

@@ -61,7 +61,10 @@ def retained_rows(count: int) -> IntArray:
 
 
 def reference_ekf(obs: CellObservations) -> FilterPath:
-    """The specification's EKF over all readings of a cell, from the walker's first position."""
+    """The specification's EKF over all readings of a cell, started at the first position.
+
+    States are x, y in metres, P0 in dBm and eta: shape (m, 4) for the m readings that are retained.
+    """
     rows, innovation = retained_rows(len(obs)), np.empty((2, len(obs)))
     x, triangles = np.empty((len(rows), 4)), np.empty((len(rows), 10))
     readings = tuple(np.array(values, float) for values in (obs.x_m, obs.y_m, obs.level_dbm))

@@ -37,7 +37,14 @@ def cell_name(i: int) -> str:
 
 
 def write_run(
-    path: Path, *, seconds: int, cells: int, utc: bool = True, truth: bool = True, speed_mps=1.4
+    path: Path,
+    *,
+    seconds: int,
+    cells: int,
+    utc: bool = True,
+    truth: bool = True,
+    speed_mps=1.4,
+    **changes,
 ) -> Run:
     """Walk around a square with a fix every second and a scan of all cells every other second.
 
@@ -46,7 +53,7 @@ def write_run(
     x0, y0 = UTM.to_xy(LAT, LON)
     lat, lon = UTM.to_latlon(x0 + TRANSMITTER_M[0], y0 + TRANSMITTER_M[1])
     known = (Truth(cell_name(0), lat, lon),) if truth else ()
-    writer = RunWriter(path, meta(started_ns=START_NS, truth=known))
+    writer = RunWriter(path, meta(started_ns=START_NS, truth=known, **changes))
     rng = np.random.default_rng(7)
     side = np.arange(5) * SIDE_M
     x, y = (

@@ -1,0 +1,108 @@
+"""The examples of `docs/api.md` and of the notebook run, and docstrings name shapes and units."""
+
+import inspect
+import json
+import re
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import postproc
+from logger.core import observations as core_observations
+from logger.core.locator import pipeline
+from logger.core.runfile import finish_journal
+from postproc import api
+from postproc.estimators import ekf_initialisation, filters, least_squares, rts
+from tests.docs.pages import ROOT
+from tests.kit.sample_results import write_run
+
+FUNCTIONS = [name for name in postproc.__all__ if inspect.isfunction(getattr(postproc, name))]
+BLOCKS = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+SHAPE_AND_UNIT = re.compile(r"shape|\(n,|\bm\b|metres|dBm|ns\b|degrees|scalar")
+
+
+@pytest.fixture
+def runs(tmp_path, monkeypatch):
+    """The two runs that the page names."""
+    for number, seconds in ((17, 240), (18, 100)):
+        write_run(
+            tmp_path / f"run-0000{number}.journal", seconds=seconds, cells=1, run_id=f"{number:032}"
+        )
+        finish_journal(tmp_path / f"run-0000{number}.journal")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_page_runs(runs, capsys):
+    names = {}
+    for block in BLOCKS.findall((ROOT / "docs/api.md").read_text("utf-8")):
+        exec(block, names)
+    assert names["alone"].posterior is not None
+    assert (runs / "walk.geojson").exists()
+    assert "262-01-4711-100" in capsys.readouterr().out
+
+
+def test_the_page_describes_every_function():
+    page = (ROOT / "docs/api.md").read_text("utf-8")
+    for name in FUNCTIONS:
+        parameters = inspect.signature(getattr(postproc, name)).parameters
+        missing = [p for p in parameters if not re.search(rf"\b{p}\b", page)]
+        assert (name, missing) == (name, [])
+    assert set(FUNCTIONS) <= set(re.findall(r"`(\w+)`", page))
+
+
+def test_the_notebook_runs(capsys, monkeypatch):
+    """Cell by cell in one namespace, as a kernel does, without a kernel's server and sockets."""
+    monkeypatch.setitem(mpl.rcParams, "backend", "agg")
+    notebook = json.loads((ROOT / "examples/locate.ipynb").read_text("utf-8"))
+    assert (notebook["nbformat"], {cell["cell_type"] for cell in notebook["cells"]}) == (
+        4,
+        {"code", "markdown"},
+    )
+    names = {}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == []
+            exec("".join(cell["source"]), names)
+    names["plt"].close("all")
+    assert names["cell"].verdict == "located"
+    assert names["error_m"] < names["cell"].posterior.r95_m
+    assert names["mirrored"].verdict != "located"
+    assert "95 % of the probability" in capsys.readouterr().out
+
+
+def test_the_published_type_is_the_returned_one(runs):
+    found = postproc.observations("run-000017.h5")
+    for name in ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq"):
+        assert getattr(found.cells[0], name).shape == (len(found.cells[0]),)
+        assert isinstance(getattr(found.cells[0], name), np.ndarray)
+
+
+@pytest.mark.parametrize(
+    "public",
+    [
+        *(getattr(api, name) for name in ("locate", "observations", "smooth", "verify")),
+        core_observations.CellObservations,
+        pipeline.locate,
+        filters.reference_ekf,
+        ekf_initialisation.run,
+        rts.smooth,
+        least_squares.fit,
+    ],
+)
+def test_docstrings_name_shapes_and_units(public):
+    text = inspect.getdoc(public)
+    summary, blank, *_ = text.splitlines()
+    assert summary.endswith(".")
+    assert blank == ""
+    assert SHAPE_AND_UNIT.search(text), text
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_docstrings_of_the_api_name_each_array_and_error(name):
+    text = inspect.getdoc(getattr(api, name))
+    assert "Raises" in text
+    signature = inspect.signature(getattr(api, name))
+    arrays = [p for p in signature.parameters if p.endswith(("_m", "_dbm", "_db"))]
+    assert [p for p in arrays if f"`{p}`" not in text and p != "height_m"] == []
