@@ -1,19 +1,18 @@
-"""Walks drawn as they would be if a transmitter stood at a given place: what both tests are
-calibrated by.
+"""Walks simulated past a transmitter at a given position: they calibrate both tests.
 
-Everything but the place is as this walk tells, wherever its transmitter stands: the likeliest
+Everything but the position is estimated from this walk, wherever its transmitter is: the likeliest
 hypothesis of the noise, and sigma and eta drawn together from their posterior (parametric
 bootstrap: Davison & Hinkley, Bootstrap Methods and their Application, 1997, ch. 4). P0 does not
-matter to either test and is left out. For the direct test the noise is judged without the
-directions that it looks for displacements in: judged with them, shadowing seems to last the longer
-the larger F is by chance, and alarms are too few (a p-value with plugged-in nuisances is too large
-where they depend on its statistic: Robins, van der Vaart & Ventura, J. Am. Statist. Assoc. 95(452),
-2000).
+matter to either test and is left out. For the direct test the noise is estimated without the
+directions in which it looks for displacements: with them, shadowing seems correlated over longer
+distances the larger F is by chance, and alarms are too few (a p-value with plugged-in nuisances is
+too large where they depend on its statistic: Robins, van der Vaart & Ventura, J. Am. Statist.
+Assoc. 95(452), 2000).
 
-Drawn walks are stationary, so they are judged with full trust. A measured walk is not, as a rule:
-hills, streets and the shape of the antenna stay in its residuals. It is judged with the trust that
-each hypothesis deserves (`logger.core.model.prior`), as the locator does, so its p-values are
-larger than those of a simulated walk with the same levels would be.
+Simulated walks are stationary, so they are tested with full trust. A measured walk usually is not:
+hills, streets and the antenna pattern stay in its residuals. It is tested with the trust of each
+hypothesis (`logger.core.model.prior`), as the locator does, so its p-values are larger than those
+of a simulated walk with the same levels would be.
 """
 
 from dataclasses import dataclass
@@ -77,7 +76,7 @@ def antenna_patterns(
     size: FloatArray,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Random patterns of antennas at positions (2, b), `size` (b,) times the prior's, (n, b) in dB."""
+    """Random antenna patterns in dB at positions (2, b), `size` (b,) times the prior's: (n, b)."""
     _, *harmonics = varying_columns(blocks, prior, position_m[0], position_m[1])
     sigma_db = np.repeat(prior.antenna_db, 2)[:, None] * size
     drawn = sigma_db * rng.normal(size=(len(harmonics), len(size)))
@@ -107,16 +106,15 @@ def nuisances(field: LikelihoodGrid, level_dbm: FloatArray, k: FloatArray) -> Nu
 def nuisances_off(
     bent: FloatArray, field: LikelihoodGrid, level_dbm: FloatArray, k: FloatArray
 ) -> Nuisances:
-    """Of the same, whatever its levels have in the orthonormal directions `bent` (n, q), wherever
-    it was heard from.
-    """
+    """The same without what the levels have in the orthonormal directions `bent` (n, q)."""
     free = whiteners_of(k[field.numbers] + _ANY * (bent @ bent.T), field.numbers.tolist())
     return nuisances(likelihood_grid(field.blocks, field.prior, field.squares, free), level_dbm, k)
 
 
 def calibrated(calm: FloatArray, found: FloatArray) -> FloatArray:
-    """Share of the sorted `calm` (d,) at or below each of `found`; where few are, by a power law
-    through the least.
+    """Share of the sorted `calm` (d,) at or below each of `found`.
+
+    In the tail, where few are, it follows a power law through the least of them.
     """
     calm, found = np.maximum(calm, _LEAST), np.maximum(found, _LEAST)
     count = np.searchsorted(calm, found, side="right")

@@ -30,11 +30,10 @@ _GOLDEN_RAD = np.pi * (3.0 - 5.0**0.5)
 
 @dataclass(frozen=True)
 class Listened:
-    """A walk ready to have claims tested: blocks with levels about zero, and what the noise is
-    like.
+    """A walk ready for tests of claims: blocks with levels about zero, and estimated noise.
 
     `covariances` (c, n, n) are those of every hypothesis of the prior. `field` has few places, to
-    be refined for a claim, `fine` those that the noise is judged at.
+    be refined for a claim, `fine` those at which the noise is estimated.
     """
 
     blocks: Blocks
@@ -57,8 +56,9 @@ class ClaimTest:
     calm_direct: FloatArray
 
     def p_direct(self, level_dbm: FloatArray, *, trusting: bool) -> FloatArray:
-        """p-values of levels (n, b), shape (b,); `trusting` the noise to be as stationary as a
-        simulated one.
+        """p-values (b,) of levels (n, b).
+
+        `trusting`: the noise is as stationary as in a simulation.
         """
         return calibrated(self.calm_direct, self.direct.p_values(level_dbm, trusting=trusting))
 
@@ -84,8 +84,9 @@ def listened(blocks: Blocks, prior: Prior) -> Listened:
 
 
 def claim_test(walk: Listened, claim: FloatArray, rng: np.random.Generator) -> ClaimTest | None:
-    """Prepare both tests of a claim of equally likely places (2, k); None for a walk of too few
-    blocks.
+    """Prepare both tests of a claim of equally likely positions (2, k).
+
+    None for a walk of too few blocks.
     """
     direct = direct_test(walk.blocks, walk.prior, walk.covariances, claim, walk.noise.mean_sigma_db)
     if direct is None:

@@ -4,7 +4,8 @@ Residuals of a wrong claim are not any residuals: a displaced transmitter bends 
 With X0 = [1, -L(c)] the model of the claim c and B (n, q) the strongest directions in which places
 around it differ from the span of X0,
 
-    F = S_B / (q s^2)  ~  F(q, n - 2 - q, delta),    e = (eta^ - eta0) / sqrt(eta_sigma^2 + var eta^)  ~  N(0, 1)
+    F = S_B / (q s^2)  ~  F(q, n - 2 - q, delta)
+    e = (eta^ - eta0) / sqrt(eta_sigma^2 + var eta^)  ~  N(0, 1)
 
 S_B is the weighted sum of squares that B takes off the residuals of X0, s^2 what neither explains
 by its n - 2 - q degrees of freedom; weights are by the full covariance of a hypothesis of the
@@ -44,8 +45,8 @@ class DirectTest:
 
     `bent` (n, q) is B. For each hypothesis c: `whiten` (c, n, n), `basis` (c, 2 + q, n) the
     orthonormal rows of 1,
-    -L(c) and B times `whiten`, `slope` (c,) what the second of them is by unit of eta, `log_weight` (c,), and `trust`
-    (c,).
+    -L(c) and B times `whiten`, `slope` (c,) the size of the second of them per unit of eta,
+    `log_weight` (c,), and `trust` (c,).
     """
 
     bent: FloatArray
@@ -58,8 +59,7 @@ class DirectTest:
     prior: Prior
 
     def p_values(self, level_dbm: FloatArray, *, trusting: bool) -> FloatArray:
-        """Of levels (n, b), shape (b,): the probability of a T as large where claim and hypothesis
-        are true.
+        """Probability (b,) of statistics as large as those of levels (n, b) under a true claim.
 
         `trusting` the noise to be stationary, by the likeliest hypothesis; else all of them, each
         with its own trust.
@@ -77,9 +77,7 @@ class DirectTest:
         return np.asarray(np.minimum(np.minimum(of_bend, of_eta), 1.0), float)
 
     def residuals(self, level_dbm: FloatArray) -> FloatArray:
-        """What the claim leaves of levels (n,), whitened by the likeliest hypothesis, shape
-        (n,).
-        """
+        """Residuals (n,) of levels (n,) at the claim, whitened by the likeliest hypothesis."""
         best = int(np.argmax(self._statistic(level_dbm[:, None])[2][:, 0]))
         rows = np.linalg.solve(self.whiten[best].T, self.basis[best, :2].T).T
         white = self.whiten[best] @ level_dbm
@@ -105,8 +103,9 @@ class DirectTest:
 def direct_test(
     blocks: Blocks, prior: Prior, k: FloatArray, claim: FloatArray, sigma_db: float
 ) -> DirectTest | None:
-    """Prepare the test for a claim of equally likely places (2, m), None for a walk of too few
-    blocks.
+    """Prepare the test of a claim of equally likely positions (2, m).
+
+    None for a walk of too few blocks.
 
     `k` (c, n, n) is the covariance by each hypothesis in units of sigma^2, `sigma_db` the noise by
     which the uncertainty of claim and receiver is weighed.
@@ -156,9 +155,7 @@ def _antenna_covariance(blocks: Blocks, prior: Prior, claim: FloatArray) -> Floa
 def _directions(
     blocks: Blocks, prior: Prior, claim: FloatArray, claim_db: FloatArray
 ) -> FloatArray:
-    """Orthonormal directions (n, q) in which levels of displaced transmitters differ, all
-    displacements alike.
-    """
+    """Orthonormal directions (n, q) in which displacements of the transmitter change the levels."""
     middle = np.mean(claim, axis=1)
     away_m = max(
         float(np.min(np.hypot(blocks.x_m - middle[0], blocks.y_m - middle[1]))), 2.0 * blocks.size_m

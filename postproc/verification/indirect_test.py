@@ -35,8 +35,9 @@ _MOST_SQUARES = 800
 
 @dataclass(frozen=True)
 class IndirectTest:
-    """`field` ends with the `k` equally likely places of the claim; `directional` is the same for a
-    measured walk.
+    """The prepared test: `field` ends with the `k` equally likely positions of the claim.
+
+    `directional` is the same with an antenna pattern, for a measured walk.
 
     `calm` and `calm_directional` are the sorted statistics of walks drawn from the claim.
     """
@@ -48,18 +49,18 @@ class IndirectTest:
     calm_directional: FloatArray
 
     def tails(self, level_dbm: FloatArray, *, trusting: bool) -> FloatArray:
-        """S for levels (n, b), shape (b,), with an antenna of any pattern and each hypothesis with
-        its own trust.
+        """S (b,) for levels (n, b), with an antenna pattern and tempered hypotheses.
 
-        Or (`trusting`) with one that sends all round, hypotheses in full.
+        `trusting`: without either.
         """
         if trusting:
             return _tails(self.field, self.k, level_dbm)
         return _tails(self.directional, self.k, level_dbm, self.directional.trust)
 
     def p_values(self, level_dbm: FloatArray, *, trusting: bool) -> FloatArray:
-        """Of levels (n, b), shape (b,); `trusting` the noise to be as stationary as a simulated
-        one.
+        """p-values (b,) of levels (n, b).
+
+        `trusting`: the noise is as stationary as in a simulation.
         """
         found = self.tails(level_dbm, trusting=trusting)
         if trusting:
@@ -74,8 +75,9 @@ def indirect_test(
     sigma_db: float,
     rng: np.random.Generator,
 ) -> IndirectTest:
-    """Prepare the test of a claim of equally likely places (2, k), with a field fine enough for
-    walks drawn from it.
+    """Prepare the test of a claim of equally likely positions (2, k).
+
+    The grid is refined for walks simulated from the claim.
 
     `drawn_dbm` (n, b) are those walks, whose noise is `sigma_db`.
     """

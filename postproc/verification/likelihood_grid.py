@@ -40,8 +40,10 @@ _LEAST_SIDE_M = 1.0  # of a square that is split: far below what a walk can reso
 
 
 class _Projections(NamedTuple):
-    """What turns levels into S, for one hypothesis: `weight` (n, h) of rows, and for each of the q
-    columns `rows` (q, n, h) and `shift` (q, h), so that g'A^-1 g = sum (rows'z + shift)^2.
+    """What turns levels into S, for one hypothesis.
+
+    `weight` (n, h) of rows, and for each of the q columns `rows` (n, h) and `shift` (q, h), so that
+    g'A^-1 g = sum (rows'z + shift)^2.
 
     `log_det` (h,) is log|A|.
     """
@@ -79,7 +81,7 @@ class LikelihoodGrid:
 
     @property
     def log_mass(self) -> FloatArray:
-        """Log prior probability of each square, shape (h,), up to a constant; -inf without extent."""
+        """Log prior probability of each square (h,), up to a constant; -inf without extent."""
         density = log_prior(self.blocks, self.prior, self.squares)
         with np.errstate(divide="ignore"):
             return np.asarray(density + 2.0 * np.log(self.squares[2]), float)

@@ -1,6 +1,4 @@
-"""What a walk could have told: the chance to reject a claim while the transmitter stands somewhere
-else.
-"""
+"""Power of the tests: the chance to reject a claim when the transmitter is somewhere else."""
 
 from dataclasses import dataclass
 
@@ -20,8 +18,9 @@ _BATCH = 256
 
 @dataclass(frozen=True, slots=True)
 class Detectable:
-    """Smallest displacement towards an azimuth that is rejected with 95 %, None where none up to
-    `limit_m` is.
+    """Smallest displacement towards an azimuth that is rejected with 95 %.
+
+    None where none up to `limit_m` is.
 
     `blind_m` is a larger one that is not, as the mirror image of a straight walk; None where there
     is none.
@@ -45,8 +44,9 @@ def power(
     *,
     trusting: bool,
 ) -> tuple[FloatArray, FloatArray]:
-    """Share of `draws` walks for each place (m,) of the transmitter in which each test rejects the
-    claim, (m,) each.
+    """Share of simulated walks in which each test rejects the claim, shape (m,) each.
+
+    There are `draws` walks for each position (m,) of the transmitter.
     """
     each_x, each_y = np.repeat(x_m, draws), np.repeat(y_m, draws)
     direct, indirect = [], []
@@ -63,8 +63,9 @@ def power(
 def detectable(
     test: ClaimTest, p_fa: float, rng: np.random.Generator, *, trusting: bool
 ) -> list[Detectable]:
-    """For each of eight azimuths; displacements are tried up to 20 times the claim's distance from
-    the walk.
+    """Detectable displacements for each of eight azimuths.
+
+    They are tried up to 20 times the claim's distance from the walk.
     """
     middle = np.mean(test.claim, axis=1)
     radius = distance_m(test) * np.array(_SHARES)
@@ -95,8 +96,9 @@ def distance_m(test: ClaimTest) -> float:
 
 
 def _crossing(radius: FloatArray, share: FloatArray) -> tuple[float | None, float | None]:
-    """Where the share first reaches 95 %, between the radii by its logarithm, and where it later
-    falls below 90 %.
+    """Where the share first reaches 95 %, and where it later falls below 90 %.
+
+    Between the radii it is interpolated by their logarithm.
     """
     reached = np.flatnonzero(share >= POWER)
     if not len(reached):

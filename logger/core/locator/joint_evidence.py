@@ -121,10 +121,9 @@ def _design(varying: list[FloatArray]) -> FloatArray:
 def log_weights_at(
     blocks: Blocks, prior: Prior, x_m: float, y_m: float, sigma_db: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Log evidence of every hypothesis with its prior odds if the transmitter stood at a place, and
-    sigma: (c,) each.
+    """Log evidence of every hypothesis at a position, with its prior odds, and sigma: (c,) each.
 
-    `sigma_db` (c,) is where to begin to look for sigma.
+    The search for sigma begins at `sigma_db` (c,).
     """
     begun = zip(whiteners(blocks, prior), sigma_db.tolist(), strict=True)
     joints = [Joint(blocks, prior, noise, begun_db) for noise, begun_db in begun]
@@ -142,11 +141,10 @@ def log_weights(
     y_m: FloatArray,
     samples: int,
 ) -> FloatArray:
-    """Log evidence of each hypothesis with its prior odds, shape (c,), over places (h,) of log
-    prior mass (h,).
+    """Log evidence of each hypothesis, with its prior odds, over all positions, shape (c,).
 
-    `log_p` (c, h) is what each makes of the places, about: it says where to look; `samples` places
-    of each of the two likeliest hypotheses are looked at.
+    Positions (h,) have a log prior mass of `log_mass` (h,). `log_p` (c, h) is an approximation from
+    which the positions are sampled: `samples` for each of the two likeliest hypotheses.
     """
     of_places = log_p + log_mass
     p = np.exp(of_places - log_sum(of_places)[:, None])
@@ -166,14 +164,14 @@ def log_weights(
 
 
 def _sampled(p: FloatArray, samples: int) -> IntArray:
-    """Indices of places that stand for equal parts of the mass, the likeliest first."""
+    """Indices of positions that stand for equal parts of the mass, the likeliest first."""
     order = np.argsort(-p, kind="stable")
     parts = (np.arange(samples) + 0.5) / samples * _SAMPLED_MASS
     return order[np.searchsorted(np.cumsum(p[order]), parts)]
 
 
 def _side_m(x_m: FloatArray, y_m: FloatArray) -> float:
-    """How far apart neighbouring places are, about the side of the square that each stands for."""
+    """Median distance of nearest neighbours, about the side of the square of a point."""
     if len(x_m) < 2:
         return 0.0
     apart_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)

@@ -1,6 +1,6 @@
-"""From the evidence of every hypothesis to the probability of places.
+"""From the evidence of every hypothesis to the probability of positions.
 
-Each hypothesis has a posterior of its own over the places, its likelihood raised to the power of
+Each hypothesis has its own posterior over the positions, with its likelihood raised to the power of
 its trust; they are mixed by how well each explains the walk as a whole.
 """
 
@@ -14,16 +14,14 @@ from logger.core.model.prior import Prior
 
 
 class Mixture(NamedTuple):
-    """Joint probability of hypothesis and place, shape (c, h), sum 1, and the log evidence of the
-    walk.
-    """
+    """Joint probability (c, h) of hypothesis and position, and the log evidence of the walk."""
 
     share: FloatArray
     log_evidence: float
 
     @property
     def probability(self) -> FloatArray:
-        """Of the places, shape (h,)."""
+        """Of the positions, shape (h,)."""
         return np.asarray(np.sum(self.share, axis=0), float)
 
     @property
@@ -39,7 +37,7 @@ def mixture(
     prior: Prior,
     log_weight: FloatArray | None = None,
 ) -> Mixture:
-    """Mix hypotheses `numbers` (c,) with log evidence (c, h) over places with log prior mass (h,).
+    """Mix hypotheses `numbers` (c,) with log evidence (c, h); positions have log prior mass (h,).
 
     `log_weight` (c,) of the hypotheses, up to a constant, is their evidence unless something else
     is given.
@@ -56,7 +54,7 @@ def mixture(
     return Mixture(share, log_evidence)
 
 
-@lru_cache(maxsize=8)  # asked after each live reading
+@lru_cache(maxsize=8)  # needed after each live reading
 def _of_hypotheses(prior: Prior) -> tuple[FloatArray, FloatArray]:
     """Trust and log odds of all hypotheses, shape (c,) each."""
     return np.array([h.trust for h in prior.hypotheses]), prior.log_odds
@@ -64,5 +62,5 @@ def _of_hypotheses(prior: Prior) -> tuple[FloatArray, FloatArray]:
 
 def log_sum(values: FloatArray) -> FloatArray:
     """Log of the sum of exponentials along the last axis."""
-    top = values.max(axis=-1)  # methods, since this is asked several times after each live reading
+    top = values.max(axis=-1)  # methods: this is needed several times after each live reading
     return np.asarray(top + np.log(np.exp(values - top[..., None]).sum(axis=-1)), float)

@@ -11,8 +11,8 @@ _HALF_ROOT = float(np.sqrt(0.125))  # of u: half of u / sqrt(2), the argument of
 def log_cdf_and_slope(u: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Log of the standard normal distribution function, and its slope phi(u) / Phi(u).
 
-    Relative errors are below 2e-7. From the rational approximation of erfc in Abramowitz & Stegun 7.1.26's successor (Press et al.,
-    Numerical Recipes, sec. 6.2, erfcc), whose logarithm stays finite far in the tail.
+    Relative errors are below 2e-7. From a rational approximation of erfc whose logarithm stays
+    finite far in the tail (Press et al., Numerical Recipes, sec. 6.2, erfcc).
     """
     squared = 0.5 * u * u
     t = 1.0 / (1.0 + np.abs(u) * _HALF_ROOT)
@@ -39,3 +39,4 @@ _ERFC = (
     1.00002368,
     -1.26551223,
 )
+"""Coefficients of erfcc, highest power first."""

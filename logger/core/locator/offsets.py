@@ -1,15 +1,15 @@
-"""How much higher each modem reads than the first, where one cell was heard by several.
+"""How much higher each modem reads than the first, where several have received one cell.
 
 Modem m > 0 reads z = P0 + b_m - eta L + v. The b are differences of offsets that are independent
 from modem to modem, so b ~ N(0, o^2 (I + 1 1')); integrated out, they add o^2 (1 + [same modem]) to
 the covariance of modems other than the first (a random effect: Laird & Ware, Biometrics 38(4),
-1982; `evidence.offset_covariance`). Here they are unknowns beside P0 and eta, so that they can be
-told.
+1982; `noise.offset_covariance`). Here they are unknowns beside P0 and eta, so that they can be
+reported.
 
 The evidence is in units of sigma^2, and a prior of offsets in dB is not: a first look at the walk
-in few blocks, with offsets as free as can be, says what sigma is, and o is given in units of that.
-Readings at the end of a scale are moved to the first modem's scale by what the first look says of
-the offsets, and left out where it says less than a level would.
+in few blocks, with offsets as free as can be, gives sigma, and o is expressed in units of that.
+Readings at the end of a scale are moved to the first modem's scale by the offsets of the first
+look, and left out where these are less certain than a level.
 """
 
 from dataclasses import dataclass, replace
@@ -27,17 +27,15 @@ from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 
-_MOST_PLACES = 150
-_LEAST_SHARE = 1e-3
-_FREE_DB = 60.0
+_MOST_PLACES = 150  # that hold nearly all of a mode
+_LEAST_SHARE = 1e-3  # of the probability: hypotheses below add nothing
+_FREE_DB = 60.0  # ten times the prior: as good as unknown
 _LOOK = Effort(most_squares=1500, split_share=0.01)
 
 
 @dataclass(frozen=True, slots=True)
 class Offsets:
-    """What each modem reads higher than the first: mean in dB, shape (m,), and covariance, shape
-    (m, m).
-    """
+    """What each modem reads higher than the first: mean (m,) in dB, and covariance (m, m)."""
 
     mean_db: FloatArray
     covariance_db2: FloatArray
@@ -49,9 +47,7 @@ class Offsets:
 
 
 def first_look(obs: CellObservations, coarse: Blocks, prior: Prior) -> tuple[Prior, Censored]:
-    """Prior with the offsets in units of the sigma that the walk seems to have, and the censored
-    places moved.
-    """
+    """Prior of the offsets in units of the sigma of the walk, and censored points on one scale."""
     plain = replace(coarse, censored=NOTHING_CENSORED)
     tree = search_once(plain, replace(prior, offset_sigma_db=_FREE_DB), _LOOK)
     mixed = tree.mixture(prior)
@@ -66,9 +62,7 @@ def first_look(obs: CellObservations, coarse: Blocks, prior: Prior) -> tuple[Pri
 def offsets(
     blocks: Blocks, prior: Prior, tree: Tree, mixed: Mixture, among: IntArray, modems: int
 ) -> Offsets:
-    """Offsets over the likeliest of the places `among`: between places and hypotheses, and given
-    both.
-    """
+    """Offsets over the likeliest of the positions `among`, by the law of total covariance."""
     p = mixed.probability[among]
     places = among[np.argsort(-p, kind="stable")[:_MOST_PLACES]]
     share = mixed.share[:, places] / np.sum(mixed.share[:, places])

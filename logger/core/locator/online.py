@@ -1,10 +1,7 @@
-"""The locator reading by reading, for the Pi: fewer blocks, cells and hypotheses, bounded time and
-memory.
+"""The locator reading by reading, in bounded time and memory, for the device.
 
-Between two searches the places stay fixed. A reading then costs one row of the whitened system for
-each hypothesis: a new block conditions on all earlier ones, so its row of W = R^-1 is [-k' K^-1, 1]
-/ s with s^2 = k_nn - k' K^-1 k (bordered Cholesky factor), and the sums of all places grow by that
-row.
+It has fewer blocks, squares and hypotheses than offline. Between two searches the positions stay
+fixed; a reading then costs one row of the whitened system for each hypothesis (`bordered_sums`).
 """
 
 from statistics import median
@@ -38,16 +35,16 @@ MOST_BLOCKS = 100
 FEWEST_BLOCKS = 4
 EFFORT = Effort(most_squares=500, split_share=0.02, nodes=1, first_share=1.0, samples=0, densest=0)
 
-_MOST_CENSORED = 40
-_KEPT_MASS = 1e-5
-_PLAUSIBLE = 1e-3
-_GROWN = 1.4
-_TURNED = 2.0
+_MOST_CENSORED = 40  # points: their covariance is inverted at each search
+_KEPT_MASS = 1e-5  # probability of a position that is kept between searches
+_PLAUSIBLE = 1e-3  # probability, by the likeliest, of a hypothesis that is kept
+_GROWN = 1.4  # times as many blocks: a new search is due
+_TURNED = 2.0  # urgency where the walk has left its curve, or the mass its modes
 _MODE_LEVEL = 0.99
 
 
 class Heard(NamedTuple):
-    """A reading with the receiver's place; `limit` as in `scale.limits`."""
+    """A reading with the receiver's position; `limit` as in `censoring.limits`."""
 
     x_m: float
     y_m: float
@@ -57,9 +54,7 @@ class Heard(NamedTuple):
 
 
 class Place(NamedTuple):
-    """The strongest mode now: mean [x, y, P0, eta], covariance (4, 4), probability, and sigma of a
-    level in dB.
-    """
+    """Strongest mode: mean [x, y, P0, eta], covariance (4, 4), probability, sigma of a level."""
 
     state: FloatArray
     covariance: FloatArray
@@ -68,10 +63,10 @@ class Place(NamedTuple):
 
 
 class _Searched(NamedTuple):
-    """Places (h,) kept by the last search, hypotheses (c,) not ruled out, and their sums.
+    """Positions (h,) of the last search, hypotheses (c,) not ruled out, and their sums.
 
-    `label` (h,) is the mode a place belongs to (-1: none), `gone` (c, h) what censored readings add
-    to the log evidence, `log_weight` (c,) as in `Tree`.
+    `label` (h,) is the mode a position belongs to (-1: none), `gone` (c, h) what censored readings
+    add to the log evidence, `log_weight` (c,) as in `Tree`.
     """
 
     square: FloatArray
@@ -84,7 +79,7 @@ class _Searched(NamedTuple):
 
 
 class OnlineLocator:
-    """Posterior of one transmitter after each reading; `search` again when `stale` says so."""
+    """Posterior of one transmitter after each reading; call `search` when `stale` exceeds 1."""
 
     def __init__(self, prior: Prior, spikes: SpikeFilter[Heard] | None = None) -> None:
         self._prior = prior
@@ -109,7 +104,7 @@ class OnlineLocator:
 
     @property
     def stale(self) -> float:
-        """How urgently places should be searched anew; above 1 is due."""
+        """How urgent a new search of the positions is; above 1 it is due."""
         if self._n < FEWEST_BLOCKS:
             return 0.0
         if self._searched is None:
@@ -123,21 +118,17 @@ class OnlineLocator:
     def add(
         self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int = 0
     ) -> None:
-        """Take a reading as soon as its neighbours say that it is none but a place's; `limit` as in
-        `scale.limits`.
-        """
+        """Take a reading once its neighbours confirm it; `limit` as in `censoring.limits`."""
         for reading, spike_db in self.judged(Heard(x_m, y_m, position_sigma_m, level_dbm, limit)):
             if not spike_db:
                 self.take(reading)
 
     def judged(self, heard: Heard) -> list[SpikeCheck[Heard]]:
-        """Readings of which the neighbours are known now, in their order; a spike is not to be
-        taken.
-        """
+        """Readings whose neighbours are known now, in their order, with the size of a spike."""
         return self._spikes.take(heard)
 
     def take(self, heard: Heard) -> None:
-        """Take a reading that has been judged."""
+        """Take a reading that is no spike."""
         x_m, y_m, position_sigma_m, level_dbm, limit = heard
         if limit:
             self._censor(x_m, y_m, position_sigma_m, level_dbm, limit)
@@ -154,14 +145,14 @@ class OnlineLocator:
             self._evaluate(self._searched, self._evidence)
 
     def search(self) -> None:
-        """Search the places again with all blocks so far."""
+        """Search the positions again with all blocks so far."""
         if self._n < FEWEST_BLOCKS:
             return
         self._lost = False
         point_m, variance_m2 = self._block[:2, : self._n], self._block[3, : self._n]
         self._curve = fit_curve(point_m, np.sqrt(variance_m2))
         walk = single(self._on_curve(0, self._n), self._size_m, self._censored())
-        tree = search_once(walk, self._prior, EFFORT, log_weight=self._judged(walk))
+        tree = search_once(walk, self._prior, EFFORT, log_weight=self._hypothesis_weights(walk))
         mixed = tree.mixture(self._prior)
         kept = np.flatnonzero(mixed.probability > _KEPT_MASS)
         alive = np.flatnonzero(mixed.by_hypothesis > _PLAUSIBLE * np.max(mixed.by_hypothesis))
@@ -171,17 +162,15 @@ class OnlineLocator:
         for k, indices in enumerate(mode_regions(cells, _MODE_LEVEL)):
             label[indices] = k
         log_mass = (tree.log_prior + 2.0 * np.log(tree.size_m))[kept]
-        searched = self._begun(square, log_mass, tree.numbers[alive], label)
+        searched = self._start(square, log_mass, tree.numbers[alive], label)
         self._n_searched = self._n
         self._evaluate(searched)
         if tree.log_weight is not None and self._evidence is not None:
             gone = tree.evidence.log_p[np.ix_(alive, kept)] - self._evidence.log_p
             self._evaluate(searched._replace(gone=gone, log_weight=tree.log_weight[alive]))
 
-    def _judged(self, walk: Blocks) -> FloatArray | None:
-        """Log weight of each hypothesis, where readings are censored, at the place that was
-        likeliest until now.
-        """
+    def _hypothesis_weights(self, walk: Blocks) -> FloatArray | None:
+        """Log weight of each hypothesis at the likeliest position, where readings are censored."""
         if self._searched is None or self._mixed is None or not len(walk.censored.x_m):
             return None
         x_m, y_m, size_m = self._searched.square
@@ -202,7 +191,9 @@ class OnlineLocator:
             return None
         p, label = self._mixed.probability, searched.label
         masses = np.bincount(label[label >= 0], p[label >= 0])
-        if not np.max(masses, initial=0.0) > 0.0:  # all has moved where the last search saw no mode
+        if (
+            not np.max(masses, initial=0.0) > 0.0
+        ):  # all of it is where the last search found no mode
             self._lost = True
             return None
         indices = np.flatnonzero(label == int(np.argmax(masses)))
@@ -215,9 +206,7 @@ class OnlineLocator:
         return Place(state, covariance, float(np.max(masses)), sigma_db)
 
     def noise(self) -> tuple[float, float]:
-        """White share and decorrelation distance in metres, weighed by the hypotheses'
-        probabilities.
-        """
+        """White share and decorrelation distance in metres, means over the hypotheses."""
         if self._searched is None or self._mixed is None:
             return 1.0, 0.0
         share, numbers = self._mixed.by_hypothesis, self._searched.numbers
@@ -226,9 +215,7 @@ class OnlineLocator:
     def _censor(
         self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int
     ) -> None:
-        """Count it to the last place while it is there; where there are too many places, neighbours
-        become one.
-        """
+        """Add a censored reading to the last point if close; with too many points, merge them."""
         if self._gone:
             x0_m, y0_m, dbm, side, count, sigma_m = self._gone[-1]
             if side == limit and np.hypot(x_m - x0_m, y_m - y0_m) <= self._size_m:
@@ -249,7 +236,7 @@ class OnlineLocator:
         self._n += 1
 
     def _coarsen(self) -> None:
-        """Half as many blocks, each larger; what was summed up is void."""
+        """Half as many blocks, each larger; all sums are computed anew."""
         x_m, y_m, level_dbm, variance_m2, count = self._block[:, : self._n]
         merged = gathered(
             x_m, y_m, level_dbm, count, variance_m2, MOST_BLOCKS // 2, NOTHING_CENSORED
@@ -269,7 +256,7 @@ class OnlineLocator:
             else np.concatenate([self._curve.project(column[:2]), column[2:]])
         )
 
-    def _begun(
+    def _start(
         self, square: FloatArray, log_mass: FloatArray, numbers: IntArray, label: IntArray
     ) -> _Searched:
         """Sums over the levels of all blocks but the last, which is still open."""
@@ -279,7 +266,7 @@ class OnlineLocator:
         return _Searched(square, log_mass, numbers, sums, label, gone, None)
 
     def _evaluate(self, searched: _Searched, before: Evidence | None = None) -> None:
-        """Weigh the places by all blocks; `before` is the evidence there one reading ago."""
+        """Evidence of the positions by all blocks; `before` is that of one reading ago."""
         self._place, self._searched = None, searched
         total, log_det = searched.sums.over(self._on_curve(0, self._n))
         near_db = None if before is None else before.sigma_db

@@ -1,4 +1,4 @@
-"""How likely correlated levels are all beyond a limit: expectation propagation.
+"""Probability that correlated levels are all beyond a limit, by expectation propagation.
 
 No closed form exists for more than three dimensions. Each reading's factor Phi is replaced by a
 Gaussian that leaves the same mean and variance where all others are taken as given (Minka, UAI
@@ -12,16 +12,14 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.locator.normal_tail import log_cdf_and_slope
 
-_SWEEPS = 12
-_DAMPED = 0.8
-_CLOSE_NATS = 0.1
-_LEAST_PRECISION = 1e-10
+_SWEEPS = 12  # enough for all cases seen; most take five
+_DAMPED = 0.8  # a full step may oscillate
+_CLOSE_NATS = 0.1  # far below what decides between hypotheses
+_LEAST_PRECISION = 1e-10  # above zero, below that of any reading
 
 
 class Sites(NamedTuple):
-    """The Gaussians exp(-precision f^2 / 2 + shift f) that stand for one reading of each place,
-    shape (g,).
-    """
+    """Gaussians exp(-precision f^2 / 2 + shift f) in place of one reading per point, (g,) each."""
 
     precision: FloatArray
     shift: FloatArray
@@ -69,9 +67,7 @@ def log_all_above(
 def _joined(
     mean: FloatArray, covariance: FloatArray, precision: FloatArray, shift: FloatArray
 ) -> tuple[float, FloatArray, FloatArray]:
-    """Log of the integral of N(f; mean, covariance) exp(-precision f^2 / 2 + shift f), and f's mean
-    and variance.
-    """
+    """Log integral of N(f; mean, covariance) exp(-precision f^2 / 2 + shift f), mean, variance."""
     root = np.sqrt(precision)
     whole = np.eye(len(mean)) + root[:, None] * covariance * root
     scaled = root[:, None] * covariance
@@ -86,9 +82,7 @@ def _joined(
 def _tilted(
     mean: FloatArray, variance: FloatArray, limit: FloatArray, own_variance: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log probability that N(mean, variance) and noise are above the limit, and mean and variance
-    given that.
-    """
+    """Log probability that a noisy normal is above the limit, and its moments given that."""
     sd = np.sqrt(variance + own_variance)
     u = (mean - limit) / sd
     log_phi, slope = log_cdf_and_slope(u)

@@ -1,4 +1,4 @@
-"""Readings gathered into blocks, each of about one place."""
+"""Readings gathered into blocks, each taken at about one point."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -36,7 +36,7 @@ NOTHING_CENSORED = Censored(*np.zeros((6, 0)))
 
 @dataclass(frozen=True, slots=True)
 class Blocks:
-    """The walk in blocks of readings taken at about one place.
+    """The walk in blocks of readings taken at about one point.
 
     `point_x_m, point_y_m, weight` are supporting points, shape (m,); block k has those from
     `first[k]` on, weights sum to 1. `x_m, y_m, level_dbm, readings, position_sigma_m, modem` have
@@ -74,9 +74,7 @@ class Blocks:
         return np.repeat(self.position_sigma_m, points)
 
     def mean(self, of_points: FloatArray) -> FloatArray:
-        """Weighted means over the points of each block, shape (n, k), of rows for each point (m,
-        k).
-        """
+        """Weighted means over the points of each block, (n, k), of rows for each point (m, k)."""
         if self.of_one_point:
             return of_points
         return np.asarray(np.add.reduceat(self.weight[:, None] * of_points, self.first), float)
@@ -96,7 +94,7 @@ class Blocks:
 
 
 def single(column: FloatArray, size_m: float, gone: Censored) -> Blocks:
-    """Blocks of one point each, from rows (5, n): x, y, level, variance of the position, readings."""
+    """Blocks of one point each; rows (5, n) are x, y, level, position variance and readings."""
     x_m, y_m, level_dbm, variance_m2, readings = column
     count = len(x_m)
     return Blocks(
@@ -116,8 +114,7 @@ def single(column: FloatArray, size_m: float, gone: Censored) -> Blocks:
 
 
 def blocks(obs: CellObservations, most: int) -> Blocks:
-    """Gather the readings of one place and modem, whenever taken, into blocks; at most `most` of
-    them.
+    """Gather the readings of one point and modem, whenever taken, into at most `most` blocks.
 
     Standing still or walking a street twice adds readings to a block and no block.
     """
@@ -145,8 +142,9 @@ def gathered(
     censored: Censored,
     modem: IntArray | None = None,
 ) -> Blocks:
-    """Blocks of supporting points, each the mean of `count` readings of a modem (None: of one); all
-    arrays (m,).
+    """Blocks of supporting points, each the mean of `count` readings; all arrays (m,).
+
+    `modem` is None where there is only one.
     """
     modem = np.zeros(len(x_m), np.int64) if modem is None else modem
     coarse, size_m = squares(x_m, y_m, most, modem)

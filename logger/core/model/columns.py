@@ -70,7 +70,7 @@ def _harmonics(
 
 
 def receiver_variance(blocks: Blocks, prior: Prior, distance_db: FloatArray) -> FloatArray | None:
-    """Variance (n, h), in units of sigma^2, caused by the receiver's position error; None without one.
+    """Variance (n, h), in units of sigma^2, of the receiver's position error; None without one.
 
     An error sigma_g at distance d moves the level by about (10 / ln 10) eta sigma_g / d.
     """

@@ -75,7 +75,7 @@ def inverse(eliminated: FloatArray, count: int) -> FloatArray:
 
 
 def reduced(eliminated: FloatArray, columns: list[FloatArray]) -> list[FloatArray]:
-    """Columns (n, ...) of the unknowns with those of later unknowns taken off: U^-1 applied to them.
+    """U^-1 applied to the columns (n, ...) of the unknowns, later ones taken off earlier ones.
 
     With A = X'X the reduced columns are orthogonal, their squares sum to D.
     """

@@ -1,4 +1,4 @@
-"""The one marginaliser: evidence of a position with the linear coefficients and sigma integrated out.
+"""The one marginaliser: linear coefficients and sigma integrated out of the evidence.
 
 With whitened columns X = W [columns], z = W levels, weights of rows w, s2 = sigma^2 and the prior
 N(m0, Lambda0^-1) of the coefficients, all that a position needs are the sums X'wX, X'wz and z'wz:
@@ -44,8 +44,8 @@ PAIRS = ((0, 0), (0, 1), (1, 1))
 class Evidence(NamedTuple):
     """What the levels give for each hypothesis of the noise (c) at each position (h).
 
-    `log_p` and `sigma_db` (mean) have shape (c, h); `theta` (q, c, h) is the mean of P0, eta and the
-    antenna's harmonics; `theta_cov` (3, c, h) holds var P0, cov, var eta.
+    `log_p` and `sigma_db` (mean) have shape (c, h); `theta` (q, c, h) is the mean of P0, eta and
+    the antenna's harmonics; `theta_cov` (3, c, h) holds var P0, cov, var eta.
     """
 
     log_p: FloatArray

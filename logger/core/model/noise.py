@@ -1,7 +1,7 @@
-"""Covariance of the mean levels of blocks by each hypothesis of the noise, and what whitens them.
+"""Covariance of the mean levels of blocks under each hypothesis of the noise, and its whitener.
 
-Shadowing is averaged over the points of a block: what changes within it is averaged away in part.
-Blocks taken for points, shadowing seemed to last longer than it does, and a walk to tell less.
+Shadowing is averaged over the points of a block, which removes a part of what changes within it.
+With blocks taken for points, shadowing seems correlated over longer distances than it is.
 """
 
 from collections.abc import Sequence
@@ -13,8 +13,8 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.blocks import READINGS_BELIEVED, Blocks
 from logger.core.model.prior import Prior
 
-_ROUNDING_DB2 = 1.0 / 12.0
-_SMALL = 16
+_ROUNDING_DB2 = 1.0 / 12.0  # of levels in whole dB
+_SMALL = 16  # rows: below that the general inverse is faster
 
 
 class Whitener(NamedTuple):
@@ -26,8 +26,9 @@ class Whitener(NamedTuple):
 
 
 def covariances(blocks: Blocks, prior: Prior, numbers: Sequence[int] | None = None) -> FloatArray:
-    """K of the blocks' mean levels by every hypothesis, or those of some `numbers`, shape (c, n, n)
-    by sigma^2.
+    """K of the blocks' mean levels in units of sigma^2, shape (c, n, n).
+
+    One for every hypothesis, or for those of some `numbers`.
     """
     chosen = [
         prior.hypotheses[i] for i in (range(len(prior.hypotheses)) if numbers is None else numbers)
@@ -46,8 +47,9 @@ def covariances(blocks: Blocks, prior: Prior, numbers: Sequence[int] | None = No
 
 
 def correlation(apart_m: FloatArray, decorrelation_m: float) -> FloatArray:
-    """Of the shadowing at places that are this far apart (Gudmundson, Electronics Letters 27(23),
-    1991).
+    """Correlation of the shadowing at points that are this far apart.
+
+    Gudmundson, Electronics Letters 27(23), 1991.
     """
     return np.asarray(np.exp(-apart_m / max(decorrelation_m, 1.0)), float)
 
@@ -55,9 +57,9 @@ def correlation(apart_m: FloatArray, decorrelation_m: float) -> FloatArray:
 def independent_variance(
     readings: FloatArray | float, white_share: FloatArray | float, sigma_db: float
 ) -> FloatArray:
-    """What only the block itself has of K's diagonal: fading and rounding to 1 dB.
+    """Block-specific part of K's diagonal: fading, and rounding to 1 dB.
 
-    Fading stays the same for a while where one stands: more than 16 readings are not believed.
+    Fading changes little while one stands still: more than 16 readings count as 16.
     """
     return np.asarray(
         white_share / np.minimum(readings, READINGS_BELIEVED) + _ROUNDING_DB2 / sigma_db**2, float
@@ -65,10 +67,9 @@ def independent_variance(
 
 
 def offset_covariance(modem: IntArray, prior: Prior) -> FloatArray | None:
-    """What the offsets of modems (n,) add to K; None where there is one modem, whose offset is a
-    part of P0.
+    """What the offsets of modems (n,) add to K; None for one modem, whose offset is part of P0.
 
-    Levels are on the scale of modem 0; what another reads higher is the difference of two offsets.
+    Levels are on the scale of modem 0; another differs from it by the difference of two offsets.
     """
     if not np.any(modem):
         return None
@@ -85,8 +86,9 @@ def whiteners(blocks: Blocks, prior: Prior, numbers: Sequence[int] | None = None
 
 
 def whiteners_of(k: FloatArray, numbers: Sequence[int] | None = None) -> list[Whitener]:
-    """One for each covariance in units of sigma^2, shape (c, n, n), by the hypotheses of these
-    `numbers`, or of all.
+    """One for each covariance (c, n, n) in units of sigma^2.
+
+    Their hypotheses are those of these `numbers`, or all.
     """
     chosen = range(len(k)) if numbers is None else numbers
     root = np.asarray(np.linalg.cholesky(k), float)
@@ -98,9 +100,7 @@ def whiteners_of(k: FloatArray, numbers: Sequence[int] | None = None) -> list[Wh
 
 
 def inverse_of_lower(root: FloatArray) -> FloatArray:
-    """Inverse of lower triangular matrices (..., n, n): by halves, which a general inverse takes
-    four times as long.
-    """
+    """Inverse of lower triangular matrices (..., n, n), by halves: four times as fast."""
     n = root.shape[-1]
     if n <= _SMALL:
         return np.asarray(np.tril(np.linalg.inv(root)), float)

@@ -50,7 +50,7 @@ def level_slopes(
 ) -> FloatArray:
     """Derivatives of the level by x, y, P0 and eta, shape (n, 4), for offsets of shape (n,).
 
-    Offsets lead from the receiver to the transmitter. Those by x and y are zero where d is held at 1 m.
+    Offsets lead from the receiver to the transmitter. Slopes by x and y are zero within 1 m.
     """
     squared_m2 = _squared_m2(dx_m, dy_m, height_m, sigma_m)
     away = squared_m2 > MIN_DISTANCE_M**2

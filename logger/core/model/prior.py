@@ -23,7 +23,7 @@ are 1.1 dB rms and count as noise.
 class Hypothesis(NamedTuple):
     """Covariance of the residuals: a white share, the rest with a decorrelation distance.
 
-    `decorrelation_m` is 0 where all is white. `trust` is the power that the likelihood is raised to.
+    `decorrelation_m` is 0 where all is white. The likelihood is raised to the power `trust`.
     """
 
     white_share: float
