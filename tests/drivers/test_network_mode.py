@@ -37,7 +37,7 @@ from tests.kit.drivers import run_dialogue, run_exchange
         ),
     ],
 )
-def test_what_a_modem_tells_can_be_set_again(command, line, value, back):
+def test_what_a_modem_reports_can_be_set_again(command, line, value, back):
     assert command.value_in(Reply(command.query, (line,), "OK")) == value
     assert command.is_value(value)
     assert command.set_to(value) == back
@@ -60,7 +60,7 @@ def test_what_is_no_value_is_none(line):
     assert network_mode.SELRAT[0].value_in(Reply("AT!SELRAT?", (line,), "OK")) is None
 
 
-def test_a_value_counts_that_is_told_twice_in_a_row():
+def test_a_value_counts_that_is_reported_twice_in_a_row():
     asked = "AT+CNMP?"
     once = [
         (asked, ("+CNMP: 38",), "OK"),
@@ -76,7 +76,7 @@ def test_a_value_counts_that_is_told_twice_in_a_row():
     )
 
 
-def test_the_command_that_the_modem_knows_is_taken():
+def test_the_command_that_the_modem_has_is_taken():
     answers = {"AT^SYSCFG?": (("^SYSCFG:2,0,3FFFFFFF,1,2",), "OK")}
     found, asked = run_dialogue(network_mode.read_mode(network_mode.SYSCFG), answers)
     assert found == (network_mode.SYSCFG[1], "2,0")

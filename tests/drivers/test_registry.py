@@ -32,7 +32,7 @@ def test_the_dialogue_that_asks():
     assert not any("CGSN" in text or "CIMI" in text for text in asked)
 
 
-def test_a_silent_modem_is_nobody():
+def test_a_silent_modem_has_no_driver():
     assert run_dialogue(identify(), {}, ((), None))[0] is None
 
 
@@ -113,7 +113,7 @@ def test_the_one_exception_is_the_choice_of_gsm_only(driver):
 
 
 @pytest.mark.parametrize("driver", FAMILIES.values(), ids=FAMILIES)
-def test_a_full_scan_is_asked_after_before_its_time_is_over(driver):
+def test_a_full_scan_is_followed_by_at_before_its_time_is_over(driver):
     """By what is documented, or not at all; no other command is."""
     assert all(c.silence_s < c.timeout_s or c.silence_s == math.inf for c in driver.survey_commands)
     assert {

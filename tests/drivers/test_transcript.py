@@ -15,7 +15,7 @@ def test_commands_and_final_codes_divide_replies():
     assert replies(lines) == [lines[:3], lines[3:4], lines[4:7], lines[7:]]
 
 
-def test_serving_cells_divide_rows_that_nobody_asked_for():
+def test_serving_cells_divide_unsolicited_rows():
     neighbour = ROW.format(n=1, cid="a53f")
     assert replies([SERVING, neighbour, SERVING, neighbour]) == [[SERVING, neighbour]] * 2
 

@@ -61,7 +61,7 @@ def test_garbage_is_between_the_bytes_of_the_answers(now):
     assert len(CSQ.findall(said)) < 50
 
 
-def test_a_hang_loses_what_it_is_told(now):
+def test_a_hang_loses_what_it_is_sent(now):
     modem = misbehaving("hang", now)
     assert through(modem, now, [10.0, 15.0, 19.9]) == [b"", b"", b""]
     now.t_s = 20.0
@@ -85,7 +85,7 @@ def test_a_brown_out_ends_with_the_settings_of_the_factory(now):
     assert modem.feed(b"AT+CENG?\r") == b"AT+CENG?\r\r\n+CENG: 0,0\r\n\r\nOK\r\n"
 
 
-def test_a_silent_reset_says_nothing(now):
+def test_a_silent_reset_prints_nothing(now):
     modem = misbehaving("silent-reset", now)
     assert through(modem, now, [10.0], b"AT+CENG?\r") == [b"AT+CENG?\r\r\n+CENG: 0,0\r\n\r\nOK\r\n"]
 
@@ -128,7 +128,7 @@ def test_an_answer_comes_again_before_the_next(now):
     assert modem.unsolicited() == b""
 
 
-def test_a_storm_is_of_whole_lines(now):
+def test_a_storm_is_of_complete_lines(now):
     said = b"".join(through(misbehaving("urc-storm", now), now, [10.0 + n / 10 for n in range(50)]))
     assert len(CSQ.findall(said)) == 50
     assert len(said.split(b"\r\n")) > 900

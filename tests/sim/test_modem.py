@@ -120,7 +120,7 @@ def test_bytes_may_come_one_by_one(modem):
     )
 
 
-def test_mode_2_tells_without_being_asked(modem, stopwatch):
+def test_mode_2_prints_unsolicited_rows(modem, stopwatch):
     modem.feed(b"AT+CENG=2,1\r")
 
     assert modem.unsolicited() == b""

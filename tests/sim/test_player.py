@@ -49,7 +49,7 @@ def test_rate_is_kept():
         assert time.monotonic() - began_s > 0.4
 
 
-def test_player_stops_while_nobody_reads():
+def test_player_stops_while_nothing_reads():
     with PtyDevice(NmeaPlayer(LOG)) as device, open_port(device):
         time.sleep(0.05)
 

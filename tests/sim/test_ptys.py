@@ -87,7 +87,7 @@ def test_receiver_speaks_each_second_of_a_fast_clock():
         assert time_of_walk.now_s() >= first + 59
 
 
-def test_receiver_does_not_keep_what_nobody_heard():
+def test_receiver_keeps_nothing_that_is_not_read():
     time_of_walk = WalkTime(ScaledClock(200.0))
     with PtyDevice(talking(Ticker(), time_of_walk)) as device:
         while time_of_walk.now_s() < 40.0:

@@ -25,7 +25,7 @@ def test_it_passes_the_target_and_keeps_off_the_others():
     assert all(200.0 < distance_m < 900.0 for distance_m in others_m)
 
 
-def test_cells_are_told_apart():
+def test_cells_are_distinguished():
     cells = scenario().world.transmitters
 
     assert len(cells) == len({cell.cid for cell in cells}) == len({cell.arfcn for cell in cells})

@@ -35,7 +35,7 @@ def test_levels_keep_the_shape_of_the_places():
     assert build().received_dbm(places, places, np.random.default_rng(0)).shape == (2, 4, 5)
 
 
-def test_readings_are_whole_dbm_and_never_below_the_floor():
+def test_readings_are_integer_dbm_and_never_below_the_floor():
     distances_m = np.geomspace(1.0, 5000.0, 400)
 
     heard_dbm = build().received_dbm(distances_m, np.zeros(400), np.random.default_rng(0))[0]

@@ -23,6 +23,7 @@ from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.generic.generic import Generic
 from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.reading.cell_values import area_values
 from logger.drivers.reading.fields import (
     area,
     at,
@@ -229,8 +230,7 @@ def _reading(cell: _Cell, number: Callable[[str], int | None]) -> CellReading:
         rat=rat,
         mcc=mcc,
         mnc=mnc,
-        lac=None if later else area_code,
-        tac=area_code if later else None,
+        **area_values(rat, area_code),
         cid=None if is_nobody else identity,
         arfcn=channel,
         band=cell.band,

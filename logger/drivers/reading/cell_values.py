@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+from logger.core.types import Rat
 from logger.drivers.reading.fields import (
     area,
     cell_identity,
@@ -67,3 +68,8 @@ def read_values(named: Mapping[str, str], readers: Readers = VALUES) -> dict[str
     }
     values.pop("", None)
     return values
+
+
+def area_values(rat: Rat | None, code: int | None) -> dict[str, Any]:
+    """The area of a cell as `lac` of GSM and WCDMA, or as `tac` of later technologies."""
+    return {"lac" if rat in {"GSM", "WCDMA"} else "tac": code}

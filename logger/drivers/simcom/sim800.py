@@ -12,13 +12,14 @@ completely or not at all; a row that is damaged further right keeps the level of
 
 import re
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from logger.core.types import CellReading, Role
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
-from logger.drivers.reading.fields import area, cell_identity
+from logger.drivers.reading.fields import HEX, area, cell_identity, matches
 from logger.drivers.reading.number_text import NumberForm, NumberText
 from logger.drivers.reading.rows import Row
 
@@ -50,17 +51,14 @@ _LAYOUTS: Mapping[
     (False, 8): (*_NEIGHBOUR, "c1", "c2"),
     (False, 9): (*_NEIGHBOUR_CELLID, "c1", "c2"),
 }
-# Last values of full width, which a row without its closing mark may end with; the others may have
-# lost digits.
-_UNCUT = {
-    "lac": re.compile(r"[0-9A-Fa-f]{4}"),
-    "rxl": re.compile(r"\d\d"),
-    "ta": re.compile(r"(?!25)\d\d|255"),
+_FULL_WIDTH = {  # of a last value, with which a row without its closing mark may end
+    "lac": r"[0-9A-Fa-f]{4}",
+    "rxl": r"\d\d",
+    "ta": r"(?!25)\d\d|255",
 }
 _SPARE = frozenset({"ta", "c2", "ch_mod"})  # a row is worth reading without these
 
-# What the fields can hold; the marks for unknown (99, 255, x) are outside.
-_RANGE = {
+_RANGE = {  # the marks for unknown (99, 255, x) are outside
     "bcch": range(2048),
     "rxl": range(67),  # to -47 dBm
     "rxq": range(8),
@@ -71,32 +69,22 @@ _RANGE = {
 }
 
 _FILLER = re.compile(r"0*|[fF]*")
-# Some firmware pads hexadecimal numbers to four digits, some prints none to spare: "013" is
-# neither.
-_HEX = re.compile(r"[0-9A-Fa-f]{4}|[1-9A-Fa-f][0-9A-Fa-f]{0,2}|0?")
 _FORMS = {  # of a row that is not damaged
-    "mcc": re.compile(r"(?!000)\d{3}"),  # 001 is a real test network
-    "mnc": re.compile(r"\d{2,3}"),
-    "lac": _HEX,
-    "cellid": _HEX,
+    "mcc": r"(?!000)\d{3}",  # 001 is a real test network
+    "mnc": r"\d{2,3}",
+    "lac": HEX,
+    "cellid": HEX,
     # No part of an identity, but a lost comma shows here, and the order of the SIM900 manual V1.01
     # in rla and txp.
-    "rxl": re.compile(r"\d{1,2}"),
-    "bsic": re.compile(r"\d{0,3}"),
-    "rla": re.compile(r"\d{1,2}|255"),
-    "txp": re.compile(r"\d{1,2}|255"),
+    "rxl": r"\d{1,2}",
+    "bsic": r"\d{0,3}",
+    "rla": r"\d{1,2}|255",
+    "txp": r"\d{1,2}|255",
 }
-# Some firmware pads these to so many digits.
-_WIDTHS = {
-    "bcch": NumberForm(10, frozenset({4})),
-    "rxl": NumberForm(10, frozenset({2})),
-    "bsic": NumberForm(10, frozenset({2})),
-}
-_NOBODY: tuple[None, None, None, None] = (None, None, None, None)
-
-Identity = (
-    tuple[str, str, int | None, int | None] | tuple[None, None, None, None]
-)  # mcc, mnc, lac, cid
+_FULL_LEVEL = {"bcch": r"\d{4}", "rxl": r"\d\d"}  # no comma before them is lost
+_TWO_DIGITS = NumberForm(10, frozenset({2}))
+_WIDTHS = {"bcch": NumberForm(10, frozenset({4})), "rxl": _TWO_DIGITS, "bsic": _TWO_DIGITS}
+"""Values that some firmware pads."""
 
 
 class Sim800(Family):
@@ -147,13 +135,13 @@ def _parse_row(row: re.Match[str], mode: int | None) -> CellReading | None:
     texts = [text.strip() for text in body.split(",")]
     layout = _layout(role == "serving", texts, mode)
     closed = end is not None
-    if not closed and not (layout and _ends_whole(layout[-1], texts)):
+    if not closed and not (layout and _ends_complete(layout[-1], texts)):
         return None
     values = dict(zip(layout or ("bcch", "rxl"), texts, strict=False))
     identity = _identity(values) if layout else None
-    if identity is None and not (closed and _has_level(values)):
+    if identity is None and not (closed and matches(_FULL_LEVEL, values)):
         return None
-    return _reading(role, values, identity or _NOBODY, dbm_of_rxl_0=DBM_OF_RXL_0 if blank else None)
+    return _reading(role, values, identity or {}, dbm_of_rxl_0=DBM_OF_RXL_0 if blank else None)
 
 
 def _layout(serving: bool, texts: Sequence[str], mode: int | None) -> tuple[str, ...] | None:
@@ -165,36 +153,27 @@ def _layout(serving: bool, texts: Sequence[str], mode: int | None) -> tuple[str,
     return _LAYOUTS.get((serving, len(texts)))
 
 
-def _ends_whole(last: str, texts: list[str]) -> bool:
+def _ends_complete(last: str, texts: list[str]) -> bool:
     """False where the row's last value may be cut; one that the row can spare is emptied."""
-    uncut = _UNCUT.get(last)
-    if uncut and uncut.fullmatch(texts[-1]):
+    if last in _FULL_WIDTH and re.fullmatch(_FULL_WIDTH[last], texts[-1]):
         return True
     if last in _SPARE:
         texts[-1] = ""
     return last in _SPARE
 
 
-def _identity(values: Mapping[str, str]) -> Identity | None:
-    """The identity: unknown where not decoded, None where the row is damaged."""
+def _identity(values: Mapping[str, str]) -> dict[str, Any] | None:
+    """Network, area and cell, empty where not decoded; None where the row is damaged."""
     if all(_FILLER.fullmatch(values.get(name) or "") for name in ("mcc", "mnc", "lac", "cellid")):
-        return _NOBODY
-    if not all(
-        form.fullmatch(values[name])
-        for name, form in _FORMS.items()
-        if values.get(name) is not None
-    ):
+        return {}
+    if not matches({name: form for name, form in _FORMS.items() if name in values}, values):
         return None
-    lac, cid = area(values.get("lac") or "0"), cell_identity(values.get("cellid") or "0", 16)
-    return values["mcc"], values["mnc"], lac, cid
-
-
-def _has_level(values: Mapping[str, str]) -> bool:
-    """True where channel and level have their full width: no comma before them is lost."""
-    return bool(
-        re.fullmatch(r"\d{4}", values.get("bcch", ""))
-        and re.fullmatch(r"\d\d", values.get("rxl", ""))
-    )
+    return {
+        "mcc": values["mcc"],
+        "mnc": values["mnc"],
+        "lac": area(values.get("lac") or "0"),
+        "cid": cell_identity(values.get("cellid") or "0", 16),
+    }
 
 
 def _parse_scan(scan: re.Match[str]) -> CellReading | None:
@@ -209,42 +188,35 @@ def _parse_scan(scan: re.Match[str]) -> CellReading | None:
 
 
 def _reading(
-    role: Role, values: Mapping[str, str], identity: Identity, *, dbm_of_rxl_0: float | None
+    role: Role,
+    values: Mapping[str, str],
+    identity: Mapping[str, Any],
+    *,
+    dbm_of_rxl_0: float | None,
 ) -> CellReading | None:
-    level = _number(values, "rxl")
-    channel = _number(values, "bcch")
-    if not re.fullmatch(r"\d{1,2}", values.get("rxl", "")) or (
-        channel is None and "bcch" in values
-    ):
+    channel, level, bsic = (_number(values, name) for name in ("bcch", "rxl", "bsic"))
+    has_channel = channel is not None or "bcch" not in values
+    if not matches({"rxl": _FORMS["rxl"]}, values) or not has_channel:
         return None
-    mcc, mnc, lac, cid = identity
-    if mcc is None and not channel and not level and values.get("rxl") != "99":
+    if not identity and not channel and not level and values.get("rxl") != "99":
         return None  # an empty slot
-    bsic = _number(values, "bsic")
     if role != "scan":
-        level, channel, bsic = (
-            _as_printed(name, number, values)
-            for name, number in (("rxl", level), ("bcch", channel), ("bsic", bsic))
+        channel, level, bsic = (
+            None if number is None else NumberText(number, values[name], _WIDTHS[name])
+            for name, number in (("bcch", channel), ("rxl", level), ("bsic", bsic))
         )
+    plain: dict[str, Any] = {name: _number(values, name) for name in ("rxq", "ta", "c1", "c2")}
     return CellReading(
         role=role,
         rat="GSM",
-        mcc=mcc,
-        mnc=mnc,
-        lac=lac,
-        cid=cid,
+        **identity,
         arfcn=None if channel is None else _arfcn(channel),
         arfcn_raw=channel,
-        bsic=None
-        if mcc is None and bsic == 0
-        else bsic,  # 00 fills the field of a cell that is not decoded
+        bsic=bsic if identity or bsic else None,  # 00 fills the field of a cell that is not decoded
         rxlev_raw=level,
-        rxq=_number(values, "rxq"),
         rssi_dbm=None if level is None or dbm_of_rxl_0 is None else dbm_of_rxl_0 + level,
-        ta=_number(values, "ta"),
-        c1=_number(values, "c1"),
-        c2=_number(values, "c2"),
         more={"operator": values["operator"]} if values.get("operator") else {},
+        **plain,
     )
 
 
@@ -253,10 +225,6 @@ def _arfcn(printed: int) -> int | None:
     if printed < 1024:
         return printed
     return printed - 1024 if 512 <= printed - 1024 <= 810 else None
-
-
-def _as_printed(name: str, number: int | None, values: Mapping[str, str]) -> NumberText | None:
-    return None if number is None else NumberText(number, values[name], _WIDTHS[name])
 
 
 def _number(values: Mapping[str, str], name: str) -> int | None:

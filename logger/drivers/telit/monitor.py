@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterator, Mapping
 
 from logger.core.types import CellReading, Rat, Role
-from logger.drivers.reading.cell_values import read_values
+from logger.drivers.reading.cell_values import area_values, read_values
 from logger.drivers.reading.fields import (
     area,
     at,
@@ -131,8 +131,7 @@ def _labelled_row(text: str) -> CellReading | None:
         rat=rat,
         mcc=mcc,
         mnc=mnc,
-        lac=None if on_lte else area_code,
-        tac=area_code if on_lte else None,
+        **area_values(rat, area_code),
         cid=None if area_code is None else _identity(cell, rat),
         pci=hexadecimal(cell, 0, HIGHEST_PCI) if on_lte and "tac" not in found else None,
         arfcn=channel,

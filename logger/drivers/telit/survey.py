@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from logger.core.types import CellReading, Rat
-from logger.drivers.reading.cell_values import VALUES, read_values
+from logger.drivers.reading.cell_values import VALUES, area_values, read_values
 from logger.drivers.reading.fields import area, cell_identity, decimal
 from logger.drivers.reading.row_patterns import form, labelled_row, listed_row
 from logger.drivers.telit.survey_format import (
@@ -153,8 +153,7 @@ def _reading(carrier: Carrier, base: int | None, *, is_decimal: bool) -> CellRea
         rat=rat,
         mcc=mcc,
         mnc=mnc,
-        lac=None if rat == "LTE" else area_code,
-        tac=area_code if rat == "LTE" else None,
+        **area_values(rat, area_code),
         cid=cid,
         arfcn=channel,
         bsic=None if is_unknown else _bsic(texts.get("bsic", ""), sure_base),

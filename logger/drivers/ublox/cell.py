@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 
 from logger.core.types import CellReading, Rat, Role
-from logger.drivers.reading.cell_values import VALUES, Readers, between, read_values
+from logger.drivers.reading.cell_values import VALUES, Readers, area_values, between, read_values
 from logger.drivers.reading.fields import area, cell_identity, decimal
 from logger.drivers.reading.index_scales import CARRIER_OF_INDEX, RSRP_OF_INDEX, RSRQ_OF_INDEX
 from logger.drivers.reading.number_text import NumberForm, NumberText
@@ -68,8 +68,7 @@ def readings(role: Role, rat: Rat, texts: Texts) -> Iterator[CellReading | NoCel
         rat=rat,
         mcc=mcc,
         mnc=mnc,
-        lac=None if rat == "LTE" else area_code,
-        tac=area_code if rat == "LTE" else None,
+        **area_values(rat, area_code),
         cid=cid,
         arfcn=channel,
         arfcn_raw=flagged,

@@ -144,7 +144,7 @@ def test_logs_around_a_row():
     assert list(pieces([r"a\r\nb", "", " ", "c\r"])) == ["a", "b", "c"]
 
 
-def test_unasked_rows():
+def test_unsolicited_rows():
     assert MODEM.role_of(SMONI_2G) == "serving"
     assert MODEM.role_of("^SMONI: 2G,SEARCH,SEARCH") is None
     assert MODEM.role_of("OK") is None
@@ -170,7 +170,7 @@ def test_lost_digit_or_comma_names_no_cell(row):
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
-def test_cut_rows_tell_nothing_else(sample):
+def test_cut_rows_read_nothing_else(sample):
     identities = {identity_of(row) for row in MODEM.rows_in(sample.split("\n"))}
     for end in range(len(sample)):
         for row in MODEM.rows_in(sample[:end].split("\n")):
@@ -234,7 +234,7 @@ def test_neighbours_come_from_another_command_where_smonp_is_not_known():
     assert sent == ["AT^SMONI", "AT^SMONP=255"]
 
 
-def test_poll_of_a_modem_that_knows_none_of_the_commands():
+def test_poll_of_a_modem_that_has_none_of_the_commands():
     replies = {
         "AT+COPS?": (['+COPS: 0,2,"26202",0'], "OK"),
         "AT+CREG?": (['+CREG: 2,1,"0143","83BA",0'], "OK"),

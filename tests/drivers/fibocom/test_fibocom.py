@@ -171,7 +171,7 @@ def test_damaged_row_names_no_cell(good, bad):
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
-def test_cut_replies_tell_nothing_else(sample):
+def test_cut_replies_read_nothing_else(sample):
     identities = {identity_of(row) for row in MODEM.rows_in(sample.split("\n"))}
     for end in range(len(sample)):
         assert {identity_of(row) for row in MODEM.rows_in(sample[:end].split("\n"))} <= identities
@@ -202,7 +202,7 @@ def test_poll():
     ]
 
 
-def test_poll_where_the_reply_tells_of_no_serving_cell():
+def test_poll_where_the_reply_has_no_serving_cell():
     serving, *_ = run_dialogue(MODEM.poll(), {"AT+GTCCINFO?": (["+GTCCINFO:"], "OK"), **COMMON})[0]
     assert (serving.cell, serving.rssi_dbm) == ("262-02-323-33722", -73.0)
 

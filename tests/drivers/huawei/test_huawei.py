@@ -153,7 +153,7 @@ def test_logs_around_a_row():
         assert one(text).cell == "262-01-10811-15437"
 
 
-def test_unasked_rows():
+def test_unsolicited_rows():
     assert MODEM.role_of(GSM) == "serving"
     assert MODEM.role_of(NEIGHBOURS[0]) == "neighbour"
     assert MODEM.role_of('^HCSQ:"LTE",41,28,70,0') is None
@@ -181,7 +181,7 @@ def test_damaged_row_names_no_cell(row):
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
-def test_cut_rows_tell_nothing_else(sample):
+def test_cut_rows_read_nothing_else(sample):
     whole = identity_of(one(sample))
     for end in range(len(sample)):
         assert {identity_of(row) for row in MODEM.rows_in([sample[:end]])} <= {whole}

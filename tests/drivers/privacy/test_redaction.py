@@ -53,7 +53,7 @@ def _cut(data, rng):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_what_is_of_people_and_devices_is_blanked_whatever_the_chunks(form):
+def test_personal_numbers_are_redacted_whatever_the_chunks(form):
     """Alone, at the end of what came, and between the rows of a reply, which stays as it was."""
     secret = form.encode("latin-1")
     assert leaked_secrets(secret) or "+CRSM" in form
@@ -68,7 +68,7 @@ def test_what_is_of_people_and_devices_is_blanked_whatever_the_chunks(form):
 
 
 @pytest.mark.parametrize("line", HARMLESS)
-def test_what_tells_of_cells_places_and_times_is_left_alone(line):
+def test_data_of_cells_positions_and_times_are_not_redacted(line):
     assert redact(line) == line
     for seed in range(30):
         assert _cut(line, random.Random(seed)) == line

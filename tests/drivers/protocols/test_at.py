@@ -210,7 +210,7 @@ def test_expired_command_keeps_its_lines():
     assert framer.expire() == Reply("AT+CENG?", ("+CENG: 1,1",), None)
 
 
-def test_bytes_are_taken_also_if_nobody_looks_at_the_events():
+def test_bytes_are_consumed_even_if_nothing_reads_the_events():
     framer = sent("AT+CENG?")()
     framer.feed(CENG_REPLY[:30])
     assert list(framer.feed(CENG_REPLY[30:])) == [Reply("AT+CENG?", CENG_LINES, "OK")]

@@ -7,7 +7,7 @@ from logger.drivers.protocols.dialogue import Reply
 
 
 @pytest.mark.parametrize("data", [b"AT+CSQ\r\r\n+CSQ: 20,0\r\n\r\nOK\r\n", b"at+csq\r\nAT+CSQ\r\n"])
-def test_an_echo_is_told(data):
+def test_an_echo_is_reported(data):
     framer = AtFramer()
     framer.send("AT+CSQ")
     list(framer.feed(data))
@@ -18,7 +18,7 @@ def test_an_echo_is_told(data):
     assert not framer.echo_seen
 
 
-def test_a_reply_under_way_is_told():
+def test_a_reply_under_way_is_reported():
     framer = AtFramer()
     framer.send("AT+CSQ")
     assert framer.n_lines == 0

@@ -171,7 +171,7 @@ def test_next_epoch_ends_the_one_before_and_a_late_report_makes_no_second_fix():
     assert [*assembler.feed(again, 8), *assembler.flush()][0][0] == 8
 
 
-def test_no_fix_is_told_once_a_second():
+def test_no_fix_is_reported_once_a_second():
     found = fixes(*[line("TPV", device="/dev/a", mode=1)] * 30, step_ns=333_333_333)
     assert found == [(i * 3 * 333_333_333, Fix(False)) for i in range(10)]
 
@@ -240,7 +240,7 @@ def test_accuracy_is_the_receivers_own_or_unknown():
     assert accuracy(TPV, line("GST", device="/dev/b", time=NOON, lat=3.0, lon=4.0)) is None
 
 
-def test_satellites_of_another_receiver_or_of_before_the_loss_are_not_told():
+def test_satellites_of_another_receiver_or_of_before_the_loss_are_not_reported():
     [(_, fix)] = fixes(TPV, line("SKY", device="/dev/b", hdop=0.9, uSat=9))
     assert (fix.hdop, fix.sats_used) == (None, None)
     found = fixes(SKY, line("TPV", device="/dev/a", mode=1), TPV)

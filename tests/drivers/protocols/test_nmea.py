@@ -167,7 +167,7 @@ ALONE = [gga]
 
 
 @pytest.mark.parametrize("order", [UBLOX, MTK, GST_FIRST, ALONE])
-def test_an_epoch_is_told_with_its_last_sentence_once_the_order_is_known(order):
+def test_an_epoch_is_reported_with_its_last_sentence_once_the_order_is_known(order):
     texts = [make(t) for t in TIMES for make in order]
     reported = when_reported(*texts)
     n = len(order)

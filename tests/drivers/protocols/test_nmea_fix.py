@@ -40,7 +40,7 @@ def test_radius_holds_68_percent_of_normal_errors(ratio):
     assert ratio < 1.0 or inside == pytest.approx(0.68, abs=0.003)
 
 
-def test_gst_of_another_epoch_says_nothing():
+def test_gst_of_another_epoch_has_no_effect():
     found = fixes(gga(), rmc(), gst(), gga("120001.00"), rmc("120001.00"), gst("120000.00"))
     assert [fix.acc_m is None for _, fix in found] == [False, True]
 
@@ -135,7 +135,7 @@ def test_receiver_with_one_sentence(sentence):
     ("mode", "quality", "valid"),
     [("E", 6, True), ("M", 7, False), ("S", 8, False), ("A", None, True)],
 )
-def test_an_rmc_alone_says_that_its_position_is_not_measured(mode, quality, valid):
+def test_an_rmc_alone_states_that_its_position_is_not_measured(mode, quality, valid):
     [(_, fix)] = fixes(rmc(mode=mode))
     assert (fix.quality, fix.valid) == (quality, valid)
 

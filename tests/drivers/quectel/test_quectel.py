@@ -236,7 +236,7 @@ def test_frequency_without_a_cell(row):
     assert one(f"+QENG: {row}") is None
 
 
-def test_gsm_channel_that_is_announced_but_not_heard():
+def test_gsm_channel_that_is_announced_but_not_received():
     cell = one('+QENG: "neighbourcell","GSM",88,2,12,48,255,0,0,-1920,0')
     assert (cell.arfcn, cell.bsic, cell.rssi_dbm) == (88, None, None)
 

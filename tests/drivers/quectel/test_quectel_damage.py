@@ -94,7 +94,7 @@ def test_row_in_a_log(write, row):
         ("000,01,1A2B,3C4D", NO_IDENTITY),
     ],
 )
-def test_identity_is_whole_or_nothing(printed, identity):
+def test_identity_is_complete_or_nothing(printed, identity):
     cell = one(GSM.replace("262,01,1A2B,3C4D", printed))
     assert (identity_of(cell), cell.arfcn, cell.rssi_dbm) == (identity, 57, -66.0)
 
@@ -111,7 +111,7 @@ def test_unknown_is_none():
 
 
 @pytest.mark.parametrize("row", [GSM, WCDMA, LTE, SA, GSM_ON_GSM, SCAN, EN_DC[1]])
-def test_cut_row_is_the_same_cell_or_nobody(row):
+def test_cut_row_is_the_same_cell_or_no_cell(row):
     whole = identity_of(one(row))
     for end in range(len(row)):
         cell = one(row[:end])
@@ -133,5 +133,5 @@ def test_lost_comma_names_no_other_cell(row):
 @pytest.mark.parametrize(
     "line", ["", "+QENG:", "+QENG: ,", '+QENG: "servingcell"', "+QSCAN:", "+QCSQ:", "+QOPS:", "OK"]
 )
-def test_lines_that_tell_nothing(line):
+def test_lines_that_read_nothing(line):
     assert MODEM.read([line]) == ()

@@ -95,7 +95,7 @@ def test_a_urc_between_the_parts_of_a_wrapped_line_ends_it():
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])
-def test_a_neighbour_of_several_that_is_not_heard(number):
+def test_a_neighbour_of_several_that_is_not_received(number):
     fields = NEIGHBOURS.removeprefix("+QENG: 1,").split(",")
     start = 10 * (number - 1)
     fields[start + 1 : start + 10] = "x" * 9
@@ -210,7 +210,7 @@ def test_rows_of_bc660_that_are_no_cells():
         ("26,01,1b2c,4d5e", NO_IDENTITY),
     ],
 )
-def test_identity_is_whole_or_nothing(printed, identity):
+def test_identity_is_complete_or_nothing(printed, identity):
     cell = one(SERVING.replace("262,01,1b2c,4d5e", printed))
     assert (identity_of(cell), cell.arfcn, cell.rssi_dbm) == (identity, 3, -73.0)
 

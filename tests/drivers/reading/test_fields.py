@@ -44,7 +44,7 @@ def test_numbers_are_numbers_or_unknown():
     assert [rsrq_db(t) for t in ("-10", "0")] == [-10.0, None]
 
 
-def test_parts_of_an_identity_that_say_unknown():
+def test_parts_of_an_identity_that_state_unknown():
     assert [area(t) for t in ("178d", "0000", "FFFE", "ffff", "10000", "")] == [
         0x178D,
         None,

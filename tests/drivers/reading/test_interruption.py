@@ -108,7 +108,7 @@ def test_a_level_before_a_urc_is_none(text):
     assert all(reading.level_dbm is None for reading in FAMILIES["quectel"].read(lines))
 
 
-def test_a_whole_row_before_another_row_loses_nothing():
+def test_a_complete_row_before_another_row_loses_nothing():
     lines = ["AT+QENG", EC25, EC25.replace("-103", "-97"), "OK"]
     assert drop_cut_values(lines, NAMES) == lines
     assert [reading.level_dbm for reading in FAMILIES["quectel"].read(lines)] == [-103.0, -97.0]
@@ -128,7 +128,7 @@ def test_what_stands_where_a_row_should_go_on_cuts_it(following):
     assert drop_cut_values([EC25, following], NAMES)[0] == EC25[:-1]
 
 
-def test_a_value_in_quotation_marks_is_whole():
+def test_a_value_in_quotation_marks_is_complete():
     line = '+CENG: 1,"0128,15,30,a53f,310,411,178d"'
     assert drop_cut_values([line, URC], NAMES)[0] == line
     assert drop_cut_values([line[:-1], URC], NAMES)[0] == line[: -len('178d"')]

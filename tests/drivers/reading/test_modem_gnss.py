@@ -167,7 +167,7 @@ def test_writing_of_a_row(line):
         (modem_gnss.read_qgpsloc, QGPSLOC),
     ],
 )
-def test_cut_row_has_the_whole_place_and_time_or_none(read, row):
+def test_cut_row_has_the_complete_place_and_time_or_none(read, row):
     (whole,) = read([row])
     for end in range(len(row)):
         for fix in read([row[:end]]):

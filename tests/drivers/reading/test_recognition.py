@@ -49,7 +49,7 @@ def test_no_row_beside_it_is_needed(column):
     assert row.level_dbm == -98.0
 
 
-def test_whole_rows_are_sure():
+def test_complete_rows_are_sure():
     assert not any(row.identity_unsure for row in told("sim800", PADDED))
 
 
@@ -130,7 +130,7 @@ def test_the_known_cell_stays_sure_beside_its_damaged_self():
     assert not row.identity_unsure
 
 
-def test_a_neighbour_that_is_often_heard_is_no_damage():
+def test_a_neighbour_that_is_often_received_is_no_damage():
     known = NumberHistory()
     for _ in range(5):
         for cid in (10111, 1011):
@@ -162,7 +162,7 @@ def test_a_network_code_has_the_digits_of_its_country(mcc, mnc, unsure):
     assert told("sim800", PADDED[1].replace("310,411", f"{mcc},{mnc}"))[0].identity_unsure is unsure
 
 
-def test_a_network_code_heard_before_is_sure_and_its_damage_is_not():
+def test_a_network_code_received_before_is_sure_and_its_damage_is_not():
     odd = PADDED[1].replace("310,411", "262,001")
     assert not told("sim800", odd, odd)[0].identity_unsure
     known = PADDED[1].replace("310,411", "405,864")

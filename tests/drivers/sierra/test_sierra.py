@@ -226,7 +226,7 @@ def test_damaged_row_of_a_table_is_no_cell(good, bad):
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
-def test_cut_replies_tell_nothing_else(sample):
+def test_cut_replies_read_nothing_else(sample):
     nobody = (None, None, None, None)
     identities = {nobody, *(identity_of(row) for row in MODEM.rows_in(sample.split("\n")))}
     for end in range(len(sample)):
@@ -254,7 +254,7 @@ def test_poll_takes_the_network_from_the_operator_of_that_technology():
     assert run_dialogue(MODEM.poll(), {"AT!GSTATUS?": (GSM, "OK")})[0][0].mcc is None
 
 
-def test_poll_tells_the_serving_cell_once():
+def test_poll_reports_the_serving_cell_once():
     rows = run_dialogue(
         MODEM.poll(), {"AT!GSTATUS?": (LTE, "OK"), "AT!LTEINFO?": (LTEINFO, "OK"), **cops(7)}
     )[0]

@@ -80,7 +80,7 @@ def test_lte_in_tenths_of_a_decibel():
     )
 
 
-def test_lte_in_whole_decibel():
+def test_lte_in_integer_decibel():
     reading = one(LTE_M)
     assert (reading.rat, identity_of(reading), reading.band) == (
         "LTE-M",

@@ -66,7 +66,7 @@ def test_lte_neighbour():
         ("+CENG: 1,1,1,LTE", None),
     ],
 )
-def test_header_tells_the_technology(header, rat):
+def test_header_reports_the_technology(header, rat):
     assert (one(LTE_SERVING, header).rat, identity_of(one(LTE_SERVING, header))) == (
         rat,
         ("262", "03", 4660, 30541322),
@@ -112,7 +112,7 @@ def test_writing_of_a_row(row):
     assert one(row, GSM_HEADER) == one(GSM_SERVING)
 
 
-def test_a_whole_reply_as_text_in_one_line():
+def test_a_complete_reply_as_text_in_one_line():
     text = f"AT+CENG?\\r\\n{LTE_HEADER}\\r\\n{LTE_SERVING}\\r\\n{LTE_NEIGHBOUR}\\r\\nOK"
     assert MODEM.read([f"b'{text}'"]) == MODEM.read([LTE_HEADER, LTE_SERVING, LTE_NEIGHBOUR])
     assert len(MODEM.read([text])) == 2
@@ -140,7 +140,7 @@ def test_rows_of_a_sim800_without_a_header():
         ('+CENG: 2,"0663,26,61,04b2b,404,95,c1c0"', 663, 26),
     ],
 )
-def test_gsm_row_without_a_whole_identity_keeps_its_level(row, channel, rxl):
+def test_gsm_row_without_a_complete_identity_keeps_its_level(row, channel, rxl):
     reading = one(row, GSM_HEADER)
     assert (identity_of(reading), reading.arfcn, reading.rxlev_raw) == (NO_IDENTITY, channel, rxl)
 

@@ -112,7 +112,7 @@ def test_network_code_with_a_zero_in_front_is_not_known(printed, mnc):
         ("ID:4321,BSIC", "ID:4321", NO_IDENTITY),
     ],
 )
-def test_identity_is_whole_or_nothing(whole, other, cell):
+def test_identity_is_complete_or_nothing(whole, other, cell):
     row = one(GSM.replace(whole, other))
     assert (identity_of(row), row.rssi_dbm) == (cell, -74.0)
 
@@ -150,7 +150,7 @@ def test_writing_of_a_row(line):
         GSM[: GSM.index(",LAC")],
     ],
 )
-def test_rows_that_say_nothing(line):
+def test_rows_that_state_nothing(line):
     assert one(line) is None
 
 
@@ -210,7 +210,7 @@ def test_neighbour_without_the_row_of_its_group_has_no_channel():
         (",262,02,5432", ",262,025432"),
     ],
 )
-def test_serving_cell_whose_network_is_not_whole_is_nobody(whole, other):
+def test_serving_cell_whose_network_is_not_complete_is_no_cell(whole, other):
     assert all(
         identity_of(row) == NO_IDENTITY for row in MODEM.read([CMGRMI[1].replace(whole, other)])
     )
@@ -251,7 +251,7 @@ def test_poll_names_the_serving_cell_once():
     assert [row.pci for row in others if isinstance(row, CellReading)] == [86, 417, 158]
 
 
-def test_poll_takes_the_network_from_the_line_that_knows_it():
+def test_poll_takes_the_network_from_the_line_that_has_it():
     cpsi = "+CPSI: WCDMA,Online,262-02,0x0A1B,19088743,WCDMA 2100,117,10688,0,9.5,84,25,31,500"
     serving, neighbour = polled(
         ([cpsi], "OK"), ([WCDMA, WCDMA_NEIGHBOUR], "OK"), ([], "ERROR"), ([], "ERROR")

@@ -22,7 +22,7 @@ def one(line, header=None):
 
 
 @pytest.mark.parametrize("row", [SERVING, NEIGHBOUR, SCAN])
-def test_cut_row_is_the_whole_cell_or_none(row):
+def test_cut_row_is_the_complete_cell_or_none(row):
     whole = one(row)
     for end in range(len(row)):
         reading = one(row[:end])

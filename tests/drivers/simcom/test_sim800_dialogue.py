@@ -78,7 +78,7 @@ def test_poll_where_there_is_no_cell(lines):
     assert run_exchange(MODEM.poll(), [("AT+CENG?", lines, "OK")]) == ()
 
 
-def test_rows_that_come_unasked():
+def test_rows_that_are_unsolicited():
     roles = ["serving", "serving", "serving", "neighbour", "scan"]
     assert [
         MODEM.role_of(line) for line in (SERVING, '+CENG:0,"06', '+CENG:0,"', NEIGHBOUR, SCAN)

@@ -93,7 +93,7 @@ def test_table():
     )
 
 
-def test_cell_that_is_heard_and_not_decoded_keeps_its_level():
+def test_cell_that_is_received_and_not_decoded_keeps_its_level():
     row = one("#MONI: N2 FF FFFF 0000 693 -88dbm -1 -1;")
     assert (identity_of(row), row.bsic, row.arfcn, row.rssi_dbm, row.c1) == (
         NO_IDENTITY,
@@ -243,7 +243,7 @@ def test_no_service(line, rat):
         "#SERVINFO:",
     ],
 )
-def test_servinfo_that_is_cut_tells_nothing(line):
+def test_servinfo_that_is_cut_reads_nothing(line):
     assert MODEM.read([line]) == ()
 
 

@@ -8,7 +8,7 @@ SERVING = "#MONI: S 52 3F6A 1B7C 688 -79dbm 22 30 1 0 Example Net"
 NEIGHBOUR = "#MONI: N1 46 3F6B 2C8D 962 -86dbm 17 15"
 
 
-def test_setup_of_a_modem_that_knows_few_commands():
+def test_setup_of_a_modem_that_has_few_commands():
     assert run_dialogue(MODEM.setup(), {"AT": ((), "OK")})[0] is True
     assert run_dialogue(MODEM.setup(), {})[0] is False
 

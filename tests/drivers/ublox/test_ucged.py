@@ -75,7 +75,7 @@ def test_ucged_of_a_cell_without_a_network():
 @pytest.mark.parametrize(
     "lines", [R5[1:], [R5[0], R5[2]], R5[:2], [*R5[:2], "OK", R5[2]], [*R5[:2], R422[2]], R5[::-1]]
 )
-def test_ucged_that_is_not_whole(lines):
+def test_ucged_that_is_not_complete(lines):
     assert cells(lines) == []
 
 

@@ -119,7 +119,7 @@ def test_shapes_are_those_of_a_capture(corpus, name, command, file, settings, sh
         ("plain", "+CESQ", "+CESQ: 47,99,255,255,255,255"),
     ],
 )
-def test_a_line_holds_what_was_heard(name, command, line):
+def test_a_line_holds_what_was_received(name, command, line):
     assert line in told(name, command)
 
 
@@ -155,7 +155,7 @@ def test_a_survey_of_some_channels():
          "+QGPSLOC: 090012.5,46.94870,-7.44750,0.9,540.0,3,90.15,4.7,2.5,140524,09"),
     ],
 )  # fmt: skip
-def test_the_receiver_tells_where_it_is_once_it_is_on(name, command, on, line):
+def test_the_receiver_reports_where_it_is_once_it_is_on(name, command, on, line):
     assert told(name, command, **on) == [line]
     assert told(name, command) != [line]
     without_fix = told(name, command, NOWHERE, **on)
@@ -163,7 +163,7 @@ def test_the_receiver_tells_where_it_is_once_it_is_on(name, command, on, line):
 
 
 @pytest.mark.parametrize("name", DIALECTS)
-def test_without_a_serving_cell_nobody_is_named(name):
+def test_without_a_serving_cell_none_is_named(name):
     for command in DIALECTS[name].replies:
         answer = told(name, command, NOWHERE)
         text = str(answer) if isinstance(answer, int) else " ".join(answer)
