@@ -1,4 +1,4 @@
-"""Names for the arrays that travel between functions; each docstring says the shape."""
+"""Types of arrays; each docstring states their shape."""
 
 import numpy as np
 import numpy.typing as npt

@@ -4,7 +4,7 @@ FieldLoggerError
 +-- ConfigError       edit the file or the command line
 +-- DeviceError       wait and try again
 +-- RunFileError      this file cannot be read or written
-+-- GeoError          the place cannot be mapped
++-- GeoError          the position cannot be mapped
 +-- EstimationError   the data do not hold the answer
 """
 
@@ -18,7 +18,7 @@ class ConfigError(FieldLoggerError):
 
 
 class DeviceError(FieldLoggerError):
-    """A port cannot be opened or has gone away."""
+    """A port cannot be opened or has disappeared."""
 
 
 class RunFileError(FieldLoggerError):
@@ -30,4 +30,4 @@ class GeoError(FieldLoggerError):
 
 
 class EstimationError(FieldLoggerError):
-    """The measurements do not determine what was asked."""
+    """The measurements do not determine the result."""

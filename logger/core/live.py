@@ -61,7 +61,7 @@ class LiveTracker:
             return []
         results = self._step_reference(seq, t_ns, scan, receiver, utm)
         for name, reading, level_dbm in _levels(scan):
-            heard = _heard(receiver, level_dbm, reading)
+            heard = _at_receiver(receiver, level_dbm, reading)
             if name in self._identities:
                 results += self._take_reading(seq, name, heard, utm)
             elif not reading.identity_unsure:
@@ -117,7 +117,7 @@ def _levels(scan: Scan) -> list[tuple[str, CellReading, float]]:
     return list(first.values())
 
 
-def _heard(receiver: Receiver, level_dbm: float, reading: CellReading) -> Heard:
+def _at_receiver(receiver: Receiver, level_dbm: float, reading: CellReading) -> Heard:
     """A level with the walker's position; walking during its measurement adds to the sigma."""
     sigma_m = hypot(receiver.sigma_m, TIMING_S * receiver.speed_mps)
     limit = limit_of(level_dbm, reading.rat)

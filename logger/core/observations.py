@@ -185,9 +185,9 @@ def times_ns(scans: Rows, readings: Rows) -> IntArray:
     """Middle of the scan of each reading, its end if the scan's own row is damaged; shape (n,)."""
     if not len(scans):
         return np.asarray(readings["t_ns"], np.int64)
-    index, found = index_of(scans["seq"], readings["seq"])
+    index, is_there = index_of(scans["seq"], readings["seq"])
     middle_ns = (scans["t_start_ns"] + scans["t_ns"])[index] // 2
-    return np.where(found, middle_ns, readings["t_ns"])
+    return np.where(is_there, middle_ns, readings["t_ns"])
 
 
 def scan_times_ns(scans: Rows, obs: CellObservations) -> tuple[IntArray, IntArray]:
@@ -197,9 +197,10 @@ def scan_times_ns(scans: Rows, obs: CellObservations) -> tuple[IntArray, IntArra
     """
     if not len(scans):
         return obs.t_ns, obs.t_ns
-    index, found = index_of(scans["seq"], obs.scan_seq)
+    index, is_there = index_of(scans["seq"], obs.scan_seq)
     begin_ns, end_ns = scans["t_start_ns"][index], scans["t_ns"][index]
-    return np.where(found, begin_ns, obs.t_ns), np.where(found, end_ns, obs.t_ns)
+    begin_ns, end_ns = (np.where(is_there, t_ns, obs.t_ns) for t_ns in (begin_ns, end_ns))
+    return begin_ns, end_ns
 
 
 def _by_cell(

@@ -21,7 +21,7 @@ _SUSPECT = re.compile(r"[^ -~]")
 
 def printable(text: str, keep: str = "") -> str:
     """The text on one line without anything that controls a terminal; `keep` characters stay."""
-    return _SUSPECT.sub(lambda found: found[0] if found[0] in keep else _escape(found[0]), text)
+    return _SUSPECT.sub(lambda match: match[0] if match[0] in keep else _escape(match[0]), text)
 
 
 def _escape(character: str) -> str:

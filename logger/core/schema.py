@@ -153,10 +153,10 @@ def rows_of(seq: int, record: Record) -> list[tuple[str, tuple[Any, ...]]]:
     raise TypeError(f"no table for {type(value).__name__}")
 
 
-def _row(table: str, given: Mapping[str, Any], value: Value | CellReading) -> tuple[Any, ...]:
-    """A row of `given` values, and of the fields of `value` for the other columns."""
+def _row(table: str, known: Mapping[str, Any], value: Value | CellReading) -> tuple[Any, ...]:
+    """A row of `known` values, and of the fields of `value` for the other columns."""
     return tuple(
-        encode(column, given[column.name] if column.name in given else getattr(value, column.name))
+        encode(column, known[column.name] if column.name in known else getattr(value, column.name))
         for column in TABLES[table]
     )
 

@@ -1,4 +1,4 @@
-"""Times of UTC: those that a run can have, and how they are written."""
+"""UTC: the times that a run can have, and their text."""
 
 from datetime import UTC, datetime, timedelta
 

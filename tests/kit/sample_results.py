@@ -98,7 +98,7 @@ def sample_result(run: Run, *, verdict="located", places=1) -> Result:
     answer = sample_posterior(obs, places)
     filtered, rts = sample_filters(obs, answer)
     fitted = least_squares.fit(obs, [(answer.x_m, answer.y_m)])
-    warnings = ("one place holds it; <b>not</b> | markup",)
+    warnings = ("one position holds it; <b>not</b> | markup",)
     first = CellResult(
         obs.cell,
         len(obs),

@@ -123,8 +123,8 @@ def _one_sided(case: _Case) -> str | None:
     if case.azimuths_deg >= _ONE_SIDED_DEG or len(case.modes) > 1:
         return None
     return (
-        "the walk passes the place on one side only: "
-        f"seen from there it covers {case.azimuths_deg:.0f} of 360 degrees"
+        "the walk passes the position on one side only: "
+        f"seen from there, it covers {case.azimuths_deg:.0f} of 360 degrees"
     )
 
 
@@ -132,8 +132,8 @@ def _large_region(case: _Case) -> str | None:
     if case.radius_m <= case.allowed_m:
         return None
     return (
-        f"the region is too large to be called a place: {case.radius_m:.0f} m in radius, "
-        f"and a walk like this one has to bring it down to {case.allowed_m:.0f} m"
+        f"the region is too large for a location: {case.radius_m:.0f} m in radius, "
+        f"at most {case.allowed_m:.0f} m for a walk like this one"
     )
 
 
@@ -169,7 +169,7 @@ def assess(
     percents = whole_percents(case.modes)
     if len(case.modes) == 1:
         radius = f"95 % lie within {posterior.r95_m:.0f} m of it"
-        return Decision("located", [f"one place holds {percents[0]}%; {radius}"], division)
+        return Decision("located", [f"one position holds {percents[0]}%; {radius}"], division)
     return Decision("ambiguous", [_shares(case, percents), _advice(case)], division)
 
 
@@ -202,7 +202,7 @@ def _shares(case: _Case, percents: Sequence[int]) -> str:
     ]
     rest = 100 - sum(percents)
     elsewhere = [f"{rest}% elsewhere"] if rest > 0 else []
-    return f"the levels fit several places: {', '.join(names + elsewhere)}"
+    return f"the levels fit several positions: {', '.join(names + elsewhere)}"
 
 
 def _advice(case: _Case) -> str:
@@ -214,9 +214,9 @@ def _advice(case: _Case) -> str:
     if_near_dbm = _expected_dbm(near, _PASSING_M)
     if_far_dbm = _expected_dbm(far, apart_m)
     return (
-        f"to decide walk past {_degrees(case.obs, near.x_m, near.y_m)}, "
+        f"to decide, walk past {_degrees(case.obs, near.x_m, near.y_m)}, "
         f"{way_m:.0f} m from where this walk ended: about {if_near_dbm:.0f} dBm there "
-        f"if it is this place, {if_far_dbm:.0f} dBm if it is the one {apart_m:.0f} m away"
+        f"if it is this position, {if_far_dbm:.0f} dBm if it is the one {apart_m:.0f} m away"
     )
 
 

@@ -47,7 +47,7 @@ def test_located():
     said, (why,), _ = assess(found, obs)
     assert said == "located"
     share = f"{found.modes[0].probability:.0%}"
-    assert why == f"one place holds {share}; 95 % lie within {found.r95_m:.0f} m of it"
+    assert why == f"one position holds {share}; 95 % lie within {found.r95_m:.0f} m of it"
 
 
 @pytest.mark.parametrize("probability", [0.0, 0.001, 0.004, 0.0099])
@@ -162,8 +162,8 @@ def test_one_sided_walk():
     found = locate(obs)
     assert len([mode for mode in found.modes if mode.probability > 0.03]) == 1
     bearing = np.degrees(np.arctan2(x - found.x_m, y - found.y_m))
-    seen = f"seen from there it covers {np.ptp(bearing):.0f} of 360 degrees"
-    assert f"the walk passes the place on one side only: {seen}" in reasons(obs)
+    seen = f"seen from there, it covers {np.ptp(bearing):.0f} of 360 degrees"
+    assert f"the walk passes the position on one side only: {seen}" in reasons(obs)
 
 
 def test_large_region():
