@@ -42,37 +42,13 @@ _NOT_FIXED = re.compile(r"\+CME ERROR:\s*516(?!\d)")
 _COMMAND = re.compile(r"(?:\A|\W)AT\+", re.IGNORECASE)
 
 _CGNSINF_VALUES = (
-    *(
-        "run",
-        "fix",
-        "utc",
-        "lat",
-        "lon",
-        "alt",
-        "kmh",
-        "course",
-        "mode",
-        "r1",
-        "hdop",
-        "pdop",
-        "vdop",
-        "r2",
-    ),
-    *("view", "used", "glonass", "r3", "cn0", "hpa", "vpa"),
+    *("run", "fix", "utc", "lat", "lon", "alt", "kmh", "course", "mode", "r1", "hdop", "pdop"),
+    *("vdop", "r2", "view", "used", "glonass", "r3", "cn0", "hpa", "vpa"),
 )
 _CGPSINFO_VALUES = ("lat", "north", "lon", "east", "date", "time", "alt", "knots", "course")
 _QGPSLOC_VALUES = (
-    "time",
-    "lat",
-    "lon",
-    "hdop",
-    "alt",
-    "fix",
-    "course",
-    "kmh",
-    "knots",
-    "date",
-    "used",
+    *("time", "lat", "lon", "hdop", "alt", "fix"),
+    *("course_minutes", "kmh", "knots", "date", "used"),
 )
 
 _NUMBER = re.compile(r"[-+]?\d{1,6}(?:\.\d{0,9})?", re.ASCII)
@@ -122,42 +98,32 @@ def _rows(
 
 
 def _cgnsinf(named: Mapping[str, str]) -> Fix:
-    found = _DAY_AND_TIME.fullmatch(named["utc"])
-    kmh = _number(named["kmh"], 0.0, 3600.0)
+    time = _DAY_AND_TIME.fullmatch(named["utc"])
     return _fix(
         named,
         lat_deg=_number(named["lat"], -90.0, 90.0),
         lon_deg=_number(named["lon"], -180.0, 180.0),
         valid=(named["run"], named["fix"]) == ("1", "1"),
-        utc_ns=_utc_ns(*found.groups()) if found else None,
-        speed_mps=None if kmh is None else kmh * MPS_PER_KMH,
-        course_deg=_number(named["course"], 0.0, 360.0),
+        utc_ns=_utc_ns(*time.groups()) if time else None,
     )
 
 
 def _cgpsinfo(named: Mapping[str, str]) -> Fix:
-    knots = _number(named["knots"], 0.0, 2000.0)
-    return _fix(
-        named,
-        lat_deg=_degrees(named["lat"] + named["north"], "NS", 90.0),
-        lon_deg=_degrees(named["lon"] + named["east"], "EW", 180.0),
-        valid=True,
-        utc_ns=_utc_ns_of(named["date"], named["time"]),
-        speed_mps=None if knots is None else knots * MPS_PER_KNOT,
-        course_deg=_number(named["course"], 0.0, 360.0),
-    )
+    lat, lon = named["lat"] + named["north"], named["lon"] + named["east"]
+    return _fix_of_minutes(named, lat, lon, valid=True)
 
 
 def _qgpsloc(named: Mapping[str, str]) -> Fix:
-    kmh = _number(named["kmh"], 0.0, 3600.0)
+    return _fix_of_minutes(named, named["lat"], named["lon"], valid=named["fix"] in {"2", "3"})
+
+
+def _fix_of_minutes(named: Mapping[str, str], lat: str, lon: str, *, valid: bool) -> Fix:
     return _fix(
         named,
-        lat_deg=_degrees(named["lat"], "NS", 90.0),
-        lon_deg=_degrees(named["lon"], "EW", 180.0),
-        valid=named["fix"] in {"2", "3"},
+        lat_deg=_degrees(lat, "NS", 90.0),
+        lon_deg=_degrees(lon, "EW", 180.0),
+        valid=valid,
         utc_ns=_utc_ns_of(named["date"], named["time"]),
-        speed_mps=None if kmh is None else kmh * MPS_PER_KMH,
-        course_deg=None,
     )
 
 
@@ -168,8 +134,6 @@ def _fix(
     lon_deg: float | None,
     valid: bool,
     utc_ns: int | None,
-    speed_mps: float | None,
-    course_deg: float | None,
 ) -> Fix:
     """Fix of a row; without a complete position there is none."""
     if not valid or lat_deg is None or lon_deg is None:
@@ -182,9 +146,17 @@ def _fix(
         alt_m=_number(named["alt"], -1000.0, 100_000.0),
         hdop=_number(named.get("hdop", ""), 0.0, 99.9) or None,  # 0.0 fills the field
         sats_used=decimal(named.get("used", ""), 0, 99),
-        speed_mps=speed_mps,
-        course_deg=course_deg,
+        speed_mps=_speed_mps(named),
+        course_deg=_number(named.get("course", ""), 0.0, 360.0),
     )
+
+
+def _speed_mps(named: Mapping[str, str]) -> float | None:
+    if "kmh" in named:
+        speed, unit_mps = _number(named["kmh"], 0.0, 3600.0), MPS_PER_KMH
+    else:
+        speed, unit_mps = _number(named["knots"], 0.0, 2000.0), MPS_PER_KNOT
+    return None if speed is None else speed * unit_mps
 
 
 def _number(text: str, low: float, high: float) -> float | None:
