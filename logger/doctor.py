@@ -151,7 +151,7 @@ def plug(folder: Path, mountinfo: Path = MOUNTINFO) -> Line:
     """Whether a pulled plug takes the runs."""
     if where := kept_in_memory(folder.resolve(), mountinfo.read_text()):
         advice = (
-            "give them a partition of their own (systemd/README.md, A root that is never written)"
+            "give them a partition of their own (systemd/README.md, Read-only root)"
         )
         return Line(
             "warn", "plug", f"runs are kept in memory ({where}), a pulled plug takes them: {advice}"
