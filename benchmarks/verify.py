@@ -31,7 +31,7 @@ from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 from postproc.cell_estimation import too_few
 from postproc.verification.cell_claim import blocks_of, observable
-from postproc.verification.claim_test import Listened, around, claim_test, listened
+from postproc.verification.claim_test import PreparedWalk, around, claim_test, prepare_walk
 from postproc.verification.power import power
 
 SHAPES = ("L", "square", "random")
@@ -97,9 +97,9 @@ def _within(seconds: float, most: int) -> Iterator[int]:
         yield k
 
 
-def _walk(rng: np.random.Generator, k: int, noise: Noise) -> tuple[World, Listened]:
+def _walk(rng: np.random.Generator, k: int, noise: Noise) -> tuple[World, PreparedWalk]:
     world = plain(rng, SHAPES[k % len(SHAPES)], noise)
-    return world, listened(blocks_of(observations(world, world.walk)), PRIOR)
+    return world, prepare_walk(blocks_of(observations(world, world.walk)), PRIOR)
 
 
 def alarms(options: argparse.Namespace) -> Json:
@@ -173,7 +173,7 @@ def powers(options: argparse.Namespace) -> Json:
 
 
 def _displaced(
-    walk: Listened, place_m: FloatArray, share: float, rng: np.random.Generator
+    walk: PreparedWalk, place_m: FloatArray, share: float, rng: np.random.Generator
 ) -> FloatArray:
     away_m = float(np.min(np.hypot(walk.blocks.x_m - place_m[0], walk.blocks.y_m - place_m[1])))
     angle = rng.uniform(0.0, 2.0 * np.pi)
@@ -195,7 +195,7 @@ def measured(options: argparse.Namespace) -> Json:
         if too_few(obs):
             continue
         posterior = locate(obs, PRIOR)
-        walk = listened(gathered, PRIOR)
+        walk = prepare_walk(gathered, PRIOR)
         for share, outcomes in rows.items():
             claim = _displaced(walk, np.array(world.sources[0]), share, rng)
             sigma_m = float(np.hypot(world.slack_m / 2.0, world.position_sigma_m))

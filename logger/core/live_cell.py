@@ -78,7 +78,7 @@ class LiveCell:
         """
         self.news = []
         estimate = None
-        for reading, spike_db in self._locator.judged(heard):
+        for reading, spike_db in self._locator.check_spikes(heard):
             if spike_db:
                 self._set_aside(reading, spike_db)
             else:

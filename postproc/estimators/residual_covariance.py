@@ -139,7 +139,7 @@ def _restricted_likelihood(
     root = cholesky(shape, lower=True)
     white = solve_triangular(root, np.column_stack([e, design]), lower=True)
     sums = (white.T @ white)[np.tril_indices(k + 1)]
-    flat = marginal.augmented(np.zeros(k), _FLAT * np.eye(k))
+    flat = marginal.prior_sums(np.zeros(k), _FLAT * np.eye(k))
     no_weight, sigma_1 = 0.0, np.zeros((1, 1))
     rest = marginal.fit(np.append(sums, no_weight)[:, None, None], flat[:, None, None], sigma_1)
     misfit_db2, free = max(float(rest.misfit[0, 0]), 0.0), max(len(e) - k, 0)

@@ -111,7 +111,7 @@ def nuisances_off(
     return nuisances(likelihood_grid(field.blocks, field.prior, field.squares, free), level_dbm, k)
 
 
-def calibrated(calm: FloatArray, found: FloatArray) -> FloatArray:
+def calibrate(calm: FloatArray, found: FloatArray) -> FloatArray:
     """Share of the sorted `calm` (d,) at or below each of `found`.
 
     In the tail, where few are, it follows a power law through the least of them.

@@ -18,7 +18,7 @@ from logger.core.model.blocks import Blocks, blocks
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 from postproc.cell_estimation import too_few
-from postproc.verification.claim_test import ClaimTest, around, claim_test, listened
+from postproc.verification.claim_test import ClaimTest, around, claim_test, prepare_walk
 from postproc.verification.claims import Claim
 from postproc.verification.normality import normality
 from postproc.verification.power import detectable, distance_m
@@ -116,7 +116,7 @@ def _claim_test(
     # the lasting part of the receiver's error displaces a true claim as well
     lasting_m = float(np.median(gathered.position_sigma_m))
     claimed = around(x_m, y_m, float(np.hypot(claim.sigma_m, lasting_m)))
-    return claim_test(listened(gathered, prior), claimed, rng)
+    return claim_test(prepare_walk(gathered, prior), claimed, rng)
 
 
 def _p_values(test: ClaimTest, *, trusting: bool) -> PValues:

@@ -8,14 +8,14 @@ from logger.core.arrays import FloatArray
 from logger.core.model.blocks import Blocks
 from logger.core.model.noise import covariances, whiteners_of
 from logger.core.model.prior import Prior
-from postproc.verification.bootstrap import Nuisances, calibrated, nuisances, nuisances_off
+from postproc.verification.bootstrap import Nuisances, calibrate, nuisances, nuisances_off
 from postproc.verification.direct_test import DirectTest, direct_test
 from postproc.verification.indirect_test import IndirectTest, indirect_test
 from postproc.verification.likelihood_grid import (
     LikelihoodGrid,
     coarse_squares,
     likelihood_grid,
-    refined,
+    refine,
 )
 
 DRAWS = 240
@@ -29,7 +29,7 @@ _GOLDEN_RAD = np.pi * (3.0 - 5.0**0.5)
 
 
 @dataclass(frozen=True)
-class Listened:
+class PreparedWalk:
     """A walk ready for tests of claims: blocks with levels about zero, and estimated noise.
 
     `covariances` (c, n, n) are those of every hypothesis of the prior. `field` has few places, to
@@ -49,7 +49,7 @@ class Listened:
 class ClaimTest:
     """Both tests of one claim; `calm_direct` are the sorted statistics of walks drawn from it."""
 
-    walk: Listened
+    walk: PreparedWalk
     claim: FloatArray
     direct: DirectTest
     indirect: IndirectTest
@@ -60,30 +60,28 @@ class ClaimTest:
 
         `trusting`: the noise is as stationary as in a simulation.
         """
-        return calibrated(self.calm_direct, self.direct.p_values(level_dbm, trusting=trusting))
+        return calibrate(self.calm_direct, self.direct.p_values(level_dbm, trusting=trusting))
 
     def p_indirect(self, level_dbm: FloatArray, *, trusting: bool) -> FloatArray:
         """p-values of levels (n, b), shape (b,); `trusting` as above."""
         return self.indirect.p_values(level_dbm, trusting=trusting)
 
 
-def listened(blocks: Blocks, prior: Prior) -> Listened:
+def prepare_walk(blocks: Blocks, prior: Prior) -> PreparedWalk:
     """Learn from a walk what does not depend on the claim."""
     level_dbm = blocks.level_dbm - float(np.mean(blocks.level_dbm))
     k, coarse = covariances(blocks, prior), coarse_squares(blocks, prior)
     every = whiteners_of(k)
     # each hypothesis has its own peak: places too coarse for the sharpest would rule that one out
-    searched = refined(
-        likelihood_grid(blocks, prior, coarse, every[::6]), level_dbm[:, None], _FINE
-    )
+    searched = refine(likelihood_grid(blocks, prior, coarse, every[::6]), level_dbm[:, None], _FINE)
     fine = likelihood_grid(blocks, prior, searched.squares, every).plausible(level_dbm)
-    field = refined(
+    field = refine(
         likelihood_grid(blocks, prior, coarse, fine.whiteners), level_dbm[:, None], _COARSE
     )
-    return Listened(blocks, prior, level_dbm, k, field, fine, nuisances(fine, level_dbm, k))
+    return PreparedWalk(blocks, prior, level_dbm, k, field, fine, nuisances(fine, level_dbm, k))
 
 
-def claim_test(walk: Listened, claim: FloatArray, rng: np.random.Generator) -> ClaimTest | None:
+def claim_test(walk: PreparedWalk, claim: FloatArray, rng: np.random.Generator) -> ClaimTest | None:
     """Prepare both tests of a claim of equally likely positions (2, k).
 
     None for a walk of too few blocks.

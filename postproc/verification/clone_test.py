@@ -24,9 +24,9 @@ from logger.core.locator.two_source_test import divide
 from logger.core.model.noise import correlation, independent_variance
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.observations import CellObservations
-from postproc.verification.bootstrap import calibrated
-from postproc.verification.claim_test import Listened
-from postproc.verification.likelihood_grid import LikelihoodGrid, refined
+from postproc.verification.bootstrap import calibrate
+from postproc.verification.claim_test import PreparedWalk
+from postproc.verification.likelihood_grid import LikelihoodGrid, refine
 
 DRAWS = 39
 """Walks simulated past one transmitter for one run: p can then be as small as 0.025."""
@@ -131,11 +131,13 @@ def _thin(obs: CellObservations) -> CellObservations:
     return obs.part(slice(None, None, step)) if step > 1 else obs
 
 
-def between_two(one: Listened, other: Listened, utm: Utm, rng: np.random.Generator) -> Sites:
+def between_two(
+    one: PreparedWalk, other: PreparedWalk, utm: Utm, rng: np.random.Generator
+) -> Sites:
     """Test of two runs in the same zone."""
     walks = one, other
     field = one.field.with_walk(other.blocks, other.field.whiteners)
-    fine = refined(field, other.level_dbm[:, None], _MOST_SQUARES)
+    fine = refine(field, other.level_dbm[:, None], _MOST_SQUARES)
     fields = one.field.with_squares(fine.squares), fine
     log_mass = fine.log_mass - log_sum(fine.log_mass)
     log_p = [
@@ -151,7 +153,7 @@ def between_two(one: Listened, other: Listened, utm: Utm, rng: np.random.Generat
     ]
     log_factor = float(_log_factor(log_p[0], log_p[1], log_mass)[0])
     by_noise = np.sort(np.exp(-_log_factor(simulated[0], simulated[1], log_mass)))
-    chance = float(calibrated(by_noise, np.exp(-np.array([log_factor])))[0])
+    chance = float(calibrate(by_noise, np.exp(-np.array([log_factor])))[0])
     best = [int(np.argmax(log[:, 0] + log_mass)) for log in log_p]
     (x1_m, y1_m), (x2_m, y2_m) = (fine.squares[:2, k].tolist() for k in best)
     return Sites(log_factor, chance, _PAIRS, (x1_m, y1_m), (x2_m, y2_m), utm)

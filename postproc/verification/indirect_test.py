@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from postproc.verification.bootstrap import antenna_patterns, calibrated
-from postproc.verification.likelihood_grid import LikelihoodGrid, refined
+from postproc.verification.bootstrap import antenna_patterns, calibrate
+from postproc.verification.likelihood_grid import LikelihoodGrid, refine
 
 ANTENNA_DB = 6.0
 """Sigma of the cosine and of the sine of a measured transmitter's pattern: 15 dB from front to back
@@ -64,8 +64,8 @@ class IndirectTest:
         """
         found = self.tails(level_dbm, trusting=trusting)
         if trusting:
-            return calibrated(self.calm, found)
-        return np.maximum(found, calibrated(self.calm_directional, found))
+            return calibrate(self.calm, found)
+        return np.maximum(found, calibrate(self.calm_directional, found))
 
 
 def indirect_test(
@@ -81,7 +81,7 @@ def indirect_test(
 
     `drawn_dbm` (n, b) are those walks, whose noise is `sigma_db`.
     """
-    fine, k = refined(field, drawn_dbm[:, :_SCOUTS], _MOST_SQUARES), claim.shape[1]
+    fine, k = refine(field, drawn_dbm[:, :_SCOUTS], _MOST_SQUARES), claim.shape[1]
     squares = np.concatenate([fine.squares, np.vstack([claim, np.zeros(k)])], axis=1)
     plain = field.with_squares(squares)
     directional, of_antenna = plain, np.zeros(1)

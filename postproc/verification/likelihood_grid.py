@@ -20,8 +20,8 @@ from logger.core.locator.mixture import log_sum
 from logger.core.locator.quadtree import children, first_squares, log_prior
 from logger.core.model.blocks import Blocks
 from logger.core.model.columns import receiver_variance, varying_columns
-from logger.core.model.elimination import eliminate, packed_index, pivots, reduced, side
-from logger.core.model.marginal import augmented, fit, products, row_weights, sums, whitened
+from logger.core.model.elimination import eliminate, packed_index, pivots, reduce_columns, side
+from logger.core.model.marginal import fit, prior_sums, products, row_weights, sums, whiten
 from logger.core.model.noise import Whitener
 from logger.core.model.prior import Prior
 
@@ -130,7 +130,7 @@ class LikelihoodGrid:
     def exponents(self, level_dbm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mean of eta, and its variance by that of the noise, for one walk (n,): (c, h) each."""
         fixed = np.stack([level_dbm, np.ones(len(level_dbm))])
-        of_prior = augmented(*self._normal)[:, None]
+        of_prior = prior_sums(*self._normal)[:, None]
         mean, variance = [], []
         for whitener in self.whiteners:
             total = sums(whitener.matrix, fixed, self.columns, self.extra)
@@ -155,15 +155,15 @@ class LikelihoodGrid:
     def _projections(self, whitener: Whitener) -> _Projections:
         n = len(self.blocks)
         one = np.sum(whitener.matrix, axis=1)
-        varying = [whitened(whitener.matrix, column) for column in self.columns]
+        varying = [whiten(whitener.matrix, column) for column in self.columns]
         weight = None if self.extra is None else row_weights(whitener.matrix, self.extra)
         system = products(np.stack([np.zeros(n), one]), varying, weight)[:-1]
-        system += augmented(*self._normal)[:, None]
+        system += prior_sums(*self._normal)[:, None]
         eliminate(system)
         size = np.sqrt(pivots(system))
         shift = size * system[[packed_index(k, 0) for k in range(1, side(system))]]
         weight = np.ones((n, 1)) if weight is None else weight
-        columns = reduced(system, [one[:, None], *varying])
+        columns = reduce_columns(system, [one[:, None], *varying])
         rows = [weight * column / each for column, each in zip(columns, size, strict=True)]
         return _Projections(weight, rows, shift, 2.0 * np.sum(np.log(size), axis=0))
 
@@ -206,7 +206,7 @@ def likelihood_grid(
     return LikelihoodGrid(blocks, prior, squares, whiteners, columns, extra)
 
 
-def refined(
+def refine(
     grid: LikelihoodGrid, level_dbm: FloatArray, most: int, share: float = 0.01
 ) -> LikelihoodGrid:
     """Split squares until none holds over `share` of any walk (n, b) under any hypothesis.

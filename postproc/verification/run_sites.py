@@ -12,7 +12,7 @@ from postproc.multi_run import in_zone
 from postproc.scan_counts import scans_of, too_rarely
 from postproc.smoothing import observed_cells
 from postproc.verification.cell_claim import FEWEST_BLOCKS, blocks_of
-from postproc.verification.claim_test import listened
+from postproc.verification.claim_test import prepare_walk
 from postproc.verification.clone_test import Sites, between_two, within_one
 from postproc.verification.run_claims import SEED
 from postproc.walk import observe_run
@@ -40,7 +40,9 @@ def sites_of(
     first, second = (blocks_of(obs) for obs in walks)
     if min(len(first), len(second)) < FEWEST_BLOCKS:
         return None, f"fewer than {FEWEST_BLOCKS} places with a level"
-    return between_two(listened(first, prior), listened(second, prior), walks[0].utm, rng), None
+    return between_two(
+        prepare_walk(first, prior), prepare_walk(second, prior), walks[0].utm, rng
+    ), None
 
 
 def _readings(runs: list[Run], cell: str) -> list[CellObservations]:

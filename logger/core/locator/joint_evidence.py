@@ -91,7 +91,7 @@ class Joint:
     def _given_sigma(self, law: SigmaLaw, unknown: FloatArray, log_sigma: float) -> float:
         """Log density of levels, censored readings and log sigma; `unknown` (g, q) is D."""
         gone, tau = self._blocks.censored, np.array([[log_sigma]])
-        given, s2 = law.given(tau), float(np.exp(2.0 * log_sigma))
+        given, s2 = law.fit(tau), float(np.exp(2.0 * log_sigma))
         log_p = float(law.log_p(tau, given)[0, 0]) - 0.5 * self._noise.log_det
         log_p -= 0.5 * len(self._blocks) * float(np.log(2.0 * np.pi))
         theta, covariance = given.theta[:, 0, 0], given.covariance(unknown.shape[1])[..., 0, 0]
@@ -153,7 +153,7 @@ def log_weights(
     best = np.argmax(of_places, axis=1)
     at_best = odds + [one.log_p(x_m[k], y_m[k]) for one, k in zip(joints, best, strict=True)]
     likeliest = np.argsort(-at_best)[:_SAMPLED_FROM]
-    places = np.concatenate([_sampled(p[c], samples) for c in likeliest])
+    places = np.concatenate([_sample_positions(p[c], samples) for c in likeliest])
     log_share = np.log(np.mean(p[np.ix_(likeliest, places)], axis=0))
     importance = (log_mass - log_sum(log_mass))[places] - log_share - np.log(len(places))
     found_log_p = np.full(len(found), -np.inf)
@@ -163,7 +163,7 @@ def log_weights(
     return found_log_p
 
 
-def _sampled(p: FloatArray, samples: int) -> IntArray:
+def _sample_positions(p: FloatArray, samples: int) -> IntArray:
     """Indices of positions that stand for equal parts of the mass, the likeliest first."""
     order = np.argsort(-p, kind="stable")
     parts = (np.arange(samples) + 0.5) / samples * _SAMPLED_MASS

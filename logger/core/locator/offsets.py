@@ -22,7 +22,7 @@ from logger.core.locator.quadtree import Effort, Tree
 from logger.core.locator.search import search_once
 from logger.core.model.blocks import NOTHING_CENSORED, Blocks, Censored, censored_places
 from logger.core.model.columns import receiver_variance, varying_columns
-from logger.core.model.marginal import augmented, fit, sums
+from logger.core.model.marginal import fit, prior_sums, sums
 from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
@@ -69,7 +69,9 @@ def offsets(
     rows = np.flatnonzero(np.sum(share, axis=1) > _LEAST_SHARE)
     at = tree.x_m[places], tree.y_m[places]
     given = [
-        _given(blocks, prior, int(tree.numbers[c]), at, tree.evidence.sigma_db[c, places], modems)
+        _conditional_offsets(
+            blocks, prior, int(tree.numbers[c]), at, tree.evidence.sigma_db[c, places], modems
+        )
         for c in rows
     ]
     weight = share[rows] / np.sum(share[rows])
@@ -80,7 +82,7 @@ def offsets(
     return Offsets(np.append(0.0, average), np.pad(total, ((1, 0), (1, 0))))
 
 
-def _given(
+def _conditional_offsets(
     blocks: Blocks,
     prior: Prior,
     number: int,
@@ -112,4 +114,4 @@ def _prior(prior: Prior, sigma_db: FloatArray, modems: int) -> FloatArray:
     relative = np.linalg.inv(np.eye(modems - 1) + 1.0)
     offset_db = prior.offset_sigma_db / prior.sigma_db * sigma_db
     precision[1:modems, 1:modems] = relative[..., None] / offset_db**2
-    return augmented(mean, precision)
+    return prior_sums(mean, precision)

@@ -23,7 +23,7 @@ from logger.core.model.blocks import (
     NOTHING_CENSORED,
     Blocks,
     Censored,
-    gathered,
+    gather,
     in_fewer_places,
     single,
 )
@@ -119,11 +119,13 @@ class OnlineLocator:
         self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int = 0
     ) -> None:
         """Take a reading once its neighbours confirm it; `limit` as in `censoring.limits`."""
-        for reading, spike_db in self.judged(Heard(x_m, y_m, position_sigma_m, level_dbm, limit)):
+        for reading, spike_db in self.check_spikes(
+            Heard(x_m, y_m, position_sigma_m, level_dbm, limit)
+        ):
             if not spike_db:
                 self.take(reading)
 
-    def judged(self, heard: Heard) -> list[SpikeCheck[Heard]]:
+    def check_spikes(self, heard: Heard) -> list[SpikeCheck[Heard]]:
         """Readings whose neighbours are known now, in their order, with the size of a spike."""
         return self._spikes.take(heard)
 
@@ -151,7 +153,7 @@ class OnlineLocator:
         self._lost = False
         point_m, variance_m2 = self._block[:2, : self._n], self._block[3, : self._n]
         self._curve = fit_curve(point_m, np.sqrt(variance_m2))
-        walk = single(self._on_curve(0, self._n), self._size_m, self._censored())
+        walk = single(self._on_curve(0, self._n), self._size_m, self._censored_points())
         tree = search_once(walk, self._prior, EFFORT, log_weight=self._hypothesis_weights(walk))
         mixed = tree.mixture(self._prior)
         kept = np.flatnonzero(mixed.probability > _KEPT_MASS)
@@ -223,10 +225,10 @@ class OnlineLocator:
                 return
         self._gone.append((x_m, y_m, level_dbm, float(limit), 1.0, position_sigma_m))
         if len(self._gone) > _MOST_CENSORED:
-            fewer = in_fewer_places(self._censored(), _MOST_CENSORED // 2)
+            fewer = in_fewer_places(self._censored_points(), _MOST_CENSORED // 2)
             self._gone = list(zip(*(column.tolist() for column in fewer), strict=True))
 
-    def _censored(self) -> Censored:
+    def _censored_points(self) -> Censored:
         return Censored(*np.array(self._gone).reshape(-1, 6).T)
 
     def _open(self, block: FloatArray) -> None:
@@ -238,9 +240,7 @@ class OnlineLocator:
     def _coarsen(self) -> None:
         """Half as many blocks, each larger; all sums are computed anew."""
         x_m, y_m, level_dbm, variance_m2, count = self._block[:, : self._n]
-        merged = gathered(
-            x_m, y_m, level_dbm, count, variance_m2, MOST_BLOCKS // 2, NOTHING_CENSORED
-        )
+        merged = gather(x_m, y_m, level_dbm, count, variance_m2, MOST_BLOCKS // 2, NOTHING_CENSORED)
         self._n, self._size_m = len(merged), merged.size_m
         self._block[:, : self._n] = np.stack(
             [merged.x_m, merged.y_m, merged.level_dbm, merged.position_sigma_m**2, merged.readings]

@@ -42,12 +42,12 @@ def log_all_above(
     precision, shift = begun or Sites(np.zeros(len(mean)), np.zeros(len(mean)))
     found = -np.inf
     for sweep in range(_SWEEPS):
-        log_gaussian, at, variance = _joined(
+        log_gaussian, at, variance = _gaussian_integral(
             mean, covariance, readings * precision, readings * shift
         )
         of_cavity = np.maximum(1.0 / variance - precision, _LEAST_PRECISION)
         without = (at / variance - shift) / of_cavity
-        log_phi, tilted, narrowed = _tilted(without, 1.0 / of_cavity, limit, own_variance)
+        log_phi, tilted, narrowed = _tilted_moments(without, 1.0 / of_cavity, limit, own_variance)
         log_site = 0.5 * (
             np.log1p(precision / of_cavity)
             + of_cavity * without**2
@@ -64,7 +64,7 @@ def log_all_above(
     return found, Sites(precision, shift)
 
 
-def _joined(
+def _gaussian_integral(
     mean: FloatArray, covariance: FloatArray, precision: FloatArray, shift: FloatArray
 ) -> tuple[float, FloatArray, FloatArray]:
     """Log integral of N(f; mean, covariance) exp(-precision f^2 / 2 + shift f), mean, variance."""
@@ -79,7 +79,7 @@ def _joined(
     return float(log_integral - 0.5 * np.linalg.slogdet(whole)[1]), mean + moved, variance
 
 
-def _tilted(
+def _tilted_moments(
     mean: FloatArray, variance: FloatArray, limit: FloatArray, own_variance: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Log probability that a noisy normal is above the limit, and its moments given that."""

@@ -204,7 +204,7 @@ def _laplace(
         up = tried[0] >= surface[0, active]
         at[:, active[up]], surface[:, active[up]] = there[:, up], tried[:, up]
         length[active] = np.where(up, 1.0, _SHORTER * length[active])
-    system = _eliminated(surface)
+    system = _newton_system(surface)
     covariance = inverse(system, 3)[[1, 2, 2], [1, 1, 2]]
     return surface[0] - 0.5 * log_determinant(system), at, covariance
 
@@ -212,12 +212,12 @@ def _laplace(
 def _newton_step(surface: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Step (q + 1, k), and twice the gain expected of it (k,)."""
     unknowns = side(surface) - 1
-    step = solution(_eliminated(surface), unknowns)
+    step = solution(_newton_system(surface), unknowns)
     gradient = surface[[packed_index(i + 1, 0) for i in range(unknowns)]]
     return step, np.asarray(np.sum(step * gradient, axis=0), float)
 
 
-def _eliminated(surface: FloatArray) -> FloatArray:
+def _newton_system(surface: FloatArray) -> FloatArray:
     """Newton's system with the coefficients eliminated and the step of log sigma bounded."""
     system = surface.copy()
     eliminate(system, first=2)

@@ -74,7 +74,7 @@ def divide(obs: CellObservations, posterior: Posterior) -> Division | None:
     first, *others = _peaks(walk)
     if not others:
         return None
-    undivided = float(log_sum(_located(walk, prior).log_evidence))
+    undivided = float(log_sum(_locate_part(walk, prior).log_evidence))
     divisions = [_best_division(walk, prior, first, other, undivided) for other in others]
     return max((one for one in divisions if one is not None), default=None)
 
@@ -90,7 +90,7 @@ def _best_division(
     for _ in range(_TURNS):
         if min(np.count_nonzero(in_one), np.count_nonzero(~in_one)) < _FEWEST_BLOCKS:
             break
-        one, two = (_located(walk.part(chosen), prior) for chosen in (in_one, ~in_one))
+        one, two = (_locate_part(walk.part(chosen), prior) for chosen in (in_one, ~in_one))
         both = one.log_evidence + two.log_evidence - prior.log_odds
         factor = float(log_sum(both)) - undivided
         nearest_m = [np.min(_distance_m(walk, part.x_m, part.y_m)) for part in (one, two)]
@@ -103,7 +103,7 @@ def _best_division(
     return best
 
 
-def _located(walk: Blocks, prior: Prior) -> _Part:
+def _locate_part(walk: Blocks, prior: Prior) -> _Part:
     tree = search_once(walk, prior, _EFFORT)
     log_mass = tree.log_mass()
     log_evidence = np.full(len(prior.hypotheses), _IMPOSSIBLE)

@@ -129,10 +129,10 @@ def blocks(obs: CellObservations, most: int) -> Blocks:
     of_point = np.zeros(len(count), np.int64)
     of_point[fine] = modem
     gone = censored_places(obs, min(most // 2, _MOST_CENSORED))
-    return gathered(mean[0], mean[1], mean[2], count, mean[3], most, gone, of_point)
+    return gather(mean[0], mean[1], mean[2], count, mean[3], most, gone, of_point)
 
 
-def gathered(
+def gather(
     x_m: FloatArray,
     y_m: FloatArray,
     level_dbm: FloatArray,

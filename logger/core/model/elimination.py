@@ -74,7 +74,7 @@ def inverse(eliminated: FloatArray, count: int) -> FloatArray:
     return found
 
 
-def reduced(eliminated: FloatArray, columns: list[FloatArray]) -> list[FloatArray]:
+def reduce_columns(eliminated: FloatArray, columns: list[FloatArray]) -> list[FloatArray]:
     """U^-1 applied to the columns (n, ...) of the unknowns, later ones taken off earlier ones.
 
     With A = X'X the reduced columns are orthogonal, their squares sum to D.

@@ -108,7 +108,7 @@ def sums(
     1 / (1 + d^2 extra).
     """
     weight = None if extra is None else row_weights(whitener, extra)
-    return products(fixed @ whitener.T, [whitened(whitener, v) for v in varying], weight)
+    return products(fixed @ whitener.T, [whiten(whitener, v) for v in varying], weight)
 
 
 def products(fixed: FloatArray, varying: list[FloatArray], weight: FloatArray | None) -> FloatArray:
@@ -140,7 +140,7 @@ def row_weights(whitener: FloatArray, extra: FloatArray) -> FloatArray:
     return np.asarray(1.0 / (1.0 + np.diagonal(whitener)[:, None] ** 2 * extra), float)
 
 
-def whitened(whitener: FloatArray, column: FloatArray) -> FloatArray:
+def whiten(whitener: FloatArray, column: FloatArray) -> FloatArray:
     """W times a column (n, h), in strips of rows: right of the diagonal W is zero."""
     product = np.empty_like(column)
     for i in range(0, len(whitener), _STRIP):
@@ -149,7 +149,7 @@ def whitened(whitener: FloatArray, column: FloatArray) -> FloatArray:
     return product
 
 
-def augmented(mean: FloatArray, precision: FloatArray) -> FloatArray:
+def prior_sums(mean: FloatArray, precision: FloatArray) -> FloatArray:
     """Packed sums (m, ...) that a normal prior adds: mean (q,), inverse covariance (q, q, ...)."""
     q = len(mean)
     matrix = np.zeros((q + 1, q + 1, *precision.shape[2:]))
@@ -160,7 +160,7 @@ def augmented(mean: FloatArray, precision: FloatArray) -> FloatArray:
 
 
 def fit(total: FloatArray, of_prior: FloatArray, log_sigma: FloatArray) -> Fit:
-    """Coefficients given sigma, from sums (m + 1, c, h) and the `augmented` prior (m, ...)."""
+    """Coefficients given sigma, from sums (m + 1, c, h) and the `prior_sums` prior (m, ...)."""
     system = total[:-1] * np.exp(-2.0 * log_sigma)
     system += of_prior
     eliminate(system)
@@ -183,7 +183,7 @@ def marginal(
     law = SigmaLaw(total, n, prior)
     tau = law.first_log_sigma() if near_db is None else np.log(near_db)
     for _ in range(min(_NEWTON_STEPS, nodes)):
-        before, given = tau, law.given(tau)
+        before, given = tau, law.fit(tau)
         slope, curvature = law.slopes(tau, given)
         step = np.clip(slope / curvature, -_LARGEST_STEP, _LARGEST_STEP)
         tau = np.maximum(tau + step, log(_LEAST_SIGMA_DB))
@@ -193,7 +193,7 @@ def marginal(
     if np.max(np.abs(step)) < _SMALL_STEP:  # as after most live readings: the last fit is as good
         log_p = law.log_p(before, given) + 0.5 * slope * step
     else:
-        given = law.given(tau)
+        given = law.fit(tau)
         log_p = law.log_p(tau, given)
     log_p += constant - 0.5 * np.log(curvature / (2.0 * pi))
     covariance = given.covariance(2)
@@ -209,7 +209,7 @@ class SigmaLaw:
         self._mean, self._precision, self._of_prior, self._log_det = _prior_terms(prior)
         self._weight = 1.0 / prior.sigma_log_sd**2
 
-    def given(self, tau: FloatArray) -> Fit:
+    def fit(self, tau: FloatArray) -> Fit:
         """Coefficients given sigma = exp(tau)."""
         return fit(self._total, self._of_prior, tau)
 
@@ -238,7 +238,7 @@ class SigmaLaw:
         """That of the residuals of the prior's sigma, drawn towards the prior."""
         n, sigma_db, q = self._n, self._prior.sigma_db, len(self._precision)
         start = np.full(self._total.shape[1:], log(sigma_db))
-        residual = sigma_db**2 * self.residual(self.given(start))
+        residual = sigma_db**2 * self.residual(self.fit(start))
         variance = np.maximum(residual, n * _LEAST_SIGMA_DB**2) / max(n - q, 1)
         pulled = n * np.log(variance) + self._weight * start
         return np.asarray(pulled / (2.0 * n + self._weight), float)
@@ -248,7 +248,7 @@ class SigmaLaw:
 def _prior_terms(prior: Prior) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Mean and precision (q, 1, 1), packed sums (m, 1, 1) and log |Lambda0| of the coefficients."""
     mean, precision = prior.coefficients
-    of_prior = augmented(mean, np.diag(precision))[:, None, None]
+    of_prior = prior_sums(mean, np.diag(precision))[:, None, None]
     return mean[:, None, None], precision[:, None, None], of_prior, float(np.sum(np.log(precision)))
 
 
@@ -264,7 +264,7 @@ def _over_nodes(
     """Quadrature over log sigma ~ about N(tau, sd^2)."""
     at, weights = _gauss_hermite(nodes)
     taus = tau + sd * at[:, None, None]
-    each = [law.given(one) for one in taus]
+    each = [law.fit(one) for one in taus]
     log_p = np.stack([law.log_p(*pair) for pair in zip(taus, each, strict=True)])
     log_p += (0.5 * at**2 + np.log(weights))[:, None, None]
     top = np.max(log_p, axis=0)

@@ -7,9 +7,9 @@ from logger.core.model.blocks import blocks
 from logger.core.model.columns import distances_db, varying_columns
 from logger.core.model.noise import covariances, whiteners_of
 from logger.core.model.prior import Prior
-from postproc.verification.bootstrap import calibrated, nuisances, nuisances_off
+from postproc.verification.bootstrap import calibrate, nuisances, nuisances_off
 from postproc.verification.cell_claim import ClaimOptions, verify_cell
-from postproc.verification.claim_test import around, claim_test, listened
+from postproc.verification.claim_test import around, claim_test, prepare_walk
 from postproc.verification.claims import Claim
 from postproc.verification.likelihood_grid import likelihood_grid
 from postproc.verification.power import BEARINGS_DEG, detectable, power
@@ -21,7 +21,7 @@ PRIOR = Prior(decorrelation_m=(15.0, 60.0), white_shares=(0.1,))
 
 def walk_of(seed, shape="square", prior=PRIOR, **noise):
     obs, source = simulate(np.random.default_rng(seed), shape, **noise)
-    return listened(blocks(obs, 40), prior), np.array(source)
+    return prepare_walk(blocks(obs, 40), prior), np.array(source)
 
 
 @pytest.mark.parametrize("antenna_db", [0.0, 6.0])
@@ -69,7 +69,9 @@ def test_antenna_is_no_displacement_to_a_measured_walk():
         )
         off = np.array([obs.x_m, obs.y_m]).T - source
         sent_db = 9.0 * np.cos(np.arctan2(off[:, 1], off[:, 0]) - seed)
-        walk = listened(blocks(observations(obs.x_m, obs.y_m, obs.level_dbm + sent_db), 40), PRIOR)
+        walk = prepare_walk(
+            blocks(observations(obs.x_m, obs.y_m, obs.level_dbm + sent_db), 40), PRIOR
+        )
         level = walk.level_dbm[:, None]
         test = claim_test(walk, np.array(source)[:, None], rng)
         stationary.append(test.p_indirect(level, trusting=True)[0])
@@ -173,7 +175,7 @@ def test_power_is_what_drawn_walks_are_rejected_at():
 
 def test_mirror_image_of_a_straight_walk_is_not_noticed():
     obs, source = simulate(np.random.default_rng(8), "straight", white_db=1.0)
-    walk = listened(blocks(obs, 40), PRIOR)
+    walk = prepare_walk(blocks(obs, 40), PRIOR)
     rng = np.random.default_rng(2)
     level = walk.level_dbm[:, None]
     mirror = claim_test(walk, np.array([[source[0]], [-source[1]]]), rng)
@@ -208,7 +210,7 @@ def test_claim_has_no_hole_that_a_place_falls_into():
 
 def test_calibration_is_a_rank_and_goes_on_below_the_least():
     calm = np.sort(np.random.default_rng(1).uniform(size=400))
-    p = calibrated(calm, np.array([0.0, 1e-4, 0.01, 0.3, 1.0]))
+    p = calibrate(calm, np.array([0.0, 1e-4, 0.01, 0.3, 1.0]))
     assert np.all(np.diff(p) > 0)
     assert p[3] == pytest.approx(0.3, abs=0.08)
     assert 1e-5 < p[1] < 1e-3

@@ -5,7 +5,7 @@ from logger.core.geo import Utm
 from logger.core.locator.pipeline import locate
 from logger.core.model.blocks import blocks
 from logger.core.model.prior import Prior
-from postproc.verification.claim_test import listened
+from postproc.verification.claim_test import prepare_walk
 from postproc.verification.clone_test import between_two, within_one
 from tests.kit.walks import observations, path
 
@@ -25,9 +25,9 @@ def heard(rng, place, start=(0.0, 0.0), white_db=2.0):
 
 def test_two_runs_past_one_place_and_past_two():
     rng = np.random.default_rng(1)
-    one = listened(blocks(observations(*heard(rng, (80.0, 40.0))), 40), PRIOR)
-    same = listened(blocks(observations(*heard(rng, (80.0, 40.0), (60.0, -30.0))), 40), PRIOR)
-    away = listened(blocks(observations(*heard(rng, (-10.0, 200.0), (60.0, -30.0))), 40), PRIOR)
+    one = prepare_walk(blocks(observations(*heard(rng, (80.0, 40.0))), 40), PRIOR)
+    same = prepare_walk(blocks(observations(*heard(rng, (80.0, 40.0), (60.0, -30.0))), 40), PRIOR)
+    away = prepare_walk(blocks(observations(*heard(rng, (-10.0, 200.0), (60.0, -30.0))), 40), PRIOR)
     calm, cloned = (between_two(one, other, Utm(32), rng) for other in (same, away))
     assert calm.p > 0.05
     assert cloned.p < 0.01
