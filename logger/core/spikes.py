@@ -171,22 +171,25 @@ class _Neighbours(NamedTuple):
         """As `SpikeFilter._spike_db`."""
         if not self.ended and len(self.before) <= 1 and len(self.after) < _SIDE:
             return None
-        usual_dbm = self._usual_dbm()
-        off_db = self.head.level_dbm - usual_dbm
+        off_db = self.head.level_dbm - self._usual_dbm()
         margin_db = self._margin_db(off_db)
         is_alone = self.ended and len(self.before) + len(self.after) < _FEWEST
         if abs(off_db) <= margin_db or is_alone:
             return 0.0
-        sign = 1.0 if off_db > 0.0 else -1.0
-        height_db = sign * self.head.level_dbm
-        is_apart = [height_db - sign * one.level_dbm > margin_db for one in self.after]
-        n_as_far = sum(sign * (one.level_dbm - usual_dbm) > margin_db for one in self.after[:_SIDE])
-        vote = _vote(is_apart[:_SIDE], n_as_far, ended=self.ended)
+        return self._outlier_db(off_db, margin_db)
+
+    def _outlier_db(self, off_db: float, margin_db: float) -> float | None:
+        """As `spike_db`, for a level beyond the margin."""
+        sign, usual_dbm = (1.0 if off_db > 0.0 else -1.0), self._usual_dbm()
+        below_db = [sign * (self.head.level_dbm - one.level_dbm) for one in self.after]
+        above_db = [sign * (one.level_dbm - usual_dbm) for one in self.after[:_SIDE]]
+        n_as_far = sum(db > margin_db for db in above_db)
+        vote = _vote([db > margin_db for db in below_db[:_SIDE]], n_as_far, ended=self.ended)
         if vote is None:
             return None
         if not vote or (n_as_far and abs(off_db) <= _TWO_FACTOR * margin_db):
             return 0.0
-        apart = [one for one, apart in zip(self.after, is_apart, strict=True) if apart]
+        apart = [one for one, db in zip(self.after, below_db, strict=True) if db > margin_db]
         if off_db < 0.0 or not self._may_be_passing([*self.before, *apart]):
             return off_db
         return None if not self.ended and len(self.after) < _SLOPE_SIDE else 0.0

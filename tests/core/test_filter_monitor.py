@@ -16,19 +16,19 @@ def state_at(distance_m, sigma_m=5.0):
     return shadow_ekf.release(held, np.diag([sigma_m**2, 4.0, 1.0, 0.01]))
 
 
-def seen(innovations, distance_m=200.0, watching=FilterMonitor()):  # noqa: B008 (immutable)
-    """The watch after innovations of claimed variance 1, the walker far from the place."""
+def seen(innovations, distance_m=200.0, monitor=FilterMonitor()):  # noqa: B008 (immutable)
+    """The monitor after innovations of stated variance 1, the walker far from the position."""
     state = state_at(distance_m)
     for innovation in innovations:
-        watching = watching.after_step(ShadowStep(state, float(innovation), 1.0), NOISE)
-    return watching
+        monitor = monitor.after_step(ShadowStep(state, float(innovation), 1.0), NOISE)
+    return monitor
 
 
 def first_alarm(innovations):
-    watching, state = FilterMonitor(), state_at(200.0)
+    monitor, state = FilterMonitor(), state_at(200.0)
     for i, innovation in enumerate(innovations):
-        watching = watching.after_step(ShadowStep(state, float(innovation), 1.0), NOISE)
-        if watching.disagrees:
+        monitor = monitor.after_step(ShadowStep(state, float(innovation), 1.0), NOISE)
+        if monitor.disagrees:
             return i
     return None
 
@@ -40,56 +40,56 @@ def test_bound_is_the_chi_square_quantile(dof):
     )
 
 
-def test_honest_innovations_are_left_alone():
+def test_consistent_innovations_raise_no_alarm():
     rng = np.random.default_rng(1)
     alarms = [first_alarm(rng.normal(size=1000)) for _ in range(100)]
     assert sum(alarm is not None for alarm in alarms) <= 2
 
 
 @pytest.mark.parametrize(("factor", "within"), [(1.7, 100), (2.5, 40)])
-def test_innovations_larger_than_said_are_found(factor, within):
+def test_innovations_larger_than_stated_raise_the_alarm(factor, within):
     rng = np.random.default_rng(2)
     alarms = [first_alarm(factor * rng.normal(size=400)) for _ in range(50)]
     assert all(alarm is not None for alarm in alarms)
     assert np.median(alarms) < within
 
 
-def test_one_outlier_takes_nothing_back():
+def test_one_outlier_discards_nothing():
     rng = np.random.default_rng(3)
-    watching = seen([1e3], watching=seen(rng.normal(size=100)))
-    assert watching.disagrees is None
+    monitor = seen([1e3], monitor=seen(rng.normal(size=100)))
+    assert monitor.disagrees is None
     assert seen([1e3]).disagrees is None
 
 
 def test_the_alarm_goes_on_until_it_has_been_denied_as_often():
-    watching = seen(np.full(60, 2.0))
-    assert "NIS 4.0" in watching.disagrees
+    monitor = seen(np.full(60, 2.0))
+    assert "NIS 4.0" in monitor.disagrees
     quiet = 0
-    while watching.disagrees:
-        watching = seen([0.0], watching=watching)
+    while monitor.disagrees:
+        monitor = seen([0.0], monitor=monitor)
         quiet += 1
-    assert watching.mean_nis < watching.nis_bound
+    assert monitor.mean_nis < monitor.nis_bound
     assert (
-        quiet > math.log(4.0 / watching.nis_bound) * 30.0
+        quiet > math.log(4.0 / monitor.nis_bound) * 30.0
     )  # falling below the bound alone is not enough
 
 
-def test_a_reading_at_the_limit_says_nothing_of_the_nis():
-    watching = seen([1.5, 2.0])
-    after = watching.after_step(ShadowStep(state_at(200.0), math.nan, math.nan), NOISE)
-    assert (after.mean_nis, after.weight) == (watching.mean_nis, watching.weight)
+def test_a_censored_reading_leaves_the_nis_unchanged():
+    monitor = seen([1.5, 2.0])
+    after = monitor.after_step(ShadowStep(state_at(200.0), math.nan, math.nan), NOISE)
+    assert (after.mean_nis, after.weight) == (monitor.mean_nis, monitor.weight)
 
 
 def compared(times, apart_m):
-    watching = FilterMonitor()
+    monitor = FilterMonitor()
     for _ in range(times):
-        watching = watching.after_search(
+        monitor = monitor.after_search(
             state_at(200.0, sigma_m=3.0), 200.0 + apart_m, 0.0, (16.0, 0.0, 9.0)
         )
-    return watching
+    return monitor
 
 
-def test_a_place_far_from_the_locators_is_found_in_three():
+def test_a_position_far_from_the_locators_raises_the_alarm_after_three():
     assert compared(1, 10.0).apart2 == pytest.approx(100.0 / 25.0)
     assert compared(9, 10.0).disagrees is None
     assert compared(2, 20.0).disagrees is None
@@ -108,12 +108,12 @@ def test_distance_is_by_both_covariances():
     )
 
 
-def test_a_walker_too_near_for_the_uncertainty_is_told():
+def test_a_walker_too_near_for_the_uncertainty_raises_the_alarm():
     assert seen(np.zeros(9), distance_m=25.0).disagrees is None
     assert seen(np.zeros(2), distance_m=15.0).disagrees is None
     near = seen(np.zeros(3), distance_m=15.0)
     assert "33% of the distance" in near.disagrees
-    assert seen(np.zeros(3), distance_m=200.0, watching=near).disagrees is None
+    assert seen(np.zeros(3), distance_m=200.0, monitor=near).disagrees is None
 
 
 def test_widest_axis_is_the_largest_eigenvalue():

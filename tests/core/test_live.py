@@ -27,13 +27,13 @@ def _feed(tracker, *records):
 
 
 def _knowing(settings, *cells):
-    """A tracker that has heard these cells once, where nobody knew the place."""
+    """A tracker that has received these cells once, before the first fix."""
     tracker = LiveTracker(settings)
     assert _feed(tracker, _scan(0, *(reading(cid, -100.0) for cid in cells))) == []
     return tracker
 
 
-def test_a_place_by_dead_reckoning_counts_less():
+def test_dead_reckoning_counts_less():
     measured, reckoned = (LiveTracker(LiveSettings()) for _ in range(2))
     for tracker, quality in ((measured, 1), (reckoned, 6)):
         tracker.feed(0, Record(0, "gnss", Fix(True, None, 52.0, 13.0, hdop=1.0, quality=quality)))
@@ -79,7 +79,7 @@ def test_target_changes_only_beyond_the_hysteresis_and_starts_again():
     ]
 
 
-def test_a_target_no_longer_heard_gives_way_after_a_while():
+def test_a_target_not_received_for_a_while_gives_way():
     tracker = _knowing(LiveSettings(lost_s=10.0, max_fix_age_s=100.0), 1, 2)
     records = [
         _fix(1),
@@ -116,7 +116,7 @@ def test_no_fix_an_old_fix_and_a_lost_fix_say_nothing():
     assert _feed(tracker, _fix(6), _fix(7, valid=False), _scan(7, reading(1, -60.0))) == []
 
 
-def test_beyond_84_degrees_is_told_once():
+def test_beyond_84_degrees_warns_once():
     tracker = LiveTracker(LiveSettings())
     polar = Record(S, "gnss", Fix(True, None, 86.0, 13.0))
     found = _feed(tracker, polar, polar, _scan(1, reading(1, -60.0)))
@@ -135,7 +135,7 @@ def _walk(n, *, false=lambda t_s: (), most_cells=64):
     return tracker, found
 
 
-def test_a_cell_heard_in_one_scan_is_never_the_target_and_never_located():
+def test_a_cell_of_one_scan_is_never_the_target_and_never_located():
     tracker, found = _walk(60, false=lambda t_s: [reading(5000 + t_s, -10.0)], most_cells=2)
     assert tracker.target == "262-01-4711-1"
     assert [value.code for _, value in found if isinstance(value, Note)][:1] == ["target-locked"]

@@ -44,7 +44,7 @@ def test_a_reading_stands_where_the_walker_was_in_the_middle_of_the_scan(tmp_pat
 @pytest.mark.parametrize("acc_m", [None, 3.0, 80.0])
 @pytest.mark.parametrize("hdop", [None, 0.9, 9.9])
 @pytest.mark.parametrize("quality", [None, 1, 2, 3, 4, 5, 6])
-def test_a_place_by_dead_reckoning_is_unsure_live_and_at_the_desk(tmp_path, acc_m, hdop, quality):
+def test_dead_reckoning_has_a_large_sigma_live_and_offline(tmp_path, acc_m, hdop, quality):
     """Whatever the receiver says of its accuracy: it does not know of a turn since it lost its
     satellites.
     """
@@ -91,7 +91,7 @@ def test_accuracy_of_the_receiver(tmp_path):
     assert _observe(tmp_path, records).track.sigma_m == pytest.approx([8.0, 10.0, 7.0])
 
 
-def test_several_places_at_one_time_keep_their_own(tmp_path):
+def test_several_fixes_at_one_time_keep_their_positions(tmp_path):
     """A file whose clock counts whole seconds, or nothing at all."""
     found = _observe(
         tmp_path,

@@ -29,7 +29,7 @@ def test_every_field_of_a_value_has_its_column(table, kind, written_instead):
     )
 
 
-def test_every_column_says_what_it_is():
+def test_every_column_has_a_unit_or_meaning():
     assert all(column.unit for columns in TABLES.values() for column in columns)
 
 

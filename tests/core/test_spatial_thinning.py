@@ -59,7 +59,7 @@ def test_noise_that_is_nearly_white_is_new_at_every_visit():
 
 @pytest.mark.parametrize(("once", "low", "high"), [(True, 0.87, 1.0), (False, 0.0, 0.85)])
 def test_a_filter_stays_honest_over_a_street_walked_four_times(once, low, high):
-    """Shadowing of the place, the same in each round; coverage of the 95 % ellipse in 80 worlds."""
+    """Shadowing of the point, the same in each round; coverage of the 95 % ellipse in 80 worlds."""
     rng = np.random.default_rng(2)
     x, y = rounds(4, step=5.6)
     told = [is_informative(here, SHADOWED) or not once for here in taken(x, y)]

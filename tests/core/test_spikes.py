@@ -18,7 +18,7 @@ class Level(NamedTuple):
 
 
 def walk(rng, n=400, *, gap_m=1.4, away_m=60.0, noise_db=3.0, eta=3.0):
-    """East past a transmitter `away_m` beside the middle of the way: places and levels."""
+    """East past a transmitter `away_m` beside the middle of the way: positions and levels."""
     x_m = (np.arange(n) - 0.5 * n + rng.uniform(-0.5, 0.5)) * gap_m
     distance_m = np.hypot(x_m, away_m)
     return (
@@ -138,7 +138,7 @@ def test_a_spike_waits_for_two_more_and_others_wait_behind_it():
     noise_db=st.sampled_from([0.0, 2.0, 5.0, 9.0]),
     share=st.sampled_from([0.0, 0.01, 0.1, 0.4]),
 )
-def test_the_desk_finds_what_the_device_does(seed, n, gap_m, noise_db, share):
+def test_arrays_give_what_single_readings_give(seed, n, gap_m, noise_db, share):
     rng = np.random.default_rng(seed)
     x_m, y_m = (np.cumsum(gap_m * rng.normal(size=n)) for _ in range(2))
     level_dbm = (

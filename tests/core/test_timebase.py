@@ -104,7 +104,7 @@ def test_a_receiver_that_jumps_is_outvoted_or_utc_is_unknown(seed, jump_s, where
         assert _error_s(timebase, t_ns, utc_ns) < 0.2
 
 
-def test_leap_seconds_heard_of_late_are_corrected_backwards():
+def test_leap_seconds_received_late_are_corrected_backwards():
     t_ns, utc_ns, late_ns, valid = _walk()
     told_ns = utc_ns.copy()
     told_ns[:700] += 2 * 10**9
@@ -174,7 +174,7 @@ def test_any_numbers_give_an_answer_or_none(seed):
 
 @pytest.mark.parametrize("year", [1975, 1999, 2017, 2060])
 def test_a_file_of_another_program_may_be_of_any_year(year):
-    """A receiver that says so has a wrong week counter, or a clock that was never set."""
+    """A receiver with such a time has a wrong week counter, or a clock that was never set."""
     t_ns = np.arange(20) * 10**9
     utc_ns = t_ns + (year - 1970) * 31_557_600 * 10**9
     assert fit(t_ns, utc_ns) is None

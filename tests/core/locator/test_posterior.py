@@ -23,7 +23,7 @@ def walked(seed, shape, **noise):
     return simulate(np.random.default_rng(seed), shape, count=150, step=5.6, **noise)
 
 
-# --- what is told ---
+# --- values ---
 
 
 def test_numbers_of_a_clear_case():
@@ -85,7 +85,7 @@ def test_what_is_finite_stays_finite_where_most_cells_hold_nothing():
     assert np.all(np.isfinite(numbers))
 
 
-def test_no_place_is_known_better_than_the_cell_it_is_in():
+def test_no_position_is_more_certain_than_its_square():
     x, y = path("square", 150, 5.6)
     found = locate(observations(x, y, -30 - 32 * np.log10(np.hypot(x - 100, y - 60))))
     assert found.r95_m > 0.3 * np.min(found.squares.size_m)
@@ -96,7 +96,7 @@ def test_no_reading_at_all():
         locate(observations([], [], []))
 
 
-# --- twins ---
+# --- mirror images ---
 
 
 def test_straight_walk_leaves_two_mirror_images():
@@ -166,8 +166,9 @@ def test_constant_added_to_all_levels():
 
 
 def test_equal_levels_leave_no_rounding():
-    """Sums of squared levels exceed what is left of them a million times: a place must not win by
-    lost digits.
+    """Squared levels exceed what remains of them a million times.
+
+    Lost digits must not decide the position.
     """
     x = np.arange(50) * 10.0
     a, b = (locate(observations(x, 0 * x, 0 * x - 80.0 + tiny)) for tiny in (0.0, 1e-9))
@@ -199,7 +200,7 @@ def test_standing_still_adds_no_certainty():
 # --- the end of the searched area ---
 
 
-def test_the_search_reaches_as_far_as_it_says():
+def test_the_search_reaches_as_far_as_the_prior():
     obs, _ = walked(29, "square")
     for reach_m in (500.0, 30_000.0):
         cells = locate(obs, Prior(reach_m=reach_m)).squares
@@ -208,7 +209,7 @@ def test_the_search_reaches_as_far_as_it_says():
 
 
 @pytest.mark.parametrize("far_power", [3.0, 0.0])
-def test_mass_at_the_end_of_the_search_is_told(far_power):
+def test_mass_at_the_end_of_the_search_is_reported(far_power):
     """A source 10 km away, searched to 3 km, with 1 dB of noise; also under a prior that is
     even.
     """
@@ -237,7 +238,7 @@ def test_no_mass_at_the_end_of_the_search_of_a_clear_case():
 
 @pytest.mark.parametrize("position_sigma", [3.0, 8.0, 20.0])
 def test_an_error_of_the_receiver_that_lasts_moves_the_answer_along(position_sigma):
-    """However clearly it is heard, a place is known no better than the walk is."""
+    """However strong the levels, a position is no more certain than the walk."""
     x, y = path("square", 150, 5.6)
     level = np.round(-30 - 32 * np.log10(np.hypot(x - 100, y - 90)))
     found = locate(observations(x, y, level, position_sigma))
@@ -257,7 +258,7 @@ def test_a_walk_half_at_the_floor_is_located_no_better_than_the_whole():
 
 
 @pytest.mark.parametrize("seed", [1, 8])
-def test_the_small_twin_within_a_round_walk_is_found(seed):
+def test_the_small_mirror_image_within_a_round_walk_is_found(seed):
     """A twentieth of the mass on a hundredth of the area: no cell of the first search shows it."""
     x, y = path("circle")
     level = (

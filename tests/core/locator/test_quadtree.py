@@ -195,7 +195,7 @@ def test_first_squares_on_a_ring_of_the_timing_advance_are_no_larger_than_its_st
     assert np.max(size[far]) > 4.0 * STEP_M
 
 
-def test_places_of_the_prior_fade_beyond_what_is_near():
+def test_the_prior_is_flat_nearby_and_falls_beyond():
     """Without information the tree holds the prior: flat nearby, by the third power beyond."""
     prior = Prior(near_m=100.0, reach_m=2000.0)
     tree = search_once(blocks(observations([0.0], [0.0], [-70.0]), 300), prior)

@@ -75,16 +75,16 @@ def test_all_mass():
     assert region.area_m2(Squares(np.zeros(1), np.zeros(1), np.full(1, 10.0), np.ones(1))) == 100.0
 
 
-# --- places ---
+# --- modes ---
 
 
-def test_two_peaks_are_two_places():
+def test_two_peaks_are_two_modes():
     cells = gaussians((0.7, -80.0, 0.0, 20.0), (0.3, 80.0, 0.0, 20.0))
     found = region.mode_regions(cells, 0.999)
     assert sorted(cells.probability[k].sum() for k in found) == pytest.approx([0.3, 0.7], abs=0.01)
 
 
-def test_near_peaks_are_one_place():
+def test_near_peaks_are_one_mode():
     assert (
         len(region.mode_regions(gaussians((0.5, -22.0, 0.0, 20.0), (0.5, 22.0, 0.0, 20.0)), 0.999))
         == 1
@@ -100,7 +100,7 @@ def test_the_pass_between_two_peaks_decides(apart_m, count):
     assert len(region.mode_regions(cells, 0.999)) == count
 
 
-def test_a_ring_is_one_place():
+def test_a_ring_is_one_mode():
     """Peaks along it meet one after the other, the last one the first."""
     angle = np.linspace(0.0, 2.0 * np.pi, 17)[:-1]
     ring = [(1.0, 120.0 * np.cos(a), 120.0 * np.sin(a), 20.0) for a in angle]
@@ -124,7 +124,7 @@ def test_large_cells_touch_small_ones():
     assert len(region.mode_regions(cells, 1.0)) == 1
 
 
-def test_places_share_no_cell_and_hold_the_level():
+def test_modes_share_no_square_and_contain_the_level():
     cells = gaussians((0.5, -60.0, 0.0, 15.0), (0.3, 60.0, 40.0, 25.0), (0.2, 0.0, -90.0, 10.0))
     together = np.concatenate(region.mode_regions(cells, 0.99))
     assert len(np.unique(together)) == len(together)

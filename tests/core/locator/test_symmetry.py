@@ -63,15 +63,15 @@ def test_a_track_without_errors_stays_as_it_is(shape):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_a_few_readings_and_one_place_are_no_trouble(count):
+def test_few_readings_at_one_point_do_not_fail(count):
     for step in (0.0, 5.0):
         x = step * np.arange(count)
         found = snap_to_curve(observations(x, x, np.zeros(count), position_sigma=3.0))
         assert np.allclose(found.x_m, x, atol=4.5)
 
 
-def test_errors_of_the_fixes_do_not_tell_a_place_from_its_mirror_image():
-    """With the track as told one side, right or wrong, holds more than 95 % in half of such
+def test_errors_of_the_fixes_do_not_distinguish_mirror_images():
+    """With the track as recorded, one side, right or wrong, has more than 95 % in half of such
     walks.
     """
     for seed in range(4):

@@ -40,7 +40,7 @@ def of(x, ta):
     return found
 
 
-# --- one place ---
+# --- one location ---
 
 
 @pytest.mark.parametrize("delay_m", [-900.0, 0.0, 277.0, 553.5, 5000.0, 35200.0, 90000.0])
@@ -64,19 +64,19 @@ def test_step_is_the_share_of_a_logistic_error_within_it(step):
 
 
 @pytest.mark.parametrize("distance_m", [50.0, 4000.0])
-def test_a_place_tells_each_step_with_a_probability(distance_m):
-    """Over all TA that one place can tell the probabilities sum to 1, but for what is kept for any
+def test_probabilities_of_the_steps_at_a_location_sum_to_one(distance_m):
+    """Over all TA at one location the probabilities sum to 1, but for what is kept for any
     bias at all.
     """
     told = [of([0.0], [n]).log_p(np.array([distance_m]), np.zeros(1))[0] for n in range(64)]
     assert np.exp(told).sum() == pytest.approx(1.0, abs=0.1)
 
 
-# --- many places ---
+# --- many locations ---
 
 
 def by_quadrature(found, x, y):
-    """log_p of one place, its bias integrated by scipy."""
+    """log_p of one position, its bias integrated by scipy."""
     away = np.hypot(x - found.x_m, y - found.y_m)
 
     def given(bias):
@@ -108,7 +108,7 @@ def test_bias_is_integrated(far_m):
         )
 
 
-def test_repeats_at_one_place_tell_nothing_new():
+def test_repeats_at_one_location_add_nothing():
     x, y = np.linspace(-5000.0, 5000.0, 50), np.full(50, 300.0)
     once, often = of([0.0, 400.0], [3, 4]), of([0.0] * 30 + [400.0], [3] * 30 + [4])
     np.testing.assert_allclose(often.log_p(x, y), once.log_p(x, y), atol=1e-12)
@@ -117,7 +117,7 @@ def test_repeats_at_one_place_tell_nothing_new():
     assert mixed.weight.tolist() == [0.75, 0.25]
 
 
-def test_long_drives_keep_few_places():
+def test_long_drives_have_few_locations():
     found = of(np.arange(0.0, 100_000.0, 30.0), np.arange(0.0, 100_000.0, 30.0) % 60)
     assert found.weight.sum() <= 100.0
 
@@ -149,9 +149,7 @@ WIDE = replace(WHITE, near_m=5000.0)
 
 
 def along_a_ray(obs, prior, found):
-    """Distances from a place, and the posterior's mass there: evidence and prior by the area of a
-    circle's rim.
-    """
+    """Distances from a location, and the posterior there: density by the area of a rim."""
     at = np.geomspace(1.0, prior.reach_m, 4000)
     walk, zero = blocks(obs, 300), np.zeros(4000)
     total = walk_sums(walk, whiteners(walk, prior), prior, at, zero)
@@ -226,7 +224,7 @@ def test_reach_follows_the_ring():
 # --- residual check ---
 
 
-def test_check_counts_places_that_disagree():
+def test_check_counts_locations_that_disagree():
     x = np.arange(0.0, 1000.0, 100.0)
     here = Squares(np.array([1000.0]), np.array([0.0]), np.array([10.0]), np.ones(1))
     agrees = of(x, np.floor((1000.0 - x + 200.0) / STEP_M)).check(here)

@@ -13,7 +13,7 @@ from tests.kit.walks import observations, path, simulate
 
 @cache
 def clear():
-    """A walk around a transmitter that leaves one small place, and its posterior."""
+    """A walk around a transmitter that leaves one small region, and its posterior."""
     obs, _ = simulate(np.random.default_rng(24), "square", white_db=2.0, count=150, step=5.6)
     return obs, locate(obs)
 
@@ -51,7 +51,7 @@ def test_located():
 
 
 @pytest.mark.parametrize("probability", [0.0, 0.001, 0.004, 0.0099])
-def test_a_place_that_would_be_printed_as_nothing_is_no_rival_however_sharp_it_is(probability):
+def test_a_mode_that_would_be_printed_as_0_percent_is_no_rival_however_sharp(probability):
     obs, found = clear()
     best = replace(found.modes[0], probability=1.0 - probability)
     said, why, _ = assess(replace(found, modes=(best, beside(best, 300.0, probability, 1.0))), obs)
@@ -70,7 +70,7 @@ SHARES = [
 
 
 @pytest.mark.parametrize("shares", SHARES)
-def test_shares_of_places_add_up_and_none_is_nothing_or_all(shares):
+def test_shares_of_modes_add_up_and_none_is_0_or_100(shares):
     obs, found = clear()
     best = replace(found.modes[0], probability=shares[0])
     others = (beside(best, 300.0 * i, share, 0.5) for i, share in enumerate(shares[1:], 1))
@@ -82,7 +82,7 @@ def test_shares_of_places_add_up_and_none_is_nothing_or_all(shares):
     assert len(re.findall("% at ", why[0])) == len(shares)
 
 
-def test_nobody_is_sent_to_a_place_that_is_not_named():
+def test_the_advice_names_a_listed_mode():
     obs, found = clear()
     best = replace(found.modes[0], probability=0.6)
     rest = (beside(best, 5.0, 0.002, 1.0), beside(best, 400.0, 0.398, 0.9))
@@ -91,7 +91,7 @@ def test_nobody_is_sent_to_a_place_that_is_not_named():
     assert f"at {place}" in named
 
 
-def test_a_second_place_too_small_to_count_does_not_matter():
+def test_an_irrelevant_second_mode_changes_nothing():
     obs, found = clear()
     best = found.modes[0]
     assert (
@@ -102,7 +102,7 @@ def test_a_second_place_too_small_to_count_does_not_matter():
 # --- ambiguous ---
 
 
-def test_two_places():
+def test_two_modes():
     obs, _ = simulate(np.random.default_rng(25), "straight", white_db=2.0, count=150, step=5.6)
     found = locate(obs)
     said, why, _ = assess(found, obs)
@@ -172,7 +172,7 @@ def test_large_region():
     assert "the region is too large" in reasons(obs)
 
 
-def test_reasons_are_all_told_at_once():
+def test_all_reasons_are_listed():
     obs = observations([0.0, 8.0], [0.0, 1.0], [-70.0, -71.0])
     assert len(assess(locate(obs), obs).reasons) >= 3
 
