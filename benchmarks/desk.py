@@ -23,9 +23,7 @@ STEP_M = 1.4
 
 
 def write_run(folder: Path, readings: int) -> Path:
-    """A walk through a grid of streets, a fix and a scan of all cells a second; returns the
-    HDF5.
-    """
+    """A walk through streets, with a fix and a scan of all cells a second; returns the HDF5."""
     rng = np.random.default_rng(1)
     scans = readings // CELLS
     heading = np.repeat(rng.integers(0, 4, scans // 100 + 1), 100)[:scans] * np.pi / 2
@@ -74,7 +72,8 @@ def main() -> None:
             spent_s = time.perf_counter() - begun
             peak_gb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
             print(
-                f"{count:>9} readings, {CELLS} cells: {spent_s:6.1f} s, {1e6 * spent_s / count:7.1f} us a reading, "
+                f"{count:>9} readings, {CELLS} cells: {spent_s:6.1f} s, "
+                f"{1e6 * spent_s / count:7.1f} us a reading, "
                 f"peak so far {peak_gb:.2f} GB",
                 flush=True,
             )

@@ -1,5 +1,4 @@
-"""One reading of one cell through the locator and the EKF on the device, against one update of
-filterpy's EKF.
+"""One live reading of one cell, locator and EKF, against one update of filterpy's EKF.
 
 python benchmarks/live_cell.py
 """
@@ -28,9 +27,7 @@ CLIPPED_SHARES = (0.2, 0.45, 0.7)
 
 
 def walk(seed: int, *, shadow_db: float) -> list[Heard]:
-    """A walk round blocks of 200 m, with white noise and shadowing of 15 m decorrelation
-    distance.
-    """
+    """A walk round blocks of 200 m, with white noise and shadowing correlated over 15 m."""
     rng = np.random.default_rng(seed)
     s = np.arange(READINGS) * STEP_M % 1600.0
     x = np.interp(s, [0, 200, 400, 600, 800, 1600], [0, 200, 200, 400, 400, 0])
@@ -60,8 +57,9 @@ def clipped(heard: list[Heard], share: float) -> list[Heard]:
 
 
 def live_us(heard: list[Heard]) -> tuple[float, float, float, float]:
-    """Mean, 99th percentile and worst CPU time of a reading, searches included, and the memory of
-    the cell in MB.
+    """Mean, 99th percentile and worst CPU time of a reading, and the memory of the cell in MB.
+
+    Searches are included.
     """
     gc.collect()
     cell = LiveCell(live_prior(LiveSettings()))
@@ -124,7 +122,8 @@ def main() -> None:
     for name, heard in walks.items():
         mean, p99, worst, memory_mb = live_us(heard)
         print(
-            f"live cell, {name}: mean {mean:.0f} us a reading (ratio {mean / peer:.0f}), 99 % {p99:.0f} us, "
+            f"live cell, {name}: mean {mean:.0f} us a reading (ratio {mean / peer:.0f}), "
+            f"99 % {p99:.0f} us, "
             f"worst {worst / 1000:.0f} ms (a search), {memory_mb:.2f} MB"
         )
 
