@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from logger.core.errors import ConfigError
-from logger.core.model.prior import ENVIRONMENTS, Hypothesis, Prior, prior_for
+from logger.core.live import live_prior
+from logger.core.live_settings import LiveSettings
+from logger.core.model.prior import ANTENNAS, ENVIRONMENTS, Hypothesis, Prior, prior_for
 
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)
@@ -47,3 +49,19 @@ def test_what_hangs_together_over_the_whole_quarter_is_trusted_less():
 def test_white_noise_may_be_the_only_hypothesis():
     prior = Prior(decorrelation_m=(), white_shares=(), white_alone=1.0)
     assert prior.log_odds.tolist() == [0.0]
+
+
+def test_a_sector_antenna_adds_two_coefficients_for_each_harmonic():
+    omni, sector = (prior_for("urban", antenna=antenna) for antenna in ("omni", "sector"))
+    assert omni == prior_for("urban")
+    assert len(omni.coefficients.mean) == 2
+    assert sector.coefficients.mean.tolist() == [*omni.coefficients.mean, 0.0, 0.0, 0.0, 0.0]
+    sigma_db = sector.coefficients.precision[2:] ** -0.5
+    assert sigma_db == pytest.approx([9.3, 9.3, 3.3, 3.3])
+    with pytest.raises(ConfigError, match="antenna 'dish' is unknown: one of omni, sector"):
+        prior_for("any", antenna="dish")
+
+
+def test_the_device_uses_the_configured_antenna():
+    assert live_prior(LiveSettings(antenna="sector")).antenna_db == ANTENNAS["sector"]
+    assert live_prior(LiveSettings()).antenna_db == ()
