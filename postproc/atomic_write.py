@@ -8,8 +8,9 @@ from logger.core.errors import RunFileError
 
 
 def check_writable(path: Path) -> None:
-    """Find out whether `whole_file` can write here, before the work that fills the file; raises
-    `RunFileError`.
+    """Check that `whole_file` can write here, before the work that fills the file.
+
+    Raises `RunFileError`.
     """
     with whole_file(path, keep=False) as part:
         part.touch()
@@ -35,8 +36,7 @@ def check_output(path: Path) -> None:
 
 @contextmanager
 def whole_file(path: Path, *, keep: bool = True) -> Iterator[Path]:
-    """Give a name to write to; what stands there gets its own name at the end, and nothing is left
-    after a failure.
+    """Yield a name to write to, which replaces the file at the end; a failure leaves nothing.
 
     Without `keep` nothing is left in any case. Raises `RunFileError` where it cannot be written;
     HDF5 and rerun tell of that by RuntimeError too.

@@ -72,18 +72,16 @@ _NAMES = {
 
 
 def _converged_only(result: CellResult) -> CellResult:
-    """The result without the estimators that did not converge, each named in `failed` and in a
-    warning.
-    """
+    """The result without the estimators that did not converge; `failed` and a warning name them."""
     failed = tuple(
-        name for name in _NAMES if not _converged(name, getattr(result, name), result.obs)
+        name for name in _NAMES if not _is_converged(name, getattr(result, name), result.obs)
     )
     told = [f"{_NAMES[name]} did not converge" for name in failed]
     kept: dict[str, Any] = dict.fromkeys(failed)
     return replace(result, **kept, failed=failed, warnings=(*result.warnings, *told))
 
 
-def _converged(
+def _is_converged(
     name: str, ended: BatchFit | FilterPath | None, obs: CellObservations | None
 ) -> bool:
     if ended is None or obs is None:
@@ -136,7 +134,8 @@ def _set_aside(spikes: Sequence[SpikeLevel]) -> list[str]:
     how = "above" if worst.above_db > 0.0 else "below"
     which = "1 level was" if len(spikes) == 1 else f"{len(spikes)} levels were"
     text = (
-        f"{which} set aside, since the readings around do not share them: the worst, {worst.level_dbm:.0f} dBm in scan "
+        f"{which} set aside, since the readings around do not share them: the worst, "
+        f"{worst.level_dbm:.0f} dBm in scan "
         f"{worst.scan_seq}, is {abs(worst.above_db):.0f} dB {how} those"
     )
     return [text]
@@ -164,6 +163,7 @@ def _batch_warnings(fitted: BatchFit | None, posterior: Posterior) -> list[str]:
     apart_m = hypot(fitted.state[0] - posterior.x_m, fitted.state[1] - posterior.y_m)
     if apart_m > posterior.r95_m:
         warnings.append(
-            f"least squares lies {apart_m:.0f} m from the posterior's best place, outside its 95 % radius"
+            f"least squares lies {apart_m:.0f} m from the posterior's best place, outside its 95 "
+            "% radius"
         )
     return warnings

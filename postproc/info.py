@@ -196,8 +196,7 @@ class Check:
 
 
 def verify(path: Path, noted: str | None = None) -> tuple[Check, ...]:
-    """Check a run in either form, with nothing but its file, and against a digest noted elsewhere
-    if there is one.
+    """Check a run in either form by its file alone, and against the digest `noted` elsewhere.
 
     Raises `RunFileError` when it cannot be read at all.
     """
@@ -216,7 +215,7 @@ def verify(path: Path, noted: str | None = None) -> tuple[Check, ...]:
         Check("stop", run.end is not None, stopped),
         _chain(sealing),
         *(Check("content", False, f"altered: {difference}") for difference in sealing.differences),
-        *([] if noted is None else [_noted(sealing, noted)]),
+        *([] if noted is None else [_check_noted_digest(sealing, noted)]),
     )
 
 
@@ -229,9 +228,7 @@ def noted_digest(text: str) -> str:
 
 
 def _counts(run: Run) -> Check:
-    """One row for each record number, the readings that the scans announce, the bytes that the
-    index names.
-    """
+    """Row counts agree with the record numbers, the scans and the index of raw bytes."""
     seqs = np.concatenate(
         [rows["seq"] for table, rows in run.tables.items() if table != "readings"]
     )
@@ -255,9 +252,7 @@ def _counts(run: Run) -> Check:
 
 
 def _time(run: Run) -> Check:
-    """Time of each source never goes back in a table; between sources the order is that of
-    arrival.
-    """
+    """Times of each source never decrease in a table; sources are in the order of arrival."""
     back = 0
     for table, rows in run.tables.items():
         if table == "live":
@@ -279,13 +274,14 @@ def _chain(sealing: Sealing) -> Check:
         text = f"altered: sealed with {sealing.end.digest}, recomputed {sealing.recomputed}"
     else:
         text = (
-            f"sealed with {sealing.recomputed}; compare it with the digest noted at the stop (--digest): "
+            f"sealed with {sealing.recomputed}; compare it with the digest noted at the stop "
+            "(--digest): "
             "a chain that anybody can make proves no author"
         )
     return Check("chain", sealing.holds, text)
 
 
-def _noted(sealing: Sealing, noted: str) -> Check:
+def _check_noted_digest(sealing: Sealing, noted: str) -> Check:
     """The only check that a forger with time does not pass."""
     if not sealing.holds:
         return Check(

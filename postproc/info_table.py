@@ -31,21 +31,25 @@ def print_info(info: Info, *, details: bool = False) -> None:
     say(console, printable(info.digest), bullet="digest   ")
 
 
-def _reckoned(info: Info) -> str:
+def _dead_reckoning_text(info: Info) -> str:
     n = info.n_fixes_by_dead_reckoning
     return f", {n} of these by dead reckoning, without satellites" if n else ""
 
 
 def _facts(info: Info) -> list[tuple[str, str, str]]:
-    without = f"{info.n_readings_without_fix} without a fix, {info.n_readings_without_identity} of cells not decoded"
+    without = (
+        f"{info.n_readings_without_fix} without a fix, {info.n_readings_without_identity} of "
+        "cells not decoded"
+    )
+    started = info.started_utc or "at an unknown time (GPS never told it)"
     facts = [
+        ("started", f"{started}, {info.duration_s:.0f} s", ""),
+        ("stopped", info.stopped or "not: the plug was pulled, or it is still being recorded", ""),
         (
-            "started",
-            f"{info.started_utc or 'at an unknown time (GPS never told it)'}, {info.duration_s:.0f} s",
+            "fixes",
+            f"{info.n_fixes}, {info.n_fixes_valid} with a position{_dead_reckoning_text(info)}",
             "",
         ),
-        ("stopped", info.stopped or "not: the plug was pulled, or it is still being recorded", ""),
-        ("fixes", f"{info.n_fixes}, {info.n_fixes_valid} with a position{_reckoned(info)}", ""),
         ("readings", f"{info.n_readings} in {info.n_scans} scans, {without}", ""),
         ("live", f"{info.n_live} estimates; raw {info.n_raw_bytes} bytes", ""),
     ]

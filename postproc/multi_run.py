@@ -93,7 +93,7 @@ def merge(parts: Parts, modems: Sequence[int]) -> CellObservations:
     joined: dict[str, Any] = {
         name: np.concatenate([getattr(obs, name) for obs in series]) for name in _COLUMNS
     }
-    numbers = _renumbered([modems[i] for i in parts])
+    numbers = _number_from_zero([modems[i] for i in parts])
     modem = np.repeat(numbers, [len(obs) for obs in series]) if max(numbers) else None
     rat = next((obs.rat for obs in series if obs.rat), None)
     advances = [np.full(len(obs), -1) if obs.ta is None else obs.ta for obs in series]
@@ -105,7 +105,7 @@ def shares_of(
     parts: Parts, modems: Sequence[int], posterior: Posterior | None
 ) -> tuple[RunShare, ...]:
     """What each run contributes to a cell, in the order of `parts`."""
-    numbers = _renumbered([modems[i] for i in parts])
+    numbers = _number_from_zero([modems[i] for i in parts])
     offsets = posterior.offsets if posterior else None
 
     def share(run: int, n: int, modem: int) -> RunShare:
@@ -121,7 +121,7 @@ def shares_of(
     )
 
 
-def _renumbered(numbers: Sequence[int]) -> list[int]:
+def _number_from_zero(numbers: Sequence[int]) -> list[int]:
     """From 0 in the order of appearance."""
     known: dict[int, int] = {}
     return [known.setdefault(number, len(known)) for number in numbers]

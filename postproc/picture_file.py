@@ -21,8 +21,9 @@ def kind_of(path: Path) -> str:
 
 
 def check_picture(path: Path) -> None:
-    """Find out whether a picture can be written, before it is drawn; raises `ConfigError` or
-    `RunFileError`.
+    """Check that a picture can be written, before it is drawn.
+
+    Raises `ConfigError` or `RunFileError`.
     """
     kind_of(path)
     check_output(path)

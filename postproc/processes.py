@@ -18,9 +18,7 @@ Result = TypeVar("Result")
 
 
 def each(work: Callable[[Item], Result], items: Sequence[Item], processes: int) -> Iterator[Result]:
-    """Results of `work` for the items in their order, from several processes where that is worth it
-    and possible.
-    """
+    """Results of `work` for the items in their order, from several processes where that pays."""
     done, count = 0, min(processes, _MOST_PROCESSES, len(items) // _ITEMS_EACH)
     if count > 1:
         try:

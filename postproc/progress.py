@@ -1,6 +1,4 @@
-"""A bar on the terminal for work that takes its time: what is worked on, how far it is, and how
-long it will take.
-"""
+"""A progress bar on the terminal: the current item, the count and the time left."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TypeVar
@@ -17,9 +15,7 @@ T = TypeVar("T")
 
 
 def shown(items: Iterable[T], what: str, total: int, names: Sequence[str] = ()) -> Iterator[T]:
-    """Show a bar on stderr while the items are worked on, if somebody is looking; `names` are those
-    of the items.
-    """
+    """Show a bar with the `names` of the items on stderr, if it is a terminal."""
     console = Console(stderr=True)
     columns = (
         TextColumn("{task.description}", markup=False),

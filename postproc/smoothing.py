@@ -87,7 +87,8 @@ def observed_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str,
     every = {name.decode(): int(n) for name, n in zip(names, counts, strict=True) if name}
     if unknown := set(only or ()) - set(every):
         raise ConfigError(
-            f"cell {', '.join(sorted(unknown))} was not heard; `postproc info` lists those that were"
+            f"cell {', '.join(sorted(unknown))} was not heard; `postproc info` lists those that "
+            "were"
         )
     return {name: n for name, n in every.items() if not only or name in only}
 
@@ -105,7 +106,10 @@ def _estimate(parts: Parts, modems: Sequence[int], options: Options) -> CellResu
     """All estimators over the readings of all runs, and the answer without each run."""
     result = estimate_cell(merge(parts, modems), options)
     if result.posterior is not None and result.posterior.offsets is not None:
-        told = "levels of several modems: the offset between them is estimated, least squares takes it as known"
+        told = (
+            "levels of several modems: the offset between them is estimated, least squares "
+            "takes it as known"
+        )
         result = replace(result, warnings=(*result.warnings, told))
     without = {}
     for left_out in parts if len(parts) > 1 else ():

@@ -23,9 +23,7 @@ _ALLOWED = frozenset(
 
 @contextmanager
 def opened(path: Path, *, views: bool = False) -> Iterator[sqlite3.Connection]:
-    """A database to read; raises sqlite3.Error, also where a query takes longer than any of a file
-    of its size.
-    """
+    """A database to read; raises sqlite3.Error, also for a query that takes too many steps."""
     with closing(connected(path, views=views)) as database:
         yield database
 

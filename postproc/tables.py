@@ -31,7 +31,10 @@ _TITLES = {
 }
 _STYLES = {"located": "green", "ambiguous": "yellow", "cannot tell": "red"}
 _ORDER = tuple(_STYLES)
-_REFERENCE = "the specification's filter, kept for reference: its place and its ellipse are not to be trusted"
+_REFERENCE = (
+    "the specification's filter, kept for reference: its place and its ellipse are not to be "
+    "trusted"
+)
 
 
 def print_summary(summary: Summary, *, details: bool) -> None:
@@ -129,11 +132,11 @@ def _print_estimators(console: Console, cell: Cell) -> None:
         if state.converged is False:
             rows.append([title, "did not converge"])
         elif state.lat is not None:
-            rows.append([title, _position(state), *_fitted(state), str(state.n)])
+            rows.append([title, _position(state), *_extent_and_parameters(state), str(state.n)])
     table(console, ["estimator", "place", "95 % (m)", "P0 (dBm)", "eta", "n"], rows, right=("n",))
 
 
-def _fitted(state: FinalState | LeastSquares) -> list[str]:
+def _extent_and_parameters(state: FinalState | LeastSquares) -> list[str]:
     """Extent, P0 and eta; a fit that the readings do not bound has no uncertainty to print."""
     if isinstance(state, LeastSquares) and state.bounded is False:
         return ["no bounds", f"{state.p0_dbm:.1f}", f"{state.eta:.2f}"]

@@ -1,6 +1,4 @@
-"""What people read in a terminal: sentences that wrap at blanks, and tables that never cut a
-number.
-"""
+"""Text in a terminal: sentences that wrap at blanks, and tables that never cut a number."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -22,9 +20,7 @@ _KEPT_TOGETHER = "\N{NO-BREAK SPACE}"
 
 
 def screen() -> Console:
-    """Standard output: a terminal is as wide as it is; a file or a pipe takes lines of any
-    length.
-    """
+    """Standard output; a file or a pipe takes lines of any length."""
     # text of a run is text: no markup, no emoji codes
     plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
     console = Console(**plain)
@@ -44,7 +40,7 @@ def say(console: Console, text: Cell, style: str = "", *, bullet: str = "") -> N
         console.print(Text(bullet) + said)
         return
     width = max(console.width - cell_len(bullet), _NARROWEST)
-    lines = [line for part in said.split("\n", allow_blank=True) for line in _wrapped(part, width)]
+    lines = [line for part in said.split("\n", allow_blank=True) for line in _wrap(part, width)]
     for i, line in enumerate(lines):
         console.print(
             Text(" " * cell_len(bullet) if i else bullet) + line,
@@ -54,7 +50,7 @@ def say(console: Console, text: Cell, style: str = "", *, bullet: str = "") -> N
         )
 
 
-def _wrapped(text: Text, width: int) -> list[Text]:
+def _wrap(text: Text, width: int) -> list[Text]:
     """Lines broken at blanks only: a word that is longer than a line stays whole."""
     ends, start, end = [0], 0, 0
     for word in _WORD.finditer(text.plain):
@@ -75,8 +71,7 @@ def table(
     *,
     right: Sequence[str] = (),
 ) -> None:
-    """Columns side by side where they fit, each row as a list of its values where they do not;
-    nothing without rows.
+    """Columns side by side where they fit, else each row as a list of its values.
 
     `right` names the columns that end at one line. The first column names a row.
     """

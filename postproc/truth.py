@@ -14,9 +14,7 @@ _GEOD = Geod(ellps="WGS84")
 
 
 def truth_of(result: CellResult, runs: Sequence[Run]) -> TruthCheck | None:
-    """True position of a simulated cell, the error of the best position, and whether the 95 %
-    region contains the truth; None for a cell whose position the runs do not state.
-    """
+    """True position of a simulated cell and the error of the best one; None for an unknown cell."""
     truth = next((t for run in runs for t in run.meta.truth if t.cell == result.cell), None)
     if truth is None:
         return None

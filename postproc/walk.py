@@ -29,7 +29,7 @@ def observe_run(run: Run) -> ObservedRun:
     if not has_times(run.meta.origin):
         warning = "the readings were imported without times: no place is smoothed"
         return ObservedRun(run, observations, (warning,))
-    walked = _walked(run.tables, observations)
+    walked = _smooth_track(run.tables, observations)
     if is_import(run.meta.origin):
         why = track_plausibility.too_fast(observations.track) or track_plausibility.too_many_apart(
             walked
@@ -37,15 +37,17 @@ def observe_run(run: Run) -> ObservedRun:
         if why:
             warning = f"the times cannot be right: {why}; so no place is smoothed"
             return ObservedRun(run, observations, (warning,))
-    return ObservedRun(run, _placed(run.tables, observations, walked), tuple(_moved(walked)))
+    return ObservedRun(
+        run, _place_readings(run.tables, observations, walked), tuple(_describe_moved_fixes(walked))
+    )
 
 
-def _walked(tables: Mapping[str, Rows], observations: Observations) -> SmoothedTrack:
+def _smooth_track(tables: Mapping[str, Rows], observations: Observations) -> SmoothedTrack:
     track = stale_fixes.without_stale(observations.track)
     return walker.smooth_track(track, walker.velocities(tables["fixes"], track))
 
 
-def _placed(
+def _place_readings(
     tables: Mapping[str, Rows], observations: Observations, walked: SmoothedTrack
 ) -> Observations:
     """The readings on the smoothed way.
@@ -54,7 +56,7 @@ def _placed(
     by what the walker covers meanwhile.
     """
 
-    def put(obs: CellObservations) -> CellObservations:
+    def place_cell(obs: CellObservations) -> CellObservations:
         at = walker.relocate(obs, walked)
         before, after = (walked.at(obs.t_ns + shift) for shift in (-(10**9) // 2, 10**9 // 2))
         late_m = TIMING_S * np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
@@ -64,10 +66,10 @@ def _placed(
             at, position_sigma_m=np.sqrt(at.position_sigma_m**2 + late_m**2 + smear_m**2)
         )
 
-    return replace(observations, cells=tuple(put(obs) for obs in observations.cells))
+    return replace(observations, cells=tuple(place_cell(obs) for obs in observations.cells))
 
 
-def _moved(walked: SmoothedTrack) -> list[str]:
+def _describe_moved_fixes(walked: SmoothedTrack) -> list[str]:
     """What was done to fixes beyond what their accuracy allows."""
     moved_m, far = track_plausibility.moved_m(walked), track_plausibility.moved_too_far(walked)
     told = []
@@ -76,12 +78,14 @@ def _moved(walked: SmoothedTrack) -> list[str]:
         which = "fix lies" if n == 1 else "fixes lie"
         was = "was" if n == 1 else "were"
         told.append(
-            f"{n} {which} apart from all others, up to {away_m:.0f} m from the way, and {was} set aside"
+            f"{n} {which} apart from all others, up to {away_m:.0f} m from the way, and {was} "
+            "set aside"
         )
     if n := int(np.count_nonzero(far)):
         away_m = float(np.max(moved_m[far]))
         which = "fix lies" if n == 1 else "fixes lie"
         told.append(
-            f"{n} {which} farther from the smoothed way than three times their accuracy, up to {away_m:.0f} m"
+            f"{n} {which} farther from the smoothed way than three times their accuracy, up to "
+            f"{away_m:.0f} m"
         )
     return told

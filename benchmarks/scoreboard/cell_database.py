@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from postproc.verification.cell_export import COLUMNS
-from postproc.verification.celldb import CellDb, CellImport
+from postproc.verification.celldb import CellDb
+from postproc.verification.celldb_import import CellImport
 
 Json = dict[str, object]
 

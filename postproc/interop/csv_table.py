@@ -12,9 +12,7 @@ Line = tuple[int, dict[str, str]]
 
 @contextmanager
 def text_lines(source: Path) -> Iterator[Iterator[str]]:
-    """Lines of a text file; raises `RunFileError` where it cannot be read, or is no CSV on the
-    way.
-    """
+    """Lines of a text file; raises `RunFileError` if it cannot be read or is no CSV."""
     try:
         with source.open(newline="", encoding="utf-8-sig", errors="replace") as file:
             yield iter(file)
@@ -35,8 +33,7 @@ def names_of(header: str) -> list[str]:
 def rows(
     source: Path, *, skip: int = 0, required: Iterable[str | Collection[str]] = ()
 ) -> Iterator[Line]:
-    """Rows by column name with their line numbers; lines that begin with # before the header are
-    comments.
+    """Rows by column name with line numbers; lines with # before the header are comments.
 
     `skip` lines come before the header. `required` names columns; of a collection of names one is
     enough. Raises `RunFileError` naming the columns that are missing.

@@ -20,8 +20,7 @@ _CHUNK = 1 << 20
 
 @contextmanager
 def unpacked(source: Path) -> Iterator[Path]:
-    """The file itself, or where it is gzip or a zip of one file a copy of what is in it, which
-    lasts as long.
+    """The file itself, or a temporary copy of the content of a gzip file or of a zip of one file.
 
     Raises `RunFileError` for what cannot be read or unpacked; errors raised meanwhile name the file
     and not the copy.
@@ -33,7 +32,7 @@ def unpacked(source: Path) -> Iterator[Path]:
     with TemporaryDirectory() as folder:
         copy = Path(folder) / "unpacked"
         try:
-            with _opened(source, head) as packed, copy.open("wb") as plain:
+            with _open_archive(source, head) as packed, copy.open("wb") as plain:
                 _copy(packed, plain, source)
         except (
             OSError,
@@ -59,7 +58,7 @@ def _head(source: Path) -> bytes:
 
 
 @contextmanager
-def _opened(source: Path, head: bytes) -> Iterator[IO[bytes] | gzip.GzipFile]:
+def _open_archive(source: Path, head: bytes) -> Iterator[IO[bytes] | gzip.GzipFile]:
     if head.startswith(_GZIP):
         with gzip.open(source, "rb") as file:
             yield file

@@ -17,9 +17,7 @@ from postproc.interop.sighting import Heard
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A format: who writes it, whether it holds estimates, and which levels it can hold where not
-    all.
-    """
+    """A format: its writer, whether it has estimates, and which levels it can represent."""
 
     write: Callable[[Walked, Sequence[Estimate], Path], None]
     has_estimates: bool = False

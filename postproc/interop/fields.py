@@ -1,6 +1,4 @@
-"""Values of a row by name, as text (CSV) or as numbers (JSON, SQLite): checked, and None where they
-are not known.
-"""
+"""Values of a row by name, as text (CSV) or numbers (JSON, SQLite); None where unknown."""
 
 import math
 from collections.abc import Mapping
@@ -63,9 +61,7 @@ def maybe(fields: Fields, name: str, limits: tuple[float, float] = (-1e12, 1e12)
 
 
 def whole(fields: Fields, *names: str, largest: int = _LARGEST) -> int | None:
-    """Integer from 0, None where it is empty or marked as unknown (negative, or the largest there
-    is).
-    """
+    """Integer from 0; None where it is empty or a mark: negative, or the largest there is."""
     found = text(fields, *names)
     if not found:
         return None
@@ -108,9 +104,7 @@ def reading_of(
 
 
 def place_of(fields: Fields, lat: str, lon: str, utc_ns: int | None, **values: float | None) -> Fix:
-    """A fix; raises `GeoError` for what is no place, or ValueError for 0, 0, which loggers write
-    without a fix.
-    """
+    """A fix; raises `GeoError` for no position, ValueError for 0, 0, written without a fix."""
     lat_deg, lon_deg = number(fields, lat), number(fields, lon)
     check_position(lat_deg, lon_deg)
     if lat_deg == lon_deg == 0.0:

@@ -42,7 +42,8 @@ SURVEY_CSV = Format("Network Survey CSV", network_survey.read_csv, "deviceTime")
 SURVEY_GEOPACKAGE = Format("Network Survey GeoPackage", network_survey.read_geopackage, "Time")
 
 KNOWN = (
-    "our CSV (columns t_s or time_utc, lat, lon, rssi_dbm), WiGLE CSV, OpenCelliD or Tower Collector (CSV, JSON), "
+    "our CSV (columns t_s or time_utc, lat, lon, rssi_dbm), WiGLE CSV, OpenCelliD or Tower "
+    "Collector (CSV, JSON), "
     "Kismet log, Network Survey (CSV, GeoPackage), each also as .gz or .zip"
 )
 
@@ -82,15 +83,15 @@ def _of_tables(source: Path) -> Format:
     if tables & set(network_survey.TABLES):
         return SURVEY_GEOPACKAGE
     raise RunFileError(
-        f"{source} is SQLite, but neither a Kismet log (tables KISMET and data) nor a GeoPackage of Network Survey "
-        f"(one of {', '.join(network_survey.TABLES)}); it has {', '.join(sorted(tables)[:8]) or 'no table'}"
+        f"{source} is SQLite, but neither a Kismet log (tables KISMET and data) nor a GeoPackage "
+        "of Network Survey "
+        f"(one of {', '.join(network_survey.TABLES)}); it has "
+        f"{', '.join(sorted(tables)[:8]) or 'no table'}"
     )
 
 
 def _of_columns(source: Path) -> Format:
-    """Format of a text file by its header line; one with two columns of ours is ours, and lacks the
-    others.
-    """
+    """Format of a text file by its header; two of our columns suffice for our own format."""
     with csv_table.text_lines(source) as lines:
         header = next((line for line in lines if not line.startswith("#")), "")
         if header.startswith(wigle.PREFIX):

@@ -1,6 +1,4 @@
-"""GeoJSON (RFC 7946): the walk, every level as a point, and what was found; (lon, lat), in WGS
-84.
-"""
+"""GeoJSON (RFC 7946): the walk, every level as a point, and the estimates; (lon, lat), WGS 84."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -17,9 +15,7 @@ Feature = dict[str, Any]
 
 
 def write(walk: Walked, found: Sequence[Estimate], target: Path) -> None:
-    """One feature collection; the property `kind` tells walk, level, region, place and ellipse95
-    apart.
-    """
+    """One feature collection; `kind` is walk, level, region, place or ellipse95."""
     with target.open("w", encoding="utf-8") as file:
         file.write('{"type": "FeatureCollection", "features": [')
         for i, feature in enumerate(_features(walk, found)):

@@ -1,5 +1,4 @@
-"""Lines and polygons in degrees as the formats want them: cut at the antimeridian, outer rings
-counterclockwise.
+"""Lines and polygons in degrees, cut at the antimeridian, outer rings counterclockwise.
 
 RFC 7946 3.1.6 and 3.1.9. A line or ring steps by less than half a turn, so its longitudes can be
 made continuous.
@@ -27,38 +26,32 @@ _ELLIPSE_POINTS = 72
 
 
 def lines(points: Sequence[LonLat]) -> list[Line]:
-    """A line of (lon, lat), cut where it crosses the antimeridian; nothing for fewer than two
-    points.
-    """
+    """A line of (lon, lat), cut at the antimeridian; none for fewer than two points."""
     if len(points) < 2:
         return []
     if all(abs(a[0] - b[0]) < 180.0 for a, b in pairwise(points)):
-        whole = _rounded(points)
+        whole = _round(points)
         return [whole] if any(point != whole[0] for point in whole) else []
     line = LineString(_continuous(np.asarray(points, float)))
     parts = (
         part
         for turn, strip in _strips(line)
-        for part in _shifted(turn, shapely.intersection(line, strip))
+        for part in _shift(turn, shapely.intersection(line, strip))
     )
     return [
-        _rounded(part.coords)
-        for part in parts
-        if isinstance(part, LineString) and part.length > 0.0
+        _round(part.coords) for part in parts if isinstance(part, LineString) and part.length > 0.0
     ]
 
 
 def polygons(parts: Iterable[Sequence[Sequence[Sequence[float]]]]) -> list[Rings]:
-    """Polygons, each a list of rings of (lon, lat), made valid, cut at the antimeridian and wound
-    as RFC 7946 asks.
-    """
+    """Polygons, each a list of rings of (lon, lat), made valid, cut and wound by RFC 7946."""
     found: list[Rings] = []
     for part in parts:
         outer = _continuous(np.asarray(part[0], float))
         holes = [_continuous(np.asarray(ring, float), outer[0, 0]) for ring in part[1:]]
         whole = shapely.make_valid(Polygon(outer, holes))
         for turn, strip in _strips(whole):
-            for piece in _shifted(turn, shapely.intersection(whole, strip)):
+            for piece in _shift(turn, shapely.intersection(whole, strip)):
                 if isinstance(piece, Polygon):
                     found += _rings(piece)
     return found
@@ -94,7 +87,7 @@ def _strips(shape: shapely.Geometry) -> Iterator[tuple[int, Polygon]]:
         yield turn, shapely.box(-180.0 + 360.0 * turn, -90.0, 180.0 + 360.0 * turn, 90.0)
 
 
-def _shifted(turn: int, shape: shapely.Geometry) -> Iterator[shapely.Geometry]:
+def _shift(turn: int, shape: shapely.Geometry) -> Iterator[shapely.Geometry]:
     moved = shapely.transform(shape, lambda xy: xy - (360.0 * turn, 0.0)) if turn else shape
     for part in shapely.get_parts(moved).tolist():
         yield from part.geoms if isinstance(part, MultiPolygon) else (part,)
@@ -105,10 +98,10 @@ def _rings(polygon: Polygon) -> Iterator[Rings]:
     for part in shapely.get_parts(shapely.set_precision(polygon, 10.0**-DECIMALS)).tolist():
         if isinstance(part, Polygon) and not part.is_empty:
             wound = orient(part)
-            yield [_rounded(ring.coords) for ring in (wound.exterior, *wound.interiors)]
+            yield [_round(ring.coords) for ring in (wound.exterior, *wound.interiors)]
 
 
-def _rounded(coordinates: Iterable[Sequence[float]]) -> Line:
+def _round(coordinates: Iterable[Sequence[float]]) -> Line:
     return [
         (round(lon, DECIMALS) + 0.0, round(lat, DECIMALS) + 0.0) for lon, lat, *_ in coordinates
     ]

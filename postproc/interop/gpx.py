@@ -1,5 +1,4 @@
-"""GPX 1.1: the walk as a track with a segment for each stretch without a gap, places of cells as
-waypoints.
+"""GPX 1.1: the walk as a track with a segment for each stretch, positions of cells as waypoints.
 
 The format allows a time in UTC or none, so there are no times where GPS never told UTC.
 """
@@ -55,8 +54,6 @@ def _point(segment: ET.Element, fix: Fix) -> None:
 
 
 def _at(lat_deg: float, lon_deg: float) -> dict[str, str]:
-    """Position attributes; 180 degrees east is outside of what the schema allows, and the same as
-    west.
-    """
+    """Position attributes; the schema excludes 180 degrees east, which is the same as west."""
     text = decimal(lon_deg, DECIMALS)
     return {"lat": decimal(lat_deg, DECIMALS), "lon": f"-{text}" if float(text) == 180.0 else text}

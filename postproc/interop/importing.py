@@ -24,8 +24,7 @@ _ROW_NS = 10**9
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """What an import did; `n_other` counts rows that are no cells, as Wi-Fi, `n_repeated`
-    repetitions.
+    """The result of an import; `n_other` counts rows that are no cells, `n_repeated` repetitions.
 
     Without `has_times` the run's times only count the rows.
     """
@@ -41,8 +40,7 @@ class Imported:
 
 
 def import_walk(source: Path, target: Path, *, times: bool = True) -> Imported:
-    """Make a run of a foreign file; without `times` the rows keep their order and nothing else of
-    their times.
+    """Make a run of a third-party file; without `times` only the order of the rows counts.
 
     Raises `RunFileError` for a file without a usable row, for times that cannot be right, or to
     spare data.
@@ -67,7 +65,7 @@ def import_walk(source: Path, target: Path, *, times: bool = True) -> Imported:
         heard = list({(row.t_ns, row.fix, row.reading): row for row in reversed(heard)}.values())[
             ::-1
         ]
-    in_time = sorted(heard, key=lambda row: row.t_ns) if times else _counted(heard)
+    in_time = sorted(heard, key=lambda row: row.t_ns) if times else _without_times(heard)
     if times:
         _check_times(source, form, in_time)
     was_sorted = times and not all(a.t_ns <= b.t_ns for a, b in pairwise(heard))
@@ -79,7 +77,7 @@ def import_walk(source: Path, target: Path, *, times: bool = True) -> Imported:
     return imported
 
 
-def _counted(heard: Sequence[Heard]) -> list[Heard]:
+def _without_times(heard: Sequence[Heard]) -> list[Heard]:
     """The rows in the file's order, with their number for a time."""
     return [
         replace(row, t_ns=i * _ROW_NS, fix=replace(row.fix, utc_ns=None))
@@ -98,7 +96,8 @@ def _check_times(source: Path, form: Format, heard: Sequence[Heard]) -> None:
     )
     if why:
         raise RunFileError(
-            f"{source}: its times ({form.times}) cannot be right: {why}. Name the right column, or import the rows in "
+            f"{source}: its times ({form.times}) cannot be right: {why}. Name the right column, "
+            "or import the rows in "
             "their order, without times: --times none"
         )
 

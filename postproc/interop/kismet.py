@@ -1,5 +1,6 @@
-"""Kismet's log: the cells that its modem sources (cellat, celldiag; from October 2026) write into
-the table `data`.
+"""Kismet's log: cells that its modem sources write into the table `data`.
+
+Those sources are cellat and celldiag, from October 2026 on.
 
 Sources: kismetwireless.net/docs/dev/kismetdb and /docs/readme/kismetdb/kismetdb_cell, phy_cell.cc
 and the README of capture_cell_at of kismetwireless/kismet. Accepted observations have the type
@@ -53,12 +54,13 @@ def read(source: Path) -> Iterator[Row]:
                     (row["rowid"], dict(row) | {"scale": scale})
                     for row in database.execute(query, TYPES)
                 ),
-                _heard,
+                _sighting,
             )
             first = next(found, None)
             if first is None:
                 raise RunFileError(
-                    f"{source} is a Kismet log without a cell: no row of data has the type {', '.join(TYPES)}, which "
+                    f"{source} is a Kismet log without a cell: no row of data has the type "
+                    f"{', '.join(TYPES)}, which "
                     "Kismet's sources cellat and celldiag write"
                 )
             yield first
@@ -72,7 +74,7 @@ def _version(database: sqlite3.Connection) -> int:
     return int(row[0]) if row and str(row[0]).isdecimal() else _FIRST_REAL
 
 
-def _heard(line: int, row: Fields) -> Heard | None:
+def _sighting(line: int, row: Fields) -> Heard | None:
     try:
         fields = json.loads(row["json"])
     except (TypeError, ValueError):

@@ -1,5 +1,4 @@
-"""KML 2.2 (OGC 07-147r2): for each cell its levels along the walk in classes of 10 dB, regions,
-places.
+"""KML 2.2 (OGC 07-147r2): for each cell its levels in classes of 10 dB, regions, positions.
 
 Every stretch carries the time in which it was walked, so that the time slider of a globe shows the
 walk; without UTC there are no times.
@@ -137,9 +136,7 @@ def class_name(number: int) -> str:
 
 
 def strips(heard: Sequence[Heard]) -> Iterator[Sequence[Heard]]:
-    """Stretches of one class without a gap; each ends at the first level of the next, so that
-    nothing is missing.
-    """
+    """Stretches of one class without a gap; each ends at the first level of the next."""
     start = 0
     for i, (one, following) in enumerate(pairwise(heard), 1):
         apart = following.t_ns - one.t_ns > MAX_GAP_S * 1e9

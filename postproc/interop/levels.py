@@ -1,5 +1,4 @@
-"""A run as levels at places, to be handed on: who was heard where, when and how strong, and nothing
-of the walker's.
+"""A run as levels at positions, for export: cells, times and levels, and no data of the walker.
 
 Places are interpolated between the fixes, as recorded and not smoothed, so that an import finds
 what was exported.
@@ -59,7 +58,9 @@ def walked(run: Run, only: Sequence[str] | None = None) -> Walked:
     wanted = (readings["cell"] != b"") & np.isfinite(levels_dbm(readings))
     if only is not None:
         wanted &= np.isin(readings["cell"], [name.encode() for name in only])
-    heard = _heard(run, observed, wanted, [entry for stretch in track for entry in stretch], clock)
+    heard = _sightings(
+        run, observed, wanted, [entry for stretch in track for entry in stretch], clock
+    )
     return Walked(
         heard=tuple(heard),
         track=track,
@@ -72,9 +73,7 @@ def walked(run: Run, only: Sequence[str] | None = None) -> Walked:
 
 
 def _clock(run: Run) -> Clock:
-    """UTC to the microsecond of a time since boot, None where it is not known; that of an imported
-    file is believed.
-    """
+    """UTC to the microsecond of a time since boot, None where unknown; imports are trusted."""
     timebase = fit_run(run.meta.origin, run.tables["fixes"])
     if timebase is not None:
         return lambda t_ns: timebase.utc_ns(t_ns) // 1000 * 1000
@@ -108,7 +107,7 @@ def _has_place(fix: Fix) -> bool:
     return fix.valid and fix.lat_deg is not None and fix.lon_deg is not None
 
 
-def _heard(
+def _sightings(
     run: Run, observed: Observations, wanted: npt.NDArray[np.bool_],
     track: Sequence[tuple[int, Fix]], clock: Clock,
 ) -> list[Heard]:  # fmt: skip

@@ -1,5 +1,4 @@
-"""Surveys of the Android app Network Survey: a CSV file for each technology, or one GeoPackage with
-a table for each.
+"""Surveys of the Android app Network Survey: a CSV file per technology, or one GeoPackage.
 
 Sources: GsmCsvLogger.java and its like, CellularSurveyRecordLogger.java, and the constants classes
 of christianrowlands/android-network-survey; OGC 12-128r18 2.1.3 for the geometry. The device's
@@ -84,7 +83,7 @@ def _fields(row: sqlite3.Row, rat: Rat) -> dict[str, Any]:
 
 def _of_csv(line: int, fields: Fields) -> Heard:
     rat = next(rat for channel, rat in _CHANNELS.items() if channel in fields)
-    return _heard(line, fields, rat, utc_ns_of(text(fields, "devicetime"), "deviceTime"))
+    return _sighting(line, fields, rat, utc_ns_of(text(fields, "devicetime"), "deviceTime"))
 
 
 def _of_table(line: int, fields: Fields) -> Heard:
@@ -92,13 +91,11 @@ def _of_table(line: int, fields: Fields) -> Heard:
     if utc_ms is None:
         raise ValueError("Time is empty")
     place = _point(fields.get("geom")) if fields.get("geom") is not None else {}
-    return _heard(line, {**fields, **place}, fields["rat"], utc_ms * 10**6)
+    return _sighting(line, {**fields, **place}, fields["rat"], utc_ms * 10**6)
 
 
 def _point(geometry: object) -> dict[str, float]:
-    """Place in a GeoPackage geometry: a header with an optional envelope, then a point as
-    well-known binary.
-    """
+    """Position in a GeoPackage geometry: a header with an optional envelope, then a WKB point."""
     if not isinstance(geometry, bytes) or geometry[:2] != b"GP" or len(geometry) < 8:
         raise ValueError("geom is no GeoPackage geometry")
     try:
@@ -119,7 +116,7 @@ def _point(geometry: object) -> dict[str, float]:
     )
 
 
-def _heard(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Heard:
+def _sighting(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Heard:
     mcc, mnc = plmn(fields)
     level = {"GSM": "signalstrength", "WCDMA": "rscp", "LTE": "rsrp", "NR": "ssrsrp"}[rat]
     level_dbm = maybe(fields, level, LEVEL_RANGE_DBM)

@@ -1,5 +1,4 @@
-"""OpenCelliD measurements, CSV and JSON: what its apps export and its API takes, and the exports of
-Tower Collector.
+"""OpenCelliD measurements, CSV and JSON, and the exports of Tower Collector.
 
 Sources: wiki.opencellid.org/wiki/API; CsvUploadFormatter.java and CsvExportFormatter.java of
 zamojski/TowerCollector. Columns go by their names: their order differs between programs, and so
@@ -44,7 +43,8 @@ _NEEDED = (
     {"signal", "dbm", "asu"},
 )
 _COLUMNS = (
-    "mcc", "mnc", "lac", "cellid", "lat", "lon", "signal", "measured_at", "rating", "speed", "direction", "act", "ta",
+    "mcc", "mnc", "lac", "cellid", "lat", "lon", "signal", "measured_at", "rating",
+    "speed", "direction", "act", "ta",
     "psc", "tac", "pci", "sid", "nid", "bid",
 )  # fmt: skip
 _ACT = {"WCDMA": "UMTS", "LTE-M": "LTE", "NB-IoT": "LTE"}
@@ -53,7 +53,7 @@ _ASU_MOST = {"GSM": 31, "LTE": 97, "NR": 97}
 
 def read_csv(source: Path) -> Iterator[Row]:
     """Measurements of a CSV file; raises `RunFileError` without the columns needed."""
-    yield from parsed(csv_table.rows(source, required=_NEEDED), _heard)
+    yield from parsed(csv_table.rows(source, required=_NEEDED), _sighting)
 
 
 def read_json(source: Path) -> Iterator[Row]:
@@ -65,7 +65,7 @@ def read_json(source: Path) -> Iterator[Row]:
     measurements = found.get("measurements") if isinstance(found, dict) else None
     if not isinstance(measurements, list) or not all(isinstance(one, dict) for one in measurements):
         raise RunFileError(f'{source} is JSON, but has no list "measurements" as OpenCelliD has')
-    yield from parsed(enumerate(measurements, 1), _heard)
+    yield from parsed(enumerate(measurements, 1), _sighting)
 
 
 def writable(heard: Heard) -> bool:
@@ -88,9 +88,7 @@ def write_csv(heard: Sequence[Heard], target: Path) -> None:
 
 
 def write_json(heard: Sequence[Heard], target: Path) -> None:
-    """Measurements that are `writable`, as the API takes them: codes are integers, and lose leading
-    zeros.
-    """
+    """Measurements that are `writable`, as the API takes them: codes are integers."""
     numbered = [
         one | {"mcc": int(one["mcc"]), "mnc": int(one["mnc"])} for one in map(_measurement, heard)
     ]
@@ -126,7 +124,7 @@ def _area(heard: Heard) -> int | None:
     return heard.reading.tac if heard.reading.lac is None else heard.reading.lac
 
 
-def _heard(line: int, fields: Fields) -> Heard | None:
+def _sighting(line: int, fields: Fields) -> Heard | None:
     rat = RATS.get(text(fields, "act", "net_type").upper())
     if rat is None:
         return None
@@ -160,9 +158,7 @@ def _heard(line: int, fields: Fields) -> Heard | None:
 
 
 def _known_first(fields: Fields, *names: str) -> int | None:
-    """First integer that is known: an app writes a mark where Tower Collector leaves the column
-    empty.
-    """
+    """First known integer: an app writes a mark where Tower Collector leaves the column empty."""
     return next((value for name in names if (value := whole(fields, name)) is not None), None)
 
 

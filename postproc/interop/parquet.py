@@ -1,6 +1,4 @@
-"""Parquet: the levels as a table with typed columns, for whom pandas, DuckDB or Spark is at
-hand.
-"""
+"""Parquet: the levels as a table with typed columns, for pandas, DuckDB or Spark."""
 
 from collections.abc import Sequence
 from dataclasses import fields as fields_of
@@ -26,7 +24,9 @@ _PLACE = {
 def write(heard: Sequence[Heard], target: Path, start_ns: int) -> None:
     """One row for each level; the unit of a column is in its metadata, null is unknown."""
     about = {
-        "description": "levels of cells along a walk, by cellwalk; t_s counts from the start, utc by GPS"
+        "description": (
+            "levels of cells along a walk, by cellwalk; t_s counts from the start, utc by GPS"
+        )
     }
     columns = [
         (_field("t_s", pa.float64(), "s"), [(one.t_ns - start_ns) / 1e9 for one in heard]),

@@ -1,5 +1,4 @@
-"""A copy of a run to be given away: without the places where the walk begins and ends, and without
-the machine.
+"""A copy of a run for publication: without the ends of the walk and without the machine.
 
 What lies inside a circle around the first fix, or around the last, is left out, at whatever time
 the walker was there. A circle whose centre is the home would show the home, so each is moved at
@@ -47,8 +46,9 @@ class Shared:
 
 
 def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
-    """Write the copy; raises `ConfigError` where nothing would be left, `EstimationError` without a
-    fix.
+    """Write the copy.
+
+    Raises `ConfigError` where nothing would be left, `EstimationError` without a fix.
     """
     if not 0.0 < blur_m < 1e6:
         raise ConfigError("--blur-m is a radius in metres, more than 0")
@@ -66,7 +66,7 @@ def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
     def fill(append: Append) -> int:
         with threadpool_limits(1):  # the estimate as `postproc replay` repeats it
             tracker = LiveTracker(meta.live) if len(run.tables["live"]) else None
-            counts.update(_append(append, _kept(run, shown, start_ns), tracker))
+            counts.update(_append(append, _records_to_share(run, shown, start_ns), tracker))
         return int(shown.ends[-1]) - start_ns
 
     write_run(target, meta, fill, SHARED)
@@ -76,15 +76,14 @@ def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
         counts["Fix"],
         counts["Scan"],
         counts["CellReading"],
-        _removed(run, counts, blur_m),
+        _removal_notes(run, counts, blur_m),
         _still(run),
     )
 
 
 @dataclass(frozen=True, slots=True)
 class _Shown:
-    """When the walker may be shown: from each fix outside of the circles to the next, if that is
-    one too, and near.
+    """Intervals in which the walker may be shown: between near fixes outside of the circles.
 
     Arrays of shape (n,), in time order; `hidden_ns` are the times of the fixes inside.
     """
@@ -100,9 +99,7 @@ class _Shown:
         return cls(t_ns[outside], np.where(whole, following, t_ns)[outside], t_ns[~outside])
 
     def shows(self, begun_ns: int, ended_ns: int) -> bool:
-        """Whether the walker was outside of the circles, and known to be, from one time to
-        another.
-        """
+        """Whether the walker was certainly outside of the circles from one time to another."""
         passed = np.searchsorted(self.hidden_ns, ended_ns, "right") - np.searchsorted(
             self.hidden_ns, begun_ns, "left"
         )
@@ -136,10 +133,8 @@ def _random_shift_m(most_m: float) -> FloatArray:
     return np.array([away_m * cos(angle), away_m * sin(angle)])
 
 
-def _kept(run: Run, shown: _Shown, start_ns: int) -> Iterator[tuple[int, Record]]:
-    """Fixes, scans and notes to be shown with their numbers in the run, in time since the first of
-    them.
-    """
+def _records_to_share(run: Run, shown: _Shown, start_ns: int) -> Iterator[tuple[int, Record]]:
+    """Fixes, scans and notes to be shown, with their record numbers, in time since the first."""
     sources: dict[tuple[str, str], str] = {}
     for seq, record in run.records("fixes", "scans", "notes"):
         kept: Fix | Scan | Note
@@ -168,9 +163,7 @@ def _kept(run: Run, shown: _Shown, start_ns: int) -> Iterator[tuple[int, Record]
 def _append(
     append: Append, kept: Iterator[tuple[int, Record]], tracker: LiveTracker | None
 ) -> Counter[str]:
-    """Write records and, after each, the live estimate as it would have been; counts the records by
-    kind.
-    """
+    """Write records and, after each, the live estimate recomputed; counts the records by kind."""
     numbers: dict[int | None, int] = {}
     counts: Counter[str] = Counter()
     for old, shown in kept:
@@ -190,13 +183,16 @@ def _append(
     return counts
 
 
-def _removed(run: Run, counts: Counter[str], blur_m: float) -> tuple[str, ...]:
+def _removal_notes(run: Run, counts: Counter[str], blur_m: float) -> tuple[str, ...]:
     """In words, for the walker to read."""
     meta, tables = run.meta, run.tables
     gone = ", ".join(
         f"{len(tables[table]) - counts[kind]} {table}" for table, kind in _TABLES.items()
     )
-    where = f"recorded within {blur_m:g} m or somewhat more of the begin or the end, or where the place was not known"
+    where = (
+        f"recorded within {blur_m:g} m or somewhat more of the begin or the end, or where the "
+        "place was not known"
+    )
     found = [
         f"{gone}: {where}",
         f"{len(run.raw_bytes)} raw bytes of the ports" if len(run.raw_bytes) else "",

@@ -47,9 +47,7 @@ class BadRow:
 
 @dataclass(frozen=True, slots=True)
 class NoCell:
-    """A row about something else: Wi-Fi, Bluetooth, a technology without a cell identity of
-    3GPP.
-    """
+    """A row about something else: Wi-Fi, Bluetooth, a technology without a 3GPP cell identity."""
 
     line: int
 
@@ -60,9 +58,7 @@ Row = Heard | BadRow | NoCell
 def parsed(
     rows: Iterable[tuple[int, Fields]], parse: Callable[[int, Fields], Heard | None]
 ) -> Iterator[Row]:
-    """Rows with their line numbers, parsed; `parse` gives None for what is no cell, and raises for
-    what is bad.
-    """
+    """Parsed rows with line numbers; `parse` returns None for no cell, raises for bad rows."""
     for line, fields in rows:
         try:
             heard = parse(line, fields)

@@ -1,5 +1,4 @@
-"""Text in cells of a CSV file that a spreadsheet opens: what looks like a formula is marked as
-text.
+"""Text in CSV cells that a spreadsheet opens: what looks like a formula is marked as text.
 
 `=cmd|...` in a cell's name would be run by whoever opens the file (OWASP, CSV Injection). The mark
 is an apostrophe, which spreadsheets do not show. Numbers stay as they are: a minus before a level
@@ -15,9 +14,7 @@ _MARKED = re.compile("'+[=+\\-@\t\r\n]")
 
 
 def marked(text: str) -> str:
-    """Text for a cell; a mark more where the text looks like a formula, or like one that is
-    marked.
-    """
+    """Text for a cell, with a mark where it looks like a formula or like marked text."""
     return f"'{text}" if _FORMULA.match(text) else text
 
 
@@ -27,12 +24,10 @@ def unmarked(text: str) -> str:
 
 
 def line(values: Iterable[str]) -> str:
-    """A line of CSV (RFC 4180) with its end; the csv module leaves a lone CR unquoted, and then
-    reads two lines.
-    """
-    return ",".join(_quoted(value) for value in values) + "\n"
+    """A line of CSV (RFC 4180); the csv module leaves a lone CR unquoted and reads two lines."""
+    return ",".join(_quote(value) for value in values) + "\n"
 
 
-def _quoted(value: str) -> str:
+def _quote(value: str) -> str:
     doubled = value.replace('"', '""')
     return f'"{doubled}"' if _TO_QUOTE.search(value) else value

@@ -64,7 +64,7 @@ COLUMNS = (
 def read(source: Path) -> Iterator[Row]:
     """Rows in the file's order; raises `RunFileError` without the columns needed."""
     yield from parsed(
-        csv_table.rows(source, required=({"t_s", "time_utc"}, "lat", "lon", "rssi_dbm")), _heard
+        csv_table.rows(source, required=({"t_s", "time_utc"}, "lat", "lon", "rssi_dbm")), _sighting
     )
 
 
@@ -77,9 +77,7 @@ def read_walk(source: Path) -> tuple[list[Heard], list[BadRow]]:
 
 
 def write(heard: Sequence[Heard], target: Path, start_ns: int) -> None:
-    """Levels as CSV that `read` gives back equal: times in seconds since `start_ns`, and UTC if
-    known.
-    """
+    """Levels as CSV that `read` returns equal: seconds since `start_ns`, and UTC if known."""
     used = [
         name
         for name in COLUMNS
@@ -123,7 +121,7 @@ def _utc(utc_ns: int) -> str:
     return f"{utc_text(utc_ns)[:-1]}.{utc_ns // 1000 % 10**6:06d}Z"
 
 
-def _heard(line: int, fields: Fields) -> Heard:
+def _sighting(line: int, fields: Fields) -> Heard:
     utc_ns = (
         utc_ns_of(fields["time_utc"], "time_utc")
         if "t_s" not in fields or fields.get("time_utc")

@@ -1,5 +1,4 @@
-"""WiGLE CSV 1.4 and 1.6: a line about the app, a header line, a line for each sighting; cells among
-Wi-Fi.
+"""WiGLE CSV 1.4 and 1.6: an app line, a header line, a line per sighting; cells among Wi-Fi.
 
 Source: api.wigle.net/csvFormat.html, and CellReceiver.java of wiglenet/wigle-wifi-wardriving for
 what the app writes about cells. `MAC` is network_area_cell, `AuthMode` the technology and a country
@@ -35,7 +34,8 @@ NO_LEVEL_DBM = -113.0
 """Written for a cell whose level the telephone did not know."""
 
 _COLUMNS = (
-    "MAC", "SSID", "AuthMode", "FirstSeen", "Channel", "Frequency", "RSSI", "CurrentLatitude", "CurrentLongitude",
+    "MAC", "SSID", "AuthMode", "FirstSeen", "Channel", "Frequency", "RSSI",
+    "CurrentLatitude", "CurrentLongitude",
     "AltitudeMeters", "AccuracyMeters", "RCOIs", "MfgrId", "Type",
 )  # fmt: skip
 _NEEDED = ("mac", {"authmode", "type"}, "firstseen", "rssi", "currentlatitude", "currentlongitude")
@@ -46,7 +46,7 @@ def read(source: Path) -> Iterator[Row]:
     """Cells of a file of either version; raises `RunFileError` without the columns needed."""
     with csv_table.text_lines(source) as lines:
         skip = 1 if next(lines, "").startswith(PREFIX) else 0
-    yield from parsed(csv_table.rows(source, skip=skip, required=_NEEDED), _heard)
+    yield from parsed(csv_table.rows(source, skip=skip, required=_NEEDED), _sighting)
 
 
 def writable(heard: Heard) -> bool:
@@ -101,7 +101,7 @@ def _known(value: float | None) -> float | str:
     return "" if value is None else value
 
 
-def _heard(line: int, fields: Fields) -> Heard | None:
+def _sighting(line: int, fields: Fields) -> Heard | None:
     # real rows say GSM in Type and LTE in AuthMode; the app sets AuthMode from the cell itself
     kinds = (text(fields, "authmode").partition(";")[0].upper(), text(fields, "type").upper())
     rat = next((RATS[kind] for kind in kinds if kind in RATS), None)

@@ -35,7 +35,7 @@ _CUT_SIGMAS = 3.0
 
 @dataclass(frozen=True, slots=True)
 class ClaimOptions:
-    """`p_fa` is the false-alarm rate; `stationary`: the noise is known to be, as in a simulation."""
+    """False-alarm rate and prior; `stationary` noise is that of a simulation."""
 
     p_fa: float
     prior: Prior
@@ -102,7 +102,7 @@ def blocks_of(obs: CellObservations) -> Blocks:
 
 
 def observable(posterior: Posterior) -> bool:
-    """Whether the walk bounds the position; else the posterior depends on where its search ended."""
+    """Whether the walk bounds the position; else the posterior depends on the search limit."""
     return not posterior.at_limit
 
 
@@ -130,7 +130,10 @@ def _p_values(test: ClaimTest, *, trusting: bool) -> PValues:
 def _recommendation(followed: Followed) -> str:
     if followed == "direct":
         return "the walk does not bound the position: the direct test is followed"
-    return "the walk bounds the position: the indirect test is followed, which is then at least as good"
+    return (
+        "the walk bounds the position: the indirect test is followed, which is then at least as "
+        "good"
+    )
 
 
 def _censoring(obs: CellObservations) -> list[str]:

@@ -30,9 +30,7 @@ _GZIP = b"\x1f\x8b"
 
 
 class Export(NamedTuple):
-    """Rows of text, as they come; the place of each known column in them; and the share of the file
-    read so far.
-    """
+    """Rows of text, the index of each known column, and the share of the file read so far."""
 
     rows: Iterator[list[str]]
     column: dict[str, int]
@@ -42,8 +40,9 @@ class Export(NamedTuple):
 
 @contextmanager
 def cell_export(path: Path) -> Iterator[Export]:
-    """Open an export; raises `RunFileError` for a file that cannot be read, is damaged, or is no
-    such export.
+    """Open an export.
+
+    Raises `RunFileError` for a file that cannot be read, is damaged, or is no such export.
     """
     try:
         with path.open("rb") as raw:

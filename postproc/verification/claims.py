@@ -26,9 +26,7 @@ _GEOD = Geod(ellps="WGS84")
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """Where a cell is said to stand, with a standard deviation on each axis; `cell` None: every
-    cell of the run.
-    """
+    """Claimed position of a cell with a standard deviation per axis; `cell` None: every cell."""
 
     cell: str | None
     lat_deg: float
@@ -47,8 +45,9 @@ def away_m(one_deg: tuple[float, float], other_deg: tuple[float, float]) -> floa
 
 
 def swapped(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
-    """Question whether latitude and longitude were exchanged; `walk_deg` (latitude, longitude) is
-    where was walked.
+    """Question whether latitude and longitude were exchanged, for a claim far from the walk.
+
+    `walk_deg` is the latitude and longitude of the walk.
 
     None where the claim is near enough to be heard, or far away either way.
     """
@@ -61,7 +60,10 @@ def swapped(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
     )
     if told_km <= _REACH_KM or other_km > _REACH_KM:
         return None
-    near = f"at {lat_deg:.5f} {lon_deg:.5f} it would be {max(other_km, 1.0):.0f} km or less from the walk"
+    near = (
+        f"at {lat_deg:.5f} {lon_deg:.5f} it would be {max(other_km, 1.0):.0f} km or less from "
+        "the walk"
+    )
     return f"latitude and longitude swapped? {near} instead of {told_km:.0f} km"
 
 
@@ -73,14 +75,15 @@ def parse_claim(text: str, cell: str | None) -> Claim:
         values = []
     if len(values) not in {2, 3} or not all(map(math.isfinite, values)):
         raise ConfigError(f"{text!r} is no claim: LAT,LON or LAT,LON,SIGMA_M is wanted")
-    return _checked(
+    return _check(
         Claim(cell, values[0], values[1], values[2] if len(values) == 3 else 0.0, "command line")
     )
 
 
 def read_claims(path: Path, heard: Sequence[str]) -> list[Claim]:
-    """Claims about the cells heard; raises `RunFileError` for a file that holds none, and
-    `ConfigError`.
+    """Claims about the cells observed, from a file.
+
+    Raises `RunFileError` for a file that contains none, `ConfigError` for a bad claim.
 
     Our CSV has columns cell, lat, lon and optionally sigma_m. Cells that a database or an export
     does not know simply have no claim.
@@ -104,7 +107,7 @@ def read_claims(path: Path, heard: Sequence[str]) -> list[Claim]:
 def _own(row: dict[str, str], path: Path, line: int) -> Claim:
     try:
         sigma = row.get("sigma_m") or "0"
-        return _checked(
+        return _check(
             Claim(
                 row["cell"],
                 float(row["lat"]),
@@ -150,7 +153,7 @@ def _of_export(path: Path, heard: Sequence[str]) -> list[Claim]:
                     continue
                 span = row[place["range"]] if "range" in place else ""
                 sigma_m = _sigma_m(int(span) if span.isdigit() else None)
-                claims[name] = _checked(
+                claims[name] = _check(
                     Claim(
                         name, float(row[place["lat"]]), float(row[place["lon"]]), sigma_m, str(path)
                     )
@@ -164,7 +167,7 @@ def _sigma_m(range_m: int | None) -> float:
     return RANGE_SIGMA * range_m if range_m else UNKNOWN_SIGMA_M
 
 
-def _checked(claim: Claim) -> Claim:
+def _check(claim: Claim) -> Claim:
     try:
         check_position(claim.lat_deg, claim.lon_deg)
     except GeoError as error:

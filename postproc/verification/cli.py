@@ -167,7 +167,7 @@ def import_exports(paths: Sequence[Path], output: Path, *, as_json: bool) -> int
     from postproc.atomic_write import check_writable
     from postproc.json_text import as_json as json_text
     from postproc.progress import shown
-    from postproc.verification.celldb import CellImport
+    from postproc.verification.celldb_import import CellImport
 
     check_writable(output)
     work = CellImport(list(paths), output)

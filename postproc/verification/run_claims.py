@@ -70,7 +70,7 @@ def verify_claims(
         verdicts = [_geodesic(verdict, walk_deg) for verdict in verdicts]
     return Verified(
         p_fa,
-        _adjusted(verdicts, p_fa),
+        _adjust(verdicts, p_fa),
         tuple(cell for cell in every if cell not in {*names, *rarely}),
         observed.warnings,
         tuple(cell for cell in every if cell in rarely),
@@ -87,7 +87,7 @@ def benjamini_hochberg(p: FloatArray) -> FloatArray:
 
 
 def _pairs(run: Run, claims: Sequence[Claim]) -> list[tuple[str, Claim]]:
-    """Each claim with its cell; a claim without one is about every cell that is named or observed."""
+    """Each claim with its cell; a claim without one is about every cell."""
     observed = observed_cells([run], [claim.cell for claim in claims if claim.cell] or None)
     return [
         (cell, claim) for claim in claims for cell in ([claim.cell] if claim.cell else observed)
@@ -108,17 +108,17 @@ def _geodesic(verdict: CellVerdict, walk_deg: tuple[float, float]) -> CellVerdic
     return replace(verdict, reasons=(hint, *verdict.reasons)) if hint else verdict
 
 
-def _adjusted(verdicts: Sequence[CellVerdict], p_fa: float) -> tuple[CellVerdict, ...]:
+def _adjust(verdicts: Sequence[CellVerdict], p_fa: float) -> tuple[CellVerdict, ...]:
     tested = [i for i, verdict in enumerate(verdicts) if verdict.p is not None]
     q = benjamini_hochberg(np.array([verdicts[i].p for i in tested], float))
     q_of = dict(zip(tested, q.tolist(), strict=True))
     return tuple(
-        _decided(verdict, q_of[i], p_fa) if i in q_of else verdict
+        _decide(verdict, q_of[i], p_fa) if i in q_of else verdict
         for i, verdict in enumerate(verdicts)
     )
 
 
-def _decided(undecided_yet: CellVerdict, q: float, p_fa: float) -> CellVerdict:
+def _decide(undecided_yet: CellVerdict, q: float, p_fa: float) -> CellVerdict:
     """The verdict by the adjusted p-value and the power of the test."""
     power, p = undecided_yet.power, undecided_yet.p
     noticed = [m for m in undecided_yet.detectable_m if m is not None]

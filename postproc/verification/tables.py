@@ -51,7 +51,10 @@ def print_sites(found: Json) -> None:
     places = " and ".join(f"{lat:.5f} {lon:.5f}" for lat, lon in found["places"])
     factor = f"two places against one: log factor {found['log_factor']:.1f}, near {places}"
     say(console, factor, bullet="  ")
-    drawn = f"p {found['p']:.3g}: share of {found['draws']} walks drawn past one place with a factor as large"
+    drawn = (
+        f"p {found['p']:.3g}: share of {found['draws']} walks drawn past one place with a factor "
+        "as large"
+    )
     say(console, drawn, bullet="  ")
 
 
@@ -64,7 +67,10 @@ def print_verified(verified: Verified) -> None:
         _print_cell(console, cell)
     if verified.without_claim:
         n = len(verified.without_claim)
-        says = f"{n} cell{'s' * (n != 1)} heard without a claim: absence from a database is no alarm by itself"
+        says = (
+            f"{n} cell{'s' * (n != 1)} heard without a claim: absence from a database is no "
+            "alarm by itself"
+        )
         say(console, f"\n{says}")
     if verified.heard_once:
         n = len(verified.heard_once)
@@ -73,7 +79,10 @@ def print_verified(verified: Verified) -> None:
         )
     tested = sum(cell.p is not None for cell in verified.cells)
     if tested:
-        says = f"false-alarm rate {verified.p_fa:g}; false discoveries over {tested} claim{'s' * (tested != 1)}"
+        says = (
+            f"false-alarm rate {verified.p_fa:g}; false discoveries over {tested} "
+            f"claim{'s' * (tested != 1)}"
+        )
         say(console, f"{says} controlled by Benjamini-Hochberg (q)")
 
 
@@ -90,7 +99,8 @@ def _print_cell(console: Console, cell: CellVerdict) -> None:
     if cell.p is None or cell.level is None or cell.q is None:
         return
     tests = (
-        f"direct p {cell.p_direct:.3g}, indirect p {cell.p_indirect:.3g} (the claim lies on the edge of the "
+        f"direct p {cell.p_direct:.3g}, indirect p {cell.p_indirect:.3g} (the claim lies on the "
+        "edge of the "
         f"{cell.level:.1%} region); followed: {cell.followed}, q {cell.q:.3g}"
     )
     say(console, tests, bullet="  ")
@@ -120,18 +130,24 @@ def print_cells(found: Sequence[DbCell]) -> None:
     """Cells of a database."""
     console = screen()
     if not found:
-        says = "not in the database, which is no alarm by itself: it lists what others have seen, not what there is"
+        says = (
+            "not in the database, which is no alarm by itself: it lists what others have seen, "
+            "not what there is"
+        )
         say(console, says)
         return
     rows = []
     for cell in found:
-        name = f"{cell.mcc}-{cell.net}-{cell.area}-{cell.cell}{' (short identity)' if cell.short_cid else ''}"
+        short = " (short identity)" if cell.short_cid else ""
+        name = f"{cell.mcc}-{cell.net}-{cell.area}-{cell.cell}{short}"
         away = "-" if cell.distance_m is None else f"{cell.distance_m:.0f}"
         place = f"{cell.lat:.5f} {cell.lon:.5f}"
-        rows.append([name, cell.radio, place, _known(cell.range_m), _known(cell.samples), away])
+        rows.append(
+            [name, cell.radio, place, _number_text(cell.range_m), _number_text(cell.samples), away]
+        )
     titles = ["cell", "type", "place", "range (m)", "observations", "away (m)"]
     table(console, titles, rows, right=titles[3:])
 
 
-def _known(value: int | None) -> str:
+def _number_text(value: int | None) -> str:
     return "-" if value is None else str(value)

@@ -39,7 +39,7 @@ def folder(tmp_path, monkeypatch):
             os.mkfifo(tmp_path / f"pipe{suffix}")
     for work in (
         "postproc.smoothing.smooth_runs", "postproc.interop.importing.import_walk", "postproc.interop.share.share",
-        "postproc.verification.celldb.CellImport", "postproc.reproductions.toa.simulate.simulate",
+        "postproc.verification.celldb_import.CellImport", "postproc.reproductions.toa.simulate.simulate",
     ):  # fmt: skip
         monkeypatch.setattr(
             work, lambda *_, **__: pytest.fail("computed before the output was checked")

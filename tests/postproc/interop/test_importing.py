@@ -1,7 +1,6 @@
 import gzip
 import json
 import sqlite3
-import zipfile
 
 import h5py
 import numpy as np
@@ -13,7 +12,6 @@ from logger.core.track import UNKNOWN_SIGMA_M
 from logger.core.types import Fix, Note, Scan
 from postproc.cli import main
 from postproc.info import describe
-from postproc.interop import decompression
 from postproc.interop.formats import recognise
 from postproc.interop.importing import import_walk
 from postproc.pictures.clock import clock_of
@@ -132,77 +130,6 @@ def test_an_import_is_in_time_order_and_counts_what_it_leaves_out(tmp_path, caps
         record.value.code for _, record in run.records("notes") if isinstance(record.value, Note)
     ]
     assert codes == ["sorted", "no-cells", "repeated", "bad-row"]
-
-
-# --- compressed files ---
-
-
-def _packed(tmp_path, plain, kind):
-    if kind == "gz":
-        (tmp_path / f"{plain.name}.gz").write_bytes(gzip.compress(plain.read_bytes()))
-        return tmp_path / f"{plain.name}.gz"
-    with zipfile.ZipFile(tmp_path / f"{plain.name}.zip", "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.write(plain, plain.name)
-        archive.writestr("__MACOSX/._junk", "junk")
-    return tmp_path / f"{plain.name}.zip"
-
-
-def _survey(tmp_path):
-    database = sqlite3.connect(tmp_path / "s.gpkg")
-    database.execute(
-        "CREATE TABLE GSM_MESSAGE (Time INT, MCC INT, MNC INT, LAC INT, CID INT, Latitude REAL, "
-        "Longitude REAL, SignalStrength REAL)"
-    )
-    database.execute(
-        "INSERT INTO GSM_MESSAGE VALUES (1500000000000, 262, 1, 4711, 17, 52, 13, -70)"
-    )
-    database.commit()
-    database.close()
-    return tmp_path / "s.gpkg"
-
-
-@pytest.mark.parametrize("kind", ["gz", "zip"])
-@pytest.mark.parametrize("form", ["csv", "wigle", "geopackage"])
-def test_a_compressed_file_is_what_is_in_it(tmp_path, form, kind):
-    plain = {
-        "csv": lambda: _write(
-            tmp_path, "t_s,lat,lon,rssi_dbm\n0,52,13,-70\n1,52,13,-71\n", "a.csv"
-        ),
-        "wigle": lambda: _write(tmp_path, WIGLE, "w.csv"),
-        "geopackage": lambda: _survey(tmp_path),
-    }[form]()
-    first = import_walk(plain, tmp_path / "plain.h5")
-    packed = import_walk(_packed(tmp_path, plain, kind), tmp_path / "packed.h5")
-    assert (packed.format, packed.n_rows, packed.bad_rows) == (
-        first.format,
-        first.n_rows,
-        first.bad_rows,
-    )
-    one, other = (
-        read_run(tmp_path / name).tables["readings"] for name in ("plain.h5", "packed.h5")
-    )
-    assert one.tobytes() == other.tobytes()
-
-
-def test_errors_name_the_compressed_file_and_not_its_copy(tmp_path, capsys):
-    packed = _packed(tmp_path, _write(tmp_path, "t_s,lat,lon\n1,2,3\n", "a.csv"), "gz")
-    assert main(["import", str(packed), "-o", str(tmp_path / "run.h5")]) == 2
-    told = capsys.readouterr().err
-    assert f"{packed}: the header line has no column rssi_dbm" in told
-    assert "unpacked" not in told
-
-
-def test_a_zip_of_two_files_and_one_that_would_fill_the_disk(tmp_path, capsys, monkeypatch):
-
-    with zipfile.ZipFile(tmp_path / "two.zip", "w") as archive:
-        archive.writestr("a.csv", "x")
-        archive.writestr("b.csv", "x")
-    assert main(["import", str(tmp_path / "two.zip"), "-o", str(tmp_path / "run.h5")]) == 2
-    assert "a zip of 2 files" in capsys.readouterr().err
-    monkeypatch.setattr(decompression, "MOST_BYTES", 2**22)
-    (tmp_path / "bomb.gz").write_bytes(gzip.compress(b"0" * 2**23, mtime=0))
-    assert main(["import", str(tmp_path / "bomb.gz"), "-o", str(tmp_path / "run.h5")]) == 2
-    assert "unpacks to more than" in capsys.readouterr().err
 
 
 # --- times ---

@@ -6,7 +6,8 @@ from pyproj import Geod
 
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from postproc.verification.cell_export import COLUMNS
-from postproc.verification.celldb import CellDb, CellImport
+from postproc.verification.celldb import CellDb
+from postproc.verification.celldb_import import CellImport
 from postproc.verification.parsing import identity_of
 
 HEADER = ",".join(COLUMNS) + "\n"
