@@ -28,9 +28,9 @@ from logger.core.observations import CellObservations
 def locate(obs: CellObservations, prior: Prior = Prior(), effort: Effort = Effort()) -> Posterior:  # noqa: B008 (frozen)
     """Posterior of the transmitter's position given all readings of a cell.
 
-    Arrays of `obs` have shape (n,): positions in metres, levels in dBm. The posterior is in the same
-    frame. Levels, censored readings and timing advances all count. Raises `EstimationError` without
-    a single level inside the modem's scale.
+    Arrays of `obs` have shape (n,): positions in metres, levels in dBm. The posterior is in the
+    same frame. Levels, censored readings and timing advances all count. Raises `EstimationError`
+    without a single level inside the modem's scale.
     """
     task = prepare(obs, prior, effort)
     tree = coarse_search(task.walk)
