@@ -278,6 +278,8 @@ def schema() -> dict[str, Any]:
     forms, definitions = msgspec.json.schema_components(
         (SummaryOfRun, SummaryOfRuns), ref_template="#/$defs/{name}"
     )
+    for name in ("Ellipse", "Prior"):  # described where they are defined
+        definitions[name].pop("description", None)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "postproc smooth --json",
