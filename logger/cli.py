@@ -1,6 +1,5 @@
 """The command `fieldlogger`: what a user runs on the Pi."""
 
-import json
 import logging
 import os
 import re
@@ -248,7 +247,10 @@ def simulate(
     from logger.simulate import simulate
 
     path = simulate(folder, scenario, seed, duration_s, speed, modem, fault)
-    print(json.dumps({"run": str(path)}) if as_json else path)
+    if as_json:
+        print_json({"run": path})
+    else:
+        print(path)
 
 
 if __name__ == "__main__":

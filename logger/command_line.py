@@ -3,7 +3,6 @@
 A mistake of the user is one line on stderr and exit code 2; no exception leaves `run_program`.
 """
 
-import json
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -90,6 +89,8 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print the re
 
 def print_json(document: object) -> None:
     """Print a document that consists of plain values and paths."""
+    import json
+
     print(json.dumps(document, indent=2, default=str))
 
 
