@@ -1,6 +1,4 @@
-"""Words to systemd, as datagrams to $NOTIFY_SOCKET (sd_notify(3)); without one nobody is told, and
-nothing fails.
-"""
+"""Notifications to systemd: datagrams to $NOTIFY_SOCKET (sd_notify(3)); without it, nothing."""
 
 import os
 import socket
@@ -8,45 +6,56 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Self
 
-TELL_S = 1.0
-"""Longest that a busy systemd may hold the recorder up."""
+SEND_TIMEOUT_S = 1.0
+"""Longest time that a busy systemd may delay the recorder."""
 
 
 class ServiceManager:
-    """Whoever started the logger and watches it; `address` is a path, `@name` for an abstract one,
-    or empty.
+    """The systemd that started the logger and watches it.
+
+    `address` is a path, `@name` for an abstract socket, or empty without systemd.
     """
 
     def __init__(self, address: str) -> None:
         self._address = "\0" + address[1:] if address.startswith("@") else address
         self._ready = False
+        self._heartbeat: int | None = None
 
     @classmethod
     def of(cls, environ: Mapping[str, str] = os.environ) -> Self:
-        """The one named in the environment."""
+        """The one that the environment names."""
         return cls(environ.get("NOTIFY_SOCKET", ""))
 
     @property
-    def listens(self) -> bool:
+    def is_present(self) -> bool:
         return bool(self._address)
 
     def alive(self) -> None:
-        """Feed the watchdog; the first time this also says that the service has started."""
-        self._tell("WATCHDOG=1" if self._ready else "READY=1\nWATCHDOG=1")
+        """Feed the watchdog; the first call also reports that the service has started."""
+        self._send("WATCHDOG=1" if self._ready else "READY=1\nWATCHDOG=1")
         self._ready = True
+
+    def heartbeat(self, count: int | None) -> None:
+        """Feed the watchdog if `count` has grown: the recorder waits for the card but runs.
+
+        A restart would not repair the card, and would lose the records in memory.
+        """
+        if self._heartbeat is not None and count is not None and count > self._heartbeat:
+            self.alive()
+        self._heartbeat = count
 
     def status(self, text: str) -> None:
         """Set the line that `systemctl status` shows."""
-        self._tell("STATUS=" + text.replace("\n", " "))
+        self._send("STATUS=" + text.replace("\n", " "))
 
     def stopping(self) -> None:
-        """Say that the service ends; the watchdog waits no longer."""
-        self._tell("STOPPING=1")
+        """Report that the service is ending, which stops the watchdog."""
+        self._send("STOPPING=1")
 
-    def _tell(self, assignments: str) -> None:
+    def _send(self, assignments: str) -> None:
         if not self._address:
             return
-        # a systemd that cannot be told must not stop a recording
+        # a systemd that does not answer must not stop a recording
         with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as channel:
-            channel.settimeout(TELL_S)
+            channel.settimeout(SEND_TIMEOUT_S)
             channel.sendto(assignments.encode(), self._address)

@@ -12,7 +12,6 @@ from logger.core.errors import ConfigError, RunFileError
 from logger.core.types import DEAD_RECKONING, LiveEstimate
 from logger.device.clock import Clock
 from logger.device.gpsd_link import receiver_session
-from logger.device.leds import Lamp, Sign
 from logger.device.link import Link
 from logger.device.memory import give_back
 from logger.device.mode_switch import RESTORE_S, left_changed
@@ -24,8 +23,8 @@ from logger.device.port_url import check_url
 from logger.device.recorder import Recorder
 from logger.device.saved_modes import KeptModes
 from logger.device.startup import BegunRun
-from logger.device.status import Status, TargetStatus, WatchedInbox, status_folder
-from logger.device.status_publisher import Teller
+from logger.device.status import Sign, Status, TargetStatus, WatchedInbox
+from logger.device.status_sinks import status_sinks
 from logger.drivers.registry import FAMILIES, check_mode
 
 log = logging.getLogger(__name__)
@@ -232,25 +231,29 @@ def run_service(
     stop: tuple[threading.Event, list[str]],
     duration_s: float | None,
 ) -> Path:
-    """Record until one of the signals of `stop` or the end of the duration; returns the finished
-    run.
+    """Record until a signal of `stop` or the end of the duration, and return the finished run.
 
-    Under systemd another unit recovers what earlier runs left, with a low priority; elsewhere it is
-    done here.
+    Under systemd another unit recovers earlier runs, with a low priority; otherwise this does.
     """
     give_back()
-    ended, heard = stop
-    with Lamp(config.status.led) as lamp:
+    ended, signals = stop
+    with status_sinks(config.status, manager) as sinks:
         service = Service(config, begun, clock, ended, durable=manager.alive)
         service.start()
         recovery = threading.Thread(target=recover_folder, args=(service.folder,), name="recovery")
-        if not manager.listens:
+        if not manager.is_present:
             recovery.start()
-        teller = Teller(manager, lamp, status_folder())
-        service.wait(duration_s, lambda: teller.tell(service.snapshot(), service.heartbeat))
+
+        def publish() -> None:
+            status = service.snapshot()
+            for sink in sinks:
+                sink.publish(status)
+            manager.heartbeat(service.heartbeat)
+
+        service.wait(duration_s, publish)
         manager.stopping()
-        run = service.stop(heard[0] if heard else f"duration of {duration_s} s over")
-        if not manager.listens:
+        run = service.stop(signals[0] if signals else f"duration of {duration_s} s over")
+        if not manager.is_present:
             recovery.join()
     return run
 

@@ -6,18 +6,20 @@ import os
 import threading
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
 from logger.core.types import Fix, Note, Record, Scan
 from logger.core.utc import utc_text
-from logger.device.leds import Sign
 from logger.device.link import Inbox
 from logger.device.port_swap import Placement
 
 FOLDER = Path("/run/cellwalk")
 """Where systemd lets the service keep it; gone as soon as the service is."""
 _FILE = "status.json"
+
+Sign = Literal["recording", "no fix", "error"]
 
 
 class FixStatus(msgspec.Struct, frozen=True):

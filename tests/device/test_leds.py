@@ -1,9 +1,11 @@
 import threading
+from contextlib import closing
 
 import pytest
 
 from logger.device import leds
-from logger.device.leds import Lamp
+from logger.device.leds import StatusLight
+from logger.device.status import Status
 from tests.kit.service import assert_ends, wait_for
 
 
@@ -20,6 +22,10 @@ def led(tmp_path):
 LONG_S = 1e6
 
 
+def status(state):
+    return Status(state, "", "run-1.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {})
+
+
 def _shows(led, level):
     wait_for(lambda: (led / "brightness").read_text() == level)
 
@@ -27,16 +33,16 @@ def _shows(led, level):
 def test_each_sign_blinks_in_its_own_way_and_the_kernel_gets_its_led_back(led, monkeypatch):
     flashes = {"no fix": (0.05, 0.05), "recording": (0.001, LONG_S), "error": (LONG_S, 0.001)}
     monkeypatch.setattr(leds, "FLASHES_S", flashes)
-    with Lamp("ACT", led.parent) as lamp:
+    with closing(StatusLight("ACT", led.parent)) as light:
         assert (led / "trigger").read_text() == "none"
         for _ in range(3):
             _shows(led, "1")
             _shows(led, "0")
-        lamp.show("error")
+        light.publish(status("error"))
         _shows(led, "1")
-        lamp.show("recording")
+        light.publish(status("recording"))
         _shows(led, "0")
-        lamp.show("no fix")
+        light.publish(status("no fix"))
         _shows(led, "1")
         _shows(led, "0")
     assert (led / "trigger").read_text() == "mmc0"
@@ -46,13 +52,13 @@ def test_a_change_is_shown_at_once_and_the_end_does_not_wait_for_a_flash(led, mo
     flashes = {"no fix": (LONG_S, LONG_S), "recording": (0.001, LONG_S), "error": (1.0, 1.0)}
     monkeypatch.setattr(leds, "FLASHES_S", flashes)
 
-    def show():
-        with Lamp("ACT", led.parent) as lamp:
+    def blink():
+        with closing(StatusLight("ACT", led.parent)) as light:
             _shows(led, "1")
-            lamp.show("recording")
+            light.publish(status("recording"))
             _shows(led, "0")
 
-    assert_ends(show)
+    assert_ends(blink)
     assert (led / "trigger").read_text() == "mmc0"
 
 
@@ -64,15 +70,15 @@ def test_no_sign_is_a_steady_light():
 @pytest.mark.parametrize("name", ["", "none"])
 def test_no_led_and_a_missing_one_change_nothing(tmp_path, name, caplog):
     before = threading.active_count()
-    with Lamp(name, tmp_path) as lamp:
-        lamp.show("error")
+    with closing(StatusLight(name, tmp_path)) as light:
+        light.publish(status("error"))
         assert threading.active_count() == before
     assert len(caplog.records) == bool(name)
 
 
 def test_an_led_that_goes_away_is_told_once(led, monkeypatch, caplog):
     monkeypatch.setattr(leds, "FLASHES_S", dict.fromkeys(leds.FLASHES_S, (0.01, 0.01)))
-    with Lamp("ACT", led.parent):
+    with closing(StatusLight("ACT", led.parent)):
         wait_for(lambda: (led / "brightness").read_text() == "0")
         led.rename(led.parent / "gone")
         wait_for(lambda: caplog.records)

@@ -26,7 +26,7 @@ def heard(request, tmp_path):
 def test_the_first_word_says_that_it_has_started_and_all_feed_the_watchdog(heard):
     address, next_word = heard
     manager = ServiceManager.of({"NOTIFY_SOCKET": address})
-    assert manager.listens
+    assert manager.is_present
     manager.alive()
     manager.alive()
     manager.status("12 fixes\nREADY=0")
@@ -42,13 +42,13 @@ def test_the_first_word_says_that_it_has_started_and_all_feed_the_watchdog(heard
 
 def test_without_systemd_nobody_is_told(tmp_path):
     nobody = ServiceManager.of({})
-    assert not nobody.listens
+    assert not nobody.is_present
     nobody.alive()
     ServiceManager(str(tmp_path / "gone")).alive()
 
 
 def test_a_systemd_that_does_not_read_holds_nobody_up(heard, monkeypatch):
-    monkeypatch.setattr(notify, "TELL_S", 0.001)
+    monkeypatch.setattr(notify, "SEND_TIMEOUT_S", 0.001)
     manager = ServiceManager(heard[0])
     queue = int(Path("/proc/sys/net/unix/max_dgram_qlen").read_text())
 
