@@ -97,7 +97,7 @@ def check(config: Path | None, *, as_json: bool) -> int:
 @json_option
 def doctor(config: Path, trial_s: float, *, as_json: bool) -> int:
     """Test power, disk, ports, modem and receiver."""
-    from logger.doctor import examine
+    from logger.doctor.examination import examine
 
     logging.getLogger().setLevel(logging.ERROR)  # the lines replace the service's log
     return _print_lines(examine(config, trial_s), as_json=as_json)

@@ -1,0 +1,148 @@
+"""All tests in their order, each `ok`, `warn` or `fail` with advice; the last line sums up."""
+
+import tempfile
+import threading
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import msgspec
+
+from logger.check import NOT_THERE, Line, check, site_config
+from logger.config import SiteConfig
+from logger.core.errors import DeviceError
+from logger.core.runfile import Run, read_run
+from logger.device.clock import SystemClock
+from logger.device.mode_switch import left_changed
+from logger.device.port import Port
+from logger.device.saved_modes import KeptModes
+from logger.device.service import Service
+from logger.device.startup import begin_run, usable_folder
+from logger.device.status import FOLDER, read_status, status_folder
+from logger.doctor.machine import disk, holders, plug, power
+from logger.doctor.reception import LAST_S, TRIAL, run_lines
+from logger.doctor.service import open_journal, status_lines, unit
+from logger.drivers.family import wake
+from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.registry import FAMILIES
+from logger.probe import converse
+
+TRIAL_S = 15.0
+"""In this time the modem is set up and polled several times, and a receiver sends fixes."""
+
+ESSENTIAL = frozenset({"status", "card", "queue", "modem", "mode", "readings", "gnss"})
+"""A warning in one of these means that a walk would not be recorded as it should."""
+
+PORTS = frozenset({"modem", "gnss"})
+
+
+def examine(config_path: Path, seconds: float = TRIAL_S) -> Iterator[Line]:
+    """Yield each line as soon as its test is done; the last one tells whether to walk.
+
+    If the service is recording, the end of its run is tested; otherwise the service records for
+    some seconds into a temporary folder. Raises `ConfigError` for an unusable configuration.
+    """
+    lines = []
+    for line in _tests(config_path, seconds):
+        lines.append(line)
+        yield line
+    yield overall(lines)
+
+
+def overall(lines: Iterable[Line]) -> Line:
+    """Sum up: ready to walk, or what to do first."""
+    lines = list(lines)
+    fails = [line for line in lines if line.state == "fail"]
+    warnings = [line for line in lines if line.state == "warn"]
+    problems = [*fails, *(line for line in warnings if line.what in ESSENTIAL)]
+    if not problems:
+        names = ", ".join(line.what for line in warnings)
+        return Line("ok", "overall", "ready to walk" + (f"; check also: {names}" if names else ""))
+    first, *others = problems
+    text = f"{first.what}: {first.text}" + (f" (and {len(others)} more above)" if others else "")
+    if any(_is_wrong_port(line) for line in problems):
+        text += "; `fieldlogger probe --write site.toml` finds the ports"
+    if fails:
+        return Line("fail", "overall", f"not ready to walk: {text}")
+    return Line("warn", "overall", f"not yet ready to walk: {text}")
+
+
+def _is_wrong_port(line: Line) -> bool:
+    return line.what in PORTS and (line.state == "fail" or NOT_THERE in line.text)
+
+
+def _tests(config_path: Path, seconds: float) -> Iterator[Line]:
+    """Yield all lines but the last."""
+    config = site_config(config_path)
+    yield from check(config_path)
+    yield power()
+    folder = usable_folder(config.run.directory)
+    yield disk(folder)
+    yield plug(folder)
+    yield unit()
+    journal = open_journal(folder)
+    try:
+        status = read_status(status_folder() or FOLDER)
+    except OSError as error:
+        status = None
+        text = f"{error}: run this with sudo, or join the group cellwalk"
+        yield Line("warn", "status", text)
+    if status is not None:
+        yield from status_lines(status)
+        journal = Path(status.run)
+    if journal is None:
+        yield from _trial_lines(config, folder, seconds)
+        return
+    text = f"{journal.name} is being written; the lines below are its last {LAST_S:.0f} s"
+    yield Line("ok", "recording", text)
+    yield from run_lines(read_run(journal), set_mode=config.modem.set_mode)
+
+
+def _trial_lines(config: SiteConfig, folder: Path, seconds: float) -> Iterator[Line]:
+    """Test the ports, the SIM and a run of some seconds."""
+    if changed := left_changed(KeptModes(folder), FAMILIES.get):
+        yield Line("warn", "mode", changed)
+    for name, url in (("modem", config.modem.port), ("gnss", config.gnss.port)):
+        if url.startswith("/"):
+            yield from holders(name, url)
+    yield sim_card(config)
+    with tempfile.TemporaryDirectory(prefix="fieldlogger-doctor-") as temporary:
+        run = _trial_run(config, temporary, seconds)
+        yield from run_lines(run, set_mode=config.modem.set_mode)
+
+
+def sim_card(config: SiteConfig) -> Line:
+    """The state of the SIM, which the modem does not need."""
+    try:
+        with Port(config.modem.port, config.modem.baud, 0.1) as port:
+            state = converse(port, _sim_state())
+    except DeviceError as error:
+        return Line("fail", "modem", str(error))
+    if state is None:
+        text = "gives no answer to AT: powered? right port and baud? see fieldlogger probe"
+        return Line("fail", "modem", text)
+    return Line("ok", "SIM", f"{state} (recording needs none)")
+
+
+def _sim_state() -> Dialogue[str | None]:
+    if not (yield from wake()):
+        return None
+    yield Command("AT+CMEE=2")
+    reply = yield Command("AT+CPIN?", timeout_s=5.0)
+    if reply.final is None:
+        return None
+    return " ".join(line.strip() for line in reply.lines) or reply.final
+
+
+def _trial_run(config: SiteConfig, folder: str, seconds: float) -> Run:
+    """Record for some seconds with the real service, without changing the modem's mode."""
+    trial_config = msgspec.structs.replace(
+        config,
+        run=msgspec.structs.replace(config.run, directory=folder),
+        modem=msgspec.structs.replace(config.modem, set_mode=""),
+    )
+    clock = SystemClock()
+    begun = begin_run(trial_config, "", clock, origin=TRIAL)
+    service = Service(trial_config, begun, clock, threading.Event())
+    service.start()
+    service.wait(seconds)
+    return read_run(service.stop("end of the trial"))

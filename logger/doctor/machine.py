@@ -1,0 +1,67 @@
+"""Tests of the machine: supply voltage, disk, where runs are stored, who else holds a port."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+from logger.check import Line
+from logger.device.mounts import MOUNTINFO, kept_in_memory
+
+UNDERVOLTAGE_NOW, UNDERVOLTAGE_SINCE_BOOT = 0x1, 0x10000
+"""Bits of get_throttled (Raspberry Pi documentation, `vcgencmd get_throttled`)."""
+
+LOW_BYTES, TOO_LOW_BYTES = 1_000_000_000, 100_000_000
+"""Free space: the first holds some days of walks, the second less than a day of one."""
+
+
+def power(sys: Path = Path("/sys")) -> Line:
+    """Undervoltage, as the firmware of a Raspberry Pi reports it."""
+    throttled = sys / "devices/platform/soc/soc:firmware/get_throttled"
+    try:
+        bits = int(throttled.read_text(), 16)
+    except (OSError, ValueError):
+        return Line("ok", "power", "not reported by this machine (no Raspberry Pi)")
+    advice = "use a 5 V 3 A supply and a good cable; undervoltage restarts modems"
+    if bits & UNDERVOLTAGE_NOW:
+        return Line("fail", "power", f"undervoltage now: {advice}")
+    if bits & UNDERVOLTAGE_SINCE_BOOT:
+        return Line("warn", "power", f"there was undervoltage since the start: {advice}")
+    return Line("ok", "power", "no undervoltage since the start")
+
+
+def disk(folder: Path) -> Line:
+    """Free space for runs."""
+    free = shutil.disk_usage(folder).free
+    text = f"{free / 1e9:.1f} GB free in {folder}"
+    if free < TOO_LOW_BYTES:
+        return Line("fail", "disk", f"{text}: move runs off the card")
+    return Line("warn" if free < LOW_BYTES else "ok", "disk", text)
+
+
+def plug(folder: Path, mountinfo: Path = MOUNTINFO) -> Line:
+    """Whether runs survive a power cut."""
+    if file_system := kept_in_memory(folder.resolve(), mountinfo.read_text()):
+        text = (
+            f"runs are stored in memory ({file_system}) and lost at a power cut: "
+            "give them a partition (systemd/README.md, Read-only root)"
+        )
+        return Line("warn", "plug", text)
+    return Line("ok", "plug", "runs survive a power cut")
+
+
+def holders(name: str, port: str, proc: Path = Path("/proc")) -> Iterator[Line]:
+    """Other processes that have the port open: usually ModemManager, gpsd or getty."""
+    device = os.path.realpath(port)
+    for folder in proc.glob("[0-9]*"):
+        try:
+            is_open = any(os.path.realpath(link) == device for link in (folder / "fd").iterdir())
+            program = (folder / "comm").read_text().strip()
+        except OSError:  # the process has ended, or belongs to another user
+            continue
+        if not is_open or int(folder.name) == os.getpid():
+            continue
+        is_unit = program in {"ModemManager", "gpsd"}
+        stop = f"systemctl disable --now {program}" if is_unit else f"kill {folder.name}"
+        text = f"{port} is held by {program} (process {folder.name}): sudo {stop}"
+        yield Line("fail", name, text)

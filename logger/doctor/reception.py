@@ -1,0 +1,115 @@
+"""Tests of a run: whether the modem and the receiver give what a walk needs."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from logger.check import Line, State
+from logger.core.censoring import levels_dbm
+from logger.core.rows import Rows
+from logger.core.runfile import Run
+from logger.core.track import UERE_M
+from logger.core.types import DEAD_RECKONING
+from logger.drivers.registry import FAMILIES
+
+TRIAL = "doctor"
+"""Origin of a run that the doctor records itself."""
+
+LAST_S = 60.0
+"""The end of a run that is tested: a slow modem still gives several scans in it."""
+
+COARSE_M = 15.0
+"""Median accuracy of a receiver under open sky is well below this."""
+
+GOOD_SHARE = 0.8
+RECENT_FIXES = 10
+"""The receiver works if this share of its latest fixes has a position, whatever came before."""
+
+
+def run_lines(run: Run, last_s: float = LAST_S, *, set_mode: str = "") -> Iterator[Line]:
+    """Evaluate the end of a run; `set_mode` is the setting of that name in [modem]."""
+    tables = run.tables
+    end_ns = max((int(rows["t_ns"].max()) for rows in tables.values() if len(rows)), default=0)
+    begin_ns = max(run.meta.started_ns, end_ns - round(last_s * 1e9))
+    minutes = max(end_ns - begin_ns, 1) / 60e9
+    scans, readings, fixes = (
+        tables[name][tables[name]["t_ns"] >= begin_ns] for name in ("scans", "readings", "fixes")
+    )
+    notes = _modem_notes(run)
+    event = notes[-1][1] if notes else ""
+    if len(scans):
+        yield Line("ok", "modem", f"{len(scans) / minutes:.0f} scans a minute; {event}")
+    else:
+        yield Line("fail", "modem", f"no scan; last event: {event or 'none'}")
+    yield _readings_line(readings, minutes, notes, run.meta.origin == TRIAL, set_mode)
+    yield _fixes_line(fixes)
+
+
+def _modem_notes(run: Run) -> list[tuple[str, str]]:
+    """Code and text of each note about the modem."""
+    return [
+        (row["code"].decode(), row["text"].decode())
+        for row in run.tables["notes"]
+        if row["source"] == b"modem"
+    ]
+
+
+def _readings_line(
+    readings: Rows, minutes: float, notes: list[tuple[str, str]], is_trial: bool, set_mode: str
+) -> Line:
+    usable = (readings["cell"] != b"") & np.isfinite(levels_dbm(readings))
+    cells = len(np.unique(readings["cell"][usable]))
+    if cells:
+        text = f"{np.count_nonzero(usable) / minutes:.0f} usable a minute, of {cells} cells"
+    else:
+        text = "no cell with identity and level: antenna connected? 2G here? SIM locked by its PIN?"
+    others = _other_technologies(readings)
+    if others:
+        text = f"{text}; {others}; {_gsm_only(notes, set_mode)}"
+    # a trial leaves the modem's mode alone, which the service will set
+    is_set_later = is_trial and set_mode
+    state: State = "warn" if not cells or (others and not is_set_later) else "ok"
+    return Line(state, "readings", text)
+
+
+def _other_technologies(readings: Rows) -> str:
+    """Which technologies are received without GSM; empty with GSM, or if none is known."""
+    received = sorted({rat.decode() for rat in readings["rat"]} - {""})
+    if not received or "GSM" in received:
+        return ""
+    return f"only {' and '.join(received)}: a 2G catcher would not be recorded"
+
+
+def _gsm_only(notes: list[tuple[str, str]], set_mode: str) -> str:
+    """How to make the modem receive GSM."""
+    refusals = [text for code, text in notes if code == "mode-unchanged"]
+    if refusals:
+        return refusals[-1]
+    if set_mode:
+        return f'`fieldlogger run` sets it to GSM only (set_mode = "{set_mode}")'
+    drivers = [text.rpartition(" ")[2] for code, text in notes if code == "modem-ready"]
+    driver = FAMILIES.get(drivers[-1]) if drivers else None
+    if driver is None or not driver.mode_commands:
+        return "the driver has no command for GSM only: set the modem by hand, or use another"
+    commands = " or ".join(command.set_to(command.gsm_only) for command in driver.mode_commands)
+    return f'set_mode = "gsm" ({commands})'
+
+
+def _fixes_line(fixes: Rows) -> Line:
+    if not len(fixes):
+        return Line("fail", "gnss", "nothing received: right port and baud? see fieldlogger probe")
+    valid = fixes[fixes["valid"] == 1]
+    if not len(valid):
+        text = "the receiver has no position yet: a cold start under open sky takes minutes"
+        return Line("warn", "gnss", text)
+    recent = valid["quality"][-RECENT_FIXES:]
+    if np.mean(recent == DEAD_RECKONING) > 1.0 - GOOD_SHARE:
+        text = "positions by dead reckoning get little weight: has the antenna a clear sky?"
+        return Line("warn", "gnss", text)
+    sigma_m = np.where(np.isfinite(valid["acc_m"]), valid["acc_m"], valid["hdop"] * UERE_M)
+    is_known = bool(np.any(np.isfinite(sigma_m)))
+    median_m = float(np.nanmedian(sigma_m)) if is_known else 0.0
+    accuracy = f"about {median_m:.0f} m" if is_known else "unknown"
+    is_good = np.mean(fixes["valid"][-RECENT_FIXES:]) > GOOD_SHARE and median_m <= COARSE_M
+    text = f"{len(valid)} of {len(fixes)} fixes with a position, accuracy {accuracy}"
+    return Line("ok" if is_good else "warn", "gnss", text)

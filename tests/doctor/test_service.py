@@ -1,0 +1,29 @@
+import msgspec
+
+from logger.device.clock import SystemClock
+from logger.device.status import PortStatus, Status
+from logger.doctor.service import status_lines
+
+S = 10**9
+
+
+def test_the_status_of_a_service_is_evaluated():
+    now_ns = SystemClock().now_ns()
+    port = PortStatus("/dev/x", event="no such port; is the device plugged in?")
+    well = Status("recording", "", "run-1", 1, now_ns, 0, now_ns, 3, 2, 1, 0, 10, None, None, {})
+
+    def states(**changes):
+        return {
+            line.what: line.state for line in status_lines(msgspec.structs.replace(well, **changes))
+        }
+
+    assert set(states().values()) == {"ok"}
+    assert states(state="no fix")["status"] == "warn"
+    assert states(state="error", ports={"modem": port}) == states() | {
+        "status": "fail",
+        "modem": "fail",
+    }
+    assert states(synced_ns=now_ns - 60 * S)["card"] == "fail"
+    assert states(synced_ns=None, since_ns=now_ns - S)["card"] == "ok"
+    assert states(waiting=6)["queue"] == "warn"
+    assert states(now_ns=now_ns - 60 * S) == {"status": "fail"}
