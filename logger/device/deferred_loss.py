@@ -1,44 +1,45 @@
-"""A port whose loss is told late: what has come of a reply by then is read like any other."""
+"""A port whose loss is raised late, so that the reply received until then is still read."""
 
 from logger.core.errors import DeviceError
 from logger.device.link import Link
 
 
 class Wire:
-    """Reads and writes a link until it is lost or stopped; `heard_ns` is when it last gave a
-    chunk.
+    """Reads and writes a link until it is lost or stopped.
+
+    `received_ns` is the time of the last chunk.
     """
 
     def __init__(self, link: Link) -> None:
         self._link = link
-        self._lost: DeviceError | None = None
-        self.heard_ns = 0
+        self._loss: DeviceError | None = None
+        self.received_ns = 0
 
     @property
     def is_over(self) -> bool:
-        """True when nothing more can be heard."""
-        return self._lost is not None or self._link.stop.is_set()
+        """Whether nothing more can be received."""
+        return self._loss is not None or self._link.stop.is_set()
 
     def read(self) -> bytes:
-        """The next chunk, empty after a silence and for ever after a loss."""
-        if self._lost is None:
+        """Read the next chunk; empty after a silence, and always after a loss."""
+        if self._loss is None:
             try:
-                self.heard_ns, data = self._link.read()
+                self.received_ns, data = self._link.read()
             except DeviceError as error:
-                self._lost = error
+                self._loss = error
             else:
                 return data
         return b""
 
     def write(self, data: bytes) -> None:
-        """Write all; nothing after a loss."""
-        if self._lost is None:
+        """Write all data; nothing after a loss."""
+        if self._loss is None:
             try:
                 self._link.write(data)
             except DeviceError as error:
-                self._lost = error
+                self._loss = error
 
-    def tell_loss(self) -> None:
+    def raise_loss(self) -> None:
         """Raise the `DeviceError` of a loss."""
-        if self._lost is not None:
-            raise self._lost
+        if self._loss is not None:
+            raise self._loss

@@ -1,4 +1,4 @@
-"""The session with an NMEA receiver: it only listens."""
+"""The session with an NMEA receiver, which is only read."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,29 +11,28 @@ from logger.drivers.protocols.garbage import Garbage
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
 
 SILENT_S = 1.5
-"""Longer than the pause between two epochs at 1 Hz: what is pending then is all there will be."""
-
+"""Longer than the pause between two epochs at 1 Hz: after it an epoch is complete."""
 
 _UNMEASURED = {
     DEAD_RECKONING: (
         "dead-reckoning",
         1,
-        "positions by dead reckoning, without satellites; they count little",
+        "positions by dead reckoning, without satellites; they get little weight",
     ),
-    BY_HAND: ("position-by-hand", 1, "positions that were typed in by hand; none was taken"),
-    SIMULATED: ("position-simulated", 1, "positions that the receiver simulates; none was taken"),
+    BY_HAND: ("position-by-hand", 1, "positions entered by hand; none is used"),
+    SIMULATED: ("position-simulated", 1, "positions simulated by the receiver; none is used"),
 }
-"""By quality: the code of the Note, how many to count, and what."""
+"""By quality: code of the note, count of each, text."""
 
 
 class Framer(Protocol):
-    """Bytes to events, some of which may be Garbage."""
+    """Splits bytes into events, some of which may be `Garbage`."""
 
     def feed(self, data: bytes) -> Iterator[Any]: ...
 
 
 class Assembler(Protocol):
-    """Events to fixes and when they were."""
+    """Combines events into fixes with their times."""
 
     def feed(self, event: Any, t_ns: int, /) -> Iterator[tuple[int, Fix]]: ...
     def flush(self) -> Iterator[tuple[int, Fix]]: ...
@@ -41,27 +40,25 @@ class Assembler(Protocol):
 
 def gnss_session(link: Link) -> None:
     """Read sentences and record one fix for each epoch, until stopped or the port is lost."""
-    listen(link, NmeaFramer(), FixAssembler(), SILENT_S)
+    record_fixes(link, NmeaFramer(), FixAssembler(), SILENT_S)
 
 
-def listen(link: Link, framer: Framer, assembler: Assembler, silent_s: float) -> None:
-    """Record the fixes of a receiver; what is pending after a silence, or at the end, is all there
-    will be of it.
-    """
-    heard_ns = link.clock.now_ns()
+def record_fixes(link: Link, framer: Framer, assembler: Assembler, silent_s: float) -> None:
+    """Record the fixes of a receiver; an epoch also ends after a silence and at the stop."""
+    received_ns = link.clock.now_ns()
     try:
         while not link.stop.is_set():
             t_ns, data = link.read()
             if data:
-                heard_ns = t_ns
-                _hear(link, framer, assembler, data, t_ns)
-            elif t_ns - heard_ns > silent_s * 1e9:
+                received_ns = t_ns
+                _record(link, framer, assembler, data, t_ns)
+            elif t_ns - received_ns > silent_s * 1e9:
                 _emit(link, assembler.flush())
     finally:
         _emit(link, assembler.flush())
 
 
-def _hear(link: Link, framer: Framer, assembler: Assembler, data: bytes, t_ns: int) -> None:
+def _record(link: Link, framer: Framer, assembler: Assembler, data: bytes, t_ns: int) -> None:
     for event in framer.feed(data):
         if isinstance(event, Garbage):
             link.count_garbage(len(event.data))
@@ -76,17 +73,13 @@ def _emit(link: Link, fixes: Iterator[tuple[int, Fix]]) -> None:
 
 
 def count_unmeasured(link: Link, fix: Fix) -> None:
-    """Count a position that the receiver has, but has not measured."""
+    """Count a position that the receiver reports but has not measured."""
     if fix.quality in _UNMEASURED:
         link.count(*_UNMEASURED[fix.quality])
 
 
 def credible(fix: Fix) -> Fix:
-    """The fix without a time that no run can have: a receiver's clock begins in 1980, or 1024 weeks
-    too early.
-    """
-    return (
-        replace(fix, utc_ns=None)
-        if fix.utc_ns is not None and fix.utc_ns < EARLIEST_UTC_NS
-        else fix
-    )
+    """Remove an impossible time: a receiver's clock starts in 1980, or 1024 weeks too early."""
+    if fix.utc_ns is None or fix.utc_ns >= EARLIEST_UTC_NS:
+        return fix
+    return replace(fix, utc_ns=None)

@@ -7,7 +7,7 @@ from functools import partial
 from urllib.parse import urlsplit
 
 from logger.core.types import Fix
-from logger.device.gnss_link import gnss_session, listen
+from logger.device.gnss_link import gnss_session, record_fixes
 from logger.device.link import Link
 from logger.drivers.protocols.gpsd import (
     Device,
@@ -37,7 +37,7 @@ def gpsd_session(link: Link, device: str) -> None:
     gpsd has gone.
     """
     link.write(watch(device))
-    listen(link, GpsdFramer(), _Teller(link, device), PAUSE_S)
+    record_fixes(link, GpsdFramer(), _Teller(link, device), PAUSE_S)
 
 
 class _Teller(GpsdFixes):

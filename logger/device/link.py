@@ -1,4 +1,4 @@
-"""A port kept open by a thread of its own: it comes back when the device does."""
+"""A port with its own thread, opened again whenever the device comes back."""
 
 import logging
 import queue
@@ -10,7 +10,7 @@ from logger.core.errors import DeviceError, FieldLoggerError
 from logger.core.types import Level, Note, RawBytes, Record, Value
 from logger.device.clock import Clock
 from logger.device.port import Port
-from logger.device.scan_timeout import Patience
+from logger.device.scan_timeout import SilenceLimits
 from logger.drivers.privacy.redaction import Redactor
 from logger.drivers.reading.number_history import NumberHistory
 
@@ -18,17 +18,17 @@ log = logging.getLogger(__name__)
 
 RETRY_S = 1.0
 LISTEN_S = 0.2
-"""Longest that a silent port keeps its thread from looking at the clock."""
-TELL_EVERY_S = 10.0
+"""Longest time that a read of a silent port blocks its thread."""
+NOTE_INTERVAL_S = 10.0
+"""Interval of the notes on frequent events: the run shows the trend, and the log stays readable."""
 MOST_CHUNKS_LEFT = 32
-"""The buffers of serial lines hold far less; a device that never stops speaking must not hold the
-stop up.
-"""
+"""Serial buffers hold far less; a device that never stops sending must not delay the stop."""
 
 
 class Inbox:
-    """The one bounded queue between the ports and the recorder; a full one counts, and never blocks
-    a reader.
+    """The bounded queue between the ports and the recorder.
+
+    A full queue drops and counts records; it never blocks a reader.
     """
 
     def __init__(self, size: int = 20_000) -> None:
@@ -57,9 +57,7 @@ class Inbox:
 
 
 class Tally:
-    """Something too frequent for a Note each time: it is counted, and one Note says how often it
-    came.
-    """
+    """A count of events too frequent for a note each."""
 
     def __init__(self, what: str, least: int) -> None:
         self._what = what
@@ -72,19 +70,19 @@ class Tally:
         self._n += n
 
     def take(self, now_ns: int | None = None) -> str | None:
-        """Text of the Note that is due, at `now_ns` or (None) at the end of the connection."""
-        if not self._n or (now_ns is not None and now_ns - self._since_ns < TELL_EVERY_S * 1e9):
+        """Text of a note that is due at `now_ns`, or (None) at the end of the connection."""
+        if not self._n or (now_ns is not None and now_ns - self._since_ns < NOTE_INTERVAL_S * 1e9):
             return None
         n, self._n = self._n, 0
         return f"{n} {self._what}" if n >= self._least else None
 
 
 class Link:
-    """What a session is given: its port, a clock, and the way to the recorder.
+    """A session's access to its port, the clock and the recorder.
 
-    What is private is blanked before anything is recorded or read. `patience` is what was learned
-    of the device, `known` the numbers it has sent; they outlive a session, so that a port that is
-    opened anew begins with them.
+    Private numbers are redacted before anything is recorded or read. `silence_limits` are learned
+    from the device and `known` are the numbers that it has sent; both outlive a session, so that a
+    port that is opened again starts with them.
     """
 
     def __init__(
@@ -99,20 +97,18 @@ class Link:
         self.source = source
         self.clock = clock
         self.stop = stop
-        self.patience = Patience()
+        self.silence_limits = SilenceLimits()
         self.known = NumberHistory()
         self._url = url
         self._baud = baud
         self._inbox = inbox
-        self._blanker = Redactor()
+        self._redactor = Redactor()
         self._port: Port | None = None
         self._port_url = url
         self._tallies: dict[str, Tally] = {}
 
     def run(self, session: Callable[["Link"], None]) -> None:
-        """Open the port, run the session, and begin again when the device has gone, until
-        stopped.
-        """
+        """Open the port and run the session, again after each loss of the device, until stopped."""
         complaint = ""
         while not self.stop.is_set():
             url = self._port_url = self._url
@@ -132,22 +128,22 @@ class Link:
             except Exception as error:  # a bug in one link must not end the recording of the other
                 log.exception("%s: unexpected", self.source)
                 self.note("error", "internal", f"{type(error).__name__}: {error}")
-            self._tell()
-            if held := self._blanker.flush():
-                self.emit(RawBytes(held), self.clock.now_ns())
+            self._note_tallies()
+            if pending := self._redactor.flush():
+                self.emit(RawBytes(pending), self.clock.now_ns())
             self.clock.wait(self.stop, RETRY_S)
 
     def move(self, url: str) -> None:
-        """Leave the port, and go on at another."""
+        """Leave the port and continue at another."""
         self._url = url
 
     def read(self) -> tuple[int, bytes]:
-        """Time and bytes of the next chunk, recorded raw before anybody understands them."""
+        """Time and bytes of the next chunk, which is recorded raw before it is interpreted."""
         if self._port is None:
             raise DeviceError(f"{self.source}: port is closed")
         if self._url != self._port_url:
             raise DeviceError(f"port {self._port_url}: left for {self._url}")
-        self._tell(self.clock.now_ns())
+        self._note_tallies(self.clock.now_ns())
         return self._take(self._port.read())
 
     def write(self, data: bytes) -> None:
@@ -165,27 +161,26 @@ class Link:
         self.emit(Note(level, code, text), self.clock.now_ns())
 
     def count(self, code: str, n: int, what: str, least: int = 1) -> None:
-        """Count something; ten seconds after the first a Note of that code says how many, if there
-        were so many.
+        """Count an event; a note with the number follows ten seconds after the first.
+
+        Fewer than `least` events give no note.
         """
         self._tallies.setdefault(code, Tally(what, least)).add(n, self.clock.now_ns())
 
     def count_garbage(self, n_bytes: int) -> None:
-        """Count bytes that meant nothing."""
-        self.count("garbage", n_bytes, "bytes meant nothing")
+        """Count bytes that no framer could read."""
+        self.count("garbage", n_bytes, "unreadable bytes")
 
     def _take(self, data: bytes) -> tuple[int, bytes]:
-        """Record bytes that have just come; returns when that was, and what may be known of
-        them.
-        """
+        """Record new bytes; return their time and what is left of them after redaction."""
         t_ns = self.clock.now_ns()
-        data = self._blanker.feed(data)
+        data = self._redactor.feed(data)
         if data:
             self.emit(RawBytes(data), t_ns)
         return t_ns, data
 
     def _take_rest(self, port: Port) -> None:
-        """Record what waits in a port that is left: closing it would throw that away."""
+        """Record what waits in a port before it is closed, which would discard it."""
         with suppress(DeviceError):
             for _ in range(MOST_CHUNKS_LEFT):
                 data = port.rest()
@@ -193,7 +188,7 @@ class Link:
                     return
                 self._take(data)
 
-    def _tell(self, now_ns: int | None = None) -> None:
+    def _note_tallies(self, now_ns: int | None = None) -> None:
         for code, tally in self._tallies.items():
             if text := tally.take(now_ns):
                 self.note("warning", code, text)

@@ -61,7 +61,7 @@ class ModeSwitch:
             if driver is None or not self._kept.all():
                 return
             for _ in range(_TRIES):
-                modem.hear_out()
+                modem.drain()
                 if self._set_back(driver, modem.ask):
                     return
         except OSError as error:

@@ -1,4 +1,4 @@
-"""The last words with a modem: what has to be asked when the stop has come already."""
+"""The last commands to a modem, after the stop of the session."""
 
 from logger.device.link import Link
 from logger.device.scan_timeout import LATE_S, PAUSE_S, Wait
@@ -7,17 +7,17 @@ from logger.drivers.protocols.dialogue import Command, Reply
 
 
 class AfterStop:
-    """Asks over an open port, as a session does; what else the modem says is recorded raw alone."""
+    """Commands on a port that is still open; other lines of the modem are recorded raw only."""
 
     def __init__(self, link: Link, framer: AtFramer) -> None:
         self._link = link
         self._framer = framer
 
-    def hear_out(self) -> None:
-        """Hear what is still to come, which must not be taken for an answer later."""
+    def drain(self) -> None:
+        """Receive what is still to come, which must not be mistaken for a later answer."""
         start_s = byte_s = self._now_s()
         while self._now_s() - byte_s < PAUSE_S and self._now_s() - start_s < LATE_S:
-            if self._read() is not None:
+            if self._read_events() is not None:
                 byte_s = self._now_s()
 
     def ask(self, command: Command) -> Reply:
@@ -26,13 +26,13 @@ class AfterStop:
         self._framer.send(command.text)
         self._link.write(command.text.encode("ascii") + b"\r")
         while not wait.is_over(self._now_s()):
-            found = [event for event in self._read() or () if isinstance(event, Reply)]
-            if found:
-                return found[0]
+            for event in self._read_events() or ():
+                if isinstance(event, Reply):
+                    return event
         return self._framer.expire()
 
-    def _read(self) -> list[object] | None:
-        """What a chunk means; None for silence."""
+    def _read_events(self) -> list[object] | None:
+        """Events of one chunk; None after silence."""
         _, data = self._link.read()
         return list(self._framer.feed(data)) if data else None
 

@@ -10,7 +10,14 @@ import pytest
 from logger.core.runfile import read_run
 from logger.device import scan_timeout
 from logger.device.clock import SystemClock
-from logger.device.scan_timeout import ASK_EVERY_S, LATE_S, MARGIN_S, PAUSE_S, Patience, Wait
+from logger.device.scan_timeout import (
+    LATE_S,
+    MARGIN_S,
+    PAUSE_S,
+    QUERY_INTERVAL_S,
+    SilenceLimits,
+    Wait,
+)
 from logger.drivers.protocols.dialogue import Command
 from logger.sim.clock import WalkTime
 from logger.sim.dialects import DIALECTS
@@ -25,37 +32,37 @@ OTHER = Command("AT+COPS=?", timeout_s=180.0)
 
 
 def test_what_is_documented_counts_until_a_scan_is_completed():
-    known = Patience()
+    known = SilenceLimits()
     assert (known.silence_s(SCAN), known.silence_s(OTHER)) == (50.0, math.inf)
-    known.completed(SCAN, 12.0)
-    known.completed(OTHER, 40.0)
+    known.learn_completed(SCAN, 12.0)
+    known.learn_completed(OTHER, 40.0)
     assert (known.silence_s(SCAN), known.silence_s(OTHER)) == (12.0 + MARGIN_S, 40.0 + MARGIN_S)
 
 
 def test_the_longest_scan_counts():
-    known = Patience()
+    known = SilenceLimits()
     for silence_s in (30.0, 45.0, 20.0):
-        known.completed(OTHER, silence_s)
+        known.learn_completed(OTHER, silence_s)
     assert known.silence_s(OTHER) == 45.0 + MARGIN_S
 
 
 def test_a_slow_scan_is_given_twice_as_much_until_it_gets_through():
-    known = Patience()
-    known.completed(OTHER, 20.0)
+    known = SilenceLimits()
+    known.learn_completed(OTHER, 20.0)
     lost = 0
     while known.silence_s(OTHER) < 100.0:
-        known.interrupted(OTHER)
+        known.learn_interrupted(OTHER)
         lost += 1
     assert lost == 2
-    known.completed(OTHER, 90.0)
+    known.learn_completed(OTHER, 90.0)
     assert known.silence_s(OTHER) == 90.0 + MARGIN_S
 
 
 def test_a_completed_scan_takes_the_doubling_back():
-    known = Patience()
-    known.completed(OTHER, 20.0)
-    known.interrupted(OTHER)
-    known.completed(OTHER, 18.0)
+    known = SilenceLimits()
+    known.learn_completed(OTHER, 20.0)
+    known.learn_interrupted(OTHER)
+    known.learn_completed(OTHER, 18.0)
     assert known.silence_s(OTHER) == 20.0 + MARGIN_S
 
 
@@ -66,16 +73,21 @@ def asked_at(wait, until_s, lines=()):
     times, n = [], 0
     for t_s in range(until_s):
         n += t_s in lines
-        wait.hear(t_s, spoke=t_s in lines, n_lines=n)
-        if wait.asks(t_s):
+        wait.observe(t_s, has_bytes=t_s in lines, n_lines=n)
+        if wait.is_query_due(t_s):
             times.append(t_s)
     return times
 
 
 def test_questions_begin_after_the_silence_and_are_repeated():
     wait = Wait(OTHER, 0.0, 10.0)
-    assert asked_at(wait, 20) == [10, 10 + ASK_EVERY_S, 10 + 2 * ASK_EVERY_S, 10 + 3 * ASK_EVERY_S]
-    assert wait.questions == 4
+    assert asked_at(wait, 20) == [
+        10,
+        10 + QUERY_INTERVAL_S,
+        10 + 2 * QUERY_INTERVAL_S,
+        10 + 3 * QUERY_INTERVAL_S,
+    ]
+    assert wait.n_queries == 4
 
 
 def test_a_line_of_the_reply_begins_a_new_silence():
@@ -87,14 +99,14 @@ def test_a_line_of_the_reply_begins_a_new_silence():
 def test_bytes_that_are_no_line_of_the_reply_end_no_silence():
     wait = Wait(OTHER, 0.0, 10.0)
     for t_s in range(10):
-        wait.hear(t_s, spoke=True, n_lines=0)
-    assert wait.asks(10.0)
+        wait.observe(t_s, has_bytes=True, n_lines=0)
+    assert wait.is_query_due(10.0)
 
 
 def test_the_end_of_the_reply_ends_the_last_silence():
     wait = Wait(OTHER, 0.0)
-    wait.hear(3.0, spoke=True, n_lines=1)
-    wait.hear(40.0, spoke=True, n_lines=1, over=True)
+    wait.observe(3.0, has_bytes=True, n_lines=1)
+    wait.observe(40.0, has_bytes=True, n_lines=1, is_over=True)
     assert wait.longest_silence_s == 37.0
 
 
@@ -104,10 +116,10 @@ def test_other_commands_are_never_asked_after():
 
 def test_a_reply_may_end_late_while_its_bytes_come():
     wait = Wait(Command("AT+CENG?"), 0.0)
-    wait.hear(1.5, spoke=True, n_lines=1)
+    wait.observe(1.5, has_bytes=True, n_lines=1)
     assert wait.is_slow(1.5)
     assert not wait.is_over(2.0)
-    wait.hear(1.9 + LATE_S, spoke=True, n_lines=1)
+    wait.observe(1.9 + LATE_S, has_bytes=True, n_lines=1)
     assert not wait.is_over(1.9 + LATE_S)
     assert wait.is_over(2.0 + LATE_S)
     assert wait.is_over(1.9 + LATE_S + PAUSE_S)
@@ -244,7 +256,7 @@ def check_slow(case, walked):
 
 def test_the_service_goes_on_after_a_silent_scan(tmp_path, monkeypatch):
     monkeypatch.setattr(scan_timeout, "MARGIN_S", 2.0)
-    monkeypatch.setattr(scan_timeout, "ASK_EVERY_S", 0.5)
+    monkeypatch.setattr(scan_timeout, "QUERY_INTERVAL_S", 0.5)
     hangs = [Case(SURVEYS["sim800"], 0.5, hangs_s=hangs_s) for hangs_s in (0.2, 1.0, 3.5)]
     slow = [
         Case(SURVEYS["sim800"], 0.5, slow_s=4.5, abortable=abortable) for abortable in (False, True)

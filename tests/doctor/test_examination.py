@@ -125,8 +125,10 @@ def test_missing_ports_are_reported_with_advice(tmp_path, capsys):
         (
             [("fail", "modem", "silent")],
             "fail",
-            "not ready to walk: modem: silent; "
-            "`fieldlogger probe --write site.toml` finds the ports",
+            (
+                "not ready to walk: modem: silent; "
+                "`fieldlogger probe --write site.toml` finds the ports"
+            ),
         ),
     ],
 )

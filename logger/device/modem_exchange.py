@@ -1,0 +1,195 @@
+"""Commands and replies on a modem's port, and the lines that come unsolicited."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+from logger.core.types import CellReading, Scan
+from logger.device.deferred_loss import Wire
+from logger.device.link import Link
+from logger.device.scan_timeout import PAUSE_S, Wait
+from logger.device.unsolicited import UnsolicitedBlock
+from logger.drivers.family import Family
+from logger.drivers.generic.generic import Generic
+from logger.drivers.protocols.at import AtFramer, Unsolicited
+from logger.drivers.protocols.dialogue import Command, Dialogue, Reply, run_dialogue
+from logger.drivers.protocols.garbage import Garbage
+from logger.drivers.reading.recognition import mark_doubtful
+from logger.drivers.reading.rows import Row
+
+T = TypeVar("T")
+
+MANY_UNSOLICITED = 100
+"""Unsolicited lines in ten seconds that are worth a note; a working modem sends a few."""
+
+
+class ModemExchange:
+    """One open port of a modem, with what its lines have shown of the modem's state.
+
+    `driver` is None until the modem is identified. `is_answered` and `is_damaged` cover the time
+    since the caller cleared them: any answer, and any damage to what was received.
+    """
+
+    def __init__(self, link: Link, driver: Family | None) -> None:
+        self._link = link
+        self.driver = driver
+        self.framer = AtFramer()
+        self.unsolicited = UnsolicitedBlock()
+        self.wire = Wire(link)
+        self.late_ns = 0  # when the last command that expired was written
+        self.is_set_up = False
+        self.is_announced = False
+        self.is_restarted = False
+        self.is_answered = False
+        self.is_damaged = False
+        self._has_bytes = False
+        self._n_pending_queries = 0  # queries of the last full scan without an answer
+
+    def emit_scan(self, start_ns: int, end_ns: int, rows: Sequence[Row]) -> None:
+        """Record the cells of one poll, each once however often the modem repeats its lines.
+
+        A scan without cells is recorded only if no line was lost that might have contained one.
+        """
+        marked, self._link.known = mark_doubtful(rows, self._link.known)
+        readings = tuple(dict.fromkeys(row for row in marked if isinstance(row, CellReading)))
+        if readings or not self.is_damaged:
+            self._link.emit(Scan(start_ns, readings), end_ns)
+
+    def talk(self, dialogue: Dialogue[T]) -> T:
+        """Run a dialogue of the driver to its result."""
+        return run_dialogue(dialogue, self.ask)
+
+    def ask(self, command: Command) -> Reply:
+        """Send a command and wait for its reply; a timeout is a reply too, and so is a restart."""
+        return self._reply(Wait(command, self._now_s()))
+
+    def ask_survey(self, command: Command) -> Reply:
+        """As `ask`, for a full scan; a modem that is silent for too long is queried meanwhile.
+
+        If each query has an answer of its own, the lines before them are the reply of the scan.
+        Otherwise the scan is lost: the modem had hung, or a query has ended it.
+        """
+        limits = self._link.silence_limits
+        wait = Wait(command, self._now_s(), limits.silence_s(command))
+        self._n_pending_queries = 0
+        reply = self._reply(wait)
+        if (
+            wait.n_queries
+            and reply.final is not None
+            and not (self._are_queries_answered() and reply.lines)
+        ):
+            self._link.count(
+                "silent-scan",
+                1,
+                "full scans fell silent; the modem answered a query, polling goes on",
+            )
+            limits.learn_interrupted(command)
+            self.is_damaged = True
+            return replace(reply, final=None)
+        if reply.ok and reply.lines:
+            limits.learn_completed(command, wait.longest_silence_s)
+        return reply
+
+    def _reply(self, wait: Wait) -> Reply:
+        command = wait.command
+        self.framer.send(command.text)
+        asked_ns = self._link.clock.now_ns()
+        self.wire.write(command.text.encode("ascii") + b"\r")
+        restarted = self.is_restarted
+        while not self.wire.is_over and not wait.is_over(self._now_s()):
+            if wait.is_query_due(self._now_s()):
+                self._n_pending_queries += 1
+                self.wire.write(b"AT\r")
+            reply = self.receive()
+            n_lines = len(reply.lines) if reply else self.framer.n_lines
+            wait.observe(
+                self._now_s(), has_bytes=self._has_bytes, n_lines=n_lines, is_over=reply is not None
+            )
+            if reply is not None:
+                self.is_answered = True
+                self._count_anomalies(reply, slow=wait.is_slow(self._now_s()))
+                return reply
+            if self.is_restarted and not restarted:
+                self.is_damaged = True
+                return self.framer.abandon()
+        self.late_ns = asked_ns
+        if not self.wire.is_over:
+            self._link.count("no-answer", 1, "commands without an answer")
+        expired = self.framer.expire()
+        self.is_answered |= bool(expired.lines)
+        self.is_damaged = True
+        return expired
+
+    def _are_queries_answered(self) -> bool:
+        """Whether every query has an answer of its own; these follow a reply at once."""
+        end_s = self._now_s() + PAUSE_S
+        while self._n_pending_queries and self._now_s() < end_s and not self.wire.is_over:
+            self.receive()
+        return not self._n_pending_queries
+
+    def _now_s(self) -> float:
+        """Real time: a modem needs its time to answer, however fast a simulated walk runs."""
+        return self._link.clock.real_s(self._link.clock.now_ns() / 1e9)
+
+    def _count_anomalies(self, reply: Reply, *, slow: bool) -> None:
+        """Count the anomalies of a usable reply."""
+        if slow:
+            self._link.count("slow-answer", 1, "answers took more than half of the time they may")
+        if reply.lines and len(reply.lines) == 2 * len(set(reply.lines)):
+            self._link.count("repeated-lines", 1, "replies with each line twice")
+
+    def receive(self) -> Reply | None:
+        """Read one chunk completely and return its reply, if any.
+
+        One command is pending at most, so there is one reply at most.
+        """
+        data = self.wire.read()
+        self._has_bytes = bool(data)
+        reply = None
+        for event in self.framer.feed(data):
+            match event:
+                case Reply():
+                    reply = event
+                case Unsolicited(line=line, is_late=is_late):
+                    self._receive_unsolicited(line, is_late=is_late)
+                case Garbage(data=noise):
+                    self.unsolicited.interrupt()
+                    self._link.count_garbage(len(noise))
+                    self.is_damaged = True
+        return reply
+
+    def _receive_unsolicited(self, line: str, *, is_late: bool) -> None:
+        driver = self.driver or Generic()
+        if driver.is_restart(line):
+            if not self.is_restarted:  # more of such lines may follow
+                self.set_up_again(f"modem sent {line!r}; setting it up again")
+            self.is_restarted = True
+        elif (role := driver.role_of(line)) is not None:
+            if role == "serving" or self.unsolicited.is_over(
+                self.wire.received_ns
+            ):  # the first row of a block
+                self.close_block()
+            self.unsolicited.add(
+                line, self.wire.received_ns, self.late_ns if is_late else self.wire.received_ns
+            )
+            self.is_answered = True
+        elif line.strip() in {"OK", "ERROR"} and self._n_pending_queries:
+            self._n_pending_queries -= 1
+        elif line.strip() in {"OK", "ERROR"}:
+            self._link.count("stray-result", 1, "final results without a command: late or repeated")
+        else:
+            self.unsolicited.interrupt()
+            self._link.count("unasked-lines", 1, "unsolicited lines", least=MANY_UNSOLICITED)
+
+    def set_up_again(self, reason: str) -> None:
+        """Note why the modem has to be set up again before the next poll."""
+        self._link.note("warning", "modem-restarted", reason)
+        self.is_set_up = self.is_announced = False
+
+    def close_block(self) -> None:
+        """Record the unsolicited rows as one scan, from the earliest time of its first row on."""
+        lines = self.unsolicited.take()
+        if lines and self.driver is not None:
+            self.emit_scan(
+                self.unsolicited.begin_ns, self.unsolicited.end_ns, self.driver.read(lines)
+            )
