@@ -32,8 +32,9 @@ class Line:
 
 
 def check(config_path: Path | None) -> list[Line]:
-    """Check the installation and, if given, a configuration; raises `ConfigError` for one that
-    cannot be used.
+    """Check the installation and, if given, a configuration.
+
+    Raises `ConfigError` for a configuration that cannot be used.
     """
     lines = [*_libraries(), _map()]
     if config_path is not None:

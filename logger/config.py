@@ -56,8 +56,9 @@ class ModemSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class GnssSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A receiver: an NMEA one as a modem is named, or `gpsd://host[:port][/device]`, which has no
-    baud rate.
+    """A receiver: a serial port as for a modem, or `gpsd://host[:port][/device]`.
+
+    gpsd has no baud rate.
     """
 
     port: PortName
@@ -65,13 +66,13 @@ class GnssSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class StatusSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the walker sees: an LED by its name under /sys/class/leds, empty for none."""
+    """Status outputs: an LED by its name under /sys/class/leds, empty for none."""
 
     led: LedName = ""
 
 
 class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The whole of site.toml."""
+    """All of site.toml."""
 
     run: RunSettings
     modem: ModemSettings
@@ -81,8 +82,9 @@ class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def load_config(path: Path) -> tuple[SiteConfig, str]:
-    """Configuration and its text; raises `ConfigError` naming file, table, key and the nearest
-    valid key.
+    """Read a configuration; return it and its text.
+
+    Raises `ConfigError`, which names the file, the table, the key and the nearest valid key.
     """
     try:
         with path.open(encoding="utf-8") as file:
@@ -121,17 +123,18 @@ def parse_config(text: str, name: str) -> SiteConfig:
 
 
 def _without_meaning(config: SiteConfig) -> Iterator[str]:
-    """What is of the right type and says nothing all the same."""
-    for table, limits in _LIMITS.items():
-        for key, (least, most) in limits.items():
+    """Problems of values that have the right type."""
+    for table, table_limits in _LIMITS.items():
+        for key, (least, most) in table_limits.items():
             value = getattr(getattr(config, table), key)
             if not least <= value <= most:  # NaN is neither
-                yield f'[{table}] "{key}": {value} has no meaning; it lies between {least:g} and {most:g}'
+                limits = f"between {least:g} and {most:g}"
+                yield f'[{table}] "{key}": {value} has no meaning; it lies {limits}'
     for table in _TABLES:
         settings = getattr(config, table) if table else None
         for key in settings.__struct_fields__ if settings else ():
             if "\0" in str(getattr(settings, key)):
-                yield f'[{table}] "{key}": holds a NUL character'
+                yield f'[{table}] "{key}": contains a NUL character'
     if not 0 < len(config.live.target.encode()) <= LONGEST_TARGET_BYTES:
         yield f'[live] "target": the name of a cell has between 1 and {LONGEST_TARGET_BYTES} bytes'
 
@@ -147,7 +150,7 @@ _TABLES: dict[str, type[msgspec.Struct]] = {
 
 
 def _explain(problem: str) -> str:
-    """Put msgspec's words into those of somebody who edits the file."""
+    """Translate msgspec's message for the person who edits the file."""
     what, _, where = problem.partition(" - at `$")
     table = where.removeprefix(".").removesuffix("`")
     unknown = re.search(r"unknown field `(.*)`", what)
@@ -168,7 +171,7 @@ def _place(table: str) -> str:
 
 
 def _nearest(key: str, table: str) -> str:
-    # a run begins before anything is imported that takes time
+    # not at the start of a run, which must be fast
     from difflib import get_close_matches  # noqa: PLC0415
 
     valid = _TABLES[table].__struct_fields__

@@ -39,8 +39,7 @@ def simulate(
     modem_name: str = "sim800",
     fault: str | None = None,
 ) -> Path:
-    """Record a walk `speed` times faster than real; returns the run, which knows where its
-    transmitters stand.
+    """Record a walk `speed` times faster than real; return the run, with its true positions.
 
     `fault` is NAME:FROM:TO, a misbehaviour of the modem between two times of the walk in seconds.
     """

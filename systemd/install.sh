@@ -1,11 +1,11 @@
 #!/bin/sh
 # install.sh [--wheels DIR] [--prefix DIR] [--root DIR] [--uninstall]
-# Puts the logger on a Raspberry Pi OS or Debian (12 or later), to record from the next boot on. Safe to repeat.
+# Installs the logger on Raspberry Pi OS or Debian (12 or later), to record from the next boot on. Safe to repeat.
 #
-#   --wheels DIR   take cellwalk and what Debian lacks from DIR (`make wheels`), and use no network
-#   --prefix DIR   where the program goes (default /opt/cellwalk)
-#   --root DIR     put everything below DIR, with this machine's Python: for tests
-#   --uninstall    take all away but the runs, the configuration and the user
+#   --wheels DIR   install cellwalk and what Debian lacks from DIR (`make wheels`), without a network
+#   --prefix DIR   folder of the program (default /opt/cellwalk)
+#   --root DIR     install below DIR with this machine's Python, for tests
+#   --uninstall    remove everything but the runs, the configuration and the user
 set -eu
 
 here=$(dirname "$(readlink -f "$0")")
@@ -32,14 +32,14 @@ while [ $# -gt 0 ]; do
     esac
     shift
 done
-[ -n "$root" ] || [ "$(id -u)" -eq 0 ] || fail "only root can do this: sudo $0"
+[ -n "$root" ] || [ "$(id -u)" -eq 0 ] || fail "run this as root: sudo $0"
 [ -z "$wheels" ] || [ -d "$wheels" ] || fail "no such folder: $wheels"
 
 venv=$root$prefix
 etc=$root/etc
 units="fieldlogger.service fieldlogger-recover.service"
 
-# systemd of this machine, if it is this machine that we install on, and it runs (it does not in a chroot)
+# whether systemd of this machine runs and is the target of the installation (not in a chroot)
 running() { [ -z "$root" ] && [ -d /run/systemd/system ]; }
 
 uninstall() {
@@ -49,7 +49,7 @@ uninstall() {
     rm -f "$etc/udev/rules.d/70-cellwalk.rules" "$etc/sysusers.d/cellwalk.conf" "$root/usr/local/bin/fieldlogger"
     [ ! -f "$venv/pyvenv.cfg" ] || rm -rf "$venv"
     reload
-    say "done; kept are the runs, /etc/cellwalk and the user cellwalk"
+    say "done; the runs, /etc/cellwalk and the user cellwalk are kept"
 }
 
 reload() {
@@ -72,7 +72,7 @@ debian_packages() {
     say "installing$missing"
     # shellcheck disable=SC2086  # one word for each package
     DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends $missing ||
-        say "Debian's packages cannot be installed (no network?); pip is asked for what is missing" >&2
+        say "Debian's packages cannot be installed (no network?); pip will install what is missing" >&2
 }
 
 program() {
@@ -83,7 +83,7 @@ program() {
         mkdir -p "$venv/share"
         ln -sfn /usr/share/proj "$venv/share/proj"
     fi
-    # Debian's h5py is not called h5py in pip's books, so that what can be imported counts
+    # pip does not know Debian's h5py by this name, so test the import
     for module in click h5py msgspec numpy pynmea2 pyproj serial; do
         "$venv/bin/python" -c "import $module" 2>/dev/null && continue
         [ $module = serial ] && module=pyserial
@@ -120,7 +120,7 @@ files() {
 
 people() {
     systemd-sysusers ${root:+--root="$root"} cellwalk.conf
-    # who walks may read the runs and the ports
+    # the user who installs may read the runs and the ports
     if [ -z "$root" ] && [ -n "${SUDO_USER:-}" ] && [ "$SUDO_USER" != root ]; then
         usermod -aG cellwalk,dialout "$SUDO_USER"
     fi
@@ -138,5 +138,5 @@ systemctl ${root:+--root="$root"} --quiet enable fieldlogger.service
 reload
 if running; then systemctl try-restart fieldlogger.service; fi
 sync
-say "done; the next boot records by /etc/cellwalk/site.toml. Which ports: sudo fieldlogger probe"
-say "now: sudo systemctl start fieldlogger; is it working: sudo fieldlogger doctor"
+say "done; the next boot records with /etc/cellwalk/site.toml. To find the ports: sudo fieldlogger probe"
+say "to start now: sudo systemctl start fieldlogger; to test: sudo fieldlogger doctor"

@@ -1,6 +1,4 @@
-"""The time of a run: since boot, never wall time, and able to run faster than real for a simulated
-walk.
-"""
+"""The time of a run: since boot, never wall time, and faster for a simulated walk."""
 
 import threading
 import time
@@ -22,9 +20,7 @@ class Clock(Protocol):
         ...
 
     def real_s(self, seconds: float) -> float:
-        """How long those seconds of this clock last in the real world, for time limits of the
-        operating system.
-        """
+        """Real duration of seconds of this clock, for timeouts of the operating system."""
         ...
 
 

@@ -1,5 +1,4 @@
-"""The live estimate in a thread of its own: what is received must never wait for it, however slow
-the processor.
+"""The live estimate in its own thread, so that reception never waits for it.
 
 It is given the recorded fixes and scans in their order, so that the desk can repeat it; what it
 finds goes back through the inbox and is recorded like everything else. What it needs (numpy, the
@@ -35,8 +34,9 @@ def live_tracker(settings: LiveSettings) -> "LiveTracker":
 
 
 class Estimator:
-    """Feeds the tracker that `make` returns until `finish`; `latest` is the newest estimate of its
-    target.
+    """Feeds records to the tracker that `make` returns, until `finish`.
+
+    `latest` is the newest estimate of the target.
 
     `make` is called in the thread of the estimate.
     """

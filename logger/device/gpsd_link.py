@@ -1,6 +1,4 @@
-"""The session with a gpsd, `gpsd://host[:port][/device]`: it asks once to be told everything, then
-listens.
-"""
+"""The session with a gpsd, `gpsd://host[:port][/device]`: one request, then reading only."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -25,17 +23,13 @@ PAUSE_S = 0.1
 
 
 def receiver_session(url: str) -> Callable[[Link], None]:
-    """The session for the port of a receiver: gpsd by its own scheme, NMEA behind everything
-    else.
-    """
+    """The session for a receiver's port: gpsd for its own scheme, NMEA for all others."""
     parts = urlsplit(url)
     return partial(gpsd_session, device=parts.path) if parts.scheme == "gpsd" else gnss_session
 
 
 def gpsd_session(link: Link, device: str) -> None:
-    """Record one fix for each epoch of one receiver of a gpsd (all, if empty), until stopped or
-    gpsd has gone.
-    """
+    """Record one fix for each epoch of one receiver of a gpsd, or of all if `device` is empty."""
     link.write(watch(device))
     record_fixes(link, GpsdFramer(), _Teller(link, device), PAUSE_S)
 

@@ -8,8 +8,9 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 
 
 def give_back() -> None:
-    """Tell glibc to keep one heap for all threads, and blocks of over 128 kB out of it; elsewhere
-    nothing is done.
+    """Make glibc use one heap for all threads, and no heap for blocks of over 128 kB.
+
+    Other C libraries are left as they are.
 
     By itself it raises that bound with each larger block that is freed, and gives each thread a
     heap: the arrays of forty cells, freed here and kept there, then took 20 MB more and kept

@@ -1,5 +1,6 @@
-"""Has a modem hear GSM only where the configuration says so, and sets it back
-(`logger.drivers.network_mode`).
+"""Sets a modem to GSM only if the configuration asks for it, and restores its mode.
+
+The commands are in `logger.drivers.network_mode`.
 
 The value before is durable before anything is changed. It is set back at the stop, or at the next
 start where the stop did not come or the modem had gone; whether the setting is still on or not.
@@ -138,7 +139,8 @@ class ModeSwitch:
         """Whether the modem is as it was, or as its owner has set it since."""
         command = _command(driver, entry)
         if command is None:
-            text = f"{self._kept.path}: {entry.asks} {entry.value!r} is nothing of this modem; remove it"
+            setting = f"{entry.asks} {entry.value!r}"
+            text = f"{self._kept.path}: {setting} is no mode of this modem; remove it"
             self._note("warning", "mode-left", text)
             return True
         found = run_dialogue(read_mode([command]), ask)

@@ -32,8 +32,9 @@ def kept_in_memory(folder: Path, mountinfo: str) -> str:
 
 
 def _mount(line: str) -> _Mount:
-    """`36 35 98:0 /root /point rw,noatime master:1 - ext4 /dev/source rw,option=value`, blanks in
-    octal.
+    """Parse `36 35 98:0 /root /point rw,noatime master:1 - ext4 /dev/source rw,option=value`.
+
+    Blanks in names are octal escapes.
     """
     here, there = (part.split() for part in line.split(" - ", 1))
     return _Mount(

@@ -1,6 +1,4 @@
-"""A serial port that is opened, read and written in one thread, with every failure named as one of
-ours.
-"""
+"""A serial port for one thread, which raises `DeviceError` for every failure."""
 
 import errno
 import fcntl
@@ -101,9 +99,7 @@ class Port:
 
 @contextmanager
 def _kept_input(port: serial.SerialBase) -> Iterator[None]:
-    """Opens of this port meanwhile keep what has come: pyserial throws it away, and a run begins
-    with it.
-    """
+    """Keep the input when a port is opened; pyserial discards it, but a run starts with it."""
     flushes = [
         name for name in ("reset_input_buffer", "_reset_input_buffer") if hasattr(port, name)
     ]
@@ -123,10 +119,13 @@ def _options(url: str) -> dict[str, Any]:
 
 _ADVICE = {
     errno.ENOENT: "no such port; is the device plugged in?",
-    errno.EACCES: "no permission; add this user to the group dialout (sudo usermod -aG dialout $USER) and log in again",
+    errno.EACCES: (
+        "no permission; add this user to the group dialout "
+        "(sudo usermod -aG dialout $USER) and log in again"
+    ),
     errno.EBUSY: "in use by another program",
     errno.EAGAIN: "in use by another program",
-    errno.ECONNREFUSED: "nobody answers there; is the program at the other end running?",
+    errno.ECONNREFUSED: "no answer; is the program at the other end running?",
     errno.ENOTTY: "this is no serial port",
     errno.ENXIO: "no such port; is the device plugged in?",
     errno.ENODEV: "no such port; is the device plugged in?",
@@ -135,8 +134,7 @@ _ADVICE = {
 
 @contextmanager
 def _device_errors(url: str) -> Iterator[None]:
-    """Name what pyserial lets through: OSError, termios.error (no OSError), TypeError (after a
-    hang-up).
+    """Convert what pyserial raises: OSError, termios.error, and TypeError after a hang-up.
 
     The rest comes from a URL that is none: `check_url` has refused those of a configuration.
     """
@@ -148,9 +146,7 @@ def _device_errors(url: str) -> Iterator[None]:
 
 
 def _errno(error: Exception) -> int:
-    """Error number, wherever it is: pyserial may put the first exception into the text of its
-    own.
-    """
+    """Error number of an exception; pyserial may hide the original one in the context."""
     while error.__context__ is not None and not getattr(error, "errno", None):
         inner = error.__context__
         if not isinstance(inner, Exception):

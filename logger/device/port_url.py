@@ -49,8 +49,9 @@ def _check(url: str) -> None:
 
 
 def _check_search(wanted: str) -> None:
-    """An expression and options; whether a port of that kind is there is not asked, it may be
-    plugged in later.
+    """Check a search expression and its options.
+
+    The device need not be present; it may be plugged in later.
     """
     expression, *options = wanted.split("&")
     re.compile(expression)

@@ -1,5 +1,6 @@
-"""The writer thread: takes records from the inbox, hands them to the live estimate, makes all
-durable every second.
+"""The writer thread: records from the inbox to the run file, durable every second.
+
+It also passes fixes and scans to the live estimate.
 """
 
 import logging
@@ -160,9 +161,7 @@ class Recorder:
             )
 
     def _sync(self) -> None:
-        """Flush; on a full or failing card the records wait in memory, and both turns of fate are
-        told once.
-        """
+        """Flush; if the card fails, keep the records in memory and note that once."""
         try:
             self._writer.sync()
         except OSError as error:

@@ -13,8 +13,7 @@ LOOK_EVERY_S = 30.0
 
 
 class RoomKeeper:
-    """Looks at the free space now and then, and removes journals that are spare while it is below
-    the floor.
+    """Removes spare journals while the free space is below the floor.
 
     `tell` (level, code, text) is called from its thread. Reading runs again takes a Pi minutes,
     hence the thread.

@@ -1,5 +1,4 @@
-"""What a modem was set to before it was told to hear GSM only: durable, and gone once it is set
-back.
+"""A modem's mode before the logger set it to GSM only: durable until it is restored.
 
 The file lies beside the runs, one entry for a model: a pulled plug leaves it to the next start.
 """

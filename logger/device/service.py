@@ -18,7 +18,7 @@ from logger.device.mode_switch import RESTORE_S, left_changed
 from logger.device.modem_link import modem_session
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.notify import ServiceManager
-from logger.device.port_swap import Placement
+from logger.device.port_swap import PortSwap
 from logger.device.port_url import check_url
 from logger.device.recorder import Recorder
 from logger.device.saved_modes import KeptModes
@@ -33,20 +33,19 @@ JOIN_S = 10.0
 STATUS_EVERY_S = 30.0
 TICK_S = 1.0
 SCAN_S, SURVEY_S = 60.0, 360.0
-"""A modem that has told of no scan for so long is in trouble; the other is the time of a scan of
-all networks.
-"""
+"""A modem without a scan for this long has failed; the other is the time of a full scan."""
 FIX_AGE_S = 5.0
-"""A position older than this is none to a walker who looks at the light."""
+"""The light shows `no fix` for an older position: a walker moves 7 m in this time."""
 
 
 class Service:
-    """Records a run from `start` to `stop`; the clock is an argument, so that a simulated walk can
-    run faster.
+    """Records a run from `start` to `stop`.
 
-    `ended` ends `wait`; the recorder sets it too when it fails. `durable` is called each time the
-    card has taken all there is. Raises `ConfigError`, and removes the run, for a port or a driver
-    that there can never be.
+    The clock is an argument, so that a simulated walk can run faster.
+
+    `ended` ends `wait`; the recorder sets it too when it fails. `durable` is called each time
+    everything is on the card. Raises `ConfigError`, and removes the run, for an
+    impossible port or driver.
     """
 
     def __init__(
@@ -72,8 +71,8 @@ class Service:
         self._started_ns = begun.started_ns
         self._stop = threading.Event()
         self._ports = ports
-        self._placement = Placement(self._started_ns, 1e9 / clock.real_s(1.0))
-        self._inbox = WatchedInbox(ports, self._placement)
+        self._swap = PortSwap(self._started_ns, 1e9 / clock.real_s(1.0))
+        self._inbox = WatchedInbox(ports, self._swap)
         self._durable = durable
         self._scan_s = (
             SCAN_S
@@ -83,7 +82,7 @@ class Service:
         self._synced_ns: int | None = None
         self.folder, self._writer = begun.folder, begun.writer
         self.recorder = Recorder(
-            self._writer, config.live, self._inbox, clock, ended, durable=self._synced
+            self._writer, config.live, self._inbox, clock, ended, durable=self._note_sync
         )
         self._modes = KeptModes(self.folder)
         modem = partial(modem_session, settings=config.modem, modes=self._modes, locates=of_modem)
@@ -100,7 +99,7 @@ class Service:
     def start(self) -> None:
         log.info("recording to %s", self._writer.path)
         if where := kept_in_memory(self.folder.resolve(), MOUNTINFO.read_text()):
-            log.warning("runs are kept in memory (%s): a pulled plug takes them", where)
+            log.warning("runs are stored in memory (%s) and lost at a power cut", where)
         for thread in self._threads:
             thread.start()
 
@@ -119,50 +118,43 @@ class Service:
         recorder.join()
         if self.recorder.error is not None:
             raise RunFileError(f"recording to {self._writer.path} failed: {self.recorder.error}")
-        return _finished(self._writer.path)
+        return _finish_run(self._writer.path)
 
-    def wait(self, duration_s: float | None, tell: Callable[[], None] = lambda: None) -> None:
-        """Wait until `ended` is set or the duration has passed; meanwhile `tell` is called each
-        second.
-        """
+    def wait(self, duration_s: float | None, publish: Callable[[], None] = lambda: None) -> None:
+        """Wait for `ended` or the end of the duration, and call `publish` once a second."""
         end_ns = None if duration_s is None else self._clock.now_ns() + round(duration_s * 1e9)
-        told_ns = self._started_ns
+        logged_ns = self._started_ns
         while end_ns is None or self._clock.now_ns() < end_ns:
             now_ns = self._clock.now_ns()
             left_s = TICK_S if end_ns is None else min(TICK_S, (end_ns - now_ns) / 1e9)
             if self._clock.wait(self._ended, max(left_s, 0.0)):
                 return
-            self._mind_ports(now_ns)
-            tell()
-            if now_ns - told_ns > STATUS_EVERY_S * 1e9:
-                told_ns = now_ns
+            self._check_ports(now_ns)
+            publish()
+            if now_ns - logged_ns > STATUS_EVERY_S * 1e9:
+                logged_ns = now_ns
                 log.info("%s", self.status())
 
     def status(self) -> str:
-        """One line for somebody who wonders whether it works."""
+        """The status in one line."""
         counts = self.recorder.counts
         elapsed_s = (self._clock.now_ns() - self._started_ns) / 1e9
-        text = f"{elapsed_s:.0f} s: {counts['Fix']} fixes, {counts['Scan']} scans, {counts['readings']} readings"
-        if (
-            self._inbox.fix is not None
-            and self._inbox.fix.valid
-            and self._inbox.fix.quality == DEAD_RECKONING
-        ):
+        records = f"{counts['Fix']} fixes, {counts['Scan']} scans, {counts['readings']} readings"
+        text, fix = f"{elapsed_s:.0f} s: {records}", self._inbox.fix
+        if fix is not None and fix.valid and fix.quality == DEAD_RECKONING:
             text = f"{text}; the position is by dead reckoning"
         target = _target(self.recorder.target, self.recorder.latest)
         return f"{text}; {'no target yet' if target is None else target}"
 
     @property
     def heartbeat(self) -> int | None:
-        """Grows as long as the recorder lives while the card refuses its records; None while it
-        takes them.
-        """
-        return self._inbox.asked if self.recorder.failing else None
+        """A number that grows while the recorder runs but the card fails; otherwise None."""
+        return self._inbox.n_polls if self.recorder.failing else None
 
     def snapshot(self) -> Status:
-        """How it goes now, for `status.json`."""
+        """The status now, for all outputs."""
         counts, inbox, synced_ns = self.recorder.counts, self._inbox, self._synced_ns
-        now_ns = self._clock.now_ns()  # later than all that it is compared with
+        now_ns = self._clock.now_ns()  # after all times that it is compared with
         trouble = self._trouble(now_ns)
         return Status(
             state="error" if trouble else self._sign(now_ns),
@@ -183,7 +175,7 @@ class Service:
         )
 
     def _trouble(self, now_ns: int) -> str:
-        """What keeps the walk from being recorded, empty where nothing does."""
+        """Why the walk is not being recorded; empty if it is."""
         if self.recorder.failing or self.recorder.error:
             return self.recorder.state
         for port in self._inbox.ports.values():
@@ -200,23 +192,23 @@ class Service:
         valid_ns = self._inbox.valid_ns
         return "no fix" if valid_ns is None or now_ns - valid_ns > FIX_AGE_S * 1e9 else "recording"
 
-    def _synced(self) -> None:
+    def _note_sync(self) -> None:
         self._synced_ns = self._clock.now_ns()
         self._durable()
 
     def _link(self, source: str, baud: int) -> Link:
         return Link(source, self._ports[source], baud, self._clock, self._inbox, self._stop)
 
-    def _mind_ports(self, now_ns: int) -> None:
-        """Exchange the ports of modem and receiver when each seems to be at the other's."""
+    def _check_ports(self, now_ns: int) -> None:
+        """Swap the ports of modem and receiver if each seems to be at the other's."""
         if any(url.startswith("gpsd:") for url in self._ports.values()) or len(self._ports) < 2:
             return
-        if self._placement.is_wrong(now_ns):
-            self._placement.exchange(now_ns)
+        if self._swap.is_wrong(now_ns):
+            self._swap.swap(now_ns)
             self._ports = dict(zip(self._ports, reversed(self._ports.values()), strict=True))
-            told = ", ".join(f"{source} at {url}" for source, url in self._ports.items())
+            ports = ", ".join(f"{source} at {url}" for source, url in self._ports.items())
             self._links["modem"].note(
-                "warning", "ports-exchanged", f"nobody understood; trying {told}"
+                "warning", "ports-exchanged", f"no readable data; trying {ports}"
             )
             for source, url in self._ports.items():
                 self._inbox.move(source, url)
@@ -259,9 +251,7 @@ def run_service(
 
 
 def recover_folder(folder: Path) -> None:
-    """Make HDF5 of every journal that an earlier run left behind; what cannot be read is logged and
-    left alone.
-    """
+    """Make HDF5 files of journals of earlier runs; unreadable ones are logged and left alone."""
     from logger.core.runfile import recover  # noqa: PLC0415  recording needs no HDF5
 
     for recovered in recover(folder):
@@ -271,19 +261,19 @@ def recover_folder(folder: Path) -> None:
             log.error("cannot recover %s: %s", recovered.journal, recovered.error)
 
 
-def _finished(journal: Path) -> Path:
-    """The HDF5 file of the run that has ended."""
+def _finish_run(journal: Path) -> Path:
+    """Make the HDF5 file of the run that has ended."""
     try:
         from logger.core.runfile import finish_journal  # noqa: PLC0415  recording needs no HDF5
     except ImportError as error:
         raise RunFileError(
-            f"{journal} is safe, but no HDF5 can be made of it here ({error})"
+            f"{journal} is safe, but no HDF5 file can be made here ({error})"
         ) from error
     return finish_journal(journal)
 
 
 def _target(cell: str | None, latest: LiveEstimate | None) -> TargetStatus | None:
-    """What is told of the target; the map is needed from the first one on."""
+    """The status of the target; the map projection is needed from the first one on."""
     if cell is None:
         return None
     from logger.device.target import target_status  # noqa: PLC0415  the live estimate has imported the map

@@ -1,6 +1,4 @@
-"""How the recording goes, as a small JSON file for other programs: a display, a script,
-`fieldlogger doctor`.
-"""
+"""The status of the recording, as a JSON file for other programs and `fieldlogger doctor`."""
 
 import os
 import threading
@@ -13,18 +11,19 @@ import msgspec
 from logger.core.types import Fix, Note, Record, Scan
 from logger.core.utc import utc_text
 from logger.device.link import Inbox
-from logger.device.port_swap import Placement
+from logger.device.port_swap import PortSwap
 
 FOLDER = Path("/run/cellwalk")
-"""Where systemd lets the service keep it; gone as soon as the service is."""
+"""RuntimeDirectory= of the service; systemd removes it with the service."""
 _FILE = "status.json"
 
 Sign = Literal["recording", "no fix", "error"]
 
 
 class FixStatus(msgspec.Struct, frozen=True):
-    """The latest epoch of the receiver; `t_ns` is time since boot, `quality` 6 a position by dead
-    reckoning.
+    """The latest epoch of the receiver.
+
+    `t_ns` is time since boot; `quality` 6 is a position by dead reckoning.
     """
 
     t_ns: int
@@ -39,8 +38,7 @@ class FixStatus(msgspec.Struct, frozen=True):
 
 
 class TargetStatus(msgspec.Struct, frozen=True):
-    """The target and its best place so far; the ellipse holds 95 % of that place, azimuth of its
-    major axis.
+    """The target and its best position so far, with the 95 % ellipse and its azimuth.
 
     `verdict` is "one close place", "one place", "several places" or "cannot tell": less than the
     desk's, which alone knows the whole walk.
@@ -59,14 +57,13 @@ class TargetStatus(msgspec.Struct, frozen=True):
     def __str__(self) -> str:
         if self.lat_deg is None:
             return f"target {self.cell}: {self.verdict}"
-        return (
-            f"target {self.cell}: {self.verdict} ({self.probability:.2f}), {self.lat_deg:.5f} {self.lon_deg:.5f}, "
-            f"95 % of it within {self.semi_major_m:.0f} x {self.semi_minor_m:.0f} m"
-        )
+        position = f"{self.lat_deg:.5f} {self.lon_deg:.5f}"
+        region = f"95 % of it within {self.semi_major_m:.0f} x {self.semi_minor_m:.0f} m"
+        return f"target {self.cell}: {self.verdict} ({self.probability:.2f}), {position}, {region}"
 
 
 class PortStatus(msgspec.Struct, frozen=True):
-    """A port, whether it is open, and what it said last."""
+    """A port, whether it is open, and its last event."""
 
     url: str
     is_open: bool = False
@@ -98,21 +95,20 @@ class Status(msgspec.Struct, frozen=True):
 
 
 class WatchedInbox(Inbox):
-    """An inbox that remembers the latest fix and scan and what the ports said, since the recorder
-    only counts.
+    """An inbox that keeps the latest fix, scan and port events, which the recorder only counts.
 
-    `asked` grows as long as the recorder lives; `placement` is fed.
+    `n_polls` grows while the recorder runs; `swap` is fed with every record.
     """
 
-    def __init__(self, ports: Mapping[str, str], placement: Placement | None = None) -> None:
+    def __init__(self, ports: Mapping[str, str], swap: PortSwap | None = None) -> None:
         super().__init__()
-        self._placement = placement
-        self._watching = threading.Lock()
+        self._swap = swap
+        self._ports_lock = threading.Lock()
         self.ports = {source: PortStatus(url) for source, url in ports.items()}
         self.fix: FixStatus | None = None
         self.valid_ns: int | None = None
         self.scan_ns: int | None = None
-        self.asked = 0
+        self.n_polls = 0
 
     @property
     def waiting(self) -> int:
@@ -123,8 +119,8 @@ class WatchedInbox(Inbox):
         return self._queue.maxsize
 
     def put(self, record: Record) -> None:
-        if self._placement is not None:
-            self._placement.feed(record)
+        if self._swap is not None:
+            self._swap.feed(record)
         match record.value:
             case Fix() as fix:
                 self.fix = _fix_status(record.t_ns, fix)
@@ -132,28 +128,28 @@ class WatchedInbox(Inbox):
             case Scan():
                 self.scan_ns = record.t_ns
             case Note() as note if record.source in self.ports:
-                with self._watching:
-                    self.ports[record.source] = _heard(self.ports[record.source], note)
+                with self._ports_lock:
+                    self.ports[record.source] = _with_event(self.ports[record.source], note)
         super().put(record)
 
     def move(self, source: str, url: str) -> None:
-        """Note that a link goes on at another port."""
-        with self._watching:
+        """Note that a link continues at another port."""
+        with self._ports_lock:
             self.ports[source] = PortStatus(url)
 
     def get(self, timeout_s: float) -> Record | None:
-        self.asked += 1
+        self.n_polls += 1
         return super().get(timeout_s)
 
 
 def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:
-    """The folder that systemd made for the service (RuntimeDirectory=), None where it did not."""
-    given = environ.get("RUNTIME_DIRECTORY")
-    return Path(given) if given else None
+    """The folder that systemd made for the service (RuntimeDirectory=), or None."""
+    folder = environ.get("RUNTIME_DIRECTORY")
+    return Path(folder) if folder else None
 
 
 def write_status(folder: Path, status: Status) -> None:
-    """Replace status.json in one step: who reads it sees the old one or the new one.
+    """Replace status.json in one step: a reader sees the old file or the new one.
 
     Raises OSError.
     """
@@ -163,8 +159,9 @@ def write_status(folder: Path, status: Status) -> None:
 
 
 def read_status(folder: Path) -> Status | None:
-    """What a running service says of itself, None where none does; raises OSError where it may not
-    be read.
+    """Read the status of a running service; None without one.
+
+    Raises OSError without the permission.
     """
     try:
         return msgspec.json.decode((folder / _FILE).read_bytes(), type=Status)
@@ -187,7 +184,7 @@ def _fix_status(t_ns: int, fix: Fix) -> FixStatus:
     )
 
 
-def _heard(port: PortStatus, note: Note) -> PortStatus:
+def _with_event(port: PortStatus, note: Note) -> PortStatus:
     is_open = {"port-opened": True, "port-lost": False, "internal": False}.get(
         note.code, port.is_open
     )

@@ -204,7 +204,12 @@ def _readable(folder, at_least):
     return len(got)
 
 
-FINISH = "import sys; from pathlib import Path; from logger.core.runfile import recover; list(recover(Path(sys.argv[1])))"
+FINISH = """
+import sys
+from pathlib import Path
+from logger.core.runfile import recover
+list(recover(Path(sys.argv[1])))
+"""
 
 
 def test_a_cut_at_any_system_call_of_the_making_of_the_hdf5_loses_nothing(card):

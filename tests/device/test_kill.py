@@ -86,6 +86,7 @@ def test_kill_9_of_recorders_loses_nothing_acknowledged(tmp_path, kills):
         if killed.n_durable:
             lost_s.append((killed.killed_ns - int(mine["t_ns"][-1])) / 1e9)
     print(
-        f"{begun} of {begun} journals readable, none acknowledged lost, last {max(lost_s):.2f} s not recorded"
+        f"{begun} of {begun} journals readable, none acknowledged lost, "
+        f"last {max(lost_s):.2f} s not recorded"
     )
     assert begun >= 0.9 * kills - 1

@@ -44,7 +44,8 @@ CHOICES = {  # the setting; as it was; what of it is kept; the command for GSM o
 def _config(folder, port, set_mode="gsm", more=""):
     mode = f'set_mode = "{set_mode}"\n' if set_mode else ""
     text = (
-        f'[run]\ndirectory = "{folder}"\n[modem]\nport = "{port}"\npoll_interval_s = 0.05\n{mode}{more}'
+        f'[run]\ndirectory = "{folder}"\n[modem]\nport = "{port}"\n'
+        f"poll_interval_s = 0.05\n{mode}{more}"
         f'[gnss]\nport = "{folder / "none"}"\n'
     )
     return parse_config(text, "site.toml")

@@ -22,9 +22,12 @@ AREAS_AND_CELLS = {(lac, cid) for _, _, lac, cid in CELLS}
 
 SPEED = 20.0
 FAMILY = {
-    "sim800": "sim800", "sim808": "sim800", "sim7000": "sim7000", "sim7600": "sim7600", "ec25": "quectel",
-    "m95": "quectel_gsm", "ge864": "telit", "sara-g350": "ublox", "bgs2": "cinterion", "mc55": "cinterion",
-    "tc63": "cinterion", "mc7455": "sierra", "me909s": "huawei", "l850": "fibocom", "plain": "generic",
+    "sim800": "sim800", "sim808": "sim800", "sim7000": "sim7000", "sim7600": "sim7600",
+    "ec25": "quectel",
+    "m95": "quectel_gsm", "ge864": "telit", "sara-g350": "ublox", "bgs2": "cinterion",
+    "mc55": "cinterion",
+    "tc63": "cinterion", "mc7455": "sierra", "me909s": "huawei", "l850": "fibocom",
+    "plain": "generic",
 }  # fmt: skip
 SURVEYED = {"sim800", "sim808", "ec25", "ge864", "sara-g350"}
 """Modems that have a full scan of cells; that of the others is one of networks."""

@@ -11,7 +11,7 @@ CARD = r"""
 40 22 0:40 / /media/a\040stick rw - vfat /dev/sda1 rw
 """.strip()
 OVERLAID = """
-30 1 0:27 / / rw,relatime shared:1 - overlay overlayroot rw,lowerdir=/media/root-ro,upperdir=/media/root-rw/o
+30 1 0:27 / / rw,relatime shared:1 - overlay o rw,lowerdir=/media/root-ro,upperdir=/media/root-rw/o
 27 30 179:2 / /media/root-ro ro shared:2 - ext4 /dev/mmcblk0p2 ro
 28 30 0:26 / /media/root-rw rw shared:3 - tmpfs tmpfs-root rw
 """.strip()
@@ -27,13 +27,18 @@ OVERLAID = """
         ("/var/lib/cellwalk", OVERLAID, "tmpfs at /media/root-rw"),
         ("/media/root-ro/runs", OVERLAID, ""),
         # a partition of its own, overlaid or not
-        ("/var/lib/cellwalk", f"{OVERLAID}\n31 30 179:3 / /var/lib/cellwalk rw - ext4 /dev/mmcblk0p3 rw", ""),
-        ("/runs", f"{OVERLAID}\n31 30 0:9 / /runs rw - overlay o rw,lowerdir=/a,upperdir=/media/root-rw/b",
+        ("/var/lib/cellwalk",
+         f"{OVERLAID}\n31 30 179:3 / /var/lib/cellwalk rw - ext4 /dev/mmcblk0p3 rw", ""),
+        ("/runs",
+         f"{OVERLAID}\n31 30 0:9 / /runs rw - overlay o rw,lowerdir=/a,upperdir=/media/root-rw/b",
          "tmpfs at /media/root-rw"),
         # mounted by an initramfs that has hidden its upper folder
-        ("/var", "30 1 0:27 / / rw - overlay overlay rw,lowerdir=/lower,upperdir=/upper/data", "overlay at /"),
+        ("/var",
+         "30 1 0:27 / / rw - overlay overlay rw,lowerdir=/lower,upperdir=/upper/data",
+         "overlay at /"),
         # mounted over a card
-        ("/var/lib/cellwalk", f"{CARD}\n50 31 0:50 / /var/lib/cellwalk rw - tmpfs t rw", "tmpfs at /var/lib/cellwalk"),
+        ("/var/lib/cellwalk", f"{CARD}\n50 31 0:50 / /var/lib/cellwalk rw - tmpfs t rw",
+         "tmpfs at /var/lib/cellwalk"),
     ],
 )  # fmt: skip
 def test_what_a_folder_is_kept_on(folder, mountinfo, where):

@@ -5,7 +5,7 @@ import pytest
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
 from logger.core.types import Fix, Note, RawBytes, Record, Scan
-from logger.device.port_swap import PATIENCE_S, Placement
+from logger.device.port_swap import WAIT_S, PortSwap
 from tests.kit import runs, service
 from tests.kit.simulated_devices import simulated_devices
 
@@ -14,12 +14,12 @@ NMEA = RawBytes(b"$GPGGA,,,,,,0,,,,,,,,*66\r\n")
 
 
 class Watched:
-    """A placement, asked each second; `changes` are the seconds at which it was wrong, and
+    """A `PortSwap`, queried each second; `changes` are the seconds at which it was wrong, and
     exchanged.
     """
 
     def __init__(self):
-        self.placement = Placement(0, S)
+        self.swap = PortSwap(0, S)
         self.now_s = 0
         self.changes = []
 
@@ -27,16 +27,16 @@ class Watched:
         for _ in range(seconds):
             self.now_s += 1
             for source, value in said:
-                self.placement.feed(Record(self.now_s * S, source, value))
-            if self.placement.is_wrong(self.now_s * S):
-                self.placement.exchange(self.now_s * S)
+                self.swap.feed(Record(self.now_s * S, source, value))
+            if self.swap.is_wrong(self.now_s * S):
+                self.swap.swap(self.now_s * S)
                 self.changes.append(self.now_s)
         return self.changes
 
 
 def test_a_receiver_on_the_modems_port_and_silence_on_its_own_is_a_swap():
-    assert Watched().live(int(PATIENCE_S), ("modem", NMEA)) == []
-    assert Watched().live(40, ("modem", NMEA)) == [PATIENCE_S + 2]
+    assert Watched().live(int(WAIT_S), ("modem", NMEA)) == []
+    assert Watched().live(40, ("modem", NMEA)) == [WAIT_S + 2]
 
 
 @pytest.mark.parametrize(

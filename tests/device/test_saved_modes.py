@@ -14,7 +14,8 @@ OLD = KeptMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "2")
 NEW = KeptMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "38")
 OTHER = KeptMode("quectel", "EC25", 'AT+QCFG="nwscanmode"', "0")
 KEEP = (
-    "import sys; from pathlib import Path; from logger.device.saved_modes import KeptMode, KeptModes;"
+    "import sys; from pathlib import Path;"
+    "from logger.device.saved_modes import KeptMode, KeptModes;"
     "KeptModes(Path(sys.argv[1])).keep(KeptMode(*sys.argv[2:]))"
 )
 

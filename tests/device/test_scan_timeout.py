@@ -229,7 +229,8 @@ def recovered_s(walked):
 
 def check_hang(case, walked):
     print(
-        f"{case.survey.model}, abortable {case.abortable}: hang of {case.hangs_s:.1f} s in a scan of "
+        f"{case.survey.model}, abortable {case.abortable}: "
+        f"hang of {case.hangs_s:.1f} s in a scan of "
         f"{case.takes_s:.1f} s, recovered after {recovered_s(walked):.2f} s"
     )
     assert recovered_s(walked) < RECOVERED_S, walked.texts()
@@ -245,7 +246,8 @@ def check_slow(case, walked):
     completed = walked.notes().count("full-scan")
     begun = len(case.begun_s)
     print(
-        f"{case.survey.model}, abortable {case.abortable}: {completed} of {begun} scans; {case.begun_s}"
+        f"{case.survey.model}, abortable {case.abortable}: "
+        f"{completed} of {begun} scans; {case.begun_s}"
     )
     assert completed >= 2
     # the last one may be under way at the end; a busy machine may need to double the silence once

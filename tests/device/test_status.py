@@ -73,9 +73,9 @@ def test_the_inbox_remembers_the_fix_and_the_ports(tmp_path):
     inbox.put(Record(6, "modem", Note("warning", "port-lost", "no such port")))
     assert inbox.ports["modem"].event == "no such port"
     assert not inbox.ports["modem"].is_open
-    asked = inbox.asked
+    polls = inbox.n_polls
     assert inbox.get(0.0).t_ns == 1
-    assert inbox.asked == asked + 1
+    assert inbox.n_polls == polls + 1
 
 
 def test_the_target_is_said_as_sure_as_it_is():

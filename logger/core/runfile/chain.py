@@ -1,7 +1,7 @@
-"""The hash chain over the frames of a run: what a third party needs to see that nothing was
-changed, left out or added.
+"""The hash chain over the frames of a run, which lets a third party detect any change.
 
-    digest 0 = 32 zero bytes;  digest n+1 = SHA-256(digest n | number u32 | kind u8 | payload)      little-endian
+    digest 0 = 32 zero bytes
+    digest n+1 = SHA-256(digest n | number u32 | kind u8 | payload), little-endian
 
 The payload is taken before it is compressed, so that journal and HDF5 give the same digest. There
 is no key: the chain proves that a run is the one whose digest was noted elsewhere, not who recorded
@@ -15,8 +15,9 @@ _LINK = struct.Struct("<IB")
 
 
 class Chain:
-    """Feed the frames in the order of their numbers; `broken_at` is the first number that was not
-    there.
+    """A hash chain fed with frames in the order of their numbers.
+
+    `broken_at` is the first missing number.
     """
 
     def __init__(self) -> None:

@@ -1,5 +1,6 @@
-"""A file of a worn card as a buffer: a map of a sector that cannot be read would end the program
-(SIGBUS).
+"""A file of a worn card as a buffer.
+
+A memory map of a sector that cannot be read would end the program (SIGBUS).
 """
 
 import mmap
@@ -17,8 +18,9 @@ _UNREADABLE = b"\xff"
 
 
 def buffer_of(stack: ExitStack, path: Path) -> Buffer:
-    """The bytes of a file, those that cannot be read replaced; a map where all can, which `stack`
-    closes.
+    """The bytes of a file, with unreadable ones replaced.
+
+    A file without them is a memory map, which `stack` closes.
     """
     file = stack.enter_context(path.open("rb", buffering=0))
     fd = file.fileno()

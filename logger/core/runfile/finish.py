@@ -18,9 +18,7 @@ _MARGIN_BYTES = 1 << 20
 
 
 def unfinished(folder: Path) -> list[Path]:
-    """Journals in a folder that hold something, have no HDF5 file yet and are not being recorded
-    now.
-    """
+    """Journals in a folder with content and without an HDF5 file that no logger is writing."""
     found = sorted({p for p in map(first_part, folder.iterdir()) if p.suffix == JOURNAL})
     return [p for p in found if not p.with_suffix(".h5").exists() and _waits(p)]
 
@@ -65,8 +63,9 @@ def finish_journal(journal: Path) -> Path:
 
 
 def convert_journal(journal: Path, target: Path) -> Damage:
-    """Make an HDF5 file of a journal under a given name, complete or not at all; returns what the
-    journal has lost.
+    """Make an HDF5 file of a journal under a given name, complete or not at all.
+
+    Returns what the journal has lost.
 
     A file of that name is replaced. Raises `RunFileError`.
     """

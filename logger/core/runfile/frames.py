@@ -1,9 +1,8 @@
-"""Frames of a journal: self-delimiting, numbered, each half with its own CRC, so that damage stays
-where it is.
+"""Frames of a journal: self-delimiting, numbered, with a CRC for header and payload each.
 
     magic "CWJ1" | run u32 | kind u8 | version u8 | schema u16 | number u32 | length u32 |
     crc32(header) u32
-    payload | crc32(payload) u32                                                          all little-endian
+    payload | crc32(payload) u32, all little-endian
 
 `run` is a random number of the journal, so that a stale block of another journal is never taken for
 this one's. `schema` is the version of the tables, so that rows can be read even where their
@@ -79,9 +78,7 @@ def encode(run: int, number: int, kind: Kind, payload: bytes, schema: int = 0) -
 
 
 def payload_of(packed: bytes, version: int) -> bytes | None:
-    """Payload of a frame as it was given to `encode`; None where it is no payload, though its CRC
-    is right.
-    """
+    """Unpack the payload of a frame; None if it is invalid although its CRC is right."""
     if version == _PLAIN_VERSION:
         return packed
     unpack = zlib.decompressobj()
@@ -93,8 +90,9 @@ def payload_of(packed: bytes, version: int) -> bytes | None:
 
 
 def scan(data: Buffer) -> Iterator[Frame | Skipped]:
-    """Every undamaged frame in order, with the bytes between them; zeros at the end are reserve,
-    not damage.
+    """Find every undamaged frame in order, and the bytes between them.
+
+    Zeros at the end are reserved space, not damage.
     """
     bodies = _Bodies(data)
     position = good_end = 0
@@ -128,8 +126,7 @@ def _header_at(data: Buffer, at: int) -> Frame | None:
 
 
 class _Bodies:
-    """Says which frames are undamaged: one by one, and by many at once where forged headers would
-    make that long.
+    """Checks payloads: one by one, or many at once if forged headers would make that slow.
 
     Damaged frames of an honest journal follow each other, so that together they are no longer than
     the file.

@@ -1,5 +1,6 @@
-"""The finished run as plain HDF5: one compound dataset for each table, readable by h5py, h5dump,
-PyTables and pandas.
+"""The finished run as plain HDF5: one compound dataset for each table.
+
+h5py, h5dump, PyTables and pandas read it.
 
 The oldest file format there is (superblock 0), since a run must open anywhere; gzip, shuffle and
 fletcher32 per chunk. `frames` says how the rows were divided into frames of the journal, so that

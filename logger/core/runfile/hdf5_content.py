@@ -75,8 +75,9 @@ class Content:
         return found
 
     def rows(self, meta: RunMeta) -> tuple[dict[str, Rows], int]:
-        """All tables but the frames, read; where a port gave more bytes than memory should hold,
-        only their number.
+        """Read all tables but the frames.
+
+        Of more raw bytes than memory should hold only the number is kept.
         """
         found = self.tables(meta)
         raw_bytes = found[RAW_BYTES]
@@ -98,7 +99,8 @@ class Content:
         return found if isinstance(found, str) and len(found) <= 64 else ""
 
     def too_much(self, name: str, n_bytes: int) -> str:
-        return f"{self.path}: {name} claims {n_bytes / 1e6:.0f} MB, more than a run of this size can hold"
+        size = f"{n_bytes / 1e6:.0f} MB"
+        return f"{self.path}: {name} claims {size}, more than a run of this size can hold"
 
     def _dataset(self, name: str) -> h5py.Dataset:
         if name not in self.member_names:
@@ -144,8 +146,9 @@ def text_of_results(path: Path, run_id: str) -> bytes:
 
 
 def _members(path: Path, file: h5py.File) -> tuple[str, ...]:
-    """Names in the root, none of which leads out of the file, whether we read it or not: others
-    will.
+    """Names in the root, after a check that none of them links outside the file.
+
+    Names that this program does not read are checked too, because other programs will read them.
     """
     if len(file) > _MOST_MEMBERS:
         raise RunFileError(f"{path} has {len(file)} members, and is no cellwalk run")
@@ -161,9 +164,7 @@ def _members(path: Path, file: h5py.File) -> tuple[str, ...]:
 
 
 def _not_of_its_own(found: Any) -> str:
-    """Why a dataset is none whose bytes stand in this file and can be unpacked safely; empty where
-    it is.
-    """
+    """Why a dataset cannot be read safely from this file; empty if it can."""
     if not isinstance(found, h5py.h5d.DatasetID):
         return ""
     made = found.get_create_plist()

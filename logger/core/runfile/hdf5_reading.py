@@ -12,9 +12,7 @@ from logger.core.runfile.meta import Damage, RunEnd, RunMeta, check_end
 
 
 def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, str, Arrays, int]:
-    """Everything in a run's HDF5 file: its digest, the tables, and how many raw bytes it has before
-    the last.
-    """
+    """Read a run's HDF5 file: its digest, the tables, and how many raw bytes it has."""
     told, tables = guarded(path, hdf5_tasks.everything)
     meta = decode_meta(told["meta"].encode(), path)
     return (

@@ -1,5 +1,4 @@
-"""The seal of a run from its HDF5 file: the frames made anew from the rows, and all else from the
-frames.
+"""The seal of a run, from its HDF5 file: the frames are made again from the rows.
 
 What a reader of the file can see is either under the hash chain (rows, raw bytes, description,
 stop) or follows from that (attributes, configuration, damage, units). Whatever is neither is a
@@ -143,7 +142,8 @@ class _Sealing:
             if name not in found:
                 yield f"attribute {name}: it is missing"
             elif type(value)(told := found[name]) != value or np.ndim(told):
-                yield f"attribute {name}: it says {str(told)[:_MOST_NOTED]}, and should say {str(value)[:_MOST_NOTED]}"
+                actual, wanted = str(told)[:_MOST_NOTED], str(value)[:_MOST_NOTED]
+                yield f"attribute {name}: it is {actual}, and should be {wanted}"
 
 
 def _of_members(content: Content, tables: set[str]) -> Iterator[str]:

@@ -120,9 +120,7 @@ def _received(pipe: BinaryIO, patience_s: float) -> tuple[Reply, Arrays]:
 
 
 def _fill(pipe: BinaryIO, view: memoryview, patience_s: float) -> None:
-    """Read as much as there is room for; raises EOFError where less comes, TimeoutError where
-    nothing does.
-    """
+    """Fill a buffer; raises EOFError if less comes, TimeoutError if nothing comes."""
     poll = select.poll()
     poll.register(pipe, select.POLLIN)
     while view:

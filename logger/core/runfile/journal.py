@@ -1,5 +1,6 @@
-"""The journal of a run: frames, numbered and chained, in one file or, after the card has failed, in
-several.
+"""The journal of a run: numbered and chained frames in one file.
+
+After a failure of the card it continues in another file.
 """
 
 import errno

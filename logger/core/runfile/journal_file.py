@@ -1,5 +1,6 @@
-"""One file of a journal: append only, zeroed reserve ahead of the end, on the card when `append`
-returns.
+"""One file of a journal: append only, with reserved zeros ahead of the end.
+
+It is on the card when `append` returns.
 
 Settings and their reasons were found by pulling the plug on 57 designs (ARCHITECTURE.md, decision
 4).
@@ -21,8 +22,9 @@ ROOM_MAY_COME = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS})
 
 
 class JournalFile:
-    """A new file, locked against recovery while it is open; raises OSError, and leaves nothing,
-    where it cannot be.
+    """A new file, locked against recovery while it is open.
+
+    Raises OSError, and leaves nothing behind, if it cannot be made.
     """
 
     def __init__(self, path: Path) -> None:
@@ -45,8 +47,9 @@ class JournalFile:
         return self._end == 0
 
     def append(self, data: bytes | bytearray) -> None:
-        """Write all of it and wait until the card has it; after an OSError nothing counts as
-        written.
+        """Append data and wait until the card has it.
+
+        After an OSError nothing counts as written.
         """
         with memoryview(data) as view:
             needed = self._write(view, self._end)
@@ -82,9 +85,7 @@ class JournalFile:
             os.close(fd)
 
     def _reserve(self, needed: int) -> None:
-        """Zeros ahead, as far as there is room: the last of them are what a full card still
-        takes.
-        """
+        """Reserve zeros ahead, as far as there is space; a full card still takes the last ones."""
         start = max(self._reserved, needed)
         with suppress(OSError), memoryview(bytes(needed + RESERVE_BYTES - start)) as zeros:
             while start < needed + RESERVE_BYTES:

@@ -36,9 +36,7 @@ _ZLIB_MOST = 1032
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What one frame holds: rows of a table, in the table `raw` with their bytes, or (META, END)
-    none.
-    """
+    """Content of one frame: rows of a table, `raw` with their bytes, or none (META, END)."""
 
     number: int
     kind: int
@@ -135,8 +133,9 @@ class JournalParts:
             yield part
 
     def _unpacked(self, buffers: list[Buffer], entry: "_Entry") -> bytes | None:
-        """Payload of a frame, None where it is none; raises `RunFileError` where they come to more
-        than can be.
+        """Unpack the payload of a frame; None if it is invalid.
+
+        Raises `RunFileError` if all payloads together exceed the limit.
         """
         packed = buffers[entry.file][entry.start : entry.start + entry.length]
         payload = payload_of(packed, entry.version)
@@ -172,9 +171,7 @@ class JournalParts:
                     yield _entry(i, event)
 
     def _describe(self, buffers: list[Buffer], index: Rows) -> Mapping[str, np.dtype[np.void]]:
-        """Definition of the tables: from any of the descriptions, or from the version that every
-        frame names.
-        """
+        """Definition of the tables, from any description or the version that every frame names."""
         for entry in _entries(index[index["kind"] == Kind.META]):
             text = self._unpacked(buffers, entry)
             if text is not None:
@@ -189,8 +186,9 @@ class JournalParts:
 
 
 def decode_meta(text: bytes, path: Path) -> RunMeta:
-    """Meta of a run; raises `RunFileError` when a newer cellwalk wrote it, or it is no meta at
-    all.
+    """Decode the metadata of a run.
+
+    Raises `RunFileError` if a newer cellwalk wrote it, or if it is invalid.
     """
     try:
         found = msgspec.json.decode(text)

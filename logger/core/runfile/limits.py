@@ -12,8 +12,9 @@ def most_kept_bytes(file_bytes: int) -> int:
 
 
 def most_unpacked_bytes(file_bytes: int) -> int:
-    """Of everything, block by block: a port that is stuck for a day gives 1 GB of zeros, which pack
-    to 1 MB.
+    """Limit of all unpacked blocks of a file together.
+
+    A port that is stuck for a day gives 1 GB of zeros, which pack to 1 MB.
     """
     return 1024 * _MB + 100 * file_bytes
 

@@ -1,6 +1,4 @@
-"""What a run says about itself: the first frame of a journal, repeated every minute, and `/meta` of
-the HDF5 file.
-"""
+"""Metadata of a run: the first frame of a journal, repeated every minute, and HDF5 `/meta`."""
 
 import msgspec
 
@@ -17,8 +15,9 @@ class Truth(msgspec.Struct, frozen=True):
 
 
 class RunMeta(msgspec.Struct, frozen=True, kw_only=True):
-    """Identity and circumstances of a run; `columns` lets a reader of any version find its way in
-    the rows.
+    """Identity and circumstances of a run.
+
+    `columns` lets a reader of any version interpret the rows.
     """
 
     run_id: str
@@ -37,9 +36,7 @@ class RunMeta(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def check_meta(meta: RunMeta) -> None:
-    """Raises ValueError for what is of the right form and cannot be: a file may say anything of
-    itself.
-    """
+    """Raise ValueError for values of the right type that are impossible."""
     if any("\0" in text for text in (meta.run_id, meta.boot_id, meta.origin, meta.program)):
         raise ValueError("it holds a NUL character")
     if not -MOST_NS < meta.started_ns < MOST_NS:

@@ -1,5 +1,6 @@
-"""Room on the card: the journal of a run goes when its HDF5 file is proven to hold the same; a run
-never goes.
+"""Free space on the card: journals whose HDF5 file provably has the same content are removed.
+
+A run is never removed.
 """
 
 import os

@@ -23,8 +23,9 @@ from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Re
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Tables of a run as structured arrays (columns in `schema`); `end` is None when the run was
-    cut.
+    """Tables of a run as structured arrays (columns in `schema`).
+
+    `end` is None if the run was cut.
 
     `digest` is that of the hash chain: what the run was sealed with, or, when it was cut, of what
     there is. `raw_bytes` is empty where a port gave more than memory should hold; there are
@@ -90,9 +91,7 @@ def read_run(path: Path | str) -> Run:
 
 
 def read_sound_run(path: Path | str) -> Run:
-    """As `read_run`, for whoever computes with it: values that no recorder writes are unknown, and
-    counted.
-    """
+    """Read a run; values that no recorder writes become unknown and are counted."""
     run = read_run(path)
     tables, n_bad = sound(run.tables, run.n_raw_bytes)
     return replace(
@@ -101,8 +100,9 @@ def read_sound_run(path: Path | str) -> Run:
 
 
 def check_file(path: Path) -> None:
-    """Raise `RunFileError` for what is no file with something in it; OSError where the system
-    refuses to say.
+    """Raise `RunFileError` for anything but a file with content.
+
+    Raises OSError if the system refuses to tell.
     """
     try:
         status = path.stat()

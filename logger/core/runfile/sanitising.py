@@ -1,5 +1,6 @@
-"""Tables of a stranger's run made sound: what no recorder writes is unknown afterwards, and
-counted.
+"""Tables of an untrusted run made valid.
+
+Values that no recorder writes become unknown and are counted.
 
 Everything that reads runs may then rely on it: times add up within 64 bits, places are on the
 Earth, levels are what a modem can say, text is UTF-8. An honest run comes out as it went in.
@@ -157,8 +158,6 @@ class _Sound:
 
 
 def _utf8(text: bytes, size: int) -> bytes:
-    """The same where it is UTF-8 without a NUL; else what can be read of it, as far as there is
-    room.
-    """
+    """The text, if it is UTF-8 without NUL; otherwise what can be decoded, shortened to fit."""
     clean = text.replace(b"\0", b"?").decode("utf-8", "replace").encode()[:size]
     return clean.decode("utf-8", "ignore").encode()

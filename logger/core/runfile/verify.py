@@ -1,5 +1,6 @@
-"""Is a run whole and as it was sealed? For a third party: the file in either form is all that is
-needed.
+"""Checks that a run is complete and unchanged since it was sealed.
+
+A third party needs nothing but the file in either form.
 """
 
 from dataclasses import dataclass, field
@@ -19,8 +20,9 @@ from logger.core.runfile.run_names import is_hdf5
 
 @dataclass(frozen=True, slots=True)
 class Sealing:
-    """What the hash chain of a run says; `recomputed` is over the frames before the END frame, or
-    all there are.
+    """Results of the hash chain of a run.
+
+    `recomputed` covers the frames before the END frame, or all frames without one.
 
     `surplus` names a table of the HDF5 file with rows that stand in no frame. `differences` say
     what else is not as the chained frames have it; `stop_is_sealed` is False for a run of an
@@ -45,9 +47,7 @@ class Sealing:
 
 @dataclass(slots=True)
 class Sealed:
-    """A chain that keeps the digest before the END frame, which must be the last, and what the STOP
-    before it says.
-    """
+    """A chain that keeps the STOP frame and the digest before the END frame, the last one."""
 
     chain: Chain = field(default_factory=Chain)
     before_end: str | None = None

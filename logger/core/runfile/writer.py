@@ -27,8 +27,7 @@ RAW_COUNT = struct.Struct("<I")
 
 
 class RunWriter:
-    """The only owner of a run while it is recorded: `append` numbers the records, `sync` makes them
-    durable.
+    """Owner of a run during recording: `append` numbers records, `sync` makes them durable.
 
     A card that is full or failing at the start is waited for like one that is later. Raises what
     `Journal` raises. One thread only.
@@ -55,8 +54,9 @@ class RunWriter:
 
     @property
     def is_durable(self) -> bool:
-        """True while nothing waits in the journal for the card; what was appended since the last
-        `sync` is not seen.
+        """Whether nothing in the journal waits for the card.
+
+        Records since the last `sync` are not considered.
         """
         return not self._journal.n_waiting
 
@@ -87,8 +87,9 @@ class RunWriter:
         return dropped
 
     def sync(self) -> None:
-        """Make everything appended so far durable; raises OSError and keeps it for the next try
-        when it cannot.
+        """Make everything appended so far durable.
+
+        Raises OSError if that fails, and keeps the data for the next try.
         """
         self._queue_rows()
         self._journal.sync()
@@ -98,9 +99,7 @@ class RunWriter:
         self._journal.discard()
 
     def close(self, t_ns: int, reason: str) -> str:
-        """Write the end of the run, which seals it, and close the journal; returns the digest it is
-        sealed with.
-        """
+        """Write the end of the run, which seals it, and close the journal; returns the digest."""
         self._queue_rows()
         end = RunEnd(t_ns=t_ns, reason=reason, n_records=self._seq)
         self._journal.add(Kind.STOP, stop_text(end))
@@ -133,7 +132,8 @@ def rows_payload(table: str, rows: bytes) -> bytes:
 
 
 def raw_payload(index: bytes, data: bytes) -> bytes:
-    """Payload of a RAW frame: number of index rows, the packed rows with their offsets counted in
-    `data`, the bytes.
+    """Payload of a RAW frame.
+
+    It has the number of index rows, the packed rows with their offsets in `data`, and the bytes.
     """
     return RAW_COUNT.pack(len(index) // row_size("raw")) + index + data

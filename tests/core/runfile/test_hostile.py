@@ -109,7 +109,8 @@ import resource, sys
 from postproc.cli import main
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 code = main(sys.argv[1:])
-more = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) - before
+processes = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+more = max(resource.getrusage(process).ru_maxrss for process in processes) - before
 print("MORE", more // 1024, file=sys.stderr)
 sys.exit(code)
 """

@@ -34,11 +34,15 @@ READINGS = st.builds(
 )
 VALUES = st.one_of(
     st.builds(RawBytes, st.binary(max_size=50), st.booleans()),
-    st.builds(Fix, st.booleans(), st.none() | st.integers(0, 2**62), *[NUMBER] * 5, UNSIGNED, UNSIGNED, NUMBER, NUMBER),
+    st.builds(
+        Fix, st.booleans(), st.none() | st.integers(0, 2**62), *[NUMBER] * 5,
+        UNSIGNED, UNSIGNED, NUMBER, NUMBER,
+    ),
     st.builds(Scan, st.integers(0, 2**62), st.lists(READINGS, max_size=4).map(tuple), UNSIGNED),
     st.builds(Note, st.sampled_from(["info", "error"]), NAMES, NAMES),
     st.builds(
-        LiveEstimate, st.integers(0, 99), st.just("s"), st.just("c"), st.integers(0, 9), st.just(-33),
+        LiveEstimate, st.integers(0, 99), st.just("s"), st.just("c"),
+        st.integers(0, 9), st.just(-33),
         *[st.floats(allow_nan=False)] * 17,
     ),
 )  # fmt: skip

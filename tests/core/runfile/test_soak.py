@@ -43,7 +43,8 @@ def test_memory_and_descriptors_stay_as_they_are(tmp_path, hours):
         assert max(mb[1:]) - mb[1] < 8
         convert_journal(path, tmp_path / "soak.h5")
         print(
-            f"{path.stat().st_size / 1e6:.0f} MB of journal; {_memory_mb():.0f} MB after the HDF5 was made"
+            f"{path.stat().st_size / 1e6:.0f} MB of journal; "
+            f"{_memory_mb():.0f} MB after the HDF5 was made"
         )
         assert _descriptors() == before
         if hours < 1:
