@@ -269,12 +269,12 @@ def _chain(sealing: Sealing) -> Check:
     elif sealing.surplus:
         text = f"altered: {sealing.surplus} has rows that were not recorded"
     elif sealing.end is None:
-        text = f"not sealed, since the run was cut; digest of what is there {sealing.recomputed}"
+        text = f"not sealed, since the run was cut; digest of what is there {sealing.recomputed_digest}"
     elif not sealing.holds:
-        text = f"altered: sealed with {sealing.end.digest}, recomputed {sealing.recomputed}"
+        text = f"altered: sealed with {sealing.end.digest}, recomputed {sealing.recomputed_digest}"
     else:
         text = (
-            f"sealed with {sealing.recomputed}; compare it with the digest noted at the stop "
+            f"sealed with {sealing.recomputed_digest}; compare it with the digest noted at the stop "
             "(--digest): "
             "a chain that anybody can make proves no author"
         )
@@ -287,7 +287,7 @@ def _check_noted_digest(sealing: Sealing, noted: str) -> Check:
         return Check(
             "digest", False, f"the chain does not hold, so it cannot be the run of {noted}"
         )
-    if sealing.recomputed != noted:
+    if sealing.recomputed_digest != noted:
         return Check(
             "digest", False, f"this is not the run of {noted}, or it was changed and sealed anew"
         )

@@ -49,7 +49,7 @@ class ModeSwitch:
             is_done = self._settle(driver, ask)
         except OSError as error:
             is_done = True
-            self._unchanged(f"what it is cannot be kept: {error.strerror or error}")
+            self._note_unchanged(f"what it is cannot be kept: {error.strerror or error}")
         self._tries_left = 0 if is_done else self._tries_left - 1
 
     def set_back(self, driver: Family | None, modem: AfterStop) -> None:
@@ -82,13 +82,13 @@ class ModeSwitch:
         """Whether nothing is left to do; what has failed may succeed the next time."""
         kept = self._kept.all()
         if self._gsm_only and not driver.mode_commands:
-            self._unchanged(f"driver {driver.name} has no command for GSM only")
+            self._note_unchanged(f"driver {driver.name} has no command for GSM only")
             return True
         if not self._gsm_only and not kept:
             return True
         name = run_dialogue(ask_model(), ask)
         if name is None:
-            self._unchanged("the modem does not say which model it is (AT+CGMM)")
+            self._note_unchanged("the modem does not say which model it is (AT+CGMM)")
             return False
         entry = self._kept.of(driver.name, name)
         if self._gsm_only:
@@ -109,7 +109,7 @@ class ModeSwitch:
         found = run_dialogue(read_mode(driver.mode_commands), ask)
         if found is None:
             asks = " and ".join(command.query for command in driver.mode_commands)
-            self._unchanged(f"the modem does not tell what it is ({asks})")
+            self._note_unchanged(f"the modem does not tell what it is ({asks})")
             return False
         command, value = found
         if command.is_gsm(value):
@@ -130,9 +130,9 @@ class ModeSwitch:
             return True
         if now is not None and same_mode(now, value):
             self._kept.drop(driver.name, name)
-            self._unchanged(f"the modem refuses {sent}")
+            self._note_unchanged(f"the modem refuses {sent}")
             return True
-        self._unchanged(f"no answer to {sent}; it was {value}, and is set back at the stop")
+        self._note_unchanged(f"no answer to {sent}; it was {value}, and is set back at the stop")
         return False
 
     def _restore(self, driver: Family, entry: KeptMode, ask: Ask) -> bool:
@@ -157,7 +157,7 @@ class ModeSwitch:
         self._note("info", "mode-restored", text)
         return True
 
-    def _unchanged(self, why: str) -> None:
+    def _note_unchanged(self, why: str) -> None:
         if not self._link.stop.is_set():  # else it was not asked to the end
             self._note("warning", "mode-unchanged", f"what the modem hears is not changed: {why}")
 

@@ -14,7 +14,7 @@ from logger.core.runfile.run_names import journal_path
 from logger.core.runfile.writer import RunWriter
 
 if TYPE_CHECKING:
-    from logger.core.runfile.finish import convert_journal, finish_journal, unfinished
+    from logger.core.runfile.finish import convert_journal, finish_journal, unfinished_journals
     from logger.core.runfile.recovery import SOMETHING_LOST, Recovered, recover
     from logger.core.runfile.run import Run, read_run, read_sound_run
     from logger.core.runfile.verify import Sealing, sealing_of
@@ -39,11 +39,11 @@ __all__ = [
     "read_sound_run",
     "recover",
     "sealing_of",
-    "unfinished",
+    "unfinished_journals",
 ]
 
 _ROOM_OF = {
-    **dict.fromkeys(("convert_journal", "finish_journal", "unfinished"), "finish"),
+    **dict.fromkeys(("convert_journal", "finish_journal", "unfinished_journals"), "finish"),
     **dict.fromkeys(("SOMETHING_LOST", "Recovered", "recover"), "recovery"),
     **dict.fromkeys(("Run", "read_run", "read_sound_run"), "run"),
     **dict.fromkeys(("Sealing", "sealing_of"), "verify"),

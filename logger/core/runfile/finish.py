@@ -17,7 +17,7 @@ from logger.core.runfile.run_names import JOURNAL, first_part, parts_of
 _MARGIN_BYTES = 1 << 20
 
 
-def unfinished(folder: Path) -> list[Path]:
+def unfinished_journals(folder: Path) -> list[Path]:
     """Journals in a folder with content and without an HDF5 file that no logger is writing."""
     found = sorted({p for p in map(first_part, folder.iterdir()) if p.suffix == JOURNAL})
     return [p for p in found if not p.with_suffix(".h5").exists() and _waits(p)]

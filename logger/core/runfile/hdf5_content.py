@@ -112,10 +112,10 @@ class Content:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Content]:
+def open_content(path: Path) -> Iterator[Content]:
     """A run's HDF5 file; raises `RunFileError` when it is not one.
 
-    To be used within `guard.guarded`: HDF5 may end the process over a damaged file.
+    To be used within `isolation.run_isolated`: HDF5 may end the process over a damaged file.
     """
     try:
         with h5py.File(path, "r") as file:
@@ -129,7 +129,7 @@ def opened(path: Path) -> Iterator[Content]:
 def text_of_results(path: Path, run_id: str) -> bytes:
     """The summary that the desk has left beside a run; empty where it is none, or of another run.
 
-    To be used within `guard.guarded`.
+    To be used within `isolation.run_isolated`.
     """
     with h5py.File(path, "r") as file:
         names = _members(path, file)

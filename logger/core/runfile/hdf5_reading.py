@@ -6,14 +6,14 @@ import msgspec
 
 from logger.core.errors import RunFileError
 from logger.core.runfile import hdf5_tasks
-from logger.core.runfile.isolation import Arrays, guarded
+from logger.core.runfile.isolation import Arrays, run_isolated
 from logger.core.runfile.journal_reader import decode_meta
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, check_end
 
 
 def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, str, Arrays, int]:
     """Read a run's HDF5 file: its digest, the tables, and how many raw bytes it has."""
-    told, tables = guarded(path, hdf5_tasks.everything)
+    told, tables = run_isolated(path, hdf5_tasks.everything)
     meta = decode_meta(told["meta"].encode(), path)
     return (
         meta,
@@ -28,7 +28,7 @@ def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, str, Arrays, 
 def run_id_of(path: Path) -> str:
     """Raises `RunFileError` where it cannot be read."""
     try:
-        return str(guarded(path, hdf5_tasks.run_id)[0])
+        return str(run_isolated(path, hdf5_tasks.run_id)[0])
     except OSError as error:
         raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
 
@@ -39,7 +39,7 @@ def stored_summary(path: Path, run_id: str) -> bytes:
     Raises `RunFileError`.
     """
     try:
-        return str(guarded(path, hdf5_tasks.results, run_id)[0]).encode()
+        return str(run_isolated(path, hdf5_tasks.results, run_id)[0]).encode()
     except OSError as error:
         raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
 

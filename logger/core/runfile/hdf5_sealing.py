@@ -19,7 +19,7 @@ from logger.core.errors import RunFileError
 from logger.core.rows import Rows
 from logger.core.runfile.frames import Kind
 from logger.core.runfile.hdf5 import BLOCK_ROWS, FRAMES, RAW_BYTES, attributes, config_bytes
-from logger.core.runfile.hdf5_content import TEXTS, Content, opened
+from logger.core.runfile.hdf5_content import TEXTS, Content, open_content
 from logger.core.runfile.hdf5_reading import decode_damage, decode_end
 from logger.core.runfile.meta import Damage, RunMeta, stop_text
 from logger.core.runfile.verify import Sealed, Sealing
@@ -34,8 +34,8 @@ _MOST_NOTED = 40
 
 
 def sealing_in(path: Path) -> Sealing:
-    """Seal of an HDF5 file; to be used within `guard.guarded`. Raises `RunFileError`."""
-    with opened(path) as content:
+    """Seal of an HDF5 file; to be used within `isolation.run_isolated`. Raises `RunFileError`."""
+    with open_content(path) as content:
         return _Sealing(content).result()
 
 
@@ -62,7 +62,7 @@ class _Sealing:
         return Sealing(
             self._end,
             damage,
-            self._sealed.recomputed,
+            self._sealed.recomputed_digest,
             self._sealed.chain.broken_at,
             surplus,
             tuple(_short(self._differences(damage))),
@@ -122,7 +122,7 @@ class _Sealing:
         missing = max(self._numbers, default=-1) + 1 - len(set(self._numbers))
         # a journal may have lost its last frames too, which no number tells; not one that is sealed
         # as it is
-        sealed = self._end is not None and self._sealed.recomputed == self._end.digest
+        sealed = self._end is not None and self._sealed.recomputed_digest == self._end.digest
         wrong = damage.missing_frames != missing if sealed else damage.missing_frames < missing
         if wrong or damage.description_lost == self._has_meta:
             yield f"damage: it says {damage}, and {missing} frames are missing"
@@ -131,7 +131,7 @@ class _Sealing:
             yield "damage: it is not what a recovery says"
 
     def _of_attributes(self) -> Iterator[str]:
-        digest = self._end.digest if self._end else self._sealed.recomputed
+        digest = self._end.digest if self._end else self._sealed.recomputed_digest
         fixes = self._tables["fixes"].fields(["t_ns", "utc_ns", "valid"])[:]
         expected = attributes(self._meta, self._end, digest, fixes)
         found = self._content.file.attrs
@@ -160,7 +160,7 @@ def _of_table(name: str, table: h5py.Dataset, meta: RunMeta) -> Iterator[str]:
     if table.id.get_type() != h5py.h5t.py_create(table.dtype, logical=True):
         yield f"{name}: its columns are stored in another way"
     described = name in meta.columns
-    yield from _added(name, table, {"columns"} if described else set())
+    yield from _additions(name, table, {"columns"} if described else set())
     if described:
         text = table.attrs.get("columns", "")
         names = table.dtype.names or ()
@@ -169,10 +169,10 @@ def _of_table(name: str, table: h5py.Dataset, meta: RunMeta) -> Iterator[str]:
 
 
 def _of_text(name: str, text: h5py.Dataset) -> Iterator[str]:
-    yield from _added(name, text, set())
+    yield from _additions(name, text, set())
 
 
-def _added(name: str, dataset: h5py.Dataset, known: set[str]) -> Iterator[str]:
+def _additions(name: str, dataset: h5py.Dataset, known: set[str]) -> Iterator[str]:
     for attribute in dataset.attrs:
         if attribute not in known:
             yield f"{name}: the attribute {attribute} was added"

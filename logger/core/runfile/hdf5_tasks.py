@@ -1,4 +1,4 @@
-"""What is asked of an HDF5 file by `guard.guarded`, each in a process of its own.
+"""What is asked of an HDF5 file by `isolation.run_isolated`, each in a process of its own.
 
 HDF5 is imported there alone: the process that asks starts quicker without it.
 """
@@ -14,9 +14,9 @@ from logger.core.runfile.isolation import Arrays
 
 def everything(path: Path) -> tuple[Any, Arrays]:
     """All tables of a run; its texts, its digest, and how many raw bytes it has."""
-    from logger.core.runfile.hdf5_content import opened
+    from logger.core.runfile.hdf5_content import open_content
 
-    with opened(path) as content:
+    with open_content(path) as content:
         tables, n_raw = content.rows(content.meta())
         texts = {name: content.text(name).decode() for name in ("meta", "end", "damage")}
         return {**texts, "digest": content.digest(), "n_raw": n_raw}, tables
@@ -24,9 +24,9 @@ def everything(path: Path) -> tuple[Any, Arrays]:
 
 def run_id(path: Path) -> tuple[Any, Arrays]:
     """Identity of a run."""
-    from logger.core.runfile.hdf5_content import opened
+    from logger.core.runfile.hdf5_content import open_content
 
-    with opened(path) as content:
+    with open_content(path) as content:
         return content.meta().run_id, {}
 
 

@@ -59,7 +59,7 @@ class Job(msgspec.Struct, frozen=True):
     memory_bytes: int
 
 
-def guarded(path: Path, task: Task, *arguments: Any) -> tuple[Any, Arrays]:
+def run_isolated(path: Path, task: Task, *arguments: Any) -> tuple[Any, Arrays]:
     """Run `task(path, *arguments)`, which reads a file, in another process, and give what it gives.
 
     Raises `RunFileError`: the task's own, or one that says how the process ended. Raises OSError
@@ -83,7 +83,7 @@ def guarded(path: Path, task: Task, *arguments: Any) -> tuple[Any, Arrays]:
     )
     with process:
         try:
-            reply, arrays = _asked(process, pickle.dumps(job), patience_s)
+            reply, arrays = _run_task(process, pickle.dumps(job), patience_s)
         except EOFError:
             raise RunFileError(_ending(path, process.wait())) from None
         except TimeoutError:
@@ -95,15 +95,17 @@ def guarded(path: Path, task: Task, *arguments: Any) -> tuple[Any, Arrays]:
     return reply.value, arrays
 
 
-def _asked(process: subprocess.Popen[bytes], job: bytes, patience_s: float) -> tuple[Reply, Arrays]:
+def _run_task(
+    process: subprocess.Popen[bytes], job: bytes, patience_s: float
+) -> tuple[Reply, Arrays]:
     if process.stdin is None or process.stdout is None:
         raise EOFError
     with suppress(BrokenPipeError), process.stdin as stdin:
         stdin.write(job)
-    return _received(process.stdout, patience_s)  # type: ignore[arg-type]
+    return _receive_reply(process.stdout, patience_s)  # type: ignore[arg-type]
 
 
-def _received(pipe: BinaryIO, patience_s: float) -> tuple[Reply, Arrays]:
+def _receive_reply(pipe: BinaryIO, patience_s: float) -> tuple[Reply, Arrays]:
     head = bytearray(HEAD_BYTES)
     _fill(pipe, memoryview(head), patience_s)
     text = bytearray(int.from_bytes(head, "little"))

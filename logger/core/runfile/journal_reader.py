@@ -99,7 +99,7 @@ class JournalParts:
             files = parts_of(self.path)
             if not files:
                 raise RunFileError(f"{self.path}: no such file")
-            with _opened(files) as buffers:
+            with _open_all(files) as buffers:
                 yield from self._parts(buffers)
         except OSError as error:
             raise RunFileError(
@@ -113,7 +113,7 @@ class JournalParts:
         dtypes = self._describe(buffers, index)
         stop: Part | None = None  # counts only with the END that repeats it
         for entry in _entries(index):
-            payload = self._unpacked(buffers, entry)
+            payload = self._unpack(buffers, entry)
             part = None if payload is None else _part(entry, payload, dtypes)
             if payload is None or part is None:
                 self._missing += 1
@@ -132,7 +132,7 @@ class JournalParts:
                 self._first_ns = int(part.rows["t_ns"].min())
             yield part
 
-    def _unpacked(self, buffers: list[Buffer], entry: "_Entry") -> bytes | None:
+    def _unpack(self, buffers: list[Buffer], entry: "_Entry") -> bytes | None:
         """Unpack the payload of a frame; None if it is invalid.
 
         Raises `RunFileError` if all payloads together exceed the limit.
@@ -150,7 +150,7 @@ class JournalParts:
         """Where the frames of the run are, in the order of their numbers."""
         if not any(len(buffer) for buffer in buffers):
             raise RunFileError(f"{self.path} is empty")
-        found = np.fromiter(self._found(buffers), _INDEX)
+        found = np.fromiter(self._scan_frames(buffers), _INDEX)
         if not len(found):
             raise RunFileError(f"{self.path} is no cellwalk run: it holds no journal frame")
         ((run, _),) = Counter(found["run"].tolist()).most_common(1)
@@ -162,7 +162,7 @@ class JournalParts:
         index: Rows = found[first]
         return index
 
-    def _found(self, buffers: list[Buffer]) -> Iterator[tuple[int, ...]]:
+    def _scan_frames(self, buffers: list[Buffer]) -> Iterator[tuple[int, ...]]:
         for i, buffer in enumerate(buffers):
             for event in scan(buffer):
                 if isinstance(event, Skipped):
@@ -173,7 +173,7 @@ class JournalParts:
     def _describe(self, buffers: list[Buffer], index: Rows) -> Mapping[str, np.dtype[np.void]]:
         """Definition of the tables, from any description or the version that every frame names."""
         for entry in _entries(index[index["kind"] == Kind.META]):
-            text = self._unpacked(buffers, entry)
+            text = self._unpack(buffers, entry)
             if text is not None:
                 self._meta, self.meta_text = decode_meta(text, self.path), text
                 return parse_dtypes(self._meta.columns)
@@ -210,7 +210,7 @@ def decode_meta(text: bytes, path: Path) -> RunMeta:
 
 
 @contextmanager
-def _opened(paths: list[Path]) -> Iterator[list[Buffer]]:
+def _open_all(paths: list[Path]) -> Iterator[list[Buffer]]:
     """The files as buffers."""
     with ExitStack() as stack:
         yield [buffer_of(stack, path) for path in paths]

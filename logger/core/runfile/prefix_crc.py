@@ -32,10 +32,10 @@ def crc32_of_each(data: Buffer, starts: Sequence[int], ends: Sequence[int]) -> W
         before[end] = crc
     first = np.array([before[start] for start in starts], np.uint32)
     whole = np.array([before[end] for end in ends], np.uint32)
-    return whole ^ _shifted(first, np.subtract(ends, starts))
+    return whole ^ _shift(first, np.subtract(ends, starts))
 
 
-def _shifted(crc: Words, n_bytes: npt.NDArray[np.int64]) -> Words:
+def _shift(crc: Words, n_bytes: npt.NDArray[np.int64]) -> Words:
     """CRCs after so many zero bytes each: times x^(8 n) modulo the polynomial."""
     shifted, power, left = (
         crc.copy(),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from logger.core.errors import RunFileError
-from logger.core.runfile.finish import finish, unfinished
+from logger.core.runfile.finish import finish, unfinished_journals
 from logger.core.runfile.meta import Damage
 from logger.core.runfile.run_names import is_hdf5
 
@@ -50,15 +50,15 @@ def recover(path: Path) -> Iterator[Recovered]:
     if not path.is_dir():
         if path.is_file() and is_hdf5(path):
             raise RunFileError(f"{path} is a finished run, no journal")
-        yield _recovered(path)
+        yield _recover_one(path)
         return
-    for journal in unfinished(path):
+    for journal in unfinished_journals(path):
         try:
-            yield _recovered(journal)
+            yield _recover_one(journal)
         except RunFileError as error:
             yield Recovered(journal, error=str(error))
 
 
-def _recovered(journal: Path) -> Recovered:
+def _recover_one(journal: Path) -> Recovered:
     done = finish(journal)
     return Recovered(journal, done.run, done.damage, done.digest)

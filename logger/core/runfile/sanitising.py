@@ -87,7 +87,7 @@ class _Sound:
             of_table.get(self._table, lambda: None)()
         return self._rows, self._n_bad
 
-    def _put(self, name: str, bad: Truths, value: object) -> None:
+    def _replace(self, name: str, bad: Truths, value: object) -> None:
         """Let a value stand where it was bad."""
         if not (n := int(np.count_nonzero(bad))):
             return
@@ -103,25 +103,29 @@ class _Sound:
         for i in np.flatnonzero((letters >= 0x80).any(axis=1) | holds_nul).tolist():
             text = bytes(column[i])
             if (clean := _utf8(text, column.dtype.itemsize)) != text:
-                self._put(name, np.arange(len(column)) == i, clean)
+                self._replace(name, np.arange(len(column)) == i, clean)
         if name in _WORDS:
             words, instead = _WORDS[name]
-            self._put(name, ~np.isin(self._rows[name], [word.encode() for word in words]), instead)
+            self._replace(
+                name, ~np.isin(self._rows[name], [word.encode() for word in words]), instead
+            )
 
     def _numbers(self) -> None:
         for name, (least, most) in _RANGES.items():
             if name in (self._rows.dtype.names or ()):
                 values = self._rows[name]
-                self._put(name, ~np.isnan(values) & ~((values >= least) & (values <= most)), np.nan)
+                self._replace(
+                    name, ~np.isnan(values) & ~((values >= least) & (values <= most)), np.nan
+                )
 
     def _fixes(self) -> None:
         self._numbers()
         rows = self._rows
-        self._put("valid", rows["valid"] > 1, 1)
+        self._replace("valid", rows["valid"] > 1, 1)
         placeless = np.isnan(rows["lat_deg"]) | np.isnan(rows["lon_deg"])
-        self._put("valid", (self._rows["valid"] == 1) & placeless, 0)
+        self._replace("valid", (self._rows["valid"] == 1) & placeless, 0)
         utc_ns = self._rows["utc_ns"]
-        self._put(
+        self._replace(
             "utc_ns",
             (utc_ns != UNKNOWN_TIME) & ((utc_ns < -MOST_NS) | (utc_ns > MOST_NS)),
             UNKNOWN_TIME,
@@ -132,18 +136,20 @@ class _Sound:
         bad = (start_ns != UNKNOWN_TIME) & ((start_ns < -MOST_NS) | (start_ns > MOST_NS))
         if self._table == "scans":
             bad |= start_ns == UNKNOWN_TIME
-        self._put("t_start_ns", bad, self._rows["t_ns"][bad])
+        self._replace("t_start_ns", bad, self._rows["t_ns"][bad])
 
     def _readings(self) -> None:
         self._numbers()
         self._times()
         for name, most in (("ta", _LARGEST_TA), ("rxlev_raw", _LARGEST_RXLEV)):
             values = self._rows[name]
-            self._put(name, (values != UNKNOWN_ID) & ((values < 0) | (values > most)), UNKNOWN_ID)
+            self._replace(
+                name, (values != UNKNOWN_ID) & ((values < 0) | (values > most)), UNKNOWN_ID
+            )
 
     def _live(self) -> None:
         zone = np.abs(self._rows["utm_zone"].astype(np.int64))
-        self._put("utm_zone", (zone < 1) | (zone > 60), 1)
+        self._replace("utm_zone", (zone < 1) | (zone > 60), 1)
 
     def _raw(self) -> None:
         offset, length = self._rows["offset"], self._rows["length"].astype(np.int64)
@@ -153,8 +159,8 @@ class _Sound:
             | (offset > self._n_raw_bytes)
             | (length > self._n_raw_bytes - offset)
         )
-        self._put("length", bad, 0)
-        self._put("offset", bad, 0)
+        self._replace("length", bad, 0)
+        self._replace("offset", bad, 0)
 
 
 def _utf8(text: bytes, size: int) -> bytes:

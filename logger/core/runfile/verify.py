@@ -12,7 +12,7 @@ from logger.core.errors import RunFileError
 from logger.core.runfile import hdf5_tasks
 from logger.core.runfile.chain import Chain
 from logger.core.runfile.frames import Kind
-from logger.core.runfile.isolation import guarded
+from logger.core.runfile.isolation import run_isolated
 from logger.core.runfile.journal_reader import JournalParts
 from logger.core.runfile.meta import Damage, RunEnd, stop_text
 from logger.core.runfile.run_names import is_hdf5
@@ -22,7 +22,7 @@ from logger.core.runfile.run_names import is_hdf5
 class Sealing:
     """Results of the hash chain of a run.
 
-    `recomputed` covers the frames before the END frame, or all frames without one.
+    `recomputed_digest` covers the frames before the END frame, or all frames without one.
 
     `surplus` names a table of the HDF5 file with rows that stand in no frame. `differences` say
     what else is not as the chained frames have it; `stop_is_sealed` is False for a run of an
@@ -31,7 +31,7 @@ class Sealing:
 
     end: RunEnd | None
     damage: Damage
-    recomputed: str
+    recomputed_digest: str
     broken_at: int | None
     surplus: str = ""
     differences: tuple[str, ...] = ()
@@ -42,7 +42,7 @@ class Sealing:
         """True when the run was sealed, and all frames are there as they were then."""
         if self.end is None or self.broken_at is not None or self.surplus:
             return False
-        return self.recomputed == self.end.digest
+        return self.recomputed_digest == self.end.digest
 
 
 @dataclass(slots=True)
@@ -64,7 +64,7 @@ class Sealed:
         self.chain.add(number, kind, payload)
 
     @property
-    def recomputed(self) -> str:
+    def recomputed_digest(self) -> str:
         return self.before_end or self.chain.digest
 
     def differences(self, end: RunEnd | None) -> list[str]:
@@ -98,7 +98,7 @@ def _of_journal(path: Path) -> Sealing:
     return Sealing(
         parts.end,
         parts.damage,
-        sealed.recomputed,
+        sealed.recomputed_digest,
         sealed.chain.broken_at,
         differences=tuple(differences),
         stop_is_sealed=parts.end is None or sealed.stop is not None,
@@ -107,6 +107,6 @@ def _of_journal(path: Path) -> Sealing:
 
 def _of_hdf5(path: Path) -> Sealing:
     try:
-        return msgspec.convert(guarded(path, hdf5_tasks.sealing)[0], Sealing)
+        return msgspec.convert(run_isolated(path, hdf5_tasks.sealing)[0], Sealing)
     except OSError as error:
         raise RunFileError(f"{path} cannot be read: {error.strerror}") from error

@@ -94,7 +94,7 @@ def test_an_honest_run_of_either_version_of_frames_verifies(honest, crafted, cap
 def test_a_noted_digest_is_what_a_forger_cannot_meet(honest, tmp_path, capsys):
     """Recorded anew with other words, every check holds, but that one."""
     runs.write_journal(tmp_path / "b.journal", runs.records(59), config_text="[run]\n")
-    noted = sealing_of(honest).recomputed
+    noted = sealing_of(honest).recomputed_digest
     for path, code in ((honest, 0), (tmp_path / "b.journal", 3)):
         assert main(["info", "--verify", str(path)]) == 0
         assert "proves no author" in capsys.readouterr().out

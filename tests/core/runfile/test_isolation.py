@@ -17,7 +17,7 @@ def file(tmp_path):
 
 
 def test_a_value_and_arrays_come_back(file):
-    value, found = isolation.guarded(file, isolated_tasks.succeed, {"a": [1, None]})
+    value, found = isolation.run_isolated(file, isolated_tasks.succeed, {"a": [1, None]})
     assert value == {"a": [1, None]}
     for name, array in isolated_tasks.ARRAYS.items():
         assert found[name].tobytes() == array.tobytes()
@@ -40,32 +40,32 @@ def test_a_value_and_arrays_come_back(file):
 )
 def test_an_end_is_an_error(file, capfd, task, says):
     with pytest.raises(RunFileError, match=says):
-        isolation.guarded(file, task)
+        isolation.run_isolated(file, task)
     assert capfd.readouterr() == ("", "")
 
 
 def test_what_never_ends_is_ended(file, monkeypatch):
     monkeypatch.setattr(isolation, "most_cpu_s", lambda _: 1)
     with pytest.raises(RunFileError, match="longer"):
-        isolation.guarded(file, isolated_tasks.compute)
+        isolation.run_isolated(file, isolated_tasks.compute)
 
 
 def test_what_waits_for_ever_is_ended(file, monkeypatch):
     monkeypatch.setattr(isolation, "_PATIENCE", 0.0)
     monkeypatch.setattr(isolation, "_START_S", 3.0)
     with pytest.raises(RunFileError, match="longer"):
-        isolation.guarded(file, isolated_tasks.wait)
+        isolation.run_isolated(file, isolated_tasks.wait)
 
 
 def test_what_a_library_prints_is_no_part_of_the_reply(file, capfd):
-    assert isolation.guarded(file, isolated_tasks.chatter) == (None, {})
+    assert isolation.run_isolated(file, isolated_tasks.chatter) == (None, {})
     assert capfd.readouterr() == ("", "")
 
 
 def test_locks_of_this_process_are_not_waited_for(file):
     """A forked copy has the locks that other threads hold, and nobody to free them."""
     with isolated_tasks.LOCK:
-        assert isolation.guarded(file, isolated_tasks.under_lock) == (None, {})
+        assert isolation.run_isolated(file, isolated_tasks.under_lock) == (None, {})
 
 
 def test_nothing_is_imported_from_the_folder_of_the_file(file, monkeypatch):
@@ -73,10 +73,10 @@ def test_nothing_is_imported_from_the_folder_of_the_file(file, monkeypatch):
     for name in ("logger", "numpy", "pickle"):
         (file.parent / f"{name}.py").write_text("raise SystemExit('a program of a stranger')")
     monkeypatch.chdir(file.parent)
-    assert isolation.guarded(file, isolated_tasks.chatter) == (None, {})
+    assert isolation.run_isolated(file, isolated_tasks.chatter) == (None, {})
 
 
 def test_no_process_is_left(file):
-    isolation.guarded(file, isolated_tasks.chatter)
+    isolation.run_isolated(file, isolated_tasks.chatter)
     with pytest.raises(ChildProcessError):
         os.waitpid(-1, os.WNOHANG)

@@ -9,7 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from logger.core.errors import RunFileError
-from logger.core.runfile import convert_journal, finish_journal, journal_path, read_run, unfinished
+from logger.core.runfile import (
+    convert_journal,
+    finish_journal,
+    journal_path,
+    read_run,
+    unfinished_journals,
+)
 from logger.core.schema import TABLES
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan
 from tests.kit import runs
@@ -89,10 +95,10 @@ def test_runs_are_numbered_and_can_be_finished_again(tmp_path):
     journal = journal_path(tmp_path)
     assert journal.name == "run-000001.journal"
     runs.write_journal(journal, runs.records(30))
-    assert unfinished(tmp_path) == [journal]
+    assert unfinished_journals(tmp_path) == [journal]
     run = finish_journal(journal)
     assert run.name == "run-000001.h5"
-    assert unfinished(tmp_path) == []
+    assert unfinished_journals(tmp_path) == []
     assert finish_journal(journal) == run
     assert {path.name for path in tmp_path.iterdir()} == {"run-000001.h5", "run-000001.journal"}
 
@@ -127,9 +133,9 @@ def test_a_journal_being_recorded_is_left_alone(tmp_path):
     from logger.core.runfile import RunWriter
 
     writer = RunWriter(tmp_path / "run-a.journal", runs.meta())
-    assert unfinished(tmp_path) == []
+    assert unfinished_journals(tmp_path) == []
     writer.close(0, "test")
-    assert unfinished(tmp_path) == [tmp_path / "run-a.journal"]
+    assert unfinished_journals(tmp_path) == [tmp_path / "run-a.journal"]
 
 
 def test_cut_journal_keeps_whole_ticks(tmp_path):
