@@ -33,7 +33,7 @@ def test_a_value_and_arrays_come_back(file):
         (isolated_tasks.leave, "without a word"),
         (isolated_tasks.fill_bytes, "memory"),
         (isolated_tasks.fill_array, "memory"),
-        (isolated_tasks.refuse, "what the task says"),
+        (isolated_tasks.refuse, "message of the task"),
         (isolated_tasks.no_row, "is damaged: no row"),
         (isolated_tasks.too_deep, "is damaged: too deep"),
     ],
