@@ -46,7 +46,8 @@ def program() -> None:
 
 
 for _command in (
-    import_, export, share, view, plot, report, recover, toa, validate, verify, verify_theory, celldb
+    import_, export, share, view, plot, report, recover,
+    toa, validate, verify, verify_theory, celldb,
 ):  # fmt: skip
     program.add_command(_command)
 
