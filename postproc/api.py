@@ -23,7 +23,7 @@ from postproc.cell_estimation import locate_cell
 from postproc.estimators.robust_losses import Loss
 from postproc.interop.estimates import estimates_of
 from postproc.interop.exporting import Exported, format_of, write_export
-from postproc.interop.levels import walked
+from postproc.interop.levels import walk_of_run
 from postproc.result import CellResult, Options, Result
 from postproc.smoothing import observed_cells, smooth_runs
 from postproc.verification.claims import Claim, read_claims
@@ -203,7 +203,7 @@ def export(
     target, observed = Path(path), _run(run)
     name = format_of(form, target, with_estimates=result is not None)
     check_output(target)
-    walk = walked(observed, list(observed_cells([observed], cells)) if cells else None)
+    walk = walk_of_run(observed, list(observed_cells([observed], cells)) if cells else None)
     stored = [] if result is None else estimates_of(result, walk.utm, every=all_estimators)
     return write_export(walk, stored, target, name)
 

@@ -6,7 +6,7 @@ from rich.console import Console
 
 from logger.core.printable import printable
 from postproc.info import CellCount, Event, Gap, Info
-from postproc.terminal import say, screen, table
+from postproc.terminal import print_text, screen, table
 
 MOST = 10
 """Events, and gaps, that are listed unless all are asked for."""
@@ -20,15 +20,15 @@ def print_info(info: Info, *, details: bool = False) -> None:
     """A run on one screen; with `details` every gap and every event."""
     console = screen()
     simulated = ", SIMULATED" if info.simulated else ""
-    say(console, printable(f"{info.path} ({info.form}), {info.origin}{simulated}"), "bold")
+    print_text(console, printable(f"{info.path} ({info.form}), {info.origin}{simulated}"), "bold")
     for title, text, style in _facts(info):
-        say(console, printable(text), style, bullet=f"{title:8} ")
+        print_text(console, printable(text), style, bullet=f"{title:8} ")
     _print_cells(console, info.cells if details else info.cells[:MOST_CELLS])
     _print_rest(console, 0 if details else len(info.cells) - MOST_CELLS, "cells")
     most = max(len(info.gaps), len(info.events)) if details else MOST
     _print_gaps(console, info.gaps, most)
     _print_events(console, info.events, most)
-    say(console, printable(info.digest), bullet="digest   ")
+    print_text(console, printable(info.digest), bullet="digest   ")
 
 
 def _dead_reckoning_text(info: Info) -> str:
@@ -84,7 +84,7 @@ def _print_cells(console: Console, cells: Sequence[CellCount]) -> None:
 def _print_gaps(console: Console, gaps: Sequence[Gap], most: int) -> None:
     longest = sorted(gaps, key=lambda gap: -gap.length_s)[:most]
     for gap in sorted(longest, key=lambda gap: gap.start_s):
-        say(
+        print_text(
             console,
             f"no {gap.of} for {gap.length_s:.0f} s at +{gap.start_s:.0f} s",
             bullet="gap      ",
@@ -99,7 +99,7 @@ def _print_events(console: Console, events: Sequence[Event], most: int) -> None:
     )[:most]
     for _, event in sorted(gravest, key=lambda entry: entry[0]):
         style = _STYLES.get(event.level, "dim")
-        say(
+        print_text(
             console,
             printable(f"{event.source}: {event.text}"),
             style,
@@ -110,4 +110,4 @@ def _print_events(console: Console, events: Sequence[Event], most: int) -> None:
 
 def _print_rest(console: Console, n: int, what: str) -> None:
     if n > 0:
-        say(console, f"... and {n} more {what} (-v lists all)", "dim")
+        print_text(console, f"... and {n} more {what} (-v lists all)", "dim")

@@ -123,12 +123,12 @@ def estimate(
     runs: "Sequence[Run]", cells: Sequence[str], options: "Options | None" = None
 ) -> "Result":
     """Estimate cells (none named: all) of runs on all processors, with a bar on the terminal."""
-    from postproc.progress import shown
+    from postproc.progress import with_progress
     from postproc.result import Options
     from postproc.smoothing import smooth_runs
 
     return smooth_runs(
-        runs, cells, options=options or Options(), progress=shown, processes=processors()
+        runs, cells, options=options or Options(), progress=with_progress, processes=processors()
     )
 
 

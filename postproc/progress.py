@@ -14,7 +14,9 @@ _BAR_CELLS = 12
 T = TypeVar("T")
 
 
-def shown(items: Iterable[T], what: str, total: int, names: Sequence[str] = ()) -> Iterator[T]:
+def with_progress(
+    items: Iterable[T], what: str, total: int, names: Sequence[str] = ()
+) -> Iterator[T]:
     """Show a bar with the `names` of the items on stderr, if it is a terminal."""
     console = Console(stderr=True)
     columns = (

@@ -22,14 +22,14 @@ _ALLOWED = frozenset(
 
 
 @contextmanager
-def opened(path: Path, *, views: bool = False) -> Iterator[sqlite3.Connection]:
+def open_database(path: Path, *, views: bool = False) -> Iterator[sqlite3.Connection]:
     """A database to read; raises sqlite3.Error, also for a query that takes too many steps."""
-    with closing(connected(path, views=views)) as database:
+    with closing(connect(path, views=views)) as database:
         yield database
 
 
-def connected(path: Path, *, views: bool = False) -> sqlite3.Connection:
-    """As `opened`, for whoever closes it; `views` allows those of the file, as maps have them."""
+def connect(path: Path, *, views: bool = False) -> sqlite3.Connection:
+    """As `open_database`, for whoever closes it; `views` allows those of the file, as maps have them."""
     database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
     for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0"):
         database.execute(f"PRAGMA {pragma}")

@@ -20,7 +20,7 @@ from postproc.result_json import (
     SummaryOfRun,
     TruthCheck,
 )
-from postproc.terminal import fits, say, screen, styled, table
+from postproc.terminal import fits, print_text, screen, styled_text, table
 
 _TITLES = {
     "batch": "least squares",
@@ -50,23 +50,23 @@ def print_summary(summary: Summary, *, details: bool) -> None:
     if not details:
         _print_lines(console, cells)
         more = "The reasons and all details of one cell: --cell NAME; of every cell: -v"
-        say(console, f"\n{more}", "dim")
+        print_text(console, f"\n{more}", "dim")
         return
     for cell in cells:
         _print_cell(console, cell)
     if any(cell.reference_ekf.lat is not None for cell in cells):
-        say(console, f"\n* {_REFERENCE}")
+        print_text(console, f"\n* {_REFERENCE}")
 
 
 def _print_warnings(console: Console, runs: Sequence[RunSummary], warnings: Sequence[str]) -> None:
     if any(run.simulated for run in runs):
-        say(console, "This is a simulated run: the error to the known truth is shown.")
+        print_text(console, "This is a simulated run: the error to the known truth is shown.")
     for run in runs:
         which = f"{run.path}: " if len(runs) > 1 else ""
         for warning in run.warnings:
-            say(console, f"{which}{warning}", "red")
+            print_text(console, f"{which}{warning}", "red")
     for warning in warnings:
-        say(console, warning, "yellow")
+        print_text(console, warning, "yellow")
 
 
 def _print_lines(console: Console, cells: Sequence[Cell]) -> None:
@@ -79,14 +79,14 @@ def _print_lines(console: Console, cells: Sequence[Cell]) -> None:
         table(console, titles, rows, right=("readings", "95 % within", "error"))
         return
     for cell in cells:
-        say(console, _sentence(cell), bullet="- ")
+        print_text(console, _sentence(cell), bullet="- ")
 
 
 def _sentence(cell: Cell) -> Text:
     name, n, verdict, place, within, error = map(str, _line(cell))
     where = {"located": f" at {place}, 95 % within {within}", "ambiguous": f", {place}"}
     more = f"{where.get(verdict, '')}, {n} readings{f', error {error}' if error else ''}"
-    return styled((f"{name}: ", ""), (verdict, _STYLES[verdict]), (more, ""))
+    return styled_text((f"{name}: ", ""), (verdict, _STYLES[verdict]), (more, ""))
 
 
 def _line(cell: Cell) -> list[str | Text]:
@@ -106,13 +106,13 @@ def _print_cell(console: Console, cell: Cell) -> None:
         scans = f", heard in {cell.n_scans} scan{'s' * (cell.n_scans != 1)}"
     verdict = (cell.verdict, _STYLES[cell.verdict])
     counts = (f"  {cell.n} readings{scans}  ", "")
-    say(console, styled(("\n", ""), (cell.cell, "bold"), counts, verdict))
+    print_text(console, styled_text(("\n", ""), (cell.cell, "bold"), counts, verdict))
     for warning in cell.warnings:
-        say(console, warning, bullet="  - ")
+        print_text(console, warning, bullet="  - ")
     _print_estimators(console, cell)
     if cell.timing is not UNSET:
         points = f"read at {cell.timing.places} places, {cell.timing.disagree} disagree"
-        say(console, f"timing advance: {points}", bullet="  ")
+        print_text(console, f"timing advance: {points}", bullet="  ")
     if cell.without:
         _print_runs(console, cell)
     _print_truth(console, cell.truth)
@@ -180,4 +180,4 @@ def _print_truth(console: Console, truth: TruthCheck | None) -> None:
         return
     side = "inside" if truth.inside_region95 else "OUTSIDE"
     error = f"best place is {truth.error_m:.0f} m off"
-    say(console, f"truth: {error}, truth is {side} the 95 % region", bullet="  ")
+    print_text(console, f"truth: {error}, truth is {side} the 95 % region", bullet="  ")

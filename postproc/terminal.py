@@ -27,14 +27,14 @@ def screen() -> Console:
     return console if console.is_terminal else Console(**plain, soft_wrap=True)
 
 
-def styled(*parts: tuple[str, str]) -> Text:
+def styled_text(*parts: tuple[str, str]) -> Text:
     """Texts with their styles, one after the other; what a run says never steers the terminal."""
     return Text.assemble(*((printable(text, "\n"), style) for text, style in parts))
 
 
-def say(console: Console, text: Cell, style: str = "", *, bullet: str = "") -> None:
+def print_text(console: Console, text: Cell, style: str = "", *, bullet: str = "") -> None:
     """A paragraph; what follows its first line is indented as far as the bullet is long."""
-    said = styled((text, style)) if isinstance(text, str) else text
+    said = styled_text((text, style)) if isinstance(text, str) else text
     bullet = printable(bullet)
     if not console.is_terminal:
         console.print(Text(bullet) + said)
@@ -76,12 +76,12 @@ def table(
     `right` names the columns that end at one line. The first column names a row.
     """
     cells = [
-        [styled((cell, "")) if isinstance(cell, str) else cell for cell in row] for row in rows
+        [styled_text((cell, "")) if isinstance(cell, str) else cell for cell in row] for row in rows
     ]
     if not cells:
         return
     if not fits(console, titles, cells):
-        say(console, f"{titles[0]}:", "bold")
+        print_text(console, f"{titles[0]}:", "bold")
         for row in cells:
             _list(console, titles, row)
         return
@@ -126,4 +126,4 @@ def _list(console: Console, titles: Sequence[str], row: Sequence[Text]) -> None:
             said.append(", " if said else "").append_text(value)
     name = row[0].plain.lstrip()
     indent = "  " + " " * (row[0].cell_len - len(name))
-    say(console, said, bullet=f"{indent}{name}: ")
+    print_text(console, said, bullet=f"{indent}{name}: ")

@@ -15,7 +15,7 @@ from postproc.options import cells_option, estimate, run_argument
 if TYPE_CHECKING:
     from logger.core.runfile import Run
     from postproc.interop.estimates import Estimate
-    from postproc.interop.levels import Walked
+    from postproc.interop.levels import ExportWalk
 
 _FORMATS = ("kml", "geojson", "gpx", "csv", "wigle", "opencellid-csv", "opencellid-json", "parquet")
 _MOST_PRINTED = 20
@@ -58,7 +58,7 @@ def export(
     from logger.core.runfile import read_sound_run
     from postproc.atomic_write import check_output
     from postproc.interop import exporting
-    from postproc.interop.levels import walked
+    from postproc.interop.levels import walk_of_run
     from postproc.smoothing import observed_cells
 
     name = exporting.format_of(format_name, output)
@@ -68,7 +68,7 @@ def export(
         raise ConfigError(f"{name} stores measurements only; use {option} with kml, geojson or gpx")
     run = read_sound_run(path)
     check_output(output)
-    walk = walked(run, list(observed_cells([run], cells)) if cells else None)
+    walk = walk_of_run(run, list(observed_cells([run], cells)) if cells else None)
     found = _estimates(path, run, walk, cells, every=all_estimators) if has_estimates else []
     exported = exporting.write_export(walk, found, output, name)
     if as_json:
@@ -82,7 +82,7 @@ def export(
 
 
 def _estimates(
-    path: Path, run: "Run", walk: "Walked", cells: Sequence[str], *, every: bool
+    path: Path, run: "Run", walk: "ExportWalk", cells: Sequence[str], *, every: bool
 ) -> "list[Estimate]":
     """The estimates that `postproc smooth` has stored beside the run, or new ones."""
     from postproc.interop.estimates import estimates_of, stored_estimates

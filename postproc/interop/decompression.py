@@ -19,7 +19,7 @@ _CHUNK = 1 << 20
 
 
 @contextmanager
-def unpacked(source: Path) -> Iterator[Path]:
+def plain_file(source: Path) -> Iterator[Path]:
     """The file itself, or a temporary copy of the content of a gzip file or of a zip of one file.
 
     Raises `RunFileError` for what cannot be read or unpacked; errors raised meanwhile name the file

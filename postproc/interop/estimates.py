@@ -71,6 +71,14 @@ class _State(Struct):
     bounded: bool = True
 
 
+class _Mode(_State, kw_only=True):
+    """A mode of the posterior always has a position and a probability."""
+
+    lat: float
+    lon: float
+    probability: float
+
+
 class _Geometry(Struct):
     coordinates: list[list[list[tuple[float, float]]]]
 
@@ -86,7 +94,7 @@ class StoredCell(Struct):
     verdict: str
     n: int
     best: _State
-    modes: list[_State]
+    modes: list[_Mode]
     region95: _Region
     region50: _Region
     ekf: _State
@@ -160,17 +168,19 @@ def _answer(cell: StoredCell) -> list[Place]:
     return [Place(name, _lon_lat(cell.best), None, (), cell.verdict)]
 
 
-def _is_relevant(mode: _State) -> bool:
+def _is_relevant(mode: _Mode) -> bool:
     """Whether the verdict counts a mode; an earlier version stores its probability alone."""
     if mode.percent is UNSET:
-        return mode.probability is not None and mode.probability >= LEAST_SHARE
+        return mode.probability >= LEAST_SHARE
     return mode.percent is not None
 
 
 def _others(cell: StoredCell, utm: Utm) -> tuple[list[Place], list[str]]:
     """Modes and other estimators with their ellipses, and which have none and why."""
     places, left_out = [], []
-    states = {f"posterior, place {i}": mode for i, mode in enumerate(cell.modes, 1)}
+    states: dict[str, _State] = {
+        f"posterior, place {i}": mode for i, mode in enumerate(cell.modes, 1)
+    }
     states |= {name: getattr(cell, key) for key, name in _PEERS.items()}
     for name, state in states.items():
         if why := _no_answer(state):

@@ -11,17 +11,17 @@ from logger.core.errors import ConfigError, RunFileError
 from postproc.atomic_write import whole_file
 from postproc.interop import geojson, gpx, kml, opencellid, walk_csv, wigle
 from postproc.interop.estimates import Estimate
-from postproc.interop.levels import Walked
-from postproc.interop.sighting import Heard
+from postproc.interop.levels import ExportWalk
+from postproc.interop.sighting import Sighting
 
 
 @dataclass(frozen=True, slots=True)
 class Format:
     """A format: its writer, whether it has estimates, and which levels it can represent."""
 
-    write: Callable[[Walked, Sequence[Estimate], Path], None]
+    write: Callable[[ExportWalk, Sequence[Estimate], Path], None]
     has_estimates: bool = False
-    writable: Callable[[Heard], bool] | None = None
+    writable: Callable[[Sighting], bool] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,26 +37,26 @@ class Exported:
     left_out: tuple[str, ...]
 
 
-def _parquet(walk: Walked, _: Sequence[Estimate], target: Path) -> None:
+def _parquet(walk: ExportWalk, _: Sequence[Estimate], target: Path) -> None:
     from postproc.interop import parquet  # noqa: PLC0415 (pyarrow comes with rerun, or is missing)
 
-    parquet.write(walk.heard, target, walk.start_ns)
+    parquet.write(walk.sightings, target, walk.start_ns)
 
 
 FORMATS = {
     "kml": Format(kml.write, has_estimates=True),
     "geojson": Format(geojson.write, has_estimates=True),
     "gpx": Format(gpx.write, has_estimates=True),
-    "csv": Format(lambda walk, _, target: walk_csv.write(walk.heard, target, walk.start_ns)),
+    "csv": Format(lambda walk, _, target: walk_csv.write(walk.sightings, target, walk.start_ns)),
     "wigle": Format(
-        lambda walk, _, target: wigle.write(walk.heard, target), writable=wigle.writable
+        lambda walk, _, target: wigle.write(walk.sightings, target), writable=wigle.writable
     ),
     "opencellid-csv": Format(
-        lambda walk, _, target: opencellid.write_csv(walk.heard, target),
+        lambda walk, _, target: opencellid.write_csv(walk.sightings, target),
         writable=opencellid.writable,
     ),
     "opencellid-json": Format(
-        lambda walk, _, target: opencellid.write_json(walk.heard, target),
+        lambda walk, _, target: opencellid.write_json(walk.sightings, target),
         writable=opencellid.writable,
     ),
     "parquet": Format(_parquet),
@@ -83,39 +83,41 @@ def format_of(name: str | None, target: Path, *, with_estimates: bool = False) -
     return name
 
 
-def write_export(walk: Walked, found: Sequence[Estimate], target: Path, name: str) -> Exported:
+def write_export(
+    walk: ExportWalk, estimates: Sequence[Estimate], target: Path, name: str
+) -> Exported:
     """Write a file, complete or not at all.
 
     Raises `RunFileError` where nothing is left that the format can hold.
     """
     form = FORMATS[name]
-    heard = [one for one in walk.heard if form.writable is None or form.writable(one)]
-    if form.writable is not None and not heard:
+    sightings = [s for s in walk.sightings if form.writable is None or form.writable(s)]
+    if form.writable is not None and not sightings:
         why = "" if walk.has_utc else ": GPS never told the time, and the format needs UTC"
         raise RunFileError(f"nothing in the run can be written as {name}{why}")
-    kept = Walked(tuple(heard), walk.track, walk.utm, walk.start_ns, walk.has_utc, 0, 0)
+    writable = ExportWalk(tuple(sightings), walk.track, walk.utm, walk.start_ns, walk.has_utc, 0, 0)
     with whole_file(target) as part:
-        form.write(kept, found, part)
+        form.write(writable, estimates, part)
     left_out = (
-        *_left_out(walk, len(heard)),
-        *(why for estimate in found for why in estimate.left_out),
+        *_left_out(walk, len(sightings)),
+        *(why for estimate in estimates for why in estimate.left_out),
     )
     return Exported(
         target,
         name,
-        len(heard),
+        len(sightings),
         sum(map(len, walk.track)),
-        len(found) if form.has_estimates else 0,
+        len(estimates) if form.has_estimates else 0,
         walk.has_utc,
         left_out,
     )
 
 
-def _left_out(walk: Walked, n_written: int) -> tuple[str, ...]:
+def _left_out(walk: ExportWalk, n_written: int) -> tuple[str, ...]:
     counts = {
-        "without a whole identity, which the format needs": len(walk.heard) - n_written,
+        "without a whole identity, which the format needs": len(walk.sightings) - n_written,
         "of cells without an identity": walk.n_without_identity,
-        "where no fix was near": walk.n_without_place,
+        "where no fix was near": walk.n_without_position,
     }
     said = [f"{n} readings {what}" for what, n in counts.items() if n]
     return (*said, *([] if walk.has_utc else ["times in UTC: GPS never told them"]))

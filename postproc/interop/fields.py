@@ -60,7 +60,7 @@ def maybe(fields: Fields, name: str, limits: tuple[float, float] = (-1e12, 1e12)
     return number(fields, name, limits) if text(fields, name) else None
 
 
-def whole(fields: Fields, *names: str, largest: int = _LARGEST) -> int | None:
+def integer(fields: Fields, *names: str, largest: int = _LARGEST) -> int | None:
     """Integer from 0; None where it is empty or a mark: negative, or the largest there is."""
     found = text(fields, *names)
     if not found:
@@ -78,12 +78,12 @@ def whole(fields: Fields, *names: str, largest: int = _LARGEST) -> int | None:
 
 def cell_identity(fields: Fields, *names: str) -> int | None:
     """Cell identity of any technology."""
-    return whole(fields, *names, largest=_LARGEST_CID)
+    return integer(fields, *names, largest=_LARGEST_CID)
 
 
 def plmn(fields: Fields) -> tuple[str | None, str | None]:
     """Country and network code with their digits: a network code of one digit has lost its zero."""
-    mcc, mnc = whole(fields, "mcc", largest=999), whole(fields, "mnc", largest=999)
+    mcc, mnc = integer(fields, "mcc", largest=999), integer(fields, "mnc", largest=999)
     if mcc is None or mnc is None:
         return None, None
     return f"{mcc:03d}", text(fields, "mnc").zfill(2)

@@ -9,7 +9,7 @@ from logger.core.errors import RunFileError
 from postproc.interop import csv_table, kismet, network_survey, opencellid, walk_csv, wigle
 from postproc.interop.fields import RATS
 from postproc.interop.sighting import Row
-from postproc.sqlite_file import opened
+from postproc.sqlite_file import open_database
 
 _SQLITE = b"SQLite format 3\0"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -63,13 +63,13 @@ def recognise(source: Path) -> Format:
     if text.startswith(b"{"):
         return OPENCELLID_JSON
     if not text or b"\0" in head or text.startswith((b"<", b"[", *_KINDS)):
-        raise _unknown(source, _kind_of(text))
+        raise _unknown_format(source, _kind_of(text))
     return _of_columns(source)
 
 
 def _of_tables(source: Path) -> Format:
     try:
-        with opened(source) as database:
+        with open_database(source) as database:
             tables = {
                 str(name)
                 for (name,) in database.execute(
@@ -115,11 +115,11 @@ def _of_columns(source: Path) -> Format:
     if len(names & _OURS) >= 2:
         return WALK_CSV
     if len(columns) > 1:
-        raise _unknown(source, f"a table with the columns {_short(', '.join(columns))}")
-    raise _unknown(source, f"text that begins with {_short(header.strip())!r}")
+        raise _unknown_format(source, f"a table with the columns {_short(', '.join(columns))}")
+    raise _unknown_format(source, f"text that begins with {_short(header.strip())!r}")
 
 
-def _unknown(source: Path, kind: str) -> RunFileError:
+def _unknown_format(source: Path, kind: str) -> RunFileError:
     return RunFileError(
         f"{source}: no format that can be imported; it looks like {kind}. Known are: {KNOWN}"
     )

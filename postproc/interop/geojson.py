@@ -7,55 +7,57 @@ from typing import Any
 
 from postproc.interop.estimates import Estimate
 from postproc.interop.geometry import DECIMALS, Rings, lines
-from postproc.interop.levels import Walked
-from postproc.interop.sighting import Heard
+from postproc.interop.levels import ExportWalk
+from postproc.interop.sighting import Sighting
 from postproc.interop.timestamps import moment, seconds
 
 Feature = dict[str, Any]
 
 
-def write(walk: Walked, found: Sequence[Estimate], target: Path) -> None:
+def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None:
     """One feature collection; `kind` is walk, level, region, place or ellipse95."""
     with target.open("w", encoding="utf-8") as file:
         file.write('{"type": "FeatureCollection", "features": [')
-        for i, feature in enumerate(_features(walk, found)):
+        for i, feature in enumerate(_features(walk, estimates)):
             file.write(
                 (",\n" if i else "\n") + json.dumps(feature, allow_nan=False, ensure_ascii=False)
             )
         file.write("\n]}\n")
 
 
-def _features(walk: Walked, found: Sequence[Estimate]) -> Iterator[Feature]:
+def _features(walk: ExportWalk, estimates: Sequence[Estimate]) -> Iterator[Feature]:
     yield _walk(walk)
-    for one in walk.heard:
+    for one in walk.sightings:
         yield _level(one, walk.start_ns)
-    for estimate in found:
+    for estimate in estimates:
         yield from _estimate(estimate)
 
 
-def _walk(walk: Walked) -> Feature:
+def _walk(walk: ExportWalk) -> Feature:
     parts = [
         part
         for stretch in walk.track
         for part in lines([_place(fix.lon_deg, fix.lat_deg) for _, fix in stretch])
     ]
     first, last = walk.track[0][0], walk.track[-1][-1]
-    told: Feature = {
+    properties: Feature = {
         "kind": "walk",
         "t_s": [seconds(t_ns - walk.start_ns) for t_ns in (first[0], last[0])],
     }
-    told |= {"utc": [moment(fix.utc_ns) for _, fix in (first, last)] if walk.has_utc else None}
+    properties |= {
+        "utc": [moment(fix.utc_ns) for _, fix in (first, last)] if walk.has_utc else None
+    }
     geometry = (
         {"type": "MultiLineString", "coordinates": parts}
         if parts
         else _point(_place(first[1].lon_deg, first[1].lat_deg))
     )
-    return {"type": "Feature", "geometry": geometry, "properties": told}
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-def _level(one: Heard, start_ns: int) -> Feature:
+def _level(one: Sighting, start_ns: int) -> Feature:
     cell = one.reading
-    told = {
+    properties = {
         "kind": "level",
         "cell": cell.cell,
         "rat": cell.rat,
@@ -67,7 +69,7 @@ def _level(one: Heard, start_ns: int) -> Feature:
     return {
         "type": "Feature",
         "geometry": _point(_place(one.lon_deg, one.lat_deg)),
-        "properties": told,
+        "properties": properties,
     }
 
 
@@ -91,9 +93,9 @@ def _estimate(estimate: Estimate) -> Iterator[Feature]:
             yield _area(place.ellipse95, {"kind": "ellipse95", **named})
 
 
-def _area(outline: Sequence[Rings], told: Feature) -> Feature:
+def _area(outline: Sequence[Rings], properties: Feature) -> Feature:
     geometry = {"type": "MultiPolygon", "coordinates": outline}
-    return {"type": "Feature", "geometry": geometry, "properties": told}
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
 def _point(place: tuple[float, float]) -> dict[str, Any]:

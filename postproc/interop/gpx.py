@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 from logger.core.types import Fix
 from postproc.interop.estimates import Estimate
 from postproc.interop.geometry import DECIMALS
-from postproc.interop.levels import Walked
+from postproc.interop.levels import ExportWalk
 from postproc.interop.timestamps import moment
 from postproc.interop.xml_file import add, decimal
 from postproc.interop.xml_file import write as write_xml
@@ -18,10 +18,10 @@ from postproc.interop.xml_file import write as write_xml
 NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
 
-def write(walk: Walked, found: Sequence[Estimate], target: Path) -> None:
+def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None:
     """Track and waypoints."""
     root = ET.Element("gpx", {"xmlns": NAMESPACE, "version": "1.1", "creator": "cellwalk"})
-    for estimate in found:
+    for estimate in estimates:
         for place in estimate.places:
             waypoint = add(root, "wpt", **_at(place.at[1], place.at[0]))
             add(waypoint, "name", f"{estimate.cell} {place.name}")

@@ -13,10 +13,10 @@ from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES
 from logger.core.track import Track, fix_sigma_m
 from logger.core.types import Fix, Note, Record, Scan
 from postproc.estimators import stale_fixes, track_plausibility, walker
-from postproc.interop.decompression import unpacked
+from postproc.interop.decompression import plain_file
 from postproc.interop.formats import WALK_CSV, Format, recognise
 from postproc.interop.run_builder import Append, meta_of, spare, write_run
-from postproc.interop.sighting import BadRow, Heard, NoCell
+from postproc.interop.sighting import BadRow, NoCell, Sighting
 
 _ROW_NS = 10**9
 """From row to row where only their order is known."""
@@ -46,49 +46,49 @@ def import_walk(source: Path, target: Path, *, times: bool = True) -> Imported:
     spare data.
     """
     spare(target, (IMPORT, IMPORT_WITHOUT_TIMES), "import")
-    with unpacked(source) as plain:
+    with plain_file(source) as plain:
         form = recognise(plain)
         rows = list(form.read(plain))
-    heard = [row for row in rows if isinstance(row, Heard)]
+    sightings = [row for row in rows if isinstance(row, Sighting)]
     bad = tuple(row for row in rows if isinstance(row, BadRow))
     n_other = sum(isinstance(row, NoCell) for row in rows)
-    if not heard:
+    if not sightings:
         why = (
             f"; line {bad[0].line}: {bad[0].why}"
             if bad
             else f"; {n_other} rows are no cells" * bool(n_other)
         )
         raise RunFileError(f"{source} has no usable row{why}")
-    n_read = len(heard)
+    n_read = len(sightings)
     if form is not WALK_CSV:
         # apps write a measurement again when they are asked for it again
-        heard = list({(row.t_ns, row.fix, row.reading): row for row in reversed(heard)}.values())[
-            ::-1
-        ]
-    in_time = sorted(heard, key=lambda row: row.t_ns) if times else _without_times(heard)
+        sightings = list(
+            {(row.t_ns, row.fix, row.reading): row for row in reversed(sightings)}.values()
+        )[::-1]
+    in_time = sorted(sightings, key=lambda row: row.t_ns) if times else _without_times(sightings)
     if times:
         _check_times(source, form, in_time)
-    was_sorted = times and not all(a.t_ns <= b.t_ns for a, b in pairwise(heard))
+    was_sorted = times and not all(a.t_ns <= b.t_ns for a, b in pairwise(sightings))
     imported = Imported(
-        target, form.name, len(heard), n_other, n_read - len(heard), bad, was_sorted, times
+        target, form.name, len(sightings), n_other, n_read - len(sightings), bad, was_sorted, times
     )
     origin = f"{IMPORT if times else IMPORT_WITHOUT_TIMES} {source.name}"
     write_run(target, meta_of(origin), lambda append: _fill(append, in_time, imported), "imported")
     return imported
 
 
-def _without_times(heard: Sequence[Heard]) -> list[Heard]:
+def _without_times(sightings: Sequence[Sighting]) -> list[Sighting]:
     """The rows in the file's order, with their number for a time."""
     return [
         replace(row, t_ns=i * _ROW_NS, fix=replace(row.fix, utc_ns=None))
-        for i, row in enumerate(heard)
+        for i, row in enumerate(sightings)
     ]
 
 
-def _check_times(source: Path, form: Format, heard: Sequence[Heard]) -> None:
+def _check_times(source: Path, form: Format, sightings: Sequence[Sighting]) -> None:
     """Raise `RunFileError` where nobody can have been at these places at these times."""
     try:
-        track = _track(heard)
+        track = _track(sightings)
     except GeoError:  # nothing can be located there, which is told by who tries
         return
     why = track_plausibility.too_fast(track) or track_plausibility.too_many_apart(
@@ -102,8 +102,8 @@ def _check_times(source: Path, form: Format, heard: Sequence[Heard]) -> None:
         )
 
 
-def _track(heard: Sequence[Heard]) -> Track:
-    fixes = list(dict.fromkeys((row.t_ns, row.fix) for row in heard))
+def _track(sightings: Sequence[Sighting]) -> Track:
+    fixes = list(dict.fromkeys((row.t_ns, row.fix) for row in sightings))
     lat_deg, lon_deg = (
         np.array([getattr(fix, name) for _, fix in fixes]) for name in ("lat_deg", "lon_deg")
     )
@@ -115,20 +115,20 @@ def _track(heard: Sequence[Heard]) -> Track:
     )
 
 
-def _fill(append: Append, heard: list[Heard], imported: Imported) -> int:
+def _fill(append: Append, sightings: list[Sighting], imported: Imported) -> int:
     """Notes, then a fix wherever place or time changes, and a scan for each row."""
-    start_ns = heard[0].t_ns
+    start_ns = sightings[0].t_ns
     for note in _notes(imported):
         append(Record(0, "import", note))
     place: tuple[int, Fix] | None = None
     fix_seq = 0
-    for row in heard:
+    for row in sightings:
         t_ns = row.t_ns - start_ns
         if place != (row.t_ns, row.fix):
             place = (row.t_ns, row.fix)
             fix_seq = append(Record(t_ns, "import", row.fix))
         append(Record(t_ns, "import", Scan(t_ns, (row.reading,), fix_seq, fix_seq)))
-    return heard[-1].t_ns - start_ns
+    return sightings[-1].t_ns - start_ns
 
 
 def _notes(imported: Imported) -> Iterator[Note]:

@@ -21,15 +21,15 @@ from postproc.interop.fields import (
     RATS,
     Fields,
     cell_identity,
+    integer,
     maybe,
     place_of,
     plmn,
     reading_of,
     text,
-    whole,
 )
-from postproc.interop.sighting import Heard, Row, parsed
-from postproc.sqlite_file import opened
+from postproc.interop.sighting import Row, Sighting, parse_rows
+from postproc.sqlite_file import open_database
 
 TYPES = ("Cellular", "CellModem", "Cell")
 _FIRST_REAL = 5
@@ -41,7 +41,7 @@ _LAST = ("ts_sec", "ts_usec", "lat", "lon", "json")
 def read(source: Path) -> Iterator[Row]:
     """Cell observations in the order of the log; raises `RunFileError` without a single one."""
     try:
-        with opened(source) as database:
+        with open_database(source) as database:
             database.row_factory = sqlite3.Row
             scale = 1.0 if _version(database) >= _FIRST_REAL else 1e-5
             have = {row["name"] for row in database.execute("PRAGMA table_info(data)")}
@@ -49,7 +49,7 @@ def read(source: Path) -> Iterator[Row]:
                 raise RunFileError(f"{source}: the table data has no column {', '.join(missing)}")
             columns = ", ".join(name for name in _COLUMNS if name in have)
             query = f"SELECT rowid, {columns} FROM data WHERE type IN (?, ?, ?) ORDER BY rowid"  # noqa: S608 (names of ours)
-            found = parsed(
+            found = parse_rows(
                 (
                     (row["rowid"], dict(row) | {"scale": scale})
                     for row in database.execute(query, TYPES)
@@ -74,7 +74,7 @@ def _version(database: sqlite3.Connection) -> int:
     return int(row[0]) if row and str(row[0]).isdecimal() else _FIRST_REAL
 
 
-def _sighting(line: int, row: Fields) -> Heard | None:
+def _sighting(line: int, row: Fields) -> Sighting | None:
     try:
         fields = json.loads(row["json"])
     except (TypeError, ValueError):
@@ -84,10 +84,10 @@ def _sighting(line: int, row: Fields) -> Heard | None:
     rat = RATS.get(text(fields, "rat").upper())
     if rat is None:
         return None
-    seconds = whole(row, "ts_sec", largest=2**33)
+    seconds = integer(row, "ts_sec", largest=2**33)
     if not seconds:
         raise ValueError("ts_sec is no time")
-    utc_ns = seconds * 10**9 + (whole(row, "ts_usec") or 0) * 1000
+    utc_ns = seconds * 10**9 + (integer(row, "ts_usec") or 0) * 1000
     place: dict[str, Any] = {
         name: (maybe(row, name) or 0.0) * row["scale"] for name in ("lat", "lon")
     }
@@ -103,11 +103,13 @@ def _sighting(line: int, row: Fields) -> Heard | None:
         "mcc": mcc,
         "mnc": mnc,
         "cid": cell_identity(fields, "cell_id"),
-        "arfcn": whole(fields, "earfcn"),
-        "band": whole(fields, "band"),
+        "arfcn": integer(fields, "earfcn"),
+        "band": integer(fields, "band"),
         "rsrq_db": maybe(fields, "rsrq"),
         "sinr_db": maybe(fields, "sinr"),
-        "psc" if rat == "WCDMA" else "pci": whole(fields, "pci") if rat != "GSM" else None,
+        "psc" if rat == "WCDMA" else "pci": integer(fields, "pci") if rat != "GSM" else None,
     }
     role: Role = "serving" if fields.get("is_serving") is True else "neighbour"
-    return Heard(line, utc_ns, fix, reading_of(rat, role, level_dbm, whole(fields, "tac"), **found))
+    return Sighting(
+        line, utc_ns, fix, reading_of(rat, role, level_dbm, integer(fields, "tac"), **found)
+    )

@@ -14,8 +14,8 @@ from logger.core.locator.rivals import share_text
 from logger.core.track import MAX_GAP_S
 from postproc.interop.estimates import Estimate
 from postproc.interop.geometry import Line, LonLat, Rings, lines
-from postproc.interop.levels import Walked
-from postproc.interop.sighting import Heard
+from postproc.interop.levels import ExportWalk
+from postproc.interop.sighting import Sighting
 from postproc.interop.timestamps import moment
 from postproc.interop.xml_file import add
 from postproc.interop.xml_file import write as write_xml
@@ -38,7 +38,7 @@ _AREA_COLOURS = {95: "40e68a00", 50: "70e68a00"}
 _LINE = "ffe68a00"
 
 
-def write(walk: Walked, found: Sequence[Estimate], target: Path) -> None:
+def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None:
     """Folders: the walk, then one for each cell."""
     root = ET.Element("kml", {"xmlns": NAMESPACE})
     document = add(root, "Document")
@@ -54,21 +54,17 @@ def write(walk: Walked, found: Sequence[Estimate], target: Path) -> None:
         ]
         ends = (stretch[0][1].utc_ns, stretch[-1][1].utc_ns)
         _placemark(folder, "walk", "walk", lines(points), ends, points[0])
-    by_cell: dict[str, list[Heard]] = {estimate.cell: [] for estimate in found}
-    for one in walk.heard:
+    by_cell: dict[str, list[Sighting]] = {estimate.cell: [] for estimate in estimates}
+    for one in walk.sightings:
         by_cell.setdefault(one.reading.cell or "", []).append(one)
-    told = {estimate.cell: estimate for estimate in found}
-    for cell, heard in sorted(by_cell.items(), key=lambda entry: -len(entry[1])):
-        _cell(document, cell, heard, told.get(cell))
+    estimate_of = {estimate.cell: estimate for estimate in estimates}
+    for cell, sightings in sorted(by_cell.items(), key=lambda entry: -len(entry[1])):
+        _cell(document, cell, sightings, estimate_of.get(cell))
     write_xml(root, target)
 
 
-def _about(walk: Walked) -> str:
-    return (
-        "times are UTC, as told by GPS"
-        if walk.has_utc
-        else "UTC is not known, so nothing has a time"
-    )
+def _about(walk: ExportWalk) -> str:
+    return "times are UTC, from GPS" if walk.has_utc else "UTC is not known, so nothing has a time"
 
 
 def _styles(document: ET.Element) -> None:
@@ -95,15 +91,15 @@ def _style(
 
 
 def _cell(
-    document: ET.Element, cell: str, heard: Sequence[Heard], estimate: Estimate | None
+    document: ET.Element, cell: str, sightings: Sequence[Sighting], estimate: Estimate | None
 ) -> None:
-    rat = next((one.reading.rat for one in heard), None)
-    says = f"{len(heard)} levels" + (f", {rat}" if rat else "")
+    rat = next((one.reading.rat for one in sightings), None)
+    says = f"{len(sightings)} levels" + (f", {rat}" if rat else "")
     if estimate is not None:
         says = "; ".join([says, estimate.verdict, *estimate.warnings])
     folder = _folder(document, cell, says)
     levels = _folder(folder, "levels", "dBm, in classes of 10 dB")
-    for strip in strips(heard):
+    for strip in strips(sightings):
         chosen, points = (
             level_class(strip[0].rssi_dbm),
             [(one.lon_deg, one.lat_deg) for one in strip],
@@ -135,16 +131,16 @@ def class_name(number: int) -> str:
     return f"{CLASSES_DBM[number]} dBm and above"
 
 
-def strips(heard: Sequence[Heard]) -> Iterator[Sequence[Heard]]:
+def strips(sightings: Sequence[Sighting]) -> Iterator[Sequence[Sighting]]:
     """Stretches of one class without a gap; each ends at the first level of the next."""
     start = 0
-    for i, (one, following) in enumerate(pairwise(heard), 1):
+    for i, (one, following) in enumerate(pairwise(sightings), 1):
         apart = following.t_ns - one.t_ns > MAX_GAP_S * 1e9
         if apart or level_class(one.rssi_dbm) != level_class(following.rssi_dbm):
-            yield heard[start : i if apart else i + 1]
+            yield sightings[start : i if apart else i + 1]
             start = i
-    if heard:
-        yield heard[start:]
+    if sightings:
+        yield sightings[start:]
 
 
 def _folder(parent: ET.Element, name: str, says: str) -> ET.Element:

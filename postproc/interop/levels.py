@@ -21,7 +21,7 @@ from logger.core.runfile import Run
 from logger.core.timebase import fit_run
 from logger.core.track import MAX_GAP_S, SIGMA_OF_RADIUS68
 from logger.core.types import CellReading, Fix
-from postproc.interop.sighting import Heard
+from postproc.interop.sighting import Sighting
 
 _DEGREE_DECIMALS = 8
 """A millimetre."""
@@ -33,23 +33,23 @@ Stretch = tuple[tuple[int, Fix], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Walked:
+class ExportWalk:
     """Levels in time order, and the track, divided where the receiver was silent for long.
 
     `n_without_..` count readings that are left out. `start_ns` is the time of the first level,
     from which seconds are counted; `has_utc` tells whether times in UTC are known.
     """
 
-    heard: tuple[Heard, ...]
+    sightings: tuple[Sighting, ...]
     track: tuple[Stretch, ...]
     utm: Utm
     start_ns: int
     has_utc: bool
     n_without_identity: int
-    n_without_place: int
+    n_without_position: int
 
 
-def walked(run: Run, only: Sequence[str] | None = None) -> Walked:
+def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
     """Levels of all cells of a run, or of those named; raises `EstimationError` without a fix."""
     readings = run.tables["readings"]
     observed = observe(run.tables["fixes"], run.tables["scans"], readings)
@@ -58,17 +58,17 @@ def walked(run: Run, only: Sequence[str] | None = None) -> Walked:
     wanted = (readings["cell"] != b"") & np.isfinite(levels_dbm(readings))
     if only is not None:
         wanted &= np.isin(readings["cell"], [name.encode() for name in only])
-    heard = _sightings(
+    sightings = _sightings(
         run, observed, wanted, [entry for stretch in track for entry in stretch], clock
     )
-    return Walked(
-        heard=tuple(heard),
+    return ExportWalk(
+        sightings=tuple(sightings),
         track=track,
         utm=observed.track.utm,
-        start_ns=heard[0].t_ns if heard else track[0][0][0],
+        start_ns=sightings[0].t_ns if sightings else track[0][0][0],
         has_utc=track[0][0][1].utc_ns is not None,
         n_without_identity=int(np.count_nonzero(readings["cell"] == b"")) if only is None else 0,
-        n_without_place=int(np.count_nonzero(wanted)) - len(heard),
+        n_without_position=int(np.count_nonzero(wanted)) - len(sightings),
     )
 
 
@@ -110,7 +110,7 @@ def _has_place(fix: Fix) -> bool:
 def _sightings(
     run: Run, observed: Observations, wanted: npt.NDArray[np.bool_],
     track: Sequence[tuple[int, Fix]], clock: Clock,
-) -> list[Heard]:  # fmt: skip
+) -> list[Sighting]:  # fmt: skip
     """Readings that have a place: all of a scan have the same."""
     seq = _all(observed, "scan_seq")
     scans, first = np.unique(seq, return_index=True)
@@ -140,7 +140,7 @@ def _sightings(
     rows = run.tables["readings"]
     chosen = rows[wanted & np.isin(rows["seq"], scans)]
     found = [
-        Heard(row["seq"], *places[row["seq"]], _reading(row))
+        Sighting(row["seq"], *places[row["seq"]], _reading(row))
         for row in values_of("readings", chosen)
     ]
     return sorted(found, key=lambda one: one.t_ns)

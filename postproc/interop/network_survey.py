@@ -18,16 +18,16 @@ from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     Fields,
     cell_identity,
+    integer,
     maybe,
     place_of,
     plmn,
     reading_of,
     text,
     utc_ns_of,
-    whole,
 )
-from postproc.interop.sighting import Heard, Row, parsed
-from postproc.sqlite_file import opened
+from postproc.interop.sighting import Row, Sighting, parse_rows
+from postproc.sqlite_file import open_database
 
 TABLES: dict[str, Rat] = {
     "GSM_MESSAGE": "GSM",
@@ -54,7 +54,7 @@ _WKB_POINTS = (1, 1001, 2001, 3001)
 
 def read_csv(source: Path) -> Iterator[Row]:
     """Records of a CSV file; raises `RunFileError` without the columns needed."""
-    yield from parsed(
+    yield from parse_rows(
         csv_table.rows(source, required=({*_CHANNELS}, "devicetime", "latitude", "longitude")),
         _of_csv,
     )
@@ -63,13 +63,13 @@ def read_csv(source: Path) -> Iterator[Row]:
 def read_geopackage(source: Path) -> Iterator[Row]:
     """Records of all tables, row by row; raises `RunFileError` for a damaged file."""
     try:
-        with opened(source) as database:
+        with open_database(source) as database:
             database.row_factory = sqlite3.Row
             database.text_factory = lambda data: data.decode("utf-8", "replace")
             present = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
             for table in (table for table in TABLES if table in present):
                 rows = enumerate(database.execute(f'SELECT * FROM "{table}"'), 1)  # noqa: S608 (a name of ours)
-                yield from parsed(
+                yield from parse_rows(
                     ((line, _fields(row, TABLES[table])) for line, row in rows), _of_table
                 )
     except sqlite3.Error as error:
@@ -81,13 +81,13 @@ def _fields(row: sqlite3.Row, rat: Rat) -> dict[str, Any]:
     return {_RENAMED.get(name, name): value for name, value in plain.items()} | {"rat": rat}
 
 
-def _of_csv(line: int, fields: Fields) -> Heard:
+def _of_csv(line: int, fields: Fields) -> Sighting:
     rat = next(rat for channel, rat in _CHANNELS.items() if channel in fields)
     return _sighting(line, fields, rat, utc_ns_of(text(fields, "devicetime"), "deviceTime"))
 
 
-def _of_table(line: int, fields: Fields) -> Heard:
-    utc_ms = whole(fields, "devicetime", largest=2**43)
+def _of_table(line: int, fields: Fields) -> Sighting:
+    utc_ms = integer(fields, "devicetime", largest=2**43)
     if utc_ms is None:
         raise ValueError("Time is empty")
     place = _point(fields.get("geom")) if fields.get("geom") is not None else {}
@@ -116,7 +116,7 @@ def _point(geometry: object) -> dict[str, float]:
     )
 
 
-def _sighting(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Heard:
+def _sighting(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Sighting:
     mcc, mnc = plmn(fields)
     level = {"GSM": "signalstrength", "WCDMA": "rscp", "LTE": "rsrp", "NR": "ssrsrp"}[rat]
     level_dbm = maybe(fields, level, LEVEL_RANGE_DBM)
@@ -127,11 +127,11 @@ def _sighting(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Heard:
         "mcc": mcc,
         "mnc": mnc,
         "cid": cell_identity(fields, "ci", "cid", "eci", "nci"),
-        "arfcn": whole(fields, *_CHANNELS),
-        "bsic": whole(fields, "bsic") if rat == "GSM" else None,
-        "ta": whole(fields, "ta") if rat == "GSM" else None,
-        "psc": whole(fields, "psc"),
-        "pci": whole(fields, "pci"),
+        "arfcn": integer(fields, *_CHANNELS),
+        "bsic": integer(fields, "bsic") if rat == "GSM" else None,
+        "ta": integer(fields, "ta") if rat == "GSM" else None,
+        "psc": integer(fields, "psc"),
+        "pci": integer(fields, "pci"),
         "ecio_db": maybe(fields, "ecno"),
         "rsrq_db": maybe(fields, "ssrsrq" if rat == "NR" else "rsrq"),
         "sinr_db": maybe(fields, "sssinr" if rat == "NR" else "snr"),
@@ -144,11 +144,11 @@ def _sighting(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Heard:
         "speed_mps": maybe(fields, "speed"),
     }
     fix = place_of(fields, "latitude", "longitude", utc_ns, **known)
-    return Heard(
+    return Sighting(
         line,
         utc_ns,
         fix,
-        reading_of(rat, _role(fields), level_dbm, whole(fields, "lac", "tac"), **found),
+        reading_of(rat, _role(fields), level_dbm, integer(fields, "lac", "tac"), **found),
     )
 
 

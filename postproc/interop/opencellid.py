@@ -20,6 +20,7 @@ from postproc.interop.fields import (
     RATS,
     Fields,
     cell_identity,
+    integer,
     is_plmn,
     maybe,
     number,
@@ -28,9 +29,8 @@ from postproc.interop.fields import (
     reading_of,
     text,
     utc_ns_of,
-    whole,
 )
-from postproc.interop.sighting import Heard, Row, parsed
+from postproc.interop.sighting import Row, Sighting, parse_rows
 
 _NEEDED = (
     "mcc",
@@ -53,7 +53,7 @@ _ASU_MOST = {"GSM": 31, "LTE": 97, "NR": 97}
 
 def read_csv(source: Path) -> Iterator[Row]:
     """Measurements of a CSV file; raises `RunFileError` without the columns needed."""
-    yield from parsed(csv_table.rows(source, required=_NEEDED), _sighting)
+    yield from parse_rows(csv_table.rows(source, required=_NEEDED), _sighting)
 
 
 def read_json(source: Path) -> Iterator[Row]:
@@ -65,48 +65,49 @@ def read_json(source: Path) -> Iterator[Row]:
     measurements = found.get("measurements") if isinstance(found, dict) else None
     if not isinstance(measurements, list) or not all(isinstance(one, dict) for one in measurements):
         raise RunFileError(f'{source} is JSON, but has no list "measurements" as OpenCelliD has')
-    yield from parsed(enumerate(measurements, 1), _sighting)
+    yield from parse_rows(enumerate(measurements, 1), _sighting)
 
 
-def writable(heard: Heard) -> bool:
+def writable(sighting: Sighting) -> bool:
     """Whether a measurement has all that the format needs: who, and when in UTC."""
-    cell = heard.reading
+    cell = sighting.reading
     return is_plmn(cell.mcc, cell.mnc) and None not in (
-        heard.fix.utc_ns,
+        sighting.fix.utc_ns,
         cell.cid,
         cell.rat,
-        _area(heard),
+        _area(sighting),
     )
 
 
-def write_csv(heard: Sequence[Heard], target: Path) -> None:
+def write_csv(sightings: Sequence[Sighting], target: Path) -> None:
     """Measurements that are `writable`, in the columns of the app's own export."""
     with target.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, _COLUMNS, restval="", lineterminator="\n")
         writer.writeheader()
-        writer.writerows(map(_measurement, heard))
+        writer.writerows(map(_measurement, sightings))
 
 
-def write_json(heard: Sequence[Heard], target: Path) -> None:
+def write_json(sightings: Sequence[Sighting], target: Path) -> None:
     """Measurements that are `writable`, as the API takes them: codes are integers."""
     numbered = [
-        one | {"mcc": int(one["mcc"]), "mnc": int(one["mnc"])} for one in map(_measurement, heard)
+        one | {"mcc": int(one["mcc"]), "mnc": int(one["mnc"])}
+        for one in map(_measurement, sightings)
     ]
     target.write_text(json.dumps({"measurements": numbered}, indent=1) + "\n", encoding="utf-8")
 
 
-def _measurement(heard: Heard) -> dict[str, Any]:
-    fix, cell = heard.fix, heard.reading
+def _measurement(sighting: Sighting) -> dict[str, Any]:
+    fix, cell = sighting.fix, sighting.reading
     assert fix.utc_ns is not None
     assert cell.rat is not None
-    found = {
+    values = {
         "mcc": cell.mcc,
         "mnc": cell.mnc,
-        "lac": _area(heard),
+        "lac": _area(sighting),
         "cellid": cell.cid,
         "lat": fix.lat_deg,
         "lon": fix.lon_deg,
-        "signal": round(heard.rssi_dbm),
+        "signal": round(sighting.rssi_dbm),
         "measured_at": fix.utc_ns // 10**6,
         "rating": fix.acc_m,
         "speed": fix.speed_mps,
@@ -117,31 +118,31 @@ def _measurement(heard: Heard) -> dict[str, Any]:
         "tac": cell.tac,
         "pci": cell.pci,
     }
-    return {name: value for name, value in found.items() if value is not None}
+    return {name: value for name, value in values.items() if value is not None}
 
 
-def _area(heard: Heard) -> int | None:
-    return heard.reading.tac if heard.reading.lac is None else heard.reading.lac
+def _area(sighting: Sighting) -> int | None:
+    return sighting.reading.tac if sighting.reading.lac is None else sighting.reading.lac
 
 
-def _sighting(line: int, fields: Fields) -> Heard | None:
+def _sighting(line: int, fields: Fields) -> Sighting | None:
     rat = RATS.get(text(fields, "act", "net_type").upper())
     if rat is None:
         return None
     mcc, mnc = plmn(fields)
     area = (
-        whole(fields, "lac", "tac")
+        integer(fields, "lac", "tac")
         if rat in {"GSM", "WCDMA"}
         else _known_first(fields, "tac", "lac")
     )
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         "mcc": mcc,
         "mnc": mnc,
         "cid": cell_identity(fields, "cellid", "cell_id"),
-        "arfcn": whole(fields, "arfcn"),
-        "psc": whole(fields, "psc") if rat == "WCDMA" else None,
+        "arfcn": integer(fields, "arfcn"),
+        "psc": integer(fields, "psc") if rat == "WCDMA" else None,
         "pci": _known_first(fields, "pci", "psc") if rat not in {"GSM", "WCDMA"} else None,
-        "ta": whole(fields, "ta") if rat == "GSM" else None,
+        "ta": integer(fields, "ta") if rat == "GSM" else None,
     }
     utc_ns = _utc_ns(text(fields, "measured_at"))
     acc_m = maybe(fields, "rating" if "rating" in fields else "accuracy", (0.0, 1e6)) or None
@@ -152,14 +153,14 @@ def _sighting(line: int, fields: Fields) -> Heard | None:
         "course_deg": maybe(fields, "direction" if "direction" in fields else "bearing"),
     }
     fix = place_of(fields, "lat", "lon", utc_ns, **known)
-    return Heard(
-        line, utc_ns, fix, reading_of(rat, _role(fields), _level_dbm(fields, rat), area, **found)
+    return Sighting(
+        line, utc_ns, fix, reading_of(rat, _role(fields), _level_dbm(fields, rat), area, **values)
     )
 
 
 def _known_first(fields: Fields, *names: str) -> int | None:
     """First known integer: an app writes a mark where Tower Collector leaves the column empty."""
-    return next((value for name in names if (value := whole(fields, name)) is not None), None)
+    return next((value for name in names if (value := integer(fields, name)) is not None), None)
 
 
 def _role(fields: Fields) -> Role:
@@ -167,17 +168,17 @@ def _role(fields: Fields) -> Role:
     return "scan" if not told else "neighbour" if told in {"true", "1"} else "serving"
 
 
-def _utc_ns(found: str) -> int:
-    if not found:
+def _utc_ns(measured_at: str) -> int:
+    if not measured_at:
         raise ValueError("measured_at is empty")
     # ten digits are seconds until the year 2286, thirteen are milliseconds since 2001
     utc_ns = (
-        int(found) * (10**6 if len(found) > 11 else 10**9)
-        if found.isdecimal()
-        else utc_ns_of(found, "measured_at")
+        int(measured_at) * (10**6 if len(measured_at) > 11 else 10**9)
+        if measured_at.isdecimal()
+        else utc_ns_of(measured_at, "measured_at")
     )
     if not 0 < utc_ns < 2**62:
-        raise ValueError(f"measured_at is out of range: {found[:40]}")
+        raise ValueError(f"measured_at is out of range: {measured_at[:40]}")
     return utc_ns
 
 

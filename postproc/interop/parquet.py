@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 
 from logger.core.schema import TABLES
 from logger.core.types import CellReading
-from postproc.interop.sighting import Heard
+from postproc.interop.sighting import Sighting
 
 _CELL = [f.name for f in fields_of(CellReading) if f.name not in {"label", "more"}]
 _COLUMNS = {column.name: column for column in TABLES["readings"]}
@@ -21,7 +21,7 @@ _PLACE = {
 }
 
 
-def write(heard: Sequence[Heard], target: Path, start_ns: int) -> None:
+def write(sightings: Sequence[Sighting], target: Path, start_ns: int) -> None:
     """One row for each level; the unit of a column is in its metadata, null is unknown."""
     about = {
         "description": (
@@ -29,21 +29,33 @@ def write(heard: Sequence[Heard], target: Path, start_ns: int) -> None:
         )
     }
     columns = [
-        (_field("t_s", pa.float64(), "s"), [(one.t_ns - start_ns) / 1e9 for one in heard]),
+        (
+            _field("t_s", pa.float64(), "s"),
+            [(sighting.t_ns - start_ns) / 1e9 for sighting in sightings],
+        ),
         (
             _field("utc", pa.timestamp("us", tz="UTC"), "by GPS"),
-            [_microseconds(one.fix.utc_ns) for one in heard],
+            [_microseconds(sighting.fix.utc_ns) for sighting in sightings],
         ),
-        (_field("lat_deg", pa.float64(), "deg north, WGS 84"), [one.lat_deg for one in heard]),
-        (_field("lon_deg", pa.float64(), "deg east, WGS 84"), [one.lon_deg for one in heard]),
+        (
+            _field("lat_deg", pa.float64(), "deg north, WGS 84"),
+            [sighting.lat_deg for sighting in sightings],
+        ),
+        (
+            _field("lon_deg", pa.float64(), "deg east, WGS 84"),
+            [sighting.lon_deg for sighting in sightings],
+        ),
         *(
-            (_field(n, pa.float64(), unit), [getattr(one.fix, n) for one in heard])
+            (_field(n, pa.float64(), unit), [getattr(sighting.fix, n) for sighting in sightings])
             for n, unit in _PLACE.items()
         ),
-        (_field("cell", pa.string(), "name of the cell"), [one.reading.cell for one in heard]),
-        (_field("level_dbm", pa.float64(), "dBm"), [one.rssi_dbm for one in heard]),
+        (
+            _field("cell", pa.string(), "name of the cell"),
+            [sighting.reading.cell for sighting in sightings],
+        ),
+        (_field("level_dbm", pa.float64(), "dBm"), [sighting.rssi_dbm for sighting in sightings]),
         *(
-            (_field(n, _kind(n), _COLUMNS[n].unit), [_value(one, n) for one in heard])
+            (_field(n, _kind(n), _COLUMNS[n].unit), [_value(sighting, n) for sighting in sightings])
             for n in _CELL
         ),
     ]
@@ -61,8 +73,8 @@ def _kind(name: str) -> pa.DataType:
     return pa.string() if dtype.startswith("S") else pa.float64() if dtype == "<f8" else pa.int64()
 
 
-def _value(one: Heard, name: str) -> object:
-    value = getattr(one.reading, name)
+def _value(sighting: Sighting, name: str) -> object:
+    value = getattr(sighting.reading, name)
     return str(value) if name == "band" and value is not None else value
 
 

@@ -11,7 +11,7 @@ Fields = TypeVar("Fields")
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class Sighting:
     """One cell heard at one place.
 
     `line` is the line, row or record it stands in, `t_ns` orders them; `fix.utc_ns` is None where
@@ -25,16 +25,16 @@ class Heard:
 
     @property
     def lat_deg(self) -> float:
-        return _known(self.fix.lat_deg)
+        return _required(self.fix.lat_deg)
 
     @property
     def lon_deg(self) -> float:
-        return _known(self.fix.lon_deg)
+        return _required(self.fix.lon_deg)
 
     @property
     def rssi_dbm(self) -> float:
         """Level, whatever the technology calls it."""
-        return _known(self.reading.level_dbm)
+        return _required(self.reading.level_dbm)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +52,11 @@ class NoCell:
     line: int
 
 
-Row = Heard | BadRow | NoCell
+Row = Sighting | BadRow | NoCell
 
 
-def parsed(
-    rows: Iterable[tuple[int, Fields]], parse: Callable[[int, Fields], Heard | None]
+def parse_rows(
+    rows: Iterable[tuple[int, Fields]], parse: Callable[[int, Fields], Sighting | None]
 ) -> Iterator[Row]:
     """Parsed rows with line numbers; `parse` returns None for no cell, raises for bad rows."""
     for line, fields in rows:
@@ -68,7 +68,7 @@ def parsed(
             yield heard or NoCell(line)
 
 
-def _known(value: float | None) -> float:
+def _required(value: float | None) -> float:
     if value is None:
         raise TypeError("a cell heard has a place and a level")
     return value

@@ -13,12 +13,12 @@ _TO_QUOTE = re.compile('[,"\r\n]')
 _MARKED = re.compile("'+[=+\\-@\t\r\n]")
 
 
-def marked(text: str) -> str:
+def escape(text: str) -> str:
     """Text for a cell, with a mark where it looks like a formula or like marked text."""
     return f"'{text}" if _FORMULA.match(text) else text
 
 
-def unmarked(text: str) -> str:
+def unescape(text: str) -> str:
     """The text that was marked."""
     return text[1:] if _MARKED.match(text) else text
 

@@ -24,14 +24,14 @@ from postproc.interop.fields import (
     RATS,
     Fields,
     cell_identity,
+    integer,
     maybe,
     number,
     text,
     utc_ns_of,
-    whole,
 )
-from postproc.interop.sighting import BadRow, Heard, Row, parsed
-from postproc.interop.spreadsheet_text import line, marked, unmarked
+from postproc.interop.sighting import BadRow, Row, Sighting, parse_rows
+from postproc.interop.spreadsheet_text import escape, line, unescape
 
 DEFAULT_CELL = "target"
 _CELL_BYTES = 64
@@ -63,46 +63,46 @@ COLUMNS = (
 
 def read(source: Path) -> Iterator[Row]:
     """Rows in the file's order; raises `RunFileError` without the columns needed."""
-    yield from parsed(
+    yield from parse_rows(
         csv_table.rows(source, required=({"t_s", "time_utc"}, "lat", "lon", "rssi_dbm")), _sighting
     )
 
 
-def read_walk(source: Path) -> tuple[list[Heard], list[BadRow]]:
+def read_walk(source: Path) -> tuple[list[Sighting], list[BadRow]]:
     """Usable rows, and those that are not, each in the file's order; raises as `read`."""
     rows = list(read(source))
-    return [row for row in rows if isinstance(row, Heard)], [
+    return [row for row in rows if isinstance(row, Sighting)], [
         row for row in rows if isinstance(row, BadRow)
     ]
 
 
-def write(heard: Sequence[Heard], target: Path, start_ns: int) -> None:
+def write(sightings: Sequence[Sighting], target: Path, start_ns: int) -> None:
     """Levels as CSV that `read` returns equal: seconds since `start_ns`, and UTC if known."""
     used = [
         name
         for name in COLUMNS
-        if name in {"rssi_dbm", "time_utc"} or any(_value(h, name, 0) for h in heard)
+        if name in {"rssi_dbm", "time_utc"} or any(_value(h, name, 0) for h in sightings)
     ]
     with target.open("w", newline="", encoding="utf-8") as file:
         file.write(line(used))
-        file.writelines(line(_value(one, name, start_ns) for name in used) for one in heard)
+        file.writelines(line(_value(one, name, start_ns) for name in used) for one in sightings)
 
 
-def _value(heard: Heard, name: str, start_ns: int) -> str:
-    fix, reading = heard.fix, heard.reading
+def _value(sighting: Sighting, name: str, start_ns: int) -> str:
+    fix, reading = sighting.fix, sighting.reading
     match name:
         case "t_s":
-            return _seconds(heard.t_ns - start_ns)
+            return _seconds(sighting.t_ns - start_ns)
         case "time_utc":
             return "" if fix.utc_ns is None else _utc(fix.utc_ns)
         case "lat" | "lon":
             return repr(getattr(fix, f"{name}_deg"))
         case "cell":
-            return marked(reading.cell or "")
+            return escape(reading.cell or "")
         case "acc_m" | "alt_m" | "speed_mps" | "course_deg":
             return _text(getattr(fix, name))
     value = _text(getattr(reading, name))
-    return marked(value) if name in _TEXTS else value
+    return escape(value) if name in _TEXTS else value
 
 
 def _text(value: object) -> str:
@@ -121,7 +121,7 @@ def _utc(utc_ns: int) -> str:
     return f"{utc_text(utc_ns)[:-1]}.{utc_ns // 1000 % 10**6:06d}Z"
 
 
-def _sighting(line: int, fields: Fields) -> Heard:
+def _sighting(line: int, fields: Fields) -> Sighting:
     utc_ns = (
         utc_ns_of(fields["time_utc"], "time_utc")
         if "t_s" not in fields or fields.get("time_utc")
@@ -135,7 +135,7 @@ def _sighting(line: int, fields: Fields) -> Heard:
     known = {name: maybe(fields, name) for name in _PLACE}
     acc_m = maybe(fields, "acc_m", (0.0, 1e6))
     fix = Fix(True, utc_ns=utc_ns, lat_deg=lat_deg, lon_deg=lon_deg, acc_m=acc_m, **known)  # type: ignore[arg-type]
-    return Heard(line, t_ns, fix, _reading(fields))
+    return Sighting(line, t_ns, fix, _reading(fields))
 
 
 def _reading(fields: Fields) -> CellReading:
@@ -145,7 +145,7 @@ def _reading(fields: Fields) -> CellReading:
     if all(levels[name] is None for name in _LEVELS[1:]) and named["rxlev_raw"] is None:
         levels["rssi_dbm"] = number(fields, "rssi_dbm", LEVEL_RANGE_DBM)
     reading = CellReading(role, RATS.get(text(fields, "rat").upper()), **levels, **named)  # type: ignore[arg-type]
-    cell = unmarked(text(fields, "cell")) or reading.cell or DEFAULT_CELL
+    cell = unescape(text(fields, "cell")) or reading.cell or DEFAULT_CELL
     if len(cell.encode()) > _CELL_BYTES:
         raise ValueError(f"the cell's name is longer than {_CELL_BYTES} bytes")
     return reading if reading.cell == cell else replace(reading, label=cell)
@@ -154,9 +154,9 @@ def _reading(fields: Fields) -> CellReading:
 def _cell_value(fields: Fields, name: str) -> float | int | str | None:
     column = _COLUMNS[name]
     if name == "identity_unsure":
-        return bool(whole(fields, name))
+        return bool(integer(fields, name))
     if column.dtype.startswith("S"):
-        found = unmarked(text(fields, name))
+        found = unescape(text(fields, name))
         if len(found.encode()) > int(column.dtype[1:]):
             raise ValueError(f"{name} is too long: {found[:40]!r}")
         return found or None
@@ -165,4 +165,4 @@ def _cell_value(fields: Fields, name: str) -> float | int | str | None:
     if column.unknown == UNKNOWN_SIGNED:
         value = maybe(fields, name, (-1e9, 1e9))
         return None if value is None else round(value)
-    return cell_identity(fields, name) if name == "cid" else whole(fields, name)
+    return cell_identity(fields, name) if name == "cid" else integer(fields, name)

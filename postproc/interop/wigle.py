@@ -18,6 +18,7 @@ from postproc.interop.fields import (
     RATS,
     Fields,
     cell_identity,
+    integer,
     is_plmn,
     maybe,
     number,
@@ -25,9 +26,8 @@ from postproc.interop.fields import (
     reading_of,
     text,
     utc_ns_of,
-    whole,
 )
-from postproc.interop.sighting import Heard, Row, parsed
+from postproc.interop.sighting import Row, Sighting, parse_rows
 
 PREFIX = "WigleWifi-"
 NO_LEVEL_DBM = -113.0
@@ -46,17 +46,19 @@ def read(source: Path) -> Iterator[Row]:
     """Cells of a file of either version; raises `RunFileError` without the columns needed."""
     with csv_table.text_lines(source) as lines:
         skip = 1 if next(lines, "").startswith(PREFIX) else 0
-    yield from parsed(csv_table.rows(source, skip=skip, required=_NEEDED), _sighting)
+    yield from parse_rows(csv_table.rows(source, skip=skip, required=_NEEDED), _sighting)
 
 
-def writable(heard: Heard) -> bool:
+def writable(sighting: Sighting) -> bool:
     """Whether a sighting has all that the format needs: who, and when in UTC."""
     return (
-        heard.fix.utc_ns is not None and _mac(heard) is not None and heard.reading.rat is not None
+        sighting.fix.utc_ns is not None
+        and _mac(sighting) is not None
+        and sighting.reading.rat is not None
     )
 
 
-def write(heard: Sequence[Heard], target: Path) -> None:
+def write(sightings: Sequence[Sighting], target: Path) -> None:
     """Sightings that are `writable` as version 1.6; nothing is told of the device."""
     with target.open("w", newline="", encoding="utf-8") as file:
         file.write(
@@ -64,25 +66,25 @@ def write(heard: Sequence[Heard], target: Path) -> None:
         )
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(_COLUMNS)
-        writer.writerows(map(_line, heard))
+        writer.writerows(map(_line, sightings))
 
 
-def _line(heard: Heard) -> list[object]:
-    fix, reading = heard.fix, heard.reading
+def _line(sighting: Sighting) -> list[object]:
+    fix, reading = sighting.fix, sighting.reading
     assert fix.utc_ns is not None
     kind = reading.rat if reading.rat in {"GSM", "WCDMA", "NR"} else "LTE"
     seen = utc_text(fix.utc_ns).replace("T", " ").rstrip("Z")
-    place = (fix.lat_deg, fix.lon_deg, _known(fix.alt_m), _known(fix.acc_m))
-    channel = _known(reading.arfcn)
+    place = (fix.lat_deg, fix.lon_deg, _or_empty(fix.alt_m), _or_empty(fix.acc_m))
+    channel = _or_empty(reading.arfcn)
     auth = f"{kind};{reading.mcc}{reading.mnc}"
     return [
-        _mac(heard),
+        _mac(sighting),
         "",
         auth,
         seen,
         channel,
         channel,
-        round(heard.rssi_dbm),
+        round(sighting.rssi_dbm),
         *place,
         "",
         "",
@@ -90,18 +92,18 @@ def _line(heard: Heard) -> list[object]:
     ]
 
 
-def _mac(heard: Heard) -> str | None:
-    cell = heard.reading
+def _mac(sighting: Sighting) -> str | None:
+    cell = sighting.reading
     area = cell.tac if cell.lac is None else cell.lac
     known = is_plmn(cell.mcc, cell.mnc) and None not in (area, cell.cid)
     return f"{cell.mcc}{cell.mnc}_{area}_{cell.cid}" if known else None
 
 
-def _known(value: float | None) -> float | str:
+def _or_empty(value: float | None) -> float | str:
     return "" if value is None else value
 
 
-def _sighting(line: int, fields: Fields) -> Heard | None:
+def _sighting(line: int, fields: Fields) -> Sighting | None:
     # real rows say GSM in Type and LTE in AuthMode; the app sets AuthMode from the cell itself
     kinds = (text(fields, "authmode").partition(";")[0].upper(), text(fields, "type").upper())
     rat = next((RATS[kind] for kind in kinds if kind in RATS), None)
@@ -127,8 +129,8 @@ def _sighting(line: int, fields: Fields) -> Heard | None:
         "mcc": cell[1],
         "mnc": cell[2],
         "cid": cell_identity(found, "cell"),
-        "arfcn": whole(fields, "channel") or None,
+        "arfcn": integer(fields, "channel") or None,
     }
-    return Heard(
-        line, utc_ns, fix, reading_of(rat, "scan", level_dbm, whole(found, "area"), **more)
+    return Sighting(
+        line, utc_ns, fix, reading_of(rat, "scan", level_dbm, integer(found, "area"), **more)
     )

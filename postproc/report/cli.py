@@ -81,7 +81,7 @@ def report(
 def _page(
     runs: "list[Run]", cells: Sequence[str], claims: ClaimOptions, prior: "Prior"
 ) -> "Report":
-    from postproc.progress import shown
+    from postproc.progress import with_progress
     from postproc.report.rendering import MOST_DETAILED, make_report
     from postproc.result import Options
 
@@ -89,4 +89,6 @@ def _page(
         raise ConfigError("a claim is tested against one run: name only that run")
     result = estimate(runs, cells, Options(prior))
     verified = claims.test(runs[0], cells or [None], prior)
-    return make_report(result, verified, most=max(MOST_DETAILED, len(cells)), progress=shown)
+    return make_report(
+        result, verified, most=max(MOST_DETAILED, len(cells)), progress=with_progress
+    )

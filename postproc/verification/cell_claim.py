@@ -54,11 +54,11 @@ def verify_cell(
 ) -> CellVerdict:
     """Both tests of a claim; the verdict is open until the p-values of all claims are adjusted."""
     if why := too_few(obs):
-        return undecided(obs.cell, len(obs), claim, why)
+        return undecided_verdict(obs.cell, len(obs), claim, why)
     test = _claim_test(obs, claim, options.prior, rng)
     if test is None:
         why = f"fewer than {FEWEST_BLOCKS} places with a level"
-        return undecided(obs.cell, len(obs), claim, why)
+        return undecided_verdict(obs.cell, len(obs), claim, why)
     posterior = locate(obs, options.prior)
     followed: Followed = "indirect" if observable(posterior) else "direct"
     model = _p_values(test, trusting=True)
@@ -87,7 +87,7 @@ def verify_cell(
     )
 
 
-def undecided(cell: str, n: int, claim: Claim, why: str) -> CellVerdict:
+def undecided_verdict(cell: str, n: int, claim: Claim, why: str) -> CellVerdict:
     """A claim that cannot be tested."""
     return CellVerdict(cell, n, claim, "cannot tell", (why,))
 

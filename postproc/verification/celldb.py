@@ -17,7 +17,7 @@ from pyproj import Geod
 
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.geo import check_position
-from postproc.sqlite_file import connected
+from postproc.sqlite_file import connect
 from postproc.verification.parsing import identity_of
 
 FARTHEST_M = 200_000.0
@@ -141,7 +141,7 @@ def open_celldb(path: Path) -> sqlite3.Connection:
     if not path.is_file():
         raise RunFileError(f"{path}: no such file")
     try:
-        db = connected(path)
+        db = connect(path)
         if db.execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
             db.close()
             raise RunFileError(f"{path} is no cell database; `postproc celldb import` makes one")

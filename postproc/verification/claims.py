@@ -44,7 +44,7 @@ def away_m(one_deg: tuple[float, float], other_deg: tuple[float, float]) -> floa
     return float(_GEOD.inv(one_deg[1], one_deg[0], other_deg[1], other_deg[0])[2])
 
 
-def swapped(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
+def swap_hint(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
     """Question whether latitude and longitude were exchanged, for a claim far from the walk.
 
     `walk_deg` is the latitude and longitude of the walk.

@@ -52,10 +52,10 @@ class ClaimOptions:
 def _test(
     run: "Run", claims: "Sequence[Claim]", p_fa: float, prior: "Prior", only: Sequence[str] | None
 ) -> "Verified":
-    from postproc.progress import shown
+    from postproc.progress import with_progress
     from postproc.verification.run_claims import verify_claims
 
-    return verify_claims(run, claims, p_fa, prior, only, progress=shown)
+    return verify_claims(run, claims, p_fa, prior, only, progress=with_progress)
 
 
 @click.command
@@ -130,7 +130,7 @@ def _verify_sites(
     as_json: bool,
 ) -> None:
     from postproc.json_text import as_json as json_text
-    from postproc.progress import shown
+    from postproc.progress import with_progress
     from postproc.smoothing import observed_cells
     from postproc.verification import tables
     from postproc.verification.run_sites import sites_of
@@ -141,7 +141,7 @@ def _verify_sites(
         names = [name for name in names if name in in_other]
     cells = [
         tables.sites_dict(name, *sites_of(run, name, other, prior), p_fa)
-        for name in shown(names, "one place or two:", len(names), names)
+        for name in with_progress(names, "one place or two:", len(names), names)
     ]
     if as_json:
         print(json_text({"p_fa": p_fa, "cells": cells}))
@@ -166,13 +166,13 @@ def import_exports(paths: Sequence[Path], output: Path, *, as_json: bool) -> int
     """
     from postproc.atomic_write import check_writable
     from postproc.json_text import as_json as json_text
-    from postproc.progress import shown
+    from postproc.progress import with_progress
     from postproc.verification.celldb_import import CellImport
 
     check_writable(output)
     work = CellImport(list(paths), output)
     names = [path.name for path in paths for _ in range(100)]
-    for _ in shown(work, "importing", len(names), names):
+    for _ in with_progress(work, "importing", len(names), names):
         pass
     imported = work.imported
     if imported is None:

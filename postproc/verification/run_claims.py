@@ -18,8 +18,8 @@ from logger.core.runfile import Run
 from logger.core.track import Track
 from postproc.scan_counts import scans_of, too_rarely
 from postproc.smoothing import Progress, observed_cells
-from postproc.verification.cell_claim import ClaimOptions, undecided, verify_cell
-from postproc.verification.claims import Claim, away_m, swapped
+from postproc.verification.cell_claim import ClaimOptions, undecided_verdict, verify_cell
+from postproc.verification.claims import Claim, away_m, swap_hint
 from postproc.verification.verdicts import CellVerdict, Verdict, Verified
 from postproc.walk import observe_run
 
@@ -55,10 +55,10 @@ def verify_claims(
     def test(i: int, cell: str, claim: Claim) -> CellVerdict:
         obs = by_name.get(cell)
         if cell in rarely:
-            return undecided(cell, 0 if obs is None else len(obs), claim, rarely[cell])
+            return undecided_verdict(cell, 0 if obs is None else len(obs), claim, rarely[cell])
         if obs is None:
             why = "none of its readings has both a level and a position"
-            return undecided(cell, 0, claim, why)
+            return undecided_verdict(cell, 0, claim, why)
         return verify_cell(obs, claim, options, np.random.default_rng([SEED, i]))
 
     every = observed_cells([run], only)
@@ -104,7 +104,7 @@ def _geodesic(verdict: CellVerdict, walk_deg: tuple[float, float]) -> CellVerdic
     claim = verdict.claim
     if verdict.distance_m is not None and verdict.distance_m > _MAP_M:
         verdict = replace(verdict, distance_m=away_m((claim.lat_deg, claim.lon_deg), walk_deg))
-    hint = swapped(claim, walk_deg)
+    hint = swap_hint(claim, walk_deg)
     return replace(verdict, reasons=(hint, *verdict.reasons)) if hint else verdict
 
 

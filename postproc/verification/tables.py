@@ -6,7 +6,7 @@ from dataclasses import asdict
 from rich.console import Console
 
 from postproc.json_text import Json
-from postproc.terminal import say, screen, styled, table
+from postproc.terminal import print_text, screen, styled_text, table
 from postproc.verification.celldb import DbCell
 from postproc.verification.clone_test import Sites
 from postproc.verification.verdicts import CellVerdict, Verified
@@ -44,25 +44,25 @@ def site_verdict(sites: Sites | None, p_fa: float) -> str:
 def print_sites(found: Json) -> None:
     """One place or two."""
     console = screen()
-    say(console, styled((found["cell"], "bold"), (f"  {found['verdict']}", "")))
+    print_text(console, styled_text((found["cell"], "bold"), (f"  {found['verdict']}", "")))
     if found["why_not"]:
-        say(console, found["why_not"], bullet="  - ")
+        print_text(console, found["why_not"], bullet="  - ")
         return
     places = " and ".join(f"{lat:.5f} {lon:.5f}" for lat, lon in found["places"])
     factor = f"two places against one: log factor {found['log_factor']:.1f}, near {places}"
-    say(console, factor, bullet="  ")
+    print_text(console, factor, bullet="  ")
     drawn = (
         f"p {found['p']:.3g}: share of {found['draws']} walks drawn past one place with a factor "
         "as large"
     )
-    say(console, drawn, bullet="  ")
+    print_text(console, drawn, bullet="  ")
 
 
 def print_verified(verified: Verified) -> None:
     """Each claim with its verdict, both tests and what would have been noticed."""
     console = screen()
     for warning in verified.warnings:
-        say(console, warning, "yellow")
+        print_text(console, warning, "yellow")
     for cell in verified.cells:
         _print_cell(console, cell)
     if verified.without_claim:
@@ -71,10 +71,10 @@ def print_verified(verified: Verified) -> None:
             f"{n} cell{'s' * (n != 1)} heard without a claim: absence from a database is no "
             "alarm by itself"
         )
-        say(console, f"\n{says}")
+        print_text(console, f"\n{says}")
     if verified.heard_once:
         n = len(verified.heard_once)
-        say(
+        print_text(
             console, f"{n} cell{'s' * (n != 1)} heard in one scan only or never surely: passed over"
         )
     tested = sum(cell.p is not None for cell in verified.cells)
@@ -83,19 +83,22 @@ def print_verified(verified: Verified) -> None:
             f"false-alarm rate {verified.p_fa:g}; false discoveries over {tested} "
             f"claim{'s' * (tested != 1)}"
         )
-        say(console, f"{says} controlled by Benjamini-Hochberg (q)")
+        print_text(console, f"{says} controlled by Benjamini-Hochberg (q)")
 
 
 def _print_cell(console: Console, cell: CellVerdict) -> None:
     claim = cell.claim
     verdict = (cell.verdict, _STYLES[cell.verdict])
-    say(console, styled(("\n", ""), (cell.cell, "bold"), (f"  {cell.n} readings  ", ""), verdict))
+    print_text(
+        console,
+        styled_text(("\n", ""), (cell.cell, "bold"), (f"  {cell.n} readings  ", ""), verdict),
+    )
     sigma = f" +- {claim.sigma_m:.0f} m" if claim.sigma_m else ""
     away = f", {_distance(cell.distance_m)} from the walk" if cell.distance_m is not None else ""
     at = f"claimed at {claim.lat_deg:.5f} {claim.lon_deg:.5f}{sigma} ({claim.source}){away}"
-    say(console, at, bullet="  ")
+    print_text(console, at, bullet="  ")
     for reason in cell.reasons:
-        say(console, reason, bullet="  - ")
+        print_text(console, reason, bullet="  - ")
     if cell.p is None or cell.level is None or cell.q is None:
         return
     tests = (
@@ -103,7 +106,7 @@ def _print_cell(console: Console, cell: CellVerdict) -> None:
         "edge of the "
         f"{cell.level:.1%} region); followed: {cell.followed}, q {cell.q:.3g}"
     )
-    say(console, tests, bullet="  ")
+    print_text(console, tests, bullet="  ")
     titles = ["noticed with 95 % (m)", *(f"{one.azimuth_deg:.0f} deg" for one in cell.power)]
     rows = [
         ["  direct", *(_metres(one.direct_m, one.direct_blind_m) for one in cell.power)],
@@ -111,7 +114,7 @@ def _print_cell(console: Console, cell: CellVerdict) -> None:
     ]
     table(console, titles, rows, right=titles[1:])
     if any(one.direct_blind_m or one.indirect_blind_m for one in cell.power):
-        say(
+        print_text(
             console,
             "* farther out in this direction there is a place that would not be noticed",
             bullet="  ",
@@ -134,7 +137,7 @@ def print_cells(found: Sequence[DbCell]) -> None:
             "not in the database, which is no alarm by itself: it lists what others have seen, "
             "not what there is"
         )
-        say(console, says)
+        print_text(console, says)
         return
     rows = []
     for cell in found:

@@ -134,7 +134,7 @@ def _check(options: _Options, paths: Sequence[Path]) -> None:
 
 
 def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
-    from postproc.progress import shown
+    from postproc.progress import with_progress
     from postproc.result import Options
     from postproc.view.end_to_end import end_to_end
     from postproc.view.timeline import MOST_STEPS, answer_steps
@@ -147,7 +147,7 @@ def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
     details = []
     for cell in cells:
         steps = answer_steps(cell, Options().prior, processors())
-        steps_shown = shown(steps, f"answer for {cell.cell} step by step", MOST_STEPS)
+        steps_shown = with_progress(steps, f"answer for {cell.cell} step by step", MOST_STEPS)
         details.append(CellDetail(cell, tuple(steps_shown), verdicts.get(cell.cell, ())))
     return view_model(result, details)
 

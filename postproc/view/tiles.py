@@ -18,7 +18,7 @@ from pyproj.exceptions import CRSError
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
-from postproc.sqlite_file import opened
+from postproc.sqlite_file import open_database
 from postproc.view.georeferenced import Area, Ground
 from postproc.view.world_file import WEB_MERCATOR
 
@@ -93,7 +93,7 @@ def open_tiles(path: Path, area: Area) -> Ground:
     Raises `ConfigError`.
     """
     try:
-        with opened(path, views=True) as database:
+        with open_database(path, views=True) as database:
             for matrix in _matrices(database):
                 columns, rows = matrix.span(area.within(matrix.crs))
                 if 0 < len(columns) * len(rows) <= MOST_TILES:

@@ -9,7 +9,7 @@ import pytest
 
 from postproc import sqlite_file
 from postproc.cli import main
-from postproc.sqlite_file import opened
+from postproc.sqlite_file import open_database
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i AS type FROM n"
 
@@ -31,7 +31,7 @@ def made(tmp_path):
 
 def test_tables_are_read_whatever_the_file_is_called(made):
     path = made("CREATE TABLE data (a, b)", "INSERT INTO data VALUES (1, 'x')")
-    with opened(path) as database:
+    with open_database(path) as database:
         assert database.execute("SELECT a, b FROM data").fetchall() == [(1, "x")]
         assert [row[1] for row in database.execute("PRAGMA table_info(data)")] == ["a", "b"]
 
@@ -39,7 +39,7 @@ def test_tables_are_read_whatever_the_file_is_called(made):
 @pytest.mark.parametrize("view", ["SELECT 1 AS a", ENDLESS])
 def test_a_view_is_no_table(made, view):
     with (
-        opened(made(f"CREATE VIEW data AS {view}")) as database,
+        open_database(made(f"CREATE VIEW data AS {view}")) as database,
         pytest.raises(sqlite3.DatabaseError),
     ):
         database.execute("SELECT * FROM data").fetchone()
@@ -49,7 +49,7 @@ def test_a_view_is_no_table(made, view):
     "statement", ["INSERT INTO data VALUES (2)", "DROP TABLE data", "ATTACH ':memory:' AS x"]
 )
 def test_nothing_is_written_and_nothing_else_opened(made, statement):
-    with opened(made("CREATE TABLE data (a)")) as database, pytest.raises(sqlite3.Error):
+    with open_database(made("CREATE TABLE data (a)")) as database, pytest.raises(sqlite3.Error):
         database.execute(statement)
 
 
@@ -57,7 +57,7 @@ def test_what_never_ends_is_ended_where_views_are_allowed(made, monkeypatch):
     monkeypatch.setattr(sqlite_file, "_STEPS_LEAST", 3_000_000)
     path = made(f"CREATE VIEW tiles AS {ENDLESS}")
     with (
-        opened(path, views=True) as database,
+        open_database(path, views=True) as database,
         pytest.raises(sqlite3.OperationalError, match="interrupted"),
     ):
         database.execute("SELECT count(*) FROM tiles").fetchone()

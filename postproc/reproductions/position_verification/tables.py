@@ -3,30 +3,30 @@
 from rich.console import Console
 
 from postproc.json_text import Json
-from postproc.terminal import say, screen, table
+from postproc.terminal import print_text, screen, table
 
 
 def print_theory(found: Json) -> None:
     """The report's table beside the theory."""
     console = screen()
     trials = f"{found['trials']} trials; receivers: {found['receivers']}"
-    say(console, f"false-alarm rate {found['p_fa']:g}, {trials}")
+    print_text(console, f"false-alarm rate {found['p_fa']:g}, {trials}")
     rates = ["P_FA direct", "P_FA indirect", "P_D direct", "P_D indirect"]
     titles = ["sigma (m)", "claim sigma (m)", "offset (m)", *rates, "indirect from direct"]
     table(console, titles, [_theory_row(row) for row in found["rows"]])
-    say(console, "each: theory / simulated", bullet="  ")
+    print_text(console, "each: theory / simulated", bullet="  ")
     for note in sorted({row["note"] for row in found["rows"] if row["note"]}):
-        say(console, note, bullet="  ")
-    say(
+        print_text(console, note, bullet="  ")
+    print_text(
         console,
         "\nprinted in the report, and the indirect value that follows from the direct one, "
         "by degrees of freedom",
     )
     titles = ["direct", "indirect", "3 (ours)", "2", "4", "printed - ours"]
     table(console, titles, [_printed_row(pair) for pair in found["printed"]])
-    say(console, "cannot be known")
+    print_text(console, "cannot be known")
     for what in found["cannot_be_known"]:
-        say(console, what, bullet="  - ")
+        print_text(console, what, bullet="  - ")
     _print_ranging(console, found)
 
 
@@ -51,7 +51,7 @@ def _printed_row(pair: Json) -> list[str]:
 
 def _print_ranging(console: Console, found: Json) -> None:
     error = found["range_error"]
-    say(
+    print_text(
         console,
         f"\nranging by level at {error['distance_m']:g} m, eta {error['eta']:g}, "
         f"{error['sigma_db']:g} dB, {error['offset_db']:g} dB off: "
@@ -69,7 +69,7 @@ def _print_ranging(console: Console, found: Json) -> None:
             limit = check["limit_sigmas"]
             values = "all values" if limit is None else f"within {limit:g} sigma"
             result = f"KS {check['distance']:.3f}, p {check['p']:.3f}"
-            say(console, f"normal? {law.replace('_', ' ')}, {values}: {result}", bullet="  ")
+            print_text(console, f"normal? {law.replace('_', ' ')}, {values}: {result}", bullet="  ")
 
 
 def _rates(rates: Json) -> str:

@@ -52,7 +52,7 @@ def simulate(
 ) -> None:
     """Print the mean errors for each noise variance."""
     from postproc.picture_file import check_picture
-    from postproc.progress import shown
+    from postproc.progress import with_progress
     from postproc.reproductions.toa import report
     from postproc.reproductions.toa import simulate as simulation
 
@@ -65,7 +65,7 @@ def simulate(
     )
     if plot is not None:
         check_picture(plot)
-    rows = list(shown(simulation.simulate(setting), "simulating", len(setting.sigma2_m2)))
+    rows = list(with_progress(simulation.simulate(setting), "simulating", len(setting.sigma2_m2)))
     if as_json:
         print(report.as_json(setting, rows, steps=steps))
     else:

@@ -8,7 +8,7 @@ from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from postproc.json_text import Json
 from postproc.reproductions.toa.simulate import Row, Setting
-from postproc.terminal import say, screen, table
+from postproc.terminal import print_text, screen, table
 
 _COLUMNS = ("LSE", "KF of the README", "KF on squares", "bound, epoch", "bound, motion")
 _NOTES = (
@@ -83,7 +83,7 @@ def _errors(row: Row) -> dict[str, FloatArray | None]:
 def print_rows(setting: Setting, rows: list[Row], *, steps: bool) -> None:
     """Mean errors over steps and runs, a line for each variance; with `steps` for each step too."""
     console = screen()
-    say(
+    print_text(
         console,
         f"mean error (m) over {len(setting.path_m)} steps and {setting.runs} runs, "
         f"{len(setting.anchors)} anchors",
@@ -97,7 +97,7 @@ def print_rows(setting: Setting, rows: list[Row], *, steps: bool) -> None:
     )
     apart_m = max(row.pinv_difference_m for row in rows)
     for note in _NOTES:
-        say(console, note.format(apart=apart_m), "dim")
+        print_text(console, note.format(apart=apart_m), "dim")
 
 
 def _lines(row: Row, *, steps: bool) -> list[list[str]]:

@@ -14,13 +14,13 @@ from postproc.options import only_one
 )
 def validate(*, quick: bool, as_json: bool, as_page: bool) -> int:
     """Check each claim of the specification by measurement."""
-    from postproc.progress import shown
+    from postproc.progress import with_progress
     from postproc.reproductions.validate import report
     from postproc.reproductions.validate.suite import GROUPS, QUICK, THOROUGH
 
     only_one({"--json": as_json, "--page": as_page})
     effort = QUICK if quick else THOROUGH
-    groups = shown(GROUPS, "checking the specification", len(GROUPS))
+    groups = with_progress(GROUPS, "checking the specification", len(GROUPS))
     checks = [check for group in groups for check in group(effort)]
     if as_json:
         print(report.as_json(checks))

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from itertools import groupby
 
 from postproc.reproductions.validate.check import VERDICTS, Check, Verdict
-from postproc.terminal import say, screen, styled
+from postproc.terminal import print_text, screen, styled_text
 
 _STYLES: dict[Verdict, str] = {
     "holds": "green",
@@ -30,12 +30,12 @@ def print_checks(checks: Sequence[Check]) -> None:
     """By topic: verdict and claim, and what we measured."""
     console = screen()
     for topic, of_topic in groupby(checks, key=lambda check: check.topic):
-        say(console, topic, "bold")
+        print_text(console, topic, "bold")
         for check in of_topic:
-            head = styled((f"{check.verdict}: ", _STYLES[check.verdict]), (check.claim, ""))
-            say(console, head, bullet="  ")
-            say(console, f"measured: {check.measured}", bullet="    ")
-    say(console, _summary(checks))
+            head = styled_text((f"{check.verdict}: ", _STYLES[check.verdict]), (check.claim, ""))
+            print_text(console, head, bullet="  ")
+            print_text(console, f"measured: {check.measured}", bullet="    ")
+    print_text(console, _summary(checks))
 
 
 def as_json(checks: Sequence[Check]) -> str:

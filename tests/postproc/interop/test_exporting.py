@@ -9,7 +9,7 @@ from logger.core.types import CellReading, Fix, Record, Scan
 from postproc import results
 from postproc.cli import main
 from postproc.interop.exporting import FORMATS
-from postproc.interop.levels import walked
+from postproc.interop.levels import walk_of_run
 from postproc.summary import summarise
 from tests.kit import sample_results as kit
 from tests.kit.runs import UTC0_NS, meta
@@ -67,23 +67,28 @@ def run(tmp_path):
 
 
 def _plain(walk):
-    return [(one.t_ns - walk.start_ns, one.fix, one.reading) for one in walk.heard]
+    return [(one.t_ns - walk.start_ns, one.fix, one.reading) for one in walk.sightings]
 
 
 def test_levels_stand_between_the_fixes_and_keep_what_is_known(run):
-    walk = walked(read_run(run))
-    assert (len(walk.heard), walk.n_without_identity, walk.n_without_place, walk.has_utc) == (
+    walk = walk_of_run(read_run(run))
+    assert (
+        len(walk.sightings),
+        walk.n_without_identity,
+        walk.n_without_position,
+        walk.has_utc,
+    ) == (
         120,
         30,
         0,
         True,
     )
-    one = walk.heard[4]
+    one = walk.sightings[4]
     assert one.t_ns == 8 * 10**9 + 200_000_061
     assert one.lat_deg == pytest.approx(52.0 + 1.2e-5, abs=1e-8)
     assert one.fix.utc_ns == pytest.approx(UTC0_NS + one.t_ns, abs=1000)
     assert (one.fix.alt_m, one.fix.speed_mps, one.reading.ta) == (34.5, 1.25, 1)
-    assert [h.reading.cell for h in walked(read_run(run), ["262-01-4711-18"]).heard] == [
+    assert [h.reading.cell for h in walk_of_run(read_run(run), ["262-01-4711-18"]).sightings] == [
         "262-01-4711-18"
     ] * 30
 
@@ -91,7 +96,7 @@ def test_levels_stand_between_the_fixes_and_keep_what_is_known(run):
 def test_csv_comes_back_equal_and_is_then_the_same_file(tmp_path, run, capsys):
     _main(capsys, "export", run, "-o", tmp_path / "a.csv")
     _main(capsys, "import", tmp_path / "a.csv", "-o", tmp_path / "back.h5")
-    before, after = walked(read_run(run)), walked(read_run(tmp_path / "back.h5"))
+    before, after = walk_of_run(read_run(run)), walk_of_run(read_run(tmp_path / "back.h5"))
     assert _plain(after) == _plain(before)
     _main(capsys, "export", tmp_path / "back.h5", "-o", tmp_path / "b.csv")
     assert (tmp_path / "b.csv").read_text() == (tmp_path / "a.csv").read_text()
@@ -101,17 +106,17 @@ def test_csv_comes_back_equal_and_is_then_the_same_file(tmp_path, run, capsys):
 def test_other_formats_come_back_equal_in_what_they_hold(tmp_path, run, capsys, name):
     _main(capsys, "export", run, "-o", tmp_path / "a", "--format", name)
     _main(capsys, "import", tmp_path / "a", "-o", tmp_path / "back.h5")
-    before, after = walked(read_run(run)), walked(read_run(tmp_path / "back.h5"))
+    before, after = walk_of_run(read_run(run)), walk_of_run(read_run(tmp_path / "back.h5"))
 
     def held(walk):
         unit_ns = 10**9 if name == "wigle" else 10**6
         return sorted(
             (one.fix.utc_ns // unit_ns, one.reading.cell, one.reading.rat, one.rssi_dbm)
-            for one in walk.heard
+            for one in walk.sightings
         )
 
     def places(walk):
-        return sorted((one.reading.cell, one.lat_deg, one.lon_deg) for one in walk.heard)
+        return sorted((one.reading.cell, one.lat_deg, one.lon_deg) for one in walk.sightings)
 
     assert held(after) == held(before)
     if name != "wigle":  # which has whole seconds, so that two places may have one time
@@ -123,12 +128,12 @@ def test_other_formats_come_back_equal_in_what_they_hold(tmp_path, run, capsys, 
 def test_parquet_has_types_and_units(tmp_path, run, capsys):
     _main(capsys, "export", run, "-o", tmp_path / "a.parquet")
     table = pq.read_table(tmp_path / "a.parquet")
-    walk = walked(read_run(run))
-    assert table["cid"].to_pylist() == [one.reading.cid for one in walk.heard]
-    assert table["level_dbm"].to_pylist() == [one.rssi_dbm for one in walk.heard]
-    assert table["lat_deg"].to_pylist() == [one.lat_deg for one in walk.heard]
+    walk = walk_of_run(read_run(run))
+    assert table["cid"].to_pylist() == [one.reading.cid for one in walk.sightings]
+    assert table["level_dbm"].to_pylist() == [one.rssi_dbm for one in walk.sightings]
+    assert table["lat_deg"].to_pylist() == [one.lat_deg for one in walk.sightings]
     assert [when.timestamp() * 1e9 for when in table["utc"].to_pylist()[:9]] == pytest.approx(
-        [one.fix.utc_ns for one in walk.heard[:9]], abs=1000
+        [one.fix.utc_ns for one in walk.sightings[:9]], abs=1000
     )
     assert table.schema.field("rsrp_dbm").metadata[b"unit"] == b"dBm, LTE and later"
     assert {f.name for f in fields(CellReading)} - set(table.column_names) == {"label", "more"}

@@ -64,10 +64,15 @@ def test_walk_levels_and_estimates(tmp_path):
     check_rfc7946(collection)
     levels = _of_kind(collection, "level")
     assert len(levels) == len(run.tables["readings"]) == 120
-    assert [f["properties"]["level_dbm"] for f in levels] == [one.rssi_dbm for one in walk.heard]
+    assert [f["properties"]["level_dbm"] for f in levels] == [
+        one.rssi_dbm for one in walk.sightings
+    ]
     first = levels[0]["properties"]
     assert (first["cell"], first["rat"], first["t_s"]) == ("262-01-4711-100", "GSM", 0.0)
-    assert (first["utc"], first["acc_m"]) == ("2026-09-21T14:13:25.100Z", walk.heard[0].fix.acc_m)
+    assert (first["utc"], first["acc_m"]) == (
+        "2026-09-21T14:13:25.100Z",
+        walk.sightings[0].fix.acc_m,
+    )
     (track,) = _of_kind(collection, "walk")
     assert sum(map(len, track["geometry"]["coordinates"])) == 120
     assert len(_of_kind(collection, "region")) == 2

@@ -6,7 +6,7 @@ import pytest
 import xmlschema
 
 from postproc.interop import kml
-from postproc.interop.levels import Walked
+from postproc.interop.levels import ExportWalk
 from tests.postproc.interop import walks
 
 KML = {"k": kml.NAMESPACE}
@@ -48,7 +48,7 @@ def test_valid_with_levels_regions_ellipses_and_places(tmp_path, schema):
     # every level stands in the file, at its place
     heard = {
         (round(h.lon_deg, 7), round(h.lat_deg, 7))
-        for h in walk.heard
+        for h in walk.sightings
         if h.reading.cell == "262-01-4711-100"
     }
     assert heard <= set(_points(_folder(cell, "levels")))
@@ -57,12 +57,12 @@ def test_valid_with_levels_regions_ellipses_and_places(tmp_path, schema):
 
 def test_strips_have_the_class_and_the_time_of_their_levels(tmp_path):
     walk = walks.over_the_date_line(tmp_path)
-    found = list(kml.strips(walk.heard))
+    found = list(kml.strips(walk.sightings))
     for strip in found:
         assert len({kml.level_class(one.rssi_dbm) for one in strip[:-1]}) <= 1
         assert strip[-1].t_ns - strip[0].t_ns <= 30 * 10**9  # never over the gap
     drawn = {id(one) for strip in found for one in strip}
-    assert drawn == {id(one) for one in walk.heard}
+    assert drawn == {id(one) for one in walk.sightings}
     root = _written(tmp_path, walk)
     first = _folder(root, "levels").find("k:Placemark", KML)
     assert first.findtext("k:TimeSpan/k:begin", namespaces=KML) == "2026-09-21T14:13:20.000Z"
@@ -89,9 +89,9 @@ def test_names_that_are_no_xml_are_written_all_the_same(tmp_path, schema):
 
     walk = walks.over_the_date_line(tmp_path)
     one = replace(
-        walk.heard[0], reading=replace(walk.heard[0].reading, label="<b>&\x01\ud800 Café")
+        walk.sightings[0], reading=replace(walk.sightings[0].reading, label="<b>&\x01\ud800 Café")
     )
-    kml.write(Walked((one,), walk.track, walk.utm, 0, True, 0, 0), (), tmp_path / "w.kml")
+    kml.write(ExportWalk((one,), walk.track, walk.utm, 0, True, 0, 0), (), tmp_path / "w.kml")
     schema.validate(tmp_path / "w.kml")
     assert _folder(ET.parse(tmp_path / "w.kml").getroot(), "<b>& Café") is not None
 

@@ -7,7 +7,7 @@ import pytest
 from logger.core.errors import RunFileError
 from logger.core.types import CellReading, Fix
 from postproc.interop import opencellid
-from postproc.interop.sighting import BadRow, Heard, NoCell
+from postproc.interop.sighting import BadRow, NoCell, Sighting
 
 SAMPLES = Path(__file__).resolve().parents[4] / "shared" / "corpus" / "formats"
 COLUMNS = (
@@ -138,7 +138,7 @@ def test_written_measurements_are_read_by_a_plain_reader_and_by_ours(tmp_path, f
         CellReading("scan", "LTE", "310", "410", tac=4, cid=5, pci=6, rsrp_dbm=-101.0),
         CellReading("scan", "WCDMA", "262", "03", lac=6, cid=70000, psc=9, rscp_dbm=-99.0),
     ]
-    heard = [Heard(0, fix.utc_ns, fix, cell) for cell in cells]
+    heard = [Sighting(0, fix.utc_ns, fix, cell) for cell in cells]
     path = tmp_path / f"m.{form}"
     if form == "csv":
         opencellid.write_csv(heard, path)

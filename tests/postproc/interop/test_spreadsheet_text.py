@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from logger.core.types import CellReading, Fix
 from postproc.interop import walk_csv
-from postproc.interop.sighting import Heard
-from postproc.interop.spreadsheet_text import marked, unmarked
+from postproc.interop.sighting import Sighting
+from postproc.interop.spreadsheet_text import escape, unescape
 
 FORMULAS = [
     "=cmd|' /C calc'!A0",
@@ -33,8 +33,8 @@ TEXTS = st.one_of(
 
 @given(TEXTS)
 def test_what_is_marked_is_no_formula_and_comes_back(text):
-    assert unmarked(marked(text)) == text
-    assert not marked(text).startswith(tuple("=+-@\t\r\n"))
+    assert unescape(escape(text)) == text
+    assert not escape(text).startswith(tuple("=+-@\t\r\n"))
 
 
 @pytest.mark.parametrize("name", FORMULAS)
@@ -42,7 +42,7 @@ def test_a_cell_named_as_a_formula(tmp_path, name):
     reading = CellReading(
         "scan", "GSM", mcc=name[:4], mnc=name[:4], band=name[:12], rssi_dbm=-77.5, c1=-3, label=name
     )
-    heard = Heard(2, -5, Fix(True, lat_deg=-33.0, lon_deg=-70.0, alt_m=-2.5), reading)
+    heard = Sighting(2, -5, Fix(True, lat_deg=-33.0, lon_deg=-70.0, alt_m=-2.5), reading)
     walk_csv.write([heard], tmp_path / "a.csv", 0)
     with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
         for row in csv.DictReader(file):

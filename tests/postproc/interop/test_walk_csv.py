@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from logger.core.types import CellReading, Fix
 from postproc.interop import walk_csv
-from postproc.interop.sighting import BadRow, Heard
+from postproc.interop.sighting import BadRow, Sighting
 
 WHOLE = st.one_of(st.none(), st.integers(0, 2**31 - 2))
 FLOAT = st.one_of(st.none(), st.floats(-150.0, 0.0))
@@ -32,7 +32,7 @@ FIXES = st.builds(
 
 @given(
     st.lists(
-        st.builds(Heard, st.just(0), st.integers(-(10**15), 10**15), FIXES, READINGS),
+        st.builds(Sighting, st.just(0), st.integers(-(10**15), 10**15), FIXES, READINGS),
         min_size=1,
         max_size=4,
     )

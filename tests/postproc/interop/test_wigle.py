@@ -6,7 +6,7 @@ import pytest
 
 from logger.core.types import CellReading, Fix
 from postproc.interop import wigle
-from postproc.interop.sighting import BadRow, Heard, NoCell
+from postproc.interop.sighting import BadRow, NoCell, Sighting
 
 HEAD = {
     "1.4": "MAC,SSID,AuthMode,FirstSeen,Channel,RSSI,CurrentLatitude,CurrentLongitude,AltitudeMeters,"
@@ -79,7 +79,7 @@ def test_written_sightings_are_read_by_a_plain_reader_and_by_ours(tmp_path):
         CellReading("scan", "LTE", "310", "030", tac=4, cid=5, rsrp_dbm=-101.0),
         CellReading("scan", "WCDMA", "262", "03", lac=6, cid=70000, rscp_dbm=-99.0),
     ]
-    heard = [Heard(0, fix.utc_ns, fix, cell) for cell in cells]
+    heard = [Sighting(0, fix.utc_ns, fix, cell) for cell in cells]
     assert all(map(wigle.writable, heard))
     wigle.write(heard, tmp_path / "w.csv")
     first, *rest = (tmp_path / "w.csv").read_text().splitlines()
@@ -102,15 +102,15 @@ def test_without_identity_or_utc_nothing_is_written():
     fix = Fix(True, utc_ns=10**18, lat_deg=1.0, lon_deg=2.0)
     unnamed = CellReading("neighbour", "GSM", arfcn=3, rssi_dbm=-80.0)
     named = CellReading("neighbour", "GSM", "262", "01", lac=1, cid=2, rssi_dbm=-80.0)
-    assert not wigle.writable(Heard(0, 0, fix, unnamed))
-    assert not wigle.writable(Heard(0, 0, Fix(True, lat_deg=1.0, lon_deg=2.0), named))
+    assert not wigle.writable(Sighting(0, 0, fix, unnamed))
+    assert not wigle.writable(Sighting(0, 0, Fix(True, lat_deg=1.0, lon_deg=2.0), named))
 
 
 @pytest.mark.skipif(not SAMPLES.exists(), reason="the shared samples are not here")
 @pytest.mark.parametrize("version", ["1.4", "1.6"])
 def test_real_sightings(version):
     rows = list(wigle.read(SAMPLES / f"wigle_{version}_sample.csv"))
-    cells = [row for row in rows if isinstance(row, Heard)]
+    cells = [row for row in rows if isinstance(row, Sighting)]
     assert {cell.reading.rat for cell in cells} == {"GSM", "LTE"}
     assert all(cell.reading.cell and cell.reading.level_dbm > -113 for cell in cells)
     assert all("-113" in row.why for row in rows if isinstance(row, BadRow))

@@ -3,7 +3,7 @@
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.interop.estimates import estimates_of
-from postproc.interop.levels import walked
+from postproc.interop.levels import walk_of_run
 from tests.kit import sample_results as kit
 from tests.kit.runs import UTC0_NS, meta
 
@@ -11,7 +11,7 @@ from tests.kit.runs import UTC0_NS, meta
 def around_a_square(tmp_path, *, verdict="ambiguous", every=False, **changes):
     """Walk of two cells, and estimates of one."""
     run = kit.write_run(tmp_path / "walk.journal", **{"seconds": 120, "cells": 2} | changes)
-    walk = walked(run)
+    walk = walk_of_run(run)
     result = kit.sample_result(run, verdict=verdict, places=2)
     return run, walk, estimates_of(result, walk.utm, every=every)
 
@@ -26,4 +26,4 @@ def over_the_date_line(tmp_path):
         reading = CellReading("serving", "GSM", "542", "01", 1, 2, rssi_dbm=-60.0 - i % 25)
         writer.append(Record(t_ns, "modem", Scan(t_ns, (reading,))))
     writer.close(10**11, "test")
-    return walked(read_run(tmp_path / "date-line.journal"))
+    return walk_of_run(read_run(tmp_path / "date-line.journal"))

@@ -19,7 +19,7 @@ def result(tmp_path_factory):
     return kit.sample_result(run)
 
 
-def shown(figure):
+def with_progress(figure):
     """Every text of a figure."""
     figure.draw_without_rendering()
     return "\n".join(
@@ -43,7 +43,7 @@ def test_format_by_suffix(result, tmp_path, suffix, magic):
 
 
 def test_every_estimator_is_named(result):
-    text = shown(figure_of(result))
+    text = with_progress(figure_of(result))
     for part in (
         "95 % region",
         "50 % region",
@@ -58,14 +58,14 @@ def test_every_estimator_is_named(result):
 
 
 def test_the_title_states_why_there_is_no_position(result):
-    text = shown(figure_of(with_verdict(result, "cannot tell", "the walk spans only 3 m")))
+    text = with_progress(figure_of(with_verdict(result, "cannot tell", "the walk spans only 3 m")))
     assert "cannot tell: the walk spans only 3 m" in text
     assert "the 95 % radius around the most likely position is 29 m" in text
 
 
 def test_a_run_that_is_not_simulated_does_not_say_so(tmp_path):
     run = kit.write_run(tmp_path / "x.journal", seconds=60, cells=2, truth=False, utc=False)
-    text = shown(figure_of(kit.sample_result(run)))
+    text = with_progress(figure_of(kit.sample_result(run)))
     assert "imulated" not in text
     assert "SIMULATED" not in text
     assert "date unknown" in text
@@ -73,8 +73,8 @@ def test_a_run_that_is_not_simulated_does_not_say_so(tmp_path):
 
 def test_modes_have_a_label_only_where_there_are_several(result):
     run = result.runs[0].run
-    assert "50%" in shown(figure_of(kit.sample_result(run, places=2, verdict="ambiguous")))
-    assert "100%" not in shown(figure_of(result))
+    assert "50%" in with_progress(figure_of(kit.sample_result(run, places=2, verdict="ambiguous")))
+    assert "100%" not in with_progress(figure_of(result))
 
 
 def test_plan_is_to_scale(result):
@@ -90,7 +90,7 @@ def test_the_legend_names_positions_outside_the_plan(result):
     cell = result.cells[0]
     state = cell.batch.state + np.array([6000.0, 0.0, 0.0, 0.0])
     away = replace(result, cells=(replace(cell, batch=replace(cell.batch, state=state)),))
-    assert "least squares (5" in shown(figure_of(away))
+    assert "least squares (5" in with_progress(figure_of(away))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 
 from logger.core.errors import GeoError
 from postproc.cli import main
-from postproc.verification.claims import parse_claim, swapped
+from postproc.verification.claims import parse_claim, swap_hint
 from tests.kit import runs
 from tests.kit.sample_results import LAT, LON, TRANSMITTER_M, UTM, cell_name, write_run
 
@@ -114,7 +114,7 @@ def test_who_is_asked_whether_a_claim_is_swapped(claim, walk, asked):
         with pytest.raises(GeoError, match="swapped"):
             parse_claim(",".join(map(str, claim)), None)
         return
-    assert bool(swapped(parse_claim(",".join(map(str, claim)), None), walk)) == asked
+    assert bool(swap_hint(parse_claim(",".join(map(str, claim)), None), walk)) == asked
 
 
 def test_database_from_import_to_verify(run, tmp_path, capsys):
