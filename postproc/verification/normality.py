@@ -34,13 +34,13 @@ class Normality(NamedTuple):
 def normality(
     values: FloatArray, limit_sigmas: float | None, rng: np.random.Generator
 ) -> Normality | None:
-    """Check of independent values (n,), None for fewer than 8.
+    """Check of independent values (n,), None for fewer than 8 or for values that are all equal.
 
     Values beyond `limit_sigmas` robust sigmas (1.4826 times the median absolute deviation) are cut,
     and the rest is compared with a normal law cut at the same points.
     """
     inner, low, high = _trim(values, limit_sigmas)
-    if len(inner) < _FEWEST:
+    if len(inner) < _FEWEST or not np.ptp(inner) > 0.0:
         return None
     distance = _distance(inner, low, high)
     samples = (_trim(rng.normal(size=len(values)), limit_sigmas) for _ in range(_SAMPLES))

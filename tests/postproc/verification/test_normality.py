@@ -21,3 +21,10 @@ def test_outliers_fail_until_they_are_cut():
     assert cut.n_cut >= 10
     assert cut.n + cut.n_cut == 320
     assert normality(np.arange(5.0), None, rng) is None
+
+
+def test_equal_values_are_not_checked():
+    rng = np.random.default_rng(1)
+    assert normality(np.full(40, -3.0), 2.5, rng) is None
+    mostly_equal = np.append(np.full(40, -3.0), [1.0, 2.0, 5.0])
+    assert normality(mostly_equal, 2.5, rng) is None
