@@ -18,7 +18,7 @@ from postproc.estimators.direction_check import compare
 from postproc.estimators.filters import FilterPath, reference_ekf
 from postproc.estimators.least_squares import BatchFit
 from postproc.estimators.residual_findings import findings
-from postproc.result import CellResult, Options
+from postproc.result import ESTIMATORS, REFERENCE, CellResult, Estimator, Options
 
 FEWEST_READINGS = 5
 """Four unknowns and no redundancy: fewer readings determine nothing."""
@@ -26,69 +26,65 @@ FEWEST_READINGS = 5
 
 def estimate_cell(obs: CellObservations, options: Options = Options()) -> CellResult:
     """Every estimator over the readings of one cell."""
-    found = locate_cell(obs, options.prior)
-    posterior = found.posterior
+    located = locate_cell(obs, options.prior)
+    posterior = located.posterior
     reference = reference_ekf(obs) if len(obs) and obs.n_modems == 1 else None
     if posterior is None:
-        return _converged_only(replace(found, reference=reference))
+        return _converged_only(replace(located, reference=reference))
     starts = [(mode.x_m, mode.y_m) for mode in posterior.modes]
     usable = obs.usable()
-    level, shared = (
-        some if posterior.offsets is None else some.on_one_scale(posterior.offsets.mean_db)
-        for some in (obs, usable)
+    all_aligned, usable_aligned = (
+        readings if posterior.offsets is None else readings.on_one_scale(posterior.offsets.mean_db)
+        for readings in (obs, usable)
     )
-    fitted = least_squares.fit(shared, starts, loss=options.loss, height_m=options.prior.height_m)
+    fit = least_squares.fit(
+        usable_aligned, starts, loss=options.loss, height_m=options.prior.height_m
+    )
     forward, backward = _passes(usable, posterior)
-    there = forward if isinstance(forward, ekf_initialisation.EkfRun) else None
-    back = backward if isinstance(backward, ekf_initialisation.EkfRun) else None
-    every = replace(
-        found,
+    forward_run = forward if isinstance(forward, ekf_initialisation.EkfRun) else None
+    backward_run = backward if isinstance(backward, ekf_initialisation.EkfRun) else None
+    all_estimates = replace(
+        located,
         reference=reference,
-        ekf=there.filtered if there else None,
-        rts=there.smoothed if there else None,
-        batch=fitted,
-        backward=back.filtered if back else None,
+        ekf=forward_run.filtered if forward_run else None,
+        rts=forward_run.smoothed if forward_run else None,
+        batch=fit,
+        backward=backward_run.filtered if backward_run else None,
     )
-    whole = _converged_only(every)
-    compared = compare(whole.ekf, whole.backward) if whole.ekf and whole.backward else None
-    left = residuals.diagnose(
-        posterior.modes[0].state, level, whole.ekf, height_m=options.prior.height_m
+    result = _converged_only(all_estimates)
+    comparison = compare(result.ekf, result.backward) if result.ekf and result.backward else None
+    diagnosis = residuals.diagnose(
+        posterior.modes[0].state, all_aligned, result.ekf, height_m=options.prior.height_m
     )
-    warnings = [*whole.warnings, *_batch_warnings(whole.batch, posterior), *findings(left)]
+    warnings = [*result.warnings, *_batch_warnings(result.batch, posterior), *findings(diagnosis)]
     if isinstance(forward, ekf_initialisation.NoRun):
         warnings.append(f"no EKF and no RTS: {forward.reason}")
-    if compared and compared.warning:
-        warnings.append(compared.warning)
-    return replace(whole, warnings=tuple(warnings), comparison=compared, residuals=left)
-
-
-_NAMES = {
-    "batch": "least squares",
-    "ekf": "the EKF",
-    "backward": "the EKF backward",
-    "rts": "the RTS smoother",
-    "reference": "the reference EKF",
-}
+    if comparison and comparison.warning:
+        warnings.append(comparison.warning)
+    return replace(result, warnings=tuple(warnings), comparison=comparison, residuals=diagnosis)
 
 
 def _converged_only(result: CellResult) -> CellResult:
     """The result without the estimators that did not converge; `failed` and a warning name them."""
-    failed = tuple(
-        name for name in _NAMES if not _is_converged(name, getattr(result, name), result.obs)
-    )
-    told = [f"{_NAMES[name]} did not converge" for name in failed]
-    kept: dict[str, Any] = dict.fromkeys(failed)
-    return replace(result, **kept, failed=failed, warnings=(*result.warnings, *told))
+    failed = [
+        estimator
+        for estimator in ESTIMATORS
+        if not _is_converged(estimator, getattr(result, estimator.key), result.obs)
+    ]
+    keys = tuple(estimator.key for estimator in failed)
+    without: dict[str, Any] = dict.fromkeys(keys)
+    warnings = [f"{estimator.name} did not converge" for estimator in failed]
+    return replace(result, **without, failed=keys, warnings=(*result.warnings, *warnings))
 
 
 def _is_converged(
-    name: str, ended: BatchFit | FilterPath | None, obs: CellObservations | None
+    estimator: Estimator, estimate: BatchFit | FilterPath | None, obs: CellObservations | None
 ) -> bool:
-    if ended is None or obs is None:
+    if estimate is None or obs is None:
         return True
-    if isinstance(ended, BatchFit):
-        return ended.converged
-    return ended_well(ended.x[-1], ended.p[-1], obs, any_slope=name == "reference")
+    if isinstance(estimate, BatchFit):
+        return estimate.converged
+    return ended_well(estimate.x[-1], estimate.p[-1], obs, any_slope=estimator == REFERENCE)
 
 
 def too_few(obs: CellObservations) -> str | None:
@@ -96,7 +92,7 @@ def too_few(obs: CellObservations) -> str | None:
     n, within = len(obs), int(np.count_nonzero(obs.limit == 0))
     if within >= FEWEST_READINGS:
         return None
-    which = "with a position" if within == n else f"within the modem's scale ({n} with a position)"
+    which = "with a position" if within == n else f"within the modem's range ({n} with a position)"
     return (
         f"only {within} reading{'s' * (within != 1)} {which}: at least {FEWEST_READINGS} are needed"
     )
@@ -106,39 +102,39 @@ def locate_cell(obs: CellObservations, prior: Prior) -> CellResult:
     """The posterior and its verdict, and no other estimator."""
     if why := too_few(obs):
         return CellResult(obs.cell, len(obs), obs, "cannot tell", (why,))
-    kept, aside = obs.usable(), tuple(obs.spikes())
-    posterior = locate(kept, prior)
-    told, reasons, _ = decide(posterior, kept)
-    timing = timing_of(kept)
-    checked = None if timing is None else timing.check(posterior.squares)
-    if checked and checked.warning:
-        reasons.append(checked.warning)
-    reasons += _set_aside(aside)
+    usable, spikes = obs.usable(), tuple(obs.spikes())
+    posterior = locate(usable, prior)
+    verdict, reasons, _ = decide(posterior, usable)
+    timing = timing_of(usable)
+    timing_check = None if timing is None else timing.check(posterior.squares)
+    if timing_check and timing_check.warning:
+        reasons.append(timing_check.warning)
+    reasons += _spike_warnings(spikes)
     return CellResult(
         obs.cell,
         len(obs),
         obs,
-        told,
+        verdict,
         tuple(reasons),
         posterior=posterior,
-        timing=checked,
-        set_aside=aside,
+        timing=timing_check,
+        set_aside=spikes,
     )
 
 
-def _set_aside(spikes: Sequence[SpikeLevel]) -> list[str]:
-    """The largest of them in plain words."""
+def _spike_warnings(spikes: Sequence[SpikeLevel]) -> list[str]:
+    """How many levels were set aside, and the largest of them."""
     if not spikes:
         return []
     worst = max(spikes, key=lambda spike: abs(spike.above_db))
     how = "above" if worst.above_db > 0.0 else "below"
     which = "1 level was" if len(spikes) == 1 else f"{len(spikes)} levels were"
-    text = (
-        f"{which} set aside, since the readings around do not share them: the worst, "
-        f"{worst.level_dbm:.0f} dBm in scan "
-        f"{worst.scan_seq}, is {abs(worst.above_db):.0f} dB {how} those"
+    warning = (
+        f"{which} set aside because the readings before and after contradict them: the largest "
+        f"deviation, {worst.level_dbm:.0f} dBm in scan {worst.scan_seq}, is "
+        f"{abs(worst.above_db):.0f} dB {how} those"
     )
-    return [text]
+    return [warning]
 
 
 def _passes(
@@ -146,24 +142,27 @@ def _passes(
 ) -> Iterator[ekf_initialisation.EkfRun | ekf_initialisation.NoRun]:
     """Forward and backward."""
     if obs.n_modems > 1:
-        why = "several modems, and the offset between them is no unknown of the filter"
+        why = "several modems, and the filter does not estimate the offset between them"
         return iter((ekf_initialisation.NoRun(why), ekf_initialisation.NoRun(why)))
     noise = ekf_initialisation.noise_of(obs, posterior)
-    return (ekf_initialisation.run(obs, posterior, noise, backward=way) for way in (False, True))
+    return (
+        ekf_initialisation.run(obs, posterior, noise, backward=backward)
+        for backward in (False, True)
+    )
 
 
-def _batch_warnings(fitted: BatchFit | None, posterior: Posterior) -> list[str]:
-    if fitted is None:
+def _batch_warnings(fit: BatchFit | None, posterior: Posterior) -> list[str]:
+    if fit is None:
         return []
     warnings = []
-    if fitted.rivals:
+    if fit.rivals:
         warnings.append(
-            f"least squares fits {len(fitted.rivals)} other place(s) as well as its best one"
+            f"least squares fits {len(fit.rivals)} other position(s) as well as its best one"
         )
-    apart_m = hypot(fitted.state[0] - posterior.x_m, fitted.state[1] - posterior.y_m)
+    apart_m = hypot(fit.state[0] - posterior.x_m, fit.state[1] - posterior.y_m)
     if apart_m > posterior.r95_m:
         warnings.append(
-            f"least squares lies {apart_m:.0f} m from the posterior's best place, outside its 95 "
-            "% radius"
+            f"least squares lies {apart_m:.0f} m from the posterior's best position, outside its "
+            "95 % radius"
         )
     return warnings

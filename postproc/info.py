@@ -269,20 +269,19 @@ def _chain(sealing: Sealing) -> Check:
     elif sealing.surplus:
         text = f"altered: {sealing.surplus} has rows that were not recorded"
     elif sealing.end is None:
-        text = f"not sealed, since the run was cut; digest of what is there {sealing.recomputed_digest}"
+        text = f"not sealed, since the run is incomplete: digest so far {sealing.recomputed_digest}"
     elif not sealing.holds:
         text = f"altered: sealed with {sealing.end.digest}, recomputed {sealing.recomputed_digest}"
     else:
         text = (
-            f"sealed with {sealing.recomputed_digest}; compare it with the digest noted at the stop "
-            "(--digest): "
-            "a chain that anybody can make proves no author"
+            f"sealed with {sealing.recomputed_digest}; compare it with the digest that was noted "
+            "at the stop (--digest): a valid chain alone proves no author"
         )
     return Check("chain", sealing.holds, text)
 
 
 def _check_noted_digest(sealing: Sealing, noted: str) -> Check:
-    """The only check that a forger with time does not pass."""
+    """The only check that detects a forged chain."""
     if not sealing.holds:
         return Check(
             "digest", False, f"the chain does not hold, so it cannot be the run of {noted}"

@@ -7,6 +7,7 @@ nothing else; positions are UTM, times nanoseconds (conventions: `logger.core`).
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from typing import Final, NamedTuple
 
 from logger.core.arrays import IntArray
 from logger.core.locator.posterior import Posterior
@@ -55,6 +56,23 @@ class RunShare:
     n: int
     offset_db: float | None
     sigma_db: float | None
+
+
+class Estimator(NamedTuple):
+    """An estimator beside the posterior: attribute of `CellResult`, key in JSON, and name."""
+
+    key: str
+    json_key: str
+    name: str
+
+
+BATCH: Final = Estimator("batch", "batch", "least squares")
+EKF: Final = Estimator("ekf", "ekf", "EKF")
+BACKWARD: Final = Estimator("backward", "ekf_backward", "EKF backward")
+RTS: Final = Estimator("rts", "rts", "RTS")
+REFERENCE: Final = Estimator("reference", "reference_ekf", "reference EKF")
+ESTIMATORS: Final = (BATCH, EKF, BACKWARD, RTS, REFERENCE)
+"""In the order of the tables."""
 
 
 @dataclass(frozen=True, slots=True)

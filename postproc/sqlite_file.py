@@ -1,4 +1,4 @@
-"""SQLite files of strangers, opened to read tables and nothing else.
+"""Untrusted SQLite files, opened to read tables only.
 
 A schema may hold more than tables: a view that never ends, a column that is computed by a function,
 a page that points to itself. What is not a plain table is refused, and a query ends where an honest
@@ -13,7 +13,7 @@ from pathlib import Path
 _STEPS_AT_ONCE = 1_000_000
 _STEPS_LEAST = 200_000_000
 _STEPS_BY_BYTE = 50
-"""An honest scan takes about one step of SQLite's machine for each byte."""
+"""A plain scan takes about one step of SQLite's machine for each byte."""
 _LONGEST_BYTES = 64 << 20
 """Of a value; a tile has some kilobytes."""
 _ALLOWED = frozenset(
@@ -29,7 +29,7 @@ def open_database(path: Path, *, views: bool = False) -> Iterator[sqlite3.Connec
 
 
 def connect(path: Path, *, views: bool = False) -> sqlite3.Connection:
-    """As `open_database`, for whoever closes it; `views` allows those of the file, as maps have them."""
+    """As `open_database`, to be closed by the caller; `views` allows views, which maps contain."""
     database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
     for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0"):
         database.execute(f"PRAGMA {pragma}")
@@ -40,7 +40,7 @@ def connect(path: Path, *, views: bool = False) -> sqlite3.Connection:
         left[0] -= _STEPS_AT_ONCE
         return left[0] < 0
 
-    def judge(
+    def authorize(
         action: int, _1: str | None, _2: str | None, _3: str | None, within: str | None
     ) -> int:
         is_plain = action in _ALLOWED and (views or within is None)
@@ -51,5 +51,5 @@ def connect(path: Path, *, views: bool = False) -> sqlite3.Connection:
         )
 
     database.set_progress_handler(is_over, _STEPS_AT_ONCE)
-    database.set_authorizer(judge)
+    database.set_authorizer(authorize)
     return database

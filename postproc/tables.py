@@ -8,6 +8,7 @@ from rich.text import Text
 
 from logger.core.ellipse import Ellipse
 from logger.core.locator.rivals import share_text
+from postproc.result import ESTIMATORS, REFERENCE
 from postproc.result_json import (
     Best,
     BestWithout,
@@ -22,17 +23,10 @@ from postproc.result_json import (
 )
 from postproc.terminal import fits, print_text, screen, styled_text, table
 
-_TITLES = {
-    "batch": "least squares",
-    "ekf": "EKF",
-    "ekf_backward": "EKF backward",
-    "rts": "RTS",
-    "reference_ekf": "reference EKF*",
-}
 _STYLES = {"located": "green", "ambiguous": "yellow", "cannot tell": "red"}
 _ORDER = tuple(_STYLES)
-_REFERENCE = (
-    "the specification's filter, kept for reference: its place and its ellipse are not to be "
+_REFERENCE_NOTE = (
+    "the filter of the specification, for comparison: neither its position nor its ellipse can be "
     "trusted"
 )
 
@@ -55,7 +49,7 @@ def print_summary(summary: Summary, *, details: bool) -> None:
     for cell in cells:
         _print_cell(console, cell)
     if any(cell.reference_ekf.lat is not None for cell in cells):
-        print_text(console, f"\n* {_REFERENCE}")
+        print_text(console, f"\n* {_REFERENCE_NOTE}")
 
 
 def _print_warnings(console: Console, runs: Sequence[RunSummary], warnings: Sequence[str]) -> None:
@@ -127,8 +121,9 @@ def _print_estimators(console: Console, cell: Cell) -> None:
     for i, mode in enumerate(cell.modes, 1):
         share = share_text(mode.probability) if mode.percent is None else f"{mode.percent}%"
         rows.append([f"  place {i}: {share}", _position(mode), _axes(mode.ellipse95)])
-    for name, title in _TITLES.items():
-        state: FinalState | LeastSquares = getattr(cell, name)
+    for estimator in ESTIMATORS:
+        title = f"{estimator.name}*" if estimator == REFERENCE else estimator.name
+        state: FinalState | LeastSquares = getattr(cell, estimator.json_key)
         if state.converged is False:
             rows.append([title, "did not converge"])
         elif state.lat is not None:

@@ -1,1 +1,1 @@
-"""Foreign formats, one file each."""
+"""Formats of other programs, one file each."""

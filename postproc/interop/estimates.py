@@ -14,24 +14,24 @@ from logger.core.locator.rivals import LEAST_SHARE
 from logger.core.runfile.hdf5_reading import stored_summary
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
 from postproc.json_text import as_json
-from postproc.result import Result
+from postproc.result import BATCH, EKF, RTS, Result
 from postproc.summary import summarise
 
-_PEERS = {"ekf": "EKF", "rts": "RTS", "batch": "least squares"}
-"""Without the reference EKF, whose ellipse is known to be wrong."""
+_PEERS = (EKF, RTS, BATCH)
+"""Without the reference EKF, whose ellipse is wrong."""
 _WIDEST_M = 50_000.0
 """GSM reaches 35 km: a wider ellipse contains no information."""
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class NamedPosition:
     """A position of a cell; `probability` is None for an estimator with a single one.
 
     `verdict` is that on the cell for the positions of the answer, None for other estimators.
     """
 
     name: str
-    at: LonLat
+    lon_lat: LonLat
     probability: float | None
     ellipse95: tuple[Rings, ...]
     verdict: str | None = None
@@ -39,7 +39,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The answer about one cell; no places where the readings determine none.
+    """The answer about one cell; no positions where the readings do not determine one.
 
     `left_out` names the estimators without a position, and why.
     """
@@ -47,7 +47,7 @@ class Estimate:
     cell: str
     verdict: str
     n: int
-    places: tuple[Place, ...]
+    positions: tuple[NamedPosition, ...]
     regions: Mapping[int, tuple[Rings, ...]]
     warnings: tuple[str, ...]
     left_out: tuple[str, ...] = ()
@@ -148,24 +148,26 @@ def _estimate(cell: StoredCell, utm: Utm, every: bool) -> Estimate:
         if region.geojson
     }
     more, left_out = _others(cell, utm) if every else ([], [])
-    places = (*_answer(cell), *more)
+    positions = (*_answer(cell), *more)
     return Estimate(
-        cell.cell, cell.verdict, cell.n, places, outlines, tuple(cell.warnings), tuple(left_out)
+        cell.cell, cell.verdict, cell.n, positions, outlines, tuple(cell.warnings), tuple(left_out)
     )
 
 
-def _answer(cell: StoredCell) -> list[Place]:
+def _answer(cell: StoredCell) -> list[NamedPosition]:
     """Positions that the verdict is about: several only where it is "ambiguous"."""
     if cell.verdict == "ambiguous":
         likely = [mode for mode in cell.modes if _is_relevant(mode)]
         return [
-            Place(f"possible place {i}", _lon_lat(mode), mode.probability, (), cell.verdict)
+            NamedPosition(
+                f"possible position {i}", _lon_lat(mode), mode.probability, (), cell.verdict
+            )
             for i, mode in enumerate(likely, 1)
         ]
     if cell.best.lat is None:
         return []
-    name = "best place" if cell.verdict == "located" else "best guess"
-    return [Place(name, _lon_lat(cell.best), None, (), cell.verdict)]
+    name = "best position" if cell.verdict == "located" else "best guess"
+    return [NamedPosition(name, _lon_lat(cell.best), None, (), cell.verdict)]
 
 
 def _is_relevant(mode: _Mode) -> bool:
@@ -175,19 +177,21 @@ def _is_relevant(mode: _Mode) -> bool:
     return mode.percent is not None
 
 
-def _others(cell: StoredCell, utm: Utm) -> tuple[list[Place], list[str]]:
+def _others(cell: StoredCell, utm: Utm) -> tuple[list[NamedPosition], list[str]]:
     """Modes and other estimators with their ellipses, and which have none and why."""
-    places, left_out = [], []
+    positions, left_out = [], []
     states: dict[str, _State] = {
-        f"posterior, place {i}": mode for i, mode in enumerate(cell.modes, 1)
+        f"posterior, position {i}": mode for i, mode in enumerate(cell.modes, 1)
     }
-    states |= {name: getattr(cell, key) for key, name in _PEERS.items()}
+    states |= {estimator.name: getattr(cell, estimator.json_key) for estimator in _PEERS}
     for name, state in states.items():
         if why := _no_answer(state):
             left_out.append(f"{name} of {cell.cell}: {why}")
         elif state.lat is not None:
-            places.append(Place(name, _lon_lat(state), state.probability, _ellipse(state, utm)))
-    return places, left_out
+            positions.append(
+                NamedPosition(name, _lon_lat(state), state.probability, _ellipse(state, utm))
+            )
+    return positions, left_out
 
 
 def _no_answer(state: _State) -> str | None:

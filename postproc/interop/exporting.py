@@ -1,6 +1,6 @@
 """A run in the format of another program.
 
-Nothing tells who walked or with what: no configuration, names or notes.
+The file does not identify the walker or the hardware: no configuration, names or notes.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ class Format:
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What an export did; `left_out` says in words what the file does not hold."""
+    """What an export did; `left_out` lists what the file does not contain."""
 
     path: Path
     format: str
@@ -79,7 +79,9 @@ def format_of(name: str | None, target: Path, *, with_estimates: bool = False) -
     if name not in FORMATS:
         raise ConfigError(f"format {name!r} is unknown: one of {', '.join(FORMATS)}")
     if with_estimates and not FORMATS[name].has_estimates:
-        raise ConfigError(f"{name} holds measurements only; estimates go with kml, geojson and gpx")
+        raise ConfigError(
+            f"{name} contains measurements only; kml, geojson and gpx can contain estimates"
+        )
     return name
 
 
@@ -88,12 +90,12 @@ def write_export(
 ) -> Exported:
     """Write a file, complete or not at all.
 
-    Raises `RunFileError` where nothing is left that the format can hold.
+    Raises `RunFileError` where the format can represent none of the levels.
     """
     form = FORMATS[name]
     sightings = [s for s in walk.sightings if form.writable is None or form.writable(s)]
     if form.writable is not None and not sightings:
-        why = "" if walk.has_utc else ": GPS never told the time, and the format needs UTC"
+        why = "" if walk.has_utc else ": the format needs UTC, and the receiver never reported it"
         raise RunFileError(f"nothing in the run can be written as {name}{why}")
     writable = ExportWalk(tuple(sightings), walk.track, walk.utm, walk.start_ns, walk.has_utc, 0, 0)
     with whole_file(target) as part:
@@ -115,9 +117,12 @@ def write_export(
 
 def _left_out(walk: ExportWalk, n_written: int) -> tuple[str, ...]:
     counts = {
-        "without a whole identity, which the format needs": len(walk.sightings) - n_written,
+        "without a complete identity, which the format needs": len(walk.sightings) - n_written,
         "of cells without an identity": walk.n_without_identity,
-        "where no fix was near": walk.n_without_position,
+        "without a fix near in time": walk.n_without_position,
     }
-    said = [f"{n} readings {what}" for what, n in counts.items() if n]
-    return (*said, *([] if walk.has_utc else ["times in UTC: GPS never told them"]))
+    omissions = [f"{n} readings {what}" for what, n in counts.items() if n]
+    return (
+        *omissions,
+        *([] if walk.has_utc else ["times in UTC: the receiver never reported them"]),
+    )

@@ -12,7 +12,7 @@ Fields = Mapping[str, Any]
 
 LEVEL_RANGE_DBM = (-200.0, 50.0)
 _UNKNOWN = (2**31 - 1, 2**63 - 1)
-"""CellInfo.UNAVAILABLE and UNAVAILABLE_LONG of Android, which apps write as they get it."""
+"""CellInfo.UNAVAILABLE and UNAVAILABLE_LONG of Android, which apps write unchanged."""
 _LARGEST = 2**31 - 2
 _LARGEST_CID = 2**36 - 1
 """NR cell identity: 36 bit (3GPP TS 38.413 9.3.1.7)."""
@@ -29,29 +29,29 @@ RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {
 
 
 _LAST_DAY = 100_000
-"""Of the days that nanoseconds since 1970 can count; the year 2243."""
+"""Days since 1970, the year 2243: nanoseconds still fit into 64 bit."""
 
 
 def text(fields: Fields, *names: str) -> str:
     """First value among `names` that is not empty, "" without one."""
     for name in names:
         value = fields.get(name)
-        if value is not None and (found := str(value).strip()):
-            return found
+        if value is not None and (value_text := str(value).strip()):
+            return value_text
     return ""
 
 
 def number(fields: Fields, name: str, limits: tuple[float, float] = (-1e12, 1e12)) -> float:
     """Finite number within limits; raises ValueError."""
-    found = text(fields, name)
-    if not found:
+    value_text = text(fields, name)
+    if not value_text:
         raise ValueError(f"{name} is empty")
     try:
-        value = float(found)
+        value = float(value_text)
     except ValueError:
-        raise ValueError(f"{name} is no number: {found[:40]!r}") from None
+        raise ValueError(f"{name} is no number: {value_text[:40]!r}") from None
     if not (math.isfinite(value) and limits[0] <= value <= limits[1]):
-        raise ValueError(f"{name} is out of range: {found[:40]}")
+        raise ValueError(f"{name} is out of range: {value_text[:40]}")
     return value
 
 
@@ -62,17 +62,17 @@ def maybe(fields: Fields, name: str, limits: tuple[float, float] = (-1e12, 1e12)
 
 def integer(fields: Fields, *names: str, largest: int = _LARGEST) -> int | None:
     """Integer from 0; None where it is empty or a mark: negative, or the largest there is."""
-    found = text(fields, *names)
-    if not found:
+    value_text = text(fields, *names)
+    if not value_text:
         return None
     try:
-        value = int(found)
+        value = int(value_text)
     except ValueError:
-        raise ValueError(f"{names[0]} is no integer: {found[:40]!r}") from None
+        raise ValueError(f"{names[0]} is no integer: {value_text[:40]!r}") from None
     if value < 0 or value in _UNKNOWN:
         return None
     if value > largest:
-        raise ValueError(f"{names[0]} is out of range: {found[:40]}")
+        raise ValueError(f"{names[0]} is out of range: {value_text[:40]}")
     return value
 
 
@@ -103,7 +103,7 @@ def reading_of(
     return CellReading(role, rat, **{level: level_dbm, code: area} | values)
 
 
-def place_of(fields: Fields, lat: str, lon: str, utc_ns: int | None, **values: float | None) -> Fix:
+def fix_of(fields: Fields, lat: str, lon: str, utc_ns: int | None, **values: float | None) -> Fix:
     """A fix; raises `GeoError` for no position, ValueError for 0, 0, written without a fix."""
     lat_deg, lon_deg = number(fields, lat), number(fields, lon)
     check_position(lat_deg, lon_deg)
@@ -112,15 +112,15 @@ def place_of(fields: Fields, lat: str, lon: str, utc_ns: int | None, **values: f
     return Fix(True, utc_ns=utc_ns, lat_deg=lat_deg, lon_deg=lon_deg, **values)  # type: ignore[arg-type]
 
 
-def utc_ns_of(found: str, name: str) -> int:
+def utc_ns_of(time: str, name: str) -> int:
     """Nanoseconds since 1970 of an ISO 8601 time, UTC where it names no zone; raises ValueError."""
     try:
-        when = datetime.fromisoformat(found)
+        when = datetime.fromisoformat(time)
     except ValueError:
-        raise ValueError(f"{name} is no ISO 8601 time: {found[:40]!r}") from None
+        raise ValueError(f"{name} is no ISO 8601 time: {time[:40]!r}") from None
     if when.tzinfo is None:
         when = when.replace(tzinfo=UTC)
     since = when - datetime(1970, 1, 1, tzinfo=UTC)
     if not 0 <= since.days < _LAST_DAY:
-        raise ValueError(f"{name} is no time of a walk: {found[:40]!r}")
+        raise ValueError(f"{name} is no time of a walk: {time[:40]!r}")
     return ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1000

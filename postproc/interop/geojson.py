@@ -77,20 +77,20 @@ def _estimate(estimate: Estimate) -> Iterator[Feature]:
     about: Feature = {"cell": estimate.cell, "verdict": estimate.verdict}
     for level, outline in estimate.regions.items():
         yield _area(outline, {"kind": "region", "level_percent": level, **about})
-    for place in estimate.places:
+    for position in estimate.positions:
         named = {
-            "name": place.name,
-            "probability": place.probability,
+            "name": position.name,
+            "probability": position.probability,
             "cell": estimate.cell,
-            "verdict": place.verdict,
+            "verdict": position.verdict,
         }
         yield {
             "type": "Feature",
-            "geometry": _point(_place(*place.at)),
+            "geometry": _point(_place(*position.lon_lat)),
             "properties": {"kind": "place", **named},
         }
-        if place.ellipse95:
-            yield _area(place.ellipse95, {"kind": "ellipse95", **named})
+        if position.ellipse95:
+            yield _area(position.ellipse95, {"kind": "ellipse95", **named})
 
 
 def _area(outline: Sequence[Rings], properties: Feature) -> Feature:
@@ -98,8 +98,8 @@ def _area(outline: Sequence[Rings], properties: Feature) -> Feature:
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-def _point(place: tuple[float, float]) -> dict[str, Any]:
-    return {"type": "Point", "coordinates": place}
+def _point(lon_lat: tuple[float, float]) -> dict[str, Any]:
+    return {"type": "Point", "coordinates": lon_lat}
 
 
 def _place(lon_deg: float | None, lat_deg: float | None) -> tuple[float, float]:

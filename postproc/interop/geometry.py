@@ -30,13 +30,13 @@ def lines(points: Sequence[LonLat]) -> list[Line]:
     if len(points) < 2:
         return []
     if all(abs(a[0] - b[0]) < 180.0 for a, b in pairwise(points)):
-        whole = _round(points)
-        return [whole] if any(point != whole[0] for point in whole) else []
-    line = LineString(_continuous(np.asarray(points, float)))
+        line = _round(points)
+        return [line] if any(point != line[0] for point in line) else []
+    unwrapped = LineString(_continuous(np.asarray(points, float)))
     parts = (
         part
-        for turn, strip in _strips(line)
-        for part in _shift(turn, shapely.intersection(line, strip))
+        for turn, strip in _strips(unwrapped)
+        for part in _shift(turn, shapely.intersection(unwrapped, strip))
     )
     return [
         _round(part.coords) for part in parts if isinstance(part, LineString) and part.length > 0.0
@@ -45,22 +45,22 @@ def lines(points: Sequence[LonLat]) -> list[Line]:
 
 def polygons(parts: Iterable[Sequence[Sequence[Sequence[float]]]]) -> list[Rings]:
     """Polygons, each a list of rings of (lon, lat), made valid, cut and wound by RFC 7946."""
-    found: list[Rings] = []
+    polygons_of_rings: list[Rings] = []
     for part in parts:
         outer = _continuous(np.asarray(part[0], float))
         holes = [_continuous(np.asarray(ring, float), outer[0, 0]) for ring in part[1:]]
-        whole = shapely.make_valid(Polygon(outer, holes))
-        for turn, strip in _strips(whole):
-            for piece in _shift(turn, shapely.intersection(whole, strip)):
+        polygon = shapely.make_valid(Polygon(outer, holes))
+        for turn, strip in _strips(polygon):
+            for piece in _shift(turn, shapely.intersection(polygon, strip)):
                 if isinstance(piece, Polygon):
-                    found += _rings(piece)
-    return found
+                    polygons_of_rings += _rings(piece)
+    return polygons_of_rings
 
 
 def ellipse(
     lat_deg: float, lon_deg: float, utm: Utm, axes_m: tuple[float, float], azimuth_deg: float
 ) -> Line:
-    """Closed ring around a place; azimuth of the major axis clockwise from grid north."""
+    """Closed ring around a position; azimuth of the major axis clockwise from grid north."""
     x_m, y_m = utm.to_xy(lat_deg, lon_deg)
     sin_a, cos_a = sin(radians(azimuth_deg)), cos(radians(azimuth_deg))
     angle = np.linspace(0.0, 2.0 * pi, _ELLIPSE_POINTS + 1)

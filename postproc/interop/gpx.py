@@ -1,6 +1,6 @@
 """GPX 1.1: the walk as a track with a segment for each stretch, positions of cells as waypoints.
 
-The format allows a time in UTC or none, so there are no times where GPS never told UTC.
+The format allows only times in UTC, so times are left out where the receiver never reported UTC.
 """
 
 from collections.abc import Sequence
@@ -22,11 +22,13 @@ def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None
     """Track and waypoints."""
     root = ET.Element("gpx", {"xmlns": NAMESPACE, "version": "1.1", "creator": "cellwalk"})
     for estimate in estimates:
-        for place in estimate.places:
-            waypoint = add(root, "wpt", **_at(place.at[1], place.at[0]))
-            add(waypoint, "name", f"{estimate.cell} {place.name}")
-            share = "" if place.probability is None else f", probability {place.probability:.2f}"
-            add(waypoint, "desc", f"{place.verdict or 'not the answer, for comparison'}{share}")
+        for position in estimate.positions:
+            waypoint = add(root, "wpt", **_at(position.lon_lat[1], position.lon_lat[0]))
+            add(waypoint, "name", f"{estimate.cell} {position.name}")
+            share = (
+                "" if position.probability is None else f", probability {position.probability:.2f}"
+            )
+            add(waypoint, "desc", f"{position.verdict or 'not the answer, for comparison'}{share}")
             add(waypoint, "type", "estimate")
     track = add(root, "trk")
     add(track, "name", "walk")

@@ -61,7 +61,7 @@ def import_walk(source: Path, target: Path, *, times: bool = True) -> Imported:
         raise RunFileError(f"{source} has no usable row{why}")
     n_read = len(sightings)
     if form is not WALK_CSV:
-        # apps write a measurement again when they are asked for it again
+        # apps repeat measurements when they export again
         sightings = list(
             {(row.t_ns, row.fix, row.reading): row for row in reversed(sightings)}.values()
         )[::-1]
@@ -86,10 +86,10 @@ def _without_times(sightings: Sequence[Sighting]) -> list[Sighting]:
 
 
 def _check_times(source: Path, form: Format, sightings: Sequence[Sighting]) -> None:
-    """Raise `RunFileError` where nobody can have been at these places at these times."""
+    """Raise `RunFileError` where the positions and their times contradict each other."""
     try:
         track = _track(sightings)
-    except GeoError:  # nothing can be located there, which is told by who tries
+    except GeoError:  # outside of UTM: the estimators report that
         return
     why = track_plausibility.too_fast(track) or track_plausibility.too_many_apart(
         walker.smooth_track(stale_fixes.without_stale(track))
@@ -97,8 +97,7 @@ def _check_times(source: Path, form: Format, sightings: Sequence[Sighting]) -> N
     if why:
         raise RunFileError(
             f"{source}: its times ({form.times}) cannot be right: {why}. Name the right column, "
-            "or import the rows in "
-            "their order, without times: --times none"
+            "or import the rows in their order, without times: --times none"
         )
 
 
@@ -116,16 +115,16 @@ def _track(sightings: Sequence[Sighting]) -> Track:
 
 
 def _fill(append: Append, sightings: list[Sighting], imported: Imported) -> int:
-    """Notes, then a fix wherever place or time changes, and a scan for each row."""
+    """Notes, then a fix wherever position or time changes, and a scan for each row."""
     start_ns = sightings[0].t_ns
     for note in _notes(imported):
         append(Record(0, "import", note))
-    place: tuple[int, Fix] | None = None
+    last: tuple[int, Fix] | None = None
     fix_seq = 0
     for row in sightings:
         t_ns = row.t_ns - start_ns
-        if place != (row.t_ns, row.fix):
-            place = (row.t_ns, row.fix)
+        if last != (row.t_ns, row.fix):
+            last = (row.t_ns, row.fix)
             fix_seq = append(Record(t_ns, "import", row.fix))
         append(Record(t_ns, "import", Scan(t_ns, (row.reading,), fix_seq, fix_seq)))
     return sightings[-1].t_ns - start_ns

@@ -4,7 +4,7 @@ Those sources are cellat and celldiag, from October 2026 on.
 
 Sources: kismetwireless.net/docs/dev/kismetdb and /docs/readme/kismetdb/kismetdb_cell, phy_cell.cc
 and the README of capture_cell_at of kismetwireless/kismet. Accepted observations have the type
-Cellular, those without a whole identity CellModem, early ones Cell. Raw exchanges and session
+Cellular, those without a complete identity CellModem, early ones Cell. Raw exchanges and session
 records, which hold the modem's IMEI, are not read.
 """
 
@@ -21,9 +21,9 @@ from postproc.interop.fields import (
     RATS,
     Fields,
     cell_identity,
+    fix_of,
     integer,
     maybe,
-    place_of,
     plmn,
     reading_of,
     text,
@@ -49,14 +49,14 @@ def read(source: Path) -> Iterator[Row]:
                 raise RunFileError(f"{source}: the table data has no column {', '.join(missing)}")
             columns = ", ".join(name for name in _COLUMNS if name in have)
             query = f"SELECT rowid, {columns} FROM data WHERE type IN (?, ?, ?) ORDER BY rowid"  # noqa: S608 (names of ours)
-            found = parse_rows(
+            rows = parse_rows(
                 (
                     (row["rowid"], dict(row) | {"scale": scale})
                     for row in database.execute(query, TYPES)
                 ),
                 _sighting,
             )
-            first = next(found, None)
+            first = next(rows, None)
             if first is None:
                 raise RunFileError(
                     f"{source} is a Kismet log without a cell: no row of data has the type "
@@ -64,7 +64,7 @@ def read(source: Path) -> Iterator[Row]:
                     "Kismet's sources cellat and celldiag write"
                 )
             yield first
-            yield from found
+            yield from rows
     except sqlite3.Error as error:
         raise RunFileError(f"{source} is a damaged SQLite file: {error}") from error
 
@@ -88,18 +88,18 @@ def _sighting(line: int, row: Fields) -> Sighting | None:
     if not seconds:
         raise ValueError("ts_sec is no time")
     utc_ns = seconds * 10**9 + (integer(row, "ts_usec") or 0) * 1000
-    place: dict[str, Any] = {
+    position: dict[str, Any] = {
         name: (maybe(row, name) or 0.0) * row["scale"] for name in ("lat", "lon")
     }
     known = {"alt_m": maybe(row, "alt") or None, "course_deg": None, "speed_mps": None}
-    fix = place_of(place, "lat", "lon", utc_ns, **known)
+    fix = fix_of(position, "lat", "lon", utc_ns, **known)
     rsrp_dbm, rssi_dbm = (maybe(fields, name, LEVEL_RANGE_DBM) for name in ("rsrp", "rssi"))
     # Kismet fills rsrp with 0 for a level that it does not have
     level_dbm = (rssi_dbm if rat == "GSM" else rsrp_dbm) or None
     if level_dbm is None:
         raise ValueError(f"{'rssi' if rat == 'GSM' else 'rsrp'} is empty")
     mcc, mnc = plmn(fields)
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         "mcc": mcc,
         "mnc": mnc,
         "cid": cell_identity(fields, "cell_id"),
@@ -111,5 +111,5 @@ def _sighting(line: int, row: Fields) -> Sighting | None:
     }
     role: Role = "serving" if fields.get("is_serving") is True else "neighbour"
     return Sighting(
-        line, utc_ns, fix, reading_of(rat, role, level_dbm, integer(fields, "tac"), **found)
+        line, utc_ns, fix, reading_of(rat, role, level_dbm, integer(fields, "tac"), **values)
     )

@@ -74,7 +74,7 @@ def _styles(document: ET.Element) -> None:
     for level, colour in _AREA_COLOURS.items():
         _style(document, f"region-{level}", _LINE, 1, fill=colour)
     _style(document, "ellipse", _LINE, 2, fill="00ffffff")
-    icon = add(add(document, "Style", id="place"), "IconStyle")
+    icon = add(add(document, "Style", id="position"), "IconStyle")
     add(icon, "color", _LINE)
 
 
@@ -109,15 +109,15 @@ def _cell(
     if estimate is not None:
         for level, outline in estimate.regions.items():
             _area(folder, f"{level} % region", f"region-{level}", outline)
-        for place in estimate.places:
-            share = "" if place.probability is None else f" ({share_text(place.probability)})"
+        for position in estimate.positions:
+            share = "" if position.probability is None else f" ({share_text(position.probability)})"
             name = (
-                place.name
-                if place.verdict in {None, "located"}
-                else f"{place.name}: {place.verdict}"
+                position.name
+                if position.verdict in {None, "located"}
+                else f"{position.name}: {position.verdict}"
             )
-            _placemark(folder, f"{name}{share}", "place", [], (None, None), place.at)
-            _area(folder, f"95 % ellipse of {place.name}", "ellipse", place.ellipse95)
+            _placemark(folder, f"{name}{share}", "position", [], (None, None), position.lon_lat)
+            _area(folder, f"95 % ellipse of {position.name}", "ellipse", position.ellipse95)
 
 
 def level_class(level_dbm: float) -> int:

@@ -1,6 +1,6 @@
 """A run as levels at positions, for export: cells, times and levels, and no data of the walker.
 
-Places are interpolated between the fixes, as recorded and not smoothed, so that an import finds
+Positions are interpolated between the fixes, as recorded and not smoothed, so that an import gives
 what was exported.
 """
 
@@ -37,7 +37,7 @@ class ExportWalk:
     """Levels in time order, and the track, divided where the receiver was silent for long.
 
     `n_without_..` count readings that are left out. `start_ns` is the time of the first level,
-    from which seconds are counted; `has_utc` tells whether times in UTC are known.
+    from which seconds are counted; `has_utc` is true where times in UTC are known.
     """
 
     sightings: tuple[Sighting, ...]
@@ -73,29 +73,29 @@ def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
 
 
 def _clock(run: Run) -> Clock:
-    """UTC to the microsecond of a time since boot, None where unknown; imports are trusted."""
+    """UTC to the microsecond by time since boot, None where unknown; an import has it per fix."""
     timebase = fit_run(run.meta.origin, run.tables["fixes"])
     if timebase is not None:
         return lambda t_ns: timebase.utc_ns(t_ns) // 1000 * 1000
     if is_import(run.meta.origin):
-        told = {
+        utc_ns = {
             record.t_ns: record.value.utc_ns
             for _, record in run.records("fixes")
             if isinstance(record.value, Fix)
         }
-        return told.get
+        return utc_ns.get
     return lambda _: None
 
 
 def _track(run: Run, clock: Clock) -> tuple[Stretch, ...]:
     stretches: list[list[tuple[int, Fix]]] = []
     last_ns: int | None = None
-    found = [
+    fixes = [
         (r.t_ns, r.value)
         for _, r in run.records("fixes")
-        if isinstance(r.value, Fix) and _has_place(r.value)
+        if isinstance(r.value, Fix) and _has_position(r.value)
     ]
-    for t_ns, fix in sorted(found, key=lambda entry: entry[0]):
+    for t_ns, fix in sorted(fixes, key=lambda entry: entry[0]):
         if last_ns is None or t_ns - last_ns > MAX_GAP_S * 1e9:
             stretches.append([])
         stretches[-1].append((t_ns, replace(fix, utc_ns=clock(t_ns))))
@@ -103,7 +103,7 @@ def _track(run: Run, clock: Clock) -> tuple[Stretch, ...]:
     return tuple(map(tuple, stretches))
 
 
-def _has_place(fix: Fix) -> bool:
+def _has_position(fix: Fix) -> bool:
     return fix.valid and fix.lat_deg is not None and fix.lon_deg is not None
 
 
@@ -111,7 +111,7 @@ def _sightings(
     run: Run, observed: Observations, wanted: npt.NDArray[np.bool_],
     track: Sequence[tuple[int, Fix]], clock: Clock,
 ) -> list[Sighting]:  # fmt: skip
-    """Readings that have a place: all of a scan have the same."""
+    """Readings that have a position; those of one scan have the same."""
     seq = _all(observed, "scan_seq")
     scans, first = np.unique(seq, return_index=True)
     t_ns = _all(observed, "t_ns")[first]
@@ -120,30 +120,30 @@ def _sightings(
         np.round(v, _DEGREE_DECIMALS) for v in observed.track.utm.to_latlon_arrays(x_m, y_m)
     )
     near = _nearest(np.array([t for t, _ in track]), t_ns)
-    places: dict[int, tuple[int, Fix]] = {}
+    fixes: dict[int, tuple[int, Fix]] = {}
     for i, scan in enumerate(scans.tolist()):
-        told, at_ns = track[near[i]][1], int(t_ns[i])
-        accurate = told.acc_m is not None or told.hdop is not None
-        places[scan] = (
+        nearest, at_ns = track[near[i]][1], int(t_ns[i])
+        accurate = nearest.acc_m is not None or nearest.hdop is not None
+        fixes[scan] = (
             at_ns,
             Fix(
                 valid=True,
                 utc_ns=clock(at_ns),
                 lat_deg=float(lat_deg[i]),
                 lon_deg=float(lon_deg[i]),
-                alt_m=told.alt_m,
+                alt_m=nearest.alt_m,
                 acc_m=round(float(sigma_m[i]) / SIGMA_OF_RADIUS68, 3) if accurate else None,
-                speed_mps=told.speed_mps,
-                course_deg=told.course_deg,
+                speed_mps=nearest.speed_mps,
+                course_deg=nearest.course_deg,
             ),
         )
     rows = run.tables["readings"]
     chosen = rows[wanted & np.isin(rows["seq"], scans)]
-    found = [
-        Sighting(row["seq"], *places[row["seq"]], _reading(row))
+    sightings = [
+        Sighting(row["seq"], *fixes[row["seq"]], _reading(row))
         for row in values_of("readings", chosen)
     ]
-    return sorted(found, key=lambda one: one.t_ns)
+    return sorted(sightings, key=lambda sighting: sighting.t_ns)
 
 
 def _reading(row: Mapping[str, Any]) -> CellReading:
@@ -152,8 +152,8 @@ def _reading(row: Mapping[str, Any]) -> CellReading:
 
 
 def _all(observed: Observations, name: str) -> npt.NDArray[Any]:
-    found = [getattr(cell, name) for cell in observed.cells]
-    return np.concatenate(found) if found else np.empty(0, np.int64)
+    arrays = [getattr(cell, name) for cell in observed.cells]
+    return np.concatenate(arrays) if arrays else np.empty(0, np.int64)
 
 
 def _nearest(fix_ns: IntArray, t_ns: IntArray) -> IntArray:

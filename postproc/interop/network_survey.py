@@ -18,9 +18,9 @@ from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     Fields,
     cell_identity,
+    fix_of,
     integer,
     maybe,
-    place_of,
     plmn,
     reading_of,
     text,
@@ -36,7 +36,7 @@ TABLES: dict[str, Rat] = {
     "NR_MESSAGE": "NR",
 }
 _CHANNELS: dict[str, Rat] = {"arfcn": "GSM", "uarfcn": "WCDMA", "earfcn": "LTE", "narfcn": "NR"}
-"""The column that tells the technology of a CSV file."""
+"""The column that names the technology of a CSV file."""
 _RENAMED = {
     "cellid": "cid",
     "dlearfcn": "earfcn",
@@ -90,8 +90,8 @@ def _of_table(line: int, fields: Fields) -> Sighting:
     utc_ms = integer(fields, "devicetime", largest=2**43)
     if utc_ms is None:
         raise ValueError("Time is empty")
-    place = _point(fields.get("geom")) if fields.get("geom") is not None else {}
-    return _sighting(line, {**fields, **place}, fields["rat"], utc_ms * 10**6)
+    position = _point(fields.get("geom")) if fields.get("geom") is not None else {}
+    return _sighting(line, {**fields, **position}, fields["rat"], utc_ms * 10**6)
 
 
 def _point(geometry: object) -> dict[str, float]:
@@ -123,7 +123,7 @@ def _sighting(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Sighting:
     rssi_dbm = maybe(fields, "signalstrength", LEVEL_RANGE_DBM)
     if level_dbm is None and (rssi_dbm is None or rat != "WCDMA"):
         raise ValueError(f"{level} is empty")
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         "mcc": mcc,
         "mnc": mnc,
         "cid": cell_identity(fields, "ci", "cid", "eci", "nci"),
@@ -137,21 +137,21 @@ def _sighting(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Sighting:
         "sinr_db": maybe(fields, "sssinr" if rat == "NR" else "snr"),
     }
     if rat != "GSM":
-        found["rssi_dbm"] = rssi_dbm
+        values["rssi_dbm"] = rssi_dbm
     known = {
         "acc_m": maybe(fields, "accuracy", (0.0, 1e6)) or None,
         "alt_m": maybe(fields, "altitude"),
         "speed_mps": maybe(fields, "speed"),
     }
-    fix = place_of(fields, "latitude", "longitude", utc_ns, **known)
+    fix = fix_of(fields, "latitude", "longitude", utc_ns, **known)
     return Sighting(
         line,
         utc_ns,
         fix,
-        reading_of(rat, _role(fields), level_dbm, integer(fields, "lac", "tac"), **found),
+        reading_of(rat, _role(fields), level_dbm, integer(fields, "lac", "tac"), **values),
     )
 
 
 def _role(fields: Fields) -> Role:
-    told = text(fields, "servingcell").lower()
-    return "scan" if not told else "serving" if told in {"true", "1"} else "neighbour"
+    flag = text(fields, "servingcell").lower()
+    return "scan" if not flag else "serving" if flag in {"true", "1"} else "neighbour"

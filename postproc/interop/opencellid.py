@@ -20,11 +20,11 @@ from postproc.interop.fields import (
     RATS,
     Fields,
     cell_identity,
+    fix_of,
     integer,
     is_plmn,
     maybe,
     number,
-    place_of,
     plmn,
     reading_of,
     text,
@@ -59,10 +59,10 @@ def read_csv(source: Path) -> Iterator[Row]:
 def read_json(source: Path) -> Iterator[Row]:
     """Measurements of a JSON file, numbered from 1; raises `RunFileError` for other JSON."""
     try:
-        found = json.loads(source.read_text(encoding="utf-8-sig"))
+        document = json.loads(source.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError) as error:
         raise RunFileError(f"{source} is no JSON file: {error}") from error
-    measurements = found.get("measurements") if isinstance(found, dict) else None
+    measurements = document.get("measurements") if isinstance(document, dict) else None
     if not isinstance(measurements, list) or not all(isinstance(one, dict) for one in measurements):
         raise RunFileError(f'{source} is JSON, but has no list "measurements" as OpenCelliD has')
     yield from parse_rows(enumerate(measurements, 1), _sighting)
@@ -152,7 +152,7 @@ def _sighting(line: int, fields: Fields) -> Sighting | None:
         "speed_mps": maybe(fields, "speed"),
         "course_deg": maybe(fields, "direction" if "direction" in fields else "bearing"),
     }
-    fix = place_of(fields, "lat", "lon", utc_ns, **known)
+    fix = fix_of(fields, "lat", "lon", utc_ns, **known)
     return Sighting(
         line, utc_ns, fix, reading_of(rat, _role(fields), _level_dbm(fields, rat), area, **values)
     )
@@ -164,8 +164,8 @@ def _known_first(fields: Fields, *names: str) -> int | None:
 
 
 def _role(fields: Fields) -> Role:
-    told = text(fields, "neighboring").lower()
-    return "scan" if not told else "neighbour" if told in {"true", "1"} else "serving"
+    flag = text(fields, "neighboring").lower()
+    return "scan" if not flag else "neighbour" if flag in {"true", "1"} else "serving"
 
 
 def _utc_ns(measured_at: str) -> int:
@@ -186,12 +186,12 @@ def _level_dbm(fields: Fields, rat: Rat) -> float:
     """Level of a measurement; raises ValueError where it is not known."""
     if text(fields, "dbm"):
         return number(fields, "dbm", (LEVEL_RANGE_DBM[0], -1.0))
-    told = "signal" if text(fields, "signal") else "asu"
-    signal = number(fields, told, (LEVEL_RANGE_DBM[0], 2.0**31))
+    column = "signal" if text(fields, "signal") else "asu"
+    signal = number(fields, column, (LEVEL_RANGE_DBM[0], 2.0**31))
     if signal < 0:
         return signal
     # 3GPP TS 27.007 8.5 (GSM); CellSignalStrengthLte and -Nr of Android. For WCDMA there are two
     # scales
     if signal > _ASU_MOST.get(rat, -1):
-        raise ValueError(f"{told} {signal:.0f} is no level of {rat}")
+        raise ValueError(f"{column} {signal:.0f} is no level of {rat}")
     return 2.0 * signal - 113.0 if rat == "GSM" else signal - 140.0

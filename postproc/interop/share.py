@@ -1,9 +1,9 @@
 """A copy of a run for publication: without the ends of the walk and without the machine.
 
 What lies inside a circle around the first fix, or around the last, is left out, at whatever time
-the walker was there. A circle whose centre is the home would show the home, so each is moved at
-random and made wider by as much. Since a receiver's first words are often wrong, the median of a
-minute is protected besides.
+the walker was there. A circle whose centre is the home would reveal the home, so each circle is
+moved at random and made wider by as much. Since the first fixes of a receiver are often wrong, the
+median of a minute is protected as well.
 """
 
 import secrets
@@ -28,13 +28,13 @@ from postproc.interop.run_builder import Append, meta_of, spare, write_run
 
 BLUR_M = 200.0
 _SHIFT = 0.5
-"""Farthest shift of a circle's centre, by the radius asked for."""
+"""Farthest shift of a circle's centre, as a share of the requested radius."""
 _END_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """What a copy holds, and in words what was left out."""
+    """What a copy contains, and what was left out."""
 
     path: Path
     blur_m: float
@@ -77,7 +77,7 @@ def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
         counts["Scan"],
         counts["CellReading"],
         _removal_notes(run, counts, blur_m),
-        _still(run),
+        _remaining_notes(run),
     )
 
 
@@ -184,36 +184,36 @@ def _append(
 
 
 def _removal_notes(run: Run, counts: Counter[str], blur_m: float) -> tuple[str, ...]:
-    """In words, for the walker to read."""
+    """What was removed, for the walker to read."""
     meta, tables = run.meta, run.tables
-    gone = ", ".join(
+    counts_left_out = ", ".join(
         f"{len(tables[table]) - counts[kind]} {table}" for table, kind in _TABLES.items()
     )
     where = (
-        f"recorded within {blur_m:g} m or somewhat more of the begin or the end, or where the "
-        "place was not known"
+        f"recorded within {blur_m:g} m or somewhat more of the start or the end, or "
+        "without a known position"
     )
-    found = [
-        f"{gone}: {where}",
+    removed = [
+        f"{counts_left_out}: {where}",
         f"{len(run.raw_bytes)} raw bytes of the ports" if len(run.raw_bytes) else "",
         f"the configuration ({len(meta.config_text)} characters)" if meta.config_text else "",
         f"the texts of {counts['Note']} notes" if counts["Note"] else "",
         "the number of the boot, the time since boot, and the names of the ports",
         f"versions of {len(meta.versions)} programs of the recorder" if meta.versions else "",
-        f"{len(tables['live'])} live estimates; they are computed anew from what is left"
+        f"{len(tables['live'])} live estimates; they are recomputed from the remaining records"
         if len(tables["live"])
         else "",
         "the run's number and its hash chain, which are new",
     ]
-    return tuple(one for one in found if one)
+    return tuple(text for text in removed if text)
 
 
 _TABLES = {"fixes": "Fix", "scans": "Scan", "readings": "CellReading", "notes": "Note"}
 
 
-def _still(run: Run) -> tuple[str, ...]:
-    """In words, what the copy tells all the same."""
-    simulated = ("the true places of the simulated transmitters",) if run.meta.truth else ()
+def _remaining_notes(run: Run) -> tuple[str, ...]:
+    """What the copy still reveals."""
+    simulated = ("the true positions of the simulated transmitters",) if run.meta.truth else ()
     return (
         "the track elsewhere, with the time of day",
         "identities and levels of the cells",

@@ -1,4 +1,4 @@
-"""What every foreign format comes down to: one cell heard at one place."""
+"""A row of any third-party format: one cell received at one position."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ Fields = TypeVar("Fields")
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """One cell heard at one place.
+    """One cell received at one position.
 
-    `line` is the line, row or record it stands in, `t_ns` orders them; `fix.utc_ns` is None where
-    only that is known.
+    `line` is the number of the line, row or record. `t_ns` gives the order in time; `fix.utc_ns` is
+    None where the file has no UTC.
     """
 
     line: int
@@ -61,14 +61,14 @@ def parse_rows(
     """Parsed rows with line numbers; `parse` returns None for no cell, raises for bad rows."""
     for line, fields in rows:
         try:
-            heard = parse(line, fields)
+            sighting = parse(line, fields)
         except (ValueError, GeoError) as error:
             yield BadRow(line, str(error))
         else:
-            yield heard or NoCell(line)
+            yield sighting or NoCell(line)
 
 
 def _required(value: float | None) -> float:
     if value is None:
-        raise TypeError("a cell heard has a place and a level")
+        raise TypeError("a sighting has a position and a level")
     return value

@@ -1,4 +1,4 @@
-"""A walk as CSV: one row for each level measured, with the place where it was.
+"""A walk as CSV: one row for each level measured, with its position.
 
 Columns: `t_s` (seconds) or `time_utc` (ISO 8601), `lat`, `lon` (WGS 84 degrees), `rssi_dbm`;
 optional `cell` (name, default "target"), `acc_m` (radius that holds 68 %), `rat`, and by their
@@ -156,10 +156,10 @@ def _cell_value(fields: Fields, name: str) -> float | int | str | None:
     if name == "identity_unsure":
         return bool(integer(fields, name))
     if column.dtype.startswith("S"):
-        found = unescape(text(fields, name))
-        if len(found.encode()) > int(column.dtype[1:]):
-            raise ValueError(f"{name} is too long: {found[:40]!r}")
-        return found or None
+        string = unescape(text(fields, name))
+        if len(string.encode()) > int(column.dtype[1:]):
+            raise ValueError(f"{name} is too long: {string[:40]!r}")
+        return string or None
     if column.dtype == "<f8":
         return maybe(fields, name)
     if column.unknown == UNKNOWN_SIGNED:

@@ -18,11 +18,11 @@ from postproc.interop.fields import (
     RATS,
     Fields,
     cell_identity,
+    fix_of,
     integer,
     is_plmn,
     maybe,
     number,
-    place_of,
     reading_of,
     text,
     utc_ns_of,
@@ -59,7 +59,7 @@ def writable(sighting: Sighting) -> bool:
 
 
 def write(sightings: Sequence[Sighting], target: Path) -> None:
-    """Sightings that are `writable` as version 1.6; nothing is told of the device."""
+    """Sightings that are `writable` as version 1.6; nothing identifies the device."""
     with target.open("w", newline="", encoding="utf-8") as file:
         file.write(
             f"{PREFIX}1.6,appRelease=cellwalk,model=,release=,device=,display=,board=,brand=,star=Sol,body=3,subBody=0\n"
@@ -74,7 +74,7 @@ def _line(sighting: Sighting) -> list[object]:
     assert fix.utc_ns is not None
     kind = reading.rat if reading.rat in {"GSM", "WCDMA", "NR"} else "LTE"
     seen = utc_text(fix.utc_ns).replace("T", " ").rstrip("Z")
-    place = (fix.lat_deg, fix.lon_deg, _or_empty(fix.alt_m), _or_empty(fix.acc_m))
+    position = (fix.lat_deg, fix.lon_deg, _or_empty(fix.alt_m), _or_empty(fix.acc_m))
     channel = _or_empty(reading.arfcn)
     auth = f"{kind};{reading.mcc}{reading.mnc}"
     return [
@@ -85,7 +85,7 @@ def _line(sighting: Sighting) -> list[object]:
         channel,
         channel,
         round(sighting.rssi_dbm),
-        *place,
+        *position,
         "",
         "",
         kind,
@@ -116,7 +116,7 @@ def _sighting(line: int, fields: Fields) -> Sighting | None:
     level_dbm = number(fields, "rssi", LEVEL_RANGE_DBM)
     if level_dbm == NO_LEVEL_DBM:
         raise ValueError("RSSI is -113, which stands for an unknown level")
-    found = {"area": cell[3], "cell": cell[4]}
+    fields_of_cell = {"area": cell[3], "cell": cell[4]}
     utc_ns = utc_ns_of(text(fields, "firstseen"), "FirstSeen")
     if utc_ns <= 0:
         raise ValueError("FirstSeen is no time")
@@ -124,13 +124,16 @@ def _sighting(line: int, fields: Fields) -> Sighting | None:
         "alt_m": maybe(fields, "altitudemeters"),
         "acc_m": maybe(fields, "accuracymeters", (0.0, 1e6)) or None,
     }
-    fix = place_of(fields, "currentlatitude", "currentlongitude", utc_ns, **known)
+    fix = fix_of(fields, "currentlatitude", "currentlongitude", utc_ns, **known)
     more = {
         "mcc": cell[1],
         "mnc": cell[2],
-        "cid": cell_identity(found, "cell"),
+        "cid": cell_identity(fields_of_cell, "cell"),
         "arfcn": integer(fields, "channel") or None,
     }
     return Sighting(
-        line, utc_ns, fix, reading_of(rat, "scan", level_dbm, integer(found, "area"), **more)
+        line,
+        utc_ns,
+        fix,
+        reading_of(rat, "scan", level_dbm, integer(fields_of_cell, "area"), **more),
     )

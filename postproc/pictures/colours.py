@@ -22,6 +22,14 @@ TRUTH: Final = (150, 90, 230)
 PALE_TRUTH: Final = (170, 150, 190)
 WALKER: Final = (40, 130, 240)
 QUIET: Final = (125, 125, 135)
+ESTIMATORS: Final = {
+    "batch": BATCH,
+    "ekf": EKF,
+    "backward": EKF,
+    "rts": RTS,
+    "reference": REFERENCE,
+}
+"""By the key of `postproc.result.Estimator`."""
 
 INK: Final = (31, 36, 43)
 """Text, axes and lines on white paper, with the next three; a dark page replaces all four."""

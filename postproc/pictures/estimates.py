@@ -1,6 +1,6 @@
 """Final states of the estimators, as pictures and tables show them beside the posterior."""
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,22 +11,7 @@ from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.path_loss import ETA, P0
-from postproc.result import CellResult
-
-
-class Estimator(NamedTuple):
-    """Attribute of `CellResult`, name in tables and legends, and colour of an estimator."""
-
-    key: str
-    name: str
-    colour: Colour
-
-
-BATCH: Final = Estimator("batch", "least squares", colours.BATCH)
-EKF: Final = Estimator("ekf", "EKF", colours.EKF)
-BACKWARD: Final = Estimator("backward", "EKF backward", colours.EKF)
-RTS: Final = Estimator("rts", "RTS", colours.RTS)
-REFERENCE: Final = Estimator("reference", "reference EKF (wrong)", colours.REFERENCE)
+from postproc.result import BATCH, ESTIMATORS, REFERENCE, CellResult, Estimator
 
 
 class Estimate(NamedTuple):
@@ -80,7 +65,9 @@ def estimator_rows(cell: CellResult) -> tuple[EstimatorRow, ...]:
         p0, eta = (parameter.of_state(estimate.x, estimate.p) for parameter in (P0, ETA))
         extent = _axes(estimate.ellipse)
         rows.append(
-            EstimatorRow(estimate.estimator.name, position_deg, extent, p0, eta, estimate.n)
+            EstimatorRow(
+                legend_of(estimate.estimator)[0], position_deg, extent, p0, eta, estimate.n
+            )
         )
     return tuple(rows)
 
@@ -90,14 +77,22 @@ def final_estimates(cell: CellResult) -> tuple[Estimate, ...]:
     estimates = []
     if (fit := cell.batch) is not None:
         estimates.append(Estimate(BATCH, fit.state, fit.covariance, fit.n))
-    for estimator in (EKF, BACKWARD, RTS, REFERENCE):
-        filtered: FilterPath | None = getattr(cell, estimator.key)
-        if filtered is not None and len(filtered):
-            n = filtered.consistency.n if filtered.consistency else len(filtered)
-            estimates.append(Estimate(estimator, filtered.x[-1, :4], filtered.p[-1, :4, :4], n))
+    for estimator in ESTIMATORS:
+        path = getattr(cell, estimator.key)
+        if isinstance(path, FilterPath) and len(path):
+            n = path.consistency.n if path.consistency else len(path)
+            estimates.append(Estimate(estimator, path.x[-1, :4], path.p[-1, :4, :4], n))
     return tuple(
-        one for one in estimates if np.all(np.isfinite(one.x)) and np.all(np.isfinite(one.p))
+        estimate
+        for estimate in estimates
+        if np.all(np.isfinite(estimate.x)) and np.all(np.isfinite(estimate.p))
     )
+
+
+def legend_of(estimator: Estimator) -> tuple[str, Colour]:
+    """Label and colour in a legend or table, which has no footnote about the reference EKF."""
+    label = f"{estimator.name} (wrong)" if estimator == REFERENCE else estimator.name
+    return label, colours.ESTIMATORS[estimator.key]
 
 
 def _axes(ellipse: Ellipse) -> str:

@@ -7,11 +7,11 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.rivals import relevant_modes, share_text, whole_percents
-from postproc.pictures.estimates import BACKWARD, Estimate, final_estimates
+from postproc.pictures.estimates import Estimate, final_estimates
 from postproc.pictures.geometry import Box, plan_box
 from postproc.pictures.regions import Rings, regions_of
 from postproc.pictures.survey import Survey
-from postproc.result import CellResult, Result
+from postproc.result import BACKWARD, CellResult, Result
 
 _COLOUR_PERCENTILES = (2.0, 98.0)
 """The scale of levels leaves out the outermost values, or one outlier would take its contrast."""

@@ -8,7 +8,7 @@ from matplotlib.patches import Ellipse, PathPatch
 from matplotlib.path import Path
 
 from postproc.pictures import colours
-from postproc.pictures.estimates import RTS, Estimate
+from postproc.pictures.estimates import Estimate, legend_of
 from postproc.pictures.geometry import Box, evenly_spaced
 from postproc.pictures.picture import Picture, mode_label
 from postproc.pictures.plots_style import (
@@ -19,6 +19,7 @@ from postproc.pictures.plots_style import (
     level_colours,
     rgb,
 )
+from postproc.result import RTS
 
 _MOST_CORNERS = 5000
 """Of a strip of the track: more cannot be distinguished on paper."""
@@ -124,7 +125,7 @@ def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
 def _draw_estimate(axes: Axes, estimate: Estimate, box: Box) -> None:
     """Final position of an estimator with its 95 % ellipse."""
     east_m, north_m = estimate.x[:2].tolist()
-    _, name, colour = estimate.estimator
+    name, colour = legend_of(estimate.estimator)
     label = name + outside_note(box, east_m, north_m)
     draw_marks(axes, east_m, north_m, "x", colour, 8, label=label, zorder=7)
     ellipse = estimate.ellipse

@@ -8,6 +8,7 @@ import rerun as rr
 
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
+from postproc.pictures.estimates import legend_of
 from postproc.pictures.geometry import Box, round_step
 from postproc.view.rerun_writer import on_screen
 from postproc.view.surface import Style, Surface
@@ -85,7 +86,7 @@ def key_of(view: ViewModel, cell: CellView) -> list[tuple[str, Colour]]:
     entries = [("walker", colours.WALKER)] if len(view.survey.track_m) else []
     if cell.steps:
         entries.append(("posterior: 95 %, 50 %", colours.POSTERIOR))
-    entries += [estimate.estimator[1:] for estimate in cell.picture.estimates]
+    entries += [legend_of(estimate.estimator) for estimate in cell.picture.estimates]
     verdicts = [tested.verdict for tested in cell.claims]
     entries += [(f"claim: {verdict}", colours.verdict_colour(verdict)) for verdict in verdicts]
     if cell.picture.truth_m is not None:

@@ -11,11 +11,12 @@ from logger.core.track import MAX_GAP_S
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
-from postproc.pictures.estimates import BATCH, RTS, Estimate
+from postproc.pictures.estimates import Estimate
 from postproc.pictures.geometry import evenly_spaced
 from postproc.pictures.picture import mode_label
 from postproc.pictures.regions import REGION_SHARES, region_rings
 from postproc.pictures.survey import Walk
+from postproc.result import BATCH, RTS
 from postproc.view.density_image import draw_density
 from postproc.view.ground import draw_ground, draw_key, draw_level_scale
 from postproc.view.layers import FARTHEST_M, MOST_STRIPS, draw_levels, draw_posterior, draw_walks
@@ -124,12 +125,12 @@ def _draw_estimates(plan: Surface, view: ViewModel, cell: CellView) -> None:
             _draw_final(plan, ("cells", cell.name, estimate.estimator.key), estimate)
     for estimator, filtered in cell.filters:
         path = ("cells", cell.name, estimator.key)
-        _draw_filter(plan, view, path, filtered, estimator.colour)
+        _draw_filter(plan, view, path, filtered, colours.ESTIMATORS[estimator.key])
 
 
 def _draw_final(plan: Surface, path: Sequence[str], estimate: Estimate) -> None:
     """A position with its 95 % ellipse."""
-    position_m, ink = estimate.x[:2], [estimate.estimator.colour]
+    position_m, ink = estimate.x[:2], [colours.ESTIMATORS[estimate.estimator.key]]
     plan.points(path, position_m[None], Style(ink, 5.0, 20.0))
     axes_m, (quaternion,) = ellipse_axes(estimate.p[None])
     # rerun's ellipses have no angle: the entity is rotated

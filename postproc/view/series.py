@@ -8,8 +8,9 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from postproc.estimators.metrics import NIS_95, NIS_999
 from postproc.pictures import colours
-from postproc.pictures.estimates import BATCH, REFERENCE, RTS
+from postproc.pictures.estimates import legend_of
 from postproc.pictures.path_loss import ETA, P0, Parameter
+from postproc.result import BATCH, EKF, REFERENCE, RTS
 from postproc.view.plan import ellipse_axes
 from postproc.view.rerun_writer import RerunWriter, dots, entity, line, step_line
 from postproc.view.view_model import CellView, ViewModel
@@ -110,26 +111,28 @@ def _draw_path_loss(
         )
     for estimate in cell.picture.estimates:
         if estimate.estimator in (BATCH, RTS):
-            key, name, ink = estimate.estimator
             value = np.full(2, estimate.x[parameter.row])
-            writer.plot(f"{path}/{key}", span_ns, value, line(name, ink))
-    for (key, name, ink), filtered in cell.filters:
+            style = line(*legend_of(estimate.estimator))
+            writer.plot(f"{path}/{estimate.estimator.key}", span_ns, value, style)
+    for estimator, filtered in cell.filters:
+        filter_path, (name, ink) = f"{path}/{estimator.key}", legend_of(estimator)
         value, sigma = parameter.of_states(filtered.x, filtered.p)
         finite = np.isfinite(value) & np.isfinite(sigma)
         t_ns, value, sigma = filtered.t_ns[finite], value[finite], sigma[finite]
-        if key == "ekf":
-            writer.plot_band(f"{path}/{key}", t_ns, value, sigma, name=name, ink=ink)
+        if estimator == EKF:
+            writer.plot_band(filter_path, t_ns, value, sigma, name=name, ink=ink)
         else:
-            writer.plot(f"{path}/{key}", t_ns, value, line(name, ink, 1.0))
+            writer.plot(filter_path, t_ns, value, line(name, ink, 1.0))
 
 
 def _draw_consistency(writer: RerunWriter, cell: CellView, span_ns: IntArray) -> None:
     """NIS: chi-square with one degree of freedom for a consistent filter."""
     path = entity("series", cell.name, "nis")
-    for (key, name, ink), filtered in cell.filters:
+    for estimator, filtered in cell.filters:
         with np.errstate(divide="ignore", invalid="ignore"):
             nis = filtered.nis
-        _plot_finite(writer, f"{path}/{key}", filtered.t_ns, nis, dots(name, ink, 2.0))
+        points = dots(*legend_of(estimator), 2.0)
+        _plot_finite(writer, f"{path}/{estimator.key}", filtered.t_ns, nis, points)
     if has_innovations(cell):
         for (share, bound), ink in zip(NIS_BOUNDS, colours.BOUNDS, strict=True):
             style = line(f"{share * 100:g} %", ink)
@@ -143,11 +146,12 @@ def _draw_area(writer: RerunWriter, cell: CellView) -> None:
         style = step_line("posterior region", colours.POSTERIOR)
         area_m2 = cell.of_steps("region_area_m2")
         writer.plot(f"{path}/posterior", cell.t_ns, np.log10(area_m2), style)
-    for (key, name, ink), filtered in cell.filters:
+    for estimator, filtered in cell.filters:
         axes_m, _ = ellipse_axes(filtered.p)
         with np.errstate(divide="ignore", invalid="ignore"):
             lg_area = np.log10(np.pi * axes_m[:, 0] * axes_m[:, 1])
-        _plot_finite(writer, f"{path}/{key}", filtered.t_ns, lg_area, line(name, ink))
+        style = line(*legend_of(estimator))
+        _plot_finite(writer, f"{path}/{estimator.key}", filtered.t_ns, lg_area, style)
 
 
 def _draw_accuracy(writer: RerunWriter, view: ViewModel, cell: CellView) -> None:

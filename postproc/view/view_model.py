@@ -10,12 +10,11 @@ from logger.core.arrays import FloatArray, IntArray
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
-from postproc.pictures.estimates import EKF, REFERENCE, Estimator
 from postproc.pictures.geometry import Box
 from postproc.pictures.picture import Picture, focus_of, picture_of
 from postproc.pictures.regions import Rings, regions_of
 from postproc.pictures.survey import Survey, survey_of
-from postproc.result import CellResult, Result
+from postproc.result import EKF, REFERENCE, CellResult, Estimator, Result
 from postproc.verification.verdicts import CellVerdict
 from postproc.view.timeline import Step
 

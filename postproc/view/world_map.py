@@ -53,7 +53,10 @@ def zoom_of(view: ViewModel) -> float:
 
 def _draw_marks(surface: Surface, view: ViewModel, cell: CellView) -> None:
     """The final position of every estimator, the truth of a simulation, and claims."""
-    marks = [(one.x[:2], one.estimator.colour) for one in cell.picture.estimates]
+    marks = [
+        (estimate.x[:2], colours.ESTIMATORS[estimate.estimator.key])
+        for estimate in cell.picture.estimates
+    ]
     if cell.picture.truth_m is not None:
         marks.append((np.array(cell.picture.truth_m), colours.TRUTH))
     for tested in cell.claims:

@@ -26,35 +26,35 @@ def _estimates(found, **options):
 @pytest.mark.parametrize(
     ("verdict", "names"),
     [
-        ("located", ["best place"]),
+        ("located", ["best position"]),
         ("cannot tell", ["best guess"]),
-        ("ambiguous", ["possible place 1", "possible place 2"]),
+        ("ambiguous", ["possible position 1", "possible position 2"]),
     ],
 )
 def test_by_default_the_answer_and_its_region_alone(tmp_path, verdict, names):
     (found,) = _estimates(_cell(tmp_path, verdict, places=2))
-    assert [place.name for place in found.places] == names
-    assert {place.verdict for place in found.places} == {verdict}
-    assert [place.ellipse95 for place in found.places] == [()] * len(names)
+    assert [position.name for position in found.positions] == names
+    assert {position.verdict for position in found.positions} == {verdict}
+    assert [position.ellipse95 for position in found.positions] == [()] * len(names)
     assert set(found.regions) == {95, 50}
 
 
 def test_a_place_of_no_probability_is_no_part_of_an_ambiguous_answer(tmp_path):
     found = _cell(tmp_path, "ambiguous", places=2)
     found["cells"][0]["modes"][1] |= {"probability": 0.004, "percent": None}
-    assert len(_estimates(found)[0].places) == 1
+    assert len(_estimates(found)[0].positions) == 1
     for mode in found["cells"][0]["modes"]:
         del mode["percent"]  # as an earlier version has stored it
-    assert len(_estimates(found)[0].places) == 1
+    assert len(_estimates(found)[0].positions) == 1
 
 
 @pytest.mark.parametrize("verdict", ["located", "cannot tell", "ambiguous"])
 def test_of_all_estimators_the_answer_alone_has_the_verdict(tmp_path, verdict):
     found = _cell(tmp_path, verdict, places=2)
     (plain,), (every,) = _estimates(found), _estimates(found, every=True)
-    assert [place for place in every.places if place.verdict] == list(plain.places)
-    assert {"EKF", "RTS", "least squares"} < {place.name for place in every.places}
-    assert all(place.ellipse95 for place in every.places if not place.verdict)
+    assert [position for position in every.positions if position.verdict] == list(plain.positions)
+    assert {"EKF", "RTS", "least squares"} < {position.name for position in every.positions}
+    assert all(position.ellipse95 for position in every.positions if not position.verdict)
 
 
 @pytest.mark.parametrize("write", [kml.write, geojson.write, gpx.write])
@@ -102,7 +102,7 @@ def test_what_did_not_converge_is_left_out_and_named(tmp_path, garbage, key):
     found = _cell(tmp_path)
     found["cells"][0][key] = found["cells"][0][key] | garbage
     (every,) = _estimates(found, every=True)
-    assert len(every.places) == 4
+    assert len(every.positions) == 4
     if found["cells"][0][key]["lat"] is not None:
         assert len(every.left_out) == 1
 
@@ -110,4 +110,4 @@ def test_what_did_not_converge_is_left_out_and_named(tmp_path, garbage, key):
 def test_an_ellipse_at_the_edge_of_the_map_is_drawn(tmp_path):
     found = _cell(tmp_path)
     (every,) = estimates(json.dumps(found), Utm(32), every=True)
-    assert all(place.ellipse95 for place in every.places if not place.verdict)
+    assert all(position.ellipse95 for position in every.positions if not position.verdict)

@@ -91,9 +91,11 @@ def test_all_estimators_come_with_ellipses_and_without_the_verdict(tmp_path):
     collection = _written(tmp_path, walk, found)
     check_rfc7946(collection)
     places = _of_kind(collection, "place")
-    assert [f["properties"]["name"] for f in places if f["properties"]["verdict"]] == ["best place"]
+    assert [f["properties"]["name"] for f in places if f["properties"]["verdict"]] == [
+        "best position"
+    ]
     ellipse, place = _of_kind(collection, "ellipse95")[0], places[1]
-    assert ellipse["properties"]["name"] == place["properties"]["name"] == "posterior, place 1"
+    assert ellipse["properties"]["name"] == place["properties"]["name"] == "posterior, position 1"
     assert shapely.geometry.shape(ellipse["geometry"]).contains(
         shapely.geometry.shape(place["geometry"])
     )

@@ -29,7 +29,7 @@ def test_valid_and_read_by_gpxpy(tmp_path, schema):
         assert round(point.time.timestamp() * 1000) == fix.utc_ns // 10**6
         assert point.horizontal_dilution == 0.9
     names = [waypoint.name for waypoint in back.waypoints]
-    assert names == ["262-01-4711-100 possible place 1", "262-01-4711-100 possible place 2"]
+    assert names == ["262-01-4711-100 possible position 1", "262-01-4711-100 possible position 2"]
 
 
 def test_a_gap_divides_the_track_and_180_degrees_is_in_the_west(tmp_path, schema):

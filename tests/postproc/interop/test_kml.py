@@ -43,7 +43,7 @@ def test_valid_with_levels_regions_ellipses_and_places(tmp_path, schema):
     schema.validate(tmp_path / "w.kml")
     cell = _folder(root, "262-01-4711-100")
     names = [p.findtext("k:name", namespaces=KML) for p in cell.findall("k:Placemark", KML)]
-    assert names[:3] == ["95 % region", "50 % region", "possible place 1: ambiguous (50%)"]
+    assert names[:3] == ["95 % region", "50 % region", "possible position 1: ambiguous (50%)"]
     assert {"EKF", "95 % ellipse of RTS", "least squares"} < set(names)
     # every level stands in the file, at its place
     heard = {

@@ -47,7 +47,7 @@ def _stored(path, summary):
 
 def test_what_we_write_is_read(tmp_path):
     (found,) = stored_estimates(_stored(tmp_path / "a.h5", _summary()), "me", ["a"], UTM)
-    assert (found.cell, len(found.places)) == ("a", 1)
+    assert (found.cell, len(found.positions)) == ("a", 1)
     assert stored_estimates(tmp_path / "a.h5", "another", ["a"], UTM) is None
     assert stored_estimates(tmp_path / "a.h5", "me", ["a", "b"], UTM) is None
     assert stored_estimates(tmp_path / "none.h5", "me", ["a"], UTM) is None
