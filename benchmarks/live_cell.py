@@ -15,7 +15,7 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
 from logger.core.live import live_prior
-from logger.core.live_cell import Heard, LiveCell
+from logger.core.live_cell import LevelReading, LiveCell
 from logger.core.live_settings import LiveSettings
 from logger.device.memory import give_back
 
@@ -26,7 +26,7 @@ FLOOR_DBM = -110.0
 CLIPPED_SHARES = (0.2, 0.45, 0.7)
 
 
-def walk(seed: int, *, shadow_db: float) -> list[Heard]:
+def walk(seed: int, *, shadow_db: float) -> list[LevelReading]:
     """A walk round blocks of 200 m, with white noise and shadowing correlated over 15 m."""
     rng = np.random.default_rng(seed)
     s = np.arange(READINGS) * STEP_M % 1600.0
@@ -39,24 +39,24 @@ def walk(seed: int, *, shadow_db: float) -> list[Heard]:
     level = -25.0 - 32.0 * np.log10(np.hypot(x - SOURCE[0], y - SOURCE[1])) + shadow_db * shadow
     level = np.round(level + 2.0 * rng.normal(size=READINGS))
     return [
-        Heard(*row, 0)
+        LevelReading(*row, 0)
         for row in zip(x.tolist(), y.tolist(), [3.0] * READINGS, level.tolist(), strict=True)
     ]
 
 
-def clipped(heard: list[Heard], share: float) -> list[Heard]:
+def clipped(readings: list[LevelReading], share: float) -> list[LevelReading]:
     """The same, so weak that this share of the levels is at the floor of a GSM modem's scale."""
     change_db = FLOOR_DBM - round(
-        float(np.quantile([reading.level_dbm for reading in heard], share))
+        float(np.quantile([reading.level_dbm for reading in readings], share))
     )
-    weaker = [max(reading.level_dbm + change_db, FLOOR_DBM) for reading in heard]
+    weaker = [max(reading.level_dbm + change_db, FLOOR_DBM) for reading in readings]
     return [
         r._replace(level_dbm=dbm, limit=-int(dbm == FLOOR_DBM))
-        for r, dbm in zip(heard, weaker, strict=True)
+        for r, dbm in zip(readings, weaker, strict=True)
     ]
 
 
-def live_us(heard: list[Heard]) -> tuple[float, float, float, float]:
+def live_us(readings: list[LevelReading]) -> tuple[float, float, float, float]:
     """Mean, 99th percentile and worst CPU time of a reading, and the memory of the cell in MB.
 
     Searches are included.
@@ -64,7 +64,7 @@ def live_us(heard: list[Heard]) -> tuple[float, float, float, float]:
     gc.collect()
     cell = LiveCell(live_prior(LiveSettings()))
     spent = []
-    for reading in heard:
+    for reading in readings:
         begun = time.process_time()
         cell.take(reading)
         if cell.stale > 1.0:
@@ -73,7 +73,7 @@ def live_us(heard: list[Heard]) -> tuple[float, float, float, float]:
     tracemalloc.start()
     before = tracemalloc.get_traced_memory()[0]
     other = LiveCell(live_prior(LiveSettings()))
-    for reading in heard[:300]:
+    for reading in readings[:300]:
         other.take(reading)
         if other.stale > 1.0:
             other.search()
@@ -83,7 +83,7 @@ def live_us(heard: list[Heard]) -> tuple[float, float, float, float]:
     return float(np.mean(spent)), float(np.quantile(spent, 0.99)), float(np.max(spent)), memory_mb
 
 
-def filterpy_us(heard: list[Heard]) -> float:
+def filterpy_us(readings: list[LevelReading]) -> float:
     """CPU time of one predict and update of the four-state EKF in filterpy."""
     kf = ExtendedKalmanFilter(dim_x=4, dim_z=1)
     kf.x = np.array([[100.0], [100.0], [-40.0], [3.0]])
@@ -91,13 +91,13 @@ def filterpy_us(heard: list[Heard]) -> float:
     kf.Q, kf.R = 1e-5 * np.eye(4), np.array([[9.0]])
     c = 10.0 / np.log(10.0)
     begun = time.process_time()
-    for reading in heard:
+    for reading in readings:
 
-        def level(x: np.ndarray, reading: Heard = reading) -> np.ndarray:
+        def level(x: np.ndarray, reading: LevelReading = reading) -> np.ndarray:
             d2 = max((x[0, 0] - reading.x_m) ** 2 + (x[1, 0] - reading.y_m) ** 2, 1.0)
             return np.array([[x[2, 0] - 5.0 * x[3, 0] * np.log10(d2)]])
 
-        def slope(x: np.ndarray, reading: Heard = reading) -> np.ndarray:
+        def slope(x: np.ndarray, reading: LevelReading = reading) -> np.ndarray:
             dx, dy = x[0, 0] - reading.x_m, x[1, 0] - reading.y_m
             d2 = max(dx * dx + dy * dy, 1.0)
             return np.array(
@@ -106,7 +106,7 @@ def filterpy_us(heard: list[Heard]) -> float:
 
         kf.predict()
         kf.update(np.array([[reading.level_dbm]]), slope, level)
-    return 1e6 * (time.process_time() - begun) / len(heard)
+    return 1e6 * (time.process_time() - begun) / len(readings)
 
 
 def main() -> None:
@@ -119,8 +119,8 @@ def main() -> None:
     for share in CLIPPED_SHARES:
         walks[f"white noise 2 dB, {share:.0%} clipped"] = clipped(white, share)
         walks[f"and shadowing, {share:.0%} clipped"] = clipped(shadowed, share)
-    for name, heard in walks.items():
-        mean, p99, worst, memory_mb = live_us(heard)
+    for name, readings in walks.items():
+        mean, p99, worst, memory_mb = live_us(readings)
         print(
             f"live cell, {name}: mean {mean:.0f} us a reading (ratio {mean / peer:.0f}), "
             f"99 % {p99:.0f} us, "

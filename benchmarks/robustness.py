@@ -30,7 +30,7 @@ from logger.core.errors import EstimationError
 from logger.core.live import live_prior
 from logger.core.live_cell import LiveCell
 from logger.core.live_settings import LiveSettings
-from logger.core.locator.online import Heard
+from logger.core.locator.online import LevelReading
 from logger.core.locator.pipeline import locate
 from logger.core.observations import CellObservations
 from logger.core.spikes import SpikeCheck, SpikeFilter
@@ -47,7 +47,7 @@ SIMULATED = (
 CLASSES = "ABCDE"
 
 
-class Place(NamedTuple):
+class Position(NamedTuple):
     """Error of an answer and area of its 95 % region."""
 
     error_m: float
@@ -65,39 +65,39 @@ class Compared(NamedTuple):
     asked: int
     found: int
     false: int
-    clean_old: Place
-    clean: Place
-    spiked_old: Place
-    spiked: Place
+    clean_old: Position
+    clean: Position
+    spiked_old: Position
+    spiked: Position
 
 
-class NoGuard(SpikeFilter[Heard]):
+class NoGuard(SpikeFilter[LevelReading]):
     """Takes every level."""
 
-    def take(self, reading: Heard) -> list[SpikeCheck[Heard]]:
+    def take(self, reading: LevelReading) -> list[SpikeCheck[LevelReading]]:
         return [SpikeCheck(reading, 0.0)]
 
 
-def desk(world: World, obs: CellObservations, *, guard: bool) -> Place:
+def offline(world: World, obs: CellObservations, *, guard: bool) -> Position:
     """The posterior of all readings."""
     found = locate(obs if guard else replace(obs, without_spikes=True))
-    return Place(world.error_m((found.x_m, found.y_m)), found.region_area_m2)
+    return Position(world.error_m((found.x_m, found.y_m)), found.region_area_m2)
 
 
-def live(world: World, obs: CellObservations, *, guard: bool) -> Place:
+def live(world: World, obs: CellObservations, *, guard: bool) -> Position:
     """The last estimate on the device."""
     cell = LiveCell(live_prior(LiveSettings()), None if guard else NoGuard())
     last = None
     columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
     for row in zip(*(column.tolist() for column in columns), strict=True):
-        last = cell.take(Heard(*row)) or last
+        last = cell.take(LevelReading(*row)) or last
         if cell.stale > 1.0:
             cell.search()
     if last is None:
         raise EstimationError("no live estimate")
     xx, xy, _, _, yy, *_ = last.p
     area_m2 = np.pi * CHI2_95_2DOF * np.sqrt(xx * yy - xy * xy)
-    return Place(world.error_m(last.state[:2]), float(area_m2))
+    return Position(world.error_m(last.state[:2]), float(area_m2))
 
 
 def with_errors(obs: CellObservations, at: list[int], spike_db: float) -> CellObservations:
@@ -137,7 +137,7 @@ def worlds(asked: argparse.Namespace) -> Iterator[tuple[str, World]]:
 
 
 def compare(
-    kind: str, world: World, answer: Callable[..., Place], at: list[int], spike_db: float
+    kind: str, world: World, answer: Callable[..., Position], at: list[int], spike_db: float
 ) -> Compared:
     """One walk through one of the two estimates."""
     obs = observations(world, world.walk)
@@ -211,7 +211,7 @@ def main() -> int:
     rng = np.random.default_rng(asked.seed)
     for i, (kind, world) in enumerate(worlds(asked)):
         at = wrong_at(rng, len(world.walk), asked)
-        for name, answer in (("desk", desk), ("live", live)):
+        for name, answer in (("desk", offline), ("live", live)):
             if asked.only in (None, name):
                 try:
                     found[name].append(compare(kind, world, answer, at, asked.spike))
@@ -237,7 +237,7 @@ def main() -> int:
 
 def _plain(one: Compared) -> dict[str, object]:
     return {
-        name: value._asdict() if isinstance(value, Place) else value
+        name: value._asdict() if isinstance(value, Position) else value
         for name, value in one._asdict().items()
     }
 

@@ -78,7 +78,12 @@ def timing_advance(
     return np.clip(step, 0, LAST_TA).astype(np.int64)
 
 
-def compare(case: Case, runs: int, seed: int, prior: Prior = Prior()) -> np.ndarray:  # noqa: B008 (frozen)
+def compare(
+    case: Case,
+    runs: int,
+    seed: int,
+    prior: Prior = Prior(),  # noqa: B008 (frozen)
+) -> np.ndarray:
     """Error in m, 95 % region in m2 and whether it holds the source: shape (runs, 2, 3).
 
     The second axis is without and with timing advance.

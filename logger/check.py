@@ -45,7 +45,7 @@ def check(config_path: Path | None) -> list[Line]:
 
 
 def site_config(path: Path) -> SiteConfig:
-    """The configuration in a file; where there is none the error says how to come by one."""
+    """The configuration in a file; without a file the error names the command that writes one."""
     try:
         return load_config(path)[0]
     except ConfigError as error:

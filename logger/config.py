@@ -1,4 +1,4 @@
-"""The site configuration: one TOML file, checked whole before anything is opened."""
+"""The site configuration: one TOML file, checked completely before anything is opened."""
 
 import re
 import tomllib
@@ -27,7 +27,7 @@ _MOST_CHARACTERS = 1 << 20
 _LONGEST_LINE = 4096
 """The longest path has as many.
 
-A key of 100 000 dots would take tomllib 9 GB: it keeps every beginning of a key.
+A key of 100 000 dots would take tomllib 9 GB: it stores every prefix of a key.
 """
 
 GNSS_OF_MODEM = "modem"
@@ -35,7 +35,7 @@ GNSS_OF_MODEM = "modem"
 
 
 class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where runs are kept."""
+    """Where runs are stored."""
 
     directory: str
 
@@ -44,7 +44,7 @@ class ModemSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A modem: device path, /dev/serial/by-id/... or pyserial URL, and the family that reads it.
 
     `full_scan_interval_s` is the time between two scans of all networks, 0 for none. `set_mode` is
-    "gsm" where the modem shall hear GSM only, which it may announce to its network.
+    "gsm" to restrict the modem to GSM; it may then register again with its network.
     """
 
     port: PortName
@@ -156,17 +156,17 @@ def _explain(problem: str) -> str:
     unknown = re.search(r"unknown field `(.*)`", what)
     missing = re.search(r"missing required field `(.*)`", what)
     if unknown:
-        return f'{_place(table)}unknown key "{unknown[1]}"{_nearest(unknown[1], table)}'
+        return f'{_prefix(table)}unknown key "{unknown[1]}"{_nearest(unknown[1], table)}'
     if missing:
         kind = "table" if not table else "key"
-        return f'{_place(table)}missing {kind} "{missing[1]}"'
+        return f'{_prefix(table)}missing {kind} "{missing[1]}"'
     table, _, key = table.rpartition(".")
     if key == "port" and "length" in what:
-        return f'{_place(table)}"port" is empty; `fieldlogger probe` finds the ports'
-    return f'{_place(table)}"{key}": {what[0].lower()}{what[1:]}'
+        return f'{_prefix(table)}"port" is empty; `fieldlogger probe` finds the ports'
+    return f'{_prefix(table)}"{key}": {what[0].lower()}{what[1:]}'
 
 
-def _place(table: str) -> str:
+def _prefix(table: str) -> str:
     return f"[{table}] " if table else ""
 
 

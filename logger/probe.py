@@ -234,5 +234,5 @@ def _text(value: str) -> str:
 
 
 def _comment(text: str) -> str:
-    """A modem's words without what TOML allows in no comment."""
+    """Text from a modem without the characters that TOML forbids in comments."""
     return "".join(c if c.isprintable() else "?" for c in text)

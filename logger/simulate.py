@@ -61,7 +61,7 @@ def simulate(
     with (
         PtyDevice(answering(modem)) as modem_port,
         PtyDevice(receiver) as gnss_port,
-        stop_signals() as (ended, heard),
+        stop_signals() as (ended, signals),
     ):
         text = _SITE.format(
             directory=_toml_text(str(folder)),
@@ -77,7 +77,7 @@ def simulate(
         service = Service(config, begun, clock, ended)
         service.start()
         service.wait(walk.duration_s)
-        return service.stop(heard[0] if heard else "end of the simulated walk")
+        return service.stop(signals[0] if signals else "end of the simulated walk")
 
 
 def _fault(text: str) -> tuple[str, float, float]:

@@ -14,7 +14,10 @@ from logger.device.port import Port
 from logger.drivers.registry import FAMILIES
 from tests.kit import service
 
-REPLY = '+CENG: 1,1\r\n+CENG: 0,"0666,21,00,310,260,08,4e72,04,03,0113,255"\r\n+CENG: 1,"0233,26,00,ffff,,,0000"\r\nOK\r\n'
+REPLY = (
+    '+CENG: 1,1\r\n+CENG: 0,"0666,21,00,310,260,08,4e72,04,03,0113,255"\r\n'
+    '+CENG: 1,"0233,26,00,ffff,,,0000"\r\nOK\r\n'
+)
 
 
 def _fails(capsys, *argv):
@@ -118,8 +121,8 @@ def test_parse_prints_the_fields_of_each_reading(tmp_path, capsys):
     assert main(["parse", "--driver", "sim800", str(tmp_path / "reply.txt"), "--json"]) == 0
     serving, neighbour = json.loads(capsys.readouterr().out)
     assert {name: value for name, value in serving.items() if value is not None} == {
-        "role": "serving", "rat": "GSM", "mcc": "310", "mnc": "260", "lac": 275, "cid": 20082, "arfcn": 666,
-        "arfcn_raw": 666, "bsic": 8, "rxlev_raw": 21, "rxq": 0, "rssi_dbm": -92.0,
+        "role": "serving", "rat": "GSM", "mcc": "310", "mnc": "260", "lac": 275, "cid": 20082,
+        "arfcn": 666, "arfcn_raw": 666, "bsic": 8, "rxlev_raw": 21, "rxq": 0, "rssi_dbm": -92.0,
     }  # fmt: skip
     assert serving["ta"] is None
     assert (neighbour["role"], neighbour["mcc"], neighbour["rssi_dbm"]) == (
@@ -133,7 +136,8 @@ def test_parse_prints_the_fields_of_each_reading(tmp_path, capsys):
 
 def test_parse_says_which_identity_is_unsure(tmp_path, capsys):
     (tmp_path / "reply.txt").write_text(
-        '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"\n+CENG: 1,"0128,15,30,a5f,310,411,178d"\n'
+        '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"\n'
+        '+CENG: 1,"0128,15,30,a5f,310,411,178d"\n'
     )
     assert main(["parse", str(tmp_path / "reply.txt"), "--json"]) == 0
     serving, neighbour = json.loads(capsys.readouterr().out)
@@ -150,7 +154,10 @@ def test_parse_of_a_missing_file_and_an_unknown_driver(tmp_path, capsys):
 
 @pytest.mark.parametrize("command", ["logger.cli", "postproc.cli"])
 def test_help_imports_nothing_heavy(command):
-    code = f"import sys, {command}\ntry: {command}.main(['--help'])\nexcept SystemExit: pass\nprint(sorted(sys.modules))"
+    code = (
+        f"import sys, {command}\ntry: {command}.main(['--help'])\n"
+        "except SystemExit: pass\nprint(sorted(sys.modules))"
+    )
     out = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout

@@ -40,7 +40,7 @@ def check_position(lat_deg: float, lon_deg: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Utm:
-    """One zone, used for a whole run; `zone` as `zone_of` gives it."""
+    """One UTM zone for a complete run; `zone` as returned by `zone_of`."""
 
     zone: int
 

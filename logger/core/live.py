@@ -16,17 +16,17 @@ from logger.core.live_cell import CellEstimate, LiveCell
 from logger.core.live_receiver import Receiver, ReceiverTrack
 from logger.core.live_reference import LiveReference
 from logger.core.live_settings import LiveSettings
-from logger.core.locator.online import Heard
+from logger.core.locator.online import LevelReading
 from logger.core.model.prior import Prior, prior_for
 from logger.core.track import TIMING_S
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
 LIVE_DECORRELATION_M = (12.0, 40.0, 200.0)
 LIVE_WHITE_SHARES = (0.05, 0.4)
-"""Seven hypotheses of the noise in place of 25 offline: what a Pi can update at each reading."""
+"""Seven hypotheses of the noise instead of 25 offline: a Pi can update these at each reading."""
 
 _MOST_ONCE = 100
-"""Cells named once whose reading is kept: a real cell is received again soon."""
+"""Most cells seen once whose reading is stored: a real cell is received again soon."""
 
 
 class LiveTracker:
@@ -37,7 +37,7 @@ class LiveTracker:
         self._track = ReceiverTrack(settings.max_fix_age_s)
         self._reference = LiveReference(settings)
         self._identities = Identities()
-        self._once: Latest[Heard] = Latest(_MOST_ONCE)
+        self._once: Latest[LevelReading] = Latest(_MOST_ONCE)
         self._cells: Latest[LiveCell] = Latest(settings.most_cells)
 
     @property
@@ -61,11 +61,11 @@ class LiveTracker:
             return []
         results = self._step_reference(seq, t_ns, scan, receiver, utm)
         for name, reading, level_dbm in _levels(scan):
-            heard = _at_receiver(receiver, level_dbm, reading)
+            located = _at_receiver(receiver, level_dbm, reading)
             if name in self._identities:
-                results += self._take_reading(seq, name, heard, utm)
+                results += self._take_reading(seq, name, located, utm)
             elif not reading.identity_unsure:
-                self._once.put(name, heard)
+                self._once.put(name, located)
         self._search()
         return results
 
@@ -82,14 +82,14 @@ class LiveTracker:
         return results
 
     def _take_reading(
-        self, seq: int, name: str, heard: Heard, utm: Utm
+        self, seq: int, name: str, located: LevelReading, utm: Utm
     ) -> list[Note | LiveEstimate]:
         cell = self._cells.get(name) or LiveCell(self._prior)
         self._cells.put(name, cell)
         first = self._once.pop(name, None)
         if first is not None:
             cell.take(first)
-        estimate = cell.take(heard)
+        estimate = cell.take(located)
         notes = [Note("info", code, f"{name}: {text}") for code, text in cell.news]
         if estimate is None:
             return [*notes]
@@ -117,11 +117,11 @@ def _levels(scan: Scan) -> list[tuple[str, CellReading, float]]:
     return list(first.values())
 
 
-def _at_receiver(receiver: Receiver, level_dbm: float, reading: CellReading) -> Heard:
+def _at_receiver(receiver: Receiver, level_dbm: float, reading: CellReading) -> LevelReading:
     """A level with the walker's position; walking during its measurement adds to the sigma."""
     sigma_m = hypot(receiver.sigma_m, TIMING_S * receiver.speed_mps)
     limit = limit_of(level_dbm, reading.rat)
-    return Heard(receiver.x_m, receiver.y_m, sigma_m, level_dbm, limit)
+    return LevelReading(receiver.x_m, receiver.y_m, sigma_m, level_dbm, limit)
 
 
 def _record(seq: int, cell: str, n: int, utm: Utm, estimate: CellEstimate) -> LiveEstimate:

@@ -14,7 +14,7 @@ import numpy as np
 from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
 from logger.core.filter_monitor import CLOSE, FilterMonitor, widest
-from logger.core.locator.online import Heard, OnlineLocator, Place
+from logger.core.locator.online import LevelReading, OnlineLocator, StrongestMode
 from logger.core.model.path_loss import level_gradient
 from logger.core.model.prior import Prior
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
@@ -23,7 +23,7 @@ from logger.core.spikes import SpikeFilter
 
 LOCATOR, EKF = "locator", "ekf"
 
-ONE_PLACE = 0.98
+ONE_MODE = 0.98
 """A mode with this probability counts as the only one."""
 TIGHT_M = 12.0
 """Largest sigma of the position at the start of the EKF, whatever the distance."""
@@ -55,11 +55,11 @@ class _RunningEkf(NamedTuple):
 class LiveCell:
     """Estimate of one cell; `news` are the events of the last reading, as (code, text)."""
 
-    def __init__(self, prior: Prior, spikes: SpikeFilter[Heard] | None = None) -> None:
+    def __init__(self, prior: Prior, spikes: SpikeFilter[LevelReading] | None = None) -> None:
         self._prior = prior
         self._locator = OnlineLocator(prior, spikes)
         self._ekf: _RunningEkf | None = None
-        self._recent: deque[Heard] = deque(maxlen=_RECENT)
+        self._recent: deque[LevelReading] = deque(maxlen=_RECENT)
         self._may_start = True
         self.n = 0
         self.n_set_aside = 0
@@ -70,7 +70,7 @@ class LiveCell:
         """As `OnlineLocator.stale`."""
         return self._locator.stale
 
-    def take(self, heard: Heard) -> CellEstimate | None:
+    def take(self, latest: LevelReading) -> CellEstimate | None:
         """Take a reading; None while there is no estimate.
 
         A level far from that of its predecessor waits until the next ones confirm it: the estimate
@@ -78,7 +78,7 @@ class LiveCell:
         """
         self.news = []
         estimate = None
-        for reading, spike_db in self._locator.check_spikes(heard):
+        for reading, spike_db in self._locator.check_spikes(latest):
             if spike_db:
                 self._set_aside(reading, spike_db)
             else:
@@ -90,38 +90,38 @@ class LiveCell:
         self._locator.search()
         self._may_start = True
 
-    def _set_aside(self, heard: Heard, spike_db: float) -> None:
+    def _set_aside(self, latest: LevelReading, spike_db: float) -> None:
         self.n_set_aside += 1
         side = "above" if spike_db > 0.0 else "below"
         off = f"{abs(spike_db):.0f} dB {side} the readings around it"
         self.news.append(
-            ("level-set-aside", f"{heard.level_dbm:.0f} dBm is {off} and was set aside")
+            ("level-set-aside", f"{latest.level_dbm:.0f} dBm is {off} and was set aside")
         )
 
-    def _update(self, heard: Heard) -> CellEstimate | None:
+    def _update(self, latest: LevelReading) -> CellEstimate | None:
         self.n += 1
-        before = self._locator.place()
-        self._locator.take(heard)
-        self._recent.append(heard)
-        place = self._locator.place()
-        step = self._step_ekf(heard, place)
+        before = self._locator.strongest_mode()
+        self._locator.take(latest)
+        self._recent.append(latest)
+        mode = self._locator.strongest_mode()
+        step = self._step_ekf(latest, mode)
         if step is not None:
             return _ekf_estimate(step)
-        if place is None:
+        if mode is None:
             return None
-        if self._may_start and _is_close(place, heard):
-            self._start_ekf(place)
-        return _locator_estimate(place, before, heard, self._prior.height_m)
+        if self._may_start and _is_close(mode, latest):
+            self._start_ekf(mode)
+        return _locator_estimate(mode, before, latest, self._prior.height_m)
 
-    def _step_ekf(self, heard: Heard, place: Place | None) -> ShadowStep | None:
+    def _step_ekf(self, latest: LevelReading, mode: StrongestMode | None) -> ShadowStep | None:
         """Next step of the EKF; None without one, or if it has just been discarded."""
         if self._ekf is None:
             return None
-        step = shadow_ekf.step(self._ekf.state, self._ekf.noise, *heard)
+        step = shadow_ekf.step(self._ekf.state, self._ekf.noise, *latest)
         monitor = self._ekf.monitor.after_step(step, self._ekf.noise)
-        if place is not None:
-            (xx, xy), (_, yy) = place.covariance[:2, :2].tolist()
-            x_m, y_m, _, _ = place.state.tolist()
+        if mode is not None:
+            (xx, xy), (_, yy) = mode.covariance[:2, :2].tolist()
+            x_m, y_m, _, _ = mode.state.tolist()
             monitor = monitor.after_search(step.state, x_m, y_m, (xx, xy, yy))
         self._ekf = self._ekf._replace(state=step.state, monitor=monitor)
         if monitor.disagrees is None:
@@ -130,32 +130,32 @@ class LiveCell:
         self._ekf, self._may_start = None, False
         return None
 
-    def _start_ekf(self, place: Place) -> None:
+    def _start_ekf(self, mode: StrongestMode) -> None:
         white_share, decorrelation_m = self._locator.noise()
         height_m = self._prior.height_m
-        noises = candidates(place.sigma_db, decorrelation_m, white_share, height_m)
-        noise = likeliest(noises, place.state, list(self._recent))
+        noises = candidates(mode.sigma_db, decorrelation_m, white_share, height_m)
+        noise = likeliest(noises, mode.state, list(self._recent))
         first = self._recent[0]
-        state = shadow_ekf.hold(place.state, noise, first.x_m, first.y_m)
-        for heard in self._recent:
-            state = shadow_ekf.step(state, noise, *heard).state
+        state = shadow_ekf.hold(mode.state, noise, first.x_m, first.y_m)
+        for latest in self._recent:
+            state = shadow_ekf.step(state, noise, *latest).state
         try:
-            state = shadow_ekf.release(state, place.covariance)
+            state = shadow_ekf.release(state, mode.covariance)
         except EstimationError:
             return
         self._ekf = _RunningEkf(state, noise)
-        drms_m = sqrt(place.covariance[0, 0] + place.covariance[1, 1])
+        drms_m = sqrt(mode.covariance[0, 0] + mode.covariance[1, 1])
         text = f"the locator has one position with a DRMS of {drms_m:.0f} m"
         self.news.append(("ekf-started", text))
 
 
-def _is_close(place: Place, heard: Heard) -> bool:
+def _is_close(mode: StrongestMode, latest: LevelReading) -> bool:
     """Whether a Gaussian may stand for the position at the walker's distance from it."""
-    (xx, xy), (_, yy) = place.covariance[:2, :2].tolist()
-    x_m, y_m, _, _ = place.state.tolist()
-    distance_m = hypot(x_m - heard.x_m, y_m - heard.y_m)
+    (xx, xy), (_, yy) = mode.covariance[:2, :2].tolist()
+    x_m, y_m, _, _ = mode.state.tolist()
+    distance_m = hypot(x_m - latest.x_m, y_m - latest.y_m)
     is_tight = widest(xx, xy, yy) <= min(CLOSE * distance_m, TIGHT_M)
-    return is_tight and place.probability >= ONE_PLACE
+    return is_tight and mode.probability >= ONE_MODE
 
 
 def _ekf_estimate(step: ShadowStep) -> CellEstimate:
@@ -165,20 +165,22 @@ def _ekf_estimate(step: ShadowStep) -> CellEstimate:
 
 
 def _locator_estimate(
-    place: Place, before: Place | None, heard: Heard, height_m: float
+    mode: StrongestMode, before: StrongestMode | None, latest: LevelReading, height_m: float
 ) -> CellEstimate:
     innovation = nan, nan
-    if before is not None and not heard.limit:
-        innovation = _innovation(before, heard, height_m)
-    x_m, y_m, p0_dbm, eta = place.state.tolist()
-    state, p = (x_m, y_m, p0_dbm, eta), ekf.upper_triangle(place.covariance)
-    return CellEstimate(LOCATOR, place.probability, state, p, *innovation)
+    if before is not None and not latest.limit:
+        innovation = _innovation(before, latest, height_m)
+    x_m, y_m, p0_dbm, eta = mode.state.tolist()
+    state, p = (x_m, y_m, p0_dbm, eta), ekf.upper_triangle(mode.covariance)
+    return CellEstimate(LOCATOR, mode.probability, state, p, *innovation)
 
 
-def _innovation(before: Place, heard: Heard, height_m: float) -> tuple[float, float]:
+def _innovation(
+    before: StrongestMode, latest: LevelReading, height_m: float
+) -> tuple[float, float]:
     """Level minus that expected from the position before it in dB, and the variance of that."""
     x_m, y_m, p0_dbm, eta = before.state.tolist()
-    by_x, by_y, by_eta, _ = level_gradient(x_m - heard.x_m, y_m - heard.y_m, eta, height_m**2)
+    by_x, by_y, by_eta, _ = level_gradient(x_m - latest.x_m, y_m - latest.y_m, eta, height_m**2)
     h = np.array([by_x, by_y, 1.0, by_eta])
     variance_db2 = float(h @ before.covariance @ h) + before.sigma_db**2
-    return heard.level_dbm - (p0_dbm + eta * by_eta), variance_db2
+    return latest.level_dbm - (p0_dbm + eta * by_eta), variance_db2

@@ -7,16 +7,16 @@ still. For a reading taken D metres from the one before:
     z = P0 - eta L + s + v   with L of `model.path_loss`
     var v = white^2 + 1/12 + (C eta sigma / d)^2,    C = 10 / ln 10
 
-(Gudmundson, Electron. Lett. 27(23), 1991; 1/12 since levels are whole dB; sigma is the error of the
-receiver's position per axis.)
+(Gudmundson, Electron. Lett. 27(23), 1991; 1/12 since levels are integers in dB; sigma is the error
+of the receiver's position per axis.)
 
-The covariance is kept as U D U' in the order s, x, y, P0, eta, with U unit upper triangular, and
+The covariance is stored as U D U' in the order s, x, y, P0, eta, with U unit upper triangular, and
 corrected by Bierman's algorithm (Factorization Methods for Discrete Sequential Estimation, 1977,
 ch. V): a correction multiplies each entry of D by a positive number, so no rounding makes the
 covariance indefinite. With s first, D_s is the variance of s given the rest, w adds to D_s alone,
 and row s of U is the dependence of s on the rest.
 
-A reading at the modem's limit says only that the level is beyond it. The expected level is then
+A reading at the modem's limit shows only that the level is beyond it. The expected level is then
 that of a normal law truncated at the limit; mean and variance of the state are corrected to what
 follows from its mean and variance (moment matching; Tobin, Econometrica 26(1), 1958), which is the
 usual correction with another innovation and another r.

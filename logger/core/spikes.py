@@ -58,7 +58,7 @@ in at most 3 of 100 at 5 m above and beside, in 7 of 100 at 2 and 3 m.
 _ETA, _ETA_SIGMA = 2.6, 2.0
 """Wide prior of the exponent close to the transmitter."""
 _LEAST_SIGMA_DB = 1.0
-"""Levels are whole decibels, so that equal neighbours do not mean no noise."""
+"""Levels are integers in dB, so equal neighbours do not mean zero noise."""
 
 
 class LevelAtPoint(Protocol):

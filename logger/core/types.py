@@ -132,9 +132,9 @@ class Scan:
     began and when it was recorded, None without one.
     """
 
-    t_start_ns: Annotated[Seq, "ns since boot, when the modem was asked"]
+    t_start_ns: Annotated[Seq, "ns since boot, when the command was sent"]
     readings: tuple[CellReading, ...]
-    fix_start_seq: Annotated[LongId, "seq of the fix current when the modem was asked"] = None
+    fix_start_seq: Annotated[LongId, "seq of the fix current when the command was sent"] = None
     fix_seq: Annotated[LongId, "seq of the fix current at the end of the scan"] = None
 
 
@@ -176,7 +176,7 @@ class LiveEstimate:
     p_ee: Covariance
     innovation_db: Annotated[Float, "dB"]
     innovation_var_db2: Annotated[Float, "dB^2"]
-    probability: Annotated[Float, "1, of the place; below 1 there are others"]
+    probability: Annotated[Float, "1, of this position; below 1 there are other possible positions"]
 
 
 Value = RawBytes | Fix | Scan | Note | LiveEstimate

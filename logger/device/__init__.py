@@ -1,1 +1,1 @@
-"""What the Pi does: the only folder that opens ports, waits, tells the time and hears signals."""
+"""The program on the Pi: the only package that opens ports, waits, reads clocks, gets signals."""

@@ -1,9 +1,8 @@
 """The live estimate in its own thread, so that reception never waits for it.
 
-It is given the recorded fixes and scans in their order, so that the desk can repeat it; what it
-finds goes back through the inbox and is recorded like everything else. What it needs (numpy, the
-map) takes a small board seconds to import: its thread does that, while the ports are already being
-recorded.
+It gets the recorded fixes and scans in their order, so that `postproc replay` can repeat it. Its
+estimates go through the inbox and are recorded like all other records. Its modules (numpy, the map)
+take seconds to import on a small board: its thread imports them while the ports are recorded.
 """
 
 import logging

@@ -31,11 +31,11 @@ def receiver_session(url: str) -> Callable[[Link], None]:
 def gpsd_session(link: Link, device: str) -> None:
     """Record one fix for each epoch of one receiver of a gpsd, or of all if `device` is empty."""
     link.write(watch(device))
-    record_fixes(link, GpsdFramer(), _Teller(link, device), PAUSE_S)
+    record_fixes(link, GpsdFramer(), _FixesAndNotes(link, device), PAUSE_S)
 
 
-class _Teller(GpsdFixes):
-    """Fixes, and notes of what else gpsd says."""
+class _FixesAndNotes(GpsdFixes):
+    """Fixes, and notes of the other reports of gpsd."""
 
     def __init__(self, link: Link, device: str) -> None:
         super().__init__()
@@ -51,12 +51,12 @@ class _Teller(GpsdFixes):
         elif isinstance(report, Error):
             self._link.note("warning", "gpsd-error", report.message)
         elif isinstance(report, Devices):
-            self._tell_devices(report.devices)
+            self._note_devices(report.devices)
         elif isinstance(report, Device):
-            self._tell_device(report)
+            self._note_device(report)
         return super().feed(report, t_ns)
 
-    def _tell_devices(self, devices: tuple[Device, ...]) -> None:
+    def _note_devices(self, devices: tuple[Device, ...]) -> None:
         if not devices:
             self._link.note("warning", "gpsd-devices", "gpsd has no receiver now")
         elif len(devices) > 1 and not self._device:
@@ -67,7 +67,7 @@ class _Teller(GpsdFixes):
                 f"gpsd has {len(devices)} receivers, all are recorded: {names}",
             )
 
-    def _tell_device(self, device: Device) -> None:
+    def _note_device(self, device: Device) -> None:
         if device.activated:
             self._link.note(
                 "info", "gpsd-device", f"{device.path} {device.driver or 'of unknown kind'}"

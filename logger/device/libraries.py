@@ -22,8 +22,7 @@ _INSTALLED = re.compile(
 def installed_versions(folders: Sequence[str] | None = None) -> dict[str, str]:
     """Versions of cellwalk, its libraries and Python, by the names of folders: nothing is imported.
 
-    `importlib.metadata` says the same, and takes ten times as long, which a run that begins does
-    not have.
+    `importlib.metadata` reports the same in ten times the time, which would delay the first record.
     """
     found: dict[str, str] = {}
     for folder in sys.path if folders is None else folders:

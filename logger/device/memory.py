@@ -1,4 +1,4 @@
-"""Memory that is freed goes back to the system, so that what a walk needs is what it takes."""
+"""Settings of malloc, so that freed memory returns to the system."""
 
 import ctypes
 import platform
@@ -13,8 +13,8 @@ def give_back() -> None:
     Other C libraries are left as they are.
 
     By itself it raises that bound with each larger block that is freed, and gives each thread a
-    heap: the arrays of forty cells, freed here and kept there, then took 20 MB more and kept
-    growing. Up to 1 MB at the end of the heap is kept, or each reading would ask for it anew. To be
+    heap: the arrays of forty cells then took 20 MB more, and more with time. Up to 1 MB at
+    the end of the heap stays allocated, or each reading would allocate it again. To be
     called before threads start. Source: mallopt(3).
     """
     if platform.libc_ver()[0] != "glibc":

@@ -1,16 +1,16 @@
-"""Sets a modem to GSM only if the configuration asks for it, and restores its mode.
+"""Sets a modem to GSM only if it is so configured, and restores its mode.
 
 The commands are in `logger.drivers.network_mode`.
 
-The value before is durable before anything is changed. It is set back at the stop, or at the next
-start where the stop did not come or the modem had gone; whether the setting is still on or not.
+The previous value is on the card before the mode is changed. It is restored at the stop, or at the
+next start if there was no stop or the modem was unplugged, also if the option is then off.
 """
 
 from collections.abc import Callable
 
 from logger.core.types import Level
 from logger.device.link import Link
-from logger.device.saved_modes import KeptMode, KeptModes
+from logger.device.saved_modes import SavedMode, SavedModes
 from logger.device.shutdown import AfterStop
 from logger.drivers.family import Family, wake
 from logger.drivers.network_mode import ModeCommand, ask_model, read_mode, same_mode, set_mode
@@ -19,7 +19,7 @@ from logger.drivers.protocols.dialogue import Command, Reply, run_dialogue
 Ask = Callable[[Command], Reply]
 
 RESTORE_S = 20.0
-"""Real seconds that a stop leaves for it; systemd leaves 60 for all of the stop."""
+"""Real seconds that a stop allows for it; systemd allows 60 for the complete stop."""
 _TRIES = 3
 ADVICE = "the next start tries again, or set it by hand"
 
@@ -27,21 +27,21 @@ ADVICE = "the next start tries again, or set it by hand"
 class ModeSwitch:
     """For one connection with one modem; each note is written once."""
 
-    def __init__(self, link: Link, kept: KeptModes, *, gsm_only: bool) -> None:
+    def __init__(self, link: Link, saved: SavedModes, *, gsm_only: bool) -> None:
         self._link = link
-        self._kept = kept
+        self._saved = saved
         self._gsm_only = gsm_only
         self._noted: set[str] = set()
         self._tries_left = 0
 
     def renew(self) -> None:
-        """The modem has been set up anew, and may have forgotten what it hears."""
+        """Note that the modem was set up again: it may have lost its mode."""
         self._tries_left = _TRIES
 
     def settle(self, driver: Family, ask: Ask) -> None:
-        """GSM only if it is wanted, else as before if an earlier run changed it.
+        """Set GSM only if configured, else restore the mode that an earlier run changed.
 
-        To be called between two polls: it does nothing once that is done, or was tried some times.
+        Call it between two polls: it does nothing after success or several attempts.
         """
         if not self._tries_left:
             return
@@ -49,17 +49,17 @@ class ModeSwitch:
             is_done = self._settle(driver, ask)
         except OSError as error:
             is_done = True
-            self._note_unchanged(f"what it is cannot be kept: {error.strerror or error}")
+            self._note_unchanged(f"the present mode cannot be saved: {error.strerror or error}")
         self._tries_left = 0 if is_done else self._tries_left - 1
 
     def set_back(self, driver: Family | None, modem: AfterStop) -> None:
-        """At the stop: as it was before.
+        """Restore the mode at the stop.
 
-        The stop may have come in the middle of anything, which the modem is let finish; what does
-        not succeed then is tried again.
+        The stop may have interrupted a command, whose reply is awaited first. Several attempts are
+        made.
         """
         try:
-            if driver is None or not self._kept.all():
+            if driver is None or not self._saved.all():
                 return
             for _ in range(_TRIES):
                 modem.drain()
@@ -67,7 +67,9 @@ class ModeSwitch:
                     return
         except OSError as error:
             self._note(
-                "warning", "mode-left", f"the modem is not set back: {error.strerror or error}"
+                "warning",
+                "mode-left",
+                f"the mode of the modem is not restored: {error.strerror or error}",
             )
 
     def _set_back(self, driver: Family, ask: Ask) -> bool:
@@ -75,22 +77,22 @@ class ModeSwitch:
         name = run_dialogue(ask_model(), ask) if run_dialogue(wake(), ask) else None
         if name is None:
             return False
-        entry = self._kept.of(driver.name, name)
+        entry = self._saved.of(driver.name, name)
         return entry is None or self._restore(driver, entry, ask)
 
     def _settle(self, driver: Family, ask: Ask) -> bool:
-        """Whether nothing is left to do; what has failed may succeed the next time."""
-        kept = self._kept.all()
+        """Whether nothing is left to do; a failed attempt may succeed the next time."""
+        saved = self._saved.all()
         if self._gsm_only and not driver.mode_commands:
             self._note_unchanged(f"driver {driver.name} has no command for GSM only")
             return True
-        if not self._gsm_only and not kept:
+        if not self._gsm_only and not saved:
             return True
         name = run_dialogue(ask_model(), ask)
         if name is None:
-            self._note_unchanged("the modem does not say which model it is (AT+CGMM)")
+            self._note_unchanged("the modem does not report its model (AT+CGMM)")
             return False
-        entry = self._kept.of(driver.name, name)
+        entry = self._saved.of(driver.name, name)
         if self._gsm_only:
             return self._change(driver, name, entry, ask)
         if entry is not None:
@@ -98,49 +100,49 @@ class ModeSwitch:
             if not is_done and not self._link.stop.is_set():
                 self._note("warning", "mode-left", f"{name} does not take {entry.value}; {ADVICE}")
             return is_done
-        waiting = ", ".join(one.model for one in kept)
-        text = (
-            f"not for this modem: {waiting} was left on GSM only, and is set back when it is here"
-        )
+        waiting = ", ".join(entry.model for entry in saved)
+        text = f"not for this modem: {waiting} is still on GSM only and is restored when here"
         self._note("info", "mode-kept", text)
         return True
 
-    def _change(self, driver: Family, name: str, entry: KeptMode | None, ask: Ask) -> bool:
+    def _change(self, driver: Family, name: str, entry: SavedMode | None, ask: Ask) -> bool:
         found = run_dialogue(read_mode(driver.mode_commands), ask)
         if found is None:
             asks = " and ".join(command.query for command in driver.mode_commands)
-            self._note_unchanged(f"the modem does not tell what it is ({asks})")
+            self._note_unchanged(f"the modem does not report its mode ({asks})")
             return False
         command, value = found
         if command.is_gsm(value):
-            text = f"the modem hears GSM only by itself ({command.query})"
+            text = f"the modem was already on GSM only ({command.query})"
             if entry is not None:
                 text = (
-                    f"the modem hears GSM only; it was {entry.value}, and is set back at the stop"
+                    f"the modem is on GSM only; it was {entry.value}, which is restored at the stop"
                 )
             self._note("info", "mode-gsm", text)
             return True
-        # durable first: whatever happens from here on, the next start knows what it was
-        self._kept.keep(KeptMode(driver.name, name, command.query, value))
+        # saved first: the next start can restore it whatever happens from here on
+        self._saved.save(SavedMode(driver.name, name, command.query, value))
         now = run_dialogue(set_mode(command, command.gsm_only), ask)
         sent = command.set_to(command.gsm_only)
         if now is not None and command.is_gsm(now):
-            text = f"{sent}: the modem hears GSM only; it was {value}, and is set back at the stop"
+            text = (
+                f"{sent}: the modem is on GSM only; it was {value}, which is restored at the stop"
+            )
             self._note("info", "mode-set", text)
             return True
         if now is not None and same_mode(now, value):
-            self._kept.drop(driver.name, name)
+            self._saved.drop(driver.name, name)
             self._note_unchanged(f"the modem refuses {sent}")
             return True
-        self._note_unchanged(f"no answer to {sent}; it was {value}, and is set back at the stop")
+        self._note_unchanged(f"no answer to {sent}; it was {value}, which is restored at the stop")
         return False
 
-    def _restore(self, driver: Family, entry: KeptMode, ask: Ask) -> bool:
-        """Whether the modem is as it was, or as its owner has set it since."""
+    def _restore(self, driver: Family, entry: SavedMode, ask: Ask) -> bool:
+        """Whether the modem has its previous mode, or one that its owner has set since."""
         command = _command(driver, entry)
         if command is None:
             setting = f"{entry.asks} {entry.value!r}"
-            text = f"{self._kept.path}: {setting} is no mode of this modem; remove it"
+            text = f"{self._saved.path}: {setting} is no mode of this modem; remove it"
             self._note("warning", "mode-left", text)
             return True
         found = run_dialogue(read_mode([command]), ask)
@@ -152,14 +154,14 @@ class ModeSwitch:
             now = run_dialogue(set_mode(command, entry.value), ask)
             if now is None or not same_mode(now, entry.value):
                 return False
-            text = f"{command.set_to(entry.value)}: the modem is as it was before GSM only"
-        self._kept.drop(entry.driver, entry.model)
+            text = f"{command.set_to(entry.value)}: the modem has its mode from before GSM only"
+        self._saved.drop(entry.driver, entry.model)
         self._note("info", "mode-restored", text)
         return True
 
     def _note_unchanged(self, why: str) -> None:
-        if not self._link.stop.is_set():  # else it was not asked to the end
-            self._note("warning", "mode-unchanged", f"what the modem hears is not changed: {why}")
+        if not self._link.stop.is_set():  # else the stop interrupted the commands
+            self._note("warning", "mode-unchanged", f"the mode of the modem is not changed: {why}")
 
     def _note(self, level: Level, code: str, text: str) -> None:
         if text not in self._noted:
@@ -167,16 +169,16 @@ class ModeSwitch:
             self._link.note(level, code, text)
 
 
-def _command(driver: Family, entry: KeptMode) -> ModeCommand | None:
-    """The command of an entry; None where the file names another, or a value that is none."""
+def _command(driver: Family, entry: SavedMode) -> ModeCommand | None:
+    """The command of an entry; None if the file names another one, or an invalid value."""
     known = (command for command in driver.mode_commands if command.query == entry.asks)
     return next((command for command in known if command.is_value(entry.value)), None)
 
 
-def left_changed(kept: KeptModes, drivers: Callable[[str], Family | None]) -> str:
-    """What the stop could not set back, in words; empty where there is nothing."""
+def unrestored_modes(saved: SavedModes, drivers: Callable[[str], Family | None]) -> str:
+    """Text on the modes that the stop could not restore; empty if there are none."""
     try:
-        entries = kept.all()
+        entries = saved.all()
     except OSError as error:
         return str(error)
     texts = []

@@ -7,7 +7,7 @@ from logger.device.gnss_link import count_unmeasured, credible
 from logger.device.link import Link
 from logger.device.mode_switch import ModeSwitch
 from logger.device.modem_exchange import ModemExchange
-from logger.device.saved_modes import KeptModes
+from logger.device.saved_modes import SavedModes
 from logger.device.shutdown import AfterStop
 from logger.drivers.family import Family
 from logger.drivers.generic.generic import Generic
@@ -20,7 +20,7 @@ SILENT_POLLS = 3
 
 
 def modem_session(
-    link: Link, settings: ModemSettings, modes: KeptModes, *, locates: bool = False
+    link: Link, settings: ModemSettings, modes: SavedModes, *, locates: bool = False
 ) -> None:
     """Set the modem up and poll it until stopped.
 

@@ -1,4 +1,4 @@
-"""What a folder is kept on: a card, or memory, where a pulled plug takes it."""
+"""Where a folder is stored: on a card, or in memory, whose content a power cut erases."""
 
 import re
 from pathlib import Path
@@ -14,11 +14,11 @@ class _Mount(NamedTuple):
 
 
 def kept_in_memory(folder: Path, mountinfo: str) -> str:
-    """Kind and place of the file system that keeps a folder in memory, empty where a card does.
+    """Kind and mount point of the file system in memory that holds a folder; empty for a card.
 
     `mountinfo` is the text of /proc/self/mountinfo (proc(5)), the folder's path is without links.
-    An overlay keeps what is written in its upper folder; one whose upper folder cannot be seen was
-    mounted by an initramfs, which has nothing but memory.
+    An overlay stores what is written in its upper folder; if that folder is invisible, an initramfs
+    mounted it, which has only memory.
     """
     mounts = {
         mount.point: mount for mount in map(_mount, mountinfo.splitlines())

@@ -65,7 +65,7 @@ class Port:
             data = bytes(self._serial.read(1))
             with suppress(
                 OSError, termios.error, TypeError
-            ):  # the next call will say so; what has come counts
+            ):  # the next call raises it; these bytes count
                 data += self._more() if data else b""
             return data
 

@@ -15,7 +15,7 @@ _PAUSE_S = 5.0
 class PortSwap:
     """Decides by the records of both links whether the ports should be swapped.
 
-    They should if neither device has sent readable data for some time while bytes kept coming on
+    They should if neither device has sent readable data for some time while bytes arrived on
     the modem's port. A swap that does not help is taken back, each time after twice the waiting
     time, so that a wrong guess does not lose a modem that is only disturbed. `second_ns` is a real
     second of the clock that stamps records.

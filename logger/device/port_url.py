@@ -1,6 +1,6 @@
 """Names of ports: device paths, the URLs of pyserial, and ours for gpsd.
 
-Judged before anything is opened.
+They are checked before any port is opened.
 """
 
 import re

@@ -28,17 +28,16 @@ STOP_PATIENCE_TICKS = 10
 """How often a stop tries again to get what waits in memory onto a card that is full or failing."""
 
 ESTIMATE_PATIENCE_S = 20.0
-"""How long a stop waits for the live estimate of what has been recorded; systemd gives a stop 60
-s.
-"""
+"""Time that a stop waits for the live estimate; systemd allows 60 s for the stop."""
 
 
 class Recorder:
     """The only user of a `RunWriter`; `run` until `finish` is called from another thread.
 
     `durable` is called after each flush that reached the card: the watchdog is fed there. Below
-    `floor_bytes` of free space old journals go whose runs are safe (`RoomKeeper`). When it fails
-    for good it sets `ended`, and `error` says why: a logger that does not record must not go on.
+    `floor_bytes` of free space, old journals with a verified HDF5 file are deleted (`RoomKeeper`).
+    After a permanent failure it sets `ended`, and `error` is the reason: a logger that does not
+    record must not go on.
     """
 
     def __init__(
@@ -60,7 +59,7 @@ class Recorder:
         self._clock = clock
         self._ended = ended
         self._durable = durable
-        self._room = RoomKeeper(writer.path.parent, floor_bytes, self._tell)
+        self._room = RoomKeeper(writer.path.parent, floor_bytes, self._note_from_thread)
         self._file = writer.file
         self._stop_reason: str | None = None
         self.failing = ""
@@ -79,7 +78,7 @@ class Recorder:
 
     @property
     def state(self) -> str:
-        """How it goes, in words for a status line."""
+        """State of the recording as text for a status line."""
         if self.error is not None:
             return f"failed: {self.error}"
         return f"waiting for the card: {self.failing}" if self.failing else "recording"
@@ -105,7 +104,7 @@ class Recorder:
         self._empty_inbox()
         self._flush()
         if not self._estimator.finish(ESTIMATE_PATIENCE_S):
-            self._tell_behind()
+            self._note_behind()
         self._empty_inbox()
         self._flush()
         for _ in range(STOP_PATIENCE_TICKS):
@@ -128,7 +127,7 @@ class Recorder:
                 return
 
     def _flush(self) -> None:
-        self._tell_dropped(self._inbox.take_dropped(), "the recorder could not keep up")
+        self._note_dropped(self._inbox.take_dropped(), "the recorder could not keep up")
         self._sync()
         self._room.look()
 
@@ -146,17 +145,17 @@ class Recorder:
         if isinstance(record.value, Fix):
             self._fixes.add(record.t_ns, seq if record.value.valid else None)
         if isinstance(record.value, Fix | Scan) and not self._estimator.give(seq, record):
-            self._tell_behind()
+            self._note_behind()
 
-    def _tell_behind(self) -> None:
-        """Say once that the live estimate has not kept up."""
+    def _note_behind(self) -> None:
+        """Note once that the live estimate is behind."""
         if not self._behind:
             self._behind = True
             self._append(
                 self._note(
                     "warning",
                     BEHIND,
-                    "the live estimate has not kept up; the desk computes the rest",
+                    "the live estimate is too slow; the desktop program computes the rest",
                 )
             )
 
@@ -168,14 +167,15 @@ class Recorder:
             what = error.strerror or str(error)
             if what != self.failing:
                 self.failing = what
-                log.error("cannot write the run (%s); keeping records in memory", what)  # noqa: TRY400
+                message = "cannot write the run (%s); keeping records in memory"
+                log.error(message, what)  # noqa: TRY400
                 self._append(self._note("error", "write-failed", f"card: {what}"))
             return
         if self.failing:
             self.failing = ""
             log.warning("the run can be written again")
             self._append(self._note("info", "write-resumed", "the card takes records again"))
-            self._tell_dropped(self._writer.take_dropped(), "the card took nothing for too long")
+            self._note_dropped(self._writer.take_dropped(), "the card took nothing for too long")
         if self._file != self._writer.file:
             self._file = self._writer.file
             self._append(
@@ -185,12 +185,12 @@ class Recorder:
             )
         self._durable()
 
-    def _tell_dropped(self, n: int, why: str) -> None:
+    def _note_dropped(self, n: int, why: str) -> None:
         if n:
             log.error("%d records lost: %s", n, why)
             self._append(self._note("error", "overflow", f"{n} records lost: {why}"))
 
-    def _tell(self, level: Level, code: str, text: str) -> None:
+    def _note_from_thread(self, level: Level, code: str, text: str) -> None:
         """A note from another thread."""
         log.log(logging.getLevelNamesMapping()[level.upper()], "%s", text)
         self._inbox.put(self._note(level, code, text))

@@ -1,4 +1,4 @@
-"""Keeps room on the card for the run that is being recorded, in a thread that nobody waits for."""
+"""Frees space on the card for the current run, in a thread that nothing waits for."""
 
 import threading
 import time
@@ -15,16 +15,16 @@ LOOK_EVERY_S = 30.0
 class RoomKeeper:
     """Removes spare journals while the free space is below the floor.
 
-    `tell` (level, code, text) is called from its thread. Reading runs again takes a Pi minutes,
+    `note` (level, code, text) is called from its thread. Reading runs again takes a Pi minutes,
     hence the thread.
     """
 
     def __init__(
-        self, folder: Path, floor_bytes: int, tell: Callable[[Level, str, str], None]
+        self, folder: Path, floor_bytes: int, note: Callable[[Level, str, str], None]
     ) -> None:
         self._folder = folder
         self._floor_bytes = floor_bytes
-        self._tell = tell
+        self._note = note
         self._thread: threading.Thread | None = None
         self._next_s = 0.0
         self._complaint = ""
@@ -50,7 +50,7 @@ class RoomKeeper:
     def _make_room(self) -> None:
         try:
             for journal in make_room(self._folder, self._floor_bytes):
-                self._tell(
+                self._note(
                     "info",
                     "journal-removed",
                     f"{journal.name} made room: its HDF5 file holds the same",
@@ -60,5 +60,5 @@ class RoomKeeper:
         except OSError as error:
             complaint = f"cannot make room: {error}"
         if complaint and complaint != self._complaint:
-            self._tell("warning", "card-nearly-full", complaint)
+            self._note("warning", "card-nearly-full", complaint)
         self._complaint = complaint

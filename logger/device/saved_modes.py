@@ -1,6 +1,6 @@
-"""A modem's mode before the logger set it to GSM only: durable until it is restored.
+"""The mode of a modem before the logger set it to GSM only, stored until it is restored.
 
-The file lies beside the runs, one entry for a model: a pulled plug leaves it to the next start.
+The file lies beside the runs and has one entry for each model. It survives a power cut.
 """
 
 import os
@@ -12,7 +12,7 @@ import msgspec
 FILE = "modem-modes.json"
 
 
-class KeptMode(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class SavedMode(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The answer `value` of a modem to the command `asks`, before the logger changed it."""
 
     driver: str
@@ -21,43 +21,45 @@ class KeptMode(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     value: str
 
 
-class KeptModes:
-    """The entries in a folder. Raises OSError where the file cannot be read or written."""
+class SavedModes:
+    """The entries in a folder. Raises OSError if the file cannot be read or written."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self.path = folder / FILE
 
-    def all(self) -> tuple[KeptMode, ...]:
+    def all(self) -> tuple[SavedMode, ...]:
         try:
-            return msgspec.json.decode(self.path.read_bytes(), type=tuple[KeptMode, ...])
+            return msgspec.json.decode(self.path.read_bytes(), type=tuple[SavedMode, ...])
         except FileNotFoundError:
             return ()
         except msgspec.DecodeError as error:
-            raise OSError(f"{self.path} is damaged ({error}); mend it, or remove it") from None
+            raise OSError(f"{self.path} is damaged ({error}); repair or remove it") from None
 
-    def of(self, driver: str, model: str) -> KeptMode | None:
-        """The entry of a modem; it is known by its family and model alone."""
-        return next((one for one in self.all() if (one.driver, one.model) == (driver, model)), None)
+    def of(self, driver: str, model: str) -> SavedMode | None:
+        """The entry of a modem, which is identified by family and model only."""
+        return next(
+            (mode for mode in self.all() if (mode.driver, mode.model) == (driver, model)), None
+        )
 
-    def keep(self, entry: KeptMode) -> None:
-        """Make an entry durable, in the place of one for the same modem."""
+    def save(self, entry: SavedMode) -> None:
+        """Make an entry durable, replacing one for the same modem."""
         self._write([*self._others(entry.driver, entry.model), entry])
 
     def drop(self, driver: str, model: str) -> None:
-        """Forget the entry of a modem that has been set back."""
+        """Remove the entry of a modem whose mode is restored."""
         self._write(self._others(driver, model))
 
-    def _others(self, driver: str, model: str) -> list[KeptMode]:
-        return [one for one in self.all() if (one.driver, one.model) != (driver, model)]
+    def _others(self, driver: str, model: str) -> list[SavedMode]:
+        return [mode for mode in self.all() if (mode.driver, mode.model) != (driver, model)]
 
-    def _write(self, entries: Iterable[KeptMode]) -> None:
+    def _write(self, entries: Iterable[SavedMode]) -> None:
         """Replace the file in one step; returns when the card has it."""
-        kept = list(entries)
-        if kept:
+        saved = list(entries)
+        if saved:
             part = self.path.with_name(f"{FILE}.part")
             with part.open("wb") as file:
-                file.write(msgspec.json.format(msgspec.json.encode(kept), indent=1))
+                file.write(msgspec.json.format(msgspec.json.encode(saved), indent=1))
                 file.flush()
                 os.fsync(file.fileno())
             part.replace(self.path)

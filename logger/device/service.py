@@ -1,4 +1,4 @@
-"""The whole logger: a thread for each port, one recorder, one run."""
+"""The complete logger: a thread for each port, one recorder, one run."""
 
 import logging
 import os
@@ -14,14 +14,14 @@ from logger.device.clock import Clock
 from logger.device.gpsd_link import receiver_session
 from logger.device.link import Link
 from logger.device.memory import give_back
-from logger.device.mode_switch import RESTORE_S, left_changed
+from logger.device.mode_switch import RESTORE_S, unrestored_modes
 from logger.device.modem_link import modem_session
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.notify import ServiceManager
 from logger.device.port_swap import PortSwap
 from logger.device.port_url import check_url
 from logger.device.recorder import Recorder
-from logger.device.saved_modes import KeptModes
+from logger.device.saved_modes import SavedModes
 from logger.device.startup import BegunRun
 from logger.device.status import Sign, Status, TargetStatus, WatchedInbox
 from logger.device.status_sinks import status_sinks
@@ -84,7 +84,7 @@ class Service:
         self.recorder = Recorder(
             self._writer, config.live, self._inbox, clock, ended, durable=self._note_sync
         )
-        self._modes = KeptModes(self.folder)
+        self._modes = SavedModes(self.folder)
         modem = partial(modem_session, settings=config.modem, modes=self._modes, locates=of_modem)
         self._links = {"modem": self._link("modem", config.modem.baud)}
         sessions: dict[str, Callable[[Link], None]] = {"modem": modem}
@@ -112,7 +112,7 @@ class Service:
         recorder, *links = self._threads
         for link in links:
             link.join(JOIN_S + RESTORE_S)
-        if left := left_changed(self._modes, FAMILIES.get):
+        if left := unrestored_modes(self._modes, FAMILIES.get):
             self._links["modem"].note("warning", "mode-left", left)
         self.recorder.finish(reason)
         recorder.join()
@@ -276,6 +276,7 @@ def _target(cell: str | None, latest: LiveEstimate | None) -> TargetStatus | Non
     """The status of the target; the map projection is needed from the first one on."""
     if cell is None:
         return None
-    from logger.device.target import target_status  # noqa: PLC0415  the live estimate has imported the map
+    # the live estimate has imported the map already
+    from logger.device.target import target_status  # noqa: PLC0415
 
     return target_status(cell, latest)

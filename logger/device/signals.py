@@ -10,15 +10,15 @@ from types import FrameType
 @contextmanager
 def stop_signals() -> Iterator[tuple[threading.Event, list[str]]]:
     """Turn SIGTERM and SIGINT into an event; the handler does nothing else."""
-    ended, heard = threading.Event(), list[str]()
+    ended, received = threading.Event(), list[str]()
 
-    def hear(number: int, _frame: FrameType | None) -> None:
-        heard.append(f"signal {signal.Signals(number).name}")
+    def receive(number: int, _frame: FrameType | None) -> None:
+        received.append(f"signal {signal.Signals(number).name}")
         ended.set()
 
-    before = {number: signal.signal(number, hear) for number in (signal.SIGTERM, signal.SIGINT)}
+    before = {number: signal.signal(number, receive) for number in (signal.SIGTERM, signal.SIGINT)}
     try:
-        yield ended, heard
+        yield ended, received
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -35,7 +35,7 @@ def begin_run(
 ) -> BegunRun:
     """Begin the next run of the configured folder.
 
-    `config_text` is kept in the run; `truth` names the transmitters of a simulated world. Raises
+    `config_text` is stored in the run; `truth` names the transmitters of a simulated world. Raises
     `ConfigError` for a folder that cannot be made, `RunFileError` for a journal that cannot.
     """
     started_ns = clock.now_ns()

@@ -40,8 +40,8 @@ class FixStatus(msgspec.Struct, frozen=True):
 class TargetStatus(msgspec.Struct, frozen=True):
     """The target and its best position so far, with the 95 % ellipse and its azimuth.
 
-    `verdict` is "one close place", "one place", "several places" or "cannot tell": less than the
-    desk's, which alone knows the whole walk.
+    `verdict` is "one close place", "one place", "several places" or "cannot tell": less
+    than that of the desktop program, which uses the complete walk.
     """
 
     cell: str

@@ -1,8 +1,8 @@
-"""The target for a status line: what the live estimate says of it, in degrees and metres."""
+"""The target for a status line: its live estimate in degrees and metres."""
 
 from logger.core.ellipse import ellipse95
 from logger.core.geo import Utm
-from logger.core.live_cell import EKF, ONE_PLACE
+from logger.core.live_cell import EKF, ONE_MODE
 from logger.core.types import LiveEstimate
 from logger.device.status import TargetStatus
 
@@ -31,4 +31,4 @@ def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus
 def _verdict(latest: LiveEstimate) -> str:
     if latest.stage == EKF:
         return "one close place"
-    return "one place" if latest.probability >= ONE_PLACE else "several places"
+    return "one place" if latest.probability >= ONE_MODE else "several places"

@@ -12,9 +12,9 @@ from logger.config import SiteConfig
 from logger.core.errors import DeviceError
 from logger.core.runfile import Run, read_run
 from logger.device.clock import SystemClock
-from logger.device.mode_switch import left_changed
+from logger.device.mode_switch import unrestored_modes
 from logger.device.port import Port
-from logger.device.saved_modes import KeptModes
+from logger.device.saved_modes import SavedModes
 from logger.device.service import Service
 from logger.device.startup import begin_run, usable_folder
 from logger.device.status import FOLDER, read_status, status_folder
@@ -36,7 +36,7 @@ PORTS = frozenset({"modem", "gnss"})
 
 
 def examine(config_path: Path, seconds: float = TRIAL_S) -> Iterator[Line]:
-    """Yield each line as soon as its test is done; the last one tells whether to walk.
+    """Yield each line as soon as its test is done; the last one states whether the logger is ready.
 
     If the service is recording, the end of its run is tested; otherwise the service records for
     some seconds into a temporary folder. Raises `ConfigError` for an unusable configuration.
@@ -99,7 +99,7 @@ def _tests(config_path: Path, seconds: float) -> Iterator[Line]:
 
 def _trial_lines(config: SiteConfig, folder: Path, seconds: float) -> Iterator[Line]:
     """Test the ports, the SIM and a run of some seconds."""
-    if changed := left_changed(KeptModes(folder), FAMILIES.get):
+    if changed := unrestored_modes(SavedModes(folder), FAMILIES.get):
         yield Line("warn", "mode", changed)
     for name, url in (("modem", config.modem.port), ("gnss", config.gnss.port)):
         if url.startswith("/"):

@@ -86,7 +86,7 @@ GTRAT = (
 
 
 def ask_model() -> Dialogue[str | None]:
-    """The model name that the modem reports; it is never asked for a number of its own."""
+    """The model name that the modem reports; its device number is never read."""
     reply = yield Command("AT+CGMM")
     text = " ".join(line.strip() for line in reply.lines)
     return text if reply.ok and text else None

@@ -1,4 +1,4 @@
-"""What a modem knows at one moment: the cells it receives, and the fix of its receiver."""
+"""What a modem receives at one moment: its cells, and the fix of its receiver."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

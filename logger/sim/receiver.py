@@ -78,12 +78,13 @@ class SimulatedReceiver:
         lat_deg, lon_deg = self._world.to_latlon(east_m + error_m[0], north_m + error_m[1])
         utc = self._utc_start + timedelta(seconds=t_s)
         time = f"{utc:%H%M%S}.{utc.microsecond // 10_000:02d}"
-        place = f"{_angle(lat_deg, 2, 'NS')},{_angle(lon_deg, 3, 'EW')}"
+        position = f"{_angle(lat_deg, 2, 'NS')},{_angle(lon_deg, 3, 'EW')}"
         altitude = f"{self._altitude_m + error_m[2]:.1f}"
+        quality = f"{len(SATELLITES):02d},{HDOP:.2f}"
         satellites = ",".join(f"{number:02d}" for number in SATELLITES)
         return (
-            f"GNRMC,{time},A,{place},{self._speed_course(t_s)},{utc:%d%m%y},,,A",
-            f"GNGGA,{time},{place},1,{len(SATELLITES):02d},{HDOP:.2f},{altitude},M,{GEOID_M:.1f},M,,",
+            f"GNRMC,{time},A,{position},{self._speed_course(t_s)},{utc:%d%m%y},,,A",
+            f"GNGGA,{time},{position},1,{quality},{altitude},M,{GEOID_M:.1f},M,,",
             f"GNGSA,A,3,{satellites},{PDOP:.2f},{HDOP:.2f},{VDOP:.2f}",
         )
 

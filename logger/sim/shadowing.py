@@ -2,7 +2,7 @@
 
 The model is Gudmundson's (Electronics Letters 27(23), 1991). The field is a sum of plane waves
 with random wave numbers of its spectrum in the plane, proportional to (1 + (k d_c)^2)^(-3/2).
-Over the seeds its variance and its correlation are exact at every place, without grid, edge or
+Over the seeds its variance and its correlation are exact at every position, without grid, edge or
 interpolation; one field has both within some 3 %.
 """
 

@@ -1,8 +1,8 @@
 """Base stations on the ground, and their levels at a position.
 
-    level = P0 - 10 eta log10(d) + shadowing(place) + fading(reading), rounded, not below the floor
+    level = P0 - 10 eta log10(d) + shadowing(position) + fading(reading)
 
-d is the distance in space, at least 1 m.
+The level is rounded and not below the floor; d is the distance in space, at least 1 m.
 """
 
 from dataclasses import dataclass

@@ -5,7 +5,7 @@ import pytest
 
 from logger.core.filter_monitor import widest
 from logger.core.live import live_prior
-from logger.core.live_cell import EKF, LOCATOR, Heard, LiveCell
+from logger.core.live_cell import EKF, LOCATOR, LevelReading, LiveCell
 from logger.core.live_settings import LiveSettings
 from tests.kit.walks import simulate
 
@@ -14,7 +14,7 @@ PRIOR = live_prior(LiveSettings(height_m=0.0))
 
 def heard(obs):
     columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
-    return [Heard(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
+    return [LevelReading(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
 
 
 def estimates(readings, cell=None):
@@ -59,7 +59,7 @@ def test_the_same_readings_give_the_same_bits():
 
 
 def test_readings_at_the_floor_alone_say_nothing():
-    found, _ = estimates([Heard(10.0 * k, 0.0, 3.0, -110.0, -1) for k in range(50)])
+    found, _ = estimates([LevelReading(10.0 * k, 0.0, 3.0, -110.0, -1) for k in range(50)])
     assert found == [None] * 50
 
 

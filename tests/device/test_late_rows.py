@@ -19,7 +19,7 @@ from logger.device.clock import SystemClock
 from logger.device.gnss_link import gnss_session
 from logger.device.link import Inbox, Link
 from logger.device.modem_link import modem_session
-from logger.device.saved_modes import KeptModes
+from logger.device.saved_modes import SavedModes
 from logger.drivers.protocols.dialogue import Command
 from logger.drivers.simcom.sim800 import Sim800
 from tests.kit import service
@@ -93,7 +93,7 @@ def linked(session, path, source="modem"):
 @pytest.fixture
 def session(tmp_path):
     settings = ModemSettings(port="x", driver="sim800", poll_interval_s=0.05)
-    return partial(modem_session, settings=settings, modes=KeptModes(tmp_path))
+    return partial(modem_session, settings=settings, modes=SavedModes(tmp_path))
 
 
 def _levels(heard):

@@ -156,7 +156,7 @@ def test_a_value_that_is_none_is_not_sent(tmp_path, value):
 def test_a_card_that_keeps_nothing_leaves_the_modem_alone(tmp_path):
     (tmp_path / f"{FILE}.part").mkdir()
     noted, modem = run_once(tmp_path, MODELS["sim7600"])
-    assert "cannot be kept" in noted["mode-unchanged"]
+    assert "cannot be saved" in noted["mode-unchanged"]
     assert not [line for line in modem.lines if line.startswith("AT+CNMP=")]
 
 

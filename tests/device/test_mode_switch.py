@@ -75,7 +75,7 @@ def test_a_modem_that_refuses_is_told_of_and_owes_nothing(tmp_path, name):
 
 @pytest.mark.parametrize(
     ("name", "why"),
-    [("bgs2", "does not tell"), ("plain", "no command for"), ("sim800", "no command for")],
+    [("bgs2", "does not report"), ("plain", "no command for"), ("sim800", "no command for")],
 )
 def test_what_cannot_be_read_is_not_changed(tmp_path, name, why):
     noted, modem = run_once(tmp_path, DIALECTS[name])
@@ -101,6 +101,6 @@ def test_a_modem_that_is_silent_for_a_while_is_asked_again(tmp_path):
     noted, _ = run_once(
         tmp_path, None, watched=modem, until=lambda one: one.setting("+CNMP") == "13"
     )
-    assert "does not tell" in noted["mode-unchanged"]
+    assert "does not report" in noted["mode-unchanged"]
     assert modem.setting("+CNMP") == "2"
     assert not file_of(tmp_path).exists()

@@ -6,17 +6,17 @@ import sys
 
 import pytest
 
-from logger.device.saved_modes import FILE, KeptMode, KeptModes
+from logger.device.saved_modes import FILE, SavedMode, SavedModes
 from tests.kit.card_trace import read_trace
 from tests.kit.faulty_card import Card, build_preload_library
 
-OLD = KeptMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "2")
-NEW = KeptMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "38")
-OTHER = KeptMode("quectel", "EC25", 'AT+QCFG="nwscanmode"', "0")
+OLD = SavedMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "2")
+NEW = SavedMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "38")
+OTHER = SavedMode("quectel", "EC25", 'AT+QCFG="nwscanmode"', "0")
 KEEP = (
     "import sys; from pathlib import Path;"
-    "from logger.device.saved_modes import KeptMode, KeptModes;"
-    "KeptModes(Path(sys.argv[1])).keep(KeptMode(*sys.argv[2:]))"
+    "from logger.device.saved_modes import SavedMode, SavedModes;"
+    "SavedModes(Path(sys.argv[1])).save(SavedMode(*sys.argv[2:]))"
 )
 
 
@@ -47,10 +47,10 @@ def _keep(card, **environment):
 
 
 def test_an_entry_for_each_model(tmp_path):
-    modes = KeptModes(tmp_path)
+    modes = SavedModes(tmp_path)
     assert modes.all() == ()
     for entry in (OLD, OTHER, NEW):
-        modes.keep(entry)
+        modes.save(entry)
     assert set(modes.all()) == {OTHER, NEW}
     assert (modes.of("quectel", "EC25"), modes.of("quectel", "EC21")) == (OTHER, None)
     modes.drop("sim7600", "SIMCOM_SIM7600E-H")
@@ -68,14 +68,14 @@ def test_it_is_on_the_card_before_it_has_its_name_and_its_name_too(card):
 
 
 def test_a_cut_at_any_system_call_leaves_the_old_or_the_new(card):
-    kept = KeptModes(card.folder)
-    kept.keep(OLD)
+    saved = SavedModes(card.folder)
+    saved.save(OLD)
     assert _keep(card, trace=True).returncode == 0
     found = []
     for kill_at in range(1, len(read_trace(card.trace)) + 1):
-        kept.keep(OLD)
+        saved.save(OLD)
         assert _keep(card, kill_at=kill_at).returncode == -9
-        found.append(kept.all())
+        found.append(saved.all())
     assert found[0] == (OLD,)
     assert found[-1] == (NEW,)
     assert set(found) == {(OLD,), (NEW,)}
@@ -85,15 +85,15 @@ def test_a_cut_at_any_system_call_leaves_the_old_or_the_new(card):
     "failing", [{"fsync": errno.EIO}, {"create": errno.ENOSPC}, {"rename": errno.EROFS}]
 )
 def test_a_card_that_does_not_take_it_says_so_and_has_the_old(card, failing):
-    kept = KeptModes(card.folder)
-    kept.keep(OLD)
+    saved = SavedModes(card.folder)
+    saved.save(OLD)
     card.fails(**failing)
     assert b"OSError" in _keep(card).stderr
-    assert kept.all() == (OLD,)
+    assert saved.all() == (OLD,)
 
 
 @pytest.mark.parametrize("data", [b"", b"[{", b"[1]", b'[{"driver": "sim7600"}]', b"\xff"])
 def test_a_damaged_file_is_an_error(tmp_path, data):
     (tmp_path / FILE).write_bytes(data)
     with pytest.raises(OSError, match="is damaged"):
-        KeptModes(tmp_path).all()
+        SavedModes(tmp_path).all()

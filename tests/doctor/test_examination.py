@@ -5,7 +5,7 @@ import pytest
 
 from logger.check import Line
 from logger.cli import main
-from logger.device.saved_modes import KeptMode, KeptModes
+from logger.device.saved_modes import SavedMode, SavedModes
 from logger.doctor.examination import overall
 from logger.doctor.service import open_journal
 from logger.sim.dialects import DIALECTS
@@ -169,10 +169,10 @@ def test_the_trial_leaves_the_modem_as_it_is(tmp_path, capsys):
 
 def test_a_modem_left_on_gsm_only_is_reported(tmp_path, capsys):
     modem, site = _lte(tmp_path)
-    kept = KeptMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "2")
+    saved = SavedMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "2")
     (tmp_path / "runs").mkdir()
-    KeptModes(tmp_path / "runs").keep(kept)
+    SavedModes(tmp_path / "runs").save(saved)
     with PtyDevice(answering(modem), tmp_path / "modem"):
         main(["doctor", "--config", str(site), "--seconds", "1"])
     assert "warn  mode: SIMCOM_SIM7600E-H is still on GSM only" in capsys.readouterr().out
-    assert KeptModes(tmp_path / "runs").all() == (kept,)
+    assert SavedModes(tmp_path / "runs").all() == (saved,)

@@ -73,7 +73,7 @@ def test_no_advice_on_gsm_only_after_the_modem_has_refused_it(tmp_path):
     refused = Note(
         "warning",
         "mode-unchanged",
-        "what the modem hears is not changed: the modem refuses AT+CNMP=13",
+        "the mode of the modem is not changed: the modem refuses AT+CNMP=13",
     )
     line = _of(tmp_path, _received(["LTE"], "sim7600", refused))["readings"]
     assert line.text.endswith("the modem refuses AT+CNMP=13")

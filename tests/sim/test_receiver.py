@@ -29,7 +29,8 @@ def test_cold_start_byte_by_byte():
     _, device = receiver(cold_start_s=30.0)
 
     assert device.epoch(29.0) == (
-        b"$GNRMC,,V,,,,,,,,,,N*4D\r\n$GNGGA,,,,,,0,00,99.99,,,,,,*56\r\n$GNGSA,A,1,,,,,,,,,,,,,99.99,99.99,99.99*2E\r\n"
+        b"$GNRMC,,V,,,,,,,,,,N*4D\r\n$GNGGA,,,,,,0,00,99.99,,,,,,*56\r\n"
+        b"$GNGSA,A,1,,,,,,,,,,,,,99.99,99.99,99.99*2E\r\n"
     )
     assert device.epoch(30.0).startswith(b"$GNRMC,000020.50,A,")
 

@@ -153,12 +153,12 @@ def log_weights(
     best = np.argmax(of_places, axis=1)
     at_best = odds + [one.log_p(x_m[k], y_m[k]) for one, k in zip(joints, best, strict=True)]
     likeliest = np.argsort(-at_best)[:_SAMPLED_FROM]
-    places = np.concatenate([_sample_positions(p[c], samples) for c in likeliest])
-    log_share = np.log(np.mean(p[np.ix_(likeliest, places)], axis=0))
-    importance = (log_mass - log_sum(log_mass))[places] - log_share - np.log(len(places))
+    indices = np.concatenate([_sample_positions(p[c], samples) for c in likeliest])
+    log_share = np.log(np.mean(p[np.ix_(likeliest, indices)], axis=0))
+    importance = (log_mass - log_sum(log_mass))[indices] - log_share - np.log(len(indices))
     found_log_p = np.full(len(found), -np.inf)
     for c in np.flatnonzero(at_best > np.max(at_best) - _HOPELESS_NATS):
-        each = np.array([joints[c].log_p(x_m[k], y_m[k]) for k in places])
+        each = np.array([joints[c].log_p(x_m[k], y_m[k]) for k in indices])
         found_log_p[c] = odds[c] + float(log_sum(each + importance))
     return found_log_p
 

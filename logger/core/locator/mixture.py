@@ -1,7 +1,7 @@
 """From the evidence of every hypothesis to the probability of positions.
 
 Each hypothesis has its own posterior over the positions, with its likelihood raised to the power of
-its trust; they are mixed by how well each explains the walk as a whole.
+its trust; their weights are their evidence over the complete walk.
 """
 
 from functools import lru_cache

@@ -64,13 +64,13 @@ def offsets(
 ) -> Offsets:
     """Offsets over the likeliest of the positions `among`, by the law of total covariance."""
     p = mixed.probability[among]
-    places = among[np.argsort(-p, kind="stable")[:_MOST_PLACES]]
-    share = mixed.share[:, places] / np.sum(mixed.share[:, places])
+    indices = among[np.argsort(-p, kind="stable")[:_MOST_PLACES]]
+    share = mixed.share[:, indices] / np.sum(mixed.share[:, indices])
     rows = np.flatnonzero(np.sum(share, axis=1) > _LEAST_SHARE)
-    at = tree.x_m[places], tree.y_m[places]
+    at = tree.x_m[indices], tree.y_m[indices]
     given = [
         _conditional_offsets(
-            blocks, prior, int(tree.numbers[c]), at, tree.evidence.sigma_db[c, places], modems
+            blocks, prior, int(tree.numbers[c]), at, tree.evidence.sigma_db[c, indices], modems
         )
         for c in rows
     ]

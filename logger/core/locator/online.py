@@ -36,14 +36,14 @@ FEWEST_BLOCKS = 4
 EFFORT = Effort(most_squares=500, split_share=0.02, nodes=1, first_share=1.0, samples=0, densest=0)
 
 _MOST_CENSORED = 40  # points: their covariance is inverted at each search
-_KEPT_MASS = 1e-5  # probability of a position that is kept between searches
-_PLAUSIBLE = 1e-3  # probability, by the likeliest, of a hypothesis that is kept
+_LEAST_MASS = 1e-5  # probability of a position that stays between searches
+_PLAUSIBLE = 1e-3  # probability relative to the likeliest hypothesis, of one that stays
 _GROWN = 1.4  # times as many blocks: a new search is due
 _TURNED = 2.0  # urgency where the walk has left its curve, or the mass its modes
 _MODE_LEVEL = 0.99
 
 
-class Heard(NamedTuple):
+class LevelReading(NamedTuple):
     """A reading with the receiver's position; `limit` as in `censoring.limits`."""
 
     x_m: float
@@ -53,7 +53,7 @@ class Heard(NamedTuple):
     limit: int
 
 
-class Place(NamedTuple):
+class StrongestMode(NamedTuple):
     """Strongest mode: mean [x, y, P0, eta], covariance (4, 4), probability, sigma of a level."""
 
     state: FloatArray
@@ -81,9 +81,9 @@ class _Searched(NamedTuple):
 class OnlineLocator:
     """Posterior of one transmitter after each reading; call `search` when `stale` exceeds 1."""
 
-    def __init__(self, prior: Prior, spikes: SpikeFilter[Heard] | None = None) -> None:
+    def __init__(self, prior: Prior, spikes: SpikeFilter[LevelReading] | None = None) -> None:
         self._prior = prior
-        self._spikes = spikes or SpikeFilter[Heard]()
+        self._spikes = spikes or SpikeFilter[LevelReading]()
         self._white, self._apart_m, _ = np.array(prior.hypotheses).T
         self._block = np.zeros(
             (5, MOST_BLOCKS)
@@ -99,7 +99,7 @@ class OnlineLocator:
         )  # where readings are censored
         self._evidence: Evidence | None = None
         self._mixed: Mixture | None = None
-        self._place: Place | None = None
+        self._mode: StrongestMode | None = None
         self._lost = False
 
     @property
@@ -120,18 +120,18 @@ class OnlineLocator:
     ) -> None:
         """Take a reading once its neighbours confirm it; `limit` as in `censoring.limits`."""
         for reading, spike_db in self.check_spikes(
-            Heard(x_m, y_m, position_sigma_m, level_dbm, limit)
+            LevelReading(x_m, y_m, position_sigma_m, level_dbm, limit)
         ):
             if not spike_db:
                 self.take(reading)
 
-    def check_spikes(self, heard: Heard) -> list[SpikeCheck[Heard]]:
+    def check_spikes(self, latest: LevelReading) -> list[SpikeCheck[LevelReading]]:
         """Readings whose neighbours are known now, in their order, with the size of a spike."""
-        return self._spikes.take(heard)
+        return self._spikes.take(latest)
 
-    def take(self, heard: Heard) -> None:
+    def take(self, latest: LevelReading) -> None:
         """Take a reading that is no spike."""
-        x_m, y_m, position_sigma_m, level_dbm, limit = heard
+        x_m, y_m, position_sigma_m, level_dbm, limit = latest
         if limit:
             self._censor(x_m, y_m, position_sigma_m, level_dbm, limit)
             return
@@ -156,19 +156,19 @@ class OnlineLocator:
         walk = single(self._on_curve(0, self._n), self._size_m, self._censored_points())
         tree = search_once(walk, self._prior, EFFORT, log_weight=self._hypothesis_weights(walk))
         mixed = tree.mixture(self._prior)
-        kept = np.flatnonzero(mixed.probability > _KEPT_MASS)
+        retained = np.flatnonzero(mixed.probability > _LEAST_MASS)
         alive = np.flatnonzero(mixed.by_hypothesis > _PLAUSIBLE * np.max(mixed.by_hypothesis))
-        square = np.stack([tree.x_m, tree.y_m, tree.size_m])[:, kept]
-        cells = Squares(square[0], square[1], square[2], mixed.probability[kept])
-        label = np.full(len(kept), -1)
+        square = np.stack([tree.x_m, tree.y_m, tree.size_m])[:, retained]
+        cells = Squares(square[0], square[1], square[2], mixed.probability[retained])
+        label = np.full(len(retained), -1)
         for k, indices in enumerate(mode_regions(cells, _MODE_LEVEL)):
             label[indices] = k
-        log_mass = (tree.log_prior + 2.0 * np.log(tree.size_m))[kept]
+        log_mass = (tree.log_prior + 2.0 * np.log(tree.size_m))[retained]
         searched = self._start(square, log_mass, tree.numbers[alive], label)
         self._n_searched = self._n
         self._evaluate(searched)
         if tree.log_weight is not None and self._evidence is not None:
-            gone = tree.evidence.log_p[np.ix_(alive, kept)] - self._evidence.log_p
+            gone = tree.evidence.log_p[np.ix_(alive, retained)] - self._evidence.log_p
             self._evaluate(searched._replace(gone=gone, log_weight=tree.log_weight[alive]))
 
     def _hypothesis_weights(self, walk: Blocks) -> FloatArray | None:
@@ -182,20 +182,20 @@ class OnlineLocator:
         hopeless = log_weight < np.max(log_weight) + np.log(_PLAUSIBLE)
         return np.where(hopeless, -np.inf, log_weight)
 
-    def place(self) -> Place | None:
+    def strongest_mode(self) -> StrongestMode | None:
         """The mode with most probability, None before the first search."""
-        if self._place is None and self._searched is not None:
-            self._place = self._strongest(self._searched)
-        return self._place
+        if self._mode is None and self._searched is not None:
+            self._mode = self._compute_mode(self._searched)
+        return self._mode
 
-    def _strongest(self, searched: _Searched) -> Place | None:
+    def _compute_mode(self, searched: _Searched) -> StrongestMode | None:
         if self._evidence is None or self._mixed is None:
             return None
         p, label = self._mixed.probability, searched.label
         masses = np.bincount(label[label >= 0], p[label >= 0])
         if (
             not np.max(masses, initial=0.0) > 0.0
-        ):  # all of it is where the last search found no mode
+        ):  # all of it lies outside the modes of the last search
             self._lost = True
             return None
         indices = np.flatnonzero(label == int(np.argmax(masses)))
@@ -205,7 +205,7 @@ class OnlineLocator:
         bias_m2 = BIAS_SHARE * median(self._block[3, : self._n].tolist())
         covariance[[0, 1], [0, 1]] += bias_m2
         sigma_db = float(np.sum(self._mixed.share * self._evidence.sigma_db))
-        return Place(state, covariance, float(np.max(masses)), sigma_db)
+        return StrongestMode(state, covariance, float(np.max(masses)), sigma_db)
 
     def noise(self) -> tuple[float, float]:
         """White share and decorrelation distance in metres, means over the hypotheses."""
@@ -267,7 +267,7 @@ class OnlineLocator:
 
     def _evaluate(self, searched: _Searched, before: Evidence | None = None) -> None:
         """Evidence of the positions by all blocks; `before` is that of one reading ago."""
-        self._place, self._searched = None, searched
+        self._mode, self._searched = None, searched
         total, log_det = searched.sums.over(self._on_curve(0, self._n))
         near_db = None if before is None else before.sigma_db
         found = marginal(total, self._n, log_det, self._prior, EFFORT.nodes, near_db)

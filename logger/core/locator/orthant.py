@@ -19,7 +19,7 @@ _LEAST_PRECISION = 1e-10  # above zero, below that of any reading
 
 
 class Sites(NamedTuple):
-    """Gaussians exp(-precision f^2 / 2 + shift f) in place of one reading per point, (g,) each."""
+    """Gaussians exp(-precision f^2 / 2 + shift f) instead of one reading per point, (g,) each."""
 
     precision: FloatArray
     shift: FloatArray
@@ -35,7 +35,7 @@ def log_all_above(
 ) -> tuple[float, Sites]:
     """Log probability that all readings are above their limits, and the sites found.
 
-    Levels f ~ N(`mean`, `covariance`) of shape (g,) and (g, g); at place i `readings[i]` times f_i
+    Levels f ~ N(`mean`, `covariance`) of shape (g,) and (g, g); at point i `readings[i]` times f_i
     and noise of `own_variance[i]` of its own, all above `limit[i]`. `begun` are the sites of a
     similar case.
     """
@@ -69,14 +69,14 @@ def _gaussian_integral(
 ) -> tuple[float, FloatArray, FloatArray]:
     """Log integral of N(f; mean, covariance) exp(-precision f^2 / 2 + shift f), mean, variance."""
     root = np.sqrt(precision)
-    whole = np.eye(len(mean)) + root[:, None] * covariance * root
+    total = np.eye(len(mean)) + root[:, None] * covariance * root
     scaled = root[:, None] * covariance
-    solved = np.linalg.solve(whole, scaled)
+    solved = np.linalg.solve(total, scaled)
     pull = shift - precision * mean
     moved = covariance @ pull - scaled.T @ (solved @ pull)
     log_integral = shift @ mean - 0.5 * mean @ (precision * mean) + 0.5 * pull @ moved
     variance = np.diagonal(covariance) - np.einsum("ij,ij->j", scaled, solved)
-    return float(log_integral - 0.5 * np.linalg.slogdet(whole)[1]), mean + moved, variance
+    return float(log_integral - 0.5 * np.linalg.slogdet(total)[1]), mean + moved, variance
 
 
 def _tilted_moments(

@@ -25,7 +25,11 @@ from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 
 
-def locate(obs: CellObservations, prior: Prior = Prior(), effort: Effort = Effort()) -> Posterior:  # noqa: B008 (frozen)
+def locate(
+    obs: CellObservations,
+    prior: Prior = Prior(),  # noqa: B008 (frozen)
+    effort: Effort = Effort(),  # noqa: B008 (frozen)
+) -> Posterior:
     """Posterior of the transmitter's position given all readings of a cell.
 
     Arrays of `obs` have shape (n,): positions in metres, levels in dBm. The posterior is in the

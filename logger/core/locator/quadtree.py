@@ -79,7 +79,7 @@ class Tree(NamedTuple):
         return np.asarray(log_mass, float)
 
     def replace_leaves(self, old: BoolArray, new: "Tree") -> "Tree":
-        """The tree with the leaves of `new` in place of the `old` ones, a mask of shape (h,)."""
+        """The tree with the leaves of `new` instead of the `old` ones, a mask of shape (h,)."""
 
         def join(before: FloatArray, after: FloatArray) -> FloatArray:
             return np.concatenate([before[..., ~old], after], axis=-1)

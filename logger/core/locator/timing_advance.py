@@ -130,8 +130,8 @@ class TimingCheck(NamedTuple):
         """One line if most disagree."""
         if 2 * self.disagree <= self.places:
             return None
-        where = f"at {self.disagree} of {self.places} places"
-        return f"the timing advance disagrees with the answer {where}"
+        where = f"at {self.disagree} of {self.places} points"
+        return f"the timing advance disagrees with the result {where}"
 
 
 def probability(step: FloatArray, delay_m: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ _MOST_TURNS = 24
 _SMALLEST_M = 0.5
 """No square gets smaller: receivers are not that accurate."""
 _CORE_SHARE = 0.1
-"""Neighbours of leaves with this part of `split_share` are kept in balance as well."""
+"""Neighbours of leaves with this part of `split_share` are balanced as well."""
 _MOST_RATIO = 2.5
 """Neighbours differ by at most one split; sides are powers of two, so 2.5 lies between."""
 _TOUCH = 1.0 + 1e-9

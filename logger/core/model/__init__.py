@@ -4,7 +4,7 @@ The level z_k of block k of the walk, received from a transmitter at (x, y):
 
     z = P0 - eta L(x, y) + offsets of modems + antenna pattern + v,    v ~ N(0, sigma^2 K)
 
-    path_loss    L, its slope and the receiver's error: the only place with log10 of a distance
+    path_loss    L, its slope and the receiver's error: the only module with log10 of a distance
     prior        what is assumed before the walk; the hypotheses of the noise with their trust
     blocks       readings -> blocks of readings taken at one point
     columns      the columns that multiply P0, eta and the harmonics of the antenna pattern

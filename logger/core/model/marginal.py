@@ -235,7 +235,7 @@ class SigmaLaw:
         return slope, 2.0 * residual + self._weight
 
     def first_log_sigma(self) -> FloatArray:
-        """That of the residuals of the prior's sigma, drawn towards the prior."""
+        """Log sigma of the residuals at the prior's sigma, shrunk towards the prior."""
         n, sigma_db, q = self._n, self._prior.sigma_db, len(self._precision)
         start = np.full(self._total.shape[1:], log(sigma_db))
         residual = sigma_db**2 * self.residual(self.fit(start))

@@ -52,7 +52,7 @@ _ROOM_OF = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import what needs HDF5 when it is asked for."""
+    """Import the modules that need HDF5 at the first use of their names."""
     if name not in _ROOM_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_ROOM_OF[name]}"), name)

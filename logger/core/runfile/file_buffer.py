@@ -1,4 +1,4 @@
-"""A file of a worn card as a buffer.
+"""A file on a failing card as a buffer.
 
 A memory map of a sector that cannot be read would end the program (SIGBUS).
 """

@@ -1,4 +1,4 @@
-"""From journal to HDF5: one function for the stop, for the next boot and for the desk."""
+"""From journal to HDF5: one function for the stop, the next boot and the desktop program."""
 
 import os
 from collections.abc import Callable
@@ -24,7 +24,7 @@ def unfinished_journals(folder: Path) -> list[Path]:
 
 
 def _waits(journal: Path) -> bool:
-    """What cannot be read waits too: whoever recovers it says why it cannot."""
+    """Whether to convert it: also if it cannot be read, as the recovery reports the reason."""
     try:
         return bool(_n_bytes(journal)) and not _is_recording(journal)
     except (RunFileError, OSError):
@@ -41,7 +41,7 @@ class Finished:
 
 
 def finish(journal: Path) -> Finished:
-    """Make the HDF5 file of a journal beside it, under the same name; the journal is kept as it is.
+    """Make the HDF5 file of a journal beside it, under the same name; the journal stays as it is.
 
     Safe to repeat, and to cut in the middle. Raises `RunFileError`, also where the HDF5 file of
     another run has that name.
@@ -58,7 +58,7 @@ def finish(journal: Path) -> Finished:
 
 
 def finish_journal(journal: Path) -> Path:
-    """As `finish`; gives the HDF5 file."""
+    """As `finish`; returns the HDF5 file."""
     return finish(journal).run
 
 
@@ -81,7 +81,7 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
         may_replace(target, parts.meta.run_id)
         part.replace(target)
         sync_folder(target.parent)
-    except (OSError, RuntimeError) as error:  # HDF5 tells of a full card by RuntimeError too
+    except (OSError, RuntimeError) as error:  # HDF5 reports a full card by RuntimeError too
         raise RunFileError(
             f"cannot write {target}: {getattr(error, 'strerror', None) or error}"
         ) from error
@@ -92,7 +92,7 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
 
 
 def _check_room(parts: JournalParts, target: Path) -> None:
-    """A full card is told before: HDF5 does not survive it well."""
+    """Raise `RunFileError` if the card is too full: HDF5 may crash on a full card."""
     status = os.statvfs(target.parent)
     needed = _n_bytes(parts.path) + _MARGIN_BYTES
     if status.f_bavail * status.f_frsize < needed:

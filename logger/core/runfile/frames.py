@@ -27,7 +27,7 @@ _HEADER = struct.Struct("<4sIBBHII")
 _CRC = struct.Struct("<I")
 HEADER_SIZE = _HEADER.size + _CRC.size
 _MOST_IN_VAIN = 1 << 20
-_JUDGED_AT_ONCE = 100_000
+_MOST_AT_ONCE = 100_000
 # a Pi packs a second of records in about a millisecond with level 1; level 6 saves 8 % more
 _LEVEL = 1
 
@@ -98,7 +98,7 @@ def scan(data: Buffer) -> Iterator[Frame | Skipped]:
     position = good_end = 0
     while (at := data.find(MAGIC, position)) >= 0:
         frame = _header_at(data, at)
-        if frame is None or not bodies.is_whole(frame):
+        if frame is None or not bodies.is_intact(frame):
             position = at + 1
             continue
         if at > good_end:
@@ -134,41 +134,41 @@ class _Bodies:
 
     def __init__(self, data: Buffer) -> None:
         self._data = data
-        self._patience = 2 * len(data) + _MOST_IN_VAIN
-        self._whole: set[int] = set()
-        self._judged_until = 0
+        self._budget = 2 * len(data) + _MOST_IN_VAIN
+        self._intact: set[int] = set()
+        self._checked_until = 0
 
-    def is_whole(self, frame: Frame) -> bool:
-        if self._patience > 0:
-            whole = crc32(self._data[frame.start : frame.start + frame.length]) == self._told_crc(
-                frame
-            )
-            self._patience -= 0 if whole else frame.length
-            return whole
-        if frame.start >= self._judged_until:
-            self._judge_from(frame)
-        return frame.start in self._whole
+    def is_intact(self, frame: Frame) -> bool:
+        if self._budget > 0:
+            is_same = crc32(
+                self._data[frame.start : frame.start + frame.length]
+            ) == self._stated_crc(frame)
+            self._budget -= 0 if is_same else frame.length
+            return is_same
+        if frame.start >= self._checked_until:
+            self._check_from(frame)
+        return frame.start in self._intact
 
-    def _told_crc(self, frame: Frame) -> int:
+    def _stated_crc(self, frame: Frame) -> int:
         end = frame.start + frame.length
         return int(_CRC.unpack(self._data[end : end + _CRC.size])[0])
 
-    def _judge_from(self, first: Frame) -> None:
-        """Judge the next frames that are announced, overlapping or not."""
+    def _check_from(self, first: Frame) -> None:
+        """Check the next frames that are announced, overlapping or not."""
         # here, since a journal is written without numpy
         from logger.core.runfile.prefix_crc import crc32_of_each  # noqa: PLC0415
 
         frames: list[Frame] = []
         at = first.start - HEADER_SIZE
-        while at >= 0 and len(frames) < _JUDGED_AT_ONCE:
+        while at >= 0 and len(frames) < _MOST_AT_ONCE:
             if (frame := _header_at(self._data, at)) is not None:
                 frames.append(frame)
             at = self._data.find(MAGIC, at + 1)
         starts = [frame.start for frame in frames]
         crcs = crc32_of_each(self._data, starts, [frame.start + frame.length for frame in frames])
-        told = zip(frames, crcs.tolist(), strict=True)
-        self._whole = {frame.start for frame, crc in told if crc == self._told_crc(frame)}
-        self._judged_until = starts[-1] + 1
+        computed = zip(frames, crcs.tolist(), strict=True)
+        self._intact = {frame.start for frame, crc in computed if crc == self._stated_crc(frame)}
+        self._checked_until = starts[-1] + 1
 
 
 def _length_without_zeros(data: Buffer, start: int) -> int:

@@ -2,9 +2,9 @@
 
 h5py, h5dump, PyTables and pandas read it.
 
-The oldest file format there is (superblock 0), since a run must open anywhere; gzip, shuffle and
-fletcher32 per chunk. `frames` says how the rows were divided into frames of the journal, so that
-the hash chain can be checked without it.
+The oldest file format (superblock 0), so that every HDF5 program can open a run; gzip, shuffle and
+fletcher32 per chunk. `frames` states how the rows were divided into frames of the journal, so that
+the hash chain can be checked without the journal.
 """
 
 import os
@@ -33,9 +33,7 @@ FRAMES = "frames"
 FRAME_DTYPE = np.dtype(
     [("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4"), ("crc32", "<u4")]
 )
-"""One row for each frame of the journal; `crc32`, that of its payload, tells which rows were
-changed if any were.
-"""
+"""One row for each frame of the journal; the CRC-32 of its payload shows which rows changed."""
 BLOCK_ROWS = 4096
 _LIBVER = ("earliest", "v108")
 _FILTERS = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "fletcher32": True}

@@ -2,7 +2,7 @@
 
 Only what this program writes is taken: datasets of their own bytes, in the root, of known types,
 and no larger than the file can honestly hold. HDF5 itself would follow links to other files, run
-filters it is told of, and make room for whatever size is declared.
+any filter that is named, and allocate any size that is declared.
 """
 
 from collections.abc import Iterator, Mapping
@@ -19,14 +19,14 @@ from logger.core.errors import RunFileError
 from logger.core.rows import Rows, parse_dtypes
 from logger.core.runfile.hdf5 import FORMAT, FRAME_DTYPE, FRAMES, RAW_BYTES
 from logger.core.runfile.journal_reader import decode_meta
-from logger.core.runfile.limits import most_kept_bytes, most_unpacked_bytes
+from logger.core.runfile.limits import most_memory_bytes, most_unpacked_bytes
 from logger.core.runfile.meta import RunMeta
 
 TEXTS = ("meta", "config", "end", "damage")
 _MOST_TEXT_BYTES = 16 << 20
 """Of a text dataset; a configuration has at most 1 MiB, and is in two of them."""
 _MOST_CHUNK_BYTES = 16 << 20
-"""A chunk is unpacked as a whole; ours have at most 600 kB."""
+"""HDF5 decompresses complete chunks; ours have at most 600 kB."""
 _MOST_MEMBERS = 1000
 FRAME_DTYPE_OF_SCHEMA_2 = np.dtype(
     [("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4")]
@@ -60,7 +60,9 @@ class Content:
         if dataset.shape is None or len(dataset.shape) != 1:
             raise RunFileError(f"{self.path}: {name} is no table")
         if dataset.dtype != dtype and (name != FRAMES or dataset.dtype != FRAME_DTYPE_OF_SCHEMA_2):
-            raise RunFileError(f"{self.path}: {name} has other columns than the run says")
+            raise RunFileError(
+                f"{self.path}: {name} has other columns than the description of the run"
+            )
         if dataset.nbytes > most_unpacked_bytes(self.file_bytes):
             raise RunFileError(self.too_much(name, dataset.nbytes))
         return dataset
@@ -77,24 +79,26 @@ class Content:
     def rows(self, meta: RunMeta) -> tuple[dict[str, Rows], int]:
         """Read all tables but the frames.
 
-        Of more raw bytes than memory should hold only the number is kept.
+        If the raw bytes exceed the memory limit, only their number is returned.
         """
         found = self.tables(meta)
         raw_bytes = found[RAW_BYTES]
-        kept = {name: dataset for name, dataset in found.items() if name not in {FRAMES, RAW_BYTES}}
+        wanted = {
+            name: dataset for name, dataset in found.items() if name not in {FRAMES, RAW_BYTES}
+        }
         n_bytes, most = (
-            sum(dataset.nbytes for dataset in kept.values()),
-            most_kept_bytes(self.file_bytes),
+            sum(dataset.nbytes for dataset in wanted.values()),
+            most_memory_bytes(self.file_bytes),
         )
         if n_bytes > most:
             raise RunFileError(self.too_much("it", n_bytes))
-        tables = {name: dataset[...] for name, dataset in kept.items()}
+        tables = {name: dataset[...] for name, dataset in wanted.items()}
         n_raw = len(raw_bytes)
         tables[RAW_BYTES] = raw_bytes[...] if n_raw <= most else np.empty(0, np.uint8)
         return tables, n_raw
 
     def digest(self) -> str:
-        """What the file says; a run that was cut has no other word of it."""
+        """The digest that the file states; an interrupted run has no other one."""
         found = self.file.attrs.get("digest", "")
         return found if isinstance(found, str) and len(found) <= 64 else ""
 
@@ -127,7 +131,7 @@ def open_content(path: Path) -> Iterator[Content]:
 
 
 def text_of_results(path: Path, run_id: str) -> bytes:
-    """The summary that the desk has left beside a run; empty where it is none, or of another run.
+    """The summary of the desktop program in a run's file; empty if it belongs to another run.
 
     To be used within `isolation.run_isolated`.
     """
@@ -142,7 +146,9 @@ def text_of_results(path: Path, run_id: str) -> bytes:
             or summary.dtype.kind != "S"
         ):
             return b""
-        return bytes(summary[()]) if summary.nbytes <= most_kept_bytes(path.stat().st_size) else b""
+        return (
+            bytes(summary[()]) if summary.nbytes <= most_memory_bytes(path.stat().st_size) else b""
+        )
 
 
 def _members(path: Path, file: h5py.File) -> tuple[str, ...]:
@@ -181,7 +187,7 @@ def _not_of_its_own(found: Any) -> str:
 
 def _hard_to_unpack(made: Any, row_bytes: int) -> str:
     if any(made.get_filter(i)[0] not in _FILTERS for i in range(made.get_nfilters())):
-        return "is packed in a foreign way"
+        return "is compressed with an unsupported filter"
     return (
         "has chunks that are too large"
         if prod(made.get_chunk()) * row_bytes > _MOST_CHUNK_BYTES

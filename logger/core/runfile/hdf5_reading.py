@@ -1,4 +1,4 @@
-"""A run's HDF5 file, read in a process of its own (see `guard`) and judged here."""
+"""A run's HDF5 file, read in a separate process (`isolation`) and validated here."""
 
 from pathlib import Path
 
@@ -13,20 +13,20 @@ from logger.core.runfile.meta import Damage, RunEnd, RunMeta, check_end
 
 def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, str, Arrays, int]:
     """Read a run's HDF5 file: its digest, the tables, and how many raw bytes it has."""
-    told, tables = run_isolated(path, hdf5_tasks.everything)
-    meta = decode_meta(told["meta"].encode(), path)
+    content, tables = run_isolated(path, hdf5_tasks.everything)
+    meta = decode_meta(content["meta"].encode(), path)
     return (
         meta,
-        decode_end(told["end"], path),
-        decode_damage(told["damage"], path),
-        told["digest"],
+        decode_end(content["end"], path),
+        decode_damage(content["damage"], path),
+        content["digest"],
         tables,
-        told["n_raw"],
+        content["n_raw"],
     )
 
 
 def run_id_of(path: Path) -> str:
-    """Raises `RunFileError` where it cannot be read."""
+    """Identifier of the run in a file; raises `RunFileError` if it cannot be read."""
     try:
         return str(run_isolated(path, hdf5_tasks.run_id)[0])
     except OSError as error:
@@ -34,7 +34,7 @@ def run_id_of(path: Path) -> str:
 
 
 def stored_summary(path: Path, run_id: str) -> bytes:
-    """JSON that the desk has left beside a run; empty where there is none of this run.
+    """JSON summary of the desktop program; empty if the file has none of this run.
 
     Raises `RunFileError`.
     """

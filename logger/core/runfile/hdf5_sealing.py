@@ -77,22 +77,22 @@ class _Sealing:
         for number, kind, name, n_rows, *crc in readers[FRAMES].each():
             table = name.decode("utf-8", "replace")
             if kind in texts:
-                payload, told = texts[kind], ("", 0)
+                payload, recorded = texts[kind], ("", 0)
             elif kind == Kind.RAW:
                 rows = readers["raw"].take(n_rows)
                 rows["offset"] -= raw_length
                 n_bytes = int(rows["length"].astype(np.int64).sum())
                 raw_length += n_bytes
                 payload = raw_payload(rows.tobytes(), readers[RAW_BYTES].take(n_bytes).tobytes())
-                told = ("raw", n_rows)
+                recorded = ("raw", n_rows)
             elif kind == Kind.ROWS and table in self._meta.columns:
-                payload, told = (
+                payload, recorded = (
                     rows_payload(table, readers[table].take(n_rows).tobytes()),
                     (table, n_rows),
                 )
             else:
                 raise RunFileError(f"{self._content.path}: frames names what is not in the file")
-            if (table, n_rows) != told:
+            if (table, n_rows) != recorded:
                 self._changed[FRAMES] += 1
             if crc and crc[0] != crc32(payload):
                 self._changed[_TEXT_OF.get(kind, table)] += 1
@@ -106,7 +106,7 @@ class _Sealing:
         )
         yield from self._sealed.differences(self._end)
         if self._end is not None and self._end_text != msgspec.json.encode(self._end):
-            yield "end: it says more than a stop does"
+            yield "end: it has more fields than a stop"
         yield from self._of_damage(damage)
         if self._content.text("config") != config_bytes(self._meta).rstrip(b"\0"):
             yield "config: it is not the configuration in the description"
@@ -120,15 +120,18 @@ class _Sealing:
 
     def _of_damage(self, damage: Damage) -> Iterator[str]:
         missing = max(self._numbers, default=-1) + 1 - len(set(self._numbers))
-        # a journal may have lost its last frames too, which no number tells; not one that is sealed
-        # as it is
+        # a journal may also have lost its last frames, which the numbers do not show; a sealed one
+        # has not
         sealed = self._end is not None and self._sealed.recomputed_digest == self._end.digest
         wrong = damage.missing_frames != missing if sealed else damage.missing_frames < missing
         if wrong or damage.description_lost == self._has_meta:
-            yield f"damage: it says {damage}, and {missing} frames are missing"
-        told = msgspec.json.decode(self._content.text("damage"))
-        if not _DAMAGE <= set(told) <= set(Damage.__struct_fields__) or damage.meaningless_values:
-            yield "damage: it is not what a recovery says"
+            yield f"damage: it states {damage}, but {missing} frames are missing"
+        recorded = msgspec.json.decode(self._content.text("damage"))
+        if (
+            not _DAMAGE <= set(recorded) <= set(Damage.__struct_fields__)
+            or damage.meaningless_values
+        ):
+            yield "damage: it is not what a recovery writes"
 
     def _of_attributes(self) -> Iterator[str]:
         digest = self._end.digest if self._end else self._sealed.recomputed_digest
@@ -141,8 +144,8 @@ class _Sealing:
         for name, value in expected.items():
             if name not in found:
                 yield f"attribute {name}: it is missing"
-            elif type(value)(told := found[name]) != value or np.ndim(told):
-                actual, wanted = str(told)[:_MOST_NOTED], str(value)[:_MOST_NOTED]
+            elif type(value)(recorded := found[name]) != value or np.ndim(recorded):
+                actual, wanted = str(recorded)[:_MOST_NOTED], str(value)[:_MOST_NOTED]
                 yield f"attribute {name}: it is {actual}, and should be {wanted}"
 
 

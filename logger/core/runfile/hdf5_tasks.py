@@ -1,6 +1,6 @@
-"""What is asked of an HDF5 file by `isolation.run_isolated`, each in a process of its own.
+"""Tasks of `isolation.run_isolated` on an HDF5 file; each runs in a separate process.
 
-HDF5 is imported there alone: the process that asks starts quicker without it.
+HDF5 is imported only there: the calling process starts faster without it.
 """
 
 # ruff: noqa: PLC0415
@@ -31,7 +31,7 @@ def run_id(path: Path) -> tuple[Any, Arrays]:
 
 
 def results(path: Path, of_run: str) -> tuple[Any, Arrays]:
-    """JSON that the desk has left beside a run; empty where there is none of this run."""
+    """JSON summary of the desktop program; empty if the file has none of this run."""
     from logger.core.runfile.hdf5_content import text_of_results
 
     return text_of_results(path, of_run).decode(), {}

@@ -1,4 +1,4 @@
-"""The process that reads an HDF5 file of a stranger for another one (see `guard`)."""
+"""The separate process that reads an untrusted HDF5 file (see `isolation`)."""
 
 import os
 import pickle
@@ -59,7 +59,7 @@ def _cpu_s() -> int:
 
 
 def _address_space_bytes() -> int:
-    """Of this process, 0 where the system does not tell."""
+    """Size of the address space of this process, 0 if the system does not report it."""
     try:
         return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     except OSError:
@@ -80,5 +80,5 @@ def _write(out: BinaryIO, data: bytes | memoryview) -> None:
 
 
 def _dtype_text(dtype: np.dtype[Any]) -> Any:
-    # h5py's types of text carry notes of its own, which `descr` would tell too
+    # h5py's text types carry metadata, which `descr` would include
     return [(name, dtype[name].str) for name in dtype.names] if dtype.names else dtype.str

@@ -1,4 +1,4 @@
-"""HDF5 files of strangers are read in a process of their own.
+"""Untrusted HDF5 files are read in a separate process.
 
 The HDF5 library trusts its files: of 2900 runs with some bytes of their structure changed, five
 ended it with a segmentation fault and three took gigabytes. What ends the other process is one
@@ -21,13 +21,11 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.errors import RunFileError
-from logger.core.runfile.limits import most_cpu_s, most_kept_bytes
+from logger.core.runfile.limits import most_cpu_s, most_memory_bytes
 
 Arrays = dict[str, npt.NDArray[Any]]
 Task = Callable[..., tuple[Any, Arrays]]
-"""Gives a value that JSON can hold, and arrays; a function of a module, that the other process
-imports.
-"""
+"""Returns a value for JSON, and arrays; a function of a module that the other process imports."""
 
 _WORKING_BYTES = 192 << 20
 """For HDF5 and numpy, beyond what is read twice: as it is stored, and as it is given back."""
@@ -42,7 +40,7 @@ _PROGRAM = "from logger.core.runfile.isolated_reader import main; main()"
 
 
 class Reply(msgspec.Struct):
-    """What comes before the arrays: a value, or what was wrong."""
+    """What precedes the arrays: a value, or an error."""
 
     value: Any = None
     arrays: list[tuple[str, Any, int]] = []
@@ -50,7 +48,7 @@ class Reply(msgspec.Struct):
 
 
 class Job(msgspec.Struct, frozen=True):
-    """What the other process is asked to do, and what it may take."""
+    """The task of the other process, and its limits of time and memory."""
 
     path: Path
     task: Task
@@ -60,13 +58,13 @@ class Job(msgspec.Struct, frozen=True):
 
 
 def run_isolated(path: Path, task: Task, *arguments: Any) -> tuple[Any, Arrays]:
-    """Run `task(path, *arguments)`, which reads a file, in another process, and give what it gives.
+    """Run `task(path, *arguments)`, which reads a file, in another process, and return its result.
 
-    Raises `RunFileError`: the task's own, or one that says how the process ended. Raises OSError
-    where there is no such file.
+    Raises `RunFileError`: that of the task, or one that states how the process ended.
+    Raises OSError if there is no such file.
     """
     size = path.stat().st_size
-    job = Job(path, task, arguments, most_cpu_s(size), 3 * most_kept_bytes(size) + _WORKING_BYTES)
+    job = Job(path, task, arguments, most_cpu_s(size), 3 * most_memory_bytes(size) + _WORKING_BYTES)
     patience_s = _START_S + _PATIENCE * job.cpu_s
     process = subprocess.Popen(  # noqa: S603 (this Python)
         [
@@ -135,10 +133,10 @@ def _fill(pipe: BinaryIO, view: memoryview, patience_s: float) -> None:
 
 
 def _ending(path: Path, code: int) -> str:
-    """How the other process ended without a word; a negative code is that of a signal."""
+    """How the other process ended without a reply; a negative code is that of a signal."""
     if -code in {_SIGXCPU, _SIGKILL}:
         return _too_long(path)
-    how = f"with signal {-code}" if code < 0 else "without a word"
+    how = f"with signal {-code}" if code < 0 else "without a reply"
     return f"{path} is damaged: the HDF5 library ended {how} while reading it"
 
 

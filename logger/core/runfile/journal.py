@@ -102,9 +102,9 @@ class Journal:
         return self._file
 
     def _give_up_file(self) -> None:
-        """The next sync makes another.
+        """The next sync creates another one.
 
-        The lock of this one is kept: it tells others that the run goes on.
+        This file stays locked, which shows other processes that the run goes on.
         """
         if self._file is None:
             return

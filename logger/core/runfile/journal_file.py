@@ -94,7 +94,7 @@ class JournalFile:
 
     def _write(self, view: memoryview, position: int) -> int:
         while view:
-            # a full card writes less than asked, without an error
+            # on a full card pwrite writes fewer bytes and reports no error
             written = os.pwrite(self._fd, view, position)
             view, position = view[written:], position + written
         return position

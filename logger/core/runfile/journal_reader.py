@@ -17,7 +17,7 @@ from logger.core.rows import Rows, dtypes_of, parse_dtypes
 from logger.core.runfile.chain import Chain
 from logger.core.runfile.file_buffer import buffer_of
 from logger.core.runfile.frames import MAX_PAYLOAD, Buffer, Frame, Kind, Skipped, payload_of, scan
-from logger.core.runfile.limits import most_kept_bytes, most_unpacked_bytes
+from logger.core.runfile.limits import most_memory_bytes, most_unpacked_bytes
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, RunStop, check_end, check_meta
 from logger.core.runfile.run_names import first_part, parts_of
 from logger.core.runfile.writer import RAW_COUNT
@@ -50,7 +50,7 @@ class JournalParts:
     """Iterate once over the parts in their order; everything else is complete afterwards.
 
     The frames of all files of the journal are found first, so that one that stands in two files, or
-    was moved, counts once and in its place. Raises `RunFileError` for a file that holds no frame of
+    was moved, counts once and in its order. Raises `RunFileError` for a file that holds no frame of
     a journal.
     """
 
@@ -65,7 +65,7 @@ class JournalParts:
         self._missing = 0
         self._skipped = 0
         self._first_ns: int | None = None
-        self.most_kept_bytes = self._unpackable = 0
+        self.most_memory_bytes = self._unpackable = 0
 
     @property
     def damage(self) -> Damage:
@@ -81,7 +81,7 @@ class JournalParts:
 
     @property
     def meta(self) -> RunMeta:
-        """Description of the run; where it is lost, one that says so."""
+        """Description of the run; if it is lost, a substitute that states this."""
         if self._meta is not None:
             return self._meta
         return RunMeta(
@@ -108,7 +108,10 @@ class JournalParts:
 
     def _parts(self, buffers: list[Buffer]) -> Iterator[Part]:
         size = sum(map(len, buffers))
-        self.most_kept_bytes, self._unpackable = most_kept_bytes(size), most_unpacked_bytes(size)
+        self.most_memory_bytes, self._unpackable = (
+            most_memory_bytes(size),
+            most_unpacked_bytes(size),
+        )
         index = self._index(buffers)
         dtypes = self._describe(buffers, index)
         stop: Part | None = None  # counts only with the END that repeats it
@@ -249,7 +252,7 @@ def _entries(index: Rows) -> Iterator[_Entry]:
 
 
 def _part(entry: _Entry, payload: bytes, dtypes: Mapping[str, np.dtype[np.void]]) -> Part | None:
-    """What a frame holds; None where it cannot be what its kind says."""
+    """Content of a frame; None if it does not match the frame's kind."""
     number, kind = entry.number, entry.kind
     try:
         match kind:

@@ -6,7 +6,7 @@ Honest files, packed, hold 4 to 5 times their size, and 35 times where all level
 _MB = 1 << 20
 
 
-def most_kept_bytes(file_bytes: int) -> int:
+def most_memory_bytes(file_bytes: int) -> int:
     """Of tables, or of raw bytes, that are held in memory at once."""
     return 64 * _MB + 40 * file_bytes
 

@@ -7,7 +7,7 @@ from logger.core.schema import MOST_NS, SCHEMA_VERSION, columns_of
 
 
 class Truth(msgspec.Struct, frozen=True):
-    """Place of a transmitter of a simulated run."""
+    """Position of a transmitter of a simulated run."""
 
     cell: str
     lat_deg: float
@@ -42,7 +42,7 @@ def check_meta(meta: RunMeta) -> None:
     if not -MOST_NS < meta.started_ns < MOST_NS:
         raise ValueError("the start is no time")
     if not all(abs(truth.lat_deg) <= 90.0 and abs(truth.lon_deg) <= 180.0 for truth in meta.truth):
-        raise ValueError("a transmitter stands at no place")
+        raise ValueError("the position of a transmitter is not on the Earth")
 
 
 class RunStop(msgspec.Struct, frozen=True, kw_only=True):
@@ -54,7 +54,7 @@ class RunStop(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
-    """How a run stopped: written last, so that its absence says that the plug was pulled.
+    """How a run stopped: written last, so its absence means that the power failed.
 
     `digest` is that of the hash chain over all frames before this one.
     """
@@ -97,9 +97,9 @@ class Damage(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def __str__(self) -> str:
-        told = f"{self.missing_frames} frames missing, {self.skipped_bytes} bytes damaged"
-        told += ", the description of the run lost" if self.description_lost else ""
-        return told + (
+        text = f"{self.missing_frames} frames missing, {self.skipped_bytes} bytes damaged"
+        text += ", the description of the run lost" if self.description_lost else ""
+        return text + (
             f", {self.meaningless_values} values without a meaning"
             if self.meaningless_values
             else ""

@@ -24,15 +24,15 @@ Words = npt.NDArray[np.uint32]
 
 def crc32_of_each(data: Buffer, starts: Sequence[int], ends: Sequence[int]) -> Words:
     """CRC-32 of `data[start:end]` for each pair."""
-    places = sorted({*starts, *ends})
-    before, crc = dict.fromkeys(places[:1], 0), 0
-    for start, end in pairwise(places):
+    offsets = sorted({*starts, *ends})
+    before, crc = dict.fromkeys(offsets[:1], 0), 0
+    for start, end in pairwise(offsets):
         for at in range(start, end, _STEP_BYTES):
             crc = crc32(data[at : min(at + _STEP_BYTES, end)], crc)
         before[end] = crc
     first = np.array([before[start] for start in starts], np.uint32)
-    whole = np.array([before[end] for end in ends], np.uint32)
-    return whole ^ _shift(first, np.subtract(ends, starts))
+    total = np.array([before[end] for end in ends], np.uint32)
+    return total ^ _shift(first, np.subtract(ends, starts))
 
 
 def _shift(crc: Words, n_bytes: npt.NDArray[np.int64]) -> Words:

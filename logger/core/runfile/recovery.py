@@ -1,4 +1,4 @@
-"""Recovery: HDF5 of whatever a pulled plug has left, with a word on what was lost."""
+"""Recovery: HDF5 files of interrupted runs, with a report of what was lost."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

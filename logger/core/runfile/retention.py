@@ -40,7 +40,8 @@ def _is_spare(journal: Path) -> bool:
     hdf5 = journal.with_suffix(".h5")
     if not hdf5.exists() or any(map(is_recording, parts_of(journal))):
         return False
-    from logger.core.runfile.verify import sealing_of  # noqa: PLC0415  needs HDF5, which a full card alone makes necessary
+    # needs HDF5, which only a full card makes necessary
+    from logger.core.runfile.verify import sealing_of  # noqa: PLC0415
 
     try:
         sealing = sealing_of(journal)

@@ -17,7 +17,7 @@ from logger.core.runfile.hdf5_reading import read_hdf5
 from logger.core.runfile.journal_reader import JournalParts
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
 from logger.core.runfile.run_names import is_hdf5
-from logger.core.runfile.sanitising import sound
+from logger.core.runfile.sanitising import sanitise
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan, Value
 
 
@@ -93,7 +93,7 @@ def read_run(path: Path | str) -> Run:
 def read_sound_run(path: Path | str) -> Run:
     """Read a run; values that no recorder writes become unknown and are counted."""
     run = read_run(path)
-    tables, n_bad = sound(run.tables, run.n_raw_bytes)
+    tables, n_bad = sanitise(run.tables, run.n_raw_bytes)
     return replace(
         run, tables=tables, damage=msgspec.structs.replace(run.damage, meaningless_values=n_bad)
     )
@@ -102,7 +102,7 @@ def read_sound_run(path: Path | str) -> Run:
 def check_file(path: Path) -> None:
     """Raise `RunFileError` for anything but a file with content.
 
-    Raises OSError if the system refuses to tell.
+    Raises OSError if the system does not report its state.
     """
     try:
         status = path.stat()
@@ -135,10 +135,10 @@ def _read_journal(path: Path) -> Run:
             found = found.copy()
             found["offset"] += n_raw
             n_raw += len(part.data)
-            if n_raw <= parts.most_kept_bytes:
+            if n_raw <= parts.most_memory_bytes:
                 raw += part.data
         n_bytes += found.nbytes
-        if n_bytes > parts.most_kept_bytes:
+        if n_bytes > parts.most_memory_bytes:
             raise RunFileError(f"{path} unpacks to more than a run of this size can hold")
         if part.table:
             rows[part.table].append(found)

@@ -37,9 +37,9 @@ def first_part(path: Path) -> Path:
 def parts_of(journal: Path) -> list[Path]:
     """All files of a journal in the order of their making.
 
-    Only the first was named by the user, and may be a link: in a folder of a stranger the others
-    may lead anywhere. Raises `RunFileError` for one that is no file, OSError for a folder that
-    cannot be read.
+    Only the first was named by the user, and may be a link: in an untrusted folder the others
+    may lead anywhere. Raises `RunFileError` for one that is no file, OSError for a folder that cannot
+    be read.
     """
     later = {
         int(suffix): path

@@ -2,8 +2,8 @@
 
 Values that no recorder writes become unknown and are counted.
 
-Everything that reads runs may then rely on it: times add up within 64 bits, places are on the
-Earth, levels are what a modem can say, text is UTF-8. An honest run comes out as it went in.
+All readers of runs may then rely on it: sums of times fit into 64 bits, positions are on the Earth,
+levels are in the range of a modem, text is UTF-8. A run by our recorder is returned unchanged.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ _RANGES = {
     "lat_deg": (-90.0, 90.0),
     "lon_deg": (-180.0, 180.0),
     "alt_m": (-1e12, 1e12),  # as far as the importers go
-    "acc_m": (0.0, 1e7),  # receivers without a position say some thousand kilometres
+    "acc_m": (0.0, 1e7),  # receivers without a position report some thousand kilometres
     "hdop": (0.0, 1e6),
     "speed_mps": (-1e12, 1e12),
     "course_deg": (-1e12, 1e12),
@@ -42,21 +42,21 @@ _WORDS: dict[str, tuple[tuple[str, ...], bytes]] = {
     "rat": (("", *get_args(Rat)), b""),
     "level": (get_args(Level), b"info"),
 }
-"""Columns of a few words, and what stands for any other."""
+"""Columns with a fixed set of texts, and the replacement of any other text."""
 
 Truths = npt.NDArray[np.bool_]
 
 
-def sound(tables: dict[str, Rows], n_raw_bytes: int) -> tuple[dict[str, Rows], int]:
-    """Tables of today's columns, made sound; and how many rows and values had to be left out."""
+def sanitise(tables: dict[str, Rows], n_raw_bytes: int) -> tuple[dict[str, Rows], int]:
+    """Valid tables with the current columns, and how many rows and values were invalid."""
     found, n = {}, 0
     for table, rows in tables.items():
-        found[table], n_bad = _Sound(table, rows, n_raw_bytes).result()
+        found[table], n_bad = _Sanitiser(table, rows, n_raw_bytes).result()
         n += n_bad
     return found, n
 
 
-class _Sound:
+class _Sanitiser:
     """One table; it is copied when something must be changed."""
 
     def __init__(self, table: str, rows: Rows, n_raw_bytes: int) -> None:
@@ -88,7 +88,7 @@ class _Sound:
         return self._rows, self._n_bad
 
     def _replace(self, name: str, bad: Truths, value: object) -> None:
-        """Let a value stand where it was bad."""
+        """Replace the bad entries of a column."""
         if not (n := int(np.count_nonzero(bad))):
             return
         if not self._copied:

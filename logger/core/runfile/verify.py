@@ -24,9 +24,9 @@ class Sealing:
 
     `recomputed_digest` covers the frames before the END frame, or all frames without one.
 
-    `surplus` names a table of the HDF5 file with rows that stand in no frame. `differences` say
-    what else is not as the chained frames have it; `stop_is_sealed` is False for a run of an
-    earlier version, whose chain leaves the stop out.
+    `surplus` names a table of the HDF5 file with rows that are in no frame. `differences`
+    lists everything else that differs from the chained frames; `stop_is_sealed` is False for a run
+    of an earlier version, whose chain leaves the stop out.
     """
 
     end: RunEnd | None
@@ -68,12 +68,12 @@ class Sealed:
         return self.before_end or self.chain.digest
 
     def differences(self, end: RunEnd | None) -> list[str]:
-        """What contradicts the end that is told."""
+        """What contradicts the stated end of the run."""
         found = []
         if self.n_after_end:
             found.append(f"frames: {self.n_after_end} stand after the seal")
         if (end is None) != (self.before_end is None):
-            found.append("end: it is not what the last frame says")
+            found.append("end: it differs from the last frame")
         elif end is not None and self.stop is not None and self.stop != stop_text(end):
             found.append("end: it is not the stop that was sealed")
         return found
@@ -94,7 +94,7 @@ def _of_journal(path: Path) -> Sealing:
         sealed.add(part.number, part.kind, part.payload)
     differences = sealed.differences(parts.end)
     if parts.end is not None and parts.end_text != msgspec.json.encode(parts.end):
-        differences.append("end: it says more than a stop does")
+        differences.append("end: it has more fields than a stop")
     return Sealing(
         parts.end,
         parts.damage,

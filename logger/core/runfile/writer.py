@@ -14,9 +14,7 @@ from logger.core.schema import pack_rows, row_size, rows_of
 from logger.core.types import RawBytes, Record
 
 FRAME_RECORDS = 4096
-"""A frame is read and checked as a whole, so it must stay small however many records come between
-two syncs.
-"""
+"""A frame is read and checked as one unit, so its size is limited."""
 
 MOST_WAITING_BYTES = 16 << 20
 """What may wait in memory for a full card, some hours of a walk; later records are counted and
@@ -40,7 +38,7 @@ class RunWriter:
         self._raw_data = bytearray()
         self._seq = 0
         self._dropped = 0
-        with suppress(OSError):  # the next sync says the same
+        with suppress(OSError):  # the next sync raises the same error
             self._journal.sync()
 
     @property

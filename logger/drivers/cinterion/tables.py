@@ -48,13 +48,15 @@ _MINUS = re.compile("\u00e2\x80[\x92-\x95]|[\u2012-\u2015\u2212\x96]")
 _HEADING = re.compile(r"(?:\A|\s)([2-5]G):\s*\Z", _FLAGS)
 _HEX4 = r"(?:[0-9A-F]{4}|-+)"
 _SMONP_2G = re.compile(
-    r"(?:\A|\s)(?P<arfcn>\d{1,4}),(?P<rs>\d{1,2}),(?P<rssi>-\d{2,3}),(?P<mcc>\d{3}|-+),(?P<mnc>\d{2,3}|-+)"
+    r"(?:\A|\s)(?P<arfcn>\d{1,4}),(?P<rs>\d{1,2}),(?P<rssi>-\d{2,3}),"
+    r"(?P<mcc>\d{3}|-+),(?P<mnc>\d{2,3}|-+)"
     rf",(?P<ncc>[0-7]|-+),(?P<bcc>[0-7]|-+),(?P<c1>{_NUMBER}),(?P<c2>{_NUMBER}),"
     rf"(?P<lac>{_HEX4}),(?P<cid16>{_HEX4}),[-\d,]+\Z",
     _FLAGS,
 )
 _SMONP_3G = re.compile(
-    r"(?:\A|\s)(?P<uarfcn>\d{1,5}),(?P<psc>\d{1,3}),(?P<ecn0>-?\d{1,2}(?:\.\d)?|-+),(?P<rscp>-\d{2,3})(?:,[-\d.,]+)?\Z",
+    r"(?:\A|\s)(?P<uarfcn>\d{1,5}),(?P<psc>\d{1,3}),"
+    r"(?P<ecn0>-?\d{1,2}(?:\.\d)?|-+),(?P<rscp>-\d{2,3})(?:,[-\d.,]+)?\Z",
     _FLAGS,
 )
 _SNMON = re.compile(r'\^SNMON\s*:\s*"?INS"?\s*,\s*([^\^]*)', _FLAGS)

@@ -28,7 +28,7 @@ class Piece(NamedTuple):
 
 
 def pieces(line: bytes, *, words: bool = False) -> Iterator[Piece]:
-    """The parts of a line; `words` where the device was asked for words without a name."""
+    """The parts of a line; `words` for replies of plain words without a name."""
     if _TEXT.fullmatch(line):
         yield Piece(line, is_text=True)
         return

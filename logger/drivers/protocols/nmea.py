@@ -157,7 +157,7 @@ def _sentence(match: re.Match[bytes]) -> Sentence | None:
     text = match[0].decode("ascii")
     try:
         return Sentence(text, pynmea2.parse(text, check=True))
-    except Exception:  # noqa: BLE001  besides ParseError, pynmea2 1.19 lets IndexError and TypeError out
+    except Exception:  # noqa: BLE001 (pynmea2 1.19 also raises IndexError and TypeError)
         return Sentence(text)
 
 

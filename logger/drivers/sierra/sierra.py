@@ -149,14 +149,14 @@ def complete_serving_cells(rows: Sequence[Row]) -> tuple[Row, ...]:
     chosen = next(chosen_networks(rows), Operator(plmn=""))
     plmn = chosen.plmn or ""
     mcc, mnc = network(plmn[:3], plmn[3:])
-    kept: list[Row] = []
+    completed: list[Row] = []
     for row in rows:
         if not is_serving(row) or row.cell:
-            kept.append(row)
+            completed.append(row)
         elif row.rat not in complete:
             has_network = plmn and chosen.rat == row.rat and row.cid is not None
-            kept.append(replace(row, mcc=mcc, mnc=mnc) if has_network else row)
-    return tuple(kept)
+            completed.append(replace(row, mcc=mcc, mnc=mnc) if has_network else row)
+    return tuple(completed)
 
 
 def _status(text: str) -> Iterator[Row]:

@@ -32,8 +32,10 @@ _ROW = re.compile(
     r'\+CENG:(\s*)(\d{1,2}),\s*(?:"|(?=(?:[^",]*,){5}))([-\w, ]*)(?:(")(?![-\w,"])|\Z)', re.ASCII
 )
 _SCAN = re.compile(
-    r'Operator:\s*"(?P<operator>[^"]*)",\s*MCC:\s*(?P<mcc>\w*),\s*MNC:\s*(?P<mnc>\w*),\s*Rxlev:\s*(?P<rxl>\d+),'
-    r"\s*Cellid:\s*(?P<cellid>\w*),\s*Arfcn:\s*(?P<bcch>\d+)(?:,\s*Lac:\s*(?P<lac>\w*),\s*Bsic:\s*(?P<bsic>\w*))?\s*\Z",
+    r'Operator:\s*"(?P<operator>[^"]*)",\s*MCC:\s*(?P<mcc>\w*),\s*MNC:\s*(?P<mnc>\w*),'
+    r"\s*Rxlev:\s*(?P<rxl>\d+),"
+    r"\s*Cellid:\s*(?P<cellid>\w*),\s*Arfcn:\s*(?P<bcch>\d+)"
+    r"(?:,\s*Lac:\s*(?P<lac>\w*),\s*Bsic:\s*(?P<bsic>\w*))?\s*\Z",
     re.ASCII | re.IGNORECASE,
 )
 _LOCATION = ("mcc", "mnc", "lac", "cellid", "bsic", "rxl")  # mode 3, all rows

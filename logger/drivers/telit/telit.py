@@ -21,7 +21,8 @@ class Telit(Family):
     name = "telit"
     claim = Claim(
         maker=r"\btelit\b(?! cinterion)",
-        series=r"\b(?:G[CELMT]86\d|UC864|U[EL]86\d|HE86\d|[CDGHLMU]E9[124]0|L[MN]9[4-6]\d|F[NT]9\d0)",
+        series=r"\b(?:G[CELMT]86\d|UC864|U[EL]86\d|HE86\d|[CDGHLMU]E9[124]0"
+        r"|L[MN]9[4-6]\d|F[NT]9\d0)",
     )
     setup_commands = (
         Command("AT#SELINT=2"),

@@ -17,7 +17,7 @@ Answer = Sequence[str] | int
 Listing = Callable[[Air, Settings], Answer]
 
 IMEI = "004999010640000"
-"""IMEI of a test device; modems print theirs without being asked."""
+"""IMEI of a test device; modems may print theirs unsolicited."""
 NETWORK_NAME = "Test PLMN 1-1"
 NO_SIM = 10
 NO_SERVICE = 30

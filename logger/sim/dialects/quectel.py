@@ -53,7 +53,8 @@ def survey(air: Air, settings: Settings) -> Answer:
         return []
     first = air.serving.cell
     rows = [
-        f'{number},"2G",{one.cell.arfcn},{one.cell.lac:X},{one.cell.cid:X},{one.cell.bsic},{one.rxlev},{one.c1},0,1'
+        f'{number},"2G",{one.cell.arfcn},{one.cell.lac:X},{one.cell.cid:X},{one.cell.bsic},'
+        f"{one.rxlev},{one.c1},0,1"
         for number, one in enumerate(air.decoded_cells, 1)
     ]
     return block([f'+QOPS: "{NETWORK_NAME}","{NETWORK_NAME}","{first.mcc}{first.mnc}"', *rows])

@@ -16,44 +16,42 @@ def cgnsinf(air: Air, settings: Settings) -> Answer:
     """Decimal degrees and km/h; without a fix the time is that of a clock begun in 1980."""
     if settings["+CGNSPWR"] == "0":
         return ["+CGNSINF: 0,,,,,,,,,,,,,,,,,,,,"]
-    place = air.fix()
-    if place is None:
+    fix = air.fix()
+    if fix is None:
         return ["+CGNSINF: 1,0,19800106000014.000,,,,0.00,0.0,0,,,,,,0,0,,,,,"]
-    time = f"{place.utc:%Y%m%d%H%M%S}.{place.utc.microsecond // 1000:03d}"
-    motion = f"{place.speed_mps * KMH_PER_MPS:.2f},{place.course_deg:.1f}"
-    where = f"{place.lat_deg:.6f},{place.lon_deg:.6f},{place.alt_m:.3f}"
+    time = f"{fix.utc:%Y%m%d%H%M%S}.{fix.utc.microsecond // 1000:03d}"
+    motion = f"{fix.speed_mps * KMH_PER_MPS:.2f},{fix.course_deg:.1f}"
+    where = f"{fix.lat_deg:.6f},{fix.lon_deg:.6f},{fix.alt_m:.3f}"
     return [f"+CGNSINF: 1,1,{time},{where},{motion},1,,0.9,1.7,1.4,,12,9,,,42,,"]
 
 
 def cgpsinfo(air: Air, settings: Settings) -> Answer:
     """Degrees and minutes, and knots; all values are empty without a fix."""
-    place = air.fix()
-    if place is None or settings["+CGPS"].startswith("0"):
+    fix = air.fix()
+    if fix is None or settings["+CGPS"].startswith("0"):
         return ["+CGPSINFO: ,,,,,,,,"]
-    lat = f"{_minutes(place.lat_deg, 2)},{'NS'[place.lat_deg < 0]}"
-    lon = f"{_minutes(place.lon_deg, 3)},{'EW'[place.lon_deg < 0]}"
-    motion = f"{place.speed_mps * KNOTS_PER_MPS:.1f},{place.course_deg:.1f}"
-    return [
-        f"+CGPSINFO: {lat},{lon},{place.utc:%d%m%y},{_tenths(place)},{place.alt_m:.1f},{motion}"
-    ]
+    lat = f"{_minutes(fix.lat_deg, 2)},{'NS'[fix.lat_deg < 0]}"
+    lon = f"{_minutes(fix.lon_deg, 3)},{'EW'[fix.lon_deg < 0]}"
+    motion = f"{fix.speed_mps * KNOTS_PER_MPS:.1f},{fix.course_deg:.1f}"
+    return [f"+CGPSINFO: {lat},{lon},{fix.utc:%d%m%y},{_tenths(fix)},{fix.alt_m:.1f},{motion}"]
 
 
 def qgpsloc(air: Air, settings: Settings) -> Answer:
     """Signed degrees of mode 2; the course is degrees and minutes."""
-    place = air.fix()
+    fix = air.fix()
     if settings["+QGPS"] == "0":
         return QUECTEL_NOT_ACTIVE
-    if place is None:
+    if fix is None:
         return QUECTEL_NOT_FIXED
-    kmh, knots = place.speed_mps * KMH_PER_MPS, place.speed_mps * KNOTS_PER_MPS
-    degrees, minutes = divmod(round(place.course_deg * 60), 60)
+    kmh, knots = fix.speed_mps * KMH_PER_MPS, fix.speed_mps * KNOTS_PER_MPS
+    degrees, minutes = divmod(round(fix.course_deg * 60), 60)
     motion = f"{degrees}.{minutes:02d},{kmh:.1f},{knots:.1f}"
-    where = f"{place.lat_deg:.5f},{place.lon_deg:.5f},0.9,{place.alt_m:.1f},3"
-    return [f"+QGPSLOC: {_tenths(place)},{where},{motion},{place.utc:%d%m%y},09"]
+    where = f"{fix.lat_deg:.5f},{fix.lon_deg:.5f},0.9,{fix.alt_m:.1f},3"
+    return [f"+QGPSLOC: {_tenths(fix)},{where},{motion},{fix.utc:%d%m%y},09"]
 
 
-def _tenths(place: ModemFix) -> str:
-    return f"{place.utc:%H%M%S}.{place.utc.microsecond // 100_000}"
+def _tenths(fix: ModemFix) -> str:
+    return f"{fix.utc:%H%M%S}.{fix.utc.microsecond // 100_000}"
 
 
 def _minutes(angle_deg: float, degree_digits: int) -> str:

@@ -61,8 +61,8 @@ def cell_information(air: Air, settings: Settings) -> Answer:
 def _labels(one: ReceivedCell) -> str:
     cell = one.cell
     return (
-        f"ARFCN:{cell.arfcn},MCC:{cell.mcc},MNC:{cell.mnc},LAC:{cell.lac},ID:{cell.cid},BSIC:{cell.bsic}"
-        f",RXLev:{one.dbm}dbm,C1:{one.c1},C2:{one.c1}"
+        f"ARFCN:{cell.arfcn},MCC:{cell.mcc},MNC:{cell.mnc},LAC:{cell.lac},ID:{cell.cid}"
+        f",BSIC:{cell.bsic},RXLev:{one.dbm}dbm,C1:{one.c1},C2:{one.c1}"
     )
 
 

@@ -26,20 +26,26 @@ def test_says_what_the_whole_walk_says(seed):
     approximated.
     """
     obs, _ = simulate(np.random.default_rng(seed), "square", count=MOST_BLOCKS - 5, step=8.4)
-    place, whole = followed(obs).place(), locate(obs, PRIOR)
-    mode = min(whole.modes, key=lambda m: np.hypot(m.x_m - place.state[0], m.y_m - place.state[1]))
+    online_mode, whole = followed(obs).strongest_mode(), locate(obs, PRIOR)
+    mode = min(
+        whole.modes,
+        key=lambda m: np.hypot(m.x_m - online_mode.state[0], m.y_m - online_mode.state[1]),
+    )
     sigma_m = np.sqrt(np.trace(mode.covariance[:2, :2]))
-    assert np.hypot(mode.x_m - place.state[0], mode.y_m - place.state[1]) < 0.5 * sigma_m + 2.0
-    assert np.sqrt(np.trace(place.covariance[:2, :2])) == pytest.approx(sigma_m, rel=0.5)
-    assert place.sigma_db == pytest.approx(whole.sigma_db, rel=0.1)
+    assert (
+        np.hypot(mode.x_m - online_mode.state[0], mode.y_m - online_mode.state[1])
+        < 0.5 * sigma_m + 2.0
+    )
+    assert np.sqrt(np.trace(online_mode.covariance[:2, :2])) == pytest.approx(sigma_m, rel=0.5)
+    assert online_mode.sigma_db == pytest.approx(whole.sigma_db, rel=0.1)
 
 
 def test_rows_added_one_by_one_are_those_of_a_new_search():
     obs, _ = simulate(np.random.default_rng(4), "L", count=60, step=14.0)
     online = followed(obs)
-    before = online.place()
+    before = online.strongest_mode()
     online.search()
-    after = online.place()
+    after = online.strongest_mode()
     assert (
         np.hypot(*(before.state - after.state)[:2])
         < 0.3 * np.sqrt(np.trace(after.covariance[:2, :2])) + 2.0
@@ -51,7 +57,7 @@ def test_errors_of_the_fixes_choose_no_side_of_a_straight_walk(seed):
     """With the track as told one side holds more than 90 % in a third of such walks."""
     rng = np.random.default_rng(seed)
     obs = add_position_errors(rng, 3.0, simulate(rng, "straight", count=400, step=2.1)[0])
-    assert followed(obs).place().probability < 0.7
+    assert followed(obs).strongest_mode().probability < 0.7
 
 
 def test_a_walk_that_turns_is_searched_anew():
@@ -71,7 +77,7 @@ def test_a_walk_that_turns_is_searched_anew():
 def test_nothing_is_said_of_a_few_readings():
     online = OnlineLocator(PRIOR)
     online.add(0.0, 0.0, 3.0, -80.0)
-    assert online.place() is None
+    assert online.strongest_mode() is None
     assert online.stale == 0.0
 
 
@@ -88,15 +94,15 @@ def test_readings_at_the_floor_are_kept_and_bounded():
     online = followed(low)
     assert len(online._gone) <= 40
     assert sum(count for *_, count, _ in online._gone) == np.count_nonzero(low.limit)
-    place = online.place()
-    off = np.subtract(place.state[:2], source)
-    assert off @ np.linalg.solve(place.covariance[:2, :2], off) < 9.0
+    online_mode = online.strongest_mode()
+    off = np.subtract(online_mode.state[:2], source)
+    assert off @ np.linalg.solve(online_mode.covariance[:2, :2], off) < 9.0
     assert np.hypot(*off) < 30.0
 
 
 def test_the_same_readings_at_the_floor_lead_to_the_same_bits():
     low = censor_at_floor(simulate(np.random.default_rng(8), "L", count=200, step=4.2)[0], 0.45)
-    one, again = followed(low).place(), followed(low).place()
+    one, again = followed(low).strongest_mode(), followed(low).strongest_mode()
     assert np.array_equal(one.state, again.state)
     assert np.array_equal(one.covariance, again.covariance)
     assert (one.probability, one.sigma_db) == (again.probability, again.sigma_db)
@@ -106,8 +112,8 @@ def test_levels_that_never_change_leave_no_number_undefined():
     online = OnlineLocator(live_prior(LiveSettings()))
     for k in range(200):
         online.add(1.4 * k, 0.0, 7.0, -85.0)
-        place = online.place()
-        assert place is None or np.all(np.isfinite(place.state))
+        online_mode = online.strongest_mode()
+        assert online_mode is None or np.all(np.isfinite(online_mode.state))
         if online.stale > 1.0:
             online.search()
-    assert online.place() is not None
+    assert online.strongest_mode() is not None

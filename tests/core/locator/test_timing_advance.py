@@ -232,7 +232,7 @@ def test_check_counts_locations_that_disagree():
     some = of(x, [7, 7, 1, 1, 1, 1, 1, 1, 1, 0]).check(here)
     assert (some.disagree, some.warning) == (2, None)
     most = of(x, [7] * 8 + [1, 0]).check(here)
-    assert most.warning == "the timing advance disagrees with the answer at 8 of 10 places"
+    assert most.warning == "the timing advance disagrees with the result at 8 of 10 points"
 
 
 # --- walks ---

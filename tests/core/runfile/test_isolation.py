@@ -30,7 +30,7 @@ def test_a_value_and_arrays_come_back(file):
     [
         (isolated_tasks.crash, "signal 11"),
         (isolated_tasks.abort, "signal 6"),
-        (isolated_tasks.leave, "without a word"),
+        (isolated_tasks.leave, "without a reply"),
         (isolated_tasks.fill_bytes, "memory"),
         (isolated_tasks.fill_array, "memory"),
         (isolated_tasks.refuse, "message of the task"),
