@@ -49,7 +49,7 @@ uninstall() {
     rm -f "$etc/udev/rules.d/70-cellwalk.rules" "$etc/sysusers.d/cellwalk.conf" "$root/usr/local/bin/fieldlogger"
     [ ! -f "$venv/pyvenv.cfg" ] || rm -rf "$venv"
     reload
-    say "done; the runs, /etc/cellwalk and the user cellwalk are kept"
+    say "done; the runs, /etc/cellwalk and the user cellwalk remain"
 }
 
 reload() {

@@ -177,7 +177,8 @@ def test_a_value_without_a_meaning_is_one_line_that_names_the_key(
 NO_PORTS = [
     "hwgrep://(((((", "hwgrep://x&n=q", "hwgrep://x&bogus", "socket://h:99999", "socket://h",
     "socket://", "socket://[::1", "socket://h:abc", "SOCKET://h:99999", "rfc2217://h:99999",
-    "gpsd://h:99999", "gpsd://[::1", "nope://x", "://", "/dev/\0tty", "\0", "a.b://c", "alt://x?class=Nothing",
+    "gpsd://h:99999", "gpsd://[::1", "nope://x",
+    "://", "/dev/\0tty", "\0", "a.b://c", "alt://x?class=Nothing",
 ]  # fmt: skip
 
 

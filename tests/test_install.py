@@ -36,24 +36,24 @@ def test_plain_install_pulls_nothing_heavy(clean):
 
 
 def test_plain_install_checks_itself(clean, pytestconfig):
-    told = subprocess.run(
+    process = subprocess.run(
         [clean / "bin/fieldlogger", "check"], capture_output=True, text=True, check=False
     )
-    assert told.returncode == 0, told.stderr
-    assert "h5py" in told.stdout
+    assert process.returncode == 0, process.stderr
+    assert "h5py" in process.stdout
 
 
 def test_desk_without_its_libraries_says_what_to_install(clean, tmp_path):
     (tmp_path / "run.h5").write_text("x")
-    told = subprocess.run(
+    process = subprocess.run(
         [clean / "bin/postproc", "smooth", tmp_path / "run.h5"],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert told.returncode == 2
-    assert "cellwalk[post]" in told.stderr
-    assert len(told.stderr.splitlines()) == 1
+    assert process.returncode == 2
+    assert "cellwalk[post]" in process.stderr
+    assert len(process.stderr.splitlines()) == 1
 
 
 def test_versions_asked_for_are_those_of_debian_12():

@@ -93,7 +93,7 @@ class ModemExchange:
     def _reply(self, wait: Wait) -> Reply:
         command = wait.command
         self.framer.send(command.text)
-        asked_ns = self._link.clock.now_ns()
+        sent_ns = self._link.clock.now_ns()
         self.wire.write(command.text.encode("ascii") + b"\r")
         restarted = self.is_restarted
         while not self.wire.is_over and not wait.is_over(self._now_s()):
@@ -112,7 +112,7 @@ class ModemExchange:
             if self.is_restarted and not restarted:
                 self.is_damaged = True
                 return self.framer.abandon()
-        self.late_ns = asked_ns
+        self.late_ns = sent_ns
         if not self.wire.is_over:
             self._link.count("no-answer", 1, "commands without an answer")
         expired = self.framer.expire()

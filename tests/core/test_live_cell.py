@@ -12,7 +12,7 @@ from tests.kit.walks import simulate
 PRIOR = live_prior(LiveSettings(height_m=0.0))
 
 
-def heard(obs):
+def readings_of(obs):
     columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
     return [LevelReading(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
 
@@ -30,7 +30,7 @@ def estimates(readings, cell=None):
 @pytest.mark.parametrize("seed", [3, 4])
 def test_the_locator_begins_and_its_ellipse_holds_the_truth(seed):
     obs, source = simulate(np.random.default_rng(seed), "square", count=300, step=2.8)
-    found, news = estimates(heard(obs))
+    found, news = estimates(readings_of(obs))
     assert found[0] is None
     last = found[-1]
     assert last.stage in {LOCATOR, EKF}
@@ -44,10 +44,12 @@ def test_an_ekf_whose_transmitter_has_moved_is_taken_back():
     seeds = (obs for obs in (simulate(np.random.default_rng(s), "square") for s in range(20)))
     for obs, _ in seeds:
         cell = LiveCell(PRIOR)
-        found, _ = estimates(heard(obs), cell)
+        found, _ = estimates(readings_of(obs), cell)
         if found[-1].stage == EKF:
             break
-    readings = [r._replace(level_dbm=-60.0 - 20.0 * (k % 2)) for k, r in enumerate(heard(obs))]
+    readings = [
+        r._replace(level_dbm=-60.0 - 20.0 * (k % 2)) for k, r in enumerate(readings_of(obs))
+    ]
     after, news = estimates(readings, cell)
     assert "ekf-taken-back" in {code for code, _ in news}
     assert LOCATOR in {e.stage for e in after if e}
@@ -55,7 +57,7 @@ def test_an_ekf_whose_transmitter_has_moved_is_taken_back():
 
 def test_the_same_readings_give_the_same_bits():
     obs, _ = simulate(np.random.default_rng(5), "L", count=200, step=4.2, shadow_db=4.0)
-    assert repr(estimates(heard(obs))) == repr(estimates(heard(obs)))
+    assert repr(estimates(readings_of(obs))) == repr(estimates(readings_of(obs)))
 
 
 def test_readings_at_the_floor_alone_say_nothing():
@@ -75,7 +77,10 @@ def with_error(obs, source, error_db=30.0):
 def test_one_gross_error_moves_nothing(seed):
     obs, source = simulate(np.random.default_rng(seed), "random", count=400)
     cell = LiveCell(PRIOR)
-    plain, (found, news) = estimates(heard(obs))[0], estimates(heard(with_error(obs, source)), cell)
+    plain, (found, news) = (
+        estimates(readings_of(obs))[0],
+        estimates(readings_of(with_error(obs, source)), cell),
+    )
     before, after = ([e for e in each if e][-1] for each in (plain, found))
     assert np.hypot(after.state[0] - before.state[0], after.state[1] - before.state[1]) < 8.0
     assert widest(after.p[0], after.p[1], after.p[4]) < 1.5 * widest(
@@ -88,7 +93,7 @@ def test_one_gross_error_moves_nothing(seed):
 
 def test_a_gross_error_at_the_end_of_the_walk_is_never_taken():
     obs, _ = simulate(np.random.default_rng(3), "L", count=300)
-    readings = heard(obs)
+    readings = readings_of(obs)
     cell = LiveCell(PRIOR)
     found, _ = estimates(
         [*readings[:-1], readings[-1]._replace(level_dbm=readings[-1].level_dbm + 30.0)], cell
@@ -101,7 +106,8 @@ def test_a_gross_error_at_the_end_of_the_walk_is_never_taken():
 def test_a_level_that_lasts_is_taken_after_two_more():
     obs, _ = simulate(np.random.default_rng(3), "L", count=300)
     readings = [
-        r._replace(level_dbm=r.level_dbm + 30.0 * (k >= 200)) for k, r in enumerate(heard(obs))
+        r._replace(level_dbm=r.level_dbm + 30.0 * (k >= 200))
+        for k, r in enumerate(readings_of(obs))
     ]
     cell = LiveCell(PRIOR)
     found, _ = estimates(readings, cell)

@@ -136,8 +136,8 @@ def test_a_long_scan_is_smeared_over_the_way_walked_meanwhile(tmp_path):
 
 
 def _told(ta, **changed):
-    told = CellReading("serving", "GSM", "262", "01", 1, 2, rssi_dbm=-70.0, ta=ta)
-    return replace(told, **changed)
+    known = CellReading("serving", "GSM", "262", "01", 1, 2, rssi_dbm=-70.0, ta=ta)
+    return replace(known, **changed)
 
 
 def test_timing_advance_of_the_serving_gsm_cell_alone(tmp_path):
@@ -168,9 +168,9 @@ def test_timing_advance_of_the_serving_gsm_cell_alone(tmp_path):
 def test_timing_advance_of_a_transcript(tmp_path):
     """255, the SIM800's word for none, never arrives; a number does."""
     row = '+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,{}"'
-    heard = [
+    scans = [
         _scan(t, t, *Sim800().read([row.format(ta)]))
         for t, ta in ((1, "255"), (2, "04"), (3, "63"))
     ]
-    (obs,) = _observe(tmp_path, [_fix(0, 13.0), *heard, _fix(9, 13.0)]).cells
+    (obs,) = _observe(tmp_path, [_fix(0, 13.0), *scans, _fix(9, 13.0)]).cells
     assert obs.ta.tolist() == [-1, 4, 63]

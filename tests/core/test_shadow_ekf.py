@@ -174,7 +174,7 @@ def test_releasing_gives_the_covariance_and_the_dependence_of_the_shadowing():
     readings, _ = walk(rng, 40, sigma_m=0.0)
     held = run(shadow_ekf.hold(TRUTH, NOISE, *readings[0][:2]), NOISE, readings)
     p = covariance(rng)
-    whole = shadow_ekf.covariance_matrix(shadow_ekf.release(held, p).factors)
+    full = shadow_ekf.covariance_matrix(shadow_ekf.release(held, p).factors)
     steps = np.array([1e-3, 1e-3, 1e-4, 1e-5])
     slope = [
         (
@@ -184,9 +184,9 @@ def test_releasing_gives_the_covariance_and_the_dependence_of_the_shadowing():
         / (2 * h.sum())
         for h in np.diag(steps)
     ]
-    np.testing.assert_allclose(whole[:4, :4], p, rtol=1e-10)
-    np.testing.assert_allclose(whole[4, :4], p @ slope, rtol=1e-4)
-    np.testing.assert_allclose(whole[4, 4], held.factors[0] + slope @ p @ slope, rtol=1e-4)
+    np.testing.assert_allclose(full[:4, :4], p, rtol=1e-10)
+    np.testing.assert_allclose(full[4, :4], p @ slope, rtol=1e-4)
+    np.testing.assert_allclose(full[4, 4], held.factors[0] + slope @ p @ slope, rtol=1e-4)
 
 
 def test_an_indefinite_covariance_is_refused():

@@ -62,7 +62,7 @@ def test_a_filter_stays_honest_over_a_street_walked_four_times(once, low, high):
     """Shadowing of the point, the same in each round; coverage of the 95 % ellipse in 80 worlds."""
     rng = np.random.default_rng(2)
     x, y = rounds(4, step=5.6)
-    told = [is_informative(here, SHADOWED) or not once for here in taken(x, y)]
+    informative = [is_informative(here, SHADOWED) or not once for here in taken(x, y)]
     p = np.diag([8.0, 8.0, 3.0, 0.15]) ** 2
     held = []
     for _ in range(80):
@@ -73,10 +73,10 @@ def test_a_filter_stays_honest_over_a_street_walked_four_times(once, low, high):
             rng.multivariate_normal(truth, p), SHADOWED, float(x[0]), float(y[0])
         )
         state = shadow_ekf.release(state, p)
-        for x_m, y_m, level_dbm, tell in zip(
-            x.tolist(), y.tolist(), level.tolist(), told, strict=True
+        for x_m, y_m, level_dbm, is_used in zip(
+            x.tolist(), y.tolist(), level.tolist(), informative, strict=True
         ):
-            if tell:
+            if is_used:
                 state = shadow_ekf.step(state, SHADOWED, x_m, y_m, 0.0, level_dbm).state
         error = np.array(state[:2]) - truth[:2]
         held.append(

@@ -28,7 +28,7 @@ def walk(rng, n=400, *, gap_m=1.4, away_m=60.0, noise_db=3.0, eta=3.0):
     )
 
 
-def judged(x_m, y_m, level_dbm, rat=None):
+def spikes_of(x_m, y_m, level_dbm, rat=None):
     """Numbers of the spikes, reading by reading as on the device, the end of the walk included."""
     spikes = SpikeFilter()
     columns = (x_m, y_m, level_dbm, limits(level_dbm, rat))
@@ -58,7 +58,7 @@ def found_of(at, spike_db, walks=40):
     for seed in range(walks):
         x_m, y_m, level_dbm = walk(np.random.default_rng(seed))
         level_dbm[at] += spike_db
-        spikes = judged(x_m, y_m, level_dbm)
+        spikes = spikes_of(x_m, y_m, level_dbm)
         assert set(spikes) <= set(at)
         found += len(spikes)
     return found / len(at) / walks
@@ -69,7 +69,7 @@ def test_the_peak_beside_a_transmitter_is_no_spike(gap_m):
     lost = 0
     for seed in range(50):
         x_m, y_m, level_dbm = walk(np.random.default_rng(seed), 60, gap_m=gap_m, away_m=7.0)
-        lost += int(np.argmin(np.abs(x_m))) in judged(x_m, y_m, level_dbm)
+        lost += int(np.argmin(np.abs(x_m))) in spikes_of(x_m, y_m, level_dbm)
     assert lost == 0
 
 
@@ -77,7 +77,9 @@ def test_the_peak_beside_a_transmitter_is_no_spike(gap_m):
 def test_honest_noise_stays(noise_db, gap_m):
     wrong = sum(
         len(
-            judged(*walk(np.random.default_rng(seed), gap_m=gap_m, noise_db=noise_db, away_m=200.0))
+            spikes_of(
+                *walk(np.random.default_rng(seed), gap_m=gap_m, noise_db=noise_db, away_m=200.0)
+            )
         )
         for seed in range(25)
     )
@@ -92,30 +94,30 @@ def test_of_readings_far_apart_most_gross_errors_are_found(gap_m):
         x_m, y_m, level_dbm = walk(rng, 200, gap_m=gap_m, away_m=300.0, noise_db=4.0)
         at = int(rng.integers(200))
         level_dbm[at] += 30.0
-        found += at in judged(x_m, y_m, level_dbm)
+        found += at in spikes_of(x_m, y_m, level_dbm)
     assert found >= 40
 
 
 def test_a_step_that_lasts_is_no_spike():
     x_m, y_m, level_dbm = walk(np.random.default_rng(1))
     level_dbm[200:] += 25.0
-    assert judged(x_m, y_m, level_dbm) == []
+    assert spikes_of(x_m, y_m, level_dbm) == []
 
 
 def test_the_floor_of_the_scale_is_a_neighbour_like_any_other():
     x_m, y_m, level_dbm = walk(np.random.default_rng(2), away_m=300.0)
     level_dbm = np.maximum(np.round(level_dbm), -105.0) - 5.0
     level_dbm[[100, 300]] = [-75.0, -78.0]
-    assert judged(x_m, y_m, level_dbm, "GSM") == [100, 300]
+    assert spikes_of(x_m, y_m, level_dbm, "GSM") == [100, 300]
     level_dbm[[100, 300]] = [-110.0, -110.0]
-    assert judged(x_m, y_m, level_dbm, "GSM") == []
+    assert spikes_of(x_m, y_m, level_dbm, "GSM") == []
 
 
 def test_readings_too_far_away_or_too_few_say_nothing():
     level_dbm = np.array([-90.0, -90.0, -40.0, -90.0, -90.0])
-    assert judged(1000.0 * np.arange(5.0), np.zeros(5), level_dbm) == []
-    assert judged(np.arange(5.0), np.zeros(5), level_dbm) == [2]
-    assert judged(np.arange(3.0), np.zeros(3), level_dbm[1:4]) == []
+    assert spikes_of(1000.0 * np.arange(5.0), np.zeros(5), level_dbm) == []
+    assert spikes_of(np.arange(5.0), np.zeros(5), level_dbm) == [2]
+    assert spikes_of(np.arange(3.0), np.zeros(3), level_dbm[1:4]) == []
 
 
 def test_a_spike_waits_for_two_more_and_others_wait_behind_it():
@@ -148,4 +150,4 @@ def test_arrays_give_what_single_readings_give(seed, n, gap_m, noise_db, share):
     )
     level_dbm = np.clip(np.round(level_dbm), -110.0, -47.0)
     along = spikes_along(x_m, y_m, level_dbm, limits(level_dbm, "GSM"))
-    assert [k for k, _ in along] == judged(x_m, y_m, level_dbm, "GSM")
+    assert [k for k, _ in along] == spikes_of(x_m, y_m, level_dbm, "GSM")

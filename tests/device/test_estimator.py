@@ -20,7 +20,7 @@ def walk(n):
         yield 2 * t + 1, Record(t * S + 1, "modem", Scan(t * S, (runs.reading(1, -70.0 - t % 7),)))
 
 
-def told(inbox):
+def next_values(inbox):
     values = []
     while (record := inbox.get(0.0)) is not None:
         values.append(record.value)
@@ -48,7 +48,7 @@ def test_what_is_found_is_what_a_tracker_finds_in_that_order():
         expected += alone.feed(seq, record)
         assert beside.give(seq, record)
     assert beside.finish(LIMIT_S)
-    assert told(inbox) == expected
+    assert next_values(inbox) == expected
     assert (
         beside.latest
         == [v for v in expected if isinstance(v, LiveEstimate) and v.stage == "locator"][-1]
@@ -81,6 +81,6 @@ def test_a_bug_in_the_estimate_is_an_event_and_no_end():
     beside.start()
     beside.give(*next(walk(1)))
     assert not beside.finish(LIMIT_S)
-    (note,) = told(inbox)
+    (note,) = next_values(inbox)
     assert isinstance(note, Note)
     assert (note.code, note.text) == ("internal", "ZeroDivisionError: oops")

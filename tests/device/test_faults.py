@@ -45,7 +45,7 @@ def _whole(card, n_put):
 
 
 @pytest.mark.parametrize(
-    ("failing", "says"),
+    ("failing", "message"),
     [
         ({"pwrite": errno.ENOSPC}, "No space left on device"),
         ({"fdatasync": errno.ENOSPC}, "No space left on device"),
@@ -55,11 +55,11 @@ def _whole(card, n_put):
         ({"fdatasync": errno.EIO, "create": errno.ENOSPC}, "Input/output error"),
     ],
 )
-def test_a_card_that_fails_for_a_while_loses_nothing(card, failing, says):
+def test_a_card_that_fails_for_a_while_loses_nothing(card, failing, message):
     with running_recorder(card) as recorder:
         recorder.wait_durable(50)
         card.fails(**failing)
-        recorder.wait_state(f"waiting for the card: {says}")
+        recorder.wait_state(f"waiting for the card: {message}")
         durable = recorder.durable
         time.sleep(0.3)
         assert recorder.durable == durable
@@ -244,13 +244,13 @@ def test_a_sector_that_cannot_be_read_costs_the_frames_in_it(card, where):
         for f in frames
         if f.start - HEADER_SIZE < sector.stop and f.start + f.length + 4 > sector.start
     ]
-    told = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", FINISH, str(card.folder)],
         check=True, capture_output=True, text=True, env=card.environment(bad_at=bad_at),
     )  # fmt: skip
     run = read_run(card.folder / "run-000001.h5")
     kept = dict(run.records())
-    assert told.stderr == ""
+    assert process.stderr == ""
     assert run.damage.skipped_bytes >= SECTOR / 2
     assert 0 < len(found) - len(kept) <= 20 * len(lost)
     # a scan and its readings stand in frames of their own

@@ -77,18 +77,18 @@ def test_a_real_log_through_a_real_gpsd(tmp_path):
     assert all(abs(fixes["lat_deg"] - 44.06883) < 1e-4)
     assert all(abs(fixes["lon_deg"] + 121.31410) < 1e-4)
     assert all((fixes["utc_ns"] - 1_717_891_613_000_000_000) % 10**9 == 0)
-    told = {float(line.split(b",")[8]) for line in log.splitlines() if b"GGA" in line}
+    latitudes = {float(line.split(b",")[8]) for line in log.splitlines() if b"GGA" in line}
     known = {*fixes["hdop"][~np.isnan(fixes["hdop"])].round(2).tolist()}
     assert known
-    assert known <= told
+    assert known <= latitudes
     raw = run.tables["raw"]
     assert raw["sent"].sum() == 1
-    heard = b"".join(
+    received = b"".join(
         run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes()
         for r in raw
         if not r["sent"]
     )
-    assert heard.count(b'"class":"TPV"') >= len(fixes)
+    assert received.count(b'"class":"TPV"') >= len(fixes)
     assert b"gpsd-version" in {*run.tables["notes"]["code"]}
 
 

@@ -45,7 +45,7 @@ class Device:
         os.set_blocking(self._master, False)
         self.path = os.ttyname(self._slave)
         self.written_ns = {}
-        self._heard = b""
+        self._received = b""
 
     def say(self, data):
         self.written_ns.setdefault(data, time.clock_gettime_ns(time.CLOCK_BOOTTIME))
@@ -54,17 +54,19 @@ class Device:
     def is_asked(self, command):
         """True once for each time that the command has come; everything else is answered OK."""
         with suppress(BlockingIOError):
-            self._heard += os.read(self._master, 4096)
-        for line in re.findall(rb"[^\r]+\r", self._heard):
-            self._heard = self._heard.removeprefix(line)
+            self._received += os.read(self._master, 4096)
+        for line in re.findall(rb"[^\r]+\r", self._received):
+            self._received = self._received.removeprefix(line)
             if line == command:
                 return True
             self.say(b"\r\nOK\r\n")
         return False
 
-    def hang_up(self, heard, said):
+    def hang_up(self, records_of, last_row):
         """Go away once this was read: a hang-up takes what was not."""
-        service.wait_for(lambda: said in b"".join(record.value.data for record in heard(RawBytes)))
+        service.wait_for(
+            lambda: last_row in b"".join(record.value.data for record in records_of(RawBytes))
+        )
         os.close(self._slave)
         os.close(self._master)
 
@@ -77,14 +79,14 @@ def linked(session, path, source="modem"):
     thread = threading.Thread(target=link.run, args=(session,))
     values = []
 
-    def heard(kind):
+    def records_of(kind):
         while (record := inbox.get(0.0)) is not None:
             values.append(record)
         return [record for record in values if isinstance(record.value, kind)]
 
     thread.start()
     try:
-        yield heard
+        yield records_of
     finally:
         stop.set()
         thread.join()
@@ -96,45 +98,45 @@ def session(tmp_path):
     return partial(modem_session, settings=settings, modes=SavedModes(tmp_path))
 
 
-def _levels(heard):
-    return sorted(reading.rxlev_raw for scan in heard(Scan) for reading in scan.value.readings)
+def _levels(records_of):
+    return sorted(reading.rxlev_raw for scan in records_of(Scan) for reading in scan.value.readings)
 
 
 @pytest.mark.parametrize("n_rows", range(1, 5))
 @pytest.mark.parametrize("cut", [b"", b'+CENG: 5,"00', b'+CENG: 5,"0025,35,12,305a,262,01,1267"'])
 def test_rows_before_a_hang_up_are_readings(session, n_rows, cut):
     device = Device()
-    with linked(session, device.path) as heard:
+    with linked(session, device.path) as records_of:
         service.wait_for(lambda: device.is_asked(b"AT+CENG?\r"))
         device.say(b"\r\n+CENG: 1,1\r\n\r\n" + b"".join(ROWS[:n_rows]) + cut)
-        device.hang_up(heard, ROWS[n_rows - 1])
-        service.wait_for(lambda: any(note.value.code == "port-lost" for note in heard(Note)))
-        assert _levels(heard) == sorted(LEVELS[:n_rows])
-        assert len(heard(Scan)) == 1
-        assert "internal" not in [note.value.code for note in heard(Note)]
+        device.hang_up(records_of, ROWS[n_rows - 1])
+        service.wait_for(lambda: any(note.value.code == "port-lost" for note in records_of(Note)))
+        assert _levels(records_of) == sorted(LEVELS[:n_rows])
+        assert len(records_of(Scan)) == 1
+        assert "internal" not in [note.value.code for note in records_of(Note)]
 
 
 def test_rows_that_came_unasked_before_a_hang_up_are_readings(session):
     device = Device()
-    with linked(session, device.path) as heard:
+    with linked(session, device.path) as records_of:
         service.wait_for(lambda: device.is_asked(b"AT+CENG?\r"))
         device.say(b"\r\nOK\r\n")
         device.say(b"".join(ROWS[:3]))
-        device.hang_up(heard, ROWS[2])
-        service.wait_for(lambda: any(note.value.code == "port-lost" for note in heard(Note)))
-        assert _levels(heard) == sorted(LEVELS[:3])
+        device.hang_up(records_of, ROWS[2])
+        service.wait_for(lambda: any(note.value.code == "port-lost" for note in records_of(Note)))
+        assert _levels(records_of) == sorted(LEVELS[:3])
 
 
 def test_the_epoch_before_a_hang_up_is_a_fix():
     device = Device()
-    with linked(gnss_session, device.path, "gnss") as heard:
-        said = service.nmea_epochs(3).rpartition(b"$GNGGA")[
+    with linked(gnss_session, device.path, "gnss") as records_of:
+        last_row = service.nmea_epochs(3).rpartition(b"$GNGGA")[
             0
         ]  # of the last one only the RMC has come
-        device.say(said)
-        device.hang_up(heard, said)
-        service.wait_for(lambda: any(note.value.code == "port-lost" for note in heard(Note)))
-        assert len(heard(Fix)) == 3
+        device.say(last_row)
+        device.hang_up(records_of, last_row)
+        service.wait_for(lambda: any(note.value.code == "port-lost" for note in records_of(Note)))
+        assert len(records_of(Fix)) == 3
 
 
 @pytest.mark.parametrize("pause_s", [0.1, 0.7])
@@ -145,7 +147,7 @@ def test_rows_of_a_slow_reply_have_the_time_in_which_they_were_heard(session, mo
     monkeypatch.setattr(Sim800, "poll_commands", (Command("AT+CENG?", timeout_s=0.3),))
     monkeypatch.setattr(scan_timeout, "LATE_S", 0.2)
     device = Device()
-    with linked(session, device.path) as heard:
+    with linked(session, device.path) as records_of:
         service.wait_for(lambda: device.is_asked(b"AT+CENG?\r"))
         device.say(b"\r\n+CENG: 1,1\r\n\r\n")
         for row in ROWS:
@@ -155,9 +157,9 @@ def test_rows_of_a_slow_reply_have_the_time_in_which_they_were_heard(session, mo
                 device.is_asked(b"AT+CENG?\r")  # further polls are not answered
                 time.sleep(0.01)
         device.say(b"\r\nOK\r\n")
-        service.wait_for(lambda: _levels(heard) == sorted(LEVELS))
+        service.wait_for(lambda: _levels(records_of) == sorted(LEVELS))
         written_ns = dict(zip(LEVELS, (device.written_ns[row] for row in ROWS), strict=True))
-        for scan in heard(Scan):
+        for scan in records_of(Scan):
             for reading in scan.value.readings:
                 assert scan.value.t_start_ns <= written_ns[reading.rxlev_raw] <= scan.t_ns
-        device.hang_up(heard, ROWS[-1])
+        device.hang_up(records_of, ROWS[-1])

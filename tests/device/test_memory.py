@@ -31,7 +31,7 @@ print(resident_mb() - before_mb)
 )
 def test_what_is_freed_is_given_back(how, least_mb, most_mb):
     """Of 100 MB freed 2 are kept, here and there; by itself the C library keeps them all."""
-    told = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", PROGRAM, how], capture_output=True, text=True, check=True
     )
-    assert least_mb <= float(told.stdout) <= most_mb
+    assert least_mb <= float(process.stdout) <= most_mb

@@ -39,7 +39,9 @@ def test_no_number_and_no_message_is_in_anything_that_a_run_leaves(tmp_path, cap
     does too.
     """
     epochs = service.nmea_epochs(len(SAID)).split(b"$GNRMC")[1:]
-    nmea = b"".join(b"$GNRMC" + epoch + said for epoch, said in zip(epochs, SAID, strict=True))
+    nmea = b"".join(
+        b"$GNRMC" + epoch + sentence for epoch, sentence in zip(epochs, SAID, strict=True)
+    )
     modem, player = Telephone(), NmeaPlayer(nmea)
     with PtyDevice(player) as gnss, PtyDevice(answering(modem)) as port:
         with service.running_service(service.site_toml(tmp_path, port.path, gnss.path)) as logger:
@@ -47,13 +49,13 @@ def test_no_number_and_no_message_is_in_anything_that_a_run_leaves(tmp_path, cap
             served = modem.served
             service.wait_for(lambda: modem.served > served + 3)
             logger.terminate()
-            told, errors = logger.communicate(timeout=service.LIMIT_S)
+            result, errors = logger.communicate(timeout=service.LIMIT_S)
     (journal,) = (tmp_path / "runs").glob("*.journal")
     hdf5 = journal.with_suffix(".h5")
     for path in (journal, hdf5):
         left = [found for piece in _everything(path) for found in leaked_secrets(piece)]
         assert not left
-    assert not leaked_secrets((told + errors).encode())
+    assert not leaked_secrets((result + errors).encode())
     for name in ("walk.kml", "walk.csv", "walk.geojson", "walk.gpx"):
         assert postproc(["export", str(hdf5), "-o", str(tmp_path / name)]) == 0
         assert not leaked_secrets((tmp_path / name).read_bytes())

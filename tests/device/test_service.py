@@ -43,9 +43,9 @@ def test_real_drive_and_real_replies_are_recorded_whole(tmp_path, corpus):
     fixes = run.tables["fixes"]
     assert (len(fixes), int(fixes["valid"].sum())) == (1142, 1142)
     raw = run.tables["raw"]
-    heard = raw[(raw["source"] == b"gnss") & (raw["sent"] == 0)]
+    incoming = raw[(raw["source"] == b"gnss") & (raw["sent"] == 0)]
     received = b"".join(
-        run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes() for r in heard
+        run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes() for r in incoming
     )
     assert received == nmea
     assert _identities(run.tables["readings"]) == Counter(

@@ -110,7 +110,7 @@ def test_status_json_says_how_it_goes(tmp_path, monkeypatch):
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(folder))
     link = tmp_path / "gnss"
 
-    def told(condition):
+    def wait_status(condition):
         """The first status for which it holds."""
         found = []
 
@@ -126,7 +126,7 @@ def test_status_json_says_how_it_goes(tmp_path, monkeypatch):
         link.symlink_to(gnss.path)
         site = service.site_toml(tmp_path, modem.path, str(link), '[status]\nled = "no-such-led"\n')
         with service.running_service(site) as logger:
-            status = told(
+            status = wait_status(
                 lambda s: s.state == "recording" and s.target and s.fix.valid and s.synced_ns
             )
             assert status.pid == logger.pid
@@ -141,7 +141,7 @@ def test_status_json_says_how_it_goes(tmp_path, monkeypatch):
             )
             link.unlink()
             gnss.unplug()
-            status = told(lambda s: s.state == "error" and not s.ports["gnss"].is_open)
+            status = wait_status(lambda s: s.state == "error" and not s.ports["gnss"].is_open)
             assert "gnss" in status.text
             service.stop_service(logger)
 
@@ -159,17 +159,17 @@ def test_a_full_card_is_told_and_is_no_reason_for_a_restart(tmp_path, monkeypatc
     try:
         # for minutes, and too slow to fill the card by itself before
         noise = NmeaPlayer(os.urandom(1_000_000) * 50, bytes_per_s=200_000)
-        with service.systemd(monkeypatch, tmp_path) as said, PtyDevice(noise) as gnss:
+        with service.systemd(monkeypatch, tmp_path) as messages, PtyDevice(noise) as gnss:
             with service.running_service(
                 service.site_toml(tmp_path, str(tmp_path / "none"), gnss.path)
             ) as logger:
-                service.wait_for(lambda: "READY=1" in said())
+                service.wait_for(lambda: "READY=1" in messages())
                 (filler := card / "filler").write_bytes(bytes(shutil.disk_usage(card).free))
                 service.wait_for(
                     lambda: (read_status(tmp_path) or STATUS).text.startswith("waiting")
                 )
-                fed, synced_ns = said().count("WATCHDOG=1"), read_status(tmp_path).synced_ns
-                service.wait_for(lambda: said().count("WATCHDOG=1") >= fed + 3)
+                fed, synced_ns = messages().count("WATCHDOG=1"), read_status(tmp_path).synced_ns
+                service.wait_for(lambda: messages().count("WATCHDOG=1") >= fed + 3)
                 assert read_status(tmp_path).synced_ns == synced_ns
                 filler.unlink()
                 service.wait_for(lambda: read_status(tmp_path).synced_ns > synced_ns)

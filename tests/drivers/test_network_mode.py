@@ -85,12 +85,12 @@ def test_the_command_that_the_modem_has_is_taken():
 
 
 def test_the_technologies_alone_are_set_where_the_preferred_ones_are_refused():
-    command, told = network_mode.SXRAT[0], "AT^SXRAT?"
+    command, mode_query = network_mode.SXRAT[0], "AT^SXRAT?"
     replies = [
         ("AT^SXRAT=2,2", (), "+CME ERROR: 21"),
-        (told, ("^SXRAT: 0, 0",), "OK"),
+        (mode_query, ("^SXRAT: 0, 0",), "OK"),
         ("AT^SXRAT=2", (), "OK"),
-        (told, ("^SXRAT: 2, 2",), "OK"),
+        (mode_query, ("^SXRAT: 2, 2",), "OK"),
     ]
     assert run_exchange(network_mode.set_mode(command, "2,2"), replies) == "2,2"
 

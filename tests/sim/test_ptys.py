@@ -23,8 +23,8 @@ class Parrot:
         return data
 
     def unsolicited(self):
-        said, self.pending = self.pending, b""
-        return said
+        sent, self.pending = self.pending, b""
+        return sent
 
 
 class Ticker:

@@ -54,10 +54,10 @@ def test_it_installs_again_and_again_without_a_network_and_goes_again(wheels, tm
     options = ("--root", root, "--wheels", wheels, "--prefix", "/opt/walk")
     done = _install(*options)
     assert done.returncode == 0, done.stderr
-    told = subprocess.run(
+    process = subprocess.run(
         [root / "opt/walk/bin/fieldlogger", "check"], capture_output=True, text=True, check=False
     )
-    assert told.returncode == 0, told.stdout
+    assert process.returncode == 0, process.stdout
     assert (
         "ExecStart=/opt/walk/bin/fieldlogger run"
         in (root / "etc/systemd/system/fieldlogger.service").read_text()

@@ -25,13 +25,13 @@ def _settings(unit):
 @needs_systemd
 @pytest.mark.parametrize("unit", UNITS)
 def test_exposure_is_among_the_least_of_all_services(unit):
-    told = subprocess.run(
+    process = subprocess.run(
         ["systemd-analyze", "security", "--offline=true", "--no-pager", FOLDER_OF_UNITS / unit],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    found = re.search(r"Overall exposure level .*: (\d+\.\d+)", told.stdout)
+    found = re.search(r"Overall exposure level .*: (\d+\.\d+)", process.stdout)
     if found is None:
-        pytest.skip(f"systemd-analyze cannot do this here: {told.stderr}")
+        pytest.skip(f"systemd-analyze cannot do this here: {process.stderr}")
     assert float(found[1]) <= 1.5
 
 
@@ -47,13 +47,15 @@ def test_systemd_has_nothing_to_say_against_the_units(tmp_path):
             .replace("/opt/cellwalk/bin/fieldlogger", str(program))
         )
         (tmp_path / unit).write_text(text)
-    told = subprocess.run(
+    process = subprocess.run(
         ["systemd-analyze", "verify", "--man=no", *(tmp_path / unit for unit in UNITS)],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    if "Failed to" in told.stderr and "initialize" in told.stderr:
-        pytest.skip(f"systemd-analyze cannot do this here: {told.stderr}")
-    assert not [line for line in told.stderr.splitlines() if "fieldlogger" in line], told.stderr
+    if "Failed to" in process.stderr and "initialize" in process.stderr:
+        pytest.skip(f"systemd-analyze cannot do this here: {process.stderr}")
+    assert not [line for line in process.stderr.splitlines() if "fieldlogger" in line], (
+        process.stderr
+    )
 
 
 def test_it_starts_at_boot_and_is_never_given_up():

@@ -70,12 +70,12 @@ readings = st.lists(st.tuples(places_m, places_m, levels_dbm), max_size=25)
 @example([(0.0, 0.0, FLOOR_DBM), (9.0, 0.0, -47.0)], 5.0, "GSM")
 def test_no_walk_ends_in_a_traceback(rows, position_sigma, rat):
     x, y, level = np.array(rows, float).reshape(-1, 3).T
-    told = answer(replace(observations(x, y, level, position_sigma), rat=rat))
-    if told is not None and told[1] == "located":
+    result = answer(replace(observations(x, y, level, position_sigma), rat=rat))
+    if result is not None and result[1] == "located":
         assert len(rows) >= 8
         assert len({row[:2] for row in rows}) >= 3
         assert np.std(level) >= 1.0
-        assert told[0].r95_m < np.hypot(np.ptp(x), np.ptp(y))
+        assert result[0].r95_m < np.hypot(np.ptp(x), np.ptp(y))
 
 
 @pytest.mark.parametrize("name", ["x_m", "y_m", "level_dbm", "position_sigma_m"])
@@ -109,9 +109,9 @@ def test_levels_that_know_nothing_of_the_place_locate_nothing(seed, shape, noise
     """
     x, y = path(shape, 60, 14.0)
     obs = observations(x, y, np.random.default_rng(seed).normal(-85.0, noise_db, 60))
-    told = answer(obs)
-    assume(told is not None)
-    assert told[1] != "located" or told[0].r95_m > 20.0
+    result = answer(obs)
+    assume(result is not None)
+    assert result[1] != "located" or result[0].r95_m > 20.0
 
 
 # --- odd walks, searched with full effort ---
@@ -134,8 +134,8 @@ ODD = {
 
 @pytest.mark.parametrize("obs", ODD.values(), ids=ODD)
 def test_too_little_to_tell(obs):
-    found, told, reasons = answer(obs, Effort())
-    assert told == "cannot tell"
+    found, result, reasons = answer(obs, Effort())
+    assert result == "cannot tell"
     assert reasons
     assert found.r95_m > 50.0
 
@@ -155,8 +155,8 @@ def test_all_at_the_ends_of_the_scale():
 def test_places_far_apart(spread_m):
     """A receiver gone mad, up to the size of the Earth and beyond."""
     x, y = spread_m * np.random.default_rng(2).normal(size=(2, 12))
-    told = answer(observations(x, y, np.random.default_rng(3).normal(-80, 5, 12)))
-    assert told is None or told[1] != "located"
+    result = answer(observations(x, y, np.random.default_rng(3).normal(-80, 5, 12)))
+    assert result is None or result[1] != "located"
 
 
 def test_one_mad_fix_does_not_hide_the_rest():

@@ -32,7 +32,7 @@ def place_of_prior(rng, prior, x, y):
             return at
 
 
-def drawn(rng, prior, shape):
+def walk_from_prior(rng, prior, shape):
     """A walk, its levels and the source, all unknowns drawn from the prior."""
     x, y = path(shape, 100, 8.4)
     source = place_of_prior(rng, prior, x, y)
@@ -60,7 +60,9 @@ def level_of(found, point, rng):
 @pytest.mark.parametrize("prior", [WHITE, EVERY_NOISE], ids=["white", "every noise"])
 def test_level_of_the_truth_is_uniform(prior):
     rng = np.random.default_rng(40)
-    walks = [drawn(rng, prior, ("L", "square", "random", "spiral")[k % 4]) for k in range(60)]
+    walks = [
+        walk_from_prior(rng, prior, ("L", "square", "random", "spiral")[k % 4]) for k in range(60)
+    ]
     levels = [level_of(locate(obs, prior), source, rng) for obs, source in walks]
     print("quartiles of the level:", np.round(np.quantile(levels, [0.25, 0.5, 0.75]), 2))
     assert scipy.stats.kstest(levels, "uniform").pvalue > 0.01

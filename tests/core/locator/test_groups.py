@@ -21,7 +21,7 @@ PLACE = np.array([[90.0], [40.0]])
 SHIFT_DB = 9.0
 
 
-def heard(rng, source, x, y, shift_db=0.0, white_db=3.0):
+def received(rng, source, x, y, shift_db=0.0, white_db=3.0):
     level = (
         -35
         - 30 * np.log10(np.hypot(x - source[0], y - source[1]))
@@ -51,8 +51,8 @@ def two_walks(seed, shift_db=SHIFT_DB, **noise):
     while min(np.hypot(x - source[0], y - source[1]).min() for x, y in ways) < 25.0:
         source = rng.uniform(-60, 140), rng.uniform(40, 160)
     return (
-        heard(rng, source, *ways[0], **noise),
-        heard(rng, source, *ways[1], shift_db, **noise),
+        received(rng, source, *ways[0], **noise),
+        received(rng, source, *ways[1], shift_db, **noise),
         source,
     )
 

@@ -19,8 +19,8 @@ def track_of(side=-1.0, limit_dbm=-82.0, count=4):
     """Six blocks of one reading, and places beyond the scale between them."""
     x = np.arange(6) * 25.0
     level = -70.0 - 2.0 * np.arange(6) + 3.0 * np.random.default_rng(8).normal(size=6)
-    places = np.linspace(10.0, 160.0, count), np.full(count, 5.0)
-    gone = Censored(*places, *(np.full(count, v) for v in (limit_dbm, side, 1.0, 0.0)))
+    positions = np.linspace(10.0, 160.0, count), np.full(count, 5.0)
+    gone = Censored(*positions, *(np.full(count, v) for v in (limit_dbm, side, 1.0, 0.0)))
     return replace(blocks(observations(x, 0 * x, level), 300), censored=gone)
 
 
@@ -39,12 +39,12 @@ def by_boxes(track, number, x_m, y_m):
     taus = np.log(PRIOR.sigma_db) + np.linspace(-2.0, 2.0, 41)
     found = []
     for tau in taus:
-        whole = np.exp(2.0 * tau) * (shadow + np.diag(a + rounding)) + of_theta
-        levels = scipy.stats.multivariate_normal(mean[:n], whole[:n, :n])
-        gain = whole[n:, :n] @ np.linalg.inv(whole[:n, :n])
+        total = np.exp(2.0 * tau) * (shadow + np.diag(a + rounding)) + of_theta
+        levels = scipy.stats.multivariate_normal(mean[:n], total[:n, :n])
+        gain = total[n:, :n] @ np.linalg.inv(total[:n, :n])
         there, left = (
             mean[n:] + gain @ (track.level_dbm - mean[:n]),
-            whole[n:, n:] - gain @ whole[:n, n:],
+            total[n:, n:] - gain @ total[:n, n:],
         )
         sign = gone.side
         box = scipy.stats.multivariate_normal(
@@ -61,8 +61,8 @@ def by_boxes(track, number, x_m, y_m):
 def test_evidence_agrees_with_brute_force(number, side, limit_dbm):
     track = track_of(side, limit_dbm)
     joint = Joint(track, PRIOR, whiteners(track, PRIOR, [number])[0])
-    for place in ((100.0, 60.0), (20.0, -150.0)):
-        assert joint.log_p(*place) == pytest.approx(by_boxes(track, number, *place), abs=0.2)
+    for position in ((100.0, 60.0), (20.0, -150.0)):
+        assert joint.log_p(*position) == pytest.approx(by_boxes(track, number, *position), abs=0.2)
 
 
 def test_asked_again_it_says_the_same():

@@ -26,9 +26,9 @@ def test_says_what_the_whole_walk_says(seed):
     approximated.
     """
     obs, _ = simulate(np.random.default_rng(seed), "square", count=MOST_BLOCKS - 5, step=8.4)
-    online_mode, whole = followed(obs).strongest_mode(), locate(obs, PRIOR)
+    online_mode, offline = followed(obs).strongest_mode(), locate(obs, PRIOR)
     mode = min(
-        whole.modes,
+        offline.modes,
         key=lambda m: np.hypot(m.x_m - online_mode.state[0], m.y_m - online_mode.state[1]),
     )
     sigma_m = np.sqrt(np.trace(mode.covariance[:2, :2]))
@@ -37,7 +37,7 @@ def test_says_what_the_whole_walk_says(seed):
         < 0.5 * sigma_m + 2.0
     )
     assert np.sqrt(np.trace(online_mode.covariance[:2, :2])) == pytest.approx(sigma_m, rel=0.5)
-    assert online_mode.sigma_db == pytest.approx(whole.sigma_db, rel=0.1)
+    assert online_mode.sigma_db == pytest.approx(offline.sigma_db, rel=0.1)
 
 
 def test_rows_added_one_by_one_are_those_of_a_new_search():

@@ -5,7 +5,7 @@ import scipy.stats
 from logger.core.locator.orthant import log_all_above
 
 
-def drawn(rng, count, spread=3.0):
+def random_gaussian(rng, count, spread=3.0):
     """Some Gaussian levels: mean (count,) and covariance (count, count)."""
     root = rng.normal(size=(count, count))
     return rng.normal(0.0, spread, count), root @ root.T + 0.1 * np.eye(count)
@@ -14,15 +14,15 @@ def drawn(rng, count, spread=3.0):
 def one_by_one(mean, covariance, limit, readings, own_variance):
     """The same as a box probability of every single reading, by scipy."""
     of = np.repeat(np.arange(len(mean)), readings)
-    whole = covariance[np.ix_(of, of)] + np.diag(own_variance[of])
-    box = scipy.stats.multivariate_normal(-mean[of], whole, maxpts=200_000)
+    total = covariance[np.ix_(of, of)] + np.diag(own_variance[of])
+    box = scipy.stats.multivariate_normal(-mean[of], total, maxpts=200_000)
     return float(box.logcdf(-limit[of]))
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_agrees_with_the_box_probability(seed):
     rng = np.random.default_rng(seed)
-    mean, covariance = drawn(rng, 4)
+    mean, covariance = random_gaussian(rng, 4)
     limit, own, readings = rng.normal(0.0, 2.0, 4), rng.uniform(0.2, 3.0, 4), np.array([1, 1, 2, 3])
     found, _ = log_all_above(mean, covariance, limit, readings.astype(float), own)
     assert found == pytest.approx(one_by_one(mean, covariance, limit, readings, own), abs=0.15)
@@ -39,7 +39,7 @@ def test_independent_readings_multiply():
 
 def test_sites_of_a_similar_case_lead_to_the_same():
     rng = np.random.default_rng(9)
-    mean, covariance = drawn(rng, 30)
+    mean, covariance = random_gaussian(rng, 30)
     limit, one, own = np.full(30, 1.0), np.ones(30), np.full(30, 2.0)
     cold, sites = log_all_above(mean + 0.3, covariance, limit, one, own)
     assert log_all_above(mean, covariance, limit, one, own, sites)[0] == pytest.approx(
@@ -51,7 +51,7 @@ def test_sites_of_a_similar_case_lead_to_the_same():
 
 @pytest.mark.parametrize("limit", [-1e3, 60.0])
 def test_what_is_certain_or_hopeless_stays_finite(limit):
-    mean, covariance = drawn(np.random.default_rng(4), 20)
+    mean, covariance = random_gaussian(np.random.default_rng(4), 20)
     found, sites = log_all_above(
         mean, covariance, np.full(20, limit), np.full(20, 5.0), np.full(20, 1.0)
     )

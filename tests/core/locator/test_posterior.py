@@ -119,14 +119,14 @@ def test_round_walk_leaves_the_inverse_point(away):
     """
     x, y = path("circle", 150, 5.6)
     radius = np.hypot(x, y)[0]
-    source, twin = (away * radius, 0.0), (radius / away, 0.0)
+    source, mirror = (away * radius, 0.0), (radius / away, 0.0)
     noise = np.random.default_rng(15).normal(size=len(x))
     obs = observations(x, y, -30 - 32 * np.log10(np.hypot(x - source[0], y)) + 2.0 * noise)
     found = locate(obs, Prior(height_m=0.0))
     assert nearest_mode_m(found, source) < 40.0
-    assert nearest_mode_m(found, twin) < 40.0
+    assert nearest_mode_m(found, mirror) < 40.0
     assert region_contains(found, source, 10.0)
-    assert region_contains(found, twin, 10.0)
+    assert region_contains(found, mirror, 10.0)
     assert assess(found, obs).verdict != "located"
 
 
@@ -223,8 +223,8 @@ def test_mass_at_the_end_of_the_search_is_reported(far_power):
     )
     assert found.limit_share > 0.02
     assert found.at_limit
-    told, reasons, _ = assess(found, obs)
-    assert told == "cannot tell"
+    outcome, reasons, _ = assess(found, obs)
+    assert outcome == "cannot tell"
     assert any("farther than the searched 3 km" in reason for reason in reasons)
 
 
@@ -252,8 +252,8 @@ def test_an_error_of_the_receiver_that_lasts_moves_the_answer_along(position_sig
 
 def test_a_walk_half_at_the_floor_is_located_no_better_than_the_whole():
     obs, _ = walked(24, "square", white_db=2.0)
-    half, whole = locate(censor_at_floor(obs, 0.5)), locate(obs)
-    assert half.region_area_m2 > whole.region_area_m2
+    half, complete = locate(censor_at_floor(obs, 0.5)), locate(obs)
+    assert half.region_area_m2 > complete.region_area_m2
     assert np.isfinite(half.log_evidence)
 
 

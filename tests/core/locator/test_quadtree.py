@@ -184,9 +184,9 @@ def test_first_squares_are_small_near_the_walk_and_reach_the_end(share):
 
 
 def test_first_squares_on_a_ring_of_the_timing_advance_are_no_larger_than_its_step():
-    track, told = blocks(walk(), 300), replace(walk(), ta=np.full(24, 20))
+    track, with_ta = blocks(walk(), 300), replace(walk(), ta=np.full(24, 20))
     plain = first_squares(track, Prior(), 0.5)
-    x, y, size = first_squares(track, Prior(), 0.5, timing_of(told))
+    x, y, size = first_squares(track, Prior(), 0.5, timing_of(with_ta))
     away = np.hypot(x - 90.0, y - 60.0)
     ring = (away > 19.0 * STEP_M) & (away < 21.0 * STEP_M)
     assert np.max(size[ring]) <= STEP_M < np.max(plain[2])

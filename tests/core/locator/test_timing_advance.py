@@ -68,8 +68,8 @@ def test_probabilities_of_the_steps_at_a_location_sum_to_one(distance_m):
     """Over all TA at one location the probabilities sum to 1, but for what is kept for any
     bias at all.
     """
-    told = [of([0.0], [n]).log_p(np.array([distance_m]), np.zeros(1))[0] for n in range(64)]
-    assert np.exp(told).sum() == pytest.approx(1.0, abs=0.1)
+    density = [of([0.0], [n]).log_p(np.array([distance_m]), np.zeros(1))[0] for n in range(64)]
+    assert np.exp(density).sum() == pytest.approx(1.0, abs=0.1)
 
 
 # --- many locations ---
@@ -90,10 +90,10 @@ def by_quadrature(found, x, y):
     limits = BIAS_M - 5 * BIAS_SIGMA_M, BIAS_M + 5 * BIAS_SIGMA_M
     near = scipy.integrate.quad(lambda b: normal.pdf(b) * given(b), *limits, limit=400)[0]
     own = np.sum(found.weight * ((found.step + 0.5) * STEP_M - away)) / np.sum(found.weight)
-    told = 0.5 * (
+    density = 0.5 * (
         0.95 * near + 0.05 / 128 * given(own)
     )  # half of the modems that print only 0 were never told
-    return np.log(told + (0.0 if np.any(found.step) else 0.5 * given(own)))
+    return np.log(density + (0.0 if np.any(found.step) else 0.5 * given(own)))
 
 
 @pytest.mark.parametrize("far_m", [700.0, 1500.0, 3100.0])

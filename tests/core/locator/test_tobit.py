@@ -62,10 +62,10 @@ def test_what_the_levels_tell_is_the_conditional_gaussian(number):
     track = track_of(ends(np.linspace(10.0, 280.0, 7), readings=3.0), noise_db=5.0)
     gone, hypothesis = track.censored, PRIOR.hypotheses[number]
     x, y = np.append(track.x_m, gone.x_m), np.append(track.y_m, gone.y_m)
-    whole = (1.0 - hypothesis.white_share) * np.exp(
+    complete = (1.0 - hypothesis.white_share) * np.exp(
         -np.hypot(x[:, None] - x, y[:, None] - y) / 30.0 if number else -1e9
     )
-    k, cross = covariances(track, PRIOR)[number], (whole * np.ones((19, 19)))[12:, :12]
+    k, cross = covariances(track, PRIOR)[number], (complete * np.ones((19, 19)))[12:, :12]
     gain = cross @ np.linalg.inv(k)
     variance = hypothesis.white_share + (0.7 if number else 0.0) - np.sum(gain * cross, axis=1)
     found = given(track, number)
@@ -205,8 +205,8 @@ def test_levels_near_the_floor_do_not_pass_for_all_there_are():
     """
     rng = np.random.default_rng(3)
     x, y = rng.uniform(0.0, 40.0, (2, 400))
-    drawn = np.round(rng.normal(FLOOR_DBM, 4.0, 400))
-    track = blocks(observations(x + 300.0, y, np.maximum(drawn, FLOOR_DBM)), 300)
+    levels_dbm = np.round(rng.normal(FLOOR_DBM, 4.0, 400))
+    track = blocks(observations(x + 300.0, y, np.maximum(levels_dbm, FLOOR_DBM)), 300)
     both, levels = joined(track, 0)
     assert np.all(levels.sigma_db < 3.2)
     np.testing.assert_allclose(both.sigma_db, 4.0, rtol=0.15)
@@ -251,11 +251,11 @@ def test_with_readings_at_the_floor_noise_is_believed_as_without_a_floor():
         lambda obs: censor_at_floor(obs, 0.45),
         lambda obs: dropped(censor_at_floor(obs, 0.45)),
     )
-    whole, used, alone = (
+    complete, used, alone = (
         np.array([locate(way(obs), effort=quick).white_share for obs in walks]) for way in ways
     )
-    assert np.mean(np.abs(used - whole)) < 0.15
-    assert np.mean(np.abs(used - whole)) < np.mean(np.abs(alone - whole))
+    assert np.mean(np.abs(used - complete)) < 0.15
+    assert np.mean(np.abs(used - complete)) < np.mean(np.abs(alone - complete))
 
 
 @pytest.mark.slow

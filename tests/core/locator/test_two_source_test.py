@@ -24,8 +24,8 @@ def test_two_transmitters_are_told():
             min(np.hypot(*(np.array(p) - source)) for p in (division.one_m, division.other_m))
             < 120.0
         )
-    told, (reason, *_), _ = assess(posterior, obs, division)
-    assert told == "cannot tell"
+    outcome, (reason, *_), _ = assess(posterior, obs, division)
+    assert outcome == "cannot tell"
     assert "one position does not explain the data" in reason
 
 

@@ -19,8 +19,8 @@ def clear():
 
 
 def reasons(obs, **prior):
-    said, why, _ = assess(locate(obs, Prior(**prior)), obs)
-    assert said == "cannot tell"
+    outcome, why, _ = assess(locate(obs, Prior(**prior)), obs)
+    assert outcome == "cannot tell"
     return " / ".join(why)
 
 
@@ -44,8 +44,8 @@ def some(obs, chosen):
 
 def test_located():
     obs, found = clear()
-    said, (why,), _ = assess(found, obs)
-    assert said == "located"
+    outcome, (why,), _ = assess(found, obs)
+    assert outcome == "located"
     share = f"{found.modes[0].probability:.0%}"
     assert why == f"one position holds {share}; 95 % lie within {found.r95_m:.0f} m of it"
 
@@ -54,8 +54,10 @@ def test_located():
 def test_a_mode_that_would_be_printed_as_0_percent_is_no_rival_however_sharp(probability):
     obs, found = clear()
     best = replace(found.modes[0], probability=1.0 - probability)
-    said, why, _ = assess(replace(found, modes=(best, beside(best, 300.0, probability, 1.0))), obs)
-    assert said == "located"
+    outcome, why, _ = assess(
+        replace(found, modes=(best, beside(best, 300.0, probability, 1.0))), obs
+    )
+    assert outcome == "located"
     assert "0%" not in " ".join(why).replace("100%", "")
 
 
@@ -74,11 +76,11 @@ def test_shares_of_modes_add_up_and_none_is_0_or_100(shares):
     obs, found = clear()
     best = replace(found.modes[0], probability=shares[0])
     others = (beside(best, 300.0 * i, share, 0.5) for i, share in enumerate(shares[1:], 1))
-    said, why, _ = assess(replace(found, modes=(best, *others)), obs)
-    assert said == "ambiguous"
-    told = [int(percent) for percent in re.findall(r"(\d+)%", why[0])]
-    assert sum(told) == 100
-    assert all(0 < percent < 100 for percent in told)
+    outcome, why, _ = assess(replace(found, modes=(best, *others)), obs)
+    assert outcome == "ambiguous"
+    percents = [int(percent) for percent in re.findall(r"(\d+)%", why[0])]
+    assert sum(percents) == 100
+    assert all(0 < percent < 100 for percent in percents)
     assert len(re.findall("% at ", why[0])) == len(shares)
 
 
@@ -105,8 +107,8 @@ def test_an_irrelevant_second_mode_changes_nothing():
 def test_two_modes():
     obs, _ = simulate(np.random.default_rng(25), "straight", white_db=2.0, count=150, step=5.6)
     found = locate(obs)
-    said, why, _ = assess(found, obs)
-    assert said == "ambiguous"
+    outcome, why, _ = assess(found, obs)
+    assert outcome == "ambiguous"
     assert len(why) == 2
     for mode in found.modes:
         lat_deg, lon_deg = obs.utm.to_latlon(mode.x_m, mode.y_m)
@@ -183,7 +185,7 @@ def test_located_is_what_less_trust_in_the_noise_leaves_located():
     obs, _ = simulate(np.random.default_rng(6), "square", white_db=1.0, shadow_db=5.0, d_c=30.0)
     found = locate(obs)
     assert assess(found, obs).verdict == "located"
-    said, (why,), _ = decide(found, obs)
-    assert said == "cannot tell"
+    outcome, (why,), _ = decide(found, obs)
+    assert outcome == "cannot tell"
     assert "But that needs shadowing as even as it looks in this walk" in why
     assert "if it is less even, the region is too large" in why

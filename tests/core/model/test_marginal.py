@@ -25,9 +25,9 @@ def bent_walk(position_sigma=0.0, count=14):
     return blocks(observations(x, y, level, position_sigma), MOST)
 
 
-def evidence_of(track, prior, places, nodes=NODES):
+def evidence_of(track, prior, positions, nodes=NODES):
     found = whiteners(track, prior)
-    total = walk_sums(track, found, prior, *places)
+    total = walk_sums(track, found, prior, *positions)
     return marginal(total, len(track), np.array([[w.log_det] for w in found]), prior, nodes)
 
 
@@ -37,13 +37,13 @@ def evidence_of(track, prior, places, nodes=NODES):
 class Oracle:
     """A walk seen from one place: levels jointly normal given sigma, P0 and eta."""
 
-    def __init__(self, track, prior, noise, place):
+    def __init__(self, track, prior, noise, position):
         self.prior, self.level = prior, track.level_dbm
-        d2 = (track.x_m - place[0]) ** 2 + (track.y_m - place[1]) ** 2
+        d2 = (track.x_m - position[0]) ** 2 + (track.y_m - position[1]) ** 2
         self.distance_db = 5.0 * np.log10(d2 + prior.height_m**2 + 2.0 * track.position_sigma_m**2)
         self.covariance = self._covariance(track, *noise)
-        azimuth = np.arctan2(track.y_m - place[1], track.x_m - place[0])
-        fading = np.hypot(track.x_m - place[0], track.y_m - place[1]) / 10 ** (
+        azimuth = np.arctan2(track.y_m - position[1], track.x_m - position[0])
+        fading = np.hypot(track.x_m - position[0], track.y_m - position[1]) / 10 ** (
             self.distance_db / 10
         )
         harmonics = [
@@ -125,11 +125,11 @@ class Oracle:
 
 @pytest.mark.parametrize("position_sigma", [0.0, 5.0])
 @pytest.mark.parametrize("row", [0, 1])
-@pytest.mark.parametrize("place", [0, 1, 2])
-def test_log_evidence_is_the_integral_over_p0_eta_and_sigma(place, row, position_sigma):
+@pytest.mark.parametrize("position", [0, 1, 2])
+def test_log_evidence_is_the_integral_over_p0_eta_and_sigma(position, row, position_sigma):
     track = bent_walk(position_sigma)
-    ours = evidence_of(track, PRIOR, PLACES, nodes=15).log_p[row, place]
-    oracle = Oracle(track, PRIOR, NOISES[row], PLACES[:, place])
+    ours = evidence_of(track, PRIOR, PLACES, nodes=15).log_p[row, position]
+    oracle = Oracle(track, PRIOR, NOISES[row], PLACES[:, position])
     assert ours == pytest.approx(oracle.over_sigma(oracle.log_p_by_net, 81)[0], abs=1e-6, rel=0)
     assert ours == pytest.approx(oracle.over_sigma(oracle.log_p)[0], abs=1e-6, rel=0)
 
@@ -138,8 +138,8 @@ def test_log_evidence_is_the_integral_over_p0_eta_and_sigma(place, row, position
 def test_harmonics_of_an_antenna_are_integrated_as_well(row):
     track = bent_walk(5.0, count=40)
     ours = evidence_of(track, SECTOR, PLACES, nodes=15)
-    for h, place in enumerate(PLACES.T):
-        oracle = Oracle(track, SECTOR, NOISES[row], place)
+    for h, position in enumerate(PLACES.T):
+        oracle = Oracle(track, SECTOR, NOISES[row], position)
         log_p, sigma, share = oracle.over_sigma(oracle.log_p)
         assert ours.log_p[row, h] == pytest.approx(log_p, abs=1e-6, rel=0)
         mean = share @ [oracle.theta(s)[0] for s in sigma]
@@ -158,7 +158,7 @@ def test_few_nodes_over_sigma_suffice(count):
     """Those of the search are fewer: a thousandth of a nat decides nothing."""
     track = bent_walk(5.0, count)
     for row, noise in enumerate(NOISES):
-        oracles = [Oracle(track, PRIOR, noise, place) for place in PLACES.T]
+        oracles = [Oracle(track, PRIOR, noise, position) for position in PLACES.T]
         expected = [oracle.over_sigma(oracle.log_p)[0] for oracle in oracles]
         np.testing.assert_allclose(
             evidence_of(track, PRIOR, PLACES).log_p[row], expected, atol=1e-3, rtol=0
@@ -191,8 +191,8 @@ def test_more_readings_of_one_block_than_sixteen_are_not_believed():
 def test_p0_eta_and_sigma_given_the_position(row):
     track = bent_walk(5.0)
     ours = evidence_of(track, PRIOR, PLACES, nodes=15)
-    for h, place in enumerate(PLACES.T):
-        oracle = Oracle(track, PRIOR, NOISES[row], place)
+    for h, position in enumerate(PLACES.T):
+        oracle = Oracle(track, PRIOR, NOISES[row], position)
         _, sigma, share = oracle.over_sigma(oracle.log_p)
         means, covs = (
             np.array(values) for values in zip(*(oracle.theta(s) for s in sigma), strict=True)

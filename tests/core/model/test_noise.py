@@ -15,8 +15,8 @@ def test_shadowing_of_a_block_is_the_mean_over_its_points():
     walk = blocks(observations(x, y, np.zeros(240)), 20)
     rng, prior = np.random.default_rng(1), Prior(decorrelation_m=(15.0,), white_shares=(0.0,))
     apart = np.hypot(*(v[:, None] - v for v in (walk.point_x_m, walk.point_y_m)))
-    drawn = np.linalg.cholesky(np.exp(-apart / 15.0)) @ rng.normal(size=(len(apart), 20_000))
-    means = np.add.reduceat(walk.weight[:, None] * drawn, walk.first)
+    samples = np.linalg.cholesky(np.exp(-apart / 15.0)) @ rng.normal(size=(len(apart), 20_000))
+    means = np.add.reduceat(walk.weight[:, None] * samples, walk.first)
     rounding = np.eye(len(walk)) / 12.0 / prior.sigma_db**2
     found = noise.covariances(walk, prior)[1]
     assert found - rounding == pytest.approx(np.cov(means), abs=0.04)

@@ -41,9 +41,9 @@ def test_hypotheses_share_all_odds():
 
 def test_what_hangs_together_over_the_whole_quarter_is_trusted_less():
     prior = Prior(trust=0.1, stationary_m=50.0)
-    told = {h.decorrelation_m: h.trust for h in prior.hypotheses}
-    assert told[50.0] == 1.0
-    assert told[100.0] == 0.1
+    trusts = {h.decorrelation_m: h.trust for h in prior.hypotheses}
+    assert trusts[50.0] == 1.0
+    assert trusts[100.0] == 0.1
 
 
 def test_white_noise_may_be_the_only_hypothesis():

@@ -55,8 +55,8 @@ def _nothing_invented(got):
 
 def _damaged(path, data, journal, spans):
     """Read damaged bytes; every frame that stands in them untouched must have been read."""
-    whole = [journal[start:end] for start, end in spans]
-    intact = sum(frame in data for frame in whole)
+    complete = [journal[start:end] for start, end in spans]
+    intact = sum(frame in data for frame in complete)
     if not intact:
         with pytest.raises(RunFileError):
             read_run(path)
@@ -64,9 +64,10 @@ def _damaged(path, data, journal, spans):
     run, got = _records(path, data)
     _nothing_invented(got)
     n_numbered = sum(
-        frame in data for frame in whole[: max(i for i, f in enumerate(whole) if f in data) + 1]
+        frame in data
+        for frame in complete[: max(i for i, f in enumerate(complete) if f in data) + 1]
     )
-    last = max(i for i, frame in enumerate(whole) if frame in data)
+    last = max(i for i, frame in enumerate(complete) if frame in data)
     assert run.damage.missing_frames == last + 1 - n_numbered
 
 
@@ -120,12 +121,12 @@ def test_random_splices(journal, holders, tmp_path, n):
         ]
         pieces.insert(rng.randrange(len(pieces) + 1), rng.randbytes(rng.randrange(300)))
         data = b"".join(pieces)
-        whole = sum(journal[start:end] in data for start, end in holders)
-        foreign = rng.randrange(2) and whole > 4
+        complete = sum(journal[start:end] in data for start, end in holders)
+        other_run = rng.randrange(2) and complete > 4
         path = tmp_path / "spliced.journal"
-        if foreign:
+        if other_run:
             data += other
-        if whole:
+        if complete:
             _, got = _records(path, data)
             _nothing_invented(got)
         else:
@@ -139,9 +140,9 @@ def test_damage_goes_into_the_hdf5_too(journal, holders, tmp_path):
     data[holders[4][0] + 30] ^= 0xFF
     data[holders[6][0] + 3] ^= 0xFF
     (tmp_path / "a.journal").write_bytes(data)
-    told = convert_journal(tmp_path / "a.journal", tmp_path / "a.h5")
+    stated = convert_journal(tmp_path / "a.journal", tmp_path / "a.h5")
     run = read_run(tmp_path / "a.h5")
-    assert run.damage == read_run(tmp_path / "a.journal").damage == told
+    assert run.damage == read_run(tmp_path / "a.journal").damage == stated
     assert run.damage.missing_frames == 2
     assert run.damage.skipped_bytes == sum(holders[i][1] - holders[i][0] for i in (4, 6))
 

@@ -26,7 +26,7 @@ def test_a_value_and_arrays_come_back(file):
 
 
 @pytest.mark.parametrize(
-    ("task", "says"),
+    ("task", "message"),
     [
         (isolated_tasks.crash, "signal 11"),
         (isolated_tasks.abort, "signal 6"),
@@ -38,8 +38,8 @@ def test_a_value_and_arrays_come_back(file):
         (isolated_tasks.too_deep, "is damaged: too deep"),
     ],
 )
-def test_an_end_is_an_error(file, capfd, task, says):
-    with pytest.raises(RunFileError, match=says):
+def test_an_end_is_an_error(file, capfd, task, message):
+    with pytest.raises(RunFileError, match=message):
         isolation.run_isolated(file, task)
     assert capfd.readouterr() == ("", "")
 

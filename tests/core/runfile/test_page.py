@@ -88,10 +88,10 @@ with tables.open_file({str(run)!r}) as file:
 def test_h5dump_opens_it(run):
     if shutil.which("h5dump") is None:
         pytest.skip("h5dump is not installed")
-    told = subprocess.run(
+    process = subprocess.run(
         ["h5dump", "-d", "fixes", run], capture_output=True, text=True, check=True
     ).stdout
-    assert "lat_deg" in told
+    assert "lat_deg" in process
 
 
 if __name__ == "__main__":

@@ -25,8 +25,8 @@ def _cut(path, damage=False):
 
 @pytest.mark.parametrize("command", [fieldlogger, postproc])
 def test_exit_code_says_whether_something_was_lost(tmp_path, capsys, command):
-    whole, hit = tmp_path / "run-000001.journal", tmp_path / "run-000002.journal"
-    _cut(whole)
+    complete, hit = tmp_path / "run-000001.journal", tmp_path / "run-000002.journal"
+    _cut(complete)
     assert command(["recover", str(tmp_path)]) == 0
     assert "run-000001.h5  digest " in capsys.readouterr().out
     _cut(hit, damage=True)
@@ -68,9 +68,9 @@ def test_parts_are_found_in_their_order(tmp_path):
 def test_a_run_in_several_files_is_one(tmp_path):
     """Cut anywhere: frames may stand in both, and either may lack some."""
     found = runs.records(30)
-    whole = tmp_path / "whole.journal"
-    runs.write_journal(whole, found, sync_every=5)
-    data = whole.read_bytes()
+    complete = tmp_path / "whole.journal"
+    runs.write_journal(complete, found, sync_every=5)
+    data = complete.read_bytes()
     for cut, again in ((5000, 2000), (4000, 3000), (3000, 4000)):
         first, second = tmp_path / "run-000001.journal", tmp_path / "run-000001.journal.2"
         first.write_bytes(data[:cut] + bytes(5000))

@@ -143,9 +143,9 @@ def test_cut_journal_keeps_whole_ticks(tmp_path):
     than a tick short.
     """
     found = runs.records(40)
-    whole = tmp_path / "whole.journal"
-    runs.write_journal(whole, found, sync_every=20)
-    data = whole.read_bytes()
+    complete = tmp_path / "whole.journal"
+    runs.write_journal(complete, found, sync_every=20)
+    data = complete.read_bytes()
     cut = tmp_path / "cut.journal"
     lengths = []
     for end in range(4000, len(data), 97):
@@ -164,9 +164,9 @@ def test_cut_journal_keeps_whole_ticks(tmp_path):
 
 def test_damage_is_stated_and_nothing_is_invented(tmp_path):
     found = runs.records(60)
-    whole = tmp_path / "whole.journal"
-    runs.write_journal(whole, found)
-    data = whole.read_bytes()
+    complete = tmp_path / "whole.journal"
+    runs.write_journal(complete, found)
+    data = complete.read_bytes()
     rng = random.Random(3)
     hit = tmp_path / "hit.journal"
     for _ in range(60):
@@ -194,7 +194,7 @@ def test_lost_first_block_is_mended_by_the_repeated_meta(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "says"),
+    ("content", "message"),
     [
         (b"", "empty"),
         (b"lat,lon\n1,2\n", "no cellwalk run"),
@@ -202,10 +202,10 @@ def test_lost_first_block_is_mended_by_the_repeated_meta(tmp_path):
         (bytes(5000), "no cellwalk run"),
     ],
 )
-def test_what_is_no_run_is_refused_in_one_line(tmp_path, content, says):
+def test_what_is_no_run_is_refused_in_one_line(tmp_path, content, message):
     path = tmp_path / "run.h5"
     path.write_bytes(content)
-    with pytest.raises(RunFileError, match=says) as error:
+    with pytest.raises(RunFileError, match=message) as error:
         read_run(path)
     assert "\n" not in str(error.value)
 

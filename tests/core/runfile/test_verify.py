@@ -59,7 +59,7 @@ def _touch_a_byte(frames):
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         (_touch_a_byte, "altered"),
         (lambda frames: frames[:20] + frames[21:], "frame 20 is missing"),
@@ -67,13 +67,13 @@ def _touch_a_byte(frames):
         (lambda frames: frames[:-5], "not sealed"),
     ],
 )
-def test_what_was_changed_with_care_is_found(journal, tmp_path, capsys, change, says):
+def test_what_was_changed_with_care_is_found(journal, tmp_path, capsys, change, message):
     _rewritten(journal, change)
     convert_journal(journal, tmp_path / "a.h5")
     for path in (journal, tmp_path / "a.h5"):
         assert not sealing_of(path).holds
         assert main(["info", "--verify", str(path)]) == 3
-        assert says in capsys.readouterr().out
+        assert message in capsys.readouterr().out
 
 
 def test_a_changed_hdf5_is_found(journal, tmp_path, capsys):

@@ -77,13 +77,13 @@ ORDERS = {
 }
 
 
-def said(order, rate_hz):
+def nmea_of(order, rate_hz):
     """All sentences, epoch by epoch, as bytes."""
     bodies = [make(i, rate_hz) for i in range(SECONDS * rate_hz) for make in ORDERS[order]]
     return b"".join(sentence(body) for body in bodies if body)
 
 
-def heard(chunks):
+def fixes_of(chunks):
     framer, assembler = NmeaFramer(), FixAssembler()
     events = [event for chunk in chunks for event in framer.feed(chunk)]
     assert all(isinstance(event, Sentence) for event in events)
@@ -94,9 +94,9 @@ def heard(chunks):
 @pytest.mark.parametrize("rate_hz", [5, 10])
 @pytest.mark.parametrize("order", ORDERS)
 def test_no_fix_is_lost_and_none_has_values_of_another(order, rate_hz):
-    data = said(order, rate_hz)
+    data = nmea_of(order, rate_hz)
     chance = random.Random(f"{order} {rate_hz}")
-    found = heard(split_at(data, [chance.randrange(1, 400) for _ in range(len(data))]))
+    found = fixes_of(split_at(data, [chance.randrange(1, 400) for _ in range(len(data))]))
     assert len(found) == SECONDS * rate_hz
     for i, fix in enumerate(found):
         assert fix.utc_ns == epoch_ns(i, rate_hz)
@@ -110,7 +110,7 @@ def test_no_fix_is_lost_and_none_has_values_of_another(order, rate_hz):
 @pytest.mark.parametrize("rate_hz", [5, 10])
 @pytest.mark.parametrize("order", ORDERS)
 def test_damage_costs_the_epochs_it_hits_at_most(order, rate_hz):
-    data = bytearray(said(order, rate_hz))
+    data = bytearray(nmea_of(order, rate_hz))
     chance = random.Random(order)
     n_hit = 20
     for at in chance.sample(range(len(data)), n_hit):
@@ -123,6 +123,6 @@ def test_damage_costs_the_epochs_it_hits_at_most(order, rate_hz):
     told_of = {float(e.text.split(",")[1]) for e in events if e.text[3:6] in {"GGA", "RMC"}}
     assert len(found) == len(told_of) >= SECONDS * rate_hz - n_hit // 2  # who lost both is lost
     assert sum(fix.utc_ns is None for fix in found) <= n_hit
-    told = [fix.utc_ns for fix in found if fix.utc_ns is not None]
-    assert told == sorted(set(told))
-    assert set(told) <= {epoch_ns(i, rate_hz) for i in range(SECONDS * rate_hz)}
+    times_ns = [fix.utc_ns for fix in found if fix.utc_ns is not None]
+    assert times_ns == sorted(set(times_ns))
+    assert set(times_ns) <= {epoch_ns(i, rate_hz) for i in range(SECONDS * rate_hz)}

@@ -99,9 +99,9 @@ def test_a_neighbour_of_several_that_is_not_received(number):
     fields = NEIGHBOURS.removeprefix("+QENG: 1,").split(",")
     start = 10 * (number - 1)
     fields[start + 1 : start + 10] = "x" * 9
-    heard = [cell for n, cell in enumerate(cells(NEIGHBOURS), 1) if n != number]
-    assert cells("+QENG: 1," + ",".join(fields)) == heard
-    assert cells("+QENG: 1," + ",".join(fields) + ",") == heard
+    received = [cell for n, cell in enumerate(cells(NEIGHBOURS), 1) if n != number]
+    assert cells("+QENG: 1," + ",".join(fields)) == received
+    assert cells("+QENG: 1," + ",".join(fields) + ",") == received
 
 
 def test_neighbour_that_is_not_decoded_keeps_its_level():

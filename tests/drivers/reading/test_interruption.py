@@ -22,7 +22,7 @@ NAMES = names_of("AT+QENG=1 AT+CENG?")
 EC25 = '+QENG: "neighbourcell","GSM",262,01,1918,C851,59,118,-103,24,25,0,0'
 
 
-def told(driver, lines):
+def certain_values(driver, lines):
     """Who is named for certain, and which levels are told."""
     rows = rows_of(driver, lines)
     cells = {
@@ -41,7 +41,7 @@ def told(driver, lines):
     return cells, levels
 
 
-def whole(driver, lines):
+def values_of(driver, lines):
     """The same for a reply that nothing has cut, an unsure identity among them: it is as it was
     sent.
     """
@@ -95,11 +95,11 @@ def test_no_cut_makes_a_level_or_an_identity(name):
     for reply in own_replies(name):
         for text in strong_and_weak(reply, rng):
             lines = text.split("\n")
-            cells, levels = whole(driver, lines)
+            cells, levels = values_of(driver, lines)
             for damaged in cuts(lines):
-                named, heard = told(driver, damaged)
+                named, levels_left = certain_values(driver, damaged)
                 assert all(is_part(cell, cells) for cell in named), damaged
-                assert {level for level in heard if level[1] is not None} <= levels, damaged
+                assert {level for level in levels_left if level[1] is not None} <= levels, damaged
 
 
 @pytest.mark.parametrize("text", ["-1", "-10", "-103"])

@@ -18,7 +18,7 @@ SERVING = (
 CPSI = "+CPSI: LTE,Online,262-02,0x2AFE,{cid},149,EUTRAN-BAND20,6300,3,3,-91,-885,-594,13"
 
 
-def told(family, *replies, known=None):
+def recognised_rows(family, *replies, known=None):
     """Readings of the last of the replies, which the modem sends one after the other."""
     known = known or NumberHistory()
     rows = ()
@@ -37,24 +37,24 @@ def decimal(cid):
 
 
 def test_a_lost_digit_beside_padded_rows_is_unsure_and_keeps_its_level():
-    serving, neighbour = told("sim800", [PADDED[0], PADDED[1].replace("a53f", "a5f")])
+    serving, neighbour = recognised_rows("sim800", [PADDED[0], PADDED[1].replace("a53f", "a5f")])
     assert not serving.identity_unsure
     assert (neighbour.cid, neighbour.identity_unsure, neighbour.rssi_dbm) == (0xA5F, True, -98.0)
 
 
 @pytest.mark.parametrize("column", ["a53f", "178d"])
 def test_no_row_beside_it_is_needed(column):
-    (row,) = told("sim800", PADDED[1].replace(column, column[:-1]))
+    (row,) = recognised_rows("sim800", PADDED[1].replace(column, column[:-1]))
     assert row.identity_unsure
     assert row.level_dbm == -98.0
 
 
 def test_complete_rows_are_sure():
-    assert not any(row.identity_unsure for row in told("sim800", PADDED))
+    assert not any(row.identity_unsure for row in recognised_rows("sim800", PADDED))
 
 
 def test_a_number_that_stands_twice_is_what_it_is():
-    rows = told(
+    rows = recognised_rows(
         "sim800", ['+CENG:1,"0672,19,30,a53e,310,260,113"', '+CENG:2,"0678,14,39,4e74,310,260,113"']
     )
     assert [identity_of(row)[2] for row in rows] == [0x113, 0x113]
@@ -63,9 +63,9 @@ def test_a_number_that_stands_twice_is_what_it_is():
 
 def test_an_area_and_its_other_base_are_printed_twice():
     cmgrmi = "+CMGRMI: Serving_Cell,1300,262,02,11006,2,7654321,3,5,5,12,149,-95,-912,-604,0"
-    rows = told("sim7600", [decimal(7654321), cmgrmi])
+    rows = recognised_rows("sim7600", [decimal(7654321), cmgrmi])
     assert not any(row.identity_unsure for row in rows)
-    rows = told("sim7600", [decimal(7654321), cmgrmi.replace("7654321", "754321")])
+    rows = recognised_rows("sim7600", [decimal(7654321), cmgrmi.replace("7654321", "754321")])
     assert all(row.identity_unsure for row in rows)
 
 
@@ -94,11 +94,13 @@ def test_rows_that_are_made_one_have_printed_the_cell_twice():
 
 def test_serving_cells_of_one_channel_contradict_each_other():
     other = decimal(190887432).replace("0x2AFE", "0x2AFD")
-    assert all(row.identity_unsure for row in told("sim7600", [decimal(190887432), other]))
+    assert all(
+        row.identity_unsure for row in recognised_rows("sim7600", [decimal(190887432), other])
+    )
 
 
 def test_rows_of_one_reply_show_a_firmware_that_does_not_pad():
-    rows = told(
+    rows = recognised_rows(
         "sim800",
         [f'+CENG: {n},"404,04,{lac},d91{n},38,13"' for n, lac in enumerate(("1b3", "138", "7d"))],
     )
@@ -106,27 +108,29 @@ def test_rows_of_one_reply_show_a_firmware_that_does_not_pad():
 
 
 def test_an_earlier_reply_shows_the_form_for_any_cell():
-    assert told("quectel", lte("BFF", "4940206"))[0].identity_unsure
-    (later,) = told("quectel", lte("BFF", "4940206"), lte("D17", "127328"))
+    assert recognised_rows("quectel", lte("BFF", "4940206"))[0].identity_unsure
+    (later,) = recognised_rows("quectel", lte("BFF", "4940206"), lte("D17", "127328"))
     assert not later.identity_unsure
-    assert told("sim7600", decimal(50896642))[0].identity_unsure
-    assert not told("sim7600", decimal(50896642), decimal(7131))[0].identity_unsure
+    assert recognised_rows("sim7600", decimal(50896642))[0].identity_unsure
+    assert not recognised_rows("sim7600", decimal(50896642), decimal(7131))[0].identity_unsure
 
 
 def test_an_earlier_reply_shows_padding():
     lost = PADDED[1].replace("178d", "17d")
-    assert told("sim800", PADDED[1].replace("178d", "0113"), lost)[0].identity_unsure
+    assert recognised_rows("sim800", PADDED[1].replace("178d", "0113"), lost)[0].identity_unsure
 
 
 @pytest.mark.parametrize("cid", ["2089664", "2008964", "220089664", "200896664"])
 def test_a_digit_lost_or_doubled_of_a_known_cell_is_unsure(cid):
-    (row,) = told("sim7600", *[decimal(20089664)] * 3, decimal(cid))
+    (row,) = recognised_rows("sim7600", *[decimal(20089664)] * 3, decimal(cid))
     assert row.cid == int(cid)
     assert row.identity_unsure, row
 
 
 def test_the_known_cell_stays_sure_beside_its_damaged_self():
-    (row,) = told("sim7600", *[decimal(50896642)] * 3, decimal(5896642), decimal(50896642))
+    (row,) = recognised_rows(
+        "sim7600", *[decimal(50896642)] * 3, decimal(5896642), decimal(50896642)
+    )
     assert not row.identity_unsure
 
 
@@ -159,32 +163,35 @@ def test_the_same_damage_again_and_again_proves_nothing():
     ],
 )
 def test_a_network_code_has_the_digits_of_its_country(mcc, mnc, unsure):
-    assert told("sim800", PADDED[1].replace("310,411", f"{mcc},{mnc}"))[0].identity_unsure is unsure
+    assert (
+        recognised_rows("sim800", PADDED[1].replace("310,411", f"{mcc},{mnc}"))[0].identity_unsure
+        is unsure
+    )
 
 
 def test_a_network_code_received_before_is_sure_and_its_damage_is_not():
     odd = PADDED[1].replace("310,411", "262,001")
-    assert not told("sim800", odd, odd)[0].identity_unsure
+    assert not recognised_rows("sim800", odd, odd)[0].identity_unsure
     known = PADDED[1].replace("310,411", "405,864")
-    assert told("sim800", known, known, known.replace("864", "84"))[0].identity_unsure
+    assert recognised_rows("sim800", known, known, known.replace("864", "84"))[0].identity_unsure
 
 
 @pytest.mark.parametrize(
     ("row", "arfcn", "level"), [("0128,15", 128, -98.0), ("0128,5", 128, None)]
 )
 def test_a_level_without_its_padding_is_none(row, arfcn, level):
-    reading = told("sim800", [PADDED[0], PADDED[1].replace("0128,15", row)])[1]
+    reading = recognised_rows("sim800", [PADDED[0], PADDED[1].replace("0128,15", row)])[1]
     assert (reading.arfcn, reading.rssi_dbm, reading.cid) == (arfcn, level, 0xA53F)
     assert (reading.rxlev_raw is None) is (level is None)
 
 
 def test_a_channel_without_its_padding_is_none():
-    reading = told("sim800", [PADDED[0], PADDED[1].replace("0128,15", "128,15")])[1]
+    reading = recognised_rows("sim800", [PADDED[0], PADDED[1].replace("0128,15", "128,15")])[1]
     assert (reading.arfcn, reading.arfcn_raw, reading.rssi_dbm) == (None, None, -98.0)
 
 
 def test_levels_of_firmware_that_does_not_pad_are_read():
-    rows = told(
+    rows = recognised_rows(
         "sim800", [f'+CENG: {n},"{61 + n},{n},30,a53{n},310,411,178d"' for n in range(1, 5)]
     )
     assert [row.rxlev_raw for row in rows] == [1, 2, 3, 4]
@@ -192,7 +199,7 @@ def test_levels_of_firmware_that_does_not_pad_are_read():
 
 
 def test_rows_come_back_with_plain_numbers():
-    for row in told("sim800", PADDED):
+    for row in recognised_rows("sim800", PADDED):
         assert {
             type(getattr(row, name)) for name in ("lac", "cid", "arfcn_raw", "rxlev_raw", "bsic")
         } <= {int}

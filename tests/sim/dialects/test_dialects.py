@@ -24,7 +24,7 @@ AIR = Air.of(HEARD, lambda: PLACE)
 NOWHERE = Air.of([UNREAD])
 
 
-def told(name, command, air=AIR, **settings):
+def reply_to(name, command, air=AIR, **settings):
     """Lines of the reply to a command, with settings in the form CENG="1,1"."""
     dialect = DIALECTS[name]
     values = {key: kind.default for key, kind in dialect.settings.items()} | {"=": ""}
@@ -77,7 +77,7 @@ CAPTURES = [  # and how many kinds of lines they share
 def test_shapes_are_those_of_a_capture(corpus, name, command, file, settings, shared):
     lines = (corpus / "modem" / file).read_text("latin-1").replace(";", "").splitlines()
     real = {shape(line) for line in lines}
-    ours = {shape(line) for line in told(name, command, **settings)}
+    ours = {shape(line) for line in reply_to(name, command, **settings)}
     assert len(ours & real) == shared, (sorted(ours), sorted(real))
 
 
@@ -120,13 +120,13 @@ def test_shapes_are_those_of_a_capture(corpus, name, command, file, settings, sh
     ],
 )
 def test_a_line_holds_what_was_received(name, command, line):
-    assert line in told(name, command)
+    assert line in reply_to(name, command)
 
 
 def test_a_survey_of_some_channels():
     carriers = [
         line
-        for line in told("ge864", "#CSURV=", Air.of([*HEARD, UNREAD]))
+        for line in reply_to("ge864", "#CSURV=", Air.of([*HEARD, UNREAD]))
         if line.startswith("arfcn")
     ]
     assert len(carriers) == 8
@@ -156,15 +156,15 @@ def test_a_survey_of_some_channels():
     ],
 )  # fmt: skip
 def test_the_receiver_reports_where_it_is_once_it_is_on(name, command, on, line):
-    assert told(name, command, **on) == [line]
-    assert told(name, command) != [line]
-    without_fix = told(name, command, NOWHERE, **on)
+    assert reply_to(name, command, **on) == [line]
+    assert reply_to(name, command) != [line]
+    without_fix = reply_to(name, command, NOWHERE, **on)
     assert without_fix == 516 or not re.search(r"\d\d\d\d\.\d\d\d\d,", without_fix[0])
 
 
 @pytest.mark.parametrize("name", DIALECTS)
 def test_without_a_serving_cell_none_is_named(name):
     for command in DIALECTS[name].replies:
-        answer = told(name, command, NOWHERE)
+        answer = reply_to(name, command, NOWHERE)
         text = str(answer) if isinstance(answer, int) else " ".join(answer)
         assert not re.search(r"7e72|32370|1fd5|8149|\b460\b", text, re.IGNORECASE), (command, text)
