@@ -38,7 +38,8 @@ def parts_of(journal: Path) -> list[Path]:
     """All files of a journal in the order of their making.
 
     Only the first was named by the user, and may be a link: in an untrusted folder the others
-    may lead anywhere. Raises `RunFileError` if one is no file, OSError if the folder cannot be read.
+    may lead anywhere. Raises `RunFileError` if one is no file, OSError if the folder is
+    unreadable.
     """
     later = {
         int(suffix): path
