@@ -107,7 +107,7 @@ def locate(
     Either `CellObservations`, or bare arrays in the order of the walk: receiver positions `x_m` and
     `y_m`, shape (n,), metres in any plane with the same scale on both axes, and `level_dbm`, shape
     (n,). `position_sigma_m`, scalar or shape (n,), is the standard deviation of the receiver's
-    position per axis. `rat` ("GSM", "LTE", ...) tells where the modem's scale ends: readings there
+    position per axis. `rat` ("GSM", "LTE", ...) sets the modem's reporting range: readings there
     are censored. `environment` (any, open, suburban, urban) and `height_m`, the antenna above the
     receiver, choose the prior of P0 and eta; `antenna` (omni, sector) that of the antenna pattern.
 

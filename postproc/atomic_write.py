@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Files that are written completely or not at all."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -39,7 +39,7 @@ def whole_file(path: Path, *, keep: bool = True) -> Iterator[Path]:
     """Yield a name to write to, which replaces the file at the end; a failure leaves nothing.
 
     Without `keep` nothing is left in any case. Raises `RunFileError` where it cannot be written;
-    HDF5 and rerun tell of that by RuntimeError too.
+    HDF5 and rerun report that by RuntimeError too.
     """
     part = path.parent / f"{path.name}.part"  # of a path without a name too
     try:

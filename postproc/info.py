@@ -1,4 +1,4 @@
-"""What is in a run: counts, gaps, how it stopped, and whether it is whole."""
+"""Contents of a run: counts, gaps, how it stopped, and whether it is complete."""
 
 import re
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ GAP_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class CellCount:
-    """One cell of a run; `n_scans` are those in which it was named surely."""
+    """One cell of a run; `n_scans` are those in which it was identified without doubt."""
 
     cell: str
     rat: str | None
@@ -139,7 +139,7 @@ def _cells(run: Run) -> tuple[CellCount, ...]:
     known = np.isfinite(levels)
     np.maximum.at(strongest_dbm, which[known], levels[known])
     counts = np.bincount(which, minlength=len(names))
-    told = zip(
+    rows = zip(
         names.tolist(),
         readings["rat"][first].tolist(),
         counts.tolist(),
@@ -154,7 +154,7 @@ def _cells(run: Run) -> tuple[CellCount, ...]:
             scans[_text(name)],
             most_dbm if np.isfinite(most_dbm) else None,
         )
-        for name, rat, n, most_dbm in told
+        for name, rat, n, most_dbm in rows
         if name
     ]
     return tuple(sorted(cells, key=lambda cell: -cell.n))

@@ -9,7 +9,7 @@ from postproc.info import CellCount, Event, Gap, Info
 from postproc.terminal import print_text, screen, table
 
 MOST = 10
-"""Events, and gaps, that are listed unless all are asked for."""
+"""Events, and gaps, that are listed unless all are requested."""
 MOST_CELLS = 500
 """More than any city has within a walk."""
 _WEIGHT = {"error": 0, "warning": 1}
@@ -41,7 +41,7 @@ def _facts(info: Info) -> list[tuple[str, str, str]]:
         f"{info.n_readings_without_fix} without a fix, {info.n_readings_without_identity} of "
         "cells not decoded"
     )
-    started = info.started_utc or "at an unknown time (GPS never told it)"
+    started = info.started_utc or "at an unknown time (the receiver never reported it)"
     facts = [
         ("started", f"{started}, {info.duration_s:.0f} s", ""),
         ("stopped", info.stopped or "not: the plug was pulled, or it is still being recorded", ""),

@@ -1,8 +1,8 @@
-"""In how many scans each cell was heard, and whether that is enough to speak of it.
+"""Number of scans that observed each cell, and whether it is enough to report the cell.
 
-A damaged digit gives the name of a cell that is not there, and shows in no form; but it does not
-come twice. So a cell is spoken of when two scans have named it, each in a form that rules damage
-out as far as a form can.
+A damaged digit gives the name of a cell that does not exist, and no check of the reply's format
+detects it; but the same damage does not occur twice. So a cell is reported when two scans have
+named it, each in a reply that passed all checks of its format.
 """
 
 from collections.abc import Sequence
@@ -14,8 +14,8 @@ from logger.core.runfile import Run
 
 
 def scans_of(runs: Sequence[Run]) -> dict[str, int]:
-    """Scans of all runs in which each cell was named surely; 0 for one that never was."""
-    found: dict[str, int] = {}
+    """Scans of all runs in which each cell was identified without doubt; 0 where it never was."""
+    counts_by_name: dict[str, int] = {}
     for run in runs:
         readings = run.tables["readings"]
         names, which = np.unique(readings["cell"], return_inverse=True)
@@ -25,13 +25,13 @@ def scans_of(runs: Sequence[Run]) -> dict[str, int]:
         counts = np.bincount(pairs // max(len(scans), 1), minlength=len(names))
         for stored, count in zip(names.tolist(), counts.tolist(), strict=True):
             name = stored.decode("utf-8", "replace")
-            found[name] = found.get(name, 0) + count
-    found.pop("", None)
-    return found
+            counts_by_name[name] = counts_by_name.get(name, 0) + count
+    counts_by_name.pop("", None)
+    return counts_by_name
 
 
 def too_rarely(n_scans: int) -> str | None:
-    """Why a cell heard in so many scans is not spoken of; None where it is."""
+    """Why a cell observed in so many scans is not reported; None where it is."""
     if n_scans >= FEWEST_SCANS:
         return None
-    return "heard in one scan only" if n_scans else "its identity was never read without doubt"
+    return "observed in one scan only" if n_scans else "its identity was never read without doubt"

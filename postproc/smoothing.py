@@ -24,7 +24,7 @@ from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import scans_of, too_rarely
 from postproc.walk import observe_run
 
-NO_CELL = "no cell with an identity was heard"
+NO_CELL = "no cell with an identity was observed"
 
 Item = TypeVar("Item")
 
@@ -87,7 +87,7 @@ def observed_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str,
     every = {name.decode(): int(n) for name, n in zip(names, counts, strict=True) if name}
     if unknown := set(only or ()) - set(every):
         raise ConfigError(
-            f"cell {', '.join(sorted(unknown))} was not heard; `postproc info` lists those that "
+            f"cell {', '.join(sorted(unknown))} was not observed; `postproc info` lists those that "
             "were"
         )
     return {name: n for name, n in every.items() if not only or name in only}
@@ -106,11 +106,11 @@ def _estimate(parts: Parts, modems: Sequence[int], options: Options) -> CellResu
     """All estimators over the readings of all runs, and the answer without each run."""
     result = estimate_cell(merge(parts, modems), options)
     if result.posterior is not None and result.posterior.offsets is not None:
-        told = (
+        warning = (
             "levels of several modems: the offset between them is estimated, least squares "
-            "takes it as known"
+            "assumes that estimate"
         )
-        result = replace(result, warnings=(*result.warnings, told))
+        result = replace(result, warnings=(*result.warnings, warning))
     without = {}
     for left_out in parts if len(parts) > 1 else ():
         rest = {i: part for i, part in parts.items() if i != left_out}
@@ -127,5 +127,5 @@ def _warnings(n_runs: int, cells: Mapping[str, int], parts: Mapping[str, Parts])
     if not cells:
         return (NO_CELL,)
     if n_runs > 1 and all(len(part) < 2 for part in parts.values()):
-        return ("no cell was heard in two of the runs: each answer is that of one run",)
+        return ("no cell was observed in two of the runs: each answer is that of one run",)
     return ()

@@ -65,7 +65,7 @@ def _print_warnings(console: Console, runs: Sequence[RunSummary], warnings: Sequ
 
 def _print_lines(console: Console, cells: Sequence[Cell]) -> None:
     """One line for each cell, or one sentence where the terminal is too narrow for the table."""
-    titles = ["cell", "readings", "verdict", "place", "95 % within"]
+    titles = ["cell", "readings", "verdict", "position", "95 % within"]
     if any(cell.truth for cell in cells):
         titles.append("error")
     rows = [_line(cell) for cell in cells]
@@ -77,27 +77,27 @@ def _print_lines(console: Console, cells: Sequence[Cell]) -> None:
 
 
 def _sentence(cell: Cell) -> Text:
-    name, n, verdict, place, within, error = map(str, _line(cell))
-    where = {"located": f" at {place}, 95 % within {within}", "ambiguous": f", {place}"}
+    name, n, verdict, position, within, error = map(str, _line(cell))
+    where = {"located": f" at {position}, 95 % within {within}", "ambiguous": f", {position}"}
     more = f"{where.get(verdict, '')}, {n} readings{f', error {error}' if error else ''}"
     return styled_text((f"{name}: ", ""), (verdict, _STYLES[verdict]), (more, ""))
 
 
 def _line(cell: Cell) -> list[str | Text]:
-    place = within = error = ""
+    position = within = error = ""
     if cell.verdict == "located":
-        place, within = _position(cell.best), _metres(cell.best.r95_m)
+        position, within = _position(cell.best), _metres(cell.best.r95_m)
         error = _metres(cell.truth.error_m) if cell.truth else ""
     elif cell.verdict == "ambiguous":
-        place = f"{sum(mode.percent is not None for mode in cell.modes)} places"
+        position = f"{sum(mode.percent is not None for mode in cell.modes)} positions"
     verdict = Text(cell.verdict, _STYLES[cell.verdict])
-    return [cell.cell, str(cell.n), verdict, place, within, error]
+    return [cell.cell, str(cell.n), verdict, position, within, error]
 
 
 def _print_cell(console: Console, cell: Cell) -> None:
     scans = ""
     if cell.n_scans is not None:
-        scans = f", heard in {cell.n_scans} scan{'s' * (cell.n_scans != 1)}"
+        scans = f", observed in {cell.n_scans} scan{'s' * (cell.n_scans != 1)}"
     verdict = (cell.verdict, _STYLES[cell.verdict])
     counts = (f"  {cell.n} readings{scans}  ", "")
     print_text(console, styled_text(("\n", ""), (cell.cell, "bold"), counts, verdict))
@@ -105,7 +105,7 @@ def _print_cell(console: Console, cell: Cell) -> None:
         print_text(console, warning, bullet="  - ")
     _print_estimators(console, cell)
     if cell.timing is not UNSET:
-        points = f"read at {cell.timing.places} places, {cell.timing.disagree} disagree"
+        points = f"read at {cell.timing.places} points, {cell.timing.disagree} disagree"
         print_text(console, f"timing advance: {points}", bullet="  ")
     if cell.without:
         _print_runs(console, cell)
@@ -120,7 +120,7 @@ def _print_estimators(console: Console, cell: Cell) -> None:
         rows.append(["posterior", _position(best), extent, *_parameters(best), str(cell.n)])
     for i, mode in enumerate(cell.modes, 1):
         share = share_text(mode.probability) if mode.percent is None else f"{mode.percent}%"
-        rows.append([f"  place {i}: {share}", _position(mode), _axes(mode.ellipse95)])
+        rows.append([f"  position {i}: {share}", _position(mode), _axes(mode.ellipse95)])
     for estimator in ESTIMATORS:
         title = f"{estimator.name}*" if estimator == REFERENCE else estimator.name
         state: FinalState | LeastSquares = getattr(cell, estimator.json_key)
@@ -128,7 +128,9 @@ def _print_estimators(console: Console, cell: Cell) -> None:
             rows.append([title, "did not converge"])
         elif state.lat is not None:
             rows.append([title, _position(state), *_extent_and_parameters(state), str(state.n)])
-    table(console, ["estimator", "place", "95 % (m)", "P0 (dBm)", "eta", "n"], rows, right=("n",))
+    table(
+        console, ["estimator", "position", "95 % (m)", "P0 (dBm)", "eta", "n"], rows, right=("n",)
+    )
 
 
 def _extent_and_parameters(state: FinalState | LeastSquares) -> list[str]:
@@ -152,8 +154,8 @@ def _print_runs(console: Console, cell: Cell) -> None:
         level = "-" if share.offset_db is None else "0"
         if share.offset_db is not None and share.sigma_db:
             level = f"{share.offset_db:+.1f} ± {share.sigma_db:.1f}"
-        place = (_position(rest.best), f"r {rest.best.r95_m:.0f}") if rest.best else ("-", "-")
-        rows.append([share.run, str(share.n), level, *place, rest.verdict])
+        position = (_position(rest.best), f"r {rest.best.r95_m:.0f}") if rest.best else ("-", "-")
+        rows.append([share.run, str(share.n), level, *position, rest.verdict])
     titles = ["run", "n", "reads (dB)", "without it", "95 % (m)", "verdict"]
     table(console, titles, rows, right=("n",))
 
@@ -174,5 +176,5 @@ def _print_truth(console: Console, truth: TruthCheck | None) -> None:
     if truth is None or truth.error_m is None:
         return
     side = "inside" if truth.inside_region95 else "OUTSIDE"
-    error = f"best place is {truth.error_m:.0f} m off"
+    error = f"best position is {truth.error_m:.0f} m off"
     print_text(console, f"truth: {error}, truth is {side} the 95 % region", bullet="  ")

@@ -28,19 +28,19 @@ def screen() -> Console:
 
 
 def styled_text(*parts: tuple[str, str]) -> Text:
-    """Texts with their styles, one after the other; what a run says never steers the terminal."""
+    """Texts with their styles, one after the other; text from a run never controls the terminal."""
     return Text.assemble(*((printable(text, "\n"), style) for text, style in parts))
 
 
 def print_text(console: Console, text: Cell, style: str = "", *, bullet: str = "") -> None:
     """A paragraph; what follows its first line is indented as far as the bullet is long."""
-    said = styled_text((text, style)) if isinstance(text, str) else text
+    sentence = styled_text((text, style)) if isinstance(text, str) else text
     bullet = printable(bullet)
     if not console.is_terminal:
-        console.print(Text(bullet) + said)
+        console.print(Text(bullet) + sentence)
         return
     width = max(console.width - cell_len(bullet), _NARROWEST)
-    lines = [line for part in said.split("\n", allow_blank=True) for line in _wrap(part, width)]
+    lines = [line for part in sentence.split("\n", allow_blank=True) for line in _wrap(part, width)]
     for i, line in enumerate(lines):
         console.print(
             Text(" " * cell_len(bullet) if i else bullet) + line,
@@ -51,7 +51,7 @@ def print_text(console: Console, text: Cell, style: str = "", *, bullet: str = "
 
 
 def _wrap(text: Text, width: int) -> list[Text]:
-    """Lines broken at blanks only: a word that is longer than a line stays whole."""
+    """Lines broken at blanks only: a word longer than a line is not broken."""
     ends, start, end = [0], 0, 0
     for word in _WORD.finditer(text.plain):
         if end > start and cell_len(text.plain[start : word.end()]) > width:
@@ -118,12 +118,12 @@ def _line(row: Sequence[Text], widths: Sequence[int], align: Sequence[str]) -> T
 
 def _list(console: Console, titles: Sequence[str], row: Sequence[Text]) -> None:
     """Name of a row, then `title value` for each value that it has."""
-    said = Text()
+    sentence = Text()
     for title, cell in zip(titles[1:], row[1:], strict=False):
         if cell.plain:
             value = Text(f"{title} ").append_text(cell)
             value.plain = value.plain.replace(" ", _KEPT_TOGETHER)
-            said.append(", " if said else "").append_text(value)
+            sentence.append(", " if sentence else "").append_text(value)
     name = row[0].plain.lstrip()
     indent = "  " + " " * (row[0].cell_len - len(name))
-    print_text(console, said, bullet=f"{indent}{name}: ")
+    print_text(console, sentence, bullet=f"{indent}{name}: ")

@@ -1,4 +1,4 @@
-"""The readings of a run at the places where the walker was, and what is to be said of these."""
+"""The readings of a run at the smoothed positions of the walker, and warnings about these."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -27,18 +27,18 @@ def observe_run(run: Run) -> ObservedRun:
     except EstimationError as error:
         return ObservedRun(run, None, (str(error),))
     if not has_times(run.meta.origin):
-        warning = "the readings were imported without times: no place is smoothed"
+        warning = "the readings were imported without times: no position is smoothed"
         return ObservedRun(run, observations, (warning,))
-    walked = _smooth_track(run.tables, observations)
+    track = _smooth_track(run.tables, observations)
     if is_import(run.meta.origin):
         why = track_plausibility.too_fast(observations.track) or track_plausibility.too_many_apart(
-            walked
+            track
         )
         if why:
-            warning = f"the times cannot be right: {why}; so no place is smoothed"
+            warning = f"the times cannot be right: {why}; so no position is smoothed"
             return ObservedRun(run, observations, (warning,))
     return ObservedRun(
-        run, _place_readings(run.tables, observations, walked), tuple(_describe_moved_fixes(walked))
+        run, _place_readings(run.tables, observations, track), tuple(_describe_moved_fixes(track))
     )
 
 
@@ -48,7 +48,7 @@ def _smooth_track(tables: Mapping[str, Rows], observations: Observations) -> Smo
 
 
 def _place_readings(
-    tables: Mapping[str, Rows], observations: Observations, walked: SmoothedTrack
+    tables: Mapping[str, Rows], observations: Observations, track: SmoothedTrack
 ) -> Observations:
     """The readings on the smoothed way.
 
@@ -57,35 +57,35 @@ def _place_readings(
     """
 
     def place_cell(obs: CellObservations) -> CellObservations:
-        at = walker.relocate(obs, walked)
-        before, after = (walked.at(obs.t_ns + shift) for shift in (-(10**9) // 2, 10**9 // 2))
+        placed = walker.relocate(obs, track)
+        before, after = (track.at(obs.t_ns + shift) for shift in (-(10**9) // 2, 10**9 // 2))
         late_m = TIMING_S * np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
-        begun, ended = (walked.at(t_ns) for t_ns in scan_times_ns(tables["scans"], obs))
+        begun, ended = (track.at(t_ns) for t_ns in scan_times_ns(tables["scans"], obs))
         smear_m = smeared_sigma_m(np.hypot(ended.x_m - begun.x_m, ended.y_m - begun.y_m))
         return replace(
-            at, position_sigma_m=np.sqrt(at.position_sigma_m**2 + late_m**2 + smear_m**2)
+            placed, position_sigma_m=np.sqrt(placed.position_sigma_m**2 + late_m**2 + smear_m**2)
         )
 
     return replace(observations, cells=tuple(place_cell(obs) for obs in observations.cells))
 
 
-def _describe_moved_fixes(walked: SmoothedTrack) -> list[str]:
+def _describe_moved_fixes(track: SmoothedTrack) -> list[str]:
     """What was done to fixes beyond what their accuracy allows."""
-    moved_m, far = track_plausibility.moved_m(walked), track_plausibility.moved_too_far(walked)
-    told = []
-    if n := walked.n_outliers:
-        away_m = float(np.max(moved_m[walked.outlier]))
+    moved_m, far = track_plausibility.moved_m(track), track_plausibility.moved_too_far(track)
+    warnings = []
+    if n := track.n_outliers:
+        away_m = float(np.max(moved_m[track.outlier]))
         which = "fix lies" if n == 1 else "fixes lie"
         was = "was" if n == 1 else "were"
-        told.append(
-            f"{n} {which} apart from all others, up to {away_m:.0f} m from the way, and {was} "
+        warnings.append(
+            f"{n} {which} apart from all others, up to {away_m:.0f} m from the track, and {was} "
             "set aside"
         )
     if n := int(np.count_nonzero(far)):
         away_m = float(np.max(moved_m[far]))
         which = "fix lies" if n == 1 else "fixes lie"
-        told.append(
-            f"{n} {which} farther from the smoothed way than three times their accuracy, up to "
+        warnings.append(
+            f"{n} {which} farther from the smoothed track than three times their accuracy, up to "
             f"{away_m:.0f} m"
         )
-    return told
+    return warnings

@@ -79,8 +79,8 @@ def antenna_patterns(
     """Random antenna patterns in dB at positions (2, b), `size` (b,) times the prior's: (n, b)."""
     _, *harmonics = varying_columns(blocks, prior, position_m[0], position_m[1])
     sigma_db = np.repeat(prior.antenna_db, 2)[:, None] * size
-    drawn = sigma_db * rng.normal(size=(len(harmonics), len(size)))
-    return np.asarray(np.einsum("knb,kb->nb", np.stack(harmonics), drawn), float)
+    walks = sigma_db * rng.normal(size=(len(harmonics), len(size)))
+    return np.asarray(np.einsum("knb,kb->nb", np.stack(harmonics), walks), float)
 
 
 def nuisances(field: LikelihoodGrid, level_dbm: FloatArray, k: FloatArray) -> Nuisances:
@@ -111,16 +111,16 @@ def nuisances_off(
     return nuisances(likelihood_grid(field.blocks, field.prior, field.squares, free), level_dbm, k)
 
 
-def calibrate(calm: FloatArray, found: FloatArray) -> FloatArray:
-    """Share of the sorted `calm` (d,) at or below each of `found`.
+def calibrate(calm: FloatArray, statistics: FloatArray) -> FloatArray:
+    """Share of the sorted `calm` (d,) at or below each of `statistics`.
 
     In the tail, where few are, it follows a power law through the least of them.
     """
-    calm, found = np.maximum(calm, _LEAST), np.maximum(found, _LEAST)
-    count = np.searchsorted(calm, found, side="right")
+    calm, statistics = np.maximum(calm, _LEAST), np.maximum(statistics, _LEAST)
+    count = np.searchsorted(calm, statistics, side="right")
     edge = calm[_TAIL]
     steep = float(
         np.clip((_TAIL - 1.0) / max(float(np.sum(np.log(edge / calm[:_TAIL]))), 1e-9), 0.2, 5.0)
     )
-    beyond = (_TAIL + 0.5) / (len(calm) + 1.0) * (np.minimum(found, edge) / edge) ** steep
-    return np.asarray(np.where(found < edge, beyond, (count + 0.5) / (len(calm) + 1.0)), float)
+    beyond = (_TAIL + 0.5) / (len(calm) + 1.0) * (np.minimum(statistics, edge) / edge) ** steep
+    return np.asarray(np.where(statistics < edge, beyond, (count + 0.5) / (len(calm) + 1.0)), float)

@@ -57,7 +57,7 @@ def verify_cell(
         return undecided_verdict(obs.cell, len(obs), claim, why)
     test = _claim_test(obs, claim, options.prior, rng)
     if test is None:
-        why = f"fewer than {FEWEST_BLOCKS} places with a level"
+        why = f"fewer than {FEWEST_BLOCKS} locations with a level"
         return undecided_verdict(obs.cell, len(obs), claim, why)
     posterior = locate(obs, options.prior)
     followed: Followed = "indirect" if observable(posterior) else "direct"

@@ -1,8 +1,8 @@
 """Cells of OpenCelliD and Mozilla exports in one indexed SQLite file.
 
-A cell stands in it once: of several rows of one identity the one last updated is kept. Places are
-found by belts of a hundredth of a degree of latitude, in each of which the index is ordered by
-longitude. A database tells where cells were seen by others, not which cells there are: absence is
+Each cell has one row: of several rows of one identity it is the one last updated. Positions are
+looked up by belts of a hundredth of a degree of latitude, in each of which the index is ordered by
+longitude. A database lists where others observed cells, not which cells exist: absence is
 never an alarm by itself.
 """
 
@@ -35,8 +35,8 @@ _FIELDS = "radio, mcc, net, area, cell, lat, lon, range_m, samples, updated_s"
 class DbCell:
     """A cell of the database; `updated_s` is Unix time, `samples` the number of observations.
 
-    `distance_m` is that from the place asked for, None where an identity was. `short_cid` tells
-    that only the lower 16 bits of the identity are those asked for, which is all that some 3G
+    `distance_m` is that from the requested position, None for a search by identity. `short_cid`
+    means that only the lower 16 bits of the identity match, which is all that some 3G
     modems print.
     """
 
@@ -81,9 +81,9 @@ class CellDb:
                 f"{name!r} is no cell: mcc-mnc-area-cid is wanted, like 262-01-801-86355"
             )
         same = "mcc = ? AND net = ? AND area = ?"
-        found = self._cells(f"{same} AND cell = ?", identity)
-        if found or identity[3] >= _SHORT_CID:
-            return found
+        cells = self._cells(f"{same} AND cell = ?", identity)
+        if cells or identity[3] >= _SHORT_CID:
+            return cells
         short = self._cells(f"{same} AND cell & 65535 = ? AND radio = 'UMTS'", identity)
         return [replace(cell, short_cid=True) for cell in short]
 

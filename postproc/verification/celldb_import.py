@@ -88,7 +88,7 @@ class Imported:
 
 
 class CellImport:
-    """Import of exports into a database file, which is replaced whole at the end or not at all."""
+    """Import of exports into a database file, which is replaced at the end or not at all."""
 
     def __init__(self, files: list[Path], target: Path) -> None:
         self.files, self.target = files, target
@@ -121,12 +121,12 @@ class CellImport:
             with cell_export(path) as export:
                 n_short = yield from _insert(db, export)
             read = db.execute("SELECT coalesce(max(rowid), 0) FROM cell").fetchone()[0] - first
-            found = _without_bad(db, path, first)
+            bad_rows = _without_bad(db, path, first)
             good = db.execute("SELECT count(*) FROM cell WHERE rowid > ?", (first,)).fetchone()[0]
             if not good:
-                why = f"; its row {found[0].row} is {found[0].text}" if found else ""
+                why = f"; its row {bad_rows[0].row} is {bad_rows[0].text}" if bad_rows else ""
                 raise RunFileError(f"{path} has no usable row{why}")
-            bad += found
+            bad += bad_rows
             n_rows, n_bad = n_rows + read + n_short, n_bad + read - good + n_short
         db.executescript(f"{_IDENTITY}; {_PLACE}; {_TWICE}")
         n_replaced = db.execute(_OLDER).rowcount
@@ -155,7 +155,7 @@ def _insert(db: sqlite3.Connection, export: Export) -> Generator[int, None, int]
 
 
 def _of_width(rows: Iterable[list[str]], width: int, odd: list[int]) -> Iterator[list[str]]:
-    """Rows that are whole; the lengths of others are noted."""
+    """Rows that are complete; the lengths of others are noted."""
     for row in rows:
         if len(row) == width:
             yield row
@@ -164,12 +164,13 @@ def _of_width(rows: Iterable[list[str]], width: int, odd: list[int]) -> Iterator
 
 
 def _without_bad(db: sqlite3.Connection, path: Path, first: int) -> list[BadRow]:
-    """Delete rows that name no cell or no place; returns the first of them."""
+    """Delete rows that name no cell or no position; returns the first of them."""
     where = f"WHERE rowid > {first} AND NOT ({_GOOD})"
     columns = f"rowid - {first}, radio, mcc, net, area, cell, lon, lat"
-    found = db.execute(f"SELECT {columns} FROM cell {where} LIMIT {_MOST_BAD}")  # noqa: S608 (numbers and our own text)
+    bad_rows = db.execute(f"SELECT {columns} FROM cell {where} LIMIT {_MOST_BAD}")  # noqa: S608 (numbers and our own text)
     bad = [
-        BadRow(str(path), row[0], ",".join(str(value)[:24] for value in row[1:])) for row in found
+        BadRow(str(path), row[0], ",".join(str(value)[:24] for value in row[1:]))
+        for row in bad_rows
     ]
     if bad:
         db.execute(f"DELETE FROM cell {where}")  # noqa: S608

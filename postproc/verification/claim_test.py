@@ -47,7 +47,7 @@ class PreparedWalk:
 
 @dataclass(frozen=True)
 class ClaimTest:
-    """Both tests of one claim; `calm_direct` are the sorted statistics of walks drawn from it."""
+    """Both tests of one claim; `calm_direct` are sorted statistics of walks simulated from it."""
 
     walk: PreparedWalk
     claim: FloatArray
@@ -90,10 +90,10 @@ def claim_test(walk: PreparedWalk, claim: FloatArray, rng: np.random.Generator) 
     if direct is None:
         return None
     at = claim[:, rng.integers(claim.shape[1], size=DRAWS)]
-    drawn = walk.noise.walks(at[0], at[1], rng)
-    indirect = indirect_test(walk.field, claim, drawn, walk.noise.mean_sigma_db, rng)
-    told = nuisances_off(direct.bent, walk.fine, walk.level_dbm, walk.covariances)
-    calm = direct.p_values(told.walks(at[0], at[1], rng), trusting=True)
+    sample_walks = walk.noise.walks(at[0], at[1], rng)
+    indirect = indirect_test(walk.field, claim, sample_walks, walk.noise.mean_sigma_db, rng)
+    without_bent = nuisances_off(direct.bent, walk.fine, walk.level_dbm, walk.covariances)
+    calm = direct.p_values(without_bent.walks(at[0], at[1], rng), trusting=True)
     return ClaimTest(walk, claim, direct, indirect, np.sort(calm))
 
 

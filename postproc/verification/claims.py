@@ -15,11 +15,11 @@ from postproc.verification.celldb import CellDb, is_celldb
 from postproc.verification.parsing import identity_of
 
 RANGE_SIGMA = 0.5
-"""Sigma of a place in an export by its `range`, the greatest distance at which the cell was seen:
-the place is the middle of where it was seen, not where it stands.
+"""Sigma of a position in an export by its `range`, the greatest distance at which the cell was
+observed: the position is the centre of these observations, not that of the transmitter.
 """
 UNKNOWN_SIGMA_M = 1000.0
-"""Sigma of a place in an export that tells no range."""
+"""Sigma of a position in an export without a range."""
 _COLUMNS = ("cell", "lat", "lon")
 _GEOD = Geod(ellps="WGS84")
 
@@ -36,11 +36,11 @@ class Claim:
 
 
 _REACH_KM = 50.0
-"""A GSM cell is heard within 35 km, and a walk has its own length."""
+"""A GSM cell is received within 35 km, and a walk has its own length."""
 
 
 def away_m(one_deg: tuple[float, float], other_deg: tuple[float, float]) -> float:
-    """Distance on the Earth between two places (latitude, longitude)."""
+    """Distance on the Earth between two positions (latitude, longitude)."""
     return float(_GEOD.inv(one_deg[1], one_deg[0], other_deg[1], other_deg[0])[2])
 
 
@@ -49,22 +49,22 @@ def swap_hint(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
 
     `walk_deg` is the latitude and longitude of the walk.
 
-    None where the claim is near enough to be heard, or far away either way.
+    None where the claim is near enough to be received, or far away either way.
     """
     lat_deg, lon_deg = claim.lon_deg, claim.lat_deg
     if not abs(lat_deg) <= MAX_LATITUDE_DEG:
         return None
-    told_km, other_km = (
+    claimed_km, other_km = (
         away_m(one, walk_deg) / 1000.0
         for one in ((claim.lat_deg, claim.lon_deg), (lat_deg, lon_deg))
     )
-    if told_km <= _REACH_KM or other_km > _REACH_KM:
+    if claimed_km <= _REACH_KM or other_km > _REACH_KM:
         return None
     near = (
         f"at {lat_deg:.5f} {lon_deg:.5f} it would be {max(other_km, 1.0):.0f} km or less from "
         "the walk"
     )
-    return f"latitude and longitude swapped? {near} instead of {told_km:.0f} km"
+    return f"latitude and longitude swapped? {near} instead of {claimed_km:.0f} km"
 
 
 def parse_claim(text: str, cell: str | None) -> Claim:
@@ -80,7 +80,7 @@ def parse_claim(text: str, cell: str | None) -> Claim:
     )
 
 
-def read_claims(path: Path, heard: Sequence[str]) -> list[Claim]:
+def read_claims(path: Path, observed: Sequence[str]) -> list[Claim]:
     """Claims about the cells observed, from a file.
 
     Raises `RunFileError` for a file that contains none, `ConfigError` for a bad claim.
@@ -89,19 +89,21 @@ def read_claims(path: Path, heard: Sequence[str]) -> list[Claim]:
     does not know simply have no claim.
     """
     if is_celldb(path):
-        return _of_database(path, heard)
+        return _of_database(path, observed)
     try:
         with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
             reader = csv.DictReader(file)
             names = [name.strip().lower() for name in reader.fieldnames or ()]
             if set(_COLUMNS) <= set(names) and "radio" not in names:
                 reader.fieldnames = names
-                return [_own(row, path, reader.line_num) for row in reader if row["cell"] in heard]
+                return [
+                    _own(row, path, reader.line_num) for row in reader if row["cell"] in observed
+                ]
     except OSError as error:
         raise RunFileError(f"{path}: {error.strerror}") from error
     except csv.Error as error:
         raise RunFileError(f"{path} is no CSV file: {error}") from error
-    return _of_export(path, heard)
+    return _of_export(path, observed)
 
 
 def _own(row: dict[str, str], path: Path, line: int) -> Claim:
@@ -122,44 +124,48 @@ def _own(row: dict[str, str], path: Path, line: int) -> Claim:
         raise RunFileError(f"{path}: line {line}: {error}") from error
 
 
-def _of_database(path: Path, heard: Sequence[str]) -> list[Claim]:
+def _of_database(path: Path, observed: Sequence[str]) -> list[Claim]:
     database = CellDb(path)
     claims = []
-    for name in heard:
+    for name in observed:
         if identity_of(name) is not None:
             known = database.by_identity(name)
             if known:
-                found = max(known, key=lambda cell: cell.samples or 0)
+                cell = max(known, key=lambda row: row.samples or 0)
                 where = (
-                    f"{path}{' (by the lower 16 bits of its identity)' if found.short_cid else ''}"
+                    f"{path}{' (by the lower 16 bits of its identity)' if cell.short_cid else ''}"
                 )
-                claims.append(Claim(name, found.lat, found.lon, _sigma_m(found.range_m), where))
+                claims.append(Claim(name, cell.lat, cell.lon, _sigma_m(cell.range_m), where))
     database.close()
     return claims
 
 
-def _of_export(path: Path, heard: Sequence[str]) -> list[Claim]:
-    wanted = {identity: name for name in heard if (identity := identity_of(name)) is not None}
+def _of_export(path: Path, observed: Sequence[str]) -> list[Claim]:
+    wanted = {identity: name for name in observed if (identity := identity_of(name)) is not None}
     claims: dict[str, Claim] = {}
     with cell_export(path) as export:
-        place = export.column
+        column = export.column
         for row in export.rows:
             try:
                 mcc, net, area, cell = (
-                    int(row[place[column]]) for column in ("mcc", "net", "area", "cell")
+                    int(row[column[key]]) for key in ("mcc", "net", "area", "cell")
                 )
                 name = wanted.get((mcc, net, area, cell))
                 if name is None:
                     continue
-                span = row[place["range"]] if "range" in place else ""
+                span = row[column["range"]] if "range" in column else ""
                 sigma_m = _sigma_m(int(span) if span.isdigit() else None)
                 claims[name] = _check(
                     Claim(
-                        name, float(row[place["lat"]]), float(row[place["lon"]]), sigma_m, str(path)
+                        name,
+                        float(row[column["lat"]]),
+                        float(row[column["lon"]]),
+                        sigma_m,
+                        str(path),
                     )
                 )
             except (ValueError, IndexError, GeoError):
-                continue  # a row of an export that names no cell or no place
+                continue  # a row of an export that names no cell or no position
     return list(claims.values())
 
 

@@ -134,9 +134,9 @@ class LikelihoodGrid:
         mean, variance = [], []
         for whitener in self.whiteners:
             total = sums(whitener.matrix, fixed, self.columns, self.extra)
-            given = fit(total, of_prior, np.zeros(total.shape[1]))
-            mean.append(given.theta[1])
-            variance.append(given.covariance(2)[1, 1])
+            posterior = fit(total, of_prior, np.zeros(total.shape[1]))
+            mean.append(posterior.theta[1])
+            variance.append(posterior.covariance(2)[1, 1])
         return np.stack(mean), np.stack(variance)
 
     @property

@@ -1,4 +1,4 @@
-"""What a user types to name a cell or a place."""
+"""What a user types to name a cell or a position."""
 
 from logger.core.errors import ConfigError
 
@@ -23,5 +23,5 @@ def place_of(text: str) -> tuple[float, float, float]:
     except ValueError:
         values = []
     if len(values) not in {2, 3}:
-        raise ConfigError(f"{text!r} is no place: LAT,LON or LAT,LON,RADIUS_M is wanted")
+        raise ConfigError(f"{text!r} is no position: LAT,LON or LAT,LON,RADIUS_M is wanted")
     return values[0], values[1], values[2] if len(values) == 3 else _USUAL_M

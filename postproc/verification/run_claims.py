@@ -125,7 +125,7 @@ def _decide(undecided_yet: CellVerdict, q: float, p_fa: float) -> CellVerdict:
     verdict: Verdict = "consistent"
     if q <= p_fa:
         verdict = "rejected"
-        why = f"levels like these are heard past the claimed place with probability {p:.2g}"
+        why = f"levels like these are received from the claimed position with probability {p:.2g}"
     elif 2 * len(noticed) < len(power):
         verdict = "cannot tell"
         reach = f"no displacement up to {power[0].limit_m:.0f} m"

@@ -33,13 +33,13 @@ def sites_of(
             return None, why
     walks = _readings(runs, cell)
     if len(walks) < len(runs):
-        return None, "the cell was not heard where the walker knew the place"
+        return None, "the cell was not received where the position of the walker is known"
     rng = np.random.default_rng(SEED)
     if other is None:
         return _within_one_walk(walks[0], prior, rng)
     first, second = (blocks_of(obs) for obs in walks)
     if min(len(first), len(second)) < FEWEST_BLOCKS:
-        return None, f"fewer than {FEWEST_BLOCKS} places with a level"
+        return None, f"fewer than {FEWEST_BLOCKS} locations with a level"
     return between_two(
         prepare_walk(first, prior), prepare_walk(second, prior), walks[0].utm, rng
     ), None

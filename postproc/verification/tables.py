@@ -23,15 +23,15 @@ def as_dict(verified: Verified) -> Json:
 
 def sites_dict(cell: str, sites: Sites | None, why_not: str | None, p_fa: float) -> Json:
     """What `postproc verify --sites --json` prints."""
-    found: Json = {"cell": cell, "verdict": site_verdict(sites, p_fa), "why_not": why_not}
+    entry: Json = {"cell": cell, "verdict": site_verdict(sites, p_fa), "why_not": why_not}
     if sites is not None:
-        found |= {
+        entry |= {
             "log_factor": sites.log_factor,
             "p": sites.p,
             "draws": sites.draws,
             "places": sites.places_deg,
         }
-    return found
+    return entry
 
 
 def site_verdict(sites: Sites | None, p_fa: float) -> str:
@@ -41,21 +41,21 @@ def site_verdict(sites: Sites | None, p_fa: float) -> str:
     return "two places" if sites.p <= p_fa and sites.log_factor > 0.0 else "no sign of two places"
 
 
-def print_sites(found: Json) -> None:
+def print_sites(sites: Json) -> None:
     """One place or two."""
     console = screen()
-    print_text(console, styled_text((found["cell"], "bold"), (f"  {found['verdict']}", "")))
-    if found["why_not"]:
-        print_text(console, found["why_not"], bullet="  - ")
+    print_text(console, styled_text((sites["cell"], "bold"), (f"  {sites['verdict']}", "")))
+    if sites["why_not"]:
+        print_text(console, sites["why_not"], bullet="  - ")
         return
-    places = " and ".join(f"{lat:.5f} {lon:.5f}" for lat, lon in found["places"])
-    factor = f"two places against one: log factor {found['log_factor']:.1f}, near {places}"
+    places = " and ".join(f"{lat:.5f} {lon:.5f}" for lat, lon in sites["places"])
+    factor = f"two places against one: log factor {sites['log_factor']:.1f}, near {places}"
     print_text(console, factor, bullet="  ")
-    drawn = (
-        f"p {found['p']:.3g}: share of {found['draws']} walks drawn past one place with a factor "
-        "as large"
+    p_text = (
+        f"p {sites['p']:.3g}: share of {sites['draws']} walks simulated past one transmitter with a "
+        "factor as large"
     )
-    print_text(console, drawn, bullet="  ")
+    print_text(console, p_text, bullet="  ")
 
 
 def print_verified(verified: Verified) -> None:
@@ -67,23 +67,25 @@ def print_verified(verified: Verified) -> None:
         _print_cell(console, cell)
     if verified.without_claim:
         n = len(verified.without_claim)
-        says = (
-            f"{n} cell{'s' * (n != 1)} heard without a claim: absence from a database is no "
+        text = (
+            f"{n} cell{'s' * (n != 1)} observed without a claim: absence from a database is no "
             "alarm by itself"
         )
-        print_text(console, f"\n{says}")
+        print_text(console, f"\n{text}")
     if verified.heard_once:
         n = len(verified.heard_once)
         print_text(
-            console, f"{n} cell{'s' * (n != 1)} heard in one scan only or never surely: passed over"
+            console,
+            f"{n} cell{'s' * (n != 1)} observed in one scan only or never without doubt: "
+            "not tested",
         )
     tested = sum(cell.p is not None for cell in verified.cells)
     if tested:
-        says = (
+        text = (
             f"false-alarm rate {verified.p_fa:g}; false discoveries over {tested} "
             f"claim{'s' * (tested != 1)}"
         )
-        print_text(console, f"{says} controlled by Benjamini-Hochberg (q)")
+        print_text(console, f"{text} controlled by Benjamini-Hochberg (q)")
 
 
 def _print_cell(console: Console, cell: CellVerdict) -> None:
@@ -116,7 +118,7 @@ def _print_cell(console: Console, cell: CellVerdict) -> None:
     if any(one.direct_blind_m or one.indirect_blind_m for one in cell.power):
         print_text(
             console,
-            "* farther out in this direction there is a place that would not be noticed",
+            "* farther out in this direction a displacement would not be noticed",
             bullet="  ",
         )
 
@@ -129,26 +131,33 @@ def _metres(m: float | None, blind_m: float | None) -> str:
     return "none" if m is None else f"{m:.0f}{'*' if blind_m else ''}"
 
 
-def print_cells(found: Sequence[DbCell]) -> None:
+def print_cells(cells: Sequence[DbCell]) -> None:
     """Cells of a database."""
     console = screen()
-    if not found:
-        says = (
-            "not in the database, which is no alarm by itself: it lists what others have seen, "
-            "not what there is"
+    if not cells:
+        text = (
+            "not in the database, which is no alarm by itself: it lists what others have "
+            "observed, not what exists"
         )
-        print_text(console, says)
+        print_text(console, text)
         return
     rows = []
-    for cell in found:
+    for cell in cells:
         short = " (short identity)" if cell.short_cid else ""
         name = f"{cell.mcc}-{cell.net}-{cell.area}-{cell.cell}{short}"
         away = "-" if cell.distance_m is None else f"{cell.distance_m:.0f}"
-        place = f"{cell.lat:.5f} {cell.lon:.5f}"
+        position = f"{cell.lat:.5f} {cell.lon:.5f}"
         rows.append(
-            [name, cell.radio, place, _number_text(cell.range_m), _number_text(cell.samples), away]
+            [
+                name,
+                cell.radio,
+                position,
+                _number_text(cell.range_m),
+                _number_text(cell.samples),
+                away,
+            ]
         )
-    titles = ["cell", "type", "place", "range (m)", "observations", "away (m)"]
+    titles = ["cell", "type", "position", "range (m)", "observations", "away (m)"]
     table(console, titles, rows, right=titles[3:])
 
 

@@ -36,12 +36,25 @@ def run(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "command",
     [
-        "info {}", "info --verify {}", "replay {}", "smooth {}", "smooth a.journal {}", "plot {}", "report {}",
-        "view {} --save o.rrd", "verify {} --claim 52,13", "share {} -o o.h5", "export {} -o o.kml",
-        "import {} -o o.h5", "recover {}", "celldb lookup {} --cell 262-1-2-3", "celldb import {} -o o.db",
-        "verify a.journal --claims {}", "view a.journal --save o.rrd --basemap {}",
+        "info {}",
+        "info --verify {}",
+        "replay {}",
+        "smooth {}",
+        "smooth a.journal {}",
+        "plot {}",
+        "report {}",
+        "view {} --save o.rrd",
+        "verify {} --claim 52,13",
+        "share {} -o o.h5",
+        "export {} -o o.kml",
+        "import {} -o o.h5",
+        "recover {}",
+        "celldb lookup {} --cell 262-1-2-3",
+        "celldb import {} -o o.db",
+        "verify a.journal --claims {}",
+        "view a.journal --save o.rrd --basemap {}",
     ],
-)  # fmt: skip
+)
 def test_what_is_to_be_read(run, capsys, command, name):
     argv = [name if word == "{}" else word for word in command.split()]
     if command == "recover {}" and name == "/":
@@ -54,10 +67,14 @@ def test_what_is_to_be_read(run, capsys, command, name):
 @pytest.mark.parametrize(
     "command",
     [
-        "plot a.journal -o png", "report a.journal -o html", "view a.journal --save rrd", "share a.journal -o h5",
-        "export a.journal -o csv", "export a.journal -o kml",
+        "plot a.journal -o png",
+        "report a.journal -o html",
+        "view a.journal --save rrd",
+        "share a.journal -o h5",
+        "export a.journal -o csv",
+        "export a.journal -o kml",
     ],
-)  # fmt: skip
+)
 def test_what_is_to_be_written(run, capsys, command, name):
     *argv, suffix = command.split()
     assert main([*argv, name.format(suffix)]) == 2

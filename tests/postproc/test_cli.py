@@ -201,7 +201,7 @@ def test_smooth_keeps_its_contract_and_the_run(tmp_path, capsys):
     assert {cell["verdict"] for cell in found["cells"]} == {"cannot tell"}
     assert main(["smooth", str(path), "--cell", "262-01-4711-1"]) == 0
     assert "cannot tell" in capsys.readouterr().out
-    assert "was not heard" in _fails(capsys, "smooth", path, "--cell", "none")
+    assert "was not observed" in _fails(capsys, "smooth", path, "--cell", "none")
 
 
 @pytest.mark.parametrize(

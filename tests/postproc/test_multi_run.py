@@ -162,7 +162,7 @@ def test_a_run_that_never_heard_the_cell_changes_nothing(pair, tmp_path):
         )
     assert (cell.without, len(cell.shares)) == ({}, 1)
     assert cell.warnings == alone.warnings
-    assert "no cell was heard in two" in together.warnings[0]
+    assert "no cell was observed in two" in together.warnings[0]
 
 
 def test_a_run_without_a_fix_is_named(pair, tmp_path, capsys):
@@ -180,7 +180,7 @@ def test_mistakes_are_one_line(pair, tmp_path, capsys):
     assert "are the same run" in fails(capsys, "smooth", pair[0], pair[1], pair[0])
     far = walked(tmp_path / "far.h5", STREET, at_deg=(48.0, 12.0))
     assert "445 km" in fails(capsys, "smooth", pair[0], far)
-    assert "was not heard" in fails(capsys, "smooth", *pair, "--cell", OTHER)
+    assert "was not observed" in fails(capsys, "smooth", *pair, "--cell", OTHER)
     assert "no such file" in fails(capsys, "smooth", pair[0], tmp_path / "none.h5")
 
 

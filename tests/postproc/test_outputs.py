@@ -38,9 +38,12 @@ def folder(tmp_path, monkeypatch):
         if not (tmp_path / f"pipe{suffix}").exists():
             os.mkfifo(tmp_path / f"pipe{suffix}")
     for work in (
-        "postproc.smoothing.smooth_runs", "postproc.interop.importing.import_walk", "postproc.interop.share.share",
-        "postproc.verification.celldb_import.CellImport", "postproc.reproductions.toa.simulate.simulate",
-    ):  # fmt: skip
+        "postproc.smoothing.smooth_runs",
+        "postproc.interop.importing.import_walk",
+        "postproc.interop.share.share",
+        "postproc.verification.celldb_import.CellImport",
+        "postproc.reproductions.toa.simulate.simulate",
+    ):
         monkeypatch.setattr(
             work, lambda *_, **__: pytest.fail("computed before the output was checked")
         )

@@ -64,7 +64,7 @@ def test_scans_are_counted_not_readings(path):
 
 
 def test_why_a_cell_is_not_spoken_of():
-    assert too_rarely(1) == "heard in one scan only"
+    assert too_rarely(1) == "observed in one scan only"
     assert too_rarely(0) == "its identity was never read without doubt"
     assert too_rarely(2) is None
 
@@ -73,7 +73,7 @@ def test_what_was_heard_once_is_never_located(path):
     found = {result.cell: result for result in smooth_runs([read_run(path)]).cells}
     assert (found[FALSE].verdict, found[FALSE].warnings) == (
         "cannot tell",
-        ("heard in one scan only",),
+        ("observed in one scan only",),
     )
     assert (found[UNSURE].verdict, found[UNSURE].n_scans) == ("cannot tell", 0)
     assert all(
@@ -105,7 +105,7 @@ def test_scans_of_several_runs_add_up(path, tmp_path):
     runs.write_journal(other, [replace_names(record) for record in records()], run_id="1" * 32)
     found = {one.cell: one for one in smooth_runs([read_run(path), read_run(other)]).cells}
     assert (found[FALSE].n_scans, found[FALSE].verdict) == (1, "cannot tell")
-    assert found[FALSE].warnings == ("heard in one scan only",)
+    assert found[FALSE].warnings == ("observed in one scan only",)
     assert found[REAL].n_scans == 120
 
 
@@ -120,7 +120,7 @@ def replace_names(record):
 def test_a_claim_about_it_is_not_tested(path, capsys):
     found = told(capsys, "verify", path, "--claim", "52.0,13.0", "--json")
     reasons = {cell["cell"]: (cell["verdict"], cell["reasons"]) for cell in found["cells"]}
-    assert reasons[FALSE] == ("cannot tell", ["heard in one scan only"])
+    assert reasons[FALSE] == ("cannot tell", ["observed in one scan only"])
     assert reasons[UNSURE] == ("cannot tell", ["its identity was never read without doubt"])
     assert all("scan" not in reason for reason in reasons[REAL][1])
     assert sorted(found["heard_once"]) == [FALSE, UNSURE]
@@ -133,4 +133,4 @@ def test_without_a_claim_it_is_no_finding(path, tmp_path, capsys):
     assert found["without_claim"] == [BOTH]
     assert sorted(found["heard_once"]) == [FALSE, UNSURE]
     (sites,) = told(capsys, "verify", path, "--sites", "--cell", FALSE, "--json")["cells"]
-    assert sites["why_not"] == "heard in one scan only"
+    assert sites["why_not"] == "observed in one scan only"

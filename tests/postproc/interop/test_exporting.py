@@ -156,7 +156,7 @@ def test_without_utc_a_format_that_needs_it_says_so(tmp_path, capsys, name):
     assert "needs UTC" in told.err
     assert not (tmp_path / "a").exists()
     told = _main(capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a.csv", "--json")
-    assert json.loads(told.out)["left_out"] == ["times in UTC: GPS never told them"]
+    assert json.loads(told.out)["left_out"] == ["times in UTC: the receiver never reported them"]
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,7 @@ def test_without_utc_a_format_that_needs_it_says_so(tmp_path, capsys, name):
         (["-o", "a.csv", "--estimates"], "measurements only"),
         (["-o", "none/a.csv"], "no such folder"),
         (["-o", "walk.h5", "--format", "csv"], "is a run"),
-        (["-o", "a.csv", "--cell", "x"], "was not heard"),
+        (["-o", "a.csv", "--cell", "x"], "was not observed"),
     ],
 )
 def test_mistakes_are_one_line(tmp_path, run, capsys, monkeypatch, argv, says):

@@ -9,9 +9,21 @@ from postproc.interop import kismet
 from postproc.interop.sighting import BadRow, NoCell
 
 LTE = {
-    "rat": "LTE", "mcc": 262, "mnc": 1, "tac": 36103, "cell_id": 17357057, "pci": 236, "earfcn": 1300, "band": 3,
-    "rsrp": -101, "rsrq": -12, "sinr": 7, "rssi": -70, "is_serving": True, "observation_type": "serving",
-}  # fmt: skip
+    "rat": "LTE",
+    "mcc": 262,
+    "mnc": 1,
+    "tac": 36103,
+    "cell_id": 17357057,
+    "pci": 236,
+    "earfcn": 1300,
+    "band": 3,
+    "rsrp": -101,
+    "rsrq": -12,
+    "sinr": 7,
+    "rssi": -70,
+    "is_serving": True,
+    "observation_type": "serving",
+}
 IMEI = "490154203237518"
 
 
@@ -53,9 +65,19 @@ def test_cells_of_both_sources(tmp_path):
     at = 1_790_028_000_250_000_000
     assert lte.fix == Fix(True, utc_ns=at, lat_deg=52.5, lon_deg=13.5, alt_m=34.0)
     assert lte.reading == CellReading(
-        "serving", "LTE", "262", "01", tac=36103, cid=17357057, arfcn=1300, band=3, pci=236, rsrp_dbm=-101.0,
-        rsrq_db=-12.0, sinr_db=7.0,
-    )  # fmt: skip
+        "serving",
+        "LTE",
+        "262",
+        "01",
+        tac=36103,
+        cid=17357057,
+        arfcn=1300,
+        band=3,
+        pci=236,
+        rsrp_dbm=-101.0,
+        rsrq_db=-12.0,
+        sinr_db=7.0,
+    )
     assert (two.reading.lac, two.reading.tac, two.reading.rssi_dbm, two.reading.role) == (
         4711,
         None,

@@ -11,9 +11,26 @@ from postproc.interop.sighting import BadRow, NoCell, Sighting
 
 SAMPLES = Path(__file__).resolve().parents[4] / "shared" / "corpus" / "formats"
 COLUMNS = (
-    "mcc", "mnc", "lac", "cellid", "lat", "lon", "signal", "measured_at", "rating", "speed", "direction", "act", "ta",
-    "psc", "tac", "pci", "sid", "nid", "bid",
-)  # fmt: skip
+    "mcc",
+    "mnc",
+    "lac",
+    "cellid",
+    "lat",
+    "lon",
+    "signal",
+    "measured_at",
+    "rating",
+    "speed",
+    "direction",
+    "act",
+    "ta",
+    "psc",
+    "tac",
+    "pci",
+    "sid",
+    "nid",
+    "bid",
+)
 AT_MS = 1_598_796_852_123
 
 
@@ -40,11 +57,16 @@ def _read(tmp_path, *rows, **changes):
 @pytest.mark.parametrize(
     ("act", "signal", "name", "level_dbm"),
     [
-        ("GSM", -73, "rssi_dbm", -73), ("EDGE", 20, "rssi_dbm", -73), ("GPRS", 0, "rssi_dbm", -113),
-        ("LTE", 54, "rsrp_dbm", -86), ("LTE+", -97, "rsrp_dbm", -97), ("NR", 40, "rsrp_dbm", -100),
-        ("UMTS", -88, "rscp_dbm", -88), ("HSPA+", -88, "rscp_dbm", -88),
+        ("GSM", -73, "rssi_dbm", -73),
+        ("EDGE", 20, "rssi_dbm", -73),
+        ("GPRS", 0, "rssi_dbm", -113),
+        ("LTE", 54, "rsrp_dbm", -86),
+        ("LTE+", -97, "rsrp_dbm", -97),
+        ("NR", 40, "rsrp_dbm", -100),
+        ("UMTS", -88, "rscp_dbm", -88),
+        ("HSPA+", -88, "rscp_dbm", -88),
     ],
-)  # fmt: skip
+)
 def test_dbm_and_asu(tmp_path, act, signal, name, level_dbm):
     (row,) = _read(tmp_path, {"act": act, "signal": signal})
     assert getattr(row.reading, name) == level_dbm == row.reading.level_dbm
@@ -153,8 +175,10 @@ def test_written_measurements_are_read_by_a_plain_reader_and_by_ours(tmp_path, f
         assert all(isinstance(row["mcc"], int) and isinstance(row["mnc"], int) for row in plain)
     names = ("mcc", "mnc", "lac", "cellid", "signal")
     assert [(*(int(row[name]) for name in names), row["act"]) for row in plain] == [
-        (262, 1, 1, 2, -73, "GSM"), (310, 410, 4, 5, -101, "LTE"), (262, 3, 6, 70000, -99, "UMTS"),
-    ]  # fmt: skip
+        (262, 1, 1, 2, -73, "GSM"),
+        (310, 410, 4, 5, -101, "LTE"),
+        (262, 3, 6, 70000, -99, "UMTS"),
+    ]
     assert {int(row["measured_at"]) for row in plain} == {AT_MS}
     assert [row.fix for row in back] == [fix] * 3
     assert [row.reading for row in back] == cells

@@ -49,7 +49,7 @@ def test_mistakes_are_one_line(run, tmp_path, capsys):
     assert "no such folder" in fails(capsys, "report", run, "-o", tmp_path / "absent" / "x.html")
     assert "no such folder" in fails(capsys, "report", run, "--pictures", tmp_path / "absent")
     assert "is a run" in fails(capsys, "report", run, "-o", run)
-    assert "was not heard" in fails(capsys, "report", run, "--cell", "x")
+    assert "was not observed" in fails(capsys, "report", run, "--cell", "x")
     assert "is no claim" in fails(
         capsys, "report", run, "--claim", "here", "-o", tmp_path / "x.html"
     )

@@ -228,7 +228,7 @@ def test_walks_that_cannot_tell_say_why():
     options = ClaimOptions(0.05, PRIOR)
     few = verify_cell(observations(x, y, -60.0 - 3.0 * np.arange(8)), claim, options, rng)
     assert few.verdict == "cannot tell"
-    assert "places with a level" in few.reasons[0]
+    assert "locations with a level" in few.reasons[0]
     standing = observations(np.zeros(50), np.zeros(50), np.full(50, -60.0))
     still = verify_cell(standing, claim, options, rng)
     assert still.verdict == "cannot tell"

@@ -59,7 +59,7 @@ def test_verify_tells_a_true_claim_from_a_false_one(run, tmp_path, capsys):
     assert "no alarm by itself" not in text  # only this cell was asked about
     assert "over 1 claim " in text
     text = tell(capsys, "verify", run, "--claims", file)
-    assert "1 cell heard without a claim" in text
+    assert "1 cell observed without a claim" in text
     assert "over 2 claims" in text
 
 
@@ -179,7 +179,9 @@ def test_verify_theory(capsys):
 
 def test_mistakes_are_one_line(run, tmp_path, capsys):
     assert "no claim" in fails(capsys, "verify", run, "--claim", "here")
-    assert "was not heard" in fails(capsys, "verify", run, "--claim", "52,13", "--cell", "nobody")
+    assert "was not observed" in fails(
+        capsys, "verify", run, "--claim", "52,13", "--cell", "nobody"
+    )
     assert "false-alarm rate" in fails(capsys, "verify", run, "--claim", "52,13", "--pfa", "7")
     assert "--against" in fails(capsys, "verify", run, "--claim", "52,13", "--against", run)
     assert "No such file" in fails(capsys, "verify", run, "--claims", tmp_path / "none")
