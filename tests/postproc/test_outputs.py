@@ -12,7 +12,7 @@ NAMES = {
     "it is a folder": "folder{suffix}",
     "it is no plain file": "pipe{suffix}",
     "File name too long": "x" * 300 + "{suffix}",
-    "it holds a NUL character": "x\0y{suffix}",
+    "contains a NUL character": "x\0y{suffix}",
 }
 COMMANDS = {
     "export": (["export", "RUN", "--estimates", "-o"], ".kml"),
