@@ -52,8 +52,8 @@ def print_sites(sites: Json) -> None:
     factor = f"two places against one: log factor {sites['log_factor']:.1f}, near {places}"
     print_text(console, factor, bullet="  ")
     p_text = (
-        f"p {sites['p']:.3g}: share of {sites['draws']} walks simulated past one transmitter with a "
-        "factor as large"
+        f"p {sites['p']:.3g}: share of {sites['draws']} walks simulated past one transmitter with "
+        "a factor as large"
     )
     print_text(console, p_text, bullet="  ")
 

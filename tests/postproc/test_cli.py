@@ -87,7 +87,10 @@ def test_import_reads_what_the_contract_says(csv, tmp_path, capsys):
 
 
 def test_import_of_iso_times(csv, tmp_path, capsys):
-    text = "time_utc,lat,lon,rssi_dbm\n2026-03-01T12:00:00Z,52,13,-70\n2026-03-01T13:00:01.5+01:00,52,13,-71\n"
+    text = (
+        "time_utc,lat,lon,rssi_dbm\n2026-03-01T12:00:00Z,52,13,-70\n"
+        "2026-03-01T13:00:01.5+01:00,52,13,-71\n"
+    )
     main(["import", str(csv(text)), "-o", str(tmp_path / "run.h5")])
     capsys.readouterr()
     info = _json(capsys, "info", tmp_path / "run.h5")

@@ -32,8 +32,9 @@ def _log(path, *rows, version=10, lat=52.5, lon=13.5):
     database.execute("CREATE TABLE KISMET (kismet_version TEXT, db_version INT, db_module TEXT)")
     database.execute("INSERT INTO KISMET VALUES ('2026-10', ?, 'kismetlog')", (version,))
     database.execute(
-        "CREATE TABLE data (ts_sec INT, ts_usec INT, phyname TEXT, devmac TEXT, lat REAL, lon REAL, alt REAL, "
-        "speed REAL, heading REAL, datasource TEXT, type TEXT, json BLOB)"
+        "CREATE TABLE data (ts_sec INT, ts_usec INT, "
+        "phyname TEXT, devmac TEXT, lat REAL, lon REAL, "
+        "alt REAL, speed REAL, heading REAL, datasource TEXT, type TEXT, json BLOB)"
     )
     for kind, found in rows:
         text = found if isinstance(found, str) else json.dumps(found)

@@ -123,13 +123,17 @@ def _geometry(point, order, envelope):
 def _geopackage(path, geometry, rows=1):
     database = sqlite3.connect(path)
     database.execute(
-        'CREATE TABLE GSM_MESSAGE (id INTEGER PRIMARY KEY, geom BLOB, deviceSerialNumber TEXT, "Time" INT, speed REAL, '
-        'Accuracy MEDIUMINT, "Serving Cell" BOOLEAN, MCC SMALLINT, MNC SMALLINT, LAC MEDIUMINT, CID MEDIUMINT, '
+        "CREATE TABLE GSM_MESSAGE (id INTEGER PRIMARY KEY, geom BLOB, deviceSerialNumber TEXT, "
+        '"Time" INT, speed REAL, '
+        'Accuracy MEDIUMINT, "Serving Cell" BOOLEAN, MCC SMALLINT, MNC SMALLINT, '
+        "LAC MEDIUMINT, CID MEDIUMINT, "
         'ARFCN SMALLINT, BSIC SMALLINT, "Signal Strength" FLOAT, TA SMALLINT)'
     )
     database.execute(
-        'CREATE TABLE LTE_MESSAGE (id INTEGER PRIMARY KEY, geom BLOB, "Time" INT, MCC SMALLINT, MNC SMALLINT, '
-        "TAC MEDIUMINT, ECI MEDIUMINT, DL_EARFCN MEDIUMINT, Phys_Cell_ID SMALLINT, RSRP FLOAT, RSRQ FLOAT)"
+        'CREATE TABLE LTE_MESSAGE (id INTEGER PRIMARY KEY, geom BLOB, "Time" INT, '
+        "MCC SMALLINT, MNC SMALLINT, TAC MEDIUMINT, ECI MEDIUMINT, "
+        "DL_EARFCN MEDIUMINT, Phys_Cell_ID SMALLINT, "
+        "RSRP FLOAT, RSRQ FLOAT)"
     )
     for _ in range(rows):
         gsm = (geometry, SERIAL, UTC_MS, 1.2, 5, 1, 262, 1, 4711, 17, 62, 10, -71.0, None)

@@ -9,10 +9,10 @@ from postproc.interop import wigle
 from postproc.interop.sighting import BadRow, NoCell, Sighting
 
 HEAD = {
-    "1.4": "MAC,SSID,AuthMode,FirstSeen,Channel,RSSI,CurrentLatitude,CurrentLongitude,AltitudeMeters,"
-    "AccuracyMeters,Type",
-    "1.6": "MAC,SSID,AuthMode,FirstSeen,Channel,Frequency,RSSI,CurrentLatitude,CurrentLongitude,AltitudeMeters,"
-    "AccuracyMeters,RCOIs,MfgrId,Type",
+    "1.4": "MAC,SSID,AuthMode,FirstSeen,Channel,RSSI,CurrentLatitude,CurrentLongitude,"
+    "AltitudeMeters,AccuracyMeters,Type",
+    "1.6": "MAC,SSID,AuthMode,FirstSeen,Channel,Frequency,RSSI,CurrentLatitude,CurrentLongitude,"
+    "AltitudeMeters,AccuracyMeters,RCOIs,MfgrId,Type",
 }
 SAMPLES = Path(__file__).resolve().parents[4] / "shared" / "corpus" / "formats"
 

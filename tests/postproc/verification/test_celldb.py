@@ -51,7 +51,10 @@ def test_real_samples_of_all_three_layouts(corpus, tmp_path):
 
 
 def test_columns_count_by_name_gzip_crlf_and_bom(make, tmp_path):
-    text = "\ufefflat,lon,cell,radio,area,net,mcc,more\r\n52.5,13.4,7,LTE,9,1,262,x\r\n\r\n52.6,13.5,8,LTE,9,1,262,y\r\n"
+    text = (
+        "\ufefflat,lon,cell,radio,area,net,mcc,more\r\n52.5,13.4,7,LTE,9,1,262,x\r\n\r\n"
+        "52.6,13.5,8,LTE,9,1,262,y\r\n"
+    )
     done = load(tmp_path / "c.db", make(gzip.compress(text.encode()), "a.anything"))
     assert (done.n_rows, done.n_bad, done.n_cells) == (2, 0, 2)
     db = CellDb(tmp_path / "c.db")
