@@ -62,7 +62,8 @@ def write(sightings: Sequence[Sighting], target: Path) -> None:
     """Sightings that are `writable` as version 1.6; nothing identifies the device."""
     with target.open("w", newline="", encoding="utf-8") as file:
         file.write(
-            f"{PREFIX}1.6,appRelease=cellwalk,model=,release=,device=,display=,board=,brand=,star=Sol,body=3,subBody=0\n"
+            f"{PREFIX}1.6,appRelease=cellwalk,model=,release=,device=,"
+            "display=,board=,brand=,star=Sol,body=3,subBody=0\n"
         )
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(_COLUMNS)

@@ -19,7 +19,8 @@ from postproc.walk import observe_run
 
 WIGLE = (
     "WigleWifi-1.4,appRelease=2\n"
-    "MAC,SSID,AuthMode,FirstSeen,Channel,RSSI,CurrentLatitude,CurrentLongitude,AltitudeMeters,AccuracyMeters,Type\n"
+    "MAC,SSID,AuthMode,FirstSeen,Channel,RSSI,"
+    "CurrentLatitude,CurrentLongitude,AltitudeMeters,AccuracyMeters,Type\n"
     "26201_4711_17,,GSM;de,2025-06-21 00:25:38,62,-73,52,13,30,5,GSM\n"
     "26201_4711_18,,GSM;de,2025-06-21 00:25:37,62,-75,52,13.001,30,5,GSM\n"
     "26201_4711_18,,GSM;de,2025-06-21 00:25:37,62,-75,52,13.001,30,5,GSM\n"

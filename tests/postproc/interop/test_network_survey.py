@@ -21,9 +21,11 @@ def _csv(tmp_path, header, *rows):
 def test_gsm(tmp_path):
     (row,) = _csv(
         tmp_path,
-        "deviceTime,latitude,longitude,altitude,speed,accuracy,missionId,recordNumber,groupNumber,mcc,mnc,lac,ci,arfcn,"
+        "deviceTime,latitude,longitude,altitude,speed,accuracy,missionId,recordNumber,"
+        "groupNumber,mcc,mnc,lac,ci,arfcn,"
         "bsic,signalStrength,ta,servingCell,provider,slot,deviceSerialNumber,locationAge",
-        f"2024-05-01T12:00:00.123+02:00,52.5,13.5,34,1.2,5,NS,1,2,262,1,4711,17,62,10,-71.0,2,true,Op,0,{SERIAL},",
+        "2024-05-01T12:00:00.123+02:00,52.5,13.5,34,1.2,5,NS,1,2,"
+        f"262,1,4711,17,62,10,-71.0,2,true,Op,0,{SERIAL},",
     )
     assert row.fix == Fix(
         True,

@@ -129,10 +129,13 @@ def test_times_and_order_of_columns(tmp_path):
 
 def test_tower_collectors_own_export(tmp_path):
     text = (
-        "mcc,mnc,lac,cell_id,short_cell_id,rnc,psc,asu,dbm,ta,lat,lon,accuracy,speed,bearing,altitude,measured_at,"
+        "mcc,mnc,lac,cell_id,short_cell_id,rnc,psc,asu,"
+        "dbm,ta,lat,lon,accuracy,speed,bearing,altitude,measured_at,"
         "net_type,neighboring,discovered_at,device,arfcn\n"
-        '262,1,4711,17,,,,20,-73,2,52.5,13.5,4.5,1.25,90,34,"2024-05-01T10:00:00Z",GSM,false,,phone,62\n'
-        '262,1,4711,18,,,,31,,2,52.5,13.5,4.5,1.25,90,34,"2024-05-01T10:00:00Z",GSM,true,,phone,62\n'
+        '262,1,4711,17,,,,20,-73,2,52.5,13.5,4.5,1.25,90,34,"2024-05-01T10:00:00Z",'
+        "GSM,false,,phone,62\n"
+        '262,1,4711,18,,,,31,,2,52.5,13.5,4.5,1.25,90,34,"2024-05-01T10:00:00Z",'
+        "GSM,true,,phone,62\n"
     )
     (tmp_path / "m.csv").write_text(text)
     serving, neighbour = opencellid.read_csv(tmp_path / "m.csv")

@@ -27,7 +27,8 @@ def test_claims_on_the_command_line():
 def test_our_own_csv(tmp_path):
     file = tmp_path / "claims.csv"
     file.write_text(
-        "Cell,lat,lon,sigma_m,note\ntarget,52.5,13.4,25,x\nnobody,1,2,3,\n262-01-801-9,52.6,13.5,,\n"
+        "Cell,lat,lon,sigma_m,note\ntarget,52.5,13.4,25,x\n"
+        "nobody,1,2,3,\n262-01-801-9,52.6,13.5,,\n"
     )
     assert [(c.cell, c.sigma_m) for c in read_claims(file, HEARD)] == [
         ("target", 25.0),
