@@ -25,16 +25,16 @@ class Sighting:
 
     @property
     def lat_deg(self) -> float:
-        return _required(self.fix.lat_deg)
+        return _number_of(self.fix.lat_deg)
 
     @property
     def lon_deg(self) -> float:
-        return _required(self.fix.lon_deg)
+        return _number_of(self.fix.lon_deg)
 
     @property
     def rssi_dbm(self) -> float:
         """Level, whatever the technology calls it."""
-        return _required(self.reading.level_dbm)
+        return _number_of(self.reading.level_dbm)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ def parse_rows(
             yield sighting or NoCell(line)
 
 
-def _required(value: float | None) -> float:
+def _number_of(value: float | None) -> float:
     if value is None:
         raise TypeError("a sighting has a position and a level")
     return value

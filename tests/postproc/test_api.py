@@ -128,7 +128,7 @@ def test_a_run_is_exported_with_its_estimates(path):
     best = json_of(result)["cells"][0]["best"]
     assert f"{best['lat']:.4f}"[:7] in target.read_text()
     assert postproc.export(path, path.parent / "walk.csv", cells=[cell_name(1)]).n_levels == 120
-    with pytest.raises(ConfigError, match="estimates go with"):
+    with pytest.raises(ConfigError, match="can contain estimates"):
         postproc.export(path, path.parent / "walk.csv", result=result)
     with pytest.raises(ConfigError, match="format 'shp'"):
         postproc.export(path, path.parent / "walk.shp", form="shp")
