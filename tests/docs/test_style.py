@@ -33,7 +33,6 @@ VERBS_AND_NOUNS = {
 }
 """Words with the ending of a participle that are none."""
 STANDARD_TERMS = {
-    "required": "of a field that a row must have",
     "fixed": "of a number of digits, as in printf",
     "padded": "array with padding",
     "signed": "with a sign",
