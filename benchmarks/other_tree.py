@@ -19,7 +19,11 @@ sys.path.insert(0, sys.argv[1])
 import numpy as np
 from logger.core.geo import Utm
 from logger.core.live import live_prior
-from logger.core.live_cell import Heard, LiveCell
+from logger.core.live_cell import LiveCell
+try:
+    from logger.core.live_cell import LevelReading
+except ImportError:  # its name before version 0.2
+    from logger.core.live_cell import Heard as LevelReading
 from logger.core.live_settings import LiveSettings
 from logger.core.observations import CellObservations
 try:
@@ -49,7 +53,7 @@ for seed in range(3):
         cell, estimate = LiveCell(live_prior(LiveSettings())), None
         begun = time.process_time()
         for row in zip(x.tolist(), y.tolist(), sigma.tolist(), level.tolist()):
-            estimate = cell.take(Heard(*row, 0)) or estimate
+            estimate = cell.take(LevelReading(*row, 0)) or estimate
             if cell.stale > 1.0:
                 cell.search()
         spent = (time.process_time() - begun) / 600

@@ -47,14 +47,14 @@ def test_smooth_says_whether_the_ta_agree(tmp_path, capsys):
         )
     )
     assert none.cells[0].timing is UNSET
-    places = near.cells[0].timing.places
+    points = near.cells[0].timing.places
     assert near.cells[0].timing.disagree == 0
-    assert 10 <= places <= 16
-    told = lie.cells[0]
-    assert told.timing.disagree > 8
-    assert any("timing advance disagrees" in warning for warning in told.warnings)
+    assert 10 <= points <= 16
+    contradicted = lie.cells[0]
+    assert contradicted.timing.disagree > 8
+    assert any("timing advance disagrees" in warning for warning in contradicted.warnings)
     tables.print_summary(near, details=True)
-    assert f"timing advance: read at {places} places, 0 disagree" in capsys.readouterr().out
+    assert f"timing advance: read at {points} points, 0 disagree" in capsys.readouterr().out
     tables.print_summary(none, details=True)
     assert "timing" not in capsys.readouterr().out
 
