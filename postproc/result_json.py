@@ -75,8 +75,8 @@ class Noise(Struct, kw_only=True):
     white_share: float | None
 
 
-class FinalState(Struct, kw_only=True):
-    """Last state of an estimator after `n` readings; `converged` is null where it was not run."""
+class State(Struct, kw_only=True):
+    """State of an estimator after `n` readings; null where it was not run."""
 
     lat: float | None = None
     lon: float | None = None
@@ -87,6 +87,11 @@ class FinalState(Struct, kw_only=True):
     eta_sigma: float | None = None
     ellipse95: Ellipse | None = None
     n: int = 0
+
+
+class FinalState(State, kw_only=True):
+    """Last state of an estimator after `n` readings; `converged` is null where it was not run."""
+
     converged: bool | None = None
 
 
@@ -97,18 +102,9 @@ class Point(Struct, kw_only=True):
     lon: float
 
 
-class LeastSquares(Struct, kw_only=True):
+class LeastSquares(State, kw_only=True):
     """As `FinalState`; `rivals` are other minima that fit as well."""
 
-    lat: float | None = None
-    lon: float | None = None
-    drms_m: float | None = None
-    p0_dbm: float | None = None
-    p0_sigma_db: float | None = None
-    eta: float | None = None
-    eta_sigma: float | None = None
-    ellipse95: Ellipse | None = None
-    n: int = 0
     sigma_db: float | UnsetType | None = UNSET
     converged: bool | None = None
     bounded: bool | UnsetType = UNSET

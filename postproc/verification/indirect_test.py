@@ -1,16 +1,15 @@
 """The indirect test on a walk: the claim in the posterior of the walk.
 
-The statistic is the mass of all places that are less likely than the claim, S = 1 - (level of the
-smallest highest-density region that holds it); the density of an uncertain claim is its mean over
-where it may be. It is a sum over the whole posterior, so it does not matter how many places that
-has. Taken as a p-value S is right on average over the prior; walks drawn from the claim (`drawn`)
-make it right for the claim.
+The statistic S is the probability of all positions that are less likely than the claim: 1 - the
+level of the smallest highest-density region that contains it. The density of an uncertain claim is
+its mean over the claim's positions. S is a sum over the complete posterior, so several modes make
+no difference. As a p-value S is right on average over the prior; walks simulated from the claim
+(`bootstrap`) make it right for the claim.
 
-So much for noise that is known to be stationary. A measured walk may be wrong about the place with
-all its parts agreeing: an antenna that does not send all round, or a hill, bends levels as a
-displacement does. It is therefore judged with tempered trust and a first harmonic of the bearing as
-one more unknown, which the walks drawn have too. And since it is not like those, they may make its
-p-value larger than S but no smaller.
+This holds for noise that is known to be stationary. In a measured walk all parts may agree on a
+wrong position: a directional antenna or a hill changes levels as a displacement does. Therefore the
+test tempers the likelihood and adds a first harmonic of the azimuth as one more unknown, in the
+simulated walks too. Since a measured walk is not like those, they may only raise its p-value.
 """
 
 from dataclasses import dataclass, replace
@@ -22,10 +21,9 @@ from postproc.verification.bootstrap import antenna_patterns, calibrate
 from postproc.verification.likelihood_grid import LikelihoodGrid, refine
 
 ANTENNA_DB = 6.0
-"""Sigma of the cosine and of the sine of a measured transmitter's pattern: 15 dB from front to back
-on average.
+"""Sigma of cosine and sine of a measured transmitter's pattern, 15 dB front to back on average.
 
-Chosen with measured walks seen; 3 or 10 dB do much the same.
+Chosen on the measured walks; 3 or 10 dB give similar results.
 """
 
 _SCOUTS = 12
