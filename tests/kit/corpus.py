@@ -3,6 +3,9 @@
 import json
 from pathlib import Path
 
+from logger.drivers.family import Family
+from logger.drivers.reading.rows import as_json
+
 IDENTITY = ("mcc", "lac", "tac", "cid")
 
 
@@ -32,6 +35,14 @@ def check_entry(entry: dict, rows: list[dict]) -> None:
             for key in IDENTITY:
                 known = {wanted.get(key) for wanted in entry["expected"]}
                 assert row[key] is None or row[key] in known, (entry["file"], key, row)
+
+
+def check_recorded(folder: Path, driver: Family, *dialects: str) -> None:
+    """Every entry of the dialects that begin so passes; there is at least one."""
+    recorded = entries(folder, *dialects)
+    assert recorded
+    for entry in recorded:
+        check_entry(entry, [as_json(row) for row in driver.read(lines_of(folder, entry))])
 
 
 def _is(row: dict, wanted: dict) -> bool:

@@ -37,6 +37,13 @@ def cells_of(driver: Family, lines: Sequence[str]) -> list[CellReading]:
     return [row for row in driver.read(lines) if isinstance(row, CellReading)]
 
 
+def only_cell_of(driver: Family, lines: Sequence[str]) -> CellReading | None:
+    """The only reading among the rows in the lines, None without one."""
+    found = cells_of(driver, lines)
+    assert len(found) <= 1
+    return found[0] if found else None
+
+
 def run_dialogue(
     dialogue: Dialogue[Any], replies: Mapping[str, Answer], default: Answer = ((), "ERROR")
 ) -> Any:

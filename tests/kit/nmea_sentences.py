@@ -4,9 +4,24 @@ from datetime import UTC, datetime
 from functools import reduce
 from operator import xor
 
+from logger.core.types import Fix
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
 
 NOON_NS = int(datetime(2024, 9, 21, 12, tzinfo=UTC).timestamp()) * 10**9
+
+BOTH = Fix(
+    valid=True,
+    utc_ns=NOON_NS,
+    lat_deg=52.5,
+    lon_deg=13.25,
+    alt_m=45.5,
+    hdop=1.1,
+    sats_used=8,
+    quality=1,
+    speed_mps=2.0 * 1852 / 3600,
+    course_deg=84.4,
+)
+"""What GGA and RMC of one epoch, as `gga()` and `rmc()` write them, report together."""
 
 
 def nmea(body):

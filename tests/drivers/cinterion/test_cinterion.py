@@ -5,8 +5,8 @@ import pytest
 from logger.core.types import CellReading
 from logger.drivers.cinterion.cinterion import Cinterion
 from logger.drivers.reading.fields import pieces
-from logger.drivers.reading.rows import NoCell, as_json
-from tests.kit.corpus import check_entry, entries, lines_of
+from logger.drivers.reading.rows import NoCell
+from tests.kit.corpus import check_recorded
 from tests.kit.drivers import identity_of, run_dialogue
 
 MODEM = Cinterion()
@@ -60,10 +60,7 @@ SAMPLES = [
     "dialect", ["siemens_smonc", "siemens_smond", "siemens_moni", "siemens_monp", "cinterion"]
 )
 def test_recorded_replies(corpus, dialect):
-    recorded = entries(corpus, dialect)
-    assert recorded
-    for entry in recorded:
-        check_entry(entry, [as_json(row) for row in MODEM.read(lines_of(corpus, entry))])
+    check_recorded(corpus, MODEM, dialect)
 
 
 def one(*lines):

@@ -4,8 +4,8 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.fibocom.fibocom import Fibocom
-from logger.drivers.reading.rows import NoCell, as_json
-from tests.kit.corpus import check_entry, entries, lines_of
+from logger.drivers.reading.rows import NoCell
+from tests.kit.corpus import check_recorded
 from tests.kit.drivers import identity_of, run_dialogue
 
 MODEM = Fibocom()
@@ -40,10 +40,7 @@ SAMPLES = ["\n".join(sample) for sample in (HEADED, BARE, EN_DC, UMTS, GSM)]
 
 
 def test_recorded_replies(corpus):
-    recorded = entries(corpus, "fibocom")
-    assert recorded
-    for entry in recorded:
-        check_entry(entry, [as_json(row) for row in MODEM.read(lines_of(corpus, entry))])
+    check_recorded(corpus, MODEM, "fibocom")
 
 
 # --- forms

@@ -4,8 +4,8 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.huawei.huawei import Huawei
-from logger.drivers.reading.rows import NoCell, Signal, as_json
-from tests.kit.corpus import check_entry, entries, lines_of
+from logger.drivers.reading.rows import NoCell, Signal
+from tests.kit.corpus import check_recorded
 from tests.kit.drivers import NO_IDENTITY, identity_of, run_dialogue
 
 MODEM = Huawei()
@@ -26,10 +26,7 @@ SAMPLES = [GSM, WCDMA, LTE, NR, *NEIGHBOURS]
 
 @pytest.mark.parametrize("dialect", ["huawei_monsc", "huawei_monnc", "huawei_hcsq"])
 def test_recorded_replies(corpus, dialect):
-    recorded = entries(corpus, dialect)
-    assert recorded
-    for entry in recorded:
-        check_entry(entry, [as_json(row) for row in MODEM.read(lines_of(corpus, entry))])
+    check_recorded(corpus, MODEM, dialect)
 
 
 def one(*lines):

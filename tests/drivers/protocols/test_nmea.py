@@ -6,7 +6,7 @@ from logger.core.types import Fix
 from logger.drivers.protocols.garbage import Garbage
 from logger.drivers.protocols.nmea import MAX_SENTENCE, FixAssembler, NmeaFramer, Sentence
 from tests.kit.framers import check_framer, feed_all, split_at
-from tests.kit.nmea_sentences import NOON_NS, fixes, gga, gsa, gst, nmea, rmc
+from tests.kit.nmea_sentences import BOTH, fixes, gga, gsa, gst, nmea, rmc
 
 GGA = nmea("GPGGA,120000.00,5230.0000,N,01315.0000,E,1,08,1.1,45.5,M,40.0,M,,")
 
@@ -125,20 +125,6 @@ def test_noise_between_sentences_loses_none(parts):
 
 
 # --- fixes
-
-
-BOTH = Fix(
-    valid=True,
-    utc_ns=NOON_NS,
-    lat_deg=52.5,
-    lon_deg=13.25,
-    alt_m=45.5,
-    hdop=1.1,
-    sats_used=8,
-    quality=1,
-    speed_mps=2.0 * 1852 / 3600,
-    course_deg=84.4,
-)
 
 
 def test_gga_and_rmc_of_one_epoch_are_one_fix_in_either_order():

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from logger.core.types import Fix
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
 from logger.drivers.protocols.nmea_fix import radius68_m
-from tests.kit.nmea_sentences import NOON_NS, fixes, gga, gsa, gst, nmea, rmc
+from tests.kit.nmea_sentences import BOTH, NOON_NS, fixes, gga, gsa, gst, nmea, rmc
 from tests.kit.scaling import cost_growth
 
 GGA = nmea("GPGGA,120000.00,5230.0000,N,01315.0000,E,1,08,1.1,45.5,M,40.0,M,,")
@@ -16,20 +16,6 @@ GGA = nmea("GPGGA,120000.00,5230.0000,N,01315.0000,E,1,08,1.1,45.5,M,40.0,M,,")
 RMC = nmea("GPRMC,120000.00,A,5230.0000,N,01315.0000,E,2.0,84.4,230394,,,A,V")
 
 TXT = nmea("GPTXT,01,01,02,hello")
-
-
-BOTH = Fix(
-    valid=True,
-    utc_ns=NOON_NS,
-    lat_deg=52.5,
-    lon_deg=13.25,
-    alt_m=45.5,
-    hdop=1.1,
-    sats_used=8,
-    quality=1,
-    speed_mps=2.0 * 1852 / 3600,
-    course_deg=84.4,
-)
 
 
 @pytest.mark.parametrize("ratio", [1.0, 0.7, 0.5, 0.1])

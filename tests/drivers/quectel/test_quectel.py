@@ -4,9 +4,9 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.quectel.quectel import Quectel
-from logger.drivers.reading.rows import Signal, as_json
-from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of
+from logger.drivers.reading.rows import Signal
+from tests.kit.corpus import check_recorded
+from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of, only_cell_of
 
 MODEM = Quectel()
 
@@ -62,10 +62,7 @@ SHORT_SCAN = '+QSCAN: "NR5G",310,260,501390,364,-104,-11,7,1'
     ],
 )
 def test_recorded_replies(corpus, dialect):
-    recorded = entries(corpus, f"quectel_{dialect}")
-    assert recorded
-    for entry in recorded:
-        check_entry(entry, [as_json(row) for row in MODEM.read(lines_of(corpus, entry))])
+    check_recorded(corpus, MODEM, f"quectel_{dialect}")
 
 
 def cells(*lines):
@@ -73,9 +70,7 @@ def cells(*lines):
 
 
 def one(*lines):
-    found = cells(*lines)
-    assert len(found) <= 1
-    return found[0] if found else None
+    return only_cell_of(MODEM, lines)
 
 
 # --- forms

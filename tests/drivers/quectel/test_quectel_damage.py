@@ -4,7 +4,7 @@ import pytest
 
 from logger.drivers.quectel.quectel import Quectel
 from logger.drivers.reading.rows import NoCell
-from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of
+from tests.kit.drivers import NO_IDENTITY, identity_of, only_cell_of
 
 MODEM = Quectel()
 
@@ -37,14 +37,8 @@ GSM_ON_LTE = '+QENG: "neighbourcell","GSM",88,2,12,48,255,0,37,-810,18'
 SCAN = '+QSCAN: "LTE",262,02,6300,77,-101,-10,15,15,1F2E3D4,5A6B,50,20'
 
 
-def cells(*lines):
-    return cells_of(MODEM, lines)
-
-
 def one(*lines):
-    found = cells(*lines)
-    assert len(found) <= 1
-    return found[0] if found else None
+    return only_cell_of(MODEM, lines)
 
 
 def test_no_cell():

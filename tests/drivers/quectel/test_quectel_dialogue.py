@@ -1,7 +1,7 @@
 from logger.drivers.family import AUTOBAUD_TRIES
 from logger.drivers.quectel.quectel import Quectel
 from logger.drivers.reading.rows import NoCell
-from tests.kit.drivers import cells_of, run_exchange
+from tests.kit.drivers import only_cell_of, run_exchange
 
 MODEM = Quectel()
 
@@ -17,14 +17,8 @@ QOPS = ['+QOPS: "EXAMPLE NET","EXNET","26203"', '1,"2G",21,1A2D,3C50,14,25,22,0,
 GSM_ON_GSM = '+QENG: "neighbourcell","GSM",262,01,1A2C,3C4F,27,61,-79,24,25,0,0'
 
 
-def cells(*lines):
-    return cells_of(MODEM, lines)
-
-
 def one(*lines):
-    found = cells(*lines)
-    assert len(found) <= 1
-    return found[0] if found else None
+    return only_cell_of(MODEM, lines)
 
 
 AWAKE = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]

@@ -4,9 +4,9 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.quectel.quectel_gsm import QuectelGsm
-from logger.drivers.reading.rows import NoCell, as_json
-from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of, run_exchange
+from logger.drivers.reading.rows import NoCell
+from tests.kit.corpus import check_recorded
+from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of, only_cell_of, run_exchange
 
 MODEM = QuectelGsm()
 
@@ -24,10 +24,7 @@ SAMPLES = [HEADER, SERVING, NEIGHBOURS, CHANNELS, NBIOT]
 
 @pytest.mark.parametrize("dialect", ["qeng_gsm", "qeng_nbiot"])
 def test_recorded_replies(corpus, dialect):
-    recorded = entries(corpus, f"quectel_{dialect}")
-    assert recorded
-    for entry in recorded:
-        check_entry(entry, [as_json(row) for row in MODEM.read(lines_of(corpus, entry))])
+    check_recorded(corpus, MODEM, f"quectel_{dialect}")
 
 
 def cells(*lines):
@@ -35,9 +32,7 @@ def cells(*lines):
 
 
 def one(*lines):
-    found = cells(*lines)
-    assert len(found) <= 1
-    return found[0] if found else None
+    return only_cell_of(MODEM, lines)
 
 
 # --- forms

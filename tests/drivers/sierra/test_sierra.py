@@ -3,9 +3,9 @@ import re
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.reading.rows import NoCell, Operator, as_json
+from logger.drivers.reading.rows import NoCell, Operator
 from logger.drivers.sierra.sierra import Sierra
-from tests.kit.corpus import check_entry, entries, lines_of
+from tests.kit.corpus import check_recorded
 from tests.kit.drivers import identity_of, run_dialogue
 
 MODEM = Sierra()
@@ -67,10 +67,7 @@ SAMPLES = ["\n".join(sample) for sample in (LTE, WCDMA, GSM, LTEINFO)]
 
 @pytest.mark.parametrize("dialect", ["sierra_gstatus", "sierra_lteinfo"])
 def test_recorded_replies(corpus, dialect):
-    recorded = entries(corpus, dialect)
-    assert recorded
-    for entry in recorded:
-        check_entry(entry, [as_json(row) for row in MODEM.read(lines_of(corpus, entry))])
+    check_recorded(corpus, MODEM, dialect)
 
 
 def one(lines):
