@@ -4,7 +4,8 @@ import logging
 import os
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -99,8 +100,20 @@ def doctor(config: Path, trial_s: float, *, as_json: bool) -> int:
     """Test power, disk, ports, modem and receiver."""
     from logger.doctor.examination import examine
 
-    logging.getLogger().setLevel(logging.ERROR)  # the lines replace the service's log
-    return _print_lines(examine(config, trial_s), as_json=as_json)
+    with _errors_only():  # the lines replace the service's log
+        return _print_lines(examine(config, trial_s), as_json=as_json)
+
+
+@contextmanager
+def _errors_only() -> Iterator[None]:
+    """Log nothing below an error; afterwards as before, for a caller that goes on."""
+    log = logging.getLogger()
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
 
 
 def _print_lines(lines: "Iterable[Line]", *, as_json: bool) -> int:

@@ -1,4 +1,5 @@
 import json
+import logging
 from pathlib import Path
 
 import pytest
@@ -91,6 +92,14 @@ def test_a_missing_configuration_is_reported_with_advice(tmp_path, capsys):
         assert main([command, "--config", str(site)]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert f"`fieldlogger probe --write {site}`" in line
+
+
+def test_the_level_of_the_log_is_restored(tmp_path, capsys):
+    level = logging.getLogger().level
+    site = service.site_toml(tmp_path, str(tmp_path / "modem"), str(tmp_path / "gnss"))
+    main(["doctor", "--config", str(site), "--seconds", "1"])
+    capsys.readouterr()
+    assert logging.getLogger().level == level
 
 
 def test_missing_ports_are_reported_with_advice(tmp_path, capsys):
