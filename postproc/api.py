@@ -15,6 +15,7 @@ import numpy.typing as npt
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.geo import Utm
+from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import prior_for
 from logger.core.observations import CellObservations, Observations
 from logger.core.runfile import Run, read_sound_run
@@ -72,6 +73,8 @@ def locate(
     environment: str = "any",
     height_m: float | None = None,
     antenna: str = "omni",
+    reach: str = "near",
+    within_m: float = DESK_M,
 ) -> CellResult: ...
 
 
@@ -87,6 +90,8 @@ def locate(
     environment: str = "any",
     height_m: float | None = None,
     antenna: str = "omni",
+    reach: str = "near",
+    within_m: float = DESK_M,
 ) -> CellResult: ...
 
 
@@ -101,6 +106,8 @@ def locate(
     environment: str = "any",
     height_m: float | None = None,
     antenna: str = "omni",
+    reach: str = "near",
+    within_m: float = DESK_M,
 ) -> CellResult:
     """Posterior of a transmitter's position and the verdict, from the readings of one cell.
 
@@ -109,7 +116,9 @@ def locate(
     (n,). `position_sigma_m`, scalar or shape (n,), is the standard deviation of the receiver's
     position per axis. `rat` ("GSM", "LTE", ...) sets the modem's reporting range: readings there
     are censored. `environment` (any, open, suburban, urban) and `height_m`, the antenna above the
-    receiver, choose the prior of P0 and eta; `antenna` (omni, sector) that of the antenna pattern.
+    receiver, choose the prior of P0 and eta; `antenna` (omni, sector) that of the antenna pattern,
+    `reach` (near, far) that of the distance from the walk. Located means that `within_m` holds
+    95 % of the probability.
 
     The result has `verdict` ("located", "ambiguous", "cannot tell"), `warnings` with the reasons,
     and `posterior`, None for too few readings: `x_m`, `y_m` and `r95_m` in metres, `p0_dbm` at 1 m,
@@ -118,12 +127,13 @@ def locate(
     Raises `ConfigError` for arrays of different shapes and an unknown environment.
     Source: `logger.core.locator.pipeline`, where the steps of the algorithm are listed.
     """
-    prior = prior_for(environment, height_m=height_m, antenna=antenna)
+    prior = prior_for(environment, height_m=height_m, antenna=antenna, reach=reach)
     if isinstance(readings, CellObservations):
-        return locate_cell(readings, prior)
+        return locate_cell(readings, prior, within_m)
     if y_m is None or level_dbm is None:
         raise ConfigError("bare arrays are given as locate(x_m, y_m, level_dbm)")
-    return locate_cell(_bare(readings, y_m, level_dbm, position_sigma_m, rat), prior)
+    bare = _bare(readings, y_m, level_dbm, position_sigma_m, rat)
+    return locate_cell(bare, prior, within_m)
 
 
 def smooth(
@@ -133,7 +143,9 @@ def smooth(
     environment: str = "any",
     height_m: float | None = None,
     antenna: str = "omni",
+    reach: str = "near",
     loss: Loss = "linear",
+    within_m: float = DESK_M,
     processes: int = 1,
 ) -> Result:
     """Every estimator over every cell of one run or of several, or over `cells` only.
@@ -147,7 +159,9 @@ def smooth(
     an unknown environment or a run that appears twice, `GeoError` for runs too far apart.
     """
     every = [runs] if isinstance(runs, RunOrPath) else runs
-    options = Options(prior_for(environment, height_m=height_m, antenna=antenna), loss)
+    options = Options(
+        prior_for(environment, height_m=height_m, antenna=antenna, reach=reach), loss, within_m
+    )
     return smooth_runs([_run(run) for run in every], cells, options=options, processes=processes)
 
 
@@ -160,6 +174,7 @@ def verify(
     environment: str = "any",
     height_m: float | None = None,
     antenna: str = "omni",
+    reach: str = "near",
 ) -> Verified:
     """Test claimed positions of cells against a run: consistent, rejected or cannot tell.
 
@@ -176,7 +191,11 @@ def verify(
     elif isinstance(claims, (Path, str)):
         claims = read_claims(Path(claims), list(observed_cells([observed], cells)))
     return verify_claims(
-        observed, claims, p_fa, prior_for(environment, height_m=height_m, antenna=antenna), cells
+        observed,
+        claims,
+        p_fa,
+        prior_for(environment, height_m=height_m, antenna=antenna, reach=reach),
+        cells,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.timing_advance import timing_of
+from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations, SpikeLevel
 from postproc.estimators import ekf_initialisation, least_squares, residuals
@@ -26,7 +27,7 @@ FEWEST_READINGS = 5
 
 def estimate_cell(obs: CellObservations, options: Options = Options()) -> CellResult:
     """Every estimator over the readings of one cell."""
-    located = locate_cell(obs, options.prior)
+    located = locate_cell(obs, options.prior, options.within_m)
     posterior = located.posterior
     reference = reference_ekf(obs) if len(obs) and obs.n_modems == 1 else None
     if posterior is None:
@@ -98,13 +99,13 @@ def too_few(obs: CellObservations) -> str | None:
     )
 
 
-def locate_cell(obs: CellObservations, prior: Prior) -> CellResult:
+def locate_cell(obs: CellObservations, prior: Prior, within_m: float = DESK_M) -> CellResult:
     """The posterior and its verdict, and no other estimator."""
     if why := too_few(obs):
         return CellResult(obs.cell, len(obs), obs, "cannot tell", (why,))
     usable, spikes = obs.usable(), tuple(obs.spikes())
     posterior = locate(usable, prior)
-    verdict, reasons, _ = decide(posterior, usable)
+    verdict, reasons, _ = decide(posterior, usable, within_m=within_m)
     timing = timing_of(usable)
     timing_check = None if timing is None else timing.check(posterior.squares)
     if timing_check and timing_check.warning:

@@ -16,6 +16,7 @@ from postproc.options import (
     prior_options,
     run_argument,
     runs_argument,
+    within_option,
 )
 from postproc.pictures.cli import plot
 from postproc.report.cli import report
@@ -136,6 +137,7 @@ def replay(path: Path, *, as_json: bool) -> int:
     show_default=True,
     help="Loss function of the least-squares fit.",
 )
+@within_option
 @click.option("-v", "--verbose", is_flag=True, help="Every cell in detail.")
 @json_option
 def smooth(
@@ -143,6 +145,7 @@ def smooth(
     cells: Sequence[str],
     prior: "Prior",
     loss: Any,
+    within_m: float,
     *,
     verbose: bool,
     as_json: bool,
@@ -157,7 +160,7 @@ def smooth(
     from postproc.summary import summarise
 
     runs = [read_sound_run(path) for path in paths]
-    result = estimate(runs, cells, Options(prior, loss))
+    result = estimate(runs, cells, Options(prior, loss, within_m))
     summary = summarise(result)
     # printed first: a run on a read-only card has an answer too
     _print_summary(summary, details=bool(cells or verbose), as_json=as_json)

@@ -17,6 +17,8 @@ Command = Callable[..., int | None]
 
 _HIGHEST_M = 10_000
 """Limit of an antenna's height above the receiver; no mountain road sees a greater difference."""
+_FARTHEST_M = 30_000
+"""Nothing farther is searched."""
 
 run_argument = click.argument("path", type=INPUT, metavar="RUN")
 runs_argument = click.argument("paths", type=INPUT, nargs=-1, required=True, metavar="RUN...")
@@ -68,6 +70,13 @@ def prior_options(command: Command) -> Command:
         help="Prior of the antenna pattern: omni, or sector for a beam of unknown azimuth.",
     )
     @click.option(
+        "--reach",
+        default="near",
+        show_default=True,
+        metavar="NAME",
+        help="Prior of the distance from the walk: near, or far for masts beyond 800 m.",
+    )
+    @click.option(
         "--height",
         "height_m",
         type=number(float, 0, _HIGHEST_M, unit="m"),
@@ -76,14 +85,38 @@ def prior_options(command: Command) -> Command:
     )
     @functools.wraps(command)
     def with_prior(
-        *arguments: Any, environment: str, antenna: str, height_m: float | None, **options: Any
+        *arguments: Any,
+        environment: str,
+        antenna: str,
+        reach: str,
+        height_m: float | None,
+        **options: Any,
     ) -> int | None:
         from logger.core.model.prior import prior_for
 
-        prior = prior_for(environment, height_m=height_m, antenna=antenna)
+        prior = prior_for(environment, height_m=height_m, antenna=antenna, reach=reach)
         return command(*arguments, prior=prior, **options)
 
     return with_prior
+
+
+def within_option(command: Command) -> Command:
+    """Add `--within`, the radius that holds 95 % where a cell is located, as `within_m`."""
+
+    @click.option(
+        "--within",
+        "radius_m",
+        type=number(float, 1, _FARTHEST_M, unit="m"),
+        metavar="M",
+        help="Radius that has to hold 95 % for a location (default: 150 m).",
+    )
+    @functools.wraps(command)
+    def with_radius(*arguments: Any, radius_m: float | None, **options: Any) -> int | None:
+        from logger.core.locator.verdict import DESK_M
+
+        return command(*arguments, within_m=radius_m or DESK_M, **options)
+
+    return with_radius
 
 
 class ListCommand(click.Command):

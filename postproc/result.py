@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from logger.core.arrays import IntArray
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.timing_advance import TimingCheck
-from logger.core.locator.verdict import Verdict
+from logger.core.locator.verdict import DESK_M, Verdict
 from logger.core.model.prior import ENVIRONMENTS, Prior
 from logger.core.observations import CellObservations, Observations, SpikeLevel
 from logger.core.runfile import Run
@@ -25,10 +25,15 @@ from postproc.estimators.robust_losses import Loss
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What the user may choose: the prior, and the loss of the least-squares fit."""
+    """What the user may choose.
+
+    The prior, the loss of the least-squares fit, and the radius that holds 95 % of the probability
+    where a cell is located.
+    """
 
     prior: Prior = ENVIRONMENTS["any"]
     loss: Loss = "linear"
+    within_m: float = DESK_M
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,8 +30,16 @@ class RunSummary(RunFacts):
     warnings: list[str]
 
 
+class StrongestReading(Struct, kw_only=True):
+    """Where the receiver was at the strongest reading."""
+
+    lat: float
+    lon: float
+    level_dbm: float
+
+
 class Best(Struct, kw_only=True):
-    """The posterior: its median position, the radius that holds 95 %, P0 at 1 m and eta."""
+    """The posterior: the position shown, the radius that holds 95 %, P0 at 1 m and eta."""
 
     lat: float | None = None
     lon: float | None = None
@@ -41,6 +49,7 @@ class Best(Struct, kw_only=True):
     p0_sigma_db: float | None = None
     eta: float | None = None
     eta_sigma: float | None = None
+    strongest: StrongestReading | None = None
 
 
 class Mode(Struct, kw_only=True):

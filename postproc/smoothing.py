@@ -114,7 +114,7 @@ def _estimate(parts: Parts, modems: Sequence[int], options: Options) -> CellResu
     without = {}
     for left_out in parts if len(parts) > 1 else ():
         rest = {i: part for i, part in parts.items() if i != left_out}
-        without[left_out] = locate_cell(merge(rest, modems), options.prior)
+        without[left_out] = locate_cell(merge(rest, modems), options.prior, options.within_m)
     return replace(
         result,
         run_index=np.repeat(list(parts), [len(part) for part in parts.values()]),

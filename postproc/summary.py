@@ -11,7 +11,7 @@ from logger.core.arrays import FloatArray
 from logger.core.ellipse import ellipse95
 from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.region import area_m2
+from logger.core.locator.region import HALF, LEVEL, area_m2
 from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.runfile import Run
 from postproc import result_json as form
@@ -103,21 +103,32 @@ def _cell(result: CellResult, runs: Sequence[Run]) -> form.Cell:
 def _add_posterior(entry: form.Cell, posterior: Posterior, utm: Utm) -> None:
     lat, lon = utm.to_latlon(posterior.x_m, posterior.y_m)
     values = {name: getattr(posterior, name) for name in _PARAMETERS}
-    entry.best = form.Best(lat=lat, lon=lon, **values)
-    entry.modes = _modes(posterior, utm)
-    entry.region95, entry.region50 = (
-        form.Region(
-            area_m2=area_m2(posterior.squares, share),
-            geojson=form.MultiPolygon(**geojson(posterior.squares, utm, share)),
-        )
-        for share in (0.95, 0.5)
+    strongest = posterior.strongest
+    entry.best = form.Best(
+        lat=lat,
+        lon=lon,
+        strongest=form.StrongestReading(
+            **_degrees(utm, strongest.x_m, strongest.y_m), level_dbm=strongest.level_dbm
+        ),
+        **values,
     )
+    entry.modes = _modes(posterior, utm)
+    entry.region95 = _region(posterior, utm, LEVEL)
+    if posterior.half_is_true:
+        entry.region50 = _region(posterior, utm, HALF)
     entry.noise = form.Noise(
         sigma_db=posterior.sigma_db,
         decorrelation_m=posterior.decorrelation_m,
         white_share=posterior.white_share,
     )
     entry.prior = posterior.prior
+
+
+def _region(posterior: Posterior, utm: Utm, level: float) -> form.Region:
+    return form.Region(
+        area_m2=area_m2(posterior.squares, level),
+        geojson=form.MultiPolygon(**geojson(posterior.squares, utm, level)),
+    )
 
 
 def _modes(posterior: Posterior, utm: Utm) -> list[form.Mode]:

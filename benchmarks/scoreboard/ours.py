@@ -9,7 +9,7 @@ from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.region import Squares as Leaves
 from logger.core.locator.region import highest_density, mode_regions
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR
-from logger.core.model.prior import Prior
+from logger.core.model.prior import WHITE, Hypothesis, NoiseGroup, Prior
 from logger.core.observations import CellObservations
 
 from .answer import Answer, Mode, Squares
@@ -17,7 +17,6 @@ from .world import Noise, Walk, World
 
 PRIOR = Prior()
 _MODE_LEVEL = 0.999
-_NEVER = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,14 +61,10 @@ def known_noise_prior(noise: Noise) -> Prior:
     The strength of the noise is unknown.
     """
     if noise.shadow_db == 0.0:
-        return replace(PRIOR, white_alone=1.0, white_shares=())
+        return replace(PRIOR, noise=(NoiseGroup(1.0, (WHITE,)),))
     white_share = noise.white_db**2 / (noise.white_db**2 + noise.shadow_db**2)
-    return replace(
-        PRIOR,
-        white_alone=_NEVER,
-        white_shares=(white_share,),
-        decorrelation_m=(noise.decorrelation_m,),
-    )
+    known = Hypothesis(white_share, noise.decorrelation_m)
+    return replace(PRIOR, noise=(NoiseGroup(1.0, (known,)),))
 
 
 def answer(world: World, walk: Walk, prior: Prior = PRIOR) -> Answer:

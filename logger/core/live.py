@@ -102,9 +102,8 @@ class LiveTracker:
 
 
 def live_prior(settings: LiveSettings) -> Prior:
-    """The configured prior with fewer hypotheses of the noise than offline."""
-    prior = prior_for(settings.environment, height_m=settings.height_m, antenna=settings.antenna)
-    return replace(prior, decorrelation_m=LIVE_DECORRELATION_M, white_shares=LIVE_WHITE_SHARES)
+    """The configured prior."""
+    return prior_for(settings.environment, height_m=settings.height_m, antenna=settings.antenna)
 
 
 def _levels(scan: Scan) -> list[tuple[str, CellReading, float]]:

@@ -26,22 +26,19 @@ from scipy.special import softmax
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model import marginal
 from logger.core.model.blocks import squares
-from logger.core.model.noise import correlation, independent_variance
-from logger.core.model.prior import Hypothesis, Prior
+from logger.core.model.noise import independent_variance, shadowing
+from logger.core.model.prior import WHITE, Hypothesis, Prior
 
-_NOISE = Prior(
-    white_shares=(0.1, 0.5),
-    decorrelation_m=(12.0, 35.0, 110.0, 350.0, 1100.0),
-    stationary_m=0.0,
-    trust=0.5,
-)
+_WHITE_SHARES = 0.1, 0.5
+_DECORRELATION_M = 12.0, 35.0, 110.0, 350.0, 1100.0
+_TRUST = 0.5
 """Noise considered: each pair of share and distance is as likely as white noise alone.
 
 Half of 464 measured walks decorrelated within 22 m, nearly all within 12 to 390 m. Variances of
 correlated noise are divided by the trust: an exponential is a guess about houses and hills, and
 regions that trusted it fully held the truth in 78 % of 165 measured walks where 95 % were meant.
 """
-SIGMA_DB = _NOISE.sigma_db
+SIGMA_DB = Prior().sigma_db
 """Median of those walks with the true position known; counts as one more reading."""
 
 _MOST_SQUARES = 300  # their covariance is factored for each hypothesis
@@ -99,7 +96,8 @@ def residual_noise(
     likelihoods = [_restricted_likelihood(shape, scaled, e) for shape in shapes]
     log_p, variance_db2 = np.array(likelihoods).T
     p = softmax(log_p)
-    white_share, decorrelation_m, trust = np.array(hypotheses).T
+    white_share, decorrelation_m = np.array([(h.white_share, h.short_m) for h in hypotheses]).T
+    trust = np.where(white_share < 1.0, _TRUST, 1.0)
     covariance = np.einsum("h,hij->ij", p * variance_db2 / trust, shapes)
     correlated = p[1:] / max(np.sum(p[1:]), 1e-300)
     return ResidualNoise(
@@ -116,15 +114,15 @@ def _testable(longest_m: float) -> list[Hypothesis]:
 
     A trend is taken up by the fit.
     """
-    longest_m = max(longest_m, _NOISE.decorrelation_m[0])
-    return [h for h in _NOISE.hypotheses if h.decorrelation_m <= longest_m]
+    longest_m = max(longest_m, _DECORRELATION_M[0])
+    distances_m = [distance_m for distance_m in _DECORRELATION_M if distance_m <= longest_m]
+    return [WHITE, *(Hypothesis(a, d_m) for a in _WHITE_SHARES for d_m in distances_m)]
 
 
 def _shape(apart_m: FloatArray, readings: FloatArray, hypothesis: Hypothesis) -> FloatArray:
     """K of one hypothesis in units of sigma^2, shape (m, m)."""
-    white = hypothesis.white_share
-    independent = np.diag(independent_variance(readings, white, SIGMA_DB))
-    return (1.0 - white) * correlation(apart_m, hypothesis.decorrelation_m) + independent
+    independent = independent_variance(readings, hypothesis.white_share, SIGMA_DB)
+    return shadowing(apart_m, hypothesis) + np.diag(independent)
 
 
 def _restricted_likelihood(

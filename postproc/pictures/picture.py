@@ -44,7 +44,7 @@ def picture_of(survey: Survey, focus: CellResult | None) -> Picture:
     posterior = focus.posterior if focus else None
     readings_m = survey.local(obs.x_m, obs.y_m) if obs else np.empty((0, 2))
     level_dbm = obs.level_dbm if obs else np.empty(0)
-    regions = regions_of(posterior.squares, survey.origin_m) if posterior else {}
+    regions = regions_of(posterior, survey.origin_m) if posterior else {}
     truth_m = _truth_m(survey, focus)
     extras = [np.vstack(regions["95"])] if regions else []
     extras += [np.array([truth_m])] if truth_m else []

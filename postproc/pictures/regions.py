@@ -6,7 +6,8 @@ The squares of a region are merged before they are outlined, which takes a tenth
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.region import Squares, highest_density
+from logger.core.locator.posterior import Posterior
+from logger.core.locator.region import HALF, LEVEL, Squares, highest_density
 from postproc.estimators.region_outline import outline
 
 Rings = list[FloatArray]
@@ -16,13 +17,12 @@ _KEY_FACTORS = np.array([1 << 32, 1])
 """Combine column and row, counted in the finest squares, into one integer."""
 
 
-REGION_SHARES = {"95": 0.95, "50": 0.5}
-"""Regions that are drawn, by name."""
-
-
-def regions_of(squares: Squares, origin_m: tuple[float, float]) -> dict[str, Rings]:
-    """Outlines of all regions that are drawn, by name."""
-    return {name: region_rings(squares, share, origin_m) for name, share in REGION_SHARES.items()}
+def regions_of(posterior: Posterior, origin_m: tuple[float, float]) -> dict[str, Rings]:
+    """Outlines of the 95 % and the 50 % region; the latter is empty where it would not be true."""
+    regions = {"95": region_rings(posterior.squares, LEVEL, origin_m), "50": list[FloatArray]()}
+    if posterior.half_is_true:
+        regions["50"] = region_rings(posterior.squares, HALF, origin_m)
+    return regions
 
 
 def region_rings(cells: Squares, share: float, origin_m: tuple[float, float]) -> Rings:

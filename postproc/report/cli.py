@@ -16,6 +16,7 @@ from postproc.options import (
     false_alarm_option,
     prior_options,
     runs_argument,
+    within_option,
 )
 from postproc.verification.cli import ClaimOptions
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from logger.core.model.prior import Prior
     from logger.core.runfile import Run
     from postproc.report.rendering import Report
+    from postproc.result import Options
 
 
 @click.command
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 @claims_options
 @false_alarm_option
 @prior_options
+@within_option
 @json_option
 def report(
     paths: Sequence[Path],
@@ -51,6 +54,7 @@ def report(
     claims: Path | None,
     p_fa: float,
     prior: "Prior",
+    within_m: float,
     *,
     as_json: bool,
 ) -> None:
@@ -58,6 +62,7 @@ def report(
     from logger.core.runfile import read_sound_run
     from postproc.atomic_write import check_folder, check_output
     from postproc.report.wording import number_of
+    from postproc.result import Options
 
     start_s = perf_counter()
     target = output or paths[0].with_suffix(".html")
@@ -65,7 +70,7 @@ def report(
     if picture_folder is not None:
         check_folder(picture_folder)
     runs = [read_sound_run(path) for path in paths]
-    page = _page(runs, cells, ClaimOptions(claim, claims, p_fa), prior)
+    page = _page(runs, cells, ClaimOptions(claim, claims, p_fa), Options(prior, within_m=within_m))
     size = page.write(target)
     pictures = list(page.write_figures(picture_folder)) if picture_folder else []
     took_s = perf_counter() - start_s
@@ -79,16 +84,15 @@ def report(
 
 
 def _page(
-    runs: "list[Run]", cells: Sequence[str], claims: ClaimOptions, prior: "Prior"
+    runs: "list[Run]", cells: Sequence[str], claims: ClaimOptions, options: "Options"
 ) -> "Report":
     from postproc.progress import with_progress
     from postproc.report.rendering import MOST_DETAILED, make_report
-    from postproc.result import Options
 
     if len(runs) > 1 and claims:
         raise ConfigError("a claim is tested against one run: name only that run")
-    result = estimate(runs, cells, Options(prior))
-    verified = claims.test(runs[0], cells or [None], prior)
+    result = estimate(runs, cells, options)
+    verified = claims.test(runs[0], cells or [None], options.prior)
     return make_report(
         result, verified, most=max(MOST_DETAILED, len(cells)), progress=with_progress
     )

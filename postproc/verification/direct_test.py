@@ -138,8 +138,8 @@ def direct_test(
         whiten,
         np.swapaxes(rows, 1, 2) @ whiten,
         slope,
-        prior.log_odds - log_det,
-        np.array([h.trust for h in prior.hypotheses]),
+        prior.noise_table.log_odds - log_det,
+        prior.noise_table.trust,
         prior,
     )
 

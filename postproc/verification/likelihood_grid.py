@@ -77,7 +77,7 @@ class LikelihoodGrid:
     @property
     def trust(self) -> FloatArray:
         """Power that the likelihood of each hypothesis is raised to, shape (c,)."""
-        return np.array([self.prior.hypotheses[number].trust for number in self.numbers])
+        return self.prior.noise_table.trust[self.numbers]
 
     @property
     def log_mass(self) -> FloatArray:
@@ -169,7 +169,7 @@ class LikelihoodGrid:
 
     def weights(self, log_p: FloatArray) -> FloatArray:
         """Probability of each hypothesis, over all positions, shape (c, b)."""
-        total = self.overall(log_p) + self.prior.log_odds[self.numbers][:, None]
+        total = self.overall(log_p) + self.prior.noise_table.log_odds[self.numbers][:, None]
         return np.asarray(np.exp(total - log_sum(total.T)), float)
 
     def overall(self, log_p: FloatArray) -> FloatArray:

@@ -85,7 +85,7 @@ def key_of(view: ViewModel, cell: CellView) -> list[tuple[str, Colour]]:
     """Names and colours of what is drawn of a cell."""
     entries = [("walker", colours.WALKER)] if len(view.survey.track_m) else []
     if cell.steps:
-        entries.append(("posterior: 95 %, 50 %", colours.POSTERIOR))
+        entries.append(("posterior: 95 % (50 %)", colours.POSTERIOR))
     entries += [legend_of(estimate.estimator) for estimate in cell.picture.estimates]
     verdicts = [tested.verdict for tested in cell.claims]
     entries += [(f"claim: {verdict}", colours.verdict_colour(verdict)) for verdict in verdicts]

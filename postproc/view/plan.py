@@ -7,6 +7,7 @@ import rerun as rr
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import ellipse95
+from logger.core.locator.region import LEVEL
 from logger.core.track import MAX_GAP_S
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
@@ -14,7 +15,7 @@ from postproc.pictures.colours import Colour
 from postproc.pictures.estimates import Estimate
 from postproc.pictures.geometry import evenly_spaced
 from postproc.pictures.picture import mode_label
-from postproc.pictures.regions import REGION_SHARES, region_rings
+from postproc.pictures.regions import region_rings
 from postproc.pictures.survey import Walk
 from postproc.result import BATCH, RTS
 from postproc.view.density_image import draw_density
@@ -196,7 +197,7 @@ def _draw_all_cells(plan: Surface, view: ViewModel) -> None:
         if posterior is None or result.verdict == "cannot tell":
             continue
         ink = view.cell_colours.get(result.cell, colours.QUIET)
-        rings = region_rings(posterior.squares, REGION_SHARES["95"], view.survey.origin_m)
+        rings = region_rings(posterior.squares, LEVEL, view.survey.origin_m)
         plan.lines(("all", result.cell, "region95"), rings, Style([(*ink, 200)], 0.75))
         labels = [
             f"{result.cell} {mode_label(posterior, mode)}".rstrip() for mode in posterior.modes

@@ -107,7 +107,7 @@ def view_model(result: Result, details: Sequence[CellDetail]) -> ViewModel:
 
 
 def _cell_view(survey: Survey, detail: CellDetail) -> CellView:
-    regions = tuple(regions_of(step.posterior.squares, survey.origin_m) for step in detail.steps)
+    regions = tuple(regions_of(step.posterior, survey.origin_m) for step in detail.steps)
     return CellView(picture_of(survey, detail.result), *detail[:2], regions, detail.claims)
 
 

@@ -11,7 +11,7 @@ from logger.core.model.blocks import NOTHING_CENSORED, Blocks, single
 from logger.core.model.columns import receiver_variance, varying_columns
 from logger.core.model.elimination import packed_index
 from logger.core.model.marginal import walk_sums
-from logger.core.model.noise import independent_variance, whiteners
+from logger.core.model.noise import independent_variance, shadowing, whiteners
 from logger.core.model.prior import Prior
 
 _LEAST_VARIANCE = 1e-12  # of a block given all others, by sigma^2: above rounding errors
@@ -31,12 +31,13 @@ class BorderedSums:
         closed: Blocks,
         most: int,
     ) -> None:
-        hypotheses = np.array(prior.hypotheses)[numbers]
+        hypotheses = [prior.hypotheses[number] for number in numbers]
         noises = whiteners(closed, prior, numbers.tolist())
         columns = varying_columns(closed, prior, *position_m)
         rows = len(closed)
         self._prior, self._position_m, self._rows = prior, position_m, rows
-        self._white_share, self._decorrelation_m = hypotheses[:, 0], hypotheses[:, 1:2]
+        self._hypotheses = hypotheses
+        self._white_share = np.array([h.white_share for h in hypotheses])
         self._whitener = np.zeros((len(numbers), most, most))
         self._whitener[:, :rows, :rows] = [noise.matrix for noise in noises]
         self._columns = np.zeros((len(columns), most, len(position_m[0])))
@@ -72,12 +73,11 @@ class BorderedSums:
         """Row of W (c, n) of the last block, and its variance given all others (c,)."""
         x, y, _, _, readings = walk
         before = self._whitener[:, : len(x) - 1, : len(x) - 1]
-        shadowed = (1.0 - self._white_share)[:, None]
         apart_m = np.hypot(x[:-1] - x[-1], y[:-1] - y[-1])
-        between = shadowed * np.exp(-apart_m / np.maximum(self._decorrelation_m, 1.0))
+        between = np.stack([shadowing(apart_m, h) for h in self._hypotheses])
         known = np.matmul(before, between[..., None])[..., 0]
         alone = independent_variance(readings[-1], self._white_share, self._prior.sigma_db)
-        variance = shadowed[:, 0] + alone - np.sum(known**2, axis=1)
+        variance = 1.0 - self._white_share + alone - np.sum(known**2, axis=1)
         variance = np.maximum(variance, _LEAST_VARIANCE)
         row = np.ones((len(variance), len(x)))
         row[:, :-1] = -np.matmul(known[:, None], before)[:, 0]

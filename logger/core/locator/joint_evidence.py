@@ -19,11 +19,11 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.orthant import Sites, log_all_above
-from logger.core.locator.tobit import beyond_dbm, shadowing, shadowing_in_blocks
+from logger.core.locator.tobit import beyond_dbm, shadowing_between, shadowing_in_blocks
 from logger.core.model.blocks import READINGS_BELIEVED, Blocks
 from logger.core.model.columns import censored_columns, varying_columns
 from logger.core.model.marginal import SigmaLaw, sums
-from logger.core.model.noise import Whitener, whiteners
+from logger.core.model.noise import Whitener, shadowing, whiteners
 from logger.core.model.prior import Hypothesis, Prior
 
 _STEP = 0.25  # of log sigma: a parabola through three such points has its top within 1 %
@@ -32,6 +32,7 @@ _LEAST_CURVATURE = 1.0  # of one reading, about
 _SAMPLED_FROM = 2  # likeliest hypotheses
 _HOPELESS_NATS = 12.0  # less likely than the best: no longer compared
 _SAMPLED_MASS = 0.9999
+_LEAST_SHADOWED = 1e-9  # share of sigma^2: white noise has none to divide by
 _MEAN_APART = 1.0 / 3.0  # of two readings of a square, by its side: a way straight across
 
 
@@ -49,7 +50,7 @@ class Joint:
         shared = _shared_in_point(gone.readings, _side_m(gone.x_m, gone.y_m), hypothesis)
         common = np.sqrt(shared)[:, None]
         known = noise.matrix @ (common * shadowing_in_blocks(blocks, hypothesis)).T
-        between = common * shadowing(gone, hypothesis, gone.x_m, gone.y_m) * common.T
+        between = common * shadowing_between(gone, hypothesis, gone.x_m, gone.y_m) * common.T
         self._blocks, self._prior, self._noise = blocks, prior, noise
         self._independent = 1.0 - (1.0 - hypothesis.white_share) * shared
         self._gain = known.T @ noise.matrix
@@ -109,8 +110,9 @@ class Joint:
 
 def _shared_in_point(readings: FloatArray, side_m: float, hypothesis: Hypothesis) -> FloatArray:
     """Correlation of the shadowing of two readings gathered in one point, shape (g,)."""
-    reach_m = max(hypothesis.decorrelation_m, 1.0) / _MEAN_APART
-    return np.where(readings > 1.0, np.exp(-side_m / reach_m), 1.0)
+    apart_m = np.full(readings.shape, _MEAN_APART * side_m)
+    shadowed = max(1.0 - hypothesis.white_share, _LEAST_SHADOWED)
+    return np.where(readings > 1.0, shadowing(apart_m, hypothesis) / shadowed, 1.0)
 
 
 def _design(varying: list[FloatArray]) -> FloatArray:
@@ -128,7 +130,7 @@ def log_weights_at(
     begun = zip(whiteners(blocks, prior), sigma_db.tolist(), strict=True)
     joints = [Joint(blocks, prior, noise, begun_db) for noise, begun_db in begun]
     log_p = np.array([joint.log_p(x_m, y_m) for joint in joints])
-    return prior.log_odds + log_p, np.array([joint.sigma_db for joint in joints])
+    return prior.noise_table.log_odds + log_p, np.array([joint.sigma_db for joint in joints])
 
 
 def log_weights(
@@ -149,7 +151,7 @@ def log_weights(
     of_places = log_p + log_mass
     p = np.exp(of_places - log_sum(of_places)[:, None])
     joints = [Joint(blocks, prior, noise) for noise in found]
-    odds = prior.log_odds[[noise.number for noise in found]]
+    odds = prior.noise_table.log_odds[[noise.number for noise in found]]
     best = np.argmax(of_places, axis=1)
     at_best = odds + [one.log_p(x_m[k], y_m[k]) for one, k in zip(joints, best, strict=True)]
     likeliest = np.argsort(-at_best)[:_SAMPLED_FROM]

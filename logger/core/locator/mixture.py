@@ -1,16 +1,26 @@
 """From the evidence of every hypothesis to the probability of positions.
 
-Each hypothesis has its own posterior over the positions, with its likelihood raised to the power of
-its trust; their weights are their evidence over the complete walk.
+Within a group of noise hypotheses the likelihoods are mixed first, position by position. Then each
+group has one posterior over the positions, with its likelihood raised to the power of its trust;
+the weights of the groups are their evidence over the complete walk:
+
+    l_g(x) = log sum_c P(c | g) p(z | x, c)
+    p(x) = sum_g W_g p_0(x) exp(T_g l_g(x)) / Z_g,    W_g ~ P(g) integral p_0(x) exp(l_g(x)) dx
+
+To temper each hypothesis alone and mix afterwards would give the wide posterior of one that
+explains the walk badly near the transmitter as much weight far away as it has altogether.
 """
 
-from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.prior import Prior
+
+_IMPOSSIBLE = -1e6
+"""Log weight of a hypothesis that is ruled out: finite, as a whole group may be."""
 
 
 class Mixture(NamedTuple):
@@ -39,25 +49,37 @@ def mixture(
 ) -> Mixture:
     """Mix hypotheses `numbers` (c,) with log evidence (c, h); positions have log prior mass (h,).
 
-    `log_weight` (c,) of the hypotheses, up to a constant, is their evidence unless something else
-    is given.
+    The numbers ascend. `log_weight` (c,) of the hypotheses, up to a constant, is their evidence
+    unless something else is given.
     """
+    table = prior.noise_table
     normal = log_mass - log_sum(log_mass)
-    trust, log_odds = _of_hypotheses(prior)
-    if log_weight is None:
-        log_weight = log_sum(log_p + normal) + log_odds[numbers]
-    log_evidence = float(log_sum(log_weight))
-    share = trust[numbers, None] * log_p + normal
-    share -= share.max(axis=1, keepdims=True)
-    np.exp(share, out=share)
-    share *= (np.exp(log_weight - log_evidence) / share.sum(axis=1))[:, None]
+    joint = log_p + table.log_odds[numbers][:, None]
+    if log_weight is not None:
+        known = np.maximum(log_weight, _IMPOSSIBLE)
+        joint += (known - log_sum(joint + normal))[:, None]
+    ends = np.append(np.searchsorted(numbers, table.first), len(numbers)).tolist()
+    of_groups = [
+        _mix_group(joint[first:end], normal, float(table.trust[numbers[first]]))
+        for first, end in pairwise(ends)
+        if end > first
+    ]
+    log_evidence = float(log_sum(np.array([one.log_evidence for one in of_groups])))
+    for one in of_groups:
+        one.share[:] *= np.exp(one.log_evidence - log_evidence)
+    return Mixture(np.concatenate([one.share for one in of_groups]), log_evidence)
+
+
+def _mix_group(joint: FloatArray, normal: FloatArray, trust: float) -> Mixture:
+    """Posterior of one group: its likelihood (c, h) is mixed, then raised to the power `trust`."""
+    best = joint.max(axis=0)
+    share = np.exp(joint - best)
+    total = share.sum(axis=0)
+    log_group = best + np.log(total)
+    log_evidence = float(log_sum(log_group + normal))
+    tempered = trust * log_group + normal
+    share *= np.exp(tempered - log_sum(tempered)) / total
     return Mixture(share, log_evidence)
-
-
-@lru_cache(maxsize=8)  # needed after each live reading
-def _of_hypotheses(prior: Prior) -> tuple[FloatArray, FloatArray]:
-    """Trust and log odds of all hypotheses, shape (c,) each."""
-    return np.array([h.trust for h in prior.hypotheses]), prior.log_odds
 
 
 def log_sum(values: FloatArray) -> FloatArray:

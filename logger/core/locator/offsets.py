@@ -101,7 +101,7 @@ def _conditional_offsets(
     of_modem = (np.arange(1, modems)[:, None] == blocks.modem).astype(float)
     fixed = np.vstack([blocks.level_dbm, np.ones(len(blocks)), of_modem])
     total = sums(noise.matrix, fixed, varying, extra)
-    trust = prior.hypotheses[number].trust
+    trust = float(prior.noise_table.trust[number])
     given = fit(total, _prior(prior, sigma_db, modems), np.log(sigma_db) - 0.5 * np.log(trust))
     covariance = given.covariance(modems)[1:, 1:]
     return given.theta[1:modems].T, np.moveaxis(covariance, -1, 0)

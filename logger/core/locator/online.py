@@ -84,7 +84,8 @@ class OnlineLocator:
     def __init__(self, prior: Prior, spikes: SpikeFilter[LevelReading] | None = None) -> None:
         self._prior = prior
         self._spikes = spikes or SpikeFilter[LevelReading]()
-        self._white, self._apart_m, _ = np.array(prior.hypotheses).T
+        self._white = np.array([h.white_share for h in prior.hypotheses])
+        self._apart_m = np.array([h.decorrelation_m for h in prior.hypotheses])
         self._block = np.zeros(
             (5, MOST_BLOCKS)
         )  # means of x, y, level, variance of position; count

@@ -12,15 +12,13 @@
 `mode_regions`, `fit_curve` and everything in `logger.core.model` are the same functions on both.
 """
 
-from dataclasses import replace
-
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import prepare
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.search import coarse_search, refine, weigh_noise
 from logger.core.locator.summary import summarise
 from logger.core.locator.two_source_test import divide
-from logger.core.locator.verdict import Decision, assess, doubt
+from logger.core.locator.verdict import DESK_M, Decision, assess
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 
@@ -43,16 +41,7 @@ def locate(
     return summarise(task, tree)
 
 
-def decide(posterior: Posterior, obs: CellObservations) -> Decision:
-    """The verdict after every check.
-
-    "Located" has to hold with less trust in the noise as well: with every correlated noise trusted
-    as little as that of hills and streets. Of 13 measured walks located without that check 4 were
-    wrong, of the 9 that pass it 1.
-    """
+def decide(posterior: Posterior, obs: CellObservations, *, within_m: float = DESK_M) -> Decision:
+    """The verdict: located where 95 % of the probability lie within `within_m`."""
     obs = obs.usable()
-    decision = assess(posterior, obs, divide(obs, posterior))
-    if decision.verdict != "located":
-        return decision
-    cautious = locate(obs, replace(posterior.prior, stationary_m=0.0))
-    return doubt(decision, cautious, obs)
+    return assess(posterior, obs, divide(obs, posterior), within_m=within_m)

@@ -17,37 +17,63 @@ _CHUNK = 512
 """Squares evaluated at a time: the matrices of blocks by squares stay in the processor's cache."""
 
 
-class PositionEvidence(NamedTuple):
-    """A walk under some hypotheses of the noise, ready to be evaluated at positions.
+class BlocksEvidence(NamedTuple):
+    """A walk in blocks under some hypotheses of the noise, ready to be evaluated at positions.
 
-    `log_weight` is that of all hypotheses as in `Tree`. `conditionals` describe the censored
-    readings given the levels, one for each of the `whiteners`; none where no reading is censored.
+    `conditionals` describe the censored readings given the levels, one for each of the `whiteners`;
+    none where no reading is censored. `shift` (c,) is added to the log evidence.
     """
 
     blocks: Blocks
-    prior: Prior
-    nodes: int
     whiteners: list[Whitener]
-    log_weight: FloatArray | None
-    timing: Timing | None
     conditionals: list[Conditional]
+    shift: FloatArray
 
     @classmethod
     def of(
         cls,
         blocks: Blocks,
         prior: Prior,
-        nodes: int,
         whiteners: list[Whitener],
-        log_weight: FloatArray | None,
-        timing: Timing | None,
-    ) -> "PositionEvidence":
+        shift: FloatArray | None = None,
+    ) -> "BlocksEvidence":
         """The evidence of blocks; `whiteners` belong to these blocks."""
         censored = whiteners if len(blocks.censored.x_m) else []
         conditionals = [
             conditional_levels(blocks, noise, prior.hypotheses[noise.number]) for noise in censored
         ]
-        return cls(blocks, prior, nodes, whiteners, log_weight, timing, conditionals)
+        shift = np.zeros(len(whiteners)) if shift is None else shift
+        return cls(blocks, whiteners, conditionals, shift)
+
+    def evaluate(
+        self, prior: Prior, nodes: int, position: FloatArray, near: Evidence | None
+    ) -> Evidence:
+        """Evidence (c, h) at positions (2, h); `near` (c, h) is where to begin to look."""
+        x_m, y_m = position
+        sums = walk_sums(self.blocks, self.whiteners, prior, x_m, y_m)
+        log_det = np.array([noise.log_det for noise in self.whiteners])[:, None]
+        if self.conditionals:
+            found = tobit_evidence(
+                sums, log_det, self.blocks, self.conditionals, prior, x_m, y_m, near
+            )
+        else:
+            found = marginal(sums, len(self.blocks), log_det, prior, nodes)
+        return found._replace(log_p=found.log_p + self.shift[:, None])
+
+
+class PositionEvidence(NamedTuple):
+    """A walk under some hypotheses of the noise, ready to be evaluated at positions.
+
+    The hypotheses of all `parts` ascend. `blocks` are those that the prior of the position is
+    measured from, `log_weight` (c,) that of the parts' hypotheses as in `Tree`.
+    """
+
+    blocks: Blocks
+    parts: list[BlocksEvidence]
+    prior: Prior
+    nodes: int
+    log_weight: FloatArray | None
+    timing: Timing | None
 
     def leaves(self, squares: FloatArray, near: Evidence | None = None) -> Tree:
         """Leaves at squares (3, h): rows x, y, side.
@@ -57,7 +83,7 @@ class PositionEvidence(NamedTuple):
         starts = range(0, squares.shape[1], _CHUNK)
         parts = [self._evidence(squares[:2, i : i + _CHUNK], _chunk(near, i)) for i in starts]
         columns = zip(*parts, strict=True)
-        numbers = np.array([noise.number for noise in self.whiteners])
+        numbers = np.array([noise.number for part in self.parts for noise in part.whiteners])
         x_m, y_m, size_m = squares
         return Tree(
             x_m,
@@ -75,21 +101,22 @@ class PositionEvidence(NamedTuple):
         if not np.any(chosen):
             return tree
         parents = None
-        if self.conditionals:
+        if any(part.conditionals for part in self.parts):
             repeated = ([values[..., chosen]] * 4 for values in tree.evidence)
             parents = Evidence(*(np.concatenate(values, axis=-1) for values in repeated))
         quarters = self.leaves(children(tree.squares[:, chosen]), parents)
         return tree.replace_leaves(chosen, quarters)
 
     def _evidence(self, position: FloatArray, near: Evidence | None) -> Evidence:
-        x_m, y_m = position
-        sums = walk_sums(self.blocks, self.whiteners, self.prior, x_m, y_m)
-        log_det = np.array([noise.log_det for noise in self.whiteners])[:, None]
-        if not self.conditionals:
-            return marginal(sums, len(self.blocks), log_det, self.prior, self.nodes)
-        return tobit_evidence(
-            sums, log_det, self.blocks, self.conditionals, self.prior, x_m, y_m, near
-        )
+        found, first = [], 0
+        for part in self.parts:
+            rows = slice(first, first + len(part.whiteners))
+            begin = None if near is None else Evidence(*(v[..., rows, :] for v in near))
+            found.append(part.evaluate(self.prior, self.nodes, position, begin))
+            first = rows.stop
+        if len(found) == 1:
+            return found[0]
+        return Evidence(*(np.concatenate(v, axis=-2) for v in zip(*found, strict=True)))
 
     def _log_timing(self, squares: FloatArray, starts: range) -> FloatArray | None:
         if self.timing is None:

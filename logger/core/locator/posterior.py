@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import Ellipse, ellipse95
@@ -11,8 +14,21 @@ from logger.core.model.prior import Prior
 
 LEAST_PEAK = 0.05
 """A position with this share of the highest density is a mode, however improbable."""
+FAR_M = 800.0
+"""Farther from the walk than this, regions of measured walks missed the transmitter too often.
+
+With the default reach they held it 0.72 times at 800 to 1200 m and 0.57 times beyond, on 299 walks.
+"""
 _LIMIT_SHARE = 0.01
 """With more probability than this at the end of the searched area, the search ended too early."""
+
+
+class StrongestReading(NamedTuple):
+    """Where the receiver was at the strongest reading, and its level."""
+
+    x_m: float
+    y_m: float
+    level_dbm: float
 
 
 @dataclass(frozen=True)
@@ -48,10 +64,13 @@ class Mode:
 class Posterior:
     """All that is known about one transmitter after a walk.
 
-    `x_m, y_m` is the median of the strongest mode: the point with the least mean distance to the
-    transmitter. `r95_m` is the radius around it that holds 95 % of the probability, `drms_m` the
-    root mean square distance from it. `p0_dbm` to `white_share` are means and standard deviations
-    over the complete posterior. `limit_share` is the probability at the end of the searched area.
+    `x_m, y_m` is the position to show, from the densest half of the strongest mode. `r95_m` is the
+    radius around it that holds 95 % of the probability, `drms_m` the root mean square distance from
+    it. `p0_dbm` to `sigma_db` are means and standard deviations over the
+    complete posterior, `noise_probability` (c,) belongs to the hypotheses of the prior. `strongest`
+    is the strongest reading, which may lie inside the 50 % region. `limit_share` is the probability
+    at the end of the searched area, `far_share` that of positions farther from the walk than
+    `FAR_M`.
     `log_evidence` is the log probability density of the levels under the model, to compare models;
     with timing advances it is that of the levels given those, and `prior` reaches as far as they.
     `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the
@@ -69,17 +88,44 @@ class Posterior:
     eta: float
     eta_sigma: float
     sigma_db: float
-    decorrelation_m: float
-    white_share: float
+    noise_probability: FloatArray
+    strongest: StrongestReading
+    is_strongest_inside: bool
     limit_share: float
+    far_share: float
     log_evidence: float
     prior: Prior
     offsets: Offsets | None = None
 
     @property
+    def decorrelation_m(self) -> float:
+        """Mean decorrelation distance of the shadowing over the hypotheses."""
+        each = [one.decorrelation_m for one in self.prior.hypotheses]
+        return float(self.noise_probability @ each)
+
+    @property
+    def white_share(self) -> float:
+        """Mean share of white noise in the variance of the levels."""
+        each = [one.white_share for one in self.prior.hypotheses]
+        return min(float(self.noise_probability @ each), 1.0)
+
+    @property
+    def long_share(self) -> float:
+        """Probability that the shadowing has a long part, as hills and streets cause it."""
+        return float(np.sum(self.noise_probability[self.prior.noise_table.is_long]))
+
+    @property
     def at_limit(self) -> bool:
         """Whether probability reaches the end of the searched area."""
         return self.limit_share > _LIMIT_SHARE
+
+    @property
+    def half_is_true(self) -> bool:
+        """Whether the 50 % region holds the transmitter about as often as it says.
+
+        On 165 measured walks it did 0.55 times with the strongest reading inside, else 0.30 times.
+        """
+        return self.is_strongest_inside
 
     @property
     def region_area_m2(self) -> float:

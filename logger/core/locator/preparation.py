@@ -7,6 +7,7 @@ import numpy as np
 
 from logger.core.errors import EstimationError
 from logger.core.locator.offsets import first_look
+from logger.core.locator.posterior import StrongestReading
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.search import Walk
 from logger.core.locator.symmetry import snap_to_curve
@@ -30,6 +31,7 @@ class LocatorInput(NamedTuple):
     prior: Prior
     mean_dbm: float
     n_modems: int
+    strongest: StrongestReading
 
 
 def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput:
@@ -41,6 +43,8 @@ def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput
     limit = obs.limit
     if not np.any(limit == 0):
         raise EstimationError("there is no reading of this cell within the modem's scale")
+    best = int(np.argmax(obs.level_dbm))
+    strongest = StrongestReading(*(float(v[best]) for v in (obs.x_m, obs.y_m, obs.level_dbm)))
     obs = snap_to_curve(obs)
     timing = timing_of(obs)
     if timing is not None:
@@ -50,7 +54,7 @@ def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput
     centred = replace(obs, level_dbm=obs.level_dbm - mean_dbm, known_limit=limit)
     walk_prior = replace(prior, p0_dbm=prior.p0_dbm - mean_dbm)
     walk = _on_one_scale(_in_blocks(centred, walk_prior, effort), centred)
-    return LocatorInput(walk._replace(timing=timing), prior, mean_dbm, obs.n_modems)
+    return LocatorInput(walk._replace(timing=timing), prior, mean_dbm, obs.n_modems, strongest)
 
 
 def _in_blocks(obs: CellObservations, prior: Prior, effort: Effort) -> Walk:

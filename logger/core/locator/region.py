@@ -12,6 +12,8 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 
 LEVEL = 0.95
+HALF = 0.5
+"""Level of the inner region."""
 SADDLE = 0.5
 """Two peaks are one mode if the saddle between them is higher than this share of the lower peak."""
 

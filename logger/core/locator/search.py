@@ -13,7 +13,8 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.joint_evidence import log_weights, log_weights_at
-from logger.core.locator.position_evidence import PositionEvidence
+from logger.core.locator.mixture import log_sum
+from logger.core.locator.position_evidence import BlocksEvidence, PositionEvidence
 from logger.core.locator.quadtree import Effort, Tree, first_squares
 from logger.core.locator.timing_advance import Timing
 from logger.core.locator.tree_growth import grow
@@ -51,12 +52,12 @@ class Walk(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """Hypotheses for the fine search: their `whiteners` of all blocks, and weights as in `Tree`.
+    """Hypotheses for the fine search, in parts with blocks of their own.
 
-    `log_weight` (c,) has all hypotheses; None where no reading is censored.
+    `log_weight` (c,) has all hypotheses, as in `Tree`; None where no reading is censored.
     """
 
-    whiteners: list[Whitener]
+    parts: list[BlocksEvidence]
     log_weight: FloatArray | None
 
 
@@ -96,13 +97,14 @@ def weigh_noise(walk: Walk, tree: Tree) -> Noise:
     censored readings does, since the levels that remain beside the floor are the high ones.
     """
     if tree.log_weight is None:
-        return Noise(_plausible_whiteners(walk, tree), None)
+        return Noise(_plausible_parts(walk, tree) if walk.is_searched_twice else [], None)
     log_weight = np.full(len(walk.prior.hypotheses), -np.inf)
     log_weight[tree.numbers] = _joint_log_weight(walk, tree)
     if not walk.is_searched_twice:
         return Noise([], log_weight)
     plausible = _numbers_within(log_weight, -log(_LEAST_RATIO))
-    return Noise(whiteners(walk.blocks, walk.prior, plausible), log_weight)
+    shift = np.zeros(len(log_weight))
+    return Noise(_parts(walk, whiteners(walk.blocks, walk.prior, plausible), shift), log_weight)
 
 
 def refine(walk: Walk, tree: Tree, noise: Noise) -> Tree:
@@ -111,23 +113,42 @@ def refine(walk: Walk, tree: Tree, noise: Noise) -> Tree:
         weights = noise.log_weight
         return tree._replace(log_weight=None if weights is None else weights[tree.numbers])
     effort = walk.effort._replace(densest=0)  # the coarse search has split these
-    evidence = _evidence(walk, walk.blocks, noise.whiteners, noise.log_weight)
+    evidence = _evidence(walk, walk.blocks, noise.parts, noise.log_weight)
     return grow(evidence.leaves(tree.squares), evidence.split, walk.prior, effort)
 
 
 def _evidence(
-    walk: Walk, blocks: Blocks, noise: list[Whitener], log_weight: FloatArray | None
+    walk: Walk, blocks: Blocks, parts: list[BlocksEvidence], log_weight: FloatArray | None
 ) -> PositionEvidence:
-    return PositionEvidence.of(
-        blocks, walk.prior, walk.effort.nodes, noise, log_weight, walk.timing
-    )
+    return PositionEvidence(blocks, parts, walk.prior, walk.effort.nodes, log_weight, walk.timing)
+
+
+def _parts(walk: Walk, noise: list[Whitener], shift: FloatArray) -> list[BlocksEvidence]:
+    """Short noise in all blocks and long noise in the coarse ones; `shift` (all hypotheses,).
+
+    What long shadowing says of the position it says over hundreds of metres. Readings closer than a
+    coarse block weigh it against short noise (`shift`), but sharpen positions beyond what is true:
+    on 165 measured walks the region missed the transmitter 6 times in a hundred with long noise in
+    300 blocks, and 3 times in 80.
+    """
+    prior, is_long = walk.prior, walk.prior.noise_table.is_long
+    short = [one for one in noise if not is_long[one.number]]
+    long = [one.number for one in noise if is_long[one.number]]
+    parts = []
+    if short:
+        parts.append(BlocksEvidence.of(walk.blocks, prior, short))
+    if long:
+        coarse = whiteners(walk.coarse, prior, long)
+        parts.append(BlocksEvidence.of(walk.coarse, prior, coarse, shift[long]))
+    return parts
 
 
 def _search_coarse_blocks(
     walk: Walk, effort: Effort, numbers: list[int] | None, log_weight: FloatArray | None
 ) -> Tree:
     noise = whiteners(walk.coarse, walk.prior, numbers)
-    evidence = _evidence(walk, walk.coarse, noise, log_weight)
+    parts = [BlocksEvidence.of(walk.coarse, walk.prior, noise)]
+    evidence = _evidence(walk, walk.coarse, parts, log_weight)
     squares = first_squares(walk.coarse, walk.prior, effort.first_share, walk.timing)
     return grow(evidence.leaves(squares), evidence.split, walk.prior, effort)
 
@@ -154,18 +175,19 @@ def _joint_log_weight(walk: Walk, tree: Tree) -> FloatArray:
     return log_weights(walk.blocks, walk.prior, noise, tree.evidence.log_p, *positions, samples)
 
 
-def _plausible_whiteners(walk: Walk, tree: Tree) -> list[Whitener]:
+def _plausible_parts(walk: Walk, tree: Tree) -> list[BlocksEvidence]:
     """Hypotheses that the levels of all blocks do not rule out at the best squares of the tree."""
-    if not walk.is_searched_twice:
-        return []
     noise = whiteners(walk.blocks, walk.prior)
     timing = 0.0 if tree.log_timing is None else tree.log_timing
     worst_first = -tree.evidence.log_p - tree.log_prior - timing
     best = np.unique(np.argsort(worst_first, axis=1)[:, :_BEST_SQUARES])
-    leaves = _evidence(walk, walk.blocks, noise, None).leaves(tree.squares[:, best])
+    parts = [BlocksEvidence.of(walk.blocks, walk.prior, noise)]
+    leaves = _evidence(walk, walk.blocks, parts, None).leaves(tree.squares[:, best])
     share = leaves.mixture(walk.prior).by_hypothesis
-    least = _LEAST_RATIO * np.max(share)
-    return [noise[k] for k in np.flatnonzero(share > least)]
+    plausible = np.flatnonzero(share > _LEAST_RATIO * np.max(share))
+    mass = leaves.log_mass()
+    shift = log_sum(leaves.evidence.log_p + mass) - log_sum(tree.evidence.log_p[:, best] + mass)
+    return _parts(walk, [noise[k] for k in plausible], shift)
 
 
 def _numbers_within(log_weight: FloatArray, nats: float) -> list[int]:

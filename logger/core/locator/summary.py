@@ -7,10 +7,16 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.mixture import Mixture
 from logger.core.locator.offsets import Offsets, offsets
-from logger.core.locator.posterior import LEAST_PEAK, Mode, Posterior
+from logger.core.locator.posterior import (
+    FAR_M,
+    LEAST_PEAK,
+    Mode,
+    Posterior,
+    StrongestReading,
+)
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree, nearest_m
-from logger.core.locator.region import LEVEL, Squares, mode_regions
+from logger.core.locator.region import HALF, LEVEL, Squares, highest_density, mode_regions
 from logger.core.model.marginal import Evidence
 
 BIAS_SHARE = 1.0
@@ -28,6 +34,8 @@ _LEAST_SHARE = 1e-6
 """Squares with less probability than this are not blurred: 10 000 of them have 1 % together."""
 _BLUR_REACH = 4.0
 """Squares larger than this many standard deviations of the blur would not change."""
+_BESIDE_WALK_M = 25.0
+"""A position this close to the walk is beside the street that was walked."""
 _MEDIAN_TURNS = 30
 """Weiszfeld's iteration halves its error in a turn or two."""
 _ROWS = 64
@@ -52,11 +60,11 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
     p = _blur(tree, mixed.probability, bias_m)
     squares = Squares(tree.x_m, tree.y_m, tree.size_m, p)
     regions = _regions(squares, evidence, mixed)
-    x_m, y_m = _median(squares, regions[0].indices)
+    core = densest_half(squares, regions[0].indices)
+    x_m, y_m = _shown_position(task, squares, core)
     mean, covariance = moments_over(tree.squares, evidence, mixed.share, np.arange(len(p)), p)
     r95_m, drms_m = _radii(squares, x_m, y_m)
-    white_share, decorrelation_m = _noise(task, tree, mixed)
-    is_at_end = nearest_m(walk.blocks, tree.x_m, tree.y_m) > END_OF_REACH * walk.prior.reach_m
+    away_m = nearest_m(walk.blocks, tree.x_m, tree.y_m)
     return Posterior(
         squares=squares,
         modes=tuple(region.mode for region in regions),
@@ -69,9 +77,11 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         eta=float(mean[3]),
         eta_sigma=float(np.sqrt(covariance[3, 3])),
         sigma_db=float(np.sum(mixed.share * evidence.sigma_db)),
-        decorrelation_m=decorrelation_m,
-        white_share=white_share,
-        limit_share=float(np.sum(p[is_at_end])),
+        noise_probability=_noise_probability(task, tree, mixed),
+        strongest=task.strongest,
+        is_strongest_inside=_holds(squares, highest_density(squares, HALF), task.strongest),
+        limit_share=float(np.sum(p[away_m > END_OF_REACH * walk.prior.reach_m])),
+        far_share=float(np.sum(p[away_m > FAR_M])),
         log_evidence=mixed.log_evidence,
         prior=task.prior,
         offsets=_offsets(task, tree, mixed, regions[0]),
@@ -145,11 +155,11 @@ def _radii(squares: Squares, x_m: float, y_m: float) -> tuple[float, float]:
     return float(outer_m[min(last, len(p) - 1)]), drms_m
 
 
-def _noise(task: LocatorInput, tree: Tree, mixed: Mixture) -> tuple[float, float]:
-    """Mean white share and decorrelation distance in m over the hypotheses."""
-    hypotheses = np.array(task.walk.prior.hypotheses)[tree.numbers]
-    white_share, decorrelation_m = mixed.by_hypothesis @ hypotheses[:, :2]
-    return min(float(white_share), 1.0), float(decorrelation_m)
+def _noise_probability(task: LocatorInput, tree: Tree, mixed: Mixture) -> FloatArray:
+    """Probability of every hypothesis of the prior, shape (c,)."""
+    probability = np.zeros(len(task.walk.prior.hypotheses))
+    probability[tree.numbers] = mixed.by_hypothesis
+    return probability
 
 
 def _offsets(task: LocatorInput, tree: Tree, mixed: Mixture, region: _Region) -> Offsets | None:
@@ -176,6 +186,36 @@ def _blur(tree: Tree, p: FloatArray, bias_m: float) -> FloatArray:
         reach = tree.size_m[targets] ** 2 * density
         blurred[targets] += (p[rows[:, 0]] / np.sum(reach, axis=1)) @ reach
     return blurred
+
+
+def densest_half(squares: Squares, indices: IntArray) -> IntArray:
+    """Indices of the densest squares that hold half of the probability of some squares."""
+    densest_first = indices[np.argsort(-squares.density[indices], kind="stable")]
+    cumulative = np.cumsum(squares.probability[densest_first])
+    count = int(np.searchsorted(cumulative, HALF * cumulative[-1])) + 1
+    return densest_first[:count]
+
+
+def _shown_position(task: LocatorInput, squares: Squares, core: IntArray) -> tuple[float, float]:
+    """The position to show, from the densest half of the strongest mode.
+
+    It is the geometric median of that half: the tail of a mode is what the prior allows far away.
+    Where this lies beside the walk, and the position of the strongest reading in that half, it is
+    the latter: past transmitters within 50 m nothing is closer on measured walks (mean error 43 m,
+    the median 55 m).
+    """
+    x_m, y_m = _median(squares, core)
+    away_m = nearest_m(task.walk.blocks, np.array([x_m]), np.array([y_m]))[0]
+    if away_m <= _BESIDE_WALK_M and _holds(squares, core, task.strongest):
+        return task.strongest.x_m, task.strongest.y_m
+    return x_m, y_m
+
+
+def _holds(squares: Squares, indices: IntArray, reading: StrongestReading) -> bool:
+    """Whether the position of a reading is in one of some squares."""
+    half_m = 0.5 * squares.size_m[indices]
+    is_in = np.abs(squares.x_m[indices] - reading.x_m) <= half_m
+    return bool(np.any(is_in & (np.abs(squares.y_m[indices] - reading.y_m) <= half_m)))
 
 
 def _median(squares: Squares, indices: IntArray) -> tuple[float, float]:

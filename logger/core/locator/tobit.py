@@ -29,7 +29,7 @@ from logger.core.model.elimination import (
     solution,
 )
 from logger.core.model.marginal import Evidence, marginal
-from logger.core.model.noise import Whitener, correlation, independent_variance
+from logger.core.model.noise import Whitener, independent_variance, shadowing
 from logger.core.model.prior import Hypothesis, Prior
 
 _NEWTON_STEPS = 12
@@ -60,24 +60,24 @@ def conditional_levels(blocks: Blocks, noise: Whitener, hypothesis: Hypothesis) 
     """Distribution of the levels at the censored points of some blocks, given theirs."""
     gone = blocks.censored
     known = noise.matrix @ shadowing_in_blocks(blocks, hypothesis).T
-    left = shadowing(gone, hypothesis, gone.x_m, gone.y_m) - known.T @ known
+    left = shadowing_between(gone, hypothesis, gone.x_m, gone.y_m) - known.T @ known
     gain = known.T @ noise.matrix
     sd = np.sqrt(np.maximum(np.diagonal(left), 0.0) + hypothesis.white_share)
     effective = effective_readings(left, sd, hypothesis.white_share, gone.readings)
     return Conditional(gain, gain @ blocks.level_dbm, sd, effective)
 
 
-def shadowing(
+def shadowing_between(
     gone: Censored, hypothesis: Hypothesis, x_m: FloatArray, y_m: FloatArray
 ) -> FloatArray:
     """Covariance (g, n), in units of sigma^2, of the shadowing at censored and other points."""
     apart_m = np.hypot(gone.x_m[:, None] - x_m, gone.y_m[:, None] - y_m)
-    return (1.0 - hypothesis.white_share) * correlation(apart_m, hypothesis.decorrelation_m)
+    return shadowing(apart_m, hypothesis)
 
 
 def shadowing_in_blocks(blocks: Blocks, hypothesis: Hypothesis) -> FloatArray:
     """The same with the means over the points of the blocks, shape (g, n)."""
-    of_points = shadowing(blocks.censored, hypothesis, blocks.point_x_m, blocks.point_y_m)
+    of_points = shadowing_between(blocks.censored, hypothesis, blocks.point_x_m, blocks.point_y_m)
     return blocks.mean(of_points.T).T
 
 

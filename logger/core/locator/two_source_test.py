@@ -26,6 +26,8 @@ LEAST_LOG_FACTOR = 5.0
 Of 200 simulated walks past one source none exceeds it, of 165 measured ones 6.
 """
 
+_LEAST_LONG_SHARE = 0.5
+"""What one transmitter leaves unexplained looks like shadowing over hundreds of metres."""
 _EFFORT = Effort(most_squares=800, split_share=0.01, nodes=3, densest=0)
 _MOST_BLOCKS = 80  # a walk is located ten times or so
 _FEWEST_BLOCKS = 8  # of a part: twice the unknowns of a transmitter
@@ -65,7 +67,7 @@ def divide(obs: CellObservations, posterior: Posterior) -> Division | None:
     and for several modems, whose offsets would divide a walk too.
     """
     prior = posterior.prior
-    is_explained = posterior.decorrelation_m <= prior.stationary_m
+    is_explained = posterior.long_share < _LEAST_LONG_SHARE
     obs = obs.usable()
     if is_explained or obs.n_modems > 1 or np.count_nonzero(obs.limit == 0) < _FEWEST_READINGS:
         return None
@@ -91,7 +93,7 @@ def _best_division(
         if min(np.count_nonzero(in_one), np.count_nonzero(~in_one)) < _FEWEST_BLOCKS:
             break
         one, two = (_locate_part(walk.part(chosen), prior) for chosen in (in_one, ~in_one))
-        both = one.log_evidence + two.log_evidence - prior.log_odds
+        both = one.log_evidence + two.log_evidence - prior.noise_table.log_odds
         factor = float(log_sum(both)) - undivided
         nearest_m = [np.min(_distance_m(walk, part.x_m, part.y_m)) for part in (one, two)]
         if max(nearest_m) <= prior.near_m and (best is None or factor > best.log_factor):
@@ -108,7 +110,7 @@ def _locate_part(walk: Blocks, prior: Prior) -> _Part:
     log_mass = tree.log_mass()
     log_evidence = np.full(len(prior.hypotheses), _IMPOSSIBLE)
     over_positions = log_sum(tree.evidence.log_p + log_mass - log_sum(log_mass))
-    log_evidence[tree.numbers] = over_positions + prior.log_odds[tree.numbers]
+    log_evidence[tree.numbers] = over_positions + prior.noise_table.log_odds[tree.numbers]
     c, h = np.unravel_index(np.argmax(tree.evidence.log_p), tree.evidence.log_p.shape)
     return _Part(log_evidence, float(tree.x_m[h]), float(tree.y_m[h]), tree.evidence.theta[:, c, h])
 

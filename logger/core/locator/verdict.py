@@ -1,11 +1,13 @@
-"""The rules of the verdict: located, ambiguous or cannot tell, with reasons.
+"""Located, ambiguous or cannot tell, with reasons, from a posterior and its readings.
 
-`assess` applies them in this order:
+1. Two transmitters explain the levels far better than one: cannot tell.
+2. One relevant mode (`relevant_modes`), and 95 % of the probability within `within_m` of the
+   position shown: located.
+3. Several relevant modes, each with a 95 % ellipse within that radius: ambiguous.
+4. Otherwise: cannot tell. What widens the region is listed after that reason.
 
-1. Two transmitters explain the walk far better than one: cannot tell.
-2. Any of `DOUBTS` holds: cannot tell, with all that hold.
-3. Several modes are relevant (`rivals.relevant_modes`): ambiguous.
-4. Otherwise: located.
+The radius is what a user can act on, whatever the extent of the walk: `DESK_M` at the desk and
+`LIVE_M` while walking.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +18,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from logger.core.locator.posterior import Mode, Posterior
+from logger.core.locator.posterior import FAR_M, Mode, Posterior
 from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
 from logger.core.model.path_loss import level_dbm, log_distance_db
@@ -34,10 +36,12 @@ _ONE_SIDED_DEG = 90.0
 """A walk that covers less than a quarter around the position cannot bound its distance."""
 _PASSING_M = 20.0
 """Distance at which the advice states levels: walking past, not through, a building."""
-_CAUTIOUS_FACTOR = 1.25
-"""The region may be this much larger where correlated noise is trusted less."""
-_NEAR_PASS_M = 60.0
-"""A walk that passes nearer than this need not bring the radius below half of it."""
+DESK_M = 150.0
+"""A group of houses, which one more walk can search."""
+LIVE_M = 60.0
+"""What somebody who stands there can look over."""
+_FAR_SHARE = 0.05
+"""With more probability than this far away, the 95 % region reaches there."""
 
 
 class Decision(NamedTuple):
@@ -50,11 +54,10 @@ class Decision(NamedTuple):
 
 @dataclass(frozen=True)
 class _Case:
-    """A posterior and the usable readings behind it; the region may be `factor` times as large."""
+    """A posterior and the usable readings behind it."""
 
     posterior: Posterior
     obs: CellObservations
-    factor: float
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
@@ -72,28 +75,6 @@ class _Case:
         bearing = np.sort(np.degrees(np.arctan2(east_m, north_m)))
         gaps = np.diff(np.append(bearing, bearing[0] + 360.0))
         return 360.0 - float(np.max(gaps))
-
-    @cached_property
-    def radius_m(self) -> float:
-        """Radius of a circle as large as the region, or of the widest mode if that is larger.
-
-        A single mode may have a thin far tail, which widens its ellipse but not the 95 % radius.
-        """
-        radius_m = float(np.sqrt(self.posterior.region_area_m2 / np.pi))
-        if len(self.modes) == 1:
-            return max(radius_m, self.posterior.r95_m)
-        return max(radius_m, *(mode.ellipse.semi_major_m for mode in self.modes))
-
-    @cached_property
-    def allowed_m(self) -> float:
-        """Largest radius of a location: half the walk's extent and half the median distance.
-
-        Several modes may each be twice as large: what counts is that they are distinguished.
-        """
-        east_m, north_m = self.obs.x_m - self.posterior.x_m, self.obs.y_m - self.posterior.y_m
-        median_m = float(np.median(np.hypot(east_m, north_m)))
-        share = 1.0 if len(self.modes) > 1 else 0.5
-        return self.factor * (share * min(self.walk_m, max(median_m, _NEAR_PASS_M)))
 
 
 def _few_readings(case: _Case) -> str | None:
@@ -128,24 +109,25 @@ def _one_sided(case: _Case) -> str | None:
     )
 
 
-def _large_region(case: _Case) -> str | None:
-    if case.radius_m <= case.allowed_m:
+def _far_away(case: _Case) -> str | None:
+    share = case.posterior.far_share
+    if share <= _FAR_SHARE:
         return None
     return (
-        f"the region is too large for a location: {case.radius_m:.0f} m in radius, "
-        f"at most {case.allowed_m:.0f} m for a walk like this one"
+        f"{share:.0%} of the probability lies farther than {FAR_M:.0f} m from the walk, where the "
+        "assumed reach decides, not the levels"
     )
 
 
-DOUBTS: tuple[Callable[[_Case], str | None], ...] = (
+HINTS: tuple[Callable[[_Case], str | None], ...] = (
     _few_readings,
     _short_walk,
     _constant_level,
     _beyond_reach,
     _one_sided,
-    _large_region,
+    _far_away,
 )
-"""Rules that each give the reason why a walk does not locate its transmitter, or None."""
+"""What widens a region: each gives a sentence, or None."""
 
 
 def assess(
@@ -153,36 +135,37 @@ def assess(
     obs: CellObservations,
     division: Division | None = None,
     *,
-    factor: float = 1.0,
+    within_m: float = DESK_M,
 ) -> Decision:
-    """Whether the walk locates the transmitter, and why or why not.
+    """Whether the walk locates the transmitter within a radius, and why or why not.
 
-    `division` are two transmitters that were tried instead of one; the region may be `factor` times
-    as large as usual.
+    `division` are two transmitters that were tried instead of one.
     """
     if division is not None and division.log_factor > LEAST_LOG_FACTOR:
         return Decision("cannot tell", [_two_transmitters(division, obs)], division)
-    case = _Case(posterior, obs.usable(), factor)
-    reasons = [reason for rule in DOUBTS if (reason := rule(case))]
-    if reasons:
-        return Decision("cannot tell", reasons, division)
+    case = _Case(posterior, obs.usable())
     percents = whole_percents(case.modes)
-    if len(case.modes) == 1:
+    is_single = len(case.modes) == 1
+    radius_m = posterior.r95_m if is_single else _widest_m(case.modes)
+    if radius_m > within_m:
+        reasons = [_too_wide(case, radius_m, within_m)]
+        reasons += [hint for rule in HINTS if (hint := rule(case))]
+        return Decision("cannot tell", reasons, division)
+    if is_single:
         radius = f"95 % lie within {posterior.r95_m:.0f} m of it"
         return Decision("located", [f"one position holds {percents[0]}%; {radius}"], division)
     return Decision("ambiguous", [_shares(case, percents), _advice(case)], division)
 
 
-def doubt(decision: Decision, cautious: Posterior, obs: CellObservations) -> Decision:
-    """The decision "located", unless the `cautious` posterior of the same walk contradicts it."""
-    second = assess(cautious, obs, factor=_CAUTIOUS_FACTOR)
-    if second.verdict == "located":
-        return decision
-    reason = (
-        f"{decision.reasons[0]}. But that needs shadowing as even as it looks in this walk; "
-        f"if it is less even, {second.reasons[0]}"
-    )
-    return decision._replace(verdict="cannot tell", reasons=[reason])
+def _widest_m(modes: Sequence[Mode]) -> float:
+    return max(mode.ellipse.semi_major_m for mode in modes)
+
+
+def _too_wide(case: _Case, radius_m: float, within_m: float) -> str:
+    radius = f"{radius_m:.0f} m, and a location needs {within_m:.0f} m"
+    if len(case.modes) == 1:
+        return f"95 % lie within {radius}"
+    return f"the widest of {len(case.modes)} positions reaches over {radius}"
 
 
 def _two_transmitters(division: Division, obs: CellObservations) -> str:

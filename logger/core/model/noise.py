@@ -11,7 +11,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.blocks import READINGS_BELIEVED, Blocks
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Hypothesis, Prior
 
 _ROUNDING_DB2 = 1.0 / 12.0  # of levels in whole dB
 _SMALL = 16  # rows: below that the general inverse is faster
@@ -34,10 +34,12 @@ def covariances(blocks: Blocks, prior: Prior, numbers: Sequence[int] | None = No
         prior.hypotheses[i] for i in (range(len(prior.hypotheses)) if numbers is None else numbers)
     ]
     apart_m = np.hypot(*(v[:, None] - v for v in (blocks.point_x_m, blocks.point_y_m)))
-    lasting = {h.decorrelation_m for h in chosen if h.decorrelation_m}
-    shadowed = {d_c: blocks.mean(blocks.mean(correlation(apart_m, d_c)).T) for d_c in lasting}
-    none = np.zeros((len(blocks), len(blocks)))
-    k = np.stack([(1.0 - h.white_share) * shadowed.get(h.decorrelation_m, none) for h in chosen])
+    scales_m = {scale_m for h in chosen for _, scale_m in shares(h)}
+    shadowed = {d_c: blocks.mean(blocks.mean(correlation(apart_m, d_c)).T) for d_c in scales_m}
+    k = np.zeros((len(chosen), len(blocks), len(blocks)))
+    for i, h in enumerate(chosen):
+        for share, scale_m in shares(h):
+            k[i] += share * shadowed[scale_m]
     diagonal = np.arange(len(blocks))
     k[:, diagonal, diagonal] += [
         independent_variance(blocks.readings, h.white_share, prior.sigma_db) for h in chosen
@@ -52,6 +54,19 @@ def correlation(apart_m: FloatArray, decorrelation_m: float) -> FloatArray:
     Gudmundson, Electronics Letters 27(23), 1991.
     """
     return np.asarray(np.exp(-apart_m / max(decorrelation_m, 1.0)), float)
+
+
+def shares(hypothesis: Hypothesis) -> list[tuple[float, float]]:
+    """Shares of sigma^2 that are correlated, each with its decorrelation distance in m."""
+    white, short_m, long, long_m = hypothesis
+    both = ((1.0 - white) * (1.0 - long), short_m), ((1.0 - white) * long, long_m)
+    return [(share, scale_m) for share, scale_m in both if share > 0.0]
+
+
+def shadowing(apart_m: FloatArray, hypothesis: Hypothesis) -> FloatArray:
+    """Covariance, in units of sigma^2, of the shadowing at points that are this far apart."""
+    parts = (share * correlation(apart_m, scale_m) for share, scale_m in shares(hypothesis))
+    return np.asarray(sum(parts, np.zeros_like(apart_m)), float)
 
 
 def independent_variance(

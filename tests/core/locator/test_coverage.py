@@ -11,12 +11,14 @@ import scipy.stats
 
 from logger.core.geo import Utm
 from logger.core.locator.pipeline import locate
-from logger.core.model.prior import Prior
+from logger.core.model.noise import shadowing
+from logger.core.model.prior import NOISE, Prior
+from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, path, region_contains, simulate
 
 NEARBY = {"reach_m": 600.0, "near_m": 150.0}
-WHITE = Prior(**NEARBY, white_alone=1.0 - 1e-9)
-EVERY_NOISE = Prior(**NEARBY, trust=1.0)
+WHITE = Prior(**NEARBY, noise=noise_groups())
+EVERY_NOISE = Prior(**NEARBY, noise=tuple(one._replace(trust=1.0) for one in NOISE))
 
 # --- walks from the prior itself: the level of the region that just holds the truth is uniform ---
 
@@ -36,10 +38,12 @@ def walk_from_prior(rng, prior, shape):
     """A walk, its levels and the source, all unknowns drawn from the prior."""
     x, y = path(shape, 100, 8.4)
     source = place_of_prior(rng, prior, x, y)
-    noise = prior.hypotheses[rng.choice(len(prior.log_odds), p=np.exp(prior.log_odds))]
+    odds = np.exp(prior.noise_table.log_odds)
+    noise = prior.hypotheses[rng.choice(len(odds), p=odds)]
     apart = np.hypot(x[:, None] - x, y[:, None] - y)
-    shadows = (1.0 - noise.white_share) * np.exp(-apart / max(noise.decorrelation_m, 1.0))
-    k = shadows + (noise.white_share + 1.0 / 12.0 / prior.sigma_db**2) * np.eye(len(x))
+    k = shadowing(apart, noise) + (noise.white_share + 1.0 / 12.0 / prior.sigma_db**2) * np.eye(
+        len(x)
+    )
     sigma_db = prior.sigma_db * np.exp(prior.sigma_log_sd * rng.normal())
     p0, eta = rng.normal(prior.p0_dbm, prior.p0_sigma_db), rng.normal(prior.eta, prior.eta_sigma)
     distance_db = 5.0 * np.log10((x - source[0]) ** 2 + (y - source[1]) ** 2 + prior.height_m**2)

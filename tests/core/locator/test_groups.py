@@ -12,10 +12,11 @@ from logger.core.locator.quadtree import Tree
 from logger.core.model.blocks import blocks
 from logger.core.model.marginal import Evidence, marginal, walk_sums
 from logger.core.model.noise import whiteners
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Hypothesis, Prior
+from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, path, region_contains
 
-PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
+PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)))
 NOISES = [(1.0, 0.0), (0.3, 30.0)]
 PLACE = np.array([[90.0], [40.0]])
 SHIFT_DB = 9.0

@@ -9,10 +9,11 @@ from logger.core.locator.joint_evidence import Joint, log_weights
 from logger.core.locator.pipeline import locate
 from logger.core.model.blocks import NOTHING_CENSORED, Censored, blocks
 from logger.core.model.noise import whiteners
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Hypothesis, Prior
+from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import FLOOR_DBM, censor_at_floor, observations, simulate
 
-PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
+PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)))
 
 
 def track_of(side=-1.0, limit_dbm=-82.0, count=4):
@@ -28,7 +29,7 @@ def by_boxes(track, number, x_m, y_m):
     """Log evidence from the covariance of all levels, P0 and eta in it: a density times the
     probability of a box.
     """
-    gone, (a, d_c, _) = track.censored, PRIOR.hypotheses[number]
+    gone, (a, d_c, *_) = track.censored, PRIOR.hypotheses[number]
     x, y = np.append(track.x_m, gone.x_m), np.append(track.y_m, gone.y_m)
     n = len(track)
     shadow = (1.0 - a) * np.exp(-np.hypot(x[:, None] - x, y[:, None] - y) / max(d_c, 1.0))
@@ -85,7 +86,7 @@ def test_evidence_over_places_agrees_with_the_sum_over_all_of_them():
     )
     about = exact + 0.5 * np.sin(x / 40.0)  # what says where to look is wrong by half a nat
     log_p = log_weights(track, PRIOR, found, about, np.zeros(len(x)), x, y, 24)
-    summed = scipy.special.logsumexp(exact, axis=1) - np.log(len(x)) + PRIOR.log_odds
+    summed = scipy.special.logsumexp(exact, axis=1) - np.log(len(x)) + PRIOR.noise_table.log_odds
     np.testing.assert_allclose(log_p, summed, atol=0.35)
 
 

@@ -12,8 +12,9 @@ LOG_MASS = RNG.normal(3.0, 2.0, 50)
 
 
 def trusted(trust):
-    """Hypotheses of which the correlated ones all have this trust."""
-    return Prior(stationary_m=0.0, trust=trust)
+    """White noise, and two groups that are trusted this much."""
+    white, *correlated = Prior().noise
+    return Prior(noise=(white, *(group._replace(trust=trust) for group in correlated)))
 
 
 def test_shares_sum_to_one():
@@ -27,7 +28,9 @@ def test_shares_sum_to_one():
 def test_with_full_trust_it_is_the_average_of_bayes():
     prior = trusted(1.0)
     mixed = mixture(LOG_P, LOG_MASS, NUMBERS, prior)
-    joint = LOG_P + scipy.special.log_softmax(LOG_MASS) + prior.log_odds[NUMBERS][:, None]
+    joint = (
+        LOG_P + scipy.special.log_softmax(LOG_MASS) + prior.noise_table.log_odds[NUMBERS][:, None]
+    )
     np.testing.assert_allclose(mixed.share, scipy.special.softmax(joint), rtol=1e-9, atol=1e-300)
     assert mixed.log_evidence == pytest.approx(scipy.special.logsumexp(joint))
 
@@ -37,12 +40,23 @@ def test_without_trust_the_prior_is_left():
     np.testing.assert_allclose(mixed.probability, scipy.special.softmax(LOG_MASS), rtol=1e-12)
 
 
-def test_trust_flattens_the_places_but_not_the_choice_of_hypothesis():
+def test_a_group_is_mixed_before_it_is_flattened():
     full, some = (mixture(LOG_P, LOG_MASS, NUMBERS, trusted(t)) for t in (1.0, 0.3))
-    np.testing.assert_allclose(some.by_hypothesis, full.by_hypothesis, rtol=1e-9)
-    assert some.log_evidence == full.log_evidence
-    given = some.share[1] / some.by_hypothesis[1]
-    np.testing.assert_allclose(given, scipy.special.softmax(0.3 * LOG_P[1] + LOG_MASS), rtol=1e-9)
+    short = slice(1, 3)  # hypotheses 2 and 5
+    by_group = [np.sum(mixed.by_hypothesis[short]) for mixed in (full, some)]
+    assert by_group[1] == pytest.approx(by_group[0], rel=1e-9)
+    assert some.log_evidence == pytest.approx(full.log_evidence)
+    log_group = scipy.special.logsumexp(LOG_P[short], axis=0)
+    given = np.sum(some.share[short], axis=0) / by_group[1]
+    np.testing.assert_allclose(given, scipy.special.softmax(0.3 * log_group + LOG_MASS), rtol=1e-9)
+    at_each = some.share[short] / np.sum(some.share[short], axis=0)
+    np.testing.assert_allclose(at_each, scipy.special.softmax(LOG_P[short], axis=0), rtol=1e-9)
+
+
+def test_known_weights_take_the_place_of_the_evidence():
+    log_weight = np.array([-3.0, -np.inf, -2.0, -1.0])
+    mixed = mixture(LOG_P, LOG_MASS, NUMBERS, trusted(1.0), log_weight)
+    np.testing.assert_allclose(mixed.by_hypothesis, scipy.special.softmax(log_weight), atol=1e-12)
 
 
 def test_mass_of_the_prior_counts_by_its_share():
@@ -54,5 +68,5 @@ def test_mass_of_the_prior_counts_by_its_share():
 def test_levels_that_rule_out_a_hypothesis_or_all_but_one_place():
     log_p = np.full((2, 3), -1e5)
     log_p[1, 2] = -3.0
-    mixed = mixture(log_p, np.zeros(3), np.array([0, 1]), Prior(trust=1.0, stationary_m=0.0))
+    mixed = mixture(log_p, np.zeros(3), np.array([0, 1]), trusted(1.0))
     np.testing.assert_array_equal(mixed.share, [[0, 0, 0], [0, 0, 1]])

@@ -23,10 +23,11 @@ from logger.core.model.blocks import blocks
 from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior
+from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations
 
 STEPS = np.arange(64.0)
-WHITE = Prior(decorrelation_m=(), white_shares=(), white_alone=1.0)
+WHITE = Prior(noise=noise_groups())
 
 
 def at_places(x, y, ta):

@@ -11,10 +11,11 @@ from logger.core.locator.quadtree import Effort
 from logger.core.model.blocks import Censored, blocks
 from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import covariances, whiteners
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Hypothesis, Prior
+from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import FLOOR_DBM, censor_at_floor, observations, simulate
 
-PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
+PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)))
 
 
 # --- what the levels tell of them ---
@@ -78,7 +79,10 @@ def test_large_blocks_tell_no_more_than_there_is_to_know():
     """Their means and the places between them are one field: what is left to know of it is a
     covariance.
     """
-    rng, prior = np.random.default_rng(2), Prior(decorrelation_m=(15.0, 700.0), white_shares=(0.0,))
+    rng, prior = (
+        np.random.default_rng(2),
+        Prior(noise=noise_groups(Hypothesis(0.0, 15.0), Hypothesis(0.0, 700.0))),
+    )
     x, y = np.tile(np.linspace(0.0, 200.0, 400), 3), rng.normal(0.0, 1.0, 1200)
     gone = ends(np.arange(200.0), y_m=0.0)
     track = replace(blocks(observations(x, y, rng.normal(-80.0, 5.0, 1200)), 12), censored=gone)
@@ -87,7 +91,9 @@ def test_large_blocks_tell_no_more_than_there_is_to_know():
         hypothesis = prior.hypotheses[noise.number]
         known = noise.matrix @ tobit.shadowing_in_blocks(track, hypothesis).T
         left = (
-            tobit.shadowing(track.censored, hypothesis, track.censored.x_m, track.censored.y_m)
+            tobit.shadowing_between(
+                track.censored, hypothesis, track.censored.x_m, track.censored.y_m
+            )
             - known.T @ known
         )
         assert np.min(np.linalg.eigvalsh(left)) > -1e-9

@@ -171,7 +171,7 @@ def test_one_sided_walk():
 def test_large_region():
     x, y = path("L", 150, 5.6)
     obs = observations(x, y, -95.0 + 4.0 * np.random.default_rng(26).normal(size=150))
-    assert "the region is too large" in reasons(obs)
+    assert "and a location needs 150 m" in reasons(obs)
 
 
 def test_all_reasons_are_listed():
@@ -179,13 +179,28 @@ def test_all_reasons_are_listed():
     assert len(assess(locate(obs), obs).reasons) >= 3
 
 
-def test_located_is_what_less_trust_in_the_noise_leaves_located():
+def test_the_radius_decides_whatever_the_extent_of_the_walk():
     obs, found = clear()
-    assert decide(found, obs)[:2] == assess(found, obs)[:2]
-    obs, _ = simulate(np.random.default_rng(6), "square", white_db=1.0, shadow_db=5.0, d_c=30.0)
-    found = locate(obs)
-    assert assess(found, obs).verdict == "located"
-    outcome, (why,), _ = decide(found, obs)
+    r95_m = found.r95_m
+    assert decide(found, obs, within_m=1.01 * r95_m).verdict == "located"
+    outcome, (why, *_), _ = decide(found, obs, within_m=0.99 * r95_m)
     assert outcome == "cannot tell"
-    assert "But that needs shadowing as even as it looks in this walk" in why
-    assert "if it is less even, the region is too large" in why
+    assert why == f"95 % lie within {r95_m:.0f} m, and a location needs {0.99 * r95_m:.0f} m"
+
+
+def test_several_wide_modes_are_no_answer():
+    obs, found = clear()
+    best = replace(found.modes[0], probability=0.6)
+    two = replace(found, modes=(best, beside(best, 400.0, 0.39, 0.9)))
+    semi_major_m = best.ellipse.semi_major_m
+    assert assess(two, obs, within_m=1.01 * semi_major_m).verdict == "ambiguous"
+    outcome, (why, *_), _ = assess(two, obs, within_m=0.99 * semi_major_m)
+    assert outcome == "cannot tell"
+    assert why.startswith("the widest of 2 positions reaches over ")
+
+
+def test_a_region_that_reaches_far_away_is_said_to_rest_on_the_prior():
+    obs, found = clear()
+    far = replace(found, far_share=0.2, r95_m=2000.0)
+    why = " / ".join(assess(far, obs).reasons)
+    assert "20% of the probability lies farther than 800 m from the walk" in why

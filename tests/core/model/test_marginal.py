@@ -8,12 +8,13 @@ import scipy.stats
 from logger.core.model.blocks import blocks
 from logger.core.model.marginal import NODES, marginal, walk_sums
 from logger.core.model.noise import whiteners
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Hypothesis, Prior
+from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, simulate
 
 MOST = 300
 PLACES = np.array([[90.0, 200.0, -400.0], [40.0, -50.0, 300.0]])
-PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
+PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)))
 SECTOR = replace(PRIOR, antenna_db=(9.3, 3.3))
 NOISES = [(1.0, 0.0), (0.3, 30.0)]
 
@@ -207,7 +208,7 @@ def test_p0_eta_and_sigma_given_the_position(row):
 def test_without_a_prior_p0_and_eta_are_those_of_least_squares():
     obs, source = simulate(np.random.default_rng(2), "square")
     flat = Prior(
-        p0_sigma_db=1e4, eta_sigma=1e3, decorrelation_m=(30.0,), white_shares=(0.3,), height_m=0.0
+        p0_sigma_db=1e4, eta_sigma=1e3, noise=noise_groups(Hypothesis(0.3, 30.0)), height_m=0.0
     )
     track = blocks(obs, MOST)
     ours = evidence_of(track, flat, np.array(source)[:, None])
@@ -246,7 +247,10 @@ def test_evidence_of_a_place_does_not_depend_on_the_places_beside_it(position_si
 
 def test_shadowing_does_not_seem_to_last_longer_in_larger_blocks():
     """Drawn over 15 m along 900 m, seen in blocks of 3 to 20 m: the evidence names 15 m, not 30."""
-    rng, prior = np.random.default_rng(8), Prior(decorrelation_m=(15.0, 30.0), white_shares=(0.02,))
+    rng, prior = (
+        np.random.default_rng(8),
+        Prior(noise=noise_groups(Hypothesis(0.02, 15.0), Hypothesis(0.02, 30.0))),
+    )
     x = np.arange(600) * 1.5
     root = np.linalg.cholesky(np.exp(-np.abs(x[:, None] - x) / 15.0))
     for most in (300, 80, 45):

@@ -3,17 +3,18 @@ import pytest
 
 from logger.core.model import noise
 from logger.core.model.blocks import blocks
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Hypothesis, Prior
+from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, path
 
-PRIOR = Prior(decorrelation_m=(30.0,), white_shares=(0.3,))
+PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)))
 
 
 def test_shadowing_of_a_block_is_the_mean_over_its_points():
     """Against drawn fields."""
     x, y = path("random", 240, 3.0)
     walk = blocks(observations(x, y, np.zeros(240)), 20)
-    rng, prior = np.random.default_rng(1), Prior(decorrelation_m=(15.0,), white_shares=(0.0,))
+    rng, prior = np.random.default_rng(1), Prior(noise=noise_groups(Hypothesis(0.0, 15.0)))
     apart = np.hypot(*(v[:, None] - v for v in (walk.point_x_m, walk.point_y_m)))
     samples = np.linalg.cholesky(np.exp(-apart / 15.0)) @ rng.normal(size=(len(apart), 20_000))
     means = np.add.reduceat(walk.weight[:, None] * samples, walk.first)

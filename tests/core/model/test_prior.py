@@ -4,7 +4,9 @@ import pytest
 from logger.core.errors import ConfigError
 from logger.core.live import live_prior
 from logger.core.live_settings import LiveSettings
-from logger.core.model.prior import ANTENNAS, ENVIRONMENTS, Hypothesis, Prior, prior_for
+from logger.core.model.noise import shadowing
+from logger.core.model.prior import ANTENNAS, ENVIRONMENTS, WHITE, Hypothesis, Prior, prior_for
+from tests.kit.noise_groups import noise_groups
 
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)
@@ -29,26 +31,39 @@ def test_unknown_environment():
 
 def test_hypotheses_share_all_odds():
     prior = Prior()
-    assert np.exp(prior.log_odds).sum() == pytest.approx(1.0)
-    assert (
-        len(prior.log_odds)
-        == len(prior.hypotheses)
-        == 1 + len(prior.white_shares) * len(prior.decorrelation_m)
+    odds = np.exp(prior.noise_table.log_odds)
+    assert len(odds) == len(prior.hypotheses)
+    assert odds.sum() == pytest.approx(1.0)
+    assert prior.hypotheses[0] == WHITE
+    for group, first in zip(prior.noise, prior.noise_table.first, strict=True):
+        of_group = odds[first : first + len(group.hypotheses)]
+        assert of_group == pytest.approx(1.0 / (len(prior.noise) * len(group.hypotheses)))
+
+
+def test_shadowing_of_two_scales_is_trusted_least():
+    white, short, long = Prior().noise
+    assert white.trust == 1.0 > short.trust > long.trust
+    assert [group.is_long for group in (white, short, long)] == [False, False, True]
+    assert min(one.long_m for one in long.hypotheses) > max(one.short_m for one in long.hypotheses)
+
+
+def test_the_decorrelation_distance_is_the_integral_of_the_correlation():
+    hypothesis = Hypothesis(0.3, 20.0, 0.75, 300.0)
+    apart_m = np.arange(0.0, 6000.0, 0.1)
+    assert 0.1 * np.sum(shadowing(apart_m, hypothesis)) / 0.7 == pytest.approx(
+        hypothesis.decorrelation_m, rel=0.01
     )
-    assert prior.hypotheses[0] == Hypothesis(1.0, 0.0, 1.0)
-    assert np.exp(prior.log_odds[0]) == pytest.approx(prior.white_alone)
-
-
-def test_what_hangs_together_over_the_whole_quarter_is_trusted_less():
-    prior = Prior(trust=0.1, stationary_m=50.0)
-    trusts = {h.decorrelation_m: h.trust for h in prior.hypotheses}
-    assert trusts[50.0] == 1.0
-    assert trusts[100.0] == 0.1
+    assert WHITE.decorrelation_m == 0.0
 
 
 def test_white_noise_may_be_the_only_hypothesis():
-    prior = Prior(decorrelation_m=(), white_shares=(), white_alone=1.0)
-    assert prior.log_odds.tolist() == [0.0]
+    assert Prior(noise=noise_groups()).noise_table.log_odds.tolist() == [0.0]
+
+
+def test_a_far_reach_makes_distant_transmitters_as_probable_as_close_ones():
+    assert prior_for("any", reach="far").near_m == 2.0 * prior_for("any").near_m
+    with pytest.raises(ConfigError, match="reach 'moon' is unknown: one of near, far"):
+        prior_for("any", reach="moon")
 
 
 def test_a_sector_antenna_adds_two_coefficients_for_each_harmonic():

@@ -6,7 +6,7 @@ import pytest
 from logger.core.model.blocks import blocks
 from logger.core.model.columns import distances_db, varying_columns
 from logger.core.model.noise import covariances, whiteners_of
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Hypothesis, Prior
 from postproc.verification.bootstrap import calibrate, nuisances, nuisances_off
 from postproc.verification.cell_claim import ClaimOptions, verify_cell
 from postproc.verification.claim_test import around, claim_test, prepare_walk
@@ -14,9 +14,10 @@ from postproc.verification.claims import Claim
 from postproc.verification.likelihood_grid import likelihood_grid
 from postproc.verification.power import BEARINGS_DEG, detectable, power
 from postproc.verification.run_claims import benjamini_hochberg
+from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, path, simulate
 
-PRIOR = Prior(decorrelation_m=(15.0, 60.0), white_shares=(0.1,))
+PRIOR = Prior(noise=noise_groups(Hypothesis(0.1, 15.0), Hypothesis(0.1, 60.0)))
 
 
 def walk_of(seed, shape="square", prior=PRIOR, **noise):
