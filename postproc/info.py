@@ -227,10 +227,14 @@ def noted_digest(text: str) -> str:
     return digest
 
 
+_OF_SCANS = frozenset({"readings", "broadcasts"})
+"""Tables whose rows belong to a scan and have its number."""
+
+
 def _counts(run: Run) -> Check:
     """Row counts agree with the record numbers, the scans and the index of raw bytes."""
     seqs = np.concatenate(
-        [rows["seq"] for table, rows in run.tables.items() if table != "readings"]
+        [rows["seq"] for table, rows in run.tables.items() if table not in _OF_SCANS]
     )
     n = run.end.n_records if run.end else int(seqs.max(initial=-1)) + 1
     wrong = []

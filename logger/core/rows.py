@@ -8,7 +8,16 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.column import Column
-from logger.core.schema import HEAD, SCHEMA_VERSION, TABLES, columns_of, encode
+from logger.core.schema import (
+    EMPTY_LIST,
+    HEAD,
+    OLDEST_DESCRIBED,
+    SCHEMA_VERSION,
+    TABLES,
+    columns_of,
+    encode,
+)
+from logger.core.types import HIGHEST_ARFCN
 
 Rows = npt.NDArray[np.void]
 
@@ -26,9 +35,11 @@ def parse_dtypes(
 ) -> Mapping[str, np.dtype[np.void]]:
     """Rows as a run describes them by name and type of each column; today's if it does not.
 
+    A table that not every version had is there if it is described.
+
     Raises ValueError for a description that fits none of our tables: the file is not trusted.
     """
-    dtypes = dict(DTYPES)
+    dtypes = {table: DTYPES[table] for table in columns_of(OLDEST_DESCRIBED)}
     for table, description in columns.items():
         if table not in TABLES:
             raise ValueError(f"no table is called {table!r}")
@@ -90,3 +101,16 @@ def _decode(column: Column, value: Any) -> Any:
     if value == column.unknown or value != value:  # noqa: PLR0124 (NaN)
         return None
     return value
+
+
+def channels_of(text: str | None) -> tuple[int, ...] | None:
+    """GSM channels of a list as `schema.list_text` writes it; None for what it never writes."""
+    if text == EMPTY_LIST:
+        return ()
+    if text is None or not _LIST.fullmatch(text):
+        return None
+    channels = tuple(map(int, text.split(" ")))
+    return channels if max(channels) <= HIGHEST_ARFCN else None
+
+
+_LIST = re.compile(r"[0-9]{1,4}(?: [0-9]{1,4})*", re.ASCII)

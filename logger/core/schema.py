@@ -16,12 +16,14 @@ from typing import Any
 
 from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME, Column
 from logger.core.column import columns_of as _stored
-from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan, Value
+from logger.core.types import Broadcast, CellReading, Fix, LiveEstimate, Note, Record, Scan, Value
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 OLDEST_DESCRIBED = 2
 """Oldest version whose rows are understood if a journal has lost its description."""
 
+EMPTY_LIST = "none"
+"""A list without an entry, to tell it from an unknown one, which is empty."""
 MOST_NS = 2**62
 """Latest time, in ns since boot or since 1970: 146 years, and sums of two still fit 64 bits."""
 
@@ -32,7 +34,8 @@ HEAD = (
     Column("t_ns", "<i8", "ns since boot, when the record was complete"),
     Column("source", "S16", "port or part it came from"),
 )
-_START, *_SCAN_FIXES = _stored(Scan)
+_START, *_OF_SCAN = _stored(Scan)
+_SCAN_FIXES = tuple(column for column in _OF_SCAN if column.name.startswith("fix_"))
 _CELL = Column("cell", "S64", "name of the cell: mcc-mnc-lac-cid, or as imported")
 
 TABLES: Mapping[str, tuple[Column, ...]] = {
@@ -40,7 +43,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
     "scans": (
         *HEAD,
         _START,
-        *_SCAN_FIXES,
+        *_OF_SCAN,
         Column("n_readings", "<i4", "cells in the reply", UNKNOWN_ID),
     ),
     "readings": (
@@ -49,6 +52,11 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
         *_SCAN_FIXES,
         _CELL,
         *_stored(CellReading),
+    ),
+    "broadcasts": (
+        *HEAD,
+        Column("reading", "<i4", "position of the reading in its scan, from 0"),
+        *_stored(Broadcast),
     ),
     "notes": (*HEAD, *_stored(Note)),
     "live": (*HEAD, *_stored(LiveEstimate)),
@@ -65,6 +73,10 @@ _TABLE_OF = {Fix: "fixes", Note: "notes", LiveEstimate: "live"}
 
 _ADDED_IN: Mapping[int, Mapping[str, frozenset[str]]] = {
     3: {"readings": frozenset({"identity_unsure"})},
+    4: {
+        "scans": frozenset({"reject_cause_type", "reject_cause"}),
+        "broadcasts": frozenset(column.name for column in TABLES["broadcasts"]),
+    },
 }
 """Columns by the version that added them."""
 
@@ -76,10 +88,11 @@ def columns_of(version: int) -> dict[str, list[tuple[str, str]]]:
     def had(table: str, column: Column) -> bool:
         return not any(column.name in tables.get(table, ()) for tables in later)
 
-    return {
+    tables = {
         table: [(c.name, c.dtype) for c in columns if had(table, c)]
         for table, columns in TABLES.items()
     }
+    return {table: columns for table, columns in tables.items() if columns}
 
 
 def columns_text(table: str, names: Iterable[str]) -> str:
@@ -145,15 +158,22 @@ def rows_of(seq: int, record: Record) -> list[tuple[str, tuple[Any, ...]]]:
                 ("readings", _row("readings", {**head, **scan, "cell": reading.cell}, reading))
                 for reading in value.readings
             ]
+            broadcasts = [
+                ("broadcasts", _row("broadcasts", {**head, "reading": i}, reading.broadcast))
+                for i, reading in enumerate(value.readings)
+                if reading.broadcast is not None
+            ]
             head["n_readings"] = len(value.readings)
-            return [("scans", _row("scans", head, value)), *readings]
+            return [("scans", _row("scans", head, value)), *readings, *broadcasts]
         case Fix() | Note() | LiveEstimate():
             table = _TABLE_OF[type(value)]
             return [(table, _row(table, head, value))]
     raise TypeError(f"no table for {type(value).__name__}")
 
 
-def _row(table: str, known: Mapping[str, Any], value: Value | CellReading) -> tuple[Any, ...]:
+def _row(
+    table: str, known: Mapping[str, Any], value: Value | CellReading | Broadcast
+) -> tuple[Any, ...]:
     """A row of `known` values, and of the fields of `value` for the other columns."""
     return tuple(
         encode(column, known[column.name] if column.name in known else getattr(value, column.name))
@@ -163,11 +183,18 @@ def _row(table: str, known: Mapping[str, Any], value: Value | CellReading) -> tu
 
 def encode(column: Column, value: Any) -> Any:
     """A value as it stands in a row: unknown texts are empty, other unknowns have their mark."""
+    if isinstance(value, tuple):
+        value = list_text(value)
     if column.dtype.startswith("S"):
         return _fit("" if value is None else str(value), int(column.dtype[1:]))
     if value is None:
         return math.nan if column.unknown is None else column.unknown
     return value
+
+
+def list_text(numbers: Iterable[int]) -> str:
+    """Numbers as a text column has them; `rows.channels_of` reads it."""
+    return " ".join(map(str, numbers)) or EMPTY_LIST
 
 
 def _fit(text: str, size: int) -> bytes:

@@ -26,6 +26,12 @@ Role = Literal["serving", "neighbour", "scan"]
 Rat = Literal["GSM", "WCDMA", "LTE", "LTE-M", "NB-IoT", "NR"]
 Level = Literal["info", "warning", "error"]
 
+MOST_NEIGHBOURS = 64
+"""Channels of a stored neighbour list: Telit prints 32 at most (LE910 manual p287), so this leaves
+room for others.
+"""
+HIGHEST_ARFCN = 1023
+"""Of GSM (3GPP TS 45.005 2)."""
 RXLEV_0_DBM = -110.0
 """Nominal level of RXLEV 0 (3GPP TS 45.008, 8.1.4)."""
 DEAD_RECKONING, BY_HAND, SIMULATED = 6, 7, 8
@@ -59,6 +65,23 @@ class Fix:
     quality: Annotated[Count, "NMEA 0183 GGA quality"] = None
     speed_mps: Annotated[Real, "m/s"] = None
     course_deg: Annotated[Real, "deg clockwise from true north"] = None
+
+
+@dataclass(frozen=True, slots=True)
+class Broadcast:
+    """What a GSM cell broadcasts of its neighbours and of reselection, as a modem prints it.
+
+    None is "not printed"; an empty tuple is a list that the modem printed without a channel.
+    """
+
+    neighbour_arfcns: Annotated[
+        tuple[int, ...] | None,
+        "S320",
+        'channels of the neighbour list (BA), in the order printed; "none" for an empty list',
+    ] = None
+    cro_db: Annotated[Count, "dB, cell reselection offset (CRO)"] = None
+    penalty_time: Annotated[Count, "code 0 to 31; with 31 the offset is subtracted"] = None
+    t3212_raw: Annotated[Count, "periodic update timer as printed; 3GPP counts 6 minutes"] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +122,7 @@ class CellReading:
     identity_unsure: Annotated[Flag, 0, "1 where a byte of the identity may be lost or doubled"] = (
         False
     )
+    broadcast: Broadcast | None = None
     more: Mapping[str, int | str | None] = field(default_factory=dict, hash=False)
 
     @property
@@ -129,13 +153,18 @@ class Scan:
     """All cells of one reply of a modem, begun at `t_start_ns`; empty if it reports no cell.
 
     `fix_start_seq` and `fix_seq` are the record numbers of the fixes that were current when it
-    began and when it was recorded, None without one.
+    began and when it was recorded, None without one. `reject_cause` is that of the latest refused
+    registration, where the modem prints it with its registration.
     """
 
     t_start_ns: Annotated[Seq, "ns since boot, when the command was sent"]
     readings: tuple[CellReading, ...]
     fix_start_seq: Annotated[LongId, "seq of the fix current when the command was sent"] = None
     fix_seq: Annotated[LongId, "seq of the fix current at the end of the scan"] = None
+    reject_cause_type: Annotated[Count, "0: cause of 3GPP TS 24.008 or 24.301, 1: of the maker"] = (
+        None
+    )
+    reject_cause: Annotated[Count, "why the network refused to register the modem"] = None
 
 
 @dataclass(frozen=True, slots=True)

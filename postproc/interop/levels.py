@@ -20,13 +20,13 @@ from logger.core.rows import values_of
 from logger.core.runfile import Run
 from logger.core.timebase import fit_run
 from logger.core.track import MAX_GAP_S, SIGMA_OF_RADIUS68
-from logger.core.types import CellReading, Fix
+from logger.core.types import Broadcast, CellReading, Fix
 from postproc.interop.sighting import Sighting
 
 _DEGREE_DECIMALS = 8
 """A millimetre."""
 
-_CELL = [f.name for f in fields(CellReading) if f.name not in {"label", "more"}]
+_CELL = [f.name for f in fields(CellReading) if f.name not in {"broadcast", "label", "more"}]
 
 Clock = Callable[[int], int | None]
 Stretch = tuple[tuple[int, Fix], ...]
@@ -138,16 +138,18 @@ def _sightings(
             ),
         )
     rows = run.tables["readings"]
-    chosen = rows[wanted & np.isin(rows["seq"], scans)]
+    chosen = wanted & np.isin(rows["seq"], scans)
+    in_scan = (np.arange(len(rows)) - np.searchsorted(rows["seq"], rows["seq"]))[chosen].tolist()
+    broadcasts = run.broadcasts()
     sightings = [
-        Sighting(row["seq"], *fixes[row["seq"]], _reading(row))
-        for row in values_of("readings", chosen)
+        Sighting(row["seq"], *fixes[row["seq"]], _reading(row, broadcasts.get((row["seq"], i))))
+        for row, i in zip(values_of("readings", rows[chosen]), in_scan, strict=True)
     ]
     return sorted(sightings, key=lambda sighting: sighting.t_ns)
 
 
-def _reading(row: Mapping[str, Any]) -> CellReading:
-    reading = CellReading(**{name: row[name] for name in _CELL})
+def _reading(row: Mapping[str, Any], broadcast: Broadcast | None) -> CellReading:
+    reading = CellReading(**{name: row[name] for name in _CELL}, broadcast=broadcast)
     return reading if reading.cell == row["cell"] else replace(reading, label=row["cell"])
 
 

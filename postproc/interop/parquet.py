@@ -8,11 +8,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from logger.core.schema import TABLES
-from logger.core.types import CellReading
+from logger.core.types import Broadcast, CellReading
 from postproc.interop.sighting import Sighting
 
-_CELL = [f.name for f in fields_of(CellReading) if f.name not in {"label", "more"}]
-_COLUMNS = {column.name: column for column in TABLES["readings"]}
+_CELL = [f.name for f in fields_of(CellReading) if f.name not in {"broadcast", "label", "more"}]
+_BROADCAST = [f.name for f in fields_of(Broadcast)]
+_COLUMNS = {c.name: c for table in ("broadcasts", "readings") for c in TABLES[table]}
 _PLACE = {
     "alt_m": "m above sea level",
     "acc_m": "m, radius that holds 68 %",
@@ -56,7 +57,7 @@ def write(sightings: Sequence[Sighting], target: Path, start_ns: int) -> None:
         (_field("level_dbm", pa.float64(), "dBm"), [sighting.rssi_dbm for sighting in sightings]),
         *(
             (_field(n, _kind(n), _COLUMNS[n].unit), [_value(sighting, n) for sighting in sightings])
-            for n in _CELL
+            for n in (*_CELL, *_BROADCAST)
         ),
     ]
     arrays = [pa.array(values, type=field.type) for field, values in columns]
@@ -69,12 +70,16 @@ def _field(name: str, kind: pa.DataType, unit: str) -> pa.Field:
 
 
 def _kind(name: str) -> pa.DataType:
+    if name == "neighbour_arfcns":
+        return pa.list_(pa.int64())
     dtype = _COLUMNS[name].dtype
     return pa.string() if dtype.startswith("S") else pa.float64() if dtype == "<f8" else pa.int64()
 
 
 def _value(sighting: Sighting, name: str) -> object:
-    value = getattr(sighting.reading, name)
+    value = getattr(
+        sighting.reading.broadcast if name in _BROADCAST else sighting.reading, name, None
+    )
     return str(value) if name == "band" and value is not None else value
 
 

@@ -12,11 +12,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import fields as fields_of
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from logger.core.column import UNKNOWN_SIGNED
 from logger.core.geo import check_position
-from logger.core.schema import TABLES
-from logger.core.types import CellReading, Fix
+from logger.core.rows import channels_of
+from logger.core.schema import TABLES, list_text
+from logger.core.types import Broadcast, CellReading, Fix
 from logger.core.utc import utc_text
 from postproc.interop import csv_table
 from postproc.interop.fields import (
@@ -43,8 +45,9 @@ _COLUMNS = {column.name: column for column in TABLES["readings"]}
 _CELL = [
     f.name
     for f in fields_of(CellReading)
-    if f.name not in {"role", "rat", "label", "more", *_LEVELS}
+    if f.name not in {"role", "rat", "broadcast", "label", "more", *_LEVELS}
 ]
+_BROADCAST = [f.name for f in fields_of(Broadcast)]
 _TEXTS = {"role", "rat", *(name for name in _CELL if _COLUMNS[name].dtype.startswith("S"))}
 COLUMNS = (
     "t_s",
@@ -58,6 +61,7 @@ COLUMNS = (
     "rat",
     *_LEVELS,
     *_CELL,
+    *_BROADCAST,
 )
 
 
@@ -101,7 +105,7 @@ def _value(sighting: Sighting, name: str, start_ns: int) -> str:
             return escape(reading.cell or "")
         case "acc_m" | "alt_m" | "speed_mps" | "course_deg":
             return _text(getattr(fix, name))
-    value = _text(getattr(reading, name))
+    value = _text(getattr(reading.broadcast if name in _BROADCAST else reading, name, None))
     return escape(value) if name in _TEXTS else value
 
 
@@ -109,6 +113,8 @@ def _text(value: object) -> str:
     """A value as text; a mark that is not set is as good as no value."""
     if isinstance(value, bool):
         return "1" if value else ""
+    if isinstance(value, tuple):
+        return list_text(value)
     return "" if value is None else str(value)
 
 
@@ -141,7 +147,8 @@ def _sighting(line: int, fields: Fields) -> Sighting:
 def _reading(fields: Fields) -> CellReading:
     role = next((role for role in _ROLES if role == text(fields, "role")), "scan")
     levels = {name: maybe(fields, name, LEVEL_RANGE_DBM) for name in _LEVELS}
-    named = {name: _cell_value(fields, name) for name in _CELL}
+    named: dict[str, Any] = {name: _cell_value(fields, name) for name in _CELL}
+    named["broadcast"] = _broadcast(fields)
     if all(levels[name] is None for name in _LEVELS[1:]) and named["rxlev_raw"] is None:
         levels["rssi_dbm"] = number(fields, "rssi_dbm", LEVEL_RANGE_DBM)
     reading = CellReading(role, RATS.get(text(fields, "rat").upper()), **levels, **named)  # type: ignore[arg-type]
@@ -149,6 +156,16 @@ def _reading(fields: Fields) -> CellReading:
     if len(cell.encode()) > _CELL_BYTES:
         raise ValueError(f"the cell's name is longer than {_CELL_BYTES} bytes")
     return reading if reading.cell == cell else replace(reading, label=cell)
+
+
+def _broadcast(fields: Fields) -> Broadcast | None:
+    """What the cell broadcasts; None where the row has nothing of it."""
+    channels = channels_of(text(fields, "neighbour_arfcns") or None)
+    if channels is None and text(fields, "neighbour_arfcns"):
+        raise ValueError("neighbour_arfcns is no list of GSM channels")
+    counts = {name: integer(fields, name) for name in _BROADCAST[1:]}
+    found = Broadcast(channels, **counts)
+    return None if found == Broadcast() else found
 
 
 def _cell_value(fields: Fields, name: str) -> float | int | str | None:

@@ -5,7 +5,16 @@ import pytest
 
 from logger.core.rows import DTYPES, dtypes_of, to_current_columns, values_of
 from logger.core.schema import TABLES, rows_of
-from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan
+from logger.core.types import (
+    Broadcast,
+    CellReading,
+    Fix,
+    LiveEstimate,
+    Note,
+    RawBytes,
+    Record,
+    Scan,
+)
 
 HEAD = {"seq", "t_ns", "source"}
 
@@ -16,17 +25,20 @@ HEAD = {"seq", "t_ns", "source"}
         ("fixes", Fix, {}),
         ("scans", Scan, {"readings": "n_readings"}),
         ("readings", CellReading, {"label": "cell"}),
+        ("broadcasts", Broadcast, {}),
         ("notes", Note, {}),
         ("live", LiveEstimate, {}),
     ],
 )
 def test_every_field_of_a_value_has_its_column(table, kind, written_instead):
     columns = {column.name for column in TABLES[table]} - HEAD
-    extra = {"t_start_ns", "fix_start_seq", "fix_seq"} if table == "readings" else set()
-    assert (
-        columns
-        == {written_instead.get(f.name, f.name) for f in fields(kind) if f.name != "more"} | extra
-    )
+    extra = {
+        "readings": {"t_start_ns", "fix_start_seq", "fix_seq"},
+        "broadcasts": {"reading"},
+    }.get(table, set())
+    elsewhere = {"more", "broadcast"}
+    names = {f.name for f in fields(kind)} - elsewhere
+    assert columns == {written_instead.get(name, name) for name in names} | extra
 
 
 def test_every_column_has_a_unit_or_meaning():
@@ -40,6 +52,7 @@ def test_a_whole_number_that_may_be_unknown_has_a_mark():
         "valid",
         "t_start_ns",
         "scan_seq",
+        "reading",
         "n",
         "utm_zone",
         "sent",

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from logger.core.errors import RunFileError
 from logger.core.printable import printable
-from logger.core.rows import DTYPES, Rows
+from logger.core.rows import Rows, parse_dtypes
 from logger.core.runfile.journal_reader import JournalParts, Part
 from logger.core.runfile.meta import RunEnd, RunMeta
 from logger.core.schema import TABLES, columns_text
@@ -37,7 +37,6 @@ FRAME_DTYPE = np.dtype(
 BLOCK_ROWS = 4096
 _LIBVER = ("earliest", "v108")
 _FILTERS = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "fletcher32": True}
-_DATASETS = {**DTYPES, RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
 
 Column = npt.NDArray[Any]
 
@@ -64,9 +63,10 @@ class _Datasets:
             self._add(RAW_BYTES, np.frombuffer(part.data, "u1"))
         self._add(part.table, rows)
 
-    def finish(self) -> None:
-        """Write what waits, and make the tables of which the run has no row."""
-        for name, dtype in _DATASETS.items():
+    def finish(self, meta: RunMeta) -> None:
+        """Write what waits, and make the tables of the run's version of which it has no row."""
+        of_run = {**parse_dtypes(meta.columns), RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
+        for name, dtype in of_run.items():
             if name not in self.checksums:
                 self._add(name, np.empty(0, dtype))
         for name in self.checksums:
@@ -121,7 +121,7 @@ def write_hdf5(parts: JournalParts, path: Path) -> None:
         datasets = _Datasets(file)
         for part in parts:
             datasets.take(part)
-        datasets.finish()
+        datasets.finish(parts.meta)
         _write_header(file, parts)
     with path.open("rb") as written:
         os.fsync(written.fileno())

@@ -11,14 +11,24 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.errors import RunFileError
-from logger.core.rows import DTYPES, Rows, to_current_columns, values_of
+from logger.core.rows import DTYPES, Rows, channels_of, to_current_columns, values_of
 from logger.core.runfile.hdf5 import RAW_BYTES
 from logger.core.runfile.hdf5_reading import read_hdf5
 from logger.core.runfile.journal_reader import JournalParts
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
 from logger.core.runfile.run_names import is_hdf5
 from logger.core.runfile.sanitising import sanitise
-from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan, Value
+from logger.core.types import (
+    Broadcast,
+    CellReading,
+    Fix,
+    LiveEstimate,
+    Note,
+    RawBytes,
+    Record,
+    Scan,
+    Value,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +65,13 @@ class Run:
         for i in which[np.argsort(seqs, kind="stable")].tolist():
             yield next(streams[wanted[i]])
 
+    def broadcasts(self) -> dict[tuple[int, int], Broadcast]:
+        """What cells broadcast, by the number of the scan and the position of the reading in it."""
+        rows = values_of("broadcasts", self.tables["broadcasts"])
+        return {(row["seq"], row["reading"]): _broadcast(row) for row in rows}
+
     def _values(self, table: str) -> Iterator[tuple[int, Record]]:
-        readings = _ReadingsBySeq(self.tables["readings"]) if table == "scans" else None
+        readings = _ReadingsBySeq(self) if table == "scans" else None
         raw = self.raw_bytes.tobytes() if table == "raw" else b""
         for row in values_of(table, self.tables[table]):
             value: Value
@@ -68,6 +83,8 @@ class Run:
                         readings.of(row["seq"]),
                         row["fix_start_seq"],
                         row["fix_seq"],
+                        row["reject_cause_type"],
+                        row["reject_cause"],
                     )
                 case "raw":
                     value = RawBytes(
@@ -119,7 +136,8 @@ def check_file(path: Path) -> None:
 def _read_hdf5(path: Path) -> Run:
     meta, end, damage, digest, arrays, n_raw = read_hdf5(path)
     raw_bytes = arrays.pop(RAW_BYTES)
-    tables = {table: to_current_columns(table, rows) for table, rows in arrays.items()}
+    tables = {table: np.empty(0, dtype) for table, dtype in DTYPES.items()}
+    tables |= {table: to_current_columns(table, rows) for table, rows in arrays.items()}
     return Run(
         path, "hdf5", meta, end, damage, tables, raw_bytes, end.digest if end else digest, n_raw
     )
@@ -163,17 +181,26 @@ def _read_journal(path: Path) -> Run:
 class _ReadingsBySeq:
     """Readings grouped by the number of their scan."""
 
-    def __init__(self, rows: Rows) -> None:
-        self._seq = rows["seq"]
-        self._rows = rows
+    def __init__(self, run: Run) -> None:
+        self._rows = run.tables["readings"]
+        self._seq = self._rows["seq"]
+        self._broadcasts = run.broadcasts()
 
     def of(self, seq: int) -> tuple[CellReading, ...]:
         first, last = np.searchsorted(self._seq, (seq, seq + 1))
-        return tuple(_reading(row) for row in values_of("readings", self._rows[first:last]))
+        rows = values_of("readings", self._rows[first:last])
+        return tuple(_reading(row, self._broadcasts.get((seq, i))) for i, row in enumerate(rows))
 
 
-def _reading(row: dict[str, Any]) -> CellReading:
+def _broadcast(row: dict[str, Any]) -> Broadcast:
+    named = {name: row[name] for name in _BROADCAST_FIELDS}
+    named["neighbour_arfcns"] = channels_of(row["neighbour_arfcns"])
+    return Broadcast(**named)
+
+
+def _reading(row: dict[str, Any], broadcast: Broadcast | None) -> CellReading:
     named = {name: row[name] for name in _READING_FIELDS}
+    named["broadcast"] = broadcast
     named["identity_unsure"] = bool(row["identity_unsure"])
     reading = CellReading(**named)
     # a cell named by its identity needs no label
@@ -196,7 +223,10 @@ def _live(row: dict[str, Any]) -> LiveEstimate:
     return LiveEstimate(**named)
 
 
-_READING_FIELDS = [f.name for f in fields(CellReading) if f.name not in {"label", "more"}]
+_READING_FIELDS = [
+    f.name for f in fields(CellReading) if f.name not in {"broadcast", "label", "more"}
+]
+_BROADCAST_FIELDS = [f.name for f in fields(Broadcast)]
 _VALUES: dict[str, Callable[[dict[str, Any]], Value]] = {
     "fixes": _fix,
     "notes": _note,

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
-from logger.core.rows import Rows
+from logger.core.rows import Rows, channels_of
 from logger.core.schema import MOST_NS, TABLES
 from logger.core.types import Level, Rat, Role
 
@@ -34,9 +34,13 @@ _RANGES = {
     "rsrq_db": (-1e12, 1e12),
     "sinr_db": (-1e12, 1e12),
 }
-_LARGEST_TA = 1282
-"""LTE (3GPP TS 36.213, 4.2.3); GSM has 63."""
-_LARGEST_RXLEV = 255
+_LARGEST = {
+    "ta": 1282,  # LTE (3GPP TS 36.213, 4.2.3); GSM has 63
+    "rxlev_raw": 255,
+    "cro_db": 126,  # 63 steps of 2 dB (3GPP TS 45.008, 6.4)
+    "penalty_time": 31,
+}
+"""Of whole numbers that are unknown or not negative."""
 _WORDS: dict[str, tuple[tuple[str, ...], bytes]] = {
     "role": (get_args(Role), b"scan"),
     "rat": (("", *get_args(Rat)), b""),
@@ -81,6 +85,7 @@ class _Sanitiser:
                 "fixes": self._fixes,
                 "scans": self._times,
                 "readings": self._readings,
+                "broadcasts": self._broadcasts,
                 "live": self._live,
                 "raw": self._raw,
             }
@@ -141,11 +146,19 @@ class _Sanitiser:
     def _readings(self) -> None:
         self._numbers()
         self._times()
-        for name, most in (("ta", _LARGEST_TA), ("rxlev_raw", _LARGEST_RXLEV)):
+        self._counts("ta", "rxlev_raw")
+
+    def _counts(self, *names: str) -> None:
+        for name in names:
             values = self._rows[name]
-            self._replace(
-                name, (values != UNKNOWN_ID) & ((values < 0) | (values > most)), UNKNOWN_ID
-            )
+            bad = (values != UNKNOWN_ID) & ((values < 0) | (values > _LARGEST[name]))
+            self._replace(name, bad, UNKNOWN_ID)
+
+    def _broadcasts(self) -> None:
+        self._counts("cro_db", "penalty_time")
+        texts = self._rows["neighbour_arfcns"]
+        bad = [bool(text) and channels_of(text.decode()) is None for text in texts.tolist()]
+        self._replace("neighbour_arfcns", np.array(bad), b"")
 
     def _live(self) -> None:
         zone = np.abs(self._rows["utm_zone"].astype(np.int64))

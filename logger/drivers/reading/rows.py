@@ -83,11 +83,14 @@ _ROLES = {
 
 
 def as_json(row: Row) -> dict[str, Any]:
-    """One flat JSON object for a row, null where a value is unknown."""
+    """One flat JSON object for a row, null where a value is unknown.
+
+    What a cell broadcasts is there only where the modem prints some of it.
+    """
     if isinstance(row, Fix):
         return _fix_json(row)
     named = asdict(row)
-    more = named.pop("more", {})
+    more = {**(named.pop("broadcast", None) or {}), **named.pop("more", {})}
     if not named.get("identity_unsure"):
         named.pop("identity_unsure", None)  # the key is there only where it is true
     return {"role": _ROLES.get(type(row), named.pop("role", None)), "rat": None, **named, **more}

@@ -5,7 +5,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from logger.core.runfile import RunWriter, convert_journal, read_run
-from logger.core.types import CellReading, Fix, Record, Scan
+from logger.core.types import Broadcast, CellReading, Fix, Record, Scan
 from postproc import results
 from postproc.cli import main
 from postproc.interop.exporting import FORMATS
@@ -136,7 +136,9 @@ def test_parquet_has_types_and_units(tmp_path, run, capsys):
         [one.fix.utc_ns for one in walk.sightings[:9]], abs=1000
     )
     assert table.schema.field("rsrp_dbm").metadata[b"unit"] == b"dBm, LTE and later"
-    assert {f.name for f in fields(CellReading)} - set(table.column_names) == {"label", "more"}
+    columns = set(table.column_names)
+    assert {f.name for f in fields(CellReading)} - columns == {"broadcast", "label", "more"}
+    assert {f.name for f in fields(Broadcast)} <= columns
 
 
 @pytest.mark.parametrize("name", FORMATS)

@@ -4,7 +4,7 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from logger.core.types import CellReading, Fix
+from logger.core.types import Broadcast, CellReading, Fix
 from postproc.interop import walk_csv
 from postproc.interop.sighting import BadRow, Sighting
 
@@ -31,6 +31,15 @@ READINGS = st.builds(
     rsrp_dbm=FLOAT,
     rsrq_db=FLOAT,
     label=st.just("Straße, 1"),
+    broadcast=st.one_of(
+        st.none(),
+        st.builds(
+            Broadcast,
+            st.one_of(st.none(), st.lists(st.integers(0, 1023), max_size=64).map(tuple)),
+            cro_db=st.integers(0, 126),
+            t3212_raw=WHOLE,
+        ),
+    ),
 )
 FIXES = st.builds(
     Fix,

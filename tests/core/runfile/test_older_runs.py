@@ -1,0 +1,65 @@
+"""Runs of an older version are read, verified and replayed as they were recorded.
+
+`data/schema-3.journal` is a walk of 24 s that the version of schema 3 recorded, before broadcasts
+and refused registrations had columns, and `data/schema-3.h5` is the HDF5 file that it made.
+"""
+
+from pathlib import Path
+
+import h5py
+import pytest
+
+from logger.core.runfile import convert_journal, read_run, sealing_of
+from logger.core.runfile.hdf5 import RAW_BYTES
+from logger.core.schema import columns_of
+from logger.core.types import Scan
+from postproc.cli import main
+from postproc.replay import replay
+from tests.kit import runs
+
+DATA = Path(__file__).parent / "data"
+FORMS = ["journal", "h5"]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_an_older_run_has_its_records_and_all_tables(form):
+    run = read_run(DATA / f"schema-3.{form}")
+    assert (run.meta.schema, run.damage) == (3, type(run.damage)())
+    records = [record for _, record in run.records()]
+    assert [r for r in records if r.source != "live"] == runs.records(24)
+    assert len(run.tables["broadcasts"]) == 0
+    assert all(reading.broadcast is None for r in records for reading in _readings(r.value))
+
+
+def _readings(value):
+    return value.readings if isinstance(value, Scan) else ()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_an_older_run_replays_to_the_bit_and_is_sealed(form, capsys):
+    path = DATA / f"schema-3.{form}"
+    found = replay(read_run(path))
+    assert found.equal
+    assert found.n_recorded > 20
+    assert main(["info", "--verify", str(path)]) == 0
+    capsys.readouterr()
+
+
+def test_an_older_journal_becomes_the_same_file_as_then(tmp_path):
+    convert_journal(DATA / "schema-3.journal", tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5") as now, h5py.File(DATA / "schema-3.h5") as then:
+        assert set(now) == set(then)
+        for table in (*columns_of(3), RAW_BYTES, "frames"):
+            assert now[table][...].tobytes() == then[table][...].tobytes()
+            assert dict(now[table].attrs) == dict(then[table].attrs)
+
+
+def test_a_table_that_its_version_did_not_have_was_added(tmp_path):
+    path = tmp_path / "a.h5"
+    path.write_bytes((DATA / "schema-3.h5").read_bytes())
+    with h5py.File(path, "r+") as file:
+        file["broadcasts"] = [1, 2, 3]
+    assert [line for line in sealing_of(path).differences if "broadcasts" in line] == [
+        "broadcasts: it was added"
+    ]
+    assert len(read_run(path).tables["broadcasts"]) == 0
