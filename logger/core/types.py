@@ -71,7 +71,9 @@ class Fix:
 class Broadcast:
     """What a GSM cell broadcasts of its neighbours and of reselection, as a modem prints it.
 
-    None is "not printed"; an empty tuple is a list that the modem printed without a channel.
+    None is "not printed"; an empty tuple is a list that the modem printed without a channel. No
+    form of a row shows that a digit of these values was lost or changed; `broadcast_unsure` is True
+    until the modem has printed the same of the cell once more.
     """
 
     neighbour_arfcns: Annotated[
@@ -82,6 +84,9 @@ class Broadcast:
     cro_db: Annotated[Count, "dB, cell reselection offset (CRO)"] = None
     penalty_time: Annotated[Count, "code 0 to 31; with 31 the offset is subtracted"] = None
     t3212_raw: Annotated[Count, "periodic update timer as printed; 3GPP counts 6 minutes"] = None
+    broadcast_unsure: Annotated[
+        Flag, 0, "1 until the modem has printed the same of the cell twice"
+    ] = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Self
 
+from logger.core.types import Broadcast
 from logger.sim.world import Transmitter
 
 NEIGHBOURS = 6
+SUBTRACTED = 31
+"""Penalty time with which the offset of a cell lowers C2 (3GPP TS 45.008 6.4)."""
 ACCESS_DBM = -105
 """Level from which access is allowed, where the path loss criterion C1 begins to count."""
 
@@ -33,6 +36,13 @@ class ReceivedCell:
     def c1(self) -> int:
         """Path loss criterion: the level above that from which access is allowed."""
         return self.dbm - ACCESS_DBM
+
+    @property
+    def c2(self) -> int:
+        """Reselection criterion: C1 and the offset of the cell, once its penalty time is over."""
+        broadcast = self.cell.broadcast or Broadcast()
+        offset_db = broadcast.cro_db or 0
+        return self.c1 - offset_db if broadcast.penalty_time == SUBTRACTED else self.c1 + offset_db
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,11 +1,12 @@
 """Named walks through named worlds, each of them decided by a seed."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
 import numpy as np
 
+from logger.core.types import Broadcast
 from logger.sim.dialects import DIALECTS
 from logger.sim.modem import SimulatedModem
 from logger.sim.receiver import SimulatedReceiver
@@ -55,6 +56,10 @@ BLOCK = (
 )  # fmt: skip
 
 
+T3212 = 10
+"""Periodic update once an hour."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scenario:
     """All that a simulated walk needs; the same seed gives the same walk to the last digit."""
@@ -89,10 +94,29 @@ def scenario(name: str = DEFAULT, seed: int = 1, duration_s: float | None = None
     radio = SCENARIOS[name]
     walk = Walk(BLOCK)
     world = World.build(
-        (ROGUE, *CELLS), ORIGIN_LAT_DEG, ORIGIN_LON_DEG, radio, np.random.default_rng([seed, 0])
+        with_neighbours((ROGUE, *CELLS)),
+        ORIGIN_LAT_DEG,
+        ORIGIN_LON_DEG,
+        radio,
+        np.random.default_rng([seed, 0]),
     )
     lasts_s = walk.duration_s if duration_s is None else duration_s
-    return Scenario(name, world, walk, seed, UTC_START, lasts_s, target=ROGUE)
+    return Scenario(name, world, walk, seed, UTC_START, lasts_s, target=world.transmitters[0])
+
+
+def with_neighbours(cells: Sequence[Transmitter]) -> tuple[Transmitter, ...]:
+    """The cells; each that broadcasts nothing yet lists the channels of the others."""
+    channels = sorted({cell.arfcn for cell in cells})
+    return tuple(
+        cell
+        if cell.broadcast is not None
+        else replace(cell, broadcast=_broadcast([n for n in channels if n != cell.arfcn]))
+        for cell in cells
+    )
+
+
+def _broadcast(neighbours: Sequence[int]) -> Broadcast:
+    return Broadcast(tuple(neighbours), cro_db=0, penalty_time=0, t3212_raw=T3212)
 
 
 SCENARIOS: Mapping[str, Radio] = {

@@ -13,12 +13,13 @@ from pyproj import Proj
 
 from logger.core.arrays import FloatArray
 from logger.core.model.path_loss import log_distance_db
+from logger.core.types import Broadcast
 from logger.sim.shadowing import Shadowing
 
 
 @dataclass(frozen=True, slots=True)
 class Transmitter:
-    """One cell: its position, its power (P0 in dBm at 1 m) and its identity."""
+    """One cell: its position, its power (P0 in dBm at 1 m), its identity and what it broadcasts."""
 
     east_m: float
     north_m: float
@@ -31,6 +32,7 @@ class Transmitter:
     arfcn: int
     bsic: int
     height_m: float = 0.0
+    broadcast: Broadcast | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,6 +80,8 @@ def _value(sighting: Sighting, name: str) -> object:
     value = getattr(
         sighting.reading.broadcast if name in _BROADCAST else sighting.reading, name, None
     )
+    if isinstance(value, bool):
+        return int(value)
     return str(value) if name == "band" and value is not None else value
 
 

@@ -163,9 +163,12 @@ def _broadcast(fields: Fields) -> Broadcast | None:
     channels = channels_of(text(fields, "neighbour_arfcns") or None)
     if channels is None and text(fields, "neighbour_arfcns"):
         raise ValueError("neighbour_arfcns is no list of GSM channels")
-    counts = {name: integer(fields, name) for name in _BROADCAST[1:]}
-    found = Broadcast(channels, **counts)
-    return None if found == Broadcast() else found
+    cro_db, penalty_time, t3212_raw = (
+        integer(fields, name) for name in ("cro_db", "penalty_time", "t3212_raw")
+    )
+    unsure = bool(integer(fields, "broadcast_unsure"))
+    found = Broadcast(channels, cro_db, penalty_time, t3212_raw, unsure)
+    return None if found == Broadcast(broadcast_unsure=unsure) else found
 
 
 def _cell_value(fields: Fields, name: str) -> float | int | str | None:

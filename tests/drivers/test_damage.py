@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from logger.core.types import CellReading
+from logger.core.types import HIGHEST_ARFCN, CellReading
 from logger.drivers.family import Family
 from logger.drivers.protocols.at import MAX_LINE, MAX_LINES, AtFramer
 from logger.drivers.registry import FAMILIES
@@ -51,6 +51,9 @@ def check(driver: Family, text: str) -> None:
         assert places <= numbers | {None}, (row, text)
         if isinstance(row, CellReading):
             assert _is_printed(driver, row, digits, numbers), (row, text)
+            channels = set(row.broadcast.neighbour_arfcns or ()) if row.broadcast else set()
+            assert {str(channel) for channel in channels} <= digits, (row, text)
+            assert max(channels, default=0) <= HIGHEST_ARFCN, (row, text)
     for line in lines:
         driver.role_of(line), driver.is_restart(line)
 

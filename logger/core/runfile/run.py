@@ -194,6 +194,7 @@ class _ReadingsBySeq:
 
 def _broadcast(row: dict[str, Any]) -> Broadcast:
     named = {name: row[name] for name in _BROADCAST_FIELDS}
+    named["broadcast_unsure"] = bool(row["broadcast_unsure"])
     named["neighbour_arfcns"] = channels_of(row["neighbour_arfcns"])
     return Broadcast(**named)
 

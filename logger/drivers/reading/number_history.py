@@ -1,11 +1,11 @@
 """The numbers that a modem has printed so far, by column, and how often each came."""
 
 from collections import Counter
-from collections.abc import Hashable, Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeGuard, TypeVar
 
-from logger.core.types import CellReading
+from logger.core.types import Broadcast, CellReading
 from logger.drivers.reading.number_text import NumberForm, NumberText
 from logger.drivers.reading.rows import Registration, Row
 
@@ -28,6 +28,8 @@ Column = tuple[bool, str, NumberForm]
 Texts = Mapping[str, int]
 """How often each number came, as printed."""
 Network = tuple[str, str]
+CellBroadcast = tuple[int | None, str | None, Broadcast]
+"""Channel and name of a cell, and what it broadcasts."""
 Code = tuple[bool, int]
 """An area (True) or a cell, in whatever base it was printed."""
 
@@ -39,9 +41,10 @@ class NumberHistory:
     columns: Mapping[Column, Texts] = field(default_factory=dict)
     networks: Mapping[Network, int] = field(default_factory=dict)
     codes: Mapping[Code, int] = field(default_factory=dict)
+    broadcasts: Mapping[CellBroadcast, int] = field(default_factory=dict)
 
     @classmethod
-    def of_reply(cls, rows: Iterable[Row]) -> "NumberHistory":
+    def of_reply(cls, rows: Sequence[Row]) -> "NumberHistory":
         """What one reply shows; a number that a driver has copied to another row counts once."""
         columns: dict[Column, Counter[str]] = {}
         networks: Counter[Network] = Counter()
@@ -54,7 +57,8 @@ class NumberHistory:
                     codes[name in AREA, int(number)] += name in IDENTITY
                 counted.add(id(number))
             networks.update(filter(None, [network_of(row)]))
-        return cls(columns, networks, codes)
+        broadcasts = Counter(filter(None, map(broadcast_of, rows)))
+        return cls(columns, networks, codes, broadcasts)
 
     def texts(self, column: Column) -> Texts:
         """Numbers of a column."""
@@ -72,6 +76,7 @@ class NumberHistory:
             },
             _add(self.networks, reply.networks),
             _add(self.codes, reply.codes),
+            _add(self.broadcasts, reply.broadcasts),
         )
 
 
@@ -97,6 +102,13 @@ def numbers(row: Row) -> Iterator[tuple[str, NumberText]]:
 def column_of(row: Row, name: str, number: NumberText) -> Column:
     """The column of a number."""
     return getattr(row, "role", None) == "scan", name, number.form
+
+
+def broadcast_of(row: Row) -> CellBroadcast | None:
+    """What a reading contains of its cell's broadcast, None where nothing is printed."""
+    if isinstance(row, CellReading) and row.broadcast is not None:
+        return row.arfcn, row.cell, row.broadcast
+    return None
 
 
 def network_of(row: Row) -> Network | None:

@@ -9,7 +9,8 @@ doubtful:
 - it is shorter, and this firmware pads;
 - it is what a more frequent number of the same column becomes when a digit is lost or doubled.
 
-A number that is printed twice is sure. An identity with a doubtful number keeps its value and is
+A number that is printed twice is sure. What a cell broadcasts is doubtful until the same is printed
+of it twice. An identity with a doubtful number keeps its value and is
 marked; a level or a channel without one of its digits is useless and is dropped.
 """
 
@@ -27,6 +28,7 @@ from logger.drivers.reading.number_history import (
     Network,
     NumberHistory,
     Texts,
+    broadcast_of,
     column_of,
     has_identity,
     network_of,
@@ -95,7 +97,7 @@ def _mark(row: Row, reply: NumberHistory, history: NumberHistory, *, unsure: boo
     """The row with plain numbers."""
     if not has_identity(row):
         return row
-    changes: dict[str, Any] = {}
+    changes: dict[str, Any] = _broadcast_marked(row, history)
     unsure = unsure and not _is_in_other_reply(row, reply, history)
     unsure = unsure or row.identity_unsure or not _is_network_sure(network_of(row), history)
     for name, number in numbers(row):
@@ -106,6 +108,14 @@ def _mark(row: Row, reply: NumberHistory, history: NumberHistory, *, unsure: boo
         elif not _is_complete(number, _others(column, number, history)):
             changes |= dict.fromkeys(PADDED_VALUES[name])
     return replace(row, **changes, identity_unsure=unsure) if changes or unsure else row
+
+
+def _broadcast_marked(row: Row, history: NumberHistory) -> dict[str, Any]:
+    """The broadcast of a row, marked where it was printed once."""
+    printed = broadcast_of(row)
+    if printed is None or history.broadcasts.get(printed, 0) > 1:
+        return {}
+    return {"broadcast": replace(printed[-1], broadcast_unsure=True)}
 
 
 def _is_in_other_reply(row: Row, reply: NumberHistory, history: NumberHistory) -> bool:

@@ -13,10 +13,11 @@ measured LM960.
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from logger.core.types import CellReading, Rat
+from logger.core.types import Broadcast, CellReading, Rat
 from logger.drivers.reading.cell_values import VALUES, area_values, read_values
 from logger.drivers.reading.fields import area, cell_identity, decimal
 from logger.drivers.reading.row_patterns import form, labelled_row, listed_row
+from logger.drivers.telit.survey_broadcast import labelled_broadcast, listed_broadcast
 from logger.drivers.telit.survey_format import (
     DECIMAL,
     Carrier,
@@ -119,20 +120,32 @@ def _carriers(lines: Sequence[str]) -> Iterator[Carrier]:
     for line in lines:
         for word in _BEGIN_OR_END.findall(line):
             surveying = word.lower() == "started"
-        found: dict[int, Carrier] = {}
+        found: dict[int, tuple[Rat, re.Match[str]]] = {}
         for rat, pattern in _ROWS:
             for row in pattern.finditer(line):
-                found.setdefault(row.start(), Carrier(rat, row.groupdict("")))
+                found.setdefault(row.start(), (rat, row))
         for row in _LEVEL_ONLY.finditer(line):
-            found.setdefault(row.start(), _level_only(row))
+            found.setdefault(row.start(), (_rat_of_channel(row), row))
         if surveying and not found:
-            found = {row.start(): _level_only(row) for row in _CARRIER.finditer(line)}
-        yield from (found[start] for start in sorted(found))
+            found = {row.start(): (_rat_of_channel(row), row) for row in _CARRIER.finditer(line)}
+        starts = sorted(found)
+        for i, start in enumerate(starts):
+            rat, row = found[start]
+            after = starts[i + 1] if i + 1 < len(starts) else len(line)
+            yield Carrier(rat, row.groupdict(""), _broadcast(rat, row, line[row.end() : after]))
 
 
-def _level_only(row: re.Match[str]) -> Carrier:
+def _rat_of_channel(row: re.Match[str]) -> Rat:
+    """Technology of a carrier without an identity, by the label of its channel."""
     texts = row.groupdict("")
-    return Carrier(next((rat for rat, name in _CHANNEL.items() if texts.get(name)), "GSM"), texts)
+    return next((rat for rat, name in _CHANNEL.items() if texts.get(name)), "GSM")
+
+
+def _broadcast(rat: Rat, row: re.Match[str], tail: str) -> Broadcast | None:
+    """What stands behind the status of a cell of GSM."""
+    if rat != "GSM" or not row.groupdict().get("cellstatus"):
+        return None
+    return labelled_broadcast(tail) if ":" in row[0] else listed_broadcast(tail)
 
 
 def _reading(carrier: Carrier, base: int | None, *, is_decimal: bool) -> CellReading | None:
@@ -157,6 +170,7 @@ def _reading(carrier: Carrier, base: int | None, *, is_decimal: bool) -> CellRea
         cid=cid,
         arfcn=channel,
         bsic=None if is_unknown else _bsic(texts.get("bsic", ""), sure_base),
+        broadcast=carrier.broadcast,
         identity_unsure=is_unknown and mcc is not None,
         more={"status": status} if status else {},
         **values,

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from logger.core.types import Rat
+from logger.core.types import Broadcast, Rat
 from logger.drivers.reading.fields import decimal
 
 DECIMAL, HEXADECIMAL = 10, 16
@@ -24,6 +24,7 @@ class Carrier:
 
     rat: Rat
     texts: dict[str, str]
+    broadcast: Broadcast | None = None
 
     @property
     def area(self) -> str:

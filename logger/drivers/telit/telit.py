@@ -29,6 +29,8 @@ class Telit(Family):
         Command("AT+CREG=2"),
         Command("AT+CEREG=2"),
         Command("AT#CSURVF=0"),  # numbers of a survey are decimal
+        Command("AT#CSURVEXT=1"),  # surveys print the neighbour lists of all cells
+        Command("AT#CSURVEXT=3"),  # of newer models: reselection values too; others keep 1
         Command("AT#MONI=7"),  # all cells; without it AT#MONI prints the serving cell
     )
     poll_commands = (

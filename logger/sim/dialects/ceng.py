@@ -36,7 +36,7 @@ def _serving(mode: int, one: ReceivedCell) -> str:
         f"{cell.arfcn:04d},{rxl(one):02d},00,{cell.mcc},{cell.mnc},{cell.bsic:02d},{cell.cid:04x}"
         f",{RLA:02d},{TXP:02d},{cell.lac:04x},255"  # 255: no timing advance without a call
     )
-    return text if mode != 4 else f"{text},{rxl(one) + DBM_OF_RXL_0},{one.c1},{one.c1}{IDLE}"
+    return text if mode != 4 else f"{text},{rxl(one) + DBM_OF_RXL_0},{one.c1},{one.c2}{IDLE}"
 
 
 def _neighbour(mode: int, ncell: int, one: ReceivedCell) -> str | None:
@@ -50,7 +50,7 @@ def _neighbour(mode: int, ncell: int, one: ReceivedCell) -> str | None:
     if not one.is_decoded:
         return f"{head},ffff,,,0000" if ncell else f"{head},,,0000"
     cid = f",{cell.cid:04x}" if ncell else ""
-    criteria = f",{one.c1},{one.c1}" if mode == 4 else ""
+    criteria = f",{one.c1},{one.c2}" if mode == 4 else ""
     return f"{head}{cid},{cell.mcc},{cell.mnc},{cell.lac:04x}{criteria}"
 
 

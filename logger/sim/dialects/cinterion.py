@@ -17,7 +17,7 @@ def smoni(air: Air, _: Settings) -> Answer:
     cell = one.cell
     where = f"{cell.arfcn},{one.dbm},{cell.mcc},{cell.mnc},{cell.lac:04X},{cell.cid:04X}"
     return [
-        f"^SMONI: 2G,{where},{one.c1},{one.c1},{cell.bsic // 8},{cell.bsic % 8},G,5,-107,LIMSRV"
+        f"^SMONI: 2G,{where},{one.c1},{one.c2},{cell.bsic // 8},{cell.bsic % 8},G,5,-107,LIMSRV"
     ]
 
 
@@ -35,7 +35,7 @@ def _smonc(one: ReceivedCell) -> str:
     who_and_where = (
         f"{cell.mcc},{cell.mnc},{cell.lac:04X},{cell.cid:04X},{cell.bsic:02d},{cell.arfcn}"
     )
-    return f"{who_and_where},{one.rxlev},{one.c1},{one.c1}"
+    return f"{who_and_where},{one.rxlev},{one.c1},{one.c2}"
 
 
 def smond(air: Air, _: Settings) -> Answer:
@@ -74,7 +74,7 @@ def monp(air: Air, _: Settings) -> Answer:
     """Columns of text with one of the two colour codes, and no cell identity."""
     lines = [
         f"{one.cell.arfcn:4d} {one.rxlev:3d} {one.dbm:4d} {one.cell.mcc}  {one.cell.mnc}"
-        f" {one.cell.bsic % 8:3d} {one.c1:3d} {one.c1:3d}"
+        f" {one.cell.bsic % 8:3d} {one.c1:3d} {one.c2:3d}"
         for one in air.decoded_neighbours
     ]
     return block(["chann rs  dBm MCC MNC BCC  C1  C2", *lines])

@@ -29,7 +29,7 @@ def serving_cell(air: Air, _: Settings) -> Answer:
     cell = one.cell
     where = f"{cell.mcc},{cell.mnc},{cell.lac:X},{cell.cid:X},{cell.bsic},{cell.arfcn},-,{one.dbm}"
     return [
-        f'+QENG: "servingcell","{STATE}","GSM",{where},255,255,0,{one.c1},{one.c1},1,{"-," * 9}"-"'
+        f'+QENG: "servingcell","{STATE}","GSM",{where},255,255,0,{one.c1},{one.c2},1,{"-," * 9}"-"'
     ]
 
 
@@ -40,7 +40,7 @@ def neighbour_cells(air: Air, _: Settings) -> Answer:
 def _neighbour(one: ReceivedCell) -> str:
     cell = one.cell
     where = f"{cell.mcc},{cell.mnc},{cell.lac:X},{cell.cid:X},{cell.bsic},{cell.arfcn}"
-    return f'+QENG: "neighbourcell","GSM",{where},{one.dbm},{one.c1},{one.c1},0,0'
+    return f'+QENG: "neighbourcell","GSM",{where},{one.dbm},{one.c1},{one.c2},0,0'
 
 
 def quality(air: Air, _: Settings) -> Answer:
@@ -77,13 +77,13 @@ def engineering(air: Air, settings: Settings) -> Answer:
 def _serving_row(one: ReceivedCell) -> str:
     cell = one.cell
     who_and_where = f"{cell.mcc},{cell.mnc},{cell.lac:04x},{cell.cid:04x},{cell.arfcn},{cell.bsic}"
-    return f"+QENG: 0,{who_and_where},{one.dbm},{one.c1},{one.c1},5,5" + ",x" * 7
+    return f"+QENG: 0,{who_and_where},{one.dbm},{one.c1},{one.c2},5,5" + ",x" * 7
 
 
 def _near(one: ReceivedCell) -> str:
     cell = one.cell
     identity = f"{cell.mcc},{cell.mnc},{cell.lac:04x},{cell.cid:04x}"
-    return f"{cell.arfcn},{one.dbm},{cell.bsic},{one.c1},{one.c1},{identity}"
+    return f"{cell.arfcn},{one.dbm},{cell.bsic},{one.c1},{one.c2},{identity}"
 
 
 EC25 = Dialect(

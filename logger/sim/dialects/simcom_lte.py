@@ -46,7 +46,7 @@ def system_information(air: Air, settings: Settings) -> Answer:
         return [f"+CPSI: LTE,Online,{where},{1200 + cell.arfcn},5,5,{levels}"]
     band = "EGSM 900" if cell.arfcn < 512 or cell.arfcn > 885 else "DCS 1800"
     where = f"{cell.mcc}-{cell.mnc},0x{cell.lac:04X},{cell.cid},{cell.arfcn} {band}"
-    return [f"+CPSI: GSM,Online,{where},{one.dbm},0,{one.c1}-{one.c1}"]
+    return [f"+CPSI: GSM,Online,{where},{one.dbm},0,{one.c1}-{one.c2}"]
 
 
 def cell_information(air: Air, settings: Settings) -> Answer:
@@ -62,7 +62,7 @@ def _labels(one: ReceivedCell) -> str:
     cell = one.cell
     return (
         f"ARFCN:{cell.arfcn},MCC:{cell.mcc},MNC:{cell.mnc},LAC:{cell.lac},ID:{cell.cid}"
-        f",BSIC:{cell.bsic},RXLev:{one.dbm}dbm,C1:{one.c1},C2:{one.c1}"
+        f",BSIC:{cell.bsic},RXLev:{one.dbm}dbm,C1:{one.c1},C2:{one.c2}"
     )
 
 

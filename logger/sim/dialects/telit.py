@@ -1,5 +1,6 @@
 """Telit GE864: #MONI, #SERVINFO, #CSURV, #CSURVC (GM862 manual p273-278, p376-379)."""
 
+import re
 from collections.abc import Sequence
 
 from logger.sim.air import NEIGHBOURS, Air, ReceivedCell
@@ -21,6 +22,7 @@ SLICE_S = 6.0  # of some of the channels
 HEADER = "#MONI: Cell  BSIC  LAC  CellId  ARFCN    Power  C1  C2  TA  RxQual  PLMN"
 NO_CELL = "FF FFFF 0000 1024 -111dbm -1 -1"
 SUITABLE = "CELL_SUITABLE"
+RESELECTION_EXTENT = 3  # of #CSURVEXT; older models end at 2 and print no such values
 
 
 def monitor(air: Air, settings: Settings) -> Answer:
@@ -47,7 +49,7 @@ def _row(one: ReceivedCell) -> str:
     if not one.is_decoded:
         return f"FF FFFF 0000 {cell.arfcn} {one.dbm}dbm -1 -1"
     identity = f"{bsic_octal(cell.bsic)} {cell.lac:04X} {cell.cid:04X}"
-    return f"{identity} {cell.arfcn} {one.dbm}dbm {one.c1} {one.c1}"
+    return f"{identity} {cell.arfcn} {one.dbm}dbm {one.c1} {one.c2}"
 
 
 def serving_information(air: Air, _: Settings) -> Answer:
@@ -64,16 +66,18 @@ def serving_information(air: Air, _: Settings) -> Answer:
 def survey(air: Air, settings: Settings) -> Answer:
     """A line with labels for each carrier."""
     chosen = _cells_in_range(air, settings)
-    return _survey(
-        chosen, [_labels(one, settings) for one in chosen if one.is_decoded], "arfcn: {} rxLev: {}"
-    )
+    lines = [
+        _labels(one, settings) + _lists(one, air, settings) for one in chosen if one.is_decoded
+    ]
+    return _survey(chosen, lines, "arfcn: {} rxLev: {}")
 
 
 def numeric_survey(air: Air, settings: Settings) -> Answer:
     """The same as values alone."""
     chosen = _cells_in_range(air, settings)
     lines = [
-        f"{one.cell.arfcn},{','.join(_numbers(one, settings))},{SUITABLE},0"
+        f"{one.cell.arfcn},{','.join(_numbers(one, settings))},{SUITABLE}"
+        + _without_labels(_lists(one, air, settings))
         for one in chosen
         if one.is_decoded
     ]
@@ -99,8 +103,31 @@ def _labels(one: ReceivedCell, settings: Settings) -> str:
     return (
         f"arfcn: {arfcn} bsic: {bsic} rxLev: {level} ber: {errors}.00"
         f" mcc: {mcc} mnc: {mnc} lac: {lac} cellId: {cid}"
-        f" cellStatus: {SUITABLE} numArfcn: 1 arfcn: {arfcn} numChannels: 0"
+        f" cellStatus: {SUITABLE}"
     )
+
+
+def _lists(one: ReceivedCell, air: Air, settings: Settings) -> str:
+    """Channels of the cell; by #CSURVEXT those of its neighbours too, and how it is selected."""
+    extent, broadcast = int(settings["#CSURVEXT"]), one.cell.broadcast
+    if broadcast is None:
+        return " numArfcn: 0"
+    text = f" numArfcn: 1 arfcn: {one.cell.arfcn}"
+    if not extent and one is not air.serving:
+        return text
+    channels = broadcast.neighbour_arfcns or ()
+    text += f" numChannels: {len(channels)}"
+    text += f" array: {' '.join(map(str, channels))}" if channels else ""
+    if extent < RESELECTION_EXTENT:
+        return text
+    return (
+        f"{text} pbcch: 0 mstxpwr: 5 rxaccmin: 5 croffset: {(broadcast.cro_db or 0) // 2}"
+        f" penaltyt: {broadcast.penalty_time or 0} t3212: {broadcast.t3212_raw or 0} CRH: 4"
+    )
+
+
+def _without_labels(text: str) -> str:
+    return re.sub(r"\s+[A-Za-z]\w*:\s*", ",", text)
 
 
 def _numbers(one: ReceivedCell, settings: Settings) -> tuple[str, ...]:
@@ -128,6 +155,7 @@ GE864 = Dialect(
         "#SELINT": setting("0", "[012]"),
         "#MONI": setting("0", "[0-7]"),
         "#CSURVF": setting("0", "[012]"),
+        "#CSURVEXT": setting("0", "[0-3]"),
     },
     takes_s={
         "+COPS=?": COPS_SCAN_S,

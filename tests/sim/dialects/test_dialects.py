@@ -1,13 +1,17 @@
 """The replies of simulated modems have the shape of real ones, and hold what the modem heard."""
 
 import re
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
 
+from logger.core.types import Broadcast
+from logger.drivers.registry import FAMILIES
 from logger.sim.air import Air, ModemFix, ReceivedCell
 from logger.sim.dialects import DIALECTS
 from logger.sim.world import Transmitter
+from tests.kit.drivers import cells_of
 
 
 def cell(cid, arfcn, bsic, lac=0x1FD5):
@@ -139,6 +143,33 @@ def test_a_survey_of_some_channels():
     assert "bsic: 63 " not in some
     octal = "\n".join(DIALECTS["ge864"].replies["#CSURV="](AIR, values | {"#CSURVF": "2"}))
     assert "bsic: 63 rxLev: -81 ber: 0.00 mcc: 460 mnc: 01 lac: 1FD5 cellId: A531 " in octal
+
+
+BROADCASTS = (
+    Broadcast((14, 19, 982), cro_db=60, penalty_time=31, t3212_raw=10),
+    Broadcast((), cro_db=0, penalty_time=0, t3212_raw=255),
+)
+
+
+@pytest.mark.parametrize("command", ["#CSURV", "#CSURVC"])
+@pytest.mark.parametrize("extent", ["0", "1", "3"])
+def test_a_survey_prints_what_cells_broadcast(command, extent):
+    heard = [
+        replace(one, cell=replace(one.cell, broadcast=broadcast))
+        for one, broadcast in zip(HEARD, BROADCASTS, strict=False)
+    ]
+    lines = reply_to("ge864", command, Air.of(heard), CSURVEXT=extent)
+    lists = [Broadcast(broadcast.neighbour_arfcns) for broadcast in BROADCASTS]
+    expected = {"0": [lists[0], None], "1": lists, "3": list(BROADCASTS)}[extent]
+    assert [row.broadcast for row in cells_of(FAMILIES["telit"], lines)] == expected
+
+
+def test_the_offset_of_a_cell_raises_or_lowers_c2():
+    one = HEARD[0]
+    offsets = {None: 0, Broadcast(cro_db=60): 60, BROADCASTS[0]: -60}
+    for broadcast, offset_db in offsets.items():
+        changed = replace(one, cell=replace(one.cell, broadcast=broadcast))
+        assert changed.c2 - changed.c1 == offset_db
 
 
 @pytest.mark.parametrize(
