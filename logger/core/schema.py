@@ -34,8 +34,7 @@ HEAD = (
     Column("t_ns", "<i8", "ns since boot, when the record was complete"),
     Column("source", "S16", "port or part it came from"),
 )
-_START, *_OF_SCAN = _stored(Scan)
-_SCAN_FIXES = tuple(column for column in _OF_SCAN if column.name.startswith("fix_"))
+_START, *_SCAN_FIXES = _stored(Scan)
 _CELL = Column("cell", "S64", "name of the cell: mcc-mnc-lac-cid, or as imported")
 
 TABLES: Mapping[str, tuple[Column, ...]] = {
@@ -43,7 +42,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = {
     "scans": (
         *HEAD,
         _START,
-        *_OF_SCAN,
+        *_SCAN_FIXES,
         Column("n_readings", "<i4", "cells in the reply", UNKNOWN_ID),
     ),
     "readings": (
@@ -73,10 +72,7 @@ _TABLE_OF = {Fix: "fixes", Note: "notes", LiveEstimate: "live"}
 
 _ADDED_IN: Mapping[int, Mapping[str, frozenset[str]]] = {
     3: {"readings": frozenset({"identity_unsure"})},
-    4: {
-        "scans": frozenset({"reject_cause_type", "reject_cause"}),
-        "broadcasts": frozenset(column.name for column in TABLES["broadcasts"]),
-    },
+    4: {"broadcasts": frozenset(column.name for column in TABLES["broadcasts"])},
 }
 """Columns by the version that added them."""
 

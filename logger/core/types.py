@@ -158,18 +158,13 @@ class Scan:
     """All cells of one reply of a modem, begun at `t_start_ns`; empty if it reports no cell.
 
     `fix_start_seq` and `fix_seq` are the record numbers of the fixes that were current when it
-    began and when it was recorded, None without one. `reject_cause` is that of the latest refused
-    registration, where the modem prints it with its registration.
+    began and when it was recorded, None without one.
     """
 
     t_start_ns: Annotated[Seq, "ns since boot, when the command was sent"]
     readings: tuple[CellReading, ...]
     fix_start_seq: Annotated[LongId, "seq of the fix current when the command was sent"] = None
     fix_seq: Annotated[LongId, "seq of the fix current at the end of the scan"] = None
-    reject_cause_type: Annotated[Count, "0: cause of 3GPP TS 24.008 or 24.301, 1: of the maker"] = (
-        None
-    )
-    reject_cause: Annotated[Count, "why the network refused to register the modem"] = None
 
 
 @dataclass(frozen=True, slots=True)

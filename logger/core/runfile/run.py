@@ -83,8 +83,6 @@ class Run:
                         readings.of(row["seq"]),
                         row["fix_start_seq"],
                         row["fix_seq"],
-                        row["reject_cause_type"],
-                        row["reject_cause"],
                     )
                 case "raw":
                     value = RawBytes(

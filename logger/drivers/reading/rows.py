@@ -12,7 +12,11 @@ MPS_PER_KNOT = 1852 / 3600
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """Answer or report of +CREG and its like (3GPP TS 27.007 7.2, 10.1.20); answers have `n`."""
+    """Answer or report of +CREG and its like (3GPP TS 27.007 7.2, 10.1.20); answers have `n`.
+
+    Where the modem prints why the network refused it: `reject_cause` of 3GPP (type 0, in
+    TS 24.008 or 24.301) or of the maker (type 1).
+    """
 
     domain: str
     stat: int
@@ -22,6 +26,8 @@ class Registration:
     tac: int | None = None
     cid: int | None = None
     act: int | None = None
+    reject_cause_type: int | None = None
+    reject_cause: int | None = None
     identity_unsure: bool = False
 
 

@@ -37,6 +37,7 @@ _OFFERED = re.compile(
 """A network of AT+COPS=?; lists close the bracket early, lack quotes and names, and break lines."""
 
 _MOST_STAT = 11
+_CAUSE_TYPES = frozenset({0, 1})
 _CELL, _NR_CELL = NumberForm(16, frozenset({4, 7, 8})), NumberForm(16, frozenset({9, 16}))
 """A registration prints the cells of all technologies in one field, GSM with four digits."""
 
@@ -73,7 +74,19 @@ def _registrations(line: str) -> Iterator[Row]:
             cid=cid,
             act=act,
             **where,
+            **_reject_cause(domain, fields),
         )
+
+
+def _reject_cause(domain: str, fields: list[str]) -> dict[str, Any]:
+    """Why the network refused the modem, printed where <n> is 3 (27.007 7.2, 10.1.20, 10.1.22)."""
+    at_type = {"CREG": 4, "CEREG": 4, "CGREG": 5}.get(domain)
+    if at_type is None or len(fields) < at_type + 2:
+        return {}
+    kind, cause = (decimal(field, 0, 255) for field in fields[at_type : at_type + 2])
+    if kind not in _CAUSE_TYPES or cause is None:
+        return {}
+    return {"reject_cause_type": kind, "reject_cause": cause}
 
 
 def _quality(line: str) -> Iterator[Row]:

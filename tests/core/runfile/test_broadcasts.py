@@ -26,7 +26,7 @@ def record(t_ns, printed=PRINTED):
         CellReading("scan", "GSM", "262", "01", 4711, i + 1, rssi_dbm=-70.0, broadcast=broadcast)
         for i, broadcast in enumerate(printed)
     )
-    return Record(t_ns, "modem", Scan(0, readings, None, None, 0, 13))
+    return Record(t_ns, "modem", Scan(0, readings))
 
 
 RECORDS = [record(1), record(2, PRINTED[::-1]), record(3, [])]

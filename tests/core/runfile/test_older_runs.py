@@ -1,7 +1,7 @@
 """Runs of an older version are read, verified and replayed as they were recorded.
 
-`data/schema-3.journal` is a walk of 24 s that the version of schema 3 recorded, before broadcasts
-and refused registrations had columns, and `data/schema-3.h5` is the HDF5 file that it made.
+`data/schema-3.journal` is a walk of 24 s that the version of schema 3 recorded, before what
+cells broadcast had a table, and `data/schema-3.h5` is the HDF5 file that it made.
 """
 
 from pathlib import Path

@@ -51,6 +51,12 @@ def test_every_driver_reads_the_common_ground_of_the_corpus(corpus):
             '+CREG: 2,1,"FFFE","76340C",7]',
             {"n": 2, "stat": 1, "cid": 0x76340C, "act": 7, "rat": "LTE"},
         ),
+        (
+            '+CEREG: 3,3,"2AFE","1A2D001",7,0,15',  # as SARA-R4 manual UBX-17003787 p138
+            {"n": 3, "stat": 3, "tac": 0x2AFE, "reject_cause_type": 0, "reject_cause": 15},
+        ),
+        ("+CREG: 3,3,,,,1,2", {"n": 3, "stat": 3, "reject_cause_type": 1, "reject_cause": 2}),
+        ('+CGREG: 3,"01","02",0,"03",0,7', {"stat": 3, "lac": 1, "reject_cause": 7, "rat": "GSM"}),
         ('+CREG: 2,1,"FFFE","1A2D001",7', {"n": 2, "stat": 1, "cid": 0x1A2D001, "rat": "LTE"}),
     ],
 )
@@ -59,6 +65,23 @@ def test_registration_answered_and_reported(line, wanted):
     assert row.items() >= wanted.items()
     assert ("n" in row) == ("n" in wanted)
     assert ("lac" in row or "tac" in row) == ("lac" in wanted or "tac" in wanted)
+    assert ("reject_cause" in row) == ("reject_cause" in wanted)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '+CEREG: 4,1,"2AFE","1A2D001",7,,,"00000010","00000001"',
+        "+CEREG: 3,3,,,,0,",
+        "+CEREG: 3,3,,,,0,256",
+        "+CEREG: 3,3,,,,2,15",
+        '+C5GREG: 3,3,"2AFE","1A2D001",11,0,15',
+        '+CREG: 3,3,"2AFE","5449",0',
+    ],
+)
+def test_no_cause_where_none_is_printed(line):
+    (row,) = rows(line)
+    assert "reject_cause" not in row
 
 
 @pytest.mark.parametrize(
