@@ -147,6 +147,24 @@ def test_parse_says_which_identity_is_unsure(tmp_path, capsys):
     assert capsys.readouterr().out.count("identity_unsure=True") == 1
 
 
+def test_parse_has_what_a_cell_broadcasts(tmp_path, capsys):
+    survey = (
+        "AT#CSURVC\nNetwork survey started ...\n"
+        "48,24,-52,0.00,262,01,33281,3648,0,2,30 48,5,14 19 22 48 82,5,8,30,31,10,4\n"
+        "52,31,-67,0.00,262,01,33281,3711,0,1,52,0\n"
+        "61,31,-67,0.00,262,01,33281,3712,0,1,61\nNetwork survey ended\nOK\n"
+    )
+    (tmp_path / "reply.txt").write_text(survey + survey)
+    assert main(["parse", str(tmp_path / "reply.txt"), "--json"]) == 0
+    full, empty, unprinted = json.loads(capsys.readouterr().out)[:3]
+    assert (full["neighbour_arfcns"], full["cro_db"], full["penalty_time"], full["t3212_raw"]) == (
+        [14, 19, 22, 48, 82], 60, 31, 10,
+    )  # fmt: skip
+    assert (empty["neighbour_arfcns"], empty["cro_db"]) == ([], None)
+    assert not full["broadcast_unsure"]
+    assert not {"neighbour_arfcns", "broadcast"} & set(unprinted)
+
+
 def test_parse_of_a_missing_file_and_an_unknown_driver(tmp_path, capsys):
     assert "No such file" in _fails(capsys, "parse", "--driver", "sim800", tmp_path / "none")
     assert "sim800" in _fails(capsys, "parse", "--driver", "nokia", tmp_path / "none")

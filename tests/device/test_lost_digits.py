@@ -42,7 +42,13 @@ class Leaky:
         self.lost = 0
 
     def feed(self, data: bytes) -> bytes:
-        out = self._modem.feed(data)
+        return self._leak(self._modem.feed(data))
+
+    def unsolicited(self) -> bytes:
+        """Slow answers among it."""
+        return self._leak(self._modem.unsolicited())
+
+    def _leak(self, out: bytes) -> bytes:
         found = self._number.search(out)
         if found is None:
             return out
@@ -52,9 +58,6 @@ class Leaky:
         self.lost += 1
         at = found.start(2) + self.lost % len(found[2])
         return out[:at] + out[at + 1 :]
-
-    def unsolicited(self) -> bytes:
-        return self._modem.unsolicited()
 
 
 def who(reading):

@@ -2,7 +2,6 @@
 
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -32,8 +31,6 @@ FAMILY = {
 }  # fmt: skip
 SURVEYED = {"sim800", "sim808", "ec25", "ge864", "sara-g350"}
 """Modems that have a full scan of cells; that of the others is one of networks."""
-LISTING = {"ge864"}
-"""Modems that print the neighbour lists that cells broadcast."""
 NAMELESS = {"ge864", "mc7455", "me909s", "l850", "bgs2", "plain"}
 """Modems that tell the whole identity of the serving cell only."""
 
@@ -134,20 +131,6 @@ def test_full_scans_are_between_polls(walks, name):
     if surveys:
         assert "serving" in kinds[surveys[0] : surveys[-1]]
     assert ("full-scan" in walks[name].notes()) == bool(FAMILIES[FAMILY[name]].survey_commands)
-
-
-@pytest.mark.parametrize("name", DIALECTS)
-def test_neighbour_lists_are_those_of_the_world(walks, name):
-    broadcasts = {t.arfcn: t.broadcast for t in BLOCK.world.transmitters}
-    found = [
-        (broadcasts[reading.arfcn], reading.broadcast)
-        for _, scan in walks[name].scans()
-        for reading in scan
-        if reading.broadcast is not None
-    ]
-    assert bool(found) == (name in LISTING)
-    assert all(replace(read, broadcast_unsure=False) == broadcast for broadcast, read in found)
-    assert all(read.broadcast_unsure for _, read in found[:1])
 
 
 @pytest.mark.parametrize("name", DIALECTS)

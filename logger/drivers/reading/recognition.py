@@ -9,9 +9,9 @@ doubtful:
 - it is shorter, and this firmware pads;
 - it is what a more frequent number of the same column becomes when a digit is lost or doubled.
 
-A number that is printed twice is sure. What a cell broadcasts is doubtful until the same is printed
-of it twice. An identity with a doubtful number keeps its value and is
-marked; a level or a channel without one of its digits is useless and is dropped.
+A number that is printed twice is sure. An identity with a doubtful number keeps its value and is
+marked; a level or a channel without one of its digits is useless and is dropped. What a cell
+broadcasts is marked until the same is printed of it twice, and half as often as anything else.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -111,9 +111,13 @@ def _mark(row: Row, reply: NumberHistory, history: NumberHistory, *, unsure: boo
 
 
 def _broadcast_marked(row: Row, history: NumberHistory) -> dict[str, Any]:
-    """The broadcast of a row, marked where it was printed once."""
+    """The broadcast of a row, marked where it was printed once or another one far more often."""
     printed = broadcast_of(row)
-    if printed is None or history.broadcasts.get(printed, 0) > 1:
+    if printed is None:
+        return {}
+    count = history.broadcasts.get(printed, 0)
+    rivals = (n for other, n in history.broadcasts.items() if other[:-1] == printed[:-1])
+    if count > 1 and count * SHARE >= max(rivals, default=0):
         return {}
     return {"broadcast": replace(printed[-1], broadcast_unsure=True)}
 

@@ -4,6 +4,8 @@ from pathlib import Path
 import pytest
 
 from logger.drivers.privacy.redaction import Redactor, redact
+from logger.drivers.telit.telit import Telit
+from tests.kit.drivers import cells_of
 from tests.kit.secrets import FORMS, leaked_secrets
 
 DATA = Path(__file__).parents[1] / "data"
@@ -76,6 +78,37 @@ def test_data_of_cells_positions_and_times_are_not_redacted(line):
     assert redact(line) == line
     for seed in range(30):
         assert _cut(line, random.Random(seed)) == line
+
+
+def test_no_list_of_neighbours_is_taken_for_a_number():
+    """Lists of any channels, with labels and without, in pieces of any size."""
+    rng = random.Random(5)
+    for seed in range(400):
+        channels = rng.sample(range(1024), rng.randint(0, 32))
+        text = " ".join(map(str, channels)).encode()
+        n = len(channels)
+        labelled = b"cellId: 12345 cellStatus: CELL_SUITABLE numArfcn: 1 arfcn: 15 numChannels: "
+        line = b"%s%d array: %s croffset: 30 t3212: 10\r\n" % (
+            labelled,
+            n,
+            text,
+        ) + b"15,20,-71,0,262,01,21014,12345,0,1,15,%d,%s,0,5,8,30,31,10,4\r\n" % (n, text)
+        assert redact(line) == line
+        assert _cut(line, random.Random(seed)) == line
+
+
+def test_a_personal_number_in_a_list_is_redacted_and_no_neighbour():
+    modem = Telit()
+    row = (
+        "arfcn: 48 bsic: 24 rxLev: -52 ber: 0.00 mcc: 262 mnc: 1 lac: 33281 cellId: 3648"
+        " cellStatus: CELL_SUITABLE numArfcn: 1 arfcn: 48 numChannels: {} array: {}\n"
+    )
+    for form in ("262011234567890", "49 015420 323751 8", "8949 0200 0013 4567 8901"):
+        data = row.format(len(form.split()), form).encode()
+        assert not leaked_secrets(redact(data))
+        for text in (data, redact(data)):
+            (reading,) = cells_of(modem, text.decode().splitlines())
+            assert reading.broadcast is None
 
 
 def test_all_forms_between_all_rows_in_any_order():
