@@ -18,6 +18,8 @@ Texts = Mapping[str, str]
 
 PCS_FLAG = 0x8000
 """Added to the channel in the 1900 MHz band (AT+CGED)."""
+_PCS_CHANNELS, _PCS_BAND = range(512, 811), 1900
+"""The same channels are used in the 1800 MHz band (3GPP TS 45.005 2)."""
 _CHANNELS: Mapping[Rat, str] = {"GSM": "arfcn", "WCDMA": "uarfcn", "LTE": "earfcn"}
 _NO_CHANNEL = 65535
 _INDICES = {  # name of the raw value, and the range of its index
@@ -55,6 +57,9 @@ def readings(role: Role, rat: Rat, texts: Texts) -> Iterator[CellReading | NoCel
         yield from [NoCell(rat)] if role == "serving" else []
         return
     values = read_values(texts, _READERS)
+    if rat == "GSM" and channel in _PCS_CHANNELS:
+        is_pcs = flagged is not None or texts.get("is_1900") == "1"
+        values["band"] = _PCS_BAND if is_pcs else None
     raw = read_values(texts, _INDICES)
     for name, attribute, scale in (
         ("rsrp_raw", "rsrp_dbm", RSRP_OF_INDEX),
@@ -99,5 +104,5 @@ def _channel(text: str, rat: Rat) -> tuple[int | None, int | None]:
         return None, None
     if rat == "GSM" and number >= PCS_FLAG:
         channel = number - PCS_FLAG
-        return (channel if 512 <= channel <= 810 else None), number
+        return (channel if channel in _PCS_CHANNELS else None), number
     return VALUES[_CHANNELS[rat]][1](text), None

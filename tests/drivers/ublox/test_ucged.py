@@ -58,6 +58,14 @@ def test_ucged_of_the_models():
     )
 
 
+@pytest.mark.parametrize(
+    ("channel", "flag", "band"), [(700, 1, 1900), (700, 0, None), (1002, 1, None), (900, 0, None)]
+)
+def test_the_flag_of_the_1900_mhz_band(channel, flag, band):
+    (row,) = MODEM.read([*R6_2G[:2], R6_2G[2].replace("1002,0", f"{channel},{flag}")])
+    assert (row.arfcn, row.band) == (channel, band)
+
+
 def test_ucged_without_a_cell():
     lines = [
         "+UCGED: 2",
