@@ -33,7 +33,7 @@ FRAMES = [
     if isinstance(frame, Frame)
 ]
 META = msgspec.json.encode(runs.meta())
-TABLES = (b"fixes", b"scans", b"readings", b"notes", b"live", b"raw", b"other")
+TABLES = (b"fixes", b"scans", b"readings", b"broadcasts", b"notes", b"live", b"raw", b"other")
 
 
 def journal_of(source: atheris.FuzzedDataProvider) -> bytes:

@@ -29,9 +29,9 @@ _ENDS = tuple(
 )
 """What follows the neighbours in #CSURVC: each has another number of values."""
 
-_LABEL = re.compile(r"\s*([A-Z]\w*)\s?:([^:]*?)(?=\s+[A-Z]\w*\s?:|\s*\Z)", re.ASCII | re.IGNORECASE)
+_LABEL = re.compile(r" ?([A-Z]\w*) ?:([^:]*?)(?= [A-Z]\w* ?:|\Z)", re.ASCII | re.IGNORECASE)
 _NUMBER = r"(?:0|[1-9]\d{0,3})"
-_CHANNELS = re.compile(rf"{_NUMBER}(?:\s+{_NUMBER})*", re.ASCII)
+_CHANNELS = re.compile(rf"{_NUMBER}(?: {_NUMBER})*", re.ASCII)
 _VALUE = re.compile(r"-?\d{1,5}", re.ASCII)
 _DB_OF_STEP = 2
 """Of the cell reselection offset, which is printed as its code 0 to 63 (3GPP TS 45.008 9.1)."""
@@ -41,16 +41,17 @@ _Pairs = Sequence[tuple[str, str]]
 
 def labelled_broadcast(tail: str) -> Broadcast | None:
     """What stands behind the status in a line of #CSURV; None where it is not in the form."""
+    text = " ".join(tail.split())
     pairs, end = [], 0
-    while pair := _LABEL.match(tail, end):
+    while pair := _LABEL.match(text, end):
         pairs.append((pair[1].lower(), pair[2].strip()))
         end = pair.end()
-    return None if tail[end:].strip() else _broadcast(pairs)
+    return None if text[end:] else _broadcast(pairs)
 
 
 def listed_broadcast(tail: str) -> Broadcast | None:
     """The same for the values of #CSURVC."""
-    before, *values = [value.strip() for value in tail.split(",")]
+    before, *values = [" ".join(value.split()) for value in tail.split(",")]
     if before or not values:
         return None
     found = (_broadcast(pairs) for pairs in _namings(values))
