@@ -9,8 +9,9 @@ import numpy as np
 
 from logger.core import ekf
 from logger.core.geo import Utm
-from logger.core.locator.posterior import Mode, Posterior, Prior
+from logger.core.locator.posterior import Mode, Posterior, StrongestReading
 from logger.core.locator.region import Squares
+from logger.core.model.prior import Hypothesis, Prior
 from logger.core.observations import CellObservations, observe
 from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
@@ -30,6 +31,8 @@ TRANSMITTER_M = (70.0, 30.0)
 """East and north of the first fix."""
 SIDE_M = 120.0
 P0_DBM, ETA = -35.0, 3.0
+
+SHADOWED = Hypothesis(0.05, 10.0)
 
 
 def cell_name(i: int) -> str:
@@ -150,8 +153,9 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
         eta=ETA,
         eta_sigma=0.2,
         sigma_db=2.0,
-        decorrelation_m=10.0,
-        white_share=0.5,
+        noise_probability=np.array([one == SHADOWED for one in Prior().hypotheses], float),
+        strongest=StrongestReading(float(centre[0]), float(centre[1]), -60.0),
+        is_strongest_inside=True,
         limit_share=0.0,
         prior=Prior(),
         offsets=None,

@@ -7,7 +7,7 @@ from logger.core.geo import Utm
 from logger.core.locator.online import EFFORT
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Mode
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Hypothesis, Prior
 from logger.core.observations import CellObservations
 from logger.core.shadow_ekf import ShadowNoise
 from postproc.estimators import ekf_initialisation, metrics
@@ -134,10 +134,11 @@ def test_shadowing_is_estimated_also_before_the_start_of_the_filter():
 def test_noise_is_split_as_the_levels_ask_for():
     obs, _, _ = square_walk(np.random.default_rng(8), noise_db=2.0, shadow_db=4.0)
     whole = locate(obs, FLAT, EFFORT)
-    for white_share in (0.02, 0.9):
-        noise = ekf_initialisation.noise_of(obs, replace(whole, white_share=white_share))
+    for of_noise in (Hypothesis(0.05, 30.0), Hypothesis(0.7, 30.0)):
+        probability = np.array([one == of_noise for one in FLAT.hypotheses], float)
+        noise = ekf_initialisation.noise_of(obs, replace(whole, noise_probability=probability))
         assert noise.white_db == pytest.approx(2.0, rel=0.35)
-        assert noise.decorrelation_m == whole.decorrelation_m
+        assert noise.decorrelation_m == 30.0
         assert np.hypot(noise.white_db, noise.shadow_db) == pytest.approx(whole.sigma_db)
 
 
