@@ -5,9 +5,12 @@ python benchmarks/accuracy.py [--case NAME ...] [--method NAME ...] [--runs M] [
 """
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each process has one core
 
 from rich.console import Console
 from rich.progress import (
@@ -18,20 +21,28 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from scoreboard import traces
 from scoreboard.cases import CASES
+from scoreboard.measured import score_walks
 from scoreboard.report import as_json, board, markdown, show
 from scoreboard.run import collect_scores, jobs_of
-from scoreboard.score import METHODS
+from scoreboard.score import METHODS, OURS
 
 QUICK_RUNS = 2
+QUICK_STRIDE = 8
+"""With `--quick` every eighth measured walk."""
+MEASURED = "measured"
+"""Name of the measured walks among the cases."""
 TABLE_WIDTH = 150
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the cases asked for, print the scoreboard, write the files asked for."""
     asked = _parser().parse_args(arguments)
+    names = asked.case or [MEASURED, *CASES]
     runs = QUICK_RUNS if asked.quick else asked.runs
-    jobs = jobs_of(asked.case or CASES, asked.seed, runs, asked.method)
+    jobs = jobs_of([name for name in names if name in CASES], asked.seed, runs, asked.method)
+    walks = _walks(asked) if MEASURED in names else ()
     columns = (
         TextColumn("runs"),
         BarColumn(),
@@ -42,13 +53,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with Progress(
         *columns, console=Console(stderr=True), disable=not sys.stderr.isatty()
     ) as progress:
-        task = progress.add_task("runs", total=len(jobs))
+        task = progress.add_task("runs", total=len(walks) + len(jobs))
+        measured = score_walks(walks, asked.jobs, on_done=lambda: progress.advance(task))
         scores = collect_scores(jobs, asked.jobs, lambda: progress.advance(task))
-    found = board(scores, asked.seed)
+    found = board(scores, measured, asked.seed)
     show(found, Console(width=None if sys.stdout.isatty() else TABLE_WIDTH))
-    for case in CASES.values():
-        if case.most == 0 and (not asked.case or case.name in asked.case):
-            print(f"{case.name} was left out: the measured walks are not beside this repository")
+    if MEASURED in names and not traces.traces():
+        print("the measured walks were left out: they are not beside this repository")
     if asked.json:
         asked.json.write_text(as_json(found) + "\n")
     if asked.markdown:
@@ -56,10 +67,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+def _walks(asked: argparse.Namespace) -> tuple[traces.Trace, ...]:
+    """The measured walks to be located."""
+    if asked.method and OURS not in asked.method:
+        return ()
+    return traces.traces()[:: QUICK_STRIDE if asked.quick else 1]
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        "--case", nargs="+", choices=list(CASES), metavar="NAME", help=f"one of {', '.join(CASES)}"
+        "--case",
+        nargs="+",
+        choices=[MEASURED, *CASES],
+        metavar="NAME",
+        help=f"one of {', '.join([MEASURED, *CASES])}",
     )
     parser.add_argument(
         "--method", nargs="+", choices=METHODS, metavar="NAME", help=f"one of {', '.join(METHODS)}"
@@ -72,7 +94,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--seed", type=int, default=1, metavar="S")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes")
-    parser.add_argument("--quick", action="store_true", help=f"{QUICK_RUNS} runs of each case")
+    parser.add_argument(
+        "--quick", action="store_true", help=f"{QUICK_RUNS} runs of each case, some measured walks"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--markdown", type=Path, metavar="FILE")
     return parser

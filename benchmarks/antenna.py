@@ -25,13 +25,10 @@ from scoreboard.answer import Squares
 from scoreboard.walks import TELLING
 from scoreboard.world import Noise, World
 
-from logger.core.arrays import FloatArray
 from logger.core.locator.pipeline import locate
 from logger.core.locator.region import highest_density
 from logger.core.model.prior import ANTENNAS
 
-BEAM_WIDTH_DEG = 65.0
-FRONT_TO_BACK_DB = 25.0
 NOISES = {"white 3 dB": Noise(3.0), "shadowing 6 dB / 15 m": Noise(0.0, 6.0, 15.0, step_db=1.0)}
 MEASURED_CLASSES = "ABCDE"
 
@@ -53,12 +50,6 @@ class Score(NamedTuple):
     area_m2: float
 
 
-def pattern_db(azimuth_deg: FloatArray) -> FloatArray:
-    """Loss of the sector antenna by the azimuth off its beam."""
-    off_deg = (azimuth_deg + 180.0) % 360.0 - 180.0
-    return -np.minimum(12.0 * (off_deg / BEAM_WIDTH_DEG) ** 2, FRONT_TO_BACK_DB)
-
-
 def world_of(job: Job) -> World:
     """The walk of a job."""
     if not job.noise:
@@ -67,12 +58,7 @@ def world_of(job: Job) -> World:
     world = worlds.plain(rng, TELLING[job.run % len(TELLING)], NOISES[job.noise])
     if job.antenna == "omni":
         return world
-    walk, ((x_m, y_m),) = world.walk, world.sources
-    azimuth_deg = np.degrees(np.arctan2(walk.x_m - x_m, walk.y_m - y_m))
-    level_dbm = walk.level_dbm + pattern_db(azimuth_deg - rng.uniform(0.0, 360.0))
-    if NOISES[job.noise].step_db:
-        level_dbm = np.round(level_dbm)
-    return replace(world, walk=replace(walk, level_dbm=level_dbm))
+    return worlds.with_sector_antenna(rng, world)
 
 
 def score(job: Job) -> tuple[Job, dict[str, Score]]:

@@ -198,7 +198,7 @@ def measured(options: argparse.Namespace) -> Json:
         walk = prepare_walk(gathered, PRIOR)
         for share, outcomes in rows.items():
             claim = _displaced(walk, np.array(world.sources[0]), share, rng)
-            sigma_m = float(np.hypot(world.slack_m / 2.0, world.position_sigma_m))
+            sigma_m = float(np.hypot(world.slack_m / 2.0, np.median(world.position_sigma_m)))
             test = claim_test(walk, around(float(claim[0]), float(claim[1]), sigma_m), rng)
             if test is None:
                 continue

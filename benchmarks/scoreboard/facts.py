@@ -1,9 +1,6 @@
 """Facts of an answer besides its error; each has to be true."""
 
-from math import pi
-
 import numpy as np
-import shapely
 
 from .answer import Answer, Mode, Region
 from .world import Place, World
@@ -14,7 +11,6 @@ PAIRED = "each listed place with its twin"
 NOT_ONE_PLACE = "never told as one place"
 REPORTED_NOT_TO_FIT = "says that one position does not explain the levels"
 NOT_BETWEEN = "not located more than 50 m off both"
-MODEST = "not located where the region is larger than the walk"
 
 _LISTED_M, _LISTED_SIGMAS = 20.0, 3.0
 _OFF_M = 50.0
@@ -26,8 +22,6 @@ def facts_of(world: World, found: Answer) -> dict[str, bool]:
     facts: dict[str, bool] = {}
     if found.region is None:
         return facts
-    if found.verdict is not None:
-        facts[MODEST] = found.verdict != "located" or found.region.area_m2 <= walk_area_m2(world)
     if world.mirror is not None:
         facts |= _mirror_facts(world, world.mirror, found, found.region)
     if len(world.sources) > 1 and found.verdict is not None:
@@ -36,12 +30,6 @@ def facts_of(world: World, found: Answer) -> dict[str, bool]:
             found.verdict != "located" or world.error_m((found.x_m, found.y_m)) <= _OFF_M
         )
     return facts
-
-
-def walk_area_m2(world: World) -> float:
-    """Area of the smallest circle around the walk; a straight walk has no hull to compare with."""
-    points = shapely.multipoints(np.column_stack([world.walk.x_m, world.walk.y_m]))
-    return float(pi * shapely.minimum_bounding_radius(points) ** 2)
 
 
 def _mirror_facts(world: World, mirror: Place, found: Answer, region: Region) -> dict[str, bool]:

@@ -9,13 +9,14 @@ from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.region import Squares as Leaves
 from logger.core.locator.region import highest_density, mode_regions
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR
-from logger.core.model.prior import WHITE, Hypothesis, NoiseGroup, Prior
+from logger.core.model.prior import ANTENNAS, WHITE, Hypothesis, NoiseGroup, Prior
 from logger.core.observations import CellObservations
 
 from .answer import Answer, Mode, Squares
 from .world import Noise, Walk, World
 
 PRIOR = Prior()
+SECTOR_PRIOR = replace(PRIOR, antenna_db=ANTENNAS["sector"])
 _MODE_LEVEL = 0.999
 
 
@@ -49,7 +50,7 @@ def observations(world: World, walk: Walk) -> CellObservations:
         t_ns=np.asarray(np.round(t_s * 1e9), np.int64),
         x_m=walk.x_m,
         y_m=walk.y_m,
-        position_sigma_m=np.full(count, world.position_sigma_m),
+        position_sigma_m=np.broadcast_to(world.position_sigma_m, (count,)).astype(float),
         level_dbm=walk.level_dbm,
         scan_seq=np.arange(count),
     )

@@ -1,4 +1,4 @@
-"""Batch peers: least squares from many starts, and two that need no model."""
+"""Least squares from many starts."""
 
 from math import log
 
@@ -33,20 +33,6 @@ def least_squares_fit(walk: Walk) -> Answer:
     return gaussian(
         state, np.asarray(_noise_db(state, walk) ** 2 * np.linalg.inv(slope.T @ slope), float)
     )
-
-
-def weighted_centroid(walk: Walk) -> Answer:
-    """Mean of the receiver's places weighted by power in milliwatts."""
-    weight = 10.0 ** (0.1 * (walk.level_dbm - np.max(walk.level_dbm)))
-    return Answer(
-        float(np.average(walk.x_m, weights=weight)), float(np.average(walk.y_m, weights=weight))
-    )
-
-
-def strongest_sample(walk: Walk) -> Answer:
-    """Where the strongest level was measured; the middle of such places where there are several."""
-    top = walk.level_dbm == np.max(walk.level_dbm)
-    return Answer(float(np.mean(walk.x_m[top])), float(np.mean(walk.y_m[top])))
 
 
 def _starts(walk: Walk) -> list[FloatArray]:

@@ -9,13 +9,16 @@ from importlib.metadata import version
 from math import isfinite
 
 from rich.console import Console
-from rich.table import Table
 
+from . import measured_report
 from .cases import CASES
 from .claims import Claim, claims
+from .measured import WalkScore
 from .run import Scores
 from .score import BOUND, EXACT, LEAST_SQUARES, OURS
 from .summary import Given, Row, rows_of, verdicts_of
+from .tables import Lines, Table, in_markdown, limits, three_digits
+from .tables import show as show_parts
 from .targets import Assessment, assess
 
 MOST_NAMED = 12
@@ -36,8 +39,6 @@ LEGEND = (
     "levels before clipping."
 )
 
-Lines = list[tuple[str, ...]]
-
 
 @dataclass(frozen=True, slots=True)
 class Board:
@@ -46,49 +47,40 @@ class Board:
     date_utc: str
     versions: Mapping[str, str]
     seed: int
+    measured: Sequence[WalkScore]
     scores: Mapping[str, Scores]
     targets: Sequence[Assessment]
     claims: Sequence[Claim]
 
 
-def board(scores: Mapping[str, Scores], seed: int) -> Board:
+def board(scores: Mapping[str, Scores], measured: Sequence[WalkScore], seed: int) -> Board:
     """The scoreboard of some runs, dated now."""
     versions = {"python": platform.python_version()} | {name: version(name) for name in PACKAGES}
     date_utc = datetime.now(UTC).strftime("%Y-%m-%dT%H:%MZ")
-    return Board(date_utc, versions, seed, scores, assess(scores), claims(scores))
+    return Board(date_utc, versions, seed, measured, scores, assess(scores), claims(scores))
 
 
 def show(found: Board, console: Console) -> None:
     """Print it."""
-    for name, scores in found.scores.items():
-        _show_table(console, f"{name}: {CASES[name].title}", HEADINGS, _lines(rows_of(scores)))
-        console.print(_verdicts(scores), style="dim", highlight=False)
-    if found.targets:
-        _show_table(console, "targets", TARGET_HEADINGS, _target_lines(found.targets))
-    if found.claims:
-        _show_table(
-            console, "the specification's table", CLAIM_HEADINGS, _claim_lines(found.claims)
-        )
-    console.print(LEGEND, style="dim")
-    console.print(_date(found), style="dim", highlight=False)
+    show_parts([*_parts(found), _date(found)], console)
 
 
 def markdown(found: Board) -> str:
     """The same as Markdown."""
-    parts = [f"# Accuracy\n\n{_date(found)}\n\n{LEGEND}"]
+    return in_markdown([f"# Accuracy\n\n{_date(found)}", *_parts(found)]) + "\n"
+
+
+def _parts(found: Board) -> list[Table | str]:
+    """Measured walks, targets, the specification's table, and a table for each case."""
+    parts = measured_report.tables(found.measured) if found.measured else []
     if found.targets:
-        parts.append(
-            "## Targets\n\n" + _markdown_table(TARGET_HEADINGS, _target_lines(found.targets))
-        )
+        parts.append(Table("targets", TARGET_HEADINGS, _target_lines(found.targets)))
     if found.claims:
-        parts.append(
-            "## The specification's table\n\n"
-            + _markdown_table(CLAIM_HEADINGS, _claim_lines(found.claims))
-        )
+        parts.append(Table("the specification's table", CLAIM_HEADINGS, _claim_lines(found.claims)))
     for name, scores in found.scores.items():
-        table = _markdown_table(HEADINGS, _lines(rows_of(scores)))
-        parts.append(f"## {name}: {CASES[name].title}\n\n{table}\n\n{_verdicts(scores)}".rstrip())
-    return "\n\n".join(parts) + "\n"
+        parts.append(Table(f"{name}: {CASES[name].title}", HEADINGS, _lines(rows_of(scores))))
+        parts += [text] if (text := _verdicts(scores)) else []
+    return [*parts, LEGEND] if found.scores else parts
 
 
 def as_json(found: Board) -> str:
@@ -120,7 +112,11 @@ def as_json(found: Board) -> str:
     texts = [asdict(claim) | {"within_bound": claim.is_within_bound} for claim in found.claims]
     whole = {"date_utc": found.date_utc, "versions": found.versions, "seed": found.seed}
     return json.dumps(
-        _finite(whole | {"targets": targets, "claims": texts, "cases": cases}),
+        _finite(
+            whole
+            | {"targets": targets, "claims": texts, "cases": cases}
+            | {"measured": [asdict(one) for one in found.measured]}
+        ),
         indent=1,
         allow_nan=False,
     )
@@ -163,7 +159,7 @@ def _target_lines(found: Sequence[Assessment]) -> Lines:
         (
             ", ".join(one.target.cases),
             one.target.what,
-            _limits(one.target.low, one.target.high),
+            limits(one.target.low, one.target.high),
             f"{one.value:.2f}",
             f"{one.interval[0]:.2f} to {one.interval[1]:.2f}",
             "-" if one.limit is None else f"{one.limit:.2f}",
@@ -178,10 +174,10 @@ def _claim_lines(found: Sequence[Claim]) -> Lines:
     return [
         (
             f"{claim.readings}, {claim.where}",
-            _number(claim.claimed_m),
-            _number(claim.bound_m),
+            three_digits(claim.claimed_m),
+            three_digits(claim.bound_m),
             *(
-                _number(claim.median_error_m.get(method))
+                three_digits(claim.median_error_m.get(method))
                 for method in (EXACT, LEAST_SQUARES, OURS, "reference EKF")
             ),
             "within the bound" if claim.is_within_bound else "BEYOND THE BOUND",
@@ -190,42 +186,23 @@ def _claim_lines(found: Sequence[Claim]) -> Lines:
     ]
 
 
-def _limits(low: float, high: float) -> str:
-    if not isfinite(high):
-        return f">= {low:.2f}"
-    return f"{low:.2f} to {high:.2f}" if isfinite(low) else f"<= {high:.2f}"
-
-
 def _lines(rows: Sequence[Row]) -> Lines:
     return [
         (
             row.method,
-            _number(row.median_error_m),
-            _number(row.p90_error_m),
+            three_digits(row.median_error_m),
+            three_digits(row.p90_error_m),
             "-" if row.coverage is None else f"{row.coverage:.2f}",
-            _number(row.median_area_m2),
-            _number(row.area_ratio),
-            _number(row.half_anees),
-            _number(row.half_anees_of_one_place),
+            three_digits(row.median_area_m2),
+            three_digits(row.area_ratio),
+            three_digits(row.half_anees),
+            three_digits(row.half_anees_of_one_place),
             str(row.runs),
             str(row.failures),
             "-" if row.method == BOUND else f"{row.seconds:.2f}",
         )
         for row in rows
     ]
-
-
-def _number(value: float | None) -> str:
-    """Three digits."""
-    if value is None:
-        return "-"
-    if not isfinite(value):
-        return "inf"
-    return (
-        f"{value:.1e}"
-        if abs(value) >= 1e6
-        else f"{float(f'{value:.3g}'):.{0 if abs(value) >= 100 else 2 - (abs(value) >= 10)}f}"
-    )
 
 
 def _given(scores: Scores) -> list[Given]:
@@ -250,17 +227,3 @@ def _date(found: Board) -> str:
     return f"{found.date_utc}, seed {found.seed}, " + ", ".join(
         f"{name} {v}" for name, v in found.versions.items()
     )
-
-
-def _show_table(console: Console, title: str, headings: Sequence[str], lines: Lines) -> None:
-    table = Table(title=title, title_justify="left", title_style="bold")
-    for k, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if k == 0 else "right")
-    for line in lines:
-        table.add_row(*line)
-    console.print(table)
-
-
-def _markdown_table(headings: Sequence[str], lines: Lines) -> str:
-    rows = [tuple(headings), tuple("---" for _ in headings), *lines]
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows)

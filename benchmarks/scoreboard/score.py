@@ -16,13 +16,15 @@ from .bound import covariance_bound
 from .clipped import ClippedLikelihood
 from .facts import facts_of
 from .filters import FILTERS
-from .peers import least_squares_fit, strongest_sample, weighted_centroid
+from .model_free import strongest_sample, weighted_centroid
+from .peers import least_squares_fit
 from .world import World
 
-OURS, OURS_KNOWN_NOISE, OURS_UNCENSORED = (
+OURS, OURS_KNOWN_NOISE, OURS_UNCENSORED, OURS_SECTOR = (
     "cellwalk",
     "cellwalk, told the kind of noise",
     "cellwalk, unclipped",
+    "cellwalk, sector antenna",
 )
 EXACT, BOUND = "exact posterior", "Cramer-Rao bound"
 EXACT_CLIPPED = "exact posterior, clipped"
@@ -78,6 +80,7 @@ ANSWERS: dict[str, Callable[[World], Answer]] = {
     OURS: lambda world: ours.answer(world, world.walk),
     OURS_KNOWN_NOISE: _ours_told,
     OURS_UNCENSORED: lambda world: ours.answer(world, world.whole),
+    OURS_SECTOR: lambda world: ours.answer(world, world.walk, ours.SECTOR_PRIOR),
     EXACT: _exact,
     EXACT_CLIPPED: _exact_clipped,
     LEAST_SQUARES: lambda world: least_squares_fit(world.walk),
@@ -89,6 +92,7 @@ METHODS = (
     OURS,
     OURS_KNOWN_NOISE,
     OURS_UNCENSORED,
+    OURS_SECTOR,
     EXACT,
     EXACT_CLIPPED,
     BOUND,

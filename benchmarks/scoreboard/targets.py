@@ -22,11 +22,9 @@ from .score import (
     OURS,
     OURS_KNOWN_NOISE,
     OURS_UNCENSORED,
-    STRONGEST,
     Score,
 )
 from .summary import Columns, half_anees, quantile
-from .traces import PUBLISHED
 from .walks import TELLING
 
 Table = Mapping[str, Columns]
@@ -188,19 +186,6 @@ def _clipped_shadowed() -> list[Target]:
     ]
 
 
-def _measured_targets() -> list[Target]:
-    simple = (LEAST_SQUARES, STRONGEST, *PUBLISHED.values())
-    what = "median error / the better of least squares and strongest sample"
-    return [
-        Target(("real-A",), "coverage", _coverage, 0.90, is_share=True),
-        Target(("real-A",), what, _error_by(*simple), high=0.90),
-        Target(("real-CDE",), "coverage", _coverage, 0.85, is_share=True),
-        Target(
-            ("real-A", "real-B", "real-CDE"), facts.MODEST, _share(facts.MODEST), 1.0, is_share=True
-        ),
-    ]
-
-
 TARGETS: tuple[Target, ...] = (
     *(target for shape in TELLING for target in _white(shape)),
     *(
@@ -218,7 +203,6 @@ TARGETS: tuple[Target, ...] = (
     *_clipped_shadowed(),
     *(Target((name,), "coverage", _coverage, 0.90, is_share=True) for name in GPS_ERRORS),
     *_all_of("two-sources", facts.REPORTED_NOT_TO_FIT, facts.NOT_BETWEEN),
-    *_measured_targets(),
 )
 
 

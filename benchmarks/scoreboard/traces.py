@@ -4,53 +4,81 @@ import csv
 import json
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.geo import Utm
-from logger.core.track import UNKNOWN_SIGMA_M
-from postproc.interop.walk_csv import read_walk
+from logger.core.observations import CellObservations
 
-from .world import Walk, World
+from . import tree
+from .world import Place, Walk, World
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "traces"
 SURVEY_SLACK_M = 10.0
 """Allowed for the surveyed place and the receiver."""
 PUBLISHED = {"ls_err": "least squares (published)", "max_err": "strongest sample (published)"}
 
+_WITHOUT_TIMES = ("covenant_gsm1800",)
+"""Data sets whose `t_s` counts the rows."""
+_SESSION_PARTS = {"kuleuven_lora_p2p": 2, "powder_frs462": 2, "lyon_bike_lora": 1}
+"""How much of a trace's name, between underlines, names its session.
+
+A session is a day in Leuven, a tour in Salt Lake City (several receivers), a ride in Lyon (two
+radios). The routes of a data set that is not listed are one session.
+"""
+
+
+class Trace(NamedTuple):
+    """A measured walk: data set, name, geometry class A to E, and closest distance to the truth."""
+
+    campaign: str
+    name: str
+    geometry: str
+    closest_m: float
+
+    @property
+    def session(self) -> str:
+        """The walks of a session share a receiver, a track or a transmitter."""
+        parts = self.name.split("_")[: _SESSION_PARTS.get(self.campaign, 0)]
+        return "/".join([self.campaign, "_".join(parts)]) if parts else self.campaign
+
 
 @cache
+def traces() -> tuple[Trace, ...]:
+    """All measured walks; none where the folder is missing."""
+    return tuple(
+        Trace(row["dataset"], row["trace"], row["class"], float(row["dmin"]))
+        for row in _reference()
+    )
+
+
 def names(classes: str) -> tuple[tuple[str, str], ...]:
-    """Data set and name of the walks of some geometry classes ("A", "CDE").
-
-    There are none where the folder is missing.
-    """
-    return tuple((row["dataset"], row["trace"]) for row in _reference() if row["class"] in classes)
+    """Data set and name of the walks of some geometry classes ("A", "CDE")."""
+    return tuple((one.campaign, one.name) for one in traces() if one.geometry in classes)
 
 
-def measured(dataset: str, trace: str) -> World:
-    """One measured walk, with a standard deviation of 5 m for the positions of the receiver.
-
-    Every import without an accuracy uses the same value.
-    """
+def observed(dataset: str, trace: str) -> tuple[CellObservations, Place]:
+    """Readings of a measured walk as `postproc` imports it, and where the transmitter stands."""
     truth = json.loads((FOLDER / dataset / "truth.json").read_text())
     about = truth["traces"][trace]
     source = truth["transmitters"][about["tx"]]
-    rows = sorted(read_walk(FOLDER / dataset / about["file"])[0], key=lambda row: row.t_ns)
-    utm = Utm.at(rows[0].lat_deg, rows[0].lon_deg)
-    lat_deg, lon_deg, level_dbm, t_ns = (
-        np.array(column, float)
-        for column in zip(*((r.lat_deg, r.lon_deg, r.rssi_dbm, r.t_ns) for r in rows), strict=True)
-    )
-    walk = Walk(*utm.to_xy_arrays(lat_deg, lon_deg), level_dbm)
+    file = FOLDER / dataset / about["file"]
+    obs = tree.observations(file, times=dataset not in _WITHOUT_TIMES)
+    return obs, obs.utm.to_xy(source["lat"], source["lon"])
+
+
+def measured(dataset: str, trace: str) -> World:
+    """One measured walk."""
+    obs, source = observed(dataset, trace)
+    walk = Walk(obs.x_m, obs.y_m, obs.level_dbm)
     return World(
         walk,
         walk,
-        (utm.to_xy(source["lat"], source["lon"]),),
-        position_sigma_m=UNKNOWN_SIGMA_M,
+        (source,),
+        position_sigma_m=obs.position_sigma_m,
         slack_m=SURVEY_SLACK_M,
-        t_s=1e-9 * (t_ns - t_ns[0]),
-        utm=utm,
+        t_s=1e-9 * (obs.t_ns - obs.t_ns[0]).astype(np.float64),
+        utm=obs.utm,
         published_scores=_read_published(dataset, trace),
         name=f"{dataset}/{trace}",
     )

@@ -22,7 +22,8 @@ class Noise:
 
     White noise `white_db`, shadowing `shadow_db` with correlation exp(-D / `decorrelation_m`),
     where D is the distance of two readings along the path or (`in_plane`) straight across, and
-    rounding to `step_db`.
+    rounding to `step_db`. Of the variance of the shadowing the share `long_share` is correlated
+    over `long_m` instead.
     """
 
     white_db: float
@@ -30,6 +31,8 @@ class Noise:
     decorrelation_m: float = 15.0
     in_plane: bool = False
     step_db: float = 0.0
+    long_share: float = 0.0
+    long_m: float = 300.0
 
     @property
     def white_variance_db2(self) -> float:
@@ -48,7 +51,9 @@ class Noise:
         else:
             along_m = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x_m), np.diff(y_m)))])
             apart_m = np.abs(along_m[:, None] - along_m)
-        return np.asarray(self.shadow_db**2 * np.exp(-apart_m / self.decorrelation_m), float)
+        near, far = np.exp(-apart_m / self.decorrelation_m), np.exp(-apart_m / self.long_m)
+        correlation = (1.0 - self.long_share) * near + self.long_share * far
+        return np.asarray(self.shadow_db**2 * correlation, float)
 
     def covariance_db2(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         """Covariance of the levels, shape (n, n)."""
@@ -79,9 +84,10 @@ class World:
     `walk` is the recorded walk, `whole` the same without errors of the receiver's position and
     without censoring, as the exact limit uses it. `sources` has one position, or two if two
     transmitters share an identity; `mirror` is another position that fits equally well. `eta` and
-    `noise` are None where they are unknown. `slack_m` is the error of the survey. `t_s` has the
-    shape (n,), or is None for a reading every second. `published_scores` are errors that others
-    have reached, by method. A measured walk has a `name`.
+    `noise` are None where they are unknown. `position_sigma_m`, scalar or of shape (n,), is the
+    standard deviation of the receiver's position per axis, `slack_m` the error of the survey.
+    `t_s` has the shape (n,), or is None for a reading every second. `published_scores` are errors
+    that others have reached, by method. A measured walk has a `name`.
     """
 
     walk: Walk
@@ -90,7 +96,7 @@ class World:
     eta: float | None = None
     noise: Noise | None = None
     mirror: Place | None = None
-    position_sigma_m: float = 0.0
+    position_sigma_m: float | FloatArray = 0.0
     floor_dbm: float | None = None
     slack_m: float = 0.0
     t_s: FloatArray | None = None

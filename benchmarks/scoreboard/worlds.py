@@ -23,6 +23,8 @@ GpsError = Literal["white", "slow", "constant"]
 FLOOR_DBM = -110.0
 SPEC_RADIUS_M, SPEC_READINGS = 500.0, 50
 GPS_SIGMA_M = 5.0
+BEAM_WIDTH_DEG, FRONT_TO_BACK_DB = 65.0, 25.0
+"""Half-power beam width and front-to-back ratio of the sector antenna."""
 
 _ORIGIN_M = (400_000.0, 5_700_000.0)
 _AWAY_M = (25.0, 200.0)
@@ -95,6 +97,28 @@ def shared_identity(rng: np.random.Generator, shape: str) -> World:
         if _LEAST_SHARE <= np.mean(levels[0] > levels[1]) <= 1.0 - _LEAST_SHARE:
             walk = Walk(*points, np.max(levels, axis=0))
             return _place_randomly(rng, World(walk, walk, (one, other), eta=eta, noise=Noise(3.0)))
+
+
+def past_sector_antenna(rng: np.random.Generator, shape: str, noise: Noise) -> World:
+    """As `plain`, but the source has a sector antenna."""
+    return with_sector_antenna(rng, plain(rng, shape, noise))
+
+
+def with_sector_antenna(rng: np.random.Generator, world: World) -> World:
+    """The same walk past a sector antenna with a random azimuth."""
+    walk, ((x_m, y_m),) = world.walk, world.sources
+    azimuth_deg = np.degrees(np.arctan2(walk.x_m - x_m, walk.y_m - y_m))
+    level_dbm = walk.level_dbm + sector_pattern_db(azimuth_deg - rng.uniform(0.0, 360.0))
+    if world.noise is not None and world.noise.step_db:
+        level_dbm = world.noise.step_db * np.round(level_dbm / world.noise.step_db)
+    heard = replace(walk, level_dbm=level_dbm)
+    return replace(world, walk=heard, whole=heard)
+
+
+def sector_pattern_db(azimuth_deg: FloatArray) -> FloatArray:
+    """Loss of a sector antenna by the azimuth off its beam (3GPP TR 36.942, 4.2.1)."""
+    off_deg = (azimuth_deg + 180.0) % 360.0 - 180.0
+    return -np.minimum(12.0 * (off_deg / BEAM_WIDTH_DEG) ** 2, FRONT_TO_BACK_DB)
 
 
 def specified_scenario(rng: np.random.Generator, count: int, *, spread: bool) -> World:

@@ -13,11 +13,12 @@ from benchmarks.scoreboard.traces import measured
 COMMAND = Path(__file__).resolve().parents[2] / "benchmarks" / "accuracy.py"
 
 
-def test_the_command_writes_what_it_prints(tmp_path):
+def test_the_command_writes_what_it_prints(tmp_path, traces):
     files = [tmp_path / "board.json", tmp_path / "board.md"]
     asked = [
         "--quick",
         "--case",
+        "measured",
         "white-L",
         "spec-10-begun",
         "--json",
@@ -32,11 +33,13 @@ def test_the_command_writes_what_it_prints(tmp_path):
     assert [case["name"] for case in found["cases"]] == ["white-L", "spec-10-begun"]
     assert [len(case["runs"]) for case in found["cases"]] == [10 * 2, 9 * 2]
     assert len(found["targets"]) == 7
+    assert len(found["measured"]) == 21
     assert {"python", "numpy", "filterpy"} <= set(found["versions"])
     assert found["date_utc"].startswith("20")
     for text in (ran.stdout, files[1].read_text()):
         assert "white-L: white noise 3 dB" in text
         assert "exact posterior" in text
+        assert text.index("measured walks") < text.index("targets") < text.index("white-L")
         assert found["date_utc"] in text
 
 

@@ -8,6 +8,7 @@ from benchmarks.scoreboard.walks import SHAPES
 from benchmarks.scoreboard.world import Noise, Walk
 
 WHITE, SHADOWED = Noise(3.0), Noise(1.0, 5.0, 40.0, in_plane=True, step_db=1.0)
+TWO_SCALE = Noise(1.0, 7.0, 20.0, in_plane=True, step_db=1.0, long_share=0.75, long_m=300.0)
 SOURCE = np.array([110.0, 70.0])
 AROUND = np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
 
@@ -34,7 +35,7 @@ def by_quadrature(walk, noise, x_m, y_m):
     sigma = prior.precision**-0.5
     middle = np.mean(loss_db)
     eta = np.linspace(-12.0, 12.0, 501)
-    at_middle = np.linspace(-12.0, 12.0, 301) + np.mean(walk.level_dbm)
+    at_middle = 5.0 * noise.total_db * np.linspace(-1.0, 1.0, 301) + np.mean(walk.level_dbm)
     p0_dbm = at_middle[:, None] + eta * middle
     misfit = walk.level_dbm - p0_dbm[..., None] + eta[:, None] * loss_db
     log_p = -0.5 * np.einsum(
@@ -47,7 +48,7 @@ def by_quadrature(walk, noise, x_m, y_m):
     return scipy.special.logsumexp(log_p) + float(ours.log_position_prior(nearest_m))
 
 
-@pytest.mark.parametrize("noise", [WHITE, SHADOWED])
+@pytest.mark.parametrize("noise", [WHITE, SHADOWED, TWO_SCALE])
 def test_closed_form_agrees_with_brute_force(noise):
     walk = simulated_walk(noise)
     x_m, y_m = np.array([150.0, 60.0, -300.0, 900.0]), np.array([90.0, 200.0, -250.0, 40.0])

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.scoreboard import filters, peers, worlds
+from benchmarks.scoreboard import filters, model_free, peers, worlds
 from benchmarks.scoreboard.cases import WHITE, generator
 from benchmarks.scoreboard.score import EXACT, LEAST_SQUARES, OURS, STRONGEST, score
 from benchmarks.scoreboard.world import Noise, Walk
@@ -59,7 +59,8 @@ def test_model_free_peers():
     walk = Walk(
         np.array([0.0, 10.0, 20.0]), np.array([0.0, 0.0, 5.0]), np.array([-90.0, -60.0, -60.0])
     )
-    strongest, centroid = peers.strongest_sample(walk), peers.weighted_centroid(walk)
+    strongest = model_free.strongest_sample(walk)
+    centroid = model_free.weighted_centroid(walk)
     assert (strongest.x_m, strongest.y_m) == (15.0, 2.5)
     assert (centroid.x_m, centroid.y_m) == pytest.approx((15.0, 2.5), abs=0.02)
 

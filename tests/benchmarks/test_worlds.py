@@ -70,6 +70,27 @@ def test_noise_has_the_covariance_that_the_oracle_is_told(in_plane):
     assert (expected[1] > 1.5 * expected[0]) == (not in_plane)
 
 
+def test_shadowing_of_two_scales_has_a_short_and_a_long_part():
+    noise = Noise(0.0, 7.0, 20.0, in_plane=True, long_share=0.75, long_m=300.0)
+    x_m = np.array([0.0, 100.0, 5000.0])
+    covariance_db2 = noise.shadowing_db2(x_m, np.zeros(3))
+    assert covariance_db2[0, 0] == pytest.approx(49.0)
+    expected = 49.0 * (0.25 * np.exp(-5.0) + 0.75 * np.exp(-1.0 / 3.0))
+    assert covariance_db2[0, 1] == pytest.approx(expected)
+    assert covariance_db2[0, 2] < 1e-3
+
+
+def test_a_sector_antenna_loses_25_db_at_its_back():
+    loss_db = -worlds.sector_pattern_db(np.array([0.0, 32.5, -32.5, 392.5, 180.0]))
+    np.testing.assert_allclose(loss_db, [0.0, 3.0, 3.0, 3.0, 25.0])
+    world = worlds.plain(generator("sector", 1, 0), "square", Noise(0.0, 1.0, 15.0, step_db=1.0))
+    past = worlds.with_sector_antenna(np.random.default_rng(1), world)
+    lost_db = world.walk.level_dbm - past.walk.level_dbm
+    assert 0.0 <= np.min(lost_db) < np.max(lost_db) <= 25.0
+    np.testing.assert_array_equal(lost_db, np.round(lost_db))
+    assert past.sources == world.sources
+
+
 @pytest.mark.parametrize("shape", ["straight", "circle"])
 def test_the_twin_fits_equally_well(shape):
     for run in range(5):

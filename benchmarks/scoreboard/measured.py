@@ -1,0 +1,132 @@
+"""One measured walk through the whole path: what the locator states, and whether that is true."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import hypot, log, pi, sqrt
+from multiprocessing import Pool
+from time import process_time
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from . import traces, tree
+from .model_free import strongest_sample
+from .traces import SURVEY_SLACK_M, Trace
+from .tree import Prior
+from .world import Place, Walk
+
+LEVELS = (0.5, 0.8, 0.95)
+"""Of the regions; the last is the one that is shown."""
+VARIANTS: Mapping[str, Prior] = {"": Prior()}
+"""The locator as it is."""
+
+_PER_KM2 = 1e6
+_LEAST_DENSITY = 1e-12
+"""Probability per square metre beyond the reach of the prior: of one in a million square km."""
+_RINGS = 5
+"""Circles of points on which the density around the surveyed place is averaged."""
+_ROUND = 12
+
+
+@dataclass(frozen=True, slots=True)
+class WalkScore:
+    """What the locator states of one measured walk.
+
+    `error_m` is that of the position shown, `strongest_m` that of the strongest reading's place.
+    `held` tells for each of `LEVELS` whether the region holds the truth, `area_m2` its area.
+    `log_density` is the log of the mean probability per km2 within the error of the survey.
+    `variant` names the prior that was used.
+    """
+
+    trace: Trace
+    variant: str
+    readings: int
+    error_m: float
+    strongest_m: float
+    held: tuple[bool, ...]
+    area_m2: tuple[float, ...]
+    r95_m: float
+    log_density: float
+    verdict: str
+    seconds: float
+
+    @property
+    def covered(self) -> bool:
+        """Whether the 95 % region holds the truth."""
+        return self.held[-1]
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of a circle with the area of the 95 % region."""
+        return sqrt(self.area_m2[-1] / pi)
+
+
+def score_walk(trace: Trace, variants: Mapping[str, Prior] = VARIANTS) -> list[WalkScore]:
+    """Scores of one walk, one for each prior; on one core."""
+    with threadpool_limits(1):
+        obs, source = traces.observed(trace.campaign, trace.name)
+        usable = obs.usable()
+        strongest = strongest_sample(Walk(usable.x_m, usable.y_m, usable.level_dbm))
+        away_m = _off_m((strongest.x_m, strongest.y_m), source)
+        return [
+            _score(trace, name, usable, prior, source, away_m) for name, prior in variants.items()
+        ]
+
+
+def _score(
+    trace: Trace,
+    variant: str,
+    obs: tree.CellObservations,
+    prior: Prior,
+    source: Place,
+    strongest_m: float,
+) -> WalkScore:
+    start = process_time()
+    posterior = tree.locate(obs, prior)
+    verdict = tree.decide(posterior, obs)[0]
+    seconds = process_time() - start
+    regions = [tree.region(posterior, level) for level in LEVELS]
+    density = max(float(np.mean(tree.density(posterior, *_around(source)))), _LEAST_DENSITY)
+    return WalkScore(
+        trace,
+        variant,
+        readings=len(obs),
+        error_m=_off_m((posterior.x_m, posterior.y_m), source),
+        strongest_m=strongest_m,
+        held=tuple(region.holds(source, SURVEY_SLACK_M) for region in regions),
+        area_m2=tuple(region.area_m2 for region in regions),
+        r95_m=float(posterior.r95_m),
+        log_density=log(density * _PER_KM2),
+        verdict=verdict,
+        seconds=seconds,
+    )
+
+
+def _off_m(one: Place, other: Place) -> float:
+    return hypot(one[0] - other[0], one[1] - other[1])
+
+
+def _around(place: Place) -> tuple[np.ndarray, np.ndarray]:
+    """Points that fill the circle of the survey's error evenly."""
+    radius_m = SURVEY_SLACK_M * np.sqrt((np.arange(_RINGS) + 0.5) / _RINGS)
+    angle = 2.0 * np.pi * np.arange(_ROUND) / _ROUND
+    x_m = place[0] + np.outer(radius_m, np.cos(angle)).ravel()
+    return x_m, place[1] + np.outer(radius_m, np.sin(angle)).ravel()
+
+
+def score_walks(
+    chosen: Sequence[Trace],
+    processes: int,
+    variants: Mapping[str, Prior] = VARIANTS,
+    on_done: Callable[[], None] = lambda: None,
+) -> list[WalkScore]:
+    """Scores of several walks in their order; `on_done` is called after each walk."""
+    found: list[WalkScore] = []
+    if not chosen:
+        return found
+    with Pool(processes) as pool:
+        for scores in pool.imap(partial(score_walk, variants=variants), chosen):
+            found += scores
+            on_done()
+    return found

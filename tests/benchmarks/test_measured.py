@@ -1,0 +1,124 @@
+"""Measured walks: the whole path, and what is counted."""
+
+from math import exp, isnan
+
+import numpy as np
+import pytest
+
+from benchmarks.scoreboard import measured_report, strata, tree
+from benchmarks.scoreboard.measured import LEVELS, WalkScore, score_walk
+from benchmarks.scoreboard.strata import coverage, error_ratio, groups, interval
+from benchmarks.scoreboard.tables import in_markdown
+from benchmarks.scoreboard.traces import Trace, observed
+from benchmarks.scoreboard.traces import traces as measured_traces
+from logger.core.model.prior import Prior
+
+LEUVEN = "kuleuven_lora_p2p"
+
+
+def scored(name="day_1", *, closest_m=10.0, geometry="A", covered=True, area_km2=0.5, **more):
+    trace = Trace("powder_frs462", f"{name}_walk", geometry, closest_m)
+    values = {
+        "variant": "",
+        "readings": 100,
+        "error_m": 20.0,
+        "strongest_m": 40.0,
+        "held": (False, covered, covered),
+        "area_m2": (1e3, 1e4, 1e6 * area_km2),
+        "r95_m": 300.0,
+        "log_density": 1.0,
+        "verdict": "cannot tell",
+        "seconds": 0.1,
+    }
+    return WalkScore(trace, **(values | more))
+
+
+def test_a_walk_goes_through_import_and_smoother(traces):
+    trace = next(one for one in measured_traces() if one.name == "campus_1105_125358_n124")
+    obs, source = observed(trace.campaign, trace.name)
+    file = (traces / LEUVEN / f"{trace.name}.csv").read_text().splitlines()
+    assert len(obs) == len(file) - 1
+    column = file[0].split(",").index("rssi_dbm")
+    assert obs.level_dbm[0] == float(file[1].split(",")[column])
+    away_m = np.hypot(obs.x_m - source[0], obs.y_m - source[1])
+    assert np.min(away_m) == pytest.approx(trace.closest_m, rel=0.05)
+    assert len(set(np.round(obs.position_sigma_m, 3))) > 1  # the smoother's, not one for all
+
+    usual, near = score_walk(trace, {"usual": Prior(), "near": Prior(far_power=6.0)})
+    assert (usual.variant, near.variant) == ("usual", "near")
+    posterior = tree.locate(obs.usable())
+    assert usual.error_m == pytest.approx(
+        np.hypot(posterior.x_m - source[0], posterior.y_m - source[1])
+    )
+    assert usual.area_m2[-1] == pytest.approx(posterior.region_area_m2)
+    assert usual.covered == tree.region(posterior).holds(source, 10.0)
+    assert list(usual.area_m2) == sorted(usual.area_m2)
+    assert near.area_m2[-1] < usual.area_m2[-1]
+    at_truth = tree.density(posterior, *(np.array([v]) for v in source))[0] * 1e6
+    assert 0.2 < exp(usual.log_density) / at_truth < 5.0
+
+
+def test_the_density_integrates_to_one(traces):
+    obs, source = observed(LEUVEN, "campus_1105_125358_n124")
+    squares = tree.locate(obs.usable()).squares
+    posterior = type("Stub", (), {"squares": squares})
+    density = tree.density(posterior, squares.x_m, squares.y_m)
+    assert np.sum(density * squares.size_m**2) == pytest.approx(1.0)
+    far = np.array([source[0] + 1e6])
+    assert tree.density(posterior, far, np.array([source[1]])) == 0.0
+
+
+def test_every_walk_has_a_session(traces):
+    sessions = {one.session for one in measured_traces()}
+    assert {"covenant_gsm1800", "lyon_bike_lora/velo25nigth", "powder_frs462/0706_1024"} < sessions
+    assert len(sessions) == 14
+    assert len(measured_traces()) == 165
+
+
+def test_groups_take_each_walk_once():
+    scores = [scored(closest_m=d) for d in (0.0, 50.0, 199.0, 800.0, 1e4)]
+    found = dict(groups(scores))
+    assert [len(found[f"closest pass {at} m"]) for at in ("< 50", "50 to 200", "200 to 800")] == [
+        1,
+        2,
+        0,
+    ]
+    assert [len(found[f"closest pass {at} m"]) for at in ("800 to 1200", "> 1200")] == [1, 1]
+    areas = [scored(area_km2=a) for a in (0.001, 0.01, 0.5, 7.0)]
+    found = dict(groups(areas))
+    bins = ("< 0.01", "0.01 to 0.1", "0.1 to 1", "> 1")
+    assert [len(found[f"region {at} km2"]) for at in bins] == [1, 1, 1, 1]
+
+
+def test_a_stratum_counts_what_is_wrong():
+    scores = [
+        scored(area_km2=0.02, covered=False, verdict="located"),
+        scored(area_km2=0.02, verdict="located"),
+        scored(area_km2=0.08),
+    ]
+    whole = strata.strata(scores)[0]
+    assert (whole.name, whole.walks, whole.small) == ("all", 3, (2, 1))
+    assert whole.verdicts == {"cannot tell": (1, 0), "located": (2, 1)}
+    assert whole.coverage.value == pytest.approx(2 / 3)
+    assert whole.inner == pytest.approx((0.0, 2 / 3))
+    assert whole.ratio.value == pytest.approx(0.5)
+    assert whole.area_km2.value == pytest.approx(0.02)
+
+
+def test_the_interval_draws_sessions():
+    one = [scored("day_1") for _ in range(50)]
+    other = [scored("day_2", covered=False) for _ in range(50)]
+    assert interval([*one, *other], coverage) == (0.0, 1.0)
+    assert all(isnan(end) for end in interval(one, coverage))
+    many = [scored(f"day_{k}", covered=k % 5 != 0) for k in range(100)]
+    low, high = interval(many, coverage)
+    assert (low, high) == pytest.approx((0.73, 0.87), abs=0.02)  # 0.8 +- 1.64 x 0.04
+    assert interval(many, error_ratio) == pytest.approx((0.5, 0.5))
+
+
+def test_the_tables_show_the_counts():
+    text = in_markdown(measured_report.tables([scored(), scored(area_km2=0.02, covered=False)]))
+    assert "| class A | 2 | 1 | 0.00 | 0.50 | 0.500 | 0.26 |" in text
+    assert "| class A | 1, 1 wrong | 0 | 0 | 2, 1 wrong |" in text
+    assert "| class A | 2 | 20.0 | 40.0 | 0.50 |" in text
+    assert f"{LEVELS[-1]:.0%}" == "95%"
