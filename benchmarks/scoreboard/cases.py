@@ -86,7 +86,7 @@ def _simulated_cases(
     *,
     methods: tuple[str, ...] = KNOWN,
     shapes: tuple[str, ...] = TELLING,
-    runs: int = 100,
+    runs: int = 60,
 ) -> Case:
     """A case whose walks take these shapes in turn."""
 
@@ -101,7 +101,7 @@ def _white() -> list[Case]:
     build = partial(worlds.plain, noise=WHITE)
     return [
         _simulated_cases(
-            f"white-{shape}", title.format(shape), build, methods=MATCHED, shapes=(shape,), runs=200
+            f"white-{shape}", title.format(shape), build, methods=MATCHED, shapes=(shape,), runs=100
         )
         for shape in TELLING
     ]
@@ -126,7 +126,7 @@ def _two_scale_case() -> Case:
         "shadowing of two scales as a field in the plane: 7 dB, three quarters of the variance "
         "over 300 m, the rest over 20 m; white noise 1 dB, 1 dB steps"
     )
-    return _simulated_cases("two-scale", title, partial(worlds.plain, noise=TWO_SCALE))
+    return _simulated_cases("two-scale", title, partial(worlds.plain, noise=TWO_SCALE), runs=100)
 
 
 def _sector_cases() -> list[Case]:
@@ -151,9 +151,14 @@ def _twins() -> list[Case]:
             "straight walk, white noise 3 dB: mirror image",
             build,
             shapes=("straight",),
+            runs=200,
         ),
         _simulated_cases(
-            "twin-circle", "round walk, white noise 3 dB: inverse point", build, shapes=("circle",)
+            "twin-circle",
+            "round walk, white noise 3 dB: inverse point",
+            build,
+            shapes=("circle",),
+            runs=200,
         ),
     ]
 

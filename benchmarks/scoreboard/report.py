@@ -19,7 +19,7 @@ from .score import BOUND, EXACT, LEAST_SQUARES, OURS
 from .summary import Given, Row, rows_of, verdicts_of
 from .tables import Lines, Table, in_markdown, limits, three_digits
 from .tables import show as show_parts
-from .targets import Assessment, assess
+from .targets import Assessment, assess, assess_measured
 
 MOST_NAMED = 12
 PACKAGES = ("cellwalk", "numpy", "scipy", "filterpy", "shapely")
@@ -57,7 +57,8 @@ def board(scores: Mapping[str, Scores], measured: Sequence[WalkScore], seed: int
     """The scoreboard of some runs, dated now."""
     versions = {"python": platform.python_version()} | {name: version(name) for name in PACKAGES}
     date_utc = datetime.now(UTC).strftime("%Y-%m-%dT%H:%MZ")
-    return Board(date_utc, versions, seed, measured, scores, assess(scores), claims(scores))
+    targets = [*assess_measured(measured), *assess(scores)]
+    return Board(date_utc, versions, seed, measured, scores, targets, claims(scores))
 
 
 def show(found: Board, console: Console) -> None:
@@ -95,20 +96,7 @@ def as_json(found: Board) -> str:
         }
         for name, scores in found.scores.items()
     ]
-    targets = [
-        {
-            "cases": one.target.cases,
-            "what": one.target.what,
-            "low": one.target.low,
-            "high": one.target.high,
-            "value": one.value,
-            "interval95": one.interval,
-            "limit": one.limit,
-            "runs": one.runs,
-            "reached": one.is_reached,
-        }
-        for one in found.targets
-    ]
+    targets = [asdict(one) | {"reached": one.is_reached} for one in found.targets]
     texts = [asdict(claim) | {"within_bound": claim.is_within_bound} for claim in found.claims]
     whole = {"date_utc": found.date_utc, "versions": found.versions, "seed": found.seed}
     return json.dumps(
@@ -133,11 +121,11 @@ def _finite(value: object) -> object:
 
 
 TARGET_HEADINGS = (
-    "case",
+    "walks",
     "target",
     "wanted",
     "cellwalk",
-    "95 % interval",
+    "interval",
     "exact posterior",
     "runs",
     "",
@@ -157,9 +145,9 @@ CLAIM_HEADINGS = (
 def _target_lines(found: Sequence[Assessment]) -> Lines:
     return [
         (
-            ", ".join(one.target.cases),
-            one.target.what,
-            limits(one.target.low, one.target.high),
+            one.walks,
+            one.what,
+            limits(one.low, one.high),
             f"{one.value:.2f}",
             f"{one.interval[0]:.2f} to {one.interval[1]:.2f}",
             "-" if one.limit is None else f"{one.limit:.2f}",

@@ -76,6 +76,7 @@ def groups(scores: Sequence[WalkScore]) -> Iterator[tuple[str, list[WalkScore]]]
         yield f"class {name}", [one for one in scores if one.trace.geometry in geometry]
     yield from _binned("closest pass", scores, lambda one: one.trace.closest_m, PASSES_M, "m")
     yield from _binned("region", scores, lambda one: one.area_m2[-1] / _KM2, AREAS_KM2, "km2")
+    yield "small region", small(scores)
     for campaign in dict.fromkeys(one.trace.campaign for one in scores):
         yield campaign, [one for one in scores if one.trace.campaign == campaign]
 
@@ -98,6 +99,11 @@ def _binned(
 def coverage(scores: Sequence[WalkScore]) -> float:
     """Share of the walks whose 95 % region holds the truth."""
     return float(np.mean([one.covered for one in scores]))
+
+
+def wrong(scores: Sequence[WalkScore]) -> float:
+    """Share of the walks whose 95 % region misses the truth."""
+    return 1.0 - coverage(scores)
 
 
 def error_ratio(scores: Sequence[WalkScore]) -> float:

@@ -32,8 +32,8 @@ def test_the_command_writes_what_it_prints(tmp_path, traces):
     found = json.loads(files[0].read_text())
     assert [case["name"] for case in found["cases"]] == ["white-L", "spec-10-begun"]
     assert [len(case["runs"]) for case in found["cases"]] == [10 * 2, 9 * 2]
-    assert len(found["targets"]) == 7
-    assert len(found["measured"]) == 21
+    assert {one["walks"] for one in found["targets"]} >= {"white-L", "measured, all"}
+    assert len(found["measured"]) == 11
     assert {"python", "numpy", "filterpy"} <= set(found["versions"])
     assert found["date_utc"].startswith("20")
     for text in (ran.stdout, files[1].read_text()):

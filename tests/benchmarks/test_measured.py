@@ -6,31 +6,15 @@ import numpy as np
 import pytest
 
 from benchmarks.scoreboard import measured_report, strata, tree
-from benchmarks.scoreboard.measured import LEVELS, WalkScore, score_walk
+from benchmarks.scoreboard.measured import LEVELS, score_walk
 from benchmarks.scoreboard.strata import coverage, error_ratio, groups, interval
 from benchmarks.scoreboard.tables import in_markdown
-from benchmarks.scoreboard.traces import Trace, observed
+from benchmarks.scoreboard.traces import observed
 from benchmarks.scoreboard.traces import traces as measured_traces
 from logger.core.model.prior import Prior
+from tests.kit.walk_scores import scored_walk
 
 LEUVEN = "kuleuven_lora_p2p"
-
-
-def scored(name="day_1", *, closest_m=10.0, geometry="A", covered=True, area_km2=0.5, **more):
-    trace = Trace("powder_frs462", f"{name}_walk", geometry, closest_m)
-    values = {
-        "variant": "",
-        "readings": 100,
-        "error_m": 20.0,
-        "strongest_m": 40.0,
-        "held": (False, covered, covered),
-        "area_m2": (1e3, 1e4, 1e6 * area_km2),
-        "r95_m": 300.0,
-        "log_density": 1.0,
-        "verdict": "cannot tell",
-        "seconds": 0.1,
-    }
-    return WalkScore(trace, **(values | more))
 
 
 def test_a_walk_goes_through_import_and_smoother(traces):
@@ -76,7 +60,7 @@ def test_every_walk_has_a_session(traces):
 
 
 def test_groups_take_each_walk_once():
-    scores = [scored(closest_m=d) for d in (0.0, 50.0, 199.0, 800.0, 1e4)]
+    scores = [scored_walk(closest_m=d) for d in (0.0, 50.0, 199.0, 800.0, 1e4)]
     found = dict(groups(scores))
     assert [len(found[f"closest pass {at} m"]) for at in ("< 50", "50 to 200", "200 to 800")] == [
         1,
@@ -84,7 +68,7 @@ def test_groups_take_each_walk_once():
         0,
     ]
     assert [len(found[f"closest pass {at} m"]) for at in ("800 to 1200", "> 1200")] == [1, 1]
-    areas = [scored(area_km2=a) for a in (0.001, 0.01, 0.5, 7.0)]
+    areas = [scored_walk(area_km2=a) for a in (0.001, 0.01, 0.5, 7.0)]
     found = dict(groups(areas))
     bins = ("< 0.01", "0.01 to 0.1", "0.1 to 1", "> 1")
     assert [len(found[f"region {at} km2"]) for at in bins] == [1, 1, 1, 1]
@@ -92,9 +76,9 @@ def test_groups_take_each_walk_once():
 
 def test_a_stratum_counts_what_is_wrong():
     scores = [
-        scored(area_km2=0.02, covered=False, verdict="located"),
-        scored(area_km2=0.02, verdict="located"),
-        scored(area_km2=0.08),
+        scored_walk(area_km2=0.02, covered=False, verdict="located"),
+        scored_walk(area_km2=0.02, verdict="located"),
+        scored_walk(area_km2=0.08),
     ]
     whole = strata.strata(scores)[0]
     assert (whole.name, whole.walks, whole.small) == ("all", 3, (2, 1))
@@ -106,18 +90,20 @@ def test_a_stratum_counts_what_is_wrong():
 
 
 def test_the_interval_draws_sessions():
-    one = [scored("day_1") for _ in range(50)]
-    other = [scored("day_2", covered=False) for _ in range(50)]
+    one = [scored_walk("day_1") for _ in range(50)]
+    other = [scored_walk("day_2", covered=False) for _ in range(50)]
     assert interval([*one, *other], coverage) == (0.0, 1.0)
     assert all(isnan(end) for end in interval(one, coverage))
-    many = [scored(f"day_{k}", covered=k % 5 != 0) for k in range(100)]
+    many = [scored_walk(f"day_{k}", covered=k % 5 != 0) for k in range(100)]
     low, high = interval(many, coverage)
     assert (low, high) == pytest.approx((0.73, 0.87), abs=0.02)  # 0.8 +- 1.64 x 0.04
     assert interval(many, error_ratio) == pytest.approx((0.5, 0.5))
 
 
 def test_the_tables_show_the_counts():
-    text = in_markdown(measured_report.tables([scored(), scored(area_km2=0.02, covered=False)]))
+    text = in_markdown(
+        measured_report.tables([scored_walk(), scored_walk(area_km2=0.02, covered=False)])
+    )
     assert "| class A | 2 | 1 | 0.00 | 0.50 | 0.500 | 0.26 |" in text
     assert "| class A | 1, 1 wrong | 0 | 0 | 2, 1 wrong |" in text
     assert "| class A | 2 | 20.0 | 40.0 | 0.50 |" in text

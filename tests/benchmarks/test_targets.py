@@ -9,6 +9,8 @@ from benchmarks.scoreboard.claims import claims
 from benchmarks.scoreboard.run import jobs_of
 from benchmarks.scoreboard.score import BOUND, EXACT, LEAST_SQUARES, OURS, Score
 from benchmarks.scoreboard.summary import Given, rows_of, verdicts_of
+from benchmarks.scoreboard.walks import TELLING
+from tests.kit.walk_scores import scored_walk
 
 
 def scored(method, errors_m, *, area_m2=100.0, missed=0, nees=2.0, **about):
@@ -20,7 +22,7 @@ def scored(method, errors_m, *, area_m2=100.0, missed=0, nees=2.0, **about):
 
 GOOD = {
     OURS: scored(OURS, np.full(100, 10.0), missed=5, verdict="located"),
-    EXACT: scored(EXACT, np.full(100, 9.5), area_m2=80.0),
+    EXACT: scored(EXACT, np.full(100, 9.6), area_m2=80.0),
     LEAST_SQUARES: scored(LEAST_SQUARES, np.full(100, 12.0)),
 }
 
@@ -30,16 +32,40 @@ def test_every_target_belongs_to_a_case():
 
 
 def test_reached():
-    found = targets.assess({"white-L": GOOD})
-    assert [one.value for one in found] == pytest.approx([0.95, 1.0, 10.0 / 9.5, 10.0 / 12.0])
-    assert [one.limit for one in found] == pytest.approx([1.0, 1.0, 1.0, 9.5 / 12.0])
+    found = targets.assess({f"white-{shape}": GOOD for shape in TELLING})
+    error, area, coverage, anees = found[:4]
+    assert [one.value for one in found[:4]] == pytest.approx([10.0 / 9.6, 1.25, 0.95, 1.0])
+    assert [one.limit for one in found[:4]] == pytest.approx([1.0] * 4)
     assert all(one.is_reached for one in found)
-    assert found[0].interval == pytest.approx((0.888, 0.978), abs=1e-3)  # Wilson, 95 of 100
+    assert (error.runs, area.runs, coverage.runs) == (400, 400, 100)
+    assert coverage.interval == pytest.approx((0.888, 0.978), abs=1e-3)  # Wilson, 95 of 100
+    assert anees.walks == "white-L"
 
 
 def test_not_reached():
     bad = GOOD | {OURS: scored(OURS, np.full(100, 20.0), missed=30, nees=8.0)}
-    assert not any(one.is_reached for one in targets.assess({"white-L": bad}))
+    found = {f"white-{shape}": bad for shape in TELLING}
+    assert [one.is_reached for one in targets.assess(found)[:4]] == [False, True, False, False]
+
+
+def test_measured_walks_are_assessed_by_group():
+    found = {
+        (one.walks, one.what): one
+        for one in targets.assess_measured(
+            [
+                scored_walk(area_km2=0.02),
+                scored_walk(area_km2=0.02, covered=False, geometry="D"),
+                scored_walk("day_2", area_km2=5.0, error_m=60.0),
+            ]
+        )
+    }
+    assert found["measured, all", "coverage"].value == pytest.approx(2 / 3)
+    assert found["measured, all", "coverage"].interval == (0.5, 1.0)
+    assert not found["measured, class D", "coverage"].is_reached
+    assert found["measured, small region", "share of wrong regions"].value == 0.5
+    assert found["measured, class A", "median error / strongest reading's"].is_reached
+    assert found["measured, region > 1 km2", "coverage"].is_reached
+    assert ("measured, region 0.1 to 1 km2", "coverage") not in found
 
 
 def test_left_out_methods_leave_out_their_targets():
@@ -101,4 +127,4 @@ def test_jobs():
     assert sum(job.case == "white-L" for job in jobs) == 10_000
     assert sum(job.case == "real-B" for job in jobs) == CASES["real-B"].most
     assert jobs[0].methods == (OURS, BOUND)
-    assert len(jobs_of(["white-L", "clip-45"], seed=1, runs=None, methods=None)) == 300
+    assert len(jobs_of(["white-L", "clip-45"], seed=1, runs=None, methods=None)) == 160
