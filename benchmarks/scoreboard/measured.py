@@ -62,15 +62,18 @@ class WalkScore:
         return sqrt(self.area_m2[-1] / pi)
 
 
-def score_walk(trace: Trace, variants: Mapping[str, Prior] = VARIANTS) -> list[WalkScore]:
-    """Scores of one walk, one for each prior; on one core."""
+def score_walk(
+    trace: Trace, variants: Mapping[str, Prior] = VARIANTS, *, decide: bool = True
+) -> list[WalkScore]:
+    """Scores of one walk, one for each prior, with a verdict or without; on one core."""
     with threadpool_limits(1):
         obs, source = traces.observed(trace.campaign, trace.name)
         usable = obs.usable()
         strongest = strongest_sample(Walk(usable.x_m, usable.y_m, usable.level_dbm))
         away_m = _off_m((strongest.x_m, strongest.y_m), source)
         return [
-            _score(trace, name, usable, prior, source, away_m) for name, prior in variants.items()
+            _score(trace, name, usable, prior, source, away_m, decide=decide)
+            for name, prior in variants.items()
         ]
 
 
@@ -81,10 +84,12 @@ def _score(
     prior: Prior,
     source: Place,
     strongest_m: float,
+    *,
+    decide: bool,
 ) -> WalkScore:
     start = process_time()
     posterior = tree.locate(obs, prior)
-    verdict = tree.decide(posterior, obs)[0]
+    verdict = tree.decide(posterior, obs)[0] if decide else ""
     seconds = process_time() - start
     regions = [tree.region(posterior, level) for level in LEVELS]
     density = max(float(np.mean(tree.density(posterior, *_around(source)))), _LEAST_DENSITY)
@@ -120,13 +125,15 @@ def score_walks(
     processes: int,
     variants: Mapping[str, Prior] = VARIANTS,
     on_done: Callable[[], None] = lambda: None,
+    *,
+    decide: bool = True,
 ) -> list[WalkScore]:
     """Scores of several walks in their order; `on_done` is called after each walk."""
     found: list[WalkScore] = []
     if not chosen:
         return found
     with Pool(processes) as pool:
-        for scores in pool.imap(partial(score_walk, variants=variants), chosen):
+        for scores in pool.imap(partial(score_walk, variants=variants, decide=decide), chosen):
             found += scores
             on_done()
     return found

@@ -52,7 +52,7 @@ def _held(row: Stratum) -> tuple[str, ...]:
         str(row.walks),
         str(row.sessions),
         *(f"{share:.2f}" for share in row.inner),
-        _shares(row.coverage),
+        share_text(row.coverage),
         _with_interval(row.area_km2, "{:.2g}".format),
     )
 
@@ -76,7 +76,8 @@ def _counted(count: int, wrong: int) -> str:
     return f"{count}, {wrong} wrong" if count else "0"
 
 
-def _shares(figure: Figure) -> str:
+def share_text(figure: Figure) -> str:
+    """A share with its interval, where it has one."""
     if isnan(figure.low):
         return f"{figure.value:.3f}"
     return f"{figure.value:.3f} ({figure.low:.2f} to {figure.high:.2f})"

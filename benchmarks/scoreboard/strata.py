@@ -122,28 +122,32 @@ def small(scores: Sequence[WalkScore]) -> list[WalkScore]:
 
 
 def _stratum(name: str, scores: Sequence[WalkScore]) -> Stratum:
-    def figure(statistic: Statistic) -> Figure:
-        return Figure(statistic(scores), *interval(scores, statistic))
-
     verdicts = {one.verdict for one in scores}
     return Stratum(
         name,
         walks=len(scores),
         sessions=len({one.trace.session for one in scores}),
-        coverage=figure(coverage),
+        coverage=figure_of(scores, coverage),
         inner=tuple(
             float(np.mean([one.held[k] for one in scores])) for k in range(len(LEVELS) - 1)
         ),
-        area_km2=figure(lambda some: float(np.median([one.area_m2[-1] for one in some])) / _KM2),
-        error_m=figure(lambda some: _median(some, "error_m")),
+        area_km2=figure_of(
+            scores, lambda some: float(np.median([one.area_m2[-1] for one in some])) / _KM2
+        ),
+        error_m=figure_of(scores, lambda some: _median(some, "error_m")),
         strongest_m=_median(scores, "strongest_m"),
-        ratio=figure(error_ratio),
+        ratio=figure_of(scores, error_ratio),
         small=counted(small(scores)),
         verdicts={
             verdict: counted([one for one in scores if one.verdict == verdict])
             for verdict in sorted(verdicts)
         },
     )
+
+
+def figure_of(scores: Sequence[WalkScore], statistic: Statistic) -> Figure:
+    """A statistic with its interval."""
+    return Figure(statistic(scores), *interval(scores, statistic))
 
 
 def interval(scores: Sequence[WalkScore], statistic: Statistic) -> tuple[float, float]:

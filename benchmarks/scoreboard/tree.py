@@ -4,6 +4,7 @@
 0.2 have other names, and their import cannot leave out the times of a file.
 """
 
+from dataclasses import replace
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -40,7 +41,7 @@ else:
         return observe_run(run).observations
 
 
-__all__ = ["Prior", "decide", "density", "locate", "observations", "region"]
+__all__ = ["Prior", "decide", "density", "locate", "observations", "region", "with_trust"]
 
 
 def observations(file: Path, *, times: bool) -> CellObservations:
@@ -57,6 +58,14 @@ def observations(file: Path, *, times: bool) -> CellObservations:
     if observed is None or len(observed.cells) != 1:
         raise ValueError(f"{file} is not a walk past one cell")
     return observed.cells[0]
+
+
+def with_trust(prior: Prior, trust: float) -> Prior:
+    """The prior where long shadowing counts with another power."""
+    if hasattr(prior, "trust"):
+        return replace(prior, trust=trust)
+    noise = tuple(group._replace(trust=trust) if group.is_long else group for group in prior.noise)
+    return replace(prior, noise=noise)
 
 
 def region(posterior: Posterior, level: float = LEVEL) -> Squares:

@@ -1,0 +1,141 @@
+"""Constants of the model, chosen without the campaign on which they are then assessed.
+
+The walks of a campaign share receivers, terrain and one way of measuring. A constant that only
+suits the campaigns it was chosen on shows here: it is chosen by the log score of the others (Good,
+JRSS-B 14(1), 1952), the log of the probability that the posterior gives to the surveyed place.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .measured import WalkScore
+from .measured_report import share_text
+from .strata import coverage, figure_of, groups
+from .tables import Table
+from .tree import Prior, with_trust
+
+AS_IT_IS = ""
+"""Variant with all constants as they are."""
+
+Variants = Mapping[str, Prior]
+
+_TRUST = (0.3, 0.45, 0.6, 0.8, 1.0)
+_SIGMA_DB = (4.0, 5.4, 7.3)
+_SIGMA_LOG_SD = (0.3, 0.45, 0.7)
+_NEAR_M = (100.0, 150.0, 200.0, 300.0, 400.0)
+_SHOWN_GROUPS = ("class A", "class C to E")
+
+
+def constants(prior: Prior) -> dict[str, Variants]:
+    """The constants that can be chosen: for each the priors by the text of its value."""
+    return {
+        "trust": {f"{v:g}": with_trust(prior, v) for v in _TRUST},
+        "sigma_db": {f"{v:g}": replace(prior, sigma_db=v) for v in _SIGMA_DB},
+        "sigma_log_sd": {f"{v:g}": replace(prior, sigma_log_sd=v) for v in _SIGMA_LOG_SD},
+        "near_m": {f"{v:g}": replace(prior, near_m=v) for v in _NEAR_M},
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The value that the other campaigns choose, and how it does on the one left out.
+
+    `usual_score` is the mean log score of the constant as it is.
+    """
+
+    left_out: str
+    value: str
+    held_out: tuple[WalkScore, ...]
+    usual_score: float
+
+
+def choices(scores: Mapping[str, Sequence[WalkScore]], usual: Sequence[WalkScore]) -> list[Choice]:
+    """One choice for each campaign.
+
+    `scores` has the walks by value and `usual` those of the constant as it is, in the same order.
+    """
+    found = []
+    for campaign in dict.fromkeys(one.trace.campaign for one in usual):
+        value = max(scores, key=lambda v: log_score(_without(scores[v], campaign)))
+        found.append(
+            Choice(
+                campaign,
+                value,
+                tuple(_of(scores[value], campaign)),
+                log_score(_of(usual, campaign)),
+            )
+        )
+    return found
+
+
+def log_score(scores: Sequence[WalkScore]) -> float:
+    """Mean log of the probability per km2 at the surveyed place."""
+    return float(np.mean([one.log_density for one in scores]))
+
+
+def _of(scores: Sequence[WalkScore], campaign: str) -> list[WalkScore]:
+    return [one for one in scores if one.trace.campaign == campaign]
+
+
+def _without(scores: Sequence[WalkScore], campaign: str) -> list[WalkScore]:
+    return [one for one in scores if one.trace.campaign != campaign]
+
+
+def tables(
+    name: str, scores: Mapping[str, Sequence[WalkScore]], usual: Sequence[WalkScore]
+) -> list[Table]:
+    """What each value reaches on all walks, and what is chosen without each campaign."""
+    return [_by_value(name, scores), _by_campaign(name, choices(scores, usual))]
+
+
+def _by_value(name: str, scores: Mapping[str, Sequence[WalkScore]]) -> Table:
+    headings = (name, "log score", "coverage", "area km2", *_SHOWN_GROUPS)
+    return Table(
+        f"{name}: each value on all measured walks; log score and coverage by class",
+        headings,
+        [(value, *_figures(some)) for value, some in scores.items()],
+    )
+
+
+def _figures(scores: Sequence[WalkScore]) -> Iterator[str]:
+    yield f"{log_score(scores):.3f}"
+    yield _coverage(scores)
+    yield f"{1e-6 * float(np.median([one.area_m2[-1] for one in scores])):.2g}"
+    by_name = dict(groups(scores))
+    for group in _SHOWN_GROUPS:
+        some = by_name[group]
+        yield f"{log_score(some):.3f}, {coverage(some):.3f}" if some else "-"
+
+
+def _by_campaign(name: str, found: Sequence[Choice]) -> Table:
+    together = [one for choice in found for one in choice.held_out]
+    usual = float(
+        np.average([c.usual_score for c in found], weights=[len(c.held_out) for c in found])
+    )
+    lines = [
+        (
+            choice.left_out,
+            str(len(choice.held_out)),
+            choice.value,
+            _coverage(choice.held_out),
+            f"{log_score(choice.held_out):.3f}",
+            f"{choice.usual_score:.3f}",
+        )
+        for choice in found
+    ]
+    whole = (
+        "all",
+        str(len(together)),
+        "",
+        _coverage(together),
+        f"{log_score(together):.3f}",
+        f"{usual:.3f}",
+    )
+    headings = ("left out", "walks", name, "coverage", "log score", "log score as it is")
+    return Table(f"{name}: chosen without a campaign, assessed on it", headings, [*lines, whole])
+
+
+def _coverage(scores: Sequence[WalkScore]) -> str:
+    return share_text(figure_of(scores, coverage))
