@@ -20,13 +20,11 @@ from zlib import crc32
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # each process has one core
 
 import numpy as np
-from scoreboard import ours, traces, worlds
-from scoreboard.answer import Squares
+from scoreboard import ours, traces, tree, worlds
 from scoreboard.walks import TELLING
 from scoreboard.world import Noise, World
 
 from logger.core.locator.pipeline import locate
-from logger.core.locator.region import highest_density
 from logger.core.model.prior import ANTENNAS
 
 NOISES = {"white 3 dB": Noise(3.0), "shadowing 6 dB / 15 m": Noise(0.0, 6.0, 15.0, step_db=1.0)}
@@ -68,9 +66,7 @@ def score(job: Job) -> tuple[Job, dict[str, Score]]:
     scores = {}
     for model, antenna_db in ANTENNAS.items():
         posterior = locate(obs, replace(ours.PRIOR, antenna_db=antenna_db))
-        squares = posterior.squares
-        chosen = highest_density(squares)
-        region = Squares(squares.x_m[chosen], squares.y_m[chosen], squares.size_m[chosen])
+        region = tree.region(posterior)
         covered = region.holds(world.sources[0], world.slack_m)
         error_m = world.error_m((posterior.x_m, posterior.y_m))
         scores[model] = Score(error_m, covered, region.area_m2)

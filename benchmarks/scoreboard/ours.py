@@ -7,12 +7,13 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.region import Squares as Leaves
-from logger.core.locator.region import highest_density, mode_regions
+from logger.core.locator.region import mode_regions
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR
 from logger.core.model.prior import ANTENNAS, WHITE, Hypothesis, NoiseGroup, Prior
 from logger.core.observations import CellObservations
 
-from .answer import Answer, Mode, Squares
+from .answer import Answer, Mode
+from .tree import region
 from .world import Noise, Walk, World
 
 PRIOR = Prior()
@@ -73,13 +74,11 @@ def answer(world: World, walk: Walk, prior: Prior = PRIOR) -> Answer:
     obs = observations(world, walk)
     found = locate(obs, prior)
     verdict_text, _, division = decide(found, obs)
-    chosen = highest_density(found.squares)
-    cells = found.squares
     return Answer(
         x_m=found.x_m,
         y_m=found.y_m,
         modes=tuple(Mode(m.x_m, m.y_m, m.covariance[:2, :2], m.probability) for m in found.modes),
-        region=Squares(cells.x_m[chosen], cells.y_m[chosen], cells.size_m[chosen]),
+        region=region(found),
         verdict=verdict_text,
         fits=division is None or division.log_factor <= LEAST_LOG_FACTOR,
     )

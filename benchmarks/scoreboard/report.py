@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
-from math import isfinite
+from math import isfinite, isnan
 
 from rich.console import Console
 
@@ -149,7 +149,7 @@ def _target_lines(found: Sequence[Assessment]) -> Lines:
             one.what,
             limits(one.low, one.high),
             f"{one.value:.2f}",
-            f"{one.interval[0]:.2f} to {one.interval[1]:.2f}",
+            "-" if isnan(one.interval[0]) else f"{one.interval[0]:.2f} to {one.interval[1]:.2f}",
             "-" if one.limit is None else f"{one.limit:.2f}",
             str(one.runs),
             "reached" if one.is_reached else "NOT REACHED",
