@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from math import isnan
 
 from .measured import LEVELS, WalkScore
-from .strata import SMALL_RADIUS_M, Figure, Stratum, strata
+from .strata import GEOMETRIES, SMALL_RADIUS_M, Figure, Stratum, strata
 from .tables import Table, three_digits
 
 LEGEND = (
@@ -12,7 +12,9 @@ LEGEND = (
     "for survey and receiver. Coverage: share of the walks whose region holds the truth. Errors "
     "and areas are medians. Small region: of at most the area of a circle of "
     f"{SMALL_RADIUS_M:.0f} m. Wrong: the 95 % region misses the truth. In brackets: 90 % interval, "
-    "drawn by session."
+    "drawn by session. Classes: "
+    + "; ".join(f"{geometry} {meaning}" for geometry, meaning in GEOMETRIES.items())
+    + "."
 )
 
 _HELD = (

@@ -43,11 +43,11 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Stratum:
-    """Some of the measured walks; `missed` counts those whose 95 % region misses the truth.
+    """Some of the measured walks.
 
-    Errors and areas are medians; `ratio` is the error by that of the strongest reading's place.
-    `small` are regions with a radius of at most `SMALL_RADIUS_M`, `verdicts` the count of each
-    verdict and how many of those regions miss the truth.
+    `inner` is the coverage of the smaller regions. Errors and areas are medians; `ratio` is the
+    error by that of the strongest reading's place. `small` counts the regions with a radius of at
+    most `SMALL_RADIUS_M` and those of them that miss the truth, `verdicts` the same by verdict.
     """
 
     name: str
