@@ -9,7 +9,6 @@ from logger.core import ekf, shadow_ekf
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.observations import CellObservations
 from logger.core.shadow_ekf import ShadowNoise, ShadowState
-from postproc.estimators import kernels
 from postproc.estimators.metrics import Consistency, consistency
 
 MOST_ROWS = 10_000
@@ -65,6 +64,8 @@ def reference_ekf(obs: CellObservations) -> FilterPath:
 
     States are x, y in metres, P0 in dBm and eta: shape (m, 4) for the m readings that are retained.
     """
+    from postproc.estimators import kernels  # noqa: PLC0415 (numba; a stored path needs none)
+
     rows, innovation = retained_rows(len(obs)), np.empty((2, len(obs)))
     x, triangles = np.empty((len(rows), 4)), np.empty((len(rows), 10))
     readings = tuple(np.array(values, float) for values in (obs.x_m, obs.y_m, obs.level_dbm))
@@ -90,6 +91,8 @@ def shadow_pass(
     `conditionals` (n, 6) is filled for `rts.smooth`. Readings with a level of NaN only move the
     receiver; `FilterPath.consistency` does not count them.
     """
+    from postproc.estimators import kernels  # noqa: PLC0415 (numba; a stored path needs none)
+
     columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm)
     x_m, y_m, sigma_m, level_dbm = (np.array(values[readings], float) for values in columns)
     count = len(level_dbm)

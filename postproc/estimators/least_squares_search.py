@@ -9,16 +9,15 @@ sigma sqrt(-2 log Phi((floor - model) / sigma)) (Tobin, Econometrica 26(1), 1958
 """
 
 from collections.abc import Callable, Sequence
-from math import sqrt
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.special import erfcx, log_ndtr
 
 from logger.core.arrays import FloatArray
+from logger.core.locator.normal_tail import log_cdf_and_slope
 from postproc.estimators.convergence import is_possible
 from postproc.estimators.least_squares_rows import Rows
+from postproc.estimators.levenberg_marquardt import Ending, minimise
 from postproc.estimators.robust_losses import Loss, influence
 
 _ArrayFunction = Callable[[FloatArray], FloatArray]
@@ -62,14 +61,11 @@ class Search(NamedTuple):
     def _search_position(self, start: tuple[float, float]) -> Minimum:
         """Least squares of the levels over the position, P0 and eta projected out."""
         misfit, slope = self.projection()
-        method: Literal["lm", "trf"] = "lm" if np.count_nonzero(self.rows.free) >= 2 else "trf"
 
         def search() -> Minimum:
-            end = least_squares(
-                misfit, start, jac=slope, method=method, x_scale=_SCALE[:2], max_nfev=_STEPS
-            )
+            end = minimise(misfit, slope, np.array(start, float), _SCALE[:2], _STEPS)
             state = self.rows.best_at(float(end.x[0]), float(end.x[1]))
-            return self._minimum(state, end.cost, end.success)
+            return self._minimum(state, end.cost, end.converged)
 
         return _tolerate_divergence(search, self.rows.best_at(*start))
 
@@ -106,17 +102,11 @@ class Search(NamedTuple):
             return (root * self.deviation(state)[1])[:, None] * self.rows.jacobian(state)
 
         def search() -> Minimum:
-            end = least_squares(
-                misfit,
-                state,
-                jac=slope,
-                method="lm" if self.loss == "linear" and len(root) >= 4 else "trf",
-                x_scale=_SCALE,
-                loss=self.loss,
-                f_scale=self._scale_db,
-                max_nfev=_STEPS,
-            )
-            return self._minimum(np.asarray(end.x, float), end.cost, end.success)
+            if self.loss == "linear":
+                end = minimise(misfit, slope, state, _SCALE, _STEPS)
+            else:
+                end = _minimise_loss(misfit, slope, state, self.loss, self._scale_db)
+            return self._minimum(end.x, end.cost, end.converged)
 
         return _tolerate_divergence(search, state)
 
@@ -137,9 +127,8 @@ class Search(NamedTuple):
         hidden = ~self.rows.free
         side = -self.rows.limit[hidden]
         u = -side * deviation[hidden] / self.sigma_db
-        size = self.sigma_db * np.sqrt(np.maximum(-2.0 * log_ndtr(u), 1e-12))
-        # phi(u) / Phi(u), which are both 0 far out
-        mills = sqrt(2.0 / np.pi) / erfcx(-u / sqrt(2.0))
+        log_phi, mills = log_cdf_and_slope(u)
+        size = self.sigma_db * np.sqrt(np.maximum(-2.0 * log_phi, 1e-12))
         deviation[hidden], rate[hidden] = side * size, self.sigma_db * mills / size
         return deviation, rate
 
@@ -155,6 +144,18 @@ class Search(NamedTuple):
         model_dbm = self.rows.residuals(state) + self.rows.level_dbm
         weight = self.rows.weight * np.where(rate > _LEAST_RATE, rate**2, _LEAST_RATE**2)
         return self.rows._replace(level_dbm=model_dbm - e, weight=weight)
+
+
+def _minimise_loss(
+    misfit: _ArrayFunction, slope: _ArrayFunction, start: FloatArray, loss: Loss, scale_db: float
+) -> Ending:
+    """As `minimise`, for a robust loss."""
+    from scipy.optimize import least_squares  # noqa: PLC0415 (half a second; rarely used)
+
+    end = least_squares(
+        misfit, start, jac=slope, x_scale=_SCALE, loss=loss, f_scale=scale_db, max_nfev=_STEPS
+    )
+    return Ending(np.asarray(end.x, float), float(end.cost), bool(end.success))
 
 
 def _tolerate_divergence(search: Callable[[], Minimum], start: FloatArray) -> Minimum:

@@ -20,8 +20,6 @@ The covariance returned is the mean over the hypotheses short enough for the wal
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
-from scipy.special import softmax
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model import marginal
@@ -95,7 +93,8 @@ def residual_noise(
     shapes = np.array([_shape(apart_m, n_there, h) for h in hypotheses])
     likelihoods = [_restricted_likelihood(shape, scaled, e) for shape in shapes]
     log_p, variance_db2 = np.array(likelihoods).T
-    p = softmax(log_p)
+    p = np.exp(log_p - np.max(log_p))
+    p /= np.sum(p)
     white_share, decorrelation_m = np.array([(h.white_share, h.short_m) for h in hypotheses]).T
     trust = np.where(white_share < 1.0, _TRUST, 1.0)
     covariance = np.einsum("h,hij->ij", p * variance_db2 / trust, shapes)
@@ -134,8 +133,8 @@ def _restricted_likelihood(
     is flat beside any reading.
     """
     k = design.shape[1]
-    root = cholesky(shape, lower=True)
-    white = solve_triangular(root, np.column_stack([e, design]), lower=True)
+    root = np.linalg.cholesky(shape)
+    white = np.linalg.solve(root, np.column_stack([e, design]))
     sums = (white.T @ white)[np.tril_indices(k + 1)]
     flat = marginal.prior_sums(np.zeros(k), _FLAT * np.eye(k))
     no_weight, sigma_1 = 0.0, np.zeros((1, 1))

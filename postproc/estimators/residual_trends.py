@@ -10,7 +10,6 @@ Waugh, Econometrica 1(4), 1933)
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model import path_loss
@@ -124,7 +123,7 @@ def _estimate_beside_fit(
     noise = noise_of(ground, *columns)
     rows = np.column_stack([unit_columns(ground.design), *columns, ground.e_db])
     rows = averages(noise.square, np.ones(len(rows)), rows)
-    white = solve_triangular(cholesky(noise.covariance_db2, lower=True), rows, lower=True)
+    white = np.linalg.solve(np.linalg.cholesky(noise.covariance_db2), rows)
     design, further = white[:, :4], white[:, 4:]
     off = further - _project(design, further)
     off_columns, e = off[:, :-1], off[:, -1]

@@ -9,10 +9,10 @@ changing exponent in 0 to 3 % and a sector in 0 to 1 %.
 
 from dataclasses import dataclass
 from math import nan
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import kurtosis, norm, skew
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model import path_loss
@@ -104,8 +104,8 @@ def diagnose(
     return Residuals(
         residual_db=residual_db,
         sigma_db=sigma_db,
-        skewness=float(skew(e)),
-        excess_kurtosis=float(kurtosis(e)),
+        skewness=_standard_moment(e, 3),
+        excess_kurtosis=_standard_moment(e, 4) - 3.0,
         beyond_3_sigma=float(np.mean(np.abs(e) > 3.0 * sigma_db)),
         lag1=lag1(e),
         correlated=1.0 - noise.white,
@@ -118,6 +118,12 @@ def diagnose(
         innovations=innovations,
         outliers=_outliers(residual_db, sigma_db, obs),
     )
+
+
+def _standard_moment(values: FloatArray, order: int) -> float:
+    """Central moment in units of the standard deviation."""
+    off = values - np.mean(values)
+    return float(np.mean(off**order) / np.mean(off**2) ** (0.5 * order))
 
 
 def _ground(
@@ -186,7 +192,7 @@ def _outliers(
 ) -> tuple[Outlier, ...]:
     """Readings beyond all that as many normal ones would have, the largest first."""
     sigmas = np.abs(residual_db) / sigma_db
-    limit = norm.isf(0.5 * _OUTLIER_CHANCE / len(residual_db))
+    limit = -NormalDist().inv_cdf(0.5 * _OUTLIER_CHANCE / len(residual_db))
     beyond = np.flatnonzero(sigmas > limit)
     return tuple(
         Outlier(int(obs.scan_seq[k]), int(obs.t_ns[k]), float(residual_db[k]), float(sigmas[k]))

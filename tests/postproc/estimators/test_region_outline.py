@@ -6,8 +6,8 @@ import shapely
 from shapely.geometry import Point, shape
 
 from logger.core.geo import Utm
-from logger.core.locator.region import Squares, area_m2
-from postproc.estimators.region_outline import geojson, outline, polygons
+from logger.core.locator.region import Squares, area_m2, highest_density
+from postproc.estimators.region_outline import geojson, merge_squares, outline, polygons
 
 UTM = Utm(32)
 EAST, NORTH = UTM.to_xy(48.0, 9.0)
@@ -77,3 +77,42 @@ def test_one_cell():
     cells = Squares(np.array([EAST]), np.array([NORTH]), np.array([10.0]), np.array([1.0]))
     assert len(geojson(cells, UTM)["coordinates"]) == 1
     assert polygons(cells).area == pytest.approx(100.0, rel=1e-4)
+
+
+def tree(seed):
+    """Squares of 64 m split at random, with probability around one place."""
+    rng = np.random.default_rng(seed)
+    leaves, todo = (
+        [],
+        [(x, y, 64.0) for x in np.arange(-4, 4) * 64.0 for y in np.arange(-4, 4) * 64.0],
+    )
+    while todo:
+        west, south, side = todo.pop()
+        if side > 4.0 and rng.random() < 0.7:
+            half = side / 2
+            todo += [(west + i * half, south + j * half, half) for i in (0, 1) for j in (0, 1)]
+        else:
+            leaves.append((west + side / 2 + 1234.5, south + side / 2 - 99.25, side))
+    x, y, side = np.array(leaves).T
+    mass = np.exp(-((x - 1240.0) ** 2 + (y + 90.0) ** 2) / 2 / 60.0**2) * side**2
+    return Squares(x, y, side, mass / mass.sum())
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("share", [0.5, 0.95])
+def test_fewer_squares_cover_the_same(seed, share):
+    cells = tree(seed)
+    few = merge_squares(cells, share)
+    assert len(few) < len(highest_density(cells, share))
+    np.testing.assert_allclose(np.sum(few.size_m**2), area_m2(cells, share))
+    chosen = highest_density(cells, share)
+    x, y, half = cells.x_m[chosen], cells.y_m[chosen], 0.5 * cells.size_m[chosen]
+    every = shapely.union_all(shapely.box(x - half, y - half, x + half, y + half))
+    both = polygons(cells, share).symmetric_difference(every)
+    assert both.area < 1e-4 * area_m2(cells, share)
+
+
+def test_cells_of_one_size_need_not_be_of_a_tree():
+    x, y = (v.ravel() for v in np.meshgrid(np.arange(5) * 3.0, np.arange(5) * 3.0))
+    cells = Squares(x, y, np.full(25, 3.0), np.full(25, 0.04))
+    np.testing.assert_allclose(np.sum(merge_squares(cells, 1.0).size_m ** 2), 225.0)
