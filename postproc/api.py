@@ -26,7 +26,8 @@ from postproc.interop.estimates import estimates_of
 from postproc.interop.exporting import Exported, format_of, write_export
 from postproc.interop.levels import walk_of_run
 from postproc.result import CellResult, Options, Result
-from postproc.smoothing import observed_cells, smooth_runs
+from postproc.scan_counts import observed_cells
+from postproc.smoothing import smooth_runs
 from postproc.verification.claims import Claim, read_claims
 from postproc.verification.run_claims import verify_claims
 from postproc.verification.verdicts import Verified

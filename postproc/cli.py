@@ -164,7 +164,8 @@ def smooth(
     summary = summarise(result)
     # printed first: a run on a read-only card has an answer too
     _print_summary(summary, details=bool(cells or verbose), as_json=as_json)
-    results.write(result, summary, results.path_beside(paths[0], together=len(runs) > 1))
+    beside = results.path_beside(paths[0], together=len(runs) > 1)
+    results.write(result, summary, beside, cells)
 
 
 def _print_summary(summary: "Summary", *, details: bool, as_json: bool) -> None:

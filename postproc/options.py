@@ -2,6 +2,7 @@
 
 import functools
 import os
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -163,6 +164,31 @@ def estimate(
     return smooth_runs(
         runs, cells, options=options or Options(), progress=with_progress, processes=processors()
     )
+
+
+def stored_or_estimated(
+    runs: "Sequence[Run]", cells: Sequence[str], options: "Options | None" = None
+) -> "Result":
+    """The result that `smooth` has stored beside the (first) run, or a new one."""
+    return stored_result(runs, cells, options) or estimate(runs, cells, options)
+
+
+def stored_result(
+    runs: "Sequence[Run]", cells: Sequence[str], options: "Options | None" = None
+) -> "Result | None":
+    """What `smooth` has stored beside the (first) run; a line on stderr where it is not used."""
+    from postproc import results
+    from postproc.result import Options
+
+    path = results.path_beside(runs[0].path, together=len(runs) > 1)
+    try:
+        result = results.read(path, runs, cells, options or Options())
+    except results.NotStored as reason:
+        if str(reason):
+            print(f"{path} is not used: {reason}", file=sys.stderr)
+        return None
+    print(f"estimates are those of {path}", file=sys.stderr)
+    return result
 
 
 def processors() -> int:

@@ -4,9 +4,8 @@ One run is several with n = 1. Tables, report, view, exports and JSON are made o
 nothing else; positions are UTM, times nanoseconds (conventions: `logger.core`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from typing import Final, NamedTuple
 
 from logger.core.arrays import IntArray
@@ -119,6 +118,13 @@ class CellResult:
     without: Mapping[int, "CellResult"] = field(default_factory=dict)
 
 
+def program_version() -> str:
+    """Version of this program."""
+    from importlib.metadata import version  # noqa: PLC0415 (50 ms)
+
+    return version("cellwalk")
+
+
 @dataclass(frozen=True, slots=True)
 class Result:
     """All cells of one or several runs, the cell with most readings first.
@@ -131,4 +137,13 @@ class Result:
     cells: tuple[CellResult, ...]
     warnings: tuple[str, ...] = ()
     options: Options = Options()
-    version: str = field(default_factory=lambda: version("cellwalk"))
+    version: str = field(default_factory=program_version)
+
+
+def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:
+    """Warnings about the runs of these cells together."""
+    if not cells:
+        return ("no cell with an identity was observed",)
+    if n_runs > 1 and all(len(cell.shares) < 2 for cell in cells):
+        return ("no cell was observed in two of the runs: each answer is that of one run",)
+    return ()

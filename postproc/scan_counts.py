@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from logger.core.errors import ConfigError
 from logger.core.identities import FEWEST_SCANS
 from logger.core.runfile import Run
 
@@ -35,3 +36,20 @@ def too_rarely(n_scans: int) -> str | None:
     if n_scans >= FEWEST_SCANS:
         return None
     return "observed in one scan only" if n_scans else "its identity was never read without doubt"
+
+
+def observed_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str, int]:
+    """Number of readings of each cell, or of those in `only`.
+
+    Raises `ConfigError` for a name that was not observed.
+    """
+    names, counts = np.unique(
+        np.concatenate([run.tables["readings"]["cell"] for run in runs]), return_counts=True
+    )
+    every = {name.decode(): int(n) for name, n in zip(names, counts, strict=True) if name}
+    if unknown := set(only or ()) - set(every):
+        raise ConfigError(
+            f"cell {', '.join(sorted(unknown))} was not observed; `postproc info` lists those that "
+            "were"
+        )
+    return {name: n for name, n in every.items() if not only or name in only}

@@ -1,13 +1,12 @@
 """Every estimator over every cell of one run or of several, side by side."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Protocol, TypeVar
 
 import numpy as np
 
-from logger.core.errors import ConfigError
 from logger.core.runfile import Run
 from postproc.cell_estimation import estimate_cell, locate_cell
 from postproc.multi_run import (
@@ -20,11 +19,9 @@ from postproc.multi_run import (
     shares_of,
 )
 from postproc.processes import each
-from postproc.result import CellResult, Options, Result
-from postproc.scan_counts import scans_of, too_rarely
+from postproc.result import CellResult, Options, Result, joint_warnings
+from postproc.scan_counts import observed_cells, scans_of, too_rarely
 from postproc.walk import observe_run
-
-NO_CELL = "no cell with an identity was observed"
 
 Item = TypeVar("Item")
 
@@ -71,26 +68,9 @@ def smooth_runs(
     return Result(
         observed,
         tuple(replace(cell, n_scans=n_scans[cell.cell]) for cell in cells),
-        _warnings(len(runs), n_readings, parts),
+        joint_warnings(len(runs), cells),
         options,
     )
-
-
-def observed_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str, int]:
-    """Number of readings of each cell, or of those in `only`.
-
-    Raises `ConfigError` for a name that was not observed.
-    """
-    names, counts = np.unique(
-        np.concatenate([run.tables["readings"]["cell"] for run in runs]), return_counts=True
-    )
-    every = {name.decode(): int(n) for name, n in zip(names, counts, strict=True) if name}
-    if unknown := set(only or ()) - set(every):
-        raise ConfigError(
-            f"cell {', '.join(sorted(unknown))} was not observed; `postproc info` lists those that "
-            "were"
-        )
-    return {name: n for name, n in every.items() if not only or name in only}
 
 
 def without_position(cell: str, n: int, n_scans: int) -> CellResult:
@@ -121,11 +101,3 @@ def _estimate(parts: Parts, modems: Sequence[int], options: Options) -> CellResu
         shares=shares_of(parts, modems, result.posterior),
         without=without,
     )
-
-
-def _warnings(n_runs: int, cells: Mapping[str, int], parts: Mapping[str, Parts]) -> tuple[str, ...]:
-    if not cells:
-        return (NO_CELL,)
-    if n_runs > 1 and all(len(part) < 2 for part in parts.values()):
-        return ("no cell was observed in two of the runs: each answer is that of one run",)
-    return ()

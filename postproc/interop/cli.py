@@ -10,12 +10,10 @@ import click
 
 from logger.command_line import FILE, INPUT, json_option, number, print_json
 from logger.core.errors import ConfigError
-from postproc.options import cells_option, estimate, run_argument
+from postproc.options import cells_option, run_argument, stored_or_estimated
 
 if TYPE_CHECKING:
-    from logger.core.runfile import Run
     from postproc.interop.estimates import Estimate
-    from postproc.interop.levels import ExportWalk
 
 _FORMATS = ("kml", "geojson", "gpx", "csv", "wigle", "opencellid-csv", "opencellid-json", "parquet")
 _MOST_PRINTED = 20
@@ -58,8 +56,9 @@ def export(
     from logger.core.runfile import read_sound_run
     from postproc.atomic_write import check_output
     from postproc.interop import exporting
+    from postproc.interop.estimates import estimates_of
     from postproc.interop.levels import walk_of_run
-    from postproc.smoothing import observed_cells
+    from postproc.scan_counts import observed_cells
 
     name = exporting.format_of(format_name, output)
     has_estimates = estimates or all_estimators
@@ -69,7 +68,9 @@ def export(
     run = read_sound_run(path)
     check_output(output)
     walk = walk_of_run(run, list(observed_cells([run], cells)) if cells else None)
-    found = _estimates(path, run, walk, cells, every=all_estimators) if has_estimates else []
+    found: list[Estimate] = []
+    if has_estimates:
+        found = estimates_of(stored_or_estimated([run], cells), walk.utm, every=all_estimators)
     exported = exporting.write_export(walk, found, output, name)
     if as_json:
         print_json(asdict(exported))
@@ -79,23 +80,6 @@ def export(
     print(f"{exported.path}: {counts} ({name})")
     for reason in exported.left_out:
         print(f"{exported.path}: left out: {reason}", file=sys.stderr)
-
-
-def _estimates(
-    path: Path, run: "Run", walk: "ExportWalk", cells: Sequence[str], *, every: bool
-) -> "list[Estimate]":
-    """The estimates that `postproc smooth` has stored beside the run, or new ones."""
-    from postproc.interop.estimates import estimates_of, stored_estimates
-    from postproc.results import path_beside
-    from postproc.smoothing import observed_cells
-
-    beside = path_beside(path)
-    wanted = list(observed_cells([run], cells))
-    stored = stored_estimates(beside, run.meta.run_id, wanted, walk.utm, every=every)
-    if stored is None:
-        return estimates_of(estimate([run], cells), walk.utm, every=every)
-    print(f"estimates are those of {beside}", file=sys.stderr)
-    return stored
 
 
 @click.command("import")

@@ -1,17 +1,13 @@
 """Positions, regions and ellipses of each cell, from a summary of `postproc smooth`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
-from shapely.errors import ShapelyError
 
-from logger.core.errors import FieldLoggerError
 from logger.core.geo import Utm, check_position
 from logger.core.locator.rivals import LEAST_SHARE
-from logger.core.runfile.hdf5_reading import stored_summary
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
 from postproc.json_text import as_json
 from postproc.result import BATCH, EKF, RTS, Result
@@ -124,21 +120,6 @@ def estimates(summary: str | bytes, utm: Utm, *, every: bool = False) -> list[Es
     """
     stored = msgspec.json.decode(summary, type=StoredSummary)
     return [_estimate(cell, utm, every) for cell in stored.cells]
-
-
-def stored_estimates(
-    path: Path, run_id: str, cells: Sequence[str], utm: Utm, *, every: bool = False
-) -> list[Estimate] | None:
-    """Estimates that `postproc smooth` has stored beside the run.
-
-    None where they are not of this run, lack a cell, or are not valid: they can be computed.
-    """
-    try:
-        stored = estimates(stored_summary(path, run_id), utm, every=every)
-        by_name = {estimate.cell: estimate for estimate in stored}
-        return [by_name[cell] for cell in cells]
-    except (FieldLoggerError, ShapelyError, LookupError, ValueError, RecursionError):
-        return None
 
 
 def _estimate(cell: StoredCell, utm: Utm, every: bool) -> Estimate:

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from logger.command_line import FILE, json_option, print_json
-from postproc.options import estimate, run_argument
+from postproc.options import run_argument, stored_or_estimated
 
 
 @click.command
@@ -23,7 +23,8 @@ def plot(path: Path, output: Path | None, cell: str | None, *, as_json: bool) ->
 
     target = output or path.with_suffix(".png")
     check_picture(target)
-    draw_run(estimate([read_sound_run(path)], [cell] if cell else []), target)
+    result = stored_or_estimated([read_sound_run(path)], [cell] if cell else [])
+    draw_run(result, target)
     if as_json:
         print_json({"path": target, "bytes": target.stat().st_size})
     else:

@@ -12,10 +12,10 @@ from logger.core.errors import ConfigError
 from postproc.options import (
     cells_option,
     claims_options,
-    estimate,
     false_alarm_option,
     prior_options,
     runs_argument,
+    stored_or_estimated,
     within_option,
 )
 from postproc.verification.cli import ClaimOptions
@@ -91,8 +91,8 @@ def _page(
 
     if len(runs) > 1 and claims:
         raise ConfigError("a claim is tested against one run: name only that run")
-    result = estimate(runs, cells, options)
-    verified = claims.test(runs[0], cells or [None], options.prior)
+    result = stored_or_estimated(runs, cells, options)
+    verified = claims.test(result, cells or [None], options.prior)
     return make_report(
         result, verified, most=max(MOST_DETAILED, len(cells)), progress=with_progress
     )

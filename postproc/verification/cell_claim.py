@@ -50,16 +50,23 @@ class PValues(NamedTuple):
 
 
 def verify_cell(
-    obs: CellObservations, claim: Claim, options: ClaimOptions, rng: np.random.Generator
+    obs: CellObservations,
+    claim: Claim,
+    options: ClaimOptions,
+    rng: np.random.Generator,
+    posterior: Posterior | None = None,
 ) -> CellVerdict:
-    """Both tests of a claim; the verdict is open until the p-values of all claims are adjusted."""
+    """Both tests of a claim; the verdict is open until the p-values of all claims are adjusted.
+
+    `posterior` is that of these readings and the prior, where it is known.
+    """
     if why := too_few(obs):
         return undecided_verdict(obs.cell, len(obs), claim, why)
     test = _claim_test(obs, claim, options.prior, rng)
     if test is None:
         why = f"fewer than {FEWEST_BLOCKS} locations with a level"
         return undecided_verdict(obs.cell, len(obs), claim, why)
-    posterior = locate(obs, options.prior)
+    posterior = posterior or locate(obs, options.prior)
     followed: Followed = "indirect" if observable(posterior) else "direct"
     model = _p_values(test, trusting=True)
     p_values = model if options.stationary else _p_values(test, trusting=False)

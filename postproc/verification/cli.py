@@ -15,11 +15,13 @@ from postproc.options import (
     only_one,
     prior_options,
     run_argument,
+    stored_result,
 )
 
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior
     from logger.core.runfile import Run
+    from postproc.result import Result
     from postproc.verification.claims import Claim
     from postproc.verification.verdicts import Verified
 
@@ -35,27 +37,37 @@ class ClaimOptions:
     def __bool__(self) -> bool:
         return bool(self.texts or self.path)
 
-    def test(self, run: "Run", cells: Sequence[str | None], prior: "Prior") -> "Verified | None":
-        """Test the claims about some cells (None: every cell); None without claims."""
-        from postproc.smoothing import observed_cells
+    def test(
+        self, result: "Result", cells: Sequence[str | None], prior: "Prior"
+    ) -> "Verified | None":
+        """Test the claims about some cells (None: every cell); None without claims.
+
+        `result` is that of the run with this prior.
+        """
+        from postproc.scan_counts import observed_cells
         from postproc.verification.claims import parse_claim, read_claims
 
         if not self:
             return None
-        only = [cell for cell in cells if cell] or None
+        run, only = result.runs[0].run, [cell for cell in cells if cell] or None
         claims = [parse_claim(text, cell) for text in self.texts for cell in cells]
         if self.path:
             claims += read_claims(self.path, list(observed_cells([run], only)))
-        return _test(run, claims, self.p_fa, prior, only)
+        return _test(run, claims, self.p_fa, prior, only, result)
 
 
 def _test(
-    run: "Run", claims: "Sequence[Claim]", p_fa: float, prior: "Prior", only: Sequence[str] | None
+    run: "Run",
+    claims: "Sequence[Claim]",
+    p_fa: float,
+    prior: "Prior",
+    only: Sequence[str] | None,
+    result: "Result | None",
 ) -> "Verified":
     from postproc.progress import with_progress
     from postproc.verification.run_claims import verify_claims
 
-    return verify_claims(run, claims, p_fa, prior, only, progress=with_progress)
+    return verify_claims(run, claims, p_fa, prior, only, result=result, progress=with_progress)
 
 
 @click.command
@@ -96,7 +108,8 @@ def verify(
     """
     from logger.core.runfile import read_sound_run
     from postproc.json_text import as_json as json_text
-    from postproc.smoothing import observed_cells
+    from postproc.result import Options
+    from postproc.scan_counts import observed_cells
     from postproc.verification import tables
     from postproc.verification.claims import parse_claim, read_claims
 
@@ -113,7 +126,8 @@ def verify(
         claims = [parse_claim(claim, cell)]
     elif claims_path is not None:
         claims = read_claims(claims_path, list(observed))
-    verified = _test(run, claims, p_fa, prior, only)
+    result = stored_result([run], only or [], Options(prior))
+    verified = _test(run, claims, p_fa, prior, only, result)
     if as_json:
         print(json_text(tables.as_dict(verified)))
     else:
@@ -131,7 +145,7 @@ def _verify_sites(
 ) -> None:
     from postproc.json_text import as_json as json_text
     from postproc.progress import with_progress
-    from postproc.smoothing import observed_cells
+    from postproc.scan_counts import observed_cells
     from postproc.verification import tables
     from postproc.verification.run_sites import sites_of
 

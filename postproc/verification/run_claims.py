@@ -16,8 +16,9 @@ from logger.core.errors import ConfigError
 from logger.core.model.prior import Prior
 from logger.core.runfile import Run
 from logger.core.track import Track
-from postproc.scan_counts import scans_of, too_rarely
-from postproc.smoothing import Progress, observed_cells
+from postproc.result import Result
+from postproc.scan_counts import observed_cells, scans_of, too_rarely
+from postproc.smoothing import Progress
 from postproc.verification.cell_claim import ClaimOptions, undecided_verdict, verify_cell
 from postproc.verification.claims import Claim, away_m, swap_hint
 from postproc.verification.verdicts import CellVerdict, Verdict, Verified
@@ -37,15 +38,18 @@ def verify_claims(
     prior: Prior,
     only: Sequence[str] | None = None,
     *,
+    result: Result | None = None,
     progress: Progress | None = None,
 ) -> Verified:
     """Verdicts on all claims about the cells of a run, or about the cells in `only`.
 
+    `result` is that of `smooth` for this run and prior: its posteriors are not computed again.
     Raises `ConfigError` for a cell that was not observed and for a rate outside 0 to 0.5.
     """
     if not 0.0 < p_fa <= 0.5:
         raise ConfigError(f"a false-alarm rate lies between 0 and 0.5, not at {p_fa:g}")
-    observed = observe_run(run)
+    observed = result.runs[0] if result else observe_run(run)
+    posteriors = {cell.cell: cell.posterior for cell in result.cells} if result else {}
     cells = observed.observations.cells if observed.observations else ()
     by_name = {obs.cell: obs for obs in cells}
     rarely = {cell: why for cell, n in scans_of([run]).items() if (why := too_rarely(n))}
@@ -59,7 +63,8 @@ def verify_claims(
         if obs is None:
             why = "none of its readings has both a level and a position"
             return undecided_verdict(cell, 0, claim, why)
-        return verify_cell(obs, claim, options, np.random.default_rng([SEED, i]))
+        rng = np.random.default_rng([SEED, i])
+        return verify_cell(obs, claim, options, rng, posteriors.get(cell))
 
     every = observed_cells([run], only)
     names = [cell for cell, _ in pairs]

@@ -9,8 +9,7 @@ from logger.core.observations import CellObservations
 from logger.core.runfile import Run
 from postproc.cell_estimation import too_few
 from postproc.multi_run import in_zone
-from postproc.scan_counts import scans_of, too_rarely
-from postproc.smoothing import observed_cells
+from postproc.scan_counts import observed_cells, scans_of, too_rarely
 from postproc.verification.cell_claim import FEWEST_BLOCKS, blocks_of
 from postproc.verification.claim_test import prepare_walk
 from postproc.verification.clone_test import Sites, between_two, within_one

@@ -9,11 +9,19 @@ import click
 
 from logger.command_line import FILE, INPUT, json_option, number, print_json
 from logger.core.errors import ConfigError
-from postproc.options import claims_options, estimate, only_one, processors, runs_argument
+from postproc.options import (
+    claims_options,
+    estimate,
+    only_one,
+    processors,
+    runs_argument,
+    stored_or_estimated,
+)
 from postproc.verification.cli import ClaimOptions
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
+    from postproc.result import Result
     from postproc.verification.verdicts import CellVerdict
     from postproc.view.view_model import ViewModel
 
@@ -140,10 +148,12 @@ def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
     from postproc.view.timeline import MOST_STEPS, answer_steps
     from postproc.view.view_model import CellDetail, select_cells, view_model
 
-    in_sequence = end_to_end(runs) if len(runs) > 1 else runs
-    result = estimate(in_sequence, options.cell)
+    if len(runs) > 1:  # their times are changed, so they are not those of a stored result
+        result = estimate(end_to_end(runs), options.cell)
+    else:
+        result = stored_or_estimated(runs, options.cell)
     cells = select_cells(result, options.cell)
-    verdicts = _verdicts(options, in_sequence[0], [cell.cell for cell in cells])
+    verdicts = _verdicts(options, result, [cell.cell for cell in cells])
     details = []
     for cell in cells:
         steps = answer_steps(cell, Options().prior, processors())
@@ -153,13 +163,13 @@ def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
 
 
 def _verdicts(
-    options: _Options, run: "Run", names: Sequence[str]
+    options: _Options, result: "Result", names: Sequence[str]
 ) -> dict[str, tuple["CellVerdict", ...]]:
     """Verdicts on the claims about the cells in detail, by cell."""
     from postproc.result import Options
 
     claims = ClaimOptions(options.claim, options.claims, _P_FA)
-    verified = claims.test(run, names, Options().prior)
+    verified = claims.test(result, names, Options().prior)
     if verified is None:
         return {}
     if not verified.cells:

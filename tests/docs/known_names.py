@@ -41,6 +41,7 @@ TERMS = {
     "run-000017.journal": "name of a run in an example",
     "run-000017.h5": "name of a run in an example",
     "run-000017.post.h5": "name of a result in an example",
+    "cells/0/ekf/x": "array in a result, see postproc.results.write",
     "socket://host:port": "URL of pyserial",
     "rfc2217://host:port": "URL of pyserial",
     "gpsd://localhost": "URL of a receiver, parsed by logger.device.gpsd_link",

@@ -136,7 +136,7 @@ def test_json_table_and_file_of_two_runs(pair, capsys):
     with h5py.File(pair[0].with_suffix(".together.post.h5")) as file:
         assert json.loads(file["summary"][()]) == found
         assert len(file.attrs["run_ids"]) == 2
-        assert np.bincount(file["cells/0000/observations/run"][()]).tolist() == [100, 80]
+        assert np.bincount(file["cells/0/obs/modem"][()]).tolist() == [100, 80]
     assert main([*argv, "-v"]) == 0
     told = capsys.readouterr().out
     assert f"{cell['offsets'][1]['offset_db']:+.1f} ±" in told

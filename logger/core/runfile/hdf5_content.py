@@ -125,33 +125,12 @@ def open_content(path: Path) -> Iterator[Content]:
         with h5py.File(path, "r") as file:
             if file.attrs.get("format") != FORMAT:
                 raise RunFileError(f"{path} is an HDF5 file but no cellwalk run")
-            yield Content(path, file, _members(path, file), path.stat().st_size)
+            yield Content(path, file, member_names(path, file), path.stat().st_size)
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
         raise RunFileError(f"{path} is damaged: {error}") from error
 
 
-def text_of_results(path: Path, run_id: str) -> bytes:
-    """The summary of the desktop program in a run's file; empty if it belongs to another run.
-
-    To be used within `isolation.run_isolated`.
-    """
-    with h5py.File(path, "r") as file:
-        names = _members(path, file)
-        if "summary" not in names or file.attrs.get("run_id") != run_id:
-            return b""
-        summary = file["summary"]
-        if (
-            not isinstance(summary, h5py.Dataset)
-            or summary.shape != ()
-            or summary.dtype.kind != "S"
-        ):
-            return b""
-        return (
-            bytes(summary[()]) if summary.nbytes <= most_memory_bytes(path.stat().st_size) else b""
-        )
-
-
-def _members(path: Path, file: h5py.File) -> tuple[str, ...]:
+def member_names(path: Path, file: h5py.File) -> tuple[str, ...]:
     """Names in the root, after a check that none of them links outside the file.
 
     Names that this program does not read are checked too, because other programs will read them.
@@ -164,12 +143,12 @@ def _members(path: Path, file: h5py.File) -> tuple[str, ...]:
             raise RunFileError(
                 f"{path}: {name} is a link to elsewhere; no run has that, and it is not read"
             )
-        if why := _not_of_its_own(h5py.h5o.open(file.id, name.encode(errors="surrogateescape"))):
+        if why := not_of_its_own(h5py.h5o.open(file.id, name.encode(errors="surrogateescape"))):
             raise RunFileError(f"{path}: {name} {why}; no run has that, and it is not read")
     return names
 
 
-def _not_of_its_own(found: Any) -> str:
+def not_of_its_own(found: Any) -> str:
     """Why a dataset cannot be read safely from this file; empty if it can."""
     if not isinstance(found, h5py.h5d.DatasetID):
         return ""

@@ -1,14 +1,26 @@
 """A run's HDF5 file, read in a separate process (`isolation`) and validated here."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
+import numpy as np
 
 from logger.core.errors import RunFileError
 from logger.core.runfile import hdf5_tasks
 from logger.core.runfile.isolation import Arrays, run_isolated
 from logger.core.runfile.journal_reader import decode_meta
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, check_end
+
+
+class StoredResults(NamedTuple):
+    """Results of the desktop program as they are stored (`postproc.results`)."""
+
+    made_from: bytes
+    selected: bytes
+    digest: str
+    values: bytes
+    arrays: Arrays
 
 
 def read_hdf5(path: Path) -> tuple[RunMeta, RunEnd | None, Damage, str, Arrays, int]:
@@ -33,15 +45,24 @@ def run_id_of(path: Path) -> str:
         raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
 
 
-def stored_summary(path: Path, run_id: str) -> bytes:
-    """JSON summary of the desktop program; empty if the file has none of this run.
+def read_results(path: Path, made_from: str) -> StoredResults:
+    """Results of the desktop program; without values if they were made from something else.
 
     Raises `RunFileError`.
     """
     try:
-        return str(run_isolated(path, hdf5_tasks.results, run_id)[0]).encode()
+        content, arrays = run_isolated(path, hdf5_tasks.results, made_from)
     except OSError as error:
         raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
+    shapes = content["shapes"]
+    values = arrays.pop("values", np.empty(0, np.uint8)).tobytes()
+    return StoredResults(
+        content["made_from"].encode(),
+        content["selected"].encode(),
+        content["digest"],
+        values,
+        {name: array.reshape(shapes[name]) for name, array in arrays.items()},
+    )
 
 
 def decode_end(text: bytes | str, path: Path) -> RunEnd | None:

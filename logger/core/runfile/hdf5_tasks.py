@@ -30,11 +30,11 @@ def run_id(path: Path) -> tuple[Any, Arrays]:
         return content.meta().run_id, {}
 
 
-def results(path: Path, of_run: str) -> tuple[Any, Arrays]:
-    """JSON summary of the desktop program; empty if the file has none of this run."""
-    from logger.core.runfile.hdf5_content import text_of_results
+def results(path: Path, made_from: str) -> tuple[Any, Arrays]:
+    """Results of the desktop program; only their origin if they were made from something else."""
+    from logger.core.runfile.hdf5_results import results_in
 
-    return text_of_results(path, of_run).decode(), {}
+    return results_in(path, made_from)
 
 
 def sealing(path: Path) -> tuple[Any, Arrays]:
