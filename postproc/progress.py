@@ -1,23 +1,42 @@
 """A progress bar on the terminal: the current item, the count and the time left."""
 
+import sys
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TypeVar
-
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from typing import Protocol, TypeVar
 
 from logger.core.printable import printable
 
 _BAR_CELLS = 12
 """Beside the name of a cell it all fits in 80 columns."""
 
-T = TypeVar("T")
+Item = TypeVar("Item")
+
+
+class Progress(Protocol):
+    """Passes `total` items on as they come, and shows the count and the name of the next."""
+
+    def __call__(
+        self, items: Iterable[Item], what: str, total: int, names: Sequence[str] = ()
+    ) -> Iterable[Item]: ...
 
 
 def with_progress(
-    items: Iterable[T], what: str, total: int, names: Sequence[str] = ()
-) -> Iterator[T]:
+    items: Iterable[Item], what: str, total: int, names: Sequence[str] = ()
+) -> Iterator[Item]:
     """Show a bar with the `names` of the items on stderr, if it is a terminal."""
+    return _with_bar(items, what, total, names) if sys.stderr.isatty() else iter(items)
+
+
+def _with_bar(items: Iterable[Item], what: str, total: int, names: Sequence[str]) -> Iterator[Item]:
+    from rich.console import Console  # noqa: PLC0415 (0.1 s; this and the next for a terminal only)
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
     console = Console(stderr=True)
     columns = (
         TextColumn("{task.description}", markup=False),

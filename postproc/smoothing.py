@@ -1,9 +1,8 @@
 """Every estimator over every cell of one run or of several, side by side."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -19,19 +18,10 @@ from postproc.multi_run import (
     shares_of,
 )
 from postproc.processes import each
+from postproc.progress import Progress
 from postproc.result import CellResult, Options, Result, joint_warnings
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
 from postproc.walk import observe_run
-
-Item = TypeVar("Item")
-
-
-class Progress(Protocol):
-    """Passes `total` items on as they come, and shows the count and the name of the next."""
-
-    def __call__(
-        self, items: Iterable[Item], what: str, total: int, names: Sequence[str] = ()
-    ) -> Iterable[Item]: ...
 
 
 def smooth_runs(

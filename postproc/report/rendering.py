@@ -11,10 +11,10 @@ from postproc.pictures.picture import picture_of
 from postproc.pictures.plots import save_figure
 from postproc.pictures.plots_style import STYLE
 from postproc.pictures.survey import Survey, survey_of
+from postproc.progress import Progress
 from postproc.report.figures import ReportFigure, figures_of, overview
 from postproc.report.page import cell_section, html
 from postproc.result import CellResult, Result
-from postproc.smoothing import Progress
 from postproc.verification.verdicts import Verified
 
 MOST_DETAILED = 8

@@ -59,6 +59,9 @@ def inline_svg(figure: Figure, name: str, labelled_by: str, described_by: str) -
 def _svg(figure: Figure) -> bytes:
     file = io.BytesIO()
     with mpl.rc_context(STYLE | {"svg.fonttype": "none"}):
+        if layout := figure.get_layout_engine():  # savefig would draw all once more to lay it out
+            layout.execute(figure)
+            figure.set_layout_engine(None)
         figure.savefig(
             file, format="svg", dpi=PIXELS_PER_INCH, transparent=True, metadata={"Date": None}
         )

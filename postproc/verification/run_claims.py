@@ -16,9 +16,9 @@ from logger.core.errors import ConfigError
 from logger.core.model.prior import Prior
 from logger.core.runfile import Run
 from logger.core.track import Track
+from postproc.progress import Progress
 from postproc.result import Result
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
-from postproc.smoothing import Progress
 from postproc.verification.cell_claim import ClaimOptions, undecided_verdict, verify_cell
 from postproc.verification.claims import Claim, away_m, swap_hint
 from postproc.verification.verdicts import CellVerdict, Verdict, Verified
