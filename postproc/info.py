@@ -9,6 +9,7 @@ import numpy as np
 from logger.core.censoring import levels_dbm
 from logger.core.column import UNKNOWN_ID
 from logger.core.errors import ConfigError
+from logger.core.rows import numbered_texts
 from logger.core.runfile import Run, Sealing, read_sound_run, sealing_of
 from logger.core.timebase import fit_run
 from logger.core.types import DEAD_RECKONING
@@ -131,9 +132,9 @@ def describe(run: Run) -> Info:
 def _cells(run: Run) -> tuple[CellCount, ...]:
     """In one pass over the readings, however many cells there are."""
     readings = run.tables["readings"]
-    names, first, which, counts = np.unique(
-        readings["cell"], return_index=True, return_inverse=True, return_counts=True
-    )
+    names, which = numbered_texts(readings["cell"])
+    first = np.zeros(len(names), np.int64)
+    first[which[::-1]] = np.arange(len(which))[::-1]
     levels, scans = levels_dbm(readings), scans_of([run])
     strongest_dbm = np.full(len(names), -np.inf)
     known = np.isfinite(levels)

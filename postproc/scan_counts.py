@@ -11,6 +11,7 @@ import numpy as np
 
 from logger.core.errors import ConfigError
 from logger.core.identities import FEWEST_SCANS
+from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
 
 
@@ -19,11 +20,14 @@ def scans_of(runs: Sequence[Run]) -> dict[str, int]:
     counts_by_name: dict[str, int] = {}
     for run in runs:
         readings = run.tables["readings"]
-        names, which = np.unique(readings["cell"], return_inverse=True)
-        scans, scan = np.unique(readings["seq"], return_inverse=True)
+        names, which = numbered_texts(readings["cell"])
         sure = readings["identity_unsure"] == 0
-        pairs = np.unique(which[sure] * len(scans) + scan[sure])
-        counts = np.bincount(pairs // max(len(scans), 1), minlength=len(names))
+        scan, cell = readings["seq"][sure], which[sure]
+        order = np.lexsort((scan, cell))
+        scan, cell = scan[order], cell[order]
+        is_first = np.ones(len(order), np.bool_)  # of its cell in its scan
+        is_first[1:] = (np.diff(scan) != 0) | (np.diff(cell) != 0)
+        counts = np.bincount(cell[is_first], minlength=len(names))
         for stored, count in zip(names.tolist(), counts.tolist(), strict=True):
             name = stored.decode("utf-8", "replace")
             counts_by_name[name] = counts_by_name.get(name, 0) + count
@@ -43,10 +47,9 @@ def observed_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str,
 
     Raises `ConfigError` for a name that was not observed.
     """
-    names, counts = np.unique(
-        np.concatenate([run.tables["readings"]["cell"] for run in runs]), return_counts=True
-    )
-    every = {name.decode(): int(n) for name, n in zip(names, counts, strict=True) if name}
+    names, which = numbered_texts(np.concatenate([run.tables["readings"]["cell"] for run in runs]))
+    counts = np.bincount(which, minlength=len(names)).tolist()
+    every = {name.decode(): n for name, n in zip(names, counts, strict=True) if name}
     if unknown := set(only or ()) - set(every):
         raise ConfigError(
             f"cell {', '.join(sorted(unknown))} was not observed; `postproc info` lists those that "

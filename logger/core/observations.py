@@ -1,7 +1,7 @@
 """Readings joined to the walker's track: the input of every estimator."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.censoring import levels_dbm, limits
 from logger.core.column import UNKNOWN_TIME
 from logger.core.geo import Utm
-from logger.core.rows import Rows
+from logger.core.rows import Rows, numbered_texts
 from logger.core.spikes import spikes_along
 from logger.core.track import Track, index_of, positions_at, track_of, way_sigma_m
 
@@ -206,14 +206,15 @@ def scan_times_ns(scans: Rows, obs: CellObservations) -> tuple[IntArray, IntArra
 def _by_cell(
     utm: Utm, readings: Rows, columns: dict[str, FloatArray | IntArray], usable: BoolArray
 ) -> tuple[CellObservations, ...]:
-    names, which = np.unique(readings["cell"][usable], return_inverse=True)
-    indices = np.flatnonzero(usable)
+    names, which = numbered_texts(readings["cell"][usable])
+    indices = np.flatnonzero(usable)[np.argsort(which, kind="stable")]
+    ends = np.cumsum(np.bincount(which, minlength=len(names)))
     cells = []
-    for i, name in enumerate(names):
-        rows = indices[which == i]
-        rows = rows[np.argsort(columns["t_ns"][rows], kind="stable")]
+    for name, of_name in zip(names, np.split(indices, ends[:-1]), strict=False):
+        rows = of_name[np.argsort(columns["t_ns"][of_name], kind="stable")]
         rat = readings["rat"][rows[0]].decode() or None
-        obs = CellObservations(name.decode(), rat, utm, **{k: v[rows] for k, v in columns.items()})
+        of_cell: dict[str, Any] = {k: v[rows] for k, v in columns.items()}
+        obs = CellObservations(name.decode(), rat, utm, **of_cell)
         has_ta = obs.ta is not None and np.any(obs.ta >= 0)
         cells.append(obs if has_ta else replace(obs, ta=None))
     return tuple(sorted(cells, key=len, reverse=True))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from logger.core.arrays import IntArray
 from logger.core.column import Column
 from logger.core.schema import (
     EMPTY_LIST,
@@ -20,6 +21,9 @@ from logger.core.schema import (
 from logger.core.types import HIGHEST_ARFCN
 
 Rows = npt.NDArray[np.void]
+
+_HASH_FACTOR, _HASH_SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
+"""Multiplicative hashing by the golden ratio (Knuth, The Art of Computer Programming 3, 6.4)."""
 
 
 def dtypes_of(version: int) -> Mapping[str, np.dtype[np.void]]:
@@ -70,6 +74,35 @@ _PLAIN = re.compile(r"\|?S[1-9]\d{0,2}|[<|]?[iuf][1248]")
 """Types that a column of a run has: little-endian numbers, and text of fewer than 1000 bytes."""
 _MOST_COLUMNS = 100
 """More than any version had: a description must not exhaust the memory."""
+
+
+def numbered_texts(column: npt.NDArray[np.bytes_]) -> tuple[npt.NDArray[np.bytes_], IntArray]:
+    """The different texts of a column in order, and the number of each row's among them.
+
+    As `np.unique` with the inverse, which sorts all texts and takes ten times as long: here the
+    texts are told apart by a hash, and compared to make sure.
+    """
+    if not len(column):
+        return column, np.zeros(0, np.int64)
+    n_words = -(-column.dtype.itemsize // 8)
+    words = np.ascontiguousarray(column.astype(f"S{8 * n_words}")).view(np.uint64)
+    words = words.reshape(-1, n_words)
+    key = np.zeros(len(column), np.uint64)
+    for word in words.T:
+        key = (key ^ word) * _HASH_FACTOR
+        key ^= key >> _HASH_SHIFT
+    keys = np.unique(key)
+    which = np.searchsorted(keys, key)
+    example = np.empty(len(keys), np.int64)
+    example[which] = np.arange(len(column))
+    if np.any(words[example][which] != words):  # two texts have one hash
+        found, number = np.unique(column, return_inverse=True)
+        return found, number.astype(np.int64)
+    texts = column[example]
+    order = np.argsort(texts)
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return texts[order], rank[which]
 
 
 def to_current_columns(table: str, rows: Rows) -> Rows:

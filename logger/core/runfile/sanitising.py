@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
-from logger.core.rows import Rows, channels_of
+from logger.core.rows import Rows, channels_of, numbered_texts
 from logger.core.schema import MOST_NS, TABLES
 from logger.core.types import Level, Rat, Role
 
@@ -104,16 +104,16 @@ class _Sanitiser:
     def _text(self, name: str) -> None:
         column = self._rows[name]
         letters = np.ascontiguousarray(column).view(np.uint8).reshape(len(column), -1)
-        holds_nul = np.count_nonzero(letters, axis=1) != np.char.str_len(column)
-        for i in np.flatnonzero((letters >= 0x80).any(axis=1) | holds_nul).tolist():
+        is_odd = letters >= 0x80
+        is_odd[:, 1:] |= (letters[:, 1:] != 0) & (letters[:, :-1] == 0)  # NUL within the text
+        for i in np.flatnonzero(is_odd.any(axis=1)).tolist() if is_odd.any() else ():
             text = bytes(column[i])
             if (clean := _utf8(text, column.dtype.itemsize)) != text:
                 self._replace(name, np.arange(len(column)) == i, clean)
         if name in _WORDS:
             words, instead = _WORDS[name]
-            self._replace(
-                name, ~np.isin(self._rows[name], [word.encode() for word in words]), instead
-            )
+            texts, which = numbered_texts(self._rows[name])
+            self._replace(name, ~np.isin(texts, [word.encode() for word in words])[which], instead)
 
     def _numbers(self) -> None:
         for name, (least, most) in _RANGES.items():
