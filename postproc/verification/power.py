@@ -1,11 +1,10 @@
 """Power of the tests: the chance to reject a claim when the transmitter is somewhere else."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from logger.core.arrays import FloatArray
 from postproc.verification.claim_test import ClaimTest
+from postproc.verification.verdicts import Detectable
 
 POWER = 0.95
 BEARINGS_DEG = (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)
@@ -14,24 +13,6 @@ _SHARES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 20.0)
 _DRAWS = 32
 _NEARLY = 0.9
 _BATCH = 256
-
-
-@dataclass(frozen=True, slots=True)
-class Detectable:
-    """Smallest displacement towards an azimuth that is rejected with 95 %.
-
-    None where none up to `limit_m` is.
-
-    `blind_m` is a larger one that is not, as the mirror image of a straight walk; None where there
-    is none.
-    """
-
-    azimuth_deg: float
-    direct_m: float | None
-    indirect_m: float | None
-    direct_blind_m: float | None
-    indirect_blind_m: float | None
-    limit_m: float
 
 
 def power(

@@ -1,14 +1,44 @@
 """Verdicts on claimed positions: what `verify` returns."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from postproc.verification.claims import Claim
-from postproc.verification.normality import Normality
-from postproc.verification.power import Detectable
 
 Verdict = Literal["consistent", "rejected", "cannot tell"]
 Followed = Literal["direct", "indirect"]
+
+
+class Normality(NamedTuple):
+    """Distance to the normal law with the sample's mean and sigma, and its p-value.
+
+    `limit_sigmas` is where outliers were cut (None: nowhere), `n` how many values were left,
+    `n_cut` how many were cut.
+    """
+
+    limit_sigmas: float | None
+    n: int
+    n_cut: int
+    distance: float
+    p: float
+
+
+@dataclass(frozen=True, slots=True)
+class Detectable:
+    """Smallest displacement towards an azimuth that is rejected with 95 %.
+
+    None where none up to `limit_m` is.
+
+    `blind_m` is a larger one that is not, as the mirror image of a straight walk; None where there
+    is none.
+    """
+
+    azimuth_deg: float
+    direct_m: float | None
+    indirect_m: float | None
+    direct_blind_m: float | None
+    indirect_blind_m: float | None
+    limit_m: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,13 +59,42 @@ def test_help_of_a_command_imports_no_library(command):
 @pytest.mark.parametrize("more", [(), ("-v",), ("--json",), ("--verify",)])
 def test_info_imports_what_it_shows_and_nothing_more(run, more):
     loaded = _loaded("info", run, *more)
-    assert "h5py" in loaded
+    assert "numpy" in loaded
     assert not loaded & HEAVY
+    assert ("h5py" in loaded) == ("--verify" in more)  # HDF5 is read in another process
     assert not [
         n
         for n in loaded
         if n.startswith(("postproc.estimators", "postproc.smoothing", "logger.core.locator"))
     ]
+
+
+@pytest.fixture(scope="module")
+def estimated_run(run):
+    subprocess.run([sys.executable, "-m", "postproc.cli", "smooth", run], check=True)
+    return run
+
+
+def test_smooth_imports_nothing_to_draw_with_and_no_general_optimiser(estimated_run):
+    loaded = _loaded("smooth", estimated_run)
+    assert "numba" in loaded
+    assert not loaded & {"matplotlib", "rerun", "PIL", "jinja2", "pandas", "scipy.stats"}
+    assert "scipy.optimize" not in loaded
+
+
+@pytest.mark.parametrize(
+    ("argv", "drawn_with"),
+    [
+        (["report", "-o", "x.html"], {"matplotlib", "PIL", "jinja2"}),
+        (["plot", "-o", "x.png"], {"matplotlib", "PIL"}),
+        (["export", "--estimates", "-o", "x.kml"], set()),
+    ],
+)
+def test_a_stored_result_is_shown_without_estimators(estimated_run, tmp_path, argv, drawn_with):
+    command, *options, output = argv
+    loaded = _loaded(command, estimated_run, *options, str(tmp_path / output))
+    assert loaded & HEAVY == {"pyproj", "shapely"} | drawn_with
+    assert not loaded & {"h5py", "postproc.smoothing", "postproc.estimators.kernels"}
 
 
 def test_recover_imports_no_estimator(run, tmp_path):

@@ -17,7 +17,7 @@ import numpy as np
 
 from logger.core.errors import RunFileError
 from logger.core.rows import Rows, parse_dtypes
-from logger.core.runfile.hdf5 import FORMAT, FRAME_DTYPE, FRAMES, RAW_BYTES
+from logger.core.runfile.hdf5_layout import FORMAT, FRAME_DTYPE, FRAMES, RAW_BYTES
 from logger.core.runfile.journal_reader import decode_meta
 from logger.core.runfile.limits import most_memory_bytes, most_unpacked_bytes
 from logger.core.runfile.meta import RunMeta

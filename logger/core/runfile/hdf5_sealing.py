@@ -18,8 +18,9 @@ import numpy as np
 from logger.core.errors import RunFileError
 from logger.core.rows import Rows
 from logger.core.runfile.frames import Kind
-from logger.core.runfile.hdf5 import BLOCK_ROWS, FRAMES, RAW_BYTES, attributes, config_bytes
+from logger.core.runfile.hdf5 import BLOCK_ROWS, attributes, config_bytes
 from logger.core.runfile.hdf5_content import TEXTS, Content, open_content
+from logger.core.runfile.hdf5_layout import FRAMES, RAW_BYTES
 from logger.core.runfile.hdf5_reading import decode_damage, decode_end
 from logger.core.runfile.meta import Damage, RunMeta, stop_text
 from logger.core.runfile.verify import Sealed, Sealing

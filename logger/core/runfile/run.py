@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from logger.core.errors import RunFileError
 from logger.core.rows import DTYPES, Rows, channels_of, to_current_columns, values_of
-from logger.core.runfile.hdf5 import RAW_BYTES
+from logger.core.runfile.hdf5_layout import RAW_BYTES
 from logger.core.runfile.hdf5_reading import read_hdf5
 from logger.core.runfile.journal_reader import JournalParts
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
