@@ -33,7 +33,7 @@ def estimate_cell(obs: CellObservations, options: Options = Options()) -> CellRe
     if posterior is None:
         return _converged_only(replace(located, reference=reference))
     starts = [(mode.x_m, mode.y_m) for mode in posterior.modes]
-    usable = obs.usable()
+    usable = obs.usable(located.set_aside)
     all_aligned, usable_aligned = (
         readings if posterior.offsets is None else readings.on_one_scale(posterior.offsets.mean_db)
         for readings in (obs, usable)
@@ -55,7 +55,11 @@ def estimate_cell(obs: CellObservations, options: Options = Options()) -> CellRe
     result = _converged_only(all_estimates)
     comparison = compare(result.ekf, result.backward) if result.ekf and result.backward else None
     diagnosis = residuals.diagnose(
-        posterior.modes[0].state, all_aligned, result.ekf, height_m=options.prior.height_m
+        posterior.modes[0].state,
+        all_aligned,
+        result.ekf,
+        height_m=options.prior.height_m,
+        spikes=located.set_aside,
     )
     warnings = [*result.warnings, *_batch_warnings(result.batch, posterior), *findings(diagnosis)]
     if isinstance(forward, ekf_initialisation.NoRun):
@@ -103,7 +107,8 @@ def locate_cell(obs: CellObservations, prior: Prior, within_m: float = DESK_M) -
     """The posterior and its verdict, and no other estimator."""
     if why := too_few(obs):
         return CellResult(obs.cell, len(obs), obs, "cannot tell", (why,))
-    usable, spikes = obs.usable(), tuple(obs.spikes())
+    spikes = tuple(obs.spikes())
+    usable = obs.usable(spikes)
     posterior = locate(usable, prior)
     verdict, reasons, _ = decide(posterior, usable, within_m=within_m)
     timing = timing_of(usable)
@@ -145,6 +150,8 @@ def _passes(
     if obs.n_modems > 1:
         why = "several modems, and the filter does not estimate the offset between them"
         return iter((ekf_initialisation.NoRun(why), ekf_initialisation.NoRun(why)))
+    if why_not := ekf_initialisation.unlocated(obs, posterior):
+        return iter((why_not, why_not))
     noise = ekf_initialisation.noise_of(obs, posterior)
     return (
         ekf_initialisation.run(obs, posterior, noise, backward=backward)

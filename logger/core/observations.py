@@ -1,5 +1,6 @@
 """Readings joined to the walker's track: the input of every estimator."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -80,19 +81,23 @@ class CellObservations:
         parts = {name: values[chosen] for name, values in columns.items() if values is not None}
         return replace(self, **parts, known_limit=self.limit[chosen])
 
-    def usable(self) -> "CellObservations":
-        """The readings with a valid level and position, without spikes."""
+    def usable(self, spikes: Sequence[SpikeLevel] | None = None) -> "CellObservations":
+        """The readings with a valid level and position, without spikes.
+
+        `spikes` are those of `spikes()`, where they are known.
+        """
         is_valid = self._is_valid()
         valid = self if np.all(is_valid) else self.part(is_valid)
-        if valid.without_spikes:
+        if self.without_spikes:
             return valid
-        keep = np.ones(len(valid), np.bool_)
-        keep[[spike.k for spike in valid.spikes()]] = False
-        if np.all(keep):
+        spikes = self.spikes() if spikes is None else spikes
+        if not spikes:
             return replace(valid, without_spikes=True)
+        keep = is_valid.copy()
+        keep[[spike.k for spike in spikes]] = False
         # a spike does not show where the modem's scale ends
-        limit = None if self.known_limit is None else valid.limit[keep]
-        return replace(valid.part(keep), known_limit=limit, without_spikes=True)
+        limit = None if self.known_limit is None else self.limit[keep]
+        return replace(self.part(keep), known_limit=limit, without_spikes=True)
 
     def spikes(self) -> list[SpikeLevel]:
         """Levels that their neighbours do not confirm, in order; the device drops them too."""

@@ -96,6 +96,9 @@ class SpikeFilter(Generic[T]):
 
     def take(self, reading: T) -> list[SpikeCheck[T]]:
         """The readings that can be decided now that this one has come."""
+        if not self._waiting and self._is_near_last(reading):  # nearly all; the device counts
+            self._keep(reading)
+            return [SpikeCheck(reading, 0.0)]
         self._waiting.append(reading)
         return self._pass(ended=False)
 
@@ -115,6 +118,12 @@ class SpikeFilter(Generic[T]):
             checks.append(SpikeCheck(reading, spike_db))
         return checks
 
+    def _is_near_last(self, reading: T) -> bool:
+        """Whether its level is so close to the last one that no spike can be in between."""
+        if not self._before:
+            return False
+        return abs(reading.level_dbm - self._before[-1].level_dbm) <= _LEAST_ABOVE_DB
+
     def _keep(self, reading: T) -> None:
         last = self._before[-1] if self._before else None
         if last is not None and not (reading.limit or last.limit) and _are_near(reading, last):
@@ -124,7 +133,7 @@ class SpikeFilter(Generic[T]):
     def _spike_db(self, *, ended: bool) -> float | None:
         """How far the reading that waits longest stands out, 0 if it does not, None if open."""
         head = self._waiting[0]
-        if self._before and abs(head.level_dbm - self._before[-1].level_dbm) <= _LEAST_ABOVE_DB:
+        if self._is_near_last(head):
             return 0.0
         before = [reading for reading in self._before if _are_near(reading, head)]
         following = list(islice(self._waiting, 1, None))

@@ -78,6 +78,8 @@ def run(
     is that of `noise_of` by default. States have shape (m, 5): x, y in metres, P0 in dBm, eta and
     shadowing in dB. `backward` takes the readings from the last to the first.
     """
+    if why_not := unlocated(obs, full):
+        return why_not
     readings = obs.part(slice(None, None, -1)) if backward else obs
     noise = noise or noise_of(obs, full)
     thinned = _thin(readings, noise)
@@ -90,6 +92,13 @@ def run(
     if backward:
         rows = len(obs) - 1 - rows
     return EkfRun(posterior, noise, first, filtered, smoothed, rows)
+
+
+def unlocated(obs: CellObservations, full: Posterior) -> NoRun | None:
+    """Why no prefix is tried: not even all readings locate the transmitter; None where they do."""
+    if assess(full, obs).verdict == "located":
+        return None
+    return NoRun("the complete walk does not locate the transmitter")
 
 
 def noise_of(obs: CellObservations, full: Posterior) -> ShadowNoise:
@@ -116,8 +125,6 @@ def _find_start(
     obs: CellObservations, thinned: CellObservations, full: Posterior, noise: ShadowNoise
 ) -> tuple[int, Posterior] | NoRun:
     """About the shortest prefix after which there is one close mode, and its posterior."""
-    if assess(full, obs).verdict != "located":
-        return NoRun("the complete walk does not locate the transmitter")
     end = int(np.flatnonzero(np.isfinite(thinned.level_dbm))[-1]) + 1
     shortest = _shortest_promising(thinned, end, full, noise)
     if shortest is None:

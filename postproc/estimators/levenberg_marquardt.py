@@ -12,7 +12,7 @@ import numpy as np
 from logger.core.arrays import FloatArray
 
 _FIRST_DAMPING = 1e-3  # of the largest diagonal element: starts are near their minimum
-_LEAST_GAIN = 1e-10  # relative: a cost that falls by less is that of the minimum
+_LEAST_GAIN = 1e-8  # relative: a cost that falls by less is that of the minimum
 _LEAST_STEP = 1e-8  # in units of the scale
 _MOST_DAMPING = 1e30  # no step improves: the cost is flat to the last bit, or not finite
 

@@ -7,6 +7,7 @@ decorrelating over 15 or 60 m, with and without white noise) outliers were named
 changing exponent in 0 to 3 % and a sector in 0 to 1 %.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
 from statistics import NormalDist
@@ -16,7 +17,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model import path_loss
-from logger.core.observations import CellObservations
+from logger.core.observations import CellObservations, SpikeLevel
 from postproc.estimators import least_squares, residual_trends
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import Consistency, consistency, lag1
@@ -76,16 +77,17 @@ def diagnose(
     filtered: FilterPath | None = None,
     *,
     height_m: float = 0.0,
+    spikes: Sequence[SpikeLevel] | None = None,
 ) -> Residuals:
     """Residuals of an estimate [x, y, P0, eta] over the readings of its cell.
 
     `filtered` adds the innovations of its filter. Of fewer than 20 levels, or levels that fit to
     their rounding, only residuals and sigma are given. A level that those around it do not share is
-    named where it is an outlier, and counts in nothing else.
+    named where it is an outlier, and counts in nothing else; `spikes` are these, where known.
     """
     residual_db = np.where(obs.limit == 0, -least_squares.residuals(state, obs, height_m), np.nan)
     shared_db = residual_db.copy()
-    shared_db[[spike.k for spike in obs.spikes()]] = np.nan
+    shared_db[[spike.k for spike in (obs.spikes() if spikes is None else spikes)]] = np.nan
     ground = _ground(state, obs, shared_db, height_m)
     e = ground.e_db
     sigma_db = nan
