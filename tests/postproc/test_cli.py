@@ -181,7 +181,7 @@ CONTRACT = {
     "verdict",
     "warnings",
 }
-BEST = {"lat", "lon", "r95_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma"}
+BEST = {"lat", "lon", "r95_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma", "strongest"}
 
 
 def test_smooth_keeps_its_contract_and_the_run(tmp_path, capsys):

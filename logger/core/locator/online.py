@@ -2,6 +2,8 @@
 
 It has fewer blocks, squares and hypotheses than offline. Between two searches the positions stay
 fixed; a reading then costs one row of the whitened system for each hypothesis (`bordered_sums`).
+The longer the walk, the less one reading changes: the posterior is computed after every reading at
+first, after every eighth one later.
 """
 
 from statistics import median
@@ -37,7 +39,9 @@ EFFORT = Effort(most_squares=500, split_share=0.02, nodes=1, first_share=1.0, sa
 
 _MOST_CENSORED = 40  # points: their covariance is inverted at each search
 _LEAST_MASS = 1e-5  # probability of a position that stays between searches
-_PLAUSIBLE = 1e-3  # probability relative to the likeliest hypothesis, of one that stays
+_PLAUSIBLE = 0.01  # probability relative to the likeliest hypothesis, of one that stays
+_NEW_SHARE = 32  # one reading more in so many changes the posterior by far less than its width
+_LONGEST_WAIT = 8  # readings, a second each: nobody sees an estimate older than that
 _GROWN = 1.4  # times as many blocks: a new search is due
 _TURNED = 2.0  # urgency where the walk has left its curve, or the mass its modes
 _MODE_LEVEL = 0.99
@@ -102,6 +106,7 @@ class OnlineLocator:
         self._mixed: Mixture | None = None
         self._mode: StrongestMode | None = None
         self._lost = False
+        self._n_readings = self._n_evaluated = 0
 
     @property
     def stale(self) -> float:
@@ -144,8 +149,15 @@ class OnlineLocator:
             last[:4] += (np.array([x_m, y_m, level_dbm, position_sigma_m**2]) - last[:4]) / last[4]
         else:
             self._open(np.array([x_m, y_m, level_dbm, position_sigma_m**2, 1.0]))
-        if self._searched is not None:
+        self._n_readings += 1
+        waiting = self._n_readings - self._n_evaluated
+        if self._searched is not None and waiting >= self._wait:
             self._evaluate(self._searched, self._evidence)
+
+    @property
+    def _wait(self) -> int:
+        """Readings after which the posterior is computed again."""
+        return min(1 + self._n_readings // _NEW_SHARE, _LONGEST_WAIT)
 
     def search(self) -> None:
         """Search the positions again with all blocks so far."""
@@ -268,7 +280,7 @@ class OnlineLocator:
 
     def _evaluate(self, searched: _Searched, before: Evidence | None = None) -> None:
         """Evidence of the positions by all blocks; `before` is that of one reading ago."""
-        self._mode, self._searched = None, searched
+        self._mode, self._searched, self._n_evaluated = None, searched, self._n_readings
         total, log_det = searched.sums.over(self._on_curve(0, self._n))
         near_db = None if before is None else before.sigma_db
         found = marginal(total, self._n, log_det, self._prior, EFFORT.nodes, near_db)
