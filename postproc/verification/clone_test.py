@@ -21,12 +21,12 @@ from logger.core.geo import Utm
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.two_source_test import divide
-from logger.core.model.noise import correlation, independent_variance
+from logger.core.model.noise import independent_variance, shadowing
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.observations import CellObservations
 from postproc.verification.bootstrap import calibrate
 from postproc.verification.claim_test import PreparedWalk
-from postproc.verification.likelihood_grid import LikelihoodGrid, refine
+from postproc.verification.likelihood_grid import refine
 
 DRAWS = 39
 """Walks simulated past one transmitter for one run: p can then be as small as 0.025."""
@@ -39,7 +39,6 @@ _MOST_READINGS = 800
 """Of a simulated walk: its covariance grows with their square."""
 _MOST_SQUARES = 1400
 """Of the common grid of two runs."""
-_LEAST_WEIGHT = 1e-300
 """Weights of hypotheses below this have no logarithm."""
 
 
@@ -95,9 +94,10 @@ class _OneSource(NamedTuple):
         dx_m, dy_m, height_m = obs.x_m - x_m, obs.y_m - y_m, posterior.prior.height_m
         distance_db = log_distance_db(dx_m, dy_m, height_m, obs.position_sigma_m)
         apart_m = np.hypot(obs.x_m[:, None] - obs.x_m, obs.y_m[:, None] - obs.y_m)
-        white, sigma_db = posterior.white_share, posterior.sigma_db
-        k = (1.0 - white) * correlation(apart_m, posterior.decorrelation_m)
-        k[np.diag_indices_from(k)] += independent_variance(1.0, white, sigma_db)
+        sigma_db = posterior.sigma_db
+        weighed = zip(posterior.noise_probability, posterior.prior.hypotheses, strict=True)
+        k = sum(p * shadowing(apart_m, one) for p, one in weighed if p > 0.0)
+        k += np.eye(len(k)) * independent_variance(1.0, posterior.white_share, sigma_db)
         root = np.asarray(sigma_db * np.linalg.cholesky(k), float)
         return cls(obs, level_dbm(p0_dbm, eta, distance_db), root)
 
@@ -141,14 +141,14 @@ def between_two(
     fields = one.field.with_squares(fine.squares), fine
     log_mass = fine.log_mass - log_sum(fine.log_mass)
     log_p = [
-        _log_p(field, walk.level_dbm[:, None], field.trust)
+        field.mixed(field.evaluate(walk.level_dbm[:, None])[0], tempered=True)
         for field, walk in zip(fields, walks, strict=True)
     ]
     joint = log_mass + log_p[0][:, 0] + log_p[1][:, 0]
     p = np.exp(joint - log_sum(joint))
     x_m, y_m, _ = fine.squares[:, rng.choice(len(p), _PAIRS, p=p / np.sum(p))]
     simulated = [
-        _log_p(field, walk.noise.walks(x_m, y_m, rng), np.ones(len(field.whiteners)))
+        field.mixed(field.evaluate(walk.noise.walks(x_m, y_m, rng))[0], tempered=False)
         for field, walk in zip(fields, walks, strict=True)
     ]
     log_factor = float(_log_factor(log_p[0], log_p[1], log_mass)[0])
@@ -164,13 +164,3 @@ def _log_factor(one: FloatArray, other: FloatArray, log_mass: FloatArray) -> Flo
     mass = log_mass[:, None]
     apart = log_sum((mass + one).T) + log_sum((mass + other).T)
     return np.asarray(apart - log_sum((mass + one + other).T), float)
-
-
-def _log_p(field: LikelihoodGrid, levels_dbm: FloatArray, trust: FloatArray) -> FloatArray:
-    """Log evidence of walks (n, b) at positions, each hypothesis tempered, then mixed: (h, b)."""
-    log_p, _ = field.evaluate(levels_dbm)
-    log_mass = (field.log_mass - log_sum(field.log_mass))[:, None]
-    tempered = trust[:, None, None] * log_p
-    norm = log_sum(np.swapaxes(tempered + log_mass, 1, 2))[:, None]
-    log_weight = np.log(np.maximum(field.weights(log_p), _LEAST_WEIGHT))[:, None]
-    return log_sum(np.moveaxis(tempered - norm + log_weight, 0, 2))

@@ -53,7 +53,7 @@ class IndirectTest:
         """
         if trusting:
             return _tails(self.field, self.k, level_dbm)
-        return _tails(self.directional, self.k, level_dbm, self.directional.trust)
+        return _tails(self.directional, self.k, level_dbm, tempered=True)
 
     def p_values(self, level_dbm: FloatArray, *, trusting: bool) -> FloatArray:
         """p-values (b,) of levels (n, b).
@@ -93,10 +93,10 @@ def indirect_test(
 
 
 def _tails(
-    field: LikelihoodGrid, k: int, level_dbm: FloatArray, trust: FloatArray | None = None
+    field: LikelihoodGrid, k: int, level_dbm: FloatArray, *, tempered: bool = False
 ) -> FloatArray:
     log_p, _ = field.evaluate(level_dbm)
-    density = field.densities(log_p, np.ones(len(log_p)) if trust is None else trust)
+    density = field.densities(log_p, tempered=tempered)
     mass = density[:-k] * field.squares[2, :-k, None] ** 2
     claim = np.mean(density[-k:], axis=0)
     less = np.sum(np.where(density[:-k] <= claim, mass, 0.0), axis=0)

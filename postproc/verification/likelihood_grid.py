@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.mixture import log_sum
+from logger.core.locator.mixture import log_sum, rows_of_groups
 from logger.core.locator.quadtree import children, first_squares, log_prior
 from logger.core.model.blocks import Blocks
 from logger.core.model.columns import receiver_variance, varying_columns
@@ -73,11 +73,6 @@ class LikelihoodGrid:
     def numbers(self) -> IntArray:
         """Hypotheses of the noise by their number in the prior, shape (c,)."""
         return np.array([w.number for w in self.whiteners])
-
-    @property
-    def trust(self) -> FloatArray:
-        """Power that the likelihood of each hypothesis is raised to, shape (c,)."""
-        return self.prior.noise_table.trust[self.numbers]
 
     @property
     def log_mass(self) -> FloatArray:
@@ -177,17 +172,27 @@ class LikelihoodGrid:
         log_mass = self.log_mass - log_sum(self.log_mass)
         return log_sum(np.swapaxes(log_p + log_mass[:, None], 1, 2))
 
-    def densities(self, log_p: FloatArray, trust: FloatArray) -> FloatArray:
-        """Probability per square metre of each square, shape (h, b).
+    def mixed(self, log_p: FloatArray, *, tempered: bool) -> FloatArray:
+        """Log of posterior by prior density of walks at each square, shape (h, b).
 
-        The likelihood of each hypothesis is raised to the power `trust` (c,).
+        As in `mixture`: hypotheses (c, h, b) are mixed within their group, whose likelihood is then
+        `tempered` by its trust, or not.
         """
-        tempered = trust[:, None, None] * log_p
         log_mass = (self.log_mass - log_sum(self.log_mass))[:, None]
-        norm = log_sum(np.swapaxes(tempered + log_mass, 1, 2))
+        joint = log_p + self.prior.noise_table.log_odds[self.numbers][:, None, None]
+        densities, evidence = [], []
+        for rows, trust in rows_of_groups(self.numbers, self.prior):
+            log_group = log_sum(np.moveaxis(joint[rows], 0, 2))
+            evidence.append(log_sum((log_group + log_mass).T))
+            density = trust * log_group if tempered else log_group
+            densities.append(density - log_sum((density + log_mass).T) + evidence[-1])
+        total = log_sum(np.stack(evidence, axis=-1))
+        return log_sum(np.stack(densities, axis=-1)) - total
+
+    def densities(self, log_p: FloatArray, *, tempered: bool) -> FloatArray:
+        """Probability per square metre of each square, shape (h, b)."""
         log_density = log_prior(self.blocks, self.prior, self.squares) - log_sum(self.log_mass)
-        share = np.exp(tempered - norm[:, None]) * self.weights(log_p)[:, None]
-        return np.asarray(np.sum(share, axis=0) * np.exp(log_density)[:, None], float)
+        return np.asarray(np.exp(self.mixed(log_p, tempered=tempered) + log_density[:, None]))
 
     def plausible(self, level_dbm: FloatArray) -> "LikelihoodGrid":
         """Without the hypotheses that one walk (n,) rules out, with six at most."""

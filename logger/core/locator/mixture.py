@@ -52,22 +52,29 @@ def mixture(
     The numbers ascend. `log_weight` (c,) of the hypotheses, up to a constant, is their evidence
     unless something else is given.
     """
-    table = prior.noise_table
     normal = log_mass - log_sum(log_mass)
-    joint = log_p + table.log_odds[numbers][:, None]
+    joint = log_p + prior.noise_table.log_odds[numbers][:, None]
     if log_weight is not None:
         known = np.maximum(log_weight, _IMPOSSIBLE)
         joint += (known - log_sum(joint + normal))[:, None]
-    ends = np.append(np.searchsorted(numbers, table.first), len(numbers)).tolist()
     of_groups = [
-        _mix_group(joint[first:end], normal, float(table.trust[numbers[first]]))
-        for first, end in pairwise(ends)
-        if end > first
+        _mix_group(joint[rows], normal, trust) for rows, trust in rows_of_groups(numbers, prior)
     ]
     log_evidence = float(log_sum(np.array([one.log_evidence for one in of_groups])))
     for one in of_groups:
         one.share[:] *= np.exp(one.log_evidence - log_evidence)
     return Mixture(np.concatenate([one.share for one in of_groups]), log_evidence)
+
+
+def rows_of_groups(numbers: IntArray, prior: Prior) -> list[tuple[slice, float]]:
+    """Rows of each group that has any among the hypotheses `numbers` (c,), and its trust."""
+    table = prior.noise_table
+    ends = np.append(np.searchsorted(numbers, table.first), len(numbers)).tolist()
+    return [
+        (slice(first, end), float(table.trust[numbers[first]]))
+        for first, end in pairwise(ends)
+        if end > first
+    ]
 
 
 def _mix_group(joint: FloatArray, normal: FloatArray, trust: float) -> Mixture:
