@@ -48,6 +48,7 @@ wheels: .venv/pip.stamp
 test-faults: .venv/dev.stamp
 	CELLWALK_KILLS=50 $(BIN)/pytest -s tests/device/test_kill.py
 	$(BIN)/pytest -s tests/device/test_faults.py
+	CELLWALK_BASELINE_KILLS=50 $(BIN)/pytest -s tests/postproc/baseline/test_kill.py
 	$(BIN)/pytest -m slow --ignore tests/boot --ignore tests/view --deselect tests/device/test_kill.py --deselect tests/core/runfile/test_soak.py
 
 # coverage-guided fuzzing, an hour for each target; see tests/fuzz/README.md

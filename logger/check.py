@@ -10,8 +10,9 @@ from typing import Literal
 
 from pyproj.exceptions import ProjError
 
+from logger.baseline_file import BaselineFile
 from logger.config import GNSS_OF_MODEM, SiteConfig, load_config
-from logger.core.errors import ConfigError
+from logger.core.errors import ConfigError, RunFileError
 from logger.core.geo import Utm
 from logger.device.libraries import LIBRARIES, version_of
 from logger.device.port_url import check_url
@@ -84,6 +85,18 @@ def _site(config: SiteConfig) -> Iterator[Line]:
         yield Line("ok", "gnss", "the modem's own receiver")
     else:
         yield _port("gnss", config.gnss.port)
+    if config.live.baseline:
+        yield _baseline(Path(config.live.baseline))
+
+
+def _baseline(path: Path) -> Line:
+    """Earlier walks; without them the service records all the same."""
+    try:
+        baseline = BaselineFile(path)
+    except RunFileError as error:
+        return Line("warn", "baseline", str(error))
+    baseline.close()
+    return Line("ok", "baseline", f"{path}: {baseline.n_walks} earlier walks")
 
 
 def _folder(folder: Path) -> Line:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from logger.command_line import json_option, print_json, recover, run_program
+from postproc.baseline.cli import baseline
+from postproc.comparison.cli import compare
 from postproc.interop.cli import export, import_, share
 from postproc.options import (
     cells_option,
@@ -48,7 +50,7 @@ def program() -> None:
 
 for _command in (
     import_, export, share, view, plot, report, recover,
-    toa, validate, verify, verify_theory, celldb,
+    toa, validate, verify, verify_theory, celldb, baseline, compare,
 ):  # fmt: skip
     program.add_command(_command)
 

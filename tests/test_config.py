@@ -43,6 +43,7 @@ KEYS = {
         "environment",
         "antenna",
         "height_m",
+        "baseline",
     ],
     "status": ["led"],
 }

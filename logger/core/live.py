@@ -8,6 +8,7 @@ the cell that needs it most is searched again: a bounded amount of work for any 
 from dataclasses import replace
 from math import hypot
 
+from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.censoring import limit_of
 from logger.core.geo import Utm
 from logger.core.identities import Identities
@@ -30,9 +31,13 @@ _MOST_ONCE = 100
 
 
 class LiveTracker:
-    """Follows the records of one run; `feed` them in recorded order."""
+    """Follows the records of one run; `feed` them in recorded order.
 
-    def __init__(self, settings: LiveSettings) -> None:
+    `baseline` has what earlier walks heard.
+    """
+
+    def __init__(self, settings: LiveSettings, baseline: Baseline = NO_BASELINE) -> None:
+        self.baseline = baseline
         self._prior = live_prior(settings)
         self._track = ReceiverTrack(settings.max_fix_age_s)
         self._reference = LiveReference(settings)

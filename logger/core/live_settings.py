@@ -42,7 +42,7 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `lost_s`. A fix older than `max_fix_age_s` is not used. `joseph` chooses the form of the
     reference filter's covariance update. `environment` names the prior: any, open, suburban or
     urban; `antenna` that of its pattern: omni or sector; `height_m` is its height above the
-    receiver.
+    receiver. `baseline` is the file of earlier walks, empty for none.
     """
 
     target: str = STRONGEST
@@ -54,6 +54,7 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     environment: Literal["any", "open", "suburban", "urban"] = "any"
     antenna: Literal["omni", "sector"] = "omni"
     height_m: float = 5.0
+    baseline: str = ""
 
 
 def restore_settings(recorded: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,7 +17,9 @@ from logger.core.types import LiveEstimate, Note, Record
 from logger.device.link import Inbox
 
 if TYPE_CHECKING:
+    from logger.core.baseline import Baseline
     from logger.core.live import LiveTracker
+    from logger.device.live_baseline import LiveBaseline
 
 log = logging.getLogger(__name__)
 
@@ -25,11 +27,11 @@ MOST_WAITING = 20_000
 """Records of half an hour; a processor that is so far behind leaves out what follows."""
 
 
-def live_tracker(settings: LiveSettings) -> "LiveTracker":
+def live_tracker(settings: LiveSettings, baseline: "Baseline") -> "LiveTracker":
     """The tracker, whose modules are imported now."""
     from logger.core.live import LiveTracker  # noqa: PLC0415
 
-    return LiveTracker(settings)
+    return LiveTracker(settings, baseline)
 
 
 class Estimator:
@@ -37,11 +39,14 @@ class Estimator:
 
     `latest` is the newest estimate of the target.
 
-    `make` is called in the thread of the estimate.
+    `make` is called in the thread of the estimate, in which the file `baseline` is read too.
     """
 
-    def __init__(self, make: "Callable[[], LiveTracker]", inbox: Inbox) -> None:
+    def __init__(
+        self, make: "Callable[[Baseline], LiveTracker]", inbox: Inbox, baseline: str = ""
+    ) -> None:
         self._make = make
+        self._baseline_name = baseline
         self._tracker: LiveTracker | None = None
         self._inbox = inbox
         self._waiting: queue.Queue[tuple[int, Record] | None] = queue.Queue(MOST_WAITING)
@@ -53,7 +58,7 @@ class Estimator:
     @classmethod
     def of(cls, settings: LiveSettings, inbox: Inbox) -> Self:
         """The live estimate as it is configured."""
-        return cls(partial(live_tracker, settings), inbox)
+        return cls(partial(live_tracker, settings), inbox, settings.baseline)
 
     @property
     def target(self) -> str | None:
@@ -83,9 +88,10 @@ class Estimator:
 
     def _run(self) -> None:
         try:
-            self._tracker = self._make()
+            baseline = self._open_baseline()
+            self._tracker = self._make(baseline)
             while (given := self._waiting.get()) is not None:
-                self._estimate(self._tracker, *given)
+                self._estimate(self._tracker, baseline, *given)
         except Exception as error:  # a bug in the estimate must not end the recording
             log.exception("the live estimate has failed")
             self._behind = True
@@ -97,9 +103,19 @@ class Estimator:
                 )
             )
 
-    def _estimate(self, tracker: "LiveTracker", seq: int, record: Record) -> None:
+    def _open_baseline(self) -> "LiveBaseline":
+        from logger.device.live_baseline import LiveBaseline  # noqa: PLC0415 (numpy)
+
+        return LiveBaseline(self._baseline_name)
+
+    def _estimate(
+        self, tracker: "LiveTracker", baseline: "LiveBaseline", seq: int, record: Record
+    ) -> None:
         self._last_ns = record.t_ns
-        for value in tracker.feed(seq, record):
+        values = tracker.feed(seq, record)
+        for note in baseline.take_notes():
+            self._inbox.put(Record(record.t_ns, "live", note))
+        for value in values:
             self._inbox.put(Record(record.t_ns, "live", value))
             if isinstance(value, Note):
                 log.info("live: %s", value.text)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from logger.core.errors import RunFileError
+from logger.sqlite_file import open_database
 from postproc.interop import csv_table, kismet, network_survey, opencellid, walk_csv, wigle
 from postproc.interop.fields import RATS
 from postproc.interop.sighting import Row
-from postproc.sqlite_file import open_database
 
 _SQLITE = b"SQLite format 3\0"
 _HDF5 = b"\x89HDF\r\n\x1a\n"

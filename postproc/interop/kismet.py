@@ -16,6 +16,7 @@ from typing import Any
 
 from logger.core.errors import RunFileError
 from logger.core.types import Role
+from logger.sqlite_file import open_database
 from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     RATS,
@@ -29,7 +30,6 @@ from postproc.interop.fields import (
     text,
 )
 from postproc.interop.sighting import Row, Sighting, parse_rows
-from postproc.sqlite_file import open_database
 
 TYPES = ("Cellular", "CellModem", "Cell")
 _FIRST_REAL = 5

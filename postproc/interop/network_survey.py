@@ -13,6 +13,7 @@ from typing import Any
 
 from logger.core.errors import RunFileError
 from logger.core.types import Rat, Role
+from logger.sqlite_file import open_database
 from postproc.interop import csv_table
 from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
@@ -27,7 +28,6 @@ from postproc.interop.fields import (
     utc_ns_of,
 )
 from postproc.interop.sighting import Row, Sighting, parse_rows
-from postproc.sqlite_file import open_database
 
 TABLES: dict[str, Rat] = {
     "GSM_MESSAGE": "GSM",

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from math import cos, pi, sin, sqrt
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 from threadpoolctl import threadpool_limits
@@ -60,7 +61,9 @@ def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
             f"the walk is nowhere far from its ends: nothing is left with --blur-m {blur_m:g}"
         )
     start_ns = int(shown.starts[0])
-    meta = meta_of(origin_of_copy(run.meta.origin), live=run.meta.live, truth=run.meta.truth)
+    # the path of a file of its owner
+    live = msgspec.structs.replace(run.meta.live, baseline="")
+    meta = meta_of(origin_of_copy(run.meta.origin), live=live, truth=run.meta.truth)
     counts: Counter[str] = Counter()
 
     def fill(append: Append) -> int:

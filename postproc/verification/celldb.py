@@ -17,7 +17,7 @@ from pyproj import Geod
 
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.geo import check_position
-from postproc.sqlite_file import connect
+from logger.sqlite_file import connect
 from postproc.verification.parsing import identity_of
 
 FARTHEST_M = 200_000.0

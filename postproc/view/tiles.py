@@ -18,7 +18,7 @@ from pyproj.exceptions import CRSError
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
-from postproc.sqlite_file import open_database
+from logger.sqlite_file import open_database
 from postproc.view.georeferenced import Area, Ground
 from postproc.view.world_file import WEB_MERCATOR
 

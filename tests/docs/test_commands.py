@@ -40,7 +40,7 @@ def files(tmp_path_factory):
     run = finish_journal(journal)
     for name in ("run.h5", "a.h5"):
         shutil.copy(run, folder / name)
-    write_run(folder / "b.journal", seconds=100, cells=1, speed_mps=1.1)
+    write_run(folder / "b.journal", seconds=100, cells=1, speed_mps=1.1, run_id="b" * 32)
     finish_journal(folder / "b.journal")
     (folder / "DIR").mkdir()
     shutil.copy(journal, folder / "DIR")
@@ -48,6 +48,8 @@ def files(tmp_path_factory):
         cells.write(",".join(COLUMNS) + "\n" + CELL_ROW)
     shutil.copy(ROOT / "tests/drivers/data/sitch_sim800l_mode2.txt", folder / "reply.txt")
     shutil.copy(ROOT / "systemd/site.toml", folder / "site.toml")
+    baseline = ["-b", str(folder / "baseline.db")]
+    assert commands.run("postproc", "baseline", "add", str(run), *baseline)[0] == 0
     assert commands.run("postproc", "export", str(folder / "run.h5"), "-o", str(folder / "FILE"),
                         "--format", "csv")[0] == 0  # fmt: skip
     return folder

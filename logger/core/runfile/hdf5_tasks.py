@@ -22,6 +22,17 @@ def everything(path: Path) -> tuple[Any, Arrays]:
         return {**texts, "digest": content.digest(), "n_raw": n_raw}, tables
 
 
+def everything_in(*paths: Path) -> tuple[Any, Arrays]:
+    """As `everything` of several runs; the arrays of the k-th are named `k/table`."""
+    values: list[Any] = []
+    arrays: Arrays = {}
+    for k, path in enumerate(paths):
+        value, tables = everything(path)
+        values.append(value)
+        arrays |= {f"{k}/{name}": rows for name, rows in tables.items()}
+    return values, arrays
+
+
 def run_id(path: Path) -> tuple[Any, Arrays]:
     """Identity of a run."""
     from logger.core.runfile.hdf5_content import open_content

@@ -1,7 +1,7 @@
 """A run opened for reading, whether it is finished HDF5 or a journal that was cut."""
 
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy.typing as npt
 from logger.core.errors import RunFileError
 from logger.core.rows import DTYPES, Rows, channels_of, to_current_columns, values_of
 from logger.core.runfile.hdf5_layout import RAW_BYTES
-from logger.core.runfile.hdf5_reading import read_hdf5
+from logger.core.runfile.hdf5_reading import Content, read_hdf5, read_hdf5_together
 from logger.core.runfile.journal_reader import JournalParts
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
 from logger.core.runfile.run_names import is_hdf5
@@ -107,7 +107,27 @@ def read_run(path: Path | str) -> Run:
 
 def read_sound_run(path: Path | str) -> Run:
     """Read a run; values that no recorder writes become unknown and are counted."""
-    run = read_run(path)
+    return _sanitised_run(read_run(path))
+
+
+def read_small_runs(paths: Sequence[Path]) -> list[Run]:
+    """As `read_sound_run` of several small HDF5 files at once, which is ten times faster.
+
+    Raises `RunFileError` if any of them cannot be read; reading each alone shows which.
+    """
+    try:
+        for path in paths:
+            check_file(path)
+        contents = read_hdf5_together(paths)
+    except MemoryError:
+        raise RunFileError("these runs take more memory than there is") from None
+    except OSError as error:
+        raise RunFileError(f"a run cannot be read: {error.strerror or error}") from error
+    runs = [_hdf5_run(path, content) for path, content in zip(paths, contents, strict=True)]
+    return [_sanitised_run(run) for run in runs]
+
+
+def _sanitised_run(run: Run) -> Run:
     tables, n_bad = sanitise(run.tables, run.n_raw_bytes)
     return replace(
         run, tables=tables, damage=msgspec.structs.replace(run.damage, meaningless_values=n_bad)
@@ -132,7 +152,11 @@ def check_file(path: Path) -> None:
 
 
 def _read_hdf5(path: Path) -> Run:
-    meta, end, damage, digest, arrays, n_raw = read_hdf5(path)
+    return _hdf5_run(path, read_hdf5(path))
+
+
+def _hdf5_run(path: Path, content: Content) -> Run:
+    meta, end, damage, digest, arrays, n_raw = content
     raw_bytes = arrays.pop(RAW_BYTES)
     tables = {table: np.empty(0, dtype) for table, dtype in DTYPES.items()}
     tables |= {table: to_current_columns(table, rows) for table, rows in arrays.items()}

@@ -7,9 +7,9 @@ from contextlib import closing
 
 import pytest
 
-from postproc import sqlite_file
+from logger import sqlite_file
+from logger.sqlite_file import open_database
 from postproc.cli import main
-from postproc.sqlite_file import open_database
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i AS type FROM n"
 

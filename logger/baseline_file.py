@@ -1,0 +1,222 @@
+"""A baseline in an SQLite file, read only: on the device and at the desktop.
+
+`postproc.baseline` makes the file. Answers come from tables that contain the sums over all walks,
+so a lookup takes as long after 1000 walks as after one. The last answers are kept: a walker stays
+in a square for minutes.
+"""
+
+import sqlite3
+from collections.abc import Callable, Collection, Mapping
+from hashlib import sha256
+from math import sqrt
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from logger.core.baseline import HeardInSquare, KnownCell, SquareHistory
+from logger.core.errors import RunFileError
+from logger.core.identities import FEWEST_SCANS
+from logger.core.latest import Latest
+from logger.sqlite_file import connect
+
+APPLICATION_ID = 0x43574241
+"""'CWBA' in the head of the file."""
+VERSION = 1
+UNKNOWN = -1
+"""A channel number or code that no modem printed; NULL cannot be part of a key."""
+SCALE = 100
+"""Sums of levels are stored in hundredths of a dB: integers do not depend on their order."""
+
+_MOST_KEPT = 256
+"""Answers of each kind: the cells and squares around a walker."""
+
+Answer = TypeVar("Answer")
+
+
+class BaselineFile:
+    """A `logger.core.baseline.Baseline` in a file, or in a database that is already open.
+
+    Raises `RunFileError`, also later where the file is damaged inside.
+    """
+
+    def __init__(self, path: Path, database: sqlite3.Connection | None = None) -> None:
+        self.path = path
+        self._db = _open(path) if database is None else database
+        self._squares: Latest[SquareHistory] = Latest(_MOST_KEPT)
+        self._cells: Latest[KnownCell | None] = Latest(_MOST_KEPT)
+        self._same_cid: Latest[tuple[KnownCell, ...]] = Latest(_MOST_KEPT)
+        self._channels: Latest[Mapping[int, int]] = Latest(_MOST_KEPT)
+        self._trust: dict[str, str] = dict(self._rows("SELECT cell, note FROM trust ORDER BY cell"))
+        digests = [str(row[0]) for row in self._rows("SELECT digest FROM walk ORDER BY digest")]
+        self.n_walks = len(digests)
+        self.fingerprint = sha256(repr((digests, list(self._trust.items()))).encode()).hexdigest()
+
+    def close(self) -> None:
+        """Release the file."""
+        self._db.close()
+
+    def square(self, square: int) -> SquareHistory:
+        """Earlier walks in a square; empty if none was there."""
+        return self._answer(self._squares, str(square), lambda: self._read_square(square))
+
+    def cell(self, name: str) -> KnownCell | None:
+        """What is known of a cell; None if no earlier walk heard it."""
+        return self._answer(self._cells, name, lambda: self._read_cell(name))
+
+    def same_cid(self, name: str) -> tuple[KnownCell, ...]:
+        """Known cells with the MCC, MNC and CID of this one under another area code, by name."""
+        return self._answer(self._same_cid, name, lambda: self._read_same_cid(name))
+
+    def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
+        """Channel numbers on which cells of an operator were heard, with the number of cells."""
+        return self._answer(
+            self._channels, f"{mcc}-{mnc} {rat}", lambda: self._read_channels(mcc, mnc, rat)
+        )
+
+    def trust_note(self, name: str) -> str | None:
+        """The user's note about a cell that is trusted; None if it is not."""
+        return self._trust.get(name)
+
+    def numbers_of(self, digests: Collection[str]) -> list[int]:
+        """Numbers of the walks with these digests of their content."""
+        walks = self._rows("SELECT id, digest FROM walk ORDER BY id")
+        return [number for number, digest in walks if digest in digests]
+
+    def copy_to(self, database: sqlite3.Connection) -> None:
+        """Copy everything into another database, which must be empty."""
+        self._db.backup(database)
+
+    def _read_square(self, square: int) -> SquareHistory:
+        walks = self._rows("SELECT rat, n_walks FROM square_rat WHERE square = ?", square)
+        cells = self._rows(
+            "SELECT name, s.n_walks, s.n_scans, s.best_dbm, least_best_dbm, sum_level, sum_squares "
+            "FROM square_cell s JOIN cell ON id = s.cell WHERE square = ? AND cell.n_scans >= ? "
+            "ORDER BY name",
+            square,
+            FEWEST_SCANS,
+        )
+        heard = {row[0]: _square_row(*row[1:]) for row in cells}
+        return SquareHistory(square, MappingProxyType(dict(walks)), MappingProxyType(heard))
+
+    def _read_cell(self, name: str) -> KnownCell | None:
+        cells = self._rows(
+            "SELECT id, rat, n_walks, n_scans FROM cell WHERE name = ? AND n_scans >= ?",
+            name,
+            FEWEST_SCANS,
+        )
+        if not cells:
+            return None
+        number, rat, n_walks, n_scans = cells[0]
+        ((n_squares,),) = self._rows("SELECT count(*) FROM square_cell WHERE cell = ?", number)
+        ((best_dbm, strongest),) = self._rows(
+            "SELECT best_dbm, square FROM square_cell WHERE cell = ? "
+            "ORDER BY best_dbm DESC, square LIMIT 1",
+            number,
+        )
+        pairs = self._rows("SELECT channel, code FROM cell_channel WHERE cell = ?", number)
+        channels = frozenset((_or_none(channel), _or_none(code)) for channel, code in pairs)
+        return KnownCell(name, rat, n_walks, n_scans, n_squares, best_dbm, strongest, channels)
+
+    def _read_same_cid(self, name: str) -> tuple[KnownCell, ...]:
+        mcc, mnc, area, cid = parts_of(name)
+        others = self._rows(
+            "SELECT name FROM cell WHERE (mcc, mnc, cid) = (?, ?, ?) AND area != ? ORDER BY name",
+            mcc,
+            mnc,
+            cid,
+            area,
+        )
+        known = (self.cell(other) for (other,) in others)
+        return tuple(cell for cell in known if cell is not None)
+
+    def _read_channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
+        rows = self._rows(
+            "SELECT channel, count(DISTINCT cell) FROM cell JOIN cell_channel ON cell = id "
+            "WHERE (mcc, mnc, rat) = (?, ?, ?) AND channel != ? AND n_scans >= ? "
+            "GROUP BY channel ORDER BY channel",
+            mcc,
+            mnc,
+            rat,
+            UNKNOWN,
+            FEWEST_SCANS,
+        )
+        return MappingProxyType(dict(rows))
+
+    def _answer(self, kept: Latest[Answer], key: str, read: Callable[[], Answer]) -> Answer:
+        """An answer that is kept, or else read now."""
+        if key not in kept:
+            try:
+                kept.put(key, read())
+            except (TypeError, ValueError, ArithmeticError) as error:  # no value of ours
+                raise RunFileError(_reason(self.path, error)) from error
+        return kept[key]
+
+    def _rows(self, statement: str, *values: object) -> list[Any]:
+        try:
+            return self._db.execute(statement, values).fetchall()
+        except (sqlite3.Error, ValueError, OverflowError) as error:  # a text that is none
+            raise RunFileError(_reason(self.path, error)) from error
+
+
+def check_head(path: Path, database: sqlite3.Connection) -> None:
+    """Raise `RunFileError` unless the database is a baseline of this version."""
+    ((application,),) = database.execute("PRAGMA application_id").fetchall()
+    ((version,),) = database.execute("PRAGMA user_version").fetchall()
+    if application != APPLICATION_ID:
+        raise RunFileError(f"{path} is no baseline; `postproc baseline add` makes one")
+    if version != VERSION:
+        raise RunFileError(
+            f"{path} is a baseline of version {version}, this program reads version {VERSION}"
+        )
+
+
+def _open(path: Path) -> sqlite3.Connection:
+    if not path.is_file():
+        raise RunFileError(f"{path}: no such file; `postproc baseline add` makes a baseline")
+    try:
+        database = connect(path)
+        try:
+            check_head(path, database)
+        except BaseException:
+            database.close()
+            raise
+    except (sqlite3.Error, ValueError) as error:
+        raise RunFileError(_reason(path, error)) from error
+    except OSError as error:
+        raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
+    return database
+
+
+def _reason(path: Path, error: Exception) -> str:
+    if path.with_name(f"{path.name}-journal").exists():
+        return (
+            f"{path} was left in the middle of a change; "
+            f"`postproc baseline list --baseline {path}` restores it"
+        )
+    return f"{path} cannot be read as a baseline: {error}"
+
+
+def _square_row(
+    n_walks: int,
+    n_scans: int,
+    best_dbm: float,
+    least_best_dbm: float,
+    sum_level: int,
+    sum_squares: int,
+) -> HeardInSquare:
+    mean = sum_level / n_scans
+    # integers, so that equal levels have no variance
+    variance = max(n_scans * sum_squares - sum_level**2, 0) / n_scans**2
+    return HeardInSquare(
+        n_walks, n_scans, best_dbm, least_best_dbm, mean / SCALE, sqrt(variance) / SCALE
+    )
+
+
+def _or_none(value: int) -> int | None:
+    return None if value == UNKNOWN else value
+
+
+def parts_of(name: str) -> tuple[str, str, str, str]:
+    """MCC, MNC, area and CID of a cell's name as it is written; empty for an imported label."""
+    parts = name.split("-")
+    return (parts[0], parts[1], parts[2], parts[3]) if len(parts) == 4 else ("", "", "", "")

@@ -1,0 +1,135 @@
+"""What earlier walks heard, as rules and the comparison of walks ask for it.
+
+A `Baseline` answers from earlier walks: who was heard in a square of 300 m (`square`), what is
+known of one cell (`cell`), which cells have the same identity under another area (`same_cid`),
+which channels an operator uses (`channels`), and which cells the user trusts (`trust_note`). It
+answers the same for the same file, so what is derived live can be derived again.
+`logger.baseline_file` reads one from SQLite, `postproc.baseline` makes it; `NoBaseline` is that of
+a device without one.
+
+Levels are those of `CellReading.level_dbm`, as each modem printed them: two modems may differ by
+several dB. A level at the limit of the modem's scale counts as that level.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Protocol
+
+from logger.core.squares import squares_within
+
+
+@dataclass(frozen=True, slots=True)
+class HeardInSquare:
+    """How earlier walks heard one cell in one square.
+
+    `n_walks` walks heard it in `n_scans` scans. `best_dbm` is the strongest level of all walks,
+    `least_best_dbm` the lowest among the strongest levels of each walk: every walk that heard the
+    cell here had it at least that strong. `mean_dbm` and `sigma_db` are of all scans; `sigma_db` is
+    0 for a single one.
+    """
+
+    n_walks: int
+    n_scans: int
+    best_dbm: float
+    least_best_dbm: float
+    mean_dbm: float
+    sigma_db: float
+
+
+@dataclass(frozen=True, slots=True)
+class SquareHistory:
+    """Earlier walks in one square.
+
+    `n_walks` has, for each technology ("GSM", "LTE", ...; "" where none was printed), the walks in
+    which the modem named a cell of it here: only these could have heard another one. `cells` has
+    the cells by name.
+    """
+
+    square: int
+    n_walks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+    cells: Mapping[str, HeardInSquare] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True, slots=True)
+class KnownCell:
+    """A cell that earlier walks heard, anywhere.
+
+    `rat` is its technology, "" if unknown. `channels` has the pairs (channel number, code) it was
+    heard with; the code is BSIC, PSC or PCI, and either is None where the modem did not print it.
+    `strongest_square` is where its level was `best_dbm`, the strongest of all walks.
+    """
+
+    name: str
+    rat: str
+    n_walks: int
+    n_scans: int
+    n_squares: int
+    best_dbm: float
+    strongest_square: int
+    channels: frozenset[tuple[int | None, int | None]]
+
+
+class Baseline(Protocol):
+    """Earlier walks. A cell that was named by one scan only is unknown, as on a walk."""
+
+    @property
+    def n_walks(self) -> int:
+        """Number of walks; 0 means that there is nothing to compare with."""
+
+    @property
+    def fingerprint(self) -> str:
+        """Digest of all walks and of what is trusted: equal for baselines that answer the same."""
+
+    def square(self, square: int) -> SquareHistory:
+        """Earlier walks in a square, numbered as in `logger.core.squares`; empty if unvisited."""
+
+    def cell(self, name: str) -> KnownCell | None:
+        """What is known of the cell `mcc-mnc-area-cid`; None if no earlier walk heard it."""
+
+    def same_cid(self, name: str) -> tuple[KnownCell, ...]:
+        """Known cells with the MCC, MNC and CID of this one under another area code, by name."""
+
+    def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
+        """Channel numbers on which cells of an operator were heard, with the number of cells."""
+
+    def trust_note(self, name: str) -> str | None:
+        """The user's note about a cell that is trusted; None if it is not."""
+
+
+class NoBaseline:
+    """Nothing is known: no baseline is configured, or it could not be read."""
+
+    n_walks = 0
+    fingerprint = ""
+
+    def square(self, square: int) -> SquareHistory:
+        return SquareHistory(square)
+
+    def cell(self, name: str) -> KnownCell | None:  # noqa: ARG002
+        return None
+
+    def same_cid(self, name: str) -> tuple[KnownCell, ...]:  # noqa: ARG002
+        return ()
+
+    def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:  # noqa: ARG002
+        return MappingProxyType({})
+
+    def trust_note(self, name: str) -> str | None:  # noqa: ARG002
+        return None
+
+
+NO_BASELINE = NoBaseline()
+
+
+def squares_around(
+    baseline: Baseline, lat_deg: float, lon_deg: float, radius_m: float
+) -> tuple[SquareHistory, ...]:
+    """Earlier walks in all squares that a disc touches; the first is the square of the position."""
+    return tuple(baseline.square(square) for square in squares_within(lat_deg, lon_deg, radius_m))
+
+
+def best_dbm(squares: tuple[SquareHistory, ...], name: str) -> float | None:
+    """Strongest level at which a cell was heard in some squares; None if it was in none."""
+    heard = [square.cells[name].best_dbm for square in squares if name in square.cells]
+    return max(heard, default=None)

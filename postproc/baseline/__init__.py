@@ -1,0 +1,1 @@
+"""Baselines: what many walks heard, by square of 300 m, in one SQLite file."""

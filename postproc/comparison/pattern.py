@@ -1,0 +1,55 @@
+"""Whether a cell changed in another way here than there, as it does when its transmitter moves.
+
+Under the null hypothesis differences can be exchanged between blocks. The test permutes them; its
+statistic is large where neighbouring blocks changed alike.
+"""
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from postproc.comparison.differences import Differences
+from postproc.comparison.ground import Grid
+
+FEWEST_BLOCKS = 8
+"""Fewer show a change of the mean, but no pattern."""
+_REACH_M = 150.0
+"""Blocks this far apart still change alike when a transmitter moves, and by chance do not."""
+_FIRST, _MORE = 499, 49_999
+"""Permutations: the second number only where the first leaves the matter open."""
+_OPEN = 0.02
+_CHUNK = 5000
+
+
+def pattern_of(differences: Differences, change_db: float, grid: Grid) -> tuple[float, float]:
+    """Largest contrast between two parts of the ground in dB, and the probability of the pattern.
+
+    `change_db` is the change of the mean: a censored difference that allows it counts as that, any
+    other as its bound. Too few blocks give (0, 1).
+    """
+    n = len(differences)
+    if n < FEWEST_BLOCKS:
+        return 0.0, 1.0
+    x_m, y_m = grid.centres_m(differences.block)
+    apart_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
+    kernel = np.exp(-0.5 * (apart_m / _REACH_M) ** 2)
+    weight = 1.0 / differences.variance_db2
+    allowed = differences.bound * (change_db - differences.difference_db) > 0.0
+    values_db = np.where(allowed, change_db, differences.difference_db)
+    away_db = values_db - np.sum(weight * values_db) / np.sum(weight)
+    smooth_db = (kernel * weight) @ away_db / np.sum(kernel * weight, axis=1)
+    contrast_db = float(np.max(smooth_db) - np.min(smooth_db))
+    residual = away_db * np.sqrt(weight)
+    p = _share_as_smooth(kernel, residual, _FIRST)
+    return contrast_db, _share_as_smooth(kernel, residual, _MORE) if p < _OPEN else p
+
+
+def _share_as_smooth(kernel: FloatArray, residual: FloatArray, count: int) -> float:
+    """Share of permutations that are at least as smooth as the order of the walk."""
+    random = np.random.default_rng(0)  # equal runs give equal answers
+    own = residual @ kernel @ residual * (1.0 - 1e-12)
+    n_as_smooth = 0
+    for first in range(0, count, _CHUNK):
+        n = min(_CHUNK, count - first)
+        drawn = random.permuted(np.broadcast_to(residual, (n, len(residual))).copy(), axis=1)
+        n_as_smooth += int(np.count_nonzero(np.einsum("ij,ij->i", drawn @ kernel, drawn) >= own))
+    return (1 + n_as_smooth) / (1 + count)

@@ -1,0 +1,84 @@
+"""The baseline on the device: read only, and no error stops the recording."""
+
+import pytest
+
+from logger.core.live_settings import LiveSettings
+from logger.core.runfile import read_sound_run
+from logger.core.squares import square_of
+from logger.core.types import Note
+from logger.device.estimator import Estimator
+from logger.device.link import Inbox
+from logger.device.live_baseline import READ, UNREADABLE, LiveBaseline
+from postproc.baseline.store import BaselineStore
+from postproc.baseline.walk_summary import summarise_walk
+from tests.device.test_estimator import next_values, walk
+from tests.kit.service import LIMIT_S
+from tests.postproc.baseline.walks import name, two_cells, write_walk
+
+
+@pytest.fixture
+def made(tmp_path):
+    path = tmp_path / "baseline.db"
+    run = write_walk(tmp_path, 1, two_cells())
+    with BaselineStore(path, create=True) as store:
+        store.add(summarise_walk(read_sound_run(run)))
+        store.trust(name(1), "my femtocell")
+    return path
+
+
+def notes_of(baseline: str):
+    inbox = Inbox()
+    estimator = Estimator.of(LiveSettings(baseline=baseline), inbox)
+    estimator.start()
+    for seq, record in walk(5):
+        estimator.give(seq, record)
+    assert estimator.finish(LIMIT_S)
+    values = next_values(inbox)
+    codes = (READ, UNREADABLE)
+    notes = [value for value in values if isinstance(value, Note) and value.code in codes]
+    return notes, [value for value in values if value not in notes]
+
+
+def test_a_baseline_is_an_event_with_its_fingerprint(made):
+    baseline = LiveBaseline(str(made))
+    notes, _ = notes_of(str(made))
+    assert [note.code for note in notes] == [READ]
+    assert baseline.fingerprint in notes[0].text
+    assert baseline.n_walks == 1
+    assert name(1) in baseline.square(square_of(52.5, 13.4)).cells
+    assert baseline.trust_note(name(1)) == "my femtocell"
+
+
+def test_without_a_baseline_there_is_no_event():
+    assert notes_of("")[0] == []
+
+
+@pytest.mark.parametrize("content", [None, b"", b"x" * 9000])
+def test_a_file_that_cannot_be_read_is_one_event(tmp_path, content):
+    path = tmp_path / "bad.db"
+    if content is not None:
+        path.write_bytes(content)
+    notes, estimates = notes_of(str(path))
+    assert [(note.level, note.code) for note in notes] == [("warning", UNREADABLE)]
+    assert str(path) in notes[0].text
+    assert estimates == notes_of("")[1]
+
+
+def test_a_file_damaged_during_the_walk_is_one_event(made):
+    baseline = LiveBaseline(str(made))
+    baseline.take_notes()
+    content = bytearray(made.read_bytes())
+    content[4096:] = b"\xff" * (len(content) - 4096)
+    made.write_bytes(content)
+    for k in range(20):
+        assert not baseline.square(square_of(52.5 + 0.001 * k, 13.4)).cells
+        assert baseline.cell(name(k)) is None
+    assert [note.code for note in baseline.take_notes()] == [UNREADABLE]
+    assert baseline.n_walks == 0
+    assert baseline.fingerprint == ""
+
+
+def test_a_bad_page_is_one_line_in_the_log(tmp_path, caplog):
+    LiveBaseline(str(tmp_path / "missing.db"))
+    assert len(caplog.records) == 1
+    assert "nothing is known of earlier walks" in caplog.text

@@ -1,0 +1,100 @@
+"""`postproc baseline`: what it prints, its exit codes, and errors of one line."""
+
+import json
+
+import pytest
+
+from postproc.cli import main
+from tests.postproc.baseline.walks import name, two_cells, write_walk
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for number in (1, 2):
+        write_walk(tmp_path, number, two_cells(-50.0 - number), n=40)
+    return tmp_path
+
+
+def printed(capsys, *arguments, code=0):
+    assert main(["baseline", *arguments]) == code
+    return capsys.readouterr()
+
+
+def document(capsys, *arguments, code=0):
+    return json.loads(printed(capsys, *arguments, "--json", code=code).out)
+
+
+def test_runs_are_added_once(folder, capsys):
+    added = document(capsys, "add", "run-000001.h5", "run-000002.h5", "run-000001.journal")
+    assert [run["walk"] for run in added["runs"]] == [1, 2, None]
+    assert [run["is_known"] for run in added["runs"]] == [False, False, True]
+    assert (added["walks"], added["cells"]) == (2, 2)
+    again = printed(capsys, "add", "run-000001.h5").out
+    assert again == "baseline.db: 0 added, 1 in it already; 2 walks, 2 cells\n"
+
+
+def test_a_run_that_cannot_be_read_does_not_stop_the_others(folder, capsys):
+    (folder / "bad.h5").write_bytes(b"no run")
+    output = printed(capsys, "add", "bad.h5", "run-000002.h5", "missing.h5", code=3)
+    assert len(output.err.splitlines()) == 2
+    assert "bad.h5 was not added" in output.err
+    assert "1 added; 1 walk, 2 cells" in output.out
+
+
+def test_the_list_has_walks_and_trusted_cells(folder, capsys):
+    printed(capsys, "add", "run-000001.h5", "run-000002.h5")
+    printed(capsys, "trust", name(1), "my femtocell")
+    text = printed(capsys, "list").out
+    assert "baseline.db: 2 walks" in text
+    assert f"trusted: {name(1)}: my femtocell" in text
+    listed = document(capsys, "list")
+    assert [walk["name"] for walk in listed["walks"]] == ["run-000001.h5", "run-000002.h5"]
+    assert listed["trusted"] == [{"cell": name(1), "note": "my femtocell"}]
+
+
+def test_a_walk_is_removed_and_trust_stays(folder, capsys):
+    printed(capsys, "add", "run-000001.h5", "run-000002.h5")
+    printed(capsys, "trust", name(1), "my femtocell")
+    digest = document(capsys, "list")["walks"][1]["digest"]
+    removed = document(capsys, "remove", digest[:10])
+    assert [walk["id"] for walk in removed["removed"]] == [2]
+    left = document(capsys, "list")
+    assert [walk["id"] for walk in left["walks"]] == [1]
+    assert left["trusted"]
+    assert document(capsys, "trust", name(1), "--withdraw")["trusted"] is False
+    assert document(capsys, "list")["trusted"] == []
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["list"],
+        ["remove", "1"],
+        ["trust", "262-01-801-1", "a note"],
+        ["list", "-b", "none/x.db"],
+        ["add", "run-000001.h5", "-b", "none/x.db"],
+        ["add", "run-000001.h5", "-b", "."],
+    ],
+)
+def test_no_baseline_is_one_line(folder, capsys, arguments):
+    assert len(printed(capsys, *arguments, code=2).err.splitlines()) == 1
+    assert not (folder / "baseline.db").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["trust", "my cell", "a note"],
+        ["trust", "262-01-801-1"],
+        ["trust", "262-01-801-1", "a note", "--withdraw"],
+        ["trust", "262-01-801-1", "--withdraw"],
+        ["trust", "262-01-801-1", "two\nlines"],
+        ["remove", "7"],
+        ["remove"],
+        ["add"],
+    ],
+)
+def test_mistakes_are_one_line(folder, capsys, arguments):
+    printed(capsys, "add", "run-000001.h5")
+    assert len(printed(capsys, *arguments, code=2).err.splitlines()) == 1
