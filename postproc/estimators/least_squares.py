@@ -84,7 +84,7 @@ def fit(
     search = Search(rows, loss, sigma_db)
     if not np.all(rows.free):
         # how much a limit hides depends on sigma, of which the first fit knows more
-        minima = search.minima([(float(m.state[0]), float(m.state[1])) for m in minima])
+        minima = search.refine(minima)
     best = minima[0]
     spread = _sandwich(search, best.state)
     allowed = 0.5 * CHI2_95_2DOF * spread.variance_db2 * max(spread.inflation, 1.0)

@@ -22,7 +22,7 @@ from postproc.estimators.robust_losses import Loss, influence
 
 _ArrayFunction = Callable[[FloatArray], FloatArray]
 
-_STEPS = 200  # searches that converge take some 20
+_STEPS = 100  # searches that converge take some 20
 _SCALE = (10.0, 10.0, 3.0, 0.3)  # usual sigmas of x, y (m), P0 (dB) and eta
 _LEAST_SCALE_DB = 1.0  # of a robust loss: levels are rounded to 1 dB
 _LEAST_RATE, _LEAST_SLOPE = 1e-3, 0.1  # below these a row is far beyond what the loss follows
@@ -50,6 +50,13 @@ class Search(NamedTuple):
         """Minimum reached from each start (x, y), best first; impossible ones come last."""
         minima = [self._minimum_from(start) for start in starts]
         return sorted(minima, key=lambda minimum: (not minimum.converged, minimum.cost))
+
+    def refine(self, minima: Sequence[Minimum]) -> list[Minimum]:
+        """The minima of this search near those of another with a different sigma, best first."""
+        metres = (tuple(np.round(minimum.state[:2])) for minimum in minima)
+        each_once = dict(zip(metres, minima, strict=True)).values()
+        refined = [self._search_state(minimum.state) for minimum in each_once]
+        return sorted(refined, key=lambda minimum: (not minimum.converged, minimum.cost))
 
     def _minimum_from(self, start: tuple[float, float]) -> Minimum:
         projected = self._search_position(start)
