@@ -2,7 +2,7 @@
 
     .venv/bin/python benchmarks/baseline.py [--walks 1000]
 
-The walks are copies of one simulated run of half an hour with other levels, as HDF5 files, over
+The walks are simulated, ten minutes each, as HDF5 files, over
 ground that they share: the worst case for a lookup, as each square and cell has every walk.
 """
 
@@ -25,14 +25,14 @@ from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.baseline.addition import add_runs
 from postproc.baseline.store import BaselineStore
 
-N_SCANS, STEP_DEG = 900, 2.5e-5
-"""Half an hour at 1.4 m/s along a meridian, a scan each 2 s."""
+N_SCANS, STEP_DEG = 300, 2.5e-5
+"""Ten minutes at 1.4 m/s along a meridian, a scan each 2 s."""
 CELLS_IN_SCAN, SCANS_BEFORE_NEXT = 8, 25
 """A modem names at most eight cells; each 70 m another one is the weakest."""
 
 
 def write_run(folder: Path, number: int) -> Path:
-    """A walk of half an hour past 43 cells."""
+    """A walk of ten minutes past 19 cells."""
     journal, random = folder / f"run-{number:06d}.journal", np.random.default_rng(number)
     meta = RunMeta(
         run_id=f"{number:032x}", boot_id="", started_ns=0, origin="benchmark", program="benchmark"

@@ -183,6 +183,13 @@ def _change_of_tested(one: _Tested, grounds: tuple[Ground, Ground], limit: float
             f"stronger in one part of the ground and weaker in another, by {one.contrast_db:.0f} "
             "dB; also an antenna that was turned, or a second transmitter with its identity"
         )
+    elif changed and not np.any(one.differences.bound == 0):
+        word = "new" if change_db > 0.0 else "gone"
+        walk, other = ("B", "A") if change_db > 0.0 else ("A", "B")
+        text = (
+            f"only walk {walk} heard it in {len(one.differences)} blocks of 50 m, in which walk "
+            f"{other} could have; walk {other} heard it elsewhere"
+        )
     elif changed:
         word = "stronger" if change_db > 0.0 else "weaker"
         text = f"{how} all along; also another power or antenna, or works at the site"

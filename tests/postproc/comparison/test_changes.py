@@ -51,6 +51,19 @@ def test_a_changed_cell_gets_its_word(cid, change, word):
     assert n_right >= 4
 
 
+def test_a_cell_that_is_left_elsewhere_is_gone_here():
+    """Heard by the second walk only where the first one was not: no level can be compared."""
+    first = [obs.part(obs.x_m < 390_000.0 + 1000.0) for obs in walk(1)]
+    second = [
+        obs.part(obs.x_m > 390_000.0 + 1050.0) if obs.cell == name(3) else obs for obs in walk(2)
+    ]
+    compared = compare([obs for obs in first if len(obs)], second, same_modem=True)
+    third = next(cell for cell in compared.cells if cell.cell == name(3))
+    assert third.n_b > 0
+    assert third.word == "gone"
+    assert "walk B heard it elsewhere" in third.text
+
+
 def test_new_is_gone_the_other_way_round():
     for seed in range(5):
         with_it, without = walk(seed), walk(seed + 50, without=(3,))
