@@ -150,7 +150,7 @@ def _passes(
     if obs.n_modems > 1:
         why = "several modems, and the filter does not estimate the offset between them"
         return iter((ekf_initialisation.NoRun(why), ekf_initialisation.NoRun(why)))
-    if why_not := ekf_initialisation.unlocated(obs, posterior):
+    if why_not := ekf_initialisation.why_not_located(obs, posterior):
         return iter((why_not, why_not))
     noise = ekf_initialisation.noise_of(obs, posterior)
     return (

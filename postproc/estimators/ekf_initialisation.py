@@ -78,7 +78,7 @@ def run(
     is that of `noise_of` by default. States have shape (m, 5): x, y in metres, P0 in dBm, eta and
     shadowing in dB. `backward` takes the readings from the last to the first.
     """
-    if why_not := unlocated(obs, full):
+    if why_not := why_not_located(obs, full):
         return why_not
     readings = obs.part(slice(None, None, -1)) if backward else obs
     noise = noise or noise_of(obs, full)
@@ -94,7 +94,7 @@ def run(
     return EkfRun(posterior, noise, first, filtered, smoothed, rows)
 
 
-def unlocated(obs: CellObservations, full: Posterior) -> NoRun | None:
+def why_not_located(obs: CellObservations, full: Posterior) -> NoRun | None:
     """Why no prefix is tried: not even all readings locate the transmitter; None where they do."""
     if assess(full, obs).verdict == "located":
         return None
