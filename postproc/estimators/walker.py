@@ -22,7 +22,7 @@ errors", erols.com/dlwilson).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from math import sqrt
 from typing import NamedTuple
@@ -30,7 +30,6 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.observations import CellObservations
 from logger.core.rows import Rows
 from logger.core.track import MAX_GAP_S, Track
 from postproc.estimators.walker_kalman import Model, Series, excess_variance, score, smooth
@@ -114,12 +113,6 @@ class SmoothedTrack:
         )
         x_m, y_m = mean.T + np.array([[self.track.x_m[0]], [self.track.y_m[0]]])
         return Positions(x_m, y_m, variance[:, None, None] * np.eye(2), np.sqrt(variance))
-
-
-def relocate(obs: CellObservations, walk: SmoothedTrack) -> CellObservations:
-    """The same readings at the walker's smoothed positions."""
-    smooth = walk.at(obs.t_ns)
-    return replace(obs, x_m=smooth.x_m, y_m=smooth.y_m, position_sigma_m=smooth.sigma_m)
 
 
 def velocities(fixes: Rows, track: Track) -> Velocities:

@@ -1,5 +1,7 @@
 """What is said of fixes that are moved by more than their accuracy allows."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from logger.core.runfile import read_run
@@ -46,3 +48,11 @@ def test_a_recorded_run_is_smoothed_however_fast_it_was(tmp_path):
     for origin, asked in (("test", False), ("import of train.csv", True)):
         warnings = observe_run(_run(tmp_path, north_m, origin=origin)).warnings
         assert any("the times cannot be right" in warning for warning in warnings) == asked
+
+
+def test_readings_of_a_scan_whose_row_is_lost_are_placed_by_their_own_time(tmp_path):
+    run = _run(tmp_path, np.arange(100) * 1.4)
+    lost = replace(run, tables={**run.tables, "scans": run.tables["scans"][:-5]})
+    (whole,), (partial,) = (observe_run(one).observations.cells for one in (run, lost))
+    for name in ("x_m", "y_m", "position_sigma_m"):
+        np.testing.assert_array_equal(getattr(partial, name), getattr(whole, name))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from logger.core.geo import Utm
-from logger.core.observations import CellObservations
 from logger.core.rows import DTYPES
 from postproc.estimators import walker
 from tests.kit.scaling import cost_growth
@@ -188,16 +187,10 @@ def test_velocities_come_from_speed_and_course_on_the_grid():
     assert np.isinf(result.sigma_mps[2])
 
 
-def test_readings_are_relocated_to_the_smoothed_walk():
+def test_the_covariance_of_a_position_is_round():
     rng = np.random.default_rng(9)
     t_s, xy = streets(rng, 120)
     smoothed = walker.smooth_track(track(t_s, xy))
-    t_ns = smoothed.track.t_ns[10:20] + 400_000_000
-    obs = CellObservations("c", None, Utm(33), t_ns, *np.zeros((4, 10)), np.arange(10))
-    placed = walker.relocate(obs, smoothed)
-    result = smoothed.at(t_ns)
-    np.testing.assert_array_equal(placed.x_m, result.x_m)
-    np.testing.assert_array_equal(placed.position_sigma_m, result.sigma_m)
+    result = smoothed.at(smoothed.track.t_ns[10:20] + 400_000_000)
     np.testing.assert_allclose(result.covariance_m2[:, 0, 0], result.sigma_m**2)
     assert np.all(result.covariance_m2[:, 0, 1] == 0.0)
-    assert placed.level_dbm is obs.level_dbm
