@@ -2,8 +2,8 @@
 
     .venv/bin/python benchmarks/baseline.py [--walks 1000]
 
-The walks are simulated, ten minutes each, as HDF5 files, over ground that they share: the worst case
-for a lookup, as each square and cell has every walk.
+The walks are simulated, ten minutes each, as HDF5 files, over ground that they share: the worst
+case for a lookup, as each square and cell has every walk.
 """
 
 import argparse
