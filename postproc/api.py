@@ -152,7 +152,8 @@ def smooth(
     """Every estimator over every cell of one run or of several, or over `cells` only.
 
     Readings of several runs are joined, with an unknown offset between the levels of different
-    modems. `loss` is that of the least-squares fit. More than one of `processes` needs a main guard
+    modems. `loss` is that of the least-squares fit. Located means that `within_m` holds 95 % of the
+    probability. More than one of `processes` needs a main guard
     in the calling script. `Result.cells` has a `CellResult` per cell, most readings first; arrays
     of its estimators are shape (n,) or (n, 4) with x, y (metres, UTM), P0 (dBm at 1 m) and eta.
 

@@ -141,14 +141,14 @@ def between_two(
     fields = one.field.with_squares(fine.squares), fine
     log_mass = fine.log_mass - log_sum(fine.log_mass)
     log_p = [
-        field.mixed(field.evaluate(walk.level_dbm[:, None])[0], tempered=True)
+        field.posterior_ratio(field.evaluate(walk.level_dbm[:, None])[0], tempered=True)
         for field, walk in zip(fields, walks, strict=True)
     ]
     joint = log_mass + log_p[0][:, 0] + log_p[1][:, 0]
     p = np.exp(joint - log_sum(joint))
     x_m, y_m, _ = fine.squares[:, rng.choice(len(p), _PAIRS, p=p / np.sum(p))]
     simulated = [
-        field.mixed(field.evaluate(walk.noise.walks(x_m, y_m, rng))[0], tempered=False)
+        field.posterior_ratio(field.evaluate(walk.noise.walks(x_m, y_m, rng))[0], tempered=False)
         for field, walk in zip(fields, walks, strict=True)
     ]
     log_factor = float(_log_factor(log_p[0], log_p[1], log_mass)[0])

@@ -172,7 +172,7 @@ class LikelihoodGrid:
         log_mass = self.log_mass - log_sum(self.log_mass)
         return log_sum(np.swapaxes(log_p + log_mass[:, None], 1, 2))
 
-    def mixed(self, log_p: FloatArray, *, tempered: bool) -> FloatArray:
+    def posterior_ratio(self, log_p: FloatArray, *, tempered: bool) -> FloatArray:
         """Log of posterior by prior density of walks at each square, shape (h, b).
 
         As in `mixture`: hypotheses (c, h, b) are mixed within their group, whose likelihood is then
@@ -192,7 +192,9 @@ class LikelihoodGrid:
     def densities(self, log_p: FloatArray, *, tempered: bool) -> FloatArray:
         """Probability per square metre of each square, shape (h, b)."""
         log_density = log_prior(self.blocks, self.prior, self.squares) - log_sum(self.log_mass)
-        return np.asarray(np.exp(self.mixed(log_p, tempered=tempered) + log_density[:, None]))
+        return np.asarray(
+            np.exp(self.posterior_ratio(log_p, tempered=tempered) + log_density[:, None])
+        )
 
     def plausible(self, level_dbm: FloatArray) -> "LikelihoodGrid":
         """Without the hypotheses that one walk (n,) rules out, with six at most."""

@@ -6,8 +6,7 @@
 3. Several relevant modes, each with a 95 % ellipse within that radius: ambiguous.
 4. Otherwise: cannot tell. What widens the region is listed after that reason.
 
-The radius is what a user can act on, whatever the extent of the walk: `DESK_M` at the desk and
-`LIVE_M` while walking.
+The radius is what a user can act on, whatever the extent of the walk.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,8 +37,6 @@ _PASSING_M = 20.0
 """Distance at which the advice states levels: walking past, not through, a building."""
 DESK_M = 150.0
 """A group of houses, which one more walk can search."""
-LIVE_M = 60.0
-"""What somebody who stands there can look over."""
 _FAR_SHARE = 0.05
 """With more probability than this far away, the 95 % region reaches there."""
 
