@@ -30,8 +30,8 @@ _QUICK_PART = 10
 """The search under white noise alone, for a first position, uses this part of the squares."""
 _LEAST_RATIO = 1e-4
 """Hypotheses this much less likely than the likeliest change no printed digit."""
-_HOPELESS_NATS = 15.0
-"""Hypotheses worse by this (3 million to 1) at one position are not tried at others."""
+_HOPELESS_NATS = 10.0
+"""Hypotheses worse by this (22 000 to 1) at one position are not tried at others."""
 _BEST_SQUARES = 15
 """Squares of each hypothesis at which all blocks decide whether it is plausible."""
 

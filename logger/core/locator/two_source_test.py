@@ -36,7 +36,8 @@ _RIVALS = 3  # peaks of the level besides the highest one
 _APART = 0.12  # of peaks, by the extent of the walk
 _PEAK_REACH = 0.7  # by that distance: a peak is the highest level within it
 _SMOOTHING = 0.03  # of the level, by the extent of the walk
-_TURNS = 3  # of division and location
+_TURNS = 3  # of division and location, for the best of the first divisions
+_HOPELESS = -10.0  # log factor of a first division that no further turn makes plausible
 _IMPOSSIBLE = -1e9  # log evidence of a hypothesis that one of the parts rules out
 
 
@@ -78,34 +79,65 @@ def divide(obs: CellObservations, posterior: Posterior) -> Division | None:
     if not others:
         return None
     undivided = float(log_sum(_locate_part(walk, prior).log_evidence))
-    divisions = [_best_division(walk, prior, first, other, undivided) for other in others]
-    best = max((one for one in divisions if one is not None), default=None)
+    tries = [_try(walk, prior, _nearer(walk, first, other), undivided) for other in others]
+    best = _improve(
+        walk,
+        prior,
+        max(filter(None, tries), key=lambda one: one.log_factor, default=None),
+        undivided,
+    )
     trust = float(posterior.noise_probability @ prior.noise_table.trust)
     return best and best._replace(log_factor=trust * best.log_factor)
 
 
-def _best_division(
-    walk: Blocks, prior: Prior, first: int, other: int, undivided: float
-) -> Division | None:
-    """Divide by distance, then again by which of the two located transmitters is the stronger."""
-    in_one = _distance_m(walk, walk.x_m[first], walk.y_m[first]) < _distance_m(
-        walk, walk.x_m[other], walk.y_m[other]
-    )
-    best = None
-    for _ in range(_TURNS):
-        if min(np.count_nonzero(in_one), np.count_nonzero(~in_one)) < _FEWEST_BLOCKS:
+class _Try(NamedTuple):
+    """A division by the blocks `in_one`, and where the first of its transmitters is `stronger`.
+
+    `is_passed`: the walk comes near both transmitters.
+    """
+
+    log_factor: float
+    is_passed: bool
+    one: _Part
+    two: _Part
+    in_one: BoolArray
+    stronger: BoolArray
+
+
+def _try(walk: Blocks, prior: Prior, in_one: BoolArray, undivided: float) -> _Try | None:
+    """Locate both parts of a walk; None where one of them is too short."""
+    if min(np.count_nonzero(in_one), np.count_nonzero(~in_one)) < _FEWEST_BLOCKS:
+        return None
+    one, two = (_locate_part(walk.part(chosen), prior) for chosen in (in_one, ~in_one))
+    both = one.log_evidence + two.log_evidence - prior.noise_table.log_odds
+    nearest_m = [np.min(_distance_m(walk, part.x_m, part.y_m)) for part in (one, two)]
+    stronger = _expected_dbm(one, walk, prior) > _expected_dbm(two, walk, prior)
+    log_factor = float(log_sum(both)) - undivided
+    is_passed = bool(max(nearest_m) <= prior.near_m)
+    return _Try(log_factor, is_passed, one, two, in_one, stronger)
+
+
+def _improve(walk: Blocks, prior: Prior, best: _Try | None, undivided: float) -> Division | None:
+    """Divide again by which of the two located transmitters is the stronger."""
+    tries = [best]
+    while best and best.log_factor > _HOPELESS and len(tries) < _TURNS:
+        if np.array_equal(best.stronger, best.in_one):
             break
-        one, two = (_locate_part(walk.part(chosen), prior) for chosen in (in_one, ~in_one))
-        both = one.log_evidence + two.log_evidence - prior.noise_table.log_odds
-        factor = float(log_sum(both)) - undivided
-        nearest_m = [np.min(_distance_m(walk, part.x_m, part.y_m)) for part in (one, two)]
-        if max(nearest_m) <= prior.near_m and (best is None or factor > best.log_factor):
-            best = Division(factor, (one.x_m, one.y_m), (two.x_m, two.y_m))
-        stronger = _expected_dbm(one, walk, prior) > _expected_dbm(two, walk, prior)
-        if np.array_equal(stronger, in_one):
-            break
-        in_one = stronger
-    return best
+        best = _try(walk, prior, best.stronger, undivided)
+        tries.append(best)
+    divisions = [
+        Division(one.log_factor, (one.one.x_m, one.one.y_m), (one.two.x_m, one.two.y_m))
+        for one in tries
+        if one and one.is_passed
+    ]
+    return max(divisions, default=None)
+
+
+def _nearer(walk: Blocks, first: int, other: int) -> BoolArray:
+    """Blocks (n,) that are nearer to the first of two blocks."""
+    to_first_m = _distance_m(walk, walk.x_m[first], walk.y_m[first])
+    to_other_m = _distance_m(walk, walk.x_m[other], walk.y_m[other])
+    return np.asarray(to_first_m < to_other_m, np.bool_)
 
 
 def _locate_part(walk: Blocks, prior: Prior) -> _Part:
