@@ -25,6 +25,7 @@ from postproc.report.cli import report
 from postproc.reproductions.position_verification.cli import verify_theory
 from postproc.reproductions.toa.cli import toa
 from postproc.reproductions.validate.cli import validate
+from postproc.suspicion.cli import suspect
 from postproc.verification.cli import celldb, verify
 from postproc.view.cli import view
 
@@ -50,7 +51,7 @@ def program() -> None:
 
 for _command in (
     import_, export, share, view, plot, report, recover,
-    toa, validate, verify, verify_theory, celldb, baseline, compare,
+    suspect, toa, validate, verify, verify_theory, celldb, baseline, compare,
 ):  # fmt: skip
     program.add_command(_command)
 
@@ -117,6 +118,8 @@ def replay(path: Path, *, as_json: bool) -> int:
         print("the run contains no live estimate: no 2G cell was decoded while there was a fix")
     elif result.equal:
         print(f"replay equals live: {result.n_equal} estimates, to the last bit")
+    elif result.findings_differ:
+        print("replay differs from live: the findings of the rules are not the recorded ones")
     else:
         print(
             f"replay differs from live: {result.n_recorded} recorded, "
@@ -160,10 +163,11 @@ def smooth(
     from postproc import results
     from postproc.result import Options
     from postproc.summary import summarise
+    from postproc.suspicion.ordering import order_by_word
 
     runs = [read_sound_run(path) for path in paths]
     result = estimate(runs, cells, Options(prior, loss, within_m))
-    summary = summarise(result)
+    summary = summarise(order_by_word(result))
     # printed first: a run on a read-only card has an answer too
     _print_summary(summary, details=bool(cells or verbose), as_json=as_json)
     beside = results.path_beside(paths[0], together=len(runs) > 1)

@@ -1,6 +1,6 @@
 """The live estimate once more, from the recorded fixes and scans alone."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import astuple, dataclass
 from importlib.metadata import version
 
@@ -10,7 +10,8 @@ from threadpoolctl import threadpool_limits
 from logger.core.live import LiveTracker
 from logger.core.live_settings import BEHIND
 from logger.core.runfile import Run
-from logger.core.types import LiveEstimate
+from logger.core.suspicion.notes import FINDING_CODE, RULES_CODE, start_note
+from logger.core.types import LiveEstimate, Note
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,21 +30,21 @@ class Replay:
     largest_m: float
     recorded_by: str
     replayed_by: str
+    n_findings: int = 0
+    findings_differ: bool = False
 
     @property
     def equal(self) -> bool:
-        """Whether every estimate is there and equal."""
-        return self.n_equal == self.n_recorded == self.n_replayed
+        """Whether every estimate and every finding is there and equal."""
+        return self.n_equal == self.n_recorded == self.n_replayed and not self.findings_differ
 
 
-def estimates(run: Run) -> Iterator[LiveEstimate]:
-    """Live estimates computed from the run's fixes and scans, in their recorded order."""
+def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
+    """Live estimates and events computed from the run's fixes and scans, in recorded order."""
     tracker = LiveTracker(run.meta.live)
     with threadpool_limits(1):  # as on the device: several threads of BLAS add in another order
         for seq, record in run.records("fixes", "scans"):
-            for value in tracker.feed(seq, record):
-                if isinstance(value, LiveEstimate):
-                    yield value
+            yield from tracker.feed(seq, record)
 
 
 def replay(run: Run) -> Replay:
@@ -53,7 +54,10 @@ def replay(run: Run) -> Replay:
     """
     values = (record.value for _, record in run.records("live"))
     recorded = [value for value in values if isinstance(value, LiveEstimate)]
-    replayed = list(estimates(run))
+    values_replayed = list(live_values(run))
+    replayed = [value for value in values_replayed if isinstance(value, LiveEstimate)]
+    findings = _findings(record.value for _, record in run.records("notes"))
+    findings_replayed = _findings([start_note(), *values_replayed])
     if run.end is None or np.any(run.tables["notes"]["code"] == BEHIND.encode()):
         common = min(len(recorded), len(replayed))
         recorded, replayed = recorded[:common], replayed[:common]
@@ -68,7 +72,30 @@ def replay(run: Run) -> Replay:
         largest_m=max([0.0, *offsets_m]),  # NaN compares false and is passed over
         recorded_by=run.meta.program,
         replayed_by=f"cellwalk {version('cellwalk')}",
+        n_findings=len(findings),
+        findings_differ=_findings_differ(run, findings, findings_replayed),
     )
+
+
+def _findings(values: Iterable[object]) -> list[str]:
+    """Findings as recorded, after the event that names the rules."""
+    codes = (RULES_CODE, FINDING_CODE)
+    return [value.text for value in values if isinstance(value, Note) and value.code in codes]
+
+
+def _findings_differ(run: Run, recorded: list[str], replayed: list[str]) -> bool:
+    """Whether findings differ, of a run that the same rules made without earlier walks.
+
+    The file of a baseline is not part of the run, so its findings cannot be repeated.
+    """
+    if not recorded or recorded[0] != start_note().text or _has_baseline(run):
+        return False
+    shorter = min(len(recorded), len(replayed)) if run.end is None else None
+    return recorded[:shorter] != replayed[:shorter]
+
+
+def _has_baseline(run: Run) -> bool:
+    return bool(np.any(run.tables["notes"]["code"] == b"baseline"))
 
 
 def _are_equal(a: LiveEstimate, b: LiveEstimate) -> bool:

@@ -19,6 +19,8 @@ from logger.core.live_reference import LiveReference
 from logger.core.live_settings import LiveSettings
 from logger.core.locator.online import LevelReading
 from logger.core.model.prior import Prior, prior_for
+from logger.core.suspicion.notes import finding_notes
+from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.track import TIMING_S
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
@@ -44,6 +46,7 @@ class LiveTracker:
         self._identities = Identities()
         self._once: Latest[LevelReading] = Latest(_MOST_ONCE)
         self._cells: Latest[LiveCell] = Latest(settings.most_cells)
+        self.suspicion = SuspicionTracker(settings.max_fix_age_s, baseline)
 
     @property
     def target(self) -> str | None:
@@ -52,12 +55,19 @@ class LiveTracker:
 
     def feed(self, seq: int, record: Record) -> list[Note | LiveEstimate]:
         """Take the next record; returns what is to be recorded because of it."""
+        notes = self._check_rules(record)
         match record.value:
             case Fix() as fix:
-                return [*self._track.add(record.t_ns, fix)]
+                return [*notes, *self._track.add(record.t_ns, fix)]
             case Scan() as scan:
-                return self._take_scan(seq, record.t_ns, scan)
-        return []
+                return [*notes, *self._take_scan(seq, record.t_ns, scan)]
+        return [*notes]
+
+    def _check_rules(self, record: Record) -> list[Note]:
+        """What the rules find in a record, as events."""
+        findings = self.suspicion.feed(record)
+        words = [self.suspicion.assessment(finding.cell) for finding in findings]
+        return list(finding_notes(findings, words))
 
     def _take_scan(self, seq: int, t_ns: int, scan: Scan) -> list[Note | LiveEstimate]:
         self._identities.add(scan)

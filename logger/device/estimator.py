@@ -19,6 +19,7 @@ from logger.device.link import Inbox
 if TYPE_CHECKING:
     from logger.core.baseline import Baseline
     from logger.core.live import LiveTracker
+    from logger.core.suspicion.words import Assessment
     from logger.device.live_baseline import LiveBaseline
 
 log = logging.getLogger(__name__)
@@ -34,10 +35,17 @@ def live_tracker(settings: LiveSettings, baseline: "Baseline") -> "LiveTracker":
     return LiveTracker(settings, baseline)
 
 
+def _rules_note() -> Note:
+    """Which rules are applied; their modules are imported with the tracker."""
+    from logger.core.suspicion.notes import start_note  # noqa: PLC0415
+
+    return start_note()
+
+
 class Estimator:
     """Feeds records to the tracker that `make` returns, until `finish`.
 
-    `latest` is the newest estimate of the target.
+    `latest` is the newest estimate of the target, `suspicions` the words of cells with a finding.
 
     `make` is called in the thread of the estimate, in which the file `baseline` is read too.
     """
@@ -52,8 +60,10 @@ class Estimator:
         self._waiting: queue.Queue[tuple[int, Record] | None] = queue.Queue(MOST_WAITING)
         self._behind = False
         self._last_ns = 0
+        self._has_started = False
         self._thread = threading.Thread(target=self._run, name="estimate", daemon=True)
         self.latest: LiveEstimate | None = None
+        self.suspicions: tuple[Assessment, ...] = ()
 
     @classmethod
     def of(cls, settings: LiveSettings, inbox: Inbox) -> Self:
@@ -111,8 +121,14 @@ class Estimator:
     def _estimate(
         self, tracker: "LiveTracker", baseline: "LiveBaseline", seq: int, record: Record
     ) -> None:
+        if not self._has_started:
+            self._has_started = True
+            self._inbox.put(Record(record.t_ns, "live", _rules_note()))
         self._last_ns = record.t_ns
         values = tracker.feed(seq, record)
+        if any(isinstance(value, Note) and value.code == "finding" for value in values):
+            found = [cell for cell in tracker.suspicion.assessments() if cell.findings]
+            self.suspicions = tuple(found)
         for note in baseline.take_notes():
             self._inbox.put(Record(record.t_ns, "live", note))
         for value in values:

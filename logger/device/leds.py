@@ -12,12 +12,13 @@ log = logging.getLogger(__name__)
 
 LEDS = Path("/sys/class/leds")
 
-FLASHES_S: dict[Sign, tuple[float, float]] = {
+FLASHES_S: dict[Sign, tuple[float, ...]] = {
     "recording": (0.1, 1.9),
+    "suspicious": (0.1, 0.2, 0.1, 0.2, 0.1, 1.3),
     "no fix": (1.0, 1.0),
     "error": (0.1, 0.1),
 }
-"""Seconds on and off. Every state blinks, so a crashed program or Pi is not taken for one."""
+"""Seconds on and off in turn. Every state blinks: a crashed program or Pi is not taken for one."""
 
 
 class StatusLight:
@@ -66,7 +67,7 @@ class StatusLight:
         brightness = self._folder / "brightness"
         try:
             while not self._closed:
-                for level, seconds in cycle(zip(("1", "0"), FLASHES_S[self._sign], strict=True)):
+                for level, seconds in zip(cycle("10"), cycle(FLASHES_S[self._sign]), strict=False):
                     brightness.write_text(level)
                     if self._changed.wait(seconds):
                         break

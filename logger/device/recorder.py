@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from logger.core.live_settings import BEHIND, LiveSettings
 from logger.core.runfile import FLOOR_BYTES, RunWriter
@@ -18,6 +19,9 @@ from logger.device.clock import Clock
 from logger.device.estimator import Estimator
 from logger.device.link import Inbox
 from logger.device.retention import RoomKeeper
+
+if TYPE_CHECKING:
+    from logger.core.suspicion.words import Assessment
 
 log = logging.getLogger(__name__)
 
@@ -70,6 +74,11 @@ class Recorder:
     def latest(self) -> LiveEstimate | None:
         """Newest live estimate of the target."""
         return self._estimator.latest
+
+    @property
+    def suspicions(self) -> "tuple[Assessment, ...]":
+        """Words of the cells with a finding."""
+        return self._estimator.suspicions
 
     @property
     def target(self) -> str | None:

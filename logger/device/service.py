@@ -25,6 +25,7 @@ from logger.device.saved_modes import SavedModes
 from logger.device.startup import BegunRun
 from logger.device.status import Sign, Status, TargetStatus, WatchedInbox
 from logger.device.status_sinks import status_sinks
+from logger.device.suspicion_status import suspicion_status
 from logger.drivers.registry import FAMILIES, check_mode
 
 log = logging.getLogger(__name__)
@@ -172,6 +173,7 @@ class Service:
             fix=inbox.fix,
             target=_target(self.recorder.target, self.recorder.latest),
             ports=dict(inbox.ports),
+            suspicions=suspicion_status(self.recorder.suspicions),
         )
 
     def _trouble(self, now_ns: int) -> str:
@@ -190,7 +192,10 @@ class Service:
 
     def _sign(self, now_ns: int) -> Sign:
         valid_ns = self._inbox.valid_ns
-        return "no fix" if valid_ns is None or now_ns - valid_ns > FIX_AGE_S * 1e9 else "recording"
+        if valid_ns is None or now_ns - valid_ns > FIX_AGE_S * 1e9:
+            return "no fix"
+        words = {cell.word for cell in self.recorder.suspicions}
+        return "suspicious" if "suspicious" in words else "recording"
 
     def _note_sync(self) -> None:
         self._synced_ns = self._clock.now_ns()

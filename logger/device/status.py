@@ -17,7 +17,7 @@ FOLDER = Path("/run/cellwalk")
 """RuntimeDirectory= of the service; systemd removes it with the service."""
 _FILE = "status.json"
 
-Sign = Literal["recording", "no fix", "error"]
+Sign = Literal["recording", "suspicious", "no fix", "error"]
 
 
 class FixStatus(msgspec.Struct, frozen=True):
@@ -62,6 +62,15 @@ class TargetStatus(msgspec.Struct, frozen=True):
         return f"target {self.cell}: {self.verdict} ({self.probability:.2f}), {position}, {region}"
 
 
+class SuspicionStatus(msgspec.Struct, frozen=True):
+    """A cell that is unusual or suspicious, with the reasons as sentences."""
+
+    cell: str
+    word: str
+    score_nats: float
+    reasons: tuple[str, ...]
+
+
 class PortStatus(msgspec.Struct, frozen=True):
     """A port, whether it is open, and its last event."""
 
@@ -74,6 +83,7 @@ class Status(msgspec.Struct, frozen=True):
     """All of status.json; times are nanoseconds since boot (CLOCK_BOOTTIME).
 
     `since_ns` is when the run began, `synced_ns` when the card last took all of it (None: not yet).
+    `suspicions` has the most suspicious cell first; it never changes what is recorded.
     `waiting` of the queue's `room` records have yet to be written.
     """
 
@@ -92,6 +102,7 @@ class Status(msgspec.Struct, frozen=True):
     fix: FixStatus | None
     target: TargetStatus | None
     ports: dict[str, PortStatus]
+    suspicions: tuple[SuspicionStatus, ...] = ()
 
 
 class WatchedInbox(Inbox):

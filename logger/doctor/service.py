@@ -48,8 +48,8 @@ def status_lines(status: Status) -> Iterator[Line]:
         text = f"the service has not reported for {age_s:.0f} s: systemctl restart fieldlogger"
         yield Line("fail", "status", text)
         return
-    states: dict[str, State] = {"error": "fail", "no fix": "warn", "recording": "ok"}
-    yield Line(states[status.state], "status", f"{status.state}: {status.text}")
+    states: dict[str, State] = {"error": "fail", "no fix": "warn"}
+    yield Line(states.get(status.state, "ok"), "status", f"{status.state}: {status.text}")
     synced_ns = status.since_ns if status.synced_ns is None else status.synced_ns
     unsynced_s = (status.now_ns - synced_ns) / 1e9
     yield Line(

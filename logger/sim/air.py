@@ -59,7 +59,7 @@ class ModemFix:
 
 @dataclass(frozen=True, slots=True)
 class Air:
-    """The strongest decoded cell serves; the others follow by level.
+    """The strongest decoded cell serves, its offset included; the others follow by level.
 
     `fix` gives the position, None without one.
     """
@@ -73,13 +73,19 @@ class Air:
         cls, cells: Sequence[ReceivedCell], fix: Callable[[], ModemFix | None] = lambda: None
     ) -> Self:
         by_level = sorted(cells, key=lambda one: one.level_dbm, reverse=True)
-        serving = next((one for one in by_level if one.is_decoded), None)
+        decoded = [one for one in by_level if one.is_decoded]
+        serving = max(decoded, key=_attraction_dbm, default=None)
         return cls(serving, tuple(one for one in by_level if one is not serving), fix)
 
     @property
     def neighbours(self) -> tuple[ReceivedCell, ...]:
-        """Those that a modem with a serving cell measures."""
-        return self.others[:NEIGHBOURS] if self.serving else ()
+        """Those that a modem measures: on the channels that its serving cell lists, if it does."""
+        if self.serving is None:
+            return ()
+        broadcast = self.serving.cell.broadcast or Broadcast()
+        listed = broadcast.neighbour_arfcns
+        others = [one for one in self.others if listed is None or one.cell.arfcn in listed]
+        return tuple(others[:NEIGHBOURS])
 
     @property
     def decoded_neighbours(self) -> tuple[ReceivedCell, ...]:
@@ -93,3 +99,8 @@ class Air:
             if self.serving is None
             else (self.serving, *(one for one in self.others if one.is_decoded))
         )
+
+
+def _attraction_dbm(one: ReceivedCell) -> float:
+    """Level with the offset that raises C2; one that lowers it is for a moving telephone."""
+    return one.level_dbm + max(one.c2 - one.c1, 0)

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from logger.core.types import Broadcast
+from logger.sim import city
 from logger.sim.dialects import DIALECTS
 from logger.sim.modem import SimulatedModem
 from logger.sim.receiver import SimulatedReceiver
@@ -92,14 +93,15 @@ def scenario(name: str = DEFAULT, seed: int = 1, duration_s: float | None = None
     if name not in SCENARIOS:
         raise ValueError(f"no scenario {name!r}; there are {', '.join(SCENARIOS)}")
     radio = SCENARIOS[name]
-    walk = Walk(BLOCK)
-    world = World.build(
-        with_neighbours((ROGUE, *CELLS)),
-        ORIGIN_LAT_DEG,
-        ORIGIN_LON_DEG,
-        radio,
-        np.random.default_rng([seed, 0]),
-    )
+    rng = np.random.default_rng([seed, 0])
+    if name.startswith("city"):
+        walk, where = Walk(city.WALK), (city.LAT_DEG, city.LON_DEG)
+        cells = city.with_lists(city.city(rng).cells)
+        cells = (city.ROGUE, *cells) if name == "city-rogue" else cells
+    else:
+        walk, where = Walk(BLOCK), (ORIGIN_LAT_DEG, ORIGIN_LON_DEG)
+        cells = with_neighbours((ROGUE, *CELLS))
+    world = World.build(cells, *where, radio, rng)
     lasts_s = walk.duration_s if duration_s is None else duration_s
     return Scenario(name, world, walk, seed, UTC_START, lasts_s, target=world.transmitters[0])
 
@@ -122,4 +124,6 @@ def _broadcast(neighbours: Sequence[int]) -> Broadcast:
 SCENARIOS: Mapping[str, Radio] = {
     "block": Radio(shadowing_sigma_db=4.0, decorrelation_m=10.0),
     "clear": Radio(shadowing_sigma_db=0.0, fading_sigma_db=0.0),  # the formula alone, for checks
+    "city-clean": Radio(shadowing_sigma_db=6.0, decorrelation_m=30.0),
+    "city-rogue": Radio(shadowing_sigma_db=6.0, decorrelation_m=30.0),
 }

@@ -7,7 +7,15 @@ from pathlib import Path
 
 from logger.core.errors import RunFileError
 from logger.sqlite_file import open_database
-from postproc.interop import csv_table, kismet, network_survey, opencellid, walk_csv, wigle
+from postproc.interop import (
+    csv_table,
+    drive_log,
+    kismet,
+    network_survey,
+    opencellid,
+    walk_csv,
+    wigle,
+)
 from postproc.interop.fields import RATS
 from postproc.interop.sighting import Row
 
@@ -26,14 +34,19 @@ _MOST_SHOWN = 60
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A format that can be imported, and what it calls its times."""
+    """A format that can be imported, and what it calls its times.
+
+    With `has_scans`, rows that follow each other at one time are one scan.
+    """
 
     name: str
     read: Callable[[Path], Iterator[Row]]
     times: str
+    has_scans: bool = False
 
 
 WALK_CSV = Format("CSV", walk_csv.read, "t_s or time_utc")
+DRIVE_LOG = Format("drive test CSV", drive_log.read, "t_s", has_scans=True)
 WIGLE = Format("WiGLE CSV", wigle.read, "FirstSeen")
 OPENCELLID_CSV = Format("OpenCelliD measurements, CSV", opencellid.read_csv, "measured_at")
 OPENCELLID_JSON = Format("OpenCelliD measurements, JSON", opencellid.read_json, "measured_at")
@@ -42,7 +55,8 @@ SURVEY_CSV = Format("Network Survey CSV", network_survey.read_csv, "deviceTime")
 SURVEY_GEOPACKAGE = Format("Network Survey GeoPackage", network_survey.read_geopackage, "Time")
 
 KNOWN = (
-    "our CSV (columns t_s or time_utc, lat, lon, rssi_dbm), WiGLE CSV, OpenCelliD or Tower "
+    "our CSV (columns t_s or time_utc, lat, lon, rssi_dbm), drive test CSV (t_s, lat, lon, rat, "
+    "lac_tac, pci_bsic, level_dbm), WiGLE CSV, OpenCelliD or Tower "
     "Collector (CSV, JSON), "
     "Kismet log, Network Survey (CSV, GeoPackage), each also as .gz or .zip"
 )
@@ -112,6 +126,8 @@ def _of_columns(source: Path) -> Format:
         return OPENCELLID_CSV
     if {"devicetime", "latitude", "longitude"} <= names:
         return SURVEY_CSV
+    if names >= drive_log.COLUMNS:
+        return DRIVE_LOG
     if len(names & _OURS) >= 2:
         return WALK_CSV
     if len(columns) > 1:

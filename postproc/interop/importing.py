@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -72,8 +72,9 @@ def import_walk(source: Path, target: Path, *, times: bool = True) -> Imported:
     imported = Imported(
         target, form.name, len(sightings), n_other, n_read - len(sightings), bad, was_sorted, times
     )
+    scans = scans_of(in_time) if form.has_scans and times else [[row] for row in in_time]
     origin = f"{IMPORT if times else IMPORT_WITHOUT_TIMES} {source.name}"
-    write_run(target, meta_of(origin), lambda append: _fill(append, in_time, imported), "imported")
+    write_run(target, meta_of(origin), lambda append: _fill(append, scans, imported), "imported")
     return imported
 
 
@@ -114,20 +115,35 @@ def _track(sightings: Sequence[Sighting]) -> Track:
     )
 
 
-def _fill(append: Append, sightings: list[Sighting], imported: Imported) -> int:
-    """Notes, then a fix wherever position or time changes, and a scan for each row."""
-    start_ns = sightings[0].t_ns
+def scans_of(sightings: Sequence[Sighting]) -> list[list[Sighting]]:
+    """Rows of each scan; of a cell that a scan has twice, the last one."""
+    scans = []
+    for _, rows in groupby(sightings, key=lambda row: row.t_ns):
+        cells = {_cell_of(row): row for row in rows}
+        scans.append(list(cells.values()))
+    return scans
+
+
+def _cell_of(row: Sighting) -> tuple[object, ...]:
+    reading = row.reading
+    return reading.role, reading.rat, reading.cell, reading.arfcn, reading.bsic
+
+
+def _fill(append: Append, scans: list[list[Sighting]], imported: Imported) -> int:
+    """Notes, then each scan, with a fix before it wherever position or time changes."""
+    start_ns = scans[0][0].t_ns
     for note in _notes(imported):
         append(Record(0, "import", note))
     last: tuple[int, Fix] | None = None
     fix_seq = 0
-    for row in sightings:
+    for rows in scans:
+        row = rows[0]
         t_ns = row.t_ns - start_ns
         if last != (row.t_ns, row.fix):
             last = (row.t_ns, row.fix)
             fix_seq = append(Record(t_ns, "import", row.fix))
-        append(Record(t_ns, "import", Scan(t_ns, (row.reading,), fix_seq, fix_seq)))
-    return sightings[-1].t_ns - start_ns
+        append(Record(t_ns, "import", Scan(t_ns, tuple(r.reading for r in rows), fix_seq, fix_seq)))
+    return scans[-1][0].t_ns - start_ns
 
 
 def _notes(imported: Imported) -> Iterator[Note]:

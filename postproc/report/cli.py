@@ -88,10 +88,11 @@ def _page(
 ) -> "Report":
     from postproc.progress import with_progress
     from postproc.report.rendering import MOST_DETAILED, make_report
+    from postproc.suspicion.ordering import order_by_word
 
     if len(runs) > 1 and claims:
         raise ConfigError("a claim is tested against one run: name only that run")
-    result = stored_or_estimated(runs, cells, options)
+    result = order_by_word(stored_or_estimated(runs, cells, options))
     verified = claims.test(result, cells or [None], options.prior)
     return make_report(
         result, verified, most=max(MOST_DETAILED, len(cells)), progress=with_progress

@@ -144,6 +144,7 @@ def _check(options: _Options, paths: Sequence[Path]) -> None:
 def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
     from postproc.progress import with_progress
     from postproc.result import Options
+    from postproc.suspicion.ordering import order_by_word
     from postproc.view.end_to_end import end_to_end
     from postproc.view.timeline import MOST_STEPS, answer_steps
     from postproc.view.view_model import CellDetail, select_cells, view_model
@@ -152,6 +153,7 @@ def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
         result = estimate(end_to_end(runs), options.cell)
     else:
         result = stored_or_estimated(runs, options.cell)
+    result = order_by_word(result)
     cells = select_cells(result, options.cell)
     verdicts = _verdicts(options, result, [cell.cell for cell in cells])
     details = []

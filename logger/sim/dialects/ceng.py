@@ -22,7 +22,11 @@ def rows(mode: int, ncell: int, air: Air) -> list[str]:
     if air.serving is None or mode == 0:
         return []
     texts = [_serving(mode, air.serving)]
-    texts += [text for one in air.others if (text := _neighbour(mode, ncell, one))]
+    texts += [
+        text
+        for one in (air.neighbours if air.serving else air.others)
+        if (text := _neighbour(mode, ncell, one))
+    ]
     if mode == 3:
         texts += [",,0000,0000,00,00"] * NEIGHBOURS
     return [f'+CENG: {number},"{text}"' for number, text in enumerate(texts[: 1 + NEIGHBOURS])]

@@ -1,0 +1,295 @@
+"""One rogue station put into a clean run: which rule names it, and how soon.
+
+The station stands beside the track ahead of the place where the walker is when it is switched on;
+where the walker stands, it is as far away. "strong" gives -50 dBm at 30 m, "weak" -85 dBm at its
+closest. Levels follow a path loss exponent of 3.2 with 6 dB of shadowing over 40 m and 2 dB of
+fading. The modem serves the station where it is 4 dB stronger than the serving cell, or from
+-95 dBm on if it broadcasts a reselection offset of 60 dB or takes over from another technology;
+where it is weaker it is reported as a neighbour, if the log has neighbours.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import cos, hypot, log10, radians
+
+import numpy as np
+
+from benchmarks.suspicion_logs import Log
+from logger.core.suspicion.finding import Word
+from logger.core.suspicion.tracker import SuspicionTracker
+from logger.core.types import CellReading, Fix, Record, Scan
+from logger.sim.shadowing import Shadowing
+from postproc.interop.fields import reading_of
+
+CLONES = frozenset({"clone on its channel", "clone on another channel"})
+KINDS = ("invented identity", "new area", "downgrade", *sorted(CLONES), "moving", "perfect copy")
+WITHIN_M, WITHIN_S = 200.0, 180.0
+"""Walking and time after the station is heard first within which it should be named."""
+_ETA = 3.2
+_NEAR_M = 30.0
+_HEARD_DBM = -105.0
+_HYSTERESIS_DB = 4.0
+_OFFSET_DBM = -95.0
+_APART_M = 1000.0
+_METRES_PER_DEG = 111_320.0
+
+
+@dataclass(frozen=True, slots=True)
+class Injected:
+    """A run with one station: its name, and when and where it was heard first."""
+
+    kind: str
+    cell: str
+    records: Sequence[Record]
+    first: int
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The words of the station within the limits and at the end, and when it was suspicious."""
+
+    kind: str
+    in_time: Word
+    at_end: Word
+    seconds: float | None
+    metres: float | None
+
+
+def inject(log: Log, kind: str, strong: bool, seed: int) -> Injected | None:
+    """Put a station into a run; None where the run has no room or no cell for this kind."""
+    rng = np.random.default_rng([seed, KINDS.index(kind), strong])
+    track = _track(log.records)
+    if track is None or track[-1, 0] - track[0, 0] < 2.5 * WITHIN_S:
+        return None
+    start_s = float(rng.uniform(track[0, 0] + 60.0, track[-1, 0] - 1.5 * WITHIN_S))
+    pattern = _pattern(log.records, kind, track)
+    if pattern is None:
+        return None
+    reading, original = pattern
+    if kind in CLONES or kind == "perfect copy":
+        place = _away_from(track, original, rng)
+        start_s = float(track[0, 0])
+    else:
+        place = _ahead(track, start_s, rng)
+    if place is None:
+        return None
+    closest_m = float(np.min(np.hypot(track[:, 1] - place[0], track[:, 2] - place[1])))
+    peak_dbm = -50.0 if strong else -85.0
+    level_1m = peak_dbm + 10.0 * _ETA * log10(_NEAR_M if strong else max(closest_m, _NEAR_M))
+    air = _Air(level_1m, Shadowing.draw(6.0, 40.0, rng), rng)
+    records, first = _with_station(log, kind, reading, start_s, place, track, air)
+    return None if first is None else Injected(kind, reading.cell or "", records, first)
+
+
+@dataclass(frozen=True, slots=True)
+class _Air:
+    p0_dbm: float
+    shadowing: Shadowing
+    rng: np.random.Generator
+
+    def level_dbm(self, x_m: float, y_m: float, place: tuple[float, float]) -> float:
+        d_m = max(hypot(x_m - place[0], y_m - place[1]), 10.0)
+        shadow = float(self.shadowing.at_db(np.array(x_m), np.array(y_m)))
+        level = self.p0_dbm - 10.0 * _ETA * log10(d_m) + shadow + float(self.rng.normal(0.0, 2.0))
+        return float(round(min(level, -40.0)))
+
+
+def detect(injected: Injected) -> Outcome:
+    """Words within the limits after the first reception, and at the end of the run."""
+    tracker = SuspicionTracker()
+    at = injected.records[injected.first]
+    last: tuple[float, float] | None = None
+    metres, named_s, named_m = 0.0, None, None
+    in_time: Word = "nothing unusual"
+    for i, record in enumerate(injected.records):
+        tracker.feed(record)
+        if i < injected.first:
+            continue
+        if isinstance(record.value, Fix) and record.value.lat_deg is not None:
+            here = record.value.lat_deg, record.value.lon_deg or 0.0
+            metres += 0.0 if last is None else _apart_m(last, here)
+            last = here
+            continue
+        seconds = (record.t_ns - at.t_ns) / 1e9
+        if named_s is None and tracker.assessment(injected.cell).word == "suspicious":
+            named_s, named_m = seconds, metres
+        if seconds <= WITHIN_S or metres <= WITHIN_M:
+            in_time = tracker.assessment(injected.cell).word
+    at_end = tracker.assessment(injected.cell).word
+    return Outcome(injected.kind, in_time, at_end, named_s, named_m)
+
+
+def _apart_m(a: tuple[float, float], b: tuple[float, float]) -> float:
+    return _METRES_PER_DEG * hypot(a[0] - b[0], (a[1] - b[1]) * cos(radians(a[0])))
+
+
+def _track(records: Sequence[Record]) -> np.ndarray | None:
+    """Time, east and north of each fix, in seconds and metres from the first."""
+    fixes = [(r.t_ns / 1e9, r.value.lat_deg, r.value.lon_deg)
+             for r in records if isinstance(r.value, Fix) and r.value.valid]  # fmt: skip
+    if len(fixes) < 2:
+        return None
+    t_lat_lon = np.array(fixes, float)
+    lat0, lon0 = t_lat_lon[0, 1:]
+    return np.column_stack([
+        t_lat_lon[:, 0],
+        (t_lat_lon[:, 2] - lon0) * _METRES_PER_DEG * cos(radians(lat0)),
+        (t_lat_lon[:, 1] - lat0) * _METRES_PER_DEG,
+    ])  # fmt: skip
+
+
+def _pattern(
+    records: Sequence[Record], kind: str, track: np.ndarray
+) -> tuple[CellReading, tuple[float, float] | None] | None:
+    """The station's reading without a level, and where the original of a clone was strongest."""
+    scans = [(record.t_ns / 1e9, record.value) for record in records]
+    serving = [
+        (t_s, reading)
+        for t_s, scan in scans
+        if isinstance(scan, Scan)
+        for reading in scan.readings
+        if reading.cell and reading.role == "serving"
+    ]
+    if not serving:
+        return None
+    if kind in CLONES or kind == "perfect copy":
+        return _clone(serving, kind, track)
+    model = max(
+        (r for _, r in serving), key=lambda r: sum(r.rat == o.rat for _, o in serving[::50])
+    )
+    rat = model.rat or "LTE"
+    mcc, mnc, area = model.mcc or "272", model.mnc or "01", (model.lac or model.tac or 1)
+    arfcn = None if model.arfcn is None else 63
+    code = {} if model.bsic is None else {"bsic": 55}
+    match kind:
+        case "invented identity":
+            reading = reading_of(rat, "serving", None, 1, mcc="001", mnc="01", cid=10, arfcn=arfcn,
+                                 **code)  # fmt: skip
+        case "new area":
+            reading = reading_of(rat, "serving", None, area + 7000, mcc=mcc, mnc=mnc, cid=4711,
+                                 arfcn=arfcn, **code)  # fmt: skip
+        case "moving":
+            reading = reading_of(rat, "serving", None, area, mcc=mcc, mnc=mnc, cid=4711,
+                                 arfcn=arfcn, **code)  # fmt: skip
+        case _:
+            if rat == "GSM":
+                return None
+            reading = reading_of("GSM", "serving", None, 7000, mcc=mcc, mnc=mnc, cid=4711, arfcn=63)
+    return reading, None
+
+
+def _clone(
+    serving: list[tuple[float, CellReading]], kind: str, track: np.ndarray
+) -> tuple[CellReading, tuple[float, float] | None] | None:
+    """The cell heard longest above -90 dBm."""
+    n: dict[str, int] = {}
+    best: dict[str, tuple[float, float, CellReading]] = {}
+    for t_s, reading in serving:
+        level_dbm = reading.level_dbm
+        if reading.cell is None or level_dbm is None:
+            continue
+        n[reading.cell] = n.get(reading.cell, 0) + (level_dbm >= -90.0)
+        if reading.cell not in best or level_dbm > best[reading.cell][0]:
+            best[reading.cell] = level_dbm, t_s, reading
+    name = max(n, key=lambda cell: n[cell])
+    _, t_s, reading = best[name]
+    i = int(np.searchsorted(track[:, 0], t_s))
+    if kind == "clone on another channel":
+        if reading.arfcn is None:
+            return None
+        reading = replace(reading, arfcn=reading.arfcn + 40, bsic=33)
+    place = track[min(i, len(track) - 1), 1:]
+    return reading, (float(place[0]), float(place[1]))
+
+
+def _ahead(track: np.ndarray, start_s: float, rng: np.random.Generator) -> tuple[float, float]:
+    """30 m beside the place where the walker is 100 m or 60 s later."""
+    i = int(np.searchsorted(track[:, 0], start_s))
+    way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track[i:, 1:], axis=0).T))])
+    k = i + int(np.argmax((way_m >= 100.0) | (track[i:, 0] >= start_s + 60.0)))
+    angle = float(rng.uniform(0.0, 2.0 * np.pi))
+    return (float(track[k, 1] + _NEAR_M * np.cos(angle)),
+            float(track[k, 2] + _NEAR_M * np.sin(angle)))  # fmt: skip
+
+
+def _away_from(
+    track: np.ndarray, original: tuple[float, float] | None, rng: np.random.Generator
+) -> tuple[float, float] | None:
+    """30 m beside a place of the track about a kilometre from the original."""
+    if original is None:
+        return None
+    apart_m = np.hypot(track[:, 1] - original[0], track[:, 2] - original[1])
+    there = np.flatnonzero((apart_m >= 0.8 * _APART_M) & (apart_m <= 1.5 * _APART_M))
+    if not len(there):
+        return None
+    k = int(rng.choice(there))
+    return float(track[k, 1]) + 20.0, float(track[k, 2]) + 20.0
+
+
+def _with_station(
+    log: Log, kind: str, reading: CellReading, start_s: float, place: tuple[float, float],
+    track: np.ndarray, air: _Air,
+) -> tuple[list[Record], int | None]:  # fmt: skip
+    """Records with the station in every scan that hears it, and the first of these."""
+    records: list[Record] = []
+    first = None
+    has_neighbours = any(isinstance(r.value, Scan) and len(r.value.readings) > 1
+                         for r in log.records)  # fmt: skip
+    held_s = -1e9
+    for record in log.records:
+        value, t_s = record.value, record.t_ns / 1e9
+        if isinstance(value, Scan) and t_s >= start_s:
+            i = min(int(np.searchsorted(track[:, 0], t_s)), len(track) - 1)
+            x_m, y_m = track[i, 1:]
+            at = _drive(place, t_s - start_s) if kind == "moving" else place
+            level_dbm = air.level_dbm(float(x_m), float(y_m), at)
+            scan, is_heard = _heard(value, kind, reading, level_dbm, has_neighbours, t_s - held_s)
+            if is_heard:
+                first = len(records) if first is None else first
+                held_s = t_s
+            records.append(replace(record, value=scan))
+        else:
+            records.append(record)
+    return records, first
+
+
+def _drive(place: tuple[float, float], since_s: float) -> tuple[float, float]:
+    """A car that drives 600 m there and back at 4 m/s, again and again."""
+    way_m = (4.0 * since_s) % 1200.0
+    return place[0] + min(way_m, 1200.0 - way_m), place[1]
+
+
+def _heard(
+    scan: Scan, kind: str, reading: CellReading, level_dbm: float, has_neighbours: bool,
+    since_s: float,
+) -> tuple[Scan, bool]:  # fmt: skip
+    """The scan with the station, and whether it is in it."""
+    others = tuple(r for r in scan.readings if r.cell is None or r.cell != reading.cell)
+    original = next((r for r in scan.readings if r.cell == reading.cell), None)
+    is_stronger = original is None or original.level_dbm is None or level_dbm > original.level_dbm
+    if level_dbm < _HEARD_DBM or not is_stronger:
+        return scan, False
+    serving = next((r for r in others if r.role == "serving"), None)
+    limit_dbm = -200.0 if serving is None or serving.level_dbm is None else (
+        serving.level_dbm + (_HYSTERESIS_DB if since_s > 5.0 else -_HYSTERESIS_DB))  # fmt: skip
+    attracts = kind in {"new area", "downgrade"} and level_dbm >= _OFFSET_DBM
+    is_serving = attracts or (level_dbm >= limit_dbm and kind != "downgrade")
+    level = {"GSM": "rssi_dbm", "WCDMA": "rscp_dbm"}.get(reading.rat or "", "rsrp_dbm")
+    station = replace(reading, **{level: level_dbm}, role="serving" if is_serving else "neighbour")
+    if not is_serving:
+        return (
+            (replace(scan, readings=(*others, station)), True) if has_neighbours else (scan, False)
+        )
+    if kind in {"new area", "downgrade", "invented identity"} or not has_neighbours:
+        return replace(scan, readings=(station,)), True
+    rest = tuple(replace(r, role="neighbour") for r in others)
+    return replace(scan, readings=(station, *rest)), True
+
+
+def outcomes(logs: Sequence[Log], kind: str, strong: bool, seeds: int) -> Iterator[Outcome]:
+    """Outcomes of a station in each of the runs."""
+    for log in logs:
+        for seed in range(seeds):
+            injected = inject(log, kind, strong, seed)
+            if injected is not None:
+                yield detect(injected)

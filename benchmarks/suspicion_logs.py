@@ -1,0 +1,60 @@
+"""Logs of legitimate networks as records, for `suspicion.py`."""
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from logger.core.types import Record, Scan
+from postproc.interop import drive_log
+from postproc.interop.decompression import plain_file
+from postproc.interop.importing import scans_of
+from postproc.interop.sighting import Sighting
+
+LOGS = Path(
+    os.environ.get("CELLWALK_CELLS", Path(__file__).resolve().parents[2] / "shared" / "cells")
+)
+"""Folder of the logs (*.csv.gz); they are not part of the project."""
+_LONGEST_PAUSE_S = 30.0
+"""Of a longer gap only this much counts as time in which a rule could have been broken."""
+_SETS = ("cork_driving", "cork_static", "india_gsm", "india_umts", "ottawa")
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """One run: its set, its records in order, and its duration without pauses."""
+
+    name: str
+    records: Sequence[Record]
+    hours: float
+
+    @property
+    def set_name(self) -> str:
+        return next((name for name in _SETS if self.name.startswith(name)), "simulated")
+
+
+def read_logs(folder: Path = LOGS) -> Iterator[Log]:
+    """All logs of a folder, by name."""
+    for path in sorted(folder.glob("*.csv.gz")):
+        yield read_log(path)
+
+
+def read_log(path: Path) -> Log:
+    """One log; rows without a position are left out."""
+    with plain_file(path) as plain:
+        rows = [row for row in drive_log.read(plain) if isinstance(row, Sighting)]
+    rows.sort(key=lambda row: row.t_ns)
+    records = []
+    for scan in scans_of(rows):
+        t_ns = scan[0].t_ns - rows[0].t_ns
+        records.append(Record(t_ns, "import", scan[0].fix))
+        readings = tuple(row.reading for row in scan)
+        records.append(Record(t_ns, "import", Scan(t_ns, readings)))
+    return Log(path.name.removesuffix(".csv.gz"), records, hours_of(records))
+
+
+def hours_of(records: Sequence[Record]) -> float:
+    """Duration without pauses."""
+    t_s = [record.t_ns / 1e9 for record in records]
+    return sum(min(b - a, _LONGEST_PAUSE_S) for a, b in pairwise(t_s)) / 3600.0

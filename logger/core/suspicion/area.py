@@ -1,0 +1,119 @@
+"""Location and tracking areas: codes that no other cell has, and changes while standing."""
+
+from collections.abc import Iterator
+
+from logger.core.suspicion.broken import Broken, Taken
+from logger.core.suspicion.countries import GSMR_ARFCNS, TEST_MCCS
+from logger.core.suspicion.finding import Evidence
+from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment
+
+_LATE_S = 300.0
+"""A telephone that names its serving cell alone meets three cells in some minutes."""
+_WAIT_S = 20.0
+"""At the begin of a walk and at borders the second cell of an area follows soon."""
+_FEWEST_NEIGHBOURS = 3
+_FEWEST_CELLS = 10
+_FEWEST_AFTER = 3
+"""Other cells heard after the first of an area: at a border they belong to the new area."""
+_ALONE_S = 60.0
+_STRONG_DBM = -90.0
+_HELD_S = 10.0
+_STILL_S = 60.0
+_SINGLE_S = 20.0
+_FEWEST_SCANS = 3
+_HEARD_DBM = -105.0
+"""The other cells of a network beyond the border come as weakly as this one."""
+
+
+class AreaRules:
+    """L1, L2, L3 and L4."""
+
+    def __init__(self) -> None:
+        self._serving: tuple[str, str, int] | None = None
+        self._areas: set[tuple[str, str, int]] = set()
+        self._standing: set[tuple[str, str, int]] = set()
+
+    def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:
+        """As `FamilyRules`."""
+        for cell, heard in taken:
+            yield from self._single(now, memory, cell, heard)
+            if cell.area is None or heard.reading.arfcn in GSMR_ARFCNS:
+                continue
+            if not heard.operator.startswith("?"):
+                yield from _unlike_neighbours(now, memory, cell, heard)
+                yield from _alone(now, memory, cell)
+            if heard.is_serving:
+                yield from self._change(now, memory, cell)
+
+    def _single(
+        self, now: Moment, memory: Memory, cell: HeardCell, heard: Heard
+    ) -> Iterator[Broken]:
+        """L4: a network that is not of this place, with a single cell."""
+        if cell.name not in memory.foreign or now.t_s - cell.first_s < _SINGLE_S:
+            return
+        is_weak = heard.level_dbm is None or heard.level_dbm < _HEARD_DBM
+        if is_weak or cell.n_scans < _FEWEST_SCANS:
+            return
+        if len(memory.of_operator(cell.operator, cell.rat)) == 1:
+            evidence: Evidence = {
+                "operator": cell.operator,
+                "seconds": round(now.t_s - cell.first_s),
+            }
+            yield Broken("L4", cell.name, evidence)
+
+    def _change(self, now: Moment, memory: Memory, cell: HeardCell) -> Iterator[Broken]:
+        """L3: a new area code while standing."""
+        assert cell.area is not None
+        key = cell.operator, cell.rat, cell.area
+        if key in self._areas or now.t_s - cell.since_s < _HELD_S:
+            return
+        before = self._serving
+        self._serving = key
+        self._areas.add(key)
+        is_still = now.x_m is not None and now.still_s >= _STILL_S + _HELD_S
+        is_after_change = abs(cell.since_s - memory.changed_rat_s) < _HELD_S
+        if before is None or before[1] != cell.rat or is_after_change or not is_still:
+            return
+        evidence: Evidence = {
+            "area": cell.area,
+            "other_area": before[2],
+            "still_s": round(now.still_s),
+        }
+        yield Broken("L3", cell.name, evidence)
+
+
+def _unlike_neighbours(
+    now: Moment, memory: Memory, cell: HeardCell, heard: Heard
+) -> Iterator[Broken]:
+    """L1: an area code that none of at least three cells heard with it has."""
+    if heard.level_dbm is None or heard.level_dbm < _STRONG_DBM:
+        return
+    if now.t_s - cell.first_s < _WAIT_S:
+        return
+    of_operator = memory.of_operator(cell.operator, cell.rat)
+    if any(c is not cell and c.area == cell.area for c in of_operator):
+        return
+    late = [c for c in of_operator
+            if c is not cell and c.area is not None and now.t_s - c.last_s <= _LATE_S]  # fmt: skip
+    if len(late) >= _FEWEST_NEIGHBOURS:
+        evidence: Evidence = {
+            "area": cell.area or 0,
+            "neighbours": len(late),
+            "other_area": late[-1].area or 0,
+            "level_dbm": round(heard.level_dbm),
+        }
+        yield Broken("L1", cell.name, evidence)
+
+
+def _alone(now: Moment, memory: Memory, cell: HeardCell) -> Iterator[Broken]:
+    """L2: an area with a single cell among at least ten of the operator."""
+    if now.t_s - cell.first_s < _ALONE_S or cell.operator[:3] in TEST_MCCS:
+        return
+    others = [c for c in memory.of_operator(cell.operator, cell.rat) if c is not cell]
+    if any(c.area == cell.area for c in others):
+        return
+    with_area = [c for c in others if c.area is not None]
+    n_after = sum(c.last_s > cell.first_s for c in with_area)
+    if len(with_area) + 1 >= _FEWEST_CELLS and n_after >= _FEWEST_AFTER:
+        evidence: Evidence = {"area": cell.area or 0, "cells": len(with_area) + 1}
+        yield Broken("L2", cell.name, evidence)

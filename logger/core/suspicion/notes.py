@@ -1,0 +1,27 @@
+"""Findings as events of the run, so that `postproc replay` can compare them."""
+
+from collections.abc import Iterable, Iterator
+
+from logger.core.suspicion.finding import Finding
+from logger.core.suspicion.rules import RULES
+from logger.core.suspicion.words import Assessment
+from logger.core.types import Level, Note
+
+RULES_CODE, FINDING_CODE = "rules", "finding"
+"""Codes of the events: that rules are applied, and each finding."""
+VERSION = 1
+"""Of the rules: raised when a rule or a rate changes, as older runs then replay differently."""
+
+
+def start_note() -> Note:
+    """The event before the first finding: which rules are applied."""
+    return Note("info", RULES_CODE, f"version {VERSION}: {' '.join(RULES)}")
+
+
+def finding_notes(findings: Iterable[Finding], of: Iterable[Assessment]) -> Iterator[Note]:
+    """An event for each finding, with the word and the score of its cell after it."""
+    for finding, cell in zip(findings, of, strict=True):
+        level: Level = "warning" if cell.word == "suspicious" else "info"
+        score = f"{cell.word}, {cell.score_nats!r} nats"
+        text = f"{finding.cell}: {score}: {finding.rule} {finding.text}"
+        yield Note(level, FINDING_CODE, text)

@@ -1,0 +1,108 @@
+"""Whether the levels of one identity come from one place, from two, or from a moving one.
+
+A coarse test, cheap enough for each cell on the walk. Spots of 50 m are split in two parts, by
+place or by time; each part gets its best position on a grid, with the power free and a prior on the
+path loss exponent. `locator.two_source_test` decides the same at the desk with the full model.
+"""
+
+from collections.abc import Sequence
+from math import hypot, inf, log
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.suspicion.heard import Spot
+
+_SIGMA_DB = 7.0
+"""Shadowing of streets, 6 to 8 dB."""
+_WELL = 0.15
+"""Cost of a spot below which one place explains the levels as well as any two could."""
+_TRUST = 0.5
+"""Spots of 50 m are not independent where houses shadow over 50 to 100 m."""
+_ETA, _ETA_SIGMA = 3.2, 0.7
+_UNIT_GRID = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 13)] * 2), axis=-1).reshape(-1, 2)
+_AROUND = np.array([(0.0, 0.0), (35.0, 0.0), (-35.0, 0.0), (0.0, 35.0), (0.0, -35.0)])
+_BESIDE = 4
+"""Strongest spots with candidates beside them, closer than the grid."""
+_CLOSEST_M = 25.0
+_FEWEST = 3
+_LEAST_APART_M = 300.0
+
+
+class Sources(NamedTuple):
+    """Log evidence for two places against one, and that against any one place.
+
+    `apart_m` is the distance of the two places.
+    """
+
+    two_places: float
+    no_place: float
+    apart_m: float
+
+
+class _Fit(NamedTuple):
+    cost: float
+    x_m: float
+    y_m: float
+
+
+def compare_sources(spots: Sequence[Spot]) -> Sources | None:
+    """Compare the three explanations; None if the walk is too short to tell places apart."""
+    xylt = np.array([(s.x_m, s.y_m, s.level_dbm, s.t_s) for s in spots])
+    extent_m = float(np.max(np.ptp(xylt[:, :2], axis=0)))
+    if extent_m < _LEAST_APART_M:
+        return None
+    one, n = _fit(xylt), len(spots)
+    no_place = _TRUST * (one.cost - 0.5 * n)  # with the right sigma a spot costs half a unit
+    if one.cost < _WELL * n:
+        return Sources(0.0, no_place, 0.0)
+    two, apart_m = _best_split(xylt)
+    # four parameters more cost 2 log n (BIC) if spots are independent, with the trust half of it
+    return Sources(_TRUST * (one.cost - two - 2.0 * log(n)), no_place, apart_m)
+
+
+def _best_split(xylt: FloatArray) -> tuple[float, float]:
+    """Least cost of two places, and their distance: the two strongest spots that are far apart."""
+    best, apart_m = inf, 0.0
+    order = np.argsort(-xylt[:, 2])
+    first = xylt[order[0]]
+    far = [i for i in order[1:] if hypot(*(xylt[i, :2] - first[:2])) >= _LEAST_APART_M][:3]
+    for i in far:
+        second = xylt[i]
+        to_first = np.hypot(*(xylt[:, :2] - first[:2]).T)
+        to_second = np.hypot(*(xylt[:, :2] - second[:2]).T)
+        parts = xylt[to_first <= to_second], xylt[to_first > to_second]
+        if min(map(len, parts)) < _FEWEST:
+            continue
+        a, b = map(_fit, parts)
+        if a.cost + b.cost < best and hypot(a.x_m - b.x_m, a.y_m - b.y_m) >= _LEAST_APART_M:
+            best, apart_m = a.cost + b.cost, hypot(a.x_m - b.x_m, a.y_m - b.y_m)
+    return best, apart_m
+
+
+def _fit(xylt: FloatArray) -> _Fit:
+    """Best candidate for the position; the cost is half the squared residual by sigma."""
+    x_m, y_m, level_dbm = xylt[:, 0], xylt[:, 1], xylt[:, 2]
+    at_m = _candidates(xylt)
+    distance2_m2 = (at_m[:, :1] - x_m) ** 2 + (at_m[:, 1:] - y_m) ** 2 + _CLOSEST_M**2
+    loss_db = 5.0 * np.log10(distance2_m2)
+    # level = p0 - eta loss; p0 is free, eta has a prior
+    loss_db = loss_db - loss_db.mean(axis=1, keepdims=True)
+    centred_db = level_dbm - level_dbm.mean()
+    ridge = (_SIGMA_DB / _ETA_SIGMA) ** 2
+    square = (loss_db**2).sum(axis=1) + ridge
+    eta = (ridge * _ETA - loss_db @ centred_db) / square
+    residual_db2 = ((centred_db + eta[:, None] * loss_db) ** 2).sum(axis=1)
+    cost = 0.5 * (residual_db2 / _SIGMA_DB**2 + ((eta - _ETA) / _ETA_SIGMA) ** 2)
+    best = int(np.argmin(cost))
+    return _Fit(float(cost[best]), float(at_m[best, 0]), float(at_m[best, 1]))
+
+
+def _candidates(xylt: FloatArray) -> FloatArray:
+    """A grid around the spots, and places beside the strongest ones; shape (n, 2)."""
+    middle = xylt[:, :2].mean(axis=0)
+    reach_m = max(float(np.max(np.ptp(xylt[:, :2], axis=0))), _LEAST_APART_M) * 0.75
+    strongest = xylt[np.argsort(-xylt[:, 2])[:_BESIDE], :2]
+    beside = (strongest[:, None, :] + _AROUND).reshape(-1, 2)
+    return np.concatenate([middle + reach_m * _UNIT_GRID, beside])

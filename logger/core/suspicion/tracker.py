@@ -1,0 +1,111 @@
+"""All rules as a function of the records of a run, in their order: live and replay are equal."""
+
+from logger.core.baseline import Baseline, NoBaseline
+from logger.core.identities import Identities
+from logger.core.latest import Latest
+from logger.core.suspicion.area import AreaRules
+from logger.core.suspicion.broadcast import BroadcastRules
+from logger.core.suspicion.broken import Broken, FamilyRules
+from logger.core.suspicion.capabilities import Capabilities
+from logger.core.suspicion.earlier_walks import EarlierWalkRules
+from logger.core.suspicion.finding import Finding, Rule
+from logger.core.suspicion.heard import Memory, Moment, Walker
+from logger.core.suspicion.neighbours import NeighbourRules
+from logger.core.suspicion.place import PlaceRules
+from logger.core.suspicion.plan import PlanRules
+from logger.core.suspicion.rules import RULES, rate_of
+from logger.core.suspicion.signal import SignalRules
+from logger.core.suspicion.technology import TechnologyRules
+from logger.core.suspicion.timing import TimingRules
+from logger.core.suspicion.words import Assessment, assess
+from logger.core.types import Fix, Record, Scan
+
+_MOST_FOUND = 500
+"""Cells with findings that are remembered: beyond, the log itself is broken."""
+
+
+class SuspicionTracker:
+    """Follows the records of one run; `feed` them in recorded order."""
+
+    def __init__(self, max_fix_age_s: float = 3.0, baseline: Baseline | None = None) -> None:
+        self._baseline = baseline or NoBaseline()
+        self._walker = Walker(max_fix_age_s)
+        self._memory = Memory()
+        self._identities = Identities()
+        self._families: tuple[FamilyRules, ...] = (
+            PlanRules(),
+            AreaRules(),
+            NeighbourRules(),
+            SignalRules(),
+            PlaceRules(),
+            TimingRules(),
+            BroadcastRules(),
+            TechnologyRules(),
+            EarlierWalkRules(self._baseline),
+        )
+        self._findings: Latest[list[Finding]] = Latest(_MOST_FOUND)
+        self.capabilities = Capabilities()
+        if self._baseline.n_walks:
+            self.capabilities.serve("earlier walks")
+
+    def feed(self, record: Record) -> list[Finding]:
+        """Take the next record; returns what is found because of it."""
+        match record.value:
+            case Fix() as fix:
+                self._walker.add(record.t_ns / 1e9, fix)
+            case Scan() as scan:
+                return self._take_scan(record.t_ns, scan)
+        return []
+
+    def assessment(self, cell: str) -> Assessment:
+        """The word of a cell so far."""
+        return assess(cell, self._findings.get(cell, ()))
+
+    def technologies(self) -> dict[str, str]:
+        """Technology of each cell of late."""
+        return {name: cell.rat for name, cell in self._memory.cells.items()}
+
+    def assessments(self) -> list[Assessment]:
+        """The words of all cells of late, and of those with findings."""
+        known = [name for name in self._memory.cells if name in self._identities]
+        return [self.assessment(name) for name in dict.fromkeys([*known, *self._findings])]
+
+    def _take_scan(self, t_ns: int, scan: Scan) -> list[Finding]:
+        self._identities.add(scan)
+        now = self._walker.at(t_ns, scan)
+        self.capabilities.add(now)
+        taken = self._memory.take(now)
+        new = []
+        for family in self._families:
+            for broken in family.check(now, self._memory, taken):
+                new += self._keep(broken, now)
+        return new
+
+    def _keep(self, broken: Broken, now: Moment) -> list[Finding]:
+        """Keep the first finding of a rule for a cell, once two scans have named the cell."""
+        before = self._findings.get(broken.cell, [])
+        cell = self._memory.cells.get(broken.cell)
+        rule = RULES[broken.rule]
+        if cell is None or broken.cell not in self._identities:
+            return []
+        if any(finding.rule == broken.rule for finding in before):
+            return []
+        if cell.rat not in rule.rats or self._baseline.trust_note(broken.cell) is not None:
+            return []
+        finding = _finding(rule, broken, now, cell.rat)
+        self._findings.put(broken.cell, [*before, finding])
+        return [finding]
+
+
+def _finding(rule: Rule, broken: Broken, now: Moment, rat: str) -> Finding:
+    return Finding(
+        rule.id,
+        rule.family,
+        broken.cell,
+        now.t_ns,
+        now.lat_deg,
+        now.lon_deg,
+        rule.sentence.format(**broken.evidence),
+        broken.evidence,
+        rule.nats(rate_of(rule, rat)),
+    )

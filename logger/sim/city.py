@@ -1,0 +1,123 @@
+"""A city of 40 GSM cells of three networks, with what makes legitimate cells look unusual.
+
+Graz, where the three networks still have GSM: each has two location areas that meet in the middle.
+Between the rooftops are a cell of the railway, an indoor cell with an area of its own, a cell that
+two networks share, and a new cell. Positions, powers and channels are drawn; the networks are real.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import hypot
+
+import numpy as np
+
+from logger.core.types import Broadcast
+from logger.sim.walk import Waypoints
+from logger.sim.world import Transmitter
+
+LAT_DEG, LON_DEG = 47.0707, 15.4395
+OPERATORS = (("232", "01", 1201, 2), ("232", "03", 4301, 42), ("232", "05", 9101, 82))
+"""Country and network code, first area code and first channel: A1, Magenta and Drei."""
+RAILWAY = ("232", "91")
+_RAILWAY_AREA, _RAILWAY_ARFCN = 6001, 960
+HALF_M = 1300.0
+"""Half of the side of the square of the rooftops; the walk is inside of half of it."""
+_ROOFTOPS = 12
+_APART_M = 350.0
+_MOST_TRIES = 2000
+
+WALK: Waypoints = (
+    (-600.0, -400.0), (-600.0, 100.0), (-150.0, 100.0), (-150.0, 420.0), (300.0, 420.0),
+    (300.0, -80.0), (650.0, -80.0), (650.0, 300.0), (420.0, 300.0), (420.0, -420.0),
+    (-80.0, -420.0), (-80.0, -150.0), (-420.0, -150.0),
+)  # fmt: skip
+
+ROGUE = Transmitter(
+    180.0, 445.0, p0_dbm=-5.0, eta=3.2, mcc="232", mnc="01", lac=7777, cid=4660, arfcn=63, bsic=44,
+    broadcast=Broadcast((), cro_db=60, penalty_time=0, t3212_raw=1),
+)  # fmt: skip
+"""The first network's code with an area that it does not have, on a channel of the second, without
+neighbours and with the largest offset but one."""
+_T3212 = 10
+
+
+@dataclass(frozen=True, slots=True)
+class City:
+    """Cells of a city; `new` is the number of the cell that is switched on during the walk."""
+
+    cells: tuple[Transmitter, ...]
+    new: int
+
+
+def city(rng: np.random.Generator) -> City:
+    """Draw a clean city."""
+    cells: list[Transmitter] = []
+    for k, (mcc, mnc, area, arfcn) in enumerate(OPERATORS):
+        channels = rng.permutation(np.arange(arfcn, arfcn + 36, 3))
+        for i, (east_m, north_m) in enumerate(_rooftops(rng)):
+            lac = area + (east_m > 0.0)
+            where = float(east_m), float(north_m), *_power(rng)
+            cid = 10_000 * (k + 1) + 10 * i + int(rng.integers(1, 4))
+            bsic = 8 * (k + 1) + int(rng.integers(0, 8))
+            cells.append(
+                Transmitter(
+                    *where, mcc, mnc, lac, cid, int(channels[i]), bsic, height_m=_height_m(rng)
+                )
+            )
+    mcc, mnc, area, arfcn = OPERATORS[0]
+    shared, new = cells[_ROOFTOPS], cells[2 * _ROOFTOPS - 1]
+    railway = _beside(rng, 900.0)
+    cells += [
+        Transmitter(*railway, *_power(rng), *RAILWAY, _RAILWAY_AREA, 71,
+                    _RAILWAY_ARFCN, 20, height_m=20.0),
+        Transmitter(*_beside(rng, 500.0), -38.0, 3.0, mcc, mnc, 1299, 19_999, 38, 9, height_m=4.0),
+        Transmitter(
+            shared.east_m, shared.north_m, shared.p0_dbm, shared.eta, *OPERATORS[2][:2],
+            OPERATORS[2][2], 39_001,
+            118, 27, height_m=shared.height_m,
+        ),
+        Transmitter(
+            *_beside(rng, 700.0), *_power(rng), new.mcc, new.mnc, new.lac, 29_001, 79, 18,
+            height_m=_height_m(rng),
+        ),
+    ]  # fmt: skip
+    return City(tuple(cells), len(cells) - 1)
+
+
+def with_lists(cells: Sequence[Transmitter]) -> tuple[Transmitter, ...]:
+    """The cells, each of which lists the channels of its own network."""
+    channels: dict[tuple[str, str], list[int]] = {}
+    for cell in cells:
+        channels.setdefault((cell.mcc, cell.mnc), []).append(cell.arfcn)
+    listed = [
+        tuple(sorted(a for a in channels[cell.mcc, cell.mnc] if a != cell.arfcn)) for cell in cells
+    ]
+    return tuple(
+        replace(cell, broadcast=Broadcast(arfcns, cro_db=0, penalty_time=0, t3212_raw=_T3212))
+        for cell, arfcns in zip(cells, listed, strict=True)
+    )
+
+
+def _rooftops(rng: np.random.Generator) -> list[tuple[float, float]]:
+    """Positions that are not close to each other."""
+    sites: list[tuple[float, float]] = []
+    for _ in range(_MOST_TRIES):
+        east_m, north_m = rng.uniform(-HALF_M, HALF_M, 2)
+        if all(hypot(east_m - x, north_m - y) >= _APART_M for x, y in sites):
+            sites.append((float(east_m), float(north_m)))
+        if len(sites) == _ROOFTOPS:
+            break
+    return sites
+
+
+def _power(rng: np.random.Generator) -> tuple[float, float]:
+    return float(rng.uniform(-12.0, -4.0)), float(rng.uniform(2.9, 3.3))
+
+
+def _height_m(rng: np.random.Generator) -> float:
+    return float(rng.uniform(20.0, 40.0))
+
+
+def _beside(rng: np.random.Generator, reach_m: float) -> tuple[float, float]:
+    east_m, north_m = rng.uniform(-reach_m, reach_m, 2)
+    return float(east_m), float(north_m)

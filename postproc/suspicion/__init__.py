@@ -1,0 +1,1 @@
+"""Which cells of runs are suspicious, and why: `postproc suspect`."""

@@ -1,0 +1,50 @@
+"""The command `postproc suspect`."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import click
+
+from logger.command_line import INPUT, json_option
+from postproc.options import runs_argument
+
+
+@click.command
+@runs_argument
+@click.option(
+    "--baseline", "baseline_path", type=INPUT, metavar="FILE",
+    help="Earlier walks, made by `postproc baseline add`.",
+)  # fmt: skip
+@click.option(
+    "--celldb", "celldb_path", type=INPUT, metavar="FILE",
+    help="A database of cells, made by `postproc celldb import`.",
+)  # fmt: skip
+@json_option
+def suspect(
+    paths: Sequence[Path], baseline_path: Path | None, celldb_path: Path | None, *, as_json: bool
+) -> None:
+    """Print which cells are suspicious, with the reasons.
+
+    Each cell gets one of three words: nothing unusual, unusual or suspicious. With each word stands
+    how often legitimate cells earn it.
+    """
+    from logger.baseline_file import BaselineFile
+    from logger.core.runfile import read_sound_run
+    from postproc.suspicion import json_form, tables
+    from postproc.suspicion.run_assessment import assess_runs
+    from postproc.verification.celldb import CellDb
+
+    with ExitStack() as stack:
+        baseline = database = None
+        if baseline_path is not None:
+            baseline = BaselineFile(baseline_path)
+            stack.callback(baseline.close)
+        if celldb_path is not None:
+            database = CellDb(celldb_path)
+            stack.callback(database.close)
+        suspicions = assess_runs([read_sound_run(path) for path in paths], baseline, database)
+    if as_json:
+        print(json_form.as_json(suspicions).decode())
+    else:
+        tables.print_suspicions(suspicions)

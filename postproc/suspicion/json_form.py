@@ -1,0 +1,65 @@
+"""`postproc suspect --json`."""
+
+from collections.abc import Mapping, Sequence
+
+import msgspec
+
+from logger.core.suspicion.finding import Finding, Value, Word
+from logger.core.suspicion.words import false_alarms_per_hour
+from postproc.suspicion.run_assessment import Suspicions
+
+
+class FindingJson(msgspec.Struct, frozen=True):
+    """One reason: `t_s` in seconds since the run began, `lat` and `lon` degrees (WGS 84)."""
+
+    rule: str
+    family: str
+    text: str
+    t_s: float
+    lat: float | None
+    lon: float | None
+    evidence: Mapping[str, Value]
+
+
+class CellJson(msgspec.Struct, frozen=True):
+    """One cell; `false_alarms_per_hour` is the rate at which legitimate cells earn its word."""
+
+    cell: str
+    word: Word
+    score_nats: float
+    false_alarms_per_hour: float
+    findings: Sequence[FindingJson]
+
+
+class SuspicionsJson(msgspec.Struct, frozen=True):
+    """All cells, the most suspicious first, and the rules that were not asked with their needs."""
+
+    cells: Sequence[CellJson]
+    not_asked: Mapping[str, Sequence[str]]
+
+
+def as_json(suspicions: Suspicions) -> bytes:
+    """The result as JSON."""
+    cells = [
+        CellJson(
+            cell.cell,
+            cell.word,
+            round(cell.score_nats, 3),
+            round(false_alarms_per_hour(cell.word), 4),
+            [_finding(suspicions, finding) for finding in cell.findings],
+        )
+        for cell in suspicions.cells
+    ]
+    return msgspec.json.encode(SuspicionsJson(cells, suspicions.not_asked))
+
+
+def _finding(suspicions: Suspicions, finding: Finding) -> FindingJson:
+    return FindingJson(
+        finding.rule,
+        finding.family,
+        finding.text,
+        round(suspicions.seconds(finding), 3),
+        finding.lat_deg,
+        finding.lon_deg,
+        finding.evidence,
+    )

@@ -1,0 +1,59 @@
+"""The words of all cells in a terminal."""
+
+from rich.console import Console
+
+from logger.core.suspicion.finding import Finding, Word
+from logger.core.suspicion.rules import RULES, rate_text
+from logger.core.suspicion.words import Assessment, word_rate_text
+from postproc.suspicion.run_assessment import Suspicions
+from postproc.terminal import print_text, screen
+
+_STYLES: dict[Word, str] = {"suspicious": "bold red", "unusual": "yellow", "nothing unusual": ""}
+_NEVER = (
+    "A word is no accusation: it is a reason to walk there. Telephones in cars gave the rates; a "
+    "cell that copies another in everything stays unnoticed."
+)
+
+
+def print_suspicions(suspicions: Suspicions) -> None:
+    """Cells with a finding and their reasons, then the others and what was not asked."""
+    console = screen()
+    named = [cell for cell in suspicions.cells if cell.word != "nothing unusual"]
+    for cell in named:
+        _print_cell(console, suspicions, cell)
+    others = len(suspicions.cells) - len(named)
+    if others:
+        kept = f"{others} {'other ' if named else ''}cell{'s' * (others != 1)}"
+        print_text(console, f"{kept}: nothing unusual")
+    if not suspicions.cells:
+        print_text(console, "no cell was named by two scans")
+    if suspicions.not_asked:
+        print_text(console, f"not asked: {not_asked_text(suspicions)}")
+    print_text(console, _NEVER)
+
+
+def not_asked_text(suspicions: Suspicions) -> str:
+    """Rules that were not asked, by what was missing."""
+    by_need: dict[str, list[str]] = {}
+    for rule, needs in suspicions.not_asked.items():
+        by_need.setdefault(", ".join(needs), []).append(rule)
+    return "; ".join(f"{', '.join(rules)} (no {need})" for need, rules in by_need.items())
+
+
+def _print_cell(console: Console, suspicions: Suspicions, cell: Assessment) -> None:
+    print_text(console, f"{cell.cell}: {cell.word}", _STYLES[cell.word])
+    print_text(console, word_rate_text(cell.word), bullet="  ")
+    for finding in cell.findings:
+        print_text(console, reason_text(suspicions, finding), bullet="  - ")
+    console.print()
+
+
+def reason_text(suspicions: Suspicions, finding: Finding) -> str:
+    """A finding with time, place, what else explains it, and its rate."""
+    rule = RULES[finding.rule]
+    where = "" if finding.lat_deg is None else f", {finding.lat_deg:.5f} {finding.lon_deg:.5f}"
+    when = f" ({suspicions.seconds(finding):.0f} s{where})" if finding.t_ns else ""
+    return (
+        f"{finding.text}{when}. Also seen with: {rule.innocent}. "
+        f"{rate_text(rule, finding.nats)} [{rule.id}]"
+    )

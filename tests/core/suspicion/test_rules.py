@@ -1,0 +1,150 @@
+"""Each rule: broken by what it aims at, and not by what its gate is there for."""
+
+import pytest
+
+from logger.core.suspicion.rules import RULES, rate_of
+from logger.core.types import Broadcast
+from tests.kit.suspicion_walks import Walk, gsm
+
+HOME = [gsm(cid, -80 - cid % 7) for cid in range(10, 16)]
+
+
+def test_every_rule_says_what_it_needs_and_how_often_it_is_wrong():
+    for rule in RULES.values():
+        assert rule.needs
+        assert rule.gate
+        assert rule.innocent
+        assert rate_of(rule, "GSM").cells > 0
+        assert 0.0 <= rule.nats(rate_of(rule, "GSM")) < 8.0
+
+
+def test_p1_a_network_of_no_country_near():
+    foreign = gsm(99, mcc="310", mnc="260")
+    walk = Walk().scan(*HOME, foreign, times=8)
+    assert ("P1", 99) in walk.rules
+    assert ("L4", 99) in walk.rules
+    assert walk.word("310-260-1201-99") == "suspicious"
+
+
+@pytest.mark.parametrize(
+    "harmless",
+    [
+        gsm(99, mcc="293", mnc="41"),  # Slovenia begins 35 km from here
+        gsm(99, mcc="232", mnc="91", arfcn=960),  # the railway
+        gsm(99, mcc="262", mnc="10", arfcn=960),  # a railway of another country
+        gsm(99, mcc="232", mnc="001"),  # a modem that prints three digits
+    ],
+)
+def test_p1_is_silent_about_borders_and_railways(harmless):
+    assert not [rule for rule, _ in Walk().scan(*HOME, harmless, times=8).rules if rule == "P1"]
+
+
+def test_p1_a_test_network_counts_where_there_are_others():
+    alone = [gsm(cid, mcc="001") for cid in range(5)]
+    assert Walk().scan(*alone, times=8).rules == set()
+    assert ("P1", 99) in Walk().scan(*HOME, gsm(99, mcc="001"), times=8).rules
+
+
+def test_p4_one_cell_identity_in_two_areas():
+    walk = Walk().scan(*HOME, times=5).scan(gsm(10, lac=1202), *HOME[1:], times=5)
+    assert ("P4", 10) in walk.rules
+
+
+def test_p6_one_identity_on_two_channels_for_a_while():
+    other = gsm(10, arfcn=77)
+    assert ("P6", 10) in Walk().scan(*HOME, times=5).scan(other, *HOME[1:], times=5).rules
+    assert ("P6", 10) not in Walk().scan(*HOME, times=5).scan(other, *HOME[1:], times=2).rules
+
+
+def test_l1_l2_an_area_that_no_other_cell_has():
+    many = [gsm(cid, -80) for cid in range(10, 20)]
+    walk = Walk().scan(*many, times=3).scan(*many, gsm(99, -70, lac=7777), times=15)
+    assert {("L1", 99), ("L2", 99)} <= walk.rules
+    # at a border the others of the new area follow
+    border = [gsm(cid, -80, lac=1202) for cid in range(30, 40)]
+    walk = Walk().scan(*many, times=3).scan(*many, border[0], times=3).scan(*border, times=15)
+    assert walk.rules == set()
+
+
+def test_l3_a_new_area_while_standing():
+    elsewhere = gsm(50, lac=1300)
+    standing = Walk().scan(*HOME, metres=0.0, times=15).scan(elsewhere, metres=0.0, times=4)
+    assert ("L3", 50) in standing.rules
+    walking = Walk().scan(*HOME, metres=7.0, times=15).scan(elsewhere, metres=7.0, times=4)
+    assert ("L3", 50) not in walking.rules
+
+
+def test_n1_no_neighbours_for_a_while():
+    assert ("N1", 10) in Walk().scan(*HOME, times=3).scan(HOME[0], times=6).rules
+    assert ("N1", 10) not in Walk().scan(*HOME, times=3).scan(HOME[0], times=3).rules
+    assert ("N1", 10) not in Walk().scan(HOME[0], times=9).rules  # a modem that prints none
+    weak = gsm(10, -100)
+    assert ("N1", 10) not in Walk().scan(*HOME, times=3).scan(weak, times=6).rules
+
+
+def test_n2_n3_n4_lists_of_neighbours():
+    own = tuple(sorted(cell.arfcn for cell in HOME))
+    listed = [gsm(cid, -80, broadcast=Broadcast(own)) for cid in range(10, 18)]
+    others = [gsm(cid, -80, mnc="03", lac=4301, arfcn=100 + cid) for cid in range(60, 64)]
+    nobodys = gsm(98, -70, arfcn=120, broadcast=Broadcast((121, 122, 123)))
+    strangers = gsm(99, -70, arfcn=119, broadcast=Broadcast(tuple(c.arfcn for c in others)))
+    walk = Walk().scan(*listed, *others, nobodys, strangers, times=4)
+    assert {("N2", 98), ("N3", 98), ("N4", 99)} <= walk.rules
+    unsure = Broadcast((121, 122, 123), broadcast_unsure=True)
+    walk = Walk().scan(*listed, gsm(98, -70, arfcn=21, broadcast=unsure), times=4)
+    assert ("N2", 98) not in walk.rules
+
+
+def test_s2_s3_levels_that_jump_while_the_walker_hardly_moves():
+    louder = gsm(15, -55)
+    jump = Walk().scan(*HOME, metres=1.0, times=6).scan(*HOME[:5], louder, metres=1.0, times=4)
+    assert ("S2", 15) in jump.rules
+    fast = Walk().scan(*HOME, metres=60.0, times=6).scan(*HOME[:5], louder, metres=60.0, times=4)
+    assert ("S2", 15) not in fast.rules
+    new = Walk().scan(*HOME, metres=1.0, times=6).scan(gsm(99, -50), *HOME, metres=1.0, times=4)
+    assert ("S3", 99) in new.rules
+
+
+def test_s4_stronger_than_on_the_first_visit():
+    walk = Walk().scan(*HOME, metres=8.0, times=10).scan(*HOME, metres=-8.0, times=10)
+    assert ("S4", 15) not in walk.rules
+    louder = gsm(15, -50)
+    walk = Walk().scan(*HOME, metres=8.0, times=10).scan(*HOME[:5], times=30, metres=0.0)
+    assert ("S4", 15) in walk.scan(*HOME[:5], louder, metres=-8.0, times=9).rules
+
+
+def test_s7_a_level_that_changes_while_the_walker_stands():
+    walk = Walk().scan(*HOME, metres=0.0, times=15)
+    for dbm in range(-80, -55, 2):
+        walk.scan(*HOME[:5], gsm(15, dbm), metres=0.0, times=2)
+    assert ("S7", 15) in walk.rules
+
+
+def test_t1_rings_that_do_not_meet():
+    walk = Walk()
+    for ta in (0, 0, 0, 9, 9, 0, 9, 0):
+        walk.scan(gsm(10, -70, ta=ta), *HOME[1:], metres=60.0, times=1)
+    assert ("T1", 10) in walk.rules
+    walk = Walk()
+    for ta in (3, 3, 4, 3, 2, 3, 3, 4):
+        walk.scan(gsm(10, -70, ta=ta), *HOME[1:], metres=60.0)
+    assert ("T1", 10) not in walk.rules
+
+
+def test_c1_compares_the_offset_with_that_of_the_operators_other_cells():
+    usual = [gsm(cid, c1=20, c2=80) for cid in range(10, 15)]
+    assert not Walk().scan(*usual, times=3).rules
+    attractive = gsm(99, c1=20, c2=120)
+    assert ("C1", 99) in Walk().scan(*usual, attractive, times=3).rules
+
+
+def test_c2_a_modem_that_leaves_a_good_cell_for_a_weak_one():
+    walk = Walk().scan(gsm(10, -70), times=4).scan(gsm(99, -90), times=4)
+    assert ("C2", 99) in walk.rules
+    walk = Walk().scan(gsm(10, -70), times=4).scan(gsm(99, -74), times=4)
+    assert ("C2", 99) not in walk.rules
+
+
+def test_a_doubtful_identity_breaks_no_rule():
+    unsure = gsm(99, mcc="310", mnc="260", identity_unsure=True)
+    assert Walk().scan(*HOME, unsure, times=8).rules == set()

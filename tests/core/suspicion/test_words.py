@@ -1,0 +1,34 @@
+from logger.core.suspicion.finding import Finding
+from logger.core.suspicion.words import assess, by_word, false_alarms_per_hour
+
+
+def _finding(rule, family, nats):
+    return Finding(rule, family, "c", 0, None, None, "", {}, nats)
+
+
+def test_a_family_counts_once():
+    one = assess("c", [_finding("L1", "area", 4.0), _finding("L2", "area", 4.5)])
+    assert (one.word, one.score_nats) == ("unusual", 4.5)
+
+
+def test_two_families_are_needed_and_one_of_them_confirms():
+    area, plan = _finding("L1", "area", 4.0), _finding("P1", "plan", 5.0)
+    assert assess("c", [area, plan]).word == "suspicious"
+    timing = _finding("T1", "timing", 4.0)
+    assert assess("c", [plan, timing]).word == "unusual"  # neither says more than the other
+    weak = _finding("N1", "neighbours", 0.4)
+    assert assess("c", [_finding("L1", "area", 4.0), weak]).word == "unusual"
+
+
+def test_levels_that_no_place_explains_are_enough():
+    assert assess("c", [_finding("S5", "place", 6.0)]).word == "suspicious"
+
+
+def test_the_most_suspicious_comes_first():
+    words = [assess("quiet", []), assess("worst", [_finding("S5", "place", 6.0)])]
+    assert [one.cell for one in by_word(words)] == ["worst", "quiet"]
+
+
+def test_the_rate_of_an_alarm_is_a_bound_where_there_was_none():
+    assert 0.0 < false_alarms_per_hour("suspicious") <= 0.1
+    assert false_alarms_per_hour("nothing unusual") == 0.0

@@ -1,0 +1,144 @@
+"""Pack countries and networks for the rules about the numbering plan.
+
+    npm pack world-atlas@2.0.2 mcc-mnc-list@1.1.11 i18n-iso-countries@7.14.0   # and unpack
+    python tools/pack_countries.py FOLDER logger/core/suspicion/data/countries.json.gz
+
+FOLDER holds the three unpacked packages. The result has, for each square of a quarter of a degree,
+the countries whose territory is nearer than `NEAR_KM` to any point of it, and the networks of each
+mobile country code. Borders are those of Natural Earth at 1:50 million, a few kilometres off.
+"""
+
+import gzip
+import json
+import sys
+from collections import Counter
+from math import cos, radians
+from pathlib import Path
+
+import shapely
+from shapely.geometry import box, shape
+from shapely.ops import unary_union
+
+STEP_DEG = 0.25
+NEAR_KM = 40.0
+"""The largest range of a GSM cell (35 km, 3GPP TS 45.010) and the error of the borders."""
+_KM_PER_DEG = 111.3
+_FIELDED = {"Operational", "Unknown", "Temporary operational", "Ongoing", "Allocated", "Upcoming"}
+
+
+def main(folder: Path, target: Path) -> None:
+    """Write the packed tables."""
+    names = json.loads((folder / "i18n-iso-countries/langs/en.json").read_text())["countries"]
+    numeric = {n: a2 for a2, _, n, *_ in json.loads(
+        (folder / "i18n-iso-countries/codes.json").read_text())}  # fmt: skip
+    atlas = json.loads((folder / "world-atlas/countries-50m.json").read_text())
+    networks = json.loads((folder / "mcc-mnc-list/mcc-mnc-list.json").read_text())
+    countries = _polygons(atlas, numeric)
+    packed = {
+        "step_deg": STEP_DEG,
+        "near_km": NEAR_KM,
+        "countries": {code: _short(names.get(code, code)) for code in sorted(countries)},
+        **_rows(countries),
+        **_networks(networks),
+    }
+    text = json.dumps(packed, separators=(",", ":"), ensure_ascii=False)
+    target.write_bytes(gzip.compress(text.encode(), 9, mtime=0))
+    print(f"{target}: {target.stat().st_size} bytes")
+
+
+def _polygons(atlas: dict, numeric: dict[str, str]) -> dict[str, shapely.Geometry]:
+    """Territory of each country by its code of two letters."""
+    scale, move = atlas["transform"]["scale"], atlas["transform"]["translate"]
+    arcs = []
+    for arc in atlas["arcs"]:
+        x = y = 0
+        points = []
+        for dx, dy in arc:
+            x, y = x + dx, y + dy
+            points.append((x * scale[0] + move[0], y * scale[1] + move[1]))
+        arcs.append(points)
+
+    def ring(indices: list[int]) -> list[tuple[float, float]]:
+        points: list[tuple[float, float]] = []
+        for i in indices:
+            part = arcs[i] if i >= 0 else arcs[~i][::-1]
+            points += part[1:] if points else part
+        return points
+
+    found: dict[str, list[shapely.Geometry]] = {}
+    for geometry in atlas["objects"]["countries"]["geometries"]:
+        code = numeric.get(geometry.get("id", ""), _UNCODED.get(geometry["properties"]["name"]))
+        if code is None:
+            continue
+        polygons = geometry["arcs"]
+        if geometry["type"] == "Polygon":
+            polygons = [polygons]
+        rings = [[ring(indices) for indices in polygon] for polygon in polygons]
+        whole = shape({"type": "MultiPolygon", "coordinates": rings})
+        found.setdefault(code, []).append(shapely.make_valid(whole))
+    return {code: unary_union(parts) for code, parts in found.items()}
+
+
+_UNCODED = {"Kosovo": "XK", "N. Cyprus": "CY", "Somaliland": "SO"}
+
+
+def _rows(countries: dict[str, shapely.Geometry]) -> dict[str, object]:
+    """Sets of countries, and each row of squares from the south as runs of equal sets."""
+    sets: dict[tuple[str, ...], int] = {(): 0}
+    codes = sorted(countries)
+    tree = shapely.STRtree([countries[code] for code in codes])
+    for code in codes:
+        shapely.prepare(countries[code])
+    rows = []
+    n_columns = round(360 / STEP_DEG)
+    for i in range(round(180 / STEP_DEG)):
+        south = -90.0 + i * STEP_DEG
+        dy = NEAR_KM / _KM_PER_DEG
+        dx = min(dy / max(cos(radians(min(abs(south) + STEP_DEG, 89.0))), 0.05), 5.0)
+        row: list[list[int]] = []
+        for j in range(n_columns):
+            west = -180.0 + j * STEP_DEG
+            near: set[str] = set()
+            for shift in (-360.0, 0.0, 360.0):
+                reach = box(west - dx + shift, south - dy, west + STEP_DEG + dx + shift,
+                            south + STEP_DEG + dy)  # fmt: skip
+                near |= {codes[k] for k in tree.query(reach, predicate="intersects")}
+            number = sets.setdefault(tuple(sorted(near)), len(sets))
+            if not row or row[-1][1] != number:
+                row.append([j, number])
+        rows.append([value for run in row for value in run])
+    return {"sets": [" ".join(names) for names in sets], "rows": rows}
+
+
+def _networks(networks: list[dict]) -> dict[str, object]:
+    """Countries of each mobile country code, that with most networks first; networks; railways."""
+    of_mcc: dict[str, Counter[str]] = {}
+    codes: dict[str, dict[str, str]] = {}
+    railways = []
+    for entry in networks:
+        mcc, mnc, country = entry["mcc"], entry["mnc"], entry["countryCode"]
+        if not (mcc and mnc and mcc.isdecimal() and mnc.isdecimal()):
+            continue
+        for code in (country or "").replace("/", " ").split():
+            of_mcc.setdefault(mcc, Counter())[code[:2]] += 1
+        if entry["status"] in _FIELDED:
+            name = entry["brand"] or entry["operator"] or ""
+            codes.setdefault(mcc, {})[mnc] = name.split(",")[0][:24]
+        if "GSM-R" in (entry["bands"] or ""):
+            railways.append(f"{mcc}-{mnc}")
+    return {
+        "mcc": {
+            mcc: " ".join(code for code, _ in found.most_common())
+            for mcc, found in sorted(of_mcc.items())
+        },
+        "networks": codes,
+        "railways": sorted(railways),
+    }
+
+
+def _short(name: str | list[str]) -> str:
+    return name if isinstance(name, str) else name[0]
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
