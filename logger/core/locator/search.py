@@ -162,7 +162,7 @@ def _log_weight_at_first_position(walk: Walk) -> FloatArray:
     best = int(np.argmax(tree.mixture(walk.prior).probability / tree.size_m**2))
     x_m, y_m = float(tree.x_m[best]), float(tree.y_m[best])
     sigma_db = np.full(len(walk.prior.hypotheses), walk.prior.sigma_db)
-    return log_weights_at(walk.blocks, walk.prior, x_m, y_m, sigma_db)[0]
+    return log_weights_at(walk.coarse, walk.prior, x_m, y_m, sigma_db)[0]
 
 
 def _joint_log_weight(walk: Walk, tree: Tree) -> FloatArray:
