@@ -12,6 +12,8 @@ from logger.core.suspicion.rates import WORD_RATES
 
 UNUSUAL_NATS = 3.5
 SUSPICIOUS_NATS = 5.0
+"""Tuned on the legitimate logs: unusual at most twice an hour of driving, suspicious at most 0.1
+times an hour (`rates.WORD_RATES`)."""
 CONFIRMING: frozenset[Family] = frozenset({"area", "neighbours", "signal", "place", "technology"})
 """One of these must be among the families: a plan or a database alone is often wrong."""
 
