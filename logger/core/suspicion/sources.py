@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
+from logger.core.model.path_loss import log_distance_db
 from logger.core.suspicion.heard import Spot
 
 _SIGMA_DB = 7.0
@@ -85,8 +86,7 @@ def _fit(xylt: FloatArray) -> _Fit:
     """Best candidate for the position; the cost is half the squared residual by sigma."""
     x_m, y_m, level_dbm = xylt[:, 0], xylt[:, 1], xylt[:, 2]
     at_m = _candidates(xylt)
-    distance2_m2 = (at_m[:, :1] - x_m) ** 2 + (at_m[:, 1:] - y_m) ** 2 + _CLOSEST_M**2
-    loss_db = 5.0 * np.log10(distance2_m2)
+    loss_db = log_distance_db(at_m[:, :1] - x_m, at_m[:, 1:] - y_m, _CLOSEST_M)
     # level = p0 - eta loss; p0 is free, eta has a prior
     loss_db = loss_db - loss_db.mean(axis=1, keepdims=True)
     centred_db = level_dbm - level_dbm.mean()
