@@ -36,7 +36,7 @@ _RIVALS = 3  # peaks of the level besides the highest one
 _APART = 0.12  # of peaks, by the extent of the walk
 _PEAK_REACH = 0.7  # by that distance: a peak is the highest level within it
 _SMOOTHING = 0.03  # of the level, by the extent of the walk
-_TURNS = 3  # of division and location, for the best of the first divisions
+_TURNS = 3  # of division and location
 _HOPELESS = -10.0  # log factor of a first division that no further turn makes plausible
 _IMPOSSIBLE = -1e9  # log evidence of a hypothesis that one of the parts rules out
 
@@ -80,12 +80,8 @@ def divide(obs: CellObservations, posterior: Posterior) -> Division | None:
         return None
     undivided = float(log_sum(_locate_part(walk, prior).log_evidence))
     tries = [_try(walk, prior, _nearer(walk, first, other), undivided) for other in others]
-    best = _improve(
-        walk,
-        prior,
-        max(filter(None, tries), key=lambda one: one.log_factor, default=None),
-        undivided,
-    )
+    improved = (_improve(walk, prior, one, undivided) for one in tries)
+    best = max((one for one in improved if one is not None), default=None)
     trust = float(posterior.noise_probability @ prior.noise_table.trust)
     return best and best._replace(log_factor=trust * best.log_factor)
 
