@@ -4,7 +4,7 @@ import os
 import threading
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
@@ -35,6 +35,8 @@ class FixStatus(msgspec.Struct, frozen=True):
     hdop: float | None
     sats_used: int | None
     quality: int | None = None
+    speed_mps: float | None = None
+    course_deg: float | None = None
 
 
 class TargetStatus(msgspec.Struct, frozen=True):
@@ -71,6 +73,79 @@ class SuspicionStatus(msgspec.Struct, frozen=True):
     reasons: tuple[str, ...]
 
 
+class NextStatus(msgspec.Struct, frozen=True):
+    """Where the walker should go next for the cell that is followed, and why.
+
+    `azimuth_deg` is from true north; `nats_per_km` is the information expected on the way.
+    """
+
+    azimuth_deg: float = 0.0
+    distance_m: float = 0.0
+    lat: float | None = None
+    lon: float | None = None
+    nats_per_km: float | None = None
+    text: str = ""
+
+
+class ModeStatus(msgspec.Struct, frozen=True):
+    """One of the places that are possible, with its probability."""
+
+    lat: float
+    lon: float
+    probability: float
+
+
+class StrongestStatus(msgspec.Struct, frozen=True):
+    """Where the followed cell was strongest."""
+
+    lat: float
+    lon: float
+    level_dbm: float
+
+
+class PositionStatus(msgspec.Struct, frozen=True):
+    """The posterior of the cell that is followed.
+
+    `verdict` is "located", "ambiguous" or "cannot tell"; `r95_m` is the radius about `lat` and
+    `lon` that holds 95 %. `region` is the 95 % region as a GeoJSON MultiPolygon.
+    """
+
+    cell: str = ""
+    verdict: str = "cannot tell"
+    lat: float | None = None
+    lon: float | None = None
+    r95_m: float | None = None
+    area_m2: float | None = None
+    region: dict[str, Any] | None = None
+    modes: tuple[ModeStatus, ...] = ()
+    strongest: StrongestStatus | None = None
+
+
+class CellStatus(msgspec.Struct, frozen=True):
+    """What was last heard of a cell.
+
+    `average_dbm` is over the last 2 s before its latest reading, `trend_db` the change of the level
+    in a few seconds: positive is "warmer". `heard_ns` is the time of the latest of `n` readings,
+    `ta_m` its timing advance as a distance. `word` and `reasons` are those of its suspicion, and
+    `verdict` that of its live estimate where there is one.
+    """
+
+    cell: str = ""
+    rat: str | None = None
+    channel: int | None = None
+    is_serving: bool = False
+    level_dbm: float | None = None
+    average_dbm: float | None = None
+    peak_dbm: float | None = None
+    trend_db: float | None = None
+    heard_ns: int = 0
+    n: int = 0
+    ta_m: float | None = None
+    word: str | None = None
+    reasons: tuple[str, ...] = ()
+    verdict: str | None = None
+
+
 class PortStatus(msgspec.Struct, frozen=True):
     """A port, whether it is open, and its last event."""
 
@@ -84,7 +159,8 @@ class Status(msgspec.Struct, frozen=True):
 
     `since_ns` is when the run began, `synced_ns` when the card last took all of it (None: not yet).
     `suspicions` has the most suspicious cell first; it never changes what is recorded.
-    `waiting` of the queue's `room` records have yet to be written.
+    `waiting` of the queue's `room` records have yet to be written. `next` and `position` are of the
+    cell that is followed; `cells` has the serving cell first, then the others by level.
     """
 
     state: Sign
@@ -103,6 +179,9 @@ class Status(msgspec.Struct, frozen=True):
     target: TargetStatus | None
     ports: dict[str, PortStatus]
     suspicions: tuple[SuspicionStatus, ...] = ()
+    next: NextStatus | None = None
+    position: PositionStatus | None = None
+    cells: tuple[CellStatus, ...] = ()
 
 
 class WatchedInbox(Inbox):
@@ -192,6 +271,8 @@ def _fix_status(t_ns: int, fix: Fix) -> FixStatus:
         fix.hdop,
         fix.sats_used,
         fix.quality,
+        fix.speed_mps,
+        fix.course_deg,
     )
 
 
