@@ -114,7 +114,7 @@ def _add_posterior(entry: form.Cell, posterior: Posterior, utm: Utm) -> None:
     )
     entry.modes = _modes(posterior, utm)
     entry.region95 = _region(posterior, utm, LEVEL)
-    if posterior.half_is_true:
+    if posterior.is_strongest_inside:
         entry.region50 = _region(posterior, utm, HALF)
     entry.noise = form.Noise(
         sigma_db=posterior.sigma_db,

@@ -14,7 +14,7 @@ Rings = list[FloatArray]
 def regions_of(posterior: Posterior, origin_m: tuple[float, float]) -> dict[str, Rings]:
     """Outlines of the 95 % and the 50 % region; the latter is empty where it would not be true."""
     regions = {"95": region_rings(posterior.squares, LEVEL, origin_m), "50": list[FloatArray]()}
-    if posterior.half_is_true:
+    if posterior.is_strongest_inside:
         regions["50"] = region_rings(posterior.squares, HALF, origin_m)
     return regions
 

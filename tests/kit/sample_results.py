@@ -155,7 +155,6 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
         sigma_db=2.0,
         noise_probability=np.array([one == SHADOWED for one in Prior().hypotheses], float),
         strongest=StrongestReading(float(centre[0]), float(centre[1]), -60.0),
-        is_strongest_inside=True,
         limit_share=0.0,
         prior=Prior(),
         offsets=None,

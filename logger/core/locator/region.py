@@ -41,12 +41,26 @@ class Squares:
         return self.probability / self.size_m**2
 
 
-def highest_density(squares: Squares, level: float = LEVEL) -> IntArray:
-    """Indices of the densest squares with `level` of the probability, densest first."""
-    order = np.argsort(-squares.density, kind="stable")
-    cumulative = np.cumsum(squares.probability[order])
+def highest_density(
+    squares: Squares, level: float = LEVEL, among: IntArray | None = None
+) -> IntArray:
+    """Indices of the densest squares with `level` of the probability, densest first.
+
+    With `among`, indices of some squares, only these count and `level` is a share of what they
+    hold.
+    """
+    indices = np.arange(len(squares)) if among is None else among
+    densest_first = indices[np.argsort(-squares.density[indices], kind="stable")]
+    cumulative = np.cumsum(squares.probability[densest_first])
     count = int(np.searchsorted(cumulative, level * cumulative[-1])) + 1
-    return order[:count]
+    return densest_first[:count]
+
+
+def contains(squares: Squares, indices: IntArray, x_m: float, y_m: float) -> bool:
+    """Whether a position is in one of the squares `indices`."""
+    half_m = 0.5 * squares.size_m[indices]
+    is_in = np.abs(squares.x_m[indices] - x_m) <= half_m
+    return bool(np.any(is_in & (np.abs(squares.y_m[indices] - y_m) <= half_m)))
 
 
 def area_m2(squares: Squares, level: float = LEVEL) -> float:

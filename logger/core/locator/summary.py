@@ -12,11 +12,17 @@ from logger.core.locator.posterior import (
     LEAST_PEAK,
     Mode,
     Posterior,
-    StrongestReading,
 )
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree, nearest_m
-from logger.core.locator.region import HALF, LEVEL, Squares, highest_density, mode_regions
+from logger.core.locator.region import (
+    HALF,
+    LEVEL,
+    Squares,
+    contains,
+    highest_density,
+    mode_regions,
+)
 from logger.core.model.marginal import Evidence
 
 BIAS_SHARE = 1.0
@@ -60,7 +66,7 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
     p = _blur(tree, mixed.probability, bias_m)
     squares = Squares(tree.x_m, tree.y_m, tree.size_m, p)
     regions = _regions(squares, evidence, mixed)
-    core = densest_half(squares, regions[0].indices)
+    core = highest_density(squares, HALF, regions[0].indices)
     x_m, y_m = _shown_position(task, squares, core)
     mean, covariance = moments_over(tree.squares, evidence, mixed.share, np.arange(len(p)), p)
     r95_m, drms_m = _radii(squares, x_m, y_m)
@@ -79,7 +85,6 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         sigma_db=float(np.sum(mixed.share * evidence.sigma_db)),
         noise_probability=_noise_probability(task, tree, mixed),
         strongest=task.strongest,
-        is_strongest_inside=_holds(squares, highest_density(squares, HALF), task.strongest),
         limit_share=float(np.sum(p[away_m > END_OF_REACH * walk.prior.reach_m])),
         far_share=float(np.sum(p[away_m > FAR_M])),
         log_evidence=mixed.log_evidence,
@@ -188,14 +193,6 @@ def _blur(tree: Tree, p: FloatArray, bias_m: float) -> FloatArray:
     return blurred
 
 
-def densest_half(squares: Squares, indices: IntArray) -> IntArray:
-    """Indices of the densest squares that hold half of the probability of some squares."""
-    densest_first = indices[np.argsort(-squares.density[indices], kind="stable")]
-    cumulative = np.cumsum(squares.probability[densest_first])
-    count = int(np.searchsorted(cumulative, HALF * cumulative[-1])) + 1
-    return densest_first[:count]
-
-
 def _shown_position(task: LocatorInput, squares: Squares, core: IntArray) -> tuple[float, float]:
     """The position to show, from the densest half of the strongest mode.
 
@@ -206,16 +203,10 @@ def _shown_position(task: LocatorInput, squares: Squares, core: IntArray) -> tup
     """
     x_m, y_m = _median(squares, core)
     away_m = nearest_m(task.walk.blocks, np.array([x_m]), np.array([y_m]))[0]
-    if away_m <= _BESIDE_WALK_M and _holds(squares, core, task.strongest):
-        return task.strongest.x_m, task.strongest.y_m
+    strongest = task.strongest
+    if away_m <= _BESIDE_WALK_M and contains(squares, core, strongest.x_m, strongest.y_m):
+        return strongest.x_m, strongest.y_m
     return x_m, y_m
-
-
-def _holds(squares: Squares, indices: IntArray, reading: StrongestReading) -> bool:
-    """Whether the position of a reading is in one of some squares."""
-    half_m = 0.5 * squares.size_m[indices]
-    is_in = np.abs(squares.x_m[indices] - reading.x_m) <= half_m
-    return bool(np.any(is_in & (np.abs(squares.y_m[indices] - reading.y_m) <= half_m)))
 
 
 def _median(squares: Squares, indices: IntArray) -> tuple[float, float]:

@@ -5,7 +5,8 @@ import pytest
 
 from logger.core.errors import EstimationError
 from logger.core.locator.pipeline import locate
-from logger.core.locator.region import highest_density
+from logger.core.locator.posterior import StrongestReading
+from logger.core.locator.region import HALF, highest_density
 from logger.core.locator.summary import BIAS_SHARE
 from logger.core.locator.verdict import assess
 from logger.core.model.prior import Prior
@@ -59,6 +60,15 @@ def test_numbers_are_those_of_the_cells():
         np.hypot(found.x_m - strongest.x_m, found.y_m - strongest.y_m)
         < strongest.ellipse.semi_major_m
     )
+
+
+@pytest.mark.parametrize("aside", [0.49, 0.51])
+def test_the_strongest_reading_is_inside_up_to_the_edge_of_the_half_region(aside):
+    found = locate(walked(28, "L", shadow_db=4.0)[0])
+    inner, squares = highest_density(found.squares, HALF), found.squares
+    k = inner[np.argmax(squares.x_m[inner] + 0.5 * squares.size_m[inner])]  # its eastern edge
+    at = StrongestReading(squares.x_m[k] + aside * squares.size_m[k], squares.y_m[k], -60.0)
+    assert replace(found, strongest=at).is_strongest_inside == (aside < 0.5)
 
 
 def test_what_is_finite_stays_finite_where_most_cells_hold_nothing():

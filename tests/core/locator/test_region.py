@@ -75,6 +75,23 @@ def test_all_mass():
     assert region.area_m2(Squares(np.zeros(1), np.zeros(1), np.full(1, 10.0), np.ones(1))) == 100.0
 
 
+@pytest.mark.parametrize("level", [0.3, 0.5, 0.95])
+def test_among_some_cells_the_others_do_not_count(level):
+    cells = gaussians((0.5, -60.0, 0.0, 15.0), (0.5, 60.0, 40.0, 25.0))
+    some = np.flatnonzero(cells.x_m > 0.0)
+    alone = Squares(*(v[some] for v in (cells.x_m, cells.y_m, cells.size_m, cells.probability)))
+    np.testing.assert_array_equal(
+        region.highest_density(cells, level, some), some[region.highest_density(alone, level)]
+    )
+
+
+@pytest.mark.parametrize(("x_m", "y_m", "is_in"), [(3.0, 4.0, True), (7.0, 0.0, False)])
+def test_a_position_is_in_a_square_only_if_it_is_along_both_axes(x_m, y_m, is_in):
+    cells = Squares(np.array([0.0, 7.0]), np.array([0.0, 9.0]), np.full(2, 8.0), np.full(2, 0.5))
+    assert region.contains(cells, np.array([0, 1]), x_m, y_m) == is_in
+    assert not region.contains(cells, np.array([1]), x_m, y_m)
+
+
 # --- modes ---
 
 
