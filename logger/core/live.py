@@ -24,10 +24,6 @@ from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.track import TIMING_S
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
-LIVE_DECORRELATION_M = (12.0, 40.0, 200.0)
-LIVE_WHITE_SHARES = (0.05, 0.4)
-"""Seven hypotheses of the noise instead of 25 offline: a Pi can update these at each reading."""
-
 _MOST_ONCE = 100
 """Most cells seen once whose reading is stored: a real cell is received again soon."""
 
@@ -117,7 +113,7 @@ class LiveTracker:
 
 
 def live_prior(settings: LiveSettings) -> Prior:
-    """The configured prior."""
+    """The configured prior, with the noise of the desktop program."""
     return prior_for(settings.environment, height_m=settings.height_m, antenna=settings.antenna)
 
 

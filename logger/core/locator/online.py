@@ -1,9 +1,10 @@
 """The locator reading by reading, in bounded time and memory, for the device.
 
-It has fewer blocks, squares and hypotheses than offline. Between two searches the positions stay
-fixed; a reading then costs one row of the whitened system for each hypothesis (`bordered_sums`).
-The longer the walk, the less one reading changes: the posterior is computed after every reading at
-first, after every eighth one later.
+It has fewer squares than the desktop program (`EFFORT`) and one set of at most `MOST_BLOCKS` blocks
+for short and long noise. Each search weighs all hypotheses of the noise. Until the next one the
+positions stay fixed and only the plausible hypotheses are kept; a reading then costs one row of the
+whitened system for each (`bordered_sums`). The longer the walk, the less one reading changes: the
+posterior is computed after every reading at first, after every eighth one later.
 """
 
 from statistics import median
