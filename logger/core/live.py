@@ -46,7 +46,7 @@ class LiveTracker:
 
     @property
     def target(self) -> str | None:
-        """The cell of the default view: the strongest, or the configured one."""
+        """The cell of the default view: strongest, most suspicious or configured."""
         return self._reference.target
 
     def feed(self, seq: int, record: Record) -> list[Note | LiveEstimate]:
@@ -85,7 +85,8 @@ class LiveTracker:
     ) -> list[Note | LiveEstimate]:
         known = tuple(r for r in scan.readings if r.cell in self._identities)
         known_scan = replace(scan, readings=known)
-        change = self._reference.choose(t_ns, known_scan, receiver.x_m, receiver.y_m)
+        suspect = self.suspicion.worst
+        change = self._reference.choose(t_ns, known_scan, receiver.x_m, receiver.y_m, suspect)
         estimate = self._reference.step(known_scan, receiver.x_m, receiver.y_m)
         results: list[Note | LiveEstimate] = [] if change is None else [change]
         if estimate is not None and self.target is not None:

@@ -1,12 +1,13 @@
 """The reference filter on the device: the specification's EKF on the target.
 
-The target is the strongest cell or the configured one. The filter starts at the receiver, and again
-when the target changes. Its estimates are recorded with the stage `REFERENCE`.
+The target is the strongest cell, the most suspicious one, or the configured one. The filter starts
+at the receiver, and again when the target changes. Its estimates are recorded with the stage
+`REFERENCE`.
 """
 
 from logger.core import ekf
 from logger.core.live_cell import CellEstimate
-from logger.core.live_settings import REFERENCE, STRONGEST, LiveSettings
+from logger.core.live_settings import REFERENCE, STRONGEST, SUSPICIOUS, LiveSettings
 from logger.core.types import CellReading, Note, Scan
 
 
@@ -20,14 +21,21 @@ class LiveReference:
         self._received_ns = 0
         self._state: ekf.EkfState | None = None
 
-    def choose(self, t_ns: int, scan: Scan, x_m: float, y_m: float) -> Note | None:
-        """Choose a target, or another one; its filter starts at the receiver."""
-        best, level_dbm = self._candidate(scan), level_of(scan, self.target)
+    def choose(
+        self, t_ns: int, scan: Scan, x_m: float, y_m: float, suspect: str | None = None
+    ) -> Note | None:
+        """Choose a target, or another one; its filter starts at the receiver.
+
+        `suspect` is the most suspicious cell so far, None if no cell is unusual.
+        """
+        wanted = self._only_choice(suspect)
+        best, level_dbm = _strongest(scan, wanted), level_of(scan, self.target)
         if level_dbm is not None:
             self._received_ns = t_ns
         if best is None or best.cell == self.target or best.level_dbm is None:
             return None
-        if self.target is not None and not self._beats(best.level_dbm, level_dbm, t_ns):
+        is_held = self.target is not None and wanted is None
+        if is_held and not self._beats(best.level_dbm, level_dbm, t_ns):
             return None
         before, self.target = self.target, best.cell
         self._received_ns = t_ns
@@ -51,19 +59,25 @@ class LiveReference:
         innovation = step.innovation_db, step.innovation_var_db2
         return CellEstimate(REFERENCE, 1.0, (x_m, y_m, p0_dbm, eta), p, *innovation)
 
-    def _candidate(self, scan: Scan) -> CellReading | None:
+    def _only_choice(self, suspect: str | None) -> str | None:
+        """The only cell that may become the target; None for the strongest one."""
         target = self._settings.target
-        sure = [r for r in scan.readings if r.level_dbm is not None and not r.identity_unsure]
-        if target == STRONGEST:
-            candidates = [r for r in sure if r.rat == "GSM" and r.cell is not None]
-        else:
-            candidates = [r for r in sure if r.cell == target]
-        return max(candidates, key=lambda r: r.level_dbm or 0.0, default=None)
+        return suspect if target == SUSPICIOUS else None if target == STRONGEST else target
 
     def _beats(self, level_dbm: float, target_dbm: float | None, t_ns: int) -> bool:
         if target_dbm is None:
             return t_ns - self._received_ns > self._settings.lost_s * 1e9
         return level_dbm > target_dbm + self._settings.hysteresis_db
+
+
+def _strongest(scan: Scan, wanted: str | None) -> CellReading | None:
+    """The strongest 2G cell of a scan, or the reading of a wanted cell."""
+    sure = [r for r in scan.readings if r.level_dbm is not None and not r.identity_unsure]
+    if wanted is None:
+        candidates = [r for r in sure if r.rat == "GSM" and r.cell is not None]
+    else:
+        candidates = [r for r in sure if r.cell == wanted]
+    return max(candidates, key=lambda r: r.level_dbm or 0.0, default=None)
 
 
 def level_of(scan: Scan, cell: str | None) -> float | None:

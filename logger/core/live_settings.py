@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import msgspec
 
-STRONGEST = "strongest"
+STRONGEST, SUSPICIOUS = "strongest", "suspicious"
 
 LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
@@ -36,13 +36,15 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How the live estimate chooses its cells, its fix and its prior.
 
     Every cell named by two scans is tracked, up to `most_cells` at once: the one not received for
-    longest gives way. `target` is "strongest" or the name of a cell, for the reference filter and
-    the default view; it is one that two scans have named. The target changes when another cell is
-    `hysteresis_db` stronger in the same scan, or strongest after the target was not received for
-    `lost_s`. A fix older than `max_fix_age_s` is not used. `joseph` chooses the form of the
-    reference filter's covariance update. `environment` names the prior: any, open, suburban or
-    urban; `antenna` that of its pattern: omni or sector; `height_m` is its height above the
-    receiver. `baseline` is the file of earlier walks, empty for none.
+    longest gives way. `target` is "strongest", "suspicious" or the name of a cell, for the
+    reference filter and the default view; it is one that two scans have named. The target changes
+    when another cell is `hysteresis_db` stronger in the same scan, or strongest after the target
+    was not received for `lost_s`. "suspicious" is the cell with the worst word, once one is more
+    than "nothing unusual" and is received; until then the strongest. A fix older than
+    `max_fix_age_s` is not used. `joseph` chooses the form of the reference filter's covariance
+    update. `environment` names the prior: any, open, suburban or urban; `antenna` that of its
+    pattern: omni or sector; `height_m` is its height above the receiver. `baseline` is the file of
+    earlier walks, empty for none.
     """
 
     target: str = STRONGEST

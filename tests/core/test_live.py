@@ -98,6 +98,33 @@ def test_a_wished_target_is_kept():
     assert [v.cell for v in found if isinstance(v, LiveEstimate)] == ["262-01-4711-1"]
 
 
+def _receives_a_foreign_cell(target):
+    """Six scans with a foreign cell that is weaker than the cells of this country."""
+    home = [reading(cid, -60.0 - cid) for cid in range(1, 5)]
+    foreign = CellReading("neighbour", "GSM", "310", "260", 1, 9, 30, rssi_dbm=-80.0)
+    records = [record for t in range(2, 40, 5) for record in (_fix(t), _scan(t, *home, foreign))]
+    tracker = LiveTracker(LiveSettings(target=target))
+    return tracker, _feed(tracker, *records)
+
+
+def test_the_most_suspicious_cell_is_followed_once_there_is_one():
+    tracker, found = _receives_a_foreign_cell("suspicious")
+    assert tracker.target == "310-260-1-9"
+    notes = [value for value in found if isinstance(value, Note)]
+    locked, changed = (note for note in notes if note.code.startswith("target-"))
+    assert (locked.code, changed.code) == ("target-locked", "target-changed")
+    assert "262-01-4711-1 at -61 dBm" in locked.text
+    assert "310-260-1-9 at -80 dBm" in changed.text
+    # the change follows the finding in the records, so that replay sees both in this order
+    codes = [note.code for note in notes]
+    assert codes.index("finding") < codes.index("target-changed")
+
+
+def test_the_strongest_cell_stays_the_target_by_default():
+    tracker, _ = _receives_a_foreign_cell("strongest")
+    assert tracker.target == "262-01-4711-1"
+
+
 @pytest.mark.parametrize("unusable", [
     CellReading("neighbour", "GSM", rssi_dbm=-40.0),
     CellReading("serving", "LTE", "262", "01", 1, 2, rssi_dbm=-40.0),

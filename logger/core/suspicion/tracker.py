@@ -8,7 +8,7 @@ from logger.core.suspicion.broadcast import BroadcastRules
 from logger.core.suspicion.broken import Broken, FamilyRules
 from logger.core.suspicion.capabilities import Capabilities
 from logger.core.suspicion.earlier_walks import EarlierWalkRules
-from logger.core.suspicion.finding import Finding, Rule
+from logger.core.suspicion.finding import WORDS, Finding, Rule
 from logger.core.suspicion.heard import Memory, Moment, Walker
 from logger.core.suspicion.neighbours import NeighbourRules
 from logger.core.suspicion.place import PlaceRules
@@ -17,7 +17,7 @@ from logger.core.suspicion.rules import RULES, rate_of
 from logger.core.suspicion.signal import SignalRules
 from logger.core.suspicion.technology import TechnologyRules
 from logger.core.suspicion.timing import TimingRules
-from logger.core.suspicion.words import Assessment, assess
+from logger.core.suspicion.words import Assessment, assess, by_word
 from logger.core.types import Fix, Record, Scan
 
 _MOST_FOUND = 500
@@ -25,7 +25,10 @@ _MOST_FOUND = 500
 
 
 class SuspicionTracker:
-    """Follows the records of one run; `feed` them in recorded order."""
+    """Follows the records of one run; `feed` them in recorded order.
+
+    `worst` is the cell with the worst word so far, None while all are "nothing unusual".
+    """
 
     def __init__(self, max_fix_age_s: float = 3.0, baseline: Baseline | None = None) -> None:
         self._baseline = baseline or NoBaseline()
@@ -44,6 +47,7 @@ class SuspicionTracker:
             EarlierWalkRules(self._baseline),
         )
         self._findings: Latest[list[Finding]] = Latest(_MOST_FOUND)
+        self.worst: str | None = None
         self.capabilities = Capabilities()
         if self._baseline.n_walks:
             self.capabilities.serve("earlier walks")
@@ -94,7 +98,14 @@ class SuspicionTracker:
             return []
         finding = _finding(rule, broken, now, cell.rat)
         self._findings.put(broken.cell, [*before, finding])
+        self._rank(broken.cell)
         return [finding]
+
+    def _rank(self, cell: str) -> None:
+        """Compare a cell that has a new finding with the worst one."""
+        found = [self.assessment(name) for name in (cell, self.worst) if name is not None]
+        worst = by_word(found)[0]
+        self.worst = None if worst.word == WORDS[0] else worst.cell
 
 
 def _finding(rule: Rule, broken: Broken, now: Moment, rat: str) -> Finding:
