@@ -7,7 +7,7 @@ from statistics import median
 from logger.core.latest import Latest
 from logger.core.suspicion.broken import Broken, Taken
 from logger.core.suspicion.finding import Evidence
-from logger.core.suspicion.heard import Heard, Memory, Moment
+from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment
 
 _FEWEST_CELLS = 3
 _STEADY = 3
@@ -17,12 +17,15 @@ _WEAKER_DB = 10.0
 """A modem changes to a cell some dB stronger; in calls and between bands it may be weaker."""
 _ABOVE_DB = 20.0
 """Above the largest offset of the operator's other cells here; steps of CRO are 2 dB."""
+_SUBTRACTED = 31
+"""Penalty time with which the offset makes a cell less attractive (3GPP TS 45.008, 6.4)."""
 
 
 class BroadcastRules:
     """C1 and C2."""
 
     def __init__(self) -> None:
+        self._last_db: Latest[float] = Latest(128)
         self._offset_db: Latest[float] = Latest(128)
         self._serving: deque[tuple[float, str, str, float]] = deque(maxlen=_STEADY)
         self._left: tuple[str, float, float, list[float]] | None = None
@@ -31,22 +34,36 @@ class BroadcastRules:
         """As `FamilyRules`."""
         yield from self._leave_for_weaker(now)
         for cell, heard in taken:
-            offset_db = _offset_db(heard)
-            if offset_db is None:
-                continue
-            self._offset_db.put(cell.name, offset_db)
-            others = [
-                self._offset_db[c.name]
-                for c in memory.of_operator(cell.operator, cell.rat)
-                if c is not cell and c.name in self._offset_db
-            ]
-            if len(others) >= _FEWEST_CELLS and offset_db >= max(others) + _ABOVE_DB:
-                evidence: Evidence = {
-                    "offset_db": round(offset_db),
-                    "usual_db": round(median(others)),
-                    "cells": len(others),
-                }
-                yield Broken("C1", cell.name, evidence)
+            offset_db = self._confirmed_db(cell, heard)
+            if offset_db is not None:
+                yield from self._above_usual(memory, cell, offset_db)
+
+    def _confirmed_db(self, cell: HeardCell, heard: Heard) -> float | None:
+        """Offset that two readings in turn agree on; a digit of a single one may be wrong."""
+        offset_db = _offset_db(heard)
+        if offset_db is None:
+            return None
+        last_db = self._last_db.get(cell.name)
+        self._last_db.put(cell.name, offset_db)
+        if offset_db != last_db:
+            return None
+        self._offset_db.put(cell.name, offset_db)
+        return offset_db
+
+    def _above_usual(self, memory: Memory, cell: HeardCell, offset_db: float) -> Iterator[Broken]:
+        """C1: the offset is far above that of the operator's other cells."""
+        others = [
+            self._offset_db[c.name]
+            for c in memory.of_operator(cell.operator, cell.rat)
+            if c is not cell and c.name in self._offset_db
+        ]
+        if len(others) >= _FEWEST_CELLS and offset_db >= max(others) + _ABOVE_DB:
+            evidence: Evidence = {
+                "offset_db": round(offset_db),
+                "usual_db": round(median(others)),
+                "cells": len(others),
+            }
+            yield Broken("C1", cell.name, evidence)
 
     def _leave_for_weaker(self, now: Moment) -> Iterator[Broken]:
         """C2: the modem leaves a good cell for a much weaker one."""
@@ -74,11 +91,12 @@ class BroadcastRules:
 
 
 def _offset_db(heard: Heard) -> float | None:
-    """C2 - C1, or the broadcast offset itself."""
+    """C2 - C1, or the broadcast offset itself; negative where it is subtracted."""
     reading = heard.reading
     broadcast = heard.broadcast
     if broadcast is not None and broadcast.cro_db is not None:
-        return float(broadcast.cro_db)
+        is_subtracted = broadcast.penalty_time == _SUBTRACTED
+        return float(-broadcast.cro_db if is_subtracted else broadcast.cro_db)
     if reading.c1 is None or reading.c2 is None:
         return None
     return float(reading.c2 - reading.c1)

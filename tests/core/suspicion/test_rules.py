@@ -1,5 +1,7 @@
 """Each rule: broken by what it aims at, and not by what its gate is there for."""
 
+from dataclasses import replace
+
 import pytest
 
 from logger.core.suspicion.rules import RULES, rate_of
@@ -136,6 +138,41 @@ def test_c1_compares_the_offset_with_that_of_the_operators_other_cells():
     assert not Walk().scan(*usual, times=3).rules
     attractive = gsm(99, c1=20, c2=120)
     assert ("C1", 99) in Walk().scan(*usual, attractive, times=3).rules
+
+
+def test_c1_does_not_rest_on_a_single_reading():
+    usual = [gsm(cid, c1=20, c2=20) for cid in range(10, 15)]
+    ordinary, wrong = gsm(99, c1=20, c2=20), gsm(99, c1=20, c2=120)
+    walk = Walk().scan(*usual, ordinary, times=3).scan(*usual, wrong)
+    walk.scan(*usual, ordinary, times=3)
+    assert ("C1", 99) not in walk.rules
+
+
+@pytest.mark.parametrize(
+    ("broadcast", "is_accused"),
+    [
+        (Broadcast(cro_db=60, penalty_time=0), True),
+        (Broadcast(cro_db=60, penalty_time=31), False),  # 31: the offset is subtracted
+        (Broadcast(cro_db=60, penalty_time=0, broadcast_unsure=True), False),
+    ],
+)
+def test_c1_takes_the_offset_that_the_cell_broadcasts(broadcast, is_accused):
+    usual = [gsm(cid, broadcast=Broadcast(cro_db=0, penalty_time=0)) for cid in range(10, 15)]
+    walk = Walk().scan(*usual, gsm(99, broadcast=broadcast), times=4)
+    assert (("C1", 99) in walk.rules) == is_accused
+
+
+def test_lists_printed_once_accuse_nobody():
+    """N2, N3, N4 and the needs of the rules: an unsure list is no list."""
+    own = tuple(sorted(cell.arfcn for cell in HOME))
+    cells = [gsm(cid, -80, broadcast=Broadcast(own)) for cid in range(10, 18)]
+    others = [gsm(cid, -80, mnc="03", lac=4301, arfcn=100 + cid) for cid in range(60, 64)]
+    strange = Broadcast(tuple(c.arfcn for c in others), broadcast_unsure=True)
+    walk = Walk().scan(*cells, *others, gsm(99, -70, arfcn=14, broadcast=strange), times=8)
+    assert not {(name, 99) for name in ("N1", "N2", "N3", "N4")} & walk.rules
+    unsure = [replace(c, broadcast=replace(c.broadcast, broadcast_unsure=True)) for c in cells]
+    capabilities = Walk().scan(*unsure, times=4).tracker.capabilities
+    assert capabilities.not_asked(RULES.values())["N2"] == ("neighbour lists",)
 
 
 def test_c2_a_modem_that_leaves_a_good_cell_for_a_weak_one():
