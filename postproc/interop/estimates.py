@@ -1,16 +1,13 @@
-"""Positions, regions and ellipses of each cell, from a summary of `postproc smooth`."""
+"""Positions, regions and ellipses of each cell, as they are exported."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 
-import msgspec
-from msgspec import UNSET, Struct, UnsetType
-
-from logger.core.geo import Utm, check_position
-from logger.core.locator.rivals import LEAST_SHARE
+from logger.core.geo import Utm
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
-from postproc.json_text import as_json
 from postproc.result import BATCH, EKF, RTS, Result
+from postproc.result_json import Best, Cell, FinalState, LeastSquares, Mode
 from postproc.summary import summarise
 
 _PEERS = (EKF, RTS, BATCH)
@@ -49,80 +46,16 @@ class Estimate:
     left_out: tuple[str, ...] = ()
 
 
-class _Ellipse(Struct):
-    semi_major_m: float | None
-    semi_minor_m: float | None
-    azimuth_deg: float | None
-
-
-class _State(Struct):
-    """A position of an estimator; an earlier version stores no `converged` and no `percent`."""
-
-    lat: float | None = None
-    lon: float | None = None
-    ellipse95: _Ellipse | None = None
-    probability: float | None = None
-    percent: int | UnsetType | None = UNSET
-    converged: bool | None = None
-    bounded: bool = True
-
-
-class _Mode(_State, kw_only=True):
-    """A mode of the posterior always has a position and a probability."""
-
-    lat: float
-    lon: float
-    probability: float
-
-
-class _Geometry(Struct):
-    coordinates: list[list[list[tuple[float, float]]]]
-
-
-class _Region(Struct):
-    geojson: _Geometry | None
-
-
-class StoredCell(Struct):
-    """The part of `result_json.Cell` that exports need, of this version or of an earlier one."""
-
-    cell: str
-    verdict: str
-    n: int
-    best: _State
-    modes: list[_Mode]
-    region95: _Region
-    region50: _Region
-    ekf: _State
-    rts: _State
-    batch: _State
-    warnings: list[str]
-
-
-class StoredSummary(Struct):
-    """A summary as `postproc smooth --json` prints it."""
-
-    cells: list[StoredCell]
-
-
 def estimates_of(result: Result, utm: Utm, *, every: bool = False) -> list[Estimate]:
     """The answers and their regions; `utm` is the zone of the run.
 
     With `every` the positions and ellipses of the other estimators besides.
     """
-    return estimates(as_json(summarise(result)), utm, every=every)
+    return [estimate_of(cell, utm, every=every) for cell in summarise(result).cells]
 
 
-def estimates(summary: str | bytes, utm: Utm, *, every: bool = False) -> list[Estimate]:
-    """Estimates in a summary as `postproc smooth --json` prints it; `utm` is the zone of the run.
-
-    Raises `msgspec.ValidationError` for JSON that is no summary.
-    """
-    stored = msgspec.json.decode(summary, type=StoredSummary)
-    return [_estimate(cell, utm, every) for cell in stored.cells]
-
-
-def _estimate(cell: StoredCell, utm: Utm, every: bool) -> Estimate:
+def estimate_of(cell: Cell, utm: Utm, *, every: bool = False) -> Estimate:
+    """The answer about one cell of a summary; `utm` and `every` as in `estimates_of`."""
     outlines = {
         level: tuple(polygons(region.geojson.coordinates))
         for level, region in ((95, cell.region95), (50, cell.region50))
@@ -135,10 +68,10 @@ def _estimate(cell: StoredCell, utm: Utm, every: bool) -> Estimate:
     )
 
 
-def _answer(cell: StoredCell) -> list[NamedPosition]:
+def _answer(cell: Cell) -> list[NamedPosition]:
     """Positions that the verdict is about: several only where it is "ambiguous"."""
     if cell.verdict == "ambiguous":
-        likely = [mode for mode in cell.modes if _is_relevant(mode)]
+        likely = [mode for mode in cell.modes if mode.percent is not None]
         return [
             NamedPosition(
                 f"possible position {i}", _lon_lat(mode), mode.probability, (), cell.verdict
@@ -151,17 +84,10 @@ def _answer(cell: StoredCell) -> list[NamedPosition]:
     return [NamedPosition(name, _lon_lat(cell.best), None, (), cell.verdict)]
 
 
-def _is_relevant(mode: _Mode) -> bool:
-    """Whether the verdict counts a mode; an earlier version stores its probability alone."""
-    if mode.percent is UNSET:
-        return mode.probability >= LEAST_SHARE
-    return mode.percent is not None
-
-
-def _others(cell: StoredCell, utm: Utm) -> tuple[list[NamedPosition], list[str]]:
+def _others(cell: Cell, utm: Utm) -> tuple[list[NamedPosition], list[str]]:
     """Modes and other estimators with their ellipses, and which have none and why."""
     positions, left_out = [], []
-    states: dict[str, _State] = {
+    states: dict[str, Mode | FinalState | LeastSquares] = {
         f"posterior, position {i}": mode for i, mode in enumerate(cell.modes, 1)
     }
     states |= {estimator.name: getattr(cell, estimator.json_key) for estimator in _PEERS}
@@ -169,41 +95,37 @@ def _others(cell: StoredCell, utm: Utm) -> tuple[list[NamedPosition], list[str]]
         if why := _no_answer(state):
             left_out.append(f"{name} of {cell.cell}: {why}")
         elif state.lat is not None:
+            probability = state.probability if isinstance(state, Mode) else None
             positions.append(
-                NamedPosition(name, _lon_lat(state), state.probability, _ellipse(state, utm))
+                NamedPosition(name, _lon_lat(state), probability, _ellipse(state, utm))
             )
     return positions, left_out
 
 
-def _no_answer(state: _State) -> str | None:
+def _no_answer(state: Mode | FinalState | LeastSquares) -> str | None:
     """Why an estimator that was run has no position to show; None for every other."""
-    if state.converged is False:
+    if not isinstance(state, Mode) and state.converged is False:
         return "it did not converge"
     if state.lat is None:
         return None
     shape = state.ellipse95
-    if shape is None or shape.semi_major_m is None:  # null was infinity in an earlier version
+    if shape is None or not (isfinite(state.lat) and isfinite(shape.semi_major_m)):
         return "it did not converge"
-    is_wide = shape.semi_major_m > _WIDEST_M
-    return "the readings do not bound it" if is_wide or not state.bounded else None
+    is_bounded = not isinstance(state, LeastSquares) or state.bounded is not False
+    if is_bounded and shape.semi_major_m <= _WIDEST_M:
+        return None
+    return "the readings do not bound it"
 
 
-def _ellipse(state: _State, utm: Utm) -> tuple[Rings, ...]:
+def _ellipse(state: Mode | FinalState | LeastSquares, utm: Utm) -> tuple[Rings, ...]:
     shape = state.ellipse95
     assert shape is not None
-    axes_m = float(shape.semi_major_m or 0.0), float(shape.semi_minor_m or 0.0)
-    lat_deg, lon_deg = _position(state)
-    ring = ellipse(lat_deg, lon_deg, utm, axes_m, float(shape.azimuth_deg or 0.0))
-    return tuple(polygons([[ring]]))
+    lon_deg, lat_deg = _lon_lat(state)
+    axes_m = shape.semi_major_m, shape.semi_minor_m
+    return tuple(polygons([[ellipse(lat_deg, lon_deg, utm, axes_m, shape.azimuth_deg)]]))
 
 
-def _lon_lat(state: _State) -> LonLat:
-    lat_deg, lon_deg = _position(state)
-    check_position(lat_deg, lon_deg)
-    return lon_deg, lat_deg
-
-
-def _position(state: _State) -> tuple[float, float]:
-    if state.lat is None or state.lon is None:
-        raise ValueError("a position without latitude or longitude")
-    return state.lat, state.lon
+def _lon_lat(state: Best | Mode | FinalState | LeastSquares) -> LonLat:
+    assert state.lat is not None
+    assert state.lon is not None
+    return state.lon, state.lat

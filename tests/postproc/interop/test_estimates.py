@@ -1,13 +1,17 @@
 """What of the estimates is exported."""
 
 import json
+from math import inf, nan
 from xml.etree import ElementTree as ET
 
+import msgspec
 import pytest
 
+from logger.core.ellipse import Ellipse
 from logger.core.geo import Utm
 from postproc.interop import geojson, gpx, kml
-from postproc.interop.estimates import estimates
+from postproc.interop.estimates import estimate_of
+from postproc.summary import summarise
 from tests.kit import sample_results as kit
 from tests.postproc.interop import walks
 
@@ -16,11 +20,8 @@ PEERS = ("ekf", "rts", "batch")
 
 def _cell(tmp_path, verdict="located", places=1):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
-    return kit.json_of(kit.sample_result(run, verdict=verdict, places=places))
-
-
-def _estimates(found, **options):
-    return estimates(json.dumps(found), kit.UTM, **options)
+    (cell,) = summarise(kit.sample_result(run, verdict=verdict, places=places)).cells
+    return cell
 
 
 @pytest.mark.parametrize(
@@ -32,7 +33,7 @@ def _estimates(found, **options):
     ],
 )
 def test_by_default_the_answer_and_its_region_alone(tmp_path, verdict, names):
-    (found,) = _estimates(_cell(tmp_path, verdict, places=2))
+    found = estimate_of(_cell(tmp_path, verdict, places=2), kit.UTM)
     assert [position.name for position in found.positions] == names
     assert {position.verdict for position in found.positions} == {verdict}
     assert [position.ellipse95 for position in found.positions] == [()] * len(names)
@@ -40,18 +41,15 @@ def test_by_default_the_answer_and_its_region_alone(tmp_path, verdict, names):
 
 
 def test_a_place_of_no_probability_is_no_part_of_an_ambiguous_answer(tmp_path):
-    found = _cell(tmp_path, "ambiguous", places=2)
-    found["cells"][0]["modes"][1] |= {"probability": 0.004, "percent": None}
-    assert len(_estimates(found)[0].positions) == 1
-    for mode in found["cells"][0]["modes"]:
-        del mode["percent"]  # as an earlier version has stored it
-    assert len(_estimates(found)[0].positions) == 1
+    cell = _cell(tmp_path, "ambiguous", places=2)
+    cell.modes[1].probability, cell.modes[1].percent = 0.004, None
+    assert len(estimate_of(cell, kit.UTM).positions) == 1
 
 
 @pytest.mark.parametrize("verdict", ["located", "cannot tell", "ambiguous"])
 def test_of_all_estimators_the_answer_alone_has_the_verdict(tmp_path, verdict):
-    found = _cell(tmp_path, verdict, places=2)
-    (plain,), (every,) = _estimates(found), _estimates(found, every=True)
+    cell = _cell(tmp_path, verdict, places=2)
+    plain, every = (estimate_of(cell, kit.UTM, every=every) for every in (False, True))
     assert [position for position in every.positions if position.verdict] == list(plain.positions)
     assert {"EKF", "RTS", "least squares"} < {position.name for position in every.positions}
     assert all(position.ellipse95 for position in every.positions if not position.verdict)
@@ -79,35 +77,30 @@ def test_a_file_says_located_once(tmp_path, write, every):
 
 
 GARBAGE = [
-    {"converged": False} | dict.fromkeys(("lat", "lon", "ellipse95")),
-    {
-        "lat": None,
-        "lon": None,
-        "ellipse95": {"semi_major_m": 1.0, "semi_minor_m": 1.0, "azimuth_deg": 0.0},
-    },
-    {"ellipse95": {"semi_major_m": None, "semi_minor_m": None, "azimuth_deg": None}},
-    {"ellipse95": {"semi_major_m": 49908042.0, "semi_minor_m": 35141876.0, "azimuth_deg": 3.0}},
+    {"converged": False, "lat": None, "lon": None, "ellipse95": None},
+    {"lat": None, "ellipse95": Ellipse(1.0, 1.0, 0.0)},
+    {"lat": inf, "lon": inf},
+    {"ellipse95": Ellipse(nan, nan, nan)},
+    {"ellipse95": Ellipse(inf, inf, 0.0)},
+    {"ellipse95": Ellipse(49908042.0, 35141876.0, 3.0)},
     {"ellipse95": None},
-    {
-        "bounded": False,
-        "ellipse95": {"semi_major_m": 30000.0, "semi_minor_m": 20.0, "azimuth_deg": 3.0},
-    },
 ]
+UNBOUNDED = {"bounded": False, "ellipse95": Ellipse(30000.0, 20.0, 3.0)}
 
 
-@pytest.mark.parametrize("garbage", GARBAGE)
-@pytest.mark.parametrize("key", PEERS)
-def test_what_did_not_converge_is_left_out_and_named(tmp_path, garbage, key):
-    """As an earlier version has stored it too: infinity is null in JSON."""
-    found = _cell(tmp_path)
-    found["cells"][0][key] = found["cells"][0][key] | garbage
-    (every,) = _estimates(found, every=True)
+@pytest.mark.parametrize(
+    ("key", "garbage"),
+    [*((key, garbage) for key in PEERS for garbage in GARBAGE), ("batch", UNBOUNDED)],
+)
+def test_what_did_not_converge_is_left_out_and_named(tmp_path, key, garbage):
+    cell = _cell(tmp_path)
+    setattr(cell, key, msgspec.structs.replace(getattr(cell, key), **garbage))
+    every = estimate_of(cell, kit.UTM, every=True)
     assert len(every.positions) == 4
-    if found["cells"][0][key]["lat"] is not None:
+    if getattr(cell, key).lat is not None:
         assert len(every.left_out) == 1
 
 
 def test_an_ellipse_at_the_edge_of_the_map_is_drawn(tmp_path):
-    found = _cell(tmp_path)
-    (every,) = estimates(json.dumps(found), Utm(32), every=True)
+    every = estimate_of(_cell(tmp_path), Utm(32), every=True)
     assert all(position.ellipse95 for position in every.positions if not position.verdict)
