@@ -71,6 +71,16 @@ class StatusSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     led: LedName = ""
 
 
+class PageSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The page for a phone: `address:port` of the Pi in its own Wi-Fi, empty for no page.
+
+    `map` is a PMTiles file for the plan, empty for a plain grid.
+    """
+
+    listen: str = ""
+    map: str = ""
+
+
 class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All of site.toml."""
 
@@ -79,6 +89,7 @@ class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gnss: GnssSettings
     live: LiveSettings = LiveSettings()
     status: StatusSettings = StatusSettings()
+    page: PageSettings = PageSettings()
 
 
 def load_config(path: Path) -> tuple[SiteConfig, str]:
@@ -135,8 +146,33 @@ def _without_meaning(config: SiteConfig) -> Iterator[str]:
         for key in settings.__struct_fields__ if settings else ():
             if "\0" in str(getattr(settings, key)):
                 yield f'[{table}] "{key}": contains a NUL character'
+    if config.page.listen:
+        yield from _no_address(config.page.listen)
     if not 0 < len(config.live.target.encode()) <= LONGEST_TARGET_BYTES:
         yield f'[live] "target": the name of a cell has between 1 and {LONGEST_TARGET_BYTES} bytes'
+
+
+def page_address(listen: str) -> tuple[str, int]:
+    """IP address and port of "10.42.0.1:8080" or "[::1]:8080"; raises ValueError.
+
+    A page at 0.0.0.0 would be offered in every network of the Pi, so it is refused.
+    """
+    # not at the start of a run without a page, which must be fast
+    from ipaddress import ip_address  # noqa: PLC0415
+
+    host, _, port = listen.rpartition(":")
+    address = ip_address(host.removeprefix("[").removesuffix("]"))
+    if address.is_unspecified or address.is_multicast or not 0 < int(port) < 65536:
+        raise ValueError(listen)
+    return str(address), int(port)
+
+
+def _no_address(listen: str) -> Iterator[str]:
+    try:
+        page_address(listen)
+    except ValueError:
+        wanted = 'one address of the Pi and a port, such as "10.42.0.1:8080"'
+        yield f'[page] "listen": {listen[:60]!r} is not {wanted}'
 
 
 _TABLES: dict[str, type[msgspec.Struct]] = {
@@ -146,6 +182,7 @@ _TABLES: dict[str, type[msgspec.Struct]] = {
     "gnss": GnssSettings,
     "live": LiveSettings,
     "status": StatusSettings,
+    "page": PageSettings,
 }
 
 

@@ -1,4 +1,4 @@
-"""The live estimate once more, from the recorded fixes and scans alone."""
+"""The live estimate once more, from recorded fixes, scans and what the walker followed."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import astuple, dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from logger.core.live import LiveTracker
-from logger.core.live_settings import BEHIND
+from logger.core.live_settings import BEHIND, FOLLOW
 from logger.core.runfile import Run
 from logger.core.suspicion.notes import FINDING_CODE, RULES_CODE, start_note
 from logger.core.types import LiveEstimate, Note
@@ -40,10 +40,12 @@ class Replay:
 
 
 def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
-    """Live estimates and events computed from the run's fixes and scans, in recorded order."""
+    """Live estimates and events computed from the run's records, in their order."""
     tracker = LiveTracker(run.meta.live)
     with threadpool_limits(1):  # as on the device: several threads of BLAS add in another order
-        for seq, record in run.records("fixes", "scans"):
+        for seq, record in run.records("fixes", "scans", "notes"):
+            if isinstance(record.value, Note) and record.value.code != FOLLOW:
+                continue
             yield from tracker.feed(seq, record)
 
 

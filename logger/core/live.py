@@ -16,7 +16,7 @@ from logger.core.latest import Latest
 from logger.core.live_cell import CellEstimate, LiveCell
 from logger.core.live_receiver import Receiver, ReceiverTrack
 from logger.core.live_reference import LiveReference
-from logger.core.live_settings import LiveSettings
+from logger.core.live_settings import FOLLOW, LiveSettings
 from logger.core.locator.online import LevelReading
 from logger.core.model.prior import Prior, prior_for
 from logger.core.suspicion.notes import finding_notes
@@ -57,6 +57,8 @@ class LiveTracker:
                 return [*notes, *self._track.add(record.t_ns, fix)]
             case Scan() as scan:
                 return [*notes, *self._take_scan(seq, record.t_ns, scan)]
+            case Note(code=code, text=cell) if code == FOLLOW:
+                self._reference.follow(cell)
         return [*notes]
 
     def _check_rules(self, record: Record) -> list[Note]:

@@ -16,6 +16,7 @@ class LiveReference:
 
     def __init__(self, settings: LiveSettings) -> None:
         self._settings = settings
+        self._wanted = settings.target
         self.target: str | None = None
         self.n = 0
         self._received_ns = 0
@@ -46,6 +47,10 @@ class LiveReference:
         restart = "the reference filter starts again at the receiver"
         return Note("info", "target-changed", f"{text}, was {before}; {restart}")
 
+    def follow(self, wanted: str) -> None:
+        """Choose from now on as the setting `target` with this value would."""
+        self._wanted = wanted
+
     def step(self, scan: Scan, x_m: float, y_m: float) -> CellEstimate | None:
         """Correct with the target's level in a scan; None if it has none."""
         level_dbm = level_of(scan, self.target)
@@ -61,8 +66,8 @@ class LiveReference:
 
     def _only_choice(self, suspect: str | None) -> str | None:
         """The only cell that may become the target; None for the strongest one."""
-        target = self._settings.target
-        return suspect if target == SUSPICIOUS else None if target == STRONGEST else target
+        wanted = self._wanted
+        return suspect if wanted == SUSPICIOUS else None if wanted == STRONGEST else wanted
 
     def _beats(self, level_dbm: float, target_dbm: float | None, t_ns: int) -> bool:
         if target_dbm is None:

@@ -32,6 +32,13 @@ BEHIND = "estimate-behind"
 """Code of the Note of a device that fell behind: the last scans have no live estimate."""
 
 
+FOLLOW, MARK = "follow", "mark"
+"""Codes of the Notes that the walker makes: a cell to follow, and a place to remember.
+
+The text of the first is the name of a cell, or another value of `LiveSettings.target`.
+"""
+
+
 class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How the live estimate chooses its cells, its fix and its prior.
 

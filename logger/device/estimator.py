@@ -1,8 +1,9 @@
 """The live estimate in its own thread, so that reception never waits for it.
 
-It gets the recorded fixes and scans in their order, so that `postproc replay` can repeat it. Its
-estimates go through the inbox and are recorded like all other records. Its modules (numpy, the map)
-take seconds to import on a small board: its thread imports them while the ports are recorded.
+It gets the recorded fixes, scans and choices of a cell in their order, so that `postproc replay`
+can repeat it. Its estimates go through the inbox and are recorded like all other records. Its
+modules (numpy, the map) take seconds to import on a small board: its thread imports them while the
+ports are recorded.
 """
 
 import logging
@@ -79,7 +80,10 @@ class Estimator:
         self._thread.start()
 
     def give(self, seq: int, record: Record) -> bool:
-        """Take a recorded fix or scan; False from the first one on for which there is no room."""
+        """Take a recorded fix, scan or choice of a cell.
+
+        False from the first one on for which there is no room.
+        """
         if not self._behind:
             try:
                 self._waiting.put_nowait((seq, record))

@@ -1,6 +1,6 @@
 """The writer thread: records from the inbox to the run file, durable every second.
 
-It also passes fixes and scans to the live estimate.
+It also passes fixes, scans and the walker's choice of a cell to the live estimate.
 """
 
 import logging
@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from logger.core.live_settings import BEHIND, LiveSettings
+from logger.core.live_settings import BEHIND, FOLLOW, LiveSettings
 from logger.core.runfile import FLOOR_BYTES, RunWriter
 from logger.core.sample_hold import SampleHold
 from logger.core.types import Fix, Level, LiveEstimate, Note, Record, Scan
@@ -153,7 +153,7 @@ class Recorder:
         seq = self._writer.append(record)
         if isinstance(record.value, Fix):
             self._fixes.add(record.t_ns, seq if record.value.valid else None)
-        if isinstance(record.value, Fix | Scan) and not self._estimator.give(seq, record):
+        if _is_for_estimate(record) and not self._estimator.give(seq, record):
             self._note_behind()
 
     def _note_behind(self) -> None:
@@ -206,3 +206,12 @@ class Recorder:
 
     def _note(self, level: Level, code: str, text: str) -> Record:
         return Record(self._clock.now_ns(), "logger", Note(level, code, text))
+
+
+def _is_for_estimate(record: Record) -> bool:
+    match record.value:
+        case Fix() | Scan():
+            return True
+        case Note(code=code):
+            return code == FOLLOW
+    return False

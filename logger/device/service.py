@@ -1,6 +1,7 @@
 """The complete logger: a thread for each port, one recorder, one run."""
 
 import logging
+import math
 import os
 import threading
 from collections.abc import Callable
@@ -9,7 +10,7 @@ from pathlib import Path
 
 from logger.config import GNSS_OF_MODEM, SiteConfig
 from logger.core.errors import ConfigError, RunFileError
-from logger.core.types import DEAD_RECKONING, LiveEstimate
+from logger.core.types import DEAD_RECKONING, LiveEstimate, Record
 from logger.device.clock import Clock
 from logger.device.gpsd_link import receiver_session
 from logger.device.link import Link
@@ -18,21 +19,24 @@ from logger.device.mode_switch import RESTORE_S, unrestored_modes
 from logger.device.modem_link import modem_session
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.notify import ServiceManager
+from logger.device.page_requests import page_requests
 from logger.device.port_swap import PortSwap
 from logger.device.port_url import check_url
 from logger.device.recorder import Recorder
 from logger.device.saved_modes import SavedModes
 from logger.device.startup import BegunRun
-from logger.device.status import Sign, Status, TargetStatus, WatchedInbox
+from logger.device.status import Sign, Status, TargetStatus, status_folder
 from logger.device.status_sinks import status_sinks
 from logger.device.suspicion_status import suspicion_status
+from logger.device.watched_inbox import WatchedInbox
 from logger.drivers.registry import FAMILIES, check_mode
 
 log = logging.getLogger(__name__)
 
 JOIN_S = 10.0
 STATUS_EVERY_S = 30.0
-TICK_S = 1.0
+TICK_S, PAGE_TICK_S = 1.0, 0.5
+"""The second with a page on a phone, which should show a level within a second."""
 SCAN_S, SURVEY_S = 60.0, 360.0
 """A modem without a scan for this long has failed; the other is the time of a full scan."""
 FIX_AGE_S = 5.0
@@ -80,6 +84,8 @@ class Service:
             + 3.0 * config.modem.poll_interval_s
             + bool(config.modem.full_scan_interval_s) * SURVEY_S
         )
+        self._tick_s = PAGE_TICK_S if config.page.listen else TICK_S
+        self._requests = page_requests(status_folder()) if config.page.listen else None
         self._synced_ns: int | None = None
         self.folder, self._writer = begun.folder, begun.writer
         self.recorder = Recorder(
@@ -122,15 +128,17 @@ class Service:
         return _finish_run(self._writer.path)
 
     def wait(self, duration_s: float | None, publish: Callable[[], None] = lambda: None) -> None:
-        """Wait for `ended` or the end of the duration, and call `publish` once a second."""
+        """Wait for `ended` or the end of the duration, and call `publish` once a tick."""
         end_ns = None if duration_s is None else self._clock.now_ns() + round(duration_s * 1e9)
         logged_ns = self._started_ns
         while end_ns is None or self._clock.now_ns() < end_ns:
             now_ns = self._clock.now_ns()
-            left_s = TICK_S if end_ns is None else min(TICK_S, (end_ns - now_ns) / 1e9)
+            left_s = min(self._tick_s, math.inf if end_ns is None else (end_ns - now_ns) / 1e9)
             if self._clock.wait(self._ended, max(left_s, 0.0)):
                 return
             self._check_ports(now_ns)
+            for note in self._requests.take() if self._requests else ():
+                self._inbox.put(Record(now_ns, "page", note))
             publish()
             if now_ns - logged_ns > STATUS_EVERY_S * 1e9:
                 logged_ns = now_ns
@@ -157,6 +165,7 @@ class Service:
         counts, inbox, synced_ns = self.recorder.counts, self._inbox, self._synced_ns
         now_ns = self._clock.now_ns()  # after all times that it is compared with
         trouble = self._trouble(now_ns)
+        suspicions = suspicion_status(self.recorder.suspicions)
         return Status(
             state="error" if trouble else self._sign(now_ns),
             text=trouble or self.status(),
@@ -173,7 +182,9 @@ class Service:
             fix=inbox.fix,
             target=_target(self.recorder.target, self.recorder.latest),
             ports=dict(inbox.ports),
-            suspicions=suspicion_status(self.recorder.suspicions),
+            suspicions=suspicions,
+            cells=inbox.cells.rows(suspicions),
+            followed=inbox.followed,
         )
 
     def _trouble(self, now_ns: int) -> str:

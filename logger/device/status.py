@@ -1,17 +1,11 @@
 """The status of the recording, as a JSON file for other programs and `fieldlogger doctor`."""
 
 import os
-import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
-
-from logger.core.types import Fix, Note, Record, Scan
-from logger.core.utc import utc_text
-from logger.device.link import Inbox
-from logger.device.port_swap import PortSwap
 
 FOLDER = Path("/run/cellwalk")
 """RuntimeDirectory= of the service; systemd removes it with the service."""
@@ -161,6 +155,7 @@ class Status(msgspec.Struct, frozen=True):
     `suspicions` has the most suspicious cell first; it never changes what is recorded.
     `waiting` of the queue's `room` records have yet to be written. `next` and `position` are of the
     cell that is followed; `cells` has the serving cell first, then the others by level.
+    `followed` is the cell that the walker chose on the page, None for the program's choice.
     """
 
     state: Sign
@@ -182,54 +177,7 @@ class Status(msgspec.Struct, frozen=True):
     next: NextStatus | None = None
     position: PositionStatus | None = None
     cells: tuple[CellStatus, ...] = ()
-
-
-class WatchedInbox(Inbox):
-    """An inbox that keeps the latest fix, scan and port events, which the recorder only counts.
-
-    `n_polls` grows while the recorder runs; `swap` is fed with every record.
-    """
-
-    def __init__(self, ports: Mapping[str, str], swap: PortSwap | None = None) -> None:
-        super().__init__()
-        self._swap = swap
-        self._ports_lock = threading.Lock()
-        self.ports = {source: PortStatus(url) for source, url in ports.items()}
-        self.fix: FixStatus | None = None
-        self.valid_ns: int | None = None
-        self.scan_ns: int | None = None
-        self.n_polls = 0
-
-    @property
-    def waiting(self) -> int:
-        return self._queue.qsize()
-
-    @property
-    def room(self) -> int:
-        return self._queue.maxsize
-
-    def put(self, record: Record) -> None:
-        if self._swap is not None:
-            self._swap.feed(record)
-        match record.value:
-            case Fix() as fix:
-                self.fix = _fix_status(record.t_ns, fix)
-                self.valid_ns = record.t_ns if fix.valid else self.valid_ns
-            case Scan():
-                self.scan_ns = record.t_ns
-            case Note() as note if record.source in self.ports:
-                with self._ports_lock:
-                    self.ports[record.source] = _with_event(self.ports[record.source], note)
-        super().put(record)
-
-    def move(self, source: str, url: str) -> None:
-        """Note that a link continues at another port."""
-        with self._ports_lock:
-            self.ports[source] = PortStatus(url)
-
-    def get(self, timeout_s: float) -> Record | None:
-        self.n_polls += 1
-        return super().get(timeout_s)
+    followed: str | None = None
 
 
 def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:
@@ -257,27 +205,3 @@ def read_status(folder: Path) -> Status | None:
         return msgspec.json.decode((folder / _FILE).read_bytes(), type=Status)
     except (FileNotFoundError, msgspec.DecodeError):
         return None
-
-
-def _fix_status(t_ns: int, fix: Fix) -> FixStatus:
-    utc = None if fix.utc_ns is None else utc_text(fix.utc_ns)
-    return FixStatus(
-        t_ns,
-        fix.valid,
-        utc,
-        fix.lat_deg,
-        fix.lon_deg,
-        fix.acc_m,
-        fix.hdop,
-        fix.sats_used,
-        fix.quality,
-        fix.speed_mps,
-        fix.course_deg,
-    )
-
-
-def _with_event(port: PortStatus, note: Note) -> PortStatus:
-    is_open = {"port-opened": True, "port-lost": False, "internal": False}.get(
-        note.code, port.is_open
-    )
-    return PortStatus(port.url, is_open, note.text)

@@ -17,7 +17,7 @@ def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus
     ellipse = ellipse95(latest.p_xx, latest.p_xy, latest.p_yy)
     return TargetStatus(
         cell,
-        _verdict(latest),
+        estimate_verdict(latest),
         latest.n,
         round(latest.probability, 3),
         round(lat_deg, 6),
@@ -28,7 +28,8 @@ def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus
     )
 
 
-def _verdict(latest: LiveEstimate) -> str:
+def estimate_verdict(latest: LiveEstimate) -> str:
+    """How sure the live estimate is of its position."""
     if latest.stage == EKF:
         return "one close place"
     return "one place" if latest.probability >= ONE_MODE else "several places"

@@ -5,7 +5,7 @@ import pytest
 from logger.core import ekf
 from logger.core.geo import Utm
 from logger.core.live import LiveTracker
-from logger.core.live_settings import LiveSettings
+from logger.core.live_settings import FOLLOW, LiveSettings
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 from tests.kit.runs import reading
 
@@ -77,6 +77,35 @@ def test_target_changes_only_beyond_the_hysteresis_and_starts_again():
         ("1", 2),
         ("2", 1),
     ]
+
+
+def _follow(t_s, cell):
+    return Record(t_s * S, "page", Note("info", FOLLOW, cell))
+
+
+def test_a_followed_cell_is_the_target_although_it_is_weaker_until_the_strongest_is_wanted():
+    tracker = _knowing(LiveSettings(), 1, 2)
+    both = reading(1, -60.0), reading(2, -90.0)
+    targets = []
+    for record in (
+        _fix(1),
+        _scan(1, *both),
+        _follow(2, "262-01-4711-2"),
+        _scan(2, reading(1, -60.0)),
+        _scan(3, *both),
+        _scan(4, *both),
+        _follow(4, "strongest"),
+        _scan(4, *both),
+    ):
+        tracker.feed(0, record)
+        targets.append(tracker.target and tracker.target[-1])
+    assert targets == [None, "1", "1", "1", "2", "2", "2", "1"]
+
+
+def test_a_followed_cell_that_nobody_hears_changes_nothing():
+    tracker = _knowing(LiveSettings(), 1)
+    _feed(tracker, _fix(1), _scan(1, reading(1, -60.0)), _follow(1, "x" * 400))
+    assert _feed(tracker, _scan(2, reading(1, -61.0)))[0].cell == "262-01-4711-1"
 
 
 def test_a_target_not_received_for_a_while_gives_way():

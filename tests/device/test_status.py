@@ -9,8 +9,9 @@ import pytest
 
 from logger.core.geo import Utm
 from logger.core.types import Fix, LiveEstimate, Note, RawBytes, Record
-from logger.device.status import Status, WatchedInbox, read_status, status_folder, write_status
+from logger.device.status import Status, read_status, status_folder, write_status
 from logger.device.target import target_status
+from logger.device.watched_inbox import WatchedInbox
 from logger.sim.player import NmeaPlayer
 from logger.sim.ptys import PtyDevice
 from logger.sim.scenario import scenario

@@ -2,21 +2,34 @@ from dataclasses import replace
 from importlib.metadata import version
 
 from logger.core.live import LiveTracker
+from logger.core.live_settings import FOLLOW
 from logger.core.runfile import read_run
-from logger.core.types import LiveEstimate, Record
+from logger.core.types import LiveEstimate, Note, Record
 from postproc.replay import replay
 from tests.kit import runs
 
 
-def _walked(n=50):
+def _walked(stream=()):
     """A walk with the live estimates that the recorder would have added."""
     tracker = LiveTracker(runs.meta().live)
     out = []
-    for record in runs.records(n):
+    for record in stream or runs.records(50):
         seq = len(out)
         out.append(record)
         out += [Record(record.t_ns, "live", value) for value in tracker.feed(seq, record)]
     return out
+
+
+def test_a_cell_that_the_walker_followed_is_followed_again(tmp_path):
+    weaker = Record(0, "page", Note("info", FOLLOW, "262-01-4711-2"))
+    stream = runs.records(40)
+    stream.insert(60, replace(weaker, t_ns=stream[60].t_ns))
+    records = _walked(stream)
+    assert any(value.cell == "262-01-4711-2" for value in _live(records) if "ref" in value.stage)
+    assert _replay(tmp_path, records).equal
+    without = [r for r in records if not (isinstance(r.value, Note) and r.value.code == FOLLOW)]
+    (tmp_path / "without").mkdir()
+    assert not _replay(tmp_path / "without", without).equal
 
 
 def _live(records):

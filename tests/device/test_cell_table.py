@@ -1,0 +1,61 @@
+from dataclasses import replace
+
+import pytest
+
+from logger.core.types import LiveEstimate, Record, Scan
+from logger.device.cell_table import MOST_CELLS, MOST_SHOWN, CellTable
+from logger.device.status import SuspicionStatus
+from tests.kit.runs import reading
+
+S = 10**9
+FIRST, SECOND = "262-01-4711-1", "262-01-4711-2"
+
+
+def _table(*scans):
+    table = CellTable()
+    for t_s, *readings in scans:
+        table.feed(Record(round(t_s * S), "modem", Scan(0, tuple(readings))))
+    return table
+
+
+def test_the_serving_cell_is_first_and_the_others_follow_by_level():
+    neighbours = [reading(n, -70.0 - n, "neighbour") for n in (3, 2)]
+    rows = _table((1, reading(1, -90.0), *neighbours)).rows()
+    assert [row.cell[-1] for row in rows] == ["1", "2", "3"]
+    assert [row.is_serving for row in rows] == [True, False, False]
+    assert (rows[0].rat, rows[0].channel, rows[0].n, rows[0].heard_ns) == ("GSM", 17, 1, S)
+
+
+def test_average_peak_and_trend():
+    levels = [(t, -80.0) for t in range(1, 9)] + [(9, -74.0), (10, -73.0), (11, -70.0), (12, -71.0)]
+    (row,) = _table(*((t, reading(1, level)) for t, level in levels)).rows()
+    assert (row.level_dbm, row.average_dbm, row.peak_dbm, row.n) == (-71.0, -70.5, -70.0, 12)
+    assert row.trend_db == 8.0  # warmer: -72 after -80
+    (row,) = _table((1, reading(1, -60.0))).rows()
+    assert row.trend_db is None
+
+
+def test_timing_advance_is_a_distance_and_stays():
+    table = _table((1, replace(reading(1, -60.0), ta=2)), (2, reading(1, -60.0)))
+    assert table.rows()[0].ta_m == pytest.approx(1107.0)
+
+
+def test_words_and_verdicts():
+    estimate = LiveEstimate(
+        7, "locator", FIRST, 3, 33, 4e5, 5.8e6, -40.0, 3.0,
+        1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.6,
+    )  # fmt: skip
+    table = _table((1, reading(1, -60.0), reading(2, -70.0, "neighbour")))
+    table.feed(Record(2, "live", replace(estimate, stage="reference-ekf", probability=1.0)))
+    assert table.rows()[0].verdict is None
+    table.feed(Record(2, "live", estimate))
+    first, second = table.rows([SuspicionStatus(SECOND, "suspicious", 9.0, ("new here",))])
+    assert (first.verdict, first.word) == ("several places", None)
+    assert (second.verdict, second.word, second.reasons) == (None, "suspicious", ("new here",))
+
+
+def test_memory_is_bounded_and_doubtful_names_do_not_count():
+    table = _table(*((n, reading(n, -60.0 - n % 30)) for n in range(1000)))
+    assert len(table._cells) == MOST_CELLS
+    assert len(table.rows()) == MOST_SHOWN
+    assert _table((1, replace(reading(1, -60.0), identity_unsure=True))).rows() == ()
