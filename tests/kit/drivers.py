@@ -44,6 +44,19 @@ def only_cell_of(driver: Family, lines: Sequence[str]) -> CellReading | None:
     return found[0] if found else None
 
 
+def check_cuts(driver: Family, text: str) -> None:
+    """However early a reply ends, what it names of a cell is that of a cell of the whole reply."""
+    whole = [NO_IDENTITY, *map(identity_of, cells_of(driver, text.split("\n")))]
+    for end in range(len(text)):
+        for cell in cells_of(driver, text[:end].split("\n")):
+            parts = identity_of(cell)
+            assert any(_is_part(parts, identity) for identity in whole), text[:end]
+
+
+def _is_part(parts: Sequence[Any], identity: Sequence[Any]) -> bool:
+    return all(part in {None, known} for part, known in zip(parts, identity, strict=True))
+
+
 def run_dialogue(
     dialogue: Dialogue[Any], replies: Mapping[str, Answer], default: Answer = ((), "ERROR")
 ) -> Any:

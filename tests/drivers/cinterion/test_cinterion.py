@@ -1,5 +1,3 @@
-import re
-
 import pytest
 
 from logger.core.types import CellReading
@@ -7,7 +5,7 @@ from logger.drivers.cinterion.cinterion import Cinterion
 from logger.drivers.reading.fields import pieces
 from logger.drivers.reading.rows import NoCell
 from tests.kit.corpus import check_recorded
-from tests.kit.drivers import identity_of, run_dialogue
+from tests.kit.drivers import check_cuts, identity_of, run_dialogue
 
 MODEM = Cinterion()
 
@@ -169,21 +167,10 @@ def test_lost_digit_or_comma_names_no_cell(row):
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_cut_rows_read_nothing_else(sample):
-    identities = {identity_of(row) for row in MODEM.rows_in(sample.split("\n"))}
-    for end in range(len(sample)):
-        for row in MODEM.rows_in(sample[:end].split("\n")):
-            assert isinstance(row, NoCell) or identity_of(row) in identities
+    check_cuts(MODEM, sample)
 
 
 # --- conversation
-
-
-def test_setup():
-    assert run_dialogue(MODEM.setup(), {}, ((), "OK"))[0] is True
-    assert (
-        run_dialogue(MODEM.setup(), {"AT": ((), "OK")})[0] is True
-    )  # an old modem knows neither AT+CEREG nor AT+COPS=3,2
-    assert run_dialogue(MODEM.setup(), {}, ((), None))[0] is False
 
 
 @pytest.mark.parametrize(
@@ -240,16 +227,3 @@ def test_poll_of_a_modem_that_has_none_of_the_commands():
     }
     rows, _ = run_dialogue(MODEM.poll(), replies)
     assert (rows[0].cell, rows[0].rssi_dbm) == ("262-02-323-33722", -73.0)
-
-
-@pytest.mark.parametrize("final", [None, "ERROR", "+CME ERROR: 100"])
-def test_poll_without_an_answer(final):
-    assert run_dialogue(MODEM.poll(), {}, ((), final))[0] is None
-
-
-def test_commands_listen_only():
-    for command in (*MODEM.setup_commands, *MODEM.poll_commands, *MODEM.survey_commands):
-        assert not re.search(
-            r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|MON[IP]=(?!255)", command.text
-        )
-        assert not re.search(r"\^MON[IP]=", command.text)  # repeats without end

@@ -1,12 +1,10 @@
-import re
-
 import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.fibocom.fibocom import Fibocom
 from logger.drivers.reading.rows import NoCell
 from tests.kit.corpus import check_recorded
-from tests.kit.drivers import identity_of, run_dialogue
+from tests.kit.drivers import check_cuts, identity_of, run_dialogue
 
 MODEM = Fibocom()
 
@@ -169,9 +167,7 @@ def test_damaged_row_names_no_cell(good, bad):
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_cut_replies_read_nothing_else(sample):
-    identities = {identity_of(row) for row in MODEM.rows_in(sample.split("\n"))}
-    for end in range(len(sample)):
-        assert {identity_of(row) for row in MODEM.rows_in(sample[:end].split("\n"))} <= identities
+    check_cuts(MODEM, sample)
 
 
 # --- conversation
@@ -182,12 +178,6 @@ COMMON = {
     "AT+CREG?": (['+CREG: 2,1,"0143","83BA",0'], "OK"),
     "AT+CSQ": (["+CSQ: 20,99"], "OK"),
 }
-
-
-def test_setup():
-    assert run_dialogue(MODEM.setup(), {}, ((), "OK"))[0] is True
-    assert run_dialogue(MODEM.setup(), {"AT": ((), "OK")})[0] is True
-    assert run_dialogue(MODEM.setup(), {}, ((), None))[0] is False
 
 
 def test_poll():
@@ -202,15 +192,3 @@ def test_poll():
 def test_poll_where_the_reply_has_no_serving_cell():
     serving, *_ = run_dialogue(MODEM.poll(), {"AT+GTCCINFO?": (["+GTCCINFO:"], "OK"), **COMMON})[0]
     assert (serving.cell, serving.rssi_dbm) == ("262-02-323-33722", -73.0)
-
-
-@pytest.mark.parametrize("final", [None, "ERROR", "+CME ERROR: 100"])
-def test_poll_without_an_answer(final):
-    assert run_dialogue(MODEM.poll(), {}, ((), final))[0] is None
-
-
-def test_commands_listen_only():
-    for command in (*MODEM.setup_commands, *MODEM.poll_commands, *MODEM.survey_commands):
-        assert not re.search(
-            r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|GTACT|GTRAT", command.text
-        )

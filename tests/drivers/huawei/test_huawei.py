@@ -1,12 +1,10 @@
-import re
-
 import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.huawei.huawei import Huawei
 from logger.drivers.reading.rows import NoCell, Signal
 from tests.kit.corpus import check_recorded
-from tests.kit.drivers import NO_IDENTITY, identity_of, run_dialogue
+from tests.kit.drivers import NO_IDENTITY, check_cuts, identity_of, run_dialogue
 
 MODEM = Huawei()
 
@@ -179,9 +177,7 @@ def test_damaged_row_names_no_cell(row):
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_cut_rows_read_nothing_else(sample):
-    whole = identity_of(one(sample))
-    for end in range(len(sample)):
-        assert {identity_of(row) for row in MODEM.rows_in([sample[:end]])} <= {whole}
+    check_cuts(MODEM, sample)
 
 
 # --- conversation
@@ -192,12 +188,6 @@ COMMON = {
     "AT+CEREG?": (['+CEREG: 2,1,"4E5F","2D3C4B5",7'], "OK"),
     "AT^HCSQ?": (['^HCSQ: "LTE",41,51,70,10'], "OK"),
 }
-
-
-def test_setup():
-    assert run_dialogue(MODEM.setup(), {}, ((), "OK"))[0] is True
-    assert run_dialogue(MODEM.setup(), {"AT": ((), "OK")})[0] is True
-    assert run_dialogue(MODEM.setup(), {}, ((), None))[0] is False
 
 
 def test_poll():
@@ -220,15 +210,5 @@ def test_poll_of_a_modem_that_does_not_know_monsc():
     )
 
 
-@pytest.mark.parametrize("final", [None, "ERROR", "+CME ERROR: 100"])
-def test_poll_without_an_answer(final):
-    assert run_dialogue(MODEM.poll(), {}, ((), final))[0] is None
-
-
 def test_rows_before_a_time_out_are_kept():
     assert run_dialogue(MODEM.poll(), {"AT^MONSC": ([GSM], None)}, ((), None))[0] == (one(GSM),)
-
-
-def test_commands_listen_only():
-    for command in (*MODEM.setup_commands, *MODEM.poll_commands, *MODEM.survey_commands):
-        assert not re.search(r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM", command.text)

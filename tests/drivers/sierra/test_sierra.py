@@ -6,7 +6,7 @@ from logger.core.types import CellReading
 from logger.drivers.reading.rows import NoCell, Operator
 from logger.drivers.sierra.sierra import Sierra
 from tests.kit.corpus import check_recorded
-from tests.kit.drivers import identity_of, run_dialogue
+from tests.kit.drivers import check_cuts, identity_of, run_dialogue
 
 MODEM = Sierra()
 
@@ -224,11 +224,7 @@ def test_damaged_row_of_a_table_is_no_cell(good, bad):
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_cut_replies_read_nothing_else(sample):
-    nobody = (None, None, None, None)
-    identities = {nobody, *(identity_of(row) for row in MODEM.rows_in(sample.split("\n")))}
-    for end in range(len(sample)):
-        for row in MODEM.rows_in(sample[:end].split("\n")):
-            assert isinstance(row, NoCell) or identity_of(row) in identities, sample[:end]
+    check_cuts(MODEM, sample)
 
 
 # --- conversation
@@ -236,12 +232,6 @@ def test_cut_replies_read_nothing_else(sample):
 
 def cops(act):
     return {"AT+COPS?": ([f'+COPS: 0,2,"26201",{act}'], "OK")}
-
-
-def test_setup():
-    assert run_dialogue(MODEM.setup(), {}, ((), "OK"))[0] is True
-    assert run_dialogue(MODEM.setup(), {"AT": ((), "OK")})[0] is True
-    assert run_dialogue(MODEM.setup(), {}, ((), None))[0] is False
 
 
 def test_poll_takes_the_network_from_the_operator_of_that_technology():
@@ -258,15 +248,3 @@ def test_poll_reports_the_serving_cell_once():
     assert [row.cell for row in rows if isinstance(row, CellReading) and row.role == "serving"] == [
         "262-03-11111-19088743"
     ]
-
-
-@pytest.mark.parametrize("final", [None, "ERROR", "+CME ERROR: 100"])
-def test_poll_without_an_answer(final):
-    assert run_dialogue(MODEM.poll(), {}, ((), final))[0] is None
-
-
-def test_commands_listen_only():
-    for command in (*MODEM.setup_commands, *MODEM.poll_commands, *MODEM.survey_commands):
-        assert not re.search(
-            r"ATD|COPS=[0124]|CGATT|CFUN|CIMI|CGSN|CCID|CNUM|ENTERCND", command.text
-        )
