@@ -1,18 +1,15 @@
 """A comparison as one page of HTML that needs no network."""
 
 from dataclasses import dataclass
-from functools import cache
-from unicodedata import category
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
-from markupsafe import Markup
 
 from logger.core.arrays import FloatArray
 from postproc.comparison import wording
 from postproc.comparison.changes import CellChange
 from postproc.comparison.ground import BLOCK_M, Grid
 from postproc.comparison.run_pair import ComparedRuns
+from postproc.html_page import page_environment
 
 _MOST_MAPS = 12
 """A page with more maps is not read."""
@@ -44,7 +41,8 @@ def html(compared: ComparedRuns) -> str:
     """The page; text from the runs is escaped."""
     cells = compared.comparison.cells
     changed = [cell for cell in cells if cell.is_change]
-    return _template().render(
+    template = page_environment("postproc.comparison").get_template("comparison.html")
+    return template.render(
         compared=compared,
         cells=cells,
         maps=[(cell, map_of(cell, compared.comparison.grid)) for cell in changed[:_MOST_MAPS]],
@@ -77,26 +75,3 @@ def _square(x_m: float, y_m: float, difference_db: float) -> Square:
     kind = "more" if difference_db > 0.0 else "less"
     strength = min(abs(difference_db) / _FULL_DB, 1.0)
     return Square(left_m, top_m, kind, round(strength, 2), f"{difference_db:+.0f} dB")
-
-
-@cache
-def _template() -> Template:
-    environment = Environment(
-        loader=PackageLoader("postproc.comparison"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=_printable,
-    )
-    return environment.get_template("comparison.html")
-
-
-def _printable(value: object) -> object:
-    """Texts without control characters and lone surrogates; markup is our own."""
-    if not isinstance(value, str) or isinstance(value, Markup):
-        return value
-    return "".join(
-        "\N{REPLACEMENT CHARACTER}" if category(c).startswith("C") and c not in "\n\t" else c
-        for c in value
-    )

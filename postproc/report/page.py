@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import inf
-from typing import Any
-from unicodedata import category
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from jinja2 import Template
 from markupsafe import Markup
 
 from logger.core.geo import Utm
 from logger.core.runfile import Run
+from postproc.html_page import page_environment
 from postproc.info import CellCount, Event, Gap, Info, describe
 from postproc.pictures.estimates import EstimatorRow, estimator_rows
 from postproc.report import wording
@@ -121,15 +120,7 @@ def _page_figure(key: str, figure: ReportFigure) -> PageFigure:
 
 @cache
 def _template(name: str) -> Template:
-    """All text on the page is escaped, except the figures of `svg`."""
-    environment = Environment(
-        loader=PackageLoader("postproc.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=_printable,
-    )
+    environment = page_environment("postproc.report")
     environment.filters |= {
         "metres": wording.metres,
         "of": wording.number_of,
@@ -138,18 +129,6 @@ def _template(name: str) -> Template:
     }
     environment.globals |= {"degrees": _degrees, "detectable": _detectable}
     return environment.get_template(name)
-
-
-def _printable(value: Any) -> Any:
-    """Values with a dash for None, and without control characters and lone surrogates."""
-    if value is None:
-        return "–"
-    if isinstance(value, Markup) or not isinstance(value, str):
-        return value
-    return "".join(
-        "\N{REPLACEMENT CHARACTER}" if category(c).startswith("C") and c not in "\n\t" else c
-        for c in value
-    )
 
 
 def _degrees(cell: CellResult) -> tuple[float, float] | None:
