@@ -6,32 +6,23 @@ With `PYTHONPATH=TREE` before it the locator of another tree is measured, such a
 `git worktree add TREE fc7563c`.
 """
 
-import argparse
-import json
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
-from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each process has one core
 
-from rich.console import Console
 from scoreboard import measured, measured_report, traces
-from scoreboard.tables import in_markdown, show
+from scoreboard.output import argument_parser, print_and_write
 
 QUICK_STRIDE = 15
 """With `--quick` every fifteenth walk."""
-TABLE_WIDTH = 150
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the tables, write the files asked for."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes")
+    parser = argument_parser(__doc__)
     parser.add_argument("--quick", action="store_true", help=f"every {QUICK_STRIDE}th walk")
-    parser.add_argument("--json", type=Path, metavar="FILE")
-    parser.add_argument("--markdown", type=Path, metavar="FILE")
     asked = parser.parse_args(arguments)
     chosen = traces.traces()[:: QUICK_STRIDE if asked.quick else 1]
     if not chosen:
@@ -39,11 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     scores = measured.score_walks(chosen, asked.jobs)
     parts = measured_report.tables(scores)
-    show(parts, Console(width=None if sys.stdout.isatty() else TABLE_WIDTH))
-    if asked.json:
-        asked.json.write_text(json.dumps([asdict(one) for one in scores], indent=1) + "\n")
-    if asked.markdown:
-        asked.markdown.write_text(in_markdown(parts) + "\n")
+    print_and_write(parts, scores, asked)
     return 0
 
 

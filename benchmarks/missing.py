@@ -31,15 +31,12 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as fieldlogger does
 
 import numpy as np
 from scoreboard.city import FLOOR_DBM, NOISES, SCANS, City, Report, city, outages, report
+from scoreboard.live import last_estimate
 
 from logger.core.arrays import BoolArray
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError
 from logger.core.geo import Utm
-from logger.core.live import live_prior
-from logger.core.live_cell import LiveCell
-from logger.core.live_settings import LiveSettings
-from logger.core.locator.online import LevelReading
 from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.region import highest_density
@@ -137,15 +134,8 @@ def desk(made: City, target: int, obs: CellObservations) -> Estimate:
 
 def live(made: City, target: int, obs: CellObservations) -> Estimate:
     """The last estimate on the device; its region is the ellipse of the strongest mode."""
-    cell, last = LiveCell(live_prior(LiveSettings())), None
     start = process_time()
-    columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
-    for row in zip(*(column.tolist() for column in columns), strict=True):
-        last = cell.take(LevelReading(*row)) or last
-        if cell.stale > 1.0:
-            cell.search()
-    if last is None:
-        raise EstimationError("no live estimate")
+    last = last_estimate(obs)
     seconds = process_time() - start
     x_m, y_m, p0_dbm, eta = last.state
     xx, xy, _, _, yy, *_ = last.p

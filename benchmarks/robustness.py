@@ -22,14 +22,12 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as fieldlogger does
 import numpy as np
 from scoreboard import traces
 from scoreboard.cases import CASES
+from scoreboard.live import last_estimate
 from scoreboard.ours import observations
 from scoreboard.world import World
 
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError
-from logger.core.live import live_prior
-from logger.core.live_cell import LiveCell
-from logger.core.live_settings import LiveSettings
 from logger.core.locator.online import LevelReading
 from logger.core.locator.pipeline import locate
 from logger.core.observations import CellObservations
@@ -86,15 +84,7 @@ def offline(world: World, obs: CellObservations, *, guard: bool) -> Position:
 
 def live(world: World, obs: CellObservations, *, guard: bool) -> Position:
     """The last estimate on the device."""
-    cell = LiveCell(live_prior(LiveSettings()), None if guard else NoGuard())
-    last = None
-    columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
-    for row in zip(*(column.tolist() for column in columns), strict=True):
-        last = cell.take(LevelReading(*row)) or last
-        if cell.stale > 1.0:
-            cell.search()
-    if last is None:
-        raise EstimationError("no live estimate")
+    last = last_estimate(obs, None if guard else NoGuard())
     xx, xy, _, _, yy, *_ = last.p
     area_m2 = np.pi * CHI2_95_2DOF * np.sqrt(xx * yy - xy * xy)
     return Position(world.error_m(last.state[:2]), float(area_m2))
