@@ -51,7 +51,7 @@ class Score(NamedTuple):
 def world_of(job: Job) -> World:
     """The walk of a job."""
     if not job.noise:
-        return traces.measured(*traces.names(MEASURED_CLASSES)[job.run])
+        return traces.world_of(*traces.names(MEASURED_CLASSES)[job.run])
     rng = np.random.default_rng([job.seed, crc32(job.noise.encode()), job.run])
     world = worlds.plain(rng, TELLING[job.run % len(TELLING)], NOISES[job.noise])
     if job.antenna == "omni":

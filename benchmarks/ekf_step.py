@@ -101,7 +101,7 @@ def bierman(
     return (*d, *upper), gain, total
 
 
-def looped(readings: Readings) -> shadow_ekf.ShadowState:
+def step_by_loops(readings: Readings) -> shadow_ekf.ShadowState:
     with patch.object(shadow_ekf, "_bierman", bierman):
         return shadowing(readings)
 
@@ -136,7 +136,7 @@ def position_of(state: Any) -> list[float]:
 def main() -> None:
     readings = walk()
     compare(("reference EKF", "filterpy EKF"), (reference, filterpys), readings)
-    compare(("shadowing EKF", "loop over n states"), (shadowing, looped), readings)
+    compare(("shadowing EKF", "loop over n states"), (shadowing, step_by_loops), readings)
 
 
 if __name__ == "__main__":

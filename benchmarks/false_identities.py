@@ -41,7 +41,7 @@ NOBODY: Who = (None, None, None, None)
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class ReplyContent:
     """What the rows of a reply say: cells for certain, all cells, levels, channels."""
 
     sure: frozenset[Who]
@@ -89,7 +89,7 @@ def replies(corpus: Path | None = None) -> Iterator[tuple[Family, str]]:
                 yield driver, text
 
 
-def damaged(text: str, way: str, rng: random.Random) -> Iterator[str]:
+def damage_bytes(text: str, way: str, rng: random.Random) -> Iterator[str]:
     """The text with one byte lost, doubled or changed: each in turn."""
     for at, byte in enumerate(text):
         if way == "lost":
@@ -105,11 +105,11 @@ def read(driver: Family, text: str, known: NumberHistory) -> tuple[tuple[Row, ..
     return mark_doubtful(driver.read(text.split("\n")), known)
 
 
-def told(rows: Iterable[Row]) -> Told:
+def content_of(rows: Iterable[Row]) -> ReplyContent:
     """What the rows say."""
     naming = [row for row in rows if isinstance(row, CellReading | Registration)]
     cells = [row for row in naming if isinstance(row, CellReading)]
-    return Told(
+    return ReplyContent(
         frozenset(_who(row) for row in naming if not row.identity_unsure) - {NOBODY},
         frozenset(map(_who, naming)) - {NOBODY},
         frozenset(
@@ -137,7 +137,7 @@ def count(
 ) -> None:
     """Count what damage makes of one reply, of every byte or of every so many."""
     rows, known = read(driver, text, NumberHistory())
-    honest = told(rows)
+    honest = content_of(rows)
     if not honest.named and not honest.levels:
         return
     tally.replies += 1
@@ -147,27 +147,29 @@ def count(
     )
     rng = random.Random(1)
     for way in ways:
-        for number, worse in enumerate(damaged(text, way, rng)):
+        for number, worse in enumerate(damage_bytes(text, way, rng)):
             if number % each == 0:
                 tally.trials[way] += 1
-                _count_alone(told(read(driver, worse, NumberHistory())[0]), honest, way, tally)
+                _count_alone(
+                    content_of(read(driver, worse, NumberHistory())[0]), honest, way, tally
+                )
                 tally.of_two_scans[way] += any(
-                    is_false(who, honest.named) for who in _heard(driver, text, worse)
+                    is_false(who, honest.named) for who in _sure_cells(driver, text, worse)
                 )
 
 
 def count_session(driver: Family, text: str, tally: Tally, polls: int = POLLS) -> None:
     """Count false and unsure cells of a modem that repeats one reply over a noisy line."""
-    honest = told(read(driver, text, NumberHistory())[0])
+    honest = content_of(read(driver, text, NumberHistory())[0])
     known, rng = NumberHistory(), random.Random(2)
     if not honest.named:
         return
     for poll in range(polls):
         is_hit = poll % HIT_EACH == HIT_EACH - 1
         way = rng.choice(WAYS[:2])
-        reply = list(damaged(text, way, rng))[rng.randrange(len(text))] if is_hit else text
+        reply = list(damage_bytes(text, way, rng))[rng.randrange(len(text))] if is_hit else text
         rows, known = read(driver, reply, known)
-        sure = told(rows).sure
+        sure = content_of(rows).sure
         tally.session["damaged" if is_hit else "whole"] += 1
         if is_hit:
             tally.session["false"] += any(is_false(who, honest.named) for who in sure)
@@ -175,18 +177,18 @@ def count_session(driver: Family, text: str, tally: Tally, polls: int = POLLS) -
             tally.session["marked"] += sure != honest.named
 
 
-def _count_alone(found: Told, honest: Told, way: str, tally: Tally) -> None:
+def _count_alone(found: ReplyContent, honest: ReplyContent, way: str, tally: Tally) -> None:
     tally.identities[way] += any(is_false(who, honest.named) for who in found.sure)
     tally.levels[way] += not found.levels <= honest.levels
     tally.channels[way] += not found.channels <= honest.channels
 
 
-def _heard(driver: Family, text: str, worse: str) -> set[Who]:
+def _sure_cells(driver: Family, text: str, worse: str) -> set[Who]:
     """Cells that two of three scans have named for certain, the damaged one in the middle."""
     known, heard = NumberHistory(), Counter[Who]()
     for reply in (text, worse, text):
         rows, known = read(driver, reply, known)
-        heard.update(told(rows).sure)
+        heard.update(content_of(rows).sure)
     return {who for who, scans in heard.items() if scans >= HEARD}
 
 

@@ -44,7 +44,7 @@ def walk(seed: int, *, shadow_db: float) -> list[LevelReading]:
     ]
 
 
-def clipped(readings: list[LevelReading], share: float) -> list[LevelReading]:
+def clip_levels(readings: list[LevelReading], share: float) -> list[LevelReading]:
     """The same, so weak that this share of the levels is at the floor of a GSM modem's scale."""
     change_db = FLOOR_DBM - round(
         float(np.quantile([reading.level_dbm for reading in readings], share))
@@ -117,8 +117,8 @@ def main() -> None:
     white, shadowed = walk(2, shadow_db=0.0), walk(2, shadow_db=6.0)
     walks = {"white noise 2 dB": white, "and shadowing 6 dB / 15 m": shadowed}
     for share in CLIPPED_SHARES:
-        walks[f"white noise 2 dB, {share:.0%} clipped"] = clipped(white, share)
-        walks[f"and shadowing, {share:.0%} clipped"] = clipped(shadowed, share)
+        walks[f"white noise 2 dB, {share:.0%} clipped"] = clip_levels(white, share)
+        walks[f"and shadowing, {share:.0%} clipped"] = clip_levels(shadowed, share)
     for name, readings in walks.items():
         mean, p99, worst, memory_mb = live_us(readings)
         print(

@@ -52,7 +52,7 @@ class Position(NamedTuple):
     area_m2: float
 
 
-class Compared(NamedTuple):
+class Comparison(NamedTuple):
     """Estimates of one walk without and with rejection, without and with the outlier.
 
     `found` of `asked` outliers were identified.
@@ -123,12 +123,12 @@ def worlds(asked: argparse.Namespace) -> Iterator[tuple[str, World]]:
         chosen = np.random.default_rng(asked.seed).permutation(len(names))[: int(asked.measured)]
         names = [names[k] for k in sorted(chosen)]
     for kind, dataset, trace in names:
-        yield f"measured {kind}", traces.measured(dataset, trace)
+        yield f"measured {kind}", traces.world_of(dataset, trace)
 
 
 def compare(
     kind: str, world: World, answer: Callable[..., Position], at: list[int], spike_db: float
-) -> Compared:
+) -> Comparison:
     """One walk through one of the two estimates."""
     obs = observations(world, world.walk)
     wrong = with_errors(obs, at, spike_db)
@@ -139,12 +139,12 @@ def compare(
     )  # where nothing is set aside the two are one
     spiked = answer(world, wrong, guard=True)
     unguarded = answer(world, wrong, guard=False) if named else spiked
-    return Compared(
+    return Comparison(
         kind, world.name, len(at), len(named & set(at)), false, before, clean, unguarded, spiked
     )
 
 
-def table(found: list[Compared], title: str) -> list[str]:
+def table(found: list[Comparison], title: str) -> list[str]:
     """Ratios of one estimate, by kind of walk."""
     lines = [
         (
@@ -164,7 +164,7 @@ def table(found: list[Compared], title: str) -> list[str]:
     return lines
 
 
-def _row(some: list[Compared]) -> str:
+def _row(some: list[Comparison]) -> str:
     share = sum(one.found for one in some) / sum(one.asked for one in some)
 
     def ratio(name: str, over: str, under: str) -> str:
@@ -186,7 +186,7 @@ def _row(some: list[Compared]) -> str:
     )
 
 
-def _medians(some: list[Compared]) -> str:
+def _medians(some: list[Comparison]) -> str:
     before, now = (
         float(np.median([getattr(c, name).error_m for c in some]))
         for name in ("clean_old", "clean")
@@ -197,7 +197,7 @@ def _medians(some: list[Compared]) -> str:
 def main() -> int:
     """Compare and print."""
     asked = _parser().parse_args()
-    found: dict[str, list[Compared]] = {"desk": [], "live": []}
+    found: dict[str, list[Comparison]] = {"desk": [], "live": []}
     rng = np.random.default_rng(asked.seed)
     for i, (kind, world) in enumerate(worlds(asked)):
         at = wrong_at(rng, len(world.walk), asked)
@@ -225,7 +225,7 @@ def main() -> int:
     return 0
 
 
-def _plain(one: Compared) -> dict[str, object]:
+def _plain(one: Comparison) -> dict[str, object]:
     return {
         name: value._asdict() if isinstance(value, Position) else value
         for name, value in one._asdict().items()

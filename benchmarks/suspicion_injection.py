@@ -35,7 +35,7 @@ _METRES_PER_DEG = 111_320.0
 
 
 @dataclass(frozen=True, slots=True)
-class Injected:
+class Injection:
     """A run with one station: its name, and when and where it was heard first."""
 
     kind: str
@@ -55,7 +55,7 @@ class Outcome:
     metres: float | None
 
 
-def inject(log: Log, kind: str, strong: bool, seed: int) -> Injected | None:
+def inject(log: Log, kind: str, strong: bool, seed: int) -> Injection | None:
     """Put a station into a run; None where the run has no room or no cell for this kind."""
     rng = np.random.default_rng([seed, KINDS.index(kind), strong])
     track = _track(log.records)
@@ -78,7 +78,7 @@ def inject(log: Log, kind: str, strong: bool, seed: int) -> Injected | None:
     level_1m = peak_dbm + 10.0 * _ETA * log10(_NEAR_M if strong else max(closest_m, _NEAR_M))
     air = _Air(level_1m, Shadowing.draw(6.0, 40.0, rng), rng)
     records, first = _with_station(log, kind, reading, start_s, place, track, air)
-    return None if first is None else Injected(kind, reading.cell or "", records, first)
+    return None if first is None else Injection(kind, reading.cell or "", records, first)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,16 +94,16 @@ class _Air:
         return float(round(min(level, -40.0)))
 
 
-def detect(injected: Injected) -> Outcome:
+def detect(injection: Injection) -> Outcome:
     """Words within the limits after the first reception, and at the end of the run."""
     tracker = SuspicionTracker()
-    at = injected.records[injected.first]
+    at = injection.records[injection.first]
     last: tuple[float, float] | None = None
     metres, named_s, named_m = 0.0, None, None
     in_time: Word = "nothing unusual"
-    for i, record in enumerate(injected.records):
+    for i, record in enumerate(injection.records):
         tracker.feed(record)
-        if i < injected.first:
+        if i < injection.first:
             continue
         if isinstance(record.value, Fix) and record.value.lat_deg is not None:
             here = record.value.lat_deg, record.value.lon_deg or 0.0
@@ -111,12 +111,12 @@ def detect(injected: Injected) -> Outcome:
             last = here
             continue
         seconds = (record.t_ns - at.t_ns) / 1e9
-        if named_s is None and tracker.assessment(injected.cell).word == "suspicious":
+        if named_s is None and tracker.assessment(injection.cell).word == "suspicious":
             named_s, named_m = seconds, metres
         if seconds <= WITHIN_S or metres <= WITHIN_M:
-            in_time = tracker.assessment(injected.cell).word
-    at_end = tracker.assessment(injected.cell).word
-    return Outcome(injected.kind, in_time, at_end, named_s, named_m)
+            in_time = tracker.assessment(injection.cell).word
+    at_end = tracker.assessment(injection.cell).word
+    return Outcome(injection.kind, in_time, at_end, named_s, named_m)
 
 
 def _apart_m(a: tuple[float, float], b: tuple[float, float]) -> float:
@@ -243,7 +243,9 @@ def _with_station(
             x_m, y_m = track[i, 1:]
             at = _drive(place, t_s - start_s) if kind == "moving" else place
             level_dbm = air.level_dbm(float(x_m), float(y_m), at)
-            scan, is_heard = _heard(value, kind, reading, level_dbm, has_neighbours, t_s - held_s)
+            scan, is_heard = _add_station(
+                value, kind, reading, level_dbm, has_neighbours, t_s - held_s
+            )
             if is_heard:
                 first = len(records) if first is None else first
                 held_s = t_s
@@ -259,7 +261,7 @@ def _drive(place: tuple[float, float], since_s: float) -> tuple[float, float]:
     return place[0] + min(way_m, 1200.0 - way_m), place[1]
 
 
-def _heard(
+def _add_station(
     scan: Scan, kind: str, reading: CellReading, level_dbm: float, has_neighbours: bool,
     since_s: float,
 ) -> tuple[Scan, bool]:  # fmt: skip
@@ -290,6 +292,6 @@ def outcomes(logs: Sequence[Log], kind: str, strong: bool, seeds: int) -> Iterat
     """Outcomes of a station in each of the runs."""
     for log in logs:
         for seed in range(seeds):
-            injected = inject(log, kind, strong, seed)
-            if injected is not None:
-                yield detect(injected)
+            injection = inject(log, kind, strong, seed)
+            if injection is not None:
+                yield detect(injection)

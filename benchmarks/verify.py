@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parts: dict[str, Callable[[argparse.Namespace], Json]] = {
         "alarms": alarms,
         "power": powers,
-        "measured": measured,
+        "measured": measured_walks,
         "database": database,
     }
     figures = {name: parts[name](options) for name in options.part or parts}
@@ -143,7 +143,7 @@ def powers(options: argparse.Namespace) -> Json:
             world, walk = _walk(rng, k, noise)
             share = DISPLACED[(k // len(SHAPES)) % len(DISPLACED)]
             true_m = np.array(world.sources[0])
-            test = claim_test(walk, _displaced(walk, true_m, share, rng)[:, None], rng)
+            test = claim_test(walk, _displace(walk, true_m, share, rng)[:, None], rng)
             if test is not None:
                 level_dbm = walk.level_dbm[:, None]
                 predicted = power(test, true_m[:1], true_m[1:], RATES[0], 48, rng, trusting=True)
@@ -172,7 +172,7 @@ def powers(options: argparse.Namespace) -> Json:
     return figures
 
 
-def _displaced(
+def _displace(
     walk: PreparedWalk, place_m: FloatArray, share: float, rng: np.random.Generator
 ) -> FloatArray:
     away_m = float(np.min(np.hypot(walk.blocks.x_m - place_m[0], walk.blocks.y_m - place_m[1])))
@@ -182,14 +182,14 @@ def _displaced(
     )
 
 
-def measured(options: argparse.Namespace) -> Json:
+def measured_walks(options: argparse.Namespace) -> Json:
     """Measured walks with a surveyed transmitter."""
     rng = np.random.default_rng(options.seed)
     names = list(traces.names("ABCDE"))
     rng.shuffle(names)  # if time runs out, the walks done are a random sample
     rows: dict[float, list[tuple[bool, ...]]] = {0.0: [], **{share: [] for share in DISPLACED}}
     for k in _within(60.0 * options.minutes, len(names)):
-        world = traces.measured(*names[k])
+        world = traces.world_of(*names[k])
         obs = observations(world, world.walk)
         gathered = blocks_of(obs)
         if too_few(obs):
@@ -197,7 +197,7 @@ def measured(options: argparse.Namespace) -> Json:
         posterior = locate(obs, PRIOR)
         walk = prepare_walk(gathered, PRIOR)
         for share, outcomes in rows.items():
-            claim = _displaced(walk, np.array(world.sources[0]), share, rng)
+            claim = _displace(walk, np.array(world.sources[0]), share, rng)
             sigma_m = float(np.hypot(world.slack_m / 2.0, np.median(world.position_sigma_m)))
             test = claim_test(walk, around(float(claim[0]), float(claim[1]), sigma_m), rng)
             if test is None:

@@ -28,7 +28,7 @@ PEERS = (LEAST_SQUARES, *FILTERS, CENTROID, STRONGEST)
 KNOWN = (OURS, EXACT, BOUND, *PEERS)
 """Methods where the oracle walks the same walk; where it does not, a bound would not be theirs."""
 MATCHED = (OURS, OURS_KNOWN_NOISE, EXACT, BOUND, *PEERS)
-"""The same where the locator may be told the kind of noise, as the oracle is."""
+"""The same where the locator may know the kind of noise, as the oracle does."""
 ORACLE = (OURS, EXACT, *PEERS)
 CLIPPED_SHADOWED = (OURS, OURS_UNCENSORED, EXACT, *PEERS)
 CLIPPED = (OURS, OURS_UNCENSORED, EXACT, EXACT_CLIPPED, *PEERS)
@@ -41,7 +41,7 @@ SPECIFIED_READINGS = (10, 20, 50)
 CLIPPED_SHARES = (0.20, 0.45, 0.70)
 SHADOWED = Noise(0.0, 6.0, 15.0)
 TWO_SCALE = Noise(1.0, 7.0, 20.0, in_plane=True, step_db=1.0, long_share=0.75, long_m=300.0)
-"""As the residuals of measured walks: three quarters of the variance hang together over 100 to 350
+"""As the residuals of measured walks: three quarters of the variance are correlated over 100 to 350
 m (hills, streets), the rest over 10 to 30 m.
 """
 SECTOR_NOISES = {"white": WHITE, "shadow": replace(SHADOWED, step_db=1.0)}
@@ -169,12 +169,12 @@ def _censored_cases() -> list[Case]:
         _simulated_cases(
             f"clip-{100 * share:.0f}",
             title.format(share, "white noise 3 dB"),
-            partial(worlds.clipped, share=share, noise=WHITE),
+            partial(worlds.clipped_world, share=share, noise=WHITE),
             methods=CLIPPED,
         )
         for share in CLIPPED_SHARES
     ]
-    build = partial(worlds.clipped, share=0.45, noise=SHADOWED)
+    build = partial(worlds.clipped_world, share=0.45, noise=SHADOWED)
     of_shadow = title.format(0.45, "shadowing 6 dB over 15 m along the path")
     return [*white, _simulated_cases("clip-45-shadow", of_shadow, build, methods=CLIPPED_SHADOWED)]
 
@@ -223,7 +223,7 @@ def _measured_cases() -> list[Case]:
 
 
 def _measured_world(classes: str, _: int, run: int) -> World:
-    return traces.measured(*traces.names(classes)[run])
+    return traces.world_of(*traces.names(classes)[run])
 
 
 CASES: dict[str, Case] = {

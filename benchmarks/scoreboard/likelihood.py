@@ -33,10 +33,10 @@ class Likelihood:
             if noise.shadow_db == 0.0
             else np.linalg.cholesky(noise.covariance_db2(walk.x_m, walk.y_m))
         )
-        self._one = self.whitened(np.ones((len(walk), 1)))
-        self._level = self.whitened(walk.level_dbm[:, None])
+        self._one = self.whiten(np.ones((len(walk), 1)))
+        self._level = self.whiten(walk.level_dbm[:, None])
 
-    def whitened(self, rows: FloatArray) -> FloatArray:
+    def whiten(self, rows: FloatArray) -> FloatArray:
         """W rows with W K W' = I, shape (n, h) as given."""
         if self._root is None:
             return rows / self._sigma_db
@@ -49,7 +49,7 @@ class Likelihood:
 
         Shapes: -L (n, h), A as a00, a01, a11 (3, h), b (2, h), mean (2, h).
         """
-        slope = self.whitened(
+        slope = self.whiten(
             -log_distance_db(x_m - self.walk.x_m[:, None], y_m - self.walk.y_m[:, None])
         )
         prior, one, level = ours.LINEAR_PRIOR, self._one[:, 0], self._level[:, 0]
@@ -92,7 +92,7 @@ class Likelihood:
 
     def _local_sigma_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         slope, a, _, theta = self.linear(x_m, y_m)
-        east, north = (self.whitened(g) for g in slope_db_per_m(self.walk, x_m, y_m, theta[1]))
+        east, north = (self.whiten(g) for g in slope_db_per_m(self.walk, x_m, y_m, theta[1]))
         determinant = a[0] * a[2] - a[1] ** 2
         one = self._one
 

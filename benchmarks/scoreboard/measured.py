@@ -52,7 +52,7 @@ class WalkScore:
     seconds: float
 
     @property
-    def covered(self) -> bool:
+    def is_covered(self) -> bool:
         """Whether the 95 % region holds the truth."""
         return self.held[-1]
 
@@ -67,7 +67,7 @@ def score_walk(
 ) -> list[WalkScore]:
     """Scores of one walk, one for each prior, with a verdict or without; on one core."""
     with threadpool_limits(1):
-        obs, source = traces.observed(trace.campaign, trace.name)
+        obs, source = traces.observe(trace.campaign, trace.name)
         usable = obs.usable()
         strongest = strongest_sample(Walk(usable.x_m, usable.y_m, usable.level_dbm))
         away_m = _off_m((strongest.x_m, strongest.y_m), source)

@@ -17,7 +17,7 @@ LEGEND = (
     + "."
 )
 
-_HELD = (
+_COVERAGE = (
     "measured walks",
     "walks",
     "sessions",
@@ -33,7 +33,11 @@ def tables(scores: Sequence[WalkScore]) -> list[Table | str]:
     """Coverage and area, errors, small regions and verdicts, and what the columns mean."""
     rows = strata(scores)
     return [
-        Table("measured walks: do the regions hold the truth", _HELD, [_held(row) for row in rows]),
+        Table(
+            "measured walks: do the regions hold the truth",
+            _COVERAGE,
+            [_coverage_row(row) for row in rows],
+        ),
         Table(
             "measured walks: error of the position shown, and of the strongest reading's place",
             _ERRORS,
@@ -48,7 +52,7 @@ def tables(scores: Sequence[WalkScore]) -> list[Table | str]:
     ]
 
 
-def _held(row: Stratum) -> tuple[str, ...]:
+def _coverage_row(row: Stratum) -> tuple[str, ...]:
     return (
         row.name,
         str(row.walks),
@@ -71,10 +75,10 @@ def _errors(row: Stratum) -> tuple[str, ...]:
 
 def _verdicts(row: Stratum) -> tuple[str, ...]:
     given = (row.verdicts.get(verdict, (0, 0)) for verdict in _VERDICTS[2:])
-    return (row.name, *(_counted(*count) for count in (row.small, *given)))
+    return (row.name, *(_count_text(*count) for count in (row.small, *given)))
 
 
-def _counted(count: int, wrong: int) -> str:
+def _count_text(count: int, wrong: int) -> str:
     return f"{count}, {wrong} wrong" if count else "0"
 
 

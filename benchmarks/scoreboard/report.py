@@ -16,7 +16,7 @@ from .claims import Claim, claims
 from .measured import WalkScore
 from .run import Scores
 from .score import BOUND, EXACT, LEAST_SQUARES, OURS
-from .summary import Given, Row, rows_of, verdicts_of
+from .summary import Row, VerdictCount, rows_of, verdicts_of
 from .tables import Lines, Table, in_markdown, limits, three_digits
 from .tables import show as show_parts
 from .targets import Assessment, assess, assess_measured
@@ -91,7 +91,7 @@ def as_json(found: Board) -> str:
             "name": name,
             "title": CASES[name].title,
             "methods": [asdict(row) for row in rows_of(scores)],
-            "verdicts": [asdict(given) for given in _given(scores)],
+            "verdicts": [asdict(given) for given in _verdict_counts(scores)],
             "runs": [asdict(score) for column in scores.values() for score in column],
         }
         for name, scores in found.scores.items()
@@ -193,14 +193,14 @@ def _lines(rows: Sequence[Row]) -> Lines:
     ]
 
 
-def _given(scores: Scores) -> list[Given]:
+def _verdict_counts(scores: Scores) -> list[VerdictCount]:
     return verdicts_of(scores[OURS]) if OURS in scores else []
 
 
 def _verdicts(scores: Scores) -> str:
     texts = ", ".join(
         f"{verdict.verdict} {verdict.count}{_missed_runs(verdict.missed_runs)}"
-        for verdict in _given(scores)
+        for verdict in _verdict_counts(scores)
     )
     return f"cellwalk's verdicts: {texts}" if texts else ""
 

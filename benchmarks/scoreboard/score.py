@@ -22,7 +22,7 @@ from .world import World
 
 OURS, OURS_KNOWN_NOISE, OURS_UNCENSORED, OURS_SECTOR = (
     "cellwalk",
-    "cellwalk, told the kind of noise",
+    "cellwalk, kind of noise known",
     "cellwalk, unclipped",
     "cellwalk, sector antenna",
 )
@@ -64,7 +64,7 @@ def _exact(world: World) -> Answer:
     return exact.answer(world.whole, world.noise)
 
 
-def _ours_told(world: World) -> Answer:
+def _ours_known_noise(world: World) -> Answer:
     if world.noise is None:
         raise EstimationError("nobody knows the noise of a measured walk")
     return ours.answer(world, world.walk, ours.known_noise_prior(world.noise))
@@ -78,7 +78,7 @@ def _exact_clipped(world: World) -> Answer:
 
 ANSWERS: dict[str, Callable[[World], Answer]] = {
     OURS: lambda world: ours.answer(world, world.walk),
-    OURS_KNOWN_NOISE: _ours_told,
+    OURS_KNOWN_NOISE: _ours_known_noise,
     OURS_UNCENSORED: lambda world: ours.answer(world, world.whole),
     OURS_SECTOR: lambda world: ours.answer(world, world.walk, ours.SECTOR_PRIOR),
     EXACT: _exact,

@@ -74,14 +74,14 @@ def groups(scores: Sequence[WalkScore]) -> Iterator[tuple[str, list[WalkScore]]]
     for geometry in (*GEOMETRIES, "CDE"):
         name = "C to E" if geometry == "CDE" else geometry
         yield f"class {name}", [one for one in scores if one.trace.geometry in geometry]
-    yield from _binned("closest pass", scores, lambda one: one.trace.closest_m, PASSES_M, "m")
-    yield from _binned("region", scores, lambda one: one.area_m2[-1] / _KM2, AREAS_KM2, "km2")
+    yield from _by_bin("closest pass", scores, lambda one: one.trace.closest_m, PASSES_M, "m")
+    yield from _by_bin("region", scores, lambda one: one.area_m2[-1] / _KM2, AREAS_KM2, "km2")
     yield "small region", small(scores)
     for campaign in dict.fromkeys(one.trace.campaign for one in scores):
         yield campaign, [one for one in scores if one.trace.campaign == campaign]
 
 
-def _binned(
+def _by_bin(
     what: str,
     scores: Sequence[WalkScore],
     value: Callable[[WalkScore], float],
@@ -98,7 +98,7 @@ def _binned(
 
 def coverage(scores: Sequence[WalkScore]) -> float:
     """Share of the walks whose 95 % region holds the truth."""
-    return float(np.mean([one.covered for one in scores]))
+    return float(np.mean([one.is_covered for one in scores]))
 
 
 def wrong(scores: Sequence[WalkScore]) -> float:
@@ -111,9 +111,9 @@ def error_ratio(scores: Sequence[WalkScore]) -> float:
     return _median(scores, "error_m") / _median(scores, "strongest_m")
 
 
-def counted(scores: Sequence[WalkScore]) -> tuple[int, int]:
+def count_wrong(scores: Sequence[WalkScore]) -> tuple[int, int]:
     """Number of walks, and of those whose 95 % region misses the truth."""
-    return len(scores), sum(not one.covered for one in scores)
+    return len(scores), sum(not one.is_covered for one in scores)
 
 
 def small(scores: Sequence[WalkScore]) -> list[WalkScore]:
@@ -137,9 +137,9 @@ def _stratum(name: str, scores: Sequence[WalkScore]) -> Stratum:
         error_m=figure_of(scores, lambda some: _median(some, "error_m")),
         strongest_m=_median(scores, "strongest_m"),
         ratio=figure_of(scores, error_ratio),
-        small=counted(small(scores)),
+        small=count_wrong(small(scores)),
         verdicts={
-            verdict: counted([one for one in scores if one.verdict == verdict])
+            verdict: count_wrong([one for one in scores if one.verdict == verdict])
             for verdict in sorted(verdicts)
         },
     )

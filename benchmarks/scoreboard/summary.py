@@ -69,7 +69,7 @@ def rows_of(scores: Mapping[str, Sequence[Score]]) -> list[Row]:
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class VerdictCount:
     """How often a verdict was given, and in which runs the region did not hold the truth then."""
 
     verdict: str
@@ -77,13 +77,13 @@ class Given:
     missed_runs: tuple[int, ...]
 
 
-def verdicts_of(scores: Sequence[Score]) -> list[Given]:
+def verdicts_of(scores: Sequence[Score]) -> list[VerdictCount]:
     """Verdicts given, the most frequent first."""
-    counted = Counter(score.verdict for score in scores if score.verdict).most_common()
+    by_verdict = Counter(score.verdict for score in scores if score.verdict).most_common()
     missed = [score for score in scores if not score.covered]
     return [
-        Given(name, count, tuple(one.run for one in missed if one.verdict == name))
-        for name, count in counted
+        VerdictCount(name, count, tuple(one.run for one in missed if one.verdict == name))
+        for name, count in by_verdict
     ]
 
 
@@ -119,13 +119,13 @@ def _numbers(values: Sequence[float | None]) -> FloatArray:
     return np.array([np.nan if value is None else float(value) for value in values])
 
 
-def _known(values: FloatArray) -> FloatArray:
+def _finite(values: FloatArray) -> FloatArray:
     return values[~np.isnan(values)]
 
 
 def _mean(values: FloatArray) -> float | None:
-    return float(np.mean(_known(values))) if len(_known(values)) else None
+    return float(np.mean(_finite(values))) if len(_finite(values)) else None
 
 
 def _median(values: FloatArray) -> float | None:
-    return float(np.median(_known(values))) if len(_known(values)) else None
+    return float(np.median(_finite(values))) if len(_finite(values)) else None

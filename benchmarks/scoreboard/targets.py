@@ -119,14 +119,20 @@ def _share(fact: str) -> Measure:
 
 def _white(shape: str) -> list[Target]:
     case = (f"white-{shape}",)
-    told = OURS_KNOWN_NOISE
+    known_noise = OURS_KNOWN_NOISE
     return [
         Target(case, "coverage", _coverage, 0.92, 0.98, is_share=True),
         Target(case, "ANEES / 2", _half_anees, 0.87, 1.15),
         Target(
-            case, "coverage, told that noise is white", _coverage, 0.92, 0.98, True, method=told
+            case,
+            "coverage, white noise known",
+            _coverage,
+            0.92,
+            0.98,
+            True,
+            method=known_noise,
         ),
-        Target(case, "ANEES / 2, told that noise is white", _half_anees, 0.87, 1.15, method=told),
+        Target(case, "ANEES / 2, white noise known", _half_anees, 0.87, 1.15, method=known_noise),
     ]
 
 

@@ -57,7 +57,7 @@ def names(classes: str) -> tuple[tuple[str, str], ...]:
     return tuple((one.campaign, one.name) for one in traces() if one.geometry in classes)
 
 
-def observed(dataset: str, trace: str) -> tuple[CellObservations, Place]:
+def observe(dataset: str, trace: str) -> tuple[CellObservations, Place]:
     """Readings of a measured walk as `postproc` imports it, and where the transmitter stands."""
     truth = json.loads((FOLDER / dataset / "truth.json").read_text())
     about = truth["traces"][trace]
@@ -67,9 +67,9 @@ def observed(dataset: str, trace: str) -> tuple[CellObservations, Place]:
     return obs, obs.utm.to_xy(source["lat"], source["lon"])
 
 
-def measured(dataset: str, trace: str) -> World:
+def world_of(dataset: str, trace: str) -> World:
     """One measured walk."""
-    obs, source = observed(dataset, trace)
+    obs, source = observe(dataset, trace)
     walk = Walk(obs.x_m, obs.y_m, obs.level_dbm)
     return World(
         walk,

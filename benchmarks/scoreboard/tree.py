@@ -33,11 +33,11 @@ except ImportError:
     from logger.core.locator.region import Cells as Leaves
     from logger.core.locator.verdict import judged as decide
 
-    def _observed(run: Run) -> Observations | None:
+    def _observe(run: Run) -> Observations | None:
         return walk_of(run)[0]
 else:
 
-    def _observed(run: Run) -> Observations | None:
+    def _observe(run: Run) -> Observations | None:
         return observe_run(run).observations
 
 
@@ -54,7 +54,7 @@ def observations(file: Path, *, times: bool) -> CellObservations:
     with TemporaryDirectory() as scratch:
         target = Path(scratch) / "run.h5"
         import_walk(file, target, **({"times": times} if can_leave_out else {}))
-        observed = _observed(read_run(target))
+        observed = _observe(read_run(target))
     if observed is None or len(observed.cells) != 1:
         raise ValueError(f"{file} is not a walk past one cell")
     return observed.cells[0]

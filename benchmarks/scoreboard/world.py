@@ -71,7 +71,7 @@ class Walk:
     def __len__(self) -> int:
         return len(self.x_m)
 
-    def transformed(self, turn: FloatArray, shift_m: Place) -> "Walk":
+    def transform(self, turn: FloatArray, shift_m: Place) -> "Walk":
         """Turned about the origin by a (2, 2) rotation, then shifted."""
         x_m, y_m = turn @ np.vstack([self.x_m, self.y_m])
         return replace(self, x_m=x_m + shift_m[0], y_m=y_m + shift_m[1])
@@ -113,7 +113,7 @@ class World:
         """Distance of a place to the nearest source."""
         return float(min(np.hypot(place[0] - x_m, place[1] - y_m) for x_m, y_m in self.sources))
 
-    def transformed(self, turn: FloatArray, shift_m: Place) -> "World":
+    def transform(self, turn: FloatArray, shift_m: Place) -> "World":
         """Turned about the origin, then shifted: nothing that is true of it changes."""
 
         def place(at: Place) -> Place:
@@ -122,8 +122,8 @@ class World:
 
         return replace(
             self,
-            walk=self.walk.transformed(turn, shift_m),
-            whole=self.whole.transformed(turn, shift_m),
+            walk=self.walk.transform(turn, shift_m),
+            whole=self.whole.transform(turn, shift_m),
             sources=tuple(place(source) for source in self.sources),
             mirror=place(self.mirror) if self.mirror else None,
         )

@@ -37,17 +37,17 @@ _LEAST_SHARE = 0.2
 def plain(rng: np.random.Generator, shape: str, noise: Noise) -> World:
     """A source beside a walk of some shape; with its twin for a straight or a round walk."""
     points, source = _beside(rng, shape, _AWAY_M)
-    world = _heard(rng, points, source, noise)
+    world = _simulate_walk(rng, points, source, noise)
     return _place_randomly(rng, replace(world, mirror=_mirror_of(shape, source)))
 
 
-def clipped(rng: np.random.Generator, shape: str, share: float, noise: Noise) -> World:
+def clipped_world(rng: np.random.Generator, shape: str, share: float, noise: Noise) -> World:
     """Levels in steps of 1 dB; P0 such that this share of them is at -110 dBm or below.
 
     Those are reported as exactly -110 dBm.
     """
     points, source = _beside(rng, shape, _AWAY_M)
-    loud = _heard(rng, points, source, replace(noise, step_db=0.0)).walk
+    loud = _simulate_walk(rng, points, source, replace(noise, step_db=0.0)).walk
     shift_db = FLOOR_DBM + 0.5 - np.quantile(loud.level_dbm, share)
     whole = replace(loud, level_dbm=np.round(loud.level_dbm + shift_db))
     walk = replace(whole, level_dbm=np.maximum(whole.level_dbm, FLOOR_DBM))
@@ -63,7 +63,7 @@ def with_gps_errors(rng: np.random.Generator, shape: str, kind: GpsError) -> Wor
     The errors are independent for each fix, slow (60 s) or constant.
     """
     points, source = _beside(rng, shape, (15.0, 40.0))
-    world = _heard(rng, points, source, Noise(3.0))
+    world = _simulate_walk(rng, points, source, Noise(3.0))
     count = len(world.walk)
     memory = {"white": 0.0, "slow": np.exp(-1.0 / _GPS_MEMORY_S), "constant": 1.0}[kind]
     east_m, north_m = (GPS_SIGMA_M * _gauss_markov(rng, count, memory) for _ in range(2))
@@ -128,13 +128,13 @@ def specified_scenario(rng: np.random.Generator, count: int, *, spread: bool) ->
     """
     angle = 2.0 * np.pi * np.arange(count) / (count if spread else SPEC_READINGS)
     points = SPEC_RADIUS_M * np.cos(angle), SPEC_RADIUS_M * np.sin(angle)
-    return _place_randomly(rng, _heard(rng, points, (0.0, 0.0), Noise(3.0)))
+    return _place_randomly(rng, _simulate_walk(rng, points, (0.0, 0.0), Noise(3.0)))
 
 
 def _place_randomly(rng: np.random.Generator, world: World) -> World:
     angle = rng.uniform(0.0, 2.0 * np.pi)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return world.transformed(turn, _ORIGIN_M)
+    return world.transform(turn, _ORIGIN_M)
 
 
 def _beside(
@@ -159,7 +159,7 @@ def _near(rng: np.random.Generator, points: Points, away_m: tuple[float, float])
     return (float(x_m), float(y_m)) if closest_m >= away_m[0] else None
 
 
-def _heard(rng: np.random.Generator, points: Points, source: Place, noise: Noise) -> World:
+def _simulate_walk(rng: np.random.Generator, points: Points, source: Place, noise: Noise) -> World:
     eta = _exponent(rng)
     level_dbm = _level_dbm(points, source, _power(rng), eta) + noise.white_db * rng.normal(
         size=len(points[0])

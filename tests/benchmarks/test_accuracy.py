@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.scoreboard.traces import measured
+from benchmarks.scoreboard.traces import world_of
 
 COMMAND = Path(__file__).resolve().parents[2] / "benchmarks" / "accuracy.py"
 
@@ -44,7 +44,7 @@ def test_the_command_writes_what_it_prints(tmp_path, traces):
 
 
 def test_a_measured_walk(traces):
-    world = measured("kuleuven_lora_p2p", "campus_1105_125358_n124")
+    world = world_of("kuleuven_lora_p2p", "campus_1105_125358_n124")
     away_m = np.hypot(world.walk.x_m - world.sources[0][0], world.walk.y_m - world.sources[0][1])
     about = json.loads((traces / "kuleuven_lora_p2p" / "truth.json").read_text())["traces"][
         "campus_1105_125358_n124"

@@ -9,7 +9,7 @@ from benchmarks.false_identities import (
     Tally,
     count,
     count_session,
-    damaged,
+    damage_bytes,
     is_false,
     replies,
     table,
@@ -94,9 +94,9 @@ def test_a_driver_that_forgets_how_numbers_were_printed_is_found_out():
 
 def test_damage_is_of_one_byte_each():
     text = "a53f,12"
-    assert list(damaged(text, "lost", random.Random(0)))[:3] == ["53f,12", "a3f,12", "a5f,12"]
-    assert list(damaged(text, "doubled", random.Random(0)))[:2] == ["aa53f,12", "a553f,12"]
-    changed = list(damaged(text, "changed", random.Random(0)))
+    assert list(damage_bytes(text, "lost", random.Random(0)))[:3] == ["53f,12", "a3f,12", "a5f,12"]
+    assert list(damage_bytes(text, "doubled", random.Random(0)))[:2] == ["aa53f,12", "a553f,12"]
+    changed = list(damage_bytes(text, "changed", random.Random(0)))
     assert [sum(a != b for a, b in zip(text, other, strict=True)) for other in changed] == [
         1
     ] * len(text)

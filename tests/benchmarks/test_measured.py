@@ -9,7 +9,7 @@ from benchmarks.scoreboard import measured_report, strata, tree
 from benchmarks.scoreboard.measured import LEVELS, score_walk
 from benchmarks.scoreboard.strata import coverage, error_ratio, groups, interval
 from benchmarks.scoreboard.tables import in_markdown
-from benchmarks.scoreboard.traces import observed
+from benchmarks.scoreboard.traces import observe
 from benchmarks.scoreboard.traces import traces as measured_traces
 from logger.core.model.prior import Prior
 from tests.kit.walk_scores import scored_walk
@@ -19,7 +19,7 @@ LEUVEN = "kuleuven_lora_p2p"
 
 def test_a_walk_goes_through_import_and_smoother(traces):
     trace = next(one for one in measured_traces() if one.name == "campus_1105_125358_n124")
-    obs, source = observed(trace.campaign, trace.name)
+    obs, source = observe(trace.campaign, trace.name)
     file = (traces / LEUVEN / f"{trace.name}.csv").read_text().splitlines()
     assert len(obs) == len(file) - 1
     column = file[0].split(",").index("rssi_dbm")
@@ -35,7 +35,7 @@ def test_a_walk_goes_through_import_and_smoother(traces):
         np.hypot(posterior.x_m - source[0], posterior.y_m - source[1])
     )
     assert usual.area_m2[-1] == pytest.approx(posterior.region_area_m2)
-    assert usual.covered == tree.region(posterior).holds(source, 10.0)
+    assert usual.is_covered == tree.region(posterior).holds(source, 10.0)
     assert list(usual.area_m2) == sorted(usual.area_m2)
     assert near.area_m2[-1] < usual.area_m2[-1]
     at_truth = tree.density(posterior, *(np.array([v]) for v in source))[0] * 1e6
@@ -43,7 +43,7 @@ def test_a_walk_goes_through_import_and_smoother(traces):
 
 
 def test_the_density_integrates_to_one(traces):
-    obs, source = observed(LEUVEN, "campus_1105_125358_n124")
+    obs, source = observe(LEUVEN, "campus_1105_125358_n124")
     squares = tree.locate(obs.usable()).squares
     posterior = type("Stub", (), {"squares": squares})
     density = tree.density(posterior, squares.x_m, squares.y_m)

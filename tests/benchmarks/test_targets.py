@@ -8,7 +8,7 @@ from benchmarks.scoreboard.cases import CASES, SPECIFIED_READINGS
 from benchmarks.scoreboard.claims import claims
 from benchmarks.scoreboard.run import jobs_of
 from benchmarks.scoreboard.score import BOUND, EXACT, LEAST_SQUARES, OURS, Score
-from benchmarks.scoreboard.summary import Given, rows_of, verdicts_of
+from benchmarks.scoreboard.summary import VerdictCount, rows_of, verdicts_of
 from benchmarks.scoreboard.walks import TELLING
 from tests.kit.walk_scores import scored_walk
 
@@ -100,7 +100,7 @@ def test_anees_of_one_place_leaves_out_the_others():
 
 
 def test_verdicts_are_counted_with_what_they_missed():
-    assert verdicts_of(GOOD[OURS]) == [Given("located", 100, (0, 1, 2, 3, 4))]
+    assert verdicts_of(GOOD[OURS]) == [VerdictCount("located", 100, (0, 1, 2, 3, 4))]
 
 
 def test_a_claim_beyond_the_bound():

@@ -102,7 +102,7 @@ def test_the_twin_fits_equally_well(shape):
 
 @pytest.mark.parametrize("share", [0.2, 0.45, 0.7])
 def test_this_share_is_clipped(share):
-    world = worlds.clipped(generator("clip", 1, 0), "L", share, WHITE)
+    world = worlds.clipped_world(generator("clip", 1, 0), "L", share, WHITE)
     assert np.mean(world.walk.level_dbm == -110.0) == pytest.approx(share, abs=0.01)
     assert np.mean(world.whole.level_dbm <= -110.0) == pytest.approx(share, abs=0.01)
     assert np.min(world.whole.level_dbm) < -112.0

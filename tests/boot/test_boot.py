@@ -104,8 +104,8 @@ def _look(m, seen):
     times = "ExecMainStartTimestampMonotonic,ActiveEnterTimestampMonotonic"
     said = m.run(f"systemctl show --property={times} fieldlogger")
     seen.started = dict(line.split("=", 1) for line in said.split())
-    told = m.run("systemd-analyze security --no-pager fieldlogger | tail -1")
-    seen.exposure = float(re.search(r"\d+\.\d+", told)[0])
+    report = m.run("systemd-analyze security --no-pager fieldlogger | tail -1")
+    seen.exposure = float(re.search(r"\d+\.\d+", report)[0])
     # no iproute2 in the image: what `ss -lntu` reads; state 0A listens, 07 is any open UDP port
     seen.listening = m.run(
         "cat /proc/net/tcp /proc/net/tcp6 /proc/net/udp /proc/net/udp6 | awk '$4 ~ /^(0A|07)$/'"

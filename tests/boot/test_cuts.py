@@ -146,12 +146,12 @@ class Recorded:
             m.cut_power("issued")
         self.cuts = Cuts(m.log)
         self.whole = {
-            path.stem: told(read_run(path))
+            path.stem: texts_of(read_run(path))
             for path in card.pull(RUNS, folder / "whole").glob("*.journal")
         }
 
 
-def told(run: Run) -> dict[int, tuple[int, str, str]]:
+def texts_of(run: Run) -> dict[int, tuple[int, str, str]]:
     """Time, source and text of each record, by its number."""
     return {seq: (record.t_ns, record.source, repr(record)) for seq, record in run.records()}
 
@@ -171,7 +171,7 @@ def lost_s(folder: Path, whole, due: dict[str, int], until_ns: float) -> float:
     oldest_ns = until_ns
     for name, n_due in due.items():
         run = read_run(folder / f"{name}.h5")
-        found, all_there = told(run), whole[name]
+        found, all_there = texts_of(run), whole[name]
         assert [seq for seq in range(n_due) if found.get(seq) != all_there[seq]] == [], (
             "acknowledged and lost"
         )

@@ -135,7 +135,7 @@ def test_a_long_scan_is_smeared_over_the_way_walked_meanwhile(tmp_path):
     )
 
 
-def _told(ta, **changed):
+def _reading(ta, **changed):
     known = CellReading("serving", "GSM", "262", "01", 1, 2, rssi_dbm=-70.0, ta=ta)
     return replace(known, **changed)
 
@@ -145,11 +145,11 @@ def test_timing_advance_of_the_serving_gsm_cell_alone(tmp_path):
         tmp_path,
         [
             _fix(0, 13.0),
-            _scan(1, 1, _told(3)),
-            _scan(2, 2, _told(None)),
-            _scan(3, 3, _told(5, role="neighbour")),
-            _scan(4, 4, _told(0)),
-            _scan(5, 5, _told(7, rat="LTE", lac=None, tac=9)),
+            _scan(1, 1, _reading(3)),
+            _scan(2, 2, _reading(None)),
+            _scan(3, 3, _reading(5, role="neighbour")),
+            _scan(4, 4, _reading(0)),
+            _scan(5, 5, _reading(7, rat="LTE", lac=None, tac=9)),
             _fix(9, 13.0),
         ],
     ).cells

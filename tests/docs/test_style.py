@@ -13,7 +13,7 @@ MOST_LINES = 300
 """A file that is longer holds more than one subject."""
 MOST_COLUMNS = 100
 FOLDERS = ("logger", "postproc", "tests", "benchmarks", "docs", "examples")
-PRODUCT = ("logger", "postproc")
+NAMED_BY_TERMS = ("logger", "postproc", "benchmarks")
 
 PARTICIPLE = re.compile(
     r"\w*(ed|told|found|held|kept|seen|heard|known|drawn|made|taken|given|left|met|sent|built|gone"
@@ -88,7 +88,7 @@ def test_no_line_of_prose_is_wide(page):
 def test_no_function_is_named_by_a_bare_participle():
     named = [
         f"{name_of(path)}:{node.lineno} {node.name}"
-        for path in files(*PRODUCT)
+        for path in files(*NAMED_BY_TERMS)
         for node in ast.walk(ast.parse(path.read_text("utf-8")))
         if isinstance(node, ast.FunctionDef) and is_participle(node.name.strip("_"))
     ]

@@ -123,8 +123,8 @@ def test_claims_are_verified(path):
 def test_a_run_is_exported_with_its_estimates(path):
     result = postproc.smooth(path, [cell_name(0)])
     target = path.parent / "walk.geojson"
-    told = postproc.export(path, target, result=result)
-    assert (told.format, told.n_estimates) == ("geojson", 1)
+    exported_file = postproc.export(path, target, result=result)
+    assert (exported_file.format, exported_file.n_estimates) == ("geojson", 1)
     best = json_of(result)["cells"][0]["best"]
     assert f"{best['lat']:.4f}"[:7] in target.read_text()
     assert postproc.export(path, path.parent / "walk.csv", cells=[cell_name(1)]).n_levels == 120

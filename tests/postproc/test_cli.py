@@ -68,8 +68,8 @@ def test_import_reads_what_the_contract_says(csv, tmp_path, capsys):
         HEADER
         + "3,52.0,13.0002,-72,,,,\n1,52.0,13.0,-70.5,a,4,2G,hello\n2,52.0,13.0001,-71,b,,LTE,\n"
     )
-    told = _json(capsys, "import", csv(text), "-o", tmp_path / "run.h5")
-    assert (told["rows"], told["sorted"], told["bad_rows"]) == (3, True, [])
+    output = _json(capsys, "import", csv(text), "-o", tmp_path / "run.h5")
+    assert (output["rows"], output["sorted"], output["bad_rows"]) == (3, True, [])
     run = read_run(tmp_path / "run.h5")
     values = [record.value for _, record in run.records("fixes", "scans")]
     fixes = [value for value in values if isinstance(value, Fix)]
@@ -109,13 +109,13 @@ def test_import_names_bad_rows_by_line(csv, tmp_path, capsys):
         "7,86,13,-70",
         "",
     ]
-    told = _json(
+    output = _json(
         capsys, "import", csv("t_s,lat,lon,rssi_dbm\n" + "\n".join(rows)), "-o", tmp_path / "run.h5"
     )
-    assert [bad["line"] for bad in told["bad_rows"]] == [3, 4, 5, 6, 7, 8, 9]
-    assert "no number" in told["bad_rows"][0]["why"]
-    assert "84 deg" in told["bad_rows"][6]["why"]
-    assert told["rows"] == 1
+    assert [bad["line"] for bad in output["bad_rows"]] == [3, 4, 5, 6, 7, 8, 9]
+    assert "no number" in output["bad_rows"][0]["why"]
+    assert "84 deg" in output["bad_rows"][6]["why"]
+    assert output["rows"] == 1
     notes = [
         r.value
         for _, r in read_run(tmp_path / "run.h5").records("notes")
@@ -156,9 +156,9 @@ def test_a_run_where_nothing_can_be_written_is_answered_all_the_same(tmp_path, c
     path = _run(tmp_path, runs.records(2))
     (tmp_path / "run.post.h5").mkdir()
     assert main(["smooth", str(path), "--json"]) == 2
-    told = capsys.readouterr()
-    assert json.loads(told.out)["cells"]
-    assert "cannot write" in told.err
+    output = capsys.readouterr()
+    assert json.loads(output.out)["cells"]
+    assert "cannot write" in output.err
 
 
 def test_import_to_nowhere(csv, tmp_path, capsys):
@@ -255,5 +255,5 @@ def test_replay_tells_of_a_difference(tmp_path, capsys):
     wrong = LiveEstimate(2, "reference-ekf", "262-01-4711-1", 1, 33, *[1.0] * 17)
     found = [*runs.records(3), Record(9, "live", wrong)]
     assert main(["replay", str(_run(tmp_path, found)), "--json"]) == 1
-    told = json.loads(capsys.readouterr().out)
-    assert (told["equal"], told["n_recorded"]) == (False, 1)
+    output = json.loads(capsys.readouterr().out)
+    assert (output["equal"], output["n_recorded"]) == (False, 1)

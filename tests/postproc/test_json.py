@@ -35,8 +35,8 @@ def journal(tmp_path):
 
 def test_plot(journal, capsys):
     assert main(["plot", str(journal), "--cell", "262-01-4711-1", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told == {
+    output = json.loads(capsys.readouterr().out)
+    assert output == {
         "path": str(journal.with_suffix(".png")),
         "bytes": journal.with_suffix(".png").stat().st_size,
     }

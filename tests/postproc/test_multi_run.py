@@ -138,9 +138,9 @@ def test_json_table_and_file_of_two_runs(pair, capsys):
         assert len(file.attrs["run_ids"]) == 2
         assert np.bincount(file["cells/0/obs/modem"][()]).tolist() == [100, 80]
     assert main([*argv, "-v"]) == 0
-    told = capsys.readouterr().out
-    assert f"{cell['offsets'][1]['offset_db']:+.1f} ±" in told
-    assert "without it" in told
+    output = capsys.readouterr().out
+    assert f"{cell['offsets'][1]['offset_db']:+.1f} ±" in output
+    assert "without it" in output
 
 
 def test_one_run_keeps_its_contract(pair, capsys):

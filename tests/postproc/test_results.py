@@ -208,8 +208,8 @@ def test_a_command_tells_why_it_estimates_again(copy, tmp_path, capsys):
     with h5py.File(results.path_beside(copy), "r+") as file:
         file["values"][5] ^= 1
     assert main([*argv, "--cell", kit.cell_name(1)]) == 0
-    told = capsys.readouterr().err.splitlines()
-    assert [line for line in told if "post.h5" in line] == [
+    output = capsys.readouterr().err.splitlines()
+    assert [line for line in output if "post.h5" in line] == [
         f"{results.path_beside(copy)} is not used: it is damaged"
     ]
 

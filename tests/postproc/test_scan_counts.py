@@ -51,7 +51,7 @@ def path(tmp_path_factory):
     return path
 
 
-def told(capsys, *argv):
+def json_output(capsys, *argv):
     assert main([str(a) for a in argv]) == 0
     return json.loads(capsys.readouterr().out)
 
@@ -86,7 +86,7 @@ def test_what_was_heard_once_is_never_located(path):
 
 
 def test_json_says_in_how_many_scans(path, capsys):
-    cells = told(capsys, "smooth", path, "--json")["cells"]
+    cells = json_output(capsys, "smooth", path, "--json")["cells"]
     assert {cell["cell"]: cell["n_scans"] for cell in cells} == {
         REAL: 60,
         FALSE: 1,
@@ -96,7 +96,8 @@ def test_json_says_in_how_many_scans(path, capsys):
     (false,) = [cell for cell in cells if cell["cell"] == FALSE]
     assert (false["best"]["lat"], false["region95"]["area_m2"], false["modes"]) == (None, None, [])
     assert {
-        cell["cell"]: cell["n_scans"] for cell in told(capsys, "info", path, "--json")["cells"]
+        cell["cell"]: cell["n_scans"]
+        for cell in json_output(capsys, "info", path, "--json")["cells"]
     }[FALSE] == 1
 
 
@@ -118,7 +119,7 @@ def replace_names(record):
 
 
 def test_a_claim_about_it_is_not_tested(path, capsys):
-    found = told(capsys, "verify", path, "--claim", "52.0,13.0", "--json")
+    found = json_output(capsys, "verify", path, "--claim", "52.0,13.0", "--json")
     reasons = {cell["cell"]: (cell["verdict"], cell["reasons"]) for cell in found["cells"]}
     assert reasons[FALSE] == ("cannot tell", ["observed in one scan only"])
     assert reasons[UNSURE] == ("cannot tell", ["its identity was never read without doubt"])
@@ -129,8 +130,8 @@ def test_a_claim_about_it_is_not_tested(path, capsys):
 def test_without_a_claim_it_is_no_finding(path, tmp_path, capsys):
     claims = tmp_path / "claims.csv"
     claims.write_text(f"cell,lat,lon\n{REAL},52.0,13.0\n")
-    found = told(capsys, "verify", path, "--claims", claims, "--json")
+    found = json_output(capsys, "verify", path, "--claims", claims, "--json")
     assert found["without_claim"] == [BOTH]
     assert sorted(found["heard_once"]) == [FALSE, UNSURE]
-    (sites,) = told(capsys, "verify", path, "--sites", "--cell", FALSE, "--json")["cells"]
+    (sites,) = json_output(capsys, "verify", path, "--sites", "--cell", FALSE, "--json")["cells"]
     assert sites["why_not"] == "observed in one scan only"

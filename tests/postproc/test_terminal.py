@@ -143,11 +143,11 @@ def test_a_real_terminal_gets_what_a_pipe_gets(run, columns):
         )
         shown, code = postproc(*command, columns=columns)
         assert code == 0
-        told = CONTROL.sub("", shown).replace(run, "").replace("\r", "")
+        output = CONTROL.sub("", shown).replace(run, "").replace("\r", "")
         wrapped = {
             word for word in _numbers(piped.stdout.replace(run, "")) if len(word) < columns - 12
         }
-        assert wrapped <= _numbers(told)
+        assert wrapped <= _numbers(output)
 
 
 def test_one_line_a_cell_and_the_located_first(tmp_path, outputs):
@@ -210,6 +210,6 @@ def test_nothing_in_a_run_steers_the_terminal(tmp_path, outputs, columns):
         lambda: tables.print_summary(found, details=True),
         lambda: info_table.print_info(info),
     ):
-        told = outputs(show, columns)
-        assert "evil" in told
-        assert not set(CONTROL.sub("", told)) & set("\x1b\x07\r\u202e")
+        output = outputs(show, columns)
+        assert "evil" in output
+        assert not set(CONTROL.sub("", output)) & set("\x1b\x07\r\u202e")

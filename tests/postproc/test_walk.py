@@ -33,9 +33,9 @@ def test_a_fix_that_was_set_aside_is_told_with_its_distance(tmp_path):
     north_m = np.arange(100) * 1.4
     north_m[50] += 500.0
     warnings = observe_run(_run(tmp_path, north_m)).warnings
-    (told,) = warnings
-    assert told.startswith("1 fix lies apart from all others, up to 50")
-    assert told.endswith("m from the track, and was set aside")
+    (warning,) = warnings
+    assert warning.startswith("1 fix lies apart from all others, up to 50")
+    assert warning.endswith("m from the track, and was set aside")
 
 
 def test_an_even_walk_has_nothing_to_tell(tmp_path):

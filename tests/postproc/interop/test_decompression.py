@@ -63,9 +63,9 @@ def test_a_compressed_file_is_what_is_in_it(tmp_path, form, kind):
 def test_errors_name_the_compressed_file_and_not_its_copy(tmp_path, capsys):
     packed = _packed(tmp_path, _write(tmp_path, "t_s,lat,lon\n1,2,3\n", "a.csv"), "gz")
     assert main(["import", str(packed), "-o", str(tmp_path / "run.h5")]) == 2
-    told = capsys.readouterr().err
-    assert f"{packed}: the header line has no column rssi_dbm" in told
-    assert "unpacked" not in told
+    output = capsys.readouterr().err
+    assert f"{packed}: the header line has no column rssi_dbm" in output
+    assert "unpacked" not in output
 
 
 def test_a_zip_of_two_files_and_one_that_would_fill_the_disk(tmp_path, capsys, monkeypatch):

@@ -62,18 +62,18 @@ def test_a_file_says_located_once(tmp_path, write, every):
     write(walk, found, tmp_path / "out")
     if write is geojson.write:
         features = json.loads((tmp_path / "out").read_text())["features"]
-        told = [
+        texts = [
             f["properties"].get("verdict")
             for f in features
             if f["properties"]["kind"] in {"place", "ellipse95"}
         ]
     else:
-        told = [
+        texts = [
             e.text
             for e in ET.parse(tmp_path / "out").iter()
             if e.text and e.tag.endswith(("desc", "description"))
         ]
-    assert sum("located" in (text or "") for text in told) == 1
+    assert sum("located" in (text or "") for text in texts) == 1
 
 
 GARBAGE = [

@@ -152,13 +152,13 @@ def test_nothing_of_the_walker_is_exported(tmp_path, run, capsys, name):
 @pytest.mark.parametrize("name", ["wigle", "opencellid-csv", "opencellid-json"])
 def test_without_utc_a_format_that_needs_it_says_so(tmp_path, capsys, name):
     kit.write_run(tmp_path / "a.journal", seconds=20, cells=1, utc=False)
-    told = _main(
+    output = _main(
         capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a", "--format", name, code=2
     )
-    assert "needs UTC" in told.err
+    assert "needs UTC" in output.err
     assert not (tmp_path / "a").exists()
-    told = _main(capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a.csv", "--json")
-    assert json.loads(told.out)["left_out"] == ["times in UTC: the receiver never reported them"]
+    output = _main(capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a.csv", "--json")
+    assert json.loads(output.out)["left_out"] == ["times in UTC: the receiver never reported them"]
 
 
 @pytest.mark.parametrize(
@@ -175,21 +175,21 @@ def test_without_utc_a_format_that_needs_it_says_so(tmp_path, capsys, name):
 def test_mistakes_are_one_line(tmp_path, run, capsys, monkeypatch, argv, says):
     monkeypatch.chdir(tmp_path)
     before = run.read_bytes()
-    told = _main(capsys, "export", run, *argv, code=2)
-    assert says in told.err
-    assert told.err.count("\n") == 1
+    output = _main(capsys, "export", run, *argv, code=2)
+    assert says in output.err
+    assert output.err.count("\n") == 1
     assert run.read_bytes() == before
 
 
 def test_estimates_are_computed_or_taken_from_beside_the_run(tmp_path, capsys):
     run = kit.write_run(tmp_path / "walk.journal", seconds=60, cells=1)
-    told = _main(capsys, "export", run.path, "-o", tmp_path / "a.geojson", "--estimates")
-    assert "estimates of 1 cells" in told.out
-    assert "estimates are those of" not in told.err
+    output = _main(capsys, "export", run.path, "-o", tmp_path / "a.geojson", "--estimates")
+    assert "estimates of 1 cells" in output.out
+    assert "estimates are those of" not in output.err
     found = kit.sample_result(run)
     results.write(found, summarise(found), results.path_beside(run.path))
-    told = _main(capsys, "export", run.path, "-o", tmp_path / "b.geojson", "--estimates")
-    assert "estimates are those of" in told.err
+    output = _main(capsys, "export", run.path, "-o", tmp_path / "b.geojson", "--estimates")
+    assert "estimates are those of" in output.err
     places = [
         [
             f

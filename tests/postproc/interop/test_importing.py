@@ -106,17 +106,22 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
 def test_what_is_missing_is_named_in_one_line(tmp_path, capsys, data, says):
     (tmp_path / "source").write_bytes(data)
     assert main(["import", str(tmp_path / "source"), "-o", str(tmp_path / "run.h5")]) == 2
-    told = capsys.readouterr().err
-    assert says in told
-    assert told.count("\n") == 1
+    output = capsys.readouterr().err
+    assert says in output
+    assert output.count("\n") == 1
     assert not (tmp_path / "run.h5").exists()
 
 
 def test_an_import_is_in_time_order_and_counts_what_it_leaves_out(tmp_path, capsys):
     source = _write(tmp_path, WIGLE)
     assert main(["import", str(source), "-o", str(tmp_path / "run.h5"), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["rows"], told["repeated_rows"], told["other_rows"], len(told["bad_rows"])) == (
+    output = json.loads(capsys.readouterr().out)
+    assert (
+        output["rows"],
+        output["repeated_rows"],
+        output["other_rows"],
+        len(output["bad_rows"]),
+    ) == (
         2,
         1,
         1,

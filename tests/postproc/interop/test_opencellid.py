@@ -143,8 +143,8 @@ def test_tower_collectors_own_export(tmp_path):
         "serving", "GSM", "262", "01", lac=4711, cid=17, arfcn=62, rssi_dbm=-73.0, ta=2
     )
     assert (neighbour.reading.role, neighbour.reading.rssi_dbm) == ("neighbour", -51.0)
-    told = serving.fix
-    assert (told.acc_m, told.speed_mps, told.course_deg, told.alt_m) == (4.5, 1.25, 90.0, 34.0)
+    fix = serving.fix
+    assert (fix.acc_m, fix.speed_mps, fix.course_deg, fix.alt_m) == (4.5, 1.25, 90.0, 34.0)
 
 
 @pytest.mark.parametrize("form", ["csv", "json"])

@@ -71,13 +71,13 @@ def _away_m(path):
 def test_nothing_near_the_ends_is_left_at_any_time(tmp_path, capsys):
     # home, out, past home in the middle of the walk, out again, and an end elsewhere
     way = [*range(0, 900, 6), *range(900, -901, -6), *range(-900, 600, 6)]
-    told = _share(capsys, _walk(tmp_path, [(x, 0.0) for x in way]), "-o", tmp_path / "copy.h5")
+    output = _share(capsys, _walk(tmp_path, [(x, 0.0) for x in way]), "-o", tmp_path / "copy.h5")
     run = read_run(tmp_path / "copy.h5")
     x_m = track_of(run.tables["fixes"]).x_m - UTM.to_xy(*HOME)[0]
     assert np.all(np.abs(x_m) > 200.0)
     assert np.all(np.abs(x_m - 594.0) > 200.0)
-    assert len(x_m) == told["n_fixes"] > 100
-    assert len(run.tables["readings"]) == told["n_readings"]
+    assert len(x_m) == output["n_fixes"] > 100
+    assert len(run.tables["readings"]) == output["n_readings"]
     # what is left is what it was
     assert np.all(
         np.isin(
@@ -112,7 +112,7 @@ def test_the_circle_does_not_show_its_centre(tmp_path, capsys):
 
 def test_secrets_are_gone_and_it_is_told(tmp_path, capsys):
     walk = _walk(tmp_path, OUT_AND_BACK)
-    told = _share(capsys, walk, "-o", tmp_path / "copy.h5")
+    output = _share(capsys, walk, "-o", tmp_path / "copy.h5")
     run, data = read_run(tmp_path / "copy.h5"), (tmp_path / "copy.h5").read_bytes()
     assert len(run.raw_bytes) == len(run.tables["raw"]) == 0
     assert (run.meta.config_text, run.meta.boot_id, run.meta.versions) == ("", "", {})
@@ -120,7 +120,7 @@ def test_secrets_are_gone_and_it_is_told(tmp_path, capsys):
     everything = data + b"".join(rows.tobytes() for rows in run.tables.values())
     assert not [secret for secret in SECRETS if secret in everything]
     assert set(run.tables["scans"]["source"]) == {b"modem"}
-    text = " ".join(told["removed"])
+    text = " ".join(output["removed"])
     for what in ("raw bytes", "configuration", "notes", "boot", "fixes", "versions"):
         assert what in text
     assert (

@@ -40,14 +40,14 @@ def test_verify_tells_a_true_claim_from_a_false_one(run, tmp_path, capsys):
     (true, far), cell = (place(*TRANSMITTER_M), place(900.0, 700.0)), cell_name(0)
     file = tmp_path / "claims.csv"
     file.write_text("cell,lat,lon\n" + "".join(f"{cell},{lat},{lon}\n" for lat, lon in (true, far)))
-    told = json.loads(tell(capsys, "verify", run, "--claims", file, "--json"))
-    good, bad = told["cells"]
+    output = json.loads(tell(capsys, "verify", run, "--claims", file, "--json"))
+    good, bad = output["cells"]
     assert (good["verdict"], bad["verdict"]) == ("consistent", "rejected")
     assert good["q"] >= good["p"] > 0.05 >= bad["q"] >= bad["p"]
     assert good["followed"] == "indirect"
     assert len(good["detectable_m"]) == len(good["power"]) == 8
-    assert told["without_claim"] == [cell_name(1)]
-    assert "Benjamini" in told["false_discovery_control"]
+    assert output["without_claim"] == [cell_name(1)]
+    assert "Benjamini" in output["false_discovery_control"]
     south = json.loads(
         tell(capsys, "verify", run, "--claim", "-33.5,-70.5", "--cell", cell, "--json")
     )["cells"]
@@ -71,24 +71,24 @@ def test_only_the_cells_asked_about_are_counted(run, tmp_path, capsys):
         (("--cell", cell_name(0)), [cell_name(0)], []),
         (("--cell", cell_name(1)), [cell_name(1)], []),
     ):
-        told = json.loads(tell(capsys, "verify", run, "--claims", file, *only, "--json"))
-        assert ([cell["cell"] for cell in told["cells"]], told["without_claim"]) == (
+        output = json.loads(tell(capsys, "verify", run, "--claims", file, *only, "--json"))
+        assert ([cell["cell"] for cell in output["cells"]], output["without_claim"]) == (
             claimed,
             without,
         )
     file.write_text(f"cell,lat,lon\n{cell_name(0)},{LAT},{LON}\n")
-    told = json.loads(
+    output = json.loads(
         tell(capsys, "verify", run, "--claims", file, "--cell", cell_name(1), "--json")
     )
-    assert (told["cells"], told["without_claim"]) == ([], [cell_name(1)])
+    assert (output["cells"], output["without_claim"]) == ([], [cell_name(1)])
 
 
 def test_a_swapped_claim_is_asked_about(run, capsys):
     lat, lon = place(*TRANSMITTER_M)
-    told = json.loads(
+    output = json.loads(
         tell(capsys, "verify", run, "--claim", f"{lon},{lat}", "--cell", cell_name(0), "--json")
     )
-    (cell,) = told["cells"]
+    (cell,) = output["cells"]
     assert any(reason.startswith("latitude and longitude swapped?") for reason in cell["reasons"])
     text = tell(capsys, "verify", run, "--claim", f"{lon},{lat}", "--cell", cell_name(0))
     assert "latitude and longitude swapped? at 52.5" in text
@@ -124,9 +124,9 @@ def test_database_from_import_to_verify(run, tmp_path, capsys):
         BASE.format(mcc=262, cid=100, lat=lat, lon=lon) + BASE.format(mcc="x", cid=5, lat=1, lon=1)
     )
     assert main(["celldb", "import", str(export), "-o", str(db), "--json"]) == 0
-    told = capsys.readouterr()
-    assert json.loads(told.out)["n_bad"] == 1
-    assert "row 2" in told.err
+    output = capsys.readouterr()
+    assert json.loads(output.out)["n_bad"] == 1
+    assert "row 2" in output.err
     assert "1 cells" in tell(capsys, "celldb", "import", export, "-o", db)
     (cell,) = json.loads(tell(capsys, "celldb", "lookup", db, "--cell", cell_name(0), "--json"))[
         "cells"
@@ -157,11 +157,11 @@ def test_sites(run, tmp_path, capsys):
 
 
 def test_verify_theory(capsys):
-    told = json.loads(
+    output = json.loads(
         tell(capsys, "verify-theory", "--trials", "500", "--sigma", "50", "--pfa", "0.02", "--json")
     )
-    assert told["p_fa"] == 0.02
-    assert len(told["rows"]) == 4
+    assert output["p_fa"] == 0.02
+    assert len(output["rows"]) == 4
     text = tell(
         capsys,
         "verify-theory",
@@ -198,6 +198,8 @@ def test_a_run_without_places_has_no_verdict(tmp_path, capsys):
     runs.write_journal(
         tmp_path / "a.journal", [record for record in runs.records(20) if record.source != "gnss"]
     )
-    told = json.loads(tell(capsys, "verify", tmp_path / "a.journal", "--claim", "52,13", "--json"))
-    assert {cell["verdict"] for cell in told["cells"]} == {"cannot tell"}
-    assert told["warnings"]
+    output = json.loads(
+        tell(capsys, "verify", tmp_path / "a.journal", "--claim", "52,13", "--json")
+    )
+    assert {cell["verdict"] for cell in output["cells"]} == {"cannot tell"}
+    assert output["warnings"]
