@@ -92,18 +92,48 @@ def export(
     show_default=True,
     help="none: use the order of the rows if the file has no true times.",
 )
+@click.option(
+    "--columns",
+    metavar="NAME=COLUMN,...",
+    help="Columns of any other table: lat, lon, level, and time, cid, mcc, ...",
+)
+@click.option(
+    "--track",
+    type=INPUT,
+    metavar="FILE.GPX",
+    help="Take the positions from this track, by time.",
+)
+@click.option("--zone", metavar="ZONE", help="Zone of local times, for example Europe/Berlin.")
 @json_option
-def import_(source: Path, output: Path, times: str, *, as_json: bool) -> None:
+def import_(
+    source: Path,
+    output: Path,
+    times: str,
+    columns: str | None,
+    track: Path | None,
+    zone: str | None,
+    *,
+    as_json: bool,
+) -> None:
     """Make a run from a recording of another program.
 
-    FILE is our CSV, WiGLE CSV, OpenCelliD or Tower Collector, a Kismet log, or Network Survey CSV
-    or GeoPackage; also as .gz or .zip.
+    FILE is recognised by its content; docs/guide/formats.md lists the formats. It may be
+    compressed (.gz, .zip). Each level needs a position: its own, or that of --track at its time.
     """
     from postproc.atomic_write import check_writable
-    from postproc.interop.importing import import_walk, summary
+    from postproc.interop.importing import Reading, import_walk, summary
+    from postproc.interop.join_track import zone_named
+    from postproc.interop.named_columns import columns_of
+    from postproc.interop.track_file import read_track
 
     check_writable(output)
-    imported = import_walk(source, output, times=times == "file")
+    reading = Reading(
+        times=times == "file",
+        columns=columns_of(columns) if columns else {},
+        track=read_track(track) if track else None,
+        zone=zone_named(zone) if zone else None,
+    )
+    imported = import_walk(source, output, reading=reading)
     for bad in imported.bad_rows[:_MOST_PRINTED]:
         print(f"{source}: line {bad.line}: {bad.why}", file=sys.stderr)
     if len(imported.bad_rows) > _MOST_PRINTED:
@@ -114,10 +144,12 @@ def import_(source: Path, output: Path, times: str, *, as_json: bool) -> None:
     if as_json:
         print_json(summary(imported))
         return
-    other = f", {imported.n_other} rows that are no cells" if imported.n_other else ""
     again = f", {imported.n_repeated} repeated" if imported.n_repeated else ""
-    counts = f"{imported.n_rows} readings, {len(imported.bad_rows)} bad rows{again}{other}"
+    remarks = f", {imported.n_remarks} remarks" if imported.n_remarks else ""
+    counts = f"{imported.n_rows} readings{remarks}, {len(imported.bad_rows)} bad rows{again}"
     print(f"{imported.path}: {counts} ({imported.format})")
+    for why, n in imported.other:
+        print(f"{imported.path}: left out: {n} rows, {why}", file=sys.stderr)
 
 
 @click.command

@@ -1,7 +1,7 @@
 """CSV with a header line, row by row."""
 
 import csv
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -31,36 +31,51 @@ def names_of(header: str) -> list[str]:
 
 
 def rows(
-    source: Path, *, skip: int = 0, required: Iterable[str | Collection[str]] = ()
+    source: Path,
+    *,
+    skip: int = 0,
+    required: Iterable[str | Collection[str]] = (),
+    header: Sequence[str] = (),
 ) -> Iterator[Line]:
     """Rows by column name with line numbers; lines with # before the header are comments.
 
     `skip` lines come before the header. `required` names columns; of a collection of names one is
-    enough. Raises `RunFileError` naming the columns that are missing.
+    enough. `header` names the columns of a file that has no header line. Raises `RunFileError`
+    naming the columns that are missing.
     """
+    if header:
+        with text_lines(source) as lines:
+            yield from _rows_of(lines, ",", list(header), 0)
+        return
     with text_lines(source) as lines:
-        header, n_before = "", 0
-        for header in lines:
-            if n_before >= skip and not header.startswith("#"):
+        first, n_before = "", 0
+        for first in lines:
+            if n_before >= skip and not first.startswith("#"):
                 break
             n_before += 1
         else:
-            header = ""
-        names = names_of(header)
+            first = ""
+        names = names_of(first)
         _check(source, names, required)
-        reader = csv.reader(lines, delimiter=_delimiter(header))
-        for values in reader:
-            if any(value.strip() for value in values):
-                # a short row lacks its last columns; what it lacks is then empty
-                padded = values + [""] * (len(names) - len(values))
-                yield (
-                    reader.line_num + n_before + 1,
-                    {n: v.strip() for n, v in zip(names, padded, strict=False)},
-                )
+        yield from _rows_of(lines, _delimiter(first), names, n_before + 1)
+
+
+def _rows_of(
+    lines: Iterator[str], delimiter: str, names: list[str], n_before: int
+) -> Iterator[Line]:
+    reader = csv.reader(lines, delimiter=delimiter)
+    for values in reader:
+        if any(value.strip() for value in values):
+            # a short row lacks its last columns; what it lacks is then empty
+            padded = values + [""] * (len(names) - len(values))
+            yield (
+                reader.line_num + n_before,
+                {n: v.strip() for n, v in zip(names, padded, strict=False)},
+            )
 
 
 def _delimiter(header: str) -> str:
-    return max(",;\t", key=header.count)
+    return max(",;\t|", key=header.count)
 
 
 def _check(source: Path, names: list[str], required: Iterable[str | Collection[str]]) -> None:

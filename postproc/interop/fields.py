@@ -28,6 +28,16 @@ RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {
 }
 
 
+_ASU_MOST = {"GSM": 31, "LTE": 97, "NR": 97}
+_TYPES_OF: dict[Rat, tuple[int, ...]] = {
+    "GSM": (1, 2, 16),
+    "WCDMA": (3, 8, 9, 10, 15),
+    "LTE": (13, 19),
+    "NR": (20,),
+}
+NETWORK_TYPES = {str(number): rat for rat, numbers in _TYPES_OF.items() for number in numbers}
+"""Numbers of Android's TelephonyManager.NETWORK_TYPE, which some programs store."""
+
 _LAST_DAY = 100_000
 """Days since 1970, the year 2243: nanoseconds still fit into 64 bit."""
 
@@ -66,7 +76,7 @@ def integer(fields: Fields, *names: str, largest: int = _LARGEST) -> int | None:
     if not value_text:
         return None
     try:
-        value = int(value_text)
+        value = int(value_text.removesuffix(".0"))
     except ValueError:
         raise ValueError(f"{names[0]} is no integer: {value_text[:40]!r}") from None
     if value < 0 or value in _UNKNOWN:
@@ -79,6 +89,20 @@ def integer(fields: Fields, *names: str, largest: int = _LARGEST) -> int | None:
 def cell_identity(fields: Fields, *names: str) -> int | None:
     """Cell identity of any technology."""
     return integer(fields, *names, largest=_LARGEST_CID)
+
+
+def level_of(fields: Fields, column: str, rat: Rat) -> float:
+    """Level in dBm of a column that has dBm if it is negative, else Android's ASU of `rat`.
+
+    Raises ValueError where the level is not known. Sources: 3GPP TS 27.007 8.5 (GSM),
+    CellSignalStrengthLte and -Nr of Android; of WCDMA two scales exist, so none is read.
+    """
+    signal = number(fields, column, (LEVEL_RANGE_DBM[0], 2.0**31))
+    if signal < 0:
+        return signal
+    if signal > _ASU_MOST.get(rat, -1):
+        raise ValueError(f"{column} {signal:.0f} is no level of {rat}")
+    return 2.0 * signal - 113.0 if rat == "GSM" else signal - 140.0
 
 
 def plmn(fields: Fields) -> tuple[str | None, str | None]:
@@ -95,11 +119,11 @@ def is_plmn(mcc: str | None, mnc: str | None) -> bool:
 
 
 def reading_of(
-    rat: Rat, role: Role, level_dbm: float | None, area: int | None, **values: Any
+    rat: Rat | None, role: Role, level_dbm: float | None, area: int | None, **values: Any
 ) -> CellReading:
-    """A reading with its level and its area code where the technology has them."""
-    level = {"GSM": "rssi_dbm", "WCDMA": "rscp_dbm"}.get(rat, "rsrp_dbm")
-    code = "lac" if rat in {"GSM", "WCDMA"} else "tac"
+    """A reading with its level and its area code where the technology, if known, has them."""
+    level = {None: "rssi_dbm", "GSM": "rssi_dbm", "WCDMA": "rscp_dbm"}.get(rat, "rsrp_dbm")
+    code = "lac" if rat in {None, "GSM", "WCDMA"} else "tac"
     return CellReading(role, rat, **{level: level_dbm, code: area} | values)
 
 
@@ -120,7 +144,12 @@ def utc_ns_of(time: str, name: str) -> int:
         raise ValueError(f"{name} is no ISO 8601 time: {time[:40]!r}") from None
     if when.tzinfo is None:
         when = when.replace(tzinfo=UTC)
+    return ns_since_1970(when, name)
+
+
+def ns_since_1970(when: datetime, name: str) -> int:
+    """Nanoseconds since 1970 of a time with a zone; raises ValueError outside of 1970 to 2243."""
     since = when - datetime(1970, 1, 1, tzinfo=UTC)
     if not 0 <= since.days < _LAST_DAY:
-        raise ValueError(f"{name} is no time of a walk: {time[:40]!r}")
+        raise ValueError(f"{name} is no time of a walk: {when.isoformat()!r}")
     return ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1000

@@ -1,158 +1,160 @@
-"""The formats that are imported, each recognised by what is in the file."""
+"""The table of formats that are imported; each is recognised by what is in the file."""
 
-import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from logger.core.errors import RunFileError
-from logger.sqlite_file import open_database
 from postproc.interop import (
-    csv_table,
+    aimsicd,
+    cellmapper,
     drive_log,
+    gnettrack,
     kismet,
+    named_columns,
     network_survey,
     opencellid,
+    rayhunter,
+    seaglass,
+    sitch,
+    snoopsnitch,
+    tower_collector,
     walk_csv,
     wigle,
 )
+from postproc.interop.contents import Contents, look_at, unknown_format
 from postproc.interop.fields import RATS
 from postproc.interop.sighting import Row
 
-_SQLITE = b"SQLite format 3\0"
-_HDF5 = b"\x89HDF\r\n\x1a\n"
-_KINDS = {
-    b"%PDF": "a PDF document",
-    b"\x89PNG": "a PNG picture",
-    b"\xff\xd8\xff": "a JPEG picture",
-    b"PAR1": "a Parquet table",
-    b"\x7fELF": "a program",
-}
-_OURS = {"t_s", "time_utc", "lat", "lon", "rssi_dbm", "rscp_dbm", "rsrp_dbm"}
-_MOST_SHOWN = 60
+Recognise = Callable[[Contents], bool]
 
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A format that can be imported, and what it calls its times.
+    """A format that can be imported, how it is recognised, and what it calls its times.
 
-    With `has_scans`, rows that follow each other at one time are one scan.
+    Without a name of times only the order of the rows counts. With `has_scans`, rows that follow
+    each other at one time are one scan.
     """
 
     name: str
     read: Callable[[Path], Iterator[Row]]
     times: str
+    is_it: Recognise
     has_scans: bool = False
 
 
-WALK_CSV = Format("CSV", walk_csv.read, "t_s or time_utc")
-DRIVE_LOG = Format("drive test CSV", drive_log.read, "t_s", has_scans=True)
-WIGLE = Format("WiGLE CSV", wigle.read, "FirstSeen")
-OPENCELLID_CSV = Format("OpenCelliD measurements, CSV", opencellid.read_csv, "measured_at")
-OPENCELLID_JSON = Format("OpenCelliD measurements, JSON", opencellid.read_json, "measured_at")
-KISMET = Format("Kismet log", kismet.read, "ts_sec")
-SURVEY_CSV = Format("Network Survey CSV", network_survey.read_csv, "deviceTime")
-SURVEY_GEOPACKAGE = Format("Network Survey GeoPackage", network_survey.read_geopackage, "Time")
+def _of_text(*columns: str) -> Recognise:
+    return lambda seen: seen.kind == "text" and seen.has(*columns)
 
-KNOWN = (
-    "our CSV (columns t_s or time_utc, lat, lon, rssi_dbm), drive test CSV (t_s, lat, lon, rat, "
-    "lac_tac, pci_bsic, level_dbm), WiGLE CSV, OpenCelliD or Tower "
-    "Collector (CSV, JSON), "
-    "Kismet log, Network Survey (CSV, GeoPackage), each also as .gz or .zip"
+
+def _of_json(*keys: str) -> Recognise:
+    return lambda seen: seen.kind == "json" and seen.has(*keys)
+
+
+def _is_ours(seen: Contents) -> bool:
+    """Two of our columns suffice: the reader names those that are missing."""
+    ours = {"t_s", "time_utc", "lat", "lon", "rssi_dbm", "rscp_dbm", "rsrp_dbm"}
+    return seen.kind == "text" and len(seen.names & ours) >= 2
+
+
+def _is_wigle(seen: Contents) -> bool:
+    return seen.kind == "text" and (
+        seen.head.startswith(wigle.PREFIX) or seen.has("mac", "firstseen")
+    )
+
+
+def _is_geopackage(seen: Contents) -> bool:
+    tables = {name.lower() for name in network_survey.TABLES}
+    return seen.kind == "tables" and bool(seen.names & tables)
+
+
+_BY_NAMES: Callable[[Path], Iterator[Row]] = partial(named_columns.read, chosen={})
+
+WALK_CSV = Format("CSV", walk_csv.read, "t_s or time_utc", _is_ours)
+
+FORMATS = (
+    Format("WiGLE CSV", wigle.read, "FirstSeen", _is_wigle),
+    Format(
+        "OpenCelliD measurements, CSV",
+        opencellid.read_csv,
+        "measured_at",
+        _of_text("mcc", "measured_at"),
+    ),
+    Format("SeaGlass scans, JSON", seaglass.read, "gps_after.time", seaglass.is_it, has_scans=True),
+    Format(
+        "OpenCelliD measurements, JSON",
+        opencellid.read_json,
+        "measured_at",
+        _of_json("measurements"),
+    ),
+    Format("Tower Collector GPX or KML", tower_collector.read, "time", tower_collector.is_it),
+    Format(
+        "Network Survey CSV",
+        network_survey.read_csv,
+        "deviceTime",
+        _of_text("devicetime", "latitude", "longitude"),
+    ),
+    Format("Network Survey GeoPackage", network_survey.read_geopackage, "Time", _is_geopackage),
+    Format(
+        "Network Survey messages, JSON",
+        network_survey.read_messages,
+        "deviceTime",
+        _of_json("messagetype", "data"),
+    ),
+    Format(
+        "Kismet log",
+        kismet.read,
+        "ts_sec",
+        lambda seen: seen.kind == "tables" and seen.has("kismet", "data"),
+    ),
+    Format("G-NetTrack text", gnettrack.read_text, "Timestamp", gnettrack.is_text, has_scans=True),
+    Format("G-NetTrack KML", gnettrack.read_kml, "TIME", gnettrack.is_kml, has_scans=True),
+    Format("CellMapper CSV", cellmapper.read, "", cellmapper.is_it),
+    Format("AIMSICD database", aimsicd.read_database, "time", aimsicd.is_database),
+    Format("AIMSICD CSV", aimsicd.read_csv, "time", aimsicd.is_csv),
+    Format("SnoopSnitch database", snoopsnitch.read, "timestamp", snoopsnitch.is_it),
+    Format("SITCH log, JSON", sitch.read, "scan_finish", sitch.is_it, has_scans=True),
+    Format("Rayhunter analysis, NDJSON", rayhunter.read, "packet_timestamp", rayhunter.is_it),
+    Format("drive test CSV", drive_log.read, "t_s", _of_text(*drive_log.COLUMNS), has_scans=True),
+    Format("CSV by column names", _BY_NAMES, "time", named_columns.is_it, has_scans=True),
+    WALK_CSV,
 )
+"""The first that fits a file reads it: those with names that nobody else has come first."""
 
 
-def recognise(source: Path) -> Format:
-    """Format of a file by its content; raises `RunFileError` for one that is none of them."""
-    try:
-        with source.open("rb") as file:
-            head = file.read(4096)
-    except OSError as error:
-        raise RunFileError(f"{source}: {error.strerror}") from error
-    if head.startswith(_SQLITE):
-        return _of_tables(source)
-    if head.startswith(_HDF5):
-        raise RunFileError(f"{source} is HDF5: a run needs no import")
-    text = head.lstrip(b"\xef\xbb\xbf \r\n\t")
-    if text.startswith(b"{"):
-        return OPENCELLID_JSON
-    if not text or b"\0" in head or text.startswith((b"<", b"[", *_KINDS)):
-        raise _unknown_format(source, _kind_of(text))
-    return _of_columns(source)
+def recognise(source: Path, columns: Mapping[str, str] | None = None) -> Format:
+    """Format of a file by its content, or the one that reads the `columns` named by the user.
 
-
-def _of_tables(source: Path) -> Format:
-    try:
-        with open_database(source) as database:
-            tables = {
-                str(name)
-                for (name,) in database.execute(
-                    "SELECT name FROM sqlite_master WHERE type = 'table'"
-                )
-            }
-    except sqlite3.Error as error:
-        raise RunFileError(f"{source} is a damaged SQLite file: {error}") from error
-    if {name.lower() for name in tables} >= {"kismet", "data"}:
-        return KISMET
-    if tables & set(network_survey.TABLES):
-        return SURVEY_GEOPACKAGE
-    raise RunFileError(
-        f"{source} is SQLite, but neither a Kismet log (tables KISMET and data) nor a GeoPackage "
-        "of Network Survey "
-        f"(one of {', '.join(network_survey.TABLES)}); it has "
-        f"{', '.join(sorted(tables)[:8]) or 'no table'}"
-    )
-
-
-def _of_columns(source: Path) -> Format:
-    """Format of a text file by its header; two of our columns suffice for our own format."""
-    with csv_table.text_lines(source) as lines:
-        header = next((line for line in lines if not line.startswith("#")), "")
-        if header.startswith(wigle.PREFIX):
-            return WIGLE
-        columns = csv_table.names_of(header)
-    names = set(columns)
-    if {"mac", "firstseen"} <= names:
-        return WIGLE
-    # country files of OpenCelliD have no header: they begin with the technology of a cell
-    if {"radio", "net", "area", "cell"} <= names or header.partition(",")[0].upper() in {
-        *RATS,
-        "CDMA",
-    }:
+    Raises `RunFileError` for a file that is none of them.
+    """
+    if columns:
+        return _by_columns(source, columns)
+    seen = look_at(source)
+    if _is_cell_list(seen):
         raise RunFileError(
-            f"{source} is a list of cells, not a walk; `postproc celldb import` reads it"
+            f"{source} is a list of cells, not a walk; `postproc celldb import` reads those of "
+            "OpenCelliD and Mozilla"
         )
-    if {"mcc", "measured_at"} <= names:
-        return OPENCELLID_CSV
-    if {"devicetime", "latitude", "longitude"} <= names:
-        return SURVEY_CSV
-    if names >= drive_log.COLUMNS:
-        return DRIVE_LOG
-    if len(names & _OURS) >= 2:
-        return WALK_CSV
-    if len(columns) > 1:
-        raise _unknown_format(source, f"a table with the columns {_short(', '.join(columns))}")
-    raise _unknown_format(source, f"text that begins with {_short(header.strip())!r}")
+    form = next((form for form in FORMATS if form.is_it(seen)), None)
+    if form is None:
+        raise unknown_format(source, seen.words)
+    return _by_columns(source, {}) if form.read is _BY_NAMES else form
 
 
-def _unknown_format(source: Path, kind: str) -> RunFileError:
-    return RunFileError(
-        f"{source}: no format that can be imported; it looks like {kind}. Known are: {KNOWN}"
+def _by_columns(source: Path, columns: Mapping[str, str]) -> Format:
+    times = "time" if named_columns.has_time(source, columns) else ""
+    read = partial(named_columns.read, chosen=columns)
+    return Format("CSV by column names", read, times, named_columns.is_it, has_scans=bool(times))
+
+
+def _is_cell_list(seen: Contents) -> bool:
+    """Whether a text lists cells: country files of OpenCelliD and NTM files have no header.
+
+    They begin with the technology of a cell. A walk of CellMapper does not.
+    """
+    first = seen.head.replace(";", ",").partition(",")[0].strip().upper()
+    return seen.kind == "text" and (
+        seen.has("radio", "net", "area", "cell") or first in {*RATS, "CDMA"}
     )
-
-
-def _kind_of(head: bytes) -> str:
-    """In words, what a file that is no table and no database looks like by its first bytes."""
-    if not head:
-        return "an empty file"
-    for magic, kind in _KINDS.items():
-        if head.startswith(magic):
-            return kind
-    if head.startswith((b"<", b"[")):
-        kind = "XML or HTML" if head.startswith(b"<") else "a JSON list"
-        return f"{kind} that begins with {_short(head.split(b'>')[0].decode('utf-8', 'replace'))!r}"
-    return f"a binary file that begins with {head[:8].hex(' ')}"
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."

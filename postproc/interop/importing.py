@@ -1,9 +1,11 @@
 """A walk recorded by another program, made into a run."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import groupby, pairwise
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import numpy as np
 
@@ -12,11 +14,14 @@ from logger.core.geo import Utm
 from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES
 from logger.core.track import Track, fix_sigma_m
 from logger.core.types import Fix, Note, Record, Scan
+from logger.core.utc import utc_text
 from postproc.estimators import stale_fixes, track_plausibility, walker
 from postproc.interop.decompression import plain_file
 from postproc.interop.formats import WALK_CSV, Format, recognise
+from postproc.interop.join_track import in_zone, on_track, with_position
 from postproc.interop.run_builder import Append, meta_of, spare, write_run
-from postproc.interop.sighting import BadRow, NoCell, Sighting
+from postproc.interop.sighting import BadRow, NoCell, Remark, Row, Sighting
+from postproc.interop.track_file import GpsTrack
 
 _ROW_NS = 10**9
 """From row to row where only their order is known."""
@@ -26,7 +31,8 @@ _ROW_NS = 10**9
 class Imported:
     """The result of an import; `n_other` counts rows that are no cells, `n_repeated` repetitions.
 
-    Without `has_times` the run's times only count the rows.
+    Without `has_times` the run's times only count the rows. `other` states why the rows of
+    `n_other` were passed over and how many each, `n_remarks` counts what another program noticed.
     """
 
     path: Path
@@ -37,45 +43,126 @@ class Imported:
     bad_rows: tuple[BadRow, ...]
     was_sorted: bool
     has_times: bool = True
+    other: tuple[tuple[str, int], ...] = ()
+    n_remarks: int = 0
 
 
-def import_walk(source: Path, target: Path, *, times: bool = True) -> Imported:
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How to read a file: without `times` only the order of the rows counts.
+
+    `columns` maps our names to those of a table, `track` gives positions by time, and `zone` is
+    that of a clock whose zone the file does not name.
+    """
+
+    times: bool = True
+    columns: Mapping[str, str] = field(default_factory=dict)
+    track: GpsTrack | None = None
+    zone: ZoneInfo | None = None
+
+
+def import_walk(
+    source: Path, target: Path, *, times: bool = True, reading: Reading | None = None
+) -> Imported:
     """Make a run of a third-party file; without `times` only the order of the rows counts.
 
-    Raises `RunFileError` for a file without a usable row, for times that cannot be right, or to
-    spare data.
+    `reading` states more than `times`, and takes its place. Raises `RunFileError` for a file
+    without a usable row, for times that cannot be right, or to spare data.
     """
+    reading = reading or Reading(times)
     spare(target, (IMPORT, IMPORT_WITHOUT_TIMES), "import")
     with plain_file(source) as plain:
-        form = recognise(plain)
-        rows = list(form.read(plain))
+        form = recognise(plain, reading.columns)
+        rows = list(_with_places(form.read(plain), reading))
     sightings = [row for row in rows if isinstance(row, Sighting)]
-    bad = tuple(row for row in rows if isinstance(row, BadRow))
-    n_other = sum(isinstance(row, NoCell) for row in rows)
-    if not sightings:
-        why = (
-            f"; line {bad[0].line}: {bad[0].why}"
-            if bad
-            else f"; {n_other} rows are no cells" * bool(n_other)
-        )
-        raise RunFileError(f"{source} has no usable row{why}")
+    remarks = tuple(row for row in rows if isinstance(row, Remark))
+    left = _Left.of(rows)
+    if not sightings and not (remarks and reading.track):
+        raise RunFileError(f"{source} has no usable row{left.reason}")
     n_read = len(sightings)
     if form is not WALK_CSV:
         # apps repeat measurements when they export again
         sightings = list(
             {(row.t_ns, row.fix, row.reading): row for row in reversed(sightings)}.values()
         )[::-1]
-    in_time = sorted(sightings, key=lambda row: row.t_ns) if times else _without_times(sightings)
-    if times:
-        _check_times(source, form, in_time)
-    was_sorted = times and not all(a.t_ns <= b.t_ns for a, b in pairwise(sightings))
-    imported = Imported(
-        target, form.name, len(sightings), n_other, n_read - len(sightings), bad, was_sorted, times
+    has_times = reading.times and bool(form.times)
+    in_time = (
+        sorted(sightings, key=lambda row: row.t_ns) if has_times else _without_times(sightings)
     )
-    scans = scans_of(in_time) if form.has_scans and times else [[row] for row in in_time]
-    origin = f"{IMPORT if times else IMPORT_WITHOUT_TIMES} {source.name}"
-    write_run(target, meta_of(origin), lambda append: _fill(append, scans, imported), "imported")
+    if has_times and sightings:
+        _check_times(source, form, in_time)
+    imported = Imported(
+        target,
+        form.name,
+        len(sightings),
+        left.n_other,
+        n_read - len(sightings),
+        left.bad,
+        has_times and not all(a.t_ns <= b.t_ns for a, b in pairwise(sightings)),
+        has_times,
+        left.other,
+        len(remarks),
+    )
+    scans = scans_of(in_time) if form.has_scans and has_times else [[row] for row in in_time]
+    origin = f"{IMPORT if has_times else IMPORT_WITHOUT_TIMES} {source.name}"
+    walk = _Walk(scans, remarks, reading.track)
+    write_run(target, meta_of(origin), lambda append: _fill(append, walk, imported), "imported")
     return imported
+
+
+def _with_places(rows: Iterable[Row], reading: Reading) -> Iterator[Row]:
+    if reading.zone is not None:
+        rows = in_zone(rows, reading.zone)
+    return on_track(rows, reading.track) if reading.track else with_position(rows)
+
+
+@dataclass(frozen=True, slots=True)
+class _Left:
+    """What of a file does not become part of the run."""
+
+    bad: tuple[BadRow, ...]
+    other: tuple[tuple[str, int], ...]
+    n_remarks: int
+
+    @classmethod
+    def of(cls, rows: Sequence[Row]) -> "_Left":
+        bad = tuple(row for row in rows if isinstance(row, BadRow))
+        other = Counter(row.why for row in rows if isinstance(row, NoCell))
+        n_remarks = sum(isinstance(row, Remark) for row in rows)
+        return cls(bad, tuple(other.most_common()), n_remarks)
+
+    @property
+    def n_other(self) -> int:
+        return sum(n for _, n in self.other)
+
+    @property
+    def reason(self) -> str:
+        """Why nothing is left, as the end of a sentence."""
+        if self.bad:
+            return f"; line {self.bad[0].line}: {self.bad[0].why}"
+        if self.n_remarks:
+            return (
+                f"; {self.n_remarks} remarks have no place: "
+                "add the GPX track of the walk with --track"
+            )
+        return "".join(f"; {n} rows: {why}" for why, n in self.other)
+
+
+@dataclass(frozen=True, slots=True)
+class _Walk:
+    """Content of a run; the track counts where no level has a position of its own."""
+
+    scans: list[list[Sighting]]
+    remarks: tuple[Remark, ...]
+    track: GpsTrack | None
+
+    @property
+    def start_ns(self) -> int:
+        starts = [self.scans[0][0].t_ns] if self.scans else []
+        starts += [min(remark.utc_ns for remark in self.remarks)] if self.remarks else []
+        if not self.scans and self.track:
+            starts.append(self.track.fixes[0].utc_ns or 0)
+        return min(starts)
 
 
 def _without_times(sightings: Sequence[Sighting]) -> list[Sighting]:
@@ -129,21 +216,41 @@ def _cell_of(row: Sighting) -> tuple[object, ...]:
     return reading.role, reading.rat, reading.cell, reading.arfcn, reading.bsic
 
 
-def _fill(append: Append, scans: list[list[Sighting]], imported: Imported) -> int:
+def _fill(append: Append, walk: _Walk, imported: Imported) -> int:
     """Notes, then each scan, with a fix before it wherever position or time changes."""
-    start_ns = scans[0][0].t_ns
+    start_ns = walk.start_ns
     for note in _notes(imported):
         append(Record(0, "import", note))
+    for remark in walk.remarks:
+        note = Note("warning", "remark", _with_place(remark, walk.track))
+        append(Record(remark.utc_ns - start_ns, "import", note))
+    if not walk.scans:
+        return _fill_track(append, walk, start_ns)
     last: tuple[int, Fix] | None = None
     fix_seq = 0
-    for rows in scans:
+    for rows in walk.scans:
         row = rows[0]
         t_ns = row.t_ns - start_ns
         if last != (row.t_ns, row.fix):
             last = (row.t_ns, row.fix)
             fix_seq = append(Record(t_ns, "import", row.fix))
         append(Record(t_ns, "import", Scan(t_ns, tuple(r.reading for r in rows), fix_seq, fix_seq)))
-    return scans[-1][0].t_ns - start_ns
+    return walk.scans[-1][0].t_ns - start_ns
+
+
+def _fill_track(append: Append, walk: _Walk, start_ns: int) -> int:
+    """The walk of a log that has remarks and no levels."""
+    end_ns = max(remark.utc_ns for remark in walk.remarks)
+    for fix in walk.track.fixes if walk.track else []:
+        end_ns = max(end_ns, fix.utc_ns or 0)
+        append(Record((fix.utc_ns or 0) - start_ns, "import", fix))
+    return end_ns - start_ns
+
+
+def _with_place(remark: Remark, track: GpsTrack | None) -> str:
+    fix = track.at(remark.utc_ns) if track else None
+    where = f"{fix.lat_deg:.6f}, {fix.lon_deg:.6f}" if fix else "no place, the track has a gap"
+    return f"{utc_text(remark.utc_ns)} at {where}: {remark.text}"
 
 
 def _notes(imported: Imported) -> Iterator[Note]:
@@ -151,8 +258,8 @@ def _notes(imported: Imported) -> Iterator[Note]:
         yield Note("warning", "no-times", "imported without times: seconds count the rows")
     if imported.was_sorted:
         yield Note("warning", "sorted", "rows were out of order and have been sorted by time")
-    if imported.n_other:
-        yield Note("info", "no-cells", f"{imported.n_other} rows are no cells and were passed over")
+    for why, n in imported.other:
+        yield Note("info", "no-cells", f"{n} rows were passed over: {why}")
     if imported.n_repeated:
         yield Note(
             "info", "repeated", f"{imported.n_repeated} rows repeat others and were left out"
@@ -168,7 +275,9 @@ def summary(imported: Imported) -> dict[str, object]:
         "format": imported.format,
         "rows": imported.n_rows,
         "other_rows": imported.n_other,
+        "left_out": dict(imported.other),
         "repeated_rows": imported.n_repeated,
+        "remarks": imported.n_remarks,
         "sorted": imported.was_sorted,
         "times": imported.has_times,
         "bad_rows": [{"line": bad.line, "why": bad.why} for bad in imported.bad_rows],

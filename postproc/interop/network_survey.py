@@ -1,8 +1,10 @@
-"""Surveys of the Android app Network Survey: a CSV file per technology, or one GeoPackage.
+"""Surveys of the Android app Network Survey: CSV per technology, a GeoPackage, or its messages.
 
-Sources: GsmCsvLogger.java and its like, CellularSurveyRecordLogger.java, and the constants classes
-of christianrowlands/android-network-survey; OGC 12-128r18 2.1.3 for the geometry. The device's
-serial number, which both contain, is not read.
+Sources: GsmCsvLogger.java (CSV version 0.3.0) and LteCsvLogger.java (0.4.0) and their like,
+CellularSurveyRecordLogger.java, and the constants classes of
+christianrowlands/android-network-survey; messaging.networksurvey.app for the messages, which the
+app publishes by MQTT, here one a line; OGC 12-128r18 2.1.3 for the geometry. The device's serial
+number, which all contain, is not read.
 """
 
 import sqlite3
@@ -14,7 +16,7 @@ from typing import Any
 from logger.core.errors import RunFileError
 from logger.core.types import Rat, Role
 from logger.sqlite_file import open_database
-from postproc.interop import csv_table
+from postproc.interop import csv_table, json_lines
 from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     Fields,
@@ -48,6 +50,14 @@ _RENAMED = {
 """Columns of the GeoPackage, in lower case without blanks and underscores, and what the CSV calls
 them.
 """
+_MESSAGES: dict[str, Rat] = {
+    "GsmRecord": "GSM",
+    "UmtsRecord": "WCDMA",
+    "LteRecord": "LTE",
+    "NrRecord": "NR",
+}
+_OLDEST_MS = 30_000
+"""Age of a position (`locationAge`) at which a walker may be two houses away."""
 _ENVELOPE_BYTES = (0, 32, 48, 48, 64)
 _WKB_POINTS = (1, 1001, 2001, 3001)
 
@@ -76,6 +86,18 @@ def read_geopackage(source: Path) -> Iterator[Row]:
         raise RunFileError(f"{source} is a damaged SQLite file: {error}") from error
 
 
+def read_messages(source: Path) -> Iterator[Row]:
+    """Records among the messages of a file, one JSON object a line."""
+    yield from json_lines.parse_objects(source, _of_message)
+
+
+def _of_message(line: int, message: Fields) -> Sighting | None:
+    rat, data = _MESSAGES.get(text(message, "messageType")), message.get("data")
+    if rat is None or not isinstance(data, dict):
+        return None
+    return _of_record(line, {name.lower(): value for name, value in data.items()}, rat)
+
+
 def _fields(row: sqlite3.Row, rat: Rat) -> dict[str, Any]:
     plain = {name.lower().replace(" ", "").replace("_", ""): row[name] for name in row.keys()}  # noqa: SIM118 (rows are no dicts)
     return {_RENAMED.get(name, name): value for name, value in plain.items()} | {"rat": rat}
@@ -83,6 +105,10 @@ def _fields(row: sqlite3.Row, rat: Rat) -> dict[str, Any]:
 
 def _of_csv(line: int, fields: Fields) -> Sighting:
     rat = next(rat for channel, rat in _CHANNELS.items() if channel in fields)
+    return _of_record(line, fields, rat)
+
+
+def _of_record(line: int, fields: Fields, rat: Rat) -> Sighting:
     return _sighting(line, fields, rat, utc_ns_of(text(fields, "devicetime"), "deviceTime"))
 
 
@@ -117,6 +143,9 @@ def _point(geometry: object) -> dict[str, float]:
 
 
 def _sighting(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Sighting:
+    age_ms = integer(fields, "locationage")
+    if age_ms is not None and age_ms > _OLDEST_MS:
+        raise ValueError(f"the position is {age_ms / 1000:.0f} s older than the reading")
     mcc, mnc = plmn(fields)
     level = {"GSM": "signalstrength", "WCDMA": "rscp", "LTE": "rsrp", "NR": "ssrsrp"}[rat]
     level_dbm = maybe(fields, level, LEVEL_RANGE_DBM)

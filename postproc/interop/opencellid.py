@@ -23,6 +23,7 @@ from postproc.interop.fields import (
     fix_of,
     integer,
     is_plmn,
+    level_of,
     maybe,
     number,
     plmn,
@@ -48,7 +49,6 @@ _COLUMNS = (
     "psc", "tac", "pci", "sid", "nid", "bid",
 )  # fmt: skip
 _ACT = {"WCDMA": "UMTS", "LTE-M": "LTE", "NB-IoT": "LTE"}
-_ASU_MOST = {"GSM": 31, "LTE": 97, "NR": 97}
 
 
 def read_csv(source: Path) -> Iterator[Row]:
@@ -187,11 +187,4 @@ def _level_dbm(fields: Fields, rat: Rat) -> float:
     if text(fields, "dbm"):
         return number(fields, "dbm", (LEVEL_RANGE_DBM[0], -1.0))
     column = "signal" if text(fields, "signal") else "asu"
-    signal = number(fields, column, (LEVEL_RANGE_DBM[0], 2.0**31))
-    if signal < 0:
-        return signal
-    # 3GPP TS 27.007 8.5 (GSM); CellSignalStrengthLte and -Nr of Android. For WCDMA there are two
-    # scales
-    if signal > _ASU_MOST.get(rat, -1):
-        raise ValueError(f"{column} {signal:.0f} is no level of {rat}")
-    return 2.0 * signal - 113.0 if rat == "GSM" else signal - 140.0
+    return level_of(fields, column, rat)

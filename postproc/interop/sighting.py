@@ -1,6 +1,6 @@
 """A row of any third-party format: one cell received at one position."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -9,13 +9,16 @@ from logger.core.types import CellReading, Fix
 
 Fields = TypeVar("Fields")
 
+DEFAULT_CELL = "target"
+"""Name of the only cell of a file that names none."""
+
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
     """One cell received at one position.
 
     `line` is the number of the line, row or record. `t_ns` gives the order in time; `fix.utc_ns` is
-    None where the file has no UTC.
+    None where the file has no UTC, and `fix.valid` is False where it has no position.
     """
 
     line: int
@@ -50,22 +53,33 @@ class NoCell:
     """A row about something else: Wi-Fi, Bluetooth, a technology without a 3GPP cell identity."""
 
     line: int
+    why: str = "no cell"
 
 
-Row = Sighting | BadRow | NoCell
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """What another program noticed at a time, for example a warning; it has no level."""
+
+    line: int
+    utc_ns: int
+    text: str
+
+
+Row = Sighting | BadRow | NoCell | Remark
+Parsed = Row | Sequence[Row] | None
 
 
 def parse_rows(
-    rows: Iterable[tuple[int, Fields]], parse: Callable[[int, Fields], Sighting | None]
+    rows: Iterable[tuple[int, Fields]], parse: Callable[[int, Fields], Parsed]
 ) -> Iterator[Row]:
     """Parsed rows with line numbers; `parse` returns None for no cell, raises for bad rows."""
     for line, fields in rows:
         try:
-            sighting = parse(line, fields)
+            parsed = parse(line, fields)
         except (ValueError, GeoError) as error:
             yield BadRow(line, str(error))
         else:
-            yield sighting or NoCell(line)
+            yield from parsed if isinstance(parsed, Sequence) else [parsed or NoCell(line)]
 
 
 def _number_of(value: float | None) -> float:

@@ -32,10 +32,9 @@ from postproc.interop.fields import (
     text,
     utc_ns_of,
 )
-from postproc.interop.sighting import BadRow, Row, Sighting, parse_rows
+from postproc.interop.sighting import DEFAULT_CELL, BadRow, Row, Sighting, parse_rows
 from postproc.interop.spreadsheet_text import escape, line, unescape
 
-DEFAULT_CELL = "target"
 _CELL_BYTES = 64
 _PLACE = ("alt_m", "speed_mps", "course_deg")
 _LEVELS = ("rssi_dbm", "rscp_dbm", "rsrp_dbm")

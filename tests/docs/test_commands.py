@@ -50,8 +50,10 @@ def files(tmp_path_factory):
     shutil.copy(ROOT / "systemd/site.toml", folder / "site.toml")
     baseline = ["-b", str(folder / "baseline.db")]
     assert commands.run("postproc", "baseline", "add", str(run), *baseline)[0] == 0
-    assert commands.run("postproc", "export", str(folder / "run.h5"), "-o", str(folder / "FILE"),
-                        "--format", "csv")[0] == 0  # fmt: skip
+    for name, form in (("LOG", "wigle"), ("walk.gpx", "gpx")):
+        assert commands.run("postproc", "export", str(folder / "run.h5"), "-o", str(folder / name),
+                            "--format", form)[0] == 0  # fmt: skip
+    (folder / "TABLE").write_text(f"y,x,power,when\n{LAT},{LON},-70,12:00:00\n")
     return folder
 
 

@@ -128,7 +128,7 @@ def test_import_names_bad_rows_by_line(csv, tmp_path, capsys):
     ("text", "says"),
     [
         ("t_s,lat,lon,rssi_dbm\n", "no usable row"),
-        ("", "looks like an empty file"),
+        ("", "I read an empty file"),
         ("lat,lon,rssi_dbm\n1,2,3\n", "t_s or time_utc"),
         ("t_s,lat,lon\n1,2,3\n", "rssi_dbm"),
         ("t_s,lat,lon,rssi_dbm\n1,2,3,x\n", "line 2: rssi_dbm is no number"),

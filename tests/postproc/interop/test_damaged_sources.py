@@ -71,6 +71,62 @@ ROWS = {
         "accuracy": 5,
         "servingCell": "true",
     },
+    "gnettrack": {
+        "Timestamp": "2024.05.01_12.00.07",
+        "Longitude": 13,
+        "Latitude": 52,
+        "Speed": 3,
+        "Operator": 26201,
+        "CGI": "1-2-3-4",
+        "Node": 12,
+        "CellID": 3,
+        "LAC": 4,
+        "NetworkTech": "4G",
+        "Level": -90,
+        "Qual": -10,
+        "SNR": 3,
+        "ARFCN": 1300,
+        "PSC": 5,
+        "NRxLev1": -99,
+        "NCell1": 7,
+    },
+    "cellmapper": {
+        "latitude": 52,
+        "longitude": 13,
+        "altitude": 30,
+        "MCC": 262,
+        "MNC": 1,
+        "LAC": 1,
+        "CID": 2,
+        "signal": -70,
+        "type": "GSM",
+        "subtype": "EDGE",
+        "ARFCN": 62,
+        "PSC": 7,
+    },
+    "aimsicd": {
+        "time": 1598796852000,
+        "gpsd_lat": 52,
+        "gpsd_lon": 13,
+        "gpsd_accu": 5,
+        "rx_signal": -70,
+        "bts_id": 4,
+        "RAT": "GSM",
+        "BCCH": 62,
+        "TA": 1,
+    },
+    "named columns": {
+        "Time": "12:00:07",
+        "Longitude": 13,
+        "Latitude": 52,
+        "MCC": 262,
+        "MNC": 1,
+        "LAC": 1,
+        "Cell ID": 2,
+        "RxLev (dBm)": -70,
+        "LTE RSRP": -90,
+        "Serving cell": 1,
+    },
 }
 VALUES = st.one_of(
     st.text(max_size=20),
@@ -125,6 +181,51 @@ def test_values_of_json(changed):
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "source"
         source.write_text(json.dumps({"measurements": [ROWS["opencellid"] | changed]}))
+        _import(source)
+
+
+OBJECTS = {
+    "seaglass": {
+        "gsm": {
+            "scan_blob": "",
+            "measurements": [{"arfcn": 62, "rx_lev": -70, "bcch": {"mcc": 1}}],
+        },
+        "gps_before": {"lat": 52, "lon": 13, "time": "2024-05-01T10:00:00Z"},
+        "gps_after": {"lat": 52, "lon": 13, "time": "2024-05-01T10:00:00Z"},
+    },
+    "sitch": {
+        "scan_program": "gsm_modem",
+        "scan_finish": "2024-05-01T10:00:00",
+        "scan_results": [{"rxl": "7", "lac": "1", "cellid": "2", "mcc": "262", "arfcn": "62"}],
+    },
+    "rayhunter": {
+        "packet_timestamp": "2024-05-01T10:00:00Z",
+        "events": [{"event_type": "High", "message": "x"}],
+    },
+    "survey message": {
+        "messageType": "GsmRecord",
+        "data": {"deviceTime": "2024-05-01T10:00:00Z", "latitude": 52, "longitude": 13},
+    },
+}
+JSON = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), VALUES),
+    lambda inner: (
+        st.lists(inner, max_size=2)
+        | st.dictionaries(st.sampled_from(["lat", "rx_lev", "bcch", "events", "$x"]), inner)
+    ),
+    max_leaves=6,
+)
+
+
+@pytest.mark.parametrize("form", OBJECTS)
+@given(data=st.data())
+@settings(max_examples=12, deadline=None)
+def test_values_of_json_lines(form, data):
+    changed = data.draw(st.dictionaries(st.sampled_from(list(OBJECTS[form])), JSON, min_size=1))
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "source"
+        lines = [json.dumps(OBJECTS[form]), json.dumps(OBJECTS[form] | changed)]
+        source.write_text("\n".join(lines))
         _import(source)
 
 

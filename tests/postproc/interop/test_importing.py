@@ -69,7 +69,7 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
         database.close()
     assert recognise(tmp_path / "a").name == "Kismet log"
     assert recognise(tmp_path / "b").name == "Network Survey GeoPackage"
-    with pytest.raises(RunFileError, match="it has data, wifi"):
+    with pytest.raises(RunFileError, match="SQLite with the tables data, wifi"):
         recognise(tmp_path / "c")
     with pytest.raises(RunFileError, match="no column ts_sec, ts_usec, lat, lon, type"):
         import_walk(tmp_path / "a", tmp_path / "run.h5")
@@ -80,26 +80,26 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
     [
         (b"radio,mcc,net,area,cell,unit,lon,lat\n", "celldb import"),
         (b"GSM,208,10,1,2,0,2.35,48.8,1000,1,1,1,1,0\n", "celldb import"),
-        (gzip.compress(b"x", mtime=0), "looks like text that begins with 'x'"),
+        (gzip.compress(b"x", mtime=0), "I read text that begins with 'x'"),
         (gzip.compress(b"t_s,lat\n", mtime=0)[:-9], "cannot be unpacked"),
         (b"PK\x03\x04nothing", "cannot be unpacked"),
         (b"SQLite format 3\0" + b"\xff" * 200, "damaged SQLite"),
         (b"\x89HDF\r\n\x1a\n", "needs no import"),
         (b"mcc,measured_at,lat\n", "no column mnc, lon, cell_id or cellid, act or net_type"),
         (b"t_s,lat,lon,level\n", "no column rssi_dbm"),
-        (b"", "looks like an empty file"),
-        (b"\0\xff\xfe" * 50, "looks like a binary file that begins with 00 ff fe"),
-        (b"%PDF-1.7\n1 0 obj", "looks like a PDF document"),
-        (b"PAR1\x15\x04", "looks like a Parquet table"),
-        (b'<?xml version="1.0"?>\n<gpx>', "looks like XML or HTML"),
-        (b'[{"lat": 1}]', "looks like a JSON list"),
+        (b"", "I read an empty file"),
+        (b"\0\xff\xfe" * 50, "I read a binary file that begins with 00 ff fe"),
+        (b"%PDF-1.7\n1 0 obj", "I read a PDF document"),
+        (b"PAR1\x15\x04", "I read a Parquet table"),
+        (b'<?xml version="1.0"?>\n<gpx>', "I read XML or HTML that begins with <gpx>"),
+        (b'[{"lat": 1}]', "I read a JSON list with the keys lat"),
         (
             b"name;street;town\nA;B;C\n",
-            "looks like a table with the columns name, street, town. Known are: our CSV",
+            "I read a table with the columns name, street, town. docs/guide/formats.md",
         ),
-        (b"Dear diary,\n", "looks like a table with the columns dear diary"),
-        (b"one word\n", "looks like text that begins with 'one word'. Known are: our CSV"),
-        (b'{"a": 1}', "measurements"),
+        (b"Dear diary,\n", "I read a table with the columns dear diary"),
+        (b"one word\n", "I read text that begins with 'one word'. docs/guide/formats.md"),
+        (b'{"a": 1}', "I read JSON with the keys a."),
         (b'{"measurements": [{"act": "LTE"}]}', "line 1: measured_at is empty"),
     ],
 )

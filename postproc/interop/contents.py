@@ -1,0 +1,131 @@
+"""What a file looks like from outside: its kind, and the names in it."""
+
+import re
+import sqlite3
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from logger.core.errors import RunFileError
+from logger.sqlite_file import open_database
+from postproc.interop import csv_table
+
+Kind = Literal["tables", "xml", "json", "text"]
+
+_SQLITE = b"SQLite format 3\0"
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_KINDS = {
+    b"%PDF": "a PDF document",
+    b"\x89PNG": "a PNG picture",
+    b"\xff\xd8\xff": "a JPEG picture",
+    b"PAR1": "a Parquet table",
+    b"\x7fELF": "a program",
+}
+_HEAD_BYTES = 65_536
+"""Holds the first objects of any JSON and the root of any XML."""
+_KEY = re.compile(r'"(\w{1,60})"\s*:')
+_ROOT = re.compile(r"<(?!\?|!)(?:[\w.-]+:)?([\w.-]+)")
+_MOST_SHOWN = 60
+_MOST_NAMES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """`names` in lower case: tables of SQLite, the root of XML, keys of JSON, columns of a text.
+
+    `words` states the same for a reader of an error message.
+    """
+
+    kind: Kind
+    names: frozenset[str]
+    head: str
+    words: str
+
+    def has(self, *names: str) -> bool:
+        """Whether the file has all these names."""
+        return self.names.issuperset(names)
+
+
+def look_at(source: Path) -> Contents:
+    """What is in a file; raises `RunFileError` for one that holds no log whatever is in it."""
+    try:
+        with source.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError as error:
+        raise RunFileError(f"{source}: {error.strerror}") from error
+    if head.startswith(_SQLITE):
+        return _tables(source)
+    if head.startswith(_HDF5):
+        raise RunFileError(f"{source} is HDF5: a run needs no import")
+    start = head.lstrip(b"\xef\xbb\xbf \r\n\t")
+    if not start or b"\0" in head or start.startswith(tuple(_KINDS)):
+        raise unknown_format(source, _kind_of(start))
+    text = start.decode("utf-8", "replace")
+    if text.startswith("<"):
+        return _xml(source, text)
+    if text.startswith(("{", "[")):
+        keys = list(dict.fromkeys(_KEY.findall(text)))
+        kind = "a JSON list" if text.startswith("[") else "JSON"
+        return Contents("json", _lower(keys), text, f"{kind} with the keys {_list_of(keys)}")
+    return _text(source)
+
+
+def unknown_format(source: Path, words: str) -> RunFileError:
+    """The error for a file that no format fits."""
+    return RunFileError(
+        f"{source}: unknown format; I read {words}. docs/guide/formats.md lists the known ones; "
+        "any table with positions and levels can be read with --columns lat=...,lon=...,level=..."
+    )
+
+
+def _tables(source: Path) -> Contents:
+    try:
+        with open_database(source) as database:
+            query = "SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name"
+            tables = [str(name) for (name,) in database.execute(query)]
+    except sqlite3.Error as error:
+        raise RunFileError(f"{source} is a damaged SQLite file: {error}") from error
+    return Contents("tables", _lower(tables), "", f"SQLite with the tables {_list_of(tables)}")
+
+
+def _xml(source: Path, text: str) -> Contents:
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise unknown_format(source, "XML or HTML with a document type, which no log has")
+    root = _ROOT.search(text)
+    name = root[1] if root else ""
+    return Contents(
+        "xml", frozenset({name.lower()}), text, f"XML or HTML that begins with <{name}>"
+    )
+
+
+def _text(source: Path) -> Contents:
+    with csv_table.text_lines(source) as lines:
+        header = next((line for line in lines if not line.startswith("#")), "")
+        columns = csv_table.names_of(header)
+    if len(columns) > 1:
+        words = f"a table with the columns {_short(', '.join(columns))}"
+    else:
+        words = f"text that begins with {_short(header.strip())!r}"
+    return Contents("text", frozenset(columns), header, words)
+
+
+def _kind_of(head: bytes) -> str:
+    """In words, what a file that is neither table, text nor database looks like."""
+    if not head:
+        return "an empty file"
+    for magic, kind in _KINDS.items():
+        if head.startswith(magic):
+            return kind
+    return f"a binary file that begins with {head[:8].hex(' ')}"
+
+
+def _lower(names: list[str]) -> frozenset[str]:
+    return frozenset(name.lower() for name in names)
+
+
+def _list_of(names: list[str]) -> str:
+    return ", ".join(names[:_MOST_NAMES]) or "none"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."

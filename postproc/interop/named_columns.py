@@ -1,0 +1,224 @@
+"""Any table with positions and levels, its columns found by their names or named by the user.
+
+This reads what QualiPoc, Nemo, TEMS and NetMonster export: the user chooses the columns there, and
+no layout is fixed. A name is taken apart into words: units and words such as "serving" are dropped,
+a technology in it ("LTE serving cell RSRP (dBm)") is that of the level.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from functools import partial
+from pathlib import Path
+
+from logger.core.errors import ConfigError, RunFileError
+from logger.core.types import Rat, Role
+from postproc.interop import csv_table
+from postproc.interop.contents import Contents
+from postproc.interop.fields import (
+    LEVEL_RANGE_DBM,
+    RATS,
+    Fields,
+    cell_identity,
+    fix_of,
+    integer,
+    maybe,
+    plmn,
+    reading_of,
+    text,
+)
+from postproc.interop.log_times import Moment, moment_of
+from postproc.interop.sighting import DEFAULT_CELL, NoCell, Row, Sighting, parse_rows
+
+_NAMES: dict[str, tuple[str, ...]] = {
+    "time": ("time", "timestamp", "datetime", "utctime", "gpstime", "timeutc", "devicetime"),
+    "lat": ("lat", "latitude", "gpslat", "gpslatitude"),
+    "lon": ("lon", "lng", "long", "longitude", "gpslon", "gpslongitude"),
+    "level": ("level", "signal", "signalstrength", "dbm", "rssi", "power", "rxpower"),
+    "rsrp": ("rsrp", "ssrsrp", "rsrprx"),
+    "rscp": ("rscp",),
+    "rxlev": ("rxlev", "rxlevel", "rxl"),
+    "rat": ("rat", "technology", "tech", "networktype", "nettype", "type", "system", "mode"),
+    "mcc": ("mcc",),
+    "mnc": ("mnc", "net"),
+    "area": ("lac", "tac", "lactac", "area", "areacode", "trackingareacode", "locationareacode"),
+    "cid": ("cid", "ci", "cellid", "eci", "nci", "cellidentity"),
+    "arfcn": ("arfcn", "bcch", "bccharfcn", "earfcn", "uarfcn", "narfcn", "nrarfcn", "channel"),
+    "bsic": ("bsic",),
+    "psc": ("psc", "scramblingcode", "scr", "primaryscramblingcode"),
+    "pci": ("pci", "physicalid", "physicalcellid", "physicalidentity", "physicalcellidentity"),
+    "ta": ("ta", "timingadvance"),
+    "acc": ("accuracy", "acc", "gpsaccuracy", "horizontalaccuracy"),
+    "alt": ("alt", "altitude", "height", "gpsaltitude"),
+    "cell": ("cellname", "sitename"),
+    "serving": ("servingcell", "isserving", "isregistered"),
+}
+"""Our names, which --columns takes, and what other programs call the same."""
+
+_DROPPED = frozenset(
+    {"serving", "serv", "pcell", "cell", "best", "active", "set", "sub", "full", "ss", "mean"}
+    | {"avg", "average", "value", "top1", "dl"}
+)
+_OF_CELL = frozenset({"id", "identity", "name"})
+"""Words that mean something else without "cell"."""
+_TECHNOLOGIES: dict[str, Rat] = {
+    "gsm": "GSM",
+    "2g": "GSM",
+    "wcdma": "WCDMA",
+    "umts": "WCDMA",
+    "3g": "WCDMA",
+    "lte": "LTE",
+    "4g": "LTE",
+    "nr": "NR",
+    "5g": "NR",
+}
+_LEVELS: dict[str, Rat | None] = {"rsrp": "LTE", "rscp": "WCDMA", "rxlev": "GSM", "level": None}
+_UNIT = re.compile(r"\(.*?\)|\[.*?\]")
+_WORD = re.compile(r"[a-z0-9]+")
+_DECIMAL_COMMA = re.compile(r"-?\d+,\d+")
+_NONE = frozenset({"-", "--", "n/a", "na", "nan", "null", "none"})
+_YES = frozenset({"true", "1", "yes", "y", "serving"})
+_ROW_NS = 10**9
+
+Column = tuple[str, str, Rat | None]
+"""Our name, the name in the file, and the technology that this name states."""
+
+
+def columns_of(text: str) -> dict[str, str]:
+    """The option `--columns level=RSRP,lat=Y,...`: our names to those of the file.
+
+    Raises `ConfigError`.
+    """
+    pairs = [part.partition("=") for part in text.split(",")]
+    chosen = {name.strip().lower(): column.strip() for name, _, column in pairs}
+    unknown = sorted(set(chosen) - set(_NAMES))
+    if unknown or not all(chosen.values()):
+        wrong = unknown[0] if unknown else next(name for name, value in chosen.items() if not value)
+        raise ConfigError(
+            f"--columns: {wrong!r} is not NAME=COLUMN with one of the names {', '.join(_NAMES)}"
+        )
+    return chosen
+
+
+def is_it(seen: Contents) -> bool:
+    """Whether a table has a position and a level under names that are known."""
+    if seen.kind != "text" or seen.names & {"t_s", "time_utc"}:
+        return False
+    found = {ours for ours, _, _ in _columns(sorted(seen.names), {})}
+    return {"lat", "lon"} <= found and bool(found & set(_LEVELS))
+
+
+def has_time(source: Path, chosen: Mapping[str, str]) -> bool:
+    """Whether a file has a column of times; without one only the order of its rows counts."""
+    return any(ours == "time" for ours, _, _ in _columns_of_file(source, chosen))
+
+
+def read(source: Path, chosen: Mapping[str, str]) -> Iterator[Row]:
+    """Rows of a table; `chosen` maps our names to columns that the user names.
+
+    Raises `RunFileError` for a column that is not in the file, or without a position or a level.
+    """
+    columns = _columns_of_file(source, chosen)
+    yield from parse_rows(csv_table.rows(source), partial(_sighting, columns))
+
+
+def _columns_of_file(source: Path, chosen: Mapping[str, str]) -> list[Column]:
+    with csv_table.text_lines(source) as lines:
+        header = next((line for line in lines if not line.startswith("#")), "")
+    names = csv_table.names_of(header)
+    for ours, name in chosen.items():
+        if name.lower() not in names:
+            raise RunFileError(f"{source} has no column {name!r} for {ours}; it has {names}")
+    columns = _columns(names, chosen)
+    found = {ours for ours, _, _ in columns}
+    missing = [name for name in ("lat", "lon") if name not in found]
+    if missing or not found & set(_LEVELS):
+        what = ", ".join([*missing, *(["level"] if not found & set(_LEVELS) else [])])
+        raise RunFileError(
+            f"{source}: no column is known to be {what}: name it with --columns; it has {names}"
+        )
+    return columns
+
+
+def _columns(names: list[str], chosen: Mapping[str, str]) -> list[Column]:
+    """What is known of each column; the first of several with one meaning and technology counts."""
+    columns: dict[tuple[str, Rat | None], Column] = {}
+    for ours, name in chosen.items():
+        columns[ours, None] = (ours, name.lower(), _meaning(name)[1])
+    for name in names:
+        key, rat = _meaning(name)
+        ours = next((ours for ours, known in _NAMES.items() if key in known), "")
+        if ours and ours not in chosen and not (ours in _LEVELS and set(chosen) & set(_LEVELS)):
+            columns.setdefault((ours, rat), (ours, name, rat))
+    return list(columns.values())
+
+
+def _meaning(name: str) -> tuple[str, Rat | None]:
+    words = _WORD.findall(_UNIT.sub("", name.lower()))
+    rat = next((_TECHNOLOGIES[word] for word in words if word in _TECHNOLOGIES), None)
+    left = "".join(word for word in words if word not in _DROPPED and word not in _TECHNOLOGIES)
+    return f"cell{left}" if left in _OF_CELL and "cell" in words else left, rat
+
+
+def _sighting(columns: list[Column], line: int, raw: Fields) -> Row:
+    level = _level(columns, raw)
+    if level is None:
+        return NoCell(line, "no level")
+    column, rat = level
+    fields = {
+        ours: _plain(raw[name])
+        for ours, name, own in columns
+        if (own is None or rat is None or own == rat) and _plain(raw[name])
+    }
+    rat = RATS.get(text(fields, "rat").upper()) or rat
+    moment = _moment(columns, line, fields)
+    fix = fix_of(
+        fields,
+        "lat",
+        "lon",
+        moment.utc_ns,
+        alt_m=maybe(fields, "alt"),
+        acc_m=maybe(fields, "acc", (0.0, 1e6)) or None,
+    )
+    has_identity = any(ours == "cid" for ours, _, _ in columns)
+    level_dbm = maybe({"level": _plain(raw[column])}, "level", LEVEL_RANGE_DBM)
+    reading = reading_of(
+        rat,
+        _role(fields),
+        level_dbm,
+        integer(fields, "area"),
+        **dict(zip(("mcc", "mnc"), plmn(fields), strict=True)),
+        cid=cell_identity(fields, "cid"),
+        arfcn=integer(fields, "arfcn"),
+        **{name: integer(fields, name) for name in ("bsic", "psc", "pci", "ta")},
+        label=text(fields, "cell") or (None if has_identity else DEFAULT_CELL),
+    )
+    return Sighting(line, moment.t_ns, fix, reading)
+
+
+def _level(columns: list[Column], raw: Fields) -> tuple[str, Rat | None] | None:
+    """The first column of levels that has one, and the technology it states."""
+    for ours, default in _LEVELS.items():
+        for own, name, rat in columns:
+            if own == ours and _plain(raw[name]):
+                return name, rat or default
+    return None
+
+
+def _moment(columns: list[Column], line: int, fields: Fields) -> Moment:
+    if any(ours == "time" for ours, _, _ in columns):
+        return moment_of(text(fields, "time"), "time")
+    return Moment(line * _ROW_NS, is_utc=False)
+
+
+def _role(fields: Fields) -> Role:
+    if "serving" not in fields:
+        return "scan"
+    return "serving" if text(fields, "serving").lower() in _YES else "neighbour"
+
+
+def _plain(value: str) -> str:
+    """A value without marks for "none", its decimal comma as a point."""
+    value = value.strip()
+    if value.lower() in _NONE:
+        return ""
+    return value.replace(",", ".") if _DECIMAL_COMMA.fullmatch(value) else value

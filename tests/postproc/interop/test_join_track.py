@@ -1,0 +1,42 @@
+import pytest
+
+from logger.core.errors import ConfigError
+from logger.core.types import CellReading, Fix
+from postproc.interop.join_track import in_zone, on_track, with_position, zone_named
+from postproc.interop.sighting import BadRow, NoCell, Sighting
+from postproc.interop.track_file import GpsTrack
+
+LOCAL_NS = 1_714_564_807 * 10**9
+READING = CellReading("scan", "GSM", rssi_dbm=-70.0)
+LOCAL = Sighting(2, LOCAL_NS, Fix(True, None, 1.0, 2.0), READING)
+
+
+def test_a_zone_makes_local_times_utc():
+    utc_ns = LOCAL_NS - 2 * 3600 * 10**9
+    known = Sighting(3, 7, Fix(True, 7, 1.0, 2.0), READING)
+    summer, same = in_zone([LOCAL, known], zone_named("Europe/Berlin"))
+    assert (summer.t_ns, summer.fix.utc_ns) == (utc_ns, utc_ns)
+    assert same == known
+
+
+@pytest.mark.parametrize("name", ["Europe/Nowhere", "", "/etc/passwd", "../x"])
+def test_no_zone(name):
+    with pytest.raises(ConfigError, match="no time zone"):
+        zone_named(name)
+
+
+def test_a_track_needs_utc_and_a_point_near():
+    track = GpsTrack([Fix(True, n * 10**9, 52.0 + n / 1e5, 13.0) for n in range(5)])
+    inside = Sighting(4, 0, Fix(False, 2 * 10**9), READING)
+    outside = Sighting(5, 0, Fix(False, 9 * 10**9), READING)
+    placed, far, local, other = on_track([inside, outside, LOCAL, NoCell(6)], track)
+    assert (placed.t_ns, placed.fix) == (2 * 10**9, track.fixes[2])
+    assert far == BadRow(5, "the track has no points within 60 s of it")
+    assert "--zone" in local.why
+    assert other == NoCell(6)
+
+
+def test_without_a_track_a_row_needs_its_own_position():
+    rows = list(with_position([LOCAL, Sighting(4, 0, Fix(False, 7), READING)]))
+    assert rows[0] == LOCAL
+    assert "--track" in rows[1].why
