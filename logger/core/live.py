@@ -17,7 +17,7 @@ from logger.core.live_cell import CellEstimate, LiveCell
 from logger.core.live_receiver import Receiver, ReceiverTrack
 from logger.core.live_reference import LiveReference
 from logger.core.live_settings import FOLLOW, LiveSettings
-from logger.core.locator.online import LevelReading
+from logger.core.locator.online_values import LevelReading
 from logger.core.model.prior import Prior, prior_for
 from logger.core.suspicion.notes import finding_notes
 from logger.core.suspicion.tracker import SuspicionTracker

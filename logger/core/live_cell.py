@@ -14,7 +14,8 @@ import numpy as np
 from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
 from logger.core.filter_monitor import CLOSE, FilterMonitor, widest
-from logger.core.locator.online import LevelReading, OnlineLocator, StrongestMode
+from logger.core.locator.online import OnlineLocator
+from logger.core.locator.online_values import LevelReading, StrongestMode
 from logger.core.model.path_loss import level_gradient
 from logger.core.model.prior import Prior
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance

@@ -16,9 +16,12 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.bordered_sums import BorderedSums
 from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
-from logger.core.locator.quadtree import Effort
+from logger.core.locator.online_values import LevelReading, StrongestMode
+from logger.core.locator.posterior import StrongestReading
+from logger.core.locator.preparation import LocatorInput
+from logger.core.locator.quadtree import Effort, Tree
 from logger.core.locator.region import Squares, mode_regions
-from logger.core.locator.search import search_once
+from logger.core.locator.search import Walk, search_once
 from logger.core.locator.summary import BIAS_SHARE, moments_over
 from logger.core.locator.symmetry import Curve, fit_curve
 from logger.core.model.blocks import (
@@ -46,25 +49,6 @@ _LONGEST_WAIT = 8  # readings, a second each: nobody sees an estimate older than
 _GROWN = 1.4  # times as many blocks: a new search is due
 _TURNED = 2.0  # urgency where the walk has left its curve, or the mass its modes
 _MODE_LEVEL = 0.99
-
-
-class LevelReading(NamedTuple):
-    """A reading with the receiver's position; `limit` as in `censoring.limits`."""
-
-    x_m: float
-    y_m: float
-    sigma_m: float
-    level_dbm: float
-    limit: int
-
-
-class StrongestMode(NamedTuple):
-    """Strongest mode: mean [x, y, P0, eta], covariance (4, 4), probability, sigma of a level."""
-
-    state: FloatArray
-    covariance: FloatArray
-    probability: float
-    sigma_db: float
 
 
 class _Searched(NamedTuple):
@@ -107,6 +91,7 @@ class OnlineLocator:
         self._mixed: Mixture | None = None
         self._mode: StrongestMode | None = None
         self._lost = False
+        self._strongest: StrongestReading | None = None
         self._n_readings = self._n_evaluated = 0
 
     @property
@@ -139,6 +124,8 @@ class OnlineLocator:
     def take(self, latest: LevelReading) -> None:
         """Take a reading that is no spike."""
         x_m, y_m, position_sigma_m, level_dbm, limit = latest
+        if self._strongest is None or level_dbm > self._strongest.level_dbm:
+            self._strongest = StrongestReading(x_m, y_m, level_dbm)
         if limit:
             self._censor(x_m, y_m, position_sigma_m, level_dbm, limit)
             return
@@ -195,6 +182,22 @@ class OnlineLocator:
         log_weight, self._sigma_db = log_weights_at(walk, self._prior, *at, self._sigma_db)
         hopeless = log_weight < np.max(log_weight) + np.log(_PLAUSIBLE)
         return np.where(hopeless, -np.inf, log_weight)
+
+    def searched(self) -> tuple[LocatorInput, Tree] | None:
+        """The walk and its tree as the desktop has them, for `summarise`; None without a search."""
+        if self._searched is None or self._evidence is None or self._strongest is None:
+            return None
+        found, log_side = self._searched, np.log(self._searched.square[2])
+        tree = Tree(
+            *found.square,
+            log_prior=found.log_mass - 2.0 * log_side,
+            evidence=self._evidence,
+            numbers=found.numbers,
+            log_weight=found.log_weight,
+        )
+        walk = single(self._on_curve(0, self._n), self._size_m, self._censored_points())
+        given = Walk(walk, walk, self._prior, EFFORT)
+        return LocatorInput(given, self._prior, 0.0, 1, self._strongest), tree
 
     def strongest_mode(self) -> StrongestMode | None:
         """The mode with most probability, None before the first search."""

@@ -1,0 +1,12 @@
+"""Where to walk next: the way whose readings are expected to say most about the position.
+
+    sample      positions drawn from the posterior, each with the levels that it implies
+    forecast    levels to expect at points not yet walked, under each position
+    information what readings at some points would say, in nats
+    routes      ways to consider: eight directions, or the streets of a map
+    planner     the best of them by information for each metre
+    advice      when to plan, and what the walker is told
+
+The information follows Kolchinsky & Tracey, Entropy 19(7), 2017. Positions are in UTM metres.
+Nothing here draws a random number, so a replay gives the same advice to the last bit.
+"""

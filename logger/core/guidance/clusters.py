@@ -1,0 +1,52 @@
+"""Places that stand for a posterior: where its probability is gathered."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+
+MOST = 4
+"""Places that routes lead to: more are hardly ever plausible at the same time."""
+_REACH_M = 1500.0
+"""Farther than this from the walker nobody walks for one route."""
+_BLUR_M, _BLUR_SHARE = 60.0, 0.25
+"""Probability within this distance, or this share of the way there, belongs to one place."""
+_LEAST = 0.03
+"""Less probability than this is no place to walk to."""
+_CENTRES = 150
+"""Squares tried as the centre of a place, the likeliest first."""
+
+
+class Cluster(NamedTuple):
+    """Probability of a place and its centre in metres."""
+
+    probability: float
+    x_m: float
+    y_m: float
+
+
+def clusters(
+    square: FloatArray, probability: FloatArray, here_m: tuple[float, float]
+) -> list[Cluster]:
+    """Up to `MOST` places within reach of the walker, the likeliest first.
+
+    `square` (3, h) has rows x, y, side. Each place is the one that has most probability around it
+    of what is left.
+    """
+    x_m, y_m, _ = square
+    away_m = np.hypot(x_m - here_m[0], y_m - here_m[1])
+    left = np.where(away_m <= _REACH_M, probability, 0.0)
+    places: list[Cluster] = []
+    while len(places) < MOST and np.sum(left) >= _LEAST:
+        top = np.argsort(-left, kind="stable")[:_CENTRES]
+        apart_m = np.hypot(x_m[top, None] - x_m, y_m[top, None] - y_m)
+        around = apart_m < np.maximum(_BLUR_M, _BLUR_SHARE * away_m[top])[:, None]
+        mass = around @ left
+        best = int(np.argmax(mass))
+        if mass[best] < _LEAST:
+            break
+        share = np.where(around[best], left, 0.0) / mass[best]
+        places.append(Cluster(float(mass[best]), float(share @ x_m), float(share @ y_m)))
+        left = np.where(around[best], 0.0, left)
+    return places

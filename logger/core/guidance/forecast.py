@@ -1,0 +1,90 @@
+"""Levels to expect at points not yet walked, under each position of a sample.
+
+For position i, points q, and blocks p of the walk with levels z, with the covariance K of the noise
+and A = K_qp K_pp^-1, which carries over what the shadowing at q is known from the walk:
+
+    mu_i(q) = P0_i - eta_i L_i(q) + A (z - P0_i + eta_i L_i(p))
+    N(q, q') = sigma^2 (K_qq' - A K_pq') + sum_i w_i G_i C_i G_i'
+    G_i = [1, -L_i(q)] - A [1, -L_i(p)],    C_i = cov(P0, eta | i)
+
+A street that has been walked is known from its readings, so walking it again says little.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.guidance.sample import PositionSample
+from logger.core.model.blocks import Blocks
+from logger.core.model.noise import correlation, shadowing, whiteners
+from logger.core.model.path_loss import level_dbm, log_distance_db
+from logger.core.model.prior import Prior
+
+STEP_M = 25.0
+"""Distance of the points of a way: half a block, and about the shadowing's correlation."""
+_READING_M = 4.5
+"""A scan takes 3 to 4 s, in which one walks about this far."""
+_LEAST_SHADOW_DB, _LEAST_SHADOW_M = 2.0, 20.0
+"""Shadowing that is planned with even where the noise looks white: a short walk shows none."""
+_ROUNDING_DB2 = 0.05
+"""Levels in whole decibels, a few to each point."""
+
+
+class Forecast(NamedTuple):
+    """Expected levels (i, m) under each position, their common covariance (m, m), the weights."""
+
+    level_dbm: FloatArray
+    covariance: FloatArray
+    weight: FloatArray
+
+
+class Forecaster:
+    """Forecasts for one walk and one sample of positions."""
+
+    def __init__(self, sample: PositionSample, walk: Blocks, prior: Prior) -> None:
+        self._sample, self._walk, self._prior = sample, walk, prior
+        whitener = whiteners(walk, prior, [sample.number])[0].matrix
+        self._inverse = whitener.T @ whitener
+        self._sigma_m = float(np.median(walk.position_sigma_m))
+        self._walk_db = self._log_distance_db(walk.x_m, walk.y_m)
+        expected_dbm = level_dbm(sample.p0_dbm[:, None], sample.eta[:, None], self._walk_db)
+        self._residual_db = walk.level_dbm - expected_dbm
+
+    def at(self, x_m: FloatArray, y_m: FloatArray) -> Forecast:
+        """Levels at points, shape (m,)."""
+        sample, walk = self._sample, self._walk
+        noise = sample.noise
+        between = shadowing(_apart_m(x_m, y_m, walk.x_m, walk.y_m), noise)
+        known = between @ self._inverse
+        apart_m = _apart_m(x_m, y_m, x_m, y_m)
+        covariance = shadowing(apart_m, noise) - known @ between.T
+        covariance[np.diag_indices(len(x_m))] += noise.white_share * _READING_M / STEP_M
+        covariance *= sample.sigma_db**2
+        if noise.decorrelation_m == 0.0:
+            covariance += _LEAST_SHADOW_DB**2 * correlation(apart_m, _LEAST_SHADOW_M)
+        covariance[np.diag_indices(len(x_m))] += _ROUNDING_DB2
+        away_db = self._log_distance_db(x_m, y_m)
+        covariance += self._of_coefficients(known, away_db)
+        level = level_dbm(sample.p0_dbm[:, None], sample.eta[:, None], away_db)
+        return Forecast(level + self._residual_db @ known.T, covariance, sample.weight)
+
+    def _of_coefficients(self, known: FloatArray, away_db: FloatArray) -> FloatArray:
+        """What the uncertainty of P0 and eta adds, the same for all positions: (m, m)."""
+        by_p0 = 1.0 - np.sum(known, axis=1)
+        by_eta = self._walk_db @ known.T - away_db
+        var_p0, cov, var_eta = self._sample.theta_cov * self._sample.weight
+        cross = np.outer(by_p0, cov @ by_eta)
+        of_p0 = float(np.sum(var_p0)) * np.outer(by_p0, by_p0)
+        return np.asarray(of_p0 + cross + cross.T + (by_eta.T * var_eta) @ by_eta, float)
+
+    def _log_distance_db(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+        east_m = self._sample.x_m[:, None] - x_m
+        north_m = self._sample.y_m[:, None] - y_m
+        return log_distance_db(east_m, north_m, self._prior.height_m, self._sigma_m)
+
+
+def _apart_m(
+    x_m: FloatArray, y_m: FloatArray, other_x_m: FloatArray, other_y_m: FloatArray
+) -> FloatArray:
+    return np.asarray(np.hypot(x_m[:, None] - other_x_m, y_m[:, None] - other_y_m), float)

@@ -1,0 +1,102 @@
+"""The route that says most about the position for each metre walked."""
+
+from collections.abc import Sequence
+from math import atan2, degrees
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.guidance.forecast import Forecast, Forecaster
+from logger.core.guidance.information import information_nats
+from logger.core.guidance.routes import LEG_M, Route
+
+_START_M = 30.0
+"""Added to each length: a route of a few steps is not better for each of its few metres."""
+_TURNING_BACK_M = 20.0
+"""Added to a route that begins with turning back, which people do not like."""
+_KEPT = 1.1
+"""Another way has to be worth this many times the one straight on."""
+_WALKED_BEFORE = 0.4
+"""Share of the best value that a way walked before costs where no street map is known."""
+_SAME_WAY_M = 30.0
+"""Closer than this to an earlier part of the walk it is the same street."""
+_AHEAD_DEG, _BACK_DEG = 30.0, 135.0
+
+
+class Course(NamedTuple):
+    """Where the walker comes from: azimuth in degrees (None: standing), earlier track (t, 2)."""
+
+    azimuth_deg: float | None
+    earlier_m: FloatArray
+
+
+class Plan(NamedTuple):
+    """The best route, the information for each kilometre, and the forecast along all routes.
+
+    `points` are the rows of the forecast that belong to the route, in the order of walking.
+    """
+
+    route: Route
+    nats_per_km: float
+    forecast: Forecast
+    points: IntArray
+
+
+def plan(
+    forecaster: Forecaster, routes: Sequence[Route], course: Course, *, has_map: bool
+) -> Plan:
+    """The best of some routes."""
+    each = [route.points() for route in routes]
+    points, at = np.unique(np.round(np.concatenate(each), 1), axis=0, return_inverse=True)
+    forecast = forecaster.at(points[:, 0], points[:, 1])
+    rows = np.split(np.ravel(at), np.cumsum([len(one) for one in each])[:-1])
+    value = np.array(
+        [
+            information_nats(forecast, np.unique(of_route)) / _length_m(route, course)
+            for route, of_route in zip(routes, rows, strict=True)
+        ]
+    )
+    score = value.copy()
+    if not has_map:
+        score -= _WALKED_BEFORE * np.max(value) * np.array([_walked(r, course) for r in routes])
+    score *= [_KEPT if _is_ahead(route, course) else 1.0 for route in routes]
+    best = int(np.argmax(score))
+    return Plan(routes[best], 1000.0 * float(value[best]), forecast, rows[best])
+
+
+def azimuth_deg(from_m: Sequence[float], to_m: Sequence[float]) -> float:
+    """Direction clockwise from grid north, 0 to 360 degrees."""
+    return degrees(atan2(to_m[0] - from_m[0], to_m[1] - from_m[1])) % 360.0
+
+
+def turn_deg(course_deg: float, azimuth_deg: float) -> float:
+    """Turn to the right from a course, -180 to 180 degrees."""
+    return (azimuth_deg - course_deg + 180.0) % 360.0 - 180.0
+
+
+def _length_m(route: Route, course: Course) -> float:
+    length_m = route.length_m + _START_M
+    turn = _turn(route, course)
+    return length_m + _TURNING_BACK_M if turn is not None and abs(turn) > _BACK_DEG else length_m
+
+
+def _turn(route: Route, course: Course) -> float | None:
+    if course.azimuth_deg is None:
+        return None
+    first = azimuth_deg(route.corner_m[0].tolist(), route.corner_m[1].tolist())
+    return turn_deg(course.azimuth_deg, first)
+
+
+def _is_ahead(route: Route, course: Course) -> bool:
+    turn = _turn(route, course)
+    return turn is not None and abs(turn) < _AHEAD_DEG
+
+
+def _walked(route: Route, course: Course) -> float:
+    """Share of the first leg that was walked earlier."""
+    if not len(course.earlier_m):
+        return 0.0
+    first = route.points()[: round(LEG_M / 25.0)]
+    apart_m = np.hypot(*(first[:, None] - course.earlier_m).transpose(2, 0, 1))
+    return float(np.mean(np.min(apart_m, axis=1) < _SAME_WAY_M))

@@ -1,0 +1,74 @@
+"""Ways to consider from here, without a street map: eight directions and routes to places."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.guidance.clusters import Cluster
+from logger.core.guidance.forecast import STEP_M
+
+LEG_M = 100.0
+"""A block of houses: after it there is a crossing, where the walker looks again."""
+LONGEST_M = 1000.0
+"""A longer route is planned again long before its end."""
+DIRECTIONS = 8
+_RIGHT_ANGLE = 2
+"""In eighths of a circle: a leg that turns more leads back along the one before it."""
+
+
+class Route(NamedTuple):
+    """Corners (k, 2) from the walker on, in metres."""
+
+    corner_m: FloatArray
+
+    @property
+    def length_m(self) -> float:
+        """Along the corners."""
+        return float(np.sum(np.hypot(*np.diff(self.corner_m, axis=0).T)))
+
+    def points(self) -> FloatArray:
+        """Points (m, 2) in the middle of equal parts of about `STEP_M`."""
+        along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.corner_m, axis=0).T))])
+        count = max(1, round(along_m[-1] / STEP_M))
+        at_m = (np.arange(count) + 0.5) / count * along_m[-1]
+        return np.stack([np.interp(at_m, along_m, v) for v in self.corner_m.T], axis=1)
+
+
+def compass_routes(here_m: tuple[float, float], places: Sequence[Cluster]) -> list[Route]:
+    """Two legs in all directions, a route to each place, and one leg beyond it."""
+    found = [
+        _legs(here_m, [first, second])
+        for first in range(DIRECTIONS)
+        for second in _onward(first)
+    ]
+    for place in places:
+        found += _to_place(here_m, place)
+    return found
+
+
+def _onward(direction: int) -> list[int]:
+    return [(direction + k) % DIRECTIONS for k in range(-_RIGHT_ANGLE, _RIGHT_ANGLE + 1)]
+
+
+def _legs(here_m: tuple[float, float], directions: Sequence[int]) -> Route:
+    angle = 2.0 * np.pi * np.asarray(directions, float) / DIRECTIONS
+    step_m = LEG_M * np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    return Route(np.concatenate([[here_m], np.asarray(here_m) + np.cumsum(step_m, axis=0)]))
+
+
+def _to_place(here_m: tuple[float, float], place: Cluster) -> list[Route]:
+    """Straight to a place, and on from it ahead, to the right and to the left."""
+    start = np.asarray(here_m)
+    way_m = np.array([place.x_m, place.y_m]) - start
+    away_m = float(np.hypot(*way_m))
+    if away_m < STEP_M:
+        return []
+    ahead = way_m / away_m
+    end = start + ahead * min(away_m, LONGEST_M)
+    found = [Route(np.stack([start, end]))]
+    if away_m < LONGEST_M - LEG_M:
+        right = np.array([ahead[1], -ahead[0]])
+        found += [Route(np.stack([start, end, end + LEG_M * on])) for on in (ahead, right, -right)]
+    return found

@@ -1,0 +1,57 @@
+"""Positions that stand for a posterior, with what each implies for levels elsewhere."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.locator.mixture import Mixture
+from logger.core.locator.preparation import LocatorInput
+from logger.core.locator.quadtree import Tree
+from logger.core.model.prior import Hypothesis
+
+POSITIONS = 48
+"""As many as tell routes apart; 64 gave the same routes, and their pairs cost twice as much."""
+_GOLDEN = 0.6180339887498949
+"""Multiples of it modulo 1 fill the unit interval evenly, without a random number."""
+
+
+class PositionSample(NamedTuple):
+    """Positions (i,) drawn from a posterior, and the likeliest noise.
+
+    `weight` (i,) sums to 1. Given its position a transmitter has `p0_dbm` and `eta` (i,) with
+    variances and covariance `theta_cov` (3, i): var P0, cov, var eta. `sigma_db` is the standard
+    deviation of a level under the hypothesis `noise`, the `number`-th of the prior.
+    """
+
+    x_m: FloatArray
+    y_m: FloatArray
+    weight: FloatArray
+    p0_dbm: FloatArray
+    eta: FloatArray
+    theta_cov: FloatArray
+    number: int
+    noise: Hypothesis
+    sigma_db: float
+
+
+def draw(task: LocatorInput, tree: Tree, mixed: Mixture, turn: int) -> PositionSample:
+    """Systematic sample of the squares of a tree; `turn` numbers the draws of one walk."""
+    p = mixed.probability
+    at = (np.arange(POSITIONS) + (turn * _GOLDEN) % 1.0) / POSITIONS
+    drawn = np.searchsorted(np.cumsum(p), at * np.sum(p))
+    square, count = np.unique(np.minimum(drawn, len(p) - 1), return_counts=True)
+    row = int(np.argmax(mixed.by_hypothesis))
+    number = int(tree.numbers[row])
+    share = mixed.share[row] / np.sum(mixed.share[row])
+    return PositionSample(
+        x_m=tree.x_m[square],
+        y_m=tree.y_m[square],
+        weight=count / POSITIONS,
+        p0_dbm=tree.evidence.theta[0, row, square],
+        eta=tree.evidence.theta[1, row, square],
+        theta_cov=tree.evidence.theta_cov[:, row, square],
+        number=number,
+        noise=task.walk.prior.hypotheses[number],
+        sigma_db=float(share @ tree.evidence.sigma_db[row]),
+    )

@@ -1,0 +1,218 @@
+"""Streets as crossings and the legs between them, from lines in metres."""
+
+from collections.abc import Iterable, Sequence
+from heapq import heappop, heappush
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray, IntArray
+
+_SNAP_M = 3.0
+"""Ends of lines this close are the same crossing: maps are drawn to about a metre."""
+_LONGEST_LEG_M = 130.0
+"""A longer street is divided, because one may turn back halfway."""
+
+
+class Leg(NamedTuple):
+    """A street from crossing `start` to crossing `end`, along `line_m` (k, 2)."""
+
+    start: int
+    end: int
+    line_m: FloatArray
+    length_m: float
+
+    def reversed(self) -> "Leg":
+        """The same street walked the other way."""
+        return Leg(self.end, self.start, self.line_m[::-1], self.length_m)
+
+
+class OnStreet(NamedTuple):
+    """The point of the map nearest to the walker: `along_m` from the start of a leg."""
+
+    leg: Leg
+    along_m: float
+    away_m: float
+
+
+class StreetMap:
+    """Crossings (n, 2) and, for each, the legs that leave it."""
+
+    def __init__(self, lines_m: Iterable[FloatArray]) -> None:
+        self.crossing_m, legs = _legs_of(_split_at_crossings(_segments(lines_m)))
+        self.leaving: list[list[Leg]] = [[] for _ in self.crossing_m]
+        self.legs = legs
+        for leg in legs:
+            self.leaving[leg.start].append(leg)
+            self.leaving[leg.end].append(leg.reversed())
+        self._starts, self._ends, self._leg = _pieces(legs)
+
+    def nearest(self, x_m: float, y_m: float) -> OnStreet | None:
+        """The nearest point of any street; None of an empty map."""
+        if not len(self._starts):
+            return None
+        here = np.array([x_m, y_m])
+        along = self._ends - self._starts
+        squared = np.maximum(np.sum(along**2, axis=1), 1e-9)
+        part = np.clip(np.sum((here - self._starts) * along, axis=1) / squared, 0.0, 1.0)
+        away_m = np.hypot(*(self._starts + part[:, None] * along - here).T)
+        k = int(np.argmin(away_m))
+        leg = self.legs[self._leg[k]]
+        first = int(np.searchsorted(self._leg, self._leg[k]))
+        before_m = float(np.sum(np.sqrt(squared[first:k])))
+        return OnStreet(leg, before_m + float(part[k] * np.sqrt(squared[k])), float(away_m[k]))
+
+    def nearest_crossing(self, x_m: float, y_m: float) -> int:
+        """Number of the nearest crossing."""
+        return int(np.argmin(np.hypot(*(self.crossing_m - [x_m, y_m]).T)))
+
+    def shortest(self, first: Sequence[Leg], most_m: float) -> dict[int, tuple[Leg, ...]]:
+        """The shortest way to each crossing within `most_m`, beginning with one of some legs."""
+        way: dict[int, tuple[Leg, ...]] = {}
+        reached = [(leg.length_m, k, (leg,)) for k, leg in enumerate(first)]
+        reached.sort(key=lambda one: one[:2])
+        count = len(reached)
+        while reached:
+            length_m, _, legs = heappop(reached)
+            here = legs[-1].end
+            if here in way or length_m > most_m:
+                continue
+            way[here] = legs
+            for leg in self.leaving[here]:
+                if leg.end not in way:
+                    count += 1  # equal lengths: the one found first, never a comparison of arrays
+                    heappush(reached, (length_m + leg.length_m, count, (*legs, leg)))
+        return way
+
+
+def part_of(leg: Leg, from_m: float) -> Leg:
+    """The rest of a leg from a point `from_m` along it."""
+    line = leg.line_m
+    along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    point = [float(np.interp(from_m, along_m, v)) for v in line.T]
+    rest = np.concatenate([[point], line[along_m > from_m + 1e-6]])
+    return leg._replace(line_m=rest, length_m=max(float(along_m[-1]) - from_m, 0.0))
+
+
+def _segments(lines_m: Iterable[FloatArray]) -> FloatArray:
+    """Straight pieces of all lines: (s, 4) with x, y of both ends; pieces without length go."""
+    pieces = [np.hstack([line[:-1], line[1:]]) for line in lines_m if len(line) > 1]
+    every = np.concatenate([np.zeros((0, 4)), *pieces])
+    return every[np.hypot(every[:, 2] - every[:, 0], every[:, 3] - every[:, 1]) > 0.0]
+
+
+def _split_at_crossings(segment: FloatArray) -> FloatArray:
+    """Pieces that no other piece crosses: lines may cross where neither has a point.
+
+    A bridge is joined too; the walker sees that there is no way.
+    """
+    start, along = segment[:, :2], segment[:, 2:] - segment[:, :2]
+    length_m = np.hypot(*along.T)
+    found = []
+    for k, (origin, way) in enumerate(zip(start, along, strict=True)):
+        cross = way[0] * along[:, 1] - way[1] * along[:, 0]
+        is_parallel = np.abs(cross) < 1e-9 * length_m[k] * length_m
+        safe = np.where(is_parallel, 1.0, cross)
+        apart = start - origin
+        mine = (apart[:, 0] * along[:, 1] - apart[:, 1] * along[:, 0]) / safe
+        other = (apart[:, 0] * way[1] - apart[:, 1] * way[0]) / safe
+        tolerance = _SNAP_M / length_m
+        is_on = (mine > -tolerance[k]) & (mine < 1.0 + tolerance[k])
+        is_on &= (other > -tolerance) & (other < 1.0 + tolerance) & ~is_parallel
+        at = np.unique(np.clip(np.concatenate([[0.0, 1.0], mine[is_on]]), 0.0, 1.0))
+        points = origin + at[:, None] * way
+        found.append(np.hstack([points[:-1], points[1:]]))
+    return np.concatenate([np.zeros((0, 4)), *found])
+
+
+def _snapped(point_m: FloatArray) -> tuple[FloatArray, list[int]]:
+    """Nodes (n, 2), and the number of the node of each point (p, 2)."""
+    nodes: list[FloatArray] = []
+    in_tile: dict[tuple[int, int], list[int]] = {}
+    number = []
+    for point in point_m:
+        i, j = (int(v) for v in np.floor(point / _SNAP_M))
+        near = [
+            k
+            for east in (-1, 0, 1)
+            for north in (-1, 0, 1)
+            for k in in_tile.get((i + east, j + north), ())
+            if float(np.hypot(*(nodes[k] - point))) < _SNAP_M
+        ]
+        if not near:
+            in_tile.setdefault((i, j), []).append(len(nodes))
+            near = [len(nodes)]
+            nodes.append(point)
+        number.append(near[0])
+    return np.array(nodes).reshape(-1, 2), number
+
+
+def _legs_of(segment: FloatArray) -> tuple[FloatArray, list[Leg]]:
+    """Crossings (n, 2), and the legs between them; nodes of two pieces are bends of one leg."""
+    node_m, number = _snapped(segment.reshape(-1, 2))
+    pairs = {(min(a, b), max(a, b)) for a, b in zip(number[::2], number[1::2], strict=True)}
+    beside: list[list[int]] = [[] for _ in node_m]
+    for a, b in sorted(pairs):
+        if a != b:
+            beside[a].append(b)
+            beside[b].append(a)
+    chains = _chains(beside)
+    crossings: list[FloatArray] = []
+    of_node: dict[int, int] = {}
+    legs = []
+    for chain in chains:
+        for end in (chain[0], chain[-1]):
+            if end not in of_node:
+                of_node[end] = len(crossings)
+                crossings.append(node_m[end])
+        line_m = node_m[chain]
+        legs += _divided(line_m, of_node[chain[0]], of_node[chain[-1]], crossings)
+    return np.array(crossings).reshape(-1, 2), legs
+
+
+def _chains(beside: list[list[int]]) -> list[list[int]]:
+    """Nodes from one crossing to the next, through nodes of two pieces."""
+    used: set[tuple[int, int]] = set()
+    chains = []
+    ends = [k for k, near in enumerate(beside) if near and len(near) != 2]
+    circles = [k for k, near in enumerate(beside) if len(near) == 2]
+    for start in [*ends, *circles]:  # a circle without a crossing begins anywhere
+        for first in beside[start]:
+            chain = [start, first]
+            while (chain[-2], chain[-1]) not in used:
+                used |= {(chain[-2], chain[-1]), (chain[-1], chain[-2])}
+                here = chain[-1]
+                if len(beside[here]) != 2 or here == start:
+                    chains.append(chain)
+                    break
+                back = chain[-2]
+                chain.append(next((k for k in beside[here] if k != back), back))
+    return chains
+
+
+def _divided(line_m: FloatArray, start: int, end: int, crossings: list[FloatArray]) -> list[Leg]:
+    """Legs of at most `_LONGEST_LEG_M` along a line; where it is divided, crossings are added."""
+    along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line_m, axis=0).T))])
+    count = max(1, int(np.ceil(along_m[-1] / _LONGEST_LEG_M)))
+    if count == 1 and start == end:
+        count = 2
+    at_m = np.linspace(0.0, along_m[-1], count + 1)
+    numbers = [start]
+    for where_m in at_m[1:-1]:
+        numbers.append(len(crossings))
+        crossings.append(np.array([np.interp(where_m, along_m, v) for v in line_m.T]))
+    numbers.append(end)
+    legs = []
+    for k in range(count):
+        inside = line_m[(along_m > at_m[k] + 1e-6) & (along_m < at_m[k + 1] - 1e-6)]
+        line = np.concatenate([[crossings[numbers[k]]], inside, [crossings[numbers[k + 1]]]])
+        legs.append(Leg(numbers[k], numbers[k + 1], line, float(at_m[k + 1] - at_m[k])))
+    return legs
+
+
+def _pieces(legs: list[Leg]) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Straight pieces of all legs, leg after leg: starts (s, 2), ends (s, 2), number of the leg."""
+    starts = np.concatenate([np.zeros((0, 2)), *(leg.line_m[:-1] for leg in legs)])
+    ends = np.concatenate([np.zeros((0, 2)), *(leg.line_m[1:] for leg in legs)])
+    number = np.repeat(np.arange(len(legs)), [len(leg.line_m) - 1 for leg in legs])
+    return starts, ends, number
