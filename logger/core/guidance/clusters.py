@@ -14,8 +14,10 @@ _BLUR_M, _BLUR_SHARE = 60.0, 0.25
 """Probability within this distance, or this share of the way there, belongs to one place."""
 _LEAST = 0.03
 """Less probability than this is no place to walk to."""
-_CENTRES = 150
-"""Squares tried as the centre of a place, the likeliest first."""
+_CENTRES = 60
+"""Squares tried as the centre of a place, the likeliest first: with 150 the places were the same."""
+_NEGLIGIBLE = 1e-5
+"""Squares with less probability change no place."""
 
 
 class Cluster(NamedTuple):
@@ -34,9 +36,10 @@ def clusters(
     `square` (3, h) has rows x, y, side. Each place is the one that has most probability around it
     of what is left.
     """
-    x_m, y_m, _ = square
+    x_m, y_m, _ = square[:, probability > _NEGLIGIBLE]
+    left = probability[probability > _NEGLIGIBLE]
     away_m = np.hypot(x_m - here_m[0], y_m - here_m[1])
-    left = np.where(away_m <= _REACH_M, probability, 0.0)
+    left = np.where(away_m <= _REACH_M, left, 0.0)
     places: list[Cluster] = []
     while len(places) < MOST and np.sum(left) >= _LEAST:
         top = np.argsort(-left, kind="stable")[:_CENTRES]

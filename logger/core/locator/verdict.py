@@ -37,6 +37,8 @@ _PASSING_M = 20.0
 """Distance at which the advice states levels: walking past, not through, a building."""
 DESK_M = 150.0
 """A group of houses, which one more walk can search."""
+LIVE_M = 60.0
+"""A house and its neighbours: a walker who stands there may look at the roofs and end the walk."""
 _FAR_SHARE = 0.05
 """With more probability than this far away, the 95 % region reaches there."""
 

@@ -1,0 +1,94 @@
+"""The cell that is followed: its posterior, the verdict, and the way to walk next."""
+
+from collections.abc import Callable
+from math import hypot
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.geo import Utm
+from logger.core.guidance.advice import Advice, Guide
+from logger.core.guidance.street_map import StreetMap
+from logger.core.locator.posterior import Posterior
+from logger.core.locator.preparation import LocatorInput
+from logger.core.locator.quadtree import Tree
+from logger.core.locator.summary import summarise
+from logger.core.locator.two_source_test import divide
+from logger.core.locator.verdict import LIVE_M, Decision, assess
+from logger.core.observations import CellObservations
+
+Search = Callable[[], tuple[LocatorInput, Tree] | None]
+
+_AGAIN_M = 10.0
+"""The position is computed again after this much walking: two or three scans."""
+
+
+class LivePosition(NamedTuple):
+    """What is known of the position now, and the verdict for `LIVE_M`."""
+
+    posterior: Posterior
+    decision: Decision
+
+
+class FollowedCell:
+    """Position and advice for one cell, renewed as the walker moves."""
+
+    def __init__(self, utm: Utm, streets: StreetMap | None = None) -> None:
+        self._utm = utm
+        self._guide = Guide(streets)
+        self._here: tuple[float, float] | None = None
+        self._renewed_m: tuple[float, float] | None = None
+        self.position: LivePosition | None = None
+
+    @property
+    def advice(self) -> Advice | None:
+        """The latest advice."""
+        return self._guide.advice
+
+    def update(self, x_m: float, y_m: float, searched: Search) -> bool:
+        """Take a position of the walker and what the cell's locator knows; True if it counted."""
+        self._here = (x_m, y_m)
+        self._guide.walk(x_m, y_m)
+        if not self._is_due:
+            return False
+        found = searched()
+        if found is None:
+            return False
+        self._renewed_m = self._here
+        self.position = self._position(*found)
+        if self._guide.is_due:
+            self._guide.decide(*found)
+        return True
+
+    @property
+    def _is_due(self) -> bool:
+        if self._here is None or self._renewed_m is None:
+            return True
+        return hypot(*(a - b for a, b in zip(self._here, self._renewed_m, strict=True))) >= _AGAIN_M
+
+    def _position(self, task: LocatorInput, tree: Tree) -> LivePosition:
+        posterior = summarise(task, tree)
+        obs = _observations(task, self._utm)
+        decision = assess(posterior, obs, within_m=LIVE_M)
+        if decision.verdict == "located":
+            decision = assess(posterior, obs, divide(obs, posterior), within_m=LIVE_M)
+        return LivePosition(posterior, decision)
+
+
+def _observations(task: LocatorInput, utm: Utm) -> CellObservations:
+    """The blocks of a walk as readings, which is what the verdict asks for."""
+    walk = task.walk.blocks
+    number = np.arange(len(walk))
+    return CellObservations(
+        cell="",
+        rat=None,
+        utm=utm,
+        t_ns=number,
+        x_m=walk.x_m,
+        y_m=walk.y_m,
+        position_sigma_m=walk.position_sigma_m,
+        level_dbm=walk.level_dbm + task.mean_dbm,
+        scan_seq=number,
+        known_limit=np.zeros(len(walk), np.int64),
+        without_spikes=True,
+    )
