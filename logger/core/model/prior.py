@@ -138,6 +138,19 @@ class Prior:
     offset_sigma_db: float = 6.0
     antenna_db: tuple[float, ...] = ()
 
+    def radius_m(self, level: float) -> float:
+        """Radius around a single reading that holds `level` of the positions.
+
+        Within `near_m` each area is as probable, beyond the density falls with the distance to the
+        power of `far_power`, above 2. Lengths are in units of `near_m` and the reach has no end.
+        """
+        tail = 1.0 / (self.far_power - 2.0)  # integral of r^(1 - far_power) from 1 on
+        within = level * (0.5 + tail)
+        if within <= 0.5:
+            return self.near_m * float(np.sqrt(2.0 * within))
+        left = 1.0 - (within - 0.5) / tail
+        return self.near_m * float(left ** (1.0 / (2.0 - self.far_power)))
+
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """All hypotheses of the noise, group by group."""

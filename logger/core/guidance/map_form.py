@@ -1,0 +1,66 @@
+"""Position and advice in degrees, as `postproc guide` prints them and `status.json` has them."""
+
+from math import atan2, cos, degrees, radians
+
+import msgspec
+import numpy as np
+
+from logger.core.geo import Utm
+from logger.core.guidance.advice import Advice, Point
+from logger.core.guidance.followed_cell import LivePosition
+
+_DECIMALS = 6
+"""Of degrees: 0.1 m."""
+
+
+class NextWay(msgspec.Struct, frozen=True):
+    """Where to walk next: from true north, to `lat, lon` (WGS 84), and why."""
+
+    azimuth_deg: float
+    distance_m: float
+    lat: float
+    lon: float
+    nats_per_km: float
+    text: str
+
+
+class BestPosition(msgspec.Struct, frozen=True):
+    """The position shown (WGS 84), and the radius around it that holds 95 %."""
+
+    lat: float
+    lon: float
+    r95_m: float
+
+
+def next_way(utm: Utm, advice: Advice | None) -> NextWay | None:
+    """The advice in degrees."""
+    if advice is None:
+        return None
+    lat, lon = _degrees(utm, advice.to_m)
+    distance_m = float(np.hypot(*np.subtract(advice.to_m, advice.from_m)))
+    azimuth_deg = true_azimuth_deg(utm, advice.from_m, advice.to_m)
+    nats_per_km = round(advice.nats_per_km, 2)
+    return NextWay(azimuth_deg, round(distance_m, 1), lat, lon, nats_per_km, advice.text)
+
+
+def best_position(utm: Utm, position: LivePosition) -> BestPosition:
+    """The position shown, in degrees."""
+    posterior = position.posterior
+    lat, lon = _degrees(utm, (posterior.x_m, posterior.y_m))
+    return BestPosition(lat, lon, round(posterior.r95_m, 1))
+
+
+def true_azimuth_deg(utm: Utm, from_m: Point, to_m: Point) -> float:
+    """Direction from true north, 0 to 360 degrees, over distances of a walk.
+
+    True and grid north differ by up to 3 degrees at the border of a zone.
+    """
+    lat_deg, lon_deg = utm.to_latlon(*from_m)
+    to_lat_deg, to_lon_deg = utm.to_latlon(*to_m)
+    east = (to_lon_deg - lon_deg) * cos(radians(0.5 * (lat_deg + to_lat_deg)))
+    return round(degrees(atan2(east, to_lat_deg - lat_deg)) % 360.0, 1) % 360.0
+
+
+def _degrees(utm: Utm, point_m: Point) -> tuple[float, float]:
+    lat_deg, lon_deg = utm.to_latlon(*point_m)
+    return round(lat_deg, _DECIMALS), round(lon_deg, _DECIMALS)

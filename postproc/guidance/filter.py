@@ -1,0 +1,164 @@
+"""One row of a walk in, one answer out: position, verdict and the way to walk next."""
+
+from collections.abc import Mapping
+from math import hypot, isfinite, pi
+
+import msgspec
+
+from logger.core.censoring import limit_of
+from logger.core.errors import GeoError
+from logger.core.geo import Utm
+from logger.core.guidance.followed_cell import FollowedCell
+from logger.core.guidance.map_form import BestPosition, NextWay, best_position, next_way
+from logger.core.locator.online import OnlineLocator
+from logger.core.model.prior import Prior
+from logger.core.track import TIMING_S, fix_sigma_m
+from logger.street_file import Line, street_map
+
+COLUMNS = ("t_s", "lat", "lon", "rssi_dbm")
+"""Columns that the header has to name; `cell`, `acc_m` and `rat` may follow."""
+
+_FEWEST_LEVELS = 5
+"""With as many levels there is a best position, however unsure."""
+_LEVELS_DBM = (-200.0, 50.0)
+"""A level outside is none of any technology."""
+_FASTEST_MPS = 40.0
+"""Faster than this two rows belong to different walks, or a time is wrong."""
+_RAT = "GSM"
+"""Technology of rows that name none: its scale ends at -110 and -47 dBm."""
+
+
+class Answer(msgspec.Struct, frozen=True, omit_defaults=False):
+    """What is known after a row; `error` says why the row was not used."""
+
+    t_s: float | None
+    verdict: str = "cannot tell"
+    best: BestPosition | None = None
+    area_m2: float | None = None
+    next: NextWay | None = None
+
+
+class BadRow(Answer, frozen=True):
+    """The answer to a row that could not be used."""
+
+    error: str = ""
+
+
+class GuideFilter:
+    """Answers the rows of one walk in their order.
+
+    `cell` is the cell to follow: rows of others are positions only. `lines` are the streets, if a
+    map is known.
+    """
+
+    def __init__(
+        self, prior: Prior, cell: str | None = None, lines: list[Line] | None = None
+    ) -> None:
+        self._prior, self._cell, self._lines = prior, cell, lines
+        self._locator = OnlineLocator(prior)
+        self._utm: Utm | None = None
+        self._followed: FollowedCell | None = None
+        self._last: tuple[float, float, float] | None = None
+        self._strongest: tuple[float, float, float] | None = None
+        self._levels = 0
+
+    def answer(self, row: Mapping[str, str | None]) -> Answer:
+        """Take a row by column names; an empty value is unknown."""
+        t_s = None
+        try:
+            t_s = _number(row, "t_s")
+            lat_deg, lon_deg = _number(row, "lat"), _number(row, "lon")
+            level_dbm = _level_dbm(row)
+            acc_m = _number(row, "acc_m")
+            if lat_deg is not None and lon_deg is not None:
+                self._take(t_s, lat_deg, lon_deg, acc_m, level_dbm, row)
+        except (ValueError, GeoError) as error:
+            return BadRow(**_fields(self._known(t_s)), error=str(error))
+        return self._known(t_s)
+
+    def _take(
+        self,
+        t_s: float | None,
+        lat_deg: float,
+        lon_deg: float,
+        acc_m: float | None,
+        level_dbm: float | None,
+        row: Mapping[str, str | None],
+    ) -> None:
+        if self._utm is None:
+            self._utm = Utm.at(lat_deg, lon_deg)
+        x_m, y_m = self._utm.to_xy(lat_deg, lon_deg)
+        followed = self._followed
+        if followed is None:
+            streets = self._lines and street_map(self._lines, self._utm, x_m, y_m)
+            followed = self._followed = FollowedCell(self._utm, streets or None)
+        sigma_m = hypot(fix_sigma_m(acc_m, None), TIMING_S * self._speed_mps(t_s, x_m, y_m))
+        if level_dbm is not None and self._is_followed(row):
+            self._levels += 1
+            self._strongest = max(self._strongest or (level_dbm, lat_deg, lon_deg), (level_dbm, lat_deg, lon_deg))
+            limit = limit_of(level_dbm, row.get("rat") or _RAT)
+            self._locator.add(x_m, y_m, sigma_m, level_dbm, limit)
+            if self._locator.stale > 1.0:
+                self._locator.search()
+        followed.update(x_m, y_m, self._locator.searched)
+
+    def _is_followed(self, row: Mapping[str, str | None]) -> bool:
+        return self._cell is None or row.get("cell") == self._cell
+
+    def _speed_mps(self, t_s: float | None, x_m: float, y_m: float) -> float:
+        """Speed since the row before, 0 without a time."""
+        if t_s is None:
+            return 0.0
+        before, self._last = self._last, (t_s, x_m, y_m)
+        if before is None or t_s <= before[0]:
+            return 0.0
+        speed_mps = hypot(x_m - before[1], y_m - before[2]) / max(t_s - before[0], 1.0)
+        return min(speed_mps, _FASTEST_MPS)
+
+    def _known(self, t_s: float | None) -> Answer:
+        followed, utm = self._followed, self._utm
+        if followed is None or utm is None or followed.position is None:
+            return self._before_position(t_s)
+        position = followed.position
+        return Answer(
+            t_s=t_s,
+            verdict=position.decision.verdict,
+            best=best_position(utm, position),
+            area_m2=round(position.posterior.region_area_m2),
+            next=next_way(utm, followed.advice),
+        )
+
+    def _before_position(self, t_s: float | None) -> Answer:
+        """Before the first search: the strongest level, within the reach of the prior."""
+        if self._strongest is None or self._levels < _FEWEST_LEVELS:
+            return Answer(t_s)
+        _, lat_deg, lon_deg = self._strongest
+        radius_m = self._prior.radius_m(0.95)
+        best = BestPosition(round(lat_deg, 6), round(lon_deg, 6), round(radius_m, 1))
+        return Answer(t_s, best=best, area_m2=round(pi * radius_m**2))
+
+
+def _fields(answer: Answer) -> dict[str, object]:
+    return {name: getattr(answer, name) for name in Answer.__struct_fields__}
+
+
+def _level_dbm(row: Mapping[str, str | None]) -> float | None:
+    level_dbm = _number(row, "rssi_dbm")
+    low_dbm, high_dbm = _LEVELS_DBM
+    if level_dbm is not None and not low_dbm <= level_dbm <= high_dbm:
+        raise ValueError(f"rssi_dbm {level_dbm:g} is not from {low_dbm:g} to {high_dbm:g} dBm")
+    return level_dbm
+
+
+def _number(row: Mapping[str, str | None], name: str) -> float | None:
+    """A number, None where the column is empty; raises ValueError with a reason."""
+    text = (row.get(name) or "").strip()
+    if not text:
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"{name} {text[:40]!r} is not a number") from None
+    if not isfinite(value):
+        raise ValueError(f"{name} {text[:40]!r} is not a number")
+    return value
