@@ -5,12 +5,15 @@ Every cell that two scans have named has a locator and, once its position is clo
 the cell that needs it most is searched again: a bounded amount of work for any number of cells.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import hypot
 
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.censoring import limit_of
 from logger.core.geo import Utm
+from logger.core.guidance.followed_cell import FollowedCell
+from logger.core.guidance.street_map import Line, streets_near
 from logger.core.identities import Identities
 from logger.core.latest import Latest
 from logger.core.live_cell import CellEstimate, LiveCell
@@ -26,16 +29,24 @@ from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
 _MOST_ONCE = 100
 """Most cells seen once whose reading is stored: a real cell is received again soon."""
+ADVICE = "advice"
+"""Code of the Note that says where to walk next."""
 
 
 class LiveTracker:
     """Follows the records of one run; `feed` them in recorded order.
 
-    `baseline` has what earlier walks heard.
+    `baseline` has what earlier walks heard, `street_lines` the streets that may be walked.
     """
 
-    def __init__(self, settings: LiveSettings, baseline: Baseline = NO_BASELINE) -> None:
+    def __init__(
+        self,
+        settings: LiveSettings,
+        baseline: Baseline = NO_BASELINE,
+        street_lines: Sequence[Line] = (),
+    ) -> None:
         self.baseline = baseline
+        self._street_lines = street_lines
         self._prior = live_prior(settings)
         self._track = ReceiverTrack(settings.max_fix_age_s)
         self._reference = LiveReference(settings)
@@ -43,6 +54,7 @@ class LiveTracker:
         self._once: Latest[LevelReading] = Latest(_MOST_ONCE)
         self._cells: Latest[LiveCell] = Latest(settings.most_cells)
         self.suspicion = SuspicionTracker(settings.max_fix_age_s, baseline)
+        self.followed: FollowedCell | None = None
 
     @property
     def target(self) -> str | None:
@@ -54,7 +66,7 @@ class LiveTracker:
         notes = self._check_rules(record)
         match record.value:
             case Fix() as fix:
-                return [*notes, *self._track.add(record.t_ns, fix)]
+                return [*notes, *self._track.add(record.t_ns, fix), *self._guide()]
             case Scan() as scan:
                 return [*notes, *self._take_scan(seq, record.t_ns, scan)]
             case Note(code=code, text=cell) if code == FOLLOW:
@@ -108,6 +120,23 @@ class LiveTracker:
         if estimate is None:
             return [*notes]
         return [*notes, _record(seq, name, cell.n, utm, estimate)]
+
+    def _guide(self) -> list[Note]:
+        """The advice for the target, if there is a new one."""
+        receiver, utm, target = self._track.latest, self._track.utm, self.target
+        if receiver is None or utm is None or target is None or target not in self._cells:
+            return []
+        x_m, y_m = receiver.x_m, receiver.y_m
+        if self.followed is None or self.followed.cell != target:
+            lines = self._street_lines
+            streets = streets_near(lines, utm, x_m, y_m) if lines else None
+            self.followed = FollowedCell(target, utm, streets)
+        before = self.followed.advice
+        self.followed.update(x_m, y_m, self._cells[target].searched)
+        advice = self.followed.advice
+        if advice is None or advice is before:
+            return []
+        return [Note("info", ADVICE, f"{target}: {advice.text}")]
 
     def _search(self) -> None:
         cell = max(self._cells.values(), key=lambda cell: cell.stale, default=None)

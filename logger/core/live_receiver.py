@@ -31,6 +31,11 @@ class ReceiverTrack:
         self._fixes = SampleHold[Receiver](max_fix_age_s)
         self._has_warned = False
 
+    @property
+    def latest(self) -> Receiver | None:
+        """The receiver at the latest fix, None if that had no position."""
+        return self._fixes.last
+
     def add(self, t_ns: int, fix: Fix) -> list[Note]:
         """Take a fix; the first one that cannot be mapped gives a warning."""
         receiver, warnings = None, []

@@ -64,6 +64,7 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     antenna: Literal["omni", "sector"] = "omni"
     height_m: float = 5.0
     baseline: str = ""
+    streets: str = ""
 
 
 def restore_settings(recorded: Mapping[str, Any]) -> dict[str, Any]:

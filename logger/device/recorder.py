@@ -21,7 +21,9 @@ from logger.device.link import Inbox
 from logger.device.retention import RoomKeeper
 
 if TYPE_CHECKING:
+    from logger.core.guidance.next_way import NextWay
     from logger.core.suspicion.words import Assessment
+    from logger.device.status import PositionStatus
 
 log = logging.getLogger(__name__)
 
@@ -79,6 +81,16 @@ class Recorder:
     def suspicions(self) -> "tuple[Assessment, ...]":
         """Words of the cells with a finding."""
         return self._estimator.suspicions
+
+    @property
+    def next_way(self) -> "NextWay | None":
+        """Where to walk next for the target."""
+        return self._estimator.next_way
+
+    @property
+    def position(self) -> "PositionStatus | None":
+        """The posterior of the target."""
+        return self._estimator.position
 
     @property
     def target(self) -> str | None:

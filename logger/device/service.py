@@ -183,6 +183,8 @@ class Service:
             target=_target(self.recorder.target, self.recorder.latest),
             ports=dict(inbox.ports),
             suspicions=suspicions,
+            next=self.recorder.next_way,
+            position=self.recorder.position,
             cells=inbox.cells.rows(suspicions),
             followed=inbox.followed,
         )

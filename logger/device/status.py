@@ -7,6 +7,8 @@ from typing import Any, Literal
 
 import msgspec
 
+from logger.core.guidance.next_way import NextWay
+
 FOLDER = Path("/run/cellwalk")
 """RuntimeDirectory= of the service; systemd removes it with the service."""
 _FILE = "status.json"
@@ -65,20 +67,6 @@ class SuspicionStatus(msgspec.Struct, frozen=True):
     word: str
     score_nats: float
     reasons: tuple[str, ...]
-
-
-class NextStatus(msgspec.Struct, frozen=True):
-    """Where the walker should go next for the cell that is followed, and why.
-
-    `azimuth_deg` is from true north; `nats_per_km` is the information expected on the way.
-    """
-
-    azimuth_deg: float = 0.0
-    distance_m: float = 0.0
-    lat: float | None = None
-    lon: float | None = None
-    nats_per_km: float | None = None
-    text: str = ""
 
 
 class ModeStatus(msgspec.Struct, frozen=True):
@@ -174,7 +162,7 @@ class Status(msgspec.Struct, frozen=True):
     target: TargetStatus | None
     ports: dict[str, PortStatus]
     suspicions: tuple[SuspicionStatus, ...] = ()
-    next: NextStatus | None = None
+    next: NextWay | None = None
     position: PositionStatus | None = None
     cells: tuple[CellStatus, ...] = ()
     followed: str | None = None

@@ -33,7 +33,7 @@ def guide(cell: str | None, streets: Path | None, prior: "Prior") -> None:
     from logger.street_file import read_lines
     from postproc.guidance.filter import GuideFilter
 
-    lines = None if streets is None else read_lines(streets)
+    lines = () if streets is None else read_lines(streets)
     answers = GuideFilter(prior, cell, lines)
     for row in _rows(needs_cell=cell is not None):
         print(msgspec.json.encode(answers.answer(row)).decode(), flush=True)

@@ -1,6 +1,6 @@
 """One row of a walk in, one answer out: position, verdict and the way to walk next."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import hypot, isfinite, pi
 
 import msgspec
@@ -9,11 +9,12 @@ from logger.core.censoring import limit_of
 from logger.core.errors import GeoError
 from logger.core.geo import Utm
 from logger.core.guidance.followed_cell import FollowedCell
-from logger.core.guidance.map_form import BestPosition, NextWay, best_position, next_way
+from logger.core.guidance.map_form import BestPosition, best_position, degrees_of, next_way
+from logger.core.guidance.next_way import NextWay
+from logger.core.guidance.street_map import Line, streets_near
 from logger.core.locator.online import OnlineLocator
 from logger.core.model.prior import Prior
 from logger.core.track import TIMING_S, fix_sigma_m
-from logger.street_file import Line, street_map
 
 COLUMNS = ("t_s", "lat", "lon", "rssi_dbm")
 """Columns that the header has to name; `cell`, `acc_m` and `rat` may follow."""
@@ -51,9 +52,7 @@ class GuideFilter:
     map is known.
     """
 
-    def __init__(
-        self, prior: Prior, cell: str | None = None, lines: list[Line] | None = None
-    ) -> None:
+    def __init__(self, prior: Prior, cell: str | None = None, lines: Sequence[Line] = ()) -> None:
         self._prior, self._cell, self._lines = prior, cell, lines
         self._locator = OnlineLocator(prior)
         self._utm: Utm | None = None
@@ -73,7 +72,8 @@ class GuideFilter:
             if lat_deg is not None and lon_deg is not None:
                 self._take(t_s, lat_deg, lon_deg, acc_m, level_dbm, row)
         except (ValueError, GeoError) as error:
-            return BadRow(**_fields(self._known(t_s)), error=str(error))
+            known = self._known(t_s)
+            return BadRow(t_s, known.verdict, known.best, known.area_m2, known.next, str(error))
         return self._known(t_s)
 
     def _take(
@@ -90,12 +90,12 @@ class GuideFilter:
         x_m, y_m = self._utm.to_xy(lat_deg, lon_deg)
         followed = self._followed
         if followed is None:
-            streets = self._lines and street_map(self._lines, self._utm, x_m, y_m)
-            followed = self._followed = FollowedCell(self._utm, streets or None)
+            streets = streets_near(self._lines, self._utm, x_m, y_m) if self._lines else None
+            followed = self._followed = FollowedCell(self._cell or "", self._utm, streets)
         sigma_m = hypot(fix_sigma_m(acc_m, None), TIMING_S * self._speed_mps(t_s, x_m, y_m))
         if level_dbm is not None and self._is_followed(row):
             self._levels += 1
-            self._strongest = max(self._strongest or (level_dbm, lat_deg, lon_deg), (level_dbm, lat_deg, lon_deg))
+            self._strongest = max(filter(None, [self._strongest, (level_dbm, x_m, y_m)]))
             limit = limit_of(level_dbm, row.get("rat") or _RAT)
             self._locator.add(x_m, y_m, sigma_m, level_dbm, limit)
             if self._locator.stale > 1.0:
@@ -130,16 +130,12 @@ class GuideFilter:
 
     def _before_position(self, t_s: float | None) -> Answer:
         """Before the first search: the strongest level, within the reach of the prior."""
-        if self._strongest is None or self._levels < _FEWEST_LEVELS:
+        if self._utm is None or self._strongest is None or self._levels < _FEWEST_LEVELS:
             return Answer(t_s)
-        _, lat_deg, lon_deg = self._strongest
+        _, x_m, y_m = self._strongest
         radius_m = self._prior.radius_m(0.95)
-        best = BestPosition(round(lat_deg, 6), round(lon_deg, 6), round(radius_m, 1))
+        best = BestPosition(*degrees_of(self._utm, (x_m, y_m)), round(radius_m, 1))
         return Answer(t_s, best=best, area_m2=round(pi * radius_m**2))
-
-
-def _fields(answer: Answer) -> dict[str, object]:
-    return {name: getattr(answer, name) for name in Answer.__struct_fields__}
 
 
 def _level_dbm(row: Mapping[str, str | None]) -> float | None:

@@ -60,7 +60,7 @@ def test_what_is_found_is_what_a_tracker_finds_in_that_order():
 def test_a_slow_processor_holds_nobody_up_and_is_told(monkeypatch):
     monkeypatch.setattr(estimator, "MOST_WAITING", 10)
     slow, taken = Slow(LiveSettings()), []
-    beside = Estimator(lambda _: slow, Inbox())
+    beside = Estimator(lambda *_: slow, Inbox())
     beside.start()
     assert_ends(lambda: taken.extend(beside.give(seq, record) for seq, record in walk(30)))
     assert len(taken) == 60
@@ -79,7 +79,7 @@ def test_a_bug_in_the_estimate_is_an_event_and_no_end():
             raise ZeroDivisionError("oops")
 
     inbox = Inbox()
-    beside = Estimator(lambda _: Broken(LiveSettings()), inbox)
+    beside = Estimator(lambda *_: Broken(LiveSettings()), inbox)
     beside.start()
     beside.give(*next(walk(1)))
     assert not beside.finish(LIMIT_S)

@@ -1,12 +1,14 @@
 """When to plan, and the advice that the walker follows until the next one."""
 
+from collections.abc import Sequence
+from itertools import pairwise
 from math import hypot
 from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.arrays import FloatArray
-from logger.core.guidance.clusters import clusters
+from logger.core.arrays import BoolArray, FloatArray
+from logger.core.guidance.clusters import Cluster, clusters
 from logger.core.guidance.forecast import Forecaster
 from logger.core.guidance.planner import Course, azimuth_deg, plan, turn_deg
 from logger.core.guidance.routes import Route, compass_routes
@@ -28,6 +30,10 @@ _COURSE_M = 20.0
 """The course is the direction of the last metres: fewer are within the errors of fixes."""
 _LATEST_M = 60.0
 """The end of the track is not an earlier part of it."""
+_NEAR_M, _AROUND_M = 300.0, 150.0
+"""Within this distance of the likeliest place the way is planned for the places around it."""
+_NEAR_SHARE = 0.5
+"""So much of the probability has to be around it."""
 _TURN_DEG = 25.0
 """A corner of more than this is where the walker turns; a smaller one is a bend of the street."""
 
@@ -78,8 +84,9 @@ class Guide:
         self._planned_m = here
         self._plans += 1
         mixed = tree.mixture(task.walk.prior)
-        sample = draw(task, tree, mixed, self._plans)
         places = clusters(tree.squares, mixed.probability, here)
+        near = _near_place(tree, mixed.probability, places, here)
+        sample = draw(task, tree, mixed, self._plans, near)
         routes: list[Route] = []
         if self._streets is not None:
             routes = street_routes(self._streets, here, places)
@@ -106,11 +113,25 @@ class Guide:
         return Course(azimuth, track[along_m < along_m[-1] - _LATEST_M])
 
 
+def _near_place(
+    tree: Tree, probability: FloatArray, places: Sequence[Cluster], here: Point
+) -> BoolArray | None:
+    """Squares (h,) around the likeliest place, once the walker is near and it holds half.
+
+    The tail far away would otherwise decide where to walk until the end.
+    """
+    if not places or _apart_m(here, (places[0].x_m, places[0].y_m)) > _NEAR_M:
+        return None
+    around = np.hypot(tree.x_m - places[0].x_m, tree.y_m - places[0].y_m) < _AROUND_M
+    is_likely = float(np.sum(probability[around])) >= _NEAR_SHARE
+    return np.asarray(around, np.bool_) if is_likely else None
+
+
 def _first_turn(route: Route) -> FloatArray:
     """The corner at which the walker leaves the first direction, or the end."""
     corner = route.corner_m
     first = azimuth_deg(corner[0].tolist(), corner[1].tolist())
-    for here, after in zip(corner[1:], corner[2:], strict=False):
+    for here, after in pairwise(corner[1:]):
         if abs(turn_deg(first, azimuth_deg(here.tolist(), after.tolist()))) > _TURN_DEG:
             return np.asarray(here, float)
     return np.asarray(corner[-1], float)

@@ -15,7 +15,7 @@ _BLUR_M, _BLUR_SHARE = 60.0, 0.25
 _LEAST = 0.03
 """Less probability than this is no place to walk to."""
 _CENTRES = 60
-"""Squares tried as the centre of a place, the likeliest first: with 150 the places were the same."""
+"""Squares tried as the centre of a place, the likeliest first: 150 gave the same places."""
 _NEGLIGIBLE = 1e-5
 """Squares with less probability change no place."""
 

@@ -31,10 +31,10 @@ class LivePosition(NamedTuple):
 
 
 class FollowedCell:
-    """Position and advice for one cell, renewed as the walker moves."""
+    """Position and advice for one `cell`, renewed as the walker moves."""
 
-    def __init__(self, utm: Utm, streets: StreetMap | None = None) -> None:
-        self._utm = utm
+    def __init__(self, cell: str, utm: Utm, streets: StreetMap | None = None) -> None:
+        self.cell, self.utm = cell, utm
         self._guide = Guide(streets)
         self._here: tuple[float, float] | None = None
         self._renewed_m: tuple[float, float] | None = None
@@ -68,7 +68,7 @@ class FollowedCell:
 
     def _position(self, task: LocatorInput, tree: Tree) -> LivePosition:
         posterior = summarise(task, tree)
-        obs = _observations(task, self._utm)
+        obs = _observations(task, self.utm)
         decision = assess(posterior, obs, within_m=LIVE_M)
         if decision.verdict == "located":
             decision = assess(posterior, obs, divide(obs, posterior), within_m=LIVE_M)

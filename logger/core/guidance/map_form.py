@@ -1,27 +1,15 @@
-"""Position and advice in degrees, as `postproc guide` prints them and `status.json` has them."""
+"""Position and advice in degrees."""
 
-from math import atan2, cos, degrees, radians
+from math import atan2, cos, degrees, hypot, radians
 
 import msgspec
-import numpy as np
 
 from logger.core.geo import Utm
 from logger.core.guidance.advice import Advice, Point
 from logger.core.guidance.followed_cell import LivePosition
+from logger.core.guidance.next_way import NextWay
 
 _DECIMALS = 6
-"""Of degrees: 0.1 m."""
-
-
-class NextWay(msgspec.Struct, frozen=True):
-    """Where to walk next: from true north, to `lat, lon` (WGS 84), and why."""
-
-    azimuth_deg: float
-    distance_m: float
-    lat: float
-    lon: float
-    nats_per_km: float
-    text: str
 
 
 class BestPosition(msgspec.Struct, frozen=True):
@@ -36,8 +24,8 @@ def next_way(utm: Utm, advice: Advice | None) -> NextWay | None:
     """The advice in degrees."""
     if advice is None:
         return None
-    lat, lon = _degrees(utm, advice.to_m)
-    distance_m = float(np.hypot(*np.subtract(advice.to_m, advice.from_m)))
+    lat, lon = degrees_of(utm, advice.to_m)
+    distance_m = hypot(advice.to_m[0] - advice.from_m[0], advice.to_m[1] - advice.from_m[1])
     azimuth_deg = true_azimuth_deg(utm, advice.from_m, advice.to_m)
     nats_per_km = round(advice.nats_per_km, 2)
     return NextWay(azimuth_deg, round(distance_m, 1), lat, lon, nats_per_km, advice.text)
@@ -46,7 +34,7 @@ def next_way(utm: Utm, advice: Advice | None) -> NextWay | None:
 def best_position(utm: Utm, position: LivePosition) -> BestPosition:
     """The position shown, in degrees."""
     posterior = position.posterior
-    lat, lon = _degrees(utm, (posterior.x_m, posterior.y_m))
+    lat, lon = degrees_of(utm, (posterior.x_m, posterior.y_m))
     return BestPosition(lat, lon, round(posterior.r95_m, 1))
 
 
@@ -61,6 +49,7 @@ def true_azimuth_deg(utm: Utm, from_m: Point, to_m: Point) -> float:
     return round(degrees(atan2(east, to_lat_deg - lat_deg)) % 360.0, 1) % 360.0
 
 
-def _degrees(utm: Utm, point_m: Point) -> tuple[float, float]:
+def degrees_of(utm: Utm, point_m: Point) -> tuple[float, float]:
+    """Latitude and longitude, to 0.1 m."""
     lat_deg, lon_deg = utm.to_latlon(*point_m)
     return round(lat_deg, _DECIMALS), round(lon_deg, _DECIMALS)

@@ -43,12 +43,11 @@ class Plan(NamedTuple):
     points: IntArray
 
 
-def plan(
-    forecaster: Forecaster, routes: Sequence[Route], course: Course, *, has_map: bool
-) -> Plan:
+def plan(forecaster: Forecaster, routes: Sequence[Route], course: Course, *, has_map: bool) -> Plan:
     """The best of some routes."""
     each = [route.points() for route in routes]
-    points, at = np.unique(np.round(np.concatenate(each), 1), axis=0, return_inverse=True)
+    rounded = np.asarray(np.round(np.concatenate(each), 1), float)
+    points, at = np.unique(rounded, axis=0, return_inverse=True)
     forecast = forecaster.at(points[:, 0], points[:, 1])
     rows = np.split(np.ravel(at), np.cumsum([len(one) for one in each])[:-1])
     value = np.array(

@@ -39,9 +39,7 @@ class Route(NamedTuple):
 def compass_routes(here_m: tuple[float, float], places: Sequence[Cluster]) -> list[Route]:
     """Two legs in all directions, a route to each place, and one leg beyond it."""
     found = [
-        _legs(here_m, [first, second])
-        for first in range(DIRECTIONS)
-        for second in _onward(first)
+        _legs(here_m, [first, second]) for first in range(DIRECTIONS) for second in _onward(first)
     ]
     for place in places:
         found += _to_place(here_m, place)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.arrays import FloatArray
+from logger.core.arrays import BoolArray, FloatArray
 from logger.core.locator.mixture import Mixture
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree
@@ -35,9 +35,14 @@ class PositionSample(NamedTuple):
     sigma_db: float
 
 
-def draw(task: LocatorInput, tree: Tree, mixed: Mixture, turn: int) -> PositionSample:
-    """Systematic sample of the squares of a tree; `turn` numbers the draws of one walk."""
-    p = mixed.probability
+def draw(
+    task: LocatorInput, tree: Tree, mixed: Mixture, turn: int, within: BoolArray | None = None
+) -> PositionSample:
+    """Systematic sample of the squares of a tree; `turn` numbers the draws of one walk.
+
+    `within` (h,) are the squares to draw from, all of them by default.
+    """
+    p = mixed.probability if within is None else np.where(within, mixed.probability, 0.0)
     at = (np.arange(POSITIONS) + (turn * _GOLDEN) % 1.0) / POSITIONS
     drawn = np.searchsorted(np.cumsum(p), at * np.sum(p))
     square, count = np.unique(np.minimum(drawn, len(p) - 1), return_counts=True)

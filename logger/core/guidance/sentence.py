@@ -97,9 +97,7 @@ def _two_places(
     )
 
 
-def _one_place(
-    sample: PositionSample, places: Sequence[Cluster], here: Sequence[float]
-) -> str:
+def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Sequence[float]) -> str:
     if not places:
         return "the position is open; this way says most about it"
     place = places[0]

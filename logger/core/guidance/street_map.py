@@ -7,11 +7,19 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.geo import Utm
 
 _SNAP_M = 3.0
 """Ends of lines this close are the same crossing: maps are drawn to about a metre."""
 _LONGEST_LEG_M = 130.0
 """A longer street is divided, because one may turn back halfway."""
+
+
+FARTHEST_M = 3000.0
+"""Streets farther from the first position are left out: no walk of an hour gets there."""
+
+Line = list[tuple[float, float]]
+"""Latitudes and longitudes in degrees."""
 
 
 class Leg(NamedTuple):
@@ -69,7 +77,9 @@ class StreetMap:
     def shortest(self, first: Sequence[Leg], most_m: float) -> dict[int, tuple[Leg, ...]]:
         """The shortest way to each crossing within `most_m`, beginning with one of some legs."""
         way: dict[int, tuple[Leg, ...]] = {}
-        reached = [(leg.length_m, k, (leg,)) for k, leg in enumerate(first)]
+        reached: list[tuple[float, int, tuple[Leg, ...]]] = [
+            (leg.length_m, k, (leg,)) for k, leg in enumerate(first)
+        ]
         reached.sort(key=lambda one: one[:2])
         count = len(reached)
         while reached:
@@ -94,11 +104,24 @@ def part_of(leg: Leg, from_m: float) -> Leg:
     return leg._replace(line_m=rest, length_m=max(float(along_m[-1]) - from_m, 0.0))
 
 
+def streets_near(lines: Sequence[Line], utm: Utm, x_m: float, y_m: float) -> StreetMap:
+    """The streets within `FARTHEST_M` of a position."""
+    every_m = (np.stack(utm.to_xy_arrays(*np.array(line, float).T), axis=1) for line in lines)
+    here = np.array([x_m, y_m])
+    return StreetMap(line_m for line_m in every_m if _is_near(line_m, here))
+
+
+def _is_near(line_m: FloatArray, here: FloatArray) -> bool:
+    low, high = np.min(line_m, axis=0), np.max(line_m, axis=0)
+    return bool(np.all(low < here + FARTHEST_M) and np.all(high > here - FARTHEST_M))
+
+
 def _segments(lines_m: Iterable[FloatArray]) -> FloatArray:
     """Straight pieces of all lines: (s, 4) with x, y of both ends; pieces without length go."""
     pieces = [np.hstack([line[:-1], line[1:]]) for line in lines_m if len(line) > 1]
     every = np.concatenate([np.zeros((0, 4)), *pieces])
-    return every[np.hypot(every[:, 2] - every[:, 0], every[:, 3] - every[:, 1]) > 0.0]
+    length_m = np.hypot(every[:, 2] - every[:, 0], every[:, 3] - every[:, 1])
+    return np.asarray(every[length_m > 0.0], float)
 
 
 def _split_at_crossings(segment: FloatArray) -> FloatArray:

@@ -52,7 +52,7 @@ def _first_legs(streets: StreetMap, on_street: OnStreet) -> list[Leg]:
 def _ways(streets: StreetMap, first: Sequence[Leg]) -> list[tuple[Leg, ...]]:
     """Ways without turning on the spot, breadth first."""
     complete: list[tuple[Leg, ...]] = []
-    waiting = [(leg,) for leg in first]
+    waiting: list[tuple[Leg, ...]] = [(leg,) for leg in first]
     while waiting and len(complete) + len(waiting) < _MOST_WAYS:
         way, *waiting = waiting
         onward = [leg for leg in streets.leaving[way[-1].end] if leg.end != way[-1].start]

@@ -187,14 +187,11 @@ class OnlineLocator:
         """The walk and its tree as the desktop has them, for `summarise`; None without a search."""
         if self._searched is None or self._evidence is None or self._strongest is None:
             return None
-        found, log_side = self._searched, np.log(self._searched.square[2])
-        tree = Tree(
-            *found.square,
-            log_prior=found.log_mass - 2.0 * log_side,
-            evidence=self._evidence,
-            numbers=found.numbers,
-            log_weight=found.log_weight,
-        )
+        found = self._searched
+        x_m, y_m, size_m = found.square
+        log_prior = found.log_mass - 2.0 * np.log(size_m)
+        evidence, log_weight = self._evidence, found.log_weight
+        tree = Tree(x_m, y_m, size_m, log_prior, evidence, found.numbers, log_weight)
         walk = single(self._on_curve(0, self._n), self._size_m, self._censored_points())
         given = Walk(walk, walk, self._prior, EFFORT)
         return LocatorInput(given, self._prior, 0.0, 1, self._strongest), tree

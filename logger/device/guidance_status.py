@@ -1,0 +1,55 @@
+"""Position and next way of the followed cell for `status.json`, in degrees."""
+
+from typing import Any
+
+import numpy as np
+
+from logger.core.geo import Utm
+from logger.core.guidance.followed_cell import LivePosition
+from logger.core.guidance.map_form import degrees_of
+from logger.core.locator.region import highest_density
+from logger.core.locator.rivals import relevant_modes
+from logger.device.status import ModeStatus, PositionStatus, StrongestStatus
+
+_MOST_SQUARES = 400
+"""Squares of the region, 100 bytes each: the page loads them twice a second."""
+_DECIMALS = 5
+"""Of degrees: 1 m, which no phone shows."""
+
+
+def position_status(cell: str, utm: Utm, position: LivePosition) -> PositionStatus:
+    """The posterior of the cell that is followed."""
+    posterior = position.posterior
+    lat, lon = degrees_of(utm, (posterior.x_m, posterior.y_m))
+    strongest = posterior.strongest
+    return PositionStatus(
+        cell=cell,
+        verdict=position.decision.verdict,
+        lat=lat,
+        lon=lon,
+        r95_m=round(posterior.r95_m, 1),
+        area_m2=round(posterior.region_area_m2),
+        region=_region(utm, position),
+        modes=tuple(
+            ModeStatus(*degrees_of(utm, (mode.x_m, mode.y_m)), round(mode.probability, 3))
+            for mode in relevant_modes(posterior.modes)
+        ),
+        strongest=StrongestStatus(
+            *degrees_of(utm, (strongest.x_m, strongest.y_m)), strongest.level_dbm
+        ),
+    )
+
+
+def _region(utm: Utm, position: LivePosition) -> dict[str, Any]:
+    """The 95 % region as a GeoJSON MultiPolygon of squares; the least likely ones are left out."""
+    squares = position.posterior.squares
+    chosen = highest_density(squares)[:_MOST_SQUARES]
+    half_m = 0.5 * squares.size_m[chosen]
+    x_m, y_m = squares.x_m[chosen], squares.y_m[chosen]
+    corners = [
+        utm.to_latlon_arrays(x_m + east * half_m, y_m + north * half_m)
+        for east, north in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+    ]
+    lon_lat = [(lon_deg, lat_deg) for lat_deg, lon_deg in corners]
+    rings = np.round(np.array(lon_lat), _DECIMALS).transpose(2, 0, 1)
+    return {"type": "MultiPolygon", "coordinates": rings[:, None].tolist()}
