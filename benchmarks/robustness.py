@@ -28,7 +28,7 @@ from scoreboard.world import World
 
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError
-from logger.core.locator.online import LevelReading
+from logger.core.locator.online_values import LevelReading
 from logger.core.locator.pipeline import locate
 from logger.core.observations import CellObservations
 from logger.core.spikes import SpikeCheck, SpikeFilter

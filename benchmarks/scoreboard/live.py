@@ -4,7 +4,7 @@ from logger.core.errors import EstimationError
 from logger.core.live import live_prior
 from logger.core.live_cell import CellEstimate, LiveCell
 from logger.core.live_settings import LiveSettings
-from logger.core.locator.online import LevelReading
+from logger.core.locator.online_values import LevelReading
 from logger.core.observations import CellObservations
 from logger.core.spikes import SpikeFilter
 
