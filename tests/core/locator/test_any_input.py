@@ -11,7 +11,7 @@ from logger.core.errors import EstimationError
 from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.verdict import assess
-from tests.kit.scaling import cost_growth
+from tests.kit.scaling import check_growth
 from tests.kit.walks import FLOOR_DBM, observations, path, simulate
 
 QUICK = Effort(most_squares=400, split_share=0.02, nodes=3, first_share=1.0)
@@ -167,14 +167,14 @@ def test_one_mad_fix_does_not_hide_the_rest():
     assert np.hypot(found.x_m - source[0], found.y_m - source[1]) < 60.0
 
 
-def test_a_million_readings_in_one_spot_take_no_longer_each_than_ten_thousand():
-    still = np.zeros(1_000_000)
-    trembling = np.random.default_rng(4).normal(0.0, 3.0, (2, 1_000_000))
-    level = np.random.default_rng(5).normal(-80.0, 5.0, 1_000_000)
+@pytest.mark.parametrize("count", [100_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("sigma_m", [0.0, 3.0])
+def test_many_readings_in_one_spot_take_no_longer_each_than_ten_thousand(count, sigma_m):
+    x, y = np.random.default_rng(4).normal(0.0, sigma_m, (2, count))
+    level = np.random.default_rng(5).normal(-80.0, 5.0, count)
 
-    def locate_spot(count, x, y):
-        obs = observations(x[:count], y[:count], level[:count], 4.0)
+    def locate_spot(n):
+        obs = observations(x[:n], y[:n], level[:n], 4.0)
         assert answer(obs, Effort())[1] == "cannot tell"
 
-    for place in ((still, still), trembling):
-        assert cost_growth(lambda count, at=place: locate_spot(count, *at), 10_000, 1_000_000) < 1.0
+    check_growth(locate_spot, 10_000, count, most=1.0)

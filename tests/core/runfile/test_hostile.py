@@ -194,7 +194,8 @@ def test_what_is_no_file_is_one_line(tmp_path, capsys, what):
         _one_line(capsys)
 
 
-def test_a_damaged_file_does_not_end_the_program(honest, tmp_path):
+@pytest.mark.parametrize("count", [15, pytest.param(300, marks=pytest.mark.slow)])
+def test_a_damaged_file_does_not_end_the_program(honest, tmp_path, count):
     """Some bytes of the structure changed, which HDF5 may end with a segmentation fault over."""
     import random
 
@@ -205,7 +206,7 @@ def test_a_damaged_file_does_not_end_the_program(honest, tmp_path):
         for at in range(len(data))
         if data.startswith(word, at)
     ]
-    for _ in range(60):
+    for _ in range(count):
         spoiled = bytearray(data)
         for _ in range(rng.randrange(1, 4)):
             at = rng.choice(spots) + rng.randrange(600)

@@ -7,7 +7,7 @@ from logger.drivers.protocols.dialogue import INTERRUPTION, Reply
 from logger.drivers.protocols.garbage import Garbage
 from tests.kit.at_framers import CENG_LINES, CENG_REPLY, check, expired, sent
 from tests.kit.framers import feed_all, split_at
-from tests.kit.scaling import cost_growth
+from tests.kit.scaling import check_growth
 
 
 @pytest.mark.parametrize(
@@ -241,4 +241,4 @@ def test_time_grows_with_the_rows_and_no_faster():
         for i in range(0, len(rows), 64):
             list(framer.feed(rows[i : i + 64]))
 
-    assert cost_growth(read, 120, 960) < 4.0
+    check_growth(read, 120, 960)

@@ -20,7 +20,7 @@ from logger.drivers.protocols.gpsd import (
     watch,
 )
 from tests.kit.framers import check_framer, feed_all, split_at
-from tests.kit.scaling import cost_growth
+from tests.kit.scaling import check_growth
 
 NOON = "2024-09-21T12:00:00.000Z"
 NOON_NS = 1_726_920_000 * 10**9
@@ -260,4 +260,4 @@ def test_time_grows_with_the_bytes_and_no_faster():
             for report in framer.feed(data[i : i + 512]):
                 list(assembler.feed(report, i))
 
-    assert cost_growth(read, 100, 800) < 4.0
+    check_growth(read, 100, 800)

@@ -9,7 +9,7 @@ from logger.core.types import Fix
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
 from logger.drivers.protocols.nmea_fix import radius68_m
 from tests.kit.nmea_sentences import BOTH, NOON_NS, fixes, gga, gsa, gst, nmea, rmc
-from tests.kit.scaling import cost_growth
+from tests.kit.scaling import check_growth
 
 GGA = nmea("GPGGA,120000.00,5230.0000,N,01315.0000,E,1,08,1.1,45.5,M,40.0,M,,")
 
@@ -259,4 +259,4 @@ def test_time_grows_with_the_bytes_and_no_faster():
             for event in framer.feed(data[i : i + 64].encode()):
                 assembler.feed(event, i)
 
-    assert cost_growth(read, 50, 400) < 4.0
+    check_growth(read, 50, 400)

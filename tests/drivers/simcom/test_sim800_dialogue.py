@@ -3,7 +3,7 @@ import pytest
 from logger.drivers.family import AUTOBAUD_TRIES
 from logger.drivers.simcom.sim800 import Sim800
 from tests.kit.drivers import run_exchange
-from tests.kit.scaling import cost_growth
+from tests.kit.scaling import check_growth
 
 MODEM = Sim800()
 
@@ -123,4 +123,4 @@ def test_no_signs_of_a_restart(line):
 
 def test_time_grows_with_the_rows_and_no_faster():
     lines = [SERVING, NEIGHBOUR, '+CENG: 2,"0233,26,00,,,0000"', SCAN]
-    assert cost_growth(lambda replies: MODEM.read(lines * replies), 100, 800) < 4.0
+    check_growth(lambda replies: MODEM.read(lines * replies), 100, 800)
