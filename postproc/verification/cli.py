@@ -147,14 +147,14 @@ def _verify_sites(
     from postproc.progress import with_progress
     from postproc.scan_counts import observed_cells
     from postproc.verification import tables
-    from postproc.verification.run_sites import sites_of
+    from postproc.verification.run_sites import site_verdict
 
     names = list(observed_cells([run], only))
     if other is not None and not only:
         in_other = observed_cells([other], None)
         names = [name for name in names if name in in_other]
     cells = [
-        tables.sites_dict(name, *sites_of(run, name, other, prior), p_fa)
+        site_verdict(run, name, other, prior, p_fa)
         for name in with_progress(names, "one place or two:", len(names), names)
     ]
     if as_json:

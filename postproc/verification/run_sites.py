@@ -14,16 +14,33 @@ from postproc.verification.cell_claim import FEWEST_BLOCKS, blocks_of
 from postproc.verification.claim_test import prepare_walk
 from postproc.verification.clone_test import Sites, between_two, within_one
 from postproc.verification.run_claims import SEED
+from postproc.verification.verdicts import SiteVerdict
 from postproc.walk import observe_run
 
 
-def sites_of(
-    run: Run, cell: str, other: Run | None, prior: Prior
-) -> tuple[Sites | None, str | None]:
-    """The two-site test of a cell; None and the reason where it cannot be made.
+def site_verdict(run: Run, cell: str, other: Run | None, prior: Prior, p_fa: float) -> SiteVerdict:
+    """The two-site test of a cell.
 
     Raises `ConfigError` for a cell that a run did not observe.
     """
+    sites, why_not = _sites_of(run, cell, other, prior)
+    if sites is None:
+        return SiteVerdict(cell=cell, verdict="no sign of two places", why_not=why_not)
+    is_double = sites.p <= p_fa and sites.log_factor > 0.0
+    return SiteVerdict(
+        cell=cell,
+        verdict="two places" if is_double else "no sign of two places",
+        log_factor=sites.log_factor,
+        p=sites.p,
+        draws=sites.draws,
+        places=sites.places_deg,
+    )
+
+
+def _sites_of(
+    run: Run, cell: str, other: Run | None, prior: Prior
+) -> tuple[Sites | None, str | None]:
+    """None and the reason where the test cannot be made."""
     runs = [run] if other is None else [run, other]
     observed_cells(runs[:1], [cell])
     observed_cells(runs[-1:], [cell])

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 
+from msgspec import UNSET
 from rich.console import Console
 
 from postproc.json_text import Json
 from postproc.terminal import print_text, screen, styled_text, table
 from postproc.verification.celldb import DbCell
-from postproc.verification.clone_test import Sites
-from postproc.verification.verdicts import CellVerdict, Verified
+from postproc.verification.verdicts import CellVerdict, SiteVerdict, Verified
 
 _STYLES = {"consistent": "green", "rejected": "red", "cannot tell": "yellow"}
 
@@ -21,45 +21,25 @@ def as_dict(verified: Verified) -> Json:
     return asdict(verified) | {"cells": cells, "false_discovery_control": control}
 
 
-def sites_dict(cell: str, sites: Sites | None, why_not: str | None, p_fa: float) -> Json:
-    """What `postproc verify --sites --json` prints."""
-    entry: Json = {"cell": cell, "verdict": site_verdict(sites, p_fa), "why_not": why_not}
-    if sites is not None:
-        entry |= {
-            "log_factor": sites.log_factor,
-            "p": sites.p,
-            "draws": sites.draws,
-            "places": sites.places_deg,
-        }
-    return entry
-
-
-def site_verdict(sites: Sites | None, p_fa: float) -> str:
-    """In plain words."""
-    if sites is None:
-        return "no sign of two places"
-    return "two places" if sites.p <= p_fa and sites.log_factor > 0.0 else "no sign of two places"
-
-
-def print_sites(sites: Json) -> None:
+def print_sites(tested: SiteVerdict) -> None:
     """One place or two."""
     console = screen()
-    print_text(console, styled_text((sites["cell"], "bold"), (f"  {sites['verdict']}", "")))
-    if sites["why_not"]:
-        print_text(console, sites["why_not"], bullet="  - ")
+    print_text(console, styled_text((tested.cell, "bold"), (f"  {tested.verdict}", "")))
+    if tested.places is UNSET:
+        print_text(console, tested.why_not or "", bullet="  - ")
         return
-    places = " and ".join(f"{lat:.5f} {lon:.5f}" for lat, lon in sites["places"])
-    factor = f"two places against one: log factor {sites['log_factor']:.1f}, near {places}"
+    places = " and ".join(f"{lat:.5f} {lon:.5f}" for lat, lon in tested.places)
+    factor = f"two places against one: log factor {tested.log_factor:.1f}, near {places}"
     print_text(console, factor, bullet="  ")
     p_text = (
-        f"p {sites['p']:.3g}: share of {sites['draws']} walks simulated past one transmitter with "
+        f"p {tested.p:.3g}: share of {tested.draws} walks simulated past one transmitter with "
         "a factor as large"
     )
     print_text(console, p_text, bullet="  ")
 
 
 def print_verified(verified: Verified) -> None:
-    """Each claim with its verdict, both tests and what would have been noticed."""
+    """Each claim with its verdict, both tests and what they would have detected."""
     console = screen()
     for warning in verified.warnings:
         print_text(console, warning, "yellow")
@@ -109,7 +89,7 @@ def _print_cell(console: Console, cell: CellVerdict) -> None:
         f"{cell.level:.1%} region); followed: {cell.followed}, q {cell.q:.3g}"
     )
     print_text(console, tests, bullet="  ")
-    titles = ["noticed with 95 % (m)", *(f"{one.azimuth_deg:.0f} deg" for one in cell.power)]
+    titles = ["detected with 95 % (m)", *(f"{one.azimuth_deg:.0f} deg" for one in cell.power)]
     rows = [
         ["  direct", *(_metres(one.direct_m, one.direct_blind_m) for one in cell.power)],
         ["  indirect", *(_metres(one.indirect_m, one.indirect_blind_m) for one in cell.power)],
@@ -118,7 +98,7 @@ def _print_cell(console: Console, cell: CellVerdict) -> None:
     if any(one.direct_blind_m or one.indirect_blind_m for one in cell.power):
         print_text(
             console,
-            "* farther out in this direction a displacement would not be noticed",
+            "* farther out in this direction a displacement would not be detected",
             bullet="  ",
         )
 

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from msgspec import UNSET, Struct, UnsetType
+
 from postproc.verification.claims import Claim
 
 Verdict = Literal["consistent", "rejected", "cannot tell"]
@@ -92,3 +94,20 @@ class Verified:
     without_claim: tuple[str, ...]
     warnings: tuple[str, ...]
     heard_once: tuple[str, ...] = ()
+
+
+class SiteVerdict(Struct, kw_only=True):
+    """Whether a cell has one transmitter or two, as `postproc verify --sites --json` prints it.
+
+    `places` are latitude and longitude of the two likeliest positions; `log_factor` is the log
+    Bayes factor of two against one, and `p` the share of `draws` walks simulated past one
+    transmitter that have one as large. They are left out where `why_not` says why there is no test.
+    """
+
+    cell: str
+    verdict: Literal["two places", "no sign of two places"]
+    why_not: str | None = None
+    log_factor: float | UnsetType = UNSET
+    p: float | UnsetType = UNSET
+    draws: int | UnsetType = UNSET
+    places: list[tuple[float, float]] | UnsetType = UNSET
