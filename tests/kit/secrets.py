@@ -6,7 +6,8 @@ from collections.abc import Iterator
 IMEI, IMSI, SIM = "358917264935716", "262017654321098", "8949029876543210987"
 ABROAD, AT_HOME, SERVICE = "4917698765432", "017698765432", "0612345678"
 WORDS = ("Treffpunkt", "Bahnhof", "Miller")
-SECRETS = (IMEI, IMSI, SIM, ABROAD, AT_HOME, SERVICE, "2468")
+PIN = "2468"
+SECRETS = (IMEI, IMSI, SIM, ABROAD, AT_HOME, SERVICE)
 
 
 def _ucs2(text: str) -> str:
@@ -34,7 +35,7 @@ FORMS: tuple[str, ...] = (
     f'+CLCC: 1,1,4,0,0,"{AT_HOME}",129,"{WORDS[2]}"',
     f"^DSCI: 1,1,4,0,{AT_HOME},129",
     f'+CSCA: "+{ABROAD}",145',
-    f'+CMT: "+{ABROAD}","","26/11/21,12:00:00+04"\r\n{WORDS[0]} {WORDS[1]} 2468',
+    f'+CMT: "+{ABROAD}","","26/11/21,12:00:00+04"\r\n{WORDS[0]} {WORDS[1]} {PIN}',
     (
         f'+CMT: "{AT_HOME}","{WORDS[2]}","26/11/21,12:00:00+04",129,4,0,0,"+{ABROAD}",145,22'
         f"\r\n{WORDS[0]}\n{AT_HOME}\r\n"
@@ -102,7 +103,7 @@ FORMS: tuple[str, ...] = (
     f'+XNEW: 7,"{SERVICE}",129',
     f"MSISDN={SERVICE}",
     f'AT+CMGS="{AT_HOME}"',
-    'AT+CPIN="2468"',
+    f'AT+CPIN="{PIN}"',
     f"ATD{AT_HOME};",
     f'\xff\xfe\x00+CLIP: "{AT_HOME[:9]}",129',
     f'+CENG: 1,"0128,15,30+CLIP: "{AT_HOME}",129',
@@ -111,22 +112,22 @@ FORMS: tuple[str, ...] = (
 )
 
 _BETWEEN = re.compile(rb"[ ./()\"-]")
+_PIN = re.compile(rb"(?<![0-9A-Fa-f.])" + PIN.encode() + rb"(?![0-9A-Fa-f.])")
+"""By itself: four digits are in many a time, coordinate or digest."""
 
 
 def leaked_secrets(data: bytes) -> list[str]:
-    """Secrets of which seven digits in a row, or a word, are left in any form."""
+    """Secrets of which seven digits in a row, the PIN, or a word are left in any form."""
     plain = _BETWEEN.sub(b"", data)
-    return [piece for piece in _pieces() if piece.encode() in data or piece.encode() in plain]
+    leaks = [piece for piece in _pieces() if piece.encode() in data or piece.encode() in plain]
+    return [*leaks, PIN] if _PIN.search(data) else leaks
 
 
 def _pieces() -> Iterator[str]:
     for secret in SECRETS:
-        length = min(7, len(secret))
-        for i in range(len(secret) - length + 1):
-            piece = secret[i : i + length]
-            yield from (piece, _ucs2(piece)) if length == 7 else (piece,)
-        if length == 7:
-            swapped = _swapped(secret)
-            yield from (swapped[i : i + 8] for i in range(0, len(swapped) - 7, 2))
+        for i in range(len(secret) - 6):
+            yield from (secret[i : i + 7], _ucs2(secret[i : i + 7]))
+        swapped = _swapped(secret)
+        yield from (swapped[i : i + 8] for i in range(0, len(swapped) - 7, 2))
     for word in WORDS:
         yield from (word, _ucs2(word))
