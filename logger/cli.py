@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 FASTEST = 10_000
 """More than any machine simulates."""
 
+CLEAR = b"\x1b[H\x1b[2J"
 SITE_TOML = Path("/etc/cellwalk/site.toml")
 
 
@@ -126,6 +127,50 @@ def _print_lines(lines: "Iterable[Line]", *, as_json: bool) -> int:
     if as_json:
         print_json([asdict(line) for line in printed])
     return 2 if any(line.state == "fail" for line in printed) else 0
+
+
+@program.command
+@click.option("--watch", is_flag=True, help="Print again each second, until Ctrl-C.")
+@json_option
+def status(*, watch: bool, as_json: bool) -> int:
+    """Show what the running service reports: state, way to go, cells."""
+    import time
+
+    import msgspec
+
+    from logger.device.status import FOLDER, status_folder
+    from logger.device.status_text import running_status, status_lines
+
+    while True:
+        found = running_status(status_folder() or FOLDER)
+        if watch and sys.stdout.isatty():
+            sys.stdout.flush()
+            os.write(1, CLEAR)  # past the filter of control characters, which is for others' text
+        text = msgspec.json.encode(found).decode() if as_json else "\n".join(status_lines(found))
+        print(text, flush=True)
+        if not watch:
+            return int(found.state == "error")
+        time.sleep(1.0)
+
+
+@program.command
+@click.option("--config", type=PATH, default=SITE_TOML, show_default=True, metavar="SITE.TOML")
+@click.option("--show", is_flag=True, help="Print the page's address and its QR code.")
+def page(config: Path, *, show: bool) -> int:
+    """Serve the page for a phone in the Pi's own Wi-Fi.
+
+    It is off until [page] listen is set in site.toml.
+    """
+    from logger.config import load_config
+    from logger.page.server import serve, state_folder
+    from logger.page.token import page_url, qr_code
+
+    site, _ = load_config(config)
+    if not show:
+        return serve(site)
+    address = page_url(site.page.listen, state_folder())
+    print(f"{address}\n\n{qr_code(address)}")
+    return 0
 
 
 @program.command

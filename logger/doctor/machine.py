@@ -6,10 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from logger.check import Line
+from logger.device.machine import UNDERVOLTAGE_NOW, UNDERVOLTAGE_SINCE_BOOT, throttled_bits
 from logger.device.mounts import MOUNTINFO, kept_in_memory
-
-UNDERVOLTAGE_NOW, UNDERVOLTAGE_SINCE_BOOT = 0x1, 0x10000
-"""Bits of get_throttled (Raspberry Pi documentation, `vcgencmd get_throttled`)."""
 
 LOW_BYTES, TOO_LOW_BYTES = 1_000_000_000, 100_000_000
 """Free space: the first holds some days of walks, the second less than a day of one."""
@@ -17,10 +15,8 @@ LOW_BYTES, TOO_LOW_BYTES = 1_000_000_000, 100_000_000
 
 def power(sys: Path = Path("/sys")) -> Line:
     """Undervoltage, as the firmware of a Raspberry Pi reports it."""
-    throttled = sys / "devices/platform/soc/soc:firmware/get_throttled"
-    try:
-        bits = int(throttled.read_text(), 16)
-    except (OSError, ValueError):
+    bits = throttled_bits(sys)
+    if bits is None:
         return Line("ok", "power", "not reported by this machine (no Raspberry Pi)")
     advice = "use a 5 V 3 A supply and a good cable; undervoltage restarts modems"
     if bits & UNDERVOLTAGE_NOW:

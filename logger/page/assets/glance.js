@@ -1,0 +1,38 @@
+// State of the recording at one glance: colour, pattern, sign, sentence.
+
+const SIGNS = {recording: '●', suspicious: '◆', 'no-fix': '▲', trouble: '✕'};
+const byId = id => document.getElementById(id);
+
+/** Sign, sentence and what to do now. */
+export function glance(state, silentMs) {
+  if (silentMs) {
+    return ['trouble', `No contact with the Pi for ${Math.round(silentMs / 1000)} s`,
+      'It may still be recording: look at its light, or go closer to it.'];
+  }
+  const status = state?.status;
+  if (!status) return ['trouble', 'Nothing is being recorded', 'The service is not running.'];
+  if (state.silent_s) {
+    return ['trouble', `The recorder is silent for ${Math.round(state.silent_s)} s`,
+      'It starts again by itself; if not, restart the Pi.'];
+  }
+  if (status.state === 'error') return ['trouble', 'Trouble: this walk is not being recorded', status.text];
+  if (status.state === 'no fix') {
+    return ['no-fix', 'Recording, but there is no position', 'Stand under the open sky for a minute.'];
+  }
+  if (status.state === 'suspicious') return ['suspicious', 'Recording; a cell is suspicious', advice(status)];
+  return ['recording', 'Recording', advice(status)];
+}
+
+function advice(status) {
+  if (status.next) return `Walk ${Math.round(status.next.distance_m)} m as the arrow shows.`;
+  if (status.position?.verdict === 'located') return 'Located: you may end here.';
+  return 'Walk on; change direction at the next crossing.';
+}
+
+export function showGlance(state, silentMs) {
+  const [sign, sentence, todo] = glance(state, silentMs);
+  byId('glance').dataset.sign = sign;
+  for (const [id, text] of [['sign', SIGNS[sign]], ['state', sentence], ['todo', todo]]) {
+    if (byId(id).textContent !== text) byId(id).textContent = text;
+  }
+}

@@ -1,0 +1,172 @@
+// The plan: track coloured by level, heading, region and places, over a plain grid.
+
+import {course, metres, roundStep} from './geometry.js';
+import {prepared, stopOf} from './drawing.js';
+
+const NEAR_M = 120;
+const FETCH_MS = 1000;
+const byId = id => document.getElementById(id);
+let track = {run: '', cell: '', points: [], levels: [], marks: []};
+let fetchedMs = -Infinity;
+
+byId('near').addEventListener('click', () => {
+  const pressed = byId('near').getAttribute('aria-pressed') !== 'true';
+  byId('near').setAttribute('aria-pressed', String(pressed));
+});
+
+async function fetchTrack() {
+  if (performance.now() - fetchedMs < FETCH_MS) return;
+  fetchedMs = performance.now();
+  const reply = await fetch(`track?point=${track.points.length}&level=${track.levels.length}`).catch(() => null);
+  if (!reply?.ok) return;
+  const news = await reply.json();
+  if (news.run !== track.run || news.cell !== track.cell) {
+    // what was asked for began in the middle of another run or cell
+    const isFresh = track.points.length + track.levels.length === 0;
+    track = isFresh ? news : {run: news.run, cell: news.cell, points: [], levels: [], marks: []};
+    if (!isFresh) fetchedMs = -Infinity;
+    return;
+  }
+  track.points.push(...news.points);
+  track.levels.push(...news.levels);
+  track.marks = news.marks;
+}
+
+const ringsOf = region => region ? region.coordinates.flat() : [];
+
+/** Places that must be visible. */
+function places(status, isNear) {
+  const fix = status?.fix?.valid ? [[status.fix.lat_deg, status.fix.lon_deg]] : [];
+  const position = status?.position;
+  const region = ringsOf(position?.region).flat().map(([lon, lat]) => [lat, lon]);
+  if (isNear && fix.length) return fix;
+  const next = status?.next?.lat != null ? [[status.next.lat, status.next.lon]] : [];
+  const modes = (position?.modes ?? []).map(mode => [mode.lat, mode.lon]);
+  return [...fix, ...track.points, ...region, ...modes, ...next];
+}
+
+/** Projection that shows all places in a box, in metres of the same length in both directions. */
+function projection(all, width, height, leastM) {
+  const lats = all.map(place => place[0]), lons = all.map(place => place[1]);
+  const span = values => values.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]);
+  const [[south, north], [west, east]] = [span(lats), span(lons)];
+  const centre = {lat: (south + north) / 2, lon: (west + east) / 2};
+  const [halfE, halfN] = metres(centre, north, east);
+  const perPixel = Math.max(2.3 * halfE / width, 2.3 * halfN / height, leastM / Math.min(width, height));
+  const at = (lat, lon) => {
+    const [e, n] = metres(centre, lat, lon);
+    return [width / 2 + e / perPixel, height / 2 - n / perPixel];
+  };
+  return {at, perPixel};
+}
+
+export function showPlan({status}) {
+  fetchTrack();
+  const {g, width, height, colour} = prepared(byId('plan'));
+  const isNear = byId('near').getAttribute('aria-pressed') === 'true';
+  const all = places(status, isNear);
+  const {at, perPixel} = projection(all.length ? all : [[0, 0]], width, height, NEAR_M);
+  drawGrid(g, width, height, perPixel, colour);
+  if (!all.length) return;
+  drawRegion(g, at, status?.position, colour);
+  drawTrack(g, at, colour);
+  drawPlaces(g, at, status, colour);
+  drawWalker(g, at, status, colour);
+  describe(status?.position);
+}
+
+function drawGrid(g, width, height, perPixel, colour) {
+  const step = roundStep(60 * perPixel), pixels = step / perPixel;
+  g.strokeStyle = colour('line');
+  g.lineWidth = 0.5;
+  for (let x = (width / 2) % pixels; x < width; x += pixels) line(g, x, 0, x, height);
+  for (let y = (height / 2) % pixels; y < height; y += pixels) line(g, 0, y, width, y);
+  g.strokeStyle = g.fillStyle = colour('ink');
+  g.lineWidth = 3;
+  line(g, 10, height - 12, 10 + pixels, height - 12);
+  g.font = '13px system-ui';
+  g.fillText(step >= 1000 ? `${step / 1000} km` : `${step} m`, 10, height - 18);
+  g.lineWidth = 2;
+  line(g, width - 18, 34, width - 18, 12);
+  line(g, width - 23, 18, width - 18, 12);
+  line(g, width - 13, 18, width - 18, 12);
+  g.fillText('N', width - 23, 48);
+}
+
+function line(g, x0, y0, x1, y1) {
+  g.beginPath(); g.moveTo(x0, y0); g.lineTo(x1, y1); g.stroke();
+}
+
+function drawRegion(g, at, position, colour) {
+  g.fillStyle = g.strokeStyle = colour('cell');
+  g.lineWidth = 1.5;
+  g.beginPath();
+  for (const ring of ringsOf(position?.region)) {
+    ring.forEach(([lon, lat], i) => g[i ? 'lineTo' : 'moveTo'](...at(lat, lon)));
+    g.closePath();
+  }
+  g.globalAlpha = 0.2; g.fill('evenodd'); g.globalAlpha = 1; g.stroke();
+}
+
+function drawTrack(g, at, colour) {
+  g.strokeStyle = colour('soft');
+  g.lineWidth = 1;
+  g.beginPath();
+  for (const [lat, lon] of track.points) g.lineTo(...at(lat, lon));
+  g.stroke();
+  for (const [i, level] of track.levels) {
+    const point = track.points[i];
+    if (!point) continue;
+    const [x, y] = at(...point);
+    g.fillStyle = colour(stopOf(level));
+    g.beginPath(); g.arc(x, y, 3.5, 0, 7); g.fill();
+  }
+}
+
+function drawPlaces(g, at, status, colour) {
+  g.fillStyle = g.strokeStyle = colour('ink');
+  g.font = '13px system-ui';
+  g.lineWidth = 2;
+  for (const mode of status?.position?.modes ?? []) {
+    const [x, y] = at(mode.lat, mode.lon);
+    line(g, x - 7, y - 7, x + 7, y + 7);
+    line(g, x - 7, y + 7, x + 7, y - 7);
+    g.fillText(`${Math.round(100 * mode.probability)} %`, x + 9, y + 4);
+  }
+  for (const [lat, lon] of track.marks) {
+    const [x, y] = at(lat, lon);
+    line(g, x, y, x, y - 14);
+    g.fillRect(x, y - 14, 9, 6);
+  }
+  const next = status?.next, fix = status?.fix;
+  if (next?.lat == null || !fix?.valid) return;
+  g.setLineDash([6, 5]);
+  line(g, ...at(fix.lat_deg, fix.lon_deg), ...at(next.lat, next.lon));
+  g.setLineDash([]);
+}
+
+function drawWalker(g, at, status, colour) {
+  const fix = status?.fix;
+  if (!fix?.valid) return;
+  const [x, y] = at(fix.lat_deg, fix.lon_deg);
+  const courseDeg = course(fix, status.now_ns);
+  g.save();
+  g.translate(x, y);
+  g.fillStyle = colour('ink');
+  g.strokeStyle = colour('paper');
+  g.beginPath();
+  if (courseDeg === null) g.arc(0, 0, 7, 0, 7);
+  else {
+    g.rotate(courseDeg * Math.PI / 180);
+    g.moveTo(0, -12); g.lineTo(8, 9); g.lineTo(0, 5); g.lineTo(-8, 9); g.closePath();
+  }
+  g.fill(); g.stroke();
+  g.restore();
+}
+
+function describe(position) {
+  const text = !position ? '' : position.r95_m == null ? `${position.cell}: ${position.verdict}`
+    : `${position.cell}: ${position.verdict}, 95 % within ${Math.round(position.r95_m)} m`;
+  byId('place').textContent = text;
+  byId('plan').setAttribute('aria-label', `plan of the walk, north is up. ${text}`);
+}

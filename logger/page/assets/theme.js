@@ -1,0 +1,19 @@
+// Colours: as the phone is set, light, dark, or red on black for the night.
+
+const THEMES = {auto: 'automatic', light: 'light', dark: 'dark', night: 'night'};
+const button = document.getElementById('theme');
+const root = document.documentElement;
+
+function choose(name) {
+  root.dataset.theme = name;
+  button.textContent = `Colours: ${THEMES[name]}`;
+}
+
+button.addEventListener('click', () => {
+  const names = Object.keys(THEMES);
+  const name = names[(names.indexOf(root.dataset.theme) + 1) % names.length];
+  localStorage.setItem('theme', name);
+  choose(name);
+});
+const kept = localStorage.getItem('theme');
+choose(kept in THEMES ? kept : 'auto');

@@ -1,0 +1,242 @@
+"""Answers to the phones' requests; everything else is refused before it is read."""
+
+import asyncio
+from collections.abc import AsyncIterator, Mapping
+from dataclasses import dataclass
+from http import HTTPStatus
+from pathlib import Path
+from typing import BinaryIO
+
+import msgspec
+from tornado.iostream import StreamClosedError
+from tornado.web import HTTPError, RequestHandler
+
+from logger.device.page_requests import LONGEST_TEXT, PageRequest
+from logger.page.assets import Asset
+from logger.page.feed import Feed
+from logger.page.guard import Limits
+from logger.page.request_file import RequestFile
+from logger.page.runs import closed_runs, open_run
+from logger.page.token import is_token
+
+MOST_STREAMS = 10
+"""Phones that are sent news; further ones are told to come back later."""
+CHUNK = 1 << 16
+PATIENCE_S = 20.0
+"""A phone that takes no data for this long is gone."""
+
+_POLICY = (
+    "default-src 'none'",
+    "script-src 'self'",
+    "style-src 'self'",
+    "img-src 'self' blob:",
+    "connect-src 'self'",
+    "media-src 'self'",
+    "worker-src 'self'",
+    "base-uri 'none'",
+    "form-action 'none'",
+    "frame-ancestors 'none'",
+)
+_HEADERS = {
+    "Server": "cellwalk",
+    "Content-Security-Policy": "; ".join(_POLICY),
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}
+
+
+@dataclass
+class Site:
+    """What the handlers share."""
+
+    token: str
+    hosts: frozenset[str]
+    feed: Feed
+    runs: Path
+    requests: RequestFile
+    assets: Mapping[str, Asset]
+    limits: Limits
+    map_file: Path | None = None
+    n_streams: int = 0
+
+
+class Guarded(RequestHandler):
+    """Checks of every request: rate, host, token, origin."""
+
+    def initialize(self, site: Site) -> None:
+        self.site = site
+
+    def set_default_headers(self) -> None:
+        for name, value in _HEADERS.items():
+            self.set_header(name, value)
+
+    def prepare(self) -> None:
+        """Refuse with 429, 421 or 403, and close the connection."""
+        refused = self._refusal()
+        if refused is not None:
+            self.set_header("Connection", "close")
+            raise HTTPError(refused)
+
+    def write_error(self, status_code: int, **_kwargs: object) -> None:
+        """One plain line; never what was asked, nor why it failed."""
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        if status_code == HTTPStatus.TOO_MANY_REQUESTS:
+            self.set_header("Retry-After", "2")
+        self.finish(f"{status_code} {HTTPStatus(status_code).phrase}\n")
+
+    def _refusal(self) -> HTTPStatus | None:
+        request, site = self.request, self.site
+        writes = request.method not in {"GET", "HEAD"}
+        if not site.limits.allows(request.remote_ip or "", write=writes):
+            return HTTPStatus.TOO_MANY_REQUESTS
+        if request.headers.get("Host", "") not in site.hosts:  # another name: DNS rebinding
+            return HTTPStatus.MISDIRECTED_REQUEST
+        if not self.path_args or not is_token(self.path_args[0] or "", site.token):
+            return HTTPStatus.FORBIDDEN
+        origin = request.headers.get("Origin")
+        if (origin is None and writes) or (origin and origin not in self._origins()):
+            return HTTPStatus.FORBIDDEN
+        return None
+
+    def _origins(self) -> set[str]:
+        return {f"http://{host}" for host in self.site.hosts}
+
+    async def send_pieces(self, pieces: AsyncIterator[bytes]) -> None:
+        """Send piece by piece, so that a slow phone holds one of them in memory."""
+        try:
+            async for piece in pieces:
+                self.write(piece)
+                await asyncio.wait_for(self.flush(), PATIENCE_S)
+        except (TimeoutError, StreamClosedError):
+            self.detach().close()
+
+
+class Refused(Guarded):
+    """Any other address: the same checks, and nothing there."""
+
+    def prepare(self) -> None:
+        super().prepare()
+        raise HTTPError(HTTPStatus.NOT_FOUND)
+
+
+class AssetHandler(Guarded):
+    """The page itself, its styles and scripts."""
+
+    async def get(self, _token: str, name: str) -> None:
+        asset = self.site.assets.get(name or "index.html")
+        if asset is None:
+            raise HTTPError(HTTPStatus.NOT_FOUND)
+        self.set_header("Content-Type", asset.media_type)
+        self.set_header("Cache-Control", "no-cache")
+        self.set_header("ETag", asset.etag)
+        if self.check_etag_header():
+            self.set_status(HTTPStatus.NOT_MODIFIED)
+            return
+        self.set_header("Content-Length", str(len(asset.content)))
+        await self.send_pieces(_slices(asset.content))
+
+    head = get
+
+
+class LiveHandler(Guarded):
+    """News as server-sent events; a phone that is slow misses some and gets the newest."""
+
+    async def get(self, _token: str) -> None:
+        site = self.site
+        if site.n_streams >= MOST_STREAMS:
+            self.set_header("Retry-After", "5")
+            raise HTTPError(HTTPStatus.SERVICE_UNAVAILABLE)
+        site.n_streams += 1
+        try:
+            self.set_header("Content-Type", "text/event-stream")
+            await self.send_pieces(_events(site.feed))
+        finally:
+            site.n_streams -= 1
+
+
+class TrackHandler(Guarded):
+    """Points and levels that the plan does not have yet."""
+
+    async def get(self, _token: str) -> None:
+        start = [self._number(name) for name in ("point", "level")]
+        self.set_header("Content-Type", "application/json")
+        text = msgspec.json.encode(self.site.feed.track(*start))
+        self.set_header("Content-Length", str(len(text)))
+        await self.send_pieces(_slices(text))
+
+    def _number(self, name: str) -> int:
+        text = self.get_query_argument(name, "0")
+        if not (text.isascii() and text.isdecimal() and len(text) < 9):
+            raise HTTPError(HTTPStatus.BAD_REQUEST)
+        return int(text)
+
+
+class RunsHandler(Guarded):
+    """Names and sizes of closed runs."""
+
+    async def get(self, _token: str) -> None:
+        self.set_header("Content-Type", "application/json")
+        self.finish(msgspec.json.encode(closed_runs(self.site.runs)))
+
+
+class RunHandler(Guarded):
+    """The download of a closed run."""
+
+    async def get(self, _token: str, name: str) -> None:
+        found = open_run(self.site.runs, name)
+        if found is None:
+            raise HTTPError(HTTPStatus.NOT_FOUND)
+        file, size = found
+        with file:
+            self.set_header("Content-Type", "application/x-hdf5")
+            self.set_header("Content-Disposition", f'attachment; filename="{name}"')
+            self.set_header("Content-Length", str(size))
+            await self.send_pieces(_file_pieces(file, size))
+
+
+class RequestHandlerOf(Guarded):
+    """A mark, or a cell to follow, for the recorder."""
+
+    async def post(self, _token: str, do: str) -> None:
+        if self.request.headers.get("Content-Type") != "application/json":
+            raise HTTPError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE)
+        try:
+            text = msgspec.json.decode(self.request.body, type=str)
+            request = msgspec.convert({"do": do, "text": text}, PageRequest)
+        except (msgspec.DecodeError, msgspec.ValidationError):
+            raise HTTPError(HTTPStatus.BAD_REQUEST) from None
+        if len(text) > LONGEST_TEXT:
+            raise HTTPError(HTTPStatus.BAD_REQUEST)
+        try:
+            self.site.requests.add(request)
+        except OSError:
+            raise HTTPError(HTTPStatus.INSUFFICIENT_STORAGE) from None
+        self.set_status(HTTPStatus.ACCEPTED)
+
+
+async def _slices(content: bytes) -> AsyncIterator[bytes]:
+    for at in range(0, len(content), CHUNK):
+        yield content[at : at + CHUNK]
+
+
+async def _file_pieces(file: BinaryIO, size: int) -> AsyncIterator[bytes]:
+    """Exactly `size` bytes, even if the file shrinks meanwhile."""
+    while size > 0:
+        piece = file.read(min(CHUNK, size))
+        if not piece:
+            raise StreamClosedError
+        size -= len(piece)
+        yield piece
+
+
+async def _events(feed: Feed) -> AsyncIterator[bytes]:
+    sent = b""
+    while True:
+        if feed.text is sent:
+            await feed.changed()
+        sent = feed.text
+        yield b"data: " + sent + b"\n\n"

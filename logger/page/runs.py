@@ -1,0 +1,39 @@
+"""Runs that are closed, for download."""
+
+import os
+import re
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+_CLOSED = re.compile(r"run-\d{6}\.h5", re.ASCII)
+MOST_SHOWN = 20
+
+
+def closed_runs(folder: Path) -> list[tuple[str, int]]:
+    """Names and sizes, the newest first."""
+    try:
+        names = sorted((file.name for file in folder.iterdir() if is_run(file.name)), reverse=True)
+        return [(name, (folder / name).lstat().st_size) for name in names[:MOST_SHOWN]]
+    except OSError:
+        return []
+
+
+def is_run(name: str) -> bool:
+    """Whether a name is that of a closed run; none of them leads to another folder."""
+    return _CLOSED.fullmatch(name) is not None
+
+
+def open_run(folder: Path, name: str) -> tuple[BinaryIO, int] | None:
+    """The file and its size; None where it is no closed run or cannot be read."""
+    if not is_run(name):
+        return None
+    try:
+        fd = os.open(folder / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return None
+    status = os.fstat(fd)
+    if not stat.S_ISREG(status.st_mode):
+        os.close(fd)
+        return None
+    return os.fdopen(fd, "rb"), status.st_size

@@ -1,0 +1,157 @@
+"""The web server of the page: Tornado, one process, one thread, bounded in every direction."""
+
+import asyncio
+import errno
+import logging
+import os
+import signal
+import socket
+from collections.abc import Mapping
+from pathlib import Path
+
+from tornado.httpserver import HTTPServer
+from tornado.iostream import IOStream
+from tornado.web import Application
+
+from logger.config import SiteConfig, page_address
+from logger.core.errors import ConfigError
+from logger.page.assets import assets
+from logger.page.feed import Feed
+from logger.page.guard import Limits, host_names
+from logger.page.handlers import (
+    AssetHandler,
+    LiveHandler,
+    Refused,
+    RequestHandlerOf,
+    RunHandler,
+    RunsHandler,
+    Site,
+    TrackHandler,
+)
+from logger.page.request_file import RequestFile
+from logger.page.token import STATE, made_token
+
+log = logging.getLogger(__name__)
+
+RUNTIME = Path("/run/cellwalk-page")
+"""RuntimeDirectory= of the unit; the requests are there."""
+MOST_CONNECTIONS = 64
+MOST_OF_ONE = 12
+"""Connections of one address: a browser opens six."""
+HEADER_BYTES = 8192
+BODY_BYTES = 1024
+HEADER_S = 10.0
+"""Time for a whole request, and that a connection may be idle."""
+BIND_AGAIN_S = 2.0
+"""The hotspot may come up after this program."""
+
+
+class BoundedServer(HTTPServer):
+    """Closes connections beyond the limits at once."""
+
+    def handle_stream(self, stream: IOStream, address: tuple[str, int]) -> None:
+        """Accept a connection, or close it."""
+        of_one = sum(_remote(one.context) == address[0] for one in self._connections)
+        if len(self._connections) >= MOST_CONNECTIONS or of_one >= MOST_OF_ONE:
+            stream.close()
+            return
+        super().handle_stream(stream, address)
+
+
+def _remote(context: object) -> str | None:
+    return getattr(context, "remote_ip", None)
+
+
+def serve(config: SiteConfig, environ: Mapping[str, str] = os.environ) -> int:
+    """Serve the page until SIGTERM or SIGINT; at once 0 where it is off.
+
+    Raises `ConfigError`.
+    """
+    if not config.page.listen:
+        log.info('the page is off; [page] listen = "10.42.0.1:8080" in site.toml turns it on')
+        return 0
+    address, port = page_address(config.page.listen)
+    runtime = Path(environ.get("RUNTIME_DIRECTORY", RUNTIME))
+    status = runtime.with_name(runtime.name.removesuffix("-page"))
+    runs = Path(config.run.directory).expanduser()
+    site = Site(
+        token=made_token(state_folder(environ)),
+        hosts=host_names(address, port),
+        feed=Feed(status, runs),
+        runs=runs,
+        requests=RequestFile(runtime),
+        assets=assets(),
+        limits=Limits(),
+    )
+    asyncio.run(_serve(site, address, port))
+    return 0
+
+
+def state_folder(environ: Mapping[str, str] = os.environ) -> Path:
+    """Where the token is."""
+    return Path(environ.get("STATE_DIRECTORY", STATE))
+
+
+async def _serve(site: Site, address: str, port: int) -> None:
+    ended = asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        asyncio.get_running_loop().add_signal_handler(number, ended.set)
+    listener = await _listen(address, port, ended)
+    if listener is None:
+        return
+    server = BoundedServer(
+        application(site),
+        max_header_size=HEADER_BYTES,
+        max_body_size=BODY_BYTES,
+        idle_connection_timeout=HEADER_S,
+        body_timeout=HEADER_S,
+        chunk_size=4096,
+    )
+    site.feed.look()
+    server.add_socket(listener)
+    log.info("the page is on; its address: sudo fieldlogger page --show")
+    news = asyncio.create_task(site.feed.run())
+    done, _ = await asyncio.wait(
+        (news, asyncio.create_task(ended.wait())), return_when=asyncio.FIRST_COMPLETED
+    )
+    server.stop()
+    if news in done:
+        news.result()
+
+
+def application(site: Site) -> Application:
+    """All addresses of the page."""
+    one = {"site": site}
+    return Application(
+        [
+            (r"/([^/]+)/live", LiveHandler, one),
+            (r"/([^/]+)/track", TrackHandler, one),
+            (r"/([^/]+)/runs", RunsHandler, one),
+            (r"/([^/]+)/runs/([^/]+)", RunHandler, one),
+            (r"/([^/]+)/(follow|mark)", RequestHandlerOf, one),
+            (r"/([^/]+)/([a-z0-9.-]*)", AssetHandler, one),
+        ],
+        default_handler_class=Refused,
+        default_handler_args=one,
+        log_function=lambda _handler: None,  # addresses contain the token
+    )
+
+
+async def _listen(address: str, port: int, ended: asyncio.Event) -> socket.socket | None:
+    """Bind, as soon as the machine has the address; None where the end comes first."""
+    has_complained = False
+    while not ended.is_set():
+        try:
+            family = socket.AF_INET6 if ":" in address else socket.AF_INET
+            listener = socket.create_server((address, port), family=family)
+        except OSError as error:
+            if error.errno != errno.EADDRNOTAVAIL:
+                raise ConfigError(f"[page] listen {address}:{port}: {error.strerror}") from error
+        else:
+            listener.setblocking(False)
+            return listener
+        if not has_complained:
+            has_complained = True
+            log.info("no network has the address %s yet: is the hotspot on?", address)
+        await asyncio.wait([asyncio.create_task(ended.wait())], timeout=BIND_AGAIN_S)
+    return None

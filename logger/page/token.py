@@ -1,0 +1,75 @@
+"""The secret in the page's address, and the address as a QR code."""
+
+import hmac
+import os
+import secrets
+from contextlib import suppress
+from pathlib import Path
+
+from logger.core.errors import ConfigError
+
+STATE = Path("/var/lib/cellwalk-page")
+"""StateDirectory= of the unit."""
+_FILE = "token"
+_BYTES = 16
+"""128 bits: nobody guesses them at any rate."""
+
+
+def made_token(folder: Path) -> str:
+    """The token, made at the first start; raises `ConfigError`."""
+    path = folder / _FILE
+    try:
+        with suppress(FileExistsError):
+            fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o600)
+            with os.fdopen(fd, "w") as file:
+                file.write(secrets.token_urlsafe(_BYTES))
+        return read_token(folder)
+    except OSError as error:
+        raise ConfigError(f"the page's token {path}: {error.strerror}") from error
+
+
+def read_token(folder: Path) -> str:
+    """The token that the page has made; raises `ConfigError` without one."""
+    path = folder / _FILE
+    try:
+        token = path.read_text("ascii").strip()
+    except FileNotFoundError:
+        start = "start it with: sudo systemctl restart fieldlogger-page"
+        raise ConfigError(f"the page has never been on; {start}") from None
+    except PermissionError:
+        raise ConfigError(f"{path} belongs to the page: use sudo") from None
+    except UnicodeDecodeError:
+        token = ""
+    if len(token) < _BYTES:  # a power cut may leave an empty file
+        raise ConfigError(f"{path} is damaged: remove it and restart fieldlogger-page")
+    return token
+
+
+def is_token(given: str, token: str) -> bool:
+    """Compare in a time that tells nothing of the token."""
+    return hmac.compare_digest(given.encode(), token.encode())
+
+
+def page_url(listen: str, folder: Path) -> str:
+    """The complete address; raises `ConfigError` where the page is off or has never been on."""
+    if not listen:
+        raise ConfigError('the page is off: set [page] listen = "10.42.0.1:8080" in site.toml')
+    return f"http://{listen}/{read_token(folder)}/"
+
+
+def qr_code(address: str) -> str:
+    """The address as a QR code of characters, for a terminal with a dark background."""
+    import segno  # noqa: PLC0415  only `--show` needs it
+
+    rows = [[*row] for row in segno.make(address, error="m").matrix_iter(border=3)]
+    if len(rows) % 2:
+        rows.append([0] * len(rows[0]))
+    pairs = zip(rows[::2], rows[1::2], strict=True)
+    return "\n".join("".join(map(_half_blocks, *pair)) for pair in pairs)
+
+
+def _half_blocks(top: int, bottom: int) -> str:
+    """Two modules above each other, so that the code is square; the light ones are drawn."""
+    if top:
+        return " " if bottom else "▄"
+    return "▀" if bottom else "█"

@@ -1,0 +1,112 @@
+"""The walk as the page draws it: track, levels along it, marks."""
+
+import math
+from array import array
+from collections import deque
+from typing import Any
+
+from logger.core.latest import Latest
+from logger.core.live_settings import MARK
+from logger.core.types import CellReading
+from logger.page.journal_tail import Row
+
+TABLES = frozenset({"fixes", "readings", "notes"})
+STEP_M = 4.0
+"""Distance of points of the track: less is not seen on a phone, and GPS is no better."""
+MOST_POINTS = 20_000
+"""Of the track: 80 km."""
+MOST_LEVELS = 20_000
+"""Of each cell: eleven hours of scans."""
+MOST_MARKS = 500
+MOST_CELLS = 64
+MINUTE_NS = 60 * 10**9
+_METRES_PER_DEG = 111_320.0
+
+
+class Walk:
+    """One run so far; `take` its rows in their order.
+
+    `n_marks` grows with each mark that is on the card.
+    """
+
+    def __init__(self) -> None:
+        self._lat, self._lon = array("d"), array("d")
+        self._cells: Latest[_Levels] = Latest(MOST_CELLS)
+        self._marks: deque[tuple[float, float, str]] = deque(maxlen=MOST_MARKS)
+        self._here: tuple[float, float] | None = None
+        self.n_marks = 0
+
+    def take(self, table: str, row: Row) -> None:
+        """Take a row of the run."""
+        if table == "fixes" and row["valid"]:
+            self._add_point(row["lat_deg"], row["lon_deg"])
+        elif table == "readings" and row["cell"] and not row["identity_unsure"]:
+            self._add_level(row)
+        elif table == "notes" and _text(row["code"]) == MARK:
+            self.n_marks += 1
+            if self._here is not None:
+                self._marks.append((*self._here, _text(row["text"])))
+
+    def minute(self, cell: str | None, now_ns: int) -> list[tuple[float, float]]:
+        """Age in seconds and level of the readings of a cell in the last minute."""
+        levels = self._cells.get(cell or "")
+        if levels is None:
+            return []
+        recent = ((t_ns, level) for t_ns, level in levels.recent if t_ns > now_ns - MINUTE_NS)
+        return [(round((now_ns - t_ns) / 1e9, 1), level) for t_ns, level in recent]
+
+    def track(self, cell: str, from_point: int = 0, from_level: int = 0) -> dict[str, Any]:
+        """Points from a number on, and levels of a cell, each with the number of its point."""
+        points = zip(self._lat[from_point:], self._lon[from_point:], strict=True)
+        levels = self._cells.get(cell)
+        at = [] if levels is None else levels.point[from_level:]
+        dbm = [] if levels is None else levels.dbm[from_level:]
+        return {
+            "points": [(round(lat, 6), round(lon, 6)) for lat, lon in points],
+            "levels": [(i, round(level, 1)) for i, level in zip(at, dbm, strict=True)],
+            "marks": list(self._marks),
+        }
+
+    def _add_point(self, lat_deg: float, lon_deg: float) -> None:
+        self._here = lat_deg, lon_deg
+        if len(self._lat) >= MOST_POINTS or not math.isfinite(lat_deg + lon_deg):
+            return
+        if self._lat:
+            north_m = (lat_deg - self._lat[-1]) * _METRES_PER_DEG
+            east_m = (lon_deg - self._lon[-1]) * _METRES_PER_DEG * math.cos(math.radians(lat_deg))
+            if math.hypot(north_m, east_m) < STEP_M:
+                return
+        self._lat.append(lat_deg)
+        self._lon.append(lon_deg)
+
+    def _add_level(self, row: Row) -> None:
+        level_dbm = _level_dbm(row)
+        if level_dbm is None:
+            return
+        name = _text(row["cell"])
+        levels = self._cells.get(name) or _Levels()
+        self._cells.put(name, levels)
+        levels.recent.append((row["t_ns"], level_dbm))
+        if self._lat and len(levels.dbm) < MOST_LEVELS:
+            levels.point.append(len(self._lat) - 1)
+            levels.dbm.append(level_dbm)
+
+
+class _Levels:
+    def __init__(self) -> None:
+        self.point, self.dbm = array("I"), array("f")
+        self.recent: deque[tuple[int, float]] = deque(maxlen=120)
+
+
+def _level_dbm(row: Row) -> float | None:
+    known = {
+        name: value
+        for name in ("rsrp_dbm", "rscp_dbm", "rssi_dbm")
+        if math.isfinite(value := row[name])
+    }
+    index = row["rxlev_raw"] if row["rxlev_raw"] >= 0 else None
+    return CellReading("scan", rxlev_raw=index, **known).level_dbm
+
+
+def _text(stored: bytes) -> str:
+    return stored.rstrip(b"\0").decode("utf-8", "replace")
