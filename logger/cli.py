@@ -14,6 +14,7 @@ import click
 
 from logger.command_line import (
     DURATION_S,
+    FILE,
     INPUT,
     PATH,
     SEED,
@@ -96,13 +97,28 @@ def check(config: Path | None, *, as_json: bool) -> int:
     metavar="S",
     help="Length of the test recording.",
 )
+@click.option(
+    "--report",
+    type=FILE,
+    metavar="FILE",
+    help="Write all lines, versions and settings, without private numbers.",
+)
 @json_option
-def doctor(config: Path, trial_s: float, *, as_json: bool) -> int:
-    """Test power, disk, ports, modem and receiver."""
+def doctor(config: Path, trial_s: float, report: Path | None, *, as_json: bool) -> int:
+    """Test power, card, clock, ports, modem and receiver; the verdict is the first line."""
+    from logger.doctor.bundle import write_report
     from logger.doctor.examination import examine
 
+    def progress(what: str) -> None:
+        if sys.stderr.isatty():
+            print(f"\r\033[K{what}", end="", file=sys.stderr, flush=True)
+
     with _errors_only():  # the lines replace the service's log
-        return _print_lines(examine(config, trial_s), as_json=as_json)
+        examination = examine(config, trial_s, progress)
+    progress("")
+    if report is not None:
+        write_report(report, examination.lines, config, examination.run)
+    return _print_lines(examination.lines, as_json=as_json)
 
 
 @contextmanager

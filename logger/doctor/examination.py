@@ -1,15 +1,19 @@
-"""All tests in their order, each `ok`, `warn` or `fail` with advice; the last line sums up."""
+"""All tests in their order, each `ok`, `warn` or `fail` with advice; the verdict comes first."""
 
+import os
 import tempfile
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
 
+from logger.baseline_file import BaselineFile
 from logger.check import NOT_THERE, Line, check, site_config
 from logger.config import SiteConfig
-from logger.core.errors import DeviceError
+from logger.core.errors import DeviceError, RunFileError
 from logger.core.runfile import Run, read_run
 from logger.device.clock import SystemClock
 from logger.device.mode_switch import unrestored_modes
@@ -18,7 +22,9 @@ from logger.device.saved_modes import SavedModes
 from logger.device.service import Service
 from logger.device.startup import begin_run, usable_folder
 from logger.device.status import FOLDER, read_status, status_folder
-from logger.doctor.machine import disk, holders, plug, power
+from logger.doctor.card import health, speed
+from logger.doctor.clock import clock_line, wall_minus_boot_ns
+from logger.doctor.machine import disk, holders, plug, power, temperature
 from logger.doctor.reception import LAST_S, TRIAL, run_lines
 from logger.doctor.service import open_journal, status_lines, unit
 from logger.drivers.family import wake
@@ -35,17 +41,28 @@ ESSENTIAL = frozenset({"status", "card", "queue", "modem", "mode", "readings", "
 PORTS = frozenset({"modem", "gnss"})
 
 
-def examine(config_path: Path, seconds: float = TRIAL_S) -> Iterator[Line]:
-    """Yield each line as soon as its test is done; the last one states whether the logger is ready.
+@dataclass
+class Examination:
+    """All lines, the verdict first, and the run that was tested, if any."""
+
+    lines: list[Line] = field(default_factory=list)
+    run: Run | None = None
+
+
+def examine(
+    config_path: Path, seconds: float = TRIAL_S, progress: Callable[[str], None] = lambda _: None
+) -> Examination:
+    """Make all tests; `progress` is told what each of them is about.
 
     If the service is recording, the end of its run is tested; otherwise the service records for
     some seconds into a temporary folder. Raises `ConfigError` for an unusable configuration.
     """
-    lines = []
-    for line in _tests(config_path, seconds):
-        lines.append(line)
-        yield line
-    yield overall(lines)
+    examination = Examination()
+    for line in _tests(config_path, seconds, examination):
+        progress(line.what)
+        examination.lines.append(line)
+    examination.lines.insert(0, overall(examination.lines))
+    return examination
 
 
 def overall(lines: Iterable[Line]) -> Line:
@@ -58,7 +75,7 @@ def overall(lines: Iterable[Line]) -> Line:
         names = ", ".join(line.what for line in warnings)
         return Line("ok", "overall", "ready to walk" + (f"; check also: {names}" if names else ""))
     first, *others = problems
-    text = f"{first.what}: {first.text}" + (f" (and {len(others)} more above)" if others else "")
+    text = f"{first.what}: {first.text}" + (f" (and {len(others)} more below)" if others else "")
     if any(_is_wrong_port(line) for line in problems):
         text += "; `fieldlogger probe --write site.toml` finds the ports"
     if fails:
@@ -70,13 +87,17 @@ def _is_wrong_port(line: Line) -> bool:
     return line.what in PORTS and (line.state == "fail" or NOT_THERE in line.text)
 
 
-def _tests(config_path: Path, seconds: float) -> Iterator[Line]:
-    """Yield all lines but the last."""
+def _tests(config_path: Path, seconds: float, examination: Examination) -> Iterator[Line]:
+    """Yield all lines but the verdict, and keep the run that they are about."""
     config = site_config(config_path)
     yield from check(config_path)
     yield power()
+    yield temperature()
     folder = usable_folder(config.run.directory)
     yield disk(folder)
+    if os.access(folder, os.W_OK):
+        yield speed(folder)
+    yield health(folder)
     yield plug(folder)
     yield unit()
     journal = open_journal(folder)
@@ -90,14 +111,37 @@ def _tests(config_path: Path, seconds: float) -> Iterator[Line]:
         yield from status_lines(status)
         journal = Path(status.run)
     if journal is None:
-        yield from _trial_lines(config, folder, seconds)
+        yield from _trial_lines(config, folder, seconds, examination)
         return
     text = f"{journal.name} is being written; the lines below are its last {LAST_S:.0f} s"
     yield Line("ok", "recording", text)
-    yield from run_lines(read_run(journal), set_mode=config.modem.set_mode)
+    examination.run = read_run(journal)
+    yield from _run_lines(config, examination.run)
 
 
-def _trial_lines(config: SiteConfig, folder: Path, seconds: float) -> Iterator[Line]:
+def _run_lines(config: SiteConfig, run: Run) -> Iterator[Line]:
+    with closing_baseline(config.live.baseline) as baseline:
+        yield from run_lines(run, set_mode=config.modem.set_mode, baseline=baseline)
+    yield clock_line(run, wall_minus_boot_ns())
+
+
+@contextmanager
+def closing_baseline(path: str) -> Iterator[BaselineFile | None]:
+    """Earlier walks, None without a readable file of them: `check` has a line about that."""
+    try:
+        baseline = BaselineFile(Path(path)) if path else None
+    except RunFileError:
+        baseline = None
+    try:
+        yield baseline
+    finally:
+        if baseline is not None:
+            baseline.close()
+
+
+def _trial_lines(
+    config: SiteConfig, folder: Path, seconds: float, examination: Examination
+) -> Iterator[Line]:
     """Test the ports, the SIM and a run of some seconds."""
     if changed := unrestored_modes(SavedModes(folder), FAMILIES.get):
         yield Line("warn", "mode", changed)
@@ -106,8 +150,8 @@ def _trial_lines(config: SiteConfig, folder: Path, seconds: float) -> Iterator[L
             yield from holders(name, url)
     yield sim_card(config)
     with tempfile.TemporaryDirectory(prefix="fieldlogger-doctor-") as temporary:
-        run = _trial_run(config, temporary, seconds)
-        yield from run_lines(run, set_mode=config.modem.set_mode)
+        examination.run = _trial_run(config, temporary, seconds)
+        yield from _run_lines(config, examination.run)
 
 
 def sim_card(config: SiteConfig) -> Line:

@@ -9,12 +9,18 @@ from logger.check import Line
 from logger.device.machine import UNDERVOLTAGE_NOW, UNDERVOLTAGE_SINCE_BOOT, throttled_bits
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 
+THROTTLED_NOW, THROTTLED_SINCE_BOOT = 0x6, 0x60000
+"""Bits of get_throttled (Raspberry Pi documentation): frequency capped, and throttled."""
+
+WARM_C, HOT_C = 70.0, 80.0
+"""From 80 degrees on the firmware slows the processor down (Raspberry Pi documentation)."""
+
 LOW_BYTES, TOO_LOW_BYTES = 1_000_000_000, 100_000_000
 """Free space: the first holds some days of walks, the second less than a day of one."""
 
 
 def power(sys: Path = Path("/sys")) -> Line:
-    """Undervoltage, as the firmware of a Raspberry Pi reports it."""
+    """Undervoltage and throttling, as the firmware of a Raspberry Pi reports them."""
     bits = throttled_bits(sys)
     if bits is None:
         return Line("ok", "power", "not reported by this machine (no Raspberry Pi)")
@@ -23,7 +29,32 @@ def power(sys: Path = Path("/sys")) -> Line:
         return Line("fail", "power", f"undervoltage now: {advice}")
     if bits & UNDERVOLTAGE_SINCE_BOOT:
         return Line("warn", "power", f"there was undervoltage since the start: {advice}")
+    if bits & (THROTTLED_NOW | THROTTLED_SINCE_BOOT):
+        when = "is" if bits & THROTTLED_NOW else "was"
+        text = f"the processor {when} slowed down by heat: recording goes on; give the case air"
+        return Line("warn", "power", text)
     return Line("ok", "power", "no undervoltage since the start")
+
+
+def temperature(sys: Path = Path("/sys")) -> Line:
+    """The highest temperature that the kernel knows of the processor."""
+    zones = sys.glob("class/thermal/thermal_zone*/temp")
+    known = [degrees for zone in zones if (degrees := _degrees(zone)) is not None]
+    if not known:
+        return Line("ok", "temperature", "not reported by this machine")
+    hottest = max(known)
+    text = f"{hottest:.0f} degrees Celsius"
+    if hottest >= WARM_C:
+        advice = "the processor is slowed down" if hottest >= HOT_C else "close to slowing down"
+        return Line("warn", "temperature", f"{text}, {advice}: give the case air, keep it shaded")
+    return Line("ok", "temperature", text)
+
+
+def _degrees(zone: Path) -> float | None:
+    try:
+        return int(zone.read_text()) / 1000.0
+    except (OSError, ValueError):
+        return None
 
 
 def disk(folder: Path) -> Line:

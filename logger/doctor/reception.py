@@ -5,11 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from logger.check import Line, State
+from logger.core.baseline import Baseline
 from logger.core.censoring import levels_dbm
 from logger.core.rows import Rows
 from logger.core.runfile import Run
-from logger.core.track import UERE_M
-from logger.core.types import DEAD_RECKONING
+from logger.doctor.antenna import antenna_line
+from logger.doctor.receiver import fixes_lines
 from logger.drivers.registry import FAMILIES
 
 TRIAL = "doctor"
@@ -18,15 +19,14 @@ TRIAL = "doctor"
 LAST_S = 60.0
 """The end of a run that is tested: a slow modem still gives several scans in it."""
 
-COARSE_M = 15.0
-"""Median accuracy of a receiver under open sky is well below this."""
 
-GOOD_SHARE = 0.8
-RECENT_FIXES = 10
-"""The receiver works if this share of its latest fixes has a position, whatever came before."""
-
-
-def run_lines(run: Run, last_s: float = LAST_S, *, set_mode: str = "") -> Iterator[Line]:
+def run_lines(
+    run: Run,
+    last_s: float = LAST_S,
+    *,
+    set_mode: str = "",
+    baseline: Baseline | None = None,
+) -> Iterator[Line]:
     """Evaluate the end of a run; `set_mode` is the setting of that name in [modem]."""
     tables = run.tables
     end_ns = max((int(rows["t_ns"].max()) for rows in tables.values() if len(rows)), default=0)
@@ -42,7 +42,9 @@ def run_lines(run: Run, last_s: float = LAST_S, *, set_mode: str = "") -> Iterat
     else:
         yield Line("fail", "modem", f"no scan; last event: {event or 'none'}")
     yield _readings_line(readings, minutes, notes, run.meta.origin == TRIAL, set_mode)
-    yield _fixes_line(fixes)
+    if (antenna := antenna_line(readings, fixes, baseline)) is not None:
+        yield antenna
+    yield from fixes_lines(run, fixes)
 
 
 def _modem_notes(run: Run) -> list[tuple[str, str]]:
@@ -93,23 +95,3 @@ def _gsm_only(notes: list[tuple[str, str]], set_mode: str) -> str:
         return "the driver has no command for GSM only: set the modem by hand, or use another"
     commands = " or ".join(command.set_to(command.gsm_only) for command in driver.mode_commands)
     return f'set_mode = "gsm" ({commands})'
-
-
-def _fixes_line(fixes: Rows) -> Line:
-    if not len(fixes):
-        return Line("fail", "gnss", "nothing received: right port and baud? see fieldlogger probe")
-    valid = fixes[fixes["valid"] == 1]
-    if not len(valid):
-        text = "the receiver has no position yet: a cold start under open sky takes minutes"
-        return Line("warn", "gnss", text)
-    recent = valid["quality"][-RECENT_FIXES:]
-    if np.mean(recent == DEAD_RECKONING) > 1.0 - GOOD_SHARE:
-        text = "positions by dead reckoning get little weight: has the antenna a clear sky?"
-        return Line("warn", "gnss", text)
-    sigma_m = np.where(np.isfinite(valid["acc_m"]), valid["acc_m"], valid["hdop"] * UERE_M)
-    is_known = bool(np.any(np.isfinite(sigma_m)))
-    median_m = float(np.nanmedian(sigma_m)) if is_known else 0.0
-    accuracy = f"about {median_m:.0f} m" if is_known else "unknown"
-    is_good = np.mean(fixes["valid"][-RECENT_FIXES:]) > GOOD_SHARE and median_m <= COARSE_M
-    text = f"{len(valid)} of {len(fixes)} fixes with a position, accuracy {accuracy}"
-    return Line("ok" if is_good else "warn", "gnss", text)

@@ -1,5 +1,6 @@
 import json
 import logging
+import re
 from pathlib import Path
 
 import pytest
@@ -37,7 +38,7 @@ def test_a_trial_on_real_ports_passes(tmp_path, capsys):
     ] * 5, lines
     assert "SIM not inserted" in lines["SIM"]["text"]
     assert not list((tmp_path / "runs").iterdir())
-    assert list(lines)[-1] == "overall"
+    assert next(iter(lines)) == "overall"
     assert lines["overall"]["text"].startswith("ready to walk")
 
 
@@ -94,6 +95,30 @@ def test_a_missing_configuration_is_reported_with_advice(tmp_path, capsys):
         assert f"`fieldlogger probe --write {site}`" in line
 
 
+def test_a_report_for_asking_others_names_nobody(tmp_path, capsys):
+    with simulated_devices() as (modem, gnss, _):
+        site = service.site_toml(tmp_path, modem.path, gnss.path)
+        note = "# at 52.51234 13.41234, call +491701234567"
+        site.write_text(f'{site.read_text()}\n{note}\n[live]\ntarget = "262-01-4711-17"\n')
+        report = tmp_path / "report.txt"
+        command = ["doctor", "--config", str(site), "--seconds", "5", "--report", str(report)]
+        main(command)
+    first = capsys.readouterr().out.splitlines()[0]
+    text = report.read_text()
+    assert first in text
+    assert 'target = "[cell]"' in text
+    for part in ("versions", "cellwalk", "kernel", "modem-ready"):
+        assert part in text
+    assert not re.search(r"\d{6,}|\d\.\d{4,}|4711|1701234567", text)
+
+
+def test_a_report_to_nowhere_is_one_line(tmp_path, capsys):
+    site = service.site_toml(tmp_path, str(tmp_path / "modem"), str(tmp_path / "gnss"))
+    report = str(tmp_path / "no/report.txt")
+    assert main(["doctor", "--config", str(site), "--seconds", "1", "--report", report]) == 2
+    assert "no/report.txt: No such file or directory" in capsys.readouterr().err
+
+
 def test_the_level_of_the_log_is_restored(tmp_path, capsys):
     level = logging.getLogger().level
     site = service.site_toml(tmp_path, str(tmp_path / "modem"), str(tmp_path / "gnss"))
@@ -105,9 +130,9 @@ def test_the_level_of_the_log_is_restored(tmp_path, capsys):
 def test_missing_ports_are_reported_with_advice(tmp_path, capsys):
     site = service.site_toml(tmp_path, str(tmp_path / "modem"), str(tmp_path / "gnss"))
     assert main(["doctor", "--config", str(site), "--seconds", "1"]) == 2
-    last = capsys.readouterr().out.splitlines()[-1]
-    assert last.startswith("fail  overall: not ready to walk: modem: ")
-    assert "`fieldlogger probe --write site.toml`" in last
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith("fail  overall: not ready to walk: modem: ")
+    assert "`fieldlogger probe --write site.toml`" in first
 
 
 @pytest.mark.parametrize(
@@ -129,7 +154,7 @@ def test_missing_ports_are_reported_with_advice(tmp_path, capsys):
         (
             [("warn", "gnss", ""), ("fail", "disk", "full")],
             "fail",
-            "not ready to walk: disk: full (and 1 more above)",
+            "not ready to walk: disk: full (and 1 more below)",
         ),
         (
             [("fail", "modem", "silent")],
@@ -141,7 +166,7 @@ def test_missing_ports_are_reported_with_advice(tmp_path, capsys):
         ),
     ],
 )
-def test_the_last_line_sums_up(lines, state, text):
+def test_the_first_line_sums_up(lines, state, text):
     assert overall(Line(*line) for line in lines) == Line(state, "overall", text)
 
 
@@ -162,7 +187,7 @@ def test_without_gsm_no_2g_catcher_would_be_recorded(tmp_path, capsys):
     assert lines["readings"]["state"] == "warn"
     text = 'only LTE: a 2G catcher would not be recorded; set_mode = "gsm" (AT+CNMP=13)'
     assert lines["readings"]["text"].endswith(text)
-    assert list(lines)[-1] == "overall"
+    assert next(iter(lines)) == "overall"
     assert lines["overall"]["state"] != "ok"
 
 

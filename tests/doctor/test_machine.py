@@ -8,7 +8,15 @@ from tests.kit.simulated_devices import simulated_devices
 
 @pytest.mark.parametrize(
     ("bits", "state"),
-    [("0", "ok"), ("50005", "fail"), ("50000", "warn"), ("junk", "ok"), (None, "ok")],
+    [
+        ("0", "ok"),
+        ("50005", "fail"),
+        ("50000", "warn"),
+        ("20000", "warn"),
+        ("4", "warn"),
+        ("junk", "ok"),
+        (None, "ok"),
+    ],
 )
 def test_undervoltage_reported_by_the_firmware(tmp_path, bits, state):
     if bits is not None:
@@ -16,6 +24,25 @@ def test_undervoltage_reported_by_the_firmware(tmp_path, bits, state):
         file.parent.mkdir(parents=True)
         file.write_text(bits + "\n")
     assert machine.power(tmp_path).state == state
+
+
+@pytest.mark.parametrize(
+    ("degrees", "state", "says"),
+    [
+        ([48_312, 47_000], "ok", "48 degrees"),
+        ([48_000, 74_000], "warn", "close to slowing down"),
+        ([83_000], "warn", "is slowed down"),
+        ([], "ok", "not reported"),
+        (["junk"], "ok", "not reported"),
+    ],
+)
+def test_the_hottest_zone_counts(tmp_path, degrees, state, says):
+    for i, value in enumerate(degrees):
+        zone = tmp_path / f"class/thermal/thermal_zone{i}"
+        zone.mkdir(parents=True)
+        (zone / "temp").write_text(f"{value}\n")
+    line = machine.temperature(tmp_path)
+    assert (line.state, says in line.text) == (state, True)
 
 
 def test_another_process_that_holds_the_port_is_named():

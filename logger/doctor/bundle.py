@@ -1,0 +1,96 @@
+"""A report for asking others: what the doctor found, without private numbers, names or places."""
+
+import os
+import platform
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from logger.check import Line
+from logger.core.errors import ConfigError
+from logger.core.runfile import Run
+from logger.device.libraries import installed_versions
+from logger.drivers.privacy.redaction import redact
+
+_MOST_NOTES = 60
+_PRIVATE = (
+    (re.compile(r"(?i)\b(?:[0-9a-f]{2}:){5}[0-9a-f]{2}\b"), "[address]"),
+    (re.compile(r"\b\d{3}-\d{2,3}-\d+-\d+\b"), "[cell]"),
+    (re.compile(r"-?\b\d{1,3}\.\d{3,}"), "[place]"),
+    (re.compile(r"(by-id/\S*?)_[^_\s\"]+(-if\d)"), r"\1_[serial]\2"),
+    (re.compile(r"\b\d{1,3}(?:\.\d{1,3}){3}\b"), "[address]"),
+    (re.compile(r"(?<=://)[^/\s\"]+"), "[host]"),
+    (re.compile(r"(/home/|/media/)[^/\s\"]+"), r"\1[user]"),
+    (re.compile(r"(?i)\b(?:imei|imsi|iccid|lac|tac|cid|ci)\b[ =:]*\w+"), "[identity]"),
+    (re.compile(r"(?i)(?<![.\w])(?=[\w]*\d)[0-9a-f]{6,}\b"), "[number]"),
+    (re.compile(r"\d{6,}"), "[number]"),
+)
+"""What could name a person, a device or a place, and what stands for it."""
+_SECRET = re.compile(r"(?i)^(\s*\S*(?:pass|secret|token|ssid|user)\S*\s*=).*")
+
+
+def write_report(target: Path, lines: Iterable[Line], config: Path, run: Run | None) -> None:
+    """Write the report as text; raises `ConfigError` where the file cannot be written."""
+    text = "\n".join([*_report(list(lines), config, run), ""])
+    try:
+        target.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{target}: {error.strerror}") from error
+
+
+def without_private(text: str) -> str:
+    """A text without numbers of people and devices, addresses, cells and coordinates."""
+    for pattern, stand_in in _PRIVATE:
+        text = pattern.sub(stand_in, text)
+    return redact(text.encode()).decode("utf-8", "replace")
+
+
+def _report(lines: list[Line], config: Path, run: Run | None) -> Iterator[str]:
+    yield "fieldlogger doctor: numbers of people and devices, cells and places are left out"
+    yield ""
+    for line in lines:
+        yield f"{line.state:4}  {line.what}: {without_private(line.text)}"
+    yield from ("", "machine")
+    yield from (f"  {name}: {value}" for name, value in _machine())
+    yield from ("", "versions")
+    yield from (f"  {name} {version}" for name, version in sorted(installed_versions().items()))
+    yield from ("", "configuration")
+    yield from (f"  {line}" for line in _settings(config))
+    if run is not None:
+        yield from ("", f"last events of the run (of {len(run.tables['notes'])})")
+        yield from (f"  {line}" for line in _events(run))
+
+
+def _machine() -> Iterator[tuple[str, str]]:
+    """Board, system and kernel; not the name of the machine."""
+    model = _first_line(Path("/proc/device-tree/model"))
+    yield "model", model.strip("\0") or platform.machine()
+    release = platform.freedesktop_os_release() if Path("/etc/os-release").exists() else {}
+    yield "system", release.get("PRETTY_NAME", "unknown")
+    yield "kernel", f"{platform.release()} {platform.machine()}"
+    yield "processors", str(os.cpu_count())
+    yield "memory", f"{os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 1e9:.1f} GB"
+
+
+def _first_line(path: Path) -> str:
+    try:
+        return path.read_text(errors="replace").splitlines()[0]
+    except (OSError, IndexError):
+        return ""
+
+
+def _settings(config: Path) -> Iterator[str]:
+    """Settings that are in force; comments may contain anything."""
+    for line in config.read_text(encoding="utf-8", errors="replace").splitlines():
+        setting = line.partition("#")[0].rstrip()
+        if setting:
+            yield without_private(_SECRET.sub(r"\1 [left out]", setting))
+
+
+def _events(run: Run) -> Iterator[str]:
+    notes = run.tables["notes"]
+    begin_ns = run.meta.started_ns
+    for row in notes[-_MOST_NOTES:]:
+        text = without_private(row["text"].decode("utf-8", "replace"))
+        seconds = (int(row["t_ns"]) - begin_ns) / 1e9
+        yield f"{seconds:8.1f} s  {row['level'].decode():7} {row['code'].decode()}: {text}"
