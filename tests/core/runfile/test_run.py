@@ -54,11 +54,11 @@ VALUES = st.one_of(
 )  # fmt: skip
 RECORDS = st.lists(
     st.builds(Record, st.integers(0, 2**62), st.sampled_from(["modem", "gnss"]), VALUES),
-    max_size=30,
+    max_size=75,
 )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)  # each starts a process that reads HDF5
 @given(RECORDS)
 def test_every_record_reads_back_equal_from_both_forms(tmp_path_factory, found):
     folder = tmp_path_factory.mktemp("run")

@@ -157,7 +157,7 @@ def test_a_message_does_not_swallow_the_rows_after_it():
 def test_memory_is_bounded_in_an_endless_line():
     for endless in (b"71234560", b"abcdefgh", b'+CUSD: 1,"', b"+CMT: ,24\r"):
         redactor = Redactor()
-        output = b"".join(redactor.feed(endless * 12 + b"1234567890123456") for _ in range(1000))
-        n_fed = len(endless * 12 + b"1234567890123456") * 1000
+        output = b"".join(redactor.feed(endless * 12 + b"1234567890123456") for _ in range(200))
+        n_fed = len(endless * 12 + b"1234567890123456") * 200
         assert n_fed - 4096 <= len(output) <= n_fed
         assert b"1234567890123456" not in output
