@@ -19,11 +19,19 @@ from statistics import median
 from scipy.stats import chi2
 
 from benchmarks.suspicion_city import city_logs
-from benchmarks.suspicion_injection import KINDS, Outcome, outcomes
+from benchmarks.suspicion_injection import Outcome, outcomes
 from benchmarks.suspicion_logs import LOGS, Log, read_logs
+from benchmarks.suspicion_patterns import COPIES, KINDS
 from logger.core.suspicion.finding import WORDS
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.tracker import SuspicionTracker
+
+GROUPS = {
+    "driving": ("cork_driving", "india_gsm", "india_umts", "ottawa"),
+    "standing": ("cork_static",),
+    "city": ("simulated",),
+}
+"""Sets of logs by how the receiver moved: while it stands, nothing else changes the levels."""
 
 
 @dataclass(slots=True)
@@ -139,11 +147,19 @@ def print_python(counts: Counts) -> None:
 
 
 def print_detection(kind: str, strong: bool, results: Sequence[Outcome]) -> None:
-    """One line: shares of runs with the word, and the medians of seconds and metres until it."""
-    if not results:
-        print(f"{kind:24}  {'strong' if strong else 'weak':6}  no run has what it needs")
-        return
+    """A line for each kind of log, and for clones one of the runs that passed both stations."""
+    power = "strong" if strong else "weak"
+    for group, sets in GROUPS.items():
+        _print_share(kind, power, group, [one for one in results if one.set_name in sets])
+    if kind in COPIES:
+        _print_share(kind, power, "both passed", [one for one in results if one.is_passed])
+
+
+def _print_share(kind: str, power: str, group: str, results: Sequence[Outcome]) -> None:
+    """Shares of runs with the word, and the medians of seconds and metres until it."""
     n = len(results)
+    if not n:
+        return
     in_time = sum(one.in_time == "suspicious" for one in results) / n
     at_end = sum(one.at_end == "suspicious" for one in results) / n
     unusual = sum(one.at_end != "nothing unusual" for one in results) / n
@@ -151,7 +167,7 @@ def print_detection(kind: str, strong: bool, results: Sequence[Outcome]) -> None
     metres = [one.metres for one in results if one.metres is not None]
     until = f"{median(seconds):5.0f} s  {median(metres):5.0f} m" if seconds else "-"
     print(
-        f"{kind:24}  {'strong' if strong else 'weak':6}  {n:4}  {in_time:7.2f}  {at_end:6.2f}  "
+        f"{kind:24}  {power:6}  {group:11}  {n:4}  {in_time:7.2f}  {at_end:6.2f}  "
         f"{unusual:7.2f}  {until}"
     )
 
@@ -172,7 +188,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         counts = count(logs)
         (print_python if given.python else print_rates)(counts)
         return
-    print("station                   power   runs  in time  at end  unusual  median until named")
+    print(
+        "station                   power   receiver     runs  in time  at end  unusual  until named"
+    )
     for kind in KINDS:
         for strong in (True, False):
             print_detection(kind, strong, list(outcomes(logs, kind, strong, given.seeds)))

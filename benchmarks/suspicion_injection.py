@@ -15,14 +15,12 @@ from math import cos, hypot, log10, radians
 import numpy as np
 
 from benchmarks.suspicion_logs import Log
+from benchmarks.suspicion_patterns import COPIES, KINDS, pattern_of
 from logger.core.suspicion.finding import Word
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.sim.shadowing import Shadowing
-from postproc.interop.fields import reading_of
 
-CLONES = frozenset({"clone on its channel", "clone on another channel"})
-KINDS = ("invented identity", "new area", "downgrade", *sorted(CLONES), "moving", "perfect copy")
 WITHIN_M, WITHIN_S = 200.0, 180.0
 """Walking and time after the station is heard first within which it should be named."""
 _ETA = 3.2
@@ -30,18 +28,24 @@ _NEAR_M = 30.0
 _HEARD_DBM = -105.0
 _HYSTERESIS_DB = 4.0
 _OFFSET_DBM = -95.0
+_PASSED_DBM = -65.0
+"""Level of an original that the walk has passed: within some 100 m of a station in a street."""
 _APART_M = 1000.0
 _METRES_PER_DEG = 111_320.0
 
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """A run with one station: its name, and when and where it was heard first."""
+    """A run with one station: its name, and the number of the record that has it first.
+
+    `is_passed`: a clone whose original the walk has passed as well.
+    """
 
     kind: str
     cell: str
     records: Sequence[Record]
     first: int
+    is_passed: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +57,8 @@ class Outcome:
     at_end: Word
     seconds: float | None
     metres: float | None
+    set_name: str
+    is_passed: bool
 
 
 def inject(log: Log, kind: str, strong: bool, seed: int) -> Injection | None:
@@ -62,12 +68,11 @@ def inject(log: Log, kind: str, strong: bool, seed: int) -> Injection | None:
     if track is None or track[-1, 0] - track[0, 0] < 2.5 * WITHIN_S:
         return None
     start_s = float(rng.uniform(track[0, 0] + 60.0, track[-1, 0] - 1.5 * WITHIN_S))
-    pattern = _pattern(log.records, kind, track)
+    pattern = pattern_of(log.records, kind, track)
     if pattern is None:
         return None
-    reading, original = pattern
-    if kind in CLONES or kind == "perfect copy":
-        place = _away_from(track, original, rng)
+    if kind in COPIES:
+        place = _away_from(track, pattern.place, rng)
         start_s = float(track[0, 0])
     else:
         place = _ahead(track, start_s, rng)
@@ -77,8 +82,11 @@ def inject(log: Log, kind: str, strong: bool, seed: int) -> Injection | None:
     peak_dbm = -50.0 if strong else -85.0
     level_1m = peak_dbm + 10.0 * _ETA * log10(_NEAR_M if strong else max(closest_m, _NEAR_M))
     air = _Air(level_1m, Shadowing.draw(6.0, 40.0, rng), rng)
-    records, first = _with_station(log, kind, reading, start_s, place, track, air)
-    return None if first is None else Injection(kind, reading.cell or "", records, first)
+    records, first = _with_station(log, kind, pattern.reading, start_s, place, track, air)
+    if first is None:
+        return None
+    is_passed = pattern.best_dbm >= _PASSED_DBM
+    return Injection(kind, pattern.reading.cell or "", records, first, is_passed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +102,7 @@ class _Air:
         return float(round(min(level, -40.0)))
 
 
-def detect(injection: Injection) -> Outcome:
+def detect(injection: Injection, set_name: str = "") -> Outcome:
     """Words within the limits after the first reception, and at the end of the run."""
     tracker = SuspicionTracker()
     at = injection.records[injection.first]
@@ -116,7 +124,8 @@ def detect(injection: Injection) -> Outcome:
         if seconds <= WITHIN_S or metres <= WITHIN_M:
             in_time = tracker.assessment(injection.cell).word
     at_end = tracker.assessment(injection.cell).word
-    return Outcome(injection.kind, in_time, at_end, named_s, named_m)
+    passed = injection.is_passed
+    return Outcome(injection.kind, in_time, at_end, named_s, named_m, set_name, passed)
 
 
 def _apart_m(a: tuple[float, float], b: tuple[float, float]) -> float:
@@ -136,70 +145,6 @@ def _track(records: Sequence[Record]) -> np.ndarray | None:
         (t_lat_lon[:, 2] - lon0) * _METRES_PER_DEG * cos(radians(lat0)),
         (t_lat_lon[:, 1] - lat0) * _METRES_PER_DEG,
     ])  # fmt: skip
-
-
-def _pattern(
-    records: Sequence[Record], kind: str, track: np.ndarray
-) -> tuple[CellReading, tuple[float, float] | None] | None:
-    """The station's reading without a level, and where the original of a clone was strongest."""
-    scans = [(record.t_ns / 1e9, record.value) for record in records]
-    serving = [
-        (t_s, reading)
-        for t_s, scan in scans
-        if isinstance(scan, Scan)
-        for reading in scan.readings
-        if reading.cell and reading.role == "serving"
-    ]
-    if not serving:
-        return None
-    if kind in CLONES or kind == "perfect copy":
-        return _clone(serving, kind, track)
-    model = max(
-        (r for _, r in serving), key=lambda r: sum(r.rat == o.rat for _, o in serving[::50])
-    )
-    rat = model.rat or "LTE"
-    mcc, mnc, area = model.mcc or "272", model.mnc or "01", (model.lac or model.tac or 1)
-    arfcn = None if model.arfcn is None else 63
-    code = {} if model.bsic is None else {"bsic": 55}
-    match kind:
-        case "invented identity":
-            reading = reading_of(rat, "serving", None, 1, mcc="001", mnc="01", cid=10, arfcn=arfcn,
-                                 **code)  # fmt: skip
-        case "new area":
-            reading = reading_of(rat, "serving", None, area + 7000, mcc=mcc, mnc=mnc, cid=4711,
-                                 arfcn=arfcn, **code)  # fmt: skip
-        case "moving":
-            reading = reading_of(rat, "serving", None, area, mcc=mcc, mnc=mnc, cid=4711,
-                                 arfcn=arfcn, **code)  # fmt: skip
-        case _:
-            if rat == "GSM":
-                return None
-            reading = reading_of("GSM", "serving", None, 7000, mcc=mcc, mnc=mnc, cid=4711, arfcn=63)
-    return reading, None
-
-
-def _clone(
-    serving: list[tuple[float, CellReading]], kind: str, track: np.ndarray
-) -> tuple[CellReading, tuple[float, float] | None] | None:
-    """The cell heard longest above -90 dBm."""
-    n: dict[str, int] = {}
-    best: dict[str, tuple[float, float, CellReading]] = {}
-    for t_s, reading in serving:
-        level_dbm = reading.level_dbm
-        if reading.cell is None or level_dbm is None:
-            continue
-        n[reading.cell] = n.get(reading.cell, 0) + (level_dbm >= -90.0)
-        if reading.cell not in best or level_dbm > best[reading.cell][0]:
-            best[reading.cell] = level_dbm, t_s, reading
-    name = max(n, key=lambda cell: n[cell])
-    _, t_s, reading = best[name]
-    i = int(np.searchsorted(track[:, 0], t_s))
-    if kind == "clone on another channel":
-        if reading.arfcn is None:
-            return None
-        reading = replace(reading, arfcn=reading.arfcn + 40, bsic=33)
-    place = track[min(i, len(track) - 1), 1:]
-    return reading, (float(place[0]), float(place[1]))
 
 
 def _ahead(track: np.ndarray, start_s: float, rng: np.random.Generator) -> tuple[float, float]:
@@ -294,4 +239,4 @@ def outcomes(logs: Sequence[Log], kind: str, strong: bool, seeds: int) -> Iterat
         for seed in range(seeds):
             injection = inject(log, kind, strong, seed)
             if injection is not None:
-                yield detect(injection)
+                yield detect(injection, log.set_name)

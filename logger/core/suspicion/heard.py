@@ -6,16 +6,11 @@ from math import cos, hypot, radians
 from typing import NamedTuple
 
 from logger.core.latest import Latest
+from logger.core.suspicion.spots import Spots
 from logger.core.types import Broadcast, CellReading, Fix, Scan
 
 GAP_S = 15.0
 """A cell that is not reported for longer is not held: modems print a list every 1 to 10 s."""
-SPOT_M = 25.0
-"""Levels are averaged over squares of this side: shadowing differs from one to the next."""
-VISIT_S = 60.0
-"""Later, a square is a new spot: a moving station gives it another level."""
-_MOST_SPOTS = 48
-"""Squares of each cell; 40 cells need half a megabyte."""
 _MOST_CELLS = 128
 _MOST_PAIRS = 4
 PAIR_HELD_S = 10.0
@@ -70,24 +65,6 @@ def _level_dbm(reading: CellReading) -> float | None:
     return level_dbm if level_dbm is not None and level_dbm > _LOWEST_DBM else None
 
 
-class Spot:
-    """Levels of a cell in one square: place, mean, best, number, times of the first and last."""
-
-    __slots__ = ("best_dbm", "last_s", "level_dbm", "n", "t_s", "x_m", "y_m")
-
-    def __init__(self, x_m: float, y_m: float, level_dbm: float, t_s: float) -> None:
-        self.x_m, self.y_m, self.n = x_m, y_m, 1
-        self.t_s = self.last_s = t_s
-        self.level_dbm = self.best_dbm = level_dbm
-
-    def add(self, level_dbm: float, t_s: float) -> None:
-        """Take another level here."""
-        self.n += 1
-        self.last_s = t_s
-        self.best_dbm = max(self.best_dbm, level_dbm)
-        self.level_dbm += (level_dbm - self.level_dbm) / self.n
-
-
 class Level(NamedTuple):
     """A level of late, with time and place (metres, None if unknown)."""
 
@@ -110,12 +87,11 @@ class HeardCell:
     last_s: float
     since_s: float
     n_scans: int = 0
-    n_spots: int = 0
     best_dbm: float = -200.0
     pair: tuple[int, int] | None = None
     pair_last_s: float = 0.0
     held_s: dict[tuple[int, int], float] = field(default_factory=dict)
-    spots: dict[str, Spot] = field(default_factory=dict)
+    spots: Spots = field(default_factory=Spots)
     recent: deque[Level] = field(default_factory=lambda: deque(maxlen=6))
     rings: list[tuple[float, float, int]] = field(default_factory=list)
     longest_s: float = 0.0
@@ -156,24 +132,8 @@ class HeardCell:
     def _take_level(self, now: "Moment", level_dbm: float) -> None:
         self.best_dbm = max(self.best_dbm, level_dbm)
         self.recent.append(Level(now.t_s, level_dbm, now.x_m, now.y_m))
-        if now.x_m is None or now.y_m is None:
-            return
-        square = f"{now.x_m // SPOT_M:.0f} {now.y_m // SPOT_M:.0f}"
-        spot = self.spots.get(square)
-        if spot is None or now.t_s - spot.last_s > VISIT_S:
-            self.n_spots += 1
-            if spot is not None:  # an earlier visit keeps its level under another name
-                self.spots[f"{square} {spot.t_s:.0f}"] = spot
-            self.spots[square] = Spot(now.x_m, now.y_m, level_dbm, now.t_s)
-            self._thin()
-        else:
-            spot.add(level_dbm, now.t_s)
-
-    def _thin(self) -> None:
-        """Drop every second spot once there are too many: the whole walk stays covered."""
-        if len(self.spots) > _MOST_SPOTS:
-            for square in list(self.spots)[1:-1:2]:
-                del self.spots[square]
+        if now.x_m is not None and now.y_m is not None:
+            self.spots.add(now.x_m, now.y_m, level_dbm, now.t_s)
 
 
 class Moment(NamedTuple):

@@ -11,14 +11,14 @@ from logger.core.suspicion.sources import compare_sources
 _TEST_EVERY = 4
 """New squares between two tests of the place, and a quarter of those before."""
 _FEWEST_SPOTS = 6
-_TWO_PLACES = 3.0
+_TWO_PLACES = 3.5
+_PERHAPS_TWO = 1.5
 _NO_PLACE = 9.0
-"""Log evidence from which it is a finding. Tuned on the legitimate logs, where one of 925 cells is
-above the first and none above the second."""
+"""Log evidence from which it is a finding; tuned on the legitimate logs."""
 
 
 class PlaceRules:
-    """S5 and S6."""
+    """S5, S6 and S9."""
 
     def __init__(self) -> None:
         self._tested: Latest[int] = Latest(128)
@@ -29,13 +29,13 @@ class PlaceRules:
             yield from self._places(cell)
 
     def _places(self, cell: HeardCell) -> Iterator[Broken]:
-        """S5 and S6: one identity at two places, or a moving one."""
+        """S5, S6 and S9: one identity at two places, or a moving one."""
         tested = self._tested.get(cell.name, _FEWEST_SPOTS - _TEST_EVERY)
         due = tested + max(_TEST_EVERY, tested // 4)
-        if cell.n_spots < due or len(cell.spots) < _FEWEST_SPOTS:
+        if cell.spots.n < due or len(cell.spots) < _FEWEST_SPOTS:
             return
-        self._tested.put(cell.name, cell.n_spots)
-        result = compare_sources(list(cell.spots.values()))
+        self._tested.put(cell.name, cell.spots.n)
+        result = compare_sources(list(cell.spots))
         if result is None:
             return
         evidence: Evidence = {
@@ -43,6 +43,8 @@ class PlaceRules:
             "apart_m": round(result.apart_m),
             "squares": len(cell.spots),
         }
+        if result.two_places >= _PERHAPS_TWO:
+            yield Broken("S9", cell.name, evidence)
         if result.two_places >= _TWO_PLACES:
             yield Broken("S5", cell.name, evidence)
         if result.no_place > _NO_PLACE:

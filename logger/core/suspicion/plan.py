@@ -13,7 +13,8 @@ from logger.core.suspicion.countries import (
     is_international,
 )
 from logger.core.suspicion.finding import Evidence
-from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment, Spot
+from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment
+from logger.core.suspicion.spots import Spot
 
 _FEWEST_PUBLIC = 3
 """Cells of networks of this country that must be heard before a test network is unusual: where all
@@ -128,11 +129,11 @@ def _closest(cell: HeardCell, other: HeardCell) -> tuple[float, float]:
 
     Metres; infinite if either has no place.
     """
-    here = next(reversed(cell.spots.values()), None)
+    here = cell.spots.here
     if here is None:
         return 0.0, inf
     there: Spot | None = min(
-        other.spots.values(), key=lambda s: hypot(s.x_m - here.x_m, s.y_m - here.y_m), default=None
+        other.spots, key=lambda s: hypot(s.x_m - here.x_m, s.y_m - here.y_m), default=None
     )
     if there is None:
         return 0.0, inf

@@ -23,16 +23,17 @@ MEASURED: Mapping[str, Mapping[str, Rate]] = {
     "S2": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(1, 814, _LOGS), "WCDMA": Rate(0, 88, _LOGS)},
     "S3": {"GSM": Rate(5, 23, _LOGS), "LTE": Rate(8, 814, _LOGS), "WCDMA": Rate(1, 88, _LOGS)},
     "S4": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(0, 814, _LOGS), "WCDMA": Rate(0, 88, _LOGS)},
-    "S7": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(4, 814, _LOGS), "WCDMA": Rate(0, 88, _LOGS)},
     "S8": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(16, 814, _LOGS), "WCDMA": Rate(2, 88, _LOGS)},
     "S5": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(0, 814, _LOGS), "WCDMA": Rate(1, 88, _LOGS)},
+    "S9": {"GSM": Rate(1, 23, _LOGS), "LTE": Rate(0, 814, _LOGS), "WCDMA": Rate(1, 88, _LOGS)},
     "S6": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(0, 814, _LOGS), "WCDMA": Rate(0, 88, _LOGS)},
+    "S7": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(0, 814, _LOGS), "WCDMA": Rate(0, 88, _LOGS)},
     "T1": {"GSM": Rate(0, 21, _LOGS), "LTE": Rate(1, 258, _LOGS)},
     "C2": {"GSM": Rate(1, 23, _LOGS), "LTE": Rate(12, 814, _LOGS), "WCDMA": Rate(4, 88, _LOGS)},
     "R1": {"GSM": Rate(0, 2, _LOGS)},
 }
 
 WORD_RATES: Mapping[Word, HourRate] = {
-    "suspicious": HourRate(2, 38.5),
-    "unusual": HourRate(27, 38.5),
+    "suspicious": HourRate(1, 38.5),
+    "unusual": HourRate(25, 38.5),
 }

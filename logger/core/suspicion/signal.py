@@ -2,10 +2,9 @@
 
 from collections import deque
 from collections.abc import Iterator
-from math import hypot, inf
+from math import hypot
 from typing import NamedTuple
 
-from logger.core.latest import Latest
 from logger.core.suspicion.broken import Broken, Taken
 from logger.core.suspicion.finding import Evidence
 from logger.core.suspicion.heard import HeardCell, Level, Memory, Moment
@@ -20,7 +19,6 @@ _STEADY = 3
 _NEAR_M = 30.0
 _PASSED_M = 120.0
 """Way of a car between the scan before a new cell and its third reading."""
-_MEAN_S = 15.0
 _FULL_LIST = 4
 """Cells of a scan from which on its weakest level is a limit of what could be missed."""
 _EARLIER_S = 120.0
@@ -42,45 +40,17 @@ class _Before(NamedTuple):
     limit_dbm: float
 
 
-class _Means:
-    """Means of a level over 15 s each, and how far they are apart."""
-
-    __slots__ = ("_highest", "_lowest", "_n", "_since_s", "_sum")
-
-    def __init__(self, t_s: float) -> None:
-        self._since_s, self._sum, self._n = t_s, 0.0, 0
-        self._lowest, self._highest = inf, -inf
-
-    def add(self, t_s: float, level_dbm: float) -> None:
-        """Take a level."""
-        if t_s - self._since_s >= _MEAN_S:
-            if self._n >= _STEADY:
-                mean_dbm = self._sum / self._n
-                self._lowest = min(self._lowest, mean_dbm)
-                self._highest = max(self._highest, mean_dbm)
-            self._since_s, self._sum, self._n = t_s, 0.0, 0
-        self._sum += level_dbm
-        self._n += 1
-
-    @property
-    def spread_db(self) -> float:
-        """Highest minus lowest mean; negative before there is one."""
-        return self._highest - self._lowest
-
-
 class SignalRules:
-    """S2, S3, S4, S7 and S8."""
+    """S2, S3, S4 and S8."""
 
     def __init__(self) -> None:
         self._before: deque[_Before] = deque(maxlen=12)
-        self._means: Latest[_Means] = Latest(128)
 
     def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:
         """As `FamilyRules`."""
         for cell, heard in taken:
             if heard.level_dbm is None:
                 continue
-            yield from self._drift(now, cell, heard.level_dbm)
             yield from _jump(cell)
             yield from self._appears(cell)
             yield from _above_best(now, cell, heard.level_dbm)
@@ -104,21 +74,6 @@ class SignalRules:
                 "seconds": round(first.t_s - before[-1].t_s),
             }
             yield Broken("S3", cell.name, evidence)
-
-    def _drift(self, now: Moment, cell: HeardCell, level_dbm: float) -> Iterator[Broken]:
-        """S7: means of 15 s differ by 20 dB while the walker stands still."""
-        if now.x_m is None or now.still_s < _MEAN_S:
-            self._means.pop(cell.name, None)
-            return
-        means = self._means.get(cell.name) or _Means(now.t_s)
-        self._means.put(cell.name, means)
-        means.add(now.t_s, level_dbm)
-        if means.spread_db >= _JUMP_DB:
-            evidence: Evidence = {
-                "change_db": round(means.spread_db),
-                "still_s": round(now.still_s),
-            }
-            yield Broken("S7", cell.name, evidence)
 
     def _remember(self, now: Moment) -> None:
         for rat in {heard.rat for heard in now.cells}:
@@ -156,7 +111,7 @@ def _above_best(now: Moment, cell: HeardCell, level_dbm: float) -> Iterator[Brok
         return
     earlier = [
         spot.best_dbm
-        for spot in cell.spots.values()
+        for spot in cell.spots
         if now.t_s - spot.t_s >= _EARLIER_S
         and hypot(spot.x_m - now.x_m, spot.y_m - now.y_m) <= _PLACE_M
     ]

@@ -13,7 +13,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.model.path_loss import log_distance_db
-from logger.core.suspicion.heard import Spot
+from logger.core.suspicion.spots import Spot
 
 _SIGMA_DB = 7.0
 """Shadowing of streets, 6 to 8 dB."""

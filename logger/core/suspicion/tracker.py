@@ -15,6 +15,7 @@ from logger.core.suspicion.place import PlaceRules
 from logger.core.suspicion.plan import PlanRules
 from logger.core.suspicion.rules import RULES, rate_of
 from logger.core.suspicion.signal import SignalRules
+from logger.core.suspicion.standing import StandingRules
 from logger.core.suspicion.technology import TechnologyRules
 from logger.core.suspicion.timing import TimingRules
 from logger.core.suspicion.words import Assessment, assess, by_word
@@ -41,6 +42,7 @@ class SuspicionTracker:
             NeighbourRules(),
             SignalRules(),
             PlaceRules(),
+            StandingRules(),
             TimingRules(),
             BroadcastRules(),
             TechnologyRules(),

@@ -17,7 +17,7 @@ times an hour (`rates.WORD_RATES`)."""
 CONFIRMING: frozenset[Family] = frozenset({"area", "neighbours", "signal", "place", "technology"})
 """One of these must be among the families: a plan or a database alone is often wrong."""
 
-ALONE: Family = "place"
+ALONE = frozenset({"S5", "S6"})
 """Levels over the whole walk that no one place explains: enough without a second family."""
 
 
@@ -37,12 +37,12 @@ def assess(cell: str, findings: Sequence[Finding]) -> Assessment:
     for finding in findings:
         by_family[finding.family] = max(by_family.get(finding.family, 0.0), finding.nats)
     score = sum(by_family.values())
-    return Assessment(cell, _word(by_family, score), score, tuple(findings))
+    is_alone = any(f.rule in ALONE and f.nats >= SUSPICIOUS_NATS for f in findings)
+    return Assessment(cell, _word(by_family, score, is_alone), score, tuple(findings))
 
 
-def _word(by_family: Mapping[Family, float], score: float) -> Word:
+def _word(by_family: Mapping[Family, float], score: float, is_alone: bool) -> Word:
     weighty = {family for family, nats in by_family.items() if nats > 0.0}
-    is_alone = by_family.get(ALONE, 0.0) >= SUSPICIOUS_NATS
     if is_alone or (len(weighty) >= 2 and weighty & CONFIRMING and score >= SUSPICIOUS_NATS):
         return "suspicious"
     return "unusual" if score >= UNUSUAL_NATS else "nothing unusual"

@@ -2,9 +2,9 @@ import sys
 from math import log10
 
 from logger.core.baseline import NoBaseline
-from logger.core.suspicion.heard import Spot
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.sources import compare_sources
+from logger.core.suspicion.spots import Spot
 from tests.kit.suspicion_walks import Walk, gsm
 
 HOME = [gsm(cid, -80 - cid % 7) for cid in range(10, 16)]

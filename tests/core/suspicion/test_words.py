@@ -24,6 +24,12 @@ def test_levels_that_no_place_explains_are_enough():
     assert assess("c", [_finding("S5", "place", 6.0)]).word == "suspicious"
 
 
+def test_less_evidence_for_two_places_needs_a_second_family():
+    perhaps = _finding("S9", "place", 6.0)
+    assert assess("c", [perhaps]).word == "unusual"
+    assert assess("c", [perhaps, _finding("S8", "signal", 3.4)]).word == "suspicious"
+
+
 def test_the_most_suspicious_comes_first():
     words = [assess("quiet", []), assess("worst", [_finding("S5", "place", 6.0)])]
     assert [one.cell for one in by_word(words)] == ["worst", "quiet"]
