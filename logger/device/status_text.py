@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from logger.core.errors import ConfigError
-from logger.device.status import FOLDER, CellStatus, NextStatus, PositionStatus, Status, read_status
+from logger.core.guidance.next_way import NextWay
+from logger.device.status import FOLDER, CellStatus, PositionStatus, Status, read_status
 
 _MOST_CELLS = 8
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
@@ -35,7 +36,7 @@ def status_lines(status: Status) -> Iterator[str]:
         yield cell_line(row, status)
 
 
-def next_line(way: NextStatus) -> str:
+def next_line(way: NextWay) -> str:
     """Where to go."""
     point = _POINTS[round(way.azimuth_deg / 45.0) % 8]
     return f"go: {point} ({way.azimuth_deg:.0f} deg), {way.distance_m:.0f} m: {way.text}"
