@@ -21,12 +21,11 @@ from logger.command_line import (
     run_program,
 )
 from logger.core.errors import ConfigError
-from logger.doctor.cli import SITE_TOML, check, doctor
+from logger.doctor.cli import check, doctor
+from logger.page.cli import page, status
 
 FASTEST = 10_000
 """More than any machine simulates."""
-
-CLEAR = b"\x1b[H\x1b[2J"
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -42,7 +41,7 @@ def program() -> None:
     """Record the cells and positions of a walk. The logger only listens."""
 
 
-for command in (recover, check, doctor):
+for command in (recover, check, doctor, status, page):
     program.add_command(command)
 
 
@@ -68,50 +67,6 @@ def run(config: Path, duration_s: float | None) -> None:
         from logger.device.service import run_service
 
         print(run_service(site, begun, manager, clock, stop, duration_s))
-
-
-@program.command
-@click.option("--watch", is_flag=True, help="Print again each second, until Ctrl-C.")
-@json_option
-def status(*, watch: bool, as_json: bool) -> int:
-    """Show what the running service reports: state, way to go, cells."""
-    import time
-
-    import msgspec
-
-    from logger.device.status import FOLDER, status_folder
-    from logger.device.status_text import running_status, status_lines
-
-    while True:
-        found = running_status(status_folder() or FOLDER)
-        if watch and sys.stdout.isatty():
-            sys.stdout.flush()
-            os.write(1, CLEAR)  # past the filter of control characters, which is for others' text
-        text = msgspec.json.encode(found).decode() if as_json else "\n".join(status_lines(found))
-        print(text, flush=True)
-        if not watch:
-            return int(found.state == "error")
-        time.sleep(1.0)
-
-
-@program.command
-@click.option("--config", type=PATH, default=SITE_TOML, show_default=True, metavar="SITE.TOML")
-@click.option("--show", is_flag=True, help="Print the page's address and its QR code.")
-def page(config: Path, *, show: bool) -> int:
-    """Serve the page for a phone in the Pi's own Wi-Fi.
-
-    It is off until [page] listen is set in site.toml.
-    """
-    from logger.config import load_config
-    from logger.page.server import serve, state_folder
-    from logger.page.token import page_url, qr_code
-
-    site, _ = load_config(config)
-    if not show:
-        return serve(site)
-    address = page_url(site.page.listen, state_folder())
-    print(f"{address}\n\n{qr_code(address)}")
-    return 0
 
 
 @program.command

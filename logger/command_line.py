@@ -16,6 +16,8 @@ from logger.core.printable import plain_streams, printable
 
 Real = TypeVar("Real", bound=float)
 
+SITE_TOML = Path("/etc/cellwalk/site.toml")
+
 MOST_S = 1_000_000_000
 """30 years. A longer time is a typing error, and nanoseconds of this one fit into 64 bits."""
 

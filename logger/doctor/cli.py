@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from logger.command_line import DURATION_S, FILE, PATH, json_option, print_json
+from logger.command_line import DURATION_S, FILE, PATH, SITE_TOML, json_option, print_json
 
 if TYPE_CHECKING:
     from logger.check import Line
-
-SITE_TOML = Path("/etc/cellwalk/site.toml")
 
 
 @click.command

@@ -29,7 +29,7 @@ from logger.page.handlers import (
     TrackHandler,
 )
 from logger.page.request_file import RequestFile
-from logger.page.token import STATE, made_token
+from logger.page.token import make_token, state_folder
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ def serve(config: SiteConfig, environ: Mapping[str, str] = os.environ) -> int:
     status = runtime.with_name(runtime.name.removesuffix("-page"))
     runs = Path(config.run.directory).expanduser()
     site = Site(
-        token=made_token(state_folder(environ)),
+        token=make_token(state_folder(environ)),
         hosts=host_names(address, port),
         feed=Feed(status, runs),
         runs=runs,
@@ -85,11 +85,6 @@ def serve(config: SiteConfig, environ: Mapping[str, str] = os.environ) -> int:
     )
     asyncio.run(_serve(site, address, port))
     return 0
-
-
-def state_folder(environ: Mapping[str, str] = os.environ) -> Path:
-    """Where the token is."""
-    return Path(environ.get("STATE_DIRECTORY", STATE))
 
 
 async def _serve(site: Site, address: str, port: int) -> None:

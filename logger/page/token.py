@@ -3,6 +3,7 @@
 import hmac
 import os
 import secrets
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -15,7 +16,7 @@ _BYTES = 16
 """128 bits: nobody guesses them at any rate."""
 
 
-def made_token(folder: Path) -> str:
+def make_token(folder: Path) -> str:
     """The token, made at the first start; raises `ConfigError`."""
     path = folder / _FILE
     try:
@@ -48,6 +49,11 @@ def read_token(folder: Path) -> str:
 def is_token(given: str, token: str) -> bool:
     """Compare in a time that tells nothing of the token."""
     return hmac.compare_digest(given.encode(), token.encode())
+
+
+def state_folder(environ: Mapping[str, str] = os.environ) -> Path:
+    """Where the token is."""
+    return Path(environ.get("STATE_DIRECTORY", STATE))
 
 
 def page_url(listen: str, folder: Path) -> str:

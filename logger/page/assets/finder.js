@@ -18,7 +18,7 @@ export function showFinder(state) {
   const isOld = ageS > 10;
   byId('cell').textContent = !cell ? 'no cell yet' : `${cell}${isOld ? `, not heard for ${Math.round(ageS)} s` : ''}`;
   byId('strongest').hidden = !status?.followed;
-  byId('level').textContent = row && !isOld ? `${dbm(row.level_dbm)} dBm` : '–';
+  byId('level').textContent = row && !isOld ? dbm(row.level_dbm) : '–';
   byId('average').textContent = dbm(row?.average_dbm);
   byId('peak').textContent = dbm(row?.peak_dbm);
   byId('trend').textContent = isOld ? '' : word(row?.trend_db);

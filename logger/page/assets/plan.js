@@ -69,7 +69,7 @@ export function showPlan({status}) {
   drawGrid(g, width, height, perPixel, colour);
   if (!all.length) return;
   drawRegion(g, at, status?.position, colour);
-  drawTrack(g, at, colour);
+  drawTrack(g, at, status?.fix, colour);
   drawPlaces(g, at, status, colour);
   drawWalker(g, at, status, colour);
   describe(status?.position);
@@ -108,11 +108,12 @@ function drawRegion(g, at, position, colour) {
   g.globalAlpha = 0.2; g.fill('evenodd'); g.globalAlpha = 1; g.stroke();
 }
 
-function drawTrack(g, at, colour) {
+function drawTrack(g, at, fix, colour) {
   g.strokeStyle = colour('soft');
   g.lineWidth = 1;
   g.beginPath();
   for (const [lat, lon] of track.points) g.lineTo(...at(lat, lon));
+  if (fix?.valid) g.lineTo(...at(fix.lat_deg, fix.lon_deg));
   g.stroke();
   for (const [i, level] of track.levels) {
     const point = track.points[i];
