@@ -73,9 +73,9 @@ class LiveCell:
         """As `OnlineLocator.stale`."""
         return self._locator.stale
 
-    def searched(self) -> tuple[LocatorInput, Tree] | None:
-        """As `OnlineLocator.searched`."""
-        return self._locator.searched()
+    def last_search(self) -> tuple[LocatorInput, Tree] | None:
+        """As `OnlineLocator.last_search`."""
+        return self._locator.last_search()
 
     def take(self, latest: LevelReading) -> CellEstimate | None:
         """Take a reading; None while there is no estimate.

@@ -72,9 +72,9 @@ class GuideFilter:
             if lat_deg is not None and lon_deg is not None:
                 self._take(t_s, lat_deg, lon_deg, acc_m, level_dbm, row)
         except (ValueError, GeoError) as error:
-            known = self._known(t_s)
+            known = self._answer_after_fix(t_s)
             return BadRow(t_s, known.verdict, known.best, known.area_m2, known.next, str(error))
-        return self._known(t_s)
+        return self._answer_after_fix(t_s)
 
     def _take(
         self,
@@ -100,7 +100,7 @@ class GuideFilter:
             self._locator.add(x_m, y_m, sigma_m, level_dbm, limit)
             if self._locator.stale > 1.0:
                 self._locator.search()
-        followed.update(x_m, y_m, self._locator.searched)
+        followed.update(x_m, y_m, self._locator.last_search)
 
     def _is_followed(self, row: Mapping[str, str | None]) -> bool:
         return self._cell is None or row.get("cell") == self._cell
@@ -115,7 +115,7 @@ class GuideFilter:
         speed_mps = hypot(x_m - before[1], y_m - before[2]) / max(t_s - before[0], 1.0)
         return min(speed_mps, _FASTEST_MPS)
 
-    def _known(self, t_s: float | None) -> Answer:
+    def _answer_after_fix(self, t_s: float | None) -> Answer:
         followed, utm = self._followed, self._utm
         if followed is None or utm is None or followed.position is None:
             return self._before_position(t_s)

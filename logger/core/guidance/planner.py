@@ -58,7 +58,9 @@ def plan(forecaster: Forecaster, routes: Sequence[Route], course: Course, *, has
     )
     score = value.copy()
     if not has_map:
-        score -= _WALKED_BEFORE * np.max(value) * np.array([_walked(r, course) for r in routes])
+        score -= (
+            _WALKED_BEFORE * np.max(value) * np.array([_share_walked(r, course) for r in routes])
+        )
     score *= [_KEPT if _is_ahead(route, course) else 1.0 for route in routes]
     best = int(np.argmax(score))
     return Plan(routes[best], 1000.0 * float(value[best]), forecast, rows[best])
@@ -92,7 +94,7 @@ def _is_ahead(route: Route, course: Course) -> bool:
     return turn is not None and abs(turn) < _AHEAD_DEG
 
 
-def _walked(route: Route, course: Course) -> float:
+def _share_walked(route: Route, course: Course) -> float:
     """Share of the first leg that was walked earlier."""
     if not len(course.earlier_m):
         return 0.0

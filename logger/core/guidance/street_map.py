@@ -30,7 +30,7 @@ class Leg(NamedTuple):
     line_m: FloatArray
     length_m: float
 
-    def reversed(self) -> "Leg":
+    def opposite(self) -> "Leg":
         """The same street walked the other way."""
         return Leg(self.end, self.start, self.line_m[::-1], self.length_m)
 
@@ -52,7 +52,7 @@ class StreetMap:
         self.legs = legs
         for leg in legs:
             self.leaving[leg.start].append(leg)
-            self.leaving[leg.end].append(leg.reversed())
+            self.leaving[leg.end].append(leg.opposite())
         self._starts, self._ends, self._leg = _pieces(legs)
 
     def nearest(self, x_m: float, y_m: float) -> OnStreet | None:
@@ -148,7 +148,7 @@ def _split_at_crossings(segment: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros((0, 4)), *found])
 
 
-def _snapped(point_m: FloatArray) -> tuple[FloatArray, list[int]]:
+def _snap(point_m: FloatArray) -> tuple[FloatArray, list[int]]:
     """Nodes (n, 2), and the number of the node of each point (p, 2)."""
     nodes: list[FloatArray] = []
     in_tile: dict[tuple[int, int], list[int]] = {}
@@ -172,7 +172,7 @@ def _snapped(point_m: FloatArray) -> tuple[FloatArray, list[int]]:
 
 def _legs_of(segment: FloatArray) -> tuple[FloatArray, list[Leg]]:
     """Crossings (n, 2), and the legs between them; nodes of two pieces are bends of one leg."""
-    node_m, number = _snapped(segment.reshape(-1, 2))
+    node_m, number = _snap(segment.reshape(-1, 2))
     pairs = {(min(a, b), max(a, b)) for a, b in zip(number[::2], number[1::2], strict=True)}
     beside: list[list[int]] = [[] for _ in node_m]
     for a, b in sorted(pairs):
@@ -189,7 +189,7 @@ def _legs_of(segment: FloatArray) -> tuple[FloatArray, list[Leg]]:
                 of_node[end] = len(crossings)
                 crossings.append(node_m[end])
         line_m = node_m[chain]
-        legs += _divided(line_m, of_node[chain[0]], of_node[chain[-1]], crossings)
+        legs += _divide(line_m, of_node[chain[0]], of_node[chain[-1]], crossings)
     return np.array(crossings).reshape(-1, 2), legs
 
 
@@ -213,7 +213,7 @@ def _chains(beside: list[list[int]]) -> list[list[int]]:
     return chains
 
 
-def _divided(line_m: FloatArray, start: int, end: int, crossings: list[FloatArray]) -> list[Leg]:
+def _divide(line_m: FloatArray, start: int, end: int, crossings: list[FloatArray]) -> list[Leg]:
     """Legs of at most `_LONGEST_LEG_M` along a line; where it is divided, crossings are added."""
     along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line_m, axis=0).T))])
     count = max(1, int(np.ceil(along_m[-1] / _LONGEST_LEG_M)))

@@ -46,7 +46,7 @@ def _first_legs(streets: StreetMap, on_street: OnStreet) -> list[Leg]:
         return streets.leaving[leg.start]
     if leg.length_m - along_m < _AT_CROSSING_M:
         return streets.leaving[leg.end]
-    return [part_of(leg, along_m), part_of(leg.reversed(), leg.length_m - along_m)]
+    return [part_of(leg, along_m), part_of(leg.opposite(), leg.length_m - along_m)]
 
 
 def _ways(streets: StreetMap, first: Sequence[Leg]) -> list[tuple[Leg, ...]]:

@@ -183,7 +183,7 @@ class OnlineLocator:
         hopeless = log_weight < np.max(log_weight) + np.log(_PLAUSIBLE)
         return np.where(hopeless, -np.inf, log_weight)
 
-    def searched(self) -> tuple[LocatorInput, Tree] | None:
+    def last_search(self) -> tuple[LocatorInput, Tree] | None:
         """The walk and its tree as the desktop has them, for `summarise`; None without a search."""
         if self._searched is None or self._evidence is None or self._strongest is None:
             return None
