@@ -1,7 +1,6 @@
 """The cell that is followed: its posterior, the verdict, and the way to walk next."""
 
 from collections.abc import Callable
-from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -19,9 +18,6 @@ from logger.core.observations import CellObservations
 
 Search = Callable[[], tuple[LocatorInput, Tree] | None]
 
-_AGAIN_M = 10.0
-"""The position is computed again after this much walking: two or three scans."""
-
 
 class LivePosition(NamedTuple):
     """What is known of the position now, and the verdict for `LIVE_M`."""
@@ -36,8 +32,6 @@ class FollowedCell:
     def __init__(self, cell: str, utm: Utm, streets: StreetMap | None = None) -> None:
         self.cell, self.utm = cell, utm
         self._guide = Guide(streets)
-        self._here: tuple[float, float] | None = None
-        self._renewed_m: tuple[float, float] | None = None
         self.position: LivePosition | None = None
 
     @property
@@ -46,25 +40,17 @@ class FollowedCell:
         return self._guide.advice
 
     def update(self, x_m: float, y_m: float, searched: Search) -> bool:
-        """Take a position of the walker and what the cell's locator knows; True if it counted."""
-        self._here = (x_m, y_m)
+        """Take a position of the walker; `searched` is asked where a new plan is due.
+
+        Returns whether position and advice are new.
+        """
         self._guide.walk(x_m, y_m)
-        if not self._is_due:
-            return False
-        found = searched()
+        found = searched() if self._guide.is_due else None
         if found is None:
             return False
-        self._renewed_m = self._here
         self.position = self._position(*found)
-        if self._guide.is_due:
-            self._guide.decide(*found)
+        self._guide.decide(*found)
         return True
-
-    @property
-    def _is_due(self) -> bool:
-        if self._here is None or self._renewed_m is None:
-            return True
-        return hypot(*(a - b for a, b in zip(self._here, self._renewed_m, strict=True))) >= _AGAIN_M
 
     def _position(self, task: LocatorInput, tree: Tree) -> LivePosition:
         posterior = summarise(task, tree)

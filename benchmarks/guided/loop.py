@@ -1,0 +1,152 @@
+"""One walk of one policy through one world, by the engine of `postproc guide`."""
+
+from math import hypot
+from time import process_time
+from typing import NamedTuple
+
+import numpy as np
+from guided.ground import Ground, OpenGround, Streets
+from guided.policies import POLICIES, Walker, nearest_way
+from guided.world import World
+
+from logger.core.arrays import FloatArray
+from logger.core.geo import Utm
+from logger.core.guidance.street_map import Line
+from logger.core.model.prior import Prior
+from postproc.guidance.filter import Answer, GuideFilter
+
+LONGEST_M = 3000.0
+PASS_M = 50.0
+START_LAT_LON = (52.5, 13.4)
+_FIRST_READINGS = 3
+
+
+class Outcome(NamedTuple):
+    """How a walk ended.
+
+    `error_m` is that of the position shown, `is_inside` whether the transmitter is within its 95 %
+    radius. `located_m`, `is_wrong` and `passed_m` are None where that did not happen.
+    """
+
+    policy: str
+    noise: str
+    ground: str
+    trap: str
+    seed: int
+    start_m: float
+    error_m: float
+    is_inside: bool
+    located_m: float | None
+    is_wrong: bool | None
+    passed_m: float | None
+    walked_m: float
+    slowest_row_ms: float
+
+
+class Loop:
+    """The walker, the world and the filter of one walk."""
+
+    def __init__(self, world: World, policy: str) -> None:
+        self._world, self._policy = world, policy
+        self._ground: Ground = Streets(world.streets) if world.streets else OpenGround()
+        rng = np.random.default_rng([world.seed, 5])
+        self._walker = Walker(self._ground, rng, self._ground.start())
+        self._utm = Utm.at(*START_LAT_LON)
+        self._start_m = np.array(self._utm.to_xy(*START_LAT_LON))
+        lines = self._lines() if policy == "routes, street map" else []
+        self._filter = GuideFilter(Prior(), lines=lines)
+        self._reading = np.zeros((0, 4))
+        self._answer = Answer(None)
+        self._slowest_s = 0.0
+
+    def run(self, *, stops_when_located: bool) -> Outcome:
+        """Walk until the end."""
+        world, walker = self._world, self._walker
+        located_m = is_wrong = passed_m = None
+        here = self._ground.at_m(walker.node)
+        for _ in range(_FIRST_READINGS):
+            self._hear(world.walk(np.stack([here, here + 1e-3])))
+        while world.walked_m < LONGEST_M:
+            walker.hear(self._reading)
+            way = self._next_way()
+            walker.go(way)
+            rows = world.walk(way.line_m)
+            self._hear(rows)
+            emitter_m = world.emitters_now()
+            if passed_m is None and self._nearest_m(way.line_m, emitter_m) < PASS_M:
+                passed_m = world.walked_m
+            if located_m is None and self._answer.verdict == "located":
+                located_m, is_wrong = world.walked_m, not self._is_inside()
+                if stops_when_located:
+                    break
+        return Outcome(
+            self._policy,
+            world.noise,
+            world.ground,
+            world.trap,
+            world.seed,
+            start_m=round(float(np.hypot(*world.emitter_m[0])), 1),
+            error_m=round(self._error_m(), 1),
+            is_inside=self._is_inside(),
+            located_m=located_m,
+            is_wrong=is_wrong,
+            passed_m=passed_m,
+            walked_m=round(world.walked_m),
+            slowest_row_ms=round(1e3 * self._slowest_s, 1),
+        )
+
+    def _next_way(self):  # noqa: ANN202
+        walker, policy = self._walker, self._policy
+        if policy in POLICIES:
+            walker.best_m = self._best_m()
+            return POLICIES[policy](walker)
+        advice = self._answer.next
+        if advice is None:
+            return walker.ahead()
+        return nearest_way(walker, advice.azimuth_deg, advice.distance_m)
+
+    def _hear(self, rows: FloatArray) -> None:
+        self._reading = np.concatenate([self._reading, rows])
+        for t_s, x_m, y_m, level_dbm in rows:
+            lat_deg, lon_deg = self._utm.to_latlon(*(self._start_m + [x_m, y_m]))
+            row = {
+                "t_s": f"{t_s:.2f}",
+                "lat": f"{lat_deg:.7f}",
+                "lon": f"{lon_deg:.7f}",
+                "rssi_dbm": f"{level_dbm:.0f}",
+            }
+            begun_s = process_time()
+            self._answer = self._filter.answer(row)
+            self._slowest_s = max(self._slowest_s, process_time() - begun_s)
+
+    def _best_m(self) -> FloatArray | None:
+        best = self._answer.best
+        return best and np.array(self._utm.to_xy(best.lat, best.lon)) - self._start_m
+
+    def _error_m(self) -> float:
+        """Distance from the position shown to the nearest transmitter."""
+        best_m = self._best_m()
+        if best_m is None:
+            return float("inf")
+        return min(hypot(*(best_m - one)) for one in self._world.emitters_now())
+
+    def _is_inside(self) -> bool:
+        best = self._answer.best
+        return best is not None and self._error_m() <= best.r95_m
+
+    def _nearest_m(self, line_m: FloatArray, emitter_m: FloatArray) -> float:
+        along = np.linspace(0.0, 1.0, 21)
+        parts = [
+            start + along[:, None] * (end - start)
+            for start, end in zip(line_m[:-1], line_m[1:], strict=True)
+        ]
+        point_m = np.concatenate(parts)
+        return min(float(np.min(np.hypot(*(point_m - one).T))) for one in emitter_m)
+
+    def _lines(self) -> list[Line]:
+        if self._world.streets is None:
+            return []
+        return [
+            [self._utm.to_latlon(*(self._start_m + point)) for point in leg.line_m]
+            for leg in self._world.streets.legs
+        ]
