@@ -20,7 +20,7 @@ COLUMNS = ("t_s", "lat", "lon", "rssi_dbm")
 """Columns that the header has to name; `cell`, `acc_m` and `rat` may follow."""
 
 _FEWEST_LEVELS = 5
-"""With as many levels there is a best position, however unsure."""
+"""With as many levels there is a best position, however unsure; before there is no answer."""
 _LEVELS_DBM = (-200.0, 50.0)
 """A level outside is none of any technology."""
 _FASTEST_MPS = 40.0
@@ -69,6 +69,8 @@ class GuideFilter:
             lat_deg, lon_deg = _number(row, "lat"), _number(row, "lon")
             level_dbm = _level_dbm(row)
             acc_m = _number(row, "acc_m")
+            if acc_m is not None and acc_m < 0.0:
+                raise ValueError(f"acc_m {acc_m:g} is negative")  # noqa: TRY301
             if lat_deg is not None and lon_deg is not None:
                 self._take(t_s, lat_deg, lon_deg, acc_m, level_dbm, row)
         except (ValueError, GeoError) as error:
@@ -117,6 +119,8 @@ class GuideFilter:
 
     def _answer_after_fix(self, t_s: float | None) -> Answer:
         followed, utm = self._followed, self._utm
+        if self._levels < _FEWEST_LEVELS:
+            return Answer(t_s)
         if followed is None or utm is None or followed.position is None:
             return self._before_position(t_s)
         position = followed.position
@@ -130,7 +134,7 @@ class GuideFilter:
 
     def _before_position(self, t_s: float | None) -> Answer:
         """Before the first search: the strongest level, within the reach of the prior."""
-        if self._utm is None or self._strongest is None or self._levels < _FEWEST_LEVELS:
+        if self._utm is None or self._strongest is None:
             return Answer(t_s)
         _, x_m, y_m = self._strongest
         radius_m = self._prior.radius_m(0.95)

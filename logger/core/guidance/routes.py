@@ -14,6 +14,8 @@ LEG_M = 100.0
 LONGEST_M = 1000.0
 """A longer route is planned again long before its end."""
 DIRECTIONS = 8
+_STRAIGHT_LEGS = (4, 7)
+"""Under shadowing two legs ahead say little, and a walker without a map would not leave."""
 _RIGHT_ANGLE = 2
 """In eighths of a circle: a leg that turns more leads back along the one before it."""
 
@@ -37,9 +39,14 @@ class Route(NamedTuple):
 
 
 def compass_routes(here_m: tuple[float, float], places: Sequence[Cluster]) -> list[Route]:
-    """Two legs in all directions, a route to each place, and one leg beyond it."""
+    """Legs in all directions, a route to each place, and one leg beyond it."""
     found = [
         _legs(here_m, [first, second]) for first in range(DIRECTIONS) for second in _onward(first)
+    ]
+    found += [
+        _legs(here_m, [direction] * legs)
+        for direction in range(DIRECTIONS)
+        for legs in _STRAIGHT_LEGS
     ]
     for place in places:
         found += _to_place(here_m, place)

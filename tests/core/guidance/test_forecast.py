@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+from logger.core.guidance.forecast import STEP_M, Forecaster
+from logger.core.guidance.sample import PositionSample
+from logger.core.model.blocks import NOTHING_CENSORED, single
+from logger.core.model.noise import covariances, shadowing
+from logger.core.model.path_loss import level_dbm, log_distance_db
+from logger.core.model.prior import Prior
+
+SIGMA_M = 4.0
+
+
+def _walk(rng, count=12):
+    x_m, y_m = np.linspace(0.0, 220.0, count), rng.normal(0.0, 5.0, count)
+    level = rng.normal(-75.0, 5.0, count)
+    rows = np.stack([x_m, y_m, level, np.full(count, SIGMA_M**2), np.ones(count)])
+    return single(rows, 2.0, NOTHING_CENSORED)
+
+
+def _sample(number, theta_cov=0.0):
+    prior = Prior()
+    spread = np.array([[4.0, 4.0], [0.5, 0.4], [0.3, 0.2]]) * theta_cov
+    return PositionSample(
+        x_m=np.array([80.0, 300.0]),
+        y_m=np.array([60.0, -40.0]),
+        weight=np.array([0.7, 0.3]),
+        p0_dbm=np.array([-30.0, -25.0]),
+        eta=np.array([2.5, 2.8]),
+        theta_cov=spread,
+        number=number,
+        noise=prior.hypotheses[number],
+        sigma_db=5.0,
+    )
+
+
+def _expected_dbm(sample, x_m, y_m):
+    east, north = sample.x_m[:, None] - x_m, sample.y_m[:, None] - y_m
+    away_db = log_distance_db(east, north, Prior().height_m, SIGMA_M)
+    return level_dbm(sample.p0_dbm[:, None], sample.eta[:, None], away_db)
+
+
+@pytest.mark.parametrize("number", [1, 3, 6, 9])
+def test_is_the_conditional_of_the_joint_gaussian(number):
+    """Kriging by the textbook formula, with coefficients that are known."""
+    walk, sample, prior = _walk(np.random.default_rng(0)), _sample(number), Prior()
+    x_m, y_m = np.array([120.0, 145.0, 400.0]), np.array([40.0, 60.0, 0.0])
+    k_pp = covariances(walk, prior, [number])[0]
+    apart_m = np.hypot(x_m[:, None] - walk.x_m, y_m[:, None] - walk.y_m)
+    k_qp = shadowing(apart_m, sample.noise)
+    residual = walk.level_dbm - _expected_dbm(sample, walk.x_m, walk.y_m)
+    level = _expected_dbm(sample, x_m, y_m) + residual @ np.linalg.solve(k_pp, k_qp.T)
+    found = Forecaster(sample, walk, prior).at(x_m, y_m)
+    np.testing.assert_allclose(found.level_dbm, level, rtol=1e-9)
+    between_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
+    left = shadowing(between_m, sample.noise) - k_qp @ np.linalg.solve(k_pp, k_qp.T)
+    off_diagonal = ~np.eye(3, dtype=bool)
+    np.testing.assert_allclose(
+        found.covariance[off_diagonal], 25.0 * left[off_diagonal], rtol=1e-7, atol=1e-9
+    )
+
+
+def test_unknown_coefficients_add_what_linear_propagation_gives():
+    walk, prior = _walk(np.random.default_rng(1)), Prior()
+    x_m, y_m = np.array([120.0, 200.0]), np.array([90.0, 90.0])
+    without = Forecaster(_sample(0), walk, prior).at(x_m, y_m).covariance
+    sample = _sample(0, theta_cov=1.0)
+    added = Forecaster(sample, walk, prior).at(x_m, y_m).covariance - without
+    expected = np.zeros((2, 2))
+    for i, weight in enumerate(sample.weight):
+        east, north = sample.x_m[i] - x_m, sample.y_m[i] - y_m
+        away_db = log_distance_db(east, north, prior.height_m, SIGMA_M)
+        var_p0, cov, var_eta = sample.theta_cov[:, i]
+        slopes = np.stack([np.ones(2), -away_db])
+        expected += weight * slopes.T @ np.array([[var_p0, cov], [cov, var_eta]]) @ slopes
+    np.testing.assert_allclose(added, expected, rtol=1e-9)
+
+
+def test_a_street_that_was_walked_is_known():
+    walk, prior = _walk(np.random.default_rng(2)), Prior()
+    forecaster = Forecaster(_sample(2), walk, prior)
+    walked = forecaster.at(np.array([100.0]), np.array([0.0])).covariance[0, 0]
+    new = forecaster.at(np.array([100.0]), np.array([10.0 * STEP_M])).covariance[0, 0]
+    assert walked < 0.5 * new
