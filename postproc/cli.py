@@ -121,6 +121,8 @@ def replay(path: Path, *, as_json: bool) -> int:
         print(f"replay equals live: {result.n_equal} estimates, to the last bit")
     elif result.findings_differ:
         print("replay differs from live: the findings of the rules are not the recorded ones")
+    elif result.advice_differs and result.n_equal == result.n_recorded == result.n_replayed:
+        print("replay differs from live: the advice where to walk is not the recorded one")
     else:
         print(
             f"replay differs from live: {result.n_recorded} recorded, "

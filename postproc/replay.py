@@ -7,7 +7,7 @@ from importlib.metadata import version
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from logger.core.live import LiveTracker
+from logger.core.live import ADVICE, LiveTracker
 from logger.core.live_settings import BEHIND, FOLLOW
 from logger.core.runfile import Run
 from logger.core.suspicion.notes import FINDING_CODE, RULES_CODE, start_note
@@ -32,11 +32,13 @@ class Replay:
     replayed_by: str
     n_findings: int = 0
     findings_differ: bool = False
+    advice_differs: bool = False
 
     @property
     def equal(self) -> bool:
-        """Whether every estimate and every finding is there and equal."""
-        return self.n_equal == self.n_recorded == self.n_replayed and not self.findings_differ
+        """Whether every estimate, every finding and all advice is there and equal."""
+        is_estimate_equal = self.n_equal == self.n_recorded == self.n_replayed
+        return is_estimate_equal and not self.findings_differ and not self.advice_differs
 
 
 def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
@@ -60,7 +62,7 @@ def replay(run: Run) -> Replay:
     replayed = [value for value in values_replayed if isinstance(value, LiveEstimate)]
     findings = _findings(record.value for _, record in run.records("notes"))
     findings_replayed = _findings([start_note(), *values_replayed])
-    if run.end is None or np.any(run.tables["notes"]["code"] == BEHIND.encode()):
+    if _is_cut(run):
         common = min(len(recorded), len(replayed))
         recorded, replayed = recorded[:common], replayed[:common]
     pairs = list(zip(recorded, replayed, strict=False))
@@ -76,12 +78,22 @@ def replay(run: Run) -> Replay:
         replayed_by=f"cellwalk {version('cellwalk')}",
         n_findings=len(findings),
         findings_differ=_findings_differ(run, findings, findings_replayed),
+        advice_differs=_advice_differs(run, values_replayed),
     )
+
+
+def _is_cut(run: Run) -> bool:
+    """Whether the last records may have no estimate."""
+    return run.end is None or bool(np.any(run.tables["notes"]["code"] == BEHIND.encode()))
 
 
 def _findings(values: Iterable[object]) -> list[str]:
     """Findings as recorded, after the event that names the rules."""
-    codes = (RULES_CODE, FINDING_CODE)
+    return _texts(values, RULES_CODE, FINDING_CODE)
+
+
+def _texts(values: Iterable[object], *codes: str) -> list[str]:
+    """Texts of the events with one of some codes."""
     return [value.text for value in values if isinstance(value, Note) and value.code in codes]
 
 
@@ -94,6 +106,18 @@ def _findings_differ(run: Run, recorded: list[str], replayed: list[str]) -> bool
         return False
     shorter = min(len(recorded), len(replayed)) if run.end is None else None
     return recorded[:shorter] != replayed[:shorter]
+
+
+def _advice_differs(run: Run, replayed: Iterable[object]) -> bool:
+    """Whether advice differs, of a run that has any.
+
+    The file of a street map is not part of the run, so advice with one cannot be repeated.
+    """
+    advice = _texts((record.value for _, record in run.records("notes")), ADVICE)
+    if not advice or np.any(run.tables["notes"]["code"] == b"streets"):
+        return False
+    again = _texts(replayed, ADVICE)
+    return advice != (again[: len(advice)] if _is_cut(run) else again)
 
 
 def _has_baseline(run: Run) -> bool:

@@ -5,10 +5,10 @@ from time import process_time
 from typing import NamedTuple
 
 import numpy as np
+
 from guided.ground import Ground, OpenGround, Streets
 from guided.policies import POLICIES, Walker, nearest_way
 from guided.world import World
-
 from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
 from logger.core.guidance.street_map import Line

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from math import hypot
 
 import numpy as np
-from guided.ground import DIRECTIONS, Ground, Node, OpenGround, Way
 
+from guided.ground import DIRECTIONS, Ground, Node, OpenGround, Way
 from logger.core.arrays import FloatArray
 
 _NEAR_M = 35.0

@@ -1,10 +1,11 @@
 from dataclasses import replace
+from math import log10
 
 import pytest
 
 from logger.core import ekf
 from logger.core.geo import Utm
-from logger.core.live import LiveTracker
+from logger.core.live import ADVICE, LiveTracker
 from logger.core.live_settings import FOLLOW, LiveSettings
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 from tests.kit.runs import reading
@@ -238,3 +239,41 @@ def test_an_unsure_reading_of_a_known_cell_has_a_level():
     ]
     assert last[-1].n == 60
     assert tracker.target == "262-01-4711-1"
+
+
+def _walk_past(tracker, n=120, cell=1):
+    """A walk to the east with one cell north of it; returns what is to be recorded."""
+    results = []
+    for t_s in range(n):
+        x_m = 1.4 * t_s
+        away_m = ((x_m - 100.0) ** 2 + 60.0**2) ** 0.5
+        level_dbm = round(-30.0 - 28.0 * log10(away_m))
+        lon = 13.0 + x_m / 68_600.0
+        results += tracker.feed(2 * t_s, _fix(t_s, lon))
+        results += tracker.feed(2 * t_s + 1, _scan(t_s, reading(cell, float(level_dbm))))
+    return results
+
+
+def test_the_target_has_advice_and_a_position():
+    tracker = LiveTracker(LiveSettings())
+    notes = [value for value in _walk_past(tracker) if isinstance(value, Note)]
+    advice = [note.text for note in notes if note.code == ADVICE]
+    assert 4 <= len(advice) <= 7  # every 25 m of 168 m
+    assert all(text.startswith("262-01-4711-1: ") for text in advice)
+    followed = tracker.followed
+    assert followed.cell == "262-01-4711-1"
+    assert followed.position.decision.verdict in {"located", "ambiguous", "cannot tell"}
+    assert followed.position.posterior.r95_m < 500.0
+
+
+def test_another_target_is_followed_anew():
+    tracker = LiveTracker(LiveSettings())
+    _walk_past(tracker)
+    tracker.feed(1000, Record(200 * S, "page", Note("info", FOLLOW, "262-01-4711-2")))
+    for t_s in range(200, 203):
+        tracker.feed(2 * t_s, _fix(t_s, 13.003))
+        tracker.feed(2 * t_s + 1, _scan(t_s, reading(1, -60.0), reading(2, -90.0)))
+    tracker.feed(1001, _fix(204, 13.003))
+    assert tracker.target == "262-01-4711-2"
+    assert tracker.followed.cell == "262-01-4711-2"
+    assert tracker.followed.advice is None

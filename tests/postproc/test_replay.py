@@ -1,7 +1,7 @@
 from dataclasses import replace
 from importlib.metadata import version
 
-from logger.core.live import LiveTracker
+from logger.core.live import ADVICE, LiveTracker
 from logger.core.live_settings import FOLLOW
 from logger.core.runfile import read_run
 from logger.core.types import LiveEstimate, Note, Record
@@ -48,6 +48,42 @@ def test_what_was_live_comes_out_again_to_the_bit(tmp_path):
     assert found.equal
     assert found.n_recorded == found.n_replayed == len(_live(records)) > 50
     assert {value.stage for value in _live(records)} >= {"reference-ekf", "locator"}
+
+
+def _advice_at(records):
+    return [
+        k
+        for k, record in enumerate(records)
+        if isinstance(record.value, Note) and record.value.code == ADVICE
+    ]
+
+
+def test_advice_comes_out_again(tmp_path):
+    records = _walked(runs.records(200))
+    at = _advice_at(records)
+    assert len(at) >= 4
+    assert _replay(tmp_path, records).equal
+    changed = list(records)
+    text = changed[at[2]].value.text
+    changed[at[2]] = replace(changed[at[2]], value=Note("info", ADVICE, f"{text}."))
+    (tmp_path / "changed").mkdir()
+    found = _replay(tmp_path / "changed", changed)
+    assert found.advice_differs
+    assert not found.equal
+
+
+def test_a_run_of_a_version_without_advice_is_equal(tmp_path):
+    records = _walked(runs.records(60))
+    numbers = [k for k, record in enumerate(records) if k not in _advice_at(records)]
+    moved = {before: after for after, before in enumerate(numbers)}
+    older = [records[k] for k in numbers]
+    for k, record in enumerate(older):
+        if isinstance(record.value, LiveEstimate):
+            at = replace(record.value, scan_seq=moved[record.value.scan_seq])
+            older[k] = replace(record, value=at)
+    assert _advice_at(records)
+    assert not _advice_at(older)
+    assert _replay(tmp_path, older).equal
 
 
 def test_one_bit_is_noticed(tmp_path):

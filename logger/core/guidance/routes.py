@@ -14,7 +14,7 @@ LEG_M = 100.0
 LONGEST_M = 1000.0
 """A longer route is planned again long before its end."""
 DIRECTIONS = 8
-_STRAIGHT_LEGS = (4, 7)
+_STRAIGHT_LEGS = 4
 """Under shadowing two legs ahead say little, and a walker without a map would not leave."""
 _RIGHT_ANGLE = 2
 """In eighths of a circle: a leg that turns more leads back along the one before it."""
@@ -43,11 +43,7 @@ def compass_routes(here_m: tuple[float, float], places: Sequence[Cluster]) -> li
     found = [
         _legs(here_m, [first, second]) for first in range(DIRECTIONS) for second in _onward(first)
     ]
-    found += [
-        _legs(here_m, [direction] * legs)
-        for direction in range(DIRECTIONS)
-        for legs in _STRAIGHT_LEGS
-    ]
+    found += [_legs(here_m, [direction] * _STRAIGHT_LEGS) for direction in range(DIRECTIONS)]
     for place in places:
         found += _to_place(here_m, place)
     return found

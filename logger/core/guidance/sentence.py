@@ -37,7 +37,8 @@ _LEAST_PLACE = 0.1
 """Places with less probability are not named."""
 _CLOSE_M = 120.0
 """Within a block of the likeliest place the sentence speaks of its other sides."""
-NOTHING_NEAR = "No way near here says more: end here, or come back by another side."
+_OPEN_M = 500.0
+"""Farther than this around the likeliest place nobody searches."""
 
 
 def direction(from_m: Sequence[float], to_m: Sequence[float]) -> str:
@@ -106,7 +107,9 @@ def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Sequence
     where = f"{away_m:.0f} m {direction(here, (place.x_m, place.y_m))}"
     if away_m < _CLOSE_M and spread_m < _CLOSE_M:
         return f"it is within {spread_m:.0f} m of a place {where}; hear it from another side"
-    return f"the likeliest place is {where}, known to {spread_m:.0f} m; passing it says most"
+    if spread_m < _OPEN_M:
+        return f"the likeliest place is {where}, known to {spread_m:.0f} m; passing it says most"
+    return f"the position is open, likeliest {where}; this way says most about it"
 
 
 def _spread_m(sample: PositionSample, place: Cluster) -> float:

@@ -53,9 +53,7 @@ def test_the_advice_is_repeated_until_another_replaces_it():
     answers = _answers(_walk((0.0, 0.0), (300.0, 0.0)))
     first = next(k for k, answer in enumerate(answers) if answer.next is not None)
     assert all(answer.next is not None for answer in answers[first:])
-    changes = [
-        k for k in range(first + 1, len(answers)) if answers[k].next != answers[k - 1].next
-    ]
+    changes = [k for k in range(first + 1, len(answers)) if answers[k].next != answers[k - 1].next]
     assert 5 <= len(changes) <= 13  # every 25 m of 300 m
 
 
@@ -110,9 +108,7 @@ def test_a_bad_row_is_answered_with_the_reason_and_counts_for_nothing(column, va
 def test_rows_of_other_cells_are_positions_only():
     walk = _walk((0.0, 0.0), (200.0, 0.0))
     mixed = [
-        one
-        for row in walk
-        for one in (row | {"cell": "a"}, row | {"cell": "b", "rssi_dbm": "-40"})
+        one for row in walk for one in (row | {"cell": "a"}, row | {"cell": "b", "rssi_dbm": "-40"})
     ]
     followed = GuideFilter(Prior(), cell="a")
     answers = [followed.answer(row) for row in mixed][1::2]

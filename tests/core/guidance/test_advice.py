@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+
+from logger.core.guidance.advice import AGAIN_M, Guide
+from logger.core.locator.online import OnlineLocator
+from logger.core.model.prior import Prior
+from tests.kit.guided_walks import line
+
+EMITTER_M = (150.0, 200.0)
+
+
+def _locator(points_m, emitter_m=EMITTER_M, seed=0):
+    rng = np.random.default_rng(seed)
+    locator = OnlineLocator(Prior())
+    for x_m, y_m in points_m:
+        away_m = np.hypot(np.hypot(x_m - emitter_m[0], y_m - emitter_m[1]), 5.0)
+        level_dbm = round(-25.0 - 28.0 * np.log10(away_m) + rng.normal(0.0, 2.0))
+        locator.add(x_m, y_m, 4.0, float(level_dbm))
+        if locator.stale > 1.0:
+            locator.search()
+    return locator
+
+
+def _guided(points_m, emitter_m=EMITTER_M):
+    guide, locator = Guide(), _locator(points_m, emitter_m)
+    for x_m, y_m in points_m:
+        guide.walk(float(x_m), float(y_m))
+    guide.decide(*locator.searched())
+    return guide
+
+
+def test_a_plan_is_due_every_25_m():
+    guide = Guide()
+    assert not guide.is_due
+    searched = _locator(line((0.0, 0.0), (60.0, 0.0))).searched()
+    plans = 0
+    for x_m in np.arange(0.0, 200.0, 3.0):
+        guide.walk(float(x_m), 0.0)
+        if guide.is_due:
+            guide.decide(*searched)
+            plans += 1
+    assert plans == pytest.approx(200.0 / AGAIN_M, abs=1)
+
+
+def test_a_straight_walk_is_led_off_its_line():
+    """Its mirror image is as probable; only a turn decides between both."""
+    advice = _guided(line((0.0, 0.0), (300.0, 0.0)), (150.0, 70.0)).advice
+    (x_m, y_m), (to_x_m, to_y_m) = advice.from_m, advice.to_m
+    azimuth_deg = np.degrees(np.arctan2(to_x_m - x_m, to_y_m - y_m)) % 180.0
+    assert min(azimuth_deg, 180.0 - azimuth_deg) <= 67.5
+    assert "places fit" in advice.text
+    assert "dBm if it is the" in advice.text
+
+
+def test_the_same_walk_has_the_same_advice():
+    walk = line((0.0, 0.0), (200.0, 40.0), (150.0, 90.0))
+    assert _guided(walk).advice == _guided(walk).advice
+
+
+def test_a_walk_all_around_ends():
+    around = [
+        point
+        for radius_m in (30.0, 45.0, 60.0, 15.0)
+        for point in np.array(EMITTER_M)
+        + radius_m * np.array([[np.sin(a), np.cos(a)] for a in np.linspace(0.0, 6.28, 60)])
+    ]
+    before = _guided(np.array(around[:30])).advice
+    after = _guided(np.array(around)).advice
+    assert before is not None
+    assert after is None or after.nats_per_km < 0.3 * before.nats_per_km
+
+
+def test_the_turn_is_from_the_course_of_the_walker():
+    east = _guided(line((0.0, 0.0), (300.0, 0.0))).advice
+    west = _guided(line((0.0, 0.0), (300.0, 0.0))[::-1]).advice
+    for advice in (east, west):
+        assert advice.text.split(",")[0] in {
+            "turn right", "turn left", "half right", "half left", "sharp right", "sharp left",
+        }  # fmt: skip
+
+
+def test_there_is_no_plan_without_a_position():
+    guide = Guide()
+    guide.decide(*_locator(line((0.0, 0.0), (60.0, 0.0))).searched())
+    assert guide.advice is None
