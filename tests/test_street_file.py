@@ -58,8 +58,7 @@ def test_reads_tracks_and_routes_of_gpx(tmp_path):
         '{"type": "LineString", "coordinates": [[null, 52.0], [13.4, 52.0]]}',
         '{"type": "LineString"}',
         '{"features": 3}',
-        '<!DOCTYPE x [<!ENTITY a "b">]><gpx>&a;<rte><rtept lat="a" lon="1"/>'
-        '<rtept lat="1" lon="1"/></rte></gpx>',
+        '<gpx><rte><rtept lat="a" lon="1"/><rtept lat="1" lon="1"/></rte></gpx>',
     ],
 )
 def test_anything_else_is_one_line(tmp_path, text):

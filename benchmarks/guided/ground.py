@@ -77,7 +77,7 @@ class OpenGround:
         to = (round(float(there[0]), 3), round(float(there[1]), 3))
         return Way(to, np.stack([here, np.array(to)]))
 
-    def is_tried(self, node: Node, way: Way, walked: set[tuple[Node, Node]]) -> bool:
+    def is_tried(self, _node: Node, way: Way, walked: set[tuple[Node, Node]]) -> bool:
         seen = np.array([one for pair in walked for one in pair]).reshape(-1, 2)
         return bool(len(seen)) and float(np.min(np.hypot(*(seen - way.to).T))) < 65.0
 

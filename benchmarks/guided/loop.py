@@ -1,12 +1,13 @@
 """One walk of one policy through one world, by the engine of `postproc guide`."""
 
+from itertools import pairwise
 from math import hypot
 from time import process_time
 from typing import NamedTuple
 
 import numpy as np
 
-from guided.ground import Ground, OpenGround, Streets
+from guided.ground import Ground, OpenGround, Streets, Way
 from guided.policies import POLICIES, Walker, nearest_way
 from guided.world import World
 from logger.core.arrays import FloatArray
@@ -95,7 +96,7 @@ class Loop:
             slowest_row_ms=round(1e3 * self._slowest_s, 1),
         )
 
-    def _next_way(self):  # noqa: ANN202
+    def _next_way(self) -> Way:
         walker, policy = self._walker, self._policy
         if policy in POLICIES:
             walker.best_m = self._best_m()
@@ -108,7 +109,7 @@ class Loop:
     def _hear(self, rows: FloatArray) -> None:
         self._reading = np.concatenate([self._reading, rows])
         for t_s, x_m, y_m, level_dbm in rows:
-            lat_deg, lon_deg = self._utm.to_latlon(*(self._start_m + [x_m, y_m]))
+            lat_deg, lon_deg = self._utm.to_latlon(*(self._start_m + np.array([x_m, y_m])))
             row = {
                 "t_s": f"{t_s:.2f}",
                 "lat": f"{lat_deg:.7f}",
@@ -136,10 +137,7 @@ class Loop:
 
     def _nearest_m(self, line_m: FloatArray, emitter_m: FloatArray) -> float:
         along = np.linspace(0.0, 1.0, 21)
-        parts = [
-            start + along[:, None] * (end - start)
-            for start, end in zip(line_m[:-1], line_m[1:], strict=True)
-        ]
+        parts = [start + along[:, None] * (end - start) for start, end in pairwise(line_m)]
         point_m = np.concatenate(parts)
         return min(float(np.min(np.hypot(*(point_m - one).T))) for one in emitter_m)
 

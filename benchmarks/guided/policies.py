@@ -61,7 +61,7 @@ class Walker:
     def any_of(self, ways: list[Way]) -> Way:
         return ways[int(self.rng.integers(len(ways)))]
 
-    def untried(self, node: Node) -> list[Way]:
+    def new_ways(self, node: Node) -> list[Way]:
         ground = self.ground
         return [w for w in ground.ways(node) if not ground.is_tried(node, w, self.walked)]
 
@@ -96,7 +96,7 @@ def foxhunter(walker: Walker) -> Way:
     best = max(walker.level_dbm, key=lambda node: walker.level_dbm[node])
     if best != walker.node:
         return walker.ground.route(walker.node, best)
-    fresh = walker.untried(walker.node)
+    fresh = walker.new_ways(walker.node)
     on = walker.ahead()
     return on if _is_among(on, fresh) else walker.any_of(fresh or walker.ways())
 
@@ -113,12 +113,12 @@ def fox2(walker: Walker) -> Way:
         return walker.level_dbm[node] - away_m / _DETOUR_M_PER_DB
 
     in_order = sorted(walker.level_dbm, key=worth, reverse=True)
-    best = next((node for node in in_order if walker.untried(node)), None)
+    best = next((node for node in in_order if walker.new_ways(node)), None)
     if best is None:
         return walker.any_of(walker.ways())
     if best != walker.node and hypot(*(walker.ground.at_m(best) - here_m)) >= _NEAR_M:
         return walker.ground.route(walker.node, best)
-    fresh = walker.untried(walker.node)
+    fresh = walker.new_ways(walker.node)
     on = walker.ahead()
     return on if _is_among(on, fresh) else walker.any_of(fresh or walker.ways())
 

@@ -25,14 +25,14 @@ def _guided(points_m, emitter_m=EMITTER_M):
     guide, locator = Guide(), _locator(points_m, emitter_m)
     for x_m, y_m in points_m:
         guide.walk(float(x_m), float(y_m))
-    guide.decide(*locator.searched())
+    guide.decide(*locator.last_search())
     return guide
 
 
 def test_a_plan_is_due_every_25_m():
     guide = Guide()
     assert not guide.is_due
-    searched = _locator(line((0.0, 0.0), (60.0, 0.0))).searched()
+    searched = _locator(line((0.0, 0.0), (60.0, 0.0))).last_search()
     plans = 0
     for x_m in np.arange(0.0, 200.0, 3.0):
         guide.walk(float(x_m), 0.0)
@@ -81,5 +81,5 @@ def test_the_turn_is_from_the_course_of_the_walker():
 
 def test_there_is_no_plan_without_a_position():
     guide = Guide()
-    guide.decide(*_locator(line((0.0, 0.0), (60.0, 0.0))).searched())
+    guide.decide(*_locator(line((0.0, 0.0), (60.0, 0.0))).last_search())
     assert guide.advice is None

@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
@@ -62,7 +64,7 @@ def test_shortest_ways_are_those_of_scipy(seed):
         if node == 0:
             continue
         assert sum(leg.length_m for leg in legs) == pytest.approx(expected_m[node])
-        assert all(a.end == b.start for a, b in zip(legs, legs[1:], strict=False))
+        assert all(a.end == b.start for a, b in pairwise(legs))
     reached = {node for node in range(1, count) if np.isfinite(expected_m[node])}
     assert reached <= set(way)
 
