@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 DEMO := demo-out
 
-.PHONY: demo test test-oldest lint test-faults test-boot test-view fuzz soak bench scoreboard docs wheels clean
+.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard docs wheels clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -71,7 +71,11 @@ test-boot: .venv/dev.stamp
 AXE := .venv/axe/node_modules/axe-core/axe.min.js
 test-view: .venv/dev.stamp
 	test -e $(AXE) || npm install --silent --no-fund --prefix .venv/axe axe-core@4.14.1 || true
-	CELLWALK_AXE=$(AXE) $(BIN)/pytest tests/view
+	CELLWALK_AXE=$(AXE) $(BIN)/pytest tests/view tests/page
+
+# the pictures of docs/guide/page.md: the page on a phone during a simulated walk
+screenshots: .venv/dev.stamp
+	CELLWALK_SCREENSHOTS=docs/page $(BIN)/pytest tests/page/test_phone.py -k screenshots
 
 # a day of records at full speed, bytes written in an hour, and the service for two hours in real time
 soak: .venv/dev.stamp

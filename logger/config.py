@@ -72,13 +72,9 @@ class StatusSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class PageSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The page for a phone: `address:port` of the Pi in its own Wi-Fi, empty for no page.
-
-    `map` is a PMTiles file for the plan, empty for a plain grid.
-    """
+    """The page for a phone: `address:port` of the Pi in its own Wi-Fi, empty for no page."""
 
     listen: str = ""
-    map: str = ""
 
 
 class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -9,7 +9,7 @@
 set -eu
 
 here=$(dirname "$(readlink -f "$0")")
-packages="python3-venv python3-click python3-numpy python3-h5py python3-serial python3-pyproj python3-nmea2"
+packages="python3-venv python3-click python3-numpy python3-h5py python3-serial python3-pyproj python3-nmea2 python3-tornado python3-segno"
 wheels='' prefix=/opt/cellwalk root='' uninstall=''
 
 usage() { sed -n 's/^# \{0,1\}//; 2,8p' "$0"; }
@@ -37,14 +37,14 @@ done
 
 venv=$root$prefix
 etc=$root/etc
-units="fieldlogger.service fieldlogger-recover.service"
+units="fieldlogger.service fieldlogger-recover.service fieldlogger-page.service"
 
 # whether systemd of this machine runs and is the target of the installation (not in a chroot)
 running() { [ -z "$root" ] && [ -d /run/systemd/system ]; }
 
 uninstall() {
-    systemctl ${root:+--root="$root"} disable fieldlogger.service 2>/dev/null || true
-    if running; then systemctl stop fieldlogger.service fieldlogger-recover.service; fi
+    systemctl ${root:+--root="$root"} disable fieldlogger.service fieldlogger-page.service 2>/dev/null || true
+    if running; then systemctl stop $units 2>/dev/null || true; fi
     for unit in $units; do rm -f "$etc/systemd/system/$unit"; done
     rm -f "$etc/udev/rules.d/70-cellwalk.rules" "$etc/sysusers.d/cellwalk.conf" "$root/usr/local/bin/fieldlogger"
     [ ! -f "$venv/pyvenv.cfg" ] || rm -rf "$venv"
@@ -134,9 +134,9 @@ debian_packages
 program
 files
 people
-systemctl ${root:+--root="$root"} --quiet enable fieldlogger.service
+systemctl ${root:+--root="$root"} --quiet enable fieldlogger.service fieldlogger-page.service
 reload
-if running; then systemctl try-restart fieldlogger.service; fi
+if running; then systemctl try-restart fieldlogger.service fieldlogger-page.service; fi
 sync
 say "done; the next boot records with /etc/cellwalk/site.toml. To find the ports: sudo fieldlogger probe"
 say "to start now: sudo systemctl start fieldlogger; to test: sudo fieldlogger doctor"

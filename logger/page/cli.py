@@ -54,6 +54,9 @@ def page(config: Path, *, show: bool) -> int:
         address = page_url(site.page.listen, state_folder())
         print(f"{address}\n\n{qr_code(address)}")
         return 0
+    if not site.page.listen:
+        print('the page is off; [page] listen = "10.42.0.1:8080" in site.toml turns it on')
+        return 0
     from logger.page.server import serve
 
     return serve(site)

@@ -60,7 +60,6 @@ class Site:
     requests: RequestFile
     assets: Mapping[str, Asset]
     limits: Limits
-    map_file: Path | None = None
     n_streams: int = 0
 
 
@@ -116,11 +115,7 @@ class Guarded(RequestHandler):
 
 
 class Refused(Guarded):
-    """Any other address: the same checks, and nothing there."""
-
-    def prepare(self) -> None:
-        super().prepare()
-        raise HTTPError(HTTPStatus.NOT_FOUND)
+    """Any other address: it has no token, so the checks refuse it."""
 
 
 class AssetHandler(Guarded):

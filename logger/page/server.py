@@ -63,13 +63,7 @@ def _remote(context: object) -> str | None:
 
 
 def serve(config: SiteConfig, environ: Mapping[str, str] = os.environ) -> int:
-    """Serve the page until SIGTERM or SIGINT; at once 0 where it is off.
-
-    Raises `ConfigError`.
-    """
-    if not config.page.listen:
-        log.info('the page is off; [page] listen = "10.42.0.1:8080" in site.toml turns it on')
-        return 0
+    """Serve the page until SIGTERM or SIGINT; returns the exit code 0, raises `ConfigError`."""
     address, port = page_address(config.page.listen)
     runtime = Path(environ.get("RUNTIME_DIRECTORY", RUNTIME))
     status = runtime.with_name(runtime.name.removesuffix("-page"))

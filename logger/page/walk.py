@@ -2,6 +2,7 @@
 
 import math
 from array import array
+from bisect import bisect_right
 from collections import deque
 from typing import Any
 
@@ -30,7 +31,7 @@ class Walk:
     """
 
     def __init__(self) -> None:
-        self._lat, self._lon = array("d"), array("d")
+        self._t_ns, self._lat, self._lon = array("q"), array("d"), array("d")
         self._cells: Latest[_Levels] = Latest(MOST_CELLS)
         self._marks: deque[tuple[float, float, str]] = deque(maxlen=MOST_MARKS)
         self._here: tuple[float, float] | None = None
@@ -39,7 +40,7 @@ class Walk:
     def take(self, table: str, row: Row) -> None:
         """Take a row of the run."""
         if table == "fixes" and row["valid"]:
-            self._add_point(row["lat_deg"], row["lon_deg"])
+            self._add_point(row["t_ns"], row["lat_deg"], row["lon_deg"])
         elif table == "readings" and row["cell"] and not row["identity_unsure"]:
             self._add_level(row)
         elif table == "notes" and _text(row["code"]) == MARK:
@@ -67,7 +68,7 @@ class Walk:
             "marks": list(self._marks),
         }
 
-    def _add_point(self, lat_deg: float, lon_deg: float) -> None:
+    def _add_point(self, t_ns: int, lat_deg: float, lon_deg: float) -> None:
         self._here = lat_deg, lon_deg
         if len(self._lat) >= MOST_POINTS or not math.isfinite(lat_deg + lon_deg):
             return
@@ -76,6 +77,7 @@ class Walk:
             east_m = (lon_deg - self._lon[-1]) * _METRES_PER_DEG * math.cos(math.radians(lat_deg))
             if math.hypot(north_m, east_m) < STEP_M:
                 return
+        self._t_ns.append(t_ns)
         self._lat.append(lat_deg)
         self._lon.append(lon_deg)
 
@@ -88,7 +90,8 @@ class Walk:
         self._cells.put(name, levels)
         levels.recent.append((row["t_ns"], level_dbm))
         if self._lat and len(levels.dbm) < MOST_LEVELS:
-            levels.point.append(len(self._lat) - 1)
+            # a flush writes its fixes together, those after the reading too
+            levels.point.append(max(bisect_right(self._t_ns, row["t_ns"]) - 1, 0))
             levels.dbm.append(level_dbm)
 
 

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from logger.device.page_requests import requests_folder
 from logger.device.status import FOLDER
+from logger.page.token import STATE
 
 FOLDER_OF_UNITS = Path(__file__).parents[2] / "systemd"
-UNITS = ("fieldlogger.service", "fieldlogger-recover.service")
+UNITS = ("fieldlogger.service", "fieldlogger-recover.service", "fieldlogger-page.service")
 
 needs_systemd = pytest.mark.skipif(
     shutil.which("systemd-analyze") is None, reason="no systemd-analyze here"
@@ -76,6 +78,19 @@ def test_the_folders_are_those_that_the_program_uses():
     assert str(FOLDER.parent) == "/run"
     assert 'directory = "/var/lib/cellwalk"' in (FOLDER_OF_UNITS / "site.toml").read_text()
     assert "StateDirectory=cellwalk" in settings
+
+
+def test_the_page_has_a_user_of_its_own_that_writes_only_its_own_folders():
+    settings = _settings(UNITS[2])
+    assert "User=cellwalk-page" in settings
+    assert "ProtectSystem=strict" in settings
+    assert not [line for line in settings if line.startswith(("ReadWritePaths", "Supplementary"))]
+    assert f"RuntimeDirectory={requests_folder(FOLDER).name}" in settings
+    assert f"StateDirectory={STATE.name}" in settings
+    assert "IPAddressDeny=any" in settings
+    recorder = _settings(UNITS[0])
+    assert "IPAddressDeny=any" in recorder
+    assert "IPAddressAllow=localhost" in recorder
 
 
 def test_the_rules_name_the_ports_of_the_sample_configuration_and_keep_others_away():

@@ -98,14 +98,13 @@ function line(g, x0, y0, x1, y1) {
 }
 
 function drawRegion(g, at, position, colour) {
-  g.fillStyle = g.strokeStyle = colour('cell');
-  g.lineWidth = 1.5;
+  g.fillStyle = colour('cell');
   g.beginPath();
   for (const ring of ringsOf(position?.region)) {
     ring.forEach(([lon, lat], i) => g[i ? 'lineTo' : 'moveTo'](...at(lat, lon)));
     g.closePath();
   }
-  g.globalAlpha = 0.2; g.fill('evenodd'); g.globalAlpha = 1; g.stroke();
+  g.globalAlpha = 0.3; g.fill('evenodd'); g.globalAlpha = 1;
 }
 
 function drawTrack(g, at, fix, colour) {

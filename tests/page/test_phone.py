@@ -1,0 +1,239 @@
+"""The page in a real browser at the width of a phone, while the real service records a walk."""
+
+import json
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from logger.core.runfile import read_run
+from postproc.replay import replay
+from tests.kit import page as kit
+from tests.kit import service
+from tests.kit.browser import axe_core, browser
+
+pytestmark = pytest.mark.slow
+
+PHONE_PX = 390
+FIRST_PAINT_MS, FIRST_PAINT_BYTES = 1500, 300_000
+SENT_BYTES = """
+return performance.getEntriesByType('resource').filter(e => !e.name.endsWith('live'))
+  .reduce((n, e) => n + e.transferSize, 0);
+"""
+SLOW = {"latency": 150, "downloadThroughput": 200_000, "uploadThroughput": 90_000}
+"""Bytes/s of a phone at the edge of a Wi-Fi; twice what Chromium's tools call "Slow 4G"."""
+
+
+class Address(str):
+    """A URL in place of a path."""
+
+    __slots__ = ()
+
+    def as_uri(self):
+        return str(self)
+
+
+class Phone:
+    """The page on a screen of a phone."""
+
+    def __init__(self, chromium) -> None:
+        self.chromium, self.driver = chromium, chromium._driver
+
+    def open(self, page, *, dark=False):
+        self.chromium.open(Address(page.address), width=PHONE_PX, dark=dark)
+
+    def text(self, name):
+        return self.chromium.evaluate(f"return document.getElementById('{name}').textContent")
+
+    @property
+    def sign(self):
+        return self.chromium.evaluate("return document.getElementById('glance').dataset.sign")
+
+    def tap(self, selector):
+        self.chromium.evaluate(f"document.querySelector({json.dumps(selector)}).click()")
+
+    def choose(self, theme):
+        service.wait_for(lambda: self._theme_is(theme), 20)
+
+    def _theme_is(self, theme):
+        if theme in self.text("theme"):
+            return True
+        self.tap("#theme")
+        return False
+
+    def network(self, **conditions):
+        self.driver.execute_cdp_cmd("Network.enable", {})
+        known = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
+        self.driver.execute_cdp_cmd("Network.emulateNetworkConditions", known | conditions)
+
+
+@pytest.fixture(scope="module")
+def phone():
+    with browser() as chromium:
+        yield Phone(chromium)
+
+
+@pytest.fixture
+def recorded(tmp_path, monkeypatch):
+    with kit.recorded_page(tmp_path, monkeypatch) as (page, start):
+        yield page, start
+
+
+def _hears(phone):
+    return lambda: phone.text("level").removeprefix("-").isdecimal()
+
+
+def test_the_page_shows_the_walk_and_calls_nobody_else(recorded, phone, tmp_path):
+    page, start = recorded
+    with start() as logger:
+        phone.network(**SLOW)
+        phone.open(page)
+        service.wait_for(_hears(phone), 60)
+        paint = (
+            "return performance.getEntriesByName('first-contentful-paint').map(e => e.startTime)[0]"
+        )
+        assert phone.chromium.evaluate(paint) < FIRST_PAINT_MS
+        sent = (
+            "return performance.getEntriesByType('resource').filter(e => !e.name.endsWith('live'))"
+        )
+        sent += ".reduce((n, e) => n + e.transferSize, 0)"
+        assert phone.chromium.evaluate(sent) < FIRST_PAINT_BYTES
+        phone.network()
+        assert phone.sign in {"recording", "suspicious"}
+        assert phone.chromium.overflowing_elements() == []
+        urls = phone.chromium.requested_urls()
+        assert urls
+        assert all(url.startswith(page.address) for url in urls)
+        _marks_and_follows(phone)
+        assert phone.chromium.console_messages() == []
+        time.sleep(2.0)
+        service.stop_service(logger)
+    (run,) = (read_run(path) for path in (tmp_path / "runs").glob("*.h5"))
+    notes = [(row["code"], row["text"].decode()) for row in run.tables["notes"]]
+    assert (b"mark", "a door") in notes
+    assert b"follow" in [code for code, _ in notes]
+    assert replay(run).equal
+
+
+def _marks_and_follows(phone):
+    phone.chromium.evaluate("document.getElementById('note').value = 'a door'")
+    phone.chromium.evaluate("document.getElementById('mark').requestSubmit()")
+    service.wait_for(lambda: phone.text("answer") == "Mark 1 is on the card.", 30)
+    weaker = phone.chromium.evaluate(
+        "return document.querySelectorAll('#cells .name')[2].textContent"
+    )
+    phone.chromium.evaluate("document.querySelectorAll('#cells .follow')[2].click()")
+    service.wait_for(lambda: phone.text("cell").startswith(weaker), 30)
+    # browsers want a real tap for sound
+    phone.chromium.evaluate("document.getElementById('sound').scrollIntoView({block: 'center'})")
+    phone.driver.find_element("id", "sound").click()
+    assert phone.chromium.evaluate("return document.getElementById('sound').ariaPressed") == "true"
+
+
+def test_news_are_at_most_a_second_old(recorded, phone, tmp_path):
+    page, start = recorded
+    with start() as logger:
+        phone.open(page)
+        service.wait_for(_hears(phone), 60)
+        ages_s = []
+        for _ in range(40):
+            shown_ns = phone.chromium.evaluate("return document.documentElement.dataset.now")
+            ages_s.append((time.clock_gettime_ns(time.CLOCK_BOOTTIME) - int(shown_ns)) / 1e9)
+            time.sleep(0.13)
+        print(f"age of what the phone shows: {sorted(ages_s)[20]:.2f} s, at most {max(ages_s):.2f}")
+        assert max(ages_s) < 1.0
+        service.stop_service(logger)
+
+
+def test_a_restart_of_the_service_is_trouble_and_then_another_run(recorded, phone):
+    page, start = recorded
+    with start() as logger:
+        phone.open(page)
+        service.wait_for(_hears(phone), 60)
+        logger.kill()
+        logger.wait()
+        service.wait_for(lambda: phone.sign == "trouble", 20)
+        assert "silent" in phone.text("state")
+    with start() as logger:
+        service.wait_for(lambda: phone.sign in {"recording", "suspicious"}, 60)
+        service.wait_for(lambda: "000002" in phone.text("counters"), 20)
+        service.stop_service(logger)
+
+
+def test_a_phone_out_of_reach_says_so_and_comes_back(recorded, phone):
+    page, start = recorded
+    with start() as logger:
+        phone.open(page)
+        service.wait_for(_hears(phone), 60)
+        page.process.send_signal(19)  # SIGSTOP: as if the Wi-Fi were gone
+        service.wait_for(lambda: "No contact" in phone.text("state"), 20)
+        page.process.send_signal(18)
+        service.wait_for(lambda: phone.sign != "trouble", 20)
+        service.stop_service(logger)
+
+
+def test_axe_finds_nothing_in_any_colours(recorded, phone):
+    page, start = recorded
+    with start() as logger:
+        phone.open(page)
+        service.wait_for(_hears(phone), 60)
+        for theme in ("light", "dark", "night"):
+            phone.choose(theme)
+            assert phone.chromium.accessibility_violations(axe_core()) == []
+        service.stop_service(logger)
+    service.wait_for(lambda: phone.sign == "trouble", 20)
+    assert phone.chromium.accessibility_violations(axe_core()) == []
+
+
+def test_axe_and_the_policy_find_what_is_wrong(recorded, phone):
+    """The negative control."""
+    page, _ = recorded
+    phone.open(page)
+    phone.chromium.evaluate("document.getElementById('near').textContent = ''")
+    found = phone.chromium.accessibility_violations(axe_core())
+    assert "button-name" in {violation["id"] for violation in found}
+    for tag, change in (
+        ("script", "textContent = 'window.bad = 1'"),
+        ("img", "src = 'http://192.0.2.1/x.png'"),
+        ("style", "textContent = 'p {}'"),
+    ):
+        made = f"const e = document.createElement('{tag}'); e.{change}"
+        phone.chromium.evaluate(f"{made}; document.body.append(e)")
+    service.wait_for(lambda: phone.chromium.evaluate("return document.images.length") == 1, 5)
+    assert phone.chromium.evaluate("return window.bad ?? null") is None
+    messages = " ".join(phone.chromium.console_messages())
+    for directive in ("script-src", "img-src", "style-src"):
+        assert directive in messages
+
+
+@pytest.mark.skipif("CELLWALK_SCREENSHOTS" not in os.environ, reason="make screenshots")
+def test_screenshots(recorded, phone, tmp_path):
+    """What docs/guide/page.md shows: a walk that is ambiguous, then located, then in trouble."""
+    page, start = recorded
+    folder = Path(os.environ["CELLWALK_SCREENSHOTS"])
+    folder.mkdir(parents=True, exist_ok=True)
+    status = tmp_path / "cellwalk/status.json"
+
+    def position():
+        return json.loads(status.read_text())["position"] or {"verdict": "", "modes": []}
+
+    def save(name, theme):
+        phone.choose(theme)
+        time.sleep(0.6)
+        (folder / f"page-{name}-{theme}.png").write_bytes(phone.driver.get_screenshot_as_png())
+
+    with start() as logger:
+        service.wait_for(status.exists, 60)
+        phone.open(page)
+        service.wait_for(lambda: len(position()["modes"]) > 1 and position()["r95_m"] < 300.0, 120)
+        save("ambiguous", "light")
+        save("ambiguous", "night")
+        service.wait_for(lambda: position()["verdict"] == "located", 120)
+        save("located", "light")
+        save("located", "dark")
+        logger.kill()
+        logger.wait()
+    service.wait_for(lambda: phone.sign == "trouble", 20)
+    save("trouble", "light")
+    save("trouble", "night")

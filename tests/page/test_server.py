@@ -1,0 +1,258 @@
+"""The real server: what it gives to the phone and what it refuses to everybody else."""
+
+import json
+import socket
+import subprocess
+import time
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from itertools import count
+
+import pytest
+
+from logger.device.status import Status, write_status
+from tests.kit import page as kit
+from tests.kit import service
+from tests.kit.runs import records, write_journal
+
+PHONES = count(2)
+STATUS = Status("recording", "", "run-000002.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {})
+
+
+@pytest.fixture
+def page(tmp_path):
+    with _server(tmp_path) as server:
+        yield server
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory):
+    """A server for requests that leave nothing behind."""
+    with _server(tmp_path_factory.mktemp("page")) as server:
+        yield server
+
+
+@contextmanager
+def _server(tmp_path):
+    folder, port = kit.folders(tmp_path), kit.free_port()
+    write_status(folder, STATUS)
+    write_journal(tmp_path / "runs/run-000002.journal", records(30), close=False)
+    (tmp_path / "runs/run-000001.h5").write_bytes(b"closed" * 50_000)
+    config = service.site_toml(
+        tmp_path, "/dev/a", "/dev/b", f'[page]\nlisten = "127.0.0.1:{port}"\n'
+    )
+    with kit.page_server(tmp_path, config, port) as server:
+        yield server
+
+
+def test_the_phone_gets_the_page_the_news_the_track_and_the_closed_runs(page):
+    status, headers, content = page.request("")
+    assert (status, b"Where to go" in content) == (200, True)
+    policy = headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    assert (headers["Referrer-Policy"], headers["Server"]) == ("no-referrer", "cellwalk")
+    again = page.request("", **{"If-None-Match": headers["Etag"]})
+    assert (again[0], again[2]) == (304, b"")
+    track = json.loads(page.request("track")[2])
+    assert (track["run"], len(track["points"]) > 5) == ("run-000002", True)
+    assert json.loads(page.request("runs")[2]) == [["run-000001.h5", 300_000]]
+    status, headers, content = page.request("runs/run-000001.h5")
+    assert (status, len(content)) == (200, 300_000)
+    assert headers["Content-Disposition"] == 'attachment; filename="run-000001.h5"'
+
+
+def test_news_come_at_once(page, tmp_path):
+    with socket.create_connection(("127.0.0.1", page.port)) as phone:
+        phone.sendall(f"GET /{page.token}/live HTTP/1.1\r\nHost: {page.host}\r\n\r\n".encode())
+        file = phone.makefile("rb")
+        while not file.readline().startswith(b"data:"):
+            pass
+        start_s = time.monotonic()
+        write_status(tmp_path / "cellwalk", Status(**{**_fields(STATUS), "fixes": 4711}))
+        while b'"fixes":4711' not in file.readline():
+            pass
+        assert time.monotonic() - start_s < 0.5
+
+
+def _fields(status):
+    return {name: getattr(status, name) for name in status.__struct_fields__}
+
+
+def test_a_mark_and_a_cell_to_follow_are_written_for_the_recorder(page):
+    assert page.post("mark", "here! Grüße")[0] == 202
+    assert page.post("follow", "262-01-4711-2")[0] == 202
+    lines = [json.loads(line) for line in page.requests.read_text().splitlines()]
+    assert lines == [
+        {"do": "mark", "text": "here! Grüße"},
+        {"do": "follow", "text": "262-01-4711-2"},
+    ]
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "code"),
+    [
+        ("/", {}, 403),
+        ("/x/", {}, 403),
+        ("/x/live", {}, 403),
+        ("/" + "x" * 22 + "/track", {}, 403),
+        ("", {"Host": "cellwalk.example"}, 421),
+        ("", {"Host": ""}, 421),
+        ("", {"Origin": "http://evil.example"}, 403),
+        ("nothing.js", {}, 404),
+        ("__init__.py", {}, 403),
+        ("../../etc/passwd", {}, 403),
+        ("%2e%2e%2f%2e%2e%2fetc%2fpasswd", {}, 403),
+        ("runs/..%2fsite.toml", {}, 404),
+        ("runs/run-000002.journal", {}, 404),
+        ("runs/run-000009.h5", {}, 404),
+        ("track?point=-1", {}, 400),
+        ("track?point=" + "9" * 30, {}, 400),
+    ],
+)
+def test_strangers_and_other_paths_are_refused(shared, path, headers, code):
+    status, found, content = shared.request(path, **headers)
+    assert status == code
+    assert len(content) < 60
+    assert "Content-Security-Policy" in found
+
+
+@pytest.mark.parametrize(
+    ("headers", "body", "code"),
+    [
+        ({"Origin": "http://evil.example"}, b'"x"', 403),
+        ({"Origin": "null"}, b'"x"', 403),
+        ({"Content-Type": "text/plain"}, b'"x"', 415),
+        ({}, b"x", 400),
+        ({}, b'{"a":1}', 400),
+        ({}, b'"%s"' % (b"x" * 121), 400),
+    ],
+)
+def test_other_pages_cannot_ask_the_recorder(shared, headers, body, code):
+    known = {"Content-Type": "application/json", "Origin": f"http://{shared.host}"}
+    source = f"127.0.1.{next(PHONES)}"
+    request = partial(shared.request, method="POST", source=source)
+    assert request("mark", body=body, **{**known, **headers})[0] == code
+    del known["Origin"]
+    assert request("mark", body=b'"x"', **known)[0] == 403
+    assert request("shutdown", body=b'"x"')[0] in {403, 404, 405}
+    assert not shared.requests.exists()
+
+
+def test_a_link_among_the_runs_is_not_followed(page, tmp_path):
+    (tmp_path / "runs/run-000003.h5").symlink_to("/etc/passwd")
+    assert page.request("runs/run-000003.h5")[0] == 404
+
+
+def _exchange(page, data, seconds):
+    """What comes back until the server closes the connection; None where it does not."""
+    with socket.create_connection(("127.0.0.1", page.port)) as stranger:
+        stranger.settimeout(seconds)
+        try:
+            stranger.sendall(data)
+            got = b""
+            while piece := stranger.recv(4096):
+                got += piece
+        except TimeoutError:
+            return None
+        except ConnectionError:
+            return b""
+        return got
+
+
+def test_a_megabyte_of_headers_and_a_large_body_are_refused(page):
+    head = f"GET /{page.token}/ HTTP/1.1\r\nHost: {page.host}\r\n".encode()
+    got = _exchange(page, head + b"X-A: " + b"a" * 1_000_000 + b"\r\n\r\n", 20)
+    assert got is not None
+    assert b"200 OK" not in got
+    post = head.replace(b"GET", b"POST") + b"Content-Length: 1000000\r\n\r\n"
+    got = _exchange(page, post + b"a" * 1_000_000, 20)
+    assert got is not None
+    assert b"202" not in got
+    assert page.request("")[0] == 200
+
+
+@pytest.mark.slow
+def test_a_request_that_never_ends_is_closed(page):
+    with socket.create_connection(("127.0.0.1", page.port)) as slow:
+        slow.settimeout(0.5)
+        start_s = time.monotonic()
+        is_open = True
+        while is_open and time.monotonic() - start_s < 30.0:
+            try:
+                slow.sendall(b"G")
+                is_open = slow.recv(1) != b""
+            except TimeoutError:
+                pass
+            except ConnectionError:
+                is_open = False
+        assert not is_open
+        assert time.monotonic() - start_s < 20.0
+
+
+def test_more_connections_than_phones_need_are_closed_and_the_others_go_on(page):
+    with ExitStack() as stack:
+        for host in range(2, 9):
+            for _ in range(20):
+                one = stack.enter_context(socket.socket())
+                one.bind((f"127.0.0.{host}", 0))
+                one.connect(("127.0.0.1", page.port))
+        time.sleep(0.5)
+        # all places are taken: at least nothing hangs
+        with pytest.raises(OSError):
+            page.request("", source="127.0.0.99")
+    service.wait_for(lambda: _answers(page))
+
+
+def _answers(page):
+    try:
+        return page.request("")[0] == 200
+    except OSError:
+        return False
+
+
+def test_a_flood_gets_429_and_another_phone_its_page(page):
+    codes = [page.request("runs", source="127.0.0.66")[0] for _ in range(120)]
+    assert codes[0] == 200
+    assert codes.count(429) > 20
+    assert page.request("", source="127.0.0.7")[0] == 200
+    marks = [page.post("mark", "x", source="127.0.0.8")[0] for _ in range(12)]
+    assert 4 <= marks.count(202) <= 8
+    assert 429 in marks
+
+
+def test_an_eleventh_phone_is_told_to_come_later(page):
+    with ExitStack() as stack:
+        for host in range(2, 12):
+            one = stack.enter_context(socket.socket())
+            one.bind((f"127.0.0.{host}", 0))
+            one.connect(("127.0.0.1", page.port))
+            one.sendall(f"GET /{page.token}/live HTTP/1.1\r\nHost: {page.host}\r\n\r\n".encode())
+            assert b"200 OK" in one.recv(100)
+        assert page.request("live", source="127.0.0.50")[0] == 503
+
+
+def test_the_token_is_kept_private_and_stays(page, tmp_path):
+    token = tmp_path / "state/token"
+    assert token.stat().st_mode & 0o777 == 0o600
+    assert len(page.token) == 22
+
+
+def test_without_a_setting_it_ends_and_listens_nowhere(tmp_path):
+    kit.folders(tmp_path)
+    config = service.site_toml(tmp_path, "/dev/a", "/dev/b")
+    command = [*service.FIELDLOGGER, "page", "--config", str(config)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, "the page is off" in done.stdout) == (0, True)
+    assert not (tmp_path / "state/token").exists()
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", kit.free_port()))
+
+
+@pytest.mark.parametrize("listen", ["0.0.0.0:8080", "[::]:8080", "8080", "pi:80", "10.42.0.1:0"])
+def test_an_address_that_would_serve_every_network_is_an_error(tmp_path, listen):
+    config = service.site_toml(tmp_path, "/dev/a", "/dev/b", f'[page]\nlisten = "{listen}"\n')
+    command = [*service.FIELDLOGGER, "page", "--config", str(config)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert "is not one address of the Pi" in done.stderr
