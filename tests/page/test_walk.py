@@ -11,6 +11,7 @@ from logger.device.status import Status, write_status
 from logger.page.feed import Feed
 from logger.page.journal_tail import JournalTail
 from logger.page.walk import MOST_POINTS, TABLES, Walk
+from tests.kit import service
 from tests.kit.runs import meta, records, write_journal
 
 FIRST = "262-01-4711-1"
@@ -103,8 +104,6 @@ def test_a_status_names_no_file_outside_the_runs(tmp_path, run):
 
 def test_neither_numpy_nor_hdf5_is_imported():
     """The process of the page stays below 40 MB."""
-    script = "import sys, logger.page.server; print({'numpy', 'h5py', 'pyproj'} & set(sys.modules))"
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "set()"
+    heavy = "{'numpy', 'h5py', 'pyproj'}"
+    script = f"import sys, logger.page.server; print({heavy} & set(sys.modules))"
+    assert service.run_python(script).strip() == "set()"
