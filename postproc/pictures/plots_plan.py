@@ -9,7 +9,7 @@ from matplotlib.path import Path
 
 from postproc.pictures import colours
 from postproc.pictures.estimates import Estimate, legend_of
-from postproc.pictures.geometry import Box, evenly_spaced
+from postproc.pictures.geometry import Box, evenly_spaced, round_step
 from postproc.pictures.picture import Picture, mode_label
 from postproc.pictures.plots_style import (
     draw_marks,
@@ -23,6 +23,8 @@ from postproc.result import RTS
 
 _MOST_CORNERS = 5000
 """Of a strip of the track: more cannot be distinguished on paper."""
+_SCALE_PARTS = 5
+"""The scale bar is the shortest round length of which at most this many fit on the plan."""
 _FAR_M = 10_000.0
 """Distances beyond this are not printed in metres."""
 
@@ -32,8 +34,8 @@ def draw_plan(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
     if picture.box is None:
         draw_message(axes, "no position fix")
         return
-    _draw_ground(axes, picture.box)
-    _draw_walks(figure, axes, picture)
+    draw_ground(axes, picture.box)
+    draw_walks(figure, axes, picture)
     _draw_posterior(axes, picture, picture.box)
     for estimate in picture.estimates:
         if estimate.estimator != RTS:  # of a transmitter at rest it is the EKF's last state
@@ -55,7 +57,8 @@ def outside_note(box: Box, east_m: float, north_m: float) -> str:
     return f" ({distance_m:.0f} m outside)" if distance_m < _FAR_M else " (far outside)"
 
 
-def _draw_ground(axes: Axes, box: Box) -> None:
+def draw_ground(axes: Axes, box: Box) -> None:
+    """Axes to scale in metres, an arrow to the north and a scale bar."""
     axes.set_aspect("equal")
     axes.set_xlim(box.west, box.east)
     axes.set_ylim(box.south, box.north)
@@ -66,9 +69,20 @@ def _draw_ground(axes: Axes, box: Box) -> None:
         "N", (0.04, 0.97), (0.04, 0.87), xycoords="axes fraction", arrowprops=arrow
     )
     north.set(ha="center", va="center", zorder=10)
+    _draw_scale_bar(axes, box)
 
 
-def _draw_walks(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
+def _draw_scale_bar(axes: Axes, box: Box) -> None:
+    length_m = round_step(box.size, _SCALE_PARTS)
+    west, south = box.east - 0.03 * box.width - length_m, box.south + 0.03 * box.height
+    ends = [west, west + length_m], [south, south]
+    axes.plot(*ends, color=rgb(colours.INK), linewidth=2.5, solid_capstyle="butt", zorder=10)
+    middle = (west + length_m / 2, south)
+    label = axes.annotate(f"{length_m:.0f} m", middle, (0, 4), textcoords="offset points")
+    label.set(ha="center", fontsize=9, zorder=10)
+
+
+def draw_walks(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
     """The tracks in grey, cut where there was no fix, and the readings coloured by their level."""
     grey, ink = rgb(colours.QUIET), rgb(colours.INK)
     for walk in picture.survey.walks:

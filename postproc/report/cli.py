@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from logger.command_line import FILE, PATH, json_option, print_json
+from logger.command_line import FILE, INPUT, PATH, json_option, print_json
 from logger.core.errors import ConfigError
 from postproc.options import (
     cells_option,
@@ -40,6 +40,12 @@ if TYPE_CHECKING:
     metavar="DIR",
     help="Write the pictures too, each as PNG and SVG.",
 )
+@click.option(
+    "--basemap",
+    type=INPUT,
+    metavar="FILE",
+    help="Ground of the plan: PMTiles, MBTiles, GeoPackage, or an image with a world file.",
+)
 @claims_options
 @false_alarm_option
 @prior_options
@@ -50,6 +56,7 @@ def report(
     output: Path | None,
     cells: Sequence[str],
     picture_folder: Path | None,
+    basemap: Path | None,
     claim: Sequence[str],
     claims: Path | None,
     p_fa: float,
@@ -70,7 +77,8 @@ def report(
     if picture_folder is not None:
         check_folder(picture_folder)
     runs = [read_sound_run(path) for path in paths]
-    page = _page(runs, cells, ClaimOptions(claim, claims, p_fa), Options(prior, within_m=within_m))
+    options = Options(prior, within_m=within_m)
+    page = _page(runs, cells, ClaimOptions(claim, claims, p_fa), options, basemap)
     size = page.write(target)
     pictures = list(page.write_figures(picture_folder)) if picture_folder else []
     took_s = perf_counter() - start_s
@@ -84,16 +92,25 @@ def report(
 
 
 def _page(
-    runs: "list[Run]", cells: Sequence[str], claims: ClaimOptions, options: "Options"
+    runs: "list[Run]",
+    cells: Sequence[str],
+    claims: ClaimOptions,
+    options: "Options",
+    basemap: Path | None,
 ) -> "Report":
     from postproc.progress import with_progress
     from postproc.report.rendering import MOST_DETAILED, make_report
-    from postproc.suspicion.ordering import order_by_word
+    from postproc.suspicion.ordering import conspicuous_first
 
     if len(runs) > 1 and claims:
         raise ConfigError("a claim is tested against one run: name only that run")
-    result = order_by_word(stored_or_estimated(runs, cells, options))
+    result, conspicuous = conspicuous_first(stored_or_estimated(runs, cells, options))
     verified = claims.test(result, cells or [None], options.prior)
     return make_report(
-        result, verified, most=max(MOST_DETAILED, len(cells)), progress=with_progress
+        result,
+        verified,
+        most=max(MOST_DETAILED, len(cells)),
+        first=conspicuous,
+        basemap=basemap,
+        progress=with_progress,
     )

@@ -1,6 +1,6 @@
 """The page from its parts, by the template in `templates`."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import inf
@@ -9,11 +9,13 @@ from jinja2 import Template
 from markupsafe import Markup
 
 from logger.core.geo import Utm
+from logger.core.locator.rivals import relevant_modes, share_text
 from logger.core.runfile import Run
 from postproc.html_page import page_environment
 from postproc.info import CellCount, Event, Gap, Info, describe
 from postproc.pictures.estimates import EstimatorRow, estimator_rows
 from postproc.report import wording
+from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
 from postproc.report.wording import Answer
@@ -21,6 +23,7 @@ from postproc.result import CellResult, ObservedRun, Result
 from postproc.verification.verdicts import CellVerdict, Verified
 
 _NO_CLAIMS = Verified(0.0, (), (), ())
+_MOST_PLACES = 4
 _MOST_EVENTS = 150
 _MOST_GAPS = 60
 """Of a run: a recorder that fails for hours writes more than anybody reads."""
@@ -37,6 +40,14 @@ class PageFigure:
 
 
 @dataclass(frozen=True, slots=True)
+class Place:
+    """A position that fits, in every notation; `share` is its probability if there are others."""
+
+    share: str
+    at: Coordinates
+
+
+@dataclass(frozen=True, slots=True)
 class CellSection:
     """A cell in detail: its answer, warnings that the answer does not repeat, and figures."""
 
@@ -44,6 +55,7 @@ class CellSection:
     result: CellResult
     answer: Answer
     findings: tuple[str, ...]
+    places: tuple[Place, ...]
     figures: tuple[PageFigure, ...]
     estimators: tuple[EstimatorRow, ...]
 
@@ -69,9 +81,23 @@ def cell_section(number: int, result: CellResult, figures: Sequence[ReportFigure
         result=result,
         answer=answer,
         findings=tuple(text for text in result.warnings if text.lower() not in answered),
+        places=tuple(_places(result)),
         figures=tuple(_page_figure(f"{key}-{figure.name}", figure) for figure in figures),
         estimators=estimator_rows(result),
     )
+
+
+def _places(result: CellResult) -> Iterator[Place]:
+    """Positions of a cell that is located or ambiguous, the most likely first."""
+    if result.posterior is None or result.obs is None or result.verdict == "cannot tell":
+        return
+    modes = relevant_modes(result.posterior.modes)[:_MOST_PLACES]
+    for mode in modes:
+        lat_deg, lon_deg = result.obs.utm.to_latlon(mode.x_m, mode.y_m)
+        is_only = len(modes) == 1
+        radius_m = result.posterior.r95_m if is_only else None
+        share = "" if is_only else share_text(mode.probability)
+        yield Place(share, coordinates(lat_deg, lon_deg, radius_m))
 
 
 def run_section(observed: ObservedRun) -> RunSection:
@@ -89,6 +115,7 @@ def html(
     cells: Sequence[CellSection],
     verified: Verified | None,
     overview: ReportFigure | None = None,
+    cell_map: ReportFigure | None = None,
 ) -> str:
     """The page; the same input gives the same text."""
     runs = [run_section(observed) for observed in result.runs]
@@ -100,6 +127,7 @@ def html(
         prior=next((cell.posterior.prior for cell in result.cells if cell.posterior), None),
         counts=_strongest_counts(runs),
         overview=_page_figure(overview.name, overview) if overview else None,
+        cell_map=_page_figure(cell_map.name, cell_map) if cell_map else None,
         runs=runs,
         claims=verified or _NO_CLAIMS,
         program=f"cellwalk {result.version}",

@@ -1,6 +1,6 @@
 """The report of a result: its page, and its figures as files."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from postproc.pictures.plots import save_figure
 from postproc.pictures.plots_style import STYLE
 from postproc.pictures.survey import Survey, survey_of
 from postproc.progress import Progress
+from postproc.report.cell_map import cell_map
 from postproc.report.figures import ReportFigure, figures_of, overview
 from postproc.report.page import cell_section, html
 from postproc.result import CellResult, Result
@@ -31,6 +32,7 @@ class Report:
     cells: tuple[str, ...]
     figures: tuple[tuple[ReportFigure, ...], ...]
     overview: ReportFigure | None = None
+    cell_map: ReportFigure | None = None
 
     def write(self, path: Path) -> int:
         """Write the page, complete or not at all, and return its bytes; raises `RunFileError`."""
@@ -46,8 +48,7 @@ class Report:
             for number, figures in enumerate(self.figures, 1)
             for figure in figures
         ]
-        if self.overview is not None:
-            named.append((self.overview.name, self.overview))
+        named += [(one.name, one) for one in (self.cell_map, self.overview) if one is not None]
         for name, figure in named:
             for suffix in ("png", "svg"):
                 path = folder / f"{name}.{suffix}"
@@ -60,27 +61,40 @@ def make_report(
     verified: Verified | None = None,
     *,
     most: int = MOST_DETAILED,
+    first: Collection[str] = (),
+    basemap: Path | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """The report of one or several runs, with at most `most` cells in detail."""
-    cells = select_cells(result.cells, most)
+    """The report of one or several runs, with at most `most` cells in detail, `first` before all.
+
+    `basemap` is a file with a picture of the ground. Raises `ConfigError` where it is unusable.
+    """
+    cells = select_cells(result.cells, most, first)
     survey = survey_of(result)
     drawn = (_figures(survey, cell, verified) for cell in cells)
     names = [cell.cell for cell in cells]
     with mpl.rc_context(STYLE):
         figures = tuple(progress(drawn, "drawing", len(names), names) if progress else drawn)
         summary = _overview(survey, result.cells)
+        plan = cell_map(survey, result.cells, basemap)
     sections = [
         cell_section(number, cell, of_cell)
         for number, (cell, of_cell) in enumerate(zip(cells, figures, strict=True), 1)
     ]
-    return Report(html(result, sections, verified, summary), tuple(names), figures, summary)
+    page = html(result, sections, verified, summary, plan)
+    return Report(page, tuple(names), figures, summary, plan)
 
 
-def select_cells(cells: Sequence[CellResult], most: int) -> list[CellResult]:
-    """The cells to show in detail: located first, then ambiguous, each by number of readings."""
+def select_cells(
+    cells: Sequence[CellResult], most: int, first: Collection[str] = ()
+) -> list[CellResult]:
+    """The cells to show in detail: those named, then located, ambiguous, by number of readings."""
     positioned = [cell for cell in cells if cell.obs is not None]
-    return sorted(positioned, key=lambda cell: (_RANK.index(cell.verdict), -cell.n))[:most]
+
+    def order(cell: CellResult) -> tuple[bool, int, int]:
+        return cell.cell not in first, _RANK.index(cell.verdict), -cell.n
+
+    return sorted(positioned, key=order)[:most]
 
 
 def _figures(

@@ -12,17 +12,20 @@ _MOST_REASONS = 3
 
 def order_by_word(result: Result) -> Result:
     """The result with suspicious and unusual cells first and their reasons among the warnings."""
+    return conspicuous_first(result)[0]
+
+
+def conspicuous_first(result: Result) -> tuple[Result, tuple[str, ...]]:
+    """As `order_by_word`, and the suspicious and unusual cells, the most suspicious first."""
     suspicions = assess_runs([observed.run for observed in result.runs])
-    rank = {
-        cell.cell: i for i, cell in enumerate(suspicions.cells) if cell.word != "nothing unusual"
-    }
     there = {cell.cell for cell in result.cells}
-    reasons = [
-        reason_line(cell) for cell in suspicions.cells if cell.cell in rank and cell.cell in there
+    unusual = [
+        cell for cell in suspicions.cells if cell.word != "nothing unusual" and cell.cell in there
     ]
-    last = len(rank)
-    cells = sorted(result.cells, key=lambda cell: rank.get(cell.cell, last))
-    return replace(result, cells=tuple(cells), warnings=(*reasons, *result.warnings))
+    rank = {cell.cell: i for i, cell in enumerate(unusual)}
+    cells = sorted(result.cells, key=lambda cell: rank.get(cell.cell, len(rank)))
+    warnings = (*map(reason_line, unusual), *result.warnings)
+    return replace(result, cells=tuple(cells), warnings=warnings), tuple(rank)
 
 
 def reason_line(cell: Assessment) -> str:

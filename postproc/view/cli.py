@@ -53,7 +53,7 @@ class _Options:
     "--basemap",
     type=INPUT,
     metavar="FILE",
-    help="Map under the plan: PNG or JPEG with a world file, GeoPackage, MBTiles.",
+    help="Map under the plan: PMTiles, MBTiles, GeoPackage, or an image with a world file.",
 )
 @click.option(
     "--save",
@@ -72,7 +72,7 @@ class _Options:
 def view(paths: Sequence[Path], **options: Any) -> int:
     """Show runs or a saved recording in rerun or in a browser."""
     from logger.core.runfile import read_sound_run
-    from postproc.view.basemap import read_basemap
+    from postproc.basemap.reading import read_basemap
     from postproc.view.recording import is_recording
     from postproc.view.scene import write_scene
     from postproc.view.viewer import show
@@ -87,7 +87,7 @@ def view(paths: Sequence[Path], **options: Any) -> int:
     def write(path: Path) -> None:
         """Estimate and draw, after it is known that the result can be shown."""
         model = _view_model(chosen, runs)
-        basemap = read_basemap(chosen.basemap, model) if chosen.basemap else None
+        basemap = read_basemap(chosen.basemap, model.survey, model.box) if chosen.basemap else None
         write_scene(model, path, basemap=basemap, online=not chosen.web)
 
     if chosen.web:
@@ -144,7 +144,7 @@ def _check(options: _Options, paths: Sequence[Path]) -> None:
 def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
     from postproc.progress import with_progress
     from postproc.result import Options
-    from postproc.suspicion.ordering import order_by_word
+    from postproc.suspicion.ordering import conspicuous_first
     from postproc.view.end_to_end import end_to_end
     from postproc.view.timeline import MOST_STEPS, answer_steps
     from postproc.view.view_model import CellDetail, select_cells, view_model
@@ -153,8 +153,8 @@ def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
         result = estimate(end_to_end(runs), options.cell)
     else:
         result = stored_or_estimated(runs, options.cell)
-    result = order_by_word(result)
-    cells = select_cells(result, options.cell)
+    result, conspicuous = conspicuous_first(result)
+    cells = select_cells(result, options.cell or conspicuous[:1])
     verdicts = _verdicts(options, result, [cell.cell for cell in cells])
     details = []
     for cell in cells:

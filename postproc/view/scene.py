@@ -5,7 +5,8 @@ from pathlib import Path
 import rerun as rr
 
 from postproc.atomic_write import whole_file
-from postproc.view.basemap import Basemap, draw_basemap
+from postproc.basemap.reading import Basemap
+from postproc.view.basemap import draw_basemap
 from postproc.view.blueprint import layout
 from postproc.view.plan import draw_plan
 from postproc.view.rerun_writer import RerunWriter, entity

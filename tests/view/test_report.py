@@ -1,5 +1,6 @@
 """The report in a real browser: it fits the screen, requests nothing and is accessible."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -100,7 +101,26 @@ def test_an_hour_of_eight_cells_stays_below_three_megabytes(tmp_path):
 
 def test_prints(chromium, page):
     chromium.open(page, width=DESKTOP, dark=True)
-    assert chromium.pdf().startswith(b"%PDF")
+    pdf = chromium.pdf()
+    assert pdf.startswith(b"%PDF")
+    assert sheets(pdf) <= 4
+
+
+def test_six_cells_with_all_figures_print_on_eight_sheets(chromium, tmp_path):
+    """Two of them share a sheet with all else; none begins a sheet of its own."""
+    run = kit.write_run(tmp_path / "walk.journal", seconds=600, cells=6)
+    result = kit.sample_result(run)
+    cells = tuple(
+        replace(result.cells[0], cell=kit.cell_name(i), verdict="located") for i in range(6)
+    )
+    path = tmp_path / "six.html"
+    make_report(replace(result, cells=cells)).write(path)
+    chromium.open(path, width=DESKTOP, dark=False)
+    assert sheets(chromium.pdf()) <= 8
+
+
+def sheets(pdf):
+    return len(re.findall(rb"/Type\s*/Page[^s]", pdf))
 
 
 def test_the_checks_find_faults(chromium, tmp_path):

@@ -17,8 +17,8 @@ LEVELS = ("h1", "h2", "h3", "h4")
 
 def test_every_picture_has_an_alternative_text(page):
     pictures = page.all("svg", "img")
-    # all of the first cell, plan and levels of the two others, and the overview
-    assert len(pictures) == 5 + 2 + 2 + 1
+    # all of the first cell, plan and levels of the two others, the map and the overview
+    assert len(pictures) == 5 + 2 + 2 + 1 + 1
     texts = []
     for picture in pictures:
         assert picture.get("role") == "img"

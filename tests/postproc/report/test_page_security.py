@@ -9,6 +9,7 @@ from postproc.smoothing import smooth_runs
 from tests.kit.html_page import Page
 from tests.kit.runs import write_journal
 
+OSM = "https://www.openstreetmap.org/?mlat="
 HOSTILE = """<script>alert(1)</script>"' onload=x & {{ 7*7 }} </pre></style> $a_{b}$ """
 
 
@@ -36,10 +37,15 @@ def references(page):
 def test_the_page_requests_nothing(page, report):
     targets = list(references(page))
     assert targets
-    assert all(target.startswith(("#", "data:image/png;base64,")) for target in targets)
+    own = ("#", "data:image/png;base64,", "data:image/jpeg;base64,")
+    links = [one.get("href") for one in page.all("a")]
+    followed = [link for link in links if not link.startswith("#")]
+    assert all(target.startswith(own) for target in targets if target not in followed)
+    assert {link.partition(":")[0] for link in followed} == {"geo", "https"}
+    assert all(link.startswith(("geo:", OSM)) for link in followed)
     assert page.all("script", "link", "iframe", "object", "embed", "base", "form") == []
     assert "@import" not in report.html
-    assert "://" not in re.sub(r"base64,[^\"]*", "", report.html)
+    assert "://" not in re.sub(r"base64,[^\"]*", "", report.html).replace(OSM, "")
     policy = next(one.get("content") for one in page.all("meta") if one.get("http-equiv"))
     assert "default-src 'none'" in policy
 

@@ -90,11 +90,14 @@ def test_cells_in_detail_are_located_ones_first_then_by_readings(result):
     ]
     assert [cell.cell for cell in select_cells(cells, 2)] == [c.cell, b.cell]
     assert select_cells([replace(a, obs=None)], 2) == []
+    assert [cell.cell for cell in select_cells(cells, 2, {a.cell})] == [a.cell, c.cell]
 
 
 def test_the_overview_is_written_as_well(report, result, tmp_path):
     alone = replace(report, figures=())
     assert [path.name for path in alone.write_figures(tmp_path)] == [
+        "map.png",
+        "map.svg",
         "overview.png",
         "overview.svg",
     ]

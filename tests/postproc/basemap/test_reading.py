@@ -9,7 +9,8 @@ from PIL import Image
 from pyproj import CRS, Transformer
 
 from logger.core.errors import ConfigError
-from postproc.view.basemap import MOST_PIXELS, read_basemap
+from postproc.basemap import reading
+from postproc.basemap.reading import MOST_PIXELS
 from postproc.view.scene import write_scene
 from tests.kit import sample_results as kit
 from tests.kit.rerun_recordings import chunks
@@ -62,6 +63,10 @@ def picture(folder, view, crs, unit, *, name="ground.png", world="ground.pgw", s
         "\n".join(f"{v!r}" for v in (side, 0.0, 0.0, -side, *map(float, first)))
     )
     return folder / name
+
+
+def read_basemap(path, view):
+    return reading.read_basemap(path, view.survey, view.box)
 
 
 DEGREE = 1.0 / 70_000

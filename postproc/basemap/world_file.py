@@ -16,7 +16,7 @@ from pyproj.exceptions import CRSError
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
-from postproc.view.georeferenced import Area, Ground, pixel_of
+from postproc.basemap.georeferenced import Area, Ground, pixel_of
 
 GEOGRAPHIC = CRS.from_epsg(4326)
 WEB_MERCATOR = CRS.from_epsg(3857)

@@ -6,7 +6,7 @@ unless its metadata state xyz.
 
 import math
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
@@ -19,8 +19,8 @@ from pyproj.exceptions import CRSError
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from logger.sqlite_file import open_database
-from postproc.view.georeferenced import Area, Ground
-from postproc.view.world_file import WEB_MERCATOR
+from postproc.basemap.georeferenced import Area, Ground
+from postproc.basemap.world_file import WEB_MERCATOR
 
 MOST_TILES = 64
 """Eight by eight of 256 pixels: as many pixels as the plan can use."""
@@ -45,6 +45,10 @@ _TILE = """
 SELECT CAST(tile_data AS BLOB) FROM "{table}"
 WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?
 """
+
+
+TilePicture = Callable[[int, int], Image.Image | None]
+"""Picture of the tile in a column and a row, counted from the north; None for no tile."""
 
 
 class TileMatrix(NamedTuple):
@@ -97,7 +101,7 @@ def open_tiles(path: Path, area: Area) -> Ground:
             for matrix in _matrices(database):
                 columns, rows = matrix.span(area.within(matrix.crs))
                 if 0 < len(columns) * len(rows) <= MOST_TILES:
-                    ground = _mosaic(database, matrix, columns, rows)
+                    ground = mosaic(_of_database(database, matrix), matrix, columns, rows)
                     if ground is not None:
                         return ground
     except sqlite3.Error as error:
@@ -120,12 +124,8 @@ def _matrices(database: sqlite3.Connection) -> Iterator[TileMatrix]:
 def _of_mbtiles(database: sqlite3.Connection) -> Iterator[TileMatrix]:
     metadata = dict(database.execute("SELECT name, value FROM metadata"))
     from_south = metadata.get("scheme", "tms") != "xyz"
-    corner = -_HALF_WORLD_M, _HALF_WORLD_M
     for (zoom,) in database.execute(_ZOOMS).fetchall():
-        count = 2**zoom
-        side = 2 * _HALF_WORLD_M / count
-        size = count, count
-        yield TileMatrix("tiles", WEB_MERCATOR, zoom, *size, *corner, side, side, from_south)
+        yield web_mercator_matrix(zoom)._replace(from_south=from_south)
 
 
 def _of_geopackage(database: sqlite3.Connection) -> Iterator[TileMatrix]:
@@ -140,29 +140,42 @@ def _of_geopackage(database: sqlite3.Connection) -> Iterator[TileMatrix]:
             )
 
 
-def _mosaic(
-    database: sqlite3.Connection, matrix: TileMatrix, columns: range, rows: range
-) -> Ground | None:
+def web_mercator_matrix(zoom: int) -> TileMatrix:
+    """A zoom level of the world's tiles, numbered from the north."""
+    count = 2**zoom
+    side = 2 * _HALF_WORLD_M / count
+    corner = -_HALF_WORLD_M, _HALF_WORLD_M
+    size = count, count
+    return TileMatrix("tiles", WEB_MERCATOR, zoom, *size, *corner, side, side, from_south=False)
+
+
+def mosaic(picture: TilePicture, matrix: TileMatrix, columns: range, rows: range) -> Ground | None:
     """Tiles side by side, transparent where one is missing; None where all are."""
-    query = _TILE.format(table=matrix.table.replace('"', '""'))
-    tiles: dict[tuple[int, int], Image.Image] = {}
-    for row in rows:
-        for column in columns:
-            stored = matrix.rows - 1 - row if matrix.from_south else row
-            tile = database.execute(query, (matrix.zoom, column, stored)).fetchone()
-            if tile is not None:
-                tiles[column, row] = Image.open(BytesIO(tile[0])).convert("RGBA")
+    places = ((column, row) for row in rows for column in columns)
+    pictures = ((place, picture(*place)) for place in places)
+    tiles = {place: tile for place, tile in pictures if tile is not None}
     if not tiles:
         return None
     width, height = next(iter(tiles.values())).size
-    mosaic = Image.new("RGBA", (width * len(columns), height * len(rows)))
+    image = Image.new("RGBA", (width * len(columns), height * len(rows)))
     for (column, row), tile in tiles.items():
         corner = (column - columns[0]) * width, (row - rows[0]) * height
-        mosaic.paste(tile.resize((width, height)), corner)
+        image.paste(tile.resize((width, height)), corner)
     pixel_x, pixel_y = matrix.tile_width / width, matrix.tile_height / height
     west = matrix.west + columns[0] * matrix.tile_width
     north = matrix.north - rows[0] * matrix.tile_height
     affine = np.array(
         [[pixel_x, 0.0, west + 0.5 * pixel_x], [0.0, -pixel_y, north - 0.5 * pixel_y]]
     )
-    return Ground(np.asarray(mosaic), matrix.crs, affine)
+    return Ground(np.asarray(image), matrix.crs, affine)
+
+
+def _of_database(database: sqlite3.Connection, matrix: TileMatrix) -> TilePicture:
+    query = _TILE.format(table=matrix.table.replace('"', '""'))
+
+    def picture(column: int, row: int) -> Image.Image | None:
+        stored = matrix.rows - 1 - row if matrix.from_south else row
+        tile = database.execute(query, (matrix.zoom, column, stored)).fetchone()
+        return None if tile is None else Image.open(BytesIO(tile[0])).convert("RGBA")
+
+    return picture

@@ -1,0 +1,1 @@
+"""Pictures of the ground from files on this machine: tiles, and images with a position."""

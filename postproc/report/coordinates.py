@@ -1,0 +1,96 @@
+"""A position as others write it: decimal, in degrees, UTM, MGRS, and as links to maps.
+
+Sources: RFC 5870 (geo URI), wiki.openstreetmap.org/wiki/Browsing (links), NGA.STND.0037 (MGRS).
+"""
+
+from dataclasses import dataclass
+
+from logger.core.errors import GeoError
+from logger.core.geo import MAX_LATITUDE_DEG, Utm
+
+_DECIMALS = 5
+"""A metre."""
+_ZOOM = 18
+"""Of a link to OpenStreetMap: some streets."""
+_BANDS = "CDEFGHJKLMNPQRSTUVWX"
+"""Latitude bands of 8 degrees from 80 south on, the last one of 12."""
+_COLUMNS = ("ABCDEFGH", "JKLMNPQR", "STUVWXYZ")
+"""Letters of the 100 km columns of zones 1, 2, 3 and so on."""
+_ROWS = "ABCDEFGHJKLMNPQRSTUV"
+"""Letters of the 100 km rows; in even zones they begin with F."""
+_SOUTHMOST_DEG = -80.0
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinates:
+    """One position in each notation; UTM and MGRS are empty where they do not exist."""
+
+    decimal: str
+    degrees: str
+    utm: str
+    mgrs: str
+    geo: str
+    osm: str
+
+
+def coordinates(lat_deg: float, lon_deg: float, r95_m: float | None = None) -> Coordinates:
+    """Every notation of a position; `r95_m` becomes the uncertainty of the geo URI."""
+    lat, lon = (f"{value:.{_DECIMALS}f}" for value in (lat_deg, lon_deg))
+    uncertain = "" if r95_m is None else f";u={r95_m:.0f}"
+    return Coordinates(
+        decimal=f"{lat}, {lon}",
+        degrees=f"{_dms(lat_deg, 'NS')} {_dms(lon_deg, 'EW')}",
+        utm=_utm(lat_deg, lon_deg),
+        mgrs=_mgrs(lat_deg, lon_deg),
+        geo=f"geo:{lat},{lon}{uncertain}",
+        osm=f"https://www.openstreetmap.org/?mlat={lat}&mlon={lon}#map={_ZOOM}/{lat}/{lon}",
+    )
+
+
+def _dms(value_deg: float, letters: str) -> str:
+    """Degrees, minutes and seconds to a tenth, which is 3 m."""
+    tenths = round(abs(value_deg) * 36_000)
+    degrees, rest = divmod(tenths, 36_000)
+    minutes, tenths = divmod(rest, 600)
+    letter = letters[0] if value_deg >= 0.0 else letters[1]
+    return f"{degrees}°{minutes:02d}'{tenths // 10:02d}.{tenths % 10}\"{letter}"
+
+
+def _standard_utm(lat_deg: float, lon_deg: float) -> tuple[int, float, float] | None:
+    """Zone, east and north of the standard grid, which has wider zones in Norway and Svalbard."""
+    if not _SOUTHMOST_DEG <= lat_deg < MAX_LATITUDE_DEG:
+        return None
+    zone = int((lon_deg + 180.0) // 6.0) % 60 + 1
+    if 56.0 <= lat_deg < 64.0 and 3.0 <= lon_deg < 12.0:
+        zone = 32
+    if lat_deg >= 72.0 and 0.0 <= lon_deg < 42.0:
+        zone = 31 + 2 * int((lon_deg + 3.0) // 12.0)
+    try:
+        east_m, north_m = Utm(zone if lat_deg >= 0.0 else -zone).to_xy(lat_deg, lon_deg)
+    except GeoError:
+        return None
+    return zone, east_m, north_m
+
+
+def _band(lat_deg: float) -> str:
+    return _BANDS[min(int((lat_deg - _SOUTHMOST_DEG) // 8.0), len(_BANDS) - 1)]
+
+
+def _utm(lat_deg: float, lon_deg: float) -> str:
+    found = _standard_utm(lat_deg, lon_deg)
+    if found is None:
+        return ""
+    zone, east_m, north_m = found
+    return f"{zone}{_band(lat_deg)} {east_m:.0f} {north_m:.0f}"
+
+
+def _mgrs(lat_deg: float, lon_deg: float) -> str:
+    """To a metre; digits of MGRS are cut off, not rounded."""
+    found = _standard_utm(lat_deg, lon_deg)
+    if found is None:
+        return ""
+    zone, east_m, north_m = found
+    east, north = int(east_m), int(north_m)
+    column = _COLUMNS[(zone - 1) % 3][east // 100_000 - 1]
+    row = _ROWS[(north // 100_000 + (5 if zone % 2 == 0 else 0)) % len(_ROWS)]
+    return f"{zone}{_band(lat_deg)} {column}{row} {east % 100_000:05d} {north % 100_000:05d}"

@@ -1,0 +1,60 @@
+"""The plan of all cells, with and without a picture of the ground."""
+
+import base64
+import re
+from dataclasses import replace
+from io import BytesIO
+
+import numpy as np
+import pytest
+from PIL import Image
+from pmtiles.tile import TileType
+
+from logger.core.errors import ConfigError
+from postproc.pictures.survey import survey_of
+from postproc.report.cell_map import cell_map
+from postproc.report.rendering import make_report
+from tests.kit.vector_tiles import layer, tile_at, write_pmtiles
+
+
+def _photograph(path, result):
+    """Tiles of noise around the walk, as a photograph from the air is for a picture format."""
+    fixes = result.runs[0].run.tables["fixes"]
+    column, row = tile_at(float(fixes["lat_deg"][0]), float(fixes["lon_deg"][0]), 17)
+    noise = np.random.default_rng(1).integers(0, 255, (256, 256, 3), np.uint8)
+    file = BytesIO()
+    Image.fromarray(noise).save(file, "PNG")
+    places = [(17, column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    return write_pmtiles(path, dict.fromkeys(places, file.getvalue()), TileType.PNG)
+
+
+def test_positions_have_the_numbers_of_the_table(result):
+    figure = cell_map(survey_of(result), result.cells, None)
+    texts = [text.get_text() for text in figure.figure.axes[0].texts]
+    assert "N" in texts
+    assert any(re.fullmatch(r"\d+ m", text) for text in texts)
+    numbers = [i for i, cell in enumerate(result.cells, 1) if cell.verdict != "cannot tell"]
+    assert {text for text in texts if text.isdecimal()} == set(map(str, numbers))
+    assert f"{numbers[0]} is {result.cells[numbers[0] - 1].cell}, located" in figure.alt_text
+
+
+def test_without_a_position_or_of_one_cell_there_is_none(result):
+    unknown = [replace(cell, verdict="cannot tell") for cell in result.cells]
+    assert cell_map(survey_of(result), unknown, None) is None
+    assert cell_map(survey_of(result), result.cells[:1], None) is None
+
+
+def test_the_ground_is_in_the_page_as_jpeg(result, tmp_path):
+    air = _photograph(tmp_path / "air.pmtiles", result)
+    html = make_report(result, basemap=air).html
+    (jpeg,) = re.findall(r"data:image/jpeg;base64,([^\"]+)", html)
+    (tmp_path / "ground.jpg").write_bytes(base64.b64decode(jpeg))
+    pixels = np.asarray(Image.open(tmp_path / "ground.jpg").convert("L"))
+    assert pixels.std() > 20.0
+    assert len(html) < 2_000_000
+
+
+def test_a_file_that_does_not_cover_the_walk_is_an_error(result, tmp_path):
+    far = write_pmtiles(tmp_path / "far.pmtiles", {(14, 3, 3): layer("roads", [])})
+    with pytest.raises(ConfigError, match="does not cover"):
+        make_report(result, basemap=far)
