@@ -15,6 +15,8 @@ PollInterval = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 Baud = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 PortName = Annotated[str, msgspec.Meta(min_length=1)]
+FeedAddress = Annotated[str, msgspec.Meta(pattern=r"^(/.+|[1-9]\d{3,4})?$", max_length=107)]
+"""Nothing, an absolute path that fits into a socket's address, or a port without privileges."""
 LedName = Annotated[str, msgspec.Meta(pattern="^[^/.]*$")]
 
 _LIMITS: dict[str, dict[str, tuple[float, float]]] = {
@@ -66,9 +68,13 @@ class GnssSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class StatusSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Status outputs: an LED by its name under /sys/class/leds, empty for none."""
+    """Status outputs: an LED by its name under /sys/class/leds, empty for none.
+
+    `feed` is a socket for JSON lines, the path of a Unix socket or a TCP port of this machine.
+    """
 
     led: LedName = ""
+    feed: FeedAddress = ""
 
 
 class PageSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -1,4 +1,4 @@
-"""Outputs of the recording's status: the light, `status.json` and `systemctl status`.
+"""Outputs of the recording's status: the light, `status.json`, `systemctl status`, the feed.
 
 A new output is a class with `publish` and `close`, one line in `status_sinks`, and its settings in
 `StatusSettings`.
@@ -15,6 +15,7 @@ from logger.config import StatusSettings
 from logger.device.leds import StatusLight
 from logger.device.notify import ServiceManager
 from logger.device.status import Status, status_folder, write_status
+from logger.device.status_feed import StatusFeed
 
 log = logging.getLogger(__name__)
 
@@ -73,6 +74,7 @@ def status_sinks(
         StatusLight(settings.led),
         StatusFile(status_folder(environ)),
         SystemdStatus(manager),
+        StatusFeed(settings.feed),
     ]
     try:
         yield sinks

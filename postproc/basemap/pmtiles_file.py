@@ -21,7 +21,7 @@ from postproc.basemap.tiles import MOST_TILES, TileMatrix, mosaic, web_mercator_
 from postproc.basemap.vector_tile import layers_of
 
 _MAGIC = b"PMTiles\x03"
-_VECTOR_PIXELS = 2048
+_VECTOR_PIXELS = 1536
 """Along the longer side of what is drawn."""
 _MOST_BYTES = 64 << 20
 """Of one tile; real ones have less than a megabyte."""
