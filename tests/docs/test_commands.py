@@ -19,6 +19,8 @@ NOT_RUN = {
     "postproc share": "needs a longer walk; tests/postproc/interop/test_share.py runs it",
     "fieldlogger probe": "opens the serial ports of this machine",
     "fieldlogger doctor": "examines this machine; tests/doctor/test_examination.py runs it",
+    "fieldlogger page": "serves until stopped; tests/page runs it",
+    "fieldlogger status": "needs a running service; tests/device/test_status_text.py runs it",
     "fieldlogger run": "records until stopped; tests/device/test_service.py runs it",
     "fieldlogger simulate": "takes a minute; tests/sim/test_simulate_command.py runs it",
     "postproc toa simulate": "takes long; tests/postproc/reproductions/toa runs it",
