@@ -4,6 +4,7 @@ Source: protomaps/PMTiles, spec v3.
 """
 
 import gzip
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -42,6 +43,14 @@ class _Archive(NamedTuple):
             return file.read(_MOST_BYTES)
 
 
+class TilePlace(NamedTuple):
+    """A tile and a place in it, as shares of its width from the west and from the north."""
+
+    zoom: int
+    data: bytes
+    place: tuple[float, float]
+
+
 def is_pmtiles(path: Path) -> bool:
     """Whether a file is a PMTiles archive of version 3."""
     try:
@@ -70,6 +79,32 @@ def open_pmtiles(path: Path, area: Area) -> Ground:
     except (OSError, EOFError, ValueError, LookupError, TypeError) as error:
         raise ConfigError(f"{path} cannot be read: {error}") from error
     raise ConfigError(f"{path} does not cover the area of this walk")
+
+
+def vector_tile_at(path: Path, lat_deg: float, lon_deg: float) -> TilePlace | None:
+    """The finest vector tile at a position; None for pictures and without a tile there.
+
+    Raises `ConfigError`.
+    """
+    try:
+        with _archive(path) as archive:
+            if archive.header["tile_type"] != TileType.MVT:
+                return None
+            for zoom in range(archive.header["max_zoom"], archive.header["min_zoom"] - 1, -1):
+                x, y = _web_mercator(lat_deg, lon_deg, zoom)
+                data = archive.tile(zoom, int(x), int(y))
+                if data is not None:
+                    return TilePlace(zoom, data, (x % 1.0, y % 1.0))
+    except (OSError, EOFError, ValueError, LookupError, TypeError) as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from error
+    return None
+
+
+def _web_mercator(lat_deg: float, lon_deg: float, zoom: int) -> tuple[float, float]:
+    """Column and row of a position, with fractions."""
+    count = 2**zoom
+    row = 0.5 - math.asinh(math.tan(math.radians(lat_deg))) / (2.0 * math.pi)
+    return (lon_deg + 180.0) / 360.0 * count % count, row * count
 
 
 @contextmanager

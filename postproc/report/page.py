@@ -1,6 +1,6 @@
 """The page from its parts, by the template in `templates`."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import inf
@@ -29,6 +29,15 @@ _MOST_GAPS = 60
 """Of a run: a recorder that fails for hours writes more than anybody reads."""
 
 
+Streets = Callable[[float, float], str | None]
+"""Name of the street at a latitude and longitude."""
+
+
+def no_street(_lat_deg: float, _lon_deg: float) -> str | None:
+    """No file has names of streets."""
+    return None
+
+
 @dataclass(frozen=True, slots=True)
 class PageFigure:
     """A figure on the page; `key` is unique there."""
@@ -41,10 +50,14 @@ class PageFigure:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A position that fits, in every notation; `share` is its probability if there are others."""
+    """A position that fits, in every notation; `share` is its probability if there are others.
+
+    `street` is the name of the nearest one, empty if it is not known.
+    """
 
     share: str
     at: Coordinates
+    street: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +84,9 @@ class RunSection:
     gaps: tuple[Gap, ...]
 
 
-def cell_section(number: int, result: CellResult, figures: Sequence[ReportFigure]) -> CellSection:
+def cell_section(
+    number: int, result: CellResult, figures: Sequence[ReportFigure], streets: Streets = no_street
+) -> CellSection:
     """A cell with its figures; the number identifies it on the page."""
     key = f"cell-{number}"
     answer = wording.answer(result)
@@ -81,13 +96,13 @@ def cell_section(number: int, result: CellResult, figures: Sequence[ReportFigure
         result=result,
         answer=answer,
         findings=tuple(text for text in result.warnings if text.lower() not in answered),
-        places=tuple(_places(result)),
+        places=tuple(_places(result, streets)),
         figures=tuple(_page_figure(f"{key}-{figure.name}", figure) for figure in figures),
         estimators=estimator_rows(result),
     )
 
 
-def _places(result: CellResult) -> Iterator[Place]:
+def _places(result: CellResult, streets: Streets) -> Iterator[Place]:
     """Positions of a cell that is located or ambiguous, the most likely first."""
     if result.posterior is None or result.obs is None or result.verdict == "cannot tell":
         return
@@ -97,7 +112,8 @@ def _places(result: CellResult) -> Iterator[Place]:
         is_only = len(modes) == 1
         radius_m = result.posterior.r95_m if is_only else None
         share = "" if is_only else share_text(mode.probability)
-        yield Place(share, coordinates(lat_deg, lon_deg, radius_m))
+        street = streets(lat_deg, lon_deg) or ""
+        yield Place(share, coordinates(lat_deg, lon_deg, radius_m), street)
 
 
 def run_section(observed: ObservedRun) -> RunSection:

@@ -2,11 +2,13 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import matplotlib as mpl
 
 from postproc.atomic_write import whole_file
+from postproc.basemap.street_names import street_near
 from postproc.pictures.picture import picture_of
 from postproc.pictures.plots import save_figure
 from postproc.pictures.plots_style import STYLE
@@ -14,7 +16,7 @@ from postproc.pictures.survey import Survey, survey_of
 from postproc.progress import Progress
 from postproc.report.cell_map import cell_map
 from postproc.report.figures import ReportFigure, figures_of, overview
-from postproc.report.page import cell_section, html
+from postproc.report.page import cell_section, html, no_street
 from postproc.result import CellResult, Result
 from postproc.verification.verdicts import Verified
 
@@ -77,8 +79,9 @@ def make_report(
         figures = tuple(progress(drawn, "drawing", len(names), names) if progress else drawn)
         summary = _overview(survey, result.cells)
         plan = cell_map(survey, result.cells, basemap)
+    streets = partial(street_near, basemap) if basemap else no_street
     sections = [
-        cell_section(number, cell, of_cell)
+        cell_section(number, cell, of_cell, streets)
         for number, (cell, of_cell) in enumerate(zip(cells, figures, strict=True), 1)
     ]
     page = html(result, sections, verified, summary, plan)

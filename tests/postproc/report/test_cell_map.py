@@ -14,7 +14,7 @@ from logger.core.errors import ConfigError
 from postproc.pictures.survey import survey_of
 from postproc.report.cell_map import cell_map
 from postproc.report.rendering import make_report
-from tests.kit.vector_tiles import layer, tile_at, write_pmtiles
+from tests.kit.vector_tiles import feature, layer, tile_at, write_pmtiles
 
 
 def _photograph(path, result):
@@ -52,6 +52,18 @@ def test_the_ground_is_in_the_page_as_jpeg(result, tmp_path):
     pixels = np.asarray(Image.open(tmp_path / "ground.jpg").convert("L"))
     assert pixels.std() > 20.0
     assert len(html) < 2_000_000
+
+
+def test_a_position_has_the_street_beside_it(result, tmp_path):
+    fixes = result.runs[0].run.tables["fixes"]
+    column, row = tile_at(float(fixes["lat_deg"][0]), float(fixes["lon_deg"][0]), 15)
+    lines = [feature("line", [[(x, 0), (x, 4096)]], [0, 0]) for x in range(0, 4097, 256)]
+    streets = layer("roads", lines, ["name"], ["Main <Street>"])
+    places = [(15, column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    html = make_report(
+        result, basemap=write_pmtiles(tmp_path / "x.pmtiles", dict.fromkeys(places, streets))
+    ).html
+    assert "near <strong>Main &lt;Street&gt;</strong>" in html
 
 
 def test_a_file_that_does_not_cover_the_walk_is_an_error(result, tmp_path):
