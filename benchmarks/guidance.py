@@ -4,8 +4,9 @@ python benchmarks/guidance.py [--worlds N] [--noise NAME ...] [--policy NAME ...
                               [--near] [--on] [--first SEED] [--json FILE] [--read FILE ...]
 
 Every policy walks the same worlds (`guided.world`): open ground, streets and irregular streets in
-turn, 3 km at most. Under white noise, and with a trap, a walk ends where the cell is located, unless
-`--on`. `--near` puts the transmitter within 300 m. `--read` prints the tables of outcomes written before.
+turn, 3 km at most. Under white noise, and with a trap, a walk ends where the cell is located,
+unless `--on`. `--near` puts the transmitter within 300 m. `--read` prints the tables of outcomes
+that were written before.
 """
 
 import argparse

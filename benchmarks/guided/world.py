@@ -142,7 +142,7 @@ class World:
 
 def _street_lines(rng: np.random.Generator, *, is_irregular: bool) -> list[FloatArray]:
     """Streets of a town around the origin, block by block."""
-    x_m, y_m = (_spaced(rng) for _ in range(2))
+    x_m, y_m = (_street_distances_m(rng) for _ in range(2))
     node = np.stack(np.meshgrid(x_m, y_m, indexing="ij"), axis=-1)
     if not is_irregular:
         return [*node, *node.transpose(1, 0, 2)]
@@ -160,6 +160,6 @@ def _street_lines(rng: np.random.Generator, *, is_irregular: bool) -> list[Float
     return lines
 
 
-def _spaced(rng: np.random.Generator) -> FloatArray:
+def _street_distances_m(rng: np.random.Generator) -> FloatArray:
     at_m = np.concatenate([[0.0], np.cumsum(rng.uniform(*_BLOCK_M, _STREETS - 1))])
     return np.asarray(at_m - at_m[_STREETS // 2], float)

@@ -4,7 +4,7 @@
     forecast    levels to expect at points not yet walked, under each position
     information what readings at some points would say, in nats
     routes      ways to consider: eight directions, or the streets of a map
-    planner     the best of them by information for each metre
+    planner     these by information for each metre
     advice      when to plan, and what the walker is told
 
 The information follows Kolchinsky & Tracey, Entropy 19(7), 2017. Positions are in UTM metres.

@@ -10,7 +10,7 @@ import numpy as np
 from logger.core.arrays import BoolArray, FloatArray
 from logger.core.guidance.clusters import Cluster, clusters
 from logger.core.guidance.forecast import Forecaster
-from logger.core.guidance.planner import Course, azimuth_deg, plan, turn_deg
+from logger.core.guidance.planner import Course, azimuth_deg, plans, turn_deg
 from logger.core.guidance.routes import Route, compass_routes
 from logger.core.guidance.sample import draw
 from logger.core.guidance.sentence import sentence
@@ -94,7 +94,7 @@ class Guide:
         routes = routes or compass_routes(here, places)
         course = self._course(here)
         forecaster = Forecaster(sample, task.walk.blocks, task.walk.prior)
-        best = plan(forecaster, routes, course, has_map=has_map)
+        best = plans(forecaster, routes, course, has_map=has_map)[0]
         if best.nats_per_km < LEAST_NATS_PER_KM:
             self.advice = None
             return

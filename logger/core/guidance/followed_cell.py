@@ -12,11 +12,15 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree
 from logger.core.locator.summary import summarise
-from logger.core.locator.two_source_test import divide
+from logger.core.locator.two_source_test import LIVE, Division, divide
 from logger.core.locator.verdict import LIVE_M, Decision, assess
 from logger.core.observations import CellObservations
 
 Search = Callable[[], tuple[LocatorInput, Tree] | None]
+
+
+_DIVIDED_EVERY = 8
+"""Two transmitters are tried every 200 m: that takes as long as all plans on the way."""
 
 
 class LivePosition(NamedTuple):
@@ -32,6 +36,8 @@ class FollowedCell:
     def __init__(self, cell: str, utm: Utm, streets: StreetMap | None = None) -> None:
         self.cell, self.utm = cell, utm
         self._guide = Guide(streets)
+        self._updates = 0
+        self._division: Division | None = None
         self.position: LivePosition | None = None
 
     @property
@@ -55,10 +61,18 @@ class FollowedCell:
     def _position(self, task: LocatorInput, tree: Tree) -> LivePosition:
         posterior = summarise(task, tree)
         obs = _observations(task, self.utm)
-        decision = assess(posterior, obs, within_m=LIVE_M)
-        if decision.verdict == "located":
-            decision = assess(posterior, obs, divide(obs, posterior), within_m=LIVE_M)
+        decision = assess(posterior, obs, self._division, within_m=LIVE_M)
+        if self._is_division_due(decision):
+            self._division = divide(obs, posterior, LIVE)
+            decision = assess(posterior, obs, self._division, within_m=LIVE_M)
+        self._updates += 1
         return LivePosition(posterior, decision)
+
+    def _is_division_due(self, decision: Decision) -> bool:
+        """Whether two transmitters are to be tried: now and then, and before it is located."""
+        was_located = self.position is not None and self.position.decision.verdict == "located"
+        is_new = decision.verdict == "located" and not was_located
+        return is_new or self._updates % _DIVIDED_EVERY == 0
 
 
 def _observations(task: LocatorInput, utm: Utm) -> CellObservations:

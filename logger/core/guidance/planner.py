@@ -1,4 +1,4 @@
-"""The route that says most about the position for each metre walked."""
+"""Routes by what they say about the position for each metre walked."""
 
 from collections.abc import Sequence
 from math import atan2, degrees
@@ -32,7 +32,7 @@ class Course(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """The best route, the information for each kilometre, and the forecast along all routes.
+    """A route, its information for each kilometre, and the forecast along all routes.
 
     `points` are the rows of the forecast that belong to the route, in the order of walking.
     """
@@ -43,8 +43,10 @@ class Plan(NamedTuple):
     points: IntArray
 
 
-def plan(forecaster: Forecaster, routes: Sequence[Route], course: Course, *, has_map: bool) -> Plan:
-    """The best of some routes."""
+def plans(
+    forecaster: Forecaster, routes: Sequence[Route], course: Course, *, has_map: bool
+) -> list[Plan]:
+    """Some routes, the best first."""
     each = [route.points() for route in routes]
     rounded = np.asarray(np.round(np.concatenate(each), 1), float)
     points, at = np.unique(rounded, axis=0, return_inverse=True)
@@ -62,8 +64,10 @@ def plan(forecaster: Forecaster, routes: Sequence[Route], course: Course, *, has
             _WALKED_BEFORE * np.max(value) * np.array([_share_walked(r, course) for r in routes])
         )
     score *= [_KEPT if _is_ahead(route, course) else 1.0 for route in routes]
-    best = int(np.argmax(score))
-    return Plan(routes[best], 1000.0 * float(value[best]), forecast, rows[best])
+    return [
+        Plan(routes[k], 1000.0 * float(value[k]), forecast, rows[k])
+        for k in np.argsort(-score, kind="stable").tolist()
+    ]
 
 
 def azimuth_deg(from_m: Sequence[float], to_m: Sequence[float]) -> float:

@@ -13,8 +13,8 @@
 """
 
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.preparation import prepare
-from logger.core.locator.quadtree import Effort
+from logger.core.locator.preparation import LocatorInput, prepare
+from logger.core.locator.quadtree import Effort, Tree
 from logger.core.locator.search import coarse_search, refine, weigh_noise
 from logger.core.locator.summary import summarise
 from logger.core.locator.two_source_test import divide
@@ -35,10 +35,14 @@ def locate(
     without a single level inside the modem's scale.
     """
     task = prepare(obs, prior, effort)
+    return summarise(task, search(task))
+
+
+def search(task: LocatorInput) -> Tree:
+    """Steps 1 to 3: the posterior as the leaves of a quadtree."""
     tree = coarse_search(task.walk)
     noise = weigh_noise(task.walk, tree)
-    tree = refine(task.walk, tree, noise)
-    return summarise(task, tree)
+    return refine(task.walk, tree, noise)
 
 
 def decide(posterior: Posterior, obs: CellObservations, *, within_m: float = DESK_M) -> Decision:

@@ -6,6 +6,7 @@ explain the levels far better than one: their evidence counts every unknown of b
 Kass & Raftery, J. Am. Stat. Assoc. 90(430), 1995).
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from logger.core.locator.quadtree import Effort
 from logger.core.locator.search import search_once
 from logger.core.model.blocks import READINGS_BELIEVED, Blocks, blocks
 from logger.core.model.columns import varying_columns
-from logger.core.model.prior import Prior
+from logger.core.model.prior import NOISE, NoiseGroup, Prior
 from logger.core.observations import CellObservations
 
 LEAST_LOG_FACTOR = 4.0
@@ -28,17 +29,44 @@ Of 40 simulated walks past two sources all exceed it, of 165 measured ones past 
 
 _LEAST_LONG_SHARE = 0.5
 """What one transmitter leaves unexplained looks like shadowing over hundreds of metres."""
-_EFFORT = Effort(most_squares=800, split_share=0.01, nodes=3, densest=0)
-_MOST_BLOCKS = 80  # a walk is located ten times or so
 _FEWEST_BLOCKS = 8  # of a part: twice the unknowns of a transmitter
 _FEWEST_READINGS = 40
-_RIVALS = 3  # peaks of the level besides the highest one
 _APART = 0.12  # of peaks, by the extent of the walk
 _PEAK_REACH = 0.7  # by that distance: a peak is the highest level within it
 _SMOOTHING = 0.03  # of the level, by the extent of the walk
-_TURNS = 3  # of division and location
 _HOPELESS = -10.0  # log factor of a first division that no further turn makes plausible
 _IMPOSSIBLE = -1e9  # log evidence of a hypothesis that one of the parts rules out
+
+
+class DivisionEffort(NamedTuple):
+    """How thoroughly two transmitters are tried.
+
+    Parts of the walk are located with `search` under the hypotheses `noise` (None: those of the
+    prior). `rivals` are the peaks of the level besides the highest one, `turns` those of division
+    and location.
+    """
+
+    search: Effort
+    rivals: int
+    turns: int
+    noise: tuple[NoiseGroup, ...] | None = None
+
+
+DESK = DivisionEffort(
+    Effort(most_squares=800, split_share=0.01, nodes=3, densest=0, most_blocks=80),
+    rivals=3,
+    turns=3,
+)
+"""A walk is located ten times or so."""
+LIVE = DivisionEffort(
+    Effort(most_squares=250, split_share=0.03, nodes=1, densest=0, most_blocks=50),
+    rivals=1,
+    turns=2,
+    noise=tuple(
+        group._replace(hypotheses=group.hypotheses[1::3] or group.hypotheses) for group in NOISE
+    ),
+)
+"""On the device: a twentieth of the time."""
 
 
 class Division(NamedTuple):
@@ -53,6 +81,14 @@ class Division(NamedTuple):
     other_m: tuple[float, float]
 
 
+class _Task(NamedTuple):
+    """The walk to divide, and how finely its parts are searched."""
+
+    walk: Blocks
+    prior: Prior
+    effort: DivisionEffort
+
+
 class _Part(NamedTuple):
     """Log evidence of each hypothesis, with its prior odds, and the likeliest transmitter."""
 
@@ -62,25 +98,29 @@ class _Part(NamedTuple):
     theta: FloatArray
 
 
-def divide(obs: CellObservations, posterior: Posterior) -> Division | None:
+def divide(
+    obs: CellObservations, posterior: Posterior, effort: DivisionEffort = DESK
+) -> Division | None:
     """The division that explains the levels best; None where the levels have one peak only.
 
     None as well where `posterior`, of one transmitter, leaves no more than shadowing unexplained,
-    and for several modems, whose offsets would divide a walk too.
+    and for several modems, whose offsets would divide a walk too. `effort` is that of each part.
     """
     prior = posterior.prior
     is_explained = posterior.long_share < _LEAST_LONG_SHARE
     obs = obs.usable()
     if is_explained or obs.n_modems > 1 or np.count_nonzero(obs.limit == 0) < _FEWEST_READINGS:
         return None
-    gathered = blocks(obs, _MOST_BLOCKS)
+    gathered = blocks(obs, effort.search.most_blocks)
     walk = gathered.part(np.ones(len(gathered), np.bool_))
-    first, *others = _peaks(walk)
+    first, *others = _peaks(walk, effort.rivals)
     if not others:
         return None
-    undivided = float(log_sum(_locate_part(walk, prior).log_evidence))
-    tries = [_try(walk, prior, _nearer(walk, first, other), undivided) for other in others]
-    improved = (_improve(walk, prior, one, undivided) for one in tries)
+    of_parts = prior if effort.noise is None else replace(prior, noise=effort.noise)
+    task = _Task(walk, of_parts, effort)
+    undivided = float(log_sum(_locate_part(task, walk).log_evidence))
+    tries = [_try(task, _nearer(walk, first, other), undivided) for other in others]
+    improved = (_improve(task, one, undivided) for one in tries)
     best = max((one for one in improved if one is not None), default=None)
     trust = float(posterior.noise_probability @ prior.noise_table.trust)
     return best and best._replace(log_factor=trust * best.log_factor)
@@ -100,11 +140,12 @@ class _Try(NamedTuple):
     stronger: BoolArray
 
 
-def _try(walk: Blocks, prior: Prior, in_one: BoolArray, undivided: float) -> _Try | None:
+def _try(task: _Task, in_one: BoolArray, undivided: float) -> _Try | None:
     """Locate both parts of a walk; None where one of them is too short."""
+    walk, prior = task.walk, task.prior
     if min(np.count_nonzero(in_one), np.count_nonzero(~in_one)) < _FEWEST_BLOCKS:
         return None
-    one, two = (_locate_part(walk.part(chosen), prior) for chosen in (in_one, ~in_one))
+    one, two = (_locate_part(task, walk.part(chosen)) for chosen in (in_one, ~in_one))
     both = one.log_evidence + two.log_evidence - prior.noise_table.log_odds
     nearest_m = [np.min(_distance_m(walk, part.x_m, part.y_m)) for part in (one, two)]
     stronger = _expected_dbm(one, walk, prior) > _expected_dbm(two, walk, prior)
@@ -113,13 +154,13 @@ def _try(walk: Blocks, prior: Prior, in_one: BoolArray, undivided: float) -> _Tr
     return _Try(log_factor, is_passed, one, two, in_one, stronger)
 
 
-def _improve(walk: Blocks, prior: Prior, best: _Try | None, undivided: float) -> Division | None:
+def _improve(task: _Task, best: _Try | None, undivided: float) -> Division | None:
     """Divide again by which of the two located transmitters is the stronger."""
     tries = [best]
-    while best and best.log_factor > _HOPELESS and len(tries) < _TURNS:
+    while best and best.log_factor > _HOPELESS and len(tries) < task.effort.turns:
         if np.array_equal(best.stronger, best.in_one):
             break
-        best = _try(walk, prior, best.stronger, undivided)
+        best = _try(task, best.stronger, undivided)
         tries.append(best)
     divisions = [
         Division(one.log_factor, (one.one.x_m, one.one.y_m), (one.two.x_m, one.two.y_m))
@@ -136,8 +177,9 @@ def _nearer(walk: Blocks, first: int, other: int) -> BoolArray:
     return np.asarray(to_first_m < to_other_m, np.bool_)
 
 
-def _locate_part(walk: Blocks, prior: Prior) -> _Part:
-    tree = search_once(walk, prior, _EFFORT)
+def _locate_part(task: _Task, part: Blocks) -> _Part:
+    prior = task.prior
+    tree = search_once(part, prior, task.effort.search)
     log_mass = tree.log_mass()
     log_evidence = np.full(len(prior.hypotheses), _IMPOSSIBLE)
     over_positions = log_sum(tree.evidence.log_p + log_mass - log_sum(log_mass))
@@ -156,7 +198,7 @@ def _expected_dbm(part: _Part, walk: Blocks, prior: Prior) -> FloatArray:
     return np.asarray(part.theta[0] + np.concatenate(varying, axis=1) @ part.theta[1:], float)
 
 
-def _peaks(walk: Blocks) -> list[int]:
+def _peaks(walk: Blocks, rivals: int) -> list[int]:
     """Blocks where the smoothed level is highest and where else it has a peak, strongest first."""
     apart_m = np.hypot(walk.x_m[:, None] - walk.x_m, walk.y_m[:, None] - walk.y_m)
     extent_m = float(np.max(apart_m))
@@ -170,7 +212,7 @@ def _peaks(walk: Blocks) -> list[int]:
         is_apart = all(apart_m[k, peak] > _APART * extent_m for peak in peaks)
         if is_apart and _is_peak(smooth_dbm, apart_m[k] < _PEAK_REACH * _APART * extent_m, k):
             peaks.append(k)
-        if len(peaks) > _RIVALS:
+        if len(peaks) > rivals:
             break
     return peaks
 
