@@ -9,7 +9,7 @@ from logger.check import Line
 from logger.core.rows import Rows
 from logger.core.runfile import Run
 from logger.core.track import UERE_M
-from logger.core.types import DEAD_RECKONING, RawBytes
+from logger.core.types import DEAD_RECKONING
 
 COARSE_M = 15.0
 """Median accuracy of a receiver under open sky is well below this."""
@@ -46,15 +46,14 @@ def fixes_lines(run: Run, fixes: Rows) -> Iterator[Line]:
 
 def satellites_in_use(run: Run) -> int | None:
     """Satellites that are received well enough, by the receiver's GSV; None without one."""
-    received = [
-        (record.t_ns, record.value.data)
-        for _, record in run.records("raw")
-        if record.source == "gnss" and isinstance(record.value, RawBytes)
-    ]
-    if not received:
+    raw = run.tables["raw"]
+    received = raw[(raw["source"] == b"gnss") & (raw["sent"] == 0)]
+    if not len(received):
         return None
-    since_ns = received[-1][0] - _RECENT_NS
-    sentences = _SENTENCE.findall(b"".join(data for t_ns, data in received if t_ns >= since_ns))
+    latest = received[received["t_ns"] >= received["t_ns"][-1] - _RECENT_NS]
+    spans = zip(latest["offset"].tolist(), latest["length"].tolist(), strict=True)
+    text = b"".join(run.raw_bytes[start : start + length].tobytes() for start, length in spans)
+    sentences = _SENTENCE.findall(text)
     if not sentences:
         return None
     return len({key for talker, values in sentences for key in _usable(talker, values)})
