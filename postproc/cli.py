@@ -11,7 +11,7 @@ import click
 from logger.command_line import json_option, print_json, recover, run_program
 from postproc.baseline.cli import baseline
 from postproc.comparison.cli import compare
-from postproc.guidance.cli import guide
+from postproc.guidance.cli import guide, next_command
 from postproc.interop.cli import export, import_, share
 from postproc.options import (
     cells_option,
@@ -52,7 +52,7 @@ def program() -> None:
 
 for _command in (
     import_, export, share, view, plot, report, recover,
-    guide, suspect, toa, validate, verify, verify_theory, celldb, baseline, compare,
+    guide, next_command, suspect, toa, validate, verify, verify_theory, celldb, baseline, compare,
 ):  # fmt: skip
     program.add_command(_command)
 

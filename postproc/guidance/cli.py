@@ -1,26 +1,29 @@
-"""The command `postproc guide`."""
+"""The commands `postproc guide` and `postproc next`."""
 
 import csv
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from logger.command_line import INPUT
-from postproc.options import prior_options
+from logger.command_line import FILE, INPUT, json_option
+from postproc.options import prior_options, runs_argument
 
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior
+    from logger.core.observations import CellObservations
+
+_streets_option = click.option(
+    "--streets", type=INPUT, metavar="FILE",
+    help="Streets that may be walked: lines of GeoJSON or GPX.",
+)  # fmt: skip
 
 
 @click.command
 @click.option("--cell", metavar="NAME", help="Follow this cell of the column `cell`.")
-@click.option(
-    "--streets", type=INPUT, metavar="FILE",
-    help="Streets that may be walked: lines of GeoJSON or GPX.",
-)  # fmt: skip
+@_streets_option
 @prior_options
 def guide(cell: str | None, streets: Path | None, prior: "Prior") -> None:
     """Say where to walk next, row by row: a filter for other loggers.
@@ -54,3 +57,84 @@ def _rows(*, needs_cell: bool) -> Iterator[dict[str, str | None]]:
                 yield dict(zip(names, [*values, *[None] * len(names)], strict=False))
     except csv.Error as error:
         raise click.UsageError(f"the standard input is no CSV: {error}") from error
+
+
+@click.command("next")
+@runs_argument
+@click.option("--cell", metavar="NAME", help="For this cell (default: the strongest one).")
+@click.option(
+    "--from", "start", metavar="LAT,LON", help="Where the walk begins (default: the last end)."
+)
+@_streets_option
+@click.option("--routes", type=FILE, metavar="FILE.gpx", help="Write the routes to follow.")
+@click.option("--map", "picture", type=FILE, metavar="FILE.png", help="Draw where to walk.")
+@prior_options
+@json_option
+def next_command(
+    paths: Sequence[Path],
+    cell: str | None,
+    start: str | None,
+    streets: Path | None,
+    routes: Path | None,
+    picture: Path | None,
+    prior: "Prior",
+    *,
+    as_json: bool,
+) -> None:
+    """Say where the next walk should go, from recorded walks.
+
+    Routes are ranked by what they would say about the position of one cell for each metre.
+    """
+    from logger.street_file import read_lines
+    from postproc.atomic_write import check_output
+    from postproc.guidance import next_output
+    from postproc.guidance.next_walk import next_walk
+    from postproc.json_text import as_json as json_text
+    from postproc.picture_file import check_picture
+
+    lines = () if streets is None else read_lines(streets)
+    if routes is not None:
+        check_output(routes)
+    if picture is not None:
+        check_picture(picture)
+    walk = next_walk(_observed(paths, cell), prior, _start_deg(start), lines)
+    if routes is not None:
+        next_output.write_gpx(walk, routes)
+    if picture is not None:
+        next_output.draw_map(walk, picture)
+    if as_json:
+        print(json_text(next_output.document_of(walk)))
+    else:
+        next_output.print_next_walk(walk)
+
+
+def _observed(paths: Sequence[Path], cell: str | None) -> "CellObservations":
+    """Readings of the cell in all runs; the strongest 2G cell where none is named."""
+    from logger.core.errors import ConfigError
+    from logger.core.runfile import read_sound_run
+    from postproc.multi_run import check_different, in_one_zone, merge, modems_of, parts_by_cell
+    from postproc.walk import observe_run
+
+    runs = [read_sound_run(path) for path in paths]
+    check_different(runs)
+    observed = in_one_zone([observe_run(run) for run in runs])
+    every = [obs for run in observed if run.observations for obs in run.observations.cells]
+    if cell is None:
+        levels = {obs.cell: float(obs.usable().level_dbm.max(initial=-999.0)) for obs in every}
+        cell = max(levels, key=lambda name: levels[name], default=None)
+    parts = {} if cell is None else parts_by_cell(observed, [cell])
+    if cell is None or cell not in parts:
+        names = ", ".join(sorted({obs.cell for obs in every})[:10]) or "none"
+        raise ConfigError(f"no readings of {cell or 'any cell'} with a position; cells: {names}")
+    return merge(parts[cell], modems_of(runs))
+
+
+def _start_deg(text: str | None) -> tuple[float, float] | None:
+    """LAT,LON in degrees."""
+    if text is None:
+        return None
+    try:
+        lat_deg, lon_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        raise click.UsageError(f"--from {text[:40]!r} is not LAT,LON in degrees") from None
+    return lat_deg, lon_deg

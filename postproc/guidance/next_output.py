@@ -1,0 +1,130 @@
+"""The next walk on the terminal, as JSON, as GPX and as a map."""
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.locator.region import highest_density
+from postproc.atomic_write import whole_file
+from postproc.guidance.next_walk import NextWalk, RankedRoute
+from postproc.interop.geometry import DECIMALS
+from postproc.interop.gpx import NAMESPACE
+from postproc.interop.xml_file import add, decimal, write
+from postproc.terminal import print_text, screen, table
+
+OPTIMISTIC = (
+    "The radii after a route are what the model promises. They are optimistic; trust their order."
+)
+_MAP_M, _GRID = 600.0, 41
+"""Half the side of the map, and points of each side that the information is computed for."""
+
+
+def print_next_walk(walk: NextWalk) -> None:
+    """The verdict today, the best route in a sentence, and the ranked routes."""
+    console = screen()
+    print_text(console, f"{walk.cell}: {walk.decision.verdict}", "bold")
+    print_text(console, walk.text)
+    rows = [
+        (
+            str(number),
+            f"{one.route.length_m:.0f}",
+            f"{one.nats:.2f}",
+            f"{one.nats_per_km:.2f}",
+            f"{one.r95_after_m:.0f}",
+            _corner_text(walk, one),
+        )
+        for number, one in enumerate(walk.routes, 1)
+    ]
+    titles = ("route", "length m", "nats", "nats/km", "r95 after m", "to")
+    table(console, titles, rows, right=titles[:-1])
+    print_text(console, f"r95 now: {walk.posterior.r95_m:.0f} m. {OPTIMISTIC}")
+
+
+def document_of(walk: NextWalk) -> dict[str, Any]:
+    """The JSON document."""
+    lat_deg, lon_deg = walk.utm.to_latlon(*walk.start_m)
+    best_lat_deg, best_lon_deg = walk.utm.to_latlon(walk.posterior.x_m, walk.posterior.y_m)
+    return {
+        "cell": walk.cell,
+        "verdict": walk.decision.verdict,
+        "best": {"lat": best_lat_deg, "lon": best_lon_deg, "r95_m": walk.posterior.r95_m},
+        "start": {"lat": lat_deg, "lon": lon_deg},
+        "text": walk.text,
+        "routes": [
+            {
+                "length_m": one.route.length_m,
+                "nats": one.nats,
+                "nats_per_km": one.nats_per_km,
+                "r95_after_m": one.r95_after_m,
+                "points": [list(point) for point in _degrees(walk, one)],
+            }
+            for one in walk.routes
+        ],
+        "note": OPTIMISTIC,
+    }
+
+
+def write_gpx(walk: NextWalk, target: Path) -> None:
+    """The best route to follow with any map program."""
+    root = ET.Element("gpx", {"xmlns": NAMESPACE, "version": "1.1", "creator": "cellwalk"})
+    for number, one in enumerate(walk.routes, 1):
+        route = add(root, "rte")
+        add(route, "name", f"{walk.cell} {number}")
+        add(route, "desc", f"{one.route.length_m:.0f} m, {one.nats_per_km:.2f} nats/km")
+        for lat_deg, lon_deg in _degrees(walk, one):
+            add(route, "rtept", lat=decimal(lat_deg, DECIMALS), lon=decimal(lon_deg, DECIMALS))
+    with whole_file(target) as part:
+        write(root, part)
+
+
+def draw_map(walk: NextWalk, target: Path) -> None:
+    """Where a reading would say most, with the walk, the 95 % region and the best route."""
+    from postproc.pictures.plots import save_figure  # noqa: PLC0415 (heavy)
+    from postproc.pictures.plots_style import figure_of_size  # noqa: PLC0415
+
+    figure = figure_of_size(7.0, 6.4)
+    axes = figure.add_subplot()
+    east_m, north_m, nats = _information(walk)
+    start = np.array(walk.start_m)
+    mesh = axes.pcolormesh(east_m, north_m, nats, shading="auto", cmap="viridis")
+    figure.colorbar(mesh, label="nats that one reading would say")
+    squares = walk.posterior.squares
+    chosen = highest_density(squares)
+    axes.plot(squares.x_m[chosen] - start[0], squares.y_m[chosen] - start[1], "s", color="white",
+              markersize=2.0, alpha=0.6, label="95 % region")  # fmt: skip
+    axes.plot(*(walk.walked_m - start).T, color="black", linewidth=1.0, label="walked")
+    axes.plot(*(walk.routes[0].route.corner_m - start).T, color="red", label="best route")
+    axes.set_xlim(-_MAP_M, _MAP_M)
+    axes.set_ylim(-_MAP_M, _MAP_M)
+    axes.set_aspect("equal")
+    axes.set_xlabel("east of the start, m")
+    axes.set_ylabel("north of the start, m")
+    axes.set_title(f"{walk.cell}: where to walk next")
+    axes.legend(loc="upper right")
+    save_figure(figure, target)
+
+
+def _information(walk: NextWalk) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """1/2 ln(1 + Var mu / N) of one reading on a grid around the start."""
+    at_m = np.linspace(-_MAP_M, _MAP_M, _GRID)
+    east_m, north_m = np.meshgrid(at_m, at_m)
+    nats = np.empty_like(east_m)
+    for row in range(_GRID):
+        x_m, y_m = east_m[row] + walk.start_m[0], north_m[row] + walk.start_m[1]
+        forecast = walk.forecaster.at(x_m, y_m)
+        off = forecast.level_dbm - forecast.weight @ forecast.level_dbm
+        variance = forecast.weight @ off**2
+        nats[row] = 0.5 * np.log1p(variance / np.diag(forecast.covariance))
+    return east_m, north_m, nats
+
+
+def _corner_text(walk: NextWalk, one: RankedRoute) -> str:
+    lat_deg, lon_deg = _degrees(walk, one)[-1]
+    return f"{lat_deg:.5f} {lon_deg:.5f}"
+
+
+def _degrees(walk: NextWalk, one: RankedRoute) -> list[tuple[float, float]]:
+    return [walk.utm.to_latlon(*corner) for corner in one.route.corner_m.tolist()]

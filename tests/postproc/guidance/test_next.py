@@ -1,0 +1,105 @@
+import csv
+import json
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from logger.core.geo import Utm
+from postproc.cli import main
+from tests.kit.guided_walks import LAT_DEG, LON_DEG, line, rows
+
+EMITTER_M = (150.0, 90.0)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A straight walk past a transmitter: its mirror image is as probable."""
+    folder = tmp_path_factory.mktemp("next")
+    walk = list(rows(line((0.0, 0.0), (300.0, 0.0)), EMITTER_M))
+    with (folder / "walk.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, [*walk[0], "cell", "rat", "acc_m"])
+        writer.writeheader()
+        writer.writerows(row | {"cell": "262-01-1-7", "rat": "GSM", "acc_m": "4"} for row in walk)
+    assert main(["import", str(folder / "walk.csv"), "-o", str(folder / "run.h5")]) == 0
+    return folder / "run.h5"
+
+
+def _json(capsys, *arguments):
+    capsys.readouterr()
+    assert main(["next", "--json", *map(str, arguments)]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_the_best_route_leaves_the_line_of_the_walk(run, capsys):
+    document = _json(capsys, run)
+    assert document["cell"] == "262-01-1-7"
+    best, *others = document["routes"]
+    assert len(others) >= 2
+    assert best["nats_per_km"] >= max(one["nats_per_km"] for one in others)
+    assert best["r95_after_m"] < document["best"]["r95_m"]
+    utm = Utm.at(LAT_DEG, LON_DEG)
+    y_m = [utm.to_xy(*point)[1] for point in best["points"]]
+    assert np.ptp(y_m) > 50.0
+    assert "optimistic" in document["note"]
+
+
+def test_a_start_may_be_named(run, capsys):
+    document = _json(capsys, run, "--from", "52.501,13.402")
+    assert (document["start"]["lat"], document["start"]["lon"]) == (
+        pytest.approx(52.501),
+        pytest.approx(13.402),
+    )
+    assert document["routes"][0]["points"][0] == pytest.approx([52.501, 13.402])
+
+
+def test_routes_and_map_are_written(run, capsys, tmp_path):
+    gpx, picture = tmp_path / "next.gpx", tmp_path / "next.png"
+    document = _json(capsys, run, "--routes", gpx, "--map", picture)
+    names = {"g": "http://www.topografix.com/GPX/1/1"}
+    routes = ET.parse(gpx).getroot().findall("g:rte", names)
+    assert len(routes) == len(document["routes"])
+    points = [
+        [float(point.get("lat")), float(point.get("lon"))]
+        for point in routes[0].findall("g:rtept", names)
+    ]
+    assert np.abs(np.array(points) - document["routes"][0]["points"]).max() < 1e-6
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_routes_of_one_place_are_streets_of_a_map(run, capsys, tmp_path):
+    path = tmp_path / "streets.geojson"
+    lon = [LON_DEG + 0.0012 * k for k in range(-2, 7)]
+    lat = [LAT_DEG + 0.0008 * k for k in range(-4, 5)]
+    lines = [[[x, lat[0]], [x, lat[-1]]] for x in lon] + [[[lon[0], y], [lon[-1], y]] for y in lat]
+    path.write_text(json.dumps({"type": "MultiLineString", "coordinates": lines}))
+    document = _json(capsys, run, "--streets", path)
+    for y, x in document["routes"][0]["points"]:
+        is_on = min(abs(x - one) for one in lon) < 1e-6 or min(abs(y - one) for one in lat) < 1e-6
+        assert is_on
+
+
+def test_the_table_is_readable(run, capsys):
+    capsys.readouterr()
+    assert main(["next", str(run)]) == 0
+    out = capsys.readouterr().out
+    assert "nats/km" in out
+    assert "optimistic" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["--cell", "262-01-1-8"], "no readings of 262-01-1-8"),
+        (["--from", "here"], "is not LAT,LON"),
+        (["--from", "95,13"], "no position on Earth"),
+        (["--map", "next.xyz"], "a picture ends in"),
+        (["--routes", "/nowhere/next.gpx"], "/nowhere"),
+    ],
+)
+def test_a_mistake_is_one_line(run, capsys, arguments, reason):
+    capsys.readouterr()
+    assert main(["next", str(run), *arguments]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert reason in err
