@@ -7,6 +7,8 @@ never an alarm by itself.
 """
 
 import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import cos, floor, radians
 from pathlib import Path
@@ -15,7 +17,7 @@ from typing import Any
 import numpy as np
 from pyproj import Geod
 
-from logger.core.errors import ConfigError, RunFileError
+from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.geo import check_position
 from logger.sqlite_file import connect
 from postproc.verification.parsing import identity_of
@@ -62,7 +64,8 @@ class CellDb:
         self._db = open_celldb(path)
 
     def __len__(self) -> int:
-        return int(self._db.execute("SELECT count(*) FROM cell").fetchone()[0])
+        with _damage_named(self.path):
+            return int(self._db.execute("SELECT count(*) FROM cell").fetchone()[0])
 
     def close(self) -> None:
         """Release the file."""
@@ -119,13 +122,27 @@ class CellDb:
         return [replace(inside[i], distance_m=float(away_m[i])) for i in order]
 
     def _cells(self, where: str, values: tuple[Any, ...]) -> list[DbCell]:
-        try:
+        with _damage_named(self.path):
             rows = self._db.execute(f"SELECT {_FIELDS} FROM cell WHERE {where}", values).fetchall()  # noqa: S608
-        except sqlite3.Error as error:
-            raise RunFileError(f"{self.path}: {error}") from error
-        return [
-            DbCell(*row[:7], *(v if isinstance(v, int) else None for v in row[7:])) for row in rows
-        ]
+            return [_cell_of(*row) for row in rows]
+
+
+def _cell_of(
+    radio: str, mcc: int, net: int, area: int, cell: int, lat: float, lon: float, *more: object
+) -> DbCell:
+    """A row as a cell; raises ValueError or TypeError for values that the import never writes."""
+    check_position(float(lat), float(lon))
+    numbers = [value if isinstance(value, int) else None for value in more]
+    return DbCell(str(radio), int(mcc), int(net), int(area), int(cell), lat, lon, *numbers)
+
+
+@contextmanager
+def _damage_named(path: Path) -> Iterator[None]:
+    """What a damaged file raises, a text that is none among it, as one `RunFileError`."""
+    try:
+        yield
+    except (sqlite3.Error, GeoError, TypeError, ValueError, OverflowError) as error:
+        raise RunFileError(f"{path} is damaged: {error}; import the exports again") from error
 
 
 def is_celldb(path: Path) -> bool:
@@ -145,7 +162,7 @@ def open_celldb(path: Path) -> sqlite3.Connection:
         if db.execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
             db.close()
             raise RunFileError(f"{path} is no cell database; `postproc celldb import` makes one")
-    except sqlite3.Error as error:
+    except (sqlite3.Error, ValueError) as error:
         raise RunFileError(f"{path} is no cell database: {error}") from error
     return db
 

@@ -110,7 +110,7 @@ class CellImport:
                     db.executescript(f"{_FAST}; PRAGMA application_id = {APPLICATION_ID}; {_TABLE}")
                     db.executescript("DROP INDEX IF EXISTS identity; DROP INDEX IF EXISTS place")
                     yield from self._fill(db)
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             raise RunFileError(f"cannot write {self.target}: {error}") from error
 
     def _fill(self, db: sqlite3.Connection) -> Iterator[int]:

@@ -125,6 +125,28 @@ def test_what_is_no_database_is_neither_read_nor_replaced(make, tmp_path):
     assert precious.read_text() == "my thesis"
 
 
+def test_a_damaged_database_is_one_clear_error(make, tmp_path):
+    """Bytes changed anywhere: no text that is none, no position that is none, no other kind."""
+    rows = "".join(f"GSM,262,1,4711,{i},0,13.{i},52.5,9,7,1,1,1,0\n" for i in range(100, 400))
+    load(tmp_path / "c.db", make(HEADER + rows))
+    whole, random, n_errors = (tmp_path / "c.db").read_bytes(), np.random.default_rng(5), 0
+    for _ in range(150):
+        content = bytearray(whole)
+        for place in random.integers(100, len(content), 60):
+            content[place] = random.integers(256)
+        (tmp_path / "damaged.db").write_bytes(content)
+        try:
+            db = CellDb(tmp_path / "damaged.db")
+            assert len(db) >= 0
+            db.by_identity("262-1-4711-150")
+            db.near(52.5, 13.2, 5000.0)
+            db.close()
+        except RunFileError as error:
+            assert "\n" not in str(error)  # noqa: PT017
+            n_errors += 1
+    assert n_errors > 30
+
+
 def test_near_is_what_a_search_through_all_finds(make, tmp_path):
     rng = np.random.default_rng(1)
     lat = np.concatenate(
