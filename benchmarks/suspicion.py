@@ -1,6 +1,7 @@
 """How often the rules accuse legitimate cells, and how soon they name a rogue one.
 
 python benchmarks/suspicion.py rates [--logs FOLDER] [--cities N] [--python]
+python benchmarks/suspicion.py rates --baseline 7 [--logs FOLDER]
 python benchmarks/suspicion.py detection [--logs FOLDER] [--seeds N]
 
 `rates` applies all rules to legitimate logs (../shared/cells; CELLWALK_CELLS names another folder)
@@ -18,10 +19,12 @@ from statistics import median
 
 from scipy.stats import chi2
 
+from benchmarks.suspicion_baseline import logs_with_baseline
 from benchmarks.suspicion_city import city_logs
 from benchmarks.suspicion_injection import Outcome, outcomes
 from benchmarks.suspicion_logs import LOGS, Log, read_logs
 from benchmarks.suspicion_patterns import COPIES, KINDS
+from logger.core.baseline import Baseline
 from logger.core.suspicion.finding import WORDS
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.tracker import SuspicionTracker
@@ -48,9 +51,9 @@ class Counts:
     hours: Counter[str] = field(default_factory=Counter)
     suspicious: list[str] = field(default_factory=list)
 
-    def add(self, log: Log) -> None:
+    def add(self, log: Log, baseline: Baseline | None = None) -> None:
         """Apply all rules to a run."""
-        tracker = SuspicionTracker()
+        tracker = SuspicionTracker(baseline=baseline)
         rats: dict[str, str] = {}
         for record in log.records:
             tracker.feed(record)
@@ -179,8 +182,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--logs", type=Path, default=LOGS, help="folder of the logs")
     parser.add_argument("--cities", type=int, default=0, help="simulated clean cities")
     parser.add_argument("--seeds", type=int, default=1, help="stations for each run and kind")
+    parser.add_argument("--baseline", type=int, default=0, help="earlier walks of the same route")
     parser.add_argument("--python", action="store_true", help="print rates.py")
     given = parser.parse_args(arguments)
+    if given.baseline:
+        counts = Counts()
+        for log, baseline in logs_with_baseline(given.logs, given.baseline):
+            counts.add(log, baseline)
+        print_rates(counts)
+        return
     logs = [*read_logs(given.logs), *city_logs(given.cities)]
     if not logs:
         raise SystemExit(f"there are no logs (*.csv.gz) in {given.logs}")

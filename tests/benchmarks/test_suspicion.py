@@ -3,10 +3,12 @@
 import pytest
 
 from benchmarks.suspicion import Counts, count, poisson95
+from benchmarks.suspicion_baseline import logs_with_baseline
 from benchmarks.suspicion_city import city_log
 from benchmarks.suspicion_injection import detect, inject
 from benchmarks.suspicion_logs import LOGS, read_logs
 from logger.core.suspicion.rates import MEASURED, WORD_RATES
+from logger.core.suspicion.rules import RULES
 from logger.sim.city import ROGUE
 
 needs_logs = pytest.mark.skipif(not LOGS.is_dir(), reason=f"there are no logs in {LOGS}")
@@ -31,6 +33,18 @@ def test_the_rates_on_legitimate_logs_are_those_that_the_program_states():
     assert counts.words["suspicious", "cork_driving"] <= 3
     assert counts.words["unusual", "cork_driving"] / counts.hours["cork_driving"] <= 2.0
     assert counts.words["unusual", "cork_static"] / counts.hours["cork_static"] <= 0.3
+
+
+@needs_logs
+@pytest.mark.slow
+def test_a_baseline_of_seven_walks_adds_no_suspicious_cell():
+    counts = Counts()
+    for log, baseline in logs_with_baseline(LOGS, 7, ["ottawa_lacolyoc"]):
+        counts.add(log, baseline)
+    exposed = sum(n for (rule, _, _), n in counts.exposed.items() if rule == "B1")
+    alarms = sum(n for (rule, _, _), n in counts.alarms.items() if rule == "B1")
+    assert (alarms, exposed) == (RULES["B1"].elsewhere.alarms, RULES["B1"].elsewhere.cells)
+    assert not counts.suspicious
 
 
 def test_a_clean_city_has_no_suspicious_cell_and_its_rogue_has():

@@ -1,4 +1,4 @@
-"""Cells against earlier walks of the same ground: new, gone, and stronger than ever."""
+"""Cells against earlier walks of the same ground: new, stronger than ever, on another channel."""
 
 from collections.abc import Iterator
 
@@ -13,11 +13,6 @@ _STRONG_DBM = -95.0
 _PLACE_M = 150.0
 _ABOVE_BEST_DB = 15.0
 _STEADY = 3
-_MARGIN_DB = 15.0
-_SHARE = 0.9
-_FEWEST_SCANS = 5
-"""Scans of a square in which a cell that is always heard here must be missing."""
-_FEWEST_CELLS = 5
 
 
 class EarlierWalkRules:
@@ -25,9 +20,6 @@ class EarlierWalkRules:
 
     def __init__(self, baseline: Baseline) -> None:
         self._baseline = baseline
-        self._square = 0
-        self._in_square = 0
-        self._heard: set[str] = set()
 
     def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:  # noqa: ARG002
         """As `FamilyRules`."""

@@ -228,7 +228,7 @@ _ROWS = (
         "7 earlier walks with this technology here, the cell at least -95 dBm",
         "{walks} earlier walks did not hear this cell here, today it has {level_dbm} dBm",
         "a new cell, a cell that was repaired",
-        0.9, (0, 0, "not measured"),
+        0.9, (2, 77, "seven walks after seven others on one route"),
     ),
 )  # fmt: skip
 
