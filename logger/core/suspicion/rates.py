@@ -21,9 +21,9 @@ MEASURED: Mapping[str, Mapping[str, Rate]] = {
     "L4": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(0, 814, _LOGS), "WCDMA": Rate(0, 84, _LOGS)},
     "N1": {"GSM": Rate(0, 21, _LOGS)},
     "S2": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(1, 814, _LOGS), "WCDMA": Rate(0, 88, _LOGS)},
-    "S3": {"GSM": Rate(5, 23, _LOGS), "LTE": Rate(8, 814, _LOGS), "WCDMA": Rate(1, 88, _LOGS)},
+    "S3": {"GSM": Rate(13, 23, _LOGS), "LTE": Rate(13, 814, _LOGS), "WCDMA": Rate(2, 88, _LOGS)},
     "S4": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(0, 814, _LOGS), "WCDMA": Rate(0, 88, _LOGS)},
-    "S8": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(16, 814, _LOGS), "WCDMA": Rate(2, 88, _LOGS)},
+    "S8": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(28, 814, _LOGS), "WCDMA": Rate(3, 88, _LOGS)},
     "S5": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(0, 814, _LOGS), "WCDMA": Rate(1, 88, _LOGS)},
     "S9": {"GSM": Rate(1, 23, _LOGS), "LTE": Rate(0, 814, _LOGS), "WCDMA": Rate(1, 88, _LOGS)},
     "S6": {"GSM": Rate(0, 23, _LOGS), "LTE": Rate(0, 814, _LOGS), "WCDMA": Rate(0, 88, _LOGS)},
@@ -35,5 +35,5 @@ MEASURED: Mapping[str, Mapping[str, Rate]] = {
 
 WORD_RATES: Mapping[Word, HourRate] = {
     "suspicious": HourRate(1, 38.5),
-    "unusual": HourRate(25, 38.5),
+    "unusual": HourRate(16, 38.5),
 }

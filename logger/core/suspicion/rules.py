@@ -147,7 +147,7 @@ _ROWS = (
     ),
     _rule(
         "S3", "signal", ("identity", "level", "position"),
-        "3 readings; 20 dB above what two scans within 10 s and 120 m could have missed",
+        "3 readings; 15 dB above what two scans within 30 s and 120 m could have missed",
         "appears with {level_dbm} dBm where {limit_dbm} dBm could not be missed {seconds} s before",
         "a legitimate cell switched on, the exit of a tunnel",
         0.5, (0, 0, "not measured"),
@@ -161,7 +161,7 @@ _ROWS = (
     ),
     _rule(
         "S8", "signal", ("identity", "level"),
-        "3 readings of at least -70 dBm; 3 other cells heard in the 5 minutes before",
+        "3 readings of at least -70 dBm, 6 dB above 3 other cells heard in the 5 minutes before",
         "{level_dbm} dBm, where the best of {cells} other cells had {best_dbm} dBm",
         "a walk past the mast of a legitimate cell",
         0.6, (0, 0, "not measured"),

@@ -11,6 +11,8 @@ from logger.core.suspicion.heard import HeardCell, Level, Memory, Moment
 
 _JUMP_DB = 20.0
 """Shadowing of 8 dB over a few metres gives less in 10 s (measured: 7 an hour without a gate)."""
+_APPEARS_DB = 15.0
+"""The limit of what could be missed is itself uncertain by the shadowing."""
 _JUMP_S = 10.0
 _BEFORE_S = 30.0
 """Three scans of a slow modem."""
@@ -26,7 +28,8 @@ _PLACE_M = 60.0
 """Closer to a small cell than 150 m its level changes by more than 15 dB."""
 _ABOVE_BEST_DB = 15.0
 _STRONG_DBM = -70.0
-_ABOVE_OTHERS_DB = 10.0
+_ABOVE_OTHERS_DB = 6.0
+"""As S3, weak by itself: with 10 and 20 dB, more cells were unusual and fewer stations found."""
 _LATE_S = 300.0
 
 
@@ -67,7 +70,7 @@ class SignalRules:
         weakest = min(level.level_dbm for level in cell.recent)
         limit_dbm = max((b.limit_dbm for b in before), default=0.0)
         is_near = all(_apart_m(b, cell.recent[-1]) <= _PASSED_M for b in before)
-        if len(before) >= 2 and is_near and weakest >= limit_dbm + _JUMP_DB:
+        if len(before) >= 2 and is_near and weakest >= limit_dbm + _APPEARS_DB:
             evidence: Evidence = {
                 "level_dbm": round(weakest),
                 "limit_dbm": round(limit_dbm),

@@ -6,6 +6,8 @@ import re
 import pytest
 
 from postproc.cli import main
+from postproc.view.rerun_writer import entity
+from tests.kit.rerun_recordings import rows, static_columns
 from tests.postproc.comparison.city import name, write_walk
 
 
@@ -52,6 +54,24 @@ def test_page(runs, tmp_path, capsys):
     assert text.count("<rect") > 12
     assert "<script" not in text
     assert not re.search(r"(src|href)=[\"']https?:", text)
+
+
+def test_recording_for_the_viewer(runs, tmp_path, capsys):
+    recording = tmp_path / "changes.rrd"
+    assert main(["compare", *runs, "--save", str(recording)]) == 0
+    capsys.readouterr()
+    boxes = static_columns(recording, entity("change", name(2)))
+    differences = rows(boxes, "Boxes2D:labels")[0]
+    assert len(differences) > 5
+    assert all(text.endswith(" dB") for text in differences)
+    (report,) = rows(static_columns(recording, "/words"), "TextDocument:text")
+    assert f"| `{name(3)}` | gone |" in report[0]
+    assert f"| `{name(5)}` | same |" in report[0]
+
+
+def test_a_recording_has_the_name_of_one(runs, tmp_path, capsys):
+    assert main(["compare", *runs, "--save", str(tmp_path / "changes.png")]) == 2
+    assert "a rerun recording is named .rrd" in capsys.readouterr().err
 
 
 def test_one_run_twice_is_an_error(runs, capsys):
