@@ -1,7 +1,9 @@
 import pytest
 
 from logger.core.errors import ConfigError
+from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix
+from postproc.cli import main
 from postproc.interop.join_track import in_zone, on_track, with_position, zone_named
 from postproc.interop.sighting import BadRow, NoCell, Sighting
 from postproc.interop.track_file import GpsTrack
@@ -40,3 +42,26 @@ def test_without_a_track_a_row_needs_its_own_position():
     rows = list(with_position([LOCAL, Sighting(4, 0, Fix(False, 7), READING)]))
     assert rows[0] == LOCAL
     assert "--track" in rows[1].why
+
+
+def test_a_telephones_log_on_another_receivers_track(tmp_path, capsys):
+    """The whole way: local times, a zone, a GPX track, and positions of the telephone replaced."""
+    rows = "".join(
+        f"2024.05.01_12.00.{s:02d}\t13.9\t52.9\t0\t26201\t17\t4711\t2G\t-7{s % 10}\n"
+        for s in range(0, 30, 3)
+    )
+    head = "Timestamp\tLongitude\tLatitude\tSpeed\tOperator\tCellID\tLAC\tNetworkTech\tLevel\n"
+    (tmp_path / "log.txt").write_text(head + rows)
+    times = {s: f"<time>2024-05-01T10:00:{s:02d}Z</time>" for s in range(0, 31, 5)}
+    points = "".join(
+        f'<trkpt lat="{52.5 + s * 1e-5:.5f}" lon="13.5">{time}</trkpt>' for s, time in times.items()
+    )
+    (tmp_path / "walk.gpx").write_text(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>")
+    command = ["import", str(tmp_path / "log.txt"), "--track", str(tmp_path / "walk.gpx")]
+    target = ["-o", str(tmp_path / "run.h5")]
+    assert main([*command, *target]) == 2
+    assert "--zone" in capsys.readouterr().err
+    assert main([*command, "--zone", "Europe/Berlin", *target]) == 0
+    fixes = [r.value for _, r in read_run(tmp_path / "run.h5").records("fixes")]
+    wanted = [52.5 + s * 1e-5 for s in range(0, 30, 3)]
+    assert [fix.lat_deg for fix in fixes] == pytest.approx(wanted)
