@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 DEMO := demo-out
 
-.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard docs wheels clean
+.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard docs wheels page-map clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -31,18 +31,28 @@ lint: .venv/dev.stamp
 	$(BIN)/lint-imports
 
 # the logger with the oldest libraries it allows, those of Debian 12; without tests of the desktop program
-OLDEST := numpy==1.24.* h5py==3.8.* pyproj==3.4.* pyserial==3.5 pynmea2==1.15.* msgspec==0.18.0 click==8.1.*
+OLDEST := numpy==1.24.* h5py==3.8.* pyproj==3.4.* pyserial==3.5 pynmea2==1.15.* msgspec==0.18.0 click==8.1.* tornado==6.2.* segno==1.4.*
 test-oldest: .venv/oldest.stamp
 	.venv/oldest/bin/pytest -m "not slow" $$(grep -rLE '^ *(from|import) (postproc|benchmarks|scipy|filterpy)' \
-		--include='test_*.py' tests/core tests/drivers tests/device tests/sim tests/systemd)
+		--include='test_*.py' tests/core tests/drivers tests/device tests/page tests/sim tests/systemd)
 
 # wheels for systemd/install.sh --wheels, for a Pi without a network; Debian 13 has Python 3.13
 ARCH ?= aarch64
 PY ?= 3.11
-wheels: .venv/pip.stamp
+wheels: .venv/pip.stamp page-map
 	$(BIN)/pip wheel --disable-pip-version-check --no-deps -w dist/wheels .
 	$(BIN)/pip download --disable-pip-version-check --no-deps --only-binary=:all: -d dist/wheels \
 		--platform manylinux2014_$(ARCH) --python-version $(PY) 'msgspec>=0.18'
+
+# MapLibre and pmtiles for the page's plan over a map, packed into the wheel; without npm it has a grid
+MAP := logger/page/assets/map
+page-map:
+	mkdir -p $(MAP)
+	test -e $(MAP)/maplibre-gl.mjs || { npm install --silent --no-fund --prefix .venv/map \
+		maplibre-gl@6.17.0 pmtiles@4.5.0 && cd .venv/map/node_modules && cp maplibre-gl/dist/maplibre-gl.mjs \
+		maplibre-gl/dist/maplibre-gl-worker.mjs maplibre-gl/dist/maplibre-gl.css pmtiles/dist/pmtiles.js \
+		../../../$(MAP) && cp maplibre-gl/LICENSE.txt ../../../$(MAP)/maplibre-gl.licence.txt && \
+		cp fflate/LICENSE ../../../$(MAP)/fflate.licence.txt; } || echo "no npm: the page's plan has a grid"
 
 # the long tests: the service killed 50 times, a recorder 1000 times; damaged journals, failing cards
 test-faults: .venv/dev.stamp

@@ -78,9 +78,13 @@ class StatusSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class PageSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The page for a phone: `address:port` of the Pi in its own Wi-Fi, empty for no page."""
+    """The page for a phone: `address:port` of the Pi in its own Wi-Fi, empty for no page.
+
+    `map` is a PMTiles file for its plan, empty for a plain grid.
+    """
 
     listen: str = ""
+    map: str = ""
 
 
 class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -34,13 +34,14 @@ class State(msgspec.Struct, frozen=True):
     n_marks: int
     machine: Machine
     cell: str | None
+    has_map: bool
 
 
 class Feed:
     """`text` is renewed when the recorder writes, and at least each second; `changed` says so."""
 
-    def __init__(self, status: Path, runs: Path) -> None:
-        self._folder, self._runs = status, runs
+    def __init__(self, status: Path, runs: Path, *, has_map: bool = False) -> None:
+        self._folder, self._runs, self._has_map = status, runs, has_map
         self._status: Status | None = None
         self._stamp = self._beat_s = self._machine_s = -1.0
         self._heard_s = time.monotonic()
@@ -120,6 +121,7 @@ class Feed:
             n_marks=self.walk.n_marks,
             machine=self._machine,
             cell=self.cell,
+            has_map=self._has_map,
         )
 
     def track(self, from_point: int, from_level: int) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Answers to the phones' requests; everything else is refused before it is read."""
 
 import asyncio
+import re
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -16,12 +17,15 @@ from logger.page.assets import Asset
 from logger.page.feed import Feed
 from logger.page.guard import Limits
 from logger.page.request_file import RequestFile
-from logger.page.runs import closed_runs, open_run
+from logger.page.runs import closed_runs, open_regular, open_run
 from logger.page.token import is_token
 
 MOST_STREAMS = 10
 """Phones that are sent news; further ones are told to come back later."""
 CHUNK = 1 << 16
+MOST_OF_MAP = 1 << 20
+"""Bytes of one request for the map: tiles are smaller."""
+_RANGE = re.compile(r"bytes=(\d{1,15})-(\d{1,15})", re.ASCII)
 PATIENCE_S = 20.0
 """A phone that takes no data for this long is gone."""
 
@@ -60,6 +64,7 @@ class Site:
     requests: RequestFile
     assets: Mapping[str, Asset]
     limits: Limits
+    map_file: Path | None = None
     n_streams: int = 0
 
 
@@ -191,6 +196,27 @@ class RunHandler(Guarded):
             self.set_header("Content-Disposition", f'attachment; filename="{name}"')
             self.set_header("Content-Length", str(size))
             await self.send_pieces(_file_pieces(file, size))
+
+
+class MapHandler(Guarded):
+    """Part of the map's file, which has its tiles and their directory."""
+
+    async def get(self, _token: str) -> None:
+        span = _RANGE.fullmatch(self.request.headers.get("Range", ""))
+        found = open_regular(self.site.map_file) if span and self.site.map_file else None
+        if span is None or found is None:
+            raise HTTPError(HTTPStatus.NOT_FOUND)
+        file, size = found
+        with file:
+            start, last = int(span[1]), min(int(span[2]), size - 1)
+            if not start <= last < start + MOST_OF_MAP:
+                raise HTTPError(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE)
+            file.seek(start)
+            self.set_status(HTTPStatus.PARTIAL_CONTENT)
+            self.set_header("Content-Type", "application/octet-stream")
+            self.set_header("Content-Range", f"bytes {start}-{last}/{size}")
+            self.set_header("Content-Length", str(last - start + 1))
+            await self.send_pieces(_file_pieces(file, last - start + 1))
 
 
 class RequestHandlerOf(Guarded):

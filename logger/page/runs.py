@@ -28,8 +28,13 @@ def open_run(folder: Path, name: str) -> tuple[BinaryIO, int] | None:
     """The file and its size; None where it is no closed run or cannot be read."""
     if not is_run(name):
         return None
+    return open_regular(folder / name)
+
+
+def open_regular(path: Path) -> tuple[BinaryIO, int] | None:
+    """A regular file and its size; None for a link, a pipe, or what cannot be read."""
     try:
-        fd = os.open(folder / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        fd = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
         return None
     status = os.fstat(fd)

@@ -21,6 +21,7 @@ from logger.page.guard import Limits, host_names
 from logger.page.handlers import (
     AssetHandler,
     LiveHandler,
+    MapHandler,
     Refused,
     RequestHandlerOf,
     RunHandler,
@@ -35,6 +36,7 @@ log = logging.getLogger(__name__)
 
 RUNTIME = Path("/run/cellwalk-page")
 """RuntimeDirectory= of the unit; the requests are there."""
+MAP_PROGRAM = "maplibre-gl.mjs"
 MOST_CONNECTIONS = 64
 MOST_OF_ONE = 12
 """Connections of one address: a browser opens six."""
@@ -68,13 +70,15 @@ def serve(config: SiteConfig, environ: Mapping[str, str] = os.environ) -> int:
     runtime = Path(environ.get("RUNTIME_DIRECTORY", RUNTIME))
     status = runtime.with_name(runtime.name.removesuffix("-page"))
     runs = Path(config.run.directory).expanduser()
+    files_by_name = assets(with_map=bool(config.page.map))
     site = Site(
         token=make_token(state_folder(environ)),
         hosts=host_names(address, port),
-        feed=Feed(status, runs),
+        feed=Feed(status, runs, has_map=MAP_PROGRAM in files_by_name),
         runs=runs,
         requests=RequestFile(runtime),
-        assets=assets(),
+        assets=files_by_name,
+        map_file=Path(config.page.map) if config.page.map else None,
         limits=Limits(),
     )
     asyncio.run(_serve(site, address, port))
@@ -115,6 +119,7 @@ def application(site: Site) -> Application:
         [
             (r"/([^/]+)/live", LiveHandler, one),
             (r"/([^/]+)/track", TrackHandler, one),
+            (r"/([^/]+)/map", MapHandler, one),
             (r"/([^/]+)/runs", RunsHandler, one),
             (r"/([^/]+)/runs/([^/]+)", RunHandler, one),
             (r"/([^/]+)/(follow|mark)", RequestHandlerOf, one),

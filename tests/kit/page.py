@@ -77,7 +77,7 @@ def page_server(folder: Path, config: Path, port: int) -> Iterator[PageServer]:
 
 
 @contextmanager
-def recorded_page(folder: Path, monkeypatch, rate=20.0, more="") -> Iterator[tuple]:
+def recorded_page(folder: Path, monkeypatch, rate=20.0, ground="") -> Iterator[tuple]:
     """The real service on a simulated walk and the page beside it.
 
     Yields the page and a function that starts the service, once more after it was stopped.
@@ -85,7 +85,8 @@ def recorded_page(folder: Path, monkeypatch, rate=20.0, more="") -> Iterator[tup
     status, port = folders(folder), free_port()
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(status))
     with simulated_devices(rate=rate) as (modem, gnss, _):
-        table = f'[page]\nlisten = "127.0.0.1:{port}"\n[live]\nmax_fix_age_s = 100.0\n{more}'
+        table = f'[page]\nlisten = "127.0.0.1:{port}"\nmap = "{ground}"\n'
+        table += "[live]\nmax_fix_age_s = 100.0\n"
         config = service.site_toml(folder, modem.path, gnss.path, table)
         with page_server(folder, config, port) as page:
             yield page, lambda: service.running_service(config)

@@ -8,10 +8,13 @@ from pathlib import Path
 import pytest
 
 from logger.core.runfile import read_run
+from logger.page.assets import assets
+from logger.sim.scenario import ORIGIN_LAT_DEG, ORIGIN_LON_DEG
 from postproc.replay import replay
 from tests.kit import page as kit
-from tests.kit import service
+from tests.kit import service, vector_tiles
 from tests.kit.browser import axe_core, browser
+from tests.kit.screenshots import count_pixels
 
 pytestmark = pytest.mark.slow
 
@@ -205,6 +208,54 @@ def test_axe_and_the_policy_find_what_is_wrong(recorded, phone):
     messages = " ".join(phone.chromium.console_messages())
     for directive in ("script-src", "img-src", "style-src"):
         assert directive in messages
+
+
+def _ground(path):
+    """A map of the simulated walk's surroundings: each tile has two streets and a lake."""
+    streets = (
+        vector_tiles.feature("line", [[(0, 1000), (4096, 1200)]]),
+        vector_tiles.feature("line", [[(1500, 0), (1400, 4096)]]),
+    )
+    lake = vector_tiles.feature("polygon", [[(2000, 2000), (3600, 2000), (3600, 3600)]])
+    tile = vector_tiles.layer("roads", streets) + vector_tiles.layer("water", [lake])
+    tiles = {}
+    for zoom in (13, 14, 15, 16):
+        x, y = vector_tiles.tile_at(ORIGIN_LAT_DEG, ORIGIN_LON_DEG, zoom)
+        tiles |= {(zoom, x + i, y + j): tile for i in range(-4, 5) for j in range(-4, 5)}
+    return vector_tiles.write_pmtiles(path, tiles)
+
+
+def test_the_plan_lies_on_a_map_that_is_on_the_pi(tmp_path, monkeypatch, phone):
+    if "maplibre-gl.mjs" not in assets(with_map=True):
+        pytest.skip("the programs of the map are missing (make page-map)")
+    ground = _ground(tmp_path / "ground.pmtiles")
+    with kit.recorded_page(tmp_path, monkeypatch, ground=ground) as (page, start):
+        with start() as logger:
+            phone.open(page)
+            lake = "return document.querySelector('#ground canvas') !== null"
+            service.wait_for(lambda: phone.chromium.evaluate(lake), 60)
+            phone.tap("#near")
+            phone.chromium.evaluate("document.getElementById('near').scrollIntoView(false)")
+            service.wait_for(lambda: _is_lake_visible(phone), 60)
+            if folder := os.environ.get("CELLWALK_SCREENSHOTS"):
+                picture = phone.driver.get_screenshot_as_png()
+                (Path(folder) / "page-map-light.png").write_bytes(picture)
+            urls = phone.chromium.requested_urls()
+            assert all(url.startswith((page.address, "blob:")) for url in urls)
+            # a machine without a graphics card draws in software, and says so
+            messages = [m for m in phone.chromium.console_messages() if "WebGL" not in m]
+            assert messages == []
+            assert phone.chromium.accessibility_violations(axe_core()) == []
+            service.stop_service(logger)
+
+
+def _is_lake_visible(phone):
+    """A quarter of --cell on white, without what is drawn over it."""
+    plan = "document.getElementById('plan').style.visibility"
+    phone.chromium.evaluate(f"{plan} = 'hidden'")
+    picture = phone.driver.get_screenshot_as_png()
+    phone.chromium.evaluate(f"{plan} = 'visible'")
+    return count_pixels(picture, (191, 217, 232), off=4) > 300
 
 
 @pytest.mark.skipif("CELLWALK_SCREENSHOTS" not in os.environ, reason="make screenshots")

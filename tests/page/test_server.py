@@ -38,9 +38,9 @@ def _server(tmp_path):
     write_status(folder, STATUS)
     write_journal(tmp_path / "runs/run-000002.journal", records(30), close=False)
     (tmp_path / "runs/run-000001.h5").write_bytes(b"closed" * 50_000)
-    config = service.site_toml(
-        tmp_path, "/dev/a", "/dev/b", f'[page]\nlisten = "127.0.0.1:{port}"\n'
-    )
+    (tmp_path / "ground.pmtiles").write_bytes(bytes(range(256)) * 8000)
+    table = f'[page]\nlisten = "127.0.0.1:{port}"\nmap = "{tmp_path / "ground.pmtiles"}"\n'
+    config = service.site_toml(tmp_path, "/dev/a", "/dev/b", table)
     with kit.page_server(tmp_path, config, port) as server:
         yield server
 
@@ -137,6 +137,28 @@ def test_other_pages_cannot_ask_the_recorder(shared, headers, body, code):
     assert request("mark", body=b'"x"', **known)[0] == 403
     assert request("shutdown", body=b'"x"')[0] in {403, 404, 405}
     assert not shared.requests.exists()
+
+
+@pytest.mark.parametrize(
+    ("span", "code", "size"),
+    [
+        ("bytes=10-19", 206, 10),
+        ("bytes=2047990-2999999", 206, 10),
+        ("bytes=0-2000000", 416, None),
+        ("bytes=2048000-2048001", 416, None),
+        ("bytes=9-3", 416, None),
+        ("bytes=0-", 404, None),
+        ("bytes=0-1,3-4", 404, None),
+        ("", 404, None),
+    ],
+)
+def test_the_map_is_given_in_small_parts(shared, span, code, size):
+    status, headers, content = shared.request("map", Range=span)
+    assert status == code
+    if size is not None:
+        assert len(content) == size
+        assert headers["Content-Range"].startswith(span.replace("=", " ")[:11])
+        assert headers["Content-Range"].endswith("/2048000")
 
 
 def test_a_link_among_the_runs_is_not_followed(page, tmp_path):

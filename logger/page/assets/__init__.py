@@ -24,10 +24,15 @@ class Asset:
     etag: str
 
 
-def assets() -> dict[str, Asset]:
-    """Every file of this folder by its name."""
+def assets(*, with_map: bool = False) -> dict[str, Asset]:
+    """Every file of this folder by its name, and the programs of the map if it is shown.
+
+    `make page-map` puts those into the folder `map`; without them the plan has a plain grid.
+    """
+    here = files(__package__)
+    folders = [here, here / "map"] if with_map else [here]
     found = {}
-    for file in files(__package__).iterdir():
+    for file in (file for folder in folders if folder.is_dir() for file in folder.iterdir()):
         media_type = _TYPES.get(f".{file.name.rpartition('.')[2]}")
         if media_type and file.is_file():
             content = file.read_bytes()

@@ -2,6 +2,7 @@
 
 import {course, metres, roundStep} from './geometry.js';
 import {prepared, stopOf} from './drawing.js';
+import {showGround} from './map.js';
 
 const NEAR_M = 120;
 const FETCH_MS = 1000;
@@ -57,16 +58,19 @@ function projection(all, width, height, leastM) {
     const [e, n] = metres(centre, lat, lon);
     return [width / 2 + e / perPixel, height / 2 - n / perPixel];
   };
-  return {at, perPixel};
+  return {at, perPixel, centre};
 }
 
-export function showPlan({status}) {
+export function showPlan({status, has_map: hasMap}) {
   fetchTrack();
   const {g, width, height, colour} = prepared(byId('plan'));
+  if (!width || !height) return;
   const isNear = byId('near').getAttribute('aria-pressed') === 'true';
   const all = places(status, isNear);
-  const {at, perPixel} = projection(all.length ? all : [[0, 0]], width, height, NEAR_M);
-  drawGrid(g, width, height, perPixel, colour);
+  const {at, perPixel, centre} = projection(all.length ? all : [[0, 0]], width, height, NEAR_M);
+  const hasGround = showGround(hasMap && all.length > 0, centre, perPixel, colour);
+  if (!hasGround) drawGrid(g, width, height, perPixel, colour);
+  drawScale(g, width, height, perPixel, colour);
   if (!all.length) return;
   drawRegion(g, at, status?.position, colour);
   drawTrack(g, at, status?.fix, colour);
@@ -76,11 +80,15 @@ export function showPlan({status}) {
 }
 
 function drawGrid(g, width, height, perPixel, colour) {
-  const step = roundStep(60 * perPixel), pixels = step / perPixel;
+  const pixels = roundStep(60 * perPixel) / perPixel;
   g.strokeStyle = colour('line');
   g.lineWidth = 0.5;
   for (let x = (width / 2) % pixels; x < width; x += pixels) line(g, x, 0, x, height);
   for (let y = (height / 2) % pixels; y < height; y += pixels) line(g, 0, y, width, y);
+}
+
+function drawScale(g, width, height, perPixel, colour) {
+  const step = roundStep(60 * perPixel), pixels = step / perPixel;
   g.strokeStyle = g.fillStyle = colour('ink');
   g.lineWidth = 3;
   line(g, 10, height - 12, 10 + pixels, height - 12);
