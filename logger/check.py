@@ -18,6 +18,7 @@ from logger.device.libraries import LIBRARIES, version_of
 from logger.device.port_url import check_url
 from logger.device.startup import usable_folder
 from logger.drivers.registry import check_mode, driver_of
+from logger.street_file import read_lines
 
 NOT_THERE = "is not there now"
 State = Literal["ok", "warn", "fail"]
@@ -87,6 +88,8 @@ def _site(config: SiteConfig) -> Iterator[Line]:
         yield _port("gnss", config.gnss.port)
     if config.live.baseline:
         yield _baseline(Path(config.live.baseline))
+    if config.live.streets:
+        yield _streets(Path(config.live.streets))
 
 
 def _baseline(path: Path) -> Line:
@@ -97,6 +100,14 @@ def _baseline(path: Path) -> Line:
         return Line("warn", "baseline", str(error))
     baseline.close()
     return Line("ok", "baseline", f"{path}: {baseline.n_walks} earlier walks")
+
+
+def _streets(path: Path) -> Line:
+    try:
+        lines = read_lines(path)
+    except ConfigError as error:
+        return Line("warn", "streets", str(error))
+    return Line("ok", "streets", f"{path}: {len(lines)} streets")
 
 
 def _folder(folder: Path) -> Line:

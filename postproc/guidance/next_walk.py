@@ -96,7 +96,7 @@ def next_walk(
         start_m,
         posterior,
         assess(posterior, obs, within_m=DESK_M),
-        tuple(_ranked(one, sample) for one in _different([best, *others])),
+        tuple(_rank(one, sample) for one in _different([best, *others])),
         sentence(best, sample, places, None, distance_m, task.mean_dbm),
         forecaster,
         np.stack([obs.x_m, obs.y_m], axis=1),
@@ -141,7 +141,7 @@ def _different(ranked: Sequence[Plan]) -> list[Plan]:
     return chosen
 
 
-def _ranked(one: Plan, sample: PositionSample) -> RankedRoute:
+def _rank(one: Plan, sample: PositionSample) -> RankedRoute:
     nats = one.nats_per_km * one.route.length_m / 1000.0
     after_m = _r95_after_m(one.forecast, np.unique(one.points), sample)
     return RankedRoute(one.route, nats, one.nats_per_km, after_m)

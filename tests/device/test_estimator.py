@@ -86,3 +86,39 @@ def test_a_bug_in_the_estimate_is_an_event_and_no_end():
     (note,) = next_values(inbox)
     assert isinstance(note, Note)
     assert (note.code, note.text) == ("internal", "ZeroDivisionError: oops")
+
+
+def test_position_and_next_way_are_in_degrees():
+    beside = Estimator.of(LiveSettings(), Inbox())
+    beside.start()
+    for seq, record in walk(60):
+        assert beside.give(seq, record)
+    assert beside.finish(LIMIT_S)
+    position, advice = beside.position, beside.next_way
+    assert position.cell == "262-01-4711-1"
+    assert abs(position.lat - 52.0) < 0.05
+    assert position.r95_m > 0.0
+    assert position.strongest.level_dbm == -70.0
+    assert sum(mode.probability for mode in position.modes) <= 1.001
+    rings = [polygon[0] for polygon in position.region["coordinates"]]
+    assert all(len(ring) == 5 and ring[0] == ring[-1] for ring in rings)
+    assert all(
+        abs(lon - 13.0) < 1.0 and abs(lat - 52.0) < 1.0 for ring in rings for lon, lat in ring
+    )
+    assert 0.0 <= advice.azimuth_deg < 360.0
+    assert advice.text
+
+
+def test_a_street_file_is_an_event(tmp_path):
+    path = tmp_path / "streets.geojson"
+    path.write_text('{"type": "LineString", "coordinates": [[13.0, 51.99], [13.0, 52.01]]}')
+    for name, code in ((path, "streets"), (tmp_path / "none", "streets-unreadable")):
+        inbox = Inbox()
+        beside = Estimator.of(LiveSettings(streets=str(name)), inbox)
+        beside.start()
+        for seq, record in walk(2):
+            assert beside.give(seq, record)
+        assert beside.finish(LIMIT_S)
+        notes = [value for value in next_values(inbox) if isinstance(value, Note)]
+        assert notes[0].code == code
+        assert str(name) in notes[0].text
