@@ -146,7 +146,12 @@ class LiveTracker:
 
 def live_prior(settings: LiveSettings) -> Prior:
     """The configured prior, with the noise of the desktop program."""
-    return prior_for(settings.environment, height_m=settings.height_m, antenna=settings.antenna)
+    return prior_for(
+        settings.environment,
+        height_m=settings.height_m,
+        antenna=settings.antenna,
+        reach=settings.reach,
+    )
 
 
 def _levels(scan: Scan) -> list[tuple[str, CellReading, float]]:

@@ -2,16 +2,16 @@ from dataclasses import replace
 from importlib.metadata import version
 
 from logger.core.live import ADVICE, LiveTracker
-from logger.core.live_settings import FOLLOW
+from logger.core.live_settings import FOLLOW, LiveSettings
 from logger.core.runfile import read_run
 from logger.core.types import LiveEstimate, Note, Record
 from postproc.replay import replay
 from tests.kit import runs
 
 
-def _walked(stream=()):
+def _walked(stream=(), settings=None):
     """A walk with the live estimates that the recorder would have added."""
-    tracker = LiveTracker(runs.meta().live)
+    tracker = LiveTracker(settings or runs.meta().live)
     out = []
     for record in stream or runs.records(50):
         seq = len(out)
@@ -84,6 +84,16 @@ def test_a_run_of_a_version_without_advice_is_equal(tmp_path):
     assert _advice_at(records)
     assert not _advice_at(older)
     assert _replay(tmp_path, older).equal
+
+
+def test_a_far_reach_is_recorded_and_replayed(tmp_path):
+    far = LiveSettings(reach="far")
+    records = _walked(settings=far)
+    assert _live(records) != _live(_walked())
+    runs.write_journal(tmp_path / "a.journal", records, live=far)
+    run = read_run(tmp_path / "a.journal")
+    assert run.meta.live == far
+    assert replay(run).equal
 
 
 def test_one_bit_is_noticed(tmp_path):

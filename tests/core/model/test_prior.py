@@ -80,3 +80,8 @@ def test_a_sector_antenna_adds_two_coefficients_for_each_harmonic():
 def test_the_device_uses_the_configured_antenna():
     assert live_prior(LiveSettings(antenna="sector")).antenna_db == ANTENNAS["sector"]
     assert live_prior(LiveSettings()).antenna_db == ()
+
+
+def test_the_device_uses_the_configured_reach():
+    assert live_prior(LiveSettings(reach="far")).near_m == prior_for("any", reach="far").near_m
+    assert live_prior(LiveSettings()).near_m == prior_for("any").near_m
