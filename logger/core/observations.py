@@ -11,7 +11,7 @@ from logger.core.censoring import levels_dbm, limits
 from logger.core.column import UNKNOWN_TIME
 from logger.core.geo import Utm
 from logger.core.rows import Rows, numbered_texts
-from logger.core.spikes import spikes_along
+from logger.core.spikes_along import spikes_along
 from logger.core.track import Track, index_of, positions_at, track_of, way_sigma_m
 
 LAST_TA = 63

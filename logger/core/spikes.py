@@ -19,18 +19,17 @@ from math import hypot, sqrt
 from statistics import fmean, median
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
-from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.path_loss import log_distance
 
 _SIDE = 3
 """Readings on each side: the median of three is no spike even with two in a row."""
-_SLOPE_SIDE = 5
+SLOPE_SIDE = 5
 """Readings on each side that show how levels rise towards a transmitter right here."""
-_REACH_M = 200.0
+REACH_M = 200.0
 """Readings farther away are not related enough to the level here."""
-_LEAST_ABOVE_DB, _LEAST_BELOW_DB = 18.0, 20.0
+LEAST_ABOVE_DB, _LEAST_BELOW_DB = 18.0, 20.0
 """Smaller differences move no position far, and occur beside a transmitter."""
-_N_CHANGES = 64
+N_CHANGES = 64
 """Changes between neighbours that the noise is taken from."""
 
 _FEWEST = 3
@@ -88,10 +87,10 @@ class SpikeFilter(Generic[T]):
     """Passes readings on in their order, each checked against its neighbours."""
 
     def __init__(self) -> None:
-        self._before: deque[T] = deque(maxlen=_SLOPE_SIDE)  # without spikes
+        self._before: deque[T] = deque(maxlen=SLOPE_SIDE)  # without spikes
         quantiles = ((k + 0.5) / _FIRST_CHANGES for k in range(_FIRST_CHANGES))
         first_db = (sqrt(2.0) * _FIRST_SIGMA_DB * quantile for quantile in quantiles)
-        self._changes_db: deque[float] = deque(first_db, maxlen=_N_CHANGES)
+        self._changes_db: deque[float] = deque(first_db, maxlen=N_CHANGES)
         self._waiting: deque[T] = deque()
 
     def take(self, reading: T) -> list[SpikeCheck[T]]:
@@ -101,6 +100,15 @@ class SpikeFilter(Generic[T]):
             return [SpikeCheck(reading, 0.0)]
         self._waiting.append(reading)
         return self._pass(ended=False)
+
+    def take_unchecked(self, readings: Iterable[T], changes_db: Iterable[float]) -> None:
+        """Take the last of many readings that are near their predecessors, while none waits.
+
+        `changes_db` are those that `take` would have kept. At least as many as the filter remembers
+        are needed, unless there are fewer.
+        """
+        self._before.extend(readings)
+        self._changes_db.extend(changes_db)
 
     def finish(self) -> list[SpikeCheck[T]]:
         """The readings that still wait, decided by those there are."""
@@ -122,7 +130,7 @@ class SpikeFilter(Generic[T]):
         """Whether its level is so close to the last one that no spike can be in between."""
         if not self._before:
             return False
-        return abs(reading.level_dbm - self._before[-1].level_dbm) <= _LEAST_ABOVE_DB
+        return abs(reading.level_dbm - self._before[-1].level_dbm) <= LEAST_ABOVE_DB
 
     def _keep(self, reading: T) -> None:
         last = self._before[-1] if self._before else None
@@ -138,33 +146,11 @@ class SpikeFilter(Generic[T]):
         before = [reading for reading in self._before if _are_near(reading, head)]
         following = list(islice(self._waiting, 1, None))
         near = takewhile(lambda reading: _are_near(reading, head), following)
-        after = list(islice(near, _SLOPE_SIDE))
+        after = list(islice(near, SLOPE_SIDE))
         changes_db = (abs(a.level_dbm - b.level_dbm) for a, b in pairwise(after))
         sigma_db = _sigma_db([*self._changes_db, *changes_db])
         is_complete = ended or len(after) < len(following)
         return _Neighbours(head, before, after, sigma_db, is_complete).spike_db()
-
-
-class _Level(NamedTuple):
-    """As `LevelAtPoint`; `k` is its number among the readings."""
-
-    k: int
-    x_m: float
-    y_m: float
-    level_dbm: float
-    limit: int
-
-
-def spikes_along(
-    x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray, limit: IntArray
-) -> list[tuple[int, float]]:
-    """Number of each spike among the levels of a walk, (n,) in time order, and its height in dB."""
-    spikes = SpikeFilter[_Level]()
-    columns = (column.tolist() for column in (x_m, y_m, level_dbm, limit))
-    rows = zip(range(len(x_m)), *columns, strict=True)
-    checks = [check for row in rows for check in spikes.take(_Level(*row))]
-    checks += spikes.finish()
-    return [(check.reading.k, check.spike_db) for check in checks if check.spike_db]
 
 
 class _Neighbours(NamedTuple):
@@ -201,7 +187,7 @@ class _Neighbours(NamedTuple):
         apart = [one for one, db in zip(self.after, below_db, strict=True) if db > margin_db]
         if off_db < 0.0 or not self._may_be_passing([*self.before, *apart]):
             return off_db
-        return None if not self.ended and len(self.after) < _SLOPE_SIDE else 0.0
+        return None if not self.ended and len(self.after) < SLOPE_SIDE else 0.0
 
     def _usual_dbm(self) -> float:
         side = self.before[-_SIDE:] if len(self.before) > 1 else self.after[:_SIDE] or self.before
@@ -209,7 +195,7 @@ class _Neighbours(NamedTuple):
 
     def _margin_db(self, off_db: float) -> float:
         if off_db > 0.0:
-            return max(_LEAST_ABOVE_DB, _SIGMAS_ABOVE * self.sigma_db)
+            return max(LEAST_ABOVE_DB, _SIGMAS_ABOVE * self.sigma_db)
         return max(_LEAST_BELOW_DB, _SIGMAS_BELOW * self.sigma_db)
 
     def _may_be_passing(self, around: Sequence[LevelAtPoint]) -> bool:
@@ -256,7 +242,7 @@ def _sigma_db(changes_db: Iterable[float]) -> float:
 
 
 def _are_near(a: LevelAtPoint, b: LevelAtPoint) -> bool:
-    return hypot(a.x_m - b.x_m, a.y_m - b.y_m) <= _REACH_M
+    return hypot(a.x_m - b.x_m, a.y_m - b.y_m) <= REACH_M
 
 
 def _passing_distance_db(head: LevelAtPoint, other: LevelAtPoint) -> float:

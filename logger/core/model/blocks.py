@@ -14,6 +14,8 @@ _MOST_POINTS = 1000
 _MOST_CENSORED = 100
 _CLEAR_M = 15.0
 _COARSER = 1.25
+_WIDE = 64
+"""Keys of a span up to this many times their number are counted in a table, others by sorting."""
 
 
 class Censored(NamedTuple):
@@ -214,7 +216,16 @@ def squares(
         row = np.floor((y_m - np.mean(y_m)) / size_m + 0.5).astype(np.int64)
         row += modem * (int(np.ptp(row)) + 1)
         key = (row - row.min()) * (int(np.ptp(column)) + 1) + column - column.min()
-        found, index = np.unique(key, return_inverse=True)
-        if len(found) <= most:
-            return index.astype(np.int64), size_m
+        if _count_different(key) <= most:
+            return np.unique(key, return_inverse=True)[1].astype(np.int64), size_m
         size_m *= _COARSER
+
+
+def _count_different(key: IntArray) -> int:
+    """Number of different keys, which are not negative."""
+    span = int(key.max()) + 1
+    if span > _WIDE * len(key):
+        return len(np.unique(key))
+    is_taken = np.zeros(span, np.bool_)
+    is_taken[key] = True
+    return int(np.count_nonzero(is_taken))
