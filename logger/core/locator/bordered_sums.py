@@ -11,7 +11,7 @@ from logger.core.model.blocks import NOTHING_CENSORED, Blocks, single
 from logger.core.model.columns import receiver_variance, varying_columns
 from logger.core.model.elimination import packed_index
 from logger.core.model.marginal import walk_sums
-from logger.core.model.noise import independent_variance, shadowing, whiteners
+from logger.core.model.noise import independent_variance, matrices_of, shadowing, whiteners
 from logger.core.model.prior import Prior
 
 _LEAST_VARIANCE = 1e-12  # of a block given all others, by sigma^2: above rounding errors
@@ -33,17 +33,18 @@ class BorderedSums:
     ) -> None:
         hypotheses = [prior.hypotheses[number] for number in numbers]
         noises = whiteners(closed, prior, numbers.tolist())
+        matrices = matrices_of(noises)
         columns = varying_columns(closed, prior, *position_m)
         rows = len(closed)
         self._prior, self._position_m, self._rows = prior, position_m, rows
         self._hypotheses = hypotheses
         self._white_share = np.array([h.white_share for h in hypotheses])
         self._whitener = np.zeros((len(numbers), most, most))
-        self._whitener[:, :rows, :rows] = [noise.matrix for noise in noises]
+        self._whitener[:, :rows, :rows] = matrices
         self._columns = np.zeros((len(columns), most, len(position_m[0])))
         self._columns[:, :rows] = columns
         self._log_det = np.array([noise.log_det for noise in noises])
-        self._total = walk_sums(closed, noises, prior, *position_m)
+        self._total = walk_sums(closed, matrices, prior, *position_m)
 
     def over(self, walk: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Sums (m + 1, c, h) and log |K| (c, 1) over blocks of which the last one is still open.

@@ -66,7 +66,7 @@ class Joint:
         position = np.array([x_m]), np.array([y_m])
         varying = varying_columns(self._blocks, self._prior, *position)
         censored = censored_columns(self._blocks.censored, self._prior, *position)
-        total = sums(self._noise.matrix, self._fixed, varying, None)[..., None]
+        total = sums(self._noise.matrix[None], self._fixed, varying, None)
         law = SigmaLaw(total, len(self._blocks), self._prior)
         unknown = _design(censored) - self._gain @ _design(varying)
 

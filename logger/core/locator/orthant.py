@@ -11,6 +11,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.normal_tail import log_cdf_and_slope
+from logger.core.model.noise import inverse_of_lower
 
 _SWEEPS = 12  # enough for all cases seen; most take five
 _DAMPED = 0.8  # a full step may oscillate
@@ -69,14 +70,15 @@ def _gaussian_integral(
 ) -> tuple[float, FloatArray, FloatArray]:
     """Log integral of N(f; mean, covariance) exp(-precision f^2 / 2 + shift f), mean, variance."""
     root = np.sqrt(precision)
-    total = np.eye(len(mean)) + root[:, None] * covariance * root
     scaled = root[:, None] * covariance
-    solved = np.linalg.solve(total, scaled)
+    factor = np.asarray(np.linalg.cholesky(np.eye(len(mean)) + scaled * root), float)
+    known = inverse_of_lower(factor) @ scaled
     pull = shift - precision * mean
-    moved = covariance @ pull - scaled.T @ (solved @ pull)
+    moved = covariance @ pull - known.T @ (known @ pull)
     log_integral = shift @ mean - 0.5 * mean @ (precision * mean) + 0.5 * pull @ moved
-    variance = np.diagonal(covariance) - np.einsum("ij,ij->j", scaled, solved)
-    return float(log_integral - 0.5 * np.linalg.slogdet(total)[1]), mean + moved, variance
+    log_integral -= np.sum(np.log(np.diagonal(factor)))
+    variance = np.diagonal(covariance) - np.einsum("ij,ij->j", known, known)
+    return float(log_integral), mean + moved, variance
 
 
 def _tilted_moments(

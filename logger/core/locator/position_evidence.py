@@ -10,7 +10,7 @@ from logger.core.locator.timing_advance import Timing
 from logger.core.locator.tobit import Conditional, conditional_levels, tobit_evidence
 from logger.core.model.blocks import Blocks
 from logger.core.model.marginal import Evidence, marginal, walk_sums
-from logger.core.model.noise import Whitener
+from logger.core.model.noise import Whitener, matrices_of
 from logger.core.model.prior import Prior
 
 _CHUNK = 512
@@ -21,11 +21,13 @@ class BlocksEvidence(NamedTuple):
     """A walk in blocks under some hypotheses of the noise, ready to be evaluated at positions.
 
     `conditionals` describe the censored readings given the levels, one for each of the `whiteners`;
-    none where no reading is censored. `shift` (c,) is added to the log evidence.
+    none where no reading is censored. `matrices` (c, n, n) are those of the whiteners. `shift` (c,)
+    is added to the log evidence.
     """
 
     blocks: Blocks
     whiteners: list[Whitener]
+    matrices: FloatArray
     conditionals: list[Conditional]
     shift: FloatArray
 
@@ -43,14 +45,14 @@ class BlocksEvidence(NamedTuple):
             conditional_levels(blocks, noise, prior.hypotheses[noise.number]) for noise in censored
         ]
         shift = np.zeros(len(whiteners)) if shift is None else shift
-        return cls(blocks, whiteners, conditionals, shift)
+        return cls(blocks, whiteners, matrices_of(whiteners), conditionals, shift)
 
     def evaluate(
         self, prior: Prior, nodes: int, position: FloatArray, near: Evidence | None
     ) -> Evidence:
         """Evidence (c, h) at positions (2, h); `near` (c, h) is where to begin to look."""
         x_m, y_m = position
-        sums = walk_sums(self.blocks, self.whiteners, prior, x_m, y_m)
+        sums = walk_sums(self.blocks, self.matrices, prior, x_m, y_m)
         log_det = np.array([noise.log_det for noise in self.whiteners])[:, None]
         if self.conditionals:
             found = tobit_evidence(

@@ -14,12 +14,10 @@ from logger.core.model.blocks import Blocks
 from logger.core.model.marginal import NODES, Evidence
 from logger.core.model.prior import Prior
 
-_FINEST_FIRST_M = 5.0
+_FINEST_FIRST_M = 10.0
 """First squares on the walk itself are no smaller: growth splits them where that pays."""
-_BLOCKS_PER_FIRST_SQUARE = 200.0
+_BLOCKS_PER_FIRST_SQUARE = 100.0
 """A walk of so many blocks begins with squares as large as a block; a longer one with larger."""
-_USUAL_SHARE = 0.5
-"""`Effort.first_share` that the two constants above are stated for."""
 
 
 class Effort(NamedTuple):
@@ -39,7 +37,7 @@ class Effort(NamedTuple):
     nodes: int = NODES
     first_share: float = 0.5
     most_blocks: int = 300
-    samples: int = 8
+    samples: int = 4
     densest: int = 100
 
 
@@ -131,7 +129,6 @@ def first_squares(
     step of it.
     """
     finest_m = max(_FINEST_FIRST_M, len(blocks) * blocks.size_m / _BLOCKS_PER_FIRST_SQUARE)
-    finest_m = finest_m * share / _USUAL_SHARE
     square = _area(blocks, prior)
     leaves = []
     while square.size:

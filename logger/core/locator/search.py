@@ -161,7 +161,7 @@ def _log_weight_at_first_position(walk: Walk) -> FloatArray:
     tree = _search_coarse_blocks(walk, effort, [0], None)
     best = int(np.argmax(tree.mixture(walk.prior).probability / tree.size_m**2))
     x_m, y_m = float(tree.x_m[best]), float(tree.y_m[best])
-    sigma_db = np.full(len(walk.prior.hypotheses), walk.prior.sigma_db)
+    sigma_db = np.full(len(walk.prior.hypotheses), tree.evidence.sigma_db[0, best])
     return log_weights_at(walk.coarse, walk.prior, x_m, y_m, sigma_db)[0]
 
 

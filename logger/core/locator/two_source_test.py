@@ -53,7 +53,7 @@ class DivisionEffort(NamedTuple):
 
 
 DESK = DivisionEffort(
-    Effort(most_squares=800, split_share=0.01, nodes=3, densest=0, most_blocks=80),
+    Effort(800, 0.01, nodes=1, first_share=1.0, most_blocks=80, densest=0),
     rivals=3,
     turns=3,
 )

@@ -23,7 +23,6 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.blocks import Blocks
 from logger.core.model.columns import receiver_variance, varying_columns
 from logger.core.model.elimination import eliminate, inverse, log_determinant, side, solution
-from logger.core.model.noise import Whitener
 from logger.core.model.prior import Prior
 
 NODES = 7
@@ -35,6 +34,7 @@ _LEAST_SIGMA_DB = 0.05
 """Below it, as where all levels are equal, residuals are rounding errors of either sign."""
 _SMALL_STEP = 0.05  # of log sigma: log p changes by its slope, within 1e-3 nats
 _STRIP = 64  # rows of a whitener multiplied at once
+_IN_CACHE = 65_536  # entries of a whitened column, of all hypotheses: half a megabyte
 
 
 PAIRS = ((0, 0), (0, 1), (1, 1))
@@ -84,14 +84,22 @@ class Fit:
 
 
 def walk_sums(
-    blocks: Blocks, whiteners: list[Whitener], prior: Prior, x_m: FloatArray, y_m: FloatArray
+    blocks: Blocks, matrices: FloatArray, prior: Prior, x_m: FloatArray, y_m: FloatArray
 ) -> FloatArray:
-    """Sums over all blocks for each hypothesis (c) and position (h), shape (m + 1, c, h)."""
+    """Sums over all blocks for each hypothesis and position (h,), shape (m + 1, c, h).
+
+    `matrices` (c, n, n) are the whiteners of the hypotheses.
+    """
     columns = varying_columns(blocks, prior, x_m, y_m)
     extra = receiver_variance(blocks, prior, -columns[0])
     fixed = np.stack([blocks.level_dbm, np.ones(len(blocks))])
-    of_each = [sums(one.matrix, fixed, columns, extra) for one in whiteners]
-    return np.stack(of_each, axis=1)
+    at_once = max(_IN_CACHE // (len(matrices) * len(blocks)), 1)
+    parts = []
+    for first in range(0, len(x_m), at_once):
+        some = slice(first, first + at_once)
+        of_some = None if extra is None else extra[:, some]
+        parts.append(sums(matrices, fixed, [column[:, some] for column in columns], of_some))
+    return np.concatenate(parts, axis=-1)
 
 
 def sums(
@@ -100,7 +108,7 @@ def sums(
     varying: list[FloatArray],
     extra: FloatArray | None,
 ) -> FloatArray:
-    """Sums of one hypothesis, shape (m + 1, h), for W (n, n).
+    """Sums for W (..., n, n), of one hypothesis or of several, shape (m + 1, ..., h).
 
     `fixed` (f, n) are the levels and the columns that are the same for all positions, `varying` the
     others, (n, h) each. A row of W with diagonal d predicts its block with variance 1 / d^2; the
@@ -108,25 +116,32 @@ def sums(
     1 / (1 + d^2 extra).
     """
     weight = None if extra is None else row_weights(whitener, extra)
-    return products(fixed @ whitener.T, [whiten(whitener, v) for v in varying], weight)
+    of_fixed = fixed @ np.swapaxes(whitener, -1, -2)
+    return products(of_fixed, [whiten(whitener, v) for v in varying], weight)
 
 
 def products(fixed: FloatArray, varying: list[FloatArray], weight: FloatArray | None) -> FloatArray:
-    """Sums over whitened rows, shape (m + 1, h): `fixed` (f, n), `varying` and `weight` (n, h)."""
-    i, j = _lower_triangle(len(fixed))
-    pairs = fixed[i] * fixed[j]
+    """Sums over whitened rows, shape (m + 1, ..., h).
+
+    `fixed` has shape (..., f, n), `varying` and `weight` have (..., n, h).
+    """
+    i, j = _lower_triangle(fixed.shape[-2])
+    pairs = fixed[..., i, :] * fixed[..., j, :]
     if weight is None:
-        h = varying[0].shape[1]
-        rows = [np.repeat(np.sum(pairs, axis=1)[:, None], h, axis=1)]
-        weighted, log_weight = varying, np.zeros(h)
+        h = varying[0].shape[-1]
+        rows = [np.repeat(np.sum(pairs, axis=-1)[..., None], h, axis=-1)]
+        weighted, log_weight = varying, np.zeros((*pairs.shape[:-2], 1, h))
     else:
         rows = [pairs @ weight]
         weighted = [weight * column for column in varying]
-        log_weight = 0.5 * np.sum(np.log(weight), axis=0)
+        log_weight = 0.5 * np.sum(np.log(weight), axis=-2, keepdims=True)
     for k, column in enumerate(weighted):
         rows.append(fixed @ column)
-        rows += [np.einsum("nh,nh->h", column, other)[None] for other in varying[: k + 1]]
-    return np.concatenate([*rows, log_weight[None]])
+        rows += [
+            np.einsum("...nh,...nh->...h", column, other)[..., None, :]
+            for other in varying[: k + 1]
+        ]
+    return np.moveaxis(np.concatenate([*rows, log_weight], axis=-2), -2, 0)
 
 
 @cache
@@ -136,16 +151,17 @@ def _lower_triangle(count: int) -> tuple[IntArray, IntArray]:
 
 
 def row_weights(whitener: FloatArray, extra: FloatArray) -> FloatArray:
-    """Weights (n, h) of whitened rows whose blocks have `extra` variance (n, h) of their own."""
-    return np.asarray(1.0 / (1.0 + np.diagonal(whitener)[:, None] ** 2 * extra), float)
+    """Weights (..., n, h) of rows of W (..., n, n), their blocks having `extra` variance (n, h)."""
+    diagonal = np.diagonal(whitener, axis1=-2, axis2=-1)
+    return np.asarray(1.0 / (1.0 + diagonal[..., None] ** 2 * extra), float)
 
 
 def whiten(whitener: FloatArray, column: FloatArray) -> FloatArray:
-    """W times a column (n, h), in strips of rows: right of the diagonal W is zero."""
-    product = np.empty_like(column)
-    for i in range(0, len(whitener), _STRIP):
+    """W (..., n, n) times a column (n, h), in strips of rows: right of the diagonal W is zero."""
+    product = np.empty((*whitener.shape[:-1], column.shape[1]))
+    for i in range(0, len(column), _STRIP):
         end = i + _STRIP
-        np.matmul(whitener[i:end, :end], column[:end], out=product[i:end])
+        np.matmul(whitener[..., i:end, :end], column[:end], out=product[..., i:end, :])
     return product
 
 

@@ -14,7 +14,7 @@ from logger.core.model.blocks import READINGS_BELIEVED, Blocks
 from logger.core.model.prior import Hypothesis, Prior
 
 _ROUNDING_DB2 = 1.0 / 12.0  # of levels in whole dB
-_SMALL = 16  # rows: below that the general inverse is faster
+_SMALL = 25  # rows: up to that the general inverse is faster
 
 
 class Whitener(NamedTuple):
@@ -112,6 +112,11 @@ def whiteners_of(k: FloatArray, numbers: Sequence[int] | None = None) -> list[Wh
         Whitener(*each)
         for each in zip(chosen, inverse_of_lower(root), log_det.tolist(), strict=True)
     ]
+
+
+def matrices_of(whiteners: Sequence[Whitener]) -> FloatArray:
+    """Matrices of some whiteners of the same blocks, shape (c, n, n)."""
+    return np.stack([one.matrix for one in whiteners])
 
 
 def inverse_of_lower(root: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from logger.core.locator.preparation import COARSE_BLOCKS
 from logger.core.locator.quadtree import Tree
 from logger.core.model.blocks import blocks
 from logger.core.model.marginal import Evidence, marginal, walk_sums
-from logger.core.model.noise import whiteners
+from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Hypothesis, Prior
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, path, region_contains
@@ -114,7 +114,9 @@ def test_random_effect_is_an_offset_integrated_out(row):
 def evidence_at_place(track):
     found = whiteners(track, PRIOR)
     log_det = np.array([[w.log_det] for w in found])
-    return marginal(walk_sums(track, found, PRIOR, *PLACE), len(track), log_det, PRIOR, 15)
+    return marginal(
+        walk_sums(track, matrices_of(found), PRIOR, *PLACE), len(track), log_det, PRIOR, 15
+    )
 
 
 @pytest.mark.parametrize("row", [0, 1])

@@ -11,7 +11,7 @@ from logger.core.locator.search import Walk, coarse_search, refine, search_once,
 from logger.core.locator.timing_advance import STEP_M, timing_of
 from logger.core.model.blocks import blocks
 from logger.core.model.marginal import marginal, walk_sums
-from logger.core.model.noise import whiteners
+from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Hypothesis, Prior
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, simulate
@@ -54,7 +54,7 @@ def by_grid(obs, prior, most, step=5.0):
     x, y = (v.ravel() for v in np.meshgrid(middle[0] + at, middle[1] + at))
     parts = []
     for i in range(0, len(x), 2000):
-        total = walk_sums(track, found, prior, x[i : i + 2000], y[i : i + 2000])
+        total = walk_sums(track, matrices_of(found), prior, x[i : i + 2000], y[i : i + 2000])
         parts.append(marginal(total, len(track), log_det, prior).log_p)
     nearest = np.min(np.hypot(x[:, None] - track.x_m, y[:, None] - track.y_m), axis=1)
     log_prior = -prior.far_power * np.log(np.maximum(nearest / prior.near_m, 1.0))
@@ -175,7 +175,7 @@ def test_first_squares_are_small_near_the_walk_and_reach_the_end(share):
     track = blocks(walk(), 300)
     x, y, size = first_squares(track, Prior(), share)
     away = np.min(np.hypot(x[:, None] - track.x_m, y[:, None] - track.y_m), axis=1)
-    assert np.all(size <= np.maximum(10.0 * share, share * away) + 1e-9)
+    assert np.all(size <= np.maximum(10.0, share * away) + 1e-9)
     assert np.sum(size**2) == pytest.approx((2.0 * Prior().reach_m + 180.0) ** 2, rel=1e-9)
     assert np.max(x + 0.5 * size) == pytest.approx(90.0 + 90.0 + Prior().reach_m)
     assert len(x) < 3000

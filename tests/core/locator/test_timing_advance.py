@@ -21,7 +21,7 @@ from logger.core.locator.timing_advance import (
 )
 from logger.core.model.blocks import blocks
 from logger.core.model.marginal import marginal, walk_sums
-from logger.core.model.noise import whiteners
+from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Prior
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations
@@ -153,7 +153,7 @@ def along_a_ray(obs, prior, found):
     """Distances from a location, and the posterior there: density by the area of a rim."""
     at = np.geomspace(1.0, prior.reach_m, 4000)
     walk, zero = blocks(obs, 300), np.zeros(4000)
-    total = walk_sums(walk, whiteners(walk, prior), prior, at, zero)
+    total = walk_sums(walk, matrices_of(whiteners(walk, prior)), prior, at, zero)
     levels = marginal(total, len(walk), np.zeros((1, 1)), prior).log_p[0]
     log_mass = (
         levels

@@ -10,7 +10,7 @@ from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.model.blocks import Censored, blocks
 from logger.core.model.marginal import marginal, walk_sums
-from logger.core.model.noise import covariances, whiteners
+from logger.core.model.noise import covariances, matrices_of, whiteners
 from logger.core.model.prior import Hypothesis, Prior
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import FLOOR_DBM, censor_at_floor, observations, simulate
@@ -106,7 +106,7 @@ PLACES = np.array([100.0, 250.0]), np.array([60.0, -90.0])
 
 def joined(track, number, prior=PRIOR):
     found = whiteners(track, prior, [number])
-    total = walk_sums(track, found, prior, *PLACES)
+    total = walk_sums(track, matrices_of(found), prior, *PLACES)
     log_det = np.array([[found[0].log_det]])
     both = tobit.tobit_evidence(
         total, log_det, track, [given(track, number, prior)], prior, *PLACES

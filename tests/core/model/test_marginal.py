@@ -7,7 +7,7 @@ import scipy.stats
 
 from logger.core.model.blocks import blocks
 from logger.core.model.marginal import NODES, marginal, walk_sums
-from logger.core.model.noise import whiteners
+from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Hypothesis, Prior
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, simulate
@@ -28,7 +28,7 @@ def bent_walk(position_sigma=0.0, count=14):
 
 def evidence_of(track, prior, positions, nodes=NODES):
     found = whiteners(track, prior)
-    total = walk_sums(track, found, prior, *positions)
+    total = walk_sums(track, matrices_of(found), prior, *positions)
     return marginal(total, len(track), np.array([[w.log_det] for w in found]), prior, nodes)
 
 
