@@ -44,6 +44,7 @@ running() { [ -z "$root" ] && [ -d /run/systemd/system ]; }
 
 uninstall() {
     systemctl ${root:+--root="$root"} disable fieldlogger.service fieldlogger-page.service 2>/dev/null || true
+    # shellcheck disable=SC2086  # one word for each unit
     if running; then systemctl stop $units 2>/dev/null || true; fi
     for unit in $units; do rm -f "$etc/systemd/system/$unit"; done
     rm -f "$etc/udev/rules.d/70-cellwalk.rules" "$etc/sysusers.d/cellwalk.conf" "$root/usr/local/bin/fieldlogger"

@@ -47,6 +47,7 @@ class Feed:
         self._heard_s = time.monotonic()
         self._machine = Machine()
         self._tail: JournalTail | None = None
+        self._is_behind = False
         self._changed = asyncio.Event()
         self.walk = Walk()
         self.text = b""
@@ -73,9 +74,8 @@ class Feed:
         """Renew the text where there is anything new, or a second has passed."""
         now_s = time.monotonic()
         has_news = self._read_status(now_s)
-        if self._tail is not None:
-            for table, row in self._tail.rows():
-                self.walk.take(table, row)
+        if has_news or self._is_behind:
+            self._read_journal()
         if not has_news and now_s - self._beat_s < BEAT_S:
             return
         self._beat_s = now_s
@@ -84,6 +84,13 @@ class Feed:
         self.text = msgspec.json.encode(self._state(now_s))
         self._changed.set()
         self._changed = asyncio.Event()
+
+    def _read_journal(self) -> None:
+        """Take the next portion; an old walk is read in many, between which phones are answered."""
+        self._is_behind = False
+        for table, row in self._tail.rows() if self._tail else ():
+            self._is_behind = True
+            self.walk.take(table, row)
 
     def _read_status(self, now_s: float) -> bool:
         """Read status.json where it is another; a status with the old time is no news."""
