@@ -22,7 +22,7 @@ from logger.page.token import is_token
 
 MOST_STREAMS = 10
 """Phones that are sent news; further ones are told to come back later."""
-CHUNK = 1 << 16
+CHUNK = 1 << 15
 MOST_OF_MAP = 1 << 20
 """Bytes of one request for the map: tiles are smaller."""
 _RANGE = re.compile(r"bytes=(\d{1,15})-(\d{1,15})", re.ASCII)
@@ -79,10 +79,9 @@ class Guarded(RequestHandler):
             self.set_header(name, value)
 
     def prepare(self) -> None:
-        """Refuse with 429, 421 or 403, and close the connection."""
+        """Refuse with 429, 421 or 403."""
         refused = self._refusal()
         if refused is not None:
-            self.set_header("Connection", "close")
             raise HTTPError(refused)
 
     def write_error(self, status_code: int, **_kwargs: object) -> None:

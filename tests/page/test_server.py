@@ -243,6 +243,23 @@ def test_a_flood_gets_429_and_another_phone_its_page(page):
     assert 429 in marks
 
 
+def test_phones_that_do_not_read_a_download_take_no_memory(page, tmp_path):
+    with (tmp_path / "runs/run-000001.h5").open("r+b") as file:
+        file.truncate(200_000_000)
+    with ExitStack() as stack:
+        for host in range(2, 42):
+            one = stack.enter_context(socket.socket())
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            one.bind((f"127.0.0.{host}", 0))
+            one.connect(("127.0.0.1", page.port))
+            path = f"/{page.token}/runs/run-000001.h5"
+            one.sendall(f"GET {path} HTTP/1.1\r\nHost: {page.host}\r\n\r\n".encode())
+        time.sleep(2.0)
+        assert page.request("", source="127.0.0.99")[0] == 200
+    print(f"the page took {page.memory_kb / 1000:.0f} MB at most")
+    assert page.memory_kb < 40_000
+
+
 def test_an_eleventh_phone_is_told_to_come_later(page):
     with ExitStack() as stack:
         for host in range(2, 12):
