@@ -132,7 +132,7 @@ class LiveTracker:
             streets = streets_near(lines, utm, x_m, y_m) if lines else None
             self.followed = FollowedCell(target, utm, streets)
         before = self.followed.advice
-        self.followed.update(x_m, y_m, self._cells[target].last_search)
+        self.followed.update(x_m, y_m, self._cells[target].locator)
         advice = self.followed.advice
         if advice is None or advice is before:
             return []

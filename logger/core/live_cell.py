@@ -16,8 +16,6 @@ from logger.core.errors import EstimationError
 from logger.core.filter_monitor import CLOSE, FilterMonitor, widest
 from logger.core.locator.online import OnlineLocator
 from logger.core.locator.online_values import LevelReading, StrongestMode
-from logger.core.locator.preparation import LocatorInput
-from logger.core.locator.quadtree import Tree
 from logger.core.model.path_loss import level_gradient
 from logger.core.model.prior import Prior
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
@@ -73,9 +71,10 @@ class LiveCell:
         """As `OnlineLocator.stale`."""
         return self._locator.stale
 
-    def last_search(self) -> tuple[LocatorInput, Tree] | None:
-        """As `OnlineLocator.last_search`."""
-        return self._locator.last_search()
+    @property
+    def locator(self) -> OnlineLocator:
+        """The posterior of the position."""
+        return self._locator
 
     def take(self, latest: LevelReading) -> CellEstimate | None:
         """Take a reading; None while there is no estimate.

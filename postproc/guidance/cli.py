@@ -97,7 +97,7 @@ def next_command(
         check_output(routes)
     if picture is not None:
         check_picture(picture)
-    walk = next_walk(_observed(paths, cell), prior, _start_deg(start), lines)
+    walk = next_walk(_readings_of(paths, cell), prior, _start_deg(start), lines)
     if routes is not None:
         next_output.write_gpx(walk, routes)
     if picture is not None:
@@ -108,7 +108,7 @@ def next_command(
         next_output.print_next_walk(walk)
 
 
-def _observed(paths: Sequence[Path], cell: str | None) -> "CellObservations":
+def _readings_of(paths: Sequence[Path], cell: str | None) -> "CellObservations":
     """Readings of the cell in all runs; the strongest 2G cell where none is named."""
     from logger.core.errors import ConfigError
     from logger.core.runfile import read_sound_run

@@ -102,7 +102,7 @@ class GuideFilter:
             self._locator.add(x_m, y_m, sigma_m, level_dbm, limit)
             if self._locator.stale > 1.0:
                 self._locator.search()
-        followed.update(x_m, y_m, self._locator.last_search)
+        followed.update(x_m, y_m, self._locator)
 
     def _is_followed(self, row: Mapping[str, str | None]) -> bool:
         return self._cell is None or row.get("cell") == self._cell

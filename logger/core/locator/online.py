@@ -16,7 +16,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.bordered_sums import BorderedSums
 from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
-from logger.core.locator.online_values import LevelReading, StrongestMode
+from logger.core.locator.online_values import LevelReading, ReadingsInOrder, StrongestMode
 from logger.core.locator.posterior import StrongestReading
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Effort, Tree
@@ -92,6 +92,7 @@ class OnlineLocator:
         self._mode: StrongestMode | None = None
         self._lost = False
         self._strongest: StrongestReading | None = None
+        self.readings = ReadingsInOrder()
         self._n_readings = self._n_evaluated = 0
 
     @property
@@ -124,6 +125,7 @@ class OnlineLocator:
     def take(self, latest: LevelReading) -> None:
         """Take a reading that is no spike."""
         x_m, y_m, position_sigma_m, level_dbm, limit = latest
+        self.readings.add(latest)
         if self._strongest is None or level_dbm > self._strongest.level_dbm:
             self._strongest = StrongestReading(x_m, y_m, level_dbm)
         if limit:

@@ -16,7 +16,7 @@ from logger.core.locator.mixture import log_sum
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.search import search_once
-from logger.core.model.blocks import READINGS_BELIEVED, Blocks, blocks
+from logger.core.model.blocks import READINGS_BELIEVED, Blocks, blocks, join
 from logger.core.model.columns import varying_columns
 from logger.core.model.prior import NOISE, NoiseGroup, Prior
 from logger.core.observations import CellObservations
@@ -73,12 +73,14 @@ class Division(NamedTuple):
     """Two positions that together explain the levels.
 
     `log_factor` is the log Bayes factor against one position, raised to the power of the trust in
-    the noise as the likelihood of positions is; x, y of each are in metres.
+    the noise as the likelihood of positions is; x, y of each are in metres. `is_in_time`: the first
+    is that of the first half of the walk, the other that of the second.
     """
 
     log_factor: float
     one_m: tuple[float, float]
     other_m: tuple[float, float]
+    is_in_time: bool = False
 
 
 class _Task(NamedTuple):
@@ -124,6 +126,34 @@ def divide(
     best = max((one for one in improved if one is not None), default=None)
     trust = float(posterior.noise_probability @ prior.noise_table.trust)
     return best and best._replace(log_factor=trust * best.log_factor)
+
+
+def divide_in_time(
+    obs: CellObservations, posterior: Posterior, effort: DivisionEffort = DESK
+) -> Division | None:
+    """The first half of the readings and the second, each with a transmitter of its own.
+
+    A transmitter that moves is told by it. None for several modems, and for a walk too short.
+    """
+    prior = posterior.prior
+    obs = obs.usable()
+    if obs.n_modems > 1 or np.count_nonzero(obs.limit == 0) < _FEWEST_READINGS:
+        return None
+    is_early = np.arange(len(obs)) < len(obs) // 2
+    halves = [
+        blocks(obs.part(chosen), effort.search.most_blocks // 2) for chosen in (is_early, ~is_early)
+    ]
+    walk = join(halves)
+    of_parts = prior if effort.noise is None else replace(prior, noise=effort.noise)
+    task = _Task(walk, of_parts, effort)
+    in_one = np.arange(len(walk)) < len(halves[0])
+    undivided = float(log_sum(_locate_part(task, walk).log_evidence))
+    best = _try(task, in_one, undivided)
+    trust = float(posterior.noise_probability @ prior.noise_table.trust)
+    if best is None:
+        return None
+    one, two = best.one, best.two
+    return Division(trust * best.log_factor, (one.x_m, one.y_m), (two.x_m, two.y_m), True)
 
 
 class _Try(NamedTuple):

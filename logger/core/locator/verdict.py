@@ -170,6 +170,11 @@ def _too_wide(case: _Case, radius_m: float, within_m: float) -> str:
 def _two_transmitters(division: Division, obs: CellObservations) -> str:
     first = _degrees(obs, *division.one_m)
     second = _degrees(obs, *division.other_m)
+    if division.is_in_time:
+        return (
+            "one position does not explain the data: the transmitter seems to have moved, "
+            f"from near {first} to near {second}"
+        )
     return (
         "one position does not explain the data: two transmitters that share this identity would, "
         f"near {first} and near {second}; "

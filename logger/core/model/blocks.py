@@ -1,5 +1,6 @@
 """Readings gathered into blocks, each taken at about one point."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -113,6 +114,16 @@ def single(column: FloatArray, size_m: float, gone: Censored) -> Blocks:
         censored=gone,
         modem=np.zeros(count, np.int64),
     )
+
+
+def join(parts: Sequence[Blocks]) -> Blocks:
+    """Blocks of several parts of a walk, each with its middle as the only point, uncensored."""
+    every = [part.part(np.ones(len(part), np.bool_)) for part in parts]
+    rows = [
+        (one.x_m, one.y_m, one.level_dbm, one.position_sigma_m**2, one.readings) for one in every
+    ]
+    columns = np.concatenate([np.stack(row) for row in rows], axis=1)
+    return single(columns, max(part.size_m for part in parts), NOTHING_CENSORED)
 
 
 def blocks(obs: CellObservations, most: int) -> Blocks:

@@ -42,8 +42,9 @@ def test_standing_still_is_answered_with_what_the_prior_allows():
 
 
 def test_a_walk_around_the_transmitter_locates_it():
-    around = _walk((0.0, 0.0), (240.0, 0.0), (240.0, 200.0), (0.0, 200.0), (0.0, 0.0))
-    last = _answers(around)[-1]
+    around = (0.0, 0.0), (240.0, 0.0), (240.0, 200.0), (0.0, 200.0), (0.0, 0.0)
+    inside = (120.0, 60.0), (120.0, 220.0), (60.0, 60.0), (260.0, 120.0)
+    last = _answers(_walk(*around, *inside))[-1]
     assert last.verdict == "located"
     assert last.best.r95_m <= 60.0
     assert _off_m(last.best) <= last.best.r95_m

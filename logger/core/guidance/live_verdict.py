@@ -1,0 +1,43 @@
+"""The verdict while walking: as at the desktop, within 60 m, and believed after one more leg.
+
+Two transmitters with one identity, and one that moves, look like one position for a while. So both
+are tried now and then, and a location is told only after the walker has gone on for a block of
+houses and it still holds.
+"""
+
+from logger.core.locator.posterior import Posterior
+from logger.core.locator.two_source_test import LIVE, Division, divide, divide_in_time
+from logger.core.locator.verdict import LIVE_M, Decision, assess
+from logger.core.observations import CellObservations
+
+CONFIRMED_AFTER = 4
+"""Updates, 25 m each: a leg away from the place shows what a place that is wrong cannot explain."""
+_DIVIDED_EVERY = 8
+"""Two transmitters are tried every 200 m: that takes as long as all plans on the way."""
+
+
+class LiveVerdict:
+    """Verdicts of one cell in their order, one for each 25 m."""
+
+    def __init__(self) -> None:
+        self._updates = 0
+        self._held = 0
+        self._division: Division | None = None
+
+    def update(self, posterior: Posterior, obs: CellObservations) -> Decision:
+        """The verdict on a posterior; `obs` has readings of the walk in their order."""
+        decision = assess(posterior, obs, self._division, within_m=LIVE_M)
+        is_located = decision.verdict == "located"
+        if self._updates % _DIVIDED_EVERY == 0 or (
+            is_located and self._held in {0, CONFIRMED_AFTER}
+        ):
+            tried = divide(obs, posterior, LIVE), divide_in_time(obs, posterior, LIVE)
+            self._division = max((one for one in tried if one), default=None)
+            decision = assess(posterior, obs, self._division, within_m=LIVE_M)
+            is_located = decision.verdict == "located"
+        self._updates += 1
+        self._held = self._held + 1 if is_located else 0
+        if is_located and self._held <= CONFIRMED_AFTER:
+            reason = f"{decision.reasons[0]}; walk one leg away to confirm it"
+            return Decision("cannot tell", [reason], decision.division)
+        return decision

@@ -1,0 +1,69 @@
+from dataclasses import replace
+
+import numpy as np
+
+from logger.core.guidance.live_verdict import CONFIRMED_AFTER, LiveVerdict
+from logger.core.locator.pipeline import locate
+from logger.core.locator.quadtree import Effort
+from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, LIVE, divide_in_time
+from logger.core.locator.verdict import LIVE_M
+from logger.core.model.prior import Prior
+from tests.kit.guided_walks import line
+from tests.kit.walks import observations
+
+EFFORT = Effort(most_squares=400, split_share=0.02, nodes=1, most_blocks=80)
+AROUND = line(
+    (0.0, 0.0), (240.0, 0.0), (240.0, 200.0), (0.0, 200.0), (0.0, 0.0), (120.0, 60.0),
+    (120.0, 220.0), (60.0, 60.0), (260.0, 120.0),
+)  # fmt: skip
+
+
+def _walk(points_m, emitter_m, seed=0, noise_db=2.0):
+    """Readings past transmitters (n, 2), one position for each reading."""
+    rng = np.random.default_rng(seed)
+    x_m, y_m = points_m.T
+    east_m, north_m = (points_m - emitter_m).T
+    away_m = np.hypot(np.hypot(east_m, north_m), 5.0)
+    level_dbm = -25.0 - 28.0 * np.log10(away_m) + rng.normal(0.0, noise_db, len(x_m))
+    return observations(x_m, y_m, np.round(level_dbm), 4.0)
+
+
+def test_a_location_is_believed_after_one_more_leg():
+    obs = _walk(AROUND, np.array([120.0, 90.0]))
+    posterior = locate(obs, Prior(), EFFORT)
+    assert posterior.r95_m <= LIVE_M
+    verdict = LiveVerdict()
+    decisions = [verdict.update(posterior, obs) for _ in range(CONFIRMED_AFTER + 2)]
+    words = [decision.verdict for decision in decisions]
+    assert words == ["cannot tell"] * CONFIRMED_AFTER + ["located"] * 2
+    assert "walk one leg away to confirm it" in decisions[0].reasons[0]
+
+
+def test_a_location_that_is_lost_has_to_be_confirmed_again():
+    obs = _walk(AROUND, np.array([120.0, 90.0]))
+    posterior = locate(obs, Prior(), EFFORT)
+    verdict = LiveVerdict()
+    for _ in range(CONFIRMED_AFTER + 1):
+        verdict.update(posterior, obs)
+    assert verdict.update(replace(posterior, r95_m=LIVE_M + 1.0), obs).verdict == "cannot tell"
+    assert verdict.update(posterior, obs).verdict == "cannot tell"
+
+
+def test_a_transmitter_that_moved_is_two_positions_in_time():
+    there = np.linspace(0.0, 1.0, len(AROUND)) > 0.5
+    emitter_m = np.where(there[:, None], [420.0, 150.0], [40.0, 60.0])
+    obs = _walk(AROUND, emitter_m)
+    posterior = locate(obs, Prior(), EFFORT)
+    division = divide_in_time(obs, posterior, LIVE)
+    assert division.is_in_time
+    assert division.log_factor > LEAST_LOG_FACTOR
+    decision = LiveVerdict().update(posterior, obs)
+    assert decision.verdict == "cannot tell"
+    assert "seems to have moved" in decision.reasons[0]
+
+
+def test_one_that_stays_is_one_position():
+    for seed in range(5):
+        obs = _walk(AROUND, np.array([120.0, 90.0]), seed=seed)
+        posterior = locate(obs, Prior(), EFFORT)
+        assert divide_in_time(obs, posterior, LIVE).log_factor < 0.0
