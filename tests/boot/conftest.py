@@ -38,7 +38,10 @@ def installed(workplace):
     if not image.exists() and os.getuid() != 0:
         pytest.skip("only root can build the image of the boot rig")
     # what Raspberry Pi OS makes a root read-only with
-    with_overlay = os.environ | {"EXTRA_PACKAGES": "overlayroot,busybox"}
+    # and what the page needs
+    with_overlay = os.environ | {
+        "EXTRA_PACKAGES": "overlayroot,busybox,python3-click,python3-tornado,python3-segno"
+    }
     subprocess.run(
         [machines.RIG / "build_image.sh", machines.CACHE, board["arch"]],
         check=True,
