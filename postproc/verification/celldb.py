@@ -128,12 +128,30 @@ class CellDb:
 
 
 def _cell_of(
-    radio: str, mcc: int, net: int, area: int, cell: int, lat: float, lon: float, *more: object
+    radio: str,
+    mcc: int,
+    net: int,
+    area: int,
+    cell: int,
+    lat: float,
+    lon: float,
+    *more: int | None,
 ) -> DbCell:
     """A row as a cell; raises ValueError or TypeError for values that the import never writes."""
     check_position(float(lat), float(lon))
-    numbers = [value if isinstance(value, int) else None for value in more]
-    return DbCell(str(radio), int(mcc), int(net), int(area), int(cell), lat, lon, *numbers)
+    range_m, samples, updated_s = (value if isinstance(value, int) else None for value in more)
+    return DbCell(
+        str(radio),
+        int(mcc),
+        int(net),
+        int(area),
+        int(cell),
+        lat,
+        lon,
+        range_m=range_m,
+        samples=samples,
+        updated_s=updated_s,
+    )
 
 
 @contextmanager
