@@ -22,7 +22,9 @@ _streets_option = click.option(
 
 
 @click.command
-@click.option("--cell", metavar="NAME", help="Follow this cell of the column `cell`.")
+@click.option(
+    "--cell", metavar="NAME", help="Follow this cell of the column `cell` (default: the first)."
+)
 @_streets_option
 @prior_options
 def guide(cell: str | None, streets: Path | None, prior: "Prior") -> None:

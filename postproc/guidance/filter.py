@@ -25,6 +25,8 @@ _LEVELS_DBM = (-200.0, 50.0)
 """A level outside is none of any technology."""
 _FASTEST_MPS = 40.0
 """Faster than this two rows belong to different walks, or a time is wrong."""
+_FARTHEST_M = 100_000.0
+"""Nobody walks so far: a receiver without a fix may print 0, 0."""
 _RAT = "GSM"
 """Technology of rows that name none: its scale ends at -110 and -47 dBm."""
 
@@ -48,7 +50,8 @@ class BadRow(Answer, frozen=True):
 class GuideFilter:
     """Answers the rows of one walk in their order.
 
-    `cell` is the cell to follow: rows of others are positions only. `lines` are the streets, if a
+    `cell` is the cell to follow, by default the first that a row names: rows of others are
+    positions only. `lines` are the streets, if a
     map is known.
     """
 
@@ -56,6 +59,7 @@ class GuideFilter:
         self._prior, self._cell, self._lines = prior, cell, lines
         self._locator = OnlineLocator(prior)
         self._utm: Utm | None = None
+        self._start_m = (0.0, 0.0)
         self._followed: FollowedCell | None = None
         self._last: tuple[float, float, float] | None = None
         self._strongest: tuple[float, float, float] | None = None
@@ -89,7 +93,11 @@ class GuideFilter:
     ) -> None:
         if self._utm is None:
             self._utm = Utm.at(lat_deg, lon_deg)
+            self._start_m = self._utm.to_xy(lat_deg, lon_deg)
         x_m, y_m = self._utm.to_xy(lat_deg, lon_deg)
+        away_m = hypot(x_m - self._start_m[0], y_m - self._start_m[1])
+        if away_m > _FARTHEST_M:
+            raise ValueError(f"the position is {away_m / 1000.0:.0f} km from the first one")
         followed = self._followed
         if followed is None:
             streets = streets_near(self._lines, self._utm, x_m, y_m) if self._lines else None
@@ -105,7 +113,9 @@ class GuideFilter:
         followed.update(x_m, y_m, self._locator)
 
     def _is_followed(self, row: Mapping[str, str | None]) -> bool:
-        return self._cell is None or row.get("cell") == self._cell
+        name = row.get("cell") or None
+        self._cell = self._cell or name
+        return name == self._cell
 
     def _speed_mps(self, t_s: float | None, x_m: float, y_m: float) -> float:
         """Speed since the row before, 0 without a time."""

@@ -90,6 +90,7 @@ def test_rows_without_level_or_position_are_answered():
     ("column", "value", "reason"),
     [
         ("lat", "91", "no position on Earth"),
+        ("lat", "0.0", "km from the first one"),
         ("lon", "east", "lon 'east' is not a number"),
         ("rssi_dbm", "70", "rssi_dbm 70 is not from -200 to 50 dBm"),
         ("t_s", "nan", "t_s 'nan' is not a number"),
@@ -111,10 +112,11 @@ def test_rows_of_other_cells_are_positions_only():
     mixed = [
         one for row in walk for one in (row | {"cell": "a"}, row | {"cell": "b", "rssi_dbm": "-40"})
     ]
-    followed = GuideFilter(Prior(), cell="a")
-    answers = [followed.answer(row) for row in mixed][1::2]
     alone = _answers(walk)
-    assert [answer.best for answer in answers] == [answer.best for answer in alone]
+    for cell in ("a", None):
+        followed = GuideFilter(Prior(), cell=cell)
+        answers = [followed.answer(row) for row in mixed][1::2]
+        assert [answer.best for answer in answers] == [answer.best for answer in alone]
 
 
 def test_advice_follows_the_streets_of_a_map():
