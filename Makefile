@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 DEMO := demo-out
 
-.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard docs wheels page-map clean
+.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard guidance docs wheels page-map clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -105,6 +105,10 @@ bench: .venv/dev.stamp
 # errors and coverage of every estimator over simulated and measured walks: about half an hour
 scoreboard: .venv/dev.stamp
 	$(BIN)/python benchmarks/accuracy.py
+
+# closed loops of guidance and of its peers, 100 worlds of each noise: some hours
+guidance: .venv/dev.stamp
+	$(BIN)/python benchmarks/guidance.py
 
 # the pages of docs/ as a static site in dist/docs, without a network; warnings are errors
 docs: .venv/docs.stamp

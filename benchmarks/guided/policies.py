@@ -145,7 +145,7 @@ POLICIES: dict[str, Callable[[Walker], Way]] = {
     "fox2": fox2,
     "approach": approach,
 }
-GUIDED = ("one leg", "routes, compass", "routes, street map")
+GUIDED = ("routes, compass", "routes, street map")
 """These follow the product's own advice."""
 
 
