@@ -1,6 +1,6 @@
 """Streets as crossings and the legs between them, from lines in metres."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from heapq import heappop, heappush
 from typing import NamedTuple
 
@@ -15,6 +15,8 @@ _LONGEST_LEG_M = 130.0
 """A longer street is divided, because one may turn back halfway."""
 
 
+_TILE_M = 200.0
+"""Side of the squares in which streets are compared: a map of a city has too many pairs."""
 FARTHEST_M = 3000.0
 """Streets farther from the first position are left out: no walk of an hour gets there."""
 
@@ -132,20 +134,40 @@ def _split_at_crossings(segment: FloatArray) -> FloatArray:
     start, along = segment[:, :2], segment[:, 2:] - segment[:, :2]
     length_m = np.hypot(*along.T)
     found = []
-    for k, (origin, way) in enumerate(zip(start, along, strict=True)):
-        cross = way[0] * along[:, 1] - way[1] * along[:, 0]
-        is_parallel = np.abs(cross) < 1e-9 * length_m[k] * length_m
+    for k, beside in enumerate(_beside(segment)):
+        origin, way, others = start[k], along[k], along[beside]
+        cross = way[0] * others[:, 1] - way[1] * others[:, 0]
+        is_parallel = np.abs(cross) < 1e-9 * length_m[beside] * length_m[k]
         safe = np.where(is_parallel, 1.0, cross)
-        apart = start - origin
-        mine = (apart[:, 0] * along[:, 1] - apart[:, 1] * along[:, 0]) / safe
+        apart = start[beside] - origin
+        mine = (apart[:, 0] * others[:, 1] - apart[:, 1] * others[:, 0]) / safe
         other = (apart[:, 0] * way[1] - apart[:, 1] * way[0]) / safe
-        tolerance = _SNAP_M / length_m
-        is_on = (mine > -tolerance[k]) & (mine < 1.0 + tolerance[k])
-        is_on &= (other > -tolerance) & (other < 1.0 + tolerance) & ~is_parallel
+        tolerance = _SNAP_M / length_m[beside]
+        own_tolerance = _SNAP_M / length_m[k]
+        is_on = (mine > -own_tolerance) & (mine < 1.0 + own_tolerance) & ~is_parallel
+        is_on &= (other > -tolerance) & (other < 1.0 + tolerance)
         at = np.unique(np.clip(np.concatenate([[0.0, 1.0], mine[is_on]]), 0.0, 1.0))
         points = origin + at[:, None] * way
         found.append(np.hstack([points[:-1], points[1:]]))
     return np.concatenate([np.zeros((0, 4)), *found])
+
+
+def _beside(segment: FloatArray) -> Iterator[IntArray]:
+    """For each piece the others that may meet it: those with a tile of the ground in common."""
+    low = np.minimum(segment[:, :2], segment[:, 2:]) - _SNAP_M
+    high = np.maximum(segment[:, :2], segment[:, 2:]) + _SNAP_M
+    first, last = (np.floor(v / _TILE_M).astype(int).tolist() for v in (low, high))
+    tiles = [
+        [(i, j) for i in range(a[0], b[0] + 1) for j in range(a[1], b[1] + 1)]
+        for a, b in zip(first, last, strict=True)
+    ]
+    in_tile: dict[tuple[int, int], list[int]] = {}
+    for k, covered in enumerate(tiles):
+        for tile in covered:
+            in_tile.setdefault(tile, []).append(k)
+    for k, covered in enumerate(tiles):
+        others = {other for tile in covered for other in in_tile[tile]} - {k}
+        yield np.array(sorted(others), np.int64)
 
 
 def _snap(point_m: FloatArray) -> tuple[FloatArray, list[int]]:
