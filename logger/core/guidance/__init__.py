@@ -5,7 +5,7 @@
     information what readings at some points would say, in nats
     routes      ways to consider: eight directions, or the streets of a map
     planner     these by information for each metre
-    advice      when to plan, and what the walker is told
+    advice      when to plan, and what the walker is shown
 
 The information follows Kolchinsky & Tracey, Entropy 19(7), 2017. Positions are in UTM metres.
 Nothing here draws a random number, so a replay gives the same advice to the last bit.

@@ -1,7 +1,7 @@
 """The verdict while walking: as at the desktop, within 60 m, and believed after one more leg.
 
 Two transmitters with one identity, and one that moves, look like one position for a while. So both
-are tried now and then, and a location is told only after the walker has gone on for a block of
+are tried now and then, and a location is reported only after the walker has gone on for a block of
 houses and it still holds.
 """
 

@@ -133,7 +133,7 @@ def divide_in_time(
 ) -> Division | None:
     """The first half of the readings and the second, each with a transmitter of its own.
 
-    A transmitter that moves is told by it. None for several modems, and for a walk too short.
+    It reveals a transmitter that jumps. None for several modems, and for a walk too short.
     """
     prior = posterior.prior
     obs = obs.usable()
