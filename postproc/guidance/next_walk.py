@@ -1,8 +1,8 @@
 """The next walk after recorded ones: routes by what they would say about one cell.
 
-A route's gain is foretold under the model: 95 % radii after it are what the model promises. On
-simulated walks a radius that was foretold for 13 of 100 came true in 4: the figures are optimistic,
-their order is what counts.
+A route's gain is predicted under the model: 95 % radii after it are what the model promises. On
+simulated walks a radius that was predicted for 13 of 100 came true in 4: the figures are
+optimistic, their order is what counts.
 """
 
 from collections.abc import Sequence
@@ -38,11 +38,11 @@ _EFFORT = Effort(most_squares=1500, split_share=0.005, nodes=3, most_blocks=150)
 _LOOP_M = (120.0, 300.0)
 """Sides of squares around a place, walked where no street map is known."""
 _DRAWS = 40
-"""True positions that the radius after a route is foretold for."""
+"""True positions that the radius after a route is predicted for."""
 
 
 class RankedRoute(NamedTuple):
-    """A route, its information in all and for each kilometre, and the radius foretold after it."""
+    """A route, its information in all and for each kilometre, and the radius predicted after it."""
 
     route: Route
     nats: float
