@@ -48,6 +48,8 @@ def files(tmp_path_factory):
     shutil.copy(journal, folder / "DIR")
     with gzip.open(folder / "cells.csv.gz", "wt") as cells:
         cells.write(",".join(COLUMNS) + "\n" + CELL_ROW)
+    database = ["celldb", "import", str(folder / "cells.csv.gz"), "-o", str(folder / "cells.db")]
+    assert commands.run("postproc", *database)[0] == 0
     shutil.copy(ROOT / "tests/drivers/data/sitch_sim800l_mode2.txt", folder / "reply.txt")
     shutil.copy(ROOT / "systemd/site.toml", folder / "site.toml")
     baseline = ["-b", str(folder / "baseline.db")]
