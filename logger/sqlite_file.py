@@ -19,6 +19,16 @@ _LONGEST_BYTES = 64 << 20
 _ALLOWED = frozenset(
     {sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ, sqlite3.SQLITE_FUNCTION, sqlite3.SQLITE_PRAGMA}
 )
+SQLITE_MAGIC = b"SQLite format 3\0"  # sqlite.org/fileformat.html, section 1.2
+
+
+def is_sqlite(path: Path) -> bool:
+    """Whether a file begins as an SQLite database does; no for one that cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC
+    except OSError:
+        return False
 
 
 @contextmanager

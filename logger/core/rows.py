@@ -80,7 +80,7 @@ def numbered_texts(column: npt.NDArray[np.bytes_]) -> tuple[npt.NDArray[np.bytes
     """The different texts of a column in order, and the number of each row's among them.
 
     As `np.unique` with the inverse, which sorts all texts and takes ten times as long: here the
-    texts are told apart by a hash, and compared to make sure.
+    texts are distinguished by a hash, and compared to make sure.
     """
     if not len(column):
         return column, np.zeros(0, np.int64)

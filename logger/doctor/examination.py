@@ -52,7 +52,7 @@ class Examination:
 def examine(
     config_path: Path, seconds: float = TRIAL_S, progress: Callable[[str], None] = lambda _: None
 ) -> Examination:
-    """Make all tests; `progress` is told what each of them is about.
+    """Make all tests; `progress` receives what each of them is about.
 
     If the service is recording, the end of its run is tested; otherwise the service records for
     some seconds into a temporary folder. Raises `ConfigError` for an unusable configuration.

@@ -15,7 +15,7 @@ from logger.page.walk import TABLES, Walk
 
 LOOK_S = 0.1
 BEAT_S = 1.0
-"""Without anything new the phone is told this often that the page is there."""
+"""Without anything new the phone hears this often that the page is there."""
 SILENT_S = 3.0
 """A recorder that has written no status for this long hangs or does not run."""
 MACHINE_S = 5.0

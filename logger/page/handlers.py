@@ -21,7 +21,7 @@ from logger.page.runs import closed_runs, open_regular, open_run
 from logger.page.token import is_token
 
 MOST_STREAMS = 10
-"""Phones that are sent news; further ones are told to come back later."""
+"""Phones that are sent news; further ones are refused until one leaves."""
 CHUNK = 1 << 15
 MOST_OF_MAP = 1 << 20
 """Bytes of one request for the map: tiles are smaller."""

@@ -12,9 +12,10 @@ from pyproj import CRS
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
+from logger.sqlite_file import is_sqlite
 from postproc.basemap.georeferenced import Area, Ground
 from postproc.basemap.pmtiles_file import is_pmtiles, open_pmtiles
-from postproc.basemap.tiles import is_database, open_tiles
+from postproc.basemap.tiles import open_tiles
 from postproc.basemap.world_file import open_picture
 from postproc.pictures.geometry import Box
 from postproc.pictures.survey import Survey
@@ -71,7 +72,7 @@ def read_basemap(
 
 
 def _open(path: Path, area: Area) -> Ground:
-    if is_database(path):
+    if is_sqlite(path):
         return open_tiles(path, area)
     return open_pmtiles(path, area) if is_pmtiles(path) else open_picture(path, area)
 

@@ -26,7 +26,6 @@ MOST_TILES = 64
 """Eight by eight of 256 pixels: as many pixels as the plan can use."""
 _HALF_WORLD_M = math.pi * 6378137.0
 """Half the circumference of Web Mercator's sphere."""
-_MAGIC = b"SQLite format 3\0"
 
 _TABLES = "SELECT name FROM sqlite_master WHERE type IN ('table', 'view')"
 _ZOOMS = "SELECT DISTINCT zoom_level FROM tiles ORDER BY zoom_level DESC"
@@ -80,15 +79,6 @@ class TileMatrix(NamedTuple):
 def _covering(index: FloatArray, count: int) -> range:
     """Those of `count` tiles that cover all fractional indices."""
     return range(max(math.floor(index.min()), 0), min(math.floor(index.max()) + 1, count))
-
-
-def is_database(path: Path) -> bool:
-    """Whether a file is an SQLite database, as both kinds of tile files are."""
-    try:
-        with path.open("rb") as file:
-            return file.read(len(_MAGIC)) == _MAGIC
-    except OSError:
-        return False
 
 
 def open_tiles(path: Path, area: Area) -> Ground:

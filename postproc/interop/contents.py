@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Literal
 
 from logger.core.errors import RunFileError
-from logger.sqlite_file import open_database
+from logger.sqlite_file import SQLITE_MAGIC, open_database
 from postproc.interop import csv_table
 
 Kind = Literal["tables", "xml", "json", "text"]
 
-_SQLITE = b"SQLite format 3\0"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _KINDS = {
     b"%PDF": "a PDF document",
@@ -53,7 +52,7 @@ def look_at(source: Path) -> Contents:
             head = file.read(_HEAD_BYTES)
     except OSError as error:
         raise RunFileError(f"{source}: {error.strerror}") from error
-    if head.startswith(_SQLITE):
+    if head.startswith(SQLITE_MAGIC):
         return _tables(source)
     if head.startswith(_HDF5):
         raise RunFileError(f"{source} is HDF5: a run needs no import")

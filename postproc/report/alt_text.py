@@ -1,12 +1,12 @@
 """Alternative texts: what each picture of a cell shows, in words and numbers."""
 
 from collections.abc import Sequence
-from math import hypot
 
 import numpy as np
 import shapely
 
 from logger.core.arrays import FloatArray
+from logger.core.guidance.sentence import direction
 from logger.core.locator.rivals import share_text
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency
@@ -14,7 +14,7 @@ from postproc.pictures.fit import Fit
 from postproc.pictures.path_loss import ETA, P0
 from postproc.pictures.picture import Picture
 from postproc.pictures.strips import Strips
-from postproc.report.wording import area_text, direction, metres
+from postproc.report.wording import area_text, metres
 from postproc.truth import truth_of
 from postproc.verification.verdicts import CellVerdict
 
@@ -166,11 +166,11 @@ def _truth(picture: Picture) -> list[str]:
 
 def _from_start(picture: Picture, position_m: FloatArray) -> str:
     """Distance and direction from the start of the walk."""
-    east_m, north_m = (position_m - picture.survey.track_m[0]).tolist()
-    distance_m = hypot(east_m, north_m)
+    start_m = picture.survey.track_m[0]
+    distance_m = float(np.linalg.norm(position_m - start_m))
     if distance_m < 1.0:
         return "at the start"
-    return f"{metres(distance_m)} {direction(east_m, north_m)} of the start"
+    return f"{metres(distance_m)} {direction(start_m.tolist(), position_m.tolist())} of the start"
 
 
 def _length_m(strip_m: FloatArray) -> float:

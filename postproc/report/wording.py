@@ -2,24 +2,15 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from math import atan2, degrees, hypot, isfinite
+from math import dist, isfinite
 from typing import NamedTuple
 
 from logger.core.geo import Utm
+from logger.core.guidance.sentence import direction
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.rivals import relevant_modes, whole_percents
 from postproc.result import CellResult
 
-_COMPASS = (
-    "north",
-    "north-east",
-    "east",
-    "south-east",
-    "south",
-    "south-west",
-    "west",
-    "north-west",
-)
 _MOST_POSITIONS = 4
 """Positions of an ambiguous cell that its answer lists; the plan shows all."""
 _LONGEST_WALK_M = 5000.0
@@ -103,11 +94,6 @@ def degrees_text(utm: Utm, x_m: float, y_m: float) -> str:
     return f"{lat_deg:.5f} {lon_deg:.5f}"
 
 
-def direction(east_m: float, north_m: float) -> str:
-    """One of eight directions."""
-    return _COMPASS[round(degrees(atan2(east_m, north_m)) / 45.0) % 8]
-
-
 def time_text(seconds: float) -> str:
     """Time since the start, h:mm:ss."""
     whole = round(seconds)
@@ -136,11 +122,12 @@ def _closer(cell: CellResult, posterior: Posterior) -> str:
     obs = cell.obs
     if obs is None or posterior.at_limit or posterior.r95_m > _LONGEST_WALK_M:
         return "The levels do not show the distance yet: walk to where they are clearly higher."
-    east_m, north_m = posterior.x_m - float(obs.x_m[-1]), posterior.y_m - float(obs.y_m[-1])
-    position = degrees_text(obs.utm, posterior.x_m, posterior.y_m)
+    last_m = (float(obs.x_m[-1]), float(obs.y_m[-1]))
+    position_m = (posterior.x_m, posterior.y_m)
+    position = degrees_text(obs.utm, *position_m)
+    way = f"{metres(dist(last_m, position_m))} {direction(last_m, position_m)}"
     return (
-        f"Walk around the most likely position, {position}. It is "
-        f"{metres(hypot(east_m, north_m))} {direction(east_m, north_m)} of the last reading of "
+        f"Walk around the most likely position, {position}. It is {way} of the last reading of "
         "this cell. Levels from more than one side are the most informative."
     )
 

@@ -163,15 +163,6 @@ def _damage_named(path: Path) -> Iterator[None]:
         raise RunFileError(f"{path} is damaged: {error}; import the exports again") from error
 
 
-def is_celldb(path: Path) -> bool:
-    """Whether the file is an SQLite database."""
-    try:
-        with path.open("rb") as file:
-            return file.read(16) == b"SQLite format 3\0"
-    except OSError:
-        return False
-
-
 def open_celldb(path: Path) -> sqlite3.Connection:
     if not path.is_file():
         raise RunFileError(f"{path}: no such file")

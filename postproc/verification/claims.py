@@ -10,8 +10,9 @@ from pyproj import Geod
 
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.geo import MAX_LATITUDE_DEG, check_position
+from logger.sqlite_file import is_sqlite
 from postproc.verification.cell_export import cell_export
-from postproc.verification.celldb import CellDb, is_celldb
+from postproc.verification.celldb import CellDb
 from postproc.verification.parsing import identity_of
 
 RANGE_SIGMA = 0.5
@@ -88,7 +89,7 @@ def read_claims(path: Path, observed: Sequence[str]) -> list[Claim]:
     Our CSV has columns cell, lat, lon and optionally sigma_m. Cells that a database or an export
     does not know simply have no claim.
     """
-    if is_celldb(path):
+    if is_sqlite(path):
         return _of_database(path, observed)
     try:
         with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:

@@ -53,7 +53,14 @@ class DivisionEffort(NamedTuple):
 
 
 DESK = DivisionEffort(
-    Effort(800, 0.01, nodes=1, first_share=1.0, most_blocks=80, densest=0),
+    Effort(
+        most_squares=800,
+        split_share=0.01,
+        nodes=1,
+        first_share=1.0,
+        densest=0,
+        most_blocks=80,
+    ),
     rivals=3,
     turns=3,
 )
@@ -84,11 +91,13 @@ class Division(NamedTuple):
 
 
 class _Task(NamedTuple):
-    """The walk to divide, and how finely its parts are searched."""
+    """The walk to divide, how finely its parts are searched, and what one transmitter explains."""
 
     walk: Blocks
     prior: Prior
     effort: DivisionEffort
+    trust: float
+    undivided: float  # log evidence of one transmitter
 
 
 class _Part(NamedTuple):
@@ -108,24 +117,17 @@ def divide(
     None as well where `posterior`, of one transmitter, leaves no more than shadowing unexplained,
     and for several modems, whose offsets would divide a walk too. `effort` is that of each part.
     """
-    prior = posterior.prior
-    is_explained = posterior.long_share < _LEAST_LONG_SHARE
     obs = obs.usable()
-    if is_explained or obs.n_modems > 1 or np.count_nonzero(obs.limit == 0) < _FEWEST_READINGS:
+    if posterior.long_share < _LEAST_LONG_SHARE or not _is_divisible(obs):
         return None
-    gathered = blocks(obs, effort.search.most_blocks)
-    walk = gathered.part(np.ones(len(gathered), np.bool_))
+    walk = join([blocks(obs, effort.search.most_blocks)])
     first, *others = _peaks(walk, effort.rivals)
     if not others:
         return None
-    of_parts = prior if effort.noise is None else replace(prior, noise=effort.noise)
-    task = _Task(walk, of_parts, effort)
-    undivided = float(log_sum(_locate_part(task, walk).log_evidence))
-    tries = [_try(task, _nearer(walk, first, other), undivided) for other in others]
-    improved = (_improve(task, one, undivided) for one in tries)
-    best = max((one for one in improved if one is not None), default=None)
-    trust = float(posterior.noise_probability @ prior.noise_table.trust)
-    return best and best._replace(log_factor=trust * best.log_factor)
+    task = _task(walk, posterior, effort)
+    tries = [_try(task, _nearer(walk, first, other)) for other in others]
+    improved = (_improve(task, one) for one in tries)
+    return max((one for one in improved if one is not None), default=None)
 
 
 def divide_in_time(
@@ -135,25 +137,32 @@ def divide_in_time(
 
     It reveals a transmitter that jumps. None for several modems, and for a walk too short.
     """
-    prior = posterior.prior
     obs = obs.usable()
-    if obs.n_modems > 1 or np.count_nonzero(obs.limit == 0) < _FEWEST_READINGS:
+    if not _is_divisible(obs):
         return None
     is_early = np.arange(len(obs)) < len(obs) // 2
     halves = [
         blocks(obs.part(chosen), effort.search.most_blocks // 2) for chosen in (is_early, ~is_early)
     ]
     walk = join(halves)
-    of_parts = prior if effort.noise is None else replace(prior, noise=effort.noise)
-    task = _Task(walk, of_parts, effort)
     in_one = np.arange(len(walk)) < len(halves[0])
-    undivided = float(log_sum(_locate_part(task, walk).log_evidence))
-    best = _try(task, in_one, undivided)
+    task = _task(walk, posterior, effort)
+    best = _try(task, in_one)
+    return best and best.division(task.trust, is_in_time=True)
+
+
+def _is_divisible(obs: CellObservations) -> bool:
+    """Offsets of several modems would divide a walk too, and a short one has no parts."""
+    n_measured = np.count_nonzero(obs.limit == 0)
+    return bool(obs.n_modems <= 1 and n_measured >= _FEWEST_READINGS)
+
+
+def _task(walk: Blocks, posterior: Posterior, effort: DivisionEffort) -> _Task:
+    prior = posterior.prior
     trust = float(posterior.noise_probability @ prior.noise_table.trust)
-    if best is None:
-        return None
-    one, two = best.one, best.two
-    return Division(trust * best.log_factor, (one.x_m, one.y_m), (two.x_m, two.y_m), True)
+    of_parts = prior if effort.noise is None else replace(prior, noise=effort.noise)
+    whole = _locate_part(walk, of_parts, effort.search)
+    return _Task(walk, of_parts, effort, trust, float(log_sum(whole.log_evidence)))
 
 
 class _Try(NamedTuple):
@@ -169,35 +178,37 @@ class _Try(NamedTuple):
     in_one: BoolArray
     stronger: BoolArray
 
+    def division(self, trust: float, *, is_in_time: bool = False) -> Division:
+        one, two = self.one, self.two
+        log_factor = trust * self.log_factor
+        return Division(log_factor, (one.x_m, one.y_m), (two.x_m, two.y_m), is_in_time)
 
-def _try(task: _Task, in_one: BoolArray, undivided: float) -> _Try | None:
+
+def _try(task: _Task, in_one: BoolArray) -> _Try | None:
     """Locate both parts of a walk; None where one of them is too short."""
     walk, prior = task.walk, task.prior
     if min(np.count_nonzero(in_one), np.count_nonzero(~in_one)) < _FEWEST_BLOCKS:
         return None
-    one, two = (_locate_part(task, walk.part(chosen)) for chosen in (in_one, ~in_one))
+    one, two = (
+        _locate_part(walk.part(chosen), prior, task.effort.search) for chosen in (in_one, ~in_one)
+    )
     both = one.log_evidence + two.log_evidence - prior.noise_table.log_odds
     nearest_m = [np.min(_distance_m(walk, part.x_m, part.y_m)) for part in (one, two)]
     stronger = _expected_dbm(one, walk, prior) > _expected_dbm(two, walk, prior)
-    log_factor = float(log_sum(both)) - undivided
+    log_factor = float(log_sum(both)) - task.undivided
     is_passed = bool(max(nearest_m) <= prior.near_m)
     return _Try(log_factor, is_passed, one, two, in_one, stronger)
 
 
-def _improve(task: _Task, best: _Try | None, undivided: float) -> Division | None:
+def _improve(task: _Task, best: _Try | None) -> Division | None:
     """Divide again by which of the two located transmitters is the stronger."""
     tries = [best]
     while best and best.log_factor > _HOPELESS and len(tries) < task.effort.turns:
         if np.array_equal(best.stronger, best.in_one):
             break
-        best = _try(task, best.stronger, undivided)
+        best = _try(task, best.stronger)
         tries.append(best)
-    divisions = [
-        Division(one.log_factor, (one.one.x_m, one.one.y_m), (one.two.x_m, one.two.y_m))
-        for one in tries
-        if one and one.is_passed
-    ]
-    return max(divisions, default=None)
+    return max((one.division(task.trust) for one in tries if one and one.is_passed), default=None)
 
 
 def _nearer(walk: Blocks, first: int, other: int) -> BoolArray:
@@ -207,9 +218,8 @@ def _nearer(walk: Blocks, first: int, other: int) -> BoolArray:
     return np.asarray(to_first_m < to_other_m, np.bool_)
 
 
-def _locate_part(task: _Task, part: Blocks) -> _Part:
-    prior = task.prior
-    tree = search_once(part, prior, task.effort.search)
+def _locate_part(part: Blocks, prior: Prior, effort: Effort) -> _Part:
+    tree = search_once(part, prior, effort)
     log_mass = tree.log_mass()
     log_evidence = np.full(len(prior.hypotheses), _IMPOSSIBLE)
     over_positions = log_sum(tree.evidence.log_p + log_mass - log_sum(log_mass))

@@ -37,21 +37,6 @@ def test_areas_have_two_digits(area_m2, text):
     assert wording.area_text(area_m2) == text
 
 
-@pytest.mark.parametrize(
-    ("east", "north", "text"),
-    [
-        (0, 1, "north"),
-        (1, 1, "north-east"),
-        (1, 0.3, "east"),
-        (0, -1, "south"),
-        (-1, 0, "west"),
-        (-1, 1, "north-west"),
-    ],
-)
-def test_directions_are_those_of_a_compass(east, north, text):
-    assert wording.direction(east, north) == text
-
-
 def test_times():
     assert wording.time_text(3725.4) == "1:02:05"
     assert [wording.duration_text(s) for s in (7.2, 119.0, 1886.0, 7500.0)] == [
