@@ -31,6 +31,7 @@ def suspect(
     """
     from logger.baseline_file import BaselineFile
     from logger.core.runfile import read_sound_run
+    from postproc.progress import with_progress
     from postproc.suspicion import json_form, tables
     from postproc.suspicion.run_assessment import assess_runs
     from postproc.verification.celldb import CellDb
@@ -43,7 +44,9 @@ def suspect(
         if celldb_path is not None:
             database = CellDb(celldb_path)
             stack.callback(database.close)
-        suspicions = assess_runs([read_sound_run(path) for path in paths], baseline, database)
+        suspicions = assess_runs(
+            [read_sound_run(path) for path in paths], baseline, database, with_progress
+        )
     if as_json:
         print(json_form.as_json(suspicions).decode())
     else:

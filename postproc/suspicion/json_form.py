@@ -10,12 +10,15 @@ from postproc.suspicion.run_assessment import Suspicions
 
 
 class FindingJson(msgspec.Struct, frozen=True):
-    """One reason: `t_s` in seconds since the run began, `lat` and `lon` degrees (WGS 84)."""
+    """One reason: `t_s` in seconds since the run began, `lat` and `lon` degrees (WGS 84).
+
+    They are null for a reason that is about the whole run.
+    """
 
     rule: str
     family: str
     text: str
-    t_s: float
+    t_s: float | None
     lat: float | None
     lon: float | None
     evidence: Mapping[str, Value]
@@ -54,11 +57,12 @@ def as_json(suspicions: Suspicions) -> bytes:
 
 
 def _finding(suspicions: Suspicions, finding: Finding) -> FindingJson:
+    seconds = suspicions.seconds(finding)
     return FindingJson(
         finding.rule,
         finding.family,
         finding.text,
-        round(suspicions.seconds(finding), 3),
+        None if seconds is None else round(seconds, 3),
         finding.lat_deg,
         finding.lon_deg,
         finding.evidence,

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 from logger.core.baseline import Baseline
 from logger.core.runfile import Run
@@ -9,7 +10,8 @@ from logger.core.suspicion.finding import Finding
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import Assessment, assess, by_word
-from postproc.suspicion.database_rule import missing_in_database
+from postproc.progress import Progress
+from postproc.suspicion.database_rule import missing_in_database, rejected_positions
 from postproc.verification.celldb import CellDb
 
 
@@ -26,14 +28,19 @@ class Suspicions:
     run_of: dict[int, int]
     not_asked: dict[str, tuple[str, ...]]
 
-    def seconds(self, finding: Finding) -> float:
-        """Time of a finding since its run began."""
+    def seconds(self, finding: Finding) -> float | None:
+        """Time of a finding since its run began; None for one about the whole run."""
+        if not finding.t_ns:
+            return None
         run = self.run_of.get(id(finding), 0)
         return (finding.t_ns - self.start_ns[run]) / 1e9
 
 
 def assess_runs(
-    runs: Sequence[Run], baseline: Baseline | None = None, database: CellDb | None = None
+    runs: Sequence[Run],
+    baseline: Baseline | None = None,
+    database: CellDb | None = None,
+    progress: Progress | None = None,
 ) -> Suspicions:
     """Apply all rules to each run; findings of one cell in several runs count together."""
     findings: dict[str, list[Finding]] = {}
@@ -48,8 +55,11 @@ def assess_runs(
             run_of |= {id(finding): i for finding in cell.findings}
         not_asked.append(tracker.capabilities.not_asked(RULES.values()))
     if database is not None:
-        for finding in missing_in_database(findings, database):
-            findings[finding.cell].append(finding)
+        against = [rejected_positions(run, database, progress) for run in runs]
+        for finding in chain(missing_in_database(findings, database), *against):
+            is_trusted = baseline is not None and baseline.trust_note(finding.cell) is not None
+            if finding.cell in findings and not is_trusted:
+                findings[finding.cell].append(finding)
     cells = by_word([assess(name, found) for name, found in findings.items()])
     return Suspicions(
         tuple(cells), tuple(_start_ns(run) for run in runs), run_of, _everywhere(not_asked)

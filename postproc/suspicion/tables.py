@@ -52,7 +52,8 @@ def reason_text(suspicions: Suspicions, finding: Finding) -> str:
     """A finding with time, place, what else explains it, and its rate."""
     rule = RULES[finding.rule]
     where = "" if finding.lat_deg is None else f", {finding.lat_deg:.5f} {finding.lon_deg:.5f}"
-    when = f" ({suspicions.seconds(finding):.0f} s{where})" if finding.t_ns else ""
+    seconds = suspicions.seconds(finding)
+    when = "" if seconds is None else f" ({seconds:.0f} s{where})"
     return (
         f"{finding.text}{when}. Also seen with: {rule.innocent}. "
         f"{rate_text(rule, finding.nats)} [{rule.id}]"

@@ -3,6 +3,7 @@
 import csv
 import math
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -90,7 +91,8 @@ def read_claims(path: Path, observed: Sequence[str]) -> list[Claim]:
     does not know simply have no claim.
     """
     if is_sqlite(path):
-        return _of_database(path, observed)
+        with closing(CellDb(path)) as database:
+            return claims_of(database, observed)
     try:
         with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
             reader = csv.DictReader(file)
@@ -125,19 +127,17 @@ def _own(row: dict[str, str], path: Path, line: int) -> Claim:
         raise RunFileError(f"{path}: line {line}: {error}") from error
 
 
-def _of_database(path: Path, observed: Sequence[str]) -> list[Claim]:
-    database = CellDb(path)
+def claims_of(database: CellDb, observed: Sequence[str]) -> list[Claim]:
+    """Claims about the observed cells that a database knows; raises `RunFileError` for damage."""
     claims = []
     for name in observed:
         if identity_of(name) is not None:
             known = database.by_identity(name)
             if known:
                 cell = max(known, key=lambda row: row.samples or 0)
-                where = (
-                    f"{path}{' (by the lower 16 bits of its identity)' if cell.short_cid else ''}"
-                )
+                how = " (by the lower 16 bits of its identity)" if cell.short_cid else ""
+                where = f"{database.path}{how}"
                 claims.append(Claim(name, cell.lat, cell.lon, _sigma_m(cell.range_m), where))
-    database.close()
     return claims
 
 

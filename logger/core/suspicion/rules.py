@@ -196,6 +196,13 @@ _ROWS = (
         0.7, (0, 0, "not measured"),
     ),
     _rule(
+        "S10", "place", ("identity", "level", "position", "cell database"),
+        "a test of the whole walk rejects the position at a level of 1 %",
+        "the levels reject its position in the database by {apart_m} m (p = {p})",
+        "a wrong or old position in the database, hills and tall buildings",
+        0.25, (3, 161, "161 measured walks past surveyed cells"),
+    ),
+    _rule(
         "T1", "timing", ("identity", "timing advance", "position"),
         "5 rings at places 50 m apart, more than 20 % of the pairs disjoint",
         "{share:.0%} of its distances by timing advance exclude each other",
