@@ -1,42 +1,17 @@
-"""Loops over readings in machine code.
+"""Loops over readings, in machine code where numba is installed.
 
-numba compiles them at the first call and keeps the result on disk for the next start. The steps
-are `ekf.step` and `shadow_ekf.step` themselves, so the device and the desk run the same filters.
+The steps are `ekf.step` and `shadow_ekf.step` themselves, so the device and the desk run the same
+filters.
 """
 
 from collections.abc import Callable
-from hashlib import sha256
-from pathlib import Path
-from types import ModuleType
-from typing import Any
-
-from numba import njit
-from numba.extending import register_jitable
 
 from logger.core import ekf, shadow_ekf
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.ekf import EkfState
 from logger.core.model import path_loss
 from logger.core.shadow_ekf import ShadowNoise, ShadowState
-
-
-def jit(function: Callable[..., Any]) -> Any:
-    """The function in machine code, cached on disk where a cache can be written."""
-    try:
-        return njit(cache=True)(function)
-    except RuntimeError:  # no directory for the cache
-        return njit(function)
-
-
-def _compilable(module: ModuleType, *names: str) -> str:
-    """Let numba compile functions of a module where they are called; the hash of its source.
-
-    numba's cache notices a change of what a function closes over, not of what it calls. So each
-    loop closes over the hash of the module that its step comes from.
-    """
-    for name in names:
-        register_jitable(getattr(module, name))
-    return sha256(Path(str(module.__file__)).read_bytes()).hexdigest()
+from postproc.estimators.machine_code import callable_in_loops, jit, jitable
 
 
 def _reference_loop(source: str) -> Callable[..., EkfState]:
@@ -65,7 +40,7 @@ def _reference_loop(source: str) -> Callable[..., EkfState]:
 
 
 def _shadow_loop(source: str) -> Callable[..., ShadowState]:
-    step, shadowing_given_rest = shadow_ekf.step, register_jitable(_shadowing_given_rest)
+    step, shadowing_given_rest = shadow_ekf.step, jitable(_shadowing_given_rest)
 
     def loop(
         state: ShadowState,
@@ -133,12 +108,12 @@ def _smooth(
             row -= 1
 
 
-_MODEL = _compilable(path_loss, "level_gradient")
-_SHADOW = _compilable(
+_MODEL = callable_in_loops(path_loss, "level_gradient")
+_SHADOW = callable_in_loops(
     shadow_ekf, "shadow_correlation", "_move", "_bierman", "_shift", "_beyond_limit", "step"
 )
 
-reference = jit(_reference_loop(_MODEL + _compilable(ekf, "jacobian", "step")))
+reference = jit(_reference_loop(_MODEL + callable_in_loops(ekf, "jacobian", "step")))
 """`ekf.step` for each reading, bit for bit; returns the last state.
 
 Fills `innovation` (2, n) with innovations and variances, and after the readings `rows` fills

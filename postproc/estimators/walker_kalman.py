@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from postproc.estimators.kernels import jit
+from postproc.estimators.machine_code import jit
 
 STUDENT_DOF = 4.0  # heavy tails, and still a finite variance
 _START_VARIANCE = np.array([1e8, 25.0, 1.0])

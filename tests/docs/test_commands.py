@@ -4,9 +4,11 @@ import gzip
 import re
 import shlex
 import shutil
+from pathlib import Path
 
 import pytest
 
+from logger import probe
 from logger.core.runfile import finish_journal
 from postproc.verification.cell_export import COLUMNS
 from tests.docs import commands, known_names
@@ -97,8 +99,12 @@ def test_other_commands_name_what_exists(line):
     match _words(line):
         case ["make", target]:
             assert target in known_names.make_targets()
-        case ["pip", "install", package]:
+        case ["pip" | "pipx", "install", package]:
             assert package == "." or package.strip(".[]") in known_names.extras()
+        case ["cp", source, target]:
+            assert Path(source).name == Path(target).name == "site.toml"
+        case ["scp", source, "."]:
+            assert Path(source).parent.name == probe.SERVICE_FOLDER.name
         case ["systemctl", "start", unit]:
             assert (ROOT / "systemd" / f"{unit}.service").is_file()
         case [script] if script.startswith("./"):
