@@ -27,7 +27,6 @@ TERMS = {
     "262-01-4711-100": "name of a cell in an example",
     "pip install --no-compile": "option of pip",
     "du -sm": "command of Unix",
-    "scp": "command of OpenSSH",
     "null": "JSON",
     "number": "field of a journal frame",
     "run": "field of a journal frame",
