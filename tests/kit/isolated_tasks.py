@@ -69,3 +69,11 @@ def compute(_path):
 
 def wait(_path):
     signal.pause()
+
+
+def parent(_path):
+    return os.getppid(), {}
+
+
+def length(path):
+    return path.stat().st_size, {}

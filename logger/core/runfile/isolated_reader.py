@@ -1,8 +1,9 @@
-"""The separate process that reads an untrusted HDF5 file (see `isolation`)."""
+"""The process that forks for each untrusted HDF5 file, and what a fork does (see `isolation`)."""
 
 import os
 import pickle
 import resource
+import socket
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -13,15 +14,41 @@ import msgspec
 import numpy as np
 
 from logger.core.errors import RunFileError
-from logger.core.runfile.isolation import HEAD_BYTES, Arrays, Job, Reply
+from logger.core.runfile.isolation import HEAD_BYTES, STATUS_BYTES, Arrays, Job, Reply
+
+_IDLE_S = 10.0
+"""A program that reads several runs reads the next one by then; others need no server."""
 
 
 def main() -> None:
-    """Do the job on stdin, and write what comes of it to stdout."""
-    job: Job = pickle.load(sys.stdin.buffer)  # noqa: S301 (from the process that started this one)
-    # what is printed must not come between the parts of the reply
-    with os.fdopen(os.dup(sys.stdout.fileno()), "wb", buffering=0) as out:
-        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    """Fork for each job that comes through the socket on stdin, until none comes for a while."""
+    with socket.socket(fileno=sys.stdin.fileno()) as jobs:
+        jobs.settimeout(_IDLE_S)
+        with suppress(EOFError, OSError):
+            while True:
+                job, out = _next_job(jobs)
+                fork = os.fork()
+                if not fork:
+                    _do(job, out)
+                os.close(out)
+                status = os.waitstatus_to_exitcode(os.waitpid(fork, 0)[1])
+                jobs.sendall(status.to_bytes(STATUS_BYTES, "little", signed=True))
+
+
+def _next_job(jobs: socket.socket) -> tuple[Job, int]:
+    """A job and the pipe for its reply; raises EOFError where nobody asks any more."""
+    head, pipes, _, _ = socket.recv_fds(jobs, HEAD_BYTES, 1)
+    if not head:
+        raise EOFError
+    jobs.settimeout(None)
+    data = jobs.recv(int.from_bytes(head, "little"), socket.MSG_WAITALL)
+    jobs.settimeout(_IDLE_S)
+    return pickle.loads(data), pipes[0]  # noqa: S301 (from the process that started this one)
+
+
+def _do(job: Job, pipe: int) -> None:
+    """What a fork does, and its end."""
+    with os.fdopen(pipe, "wb", buffering=0) as out:
         _limit(job)
         _send(out, *_outcome(job))
     os._exit(0)  # what a damaged file has left in the library is not cleaned up
@@ -29,6 +56,7 @@ def main() -> None:
 
 def _outcome(job: Job) -> tuple[Reply, Arrays]:
     try:
+        os.chdir(job.folder)
         value, arrays = job.task(job.path, *job.arguments)
     except RunFileError as error:
         return Reply(error=str(error)), {}
@@ -42,7 +70,7 @@ def _outcome(job: Job) -> tuple[Reply, Arrays]:
 
 def _limit(job: Job) -> None:
     """Bound memory and time, and load no plug-in."""
-    limits = {resource.RLIMIT_CORE: 0, resource.RLIMIT_CPU: _cpu_s() + job.cpu_s}
+    limits = {resource.RLIMIT_CORE: 0, resource.RLIMIT_CPU: 1 + job.cpu_s}
     if memory := _address_space_bytes():
         limits[resource.RLIMIT_AS] = memory + job.memory_bytes
     for what, most in limits.items():
@@ -50,12 +78,6 @@ def _limit(job: Job) -> None:
             resource.setrlimit(what, (most, resource.getrlimit(what)[1]))
     for _ in range(h5py.h5pl.size()):
         h5py.h5pl.remove(0)
-
-
-def _cpu_s() -> int:
-    """What the start has taken, rounded up."""
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    return int(used.ru_utime + used.ru_stime) + 1
 
 
 def _address_space_bytes() -> int:

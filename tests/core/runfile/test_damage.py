@@ -95,7 +95,7 @@ def _flips(n):
     )
 
 
-@_flips(200)
+@_flips(50)
 def test_random_flips(journal, holders, tmp_path, n):
     rng = random.Random(7)
     for _ in range(n):
@@ -105,7 +105,7 @@ def test_random_flips(journal, holders, tmp_path, n):
         _damaged(tmp_path / "hit.journal", bytes(data), journal, holders)
 
 
-@_flips(200)
+@_flips(50)
 def test_random_splices(journal, holders, tmp_path, n):
     """Pieces of it in any order, doubled, with noise and with a foreign journal between."""
     runs.write_journal(

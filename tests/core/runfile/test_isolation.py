@@ -1,6 +1,9 @@
 """Whatever ends the process that reads a file is one error in the one that asked."""
 
 import os
+import signal
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
@@ -76,7 +79,63 @@ def test_nothing_is_imported_from_the_folder_of_the_file(file, monkeypatch):
     assert isolation.run_isolated(file, isolated_tasks.chatter) == (None, {})
 
 
+def test_one_server_forks_for_all_files(file):
+    parents = {isolation.run_isolated(file, isolated_tasks.parent)[0] for _ in range(3)}
+    assert parents == {isolation._servers[-1]._process.pid}
+
+
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL])
+def test_a_server_that_has_ended_is_started_again(file, end):
+    first, _ = isolation.run_isolated(file, isolated_tasks.parent)
+    os.kill(first, end)
+    second, _ = isolation.run_isolated(file, isolated_tasks.parent)
+    assert second != first
+
+
+def test_a_server_without_jobs_ends_by_itself(file, monkeypatch):
+    isolation.close_server()
+    program = "from logger.core.runfile import isolated_reader as r; r._IDLE_S = 0.1; r.main()"
+    monkeypatch.setattr(isolation, "_PROGRAM", program)
+    assert isolation.run_isolated(file, isolated_tasks.chatter) == (None, {})
+    assert isolation._servers[-1]._process.wait(10) == 0
+    assert isolation.run_isolated(file, isolated_tasks.chatter) == (None, {})
+    isolation.close_server()
+
+
+def test_a_path_is_relative_to_the_folder_of_now(file, monkeypatch):
+    isolation.run_isolated(file, isolated_tasks.chatter)
+    monkeypatch.chdir(file.parent)
+    length, _ = isolation.run_isolated(Path(file.name), isolated_tasks.length)
+    assert length == 1000
+
+
+def test_threads_wait_for_each_other(file):
+    with ThreadPoolExecutor(4) as pool:
+        asked = [
+            pool.submit(isolation.run_isolated, file, isolated_tasks.succeed, i) for i in range(20)
+        ]
+        assert [one.result()[0] for one in asked] == list(range(20))
+
+
+def test_a_forked_process_has_a_server_of_its_own(file):
+    ours, _ = isolation.run_isolated(file, isolated_tasks.parent)
+    reading, writing = os.pipe()
+    fork = os.fork()
+    if not fork:
+        theirs, _ = isolation.run_isolated(file, isolated_tasks.parent)
+        isolation.close_server()
+        os.write(writing, str(theirs).encode())
+        os._exit(0)
+    assert os.waitpid(fork, 0)[1] == 0
+    theirs = int(os.read(reading, 100))
+    os.close(reading)
+    os.close(writing)
+    assert theirs != ours
+    assert isolation.run_isolated(file, isolated_tasks.parent)[0] == ours
+
+
 def test_no_process_is_left(file):
     isolation.run_isolated(file, isolated_tasks.chatter)
+    isolation.close_server()
     with pytest.raises(ChildProcessError):
         os.waitpid(-1, os.WNOHANG)
