@@ -3,6 +3,7 @@
 import json
 import socket
 import stat
+from contextlib import suppress
 
 import pytest
 
@@ -27,6 +28,14 @@ def _reader(address):
     reader.settimeout(5)
     reader.connect(address)
     return reader
+
+
+def _listens(path):
+    """The file is there a moment before the socket listens."""
+    with socket.socket(socket.AF_UNIX) as reader, suppress(OSError):
+        reader.connect(str(path))
+        return True
+    return False
 
 
 def _free_port():
@@ -117,7 +126,7 @@ def test_the_feed_of_a_running_service(tmp_path):
         settings = f'[status]\nfeed = "{path}"\n'
         site = service.site_toml(tmp_path, modem.path, gnss.path, settings)
         with service.running_service(site) as logger:
-            service.wait_for(path.exists)
+            service.wait_for(lambda: _listens(path))
             with _reader(str(path)) as reader:
                 lines = reader.makefile("rb")
                 service.wait_for(lambda: json.loads(lines.readline())["readings"] > 0)
