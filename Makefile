@@ -18,9 +18,9 @@ demo: .venv/post.stamp
 	@echo "== done: open $(DEMO)/run.html in a browser,"
 	@echo "   or the walk in the viewer: $(BIN)/postproc view $(DEMO)/run.rrd"
 
-# Two processes, because many tests wait for a service in real time. WORKERS=0 runs the tests one
-# after another, for a debugger.
-WORKERS ?= 2
+# Four processes for two processors, because many tests wait for a service in real time; WORKERS=0
+# runs the tests one after another, for a debugger.
+WORKERS ?= 4
 test: lint
 	$(BIN)/pytest -m "not slow" -n $(WORKERS) --dist worksteal
 
