@@ -26,6 +26,7 @@ from postproc.report.cli import report
 from postproc.reproductions.position_verification.cli import verify_theory
 from postproc.reproductions.toa.cli import toa
 from postproc.reproductions.validate.cli import validate
+from postproc.survey.cli import survey
 from postproc.suspicion.cli import suspect
 from postproc.verification.cli import celldb, verify
 from postproc.view.cli import view
@@ -52,7 +53,8 @@ def program() -> None:
 
 for _command in (
     import_, export, share, view, plot, report, recover,
-    guide, next_command, suspect, toa, validate, verify, verify_theory, celldb, baseline, compare,
+    guide, next_command, suspect, toa, validate, verify, verify_theory, celldb, baseline,
+    compare, survey,
 ):  # fmt: skip
     program.add_command(_command)
 

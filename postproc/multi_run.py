@@ -81,7 +81,7 @@ def parts_by_cell(runs: Sequence[ObservedRun], cells: Collection[str]) -> dict[s
 def modems_of(runs: Sequence[Run]) -> list[int]:
     """Number of each run's modem; two runs have the same only if both certainly name the same."""
     known: dict[Hashable, int] = {}
-    return [known.setdefault(_modem(run) or i, len(known)) for i, run in enumerate(runs)]
+    return [known.setdefault(modem_identity(run) or i, len(known)) for i, run in enumerate(runs)]
 
 
 def merge(parts: Parts, modems: Sequence[int]) -> CellObservations:
@@ -127,8 +127,11 @@ def _number_from_zero(numbers: Sequence[int]) -> list[int]:
     return [known.setdefault(number, len(known)) for number in numbers]
 
 
-def _modem(run: Run) -> Hashable | None:
-    """Identity of a run's modem: its port, with the boot where the port has no serial number."""
+def modem_identity(run: Run) -> Hashable | None:
+    """Identity of a run's modem: its port, with the boot where the port has no serial number.
+
+    None where the run does not name it.
+    """
     try:
         modem = tomllib.loads(run.meta.config_text).get("modem")
     except tomllib.TOMLDecodeError:

@@ -1,27 +1,13 @@
 """Runs added to a baseline, one after the other, while the next ones are read."""
 
-from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 
-from logger.core.errors import FieldLoggerError, RunFileError
-from logger.core.runfile import Run, read_small_runs, read_sound_run
+from logger.core.errors import FieldLoggerError
 from postproc.baseline.store import BaselineStore
 from postproc.baseline.walk_summary import WalkSummary, summarise_walk
-
-_READ_AHEAD = 2
-"""Groups of runs, each read by a process of its own while this one stores the last."""
-_SMALL_BYTES = 1 << 20
-"""A walk of hours; for a larger file the start of a process does not matter."""
-_TOGETHER = 16
-"""Small files that one process reads: it starts in the time in which it reads ten of them."""
-
-Outcome = WalkSummary | FieldLoggerError
-"""What reading a run gave."""
+from postproc.read_ahead import read_ahead
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,49 +32,11 @@ def add_runs(store: BaselineStore, paths: Sequence[Path]) -> Iterator[Added]:
 
     Each run is durable when it is yielded. A run that cannot be read does not stop the others.
     """
-    with ThreadPoolExecutor(_READ_AHEAD) as readers:
-        waiting: deque[Future[list[Outcome]]] = deque()
-        rest = iter(_groups(paths))
-        try:
-            for group in _groups(paths):
-                while len(waiting) < _READ_AHEAD and (ahead := next(rest, None)) is not None:
-                    waiting.append(readers.submit(_read_group, ahead))
-                for path, outcome in zip(group, waiting.popleft().result(), strict=True):
-                    yield _add(store, path, outcome)
-        finally:
-            readers.shutdown(cancel_futures=True)
+    for path, outcome in read_ahead(paths, summarise_walk):
+        yield _add(store, path, outcome)
 
 
-def _groups(paths: Sequence[Path]) -> Iterator[list[Path]]:
-    """Paths in their order, small HDF5 files together."""
-    for are_small, some in groupby(paths, _is_small):
-        together = list(some)
-        size = _TOGETHER if are_small else 1
-        yield from (together[i : i + size] for i in range(0, len(together), size))
-
-
-def _is_small(path: Path) -> bool:
-    try:
-        return path.suffix == ".h5" and path.stat().st_size <= _SMALL_BYTES
-    except (OSError, ValueError):  # reading it will state why
-        return False
-
-
-def _read_group(paths: Sequence[Path]) -> list[Outcome]:
-    if len(paths) > 1:
-        with suppress(RunFileError):
-            return [_outcome(run) for run in read_small_runs(paths)]
-    return [_outcome(path) for path in paths]
-
-
-def _outcome(run: Run | Path) -> Outcome:
-    try:
-        return summarise_walk(read_sound_run(run) if isinstance(run, Path) else run)
-    except FieldLoggerError as error:
-        return error
-
-
-def _add(store: BaselineStore, path: Path, outcome: Outcome) -> Added:
+def _add(store: BaselineStore, path: Path, outcome: WalkSummary | FieldLoggerError) -> Added:
     try:
         if isinstance(outcome, FieldLoggerError):
             raise outcome

@@ -4,7 +4,7 @@ import pytest
 
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_small_runs
-from postproc.baseline import addition
+from postproc import read_ahead
 from postproc.baseline.addition import add_runs
 from postproc.baseline.store import BaselineStore
 from tests.postproc.baseline.walks import two_cells, write_walk
@@ -28,9 +28,11 @@ def test_small_files_are_read_by_few_processes(tmp_path, runs, monkeypatch):
         groups.append(len(paths))
         return read_small_runs(paths)
 
-    monkeypatch.setattr(addition, "read_small_runs", read)
-    monkeypatch.setattr(addition, "_TOGETHER", 3)
-    monkeypatch.setattr(addition, "read_sound_run", lambda path: pytest.fail(f"{path} read alone"))
+    monkeypatch.setattr(read_ahead, "read_small_runs", read)
+    monkeypatch.setattr(read_ahead, "_TOGETHER", 3)
+    monkeypatch.setattr(
+        read_ahead, "read_sound_run", lambda path: pytest.fail(f"{path} read alone")
+    )
     results = added(tmp_path, runs[:6])
     assert sorted(groups) == [3, 3]
     assert [result.walk for result in results] == [1, 2, 3, 4, 5, 6]
@@ -51,7 +53,7 @@ def test_a_bad_file_spoils_no_other(tmp_path, runs, at):
 
 
 def test_journals_and_large_files_are_read_alone(tmp_path, runs, monkeypatch):
-    monkeypatch.setattr(addition, "_SMALL_BYTES", 0)
-    monkeypatch.setattr(addition, "read_small_runs", lambda _: pytest.fail("read together"))
+    monkeypatch.setattr(read_ahead, "_SMALL_BYTES", 0)
+    monkeypatch.setattr(read_ahead, "read_small_runs", lambda _: pytest.fail("read together"))
     paths = [runs[0], runs[1].with_suffix(".journal"), runs[2]]
     assert [result.walk for result in added(tmp_path, paths)] == [1, 2, 3]

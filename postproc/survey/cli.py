@@ -1,0 +1,69 @@
+"""The commands `postproc survey ...`."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from logger.command_line import FILE, PATH, json_option
+from postproc.survey.libraries import check_libraries
+
+folder_argument = click.argument("folder", type=FILE, metavar="SURVEY")
+
+
+@click.group(no_args_is_help=False)
+def survey() -> None:
+    """Many runs of many walkers: where every cell of a city stands.
+
+    SURVEY is a folder that `survey add` makes.
+    """
+
+
+@survey.command
+@click.argument("paths", type=PATH, nargs=-1, required=True, metavar="DIR...")
+@click.option("-o", "--output", "folder", type=FILE, required=True, metavar="SURVEY",
+              help="The folder of the survey; it is made if there is none.")  # fmt: skip
+@click.option("--logger", metavar="NAME",
+              help="Who recorded these runs (default: a pseudonym of each modem).")  # fmt: skip
+@json_option
+def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: bool) -> int:
+    """Add the runs and logs of folders to a survey.
+
+    A run that is in the survey is not added again. Damaged ones are left out; the exit code is 3
+    if there was one. The command may be stopped at any time and repeated.
+    """
+    check_libraries("pyarrow")
+    from logger.core.errors import ConfigError
+    from logger.core.printable import printable
+    from logger.core.runfile import SOMETHING_LOST
+    from postproc.json_text import as_json as json_text
+    from postproc.progress import with_progress
+    from postproc.survey.dataset import Survey
+    from postproc.survey.intake import add_files
+    from postproc.survey.sources import files_of
+
+    files = files_of(paths)
+    if not files:
+        raise ConfigError("these folders have no run and no log")
+    if logger is not None and not (logger.isprintable() and 0 < len(logger) <= 64):
+        raise ConfigError("--logger is a name of 1 to 64 characters")
+    work = add_files(Survey.open_or_make(folder), files, logger)
+    results = list(with_progress(work, "adding", len(files), [path.name for path in files]))
+    failed = [result for result in results if result.problem]
+    for result in failed:
+        print(f"left out: {printable(result.problem)}", file=sys.stderr)
+    whole = Survey.open(folder)
+    n_cells = len(whole.cells())
+    if as_json:
+        rows = [asdict(result) | {"path": str(result.path)} for result in results]
+        print(json_text({"survey": str(folder), "runs": len(whole.runs), "cells": n_cells,
+                         "left_out": len(failed), "files": rows}))  # fmt: skip
+    else:
+        n_known = sum(result.is_known for result in results)
+        n_added = len(results) - n_known - len(failed)
+        known = f", {n_known} in it already" if n_known else ""
+        left = f", {len(failed)} left out" if failed else ""
+        print(f"{folder}: {n_added} added{known}{left}; {len(whole.runs)} runs, {n_cells} cells")
+    return SOMETHING_LOST if failed else 0

@@ -1,0 +1,222 @@
+"""What a survey holds, as far as its batches are complete."""
+
+import fcntl
+import json
+import secrets
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from logger.core.errors import ConfigError, RunFileError
+from logger.core.geo import Utm
+from logger.core.observations import CellObservations
+from postproc.survey import layout
+from postproc.survey.walk_readings import SurveyRun
+
+_FORMAT = {"format": "cellwalk survey", "version": 1}
+_ARRAYS = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
+
+
+class SurveyCell(NamedTuple):
+    """A cell of a survey: readings with a position, scans that named it, and runs."""
+
+    cell: str
+    rat: str
+    area: str
+    n_readings: int
+    n_scans: int
+    n_runs: int
+
+
+@dataclass(frozen=True)
+class Survey:
+    """A survey at one moment: the batches that were complete when it was opened."""
+
+    folder: Path
+    batches: tuple[str, ...]
+    salt: str
+
+    @classmethod
+    def open(cls, folder: Path) -> Self:
+        """Raises `RunFileError` for a folder that is no survey or lacks files."""
+        try:
+            about: dict[str, Any] = json.loads(layout.description(folder).read_text())
+        except FileNotFoundError:
+            raise RunFileError(f"{folder} is no survey; `postproc survey add` makes one") from None
+        except (OSError, ValueError) as error:
+            raise RunFileError(f"{folder} cannot be read as a survey: {error}") from error
+        if {name: about.get(name) for name in _FORMAT} != _FORMAT:
+            raise RunFileError(f"{folder} is a survey of another version of this program")
+        batches = sorted(path.stem for path in (folder / "runs").glob("*.parquet"))
+        survey = cls(folder, tuple(batches), str(about.get("salt", "")))
+        for batch in batches:
+            survey.check(batch)
+        return survey
+
+    @classmethod
+    def open_or_make(cls, folder: Path) -> Self:
+        """The survey of a folder, a new one in a folder that is empty or not there."""
+        if not layout.description(folder).exists():
+            if folder.exists() and any(folder.iterdir()):
+                raise ConfigError(f"{folder} has other files; choose an empty or a new folder")
+            folder.mkdir(parents=True, exist_ok=True)
+            part = folder / "survey.json.part"
+            part.write_text(json.dumps(_FORMAT | {"salt": secrets.token_hex(8)}))
+            part.replace(layout.description(folder))
+        return cls.open(folder)
+
+    def check(self, batch: str) -> None:
+        """Raise `RunFileError` where a file of a batch is missing or has another size."""
+        path = layout.runs_file(self.folder, batch)
+        try:
+            sizes = json.loads(pq.read_schema(path).metadata[layout.FILES_KEY])
+        except (OSError, ValueError, LookupError, TypeError, pa.ArrowException) as error:
+            raise RunFileError(f"{path} is damaged: {error}") from error
+        for name, size in sizes.items():
+            file = self.folder / name
+            if not file.is_file() or file.stat().st_size != size:
+                raise RunFileError(
+                    f"{file} is missing or damaged: remove {path} and add its runs again"
+                )
+
+    @cached_property
+    def runs(self) -> dict[str, SurveyRun]:
+        """All runs by digest, in the order in which they began."""
+        rows = [
+            SurveyRun(**row)
+            for batch in self.batches
+            for row in pq.read_table(layout.runs_file(self.folder, batch)).to_pylist()
+        ]
+        rows.sort(key=lambda run: (run.began_utc_ns or 0, run.digest))
+        return {run.digest: run for run in rows}
+
+    @cached_property
+    def cells_of_runs(self) -> pa.Table:
+        """What each run heard of each cell (`layout.CELLS`)."""
+        files = [layout.cells_file(self.folder, batch) for batch in self.batches]
+        tables = [pq.read_table(file) for file in files]
+        return pa.concat_tables(tables) if tables else layout.CELLS.empty_table()
+
+    @cached_property
+    def rats(self) -> dict[str, str]:
+        """Technology of each cell, empty where it is unknown."""
+        return {cell.cell: cell.rat for cell in self.cells()}
+
+    def cells(self, runs: Sequence[str] | None = None) -> list[SurveyCell]:
+        """Cells that all runs heard, or some of them, by area and name."""
+        heard = self.cells_of_runs
+        if runs is not None:
+            heard = heard.filter(pc.field("run").isin(list(runs)))
+        sums = heard.group_by("cell").aggregate(
+            [("rat", "max"), ("n_readings", "sum"), ("n_scans", "sum"), ("run", "count")]
+        )
+        cells = [
+            SurveyCell(
+                row["cell"],
+                row["rat_max"],
+                layout.area_of(row["cell"]),
+                row["n_readings_sum"],
+                row["n_scans_sum"],
+                row["run_count"],
+            )
+            for row in sums.to_pylist()
+        ]
+        return sorted(cells, key=lambda cell: (cell.area, cell.cell))
+
+    def rows(self, area: str, cells: Sequence[str] | None = None) -> pa.Table:
+        """Readings of some cells of an area, or of all (`layout.READINGS`)."""
+        files = [layout.readings_file(self.folder, area, batch) for batch in self.batches]
+        chosen = None if cells is None else pc.field("cell").isin(list(cells))
+        tables = [
+            pq.read_table(file, filters=chosen, partitioning=None, read_dictionary=["cell", "run"])
+            for file in files
+            if file.exists()
+        ]
+        if not tables:
+            return layout.READINGS.empty_table()
+        return pa.concat_tables(tables).unify_dictionaries()
+
+    def observations(
+        self, area: str, cells: Sequence[str], runs: Sequence[str] | None = None
+    ) -> dict[str, dict[str, CellObservations]]:
+        """Readings by cell and, in the order in which these began, by digest of the run.
+
+        Equal to the readings of `postproc smooth` of each run. `runs` chooses some of them.
+        """
+        table = self.rows(area, cells)
+        order = {digest: i for i, digest in enumerate(self.runs)}
+        wanted = set(order if runs is None else runs)
+        series: dict[str, dict[str, CellObservations]] = {}
+        for cell, run, rows in _series(table):
+            if run in wanted:
+                series.setdefault(cell, {})[run] = _observations(
+                    cell, self.rats[cell] or None, rows
+                )
+        return {
+            cell: dict(sorted(by_run.items(), key=lambda item: order[item[0]]))
+            for cell, by_run in sorted(series.items())
+        }
+
+    @contextmanager
+    def exclusive(self) -> Iterator[None]:
+        """Change the survey alone, without the files that a killed program has left."""
+        with (self.folder / ".lock").open("w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise RunFileError(
+                    f"{self.folder} is being changed by another program; try again when it has "
+                    "ended"
+                ) from None
+            self._remove_leftovers()
+            yield
+
+    def _remove_leftovers(self) -> None:
+        for path in self.folder.glob("*/**/*"):
+            if path.suffix == ".part" or (
+                path.suffix == ".parquet" and path.stem not in self.batches
+            ):
+                path.unlink(missing_ok=True)
+
+
+def _series(table: pa.Table) -> Iterator[tuple[str, str, dict[str, np.ndarray[Any, Any]]]]:
+    """Rows of each cell of each run, of which one batch has all, in their order."""
+    if not len(table):
+        return
+    cell, run = (table["cell"].combine_chunks(), table["run"].combine_chunks())
+    columns = {name: table[name].to_numpy() for name in (*_ARRAYS, "zone", "ta")}
+    cell_of, run_of = cell.indices.to_numpy(), run.indices.to_numpy()
+    change = np.flatnonzero((np.diff(cell_of) != 0) | (np.diff(run_of) != 0)) + 1
+    for first, end in zip([0, *change.tolist()], [*change.tolist(), len(table)], strict=True):
+        rows = {name: values[first:end] for name, values in columns.items()}
+        yield (
+            cell.dictionary[int(cell_of[first])].as_py(),
+            run.dictionary[int(run_of[first])].as_py(),
+            rows,
+        )
+
+
+def _observations(
+    cell: str, rat: str | None, rows: dict[str, np.ndarray[Any, Any]]
+) -> CellObservations:
+    ta = rows["ta"].astype(np.int64)
+    return CellObservations(
+        cell=cell,
+        rat=rat,
+        utm=Utm(int(rows["zone"][0])),
+        t_ns=rows["t_ns"],
+        x_m=rows["x_m"],
+        y_m=rows["y_m"],
+        position_sigma_m=rows["position_sigma_m"],
+        level_dbm=rows["level_dbm"],
+        scan_seq=rows["scan_seq"],
+        ta=ta if np.any(ta >= 0) else None,
+    )

@@ -1,0 +1,86 @@
+"""Runs added to a survey: each once, damaged ones left out, complete batches only."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from logger.core.errors import FieldLoggerError
+from logger.core.runfile import Run, read_sound_run
+from postproc.interop.importing import import_walk
+from postproc.read_ahead import read_ahead
+from postproc.survey.dataset import Survey
+from postproc.survey.parquet_batch import Batch
+from postproc.survey.sources import is_run
+from postproc.survey.walk_readings import WalkReadings, readings_of, with_name
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """What became of a file: added, in the survey already, or left out because of `problem`."""
+
+    path: Path
+    digest: str = ""
+    n_readings: int = 0
+    n_cells: int = 0
+    is_known: bool = False
+    problem: str = ""
+
+
+def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) -> Iterator[Added]:
+    """Add each run that is not in the survey, and yield what became of each file.
+
+    What is yielded is durable at the end of a batch; the last one ends with the iteration. A file
+    that cannot be read does not stop the others. Raises `RunFileError` where nothing can be
+    written.
+    """
+    with survey.exclusive():
+        known = {run.digest: "" for run in survey.runs.values()}
+        known |= {run.content: "" for run in survey.runs.values()}
+        states = {run.run_id: run.name for run in survey.runs.values()}
+        number = max((int(batch) for batch in survey.batches), default=0)
+        batch = Batch()
+        for path, walk in _walks(files, survey.salt, logger):
+            if isinstance(walk, FieldLoggerError):
+                yield Added(path, problem=with_name(path, walk))
+                continue
+            run = walk.run
+            if run.digest in known or run.content in known:
+                yield Added(path, run.digest, is_known=True)
+                continue
+            if other := states.get(run.run_id):
+                yield Added(path, problem=f"{path}: another state of {other}, which is there")
+                continue
+            known |= {run.digest: "", run.content: ""}
+            states[run.run_id] = run.name
+            batch.take(walk)
+            yield Added(path, run.digest, len(walk), len(walk.cells))
+            if batch.is_full:
+                number += 1
+                batch.write(survey.folder, f"{number:06d}")
+                batch = Batch()
+        if batch.walks:
+            batch.write(survey.folder, f"{number + 1:06d}")
+
+
+def _walks(
+    files: Sequence[Path], salt: str, logger: str | None
+) -> Iterator[tuple[Path, WalkReadings | FieldLoggerError]]:
+    """The readings of each file, runs first: several of them are read at once."""
+    runs = [path for path in files if is_run(path)]
+    yield from read_ahead(runs, partial(readings_of, salt=salt, logger=logger))
+    for path in files:
+        if not is_run(path):
+            try:
+                yield path, readings_of(_import_log(path), salt, logger)
+            except FieldLoggerError as error:
+                yield path, error
+
+
+def _import_log(log: Path) -> Run:
+    """A log of another program as a run of the same name."""
+    with TemporaryDirectory() as scratch:
+        target = Path(scratch) / log.name
+        import_walk(log, target)
+        return read_sound_run(target)

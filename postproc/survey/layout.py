@@ -1,0 +1,84 @@
+"""Names and columns of the files of a survey.
+
+    survey.json                       what the folder is, and the salt of the pseudonyms
+    readings/area=A/000001.parquet    readings of batch 1 of all cells of an area, cell by cell
+    cells/000001.parquet              what each run of the batch heard of each cell
+    runs/000001.parquet               its runs; written last: without it the batch does not exist
+
+An area is `mcc-mnc-lac`, so that DuckDB, pandas and Spark see a partitioned dataset.
+"""
+
+from pathlib import Path
+
+import pyarrow as pa
+
+from logger.baseline_file import parts_of
+
+READINGS = pa.schema(
+    [
+        pa.field("cell", pa.string(), metadata={"unit": "name of the cell"}),
+        pa.field("run", pa.string(), metadata={"unit": "digest of the run"}),
+        pa.field("t_ns", pa.int64(), metadata={"unit": "ns since the run began"}),
+        pa.field("zone", pa.int8(), metadata={"unit": "UTM zone, negative south of the equator"}),
+        pa.field("x_m", pa.float64(), metadata={"unit": "m east"}),
+        pa.field("y_m", pa.float64(), metadata={"unit": "m north"}),
+        pa.field("position_sigma_m", pa.float64(), metadata={"unit": "m, per axis"}),
+        pa.field("level_dbm", pa.float64(), metadata={"unit": "dBm"}),
+        pa.field("scan_seq", pa.int64(), metadata={"unit": "number of the scan in the run"}),
+        pa.field("ta", pa.int8(), metadata={"unit": "timing advance of GSM, -1 if unknown"}),
+    ]
+)
+CELLS = pa.schema(
+    [
+        ("run", pa.string()),
+        ("cell", pa.string()),
+        ("rat", pa.string()),
+        ("n_readings", pa.int64()),
+        ("n_scans", pa.int64()),
+        ("channels", pa.list_(pa.int32())),
+    ]
+)
+"""`channels` has pairs one after the other: channel number and code, -1 where unknown."""
+RUNS = pa.schema(
+    [
+        ("digest", pa.string()),
+        ("content", pa.string()),
+        ("run_id", pa.string()),
+        ("name", pa.string()),
+        ("logger", pa.string()),
+        ("modem", pa.string()),
+        ("began_utc_ns", pa.int64()),
+        ("n_readings", pa.int64()),
+    ]
+)
+FILES_KEY = b"files"
+"""Metadata of a file of `runs`: the sizes of the other files of the batch, as JSON."""
+NO_AREA = "none"
+"""Area of cells that have a name and no identity."""
+
+
+def area_of(cell: str) -> str:
+    """The area of a cell by its name, as part of a path."""
+    mcc, mnc, area, _ = parts_of(cell)
+    text = f"{mcc}-{mnc}-{area}"
+    return text if text.replace("-", "").isdigit() else NO_AREA
+
+
+def description(survey: Path) -> Path:
+    """The file that says what the folder is."""
+    return survey / "survey.json"
+
+
+def runs_file(survey: Path, batch: str) -> Path:
+    """The file that makes a batch part of the survey."""
+    return survey / "runs" / f"{batch}.parquet"
+
+
+def cells_file(survey: Path, batch: str) -> Path:
+    """What the runs of a batch heard."""
+    return survey / "cells" / f"{batch}.parquet"
+
+
+def readings_file(survey: Path, area: str, batch: str) -> Path:
+    """Readings of a batch in an area."""
+    return survey / "readings" / f"area={area}" / f"{batch}.parquet"

@@ -1,0 +1,164 @@
+"""Readings of many runs as Parquet files of one batch, which exists completely or not at all.
+
+Files are written under other names, flushed, and renamed; the one of the runs comes last. Whatever
+a program that was killed has left is removed by the next one.
+"""
+
+import json
+import os
+from collections import defaultdict
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from logger.core.arrays import IntArray
+from logger.core.errors import RunFileError
+from postproc.survey import layout
+from postproc.survey.walk_readings import WalkReadings
+
+MOST_ROWS = 2_000_000
+"""Of a batch: 0.2 GB of arrays, and as much again while they are sorted."""
+_ROWS_AT_ONCE = 1 << 15
+"""Of a row group: a reader skips those without its cells by their statistics."""
+_TEXTS = ("cell", "run", "zone", "ta")
+_COLUMNS = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq", "ta")
+
+
+class _Series(NamedTuple):
+    """Readings of one cell of one walk: rows `first` to `end`."""
+
+    cell: str
+    walk: WalkReadings
+    first: int
+    end: int
+
+
+class Batch:
+    """Walks that are gathered in memory until they are written together."""
+
+    def __init__(self) -> None:
+        self.walks: list[WalkReadings] = []
+        self.n_rows = 0
+
+    def take(self, walk: WalkReadings) -> None:
+        """Add a walk."""
+        self.walks.append(walk)
+        self.n_rows += len(walk)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it should be written before another walk is added."""
+        return self.n_rows >= MOST_ROWS
+
+    def write(self, survey: Path, name: str) -> None:
+        """Write all files; raises `RunFileError`, and leaves nothing, where that is impossible."""
+        written: list[Path] = []
+        try:
+            for area, series in sorted(self._by_area().items()):
+                written.append(layout.readings_file(survey, area, name))
+                _write(_readings(series), written[-1])
+            written.append(layout.cells_file(survey, name))
+            _write(_cells(self.walks), written[-1])
+            sizes = {str(path.relative_to(survey)): path.stat().st_size for path in written}
+            written.append(layout.runs_file(survey, name))
+            about = {layout.FILES_KEY: json.dumps(sizes).encode()}
+            _write(_runs(self.walks).replace_schema_metadata(about), written[-1])
+        except OSError as error:
+            for path in written:
+                path.unlink(missing_ok=True)
+            raise RunFileError(
+                f"cannot write {survey}: {error.strerror or error}; what was added before is safe"
+            ) from error
+
+    def _by_area(self) -> dict[str, list[_Series]]:
+        by_area: dict[str, list[_Series]] = defaultdict(list)
+        for walk in self.walks:
+            ends = np.searchsorted(walk.cell, np.arange(len(walk.cells)), side="right").tolist()
+            for heard, first, end in zip(walk.cells, [0, *ends], ends, strict=False):
+                by_area[layout.area_of(heard.cell)].append(_Series(heard.cell, walk, first, end))
+        return by_area
+
+
+def _readings(series: list[_Series]) -> pa.Table:
+    """Cell by cell, of each cell walk by walk, of each walk in time order."""
+    series = sorted(series, key=lambda one: one.cell)
+    lengths = [one.end - one.first for one in series]
+    columns = {
+        name: np.concatenate([getattr(one.walk, name)[one.first : one.end] for one in series])
+        for name in _COLUMNS
+    }
+    arrays = {
+        **{name: pa.array(values) for name, values in columns.items()},
+        "cell": _repeat([one.cell for one in series], lengths),
+        "run": _repeat([one.walk.run.digest for one in series], lengths),
+        "zone": pa.array(np.repeat([one.walk.zone for one in series], lengths)),
+    }
+    return pa.table(
+        [_as(arrays[field.name], field.type) for field in layout.READINGS], schema=layout.READINGS
+    )
+
+
+def _repeat(texts: list[str], lengths: list[int]) -> pa.Array:
+    """Each text so many times."""
+    names = sorted(set(texts))
+    number = {name: i for i, name in enumerate(names)}
+    indices: IntArray = np.repeat([number[text] for text in texts], lengths).astype(np.int32)
+    return pa.DictionaryArray.from_arrays(pa.array(indices), pa.array(names))
+
+
+def _as(values: pa.Array, kind: pa.DataType) -> pa.Array:
+    return values if values.type == kind else values.cast(kind)
+
+
+def _cells(walks: list[WalkReadings]) -> pa.Table:
+    rows = [
+        {
+            "run": walk.run.digest,
+            "cell": heard.cell,
+            "rat": heard.rat,
+            "n_readings": heard.n_readings,
+            "n_scans": heard.n_scans,
+            "channels": [number for pair in heard.channels for number in pair],
+        }
+        for walk in walks
+        for heard in walk.cells
+    ]
+    return pa.Table.from_pylist(rows, schema=layout.CELLS)
+
+
+def _runs(walks: list[WalkReadings]) -> pa.Table:
+    rows = [{name: getattr(walk.run, name) for name in layout.RUNS.names} for walk in walks]
+    return pa.Table.from_pylist(rows, schema=layout.RUNS)
+
+
+def _write(table: pa.Table, target: Path) -> None:
+    """A durable file under its name; a failure leaves none."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    part = target.with_suffix(".part")
+    try:
+        with part.open("wb") as file:
+            pq.write_table(
+                table,
+                file,
+                row_group_size=_ROWS_AT_ONCE,
+                compression="zstd",
+                use_dictionary=[name for name in table.column_names if name in _TEXTS],
+            )
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(target)
+        _sync_folder(target.parent)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the names in a folder durable."""
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)

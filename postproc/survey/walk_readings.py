@@ -1,0 +1,170 @@
+"""The readings of one run as a survey keeps them: by cell, at the walker's smoothed positions.
+
+What `share` leaves out is left out: raw bytes, configuration, notes, names of ports, the number of
+the boot and the time since it. The ends of the walk stay, since they are ground that was walked.
+"""
+
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
+from logger.core.errors import RunFileError
+from logger.core.provenance import is_import
+from logger.core.rows import numbered_texts
+from logger.core.runfile import Run
+from postproc.baseline.walk_summary import content_digest
+from postproc.multi_run import modem_identity
+from postproc.scan_counts import scans_of
+from postproc.walk import observe_run
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyRun:
+    """Provenance of a run.
+
+    `digest` is that of its hash chain, or of its content where it was imported; `content` is
+    always that of its content, by which a baseline knows it. `modem` and `logger` are pseudonyms,
+    the same in all runs of one survey. `began_utc_ns` is None if no fix had a time.
+    """
+
+    digest: str
+    content: str
+    run_id: str
+    name: str
+    logger: str
+    modem: str
+    began_utc_ns: int | None
+    n_readings: int
+
+
+@dataclass(frozen=True, slots=True)
+class HeardCell:
+    """A cell in a run: its technology, and the scans that named it without doubt.
+
+    `channels` are pairs of channel number and code, -1 where it was not printed.
+    """
+
+    cell: str
+    rat: str
+    n_readings: int
+    n_scans: int
+    channels: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class WalkReadings:
+    """A run with its readings; arrays of shape (n,), cell by cell in the order of `cells`.
+
+    `cell` is the number in `cells`; `x_m, y_m` are in UTM zone `zone` (negative in the south),
+    `t_ns` counts from the start of the run.
+    """
+
+    run: SurveyRun
+    cells: tuple[HeardCell, ...]
+    zone: int
+    cell: IntArray
+    t_ns: IntArray
+    x_m: FloatArray
+    y_m: FloatArray
+    position_sigma_m: FloatArray
+    level_dbm: FloatArray
+    scan_seq: IntArray
+    ta: IntArray
+
+    def __len__(self) -> int:
+        return len(self.cell)
+
+
+def pseudonym(identity: object, salt: str) -> str:
+    """Eight characters that stand for a device in one survey, and say nothing in another."""
+    return sha256(f"{salt}{identity!r}".encode()).hexdigest()[:8]
+
+
+def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
+    """The readings of a run; `logger` is the name of who recorded it.
+
+    Raises `RunFileError` for a damaged run and for one without a position.
+    """
+    if run.damage:
+        raise RunFileError(f"it is damaged: {run.damage}")
+    observed = observe_run(run).observations
+    if observed is None:
+        raise RunFileError("it has no position fix")
+    series = sorted(observed.cells, key=lambda obs: obs.cell)
+    fixes, readings = run.tables["fixes"], run.tables["readings"]
+    times = fixes["utc_ns"][fixes["utc_ns"] != UNKNOWN_TIME]
+    content = content_digest(fixes, readings)
+    digest = content if is_import(run.meta.origin) or not run.digest else run.digest
+    modem, name = _devices(run, salt, logger, digest)
+    n_scans, channels = scans_of([run]), _channels(run)
+
+    def column(name: str) -> list[FloatArray | IntArray]:
+        return [getattr(obs, name) for obs in series]
+
+    def join(arrays: list[FloatArray | IntArray]) -> FloatArray:
+        return np.concatenate(arrays) if arrays else np.zeros(0)
+
+    return WalkReadings(
+        SurveyRun(
+            digest,
+            content,
+            run.meta.run_id,
+            run.path.name,
+            name,
+            modem,
+            int(times[0]) if len(times) else None,
+            sum(map(len, series)),
+        ),
+        tuple(
+            HeardCell(o.cell, o.rat or "", len(o), n_scans.get(o.cell, 0), channels.get(o.cell, ()))
+            for o in series
+        ),
+        observed.track.utm.zone,
+        np.repeat(np.arange(len(series)), [len(obs) for obs in series]),
+        join(column("t_ns")).astype(np.int64) - run.meta.started_ns,
+        join(column("x_m")),
+        join(column("y_m")),
+        join(column("position_sigma_m")),
+        join(column("level_dbm")),
+        join(column("scan_seq")).astype(np.int64),
+        join([np.full(len(o), -1) if o.ta is None else o.ta for o in series]).astype(np.int64),
+    )
+
+
+def _devices(run: Run, salt: str, logger: str | None, digest: str) -> tuple[str, str]:
+    """Pseudonym of the modem and name of the logger; an unknown modem is like no other."""
+    known = modem_identity(run)
+    modem = pseudonym(logger or digest if known is None else known, salt)
+    return modem, logger or modem
+
+
+def _channels(run: Run) -> dict[str, tuple[tuple[int, int], ...]]:
+    """Channel number and code of each cell, as a baseline keeps them."""
+    rows = run.tables["readings"]
+    rows = rows[(rows["cell"] != b"") & (rows["identity_unsure"] == 0)]
+    code = np.full(len(rows), UNKNOWN_ID, np.int64)
+    for column in ("pci", "psc", "bsic"):  # a technology has one of them
+        code = np.where(rows[column] == UNKNOWN_ID, code, rows[column])
+    names, cell = numbered_texts(rows["cell"])
+    packed = (rows["arfcn"].astype(np.int64) << 32) + code
+    order = np.lexsort((packed, cell))
+    cell, packed = cell[order], packed[order]
+    is_first = np.ones(len(order), np.bool_)
+    is_first[1:] = (np.diff(cell) != 0) | (np.diff(packed) != 0)
+    found: dict[str, list[tuple[int, int]]] = {}
+    for number, value in zip(cell[is_first].tolist(), packed[is_first].tolist(), strict=True):
+        channel = (value + 1) >> 32
+        pair = channel, value - (channel << 32)
+        if pair != (UNKNOWN_ID, UNKNOWN_ID):
+            found.setdefault(names[number].decode("utf-8", "replace"), []).append(pair)
+    return {name: tuple(pairs) for name, pairs in found.items()}
+
+
+def with_name(path: Path, error: Exception) -> str:
+    """What is wrong with a file, beginning with its name."""
+    text = str(error)
+    return text if str(path) in text else f"{path}: {text}"
