@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 DEMO := demo-out
 
-.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard guidance docs wheels page-map clean
+.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard guidance deb docs page-map clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -36,15 +36,12 @@ test-oldest: .venv/oldest.stamp
 	.venv/oldest/bin/pytest -m "not slow" $$(grep -rLE '^ *(from|import) (postproc|benchmarks|scipy|filterpy)' \
 		--include='test_*.py' tests/core tests/drivers tests/device tests/page tests/sim tests/systemd)
 
-# wheels for systemd/install.sh --wheels, for a Pi without a network; Debian 13 has Python 3.13
-ARCH ?= aarch64
-PY ?= 3.11
-wheels: .venv/pip.stamp page-map
-	$(BIN)/pip wheel --disable-pip-version-check --no-deps -w dist/wheels .
-	$(BIN)/pip download --disable-pip-version-check --no-deps --only-binary=:all: -d dist/wheels \
-		--platform manylinux2014_$(ARCH) --python-version $(PY) 'msgspec>=0.18'
+# Debian packages for the Pi (ARCH names one: amd64, arm64, armhf) in dist/, checked by lintian where it is installed
+deb: page-map
+	systemd/debian/build.sh $(ARCH)
+	! command -v lintian >/dev/null || lintian --fail-on error dist/fieldlogger_*.deb
 
-# MapLibre and pmtiles for the page's plan over a map, packed into the wheel; without npm it has a grid
+# MapLibre and pmtiles for the page's plan over a map, packed into the wheel and the .deb; without npm it has a grid
 MAP := logger/page/assets/map
 page-map:
 	mkdir -p $(MAP)
