@@ -43,5 +43,6 @@ def _mount(line: str) -> _Mount:
 
 
 def _under(path: Path, mounts: dict[str, _Mount]) -> _Mount:
-    """The mount that a path lies on."""
-    return next(mounts[str(one)] for one in (path, *path.parents) if str(one) in mounts)
+    """The mount that a path lies on; in a chroot its root may be none, and of no known kind."""
+    holding = (mounts[str(one)] for one in (path, *path.parents) if str(one) in mounts)
+    return next(holding, _Mount("", "/", ""))

@@ -36,6 +36,8 @@ OVERLAID = """
         ("/var",
          "30 1 0:27 / / rw - overlay overlay rw,lowerdir=/lower,upperdir=/upper/data",
          "overlay at /"),
+        # in a chroot, whose root is not listed
+        ("/var/lib/cellwalk", CARD.split("\n", 1)[1], ""),
         # mounted over a card
         ("/var/lib/cellwalk", f"{CARD}\n50 31 0:50 / /var/lib/cellwalk rw - tmpfs t rw",
          "tmpfs at /var/lib/cellwalk"),

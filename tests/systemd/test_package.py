@@ -1,0 +1,208 @@
+"""The Debian package: its fields, its scripts, its files, and its life in a real Debian.
+
+The service of an upgraded package under a running systemd is tested in tests/boot.
+"""
+
+import re
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tests.systemd.debian_chroot import base, chroot
+
+REPOSITORY = Path(__file__).parents[2]
+DEBIAN = REPOSITORY / "systemd/debian"
+NAMES = {"pynmea2": "python3-nmea2", "pyserial": "python3-serial"}
+EPOCHS = {"python3-numpy": "1:"}
+MAINTAINER_SCRIPTS = ("preinst", "postinst", "prerm", "postrm", "rtupdate")
+SCRIPTS = (*MAINTAINER_SCRIPTS, "build.sh", "msgspec.sh", "suites.sh")
+
+
+def _depends():
+    found = re.search(r"^Depends: (.*)$", (DEBIAN / "control").read_text(), re.MULTILINE)
+    return [part.strip() for part in found[1].split(",")]
+
+
+def test_it_depends_on_what_the_program_depends_on():
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+    wanted = set()
+    for line in [*project["dependencies"], *project["optional-dependencies"]["page"]]:
+        name, version = re.fullmatch(r"([\w-]+)>=([\d.]+)", line).groups()
+        package = NAMES.get(name, f"python3-{name}")
+        wanted.add(f"{package} (>= {EPOCHS.get(package, '')}{version})")
+    own = {line for line in wanted if line.startswith("python3-msgspec")}
+    assert len(own) == 1  # inside the package
+    assert wanted - own == {line for line in _depends() if line.startswith("python3-")}
+
+
+def test_it_allows_the_pythons_that_msgspec_is_compiled_for():
+    text = (DEBIAN / "suites.sh").read_text()
+    pythons = sorted(re.findall(r"\w+\) echo (3\.\d+)", text))
+    assert pythons == ["3.11", "3.13"]
+    allowed = ", ".join(line for line in _depends() if line.startswith("python3 "))
+    assert allowed == "python3 (>= 3.11~), python3 (<< 3.12) | python3 (>= 3.13~), python3 (<< 3.14)"
+
+
+def test_the_units_start_the_program_of_the_package():
+    for unit in (REPOSITORY / "systemd").glob("*.service"):
+        assert "\nExecStart=/usr/bin/fieldlogger " in unit.read_text(), unit
+    assert '"/usr/lib/fieldlogger"' in (DEBIAN / "fieldlogger").read_text()
+
+
+def test_no_script_deletes_runs():
+    for name in MAINTAINER_SCRIPTS:
+        for line in (DEBIAN / name).read_text().splitlines():
+            if "echo" not in line and re.search(r"\brm\b", line):
+                assert "$runs" not in line, line
+                assert not re.search(r"/var/lib/cellwalk(?!-page)", line), line
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_shellcheck_finds_nothing(name):
+    if shutil.which("shellcheck") is None:
+        pytest.skip("no shellcheck here")
+    done = subprocess.run(
+        ["shellcheck", "-x", "-P", DEBIAN, "-s", "sh", DEBIAN / name],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+
+
+def _build(arch):
+    """Build the package of this checkout, or skip without a network or a compiler."""
+    if shutil.which("dpkg-deb") is None:
+        pytest.skip("no Debian here")
+    done = subprocess.run(
+        [DEBIAN / "build.sh", arch], capture_output=True, text=True, check=False
+    )
+    if done.returncode != 0:
+        pytest.skip(f"no package could be built here: {done.stderr[-300:]}")
+    return Path(done.stdout.splitlines()[-1])
+
+
+@pytest.fixture(scope="module")
+def packages():
+    """Builds each architecture once."""
+    built = {}
+
+    def package(arch):
+        if arch not in built:
+            built[arch] = _build(arch)
+        return built[arch]
+
+    return package
+
+
+def _earlier(package, folder):
+    """The same package with the version of an earlier one."""
+    tree = folder / "earlier"
+    subprocess.run(["dpkg-deb", "-R", package, tree], check=True)
+    control = tree / "DEBIAN/control"
+    control.write_text(re.sub(r"(?m)^Version: .*", "Version: 0.1.0", control.read_text()))
+    subprocess.run(["dpkg-deb", "-b", "-Zgzip", tree, folder / "earlier.deb"], check=True)
+    return folder / "earlier.deb"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arch", ["amd64", "arm64", "armhf"])
+def test_what_is_inside(packages, arch, tmp_path):
+    package = packages(arch)
+    subprocess.run(["dpkg-deb", "-x", package, tmp_path], check=True)
+    inside = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    for needed in (
+        "usr/bin/fieldlogger",
+        "usr/lib/systemd/system/fieldlogger.service",
+        "usr/lib/udev/rules.d/70-cellwalk.rules",
+        "usr/share/bash-completion/completions/fieldlogger",
+        "usr/share/doc/fieldlogger/copyright",
+        "usr/share/man/man1/fieldlogger-probe.1.gz",
+    ):
+        assert needed in inside
+    assert not [name for name in inside if "postproc" in name or "__pycache__" in name]
+    modules = sorted(name for name in inside if name.endswith(".so"))
+    assert [re.search(r"cpython-(\d+)-", name)[1] for name in modules] == ["311", "313"]
+    for module in modules:
+        header = subprocess.run(
+            ["readelf", "-hA", tmp_path / module], capture_output=True, text=True, check=True
+        ).stdout
+        machine = {"amd64": "X86-64", "arm64": "AArch64", "armhf": "ARM"}[arch]
+        assert re.search(rf"Machine: .*{machine}", header)
+        # the Pi Zero and 1
+        assert arch != "armhf" or "Tag_CPU_arch: v6\n" in header
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arch", ["amd64", "arm64", "armhf"])
+def test_lintian_finds_no_error(packages, arch):
+    if shutil.which("lintian") is None:
+        pytest.skip("no lintian here")
+    done = subprocess.run(
+        ["lintian", "--fail-on", "error,warning", packages(arch)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("suite", "arch"),
+    [
+        ("bookworm", "amd64"),
+        ("trixie", "amd64"),
+        ("bookworm", "arm64"),
+        ("bookworm", "armhf"),
+        ("trixie", "armhf"),
+    ],
+)
+def test_its_life(packages, suite, arch, tmp_path, capsys):
+    """Install, record, upgrade, remove, install again, purge: the runs and the settings stay."""
+    package = packages(arch)
+    needed = "systemd,udev,python3," + ",".join(
+        line.split()[0] for line in _depends() if line.startswith("python3-")
+    )
+    with chroot(base(suite, arch, needed), tmp_path / "root") as debian:
+        shutil.copy(_earlier(package, tmp_path), debian.root / "tmp")
+        shutil.copy(package, debian.root / "tmp/new.deb")
+        before = debian.files()
+        debian.run("dpkg -i /tmp/earlier.deb")
+        assert "simulate" in debian.run("fieldlogger --help")
+        assert "fail" not in debian.run("cd / && fieldlogger check --config /etc/cellwalk/site.toml")
+        assert "_core.cpython" in debian.run(
+            "python3 -c 'import sys; sys.path.insert(0, \"/usr/lib/fieldlogger\"); "
+            "import msgspec._core; print(msgspec._core.__file__)'"
+        )
+        assert debian.run(
+            "_FIELDLOGGER_COMPLETE=bash_complete COMP_WORDS='fieldlogger si' COMP_CWORD=1 fieldlogger"
+        ) == "plain,simulate\n"  # fmt: skip
+        debian.run("mkdir /var/lib/cellwalk && cd /var/lib/cellwalk && "
+                   "fieldlogger simulate --out . --speed 5 --duration 60")  # fmt: skip
+        runs = sorted(path.name for path in (debian.root / "var/lib/cellwalk").iterdir())
+        assert "run-000001.h5" in runs
+        assert debian.run("fieldlogger recover /var/lib/cellwalk") is not None
+        with capsys.disabled():
+            print(f"\n{suite} {arch}: {debian.run('python3 -VV').strip()}, {runs}")
+
+        settings = debian.root / "etc/cellwalk/site.toml"
+        settings.write_text("# mine\n")
+        debian.run("systemctl disable fieldlogger-page.service")
+        debian.run("dpkg -i /tmp/new.deb && dpkg -i /tmp/new.deb")
+        wanted = debian.root / "etc/systemd/system/multi-user.target.wants"
+        assert (wanted / "fieldlogger.service").is_symlink()
+        assert not (wanted / "fieldlogger-page.service").is_symlink()  # as it was left
+        assert settings.read_text() == "# mine\n"
+        assert (debian.root / "usr/lib/fieldlogger/logger/__pycache__").is_dir()
+
+        debian.run("dpkg -r fieldlogger")
+        assert settings.read_text() == "# mine\n"
+        assert not (debian.root / "usr/lib/fieldlogger").exists()
+        debian.run("dpkg -i /tmp/new.deb && fieldlogger --help")
+        assert "rm -r /var/lib/cellwalk" in debian.run("dpkg -P fieldlogger")
+        assert runs == sorted(path.name for path in (debian.root / "var/lib/cellwalk").iterdir())
+        left = {name for name, text in debian.files().items() if before.get(name) != text}
+        users = {"etc/passwd", "etc/group", "etc/shadow", "etc/gshadow"}
+        allowed = re.compile(r"var/lib/cellwalk/|var/log/|etc/(passwd|group|shadow|gshadow)-?$")
+        assert {name for name in left if not allowed.match(name)} == set()
+        assert users >= {name for name in left if name in users}
