@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 DEMO := demo-out
 
-.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard guidance deb docs page-map clean
+.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard guidance deb card-debs docs page-map clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -40,6 +40,12 @@ test-oldest: .venv/oldest.stamp
 deb: page-map
 	systemd/debian/build.sh $(ARCH)
 	! command -v lintian >/dev/null || lintian --fail-on error dist/fieldlogger_*.deb
+
+# what systemd/prepare-card.sh --debs takes: the package and all it needs of a release, to install without a network
+SUITE ?= trixie
+CARD_DEBS = dist/card-$(SUITE)-$(or $(ARCH),arm64)
+card-debs: page-map
+	systemd/debian/card_debs.sh $(CARD_DEBS) $(or $(ARCH),arm64) $(SUITE)
 
 # MapLibre and pmtiles for the page's plan over a map, packed into the wheel and the .deb; without npm it has a grid
 MAP := logger/page/assets/map

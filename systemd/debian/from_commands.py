@@ -3,7 +3,7 @@
 Arguments: the folder `usr/share` of the package, and the version. Needs click and click-man only.
 """
 
-import datetime
+import datetime as dt
 import os
 import sys
 from pathlib import Path
@@ -25,11 +25,11 @@ WHOLE_SENTENCE = 500
 
 def main(share: Path, version: str) -> None:
     sys.path.insert(0, str(REPOSITORY))
-    from logger.cli import program
+    from logger.cli import program  # noqa: PLC0415 (found by the line above)
 
     for command in program.commands.values():
         command.short_help = command.get_short_help_str(WHOLE_SENTENCE)
-    built = datetime.datetime.fromtimestamp(int(os.environ["SOURCE_DATE_EPOCH"]), datetime.UTC)
+    built = dt.datetime.fromtimestamp(int(os.environ["SOURCE_DATE_EPOCH"]), dt.UTC)
     write_man_pages(
         NAME, program, version=version, target_dir=share / "man/man1", date=f"{built:%Y-%m-%d}"
     )

@@ -37,18 +37,15 @@ def installed(workplace):
     image = machines.CACHE / f"base-{board['arch']}.raw"
     if not image.exists() and os.getuid() != 0:
         pytest.skip("only root can build the image of the boot rig")
-    # what Raspberry Pi OS makes a root read-only with
-    # and what the page needs
-    with_overlay = os.environ | {
-        "EXTRA_PACKAGES": "overlayroot,busybox,python3-click,python3-tornado,python3-segno"
-    }
+    # apt, as every Debian has it, and what Raspberry Pi OS makes a root read-only with
+    packages = os.environ | {"EXTRA_PACKAGES": "apt,overlayroot,busybox"}
     subprocess.run(
-        [machines.RIG / "build_image.sh", machines.CACHE, board["arch"]],
-        check=True,
-        env=with_overlay,
+        [machines.RIG / "build_image.sh", machines.CACHE, board["arch"]], check=True, env=packages
     )
-    wheels = {"amd64": "x86_64", "arm64": "aarch64"}[board["arch"]]
-    subprocess.run(["make", "-C", machines.REPOSITORY, "wheels", f"ARCH={wheels}"], check=True)
+    subprocess.run(
+        ["make", "-C", machines.REPOSITORY, "card-debs", f"ARCH={board['arch']}", "SUITE=bookworm"],
+        check=True,
+    )
 
     card = machines.rig.Card(workplace / "installed.raw", image)
     with (
@@ -56,7 +53,12 @@ def installed(workplace):
         players.carried(m, scenario()),
     ):
         m.boot(machines.BOOT_S)
-        print(m.run("/mnt/host/systemd/install.sh --wheels /mnt/host/dist/wheels", timeout=600))
+        print(
+            m.run(
+                f"/mnt/host/systemd/install.sh /mnt/host/dist/card-bookworm-{board['arch']}",
+                timeout=900,
+            )
+        )
         print(
             m.run(
                 "fieldlogger probe --write /tmp/site.toml && cp /tmp/site.toml /etc/cellwalk/",

@@ -27,7 +27,8 @@ WALK_S = 60
 DROP_IN = """\
 [Service]
 ExecStart=
-ExecStart=/opt/cellwalk/bin/python3 /opt/acknowledging.py run --config /etc/cellwalk/site.toml
+ExecStart=/usr/bin/python3 /opt/acknowledging.py run --config /etc/cellwalk/site.toml
+Environment=PYTHONPATH=/usr/lib/fieldlogger
 StandardOutput=journal+console
 """
 

@@ -12,13 +12,14 @@ from pathlib import Path
 import pytest
 
 from tests.systemd.debian_chroot import base, chroot
+from tests.systemd.packages import with_version
 
 REPOSITORY = Path(__file__).parents[2]
 DEBIAN = REPOSITORY / "systemd/debian"
 NAMES = {"pynmea2": "python3-nmea2", "pyserial": "python3-serial"}
 EPOCHS = {"python3-numpy": "1:"}
 MAINTAINER_SCRIPTS = ("preinst", "postinst", "prerm", "postrm", "rtupdate")
-SCRIPTS = (*MAINTAINER_SCRIPTS, "build.sh", "msgspec.sh", "suites.sh")
+SCRIPTS = (*MAINTAINER_SCRIPTS, "build.sh", "msgspec.sh")
 
 
 def _depends():
@@ -43,7 +44,9 @@ def test_it_allows_the_pythons_that_msgspec_is_compiled_for():
     pythons = sorted(re.findall(r"\w+\) echo (3\.\d+)", text))
     assert pythons == ["3.11", "3.13"]
     allowed = ", ".join(line for line in _depends() if line.startswith("python3 "))
-    assert allowed == "python3 (>= 3.11~), python3 (<< 3.12) | python3 (>= 3.13~), python3 (<< 3.14)"
+    assert (
+        allowed == "python3 (>= 3.11~), python3 (<< 3.12) | python3 (>= 3.13~), python3 (<< 3.14)"
+    )
 
 
 def test_the_units_start_the_program_of_the_package():
@@ -75,9 +78,7 @@ def _build(arch):
     """Build the package of this checkout, or skip without a network or a compiler."""
     if shutil.which("dpkg-deb") is None:
         pytest.skip("no Debian here")
-    done = subprocess.run(
-        [DEBIAN / "build.sh", arch], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([DEBIAN / "build.sh", arch], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         pytest.skip(f"no package could be built here: {done.stderr[-300:]}")
     return Path(done.stdout.splitlines()[-1])
@@ -94,16 +95,6 @@ def packages():
         return built[arch]
 
     return package
-
-
-def _earlier(package, folder):
-    """The same package with the version of an earlier one."""
-    tree = folder / "earlier"
-    subprocess.run(["dpkg-deb", "-R", package, tree], check=True)
-    control = tree / "DEBIAN/control"
-    control.write_text(re.sub(r"(?m)^Version: .*", "Version: 0.1.0", control.read_text()))
-    subprocess.run(["dpkg-deb", "-b", "-Zgzip", tree, folder / "earlier.deb"], check=True)
-    return folder / "earlier.deb"
 
 
 @pytest.mark.slow
@@ -164,24 +155,25 @@ def test_its_life(packages, suite, arch, tmp_path, capsys):
         line.split()[0] for line in _depends() if line.startswith("python3-")
     )
     with chroot(base(suite, arch, needed), tmp_path / "root") as debian:
-        shutil.copy(_earlier(package, tmp_path), debian.root / "tmp")
+        shutil.copy(with_version(package, "0.1.0", tmp_path), debian.root / "tmp/earlier.deb")
         shutil.copy(package, debian.root / "tmp/new.deb")
         before = debian.files()
         debian.run("dpkg -i /tmp/earlier.deb")
         assert "simulate" in debian.run("fieldlogger --help")
-        assert "fail" not in debian.run("cd / && fieldlogger check --config /etc/cellwalk/site.toml")
+        assert "fail" not in debian.run(
+            "cd / && fieldlogger check --config /etc/cellwalk/site.toml"
+        )
         assert "_core.cpython" in debian.run(
-            "python3 -c 'import sys; sys.path.insert(0, \"/usr/lib/fieldlogger\"); "
+            'python3 -c \'import sys; sys.path.insert(0, "/usr/lib/fieldlogger"); '
             "import msgspec._core; print(msgspec._core.__file__)'"
         )
-        assert debian.run(
-            "_FIELDLOGGER_COMPLETE=bash_complete COMP_WORDS='fieldlogger si' COMP_CWORD=1 fieldlogger"
-        ) == "plain,simulate\n"  # fmt: skip
-        debian.run("mkdir /var/lib/cellwalk && cd /var/lib/cellwalk && "
+        completion = "_FIELDLOGGER_COMPLETE=bash_complete COMP_WORDS='fieldlogger si' COMP_CWORD=1"
+        assert debian.run(f"{completion} fieldlogger") == "plain,simulate\n"
+        debian.run("mkdir -p /var/lib/cellwalk && cd /var/lib/cellwalk && "
                    "fieldlogger simulate --out . --speed 5 --duration 60")  # fmt: skip
         runs = sorted(path.name for path in (debian.root / "var/lib/cellwalk").iterdir())
         assert "run-000001.h5" in runs
-        assert debian.run("fieldlogger recover /var/lib/cellwalk") is not None
+        debian.run("fieldlogger recover /var/lib/cellwalk")
         with capsys.disabled():
             print(f"\n{suite} {arch}: {debian.run('python3 -VV').strip()}, {runs}")
 

@@ -43,11 +43,7 @@ def test_systemd_has_nothing_to_say_against_the_units(tmp_path):
     program.write_text("#!/bin/sh\n")
     program.chmod(0o755)
     for unit in UNITS:
-        text = (
-            (FOLDER_OF_UNITS / unit)
-            .read_text()
-            .replace("/opt/cellwalk/bin/fieldlogger", str(program))
-        )
+        text = (FOLDER_OF_UNITS / unit).read_text().replace("/usr/bin/fieldlogger", str(program))
         (tmp_path / unit).write_text(text)
     process = subprocess.run(
         ["systemd-analyze", "verify", "--man=no", *(tmp_path / unit for unit in UNITS)],
