@@ -34,7 +34,7 @@ RECEIVER_IS_OFF = (": 505", ": 516")
 """+CME ERROR of a Quectel: its receiver is off, or has no fix yet."""
 _BY_ID = Path("/dev/serial/by-id")
 SERVICE_FOLDER = Path("/var/lib/cellwalk")
-"""Where systemd/install.sh lets the service keep runs."""
+"""Where systemd/fieldlogger.service keeps runs."""
 
 Kind = Literal["modem", "gnss", "unknown", "busy"]
 

@@ -38,7 +38,7 @@ TERMS = {
     "[x, y, P0, eta]": "state vector in the notation of the specification",
     "/dev/serial/by-id/": "folder of Linux",
     "/run/cellwalk/status.json": "file of a running service, see systemd/fieldlogger.service",
-    "/etc/cellwalk/site.toml": "configuration of the installed service, see systemd/install.sh",
+    "/etc/cellwalk/site.toml": "configuration of the service, see systemd/debian/postinst",
     "systemctl status fieldlogger": "command of systemd",
     "run-000017.journal.2": "continuation of a journal in an example",
     "run-000017.journal": "name of a run in an example",
