@@ -29,6 +29,7 @@ lint: .venv/dev.stamp
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/codespell
 
 # the logger with the oldest libraries it allows, those of Debian 12; without tests of the desktop program
 OLDEST := numpy==1.24.* h5py==3.8.* pyproj==3.4.* pyserial==3.5 pynmea2==1.15.* msgspec==0.18.0 click==8.1.* tornado==6.2.* segno==1.4.*
