@@ -1,17 +1,18 @@
 #!/bin/sh
-# install.sh [DEB | FOLDER] [--uninstall]
+# install.sh [DEB | FOLDER [PACKAGE]...] [--uninstall]
 # Installs the logger on Raspberry Pi OS or Debian (12 or 13), to record from the next boot on. Safe to repeat.
 #
 #   (nothing)      build the package of this folder and install it, with a network
 #   DEB            install this package, with a network if Debian's packages are missing
-#   FOLDER         install from the packages that `make card-debs` put there, without a network
+#   FOLDER         install from the packages that `make card-debs` put there, without a network; PACKAGE (default
+#                  fieldlogger) names others of them
 #   --uninstall    remove the program; the runs and the configuration remain
 set -eu
 
 here=$(dirname "$(readlink -f "$0")")
-from='' uninstall=''
+from='' packages='' uninstall=''
 
-usage() { sed -n 's/^# \{0,1\}//; 2,8p' "$0"; }
+usage() { sed -n 's/^# \{0,1\}//; 2,9p' "$0"; }
 say() { printf '%s\n' "install.sh: $*"; }
 fail() { say "$*" >&2; exit 1; }
 
@@ -20,7 +21,7 @@ for argument; do
         --uninstall) uninstall=yes ;;
         -h | --help) usage; exit 0 ;;
         -*) usage >&2; exit 2 ;;
-        *) from=$argument ;;
+        *) if [ -z "$from" ]; then from=$argument; else packages="$packages $argument"; fi ;;
     esac
 done
 [ -z "$from" ] || [ -e "$from" ] || fail "no such file or folder: $from"
@@ -34,13 +35,18 @@ apt() {
 # from_folder FOLDER: apt takes what the machine lacks from there, and nothing from a network
 from_folder() {
     [ -e "$1/Packages" ] || fail "$1 has no list of packages; make card-debs makes such a folder"
+    # packages of another release would replace the machine's C library, and more
+    # shellcheck source=/dev/null
+    machine="$(. /etc/os-release && echo "$VERSION_CODENAME") $(dpkg --print-architecture)"
+    [ "$(cat "$1/made-for")" = "$machine" ] || fail "$1 is for $(cat "$1/made-for"), and this machine is $machine"
     state=$(mktemp -d)
     mkdir "$state/lists" "$state/parts"
     echo "deb [trusted=yes] file:$(readlink -f "$1") ./" >"$state/sources.list"
     set -- -o "Dir::Etc::SourceList=$state/sources.list" -o "Dir::Etc::SourceParts=$state/parts" \
         -o "Dir::State::Lists=$state/lists" -o APT::Sandbox::User=root
     apt "$@" update
-    apt "$@" install fieldlogger
+    # shellcheck disable=SC2086  # one word for each package
+    apt "$@" install ${packages:-fieldlogger}
     rm -rf "$state"
 }
 

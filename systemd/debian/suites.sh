@@ -32,7 +32,8 @@ apt_of() {
 
 _apt() {
     apt-get -o "Dir::State=$state" -o "Dir::State::status=$state/status" -o "Dir::State::lists=$state/lists" \
-        -o "Dir::Cache=$state/cache" -o "Dir::Etc::SourceList=$state/sources.list" -o "Dir::Etc::SourceParts=$state/parts" \
-        -o "Dir::Etc::PreferencesParts=$state/parts" -o "APT::Architecture=$arch" -o "APT::Architectures=$arch" \
+        -o "Dir::Cache=$state/cache" -o "Dir::Etc::SourceList=$state/sources.list" \
+        -o "Dir::Etc::SourceParts=$state/parts" -o "Dir::Etc::PreferencesParts=$state/parts" \
+        -o "APT::Architecture=$arch" -o "APT::Architectures=$arch" \
         -o APT::Sandbox::User=root -o Acquire::Languages=none -o Acquire::Retries=3 "$@"
 }

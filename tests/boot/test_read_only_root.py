@@ -1,6 +1,5 @@
 """The read-only root and the stop button, exactly as systemd/README.md describes them."""
 
-import struct
 import subprocess
 
 import pytest
@@ -8,17 +7,14 @@ import pytest
 from logger.core.runfile import read_run, sealing_of
 from logger.sim.scenario import scenario
 from tests.boot.machines import BOARD, BOOT_S, CACHE, RUNS, machine, rig, wait_recording
+from tests.boot.partitions import LINUX, MIB, copy_blocks, partition, table
 from tests.boot.players import carried
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")]
 
-MIB = 1 << 20
-SECTORS = MIB // 512
 RUNS_MIB = 256
 MOUNTED_BYTES = 8192
 """Superblocks of the root and of its journal, which ext4 writes even when it mounts read-only."""
-DISK = rig.BOARDS[BOARD]["disk"]
-PART = DISK + ("p{}" if DISK[-1].isdigit() else "{}")
 
 
 class Parted:
@@ -34,9 +30,9 @@ class Parted:
         self.runs_at = (1 + self._root_mib) * MIB
         self.card = rig.Card(folder / "parted.raw")
         with self.card.path.open("wb") as file:
-            file.write(_table((1, self._root_mib), (1 + self._root_mib, RUNS_MIB)))
+            file.write(table((LINUX, 1, self._root_mib), (LINUX, 1 + self._root_mib, RUNS_MIB)))
             file.truncate(self.runs_at + RUNS_MIB * MIB)
-        _dd(root.path, self.card.path, seek=1)
+        copy_blocks(root.path, self.card.path, seek=1)
         ext4 = ["mke2fs", "-q", "-t", "ext4", "-F", "-E", f"offset={self.runs_at}"]
         subprocess.run(
             [*ext4, self.card.path, f"{RUNS_MIB}M"], check=True, stderr=subprocess.DEVNULL
@@ -46,7 +42,7 @@ class Parted:
     def runs(self):
         """The current content of the folder of the runs."""
         alone = rig.Card(self._folder / "runs.raw")
-        _dd(self.card.path, alone.path, skip=1 + self._root_mib)
+        copy_blocks(self.card.path, alone.path, skip=1 + self._root_mib)
         alone.pull("/", self._folder / "fetched")
         return self._folder / "fetched"
 
@@ -69,37 +65,12 @@ def _with_overlay(root, folder):
     return folder
 
 
-def _table(*partitions_mib):
-    """Boot record with a table of Linux partitions (kind 83) of the given start and size."""
-    entries = [
-        struct.pack("<4xB3xII", 0x83, start * SECTORS, size * SECTORS)
-        for start, size in partitions_mib
-    ]
-    return bytes(446) + b"".join(entries).ljust(64, b"\0") + b"\x55\xaa"
-
-
 def _as_the_page_says(root, tree):
     (tree / "etc/systemd/journald.conf.d").mkdir(parents=True)
     fstab = root.pull("/etc/fstab", tree / "etc")
-    fstab.write_text(f"{fstab.read_text()}{PART.format(2)} {RUNS} ext4 noatime,nofail 0 2\n")
+    fstab.write_text(f"{fstab.read_text()}{partition(2)} {RUNS} ext4 noatime,nofail 0 2\n")
     (tree / "etc/systemd/journald.conf.d/volatile.conf").write_text("[Journal]\nStorage=volatile\n")
     return tree
-
-
-def _dd(source, target, **blocks):
-    where = [f"{name}={number}" for name, number in blocks.items()]
-    subprocess.run(
-        [
-            "dd",
-            f"if={source}",
-            f"of={target}",
-            "bs=1M",
-            "conv=notrunc,sparse",
-            "status=none",
-            *where,
-        ],
-        check=True,
-    )
 
 
 def _written_bytes(m, before):
@@ -108,7 +79,7 @@ def _written_bytes(m, before):
 
 
 def _boot(m, overlay):
-    m.boot(BOOT_S, append=f"root={PART.format(1)} overlayroot={overlay}")
+    m.boot(BOOT_S, append=f"root={partition(1)} overlayroot={overlay}")
 
 
 def test_a_root_that_is_never_written(installed, workplace, capsys):
