@@ -29,9 +29,9 @@ tools() {
         echo "make deb: first sudo apt-get install$missing" >&2
         exit 1
     fi
-    apt-get update -qq
+    apt-get update -qq >&2
     # shellcheck disable=SC2086  # one word for each package
-    DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends $missing
+    DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends $missing >&2
 }
 
 # a commit is newer than all before it, also between releases

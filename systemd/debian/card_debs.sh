@@ -13,13 +13,14 @@ case " $suites " in
     *" $suite "*) ;;
     *) echo "make card-debs: SUITE is one of $suites" >&2; exit 1 ;;
 esac
-package=$(find "$repository/dist" -name "fieldlogger_*_$arch.deb" | head -1)
-[ -n "$package" ] || package=$("$here/build.sh" "$arch" | tail -1)
+package=$("$here/build.sh" "$arch" | tail -1)
+[ -f "$package" ]
 
 archives=$cache/archives-$suite-$arch
 mkdir -p "$folder" "$archives/partial"
-apt_of "$cache/apt" "$suite" "$arch" -qq -y --no-install-recommends --download-only \
-    -o "Dir::Cache::Archives=$archives" install "$package" overlayroot
+apt_here() { apt_of "$cache/apt" "$suite" "$arch" -qq -y -o "Dir::Cache::Archives=$archives" "$@"; }
+apt_here autoclean
+apt_here --no-install-recommends --download-only install "$package" overlayroot
 rm -f "$folder"/*.deb "$folder"/Packages
 # apt would read the %3a of an epoch in a name as a colon
 for deb in "$archives"/*.deb "$package"; do

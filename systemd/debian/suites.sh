@@ -1,6 +1,6 @@
 # Read by the other scripts: the Debian releases that one package serves, and an apt of its own to fetch from them.
 # The machine's own apt is neither used nor changed.
-# shellcheck shell=sh
+# shellcheck shell=sh disable=SC2034  # the readers use what is set here
 suites="bookworm trixie"
 mirror=${DEBIAN_MIRROR:-http://deb.debian.org/debian}
 keyring=/usr/share/keyrings/debian-archive-keyring.gpg
@@ -20,7 +20,8 @@ triplet_of() {
 apt_of() {
     state=$1/$2-$3 suite=$2 arch=$3
     shift 3
-    if [ ! -e "$state/updated" ]; then
+    # lists older than a day may name packages that are gone
+    if [ -z "$(find "$state/updated" -mtime -1 2>/dev/null)" ]; then
         mkdir -p "$state/lists/partial" "$state/cache/archives/partial" "$state/parts"
         : >"$state/status"
         echo "deb [signed-by=$keyring] $mirror $suite main" >"$state/sources.list"
