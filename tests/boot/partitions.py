@@ -9,7 +9,7 @@ from tests.boot.machines import BOARD, rig
 MIB = 1 << 20
 SECTORS = MIB // 512
 LINUX, FAT32 = 0x83, 0x0C
-BOOT_MIB = 256
+BOOT_MIB = 512
 BOOT_LABEL = "bootfs"
 _DISK = rig.BOARDS[BOARD]["disk"]
 
@@ -42,12 +42,16 @@ class BootPartition:
     """
 
     def __init__(self, card: Path):
+        self._card = card
         self._at = f"{card}@@{MIB}"
 
     def format(self) -> None:
         """Make an empty one."""
-        size = ["-T", str(BOOT_MIB * SECTORS)]
-        self._mtools("mformat", "-F", "-v", BOOT_LABEL, *size, "-h", "255", "-s", "63", "::")
+        at = ["--offset", str(SECTORS), str(self._card), str(BOOT_MIB * 1024)]
+        subprocess.run(
+            ["mkfs.vfat", "-F", "32", "-n", BOOT_LABEL, *at],
+            check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
 
     def write(self, folder: Path) -> None:
         """Copy the content of a folder, as a card reader would."""

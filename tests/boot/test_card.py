@@ -66,7 +66,7 @@ def _image(style):
     """The rig's image with the mechanism, and its folder."""
     arch = rig.BOARDS[BOARD]["arch"]
     folder = CACHE if style == "firstrun" else CACHE / style
-    for tool in (rig.BOARDS[BOARD]["qemu"][0], "mcopy", "openssl"):
+    for tool in (rig.BOARDS[BOARD]["qemu"][0], "mcopy", "mkfs.vfat", "openssl"):
         if shutil.which(tool) is None:
             pytest.skip(f"no {tool} here")
     if not (folder / f"base-{arch}.raw").exists() and os.getuid() != 0:
