@@ -14,7 +14,6 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -71,7 +70,7 @@ class _ServerEndedError(Exception):
 
 
 class _Server:
-    """The process that forks one for each job."""
+    """The process that forks one for each job, one after the other."""
 
     def __init__(self) -> None:
         self.owner = os.getpid()
@@ -125,9 +124,8 @@ class _Server:
             self._process.wait()
 
 
-_servers: list[_Server] = []
-"""The one that runs, if any."""
-_one_at_a_time = threading.Lock()
+_idle_servers: list[_Server] = []
+"""Those without a job: there are as many as threads have read at once."""
 
 
 def run_isolated(path: Path, task: Task, *arguments: Any) -> tuple[Any, Arrays]:
@@ -139,8 +137,7 @@ def run_isolated(path: Path, task: Task, *arguments: Any) -> tuple[Any, Arrays]:
     size = path.stat().st_size
     cpu_s, memory_bytes = most_cpu_s(size), 3 * most_memory_bytes(size) + _WORKING_BYTES
     job = Job(path, str(Path.cwd()), task, arguments, cpu_s, memory_bytes)
-    with _one_at_a_time:
-        ended = _run_job(job, _START_S + _PATIENCE * cpu_s)
+    ended = _run_job(job, _START_S + _PATIENCE * cpu_s)
     if isinstance(ended, int):
         raise RunFileError(_ending(path, ended))
     reply, arrays = ended
@@ -150,30 +147,41 @@ def run_isolated(path: Path, task: Task, *arguments: Any) -> tuple[Any, Arrays]:
 
 
 def _run_job(job: Job, patience_s: float) -> tuple[Reply, Arrays] | int:
-    """The reply to a job, or how the process ended; the server is started if there is none."""
+    """The reply to a job, or how the process ended; a server is started if none is idle."""
     data = pickle.dumps(job)
-    for is_new in (False, True):
-        if is_new or not _servers or _servers[-1].owner != os.getpid():
-            close_server()
-            _servers.append(_Server())
+    for is_second_try in (False, True):
+        server = (None if is_second_try else _idle_server()) or _Server()
         try:
-            return _servers[-1].run(data, patience_s)
+            ended = server.run(data, patience_s)
         except _ServerEndedError:
-            continue
+            server.close()
         except TimeoutError:
-            close_server()
+            server.close()
             return -signal.SIGKILL
         except BaseException:  # an interrupt: the reply must not be taken for that of another job
-            close_server()
+            server.close()
             raise
+        else:
+            _idle_servers.append(server)
+            return ended
     return 1
 
 
+def _idle_server() -> _Server | None:
+    """One that this process has started; a fork only forgets those of its parent."""
+    while _idle_servers:
+        server = _idle_servers.pop()
+        if server.owner == os.getpid():
+            return server
+        server.close()
+    return None
+
+
 @atexit.register
-def close_server() -> None:
-    """End the process that waits for further files; the next one starts it anew."""
-    while _servers:
-        _servers.pop().close()
+def close_servers() -> None:
+    """End the processes that wait for further files; the next file starts one anew."""
+    while _idle_servers:
+        _idle_servers.pop().close()
 
 
 def _receive_reply(pipe: BinaryIO, patience_s: float) -> tuple[Reply, Arrays]:

@@ -81,7 +81,7 @@ def test_nothing_is_imported_from_the_folder_of_the_file(file, monkeypatch):
 
 def test_one_server_forks_for_all_files(file):
     parents = {isolation.run_isolated(file, isolated_tasks.parent)[0] for _ in range(3)}
-    assert parents == {isolation._servers[-1]._process.pid}
+    assert parents == {isolation._idle_servers[-1]._process.pid}
 
 
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL])
@@ -93,13 +93,13 @@ def test_a_server_that_has_ended_is_started_again(file, end):
 
 
 def test_a_server_without_jobs_ends_by_itself(file, monkeypatch):
-    isolation.close_server()
+    isolation.close_servers()
     program = "from logger.core.runfile import isolated_reader as r; r._IDLE_S = 0.1; r.main()"
     monkeypatch.setattr(isolation, "_PROGRAM", program)
     assert isolation.run_isolated(file, isolated_tasks.chatter) == (None, {})
-    assert isolation._servers[-1]._process.wait(10) == 0
+    assert isolation._idle_servers[-1]._process.wait(10) == 0
     assert isolation.run_isolated(file, isolated_tasks.chatter) == (None, {})
-    isolation.close_server()
+    isolation.close_servers()
 
 
 def test_a_path_is_relative_to_the_folder_of_now(file, monkeypatch):
@@ -109,7 +109,7 @@ def test_a_path_is_relative_to_the_folder_of_now(file, monkeypatch):
     assert length == 1000
 
 
-def test_threads_wait_for_each_other(file):
+def test_threads_have_servers_of_their_own(file):
     with ThreadPoolExecutor(4) as pool:
         asked = [
             pool.submit(isolation.run_isolated, file, isolated_tasks.succeed, i) for i in range(20)
@@ -123,7 +123,7 @@ def test_a_forked_process_has_a_server_of_its_own(file):
     fork = os.fork()
     if not fork:
         theirs, _ = isolation.run_isolated(file, isolated_tasks.parent)
-        isolation.close_server()
+        isolation.close_servers()
         os.write(writing, str(theirs).encode())
         os._exit(0)
     assert os.waitpid(fork, 0)[1] == 0
@@ -136,6 +136,6 @@ def test_a_forked_process_has_a_server_of_its_own(file):
 
 def test_no_process_is_left(file):
     isolation.run_isolated(file, isolated_tasks.chatter)
-    isolation.close_server()
+    isolation.close_servers()
     with pytest.raises(ChildProcessError):
         os.waitpid(-1, os.WNOHANG)
