@@ -60,11 +60,19 @@ def run(config: Path, duration_s: float | None) -> None:
 
     site, text = load_config(config)
     clock, manager = SystemClock(), ServiceManager.of(os.environ)
+    if duration_s is None and site.run.longest_h:
+        duration_s = 3600.0 * site.run.longest_h  # systemd starts the next run
     with stop_signals() as stop:
+        if site.power.stop_percent or site.power.stop_volts:
+            from logger.device.battery import wait_for_charger
+
+            wait_for_charger(site.power, manager, stop[0])
+            if stop[0].is_set():
+                return
         begun = begin_run(site, text, clock)  # before the slow imports below
         if begun.writer.is_durable:
             manager.alive()
-        from logger.device.service import run_service
+        from logger.device.run_service import run_service
 
         print(run_service(site, begun, manager, clock, stop, duration_s))
 

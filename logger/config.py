@@ -13,6 +13,7 @@ from logger.core.live_settings import LIMITS, LONGEST_TARGET_BYTES, LiveSettings
 
 PollInterval = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
+Percent = Annotated[float, msgspec.Meta(ge=0, le=95)]
 Baud = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 PortName = Annotated[str, msgspec.Meta(min_length=1)]
 FeedAddress = Annotated[str, msgspec.Meta(pattern=r"^(/.+|[1-9]\d{3,4})?$", max_length=107)]
@@ -21,6 +22,8 @@ LedName = Annotated[str, msgspec.Meta(pattern="^[^/.]*$")]
 
 _LIMITS: dict[str, dict[str, tuple[float, float]]] = {
     # a reply takes longer than 10 ms on the fastest line there is, and a walk less than a day
+    "run": {"longest_h": (0.0, 8760.0)},
+    "power": {"stop_volts": (0.0, 60.0)},
     "modem": {"poll_interval_s": (0.01, 86_400.0), "full_scan_interval_s": (0.0, 1e6)},
     "live": dict(LIMITS),
 }
@@ -37,9 +40,15 @@ GNSS_OF_MODEM = "modem"
 
 
 class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where runs are stored."""
+    """Where runs are stored.
+
+    After `longest_h` hours a run is closed and the next one begins, 0 for never. With
+    `delete_oldest` the oldest runs make room on a full card.
+    """
 
     directory: str
+    longest_h: NotNegative = 0.0
+    delete_oldest: bool = False
 
 
 class ModemSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -87,6 +96,16 @@ class PageSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     map: str = ""
 
 
+class PowerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Limits of a battery below which a run is closed, 0 for none.
+
+    `stop_volts` is for a sensor that knows no percentage.
+    """
+
+    stop_percent: Percent = 0.0
+    stop_volts: NotNegative = 0.0
+
+
 class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All of site.toml."""
 
@@ -96,6 +115,7 @@ class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     live: LiveSettings = LiveSettings()
     status: StatusSettings = StatusSettings()
     page: PageSettings = PageSettings()
+    power: PowerSettings = PowerSettings()
 
 
 def load_config(path: Path) -> tuple[SiteConfig, str]:
@@ -189,6 +209,7 @@ _TABLES: dict[str, type[msgspec.Struct]] = {
     "live": LiveSettings,
     "status": StatusSettings,
     "page": PageSettings,
+    "power": PowerSettings,
 }
 
 

@@ -41,7 +41,8 @@ class Recorder:
     """The only user of a `RunWriter`; `run` until `finish` is called from another thread.
 
     `durable` is called after each flush that reached the card: the watchdog is fed there. Below
-    `floor_bytes` of free space, old journals with a verified HDF5 file are deleted (`RoomKeeper`).
+    `floor_bytes` of free space, old journals with a verified HDF5 file are deleted, and with
+    `delete_oldest` the oldest runs as well (`RoomKeeper`).
     After a permanent failure it sets `ended`, and `error` is the reason: a logger that does not
     record must not go on.
     """
@@ -56,6 +57,7 @@ class Recorder:
         *,
         durable: Callable[[], None] = lambda: None,
         floor_bytes: int = FLOOR_BYTES,
+        delete_oldest: bool = False,
     ) -> None:
         self._writer = writer
         self._estimator = Estimator.of(settings, inbox)
@@ -65,7 +67,9 @@ class Recorder:
         self._clock = clock
         self._ended = ended
         self._durable = durable
-        self._room = RoomKeeper(writer.path.parent, floor_bytes, self._note_from_thread)
+        self._room = RoomKeeper(
+            writer.path.parent, floor_bytes, self._note_from_thread, delete_oldest=delete_oldest
+        )
         self._file = writer.file
         self._stop_reason: str | None = None
         self.failing = ""

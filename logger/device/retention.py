@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from logger.core.runfile import free_bytes, make_room
+from logger.core.runfile import free_bytes, make_room, remove_oldest_runs
 from logger.core.types import Level
 
 LOOK_EVERY_S = 30.0
@@ -15,16 +15,22 @@ LOOK_EVERY_S = 30.0
 class RoomKeeper:
     """Removes spare journals while the free space is below the floor.
 
-    `note` (level, code, text) is called from its thread. Reading runs again takes a Pi minutes,
-    hence the thread.
+    With `delete_oldest` whole runs follow, the oldest first. `note` (level, code, text) is called
+    from its thread. Reading runs again takes a Pi minutes, hence the thread.
     """
 
     def __init__(
-        self, folder: Path, floor_bytes: int, note: Callable[[Level, str, str], None]
+        self,
+        folder: Path,
+        floor_bytes: int,
+        note: Callable[[Level, str, str], None],
+        *,
+        delete_oldest: bool = False,
     ) -> None:
         self._folder = folder
         self._floor_bytes = floor_bytes
         self._note = note
+        self._delete_oldest = delete_oldest
         self._thread: threading.Thread | None = None
         self._next_s = 0.0
         self._complaint = ""
@@ -55,6 +61,8 @@ class RoomKeeper:
                     "journal-removed",
                     f"{journal.name} made room: its HDF5 file holds the same",
                 )
+            for run in remove_oldest_runs(self._folder, self._floor_bytes, self._delete_oldest):
+                self._note("warning", "run-removed", f"{run} made room on the card (delete_oldest)")
             left = free_bytes(self._folder)
             complaint = "the card is nearly full" if left < self._floor_bytes else ""
         except OSError as error:

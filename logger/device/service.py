@@ -11,14 +11,13 @@ from pathlib import Path
 from logger.config import GNSS_OF_MODEM, SiteConfig
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.types import DEAD_RECKONING, LiveEstimate, Record
+from logger.device.battery import BatteryWatch
 from logger.device.clock import Clock
 from logger.device.gpsd_link import receiver_session
 from logger.device.link import Link
-from logger.device.memory import give_back
 from logger.device.mode_switch import RESTORE_S, unrestored_modes
 from logger.device.modem_link import modem_session
 from logger.device.mounts import MOUNTINFO, kept_in_memory
-from logger.device.notify import ServiceManager
 from logger.device.page_requests import page_requests
 from logger.device.port_swap import PortSwap
 from logger.device.port_url import check_url
@@ -26,7 +25,6 @@ from logger.device.recorder import Recorder
 from logger.device.saved_modes import SavedModes
 from logger.device.startup import BegunRun
 from logger.device.status import Sign, Status, TargetStatus, status_folder
-from logger.device.status_sinks import status_sinks
 from logger.device.suspicion_status import suspicion_status
 from logger.device.watched_inbox import WatchedInbox
 from logger.drivers.registry import FAMILIES, check_mode
@@ -61,6 +59,7 @@ class Service:
         ended: threading.Event,
         *,
         durable: Callable[[], None] = lambda: None,
+        battery: BatteryWatch | None = None,
     ) -> None:
         of_modem = config.gnss.port == GNSS_OF_MODEM
         ports = {"modem": config.modem.port} | ({} if of_modem else {"gnss": config.gnss.port})
@@ -79,6 +78,7 @@ class Service:
         self._swap = PortSwap(self._started_ns, 1e9 / clock.real_s(1.0))
         self._inbox = WatchedInbox(ports, self._swap)
         self._durable = durable
+        self._battery = battery
         self._scan_s = (
             SCAN_S
             + 3.0 * config.modem.poll_interval_s
@@ -89,7 +89,13 @@ class Service:
         self._synced_ns: int | None = None
         self.folder, self._writer = begun.folder, begun.writer
         self.recorder = Recorder(
-            self._writer, config.live, self._inbox, clock, ended, durable=self._note_sync
+            self._writer,
+            config.live,
+            self._inbox,
+            clock,
+            ended,
+            durable=self._note_sync,
+            delete_oldest=config.run.delete_oldest,
         )
         self._modes = SavedModes(self.folder)
         modem = partial(modem_session, settings=config.modem, modes=self._modes, locates=of_modem)
@@ -128,7 +134,10 @@ class Service:
         return _finish_run(self._writer.path)
 
     def wait(self, duration_s: float | None, publish: Callable[[], None] = lambda: None) -> None:
-        """Wait for `ended` or the end of the duration, and call `publish` once a tick."""
+        """Wait for `ended` or the end of the duration, and call `publish` once a tick.
+
+        A battery that is low ends it as well.
+        """
         end_ns = None if duration_s is None else self._clock.now_ns() + round(duration_s * 1e9)
         logged_ns = self._started_ns
         while end_ns is None or self._clock.now_ns() < end_ns:
@@ -137,6 +146,10 @@ class Service:
             if self._clock.wait(self._ended, max(left_s, 0.0)):
                 return
             self._check_ports(now_ns)
+            for note in self._battery.look() if self._battery else ():
+                self._inbox.put(Record(now_ns, "battery", note))
+            if self.low_battery:
+                return
             for note in self._requests.take() if self._requests else ():
                 self._inbox.put(Record(now_ns, "page", note))
             publish()
@@ -154,6 +167,11 @@ class Service:
             text = f"{text}; the position is by dead reckoning"
         target = _target(self.recorder.target, self.recorder.latest)
         return f"{text}; {'no target yet' if target is None else target}"
+
+    @property
+    def low_battery(self) -> str:
+        """Why the battery ends the run; empty if it does not."""
+        return self._battery.low if self._battery else ""
 
     @property
     def heartbeat(self) -> int | None:
@@ -187,6 +205,7 @@ class Service:
             position=self.recorder.position,
             cells=inbox.cells.rows(suspicions),
             followed=inbox.followed,
+            battery=self._battery.latest if self._battery else None,
         )
 
     def _trouble(self, now_ns: int) -> str:
@@ -231,52 +250,6 @@ class Service:
             for source, url in self._ports.items():
                 self._inbox.move(source, url)
                 self._links[source].move(url)
-
-
-def run_service(
-    config: SiteConfig,
-    begun: BegunRun,
-    manager: ServiceManager,
-    clock: Clock,
-    stop: tuple[threading.Event, list[str]],
-    duration_s: float | None,
-) -> Path:
-    """Record until a signal of `stop` or the end of the duration, and return the finished run.
-
-    Under systemd another unit recovers earlier runs, with a low priority; otherwise this does.
-    """
-    give_back()
-    ended, signals = stop
-    with status_sinks(config.status, manager) as sinks:
-        service = Service(config, begun, clock, ended, durable=manager.alive)
-        service.start()
-        recovery = threading.Thread(target=recover_folder, args=(service.folder,), name="recovery")
-        if not manager.is_present:
-            recovery.start()
-
-        def publish() -> None:
-            status = service.snapshot()
-            for sink in sinks:
-                sink.publish(status)
-            manager.heartbeat(service.heartbeat)
-
-        service.wait(duration_s, publish)
-        manager.stopping()
-        run = service.stop(signals[0] if signals else f"duration of {duration_s} s over")
-        if not manager.is_present:
-            recovery.join()
-    return run
-
-
-def recover_folder(folder: Path) -> None:
-    """Make HDF5 files of journals of earlier runs; unreadable ones are logged and left alone."""
-    from logger.core.runfile import recover  # noqa: PLC0415  recording needs no HDF5
-
-    for recovered in recover(folder):
-        if recovered.run:
-            log.info("recovered %s", recovered.run)
-        else:
-            log.error("cannot recover %s: %s", recovered.journal, recovered.error)
 
 
 def _finish_run(journal: Path) -> Path:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import msgspec
 
 from logger.core.guidance.next_way import NextWay
+from logger.device.battery import Battery
 
 FOLDER = Path("/run/cellwalk")
 """RuntimeDirectory= of the service; systemd removes it with the service."""
@@ -166,6 +167,7 @@ class Status(msgspec.Struct, frozen=True):
     position: PositionStatus | None = None
     cells: tuple[CellStatus, ...] = ()
     followed: str | None = None
+    battery: Battery | None = None
 
 
 def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:

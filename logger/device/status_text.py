@@ -28,6 +28,8 @@ def status_lines(status: Status) -> Iterator[str]:
         used = "?" if fix.sats_used is None else fix.sats_used
         place = f"{fix.lat_deg:.5f} {fix.lon_deg:.5f}" if fix.lat_deg is not None else "no position"
         yield f"position: {place}, {used} satellites"
+    if status.battery is not None:
+        yield f"battery {status.battery}"
     if status.next is not None:
         yield next_line(status.next)
     if status.position is not None:

@@ -24,7 +24,7 @@ from logger.device.startup import begin_run, usable_folder
 from logger.device.status import FOLDER, read_status, status_folder
 from logger.doctor.card import health, speed
 from logger.doctor.clock import clock_line, wall_minus_boot_ns
-from logger.doctor.machine import disk, holders, plug, power, temperature
+from logger.doctor.machine import battery, disk, holders, plug, power, temperature
 from logger.doctor.reception import LAST_S, TRIAL, run_lines
 from logger.doctor.service import open_journal, status_lines, unit
 from logger.drivers.family import wake
@@ -92,6 +92,7 @@ def _tests(config_path: Path, seconds: float, examination: Examination) -> Itera
     config = site_config(config_path)
     yield from check(config_path)
     yield power()
+    yield battery(config.power)
     yield temperature()
     folder = usable_folder(config.run.directory)
     yield disk(folder)

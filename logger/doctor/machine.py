@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from logger.check import Line
+from logger.config import PowerSettings
+from logger.device.battery import batteries, is_low
 from logger.device.machine import UNDERVOLTAGE_NOW, UNDERVOLTAGE_SINCE_BOOT, throttled_bits
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 
@@ -14,6 +16,9 @@ THROTTLED_NOW, THROTTLED_SINCE_BOOT = 0x6, 0x60000
 
 WARM_C, HOT_C = 70.0, 80.0
 """From 80 degrees on the firmware slows the processor down (Raspberry Pi documentation)."""
+
+LOW_PERCENT = 20.0
+"""A power bank of this charge is empty within the next walk."""
 
 LOW_BYTES, TOO_LOW_BYTES = 1_000_000_000, 100_000_000
 """Free space: the first holds some days of walks, the second less than a day of one."""
@@ -55,6 +60,27 @@ def _degrees(zone: Path) -> float | None:
         return int(zone.read_text()) / 1000.0
     except (OSError, ValueError):
         return None
+
+
+def battery(settings: PowerSettings, sys: Path = Path("/sys")) -> Line:
+    """Batteries and UPS boards that the kernel knows."""
+    seen = batteries(sys)
+    limit = settings.stop_percent or settings.stop_volts
+    if not seen:
+        text = "none that the kernel knows"
+        if limit:
+            return Line("warn", "battery", f"{text}: [power] in site.toml has no effect")
+        return Line("ok", "battery", text)
+    text = "; ".join(map(str, seen))
+    empty = [b for b in seen if b.percent is not None and b.percent <= LOW_PERCENT]
+    if any(is_low(b, settings, rise=True) for b in seen):
+        return Line("fail", "battery", f"{text}: too low to record by [power] in site.toml; charge")
+    if any(not b.has_supply for b in empty):
+        return Line("warn", "battery", f"{text}: charge it before a walk")
+    if settings.stop_percent and all(b.percent is None for b in seen):
+        text = f"{text}: knows no percentage, so stop_percent has no effect; set stop_volts"
+        return Line("warn", "battery", text)
+    return Line("ok", "battery", text)
 
 
 def disk(folder: Path) -> Line:

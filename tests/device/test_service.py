@@ -14,6 +14,7 @@ from logger.sim.player import NmeaPlayer, TranscriptModem
 from logger.sim.ptys import PtyDevice, answering
 from postproc.replay import replay
 from tests.kit import service
+from tests.kit.simulated_devices import simulated_devices
 
 
 def _only_run(folder):
@@ -196,3 +197,13 @@ def test_a_receiver_behind_a_socket(tmp_path):
                 service.wait_for(lambda: _journal_has(tmp_path, "fixes", 50))
                 service.stop_service(logger)
     assert len(_only_run(tmp_path).tables["fixes"]) == 50
+
+
+def test_a_run_is_closed_after_its_longest_time(tmp_path):
+    with simulated_devices() as (modem, gnss, _):
+        config = service.site_toml(tmp_path, modem.path, gnss.path)
+        text = config.read_text().replace("[modem]", "longest_h = 0.001\n[modem]", 1)
+        config.write_text(text)
+        with service.running_service(config) as logger:
+            assert logger.wait(60) == 0
+    assert _only_run(tmp_path).end.reason == "duration of 3.6 s over"

@@ -27,6 +27,8 @@ TERMS = {
     "262-01-4711-100": "name of a cell in an example",
     "pip install --no-compile": "option of pip",
     "du -sm": "command of Unix",
+    "/sys/class/power_supply": "folder of Linux",
+    "/sys/class/hwmon": "folder of Linux",
     "null": "JSON",
     "number": "field of a journal frame",
     "run": "field of a journal frame",

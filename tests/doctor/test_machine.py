@@ -2,6 +2,7 @@ import os
 
 import pytest
 
+from logger.config import PowerSettings
 from logger.doctor import machine
 from tests.kit.simulated_devices import simulated_devices
 
@@ -63,3 +64,33 @@ def test_another_process_that_holds_the_port_is_named():
             os.waitpid(child, 0)
     assert line.state == "fail"
     assert f"process {child}" in line.text
+
+
+@pytest.mark.parametrize(
+    ("capacity", "settings", "state", "says"),
+    [
+        (None, PowerSettings(), "ok", "none"),
+        (None, PowerSettings(stop_percent=5), "warn", "no effect"),
+        (80, PowerSettings(stop_percent=5), "ok", "bat0: 80 %, discharging"),
+        (15, PowerSettings(stop_percent=5), "warn", "charge it"),
+        (7, PowerSettings(stop_percent=5), "fail", "too low to record"),
+    ],
+)
+def test_the_battery_is_examined(tmp_path, capacity, settings, state, says):
+    if capacity is not None:
+        folder = tmp_path / "class/power_supply/bat0"
+        folder.mkdir(parents=True)
+        for name, value in (("type", "Battery"), ("capacity", capacity), ("status", "Discharging")):
+            (folder / name).write_text(f"{value}\n")
+    line = machine.battery(settings, tmp_path)
+    assert (line.state, line.what) == (state, "battery")
+    assert says in line.text
+
+
+def test_a_sensor_without_a_percentage_needs_another_limit(tmp_path):
+    folder = tmp_path / "class/hwmon/hwmon1"
+    folder.mkdir(parents=True)
+    (folder / "name").write_text("ina219\n")
+    (folder / "in1_input").write_text("7900\n")
+    assert "set stop_volts" in machine.battery(PowerSettings(stop_percent=5), tmp_path).text
+    assert machine.battery(PowerSettings(stop_volts=6.4), tmp_path).state == "ok"

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, Truth
-from logger.core.runfile.retention import FLOOR_BYTES, free_bytes, make_room
+from logger.core.runfile.retention import FLOOR_BYTES, free_bytes, make_room, remove_oldest_runs
 from logger.core.runfile.run_names import journal_path
 from logger.core.runfile.writer import RunWriter
 
@@ -39,6 +39,7 @@ __all__ = [
     "read_small_runs",
     "read_sound_run",
     "recover",
+    "remove_oldest_runs",
     "sealing_of",
     "unfinished_journals",
 ]

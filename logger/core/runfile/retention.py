@@ -1,9 +1,10 @@
 """Free space on the card: journals whose HDF5 file provably has the same content are removed.
 
-A run is never removed.
+A run is removed only where the configuration says so.
 """
 
 import os
+from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -34,6 +35,26 @@ def make_room(folder: Path, floor_bytes: int) -> Iterator[Path]:
                 file.unlink()
             sync_folder(folder)
             yield journal
+
+
+def remove_oldest_runs(folder: Path, floor_bytes: int, is_wanted: bool) -> Iterator[str]:
+    """Remove whole runs, the oldest first, until so much is free; only if that is wanted.
+
+    The newest run stays, and so does one that is being recorded. Raises OSError.
+    """
+    runs: dict[str, list[Path]] = defaultdict(list)
+    for file in folder.glob("run-[0-9]*.*") if is_wanted else ():
+        runs[file.name.partition(".")[0]].append(file)
+    for name in sorted(runs)[:-1]:
+        if free_bytes(folder) >= floor_bytes:
+            return
+        files = sorted(runs[name], key=lambda file: file.suffix == ".h5")  # what is whole goes last
+        if any(map(is_recording, files)):
+            continue
+        for file in files:
+            file.unlink()
+        sync_folder(folder)
+        yield name
 
 
 def _is_spare(journal: Path) -> bool:

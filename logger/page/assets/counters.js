@@ -16,8 +16,14 @@ function counters({status, machine, silent_s: silentS}) {
     ['free', free == null ? null : `${(free / 1e9).toFixed(1)} GB${free < LOW_BYTES ? ', low!' : ''}`],
     ['waiting', status?.waiting],
     ['temperature', machine.temperature_c == null ? null : `${machine.temperature_c.toFixed(0)} °C`],
+    ['battery', batteryText(status?.battery)],
     ['undervoltage', machine.undervoltage], ['run', status?.run.match(/(\d+)\.journal/)?.[1]],
   ];
+}
+
+function batteryText(battery) {
+  if (battery?.percent != null) return `${battery.percent.toFixed(0)} %`;
+  return battery?.volts != null ? `${battery.volts.toFixed(2)} V` : null;
 }
 
 export function showCounters(state) {
