@@ -26,7 +26,7 @@ from postproc.scan_counts import observed_cells
 
 _TABLES = ("fixes", "scans", "readings")
 """What is estimated from; notes, raw bytes and the live estimate change no result."""
-_SOURCES = ("*.py", "estimators/*.py")
+_SOURCES = ("*.py", "estimators/*.py", "survey/*.py")
 """Of this package: what may change a result. Pictures, reports and exports are made from one."""
 
 
@@ -113,7 +113,9 @@ def _select_cells(result: Result, wanted: dict[str, int]) -> Result:
 
 
 def _made_from_text(runs: Sequence[Run], options: Options) -> bytes:
-    return msgspec.json.encode(MadeFrom(tuple(map(_digest_of_run, runs)), options, _program()))
+    return msgspec.json.encode(
+        MadeFrom(tuple(map(_digest_of_run, runs)), options, program_digest())
+    )
 
 
 def _digest_of_run(run: Run) -> str:
@@ -135,7 +137,7 @@ def _digest(made_from: bytes, selected: bytes, encoded: Encoded) -> str:
 
 
 @cache
-def _program() -> str:
+def program_digest() -> str:
     """Version, and digest of the source code that determines a result."""
     core, package = Path(logger.core.__file__).parent, Path(__file__).parent
     files = [*core.rglob("*.py"), *(path for some in _SOURCES for path in package.glob(some))]

@@ -1,14 +1,19 @@
 """The commands `postproc survey ...`."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from logger.command_line import FILE, PATH, json_option
+from logger.command_line import FILE, PATH, json_option, number
+from postproc.options import cells_option, prior_options, within_option
 from postproc.survey.libraries import check_libraries
+
+if TYPE_CHECKING:
+    from logger.core.model.prior import Prior
 
 folder_argument = click.argument("folder", type=FILE, metavar="SURVEY")
 
@@ -67,3 +72,74 @@ def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: boo
         left = f", {len(failed)} left out" if failed else ""
         print(f"{folder}: {n_added} added{known}{left}; {len(whole.runs)} runs, {n_cells} cells")
     return SOMETHING_LOST if failed else 0
+
+
+def workers_options(command: Callable[..., int | None]) -> Callable[..., int | None]:
+    """Add `--scheduler` and `--workers`."""
+    command = click.option(
+        "--workers",
+        type=number(int, 1, 1024),
+        metavar="N",
+        help="Processes of this machine (default: one for each core).",
+    )(command)
+    return click.option(
+        "--scheduler",
+        metavar="tcp://HOST:8786",
+        help="A Dask scheduler whose workers read the same folder.",
+    )(command)
+
+
+@survey.command
+@folder_argument
+@workers_options
+@cells_option
+@click.option("--since", metavar="DATE", help="Only walks that began on this day or later (UTC).")
+@click.option(
+    "-o",
+    "--output",
+    "stem",
+    type=FILE,
+    metavar="NAME",
+    help="NAME.parquet and NAME.gpkg (default: located, in the folder of the survey).",
+)
+@prior_options
+@within_option
+@json_option
+def locate(
+    folder: Path,
+    scheduler: str | None,
+    workers: int | None,
+    cells: Sequence[str],
+    since: str | None,
+    stem: Path | None,
+    prior: "Prior",
+    within_m: float,
+    *,
+    as_json: bool,
+) -> None:
+    """Locate every cell of a survey over all its runs.
+
+    Results are written as GeoParquet and GeoPackage. A cell that has been located from the same
+    runs is not located again. Loggers that contradict the others are named and left out.
+    """
+    check_libraries("pyarrow", "distributed", "geopandas")
+    from postproc.json_text import as_json as json_text
+    from postproc.result import Options
+    from postproc.survey.dataset import Survey
+    from postproc.survey.dates import day_utc_ns
+    from postproc.survey.layers import write_layers
+    from postproc.survey.location import locate_survey
+    from postproc.survey.scheduling import Cluster
+    from postproc.survey.tables import document_of, print_location
+    from postproc.survey.tasks import RunChoice
+
+    options = Options(prior, within_m=within_m)
+    choice = RunChoice(since_utc_ns=day_utc_ns(since) if since else None)
+    whole = Survey.open(folder)
+    with Cluster(scheduler, workers) as cluster:
+        location = locate_survey(whole, options, choice, cells, cluster=cluster)
+    files = write_layers(location.cells, location.loggers, stem or folder / "located")
+    if as_json:
+        print(json_text(document_of(location, files)))
+    else:
+        print_location(location, files)

@@ -114,7 +114,7 @@ class Survey:
         """Cells that all runs heard, or some of them, by area and name."""
         heard = self.cells_of_runs
         if runs is not None:
-            heard = heard.filter(pc.field("run").isin(list(runs)))
+            heard = heard.filter(_is_one_of("run", runs))
         sums = heard.group_by("cell").aggregate(
             [("rat", "max"), ("n_readings", "sum"), ("n_scans", "sum"), ("run", "count")]
         )
@@ -131,10 +131,16 @@ class Survey:
         ]
         return sorted(cells, key=lambda cell: (cell.area, cell.cell))
 
+    def scans_of(self, cells: Sequence[str], runs: Sequence[str]) -> dict[str, int]:
+        """Scans of some runs that named each of some cells without doubt."""
+        chosen = _is_one_of("cell", cells) & pc.field("run").isin(pa.array(runs, pa.string()))
+        sums = self.cells_of_runs.filter(chosen).group_by("cell").aggregate([("n_scans", "sum")])
+        return dict(zip(sums["cell"].to_pylist(), sums["n_scans_sum"].to_pylist(), strict=True))
+
     def rows(self, area: str, cells: Sequence[str] | None = None) -> pa.Table:
         """Readings of some cells of an area, or of all (`layout.READINGS`)."""
         files = [layout.readings_file(self.folder, area, batch) for batch in self.batches]
-        chosen = None if cells is None else pc.field("cell").isin(list(cells))
+        chosen = None if cells is None else _is_one_of("cell", cells)
         tables = [
             pq.read_table(file, filters=chosen, partitioning=None, read_dictionary=["cell", "run"])
             for file in files
@@ -185,6 +191,10 @@ class Survey:
                 path.suffix == ".parquet" and path.stem not in self.batches
             ):
                 path.unlink(missing_ok=True)
+
+
+def _is_one_of(column: str, texts: Sequence[str]) -> pc.Expression:
+    return pc.field(column).isin(pa.array(texts, pa.string()))
 
 
 def _series(table: pa.Table) -> Iterator[tuple[str, str, dict[str, np.ndarray[Any, Any]]]]:

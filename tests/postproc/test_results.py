@@ -111,20 +111,20 @@ def test_other_options_are_estimated_with(walk, options):
 
 def test_another_version_of_the_program_estimates_again(walk, monkeypatch):
     run, _, path = walk
-    monkeypatch.setattr(results, "_program", lambda: "0.0.1 0123456789abcdef")
+    monkeypatch.setattr(results, "program_digest", lambda: "0.0.1 0123456789abcdef")
     assert why_not(path, run) == "it is of another version of the program"
 
 
 def test_the_program_is_known_by_its_source(monkeypatch, tmp_path):
-    before = results._program()
+    before = results.program_digest()
     (tmp_path / "estimators").mkdir()
     (tmp_path / "estimators" / "new.py").write_text("")
     monkeypatch.setattr(results, "__file__", str(tmp_path / "results.py"))
-    results._program.cache_clear()
+    results.program_digest.cache_clear()
     try:
-        assert results._program() != before
+        assert results.program_digest() != before
     finally:
-        results._program.cache_clear()
+        results.program_digest.cache_clear()
 
 
 def test_without_a_file_there_is_nothing_to_tell(walk, tmp_path):

@@ -1,0 +1,1 @@
+"""A synthetic city, drawn in arrays: stations, streets, walkers, shadowing by place."""

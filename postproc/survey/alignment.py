@@ -1,0 +1,130 @@
+"""Many modems on one scale, by the ground that they share.
+
+The locator gives each modem blocks of its own (`logger.core.model.blocks`), at most 300 in all:
+with 20 modems a block is hundreds of metres wide and says little. But modems that have walked the
+same places show their offsets there directly: in a place p, modem m reads s_p + b_m + e, where s_p
+is whatever the level of the cell is there. Least squares over all places gives b and its
+covariance, with Huber's weights, so that few wrong places do not matter. A modem whose offset is
+then certain to a decibel counts as the same modem; the offsets that remain are the locator's.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.model.blocks import squares
+from logger.core.observations import CellObservations
+
+MOST_MODEMS = 4
+"""Up to this many, nothing is aligned: estimates are those of `postproc smooth` to the last bit."""
+PLACE_M = 20.0
+"""Side of a place: about the median decorrelation distance of measured walks."""
+CERTAIN_DB = 1.0
+"""An offset that is more certain is known: noise of one reading is several times as large."""
+_LEAST_SIGMA_DB = 1.0
+_TURNS = 8
+_HUBER = 1.345
+"""Standard deviations from which a place counts less: 95 % efficient for Gaussian errors."""
+_MAD = 1.4826
+_ANY_NUMBER = 1 << 40
+
+
+class Alignment(NamedTuple):
+    """Readings with fewer modems; what was subtracted from each modem, with its sigma, (m,) dB."""
+
+    obs: CellObservations
+    offset_db: FloatArray
+    sigma_db: FloatArray
+
+
+class PlaceLevels(NamedTuple):
+    """Mean levels of modems in places, shape (n,) each."""
+
+    place: IntArray
+    modem: IntArray
+    level_dbm: FloatArray
+
+
+def align(obs: CellObservations) -> Alignment:
+    """Readings of modems that share ground on the scale of one of them; all usable ones."""
+    n = obs.n_modems
+    if n <= MOST_MODEMS or obs.modem is None:
+        return Alignment(obs, np.zeros(n), np.zeros(n))
+    offset_db, sigma_db, part = _offsets(levels_by_place(obs, obs.modem, PLACE_M), n)
+    is_certain = sigma_db <= CERTAIN_DB
+    offset_db = np.where(is_certain, offset_db, 0.0)
+    # a modem that is not certain stays one of its own
+    scale = np.where(is_certain, part, n + np.arange(n))
+    moved = obs.on_one_scale(offset_db)
+    modem = _number_by_appearance(scale[obs.modem])
+    moved = replace(moved, modem=modem if np.any(modem) else None)
+    return Alignment(moved, offset_db, np.where(is_certain, sigma_db, np.nan))
+
+
+def levels_by_place(obs: CellObservations, modem: IntArray, side_m: float) -> PlaceLevels:
+    """Mean levels within the scale of each modem in squares of ground."""
+    inside = obs.limit == 0
+    place, _ = squares(obs.x_m[inside], obs.y_m[inside], _ANY_NUMBER, finest_m=side_m)
+    n = int(np.max(modem, initial=0)) + 1
+    key, which = np.unique(place * n + modem[inside], return_inverse=True)
+    level_dbm = np.bincount(which, obs.level_dbm[inside]) / np.bincount(which)
+    return PlaceLevels(key // n, key % n, np.asarray(level_dbm, float))
+
+
+def _offsets(levels: PlaceLevels, n: int) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Offset of each modem and its sigma against the first of its part, and the part, (n,) each.
+
+    A part are modems that are connected by places.
+    """
+    shared = np.bincount(levels.place)[levels.place] > 1
+    place = np.unique(levels.place[shared], return_inverse=True)[1]
+    modem, level_dbm = levels.modem[shared], levels.level_dbm[shared]
+    n_places = int(np.max(place, initial=-1)) + 1
+    links = coo_array((np.ones(len(place)), (modem, n + place)), shape=(n + n_places,) * 2)
+    part = connected_components(links, directed=False)[1][:n]
+    weight, error_db2 = np.ones(len(place)), _LEAST_SIGMA_DB**2
+    offset_db: FloatArray = np.zeros(n)
+    inverse = np.zeros((n, n))
+    for _ in range(_TURNS if len(place) else 0):
+        inverse, offset_db, residual_db = _solve(place, modem, level_dbm, weight, n)
+        # a place of two has half of its variance in its own mean
+        count = np.bincount(place)[place]
+        free_db = residual_db * np.sqrt(count / (count - 1.0))
+        error_db2 = max(_MAD * float(np.median(np.abs(free_db))), _LEAST_SIGMA_DB) ** 2
+        away = np.abs(free_db) / np.sqrt(error_db2)
+        weight = np.minimum(1.0, _HUBER / np.maximum(away, 1e-9))
+    first = np.array([int(np.flatnonzero(part == own)[0]) for own in part])
+    spread = np.diag(inverse) + inverse[first, first] - 2.0 * inverse[np.arange(n), first]
+    sigma_db = np.sqrt(error_db2 * np.maximum(spread, 0.0))
+    relative_db = np.asarray(offset_db - offset_db[first], float)
+    return relative_db, np.asarray(sigma_db, float), np.asarray(part, np.int64)
+
+
+def _solve(
+    place: IntArray, modem: IntArray, level_dbm: FloatArray, weight: FloatArray, n: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Weighted least squares without the levels of the places; pseudo-inverse, b, residuals."""
+    total = np.bincount(place, weight)
+    mean_dbm = np.bincount(place, weight * level_dbm) / total
+    of_place = np.zeros((len(total), n))
+    of_place[place, modem] = weight
+    normal = np.diag(np.bincount(modem, weight, n)) - of_place.T @ (of_place / total[:, None])
+    right = np.bincount(modem, weight * (level_dbm - mean_dbm[place]), n)
+    inverse = np.linalg.pinv(normal, hermitian=True, rcond=1e-9)
+    offset_db = inverse @ right
+    free_dbm = level_dbm - offset_db[modem]
+    level_of_place = np.bincount(place, weight * free_dbm) / total
+    residual_db = np.asarray(free_dbm - level_of_place[place], float)
+    return np.asarray(inverse, float), np.asarray(offset_db, float), residual_db
+
+
+def _number_by_appearance(numbers: IntArray) -> IntArray:
+    """From 0 in the order of appearance."""
+    values, first, which = np.unique(numbers, return_index=True, return_inverse=True)
+    rank = np.empty(len(values), np.int64)
+    rank[np.argsort(first)] = np.arange(len(values))
+    return rank[which]

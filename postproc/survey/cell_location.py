@@ -1,0 +1,215 @@
+"""Where one cell stands, from its readings in all runs of a survey.
+
+The steps are those of `postproc smooth` of these runs: one UTM zone, one series, an offset for each
+modem, the same locator and verdict. Beyond it, many modems are put on one scale (`alignment`), very
+many readings are thinned (`thinning`), and two transmitters are tried with several modems too.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+import shapely
+from shapely.geometry import shape
+
+from logger.core.errors import GeoError
+from logger.core.locator.pipeline import locate
+from logger.core.locator.posterior import Posterior
+from logger.core.locator.two_source_test import Division, divide, divide_in_time
+from logger.core.locator.verdict import assess
+from logger.core.observations import CellObservations
+from postproc.cell_estimation import too_few
+from postproc.estimators.region_outline import geojson
+from postproc.multi_run import FARTHEST_KM, in_zone, merge
+from postproc.result import Options
+from postproc.scan_counts import too_rarely
+from postproc.survey.alignment import Alignment, align
+from postproc.survey.thinning import thin
+from postproc.survey.walk_readings import SurveyRun
+
+
+class ModemOffset(msgspec.Struct, frozen=True):
+    """How much higher a modem reads this cell than the first; None where that is unknown."""
+
+    modem: str
+    offset_db: float | None
+    sigma_db: float | None
+
+
+class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
+    """A cell of a survey: its verdict, with reasons, and its position where there is one.
+
+    Positions are degrees (WGS 84) and metres in UTM zone `zone`. `two_sources` and `moved` are log
+    Bayes factors of two transmitters, at once or one after the other, against one; None where it
+    was not tried. `region_wkb` is the 95 % region in degrees.
+    """
+
+    cell: str
+    rat: str
+    area: str
+    verdict: str
+    reasons: tuple[str, ...]
+    n_readings: int
+    n_scans: int
+    n_runs: int
+    n_modems: int
+    first_utc_ns: int | None
+    last_utc_ns: int | None
+    n_used: int = 0
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    zone: int | None = None
+    x_m: float | None = None
+    y_m: float | None = None
+    r95_m: float | None = None
+    region_m2: float | None = None
+    probability: float | None = None
+    p0_dbm: float | None = None
+    p0_sigma_db: float | None = None
+    eta: float | None = None
+    eta_sigma: float | None = None
+    sigma_db: float | None = None
+    two_sources: float | None = None
+    moved: float | None = None
+    offsets: tuple[ModemOffset, ...] = ()
+    region_wkb: bytes = b""
+
+
+class CellRuns(NamedTuple):
+    """Readings of a cell by digest of the run, in the order of the runs; scans that named it."""
+
+    cell: str
+    area: str
+    rat: str
+    n_scans: int
+    parts: Mapping[str, CellObservations]
+
+
+def locate_cell_of(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Options) -> LocatedCell:
+    """The estimate over all runs."""
+    near, n_far = _near_parts(heard.parts)
+    own = [runs[digest] for digest in near]
+    base = _without_position(heard, own, near)
+    reasons = [f"{n_far} runs heard this identity farther than {FARTHEST_KM:.0f} km away"]
+    reasons = reasons if n_far else []
+    why = too_rarely(heard.n_scans)
+    if why or not near:
+        return msgspec.structs.replace(base, reasons=(why or "no reading has a position", *reasons))
+    obs = joined_readings(near, [run.modem for run in own])
+    if why := too_few(obs):
+        return msgspec.structs.replace(base, reasons=(why, *reasons))
+    aligned = align(obs.usable())
+    usable = thin(aligned.obs)
+    posterior = locate(usable, options.prior)
+    at_once, in_time = _divisions(usable, posterior)
+    decision = assess(posterior, usable, _likelier(at_once, in_time), within_m=options.within_m)
+    lat_deg, lon_deg = usable.utm.to_latlon(posterior.x_m, posterior.y_m)
+    region = shape(geojson(posterior.squares, usable.utm))
+    return msgspec.structs.replace(
+        base,
+        verdict=decision.verdict,
+        reasons=(*decision.reasons, *reasons),
+        n_used=len(usable),
+        lat_deg=lat_deg,
+        lon_deg=lon_deg,
+        zone=usable.utm.zone,
+        x_m=posterior.x_m,
+        y_m=posterior.y_m,
+        r95_m=posterior.r95_m,
+        region_m2=posterior.region_area_m2,
+        probability=posterior.modes[0].probability,
+        p0_dbm=posterior.p0_dbm,
+        p0_sigma_db=posterior.p0_sigma_db,
+        eta=posterior.eta,
+        eta_sigma=posterior.eta_sigma,
+        sigma_db=posterior.sigma_db,
+        two_sources=at_once and at_once.log_factor,
+        moved=in_time and in_time.log_factor,
+        offsets=_offsets(own, obs, aligned, posterior),
+        region_wkb=shapely.to_wkb(region),
+    )
+
+
+def joined_readings(
+    parts: Mapping[str, CellObservations], modems: Sequence[str]
+) -> CellObservations:
+    """All readings of a cell in one zone, with the modem of each of `parts` numbered."""
+    numbers = {modem: i for i, modem in enumerate(dict.fromkeys(modems))}
+    return merge(dict(enumerate(parts.values())), [numbers[modem] for modem in modems])
+
+
+def _near_parts(
+    parts: Mapping[str, CellObservations],
+) -> tuple[dict[str, CellObservations], int]:
+    """Parts in the zone of the first, and how many are too far away to be the same cell."""
+    near: dict[str, CellObservations] = {}
+    for digest, obs in parts.items():
+        first = next(iter(near.values()), obs)
+        try:
+            placed = in_zone(obs, first.utm)
+        except GeoError:
+            continue
+        apart_m = np.hypot(placed.x_m[0] - first.x_m[0], placed.y_m[0] - first.y_m[0])
+        if apart_m <= FARTHEST_KM * 1000.0:
+            near[digest] = placed
+    return near, len(parts) - len(near)
+
+
+def _without_position(
+    heard: CellRuns, own: Sequence[SurveyRun], near: Mapping[str, CellObservations]
+) -> LocatedCell:
+    times = [run.began_utc_ns for run in own if run.began_utc_ns is not None]
+    return LocatedCell(
+        cell=heard.cell,
+        rat=heard.rat,
+        area=heard.area,
+        verdict="cannot tell",
+        reasons=(),
+        n_readings=sum(map(len, near.values())),
+        n_scans=heard.n_scans,
+        n_runs=len(own),
+        n_modems=len({run.modem for run in own}),
+        first_utc_ns=min(times, default=None),
+        last_utc_ns=max(times, default=None),
+    )
+
+
+def _divisions(
+    usable: CellObservations, posterior: Posterior
+) -> tuple[Division | None, Division | None]:
+    """Two transmitters at once, and one after the other; with the modems on one scale."""
+    one_scale = usable
+    if posterior.offsets is not None:
+        one_scale = replace(usable.on_one_scale(posterior.offsets.mean_db), modem=None)
+    return divide(one_scale, posterior), divide_in_time(one_scale, posterior)
+
+
+def _likelier(one: Division | None, other: Division | None) -> Division | None:
+    known = [division for division in (one, other) if division is not None]
+    return max(known, key=lambda division: division.log_factor, default=None)
+
+
+def _offsets(
+    own: Sequence[SurveyRun], obs: CellObservations, aligned: Alignment, posterior: Posterior
+) -> tuple[ModemOffset, ...]:
+    """What each modem reads higher than the first: by shared ground, and by the locator."""
+    modems = list(dict.fromkeys(run.modem for run in own))
+    if len(modems) < 2 or obs.modem is None:
+        return ()
+    located = posterior.offsets
+    usable = obs.usable()
+    found = []
+    for number, modem in enumerate(modems):
+        rows = np.flatnonzero(usable.modem == number)
+        if not len(rows):
+            found.append(ModemOffset(modem, None, None))
+            continue
+        group = 0 if aligned.obs.modem is None else int(aligned.obs.modem[rows[0]])
+        db, sigma_db = float(aligned.offset_db[number]), float(aligned.sigma_db[number])
+        if located is not None:
+            db += float(located.mean_db[group])
+            sigma_db = float(np.hypot(np.nan_to_num(sigma_db), located.sigma_db[group]))
+        found.append(ModemOffset(modem, db, float(np.nan_to_num(sigma_db))))
+    return tuple(found)

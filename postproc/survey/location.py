@@ -1,0 +1,85 @@
+"""Every cell of a survey located, without the loggers that contradict the others."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from logger.core.errors import ConfigError
+from postproc.progress import with_progress
+from postproc.result import Options
+from postproc.survey.agreement import LoggerReport, liars, report
+from postproc.survey.cell_location import LocatedCell
+from postproc.survey.dataset import Survey, SurveyCell
+from postproc.survey.estimates import EstimateFile, keys_of
+from postproc.survey.scheduling import Cluster
+from postproc.survey.tasks import RunChoice, compare_loggers, locate_cells, tasks_of
+
+_FEWEST_LOGGERS = 3
+
+
+EVERY_RUN = RunChoice()
+
+
+@dataclass(frozen=True, slots=True)
+class Location:
+    """All cells by name, the loggers, and how many cells had been located before."""
+
+    cells: tuple[LocatedCell, ...]
+    loggers: tuple[LoggerReport, ...]
+    n_known: int
+
+
+def locate_survey(
+    survey: Survey,
+    options: Options,
+    choice: RunChoice = EVERY_RUN,
+    only: Sequence[str] = (),
+    *,
+    cluster: Cluster,
+) -> Location:
+    """Estimates of every cell that the chosen runs heard, or of those in `only`.
+
+    Raises `ConfigError` for an unknown cell and a scheduler that does not answer.
+    """
+    loggers = _loggers(survey, choice, options, cluster)
+    choice = replace(choice, without=choice.without | frozenset(liars(loggers)))
+    allowed = [digest for digest, run in survey.runs.items() if choice.allows(run)]
+    cells = survey.cells(allowed)
+    if unknown := set(only) - {cell.cell for cell in cells}:
+        raise ConfigError(f"cell {min(unknown)} is not in the survey, or not in these runs")
+    cells = [cell for cell in cells if not only or cell.cell in only]
+    keys = keys_of(survey, choice, options)
+    known = EstimateFile(survey.folder / "estimates.jsonl")
+    waiting = [cell for cell in cells if known.get(keys[cell.cell]) is None]
+    _locate(survey, waiting, choice, options, cluster, known, keys)
+    found = [known.get(keys[cell.cell]) for cell in cells]
+    located = tuple(cell for cell in found if cell is not None)
+    return Location(located, tuple(loggers), len(cells) - len(waiting))
+
+
+def _loggers(
+    survey: Survey, choice: RunChoice, options: Options, cluster: Cluster
+) -> list[LoggerReport]:
+    """All loggers against each other; too few of them cannot contradict each other."""
+    runs = [run for run in survey.runs.values() if choice.allows(run)]
+    if len({run.logger for run in runs}) < _FEWEST_LOGGERS:
+        return []
+    shared = [cell for cell in survey.cells([run.digest for run in runs]) if cell.n_runs > 2]
+    tasks = tasks_of(survey, shared, choice, options)
+    arriving = cluster.results(compare_loggers, tasks)
+    found = [one for _, some in with_progress(arriving, "loggers", len(tasks)) for one in some]
+    return report(sorted(found))
+
+
+def _locate(
+    survey: Survey,
+    cells: Sequence[SurveyCell],
+    choice: RunChoice,
+    options: Options,
+    cluster: Cluster,
+    known: EstimateFile,
+    keys: dict[str, str],
+) -> None:
+    tasks = tasks_of(survey, cells, choice, options)
+    arriving = cluster.results(locate_cells, tasks)
+    for _, located in with_progress(arriving, "locating", len(tasks)):
+        known.put([(keys[cell.cell], cell) for cell in located])

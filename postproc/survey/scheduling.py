@@ -1,0 +1,160 @@
+"""Tasks on Dask: a cluster of this machine, or any scheduler of dask.distributed by its address.
+
+A worker that dies is replaced, and another one repeats its task; that is Dask's own work. When the
+scheduler is lost, results that have arrived are kept, and the rest is given to the next scheduler
+at the same address. A task is a function of the survey, so doing it twice changes nothing.
+"""
+
+import logging
+import os
+import time
+from asyncio import CancelledError
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Any, Self, TypeVar
+from uuid import uuid4
+
+from distributed import Client, KilledWorker, LocalCluster, as_completed
+from distributed.comm import CommClosedError
+
+from logger.core.errors import ConfigError
+
+CONNECT_S = 60.0
+"""For a scheduler to answer, at the start and after it was lost."""
+_MOST_LOSSES = 20
+"""A scheduler that is lost more often does not work."""
+_MOST_DEATHS = 100
+"""Workers that may die before the tasks are taken for the cause."""
+_ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MALLOC_TRIM_THRESHOLD_": str(1 << 28)}
+"""Dask lets a worker give back every free block at once: two fifths of the time went into that."""
+_LOST = (CommClosedError, CancelledError, TimeoutError, OSError)
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+class Cluster:
+    """Workers, started or connected to when there is work for them.
+
+    `scheduler` is the address of a Dask scheduler; without one, `workers` processes of this
+    machine.
+    """
+
+    def __init__(self, scheduler: str | None = None, workers: int | None = None) -> None:
+        self._scheduler, self._workers = scheduler, workers
+        self._client: Client | None = None
+        self._resources = ExitStack()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._disconnect()
+
+    def results(
+        self, work: Callable[[Item], Result], items: Sequence[Item]
+    ) -> Iterator[tuple[Item, Result]]:
+        """Each item with its result, exactly once, in whatever order they come.
+
+        Raises `ConfigError` where no scheduler answers or workers die again and again, and what a
+        task raises.
+        """
+        waiting = dict(enumerate(items))
+        n_losses = 0
+        while waiting:
+            try:
+                for number, result in _results(self._connect_once(), work, waiting):
+                    yield waiting.pop(number), result
+            except _SchedulerLost:
+                self._disconnect()
+                n_losses += 1
+                if n_losses > _MOST_LOSSES:
+                    raise ConfigError(f"the scheduler was lost {n_losses} times") from None
+
+    def _connect_once(self) -> Client:
+        if self._client is None:
+            client = _client(self._scheduler, self._workers)
+            self._client = self._resources.enter_context(client)
+        return self._client
+
+    def _disconnect(self) -> None:
+        self._client = None
+        self._resources.close()
+
+
+class _SchedulerLost(Exception):  # noqa: N818 (no error: the work goes on)
+    pass
+
+
+def _results(
+    client: Client, work: Callable[[Any], Any], waiting: Mapping[int, Any]
+) -> Iterator[tuple[int, Any]]:
+    """Results by the number of the item; raises `_SchedulerLost`."""
+    number_of: dict[str, int] = {}
+
+    def submit(number: int) -> Any:
+        future = client.submit(work, waiting[number], key=f"cellwalk-{uuid4().hex}", pure=False)
+        number_of[future.key] = number
+        return future
+
+    n_deaths = 0
+    try:
+        arriving = as_completed([submit(number) for number in waiting], loop=client.loop)
+        for future in arriving:
+            if future.status in {"cancelled", "lost"}:
+                raise _SchedulerLost
+            try:
+                result = future.result(timeout=CONNECT_S)
+            except KilledWorker as error:
+                n_deaths += 1
+                if n_deaths > _MOST_DEATHS:
+                    raise ConfigError(f"workers die again and again: {error}") from error
+                arriving.add(submit(number_of[future.key]))
+                continue
+            yield number_of[future.key], result
+            future.release()
+    except _LOST as error:
+        raise _SchedulerLost from error
+
+
+@contextmanager
+def _client(scheduler: str | None, workers: int | None) -> Iterator[Client]:
+    """A client of a scheduler, or of a cluster of this machine that ends with it."""
+    # what a lost worker or scheduler means is said here, in one line
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    if scheduler is None:
+        # TLS with keys that exist in memory only: other users of this machine cannot connect
+        with (
+            LocalCluster(
+                n_workers=workers or os.cpu_count() or 1,
+                threads_per_worker=1,
+                dashboard_address=None,
+                security=True,
+                silence_logs=logging.CRITICAL,
+                env=_ENVIRONMENT,
+            ) as cluster,
+            Client(cluster, set_as_default=False) as client,
+        ):
+            yield client
+        return
+    client = _connect(scheduler)
+    try:
+        yield client
+    finally:
+        with suppress(*_LOST):
+            client.close(timeout=5.0)
+
+
+def _connect(address: str) -> Client:
+    deadline = time.monotonic() + CONNECT_S
+    while True:
+        try:
+            return Client(address, timeout=5.0, set_as_default=False)
+        except _LOST as error:
+            if time.monotonic() > deadline:
+                raise ConfigError(
+                    f"no Dask scheduler answers at {address}: {str(error).splitlines()[0]}"
+                ) from error
+            time.sleep(0.5)
+        except ValueError as error:
+            raise ConfigError(f"{address!r} is no address of a scheduler: {error}") from error

@@ -1,0 +1,60 @@
+"""What `survey locate` prints."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from postproc.survey.cell_location import LocatedCell
+from postproc.survey.location import Location
+from postproc.terminal import print_text, screen, table
+
+_MOST_ROWS = 40
+"""Cells on the terminal; the files have all of them."""
+_ORDER = ("located", "ambiguous", "cannot tell")
+
+
+def document_of(location: Location, files: Sequence[Path]) -> dict[str, Any]:
+    """The JSON form; regions are in the files."""
+    cells = [msgspec.structs.asdict(cell) for cell in location.cells]
+    for cell in cells:
+        del cell["region_wkb"]
+    return {
+        "files": [str(path) for path in files],
+        "loggers": [one._asdict() for one in location.loggers],
+        "cells": cells,
+    }
+
+
+def print_location(location: Location, files: Sequence[Path]) -> None:
+    """Located cells first, the most certain at the top, and the loggers that are left out."""
+    console = screen()
+    cells = sorted(location.cells, key=_rank)
+    counts = Counter(cell.verdict for cell in cells)
+    text = ", ".join(f"{counts[verdict]} {verdict}" for verdict in _ORDER if counts[verdict])
+    known = f"; {location.n_known} known from before" if location.n_known else ""
+    print_text(console, f"{len(cells)} cells: {text or 'none'}{known}", "bold")
+    titles = ("cell", "verdict", "latitude", "longitude", "r95 m", "readings", "runs", "modems")
+    rows = [_row(cell) for cell in cells[:_MOST_ROWS]]
+    table(console, titles, rows, right=titles[2:])
+    if len(cells) > _MOST_ROWS:
+        print_text(console, f"and {len(cells) - _MOST_ROWS} more in the files")
+    for logger in location.loggers:
+        if logger.contradiction:
+            print_text(console, f"{logger.logger}: {logger.contradiction}", bullet="left out: ")
+    for path in files:
+        print_text(console, str(path))
+
+
+def _rank(cell: LocatedCell) -> tuple[int, float, str]:
+    return _ORDER.index(cell.verdict), cell.r95_m or 0.0, cell.cell
+
+
+def _row(cell: LocatedCell) -> tuple[str, ...]:
+    place = ("–", "–", "–")
+    if cell.lat_deg is not None and cell.lon_deg is not None and cell.r95_m is not None:
+        place = (f"{cell.lat_deg:.5f}", f"{cell.lon_deg:.5f}", f"{cell.r95_m:.0f}")
+    counts = (str(cell.n_readings), str(cell.n_runs), str(cell.n_modems))
+    return (cell.cell, cell.verdict, *place, *counts)

@@ -1,0 +1,136 @@
+"""Pieces of work: some cells of one area, each piece a function of the survey and nothing else."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import groupby
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from postproc.result import Options
+from postproc.survey.agreement import Agreement, agreements
+from postproc.survey.cell_location import (
+    CellRuns,
+    LocatedCell,
+    joined_readings,
+    locate_cell_of,
+)
+from postproc.survey.dataset import Survey, SurveyCell
+from postproc.survey.walk_readings import SurveyRun
+
+_MOST_READINGS = 2_000_000
+"""Of a task: a worker holds them, some 0.2 GB and as much again while it works."""
+_MOST_CELLS = 4
+"""Of a task: some seconds of work that a worker may lose when it is killed."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunChoice:
+    """Which runs count: begun at `since_utc_ns` or later, and before `until_utc_ns`.
+
+    None of the loggers in `without`.
+    """
+
+    since_utc_ns: int | None = None
+    until_utc_ns: int | None = None
+    without: frozenset[str] = frozenset()
+
+    def allows(self, run: SurveyRun) -> bool:
+        """Whether a run counts; one without a time does where no time is asked for."""
+        if run.logger in self.without:
+            return False
+        begun_ns = run.began_utc_ns
+        if begun_ns is None:
+            return self.since_utc_ns is None and self.until_utc_ns is None
+        return (self.since_utc_ns is None or begun_ns >= self.since_utc_ns) and (
+            self.until_utc_ns is None or begun_ns < self.until_utc_ns
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Cells of one area, as the survey was when it had these batches."""
+
+    folder: str
+    batches: tuple[str, ...]
+    salt: str
+    area: str
+    cells: tuple[str, ...]
+    choice: RunChoice
+    options: Options
+
+
+def tasks_of(
+    survey: Survey, cells: Sequence[SurveyCell], choice: RunChoice, options: Options
+) -> list[Task]:
+    """All cells in tasks of bounded size, largest first: the last ones to end are small."""
+    found = []
+    for area, some in groupby(cells, key=lambda cell: cell.area):
+        for few in _limit_size(list(some)):
+            n = sum(cell.n_readings for cell in few)
+            names = tuple(cell.cell for cell in few)
+            task = Task(
+                str(survey.folder.absolute()),
+                survey.batches,
+                survey.salt,
+                area,
+                names,
+                choice,
+                options,
+            )
+            found.append((n, task))
+    found.sort(key=lambda one: -one[0])
+    return [task for _, task in found]
+
+
+def locate_cells(task: Task) -> list[LocatedCell]:
+    """Estimates of the cells of a task."""
+    survey = _survey(task)
+    with threadpool_limits(1):  # the matrices are small: threads of BLAS would wait for each other
+        return [locate_cell_of(cell, survey.runs, task.options) for cell in _cells_of(survey, task)]
+
+
+def compare_loggers(task: Task) -> list[Agreement]:
+    """Loggers against each other in each of the cells of a task."""
+    survey = _survey(task)
+    found: list[Agreement] = []
+    for cell in _cells_of(survey, task):
+        if cell.parts:
+            names = [survey.runs[digest].logger for digest in cell.parts]
+            found += agreements(joined_readings(cell.parts, names), list(dict.fromkeys(names)))
+    return found
+
+
+def _limit_size(cells: list[SurveyCell]) -> Iterator[list[SurveyCell]]:
+    few: list[SurveyCell] = []
+    for cell in cells:
+        n = sum(one.n_readings for one in few) + cell.n_readings
+        if few and (n > _MOST_READINGS or len(few) == _MOST_CELLS):
+            yield few
+            few = []
+        few.append(cell)
+    if few:
+        yield few
+
+
+def _cells_of(survey: Survey, task: Task) -> Iterator[CellRuns]:
+    allowed = [digest for digest, run in survey.runs.items() if task.choice.allows(run)]
+    parts = survey.observations(task.area, task.cells, allowed)
+    n_scans = survey.scans_of(task.cells, allowed)
+    for cell in task.cells:
+        yield CellRuns(
+            cell, task.area, survey.rats[cell], n_scans.get(cell, 0), parts.get(cell, {})
+        )
+
+
+def _survey(task: Task) -> Survey:
+    return _open(task.folder, task.batches, task.salt)
+
+
+@lru_cache(maxsize=1)  # what is known of its runs and cells serves all tasks of a worker
+def _open(folder: str, batches: tuple[str, ...], salt: str) -> Survey:
+    survey = Survey(Path(folder), batches, salt)
+    for batch in batches:
+        survey.check(batch)
+    return survey
