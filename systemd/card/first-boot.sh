@@ -143,7 +143,11 @@ overlay_of_root() {
     echo "runs on $device"
 }
 
-installation() { sh "$here/install.sh" "$here/debs"; }
+installation() {
+    # after a power cut during the first try
+    dpkg --configure -a
+    sh "$here/install.sh" "$here/debs"
+}
 
 # nothing of this is needed any more, and settings has passwords
 cleaning() {

@@ -137,6 +137,18 @@ def test_lintian_finds_no_error(packages, arch):
     assert done.returncode == 0, done.stdout
 
 
+def _as_install_sh_left_it(root):
+    """What install.sh of cellwalk 0.2 made, which would hide the files of the package."""
+    program, link = root / "opt/cellwalk/bin/fieldlogger", root / "usr/local/bin/fieldlogger"
+    unit = root / "etc/systemd/system/fieldlogger.service"
+    rules = root / "etc/udev/rules.d/70-cellwalk.rules"
+    for path in (root / "opt/cellwalk/pyvenv.cfg", program, unit, rules):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("of an earlier installation\n")
+    link.symlink_to("/opt/cellwalk/bin/fieldlogger")
+    return program, link, unit, rules
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("suite", "arch"),
@@ -158,7 +170,9 @@ def test_its_life(packages, suite, arch, tmp_path, capsys):
         shutil.copy(with_version(package, "0.1.0", tmp_path), debian.root / "tmp/earlier.deb")
         shutil.copy(package, debian.root / "tmp/new.deb")
         before = debian.files()
+        old = _as_install_sh_left_it(debian.root)
         debian.run("dpkg -i /tmp/earlier.deb")
+        assert not [path for path in old if path.exists() or path.is_symlink()]
         assert "simulate" in debian.run("fieldlogger --help")
         assert "fail" not in debian.run(
             "cd / && fieldlogger check --config /etc/cellwalk/site.toml"
