@@ -2,11 +2,13 @@
 
 python benchmarks/guidance.py [--worlds N] [--noise NAME ...] [--policy NAME ...] [--trap NAME]
                               [--near] [--on] [--first SEED] [--json FILE] [--read FILE ...]
+                              [--measured STARTS]
 
 Every policy walks the same worlds (`guided.world`): open ground, streets and irregular streets in
 turn, 3 km at most. Under white noise, and with a trap, a walk ends where the cell is located,
 unless `--on`. `--near` puts the transmitter within 300 m. `--read` prints the tables of outcomes
-that were written before.
+that were written before. With `--measured` the worlds are legs of measured walks
+(`guided.measured_legs`), 2 km from so many starts past each receiver.
 """
 
 import argparse
@@ -14,12 +16,15 @@ import json
 import os
 import sys
 from collections import defaultdict
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as fieldlogger does
 
 import numpy as np
-from guided.loop import Loop, Outcome
+from guided.loop import Loop, Outcome, Surroundings
+from guided.measured_legs import measured_worlds
 from guided.policies import GUIDED, POLICIES
 from guided.world import GROUNDS, NOISES, TRAPS, World
 
@@ -48,6 +53,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--trap", choices=TRAPS, default="")
     parser.add_argument("--near", action="store_true")
     parser.add_argument("--on", action="store_true", help="go on where the cell is located")
+    parser.add_argument("--speed", type=float, default=0.5, help="of the trap `moving`, m/s")
+    parser.add_argument("--measured", type=int, metavar="STARTS", default=0)
+    parser.add_argument("--set", default="", help="of measured walks: Leuven or Powder")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--read", type=Path, nargs="+", default=[])
     return parser.parse_args()
@@ -55,23 +63,38 @@ def _options() -> argparse.Namespace:
 
 def _walks(options: argparse.Namespace) -> list[Outcome]:
     outcomes = []
-    for seed in range(options.first, options.first + options.worlds):
-        for noise in options.noise:
-            for policy in options.policy:
-                outcomes.append(_walk(options, seed, noise, policy))
-                if options.json:
-                    with options.json.open("a") as file:
-                        print(json.dumps(outcomes[-1]._asdict()), file=file)
-        print(f"{seed - options.first + 1} of {options.worlds} worlds", end="\r", file=sys.stderr)
+    makers = _measured(options) if options.measured else _simulated(options)
+    for k, make in enumerate(makers):
+        for policy in options.policy:
+            world = make()
+            stops = (world.noise == WHITE or bool(options.trap)) and not options.on
+            outcomes.append(Loop(world, policy).run(stops_when_located=stops))
+            if options.json:
+                with options.json.open("a") as file:
+                    print(json.dumps(outcomes[-1]._asdict()), file=file)
+        print(f"{k + 1} of {len(makers)} worlds", end="\r", file=sys.stderr)
     return outcomes
 
 
-def _walk(options: argparse.Namespace, seed: int, noise: str, policy: str) -> Outcome:
-    ground = GROUNDS[seed % len(GROUNDS)]
-    farthest_m = NEAR_M if options.near else World.farthest_m
-    world = World(seed, noise, ground, options.trap, farthest_m=farthest_m)
-    stops = (noise == WHITE or bool(options.trap)) and not options.on
-    return Loop(world, policy).run(stops_when_located=stops)
+def _simulated(options: argparse.Namespace) -> list[Callable[[], Surroundings]]:
+    """Worlds to be made anew for each policy."""
+    return [
+        partial(
+            World,
+            seed,
+            noise,
+            GROUNDS[seed % len(GROUNDS)],
+            options.trap,
+            farthest_m=NEAR_M if options.near else World.farthest_m,
+            trap_speed_mps=options.speed,
+        )
+        for seed in range(options.first, options.first + options.worlds)
+        for noise in options.noise
+    ]
+
+
+def _measured(options: argparse.Namespace) -> list[Callable[[], Surroundings]]:
+    return list(measured_worlds(options.measured, options.set))
 
 
 def _outcome(line: str) -> Outcome:

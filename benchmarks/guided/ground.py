@@ -41,18 +41,18 @@ class Streets:
         return self._streets.nearest_crossing(0.0, 0.0)
 
     def at_m(self, node: Node) -> FloatArray:
-        return self._streets.crossing_m[_number(node)]
+        return self._streets.crossing_m[number_of(node)]
 
     def ways(self, node: Node) -> list[Way]:
-        return [Way(leg.end, leg.line_m) for leg in self._streets.leaving[_number(node)]]
+        return [Way(leg.end, leg.line_m) for leg in self._streets.leaving[number_of(node)]]
 
     def is_tried(self, node: Node, way: Way, walked: set[tuple[Node, Node]]) -> bool:
         return (node, way.to) in walked or (way.to, node) in walked
 
     def route(self, node: Node, to: Node) -> Way:
         """The first way of the shortest route."""
-        first = self._streets.leaving[_number(node)]
-        legs = self._streets.shortest(first, 6000.0).get(_number(to))
+        first = self._streets.leaving[number_of(node)]
+        legs = self._streets.shortest(first, 6000.0).get(number_of(to))
         leg = first[0] if legs is None else legs[0]
         return Way(leg.end, leg.line_m)
 
@@ -87,7 +87,8 @@ class OpenGround:
         return self.step(node, float(np.arctan2(east_m, north_m)), min(max(away_m, 20.0), LEG_M))
 
 
-def _number(node: Node) -> int:
+def number_of(node: Node) -> int:
+    """The number of a crossing."""
     if not isinstance(node, int):
-        raise TypeError("a node of streets is a number")
+        raise TypeError("a crossing of streets is a number")
     return node

@@ -3,23 +3,40 @@
 from itertools import pairwise
 from math import hypot
 from time import process_time
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from guided.ground import Ground, OpenGround, Streets, Way
+from guided.ground import Ground, Node, Way
 from guided.policies import POLICIES, Walker, nearest_way
-from guided.world import World
 from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
 from logger.core.guidance.street_map import Line
 from logger.core.model.prior import Prior
 from postproc.guidance.filter import Answer, GuideFilter
 
-LONGEST_M = 3000.0
 PASS_M = 50.0
 START_LAT_LON = (52.5, 13.4)
 _FIRST_READINGS = 3
+
+
+class Surroundings(Protocol):
+    """A world to walk in, simulated or measured; distances in metres from its origin."""
+
+    seed: int
+    noise: str
+    ground: str
+    trap: str
+    longest_m: float
+    rat: str
+    emitter_m: FloatArray
+    walked_m: float
+
+    def crossings(self) -> Ground: ...
+    def street_lines_m(self) -> list[FloatArray]: ...
+    def emitters_now(self) -> FloatArray: ...
+    def stand(self, here_m: FloatArray) -> FloatArray: ...
+    def walk(self, node: Node, way: Way) -> FloatArray: ...
 
 
 class Outcome(NamedTuple):
@@ -47,13 +64,14 @@ class Outcome(NamedTuple):
 class Loop:
     """The walker, the world and the filter of one walk."""
 
-    def __init__(self, world: World, policy: str) -> None:
+    def __init__(self, world: Surroundings, policy: str) -> None:
         self._world, self._policy = world, policy
-        self._ground: Ground = Streets(world.streets) if world.streets else OpenGround()
+        self._ground = world.crossings()
         rng = np.random.default_rng([world.seed, 5])
         self._walker = Walker(self._ground, rng, self._ground.start())
         self._utm = Utm.at(*START_LAT_LON)
         self._start_m = np.array(self._utm.to_xy(*START_LAT_LON))
+        self._walker.origin_m = self._start_m
         lines = self._lines() if policy == "routes, street map" else []
         self._filter = GuideFilter(Prior(), lines=lines)
         self._reading = np.zeros((0, 4))
@@ -64,14 +82,14 @@ class Loop:
         """Walk until the end."""
         world, walker = self._world, self._walker
         located_m = is_wrong = passed_m = None
-        here = self._ground.at_m(walker.node)
+        start = self._ground.at_m(walker.node)
         for _ in range(_FIRST_READINGS):
-            self._hear(world.walk(np.stack([here, here + 1e-3])))
-        while world.walked_m < LONGEST_M:
+            self._hear(world.stand(start))
+        while world.walked_m < world.longest_m:
             walker.hear(self._reading)
             way = self._next_way()
+            rows = world.walk(walker.node, way)
             walker.go(way)
-            rows = world.walk(way.line_m)
             self._hear(rows)
             emitter_m = world.emitters_now()
             if passed_m is None and self._nearest_m(way.line_m, emitter_m) < PASS_M:
@@ -86,7 +104,7 @@ class Loop:
             world.ground,
             world.trap,
             world.seed,
-            start_m=round(float(np.hypot(*world.emitter_m[0])), 1),
+            start_m=round(hypot(*(world.emitter_m[0] - start)), 1),
             error_m=round(self._error_m(), 1),
             is_inside=self._is_inside(),
             located_m=located_m,
@@ -100,6 +118,8 @@ class Loop:
         walker, policy = self._walker, self._policy
         if policy in POLICIES:
             walker.best_m = self._best_m()
+            if policy == "one leg":
+                walker.posterior = self._filter.locator.last_search()
             return POLICIES[policy](walker)
         advice = self._answer.next
         if advice is None:
@@ -107,14 +127,15 @@ class Loop:
         return nearest_way(walker, advice.azimuth_deg, advice.distance_m)
 
     def _hear(self, rows: FloatArray) -> None:
-        self._reading = np.concatenate([self._reading, rows])
+        self._reading = np.concatenate([self._reading, rows[np.isfinite(rows[:, 3])]])
         for t_s, x_m, y_m, level_dbm in rows:
             lat_deg, lon_deg = self._utm.to_latlon(*(self._start_m + np.array([x_m, y_m])))
             row = {
                 "t_s": f"{t_s:.2f}",
                 "lat": f"{lat_deg:.7f}",
                 "lon": f"{lon_deg:.7f}",
-                "rssi_dbm": f"{level_dbm:.0f}",
+                "rssi_dbm": "" if np.isnan(level_dbm) else f"{level_dbm:.2f}",
+                "rat": self._world.rat,
             }
             begun_s = process_time()
             self._answer = self._filter.answer(row)
@@ -142,9 +163,7 @@ class Loop:
         return min(float(np.min(np.hypot(*(point_m - one).T))) for one in emitter_m)
 
     def _lines(self) -> list[Line]:
-        if self._world.streets is None:
-            return []
         return [
-            [self._utm.to_latlon(*(self._start_m + point)) for point in leg.line_m]
-            for leg in self._world.streets.legs
+            [self._utm.to_latlon(*(self._start_m + point)) for point in line_m]
+            for line_m in self._world.street_lines_m()
         ]

@@ -8,18 +8,26 @@ import numpy as np
 
 from guided.ground import DIRECTIONS, Ground, Node, OpenGround, Way
 from logger.core.arrays import FloatArray
+from logger.core.guidance.forecast import Forecaster
+from logger.core.guidance.planner import Course, azimuth_deg, plans
+from logger.core.guidance.routes import Route
+from logger.core.guidance.sample import draw
+from logger.core.locator.preparation import LocatorInput
+from logger.core.locator.quadtree import Tree
 
 _NEAR_M = 35.0
 """Readings this close to a crossing are those of the crossing."""
 _DETOUR_M_PER_DB = 100.0
-_UNHEARD_DBM = -115.0
+_UNHEARD_DBM = -140.0
+"""Of a crossing without a reading: below all that is measured."""
 
 
 @dataclass
 class Walker:
     """Where a walker is, where it came from, and what it has heard.
 
-    `best_m` is the position that the locator shows, None before the first.
+    `best_m` is the position that the locator shows, None before the first; `posterior` is what it
+    is from, with the walker's origin at `origin_m`.
     """
 
     ground: Ground
@@ -27,6 +35,8 @@ class Walker:
     node: Node
     before: Node | None = None
     best_m: FloatArray | None = None
+    posterior: tuple[LocatorInput, Tree] | None = None
+    origin_m: FloatArray = field(default_factory=lambda: np.zeros(2))
     legs: int = 0
     heading: int | None = None
     walked: set[tuple[Node, Node]] = field(default_factory=set)
@@ -136,6 +146,21 @@ def approach(walker: Walker) -> Way:
     return min(walker.ways(), key=cost_m)
 
 
+def one_leg(walker: Walker) -> Way:
+    """The next leg with most information about the position for each metre."""
+    if walker.posterior is None or walker.before is None:
+        return walker.ahead()
+    task, tree = walker.posterior
+    sample = draw(task, tree, tree.mixture(task.walk.prior), walker.legs)
+    forecaster = Forecaster(sample, task.walk.blocks, task.walk.prior)
+    came_m = walker.ground.at_m(walker.node) - walker.ground.at_m(walker.before)
+    course = Course(azimuth_deg((0.0, 0.0), came_m.tolist()), np.zeros((0, 2)))
+    ways = walker.ways()
+    routes = [Route(way.line_m + walker.origin_m) for way in ways]
+    best = plans(forecaster, routes, course, has_map=True)[0].route
+    return next(way for way, route in zip(ways, routes, strict=True) if route is best)
+
+
 POLICIES: dict[str, Callable[[Walker], Way]] = {
     "random": random,
     "straight": straight,
@@ -144,6 +169,7 @@ POLICIES: dict[str, Callable[[Walker], Way]] = {
     "foxhunter": foxhunter,
     "fox2": fox2,
     "approach": approach,
+    "one leg": one_leg,
 }
 GUIDED = ("routes, compass", "routes, street map")
 """These follow the product's own advice."""

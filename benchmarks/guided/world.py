@@ -6,10 +6,11 @@ noise and errors of the receiver are drawn along the walk.
 
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from guided.ground import Ground, Node, OpenGround, Streets, Way
 from logger.core.arrays import FloatArray
 from logger.core.censoring import GSM_CEILING_DBM, GSM_FLOOR_DBM
 from logger.core.guidance.street_map import StreetMap
@@ -51,7 +52,7 @@ NOISES = MappingProxyType(
 )
 GROUNDS = ("open", "streets", "irregular")
 TRAPS = ("", "two", "moving")
-_TRAP_SPEED_MPS = 0.5
+LONGEST_M = 3000.0
 
 
 @dataclass
@@ -64,6 +65,9 @@ class World:
     trap: str = ""
     nearest_m: float = NEAREST_M
     farthest_m: float = FARTHEST_M
+    trap_speed_mps: float = 0.5
+    longest_m: ClassVar[float] = LONGEST_M
+    rat: ClassVar[str] = "GSM"
     streets: StreetMap | None = field(init=False, default=None)
     emitter_m: FloatArray = field(init=False)
 
@@ -85,7 +89,7 @@ class World:
             emitters.append(other_m * np.array([np.sin(angle), np.cos(angle)]))
         self.emitter_m = np.array(emitters)
         course = rng.uniform(0, 2 * np.pi)
-        speed_mps = _TRAP_SPEED_MPS if self.trap == "moving" else 0.0
+        speed_mps = self.trap_speed_mps if self.trap == "moving" else 0.0
         self._velocity_mps = speed_mps * np.array([np.sin(course), np.cos(course)])
         self._fields = [
             [Shadowing.draw(sigma_db, apart_m, rng) for sigma_db, apart_m in kind.shadowing]
@@ -99,6 +103,14 @@ class World:
     def emitters_now(self) -> FloatArray:
         """Transmitters (k, 2) at the walker's time."""
         return self.emitter_m + self._velocity_mps * (self.walked_m / SPEED_MPS)
+
+    def crossings(self) -> Ground:
+        """Where one can walk."""
+        return Streets(self.streets) if self.streets else OpenGround()
+
+    def street_lines_m(self) -> list[FloatArray]:
+        """The streets of a map, none on open ground."""
+        return [leg.line_m for leg in self.streets.legs] if self.streets else []
 
     def levels_dbm(self, point_m: FloatArray, walked_m: FloatArray) -> FloatArray:
         """What the modem reports at points (n, 2) after so many metres."""
@@ -114,8 +126,15 @@ class World:
         step = np.where(level > _FINE_ABOVE_DBM, 2.0, 1.0)
         return np.clip(step * np.round(level / step), GSM_FLOOR_DBM, GSM_CEILING_DBM)
 
-    def walk(self, line_m: FloatArray) -> FloatArray:
-        """Readings along a line (k, 2): rows t_s, x, y by the receiver, level; shape (n, 4)."""
+    def stand(self, here_m: FloatArray) -> FloatArray:
+        """A reading at one place, as `walk`."""
+        return self._along(np.stack([here_m, here_m + 1e-3]))
+
+    def walk(self, _node: Node, way: Way) -> FloatArray:
+        """Readings on a way: rows t_s, x, y by the receiver, level; shape (n, 4)."""
+        return self._along(way.line_m)
+
+    def _along(self, line_m: FloatArray) -> FloatArray:
         along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line_m, axis=0).T))])
         at_m = []
         while self._until_scan_m < along_m[-1]:

@@ -51,13 +51,13 @@ class GuideFilter:
     """Answers the rows of one walk in their order.
 
     `cell` is the cell to follow, by default the first that a row names: rows of others are
-    positions only. `lines` are the streets, if a
-    map is known.
+    positions only. `lines` are the streets, if a map is known. `locator` has the posterior behind
+    the answers.
     """
 
     def __init__(self, prior: Prior, cell: str | None = None, lines: Sequence[Line] = ()) -> None:
         self._prior, self._cell, self._lines = prior, cell, lines
-        self._locator = OnlineLocator(prior)
+        self.locator = OnlineLocator(prior)
         self._utm: Utm | None = None
         self._start_m = (0.0, 0.0)
         self._followed: FollowedCell | None = None
@@ -107,10 +107,10 @@ class GuideFilter:
             self._levels += 1
             self._strongest = max(filter(None, [self._strongest, (level_dbm, x_m, y_m)]))
             limit = limit_of(level_dbm, row.get("rat") or _RAT)
-            self._locator.add(x_m, y_m, sigma_m, level_dbm, limit)
-            if self._locator.stale > 1.0:
-                self._locator.search()
-        followed.update(x_m, y_m, self._locator)
+            self.locator.add(x_m, y_m, sigma_m, level_dbm, limit)
+            if self.locator.stale > 1.0:
+                self.locator.search()
+        followed.update(x_m, y_m, self.locator)
 
     def _is_followed(self, row: Mapping[str, str | None]) -> bool:
         name = row.get("cell") or None
