@@ -1,5 +1,6 @@
 """Where a walker may go from a crossing, the same for streets and for open ground."""
 
+from collections.abc import Collection
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -27,7 +28,7 @@ class Ground(Protocol):
     def start(self) -> Node: ...
     def at_m(self, node: Node) -> FloatArray: ...
     def ways(self, node: Node) -> list[Way]: ...
-    def is_tried(self, node: Node, way: Way, walked: set[tuple[Node, Node]]) -> bool: ...
+    def is_tried(self, node: Node, way: Way, walked: Collection[tuple[Node, Node]]) -> bool: ...
     def route(self, node: Node, to: Node) -> Way: ...
 
 
@@ -46,7 +47,7 @@ class Streets:
     def ways(self, node: Node) -> list[Way]:
         return [Way(leg.end, leg.line_m) for leg in self._streets.leaving[number_of(node)]]
 
-    def is_tried(self, node: Node, way: Way, walked: set[tuple[Node, Node]]) -> bool:
+    def is_tried(self, node: Node, way: Way, walked: Collection[tuple[Node, Node]]) -> bool:
         return (node, way.to) in walked or (way.to, node) in walked
 
     def route(self, node: Node, to: Node) -> Way:
@@ -77,7 +78,7 @@ class OpenGround:
         to = (round(float(there[0]), 3), round(float(there[1]), 3))
         return Way(to, np.stack([here, np.array(to)]))
 
-    def is_tried(self, _node: Node, way: Way, walked: set[tuple[Node, Node]]) -> bool:
+    def is_tried(self, _node: Node, way: Way, walked: Collection[tuple[Node, Node]]) -> bool:
         seen = np.array([one for pair in walked for one in pair]).reshape(-1, 2)
         return bool(len(seen)) and float(np.min(np.hypot(*(seen - way.to).T))) < 65.0
 

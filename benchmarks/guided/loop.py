@@ -21,7 +21,10 @@ _FIRST_READINGS = 3
 
 
 class Surroundings(Protocol):
-    """A world to walk in, simulated or measured; distances in metres from its origin."""
+    """A world to walk in, simulated or measured; distances in metres from its origin.
+
+    `slack_m` is allowed for the surveyed place of the transmitter.
+    """
 
     seed: int
     noise: str
@@ -29,6 +32,7 @@ class Surroundings(Protocol):
     trap: str
     longest_m: float
     rat: str
+    slack_m: float
     emitter_m: FloatArray
     walked_m: float
 
@@ -154,7 +158,7 @@ class Loop:
 
     def _is_inside(self) -> bool:
         best = self._answer.best
-        return best is not None and self._error_m() <= best.r95_m
+        return best is not None and self._error_m() <= best.r95_m + self._world.slack_m
 
     def _nearest_m(self, line_m: FloatArray, emitter_m: FloatArray) -> float:
         along = np.linspace(0.0, 1.0, 21)

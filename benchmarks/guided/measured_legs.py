@@ -7,7 +7,7 @@ hears what was measured there; a leg that was measured once and is walked again 
 
 import csv
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import cached_property, partial
 from itertools import pairwise
 from math import hypot
@@ -15,12 +15,12 @@ from math import hypot
 import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, shortest_path
+from scoreboard.traces import FOLDER, SURVEY_SLACK_M
 
 from guided.ground import Node, Way, number_of
 from guided.world import SPEED_MPS
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.geo import Utm
-from scoreboard.traces import FOLDER
 
 LONGEST_M = 2000.0
 _APART_M = 80.0
@@ -91,7 +91,8 @@ class MeasuredLegs:
     @cached_property
     def nearest_m(self) -> float:
         """Smallest distance from any reading to the transmitter."""
-        return float(np.min([np.min(np.hypot(*x.T[:2])) for legs in self.legs.values() for x in legs]))
+        every = np.concatenate([leg for legs in self.legs.values() for leg in legs])
+        return float(np.min(np.hypot(*every.T[:2])))
 
     @cached_property
     def predecessors(self) -> IntArray:
@@ -124,7 +125,7 @@ class MeasuredGround:
     def ways(self, node: Node) -> list[Way]:
         return [self._way(node, end) for end in self._legs.beside[number_of(node)]]
 
-    def is_tried(self, node: Node, way: Way, walked: set[tuple[Node, Node]]) -> bool:
+    def is_tried(self, node: Node, way: Way, walked: Collection[tuple[Node, Node]]) -> bool:
         return (node, way.to) in walked or (way.to, node) in walked
 
     def route(self, node: Node, to: Node) -> Way:
@@ -142,7 +143,7 @@ class MeasuredWorld:
     """A walk among measured legs from one crossing on, as `guided.loop.Surroundings`."""
 
     ground, trap, rat = "measured", "", "other"
-    longest_m = LONGEST_M
+    longest_m, slack_m = LONGEST_M, SURVEY_SLACK_M
 
     def __init__(self, legs: MeasuredLegs, start: int, seed: int) -> None:
         self._legs, self._start = legs, start
@@ -179,7 +180,7 @@ class MeasuredWorld:
 
 
 def measured_worlds(starts: int, name: str = "") -> Iterable[Callable[[], MeasuredWorld]]:
-    """Makers of worlds, of all transmitters whose walks have crossings enough; none without the traces.
+    """Makers of worlds; none without the traces, nor of transmitters with few crossings around.
 
     There are `starts` of each receiver of Powder and four times as many of Leuven's one
     transmitter. `name` selects a set.
@@ -242,8 +243,9 @@ def _crossings(point_m: FloatArray) -> FloatArray:
     for _ in range(3):
         nearest = np.argmin(_apart_m(point_m, crossing_m), axis=1)
         count = np.bincount(nearest, minlength=len(crossing_m))
-        mean_m = [np.bincount(nearest, v, len(crossing_m)) / np.maximum(count, 1) for v in point_m.T]
-        crossing_m = np.where(count[:, None] > 0, np.stack(mean_m, axis=1), crossing_m)
+        total_m = np.stack([np.bincount(nearest, v, len(count)) for v in point_m.T], axis=1)
+        mean_m = total_m / np.maximum(count, 1)[:, None]
+        crossing_m = np.where(count[:, None] > 0, mean_m, crossing_m)
     return crossing_m
 
 

@@ -68,6 +68,7 @@ class World:
     trap_speed_mps: float = 0.5
     longest_m: ClassVar[float] = LONGEST_M
     rat: ClassVar[str] = "GSM"
+    slack_m: ClassVar[float] = 0.0
     streets: StreetMap | None = field(init=False, default=None)
     emitter_m: FloatArray = field(init=False)
 
