@@ -1,10 +1,11 @@
 """The verdict while walking: as at the desktop, within 60 m, and believed after one more leg.
 
-Two transmitters with one identity, and one that moves, look like one position for a while. So both
-are tried now and then, and a location is reported only after the walker has gone on for a block of
-houses and it still holds.
+Two transmitters with one identity, and one that jumps or moves, look like one position for a while.
+So these are tried, and a location is reported only after the walker has gone on for a block of
+houses and it still holds. By then every move of `MotionTest` has been compared with standing.
 """
 
+from logger.core.locator.motion_test import MOVES_M, MotionTest
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.two_source_test import LIVE, Division, divide, divide_in_time
 from logger.core.locator.verdict import LIVE_M, Decision, assess
@@ -14,6 +15,8 @@ CONFIRMED_AFTER = 4
 """Updates, 25 m each: a leg away from the place shows what a place that is wrong cannot explain."""
 _DIVIDED_EVERY = 8
 """Two transmitters are tried every 200 m: that takes as long as all plans on the way."""
+_MOVES_TRIED = len(MOVES_M) // CONFIRMED_AFTER
+"""At each update while it looks located."""
 
 
 class LiveVerdict:
@@ -23,6 +26,7 @@ class LiveVerdict:
         self._updates = 0
         self._held = 0
         self._division: Division | None = None
+        self._motion = MotionTest()
 
     def update(self, posterior: Posterior, obs: CellObservations) -> Decision:
         """The verdict on a posterior; `obs` has readings of the walk in their order."""
@@ -35,6 +39,13 @@ class LiveVerdict:
             self._division = max((one for one in tried if one), default=None)
             decision = assess(posterior, obs, self._division, within_m=LIVE_M)
             is_located = decision.verdict == "located"
+        if is_located:
+            self._motion.try_moves(obs, posterior, _MOVES_TRIED)
+            moves = self._motion.division()
+            decision = assess(posterior, obs, moves, within_m=LIVE_M) if moves else decision
+            is_located = decision.verdict == "located"
+        else:
+            self._motion = MotionTest()
         self._updates += 1
         self._held = self._held + 1 if is_located else 0
         if is_located and self._held <= CONFIRMED_AFTER:

@@ -30,7 +30,8 @@ Of 40 simulated walks past two sources all exceed it, of 165 measured ones past 
 _LEAST_LONG_SHARE = 0.5
 """What one transmitter leaves unexplained looks like shadowing over hundreds of metres."""
 _FEWEST_BLOCKS = 8  # of a part: twice the unknowns of a transmitter
-_FEWEST_READINGS = 40
+FEWEST_READINGS = 40
+"""A shorter walk is not divided."""
 _APART = 0.12  # of peaks, by the extent of the walk
 _PEAK_REACH = 0.7  # by that distance: a peak is the highest level within it
 _SMOOTHING = 0.03  # of the level, by the extent of the walk
@@ -100,7 +101,7 @@ class _Task(NamedTuple):
     undivided: float  # log evidence of one transmitter
 
 
-class _Part(NamedTuple):
+class Part(NamedTuple):
     """Log evidence of each hypothesis, with its prior odds, and the likeliest transmitter."""
 
     log_evidence: FloatArray
@@ -154,14 +155,14 @@ def divide_in_time(
 def _is_divisible(obs: CellObservations) -> bool:
     """Offsets of several modems would divide a walk too, and a short one has no parts."""
     n_measured = np.count_nonzero(obs.limit == 0)
-    return bool(obs.n_modems <= 1 and n_measured >= _FEWEST_READINGS)
+    return bool(obs.n_modems <= 1 and n_measured >= FEWEST_READINGS)
 
 
 def _task(walk: Blocks, posterior: Posterior, effort: DivisionEffort) -> _Task:
     prior = posterior.prior
     trust = float(posterior.noise_probability @ prior.noise_table.trust)
     of_parts = prior if effort.noise is None else replace(prior, noise=effort.noise)
-    whole = _locate_part(walk, of_parts, effort.search)
+    whole = locate_part(walk, of_parts, effort.search)
     return _Task(walk, of_parts, effort, trust, float(log_sum(whole.log_evidence)))
 
 
@@ -173,8 +174,8 @@ class _Try(NamedTuple):
 
     log_factor: float
     is_passed: bool
-    one: _Part
-    two: _Part
+    one: Part
+    two: Part
     in_one: BoolArray
     stronger: BoolArray
 
@@ -190,7 +191,7 @@ def _try(task: _Task, in_one: BoolArray) -> _Try | None:
     if min(np.count_nonzero(in_one), np.count_nonzero(~in_one)) < _FEWEST_BLOCKS:
         return None
     one, two = (
-        _locate_part(walk.part(chosen), prior, task.effort.search) for chosen in (in_one, ~in_one)
+        locate_part(walk.part(chosen), prior, task.effort.search) for chosen in (in_one, ~in_one)
     )
     both = one.log_evidence + two.log_evidence - prior.noise_table.log_odds
     nearest_m = [np.min(_distance_m(walk, part.x_m, part.y_m)) for part in (one, two)]
@@ -218,21 +219,22 @@ def _nearer(walk: Blocks, first: int, other: int) -> BoolArray:
     return np.asarray(to_first_m < to_other_m, np.bool_)
 
 
-def _locate_part(part: Blocks, prior: Prior, effort: Effort) -> _Part:
+def locate_part(part: Blocks, prior: Prior, effort: Effort) -> Part:
+    """One transmitter by some of the blocks."""
     tree = search_once(part, prior, effort)
     log_mass = tree.log_mass()
     log_evidence = np.full(len(prior.hypotheses), _IMPOSSIBLE)
     over_positions = log_sum(tree.evidence.log_p + log_mass - log_sum(log_mass))
     log_evidence[tree.numbers] = over_positions + prior.noise_table.log_odds[tree.numbers]
     c, h = np.unravel_index(np.argmax(tree.evidence.log_p), tree.evidence.log_p.shape)
-    return _Part(log_evidence, float(tree.x_m[h]), float(tree.y_m[h]), tree.evidence.theta[:, c, h])
+    return Part(log_evidence, float(tree.x_m[h]), float(tree.y_m[h]), tree.evidence.theta[:, c, h])
 
 
 def _distance_m(walk: Blocks, x_m: float, y_m: float) -> FloatArray:
     return np.asarray(np.hypot(walk.x_m - x_m, walk.y_m - y_m), float)
 
 
-def _expected_dbm(part: _Part, walk: Blocks, prior: Prior) -> FloatArray:
+def _expected_dbm(part: Part, walk: Blocks, prior: Prior) -> FloatArray:
     """Levels (n,) of the blocks by the transmitter of a part."""
     varying = varying_columns(walk, prior, np.array([part.x_m]), np.array([part.y_m]))
     return np.asarray(part.theta[0] + np.concatenate(varying, axis=1) @ part.theta[1:], float)
