@@ -8,7 +8,7 @@ houses and it still holds. By then every move of `MotionTest` has been compared 
 from logger.core.locator.motion_test import MOVES_M, MotionTest
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.two_source_test import LIVE, Division, divide, divide_in_time
-from logger.core.locator.verdict import LIVE_M, Decision, assess
+from logger.core.locator.verdict import LIVE_M, Decision, assess, degrees_text
 from logger.core.observations import CellObservations
 
 CONFIRMED_AFTER = 4
@@ -17,6 +17,12 @@ _DIVIDED_EVERY = 8
 """Two transmitters are tried every 200 m: that takes as long as all plans on the way."""
 _MOVES_TRIED = len(MOVES_M) // CONFIRMED_AFTER
 """At each update while it looks located."""
+_MOVES_LOG_FACTOR = 0.0
+"""A move explains the levels as well as standing does: then where it stands is not known.
+
+Of 12 guided walks past one that stands the highest was -1.4, under white noise; of walks that ended
+located where one that moves no longer was, 0.1 and 0.6.
+"""
 
 
 class LiveVerdict:
@@ -42,8 +48,9 @@ class LiveVerdict:
         if is_located:
             self._motion.try_moves(obs, posterior, _MOVES_TRIED)
             moves = self._motion.division()
-            decision = assess(posterior, obs, moves, within_m=LIVE_M) if moves else decision
-            is_located = decision.verdict == "located"
+            if moves is not None and moves.log_factor > _MOVES_LOG_FACTOR:
+                decision = Decision("cannot tell", [_may_move(moves, obs)], moves)
+                is_located = False
         else:
             self._motion = MotionTest()
         self._updates += 1
@@ -52,3 +59,11 @@ class LiveVerdict:
             reason = f"{decision.reasons[0]}; walk one leg away to confirm it"
             return Decision("cannot tell", [reason], decision.division)
         return decision
+
+
+def _may_move(moves: Division, obs: CellObservations) -> str:
+    one, other = (degrees_text(obs, place_m) for place_m in (moves.one_m, moves.other_m))
+    return (
+        "the levels fit a transmitter that moves as well as one that stands, "
+        f"from near {one} to near {other}: come back after some minutes"
+    )

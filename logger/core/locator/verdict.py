@@ -168,8 +168,8 @@ def _too_wide(case: _Case, radius_m: float, within_m: float) -> str:
 
 
 def _two_transmitters(division: Division, obs: CellObservations) -> str:
-    first = _degrees(obs, *division.one_m)
-    second = _degrees(obs, *division.other_m)
+    first = degrees_text(obs, division.one_m)
+    second = degrees_text(obs, division.other_m)
     if division.is_in_time:
         return (
             "one position does not explain the data: the transmitter seems to have moved, "
@@ -184,7 +184,7 @@ def _two_transmitters(division: Division, obs: CellObservations) -> str:
 
 def _shares(case: _Case, percents: Sequence[int]) -> str:
     names = [
-        f"{percent}% at {_degrees(case.obs, mode.x_m, mode.y_m)}"
+        f"{percent}% at {degrees_text(case.obs, (mode.x_m, mode.y_m))}"
         for percent, mode in zip(percents, case.modes, strict=True)
     ]
     rest = 100 - sum(percents)
@@ -201,7 +201,7 @@ def _advice(case: _Case) -> str:
     if_near_dbm = _expected_dbm(near, _PASSING_M)
     if_far_dbm = _expected_dbm(far, apart_m)
     return (
-        f"to decide, walk past {_degrees(case.obs, near.x_m, near.y_m)}, "
+        f"to decide, walk past {degrees_text(case.obs, (near.x_m, near.y_m))}, "
         f"{way_m:.0f} m from where this walk ended: about {if_near_dbm:.0f} dBm there "
         f"if it is this position, {if_far_dbm:.0f} dBm if it is the one {apart_m:.0f} m away"
     )
@@ -213,6 +213,7 @@ def _expected_dbm(mode: Mode, distance_m: float) -> float:
     return float(level_dbm(p0_dbm, eta, distance_db))
 
 
-def _degrees(obs: CellObservations, x_m: float, y_m: float) -> str:
-    lat_deg, lon_deg = obs.utm.to_latlon(x_m, y_m)
+def degrees_text(obs: CellObservations, place_m: tuple[float, float]) -> str:
+    """Latitude and longitude of a place, as reasons name it."""
+    lat_deg, lon_deg = obs.utm.to_latlon(*place_m)
     return f"{lat_deg:.5f} {lon_deg:.5f}"

@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+
+from logger.core.locator.motion_test import MOVES_M, MotionTest
+from logger.core.locator.pipeline import locate
+from logger.core.locator.quadtree import Effort
+from logger.core.locator.two_source_test import LEAST_LOG_FACTOR
+from logger.core.model.prior import Prior
+from tests.kit.guided_walks import line
+from tests.kit.walks import observations
+
+EFFORT = Effort(most_squares=400, split_share=0.02, nodes=1, most_blocks=80)
+AROUND = line(
+    (0.0, 0.0), (240.0, 0.0), (240.0, 200.0), (0.0, 200.0), (0.0, 0.0), (120.0, 60.0),
+    (120.0, 220.0), (60.0, 60.0), (260.0, 120.0),
+)  # fmt: skip
+
+
+def _division(emitter_m, seed=0):
+    """The test of a walk past a transmitter at (2,), or at (n, 2) with the readings."""
+    rng = np.random.default_rng(seed)
+    x_m, y_m = AROUND.T
+    east_m, north_m = (AROUND - emitter_m).T
+    away_m = np.hypot(np.hypot(east_m, north_m), 5.0)
+    level_dbm = -25.0 - 28.0 * np.log10(away_m) + rng.normal(0.0, 3.0, len(x_m))
+    obs = observations(x_m, y_m, np.round(level_dbm), 4.0)
+    test = MotionTest()
+    test.try_moves(obs, locate(obs, Prior(), EFFORT), len(MOVES_M))
+    return test.division()
+
+
+@pytest.mark.parametrize("way_m", [(200.0, 100.0), (-300.0, 500.0)])
+def test_one_that_moves_is_told_from_one_that_stands(way_m):
+    begin_m = np.array([60.0, 40.0])
+    share = np.linspace(0.0, 1.0, len(AROUND))[:, None]
+    division = _division(begin_m + share * way_m)
+    assert division.is_in_time
+    assert division.log_factor > LEAST_LOG_FACTOR
+    moved_m = np.subtract(division.other_m, division.one_m)
+    assert moved_m @ np.array(way_m) > 0.8 * np.hypot(*moved_m) * np.hypot(*way_m)
+
+
+def test_one_that_stands_does_not_move():
+    for seed in range(3):
+        assert _division(np.array([120.0, 90.0]), seed).log_factor < 0.0
+
+
+def test_nothing_is_said_before_every_move_has_been_tried():
+    obs = observations(*AROUND.T, -60.0 - 0.1 * np.round(AROUND[:, 0]), 4.0)
+    posterior = locate(obs, Prior(), EFFORT)
+    test = MotionTest()
+    test.try_moves(obs, posterior, len(MOVES_M) - 1)
+    assert test.division() is None
+    test.try_moves(obs, posterior, 1)
+    assert test.division() is not None
