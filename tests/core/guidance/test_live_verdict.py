@@ -67,3 +67,18 @@ def test_one_that_stays_is_one_position():
         obs = _walk(AROUND, np.array([120.0, 90.0]), seed=seed)
         posterior = locate(obs, Prior(), EFFORT)
         assert divide_in_time(obs, posterior, LIVE).log_factor < 0.0
+
+
+def test_one_that_moves_is_not_located_by_a_walker_who_circles_it():
+    share = np.linspace(0.0, 1.0, 300)
+    emitter_m = share[:, None] * [300.0, 0.0]
+    angle = 4.0 * np.pi * share
+    away_m = 80.0 * (1.0 + 0.5 * np.cos(2.3 * angle))
+    around = np.stack([away_m * np.sin(angle), 80.0 * np.cos(angle)], axis=1)
+    obs = _walk(emitter_m + around, emitter_m, noise_db=3.0)
+    sharp = locate(_walk(AROUND, np.array([120.0, 90.0])), Prior(), EFFORT)
+    assert divide_in_time(obs, sharp, LIVE).log_factor < 0.0
+    verdict = LiveVerdict()
+    decisions = [verdict.update(sharp, obs) for _ in range(CONFIRMED_AFTER + 2)]
+    assert "located" not in {decision.verdict for decision in decisions}
+    assert "a transmitter that moves" in decisions[-1].reasons[0]
