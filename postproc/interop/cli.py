@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import click
 
 from logger.command_line import FILE, INPUT, json_option, number, print_json
-from logger.core.errors import ConfigError
+from logger.core.errors import ConfigError, RunFileError
 from postproc.options import cells_option, run_argument, stored_or_estimated
 
 if TYPE_CHECKING:
     from postproc.interop.estimates import Estimate
+    from postproc.interop.importing import Imported, Reading
 
 _FORMATS = ("kml", "geojson", "gpx", "csv", "wigle", "opencellid-csv", "opencellid-json", "parquet")
 _MOST_PRINTED = 20
@@ -104,6 +105,7 @@ def export(
     help="Take the positions from this track, by time.",
 )
 @click.option("--zone", metavar="ZONE", help="Zone of local times, for example Europe/Berlin.")
+@click.option("--member", metavar="NAME", help="Only this file of a zip.")
 @json_option
 def import_(
     source: Path,
@@ -112,15 +114,18 @@ def import_(
     columns: str | None,
     track: Path | None,
     zone: str | None,
+    member: str | None,
     *,
     as_json: bool,
 ) -> None:
     """Make a run from a recording of another program.
 
     FILE is recognised by its content; docs/guide/formats.md lists the formats. It may be
-    compressed (.gz, .zip). Each level needs a position: its own, or that of --track at its time.
+    compressed (.gz, .zip); of a zip with several files each becomes a run of its own, named after
+    it. Each level needs a position: its own, or that of --track at its time.
     """
     from postproc.atomic_write import check_writable
+    from postproc.interop.decompression import members
     from postproc.interop.importing import Reading, import_walk, summary
     from postproc.interop.join_track import zone_named
     from postproc.interop.named_columns import columns_of
@@ -133,7 +138,45 @@ def import_(
         track=read_track(track) if track else None,
         zone=zone_named(zone) if zone else None,
     )
-    imported = import_walk(source, output, reading=reading)
+    names = members(source)
+    if member is not None and member not in names:
+        inside = f"it has {', '.join(names[:5])}" if names else "it is no zip"
+        raise ConfigError(f"{source} has no file {member!r}: {inside}")
+    if len(names) > 1 and member is None:
+        _import_all(source, output, names, reading, as_json=as_json)
+        return
+    imported = import_walk(source, output, reading=reading, member=member)
+    _print_left_out(source, imported)
+    if as_json:
+        print_json(summary(imported))
+    else:
+        _print_imported(imported)
+
+
+def _import_all(
+    source: Path, output: Path, names: list[str], reading: "Reading", *, as_json: bool
+) -> None:
+    """Import each file of a zip, and say of each what became of it."""
+    from postproc.interop.importing import summary
+    from postproc.interop.zip_import import import_members
+
+    runs, left = [], []
+    for name, result in import_members(source, output, names, reading):
+        if isinstance(result, str):
+            left.append({"file": name, "why": result})
+            print(f"{source}/{name} is left out: {result}", file=sys.stderr)
+            continue
+        runs.append({"file": name, **summary(result)})
+        _print_left_out(Path(f"{source}/{name}"), result)
+        if not as_json:
+            _print_imported(result)
+    if not runs:
+        raise RunFileError(f"{source}: none of its {len(names)} files could be imported")
+    if as_json:
+        print_json({"runs": runs, "left_out": left})
+
+
+def _print_left_out(source: Path, imported: "Imported") -> None:
     for bad in imported.bad_rows[:_MOST_PRINTED]:
         print(f"{source}: line {bad.line}: {bad.why}", file=sys.stderr)
     if len(imported.bad_rows) > _MOST_PRINTED:
@@ -141,9 +184,9 @@ def import_(
         print(f"{source}: ... and {more} more bad rows (--json lists all)", file=sys.stderr)
     if imported.was_sorted:
         print(f"{source}: rows were out of order and have been sorted by time", file=sys.stderr)
-    if as_json:
-        print_json(summary(imported))
-        return
+
+
+def _print_imported(imported: "Imported") -> None:
     again = f", {imported.n_repeated} repeated" if imported.n_repeated else ""
     remarks = f", {imported.n_remarks} remarks" if imported.n_remarks else ""
     counts = f"{imported.n_rows} readings{remarks}, {len(imported.bad_rows)} bad rows{again}"

@@ -62,23 +62,30 @@ class Reading:
 
 
 def import_walk(
-    source: Path, target: Path, *, times: bool = True, reading: Reading | None = None
+    source: Path,
+    target: Path,
+    *,
+    times: bool = True,
+    reading: Reading | None = None,
+    member: str | None = None,
 ) -> Imported:
     """Make a run of a third-party file; without `times` only the order of the rows counts.
 
-    `reading` states more than `times`, and takes its place. Raises `RunFileError` for a file
-    without a usable row, for times that cannot be right, or to spare data.
+    `reading` states more than `times`, and takes its place; `member` is the file of a zip
+    that is read. Raises `RunFileError` for a file without a usable row, for times that cannot be
+    right, or to spare data.
     """
     reading = reading or Reading(times)
     spare(target, (IMPORT, IMPORT_WITHOUT_TIMES), "import")
-    with plain_file(source) as plain:
+    name = source if member is None else Path(f"{source}/{member}")
+    with plain_file(source, member) as plain:
         form = recognise(plain, reading.columns)
         rows = list(_with_places(form.read(plain), reading))
     sightings = [row for row in rows if isinstance(row, Sighting)]
     remarks = tuple(row for row in rows if isinstance(row, Remark))
     left = _Left.of(rows)
     if not sightings and not (remarks and reading.track):
-        raise RunFileError(f"{source} has no usable row{left.reason}")
+        raise RunFileError(f"{name} has no usable row{left.reason}")
     n_read = len(sightings)
     if form is not WALK_CSV:
         # apps repeat measurements when they export again
@@ -90,7 +97,7 @@ def import_walk(
         sorted(sightings, key=lambda row: row.t_ns) if has_times else _without_times(sightings)
     )
     if has_times and sightings:
-        _check_times(source, form, in_time)
+        _check_times(name, form, in_time)
     imported = Imported(
         target,
         form.name,
@@ -104,7 +111,7 @@ def import_walk(
         len(remarks),
     )
     scans = scans_of(in_time) if form.has_scans and has_times else [[row] for row in in_time]
-    origin = f"{IMPORT if has_times else IMPORT_WITHOUT_TIMES} {source.name}"
+    origin = f"{IMPORT if has_times else IMPORT_WITHOUT_TIMES} {name.name}"
     walk = _Walk(scans, remarks, reading.track)
     write_run(target, meta_of(origin), lambda append: _fill(append, walk, imported), "imported")
     return imported

@@ -1,0 +1,37 @@
+"""The logs of a zip, each made into a run of its own."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+from logger.core.errors import FieldLoggerError
+from postproc.interop.importing import Imported, Reading, import_walk
+
+_UNUSUAL = re.compile(r"[^\w.-]+")
+
+
+def import_members(
+    source: Path, target: Path, names: list[str], reading: Reading
+) -> Iterator[tuple[str, Imported | str]]:
+    """Import each file of a zip; yield its name with the result, or with why it is left out.
+
+    The runs are called as `target` with the name of the file: `walk.h5` becomes `walk-monday.h5`.
+    """
+    for name, path in zip(names, _targets(target, names), strict=True):
+        try:
+            yield name, import_walk(source, path, reading=reading, member=name)
+        except FieldLoggerError as error:
+            yield name, str(error)
+
+
+def _targets(target: Path, names: list[str]) -> Iterator[Path]:
+    """A path beside `target` for each file; a name that comes again gets a number."""
+    taken: set[str] = set()
+    for name in names:
+        stem = _UNUSUAL.sub("-", PurePosixPath(name).stem).strip(".-") or "log"
+        free, number = stem, 1
+        while free.lower() in taken:
+            number += 1
+            free = f"{stem}-{number}"
+        taken.add(free.lower())
+        yield target.with_name(f"{target.stem}-{free}{target.suffix}")
