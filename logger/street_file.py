@@ -9,7 +9,7 @@ import msgspec
 
 from logger.core.errors import ConfigError, GeoError
 from logger.core.geo import check_position
-from logger.core.guidance.street_map import Line
+from logger.core.guidance.street_atlas import Line
 
 _MOST_BYTES = 64 * 1024 * 1024
 """A larger file holds a country; a walker needs a part of a city."""

@@ -11,7 +11,7 @@ from guided.ground import Ground, Node, Way
 from guided.policies import POLICIES, Walker, nearest_way
 from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
-from logger.core.guidance.street_map import Line
+from logger.core.guidance.street_atlas import Line
 from logger.core.model.prior import Prior
 from postproc.guidance.filter import Answer, GuideFilter
 

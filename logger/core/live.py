@@ -13,7 +13,7 @@ from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.censoring import limit_of
 from logger.core.geo import Utm
 from logger.core.guidance.followed_cell import FollowedCell
-from logger.core.guidance.street_map import Line, streets_near
+from logger.core.guidance.street_atlas import Line, StreetAtlas
 from logger.core.identities import Identities
 from logger.core.latest import Latest
 from logger.core.live_cell import CellEstimate, LiveCell
@@ -46,7 +46,7 @@ class LiveTracker:
         street_lines: Sequence[Line] = (),
     ) -> None:
         self.baseline = baseline
-        self._street_lines = street_lines
+        self._atlas = StreetAtlas(street_lines)
         self._prior = live_prior(settings)
         self._track = ReceiverTrack(settings.max_fix_age_s)
         self._reference = LiveReference(settings)
@@ -128,9 +128,7 @@ class LiveTracker:
             return []
         x_m, y_m = receiver.x_m, receiver.y_m
         if self.followed is None or self.followed.cell != target:
-            lines = self._street_lines
-            streets = streets_near(lines, utm, x_m, y_m) if lines else None
-            self.followed = FollowedCell(target, utm, streets)
+            self.followed = FollowedCell(target, utm, self._atlas.near(utm, x_m, y_m))
         before = self.followed.advice
         self.followed.update(x_m, y_m, self._cells[target].locator)
         advice = self.followed.advice

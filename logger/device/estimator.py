@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from logger.core.baseline import Baseline
     from logger.core.guidance.followed_cell import FollowedCell, LivePosition
     from logger.core.guidance.next_way import NextWay
-    from logger.core.guidance.street_map import Line
+    from logger.core.guidance.street_atlas import Line
     from logger.core.live import LiveTracker
     from logger.core.suspicion.words import Assessment
     from logger.device.live_baseline import LiveBaseline

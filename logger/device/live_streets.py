@@ -5,7 +5,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from logger.core.errors import ConfigError
-from logger.core.guidance.street_map import Line
+from logger.core.guidance.street_atlas import Line
 from logger.core.types import Note
 from logger.street_file import read_lines
 

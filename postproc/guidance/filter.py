@@ -11,7 +11,7 @@ from logger.core.geo import Utm
 from logger.core.guidance.followed_cell import FollowedCell
 from logger.core.guidance.map_form import BestPosition, best_position, degrees_of, next_way
 from logger.core.guidance.next_way import NextWay
-from logger.core.guidance.street_map import Line, streets_near
+from logger.core.guidance.street_atlas import Line, StreetAtlas
 from logger.core.locator.online import OnlineLocator
 from logger.core.model.prior import Prior
 from logger.core.track import TIMING_S, fix_sigma_m
@@ -56,7 +56,7 @@ class GuideFilter:
     """
 
     def __init__(self, prior: Prior, cell: str | None = None, lines: Sequence[Line] = ()) -> None:
-        self._prior, self._cell, self._lines = prior, cell, lines
+        self._prior, self._cell, self._atlas = prior, cell, StreetAtlas(lines)
         self.locator = OnlineLocator(prior)
         self._utm: Utm | None = None
         self._start_m = (0.0, 0.0)
@@ -100,7 +100,7 @@ class GuideFilter:
             raise ValueError(f"the position is {away_m / 1000.0:.0f} km from the first one")
         followed = self._followed
         if followed is None:
-            streets = streets_near(self._lines, self._utm, x_m, y_m) if self._lines else None
+            streets = self._atlas.near(self._utm, x_m, y_m)
             followed = self._followed = FollowedCell(self._cell or "", self._utm, streets)
         sigma_m = hypot(fix_sigma_m(acc_m, None), TIMING_S * self._speed_mps(t_s, x_m, y_m))
         if level_dbm is not None and self._is_followed(row):

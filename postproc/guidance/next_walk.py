@@ -19,7 +19,7 @@ from logger.core.guidance.planner import Course, Plan, plans
 from logger.core.guidance.routes import Route, compass_routes
 from logger.core.guidance.sample import PositionSample, draw
 from logger.core.guidance.sentence import sentence
-from logger.core.guidance.street_map import Line, streets_near
+from logger.core.guidance.street_atlas import Line, StreetAtlas
 from logger.core.guidance.street_routes import street_routes
 from logger.core.locator.pipeline import search
 from logger.core.locator.posterior import Posterior
@@ -106,10 +106,11 @@ def next_walk(
 def _routes(
     utm: Utm, start_m: tuple[float, float], places: Sequence[Cluster], lines: Sequence[Line]
 ) -> list[Route]:
-    if not lines:
+    streets = StreetAtlas(lines).near(utm, *start_m)
+    if streets is None:
         loops = [_loop(start_m, place, side_m) for place in places for side_m in _LOOP_M]
         return [*compass_routes(start_m, places), *loops]
-    routes = street_routes(streets_near(lines, utm, *start_m), start_m, places)
+    routes = street_routes(streets, start_m, places)
     if not routes:
         lat_deg, lon_deg = utm.to_latlon(*start_m)
         raise ConfigError(

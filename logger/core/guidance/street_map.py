@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.geo import Utm
 
 _SNAP_M = 3.0
 """Ends of lines this close are the same crossing: maps are drawn to about a metre."""
@@ -17,11 +16,6 @@ _LONGEST_LEG_M = 130.0
 
 _TILE_M = 200.0
 """Side of the squares in which streets are compared: a map of a city has too many pairs."""
-FARTHEST_M = 3000.0
-"""Streets farther from the first position are left out: no walk of an hour gets there."""
-
-Line = list[tuple[float, float]]
-"""Latitudes and longitudes in degrees."""
 
 
 class Leg(NamedTuple):
@@ -104,18 +98,6 @@ def part_of(leg: Leg, from_m: float) -> Leg:
     point = [float(np.interp(from_m, along_m, v)) for v in line.T]
     rest = np.concatenate([[point], line[along_m > from_m + 1e-6]])
     return leg._replace(line_m=rest, length_m=max(float(along_m[-1]) - from_m, 0.0))
-
-
-def streets_near(lines: Sequence[Line], utm: Utm, x_m: float, y_m: float) -> StreetMap:
-    """The streets within `FARTHEST_M` of a position."""
-    every_m = (np.stack(utm.to_xy_arrays(*np.array(line, float).T), axis=1) for line in lines)
-    here = np.array([x_m, y_m])
-    return StreetMap(line_m for line_m in every_m if _is_near(line_m, here))
-
-
-def _is_near(line_m: FloatArray, here: FloatArray) -> bool:
-    low, high = np.min(line_m, axis=0), np.max(line_m, axis=0)
-    return bool(np.all(low < here + FARTHEST_M) and np.all(high > here - FARTHEST_M))
 
 
 def _segments(lines_m: Iterable[FloatArray]) -> FloatArray:
@@ -239,7 +221,9 @@ def _divide(line_m: FloatArray, start: int, end: int, crossings: list[FloatArray
     """Legs of at most `_LONGEST_LEG_M` along a line; where it is divided, crossings are added."""
     along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line_m, axis=0).T))])
     count = max(1, int(np.ceil(along_m[-1] / _LONGEST_LEG_M)))
-    if count == 1 and start == end:
+    if count == 1 and start != end:
+        return [Leg(start, end, line_m, float(along_m[-1]))]
+    if count == 1:
         count = 2
     at_m = np.linspace(0.0, along_m[-1], count + 1)
     numbers = [start]

@@ -5,8 +5,7 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from logger.core.geo import Utm
-from logger.core.guidance.street_map import StreetMap, part_of, streets_near
+from logger.core.guidance.street_map import StreetMap, part_of
 
 
 def _lattice(count=4, block_m=100.0):
@@ -87,11 +86,3 @@ def test_the_rest_of_a_leg_begins_at_the_point():
 
 def test_an_empty_map_has_no_street():
     assert StreetMap([]).nearest(0.0, 0.0) is None
-
-
-def test_streets_far_from_the_walk_are_left_out():
-    utm = Utm.at(52.5, 13.4)
-    near, far = [(52.5, 13.4), (52.501, 13.4)], [(48.0, 11.0), (48.001, 11.0)]
-    streets = streets_near([near, far], utm, *utm.to_xy(52.5, 13.4))
-    assert len(streets.legs) == 1
-    assert streets.legs[0].length_m == pytest.approx(111.3, abs=1.0)
