@@ -6,7 +6,7 @@ import pytest
 
 from logger.core.locator.verdict import Verdict
 from logger.device.leds import FLASHES_S
-from tests.docs.pages import ROOT, text_of
+from tests.docs.pages import ROOT, shell_lines, text_of
 from tools.guide_pictures import MEANING, PICTURES, answers_picture, led_picture
 
 GUIDE = ROOT / "docs/guide.md"
@@ -94,3 +94,21 @@ def test_pictures_have_a_title_and_load_nothing(picture):
     assert "<title id=" in text
     assert 'role="img"' in text
     assert not re.search(r"(?:href|src|url)\s*[=(]\s*[\"']?(?!#)", text.replace("xmlns", ""))
+
+
+MOST_COMMANDS = 12
+
+
+def test_the_transcript_is_short_and_has_only_commands_of_the_guide():
+    """A run has another number there than in the guide."""
+    text = (ROOT / "docs/guide/transcript.md").read_text("utf-8")
+    typed = [_without_number(line) for line in re.findall(r"^\$ (.*)$", text, re.MULTILINE)]
+    known = {_without_number(" ".join(line.split())) for line in shell_lines(GUIDE)}
+    assert 0 < len(typed) <= MOST_COMMANDS
+    assert f"cell: {len(typed)} commands" in text
+    assert [line for line in typed if line not in known] == []
+    assert re.search(r"^[\d-]+ +\d+  located ", text, re.MULTILINE)
+
+
+def _without_number(command: str) -> str:
+    return re.sub(r"run(-\d{6})?\.h5", "RUN.h5", command)
