@@ -12,7 +12,6 @@ from postproc.scan_counts import observed_cells
 from postproc.verification.celldb import CellDb
 from postproc.verification.claims import away_m, claims_of
 from postproc.verification.parsing import identity_of
-from postproc.verification.run_claims import verify_claims
 
 _FEWEST = 5
 """Other cells from which on their share in the database says something about this place."""
@@ -46,6 +45,9 @@ def rejected_positions(
 
     The tests are those of `postproc verify`: the spread of a database's position enters them.
     """
+    # numba and scipy, which take a second, are for those who give a database
+    from postproc.verification.run_claims import verify_claims  # noqa: PLC0415
+
     rule = RULES["S10"]
     claims = claims_of(database, list(observed_cells([run], None)))
     verified = verify_claims(run, claims, _P_FA, Options().prior, progress=progress)

@@ -73,10 +73,15 @@ class RecorderProcess:
         goal = self.durable + more
         service.wait_for(lambda: self.durable >= goal)
 
-    def wait_state(self, text: str) -> None:
-        """Wait for a state after the states of earlier calls; some last for one tick only."""
-        service.wait_for(lambda: text in self.lines("state")[self._lines_seen :])
-        self._lines_seen += self.lines("state")[self._lines_seen :].index(text) + 1
+    def wait_state(self, *texts: str) -> None:
+        """Wait for one of the states after those of earlier calls; some last for one tick only."""
+
+        def is_one() -> list[int]:
+            states = enumerate(self.lines("state"), 1)
+            return [i for i, state in states if i > self._lines_seen and state in texts]
+
+        service.wait_for(is_one)
+        self._lines_seen = is_one()[0]
 
     def wait_put(self, more: int) -> None:
         """Wait until it has received about this many more records."""
