@@ -21,8 +21,7 @@ def base(suite: str, arch: str, packages: str) -> Path:
         pytest.skip("only root can build a chroot")
     if shutil.which("mmdebstrap") is None:
         pytest.skip("no mmdebstrap here")
-    if arch in QEMU:
-        _let_qemu_run(QEMU[arch])
+    let_run(arch)
     folder = CACHE / f"{suite}-{arch}"
     if not folder.exists():
         part = folder.with_suffix(".part")
@@ -39,11 +38,11 @@ def base(suite: str, arch: str, packages: str) -> Path:
     return folder
 
 
-def _let_qemu_run(machine: str) -> None:
+def let_run(arch: str) -> None:
     """Register QEMU for the programs of another architecture, as Debian's package would at boot."""
-    if (_BINFMT / f"qemu-{machine}").exists():
+    if arch not in QEMU or (_BINFMT / f"qemu-{QEMU[arch]}").exists():
         return
-    rule = Path(f"/usr/lib/binfmt.d/qemu-{machine}.conf")
+    rule = Path(f"/usr/lib/binfmt.d/qemu-{QEMU[arch]}.conf")
     if not rule.exists():
         pytest.skip("no qemu-user-static here")
     if not (_BINFMT / "register").exists():
@@ -53,21 +52,41 @@ def _let_qemu_run(machine: str) -> None:
     (_BINFMT / "register").write_text(rule.read_text())
 
 
+def unpacked(debs: Path, folder: Path) -> Path:
+    """All packages of a folder unpacked, not configured: enough to run programs in a chroot."""
+    for name in ("bin", "sbin", "lib"):
+        (folder / "usr" / name).mkdir(parents=True)
+        (folder / name).symlink_to(f"usr/{name}")
+    for deb in sorted(debs.glob("*.deb")):
+        tar = subprocess.run(["dpkg-deb", "--fsys-tarfile", deb], check=True, capture_output=True)
+        unpack = ["tar", "-x", "-C", folder, "--keep-directory-symlink"]
+        subprocess.run(unpack, input=tar.stdout, check=True)
+    for name in ("proc", "dev/pts", "tmp"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    for name in ("null", "ptmx", "urandom"):
+        subprocess.run(["cp", "-a", f"/dev/{name}", folder / "dev"], check=True)
+    return folder
+
+
 class Chroot:
     """A copy of a pristine system that is thrown away."""
 
     def __init__(self, root: Path):
         self.root = root
 
-    def run(self, command: str, code: int | None = 0) -> str:
+    def run(self, command: str) -> str:
         """Run a shell command in it; its output."""
+        return self.call("sh", "-c", command)
+
+    def call(self, *command: str, **environment: str) -> str:
+        """Run a command without a shell, which an unpacked system may lack; its output."""
+        usual = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LC_ALL": "C.UTF-8", "HOME": "/root"}
         done = subprocess.run(
-            ["chroot", self.root, "sh", "-c", command],
-            env={"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LC_ALL": "C.UTF-8", "HOME": "/root",
-                 "DEBIAN_FRONTEND": "noninteractive"},
+            ["chroot", self.root, *command],
+            env=usual | {"DEBIAN_FRONTEND": "noninteractive"} | environment,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
         )  # fmt: skip
-        assert code is None or done.returncode == code, f"{command}: {done.stdout}"
+        assert done.returncode == 0, f"{command}: {done.stdout}"
         return done.stdout
 
     def files(self) -> dict[str, bytes]:
