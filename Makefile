@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 DEMO := demo-out
 
-.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard guidance deb card-debs docs page-map clean
+.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard guidance deb card-debs dist docs page-map clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -64,6 +64,11 @@ test-faults: .venv/dev.stamp
 	$(BIN)/pytest -s tests/device/test_faults.py
 	CELLWALK_BASELINE_KILLS=50 $(BIN)/pytest -s tests/postproc/baseline/test_kill.py
 	$(BIN)/pytest -m slow --ignore tests/boot --ignore tests/view --deselect tests/device/test_kill.py --deselect tests/core/runfile/test_soak.py
+
+# wheel and source distribution as an index takes them, with the page's map
+dist: .venv/dev.stamp page-map
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/twine check --strict dist/cellwalk-*
 
 # coverage-guided fuzzing, an hour for each target; see tests/fuzz/README.md
 FUZZ_S ?= 3600
