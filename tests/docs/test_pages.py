@@ -42,6 +42,7 @@ def _anchors(page) -> list[str]:
 def test_the_site_builds_without_warnings_and_without_a_network(tmp_path):
     pytest.importorskip("sphinx", reason="pip install '.[docs]'")
     pytest.importorskip("myst_parser", reason="pip install '.[docs]'")
+    pytest.importorskip("furo", reason="pip install '.[docs]'")
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
     build = subprocess.run(
         [*command, "-d", tmp_path / "doctrees", ROOT / "docs", tmp_path / "site"],

@@ -19,7 +19,7 @@ NAMES = sorted(
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    pytest.importorskip("sphinx", reason="pip install '.[docs]'")
+    pytest.importorskip("furo", reason="pip install '.[docs]'")
     folder = tmp_path_factory.mktemp("site")
     subprocess.run(
         [sys.executable, "-m", "sphinx", "-W", "-q", "-b", "html", ROOT / "docs", folder],
