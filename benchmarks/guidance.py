@@ -63,7 +63,7 @@ def _options() -> argparse.Namespace:
 
 def _walks(options: argparse.Namespace) -> list[Outcome]:
     outcomes = []
-    makers = _measured(options) if options.measured else _simulated(options)
+    makers = _legs_of(options) if options.measured else _worlds_of(options)
     for k, make in enumerate(makers):
         for policy in options.policy:
             world = make()
@@ -76,7 +76,7 @@ def _walks(options: argparse.Namespace) -> list[Outcome]:
     return outcomes
 
 
-def _simulated(options: argparse.Namespace) -> list[Callable[[], Surroundings]]:
+def _worlds_of(options: argparse.Namespace) -> list[Callable[[], Surroundings]]:
     """Worlds to be made anew for each policy."""
     return [
         partial(
@@ -93,7 +93,7 @@ def _simulated(options: argparse.Namespace) -> list[Callable[[], Surroundings]]:
     ]
 
 
-def _measured(options: argparse.Namespace) -> list[Callable[[], Surroundings]]:
+def _legs_of(options: argparse.Namespace) -> list[Callable[[], Surroundings]]:
     return list(measured_worlds(options.measured, options.set))
 
 
