@@ -52,12 +52,14 @@ from_folder() {
 
 from_checkout() {
     arch=$(dpkg --print-architecture)
-    "$here/debian/build.sh" "$arch"
-    apt install "$here"/../dist/fieldlogger_*_"$arch".deb
+    # compiled modules and lists of packages are kept for the next time
+    CACHE=/var/cache/cellwalk DIST=/var/cache/cellwalk "$here/debian/build.sh" "$arch"
+    apt install /var/cache/cellwalk/fieldlogger_*_"$arch".deb
 }
 
 if [ -n "$uninstall" ]; then
     apt remove fieldlogger
+    rm -rf /var/cache/cellwalk
     say "done; the runs in /var/lib/cellwalk and /etc/cellwalk remain"
     exit 0
 fi

@@ -6,8 +6,9 @@ set -eu
 here=$(dirname "$(readlink -f "$0")")
 repository=$(readlink -f "$here/../..")
 . "$here/suites.sh"
-cache=$repository/.venv/deb
-dist=$repository/dist
+# install.sh names others, since root must not leave files in a user's checkout
+cache=${CACHE:-$repository/.venv/deb}
+dist=${DIST:-$repository/dist}
 [ $# -gt 0 ] || set -- amd64 arm64 armhf
 umask 022
 
