@@ -52,7 +52,7 @@ def let_run(arch: str) -> None:
     (_BINFMT / "register").write_text(rule.read_text())
 
 
-def unpacked(debs: Path, folder: Path) -> Path:
+def unpack_debs(debs: Path, folder: Path) -> Path:
     """All packages of a folder unpacked, not configured: enough to run programs in a chroot."""
     for name in ("bin", "sbin", "lib"):
         (folder / "usr" / name).mkdir(parents=True)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.systemd.debian_chroot import base, chroot, let_run, unpacked
+from tests.systemd.debian_chroot import base, chroot, let_run, unpack_debs
 from tests.systemd.packages import with_version
 
 REPOSITORY = Path(__file__).parents[2]
@@ -164,7 +164,7 @@ def test_it_runs_on_a_pis_processor(suite, arch, tmp_path, capsys):
     if done.returncode != 0:
         pytest.skip(f"no packages (no network?): {done.stderr[-300:]}")
     assert (debs / "made-for").read_text() == f"{suite} {arch}\n"
-    with chroot(unpacked(debs, tmp_path / "unpacked"), tmp_path / "root") as debian:
+    with chroot(unpack_debs(debs, tmp_path / "unpacked"), tmp_path / "root") as debian:
         # which of the libraries of linear algebra is used is decided when they are configured
         algebra = [
             f"/{path.relative_to(debian.root)}"
