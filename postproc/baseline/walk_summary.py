@@ -79,7 +79,7 @@ def summarise_walk(run: Run) -> WalkSummary:
         began_utc_ns=int(times[0]) if len(times) else None,
         n_readings=len(rows),
         cells=dict(zip(cells, rats, strict=True)),
-        heard=_rows_by_square(square, cell, rows["seq"], levels_dbm(rows), cells),
+        heard=rows_by_square(square, cell, rows["seq"], levels_dbm(rows), cells),
         visits=sorted({(int(s), rats[c]) for s, c in set(zip(square.tolist(), cell, strict=True))}),
         channels=_channels(rows, cell, cells),
     )
@@ -113,10 +113,10 @@ def _squares(fixes: Rows, scans: Rows, readings: Rows) -> tuple[IntArray, BoolAr
     return squares, usable
 
 
-def _rows_by_square(
+def rows_by_square(
     square: IntArray, cell: IntArray, scan: IntArray, level_dbm: FloatArray, cells: list[str]
 ) -> list[HeardRow]:
-    """Sums of each cell in each square; arrays of shape (n,)."""
+    """Sums of each cell in each square; arrays of shape (n,), `cell` the number in `cells`."""
     # the strongest reading of a cell in a scan comes first among its equals
     order = np.lexsort((-level_dbm, scan, cell, square))
     square, cell, scan, level_dbm = square[order], cell[order], scan[order], level_dbm[order]

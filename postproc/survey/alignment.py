@@ -26,6 +26,11 @@ PLACE_M = 20.0
 CERTAIN_DB = 1.0
 """An offset that is more certain is known: noise of one reading is several times as large."""
 _LEAST_SIGMA_DB = 1.0
+_MARGIN_DB = 7.0
+"""Above the lowest mean level of a modem.
+
+In a synthetic city the NEES of offsets was 2.1 with 3 dB, 1.2 with 5 dB and 1.0 with 7 dB.
+"""
 _TURNS = 8
 _HUBER = 1.345
 """Standard deviations from which a place counts less: 95 % efficient for Gaussian errors."""
@@ -34,7 +39,10 @@ _ANY_NUMBER = 1 << 40
 
 
 class Alignment(NamedTuple):
-    """Readings with fewer modems; what was subtracted from each modem, with its sigma, (m,) dB."""
+    """Readings with fewer modems; what was subtracted from each modem, with its sigma, (m,) dB.
+
+    The sigma is NaN for a modem that is not on the scale of the first one.
+    """
 
     obs: CellObservations
     offset_db: FloatArray
@@ -54,7 +62,8 @@ def align(obs: CellObservations) -> Alignment:
     n = obs.n_modems
     if n <= MOST_MODEMS or obs.modem is None:
         return Alignment(obs, np.zeros(n), np.zeros(n))
-    offset_db, sigma_db, part = _offsets(levels_by_place(obs, obs.modem, PLACE_M), n)
+    levels = levels_by_place(obs, obs.modem, PLACE_M)
+    offset_db, sigma_db, part = _offsets(_clear_of_floor(levels, n), n)
     is_certain = sigma_db <= CERTAIN_DB
     offset_db = np.where(is_certain, offset_db, 0.0)
     # a modem that is not certain stays one of its own
@@ -62,7 +71,8 @@ def align(obs: CellObservations) -> Alignment:
     moved = obs.on_one_scale(offset_db)
     modem = _number_by_appearance(scale[obs.modem])
     moved = replace(moved, modem=modem if np.any(modem) else None)
-    return Alignment(moved, offset_db, np.where(is_certain, sigma_db, np.nan))
+    is_first_scale = is_certain & (part == part[0])
+    return Alignment(moved, offset_db, np.where(is_first_scale, sigma_db, np.nan))
 
 
 def levels_by_place(obs: CellObservations, modem: IntArray, side_m: float) -> PlaceLevels:
@@ -73,6 +83,20 @@ def levels_by_place(obs: CellObservations, modem: IntArray, side_m: float) -> Pl
     key, which = np.unique(place * n + modem[inside], return_inverse=True)
     level_dbm = np.bincount(which, obs.level_dbm[inside]) / np.bincount(which)
     return PlaceLevels(key // n, key % n, np.asarray(level_dbm, float))
+
+
+def _clear_of_floor(levels: PlaceLevels, n: int) -> PlaceLevels:
+    """Places where every modem of those there would have heard the cell.
+
+    Near its floor a modem reports the high levels only, and seems to read high.
+    """
+    floor_dbm = np.full(n, np.inf)
+    np.minimum.at(floor_dbm, levels.modem, levels.level_dbm)
+    margin_db = levels.level_dbm - floor_dbm[levels.modem]
+    least_db = np.full(int(np.max(levels.place, initial=-1)) + 1, np.inf)
+    np.minimum.at(least_db, levels.place, margin_db)
+    is_clear = least_db[levels.place] > _MARGIN_DB
+    return PlaceLevels(levels.place[is_clear], levels.modem[is_clear], levels.level_dbm[is_clear])
 
 
 def _offsets(levels: PlaceLevels, n: int) -> tuple[FloatArray, FloatArray, IntArray]:

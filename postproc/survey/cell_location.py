@@ -127,7 +127,7 @@ def locate_cell_of(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Opti
         sigma_db=posterior.sigma_db,
         two_sources=at_once and at_once.log_factor,
         moved=in_time and in_time.log_factor,
-        offsets=_offsets(own, obs, aligned, posterior),
+        offsets=_offsets(own, obs.usable(), aligned, posterior),
         region_wkb=shapely.to_wkb(region),
     )
 
@@ -192,24 +192,27 @@ def _likelier(one: Division | None, other: Division | None) -> Division | None:
 
 
 def _offsets(
-    own: Sequence[SurveyRun], obs: CellObservations, aligned: Alignment, posterior: Posterior
+    own: Sequence[SurveyRun], usable: CellObservations, aligned: Alignment, posterior: Posterior
 ) -> tuple[ModemOffset, ...]:
-    """What each modem reads higher than the first: by shared ground, and by the locator."""
+    """What each modem reads higher than the first: by shared ground, or by the locator of few.
+
+    Unknown for one of many modems that shares too little ground with the first.
+    """
     modems = list(dict.fromkeys(run.modem for run in own))
-    if len(modems) < 2 or obs.modem is None:
+    if len(modems) < 2 or usable.modem is None:
         return ()
     located = posterior.offsets
-    usable = obs.usable()
     found = []
     for number, modem in enumerate(modems):
         rows = np.flatnonzero(usable.modem == number)
-        if not len(rows):
+        is_apart = bool(np.isnan(aligned.sigma_db[number]))
+        if not len(rows) or is_apart:
             found.append(ModemOffset(modem, None, None))
             continue
         group = 0 if aligned.obs.modem is None else int(aligned.obs.modem[rows[0]])
         db, sigma_db = float(aligned.offset_db[number]), float(aligned.sigma_db[number])
         if located is not None:
             db += float(located.mean_db[group])
-            sigma_db = float(np.hypot(np.nan_to_num(sigma_db), located.sigma_db[group]))
-        found.append(ModemOffset(modem, db, float(np.nan_to_num(sigma_db))))
+            sigma_db = float(np.hypot(sigma_db, located.sigma_db[group]))
+        found.append(ModemOffset(modem, db, sigma_db))
     return tuple(found)

@@ -1,21 +1,21 @@
 """The commands `postproc survey ...`."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from logger.command_line import FILE, PATH, json_option, number
+from logger.command_line import FILE, PATH, json_option
 from postproc.options import cells_option, prior_options, within_option
+from postproc.survey.answers.cli import baseline, diff, map_command, next_command
 from postproc.survey.libraries import check_libraries
+from postproc.survey.options import folder_argument, workers_options
 
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior
-
-folder_argument = click.argument("folder", type=FILE, metavar="SURVEY")
 
 
 @click.group(no_args_is_help=False)
@@ -24,6 +24,10 @@ def survey() -> None:
 
     SURVEY is a folder that `survey add` makes.
     """
+
+
+for _command in (baseline, diff, map_command, next_command):
+    survey.add_command(_command)
 
 
 @survey.command
@@ -72,21 +76,6 @@ def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: boo
         left = f", {len(failed)} left out" if failed else ""
         print(f"{folder}: {n_added} added{known}{left}; {len(whole.runs)} runs, {n_cells} cells")
     return SOMETHING_LOST if failed else 0
-
-
-def workers_options(command: Callable[..., int | None]) -> Callable[..., int | None]:
-    """Add `--scheduler` and `--workers`."""
-    command = click.option(
-        "--workers",
-        type=number(int, 1, 1024),
-        metavar="N",
-        help="Processes of this machine (default: one for each core).",
-    )(command)
-    return click.option(
-        "--scheduler",
-        metavar="tcp://HOST:8786",
-        help="A Dask scheduler whose workers read the same folder.",
-    )(command)
 
 
 @survey.command

@@ -150,6 +150,41 @@ class Survey:
             return layout.READINGS.empty_table()
         return pa.concat_tables(tables).unify_dictionaries()
 
+    def batch_rows(self, batch: str, columns: Sequence[str] | None = None) -> pa.Table:
+        """Readings of one batch in all areas."""
+        files = sorted((self.folder / "readings").glob(f"*/{batch}.parquet"))
+        tables = [
+            pq.read_table(file, columns=columns, partitioning=None, read_dictionary=["cell", "run"])
+            for file in files
+        ]
+        return pa.concat_tables(tables).unify_dictionaries()
+
+    @cached_property
+    def n_scans(self) -> dict[str, int]:
+        """Scans of all runs that named each cell without doubt."""
+        return {cell.cell: cell.n_scans for cell in self.cells()}
+
+    @cached_property
+    def _heard(self) -> dict[str, list[dict[str, Any]]]:
+        by_run: dict[str, list[dict[str, Any]]] = {}
+        for row in self.cells_of_runs.to_pylist():
+            by_run.setdefault(row["run"], []).append(row)
+        return by_run
+
+    def heard_by(self, run: str) -> list[dict[str, Any]]:
+        """What a run heard, a row for each cell (`layout.CELLS`)."""
+        return self._heard.get(run, [])
+
+    @cached_property
+    def zone(self) -> int:
+        """UTM zone of the first reading, for maps; raises `RunFileError` for an empty survey."""
+        for file in sorted((self.folder / "readings").glob("*/*.parquet")):
+            if file.stem in self.batches:
+                return int(
+                    pq.read_table(file, columns=["zone"], partitioning=None)["zone"][0].as_py()
+                )
+        raise RunFileError(f"{self.folder} has no readings")
+
     def observations(
         self, area: str, cells: Sequence[str], runs: Sequence[str] | None = None
     ) -> dict[str, dict[str, CellObservations]]:

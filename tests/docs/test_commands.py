@@ -25,6 +25,9 @@ NOT_RUN = {
     "fieldlogger status": "needs a running service; tests/device/test_status_text.py runs it",
     "fieldlogger run": "records until stopped; tests/device/test_service.py runs it",
     "fieldlogger simulate": "takes a minute; tests/sim/test_simulate_command.py runs it",
+    "postproc survey locate": "takes long; tests/postproc/survey runs it",
+    "postproc survey map": "takes long; tests/postproc/survey runs it",
+    "postproc survey next": "takes long; tests/postproc/survey runs it",
     "postproc toa simulate": "takes long; tests/postproc/reproductions/toa runs it",
     "postproc validate": "takes long; tests/postproc/reproductions/validate runs it",
 }
@@ -59,6 +62,8 @@ def files(tmp_path_factory):
     for name, form in (("LOG", "wigle"), ("walk.gpx", "gpx")):
         assert commands.run("postproc", "export", str(folder / "run.h5"), "-o", str(folder / name),
                             "--format", form)[0] == 0  # fmt: skip
+    added = ["survey", "add", str(run), "-o", str(folder / "survey")]
+    assert commands.run("postproc", *added)[0] == 0
     (folder / "TABLE").write_text(f"y,x,power,when\n{LAT},{LON},-70,12:00:00\n")
     return folder
 

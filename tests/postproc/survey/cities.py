@@ -1,7 +1,7 @@
 """Small synthetic cities as surveys."""
 
-from benchmarks.city.walks import draw_walk, draw_walkers
-from benchmarks.city.world import draw_city
+from benchmarks.synthetic_city.walks import draw_walk, draw_walkers
+from benchmarks.synthetic_city.world import draw_city
 from postproc.survey.dataset import Survey
 from postproc.survey.parquet_batch import Batch
 

@@ -10,7 +10,7 @@ import pyogrio
 import pytest
 from distributed import LocalCluster
 
-from benchmarks.city.walks import Walker, draw_walkers
+from benchmarks.synthetic_city.walks import Walker, draw_walkers
 from logger.core.runfile import read_sound_run
 from postproc.cli import main
 from postproc.result import Options

@@ -5,7 +5,7 @@ from hashlib import sha256
 
 import numpy as np
 
-from benchmarks.city.world import (
+from benchmarks.synthetic_city.world import (
     BLOCK_M,
     FLOOR_DBM,
     MOST_HEARD,

@@ -1,0 +1,285 @@
+"""A synthetic city: cost of adding and locating, against `smooth`, coverage, offsets, liars.
+
+    python benchmarks/city.py                                 # small, some minutes
+    python benchmarks/city.py --readings 100000 1000000 10000000 --only cost
+
+Processor times are those of this process and its children; walls are not compared, except for one
+and two workers.
+"""
+
+import argparse
+import os
+import platform
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import shapely
+
+from benchmarks.synthetic_city.run_files import write_run
+from benchmarks.synthetic_city.walks import Walker, draw_walk, draw_walkers
+from benchmarks.synthetic_city.world import ORIGIN_M, ZONE, City, draw_city
+from logger.core.geo import Utm
+from logger.core.locator.pipeline import locate
+from logger.core.runfile import read_sound_run
+from postproc.result import Options
+from postproc.smoothing import smooth_runs
+from postproc.survey import thinning
+from postproc.survey.agreement import liars, report
+from postproc.survey.alignment import align
+from postproc.survey.cell_location import LocatedCell, joined_readings
+from postproc.survey.dataset import Survey
+from postproc.survey.location import EVERY_RUN
+from postproc.survey.parquet_batch import Batch
+from postproc.survey.scheduling import Cluster
+from postproc.survey.tasks import RunChoice, compare_loggers, locate_cells, tasks_of
+
+SCANS = 800
+"""Of a walk: 40 minutes."""
+
+
+def cpu_s() -> float:
+    """Processor time of this process and its children that have ended."""
+    parts = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(part.ru_utime + part.ru_stime for part in parts)
+
+
+def draw_survey(folder: Path, city: City, walkers: list[Walker], n_readings: int) -> Survey:
+    """Walks until there are so many readings, 20 loggers in turn."""
+    survey = Survey.open_or_make(folder)
+    batch, number, written = Batch(), 0, 0
+    while written + batch.n_rows < n_readings:
+        walk = draw_walk(city, walkers[number % len(walkers)], number, SCANS, city.seed)
+        batch.take(walk)
+        number += 1
+        if batch.is_full:
+            written += batch.n_rows
+            batch.write(folder, f"{len(list((folder / 'readings').rglob('*'))):06d}")
+            batch = Batch()
+    if batch.walks:
+        batch.write(folder, "999999")
+    return Survey.open(survey.folder)
+
+
+def located(survey: Survey, choice: RunChoice = EVERY_RUN) -> list[LocatedCell]:
+    """All cells, in this process."""
+    allowed = [digest for digest, run in survey.runs.items() if choice.allows(run)]
+    tasks = tasks_of(survey, survey.cells(allowed), choice, Options())
+    return [cell for task in tasks for cell in locate_cells(task)]
+
+
+def station_of(city: City, cell: str) -> int:
+    """Number of the station with this name."""
+    return city.names.index(cell)
+
+
+def error_m(city: City, cell: LocatedCell) -> float:
+    """Distance of the estimate from the station."""
+    x_m, y_m = city.position_m[station_of(city, cell.cell)] + ORIGIN_M
+    return float(np.hypot((cell.x_m or np.nan) - x_m, (cell.y_m or np.nan) - y_m))
+
+
+def holds(city: City, cell: LocatedCell) -> bool:
+    """Whether the 95 % region contains the station."""
+    x_m, y_m = city.position_m[station_of(city, cell.cell)] + ORIGIN_M
+    lat_deg, lon_deg = Utm(ZONE).to_latlon(float(x_m), float(y_m))
+    return bool(shapely.from_wkb(cell.region_wkb).contains(shapely.Point(lon_deg, lat_deg)))
+
+
+def adding(folder: Path, options: argparse.Namespace) -> Iterator[str]:
+    """`postproc survey add` of run files, the command with its start."""
+    city, walkers = draw_city(20, 1), draw_walkers(20, 1)
+    runs = folder / "runs"
+    runs.mkdir()
+    walks = [draw_walk(city, walkers[k % 20], k, SCANS, 1) for k in range(options.files)]
+    for walk in walks:
+        write_run(walk, runs)
+    n = sum(len(walk) for walk in walks)
+    command = [sys.executable, "-m", "postproc.cli", "survey", "add"]
+    began_s = cpu_s()
+    few = [*command, str(write_run(walks[0], folder)), "-o", str(folder / "one")]
+    subprocess.run(few, check=True, stdout=subprocess.DEVNULL)
+    start_s, began_s = cpu_s() - began_s, cpu_s()
+    subprocess.run([*command, str(runs), "-o", str(folder / "s")], check=True)
+    used_s = cpu_s() - began_s
+    peak_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    yield f"adding {len(walks)} runs, {n} readings: {n / used_s:,.0f} readings/s of a core"
+    yield f"  without its start: {n / (used_s - start_s):,.0f}; peak {peak_mb:.0f} MB"
+
+
+def cost(folder: Path, options: argparse.Namespace) -> Iterator[str]:
+    """Processor time of locating all cells against the number of readings."""
+    city, walkers = draw_city(20, 1), draw_walkers(20, 1)
+    times = []
+    for n in options.readings:
+        survey = draw_survey(folder / str(n), city, walkers, n)
+        began_s = time.process_time()
+        cells = located(survey)
+        times.append(time.process_time() - began_s)
+        peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        total = sum(cell.n_readings for cell in cells)
+        yield f"locating {len(cells)} cells, {total} readings: {times[-1]:.1f} s"
+        yield f"  peak of this process so far {peak_mb:.0f} MB"
+    for (n, a_s), (m, b_s) in zip(
+        zip(options.readings, times, strict=True),
+        zip(options.readings[1:], times[1:], strict=True),
+        strict=False,
+    ):
+        yield f"  exponent from {n} to {m}: {np.log(b_s / a_s) / np.log(m / n):.2f}"
+
+
+def against_smooth(folder: Path, options: argparse.Namespace) -> Iterator[str]:
+    """The same cells of the same run files by `smooth` of all runs, without its start."""
+    city, walkers = draw_city(20, 1), draw_walkers(3, 1)
+    runs = folder / "runs"
+    runs.mkdir()
+    survey = Survey.open_or_make(folder / "s")
+    walks = [draw_walk(city, walkers[k % 3], k, SCANS // 4, 1) for k in range(options.runs)]
+    files = [write_run(walk, runs) for walk in walks]
+    command = [sys.executable, "-m", "postproc.cli", "survey", "add", str(runs), "-o"]
+    began_s = cpu_s()
+    subprocess.run([*command, str(survey.folder)], check=True, stdout=subprocess.DEVNULL)
+    survey = Survey.open(survey.folder)
+    found = {cell.cell: cell for cell in located(survey)}
+    survey_s = cpu_s() - began_s
+    order = {run.name: i for i, run in enumerate(survey.runs.values())}
+    files.sort(key=lambda path: order[path.name])
+    chosen = [cell for cell in found.values() if cell.x_m is not None][
+        :: max(len(found) // options.cells, 1)
+    ]
+    chosen = chosen[: options.cells]
+    began_s, worst_m = time.process_time(), 0.0
+    for cell in chosen:
+        (one,) = smooth_runs([read_sound_run(path) for path in files], [cell.cell]).cells
+        assert one.posterior is not None
+        off_m = np.hypot(one.posterior.x_m - cell.x_m, one.posterior.y_m - cell.y_m)
+        worst_m = max(worst_m, float(off_m))
+    smooth_s = (time.process_time() - began_s) / len(chosen) * len(found)
+    yield f"{len(files)} runs, {len(found)} cells: add and locate {survey_s:.0f} s of a core"
+    yield (
+        f"  a loop of smooth --cell: {smooth_s:.0f} s (from {len(chosen)} cells), "
+        f"{smooth_s / survey_s:.1f} times as much; positions differ by at most {worst_m:.1e} m"
+    )
+
+
+def honesty(folder: Path, options: argparse.Namespace) -> Iterator[str]:
+    """Coverage, errors and offsets of 100 walks of 20 loggers, and with two that lie."""
+    hits, errors_m, nees, shift_m, named = [], [], [], [], []
+    for seed in range(1, options.cities + 1):
+        city, walkers = draw_city(12, seed), draw_walkers(20, seed)
+        n = 100 * SCANS * 4
+        survey = draw_survey(folder / f"clean-{seed}", city, walkers, n)
+        clean = {cell.cell: cell for cell in located(survey) if cell.x_m is not None}
+        hits += [holds(city, cell) for cell in clean.values()]
+        errors_m += [error_m(city, cell) for cell in clean.values()]
+        nees += [value for cell in clean.values() for value in _offset_scores(cell, walkers)]
+        lying = [*walkers]
+        # a liar is otherwise an average modem
+        usual_db = float(np.median([walker.offset_db for walker in walkers]))
+        lying[3] = Walker(walkers[3].name, usual_db, lie_db=20.0)
+        lying[8] = Walker(walkers[8].name, usual_db, lie_m=500.0)
+        survey = draw_survey(folder / f"lies-{seed}", city, lying, n)
+        tasks = tasks_of(survey, survey.cells(), RunChoice(), Options())
+        accused = liars(report([one for task in tasks for one in compare_loggers(task)]))
+        named.append(set(accused) == {lying[3].name, lying[8].name})
+        honest = located(survey, RunChoice(without=frozenset(accused)))
+        alone = frozenset({lying[3].name, lying[8].name})
+        without = {cell.cell: cell for cell in located(survey, RunChoice(without=alone))}
+        shift_m += [
+            float(np.hypot(cell.x_m - without[cell.cell].x_m, cell.y_m - without[cell.cell].y_m))
+            for cell in honest
+            if cell.x_m is not None and cell.cell in without
+        ]
+    yield f"{len(hits)} cells of {options.cities} cities, 20 loggers: coverage {np.mean(hits):.2f}"
+    yield f"  error: median {np.median(errors_m):.0f} m, 90 % {np.quantile(errors_m, 0.9):.0f} m"
+    inside = np.mean(np.array(nees) < 4.0)
+    yield f"  {len(nees)} offsets: NEES {np.mean(nees):.2f} (1 is right), {inside:.2f} < 4"
+    yield f"  both liars and nobody else named in {sum(named)} of {len(named)} cities"
+    yield f"  positions are those without the liars' runs to {max(shift_m):.1e} m"
+
+
+def _offset_scores(cell: LocatedCell, walkers: list[Walker]) -> list[float]:
+    """Squared errors of the offsets against the first, in units of their variances."""
+    true_db = {walker.name: walker.offset_db for walker in walkers}
+    first, *others = cell.offsets or (None,)
+    return [
+        float(((one.offset_db - true_db[one.modem] + true_db[first.modem]) / one.sigma_db) ** 2)
+        for one in others
+        if first is not None and one.offset_db is not None and one.sigma_db
+    ]
+
+
+def thinning_loss(folder: Path, options: argparse.Namespace) -> Iterator[str]:
+    """Estimates of cells with many readings from all of them, and from those that are kept."""
+    city, walkers = draw_city(4, 1), draw_walkers(20, 1)
+    survey = draw_survey(folder / "s", city, walkers, options.dense)
+    for one in survey.cells():
+        parts = survey.observations(one.area, [one.cell])[one.cell]
+        obs = joined_readings(parts, [survey.runs[digest].modem for digest in parts])
+        aligned = align(obs.usable()).obs
+        thinned = thinning.thin(aligned)
+        began_s = time.process_time()
+        whole = locate(aligned, Options().prior)
+        whole_s, began_s = time.process_time() - began_s, time.process_time()
+        less = locate(thinned, Options().prior)
+        less_s = time.process_time() - began_s
+        moved_m = np.hypot(whole.x_m - less.x_m, whole.y_m - less.y_m)
+        yield (
+            f"{len(aligned)} readings thinned to {len(thinned)}: moved by {moved_m:.1f} m, "
+            f"r95 {whole.r95_m:.0f} to {less.r95_m:.0f} m, {whole_s:.1f} to {less_s:.1f} s"
+        )
+
+
+def workers(folder: Path, options: argparse.Namespace) -> Iterator[str]:
+    """Wall time with one and with two worker processes on Dask."""
+    city, walkers = draw_city(20, 1), draw_walkers(20, 1)
+    survey = draw_survey(folder / "s", city, walkers, options.readings[0])
+    tasks = tasks_of(survey, survey.cells(), RunChoice(), Options())
+    walls = []
+    for n in (1, 2):
+        with Cluster(workers=n) as cluster:
+            list(cluster.results(len, [(), ()]))  # started
+            began_s = time.monotonic()
+            list(cluster.results(locate_cells, tasks))
+            walls.append(time.monotonic() - began_s)
+    load = os.getloadavg()[0]
+    efficiency = walls[0] / walls[1] / 2.0
+    yield f"one worker {walls[0]:.0f} s, two {walls[1]:.0f} s: efficiency {efficiency:.2f}"
+    yield f"  load of this machine at the end {load:.1f}; above 2 the figure says nothing"
+
+
+PARTS: dict[str, Callable[[Path, argparse.Namespace], Iterator[str]]] = {
+    "adding": adding,
+    "cost": cost,
+    "smooth": against_smooth,
+    "honesty": honesty,
+    "thinning": thinning_loss,
+    "workers": workers,
+}
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", nargs="*", choices=list(PARTS), default=list(PARTS))
+    parser.add_argument("--readings", nargs="*", type=int, default=[30_000, 300_000])
+    parser.add_argument("--files", type=int, default=16, help="run files that are added")
+    parser.add_argument("--runs", type=int, default=12, help="runs of the comparison with smooth")
+    parser.add_argument("--cells", type=int, default=1, help="cells that smooth locates")
+    parser.add_argument("--cities", type=int, default=1, help="cities of the honesty part")
+    parser.add_argument("--dense", type=int, default=400_000, help="readings of four cells")
+    options = parser.parse_args()
+    print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
+    for name in options.only:
+        with TemporaryDirectory() as folder:
+            for line in PARTS[name](Path(folder), options):
+                print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,67 @@
+"""The walks of a survey as a baseline for the logger (`logger.baseline_file`)."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from logger.core.geo import Utm
+from logger.core.identities import FEWEST_SCANS
+from logger.core.squares import squares_of
+from postproc.baseline.store import BaselineStore
+from postproc.baseline.walk_summary import FARTHEST_SIGMA_M, WalkSummary, rows_by_square
+from postproc.survey.dataset import Survey
+from postproc.survey.walk_readings import SurveyRun
+
+
+def add_walks(survey: Survey, store: BaselineStore) -> Iterator[bool]:
+    """Add each run as a walk, and yield whether it was new; positions are the smoothed ones.
+
+    A cell counts where a scan of the run named it without doubt and two of the survey did.
+    """
+    for batch in survey.batches:
+        table = survey.batch_rows(batch)
+        digests = table["run"].combine_chunks()
+        order = np.argsort(digests.indices.to_numpy(), kind="stable")
+        ends = np.cumsum(np.bincount(digests.indices.to_numpy(), minlength=len(digests.dictionary)))
+        names = digests.dictionary.to_pylist()
+        for digest, rows in zip(names, np.split(order, ends[:-1]), strict=True):
+            if digest in survey.runs and len(rows):
+                summary = _summary(survey, survey.runs[digest], table.take(pa.array(rows)))
+                yield store.add(summary) is not None
+
+
+def _summary(survey: Survey, run: SurveyRun, rows: pa.Table) -> WalkSummary:
+    heard = {row["cell"]: row for row in survey.heard_by(run.digest)}
+    known = {name for name, n in survey.n_scans.items() if n >= FEWEST_SCANS}
+    columns: dict[str, Any] = {
+        name: rows[name].to_numpy()
+        for name in ("zone", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
+    }
+    all_names = rows["cell"].to_numpy(zero_copy_only=False)
+    usable = columns["position_sigma_m"] <= FARTHEST_SIGMA_M
+    usable &= np.isin(all_names, [n for n in known if n in heard and heard[n]["n_scans"]])
+    columns = {name: values[usable] for name, values in columns.items()}
+    names, cell = np.unique(all_names[usable].astype(str), return_inverse=True)
+    cells = names.tolist()
+    zone = Utm(int(rows["zone"][0].as_py()))
+    square = squares_of(*zone.to_latlon_arrays(columns["x_m"], columns["y_m"]))
+    by_square = rows_by_square(square, cell, columns["scan_seq"], columns["level_dbm"], cells)
+    return WalkSummary(
+        digest=run.content,
+        run_id=run.run_id,
+        name=run.name,
+        began_utc_ns=run.began_utc_ns,
+        n_readings=len(cell),
+        cells={name: heard[name]["rat"] for name in cells},
+        heard=by_square,
+        visits=sorted({(row.square, heard[row.cell]["rat"]) for row in by_square}),
+        channels=sorted(
+            (name, *pair) for name in cells for pair in _pairs(heard[name]["channels"])
+        ),
+    )
+
+
+def _pairs(numbers: list[int]) -> list[tuple[int, int]]:
+    return list(zip(numbers[::2], numbers[1::2], strict=True))

@@ -1,0 +1,75 @@
+"""What changed between two times: cells new, gone, moved, stronger or weaker on common ground.
+
+All walks before a day are one walk, all since another day the other; `postproc.comparison` compares
+them, with its significance, and only where both have walked.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from logger.core.errors import ConfigError, GeoError
+from logger.core.geo import Utm
+from logger.core.observations import CellObservations
+from postproc.comparison.changes import Comparison, compare
+from postproc.multi_run import in_zone
+from postproc.progress import with_progress
+from postproc.result import Options
+from postproc.survey.agreement import report
+from postproc.survey.cell_location import joined_readings
+from postproc.survey.dataset import Survey
+from postproc.survey.location import EVERY_RUN
+from postproc.survey.tasks import RunChoice, compare_loggers, tasks_of
+
+_RUN_STRIDE = 1 << 40
+"""Between the numbers of scans of two runs."""
+
+
+def compare_times(survey: Survey, before: RunChoice, after: RunChoice) -> Comparison:
+    """The changes, without loggers that contradict the others.
+
+    Raises `ConfigError` where one of the times has no walk.
+    """
+    utm = Utm(survey.zone)
+    tasks = tasks_of(survey, survey.cells(), EVERY_RUN, Options())
+    arriving = with_progress(map(compare_loggers, tasks), "loggers", len(tasks))
+    loggers = report([one for some in arriving for one in some])
+    offset_db = {one.logger: one.offset_db for one in loggers if not one.contradiction}
+    sides = []
+    for choice, when in ((before, "before the first"), (after, "since the second")):
+        runs = [digest for digest, run in survey.runs.items() if choice.allows(run)]
+        # what one logger reads higher than the others is no change; without others nothing is known
+        known = [one for one in runs if not loggers or survey.runs[one].logger in offset_db]
+        if not known:
+            raise ConfigError(f"no walk of the survey began {when} day")
+        sides.append(_walk(survey, known, utm, offset_db))
+    return compare(*sides, same_modem=False)
+
+
+def _walk(
+    survey: Survey, runs: Sequence[str], utm: Utm, offset_db: Mapping[str, float]
+) -> list[CellObservations]:
+    """All readings of some runs as those of one walk, on the scale of the median logger."""
+    number = {digest: i for i, digest in enumerate(runs)}
+    areas: dict[str, list[str]] = {}
+    for cell in survey.cells(runs):
+        areas.setdefault(cell.area, []).append(cell.cell)
+    walk = []
+    for area, cells in areas.items():
+        for parts in survey.observations(area, cells, runs).values():
+            placed = {}
+            for digest, obs in parts.items():
+                moved = replace(
+                    obs,
+                    level_dbm=obs.level_dbm - offset_db.get(survey.runs[digest].logger, 0.0),
+                    known_limit=None,
+                    scan_seq=obs.scan_seq + _RUN_STRIDE * number[digest],
+                )
+                try:
+                    placed[digest] = in_zone(moved, utm)
+                except GeoError:  # the same identity in another country
+                    continue
+            if placed:
+                # spikes are looked for in the series of each run
+                obs = joined_readings(placed, list(placed))
+                walk.append(replace(obs.usable(), modem=None))
+    return walk

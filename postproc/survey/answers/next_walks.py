@@ -1,0 +1,95 @@
+"""Where walking would tell most, for several walkers at once."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import hypot
+from typing import NamedTuple
+
+from numpy.linalg import LinAlgError
+
+from logger.core.errors import ConfigError, EstimationError
+from logger.core.guidance.street_map import Line
+from logger.core.locator.pipeline import locate
+from postproc.guidance.next_walk import NextWalk, next_walk
+from postproc.progress import with_progress
+from postproc.result import Options
+from postproc.survey.alignment import align
+from postproc.survey.cell_location import LocatedCell, joined_readings
+from postproc.survey.dataset import Survey
+from postproc.survey.tasks import RunChoice
+from postproc.survey.thinning import thin
+
+_TRIED_EACH = 3
+"""Cells that are considered for each walker."""
+_APART_M = 500.0
+"""Between the places of two walkers; nearer, one route serves both cells."""
+
+
+class Assignment(NamedTuple):
+    """A walker's number and the walk for the cell that tells most about it."""
+
+    walker: int
+    walk: NextWalk
+
+
+def next_walks(
+    survey: Survey,
+    located: Sequence[LocatedCell],
+    choice: RunChoice,
+    options: Options,
+    n_walkers: int,
+    starts_deg: Sequence[tuple[float, float]] = (),
+    lines: Sequence[Line] = (),
+) -> list[Assignment]:
+    """A walk for each walker: unsure cells with most readings, by information for each metre.
+
+    `starts_deg` are where the walkers are, in turn. Cells that are located need no walk. Raises
+    `ConfigError` where no cell is unsure.
+    """
+    unsure = [cell for cell in located if cell.verdict != "located" and cell.x_m is not None]
+    if not unsure:
+        raise ConfigError("every cell that has a position is located: no walk is needed")
+    unsure.sort(key=lambda cell: (-cell.n_readings, cell.cell))
+    chosen: list[Assignment] = []
+    for walker in range(n_walkers):
+        start = starts_deg[walker % len(starts_deg)] if starts_deg else None
+        free = [cell for cell in unsure if all(_is_apart(cell, one.walk) for one in chosen)]
+        tried = free[:_TRIED_EACH]
+        walks = []
+        for cell in with_progress(tried, "planning", len(tried), [one.cell for one in tried]):
+            try:
+                walks.append(_walk(survey, cell, choice, options, start, lines))
+            except (ConfigError, EstimationError, LinAlgError):  # no route, or no forecast
+                continue
+        if walks:
+            best = max(walks, key=lambda walk: walk.routes[0].nats_per_km)
+            chosen.append(Assignment(walker + 1, best))
+    if not chosen:
+        raise ConfigError("no route leads to any of the unsure cells")
+    return chosen
+
+
+def _walk(
+    survey: Survey,
+    cell: LocatedCell,
+    choice: RunChoice,
+    options: Options,
+    start_deg: tuple[float, float] | None,
+    lines: Sequence[Line],
+) -> NextWalk:
+    runs = [digest for digest, run in survey.runs.items() if choice.allows(run)]
+    parts = survey.observations(cell.area, [cell.cell], runs)[cell.cell]
+    obs = joined_readings(parts, [survey.runs[digest].modem for digest in parts])
+    usable = thin(align(obs.usable()).obs)
+    if usable.modem is not None:  # forecasts are of one modem
+        offsets = locate(usable, options.prior).offsets
+        if offsets is not None:
+            usable = replace(usable.on_one_scale(offsets.mean_db), modem=None)
+    return next_walk(usable, options.prior, start_deg, lines)
+
+
+def _is_apart(cell: LocatedCell, walk: NextWalk) -> bool:
+    if cell.cell == walk.cell or cell.x_m is None or cell.y_m is None:
+        return False
+    apart_m = hypot(cell.x_m - walk.posterior.x_m, cell.y_m - walk.posterior.y_m)
+    return cell.zone != walk.utm.zone or apart_m > _APART_M
