@@ -66,7 +66,7 @@ def draw_survey(folder: Path, city: City, walkers: list[Walker], n_readings: int
     return Survey.open(survey.folder)
 
 
-def located(survey: Survey, choice: RunChoice = EVERY_RUN) -> list[LocatedCell]:
+def estimates_of(survey: Survey, choice: RunChoice = EVERY_RUN) -> list[LocatedCell]:
     """All cells, in this process."""
     allowed = [digest for digest, run in survey.runs.items() if choice.allows(run)]
     tasks = tasks_of(survey, survey.cells(allowed), choice, Options())
@@ -119,7 +119,7 @@ def cost(folder: Path, options: argparse.Namespace) -> Iterator[str]:
     for n in options.readings:
         survey = draw_survey(folder / str(n), city, walkers, n)
         began_s = time.process_time()
-        cells = located(survey)
+        cells = estimates_of(survey)
         times.append(time.process_time() - began_s)
         peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         total = sum(cell.n_readings for cell in cells)
@@ -145,7 +145,7 @@ def against_smooth(folder: Path, options: argparse.Namespace) -> Iterator[str]:
     began_s = cpu_s()
     subprocess.run([*command, str(survey.folder)], check=True, stdout=subprocess.DEVNULL)
     survey = Survey.open(survey.folder)
-    found = {cell.cell: cell for cell in located(survey)}
+    found = {cell.cell: cell for cell in estimates_of(survey)}
     survey_s = cpu_s() - began_s
     order = {run.name: i for i, run in enumerate(survey.runs.values())}
     files.sort(key=lambda path: order[path.name])
@@ -174,7 +174,7 @@ def honesty(folder: Path, options: argparse.Namespace) -> Iterator[str]:
         city, walkers = draw_city(12, seed), draw_walkers(20, seed)
         n = 100 * SCANS * 4
         survey = draw_survey(folder / f"clean-{seed}", city, walkers, n)
-        clean = {cell.cell: cell for cell in located(survey) if cell.x_m is not None}
+        clean = {cell.cell: cell for cell in estimates_of(survey) if cell.x_m is not None}
         hits += [holds(city, cell) for cell in clean.values()]
         errors_m += [error_m(city, cell) for cell in clean.values()]
         nees += [value for cell in clean.values() for value in _offset_scores(cell, walkers)]
@@ -187,9 +187,9 @@ def honesty(folder: Path, options: argparse.Namespace) -> Iterator[str]:
         tasks = tasks_of(survey, survey.cells(), RunChoice(), Options())
         accused = liars(report([one for task in tasks for one in compare_loggers(task)]))
         named.append(set(accused) == {lying[3].name, lying[8].name})
-        honest = located(survey, RunChoice(without=frozenset(accused)))
+        honest = estimates_of(survey, RunChoice(without=frozenset(accused)))
         alone = frozenset({lying[3].name, lying[8].name})
-        without = {cell.cell: cell for cell in located(survey, RunChoice(without=alone))}
+        without = {cell.cell: cell for cell in estimates_of(survey, RunChoice(without=alone))}
         shift_m += [
             float(np.hypot(cell.x_m - without[cell.cell].x_m, cell.y_m - without[cell.cell].y_m))
             for cell in honest

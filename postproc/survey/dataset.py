@@ -165,7 +165,7 @@ class Survey:
         return {cell.cell: cell.n_scans for cell in self.cells()}
 
     @cached_property
-    def _heard(self) -> dict[str, list[dict[str, Any]]]:
+    def _rows_by_run(self) -> dict[str, list[dict[str, Any]]]:
         by_run: dict[str, list[dict[str, Any]]] = {}
         for row in self.cells_of_runs.to_pylist():
             by_run.setdefault(row["run"], []).append(row)
@@ -173,7 +173,7 @@ class Survey:
 
     def heard_by(self, run: str) -> list[dict[str, Any]]:
         """What a run heard, a row for each cell (`layout.CELLS`)."""
-        return self._heard.get(run, [])
+        return self._rows_by_run.get(run, [])
 
     @cached_property
     def zone(self) -> int:

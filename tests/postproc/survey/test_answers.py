@@ -4,10 +4,16 @@ import json
 
 import pytest
 from distributed import LocalCluster
+from msgspec.structs import replace
 
 from benchmarks.synthetic_city.walks import draw_walkers
 from logger.baseline_file import BaselineFile
+from logger.core.errors import ConfigError
 from postproc.cli import main
+from postproc.result import Options
+from postproc.survey.answers.next_walks import next_walks
+from postproc.survey.location import EVERY_RUN, locate_survey
+from postproc.survey.scheduling import Cluster
 from tests.postproc.survey.cities import write_city
 
 
@@ -59,13 +65,14 @@ def test_map_needs_no_network(survey, scheduler, capsys):
     assert all(cell.cell in page for cell in survey.cells())
 
 
-def test_next_walks(survey, scheduler, capsys):
-    code = main(["survey", "next", str(survey.folder), "--scheduler", scheduler, "--json",
-                 "--from", "52.52,13.38"])  # fmt: skip
-    shown = capsys.readouterr()
-    if code:
-        assert "no walk is needed" in shown.err
-        return
-    (walk,) = json.loads(shown.out)["walks"]
-    assert walk["walker"] == 1
-    assert walk["routes"][0]["nats"] > 0.0
+def test_next_walks(survey, scheduler):
+    """A route to each cell that is not located and not beside another walker's."""
+    with Cluster(scheduler) as cluster:
+        found = locate_survey(survey, Options(), cluster=cluster).cells
+    unsure = [replace(cell, verdict="cannot tell") for cell in found]
+    walks = next_walks(survey, unsure[:1], EVERY_RUN, Options(), 2, [(52.52, 13.38)])
+    assert [(one.walker, one.walk.cell) for one in walks] == [(1, unsure[0].cell)]
+    assert walks[0].walk.routes[0].nats > 0.0
+    certain = [replace(cell, verdict="located") for cell in found]
+    with pytest.raises(ConfigError, match="no walk is needed"):
+        next_walks(survey, certain, EVERY_RUN, Options(), 1)
