@@ -27,6 +27,7 @@ from guided.loop import Loop, Outcome, Surroundings
 from guided.measured_legs import measured_worlds
 from guided.policies import GUIDED, POLICIES
 from guided.world import GROUNDS, NOISES, TRAPS, World
+from scoreboard.traces import FOLDER
 
 NEAR_M = 300.0
 WHITE = "white"
@@ -64,6 +65,8 @@ def _options() -> argparse.Namespace:
 def _walks(options: argparse.Namespace) -> list[Outcome]:
     outcomes = []
     makers = _legs_of(options) if options.measured else _worlds_of(options)
+    if not makers:
+        sys.exit("the measured walks are not beside this repository, or --set names none of them")
     for k, make in enumerate(makers):
         for policy in options.policy:
             world = make()
@@ -94,7 +97,7 @@ def _worlds_of(options: argparse.Namespace) -> list[Callable[[], Surroundings]]:
 
 
 def _legs_of(options: argparse.Namespace) -> list[Callable[[], Surroundings]]:
-    return list(measured_worlds(options.measured, options.set))
+    return list(measured_worlds(FOLDER, options.measured, options.set))
 
 
 def _outcome(line: str) -> Outcome:

@@ -7,13 +7,14 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from guided.ground import Ground, Node, Way
-from guided.policies import POLICIES, Walker, nearest_way
 from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
 from logger.core.guidance.street_atlas import Line
 from logger.core.model.prior import Prior
 from postproc.guidance.filter import Answer, GuideFilter
+
+from .ground import Ground, Node, Way
+from .policies import POLICIES, Walker, nearest_way
 
 PASS_M = 50.0
 START_LAT_LON = (52.5, 13.4)

@@ -11,18 +11,21 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import cached_property, partial
 from itertools import pairwise
 from math import hypot
+from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, shortest_path
-from scoreboard.traces import FOLDER, SURVEY_SLACK_M
 
-from guided.ground import Node, Way, number_of
-from guided.world import SPEED_MPS
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.geo import Utm
 
+from .ground import Node, Way, number_of
+from .world import SPEED_MPS
+
 LONGEST_M = 2000.0
+SURVEY_SLACK_M = 10.0
+"""Allowed for the surveyed place and the receiver."""
 _APART_M = 80.0
 """Distance of crossings."""
 _AT_CROSSING_M = 40.0
@@ -179,13 +182,15 @@ class MeasuredWorld:
         return np.column_stack([walked_m / SPEED_MPS, rows])
 
 
-def measured_worlds(starts: int, name: str = "") -> Iterable[Callable[[], MeasuredWorld]]:
+def measured_worlds(
+    folder: Path, starts: int, name: str = ""
+) -> Iterable[Callable[[], MeasuredWorld]]:
     """Makers of worlds; none without the traces, nor of transmitters with few crossings around.
 
     There are `starts` of each receiver of Powder and four times as many of Leuven's one
-    transmitter. `name` selects a set.
+    transmitter. `folder` has the traces, `name` selects a set.
     """
-    for number, legs in enumerate(_every()):
+    for number, legs in enumerate(_every(folder)):
         count = starts if legs.name.startswith(_SETS["powder_frs462"]) else 4 * starts
         if len(legs.beside) < _FEWEST_CROSSINGS or not legs.name.startswith(name):
             continue
@@ -194,17 +199,17 @@ def measured_worlds(starts: int, name: str = "") -> Iterable[Callable[[], Measur
             yield partial(MeasuredWorld, legs, start, 1000 * number + k)
 
 
-def _every() -> Iterable[MeasuredLegs]:
+def _every(traces: Path) -> Iterable[MeasuredLegs]:
     for folder, title in _SETS.items():
-        if not (FOLDER / folder / "truth.json").is_file():
+        if not (traces / folder / "truth.json").is_file():
             continue
-        truth = json.loads((FOLDER / folder / "truth.json").read_text())
+        truth = json.loads((traces / folder / "truth.json").read_text())
         walks: dict[tuple[str, str], list[FloatArray]] = {}
         for name, about in truth["traces"].items():
             day = name[:4] if title == "Powder" else ""
             source = truth["transmitters"][about["tx"]]
             utm = Utm.at(source["lat"], source["lon"])
-            walk = _readings(FOLDER / folder / about["file"], utm)
+            walk = _readings(traces / folder / about["file"], utm)
             walks.setdefault((day, about["tx"]), []).append(
                 walk - [*utm.to_xy(source["lat"], source["lon"]), 0.0]
             )
@@ -221,9 +226,9 @@ def _distance(nearest_m: float) -> str:
     return "road within 200 m" if nearest_m < 200.0 else "road farther"
 
 
-def _readings(file: object, utm: Utm) -> FloatArray:
+def _readings(file: Path, utm: Utm) -> FloatArray:
     """Rows x, y, level; the level of LoRa without its noise where the set has it."""
-    with open(str(file), newline="") as lines:  # noqa: PTH123
+    with file.open(newline="") as lines:
         rows = list(csv.DictReader(lines))
     level = "esp_dbm" if "esp_dbm" in rows[0] else "rssi_dbm"
     x_m, y_m = utm.to_xy_arrays(

@@ -7,7 +7,6 @@ from math import hypot
 
 import numpy as np
 
-from guided.ground import DIRECTIONS, Ground, Node, OpenGround, Way
 from logger.core.arrays import FloatArray
 from logger.core.guidance.forecast import Forecaster
 from logger.core.guidance.planner import Course, azimuth_deg, plans
@@ -15,6 +14,8 @@ from logger.core.guidance.routes import Route
 from logger.core.guidance.sample import draw
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree
+
+from .ground import DIRECTIONS, Ground, Node, OpenGround, Way
 
 _NEAR_M = 35.0
 """Readings this close to a crossing are those of the crossing."""

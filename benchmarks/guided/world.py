@@ -10,12 +10,13 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from guided.ground import Ground, Node, OpenGround, Streets, Way
 from logger.core.arrays import FloatArray
 from logger.core.censoring import GSM_CEILING_DBM, GSM_FLOOR_DBM
 from logger.core.guidance.street_map import StreetMap
 from logger.core.model.path_loss import log_distance_db
 from logger.sim.shadowing import Shadowing
+
+from .ground import Ground, Node, OpenGround, Streets, Way
 
 SPEED_MPS = 1.3
 NEAREST_M, FARTHEST_M = 50.0, 800.0
