@@ -119,6 +119,10 @@ scoreboard: .venv/dev.stamp
 guidance: .venv/dev.stamp
 	$(BIN)/python benchmarks/guidance.py
 
+# a synthetic city: cost of a survey, coverage, loggers that lie; some minutes
+city: .venv/dev.stamp
+	PYTHONPATH=. $(BIN)/python benchmarks/city.py
+
 # the pages of docs/ as a static site in dist/docs, without a network; warnings are errors
 docs: .venv/docs.stamp
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs dist/docs
