@@ -42,7 +42,7 @@ PACKAGES = {"firstrun": "apt,overlayroot,busybox", "cloud-init": "apt,cloud-init
 FILES = {
     "firstrun": {"cmdline.txt": "rootwait quiet\n", "config.txt": "# as delivered\n"},
     "cloud-init": {
-        "cmdline.txt": "rootwait quiet ds=nocloud\n",
+        "cmdline.txt": "rootwait quiet\n",
         "config.txt": "# as delivered\n",
         "user-data": "#cloud-config\n# nothing yet\n",
         "meta-data": "instance-id: rpios-image\n",
@@ -79,13 +79,18 @@ def _image(style):
     return folder
 
 
+DATASOURCE = "datasource_list: [NoCloud, None]\\ndatasource: {NoCloud: {fs_label: bootfs}}\\n"
+"""Raspberry Pi OS names the mounted folder (seedfrom), for which its cloud-init waits."""
+
+
 def _pristine(folder, image):
     """A card as Raspberry Pi OS is: the libraries of the logger are not on it."""
     card = rig.Card(folder / "root.raw", image / f"base-{rig.BOARDS[BOARD]['arch']}.raw")
     with machine(card, folder / "before", kernel=image) as m:
         m.boot(BOOT_S, append="cloud-init=disabled")
         m.run(f"dpkg --purge --force-depends {LIBRARIES}", timeout=300)
-        m.run("mkdir -p /boot/firmware")
+        m.run("mkdir -p /boot/firmware /etc/cloud/cloud.cfg.d")
+        m.run(f"printf '{DATASOURCE}' > /etc/cloud/cloud.cfg.d/99_bootfs.cfg")
         m.run("echo 'LABEL=bootfs /boot/firmware vfat defaults 0 0' >> /etc/fstab")
         m.poweroff(BOOT_S)
     return card
