@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from numpy.linalg import LinAlgError
 
-from logger.check import Line
 from logger.core.errors import ConfigError, EstimationError
+from logger.core.guidance.street_atlas import Line
 from logger.core.locator.pipeline import locate
 from postproc.guidance.next_walk import NextWalk, next_walk
 from postproc.progress import with_progress
