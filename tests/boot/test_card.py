@@ -34,10 +34,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork.*:Depr
 
 PREPARE = REPOSITORY / "systemd/prepare-card.sh"
 PASSWORD = "a password of the test"
-LIBRARIES = (
-    "python3-numpy python3-h5py python3-h5py-serial python3-serial python3-pyproj python3-nmea2"
-)
-"""What the rig's image has, and Raspberry Pi OS Lite does not."""
+LIBRARIES = "python3-numpy python3-h5py python3-h5py-serial python3-pyproj python3-nmea2"
+"""What the rig's image has, and Raspberry Pi OS Lite does not; cloud-init needs python3-serial."""
 PACKAGES = {"firstrun": "apt,overlayroot,busybox", "cloud-init": "apt,cloud-init"}
 FILES = {
     "firstrun": {"cmdline.txt": "rootwait quiet\n", "config.txt": "# as delivered\n"},
