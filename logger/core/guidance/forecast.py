@@ -55,7 +55,8 @@ class Forecaster:
         """Levels at points, shape (m,)."""
         sample, walk = self._sample, self._walk
         noise = sample.noise
-        between = shadowing(_apart_m(x_m, y_m, walk.x_m, walk.y_m), noise)
+        # averaged over the points of a block, as in the covariance of the blocks
+        between = walk.mean(shadowing(_apart_m(walk.point_x_m, walk.point_y_m, x_m, y_m), noise)).T
         known = between @ self._inverse
         apart_m = _apart_m(x_m, y_m, x_m, y_m)
         covariance = shadowing(apart_m, noise) - known @ between.T

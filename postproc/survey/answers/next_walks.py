@@ -5,8 +5,6 @@ from dataclasses import replace
 from math import hypot
 from typing import NamedTuple
 
-from numpy.linalg import LinAlgError
-
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.guidance.street_atlas import Line
 from logger.core.locator.pipeline import locate
@@ -59,7 +57,7 @@ def next_walks(
         for cell in with_progress(tried, "planning", len(tried), [one.cell for one in tried]):
             try:
                 walks.append(_walk(survey, cell, choice, options, start, lines))
-            except (ConfigError, EstimationError, LinAlgError):  # no route, or no forecast
+            except (ConfigError, EstimationError):  # no route, or no place
                 continue
         if walks:
             best = max(walks, key=lambda walk: walk.routes[0].nats_per_km)

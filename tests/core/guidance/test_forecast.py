@@ -3,10 +3,11 @@ import pytest
 
 from logger.core.guidance.forecast import STEP_M, Forecaster
 from logger.core.guidance.sample import PositionSample
-from logger.core.model.blocks import NOTHING_CENSORED, single
+from logger.core.model.blocks import NOTHING_CENSORED, blocks, single
 from logger.core.model.noise import covariances, shadowing
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.model.prior import Prior
+from tests.kit import walks
 
 SIGMA_M = 4.0
 
@@ -58,6 +59,17 @@ def test_is_the_conditional_of_the_joint_gaussian(number):
     np.testing.assert_allclose(
         found.covariance[off_diagonal], 25.0 * left[off_diagonal], rtol=1e-7, atol=1e-9
     )
+
+
+@pytest.mark.parametrize("number", [3, 9])
+def test_points_beside_blocks_of_many_places_have_a_covariance(number):
+    """Levels of a block are averaged over its points; those of a way are not."""
+    x_m = np.linspace(0.0, 400.0, 400)
+    obs = walks.observations(x_m, np.zeros(400), np.full(400, -75.0))
+    walk = blocks(obs, 8)
+    assert not walk.of_one_point
+    forecast = Forecaster(_sample(number), walk, Prior()).at(x_m[::8], np.zeros(50))
+    assert np.min(np.linalg.eigvalsh(forecast.covariance)) > 0.0
 
 
 def test_unknown_coefficients_add_what_linear_propagation_gives():
