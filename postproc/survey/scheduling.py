@@ -142,7 +142,7 @@ def _client(scheduler: str | None, workers: int | None) -> Iterator[Client]:
         yield client
     finally:
         with suppress(*_LOST):
-            client.close(timeout=5.0)
+            client.close(timeout=CONNECT_S)
 
 
 def _connect(address: str) -> Client:

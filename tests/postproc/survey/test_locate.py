@@ -68,12 +68,14 @@ def test_many_modems_are_put_on_one_scale(tmp_path):
     obs = joined_readings(parts, [survey.runs[digest].modem for digest in parts])
     aligned = align(obs.usable())
     assert obs.n_modems == 8
-    assert aligned.obs.n_modems == 1
+    known = np.isfinite(aligned.sigma_db)  # one modem shares no ground where levels are high
+    assert np.count_nonzero(known) == 7
+    assert aligned.obs.n_modems == 2
     names = list(dict.fromkeys(survey.runs[digest].modem for digest in parts))
     true_db = {walker.name: walker.offset_db for walker in walkers}
     error_db = aligned.offset_db - [true_db[one] - true_db[names[0]] for one in names]
-    assert np.all(np.abs(error_db[1:]) < 4.0 * aligned.sigma_db[1:])
-    assert np.max(aligned.sigma_db) < 1.0
+    assert np.all(np.abs(error_db[known][1:]) < 4.0 * aligned.sigma_db[known][1:])
+    assert np.max(aligned.sigma_db[known]) < 1.0
     # up to four modems are the locator's
     few = replace(obs, modem=obs.modem % 4)
     assert align(few).obs is few
