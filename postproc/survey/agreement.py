@@ -19,7 +19,7 @@ from postproc.survey.alignment import levels_by_place
 _FEWEST_OTHERS = 2
 _FEWEST_BLOCKS = 30
 """Of all cells: fewer tell too little to accuse somebody."""
-_FEWEST_LOGGERS = 3
+FEWEST_LOGGERS = 3
 _MOST_DB = 15.0
 """3GPP TS 45.008, 8.1.2, allows 6 dB: of 2000 loggers that differ by 4.2 dB, one is beyond."""
 _MOST_SCATTER = 3.0
@@ -51,7 +51,7 @@ class LoggerReport(NamedTuple):
 
 def agreements(obs: CellObservations, loggers: Sequence[str]) -> list[Agreement]:
     """Each logger against the others; `obs.modem` numbers the `loggers`."""
-    if obs.modem is None or len(loggers) < _FEWEST_LOGGERS:
+    if obs.modem is None or len(loggers) < FEWEST_LOGGERS:
         return []
     levels = levels_by_place(obs, obs.modem, BLOCK_M)
     table = np.full((int(np.max(levels.place, initial=-1)) + 1, len(loggers)), np.nan)
@@ -76,7 +76,7 @@ def report(found: Sequence[Agreement]) -> list[LoggerReport]:
         by_logger.setdefault(one.logger, []).append(one)
     loggers = [_over_cells(logger, some) for logger, some in sorted(by_logger.items())]
     known = [one for one in loggers if one.n_blocks >= _FEWEST_BLOCKS]
-    if len(known) < _FEWEST_LOGGERS:
+    if len(known) < FEWEST_LOGGERS:
         return loggers
     middle_db = float(np.median([one.offset_db for one in known]))
     usual_db = float(np.median([one.scatter_db for one in known]))

@@ -6,15 +6,12 @@ from dataclasses import dataclass, replace
 from logger.core.errors import ConfigError
 from postproc.progress import with_progress
 from postproc.result import Options
-from postproc.survey.agreement import LoggerReport, liars, report
+from postproc.survey.agreement import FEWEST_LOGGERS, LoggerReport, liars, report
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey, SurveyCell
 from postproc.survey.estimates import EstimateFile, keys_of
 from postproc.survey.scheduling import Cluster
 from postproc.survey.tasks import RunChoice, compare_loggers, locate_cells, tasks_of
-
-_FEWEST_LOGGERS = 3
-
 
 EVERY_RUN = RunChoice()
 
@@ -61,7 +58,7 @@ def _loggers(
 ) -> list[LoggerReport]:
     """All loggers against each other; too few of them cannot contradict each other."""
     runs = [run for run in survey.runs.values() if choice.allows(run)]
-    if len({run.logger for run in runs}) < _FEWEST_LOGGERS:
+    if len({run.logger for run in runs}) < FEWEST_LOGGERS:
         return []
     shared = [cell for cell in survey.cells([run.digest for run in runs]) if cell.n_runs > 2]
     tasks = tasks_of(survey, shared, choice, options)

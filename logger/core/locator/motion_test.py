@@ -62,14 +62,12 @@ class MotionTest:
         obs = obs.part(obs.limit == 0)
         if len(obs) < FEWEST_READINGS:
             return
-        table = posterior.prior.noise_table
-        trust = float(posterior.noise_probability @ table.trust)
         prior = replace(posterior.prior, noise=LIVE.noise or posterior.prior.noise)
         walk = _in_blocks(obs)
         standing, _ = _evidence(walk, np.zeros(2), prior)
         for k in (self._next + np.arange(count)) % len(MOVES_M):
             moving, self._end_m[k] = _evidence(walk, MOVES_M[k], prior)
-            self._log_factor[k] = trust * (moving - standing)
+            self._log_factor[k] = posterior.trust * (moving - standing)
         self._next = (self._next + count) % len(MOVES_M)
 
     def division(self) -> Division | None:

@@ -96,6 +96,11 @@ class Posterior:
     offsets: Offsets | None = None
 
     @property
+    def trust(self) -> float:
+        """Power to which the likelihood of positions is raised, mean over the hypotheses."""
+        return float(self.noise_probability @ self.prior.noise_table.trust)
+
+    @property
     def decorrelation_m(self) -> float:
         """Mean decorrelation distance of the shadowing over the hypotheses."""
         each = [one.decorrelation_m for one in self.prior.hypotheses]

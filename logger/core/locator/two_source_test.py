@@ -160,10 +160,9 @@ def _is_divisible(obs: CellObservations) -> bool:
 
 def _task(walk: Blocks, posterior: Posterior, effort: DivisionEffort) -> _Task:
     prior = posterior.prior
-    trust = float(posterior.noise_probability @ prior.noise_table.trust)
     of_parts = prior if effort.noise is None else replace(prior, noise=effort.noise)
     whole = locate_part(walk, of_parts, effort.search)
-    return _Task(walk, of_parts, effort, trust, float(log_sum(whole.log_evidence)))
+    return _Task(walk, of_parts, effort, posterior.trust, float(log_sum(whole.log_evidence)))
 
 
 class _Try(NamedTuple):

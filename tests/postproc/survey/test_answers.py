@@ -3,7 +3,6 @@
 import json
 
 import pytest
-from distributed import LocalCluster
 from msgspec.structs import replace
 
 from benchmarks.synthetic_city.walks import draw_walkers
@@ -20,14 +19,6 @@ from tests.postproc.survey.cities import write_city
 @pytest.fixture(scope="module")
 def survey(tmp_path_factory):
     return write_city(tmp_path_factory.mktemp("city") / "s", walkers=draw_walkers(3, 4))[1]
-
-
-@pytest.fixture(scope="module")
-def scheduler():
-    with LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
-    ) as cluster:
-        yield cluster.scheduler_address
 
 
 def _json(capsys, *arguments):

@@ -8,7 +8,6 @@ import geopandas as gpd
 import numpy as np
 import pyogrio
 import pytest
-from distributed import LocalCluster
 
 from benchmarks.synthetic_city.walks import Walker, draw_walkers
 from logger.core.runfile import read_sound_run
@@ -110,15 +109,6 @@ def test_thinning_keeps_means(tmp_path):
     thinned = thin(dense)
     assert len(thinned) <= 1000 * OF_A_SQUARE
     assert np.mean(thinned.level_dbm) == pytest.approx(np.mean(dense.level_dbm), abs=0.1)
-
-
-@pytest.fixture(scope="module")
-def scheduler():
-    """A Dask scheduler and a worker within this process."""
-    with LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
-    ) as cluster:
-        yield cluster.scheduler_address
 
 
 @pytest.fixture(scope="module")
