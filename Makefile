@@ -2,6 +2,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 DEMO := demo-out
+# The tests start hundreds of Python processes; without this each would compile every module again.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard guidance deb card-debs dist docs page-map clean
 

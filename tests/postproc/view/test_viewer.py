@@ -80,10 +80,13 @@ def test_a_failure_of_the_viewer_is_one_line(then, why, screen, monkeypatch, tmp
     assert capfd.readouterr() == ("", "")
 
 
+# a process that a shell started in the background ignores SIGINT, and so would all its children
 PROGRAM = """
+import signal
 import sys
 from pathlib import Path
 from postproc.view import viewer
+signal.signal(signal.SIGINT, signal.default_int_handler)
 viewer.binary = lambda: Path(sys.argv[1])
 viewer.show(lambda path: path.write_text("a recording"), "run")
 """
