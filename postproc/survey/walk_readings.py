@@ -145,12 +145,13 @@ def _devices(run: Run, salt: str, logger: str | None, digest: str) -> tuple[str,
 def _channels(run: Run) -> dict[str, tuple[tuple[int, int], ...]]:
     """Channel number and code of each cell, as a baseline keeps them."""
     rows = run.tables["readings"]
-    rows = rows[(rows["cell"] != b"") & (rows["identity_unsure"] == 0)]
     code = np.full(len(rows), UNKNOWN_ID, np.int64)
     for column in ("pci", "psc", "bsic"):  # a technology has one of them
         code = np.where(rows[column] == UNKNOWN_ID, code, rows[column])
     names, cell = numbered_texts(rows["cell"])
+    sure = rows["identity_unsure"] == 0
     packed = (rows["arfcn"].astype(np.int64) << 32) + code
+    cell, packed = cell[sure], packed[sure]
     order = np.lexsort((packed, cell))
     cell, packed = cell[order], packed[order]
     is_first = np.ones(len(order), np.bool_)
@@ -161,6 +162,7 @@ def _channels(run: Run) -> dict[str, tuple[tuple[int, int], ...]]:
         pair = channel, value - (channel << 32)
         if pair != (UNKNOWN_ID, UNKNOWN_ID):
             found.setdefault(names[number].decode("utf-8", "replace"), []).append(pair)
+    found.pop("", None)
     return {name: tuple(pairs) for name, pairs in found.items()}
 
 
