@@ -3,6 +3,7 @@
 import csv
 import sys
 from collections.abc import Iterator, Sequence
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from postproc.options import prior_options, runs_argument
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior
     from logger.core.observations import CellObservations
+    from logger.core.runfile import Run
 
 _streets_option = click.option(
     "--streets", type=INPUT, metavar="FILE",
@@ -63,7 +65,7 @@ def _rows(*, needs_cell: bool) -> Iterator[dict[str, str | None]]:
 
 @click.command("next")
 @runs_argument
-@click.option("--cell", metavar="NAME", help="For this cell (default: the strongest one).")
+@click.option("--cell", metavar="NAME", help="For this cell (default: see below).")
 @click.option(
     "--from", "start", metavar="LAT,LON", help="Where the walk begins (default: the last end)."
 )
@@ -85,7 +87,8 @@ def next_command(
 ) -> None:
     """Say where the next walk should go, from recorded walks.
 
-    Routes are ranked by what they would say about the position of one cell for each metre.
+    Routes are ranked by what they would say about the position of one cell for each metre: the
+    most suspicious or unusual one, and without such a cell the strongest.
     """
     from logger.street_file import read_lines
     from postproc.atomic_write import check_output
@@ -111,7 +114,7 @@ def next_command(
 
 
 def _readings_of(paths: Sequence[Path], cell: str | None) -> "CellObservations":
-    """Readings of the cell in all runs; the strongest 2G cell where none is named."""
+    """Readings of the cell in all runs; where none is named, of the one to look for first."""
     from logger.core.errors import ConfigError
     from logger.core.runfile import read_sound_run
     from postproc.multi_run import check_different, in_one_zone, merge, modems_of, parts_by_cell
@@ -121,14 +124,27 @@ def _readings_of(paths: Sequence[Path], cell: str | None) -> "CellObservations":
     check_different(runs)
     observed = in_one_zone([observe_run(run) for run in runs])
     every = [obs for run in observed if run.observations for obs in run.observations.cells]
-    if cell is None:
-        levels = {obs.cell: float(obs.usable().level_dbm.max(initial=-999.0)) for obs in every}
-        cell = max(levels, key=lambda name: levels[name], default=None)
+    cell = cell or _first_to_look_for(runs, every)
     parts = {} if cell is None else parts_by_cell(observed, [cell])
     if cell is None or cell not in parts:
         names = ", ".join(sorted({obs.cell for obs in every})[:10]) or "none"
         raise ConfigError(f"no readings of {cell or 'any cell'} with a position; cells: {names}")
     return merge(parts[cell], modems_of(runs))
+
+
+def _first_to_look_for(runs: "Sequence[Run]", every: "list[CellObservations]") -> str | None:
+    """The most suspicious or unusual cell that has levels; without one the strongest."""
+    from postproc.suspicion.ordering import conspicuous_cells
+
+    levels: dict[str, float] = {}
+    for obs in every:
+        level_dbm = obs.usable().level_dbm
+        if len(level_dbm):
+            levels[obs.cell] = max(levels.get(obs.cell, -inf), float(level_dbm.max()))
+    conspicuous = conspicuous_cells(runs, levels)
+    if conspicuous:
+        return conspicuous[0].cell
+    return max(levels, key=lambda name: levels[name], default=None)
 
 
 def _start_deg(text: str | None) -> tuple[float, float] | None:

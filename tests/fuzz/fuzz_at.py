@@ -18,7 +18,8 @@ DRIVERS = tuple(FAMILIES.values())
 
 
 def framed(data: bytes, command: str, cuts: list[int]) -> list[object]:
-    framer, events = AtFramer(), []
+    framer = AtFramer()
+    events: list[object] = []
     framer.send(command)
     for start, end in zip([0, *cuts], [*cuts, len(data)], strict=True):
         events += framer.feed(data[start:end])
@@ -28,7 +29,7 @@ def framed(data: bytes, command: str, cuts: list[int]) -> list[object]:
 def test_one(data: bytes) -> None:
     source = atheris.FuzzedDataProvider(data)
     driver = DRIVERS[source.ConsumeIntInRange(0, len(DRIVERS) - 1)]
-    commands = [*driver.asked, *driver.surveys] or [None]
+    commands = [*driver.poll_commands, *driver.survey_commands] or [None]
     command = commands[source.ConsumeIntInRange(0, len(commands) - 1)]
     cuts = sorted(source.ConsumeIntListInRange(3, 0, 4096))
     body = source.ConsumeBytes(sys.maxsize)

@@ -14,6 +14,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import h5py
 import numpy as np
@@ -40,7 +41,7 @@ DTYPES = [
 TEXTS = [b"", b"null", b"{}", b"[]", b"\xff", b"[" * 9999, b'{"schema":3}', b"1e999", b'"x"']
 VALUES = [0, 1, -1, 2**31 - 1, -(2**31), 2**62, 2**63 - 1, -(2**63)]
 FLOATS = [np.nan, np.inf, -np.inf, 1e308, -1e-308, 0.0]
-MAKINGS = [
+MAKINGS: list[dict[str, Any]] = [
     {},
     {"chunks": (1,)},
     {"chunks": (7,), "compression": "gzip"},

@@ -5,6 +5,7 @@ import sys
 import atheris
 
 with atheris.instrument_imports(include=["logger", "pynmea2"]):
+    from logger.core.types import Fix
     from logger.drivers.protocols.garbage import Garbage
     from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
 
@@ -13,13 +14,14 @@ from logger.sim.receiver import sentence
 KINDS = ("GNRMC", "GPGGA", "GNGSA", "GPGST", "GNGNS", "GPVTG", "GPZDA", "GPGSV")
 
 
-def fixes_of(data: bytes, cuts: list[int]) -> list[object]:
-    framer, assembler, found = NmeaFramer(), FixAssembler(), []
+def fixes_of(data: bytes, cuts: list[int]) -> list[tuple[int, Fix]]:
+    framer, assembler = NmeaFramer(), FixAssembler()
+    fixes: list[tuple[int, Fix]] = []
     for start, end in zip([0, *cuts], [*cuts, len(data)], strict=True):
         for event in framer.feed(data[start:end]):
             if not isinstance(event, Garbage):
-                found += assembler.feed(event, 0)
-    return [*found, *assembler.flush()]
+                fixes += assembler.feed(event, 0)
+    return [*fixes, *assembler.flush()]
 
 
 def test_one(data: bytes) -> None:
@@ -42,7 +44,8 @@ def test_one(data: bytes) -> None:
     assert whole == fixes_of(body, [*cuts]), "the fixes depend on the chunks"
     for _, fix in whole:
         assert (fix.lat_deg is None) == (fix.lon_deg is None) == (not fix.valid)
-        assert fix.lat_deg is None or (abs(fix.lat_deg) <= 90 and abs(fix.lon_deg) <= 180)
+        assert abs(fix.lat_deg or 0.0) <= 90
+        assert abs(fix.lon_deg or 0.0) <= 180
         assert fix.utc_ns is None or fix.utc_ns >= 1_577_836_800 * 10**9
 
 

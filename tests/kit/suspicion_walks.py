@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.types import CellReading, Fix, Record, Scan
+from tests.kit import runs
 
 LAT_DEG, LON_DEG = 47.0707, 15.4395  # Graz
 _METRES_PER_DEG = 111_320.0
@@ -15,6 +16,17 @@ def gsm(cid, dbm=-80.0, *, lac=1201, mcc="232", mnc="01", arfcn=None, role="neig
     return CellReading(
         role, "GSM", mcc, mnc, lac, cid, channel, bsic=8, rssi_dbm=float(dbm), **more
     )
+
+
+def write_walk(path, cells):
+    """A journal of 20 scans of the same cells, 6 m to the north of each other."""
+    records = []
+    for k in range(20):
+        t_ns = (k + 1) * 5 * 10**9
+        lat_deg = LAT_DEG + k * 6.0 / _METRES_PER_DEG
+        records.append(Record(t_ns, "gnss", Fix(True, lat_deg=lat_deg, lon_deg=LON_DEG)))
+        records.append(Record(t_ns, "modem", Scan(t_ns, tuple(cells))))
+    runs.write_journal(path, records)
 
 
 class Walk:

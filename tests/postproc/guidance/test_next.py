@@ -8,6 +8,7 @@ import pytest
 from logger.core.geo import Utm
 from postproc.cli import main
 from tests.kit.guided_walks import LAT_DEG, LON_DEG, line, rows
+from tests.kit.suspicion_walks import gsm, write_walk
 
 EMITTER_M = (150.0, 90.0)
 
@@ -42,6 +43,14 @@ def test_the_best_route_leaves_the_line_of_the_walk(run, capsys):
     y_m = [utm.to_xy(*point)[1] for point in best["points"]]
     assert np.ptp(y_m) > 50.0
     assert "optimistic" in document["note"]
+
+
+def test_a_suspicious_cell_comes_before_a_stronger_one(tmp_path, capsys):
+    homely = [gsm(cid, -60 - cid) for cid in range(10, 16)]
+    write_walk(tmp_path / "run.journal", [*homely, gsm(99, -90, mcc="310", mnc="260")])
+    assert _json(capsys, tmp_path / "run.journal")["cell"] == "310-260-1201-99"
+    write_walk(tmp_path / "homely.journal", homely)
+    assert _json(capsys, tmp_path / "homely.journal")["cell"] == "232-01-1201-10"
 
 
 def test_a_start_may_be_named(run, capsys):

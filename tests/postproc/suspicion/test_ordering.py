@@ -1,26 +1,17 @@
 """Which cell the page and the viewer begin with."""
 
 from logger.core.runfile import read_run
-from logger.core.types import Fix, Record, Scan
-from logger.sim.city import LAT_DEG, LON_DEG
 from postproc.smoothing import smooth_runs
 from postproc.suspicion.ordering import conspicuous_first
 from postproc.view.view_model import select_cells
-from tests.kit import runs
-from tests.kit.suspicion_walks import gsm
+from tests.kit.suspicion_walks import gsm, write_walk
 
 HOME = [gsm(cid, -80 - cid % 7) for cid in range(10, 16)]
 ROGUE = gsm(99, -60, mcc="310", mnc="260")
 
 
 def _result(tmp_path, *cells):
-    records = []
-    for k in range(20):
-        t_ns = (k + 1) * 5 * 10**9
-        lat_deg = LAT_DEG + k * 5e-5
-        records.append(Record(t_ns, "gnss", Fix(True, lat_deg=lat_deg, lon_deg=LON_DEG)))
-        records.append(Record(t_ns, "modem", Scan(t_ns, tuple(cells))))
-    runs.write_journal(tmp_path / "run.journal", records)
+    write_walk(tmp_path / "run.journal", cells)
     return smooth_runs([read_run(tmp_path / "run.journal")])
 
 
