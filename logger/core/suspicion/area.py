@@ -36,10 +36,15 @@ class AreaRules:
     def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:
         """As `FamilyRules`."""
         for cell, heard in taken:
-            yield from self._single(now, memory, cell, heard)
+            if cell.name in memory.foreign:
+                yield from self._single(now, memory, cell, heard)
             if cell.area is None or heard.reading.arfcn in GSMR_ARFCNS:
                 continue
-            if not heard.operator.startswith("?"):
+            if (
+                now.t_s - cell.first_s >= _WAIT_S
+                and not heard.operator.startswith("?")
+                and not _shares_area(cell, memory)
+            ):
                 yield from _unlike_neighbours(now, memory, cell, heard)
                 yield from _alone(now, memory, cell)
             if heard.is_serving:
@@ -49,7 +54,7 @@ class AreaRules:
         self, now: Moment, memory: Memory, cell: HeardCell, heard: Heard
     ) -> Iterator[Broken]:
         """L4: a network that is not of this place, with a single cell."""
-        if cell.name not in memory.foreign or now.t_s - cell.first_s < _SINGLE_S:
+        if now.t_s - cell.first_s < _SINGLE_S:
             return
         is_weak = heard.level_dbm is None or heard.level_dbm < _HEARD_DBM
         if is_weak or cell.n_scans < _FEWEST_SCANS:
@@ -82,17 +87,22 @@ class AreaRules:
         yield Broken("L3", cell.name, evidence)
 
 
+def _shares_area(cell: HeardCell, memory: Memory) -> bool:
+    """Whether another cell of the operator has the area code of a cell."""
+    area = cell.area
+    for other in memory.of_operator(cell.operator, cell.rat):  # a generator takes twice the time
+        if other.area == area and other is not cell:
+            return True
+    return False
+
+
 def _unlike_neighbours(
     now: Moment, memory: Memory, cell: HeardCell, heard: Heard
 ) -> Iterator[Broken]:
     """L1: an area code that none of at least three cells heard with it has."""
     if heard.level_dbm is None or heard.level_dbm < _STRONG_DBM:
         return
-    if now.t_s - cell.first_s < _WAIT_S:
-        return
     of_operator = memory.of_operator(cell.operator, cell.rat)
-    if any(c is not cell and c.area == cell.area for c in of_operator):
-        return
     late = [c for c in of_operator
             if c is not cell and c.area is not None and now.t_s - c.last_s <= _LATE_S]  # fmt: skip
     if len(late) >= _FEWEST_NEIGHBOURS:
@@ -109,10 +119,8 @@ def _alone(now: Moment, memory: Memory, cell: HeardCell) -> Iterator[Broken]:
     """L2: an area with a single cell among at least ten of the operator."""
     if now.t_s - cell.first_s < _ALONE_S or cell.operator[:3] in TEST_MCCS:
         return
-    others = [c for c in memory.of_operator(cell.operator, cell.rat) if c is not cell]
-    if any(c.area == cell.area for c in others):
-        return
-    with_area = [c for c in others if c.area is not None]
+    of_operator = memory.of_operator(cell.operator, cell.rat)
+    with_area = [c for c in of_operator if c is not cell and c.area is not None]
     n_after = sum(c.last_s > cell.first_s for c in with_area)
     if len(with_area) + 1 >= _FEWEST_CELLS and n_after >= _FEWEST_AFTER:
         evidence: Evidence = {"area": cell.area or 0, "cells": len(with_area) + 1}

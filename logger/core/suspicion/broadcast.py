@@ -34,13 +34,12 @@ class BroadcastRules:
         """As `FamilyRules`."""
         yield from self._leave_for_weaker(now)
         for cell, heard in taken:
-            offset_db = self._confirmed_db(cell, heard)
+            offset_db = self._confirmed_db(cell, _offset_db(heard))
             if offset_db is not None:
                 yield from self._above_usual(memory, cell, offset_db)
 
-    def _confirmed_db(self, cell: HeardCell, heard: Heard) -> float | None:
+    def _confirmed_db(self, cell: HeardCell, offset_db: float | None) -> float | None:
         """Offset that two readings in turn agree on; a digit of a single one may be wrong."""
-        offset_db = _offset_db(heard)
         if offset_db is None:
             return None
         last_db = self._last_db.get(cell.name)
@@ -52,12 +51,14 @@ class BroadcastRules:
 
     def _above_usual(self, memory: Memory, cell: HeardCell, offset_db: float) -> Iterator[Broken]:
         """C1: the offset is far above that of the operator's other cells."""
-        others = [
-            self._offset_db[c.name]
-            for c in memory.of_operator(cell.operator, cell.rat)
-            if c is not cell and c.name in self._offset_db
-        ]
-        if len(others) >= _FEWEST_CELLS and offset_db >= max(others) + _ABOVE_DB:
+        others = []
+        for other in memory.of_operator(cell.operator, cell.rat):
+            other_db = self._offset_db.get(other.name)
+            if other_db is not None and other is not cell:
+                if offset_db < other_db + _ABOVE_DB:
+                    return
+                others.append(other_db)
+        if len(others) >= _FEWEST_CELLS:
             evidence: Evidence = {
                 "offset_db": round(offset_db),
                 "usual_db": round(median(others)),

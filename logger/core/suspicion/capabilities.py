@@ -1,6 +1,6 @@
 """What the modem has served so far: a rule without what it needs is "not asked", never "fine"."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 from logger.core.suspicion.finding import Need, Rule
 from logger.core.suspicion.heard import Heard, Moment
@@ -12,6 +12,7 @@ class Capabilities:
     def __init__(self) -> None:
         self._always: set[Need] = set()
         self._served: dict[str, set[Need]] = {}
+        self._missing: dict[str, dict[Need, Callable[[Heard], bool]]] = {}
 
     def serve(self, need: Need) -> None:
         """Take what does not come from the modem."""
@@ -19,15 +20,23 @@ class Capabilities:
 
     def add(self, now: Moment) -> None:
         """Take what a scan serves."""
-        for rat in {heard.rat for heard in now.cells}:
-            served = self._served.setdefault(rat, set())
-            cells = [heard for heard in now.cells if heard.rat == rat]
-            for heard in cells:
-                served.update(_of_reading(heard))
+        n_cells: dict[str, int] = {}
+        for heard in now.cells:
+            rat = heard.rat
+            n_cells[rat] = n_cells.get(rat, 0) + 1
+            missing = self._missing.get(rat)
+            if missing is None:
+                missing = self._missing[rat] = dict(_OF_READING)
+                self._served[rat] = set()
+            if new := [need for need, is_served in missing.items() if is_served(heard)]:
+                self._served[rat].update(new)
+                for need in new:
+                    del missing[need]
+        for rat, n in n_cells.items():
             if now.x_m is not None:
-                served.add("position")
-            if len(cells) > 1:
-                served.add("neighbours")
+                self._served[rat].add("position")
+            if n > 1:
+                self._served[rat].add("neighbours")
         if len(self._served) > 1:
             self._always.add("several technologies")
 
@@ -53,26 +62,25 @@ class Capabilities:
         return result
 
 
-def _of_reading(heard: Heard) -> Iterable[Need]:
-    reading = heard.reading
-    if heard.name is not None:
-        yield "identity"
-    if reading.mcc is not None:
-        yield "country code"
-    if heard.area is not None:
-        yield "area code"
-    if reading.arfcn is not None:
-        yield "channel"
-    if heard.code is not None:
-        yield "colour code"
-    if heard.level_dbm is not None:
-        yield "level"
-    if reading.ta is not None:
-        yield "timing advance"
-    broadcast = heard.broadcast
-    if broadcast is not None and broadcast.neighbour_arfcns is not None:
-        yield "neighbour lists"
-    if None not in (reading.c1, reading.c2) or (
-        broadcast is not None and broadcast.cro_db is not None
-    ):
-        yield "C1 and C2"
+def _has_lists(heard: Heard) -> bool:
+    return heard.broadcast is not None and heard.broadcast.neighbour_arfcns is not None
+
+
+def _has_offset(heard: Heard) -> bool:
+    if heard.reading.c1 is not None and heard.reading.c2 is not None:
+        return True
+    return heard.broadcast is not None and heard.broadcast.cro_db is not None
+
+
+_OF_READING: Mapping[Need, Callable[[Heard], bool]] = {
+    "identity": lambda heard: heard.name is not None,
+    "country code": lambda heard: heard.reading.mcc is not None,
+    "area code": lambda heard: heard.area is not None,
+    "channel": lambda heard: heard.reading.arfcn is not None,
+    "colour code": lambda heard: heard.code is not None,
+    "level": lambda heard: heard.level_dbm is not None,
+    "timing advance": lambda heard: heard.reading.ta is not None,
+    "neighbour lists": _has_lists,
+    "C1 and C2": _has_offset,
+}
+"""Whether a reading serves a need; one that a technology has served is not asked again."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from logger.core.baseline import Baseline, best_dbm, squares_around
 from logger.core.suspicion.broken import Broken, Taken
-from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment
+from logger.core.suspicion.heard import STEADY, Heard, HeardCell, Memory, Moment
 
 FEWEST_WALKS = 7
 """Measured: after one walk 11.8 new cells an hour, after seven 1.7."""
@@ -12,7 +12,6 @@ _STRONG_DBM = -95.0
 """A cell that is new and weak was too weak before."""
 _PLACE_M = 150.0
 _ABOVE_BEST_DB = 15.0
-_STEADY = 3
 
 
 class EarlierWalkRules:
@@ -32,7 +31,7 @@ class EarlierWalkRules:
 
     def _is_new(self, now: Moment, cell: HeardCell, heard: Heard) -> Iterator[Broken]:
         """B1: never heard in earlier walks of this ground."""
-        if heard.level_dbm is None or heard.level_dbm < _STRONG_DBM or cell.n_scans < _STEADY:
+        if heard.level_dbm is None or heard.level_dbm < _STRONG_DBM or cell.n_scans < STEADY:
             return
         assert now.lat_deg is not None
         assert now.lon_deg is not None
@@ -44,13 +43,13 @@ class EarlierWalkRules:
 
     def _above_best(self, now: Moment, cell: HeardCell) -> Iterator[Broken]:
         """S4: far stronger than in all earlier walks within 150 m."""
-        if len(cell.recent) < _STEADY or now.lat_deg is None or now.lon_deg is None:
+        weakest = cell.weakest_dbm
+        if weakest is None or now.lat_deg is None or now.lon_deg is None:
             return
         around = squares_around(self._baseline, now.lat_deg, now.lon_deg, _PLACE_M)
         best = best_dbm(around, cell.name)
         if best is None or around[0].n_walks.get(cell.rat, 0) < FEWEST_WALKS:
             return
-        weakest = min(level.level_dbm for level in list(cell.recent)[-_STEADY:])
         if weakest > best + _ABOVE_BEST_DB:
             yield Broken("S4", cell.name, {"level_dbm": round(weakest), "best_dbm": round(best)})
 

@@ -1,6 +1,7 @@
 """What the rules see: the cells of one scan at one place, and what was heard before."""
 
 from collections import deque
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from math import cos, hypot, radians
 from typing import NamedTuple
@@ -13,6 +14,8 @@ GAP_S = 15.0
 """A cell that is not reported for longer is not held: modems print a list every 1 to 10 s."""
 _MOST_CELLS = 128
 _MOST_PAIRS = 4
+STEADY = 3
+"""Readings at a new level: one may be wrong."""
 PAIR_HELD_S = 10.0
 """Telephones print the old identity with the new channel for some seconds after a handover."""
 _LOWEST_DBM = -145.0
@@ -23,7 +26,10 @@ _NO_AREA = frozenset({0, 0xFFFE, 0xFFFF})
 
 
 class Heard(NamedTuple):
-    """One cell of a scan; `operator` is `mcc-mnc`, `code` BSIC, PSC or PCI, None is unknown."""
+    """One cell of a scan; `operator` is `mcc-mnc`, `code` BSIC, PSC or PCI, None is unknown.
+
+    `broadcast` is what the cell broadcasts, once the modem has printed it twice.
+    """
 
     name: str | None
     reading: CellReading
@@ -32,22 +38,18 @@ class Heard(NamedTuple):
     area: int | None
     code: int | None
     level_dbm: float | None
-
-    @property
-    def broadcast(self) -> Broadcast | None:
-        """What the cell broadcasts, once the modem has printed it twice."""
-        broadcast = self.reading.broadcast
-        return None if broadcast is None or broadcast.broadcast_unsure else broadcast
-
-    @property
-    def is_serving(self) -> bool:
-        return self.reading.role == "serving"
+    is_serving: bool
+    broadcast: Broadcast | None
 
 
 def heard_of(reading: CellReading) -> Heard:
     """A reading as the rules see it; a doubtful identity is no identity."""
     area = reading.tac if reading.lac is None else reading.lac
-    code = next((c for c in (reading.bsic, reading.psc, reading.pci) if c is not None), None)
+    code = reading.bsic
+    if code is None:
+        code = reading.pci if reading.psc is None else reading.psc
+    level_dbm = reading.level_dbm
+    broadcast = reading.broadcast
     return Heard(
         None if reading.identity_unsure or reading.cid is None else reading.cell,
         reading,
@@ -55,14 +57,10 @@ def heard_of(reading: CellReading) -> Heard:
         f"{reading.mcc or '?'}-{reading.mnc or '?'}",
         None if area in _NO_AREA else area,
         code,
-        _level_dbm(reading),
+        level_dbm if level_dbm is not None and level_dbm > _LOWEST_DBM else None,
+        reading.role == "serving",
+        None if broadcast is None or broadcast.broadcast_unsure else broadcast,
     )
-
-
-def _level_dbm(reading: CellReading) -> float | None:
-    """Level, None for what no receiver measures."""
-    level_dbm = reading.level_dbm
-    return level_dbm if level_dbm is not None and level_dbm > _LOWEST_DBM else None
 
 
 class Level(NamedTuple):
@@ -98,16 +96,25 @@ class HeardCell:
 
     def take(self, now: "Moment", heard: Heard) -> None:
         """Remember a reading."""
-        if now.t_s - self.last_s > GAP_S:
-            self.since_s = now.t_s
-        self.last_s = now.t_s
-        self.longest_s = max(self.longest_s, now.t_s - self.since_s)
+        t_s = now.t_s
+        if t_s - self.last_s > GAP_S:
+            self.since_s = t_s
+        self.last_s = t_s
+        self.longest_s = max(self.longest_s, t_s - self.since_s)
         self.n_scans += 1
-        pair = heard.reading.arfcn, heard.code
-        if pair[0] is not None and pair[1] is not None:
-            self._take_pair(now.t_s, (pair[0], pair[1]))
+        arfcn, code = heard.reading.arfcn, heard.code
+        if arfcn is not None and code is not None:
+            self._take_pair(t_s, (arfcn, code))
         if heard.level_dbm is not None:
             self._take_level(now, heard.level_dbm)
+
+    @property
+    def weakest_dbm(self) -> float | None:
+        """Weakest of the last `STEADY` levels, None before there are so many."""
+        recent = self.recent
+        if len(recent) < STEADY:
+            return None
+        return min(recent[-1].level_dbm, recent[-2].level_dbm, recent[-3].level_dbm)
 
     def _take_pair(self, t_s: float, pair: tuple[int, int]) -> None:
         """Channel and colour code; held for a while, as after a handover they are mixed."""
@@ -120,8 +127,11 @@ class HeardCell:
     @property
     def usual_pair(self) -> tuple[int, int] | None:
         """Channel and colour code it had for longest, at least `PAIR_HELD_S`."""
-        pair = max(self.held_s, key=lambda pair: self.held_s[pair], default=None)
-        return None if pair is None or self.held_s[pair] < PAIR_HELD_S else pair
+        held_s = self.held_s
+        if not held_s:
+            return None
+        pair = max(held_s, key=held_s.__getitem__) if len(held_s) > 1 else next(iter(held_s))
+        return None if held_s[pair] < PAIR_HELD_S else pair
 
     @property
     def held_channels(self) -> list[int]:
@@ -140,6 +150,7 @@ class Moment(NamedTuple):
     """One scan: time in seconds since boot, place, and its cells, each once.
 
     `x_m, y_m` are east and north of the first fix; `still_s` how long the walker has stood here.
+    `serving` is its first serving cell.
     """
 
     t_ns: int
@@ -150,14 +161,7 @@ class Moment(NamedTuple):
     y_m: float | None
     still_s: float
     cells: tuple[Heard, ...]
-
-    @property
-    def identities(self) -> tuple[Heard, ...]:
-        return tuple(heard for heard in self.cells if heard.name is not None)
-
-    @property
-    def serving(self) -> Heard | None:
-        return next((heard for heard in self.cells if heard.is_serving), None)
+    serving: Heard | None
 
 
 class Walker:
@@ -186,12 +190,14 @@ class Walker:
     def at(self, t_ns: int, scan: Scan) -> Moment:
         """A scan at the last fix, without a place if that is too old."""
         t_s = t_ns / 1e9
-        cells = tuple(heard_of(reading) for reading in scan.readings)
+        cells = tuple([heard_of(reading) for reading in scan.readings])
+        serving = next((heard for heard in cells if heard.is_serving), None)
         if self._last is None or t_s - self._last[0] > self._max_age_s:
-            return Moment(t_ns, t_s, None, None, None, None, 0.0, cells)
+            return Moment(t_ns, t_s, None, None, None, None, 0.0, cells, serving)
         _, lat_deg, lon_deg = self._last
         x_m, y_m = self._to_metres(lat_deg, lon_deg)
-        return Moment(t_ns, t_s, lat_deg, lon_deg, x_m, y_m, t_s - self._still[0], cells)
+        still_s = t_s - self._still[0]
+        return Moment(t_ns, t_s, lat_deg, lon_deg, x_m, y_m, still_s, cells, serving)
 
     def _to_metres(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
         lat0_deg, lon0_deg = self._origin or (lat_deg, lon_deg)
@@ -209,32 +215,46 @@ class Memory:
         self.foreign: Latest[None] = Latest(_MOST_CELLS)
         self.changed_rat_s = -1e9
         self._serving_rat: str | None = None
-        self._by_operator: dict[tuple[str, str], list[HeardCell]] = {}
+        self._by_operator: dict[tuple[str, str], dict[str, HeardCell]] = {}
 
     def take(self, now: Moment) -> list[tuple[HeardCell, Heard]]:
         """Remember a scan; returns its named cells with their memory, each once."""
         self._take_serving(now)
-        self._by_operator = {}
         taken: dict[str, tuple[HeardCell, Heard]] = {}
-        for heard in now.identities:
+        for heard in now.cells:
             name = heard.name
             if name is None or name in taken:
                 continue
             cell = self.cells.get(name)
             if cell is None or cell.rat != heard.rat:
+                self._forget(cell)
                 cell = _new(name, heard, now.t_s)
             cell.take(now, heard)
             cell.area = heard.area if cell.area is None else cell.area
-            self.cells.put(name, cell)
+            self._put(cell)
             taken[name] = cell, heard
         return list(taken.values())
 
-    def of_operator(self, operator: str, rat: str) -> list[HeardCell]:
-        """Cells of an operator with one technology."""
-        if not self._by_operator:
-            for cell in self.cells.values():
-                self._by_operator.setdefault((cell.operator, cell.rat), []).append(cell)
-        return self._by_operator.get((operator, rat), [])
+    def of_operator(self, operator: str, rat: str) -> Collection[HeardCell]:
+        """Cells of an operator with one technology, those heard last at the end."""
+        return self._by_operator.get((operator, rat), {}).values()
+
+    def _put(self, cell: HeardCell) -> None:
+        """Make a cell the latest; if there are too many, the one heard longest ago gives way."""
+        if cell.name not in self.cells and len(self.cells) == _MOST_CELLS:
+            self._forget(next(iter(self.cells.values())))
+        self.cells.put(cell.name, cell)
+        of_operator = self._by_operator.setdefault((cell.operator, cell.rat), {})
+        of_operator.pop(cell.name, None)
+        of_operator[cell.name] = cell
+
+    def _forget(self, cell: HeardCell | None) -> None:
+        """Remove a cell from those of its operator."""
+        if cell is not None:
+            of_operator = self._by_operator[cell.operator, cell.rat]
+            del of_operator[cell.name]
+            if not of_operator:
+                del self._by_operator[cell.operator, cell.rat]
 
     def _take_serving(self, now: Moment) -> None:
         serving = now.serving

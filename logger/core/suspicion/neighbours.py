@@ -74,13 +74,14 @@ class NeighbourRules:
                 if not self._is_shared(cell.operator, others, memory):
                     evidence: Evidence = {"listed": len(heard), "other_operator": min(others)}
                     yield Broken("N4", cell.name, evidence)
+        if arfcn is None or cell.best_dbm < _STRONG_DBM:
+            return
         lists = [
             self._lists[c.name] for c in of_operator if c is not cell and c.name in self._lists
         ]
-        is_strong = cell.best_dbm >= _STRONG_DBM
-        is_asked = arfcn is not None and is_strong and sum(map(bool, lists)) >= _FEWEST_LISTS
+        is_asked = sum(map(bool, lists)) >= _FEWEST_LISTS
         if is_asked and not any(arfcn in neighbours for neighbours in lists):
-            yield Broken("N3", cell.name, {"channel": arfcn or 0, "lists": len(lists)})
+            yield Broken("N3", cell.name, {"channel": arfcn, "lists": len(lists)})
 
     def _is_shared(self, operator: str, others: set[str], memory: Memory) -> bool:
         """Whether another cell of an operator lists the others' channels too: they share sites."""

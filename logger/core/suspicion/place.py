@@ -21,20 +21,20 @@ class PlaceRules:
     """S5, S6 and S9."""
 
     def __init__(self) -> None:
-        self._tested: Latest[int] = Latest(128)
+        self._due: Latest[int] = Latest(128)
 
     def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:  # noqa: ARG002
         """As `FamilyRules`."""
         for cell, _ in taken:
-            yield from self._places(cell)
+            if cell.spots.n >= self._due.get(cell.name, _FEWEST_SPOTS):
+                yield from self._places(cell)
 
     def _places(self, cell: HeardCell) -> Iterator[Broken]:
         """S5, S6 and S9: one identity at two places, or a moving one."""
-        tested = self._tested.get(cell.name, _FEWEST_SPOTS - _TEST_EVERY)
-        due = tested + max(_TEST_EVERY, tested // 4)
-        if cell.spots.n < due or len(cell.spots) < _FEWEST_SPOTS:
+        if len(cell.spots) < _FEWEST_SPOTS:
             return
-        self._tested.put(cell.name, cell.spots.n)
+        n = cell.spots.n
+        self._due.put(cell.name, n + max(_TEST_EVERY, n // 4))
         result = compare_sources(list(cell.spots))
         if result is None:
             return

@@ -32,6 +32,8 @@ class PlanRules:
     def __init__(self, plan: Countries | None = None) -> None:
         self._plan = plan or countries()
         self._near: tuple[float, float, tuple[str, ...]] = (inf, inf, ())
+        self._whys: dict[tuple[str, str | None], str | None] = {}
+        """Why each network is not expected near here, None if it is."""
         self._public: set[str] = set()
         self._on_channel: Latest[list[str]] = Latest(_MOST_CHANNELS)
         self._by_cid: Latest[list[str]] = Latest(_MOST_CHANNELS)
@@ -40,9 +42,12 @@ class PlanRules:
         """As `FamilyRules`."""
         for cell, heard in taken:
             yield from self._network(now, memory, cell, heard)
-            yield from self._area_of_cid(memory, cell)
-            yield from self._channel(memory, cell, heard)
-            yield from _channels_of(cell)
+            if cell.area is not None and cell.longest_s >= _HELD_S:
+                yield from self._area_of_cid(memory, cell)
+            if heard.reading.arfcn is not None and (pair := cell.usual_pair) is not None:
+                yield from self._channel(memory, cell, pair)
+            if len(cell.held_s) > 1:
+                yield from _channels_of(cell)
 
     def _network(
         self, now: Moment, memory: Memory, cell: HeardCell, heard: Heard
@@ -51,7 +56,12 @@ class PlanRules:
         mcc, mnc = heard.reading.mcc, heard.reading.mnc
         if mcc is None or now.lat_deg is None or now.lon_deg is None:
             return
-        why = self._foreign(mcc, mnc, self._countries_near(now.lat_deg, now.lon_deg))
+        near = self._countries_near(now.lat_deg, now.lon_deg)
+        if (mcc, mnc) not in self._whys:
+            if len(self._whys) >= _MOST_CHANNELS:
+                self._whys.clear()
+            self._whys[mcc, mnc] = self._foreign(mcc, mnc, near)
+        why = self._whys[mcc, mnc]
         if why is None:
             self._public.add(cell.name)
             return
@@ -79,38 +89,27 @@ class PlanRules:
     def _countries_near(self, lat_deg: float, lon_deg: float) -> tuple[str, ...]:
         if hypot(lat_deg - self._near[0], lon_deg - self._near[1]) > 0.01:
             self._near = lat_deg, lon_deg, self._plan.near(lat_deg, lon_deg)
+            self._whys = {}
         return self._near[2]
 
     def _area_of_cid(self, memory: Memory, cell: HeardCell) -> Iterator[Broken]:
         """P4: one cell identity under two area codes."""
-        if cell.area is None or cell.longest_s < _HELD_S:
-            return
         if abs(cell.since_s - memory.changed_rat_s) < _HELD_S:
             return
         key = f"{cell.operator} {cell.rat} {cell.cid}"
-        names = self._by_cid.get(key) or []
-        if cell.name not in names:
-            self._by_cid.put(key, [*names, cell.name][-4:])
-        for name in names:
+        for name in _others(self._by_cid, key, cell.name):
             other = memory.cells.get(name)
             if other is None or other.area is None or other.area == cell.area:
                 continue
             if other.rat == cell.rat:
-                yield Broken("P4", cell.name, {"cid": str(cell.cid), "area": cell.area,
+                yield Broken("P4", cell.name, {"cid": str(cell.cid), "area": cell.area or 0,
                                                "other_area": other.area})  # fmt: skip
 
-    def _channel(self, memory: Memory, cell: HeardCell, heard: Heard) -> Iterator[Broken]:
+    def _channel(self, memory: Memory, cell: HeardCell, pair: tuple[int, int]) -> Iterator[Broken]:
         """P5: another identity on the channel and colour code of a cell heard near here."""
-        pair = cell.usual_pair
-        if pair is None or heard.reading.arfcn is None:
-            return
-        key = f"{cell.rat} {pair[0]} {pair[1]}"
-        names = self._on_channel.get(key) or []
-        if cell.name not in names:
-            self._on_channel.put(key, [*names, cell.name][-4:])
-        for name in names:
+        for name in _others(self._on_channel, f"{cell.rat} {pair[0]} {pair[1]}", cell.name):
             other = memory.cells.get(name)
-            if other is None or other is cell or other.usual_pair != pair:
+            if other is None or other.usual_pair != pair:
                 continue
             above_db, apart_m = _closest(cell, other)
             if apart_m <= _NEAR_M and abs(above_db) >= _STRONGER_DB:
@@ -124,6 +123,18 @@ class PlanRules:
                 yield Broken("P5", cell.name, evidence)
 
 
+def _others(names_of: Latest[list[str]], key: str, name: str) -> list[str]:
+    """Other names of a key before; the name is one of them from now on."""
+    names = names_of.get(key)
+    if names is None:
+        names_of.put(key, [name])
+        return []
+    if name not in names:
+        names_of.put(key, [*names, name][-4:])
+        return names
+    return [other for other in names if other != name] if len(names) > 1 else []
+
+
 def _closest(cell: HeardCell, other: HeardCell) -> tuple[float, float]:
     """How much stronger a cell was than another where both were heard closest, and that distance.
 
@@ -132,8 +143,9 @@ def _closest(cell: HeardCell, other: HeardCell) -> tuple[float, float]:
     here = cell.spots.here
     if here is None:
         return 0.0, inf
+    x_m, y_m = here.x_m, here.y_m
     there: Spot | None = min(
-        other.spots, key=lambda s: hypot(s.x_m - here.x_m, s.y_m - here.y_m), default=None
+        other.spots, key=lambda s: hypot(s.x_m - x_m, s.y_m - y_m), default=None
     )
     if there is None:
         return 0.0, inf

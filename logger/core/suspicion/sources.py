@@ -76,7 +76,10 @@ def _best_split(xylt: FloatArray) -> tuple[float, float]:
         parts = xylt[to_first <= to_second], xylt[to_first > to_second]
         if min(map(len, parts)) < _FEWEST:
             continue
-        a, b = map(_fit, parts)
+        a = _fit(parts[0])
+        if a.cost >= best:  # no cost is negative
+            continue
+        b = _fit(parts[1])
         if a.cost + b.cost < best and hypot(a.x_m - b.x_m, a.y_m - b.y_m) >= _LEAST_APART_M:
             best, apart_m = a.cost + b.cost, hypot(a.x_m - b.x_m, a.y_m - b.y_m)
     return best, apart_m

@@ -1,6 +1,7 @@
 """Where and how strongly a cell was heard, over the whole walk and in bounded memory."""
 
 from collections.abc import Iterator
+from itertools import chain
 
 SPOT_M = 25.0
 """Levels are averaged over squares of this side: shadowing differs from one to the next."""
@@ -56,10 +57,8 @@ class Spots:
         return self._n_kept + (self.here is not None)
 
     def __iter__(self) -> Iterator[Spot]:
-        for visits in self._visits.values():
-            yield from visits
-        if self.here is not None:
-            yield self.here
+        here = () if self.here is None else (self.here,)
+        return chain(chain.from_iterable(self._visits.values()), here)
 
     def add(self, x_m: float, y_m: float, level_dbm: float, t_s: float) -> None:
         """Take a level at a place; metres, seconds."""
