@@ -19,7 +19,7 @@ LAT_DEG, LON_DEG = 52.5, 13.4
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def stored_file(tmp_path_factory):
     """Three walks over the same ground."""
     folder = tmp_path_factory.mktemp("walks")
     path = folder / "baseline.db"
@@ -43,8 +43,8 @@ def made(tmp_path_factory):
 
 
 @pytest.fixture
-def baseline(made):
-    baseline = BaselineFile(made)
+def baseline(stored_file):
+    baseline = BaselineFile(stored_file)
     yield baseline
     baseline.close()
 
@@ -107,19 +107,19 @@ def test_an_answer_is_the_same_when_it_is_asked_again(baseline):
     assert any(square.cells for square in first)
 
 
-def test_the_file_is_not_changed(made, baseline):
-    before = made.read_bytes()
+def test_the_file_is_not_changed(stored_file, baseline):
+    before = stored_file.read_bytes()
     with pytest.raises(sqlite3.Error):
         baseline._db.execute("DELETE FROM walk")
     baseline.square(square_of(LAT_DEG, LON_DEG))
-    assert made.read_bytes() == before
-    assert sorted(path.name for path in made.parent.glob("baseline*")) == ["baseline.db"]
+    assert stored_file.read_bytes() == before
+    assert sorted(path.name for path in stored_file.parent.glob("baseline*")) == ["baseline.db"]
 
 
-def test_a_file_that_cannot_be_read_is_one_line(tmp_path, made):
+def test_a_file_that_cannot_be_read_is_one_line(tmp_path, stored_file):
     (tmp_path / "empty.db").touch()
     (tmp_path / "text.db").write_text("no database " * 1000)
-    (tmp_path / "short.db").write_bytes(made.read_bytes()[:5000])
+    (tmp_path / "short.db").write_bytes(stored_file.read_bytes()[:5000])
     with closing(sqlite3.connect(tmp_path / "other.db")) as db:
         db.execute("CREATE TABLE walk (a)")
     with closing(sqlite3.connect(tmp_path / "later.db")) as db:
@@ -134,9 +134,9 @@ def test_a_file_that_cannot_be_read_is_one_line(tmp_path, made):
         assert "\n" not in str(error.value)
 
 
-def test_any_damage_is_an_error_or_an_answer(tmp_path, made):
+def test_any_damage_is_an_error_or_an_answer(tmp_path, stored_file):
     """Bytes changed anywhere: no other exception, and no endless query."""
-    whole, random = made.read_bytes(), np.random.default_rng(8)
+    whole, random = stored_file.read_bytes(), np.random.default_rng(8)
     square, n_errors = square_of(LAT_DEG, LON_DEG), 0
     for _ in range(150):
         content = bytearray(whole)
@@ -156,9 +156,9 @@ def test_any_damage_is_an_error_or_an_answer(tmp_path, made):
     assert n_errors > 30
 
 
-def test_values_of_another_kind_are_damage(tmp_path, made):
+def test_values_of_another_kind_are_damage(tmp_path, stored_file):
     path = tmp_path / "changed.db"
-    path.write_bytes(made.read_bytes())
+    path.write_bytes(stored_file.read_bytes())
     with closing(sqlite3.connect(path)) as db:
         db.execute("UPDATE square_cell SET n_scans = 0")
         db.commit()
@@ -166,10 +166,10 @@ def test_values_of_another_kind_are_damage(tmp_path, made):
         BaselineFile(path).square(square_of(LAT_DEG, LON_DEG))
 
 
-def test_a_change_that_was_cut_is_named(tmp_path, made):
+def test_a_change_that_was_cut_is_named(tmp_path, stored_file):
     """As a kill leaves it: pages changed, and the journal with the old ones beside it."""
     path = tmp_path / "cut.db"
-    path.write_bytes(made.read_bytes())
+    path.write_bytes(stored_file.read_bytes())
     with closing(sqlite3.connect(path, isolation_level=None)) as db:
         db.executescript("PRAGMA cache_size = 1; PRAGMA cache_spill = 1; BEGIN")
         db.execute("UPDATE heard SET n_scans = n_scans + 1")
@@ -182,4 +182,4 @@ def test_a_change_that_was_cut_is_named(tmp_path, made):
         BaselineFile(path)
     with BaselineStore(path) as store:
         assert len(store.walks()) == 3
-    assert BaselineFile(path).fingerprint == BaselineFile(made).fingerprint
+    assert BaselineFile(path).fingerprint == BaselineFile(stored_file).fingerprint

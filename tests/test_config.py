@@ -150,7 +150,7 @@ NO_MEANING = [
 ]
 
 
-def _said(capsys):
+def _message_of(capsys):
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1, lines
     return lines[0]
@@ -170,7 +170,7 @@ def test_a_value_without_a_meaning_is_one_line_that_names_the_key(
     (tmp_path / "site.toml").write_text(text)
     for command in ("check", "run"):
         assert main([command, "--config", str(tmp_path / "site.toml")]) == 2
-        said = _said(capsys)
+        said = _message_of(capsys)
         assert f'[{table}] "{key}"' in said
     assert not (tmp_path / "runs").exists()
 
@@ -189,7 +189,7 @@ def test_a_port_that_can_never_be_opened_is_one_line(tmp_path, capsys, port):
     path.write_text(path.read_text().replace('"/dev/ttyUSB77"', _string(port)))
     for command in ("check", "run"):
         assert main([command, "--config", str(path)]) == 2
-        assert "port" in _said(capsys)
+        assert "port" in _message_of(capsys)
 
 
 def test_a_port_that_is_searched_for_may_be_plugged_in_later():
@@ -234,7 +234,7 @@ def test_a_nasty_name_is_one_line(tmp_path, monkeypatch, capsys, command, name):
         pytest.skip("a folder may be called so")
     assert main([*command, name]) == 2
     if command[0] != "probe":
-        _said(capsys)
+        _message_of(capsys)
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-1", "0", "1e300", "x", ""])
@@ -251,4 +251,4 @@ def test_a_number_without_a_meaning_is_one_line_that_names_the_option(
     capsys, command, option, value
 ):
     assert main([*command, f"{option}={value}"]) == 2
-    assert option in _said(capsys)
+    assert option in _message_of(capsys)

@@ -30,7 +30,7 @@ def run(*command: object) -> str:
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory):
+def distribution_files(tmp_path_factory):
     """Wheel and source distribution; the wheel is built from the latter."""
     pytest.importorskip("build", reason="pip install '.[dev]'")
     folder = tmp_path_factory.mktemp("dist")
@@ -39,13 +39,13 @@ def built(tmp_path_factory):
     return wheel, source
 
 
-def test_an_index_takes_both(built):
+def test_an_index_takes_both(distribution_files):
     pytest.importorskip("twine", reason="pip install '.[dev]'")
-    run(sys.executable, "-m", "twine", "check", "--strict", *built)
+    run(sys.executable, "-m", "twine", "check", "--strict", *distribution_files)
 
 
-def test_the_wheel_is_small_and_has_every_licence(built):
-    wheel, _ = built
+def test_the_wheel_is_small_and_has_every_licence(distribution_files):
+    wheel, _ = distribution_files
     assert wheel.stat().st_size <= MOST_WHEEL_BYTES
     with zipfile.ZipFile(wheel) as content:
         names = content.namelist()
@@ -58,19 +58,25 @@ def test_the_wheel_is_small_and_has_every_licence(built):
     assert not [name for name in names if name.startswith("tests/")]
 
 
-def test_the_source_distribution_has_what_its_tests_need(built):
-    with tarfile.open(built[1]) as content:
+def test_the_source_distribution_has_what_its_tests_need(distribution_files):
+    with tarfile.open(distribution_files[1]) as content:
         names = {name.partition("/")[2] for name in content.getnames()}
     assert {"tests/test_wheel.py", "docs/guide.md", "Makefile", "systemd/site.toml"} <= names
     assert not [name for name in names if name.startswith((".venv", "dist", "demo-out"))]
 
 
 @pytest.mark.parametrize("extra", MOST_MIB)
-def test_it_works_in_an_empty_environment(built, extra, tmp_path):
+def test_it_works_in_an_empty_environment(distribution_files, extra, tmp_path):
     environment = tmp_path / "environment"
     venv.create(environment, with_pip=True)
     programs = environment / "bin"
-    run(programs / "pip", "install", "-q", "--disable-pip-version-check", f"{built[0]}[{extra}]")
+    run(
+        programs / "pip",
+        "install",
+        "-q",
+        "--disable-pip-version-check",
+        f"{distribution_files[0]}[{extra}]",
+    )
     run(programs / "pip", "check")
     run(programs / "pip", "uninstall", "-q", "-y", "setuptools", "pip")
     assert _mebibytes(environment) <= MOST_MIB[extra]

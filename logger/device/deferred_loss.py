@@ -7,13 +7,15 @@ from logger.device.link import Link
 class Wire:
     """Reads and writes a link until it is lost or stopped.
 
-    `received_ns` is the time of the last chunk.
+    `received_ns` is the time of the last chunk. None of its bytes came before `since_ns`: on a busy
+    machine some time passes until a chunk is read.
     """
 
     def __init__(self, link: Link) -> None:
         self._link = link
         self._loss: DeviceError | None = None
         self.received_ns = 0
+        self.since_ns = self._asked_ns = link.clock.now_ns()
 
     @property
     def is_over(self) -> bool:
@@ -23,6 +25,8 @@ class Wire:
     def read(self) -> bytes:
         """Read the next chunk; empty after a silence, and always after a loss."""
         if self._loss is None:
+            # what this read returns was not there yet when the last one began
+            self.since_ns, self._asked_ns = self._asked_ns, self._link.clock.now_ns()
             try:
                 self.received_ns, data = self._link.read()
             except DeviceError as error:

@@ -169,9 +169,8 @@ class ModemExchange:
                 self.wire.received_ns
             ):  # the first row of a block
                 self.close_block()
-            self.unsolicited.add(
-                line, self.wire.received_ns, self.late_ns if is_late else self.wire.received_ns
-            )
+            since_ns = self.late_ns if is_late else self.wire.since_ns
+            self.unsolicited.add(line, self.wire.received_ns, since_ns)
             self.is_answered = True
         elif line.strip() in {"OK", "ERROR"} and self._n_pending_queries:
             self._n_pending_queries -= 1

@@ -10,12 +10,12 @@ STATE = np.array([140.0, 80.0, -30.0, 3.0])
 PRECISION = np.array([30.0**-2, 0.9**-2])
 
 
-def walked():
+def walk_on_a_circle():
     return SHAPES["L"](np.random.default_rng(1), 60, 7.0)
 
 
 def mean_level_dbm(state):
-    x_m, y_m = walked()
+    x_m, y_m = walk_on_a_circle()
     return state[2] - 10.0 * state[3] * np.log10(np.hypot(x_m - state[0], y_m - state[1]))
 
 
@@ -23,7 +23,7 @@ def mean_level_dbm(state):
     "noise", [Noise(3.0), Noise(1.0, 6.0, 15.0), Noise(0.5, 6.0, 40.0, in_plane=True)]
 )
 def test_information_agrees_with_finite_differences(noise):
-    x_m, y_m = walked()
+    x_m, y_m = walk_on_a_circle()
     covariance_db2 = noise.covariance_db2(x_m, y_m)
     step = np.diag([1e-3, 1e-3, 1e-4, 1e-5])
     slope = np.column_stack(

@@ -13,7 +13,7 @@ from benchmarks.scoreboard.walks import TELLING
 from tests.kit.walk_scores import scored_walk
 
 
-def scored(method, errors_m, *, area_m2=100.0, missed=0, nees=2.0, **about):
+def scores_of(method, errors_m, *, area_m2=100.0, missed=0, nees=2.0, **about):
     return [
         Score(method, run, e, run >= missed, area_m2, nees, **about)
         for run, e in enumerate(errors_m)
@@ -21,9 +21,9 @@ def scored(method, errors_m, *, area_m2=100.0, missed=0, nees=2.0, **about):
 
 
 GOOD = {
-    OURS: scored(OURS, np.full(100, 10.0), missed=5, verdict="located"),
-    EXACT: scored(EXACT, np.full(100, 9.6), area_m2=80.0),
-    LEAST_SQUARES: scored(LEAST_SQUARES, np.full(100, 12.0)),
+    OURS: scores_of(OURS, np.full(100, 10.0), missed=5, verdict="located"),
+    EXACT: scores_of(EXACT, np.full(100, 9.6), area_m2=80.0),
+    LEAST_SQUARES: scores_of(LEAST_SQUARES, np.full(100, 12.0)),
 }
 
 
@@ -43,7 +43,7 @@ def test_reached():
 
 
 def test_not_reached():
-    bad = GOOD | {OURS: scored(OURS, np.full(100, 20.0), missed=30, nees=8.0)}
+    bad = GOOD | {OURS: scores_of(OURS, np.full(100, 20.0), missed=30, nees=8.0)}
     found = {f"white-{shape}": bad for shape in TELLING}
     assert [one.is_reached for one in targets.assess(found)[:4]] == [False, True, False, False]
 
@@ -74,7 +74,7 @@ def test_left_out_methods_leave_out_their_targets():
 
 
 def test_a_failure_counts_as_infinitely_far():
-    scores = [*scored(OURS, [1.0, 2.0]), Score(OURS, 2, np.inf, False, failure="diverged")]
+    scores = [*scores_of(OURS, [1.0, 2.0]), Score(OURS, 2, np.inf, False, failure="diverged")]
     (row,) = rows_of({OURS: scores})
     assert (row.runs, row.failures, row.median_error_m, row.p90_error_m) == (3, 1, 2.0, np.inf)
     assert row.coverage == pytest.approx(2 / 3)
@@ -105,7 +105,7 @@ def test_verdicts_are_counted_with_what_they_missed():
 
 def test_a_claim_beyond_the_bound():
     found = {
-        f"spec-{count}-begun": {OURS: scored(OURS, [70.0]), BOUND: [Score(BOUND, 0, 120.0)]}
+        f"spec-{count}-begun": {OURS: scores_of(OURS, [70.0]), BOUND: [Score(BOUND, 0, 120.0)]}
         for count in SPECIFIED_READINGS
     }
     assert [claim.is_within_bound for claim in claims(found)] == [True, False, False]
@@ -114,7 +114,7 @@ def test_a_claim_beyond_the_bound():
 def test_report_bears_what_is_infinite():
     failed = {
         OURS: [Score(OURS, 0, np.inf, False, failure="diverged")],
-        EXACT: scored(EXACT, [1.0]),
+        EXACT: scores_of(EXACT, [1.0]),
     }
     board = report.board({"white-L": failed}, [], seed=1)
     (case,) = json.loads(report.as_json(board))["cases"]

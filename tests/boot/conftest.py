@@ -22,7 +22,7 @@ def workplace():
 
 
 @pytest.fixture(scope="session")
-def installed(workplace):
+def installed_card(workplace):
     """A card with an installation as systemd/README.md describes it, without a network."""
     from tests.boot import machines, players
 

@@ -47,7 +47,7 @@ class Receiver(players.Player):
 
 
 @contextmanager
-def carried(machine, walk: Scenario) -> Iterator[WalkTime]:
+def carry(machine, walk: Scenario) -> Iterator[WalkTime]:
     """Carry modem and receiver along a walk that starts now, through all boots of a machine."""
     time = WalkTime(SystemClock())
     modem = Modem(machine.socket("modem"), walk.modem(time.now_s))

@@ -15,7 +15,7 @@ from logger.core.timebase import fit
 from logger.sim.scenario import UTC_START, scenario
 from postproc.cli import main as postproc
 from tests.boot.machines import BOOT_S, RUNS, boottime_zero_s, machine, wait_recording
-from tests.boot.players import carried
+from tests.boot.players import carry
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")]
 
@@ -44,10 +44,10 @@ class Story:
 
 
 @pytest.fixture(scope="module")
-def story(installed, workplace):
+def story(installed_card, workplace):
     seen = Story()
-    card = installed.copy(workplace / "story.raw")
-    with machine(card, workplace / "story") as m, carried(m, scenario()):
+    card = installed_card.copy(workplace / "story.raw")
+    with machine(card, workplace / "story") as m, carry(m, scenario()):
         seen.walk_begun_s = seen.power_on_s = time.monotonic()
         m.boot(BOOT_S)
         seen.zero_s = boottime_zero_s(m)

@@ -28,7 +28,7 @@ from tests.boot.machines import (
     wait_recording,
 )
 from tests.boot.partitions import partition, with_boot_partition
-from tests.boot.players import carried
+from tests.boot.players import carry
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")]
 
@@ -94,7 +94,7 @@ def _pristine(folder, image):
     return card
 
 
-def _prepared(boot, folder, style, debs):
+def _prepare_card(boot, folder, style, debs):
     """Write the boot partition as delivered, and prepare it as a user would."""
     reader = folder / "bootfs"
     reader.mkdir()
@@ -143,9 +143,9 @@ def story(request, workplace):
     folder.mkdir()
     card = rig.Card(folder / "card.raw")
     boot = with_boot_partition(_pristine(folder, image).path, card.path)
-    _prepared(boot, folder, style, REPOSITORY / f"dist/card-bookworm-{arch}")
+    _prepare_card(boot, folder, style, REPOSITORY / f"dist/card-bookworm-{arch}")
     seen = Story()
-    with machine(card, folder / "machine", kernel=image) as m, carried(m, scenario()):
+    with machine(card, folder / "machine", kernel=image) as m, carry(m, scenario()):
         _first_boots(m, boot, seen)
         for command in (
             "cat /etc/hostname",

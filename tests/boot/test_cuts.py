@@ -17,7 +17,7 @@ import pytest
 from logger.core.runfile import Run, read_run, recover, sealing_of
 from logger.sim.scenario import scenario
 from tests.boot.machines import BOARD, BOOT_S, RUNS, boottime_zero_s, machine, rig, wait_recording
-from tests.boot.players import carried
+from tests.boot.players import carry
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")]
 
@@ -99,7 +99,7 @@ class Cuts:
             disk.write(log.read(kept))
         return lengths
 
-    def reordered(self, card, n, seed):
+    def reorder(self, card, n, seed):
         self._log.apply(card, flushes=n, seed=seed)
         return self.flushes[n - 1], self.flushes[n]
 
@@ -111,7 +111,7 @@ class Cuts:
             n = chance.choice(
                 [i for i, at in enumerate(self.flushes[:-1], 1) if first <= at < last]
             )
-            return kind, *self.reordered(card, n, seed)
+            return kind, *self.reorder(card, n, seed)
         n = chance.choice(
             [i for i, (_, _, at) in enumerate(self.writes[:-1], 1) if first <= at < last]
         )
@@ -124,8 +124,8 @@ class Recorded:
     `before` is the card before the boot, `whole` contains everything that was written.
     """
 
-    def __init__(self, installed, folder):
-        card = installed.copy(folder / "cuts.raw")
+    def __init__(self, installed_card, folder):
+        card = installed_card.copy(folder / "cuts.raw")
         tree = folder / "tree"
         drop_in = tree / "etc/systemd/system/fieldlogger.service.d"
         drop_in.mkdir(parents=True)
@@ -134,7 +134,7 @@ class Recorded:
         shutil.copy(Path(__file__).with_name("acknowledging.py"), tree / "opt")
         card.push(tree)
         self.before = card.copy(folder / "before.raw")
-        with machine(card, folder / "cuts") as m, carried(m, scenario()):
+        with machine(card, folder / "cuts") as m, carry(m, scenario()):
             m.boot(BOOT_S, wait=False)
             self.watch = Watch(m)
             self.watch.start()
@@ -158,8 +158,8 @@ def texts_of(run: Run) -> dict[int, tuple[int, str, str]]:
 
 
 @pytest.fixture(scope="module")
-def recorded(installed, workplace):
-    return Recorded(installed, workplace)
+def recorded_card(installed_card, workplace):
+    return Recorded(installed_card, workplace)
 
 
 def lost_s(folder: Path, whole, due: dict[str, int], until_ns: float) -> float:
@@ -187,17 +187,17 @@ def lost_s(folder: Path, whole, due: dict[str, int], until_ns: float) -> float:
     return (until_ns - oldest_ns) / 1e9
 
 
-def test_what_a_cut_card_holds(recorded, workplace):
-    watch, cuts = recorded.watch, recorded.cuts
+def test_what_a_cut_card_holds(recorded_card, workplace):
+    watch, cuts = recorded_card.watch, recorded_card.cuts
     first, last = watch.acknowledged[0][0], watch.acknowledged[-1][0]
     worst_s, failures, begun_s = {}, [], time.monotonic()
     for seed in range(CUTS):
-        card = recorded.before.copy(workplace / "cut.raw")
+        card = recorded_card.before.copy(workplace / "cut.raw")
         kind, length, until = cuts.at_random(card, seed, first, last)
-        until_ns = (watch.latest_s(until) - recorded.zero_s) * 1e9
+        until_ns = (watch.latest_s(until) - recorded_card.zero_s) * 1e9
         try:
             folder = card.pull(RUNS, workplace / "cut")
-            loss_s = lost_s(folder, recorded.whole, watch.due(length), until_ns)
+            loss_s = lost_s(folder, recorded_card.whole, watch.due(length), until_ns)
         except Exception as failure:  # noqa: BLE001
             failures.append(f"cut {seed}, {kind}: {failure!r}"[:300])
         else:

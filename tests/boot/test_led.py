@@ -7,7 +7,7 @@ import pytest
 
 from logger.sim.scenario import scenario
 from tests.boot.machines import BOOT_S, machine, status, wait_recording
-from tests.boot.players import carried
+from tests.boot.players import carry
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")]
 
@@ -17,9 +17,9 @@ SITE = "/etc/cellwalk/site.toml"
 
 
 @pytest.fixture(scope="module")
-def card(installed, workplace):
+def card(installed_card, workplace):
     """A card configured as the page describes it for an additional LED."""
-    card = installed.copy(workplace / "led.raw")
+    card = installed_card.copy(workplace / "led.raw")
     tree = workplace / "led-tree"
     drop_in = tree / "etc/systemd/system/fieldlogger.service.d"
     drop_in.mkdir(parents=True)
@@ -47,7 +47,7 @@ def _trigger(m):
 
 
 def test_it_tells_recording_and_no_fix_and_goes_back_to_the_kernel(card, workplace):
-    with machine(card, workplace / "led") as m, carried(m, scenario()):
+    with machine(card, workplace / "led") as m, carry(m, scenario()):
         m.boot(BOOT_S)
         if m.run(f"test -e {FOLDER} || echo none", check=False):
             pytest.skip("this board has no keyboard with a light")

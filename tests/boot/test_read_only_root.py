@@ -8,7 +8,7 @@ from logger.core.runfile import read_run, sealing_of
 from logger.sim.scenario import scenario
 from tests.boot.machines import BOARD, BOOT_S, CACHE, RUNS, machine, rig, wait_recording
 from tests.boot.partitions import LINUX, MIB, copy_blocks, partition, table
-from tests.boot.players import carried
+from tests.boot.players import carry
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")]
 
@@ -20,9 +20,9 @@ MOUNTED_BYTES = 8192
 class Parted:
     """A card with two partitions, root and runs, as the page describes it."""
 
-    def __init__(self, installed, folder):
+    def __init__(self, installed_card, folder):
         folder.mkdir()
-        root = installed.copy(folder / "root.raw")
+        root = installed_card.copy(folder / "root.raw")
         self.kernel = _with_overlay(root, folder)
         root.push(_as_the_page_says(root, folder / "tree"))
         self._folder = folder
@@ -82,7 +82,7 @@ def _boot(m, overlay):
     m.boot(BOOT_S, append=f"root={partition(1)} overlayroot={overlay}")
 
 
-def test_a_root_that_is_never_written(installed, workplace, capsys):
+def test_a_root_that_is_never_written(installed_card, workplace, capsys):
     packages = (CACHE / f"packages-{rig.BOARDS[BOARD]['arch']}.txt").read_text()
     if not {"overlayroot", "busybox"} <= set(packages.split()):
         pytest.skip(
@@ -90,11 +90,11 @@ def test_a_root_that_is_never_written(installed, workplace, capsys):
             "remove base-*.raw"
         )
     folder = workplace / "overlay"
-    parted = Parted(installed, folder)
+    parted = Parted(installed_card, folder)
     in_memory = "journalctl -b -u fieldlogger | grep 'kept in memory'"
     with (
         machine(parted.card, folder / "machine", kernel=parted.kernel) as m,
-        carried(m, scenario()),
+        carry(m, scenario()),
     ):
         # as raspi-config leaves it: every partition of fstab is overlaid
         _boot(m, "tmpfs")

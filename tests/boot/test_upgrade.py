@@ -7,22 +7,22 @@ import pytest
 from logger.core.runfile import read_run, sealing_of
 from logger.sim.scenario import scenario
 from tests.boot.machines import BOARD, BOOT_S, REPOSITORY, RUNS, machine, rig, wait_recording
-from tests.boot.players import carried
+from tests.boot.players import carry
 from tests.systemd.packages import with_version
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")]
 
 
 @pytest.fixture(scope="module")
-def runs(installed, workplace):
+def runs(installed_card, workplace):
     """Runs of a walk during which the package was upgraded and then removed."""
     folder = workplace / "upgrade"
     folder.mkdir()
     arch = rig.BOARDS[BOARD]["arch"]
     (package,) = (REPOSITORY / "dist").glob(f"fieldlogger_*_{arch}.deb")
     newer = with_version(package, "9.0.0", folder)
-    card = installed.copy(folder / "card.raw")
-    with machine(card, folder / "machine", share=folder) as m, carried(m, scenario()):
+    card = installed_card.copy(folder / "card.raw")
+    with machine(card, folder / "machine", share=folder) as m, carry(m, scenario()):
         m.boot(BOOT_S)
         wait_recording(m, more_fixes=20)
         begun_s = time.monotonic()

@@ -16,7 +16,7 @@ def state_at(distance_m, sigma_m=5.0):
     return shadow_ekf.release(held, np.diag([sigma_m**2, 4.0, 1.0, 0.01]))
 
 
-def seen(innovations, distance_m=200.0, monitor=FilterMonitor()):  # noqa: B008 (immutable)
+def counts_of(innovations, distance_m=200.0, monitor=FilterMonitor()):  # noqa: B008 (immutable)
     """The monitor after innovations of stated variance 1, the walker far from the position."""
     state = state_at(distance_m)
     for innovation in innovations:
@@ -56,17 +56,17 @@ def test_innovations_larger_than_stated_raise_the_alarm(factor, within):
 
 def test_one_outlier_discards_nothing():
     rng = np.random.default_rng(3)
-    monitor = seen([1e3], monitor=seen(rng.normal(size=100)))
+    monitor = counts_of([1e3], monitor=counts_of(rng.normal(size=100)))
     assert monitor.disagrees is None
-    assert seen([1e3]).disagrees is None
+    assert counts_of([1e3]).disagrees is None
 
 
 def test_the_alarm_goes_on_until_it_has_been_denied_as_often():
-    monitor = seen(np.full(60, 2.0))
+    monitor = counts_of(np.full(60, 2.0))
     assert "NIS 4.0" in monitor.disagrees
     quiet = 0
     while monitor.disagrees:
-        monitor = seen([0.0], monitor=monitor)
+        monitor = counts_of([0.0], monitor=monitor)
         quiet += 1
     assert monitor.mean_nis < monitor.nis_bound
     assert (
@@ -75,12 +75,12 @@ def test_the_alarm_goes_on_until_it_has_been_denied_as_often():
 
 
 def test_a_censored_reading_leaves_the_nis_unchanged():
-    monitor = seen([1.5, 2.0])
+    monitor = counts_of([1.5, 2.0])
     after = monitor.after_step(ShadowStep(state_at(200.0), math.nan, math.nan), NOISE)
     assert (after.mean_nis, after.weight) == (monitor.mean_nis, monitor.weight)
 
 
-def compared(times, apart_m):
+def compare(times, apart_m):
     monitor = FilterMonitor()
     for _ in range(times):
         monitor = monitor.after_search(
@@ -90,10 +90,10 @@ def compared(times, apart_m):
 
 
 def test_a_position_far_from_the_locators_raises_the_alarm_after_three():
-    assert compared(1, 10.0).apart2 == pytest.approx(100.0 / 25.0)
-    assert compared(9, 10.0).disagrees is None
-    assert compared(2, 20.0).disagrees is None
-    assert "4.0 standard deviations apart" in compared(3, 20.0).disagrees
+    assert compare(1, 10.0).apart2 == pytest.approx(100.0 / 25.0)
+    assert compare(9, 10.0).disagrees is None
+    assert compare(2, 20.0).disagrees is None
+    assert "4.0 standard deviations apart" in compare(3, 20.0).disagrees
 
 
 def test_distance_is_by_both_covariances():
@@ -109,11 +109,11 @@ def test_distance_is_by_both_covariances():
 
 
 def test_a_walker_too_near_for_the_uncertainty_raises_the_alarm():
-    assert seen(np.zeros(9), distance_m=25.0).disagrees is None
-    assert seen(np.zeros(2), distance_m=15.0).disagrees is None
-    near = seen(np.zeros(3), distance_m=15.0)
+    assert counts_of(np.zeros(9), distance_m=25.0).disagrees is None
+    assert counts_of(np.zeros(2), distance_m=15.0).disagrees is None
+    near = counts_of(np.zeros(3), distance_m=15.0)
     assert "33% of the distance" in near.disagrees
-    assert seen(np.zeros(3), distance_m=200.0, monitor=near).disagrees is None
+    assert counts_of(np.zeros(3), distance_m=200.0, monitor=near).disagrees is None
 
 
 def test_widest_axis_is_the_largest_eigenvalue():

@@ -14,7 +14,7 @@ from tests.kit.shadowed_walk import (
     covariance,
     distance2,
     expected_level,
-    released,
+    released_state,
     run,
     walk,
 )
@@ -27,7 +27,7 @@ def test_agrees_with_filterpy():
     readings, _ = walk(rng)
     p = covariance(rng)
     mean = rng.multivariate_normal(TRUTH, p)
-    state = released(mean, p, NOISE, readings[0])
+    state = released_state(mean, p, NOISE, readings[0])
     oracle = ExtendedKalmanFilter(dim_x=5, dim_z=1)
     oracle.x = np.append(mean, 0.0).reshape(5, 1)
     oracle.P = np.zeros((5, 5))
@@ -72,7 +72,7 @@ def test_agrees_with_filterpy():
 
 def test_stays_positive_where_the_plain_update_does_not():
     noise = ShadowNoise(0.0, 0.0, 1e-9, 0.0)
-    state = released(TRUTH, np.diag([1e12, 1e12, 1e6, 1e6]), noise, (0.0, 0.0))._replace(
+    state = released_state(TRUTH, np.diag([1e12, 1e12, 1e6, 1e6]), noise, (0.0, 0.0))._replace(
         receiver_x_m=0.0
     )
     plain = ekf.EkfState(*TRUTH.tolist(), ekf.upper_triangle(np.diag([1e12, 1e12, 1e6, 1e6])))
@@ -94,7 +94,7 @@ def test_stays_positive_where_the_plain_update_does_not():
 def test_standing_still_keeps_the_shadowing_and_a_long_way_forgets_it():
     rng = np.random.default_rng(3)
     readings, _ = walk(rng)
-    state = run(released(TRUTH, covariance(rng), NOISE, readings[0]), NOISE, readings[:50])
+    state = run(released_state(TRUTH, covariance(rng), NOISE, readings[0]), NOISE, readings[:50])
     x_m, y_m = readings[49][:2]
     still = shadow_ekf.step(state, NOISE._replace(white_db=1e6), x_m, y_m, 0.0, -80.0).state
     assert still.shadow_db == pytest.approx(state.shadow_db, abs=1e-6)
@@ -109,7 +109,7 @@ def test_standing_still_keeps_the_shadowing_and_a_long_way_forgets_it():
 def test_without_a_level_it_only_moves():
     rng = np.random.default_rng(10)
     readings, _ = walk(rng)
-    state = run(released(TRUTH, covariance(rng), NOISE, readings[0]), NOISE, readings[:50])
+    state = run(released_state(TRUTH, covariance(rng), NOISE, readings[0]), NOISE, readings[:50])
     x_m, y_m = readings[49][0] + 10.0, readings[49][1]
     walked = shadow_ekf.step(state, NOISE, x_m, y_m, 3.0, math.nan)
     rho = math.exp(-10.0 / NOISE.decorrelation_m)
@@ -128,7 +128,7 @@ def test_consistent_with_its_own_world():
     for _ in range(100):
         readings, _ = walk(rng, 150)
         p = covariance(rng) * 0.3
-        state = released(rng.multivariate_normal(TRUTH, p), p, NOISE, readings[0])
+        state = released_state(rng.multivariate_normal(TRUTH, p), p, NOISE, readings[0])
         for reading in readings:
             state, e, s = shadow_ekf.step(state, NOISE, *reading)
             nis.append(e * e / s)
@@ -198,7 +198,7 @@ def test_an_indefinite_covariance_is_refused():
 def test_static_covariance_is_a_block_of_the_whole():
     rng = np.random.default_rng(7)
     readings, _ = walk(rng, 60)
-    state = run(released(TRUTH, covariance(rng), NOISE, readings[0]), NOISE, readings)
+    state = run(released_state(TRUTH, covariance(rng), NOISE, readings[0]), NOISE, readings)
     block = ekf.covariance_matrix(shadow_ekf.static_covariance(state.factors))
     np.testing.assert_allclose(
         block, shadow_ekf.covariance_matrix(state.factors)[:4, :4], rtol=1e-12

@@ -13,7 +13,7 @@ from tests.kit.shadowed_walk import (
     TRUTH,
     covariance,
     expected_level,
-    released,
+    released_state,
     walk,
 )
 
@@ -49,7 +49,7 @@ def test_a_limit_leaves_the_moments_of_numerical_integration(limit, beyond_db):
 
 def test_absurd_limits_are_survived():
     rng = np.random.default_rng(8)
-    state = released(TRUTH, covariance(rng), NOISE, (0.0, 0.0))
+    state = released_state(TRUTH, covariance(rng), NOISE, (0.0, 0.0))
     for level, limit in ((1e4, -1), (-1e4, -1), (1e4, 1), (-1e4, 1)):
         after = shadow_ekf.step(state, NOISE, 0.0, 0.0, 0.0, level, limit).state
         assert np.all(np.isfinite(after[:5]))
@@ -67,7 +67,7 @@ def test_censored_levels_do_not_flatten_the_exponent():
         p = np.diag([20.0, 20.0, 6.0, 0.4]) ** 2
         mean = rng.multivariate_normal(TRUTH, p)
         for as_limit, values in error.items():
-            state = released(mean, p, noise, readings[0])
+            state = released_state(mean, p, noise, readings[0])
             for x_m, y_m, sigma_m, level in readings:
                 limit = -1 if as_limit and level <= floor else 0
                 state = shadow_ekf.step(

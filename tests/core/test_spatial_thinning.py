@@ -9,7 +9,7 @@ from logger.sim.shadowing import Shadowing
 SHADOWED, WHITE = ShadowNoise(6.0, 15.0, 2.0, 0.0), ShadowNoise(0.1, 15.0, 3.0, 0.0)
 
 
-def taken(x_m, y_m):
+def chosen_rows(x_m, y_m):
     visited = VisitLog()
     return [
         visited.take(x, y)
@@ -25,11 +25,11 @@ def rounds(laps, step=2.8, side=200.0):
 
 def test_a_walk_that_never_comes_back_is_new_everywhere():
     s = np.arange(0.0, 2000.0, 1.4)
-    assert set(taken(s, 0.3 * s)) == {Visit(again=False, lingers=False)}
+    assert set(chosen_rows(s, 0.3 * s)) == {Visit(again=False, lingers=False)}
 
 
 def test_the_second_round_is_no_news():
-    here = taken(*rounds(2))
+    here = chosen_rows(*rounds(2))
     half = len(here) // 2
     assert np.mean([h.again for h in here[:half]]) < 0.03
     assert np.mean([h.again for h in here[half:]]) > 0.97
@@ -38,15 +38,15 @@ def test_the_second_round_is_no_news():
 def test_a_receivers_error_hides_little_of_it():
     rng = np.random.default_rng(1)
     x, y = rounds(2)
-    here = taken(x + rng.normal(0, 3, len(x)), y + rng.normal(0, 3, len(y)))
+    here = chosen_rows(x + rng.normal(0, 3, len(x)), y + rng.normal(0, 3, len(y)))
     assert np.mean([h.again for h in here[len(here) // 2 :]]) > 0.8
 
 
 def test_standing_still_soon_lingers_and_pacing_comes_back():
-    still = taken(np.zeros(100), np.zeros(100))
+    still = chosen_rows(np.zeros(100), np.zeros(100))
     assert [h.lingers for h in still] == [False] * 30 + [True] * 70
     assert not any(h.again for h in still)
-    pacing = taken(np.tile([1.0, 4.0], 50), np.zeros(100))
+    pacing = chosen_rows(np.tile([1.0, 4.0], 50), np.zeros(100))
     assert pacing[-1].again
 
 
@@ -62,7 +62,7 @@ def test_a_filter_stays_honest_over_a_street_walked_four_times(once, low, high):
     """Shadowing of the point, the same in each round; coverage of the 95 % ellipse in 80 worlds."""
     rng = np.random.default_rng(2)
     x, y = rounds(4, step=5.6)
-    informative = [is_informative(here, SHADOWED) or not once for here in taken(x, y)]
+    informative = [is_informative(here, SHADOWED) or not once for here in chosen_rows(x, y)]
     p = np.diag([8.0, 8.0, 3.0, 0.15]) ** 2
     held = []
     for _ in range(80):

@@ -75,7 +75,7 @@ class Device:
 
 
 @contextmanager
-def linked(session, path, source="modem"):
+def link_to(session, path, source="modem"):
     """A link that is run until the end; gives the values that come, and stops it."""
     inbox, stop = Inbox(), threading.Event()
     link = Link(source, path, 115200, SystemClock(), inbox, stop)
@@ -109,7 +109,7 @@ def _levels(records_of):
 @pytest.mark.parametrize("cut", [b"", b'+CENG: 5,"00', b'+CENG: 5,"0025,35,12,305a,262,01,1267"'])
 def test_rows_before_a_hang_up_are_readings(session, n_rows, cut):
     device = Device()
-    with linked(session, device.path) as records_of:
+    with link_to(session, device.path) as records_of:
         service.wait_for(lambda: device.is_asked(b"AT+CENG?\r"))
         device.say(b"\r\n+CENG: 1,1\r\n\r\n" + b"".join(ROWS[:n_rows]) + cut)
         device.hang_up(records_of, ROWS[n_rows - 1])
@@ -121,7 +121,7 @@ def test_rows_before_a_hang_up_are_readings(session, n_rows, cut):
 
 def test_rows_that_came_unasked_before_a_hang_up_are_readings(session):
     device = Device()
-    with linked(session, device.path) as records_of:
+    with link_to(session, device.path) as records_of:
         service.wait_for(lambda: device.is_asked(b"AT+CENG?\r"))
         device.say(b"\r\nOK\r\n")
         device.say(b"".join(ROWS[:3]))
@@ -132,7 +132,7 @@ def test_rows_that_came_unasked_before_a_hang_up_are_readings(session):
 
 def test_the_epoch_before_a_hang_up_is_a_fix():
     device = Device()
-    with linked(gnss_session, device.path, "gnss") as records_of:
+    with link_to(gnss_session, device.path, "gnss") as records_of:
         last_row = service.nmea_epochs(3).rpartition(b"$GNGGA")[
             0
         ]  # of the last one only the RMC has come
@@ -152,7 +152,7 @@ def test_rows_of_a_slow_reply_have_the_time_in_which_they_were_heard(session, mo
     # on a busy machine the rows come so late that the port would be opened again
     monkeypatch.setattr(modem_link, "SILENT_POLLS", 1000)
     device = Device()
-    with linked(session, device.path) as records_of:
+    with link_to(session, device.path) as records_of:
         service.wait_for(lambda: device.is_asked(b"AT+CENG?\r"))
         device.say(b"\r\n+CENG: 1,1\r\n\r\n")
         for row in ROWS:

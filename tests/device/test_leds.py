@@ -10,7 +10,7 @@ from tests.kit.service import assert_ends, wait_for
 
 
 @pytest.fixture
-def led(tmp_path):
+def led_folder(tmp_path):
     """An LED's folder as the kernel makes it, in which the card's trigger is chosen."""
     folder = tmp_path / "ACT"
     folder.mkdir()
@@ -26,40 +26,40 @@ def status(state):
     return Status(state, "", "run-1.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {})
 
 
-def _shows(led, level):
-    wait_for(lambda: (led / "brightness").read_text() == level)
+def _shows(led_folder, level):
+    wait_for(lambda: (led_folder / "brightness").read_text() == level)
 
 
-def test_each_sign_blinks_in_its_own_way_and_the_kernel_gets_its_led_back(led, monkeypatch):
+def test_each_sign_blinks_in_its_own_way_and_the_kernel_gets_its_led_back(led_folder, monkeypatch):
     flashes = {"no fix": (0.05, 0.05), "recording": (0.001, LONG_S), "error": (LONG_S, 0.001)}
     monkeypatch.setattr(leds, "FLASHES_S", flashes)
-    with closing(StatusLight("ACT", led.parent)) as light:
-        assert (led / "trigger").read_text() == "none"
+    with closing(StatusLight("ACT", led_folder.parent)) as light:
+        assert (led_folder / "trigger").read_text() == "none"
         for _ in range(3):
-            _shows(led, "1")
-            _shows(led, "0")
+            _shows(led_folder, "1")
+            _shows(led_folder, "0")
         light.publish(status("error"))
-        _shows(led, "1")
+        _shows(led_folder, "1")
         light.publish(status("recording"))
-        _shows(led, "0")
+        _shows(led_folder, "0")
         light.publish(status("no fix"))
-        _shows(led, "1")
-        _shows(led, "0")
-    assert (led / "trigger").read_text() == "mmc0"
+        _shows(led_folder, "1")
+        _shows(led_folder, "0")
+    assert (led_folder / "trigger").read_text() == "mmc0"
 
 
-def test_a_change_is_shown_at_once_and_the_end_does_not_wait_for_a_flash(led, monkeypatch):
+def test_a_change_is_shown_at_once_and_the_end_does_not_wait_for_a_flash(led_folder, monkeypatch):
     flashes = {"no fix": (LONG_S, LONG_S), "recording": (0.001, LONG_S), "error": (1.0, 1.0)}
     monkeypatch.setattr(leds, "FLASHES_S", flashes)
 
     def blink():
-        with closing(StatusLight("ACT", led.parent)) as light:
-            _shows(led, "1")
+        with closing(StatusLight("ACT", led_folder.parent)) as light:
+            _shows(led_folder, "1")
             light.publish(status("recording"))
-            _shows(led, "0")
+            _shows(led_folder, "0")
 
     assert_ends(blink)
-    assert (led / "trigger").read_text() == "mmc0"
+    assert (led_folder / "trigger").read_text() == "mmc0"
 
 
 def test_no_sign_is_a_steady_light():
@@ -77,10 +77,10 @@ def test_no_led_and_a_missing_one_change_nothing(tmp_path, name, caplog):
     assert len(caplog.records) == bool(name)
 
 
-def test_an_led_that_goes_away_is_told_once(led, monkeypatch, caplog):
+def test_an_led_that_goes_away_is_told_once(led_folder, monkeypatch, caplog):
     monkeypatch.setattr(leds, "FLASHES_S", dict.fromkeys(leds.FLASHES_S, (0.01, 0.01)))
-    with closing(StatusLight("ACT", led.parent)):
-        wait_for(lambda: (led / "brightness").read_text() == "0")
-        led.rename(led.parent / "gone")
+    with closing(StatusLight("ACT", led_folder.parent)):
+        wait_for(lambda: (led_folder / "brightness").read_text() == "0")
+        led_folder.rename(led_folder.parent / "gone")
         wait_for(lambda: caplog.records)
     assert len(caplog.records) == 1

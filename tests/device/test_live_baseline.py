@@ -17,7 +17,7 @@ from tests.postproc.baseline.walks import name, two_cells, write_walk
 
 
 @pytest.fixture
-def made(tmp_path):
+def baseline_file(tmp_path):
     path = tmp_path / "baseline.db"
     run = write_walk(tmp_path, 1, two_cells())
     with BaselineStore(path, create=True) as store:
@@ -39,9 +39,9 @@ def notes_of(baseline: str):
     return notes, [value for value in values if value not in notes]
 
 
-def test_a_baseline_is_an_event_with_its_fingerprint(made):
-    baseline = LiveBaseline(str(made))
-    notes, _ = notes_of(str(made))
+def test_a_baseline_is_an_event_with_its_fingerprint(baseline_file):
+    baseline = LiveBaseline(str(baseline_file))
+    notes, _ = notes_of(str(baseline_file))
     assert [note.code for note in notes] == [READ]
     assert baseline.fingerprint in notes[0].text
     assert baseline.n_walks == 1
@@ -64,12 +64,12 @@ def test_a_file_that_cannot_be_read_is_one_event(tmp_path, content):
     assert estimates == notes_of("")[1]
 
 
-def test_a_file_damaged_during_the_walk_is_one_event(made):
-    baseline = LiveBaseline(str(made))
+def test_a_file_damaged_during_the_walk_is_one_event(baseline_file):
+    baseline = LiveBaseline(str(baseline_file))
     baseline.take_notes()
-    content = bytearray(made.read_bytes())
+    content = bytearray(baseline_file.read_bytes())
     content[4096:] = b"\xff" * (len(content) - 4096)
-    made.write_bytes(content)
+    baseline_file.write_bytes(content)
     for k in range(20):
         assert not baseline.square(square_of(52.5 + 0.001 * k, 13.4)).cells
         assert baseline.cell(name(k)) is None

@@ -187,7 +187,7 @@ def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b""
         record_until(
             under_way,
             clock,
-            lambda walked: scan in _sent(walked) if scan else len(walked.scans()) > 10,
+            lambda walked: scan in _commands_of(walked) if scan else len(walked.scans()) > 10,
         )
         start_s = clock.now_ns() / 1e9
         if fault == "unplug":
@@ -206,7 +206,7 @@ def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b""
         return RecordedRun(read_run(under_way.stop("end")), start_s, end_s)
 
 
-def _sent(walked) -> bytes:
+def _commands_of(walked) -> bytes:
     raw = walked.run.tables["raw"]
     parts = [
         walked.run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes()
@@ -217,7 +217,7 @@ def _sent(walked) -> bytes:
 
 
 @pytest.fixture(scope="module")
-def misbehaved(tmp_path_factory):
+def faulty_walk(tmp_path_factory):
     folder = tmp_path_factory.mktemp("faults")
     with ThreadPoolExecutor(len(EVENTS) + 1) as pool:
         under_way = {fault: pool.submit(_misbehave, folder / fault, fault) for fault in EVENTS}
@@ -252,31 +252,31 @@ def test_every_fault_is_tried():
 
 
 @pytest.mark.parametrize("fault", EVENTS)
-def test_recovers_by_itself(misbehaved, fault):
-    walked = misbehaved[fault]
+def test_recovers_by_itself(faulty_walk, fault):
+    walked = faulty_walk[fault]
     print(f"{fault}: recovered after {recovered_s(walked):.2f} s; {sorted(set(walked.notes()))}")
     assert recovered_s(walked) < RECOVERED_S, walked.texts()
     assert sum(t_s < walked.start_s for t_s, _ in walked.scans()) > 5
 
 
 @pytest.mark.parametrize("fault", EVENTS)
-def test_the_event_is_in_the_run(misbehaved, fault):
-    assert EVENTS[fault] & set(misbehaved[fault].notes()), misbehaved[fault].texts()
-    assert "internal" not in misbehaved[fault].notes()
-    assert len(misbehaved[fault].notes()) < 40
+def test_the_event_is_in_the_run(faulty_walk, fault):
+    assert EVENTS[fault] & set(faulty_walk[fault].notes()), faulty_walk[fault].texts()
+    assert "internal" not in faulty_walk[fault].notes()
+    assert len(faulty_walk[fault].notes()) < 40
 
 
 @pytest.mark.parametrize("fault", EVENTS)
-def test_no_cell_is_invented(misbehaved, fault):
-    for _, readings in misbehaved[fault].scans():
+def test_no_cell_is_invented(faulty_walk, fault):
+    for _, readings in faulty_walk[fault].scans():
         assert all(_is_of_the_world(reading) for reading in readings)
         assert len(readings) == len(set(readings))
 
 
-def test_a_restart_ends_a_full_scan(misbehaved):
+def test_a_restart_ends_a_full_scan(faulty_walk):
     """The command under way will never be answered, and its time is 90 s."""
-    assert recovered_s(misbehaved[IN_A_SCAN]) < RECOVERED_S
-    assert "modem-restarted" in misbehaved[IN_A_SCAN].notes()
+    assert recovered_s(faulty_walk[IN_A_SCAN]) < RECOVERED_S
+    assert "modem-restarted" in faulty_walk[IN_A_SCAN].notes()
 
 
 LONG_S = (4.0, 30.0)

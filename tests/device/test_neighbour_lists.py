@@ -31,7 +31,7 @@ def walk(tmp_path, number, enough, full_scan_s=FULL_SCAN_S):
         return modem, RecordedRun(read_run(under_way.stop("end")))
 
 
-def listed(walked):
+def lists_of(walked):
     """Readings with a broadcast, in the order of the scans."""
     return [one for _, scan in walked.scans() for one in scan if one.broadcast is not None]
 
@@ -42,13 +42,13 @@ def true(reading):
 
 def test_lists_are_those_of_the_world_and_sure_from_the_second_full_scan_on(tmp_path):
     def has_all(walked):
-        sure = {one.arfcn for one in listed(walked) if not one.broadcast.broadcast_unsure}
+        sure = {one.arfcn for one in lists_of(walked) if not one.broadcast.broadcast_unsure}
         return sure >= set(BROADCASTS)
 
     _, walked = walk(tmp_path, NO_NUMBER, has_all)
     assert has_all(walked)
     seen = set()
-    for reading in listed(walked):
+    for reading in lists_of(walked):
         assert true(reading)
         assert reading.role == "scan"
         assert reading.broadcast.broadcast_unsure == (reading.arfcn not in seen)
@@ -58,7 +58,7 @@ def test_lists_are_those_of_the_world_and_sure_from_the_second_full_scan_on(tmp_
 def test_without_full_scans_there_are_no_lists(tmp_path):
     _, walked = walk(tmp_path, NO_NUMBER, lambda walked: len(walked.scans()) > 5, 0.0)
     assert len(walked.scans()) > 5
-    assert not listed(walked)
+    assert not lists_of(walked)
     assert b"#CSURV=" not in walked.run.raw_bytes.tobytes()
 
 
@@ -69,9 +69,9 @@ def test_a_list_that_loses_digits_again_and_again_is_never_sure(tmp_path):
         lambda walked: len({seq for seq, scan in walked.scans() if any_list(scan)}) >= ENOUGH,
     )
     assert modem.lost >= 2
-    false = [reading for reading in listed(walked) if not true(reading)]
+    false = [reading for reading in lists_of(walked) if not true(reading)]
     assert all(reading.broadcast.broadcast_unsure for reading in false)
-    sure = [reading for reading in listed(walked) if not reading.broadcast.broadcast_unsure]
+    sure = [reading for reading in lists_of(walked) if not reading.broadcast.broadcast_unsure]
     assert {reading.arfcn for reading in sure} == set(BROADCASTS)
 
 

@@ -14,7 +14,7 @@ from tests.kit.simulated_devices import simulated_devices
 
 
 @pytest.fixture(params=["path", "abstract"])
-def received(request, tmp_path):
+def notifications(request, tmp_path):
     """A systemd that listens, by either kind of address."""
     name = str(tmp_path / "notify") if request.param == "path" else f"@cellwalk-test-{os.getpid()}"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as server:
@@ -23,8 +23,8 @@ def received(request, tmp_path):
         yield name, lambda: server.recv(4096).decode().splitlines()
 
 
-def test_the_first_word_says_that_it_has_started_and_all_feed_the_watchdog(received):
-    address, next_word = received
+def test_the_first_word_says_that_it_has_started_and_all_feed_the_watchdog(notifications):
+    address, next_word = notifications
     manager = ServiceManager.of({"NOTIFY_SOCKET": address})
     assert manager.is_present
     manager.alive()
@@ -47,9 +47,9 @@ def test_without_systemd_nobody_is_told(tmp_path):
     ServiceManager(str(tmp_path / "gone")).alive()
 
 
-def test_a_systemd_that_does_not_read_holds_nobody_up(received, monkeypatch):
+def test_a_systemd_that_does_not_read_holds_nobody_up(notifications, monkeypatch):
     monkeypatch.setattr(notify, "SEND_TIMEOUT_S", 0.001)
-    manager = ServiceManager(received[0])
+    manager = ServiceManager(notifications[0])
     queue = int(Path("/proc/sys/net/unix/max_dgram_qlen").read_text())
 
     def tell():

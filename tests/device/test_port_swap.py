@@ -96,7 +96,7 @@ def test_a_word_now_and_then_is_no_receiver():
     assert watched.changes == []
 
 
-def _recorded(folder, table):
+def _rows_of(folder, table):
     try:
         return max(
             (len(read_run(path).tables[table]) for path in folder.glob("*.journal")), default=0
@@ -111,8 +111,8 @@ def test_the_service_exchanges_ports_that_are_swapped(tmp_path):
         site = service.site_toml(tmp_path, gnss.path, modem.path)
         site.write_text(site.read_text().replace('driver = "sim800"', 'driver = "auto"'))
         with service.running_service(site) as logger:
-            service.wait_for(lambda: _recorded(tmp_path / "runs", "fixes") > 15)
-            service.wait_for(lambda: _recorded(tmp_path / "runs", "scans") > 5)
+            service.wait_for(lambda: _rows_of(tmp_path / "runs", "fixes") > 15)
+            service.wait_for(lambda: _rows_of(tmp_path / "runs", "scans") > 5)
             run = read_run(Path(service.stop_service(logger).strip()))
     codes = [row["code"].decode() for row in run.tables["notes"]]
     assert codes.count("ports-exchanged") == 1

@@ -217,7 +217,7 @@ def record(folder, case):
         return RecordedRun(read_run(under_way.stop("end")), start_s, start_s + case.due_s)
 
 
-def recorded(folder, cases):
+def record_all(folder, cases):
     with ThreadPoolExecutor(len(cases)) as pool:
         return list(pool.map(lambda at: record(folder / f"{at}", cases[at]), range(len(cases))))
 
@@ -263,7 +263,7 @@ def test_the_service_goes_on_after_a_silent_scan(tmp_path, monkeypatch):
     slow = [
         Case(SURVEYS["sim800"], 0.5, slow_s=4.5, abortable=abortable) for abortable in (False, True)
     ]
-    walks = recorded(tmp_path, hangs + slow)
+    walks = record_all(tmp_path, hangs + slow)
     for case, walked in zip(hangs, walks, strict=False):
         check_hang(case, walked)
     for case, walked in zip(slow, walks[len(hangs) :], strict=True):
@@ -279,7 +279,7 @@ def test_every_family_goes_on_after_a_silent_scan(tmp_path):
         for hangs_s in (0.5 * takes_s, takes_s, takes_s + 2.0, takes_s + 15.0)
         for abortable in (False, True)
     ]
-    for case, walked in zip(cases, recorded(tmp_path, cases), strict=True):
+    for case, walked in zip(cases, record_all(tmp_path, cases), strict=True):
         check_hang(case, walked)
 
 
@@ -291,5 +291,5 @@ def test_a_slow_scan_of_every_family_gets_through(tmp_path):
         for survey in surveys
         for abortable in (False, True)
     ]
-    for case, walked in zip(cases, recorded(tmp_path, cases), strict=True):
+    for case, walked in zip(cases, record_all(tmp_path, cases), strict=True):
         check_slow(case, walked)

@@ -80,16 +80,16 @@ def _key(row):
 
 
 def _identities(readings) -> Counter:
-    def known(value):
+    def is_known(value):
         return None if value == -1 else int(value)
 
     return Counter(
         (
             r["role"].decode(),
             r["mcc"].decode() or None,
-            known(r["lac"]),
-            known(r["cid"]),
-            known(r["rxlev_raw"]),
+            is_known(r["lac"]),
+            is_known(r["cid"]),
+            is_known(r["rxlev_raw"]),
         )
         for r in readings
     )

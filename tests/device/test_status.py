@@ -115,12 +115,12 @@ def test_status_json_says_how_it_goes(tmp_path, monkeypatch):
         """The first status for which it holds."""
         found = []
 
-        def looked():
+        def status_now():
             status = read_status(folder)
             found.extend([status] if status is not None and condition(status) else [])
             return found
 
-        service.wait_for(looked)
+        service.wait_for(status_now)
         return found[0]
 
     with simulated_devices() as (modem, gnss, _):

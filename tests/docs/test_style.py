@@ -13,7 +13,6 @@ MOST_LINES = 300
 """A file that is longer holds more than one subject."""
 MOST_COLUMNS = 100
 FOLDERS = ("logger", "postproc", "tests", "benchmarks", "docs", "examples")
-NAMED_BY_TERMS = ("logger", "postproc", "benchmarks")
 
 PARTICIPLE = re.compile(
     r"\w*(ed|told|found|held|kept|seen|heard|known|drawn|made|taken|given|left|met|sent|built|gone"
@@ -29,10 +28,12 @@ VERBS_AND_NOUNS = {
     "seed": "noun: of a random generator",
     "shed": "verb",
     "speed": "noun",
+    "succeed": "verb",
     "unfeed": "verb",
 }
 """Words with the ending of a participle that are none."""
 STANDARD_TERMS = {
+    "heard": "method of the devices of the boot rig, which is not ours",
     "fixed": "of a number of digits, as in printf",
     "padded": "array with padding",
     "signed": "with a sign",
@@ -88,7 +89,7 @@ def test_no_line_of_prose_is_wide(page):
 def test_no_function_is_named_by_a_bare_participle():
     named = [
         f"{name_of(path)}:{node.lineno} {node.name}"
-        for path in files(*NAMED_BY_TERMS)
+        for path in files(*FOLDERS)
         for node in ast.walk(ast.parse(path.read_text("utf-8")))
         if isinstance(node, ast.FunctionDef) and is_participle(node.name.strip("_"))
     ]

@@ -34,7 +34,7 @@ def test_the_end_of_a_run_is_evaluated(tmp_path):
     assert _of(tmp_path, [Record(S, "modem", Scan(0, ()))])["gnss"].state == "fail"
 
 
-def _received(rats, driver, *notes):
+def _reception_of(rats, driver, *notes):
     ready = Note("info", "modem-ready", f"modem set up by driver {driver}")
     cells = [
         CellReading("serving", rat, "262", "01", 1, 1, arfcn=1, rssi_dbm=-70.0) for rat in rats
@@ -45,7 +45,7 @@ def _received(rats, driver, *notes):
 
 @pytest.mark.parametrize("driver", FAMILIES)
 def test_the_advice_names_the_command_of_the_family(tmp_path, driver):
-    line = _of(tmp_path, _received(["LTE"], driver))["readings"]
+    line = _of(tmp_path, _reception_of(["LTE"], driver))["readings"]
     commands = [command.set_to(command.gsm_only) for command in FAMILIES[driver].mode_commands]
     assert line.state == "warn"
     assert "only LTE: a 2G catcher would not be recorded; " in line.text
@@ -64,7 +64,7 @@ def test_the_advice_names_the_command_of_the_family(tmp_path, driver):
     ],
 )
 def test_other_technologies_matter_only_without_gsm(tmp_path, rats, text):
-    line = _of(tmp_path, _received(rats, "sim7600"))["readings"]
+    line = _of(tmp_path, _reception_of(rats, "sim7600"))["readings"]
     assert (line.state, text is None or text in line.text) == ("warn" if text else "ok", True)
     assert ("2G catcher" in line.text) == (text is not None)
 
@@ -75,5 +75,5 @@ def test_no_advice_on_gsm_only_after_the_modem_has_refused_it(tmp_path):
         "mode-unchanged",
         "the mode of the modem is not changed: the modem refuses AT+CNMP=13",
     )
-    line = _of(tmp_path, _received(["LTE"], "sim7600", refused))["readings"]
+    line = _of(tmp_path, _reception_of(["LTE"], "sim7600", refused))["readings"]
     assert line.text.endswith("the modem refuses AT+CNMP=13")

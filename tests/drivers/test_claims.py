@@ -29,7 +29,9 @@ def conflicts(identities: Iterable[str], families: Iterable[Family]) -> dict[str
     return {text: names for text, names in found.items() if len(names) > 1}
 
 
-def unreached(answers: Iterable[str], family: Family, families: Iterable[Family]) -> list[str]:
+def unreachable_answers(
+    answers: Iterable[str], family: Family, families: Iterable[Family]
+) -> list[str]:
     """Answers of a driver's own modems with which it is not chosen."""
     families = list(families)
     return [text for text in answers if claimants(text, families)[:1] != [family]]
@@ -78,7 +80,7 @@ ANSWER = "Model: A7999E-H Revision: A7999M7_V1.0"
 def test_a_driver_that_claims_what_another_one_has_is_found_out():
     families = [*FAMILIES.values(), A7999()]
     assert conflicts([ANSWER], families) == {ANSWER: ["sim7600", "a7999"]}
-    assert unreached([ANSWER], families[-1], families) == [ANSWER]
+    assert unreachable_answers([ANSWER], families[-1], families) == [ANSWER]
 
 
 @pytest.mark.parametrize("first", [True, False])
@@ -87,7 +89,7 @@ def test_the_driver_of_a_model_comes_before_that_of_its_series(monkeypatch, firs
     driver = A7999()
     families = [driver, *FAMILIES.values()] if first else [*FAMILIES.values(), driver]
     assert conflicts([ANSWER], families) == {}
-    assert unreached([ANSWER], driver, families) == []
+    assert unreachable_answers([ANSWER], driver, families) == []
     other = "Model: A7670E-LASE"
     assert [family.name for family in claimants(other, families)] == ["sim7600"]
 

@@ -70,11 +70,15 @@ def check_framer(text: str, rng: random.Random) -> None:
     """The same events and little memory, whole, byte by byte and in chunks of any size."""
     data = text.encode("latin-1", "replace")
     sizes = [rng.randint(0, 40) for _ in range(len(data) // 10)]
-    ways = [fed([data]), fed(data[i : i + 1] for i in range(len(data))), fed(split_at(data, sizes))]
+    ways = [
+        events_of([data]),
+        events_of(data[i : i + 1] for i in range(len(data))),
+        events_of(split_at(data, sizes)),
+    ]
     assert ways[1:] == ways[:-1], text
 
 
-def fed(chunks: Iterable[bytes]) -> list[object]:
+def events_of(chunks: Iterable[bytes]) -> list[object]:
     framer = AtFramer()
     framer.send("AT+CENG?")
     events: list[object] = []

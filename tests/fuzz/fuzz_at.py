@@ -17,7 +17,7 @@ with atheris.instrument_imports(include=["logger"]):
 DRIVERS = tuple(FAMILIES.values())
 
 
-def framed(data: bytes, command: str, cuts: list[int]) -> list[object]:
+def events_of(data: bytes, command: str, cuts: list[int]) -> list[object]:
     framer = AtFramer()
     events: list[object] = []
     framer.send(command)
@@ -35,7 +35,7 @@ def test_one(data: bytes) -> None:
     body = source.ConsumeBytes(sys.maxsize)
     cuts = [min(cut, len(body)) for cut in cuts]
     text = command.text if command else "AT"
-    whole, cut = framed(body, text, []), framed(body, text, cuts)
+    whole, cut = events_of(body, text, []), events_of(body, text, cuts)
     assert whole == cut, "the events depend on the chunks"
     lines = [line for event in whole if isinstance(event, Reply) for line in event.lines]
     assert all(len(line) <= MAX_LINE for line in lines)

@@ -123,7 +123,7 @@ def _all(data: bytearray, word: bytes) -> list[int]:
     return found
 
 
-def seen(path: Path) -> dict[str, object]:
+def content_of(path: Path) -> dict[str, object]:
     """All that a reader sees."""
     found: dict[str, object] = {}
     with h5py.File(path) as file:
@@ -156,7 +156,7 @@ def check(path: Path, honest: dict[str, object]) -> str:
         assert usage.ru_maxrss / 1024 < MOST_MB, "too much memory"
     if not all(one.holds for one in checks):
         return "read, not verified"
-    assert seen(path) == honest, "verified, though something is not as it was recorded"
+    assert content_of(path) == honest, "verified, though something is not as it was recorded"
     return "verified"
 
 
@@ -166,7 +166,7 @@ def main(most_s: float, seed: int) -> int:
         folder = Path(name)
         runs.write_journal(folder / "a.journal", runs.records(40), config_text="[run]\n")
         convert_journal(folder / "a.journal", folder / "a.h5")
-        honest, secret = seen(folder / "a.h5"), folder / "secret"
+        honest, secret = content_of(folder / "a.h5"), folder / "secret"
         secret.write_bytes(hostile_runs.SECRET)
         end_s = time.monotonic() + most_s
         while time.monotonic() < end_s:

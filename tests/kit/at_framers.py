@@ -10,7 +10,7 @@ CENG_REPLY = (
 )
 
 
-def sent(command):
+def framer_after(command):
     def make():
         framer = AtFramer()
         framer.send(command)
@@ -19,11 +19,11 @@ def sent(command):
     return make
 
 
-def expired(command, then):
+def framer_after_expiry(command, then):
     """A framer on which `command` has expired and `then` is pending."""
 
     def make():
-        framer = sent(command)()
+        framer = framer_after(command)()
         framer.expire()
         framer.send(then)
         return framer

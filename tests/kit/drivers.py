@@ -67,7 +67,7 @@ def run_dialogue(
         sent.append(command.text)
         return replies.get(command.text, default)
 
-    return _driven(dialogue, answer), sent
+    return _drive(dialogue, answer), sent
 
 
 def run_exchange(
@@ -81,12 +81,12 @@ def run_exchange(
         assert command.text == text
         return lines, final
 
-    result = _driven(dialogue, answer)
+    result = _drive(dialogue, answer)
     assert not list(coming)
     return result
 
 
-def _driven(dialogue: Dialogue[Any], answer: Any) -> Any:
+def _drive(dialogue: Dialogue[Any], answer: Any) -> Any:
     try:
         command = next(dialogue)
         while True:

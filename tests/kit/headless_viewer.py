@@ -41,10 +41,10 @@ def headless_viewer(folder: Path, *through: str) -> Iterator[ViewerClient]:
         "--expect-data-soon",
     ]
     with (folder / "log").open("wb") as log, viewer.child(command, environment, log.fileno()):
-        yield _connected(port)
+        yield _connect(port)
 
 
-def _connected(port: int) -> ViewerClient:
+def _connect(port: int) -> ViewerClient:
     until = time.monotonic() + TIMEOUT_S
     while time.monotonic() < until:
         with socket.socket() as probe:

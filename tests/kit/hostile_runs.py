@@ -17,7 +17,7 @@ def replace_dataset(file: h5py.File, name: str, **made) -> h5py.Dataset:
     return file.create_dataset(name, **made)
 
 
-def _packed(file: h5py.File, name: str, n_rows: int, chunk: int, dtype) -> None:
+def _pack(file: h5py.File, name: str, n_rows: int, chunk: int, dtype) -> None:
     """Many rows of zeros, which need almost no space in the file."""
     dataset = replace_dataset(
         file,
@@ -41,7 +41,7 @@ def _virtual(file: h5py.File, secret: Path) -> None:
     file.create_virtual_dataset("raw_bytes", layout)
 
 
-def _linked(file: h5py.File, name: str, link: object) -> None:
+def _link(file: h5py.File, name: str, link: object) -> None:
     if name in file:
         del file[name]
     file[name] = link
@@ -74,18 +74,18 @@ ELSEWHERE: dict[str, Change] = {
     "external storage of bytes": lambda f, s: replace_dataset(
         f, "raw_bytes", shape=(24,), dtype="u1", external=[(s, 0, 24)]
     ),
-    "external link": lambda f, s: _linked(f, "config", h5py.ExternalLink(s, "/config")),
-    "external link of nothing": lambda f, _: _linked(f, "x", h5py.ExternalLink("nowhere", "/x")),
-    "soft link": lambda f, _: _linked(f, "fixes", h5py.SoftLink("/scans")),
-    "soft link of nothing": lambda f, _: _linked(f, "x", h5py.SoftLink("/nowhere")),
+    "external link": lambda f, s: _link(f, "config", h5py.ExternalLink(s, "/config")),
+    "external link of nothing": lambda f, _: _link(f, "x", h5py.ExternalLink("nowhere", "/x")),
+    "soft link": lambda f, _: _link(f, "fixes", h5py.SoftLink("/scans")),
+    "soft link of nothing": lambda f, _: _link(f, "x", h5py.SoftLink("/nowhere")),
     "virtual dataset": _virtual,
 }
 """Changes that refer to other files."""
 
 UNREADABLE: dict[str, Change] = {
     "a group for a table": _group,
-    "a number for a table": lambda f, _: _linked(f, "fixes", np.float64(1.0)),
-    "nothing for a table": lambda f, _: _linked(f, "fixes", h5py.Empty("f8")),
+    "a number for a table": lambda f, _: _link(f, "fixes", np.float64(1.0)),
+    "nothing for a table": lambda f, _: _link(f, "fixes", h5py.Empty("f8")),
     "no table": lambda f, _: f.__delitem__("readings"),
     "numbers for rows": lambda f, _: replace_dataset(f, "fixes", data=np.zeros(5)),
     "objects for rows": lambda f, _: replace_dataset(
@@ -125,10 +125,8 @@ UNREADABLE: dict[str, Change] = {
     ),
     "10^12 rows": lambda f, _: replace_dataset(f, "fixes", shape=(10**12,), dtype=f["fixes"].dtype),
     "10^12 rows more": lambda f, _: f["readings"].resize((10**12,)),
-    "a large chunk": lambda f, _: _packed(f, "raw_bytes", 1 << 25, 1 << 25, "u1"),
-    "a gigabyte of rows": lambda f, _: _packed(
-        f, "readings", 4_000_000, 16_384, f["readings"].dtype
-    ),
+    "a large chunk": lambda f, _: _pack(f, "raw_bytes", 1 << 25, 1 << 25, "u1"),
+    "a gigabyte of rows": lambda f, _: _pack(f, "readings", 4_000_000, 16_384, f["readings"].dtype),
     "more than a gigabyte of bytes": lambda f, _: replace_dataset(
         f, "raw_bytes", shape=(3 << 30,), dtype="u1", chunks=(1 << 20,), compression="gzip"
     ),
@@ -166,25 +164,25 @@ ALTERED: dict[str, tuple[Change, str]] = {
     "a group": (lambda f, _: f.create_group("extra/within"), "extra"),
     "a dataset": (lambda f, _: f.create_dataset("extra", data=[1]), "extra"),
     "another name of a table": (lambda f, _: f.__setitem__("extra", f["fixes"]), "extra"),
-    "a level": (lambda f, _: _changed(f, "readings", "rssi_dbm", -30.0), "readings"),
-    "a place": (lambda f, _: _changed(f, "fixes", "lat_deg", 1.0), "fixes"),
+    "a level": (lambda f, _: _change(f, "readings", "rssi_dbm", -30.0), "readings"),
+    "a place": (lambda f, _: _change(f, "fixes", "lat_deg", 1.0), "fixes"),
     "a byte of a port": (lambda f, _: f["raw_bytes"].__setitem__(3, 7), "raw"),
-    "a note": (lambda f, _: _changed(f, "notes", "text", b"nothing"), "notes"),
-    "order of the frames": (lambda f, _: _changed(f, "frames", "number", 3), "frame"),
-    "a frame's table": (lambda f, _: _changed(f, "frames", "table", b"notes", 0), "frames"),
-    "a frame's checksum": (lambda f, _: _changed(f, "frames", "crc32", 3), "altered"),
-    "a frame after the seal": (lambda f, _: _resealed(f), "seal"),
+    "a note": (lambda f, _: _change(f, "notes", "text", b"nothing"), "notes"),
+    "order of the frames": (lambda f, _: _change(f, "frames", "number", 3), "frame"),
+    "a frame's table": (lambda f, _: _change(f, "frames", "table", b"notes", 0), "frames"),
+    "a frame's checksum": (lambda f, _: _change(f, "frames", "crc32", 3), "altered"),
+    "a frame after the seal": (lambda f, _: _reseal(f), "seal"),
 }
 """Changes of a readable run, and the word by which the verification names each."""
 
 
-def _changed(file: h5py.File, table: str, column: str, value: object, row: int = 5) -> None:
+def _change(file: h5py.File, table: str, column: str, value: object, row: int = 5) -> None:
     rows = file[table][...]
     rows[column][row] = value
     file[table][...] = rows
 
 
-def _resealed(file: h5py.File) -> None:
+def _reseal(file: h5py.File) -> None:
     """A description more, after the END frame that holds the digest."""
     frames = file["frames"]
     frames.resize((len(frames) + 1,))

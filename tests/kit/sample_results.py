@@ -189,7 +189,7 @@ def sample_filters(obs: CellObservations, answer: Posterior) -> tuple[FilterPath
 def sample_claims(result: Result) -> Verified:
     """A consistent claim for the first cell, a rejected one for the second, one unclaimed cell."""
 
-    def claimed(cell, verdict, north_deg):
+    def claim_row(cell, verdict, north_deg):
         return CellVerdict(
             cell.cell,
             cell.n,
@@ -207,7 +207,7 @@ def sample_claims(result: Result) -> Verified:
     first, second = result.cells[:2]
     return Verified(
         0.05,
-        (claimed(first, "consistent", 0.0005), claimed(second, "rejected", 0.1)),
+        (claim_row(first, "consistent", 0.0005), claim_row(second, "rejected", 0.1)),
         ("other",),
         (),
     )

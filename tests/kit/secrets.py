@@ -14,13 +14,15 @@ def _ucs2(text: str) -> str:
     return text.encode("utf-16-be").hex().upper()
 
 
-def _swapped(digits: str) -> str:
+def _swap_nibbles(digits: str) -> str:
     """Semi-octets, as in a PDU and on a SIM."""
     digits += "F" * (len(digits) % 2)
     return "".join(digits[i + 1] + digits[i] for i in range(0, len(digits), 2))
 
 
-_PDU = f"0791{_swapped(ABROAD)}F040D91{_swapped(ABROAD)}000062117121000080" + _ucs2(WORDS[0])
+_PDU = f"0791{_swap_nibbles(ABROAD)}F040D91{_swap_nibbles(ABROAD)}000062117121000080" + _ucs2(
+    WORDS[0]
+)
 
 FORMS: tuple[str, ...] = (
     f'+CLIP: "+{ABROAD}",145,"",0,"{WORDS[2]}",0',
@@ -65,7 +67,7 @@ FORMS: tuple[str, ...] = (
     f'+CPBR: 2,"+{ABROAD}",145,"{_ucs2(WORDS[2])}"',
     f'+CPBF: 2,"{SERVICE}",129,"{WORDS[2]}"',
     f'+CCFC: 1,1,"+{ABROAD}",145',
-    f'+CRSM: 144,0,"{_swapped(SIM)}"',
+    f'+CRSM: 144,0,"{_swap_nibbles(SIM)}"',
     f"+CIMI: {IMSI}",
     f"{IMSI}",
     f"{IMSI[:3]} {IMSI[3:5]} {IMSI[5:]}",
@@ -127,7 +129,7 @@ def _pieces() -> Iterator[str]:
     for secret in SECRETS:
         for i in range(len(secret) - 6):
             yield from (secret[i : i + 7], _ucs2(secret[i : i + 7]))
-        swapped = _swapped(secret)
+        swapped = _swap_nibbles(secret)
         yield from (swapped[i : i + 8] for i in range(0, len(swapped) - 7, 2))
     for word in WORDS:
         yield from (word, _ucs2(word))

@@ -39,7 +39,7 @@ def walk(rng, count=600, noise=NOISE, truth=TRUTH, sigma_m=3.0):
     return list(zip(x.tolist(), y.tolist(), [sigma_m] * count, level.tolist(), strict=True)), shadow
 
 
-def released(mean, p, noise, reading):
+def released_state(mean, p, noise, reading):
     return shadow_ekf.release(shadow_ekf.hold(mean, noise, reading[0], reading[1]), p)
 
 

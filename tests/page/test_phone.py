@@ -87,7 +87,7 @@ def phone():
 
 
 @pytest.fixture
-def recorded(tmp_path, monkeypatch):
+def recorded_walk(tmp_path, monkeypatch):
     with kit.recorded_page(tmp_path, monkeypatch) as (page, start):
         yield page, start
 
@@ -96,8 +96,8 @@ def _hears(phone):
     return lambda: phone.text("level").removeprefix("-").isdecimal()
 
 
-def test_the_page_shows_the_walk_and_calls_nobody_else(recorded, phone, tmp_path):
-    page, start = recorded
+def test_the_page_shows_the_walk_and_calls_nobody_else(recorded_walk, phone, tmp_path):
+    page, start = recorded_walk
     with start() as logger:
         phone.slow_down(SLOWER)
         phone.network(**SLOW)
@@ -143,8 +143,8 @@ def _marks_and_follows(phone):
     assert phone.chromium.evaluate("return document.getElementById('sound').ariaPressed") == "true"
 
 
-def test_news_are_at_most_a_second_old(recorded, phone, tmp_path):
-    page, start = recorded
+def test_news_are_at_most_a_second_old(recorded_walk, phone, tmp_path):
+    page, start = recorded_walk
     with start() as logger:
         phone.open(page)
         service.wait_for(_hears(phone), 60)
@@ -158,8 +158,8 @@ def test_news_are_at_most_a_second_old(recorded, phone, tmp_path):
         service.stop_service(logger)
 
 
-def test_a_restart_of_the_service_is_trouble_and_then_another_run(recorded, phone):
-    page, start = recorded
+def test_a_restart_of_the_service_is_trouble_and_then_another_run(recorded_walk, phone):
+    page, start = recorded_walk
     with start() as logger:
         phone.open(page)
         service.wait_for(_hears(phone), 60)
@@ -173,8 +173,8 @@ def test_a_restart_of_the_service_is_trouble_and_then_another_run(recorded, phon
         service.stop_service(logger)
 
 
-def test_a_phone_out_of_reach_says_so_and_comes_back(recorded, phone):
-    page, start = recorded
+def test_a_phone_out_of_reach_says_so_and_comes_back(recorded_walk, phone):
+    page, start = recorded_walk
     with start() as logger:
         phone.open(page)
         service.wait_for(_hears(phone), 60)
@@ -185,8 +185,8 @@ def test_a_phone_out_of_reach_says_so_and_comes_back(recorded, phone):
         service.stop_service(logger)
 
 
-def test_axe_finds_nothing_in_any_colours(recorded, phone):
-    page, start = recorded
+def test_axe_finds_nothing_in_any_colours(recorded_walk, phone):
+    page, start = recorded_walk
     with start() as logger:
         phone.open(page)
         service.wait_for(_hears(phone), 60)
@@ -198,9 +198,9 @@ def test_axe_finds_nothing_in_any_colours(recorded, phone):
     assert phone.chromium.accessibility_violations(axe_core()) == []
 
 
-def test_axe_and_the_policy_find_what_is_wrong(recorded, phone):
+def test_axe_and_the_policy_find_what_is_wrong(recorded_walk, phone):
     """The negative control."""
-    page, _ = recorded
+    page, _ = recorded_walk
     phone.open(page)
     phone.chromium.evaluate("document.getElementById('near').textContent = ''")
     found = phone.chromium.accessibility_violations(axe_core())
@@ -268,9 +268,9 @@ def _is_lake_visible(phone):
 
 
 @pytest.mark.skipif("CELLWALK_SCREENSHOTS" not in os.environ, reason="make screenshots")
-def test_screenshots(recorded, phone, tmp_path):
+def test_screenshots(recorded_walk, phone, tmp_path):
     """What docs/guide/page.md shows: a walk that is ambiguous, then located, then in trouble."""
-    page, start = recorded
+    page, start = recorded_walk
     folder = Path(os.environ["CELLWALK_SCREENSHOTS"])
     folder.mkdir(parents=True, exist_ok=True)
     status = tmp_path / "cellwalk/status.json"

@@ -26,7 +26,7 @@ def page(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory):
+def shared_server(tmp_path_factory):
     """A server for requests that leave nothing behind."""
     with _server(tmp_path_factory.mktemp("page")) as server:
         yield server
@@ -110,8 +110,8 @@ def test_a_mark_and_a_cell_to_follow_are_written_for_the_recorder(page):
         ("track?point=" + "9" * 30, {}, 400),
     ],
 )
-def test_strangers_and_other_paths_are_refused(shared, path, headers, code):
-    status, found, content = shared.request(path, **headers)
+def test_strangers_and_other_paths_are_refused(shared_server, path, headers, code):
+    status, found, content = shared_server.request(path, **headers)
     assert status == code
     assert len(content) < 60
     assert "Content-Security-Policy" in found
@@ -128,15 +128,15 @@ def test_strangers_and_other_paths_are_refused(shared, path, headers, code):
         ({}, b'"%s"' % (b"x" * 121), 400),
     ],
 )
-def test_other_pages_cannot_ask_the_recorder(shared, headers, body, code):
-    known = {"Content-Type": "application/json", "Origin": f"http://{shared.host}"}
+def test_other_pages_cannot_ask_the_recorder(shared_server, headers, body, code):
+    known = {"Content-Type": "application/json", "Origin": f"http://{shared_server.host}"}
     source = f"127.0.1.{next(PHONES)}"
-    request = partial(shared.request, method="POST", source=source)
+    request = partial(shared_server.request, method="POST", source=source)
     assert request("mark", body=body, **{**known, **headers})[0] == code
     del known["Origin"]
     assert request("mark", body=b'"x"', **known)[0] == 403
     assert request("shutdown", body=b'"x"')[0] in {403, 404, 405}
-    assert not shared.requests.exists()
+    assert not shared_server.requests.exists()
 
 
 @pytest.mark.parametrize(
@@ -152,8 +152,8 @@ def test_other_pages_cannot_ask_the_recorder(shared, headers, body, code):
         ("", 404, None),
     ],
 )
-def test_the_map_is_given_in_small_parts(shared, span, code, size):
-    status, headers, content = shared.request("map", Range=span)
+def test_the_map_is_given_in_small_parts(shared_server, span, code, size):
+    status, headers, content = shared_server.request("map", Range=span)
     assert status == code
     if size is not None:
         assert len(content) == size

@@ -14,7 +14,7 @@ from tests.kit.terminal import on_terminal
 BASH = shutil.which("bash")
 
 
-def completed(folder, script, typed):
+def completions(folder, script, typed):
     """The arguments of a line that bash completes at a tab after its last word."""
     program = shlex.quote(str(Path(sys.executable).parent))
     setup = (
@@ -57,7 +57,7 @@ def script(tmp_path_factory):
 )
 def test_bash_completes_commands_options_choices_and_files(script, tmp_path, typed, expected):
     (tmp_path / "walk.h5").touch()
-    assert completed(tmp_path, script, typed) == expected
+    assert completions(tmp_path, script, typed) == expected
 
 
 @pytest.mark.parametrize(("shell", "word"), [("bash", "1"), ("zsh", "1"), ("fish", "smo")])

@@ -38,7 +38,7 @@ def run(tmp_path_factory):
     return str(path)
 
 
-def _loaded(*arguments):
+def _modules_after(*arguments):
     done = subprocess.run(
         [sys.executable, "-c", LOADED, json.dumps(arguments)], capture_output=True, check=True
     )
@@ -46,19 +46,19 @@ def _loaded(*arguments):
 
 
 def test_help_imports_no_library():
-    assert not _loaded("--help") & LIBRARIES
+    assert not _modules_after("--help") & LIBRARIES
 
 
 @pytest.mark.parametrize(
     "command", ["smooth", "info", "import", "export", "report", "view", "verify", "plot"]
 )
 def test_help_of_a_command_imports_no_library(command):
-    assert not _loaded(command, "--help") & LIBRARIES
+    assert not _modules_after(command, "--help") & LIBRARIES
 
 
 @pytest.mark.parametrize("more", [(), ("-v",), ("--json",), ("--verify",)])
 def test_info_imports_what_it_shows_and_nothing_more(run, more):
-    loaded = _loaded("info", run, *more)
+    loaded = _modules_after("info", run, *more)
     assert "numpy" in loaded
     assert not loaded & HEAVY
     assert ("h5py" in loaded) == ("--verify" in more)  # HDF5 is read in another process
@@ -76,7 +76,7 @@ def estimated_run(run):
 
 
 def test_smooth_imports_nothing_to_draw_with_and_no_general_optimiser(estimated_run):
-    loaded = _loaded("smooth", estimated_run)
+    loaded = _modules_after("smooth", estimated_run)
     assert "numba" in loaded
     assert not loaded & {"matplotlib", "rerun", "PIL", "jinja2", "pandas", "scipy.stats"}
     assert "scipy.optimize" not in loaded
@@ -92,10 +92,10 @@ def test_smooth_imports_nothing_to_draw_with_and_no_general_optimiser(estimated_
 )
 def test_a_stored_result_is_shown_without_estimators(estimated_run, tmp_path, argv, drawn_with):
     command, *options, output = argv
-    loaded = _loaded(command, estimated_run, *options, str(tmp_path / output))
+    loaded = _modules_after(command, estimated_run, *options, str(tmp_path / output))
     assert loaded & HEAVY == {"pyproj", "shapely"} | drawn_with
     assert not loaded & {"h5py", "postproc.smoothing", "postproc.estimators.kernels"}
 
 
 def test_recover_imports_no_estimator(run, tmp_path):
-    assert not _loaded("recover", str(tmp_path)) & HEAVY
+    assert not _modules_after("recover", str(tmp_path)) & HEAVY

@@ -28,7 +28,7 @@ STREET = np.full(80, 140.0), np.linspace(-60, 180, 80)
 SHIFT_DB = 9.0
 
 
-def walked(
+def record_walk(
     path, way, *, shift_db=0.0, seed=0, cid=1, run_id=None, at_deg=BORDER, truth=True, **meta
 ):
     """A run: a fix and a scan of one cell every two seconds along a way."""
@@ -55,8 +55,8 @@ def pair(tmp_path_factory):
     """
     folder = tmp_path_factory.mktemp("pair")
     return [
-        walked(folder / "a.h5", BENT),
-        walked(folder / "b.h5", STREET, shift_db=SHIFT_DB, seed=1),
+        record_walk(folder / "a.h5", BENT),
+        record_walk(folder / "b.h5", STREET, shift_db=SHIFT_DB, seed=1),
     ]
 
 
@@ -152,7 +152,7 @@ def test_one_run_keeps_its_contract(pair, capsys):
 
 
 def test_a_run_that_never_heard_the_cell_changes_nothing(pair, tmp_path):
-    deaf = walked(tmp_path / "c.h5", STREET, cid=2)
+    deaf = record_walk(tmp_path / "c.h5", STREET, cid=2)
     alone = smooth_runs([read_run(pair[0])]).cells[0]
     together = smooth_runs([read_run(pair[0]), read_run(deaf)], [CELL])
     (cell,) = together.cells
@@ -178,7 +178,7 @@ def test_a_run_without_a_fix_is_named(pair, tmp_path, capsys):
 
 def test_mistakes_are_one_line(pair, tmp_path, capsys):
     assert "are the same run" in fails(capsys, "smooth", pair[0], pair[1], pair[0])
-    far = walked(tmp_path / "far.h5", STREET, at_deg=(48.0, 12.0))
+    far = record_walk(tmp_path / "far.h5", STREET, at_deg=(48.0, 12.0))
     assert "445 km" in fails(capsys, "smooth", pair[0], far)
     assert "was not observed" in fails(capsys, "smooth", *pair, "--cell", OTHER)
     assert "no such file" in fails(capsys, "smooth", pair[0], tmp_path / "none.h5")
@@ -225,7 +225,7 @@ def test_runs_of_one_modem_are_known_by_its_port(tmp_path, first, second, same):
 def test_runs_of_one_modem_have_no_offset_and_all_estimators(tmp_path):
     halves = [tuple(axis[part] for axis in BENT) for part in (slice(0, 60), slice(60, None))]
     paths = [
-        walked(tmp_path / f"{i}.h5", half, seed=i, config_text=BY_ID)
+        record_walk(tmp_path / f"{i}.h5", half, seed=i, config_text=BY_ID)
         for i, half in enumerate(halves)
     ]
     (cell,) = smooth_runs([read_run(path) for path in paths]).cells

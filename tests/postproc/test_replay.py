@@ -9,7 +9,7 @@ from postproc.replay import replay
 from tests.kit import runs
 
 
-def _walked(stream=(), settings=None):
+def _record_walk(stream=(), settings=None):
     """A walk with the live estimates that the recorder would have added."""
     tracker = LiveTracker(settings or runs.meta().live)
     out = []
@@ -24,7 +24,7 @@ def test_a_cell_that_the_walker_followed_is_followed_again(tmp_path):
     weaker = Record(0, "page", Note("info", FOLLOW, "262-01-4711-2"))
     stream = runs.records(40)
     stream.insert(60, replace(weaker, t_ns=stream[60].t_ns))
-    records = _walked(stream)
+    records = _record_walk(stream)
     assert any(value.cell == "262-01-4711-2" for value in _live(records) if "ref" in value.stage)
     assert _replay(tmp_path, records).equal
     without = [r for r in records if not (isinstance(r.value, Note) and r.value.code == FOLLOW)]
@@ -43,7 +43,7 @@ def _replay(tmp_path, records, *, close=True):
 
 
 def test_what_was_live_comes_out_again_to_the_bit(tmp_path):
-    records = _walked()
+    records = _record_walk()
     found = _replay(tmp_path, records)
     assert found.equal
     assert found.n_recorded == found.n_replayed == len(_live(records)) > 50
@@ -59,7 +59,7 @@ def _advice_at(records):
 
 
 def test_advice_comes_out_again(tmp_path):
-    records = _walked(runs.records(200))
+    records = _record_walk(runs.records(200))
     at = _advice_at(records)
     assert len(at) >= 4
     assert _replay(tmp_path, records).equal
@@ -73,7 +73,7 @@ def test_advice_comes_out_again(tmp_path):
 
 
 def test_a_run_of_a_version_without_advice_is_equal(tmp_path):
-    records = _walked(runs.records(60))
+    records = _record_walk(runs.records(60))
     numbers = [k for k, record in enumerate(records) if k not in _advice_at(records)]
     moved = {before: after for after, before in enumerate(numbers)}
     older = [records[k] for k in numbers]
@@ -88,8 +88,8 @@ def test_a_run_of_a_version_without_advice_is_equal(tmp_path):
 
 def test_a_far_reach_is_recorded_and_replayed(tmp_path):
     far = LiveSettings(reach="far")
-    records = _walked(settings=far)
-    assert _live(records) != _live(_walked())
+    records = _record_walk(settings=far)
+    assert _live(records) != _live(_record_walk())
     runs.write_journal(tmp_path / "a.journal", records, live=far)
     run = read_run(tmp_path / "a.journal")
     assert run.meta.live == far
@@ -97,7 +97,7 @@ def test_a_far_reach_is_recorded_and_replayed(tmp_path):
 
 
 def test_one_bit_is_noticed(tmp_path):
-    records = _walked()
+    records = _record_walk()
     at = [i for i, record in enumerate(records) if isinstance(record.value, LiveEstimate)][20]
     value = records[at].value
     records[at] = replace(records[at], value=replace(value, x_m=value.x_m + 1e-9))
@@ -112,7 +112,7 @@ def test_one_bit_is_noticed(tmp_path):
 
 
 def test_a_cut_run_is_compared_as_far_as_it_goes(tmp_path):
-    records = _walked()
+    records = _record_walk()
     last = max(i for i, record in enumerate(records) if isinstance(record.value, LiveEstimate))
     found = _replay(tmp_path, records[:last] + records[last + 1 :], close=False)
     assert found.equal
@@ -120,6 +120,6 @@ def test_a_cut_run_is_compared_as_far_as_it_goes(tmp_path):
 
 
 def test_a_finished_run_that_lacks_an_estimate_is_not_equal(tmp_path):
-    records = _walked()
+    records = _record_walk()
     last = max(i for i, record in enumerate(records) if isinstance(record.value, LiveEstimate))
     assert not _replay(tmp_path, records[:last] + records[last + 1 :]).equal

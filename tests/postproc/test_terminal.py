@@ -29,9 +29,9 @@ def run(tmp_path_factory):
 
 @pytest.mark.parametrize("command", ["info", "smooth"])
 def test_coloured_on_a_terminal_and_not_for_those_who_say_so(run, command):
-    shown, code = postproc(command, run)
+    output_of, code = postproc(command, run)
     assert code == 0
-    assert COLOUR.search(shown)
+    assert COLOUR.search(output_of)
     plain, code = postproc(command, run, NO_COLOR="1")
     assert code == 0
     assert not COLOUR.search(plain)
@@ -39,10 +39,10 @@ def test_coloured_on_a_terminal_and_not_for_those_who_say_so(run, command):
 
 
 def test_a_bar_on_a_terminal_only(run):
-    shown, _ = postproc("smooth", run)
-    assert "locating 262-01-4711-" in shown  # the cell that is worked on
-    assert "of 2" in shown
-    assert "left" in shown
+    output_of, _ = postproc("smooth", run)
+    assert "locating 262-01-4711-" in output_of  # the cell that is worked on
+    assert "of 2" in output_of
+    assert "left" in output_of
     piped = subprocess.run(
         [sys.executable, "-m", "postproc.cli", "smooth", run],
         capture_output=True,
@@ -65,7 +65,7 @@ def _numbers(text):
 def outputs(tmp_path, monkeypatch):
     """What a printing function shows on a terminal so wide, or where nobody looks (None)."""
 
-    def shown(show, columns):
+    def output_of(show, columns):
         file = io.StringIO()
 
         def console(**options):
@@ -78,7 +78,7 @@ def outputs(tmp_path, monkeypatch):
         show()
         return file.getvalue()
 
-    return shown
+    return output_of
 
 
 def _all_at_once(tmp_path):
@@ -141,9 +141,9 @@ def test_a_real_terminal_gets_what_a_pipe_gets(run, columns):
             check=True,
             text=True,
         )
-        shown, code = postproc(*command, columns=columns)
+        output_of, code = postproc(*command, columns=columns)
         assert code == 0
-        output = CONTROL.sub("", shown).replace(run, "").replace("\r", "")
+        output = CONTROL.sub("", output_of).replace(run, "").replace("\r", "")
         wrapped = {
             word for word in _numbers(piped.stdout.replace(run, "")) if len(word) < columns - 12
         }

@@ -16,7 +16,7 @@ from postproc.walk import observe_run
 from tests.kit import runs
 
 
-def recorded(path, shift, ta_of, run_id="a"):
+def record_run(path, shift, ta_of, run_id="a"):
     """A run past a transmitter whose serving cell tells a TA, or none."""
     utm, x = Utm(33), np.arange(0.0, 600.0, 10.0)
     zero = np.array(utm.to_xy(52.0, 13.0))
@@ -39,7 +39,7 @@ def recorded(path, shift, ta_of, run_id="a"):
 
 def test_smooth_says_whether_the_ta_agree(tmp_path, capsys):
     none, near, lie = (
-        summarise(smooth_runs([recorded(tmp_path / f"{name}.journal", 0.0, ta_of)]))
+        summarise(smooth_runs([record_run(tmp_path / f"{name}.journal", 0.0, ta_of)]))
         for name, ta_of in (
             ("none", lambda _: None),
             ("near", lambda _: 0),
@@ -62,7 +62,7 @@ def test_smooth_says_whether_the_ta_agree(tmp_path, capsys):
 def test_runs_together_keep_the_ta_of_each(tmp_path):
     ways = {"a": (0.0, lambda _: 0), "b": (140.0, lambda _: None)}
     found = [
-        recorded(tmp_path / f"{name}.journal", *way, run_id=name) for name, way in ways.items()
+        record_run(tmp_path / f"{name}.journal", *way, run_id=name) for name, way in ways.items()
     ]
     parts = {i: observe_run(run).observations.cells[0] for i, run in enumerate(found)}
     joined = merge(parts, [0, 1])

@@ -26,11 +26,11 @@ def misbehaving(fault, now, seed=0):
 
 def through(modem, now, times, command=b"AT+CSQ\r"):
     """What is said in answer to a command at each of the times."""
-    said = []
+    output_of = []
     for t_s in times:
         now.t_s = t_s
-        said.append(modem.feed(command) + modem.unsolicited())
-    return said
+        output_of.append(modem.feed(command) + modem.unsolicited())
+    return output_of
 
 
 CSQ = re.compile(rb"\r\n\+CSQ: \d+,0\r\n\r\nOK\r\n")
@@ -47,18 +47,20 @@ def test_is_well_before_and_afterwards(now, fault):
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_the_same_seed_gives_the_same_bytes(fault):
-    def said(seed):
+    def output_of(seed):
         now = Stopwatch()
         return b"".join(through(misbehaving(fault, now, seed), now, [n / 4 for n in range(100)]))
 
-    assert said(1) == said(1)
-    assert (said(1) != said(2)) == (fault in {"garbage", "brown-out", "urc-storm"})
+    assert output_of(1) == output_of(1)
+    assert (output_of(1) != output_of(2)) == (fault in {"garbage", "brown-out", "urc-storm"})
 
 
 def test_garbage_is_between_the_bytes_of_the_answers(now):
-    said = b"".join(through(misbehaving("garbage", now), now, [10.0 + n / 10 for n in range(50)]))
-    assert len(said) > 50 * len(b"\r\n+CSQ: 27,0\r\n\r\nOK\r\n") + 15 * 24 - 1
-    assert len(CSQ.findall(said)) < 50
+    output_of = b"".join(
+        through(misbehaving("garbage", now), now, [10.0 + n / 10 for n in range(50)])
+    )
+    assert len(output_of) > 50 * len(b"\r\n+CSQ: 27,0\r\n\r\nOK\r\n") + 15 * 24 - 1
+    assert len(CSQ.findall(output_of)) < 50
 
 
 def test_a_hang_loses_what_it_is_sent(now):
@@ -112,8 +114,10 @@ def test_slow_bytes_come_at_their_rate_and_none_is_lost(now):
 
 
 def test_each_line_comes_twice(now):
-    said = through(misbehaving("duplicated", now), now, [12.0], b"AT+CENG?\r")[0].split(b"\r\n")
-    texts = [line for line in said if line]
+    output_of = through(misbehaving("duplicated", now), now, [12.0], b"AT+CENG?\r")[0].split(
+        b"\r\n"
+    )
+    texts = [line for line in output_of if line]
     assert texts[::2] == texts[1::2]
     assert len(texts) > 6
 
@@ -129,6 +133,8 @@ def test_an_answer_comes_again_before_the_next(now):
 
 
 def test_a_storm_is_of_complete_lines(now):
-    said = b"".join(through(misbehaving("urc-storm", now), now, [10.0 + n / 10 for n in range(50)]))
-    assert len(CSQ.findall(said)) == 50
-    assert len(said.split(b"\r\n")) > 900
+    output_of = b"".join(
+        through(misbehaving("urc-storm", now), now, [10.0 + n / 10 for n in range(50)])
+    )
+    assert len(CSQ.findall(output_of)) == 50
+    assert len(output_of.split(b"\r\n")) > 900

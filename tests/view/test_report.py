@@ -42,19 +42,19 @@ def page(tmp_path_factory):
 
 
 @pytest.fixture(params=VIEWS, ids=NAMES)
-def shown(request, chromium, page):
+def open_page(request, chromium, page):
     width, dark = request.param
     chromium.open(page, width=width, dark=dark)
     return chromium
 
 
-def test_everything_fits_the_screen(shown):
-    assert shown.overflowing_elements() == []
+def test_everything_fits_the_screen(open_page):
+    assert open_page.overflowing_elements() == []
 
 
-def test_it_requests_nothing_and_the_console_is_empty(shown):
-    assert shown.requested_urls() == []
-    assert shown.console_messages() == []
+def test_it_requests_nothing_and_the_console_is_empty(open_page):
+    assert open_page.requested_urls() == []
+    assert open_page.console_messages() == []
 
 
 def test_axe_finds_no_violation(chromium, page):

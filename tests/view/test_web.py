@@ -86,7 +86,7 @@ class Page:
 
 
 @pytest.fixture(scope="module")
-def served(tmp_path_factory):
+def web_viewer(tmp_path_factory):
     folder = tmp_path_factory.mktemp("web")
     result = kit.sample_result(kit.write_run(folder / "walk.journal", seconds=240, cells=4))
     write_scene(sample_view(result), folder / "walk.rrd", online=False)
@@ -106,8 +106,8 @@ def outline(png):
     return count_pixels(png, colours.POSTERIOR, within=PLAN, off=12)
 
 
-def test_it_shows_the_walk_and_calls_no_other_machine(served, chromium):
-    page = Page(chromium, served.address)
+def test_it_shows_the_walk_and_calls_no_other_machine(web_viewer, chromium):
+    page = Page(chromium, web_viewer.address)
     page.wait(lambda: not missing_items(page.screenshot(), within=PLAN))
     late = outline(page.stable_screenshot())
     page.look_at(1 / 3)
@@ -117,13 +117,13 @@ def test_it_shows_the_walk_and_calls_no_other_machine(served, chromium):
     assert chromium.evaluate(fetch) == 204
     urls = chromium.requested_urls()
     assert any(url.endswith("/run.rrd") for url in urls)
-    assert all(url.startswith(served.address) for url in urls)
+    assert all(url.startswith(web_viewer.address) for url in urls)
     assert page.errors() == []
 
 
-def test_an_empty_page_and_an_external_request_are_detected(served, chromium):
+def test_an_empty_page_and_an_external_request_are_detected(web_viewer, chromium):
     """The negative control: no recording, and an image from another machine."""
-    page = Page(chromium, served.address + "?hide_welcome_screen&persist=0")
+    page = Page(chromium, web_viewer.address + "?hide_welcome_screen&persist=0")
     time.sleep(3.0)
     assert len(missing_items(page.screenshot(), within=PLAN)) > 3
     script = "const image = new Image(); document.body.append(image);"

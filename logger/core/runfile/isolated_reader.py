@@ -56,7 +56,8 @@ def _do(job: Job, pipe: int) -> None:
 
 def _outcome(job: Job) -> tuple[Reply, Arrays]:
     try:
-        os.chdir(job.folder)
+        if job.folder:
+            os.chdir(job.folder)
         value, arrays = job.task(job.path, *job.arguments)
     except RunFileError as error:
         return Reply(error=str(error)), {}

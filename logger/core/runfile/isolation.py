@@ -136,7 +136,8 @@ def run_isolated(path: Path, task: Task, *arguments: Any) -> tuple[Any, Arrays]:
     """
     size = path.stat().st_size
     cpu_s, memory_bytes = most_cpu_s(size), 3 * most_memory_bytes(size) + _WORKING_BYTES
-    job = Job(path, str(Path.cwd()), task, arguments, cpu_s, memory_bytes)
+    folder = "" if path.is_absolute() else str(Path.cwd())
+    job = Job(path, folder, task, arguments, cpu_s, memory_bytes)
     ended = _run_job(job, _START_S + _PATIENCE * cpu_s)
     if isinstance(ended, int):
         raise RunFileError(_ending(path, ended))

@@ -21,7 +21,7 @@ def _locator(points_m, emitter_m=EMITTER_M, seed=0):
     return locator
 
 
-def _guided(points_m, emitter_m=EMITTER_M):
+def _advice_for(points_m, emitter_m=EMITTER_M):
     guide, locator = Guide(), _locator(points_m, emitter_m)
     for x_m, y_m in points_m:
         guide.walk(float(x_m), float(y_m))
@@ -44,7 +44,7 @@ def test_a_plan_is_due_every_25_m():
 
 def test_a_straight_walk_is_led_off_its_line():
     """Its mirror image is as probable; only a turn decides between both."""
-    advice = _guided(line((0.0, 0.0), (300.0, 0.0)), (150.0, 70.0)).advice
+    advice = _advice_for(line((0.0, 0.0), (300.0, 0.0)), (150.0, 70.0)).advice
     (x_m, y_m), (to_x_m, to_y_m) = advice.from_m, advice.to_m
     azimuth_deg = np.degrees(np.arctan2(to_x_m - x_m, to_y_m - y_m)) % 180.0
     assert min(azimuth_deg, 180.0 - azimuth_deg) <= 67.5
@@ -54,7 +54,7 @@ def test_a_straight_walk_is_led_off_its_line():
 
 def test_the_same_walk_has_the_same_advice():
     walk = line((0.0, 0.0), (200.0, 40.0), (150.0, 90.0))
-    assert _guided(walk).advice == _guided(walk).advice
+    assert _advice_for(walk).advice == _advice_for(walk).advice
 
 
 def test_a_walk_all_around_ends():
@@ -64,15 +64,15 @@ def test_a_walk_all_around_ends():
         for point in np.array(EMITTER_M)
         + radius_m * np.array([[np.sin(a), np.cos(a)] for a in np.linspace(0.0, 6.28, 60)])
     ]
-    before = _guided(np.array(around[:30])).advice
-    after = _guided(np.array(around)).advice
+    before = _advice_for(np.array(around[:30])).advice
+    after = _advice_for(np.array(around)).advice
     assert before is not None
     assert after is None or after.nats_per_km < 0.3 * before.nats_per_km
 
 
 def test_the_turn_is_from_the_course_of_the_walker():
-    east = _guided(line((0.0, 0.0), (300.0, 0.0))).advice
-    west = _guided(line((0.0, 0.0), (300.0, 0.0))[::-1]).advice
+    east = _advice_for(line((0.0, 0.0), (300.0, 0.0))).advice
+    west = _advice_for(line((0.0, 0.0), (300.0, 0.0))[::-1]).advice
     for advice in (east, west):
         assert advice.text.split(",")[0] in {
             "turn right", "turn left", "half right", "half left", "sharp right", "sharp left",

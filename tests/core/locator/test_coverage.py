@@ -75,7 +75,7 @@ def test_level_of_the_truth_is_uniform(prior):
 # --- walks of other worlds ---
 
 
-def held(rng, shape, runs, **walk):
+def coverage_of(rng, shape, runs, **walk):
     simulated = [simulate(rng, shape, **walk) for _ in range(runs)]
     return np.mean([region_contains(locate(obs), source) for obs, source in simulated])
 
@@ -83,21 +83,21 @@ def held(rng, shape, runs, **walk):
 def test_region_holds_the_truth():
     rng = np.random.default_rng(10)
     assert (
-        held(rng, "random", 6, count=150, step=5.6) >= 0.65
+        coverage_of(rng, "random", 6, count=150, step=5.6) >= 0.65
     )  # of 0.95: fewer than 4 of 6 in 0.2 %
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["L", "square", "random"])
 def test_region_holds_the_truth_white_noise(shape):
-    assert held(np.random.default_rng(11), shape, 60, count=300, step=2.8) >= 0.88
+    assert coverage_of(np.random.default_rng(11), shape, 60, count=300, step=2.8) >= 0.88
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["L", "square", "spiral"])
 def test_region_holds_the_truth_correlated_shadowing(shape):
     rng = np.random.default_rng(13)
-    assert held(rng, shape, 40, white_db=0.0, shadow_db=6.0, count=300, step=2.8) >= 0.85
+    assert coverage_of(rng, shape, 40, white_db=0.0, shadow_db=6.0, count=300, step=2.8) >= 0.85
 
 
 @pytest.mark.slow

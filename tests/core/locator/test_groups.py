@@ -22,7 +22,7 @@ PLACE = np.array([[90.0], [40.0]])
 SHIFT_DB = 9.0
 
 
-def received(rng, source, x, y, shift_db=0.0, white_db=3.0):
+def levels_at(rng, source, x, y, shift_db=0.0, white_db=3.0):
     level = (
         -35
         - 30 * np.log10(np.hypot(x - source[0], y - source[1]))
@@ -31,7 +31,7 @@ def received(rng, source, x, y, shift_db=0.0, white_db=3.0):
     return observations(x, y, level + shift_db)
 
 
-def merged(*walks):
+def merged_walks(*walks):
     """Walks of modems 0, 1, ... in one."""
     columns = (
         np.concatenate([getattr(walk, name) for walk in walks])
@@ -52,8 +52,8 @@ def two_walks(seed, shift_db=SHIFT_DB, **noise):
     while min(np.hypot(x - source[0], y - source[1]).min() for x, y in ways) < 25.0:
         source = rng.uniform(-60, 140), rng.uniform(40, 160)
     return (
-        received(rng, source, *ways[0], **noise),
-        received(rng, source, *ways[1], shift_db, **noise),
+        levels_at(rng, source, *ways[0], **noise),
+        levels_at(rng, source, *ways[1], shift_db, **noise),
         source,
     )
 
@@ -160,7 +160,7 @@ def test_one_modem_changes_no_bit():
 
 def test_no_block_has_readings_of_two_modems():
     bent, crossing, _ = two_walks(0)
-    obs = merged(bent, crossing, bent)
+    obs = merged_walks(bent, crossing, bent)
     for most in (300, 40):
         gathered = blocks(obs, most)
         assert len(gathered) <= most
@@ -179,7 +179,7 @@ def test_offset_and_region_are_true():
     held, off = [], []
     for seed in range(10):
         bent, crossing, source = two_walks(seed)
-        found = locate(merged(bent, crossing))
+        found = locate(merged_walks(bent, crossing))
         held.append(region_contains(found, source))
         off.append((found.offsets.mean_db[1] - SHIFT_DB) / found.offsets.sigma_db[1])
         assert found.offsets.sigma_db[1] < 1.5
@@ -191,7 +191,7 @@ def test_offset_and_region_are_true():
 def test_two_walks_leave_less_than_each_alone():
     for seed in (1, 2):
         bent, crossing, _ = two_walks(seed)
-        together = locate(merged(bent, crossing))
+        together = locate(merged_walks(bent, crossing))
         assert together.region_area_m2 < 0.8 * min(
             locate(bent).region_area_m2, locate(crossing).region_area_m2
         )
@@ -200,7 +200,7 @@ def test_two_walks_leave_less_than_each_alone():
 
 def test_order_of_modems_hardly_matters():
     bent, crossing, _ = two_walks(3)
-    one, other = locate(merged(bent, crossing)), locate(merged(crossing, bent))
+    one, other = locate(merged_walks(bent, crossing)), locate(merged_walks(crossing, bent))
     assert np.hypot(one.x_m - other.x_m, one.y_m - other.y_m) < 0.1 * one.r95_m
     assert one.offsets.mean_db[1] == pytest.approx(-other.offsets.mean_db[1], abs=0.1)
     assert other.p0_dbm - one.p0_dbm == pytest.approx(one.offsets.mean_db[1], abs=0.5)
@@ -209,7 +209,7 @@ def test_order_of_modems_hardly_matters():
 def test_a_large_offset_is_no_noise():
     """The prior of an offset is in dB, though the evidence is in units of the noise."""
     bent, crossing, _ = two_walks(4, shift_db=14.0, white_db=1.0)
-    found = locate(merged(bent, crossing))
+    found = locate(merged_walks(bent, crossing))
     assert found.sigma_db < 1.4
     assert found.offsets.mean_db[1] == pytest.approx(14.0, abs=3.5 * found.offsets.sigma_db[1])
 
@@ -217,7 +217,7 @@ def test_a_large_offset_is_no_noise():
 def test_a_modem_without_levels_adds_nothing():
     bent, _, _ = two_walks(5)
     deaf = observations(bent.x_m[:3], bent.y_m[:3], np.full(3, -110.0))
-    both = replace(merged(bent, deaf), known_limit=np.repeat([0, -1], [len(bent), 3]))
+    both = replace(merged_walks(bent, deaf), known_limit=np.repeat([0, -1], [len(bent), 3]))
     found, alone = locate(both), locate(bent)
     assert (found.x_m, found.y_m) == pytest.approx((alone.x_m, alone.y_m), abs=0.02 * alone.r95_m)
     assert found.region_area_m2 == pytest.approx(alone.region_area_m2, rel=0.02)
@@ -227,14 +227,14 @@ def test_a_modem_without_levels_adds_nothing():
 # --- ends of the scale ---
 
 
-def floored(obs, floor_dbm):
+def clip_at(obs, floor_dbm):
     return replace(obs, level_dbm=np.maximum(obs.level_dbm, floor_dbm))
 
 
 def test_each_modem_has_its_own_end_of_scale():
     bent, crossing, _ = two_walks(6)
     floor_dbm = float(np.quantile(crossing.level_dbm, 0.3))
-    obs = merged(bent, floored(crossing, floor_dbm))
+    obs = merged_walks(bent, clip_at(crossing, floor_dbm))
     at_end = (obs.modem == 1) & (obs.level_dbm == floor_dbm)
     np.testing.assert_array_equal(obs.limit, np.where(at_end, -1, 0))
     np.testing.assert_array_equal(obs.on_one_scale(np.array([0.0, 3.3])).limit, obs.limit)
@@ -249,8 +249,8 @@ def test_ends_of_scale_leave_the_region_true():
     held = []
     for seed in (20, 21, 22):
         bent, crossing, source = two_walks(seed)
-        low = [floored(walk, np.quantile(walk.level_dbm, 0.3)) for walk in (bent, crossing)]
-        found = locate(merged(*low))
+        low = [clip_at(walk, np.quantile(walk.level_dbm, 0.3)) for walk in (bent, crossing)]
+        found = locate(merged_walks(*low))
         held.append(region_contains(found, source))
         assert found.offsets.mean_db[1] == pytest.approx(
             SHIFT_DB, abs=4.0 * found.offsets.sigma_db[1]

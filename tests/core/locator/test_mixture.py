@@ -11,7 +11,7 @@ LOG_P = RNG.normal(-300.0, 12.0, (4, 50))
 LOG_MASS = RNG.normal(3.0, 2.0, 50)
 
 
-def trusted(trust):
+def prior_with(trust):
     """White noise, and two groups that are trusted this much."""
     white, *correlated = Prior().noise
     return Prior(noise=(white, *(group._replace(trust=trust) for group in correlated)))
@@ -26,7 +26,7 @@ def test_shares_sum_to_one():
 
 
 def test_with_full_trust_it_is_the_average_of_bayes():
-    prior = trusted(1.0)
+    prior = prior_with(1.0)
     mixed = mixture(LOG_P, LOG_MASS, NUMBERS, prior)
     joint = (
         LOG_P + scipy.special.log_softmax(LOG_MASS) + prior.noise_table.log_odds[NUMBERS][:, None]
@@ -36,12 +36,12 @@ def test_with_full_trust_it_is_the_average_of_bayes():
 
 
 def test_without_trust_the_prior_is_left():
-    mixed = mixture(LOG_P[1:], LOG_MASS, NUMBERS[1:], trusted(0.0))
+    mixed = mixture(LOG_P[1:], LOG_MASS, NUMBERS[1:], prior_with(0.0))
     np.testing.assert_allclose(mixed.probability, scipy.special.softmax(LOG_MASS), rtol=1e-12)
 
 
 def test_a_group_is_mixed_before_it_is_flattened():
-    full, some = (mixture(LOG_P, LOG_MASS, NUMBERS, trusted(t)) for t in (1.0, 0.3))
+    full, some = (mixture(LOG_P, LOG_MASS, NUMBERS, prior_with(t)) for t in (1.0, 0.3))
     short = slice(1, 3)  # hypotheses 2 and 5
     by_group = [np.sum(mixed.by_hypothesis[short]) for mixed in (full, some)]
     assert by_group[1] == pytest.approx(by_group[0], rel=1e-9)
@@ -55,7 +55,7 @@ def test_a_group_is_mixed_before_it_is_flattened():
 
 def test_known_weights_take_the_place_of_the_evidence():
     log_weight = np.array([-3.0, -np.inf, -2.0, -1.0])
-    mixed = mixture(LOG_P, LOG_MASS, NUMBERS, trusted(1.0), log_weight)
+    mixed = mixture(LOG_P, LOG_MASS, NUMBERS, prior_with(1.0), log_weight)
     np.testing.assert_allclose(mixed.by_hypothesis, scipy.special.softmax(log_weight), atol=1e-12)
 
 
@@ -68,5 +68,5 @@ def test_mass_of_the_prior_counts_by_its_share():
 def test_levels_that_rule_out_a_hypothesis_or_all_but_one_place():
     log_p = np.full((2, 3), -1e5)
     log_p[1, 2] = -3.0
-    mixed = mixture(log_p, np.zeros(3), np.array([0, 1]), trusted(1.0))
+    mixed = mixture(log_p, np.zeros(3), np.array([0, 1]), prior_with(1.0))
     np.testing.assert_array_equal(mixed.share, [[0, 0, 0], [0, 0, 1]])

@@ -10,7 +10,7 @@ from tests.kit.walks import add_position_errors, censor_at_floor, simulate
 PRIOR = live_prior(LiveSettings(height_m=0.0))
 
 
-def followed(obs):
+def follow(obs):
     online = OnlineLocator(PRIOR)
     columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
     for reading in zip(*(v.tolist() for v in columns), strict=True):
@@ -26,7 +26,7 @@ def test_says_what_the_whole_walk_says(seed):
     approximated.
     """
     obs, _ = simulate(np.random.default_rng(seed), "square", count=MOST_BLOCKS - 5, step=8.4)
-    online_mode, offline = followed(obs).strongest_mode(), locate(obs, PRIOR)
+    online_mode, offline = follow(obs).strongest_mode(), locate(obs, PRIOR)
     mode = min(
         offline.modes,
         key=lambda m: np.hypot(m.x_m - online_mode.state[0], m.y_m - online_mode.state[1]),
@@ -42,7 +42,7 @@ def test_says_what_the_whole_walk_says(seed):
 
 def test_rows_added_one_by_one_are_those_of_a_new_search():
     obs, _ = simulate(np.random.default_rng(4), "L", count=60, step=14.0)
-    online = followed(obs)
+    online = follow(obs)
     before = online.strongest_mode()
     online.search()
     after = online.strongest_mode()
@@ -57,14 +57,14 @@ def test_errors_of_the_fixes_choose_no_side_of_a_straight_walk(seed):
     """With the track as told one side holds more than 90 % in a third of such walks."""
     rng = np.random.default_rng(seed)
     obs = add_position_errors(rng, 3.0, simulate(rng, "straight", count=400, step=2.1)[0])
-    assert followed(obs).strongest_mode().probability < 0.7
+    assert follow(obs).strongest_mode().probability < 0.7
 
 
 def test_a_walk_that_turns_is_searched_anew():
     rng = np.random.default_rng(5)
     obs = add_position_errors(rng, 3.0, simulate(rng, "L", count=400, step=2.1)[0])
     ahead = obs.part(slice(200))
-    online = followed(ahead)
+    online = follow(ahead)
     assert online._curve is not None
     assert online.stale <= 1.0
     for k in range(200, 230):
@@ -83,7 +83,7 @@ def test_nothing_is_said_of_a_few_readings():
 
 def test_a_long_walk_stays_bounded():
     obs, _ = simulate(np.random.default_rng(6), "square", count=1500, step=2.8)
-    online = followed(obs)
+    online = follow(obs)
     assert online._n <= MOST_BLOCKS
     assert online._block[4, : online._n].sum() == len(obs)
 
@@ -91,7 +91,7 @@ def test_a_long_walk_stays_bounded():
 def test_readings_at_the_floor_are_kept_and_bounded():
     obs, source = simulate(np.random.default_rng(7), "square", count=900)
     low = censor_at_floor(obs, 0.45)
-    online = followed(low)
+    online = follow(low)
     assert len(online._gone) <= 40
     assert sum(count for *_, count, _ in online._gone) == np.count_nonzero(low.limit)
     online_mode = online.strongest_mode()
@@ -102,7 +102,7 @@ def test_readings_at_the_floor_are_kept_and_bounded():
 
 def test_the_same_readings_at_the_floor_lead_to_the_same_bits():
     low = censor_at_floor(simulate(np.random.default_rng(8), "L", count=200, step=4.2)[0], 0.45)
-    one, again = followed(low).strongest_mode(), followed(low).strongest_mode()
+    one, again = follow(low).strongest_mode(), follow(low).strongest_mode()
     assert np.array_equal(one.state, again.state)
     assert np.array_equal(one.covariance, again.covariance)
     assert (one.probability, one.sigma_db) == (again.probability, again.sigma_db)

@@ -20,7 +20,7 @@ from tests.kit.walks import (
 )
 
 
-def walked(seed, shape, **noise):
+def simulate_walk(seed, shape, **noise):
     return simulate(np.random.default_rng(seed), shape, count=150, step=5.6, **noise)
 
 
@@ -28,7 +28,7 @@ def walked(seed, shape, **noise):
 
 
 def test_numbers_of_a_clear_case():
-    obs, source = walked(24, "square", white_db=2.0)
+    obs, source = simulate_walk(24, "square", white_db=2.0)
     found = locate(obs)
     assert assess(found, obs).verdict == "located"
     assert np.hypot(found.x_m - source[0], found.y_m - source[1]) < 1.5 * found.r95_m
@@ -40,7 +40,7 @@ def test_numbers_of_a_clear_case():
 
 
 def test_numbers_are_those_of_the_cells():
-    obs, _ = walked(28, "L", shadow_db=4.0)
+    obs, _ = simulate_walk(28, "L", shadow_db=4.0)
     found = locate(obs)
     p, away = (
         found.squares.probability,
@@ -64,7 +64,7 @@ def test_numbers_are_those_of_the_cells():
 
 @pytest.mark.parametrize("aside", [0.49, 0.51])
 def test_the_strongest_reading_is_inside_up_to_the_edge_of_the_half_region(aside):
-    found = locate(walked(28, "L", shadow_db=4.0)[0])
+    found = locate(simulate_walk(28, "L", shadow_db=4.0)[0])
     inner, squares = highest_density(found.squares, HALF), found.squares
     k = inner[np.argmax(squares.x_m[inner] + 0.5 * squares.size_m[inner])]  # its eastern edge
     at = StrongestReading(squares.x_m[k] + aside * squares.size_m[k], squares.y_m[k], -60.0)
@@ -111,7 +111,7 @@ def test_no_reading_at_all():
 
 def test_straight_walk_leaves_two_mirror_images():
     for seed in (14, 15, 16):
-        obs, (x, y) = walked(seed, "straight")
+        obs, (x, y) = simulate_walk(seed, "straight")
         found = locate(obs)
         mirrored = max(abs(m.y_m) for m in found.modes)
         assert len(found.modes) >= 2
@@ -144,13 +144,13 @@ def test_round_walk_leaves_the_inverse_point(away):
 # --- invariances ---
 
 
-def turned(obs, angle):
+def turn(obs, angle):
     c, s = np.cos(angle), np.sin(angle)
     return replace(obs, x_m=c * obs.x_m - s * obs.y_m, y_m=s * obs.x_m + c * obs.y_m)
 
 
 def test_shift_of_the_walk():
-    obs, _ = walked(20, "L")
+    obs, _ = simulate_walk(20, "L")
     a, b = locate(obs), locate(replace(obs, x_m=obs.x_m + 500_000.0, y_m=obs.y_m + 5_000_000.0))
     assert (b.x_m - 500_000.0, b.y_m - 5_000_000.0) == pytest.approx((a.x_m, a.y_m), abs=0.1)
     assert b.region_area_m2 == pytest.approx(a.region_area_m2, rel=0.05)
@@ -158,8 +158,8 @@ def test_shift_of_the_walk():
 
 
 def test_rotation_of_the_walk():
-    obs, _ = walked(21, "random")
-    a, b = locate(obs), locate(turned(obs, 0.7))
+    obs, _ = simulate_walk(21, "random")
+    a, b = locate(obs), locate(turn(obs, 0.7))
     c, s = np.cos(0.7), np.sin(0.7)
     off = np.hypot(b.x_m - (c * a.x_m - s * a.y_m), b.y_m - (s * a.x_m + c * a.y_m))
     assert off < 0.25 * a.r95_m
@@ -170,7 +170,7 @@ def test_rotation_of_the_walk():
 
 
 def test_constant_added_to_all_levels():
-    obs, _ = walked(22, "square")
+    obs, _ = simulate_walk(22, "square")
     wide = Prior(p0_sigma_db=300.0)
     a, b = locate(obs, wide), locate(replace(obs, level_dbm=obs.level_dbm + 20.0), wide)
     assert (b.x_m, b.y_m) == pytest.approx((a.x_m, a.y_m), abs=0.02 * a.r95_m)
@@ -191,7 +191,7 @@ def test_equal_levels_leave_no_rounding():
 
 
 def test_order_of_the_readings_does_not_matter():
-    obs, _ = walked(23, "L")
+    obs, _ = simulate_walk(23, "L")
     order = np.random.default_rng(23).permutation(len(obs))
     a = locate(obs)
     b = locate(replace(obs, x_m=obs.x_m[order], y_m=obs.y_m[order], level_dbm=obs.level_dbm[order]))
@@ -214,7 +214,7 @@ def test_standing_still_adds_no_certainty():
 
 
 def test_the_search_reaches_as_far_as_the_prior():
-    obs, _ = walked(29, "square")
+    obs, _ = simulate_walk(29, "square")
     for reach_m in (500.0, 30_000.0):
         cells = locate(obs, Prior(reach_m=reach_m)).squares
         assert np.max(np.abs(cells.x_m) + 0.5 * cells.size_m) >= reach_m
@@ -242,7 +242,7 @@ def test_mass_at_the_end_of_the_search_is_reported(far_power):
 
 
 def test_no_mass_at_the_end_of_the_search_of_a_clear_case():
-    obs, _ = walked(24, "square", white_db=2.0)
+    obs, _ = simulate_walk(24, "square", white_db=2.0)
     assert locate(obs).limit_share < 0.01
 
 
@@ -264,7 +264,7 @@ def test_an_error_of_the_receiver_that_lasts_moves_the_answer_along(position_sig
 
 
 def test_a_walk_half_at_the_floor_is_located_no_better_than_the_whole():
-    obs, _ = walked(24, "square", white_db=2.0)
+    obs, _ = simulate_walk(24, "square", white_db=2.0)
     half, complete = locate(censor_at_floor(obs, 0.5)), locate(obs)
     assert half.region_area_m2 > complete.region_area_m2
     assert np.isfinite(half.log_evidence)

@@ -15,7 +15,7 @@ def gaussians(*peaks, count=100, size=4.0):
     return Squares(x, y, np.full(x.size, size), mass / mass.sum())
 
 
-def quartered(cells, wanted):
+def quarter_squares(cells, wanted):
     """The same mass with some cells split in four."""
     quarter = 0.25 * cells.size_m[wanted]
     x, y, size, p = ([v[~wanted]] for v in (cells.x_m, cells.y_m, cells.size_m, cells.probability))
@@ -60,7 +60,7 @@ def test_no_other_set_of_the_same_mass_is_smaller():
 
 def test_how_finely_the_plane_is_cut_does_not_matter():
     cells = gaussians((0.7, -60.0, 0.0, 20.0), (0.3, 60.0, 0.0, 20.0))
-    finer = quartered(cells, cells.x_m > 0.0)
+    finer = quarter_squares(cells, cells.x_m > 0.0)
     assert region.area_m2(finer) == pytest.approx(region.area_m2(cells), rel=1e-3)
     held = [
         sorted(c.probability[k].sum() for k in region.mode_regions(c, 0.999))

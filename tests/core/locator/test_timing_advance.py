@@ -80,7 +80,7 @@ def by_quadrature(found, x, y):
     """log_p of one position, its bias integrated by scipy."""
     away = np.hypot(x - found.x_m, y - found.y_m)
 
-    def given(bias):
+    def posterior_with(bias):
         p = [
             0.95 * probability(np.array(n), np.array(d + bias)) + 0.05 / 64
             for n, d in zip(found.step, away, strict=True)
@@ -89,12 +89,12 @@ def by_quadrature(found, x, y):
 
     normal = scipy.stats.norm(BIAS_M, BIAS_SIGMA_M)
     limits = BIAS_M - 5 * BIAS_SIGMA_M, BIAS_M + 5 * BIAS_SIGMA_M
-    near = scipy.integrate.quad(lambda b: normal.pdf(b) * given(b), *limits, limit=400)[0]
+    near = scipy.integrate.quad(lambda b: normal.pdf(b) * posterior_with(b), *limits, limit=400)[0]
     own = np.sum(found.weight * ((found.step + 0.5) * STEP_M - away)) / np.sum(found.weight)
     density = 0.5 * (
-        0.95 * near + 0.05 / 128 * given(own)
+        0.95 * near + 0.05 / 128 * posterior_with(own)
     )  # half of the modems that print only 0 were never told
-    return np.log(density + (0.0 if np.any(found.step) else 0.5 * given(own)))
+    return np.log(density + (0.0 if np.any(found.step) else 0.5 * posterior_with(own)))
 
 
 @pytest.mark.parametrize("far_m", [700.0, 1500.0, 3100.0])

@@ -33,25 +33,25 @@ def track_of(gone, count=12, apart_m=25.0, noise_db=0.0):
     return replace(blocks(observations(x, 0 * x, level), 300), censored=gone)
 
 
-def given(track, number, prior=PRIOR):
+def evidence_of(track, number, prior=PRIOR):
     (noise,) = whiteners(track, prior, [number])
     return tobit.conditional_levels(track, noise, prior.hypotheses[number])
 
 
 def test_white_noise_leaves_every_reading_its_worth_and_nothing_known():
-    found = given(track_of(ends(np.arange(10) * 20.0, readings=4.0)), 0)
+    found = evidence_of(track_of(ends(np.arange(10) * 20.0, readings=4.0)), 0)
     np.testing.assert_allclose(found.effective_readings, 4.0, rtol=1e-9)
     np.testing.assert_allclose(found.sd, 1.0)
     assert not found.predicted_dbm.any()
 
 
 def test_one_shadow_over_all_places_counts_once():
-    away = given(track_of(ends(1e6 + np.arange(10) * 0.01)), 1)
+    away = evidence_of(track_of(ends(1e6 + np.arange(10) * 0.01)), 1)
     k = 0.7 + 0.3 * np.eye(10)
     assert away.effective_readings.sum() == pytest.approx(np.linalg.inv(k).sum(), rel=0.01)
     assert away.effective_readings.sum() < 1.5
     np.testing.assert_allclose(
-        given(track_of(ends(np.arange(1, 11) * 1e4)), 1).effective_readings, 1.0, rtol=0.01
+        evidence_of(track_of(ends(np.arange(1, 11) * 1e4)), 1).effective_readings, 1.0, rtol=0.01
     )
 
 
@@ -69,7 +69,7 @@ def test_what_the_levels_tell_is_the_conditional_gaussian(number):
     k, cross = covariances(track, PRIOR)[number], (complete * np.ones((19, 19)))[12:, :12]
     gain = cross @ np.linalg.inv(k)
     variance = hypothesis.white_share + (0.7 if number else 0.0) - np.sum(gain * cross, axis=1)
-    found = given(track, number)
+    found = evidence_of(track, number)
     np.testing.assert_allclose(found.gain, gain, atol=1e-9)
     np.testing.assert_allclose(found.predicted_dbm, gain @ track.level_dbm, atol=1e-7)
     np.testing.assert_allclose(found.sd, np.sqrt(variance), atol=1e-9)
@@ -104,19 +104,19 @@ def test_large_blocks_tell_no_more_than_there_is_to_know():
 PLACES = np.array([100.0, 250.0]), np.array([60.0, -90.0])
 
 
-def joined(track, number, prior=PRIOR):
+def joint_evidence_of(track, number, prior=PRIOR):
     found = whiteners(track, prior, [number])
     total = walk_sums(track, matrices_of(found), prior, *PLACES)
     log_det = np.array([[found[0].log_det]])
     both = tobit.tobit_evidence(
-        total, log_det, track, [given(track, number, prior)], prior, *PLACES
+        total, log_det, track, [evidence_of(track, number, prior)], prior, *PLACES
     )
     return both, marginal(total, len(track), log_det, prior)
 
 
 def by_net(track, number, h):
     """Integral over P0, eta and log sigma, with the mean and covariance of the first two."""
-    one, gone, n = given(track, number), track.censored, len(track)
+    one, gone, n = evidence_of(track, number), track.censored, len(track)
     x_m, y_m = PLACES[0][h], PLACES[1][h]
     of_levels = 5.0 * np.log10((track.x_m - x_m) ** 2 + (track.y_m - y_m) ** 2 + PRIOR.height_m**2)
     of_gone = (
@@ -174,7 +174,7 @@ def test_laplace_agrees_with_the_integral(count, surprise_db, side, number):
         ends(np.linspace(60.0, 300.0, count), side, limit_dbm, np.arange(count) % 3 + 1.0),
         noise_db=4.0,
     )
-    both, _ = joined(track, number)
+    both, _ = joint_evidence_of(track, number)
     for h in range(2):
         log_p, mean, cov = by_net(track, number, h)
         assert both.log_p[0, h] == pytest.approx(log_p, abs=0.15)
@@ -188,7 +188,7 @@ def test_without_an_end_near_by_it_is_what_the_levels_say():
     quadrature there.
     """
     track = track_of(ends([40_000.0, 50_000.0], limit_dbm=-60.0), noise_db=4.0)
-    both, levels = joined(track, 0)
+    both, levels = joint_evidence_of(track, 0)
     np.testing.assert_allclose(both.log_p, levels.log_p, atol=0.12)
     off = np.abs(both.theta - levels.theta)[:, 0] / np.sqrt(levels.theta_cov[[0, 2], 0])
     assert np.max(off) < 0.25
@@ -199,7 +199,7 @@ def test_without_an_end_near_by_it_is_what_the_levels_say():
 def test_what_contradicts_the_levels_costs_but_stays_finite(sigma_db, limit_dbm):
     track = track_of(ends(np.linspace(60.0, 300.0, 40), limit_dbm=limit_dbm))
     for number in (0, 1):
-        both, levels = joined(track, number, replace(PRIOR, sigma_db=sigma_db))
+        both, levels = joint_evidence_of(track, number, replace(PRIOR, sigma_db=sigma_db))
         assert all(np.all(np.isfinite(values)) for values in both)
         assert np.all(both.log_p <= levels.log_p + 0.1)
         assert np.all(both.theta_cov[[0, 2]] > 0.0)
@@ -213,7 +213,7 @@ def test_levels_near_the_floor_do_not_pass_for_all_there_are():
     x, y = rng.uniform(0.0, 40.0, (2, 400))
     levels_dbm = np.round(rng.normal(FLOOR_DBM, 4.0, 400))
     track = blocks(observations(x + 300.0, y, np.maximum(levels_dbm, FLOOR_DBM)), 300)
-    both, levels = joined(track, 0)
+    both, levels = joint_evidence_of(track, 0)
     assert np.all(levels.sigma_db < 3.2)
     np.testing.assert_allclose(both.sigma_db, 4.0, rtol=0.15)
 
@@ -227,7 +227,7 @@ def taken_as_levels(obs):
     return replace(obs, level_dbm=obs.level_dbm + 1e-6 * floor * np.arange(1, len(obs) + 1))
 
 
-def dropped(obs):
+def without_floor(obs):
     keep = obs.limit == 0
     names = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
     return replace(obs, **{name: getattr(obs, name)[keep] for name in names})
@@ -243,7 +243,7 @@ def test_the_kit_clips_as_much_as_it_is_asked():
     for share in (0.2, 0.45, 0.7):
         assert np.mean(censor_at_floor(obs, share).limit == -1) == pytest.approx(share, abs=0.05)
         assert not np.any(taken_as_levels(censor_at_floor(obs, share)).limit)
-        assert not np.any(dropped(censor_at_floor(obs, share)).limit)
+        assert not np.any(without_floor(censor_at_floor(obs, share)).limit)
 
 
 def test_with_readings_at_the_floor_noise_is_believed_as_without_a_floor():
@@ -255,7 +255,7 @@ def test_with_readings_at_the_floor_noise_is_believed_as_without_a_floor():
     ways = (
         lambda obs: obs,
         lambda obs: censor_at_floor(obs, 0.45),
-        lambda obs: dropped(censor_at_floor(obs, 0.45)),
+        lambda obs: without_floor(censor_at_floor(obs, 0.45)),
     )
     complete, used, alone = (
         np.array([locate(way(obs), effort=quick).white_share for obs in walks]) for way in ways
@@ -268,7 +268,7 @@ def test_with_readings_at_the_floor_noise_is_believed_as_without_a_floor():
 def test_readings_at_the_floor_are_better_used_than_dropped_or_believed():
     rng = np.random.default_rng(77)
     walks = [simulate(rng, "square", count=150, step=5.6) for _ in range(12)]
-    ways = {"used": lambda obs: obs, "dropped": dropped, "believed": taken_as_levels}
+    ways = {"used": lambda obs: obs, "dropped": without_floor, "believed": taken_as_levels}
     every = {
         name: [errors_m(way, walks, share) for share in (0.2, 0.45, 0.7)]
         for name, way in ways.items()

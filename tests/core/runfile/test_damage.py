@@ -53,7 +53,7 @@ def _nothing_invented(got):
             assert FOUND[seq] == record
 
 
-def _damaged(path, data, journal, spans):
+def _check_damage(path, data, journal, spans):
     """Read damaged bytes; every frame that stands in them untouched must have been read."""
     complete = [journal[start:end] for start, end in spans]
     intact = sum(frame in data for frame in complete)
@@ -102,7 +102,7 @@ def test_random_flips(journal, holders, tmp_path, n):
         data = bytearray(journal)
         for _ in range(rng.choice([1, 1, 1, 4, 30])):
             data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
-        _damaged(tmp_path / "hit.journal", bytes(data), journal, holders)
+        _check_damage(tmp_path / "hit.journal", bytes(data), journal, holders)
 
 
 @_flips(50)

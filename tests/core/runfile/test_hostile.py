@@ -26,7 +26,7 @@ def honest(tmp_path_factory):
 
 
 @pytest.fixture
-def crafted(honest, tmp_path):
+def crafted_file(honest, tmp_path):
     """Makes a run with something changed."""
 
     def craft(change):
@@ -48,32 +48,32 @@ def _one_line(capsys):
 
 
 @pytest.mark.parametrize("name", hostile_runs.ELSEWHERE)
-def test_what_leads_out_of_the_file_is_refused(crafted, capsys, name):
-    path = crafted(hostile_runs.ELSEWHERE[name])
+def test_what_leads_out_of_the_file_is_refused(crafted_file, capsys, name):
+    path = crafted_file(hostile_runs.ELSEWHERE[name])
     for more in ([], ["--verify"], ["--json"]):
         assert main(["info", str(path), *more]) == 2
         assert "it is not read" in _one_line(capsys)
 
 
 @pytest.mark.parametrize("name", hostile_runs.UNREADABLE)
-def test_what_is_no_run_is_one_line(crafted, capsys, name):
-    path = crafted(hostile_runs.UNREADABLE[name])
+def test_what_is_no_run_is_one_line(crafted_file, capsys, name):
+    path = crafted_file(hostile_runs.UNREADABLE[name])
     for more in ([], ["--verify"]):
         assert main(["info", str(path), *more]) == 2
         assert str(path) in _one_line(capsys)
 
 
 @pytest.mark.parametrize("name", hostile_runs.ALTERED)
-def test_what_was_altered_is_named(crafted, capsys, name):
+def test_what_was_altered_is_named(crafted_file, capsys, name):
     change, word = hostile_runs.ALTERED[name]
-    path = crafted(change)
+    path = crafted_file(change)
     assert main(["info", "--verify", str(path)]) == 3
     failed = [line for line in capsys.readouterr().out.splitlines() if line.startswith("FAIL")]
     assert any(word in line for line in failed), failed
     assert main(["info", str(path)]) == 0
 
 
-def test_an_honest_run_of_either_version_of_frames_verifies(honest, crafted, capsys):
+def test_an_honest_run_of_either_version_of_frames_verifies(honest, crafted_file, capsys):
     """Frames had no checksums before; then what was altered is found, not named."""
 
     def without_checksums(file, _):
@@ -83,7 +83,7 @@ def test_an_honest_run_of_either_version_of_frames_verifies(honest, crafted, cap
         hostile_runs.replace_dataset(file, "frames", data=old, chunks=(64,), maxshape=(None,))
 
     assert main(["info", "--verify", str(honest)]) == 0
-    path = crafted(without_checksums)
+    path = crafted_file(without_checksums)
     assert main(["info", "--verify", str(path)]) == 0
     with h5py.File(path, "r+") as file:
         file["raw_bytes"][0] += 1
@@ -128,11 +128,11 @@ def _more_mb(*argv):
     return int(done.stderr.split("MORE ")[1])
 
 
-def test_bytes_that_memory_should_not_hold_are_counted_and_left(crafted):
+def test_bytes_that_memory_should_not_hold_are_counted_and_left(crafted_file):
     """A port that is stuck sends zeros for hours, which pack to nothing: the rest of such a run is
     read.
     """
-    path = crafted(
+    path = crafted_file(
         lambda file, _: hostile_runs._packed(file, "raw_bytes", 600 << 20, 1 << 20, "u1")
     )
     run = read_run(path)
@@ -142,8 +142,8 @@ def test_bytes_that_memory_should_not_hold_are_counted_and_left(crafted):
         assert _more_mb("info", path, *more) < 512
 
 
-def test_many_rows_take_no_more_memory_than_they_need(crafted):
-    path = crafted(
+def test_many_rows_take_no_more_memory_than_they_need(crafted_file):
+    path = crafted_file(
         lambda file, _: hostile_runs._packed(
             file, "readings", 200_000, 16_384, file["readings"].dtype
         )

@@ -28,6 +28,14 @@ def test_a_value_and_arrays_come_back(file):
     found["rows"]["n"] = 7  # theirs to change
 
 
+def test_the_folder_that_we_are_in_may_be_gone(file, tmp_path, monkeypatch):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert isolation.run_isolated(file, isolated_tasks.succeed, 1)[0] == 1
+
+
 @pytest.mark.parametrize(
     ("task", "message"),
     [

@@ -48,12 +48,12 @@ def test_an_older_run_is_replayed_as_the_same_walk_recorded_today(form, tmp_path
     runs.write_journal(tmp_path / "a.journal", runs.records(24))
     older, today = read_run(DATA / f"schema-3.{form}"), read_run(tmp_path / "a.journal")
     assert older.meta.live == today.meta.live
-    assert replayed(older) == replayed(today)
+    assert replay_of(older) == replay_of(today)
     assert replay(older).n_recorded > 20
-    assert replay(older).n_replayed == len(replayed(today)) > 20
+    assert replay(older).n_replayed == len(replay_of(today)) > 20
 
 
-def replayed(run):
+def replay_of(run):
     """What the live estimate of today says of a run, without the numbers of its records."""
     tracker = LiveTracker(run.meta.live)
     records = [record for _, record in run.records("fixes", "scans")]

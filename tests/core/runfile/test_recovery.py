@@ -83,7 +83,7 @@ def test_a_run_in_several_files_is_one(tmp_path):
         assert run.end is not None
 
 
-def _finished(folder, n):
+def _finished_run(folder, n):
     path = folder / f"run-{n:06d}.journal"
     runs.write_journal(path, runs.records(20), run_id=str(n))
     (recovered,) = recover(path)
@@ -91,7 +91,7 @@ def _finished(folder, n):
 
 
 def test_the_oldest_spare_journal_goes_first_and_a_run_never(tmp_path):
-    (first, _), (_, spoiled), (third, _) = (_finished(tmp_path, n) for n in (1, 2, 3))
+    (first, _), (_, spoiled), (third, _) = (_finished_run(tmp_path, n) for n in (1, 2, 3))
     data = bytearray(spoiled.read_bytes())
     with h5py.File(spoiled) as file:
         data[file["readings"].id.get_chunk_info(0).byte_offset] ^= 0xFF
@@ -114,6 +114,6 @@ def test_the_oldest_spare_journal_goes_first_and_a_run_never(tmp_path):
 
 
 def test_a_finished_run_of_another_walk_does_not_free_a_journal(tmp_path):
-    (first, run), (_, other) = (_finished(tmp_path, n) for n in (1, 2))
+    (first, run), (_, other) = (_finished_run(tmp_path, n) for n in (1, 2))
     run.write_bytes(other.read_bytes())
     assert first not in list(make_room(tmp_path, HUGE))

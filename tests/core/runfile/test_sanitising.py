@@ -12,7 +12,7 @@ from tests.kit import runs
 
 
 @pytest.fixture
-def crafted(tmp_path):
+def crafted_run(tmp_path):
     """Writes a run whose rows were changed before they were recorded, as a forger would."""
     import h5py
 
@@ -29,8 +29,8 @@ def crafted(tmp_path):
     return craft
 
 
-def test_an_honest_run_is_the_same_for_both_readers(crafted):
-    path = crafted()
+def test_an_honest_run_is_the_same_for_both_readers(crafted_run):
+    path = crafted_run()
     exact, sound = read_run(path), read_sound_run(path)
     assert not sound.damage
     for table, rows in exact.tables.items():
@@ -57,10 +57,10 @@ def test_an_honest_run_is_the_same_for_both_readers(crafted):
         ("raw", "length", 2**31 - 1, 0),
     ],
 )
-def test_what_no_recorder_writes_is_unknown(crafted, capsys, table, column, value, instead):
-    path = crafted((table, column, value)) if table != "notes" else None
+def test_what_no_recorder_writes_is_unknown(crafted_run, capsys, table, column, value, instead):
+    path = crafted_run((table, column, value)) if table != "notes" else None
     if path is None:
-        path = crafted()
+        path = crafted_run()
         import h5py
 
         with h5py.File(path, "r+") as file:
@@ -77,7 +77,7 @@ def test_what_no_recorder_writes_is_unknown(crafted, capsys, table, column, valu
 @pytest.mark.parametrize(
     ("column", "value"), [("seq", -1), ("seq", 2**63 - 1), ("t_ns", 2**63 - 1), ("t_ns", -(2**63))]
 )
-def test_rows_at_no_time_are_left_out(crafted, column, value):
-    run = read_sound_run(crafted(("readings", column, value)))
+def test_rows_at_no_time_are_left_out(crafted_run, column, value):
+    run = read_sound_run(crafted_run(("readings", column, value)))
     assert len(run.tables["readings"]) == 39
     assert run.damage.meaningless_values == 1

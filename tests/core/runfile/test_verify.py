@@ -42,7 +42,7 @@ def test_the_digest_is_what_the_page_says(journal):
     assert digest.hex() == read_run(journal).digest
 
 
-def _rewritten(journal, change):
+def _rewrite(journal, change):
     """The journal with one frame changed, its CRC right."""
     data, out = journal.read_bytes(), []
     for frame in scan(data):
@@ -68,7 +68,7 @@ def _touch_a_byte(frames):
     ],
 )
 def test_what_was_changed_with_care_is_found(journal, tmp_path, capsys, change, message):
-    _rewritten(journal, change)
+    _rewrite(journal, change)
     convert_journal(journal, tmp_path / "a.h5")
     for path in (journal, tmp_path / "a.h5"):
         assert not sealing_of(path).holds

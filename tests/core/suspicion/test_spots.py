@@ -5,7 +5,7 @@ from itertools import pairwise
 from logger.core.suspicion.spots import MOST_SPOTS, Spots
 
 
-def _walked(n, level_dbm=lambda k: -90.0, *, step_m=30.0, step_s=20.0):
+def _walk(n, level_dbm=lambda k: -90.0, *, step_m=30.0, step_s=20.0):
     spots = Spots()
     for k in range(n):
         spots.add(k * step_m, 5.0, level_dbm(k), k * step_s)
@@ -22,7 +22,7 @@ def test_levels_of_a_square_are_averaged():
 
 def test_a_long_walk_keeps_both_peaks_and_covers_the_way():
     """A clone passed first and its original an hour later are both needed to tell two places."""
-    spots = _walked(1000, lambda k: -50.0 if k in (20, 900) else -90.0)
+    spots = _walk(1000, lambda k: -50.0 if k in (20, 900) else -90.0)
     assert len(spots) <= MOST_SPOTS + 1
     assert spots.n == 1000
     strongest = sorted(spots, key=lambda spot: spot.level_dbm)[-2:]

@@ -124,7 +124,7 @@ def test_all_forms_between_all_rows_in_any_order():
         assert out.count(REPLY) == len(forms)
 
 
-def _changed(data):
+def _has_changed(data):
     return [a for a, b in zip(data.split(b"\n"), redact(data).split(b"\n"), strict=True) if a != b]
 
 
@@ -133,16 +133,18 @@ def test_no_row_and_no_sentence_of_the_recordings_is_touched(corpus):
     among stars.
     """
     found = [
-        line for path in sorted(corpus.glob("modem/*.txt")) for line in _changed(path.read_bytes())
+        line
+        for path in sorted(corpus.glob("modem/*.txt"))
+        for line in _has_changed(path.read_bytes())
     ]
     assert [line[:6] for line in found] == [b"IMEI: ", b"#RFSTS"]
     for path in sorted(corpus.glob("nmea/*.nmea")):
-        assert not _changed(path.read_bytes())
+        assert not _has_changed(path.read_bytes())
 
 
 @pytest.mark.parametrize("path", sorted(DATA.rglob("*.*")), ids=lambda path: path.name)
 def test_nothing_of_our_own_recordings_is_touched(path):
-    assert not _changed(path.read_bytes())
+    assert not _has_changed(path.read_bytes())
 
 
 def test_a_message_does_not_swallow_the_rows_after_it():

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from logger.drivers.protocols.at import MAX_LINE, MAX_LINES, AtFramer, Unsolicited
 from logger.drivers.protocols.dialogue import INTERRUPTION, Reply
 from logger.drivers.protocols.garbage import Garbage
-from tests.kit.at_framers import CENG_LINES, CENG_REPLY, check, expired, sent
+from tests.kit.at_framers import CENG_LINES, CENG_REPLY, check, framer_after, framer_after_expiry
 from tests.kit.framers import feed_all, split_at
 from tests.kit.scaling import check_growth
 
@@ -23,13 +23,13 @@ from tests.kit.scaling import check_growth
     ],
 )
 def test_echo_is_dropped_in_all_its_forms(echo):
-    check(sent("AT+CENG?"), echo + CENG_REPLY, [Reply("AT+CENG?", CENG_LINES, "OK")])
+    check(framer_after("AT+CENG?"), echo + CENG_REPLY, [Reply("AT+CENG?", CENG_LINES, "OK")])
 
 
 @pytest.mark.parametrize("end", [b"\r\n", b"\n", b"\r", b"\r\r\n", b"\n\r"])
 def test_any_line_end_ends_a_line(end):
     check(
-        sent("AT+CSQ"),
+        framer_after("AT+CSQ"),
         end.join([b"+CSQ: 20,0", b"OK", b""]),
         [Reply("AT+CSQ", ("+CSQ: 20,0",), "OK")],
     )
@@ -50,25 +50,27 @@ def test_any_line_end_ends_a_line(end):
     ],
 )
 def test_final_codes_close_a_reply(final):
-    check(sent("AT+CENG?"), f"\r\n{final}\r\n".encode(), [Reply("AT+CENG?", (), final)])
+    check(framer_after("AT+CENG?"), f"\r\n{final}\r\n".encode(), [Reply("AT+CENG?", (), final)])
 
 
 @pytest.mark.parametrize(
     ("digit", "final"), [("0", "OK"), ("1", "CONNECT"), ("3", "NO CARRIER"), ("4", "ERROR")]
 )
 def test_numeric_codes_close_a_reply_in_words(digit, final):
-    check(sent("AT"), f"AT\r{digit}\r".encode(), [Reply("AT", (), final)])
+    check(framer_after("AT"), f"AT\r{digit}\r".encode(), [Reply("AT", (), final)])
     check(
-        sent("AT+CSQ"), f"+CSQ: 9,0\r\n{digit}\r".encode(), [Reply("AT+CSQ", ("+CSQ: 9,0",), final)]
+        framer_after("AT+CSQ"),
+        f"+CSQ: 9,0\r\n{digit}\r".encode(),
+        [Reply("AT+CSQ", ("+CSQ: 9,0",), final)],
     )
 
 
 def test_number_in_a_reply_with_words_is_a_line():
-    check(sent("AT+X"), b"AT+X\r\r\n0\r\n\r\nOK\r\n", [Reply("AT+X", ("0",), "OK")])
+    check(framer_after("AT+X"), b"AT+X\r\r\n0\r\n\r\nOK\r\n", [Reply("AT+X", ("0",), "OK")])
 
 
 def test_number_is_a_line_once_the_modem_has_answered_in_words():
-    framer = sent("AT")()
+    framer = framer_after("AT")()
     assert feed_all(framer, [b"OK\n"]) == [Reply("AT", (), "OK")]
     framer.send("AT+X")
     assert feed_all(framer, [b"4\nOK\n"]) == [Reply("AT+X", ("4",), "OK")]
@@ -101,14 +103,14 @@ def test_unsolicited_line_inside_a_reply(line):
         b"\r\n\r\n+CENG: 0", b"\r\n\r\n" + line.encode() + b"\r\n\r\n+CENG: 0"
     )
     reply = Reply("AT+CENG?", CENG_LINES, "OK", interrupted=frozenset({0}))
-    check(sent("AT+CENG?"), data, [Unsolicited(line), reply])
+    check(framer_after("AT+CENG?"), data, [Unsolicited(line), reply])
     assert reply.marked_lines == (CENG_LINES[0], INTERRUPTION, *CENG_LINES[1:])
 
 
 def test_lines_of_every_part_of_a_joined_command_belong_to_it():
     lines = ("+CPIN: READY", "+CSQ: 28,99", '+COPS: 0,2,"22288",7')
     check(
-        sent("AT+CPIN?;+CSQ;+COPS?"),
+        framer_after("AT+CPIN?;+CSQ;+COPS?"),
         "\n".join([*lines, "+CREG: 1", "OK", ""]).encode(),
         [
             Unsolicited("+CREG: 1"),
@@ -120,7 +122,7 @@ def test_lines_of_every_part_of_a_joined_command_belong_to_it():
 def test_lines_without_prefix_belong_to_the_reply():
     line = 'Operator:"T, Mobile",MCC:310,MNC:260,Rxlev:53,Cellid:CF00,Arfcn:1709'
     check(
-        sent("AT+CNETSCAN"),
+        framer_after("AT+CNETSCAN"),
         f"\r\n{line}\r\n\r\nOK\r\n".encode(),
         [Reply("AT+CNETSCAN", (line,), "OK")],
     )
@@ -135,59 +137,71 @@ def test_lines_while_nothing_is_pending_are_unsolicited():
 
 
 def test_sim900_prefix_without_blank():
-    check(sent("AT+CENG?"), b'+CENG:0,"06"\r\nOK\r\n', [Reply("AT+CENG?", ('+CENG:0,"06"',), "OK")])
+    check(
+        framer_after("AT+CENG?"),
+        b'+CENG:0,"06"\r\nOK\r\n',
+        [Reply("AT+CENG?", ('+CENG:0,"06"',), "OK")],
+    )
 
 
 @pytest.mark.parametrize(
     "noise", [b"\x00", b"\xff\xfe", b"O\x01K", b"+CENG: 0,\xb01", b'"\x1b"', b"\x7f"]
 )
 def test_bytes_that_are_no_text_are_garbage(noise):
-    check(sent("AT"), noise + b"\r\nOK\r\n", [Garbage(noise), Reply("AT", (), "OK")])
+    check(framer_after("AT"), noise + b"\r\nOK\r\n", [Garbage(noise), Reply("AT", (), "OK")])
 
 
 def test_high_bytes_are_text_between_quotation_marks():
     line = '+COPS: 0,0,"Téléphone"'
     check(
-        sent("AT+COPS?"), f"{line}\r\nOK\r\n".encode("latin-1"), [Reply("AT+COPS?", (line,), "OK")]
+        framer_after("AT+COPS?"),
+        f"{line}\r\nOK\r\n".encode("latin-1"),
+        [Reply("AT+COPS?", (line,), "OK")],
     )
 
 
 @pytest.mark.parametrize("length", [MAX_LINE + 1, 2 * MAX_LINE, 3 * MAX_LINE + 7])
 def test_overlong_line_is_garbage(length):
     check(
-        sent("AT"), b"x" * length + b"\r\nOK\r\n", [Garbage(b"x" * length), Reply("AT", (), "OK")]
+        framer_after("AT"),
+        b"x" * length + b"\r\nOK\r\n",
+        [Garbage(b"x" * length), Reply("AT", (), "OK")],
     )
 
 
 def test_longest_line_is_a_line():
-    check(sent("ATI"), b"x" * MAX_LINE + b"\r\nOK\r\n", [Reply("ATI", ("x" * MAX_LINE,), "OK")])
+    check(
+        framer_after("ATI"),
+        b"x" * MAX_LINE + b"\r\nOK\r\n",
+        [Reply("ATI", ("x" * MAX_LINE,), "OK")],
+    )
 
 
 def test_memory_is_bounded_without_line_ends_and_without_final_code():
-    framer = sent("ATI")()
+    framer = framer_after("ATI")()
     for _ in range(100):
         list(framer.feed(b"x" * 1000))
         assert len(framer._buffer) <= MAX_LINE
-    framer = sent("ATI")()
+    framer = framer_after("ATI")()
     events = list(framer.feed(b"abc\n" * (MAX_LINES + 5)))
     assert events == [Unsolicited("abc")] * 5
     assert framer.expire() == Reply("ATI", ("abc",) * MAX_LINES, None)
 
 
 def test_expired_command_keeps_its_lines():
-    framer = sent("AT+CENG?")()
+    framer = framer_after("AT+CENG?")()
     assert list(framer.feed(b"\r\n+CENG: 1,1\r\n\r\n+CENG: 0,")) == []
     assert framer.expire() == Reply("AT+CENG?", ("+CENG: 1,1",), None)
 
 
 def test_bytes_are_consumed_even_if_nothing_reads_the_events():
-    framer = sent("AT+CENG?")()
+    framer = framer_after("AT+CENG?")()
     framer.feed(CENG_REPLY[:30])
     assert list(framer.feed(CENG_REPLY[30:])) == [Reply("AT+CENG?", CENG_LINES, "OK")]
 
 
 def test_flush_ends_the_last_line_of_a_transcript():
-    framer = sent("AT+CENG?")()
+    framer = framer_after("AT+CENG?")()
     assert list(framer.feed(CENG_REPLY.rstrip())) == []
     assert list(framer.flush()) == [Reply("AT+CENG?", CENG_LINES, "OK")]
     assert list(framer.flush()) == []
@@ -224,20 +238,20 @@ STREAMS = st.lists(PIECES | st.binary(max_size=5), max_size=12).map(b"".join)
     st.sampled_from(["AT", "AT+CENG?", "AT+CENG=1,1"]),
 )
 def test_chunks_make_no_difference(data, sizes, command):
-    make = expired("AT+CENG?", then=command)
+    make = framer_after_expiry("AT+CENG?", then=command)
     assert feed_all(make(), split_at(data, sizes)) == feed_all(make(), [data])
 
 
 @given(STREAMS)
 def test_a_reply_comes_at_most_once(data):
-    framer = sent("AT+CENG?")()
+    framer = framer_after("AT+CENG?")()
     assert sum(isinstance(event, Reply) for event in feed_all(framer, [data])) <= 1
 
 
 def test_time_grows_with_the_rows_and_no_faster():
     def read(count: int) -> None:
         rows = b'+CENG: 1,"0128,15,30,a53f,310,411,178d"\r\n' * count + b"OK\r\n"
-        framer = sent("AT+CENG?")()
+        framer = framer_after("AT+CENG?")()
         for i in range(0, len(rows), 64):
             list(framer.feed(rows[i : i + 64]))
 

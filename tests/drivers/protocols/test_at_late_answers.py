@@ -1,6 +1,6 @@
 from logger.drivers.protocols.at import AtFramer, Unsolicited
 from logger.drivers.protocols.dialogue import Reply
-from tests.kit.at_framers import CENG_LINES, CENG_REPLY, check, expired, sent
+from tests.kit.at_framers import CENG_LINES, CENG_REPLY, check, framer_after, framer_after_expiry
 
 
 def test_line_begun_before_the_command_does_not_answer_it():
@@ -11,7 +11,7 @@ def test_line_begun_before_the_command_does_not_answer_it():
 
 
 def test_late_final_code_while_nothing_is_pending_changes_nothing():
-    framer = sent("AT+CENG?")()
+    framer = framer_after("AT+CENG?")()
     framer.expire()
     assert list(framer.feed(CENG_REPLY)) == [*map(Unsolicited, CENG_LINES), Unsolicited("OK")]
     framer.send("AT+CSQ")
@@ -20,24 +20,24 @@ def test_late_final_code_while_nothing_is_pending_changes_nothing():
 
 def test_late_answer_of_another_command_does_not_close_the_reply():
     expected = [*map(Unsolicited, CENG_LINES), Unsolicited("OK"), Reply("AT", (), "OK")]
-    check(expired("AT+CENG?", then="AT"), CENG_REPLY + b"\r\nOK\r\n", expected)
+    check(framer_after_expiry("AT+CENG?", then="AT"), CENG_REPLY + b"\r\nOK\r\n", expected)
 
 
 def test_late_bare_ok_does_not_close_a_question():
     check(
-        expired("AT", then="AT+CENG?"),
+        framer_after_expiry("AT", then="AT+CENG?"),
         b"OK\r\n" + CENG_REPLY,
         [Unsolicited("OK"), Reply("AT+CENG?", CENG_LINES, "OK")],
     )
     check(
-        expired("AT", then="AT+CSQ"),
+        framer_after_expiry("AT", then="AT+CSQ"),
         b"OK\n+CSQ: 1,0\nOK\n",
         [Unsolicited("OK"), Reply("AT+CSQ", ("+CSQ: 1,0",), "OK")],
     )
 
 
 def test_late_answer_that_never_comes_costs_one_time_out_at_most():
-    framer = expired("AT", then="AT+CENG?")()
+    framer = framer_after_expiry("AT", then="AT+CENG?")()
     assert list(framer.feed(b"OK\r\n")) == [Unsolicited("OK")]
     framer.expire()
     framer.send("AT+CENG?")
@@ -45,7 +45,7 @@ def test_late_answer_that_never_comes_costs_one_time_out_at_most():
 
 
 def test_answer_of_its_own_settles_the_account():
-    framer = expired("AT", then="AT+CENG?")()
+    framer = framer_after_expiry("AT", then="AT+CENG?")()
     assert list(framer.feed(CENG_REPLY)) == [Reply("AT+CENG?", CENG_LINES, "OK")]
     framer.send("AT+CSQ")
     assert list(framer.feed(b"OK\r\n")) == [Reply("AT+CSQ", (), "OK")]

@@ -49,7 +49,7 @@ def _in_the_middle(line, rng):
     return line[:at] + _noise(rng) + line[at + rng.randint(0, 2) :]
 
 
-def _heard(reply, damage, rng):
+def _lines_of(reply, damage, rng):
     """The lines of a reply as the framer gives them, noise and all."""
     lines = [line.encode("latin-1") for line in reply.split("\n") if line.strip()]
     framer = AtFramer()
@@ -68,7 +68,7 @@ def test_noise_before_and_between_lines_takes_no_row(name, kind):
     driver, rng = FAMILIES[name], random.Random(1)
     for reply in own_replies(name):
         if all(NAME.match(line) for line in reply.split("\n") if line.strip()):
-            assert cells_of(driver, _heard(reply, BEFORE[kind], rng)) == cells_of(
+            assert cells_of(driver, _lines_of(reply, BEFORE[kind], rng)) == cells_of(
                 driver, reply.split("\n")
             )
 
@@ -81,7 +81,7 @@ def test_noise_anywhere_invents_no_cell(name, kind):
         honest = {identity_of(cell) for cell in cells_of(driver, reply.split("\n"))}
         places = [{cell[i] for cell in honest} | {None} for i in range(4)]
         for _ in range(20):
-            for cell in cells_of(driver, _heard(reply, (BEFORE | AFTER)[kind], rng)):
+            for cell in cells_of(driver, _lines_of(reply, (BEFORE | AFTER)[kind], rng)):
                 assert cell.identity_unsure or all(
                     value in known for value, known in zip(identity_of(cell), places, strict=False)
                 ), cell

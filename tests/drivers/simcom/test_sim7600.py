@@ -237,14 +237,14 @@ def test_setup():
 ASKED = ("AT+CPSI?", "AT+CCINFO", "AT+CMGRMI=4", "AT+CESQ")
 
 
-def polled(*answers):
+def poll_with(*answers):
     return run_exchange(
         MODEM.poll(), [(text, *answer) for text, answer in zip(ASKED, answers, strict=True)]
     )
 
 
 def test_poll_names_the_serving_cell_once():
-    serving, *others = polled(
+    serving, *others = poll_with(
         ([CPSI], "OK"), ([], "ERROR"), (CMGRMI, "OK"), (["+CESQ: 99,99,255,255,20,51"], "OK")
     )
     assert (serving.cid, serving.rsrp_dbm, serving.role) == (7654321, -91.1, "serving")
@@ -253,7 +253,7 @@ def test_poll_names_the_serving_cell_once():
 
 def test_poll_takes_the_network_from_the_line_that_has_it():
     cpsi = "+CPSI: WCDMA,Online,262-02,0x0A1B,19088743,WCDMA 2100,117,10688,0,9.5,84,25,31,500"
-    serving, neighbour = polled(
+    serving, neighbour = poll_with(
         ([cpsi], "OK"), ([WCDMA, WCDMA_NEIGHBOUR], "OK"), ([], "ERROR"), ([], "ERROR")
     )
     assert (serving.cell, serving.rscp_dbm, neighbour.role) == (
@@ -264,14 +264,14 @@ def test_poll_takes_the_network_from_the_line_that_has_it():
 
 
 def test_first_answer_after_power_up_is_an_error():
-    assert polled(*[([], "ERROR")] * 4) is None
-    assert polled(*[([], None)] * 4) is None
-    rows = polled(([], "ERROR"), ([GSM], "OK"), ([], "+CME ERROR: 3"), ([], None))
+    assert poll_with(*[([], "ERROR")] * 4) is None
+    assert poll_with(*[([], None)] * 4) is None
+    rows = poll_with(([], "ERROR"), ([GSM], "OK"), ([], "+CME ERROR: 3"), ([], None))
     assert [row.cid for row in rows if isinstance(row, CellReading)] == [4321]
 
 
 def test_poll_without_service():
-    rows = polled((["+CPSI: NO SERVICE,Online"], "OK"), ([], "OK"), ([], "ERROR"), ([], "ERROR"))
+    rows = poll_with((["+CPSI: NO SERVICE,Online"], "OK"), ([], "OK"), ([], "ERROR"), ([], "ERROR"))
     assert rows == (NoCell(status="NO SERVICE", state="Online"),)
 
 

@@ -12,29 +12,29 @@ MODEMS = [Sim7000(), Sim7600()]
 REPLIES = [reply for modem in MODEMS for reply in own_replies(modem.name)]
 
 
-def named(lines):
+def identities_of(lines):
     return {identity_of(row) for modem in MODEMS for row in cells_of(modem, lines)}
 
 
 @pytest.mark.parametrize("text", REPLIES)
 def test_cut_reply_has_no_other_cell(text):
-    known = named(text.split("\n")) | {NO_IDENTITY}
+    known = identities_of(text.split("\n")) | {NO_IDENTITY}
     for end in range(len(text)):
-        assert named(text[:end].split("\n")) <= known, text[:end]
+        assert identities_of(text[:end].split("\n")) <= known, text[:end]
 
 
 @pytest.mark.parametrize("text", REPLIES)
 def test_lost_mark_makes_no_other_cell(text):
-    known = named(text.split("\n")) | {NO_IDENTITY}
+    known = identities_of(text.split("\n")) | {NO_IDENTITY}
     for at, mark in enumerate(text):
         if not mark.isalnum():  # a digit lost inside a number cannot be seen
             damaged = text[:at] + text[at + 1 :]
-            assert named(damaged.split("\n")) <= known, damaged
+            assert identities_of(damaged.split("\n")) <= known, damaged
 
 
 @pytest.mark.parametrize("text", REPLIES)
 def test_added_comma_makes_no_other_cell(text):
-    known = named(text.split("\n")) | {NO_IDENTITY}
+    known = identities_of(text.split("\n")) | {NO_IDENTITY}
     for at in range(len(text)):
         damaged = f"{text[:at]},{text[at:]}"
-        assert named(damaged.split("\n")) <= known, damaged
+        assert identities_of(damaged.split("\n")) <= known, damaged

@@ -16,7 +16,7 @@ def runs(tmp_path_factory):
     return [write_walk(folder, n, two_cells(-50.0 - n), n=20) for n in range(7)]
 
 
-def added(tmp_path, paths):
+def add_walks(tmp_path, paths):
     with BaselineStore(tmp_path / "baseline.db", create=True) as store:
         return list(add_runs(store, paths))
 
@@ -33,7 +33,7 @@ def test_small_files_are_read_by_few_processes(tmp_path, runs, monkeypatch):
     monkeypatch.setattr(
         read_ahead, "read_sound_run", lambda path: pytest.fail(f"{path} read alone")
     )
-    results = added(tmp_path, runs[:6])
+    results = add_walks(tmp_path, runs[:6])
     assert sorted(groups) == [3, 3]
     assert [result.walk for result in results] == [1, 2, 3, 4, 5, 6]
 
@@ -46,7 +46,7 @@ def test_a_bad_file_spoils_no_other(tmp_path, runs, at):
     bad.write_bytes(content)
     with pytest.raises(RunFileError):
         read_small_runs([bad, runs[0]])
-    results = added(tmp_path, [*runs[:at], bad, *runs[at:]])
+    results = add_walks(tmp_path, [*runs[:at], bad, *runs[at:]])
     assert [bool(result.problem) for result in results] == [k == at for k in range(8)]
     assert "bad.h5" in results[at].problem
     assert [result.path for result in results if result.walk] == runs
@@ -56,4 +56,4 @@ def test_journals_and_large_files_are_read_alone(tmp_path, runs, monkeypatch):
     monkeypatch.setattr(read_ahead, "_SMALL_BYTES", 0)
     monkeypatch.setattr(read_ahead, "read_small_runs", lambda _: pytest.fail("read together"))
     paths = [runs[0], runs[1].with_suffix(".journal"), runs[2]]
-    assert [result.walk for result in added(tmp_path, paths)] == [1, 2, 3]
+    assert [result.walk for result in add_walks(tmp_path, paths)] == [1, 2, 3]

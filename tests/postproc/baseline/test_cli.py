@@ -16,13 +16,13 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def printed(capsys, *arguments, code=0):
+def output_of(capsys, *arguments, code=0):
     assert main(["baseline", *arguments]) == code
     return capsys.readouterr()
 
 
 def document(capsys, *arguments, code=0):
-    return json.loads(printed(capsys, *arguments, "--json", code=code).out)
+    return json.loads(output_of(capsys, *arguments, "--json", code=code).out)
 
 
 def test_runs_are_added_once(folder, capsys):
@@ -30,22 +30,22 @@ def test_runs_are_added_once(folder, capsys):
     assert [run["walk"] for run in added["runs"]] == [1, 2, None]
     assert [run["is_known"] for run in added["runs"]] == [False, False, True]
     assert (added["walks"], added["cells"]) == (2, 2)
-    again = printed(capsys, "add", "run-000001.h5").out
+    again = output_of(capsys, "add", "run-000001.h5").out
     assert again == "baseline.db: 0 added, 1 in it already; 2 walks, 2 cells\n"
 
 
 def test_a_run_that_cannot_be_read_does_not_stop_the_others(folder, capsys):
     (folder / "bad.h5").write_bytes(b"no run")
-    output = printed(capsys, "add", "bad.h5", "run-000002.h5", "missing.h5", code=3)
+    output = output_of(capsys, "add", "bad.h5", "run-000002.h5", "missing.h5", code=3)
     assert len(output.err.splitlines()) == 2
     assert "bad.h5 was not added" in output.err
     assert "1 added; 1 walk, 2 cells" in output.out
 
 
 def test_the_list_has_walks_and_trusted_cells(folder, capsys):
-    printed(capsys, "add", "run-000001.h5", "run-000002.h5")
-    printed(capsys, "trust", name(1), "my femtocell")
-    text = printed(capsys, "list").out
+    output_of(capsys, "add", "run-000001.h5", "run-000002.h5")
+    output_of(capsys, "trust", name(1), "my femtocell")
+    text = output_of(capsys, "list").out
     assert "baseline.db: 2 walks" in text
     assert f"trusted: {name(1)}: my femtocell" in text
     listed = document(capsys, "list")
@@ -54,8 +54,8 @@ def test_the_list_has_walks_and_trusted_cells(folder, capsys):
 
 
 def test_a_walk_is_removed_and_trust_stays(folder, capsys):
-    printed(capsys, "add", "run-000001.h5", "run-000002.h5")
-    printed(capsys, "trust", name(1), "my femtocell")
+    output_of(capsys, "add", "run-000001.h5", "run-000002.h5")
+    output_of(capsys, "trust", name(1), "my femtocell")
     digest = document(capsys, "list")["walks"][1]["digest"]
     removed = document(capsys, "remove", digest[:10])
     assert [walk["id"] for walk in removed["removed"]] == [2]
@@ -78,7 +78,7 @@ def test_a_walk_is_removed_and_trust_stays(folder, capsys):
     ],
 )
 def test_no_baseline_is_one_line(folder, capsys, arguments):
-    assert len(printed(capsys, *arguments, code=2).err.splitlines()) == 1
+    assert len(output_of(capsys, *arguments, code=2).err.splitlines()) == 1
     assert not (folder / "baseline.db").exists()
 
 
@@ -96,5 +96,5 @@ def test_no_baseline_is_one_line(folder, capsys, arguments):
     ],
 )
 def test_mistakes_are_one_line(folder, capsys, arguments):
-    printed(capsys, "add", "run-000001.h5")
-    assert len(printed(capsys, *arguments, code=2).err.splitlines()) == 1
+    output_of(capsys, "add", "run-000001.h5")
+    assert len(output_of(capsys, *arguments, code=2).err.splitlines()) == 1

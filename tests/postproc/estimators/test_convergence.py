@@ -93,11 +93,11 @@ BROKEN = {
 def test_a_filter_that_diverged_is_not_passed_on(name, broken):
     obs = few_readings(0)
 
-    def filtered(state, covariance):
+    def filter_path(state, covariance):
         none = np.array([np.nan])
         return FilterPath(obs.t_ns[-1:], state[None], covariance[None], none, none)
 
-    broken_one, whole = filtered(*BROKEN[broken]), filtered(FINE, np.eye(4))
+    broken_one, whole = filter_path(*BROKEN[broken]), filter_path(FINE, np.eye(4))
     every = dict.fromkeys(("reference", "ekf", "backward", "rts"), whole)
     found = _converged_only(CellResult("c", 5, obs, "located", (), **(every | {name: broken_one})))
     assert found.failed == (name,)

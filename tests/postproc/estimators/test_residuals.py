@@ -39,7 +39,7 @@ def around(obs):
     return np.hypot(dx, dy), np.arctan2(dx, dy)
 
 
-def fitted(obs):
+def fit_state(obs):
     return least_squares.fit(obs, [(SOURCE[0], SOURCE[1])]).state
 
 
@@ -61,7 +61,7 @@ def test_worlds_of_the_model_raise_no_alarm(white_db, shadow_db):
     alarms = {"levels": 0, "sector": 0, "outlying": 0, "correlated": 0}
     for _ in range(12):
         obs = walk(rng, white_db=white_db, shadow_db=shadow_db)
-        findings_text = " ".join(findings(diagnose(fitted(obs), obs)))
+        findings_text = " ".join(findings(diagnose(fit_state(obs), obs)))
         alarms = {word: count + (word in findings_text) for word, count in alarms.items()}
     assert alarms["correlated"] == (12 if shadow_db else 0)
     assert max(alarms["levels"], alarms["sector"], alarms["outlying"]) <= 2
@@ -96,7 +96,7 @@ def test_standard_errors_of_bins_are_true():
         chi2 = []
         for _ in range(6):
             obs = walk(rng, white_db=white_db, shadow_db=shadow_db)
-            result = diagnose(fitted(obs), obs)
+            result = diagnose(fit_state(obs), obs)
             chi2 += [
                 np.mean((bins.mean_db / bins.sigma_db) ** 2)
                 for bins in (result.by_distance, result.by_azimuth)
@@ -122,7 +122,7 @@ def test_an_exponent_that_changes_is_named(change, word):
     bent = replace(
         obs, level_dbm=obs.level_dbm - 10.0 * change * np.maximum(np.log10(distance / 130.0), 0.0)
     )
-    result = diagnose(fitted(bent), bent)
+    result = diagnose(fit_state(bent), bent)
     assert result.exponent_change.eta_change == pytest.approx(
         change, abs=4.0 * result.exponent_change.eta_sigma
     )

@@ -31,27 +31,27 @@ def problem(seed, count=40, noise=NOISE, still=()):
     return obs, rng.multivariate_normal([*source, -30.0, 3.0], p), p, noise
 
 
-def smoothed(obs, mean, p, noise, rows=None):
+def smooth_naively(obs, mean, p, noise, rows=None):
     conditionals = np.empty((len(obs), 6))
     state = shadow_ekf.release(
         shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0])), p
     )
     ahead = shadow_pass(obs, state, noise, conditionals=conditionals)
     rows = retained_rows(len(obs)) if rows is None else rows
-    return ahead, rts.smooth(conditionals, moved(obs), noise, mean, ahead.end, rows)
+    return ahead, rts.smooth(conditionals, shift_positions(obs), noise, mean, ahead.end, rows)
 
 
-def moved(obs):
+def shift_positions(obs):
     return np.hypot(np.diff(obs.x_m), np.diff(obs.y_m))
 
 
-def recalled(obs, noise):
+def recall(obs, noise):
     if noise.decorrelation_m == 0.0:
         return np.zeros(len(obs) - 1)
-    return np.exp(-moved(obs) / noise.decorrelation_m)
+    return np.exp(-shift_positions(obs) / noise.decorrelation_m)
 
 
-def linearised(obs, ahead, mean):
+def linearise(obs, ahead, mean):
     """Rows h, values z and variances r of the linear problem that the EKF has solved: linearised
     where it stood.
     """
@@ -73,7 +73,7 @@ def dense_batch(obs, mean, p, noise, linear):
     """Mean and covariance of [x, y, P0, eta, s_1 ... s_n], conditioned on all levels at once."""
     h, z, r = linear
     n = len(obs)
-    way = np.concatenate([[0.0], np.cumsum(moved(obs))])
+    way = np.concatenate([[0.0], np.cumsum(shift_positions(obs))])
     prior = np.zeros((4 + n, 4 + n))
     prior[:4, :4] = p
     prior[4:, 4:] = noise.shadow_db**2 * np.exp(-np.abs(way[:, None] - way) / noise.decorrelation_m)
@@ -86,8 +86,8 @@ def dense_batch(obs, mean, p, noise, linear):
 @pytest.mark.parametrize("seed", range(5))
 def test_agrees_with_dense_batch_solution(seed):
     obs, mean, p, noise = problem(seed, still=(7, 8, 20))
-    ahead, (x, covariances) = smoothed(obs, mean, p, noise)
-    expected, whole = dense_batch(obs, mean, p, noise, linearised(obs, ahead, mean))
+    ahead, (x, covariances) = smooth_naively(obs, mean, p, noise)
+    expected, whole = dense_batch(obs, mean, p, noise, linearise(obs, ahead, mean))
     for k in range(len(obs)):
         own = [0, 1, 2, 3, 4 + k]
         np.testing.assert_allclose(x[k], expected[own], rtol=1e-9, atol=1e-9)
@@ -97,8 +97,8 @@ def test_agrees_with_dense_batch_solution(seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_agrees_with_filterpy(seed):
     obs, mean, p, noise = problem(seed)
-    ahead, (x, covariances) = smoothed(obs, mean, p, noise)
-    fs = [np.diag([1.0, 1.0, 1.0, 1.0, rho]) for rho in recalled(obs, noise)]
+    ahead, (x, covariances) = smooth_naively(obs, mean, p, noise)
+    fs = [np.diag([1.0, 1.0, 1.0, 1.0, rho]) for rho in recall(obs, noise)]
     qs = [np.diag([0.0, 0.0, 0.0, 0.0, noise.shadow_db**2 * (1.0 - f[4, 4] ** 2)]) for f in fs]
     # one more of each than it uses
     x_filterpy, p_filterpy, *_ = rts_smoother(
@@ -109,7 +109,7 @@ def test_agrees_with_filterpy(seed):
 
 
 def test_what_stands_still_is_smoothed_to_the_last_filtered_state():
-    ahead, (x, p) = smoothed(*problem(6))
+    ahead, (x, p) = smooth_naively(*problem(6))
     np.testing.assert_array_equal(
         x[:, STATIC], np.broadcast_to(ahead.path.x[-1, STATIC], (len(x), 4))
     )
@@ -120,7 +120,7 @@ def test_what_stands_still_is_smoothed_to_the_last_filtered_state():
 
 def test_where_the_walker_stood_the_shadowing_is_one():
     obs, *rest = problem(7, still=(11, 12, 13))
-    _, (x, p) = smoothed(obs, *rest)
+    _, (x, p) = smooth_naively(obs, *rest)
     np.testing.assert_allclose(x[10:14, 4], x[10, 4], rtol=1e-9)
     np.testing.assert_allclose(p[10:14, 4, 4], p[10, 4, 4], rtol=1e-9)
 
@@ -130,7 +130,7 @@ def test_where_the_walker_stood_the_shadowing_is_one():
 )
 def test_without_shadowing_there_is_none_to_find(noise):
     obs, mean, p, _ = problem(8)
-    _, (x, covariances) = smoothed(obs, mean, p, noise)
+    _, (x, covariances) = smooth_naively(obs, mean, p, noise)
     assert np.all(x[:, 4] == 0.0)
     assert np.all(covariances[:, 4] == 0.0)
 
@@ -144,7 +144,7 @@ def test_shadowing_is_consistent():
     for _ in range(60):
         obs, source = simulate(rng, "square", count=100, step=8.0, white_db=0.0)
         true = NOISE.shadow_db * rng.normal(size=100)
-        for k, rho in enumerate(recalled(obs, NOISE), start=1):
+        for k, rho in enumerate(recall(obs, NOISE), start=1):
             true[k] = rho * true[k - 1] + np.sqrt(1.0 - rho**2) * true[k]
         p = covariance(rng) * 0.1
         truth = np.array([*source, -30.0, 3.0])
@@ -152,7 +152,7 @@ def test_shadowing_is_consistent():
         obs.level_dbm[:] = np.round(
             -30.0 - 15.0 * np.log10(d2) + true + NOISE.white_db * rng.normal(size=100)
         )
-        _, (x, covariances) = smoothed(obs, rng.multivariate_normal(truth, p), p, NOISE)
+        _, (x, covariances) = smooth_naively(obs, rng.multivariate_normal(truth, p), p, NOISE)
         errors.append(np.mean((x[:, 4] - true) ** 2 / covariances[:, 4, 4]))
     assert np.mean(errors) == pytest.approx(1.0, abs=0.15)
 
@@ -160,8 +160,8 @@ def test_shadowing_is_consistent():
 def test_rows_are_those_asked_for():
     obs, *rest = problem(10)
     rows = np.array([3, 4, 17, 39])
-    _, (x, p) = smoothed(obs, *rest)
-    _, (x_some, p_some) = smoothed(obs, *rest, rows=rows)
+    _, (x, p) = smooth_naively(obs, *rest)
+    _, (x_some, p_some) = smooth_naively(obs, *rest, rows=rows)
     np.testing.assert_array_equal(x_some, x[rows])
     np.testing.assert_array_equal(p_some, p[rows])
 

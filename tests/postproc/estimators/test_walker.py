@@ -14,9 +14,11 @@ def test_positions_are_continuous_through_fixes_and_gaps():
     rng = np.random.default_rng(2)
     t_s, xy = streets(rng, 200)
     keep = (t_s < 80) | (t_s > 120)
-    smoothed = walker.smooth_track(track(t_s[keep], xy[keep] + rng.normal(size=(keep.sum(), 2))))
+    smooth_fixes = walker.smooth_track(
+        track(t_s[keep], xy[keep] + rng.normal(size=(keep.sum(), 2)))
+    )
     fine = np.arange(-5.0, 205.0, 0.01)
-    place, sigma = at(smoothed, fine)
+    place, sigma = at(smooth_fixes, fine)
     assert np.max(np.hypot(*np.diff(place, axis=0).T)) < 0.05
     assert np.max(np.abs(np.diff(sigma)[(fine[1:] > 0.0) & (fine[1:] < 199.0)])) < 0.05
 
@@ -36,8 +38,8 @@ def test_sigma_is_true_under_errors_that_last(white_m, with_velocity):
         )
         speed = np.gradient(xy, axis=0) + 0.1 * rng.normal(size=xy.shape)
         given = walker.Velocities(*speed.T, np.full(len(t_s), walker.VELOCITY_SIGMA_MPS))
-        smoothed = walker.smooth_track(track(t_s, xy + error), given if with_velocity else None)
-        place, sigma = at(smoothed, t_s)
+        smooth_fixes = walker.smooth_track(track(t_s, xy + error), given if with_velocity else None)
+        place, sigma = at(smooth_fixes, t_s)
         chi2 = np.sum((place - xy) ** 2, axis=1) / sigma**2
         nees.append(np.mean(chi2) / 2.0)
         inside.append(np.mean(chi2 < 5.991))
@@ -87,10 +89,10 @@ def test_a_jump_of_one_fix_is_counted_and_hardly_moves_the_walk():
     fixes = xy + wander(rng, t_s, 3.0, 60.0)
     jumps = [0, 50, 120, 121, 200, 299]
     fixes[jumps] += [150.0, -130.0]
-    smoothed = walker.smooth_track(track(t_s, fixes))
-    place, sigma = at(smoothed, t_s)
-    assert np.flatnonzero(smoothed.outlier).tolist() == jumps
-    assert smoothed.n_outliers == 6
+    smooth_fixes = walker.smooth_track(track(t_s, fixes))
+    place, sigma = at(smooth_fixes, t_s)
+    assert np.flatnonzero(smooth_fixes.outlier).tolist() == jumps
+    assert smooth_fixes.n_outliers == 6
     assert np.max(np.hypot(*(place - xy).T)) < 12.0
     assert np.mean(sigma[40:60]) < 5.0
 
@@ -158,12 +160,12 @@ def test_time_grows_with_the_fixes_and_no_faster():
     rng = np.random.default_rng(8)
     place_m = np.cumsum(rng.normal(size=(80_000, 2)), axis=0)
 
-    def smoothed(count: int) -> None:
+    def smooth_fixes(count: int) -> None:
         given = track(np.arange(float(count)), place_m[:count])
         walker.smooth_track(given).at(given.t_ns)
 
-    smoothed(9)  # compiles
-    check_growth(smoothed, 10_000, 80_000)
+    smooth_fixes(9)  # compiles
+    check_growth(smooth_fixes, 10_000, 80_000)
 
 
 # --- with the run ---
@@ -190,7 +192,7 @@ def test_velocities_come_from_speed_and_course_on_the_grid():
 def test_the_covariance_of_a_position_is_round():
     rng = np.random.default_rng(9)
     t_s, xy = streets(rng, 120)
-    smoothed = walker.smooth_track(track(t_s, xy))
-    result = smoothed.at(smoothed.track.t_ns[10:20] + 400_000_000)
+    smooth_fixes = walker.smooth_track(track(t_s, xy))
+    result = smooth_fixes.at(smooth_fixes.track.t_ns[10:20] + 400_000_000)
     np.testing.assert_allclose(result.covariance_m2[:, 0, 0], result.sigma_m**2)
     assert np.all(result.covariance_m2[:, 0, 1] == 0.0)

@@ -14,7 +14,7 @@ from postproc.interop.importing import import_walk
 from tests.postproc.interop.test_importing import WIGLE, _write
 
 
-def _packed(tmp_path, plain, kind):
+def _pack(tmp_path, plain, kind):
     if kind == "gz":
         (tmp_path / f"{plain.name}.gz").write_bytes(gzip.compress(plain.read_bytes()))
         return tmp_path / f"{plain.name}.gz"
@@ -49,7 +49,7 @@ def test_a_compressed_file_is_what_is_in_it(tmp_path, form, kind):
         "geopackage": lambda: _survey(tmp_path),
     }[form]()
     first = import_walk(plain, tmp_path / "plain.h5")
-    packed = import_walk(_packed(tmp_path, plain, kind), tmp_path / "packed.h5")
+    packed = import_walk(_pack(tmp_path, plain, kind), tmp_path / "packed.h5")
     assert (packed.format, packed.n_rows, packed.bad_rows) == (
         first.format,
         first.n_rows,
@@ -62,7 +62,7 @@ def test_a_compressed_file_is_what_is_in_it(tmp_path, form, kind):
 
 
 def test_errors_name_the_compressed_file_and_not_its_copy(tmp_path, capsys):
-    packed = _packed(tmp_path, _write(tmp_path, "t_s,lat,lon\n1,2,3\n", "a.csv"), "gz")
+    packed = _pack(tmp_path, _write(tmp_path, "t_s,lat,lon\n1,2,3\n", "a.csv"), "gz")
     assert main(["import", str(packed), "-o", str(tmp_path / "run.h5")]) == 2
     output = capsys.readouterr().err
     assert f"{packed}: the header line has no column rssi_dbm" in output

@@ -108,7 +108,7 @@ def test_other_formats_come_back_equal_in_what_they_hold(tmp_path, run, capsys, 
     _main(capsys, "import", tmp_path / "a", "-o", tmp_path / "back.h5")
     before, after = walk_of_run(read_run(run)), walk_of_run(read_run(tmp_path / "back.h5"))
 
-    def held(walk):
+    def content_of(walk):
         unit_ns = 10**9 if name == "wigle" else 10**6
         return sorted(
             (one.fix.utc_ns // unit_ns, one.reading.cell, one.reading.rat, one.rssi_dbm)
@@ -118,7 +118,7 @@ def test_other_formats_come_back_equal_in_what_they_hold(tmp_path, run, capsys, 
     def places(walk):
         return sorted((one.reading.cell, one.lat_deg, one.lon_deg) for one in walk.sightings)
 
-    assert held(after) == held(before)
+    assert content_of(after) == content_of(before)
     if name != "wigle":  # which has whole seconds, so that two places may have one time
         assert places(after) == places(before)
     _main(capsys, "export", tmp_path / "back.h5", "-o", tmp_path / "b", "--format", name)

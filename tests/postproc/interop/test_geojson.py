@@ -7,7 +7,7 @@ from postproc.interop import geojson
 from tests.postproc.interop import walks
 
 
-def _written(tmp_path, walk, found=()):
+def _write(tmp_path, walk, found=()):
     geojson.write(walk, found, tmp_path / "w.geojson")
     return json.loads(
         (tmp_path / "w.geojson").read_text(encoding="utf-8"), parse_constant=pytest.fail
@@ -60,7 +60,7 @@ def test_the_checker_finds_what_is_wrong():
 
 def test_walk_levels_and_estimates(tmp_path):
     run, walk, found = walks.around_a_square(tmp_path)
-    collection = _written(tmp_path, walk, found)
+    collection = _write(tmp_path, walk, found)
     check_rfc7946(collection)
     levels = _of_kind(collection, "level")
     assert len(levels) == len(run.tables["readings"]) == 120
@@ -88,7 +88,7 @@ def test_walk_levels_and_estimates(tmp_path):
 
 def test_all_estimators_come_with_ellipses_and_without_the_verdict(tmp_path):
     _, walk, found = walks.around_a_square(tmp_path, every=True, verdict="located")
-    collection = _written(tmp_path, walk, found)
+    collection = _write(tmp_path, walk, found)
     check_rfc7946(collection)
     places = _of_kind(collection, "place")
     assert [f["properties"]["name"] for f in places if f["properties"]["verdict"]] == [
@@ -103,14 +103,14 @@ def test_all_estimators_come_with_ellipses_and_without_the_verdict(tmp_path):
 
 def test_without_utc_there_are_seconds_only(tmp_path):
     _, walk, _ = walks.around_a_square(tmp_path, utc=False)
-    collection = _written(tmp_path, walk)
+    collection = _write(tmp_path, walk)
     assert {f["properties"]["utc"] for f in collection["features"]} == {None}
     assert _of_kind(collection, "level")[1]["properties"]["t_s"] == 0.0
     assert _of_kind(collection, "level")[-1]["properties"]["t_s"] == 118.0
 
 
 def test_over_the_date_line(tmp_path):
-    collection = _written(tmp_path, walks.over_the_date_line(tmp_path))
+    collection = _write(tmp_path, walks.over_the_date_line(tmp_path))
     check_rfc7946(collection)
     (track,) = _of_kind(collection, "walk")
     assert [(part[0][0], part[-1][0]) for part in track["geometry"]["coordinates"]] == [

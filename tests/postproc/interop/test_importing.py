@@ -163,7 +163,7 @@ def test_true_times_are_taken_held_places_or_not(tmp_path, held):
         assert import_walk(source, tmp_path / "run.h5").n_rows == n
 
 
-def _shuffled(lines):
+def _shuffle(lines):
     """The rows grouped by what they heard, as a table sorted by cell is, and counted."""
     head, *rows = lines
     rows.sort(key=lambda row: (row.split(",")[3], row))
@@ -178,7 +178,7 @@ BAD_TIMES = {
         line if i == 0 else f"{i / 10},{line.partition(',')[2]}"
         for i, line in enumerate(_drive(80))
     ],
-    "sorted by level": lambda: _shuffled(_drive(80)),
+    "sorted by level": lambda: _shuffle(_drive(80)),
 }
 
 

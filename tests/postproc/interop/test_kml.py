@@ -19,7 +19,7 @@ def schema():
     return xmlschema.XMLSchema(Path(folder) / "schema" / "ogckml22.xsd")
 
 
-def _written(tmp_path, walk, found=()):
+def _write(tmp_path, walk, found=()):
     kml.write(walk, found, tmp_path / "w.kml")
     return ET.parse(tmp_path / "w.kml").getroot()
 
@@ -39,7 +39,7 @@ def _points(element):
 
 def test_valid_with_levels_regions_ellipses_and_places(tmp_path, schema):
     _, walk, found = walks.around_a_square(tmp_path, every=True)
-    root = _written(tmp_path, walk, found)
+    root = _write(tmp_path, walk, found)
     schema.validate(tmp_path / "w.kml")
     cell = _folder(root, "262-01-4711-100")
     names = [p.findtext("k:name", namespaces=KML) for p in cell.findall("k:Placemark", KML)]
@@ -63,7 +63,7 @@ def test_strips_have_the_class_and_the_time_of_their_levels(tmp_path):
         assert strip[-1].t_ns - strip[0].t_ns <= 30 * 10**9  # never over the gap
     drawn = {id(one) for strip in found for one in strip}
     assert drawn == {id(one) for one in walk.sightings}
-    root = _written(tmp_path, walk)
+    root = _write(tmp_path, walk)
     first = _folder(root, "levels").find("k:Placemark", KML)
     assert first.findtext("k:TimeSpan/k:begin", namespaces=KML) == "2026-09-21T14:13:20.000Z"
     assert first.findtext("k:TimeSpan/k:end", namespaces=KML) == "2026-09-21T14:13:21.000Z"
@@ -72,13 +72,13 @@ def test_strips_have_the_class_and_the_time_of_their_levels(tmp_path):
 
 def test_over_the_date_line_and_without_utc(tmp_path, schema):
     walk = walks.over_the_date_line(tmp_path)
-    root = _written(tmp_path, walk)
+    root = _write(tmp_path, walk)
     schema.validate(tmp_path / "w.kml")
     for line in root.iter(f"{{{kml.NAMESPACE}}}LineString"):
         lons = [lon for lon, _ in _points(line)]
         assert max(lons) - min(lons) < 1.0
     _, walk, _ = walks.around_a_square(tmp_path, utc=False)
-    root = _written(tmp_path, walk)
+    root = _write(tmp_path, walk)
     schema.validate(tmp_path / "w.kml")
     assert not list(root.iter(f"{{{kml.NAMESPACE}}}TimeSpan"))
     assert "UTC is not known" in root.findtext("k:Document/k:description", namespaces=KML)

@@ -112,27 +112,27 @@ def test_thinning_keeps_means(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def located(tmp_path_factory, scheduler):
+def results(tmp_path_factory, scheduler):
     folder = tmp_path_factory.mktemp("city") / "s"
     _, survey = write_city(folder)
     assert main(["survey", "locate", str(folder), "--scheduler", scheduler, "--json"]) == 0
     return survey
 
 
-def test_command(located, scheduler, capsys):
+def test_command(results, scheduler, capsys):
     """Cells that were located from the same runs are not located again: no scheduler is needed."""
-    arguments = ["survey", "locate", str(located.folder)]
+    arguments = ["survey", "locate", str(results.folder)]
     assert main([*arguments, "--scheduler", "tcp://127.0.0.1:1", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
-    assert [one["cell"] for one in document["cells"]] == [one.cell for one in located.cells()]
+    assert [one["cell"] for one in document["cells"]] == [one.cell for one in results.cells()]
     assert main(arguments) == 0
     assert "2 known from before" in capsys.readouterr().out
     assert main([*arguments, "--cell", "262-01-1-1"]) == 2
     assert "not in the survey" in capsys.readouterr().err
 
 
-def test_duckdb_geopandas_and_gdal_read_the_results(located):
-    parquet, package = (located.folder / f"located.{form}" for form in ("parquet", "gpkg"))
+def test_duckdb_geopandas_and_gdal_read_the_results(results):
+    parquet, package = (results.folder / f"located.{form}" for form in ("parquet", "gpkg"))
     rows = duckdb.sql(f"SELECT cell, lat_deg, r95_m FROM '{parquet}' ORDER BY cell").fetchall()
     frame = gpd.read_parquet(parquet).sort_values("cell")
     assert [row[0] for row in rows] == frame["cell"].tolist()
@@ -146,20 +146,20 @@ def test_duckdb_geopandas_and_gdal_read_the_results(located):
     assert regions["verdict"].tolist() == gpd.read_file(package, layer="cells")["verdict"].tolist()
 
 
-def test_torn_line_is_computed_again(located, scheduler, capsys):
-    store = located.folder / "estimates.jsonl"
+def test_torn_line_is_computed_again(results, scheduler, capsys):
+    store = results.folder / "estimates.jsonl"
     whole = store.read_bytes()
     store.write_bytes(whole[: len(whole) - 100])
-    arguments = ["survey", "locate", str(located.folder), "--scheduler", scheduler]
+    arguments = ["survey", "locate", str(results.folder), "--scheduler", scheduler]
     assert main(arguments) == 0
     assert "1 known from before" in capsys.readouterr().out
     assert main(arguments) == 0
     assert "2 known from before" in capsys.readouterr().out
 
 
-def test_since(located, scheduler, capsys):
-    arguments = ["survey", "locate", str(located.folder), "--scheduler", scheduler, "--json",
-                 "-o", str(located.folder / "late")]  # fmt: skip
+def test_since(results, scheduler, capsys):
+    arguments = ["survey", "locate", str(results.folder), "--scheduler", scheduler, "--json",
+                 "-o", str(results.folder / "late")]  # fmt: skip
     assert main([*arguments, "--since", "2100-01-01"]) == 0
     assert json.loads(capsys.readouterr().out)["cells"] == []
     assert main([*arguments, "--since", "soon"]) == 2

@@ -12,7 +12,7 @@ from tests.kit.walks import observations, path
 PRIOR = Prior()
 
 
-def heard(rng, place, start=(0.0, 0.0), white_db=2.0):
+def levels_at(rng, place, start=(0.0, 0.0), white_db=2.0):
     x, y = path("square", 200, 3.0)
     x, y = x + start[0], y + start[1]
     level = (
@@ -25,9 +25,13 @@ def heard(rng, place, start=(0.0, 0.0), white_db=2.0):
 
 def test_two_runs_past_one_place_and_past_two():
     rng = np.random.default_rng(1)
-    one = prepare_walk(blocks(observations(*heard(rng, (80.0, 40.0))), 40), PRIOR)
-    same = prepare_walk(blocks(observations(*heard(rng, (80.0, 40.0), (60.0, -30.0))), 40), PRIOR)
-    away = prepare_walk(blocks(observations(*heard(rng, (-10.0, 200.0), (60.0, -30.0))), 40), PRIOR)
+    one = prepare_walk(blocks(observations(*levels_at(rng, (80.0, 40.0))), 40), PRIOR)
+    same = prepare_walk(
+        blocks(observations(*levels_at(rng, (80.0, 40.0), (60.0, -30.0))), 40), PRIOR
+    )
+    away = prepare_walk(
+        blocks(observations(*levels_at(rng, (-10.0, 200.0), (60.0, -30.0))), 40), PRIOR
+    )
     calm, cloned = (between_two(one, other, Utm(32), rng) for other in (same, away))
     assert calm.p > 0.05
     assert cloned.p < 0.01
@@ -38,7 +42,7 @@ def test_two_runs_past_one_place_and_past_two():
 
 
 def test_one_run_past_one_place_leaves_nothing_to_explain():
-    obs = observations(*heard(np.random.default_rng(2), (80.0, 40.0)))
+    obs = observations(*levels_at(np.random.default_rng(2), (80.0, 40.0)))
     assert within_one(obs, locate(obs, PRIOR), np.random.default_rng(0)) is None
 
 

@@ -28,7 +28,7 @@ def view(result, claim):
 
 
 @pytest.fixture(scope="session")
-def saved(view, tmp_path_factory):
+def recording_path(view, tmp_path_factory):
     """The recording's file."""
     path = tmp_path_factory.mktemp("scene") / "walk.rrd"
     write_scene(view, path)

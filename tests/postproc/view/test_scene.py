@@ -34,17 +34,20 @@ SHARED = f"""
 """
 
 
-def test_verify_accepts_the_file(saved):
+def test_verify_accepts_the_file(recording_path):
     done = subprocess.run(
-        [viewer.binary(), "rrd", "verify", saved], capture_output=True, text=True, check=False
+        [viewer.binary(), "rrd", "verify", recording_path],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
 
 
-def test_every_part_is_there(saved):
+def test_every_part_is_there(recording_path):
     expected = {f"{CELL}/{name}" for name in OF_CELL.split()}
     expected |= {f"{SERIES}/{name}" for name in OF_SERIES.split()}
-    assert expected | set(SHARED.split()) <= set(chunks(saved))
+    assert expected | set(SHARED.split()) <= set(chunks(recording_path))
 
 
 def check_levels(path, observations):
@@ -61,15 +64,15 @@ def check_walker(path, track):
     np.testing.assert_array_equal(times(columns, "elapsed"), track.t_ns - kit.START_NS)
 
 
-def test_levels_are_those_read(saved, result):
-    check_levels(saved, result.runs[0].observations)
+def test_levels_are_those_read(recording_path, result):
+    check_levels(recording_path, result.runs[0].observations)
 
 
-def test_walker_is_where_the_fixes_are(saved, result):
-    check_walker(saved, result.runs[0].observations.track)
+def test_walker_is_where_the_fixes_are(recording_path, result):
+    check_walker(recording_path, result.runs[0].observations.track)
 
 
-def test_other_values_are_noticed(saved, result):
+def test_other_values_are_noticed(recording_path, result):
     """The negative control: errors of a hundredth of a dB, a centimetre and a nanosecond."""
     observations = result.runs[0].observations
     first, track = observations.cells[0], observations.track
@@ -79,32 +82,34 @@ def test_other_values_are_noticed(saved, result):
         replace(first, t_ns=first.t_ns + is_seventh),
     ):
         with pytest.raises(AssertionError):
-            check_levels(saved, replace(observations, cells=(changed, *observations.cells[1:])))
+            check_levels(
+                recording_path, replace(observations, cells=(changed, *observations.cells[1:]))
+            )
     is_seventh = np.arange(len(track.t_ns)) == 7
     for moved in (
         replace(track, x_m=track.x_m + 0.01 * is_seventh),
         replace(track, t_ns=track.t_ns - is_seventh),
     ):
         with pytest.raises(AssertionError):
-            check_walker(saved, moved)
+            check_walker(recording_path, moved)
 
 
-def test_utc_is_that_of_the_fixes(saved, result):
-    columns = temporal_columns(saved, "/plan/walker")
+def test_utc_is_that_of_the_fixes(recording_path, result):
+    columns = temporal_columns(recording_path, "/plan/walker")
     np.testing.assert_array_equal(
         times(columns, "utc"), result.runs[0].run.tables["fixes"]["utc_ns"]
     )
 
 
-def test_trail_ends_at_the_walker(saved):
-    walker = values(temporal_columns(saved, "/plan/walker"), ":positions")
-    trail = temporal_columns(saved, "/plan/walker/trail")
+def test_trail_ends_at_the_walker(recording_path):
+    walker = values(temporal_columns(recording_path, "/plan/walker"), ":positions")
+    trail = temporal_columns(recording_path, "/plan/walker/trail")
     np.testing.assert_array_equal([row[0][-1] for row in rows(trail, ":strips")], walker)
 
 
-def test_the_track_has_the_colours_of_its_levels(saved, view):
+def test_the_track_has_the_colours_of_its_levels(recording_path, view):
     picture = view.cell_views[0].picture
-    columns = static_columns(saved, f"{CELL}/levels")
+    columns = static_columns(recording_path, f"{CELL}/levels")
     np.testing.assert_allclose(rows(columns, ":positions")[0], picture.readings_m, atol=1e-4)
     red, blue = (np.array(rows(columns, ":colors")[0]) >> shift & 255 for shift in (24, 8))
     strong = picture.level_dbm > np.median(picture.level_dbm)
@@ -112,35 +117,35 @@ def test_the_track_has_the_colours_of_its_levels(saved, view):
     assert np.mean(redness[strong]) > 0 > np.mean(redness[~strong])
 
 
-def test_filters_have_a_position_for_each_reading(saved, result):
+def test_filters_have_a_position_for_each_reading(recording_path, result):
     cell, track = result.cells[0], result.runs[0].observations.track
     for key, filtered in (("ekf", cell.ekf), ("reference", cell.reference)):
-        columns = temporal_columns(saved, f"{CELL}/{key}")
+        columns = temporal_columns(recording_path, f"{CELL}/{key}")
         positions = np.add(values(columns, ":positions"), (track.x_m[0], track.y_m[0]))
         np.testing.assert_allclose(positions, filtered.x[:, :2], atol=1e-2)
         np.testing.assert_array_equal(times(columns, "elapsed"), filtered.t_ns - kit.START_NS)
-        nis = temporal_columns(saved, f"{SERIES}/nis/{key}")
+        nis = temporal_columns(recording_path, f"{SERIES}/nis/{key}")
         np.testing.assert_allclose(values(nis, ":scalars")[:, 0], filtered.nis)
-    band = temporal_columns(saved, f"{SERIES}/p0/ekf")
+    band = temporal_columns(recording_path, f"{SERIES}/p0/ekf")
     np.testing.assert_allclose(values(band, ":values")[:, 0], cell.ekf.x[:, 2])
     np.testing.assert_allclose(values(band, ":variances")[:, 0], 4 * cell.ekf.p[:, 2, 2])
 
 
-def test_regions_shrink_step_by_step(saved, view):
+def test_regions_shrink_step_by_step(recording_path, view):
     cell = view.cell_views[0]
-    columns = temporal_columns(saved, f"{CELL}/posterior/region95")
+    columns = temporal_columns(recording_path, f"{CELL}/posterior/region95")
     np.testing.assert_array_equal(times(columns, "elapsed"), cell.t_ns - kit.START_NS)
     for row, regions in zip(rows(columns, ":strips"), cell.regions, strict=True):
         for drawn, ring in zip(row, regions["95"], strict=True):
             np.testing.assert_allclose(drawn, ring, atol=1e-4)
     widths = [np.ptp(np.array(row[0]), axis=0).max() for row in rows(columns, ":strips")]
     assert widths[0] > 2 * widths[-1]
-    areas = values(temporal_columns(saved, f"{SERIES}/area/posterior"), ":scalars")[:, 0]
+    areas = values(temporal_columns(recording_path, f"{SERIES}/area/posterior"), ":scalars")[:, 0]
     np.testing.assert_allclose(10**areas, cell.of_steps("region_area_m2"))
 
 
-def test_modes_have_labels_with_their_probability(saved, view):
-    columns = temporal_columns(saved, f"{CELL}/posterior/modes")
+def test_modes_have_labels_with_their_probability(recording_path, view):
+    columns = temporal_columns(recording_path, f"{CELL}/posterior/modes")
     modes = [mode for step in view.cell_views[0].steps for mode in step.posterior.modes]
     positions = [position for row in rows(columns, ":positions") for position in row]
     np.testing.assert_allclose(positions, view.survey.modes_m(modes), atol=1e-3)
@@ -148,19 +153,19 @@ def test_modes_have_labels_with_their_probability(saved, view):
     assert rows(columns, ":labels")[0] == [""]
 
 
-def test_verdicts_are_states(saved):
-    columns = temporal_columns(saved, f"{STATES}/verdict")
+def test_verdicts_are_states(recording_path):
+    columns = temporal_columns(recording_path, f"{STATES}/verdict")
     assert [row[0] for row in rows(columns, ":state")] == ["cannot tell", "ambiguous"]
 
 
-def test_claims_are_at_their_positions(saved):
-    columns = static_columns(saved, f"{CELL}/claims/1")
+def test_claims_are_at_their_positions(recording_path):
+    columns = static_columns(recording_path, f"{CELL}/claims/1")
     np.testing.assert_allclose(rows(columns, ":positions")[0], [(0.0, 0.0)], atol=1e-3)
     assert rows(columns, ":labels")[0] == ["claim: rejected"]
 
 
-def test_times_ascend_and_the_local_clock_is_absent(saved):
-    for parts in chunks(saved).values():
+def test_times_ascend_and_the_local_clock_is_absent(recording_path):
+    for parts in chunks(recording_path).values():
         for chunk in parts:
             assert "log_time" not in chunk.timeline_names
             if not chunk.is_static and "elapsed" in chunk.timeline_names:
@@ -169,16 +174,16 @@ def test_times_ascend_and_the_local_clock_is_absent(saved):
                     assert np.all(np.diff(batch.column(timeline).cast("int64").to_numpy()) >= 0)
 
 
-def test_events_keep_their_text_and_level(saved):
-    columns = temporal_columns(saved, "/events")
+def test_events_keep_their_text_and_level(recording_path):
+    columns = temporal_columns(recording_path, "/events")
     assert values(columns, ":text")[:, 0].tolist() == [
         f"logger: second {i}, Grüße" for i in (0, 50, 100)
     ]
     assert values(columns, ":level")[:, 0].tolist() == ["WARN"] * 3
 
 
-def test_the_report_states_the_verdict_and_escapes_markup(saved):
-    text = rows(static_columns(saved, f"/report/{NAME}"), ":text")[0][0]
+def test_the_report_states_the_verdict_and_escapes_markup(recording_path):
+    text = rows(static_columns(recording_path, f"/report/{NAME}"), ":text")[0][0]
     assert "SIMULATED" in text
     assert "ambiguous: 2 positions fit (50%, 50%)" in text
     assert r"\<b\>not\</b\> \| markup" in text
@@ -187,20 +192,20 @@ def test_the_report_states_the_verdict_and_escapes_markup(saved):
     assert r"**rejected** | too \<far\>" in text
 
 
-def test_linked_plots_open_on_the_complete_run(saved):
+def test_linked_plots_open_on_the_complete_run(recording_path):
     """Their range is written where the viewer stores it, which has no public name."""
-    reader = RrdReader(saved)
+    reader = RrdReader(recording_path)
     (blueprint,) = reader.blueprints()
     assert f"/{SHARED_AXIS}" in {chunk.entity_path for chunk in reader.stream(store=blueprint)}
 
 
-def test_the_map_shows_the_same_in_degrees(saved, result, view, claim):
+def test_the_map_shows_the_same_in_degrees(recording_path, result, view, claim):
     track = result.runs[0].observations.track
-    walked = np.array(values(temporal_columns(saved, "/map/walker"), ":positions"))
+    walked = np.array(values(temporal_columns(recording_path, "/map/walker"), ":positions"))
     np.testing.assert_allclose(
         walked, np.column_stack(track.utm.to_latlon_arrays(track.x_m, track.y_m)), atol=1e-9
     )
-    marks = rows(static_columns(saved, f"/map/cells/{NAME}/marks"), ":positions")[0]
+    marks = rows(static_columns(recording_path, f"/map/cells/{NAME}/marks"), ":positions")[0]
     truth = result.runs[0].run.meta.truth[0]
     expected = [(one.lat_deg, one.lon_deg) for one in (truth, claim.claim)]
     np.testing.assert_allclose(marks[-2:], expected, atol=1e-9)

@@ -23,32 +23,32 @@ def recording(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def served(recording):
+def web_viewer(recording):
     running = WebServer(recording)
     yield running
     assert running.stop(signal.SIGTERM) == 0
     assert running.errors == ""
 
 
-def test_it_listens_on_the_loopback_only_without_child_processes(served):
-    process = psutil.Process(served.process.pid)
+def test_it_listens_on_the_loopback_only_without_child_processes(web_viewer):
+    process = psutil.Process(web_viewer.process.pid)
     assert process.children(recursive=True) == []
     listening = [one.laddr for one in process.net_connections() if one.status == psutil.CONN_LISTEN]
-    assert listening == [("127.0.0.1", served.port)]
+    assert listening == [("127.0.0.1", web_viewer.port)]
 
 
-def test_it_serves_the_recording_and_the_viewer(served):
-    assert served.get("/run.rrd")[2] == b"a recording"
-    status, headers, wasm = served.get("/re_viewer_bg.wasm")
+def test_it_serves_the_recording_and_the_viewer(web_viewer):
+    assert web_viewer.get("/run.rrd")[2] == b"a recording"
+    status, headers, wasm = web_viewer.get("/re_viewer_bg.wasm")
     assert (status, headers["Content-Type"], wasm[:4]) == (200, "application/wasm", b"\0asm")
-    status, headers, nothing = served.get("/re_viewer_bg.wasm", method="HEAD")
+    status, headers, nothing = web_viewer.get("/re_viewer_bg.wasm", method="HEAD")
     assert (status, headers["Content-Length"], nothing) == (200, str(len(wasm)), b"")
-    assert served.get("/etc/passwd")[0] == 404
-    assert served.get("/../pyproject.toml")[0] == 404
+    assert web_viewer.get("/etc/passwd")[0] == 404
+    assert web_viewer.get("/../pyproject.toml")[0] == 404
 
 
-def test_the_page_requests_nothing_from_other_machines(served):
-    _, headers, page = served.get("/?x=1")
+def test_the_page_requests_nothing_from_other_machines(web_viewer):
+    _, headers, page = web_viewer.get("/?x=1")
     assert not re.search(rb"<(?:link|script|img)[^>]*(?:href|src)=[\"']?(?:https?:)?//", page)
     assert page.index(b"/guard.js") < page.index(b"re_viewer.js")
     policy = dict(
@@ -60,27 +60,27 @@ def test_the_page_requests_nothing_from_other_machines(served):
     assert "'unsafe-inline'" not in policy["script-src"]
 
 
-def test_a_request_under_another_host_name_gets_nothing(served):
+def test_a_request_under_another_host_name_gets_nothing(web_viewer):
     for host in (
         "evil.example",
-        f"evil.example:{served.port}",
+        f"evil.example:{web_viewer.port}",
         "",
-        f"127.0.0.1.evil.example:{served.port}",
+        f"127.0.0.1.evil.example:{web_viewer.port}",
     ):
-        status, _, content = served.get("/run.rrd", host=host or ":")
+        status, _, content = web_viewer.get("/run.rrd", host=host or ":")
         assert (status, content) == (421, b"")
-    for host in ("localhost", f"localhost:{served.port}", "127.0.0.1"):
-        assert served.get("/run.rrd", host=host)[0] == 200
+    for host in ("localhost", f"localhost:{web_viewer.port}", "127.0.0.1"):
+        assert web_viewer.get("/run.rrd", host=host)[0] == 200
 
 
-def test_a_closed_connection_is_ignored(served):
-    with socket.create_connection(("127.0.0.1", served.port)) as gone:
+def test_a_closed_connection_is_ignored(web_viewer):
+    with socket.create_connection(("127.0.0.1", web_viewer.port)) as gone:
         gone.sendall(
-            f"GET /re_viewer_bg.wasm HTTP/1.1\r\nHost: localhost:{served.port}\r\n\r\n".encode()
+            f"GET /re_viewer_bg.wasm HTTP/1.1\r\nHost: localhost:{web_viewer.port}\r\n\r\n".encode()
         )
         gone.recv(100)
         gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-    assert served.get("/run.rrd")[0] == 200
+    assert web_viewer.get("/run.rrd")[0] == 200
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -8,7 +8,7 @@ from postproc.reproductions.toa.model import README_ANCHORS_M, README_PATH_M, An
 README, PATH = Anchors(np.array(README_ANCHORS_M)), np.array(README_PATH_M)
 
 
-def simulated(anchors, path, sigma2, runs, seed=0):
+def simulate_runs(anchors, path, sigma2, runs, seed=0):
     return anchors.ranges_m(path) + np.sqrt(sigma2) * np.random.default_rng(seed).normal(
         size=(runs, len(path), len(anchors))
     )
@@ -34,7 +34,7 @@ def test_pseudo_inverse_and_independent_rows_agree(sigma2):
         process.readme_values(README, PATH, sigma2),
         kalman.initial_p_m2(README, PATH, sigma2),
     )
-    ranges = simulated(README, PATH, sigma2, 300)
+    ranges = simulate_runs(README, PATH, sigma2, 300)
     rows = kalman.by_independent_rows(README, ranges, sigma2, noise, p1)
     pinv = kalman.by_pseudo_inverse(README, ranges, sigma2, noise, p1)
     assert np.max(np.abs(rows.position_m - pinv.position_m)) < 1e-9
@@ -46,7 +46,7 @@ def test_the_filter_is_the_textbook_one_for_any_anchors(count):
     rng = np.random.default_rng(count)
     anchors = Anchors(rng.uniform(-20.0, 20.0, (count, 2)))
     noise, p1 = process.closed_form(anchors, PATH, 0.5), kalman.initial_p_m2(anchors, PATH, 0.5)
-    ranges = simulated(anchors, PATH, 0.5, 3, count)
+    ranges = simulate_runs(anchors, PATH, 0.5, 3, count)
     result = kalman.by_independent_rows(anchors, ranges, 0.5, noise, p1)
     for run in range(3):
         place, p = textbook(anchors, ranges[run], 0.5, noise, p1)

@@ -9,14 +9,14 @@ from postproc.reproductions.toa.model import README_ANCHORS_M, README_PATH_M, An
 README, PATH = Anchors(np.array(README_ANCHORS_M)), np.array(README_PATH_M)
 
 
-def simulated(path, sigma2, runs):
+def simulate_runs(path, sigma2, runs):
     rng = np.random.default_rng(0)
     return README.ranges_m(path) + np.sqrt(sigma2) * rng.normal(size=(runs, len(path), 4))
 
 
 def test_the_covariance_is_true_and_the_bound_is_nearly_reached():
     runs, sigma2 = 2000, 0.01
-    track = squares.run(README, simulated(PATH, sigma2, runs), sigma2, np.zeros((2, 2)))
+    track = squares.run(README, simulate_runs(PATH, sigma2, runs), sigma2, np.zeros((2, 2)))
     least_m = mean_error_m(of_constant_velocity_m2(README, PATH, sigma2))
     for k in (2, 5, 10):
         off = track.position_m[:, k] - PATH[k]
@@ -49,7 +49,7 @@ def test_one_step_is_the_dense_formula_with_simulated_moments():
 
 def test_a_turn_is_followed_when_it_is_output():
     path = np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 0.0], [4.0, 2.0], [4.0, 4.0], [4.0, 6.0]])
-    ranges = simulated(path, 1e-4, 50)
+    ranges = simulate_runs(path, 1e-4, 50)
     blind = squares.run(README, ranges, 1e-4, np.zeros((2, 2)))
     output = squares.run(README, ranges, 1e-4, 2.0 * np.eye(2))
     assert np.mean(np.hypot(*(output.position_m[:, 3] - path[3]).T)) < 0.05

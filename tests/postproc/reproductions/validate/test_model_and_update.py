@@ -45,12 +45,12 @@ def test_the_gain_is_that_of_the_dense_formula():
 
 
 def test_a_lost_sign_in_our_filter_fails_the_check(monkeypatch):
-    def lost(state, x_m, y_m):
+    def path_loss_of(state, x_m, y_m):
         hx, hy, one, he = right(state, x_m, y_m)
         return -hx, -hy, one, he
 
     right = ekf.jacobian
-    monkeypatch.setattr(ekf, "jacobian", lost)
+    monkeypatch.setattr(ekf, "jacobian", path_loss_of)
     assert sum(verdict == "fails" for verdict in verdicts(model).values()) >= 3
 
 
