@@ -8,6 +8,8 @@ intake          `survey add`
 alignment       modems that share ground on one scale; loggers that contradict the others
 thinning        a cell with very many readings
 cell_location   the readings of a cell -> where it stands
+rule_inputs     what the rules of suspicion see of a run
+suspicion       the words of all runs, the worst one of each cell
 tasks           pieces of work, each a function of the dataset
 scheduling      tasks on Dask, whatever happens to workers and scheduler
 layers          results as GeoParquet and GeoPackage

@@ -20,6 +20,7 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.two_source_test import Division, divide, divide_in_time
 from logger.core.locator.verdict import assess
 from logger.core.observations import CellObservations
+from logger.core.suspicion.finding import Word
 from postproc.cell_estimation import too_few
 from postproc.estimators.region_outline import geojson
 from postproc.multi_run import FARTHEST_KM, in_zone, merge
@@ -43,7 +44,9 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
 
     Positions are degrees (WGS 84) and metres in UTM zone `zone`. `two_sources` and `moved` are log
     Bayes factors of two transmitters, at once or one after the other, against one; None where it
-    was not tried. `region_wkb` is the 95 % region in degrees.
+    was not tried. `region_wkb` is the 95 % region in degrees. `word` is the worst word of suspicion
+    that a run gave the cell, by the rules `word_rules` in `word_runs` runs; None where no run could
+    be asked.
     """
 
     cell: str
@@ -73,6 +76,9 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     sigma_db: float | None = None
     two_sources: float | None = None
     moved: float | None = None
+    word: Word | None = None
+    word_rules: tuple[str, ...] = ()
+    word_runs: int = 0
     offsets: tuple[ModemOffset, ...] = ()
     region_wkb: bytes = b""
 

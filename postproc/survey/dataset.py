@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -19,6 +20,7 @@ from logger.core.errors import ConfigError, RunFileError
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations
 from postproc.survey import layout
+from postproc.survey.rule_inputs import RuleColumn, RuleInputs
 from postproc.survey.walk_readings import SurveyRun
 
 _FORMAT = {"format": "cellwalk survey", "version": 1}
@@ -131,6 +133,13 @@ class Survey:
         ]
         return sorted(cells, key=lambda cell: (cell.area, cell.cell))
 
+    def runs_that_heard(self, cells: Sequence[str], runs: Sequence[str]) -> list[str]:
+        """Those of some runs that heard one of some cells; all of them where no cell is named."""
+        if not cells:
+            return list(runs)
+        heard = set(self.cells_of_runs.filter(_is_one_of("cell", cells))["run"].to_pylist())
+        return [run for run in runs if run in heard]
+
     def scans_of(self, cells: Sequence[str], runs: Sequence[str]) -> dict[str, int]:
         """Scans of some runs that named each of some cells without doubt."""
         chosen = _is_one_of("cell", cells) & pc.field("run").isin(pa.array(runs, pa.string()))
@@ -158,6 +167,26 @@ class Survey:
             for file in files
         ]
         return pa.concat_tables(tables).unify_dictionaries()
+
+    def rule_inputs(self, batch: str, runs: Sequence[str]) -> Iterator[tuple[str, RuleInputs]]:
+        """What the rules see of some runs of a batch; nothing of runs that came otherwise."""
+        file = layout.rules_file(self.folder, batch)
+        if not file.exists():
+            return
+        table = pq.read_table(file, filters=_is_one_of("run", runs), partitioning=None)
+        columns = (table[name].to_pylist() for name in layout.RULES.names)
+        for (run, age_s), rows in groupby(zip(*columns, strict=True), key=lambda row: row[:2]):
+            yield run, RuleInputs(age_s, tuple(RuleColumn(*row[2:]) for row in rows))
+
+    @cached_property
+    def runs_of_batches(self) -> dict[str, list[str]]:
+        """Digests of the runs of each batch."""
+        return {
+            batch: pq.read_table(layout.runs_file(self.folder, batch), columns=["digest"])[
+                "digest"
+            ].to_pylist()
+            for batch in self.batches
+        }
 
     @cached_property
     def n_scans(self) -> dict[str, int]:

@@ -1,16 +1,16 @@
 """Estimates of all cells of a survey, each computed once for the same runs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 
 import msgspec
 
-from logger.core.errors import RunFileError
 from postproc.result import Options
 from postproc.results import program_digest
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
+from postproc.survey.kept_lines import append_lines, whole_lines
 from postproc.survey.tasks import RunChoice
 
 
@@ -28,7 +28,7 @@ class EstimateFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._known = dict(_lines(path))
+        self._known = {line.key: line.cell for line in whole_lines(path, _Line)}
 
     def get(self, key: str) -> LocatedCell | None:
         """The estimate with this key; None where there is none."""
@@ -36,15 +36,7 @@ class EstimateFile:
 
     def put(self, found: Sequence[tuple[str, LocatedCell]]) -> None:
         """Add estimates; raises `RunFileError` where they cannot be written."""
-        lines = b"".join(msgspec.json.encode(_Line(*one)) + b"\n" for one in found)
-        try:
-            with self._path.open("ab") as file:
-                # a torn line must not swallow the next one
-                file.write(b"\n" + lines if file.tell() else lines)
-        except OSError as error:
-            raise RunFileError(
-                f"cannot write {self._path}: {error.strerror}; what was computed before is kept"
-            ) from error
+        append_lines(self._path, [_Line(*one) for one in found])
         self._known.update(found)
 
 
@@ -61,15 +53,3 @@ def keys_of(survey: Survey, choice: RunChoice, options: Options) -> dict[str, st
         cell: sha256(about + cell.encode() + "".join(sorted(runs)).encode()).hexdigest()
         for cell, runs in digests.items()
     }
-
-
-def _lines(path: Path) -> Iterator[tuple[str, LocatedCell]]:
-    if not path.exists():
-        return
-    decoder = msgspec.json.Decoder(_Line)
-    for text in path.read_bytes().splitlines():
-        try:
-            line = decoder.decode(text)
-        except msgspec.MsgspecError:
-            continue
-        yield line.key, line.cell

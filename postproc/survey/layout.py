@@ -3,6 +3,7 @@
     survey.json                       what the folder is, and the salt of the pseudonyms
     readings/area=A/000001.parquet    readings of batch 1 of all cells of an area, cell by cell
     cells/000001.parquet              what each run of the batch heard of each cell
+    rules/000001.parquet              what the rules of suspicion see of its runs
     runs/000001.parquet               its runs; written last: without it the batch does not exist
 
 An area is `mcc-mnc-lac`, so that DuckDB, pandas and Spark see a partitioned dataset.
@@ -51,6 +52,17 @@ RUNS = pa.schema(
         ("n_readings", pa.int64()),
     ]
 )
+RULES = pa.schema(
+    [
+        pa.field("run", pa.string(), metadata={"unit": "digest of the run"}),
+        pa.field("max_fix_age_s", pa.float64(), metadata={"unit": "s, of its settings"}),
+        pa.field("table", pa.string(), metadata={"unit": "table of the run"}),
+        pa.field("column", pa.string(), metadata={"unit": "column of this table"}),
+        pa.field("kind", pa.string(), metadata={"unit": "numpy dtype"}),
+        pa.field("n", pa.int64(), metadata={"unit": "number of rows"}),
+        pa.field("values", pa.binary(), metadata={"unit": "values, or the one of all rows"}),
+    ]
+)
 FILES_KEY = b"files"
 """Metadata of a file of `runs`: the sizes of the other files of the batch, as JSON."""
 NO_AREA = "none"
@@ -77,6 +89,11 @@ def runs_file(survey: Path, batch: str) -> Path:
 def cells_file(survey: Path, batch: str) -> Path:
     """What the runs of a batch heard."""
     return survey / "cells" / f"{batch}.parquet"
+
+
+def rules_file(survey: Path, batch: str) -> Path:
+    """What the rules see of the runs of a batch; not there where they were no run files."""
+    return survey / "rules" / f"{batch}.parquet"
 
 
 def readings_file(survey: Path, area: str, batch: str) -> Path:

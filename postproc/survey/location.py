@@ -1,4 +1,4 @@
-"""Every cell of a survey located, without the loggers that contradict the others."""
+"""Every cell of a survey located, without the loggers that contradict the others, with its word."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +11,7 @@ from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey, SurveyCell
 from postproc.survey.estimates import EstimateFile, keys_of
 from postproc.survey.scheduling import Cluster
+from postproc.survey.suspicion import with_words, words_of_runs
 from postproc.survey.tasks import RunChoice, compare_loggers, locate_cells, tasks_of
 
 EVERY_RUN = RunChoice()
@@ -49,7 +50,8 @@ def locate_survey(
     waiting = [cell for cell in cells if known.get(keys[cell.cell]) is None]
     _locate(survey, waiting, choice, options, cluster, known, keys)
     found = [known.get(keys[cell.cell]) for cell in cells]
-    located = tuple(cell for cell in found if cell is not None)
+    words = words_of_runs(survey, survey.runs_that_heard(only, allowed), cluster)
+    located = with_words(survey, [cell for cell in found if cell is not None], words)
     return Location(located, tuple(loggers), len(cells) - len(waiting))
 
 

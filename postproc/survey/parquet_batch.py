@@ -19,11 +19,13 @@ from logger.core.errors import RunFileError
 from postproc.survey import layout
 from postproc.survey.walk_readings import WalkReadings
 
-MOST_ROWS = 2_000_000
-"""Of a batch: 0.2 GB of arrays, and as much again while they are sorted."""
+MOST_ROWS = 1_000_000
+"""Of a batch: 0.2 GB of arrays and of what the rules see, and as much again while it is written."""
 _ROWS_AT_ONCE = 1 << 15
 """Of a row group: a reader skips those without its cells by their statistics."""
-_TEXTS = ("cell", "run", "zone", "ta")
+_COLUMNS_AT_ONCE = 1 << 10
+"""Of a row group of what the rules see: some 30 runs."""
+_TEXTS = ("cell", "run", "zone", "ta", "table", "column", "kind")
 _COLUMNS = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq", "ta")
 
 
@@ -62,6 +64,9 @@ class Batch:
                 _write(_readings(series), written[-1])
             written.append(layout.cells_file(survey, name))
             _write(_cells(self.walks), written[-1])
+            if any(walk.rules for walk in self.walks):
+                written.append(layout.rules_file(survey, name))
+                _write(_rules(self.walks), written[-1], _COLUMNS_AT_ONCE)
             sizes = {str(path.relative_to(survey)): path.stat().st_size for path in written}
             written.append(layout.runs_file(survey, name))
             about = {layout.FILES_KEY: json.dumps(sizes).encode()}
@@ -134,7 +139,21 @@ def _runs(walks: list[WalkReadings]) -> pa.Table:
     return pa.Table.from_pylist(rows, schema=layout.RUNS)
 
 
-def _write(table: pa.Table, target: Path) -> None:
+def _rules(walks: list[WalkReadings]) -> pa.Table:
+    rows = [
+        (walk.run.digest, walk.rules.max_fix_age_s, *column)
+        for walk in walks
+        if walk.rules
+        for column in walk.rules.columns
+    ]
+    columns = zip(*rows, strict=True)
+    arrays = [
+        pa.array(column, kind) for column, kind in zip(columns, layout.RULES.types, strict=True)
+    ]
+    return pa.Table.from_arrays(arrays, schema=layout.RULES)
+
+
+def _write(table: pa.Table, target: Path, rows_at_once: int = _ROWS_AT_ONCE) -> None:
     """A durable file under its name; a failure leaves none."""
     target.parent.mkdir(parents=True, exist_ok=True)
     part = target.with_suffix(".part")
@@ -143,7 +162,7 @@ def _write(table: pa.Table, target: Path) -> None:
             pq.write_table(
                 table,
                 file,
-                row_group_size=_ROWS_AT_ONCE,
+                row_group_size=rows_at_once,
                 compression="zstd",
                 use_dictionary=[name for name in table.column_names if name in _TEXTS],
             )

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from logger.core.suspicion.finding import WORDS
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.location import Location
 from postproc.terminal import print_text, screen, table
@@ -44,8 +45,23 @@ def print_location(location: Location, files: Sequence[Path]) -> None:
     for logger in location.loggers:
         if logger.contradiction:
             print_text(console, f"{logger.logger}: {logger.contradiction}", bullet="left out: ")
+    for text in unusual_texts(cells):
+        print_text(console, text, bullet="unusual: ")
     for path in files:
         print_text(console, str(path))
+
+
+def unusual_texts(cells: Sequence[LocatedCell]) -> list[str]:
+    """Cells with a word of suspicion, the worst first."""
+    named = [cell for cell in cells if cell.word not in {None, WORDS[0]}]
+    named.sort(key=lambda cell: (-WORDS.index(cell.word or WORDS[0]), -cell.word_runs, cell.cell))
+    return [f"{cell.cell} is {word_text(cell)}" for cell in named]
+
+
+def word_text(cell: LocatedCell) -> str:
+    """The word of a cell with its rules and the number of runs that say it."""
+    times = "1 run" if cell.word_runs == 1 else f"{cell.word_runs} runs"
+    return f"{cell.word} in {times} ({', '.join(cell.word_rules)})"
 
 
 def _rank(cell: LocatedCell) -> tuple[int, float, str]:

@@ -19,6 +19,7 @@ from logger.core.runfile import Run
 from postproc.baseline.walk_summary import content_digest
 from postproc.multi_run import modem_identity
 from postproc.scan_counts import scans_of
+from postproc.survey.rule_inputs import RuleInputs, rule_inputs
 from postproc.walk import observe_run
 
 
@@ -60,7 +61,7 @@ class WalkReadings:
     """A run with its readings; arrays of shape (n,), cell by cell in the order of `cells`.
 
     `cell` is the number in `cells`; `x_m, y_m` are in UTM zone `zone` (negative in the south),
-    `t_ns` counts from the start of the run.
+    `t_ns` counts from the start of the run. `rules` is what the rules of suspicion see.
     """
 
     run: SurveyRun
@@ -74,6 +75,7 @@ class WalkReadings:
     level_dbm: FloatArray
     scan_seq: IntArray
     ta: IntArray
+    rules: RuleInputs | None = None
 
     def __len__(self) -> int:
         return len(self.cell)
@@ -132,6 +134,7 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
         join(column("level_dbm")),
         join(column("scan_seq")).astype(np.int64),
         join([np.full(len(o), -1) if o.ta is None else o.ta for o in series]).astype(np.int64),
+        rule_inputs(run),
     )
 
 

@@ -10,6 +10,7 @@ import shapely
 
 from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
+from logger.core.suspicion.finding import WORDS
 from postproc.basemap.reading import read_basemap
 from postproc.html_page import page_environment
 from postproc.pictures.clock import Clock
@@ -18,6 +19,7 @@ from postproc.pictures.survey import Survey as Frame
 from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
+from postproc.survey.tables import word_text
 from postproc.survey.tasks import RunChoice
 
 SQUARE_M = 50.0
@@ -88,7 +90,7 @@ def unusual(cell: LocatedCell) -> str:
         return "its transmitter seems to have moved"
     if any("farther than" in reason and "identity" in reason for reason in cell.reasons):
         return "heard far away too"
-    return ""
+    return "" if cell.word in {None, WORDS[0]} else word_text(cell)
 
 
 def walked_squares(survey: Survey, choice: RunChoice, utm: Utm) -> Any:

@@ -1,0 +1,114 @@
+"""The words of suspicion of every run, each asked once, and the worst word of each cell.
+
+A run is asked alone, as `postproc suspect` asks it: rules look at the order of the scans of one
+receiver. Runs confirm each other by their number, which stands beside the word.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from logger.core.suspicion.finding import WORDS, Word
+from logger.core.suspicion.notes import VERSION
+from logger.core.suspicion.tracker import SuspicionTracker
+from postproc.progress import with_progress
+from postproc.survey import layout
+from postproc.survey.cell_location import LocatedCell
+from postproc.survey.dataset import Survey
+from postproc.survey.kept_lines import append_lines, whole_lines
+from postproc.survey.rule_inputs import RuleInputs, records_of
+from postproc.survey.scheduling import Cluster
+
+_RUNS_AT_ONCE = 16
+"""Of a task: a second or two of work for walks of an hour."""
+
+
+class CellWord(msgspec.Struct, frozen=True):
+    """A word that is not "nothing unusual", and the rules that gave it, the weightiest first."""
+
+    cell: str
+    word: Word
+    rules: tuple[str, ...]
+
+
+class RunWords(msgspec.Struct, frozen=True):
+    """What the rules of a version say of the cells of a run."""
+
+    run: str
+    version: int
+    cells: tuple[CellWord, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class WordsTask:
+    """Runs of one batch."""
+
+    folder: str
+    batch: str
+    runs: tuple[str, ...]
+
+
+def words_of_runs(survey: Survey, runs: Sequence[str], cluster: Cluster) -> list[RunWords]:
+    """The words of some runs; those that were not asked before are asked on the cluster.
+
+    Raises `RunFileError` where they cannot be kept.
+    """
+    path = survey.folder / "words.jsonl"
+    known = {one.run: one for one in whole_lines(path, RunWords) if one.version == VERSION}
+    tasks = list(_tasks(survey, set(runs) - set(known)))
+    arriving = cluster.results(ask_runs, tasks)
+    for _, found in with_progress(arriving, "suspicion", len(tasks)):
+        append_lines(path, found)
+        known |= {one.run: one for one in found}
+    return [known[digest] for digest in runs if digest in known]
+
+
+def ask_runs(task: WordsTask) -> list[RunWords]:
+    """The words of some runs of a batch."""
+    survey = Survey(Path(task.folder), (task.batch,), "")
+    return [_ask(run, inputs) for run, inputs in survey.rule_inputs(task.batch, task.runs)]
+
+
+def with_words(
+    survey: Survey, cells: Sequence[LocatedCell], runs: Sequence[RunWords]
+) -> tuple[LocatedCell, ...]:
+    """Cells with their worst word over all runs, its rules, and the runs that say it."""
+    asked = {cell.cell for cell in survey.cells([run.run for run in runs])} if runs else set()
+    said: dict[str, list[CellWord]] = {}
+    for run in runs:
+        for one in run.cells:
+            said.setdefault(one.cell, []).append(one)
+    return tuple(
+        _with_word(cell, said.get(cell.cell, [])) if cell.cell in asked else cell for cell in cells
+    )
+
+
+def _with_word(cell: LocatedCell, said: Sequence[CellWord]) -> LocatedCell:
+    worst = max((one.word for one in said), key=WORDS.index, default=WORDS[0])
+    of_word = [one for one in said if one.word == worst]
+    rules = tuple(dict.fromkeys(rule for one in of_word for rule in one.rules))
+    return msgspec.structs.replace(cell, word=worst, word_rules=rules, word_runs=len(of_word))
+
+
+def _tasks(survey: Survey, waiting: set[str]) -> Iterator[WordsTask]:
+    folder = str(survey.folder.absolute())
+    for batch, runs in survey.runs_of_batches.items():
+        has_rules = layout.rules_file(survey.folder, batch).exists()
+        some = [run for run in runs if has_rules and run in waiting]
+        for first in range(0, len(some), _RUNS_AT_ONCE):
+            yield WordsTask(folder, batch, tuple(some[first : first + _RUNS_AT_ONCE]))
+
+
+def _ask(run: str, inputs: RuleInputs) -> RunWords:
+    tracker = SuspicionTracker(inputs.max_fix_age_s)
+    for record in records_of(inputs.columns):
+        tracker.feed(record)
+    cells = []
+    for one in tracker.assessments():
+        if one.word != WORDS[0]:
+            strongest = sorted(one.findings, key=lambda finding: -finding.nats)
+            rules = tuple(dict.fromkeys(finding.rule for finding in strongest))
+            cells.append(CellWord(one.cell, one.word, rules))
+    return RunWords(run, VERSION, tuple(cells))

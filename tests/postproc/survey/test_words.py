@@ -1,0 +1,109 @@
+"""Words of suspicion in the results of a survey: those of `postproc suspect`, each asked once."""
+
+import json
+
+import pytest
+
+from logger.core.runfile import read_sound_run
+from logger.core.suspicion.tracker import SuspicionTracker
+from logger.core.types import Broadcast
+from postproc.cli import main
+from postproc.survey import suspicion
+from postproc.survey.dataset import Survey
+from postproc.survey.intake import add_files
+from postproc.survey.rule_inputs import records_of, rule_inputs
+from postproc.suspicion.run_assessment import assess_runs, track
+from tests.postproc.baseline.walks import cell, write_walk
+
+FOREIGN = "310-260-9-77"
+
+
+def _readings(k, with_foreign):
+    """Five cells of a place, and one of another continent that is strong from the first scan on."""
+    home = [cell(cid, -80.0 - cid - k % 3, channel=20 + cid) for cid in range(1, 6)]
+    lists = Broadcast((21, 22, 23), cro_db=4, penalty_time=3)
+    home[0] = cell(1, -78.0, channel=21, broadcast=lists, c1=20, c2=24)
+    home.append(cell(None, -95.0, channel=33))
+    if with_foreign:
+        other = cell(77, -55.0 - k % 2, lac=9, channel=99)
+        home.append(type(other)("neighbour", "GSM", "310", "260", 9, cid=77, arfcn=99, bsic=1,
+                                rssi_dbm=-55.0, ta=1))  # fmt: skip
+    return tuple(home)
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Two walks with a foreign cell, and one without."""
+    return [
+        write_walk(tmp_path, n, lambda k, n=n: _readings(k, n < 2), n=60, lon_deg=13.4 + 1e-3 * n)
+        for n in range(3)
+    ]
+
+
+def test_the_rules_find_the_same_in_what_a_survey_keeps(files):
+    for file in files:
+        run = read_sound_run(file)
+        inputs = rule_inputs(run)
+        tracker = SuspicionTracker(inputs.max_fix_age_s)
+        for record in records_of(inputs.columns):
+            tracker.feed(record)
+        expected = track(run).assessments()
+        assert tracker.assessments() == expected
+        assert any(one.findings for one in expected) == (file != files[2])
+
+
+def test_readings_are_kept_as_the_rules_see_them(files):
+    run = read_sound_run(files[0])
+    (_, kept), *_ = [
+        (n, r.value) for n, r in enumerate(records_of(rule_inputs(run).columns))
+        if hasattr(r.value, "readings")
+    ]  # fmt: skip
+    (_, own), *_ = run.records("scans")
+    assert kept.readings == own.value.readings
+    assert kept.readings[0].broadcast.neighbour_arfcns == (21, 22, 23)
+
+
+@pytest.fixture
+def folder(files, tmp_path):
+    survey = Survey.open_or_make(tmp_path / "s")
+    list(add_files(survey, files, "one"))
+    return survey.folder
+
+
+def _locate(capsys, folder, scheduler, *arguments):
+    assert main(["survey", "locate", str(folder), "--scheduler", scheduler, "--json",
+                 *arguments]) == 0  # fmt: skip
+    return {one["cell"]: one for one in json.loads(capsys.readouterr().out)["cells"]}
+
+
+def test_worst_word_over_all_runs(files, folder, scheduler, capsys):
+    cells = _locate(capsys, folder, scheduler)
+    one_run = {one.cell: one for one in assess_runs([read_sound_run(files[0])]).cells}
+    found = cells[FOREIGN]
+    assert found["word"] == one_run[FOREIGN].word == "suspicious"
+    assert found["word_runs"] == 2
+    assert set(found["word_rules"]) == {finding.rule for finding in one_run[FOREIGN].findings}
+    assert {one["word"] for name, one in cells.items() if name != FOREIGN} == {"nothing unusual"}
+    # each run is asked once: nothing is left for a scheduler
+    assert _locate(capsys, folder, "tcp://127.0.0.1:1") == cells
+    main(["survey", "locate", str(folder), "--scheduler", "tcp://127.0.0.1:1"])
+    assert f"{FOREIGN} is suspicious in 2 runs (" in " ".join(capsys.readouterr().out.split())
+
+
+def test_words_of_other_rules_are_asked_again(folder, scheduler, capsys, monkeypatch):
+    cells = _locate(capsys, folder, scheduler)
+    lines = (folder / "words.jsonl").read_bytes().splitlines()
+    assert len(lines) == 3
+    (folder / "words.jsonl").write_bytes(b"\n".join(lines)[:-20])  # torn
+    assert _locate(capsys, folder, scheduler) == cells
+    monkeypatch.setattr(suspicion, "VERSION", suspicion.VERSION + 1)
+    assert _locate(capsys, folder, scheduler) == cells
+    assert len((folder / "words.jsonl").read_bytes().split()) > 6
+
+
+def test_the_map_shows_unusual_cells(folder, scheduler, capsys):
+    assert main(["survey", "map", str(folder), "--scheduler", scheduler]) == 0
+    page = (folder / "survey.html").read_text()
+    unusual = page.split("Unusual cells")[1].split("All cells")[0]
+    assert f"<bdi>{FOREIGN}</bdi>: suspicious in 2 runs" in unusual
+    assert unusual.count("<li>") == 1
