@@ -64,13 +64,13 @@ def reference_ekf(obs: CellObservations) -> FilterPath:
 
     States are x, y in metres, P0 in dBm and eta: shape (m, 4) for the m readings that are retained.
     """
-    from postproc.estimators import kernels  # noqa: PLC0415 (numba; a stored path needs none)
+    from postproc.estimators import kernels  # noqa: PLC0415 (a stored path needs none)
 
     rows, innovation = retained_rows(len(obs)), np.empty((2, len(obs)))
     x, triangles = np.empty((len(rows), 4)), np.empty((len(rows), 10))
     readings = tuple(np.array(values, float) for values in (obs.x_m, obs.y_m, obs.level_dbm))
     start = ekf.start(float(obs.x_m[0]), float(obs.y_m[0]))
-    kernels.reference(start, readings, rows, innovation, x, triangles)
+    kernels.reference(len(obs), start, readings, rows, innovation, x, triangles)
     p = ekf.covariance_matrix(triangles)
     e, variance = innovation[:, rows]
     return FilterPath(obs.t_ns[rows], x, p, e, variance, consistency(*innovation))
@@ -91,7 +91,7 @@ def shadow_pass(
     `conditionals` (n, 6) is filled for `rts.smooth`. Readings with a level of NaN only move the
     receiver; `FilterPath.consistency` does not count them.
     """
-    from postproc.estimators import kernels  # noqa: PLC0415 (numba; a stored path needs none)
+    from postproc.estimators import kernels  # noqa: PLC0415 (a stored path needs none)
 
     columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm)
     x_m, y_m, sigma_m, level_dbm = (np.array(values[readings], float) for values in columns)
@@ -101,7 +101,7 @@ def shadow_pass(
     innovation = np.empty((2, count))
     x, factors = np.empty((len(rows), 5)), np.empty((len(rows), 15))
     walk = (x_m, y_m, sigma_m, level_dbm, np.array(obs.limit[readings]))
-    end = kernels.shadow(state, noise, walk, rows, innovation, x, factors, conditionals)
+    end = kernels.shadow(count, state, noise, walk, rows, innovation, x, factors, conditionals)
     e, variance = innovation
     log_likelihood = -0.5 * float(np.nansum(np.log(variance) + e**2 / variance))
     p = shadow_ekf.covariance_matrix(factors)

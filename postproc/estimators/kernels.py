@@ -1,9 +1,10 @@
-"""Loops over readings, in machine code where numba is installed.
+"""Loops over readings, in machine code where these are many and numba is installed.
 
-The steps are `ekf.step` and `shadow_ekf.step` themselves, so the device and the desk run the same
-filters.
+The first argument of each loop is the number of its rows. The steps are `ekf.step` and
+`shadow_ekf.step` themselves, so the device and the desk run the same filters.
 """
 
+import sys
 from collections.abc import Callable
 
 from logger.core import ekf, shadow_ekf
@@ -11,7 +12,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.ekf import EkfState
 from logger.core.model import path_loss
 from logger.core.shadow_ekf import ShadowNoise, ShadowState
-from postproc.estimators.machine_code import callable_in_loops, jit, jitable
+from postproc.estimators.machine_code import Loop
 
 
 def _reference_loop(source: str) -> Callable[..., EkfState]:
@@ -40,7 +41,7 @@ def _reference_loop(source: str) -> Callable[..., EkfState]:
 
 
 def _shadow_loop(source: str) -> Callable[..., ShadowState]:
-    step, shadowing_given_rest = shadow_ekf.step, jitable(_shadowing_given_rest)
+    step, shadowing_given_rest = shadow_ekf.step, _shadowing_given_rest
 
     def loop(
         state: ShadowState,
@@ -108,24 +109,27 @@ def _smooth(
             row -= 1
 
 
-_MODEL = callable_in_loops(path_loss, "level_gradient")
-_SHADOW = callable_in_loops(
-    shadow_ekf, "shadow_correlation", "_move", "_bierman", "_shift", "_beyond_limit", "step"
+_MODEL = path_loss, ("level_gradient",)
+_EKF = ekf, ("jacobian", "step")
+_SHADOW_EKF = (
+    shadow_ekf,
+    ("shadow_correlation", "_move", "_bierman", "_shift", "_beyond_limit", "step"),
 )
+_HERE = sys.modules[__name__], ("_shadowing_given_rest",)
 
-reference = jit(_reference_loop(_MODEL + callable_in_loops(ekf, "jacobian", "step")))
+reference = Loop(_reference_loop, _MODEL, _EKF)
 """`ekf.step` for each reading, bit for bit; returns the last state.
 
 Fills `innovation` (2, n) with innovations and variances, and after the readings `rows` fills
 `states` (m, 4) and `triangles` (m, 10) of the covariance. """
 
-shadow = jit(_shadow_loop(_MODEL + _SHADOW))
+shadow = Loop(_shadow_loop, _MODEL, _SHADOW_EKF, _HERE)
 """`shadow_ekf.step` for each reading; returns the last state.
 
 Fills `innovation` (2, n), after the readings `rows` `states` [x, y, P0, eta, s] (m, 5) and
 `factors` (m, 15), and `conditionals` (n, 6): see `rts.smooth`. """
 
-smooth = jit(_smooth)
+smooth = Loop(lambda _: _smooth)
 """Fills `smoothed` (m, 6) with rows of the smoothed `conditionals`.
 
 `rho` and `q_db2` (n - 1,) lead from each row to the next. """

@@ -38,7 +38,8 @@ def smooth(
     if noise.decorrelation_m > 0.0:
         rho = np.exp(-moved_m / noise.decorrelation_m)
     smoothed = np.empty((len(rows), 6))
-    kernels.smooth(conditionals, rho, noise.shadow_db**2 * (1.0 - rho**2), rows, smoothed)
+    q_db2 = noise.shadow_db**2 * (1.0 - rho**2)
+    kernels.smooth(len(conditionals), conditionals, rho, q_db2, rows, smoothed)
     mean, slope, variance = smoothed[:, 0], smoothed[:, 1:5], smoothed[:, 5]
     rest, covariance = np.array(end[:4]), covariance_matrix(end.factors)[:4, :4]
     shared = slope @ covariance

@@ -7,47 +7,17 @@ covariances. All functions work in place on small arrays, since numba is slow to
 """
 
 from math import log, log1p
-from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.arrays import FloatArray
 from postproc.estimators.machine_code import jit
+from postproc.estimators.walker_model import Model, Series
 
 STUDENT_DOF = 4.0  # heavy tails, and still a finite variance
 _START_VARIANCE = np.array([1e8, 25.0, 1.0])
 """Position within 10 km of the first fix (m^2), a walker's velocity (m^2/s^2), wandering by s."""
 _POSITION, _VELOCITY = 0, 1
-
-
-class Model(NamedTuple):
-    """Fixes and what is assumed of them.
-
-    `step_s` (n,) is the time since the fix before, `q` and `a` (n,) belong to that step. `z` (n, 2,
-    2) is by fix, kind (position, velocity) and axis, `wander_m` (n,) is s, `variance` (n, 2) that
-    of the white noise, `slack` (n, 2) the variance within which nothing is an outlier.
-    """
-
-    step_s: FloatArray
-    q: FloatArray
-    a: FloatArray
-    z: FloatArray
-    wander_m: FloatArray
-    variance: FloatArray
-    slack: FloatArray
-
-
-class Series(NamedTuple):
-    """States `x` (n, 3, 2) and covariances `p` (n, 3, 3) of the filter after each fix.
-
-    Adjoint vectors `r` (n, 3, 2) and matrices `n` (n, 3, 3): what a fix and all later ones add to
-    the state before it.
-    """
-
-    x: FloatArray
-    p: FloatArray
-    r: FloatArray
-    n: FloatArray
 
 
 def score(model: Model, excess: FloatArray) -> float:

@@ -33,7 +33,8 @@ from logger.core.model.blocks import (
     in_fewer_places,
     single,
 )
-from logger.core.model.marginal import Evidence, marginal
+from logger.core.model.evidence import Evidence
+from logger.core.model.marginal import marginal
 from logger.core.model.prior import Prior
 from logger.core.spikes import SpikeCheck, SpikeFilter
 

@@ -4,12 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.arrays import BoolArray, FloatArray
+from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.locator.quadtree import Tree, children, log_prior
 from logger.core.locator.timing_advance import Timing
 from logger.core.locator.tobit import Conditional, conditional_levels, tobit_evidence
 from logger.core.model.blocks import Blocks
-from logger.core.model.marginal import Evidence, marginal, walk_sums
+from logger.core.model.evidence import Evidence, join_hypotheses, join_positions
+from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import Whitener, matrices_of
 from logger.core.model.prior import Prior
 
@@ -47,10 +48,31 @@ class BlocksEvidence(NamedTuple):
         shift = np.zeros(len(whiteners)) if shift is None else shift
         return cls(blocks, whiteners, matrices_of(whiteners), conditionals, shift)
 
+    @property
+    def numbers(self) -> IntArray:
+        """Numbers of the hypotheses, ascending, shape (c,)."""
+        return np.array([noise.number for noise in self.whiteners])
+
     def evaluate(
         self, prior: Prior, nodes: int, position: FloatArray, near: Evidence | None
     ) -> Evidence:
         """Evidence (c, h) at positions (2, h); `near` (c, h) is where to begin to look."""
+        starts = range(0, position.shape[1], _CHUNK)
+        some = [slice(first, first + _CHUNK) for first in starts]
+        return join_positions(
+            [
+                self._evaluate_some(prior, nodes, position[:, k], near and near.at_positions(k))
+                for k in some
+            ]
+        )
+
+    def shifted(self, unshifted: Evidence) -> Evidence:
+        """The evidence (c, h) of an earlier search with the same blocks and hypotheses."""
+        return unshifted._replace(log_p=unshifted.log_p + self.shift[:, None])
+
+    def _evaluate_some(
+        self, prior: Prior, nodes: int, position: FloatArray, near: Evidence | None
+    ) -> Evidence:
         x_m, y_m = position
         sums = walk_sums(self.blocks, self.matrices, prior, x_m, y_m)
         log_det = np.array([noise.log_det for noise in self.whiteners])[:, None]
@@ -60,7 +82,7 @@ class BlocksEvidence(NamedTuple):
             )
         else:
             found = marginal(sums, len(self.blocks), log_det, prior, nodes)
-        return found._replace(log_p=found.log_p + self.shift[:, None])
+        return self.shifted(found)
 
 
 class PositionEvidence(NamedTuple):
@@ -82,21 +104,28 @@ class PositionEvidence(NamedTuple):
 
         `near` (c, h) is the evidence at a point close to each of them, where to begin to look.
         """
-        starts = range(0, squares.shape[1], _CHUNK)
-        parts = [self._evidence(squares[:2, i : i + _CHUNK], _chunk(near, i)) for i in starts]
-        columns = zip(*parts, strict=True)
-        numbers = np.array([noise.number for part in self.parts for noise in part.whiteners])
-        x_m, y_m, size_m = squares
-        return Tree(
-            x_m,
-            y_m,
-            size_m,
-            log_prior=log_prior(self.blocks, self.prior, squares),
-            evidence=Evidence(*(np.concatenate(values, axis=-1) for values in columns)),
-            numbers=numbers,
-            log_weight=None if self.log_weight is None else self.log_weight[numbers],
-            log_timing=self._log_timing(squares, starts),
-        )
+        found, first = [], 0
+        for part in self.parts:
+            rows = slice(first, first + len(part.whiteners))
+            begin = near and near.of_hypotheses(rows)
+            found.append(part.evaluate(self.prior, self.nodes, squares[:2], begin))
+            first = rows.stop
+        return self._tree(squares, found)
+
+    def refined(self, tree: Tree, blocks: Blocks) -> Tree:
+        """Leaves at the squares of a tree that was searched with some `blocks`.
+
+        Parts with the same blocks keep its evidence. Others begin to look there.
+        """
+        found = []
+        for part in self.parts:
+            known = tree.evidence.of_hypotheses(np.searchsorted(tree.numbers, part.numbers))
+            found.append(
+                part.shifted(known)
+                if part.blocks is blocks
+                else part.evaluate(self.prior, self.nodes, tree.squares[:2], known)
+            )
+        return self._tree(tree.squares, found)
 
     def split(self, tree: Tree, chosen: BoolArray) -> Tree:
         """The tree with its chosen leaves, a mask of shape (h,), split in four."""
@@ -104,30 +133,28 @@ class PositionEvidence(NamedTuple):
             return tree
         parents = None
         if any(part.conditionals for part in self.parts):
-            repeated = ([values[..., chosen]] * 4 for values in tree.evidence)
-            parents = Evidence(*(np.concatenate(values, axis=-1) for values in repeated))
+            of_chosen = tree.evidence.at_positions(np.flatnonzero(chosen))
+            parents = join_positions([of_chosen] * 4)
         quarters = self.leaves(children(tree.squares[:, chosen]), parents)
         return tree.replace_leaves(chosen, quarters)
 
-    def _evidence(self, position: FloatArray, near: Evidence | None) -> Evidence:
-        found, first = [], 0
-        for part in self.parts:
-            rows = slice(first, first + len(part.whiteners))
-            begin = None if near is None else Evidence(*(v[..., rows, :] for v in near))
-            found.append(part.evaluate(self.prior, self.nodes, position, begin))
-            first = rows.stop
-        if len(found) == 1:
-            return found[0]
-        return Evidence(*(np.concatenate(v, axis=-2) for v in zip(*found, strict=True)))
+    def _tree(self, squares: FloatArray, of_parts: list[Evidence]) -> Tree:
+        numbers = np.concatenate([part.numbers for part in self.parts])
+        x_m, y_m, size_m = squares
+        return Tree(
+            x_m,
+            y_m,
+            size_m,
+            log_prior=log_prior(self.blocks, self.prior, squares),
+            evidence=join_hypotheses(of_parts),
+            numbers=numbers,
+            log_weight=None if self.log_weight is None else self.log_weight[numbers],
+            log_timing=self._log_timing(squares),
+        )
 
-    def _log_timing(self, squares: FloatArray, starts: range) -> FloatArray | None:
+    def _log_timing(self, squares: FloatArray) -> FloatArray | None:
         if self.timing is None:
             return None
+        starts = range(0, squares.shape[1], _CHUNK)
         parts = [self.timing.log_p(*squares[:2, i : i + _CHUNK]) for i in starts]
         return np.concatenate(parts)
-
-
-def _chunk(near: Evidence | None, first: int) -> Evidence | None:
-    if near is None:
-        return None
-    return Evidence(*(values[..., first : first + _CHUNK] for values in near))

@@ -11,7 +11,8 @@ from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.timing_advance import STEP_M, Timing
 from logger.core.model.blocks import Blocks
-from logger.core.model.marginal import NODES, Evidence
+from logger.core.model.evidence import Evidence
+from logger.core.model.marginal import NODES
 from logger.core.model.prior import Prior
 
 _FINEST_FIRST_M = 10.0

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.locator.packing import around, compact_groups
 
 LEVEL = 0.95
 HALF = 0.5
@@ -19,8 +20,6 @@ SADDLE = 0.5
 
 _TOUCH = 1.0 + 1e-6
 """Squares that share an edge touch in spite of rounding."""
-_ROWS = 256
-"""Squares compared at a time: these matrices stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,13 +95,18 @@ def _final_peak(peak: list[int], k: int) -> int:
 
 def _denser_neighbours(squares: Squares, chosen: IntArray) -> list[IntArray]:
     """For each chosen square those before it that share an edge or a corner with it."""
-    x_m, y_m = squares.x_m[chosen], squares.y_m[chosen]
-    half_m = 0.5 * squares.size_m[chosen] * _TOUCH
-    neighbours = []
-    for i in range(0, len(chosen), _ROWS):
-        rows, before = slice(i, i + _ROWS), slice(0, i + _ROWS)
-        reach_m = half_m[rows, None] + half_m[before]
-        touches = np.abs(x_m[rows, None] - x_m[before]) <= reach_m
-        touches &= np.abs(y_m[rows, None] - y_m[before]) <= reach_m
-        neighbours += [np.flatnonzero(row[: i + k]) for k, row in enumerate(touches)]
-    return neighbours
+    square = np.stack([squares.x_m, squares.y_m, _TOUCH * squares.size_m])[:, chosen]
+    pairs = [np.zeros((2, 0), np.int64)]
+    for group in compact_groups(square[0], square[1]):
+        near = around(square, square[:, group])
+        x_m, y_m, side_m = square[:, group, None]
+        reach_m = 0.5 * (side_m + square[2, near])
+        touches = np.abs(x_m - square[0, near]) <= reach_m
+        touches &= np.abs(y_m - square[1, near]) <= reach_m
+        touches &= near < group[:, None]
+        row, column = np.nonzero(touches)
+        pairs.append(np.stack([group[row], near[column]]))
+    of_square, neighbour = np.concatenate(pairs, axis=1)
+    order = np.argsort(of_square, kind="stable")
+    ends = np.searchsorted(of_square[order], np.arange(1, len(chosen)))
+    return np.split(neighbour[order], ends)

@@ -7,6 +7,7 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.mixture import Mixture
 from logger.core.locator.offsets import Offsets, offsets
+from logger.core.locator.packing import around, compact_groups
 from logger.core.locator.posterior import (
     FAR_M,
     LEAST_PEAK,
@@ -23,7 +24,7 @@ from logger.core.locator.region import (
     highest_density,
     mode_regions,
 )
-from logger.core.model.marginal import Evidence
+from logger.core.model.evidence import Evidence
 
 BIAS_SHARE = 1.0
 """Share of the variance of the receiver's position that lasts for the walk and moves the result."""
@@ -40,12 +41,12 @@ _LEAST_SHARE = 1e-6
 """Squares with less probability than this are not blurred: 10 000 of them have 1 % together."""
 _BLUR_REACH = 4.0
 """Squares larger than this many standard deviations of the blur would not change."""
+_BLUR_SIGMAS = 7.0
+"""Farther than this many standard deviations the blur carries nothing: less than 1e-10."""
 _BESIDE_WALK_M = 25.0
 """A position this close to the walk is beside the street that was walked."""
 _MEDIAN_TURNS = 30
 """Weiszfeld's iteration halves its error in a turn or two."""
-_ROWS = 64
-"""Squares blurred at a time: these matrices stay in the processor's cache."""
 _THETA_PAIRS = ((0, 0), (0, 1), (1, 1))
 """Order of `Evidence.theta_cov`: var P0, cov(P0, eta), var eta."""
 
@@ -183,13 +184,16 @@ def _blur(tree: Tree, p: FloatArray, bias_m: float) -> FloatArray:
     sources = np.flatnonzero(is_small & (p > _LEAST_SHARE))
     blurred = p.copy()
     blurred[sources] = 0.0
-    for i in range(0, len(sources), _ROWS):
-        rows = sources[i : i + _ROWS, None]
-        dx_m, dy_m = tree.x_m[rows] - tree.x_m[targets], tree.y_m[rows] - tree.y_m[targets]
+    square = tree.squares
+    for group in compact_groups(tree.x_m[sources], tree.y_m[sources]):
+        rows = sources[group]
         variance_m2 = bias_m**2 + tree.size_m[rows] ** 2 / 12.0
-        density = np.exp(-0.5 * (dx_m**2 + dy_m**2) / variance_m2)
-        reach = tree.size_m[targets] ** 2 * density
-        blurred[targets] += (p[rows[:, 0]] / np.sum(reach, axis=1)) @ reach
+        reach_m = _BLUR_SIGMAS * float(np.sqrt(np.max(variance_m2)))
+        near = targets[around(square[:, targets], square[:, rows], reach_m)]
+        x_m, y_m, _ = square[:, rows, None]
+        apart_m2 = (x_m - tree.x_m[near]) ** 2 + (y_m - tree.y_m[near]) ** 2
+        share = tree.size_m[near] ** 2 * np.exp(-0.5 * apart_m2 / variance_m2[:, None])
+        blurred[near] += (p[rows] / np.sum(share, axis=1)) @ share
     return blurred
 
 

@@ -28,7 +28,8 @@ from logger.core.model.elimination import (
     side,
     solution,
 )
-from logger.core.model.marginal import Evidence, marginal
+from logger.core.model.evidence import Evidence
+from logger.core.model.marginal import marginal
 from logger.core.model.noise import Whitener, independent_variance, shadowing
 from logger.core.model.prior import Hypothesis, Prior
 

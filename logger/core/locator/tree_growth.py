@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
+from logger.core.locator.packing import around, compact_groups
 from logger.core.locator.quadtree import Effort, Tree
 from logger.core.model.prior import Prior
 
@@ -31,8 +32,6 @@ _MOST_RATIO = 2.5
 """Neighbours differ by at most one split; sides are powers of two, so 2.5 lies between."""
 _TOUCH = 1.0 + 1e-9
 """Squares that share an edge touch in spite of rounding."""
-_ROWS = 64
-"""Leaves compared with all others at a time: these matrices stay in the processor's cache."""
 
 
 class Splitter(Protocol):
@@ -77,12 +76,14 @@ def _heavy_or_unbalanced(tree: Tree, p: FloatArray, split_share: float) -> BoolA
     core = np.flatnonzero(p > _CORE_SHARE * split_share)
     next_side_m = np.where(chosen, 0.5 * tree.size_m, tree.size_m)[core]
     large = np.flatnonzero(tree.size_m > _MOST_RATIO * np.min(next_side_m, initial=np.inf))
-    x_m, y_m, side_m = tree.squares[:, large]
-    for i in range(0, len(core), _ROWS):
-        rows = core[i : i + _ROWS, None]
-        reach_m = 0.5 * (tree.size_m[rows] + side_m) * _TOUCH
-        is_near = np.abs(tree.x_m[rows] - x_m) <= reach_m
-        is_near &= np.abs(tree.y_m[rows] - y_m) <= reach_m
-        is_larger = side_m > _MOST_RATIO * next_side_m[i : i + _ROWS, None]
-        chosen[large] |= np.any(is_near & is_larger, axis=0)
+    of_large, of_core = tree.squares[:, large], tree.squares[:, core]
+    of_large[2] *= _TOUCH
+    for group in compact_groups(of_core[0], of_core[1]):
+        near = around(of_large, of_core[:, group])
+        x_m, y_m, side_m = of_core[:, group, None]
+        reach_m = 0.5 * (side_m * _TOUCH + of_large[2, near])
+        is_near = np.abs(x_m - of_large[0, near]) <= reach_m
+        is_near &= np.abs(y_m - of_large[1, near]) <= reach_m
+        is_near &= tree.size_m[large[near]] > _MOST_RATIO * next_side_m[group, None]
+        chosen[large[near]] |= np.any(is_near, axis=0)
     return chosen

@@ -10,6 +10,7 @@ The level z_k of block k of the walk, received from a transmitter at (x, y):
     columns      the columns that multiply P0, eta and the harmonics of the antenna pattern
     noise        K of the blocks for each hypothesis, and the matrices that whiten it
     elimination  many small symmetric systems at once
+    evidence     what the levels give at each position, under each hypothesis
     marginal     evidence of positions, the coefficients and sigma integrated out
 
 Every estimator uses this package, live and offline; it imports none of them.

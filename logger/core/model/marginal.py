@@ -15,7 +15,6 @@ Appl. Statist. 31(3), 1982), or by Laplace's method.
 
 from functools import cache, cached_property, lru_cache
 from math import log, pi, sqrt
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.blocks import Blocks
 from logger.core.model.columns import receiver_variance, varying_columns
 from logger.core.model.elimination import eliminate, inverse, log_determinant, side, solution
+from logger.core.model.evidence import PAIRS, Evidence
 from logger.core.model.prior import Prior
 
 NODES = 7
@@ -35,23 +35,6 @@ _LEAST_SIGMA_DB = 0.05
 _SMALL_STEP = 0.05  # of log sigma: log p changes by its slope, within 1e-3 nats
 _STRIP = 64  # rows of a whitener multiplied at once
 _IN_CACHE = 65_536  # entries of a whitened column, of all hypotheses: half a megabyte
-
-
-PAIRS = ((0, 0), (0, 1), (1, 1))
-"""Entries of `Evidence.theta_cov`: var P0, cov, var eta."""
-
-
-class Evidence(NamedTuple):
-    """What the levels give for each hypothesis of the noise (c) at each position (h).
-
-    `log_p` and `sigma_db` (mean) have shape (c, h); `theta` (q, c, h) is the mean of P0, eta and
-    the antenna's harmonics; `theta_cov` (3, c, h) holds var P0, cov, var eta.
-    """
-
-    log_p: FloatArray
-    theta: FloatArray
-    theta_cov: FloatArray
-    sigma_db: FloatArray
 
 
 class Fit:

@@ -10,7 +10,8 @@ from logger.core.locator.pipeline import locate
 from logger.core.locator.preparation import COARSE_BLOCKS
 from logger.core.locator.quadtree import Tree
 from logger.core.model.blocks import blocks
-from logger.core.model.marginal import Evidence, marginal, walk_sums
+from logger.core.model.evidence import Evidence
+from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Hypothesis, Prior
 from tests.kit.noise_groups import noise_groups

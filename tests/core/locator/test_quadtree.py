@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from logger.core.locator.mixture import mixture
+from logger.core.locator.position_evidence import BlocksEvidence, PositionEvidence
 from logger.core.locator.quadtree import Effort, first_squares
 from logger.core.locator.region import Squares, area_m2, highest_density
 from logger.core.locator.search import Walk, coarse_search, refine, search_once, weigh_noise
 from logger.core.locator.timing_advance import STEP_M, timing_of
 from logger.core.model.blocks import blocks
-from logger.core.model.marginal import marginal, walk_sums
+from logger.core.model.marginal import NODES, marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Hypothesis, Prior
 from tests.kit.noise_groups import noise_groups
@@ -225,3 +226,28 @@ def test_cells_are_bounded():
     tree = search_once(blocks(obs, 300), Prior(), effort)
     first = first_squares(blocks(obs, 300), Prior(), effort.first_share).shape[1]
     assert len(tree.x_m) < first + 4 * effort.most_squares
+
+
+def test_refining_keeps_what_the_coarse_search_has_computed(monkeypatch):
+    """Long noise stays in the coarse blocks: its evidence at the same squares is the same."""
+    obs, prior = walk(count=60), Prior(reach_m=400.0)
+    fine, coarse = blocks(obs, 60), blocks(obs, 20)
+    task = Walk(fine, coarse, prior, Effort(most_squares=500))
+    tree = coarse_search(task)
+    noise = weigh_noise(task, tree)
+    assert [part.blocks for part in noise.parts] == [fine, coarse]
+    evidence = PositionEvidence(fine, noise.parts, prior, NODES, None, None)
+    anew = evidence.leaves(tree.squares)
+    evaluated = []
+
+    def evaluate(part, *arguments):
+        evaluated.append(part.blocks)
+        return original(part, *arguments)
+
+    original = BlocksEvidence.evaluate
+    monkeypatch.setattr(BlocksEvidence, "evaluate", evaluate)
+    kept = evidence.refined(tree, coarse)
+    assert evaluated == [fine]
+    np.testing.assert_array_equal(kept.numbers, anew.numbers)
+    for one, other in zip(kept.evidence, anew.evidence, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)

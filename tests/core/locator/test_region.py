@@ -134,6 +134,22 @@ def test_cells_that_meet_at_a_corner_touch():
     assert sorted(len(k) for k in region.mode_regions(cells, 1.0)) == [1, 2]
 
 
+def test_all_squares_that_touch_are_neighbours():
+    """Squares of several sizes, each compared with each."""
+    cells = gaussians((0.6, -50.0, 0.0, 30.0), (0.4, 60.0, 20.0, 15.0), count=30, size=10.0)
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        cells = quartered(cells, rng.random(len(cells)) < 0.3)
+    chosen = region.highest_density(cells, 0.99)
+    reach_m = 0.5 * (cells.size_m[chosen, None] + cells.size_m[chosen]) * (1.0 + 1e-6)
+    apart_m = [np.abs(v[chosen, None] - v[chosen]) for v in (cells.x_m, cells.y_m)]
+    touches = np.tril((apart_m[0] <= reach_m) & (apart_m[1] <= reach_m), -1)
+    found = region._denser_neighbours(cells, chosen)
+    assert len(found) == len(chosen)
+    for neighbours, row in zip(found, touches, strict=True):
+        np.testing.assert_array_equal(np.sort(neighbours), np.flatnonzero(row))
+
+
 def test_large_cells_touch_small_ones():
     cells = Squares(
         np.array([0.0, 5.5]), np.array([0.0, 4.9]), np.array([1.0, 10.0]), np.array([0.02, 0.98])

@@ -7,8 +7,13 @@ import msgspec
 import numpy as np
 import pytest
 
+from logger.core import shadow_ekf
 from logger.core.runfile import finish_journal
+from logger.core.shadow_ekf import ShadowNoise
+from postproc.estimators import machine_code
+from postproc.estimators.filters import reference_ekf, shadow_pass
 from tests.kit.sample_results import write_run
+from tests.kit.walks import observations
 
 SMOOTH = """
 import sys
@@ -48,3 +53,35 @@ def test_numba_changes_no_result(results):
     machine, plain = numbers(results["with"]), numbers(results["without"])
     assert len(machine) > 50
     np.testing.assert_allclose(plain, machine, rtol=1e-6, atol=1e-6)
+
+
+def passes(obs):
+    """States of both filters over a walk."""
+    noise = ShadowNoise(5.0, 20.0, 3.0, 5.0)
+    state = shadow_ekf.hold(np.array([60.0, 80.0, -30.0, 3.0]), noise, 0.0, 0.0)
+    state = shadow_ekf.release(state, np.diag([2500.0, 2500.0, 100.0, 0.3]))
+    paths = reference_ekf(obs), shadow_pass(obs, state, noise).path
+    return [values for path in paths for values in (path.x, path.p, path.innovation_db)]
+
+
+def test_machine_code_changes_no_bit(monkeypatch):
+    """A process changes over after many rows: its results must not depend on when."""
+    pytest.importorskip("numba", reason="pip install '.[post]'")
+    walk = np.linspace(0.0, 400.0, 300)
+    level = np.random.default_rng(1).normal(-70.0, 6.0, 300)
+    obs = observations(walk, 40.0 * np.sin(walk / 60.0), level, 3.0)
+    monkeypatch.setattr(machine_code, "_MANY_ROWS", 10**9)
+    plain = passes(obs)
+    monkeypatch.setattr(machine_code, "_MANY_ROWS", 0)
+    for one, other in zip(plain, passes(obs), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_few_rows_do_not_import_numba():
+    code = (
+        "import sys, numpy as np; from postproc.estimators import filters, kernels; "
+        "from tests.kit.walks import observations; "
+        "filters.reference_ekf(observations(np.arange(9.0), np.zeros(9), np.zeros(9), 3.0)); "
+        "sys.exit('numba' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
