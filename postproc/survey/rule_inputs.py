@@ -53,7 +53,7 @@ class RuleInputs(NamedTuple):
 def rule_inputs(run: Run) -> RuleInputs:
     """What the rules see of a run."""
     columns = tuple(
-        _packed(table, name, run.tables[table][name], run.meta.started_ns)
+        _pack(table, name, run.tables[table][name], run.meta.started_ns)
         for table, names in _COLUMNS.items()
         if len(run.tables[table])
         for name in names
@@ -65,13 +65,13 @@ def records_of(columns: Sequence[RuleColumn]) -> list[Record]:
     """Fixes and scans in recorded order, with what the rules ask."""
     tables: dict[str, dict[str, list[Any]]] = {table: {} for table in _COLUMNS}
     for column in columns:
-        tables[column.table][column.column] = _unpacked(column)
+        tables[column.table][column.column] = _unpack(column)
     records = [*_fixes(tables["fixes"]), *_scans(tables)]
     seq = tables["fixes"].get("seq", []) + tables["scans"].get("seq", [])
     return [records[i] for i in np.argsort(np.array(seq, np.int64), kind="stable").tolist()]
 
 
-def _packed(table: str, name: str, values: NDArray[Any], started_ns: int) -> RuleColumn:
+def _pack(table: str, name: str, values: NDArray[Any], started_ns: int) -> RuleColumn:
     if name == "t_ns":
         values = values - started_ns
     n = len(values)
@@ -80,7 +80,7 @@ def _packed(table: str, name: str, values: NDArray[Any], started_ns: int) -> Rul
     return RuleColumn(table, name, values.dtype.str, n, np.ascontiguousarray(values).tobytes())
 
 
-def _unpacked(packed: RuleColumn) -> list[Any]:
+def _unpack(packed: RuleColumn) -> list[Any]:
     """Python values, None where they are unknown."""
     stored = np.frombuffer(packed.values, np.dtype(packed.kind))
     column = _SCHEMA[packed.table][packed.column]
