@@ -50,7 +50,7 @@ def installed_card(workplace):
     card = machines.rig.Card(workplace / "installed.raw", image)
     with (
         machines.machine(card, workplace / "install", share=machines.REPOSITORY) as m,
-        players.carried(m, scenario()),
+        players.carry(m, scenario()),
     ):
         m.boot(machines.BOOT_S)
         print(
