@@ -17,7 +17,7 @@ def replace_dataset(file: h5py.File, name: str, **made) -> h5py.Dataset:
     return file.create_dataset(name, **made)
 
 
-def _pack(file: h5py.File, name: str, n_rows: int, chunk: int, dtype) -> None:
+def pack_rows(file: h5py.File, name: str, n_rows: int, chunk: int, dtype) -> None:
     """Many rows of zeros, which need almost no space in the file."""
     dataset = replace_dataset(
         file,
@@ -125,8 +125,10 @@ UNREADABLE: dict[str, Change] = {
     ),
     "10^12 rows": lambda f, _: replace_dataset(f, "fixes", shape=(10**12,), dtype=f["fixes"].dtype),
     "10^12 rows more": lambda f, _: f["readings"].resize((10**12,)),
-    "a large chunk": lambda f, _: _pack(f, "raw_bytes", 1 << 25, 1 << 25, "u1"),
-    "a gigabyte of rows": lambda f, _: _pack(f, "readings", 4_000_000, 16_384, f["readings"].dtype),
+    "a large chunk": lambda f, _: pack_rows(f, "raw_bytes", 1 << 25, 1 << 25, "u1"),
+    "a gigabyte of rows": lambda f, _: pack_rows(
+        f, "readings", 4_000_000, 16_384, f["readings"].dtype
+    ),
     "more than a gigabyte of bytes": lambda f, _: replace_dataset(
         f, "raw_bytes", shape=(3 << 30,), dtype="u1", chunks=(1 << 20,), compression="gzip"
     ),

@@ -133,7 +133,7 @@ def test_bytes_that_memory_should_not_hold_are_counted_and_left(crafted_file):
     read.
     """
     path = crafted_file(
-        lambda file, _: hostile_runs._packed(file, "raw_bytes", 600 << 20, 1 << 20, "u1")
+        lambda file, _: hostile_runs.pack_rows(file, "raw_bytes", 600 << 20, 1 << 20, "u1")
     )
     run = read_run(path)
     assert (len(run.raw_bytes), run.n_raw_bytes) == (0, 600 << 20)
@@ -144,7 +144,7 @@ def test_bytes_that_memory_should_not_hold_are_counted_and_left(crafted_file):
 
 def test_many_rows_take_no_more_memory_than_they_need(crafted_file):
     path = crafted_file(
-        lambda file, _: hostile_runs._packed(
+        lambda file, _: hostile_runs.pack_rows(
             file, "readings", 200_000, 16_384, file["readings"].dtype
         )
     )
