@@ -139,7 +139,7 @@ def test_all_squares_that_touch_are_neighbours():
     cells = gaussians((0.6, -50.0, 0.0, 30.0), (0.4, 60.0, 20.0, 15.0), count=30, size=10.0)
     rng = np.random.default_rng(3)
     for _ in range(3):
-        cells = quartered(cells, rng.random(len(cells)) < 0.3)
+        cells = quarter_squares(cells, rng.random(len(cells)) < 0.3)
     chosen = region.highest_density(cells, 0.99)
     reach_m = 0.5 * (cells.size_m[chosen, None] + cells.size_m[chosen]) * (1.0 + 1e-6)
     apart_m = [np.abs(v[chosen, None] - v[chosen]) for v in (cells.x_m, cells.y_m)]
