@@ -6,9 +6,12 @@ from postproc.survey.dataset import Survey
 from postproc.survey.parquet_batch import Batch
 
 
-def write_city(folder, *, n_stations=2, n_runs=8, n_scans=120, walkers=None, order=None, split=0):
+def write_city(
+    folder, *, n_stations=2, n_runs=8, n_scans=120, walkers=None, order=None, split=0,
+    spacing_m=350.0,
+):  # fmt: skip
     """A survey of walks in a city; `order` and `split` say how they come into batches."""
-    city = draw_city(n_stations, 4, spacing_m=350.0)
+    city = draw_city(n_stations, 4, spacing_m=spacing_m)
     walkers = walkers or draw_walkers(2, 4)
     survey = Survey.open_or_make(folder)
     numbers = list(order or range(n_runs))

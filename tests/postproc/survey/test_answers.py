@@ -1,13 +1,17 @@
 """Baseline, changes, map and next walks of a survey."""
 
 import json
+from itertools import combinations
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
 from benchmarks.synthetic_city.walks import draw_walkers
+from benchmarks.synthetic_city.world import ORIGIN_M, ZONE
 from logger.baseline_file import BaselineFile
 from logger.core.errors import ConfigError
+from logger.core.geo import Utm
 from postproc.cli import main
 from postproc.result import Options
 from postproc.survey.answers.next_walks import next_walks
@@ -67,3 +71,34 @@ def test_next_walks(survey, scheduler):
     certain = [replace(cell, verdict="located") for cell in found]
     with pytest.raises(ConfigError, match="no walk is needed"):
         next_walks(survey, certain, EVERY_RUN, Options(), 1)
+
+
+@pytest.mark.slow
+def test_several_walkers_have_areas_of_their_own(tmp_path, scheduler):
+    """Six small cells over 2 km, three walkers with two starts: apart, and each with a route."""
+    city, survey = write_city(
+        tmp_path / "s", n_stations=6, n_runs=6, n_scans=250, walkers=draw_walkers(2, 4),
+        spacing_m=800.0,
+    )  # fmt: skip
+    with Cluster(scheduler) as cluster:
+        found = locate_survey(survey, Options(), cluster=cluster).cells
+    unsure = [replace(cell, verdict="cannot tell") for cell in found]
+    utm = Utm(ZONE)
+    starts_m = [np.array(ORIGIN_M), np.array(ORIGIN_M) + city.size_m]
+    starts = [utm.to_latlon(*place.tolist()) for place in starts_m]
+    walks = next_walks(survey, unsure, EVERY_RUN, Options(), 3, starts)
+    assert [one.walker for one in walks] == [1, 2, 3]
+    assert len({one.walk.cell for one in walks}) == 3
+    for one, start_m in zip(walks, [*starts_m, starts_m[0]], strict=True):
+        best = one.walk.routes[0]
+        assert best.nats > 0.0
+        assert np.hypot(*(best.route.corner_m[0] - start_m)) < 1.0
+    for one, other in combinations(walks, 2):
+        apart_m = np.hypot(
+            one.walk.posterior.x_m - other.walk.posterior.x_m,
+            one.walk.posterior.y_m - other.walk.posterior.y_m,
+        )
+        assert apart_m > 500.0
+    # there are no places for more walkers than areas of 500 m
+    near = [cell for cell in unsure if cell.cell == walks[0].walk.cell] * 2
+    assert len(next_walks(survey, near, EVERY_RUN, Options(), 2, starts)) == 1
