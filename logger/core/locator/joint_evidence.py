@@ -90,19 +90,23 @@ class Joint:
         return at_mode + 0.5 * float(np.log(2.0 * np.pi / curvature))
 
     def _given_sigma(self, law: SigmaLaw, unknown: FloatArray, log_sigma: float) -> float:
-        """Log density of levels, censored readings and log sigma; `unknown` (g, q) is D."""
+        """Log density of levels, censored readings and log sigma; `unknown` (g, q) is D.
+
+        Levels are in units of sigma, so that the sites of another sigma fit nearly as well.
+        """
         gone, tau = self._blocks.censored, np.array([[log_sigma]])
-        given, s2 = law.fit(tau), float(np.exp(2.0 * log_sigma))
+        given, sigma_db = law.fit(tau), float(np.exp(log_sigma))
         log_p = float(law.log_p(tau, given)[0, 0]) - 0.5 * self._noise.log_det
         log_p -= 0.5 * len(self._blocks) * float(np.log(2.0 * np.pi))
         theta, covariance = given.theta[:, 0, 0], given.covariance(unknown.shape[1])[..., 0, 0]
-        spread = s2 * self._left + unknown @ covariance @ unknown.T
+        spread = self._left + unknown @ (covariance / sigma_db**2) @ unknown.T
+        side = gone.side / sigma_db
         beyond, self._sites = log_all_above(
-            gone.side * (self._predicted_dbm + unknown @ theta),
+            side * (self._predicted_dbm + unknown @ theta),
             gone.side[:, None] * spread * gone.side,
-            gone.side * beyond_dbm(gone),
+            side * beyond_dbm(gone),
             self._readings,
-            s2 * self._independent,
+            self._independent,
             self._sites,
         )
         return log_p + beyond

@@ -1,30 +1,34 @@
 """The lower tail of the normal distribution, finite and fast where it is far out."""
 
-import numpy as np
+from typing import TypeVar
 
-from logger.core.arrays import FloatArray
+import numpy as np
+import numpy.typing as npt
+
+Float = TypeVar("Float", np.float32, np.float64)
 
 _SQRT_2PI = float(np.sqrt(2.0 * np.pi))
 _HALF_ROOT = float(np.sqrt(0.125))  # of u: half of u / sqrt(2), the argument of erfc
 
 
-def log_cdf_and_slope(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+def log_cdf_and_slope(u: npt.NDArray[Float]) -> tuple[npt.NDArray[Float], npt.NDArray[Float]]:
     """Log of the standard normal distribution function, and its slope phi(u) / Phi(u).
 
-    Relative errors are below 2e-7. From a rational approximation of erfc whose logarithm stays
-    finite far in the tail (Press et al., Numerical Recipes, sec. 6.2, erfcc).
+    Relative errors are below 2e-7, in single precision below 2e-6. From a rational approximation of
+    erfc whose logarithm stays finite far in the tail (Press et al., Numerical Recipes, sec. 6.2,
+    erfcc).
     """
-    squared = 0.5 * u * u
+    half = 0.5 * u
     t = 1.0 / (1.0 + np.abs(u) * _HALF_ROOT)
     power = np.full_like(t, _ERFC[0])
     for coefficient in _ERFC[1:]:
         power *= t
         power += coefficient
     tail = 0.5 * t * np.exp(power)  # of -|u|, times exp(u^2 / 2)
-    bell, below = np.exp(-squared), u < 0.0
-    share = np.where(below, tail, 1.0 - bell * tail)
-    slope = np.where(below, 1.0, bell) / (_SQRT_2PI * share)
-    return np.log(share) - np.where(below, squared, 0.0), slope
+    bell = np.exp(-half * np.maximum(u, 0.0))  # 1 below zero
+    share = np.where(u < 0.0, tail, 1.0 - bell * tail)
+    log_cdf = np.log(share) - half * np.minimum(u, 0.0)
+    return log_cdf, bell / (_SQRT_2PI * share)
 
 
 _ERFC = (

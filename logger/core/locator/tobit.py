@@ -15,6 +15,7 @@ they suggest too small a sigma.
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.normal_tail import log_cdf_and_slope
@@ -41,6 +42,9 @@ _COLUMNS = 512  # at once: these matrices stay in the cache
 _LEAST_SHARE = 0.2
 """Of the curvature in log sigma that must remain once the coefficients are eliminated."""
 _HALF_STEP_DB = 0.5  # levels are rounded to 1 dB
+
+
+_Single = npt.NDArray[np.float32]
 
 
 class Conditional(NamedTuple):
@@ -114,25 +118,30 @@ def tobit_evidence(
 ) -> Evidence:
     """As `marginal`, of levels and censored readings, with one of `conditional` per hypothesis.
 
-    `near` is the evidence at positions nearby, where the search for the mode begins.
+    The search for the mode begins at that of `near`, the evidence at positions nearby. Without it,
+    it begins at that of the hypothesis before, and for the first one at that of the levels alone.
     """
-    start = marginal(total, len(blocks), log_det, prior, 1) if near is None else near
     censored = censored_columns(blocks.censored, prior, x_m, y_m)
     varying = varying_columns(blocks, prior, x_m, y_m)
-    begin = np.concatenate([np.log(start.sigma_db)[None], start.theta])
     at_once, parts = max(_COLUMNS // len(x_m), 1), []
+    before = near or marginal(total[:, :1], len(blocks), log_det[:1], prior, 1)
+    begin = np.concatenate([np.log(before.sigma_db)[None], before.theta])
     for i in range(0, len(conditional), at_once):
         some = slice(i, i + at_once)
         terms = _terms(blocks.censored, conditional[some], censored, varying)
-        of_some, at = (values[:, some].reshape(len(values), -1) for values in (total, begin))
-        parts.append(_laplace(of_some, at, len(blocks), terms, prior))
+        of_some = total[:, some]
+        at = begin[:, some] if near else np.repeat(begin[:, -1:], of_some.shape[1], axis=1)
+        flat, shape = at.reshape(len(at), -1), at.shape
+        parts.append(_laplace(of_some.reshape(len(total), -1), flat, len(blocks), terms, prior))
+        if near is None:
+            begin = parts[-1][1].reshape(shape)
     log_p, mode, covariance = (np.concatenate(v, axis=-1) for v in zip(*parts, strict=True))
-    mode = mode.reshape(begin.shape)
+    mode = mode.reshape(len(mode), *total.shape[1:])
     constant = -0.5 * (log_det + len(blocks) * np.log(2.0 * np.pi))
     return Evidence(
-        log_p.reshape(begin.shape[1:]) + constant,
+        log_p.reshape(mode.shape[1:]) + constant,
         mode[1:],
-        covariance.reshape(3, *begin.shape[1:]),
+        covariance.reshape(3, *mode.shape[1:]),
         np.exp(mode[0]),
     )
 
@@ -141,12 +150,12 @@ class _Terms(NamedTuple):
     """Censored terms, effective_readings * log Phi((columns . theta + of_one) / sigma).
 
     `columns` has shape (q, g, k), the others (g, k): k runs over the positions of one hypothesis
-    after the other.
+    after the other. Single precision is enough: `log_cdf_and_slope` is no more exact.
     """
 
-    columns: FloatArray
-    of_one: FloatArray
-    effective_readings: FloatArray
+    columns: _Single
+    of_one: _Single
+    effective_readings: _Single
 
     def part(self, some: IntArray) -> "_Terms":
         """Those of some k."""
@@ -179,9 +188,8 @@ def _of_hypothesis(
         columns[1:] -= gain @ np.stack(varying)
     columns *= sign
     of_one = sign * (predicted_dbm - beyond_dbm(gone))[:, None]
-    return _Terms(
-        columns, np.broadcast_to(of_one, shape), np.broadcast_to(effective[:, None], shape)
-    )
+    one, weight = np.broadcast_to(of_one, shape), np.broadcast_to(effective[:, None], shape)
+    return _Terms(*(values.astype(np.float32) for values in (columns, one, weight)))
 
 
 def _laplace(
@@ -250,7 +258,9 @@ def _surface(total: FloatArray, n: int, terms: _Terms, prior: Prior, at: FloatAr
     residual = np.maximum(residual, 0.0)
 
     # the censored terms: derivatives of log Phi(u) by u, and of u by the unknowns
-    u = inverse_sigma * (np.einsum("igk,ik->gk", columns, theta) + of_one)
+    u = np.einsum("igk,ik->gk", columns, theta.astype(np.float32))
+    u += of_one
+    u *= inverse_sigma.astype(np.float32)
     log_phi, slope = log_cdf_and_slope(u)
     first = effective * slope
     second = first * (slope + u)
@@ -280,5 +290,5 @@ def _square(total: FloatArray, q: int) -> FloatArray:
     ]
 
 
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+def _dot(a: _Single, b: _Single) -> FloatArray:
     return np.asarray(np.einsum("gk,gk->k", a, b), float)
