@@ -19,76 +19,28 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import shapely
 
+from benchmarks.synthetic_city.loggers import coverage, lies, offsets
 from benchmarks.synthetic_city.run_files import write_run
-from benchmarks.synthetic_city.walks import Walker, draw_walk, draw_walkers
-from benchmarks.synthetic_city.world import ORIGIN_M, ZONE, City, draw_city
-from logger.core.geo import Utm
+from benchmarks.synthetic_city.surveys import SCANS, draw_survey, estimates_of
+from benchmarks.synthetic_city.walks import draw_walk, draw_walkers
+from benchmarks.synthetic_city.world import draw_city
 from logger.core.locator.pipeline import locate
 from logger.core.runfile import read_sound_run
 from postproc.result import Options
 from postproc.smoothing import smooth_runs
 from postproc.survey import thinning
-from postproc.survey.agreement import liars, report
 from postproc.survey.alignment import align
-from postproc.survey.cell_location import LocatedCell, joined_readings
+from postproc.survey.cell_location import joined_readings
 from postproc.survey.dataset import Survey
-from postproc.survey.location import EVERY_RUN
-from postproc.survey.parquet_batch import Batch
 from postproc.survey.scheduling import Cluster
-from postproc.survey.tasks import RunChoice, compare_loggers, locate_cells, tasks_of
-
-SCANS = 800
-"""Of a walk: 40 minutes."""
+from postproc.survey.tasks import RunChoice, locate_cells, tasks_of
 
 
 def cpu_s() -> float:
     """Processor time of this process and its children that have ended."""
     parts = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(part.ru_utime + part.ru_stime for part in parts)
-
-
-def draw_survey(folder: Path, city: City, walkers: list[Walker], n_readings: int) -> Survey:
-    """Walks until there are so many readings, 20 loggers in turn."""
-    survey = Survey.open_or_make(folder)
-    batch, number, written = Batch(), 0, 0
-    while written + batch.n_rows < n_readings:
-        walk = draw_walk(city, walkers[number % len(walkers)], number, SCANS, city.seed)
-        batch.take(walk)
-        number += 1
-        if batch.is_full:
-            written += batch.n_rows
-            batch.write(folder, f"{len(list((folder / 'readings').rglob('*'))):06d}")
-            batch = Batch()
-    if batch.walks:
-        batch.write(folder, "999999")
-    return Survey.open(survey.folder)
-
-
-def estimates_of(survey: Survey, choice: RunChoice = EVERY_RUN) -> list[LocatedCell]:
-    """All cells, in this process."""
-    allowed = [digest for digest, run in survey.runs.items() if choice.allows(run)]
-    tasks = tasks_of(survey, survey.cells(allowed), choice, Options())
-    return [cell for task in tasks for cell in locate_cells(task)]
-
-
-def station_of(city: City, cell: str) -> int:
-    """Number of the station with this name."""
-    return city.names.index(cell)
-
-
-def error_m(city: City, cell: LocatedCell) -> float:
-    """Distance of the estimate from the station."""
-    x_m, y_m = city.position_m[station_of(city, cell.cell)] + ORIGIN_M
-    return float(np.hypot((cell.x_m or np.nan) - x_m, (cell.y_m or np.nan) - y_m))
-
-
-def holds(city: City, cell: LocatedCell) -> bool:
-    """Whether the 95 % region contains the station."""
-    x_m, y_m = city.position_m[station_of(city, cell.cell)] + ORIGIN_M
-    lat_deg, lon_deg = Utm(ZONE).to_latlon(float(x_m), float(y_m))
-    return bool(shapely.from_wkb(cell.region_wkb).contains(shapely.Point(lon_deg, lat_deg)))
 
 
 def adding(folder: Path, options: argparse.Namespace) -> Iterator[str]:
@@ -172,53 +124,6 @@ def against_smooth(folder: Path, options: argparse.Namespace) -> Iterator[str]:
     )
 
 
-def honesty(folder: Path, options: argparse.Namespace) -> Iterator[str]:
-    """Coverage, errors and offsets of 100 walks of 20 loggers, and with two that lie."""
-    hits, errors_m, nees, shift_m, named = [], [], [], [], []
-    for seed in range(1, options.cities + 1):
-        city, walkers = draw_city(12, seed), draw_walkers(20, seed)
-        n = 100 * SCANS * 4
-        survey = draw_survey(folder / f"clean-{seed}", city, walkers, n)
-        clean = {cell.cell: cell for cell in estimates_of(survey) if cell.x_m is not None}
-        hits += [holds(city, cell) for cell in clean.values()]
-        errors_m += [error_m(city, cell) for cell in clean.values()]
-        nees += [value for cell in clean.values() for value in _offset_scores(cell, walkers)]
-        lying = [*walkers]
-        # a liar is otherwise an average modem
-        usual_db = float(np.median([walker.offset_db for walker in walkers]))
-        lying[3] = Walker(walkers[3].name, usual_db, lie_db=20.0)
-        lying[8] = Walker(walkers[8].name, usual_db, lie_m=500.0)
-        survey = draw_survey(folder / f"lies-{seed}", city, lying, n)
-        tasks = tasks_of(survey, survey.cells(), RunChoice(), Options())
-        accused = liars(report([one for task in tasks for one in compare_loggers(task)]))
-        named.append(set(accused) == {lying[3].name, lying[8].name})
-        honest = estimates_of(survey, RunChoice(without=frozenset(accused)))
-        alone = frozenset({lying[3].name, lying[8].name})
-        without = {cell.cell: cell for cell in estimates_of(survey, RunChoice(without=alone))}
-        shift_m += [
-            float(np.hypot(cell.x_m - without[cell.cell].x_m, cell.y_m - without[cell.cell].y_m))
-            for cell in honest
-            if cell.x_m is not None and cell.cell in without
-        ]
-    yield f"{len(hits)} cells of {options.cities} cities, 20 loggers: coverage {np.mean(hits):.2f}"
-    yield f"  error: median {np.median(errors_m):.0f} m, 90 % {np.quantile(errors_m, 0.9):.0f} m"
-    inside = np.mean(np.array(nees) < 4.0)
-    yield f"  {len(nees)} offsets: NEES {np.mean(nees):.2f} (1 is right), {inside:.2f} < 4"
-    yield f"  both liars and nobody else named in {sum(named)} of {len(named)} cities"
-    yield f"  positions are those without the liars' runs to {max(shift_m):.1e} m"
-
-
-def _offset_scores(cell: LocatedCell, walkers: list[Walker]) -> list[float]:
-    """Squared errors of the offsets against the first, in units of their variances."""
-    true_db = {walker.name: walker.offset_db for walker in walkers}
-    first, *others = cell.offsets or (None,)
-    return [
-        float(((one.offset_db - true_db[one.modem] + true_db[first.modem]) / one.sigma_db) ** 2)
-        for one in others
-        if first is not None and one.offset_db is not None and one.sigma_db
-    ]
-
-
 def thinning_loss(folder: Path, options: argparse.Namespace) -> Iterator[str]:
     """Estimates of cells with many readings from all of them, and from those that are kept."""
     city, walkers = draw_city(4, 1), draw_walkers(20, 1)
@@ -262,7 +167,9 @@ PARTS: dict[str, Callable[[Path, argparse.Namespace], Iterator[str]]] = {
     "adding": adding,
     "cost": cost,
     "smooth": against_smooth,
-    "honesty": honesty,
+    "coverage": coverage,
+    "lies": lies,
+    "offsets": offsets,
     "thinning": thinning_loss,
     "workers": workers,
 }
@@ -276,7 +183,7 @@ def main() -> None:
     parser.add_argument("--files", type=int, default=16, help="run files that are added")
     parser.add_argument("--runs", type=int, default=12, help="runs of the comparison with smooth")
     parser.add_argument("--cells", type=int, default=1, help="cells that smooth locates")
-    parser.add_argument("--cities", type=int, default=1, help="cities of the honesty part")
+    parser.add_argument("--cities", type=int, default=1, help="cities of the parts on loggers")
     parser.add_argument("--dense", type=int, default=400_000, help="readings of four cells")
     options = parser.parse_args()
     print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")

@@ -22,6 +22,9 @@ _FEWEST_BLOCKS = 30
 FEWEST_LOGGERS = 3
 _MOST_DB = 15.0
 """3GPP TS 45.008, 8.1.2, allows 6 dB: of 2000 loggers that differ by 4.2 dB, one is beyond."""
+_NOTED_DB = 11.0
+"""One honest logger of 100. What it reads higher is subtracted, so it counts; but its owner should
+look at the antenna and the settings, or it lies."""
 _MOST_SCATTER = 3.0
 """Times that of the median logger.
 
@@ -40,13 +43,17 @@ class Agreement(NamedTuple):
 
 
 class LoggerReport(NamedTuple):
-    """A logger against all others; `contradiction` is empty where nothing speaks against it."""
+    """A logger against all others; `contradiction` is empty where nothing speaks against it.
+
+    `remark` says of a logger that counts what is unusual about it.
+    """
 
     logger: str
     n_blocks: int
     offset_db: float
     scatter_db: float
     contradiction: str = ""
+    remark: str = ""
 
 
 def agreements(obs: CellObservations, loggers: Sequence[str]) -> list[Agreement]:
@@ -80,11 +87,10 @@ def report(found: Sequence[Agreement]) -> list[LoggerReport]:
         return loggers
     middle_db = float(np.median([one.offset_db for one in known]))
     usual_db = float(np.median([one.scatter_db for one in known]))
+    moved = [one._replace(offset_db=one.offset_db - middle_db) for one in loggers]
     return [
-        one._replace(offset_db=one.offset_db - middle_db)._replace(
-            contradiction=_contradiction(one, middle_db, usual_db)
-        )
-        for one in loggers
+        one._replace(contradiction=_contradiction(one, usual_db), remark=_remark(one, usual_db))
+        for one in moved
     ]
 
 
@@ -107,12 +113,18 @@ def _weighted_median(values: FloatArray, weight: FloatArray) -> float:
     return float(values[order][min(half, len(order) - 1)])
 
 
-def _contradiction(one: LoggerReport, middle_db: float, usual_db: float) -> str:
+def _remark(one: LoggerReport, usual_db: float) -> str:
+    is_known = one.n_blocks >= _FEWEST_BLOCKS
+    if not is_known or abs(one.offset_db) <= _NOTED_DB or _contradiction(one, usual_db):
+        return ""
+    return f"its levels are {one.offset_db:+.0f} dB from those of the others; that is subtracted"
+
+
+def _contradiction(one: LoggerReport, usual_db: float) -> str:
     if one.n_blocks < _FEWEST_BLOCKS:
         return ""
-    offset_db = one.offset_db - middle_db
-    if abs(offset_db) > _MOST_DB:
-        return f"its levels are {offset_db:+.0f} dB from those of the others at the same places"
+    if abs(one.offset_db) > _MOST_DB:
+        return f"its levels are {one.offset_db:+.0f} dB from those of the others at the same places"
     if one.scatter_db > _MOST_SCATTER * usual_db:
         return (
             f"its levels do not fit its positions: they scatter by {one.scatter_db:.0f} dB around "

@@ -45,6 +45,8 @@ def print_location(location: Location, files: Sequence[Path]) -> None:
     for logger in location.loggers:
         if logger.contradiction:
             print_text(console, f"{logger.logger}: {logger.contradiction}", bullet="left out: ")
+        if logger.remark:
+            print_text(console, f"{logger.logger}: {logger.remark}", bullet="noted: ")
     for text in unusual_texts(cells):
         print_text(console, text, bullet="unusual: ")
     for path in files:

@@ -68,6 +68,7 @@ def html(
         unusual=[cell for cell in cells if unusual(cell)],
         why=unusual,
         liars=[one for one in loggers if one.contradiction],
+        noted=[one for one in loggers if one.remark],
         squares=[
             (float((x * SQUARE_M - box.west) * scale),
              float((box.north - (y + 1) * SQUARE_M) * scale))

@@ -92,6 +92,33 @@ def test_lying_loggers_are_named(tmp_path):
     assert "do not fit its positions" in accused["elsewhere"]
 
 
+def test_a_logger_12_db_too_high_is_noted_and_counts(tmp_path):
+    """A constant offset cannot be told from that of a modem: it is named, and subtracted."""
+    walkers = draw_walkers(8, 4)
+    usual_db = float(np.median([walker.offset_db for walker in walkers]))
+    walkers[2] = Walker("loud", usual_db, lie_db=12.0)
+    _, survey = write_city(tmp_path / "s", walkers=walkers, n_runs=40, n_scans=300, n_stations=9)
+    tasks = tasks_of(survey, survey.cells(), RunChoice(), Options())
+    loggers = report([one for task in tasks for one in compare_loggers(task)])
+    assert not liars(loggers)
+    assert [one.logger for one in loggers if one.remark] == ["loud"]
+    (noted,) = [one for one in loggers if one.remark]
+    assert noted.offset_db == pytest.approx(12.0, abs=1.5)
+    assert "12 dB from those of the others; that is subtracted" in noted.remark
+    true_db = {walker.name: walker.offset_db + walker.lie_db for walker in walkers}
+    errors_db = []
+    for one in survey.cells():
+        parts = survey.observations(one.area, [one.cell])[one.cell]
+        names = [survey.runs[digest].modem for digest in parts]
+        aligned, modems = align(joined_readings(parts, names).usable()), list(dict.fromkeys(names))
+        loud = modems.index("loud")
+        if np.isfinite(aligned.sigma_db[loud]):
+            expected_db = true_db["loud"] - true_db[modems[0]]
+            errors_db.append(aligned.offset_db[loud] - expected_db)
+    assert len(errors_db) >= 4
+    assert np.max(np.abs(errors_db)) < 2.0
+
+
 def test_thinning_keeps_means(tmp_path):
     _, survey = write_city(tmp_path / "s", n_stations=1, n_runs=4)
     (one,) = survey.cells()
