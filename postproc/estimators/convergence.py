@@ -19,6 +19,10 @@ MOST_ETA = 10.0
 """Measured exponents lie between 1.5 and 6, indoors included."""
 
 
+_NO_RETURN = 2.0
+"""A search with this many times the largest exponent has never come back: it goes on for ever."""
+
+
 def ended_well(
     state: FloatArray, covariance: FloatArray, obs: CellObservations, *, any_slope: bool = False
 ) -> bool:
@@ -40,3 +44,8 @@ def is_possible(
     power = P0_RANGE_DBM[0] <= state[2] <= P0_RANGE_DBM[1]
     slope = abs(state[3]) <= MOST_ETA and (any_slope or state[3] > 0.0)
     return bool(near and power and slope)
+
+
+def is_lost(state: FloatArray) -> bool:
+    """Whether a search that is at this state follows a flat valley to nowhere."""
+    return bool(abs(state[3]) > _NO_RETURN * MOST_ETA)

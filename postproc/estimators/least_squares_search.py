@@ -15,12 +15,13 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.normal_tail import log_cdf_and_slope
-from postproc.estimators.convergence import is_possible
+from postproc.estimators.convergence import is_lost, is_possible
 from postproc.estimators.least_squares_rows import Rows
 from postproc.estimators.levenberg_marquardt import Ending, minimise
 from postproc.estimators.robust_losses import Loss, influence
 
 _ArrayFunction = Callable[[FloatArray], FloatArray]
+_Pair = tuple[FloatArray, FloatArray]
 
 _STEPS = 100  # searches that converge take some 20
 _SCALE = (10.0, 10.0, 3.0, 0.3)  # usual sigmas of x, y (m), P0 (dB) and eta
@@ -100,17 +101,17 @@ class Search(NamedTuple):
 
     def _search_state(self, state: FloatArray) -> Minimum:
         """Minimum of the loss of all rows over all four unknowns."""
-        root = np.sqrt(self.rows.weight)
+        root, deviation = np.sqrt(self.rows.weight), _latest(self.deviation)
 
         def misfit(state: FloatArray) -> FloatArray:
-            return root * self.deviation(state)[0]
+            return root * deviation(state)[0]
 
         def slope(state: FloatArray) -> FloatArray:
-            return (root * self.deviation(state)[1])[:, None] * self.rows.jacobian(state)
+            return (root * deviation(state)[1])[:, None] * self.rows.jacobian(state)
 
         def search() -> Minimum:
             if self.loss == "linear":
-                end = minimise(misfit, slope, state, _SCALE, _STEPS)
+                end = minimise(misfit, slope, state, _SCALE, _STEPS, is_lost)
             else:
                 end = _minimise_loss(misfit, slope, state, self.loss, self._scale_db)
             return self._minimum(end.x, end.cost, end.converged)
@@ -151,6 +152,19 @@ class Search(NamedTuple):
         model_dbm = self.rows.residuals(state) + self.rows.level_dbm
         weight = self.rows.weight * np.where(rate > _LEAST_RATE, rate**2, _LEAST_RATE**2)
         return self.rows._replace(level_dbm=model_dbm - e, weight=weight)
+
+
+def _latest(function: Callable[[FloatArray], _Pair]) -> Callable[[FloatArray], _Pair]:
+    """The function, which knows its last result: a slope is asked for where the misfit was."""
+    at, found = np.empty(0), (np.empty(0), np.empty(0))
+
+    def at_state(state: FloatArray) -> _Pair:
+        nonlocal at, found
+        if not np.array_equal(state, at):
+            at, found = state.copy(), function(state)
+        return found
+
+    return at_state
 
 
 def _minimise_loss(

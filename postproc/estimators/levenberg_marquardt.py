@@ -33,11 +33,12 @@ def minimise(
     start: FloatArray,
     scale: Sequence[float],
     most_steps: int,
+    is_lost: Callable[[FloatArray], bool] | None = None,
 ) -> Ending:
     """Minimum of |misfit|^2 / 2 over the unknowns, shape (k,), from a start.
 
     `misfit` maps the unknowns to shape (n,), `slope` to its derivative (n, k). `scale` has the
-    usual size of a step in each unknown.
+    usual size of a step in each unknown. A search that `is_lost` ends without a minimum.
     """
     unit = np.asarray(scale, float)
     x, e = np.asarray(start, float), misfit(start)
@@ -61,6 +62,8 @@ def minimise(
             x, e, cost = further, e_further, cost - gain
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain / promised - 1.0) ** 3)
             growth = 2.0
+            if is_lost is not None and is_lost(x):
+                return Ending(x, cost, converged=False)
             if gain < _LEAST_GAIN * cost:
                 return Ending(x, cost, converged=True)
         else:

@@ -92,13 +92,17 @@ class Division(NamedTuple):
 
 
 class _Task(NamedTuple):
-    """The walk to divide, how finely its parts are searched, and what one transmitter explains."""
+    """The walk to divide, how finely its parts are searched, and what one transmitter explains.
+
+    `tried` are the divisions so far, by the bytes of `in_one`: several peaks lead to the same one.
+    """
 
     walk: Blocks
     prior: Prior
     effort: DivisionEffort
     trust: float
     undivided: float  # log evidence of one transmitter
+    tried: dict[bytes, "_Try | None"]
 
 
 class Part(NamedTuple):
@@ -162,7 +166,7 @@ def _task(walk: Blocks, posterior: Posterior, effort: DivisionEffort) -> _Task:
     prior = posterior.prior
     of_parts = prior if effort.noise is None else replace(prior, noise=effort.noise)
     whole = locate_part(walk, of_parts, effort.search)
-    return _Task(walk, of_parts, effort, posterior.trust, float(log_sum(whole.log_evidence)))
+    return _Task(walk, of_parts, effort, posterior.trust, float(log_sum(whole.log_evidence)), {})
 
 
 class _Try(NamedTuple):
@@ -185,7 +189,14 @@ class _Try(NamedTuple):
 
 
 def _try(task: _Task, in_one: BoolArray) -> _Try | None:
-    """Locate both parts of a walk; None where one of them is too short."""
+    """Both parts of a walk located; None where one of them is too short."""
+    key = in_one.tobytes()
+    if key not in task.tried:
+        task.tried[key] = _locate_both(task, in_one)
+    return task.tried[key]
+
+
+def _locate_both(task: _Task, in_one: BoolArray) -> _Try | None:
     walk, prior = task.walk, task.prior
     if min(np.count_nonzero(in_one), np.count_nonzero(~in_one)) < _FEWEST_BLOCKS:
         return None

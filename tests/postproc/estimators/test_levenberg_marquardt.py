@@ -52,3 +52,21 @@ def test_what_is_not_finite_is_no_minimum():
             200,
         )
     assert not end.converged
+
+
+def test_a_search_that_is_lost_ends_at_once():
+    """The exponential falls for ever: without a bound the search follows it."""
+    seen = []
+
+    def misfit(x):
+        seen.append(float(x[0]))
+        return np.exp(-x)
+
+    def slope(x):
+        return -np.diag(np.exp(-x))
+
+    far = minimise(misfit, slope, np.zeros(1), (1.0,), 50)
+    bounded = minimise(misfit, slope, np.zeros(1), (1.0,), 50, lambda x: x[0] > 5.0)
+    assert far.x[0] > 10.0
+    assert not bounded.converged
+    assert 5.0 < bounded.x[0] == seen[-1] < 10.0
