@@ -117,7 +117,7 @@ def _excess(obs: CellObservations, modem: IntArray, n: int) -> float:
     chosen = number[walk_of] >= 0
     modem_of_walk = modem_of_walk[few]
     levels = levels_by_place(obs.part(chosen), number[walk_of[chosen]], PLACE_M)
-    place, walk, level_dbm = _shared(_clear_of_floor(levels, modem_of_walk))
+    place, walk, level_dbm = _on_common_ground(_clear_of_floor(levels, modem_of_walk))
     if not len(place):
         return _USUAL_EXCESS
     fit = _robust(place, walk, level_dbm, len(modem_of_walk))
@@ -155,7 +155,7 @@ def _offsets(levels: PlaceLevels, n: int) -> tuple[FloatArray, FloatArray, IntAr
 
     A part are modems that are connected by places.
     """
-    place, modem, level_dbm = _shared(levels)
+    place, modem, level_dbm = _on_common_ground(levels)
     n_places = int(np.max(place, initial=-1)) + 1
     links = coo_array((np.ones(len(place)), (modem, n + place)), shape=(n + n_places,) * 2)
     part = connected_components(links, directed=False)[1][:n]
@@ -168,7 +168,7 @@ def _offsets(levels: PlaceLevels, n: int) -> tuple[FloatArray, FloatArray, IntAr
     return relative_db, np.asarray(sigma_db, float), np.asarray(part, np.int64)
 
 
-def _shared(levels: PlaceLevels) -> tuple[IntArray, IntArray, FloatArray]:
+def _on_common_ground(levels: PlaceLevels) -> tuple[IntArray, IntArray, FloatArray]:
     """Place, numbered from 0, modem and level where a place has more than one of them."""
     shared = np.bincount(levels.place)[levels.place] > 1
     place = np.unique(levels.place[shared], return_inverse=True)[1]

@@ -62,20 +62,20 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture
-def compared(folder, capsys):
+def changes(folder, capsys):
     arguments = ["survey", "diff", str(folder[0]), "--before", "2026-09-28", "--json"]
     assert main(arguments) == 0
     return {one["cell"]: one for one in json.loads(capsys.readouterr().out)["cells"]}
 
 
-def test_changes_are_named_and_nothing_else(folder, compared):
-    words = {name: one["word"] for name, one in compared.items()}
+def test_changes_are_named_and_nothing_else(folder, changes):
+    words = {name: one["word"] for name, one in changes.items()}
     injected = folder[1]
     found = {injected.get(name, name): word for name, word in words.items()
              if word not in {"same", "not comparable"}}  # fmt: skip
     assert found == {"gone": "gone", "moved": "moved", "new": "new"}
 
 
-def test_nothing_is_gone_where_nobody_walked(folder, compared):
+def test_nothing_is_gone_where_nobody_walked(folder, changes):
     (name,) = [name for name, word in folder[1].items() if word == "in the east"]
-    assert compared[name]["word"] == "not comparable"
+    assert changes[name]["word"] == "not comparable"
