@@ -1,6 +1,4 @@
-import os
 import shutil
-import subprocess
 
 import pytest
 
@@ -26,39 +24,17 @@ def installed_card(workplace):
     """A card with an installation as systemd/README.md describes it, without a network."""
     from tests.boot import machines, players
 
-    board = machines.rig.BOARDS[machines.BOARD]
-    if shutil.which(board["qemu"][0]) is None:
-        pytest.skip(f"no {board['qemu'][0]} here")
-    if not board["share"]:
-        pytest.skip(
-            f"the rig shows no folder of the host to a {machines.BOARD}, so that nothing can be "
-            f"installed"
-        )
-    image = machines.CACHE / f"base-{board['arch']}.raw"
-    if not image.exists() and os.getuid() != 0:
-        pytest.skip("only root can build the image of the boot rig")
-    # apt, as every Debian has it, and what Raspberry Pi OS makes a root read-only with
-    packages = os.environ | {"EXTRA_PACKAGES": "apt,overlayroot,busybox"}
-    subprocess.run(
-        [machines.RIG / "build_image.sh", machines.CACHE, board["arch"]], check=True, env=packages
-    )
-    subprocess.run(
-        ["make", "-C", machines.REPOSITORY, "card-debs", f"ARCH={board['arch']}", "SUITE=bookworm"],
-        check=True,
-    )
-
+    if not machines.rig.BOARDS[machines.BOARD]["share"]:
+        pytest.skip(f"the rig shows no folder of the host to a {machines.BOARD} to install from")
+    image, debs = machines.build_image(), machines.build_packages()
     card = machines.rig.Card(workplace / "installed.raw", image)
     with (
         machines.machine(card, workplace / "install", share=machines.REPOSITORY) as m,
         players.carry(m, scenario()),
     ):
         m.boot(machines.BOOT_S)
-        print(
-            m.run(
-                f"/mnt/host/systemd/install.sh /mnt/host/dist/card-bookworm-{board['arch']}",
-                timeout=900,
-            )
-        )
+        from_folder = debs.relative_to(machines.REPOSITORY)
+        print(m.run(f"/mnt/host/systemd/install.sh /mnt/host/{from_folder}", timeout=900))
         print(
             m.run(
                 "fieldlogger probe --write /tmp/site.toml && cp /tmp/site.toml /etc/cellwalk/",

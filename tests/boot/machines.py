@@ -2,6 +2,8 @@
 
 import json
 import os
+import shutil
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -21,7 +23,40 @@ sys.path.append(str(RIG))
 rig = pytest.importorskip("rig", reason="the boot rig is not beside this repository")
 
 
-def machine(card, folder: Path, share: Path | None = None, kernel: Path = CACHE):
+PACKAGES = "apt,overlayroot,busybox"
+"""apt, as every Debian has it, and what Raspberry Pi OS makes a root read-only with."""
+
+
+def image_folder(packages: str = PACKAGES) -> Path:
+    """Folder of the image with these packages besides those of the rig, and of its kernel."""
+    return CACHE / packages.replace(",", "-")
+
+
+def build_image(packages: str = PACKAGES) -> Path:
+    """The image with these packages, built once; skips where that cannot be done."""
+    board, folder = rig.BOARDS[BOARD], image_folder(packages)
+    if shutil.which(board["qemu"][0]) is None:
+        pytest.skip(f"no {board['qemu'][0]} here")
+    image = folder / f"base-{board['arch']}.raw"
+    if not image.exists() and os.getuid() != 0:
+        pytest.skip("only root can build the image of the boot rig")
+    subprocess.run(
+        [RIG / "build_image.sh", folder, board["arch"]],
+        check=True,
+        env=os.environ | {"EXTRA_PACKAGES": packages},
+    )
+    return image
+
+
+def build_packages() -> Path:
+    """Folder of the logger's package and of all that it needs, without a network."""
+    arch = rig.BOARDS[BOARD]["arch"]
+    command = ["make", "-C", REPOSITORY, "card-debs", f"ARCH={arch}", "SUITE=bookworm"]
+    subprocess.run(command, check=True)
+    return REPOSITORY / f"dist/card-bookworm-{arch}"
+
+
+def machine(card, folder: Path, share: Path | None = None, kernel: Path = image_folder()):
     """A machine with both adapters; to be used in a `with`.
 
     `kernel` is the folder of the kernel and its initrd.

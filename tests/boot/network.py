@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.boot.machines import BOARD, CACHE, rig
+from tests.boot.machines import BOARD, image_folder, rig
 
 PI = "10.42.0.1"
 """The Pi in the network of NetworkManager's hotspot, which the unit of the page allows."""
@@ -20,7 +20,7 @@ DRIVERS = ("net/core/failover.ko", "drivers/net/net_failover.ko", "drivers/net/v
 def fetch_drivers(folder: Path) -> None:
     """Put the drivers of the image's kernel into a folder; skips where its package is not there."""
     arch = rig.BOARDS[BOARD]["arch"]
-    installed = (CACHE / f"packages-{arch}.txt").read_text().split()
+    installed = (image_folder() / f"packages-{arch}.txt").read_text().split()
     (package,) = (name for name in installed if name.startswith("linux-image-6"))
     done = subprocess.run(
         ["apt-get", "download", f"{package}:{arch}"],

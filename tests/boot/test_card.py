@@ -6,7 +6,6 @@ partition (of Debian 13). What only Raspberry Pi OS has is not followed: its fir
 of its root, its questions at the first boot, the driver of its Wi-Fi.
 """
 
-import os
 import shutil
 import subprocess
 import time
@@ -17,11 +16,11 @@ import pytest
 from logger.core.runfile import read_run
 from logger.sim.scenario import scenario
 from tests.boot.machines import (
-    BOARD,
     BOOT_S,
-    CACHE,
+    PACKAGES,
     REPOSITORY,
-    RIG,
+    build_image,
+    build_packages,
     machine,
     rig,
     status,
@@ -36,7 +35,8 @@ PREPARE = REPOSITORY / "systemd/prepare-card.sh"
 PASSWORD = "a password of the test"
 LIBRARIES = "python3-numpy python3-h5py python3-h5py-serial python3-pyproj python3-nmea2"
 """What the rig's image has, and Raspberry Pi OS Lite does not; cloud-init needs python3-serial."""
-PACKAGES = {"firstrun": "apt,overlayroot,busybox", "cloud-init": "apt,cloud-init"}
+IMAGES = {"firstrun": PACKAGES, "cloud-init": "apt,cloud-init"}
+"""Debian packages of the image with each mechanism."""
 FILES = {
     "firstrun": {"cmdline.txt": "rootwait quiet\n", "config.txt": "# as delivered\n"},
     "cloud-init": {
@@ -60,31 +60,14 @@ class Story:
     fixes: int = 0
 
 
-def _image(style):
-    """The rig's image with the mechanism, and its folder."""
-    arch = rig.BOARDS[BOARD]["arch"]
-    folder = CACHE if style == "firstrun" else CACHE / style
-    for tool in (rig.BOARDS[BOARD]["qemu"][0], "mcopy", "mkfs.vfat", "openssl"):
-        if shutil.which(tool) is None:
-            pytest.skip(f"no {tool} here")
-    if not (folder / f"base-{arch}.raw").exists() and os.getuid() != 0:
-        pytest.skip("only root can build the image of the boot rig")
-    subprocess.run(
-        [RIG / "build_image.sh", folder, arch],
-        check=True,
-        env=os.environ | {"EXTRA_PACKAGES": PACKAGES[style]},
-    )
-    return folder
-
-
 DATASOURCE = "datasource_list: [NoCloud, None]\\ndatasource: {NoCloud: {fs_label: bootfs}}\\n"
 """Raspberry Pi OS names the mounted folder (seedfrom), for which its cloud-init waits."""
 
 
 def _pristine(folder, image):
     """A card as Raspberry Pi OS is: the libraries of the logger are not on it."""
-    card = rig.Card(folder / "root.raw", image / f"base-{rig.BOARDS[BOARD]['arch']}.raw")
-    with machine(card, folder / "before", kernel=image) as m:
+    card = rig.Card(folder / "root.raw", image)
+    with machine(card, folder / "before", kernel=image.parent) as m:
         m.boot(BOOT_S, append="cloud-init=disabled")
         m.run(f"dpkg --purge --force-depends {LIBRARIES}", timeout=300)
         m.run("mkdir -p /boot/firmware /etc/cloud/cloud.cfg.d")
@@ -134,18 +117,18 @@ def _first_boots(m, boot, story):
 
 @pytest.fixture(scope="module", params=["firstrun", "cloud-init"])
 def story(request, workplace):
-    style, arch = request.param, rig.BOARDS[BOARD]["arch"]
-    image = _image(style)
-    subprocess.run(
-        ["make", "-C", REPOSITORY, "card-debs", f"ARCH={arch}", "SUITE=bookworm"], check=True
-    )
+    style = request.param
+    for tool in ("mcopy", "mkfs.vfat", "openssl"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"no {tool} here")
+    image, debs = build_image(IMAGES[style]), build_packages()
     folder = workplace / style
     folder.mkdir()
     card = rig.Card(folder / "card.raw")
     boot = with_boot_partition(_pristine(folder, image).path, card.path)
-    _prepare_card(boot, folder, style, REPOSITORY / f"dist/card-bookworm-{arch}")
+    _prepare_card(boot, folder, style, debs)
     seen = Story()
-    with machine(card, folder / "machine", kernel=image) as m, carry(m, scenario()):
+    with machine(card, folder / "machine", kernel=image.parent) as m, carry(m, scenario()):
         _first_boots(m, boot, seen)
         for command in (
             "cat /etc/hostname",

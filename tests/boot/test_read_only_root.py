@@ -6,7 +6,7 @@ import pytest
 
 from logger.core.runfile import read_run, sealing_of
 from logger.sim.scenario import scenario
-from tests.boot.machines import BOARD, BOOT_S, CACHE, RUNS, machine, rig, wait_recording
+from tests.boot.machines import BOARD, BOOT_S, RUNS, image_folder, machine, rig, wait_recording
 from tests.boot.partitions import LINUX, MIB, copy_blocks, partition, table
 from tests.boot.players import carry
 
@@ -61,7 +61,7 @@ def _with_overlay(root, folder):
         m.poweroff(BOOT_S)
     arch = rig.BOARDS[BOARD]["arch"]
     root.pull(initrd, folder).rename(folder / f"initrd-{arch}")
-    (folder / f"vmlinuz-{arch}").symlink_to(CACHE / f"vmlinuz-{arch}")
+    (folder / f"vmlinuz-{arch}").symlink_to(image_folder() / f"vmlinuz-{arch}")
     return folder
 
 
@@ -83,7 +83,7 @@ def _boot(m, overlay):
 
 
 def test_a_root_that_is_never_written(installed_card, workplace, capsys):
-    packages = (CACHE / f"packages-{rig.BOARDS[BOARD]['arch']}.txt").read_text()
+    packages = (image_folder() / f"packages-{rig.BOARDS[BOARD]['arch']}.txt").read_text()
     if not {"overlayroot", "busybox"} <= set(packages.split()):
         pytest.skip(
             "the rig's image is without overlayroot, which Raspberry Pi OS takes, and busybox; "
