@@ -56,12 +56,12 @@ def build_packages() -> Path:
     return REPOSITORY / f"dist/card-bookworm-{arch}"
 
 
-def machine(card, folder: Path, share: Path | None = None, kernel: Path = image_folder()):
+def machine(card, folder: Path, share: Path | None = None, kernel: Path | None = None):
     """A machine with both adapters; to be used in a `with`.
 
-    `kernel` is the folder of the kernel and its initrd.
+    `kernel` is the folder of the kernel and its initrd, if not those of the image.
     """
-    return rig.Machine(card, kernel, folder, board=BOARD, usb=USB, share=share)
+    return rig.Machine(card, kernel or image_folder(), folder, board=BOARD, usb=USB, share=share)
 
 
 def status(m) -> dict:
