@@ -59,7 +59,11 @@ def lies(folder: Path, options: argparse.Namespace) -> Iterator[str]:
         loggers = report([one for task in tasks for one in compare_loggers(task)])
         accused = liars(loggers)
         named.append(set(accused) == {lying[3].name, lying[8].name})
-        noted.append([one.logger for one in loggers if one.remark] == [lying[14].name])
+        # an honest one of a hundred is as far off
+        odd = {
+            one.name for one in lying if 11.0 < abs(one.offset_db + one.lie_db - usual_db) < 15.0
+        }
+        noted.append({one.logger for one in loggers if one.remark} == odd)
         honest = estimates_of(survey, RunChoice(without=frozenset(accused)))
         alone = frozenset({lying[3].name, lying[8].name})
         without = {cell.cell: cell for cell in estimates_of(survey, RunChoice(without=alone))}

@@ -66,7 +66,7 @@ class PlaceLevels(NamedTuple):
     level_dbm: FloatArray
 
 
-class _Fit(NamedTuple):
+class OffsetFit(NamedTuple):
     """Pseudo-inverse of the normal matrix (n, n), offsets (n,) and variance of a place."""
 
     inverse: FloatArray
@@ -80,7 +80,7 @@ def align(obs: CellObservations) -> Alignment:
     if n <= MOST_MODEMS or obs.modem is None:
         return Alignment(obs, np.zeros(n), np.zeros(n))
     levels = levels_by_place(obs, obs.modem, PLACE_M)
-    offset_db, sigma_db, part = _offsets(_clear_of_floor(levels, np.arange(n)), n)
+    offset_db, sigma_db, part = _offsets(clear_of_floor(levels, np.arange(n)), n)
     sigma_db = sigma_db * np.sqrt(_excess(obs, obs.modem, n))
     is_certain = sigma_db <= CERTAIN_DB
     offset_db = np.where(is_certain, offset_db, 0.0)
@@ -117,10 +117,10 @@ def _excess(obs: CellObservations, modem: IntArray, n: int) -> float:
     chosen = number[walk_of] >= 0
     modem_of_walk = modem_of_walk[few]
     levels = levels_by_place(obs.part(chosen), number[walk_of[chosen]], PLACE_M)
-    place, walk, level_dbm = _on_common_ground(_clear_of_floor(levels, modem_of_walk))
+    place, walk, level_dbm = _on_common_ground(clear_of_floor(levels, modem_of_walk))
     if not len(place):
         return _USUAL_EXCESS
-    fit = _robust(place, walk, level_dbm, len(modem_of_walk))
+    fit = robust_fit(place, walk, level_dbm, len(modem_of_walk))
     precision = np.linalg.pinv(fit.inverse, hermitian=True, rcond=_RANK)
     of_modem = np.zeros((len(modem_of_walk), n))
     of_modem[np.arange(len(modem_of_walk)), modem_of_walk] = 1.0
@@ -134,7 +134,7 @@ def _excess(obs: CellObservations, modem: IntArray, n: int) -> float:
     return max((chi2 + _USUAL_EXCESS * _USUAL_WEIGHT) / (free + _USUAL_WEIGHT), 1.0)
 
 
-def _clear_of_floor(levels: PlaceLevels, modem_of: IntArray) -> PlaceLevels:
+def clear_of_floor(levels: PlaceLevels, modem_of: IntArray) -> PlaceLevels:
     """Places where every modem of those there would have heard the cell.
 
     Near its floor a modem reports the high levels only, and seems to read high. `levels` are of
@@ -159,7 +159,7 @@ def _offsets(levels: PlaceLevels, n: int) -> tuple[FloatArray, FloatArray, IntAr
     n_places = int(np.max(place, initial=-1)) + 1
     links = coo_array((np.ones(len(place)), (modem, n + place)), shape=(n + n_places,) * 2)
     part = connected_components(links, directed=False)[1][:n]
-    fit = _robust(place, modem, level_dbm, n)
+    fit = robust_fit(place, modem, level_dbm, n)
     first = np.array([int(np.flatnonzero(part == own)[0]) for own in part])
     inverse = fit.inverse
     spread = np.diag(inverse) + inverse[first, first] - 2.0 * inverse[np.arange(n), first]
@@ -175,7 +175,7 @@ def _on_common_ground(levels: PlaceLevels) -> tuple[IntArray, IntArray, FloatArr
     return place, levels.modem[shared], levels.level_dbm[shared]
 
 
-def _robust(place: IntArray, modem: IntArray, level_dbm: FloatArray, n: int) -> _Fit:
+def robust_fit(place: IntArray, modem: IntArray, level_dbm: FloatArray, n: int) -> OffsetFit:
     """Least squares with Huber's weights."""
     weight, error_db2 = np.ones(len(place)), _LEAST_SIGMA_DB**2
     offset_db: FloatArray = np.zeros(n)
@@ -188,7 +188,7 @@ def _robust(place: IntArray, modem: IntArray, level_dbm: FloatArray, n: int) -> 
         error_db2 = max(_MAD * float(np.median(np.abs(free_db))), _LEAST_SIGMA_DB) ** 2
         away = np.abs(free_db) / np.sqrt(error_db2)
         weight = np.minimum(1.0, _HUBER / np.maximum(away, 1e-9))
-    return _Fit(inverse, offset_db, error_db2)
+    return OffsetFit(inverse, offset_db, error_db2)
 
 
 def _solve(
