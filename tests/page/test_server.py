@@ -2,7 +2,6 @@
 
 import json
 import socket
-import subprocess
 import time
 from contextlib import ExitStack, contextmanager
 from functools import partial
@@ -284,23 +283,3 @@ def test_the_token_is_kept_private_and_stays(page, tmp_path):
     token = tmp_path / "state/token"
     assert token.stat().st_mode & 0o777 == 0o600
     assert len(page.token) == 22
-
-
-def test_without_a_setting_it_ends_and_listens_nowhere(tmp_path):
-    kit.folders(tmp_path)
-    config = service.site_toml(tmp_path, "/dev/a", "/dev/b")
-    command = [*service.FIELDLOGGER, "page", "--config", str(config)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert (done.returncode, "the page is off" in done.stdout) == (0, True)
-    assert not (tmp_path / "state/token").exists()
-    with pytest.raises(ConnectionRefusedError):
-        socket.create_connection(("127.0.0.1", kit.free_port()))
-
-
-@pytest.mark.parametrize("listen", ["0.0.0.0:8080", "[::]:8080", "8080", "pi:80", "10.42.0.1:0"])
-def test_an_address_that_would_serve_every_network_is_an_error(tmp_path, listen):
-    config = service.site_toml(tmp_path, "/dev/a", "/dev/b", f'[page]\nlisten = "{listen}"\n')
-    command = [*service.FIELDLOGGER, "page", "--config", str(config)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 2
-    assert "is not one address of the Pi" in done.stderr

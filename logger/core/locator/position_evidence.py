@@ -66,7 +66,7 @@ class BlocksEvidence(NamedTuple):
             ]
         )
 
-    def shifted(self, unshifted: Evidence) -> Evidence:
+    def shift_evidence(self, unshifted: Evidence) -> Evidence:
         """The evidence (c, h) of an earlier search with the same blocks and hypotheses."""
         return unshifted._replace(log_p=unshifted.log_p + self.shift[:, None])
 
@@ -82,7 +82,7 @@ class BlocksEvidence(NamedTuple):
             )
         else:
             found = marginal(sums, len(self.blocks), log_det, prior, nodes)
-        return self.shifted(found)
+        return self.shift_evidence(found)
 
 
 class PositionEvidence(NamedTuple):
@@ -112,7 +112,7 @@ class PositionEvidence(NamedTuple):
             first = rows.stop
         return self._tree(squares, found)
 
-    def refined(self, tree: Tree, blocks: Blocks) -> Tree:
+    def refine(self, tree: Tree, blocks: Blocks) -> Tree:
         """Leaves at the squares of a tree that was searched with some `blocks`.
 
         Parts with the same blocks keep its evidence. Others begin to look there.
@@ -121,7 +121,7 @@ class PositionEvidence(NamedTuple):
         for part in self.parts:
             known = tree.evidence.of_hypotheses(np.searchsorted(tree.numbers, part.numbers))
             found.append(
-                part.shifted(known)
+                part.shift_evidence(known)
                 if part.blocks is blocks
                 else part.evaluate(self.prior, self.nodes, tree.squares[:2], known)
             )

@@ -114,7 +114,7 @@ def refine(walk: Walk, tree: Tree, noise: Noise) -> Tree:
         return tree._replace(log_weight=None if weights is None else weights[tree.numbers])
     effort = walk.effort._replace(densest=0)  # the coarse search has split these
     evidence = _evidence(walk, walk.blocks, noise.parts, noise.log_weight)
-    return grow(evidence.refined(tree, walk.coarse), evidence.split, walk.prior, effort)
+    return grow(evidence.refine(tree, walk.coarse), evidence.split, walk.prior, effort)
 
 
 def _evidence(

@@ -246,7 +246,7 @@ def test_refining_keeps_what_the_coarse_search_has_computed(monkeypatch):
 
     original = BlocksEvidence.evaluate
     monkeypatch.setattr(BlocksEvidence, "evaluate", evaluate)
-    kept = evidence.refined(tree, coarse)
+    kept = evidence.refine(tree, coarse)
     assert evaluated == [fine]
     np.testing.assert_array_equal(kept.numbers, anew.numbers)
     for one, other in zip(kept.evidence, anew.evidence, strict=True):
