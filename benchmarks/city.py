@@ -2,6 +2,7 @@
 
     python benchmarks/city.py                                 # small, some minutes
     python benchmarks/city.py --readings 100000 1000000 10000000 --only cost
+    python benchmarks/city.py --only year --stations 2000 --readings 100000000
 
 Processor times are those of this process and its children; walls are not compared, except for one
 and two workers.
@@ -25,6 +26,7 @@ from benchmarks.synthetic_city.run_files import write_run
 from benchmarks.synthetic_city.surveys import SCANS, draw_survey, estimates_of
 from benchmarks.synthetic_city.walks import draw_walk, draw_walkers
 from benchmarks.synthetic_city.world import draw_city
+from benchmarks.synthetic_city.year import year
 from logger.core.locator.pipeline import locate
 from logger.core.runfile import read_sound_run
 from postproc.result import Options
@@ -172,24 +174,31 @@ PARTS: dict[str, Callable[[Path, argparse.Namespace], Iterator[str]]] = {
     "offsets": offsets,
     "thinning": thinning_loss,
     "workers": workers,
+    "year": year,
 }
+_LONG = {"year"}
+"""Run when they are named only: hours at full size."""
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", nargs="*", choices=list(PARTS), default=list(PARTS))
+    parser.add_argument(
+        "--only", nargs="*", choices=list(PARTS), default=sorted(set(PARTS) - _LONG)
+    )
     parser.add_argument("--readings", nargs="*", type=int, default=[30_000, 300_000])
     parser.add_argument("--files", type=int, default=16, help="run files that are added")
     parser.add_argument("--runs", type=int, default=12, help="runs of the comparison with smooth")
     parser.add_argument("--cells", type=int, default=1, help="cells that smooth locates")
     parser.add_argument("--cities", type=int, default=1, help="cities of the parts on loggers")
+    parser.add_argument("--stations", type=int, default=200, help="of the part year")
     parser.add_argument("--dense", type=int, default=400_000, help="readings of four cells")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="for what is drawn")
     options = parser.parse_args()
     print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     for name in options.only:
-        with TemporaryDirectory() as folder:
-            for line in PARTS[name](Path(folder), options):
+        with TemporaryDirectory() as scratch:
+            for line in PARTS[name](options.keep or Path(scratch), options):
                 print(line, flush=True)
 
 

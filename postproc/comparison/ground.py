@@ -8,6 +8,7 @@ strong and stay unheard, and the block has no floor.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,34 +21,56 @@ BLOCK_M = 50.0
 
 Their semivariogram is flat from 50 m on; levels themselves are correlated farther.
 """
-_SHIFTS_M = tuple((east, north) for east in (0.0, 0.5 * BLOCK_M) for north in (0.0, 0.5 * BLOCK_M))
-"""Grids that are tried: a street along the border of one grid is inside the blocks of another."""
+_HALF_M = 0.5 * BLOCK_M
+_SHIFTS = tuple((east, north) for east in (0, 1) for north in (0, 1))
+"""Grids that are tried, in half blocks: a street along the border of one grid is inside the blocks
+of another."""
 _FARTHEST_SIGMA_M = BLOCK_M
 """A position that is less sure is in no block."""
 _STRIDE = 1 << 24
 """Blocks are numbered row by row; the Earth has fewer columns."""
-_HALF = 1 << 22
+_MIDDLE = 1 << 22
+_MOST_ROWS = 4_000_000
+"""Readings of which the scans are not yet summed: 0.1 GB, and as much again while they are."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Blocks of ground, numbered; east and north of a corner in metres."""
+    """Blocks of ground, numbered; east and north of a corner in half blocks."""
 
-    east_m: float = 0.0
-    north_m: float = 0.0
+    east: int = 0
+    north: int = 0
 
     def blocks_at(self, x_m: FloatArray, y_m: FloatArray) -> IntArray:
         """Number of the block of each position, shape (n,)."""
-        column = np.floor((x_m - self.east_m) / BLOCK_M).astype(np.int64) + _HALF
-        row = np.floor((y_m - self.north_m) / BLOCK_M).astype(np.int64) + _HALF
-        return np.asarray(row * _STRIDE + column, np.int64)
+        return self.blocks_of(half_blocks_at(x_m, y_m))
+
+    def blocks_of(self, half: IntArray) -> IntArray:
+        """Number of the block that contains each half block, shape (n,)."""
+        column, row = _column_and_row(half)
+        return _number((column - self.east) // 2, (row - self.north) // 2)
 
     def centres_m(self, block: IntArray) -> tuple[FloatArray, FloatArray]:
         """East and north of the middle of each block, shape (n,)."""
-        column, row = block % _STRIDE - _HALF, block // _STRIDE - _HALF
-        x_m = self.east_m + (column + 0.5) * BLOCK_M
-        y_m = self.north_m + (row + 0.5) * BLOCK_M
+        column, row = _column_and_row(block)
+        x_m = self.east * _HALF_M + (column + 0.5) * BLOCK_M
+        y_m = self.north * _HALF_M + (row + 0.5) * BLOCK_M
         return np.asarray(x_m, float), np.asarray(y_m, float)
+
+
+def half_blocks_at(x_m: FloatArray, y_m: FloatArray) -> IntArray:
+    """Number of the half block, a square of 25 m that all grids share, shape (n,)."""
+    return _number(
+        np.floor(x_m / _HALF_M).astype(np.int64), np.floor(y_m / _HALF_M).astype(np.int64)
+    )
+
+
+def _number(column: IntArray, row: IntArray) -> IntArray:
+    return np.asarray((row + _MIDDLE) * _STRIDE + column + _MIDDLE, np.int64)
+
+
+def _column_and_row(number: IntArray) -> tuple[IntArray, IntArray]:
+    return number % _STRIDE - _MIDDLE, number // _STRIDE - _MIDDLE
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,62 +104,106 @@ def grounds_of(
 ) -> tuple[Ground, Ground]:
     """Two walks by the blocks of the grid in which they have most blocks in common.
 
-    Their readings are in one UTM zone. A cell that fewer than two scans of a walk have named is
-    left out of it, as on the device.
+    Their readings are in one UTM zone, cell by cell; of a cell that has been taken its half blocks
+    are kept. A cell that fewer than two scans of a walk have named is left out of it, as on the
+    device.
     """
-    walks = [
-        [part for obs in cells if (part := _without_doubt(obs)) is not None] for cells in (a, b)
-    ]
-    grids = [Grid(*shift_m) for shift_m in _SHIFTS_M]
-    best = max(grids, key=lambda grid: len(_blocks_of(walks[0], grid) & _blocks_of(walks[1], grid)))
-    return _ground_of(walks[0], best), _ground_of(walks[1], best)
+    walks = [_Walk(cells) for cells in (a, b)]
+    grids = [Grid(*shift) for shift in _SHIFTS]
+    best = max(grids, key=lambda grid: len(walks[0].blocks(grid) & walks[1].blocks(grid)))
+    return walks[0].ground(best), walks[1].ground(best)
 
 
-def _ground_of(cells: list[CellObservations], grid: Grid) -> Ground:
-    by_rat: dict[str, list[CellObservations]] = {}
-    for obs in cells:
-        by_rat.setdefault(obs.rat or "", []).append(obs)
-    return Ground(
-        grid,
-        {obs.cell: _cell_blocks(obs, grid) for obs in cells},
-        {rat: _blocks_of(some, grid) for rat, some in by_rat.items()},
-        {rat: _floors(some, grid) for rat, some in by_rat.items()},
-    )
+class _CellHalves(NamedTuple):
+    """Half blocks that heard a cell, with the number and the sum of its levels, shape (n,) each."""
+
+    cell: str
+    rat: str
+    half: IntArray
+    n_levels: IntArray
+    sum_dbm: FloatArray
+
+    def blocks(self, grid: Grid) -> CellBlocks:
+        block, which = np.unique(grid.blocks_of(self.half), return_inverse=True)
+        count = np.bincount(which, self.n_levels).astype(np.int64)
+        level_dbm = np.bincount(which, self.sum_dbm) / count
+        return CellBlocks(self.cell, self.rat, int(np.sum(count)), block, level_dbm, count)
+
+
+class _Scans(NamedTuple):
+    """Scans: weakest level, number of cells named, half block of the first; shape (n,) each."""
+
+    scan: IntArray
+    weakest_dbm: FloatArray
+    n_named: IntArray
+    half: IntArray
+
+    @classmethod
+    def joined(cls, parts: Iterable["_Scans"]) -> "_Scans":
+        """Scans of several parts, each once."""
+        scan, weakest_dbm, n_named, half = map(np.concatenate, zip(*parts, strict=True))
+        order = np.argsort(scan, kind="stable")
+        first = np.flatnonzero(np.diff(scan[order], prepend=scan[order[0]] - 1))
+        return cls(
+            scan[order[first]],
+            np.minimum.reduceat(weakest_dbm[order], first),
+            np.add.reduceat(n_named[order], first),
+            half[order[first]],
+        )
+
+    def floors(self, grid: Grid) -> dict[int, float]:
+        """Median over the scans of a block of the weakest level, where scans name several cells."""
+        block = grid.blocks_of(self.half)
+        order = np.argsort(block, kind="stable")
+        floors = {}
+        for here in np.split(order, np.flatnonzero(np.diff(block[order])) + 1):
+            lists = here[self.n_named[here] > 1]
+            # where most scans name one cell only, the others may have been cut short
+            if 2 * len(lists) > len(here):
+                floors[int(block[here[0]])] = float(np.median(self.weakest_dbm[lists]))
+        return floors
+
+
+class _Walk:
+    """A walk by half blocks, of which the blocks of any grid are made."""
+
+    def __init__(self, cells: Iterable[CellObservations]) -> None:
+        self._cells: list[_CellHalves] = []
+        self._scans: dict[str, list[_Scans]] = {}
+        for obs in cells:
+            sure = _without_doubt(obs)
+            if sure is not None:
+                self._take(sure)
+
+    def _take(self, obs: CellObservations) -> None:
+        at = half_blocks_at(obs.x_m, obs.y_m)
+        half, which = np.unique(at, return_inverse=True)
+        sum_dbm = np.asarray(np.bincount(which, obs.level_dbm), float)
+        rat = obs.rat or ""
+        self._cells.append(_CellHalves(obs.cell, rat, half, np.bincount(which), sum_dbm))
+        parts = self._scans.setdefault(rat, [])
+        parts.append(_Scans(obs.scan_seq, obs.level_dbm, np.ones(len(obs), np.int64), at))
+        if sum(len(part.scan) for part in parts[1:]) > max(_MOST_ROWS, len(parts[0].scan)):
+            self._scans[rat] = [_Scans.joined(parts)]
+
+    def blocks(self, grid: Grid, rat: str | None = None) -> frozenset[int]:
+        """Blocks in which a cell was named, or one of a technology."""
+        halves = [cell.half for cell in self._cells if rat in {None, cell.rat}]
+        if not halves:
+            return frozenset()
+        return frozenset(np.unique(grid.blocks_of(np.unique(np.concatenate(halves)))).tolist())
+
+    def ground(self, grid: Grid) -> Ground:
+        """The walk by the blocks of a grid."""
+        return Ground(
+            grid,
+            {cell.cell: cell.blocks(grid) for cell in self._cells},
+            {rat: self.blocks(grid, rat) for rat in self._scans},
+            {rat: _Scans.joined(parts).floors(grid) for rat, parts in self._scans.items()},
+        )
 
 
 def _without_doubt(obs: CellObservations) -> CellObservations | None:
     usable = obs.usable()
     sure = usable.part(usable.position_sigma_m <= _FARTHEST_SIGMA_M)
     return sure if len(np.unique(sure.scan_seq)) >= FEWEST_SCANS else None
-
-
-def _cell_blocks(obs: CellObservations, grid: Grid) -> CellBlocks:
-    block, which = np.unique(grid.blocks_at(obs.x_m, obs.y_m), return_inverse=True)
-    count = np.bincount(which)
-    level_dbm = np.bincount(which, obs.level_dbm) / count
-    return CellBlocks(obs.cell, obs.rat or "", len(obs), block, level_dbm, count)
-
-
-def _blocks_of(cells: list[CellObservations], grid: Grid) -> frozenset[int]:
-    return frozenset(
-        int(block) for obs in cells for block in np.unique(grid.blocks_at(obs.x_m, obs.y_m))
-    )
-
-
-def _floors(cells: list[CellObservations], grid: Grid) -> dict[int, float]:
-    """Median over the scans of a block of the weakest level named, where scans name several."""
-    scan = np.concatenate([obs.scan_seq for obs in cells])
-    level_dbm = np.concatenate([obs.level_dbm for obs in cells])
-    block = np.concatenate([grid.blocks_at(obs.x_m, obs.y_m) for obs in cells])
-    scans, first, which = np.unique(scan, return_index=True, return_inverse=True)
-    weakest_dbm = np.full(len(scans), np.inf)
-    np.minimum.at(weakest_dbm, which, level_dbm)
-    lists = np.bincount(which) > 1
-    of_scan = block[first]
-    floors = {}
-    for here in np.unique(of_scan[lists]):
-        is_here = of_scan == here
-        # where most scans name one cell only, the others may have been cut short
-        if np.mean(lists[is_here]) > 0.5:
-            floors[int(here)] = float(np.median(weakest_dbm[is_here & lists]))
-    return floors

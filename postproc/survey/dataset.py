@@ -193,16 +193,12 @@ class Survey:
         """Scans of all runs that named each cell without doubt."""
         return {cell.cell: cell.n_scans for cell in self.cells()}
 
-    @cached_property
-    def _rows_by_run(self) -> dict[str, list[dict[str, Any]]]:
-        by_run: dict[str, list[dict[str, Any]]] = {}
-        for row in self.cells_of_runs.to_pylist():
-            by_run.setdefault(row["run"], []).append(row)
-        return by_run
-
-    def heard_by(self, run: str) -> list[dict[str, Any]]:
-        """What a run heard, a row for each cell (`layout.CELLS`)."""
-        return self._rows_by_run.get(run, [])
+    def heard_in(self, batch: str) -> dict[str, dict[str, dict[str, Any]]]:
+        """What each run of a batch heard: rows of `layout.CELLS` by run and cell."""
+        heard: dict[str, dict[str, dict[str, Any]]] = {}
+        for row in pq.read_table(layout.cells_file(self.folder, batch)).to_pylist():
+            heard.setdefault(row["run"], {})[row["cell"]] = row
+        return heard
 
     @cached_property
     def zone(self) -> int:

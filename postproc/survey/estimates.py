@@ -1,42 +1,41 @@
-"""Estimates of all cells of a survey, each computed once for the same runs."""
+"""What has been computed of each cell of a survey, each once for the same runs."""
 
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 import msgspec
 
 from postproc.result import Options
 from postproc.results import program_digest
-from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
 from postproc.survey.kept_lines import append_lines, whole_lines
 from postproc.survey.tasks import RunChoice
 
-
-class _Line(msgspec.Struct, frozen=True):
-    key: str
-    cell: LocatedCell
+Value = TypeVar("Value")
 
 
-class EstimateFile:
-    """Estimates that have been computed, a line of JSON each, durable one by one.
+class ResultFile(Generic[Value]):
+    """Results that have been computed, a line of JSON each.
 
-    `key` is a digest of all that an estimate depends on, so what changes it makes a new one. A line
+    `key` is a digest of all that a result depends on, so what changes it makes a new one. A line
     that was torn is computed again.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, kind: type[Value]) -> None:
         self._path = path
-        self._known = {line.key: line.cell for line in whole_lines(path, _Line)}
+        line: Any = msgspec.defstruct("Line", [("key", str), ("value", kind)], frozen=True)
+        self._line = line
+        self._known: dict[str, Value] = {one.key: one.value for one in whole_lines(path, line)}
 
-    def get(self, key: str) -> LocatedCell | None:
-        """The estimate with this key; None where there is none."""
+    def get(self, key: str) -> Value | None:
+        """The result with this key; None where there is none."""
         return self._known.get(key)
 
-    def put(self, found: Sequence[tuple[str, LocatedCell]]) -> None:
-        """Add estimates; raises `RunFileError` where they cannot be written."""
-        append_lines(self._path, [_Line(*one) for one in found])
+    def put(self, found: Sequence[tuple[str, Value]]) -> None:
+        """Add results; raises `RunFileError` where they cannot be written."""
+        append_lines(self._path, [self._line(*one) for one in found])
         self._known.update(found)
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from logger.core.errors import ConfigError
 from postproc.progress import with_progress
 from postproc.result import Options
-from postproc.survey.agreement import FEWEST_LOGGERS, LoggerReport, liars, report
+from postproc.survey.agreement import FEWEST_LOGGERS, Agreement, LoggerReport, liars, report
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey, SurveyCell
-from postproc.survey.estimates import EstimateFile, keys_of
+from postproc.survey.estimates import ResultFile, keys_of
 from postproc.survey.scheduling import Cluster
 from postproc.survey.suspicion import with_words, words_of_runs
 from postproc.survey.tasks import RunChoice, compare_loggers, locate_cells, tasks_of
@@ -38,7 +38,7 @@ def locate_survey(
 
     Raises `ConfigError` for an unknown cell and a scheduler that does not answer.
     """
-    loggers = _loggers(survey, choice, options, cluster)
+    loggers = reports_of_loggers(survey, choice, cluster)
     choice = replace(choice, without=choice.without | frozenset(liars(loggers)))
     allowed = [digest for digest, run in survey.runs.items() if choice.allows(run)]
     cells = survey.cells(allowed)
@@ -46,7 +46,7 @@ def locate_survey(
         raise ConfigError(f"cell {min(unknown)} is not in the survey, or not in these runs")
     cells = [cell for cell in cells if not only or cell.cell in only]
     keys = keys_of(survey, choice, options)
-    known = EstimateFile(survey.folder / "estimates.jsonl")
+    known = ResultFile(survey.folder / "estimates.jsonl", LocatedCell)
     waiting = [cell for cell in cells if known.get(keys[cell.cell]) is None]
     _locate(survey, waiting, choice, options, cluster, known, keys)
     found = [known.get(keys[cell.cell]) for cell in cells]
@@ -55,18 +55,25 @@ def locate_survey(
     return Location(located, tuple(loggers), len(cells) - len(waiting))
 
 
-def _loggers(
-    survey: Survey, choice: RunChoice, options: Options, cluster: Cluster
-) -> list[LoggerReport]:
+def reports_of_loggers(survey: Survey, choice: RunChoice, cluster: Cluster) -> list[LoggerReport]:
     """All loggers against each other; too few of them cannot contradict each other."""
     runs = [run for run in survey.runs.values() if choice.allows(run)]
     if len({run.logger for run in runs}) < FEWEST_LOGGERS:
         return []
+    options = Options()  # nothing depends on them
     shared = [cell for cell in survey.cells([run.digest for run in runs]) if cell.n_runs > 2]
-    tasks = tasks_of(survey, shared, choice, options)
+    keys = keys_of(survey, choice, options)
+    known = ResultFile(survey.folder / "loggers.jsonl", tuple[Agreement, ...])
+    waiting = [cell for cell in shared if known.get(keys[cell.cell]) is None]
+    tasks = tasks_of(survey, waiting, choice, options)
     arriving = cluster.results(compare_loggers, tasks)
-    found = [one for _, some in with_progress(arriving, "loggers", len(tasks)) for one in some]
-    return report(sorted(found))
+    for task, found in with_progress(arriving, "loggers", len(tasks)):
+        known.put([(keys[cell], _of_cell(found, cell)) for cell in task.cells])
+    return report(sorted(one for cell in shared for one in known.get(keys[cell.cell]) or ()))
+
+
+def _of_cell(found: Sequence[Agreement], cell: str) -> tuple[Agreement, ...]:
+    return tuple(one for one in found if one.cell == cell)
 
 
 def _locate(
@@ -75,7 +82,7 @@ def _locate(
     choice: RunChoice,
     options: Options,
     cluster: Cluster,
-    known: EstimateFile,
+    known: ResultFile[LocatedCell],
     keys: dict[str, str],
 ) -> None:
     tasks = tasks_of(survey, cells, choice, options)

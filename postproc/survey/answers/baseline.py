@@ -1,6 +1,6 @@
 """The walks of a survey as a baseline for the logger (`logger.baseline_file`)."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,9 @@ def add_walks(survey: Survey, store: BaselineStore) -> Iterator[bool]:
 
     A cell counts where a scan of the run named it without doubt and two of the survey did.
     """
+    known = {name for name, n in survey.n_scans.items() if n >= FEWEST_SCANS}
     for batch in survey.batches:
+        heard = survey.heard_in(batch)
         table = survey.batch_rows(batch)
         digests = table["run"].combine_chunks()
         order = np.argsort(digests.indices.to_numpy(), kind="stable")
@@ -28,20 +30,24 @@ def add_walks(survey: Survey, store: BaselineStore) -> Iterator[bool]:
         names = digests.dictionary.to_pylist()
         for digest, rows in zip(names, np.split(order, ends[:-1]), strict=True):
             if digest in survey.runs and len(rows):
-                summary = _summary(survey, survey.runs[digest], table.take(pa.array(rows)))
-                yield store.add(summary) is not None
+                sure = {
+                    cell: row
+                    for cell, row in heard[digest].items()
+                    if row["n_scans"] and cell in known
+                }
+                walk = _summary(survey.runs[digest], sure, table.take(pa.array(rows)))
+                yield store.add(walk) is not None
 
 
-def _summary(survey: Survey, run: SurveyRun, rows: pa.Table) -> WalkSummary:
-    heard = {row["cell"]: row for row in survey.heard_by(run.digest)}
-    known = {name for name, n in survey.n_scans.items() if n >= FEWEST_SCANS}
+def _summary(run: SurveyRun, heard: Mapping[str, Mapping[str, Any]], rows: pa.Table) -> WalkSummary:
+    """A run as a walk; `heard` has the cells that count."""
     columns: dict[str, Any] = {
         name: rows[name].to_numpy()
         for name in ("zone", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
     }
     all_names = rows["cell"].to_numpy(zero_copy_only=False)
     usable = columns["position_sigma_m"] <= FARTHEST_SIGMA_M
-    usable &= np.isin(all_names, [n for n in known if n in heard and heard[n]["n_scans"]])
+    usable &= np.isin(all_names, list(heard))
     columns = {name: values[usable] for name, values in columns.items()}
     names, cell = np.unique(all_names[usable].astype(str), return_inverse=True)
     cells = names.tolist()

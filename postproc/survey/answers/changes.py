@@ -4,7 +4,7 @@ All walks before a day are one walk, all since another day the other; `postproc.
 them, with its significance, and only where both have walked.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from logger.core.errors import ConfigError, GeoError
@@ -12,27 +12,27 @@ from logger.core.geo import Utm
 from logger.core.observations import CellObservations
 from postproc.comparison.changes import Comparison, compare
 from postproc.multi_run import in_zone
-from postproc.progress import with_progress
 from postproc.result import Options
-from postproc.survey.agreement import report
 from postproc.survey.cell_location import joined_readings
 from postproc.survey.dataset import Survey
-from postproc.survey.location import EVERY_RUN
-from postproc.survey.tasks import RunChoice, compare_loggers, tasks_of
+from postproc.survey.location import EVERY_RUN, reports_of_loggers
+from postproc.survey.scheduling import Cluster
+from postproc.survey.tasks import RunChoice, tasks_of
 
 _RUN_STRIDE = 1 << 40
 """Between the numbers of scans of two runs."""
 
 
-def compare_times(survey: Survey, before: RunChoice, after: RunChoice) -> Comparison:
+def compare_times(
+    survey: Survey, before: RunChoice, after: RunChoice, *, cluster: Cluster
+) -> Comparison:
     """The changes, without loggers that contradict the others.
 
-    Raises `ConfigError` where one of the times has no walk.
+    Raises `ConfigError` where one of the times has no walk, and for a scheduler that does not
+    answer.
     """
     utm = Utm(survey.zone)
-    tasks = tasks_of(survey, survey.cells(), EVERY_RUN, Options())
-    arriving = with_progress(map(compare_loggers, tasks), "loggers", len(tasks))
-    loggers = report([one for some in arriving for one in some])
+    loggers = reports_of_loggers(survey, EVERY_RUN, cluster)
     offset_db = {one.logger: one.offset_db for one in loggers if not one.contradiction}
     sides = []
     for choice, when in ((before, "before the first"), (after, "since the second")):
@@ -47,15 +47,11 @@ def compare_times(survey: Survey, before: RunChoice, after: RunChoice) -> Compar
 
 def _walk(
     survey: Survey, runs: Sequence[str], utm: Utm, offset_db: Mapping[str, float]
-) -> list[CellObservations]:
+) -> Iterator[CellObservations]:
     """All readings of some runs as those of one walk, on the scale of the median logger."""
     number = {digest: i for i, digest in enumerate(runs)}
-    areas: dict[str, list[str]] = {}
-    for cell in survey.cells(runs):
-        areas.setdefault(cell.area, []).append(cell.cell)
-    walk = []
-    for area, cells in areas.items():
-        for parts in survey.observations(area, cells, runs).values():
+    for task in tasks_of(survey, survey.cells(runs), EVERY_RUN, Options()):
+        for parts in survey.observations(task.area, task.cells, runs).values():
             placed = {}
             for digest, obs in parts.items():
                 moved = replace(
@@ -71,5 +67,4 @@ def _walk(
             if placed:
                 # spikes are looked for in the series of each run
                 obs = joined_readings(placed, list(placed))
-                walk.append(replace(obs.usable(), modem=None))
-    return walk
+                yield replace(obs.usable(), modem=None)

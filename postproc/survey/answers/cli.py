@@ -43,26 +43,38 @@ def baseline(folder: Path, target: Path, *, as_json: bool) -> None:
 
 @click.command
 @folder_argument
+@workers_options
 @click.option("--before", metavar="DATE", required=True, help="A: walks that began before.")
 @click.option("--after", metavar="DATE", help="B: walks that began then or later (default: A's).")
 @click.option("-v", "--verbose", is_flag=True, help="Cells that could not be compared, too.")
 @json_option
-def diff(folder: Path, before: str, after: str | None, *, verbose: bool, as_json: bool) -> None:
+def diff(
+    folder: Path,
+    scheduler: str | None,
+    workers: int | None,
+    before: str,
+    after: str | None,
+    *,
+    verbose: bool,
+    as_json: bool,
+) -> None:
     """Compare the walks before a day with those since another.
 
     Cells are new, gone, moved, stronger or weaker, where walks of both times could hear them.
     """
-    check_libraries("pyarrow")
+    check_libraries("pyarrow", "distributed")
     from postproc.json_text import as_json as json_text
     from postproc.survey.answers.changes import compare_times
     from postproc.survey.answers.tables import document_of_changes, print_changes
     from postproc.survey.dataset import Survey
     from postproc.survey.dates import day_utc_ns
+    from postproc.survey.scheduling import Cluster
     from postproc.survey.tasks import RunChoice
 
     early = RunChoice(until_utc_ns=day_utc_ns(before))
     late = RunChoice(since_utc_ns=day_utc_ns(after or before))
-    compared = compare_times(Survey.open(folder), early, late)
+    with Cluster(scheduler, workers) as cluster:
+        compared = compare_times(Survey.open(folder), early, late, cluster=cluster)
     if as_json:
         print(json_text(document_of_changes(compared)))
     else:

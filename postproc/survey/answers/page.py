@@ -3,18 +3,18 @@
 from base64 import b64encode
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 
-from logger.core.arrays import FloatArray
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.geo import Utm
 from logger.core.suspicion.finding import WORDS
 from postproc.basemap.reading import read_basemap
 from postproc.html_page import page_environment
 from postproc.pictures.clock import Clock
-from postproc.pictures.geometry import Box
+from postproc.pictures.geometry import Box, round_step
 from postproc.pictures.survey import Survey as Frame
 from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
@@ -26,6 +26,8 @@ SQUARE_M = 50.0
 """Of the coverage: a side of a block of houses."""
 _MOST_PIXELS = 1600
 _WIDTH = 1200.0
+_SCALE_PARTS = 8
+"""The scale bar is about one of so many of the width."""
 _UNUSUAL_LOG_FACTOR = 4.0
 """Two transmitters this much likelier than one, as the verdict has it."""
 _CLASSES = {"located": "located", "ambiguous": "ambiguous", "cannot tell": "unsure"}
@@ -52,9 +54,10 @@ def html(
     """The page; all text from runs is escaped."""
     utm = Utm(survey.zone)
     walked = walked_squares(survey, choice, utm)
-    corner_m = (walked + 0.5) * SQUARE_M
-    box = Box.around(corner_m).enlarge(5 * SQUARE_M) if len(walked) else Box(0.0, 0.0, 1.0, 1.0)
+    centre_m = np.asarray((walked + 0.5) * SQUARE_M, float)
+    box = Box.around(centre_m).enlarge(5 * SQUARE_M) if len(walked) else Box(0.0, 0.0, 1.0, 1.0)
     scale = _WIDTH / box.width
+    bar_m = round_step(box.width, _SCALE_PARTS)
     shapes = [
         shape
         for number, cell in enumerate(cells, 1)
@@ -69,17 +72,13 @@ def html(
         why=unusual,
         liars=[one for one in loggers if one.contradiction],
         noted=[one for one in loggers if one.remark],
-        squares=[
-            (float((x * SQUARE_M - box.west) * scale),
-             float((box.north - (y + 1) * SQUARE_M) * scale))
-            for x, y in walked.tolist()
-        ],
-        side=SQUARE_M * scale,
+        walked=_coverage(walked, box, scale),
         km2=len(walked) * SQUARE_M**2 / 1e6,
         width=_WIDTH,
         height=box.height * scale,
         ground=_ground(basemap, box, utm),
-        per_100_m=100.0 * scale,
+        bar_m=bar_m,
+        bar=bar_m * scale,
     )  # fmt: skip
 
 
@@ -94,7 +93,7 @@ def unusual(cell: LocatedCell) -> str:
     return "" if cell.word in {None, WORDS[0]} else word_text(cell)
 
 
-def walked_squares(survey: Survey, choice: RunChoice, utm: Utm) -> Any:
+def walked_squares(survey: Survey, choice: RunChoice, utm: Utm) -> IntArray:
     """Column and row of each square in which any cell was heard, shape (n, 2)."""
     allowed = {digest for digest, run in survey.runs.items() if choice.allows(run)}
     found = []
@@ -107,6 +106,22 @@ def walked_squares(survey: Survey, choice: RunChoice, utm: Utm) -> Any:
         xy_m = np.column_stack([rows[name].to_numpy()[keep] for name in ("x_m", "y_m")])
         found.append(np.unique(np.floor(xy_m / SQUARE_M).astype(np.int64), axis=0))
     return np.unique(np.concatenate(found), axis=0) if found else np.zeros((0, 2), np.int64)
+
+
+def _coverage(walked: IntArray, box: Box, scale: float) -> str:
+    """Path of the squares (n, 2): a rectangle for neighbours in a row, since a city has 10^5."""
+    if not len(walked):
+        return ""
+    x, y = walked[np.lexsort((walked[:, 0], walked[:, 1]))].T
+    begins = np.flatnonzero(np.append(True, (np.diff(x) != 1) | (np.diff(y) != 0)))
+    n = np.diff(np.append(begins, len(x)))
+    side = SQUARE_M * scale
+    west = (x[begins] * SQUARE_M - box.west) * scale
+    north = (box.north - (y[begins] + 1) * SQUARE_M) * scale
+    return "".join(
+        f"M{left:.1f} {top:.1f}h{width:.1f}v{side:.1f}h-{width:.1f}z"
+        for left, top, width in zip(west.tolist(), north.tolist(), (n * side).tolist(), strict=True)
+    )
 
 
 def _shape(number: int, cell: LocatedCell, utm: Utm, box: Box, scale: float) -> Shape | None:

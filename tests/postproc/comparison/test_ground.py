@@ -14,7 +14,7 @@ def ground_of(cells):
 
 def test_a_block_is_where_its_middle_is():
     x_m, y_m = np.array([-120.0, 0.0, 24.9, 390_001.0]), np.array([3.0, -1.0, 0.0, 5_820_049.0])
-    grid = Grid(25.0, 0.0)
+    grid = Grid(1, 0)
     block = grid.blocks_at(x_m, y_m)
     middle_x_m, middle_y_m = grid.centres_m(block)
     assert np.all(np.abs(middle_x_m - x_m) <= 0.5 * BLOCK_M)
@@ -71,3 +71,13 @@ def test_the_other_side_of_the_street_is_the_same_ground():
     for seed in range(8):
         a, b = grounds_of(walk(seed), walk(seed + 50))
         assert len(a.visited["GSM"] & b.visited["GSM"]) >= 30
+
+
+def test_scans_are_the_same_however_many_are_summed_at_once(monkeypatch):
+    """Half blocks of the whole walk, and those of a few readings at a time."""
+    whole = ground_of(walk(1))
+    monkeypatch.setattr("postproc.comparison.ground._MOST_ROWS", 10)
+    parts = ground_of(walk(1))
+    assert parts.floor_dbm == whole.floor_dbm
+    assert parts.visited == whole.visited
+    assert parts.grid == whole.grid

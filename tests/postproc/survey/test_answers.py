@@ -1,6 +1,7 @@
 """Baseline, changes, map and next walks of a survey."""
 
 import json
+import re
 from itertools import combinations
 
 import numpy as np
@@ -15,6 +16,7 @@ from logger.core.geo import Utm
 from postproc.cli import main
 from postproc.result import Options
 from postproc.survey.answers.next_walks import next_walks
+from postproc.survey.answers.page import walked_squares
 from postproc.survey.location import EVERY_RUN, locate_survey
 from postproc.survey.scheduling import Cluster
 from tests.postproc.survey.cities import write_city
@@ -41,9 +43,9 @@ def test_baseline(survey, tmp_path, capsys):
         assert (known.n_walks, known.n_scans) == (cell.n_runs, cell.n_scans)
 
 
-def test_nothing_changed_between_two_days(survey, capsys):
+def test_nothing_changed_between_two_days(survey, scheduler, capsys):
     compared = _json(capsys, "diff", survey.folder, "--before", "2026-09-22", "--after",
-                     "2026-09-22")  # fmt: skip
+                     "2026-09-22", "--scheduler", scheduler)  # fmt: skip
     assert {one["word"] for one in compared["cells"]} <= {"same", "not comparable"}
     assert compared["common_blocks"] > 0
     assert main(["survey", "diff", str(survey.folder), "--before", "2020-01-01"]) == 2
@@ -56,8 +58,22 @@ def test_map_needs_no_network(survey, scheduler, capsys):
         page = file.read()
     assert "default-src 'none'" in page
     assert "<script" not in page
-    assert page.count('<rect x="') > 20
+    assert 0 < _walked_m2(page) == pytest.approx(2500.0 * len(_squares(survey)), rel=0.01)
     assert all(cell.cell in page for cell in survey.cells())
+
+
+def _squares(survey):
+    return walked_squares(survey, EVERY_RUN, Utm(ZONE))
+
+
+def _walked_m2(page):
+    """Area of the path of the ground that was walked, by its rectangles and the scale bar."""
+    bar = re.search(r'<rect x="20" [^>]* width="([0-9.]+)" height="4"/>', page)
+    label = re.search(r">(\d+) m</text>", page)
+    scale = float(bar[1]) / float(label[1])
+    path = re.search(r'<path class="walked" d="([^"]*)"', page)[1]
+    sizes = re.findall(r"h([0-9.]+)v([0-9.]+)h-", path)
+    return sum(float(width) * float(height) for width, height in sizes) / scale**2
 
 
 def test_next_walks(survey, scheduler):

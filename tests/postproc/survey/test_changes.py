@@ -62,9 +62,9 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture
-def changes(folder, capsys):
-    arguments = ["survey", "diff", str(folder[0]), "--before", "2026-09-28", "--json"]
-    assert main(arguments) == 0
+def changes(folder, scheduler, capsys):
+    arguments = ["--before", "2026-09-28", "--scheduler", scheduler, "--json"]
+    assert main(["survey", "diff", str(folder[0]), *arguments]) == 0
     return {one["cell"]: one for one in json.loads(capsys.readouterr().out)["cells"]}
 
 

@@ -19,6 +19,8 @@ from postproc.survey.alignment import align
 from postproc.survey.cell_location import joined_readings
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
+from postproc.survey.location import locate_survey
+from postproc.survey.scheduling import Cluster
 from postproc.survey.tasks import RunChoice, compare_loggers, locate_cells, tasks_of
 from postproc.survey.thinning import MOST_READINGS, OF_A_SQUARE, thin
 from tests.postproc.baseline.walks import cell, name, write_walk
@@ -182,6 +184,20 @@ def test_torn_line_is_computed_again(results, scheduler, capsys):
     assert "1 known from before" in capsys.readouterr().out
     assert main(arguments) == 0
     assert "2 known from before" in capsys.readouterr().out
+
+
+def test_loggers_are_compared_once(tmp_path, scheduler):
+    """Without a scheduler too, once both results of every cell are known."""
+    _, survey = write_city(tmp_path / "s", walkers=draw_walkers(4, 4))
+    with Cluster(scheduler) as cluster:
+        first = locate_survey(survey, Options(), cluster=cluster)
+    assert len(first.loggers) == 4
+    with Cluster("tcp://127.0.0.1:1") as nobody:
+        assert locate_survey(survey, Options(), cluster=nobody) == replace(first, n_known=2)
+    kept = survey.folder / "loggers.jsonl"
+    kept.write_bytes(kept.read_bytes()[:-20])  # torn
+    with Cluster(scheduler) as cluster:
+        assert locate_survey(survey, Options(), cluster=cluster).loggers == first.loggers
 
 
 def test_since(results, scheduler, capsys):
