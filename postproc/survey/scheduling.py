@@ -14,6 +14,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from typing import Any, Self, TypeVar
 from uuid import uuid4
 
+import dask
 from distributed import Client, KilledWorker, LocalCluster, as_completed
 from distributed.comm import CommClosedError
 
@@ -27,6 +28,8 @@ _MOST_DEATHS = 100
 """Workers that may die before the tasks are taken for the cause."""
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MALLOC_TRIM_THRESHOLD_": str(1 << 28)}
 """Dask lets a worker give back every free block at once: two fifths of the time went into that."""
+_NO_PAGES = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+"""Dask tells every user of this machine over HTTP, usually at port 8787, what it is doing."""
 _LOST = (CommClosedError, CancelledError, TimeoutError, OSError)
 
 Item = TypeVar("Item")
@@ -125,10 +128,12 @@ def _client(scheduler: str | None, workers: int | None) -> Iterator[Client]:
     if scheduler is None:
         # TLS with keys that exist in memory only: other users of this machine cannot connect
         with (
+            dask.config.set(_NO_PAGES),
             LocalCluster(
                 n_workers=workers or os.cpu_count() or 1,
                 threads_per_worker=1,
                 dashboard_address=None,
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                 security=True,
                 silence_logs=logging.CRITICAL,
                 env=_ENVIRONMENT,
