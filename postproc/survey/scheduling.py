@@ -28,7 +28,10 @@ _MOST_DEATHS = 100
 """Workers that may die before the tasks are taken for the cause."""
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MALLOC_TRIM_THRESHOLD_": str(1 << 28)}
 """Dask lets a worker give back every free block at once: two fifths of the time went into that."""
-_NO_PAGES = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+_NO_PAGES: Mapping[str, list[str]] = {
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+}
 """Dask tells every user of this machine over HTTP, usually at port 8787, what it is doing."""
 _LOST = (CommClosedError, CancelledError, TimeoutError, OSError)
 
