@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.arrays import FloatArray
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.observations import CellObservations
 from postproc.comparison.ground import BLOCK_M
 from postproc.survey.alignment import clear_of_floor, levels_by_place, robust_fit
@@ -71,18 +71,36 @@ def agreements(obs: CellObservations, loggers: Sequence[str]) -> list[Agreement]
     place = np.unique(levels.place[is_common], return_inverse=True)[1]
     modem, level_dbm = levels.modem[is_common], levels.level_dbm[is_common]
     offset_db = robust_fit(place, modem, level_dbm, len(loggers)).offset_db
-    table = np.full((int(np.max(place, initial=-1)) + 1, len(loggers)), np.nan)
-    table[place, modem] = level_dbm - offset_db[modem]
+    free_dbm = level_dbm - offset_db[modem]
+    away_db = free_dbm - _median_of_others(place, free_dbm)
+    by_modem = np.argsort(modem, kind="stable")
     found = []
-    for number, logger in enumerate(loggers):
-        here = np.isfinite(table[:, number])
-        if np.any(here):
-            others_dbm = np.nanmedian(np.delete(table[here], number, axis=1), axis=1)
-            away_db = table[here, number] - others_dbm
-            scatter_db = _MAD * float(np.median(np.abs(away_db - np.median(away_db))))
-            own_db = float(offset_db[number])
-            found.append(Agreement(logger, obs.cell, len(away_db), own_db, scatter_db))
+    for rows in np.split(by_modem, np.flatnonzero(np.diff(modem[by_modem])) + 1):
+        if not len(rows):  # no common ground at all
+            continue
+        number, own_db = int(modem[rows[0]]), away_db[rows]
+        scatter_db = _MAD * float(np.median(np.abs(own_db - np.median(own_db))))
+        offset = float(offset_db[number])
+        found.append(Agreement(loggers[number], obs.cell, len(rows), offset, scatter_db))
     return found
+
+
+def _median_of_others(place: IntArray, level_dbm: FloatArray) -> FloatArray:
+    """For each level (n,) the median of the other levels in its place, of which there are some.
+
+    From the ranks within the place: with each level left out in turn it takes a hundred times as
+    long for a hundred loggers.
+    """
+    order = np.lexsort((level_dbm, place))
+    counts = np.bincount(place)
+    count, first = counts[place], (np.cumsum(counts) - counts)[place]
+    rank = np.argsort(order, kind="stable") - first
+    sorted_dbm = level_dbm[order]
+    # the others are in the same order without this one; an even number has two in the middle
+    n_others = count - 1
+    middle = ((n_others - 1) // 2, n_others // 2)
+    low_dbm, high_dbm = (sorted_dbm[first + k + (k >= rank)] for k in middle)
+    return np.asarray(0.5 * (low_dbm + high_dbm), float)
 
 
 def report(found: Sequence[Agreement]) -> list[LoggerReport]:
