@@ -139,7 +139,7 @@ class _Scans(NamedTuple):
     half: IntArray
 
     @classmethod
-    def joined(cls, parts: Iterable["_Scans"]) -> "_Scans":
+    def of_parts(cls, parts: Iterable["_Scans"]) -> "_Scans":
         """Scans of several parts, each once."""
         scan, weakest_dbm, n_named, half = map(np.concatenate, zip(*parts, strict=True))
         order = np.argsort(scan, kind="stable")
@@ -184,7 +184,7 @@ class _Walk:
         parts = self._scans.setdefault(rat, [])
         parts.append(_Scans(obs.scan_seq, obs.level_dbm, np.ones(len(obs), np.int64), at))
         if sum(len(part.scan) for part in parts[1:]) > max(_MOST_ROWS, len(parts[0].scan)):
-            self._scans[rat] = [_Scans.joined(parts)]
+            self._scans[rat] = [_Scans.of_parts(parts)]
 
     def blocks(self, grid: Grid, rat: str | None = None) -> frozenset[int]:
         """Blocks in which a cell was named, or one of a technology."""
@@ -199,7 +199,7 @@ class _Walk:
             grid,
             {cell.cell: cell.blocks(grid) for cell in self._cells},
             {rat: self.blocks(grid, rat) for rat in self._scans},
-            {rat: _Scans.joined(parts).floors(grid) for rat, parts in self._scans.items()},
+            {rat: _Scans.of_parts(parts).floors(grid) for rat, parts in self._scans.items()},
         )
 
 
