@@ -13,7 +13,7 @@ from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
 from postproc.survey.location import EVERY_RUN
 from postproc.survey.parquet_batch import Batch
-from postproc.survey.tasks import RunChoice, locate_cells, tasks_of
+from postproc.survey.tasks import RunChoice, locate_cells, runs_of, tasks_of
 
 SCANS = 800
 """Of a walk: 40 minutes."""
@@ -38,8 +38,7 @@ def draw_survey(folder: Path, city: City, walkers: list[Walker], n_readings: int
 
 def estimates_of(survey: Survey, choice: RunChoice = EVERY_RUN) -> list[LocatedCell]:
     """All cells, in this process."""
-    allowed = [digest for digest, run in survey.runs.items() if choice.allows(run)]
-    tasks = tasks_of(survey, survey.cells(allowed), choice, Options())
+    tasks = tasks_of(survey, survey.cells(runs_of(survey, choice)), choice, Options())
     return [cell for task in tasks for cell in locate_cells(task)]
 
 

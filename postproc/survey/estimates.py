@@ -11,7 +11,7 @@ from postproc.result import Options
 from postproc.results import program_digest
 from postproc.survey.dataset import Survey
 from postproc.survey.kept_lines import append_lines, whole_lines
-from postproc.survey.tasks import RunChoice
+from postproc.survey.tasks import RunChoice, runs_of
 
 Value = TypeVar("Value")
 
@@ -41,7 +41,7 @@ class ResultFile(Generic[Value]):
 
 def keys_of(survey: Survey, choice: RunChoice, options: Options) -> dict[str, str]:
     """Key of each cell: its runs, the options and the program."""
-    allowed = {digest for digest, run in survey.runs.items() if choice.allows(run)}
+    allowed = set(runs_of(survey, choice))
     digests: dict[str, list[str]] = {}
     table = survey.cells_of_runs
     for cell, run in zip(table["cell"].to_pylist(), table["run"].to_pylist(), strict=True):

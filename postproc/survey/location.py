@@ -12,7 +12,7 @@ from postproc.survey.dataset import Survey, SurveyCell
 from postproc.survey.estimates import ResultFile, keys_of
 from postproc.survey.scheduling import Cluster
 from postproc.survey.suspicion import with_words, words_of_runs
-from postproc.survey.tasks import RunChoice, compare_loggers, locate_cells, tasks_of
+from postproc.survey.tasks import RunChoice, compare_loggers, locate_cells, runs_of, tasks_of
 
 EVERY_RUN = RunChoice()
 
@@ -40,7 +40,7 @@ def locate_survey(
     """
     loggers = reports_of_loggers(survey, choice, cluster)
     choice = replace(choice, without=choice.without | frozenset(liars(loggers)))
-    allowed = [digest for digest, run in survey.runs.items() if choice.allows(run)]
+    allowed = runs_of(survey, choice)
     cells = survey.cells(allowed)
     if unknown := set(only) - {cell.cell for cell in cells}:
         raise ConfigError(f"cell {min(unknown)} is not in the survey, or not in these runs")
@@ -57,11 +57,11 @@ def locate_survey(
 
 def reports_of_loggers(survey: Survey, choice: RunChoice, cluster: Cluster) -> list[LoggerReport]:
     """All loggers against each other; too few of them cannot contradict each other."""
-    runs = [run for run in survey.runs.values() if choice.allows(run)]
-    if len({run.logger for run in runs}) < FEWEST_LOGGERS:
+    runs = runs_of(survey, choice)
+    if len({survey.runs[digest].logger for digest in runs}) < FEWEST_LOGGERS:
         return []
     options = Options()  # nothing depends on them
-    shared = [cell for cell in survey.cells([run.digest for run in runs]) if cell.n_runs > 2]
+    shared = [cell for cell in survey.cells(runs) if cell.n_runs > 2]
     keys = keys_of(survey, choice, options)
     known = ResultFile(survey.folder / "loggers.jsonl", tuple[Agreement, ...])
     waiting = [cell for cell in shared if known.get(keys[cell.cell]) is None]

@@ -61,6 +61,11 @@ class Task:
     options: Options
 
 
+def runs_of(survey: Survey, choice: RunChoice) -> list[str]:
+    """Digests of the runs that count, in the order in which they began."""
+    return [digest for digest, run in survey.runs.items() if choice.allows(run)]
+
+
 def tasks_of(
     survey: Survey, cells: Sequence[SurveyCell], choice: RunChoice, options: Options
 ) -> list[Task]:
@@ -115,7 +120,7 @@ def _limit_size(cells: list[SurveyCell]) -> Iterator[list[SurveyCell]]:
 
 
 def _cells_of(survey: Survey, task: Task) -> Iterator[CellRuns]:
-    allowed = [digest for digest, run in survey.runs.items() if task.choice.allows(run)]
+    allowed = runs_of(survey, task.choice)
     parts = survey.observations(task.area, task.cells, allowed)
     n_scans = survey.scans_of(task.cells, allowed)
     for cell in task.cells:

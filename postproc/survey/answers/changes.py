@@ -17,7 +17,7 @@ from postproc.survey.cell_location import joined_readings
 from postproc.survey.dataset import Survey
 from postproc.survey.location import EVERY_RUN, reports_of_loggers
 from postproc.survey.scheduling import Cluster
-from postproc.survey.tasks import RunChoice, tasks_of
+from postproc.survey.tasks import RunChoice, runs_of, tasks_of
 
 _RUN_STRIDE = 1 << 40
 """Between the numbers of scans of two runs."""
@@ -31,16 +31,19 @@ def compare_times(
     Raises `ConfigError` where one of the times has no walk, and for a scheduler that does not
     answer.
     """
-    utm = Utm(survey.zone)
+    choices = ((before, "before the first"), (after, "since the second"))
+    times = [(runs_of(survey, choice), when) for choice, when in choices]
+    for runs, when in times:
+        if not runs:
+            raise ConfigError(f"no walk of the survey began {when} day")
     loggers = reports_of_loggers(survey, EVERY_RUN, cluster)
     offset_db = {one.logger: one.offset_db for one in loggers if not one.contradiction}
-    sides = []
-    for choice, when in ((before, "before the first"), (after, "since the second")):
-        runs = [digest for digest, run in survey.runs.items() if choice.allows(run)]
+    utm, sides = Utm(survey.zone), []
+    for runs, when in times:
         # what one logger reads higher than the others is no change; without others nothing is known
         known = [one for one in runs if not loggers or survey.runs[one].logger in offset_db]
         if not known:
-            raise ConfigError(f"no walk of the survey began {when} day")
+            raise ConfigError(f"no walk {when} day is of a logger that others can confirm")
         sides.append(_walk(survey, known, utm, offset_db))
     return compare(*sides, same_modem=False)
 

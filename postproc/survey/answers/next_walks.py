@@ -14,7 +14,7 @@ from postproc.result import Options
 from postproc.survey.alignment import align
 from postproc.survey.cell_location import LocatedCell, joined_readings
 from postproc.survey.dataset import Survey
-from postproc.survey.tasks import RunChoice
+from postproc.survey.tasks import RunChoice, runs_of
 from postproc.survey.thinning import thin
 
 _TRIED_EACH = 3
@@ -75,8 +75,7 @@ def _walk(
     start_deg: tuple[float, float] | None,
     lines: Sequence[Line],
 ) -> NextWalk:
-    runs = [digest for digest, run in survey.runs.items() if choice.allows(run)]
-    parts = survey.observations(cell.area, [cell.cell], runs)[cell.cell]
+    parts = survey.observations(cell.area, [cell.cell], runs_of(survey, choice))[cell.cell]
     obs = joined_readings(parts, [survey.runs[digest].modem for digest in parts])
     usable = thin(align(obs.usable()).obs)
     if usable.modem is not None:  # forecasts are of one modem

@@ -20,7 +20,7 @@ from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
 from postproc.survey.tables import word_text
-from postproc.survey.tasks import RunChoice
+from postproc.survey.tasks import RunChoice, runs_of
 
 SQUARE_M = 50.0
 """Of the coverage: a side of a block of houses."""
@@ -65,7 +65,7 @@ def html(
     ]
     template = page_environment("postproc.survey.answers").get_template("survey.html")
     return template.render(
-        n_runs=sum(choice.allows(run) for run in survey.runs.values()),
+        n_runs=len(runs_of(survey, choice)),
         cells=cells,
         shapes=shapes,
         unusual=[cell for cell in cells if unusual(cell)],
@@ -95,7 +95,7 @@ def unusual(cell: LocatedCell) -> str:
 
 def walked_squares(survey: Survey, choice: RunChoice, utm: Utm) -> IntArray:
     """Column and row of each square in which any cell was heard, shape (n, 2)."""
-    allowed = {digest for digest, run in survey.runs.items() if choice.allows(run)}
+    allowed = set(runs_of(survey, choice))
     found = []
     for batch in survey.batches:
         rows = survey.batch_rows(batch, ["run", "zone", "x_m", "y_m"])
