@@ -95,13 +95,16 @@ def child(
     command: Sequence[str], environment: Mapping[str, str], log: int
 ) -> Iterator[subprocess.Popen[bytes]]:
     """A child process that ends with this context, also on SIGTERM; its output goes to `log`."""
-    with terminate_as_interrupt():
+    with terminate_as_interrupt() as interrupt:
+        interrupt.is_held = True  # else one that comes now would leave a child that nobody knows
         process = subprocess.Popen(  # noqa: S603
             command, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log
         )
         try:
+            interrupt.release()
             yield process
         finally:
+            interrupt.is_held = True
             process.terminate()
             try:
                 process.wait(_GRACE_S)
@@ -110,21 +113,37 @@ def child(
                 process.wait()
 
 
+class Interrupt:
+    """A signal handler that raises `KeyboardInterrupt`, or waits with it while `is_held`."""
+
+    def __init__(self) -> None:
+        self.is_held = False
+        self._is_waiting = False
+
+    def __call__(self, *_: object) -> None:
+        if not self.is_held:
+            raise KeyboardInterrupt
+        self._is_waiting = True
+
+    def release(self) -> None:
+        """Raise from now on, and at once where a signal has come in the meantime."""
+        self.is_held = False
+        if self._is_waiting:
+            raise KeyboardInterrupt
+
+
 @contextmanager
-def terminate_as_interrupt() -> Iterator[None]:
+def terminate_as_interrupt() -> Iterator[Interrupt]:
     """Let SIGTERM raise `KeyboardInterrupt`, so that contexts are closed in order.
 
     SIGINT does so, too, even if a shell that put us into the background ignores it.
     """
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
+    interrupt = Interrupt()
     previous = {
         number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:
-        yield
+        yield interrupt
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)

@@ -111,5 +111,22 @@ def test_no_viewer_is_left_behind(number, tmp_path):
         time.sleep(0.02)
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_viewer_starts_leaves_none_behind(number, tmp_path, monkeypatch):
+    """The signal comes when the process exists and its parent does not know it yet."""
+    started, start = [], subprocess.Popen
+
+    def interrupted(*arguments, **options):
+        started.append(start(*arguments, **options))
+        os.kill(os.getpid(), number)
+        return started[0]
+
+    monkeypatch.setattr(subprocess, "Popen", interrupted)
+    with (tmp_path / "log").open("wb") as log, pytest.raises(KeyboardInterrupt):
+        with viewer.child(["sleep", "60"], os.environ, log.fileno()):
+            pytest.fail("the signal was lost")
+    assert started[0].poll() is not None
+
+
 def test_the_real_viewer_is_found():
     assert viewer.binary().is_file()
