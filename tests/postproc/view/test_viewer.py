@@ -116,12 +116,12 @@ def test_a_signal_while_the_viewer_starts_leaves_none_behind(number, tmp_path, m
     """The signal comes when the process exists and its parent does not know it yet."""
     started, start = [], subprocess.Popen
 
-    def interrupted(*arguments, **options):
+    def start_and_signal(*arguments, **options):
         started.append(start(*arguments, **options))
         os.kill(os.getpid(), number)
         return started[0]
 
-    monkeypatch.setattr(subprocess, "Popen", interrupted)
+    monkeypatch.setattr(subprocess, "Popen", start_and_signal)
     with (tmp_path / "log").open("wb") as log, pytest.raises(KeyboardInterrupt):
         with viewer.child(["sleep", "60"], os.environ, log.fileno()):
             pytest.fail("the signal was lost")
