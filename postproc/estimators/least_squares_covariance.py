@@ -22,6 +22,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import CHI2_95_2DOF
+from logger.core.model import path_loss
 from postproc.estimators.convergence import REACH_M
 from postproc.estimators.least_squares_rows import Rows
 from postproc.estimators.residual_covariance import averages, residual_noise
@@ -112,10 +113,6 @@ def end_m(rows: Rows, state: FloatArray, axis: FloatArray, begin_m: float, rise:
 
 def profile_misfit(rows: Rows, x_m: float, y_m: float) -> float:
     """Weighted squared misfit of a position, P0 and eta free."""
-    share = rows.weight / np.sum(rows.weight)
-    distance_db = rows.log_distance_db(x_m, y_m)
-    distance_db -= share @ distance_db
-    level_db = rows.level_dbm - share @ rows.level_dbm
-    spread_db2 = max(float(rows.weight @ distance_db**2), 1e-12)
-    eta = -float(rows.weight @ (level_db * distance_db)) / spread_db2
-    return float(rows.weight @ (level_db + eta * distance_db) ** 2)
+    state, distance_db = rows.regression(np.array([x_m, y_m]))
+    residual_db = path_loss.level_dbm(state[2], state[3], distance_db) - rows.level_dbm
+    return float(rows.weight @ residual_db**2)

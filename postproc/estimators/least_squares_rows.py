@@ -11,6 +11,7 @@ from logger.core.observations import CellObservations
 
 _MOST_ROWS = 2000  # a fit of so many takes some 20 ms
 _SQUARE_M = 1.0
+_LEAST_SPREAD_DB2 = 1e-12  # of L: above what rounding leaves of equal distances
 _FINE_SQUARES = 50_000  # centres that are cheap to gather again
 
 
@@ -57,10 +58,21 @@ class Rows(NamedTuple):
 
     def best_at(self, x_m: float, y_m: float) -> FloatArray:
         """State of a position: P0 and eta by weighted least squares over the levels."""
-        root = np.sqrt(self.weight * self.free)
-        design = np.column_stack([root, -root * self.log_distance_db(x_m, y_m)])
-        p0_dbm, eta = np.linalg.lstsq(design, root * self.level_dbm, rcond=None)[0]
-        return np.array([x_m, y_m, p0_dbm, eta])
+        rows = self if np.all(self.free) else self.levels()
+        return rows.regression(np.array([x_m, y_m]))[0]
+
+    def regression(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """State of a position (x, y) with the P0 and eta of all rows as levels, and their L (n,).
+
+        Eta is 0 where all rows are equally far.
+        """
+        distance_db = self.log_distance_db(position[0], position[1])
+        share = self.weight / np.sum(self.weight)
+        mean_db, mean_dbm = float(share @ distance_db), float(share @ self.level_dbm)
+        off_db = distance_db - mean_db
+        spread_db2 = max(float(share @ off_db**2), _LEAST_SPREAD_DB2)
+        eta = -float(share @ (off_db * (self.level_dbm - mean_dbm))) / spread_db2
+        return np.array([*position, mean_dbm + eta * mean_db, eta]), distance_db
 
 
 def each_reading(obs: CellObservations, height_m: float) -> Rows:

@@ -15,6 +15,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.normal_tail import log_cdf_and_slope
+from logger.core.model import path_loss
 from postproc.estimators.convergence import is_lost, is_possible
 from postproc.estimators.least_squares_rows import Rows
 from postproc.estimators.levenberg_marquardt import Ending, minimise
@@ -48,23 +49,22 @@ class Search(NamedTuple):
     sigma_db: float
 
     def minima(self, starts: Sequence[tuple[float, float]]) -> list[Minimum]:
-        """Minimum reached from each start (x, y), best first; impossible ones come last."""
-        minima = [self._minimum_from(start) for start in starts]
-        return sorted(minima, key=lambda minimum: (not minimum.converged, minimum.cost))
+        """Minima reached from starts (x, y), best first; impossible ones come last."""
+        projected = [self._search_position(start) for start in starts]
+        if self.loss == "linear" and np.all(self.rows.free):
+            return _best_first(projected)
+        at_starts = [self.rows.best_at(*start) for start in starts]
+        return self._search_states([*(minimum.state for minimum in projected), *at_starts])
 
     def refine(self, minima: Sequence[Minimum]) -> list[Minimum]:
         """The minima of this search near those of another with a different sigma, best first."""
-        metres = (tuple(np.round(minimum.state[:2])) for minimum in minima)
-        each_once = dict(zip(metres, minima, strict=True)).values()
-        refined = [self._search_state(minimum.state) for minimum in each_once]
-        return sorted(refined, key=lambda minimum: (not minimum.converged, minimum.cost))
+        return self._search_states([minimum.state for minimum in minima])
 
-    def _minimum_from(self, start: tuple[float, float]) -> Minimum:
-        projected = self._search_position(start)
-        if self.loss == "linear" and np.all(self.rows.free):
-            return projected
-        starts = projected.state, self.rows.best_at(*start)
-        return min(map(self._search_state, starts), key=lambda minimum: minimum.cost)
+    def _search_states(self, states: Sequence[FloatArray]) -> list[Minimum]:
+        """Minima of the loss reached from states, of those within a metre from one, best first."""
+        metres = (tuple(np.round(state[:2])) for state in states)
+        each_once = dict(zip(metres, states, strict=True)).values()
+        return _best_first([self._search_state(state) for state in each_once])
 
     def _search_position(self, start: tuple[float, float]) -> Minimum:
         """Least squares of the levels over the position, P0 and eta projected out."""
@@ -83,19 +83,20 @@ class Search(NamedTuple):
         The derivative leaves out that of the projection (Kaufman).
         """
         rows = self.rows.levels()
-        root = np.sqrt(rows.weight)
-
-        def project_out(position: FloatArray, values: FloatArray) -> FloatArray:
-            distance_db = rows.log_distance_db(position[0], position[1])
-            basis = np.linalg.qr(np.column_stack([root, -root * distance_db]))[0]
-            return np.asarray(values - basis @ (basis.T @ values), float)
+        root, best = np.sqrt(rows.weight), _latest(rows.regression)
 
         def misfit(position: FloatArray) -> FloatArray:
-            return project_out(position, root * rows.level_dbm)
+            state, distance_db = best(position)
+            model_dbm = path_loss.level_dbm(state[2], state[3], distance_db)
+            return root * (rows.level_dbm - model_dbm)
 
         def slope(position: FloatArray) -> FloatArray:
-            state = rows.best_at(position[0], position[1])
-            return project_out(position, -root[:, None] * rows.jacobian(state)[:, :2])
+            state, distance_db = best(position)
+            dx_m, dy_m = position[0] - rows.x_m, position[1] - rows.y_m
+            slopes = path_loss.position_slopes(dx_m, dy_m, state[3], distance_db)
+            basis = np.linalg.qr(np.column_stack([root, root * distance_db]))[0]
+            weighted = -root[:, None] * slopes
+            return np.asarray(weighted - basis @ (basis.T @ weighted), float)
 
         return misfit, slope
 
@@ -152,6 +153,10 @@ class Search(NamedTuple):
         model_dbm = self.rows.residuals(state) + self.rows.level_dbm
         weight = self.rows.weight * np.where(rate > _LEAST_RATE, rate**2, _LEAST_RATE**2)
         return self.rows._replace(level_dbm=model_dbm - e, weight=weight)
+
+
+def _best_first(minima: Sequence[Minimum]) -> list[Minimum]:
+    return sorted(minima, key=lambda minimum: (not minimum.converged, minimum.cost))
 
 
 def _latest(function: Callable[[FloatArray], _Pair]) -> Callable[[FloatArray], _Pair]:

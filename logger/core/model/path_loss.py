@@ -52,11 +52,18 @@ def level_slopes(
 
     Offsets lead from the receiver to the transmitter. Slopes by x and y are zero within 1 m.
     """
-    squared_m2 = _squared_m2(dx_m, dy_m, height_m, sigma_m)
-    away = squared_m2 > MIN_DISTANCE_M**2
-    slope = np.where(away, -DB_PER_E_FOLD * eta / np.where(away, squared_m2, 1.0), 0.0)
     distance_db = log_distance_db(dx_m, dy_m, height_m, sigma_m)
-    return np.column_stack([slope * dx_m, slope * dy_m, np.ones_like(slope), -distance_db])
+    by_position = position_slopes(dx_m, dy_m, eta, distance_db)
+    return np.column_stack([by_position, np.ones_like(distance_db), -distance_db])
+
+
+def position_slopes(
+    dx_m: FloatArray, dy_m: FloatArray, eta: float, distance_db: FloatArray
+) -> FloatArray:
+    """Derivatives of the level by x and y, shape (n, 2), where the distance L (n,) is known."""
+    slope = -DB_PER_E_FOLD * eta * 10.0 ** (-0.2 * distance_db)
+    slope = np.where(distance_db > 0.0, slope, 0.0)
+    return np.column_stack([slope * dx_m, slope * dy_m])
 
 
 def receiver_error_db(eta: float, sigma_m: FloatArray, distance_db: FloatArray) -> FloatArray:

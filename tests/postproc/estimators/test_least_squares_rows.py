@@ -22,6 +22,14 @@ def test_linear_part_agrees_with_dense_least_squares():
     np.testing.assert_allclose(rows.best_at(40.0, 70.0), [40.0, 70.0, *expected], rtol=1e-9)
 
 
+def test_rows_equally_far_away_determine_no_exponent():
+    obs = walk(np.random.default_rng(1), count=50)
+    rows = group(replace(obs, x_m=np.full(50, 12.3), y_m=np.full(50, 4.5)), 5.0, robust=False)
+    x_m, y_m, p0_dbm, eta = rows.best_at(40.0, 70.0)
+    assert (x_m, y_m, eta) == pytest.approx((40.0, 70.0, 0.0), abs=1e-9)
+    assert p0_dbm == pytest.approx(np.average(rows.level_dbm, weights=rows.weight))
+
+
 @pytest.mark.parametrize("height_m", [0.0, 25.0])
 def test_jacobian_agrees_with_central_differences(height_m):
     obs = walk(np.random.default_rng(2))
