@@ -6,6 +6,7 @@ modem.
 """
 
 import tomllib
+from collections import Counter
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -16,6 +17,7 @@ from pyproj import Geod
 from logger.core.errors import ConfigError, GeoError
 from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
+from logger.core.locator.preparation import MOST_MODEMS
 from logger.core.observations import CellObservations, Observations
 from logger.core.runfile import Run
 from logger.core.track import Track
@@ -82,6 +84,15 @@ def modems_of(runs: Sequence[Run]) -> list[int]:
     """Number of each run's modem; two runs have the same only if both certainly name the same."""
     known: dict[Hashable, int] = {}
     return [known.setdefault(modem_identity(run) or i, len(known)) for i, run in enumerate(runs)]
+
+
+def of_most_heard_modems(parts: Parts, modems: Sequence[int]) -> Parts:
+    """The readings of the modems that the locator takes, those that received most levels."""
+    n_levels: Counter[int] = Counter()
+    for i, part in parts.items():
+        n_levels[modems[i]] += int(np.count_nonzero(part.limit == 0))
+    most_heard = {modem for modem, _ in n_levels.most_common(MOST_MODEMS)}
+    return {i: part for i, part in parts.items() if modems[i] in most_heard}
 
 
 def merge(parts: Parts, modems: Sequence[int]) -> CellObservations:

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from logger.core.locator.preparation import MOST_MODEMS
 from logger.core.runfile import Run
 from postproc.cell_estimation import estimate_cell, locate_cell
 from postproc.multi_run import (
@@ -14,6 +15,7 @@ from postproc.multi_run import (
     in_one_zone,
     merge,
     modems_of,
+    of_most_heard_modems,
     parts_by_cell,
     shares_of,
 )
@@ -74,13 +76,10 @@ def without_position(cell: str, n: int, n_scans: int) -> CellResult:
 
 def _estimate(parts: Parts, modems: Sequence[int], options: Options) -> CellResult:
     """All estimators over the readings of all runs, and the answer without each run."""
+    every, parts = parts, of_most_heard_modems(parts, modems)
     result = estimate_cell(merge(parts, modems), options)
-    if result.posterior is not None and result.posterior.offsets is not None:
-        warning = (
-            "levels of several modems: the offset between them is estimated, least squares "
-            "assumes that estimate"
-        )
-        result = replace(result, warnings=(*result.warnings, warning))
+    warnings = (*result.warnings, *_modem_warnings(result, len(parts), len(every)))
+    result = replace(result, warnings=warnings)
     without = {}
     for left_out in parts if len(parts) > 1 else ():
         rest = {i: part for i, part in parts.items() if i != left_out}
@@ -91,3 +90,19 @@ def _estimate(parts: Parts, modems: Sequence[int], options: Options) -> CellResu
         shares=shares_of(parts, modems, result.posterior),
         without=without,
     )
+
+
+def _modem_warnings(result: CellResult, n_runs: int, n_every: int) -> list[str]:
+    """What several modems mean for the answer, by `n_runs` of `n_every` runs of the cell."""
+    warnings = []
+    if result.posterior is not None and result.posterior.offsets is not None:
+        warnings.append(
+            "levels of several modems: the offset between them is estimated, least squares "
+            "assumes that estimate"
+        )
+    if n_runs < n_every:
+        warnings.append(
+            f"{n_every - n_runs} of {n_every} runs are left out: of more than {MOST_MODEMS} modems "
+            "those count that received most"
+        )
+    return warnings

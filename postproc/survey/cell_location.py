@@ -17,6 +17,7 @@ from shapely.geometry import shape
 from logger.core.errors import GeoError
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
+from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
 from logger.core.locator.two_source_test import Division, divide, divide_in_time
 from logger.core.locator.verdict import assess
 from logger.core.observations import CellObservations
@@ -83,6 +84,11 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     region_wkb: bytes = b""
 
 
+_TOO_MANY_MODEMS = (
+    f"of more than {MOST_MODEMS} modems of unknown offset those count that received most"
+)
+
+
 class CellRuns(NamedTuple):
     """Readings of a cell by digest of the run, in the order of the runs; scans that named it."""
 
@@ -107,8 +113,11 @@ def locate_cell_of(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Opti
     if why := too_few(obs):
         return msgspec.structs.replace(base, reasons=(why, *reasons))
     aligned = align(obs.usable())
-    usable = thin(aligned.obs)
-    posterior = locate(usable, options.prior)
+    of_all_modems = thin(aligned.obs)
+    posterior = locate(of_all_modems, options.prior)
+    usable = of_most_heard_modems(of_all_modems)
+    if len(usable) < len(of_all_modems):
+        reasons.append(_TOO_MANY_MODEMS)
     at_once, in_time = _divisions(usable, posterior)
     decision = assess(posterior, usable, _likelier(at_once, in_time), within_m=options.within_m)
     lat_deg, lon_deg = usable.utm.to_latlon(posterior.x_m, posterior.y_m)

@@ -76,7 +76,7 @@ def test_runs_lie_in_different_zones(pair):
     assert zones == [32, 33]
 
 
-def test_offset_of_the_second_modem_is_told(both):
+def test_offset_of_the_second_modem_is_estimated(both):
     (cell,) = both.cells
     first, second = cell.shares
     assert (first.run, first.n, first.offset_db, first.sigma_db) == (0, 100, 0.0, 0.0)
@@ -233,3 +233,13 @@ def test_runs_of_one_modem_have_no_offset_and_all_estimators(tmp_path):
     assert [(share.n, share.offset_db) for share in cell.shares] == [(60, 0.0), (40, 0.0)]
     assert cell.reference is not None
     assert not any("modem" in warning for warning in cell.warnings)
+
+
+def test_of_very_many_modems_those_heard_most_are_used(tmp_path):
+    ways = [tuple(axis[k : k + 8 + (k > 0)] for axis in BENT) for k in range(0, 88, 4)]
+    paths = [record_walk(tmp_path / f"{i}.h5", way, seed=i) for i, way in enumerate(ways)]
+    every = [read_run(path) for path in paths]
+    (cell,) = smooth_runs(every).cells
+    assert sorted(share.run for share in cell.shares) == list(range(1, 21))
+    assert (cell.n, len(cell.run_index)) == (180, 180)
+    assert any("2 of 22 runs are left out" in warning for warning in cell.warnings)

@@ -19,6 +19,9 @@ from logger.core.observations import CellObservations
 COARSE_BLOCKS = 80
 """Blocks of the coarse search: its time grows with their square."""
 
+MOST_MODEMS = 20
+"""A block has readings of one modem: with more modems each would have less than four blocks."""
+
 
 class LocatorInput(NamedTuple):
     """The walk to search, the prior to report, and what has been subtracted from all levels.
@@ -39,7 +42,8 @@ def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput
 
     Raises `EstimationError` without a single level inside the modem's scale.
     """
-    obs = obs.usable()
+    n_modems = obs.n_modems
+    obs = of_most_heard_modems(obs.usable())
     limit = obs.limit
     if not np.any(limit == 0):
         raise EstimationError("there is no reading of this cell within the modem's scale")
@@ -54,7 +58,16 @@ def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput
     centred = replace(obs, level_dbm=obs.level_dbm - mean_dbm, known_limit=limit)
     walk_prior = replace(prior, p0_dbm=prior.p0_dbm - mean_dbm)
     walk = _on_one_scale(_in_blocks(centred, walk_prior, effort), centred)
-    return LocatorInput(walk._replace(timing=timing), prior, mean_dbm, obs.n_modems, strongest)
+    return LocatorInput(walk._replace(timing=timing), prior, mean_dbm, n_modems, strongest)
+
+
+def of_most_heard_modems(obs: CellObservations) -> CellObservations:
+    """The readings of the `MOST_MODEMS` that have most levels within their scale."""
+    if obs.modem is None or np.count_nonzero(np.bincount(obs.modem)) <= MOST_MODEMS:
+        return obs
+    n_levels = np.bincount(obs.modem[obs.limit == 0], minlength=obs.n_modems)
+    most_heard = np.argsort(-n_levels, kind="stable")[:MOST_MODEMS]
+    return obs.part(np.isin(obs.modem, most_heard))
 
 
 def _in_blocks(obs: CellObservations, prior: Prior, effort: Effort) -> Walk:

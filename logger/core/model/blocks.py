@@ -217,11 +217,14 @@ def squares(
 ) -> tuple[IntArray, float]:
     """Number of the square of its modem each point lies in, and the side of the squares.
 
-    The squares are as small as `most` of them allow, `finest_m` at least.
+    The squares are as small as `most` of them allow, `finest_m` at least. Of more modems than that
+    each has one.
     """
     size_m = finest_m
     if not len(x_m):
         return np.zeros(0, np.int64), size_m
+    if not isinstance(modem, int):
+        most = max(most, _count_different(modem))
     while True:
         column = np.floor((x_m - np.mean(x_m)) / size_m + 0.5).astype(np.int64)
         row = np.floor((y_m - np.mean(y_m)) / size_m + 0.5).astype(np.int64)

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from logger.core.locator.pipeline import locate
-from logger.core.locator.preparation import COARSE_BLOCKS, prepare
+from logger.core.locator.preparation import (
+    COARSE_BLOCKS,
+    MOST_MODEMS,
+    of_most_heard_modems,
+    prepare,
+)
 from logger.core.locator.quadtree import Effort
 from logger.core.model.prior import Prior
 from tests.kit.walks import censor_at_floor, observations, simulate
@@ -53,3 +58,26 @@ def test_spikes_are_sought_in_the_walk_of_each_modem():
     (spike,) = replace(obs, level_dbm=level_dbm, modem=modem).spikes()
     assert (spike.k, spike.scan_seq, spike.t_ns) == (101, 101, 101 * 10**9)
     assert spike.above_db == pytest.approx(30.0, abs=9.0)
+
+
+@pytest.mark.parametrize("clipped", [0.0, 0.4])
+def test_more_modems_than_blocks_are_located_by_those_heard_most(clipped):
+    obs, source = simulate(np.random.default_rng(4), "square", count=1200)
+    obs = censor_at_floor(obs, clipped)
+    modem = np.repeat(np.arange(120), 10)
+    rng = np.random.default_rng(5)
+    level_dbm = obs.level_dbm + np.where(obs.limit == 0, rng.normal(0.0, 2.0, 120)[modem], 0.0)
+    many = replace(obs, level_dbm=level_dbm, modem=modem, known_limit=obs.limit)
+    posterior = locate(many)
+    assert posterior.offsets.mean_db.shape == (120,)
+    assert np.hypot(posterior.x_m - source[0], posterior.y_m - source[1]) < posterior.r95_m
+
+
+def test_modems_heard_most_have_the_most_levels_within_their_scale():
+    obs, _ = simulate(np.random.default_rng(4), "square", count=1200)
+    modem = np.concatenate([np.repeat(np.arange(30), 20), np.full(600, 30)])
+    at_floor = np.where(modem == 30, -1, 0)
+    kept = of_most_heard_modems(replace(obs, modem=modem, known_limit=at_floor))
+    assert np.unique(kept.modem).tolist() == list(range(MOST_MODEMS))
+    few = replace(obs, modem=modem % MOST_MODEMS)
+    assert of_most_heard_modems(few) is few

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.model.blocks import FINEST_BLOCK_M, Censored, blocks, in_fewer_places
+from logger.core.model.blocks import FINEST_BLOCK_M, Censored, blocks, in_fewer_places, squares
 from tests.kit.walks import FLOOR_DBM, observations
 
 MOST = 300
@@ -127,3 +127,12 @@ def test_neighbours_at_the_end_of_the_scale_become_one_place_and_none_is_lost():
         middle = np.average(gone.x_m[before], weights=gone.readings[before])
         assert np.average(fewer.x_m[after], weights=fewer.readings[after]) == pytest.approx(middle)
         assert np.unique(fewer.limit_dbm[after]) == gone.limit_dbm[before][0]
+
+
+def test_more_modems_than_squares_have_one_each():
+    x_m, y_m = np.random.default_rng(1).uniform(0.0, 500.0, (2, 300))
+    modem = np.arange(300) % 30
+    number, side_m = squares(x_m, y_m, 20, modem)
+    assert len(np.unique(number)) == 30
+    assert all(len(np.unique(modem[number == k])) == 1 for k in range(30))
+    assert side_m > 500.0
