@@ -62,7 +62,26 @@ def first_look(obs: CellObservations, coarse: Blocks, prior: Prior) -> tuple[Pri
 def offsets(
     blocks: Blocks, prior: Prior, tree: Tree, mixed: Mixture, among: IntArray, modems: int
 ) -> Offsets:
-    """Offsets over the likeliest of the positions `among`, by the law of total covariance."""
+    """Offsets over the likeliest of the positions `among`, by the law of total covariance.
+
+    A modem without a block keeps the prior: nothing is known of it.
+    """
+    present = np.union1d(blocks.modem, 0)
+    numbered = replace(blocks, modem=np.searchsorted(present, blocks.modem))
+    known = _offsets_of_all(numbered, prior, tree, mixed, among, len(present))
+    mean = np.zeros(modems)
+    mean[present] = known.mean_db
+    sigma_db = float(np.sum(mixed.share * tree.evidence.sigma_db))
+    unknown_db2 = 2.0 * (prior.offset_sigma_db / prior.sigma_db * sigma_db) ** 2
+    covariance = np.diag(np.where(np.isin(np.arange(modems), present), 0.0, unknown_db2))
+    covariance[np.ix_(present, present)] = known.covariance_db2
+    return Offsets(mean, covariance)
+
+
+def _offsets_of_all(
+    blocks: Blocks, prior: Prior, tree: Tree, mixed: Mixture, among: IntArray, modems: int
+) -> Offsets:
+    """As `offsets`, where each of the modems has a block."""
     p = mixed.probability[among]
     indices = among[np.argsort(-p, kind="stable")[:_MOST_PLACES]]
     share = mixed.share[:, indices] / np.sum(mixed.share[:, indices])

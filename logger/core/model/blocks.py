@@ -231,15 +231,30 @@ def squares(
         row += modem * (int(np.ptp(row)) + 1)
         key = (row - row.min()) * (int(np.ptp(column)) + 1) + column - column.min()
         if _count_different(key) <= most:
-            return np.unique(key, return_inverse=True)[1].astype(np.int64), size_m
+            return _number(key), size_m
         size_m *= _COARSER
 
 
 def _count_different(key: IntArray) -> int:
     """Number of different keys, which are not negative."""
-    span = int(key.max()) + 1
-    if span > _WIDE * len(key):
+    if _is_sparse(key):
         return len(np.unique(key))
-    is_taken = np.zeros(span, np.bool_)
-    is_taken[key] = True
-    return int(np.count_nonzero(is_taken))
+    return int(np.count_nonzero(_taken(key)))
+
+
+def _number(key: IntArray) -> IntArray:
+    """Keys numbered from 0 in their order, those that are equal alike."""
+    if _is_sparse(key):
+        return np.unique(key, return_inverse=True)[1].astype(np.int64)
+    return np.asarray((np.cumsum(_taken(key)) - 1)[key], np.int64)
+
+
+def _is_sparse(key: IntArray) -> bool:
+    """Whether sorting the keys costs less than a table of all values."""
+    return bool(key.max() >= _WIDE * len(key))
+
+
+def _taken(key: IntArray) -> BoolArray:
+    taken = np.zeros(int(key.max()) + 1, np.bool_)
+    taken[key] = True
+    return taken
