@@ -25,7 +25,7 @@ from postproc.comparison.level_change import (
     scale_of,
 )
 from postproc.comparison.noise import FREEDOM, MISS, scale_db, variance_db2
-from postproc.comparison.pattern import pattern_of
+from postproc.comparison.pattern import LEAST_CONTRAST_DB, pattern_of
 
 Word = Literal["new", "gone", "moved", "stronger", "weaker", "same", "not comparable"]
 
@@ -33,8 +33,6 @@ FALSE_WORDS = 0.05
 """Of the pairs of walks; `benchmarks/comparison.py` measures it."""
 LEAST_DB = 6.0
 """A smaller change of the mean is not worth a word: a phone held otherwise changes as much."""
-LEAST_CONTRAST_DB = 10.0
-"""A smaller contrast is not worth the word `moved`: halving a distance changes 6 to 12 dB."""
 FEWEST_BLOCKS = 6
 """Common ground of 300 m. On less, a street driven the other way differs by 10 dB as a whole: one
 such street gave 16 of 23 false words between repeated drives."""

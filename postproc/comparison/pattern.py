@@ -12,12 +12,15 @@ from postproc.comparison.ground import Grid
 
 FEWEST_BLOCKS = 8
 """Fewer show a change of the mean, but no pattern."""
+LEAST_CONTRAST_DB = 10.0
+"""A smaller contrast is not worth the word `moved`: halving a distance changes 6 to 12 dB."""
 _REACH_M = 150.0
 """Blocks this far apart still change alike when a transmitter moves, and by chance do not."""
 _FIRST, _MORE = 499, 49_999
-"""Permutations: the second number only where the first leaves the matter open."""
+"""Permutations: the second number only where the first leaves open a word that contrast allows."""
 _OPEN = 0.02
-_CHUNK = 5000
+_DRAWN_AT_ONCE = 2_000_000
+"""Differences: 50 MB with their products."""
 
 
 def pattern_of(differences: Differences, change_db: float, grid: Grid) -> tuple[float, float]:
@@ -40,7 +43,9 @@ def pattern_of(differences: Differences, change_db: float, grid: Grid) -> tuple[
     contrast_db = float(np.max(smooth_db) - np.min(smooth_db))
     residual = away_db * np.sqrt(weight)
     p = _share_as_smooth(kernel, residual, _FIRST)
-    return contrast_db, _share_as_smooth(kernel, residual, _MORE) if p < _OPEN else p
+    if p < _OPEN and contrast_db >= LEAST_CONTRAST_DB:
+        p = _share_as_smooth(kernel, residual, _MORE)
+    return contrast_db, p
 
 
 def _share_as_smooth(kernel: FloatArray, residual: FloatArray, count: int) -> float:
@@ -48,8 +53,9 @@ def _share_as_smooth(kernel: FloatArray, residual: FloatArray, count: int) -> fl
     random = np.random.default_rng(0)  # equal runs give equal answers
     own = residual @ kernel @ residual * (1.0 - 1e-12)
     n_as_smooth = 0
-    for first in range(0, count, _CHUNK):
-        n = min(_CHUNK, count - first)
+    at_once = max(_DRAWN_AT_ONCE // len(residual), 1)
+    for first in range(0, count, at_once):
+        n = min(at_once, count - first)
         drawn = random.permuted(np.broadcast_to(residual, (n, len(residual))).copy(), axis=1)
         n_as_smooth += int(np.count_nonzero(np.einsum("ij,ij->i", drawn @ kernel, drawn) >= own))
     return (1 + n_as_smooth) / (1 + count)
