@@ -55,6 +55,28 @@ def test_censored_differences_are_no_pattern():
     assert pattern_of(replace(censored, bound=np.zeros(n)), -20.0, GRID)[1] < 0.001
 
 
+def across_a_city(difference_db):
+    side = int(np.sqrt(len(difference_db)))
+    east_m, north_m = 50.0 * np.indices((side, side)).reshape(2, -1)
+    street = along_a_street(difference_db)
+    return replace(street, block=GRID.blocks_at(390_000.0 + east_m, 5_820_000.0 + north_m))
+
+
+def test_a_city_of_blocks_is_tested_in_larger_squares():
+    random, n = np.random.default_rng(6), 60 * 60
+    contrasts_db, p = np.array(
+        [pattern_of(across_a_city(random.normal(0, 4.0, n)), 0.0, GRID) for _ in range(40)]
+    ).T
+    assert np.mean(p <= 0.1) <= 0.1 + 3.0 * np.sqrt(0.1 / len(p))
+    assert np.max(contrasts_db) < 6.0
+    slope_db = np.linspace(-10.0, 10.0, n)
+    contrast_db, p_of_slope = pattern_of(
+        across_a_city(slope_db + random.normal(0, 4.0, n)), 0.0, GRID
+    )
+    assert contrast_db > 12.0
+    assert p_of_slope < 1e-4
+
+
 def test_few_blocks_have_no_pattern():
     assert pattern_of(along_a_street(np.linspace(-20.0, 20.0, 7)), 0.0, GRID) == (0.0, 1.0)
 
