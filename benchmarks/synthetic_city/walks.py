@@ -18,6 +18,7 @@ from postproc.survey.walk_readings import HeardCell, SurveyRun, WalkReadings
 
 SPEED_MPS, SCAN_S = 1.4, 3.0
 POSITION_SIGMA_M = 4.0
+_MOST_SHADOWS = 4.0  # standard deviations of the shadowing, offsets of loggers included
 DAY_NS = 86_400 * 10**9
 FIRST_UTC_NS = 1_790_000_000 * 10**9
 
@@ -106,7 +107,8 @@ def draw_walk(city: City, walker: Walker, number: int, n_scans: int, seed: int) 
 
 
 def _near(city: City, walk_m: np.ndarray) -> np.ndarray:
-    """Stations that the walk can hear at all."""
-    low, high = walk_m.min(axis=0) - 2000.0, walk_m.max(axis=0) + 2000.0
-    inside = np.all((city.position_m > low) & (city.position_m < high), axis=1)
-    return np.flatnonzero(inside)
+    """Stations that could be heard somewhere in the rectangle of the walk."""
+    inside_m = np.clip(city.position_m, walk_m.min(axis=0), walk_m.max(axis=0))
+    distance_m = np.hypot(*(city.position_m - inside_m).T) + 1.0
+    mean_dbm = city.p0_dbm - 10.0 * city.eta * np.log10(distance_m) + city.gain_db
+    return np.flatnonzero(mean_dbm > FLOOR_DBM - _MOST_SHADOWS * city.shadow_db)
