@@ -16,10 +16,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from benchmarks.synthetic_city.loggers import coverage, lies, offsets
 from benchmarks.synthetic_city.run_files import write_run
@@ -36,7 +39,7 @@ from postproc.survey.alignment import align
 from postproc.survey.cell_location import joined_readings
 from postproc.survey.dataset import Survey
 from postproc.survey.scheduling import Cluster
-from postproc.survey.tasks import RunChoice, locate_cells, tasks_of
+from postproc.survey.tasks import RunChoice, Task, locate_cells, tasks_of
 
 
 def cpu_s() -> float:
@@ -148,21 +151,34 @@ def thinning_loss(folder: Path, options: argparse.Namespace) -> Iterator[str]:
 
 
 def workers(folder: Path, options: argparse.Namespace) -> Iterator[str]:
-    """Wall time with one and with two worker processes on Dask."""
+    """Wall time with one and with two worker processes on Dask, and with plain processes.
+
+    Plain processes show what the processors allow: two that share a core are not twice as fast.
+    """
     city, walkers = draw_city(20, 1), draw_walkers(20, 1)
     survey = draw_survey(folder / "s", city, walkers, options.readings[0])
     tasks = tasks_of(survey, survey.cells(), RunChoice(), Options())
-    walls = []
-    for n in (1, 2):
-        with Cluster(workers=n) as cluster:
-            list(cluster.results(len, [(), ()]))  # started
-            began_s = time.monotonic()
-            list(cluster.results(locate_cells, tasks))
-            walls.append(time.monotonic() - began_s)
-    load = os.getloadavg()[0]
-    efficiency = walls[0] / walls[1] / 2.0
-    yield f"one worker {walls[0]:.0f} s, two {walls[1]:.0f} s: efficiency {efficiency:.2f}"
-    yield f"  load of this machine at the end {load:.1f}; above 2 the figure says nothing"
+    for name, wall_s in (("Dask", _wall_on_dask), ("plain processes", _wall_of_processes)):
+        one_s, two_s = wall_s(tasks, 1), wall_s(tasks, 2)
+        efficiency = one_s / two_s / 2.0
+        yield f"{name}: one {one_s:.0f} s, two {two_s:.0f} s: efficiency {efficiency:.2f}"
+    yield f"  load of this machine at the end {os.getloadavg()[0]:.1f}; above 2 it says nothing"
+
+
+def _wall_on_dask(tasks: list[Task], n: int) -> float:
+    with Cluster(workers=n) as cluster:
+        list(cluster.results(locate_cells, tasks[:n]))  # started, with all imports
+        began_s = time.monotonic()
+        list(cluster.results(locate_cells, tasks))
+        return time.monotonic() - began_s
+
+
+def _wall_of_processes(tasks: list[Task], n: int) -> float:
+    with ProcessPoolExecutor(n, get_context("spawn"), threadpool_limits, (1,)) as pool:
+        list(pool.map(locate_cells, tasks[:n]))
+        began_s = time.monotonic()
+        list(pool.map(locate_cells, tasks))
+        return time.monotonic() - began_s
 
 
 PARTS: dict[str, Callable[[Path, argparse.Namespace], Iterator[str]]] = {
