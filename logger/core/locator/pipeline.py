@@ -31,8 +31,9 @@ def locate(
     """Posterior of the transmitter's position given all readings of a cell.
 
     Arrays of `obs` have shape (n,): positions in metres, levels in dBm. The posterior is in the
-    same frame. Levels, censored readings and timing advances all count. Raises `EstimationError`
-    without a single level inside the modem's scale.
+    same frame. Levels, censored readings and timing advances all count; of more than `MOST_MODEMS`
+    modems those that received most. Raises `EstimationError` without a single level inside the
+    modem's scale.
     """
     task = prepare(obs, prior, effort)
     return summarise(task, search(task))

@@ -239,14 +239,14 @@ def _count_different(key: IntArray) -> int:
     """Number of different keys, which are not negative."""
     if _is_sparse(key):
         return len(np.unique(key))
-    return int(np.count_nonzero(_taken(key)))
+    return int(np.count_nonzero(_presence(key)))
 
 
 def _number(key: IntArray) -> IntArray:
     """Keys numbered from 0 in their order, those that are equal alike."""
     if _is_sparse(key):
         return np.unique(key, return_inverse=True)[1].astype(np.int64)
-    return np.asarray((np.cumsum(_taken(key)) - 1)[key], np.int64)
+    return np.asarray((np.cumsum(_presence(key)) - 1)[key], np.int64)
 
 
 def _is_sparse(key: IntArray) -> bool:
@@ -254,7 +254,8 @@ def _is_sparse(key: IntArray) -> bool:
     return bool(key.max() >= _WIDE * len(key))
 
 
-def _taken(key: IntArray) -> BoolArray:
-    taken = np.zeros(int(key.max()) + 1, np.bool_)
-    taken[key] = True
-    return taken
+def _presence(key: IntArray) -> BoolArray:
+    """Which values up to the largest are keys."""
+    is_key = np.zeros(int(key.max()) + 1, np.bool_)
+    is_key[key] = True
+    return is_key
