@@ -61,6 +61,26 @@ def test_partition_and_order_do_not_matter(tmp_path):
     assert _locate(one) == _locate(other)
 
 
+def test_of_very_many_modems_without_common_ground_those_heard_most_count(tmp_path):
+    """25 modems, each along a street of its own."""
+
+    def passing(number):
+        return lambda k: (cell(1, -55.0 - abs(k - 10) - abs(number - 12)),)
+
+    files = [
+        write_walk(tmp_path, n, passing(n), n=20 + n % 2, lon_deg=13.4 + 5e-4 * n)
+        for n in range(25)
+    ]
+    survey = Survey.open_or_make(tmp_path / "s")
+    list(add_files(survey, files))
+    (found,) = _locate(Survey.open(survey.folder))
+    assert found.n_modems == 25
+    assert found.n_readings == sum(20 + n % 2 for n in range(25))
+    assert found.n_used == sum(sorted(20 + n % 2 for n in range(25))[-20:])
+    assert any("of more than 20 modems" in reason for reason in found.reasons)
+    assert len(found.offsets) == 25
+
+
 def test_many_modems_are_put_on_one_scale(tmp_path):
     walkers = draw_walkers(8, 4)
     city, survey = write_city(tmp_path / "s", walkers=walkers, n_runs=24, n_scans=200)
