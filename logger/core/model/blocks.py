@@ -17,6 +17,7 @@ _CLEAR_M = 15.0
 _COARSER = 1.25
 _WIDE = 64
 """Keys of a span up to this many times their number are counted in a table, others by sorting."""
+_SAMPLED = 8  # points for each square that is allowed
 
 
 class Censored(NamedTuple):
@@ -220,19 +221,28 @@ def squares(
     The squares are as small as `most` of them allow, `finest_m` at least. Of more modems than that
     each has one.
     """
-    size_m = finest_m
     if not len(x_m):
-        return np.zeros(0, np.int64), size_m
-    if not isinstance(modem, int):
-        most = max(most, _count_different(modem))
-    while True:
-        column = np.floor((x_m - np.mean(x_m)) / size_m + 0.5).astype(np.int64)
-        row = np.floor((y_m - np.mean(y_m)) / size_m + 0.5).astype(np.int64)
-        row += modem * (int(np.ptp(row)) + 1)
-        key = (row - row.min()) * (int(np.ptp(column)) + 1) + column - column.min()
-        if _count_different(key) <= most:
-            return _number(key), size_m
+        return np.zeros(0, np.int64), finest_m
+    modem = np.broadcast_to(np.asarray(modem, np.int64), x_m.shape)
+    most = max(most, _count_different(modem))
+    points = np.stack([x_m - np.mean(x_m), y_m - np.mean(y_m)])
+    size_m, stride = finest_m, len(x_m) // (_SAMPLED * most)
+    if stride > 1:  # where some of the points are in too many squares, all are
+        some, of_some = points[:, ::stride], modem[::stride]
+        while _count_different(_keys(some, size_m, of_some)) > most:
+            size_m *= _COARSER
+    while _count_different(key := _keys(points, size_m, modem)) > most:
         size_m *= _COARSER
+    return _number(key), size_m
+
+
+def _keys(points: FloatArray, size_m: float, modem: IntArray) -> IntArray:
+    """A number for each point (2, n), equal for those of one square and modem, not negative."""
+    column, row = np.floor(points / size_m + 0.5).astype(np.int64)
+    row += modem * (int(np.ptp(row)) + 1)
+    return np.asarray(
+        (row - row.min()) * (int(np.ptp(column)) + 1) + column - column.min(), np.int64
+    )
 
 
 def _count_different(key: IntArray) -> int:
