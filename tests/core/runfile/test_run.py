@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from logger.core.errors import RunFileError
-from logger.core.rows import values_of
 from logger.core.runfile import (
     convert_journal,
     finish_journal,
@@ -295,27 +294,3 @@ def test_kill_9_loses_nothing_that_was_synced(tmp_path, seed):
         child.wait()
     got = [seq for seq, _ in read_run(path).records()]
     assert got[: acknowledged + 1] == list(range(acknowledged + 1))
-
-
-def test_more_readings_than_are_decoded_together(tmp_path):
-    """Scans of up to 39 cells, with unknown values; a row that is decoded alone is the same."""
-    drawn = random.Random(1)
-    sizes = [drawn.randrange(40) for _ in range(500)]
-    records = [
-        Record(
-            k + 1,
-            "modem",
-            Scan(k, tuple(
-                CellReading("scan", "GSM", "262", "01", 7, c + 1, rssi_dbm=-60.0 if c % 3 else None)
-                for c in range(size)
-            )),
-        )
-        for k, size in enumerate(sizes)
-    ]  # fmt: skip
-    runs.write_journal(tmp_path / "a.journal", records)
-    run = read_run(tmp_path / "a.journal")
-    assert sum(sizes) > 2 * 4096
-    assert [found for _, found in run.records("scans")] == records
-    rows = run.tables["readings"]
-    alone = [next(values_of("readings", rows[k : k + 1])) for k in range(0, len(rows), 97)]
-    assert list(values_of("readings", rows))[::97] == alone
