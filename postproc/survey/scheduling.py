@@ -98,14 +98,16 @@ def _results(
     """Results by the number of the item; raises `_SchedulerLost`."""
     number_of: dict[str, int] = {}
 
-    def submit(number: int) -> Any:
-        future = client.submit(work, waiting[number], key=f"cellwalk-{uuid4().hex}", pure=False)
-        number_of[future.key] = number
-        return future
+    def submit(numbers: Sequence[int]) -> list[Any]:
+        # at once: the scheduler then keeps a queue, of which the first free worker takes the next
+        keys = [f"cellwalk-{uuid4().hex}" for _ in numbers]
+        number_of.update(zip(keys, numbers, strict=True))
+        items = [waiting[number] for number in numbers]
+        return list(client.map(work, items, key=keys, pure=False))
 
     n_deaths = 0
     try:
-        arriving = as_completed([submit(number) for number in waiting], loop=client.loop)
+        arriving = as_completed(submit(list(waiting)), loop=client.loop)
         for future in arriving:
             if future.status in {"cancelled", "lost"}:
                 raise _SchedulerLost
@@ -115,7 +117,7 @@ def _results(
                 n_deaths += 1
                 if n_deaths > _MOST_DEATHS:
                     raise ConfigError(f"workers die again and again: {error}") from error
-                arriving.add(submit(number_of[future.key]))
+                arriving.update(submit([number_of[future.key]]))
                 continue
             yield number_of[future.key], result
             future.release()
