@@ -6,7 +6,6 @@ modem.
 """
 
 import tomllib
-from collections import Counter
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -17,7 +16,7 @@ from pyproj import Geod
 from logger.core.errors import ConfigError, GeoError
 from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.preparation import MOST_MODEMS
+from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
 from logger.core.observations import CellObservations, Observations
 from logger.core.runfile import Run
 from logger.core.track import Track
@@ -86,13 +85,15 @@ def modems_of(runs: Sequence[Run]) -> list[int]:
     return [known.setdefault(modem_identity(run) or i, len(known)) for i, run in enumerate(runs)]
 
 
-def of_most_heard_modems(parts: Parts, modems: Sequence[int]) -> Parts:
-    """The readings of the modems that the locator takes, those that received most levels."""
-    n_levels: Counter[int] = Counter()
-    for i, part in parts.items():
-        n_levels[modems[i]] += int(np.count_nonzero(part.limit == 0))
-    most_heard = {modem for modem, _ in n_levels.most_common(MOST_MODEMS)}
-    return {i: part for i, part in parts.items() if modems[i] in most_heard}
+def parts_of_most_heard_modems(parts: Parts, modems: Sequence[int]) -> Parts:
+    """The readings of the modems that the locator takes."""
+    if len({modems[i] for i in parts}) <= MOST_MODEMS:
+        return parts
+    most_heard = of_most_heard_modems(merge(parts, modems)).modem
+    assert most_heard is not None  # of many modems
+    numbers = _number_from_zero([modems[i] for i in parts])
+    chosen = zip(parts.items(), numbers, strict=True)
+    return {i: part for (i, part), number in chosen if np.any(most_heard == number)}
 
 
 def merge(parts: Parts, modems: Sequence[int]) -> CellObservations:

@@ -15,8 +15,8 @@ from postproc.multi_run import (
     in_one_zone,
     merge,
     modems_of,
-    of_most_heard_modems,
     parts_by_cell,
+    parts_of_most_heard_modems,
     shares_of,
 )
 from postproc.processes import each
@@ -76,7 +76,7 @@ def without_position(cell: str, n: int, n_scans: int) -> CellResult:
 
 def _estimate(parts: Parts, modems: Sequence[int], options: Options) -> CellResult:
     """All estimators over the readings of all runs, and the answer without each run."""
-    every, parts = parts, of_most_heard_modems(parts, modems)
+    every, parts = parts, parts_of_most_heard_modems(parts, modems)
     result = estimate_cell(merge(parts, modems), options)
     warnings = (*result.warnings, *_modem_warnings(result, len(parts), len(every)))
     result = replace(result, warnings=warnings)

@@ -25,8 +25,8 @@ Rows = npt.NDArray[np.void]
 _HASH_FACTOR, _HASH_SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 """Multiplicative hashing by the golden ratio (Knuth, The Art of Computer Programming 3, 6.4)."""
 
-_ROWS_AT_ONCE = 4096
-"""Rows that are decoded together: column by column is six times as fast as row by row."""
+ROWS_AT_ONCE = 4096
+"""Rows that are decoded together, column by column: faster than row by row, in bounded memory."""
 
 
 def dtypes_of(version: int) -> Mapping[str, np.dtype[np.void]]:
@@ -126,8 +126,8 @@ def values_of(table: str, rows: Rows) -> Iterator[dict[str, Any]]:
     """
     columns = [column for column in TABLES[table] if column.name in (rows.dtype.names or ())]
     names = [column.name for column in columns]
-    for first in range(0, len(rows), _ROWS_AT_ONCE):
-        some = rows[first : first + _ROWS_AT_ONCE]
+    for first in range(0, len(rows), ROWS_AT_ONCE):
+        some = rows[first : first + ROWS_AT_ONCE]
         decoded = [_decode(column, some[column.name]) for column in columns]
         for row in zip(*decoded, strict=True):
             yield dict(zip(names, row, strict=True))

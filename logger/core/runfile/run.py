@@ -11,7 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.errors import RunFileError
-from logger.core.rows import DTYPES, Rows, channels_of, to_current_columns, values_of
+from logger.core.rows import (
+    DTYPES,
+    ROWS_AT_ONCE,
+    Rows,
+    channels_of,
+    to_current_columns,
+    values_of,
+)
 from logger.core.runfile.hdf5_layout import RAW_BYTES
 from logger.core.runfile.hdf5_reading import Content, read_hdf5, read_hdf5_together
 from logger.core.runfile.journal_reader import JournalParts
@@ -212,7 +219,7 @@ class _ReadingsBySeq:
     def of(self, seq: int) -> tuple[CellReading, ...]:
         first, last = np.searchsorted(self._seq, (seq, seq + 1)).tolist()
         if not self._first <= first <= last <= self._first + len(self._decoded):
-            ahead = self._rows[first : max(last, first + _READINGS_AHEAD)]
+            ahead = self._rows[first : max(last, first + ROWS_AT_ONCE)]
             self._first, self._decoded = first, list(values_of("readings", ahead))
         rows = self._decoded[first - self._first : last - self._first]
         return tuple(_reading(row, self._broadcasts.get((seq, i))) for i, row in enumerate(rows))
@@ -250,7 +257,6 @@ def _live(row: dict[str, Any]) -> LiveEstimate:
     return LiveEstimate(**named)
 
 
-_READINGS_AHEAD = 4096
 _READING_FIELDS = [
     f.name for f in fields(CellReading) if f.name not in {"broadcast", "label", "more"}
 ]
