@@ -5,9 +5,10 @@ python benchmarks/missing.py [--runs N] [--seed S] [--noise NAME ...] [--loss NA
 
 A walk of 2 km through a simulated city has the target in 10 to 70 % of its scans. Where a full scan
 is without it, its level is at most that of the weakest neighbour reported, otherwise at most the
-floor. Three ways to use that are compared:
+floor. Four ways to use that are compared:
 
     readings  not at all: the locator with the readings alone
+    regular   as `postproc` does: readings count where nearly all scans nearby have the target
     every     each scan without the target is a censored reading
     careful   stretches of 16 m in which the target comes and goes are trimmed: as many of the
               highest levels as there are scans without it (Powell, Econometrica 54(6), 1986). A
@@ -23,6 +24,7 @@ import json
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from time import process_time
 from typing import NamedTuple
@@ -41,6 +43,7 @@ from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.region import highest_density
 from logger.core.observations import CellObservations
+from postproc.named_shares import Naming, named_shares
 
 LOSSES = {"none": 0.0, "10 %": 0.1, "30 %": 0.3, "list": 0.0}
 """Share of the scans that are removed."""
@@ -72,6 +75,15 @@ def readings_alone(made: City, heard: Report, target: int, at: BoolArray) -> Cel
     return _observations(made, heard, target, at, np.zeros_like(at))
 
 
+def regular(made: City, heard: Report, target: int, at: BoolArray) -> CellObservations:
+    """Readings in places where nearly all scans have the target."""
+    is_there = heard.is_there.copy()
+    is_there[target] = at
+    cell, scan = np.nonzero(is_there)
+    share = named_shares(made.x_m, made.y_m, Naming(cell, scan, np.zeros_like(cell)))
+    return replace(readings_alone(made, heard, target, at), named_share=share[cell == target])
+
+
 def every(made: City, heard: Report, target: int, at: BoolArray) -> CellObservations:
     """Each other scan is a censored reading."""
     return _observations(made, heard, target, at, ~at)
@@ -90,7 +102,12 @@ def careful(made: City, heard: Report, target: int, at: BoolArray) -> CellObserv
     return _observations(made, heard, target, keep, is_apart & is_listed)
 
 
-WAYS: dict[str, Way] = {"readings": readings_alone, "every": every, "careful": careful}
+WAYS: dict[str, Way] = {
+    "readings": readings_alone,
+    "regular": regular,
+    "every": every,
+    "careful": careful,
+}
 
 
 def _observations(

@@ -13,6 +13,7 @@ from logger.core.locator.timing_advance import timing_of
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations, SpikeLevel
+from logger.core.regular_naming import LEAST_SHARE
 from postproc.estimators import ekf_initialisation, least_squares, residuals
 from postproc.estimators.convergence import ended_well
 from postproc.estimators.direction_check import compare
@@ -116,6 +117,7 @@ def locate_cell(obs: CellObservations, prior: Prior, within_m: float = DESK_M) -
     if timing_check and timing_check.warning:
         reasons.append(timing_check.warning)
     reasons += _spike_warnings(spikes)
+    reasons += _regularity_warnings(obs, spikes, usable)
     return CellResult(
         obs.cell,
         len(obs),
@@ -141,6 +143,19 @@ def _spike_warnings(spikes: Sequence[SpikeLevel]) -> list[str]:
         f"{abs(worst.above_db):.0f} dB {how} those"
     )
     return [warning]
+
+
+def _regularity_warnings(
+    obs: CellObservations, spikes: Sequence[SpikeLevel], usable: CellObservations
+) -> list[str]:
+    """How many readings do not count because scans nearby do not name the cell."""
+    n_left_out = len(replace(obs, named_share=None).usable(spikes)) - len(usable)
+    if not n_left_out:
+        return []
+    return [
+        f"{n_left_out} of {len(obs)} readings do not count: less than {LEAST_SHARE:.0%} of the "
+        "scans near them name the cell, so that they are the strong ones of their places"
+    ]
 
 
 def _passes(

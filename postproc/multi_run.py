@@ -110,7 +110,12 @@ def merge(parts: Parts, modems: Sequence[int]) -> CellObservations:
     rat = next((obs.rat for obs in series if obs.rat), None)
     advances = [np.full(len(obs), -1) if obs.ta is None else obs.ta for obs in series]
     ta = None if all(obs.ta is None for obs in series) else np.concatenate(advances)
-    return replace(series[0], rat=rat, modem=modem, ta=ta, **joined)
+    named = [obs.named_share for obs in series]
+    shares = [
+        np.ones(len(obs)) if one is None else one for one, obs in zip(named, series, strict=True)
+    ]
+    named_share = None if all(one is None for one in named) else np.concatenate(shares)
+    return replace(series[0], rat=rat, modem=modem, ta=ta, named_share=named_share, **joined)
 
 
 def shares_of(
@@ -123,7 +128,7 @@ def shares_of(
     def share(run: int, n: int, modem: int) -> RunShare:
         if modem == 0:
             return RunShare(run, n, 0.0, 0.0)
-        if offsets is None:
+        if offsets is None or modem >= len(offsets.mean_db):
             return RunShare(run, n, None, None)
         return RunShare(run, n, float(offsets.mean_db[modem]), float(offsets.sigma_db[modem]))
 

@@ -14,6 +14,7 @@ from logger.core.runfile import Run
 from logger.core.track import TIMING_S, index_of, smeared_sigma_m
 from postproc.estimators import stale_fixes, track_plausibility, walker
 from postproc.estimators.walker import SmoothedTrack
+from postproc.named_shares import with_named_shares
 from postproc.result import ObservedRun
 
 
@@ -38,9 +39,10 @@ def observe_run(run: Run) -> ObservedRun:
         if why:
             warning = f"the times cannot be right: {why}; so no position is smoothed"
             return ObservedRun(run, observations, (warning,))
-    return ObservedRun(
-        run, _place_readings(run.tables, observations, track), tuple(_describe_moved_fixes(track))
+    placed = with_named_shares(
+        _place_readings(run.tables, observations, track), run.tables["readings"]
     )
+    return ObservedRun(run, placed, tuple(_describe_moved_fixes(track)))
 
 
 def _smooth_track(tables: Mapping[str, Rows], observations: Observations) -> SmoothedTrack:

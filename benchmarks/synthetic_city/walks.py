@@ -14,6 +14,7 @@ from benchmarks.synthetic_city.world import (
     ZONE,
     City,
 )
+from postproc.named_shares import Naming, named_shares
 from postproc.survey.walk_readings import HeardCell, SurveyRun, WalkReadings
 
 SPEED_MPS, SCAN_S = 1.4, 3.0
@@ -103,7 +104,15 @@ def draw_walk(city: City, walker: Walker, number: int, n_scans: int, seed: int) 
         levels[cell, scan][order],
         scan[order].astype(np.int64),
         np.full(len(cell), -1, np.int64),
+        _named_shares(said_m, cell, scan)[order],
     )
+
+
+def _named_shares(said_m: np.ndarray, cell: np.ndarray, scan: np.ndarray) -> np.ndarray:
+    """As `postproc.walk` has them, of readings in scans (n,) at places (n, 2)."""
+    _, first, number = np.unique(scan, return_index=True, return_inverse=True)
+    naming = Naming(cell, number, np.zeros(len(cell), np.int64))
+    return named_shares(*said_m[first].T, naming)
 
 
 def _near(city: City, walk_m: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.censoring import levels_dbm, limits
 from logger.core.column import UNKNOWN_TIME
 from logger.core.geo import Utm
+from logger.core.regular_naming import regularly_named
 from logger.core.rows import Rows, numbered_texts
 from logger.core.spikes_along import spikes_along
 from logger.core.track import Track, index_of, positions_at, track_of, way_sigma_m
@@ -18,7 +19,10 @@ LAST_TA = 63
 """Largest timing advance; base stations farther away have it too (3GPP TS 45.010)."""
 _FARTHEST_M = 1e8
 """No coordinate or level on this Earth is larger."""
-_PER_READING = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq", "modem", "ta")
+_PER_READING = (
+    *("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq"),
+    *("modem", "ta", "named_share"),
+)
 
 
 class SpikeLevel(NamedTuple):
@@ -39,7 +43,8 @@ class CellObservations:
     axis, `scan_seq` the record number of the scan a level came from. `modem` numbers the modems of
     several runs from 0, run after run; None is one modem. `known_limit` is `limit` if the levels no
     longer show it. `ta` is the GSM timing advance in steps of 553.5 m, -1 if unknown; None is none
-    at all. `without_spikes`: levels that their neighbours do not confirm have been removed, or are
+    at all. `named_share` is the share of the scans near a reading that name the cell; None is
+    unknown. `without_spikes`: levels that their neighbours do not confirm have been removed, or are
     to stay.
     """
 
@@ -55,6 +60,7 @@ class CellObservations:
     modem: IntArray | None = None
     known_limit: IntArray | None = None
     ta: IntArray | None = None
+    named_share: FloatArray | None = None
     without_spikes: bool = False
 
     def __len__(self) -> int:
@@ -82,10 +88,18 @@ class CellObservations:
         return replace(self, **parts, known_limit=self.limit[chosen])
 
     def usable(self, spikes: Sequence[SpikeLevel] | None = None) -> "CellObservations":
-        """The readings with a valid level and position, without spikes.
+        """The readings with a valid level and position, without spikes, where scans name the cell.
 
-        `spikes` are those of `spikes()`, where they are known.
+        `spikes` are those of `spikes()`, where they are known; for the places see `regular_naming`.
         """
+        found = self._without_spikes(spikes)
+        if found.named_share is None:
+            return found
+        # decided once: parts of these readings are usable as they are
+        counts = regularly_named(found.level_dbm, found.limit == 0, found.named_share)
+        return replace(found if np.all(counts) else found.part(counts), named_share=None)
+
+    def _without_spikes(self, spikes: Sequence[SpikeLevel] | None) -> "CellObservations":
         is_valid = self._is_valid()
         valid = self if np.all(is_valid) else self.part(is_valid)
         if self.without_spikes:
@@ -116,10 +130,14 @@ class CellObservations:
         ]
 
     def on_one_scale(self, offset_db: FloatArray) -> "CellObservations":
-        """The readings on the scale of the first modem; each reads `offset_db` (modems,) higher."""
+        """The readings on the scale of the first modem; each reads `offset_db` (modems,) higher.
+
+        Modems beyond those are left as they are: none of their readings was used.
+        """
         if self.modem is None:
             return self
-        level_dbm = self.level_dbm - offset_db[self.modem]
+        unknown_db = np.zeros(max(self.n_modems - len(offset_db), 0))
+        level_dbm = self.level_dbm - np.append(offset_db, unknown_db)[self.modem]
         return replace(self, level_dbm=level_dbm, known_limit=self.limit)
 
     def _rows_by_modem(self) -> list[IntArray]:

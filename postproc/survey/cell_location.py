@@ -220,8 +220,7 @@ def _offsets(
     found = []
     for number, modem in enumerate(modems):
         rows = np.flatnonzero(usable.modem == number)
-        is_apart = bool(np.isnan(aligned.sigma_db[number]))
-        if not len(rows) or is_apart:
+        if not len(rows) or np.isnan(aligned.sigma_db[number]):
             found.append(ModemOffset(modem, None, None))
             continue
         group = 0 if aligned.obs.modem is None else int(aligned.obs.modem[rows[0]])

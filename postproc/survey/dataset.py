@@ -23,7 +23,7 @@ from postproc.survey import layout
 from postproc.survey.rule_inputs import RuleColumn, RuleInputs
 from postproc.survey.walk_readings import SurveyRun
 
-_FORMAT = {"format": "cellwalk survey", "version": 1}
+_FORMAT = {"format": "cellwalk survey", "version": 2}
 _ARRAYS = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
 
 
@@ -262,7 +262,7 @@ def _series(table: pa.Table) -> Iterator[tuple[str, str, dict[str, np.ndarray[An
     if not len(table):
         return
     cell, run = (table["cell"].combine_chunks(), table["run"].combine_chunks())
-    columns = {name: table[name].to_numpy() for name in (*_ARRAYS, "zone", "ta")}
+    columns = {name: table[name].to_numpy() for name in (*_ARRAYS, "zone", "ta", "named_share")}
     cell_of, run_of = cell.indices.to_numpy(), run.indices.to_numpy()
     change = np.flatnonzero((np.diff(cell_of) != 0) | (np.diff(run_of) != 0)) + 1
     for first, end in zip([0, *change.tolist()], [*change.tolist(), len(table)], strict=True):
@@ -277,7 +277,7 @@ def _series(table: pa.Table) -> Iterator[tuple[str, str, dict[str, np.ndarray[An
 def _observations(
     cell: str, rat: str | None, rows: dict[str, np.ndarray[Any, Any]]
 ) -> CellObservations:
-    ta = rows["ta"].astype(np.int64)
+    ta, named_share = rows["ta"].astype(np.int64), rows["named_share"]
     return CellObservations(
         cell=cell,
         rat=rat,
@@ -289,4 +289,5 @@ def _observations(
         level_dbm=rows["level_dbm"],
         scan_seq=rows["scan_seq"],
         ta=ta if np.any(ta >= 0) else None,
+        named_share=None if np.any(np.isnan(named_share)) else named_share,
     )

@@ -26,7 +26,10 @@ _ROWS_AT_ONCE = 1 << 15
 _COLUMNS_AT_ONCE = 1 << 10
 """Of a row group of what the rules see: some 30 runs."""
 _TEXTS = ("cell", "run", "zone", "ta", "table", "column", "kind")
-_COLUMNS = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq", "ta")
+_COLUMNS = (
+    *("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq"),
+    *("ta", "named_share"),
+)
 
 
 class _Series(NamedTuple):

@@ -13,6 +13,7 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
 from logger.core.errors import RunFileError
+from logger.core.observations import CellObservations
 from logger.core.provenance import is_import
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
@@ -61,7 +62,8 @@ class WalkReadings:
     """A run with its readings; arrays of shape (n,), cell by cell in the order of `cells`.
 
     `cell` is the number in `cells`; `x_m, y_m` are in UTM zone `zone` (negative in the south),
-    `t_ns` counts from the start of the run. `rules` is what the rules of suspicion see.
+    `t_ns` counts from the start of the run. `named_share` is NaN where it is unknown. `rules` is
+    what the rules of suspicion see.
     """
 
     run: SurveyRun
@@ -75,6 +77,7 @@ class WalkReadings:
     level_dbm: FloatArray
     scan_seq: IntArray
     ta: IntArray
+    named_share: FloatArray
     rules: RuleInputs | None = None
 
     def __len__(self) -> int:
@@ -134,8 +137,14 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
         join(column("level_dbm")),
         join(column("scan_seq")).astype(np.int64),
         join([np.full(len(o), -1) if o.ta is None else o.ta for o in series]).astype(np.int64),
+        join([_named_share(o) for o in series]),
         rule_inputs(run),
     )
+
+
+def _named_share(obs: CellObservations) -> FloatArray:
+    """NaN where it is unknown."""
+    return np.full(len(obs), np.nan) if obs.named_share is None else obs.named_share
 
 
 def _devices(run: Run, salt: str, logger: str | None, digest: str) -> tuple[str, str]:

@@ -61,6 +61,7 @@ def _walk(
                     obs,
                     level_dbm=obs.level_dbm - offset_db.get(survey.runs[digest].logger, 0.0),
                     known_limit=None,
+                    named_share=None,  # a cell that has become weak is named irregularly
                     scan_seq=obs.scan_seq + _RUN_STRIDE * number[digest],
                 )
                 try:
