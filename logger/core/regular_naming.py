@@ -10,9 +10,9 @@ import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
 
-NEAR_M = 200.0
+NEAR_M = 150.0
 """Along the walk to either side: as far as the slow shadowing of a city reaches."""
-LEAST_SHARE = 0.8
+LEAST_SHARE = 0.75
 """Of the scans near a reading.
 
 100 cells of a synthetic city of 200 stations, 2 million readings: with all readings coverage 0.87,
