@@ -152,10 +152,11 @@ def _regularity_warnings(
     n_left_out = len(replace(obs, named_share=None).usable(spikes)) - len(usable)
     if not n_left_out:
         return []
-    return [
-        f"{n_left_out} of {len(obs)} readings do not count: less than {LEAST_SHARE:.0%} of the "
-        "scans near them name the cell, so that they are the strong ones of their places"
-    ]
+    warning = (
+        f"{n_left_out} of {len(obs)} readings do not count: fewer than {LEAST_SHARE:.0%} of the "
+        "scans near them name the cell, so they are too high for their places"
+    )
+    return [warning]
 
 
 def _passes(

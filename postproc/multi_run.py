@@ -110,11 +110,9 @@ def merge(parts: Parts, modems: Sequence[int]) -> CellObservations:
     rat = next((obs.rat for obs in series if obs.rat), None)
     advances = [np.full(len(obs), -1) if obs.ta is None else obs.ta for obs in series]
     ta = None if all(obs.ta is None for obs in series) else np.concatenate(advances)
-    named = [obs.named_share for obs in series]
-    shares = [
-        np.ones(len(obs)) if one is None else one for one, obs in zip(named, series, strict=True)
-    ]
-    named_share = None if all(one is None for one in named) else np.concatenate(shares)
+    shares = [np.ones(len(o)) if o.named_share is None else o.named_share for o in series]
+    is_unknown = all(obs.named_share is None for obs in series)
+    named_share = None if is_unknown else np.concatenate(shares)
     return replace(series[0], rat=rat, modem=modem, ta=ta, named_share=named_share, **joined)
 
 

@@ -2,8 +2,8 @@
 
 A modem names its strongest cells. Where a cell is in some of the scans only, its readings are the
 high ones of that place, and all together they decay with distance more slowly than the levels do
-(truncation: J. Tobin, Econometrica 26, 1958). So readings count where nearly all scans nearby name
-the cell.
+(truncation: J. Tobin, Econometrica 26, 1958). So readings count where most scans nearby name the
+cell.
 """
 
 import numpy as np
@@ -11,13 +11,17 @@ import numpy as np
 from logger.core.arrays import BoolArray, FloatArray
 
 NEAR_M = 150.0
-"""Along the walk to either side: as far as the slow shadowing of a city reaches."""
+"""Along the walk to either side.
+
+Farther, cells of a single walk through a dense city have no such place; nearer, slow shadowing
+still selects the readings.
+"""
 LEAST_SHARE = 0.75
 """Of the scans near a reading.
 
-100 cells of a synthetic city of 200 stations, 2 million readings: with all readings coverage 0.87,
-median error 60 m. With a share of 0.65: 0.94, 24 m. With 0.8: 0.96, 28 m. With 0.9: 0.98, 24 m, and
-regions a fifth larger.
+Coverage of 259 cells of three synthetic cities of 80 and 200 stations: with all readings 0.87, with
+0.75 of the scans 0.95, with 0.8 within 200 m 0.96. In 60 single walks in white noise 0.85, 0.92 and
+0.85.
 """
 FEWEST_LEVELS = 20
 """That have to remain, a few times the unknowns; else all readings count."""

@@ -26,7 +26,10 @@ from tests.kit import hostile_runs, runs
 
 MOST_S, MOST_MB = 8.0, 512
 MOST_COPIED = 1 << 26
-"""Bytes of a table that is read and written again: what this process takes counts for those it starts."""
+"""Bytes of a table that is read and written again.
+
+What this process takes counts for those it starts.
+"""
 DTYPES = [
     "f8",
     "<i4",
