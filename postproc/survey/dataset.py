@@ -56,7 +56,10 @@ class Survey:
         except (OSError, ValueError) as error:
             raise RunFileError(f"{folder} cannot be read as a survey: {error}") from error
         if {name: about.get(name) for name in _FORMAT} != _FORMAT:
-            raise RunFileError(f"{folder} is a survey of another version of this program")
+            raise RunFileError(
+                f"{folder} is a survey of another version of this program; "
+                "add its runs to a new folder"
+            )
         batches = sorted(path.stem for path in (folder / "runs").glob("*.parquet"))
         survey = cls(folder, tuple(batches), str(about.get("salt", "")))
         for batch in batches:

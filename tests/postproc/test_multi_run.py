@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -8,9 +9,11 @@ from logger.core.geo import Utm
 from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.track import Track
 from logger.core.types import CellReading, Fix, Record, Scan
+from postproc.cell_estimation import estimate_cell
 from postproc.cli import main
-from postproc.multi_run import in_zone, modems_of
+from postproc.multi_run import in_one_zone, in_zone, merge, modems_of, parts_by_cell, shares_of
 from postproc.smoothing import smooth_runs
+from postproc.walk import observe_run
 from tests.kit import runs
 from tests.kit.runs import UTC0_NS
 
@@ -233,6 +236,22 @@ def test_runs_of_one_modem_have_no_offset_and_all_estimators(tmp_path):
     assert [(share.n, share.offset_db) for share in cell.shares] == [(60, 0.0), (40, 0.0)]
     assert cell.reference is not None
     assert not any("modem" in warning for warning in cell.warnings)
+
+
+def test_a_modem_of_which_no_reading_counts_has_no_offset(pair):
+    observed = in_one_zone([observe_run(read_run(path)) for path in pair])
+    first, second = parts_by_cell(observed, [CELL])[CELL].values()
+    seldom = np.zeros(len(second))
+    weak = replace(second, level_dbm=second.level_dbm - 40.0, named_share=seldom)
+    parts, modems = {0: first, 1: weak}, [0, 1]
+    merged = merge(parts, modems)
+    found = estimate_cell(merged)
+    assert found.batch is not None
+    assert any("80 of 180 readings do not count" in warning for warning in found.warnings)
+    offsets = [share.offset_db for share in shares_of(parts, modems, found.posterior)]
+    assert offsets == [0.0, None]
+    of_the_first = merged.on_one_scale(np.zeros(1))  # of the second nothing is known
+    np.testing.assert_array_equal(of_the_first.level_dbm, merged.level_dbm)
 
 
 def test_of_very_many_modems_those_heard_most_are_used(tmp_path):

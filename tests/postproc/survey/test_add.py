@@ -52,7 +52,7 @@ def test_readings_are_those_of_smooth(walks, tmp_path):
     for digest, kept in by_run.items():
         observed = observe_run(read_sound_run(walks / survey.runs[digest].name)).observations
         (own,) = [obs for obs in observed.cells if obs.cell == name(1)]
-        for column in ("x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq"):
+        for column in ("x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq", "named_share"):
             np.testing.assert_array_equal(getattr(kept, column), getattr(own, column))
         assert (kept.rat, kept.utm, kept.ta) == (own.rat, own.utm, own.ta)
     assert len(merge(dict(enumerate(by_run.values())), range(3))) == 120

@@ -233,3 +233,10 @@ def test_mistakes_are_one_line(tmp_path, capsys):
     assert main(["survey", "locate", str(tmp_path)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "is no survey; `postproc survey add` makes one" in line
+
+
+def test_a_survey_of_another_version_is_refused_with_what_to_do(tmp_path, capsys):
+    (tmp_path / "survey.json").write_text('{"format": "cellwalk survey", "version": 1}')
+    assert main(["survey", "locate", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("of another version of this program; add its runs to a new folder")
