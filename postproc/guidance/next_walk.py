@@ -6,6 +6,7 @@ optimistic, their order is what counts.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -75,11 +76,12 @@ def next_walk(
     `start_deg` is latitude and longitude, `lines` the streets. Raises `ConfigError` without a
     route from there, `EstimationError` without a level of the cell.
     """
+    everywhere = replace(obs, named_share=None).usable()  # the walk, wherever its readings count
     obs = obs.usable()
     task = prepare(obs, prior, _EFFORT)
     tree = search(task)
     posterior = summarise(task, tree)
-    start_m = (float(obs.x_m[-1]), float(obs.y_m[-1]))
+    start_m = (float(everywhere.x_m[-1]), float(everywhere.y_m[-1]))
     if start_deg is not None:
         start_m = obs.utm.to_xy(*start_deg)
     mixed = tree.mixture(task.walk.prior)
@@ -99,7 +101,7 @@ def next_walk(
         tuple(_rank(one, sample) for one in _different([best, *others])),
         sentence(best, sample, places, None, distance_m, task.mean_dbm),
         forecaster,
-        np.stack([obs.x_m, obs.y_m], axis=1),
+        np.stack([everywhere.x_m, everywhere.y_m], axis=1),
     )
 
 
