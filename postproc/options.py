@@ -4,25 +4,39 @@ import functools
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from logger.command_line import INPUT, number
+from logger.core.reader_process import start_ahead
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
     from postproc.result import Options, Result
 
 Command = Callable[..., int | None]
+_Paths = TypeVar("_Paths", Path, tuple[Path, ...])
 
 _HIGHEST_M = 10_000
 """Limit of an antenna's height above the receiver; no mountain road sees a greater difference."""
 _FARTHEST_M = 30_000
 """Nothing farther is searched."""
 
-run_argument = click.argument("path", type=INPUT, metavar="RUN")
-runs_argument = click.argument("paths", type=INPUT, nargs=-1, required=True, metavar="RUN...")
+
+def _start_reader(ctx: click.Context, _: click.Parameter, value: _Paths) -> _Paths:
+    """It imports while the command does."""
+    paths = (value,) if isinstance(value, Path) else value
+    if not ctx.resilient_parsing and any(path.suffix == ".h5" for path in paths):
+        start_ahead()
+    return value
+
+
+run_argument = click.argument("path", type=INPUT, metavar="RUN", callback=_start_reader)
+runs_argument = click.argument(
+    "paths", type=INPUT, nargs=-1, required=True, metavar="RUN...", callback=_start_reader
+)
 cells_option = click.option(
     "--cell", "cells", multiple=True, metavar="NAME", help="Only this cell (may be repeated)."
 )

@@ -6,16 +6,12 @@ error here. It is a fork of a server, which has the imports behind it (0.2 s), a
 process: this one may have threads, and a copy of a process has the locks that they hold.
 """
 
-import atexit
 import os
 import pickle
 import select
 import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -24,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.errors import RunFileError
+from logger.core.reader_process import ReaderProcess, give_back, take_idle
 from logger.core.runfile.limits import most_cpu_s, most_memory_bytes
 
 Arrays = dict[str, npt.NDArray[Any]]
@@ -40,7 +37,6 @@ HEAD_BYTES = 8
 """Length of a job, and of the reply's first part, little-endian."""
 STATUS_BYTES = 4
 """How a fork has ended: its exit code, or minus the signal; little-endian."""
-_PROGRAM = "from logger.core.runfile.isolated_reader import main; main()"
 
 
 class Reply(msgspec.Struct):
@@ -72,19 +68,8 @@ class _ServerEndedError(Exception):
 class _Server:
     """The process that forks one for each job, one after the other."""
 
-    def __init__(self) -> None:
-        self.owner = os.getpid()
-        self._socket, theirs = socket.socketpair()
-        with theirs:
-            self._process = subprocess.Popen(  # noqa: S603 (this Python)
-                # nothing is imported from the folder that we are in
-                [sys.executable, "-P", "-c", _PROGRAM],
-                stdin=theirs.fileno(),
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,  # the library prints while it dies
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-                start_new_session=True,  # of its own, to be ended with its fork
-            )
+    def __init__(self, process: ReaderProcess) -> None:
+        self.process, self._socket = process, process.socket
 
     def run(self, job: bytes, patience_s: float) -> tuple[Reply, Arrays] | int:
         """The reply of a fork, or how it ended without one; raises TimeoutError."""
@@ -115,18 +100,6 @@ class _Server:
             raise _ServerEndedError
         return int.from_bytes(status, "little", signed=True)
 
-    def close(self) -> None:
-        """End it and its fork; a copy of it in a forked process is only forgotten."""
-        self._socket.close()
-        if self.owner == os.getpid():
-            with suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)
-            self._process.wait()
-
-
-_idle_servers: list[_Server] = []
-"""Those without a job: there are as many as threads have read at once."""
-
 
 def run_isolated(path: Path, task: Task, *arguments: Any) -> tuple[Any, Arrays]:
     """Run `task(path, *arguments)`, which reads a file, in another process, and return its result.
@@ -151,38 +124,21 @@ def _run_job(job: Job, patience_s: float) -> tuple[Reply, Arrays] | int:
     """The reply to a job, or how the process ended; a server is started if none is idle."""
     data = pickle.dumps(job)
     for is_second_try in (False, True):
-        server = (None if is_second_try else _idle_server()) or _Server()
+        process = (None if is_second_try else take_idle()) or ReaderProcess()
         try:
-            ended = server.run(data, patience_s)
+            ended = _Server(process).run(data, patience_s)
         except _ServerEndedError:
-            server.close()
+            process.close()
         except TimeoutError:
-            server.close()
+            process.close()
             return -signal.SIGKILL
         except BaseException:  # an interrupt: the reply must not be taken for that of another job
-            server.close()
+            process.close()
             raise
         else:
-            _idle_servers.append(server)
+            give_back(process)
             return ended
     return 1
-
-
-def _idle_server() -> _Server | None:
-    """One that this process has started; a fork only forgets those of its parent."""
-    while _idle_servers:
-        server = _idle_servers.pop()
-        if server.owner == os.getpid():
-            return server
-        server.close()
-    return None
-
-
-@atexit.register
-def close_servers() -> None:
-    """End the processes that wait for further files; the next file starts one anew."""
-    while _idle_servers:
-        _idle_servers.pop().close()
 
 
 def _receive_reply(pipe: BinaryIO, patience_s: float) -> tuple[Reply, Arrays]:

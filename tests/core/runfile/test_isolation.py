@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from logger.core import reader_process
 from logger.core.errors import RunFileError
 from logger.core.runfile import isolation
 from tests.kit import isolated_tasks
@@ -89,7 +90,7 @@ def test_nothing_is_imported_from_the_folder_of_the_file(file, monkeypatch):
 
 def test_one_server_forks_for_all_files(file):
     parents = {isolation.run_isolated(file, isolated_tasks.parent)[0] for _ in range(3)}
-    assert parents == {isolation._idle_servers[-1]._process.pid}
+    assert parents == {reader_process._idle[-1]._process.pid}
 
 
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL])
@@ -101,13 +102,13 @@ def test_a_server_that_has_ended_is_started_again(file, end):
 
 
 def test_a_server_without_jobs_ends_by_itself(file, monkeypatch):
-    isolation.close_servers()
+    reader_process.close_all()
     program = "from logger.core.runfile import isolated_reader as r; r._IDLE_S = 0.1; r.main()"
-    monkeypatch.setattr(isolation, "_PROGRAM", program)
+    monkeypatch.setattr(reader_process, "_PROGRAM", program)
     assert isolation.run_isolated(file, isolated_tasks.chatter) == (None, {})
-    assert isolation._idle_servers[-1]._process.wait(10) == 0
+    assert reader_process._idle[-1]._process.wait(10) == 0
     assert isolation.run_isolated(file, isolated_tasks.chatter) == (None, {})
-    isolation.close_servers()
+    reader_process.close_all()
 
 
 def test_a_path_is_relative_to_the_folder_of_now(file, monkeypatch):
@@ -131,7 +132,7 @@ def test_a_forked_process_has_a_server_of_its_own(file):
     fork = os.fork()
     if not fork:
         theirs, _ = isolation.run_isolated(file, isolated_tasks.parent)
-        isolation.close_servers()
+        reader_process.close_all()
         os.write(writing, str(theirs).encode())
         os._exit(0)
     assert os.waitpid(fork, 0)[1] == 0
@@ -142,8 +143,19 @@ def test_a_forked_process_has_a_server_of_its_own(file):
     assert isolation.run_isolated(file, isolated_tasks.parent)[0] == ours
 
 
+def test_one_that_was_started_ahead_takes_the_first_job(file):
+    reader_process.close_all()
+    reader_process.start_ahead()
+    (ahead,) = reader_process._idle
+    reader_process.start_ahead()  # one is enough
+    assert reader_process._idle == [ahead]
+    server, _ = isolation.run_isolated(file, isolated_tasks.parent)
+    assert server == ahead._process.pid
+    assert reader_process._idle == [ahead]
+
+
 def test_no_process_is_left(file):
     isolation.run_isolated(file, isolated_tasks.chatter)
-    isolation.close_servers()
+    reader_process.close_all()
     with pytest.raises(ChildProcessError):
         os.waitpid(-1, os.WNOHANG)
