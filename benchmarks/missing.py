@@ -8,7 +8,7 @@ is without it, its level is at most that of the weakest neighbour reported, othe
 floor. Four ways to use that are compared:
 
     readings  not at all: the locator with the readings alone
-    regular   as `postproc` does: readings count where nearly all scans nearby have the target
+    regular   as `postproc` does: readings count where most scans nearby have the target
     every     each scan without the target is a censored reading
     careful   stretches of 16 m in which the target comes and goes are trimmed: as many of the
               highest levels as there are scans without it (Powell, Econometrica 54(6), 1986). A
@@ -76,7 +76,7 @@ def readings_alone(made: City, heard: Report, target: int, at: BoolArray) -> Cel
 
 
 def regular(made: City, heard: Report, target: int, at: BoolArray) -> CellObservations:
-    """Readings in places where nearly all scans have the target."""
+    """Readings in places where most scans have the target."""
     is_there = heard.is_there.copy()
     is_there[target] = at
     cell, scan = np.nonzero(is_there)

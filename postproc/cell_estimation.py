@@ -109,7 +109,8 @@ def locate_cell(obs: CellObservations, prior: Prior, within_m: float = DESK_M) -
     if why := too_few(obs):
         return CellResult(obs.cell, len(obs), obs, "cannot tell", (why,))
     spikes = tuple(obs.spikes())
-    usable = obs.usable(spikes)
+    everywhere = obs.everywhere(spikes)
+    usable = everywhere.usable()
     posterior = locate(usable, prior)
     verdict, reasons, _ = decide(posterior, usable, within_m=within_m)
     timing = timing_of(usable)
@@ -117,7 +118,7 @@ def locate_cell(obs: CellObservations, prior: Prior, within_m: float = DESK_M) -
     if timing_check and timing_check.warning:
         reasons.append(timing_check.warning)
     reasons += _spike_warnings(spikes)
-    reasons += _regularity_warnings(obs, spikes, usable)
+    reasons += _regularity_warnings(len(obs), len(everywhere) - len(usable))
     return CellResult(
         obs.cell,
         len(obs),
@@ -145,15 +146,12 @@ def _spike_warnings(spikes: Sequence[SpikeLevel]) -> list[str]:
     return [warning]
 
 
-def _regularity_warnings(
-    obs: CellObservations, spikes: Sequence[SpikeLevel], usable: CellObservations
-) -> list[str]:
-    """How many readings do not count because scans nearby do not name the cell."""
-    n_left_out = len(replace(obs, named_share=None).usable(spikes)) - len(usable)
+def _regularity_warnings(n: int, n_left_out: int) -> list[str]:
+    """How many of `n` readings do not count because scans nearby do not name the cell."""
     if not n_left_out:
         return []
     warning = (
-        f"{n_left_out} of {len(obs)} readings do not count: fewer than {LEAST_SHARE:.0%} of the "
+        f"{n_left_out} of {n} readings do not count: fewer than {LEAST_SHARE:.0%} of the "
         "scans near them name the cell, so they are too high for their places"
     )
     return [warning]

@@ -92,14 +92,15 @@ class CellObservations:
 
         `spikes` are those of `spikes()`, where they are known; for the places see `regular_naming`.
         """
-        found = self._without_spikes(spikes)
+        found = self.everywhere(spikes)
         if found.named_share is None:
             return found
         # decided once: parts of these readings are usable as they are
         counts = regularly_named(found.level_dbm, found.limit == 0, found.named_share)
         return replace(found if np.all(counts) else found.part(counts), named_share=None)
 
-    def _without_spikes(self, spikes: Sequence[SpikeLevel] | None) -> "CellObservations":
+    def everywhere(self, spikes: Sequence[SpikeLevel] | None = None) -> "CellObservations":
+        """As `usable`, and also where few scans name the cell."""
         is_valid = self._is_valid()
         valid = self if np.all(is_valid) else self.part(is_valid)
         if self.without_spikes:

@@ -7,7 +7,7 @@ strong and stay unheard, and the block has no floor.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -205,6 +205,6 @@ class _Walk:
 
 def _without_doubt(obs: CellObservations) -> CellObservations | None:
     # where a cell is named irregularly it may have become weak
-    usable = replace(obs, named_share=None).usable()
-    sure = usable.part(usable.position_sigma_m <= _FARTHEST_SIGMA_M)
+    everywhere = obs.everywhere()
+    sure = everywhere.part(everywhere.position_sigma_m <= _FARTHEST_SIGMA_M)
     return sure if len(np.unique(sure.scan_seq)) >= FEWEST_SCANS else None

@@ -6,7 +6,6 @@ optimistic, their order is what counts.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -76,8 +75,8 @@ def next_walk(
     `start_deg` is latitude and longitude, `lines` the streets. Raises `ConfigError` without a
     route from there, `EstimationError` without a level of the cell.
     """
-    everywhere = replace(obs, named_share=None).usable()  # the walk, wherever its readings count
-    obs = obs.usable()
+    everywhere = obs.everywhere()  # the walk, wherever its readings count
+    obs = everywhere.usable()
     task = prepare(obs, prior, _EFFORT)
     tree = search(task)
     posterior = summarise(task, tree)

@@ -28,7 +28,7 @@ READINGS = pa.schema(
         pa.field("scan_seq", pa.int64(), metadata={"unit": "number of the scan in the run"}),
         pa.field("ta", pa.int8(), metadata={"unit": "timing advance of GSM, -1 if unknown"}),
         pa.field(
-            "named_share", pa.float32(), metadata={"unit": "of the scans near, null: unknown"}
+            "named_share", pa.float64(), metadata={"unit": "of the scans near, NaN if unknown"}
         ),
     ]
 )

@@ -65,40 +65,35 @@ class _ServerEndedError(Exception):
     """The server has ended before it forked: it had nothing to do for a while."""
 
 
-class _Server:
-    """The process that forks one for each job, one after the other."""
-
-    def __init__(self, process: ReaderProcess) -> None:
-        self.process, self._socket = process, process.socket
-
-    def run(self, job: bytes, patience_s: float) -> tuple[Reply, Arrays] | int:
-        """The reply of a fork, or how it ended without one; raises TimeoutError."""
-        reading, writing = os.pipe()
-        with os.fdopen(reading, "rb", buffering=0) as pipe:
-            try:
-                head = len(job).to_bytes(HEAD_BYTES, "little")
-                socket.send_fds(self._socket, [head], [writing])
-                self._socket.sendall(job)
-            except OSError as error:
-                raise _ServerEndedError from error
-            finally:
-                os.close(writing)
-            try:
-                reply = _receive_reply(pipe, patience_s)
-            except EOFError:
-                return self._status(patience_s)
-        self._status(patience_s)
-        return reply
-
-    def _status(self, patience_s: float) -> int:
-        self._socket.settimeout(patience_s)
+def _ask(server: socket.socket, job: bytes, patience_s: float) -> tuple[Reply, Arrays] | int:
+    """The reply of a fork, or how it ended without one; raises TimeoutError."""
+    reading, writing = os.pipe()
+    with os.fdopen(reading, "rb", buffering=0) as pipe:
         try:
-            status = self._socket.recv(STATUS_BYTES, socket.MSG_WAITALL)
-        except ConnectionError as error:
+            head = len(job).to_bytes(HEAD_BYTES, "little")
+            socket.send_fds(server, [head], [writing])
+            server.sendall(job)
+        except OSError as error:
             raise _ServerEndedError from error
-        if not status:
-            raise _ServerEndedError
-        return int.from_bytes(status, "little", signed=True)
+        finally:
+            os.close(writing)
+        try:
+            reply = _receive_reply(pipe, patience_s)
+        except EOFError:
+            return _status(server, patience_s)
+    _status(server, patience_s)
+    return reply
+
+
+def _status(server: socket.socket, patience_s: float) -> int:
+    server.settimeout(patience_s)
+    try:
+        status = server.recv(STATUS_BYTES, socket.MSG_WAITALL)
+    except ConnectionError as error:
+        raise _ServerEndedError from error
+    if not status:
+        raise _ServerEndedError
+    return int.from_bytes(status, "little", signed=True)
 
 
 def run_isolated(path: Path, task: Task, *arguments: Any) -> tuple[Any, Arrays]:
@@ -126,7 +121,7 @@ def _run_job(job: Job, patience_s: float) -> tuple[Reply, Arrays] | int:
     for is_second_try in (False, True):
         process = (None if is_second_try else take_idle()) or ReaderProcess()
         try:
-            ended = _Server(process).run(data, patience_s)
+            ended = _ask(process.socket, data, patience_s)
         except _ServerEndedError:
             process.close()
         except TimeoutError:

@@ -61,7 +61,6 @@ def _walk(
                     obs,
                     level_dbm=obs.level_dbm - offset_db.get(survey.runs[digest].logger, 0.0),
                     known_limit=None,
-                    named_share=None,  # a cell that has become weak is named irregularly
                     scan_seq=obs.scan_seq + _RUN_STRIDE * number[digest],
                 )
                 try:
@@ -71,4 +70,5 @@ def _walk(
             if placed:
                 # spikes are looked for in the series of each run
                 obs = joined_readings(placed, list(placed))
-                yield replace(obs.usable(), modem=None)
+                # a cell that has become weak is named irregularly
+                yield replace(obs.everywhere(), modem=None)
