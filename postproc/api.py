@@ -11,6 +11,7 @@ from typing import overload
 
 import numpy as np
 import numpy.typing as npt
+from threadpoolctl import threadpool_limits
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError, EstimationError
@@ -129,12 +130,13 @@ def locate(
     Source: `logger.core.locator.pipeline`, where the steps of the algorithm are listed.
     """
     prior = prior_for(environment, height_m=height_m, antenna=antenna, reach=reach)
-    if isinstance(readings, CellObservations):
+    if not isinstance(readings, CellObservations):
+        if y_m is None or level_dbm is None:
+            raise ConfigError("bare arrays are given as locate(x_m, y_m, level_dbm)")
+        readings = _bare(readings, y_m, level_dbm, position_sigma_m, rat)
+    # the matrices are small: threads of BLAS would only wait for each other
+    with threadpool_limits(1):
         return locate_cell(readings, prior, within_m)
-    if y_m is None or level_dbm is None:
-        raise ConfigError("bare arrays are given as locate(x_m, y_m, level_dbm)")
-    bare = _bare(readings, y_m, level_dbm, position_sigma_m, rat)
-    return locate_cell(bare, prior, within_m)
 
 
 def smooth(

@@ -3,8 +3,9 @@
 import ctypes
 import platform
 import signal
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from multiprocessing import get_context
 from typing import TypeVar
 
@@ -15,6 +16,9 @@ _ITEMS_EACH = 2
 _MOST_PROCESSES = 4
 """A quarter of a gigabyte each, beside the run itself."""
 
+_IN_HAND = 2
+"""Items that another process has: it never waits for this one, which is as long at one item."""
+
 _KEPT_BYTES = 32 << 20
 """The largest bound that malloc accepts (mallopt(3))."""
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
@@ -24,13 +28,17 @@ Result = TypeVar("Result")
 
 
 def each(work: Callable[[Item], Result], items: Sequence[Item], processes: int) -> Iterator[Result]:
-    """Results of `work` for the items in their order, from several processes where that pays."""
+    """Results of `work` for the items in their order, by several processes where that pays.
+
+    This process is one of them.
+    """
     done, count = 0, min(processes, _MOST_PROCESSES, len(items) // _ITEMS_EACH)
+    keep_freed_memory()
     if count > 1:
         try:
             # fresh processes: a fork would copy the locks of threads that it does not copy
-            with ProcessPoolExecutor(count, get_context("spawn"), _begin_process) as pool:
-                for result in pool.map(work, items):
+            with ProcessPoolExecutor(count - 1, get_context("spawn"), _begin_process) as pool:
+                for result in _shared_out(pool, count - 1, work, items):
                     done += 1
                     yield result
         except (
@@ -39,11 +47,33 @@ def each(work: Callable[[Item], Result], items: Sequence[Item], processes: int) 
             BrokenExecutor,
         ):  # this machine gives no process, or has killed one
             pass
+    for item in items[done:]:
+        yield _here(work, item)
+
+
+def _shared_out(
+    pool: ProcessPoolExecutor, helpers: int, work: Callable[[Item], Result], items: Sequence[Item]
+) -> Iterator[Result]:
+    """As `each`: the helpers of the pool begin with the first item, this process with the last."""
+    there: dict[int, Future[Result]] = {}
+    here: dict[int, Result] = {}
+    left = deque(range(len(items)))
+    for i in range(len(items)):
+        while i not in here and not (i in there and there[i].done()):
+            while left and sum(not one.done() for one in there.values()) < _IN_HAND * helpers:
+                first = left.popleft()
+                there[first] = pool.submit(work, items[first])
+            if not left:
+                break
+            last = left.pop()
+            here[last] = _here(work, items[last])
+        yield here[i] if i in here else there[i].result()
+
+
+def _here(work: Callable[[Item], Result], item: Item) -> Result:
     # the matrices are small: threads of BLAS would only wait for each other
-    keep_freed_memory()
     with threadpool_limits(1):
-        for item in items[done:]:
-            yield work(item)
+        return work(item)
 
 
 def keep_freed_memory() -> None:

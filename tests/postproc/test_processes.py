@@ -1,5 +1,8 @@
 import os
+import time
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -11,8 +14,23 @@ def process_of(_):
     return os.getpid()
 
 
-def with_process(item):
-    return item, os.getpid()
+def divide_by(item):
+    return 1 / item
+
+
+class Meeting(NamedTuple):
+    """Work that this process does only after another one has begun."""
+
+    begun: Path
+    parent: int
+
+    def __call__(self, item):
+        if os.getpid() != self.parent:
+            self.begun.touch()
+        until_s = time.monotonic() + 60.0
+        while not self.begun.exists() and time.monotonic() < until_s:
+            time.sleep(0.01)
+        return item, os.getpid()
 
 
 def fails_elsewhere(parent):
@@ -30,10 +48,24 @@ def no_pool(monkeypatch):
     monkeypatch.setattr(processes, "ProcessPoolExecutor", Refused)
 
 
-def test_results_come_in_order_from_other_processes():
-    found = list(each(with_process, [3, 1, 2, 0], 2))
+def test_results_come_in_order_from_this_process_and_another(tmp_path):
+    met = Meeting(tmp_path / "another process", os.getpid())
+    found = list(each(met, [3, 1, 2, 0], 2))
     assert [item for item, _ in found] == [3, 1, 2, 0]
-    assert os.getpid() not in {process for _, process in found}
+    there = [process for _, process in found]
+    assert there[-1] == os.getpid() != there[0]
+    assert len(set(there)) == 2
+
+
+def test_an_error_ends_the_work_at_once():
+    with pytest.raises(ZeroDivisionError):
+        list(each(divide_by, [1, 1, 1, 0], 2))
+
+
+def test_a_caller_that_wants_no_more_waits_for_no_more():
+    results = each(process_of, range(100), 2)
+    next(results)
+    results.close()
 
 
 @pytest.mark.parametrize(("count", "most"), [(4, 1), (3, 8), (1, 2), (0, 2)])
