@@ -11,6 +11,8 @@ from logger.core.ellipse import CHI2_95_2DOF
 from .world import Place
 
 _OUTLINE_POINTS = 1440
+_ROUNDING_M = 1e-6
+"""Of sums of UTM coordinates: the centre of a round walk is a corner of four squares."""
 
 
 class Region(Protocol):
@@ -63,7 +65,7 @@ class Squares:
     def holds(self, place: Place, slack_m: float) -> bool:
         east_m = np.maximum(np.abs(self.x_m - place[0]) - 0.5 * self.size_m, 0.0)
         north_m = np.maximum(np.abs(self.y_m - place[1]) - 0.5 * self.size_m, 0.0)
-        return bool(np.any(np.hypot(east_m, north_m) <= slack_m))
+        return bool(np.any(np.hypot(east_m, north_m) <= slack_m + _ROUNDING_M))
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,6 +34,15 @@ def test_squares_agree_with_shapely():
         assert region.holds(tuple(place), 3.0) == (whole.distance(shapely.Point(place)) <= 3.0)
 
 
+def test_a_common_corner_of_squares_is_in_them():
+    corner = 691_600.1, 5_333_000.7
+    offset_m = 14.892578065686848 / 2.0
+    x_m, y_m = corner[0] - offset_m * np.ones(1), corner[1] - offset_m * np.ones(1)
+    region = Squares(x_m, y_m, np.full(1, 2.0 * offset_m - 1e-9))
+    assert region.holds(corner, 0.0)
+    assert not region.holds((corner[0] + 1e-3, corner[1]), 0.0)
+
+
 def test_no_covariance_no_answer():
     with pytest.raises(ValueError, match="not positive"):
         gaussian(np.zeros(4), np.diag([1.0, -1.0, 1.0, 1.0]))

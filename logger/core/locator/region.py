@@ -19,7 +19,7 @@ SADDLE = 0.5
 """Two peaks are one mode if the saddle between them is higher than this share of the lower peak."""
 
 _TOUCH = 1.0 + 1e-6
-"""Squares that share an edge touch in spite of rounding."""
+"""Squares that share an edge touch in spite of rounding, and both have what lies on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +56,8 @@ def highest_density(
 
 
 def contains(squares: Squares, indices: IntArray, x_m: float, y_m: float) -> bool:
-    """Whether a position is in one of the squares `indices`."""
-    half_m = 0.5 * squares.size_m[indices]
+    """Whether a position is in one of the squares `indices`, or on a corner of one."""
+    half_m = 0.5 * _TOUCH * squares.size_m[indices]
     is_in = np.abs(squares.x_m[indices] - x_m) <= half_m
     return bool(np.any(is_in & (np.abs(squares.y_m[indices] - y_m) <= half_m)))
 

@@ -92,6 +92,15 @@ def test_a_position_is_in_a_square_only_if_it_is_along_both_axes(x_m, y_m, is_in
     assert not region.contains(cells, np.array([1]), x_m, y_m)
 
 
+def test_a_common_corner_is_in_the_squares_in_spite_of_rounding():
+    size_m = 14.892578065686848
+    middle_m = 691_600.1 - 0.5 * size_m
+    cells = Squares(np.array([middle_m]), np.array([middle_m]), np.full(1, size_m), np.ones(1))
+    corner_m = np.nextafter(middle_m + 0.5 * size_m, np.inf)
+    assert region.contains(cells, np.zeros(1, int), corner_m, corner_m)
+    assert not region.contains(cells, np.zeros(1, int), corner_m + 1e-3, corner_m)
+
+
 # --- modes ---
 
 
