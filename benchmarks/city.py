@@ -26,13 +26,12 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.synthetic_city.loggers import coverage, lies, offsets
 from benchmarks.synthetic_city.run_files import write_run
-from benchmarks.synthetic_city.surveys import SCANS, draw_survey, estimates_of
+from benchmarks.synthetic_city.surveys import OPTIONS, SCANS, draw_survey, estimates_of
 from benchmarks.synthetic_city.walks import draw_walk, draw_walkers
 from benchmarks.synthetic_city.world import draw_city
 from benchmarks.synthetic_city.year import year
 from logger.core.locator.pipeline import locate
 from logger.core.runfile import read_sound_run
-from postproc.result import Options
 from postproc.smoothing import smooth_runs
 from postproc.survey import thinning
 from postproc.survey.alignment import align
@@ -117,7 +116,9 @@ def against_smooth(folder: Path, options: argparse.Namespace) -> Iterator[str]:
     chosen = chosen[: options.cells]
     began_s, worst_m = time.process_time(), 0.0
     for cell in chosen:
-        (one,) = smooth_runs([read_sound_run(path) for path in files], [cell.cell]).cells
+        (one,) = smooth_runs(
+            [read_sound_run(path) for path in files], [cell.cell], options=OPTIONS
+        ).cells
         assert one.posterior is not None
         off_m = np.hypot(one.posterior.x_m - cell.x_m, one.posterior.y_m - cell.y_m)
         worst_m = max(worst_m, float(off_m))
@@ -139,9 +140,9 @@ def thinning_loss(folder: Path, options: argparse.Namespace) -> Iterator[str]:
         aligned = align(obs.usable()).obs
         thinned = thinning.thin(aligned)
         began_s = time.process_time()
-        whole = locate(aligned, Options().prior)
+        whole = locate(aligned, OPTIONS.prior)
         whole_s, began_s = time.process_time() - began_s, time.process_time()
-        less = locate(thinned, Options().prior)
+        less = locate(thinned, OPTIONS.prior)
         less_s = time.process_time() - began_s
         moved_m = np.hypot(whole.x_m - less.x_m, whole.y_m - less.y_m)
         yield (
@@ -157,7 +158,7 @@ def workers(folder: Path, options: argparse.Namespace) -> Iterator[str]:
     """
     city, walkers = draw_city(20, 1), draw_walkers(20, 1)
     survey = draw_survey(folder / "s", city, walkers, options.readings[0])
-    tasks = tasks_of(survey, survey.cells(), RunChoice(), Options())
+    tasks = tasks_of(survey, survey.cells(), RunChoice(), OPTIONS)
     for name, wall_s in (("Dask", _wall_on_dask), ("plain processes", _wall_of_processes)):
         one_s, two_s = wall_s(tasks, 1), wall_s(tasks, 2)
         efficiency = one_s / two_s / 2.0

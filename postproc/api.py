@@ -118,7 +118,7 @@ def locate(
     (n,). `position_sigma_m`, scalar or shape (n,), is the standard deviation of the receiver's
     position per axis. `rat` ("GSM", "LTE", ...) sets the modem's reporting range: readings there
     are censored. `environment` (any, open, suburban, urban) and `height_m`, the antenna above the
-    receiver, choose the prior of P0 and eta; `antenna` (omni, sector) that of the antenna pattern,
+    receiver, choose the prior of P0 and eta; `antenna` (omni, any, sector) that of its pattern,
     `reach` (near, far) that of the distance from the walk. Located means that `within_m` holds
     95 % of the probability.
 

@@ -6,10 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.synthetic_city.surveys import SCANS, draw_survey, error_m, estimates_of, holds
+from benchmarks.synthetic_city.surveys import (
+    OPTIONS,
+    SCANS,
+    draw_survey,
+    error_m,
+    estimates_of,
+    holds,
+)
 from benchmarks.synthetic_city.walks import Walker, draw_walkers
 from benchmarks.synthetic_city.world import draw_city
-from postproc.result import Options
 from postproc.survey.agreement import liars, report
 from postproc.survey.alignment import align
 from postproc.survey.cell_location import LocatedCell, joined_readings
@@ -55,7 +61,7 @@ def lies(folder: Path, options: argparse.Namespace) -> Iterator[str]:
         lying[8] = Walker(lying[8].name, usual_db, lie_m=500.0)
         lying[14] = Walker(lying[14].name, usual_db, lie_db=12.0)
         survey = draw_survey(folder / f"{seed}", city, lying, 100 * SCANS * 4)
-        tasks = tasks_of(survey, survey.cells(), RunChoice(), Options())
+        tasks = tasks_of(survey, survey.cells(), RunChoice(), OPTIONS)
         loggers = report([one for task in tasks for one in compare_loggers(task)])
         accused = liars(loggers)
         named.append(set(accused) == {lying[3].name, lying[8].name})

@@ -8,6 +8,8 @@ import shapely
 from benchmarks.synthetic_city.walks import Walker, draw_walk
 from benchmarks.synthetic_city.world import ORIGIN_M, ZONE, City
 from logger.core.geo import Utm
+from logger.core.model.prior import prior_for
+from postproc.options import SURVEY_ANTENNA
 from postproc.result import Options
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
@@ -17,6 +19,8 @@ from postproc.survey.tasks import RunChoice, locate_cells, runs_of, tasks_of
 
 SCANS = 800
 """Of a walk: 40 minutes."""
+OPTIONS = Options(prior_for("any", antenna=SURVEY_ANTENNA))
+"""Those of `postproc survey`."""
 
 
 def draw_survey(folder: Path, city: City, walkers: list[Walker], n_readings: int) -> Survey:
@@ -38,7 +42,7 @@ def draw_survey(folder: Path, city: City, walkers: list[Walker], n_readings: int
 
 def estimates_of(survey: Survey, choice: RunChoice = EVERY_RUN) -> list[LocatedCell]:
     """All cells, in this process."""
-    tasks = tasks_of(survey, survey.cells(runs_of(survey, choice)), choice, Options())
+    tasks = tasks_of(survey, survey.cells(runs_of(survey, choice)), choice, OPTIONS)
     return [cell for task in tasks for cell in locate_cells(task)]
 
 

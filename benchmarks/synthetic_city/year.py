@@ -17,10 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.synthetic_city.loggers import wilson95
-from benchmarks.synthetic_city.surveys import draw_survey, error_m, holds
+from benchmarks.synthetic_city.surveys import OPTIONS, draw_survey, error_m, holds
 from benchmarks.synthetic_city.walks import draw_walkers
 from benchmarks.synthetic_city.world import City, draw_city
-from postproc.result import Options
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.location import locate_survey
 from postproc.survey.scheduling import Cluster
@@ -44,7 +43,7 @@ def year(folder: Path, options: argparse.Namespace) -> Iterator[str]:
     yield f"{len(survey.runs)} runs, {n_readings} readings: drawn in {_since(began_s)}"
     began_s = time.monotonic()
     with Cluster(workers=_WORKERS) as cluster:
-        location = locate_survey(survey, Options(), cluster=cluster)
+        location = locate_survey(survey, OPTIONS, cluster=cluster)
     yield f"locating {len(location.cells)} cells on {_WORKERS} workers: {_since(began_s)}"
     yield f"  {_peaks()}"
     accused = [one.logger for one in location.loggers if one.contradiction]

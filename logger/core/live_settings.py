@@ -50,8 +50,9 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     than "nothing unusual" and is received; until then the strongest. A fix older than
     `max_fix_age_s` is not used. `joseph` chooses the form of the reference filter's covariance
     update. `environment` names the prior: any, open, suburban or urban; `antenna` that of its
-    pattern: omni or sector; `reach` that of the distance from the walk: near or far; `height_m` is
-    its height above the receiver. `baseline` is the file of earlier walks, empty for none.
+    pattern: omni, any or sector; `reach` that of the distance from the walk: near or far;
+    `height_m` is its height above the receiver. `baseline` is the file of earlier walks, empty for
+    none.
     """
 
     target: str = STRONGEST
@@ -61,7 +62,7 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     joseph: bool = False
     most_cells: int = 64
     environment: Literal["any", "open", "suburban", "urban"] = "any"
-    antenna: Literal["omni", "sector"] = "omni"
+    antenna: Literal["omni", "any", "sector"] = "omni"
     reach: Literal["near", "far"] = "near"
     height_m: float = 5.0
     baseline: str = ""

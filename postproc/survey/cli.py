@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from logger.command_line import FILE, PATH, json_option
-from postproc.options import cells_option, prior_options, within_option
+from postproc.options import cells_option, survey_prior_options, within_option
 from postproc.survey.answers.cli import baseline, diff, map_command, next_command
 from postproc.survey.libraries import check_libraries
 from postproc.survey.options import folder_argument, workers_options
@@ -91,7 +91,7 @@ def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: boo
     metavar="NAME",
     help="NAME.parquet and NAME.gpkg (default: located, in the folder of the survey).",
 )
-@prior_options
+@survey_prior_options
 @within_option
 @json_option
 def locate(

@@ -17,13 +17,14 @@ REACHES_M = MappingProxyType({"near": 200.0, "far": 400.0})
 mast it makes regions too small; "far" makes all regions larger.
 """
 
-ANTENNAS = MappingProxyType({"omni": (), "sector": (9.3, 3.3)})
+ANTENNAS = MappingProxyType({"omni": (), "any": (3.5, 1.5), "sector": (9.3, 3.3)})
 """Standard deviations in dB of each harmonic of the antenna pattern, for cosine and sine alike.
 
 A sector antenna with a half-power beam width of 65 degrees and 25 dB front to back (3GPP TR 36.942,
 4.2.1: -min(12 (b / 65)^2, 25) dB) has first and second harmonics of 13.1 and 4.6 dB. With a uniform
 azimuth of the beam, cosine and sine each have that divided by sqrt(2). The other harmonics together
-are 1.1 dB rms and count as noise.
+are 1.1 dB rms and count as noise. "any" lies between: one walk hardly shows such a lobe, and many
+walks show a larger one.
 """
 
 

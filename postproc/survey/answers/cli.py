@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from logger.command_line import FILE, INPUT, json_option, number
-from postproc.options import prior_options
+from postproc.options import survey_prior_options
 from postproc.survey.libraries import check_libraries
 from postproc.survey.options import folder_argument, workers_options
 
@@ -88,7 +88,7 @@ def diff(
               help="Default: survey.html in the folder of the survey.")  # fmt: skip
 @click.option("--basemap", type=INPUT, metavar="FILE",
               help="Ground of the plan: PMTiles, MBTiles, GeoPackage, or an image.")  # fmt: skip
-@prior_options
+@survey_prior_options
 @json_option
 def map_command(
     folder: Path,
@@ -131,7 +131,7 @@ def map_command(
 @click.option("--from", "starts", metavar="LAT,LON", multiple=True,
               help="Where a walker begins (may be repeated).")  # fmt: skip
 @click.option("--streets", type=INPUT, metavar="FILE", help="Streets as GeoJSON or GPX.")
-@prior_options
+@survey_prior_options
 @json_option
 def next_command(
     folder: Path,

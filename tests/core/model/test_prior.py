@@ -73,7 +73,7 @@ def test_a_sector_antenna_adds_two_coefficients_for_each_harmonic():
     assert sector.coefficients.mean.tolist() == [*omni.coefficients.mean, 0.0, 0.0, 0.0, 0.0]
     sigma_db = sector.coefficients.precision[2:] ** -0.5
     assert sigma_db == pytest.approx([9.3, 9.3, 3.3, 3.3])
-    with pytest.raises(ConfigError, match="antenna 'dish' is unknown: one of omni, sector"):
+    with pytest.raises(ConfigError, match="antenna 'dish' is unknown: one of omni, any, sector"):
         prior_for("any", antenna="dish")
 
 

@@ -10,8 +10,10 @@ import pyogrio
 import pytest
 
 from benchmarks.synthetic_city.walks import Walker, draw_walkers
+from logger.core.model.prior import prior_for
 from logger.core.runfile import read_sound_run
 from postproc.cli import main
+from postproc.options import SURVEY_ANTENNA
 from postproc.result import Options
 from postproc.smoothing import smooth_runs
 from postproc.survey.agreement import liars, report
@@ -178,6 +180,15 @@ def test_command(results, scheduler, capsys):
     assert "2 known from before" in capsys.readouterr().out
     assert main([*arguments, "--cell", "262-01-1-1"]) == 2
     assert "not in the survey" in capsys.readouterr().err
+
+
+def test_the_command_allows_for_an_antenna_pattern(results):
+    assert prior_for("any", antenna=SURVEY_ANTENNA).antenna_db
+    options = Options(prior_for("any", antenna=SURVEY_ANTENNA))
+    tasks = tasks_of(results, results.cells(), RunChoice(), options)
+    expected = {one.cell: one.lat_deg for task in tasks for one in locate_cells(task)}
+    located = results.folder / "located.parquet"
+    assert dict(duckdb.sql(f"SELECT cell, lat_deg FROM '{located}'").fetchall()) == expected
 
 
 def test_duckdb_geopandas_and_gdal_read_the_results(results):
