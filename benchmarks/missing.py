@@ -41,7 +41,7 @@ from logger.core.errors import EstimationError
 from logger.core.geo import Utm
 from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
-from logger.core.locator.region import highest_density
+from logger.core.locator.region import contains, highest_density
 from logger.core.observations import CellObservations
 from postproc.named_shares import Naming, named_shares
 
@@ -137,11 +137,9 @@ def desk(made: City, target: int, obs: CellObservations) -> Estimate:
     found = locate(obs, effort=EFFORT)
     seconds = process_time() - start
     squares, source_m = found.squares, made.cell_m[target]
-    chosen = highest_density(squares)
-    off_m = np.abs(np.stack([squares.x_m, squares.y_m], axis=1)[chosen] - source_m)
     return Estimate(
         error_m=float(np.hypot(*(source_m - (found.x_m, found.y_m)))),
-        covered=bool(np.any(np.max(off_m, axis=1) <= 0.5 * squares.size_m[chosen])),
+        covered=contains(squares, highest_density(squares), *source_m.tolist()),
         area_m2=found.region_area_m2,
         seconds=seconds,
         p0_bias_db=found.p0_dbm - float(made.p0_dbm[target]),

@@ -23,14 +23,6 @@ _HIGHEST_M = 10_000
 """Limit of an antenna's height above the receiver; no mountain road sees a greater difference."""
 _FARTHEST_M = 30_000
 """Nothing farther is searched."""
-SURVEY_ANTENNA = "any"
-"""Where many walks meet a cell, its position is known so well that a lobe of a few dB moves it.
-
-Of 100 stations of a synthetic city with lobes of 4 dB rms and 40 000 readings each, regions held
-0.92 with "omni" (of the 20 with lobes above 5 dB 0.70), 0.99 with "any" and 0.98 with "sector".
-With 4000 readings each the median error was 59 m with "omni", 71 m with "any" and 92 m with
-"sector".
-"""
 
 
 def _start_reader(ctx: click.Context, _: click.Parameter, value: _Paths) -> _Paths:
@@ -121,11 +113,6 @@ def prior_options(command: Command, antenna: str = "omni") -> Command:
         return command(*arguments, prior=prior, **options)
 
     return with_prior
-
-
-def survey_prior_options(command: Command) -> Command:
-    """As `prior_options` for the cells of a survey."""
-    return prior_options(command, SURVEY_ANTENNA)
 
 
 def within_option(command: Command) -> Command:

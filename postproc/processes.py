@@ -17,7 +17,7 @@ _MOST_PROCESSES = 4
 """A quarter of a gigabyte each, beside the run itself."""
 
 _IN_HAND = 2
-"""Items that another process has: it never waits for this one, which is as long at one item."""
+"""Items that another process has: this one, which deals them out, is busy with one of its own."""
 
 _KEPT_BYTES = 32 << 20
 """The largest bound that malloc accepts (mallopt(3))."""

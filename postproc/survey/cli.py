@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import click
 
 from logger.command_line import FILE, PATH, json_option
-from postproc.options import cells_option, survey_prior_options, within_option
+from postproc.options import cells_option, within_option
 from postproc.survey.answers.cli import baseline, diff, map_command, next_command
 from postproc.survey.libraries import check_libraries
-from postproc.survey.options import folder_argument, workers_options
+from postproc.survey.options import folder_argument, survey_prior_options, workers_options
 
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior

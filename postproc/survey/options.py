@@ -1,15 +1,23 @@
 """Arguments and options that several commands of `postproc survey` share."""
 
-from collections.abc import Callable
-
 import click
 
 from logger.command_line import FILE, number
+from postproc.options import Command, prior_options
+
+ANTENNA = "any"
+"""Where many walks meet a cell, its position is known so well that a lobe of a few dB moves it.
+
+Of 100 stations of a synthetic city with lobes of 4 dB rms and 40 000 readings each, regions held
+0.92 with "omni" (of the 20 with lobes above 5 dB 0.70), 0.99 with "any" and 0.98 with "sector".
+With 4000 readings each the median error was 59 m with "omni", 71 m with "any" and 92 m with
+"sector".
+"""
 
 folder_argument = click.argument("folder", type=FILE, metavar="SURVEY")
 
 
-def workers_options(command: Callable[..., int | None]) -> Callable[..., int | None]:
+def workers_options(command: Command) -> Command:
     """Add `--scheduler` and `--workers`."""
     command = click.option(
         "--workers",
@@ -22,3 +30,8 @@ def workers_options(command: Callable[..., int | None]) -> Callable[..., int | N
         metavar="tcp://HOST:8786",
         help="A Dask scheduler whose workers read the same folder.",
     )(command)
+
+
+def survey_prior_options(command: Command) -> Command:
+    """The options of the propagation prior, with the antenna of a survey."""
+    return prior_options(command, ANTENNA)

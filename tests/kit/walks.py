@@ -95,10 +95,10 @@ def censor_at_floor(obs, share):
 
 
 def region_contains(posterior, point, slack_m=0.0):
-    """True if the 95 % region contains a point, or a corner of its squares lies there."""
+    """True if the 95 % region contains a point."""
     chosen = highest_density(posterior.squares)
     squares = posterior.squares
-    reach = 0.5 * squares.size_m[chosen] + slack_m + 1e-6
+    reach = 0.5 * squares.size_m[chosen] + slack_m
     inside = (np.abs(squares.x_m[chosen] - point[0]) <= reach) & (
         np.abs(squares.y_m[chosen] - point[1]) <= reach
     )

@@ -1,6 +1,7 @@
 import os
 import time
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import active_children
 from pathlib import Path
 from typing import NamedTuple
 
@@ -57,15 +58,17 @@ def test_results_come_in_order_from_this_process_and_another(tmp_path):
     assert len(set(there)) == 2
 
 
-def test_an_error_ends_the_work_at_once():
+def test_an_error_is_the_callers():
     with pytest.raises(ZeroDivisionError):
         list(each(divide_by, [1, 1, 1, 0], 2))
 
 
-def test_a_caller_that_wants_no_more_waits_for_no_more():
-    results = each(process_of, range(100), 2)
+def test_a_caller_that_wants_no_more_leaves_no_process(tmp_path):
+    results = each(Meeting(tmp_path / "another process", os.getpid()), range(9), 2)
     next(results)
+    assert active_children()
     results.close()
+    assert not active_children()
 
 
 @pytest.mark.parametrize(("count", "most"), [(4, 1), (3, 8), (1, 2), (0, 2)])

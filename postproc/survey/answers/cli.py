@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from logger.command_line import FILE, INPUT, json_option, number
-from postproc.options import survey_prior_options
 from postproc.survey.libraries import check_libraries
-from postproc.survey.options import folder_argument, workers_options
+from postproc.survey.options import folder_argument, survey_prior_options, workers_options
 
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior
