@@ -32,6 +32,7 @@ import numpy as np
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.rows import Rows
 from logger.core.track import MAX_GAP_S, Track
+from postproc.estimators.walker_kalman import excess_variance, score, smooth
 from postproc.estimators.walker_model import Model, Series
 
 USABLE_SIGMA_M = 20.0
@@ -142,12 +143,6 @@ def _convergence(row: Rows, track: Track) -> FloatArray:
 
 def smooth_track(track: Track, velocity: Velocities | None = None) -> SmoothedTrack:
     """Smooth the fixes of a run, in time that grows linearly with their number."""
-    from postproc.estimators.walker_kalman import (  # noqa: PLC0415 (numba; locating needs none)
-        excess_variance,
-        score,
-        smooth,
-    )
-
     excess = np.zeros((len(track.t_ns), 2))
     q, share = _likeliest(lambda q, share: score(_model(track, velocity, q, share), excess))
     model = _model(track, velocity, q, share)

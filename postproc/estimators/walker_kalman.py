@@ -1,23 +1,46 @@
-"""Kalman filter and adjoint smoother of a walker's track, compiled; the model is in `walker`.
+"""Kalman filter and adjoint smoother of a walker's track; the model is in `walker`.
 
 The smoother inverts nothing and yields leave-one-out residuals (Bryson & Frazier 1963; de Jong, J.
 Amer. Statist. Assoc. 84(408), 1989). A fix has two measurements, the position with h = [1, 0, s]
 and the velocity with h = [0, 1, 0]; one with infinite variance is left out. Both axes share their
-covariances. All functions work in place on small arrays, since numba is slow to allocate them.
+covariances. Symmetric matrices are tuples (00, 01, 02, 11, 12, 22): plain numbers are quick in
+Python, and numba compiles the same loops for long walks.
 """
 
-from math import log, log1p
+import sys
+from collections.abc import Callable
+from math import inf, log, log1p
+from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from postproc.estimators.machine_code import jit
+from postproc.estimators.machine_code import Loop
 from postproc.estimators.walker_model import Model, Series
 
 STUDENT_DOF = 4.0  # heavy tails, and still a finite variance
-_START_VARIANCE = np.array([1e8, 25.0, 1.0])
+_START_VARIANCE = 1e8, 25.0, 1.0
 """Position within 10 km of the first fix (m^2), a walker's velocity (m^2/s^2), wandering by s."""
 _POSITION, _VELOCITY = 0, 1
+
+Vector = tuple[float, float, float]
+Symmetric = tuple[float, float, float, float, float, float]
+
+
+class _Filtered(NamedTuple):
+    """What the filter finds: `x` and `p` of `Series`; by fix and kind P h, innovation, variance."""
+
+    x: FloatArray
+    p: FloatArray
+    gain: FloatArray
+    innovation: FloatArray
+    variance: FloatArray
+
+    @classmethod
+    def rows(cls, count: int) -> "_Filtered":
+        gain, innovation = np.zeros((count, 2, 3)), np.zeros((count, 2, 2))
+        x, p = np.empty((count, 3, 2)), np.empty((count, 3, 3))
+        return cls(x, p, gain, innovation, np.ones((count, 2)))
 
 
 def score(model: Model, excess: FloatArray) -> float:
@@ -25,7 +48,7 @@ def score(model: Model, excess: FloatArray) -> float:
 
     Overwrites `excess` (n, 2) with what the innovations suggest.
     """
-    return float(_filter(model, excess, True)[0])
+    return float(_filter(len(model.step_s), model, excess, _Filtered.rows(0), True))
 
 
 def excess_variance(apart2: FloatArray, expected: FloatArray) -> FloatArray:
@@ -44,151 +67,214 @@ def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatA
     Returns the series, the squared distance (n, 2) of each measurement from the prediction by all
     others, and the variance (n, 2) of it expected on each axis, with the slack, without the excess.
     """
-    _, x, p, gains, innovations, variances = _filter(model, excess, False)
-    r, n, residuals, precision = _adjoint(model, gains, innovations, variances)
+    count = len(model.step_s)
+    of_fixes, r, n = _Filtered.rows(count), np.empty((count, 3, 2)), np.empty((count, 3, 3))
+    residual, precision = np.zeros((count, 2, 2)), np.ones((count, 2))
+    _filter(count, model, excess, of_fixes, False)
+    _adjoint(count, model, of_fixes, r, n, residual, precision)
     slack = np.where(np.isfinite(model.variance), model.slack, 0.0)
-    apart2 = np.sum(residuals**2, axis=2) / precision**2
-    return Series(x, p, r, n), apart2, 1.0 / precision - excess + slack
+    apart2 = np.sum(residual**2, axis=2) / precision**2
+    return Series(of_fixes.x, of_fixes.p, r, n), apart2, 1.0 / precision - excess + slack
 
 
-@jit
-def _dot(a: FloatArray, b: FloatArray) -> float:
-    product: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    return product
-
-
-@jit
-def _multiply(matrix: FloatArray, v: FloatArray, product: FloatArray) -> None:
-    for i in range(3):
-        product[i] = _dot(matrix[i], v)
-
-
-@jit
-def _differ(z: FloatArray, h: FloatArray, x: FloatArray, difference: FloatArray) -> None:
-    """Difference z - h' X on both axes."""
-    for axis in range(2):
-        difference[axis] = z[axis] - _dot(h, x[:, axis])
-
-
-@jit
-def _add_product(rows: FloatArray, factor: float, v: FloatArray, u: FloatArray) -> None:
-    """X += factor v u', with X (3, 2)."""
-    for i in range(3):
-        for axis in range(2):
-            rows[i, axis] += factor * v[i] * u[axis]
-
-
-@jit
-def _add_outer(matrix: FloatArray, factor: float, a: FloatArray, b: FloatArray) -> None:
-    """M += factor (a b' + b a') / 2."""
-    for i in range(3):
-        for j in range(3):
-            matrix[i, j] += 0.5 * factor * (a[i] * b[j] + a[j] * b[i])
-
-
-@jit
-def _transition(rows: FloatArray, to: int, source: int, dt: float, a: float) -> None:
-    """F M for `to` 0 and `source` 1, F' M for `to` 1 and `source` 0; M has 3 rows."""
-    for j in range(rows.shape[1]):
-        rows[to, j] += dt * rows[source, j]
-        rows[2, j] *= a
-
-
-@jit
-def _predict(x: FloatArray, p: FloatArray, dt: float, a: float, q: float) -> None:
-    """F x and F P F' + Q."""
-    _transition(x, 0, 1, dt, a)
-    _transition(p, 0, 1, dt, a)
-    _transition(p.T, 0, 1, dt, a)
-    p[0, 0] += q * dt**3 / 3.0
-    p[0, 1] += q * dt**2 / 2.0
-    p[1, 0] += q * dt**2 / 2.0
-    p[1, 1] += q * dt
-    p[2, 2] += 1.0 - a * a
-
-
-@jit
-def _observation(h: FloatArray, kind: int, wander_m: float) -> None:
+def _row(kind: int, wander_m: float) -> Vector:
     """Row h of a measurement."""
-    h[0], h[1], h[2] = (1.0, 0.0, wander_m) if kind == _POSITION else (0.0, 1.0, 0.0)
+    return (1.0, 0.0, wander_m) if kind == _POSITION else (0.0, 1.0, 0.0)
 
 
-@jit
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _times(m: Symmetric, v: Vector) -> Vector:
+    m00, m01, m02, m11, m12, m22 = m
+    v0, v1, v2 = v
+    return (
+        m00 * v0 + m01 * v1 + m02 * v2,
+        m01 * v0 + m11 * v1 + m12 * v2,
+        m02 * v0 + m12 * v1 + m22 * v2,
+    )
+
+
+def _plus(x: Vector, factor: float, v: Vector) -> Vector:
+    return x[0] + factor * v[0], x[1] + factor * v[1], x[2] + factor * v[2]
+
+
+def _plus_outer(m: Symmetric, factor: float, a: Vector, b: Vector) -> Symmetric:
+    """M + factor (a b' + b a') / 2."""
+    m00, m01, m02, m11, m12, m22 = m
+    a0, a1, a2 = a
+    b0, b1, b2 = b
+    half = 0.5 * factor
+    return (
+        m00 + factor * a0 * b0,
+        m01 + half * (a0 * b1 + a1 * b0),
+        m02 + half * (a0 * b2 + a2 * b0),
+        m11 + factor * a1 * b1,
+        m12 + half * (a1 * b2 + a2 * b1),
+        m22 + factor * a2 * b2,
+    )
+
+
+def _predict_state(x: Vector, dt: float, a: float) -> Vector:
+    """F x."""
+    return x[0] + dt * x[1], x[1], a * x[2]
+
+
+def _predict_covariance(p: Symmetric, dt: float, a: float, q: float) -> Symmetric:
+    """F P F' + Q."""
+    p00, p01, p02, p11, p12, p22 = p
+    later01 = p01 + dt * p11
+    return (
+        p00 + dt * (p01 + later01) + q * dt**3 / 3.0,
+        later01 + q * dt**2 / 2.0,
+        a * (p02 + dt * p12),
+        p11 + q * dt,
+        a * p12,
+        a * a * p22 + 1.0 - a * a,
+    )
+
+
+def _earlier_vector(r: Vector, dt: float, a: float) -> Vector:
+    """F' r."""
+    return r[0], r[1] + dt * r[0], a * r[2]
+
+
+def _earlier_matrix(m: Symmetric, dt: float, a: float) -> Symmetric:
+    """F' M F."""
+    m00, m01, m02, m11, m12, m22 = m
+    before01 = m01 + dt * m00
+    return m00, before01, a * m02, m11 + dt * (m01 + before01), a * (m12 + dt * m02), a * a * m22
+
+
 def _log_student(apart2: float, variance: float) -> float:
     """Log density of an innovation on two axes, but for a constant."""
     return -log(variance) - 0.5 * (STUDENT_DOF + 2.0) * log1p(apart2 / variance / STUDENT_DOF)
 
 
-_excess_variance = jit(excess_variance)
+def _store(
+    vectors: FloatArray, matrices: FloatArray, k: int, x: Vector, y: Vector, m: Symmetric
+) -> None:
+    """Rows k: the vectors of both axes and a symmetric matrix."""
+    for i in range(3):
+        vectors[k, i, 0], vectors[k, i, 1] = x[i], y[i]
+    m00, m01, m02, m11, m12, m22 = m
+    matrices[k, 0, 0], matrices[k, 0, 1], matrices[k, 0, 2] = m00, m01, m02
+    matrices[k, 1, 0], matrices[k, 1, 1], matrices[k, 1, 2] = m01, m11, m12
+    matrices[k, 2, 0], matrices[k, 2, 1], matrices[k, 2, 2] = m02, m12, m22
 
 
-@jit
-def _filter(
-    model: Model, excess: FloatArray, robust: bool
-) -> tuple[float, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Log-likelihood; states and covariances; P h, innovation and its variance by measurement.
+def _filter_loop(source: str) -> Callable[..., float]:
+    row, dot, times, plus, plus_outer = _row, _dot, _times, _plus, _plus_outer
+    predict_state, predict_covariance = _predict_state, _predict_covariance
+    log_student, excess_variance_of, store = _log_student, excess_variance, _store
 
-    `robust` sets `excess` from the innovations; else it is used as it is.
-    """
-    n, log_likelihood = len(model.step_s), 0.0
-    xs, ps = np.empty((n, 3, 2)), np.empty((n, 3, 3))
-    gains, innovations, variances = np.zeros((n, 2, 3)), np.zeros((n, 2, 2)), np.ones((n, 2))
-    x, p, h = np.zeros((3, 2)), np.diag(_START_VARIANCE), np.empty(3)
-    for k in range(n):
-        if k > 0:
-            _predict(x, p, model.step_s[k], model.a[k], model.q[k])
-        for kind in (_POSITION, _VELOCITY):
-            if model.variance[k, kind] == np.inf:
-                continue
-            _observation(h, kind, model.wander_m[k])
-            gain, e = gains[k, kind], innovations[k, kind]
-            _multiply(p, h, gain)
-            _differ(model.z[k, kind], h, x, e)
-            variance = _dot(h, gain) + model.variance[k, kind]
-            if robust:
-                excess[k, kind] = 0.0
-                if k > 0:  # the first fix has no prediction
-                    apart2 = e[0] * e[0] + e[1] * e[1]
-                    log_likelihood += _log_student(apart2, variance)
-                    expected = variance + model.slack[k, kind]
-                    excess[k, kind] = _excess_variance(apart2, expected)
-            variance += excess[k, kind]
-            _add_product(x, 1.0 / variance, gain, e)
-            _add_outer(p, -1.0 / variance, gain, gain)
-            variances[k, kind] = variance
-        xs[k], ps[k] = x, p
-    return log_likelihood, xs, ps, gains, innovations, variances
+    def loop(model: Model, excess: FloatArray, of_fixes: _Filtered, robust: bool) -> float:
+        assert source
+        log_likelihood = 0.0
+        x, y = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        p00, p11, p22 = _START_VARIANCE
+        p = (p00, 0.0, 0.0, p11, 0.0, p22)
+        for k in range(len(model.step_s)):
+            if k > 0:
+                dt, a = float(model.step_s[k]), float(model.a[k])
+                x, y = predict_state(x, dt, a), predict_state(y, dt, a)
+                p = predict_covariance(p, dt, a, float(model.q[k]))
+            for kind in (_POSITION, _VELOCITY):
+                noise = float(model.variance[k, kind])
+                if noise == inf:
+                    continue
+                h = row(kind, float(model.wander_m[k]))
+                gain = times(p, h)
+                east = float(model.z[k, kind, 0]) - dot(h, x)
+                north = float(model.z[k, kind, 1]) - dot(h, y)
+                variance = dot(h, gain) + noise
+                if robust:
+                    added = 0.0
+                    if k > 0:  # the first fix has no prediction
+                        apart2 = east * east + north * north
+                        log_likelihood += log_student(apart2, variance)
+                        expected = variance + float(model.slack[k, kind])
+                        added = float(excess_variance_of(apart2, expected))
+                    excess[k, kind] = added
+                variance += float(excess[k, kind])
+                x, y = plus(x, east / variance, gain), plus(y, north / variance, gain)
+                p = plus_outer(p, -1.0 / variance, gain, gain)
+                if not robust:
+                    for i in range(3):
+                        of_fixes.gain[k, kind, i] = gain[i]
+                    of_fixes.innovation[k, kind, 0] = east
+                    of_fixes.innovation[k, kind, 1] = north
+                    of_fixes.variance[k, kind] = variance
+            if not robust:
+                store(of_fixes.x, of_fixes.p, k, x, y, p)
+        return log_likelihood
+
+    return loop
 
 
-@jit
-def _adjoint(
-    model: Model, gains: FloatArray, innovations: FloatArray, variances: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Adjoint series r and N; for each measurement u (n, 2, 2) and D (n, 2).
+def _adjoint_loop(source: str) -> Callable[..., None]:
+    row, dot, times, plus, plus_outer = _row, _dot, _times, _plus, _plus_outer
+    earlier_vector, earlier_matrix, store = _earlier_vector, _earlier_matrix, _store
 
-    The leave-one-out residual is u / D, of variance 1 / D.
-    """
-    n = len(model.step_s)
-    rs, ns = np.empty((n, 3, 2)), np.empty((n, 3, 3))
-    residuals, precision = np.zeros((n, 2, 2)), np.ones((n, 2))
-    r, m, h, m_gain = np.zeros((3, 2)), np.zeros((3, 3)), np.empty(3), np.empty(3)
-    for k in range(n - 1, -1, -1):
-        for kind in (_VELOCITY, _POSITION):
-            if model.variance[k, kind] == np.inf:
-                continue
-            _observation(h, kind, model.wander_m[k])
-            gain, s, u = gains[k, kind], variances[k, kind], residuals[k, kind]
-            _multiply(m, gain, m_gain)
-            d = 1.0 / s + _dot(gain, m_gain) / s**2
-            _differ(innovations[k, kind], gain, r, u)
-            u /= s
-            _add_product(r, 1.0, h, u)
-            _add_outer(m, -2.0 / s, h, m_gain)
-            _add_outer(m, d, h, h)
-            precision[k, kind] = d
-        rs[k], ns[k] = r, m
-        dt, a = model.step_s[k], model.a[k]
-        _transition(r, 1, 0, dt, a)
-        _transition(m, 1, 0, dt, a)
-        _transition(m.T, 1, 0, dt, a)
-    return rs, ns, residuals, precision
+    def loop(
+        model: Model,
+        of_fixes: _Filtered,
+        r: FloatArray,
+        n: FloatArray,
+        residual: FloatArray,
+        precision: FloatArray,
+    ) -> None:
+        assert source
+        rx, ry = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        m = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        for k in range(len(model.step_s) - 1, -1, -1):
+            for kind in (_VELOCITY, _POSITION):
+                if float(model.variance[k, kind]) == inf:
+                    continue
+                h = row(kind, float(model.wander_m[k]))
+                gains = of_fixes.gain[k, kind]
+                gain = float(gains[0]), float(gains[1]), float(gains[2])
+                s = float(of_fixes.variance[k, kind])
+                m_gain = times(m, gain)
+                d = 1.0 / s + dot(gain, m_gain) / s**2
+                east = (float(of_fixes.innovation[k, kind, 0]) - dot(gain, rx)) / s
+                north = (float(of_fixes.innovation[k, kind, 1]) - dot(gain, ry)) / s
+                rx, ry = plus(rx, east, h), plus(ry, north, h)
+                m = plus_outer(plus_outer(m, -2.0 / s, h, m_gain), d, h, h)
+                residual[k, kind, 0], residual[k, kind, 1] = east, north
+                precision[k, kind] = d
+            store(r, n, k, rx, ry, m)
+            dt, a = float(model.step_s[k]), float(model.a[k])
+            rx, ry = earlier_vector(rx, dt, a), earlier_vector(ry, dt, a)
+            m = earlier_matrix(m, dt, a)
+
+    return loop
+
+
+_STEPS = (
+    sys.modules[__name__],
+    (
+        "_row",
+        "_dot",
+        "_times",
+        "_plus",
+        "_plus_outer",
+        "_predict_state",
+        "_predict_covariance",
+        "_earlier_vector",
+        "_earlier_matrix",
+        "_log_student",
+        "excess_variance",
+        "_store",
+    ),
+)
+_filter = Loop(_filter_loop, _STEPS)
+"""The filter over all fixes; returns the log-likelihood of their innovations if `robust`.
+
+Then it sets `excess` from the innovations. Else it uses `excess` as it is, and fills `of_fixes`. """
+
+_adjoint = Loop(_adjoint_loop, _STEPS)
+"""Adjoint series `r` and `n` of `Series`; u (n, 2, 2) and D (n, 2) of each measurement.
+
+The leave-one-out residual is u / D, of variance 1 / D. """

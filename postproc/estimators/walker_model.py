@@ -1,4 +1,4 @@
-"""What the filter of a walker's track takes and gives; importing it does not import numba."""
+"""What the filter of a walker's track takes and gives."""
 
 from typing import NamedTuple
 
