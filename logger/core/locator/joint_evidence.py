@@ -18,7 +18,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.mixture import log_sum
-from logger.core.locator.orthant import Sites, log_all_above
+from logger.core.locator.orthant import Sites, log_all_positive
 from logger.core.locator.tobit import beyond_dbm, shadowing_between, shadowing_in_blocks
 from logger.core.model.blocks import READINGS_BELIEVED, Blocks
 from logger.core.model.columns import censored_columns, varying_columns
@@ -39,12 +39,17 @@ _MEAN_APART = 1.0 / 3.0  # of two readings of a square, by its side: a way strai
 class Joint:
     """Levels and censored readings under one hypothesis, evaluated at one position after another.
 
-    `sigma_db` is where the search for sigma begins: what it was at the last position, so that
-    nearby positions cost least.
+    `sigma_db` and `sites` are where the search for sigma and the expectation propagation begin:
+    those of the last position, so that nearby positions cost least.
     """
 
     def __init__(
-        self, blocks: Blocks, prior: Prior, noise: Whitener, sigma_db: float | None = None
+        self,
+        blocks: Blocks,
+        prior: Prior,
+        noise: Whitener,
+        sigma_db: float | None = None,
+        sites: Sites | None = None,
     ) -> None:
         gone, hypothesis = blocks.censored, prior.hypotheses[noise.number]
         shared = _shared_in_point(gone.readings, _side_m(gone.x_m, gone.y_m), hypothesis)
@@ -58,7 +63,7 @@ class Joint:
         self._left = between - known.T @ known
         self._readings = np.minimum(gone.readings, READINGS_BELIEVED)
         self._fixed = np.stack([blocks.level_dbm, np.ones(len(blocks))])
-        self._sites: Sites | None = None
+        self.sites = sites
         self.sigma_db = prior.sigma_db if sigma_db is None else sigma_db
 
     def log_p(self, x_m: float, y_m: float) -> float:
@@ -92,7 +97,8 @@ class Joint:
     def _given_sigma(self, law: SigmaLaw, unknown: FloatArray, log_sigma: float) -> float:
         """Log density of levels, censored readings and log sigma; `unknown` (g, q) is D.
 
-        Levels are in units of sigma, so that the sites of another sigma fit nearly as well.
+        Levels are counted from the limit in units of sigma, so that the sites of another sigma fit
+        nearly as well.
         """
         gone, tau = self._blocks.censored, np.array([[log_sigma]])
         given, sigma_db = law.fit(tau), float(np.exp(log_sigma))
@@ -100,14 +106,13 @@ class Joint:
         log_p -= 0.5 * len(self._blocks) * float(np.log(2.0 * np.pi))
         theta, covariance = given.theta[:, 0, 0], given.covariance(unknown.shape[1])[..., 0, 0]
         spread = self._left + unknown @ (covariance / sigma_db**2) @ unknown.T
-        side = gone.side / sigma_db
-        beyond, self._sites = log_all_above(
-            side * (self._predicted_dbm + unknown @ theta),
+        above_db = gone.side * (self._predicted_dbm + unknown @ theta - beyond_dbm(gone))
+        beyond, self.sites = log_all_positive(
+            above_db / sigma_db,
             gone.side[:, None] * spread * gone.side,
-            side * beyond_dbm(gone),
             self._readings,
             self._independent,
-            self._sites,
+            self.sites,
         )
         return log_p + beyond
 
@@ -131,10 +136,13 @@ def log_weights_at(
 
     The search for sigma begins at `sigma_db` (c,).
     """
-    begun = zip(whiteners(blocks, prior), sigma_db.tolist(), strict=True)
-    joints = [Joint(blocks, prior, noise, begun_db) for noise, begun_db in begun]
-    log_p = np.array([joint.log_p(x_m, y_m) for joint in joints])
-    return prior.noise_table.log_odds + log_p, np.array([joint.sigma_db for joint in joints])
+    log_p, found_db, sites = [], [], None
+    for noise, begun_db in zip(whiteners(blocks, prior), sigma_db.tolist(), strict=True):
+        joint = Joint(blocks, prior, noise, begun_db, sites)
+        log_p.append(joint.log_p(x_m, y_m))
+        found_db.append(joint.sigma_db)
+        sites = joint.sites  # of the hypothesis before: close, whatever its noise
+    return prior.noise_table.log_odds + np.array(log_p), np.array(found_db)
 
 
 def log_weights(

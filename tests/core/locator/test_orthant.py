@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from logger.core.locator.orthant import log_all_above
+from logger.core.locator.orthant import log_all_positive
 
 
 def random_gaussian(rng, count, spread=3.0):
@@ -24,26 +24,24 @@ def test_agrees_with_the_box_probability(seed):
     rng = np.random.default_rng(seed)
     mean, covariance = random_gaussian(rng, 4)
     limit, own, readings = rng.normal(0.0, 2.0, 4), rng.uniform(0.2, 3.0, 4), np.array([1, 1, 2, 3])
-    found, _ = log_all_above(mean, covariance, limit, readings.astype(float), own)
+    found, _ = log_all_positive(mean - limit, covariance, readings.astype(float), own)
     assert found == pytest.approx(one_by_one(mean, covariance, limit, readings, own), abs=0.15)
 
 
 def test_independent_readings_multiply():
-    mean, own = np.array([0.0, 1.0, -4.0]), np.array([1.0, 2.0, 4.0])
-    found, _ = log_all_above(
-        mean, 1e-9 * np.eye(3), np.array([0.5, 0.0, 1.0]), np.array([1.0, 4.0, 2.0]), own
-    )
-    each = scipy.stats.norm.logcdf((mean - [0.5, 0.0, 1.0]) / np.sqrt(own))
+    mean, own = np.array([-0.5, 1.0, -5.0]), np.array([1.0, 2.0, 4.0])
+    found, _ = log_all_positive(mean, 1e-9 * np.eye(3), np.array([1.0, 4.0, 2.0]), own)
+    each = scipy.stats.norm.logcdf(mean / np.sqrt(own))
     assert found == pytest.approx(float(each @ [1.0, 4.0, 2.0]), abs=1e-3)
 
 
 def test_sites_of_a_similar_case_lead_to_the_same():
     rng = np.random.default_rng(9)
     mean, covariance = random_gaussian(rng, 30)
-    limit, one, own = np.full(30, 1.0), np.ones(30), np.full(30, 2.0)
-    cold, sites = log_all_above(mean + 0.3, covariance, limit, one, own)
-    assert log_all_above(mean, covariance, limit, one, own, sites)[0] == pytest.approx(
-        log_all_above(mean, covariance, limit, one, own)[0], abs=0.2
+    one, own = np.ones(30), np.full(30, 2.0)
+    cold, sites = log_all_positive(mean + 0.3, covariance, one, own)
+    assert log_all_positive(mean, covariance, one, own, sites)[0] == pytest.approx(
+        log_all_positive(mean, covariance, one, own)[0], abs=0.2
     )
     assert np.all(sites.precision >= 0.0)
     assert cold < 0.0
@@ -52,9 +50,7 @@ def test_sites_of_a_similar_case_lead_to_the_same():
 @pytest.mark.parametrize("limit", [-1e3, 60.0])
 def test_what_is_certain_or_hopeless_stays_finite(limit):
     mean, covariance = random_gaussian(np.random.default_rng(4), 20)
-    found, sites = log_all_above(
-        mean, covariance, np.full(20, limit), np.full(20, 5.0), np.full(20, 1.0)
-    )
+    found, sites = log_all_positive(mean - limit, covariance, np.full(20, 5.0), np.full(20, 1.0))
     assert np.isfinite(found)
     assert found <= 1e-6
     assert all(np.all(np.isfinite(column)) for column in sites)
