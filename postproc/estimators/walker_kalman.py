@@ -10,7 +10,7 @@ Python, and numba compiles the same loops for long walks.
 import sys
 from collections.abc import Callable
 from math import inf, log, log1p
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ _START_VARIANCE = 1e8, 25.0, 1.0
 """Position within 10 km of the first fix (m^2), a walker's velocity (m^2/s^2), wandering by s."""
 _POSITION, _VELOCITY = 0, 1
 
+Variance = TypeVar("Variance", float, FloatArray)
 Vector = tuple[float, float, float]
 Symmetric = tuple[float, float, float, float, float, float]
 
@@ -51,14 +52,15 @@ def score(model: Model, excess: FloatArray) -> float:
     return float(_filter(len(model.step_s), model, excess, _Filtered.rows(0), True))
 
 
-def excess_variance(apart2: FloatArray, expected: FloatArray) -> FloatArray:
+def excess_variance(apart2: Variance, expected: Variance) -> Variance:
     """Variance to be added to that of a measurement whose error is too large for it.
 
     All three have the same shape. Of a Student error with nu degrees of freedom and squared size
     e^2 on two axes where E was expected on one, the variance is E (nu + e^2 / E) / (nu + 2) at
     least.
     """
-    return np.maximum(apart2 - 2.0 * expected, 0.0) / (STUDENT_DOF + 2.0)
+    excess: Variance = np.maximum(apart2 - 2.0 * expected, 0.0) / (STUDENT_DOF + 2.0)
+    return excess
 
 
 def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatArray]:
@@ -152,6 +154,22 @@ def _log_student(apart2: float, variance: float) -> float:
     return -log(variance) - 0.5 * (STUDENT_DOF + 2.0) * log1p(apart2 / variance / STUDENT_DOF)
 
 
+def _store_innovation(
+    of_fixes: _Filtered,
+    k: int,
+    kind: int,
+    gain: Vector,
+    east: float,
+    north: float,
+    variance: float,
+) -> None:
+    """Rows k of a measurement: P h, and the innovation with its variance."""
+    for i in range(3):
+        of_fixes.gain[k, kind, i] = gain[i]
+    of_fixes.innovation[k, kind, 0], of_fixes.innovation[k, kind, 1] = east, north
+    of_fixes.variance[k, kind] = variance
+
+
 def _store(
     vectors: FloatArray, matrices: FloatArray, k: int, x: Vector, y: Vector, m: Symmetric
 ) -> None:
@@ -167,7 +185,8 @@ def _store(
 def _filter_loop(source: str) -> Callable[..., float]:
     row, dot, times, plus, plus_outer = _row, _dot, _times, _plus, _plus_outer
     predict_state, predict_covariance = _predict_state, _predict_covariance
-    log_student, excess_variance_of, store = _log_student, excess_variance, _store
+    log_student, excess_variance_of = _log_student, excess_variance
+    store_innovation, store = _store_innovation, _store
 
     def loop(model: Model, excess: FloatArray, of_fixes: _Filtered, robust: bool) -> float:
         assert source
@@ -201,11 +220,7 @@ def _filter_loop(source: str) -> Callable[..., float]:
                 x, y = plus(x, east / variance, gain), plus(y, north / variance, gain)
                 p = plus_outer(p, -1.0 / variance, gain, gain)
                 if not robust:
-                    for i in range(3):
-                        of_fixes.gain[k, kind, i] = gain[i]
-                    of_fixes.innovation[k, kind, 0] = east
-                    of_fixes.innovation[k, kind, 1] = north
-                    of_fixes.variance[k, kind] = variance
+                    store_innovation(of_fixes, k, kind, gain, east, north, variance)
             if not robust:
                 store(of_fixes.x, of_fixes.p, k, x, y, p)
         return log_likelihood
@@ -266,13 +281,14 @@ _STEPS = (
         "_earlier_matrix",
         "_log_student",
         "excess_variance",
+        "_store_innovation",
         "_store",
     ),
 )
 _filter = Loop(_filter_loop, _STEPS)
 """The filter over all fixes; returns the log-likelihood of their innovations if `robust`.
 
-Then it sets `excess` from the innovations. Else it uses `excess` as it is, and fills `of_fixes`. """
+Then it sets `excess` from the innovations. Else it uses `excess` as it is and fills `of_fixes`. """
 
 _adjoint = Loop(_adjoint_loop, _STEPS)
 """Adjoint series `r` and `n` of `Series`; u (n, 2, 2) and D (n, 2) of each measurement.
