@@ -10,9 +10,10 @@ import pytest
 from logger.core import shadow_ekf
 from logger.core.runfile import finish_journal
 from logger.core.shadow_ekf import ShadowNoise
-from postproc.estimators import machine_code
+from postproc.estimators import machine_code, walker
 from postproc.estimators.filters import reference_ekf, shadow_pass
 from tests.kit.sample_results import write_run
+from tests.kit.walker_tracks import streets, track
 from tests.kit.walks import observations
 
 SMOOTH = """
@@ -75,6 +76,22 @@ def test_machine_code_changes_no_bit(monkeypatch):
     monkeypatch.setattr(machine_code, "_MANY_ROWS", 0)
     for one, other in zip(plain, passes(obs), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_machine_code_smooths_a_track_alike(monkeypatch):
+    """But for the last bits: numba multiplies where Python raises to a power."""
+    pytest.importorskip("numba", reason="pip install '.[post]'")
+    rng = np.random.default_rng(2)
+    t_s, xy_m = streets(rng, 300)
+    fixes = track(t_s, xy_m + 3.0 * rng.normal(size=xy_m.shape))
+    velocity = walker.Velocities(*rng.normal(size=(2, 300)), np.full(300, 0.4))
+    monkeypatch.setattr(machine_code, "_MANY_ROWS", 10**9)
+    plain = walker.smooth_track(fixes, velocity)
+    monkeypatch.setattr(machine_code, "_MANY_ROWS", 0)
+    machine = walker.smooth_track(fixes, velocity)
+    assert (plain.accel_m2s3, plain.white_share) == (machine.accel_m2s3, machine.white_share)
+    for one, other in zip(plain.series, machine.series, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
 
 
 def test_few_rows_do_not_import_numba():

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import scipy.stats
 from filterpy.stats import NEES
 
 from postproc.estimators import metrics
@@ -34,6 +35,12 @@ def test_nees_agrees_with_filterpy():
 def test_bounds_of_the_mean():
     # chi-square with 200 degrees of freedom: 162.73 and 241.06 hold 95 %
     assert metrics.mean_bounds(100, dof=2) == pytest.approx((1.62728, 2.41058), rel=1e-4)
+
+
+@pytest.mark.parametrize("count", [1, 10, 199, 200, 1000, 100_000])
+def test_bounds_agree_with_the_quantiles_of_scipy(count):
+    expected = scipy.stats.chi2.ppf([0.025, 0.975], count) / count
+    assert metrics.mean_bounds(count) == pytest.approx(tuple(expected), rel=5e-5)
 
 
 def test_lag1_of_an_ar1_series():
