@@ -91,7 +91,7 @@ def test_a_root_that_is_never_written(installed_card, workplace, capsys):
         )
     folder = workplace / "overlay"
     parted = Parted(installed_card, folder)
-    in_memory = "journalctl -b -u fieldlogger | grep 'kept in memory'"
+    in_memory = "journalctl -b -u fieldlogger | grep 'stored in memory'"
     with (
         machine(parted.card, folder / "machine", kernel=parted.kernel) as m,
         carry(m, scenario()),
