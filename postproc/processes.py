@@ -6,6 +6,8 @@ import signal
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import cache
 from multiprocessing import get_context
 from typing import TypeVar
 
@@ -33,7 +35,6 @@ def each(work: Callable[[Item], Result], items: Sequence[Item], processes: int) 
     This process is one of them.
     """
     done, count = 0, min(processes, _MOST_PROCESSES, len(items) // _ITEMS_EACH)
-    keep_freed_memory()
     if count > 1:
         try:
             # fresh processes: a fork would copy the locks of threads that it does not copy
@@ -71,16 +72,28 @@ def _shared_out(
 
 
 def _here(work: Callable[[Item], Result], item: Item) -> Result:
-    # the matrices are small: threads of BLAS would only wait for each other
-    with threadpool_limits(1):
+    with small_matrices():
         return work(item)
 
 
-def keep_freed_memory() -> None:
+@contextmanager
+def small_matrices() -> Iterator[None]:
+    """Settings for an estimate: one thread of BLAS, since more would only wait for each other.
+
+    Memory that is freed is kept from now on.
+    """
+    _keep_freed_memory()
+    with threadpool_limits(1):
+        yield
+
+
+@cache
+def _keep_freed_memory() -> None:
     """Make glibc keep up to 32 MB that are freed; other C libraries are left as they are.
 
     By itself it returns each temporary array of over 128 kB to the system and fetches it again,
-    page by page: a tenth of the time of an estimate.
+    page by page: a tenth of the time of an estimate. A worker of Dask, which is told to return
+    every free block, takes 2.3 times as long.
     """
     if platform.libc_ver()[0] == "glibc":
         libc = ctypes.CDLL(None)
@@ -89,6 +102,6 @@ def keep_freed_memory() -> None:
 
 
 def _begin_process() -> None:
-    keep_freed_memory()
+    _keep_freed_memory()
     threadpool_limits(1)
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends without a traceback

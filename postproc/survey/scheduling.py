@@ -26,8 +26,6 @@ _MOST_LOSSES = 20
 """A scheduler that is lost more often does not work."""
 _MOST_DEATHS = 100
 """Workers that may die before the tasks are taken for the cause."""
-_ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MALLOC_TRIM_THRESHOLD_": str(1 << 28)}
-"""Dask lets a worker give back every free block at once: two fifths of the time went into that."""
 _NO_PAGES: Mapping[str, list[str]] = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
@@ -141,7 +139,7 @@ def _client(scheduler: str | None, workers: int | None) -> Iterator[Client]:
                 scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                 security=True,
                 silence_logs=logging.CRITICAL,
-                env=_ENVIRONMENT,
+                env={"OMP_NUM_THREADS": "1"},
             ) as cluster,
             Client(cluster, set_as_default=False) as client,
         ):

@@ -6,8 +6,7 @@ from functools import lru_cache
 from itertools import groupby
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
-
+from postproc.processes import small_matrices
 from postproc.result import Options
 from postproc.survey.agreement import Agreement, agreements
 from postproc.survey.cell_location import (
@@ -92,7 +91,7 @@ def tasks_of(
 def locate_cells(task: Task) -> list[LocatedCell]:
     """Estimates of the cells of a task."""
     survey = _survey(task)
-    with threadpool_limits(1):  # the matrices are small: threads of BLAS would wait for each other
+    with small_matrices():
         return [locate_cell_of(cell, survey.runs, task.options) for cell in _cells_of(survey, task)]
 
 
@@ -100,10 +99,11 @@ def compare_loggers(task: Task) -> list[Agreement]:
     """Loggers against each other in each of the cells of a task."""
     survey = _survey(task)
     found: list[Agreement] = []
-    for cell in _cells_of(survey, task):
-        if cell.parts:
-            names = [survey.runs[digest].logger for digest in cell.parts]
-            found += agreements(joined_readings(cell.parts, names), list(dict.fromkeys(names)))
+    with small_matrices():
+        for cell in _cells_of(survey, task):
+            if cell.parts:
+                names = [survey.runs[digest].logger for digest in cell.parts]
+                found += agreements(joined_readings(cell.parts, names), list(dict.fromkeys(names)))
     return found
 
 

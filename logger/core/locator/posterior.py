@@ -64,12 +64,11 @@ class Mode:
 class Posterior:
     """All that is known about one transmitter after a walk.
 
-    `x_m, y_m` is the position to show, from the densest half of the strongest mode. `r95_m` is the
-    radius around it that holds 95 % of the probability, `drms_m` the root mean square distance from
-    it. `p0_dbm` to `sigma_db` are means and standard deviations over the complete posterior,
-    `noise_probability` (c,) belongs to the hypotheses of the prior. `limit_share` is the
-    probability at the end of the searched area, `far_share` that of positions farther from the walk
-    than `FAR_M`.
+    `x_m, y_m` is the position to show, from the strongest mode. `r95_m` is the radius around it that
+    holds 95 % of the probability, `drms_m` the root mean square distance from it. `p0_dbm` to
+    `sigma_db` are means and standard deviations over the complete posterior, `noise_probability`
+    (c,) belongs to the hypotheses of the prior. `limit_share` is the probability at the end of the
+    searched area, `far_share` that of positions farther from the walk than `FAR_M`.
     `log_evidence` is the log probability density of the levels under the model, to compare models;
     with timing advances it is that of the levels given those, and `prior` reaches as far as they.
     `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the
