@@ -64,7 +64,7 @@ class Mode:
 class Posterior:
     """All that is known about one transmitter after a walk.
 
-    `x_m, y_m` is the position to show, from the strongest mode. `r95_m` is the radius around it that
+    `x_m, y_m` is the position to show, in the strongest mode. `r95_m` is the radius around it that
     holds 95 % of the probability, `drms_m` the root mean square distance from it. `p0_dbm` to
     `sigma_db` are means and standard deviations over the complete posterior, `noise_probability`
     (c,) belongs to the hypotheses of the prior. `limit_share` is the probability at the end of the
