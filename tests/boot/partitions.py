@@ -10,7 +10,7 @@ MIB = 1 << 20
 SECTORS = MIB // 512
 LINUX, FAT32 = 0x83, 0x0C
 BOOT_MIB = 512
-BOOT_LABEL = "bootfs"
+BOOT_LABEL, RUNS_LABEL = "bootfs", "cellwalk"
 _DISK = rig.BOARDS[BOARD]["disk"]
 
 
@@ -81,14 +81,32 @@ class BootPartition:
         return done.stdout
 
 
-def with_boot_partition(root: Path, target: Path) -> BootPartition:
-    """Make a card of an empty boot partition and the file system of a root; `root` is removed."""
+def make_ext4(card: Path, at_mib: int, size_mib: int, *options: str) -> None:
+    """Make an empty file system on a part of a card."""
+    where = ["-E", f"offset={at_mib * MIB}"]
+    subprocess.run(
+        ["mke2fs", "-q", "-t", "ext4", "-F", *options, *where, card, f"{size_mib}M"],
+        check=True, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def with_boot_partition(root: Path, target: Path, runs_mib: int = 0) -> BootPartition:
+    """Make a card of an empty boot partition and the file system of a root; `root` is removed.
+
+    With `runs_mib`, a partition of that size and with the label `cellwalk` follows.
+    """
     root_mib = root.stat().st_size // MIB
+    runs_at_mib = 1 + BOOT_MIB + root_mib
+    parts = [(FAT32, 1, BOOT_MIB), (LINUX, 1 + BOOT_MIB, root_mib)]
+    if runs_mib:
+        parts.append((LINUX, runs_at_mib, runs_mib))
     with target.open("wb") as file:
-        file.write(table((FAT32, 1, BOOT_MIB), (LINUX, 1 + BOOT_MIB, root_mib)))
-        file.truncate((1 + BOOT_MIB + root_mib) * MIB)
+        file.write(table(*parts))
+        file.truncate((runs_at_mib + runs_mib) * MIB)
     copy_blocks(root, target, seek=1 + BOOT_MIB)
     root.unlink()
+    if runs_mib:
+        make_ext4(target, runs_at_mib, runs_mib, "-L", RUNS_LABEL)
     boot = BootPartition(target)
     boot.format()
     return boot

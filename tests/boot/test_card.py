@@ -19,6 +19,7 @@ from tests.boot.machines import (
     BOOT_S,
     PACKAGES,
     REPOSITORY,
+    RUNS,
     build_image,
     build_packages,
     machine,
@@ -26,6 +27,7 @@ from tests.boot.machines import (
     status,
     wait_recording,
 )
+from tests.boot.overlay import kernel_with_overlay
 from tests.boot.partitions import partition, with_boot_partition
 from tests.boot.players import carry
 
@@ -35,10 +37,14 @@ PREPARE = REPOSITORY / "systemd/prepare-card.sh"
 PASSWORD = "a password of the test"
 LIBRARIES = "python3-numpy python3-h5py python3-h5py-serial python3-pyproj python3-nmea2"
 """What the rig's image has, and Raspberry Pi OS Lite does not; cloud-init needs python3-serial."""
-IMAGES = {"firstrun": PACKAGES, "cloud-init": "apt,cloud-init"}
-"""Debian packages of the image with each mechanism."""
+IMAGES = {"firstrun": PACKAGES, "cloud-init": "apt,cloud-init", "overlay": PACKAGES}
+"""Debian packages of the image with each mechanism; `overlay` is `firstrun` with a root in memory.
+"""
+RUNS_MIB = 256
+_FIRSTRUN = {"cmdline.txt": "rootwait quiet\n", "config.txt": "# as delivered\n"}
 FILES = {
-    "firstrun": {"cmdline.txt": "rootwait quiet\n", "config.txt": "# as delivered\n"},
+    "firstrun": _FIRSTRUN,
+    "overlay": _FIRSTRUN,
     "cloud-init": {
         "cmdline.txt": "rootwait quiet\n",
         "config.txt": "# as delivered\n",
@@ -52,6 +58,7 @@ FILES = {
 class Story:
     """What was seen; times in seconds since the card was first powered."""
 
+    style: str
     steps: list[tuple[float, str]] = field(default_factory=list)
     log: str = ""
     names: set[str] = field(default_factory=set)
@@ -84,6 +91,7 @@ def _prepare_card(boot, folder, style, debs):
     for name, text in FILES[style].items():
         (reader / name).write_text(text)
     options = ["--hostname", "walker", "--user", "ada", "--country", "DE", "--hotspot", "walk"]
+    options += ["--overlay"] if style == "overlay" else []
     done = subprocess.run(
         ["sh", PREPARE, reader, "--debs", debs, *options],
         input=f"{PASSWORD}\n", capture_output=True, text=True, check=False,
@@ -115,7 +123,7 @@ def _first_boots(m, boot, story):
     at("it records positions")
 
 
-@pytest.fixture(scope="module", params=["firstrun", "cloud-init"])
+@pytest.fixture(scope="module", params=list(IMAGES))
 def story(request, workplace):
     style = request.param
     for tool in ("mcopy", "mkfs.vfat", "openssl"):
@@ -124,11 +132,13 @@ def story(request, workplace):
     image, debs = build_image(IMAGES[style]), build_packages()
     folder = workplace / style
     folder.mkdir()
-    card = rig.Card(folder / "card.raw")
-    boot = with_boot_partition(_pristine(folder, image).path, card.path)
+    card, root = rig.Card(folder / "card.raw"), _pristine(folder, image)
+    is_overlaid = style == "overlay"
+    kernel = kernel_with_overlay(root, folder) if is_overlaid else image.parent
+    boot = with_boot_partition(root.path, card.path, RUNS_MIB if is_overlaid else 0)
     _prepare_card(boot, folder, style, debs)
-    seen = Story()
-    with machine(card, folder / "machine", kernel=image.parent) as m, carry(m, scenario()):
+    seen = Story(style)
+    with machine(card, folder / "machine", kernel=kernel) as m, carry(m, scenario()):
         _first_boots(m, boot, seen)
         for command in (
             "cat /etc/hostname",
@@ -139,6 +149,7 @@ def story(request, workplace):
             "grep ^listen /etc/cellwalk/site.toml",
             "systemctl is-enabled fieldlogger",
             "ls /sys/class/net",
+            f"stat -fc %T / {RUNS}",
         ):
             seen.seen[command] = m.run(command, check=False)
         seen.fixes = status(m)["fixes"]
@@ -160,6 +171,13 @@ def test_every_step_of_the_first_boot_succeeded(story):
     assert "FAILED" not in log
     for step in ("UTC", "hostname", "installation", "ports", "user", "hotspot", "page", "cleaning"):
         assert f"ok  {step}\n" in log
+    assert ("ok  overlay\n" in log) == (story[0].style == "overlay")
+
+
+def test_the_root_is_in_memory_if_that_was_asked(story):
+    on_card = "ext2/ext3"
+    root = "overlayfs" if story[0].style == "overlay" else on_card
+    assert story[0].seen[f"stat -fc %T / {RUNS}"].split() == [root, on_card]
 
 
 def test_it_is_not_repeated_and_no_password_stays_on_the_boot_partition(story):

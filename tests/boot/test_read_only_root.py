@@ -1,13 +1,12 @@
 """The read-only root and the stop button, exactly as systemd/README.md describes them."""
 
-import subprocess
-
 import pytest
 
 from logger.core.runfile import read_run, sealing_of
 from logger.sim.scenario import scenario
 from tests.boot.machines import BOARD, BOOT_S, RUNS, image_folder, machine, rig, wait_recording
-from tests.boot.partitions import LINUX, MIB, copy_blocks, partition, table
+from tests.boot.overlay import kernel_with_overlay
+from tests.boot.partitions import LINUX, MIB, copy_blocks, make_ext4, partition, table
 from tests.boot.players import carry
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")]
@@ -23,7 +22,7 @@ class Parted:
     def __init__(self, installed_card, folder):
         folder.mkdir()
         root = installed_card.copy(folder / "root.raw")
-        self.kernel = _with_overlay(root, folder)
+        self.kernel = kernel_with_overlay(root, folder)
         root.push(_as_the_page_says(root, folder / "tree"))
         self._folder = folder
         self._root_mib = root.path.stat().st_size // MIB
@@ -33,10 +32,7 @@ class Parted:
             file.write(table((LINUX, 1, self._root_mib), (LINUX, 1 + self._root_mib, RUNS_MIB)))
             file.truncate(self.runs_at + RUNS_MIB * MIB)
         copy_blocks(root.path, self.card.path, seek=1)
-        ext4 = ["mke2fs", "-q", "-t", "ext4", "-F", "-E", f"offset={self.runs_at}"]
-        subprocess.run(
-            [*ext4, self.card.path, f"{RUNS_MIB}M"], check=True, stderr=subprocess.DEVNULL
-        )
+        make_ext4(self.card.path, self.runs_at // MIB, RUNS_MIB)
         root.path.unlink()
 
     def runs(self):
@@ -45,24 +41,6 @@ class Parted:
         copy_blocks(self.card.path, alone.path, skip=1 + self._root_mib)
         alone.pull("/", self._folder / "fetched")
         return self._folder / "fetched"
-
-
-def _with_overlay(root, folder):
-    """Folder of the kernel and of an initrd that can overlay a root.
-
-    The initrd of the rig has no busybox.
-    """
-    initrd = "/var/tmp/initrd"
-    with machine(root, folder / "machine") as m:
-        m.boot(BOOT_S)
-        m.run("sed -i s/BUSYBOX=n/BUSYBOX=y/ /etc/initramfs-tools/conf.d/*")
-        m.run("echo CONFIG_RD_GZIP=y > /boot/config-$(uname -r)")  # the rig has emptied /boot
-        m.run(f"mkinitramfs -o {initrd} $(uname -r) && sync", timeout=300)
-        m.poweroff(BOOT_S)
-    arch = rig.BOARDS[BOARD]["arch"]
-    root.pull(initrd, folder).rename(folder / f"initrd-{arch}")
-    (folder / f"vmlinuz-{arch}").symlink_to(image_folder() / f"vmlinuz-{arch}")
-    return folder
 
 
 def _as_the_page_says(root, tree):
