@@ -6,15 +6,19 @@ from logger.core.latest import Latest
 from logger.core.suspicion.broken import Broken, Taken
 from logger.core.suspicion.finding import Evidence
 from logger.core.suspicion.heard import HeardCell, Memory, Moment
-from logger.core.suspicion.sources import compare_sources
+from logger.core.suspicion.sources import PERHAPS_TWO, compare_sources
 
-_TEST_EVERY = 4
-"""New squares between two tests of the place, and a quarter of those before."""
+_TEST_AFTER = 10
+"""The place is tested at every new square, later after a tenth of those before: a clone may stop to
+show once the coarser squares of a long walk have dropped what was heard between its two places."""
 _FEWEST_SPOTS = 6
-_TWO_PLACES = 3.5
-_PERHAPS_TWO = 1.5
+_TWO_PLACES, _TWO_FAR_PLACES = 3.5, 1.5
+_FAR_M = 500.0
+"""Log evidence for two places from which S5 is a finding, and the lower one for places this far
+apart. Hills, reflections and lobes of one antenna make places 300 to 450 m apart: of the legitimate
+cells 2 reach 1.5 there and 1 farther apart, where no other has more than 1.0."""
 _NO_PLACE = 9.0
-"""Log evidence from which it is a finding; tuned on the legitimate logs."""
+"""Log evidence from which S6 is a finding; tuned on the legitimate logs."""
 
 
 class PlaceRules:
@@ -34,7 +38,7 @@ class PlaceRules:
         if len(cell.spots) < _FEWEST_SPOTS:
             return
         n = cell.spots.n
-        self._due.put(cell.name, n + max(_TEST_EVERY, n // 4))
+        self._due.put(cell.name, n + max(1, n // _TEST_AFTER))
         result = compare_sources(list(cell.spots))
         if result is None:
             return
@@ -43,9 +47,10 @@ class PlaceRules:
             "apart_m": round(result.apart_m),
             "squares": len(cell.spots),
         }
-        if result.two_places >= _PERHAPS_TWO:
+        if result.two_places >= PERHAPS_TWO:
             yield Broken("S9", cell.name, evidence)
-        if result.two_places >= _TWO_PLACES:
+        limit = _TWO_FAR_PLACES if result.apart_m >= _FAR_M else _TWO_PLACES
+        if result.two_places >= limit:
             yield Broken("S5", cell.name, evidence)
         if result.no_place > _NO_PLACE:
             evidence = {**evidence, "log_evidence": round(result.no_place, 1)}

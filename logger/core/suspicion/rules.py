@@ -168,7 +168,7 @@ _ROWS = (
     ),
     _rule(
         "S5", "place", ("identity", "level", "position"),
-        "6 squares of 25 m over at least 300 m",
+        "6 squares of 25 m over at least 300 m; less evidence if the places are 500 m apart",
         "the levels fit two places {apart_m} m apart better than one (log evidence {log_evidence})",
         "hills and tall buildings, a cell with two antennas",
         0.8, (0, 0, "not measured"),

@@ -17,8 +17,8 @@ from logger.core.suspicion.spots import Spot
 
 _SIGMA_DB = 7.0
 """Shadowing of streets, 6 to 8 dB."""
-_WELL = 0.15
-"""Cost of a spot below which one place explains the levels as well as any two could."""
+PERHAPS_TWO = 1.5
+"""Log evidence for two places below which nobody wants to know it."""
 _TRUST = 0.5
 """Spots of 50 m are not independent where houses shadow over 50 to 100 m."""
 _ETA, _ETA_SIGMA = 3.2, 0.7
@@ -49,18 +49,22 @@ class _Fit(NamedTuple):
 
 
 def compare_sources(spots: Sequence[Spot]) -> Sources | None:
-    """Compare the three explanations; None if the walk is too short to tell places apart."""
+    """Compare the three explanations; None if the walk is too short to tell places apart.
+
+    `two_places` is 0 where it cannot reach `PERHAPS_TWO`.
+    """
     xylt = np.array([(s.x_m, s.y_m, s.level_dbm, s.t_s) for s in spots])
     extent_m = float(np.max(np.ptp(xylt[:, :2], axis=0)))
     if extent_m < _LEAST_APART_M:
         return None
     one, n = _fit(xylt), len(spots)
     no_place = _TRUST * (one.cost - 0.5 * n)  # with the right sigma a spot costs half a unit
-    if one.cost < _WELL * n:
+    # four parameters more cost 2 log n (BIC) if spots are independent, with the trust half of it
+    most = _TRUST * (one.cost - 2.0 * log(n))  # if two places cost nothing
+    if most < PERHAPS_TWO:
         return Sources(0.0, no_place, 0.0)
     two, apart_m = _best_split(xylt)
-    # four parameters more cost 2 log n (BIC) if spots are independent, with the trust half of it
-    return Sources(_TRUST * (one.cost - two - 2.0 * log(n)), no_place, apart_m)
+    return Sources(most - _TRUST * two, no_place, apart_m)
 
 
 def _best_split(xylt: FloatArray) -> tuple[float, float]:
