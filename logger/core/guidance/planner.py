@@ -13,15 +13,19 @@ from logger.core.guidance.routes import LEG_M, Route
 
 _START_M = 30.0
 """Added to each length: a route of a few steps is not better for each of its few metres."""
-_TURNING_BACK_M = 20.0
-"""Added to a route that begins with turning back, which people do not like."""
+_TURNING_BACK_M, _BACK_DEG = 20.0, 135.0
+"""Added to the length of a route that begins with a turn of more than this, when routes are
+compared: people do not like to turn back."""
+_BACK_UNMAPPED_M, _BACK_UNMAPPED_DEG = 300.0, 100.0
+"""The same where no street map is known: behind the walker the street just walked is nearest to most
+arrows, so he would go back and forth along it where no other street leads to the place."""
 _KEPT = 1.1
 """Another way has to be worth this many times the one straight on."""
 _WALKED_BEFORE = 0.4
 """Share of the best value that a way walked before costs where no street map is known."""
 _SAME_WAY_M = 30.0
 """Closer than this to an earlier part of the walk it is the same street."""
-_AHEAD_DEG, _BACK_DEG = 30.0, 135.0
+_AHEAD_DEG = 30.0
 
 
 class Course(NamedTuple):
@@ -52,16 +56,13 @@ def plans(
     points, at = np.unique(rounded, axis=0, return_inverse=True)
     forecast = forecaster.at(points[:, 0], points[:, 1])
     rows = np.split(np.ravel(at), np.cumsum([len(one) for one in each])[:-1])
-    value = np.array(
-        [
-            information_nats(forecast, np.unique(of_route)) / _length_m(route, course)
-            for route, of_route in zip(routes, rows, strict=True)
-        ]
-    )
-    score = value.copy()
+    nats = np.array([information_nats(forecast, np.unique(of_route)) for of_route in rows])
+    length_m = np.array([route.length_m + _START_M for route in routes])
+    value = nats / length_m
+    score = nats / (length_m + [_turning_back_m(r, course, has_map=has_map) for r in routes])
     if not has_map:
         score -= (
-            _WALKED_BEFORE * np.max(value) * np.array([_share_walked(r, course) for r in routes])
+            _WALKED_BEFORE * np.max(score) * np.array([_share_walked(r, course) for r in routes])
         )
     score *= [_KEPT if _is_ahead(route, course) else 1.0 for route in routes]
     return [
@@ -80,10 +81,11 @@ def turn_deg(course_deg: float, azimuth_deg: float) -> float:
     return (azimuth_deg - course_deg + 180.0) % 360.0 - 180.0
 
 
-def _length_m(route: Route, course: Course) -> float:
-    length_m = route.length_m + _START_M
-    turn = _turn(route, course)
-    return length_m + _TURNING_BACK_M if turn is not None and abs(turn) > _BACK_DEG else length_m
+def _turning_back_m(route: Route, course: Course, *, has_map: bool) -> float:
+    turn = abs(_turn(route, course) or 0.0)
+    if has_map:
+        return _TURNING_BACK_M if turn > _BACK_DEG else 0.0
+    return _BACK_UNMAPPED_M if turn > _BACK_UNMAPPED_DEG else 0.0
 
 
 def _turn(route: Route, course: Course) -> float | None:
