@@ -83,3 +83,28 @@ def test_there_is_no_plan_without_a_position():
     guide = Guide()
     guide.decide(*_locator(line((0.0, 0.0), (60.0, 0.0))).last_search())
     assert guide.advice is None
+
+
+@pytest.mark.parametrize("emitter_m", [(300.0, 250.0), (500.0, 150.0), (200.0, 400.0)])
+def test_a_street_without_side_streets_is_not_walked_to_and_fro(emitter_m):
+    """No street leads to where the arrow points; the walker goes on unless it points behind him."""
+    rng = np.random.default_rng(0)
+    guide, locator = Guide(), OnlineLocator(Prior())
+    x_m, heading, turns = 0.0, 1.0, 0
+    for _ in range(18):  # crossings 80 m apart
+        for _ in range(20):
+            x_m += heading * 4.0
+            guide.walk(x_m, 0.0)
+            away_m = np.hypot(x_m - emitter_m[0], emitter_m[1])
+            level_dbm = round(-25.0 - 28.0 * np.log10(away_m) + rng.normal(0.0, 3.0))
+            locator.add(x_m, 0.0, 4.0, float(level_dbm))
+            if locator.stale > 1.0:
+                locator.search()
+            searched = locator.last_search()
+            if guide.is_due and searched is not None:
+                guide.decide(*searched)
+        if guide.advice is not None:
+            east_m, north_m = np.subtract(guide.advice.to_m, guide.advice.from_m)
+            points_behind = abs(np.degrees(np.arctan2(north_m, heading * east_m))) > 100.0
+            heading, turns = (-heading, turns + 1) if points_behind else (heading, turns)
+    assert turns <= 3
