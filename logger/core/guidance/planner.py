@@ -17,8 +17,8 @@ _TURNING_BACK_M, _BACK_DEG = 20.0, 135.0
 """Added to the length of a route that begins with a turn of more than this, when routes are
 compared: people do not like to turn back."""
 _BACK_UNMAPPED_M, _BACK_UNMAPPED_DEG = 300.0, 100.0
-"""The same where no street map is known: behind the walker the street just walked is nearest to most
-arrows, so he would go back and forth along it where no other street leads to the place."""
+"""The same where no street map is known. To an arrow that points behind the walker, the street just
+walked is nearest, so he would walk it to and fro where no other street leads to the place."""
 _KEPT = 1.1
 """Another way has to be worth this many times the one straight on."""
 _WALKED_BEFORE = 0.4
