@@ -18,7 +18,7 @@ _TURNING_BACK_M, _BACK_DEG = 20.0, 135.0
 compared: people do not like to turn back."""
 _BACK_UNMAPPED_M, _BACK_UNMAPPED_DEG = 300.0, 100.0
 """The same where no street map is known. To an arrow that points behind the walker, the street just
-walked is nearest, so he would walk it to and fro where no other street leads to the place."""
+walked is nearest, so he would walk it again and again where no other street leads to the place."""
 _KEPT = 1.1
 """Another way has to be worth this many times the one straight on."""
 _WALKED_BEFORE = 0.4

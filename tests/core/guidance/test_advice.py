@@ -86,7 +86,7 @@ def test_there_is_no_plan_without_a_position():
 
 
 @pytest.mark.parametrize("emitter_m", [(300.0, 250.0), (500.0, 150.0), (200.0, 400.0)])
-def test_a_street_without_side_streets_is_not_walked_to_and_fro(emitter_m):
+def test_a_street_without_side_streets_is_not_walked_again_and_again(emitter_m):
     """No street leads to where the arrow points; the walker goes on unless it points behind him."""
     rng = np.random.default_rng(0)
     guide, locator = Guide(), OnlineLocator(Prior())
