@@ -8,9 +8,9 @@ from logger.core.suspicion.finding import Evidence
 from logger.core.suspicion.heard import HeardCell, Memory, Moment
 from logger.core.suspicion.sources import PERHAPS_TWO, compare_sources
 
-_TEST_AFTER = 10
-"""The place is tested at every new square, later after a tenth of those before: a clone may stop to
-show once the coarser squares of a long walk have dropped what was heard between its two places."""
+_TEST_AGAIN = 0.1
+"""New squares until the next test, at least one, as a share of those before. A clone may stop
+to show once the coarser squares of a long walk drop what was heard between its two places."""
 _FEWEST_SPOTS = 6
 _TWO_PLACES, _TWO_FAR_PLACES = 3.5, 1.5
 _FAR_M = 500.0
@@ -38,7 +38,7 @@ class PlaceRules:
         if len(cell.spots) < _FEWEST_SPOTS:
             return
         n = cell.spots.n
-        self._due.put(cell.name, n + max(1, n // _TEST_AFTER))
+        self._due.put(cell.name, n + max(1, int(_TEST_AGAIN * n)))
         result = compare_sources(list(cell.spots))
         if result is None:
             return

@@ -18,7 +18,7 @@ from logger.core.suspicion.spots import Spot
 _SIGMA_DB = 7.0
 """Shadowing of streets, 6 to 8 dB."""
 PERHAPS_TWO = 1.5
-"""Log evidence for two places below which nobody wants to know it."""
+"""Log evidence for two places from which rule S9 holds; less need not be known."""
 _TRUST = 0.5
 """Spots of 50 m are not independent where houses shadow over 50 to 100 m."""
 _ETA, _ETA_SIGMA = 3.2, 0.7
