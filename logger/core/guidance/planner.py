@@ -13,10 +13,10 @@ from logger.core.guidance.routes import LEG_M, Route
 
 _START_M = 30.0
 """Added to each length: a route of a few steps is not better for each of its few metres."""
-_TURNING_BACK_M, _BACK_DEG = 20.0, 135.0
+_BACK_M_DEG = 20.0, 135.0
 """Added to the length of a route that begins with a turn of more than this, when routes are
 compared: people do not like to turn back."""
-_BACK_UNMAPPED_M, _BACK_UNMAPPED_DEG = 300.0, 100.0
+_BACK_UNMAPPED_M_DEG = 300.0, 100.0
 """The same where no street map is known. To an arrow that points behind the walker, the street just
 walked is nearest, so he would walk it again and again where no other street leads to the place."""
 _KEPT = 1.1
@@ -59,12 +59,14 @@ def plans(
     nats = np.array([information_nats(forecast, np.unique(of_route)) for of_route in rows])
     length_m = np.array([route.length_m + _START_M for route in routes])
     value = nats / length_m
-    score = nats / (length_m + [_turning_back_m(r, course, has_map=has_map) for r in routes])
+    turns = [_turn(route, course) for route in routes]
+    back_m, back_deg = _BACK_M_DEG if has_map else _BACK_UNMAPPED_M_DEG
+    score = nats / (length_m + [back_m if abs(turn) > back_deg else 0.0 for turn in turns])
     if not has_map:
         score -= (
             _WALKED_BEFORE * np.max(score) * np.array([_share_walked(r, course) for r in routes])
         )
-    score *= [_KEPT if _is_ahead(route, course) else 1.0 for route in routes]
+    score *= [_KEPT if abs(turn) < _AHEAD_DEG else 1.0 for turn in turns]
     return [
         Plan(routes[k], 1000.0 * float(value[k]), forecast, rows[k])
         for k in np.argsort(-score, kind="stable").tolist()
@@ -81,23 +83,12 @@ def turn_deg(course_deg: float, azimuth_deg: float) -> float:
     return (azimuth_deg - course_deg + 180.0) % 360.0 - 180.0
 
 
-def _turning_back_m(route: Route, course: Course, *, has_map: bool) -> float:
-    turn = abs(_turn(route, course) or 0.0)
-    if has_map:
-        return _TURNING_BACK_M if turn > _BACK_DEG else 0.0
-    return _BACK_UNMAPPED_M if turn > _BACK_UNMAPPED_DEG else 0.0
-
-
-def _turn(route: Route, course: Course) -> float | None:
+def _turn(route: Route, course: Course) -> float:
+    """Turn at the start of a route; 0, as straight on, in all directions while standing."""
     if course.azimuth_deg is None:
-        return None
+        return 0.0
     first = azimuth_deg(route.corner_m[0].tolist(), route.corner_m[1].tolist())
     return turn_deg(course.azimuth_deg, first)
-
-
-def _is_ahead(route: Route, course: Course) -> bool:
-    turn = _turn(route, course)
-    return turn is not None and abs(turn) < _AHEAD_DEG
 
 
 def _share_walked(route: Route, course: Course) -> float:

@@ -12,13 +12,17 @@ EMITTER_M = (150.0, 200.0)
 def _locator(points_m, emitter_m=EMITTER_M, seed=0):
     rng = np.random.default_rng(seed)
     locator = OnlineLocator(Prior())
-    for x_m, y_m in points_m:
-        away_m = np.hypot(np.hypot(x_m - emitter_m[0], y_m - emitter_m[1]), 5.0)
-        level_dbm = round(-25.0 - 28.0 * np.log10(away_m) + rng.normal(0.0, 2.0))
-        locator.add(x_m, y_m, 4.0, float(level_dbm))
-        if locator.stale > 1.0:
-            locator.search()
+    for point_m in points_m:
+        _hear(locator, point_m, emitter_m, rng)
     return locator
+
+
+def _hear(locator, point_m, emitter_m, rng, noise_db=2.0):
+    away_m = np.hypot(np.hypot(*np.subtract(point_m, emitter_m)), 5.0)
+    level_dbm = round(-25.0 - 28.0 * np.log10(away_m) + rng.normal(0.0, noise_db))
+    locator.add(*point_m, 4.0, float(level_dbm))
+    if locator.stale > 1.0:
+        locator.search()
 
 
 def _advice_for(points_m, emitter_m=EMITTER_M):
@@ -95,11 +99,7 @@ def test_a_street_without_side_streets_is_not_walked_again_and_again(emitter_m):
         for _ in range(20):
             x_m += heading * 4.0
             guide.walk(x_m, 0.0)
-            away_m = np.hypot(x_m - emitter_m[0], emitter_m[1])
-            level_dbm = round(-25.0 - 28.0 * np.log10(away_m) + rng.normal(0.0, 3.0))
-            locator.add(x_m, 0.0, 4.0, float(level_dbm))
-            if locator.stale > 1.0:
-                locator.search()
+            _hear(locator, (x_m, 0.0), emitter_m, rng, noise_db=3.0)
             searched = locator.last_search()
             if guide.is_due and searched is not None:
                 guide.decide(*searched)
