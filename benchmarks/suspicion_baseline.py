@@ -30,12 +30,13 @@ def logs_with_baseline(
                     continue
                 if len(walks) >= n_walks:
                     target = Path(scratch) / f"{route}-{len(walks)}.db"
-                    with closing(_baseline(target, walks[-n_walks:])) as baseline:
+                    with closing(baseline_of(target, walks[-n_walks:])) as baseline:
                         yield read_log(path), baseline
                 walks.append(summary)
 
 
-def _baseline(path: Path, walks: Sequence[WalkSummary]) -> BaselineFile:
+def baseline_of(path: Path, walks: Sequence[WalkSummary]) -> BaselineFile:
+    """A baseline of some walks in a new file."""
     with BaselineStore(path, create=True) as store:
         for walk in walks:
             store.add(walk)

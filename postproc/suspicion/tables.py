@@ -16,14 +16,15 @@ _NEVER = (
 
 
 def print_suspicions(suspicions: Suspicions) -> None:
-    """Cells with a finding and their reasons, then the others and what was not asked."""
+    """Cells with a word or a warning and their reasons, then the others and what was not asked."""
     console = screen()
     named = [cell for cell in suspicions.cells if cell.word != "nothing unusual"]
-    for cell in named:
+    warned = [cell for cell in suspicions.cells if cell not in named and _has_warning(cell)]
+    for cell in (*named, *warned):
         _print_cell(console, suspicions, cell)
-    others = len(suspicions.cells) - len(named)
+    others = len(suspicions.cells) - len(named) - len(warned)
     if others:
-        kept = f"{others} {'other ' if named else ''}cell{'s' * (others != 1)}"
+        kept = f"{others} {'other ' if named or warned else ''}cell{'s' * (others != 1)}"
         print_text(console, f"{kept}: nothing unusual")
     if not suspicions.cells:
         print_text(console, "no cell was named by two scans")
@@ -40,9 +41,14 @@ def not_asked_text(suspicions: Suspicions) -> str:
     return "; ".join(f"{', '.join(rules)} (no {need})" for need, rules in by_need.items())
 
 
+def _has_warning(cell: Assessment) -> bool:
+    return any(RULES[finding.rule].only_warns for finding in cell.findings)
+
+
 def _print_cell(console: Console, suspicions: Suspicions, cell: Assessment) -> None:
     print_text(console, f"{cell.cell}: {cell.word}", _STYLES[cell.word])
-    print_text(console, word_rate_text(cell.word), bullet="  ")
+    if cell.word != "nothing unusual":
+        print_text(console, word_rate_text(cell.word), bullet="  ")
     for finding in cell.findings:
         print_text(console, reason_text(suspicions, finding), bullet="  - ")
     console.print()

@@ -237,6 +237,15 @@ _ROWS = (
         "a new cell, a cell that was repaired",
         0.9, (2, 77, "seven walks after seven others on one route"),
     ),
+    _rule(
+        "B3", "earlier walks", ("identity", "level", "position", "neighbours", "earlier walks"),
+        "heard by 90 % of 7 earlier walks in this square, 15 dB above what scans of 4 cells or "
+        "more at 3 places 50 m apart could have missed; only warns",
+        "{walks} of {of} earlier walks heard it here with {level_dbm} dBm, today {places} places "
+        "down to {limit_dbm} dBm did not",
+        "a cell switched off or repaired, a modem that lists other bands or networks",
+        0.5, (0, 0, "not measured"), only_warns=True,
+    ),
 )  # fmt: skip
 
 RULES = {rule.id: rule for rule in _ROWS}

@@ -19,7 +19,7 @@ _BEFORE_S = 30.0
 _NEAR_M = 30.0
 _PASSED_M = 120.0
 """Way of a car between the scan before a new cell and its third reading."""
-_FULL_LIST = 4
+FULL_LIST = 4
 """Cells of a scan from which on its weakest level is a limit of what could be missed."""
 _EARLIER_S = 120.0
 _PLACE_M = 60.0
@@ -81,7 +81,7 @@ class SignalRules:
         serving = now.serving
         for rat in dict.fromkeys([heard.rat for heard in now.cells]):
             levels = [h.level_dbm for h in now.cells if h.level_dbm is not None and h.rat == rat]
-            if len(levels) >= _FULL_LIST:
+            if len(levels) >= FULL_LIST:
                 self._before.append(_Before(now.t_s, now.x_m, now.y_m, rat, min(levels)))
             elif serving is not None and serving.rat == rat and serving.level_dbm is not None:
                 self._before.append(_Before(now.t_s, now.x_m, now.y_m, rat, serving.level_dbm))

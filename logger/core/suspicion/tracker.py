@@ -9,6 +9,7 @@ from logger.core.suspicion.broken import Broken, FamilyRules
 from logger.core.suspicion.capabilities import Capabilities
 from logger.core.suspicion.earlier_walks import EarlierWalkRules
 from logger.core.suspicion.finding import WORDS, Finding, Rule
+from logger.core.suspicion.gone_cells import GoneCellRule
 from logger.core.suspicion.heard import Memory, Moment, Walker
 from logger.core.suspicion.neighbours import NeighbourRules
 from logger.core.suspicion.place import PlaceRules
@@ -47,6 +48,7 @@ class SuspicionTracker:
             BroadcastRules(),
             TechnologyRules(),
             EarlierWalkRules(self._baseline),
+            GoneCellRule(self._baseline),
         )
         self._findings: Latest[list[Finding]] = Latest(_MOST_FOUND)
         self.worst: str | None = None
@@ -68,8 +70,10 @@ class SuspicionTracker:
         return assess(cell, self._findings.get(cell, ()))
 
     def technologies(self) -> dict[str, str]:
-        """Technology of each cell of late."""
-        return {name: cell.rat for name, cell in self._memory.cells.items()}
+        """Technology of each cell of late, and of those with findings."""
+        rats = {name: self._rat(name) for name in self._findings}
+        rats |= {name: cell.rat for name, cell in self._memory.cells.items()}
+        return {name: rat for name, rat in rats.items() if rat is not None}
 
     def assessments(self) -> list[Assessment]:
         """The words of all cells of late, and of those with findings."""
@@ -90,18 +94,26 @@ class SuspicionTracker:
     def _keep(self, broken: Broken, now: Moment) -> list[Finding]:
         """Keep the first finding of a rule for a cell, once two scans have named the cell."""
         before = self._findings.get(broken.cell, [])
-        cell = self._memory.cells.get(broken.cell)
+        rat = self._rat(broken.cell)
         rule = RULES[broken.rule]
-        if cell is None or broken.cell not in self._identities:
+        if rat is None or rat not in rule.rats:
             return []
         if any(finding.rule == broken.rule for finding in before):
             return []
-        if cell.rat not in rule.rats or self._baseline.trust_note(broken.cell) is not None:
+        if self._baseline.trust_note(broken.cell) is not None:
             return []
-        finding = _finding(rule, broken, now, cell.rat)
+        finding = _finding(rule, broken, now, rat)
         self._findings.put(broken.cell, [*before, finding])
         self._rank(broken.cell)
         return [finding]
+
+    def _rat(self, name: str) -> str | None:
+        """Technology of a cell that two scans have named, of this walk or of earlier ones."""
+        cell = self._memory.cells.get(name)
+        if cell is not None:
+            return cell.rat if name in self._identities else None
+        known = self._baseline.cell(name)
+        return None if known is None else known.rat
 
     def _rank(self, cell: str) -> None:
         """Compare a cell that has a new finding with the worst one."""

@@ -13,11 +13,12 @@ HOME = [gsm(cid, -80 - cid % 7) for cid in range(10, 16)]
 ROGUE = gsm(99, -60, mcc="310", mnc="260")
 
 
-def _run(tmp_path, *cells, name="run", start_ns=0):
+def _run(tmp_path, *cells, name="run", start_ns=0, step_deg=0.0):
     records = []
     for k in range(20):
         t_ns = start_ns + (k + 1) * 5 * 10**9
-        records.append(Record(t_ns, "gnss", Fix(True, lat_deg=LAT_DEG, lon_deg=LON_DEG)))
+        lat_deg = LAT_DEG + k * step_deg
+        records.append(Record(t_ns, "gnss", Fix(True, lat_deg=lat_deg, lon_deg=LON_DEG)))
         records.append(Record(t_ns, "modem", Scan(t_ns, tuple(cells))))
     run_id = name.encode().hex().ljust(32, "0")
     runs.write_journal(tmp_path / f"{name}.journal", records, run_id=run_id)
@@ -74,6 +75,25 @@ def test_a_baseline_tells_new_cells_and_what_is_trusted(tmp_path, capsys):
     capsys.readouterr()
     trusted = _json(capsys, run, "--baseline", baseline)
     assert not any(cell["findings"] for cell in trusted["cells"])
+
+
+def test_a_cell_that_earlier_walks_always_heard_is_a_warning(tmp_path, capsys):
+    north = {"step_deg": 2e-4}  # 22 m
+    names = [f"e{i}" for i in range(7)]
+    starts_ns = [i * 10**12 for i in range(7)]
+    earlier = [
+        _run(tmp_path, *HOME, gsm(50, -60), name=name, start_ns=start_ns, **north)
+        for name, start_ns in zip(names, starts_ns, strict=True)
+    ]
+    baseline = tmp_path / "baseline.db"
+    assert main(["baseline", "add", *map(str, earlier), "-b", str(baseline)]) == 0
+    capsys.readouterr()
+    today = _run(tmp_path, *HOME, name="today", **north)
+    assert main(["suspect", str(today), "--baseline", str(baseline)]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert text.startswith("232-01-1201-50: nothing unusual - 7 of 7 earlier walks heard it here")
+    assert "6 other cells: nothing unusual" in text
+    assert "Not measured: it only warns. [B3]" in text
 
 
 def test_replay_repeats_the_findings(tmp_path, capsys):
