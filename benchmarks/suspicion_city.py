@@ -44,9 +44,7 @@ class SimulatedCity:
         drawn = city(self._rng)
         self.cells = (*drawn.cells, *more)
         self._new = drawn.new
-        self._world = World.build(
-            self.cells, LAT_DEG, LON_DEG, Radio(6.0, 30.0, 2.0), self._rng
-        )
+        self._world = World.build(self.cells, LAT_DEG, LON_DEG, Radio(6.0, 30.0, 2.0), self._rng)
         self._has_card = bool(seed % 2)
 
     def walk(self, gain_db: float = 0.0, off_air: int | None = None) -> list[Record]:
@@ -64,30 +62,28 @@ class SimulatedCity:
             lat_deg, lon_deg = self._world.to_latlon(float(east_m[k]), float(north_m[k]))
             t_ns = round(t * 1e9)
             records.append(Record(t_ns, "gnss", Fix(True, lat_deg=lat_deg, lon_deg=lon_deg)))
-            heard = self._heard(levels_dbm[:, k])
+            level_dbm = levels_dbm[:, k]
+            heard = self._heard(level_dbm)
             if not heard:
                 continue
-            loudest_dbm = levels_dbm[heard[0], k]
-            if serving not in heard or loudest_dbm > levels_dbm[serving, k] + _HYSTERESIS_DB:
+            if serving not in heard or level_dbm[heard[0]] > level_dbm[serving] + _HYSTERESIS_DB:
                 serving = heard[0]
-            records.append(Record(t_ns, "modem", self._scan(t_ns, serving, heard, levels_dbm[:, k])))
+            records.append(Record(t_ns, "modem", self._scan(t_ns, serving, heard, level_dbm)))
         return records
 
-    def _heard(self, levels_dbm: FloatArray) -> list[int]:
+    def _heard(self, level_dbm: FloatArray) -> list[int]:
         """Cells that the modem decodes, the strongest first."""
-        heard = [i for i in np.argsort(-levels_dbm).tolist() if levels_dbm[i] >= _DECODED_DBM]
+        heard = [i for i in np.argsort(-level_dbm).tolist() if level_dbm[i] >= _DECODED_DBM]
         if not self._has_card:
             return heard
         home = OPERATORS[0][:2]
         return [i for i in heard if (self.cells[i].mcc, self.cells[i].mnc) == home]
 
-    def _scan(
-        self, t_ns: int, serving: int, heard: list[int], levels_dbm: FloatArray
-    ) -> Scan:
+    def _scan(self, t_ns: int, serving: int, heard: list[int], level_dbm: FloatArray) -> Scan:
         others = [i for i in heard if i != serving]
         others = others[:_NEIGHBOURS] if self._has_card else others
-        readings = [reading_of(self.cells[serving], float(levels_dbm[serving]), "serving")]
-        readings += [reading_of(self.cells[i], float(levels_dbm[i]), "neighbour") for i in others]
+        readings = [reading_of(self.cells[serving], float(level_dbm[serving]), "serving")]
+        readings += [reading_of(self.cells[i], float(level_dbm[i]), "neighbour") for i in others]
         return Scan(t_ns, tuple(readings))
 
 
