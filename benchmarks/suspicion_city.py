@@ -63,7 +63,7 @@ class SimulatedCity:
             t_ns = round(t * 1e9)
             records.append(Record(t_ns, "gnss", Fix(True, lat_deg=lat_deg, lon_deg=lon_deg)))
             level_dbm = levels_dbm[:, k]
-            heard = self._heard(level_dbm)
+            heard = self._audible(level_dbm)
             if not heard:
                 continue
             if serving not in heard or level_dbm[heard[0]] > level_dbm[serving] + _HYSTERESIS_DB:
@@ -71,7 +71,7 @@ class SimulatedCity:
             records.append(Record(t_ns, "modem", self._scan(t_ns, serving, heard, level_dbm)))
         return records
 
-    def _heard(self, level_dbm: FloatArray) -> list[int]:
+    def _audible(self, level_dbm: FloatArray) -> list[int]:
         """Cells that the modem decodes, the strongest first."""
         heard = [i for i in np.argsort(-level_dbm).tolist() if level_dbm[i] >= _DECODED_DBM]
         if not self._has_card:

@@ -54,7 +54,7 @@ def gone_walks(n_cities: int) -> Iterator[GoneWalk]:
                 for name in (None, *strongest[::_EVERY]):
                     off_air = None if name is None else names.index(name)
                     records = drawn.walk(gains.normal(0.0, _GAIN_SIGMA_DB), off_air)
-                    named = _named(records, baseline)
+                    named = _missed_cells(records, baseline)
                     best_dbm = None if name is None else known[name].best_dbm
                     yield GoneWalk(best_dbm, name in named, len(named - {name}), len(known))
 
@@ -64,7 +64,7 @@ def _summary(records: list[Record], path: Path) -> WalkSummary:
     return summarise_walk(read_sound_run(path))
 
 
-def _named(records: list[Record], baseline: Baseline) -> set[str | None]:
+def _missed_cells(records: list[Record], baseline: Baseline) -> set[str | None]:
     tracker = SuspicionTracker(baseline=baseline)
     found = [finding for record in records for finding in tracker.feed(record)]
     return {finding.cell for finding in found if finding.rule == "B3"}
