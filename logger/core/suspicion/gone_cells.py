@@ -75,9 +75,9 @@ class GoneCellRule:
                 visit = self._visits[rat] = _Visit(square)
             visit.add(now.x_m, now.y_m, levels_dbm)
             if len(visit.limits_dbm) >= _FEWEST_PLACES:
-                yield from self._gone(rat, visit, memory)
+                yield from self._missed_cells(rat, visit, memory)
 
-    def _gone(self, rat: str, visit: _Visit, memory: Memory) -> Iterator[Broken]:
+    def _missed_cells(self, rat: str, visit: _Visit, memory: Memory) -> Iterator[Broken]:
         """Cells that the places of a visit could not have missed."""
         earlier = self._baseline.square(visit.square)
         n_walks = earlier.n_walks.get(rat, 0)
