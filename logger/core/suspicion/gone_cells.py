@@ -28,11 +28,13 @@ class _Visit:
     """What full lists of one technology named in one square today.
 
     `limits_dbm` has the weakest level that a list named, by place; places are `_APART_M` apart.
+    `unnamed_channels` are those of cells whose identity was not printed.
     """
 
     def __init__(self, square: int) -> None:
         self.square = square
         self.limits_dbm: dict[tuple[float, float], float] = {}
+        self.unnamed_channels: set[int] = set()
         self._sums: Latest[tuple[int, float]] = Latest(_MOST_CELLS)
 
     def add(self, x_m: float, y_m: float, levels_dbm: dict[str, float]) -> None:
@@ -74,6 +76,7 @@ class GoneCellRule:
             if visit is None or visit.square != square:
                 visit = self._visits[rat] = _Visit(square)
             visit.add(now.x_m, now.y_m, levels_dbm)
+            visit.unnamed_channels |= _unnamed_channels(now, rat)
             if len(visit.limits_dbm) >= _FEWEST_PLACES:
                 yield from self._missed_cells(rat, visit, memory)
 
@@ -92,6 +95,8 @@ class GoneCellRule:
             known = self._baseline.cell(name)
             if len(limits_dbm) < _FEWEST_PLACES or known is None or known.rat != rat:
                 continue
+            if any(channel in visit.unnamed_channels for channel, _ in known.channels):
+                continue
             evidence: Evidence = {
                 "walks": heard.n_walks,
                 "of": n_walks,
@@ -109,6 +114,12 @@ def _full_lists(taken: Taken) -> dict[str, dict[str, float]]:
         if heard.level_dbm is not None:
             by_rat.setdefault(cell.rat, {})[cell.name] = heard.level_dbm
     return {rat: levels for rat, levels in by_rat.items() if len(levels) >= FULL_LIST}
+
+
+def _unnamed_channels(now: Moment, rat: str) -> set[int]:
+    """Channels of a scan's cells without an identity: one of them may be the cell looked for."""
+    cells = [heard for heard in now.cells if heard.name is None and heard.rat == rat]
+    return {heard.reading.arfcn for heard in cells if heard.reading.arfcn is not None}
 
 
 def _usual_dbm(heard: HeardInSquare) -> float:

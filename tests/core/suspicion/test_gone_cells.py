@@ -33,7 +33,7 @@ class Earlier(NoBaseline):
             return None
         heard = self.cells[name]
         n_walks, n_scans, best_dbm = heard.n_walks, heard.n_scans, heard.best_dbm
-        return KnownCell(name, "GSM", n_walks, n_scans, 1, best_dbm, 0, frozenset())
+        return KnownCell(name, "GSM", n_walks, n_scans, 1, best_dbm, 0, frozenset({(51, 8)}))
 
 
 def _b3(baseline, *scan, metres=20.0, times=14):
@@ -78,6 +78,8 @@ def test_the_gate_of_todays_walk():
     assert not _b3(Earlier(), metres=2.0)  # one place
     unnamed = [gsm(None, -80 - k, arfcn=k) for k in range(6)]
     assert not _b3(Earlier(), *HOME[:3], *unnamed)
+    assert _b3(Earlier(), *HOME, gsm(None, -60, arfcn=50))
+    assert not _b3(Earlier(), *HOME, gsm(None, -60, arfcn=51))  # its channel, without identity
 
 
 def test_a_cell_heard_before_on_this_walk_is_not_gone():
