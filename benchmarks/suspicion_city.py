@@ -37,13 +37,16 @@ def city_log(seed: int, more: tuple[Transmitter, ...] = ()) -> Log:
 
 
 class SimulatedCity:
-    """A city that is walked once or several times: shadowing stays, fading is drawn anew."""
+    """A city that is walked once or several times: shadowing stays, fading is drawn anew.
+
+    `new` is the number of the cell that is switched on during each walk.
+    """
 
     def __init__(self, seed: int, more: tuple[Transmitter, ...] = ()) -> None:
         self._rng = np.random.default_rng([seed, 77])
         drawn = city(self._rng)
         self.cells = (*drawn.cells, *more)
-        self._new = drawn.new
+        self.new = drawn.new
         self._world = World.build(self.cells, LAT_DEG, LON_DEG, Radio(6.0, 30.0, 2.0), self._rng)
         self._has_card = bool(seed % 2)
 
@@ -53,7 +56,7 @@ class SimulatedCity:
         t_s = np.arange(0.0, way.duration_s, _POLL_S)
         east_m, north_m = way.positions(t_s)
         levels_dbm = self._world.received_dbm(east_m, north_m, self._rng) + gain_db
-        levels_dbm[self._new, : int(_SWITCHED_ON * len(t_s))] = _SILENT_DBM
+        levels_dbm[self.new, : int(_SWITCHED_ON * len(t_s))] = _SILENT_DBM
         if off_air is not None:
             levels_dbm[off_air] = _SILENT_DBM
         records: list[Record] = []

@@ -1,7 +1,7 @@
 """Rule B3 in simulated cities that were walked before, for `suspicion.py`.
 
-A city is walked seven times, each time with an antenna whose gain is up to some dB off; then once
-more as it is, and once more without each fourth of its cells.
+A city is walked seven times, each time with another gain of the antenna; then once more as it is,
+and once more without each fourth of its cells.
 """
 
 from collections.abc import Iterator
@@ -29,7 +29,8 @@ _EVERY = 4
 class GoneWalk(NamedTuple):
     """One walk with a baseline; `best_dbm` of the cell that is off the air, None if all are on.
 
-    `n_wrong` cells are said to be gone and are not, of `n_cells` that earlier walks heard.
+    `n_wrong` cells are said to be gone and are not, of `n_cells` that earlier walks heard. The cell
+    that is switched on during each walk is not among them: before, it is gone.
     """
 
     best_dbm: float | None
@@ -56,7 +57,8 @@ def gone_walks(n_cities: int) -> Iterator[GoneWalk]:
                     records = drawn.walk(gains.normal(0.0, _GAIN_SIGMA_DB), off_air)
                     named = _missed_cells(records, baseline)
                     best_dbm = None if name is None else known[name].best_dbm
-                    yield GoneWalk(best_dbm, name in named, len(named - {name}), len(known))
+                    wrong = named - {name, names[drawn.new]}
+                    yield GoneWalk(best_dbm, name in named, len(wrong), len(known))
 
 
 def _summary(records: list[Record], path: Path) -> WalkSummary:
