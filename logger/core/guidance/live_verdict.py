@@ -64,6 +64,6 @@ class LiveVerdict:
 def _may_move(moves: Division, obs: CellObservations) -> str:
     one, other = (degrees_text(obs, place_m) for place_m in (moves.one_m, moves.other_m))
     return (
-        "the levels fit a transmitter that moves as well as one that stands, "
+        "the levels also fit a transmitter that moves, "
         f"from near {one} to near {other}: come back after some minutes"
     )
