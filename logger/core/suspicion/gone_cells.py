@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from math import hypot
 from statistics import median
 
-from logger.core.baseline import Baseline, HeardInSquare, SquareHistory
+from logger.core.baseline import Baseline, SquareHistory
 from logger.core.latest import Latest
 from logger.core.squares import square_of
 from logger.core.suspicion.broken import Broken, Taken
@@ -88,23 +88,31 @@ class GoneCellRule:
         if n_walks < FEWEST_WALKS or weaker_db is None:
             return
         for name, heard in earlier.cells.items():
-            if name in memory.cells or heard.n_walks < _SHARE_OF_WALKS * n_walks:
-                continue
-            lowest_dbm = _usual_dbm(heard) - weaker_db - _MARGIN_DB
+            usual_dbm = min(heard.mean_dbm, heard.least_best_dbm)
+            lowest_dbm = usual_dbm - weaker_db - _MARGIN_DB
             limits_dbm = [limit for limit in visit.limits_dbm.values() if limit <= lowest_dbm]
-            known = self._baseline.cell(name)
-            if len(limits_dbm) < _FEWEST_PLACES or known is None or known.rat != rat:
+            is_usual = heard.n_walks >= _SHARE_OF_WALKS * n_walks
+            if len(limits_dbm) < _FEWEST_PLACES or not is_usual:
                 continue
-            if any(channel in visit.unnamed_channels for channel, _ in known.channels):
-                continue
-            evidence: Evidence = {
-                "walks": heard.n_walks,
-                "of": n_walks,
-                "level_dbm": round(_usual_dbm(heard)),
-                "places": len(limits_dbm),
-                "limit_dbm": round(max(limits_dbm)),
-            }
-            yield Broken("B3", name, evidence)
+            if self._is_silent(name, rat, visit, memory):
+                evidence: Evidence = {
+                    "walks": heard.n_walks,
+                    "of": n_walks,
+                    "level_dbm": round(usual_dbm),
+                    "places": len(limits_dbm),
+                    "limit_dbm": round(max(limits_dbm)),
+                }
+                yield Broken("B3", name, evidence)
+
+    def _is_silent(self, name: str, rat: str, visit: _Visit, memory: Memory) -> bool:
+        """Whether today's walk, which names cells of the same network, has not heard a cell."""
+        known = self._baseline.cell(name)
+        if known is None or known.rat != rat or name in memory.cells:
+            return False
+        if any(channel in visit.unnamed_channels for channel, _ in known.channels):
+            return False
+        operator = name.rsplit("-", 2)[0]  # of `mcc-mnc-area-cid`
+        return bool(memory.of_operator(operator, rat))
 
 
 def _full_lists(taken: Taken) -> dict[str, dict[str, float]]:
@@ -120,8 +128,3 @@ def _unnamed_channels(now: Moment, rat: str) -> set[int]:
     """Channels of a scan's cells without an identity: one of them may be the cell looked for."""
     cells = [heard for heard in now.cells if heard.name is None and heard.rat == rat]
     return {heard.reading.arfcn for heard in cells if heard.reading.arfcn is not None}
-
-
-def _usual_dbm(heard: HeardInSquare) -> float:
-    """Level that a place in the square is expected to have, never above what every walk had."""
-    return min(heard.mean_dbm, heard.least_best_dbm)

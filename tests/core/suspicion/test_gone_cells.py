@@ -82,6 +82,16 @@ def test_the_gate_of_todays_walk():
     assert not _b3(Earlier(), *HOME, gsm(None, -60, arfcn=51))  # its channel, without identity
 
 
+def test_a_modem_that_names_one_network_misses_no_cell_of_another():
+    others = [gsm(reading.cid, reading.rssi_dbm, mnc="03") for reading in HOME]
+    earlier = Earlier()
+    earlier.cells |= {
+        other.cell: earlier.cells[reading.cell] for other, reading in zip(others, HOME, strict=True)
+    }
+    assert not _b3(earlier, *others)
+    assert _b3(earlier, *others, HOME[0])
+
+
 def test_a_cell_heard_before_on_this_walk_is_not_gone():
     walk = Walk(baseline=Earlier()).scan(*HOME, GONE, times=2).scan(*HOME, metres=20.0, times=14)
     assert ("B3", 50) not in walk.rules
