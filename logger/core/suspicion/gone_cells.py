@@ -88,7 +88,7 @@ class GoneCellRule:
         if n_walks < FEWEST_WALKS or weaker_db is None:
             return
         for name, heard in earlier.cells.items():
-            usual_dbm = min(heard.mean_dbm, heard.least_best_dbm)
+            usual_dbm = min(heard.mean_dbm, heard.least_best_dbm)  # each walk had the latter
             lowest_dbm = usual_dbm - weaker_db - _MARGIN_DB
             limits_dbm = [limit for limit in visit.limits_dbm.values() if limit <= lowest_dbm]
             is_usual = heard.n_walks >= _SHARE_OF_WALKS * n_walks
