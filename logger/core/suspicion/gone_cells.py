@@ -14,12 +14,15 @@ from logger.core.suspicion.heard import Memory, Moment
 from logger.core.suspicion.signal import FULL_LIST
 
 _SHARE_OF_WALKS = 0.9
+"""One walk in ten may pass a square at its edge."""
 _MARGIN_DB = 15.0
 """Two standard deviations of shadowing: below, a legitimate cell may be missed by chance."""
 _FEWEST_PLACES = 3
+"""One or two may be behind the same house."""
 _APART_M = 50.0
 """Shadowing by houses is nearly independent over this distance."""
 _MOST_CELLS = 128
+"""As of a walk; those heard longest ago give way."""
 _FEWEST_COMMON = 3
 """Cells of both today and earlier whose levels show that today's antenna is as good."""
 

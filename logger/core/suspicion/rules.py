@@ -241,8 +241,8 @@ _ROWS = (
         "B3", "earlier walks", ("identity", "level", "position", "neighbours", "earlier walks"),
         "heard by 90 % of 7 earlier walks in this square, 15 dB above what scans of 4 cells or "
         "more at 3 places 50 m apart could have missed; only warns",
-        "{walks} of {of} earlier walks heard it here with {level_dbm} dBm, today {places} places "
-        "down to {limit_dbm} dBm did not",
+        "{walks} of {of} earlier walks heard it here with {level_dbm} dBm; today scans at {places} "
+        "places, down to {limit_dbm} dBm, do not name it",
         "a cell switched off or repaired, a modem that lists other bands or networks",
         0.5, (0, 0, "not measured"), only_warns=True,
     ),
