@@ -12,6 +12,8 @@ from pathlib import Path
 
 from logger.baseline_file import BaselineFile
 from postproc.baseline.store import BaselineStore
+from tests.kit.card_trace import read_trace
+from tests.kit.faulty_card import Card, build_preload_library
 from tests.postproc.baseline.test_store import contents
 from tests.postproc.baseline.walks import two_cells, write_walk
 
@@ -81,40 +83,26 @@ def test_killed_while_it_writes(tmp_path):
 
 def test_killed_command_is_run_again(tmp_path):
     """The command itself with runs: killed, run again, and equal to one that was never killed."""
-    # journals are read one by one, so that there is time between two walks
     runs = [
         write_walk(tmp_path, n, two_cells(-50.0 - n), n=30).with_suffix(".journal")
-        for n in range(24)
+        for n in range(12)
     ]
-    command = [sys.executable, "-m", "postproc.cli", "baseline", "add", *map(str, runs)]
-    path, whole = tmp_path / "baseline.db", tmp_path / "whole.db"
-    subprocess.run([*command, "-b", str(whole)], check=True, cwd=ROOT)
-    for n_walks in (1, 8):
-        with subprocess.Popen([*command, "-b", str(path)], cwd=ROOT) as process:
-            while not path.exists():
-                time.sleep(0.01)
-            # stopped while it is looked at, so that it cannot end meanwhile
-            while _count(path) < n_walks and process.poll() is None:
-                process.send_signal(signal.SIGCONT)
-                time.sleep(0.005)
-                process.send_signal(signal.SIGSTOP)
-            process.send_signal(signal.SIGKILL)
-        assert process.returncode == -signal.SIGKILL
+    command = [sys.executable, "-m", "postproc.cli", "baseline", "add", *map(str, runs), "-b"]
+    card = Card(tmp_path, build_preload_library(tmp_path))
+    whole = card.folder / "whole.db"
+    traced = card.environment(trace=True)
+    subprocess.run([*command, str(whole)], check=True, cwd=ROOT, env=traced)
+    n_operations = len(read_trace(card.trace))
+    for share in (0.3, 0.9):
+        path = card.folder / f"{share}.db"
+        killed = card.environment(kill_at=int(share * n_operations))
+        ended = subprocess.run([*command, str(path)], check=False, cwd=ROOT, env=killed)
+        assert ended.returncode == -signal.SIGKILL
         with BaselineStore(path) as store:
-            assert n_walks <= len(store.walks()) < len(runs)
-    subprocess.run([*command, "-b", str(path)], check=True, cwd=ROOT)
-    assert contents(path) == contents(whole)
-    assert BaselineFile(path).fingerprint == BaselineFile(whole).fingerprint
-
-
-def _count(path):
-    if not path.exists():
-        return 0
-    try:
-        with closing(sqlite3.connect(f"file:{path}?mode=ro", timeout=0, uri=True)) as db:
-            return db.execute("SELECT count(*) FROM walk").fetchone()[0]
-    except sqlite3.Error:  # not yet made, or a change is under way
-        return 0
+            assert 0 < len(store.walks()) < len(runs)
+        subprocess.run([*command, str(path)], check=True, cwd=ROOT)
+        assert contents(path) == contents(whole)
+        assert BaselineFile(path).fingerprint == BaselineFile(whole).fingerprint
 
 
 def _check_sums(path, folder):
