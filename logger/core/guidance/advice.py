@@ -22,7 +22,7 @@ from logger.core.locator.quadtree import Tree
 AGAIN_M = 25.0
 """A new plan is due after this much walking: a quarter of a block."""
 LEAST_NATS_PER_KM = 0.5
-"""Less than this is not worth walking for."""
+"""Less than this is not worth walking for, once one place is likely."""
 
 _TRACK_STEP_M = 8.0
 """Points of the track: farther apart than the errors of two fixes in a row."""
@@ -32,8 +32,8 @@ _LATEST_M = 60.0
 """The end of the track is not an earlier part of it."""
 _NEAR_M, _AROUND_M = 300.0, 150.0
 """Within this distance of the likeliest place the way is planned for the places around it."""
-_NEAR_SHARE = 0.5
-"""So much of the probability has to be around it."""
+_LIKELY = 0.5
+"""A place with so much of the probability is likelier than all others together."""
 _TURN_DEG = 25.0
 """A corner of more than this is where the walker turns; a smaller one is a bend of the street."""
 
@@ -52,7 +52,8 @@ class Advice(NamedTuple):
 class Guide:
     """Plans the way of one walker for the cell that is followed.
 
-    `advice` is the latest: None before the first plan, and where no way near here says more.
+    `advice` is the latest: None before the first plan, and where one place is likely and no way
+    near here says more.
     """
 
     def __init__(self, streets: StreetMap | None = None) -> None:
@@ -95,7 +96,9 @@ class Guide:
         course = self._course(here)
         forecaster = Forecaster(sample, task.walk.blocks, task.walk.prior)
         best = plans(forecaster, routes, course, has_map=has_map)[0]
-        if best.nats_per_km < LEAST_NATS_PER_KM:
+        # where no place is likely little is learned anywhere near, and the search has to go on
+        is_found = bool(places) and places[0].probability >= _LIKELY
+        if is_found and best.nats_per_km < LEAST_NATS_PER_KM:
             self.advice = None
             return
         first = best.route.corner_m[0]
@@ -123,7 +126,7 @@ def _near_place(
     if not places or _apart_m(here, (places[0].x_m, places[0].y_m)) > _NEAR_M:
         return None
     around = np.hypot(tree.x_m - places[0].x_m, tree.y_m - places[0].y_m) < _AROUND_M
-    is_likely = float(np.sum(probability[around])) >= _NEAR_SHARE
+    is_likely = float(np.sum(probability[around])) >= _LIKELY
     return np.asarray(around, np.bool_) if is_likely else None
 
 

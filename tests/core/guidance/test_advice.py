@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.guidance.advice import AGAIN_M, Guide
+from logger.core.guidance.advice import AGAIN_M, LEAST_NATS_PER_KM, Guide
 from logger.core.locator.online import OnlineLocator
 from logger.core.model.prior import Prior
 from tests.kit.guided_walks import line
@@ -72,6 +72,23 @@ def test_a_walk_all_around_ends():
     after = _advice_for(np.array(around)).advice
     assert before is not None
     assert after is None or after.nats_per_km < 0.3 * before.nats_per_km
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_search_goes_on_where_no_place_is_likely(seed):
+    """Shadowing of 8 dB over 50 m hides the path loss, so no way near here says much."""
+    rng = np.random.default_rng(seed)
+    guide, locator, shadow_db = Guide(), OnlineLocator(Prior()), 0.0
+    for x_m, y_m in line((0.0, 0.0), (1500.0, 0.0)):
+        kept = np.exp(-4.0 / 50.0)
+        shadow_db = kept * shadow_db + 8.0 * np.sqrt(1.0 - kept**2) * rng.standard_normal()
+        locator.add(x_m, y_m, 4.0, float(round(-85.0 + shadow_db + rng.normal(0.0, 2.0))))
+        if locator.stale > 1.0:
+            locator.search()
+        guide.walk(float(x_m), float(y_m))
+    guide.decide(*locator.last_search())
+    assert guide.advice is not None
+    assert guide.advice.nats_per_km < LEAST_NATS_PER_KM
 
 
 def test_the_turn_is_from_the_course_of_the_walker():
