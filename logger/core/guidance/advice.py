@@ -96,15 +96,16 @@ class Guide:
         course = self._course(here)
         forecaster = Forecaster(sample, task.walk.blocks, task.walk.prior)
         best = plans(forecaster, routes, course, has_map=has_map)[0]
-        # where no place is likely little is learned anywhere near, and the search has to go on
-        is_found = bool(places) and places[0].probability >= _LIKELY
-        if is_found and best.nats_per_km < LEAST_NATS_PER_KM:
+        says_little = best.nats_per_km < LEAST_NATS_PER_KM
+        if says_little and places and places[0].probability >= _LIKELY:
             self.advice = None
             return
         first = best.route.corner_m[0]
         target = _first_turn(best.route)
         distance_m = float(np.hypot(*(target - first)))
         text = sentence(best, sample, places, course.azimuth_deg, distance_m, task.mean_dbm)
+        if says_little:  # the position is open, so the search has to go on
+            text += "; no way near here says much"
         from_m, to_m = (float(first[0]), float(first[1])), (float(target[0]), float(target[1]))
         self.advice = Advice(from_m, to_m, best.nats_per_km, text)
 

@@ -89,6 +89,7 @@ def test_the_search_goes_on_where_no_place_is_likely(seed):
     guide.decide(*locator.last_search())
     assert guide.advice is not None
     assert guide.advice.nats_per_km < LEAST_NATS_PER_KM
+    assert guide.advice.text.endswith("; no way near here says much")
 
 
 def test_the_turn_is_from_the_course_of_the_walker():
