@@ -44,23 +44,36 @@ def guide(cell: str | None, streets: Path | None, prior: "Prior") -> None:
     answers = GuideFilter(prior, cell, lines)
     for row in _rows(needs_cell=cell is not None):
         print(msgspec.json.encode(answers.answer(row)).decode(), flush=True)
+    if answers.levels == 0:
+        of = "" if cell is None else f" of {cell}"
+        print(f"postproc: no row had a level{of} with a position", file=sys.stderr)
 
 
 def _rows(*, needs_cell: bool) -> Iterator[dict[str, str | None]]:
+    """Rows by the names of the header, each as soon as its line is complete."""
     from postproc.guidance.filter import COLUMNS
 
-    # csv reads ahead of an iterator; readline returns a row as soon as it is complete
-    reader = csv.reader(iter(sys.stdin.readline, ""))
-    try:
-        names = [name.strip().lower() for name in next(reader, [])]
+    # Spreadsheets begin with a byte order mark; bytes that are no text are an error of one row
+    with open(0, encoding="utf-8-sig", errors="replace", closefd=False) as file:
+        lines = iter(file.readline, "")
+        names = [name.strip().lower() for name in _values(next(lines, ""))]
         missing = [name for name in (*COLUMNS, *["cell"][:needs_cell]) if name not in names]
         if missing:
             raise click.UsageError(f"the header line has no column {', '.join(missing)}")
-        for values in reader:
+        for name in (*COLUMNS, "cell", "acc_m", "rat"):
+            if names.count(name) > 1:
+                raise click.UsageError(f"the header line names {name} twice")
+        for values in map(_values, lines):
             if values:
                 yield dict(zip(names, [*values, *[None] * len(names)], strict=False))
-    except csv.Error as error:
-        raise click.UsageError(f"the standard input is no CSV: {error}") from error
+
+
+def _values(line: str) -> list[str]:
+    """The fields of one line: a quotation mark that is never closed must not swallow the next."""
+    try:
+        return next(csv.reader([line]), [])
+    except csv.Error:  # a field of more than 128 KiB
+        return line.split(",")
 
 
 @click.command("next")

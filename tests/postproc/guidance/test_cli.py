@@ -11,9 +11,12 @@ HEADER = "t_s,lat,lon,rssi_dbm\n"
 
 
 def _run(text, *options):
-    return subprocess.run(
-        [*COMMAND, *options], input=text, capture_output=True, text=True, timeout=60, check=False
+    content = text if isinstance(text, bytes) else text.encode()
+    done = subprocess.run(
+        [*COMMAND, *options], input=content, capture_output=True, timeout=60, check=False
     )
+    done.stdout, done.stderr = done.stdout.decode(), done.stderr.decode()
+    return done
 
 
 def _csv(points_m):
@@ -41,6 +44,41 @@ def test_a_bad_row_ends_nothing():
     answers = [json.loads(text) for text in done.stdout.splitlines()]
     assert done.returncode == 0
     assert ["error" in answer for answer in answers] == [False, True, True, False]
+
+
+@pytest.mark.parametrize(
+    "bad", [b'12,"52.5,13.4,-70\n', b"12,\xff\xfe,13.4,-70\n", b"12," + b"9" * 200_000 + b",1,2\n"]
+)
+def test_a_row_that_is_no_csv_ends_nothing_and_swallows_nothing(bad):
+    good = [row.encode() for row in _csv(line((0.0, 0.0), (8.1, 0.0)))]
+    done = _run(HEADER.encode() + good[0] + bad + good[1])
+    assert done.returncode == 0, done.stderr
+    answers = [json.loads(text) for text in done.stdout.splitlines()]
+    assert ["error" in answer for answer in answers] == [False, True, False]
+
+
+def test_a_file_as_a_spreadsheet_saves_it_is_read():
+    rows_of_csv = _csv(line((0.0, 0.0), (40.0, 0.0)))
+    plain = _run(HEADER + "".join(rows_of_csv))
+    saved = "\ufeff" + '"T_S","lat","lon","rssi_dbm"\n' + "".join(rows_of_csv)
+    done = _run(saved.replace("\n", "\r\n"))
+    assert (done.returncode, done.stdout) == (0, plain.stdout)
+
+
+def test_a_column_that_is_named_twice_is_one_line():
+    done = _run("t_s,lat,lon,rssi_dbm,lat\n")
+    assert done.returncode == 2
+    assert "names lat twice" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_cell_that_no_row_names_is_said_at_the_end():
+    rows_of_csv = _csv(line((0.0, 0.0), (40.0, 0.0)))
+    text = "t_s,lat,lon,rssi_dbm,cell\n" + "".join(row.strip() + ",a\n" for row in rows_of_csv)
+    assert _run(text, "--cell", "a").stderr == ""
+    done = _run(text, "--cell", "b")
+    assert len(done.stdout.splitlines()) == len(rows_of_csv)
+    assert done.stderr == "postproc: no row had a level of b with a position\n"
 
 
 @pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "t_s,lat,lon\n"])
