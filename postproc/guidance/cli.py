@@ -42,11 +42,21 @@ def guide(cell: str | None, streets: Path | None, prior: "Prior") -> None:
 
     lines = () if streets is None else read_lines(streets)
     answers = GuideFilter(prior, cell, lines)
+    was_off_map = False
     for row in _rows(needs_cell=cell is not None):
         print(msgspec.json.encode(answers.answer(row)).decode(), flush=True)
+        if answers.is_off_map and not was_off_map:
+            was_off_map = True
+            _say(f"{streets} has no street near the first position, so it is not used")
     if answers.levels == 0:
-        of = "" if cell is None else f" of {cell}"
-        print(f"postproc: no row had a level{of} with a position", file=sys.stderr)
+        _say(f"no row had a level{'' if cell is None else f' of {cell}'} with a position")
+
+
+def _say(text: str) -> None:
+    """On stderr, since stdout has one line for each row."""
+    from logger.core.printable import printable
+
+    print(f"postproc: {printable(text)}", file=sys.stderr, flush=True)
 
 
 def _rows(*, needs_cell: bool) -> Iterator[dict[str, str | None]]:

@@ -11,7 +11,8 @@ from logger.core.geo import Utm
 from logger.core.guidance.followed_cell import FollowedCell
 from logger.core.guidance.map_form import BestPosition, best_position, degrees_of, next_way
 from logger.core.guidance.next_way import NextWay
-from logger.core.guidance.street_atlas import Line, StreetAtlas
+from logger.core.guidance.street_atlas import FARTHEST_M, Line, StreetAtlas
+from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
 from logger.core.model.prior import Prior
 from logger.core.track import TIMING_S, fix_sigma_m
@@ -54,7 +55,7 @@ class GuideFilter:
 
     `cell` is the cell to follow, by default the first that a row names: rows of others are
     positions only. `lines` are the streets, if a map is known. `locator` has the posterior behind
-    the answers, from `levels` rows.
+    the answers, from `levels` rows; `is_off_map` says that the streets are those of another town.
     """
 
     def __init__(self, prior: Prior, cell: str | None = None, lines: Sequence[Line] = ()) -> None:
@@ -66,6 +67,7 @@ class GuideFilter:
         self._last: tuple[float, float, float] | None = None
         self._strongest: tuple[float, float, float] | None = None
         self.levels = 0
+        self.is_off_map = False
 
     def answer(self, row: Mapping[str, str | None]) -> Answer:
         """Take a row by column names; an empty value is unknown."""
@@ -103,6 +105,7 @@ class GuideFilter:
         followed = self._followed
         if followed is None:
             streets = self._atlas.near(self._utm, x_m, y_m)
+            self.is_off_map = streets is not None and not _is_within(streets, x_m, y_m)
             followed = self._followed = FollowedCell(self._cell or "", self._utm, streets)
         sigma_m = hypot(fix_sigma_m(acc_m, None), TIMING_S * self._speed_mps(t_s, x_m, y_m))
         if level_dbm is not None and self._is_followed(row):
@@ -152,6 +155,11 @@ class GuideFilter:
         radius_m = self._prior.radius_m(0.95)
         best = BestPosition(*degrees_of(self._utm, (x_m, y_m)), round(radius_m, 1))
         return Answer(t_s, best=best, area_m2=round(pi * radius_m**2))
+
+
+def _is_within(streets: StreetMap, x_m: float, y_m: float) -> bool:
+    nearest = streets.nearest(x_m, y_m)
+    return nearest is not None and nearest.away_m <= FARTHEST_M
 
 
 def _level_dbm(row: Mapping[str, str | None]) -> float | None:

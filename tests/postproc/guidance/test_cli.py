@@ -101,3 +101,17 @@ def test_a_file_without_streets_is_one_line(tmp_path):
     assert done.returncode == 2
     assert "has no line" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("lon_deg", "lat_deg", "is_said"),
+    [(13.4, 52.51, False), (13.4, 52.6, True), (52.5, 13.4, True)],
+)
+def test_streets_of_another_town_are_said(tmp_path, lon_deg, lat_deg, is_said):
+    path = tmp_path / "streets.geojson"
+    street = [[lon_deg, lat_deg], [lon_deg + 0.001, lat_deg]]
+    path.write_text(json.dumps({"type": "LineString", "coordinates": street}))
+    rows_of_csv = _csv(line((0.0, 0.0), (40.0, 0.0)))
+    done = _run(HEADER + "".join(rows_of_csv), "--streets", str(path))
+    assert len(done.stdout.splitlines()) == len(rows_of_csv)
+    assert done.stderr.count("no street near the first position") == int(is_said)
