@@ -1,0 +1,46 @@
+"""What the page says first, and where its arrow points: its modules in a real browser."""
+
+import pytest
+
+from tests.kit import page as kit
+from tests.kit import service
+from tests.kit.browser import browser
+from tests.kit.phone import Phone
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def phone(tmp_path_factory):
+    """A phone with the page, of a Pi that records nothing."""
+    folder, port = tmp_path_factory.mktemp("page"), kit.free_port()
+    kit.folders(folder)
+    table = f'[page]\nlisten = "127.0.0.1:{port}"\n'
+    config = service.site_toml(folder, "/dev/a", "/dev/b", table)
+    with browser() as chromium, kit.page_server(folder, config, port) as page:
+        phone = Phone(chromium)
+        phone.open(page)
+        yield phone
+
+
+def test_a_located_cell_is_the_first_thing_said(phone):
+    located = "{verdict: 'located', r95_m: 46.4}"
+    for state, begin in (("recording", "Recording"), ("suspicious", "Recording; a cell is ")):
+        status = f"{{state: '{state}', position: {located}}}"
+        sign, sentence, todo = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")
+        assert sign == state
+        assert sentence.startswith(begin)
+        assert sentence.endswith("; located within 46 m")
+        assert todo == "You may end here."
+
+
+def test_the_arrow_leads_from_where_the_walker_is_now(phone):
+    fix = "fix: {valid: true, lat_deg: 52.5, lon_deg: 13.4}"
+    north_m = "next: {azimuth_deg: 90, distance_m: 250, lat: 52.501, lon: 13.4}"
+    way = phone.result_of("geometry.js", f"m.wayOf({{{fix}, {north_m}}})")
+    assert way["metres"] == pytest.approx(111.0, abs=1.0)
+    assert way["azimuthDeg"] == pytest.approx(0.0, abs=0.1)
+    near = north_m.replace("52.501", "52.5001")
+    assert phone.result_of("geometry.js", f"m.wayOf({{{fix}, {near}}})")["azimuthDeg"] == 90
+    lost = phone.result_of("geometry.js", f"m.wayOf({{fix: null, {north_m}}})")
+    assert lost == {"azimuthDeg": 90, "metres": 250}
