@@ -35,7 +35,7 @@ def test_the_lines_say_what_the_page_shows():
     assert lines[5].endswith("one place, suspicious")
 
 
-def _written(folder, *, age_s=0.0, **changes):
+def _write(folder, *, age_s=0.0, **changes):
     """STATUS as the service wrote it `age_s` ago."""
     shift_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - STATUS.now_ns - int(age_s * 1e9)
     cells = tuple(
@@ -54,7 +54,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(("state", "code"), [("recording", 0), ("no fix", 0), ("error", 1)])
 def test_the_command_prints_text_or_json(folder, capsys, state, code):
-    _written(folder, state=state)
+    _write(folder, state=state)
     assert main(["status"]) == code
     assert capsys.readouterr().out.startswith(state)
     assert main(["status", "--json"]) == code
@@ -63,7 +63,7 @@ def test_the_command_prints_text_or_json(folder, capsys, state, code):
 
 
 def test_a_status_of_a_service_that_hangs_is_an_error(folder, capsys):
-    _written(folder, age_s=20.0)
+    _write(folder, age_s=20.0)
     assert main(["status"]) == 1
     first, before, *others = capsys.readouterr().out.splitlines()
     assert first.startswith("error: the recorder is silent for 20 s")
@@ -91,7 +91,7 @@ def test_watching_goes_on_over_a_restart_of_the_service(folder, monkeypatch, cap
     def restart(_seconds):
         if (folder / "status.json").exists():
             raise KeyboardInterrupt
-        _written(folder)
+        _write(folder)
 
     monkeypatch.setattr("logger.page.cli.time.sleep", restart)
     assert main(["status", "--watch"]) == INTERRUPTED
@@ -103,7 +103,7 @@ def test_watching_goes_on_over_a_restart_of_the_service(folder, monkeypatch, cap
 def test_lines_fit_the_terminal(folder, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
     reason = "two places fit, 109 m apart; on the way about -77 dBm if it is the north-east one"
-    _written(folder, next=NextWay(44.0, 137.0, 52.0, 13.0, 2.0, reason))
+    _write(folder, next=NextWay(44.0, 137.0, 52.0, 13.0, 2.0, reason))
     assert main(["status"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80

@@ -1,6 +1,5 @@
 """The real server: what it gives to the phone and what it refuses to everybody else."""
 
-import asyncio
 import json
 import socket
 import time
@@ -12,8 +11,6 @@ import pytest
 
 from logger.device.status import Status, write_status
 from logger.page.guard import BURST, PER_S, WRITE_BURST, WRITES_PER_S
-from logger.page.handlers import PATIENCE_S
-from logger.page.server import _listen
 from tests.kit import page as kit
 from tests.kit import service
 from tests.kit.runs import records, write_journal
@@ -281,19 +278,6 @@ def test_an_eleventh_phone_is_told_to_come_later(page):
             one.sendall(f"GET /{page.token}/live HTTP/1.1\r\nHost: {page.host}\r\n\r\n".encode())
             assert b"200 OK" in one.recv(100)
         assert page.request("live", source="127.0.0.50")[0] == 503
-
-
-def test_a_phone_that_has_left_does_not_keep_its_connection():
-    async def timeout_ms():
-        listener = await _listen("127.0.0.1", 0, asyncio.Event())
-        with (
-            listener,
-            socket.create_connection(listener.getsockname()),
-            listener.accept()[0] as one,
-        ):
-            return one.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)
-
-    assert asyncio.run(timeout_ms()) == 1000 * PATIENCE_S
 
 
 def test_the_token_is_kept_private_and_stays(page, tmp_path):
