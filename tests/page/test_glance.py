@@ -34,6 +34,15 @@ def test_a_located_cell_is_the_first_thing_said(phone):
         assert todo == "You may end here."
 
 
+def test_what_to_do_is_said_again_only_every_ten_metres(phone):
+    said = set()
+    for metres in range(87, 94):
+        way = f"{{azimuth_deg: 0, distance_m: {metres}, lat: 0, lon: 0}}"
+        status = f"{{state: 'recording', fix: null, next: {way}}}"
+        said.add(phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")[2])
+    assert said == {"Walk 90 m as the arrow shows."}
+
+
 def test_the_arrow_leads_from_where_the_walker_is_now(phone):
     fix = "fix: {valid: true, lat_deg: 52.5, lon_deg: 13.4}"
     north_m = "next: {azimuth_deg: 90, distance_m: 250, lat: 52.501, lon: 13.4}"

@@ -29,10 +29,13 @@ const isLocated = status => status.position?.verdict === 'located';
 
 const place = status => isLocated(status) ? `; located within ${Math.round(status.position.r95_m)} m` : '';
 
+// in steps, since a screen reader says each change of this sentence
+const tens = metres => Math.max(10, 10 * Math.round(metres / 10));
+
 function advice(status) {
   const way = wayOf(status);
-  if (way && isLocated(status)) return `You may end here, or walk ${Math.round(way.metres)} m as the arrow shows.`;
-  if (way) return `Walk ${Math.round(way.metres)} m as the arrow shows.`;
+  if (way && isLocated(status)) return `You may end here, or walk ${tens(way.metres)} m as the arrow shows.`;
+  if (way) return `Walk ${tens(way.metres)} m as the arrow shows.`;
   if (isLocated(status)) return 'You may end here.';
   return 'Walk on; change direction at the next crossing.';
 }
