@@ -30,8 +30,15 @@ def test_a_located_cell_is_the_first_thing_said(phone):
         sign, sentence, todo = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")
         assert sign == state
         assert sentence.startswith(begin)
-        assert sentence.endswith("; located within 46 m")
+        assert sentence.endswith("; located to 46\u00a0m")
         assert todo == "You may end here."
+
+
+def test_places_that_fit_are_counted_at_the_top(phone):
+    modes = "[{probability: 0.6}, {probability: 0.35}, {probability: 0.05}]"
+    status = f"{{state: 'recording', position: {{verdict: 'cannot tell', modes: {modes}}}}}"
+    sentence = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")[1]
+    assert sentence == "Recording; 2 places fit"
 
 
 def test_what_to_do_is_said_again_only_every_ten_metres(phone):

@@ -27,7 +27,13 @@ export function glance(state, silentMs) {
 
 const isLocated = status => status.position?.verdict === 'located';
 
-const place = status => isLocated(status) ? `; located within ${Math.round(status.position.r95_m)} m` : '';
+const LEAST_PLACE = 0.1; // less likely places are not counted
+
+function place(status) {
+  if (isLocated(status)) return `; located to ${Math.round(status.position.r95_m)}\u00a0m`;
+  const likely = (status.position?.modes ?? []).filter(mode => mode.probability >= LEAST_PLACE);
+  return likely.length > 1 ? `; ${likely.length} places fit` : '';
+}
 
 // in steps, since a screen reader says each change of this sentence
 const tens = metres => Math.max(10, 10 * Math.round(metres / 10));
