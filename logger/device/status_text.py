@@ -32,10 +32,12 @@ class Report(NamedTuple):
 def report(folder: Path, *, as_json: bool, columns: int) -> Report:
     """The status of the service now, in lines of so many columns or as JSON.
 
-    Raises OSError without permission.
+    Raises `ConfigError` without permission.
     """
     try:
         status = running_status(folder)
+    except PermissionError:
+        raise ConfigError(f"{folder} belongs to the group cellwalk: use sudo") from None
     except ConfigError as error:
         fields = {"state": "error", "text": str(error)}
         return Report(_json(fields) if as_json else f"error: {error}", is_recorded=False)

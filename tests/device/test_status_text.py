@@ -87,6 +87,15 @@ def test_without_a_status_nothing_is_recorded(folder, capsys, content, reason):
     assert (document["state"], reason in document["text"]) == ("error", True)
 
 
+def test_who_may_not_read_the_status_is_told_so(folder, monkeypatch, capsys):
+    def refuse(_folder):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("logger.device.status_text.read_status", refuse)
+    assert main(["status"]) == 2
+    assert "use sudo" in capsys.readouterr().err
+
+
 def test_watching_goes_on_over_a_restart_of_the_service(folder, monkeypatch, capsys):
     def restart(_seconds):
         if (folder / "status.json").exists():
