@@ -1,5 +1,7 @@
 """What the page says first, and where its arrow points: its modules in a real browser."""
 
+import json
+
 import pytest
 
 from tests.kit import page as kit
@@ -20,6 +22,7 @@ def phone(tmp_path_factory):
     with browser() as chromium, kit.page_server(folder, config, port) as page:
         phone = Phone(chromium)
         phone.open(page)
+        phone.page = page
         yield phone
 
 
@@ -39,6 +42,20 @@ def test_places_that_fit_are_counted_at_the_top(phone):
     status = f"{{state: 'recording', position: {{verdict: 'cannot tell', modes: {modes}}}}}"
     sentence = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")[1]
     assert sentence == "Recording; 2 places fit"
+
+
+def test_a_suspicious_cell_that_is_not_followed_is_one_tap_away(phone):
+    suspicions = "[{cell: '262-01-1-7', word: 'suspicious'}]"
+    for cell, is_hidden in (("262-01-1-9", False), ("262-01-1-7", True), ("262-01-1-9", False)):
+        state = f"{{cell: '{cell}', minute: [], status: {{cells: [], suspicions: {suspicions}}}}}"
+        phone.result_of("finder.js", f"m.showFinder({state})")
+        assert phone.chromium.evaluate("return document.getElementById('suspect').hidden") == (
+            is_hidden
+        )
+    phone.tap("#suspect")
+    service.wait_for(phone.page.requests.exists, 10)
+    asked = json.loads(phone.page.requests.read_text())
+    assert asked == {"do": "follow", "text": "262-01-1-7"}
 
 
 def test_what_to_do_is_said_again_only_every_ten_metres(phone):

@@ -10,6 +10,9 @@ const SPAN_DBM = [-113, -45];
 const byId = id => document.getElementById(id);
 const dbm = value => value == null ? '–' : `${Math.round(value)}`;
 
+let suspect = null;
+
+byId('suspect').addEventListener('click', () => ask('follow', suspect));
 byId('strongest').addEventListener('click', () => ask('follow', 'strongest'));
 
 export function showFinder(state) {
@@ -18,6 +21,9 @@ export function showFinder(state) {
   const ageS = row ? (status.now_ns - row.heard_ns) / 1e9 : 0;
   const isOld = state.isOld || ageS > OLD_S;
   byId('cell').textContent = !cell ? 'no cell yet' : `${cell}${ageS > OLD_S ? `, not heard for ${Math.round(ageS)} s` : ''}`;
+  // the way to go is that of the strongest cell until the walker chooses
+  suspect = status?.suspicions.find(one => one.word === 'suspicious' && one.cell !== cell)?.cell ?? null;
+  byId('suspect').hidden = suspect === null;
   byId('strongest').hidden = !status?.followed;
   byId('level').textContent = row && !isOld ? dbm(row.level_dbm) : '–';
   byId('average').textContent = isOld ? '–' : dbm(row?.average_dbm);
