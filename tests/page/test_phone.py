@@ -26,6 +26,16 @@ FIRST_PAINT_MS, FIRST_PAINT_BYTES = 1500, 300_000
 PAINT_MS = """
 return performance.getEntriesByName('first-contentful-paint').map(e => e.startTime)[0];
 """
+REDDISH = """
+const canvas = document.getElementById('minute'), {width, height} = canvas;
+const {data} = canvas.getContext('2d').getImageData(0, 0, width, height);
+let n = 0;
+for (let i = 0; i < data.length; i += 4) {
+  n += data[i] > 200 && data[i + 1] < 100 && data[i + 3] > 200;
+}
+return n;
+"""
+"""Points of the level in the ink of the night."""
 SENT_BYTES = """
 return performance.getEntriesByType('resource').filter(e => !e.name.endsWith('live'))
   .reduce((n, e) => n + e.transferSize, 0);
@@ -152,6 +162,10 @@ def test_a_phone_out_of_reach_says_so_and_comes_back(recorded_walk, phone):
         _shows_nothing_old(phone)
         opened = partial(_streams_opened, phone)
         service.wait_for(lambda: opened() > 0, 20)  # the old connection may be silent for minutes
+        phone.choose("night")
+        assert phone.chromium.evaluate(REDDISH) > 100
+        phone.choose("light")
+        assert phone.chromium.evaluate(REDDISH) == 0
         page.process.send_signal(18)
         service.wait_for(lambda: phone.sign != "trouble", 20)
         service.stop_service(logger)

@@ -34,12 +34,21 @@ function connect() {
   };
 }
 
+const news = isSilent => ({...latest, isOld: isSilent || latest.silent_s > 0});
+
+/** Canvases keep the colours in which they were drawn. */
+function redraw() {
+  if (latest === null) return;
+  const state = news(performance.now() - heardMs > SILENT_MS);
+  for (const part of [showFinder, showPlan]) part(state);
+}
+
 function show() {
   const silentMs = performance.now() - heardMs;
   const isSilent = silentMs > SILENT_MS;
   showGlance(latest, isSilent ? silentMs : 0);
   if (latest === null) return;
-  const state = {...latest, isOld: isSilent || latest.silent_s > 0};
+  const state = news(isSilent);
   for (const part of [showArrow, showFinder]) part(state);
   if (isSilent) return;
   document.documentElement.dataset.now = latest.status?.now_ns ?? '';
@@ -47,6 +56,8 @@ function show() {
 }
 
 connect();
+document.addEventListener('themechange', redraw);
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
 setInterval(() => {
   const now = performance.now();
   if (now - heardMs > SILENT_MS) show();

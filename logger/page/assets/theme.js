@@ -19,6 +19,7 @@ button.addEventListener('click', () => {
   const name = names[(names.indexOf(root.dataset.theme) + 1) % names.length];
   stored(() => localStorage.setItem('theme', name));
   choose(name);
+  document.dispatchEvent(new Event('themechange'));
 });
 const kept = stored(() => localStorage.getItem('theme'));
 choose(kept in THEMES ? kept : 'auto');
