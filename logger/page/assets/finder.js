@@ -21,7 +21,7 @@ export function showFinder(state) {
   const ageS = row ? (status.now_ns - row.heard_ns) / 1e9 : 0;
   const isOld = state.isOld || ageS > OLD_S;
   byId('cell').textContent = !cell ? 'no cell yet' : `${cell}${ageS > OLD_S ? `, not heard for ${Math.round(ageS)} s` : ''}`;
-  // the way to go is that of the strongest cell until the walker chooses
+  // the way to go may be that of a stronger cell that is not suspicious
   suspect = status?.suspicions.find(one => one.word === 'suspicious' && one.cell !== cell)?.cell ?? null;
   byId('suspect').hidden = suspect === null;
   byId('strongest').hidden = !status?.followed;
