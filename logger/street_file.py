@@ -1,5 +1,6 @@
 """Streets of a file: lines of GeoJSON, or tracks and routes of GPX."""
 
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ def read_lines(path: Path) -> list[Line]:
         raise ConfigError(f"{path}: {error.strerror}") from error
     if content is None:
         raise ConfigError(f"{path} has more than {_MOST_BYTES >> 20} MB: cut out a part of a city")
+    content = content.removeprefix(BOM_UTF8)
     try:
         lines = list(_gpx(content) if content.lstrip().startswith(b"<") else _geojson(content))
         for line in lines:

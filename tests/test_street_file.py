@@ -50,6 +50,17 @@ def test_reads_tracks_and_routes_of_gpx(tmp_path):
 @pytest.mark.parametrize(
     "text",
     [
+        json.dumps({"type": "LineString", "coordinates": LINE}),
+        '<gpx><rte><rtept lat="52.5" lon="13.4"/><rtept lat="52.5" lon="13.41"/></rte></gpx>',
+    ],
+)
+def test_a_byte_order_mark_changes_nothing(tmp_path, text):
+    assert read_lines(_write(tmp_path, "\ufeff" + text)) == [[(52.5, 13.4), (52.5, 13.41)]]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
         "",
         "{",
         "[1, 2]",

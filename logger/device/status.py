@@ -1,6 +1,7 @@
 """The status of the recording, as a JSON file for other programs and `fieldlogger doctor`."""
 
 import os
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +14,8 @@ from logger.device.battery import Battery
 FOLDER = Path("/run/cellwalk")
 """RuntimeDirectory= of the service; systemd removes it with the service."""
 _FILE = "status.json"
+SILENT_S = 3.0
+"""A recorder that has written no status for this long hangs or does not run."""
 
 Sign = Literal["recording", "suspicious", "no fix", "error"]
 
@@ -174,6 +177,12 @@ def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:
     """The folder that systemd made for the service (RuntimeDirectory=), or None."""
     folder = environ.get("RUNTIME_DIRECTORY")
     return Path(folder) if folder else None
+
+
+def silent_s(status: Status) -> float:
+    """For how long the recorder has written no status; 0 while it does so each second."""
+    age_s = (time.clock_gettime_ns(time.CLOCK_BOOTTIME) - status.now_ns) / 1e9
+    return age_s if age_s > SILENT_S else 0.0
 
 
 def write_status(folder: Path, status: Status) -> None:

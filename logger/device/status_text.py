@@ -1,41 +1,88 @@
 """`fieldlogger status`: the status of the running service for a terminal."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from textwrap import wrap
+from typing import NamedTuple
+
+import msgspec
 
 from logger.core.errors import ConfigError
 from logger.core.guidance.next_way import NextWay
-from logger.device.status import FOLDER, CellStatus, PositionStatus, Status, read_status
+from logger.device.status import (
+    FOLDER,
+    CellStatus,
+    PositionStatus,
+    Status,
+    read_status,
+    silent_s,
+)
 
 _MOST_CELLS = 8
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
+class Report(NamedTuple):
+    """What the command prints, and whether the walk is being recorded."""
+
+    text: str
+    is_recorded: bool
+
+
+def report(folder: Path, *, as_json: bool, columns: int) -> Report:
+    """The status of the service now, in lines of so many columns or as JSON.
+
+    Raises `ConfigError` without permission.
+    """
+    try:
+        status = running_status(folder)
+    except PermissionError:
+        raise ConfigError(f"{folder} belongs to the group cellwalk: use sudo") from None
+    except ConfigError as error:
+        fields = {"state": "error", "text": str(error)}
+        return Report(_json(fields) if as_json else f"error: {error}", is_recorded=False)
+    age_s = silent_s(status)
+    is_recorded = status.state != "error" and not age_s
+    if as_json:
+        return Report(
+            _json(msgspec.structs.asdict(status) | {"silent_s": round(age_s, 1)}), is_recorded
+        )
+    lines = [part for line in status_lines(status, age_s) for part in _parts(line, columns)]
+    return Report("\n".join(lines), is_recorded)
+
+
 def running_status(folder: Path = FOLDER) -> Status:
     """The status of the service; raises `ConfigError` without one, OSError without permission."""
     status = read_status(folder)
-    if status is None:
-        raise ConfigError("no service is recording: sudo systemctl start fieldlogger")
-    return status
+    if status is not None:
+        return status
+    if any(folder.glob("status.json")):
+        raise ConfigError("status.json is damaged: sudo systemctl restart fieldlogger")
+    raise ConfigError("no service is recording: sudo systemctl start fieldlogger")
 
 
-def status_lines(status: Status) -> Iterator[str]:
-    """What the page on the phone says, in lines of at most 100 characters."""
-    yield f"{status.state}: {status.text}"
+def status_lines(status: Status, age_s: float = 0.0) -> Iterator[str]:
+    """What the page on the phone says; of a status that is `age_s` old where it is silent."""
+    if age_s:
+        yield f"error: the recorder is silent for {age_s:.0f} s (journalctl -u fieldlogger)"
+        yield f"before that {status.state}: {status.text}"
+    else:
+        yield f"{status.state}: {status.text}"
     if status.synced_ns is not None:
-        yield f"durable {(status.now_ns - status.synced_ns) / 1e9:.1f} s ago in {status.run}"
+        durable_s = (status.now_ns - status.synced_ns) / 1e9 + age_s
+        yield f"durable {durable_s:.1f} s ago in {status.run}"
     if (fix := status.fix) is not None:
         used = "?" if fix.sats_used is None else fix.sats_used
         place = f"{fix.lat_deg:.5f} {fix.lon_deg:.5f}" if fix.lat_deg is not None else "no position"
         yield f"position: {place}, {used} satellites"
     if status.battery is not None:
         yield f"battery {status.battery}"
-    if status.next is not None:
+    if status.next is not None and not age_s:  # the walker has gone on since
         yield next_line(status.next)
     if status.position is not None:
         yield position_line(status.position)
     for row in status.cells[:_MOST_CELLS]:
-        yield cell_line(row, status)
+        yield cell_line(row, status, age_s)
 
 
 def next_line(way: NextWay) -> str:
@@ -52,11 +99,22 @@ def position_line(position: PositionStatus) -> str:
     return f"{position.cell}: {position.verdict}, {place}"
 
 
-def cell_line(row: CellStatus, status: Status) -> str:
+def cell_line(row: CellStatus, status: Status, age_s: float = 0.0) -> str:
     """One cell: what it is, how loud, and what is odd about it."""
     mark = "*" if row.cell == status.followed else "+" if row.is_serving else " "
     trend = "" if row.trend_db is None else f" {row.trend_db:+.0f} dB"
-    age_s = (status.now_ns - row.heard_ns) / 1e9
+    heard_s = (status.now_ns - row.heard_ns) / 1e9 + age_s
     words = ", ".join(text for text in (row.verdict, row.word) if text)
     level = "?" if row.level_dbm is None else f"{row.level_dbm:.0f}"
-    return f"{mark} {row.cell:24} {level:>5} dBm{trend:8} {age_s:5.0f} s  {words}".rstrip()
+    return f"{mark} {row.cell:24} {level:>5} dBm{trend:8} {heard_s:5.0f} s  {words}".rstrip()
+
+
+def _parts(line: str, columns: int) -> list[str]:
+    """A line as so many as the terminal needs; words and names of cells stay whole."""
+    return wrap(
+        line, columns, subsequent_indent="    ", break_on_hyphens=False, break_long_words=False
+    )
+
+
+def _json(fields: Mapping[str, object]) -> str:
+    return msgspec.json.encode(fields).decode()

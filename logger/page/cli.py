@@ -1,6 +1,7 @@
 """`fieldlogger page` and `fieldlogger status`: the running service on a phone and in a terminal."""
 
 import os
+import shutil
 import sys
 import time
 from pathlib import Path
@@ -10,6 +11,8 @@ import click
 from logger.command_line import PATH, SITE_TOML, json_option
 
 _CLEAR = b"\x1b[H\x1b[2J"
+MOST_COLUMNS = 100
+"""Longer lines are hard to read."""
 
 
 @click.command
@@ -20,20 +23,18 @@ def status(*, watch: bool, as_json: bool) -> int:
 
     The exit code is 1 while the walk is not being recorded.
     """
-    import msgspec
-
     from logger.device.status import FOLDER, status_folder
-    from logger.device.status_text import running_status, status_lines
+    from logger.device.status_text import report
 
     while True:
-        found = running_status(status_folder() or FOLDER)
+        columns = min(shutil.get_terminal_size().columns, MOST_COLUMNS)
+        found = report(status_folder() or FOLDER, as_json=as_json, columns=columns)
         if watch and sys.stdout.isatty():
             sys.stdout.flush()
             os.write(1, _CLEAR)  # past the filter of control characters, which is for others' text
-        text = msgspec.json.encode(found).decode() if as_json else "\n".join(status_lines(found))
-        print(text, flush=True)
+        print(found.text, flush=True)
         if not watch:
-            return int(found.state == "error")
+            return int(not found.is_recorded)
         time.sleep(1.0)
 
 

@@ -9,15 +9,13 @@ import msgspec
 
 from logger.core.runfile.run_names import JOURNAL
 from logger.device.machine import Machine, machine
-from logger.device.status import Status, read_status
+from logger.device.status import SILENT_S, Status, read_status
 from logger.page.journal_tail import JournalTail
 from logger.page.walk import TABLES, Walk
 
 LOOK_S = 0.1
 BEAT_S = 1.0
 """Without anything new the phone hears this often that the page is there."""
-SILENT_S = 3.0
-"""A recorder that has written no status for this long hangs or does not run."""
 MACHINE_S = 5.0
 
 

@@ -101,7 +101,7 @@ class Guarded(RequestHandler):
         if not self.path_args or not is_token(self.path_args[0] or "", site.token):
             return HTTPStatus.FORBIDDEN
         origin = request.headers.get("Origin")
-        if (origin is None and writes) or (origin and origin not in self._origins()):
+        if writes if origin is None else origin not in self._origins():
             return HTTPStatus.FORBIDDEN
         return None
 

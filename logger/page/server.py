@@ -19,6 +19,7 @@ from logger.page.assets import assets
 from logger.page.feed import Feed
 from logger.page.guard import Limits, host_names
 from logger.page.handlers import (
+    PATIENCE_S,
     AssetHandler,
     LiveHandler,
     MapHandler,
@@ -44,6 +45,7 @@ HEADER_BYTES = 8192
 BODY_BYTES = 1024
 HEADER_S = 10.0
 """Time for a whole request, and that a connection may be idle."""
+_PATIENCE_MS = int(PATIENCE_S * 1000)
 BIND_AGAIN_S = 2.0
 """The hotspot may come up after this program."""
 
@@ -143,6 +145,8 @@ async def _listen(address: str, port: int, ended: asyncio.Event) -> socket.socke
                 raise ConfigError(f"[page] listen {address}:{port}: {error.strerror}") from error
         else:
             listener.setblocking(False)
+            # a phone that left the Wi-Fi would keep its connection for a quarter of an hour
+            listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _PATIENCE_MS)
             return listener
         if not has_complained:
             has_complained = True

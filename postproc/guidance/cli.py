@@ -42,25 +42,48 @@ def guide(cell: str | None, streets: Path | None, prior: "Prior") -> None:
 
     lines = () if streets is None else read_lines(streets)
     answers = GuideFilter(prior, cell, lines)
+    was_off_map = False
     for row in _rows(needs_cell=cell is not None):
         print(msgspec.json.encode(answers.answer(row)).decode(), flush=True)
+        if answers.is_off_map and not was_off_map:
+            was_off_map = True
+            _say(f"{streets} has no street near the first position, so it is not used")
+    if answers.levels == 0:
+        _say(f"no row had a level{'' if cell is None else f' of {cell}'} with a position")
+
+
+def _say(text: str) -> None:
+    """On stderr, since stdout has one line for each row."""
+    from logger.core.printable import printable
+
+    print(f"postproc: {printable(text)}", file=sys.stderr, flush=True)
 
 
 def _rows(*, needs_cell: bool) -> Iterator[dict[str, str | None]]:
+    """Rows by the names of the header, each as soon as its line is complete."""
     from postproc.guidance.filter import COLUMNS
 
-    # csv reads ahead of an iterator; readline returns a row as soon as it is complete
-    reader = csv.reader(iter(sys.stdin.readline, ""))
-    try:
-        names = [name.strip().lower() for name in next(reader, [])]
+    # Spreadsheets begin with a byte order mark; bytes that are no text are an error of one row
+    with open(0, encoding="utf-8-sig", errors="replace", closefd=False) as file:
+        lines = iter(file.readline, "")
+        names = [name.strip().lower() for name in _values(next(lines, ""))]
         missing = [name for name in (*COLUMNS, *["cell"][:needs_cell]) if name not in names]
         if missing:
             raise click.UsageError(f"the header line has no column {', '.join(missing)}")
-        for values in reader:
+        for name in (*COLUMNS, "cell", "acc_m", "rat"):
+            if names.count(name) > 1:
+                raise click.UsageError(f"the header line names {name} twice")
+        for values in map(_values, lines):
             if values:
                 yield dict(zip(names, [*values, *[None] * len(names)], strict=False))
-    except csv.Error as error:
-        raise click.UsageError(f"the standard input is no CSV: {error}") from error
+
+
+def _values(line: str) -> list[str]:
+    """The fields of one line: a quotation mark that is never closed must not swallow the next."""
+    try:
+        return next(csv.reader([line]), [])
+    except csv.Error:  # a field of more than 128 KiB
+        return line.split(",")
 
 
 @click.command("next")

@@ -11,7 +11,8 @@ from logger.core.geo import Utm
 from logger.core.guidance.followed_cell import FollowedCell
 from logger.core.guidance.map_form import BestPosition, best_position, degrees_of, next_way
 from logger.core.guidance.next_way import NextWay
-from logger.core.guidance.street_atlas import Line, StreetAtlas
+from logger.core.guidance.street_atlas import FARTHEST_M, Line, StreetAtlas
+from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
 from logger.core.model.prior import Prior
 from logger.core.track import TIMING_S, fix_sigma_m
@@ -26,7 +27,9 @@ _LEVELS_DBM = (-200.0, 50.0)
 _FASTEST_MPS = 40.0
 """Faster than this two rows belong to different walks, or a time is wrong."""
 _FARTHEST_M = 100_000.0
-"""Nobody walks so far: a receiver without a fix may print 0, 0."""
+"""Nobody walks so far, and a position that is less accurate is none."""
+_NO_FIX_DEG = (0.0, 0.0)
+"""What receivers print without a fix; it is in the Gulf of Guinea, where nobody walks."""
 _RAT = "GSM"
 """Technology of rows that name none: its scale ends at -110 and -47 dBm."""
 
@@ -52,7 +55,7 @@ class GuideFilter:
 
     `cell` is the cell to follow, by default the first that a row names: rows of others are
     positions only. `lines` are the streets, if a map is known. `locator` has the posterior behind
-    the answers.
+    the answers, from `levels` rows; `is_off_map` says that the streets are those of another town.
     """
 
     def __init__(self, prior: Prior, cell: str | None = None, lines: Sequence[Line] = ()) -> None:
@@ -63,7 +66,8 @@ class GuideFilter:
         self._followed: FollowedCell | None = None
         self._last: tuple[float, float, float] | None = None
         self._strongest: tuple[float, float, float] | None = None
-        self._levels = 0
+        self.levels = 0
+        self.is_off_map = False
 
     def answer(self, row: Mapping[str, str | None]) -> Answer:
         """Take a row by column names; an empty value is unknown."""
@@ -72,9 +76,7 @@ class GuideFilter:
             t_s = _number(row, "t_s")
             lat_deg, lon_deg = _number(row, "lat"), _number(row, "lon")
             level_dbm = _level_dbm(row)
-            acc_m = _number(row, "acc_m")
-            if acc_m is not None and acc_m < 0.0:
-                raise ValueError(f"acc_m {acc_m:g} is negative")  # noqa: TRY301
+            acc_m = _acc_m(row)
             if lat_deg is not None and lon_deg is not None:
                 self._take(t_s, lat_deg, lon_deg, acc_m, level_dbm, row)
         except (ValueError, GeoError) as error:
@@ -91,6 +93,8 @@ class GuideFilter:
         level_dbm: float | None,
         row: Mapping[str, str | None],
     ) -> None:
+        if (lat_deg, lon_deg) == _NO_FIX_DEG:
+            raise ValueError("lat 0, lon 0 is no position: the receiver has no fix")
         if self._utm is None:
             self._utm = Utm.at(lat_deg, lon_deg)
             self._start_m = self._utm.to_xy(lat_deg, lon_deg)
@@ -101,19 +105,20 @@ class GuideFilter:
         followed = self._followed
         if followed is None:
             streets = self._atlas.near(self._utm, x_m, y_m)
+            self.is_off_map = streets is not None and not _is_within(streets, x_m, y_m)
             followed = self._followed = FollowedCell(self._cell or "", self._utm, streets)
         sigma_m = hypot(fix_sigma_m(acc_m, None), TIMING_S * self._speed_mps(t_s, x_m, y_m))
         if level_dbm is not None and self._is_followed(row):
-            self._levels += 1
+            self.levels += 1
             self._strongest = max(filter(None, [self._strongest, (level_dbm, x_m, y_m)]))
-            limit = limit_of(level_dbm, row.get("rat") or _RAT)
+            limit = limit_of(level_dbm, _text(row, "rat") or _RAT)
             self.locator.add(x_m, y_m, sigma_m, level_dbm, limit)
             if self.locator.stale > 1.0:
                 self.locator.search()
         followed.update(x_m, y_m, self.locator)
 
     def _is_followed(self, row: Mapping[str, str | None]) -> bool:
-        name = row.get("cell") or None
+        name = _text(row, "cell") or None
         self._cell = self._cell or name
         return name == self._cell
 
@@ -129,7 +134,7 @@ class GuideFilter:
 
     def _answer_after_fix(self, t_s: float | None) -> Answer:
         followed, utm = self._followed, self._utm
-        if self._levels < _FEWEST_LEVELS:
+        if self.levels < _FEWEST_LEVELS:
             return Answer(t_s)
         if followed is None or utm is None or followed.position is None:
             return self._before_position(t_s)
@@ -152,6 +157,11 @@ class GuideFilter:
         return Answer(t_s, best=best, area_m2=round(pi * radius_m**2))
 
 
+def _is_within(streets: StreetMap, x_m: float, y_m: float) -> bool:
+    nearest = streets.nearest(x_m, y_m)
+    return nearest is not None and nearest.away_m <= FARTHEST_M
+
+
 def _level_dbm(row: Mapping[str, str | None]) -> float | None:
     level_dbm = _number(row, "rssi_dbm")
     low_dbm, high_dbm = _LEVELS_DBM
@@ -160,15 +170,26 @@ def _level_dbm(row: Mapping[str, str | None]) -> float | None:
     return level_dbm
 
 
+def _acc_m(row: Mapping[str, str | None]) -> float | None:
+    acc_m = _number(row, "acc_m")
+    if acc_m is not None and not 0.0 <= acc_m <= _FARTHEST_M:
+        raise ValueError(f"acc_m {acc_m:g} is not from 0 to {_FARTHEST_M:g} m")
+    return acc_m
+
+
+def _text(row: Mapping[str, str | None], name: str) -> str:
+    return (row.get(name) or "").strip()
+
+
 def _number(row: Mapping[str, str | None], name: str) -> float | None:
     """A number, None where the column is empty; raises ValueError with a reason."""
-    text = (row.get(name) or "").strip()
+    text = _text(row, name)
     if not text:
         return None
     try:
         value = float(text)
     except ValueError:
         raise ValueError(f"{name} {text[:40]!r} is not a number") from None
-    if not isfinite(value):
+    if not isfinite(value) or "_" in text:  # Python reads 1_0 as 10
         raise ValueError(f"{name} {text[:40]!r} is not a number")
     return value

@@ -18,8 +18,9 @@ from postproc.terminal import print_text, screen, table
 OPTIMISTIC = (
     "The radii after a route are what the model promises. They are optimistic; trust their order."
 )
-_MAP_M, _GRID = 600.0, 41
-"""Half the side of the map, and points of each side that the information is computed for."""
+_LEAST_MAP_M, _MARGIN_M, _GRID = 600.0, 100.0, 41
+"""Half the side of the map at least, what it shows beyond the best route, and points of each side
+that the information is computed for."""
 
 
 def print_next_walk(walk: NextWalk) -> None:
@@ -87,8 +88,10 @@ def draw_map(walk: NextWalk, target: Path) -> None:
 
     figure = figure_of_size(7.0, 6.4)
     axes = figure.add_subplot()
-    east_m, north_m, nats = _information(walk)
     start = np.array(walk.start_m)
+    route_m = walk.routes[0].route.corner_m - start
+    half_m = max(_LEAST_MAP_M, float(np.max(np.abs(route_m))) + _MARGIN_M)
+    east_m, north_m, nats = _information(walk, half_m)
     mesh = axes.pcolormesh(east_m, north_m, nats, shading="auto", cmap="viridis")
     figure.colorbar(mesh, label="nats that one reading would say")
     squares = walk.posterior.squares
@@ -96,20 +99,21 @@ def draw_map(walk: NextWalk, target: Path) -> None:
     axes.plot(squares.x_m[chosen] - start[0], squares.y_m[chosen] - start[1], "s", color="white",
               markersize=2.0, alpha=0.6, label="95 % region")  # fmt: skip
     axes.plot(*(walk.walked_m - start).T, color="black", linewidth=1.0, label="walked")
-    axes.plot(*(walk.routes[0].route.corner_m - start).T, color="red", label="best route")
-    axes.set_xlim(-_MAP_M, _MAP_M)
-    axes.set_ylim(-_MAP_M, _MAP_M)
+    axes.plot(*route_m.T, color="red", label="best route")
+    axes.plot(0.0, 0.0, "o", color="red", label="start")
+    axes.set_xlim(-half_m, half_m)
+    axes.set_ylim(-half_m, half_m)
     axes.set_aspect("equal")
     axes.set_xlabel("east of the start, m")
     axes.set_ylabel("north of the start, m")
     axes.set_title(f"{walk.cell}: where to walk next")
-    axes.legend(loc="upper right")
+    axes.legend(loc="upper right", facecolor="0.75")  # the region is white
     save_figure(figure, target)
 
 
-def _information(walk: NextWalk) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _information(walk: NextWalk, half_m: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """1/2 ln(1 + Var mu / N) of one reading on a grid around the start."""
-    at_m = np.linspace(-_MAP_M, _MAP_M, _GRID)
+    at_m = np.linspace(-half_m, half_m, _GRID)
     east_m, north_m = np.meshgrid(at_m, at_m)
     nats = np.empty_like(east_m)
     for row in range(_GRID):

@@ -6,6 +6,7 @@ optimistic, their order is what counts.
 """
 
 from collections.abc import Sequence
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import ConfigError
 from logger.core.geo import Utm
+from logger.core.guidance.advice import first_turn
 from logger.core.guidance.clusters import Cluster, clusters
 from logger.core.guidance.forecast import Forecast, Forecaster
 from logger.core.guidance.planner import Course, Plan, plans
@@ -37,6 +39,8 @@ _EFFORT = Effort(most_squares=1500, split_share=0.005, nodes=3, most_blocks=150)
 """Where to walk changes little with finer squares."""
 _LOOP_M = (120.0, 300.0)
 """Sides of squares around a place, walked where no street map is known."""
+_FARTHEST_M = 20_000.0
+"""Half an hour by car from the walk; a start beyond has latitude and longitude exchanged."""
 _DRAWS = 40
 """True positions that the radius after a route is predicted for."""
 
@@ -80,9 +84,7 @@ def next_walk(
     task = prepare(obs, prior, _EFFORT)
     tree = search(task)
     posterior = summarise(task, tree)
-    start_m = (float(everywhere.x_m[-1]), float(everywhere.y_m[-1]))
-    if start_deg is not None:
-        start_m = obs.utm.to_xy(*start_deg)
+    start_m = _start_m(everywhere, start_deg)
     mixed = tree.mixture(task.walk.prior)
     places = clusters(tree.squares, mixed.probability, start_m)
     routes = _routes(obs.utm, start_m, places, lines)
@@ -90,7 +92,7 @@ def next_walk(
     forecaster = Forecaster(sample, task.walk.blocks, task.walk.prior)
     course = Course(None, np.zeros((0, 2)))
     best, *others = plans(forecaster, routes, course, has_map=True)
-    distance_m = best.route.length_m
+    distance_m = float(np.hypot(*(first_turn(best.route) - best.route.corner_m[0])))
     return NextWalk(
         obs.cell,
         obs.utm,
@@ -102,6 +104,20 @@ def next_walk(
         forecaster,
         np.stack([everywhere.x_m, everywhere.y_m], axis=1),
     )
+
+
+def _start_m(obs: CellObservations, start_deg: tuple[float, float] | None) -> tuple[float, float]:
+    """Where the next walk begins; raises `ConfigError` for a place that is nowhere near."""
+    end_m = (float(obs.x_m[-1]), float(obs.y_m[-1]))
+    if start_deg is None:
+        return end_m
+    start_m = obs.utm.to_xy(*start_deg)
+    away_m = hypot(start_m[0] - end_m[0], start_m[1] - end_m[1])
+    if not away_m <= _FARTHEST_M:
+        raise ConfigError(
+            f"--from is {away_m / 1000.0:.0f} km from the end of the walk; latitude comes first"
+        )
+    return start_m
 
 
 def _routes(

@@ -1,8 +1,11 @@
 import json
+import time
 
+import msgspec
 import pytest
 
 from logger.cli import main
+from logger.command_line import INTERRUPTED
 from logger.core.guidance.next_way import NextWay
 from logger.device.status import CellStatus, PositionStatus, Status, write_status
 from logger.device.status_text import status_lines
@@ -32,14 +35,85 @@ def test_the_lines_say_what_the_page_shows():
     assert lines[5].endswith("one place, suspicious")
 
 
-@pytest.mark.parametrize(("state", "code"), [("recording", 0), ("error", 1)])
-def test_the_command_prints_text_or_json(tmp_path, monkeypatch, capsys, state, code):
+def _write(folder, *, age_s=0.0, **changes):
+    """STATUS as the service wrote it `age_s` ago."""
+    shift_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - STATUS.now_ns - int(age_s * 1e9)
+    cells = tuple(
+        msgspec.structs.replace(row, heard_ns=row.heard_ns + shift_ns) for row in STATUS.cells
+    )
+    now_ns, synced_ns = STATUS.now_ns + shift_ns, STATUS.synced_ns + shift_ns
+    changes = {"now_ns": now_ns, "synced_ns": synced_ns, "cells": cells} | changes
+    write_status(folder, msgspec.structs.replace(STATUS, **changes))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
-    assert main(["status"]) == 2
-    assert "no service is recording" in capsys.readouterr().err
-    fields = {name: getattr(STATUS, name) for name in STATUS.__struct_fields__}
-    write_status(tmp_path, Status(**fields | {"state": state}))
+    return tmp_path
+
+
+@pytest.mark.parametrize(("state", "code"), [("recording", 0), ("no fix", 0), ("error", 1)])
+def test_the_command_prints_text_or_json(folder, capsys, state, code):
+    _write(folder, state=state)
     assert main(["status"]) == code
     assert capsys.readouterr().out.startswith(state)
     assert main(["status", "--json"]) == code
-    assert json.loads(capsys.readouterr().out)["next"]["distance_m"] == 137.0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["next"]["distance_m"], document["silent_s"]) == (137.0, 0.0)
+
+
+def test_a_status_of_a_service_that_hangs_is_an_error(folder, capsys):
+    _write(folder, age_s=20.0)
+    assert main(["status"]) == 1
+    first, before, *others = capsys.readouterr().out.splitlines()
+    assert first.startswith("error: the recorder is silent for 20 s")
+    assert before == "before that recording: 9 s"
+    assert not any(line.startswith("go:") for line in others)
+    assert "21 s" in others[-2]
+    assert main(["status", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["silent_s"] == pytest.approx(20.0, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"), [(None, "no service is recording"), ("{}", "damaged"), ("x", "damaged")]
+)
+def test_without_a_status_nothing_is_recorded(folder, capsys, content, reason):
+    if content is not None:
+        (folder / "status.json").write_text(content)
+    assert main(["status"]) == 1
+    assert reason in capsys.readouterr().out
+    assert main(["status", "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert (document["state"], reason in document["text"]) == ("error", True)
+
+
+def test_who_may_not_read_the_status_is_told_so(folder, monkeypatch, capsys):
+    def refuse(_folder):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("logger.device.status_text.read_status", refuse)
+    assert main(["status"]) == 2
+    assert "use sudo" in capsys.readouterr().err
+
+
+def test_watching_goes_on_over_a_restart_of_the_service(folder, monkeypatch, capsys):
+    def restart(_seconds):
+        if (folder / "status.json").exists():
+            raise KeyboardInterrupt
+        _write(folder)
+
+    monkeypatch.setattr("logger.page.cli.time.sleep", restart)
+    assert main(["status", "--watch"]) == INTERRUPTED
+    first, second, *_ = capsys.readouterr().out.splitlines()
+    assert "no service is recording" in first
+    assert second == "recording: 9 s"
+
+
+def test_lines_fit_the_terminal(folder, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    reason = "two places fit, 109 m apart; on the way about -77 dBm if it is the north-east one"
+    _write(folder, next=NextWay(44.0, 137.0, 52.0, 13.0, 2.0, reason))
+    assert main(["status"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert reason in " ".join(line.strip() for line in lines)

@@ -1,10 +1,13 @@
 """Where the page listens: at one address of the Pi, or nowhere."""
 
+import asyncio
 import socket
 import subprocess
 
 import pytest
 
+from logger.page.handlers import PATIENCE_S
+from logger.page.server import _listen
 from tests.kit import page as kit
 from tests.kit import service
 
@@ -27,3 +30,16 @@ def test_an_address_that_would_serve_every_network_is_an_error(tmp_path, listen)
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
     assert "is not one address of the Pi" in done.stderr
+
+
+def test_a_phone_that_has_left_does_not_keep_its_connection():
+    async def timeout_ms():
+        listener = await _listen("127.0.0.1", 0, asyncio.Event())
+        with (
+            listener,
+            socket.create_connection(listener.getsockname()),
+            listener.accept()[0] as one,
+        ):
+            return one.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)
+
+    assert asyncio.run(timeout_ms()) == 1000 * PATIENCE_S

@@ -3,6 +3,7 @@
 import json
 import os
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -14,70 +15,33 @@ from postproc.replay import replay
 from tests.kit import page as kit
 from tests.kit import service, vector_tiles
 from tests.kit.browser import axe_core, browser
+from tests.kit.phone import Phone
 from tests.kit.screenshots import count_pixels
 
 pytestmark = pytest.mark.slow
 
-PHONE_PX = 390
 SLOWER = 4
 """What Chromium's tools take for the processor of a mid-range phone."""
 FIRST_PAINT_MS, FIRST_PAINT_BYTES = 1500, 300_000
 PAINT_MS = """
 return performance.getEntriesByName('first-contentful-paint').map(e => e.startTime)[0];
 """
+REDDISH = """
+const canvas = document.getElementById('minute'), {width, height} = canvas;
+const {data} = canvas.getContext('2d').getImageData(0, 0, width, height);
+let n = 0;
+for (let i = 0; i < data.length; i += 4) {
+  n += data[i] > 200 && data[i + 1] < 100 && data[i + 3] > 200;
+}
+return n;
+"""
+"""Points of the level in the ink of the night."""
 SENT_BYTES = """
 return performance.getEntriesByType('resource').filter(e => !e.name.endsWith('live'))
   .reduce((n, e) => n + e.transferSize, 0);
 """
 SLOW = {"latency": 150, "downloadThroughput": 200_000, "uploadThroughput": 90_000}
 """Bytes/s of a phone at the edge of a Wi-Fi; twice what Chromium's tools call "Slow 4G"."""
-
-
-class Address(str):
-    """A URL in place of a path."""
-
-    __slots__ = ()
-
-    def as_uri(self):
-        return str(self)
-
-
-class Phone:
-    """The page on a screen of a phone."""
-
-    def __init__(self, chromium) -> None:
-        self.chromium, self.driver = chromium, chromium._driver
-
-    def open(self, page, *, dark=False):
-        self.chromium.open(Address(page.address), width=PHONE_PX, dark=dark)
-
-    def text(self, name):
-        return self.chromium.evaluate(f"return document.getElementById('{name}').textContent")
-
-    @property
-    def sign(self):
-        return self.chromium.evaluate("return document.getElementById('glance').dataset.sign")
-
-    def tap(self, selector):
-        self.chromium.evaluate(f"document.querySelector({json.dumps(selector)}).click()")
-
-    def choose(self, theme):
-        service.wait_for(lambda: self._theme_is(theme), 20)
-
-    def _theme_is(self, theme):
-        if theme in self.text("theme"):
-            return True
-        self.tap("#theme")
-        return False
-
-    def slow_down(self, times):
-        """Let the browser's processor be so many times slower."""
-        self.driver.execute_cdp_cmd("Emulation.setCPUThrottlingRate", {"rate": times})
-
-    def network(self, **conditions):
-        self.driver.execute_cdp_cmd("Network.enable", {})
-        known = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
-        self.driver.execute_cdp_cmd("Network.emulateNetworkConditions", known | conditions)
 
 
 @pytest.fixture(scope="module")
@@ -121,6 +85,7 @@ def test_the_page_shows_the_walk_and_calls_nobody_else(recorded_walk, phone, tmp
         assert phone.chromium.console_messages() == []
         time.sleep(2.0)
         service.stop_service(logger)
+    service.wait_for(lambda: "run-000001.h5" in phone.text("runs"), 40)
     (run,) = (read_run(path) for path in (tmp_path / "runs").glob("*.h5"))
     notes = [(row["code"], row["text"].decode()) for row in run.tables["notes"]]
     assert (b"mark", "a door") in notes
@@ -167,10 +132,24 @@ def test_a_restart_of_the_service_is_trouble_and_then_another_run(recorded_walk,
         logger.wait()
         service.wait_for(lambda: phone.sign == "trouble", 20)
         assert "silent" in phone.text("state")
+        _shows_nothing_old(phone)
     with start() as logger:
         service.wait_for(lambda: phone.sign in {"recording", "suspicious"}, 60)
         service.wait_for(lambda: "000002" in phone.text("counters"), 20)
         service.stop_service(logger)
+
+
+def _shows_nothing_old(phone):
+    """Neither arrow nor level look as if they were of now."""
+    assert (phone.text("metres"), phone.text("level"), phone.text("trend")) == ("–", "–", "")
+    assert phone.chromium.evaluate(
+        "return document.getElementById('needle').hasAttribute('hidden')"
+    )
+
+
+def _streams_opened(phone):
+    """Connections for news since the last call."""
+    return sum(url.endswith("/live") for url in phone.chromium.requested_urls())
 
 
 def test_a_phone_out_of_reach_says_so_and_comes_back(recorded_walk, phone):
@@ -180,6 +159,13 @@ def test_a_phone_out_of_reach_says_so_and_comes_back(recorded_walk, phone):
         service.wait_for(_hears(phone), 60)
         page.process.send_signal(19)  # SIGSTOP: as if the Wi-Fi were gone
         service.wait_for(lambda: "No contact" in phone.text("state"), 20)
+        _shows_nothing_old(phone)
+        opened = partial(_streams_opened, phone)
+        service.wait_for(lambda: opened() > 0, 20)  # the old connection may be silent for minutes
+        phone.choose("night")
+        assert phone.chromium.evaluate(REDDISH) > 100
+        phone.choose("light")
+        assert phone.chromium.evaluate(REDDISH) == 0
         page.process.send_signal(18)
         service.wait_for(lambda: phone.sign != "trouble", 20)
         service.stop_service(logger)

@@ -123,6 +123,7 @@ def test_strangers_and_other_paths_are_refused(shared_server, path, headers, cod
         ({"Origin": "http://evil.example"}, b'"x"', 403),
         ({"Origin": "null"}, b'"x"', 403),
         ({"Content-Type": "text/plain"}, b'"x"', 415),
+        ({"Origin": ""}, b'"x"', 403),
         ({}, b"x", 400),
         ({}, b'{"a":1}', 400),
         ({}, b'"%s"' % (b"x" * 121), 400),

@@ -101,7 +101,7 @@ class Guide:
             self.advice = None
             return
         first = best.route.corner_m[0]
-        target = _first_turn(best.route)
+        target = first_turn(best.route)
         distance_m = float(np.hypot(*(target - first)))
         text = sentence(best, sample, places, course.azimuth_deg, distance_m, task.mean_dbm)
         if says_little:  # the position is open, so the search has to go on
@@ -131,7 +131,7 @@ def _near_place(
     return np.asarray(around, np.bool_) if is_likely else None
 
 
-def _first_turn(route: Route) -> FloatArray:
+def first_turn(route: Route) -> FloatArray:
     """The corner at which the walker leaves the first direction, or the end."""
     corner = route.corner_m
     first = azimuth_deg(corner[0].tolist(), corner[1].tolist())

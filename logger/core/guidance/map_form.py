@@ -1,6 +1,6 @@
 """Position and advice in degrees."""
 
-from math import atan2, cos, degrees, hypot, radians
+from math import atan2, cos, degrees, hypot, radians, remainder
 
 import msgspec
 
@@ -45,7 +45,8 @@ def true_azimuth_deg(utm: Utm, from_m: Point, to_m: Point) -> float:
     """
     lat_deg, lon_deg = utm.to_latlon(*from_m)
     to_lat_deg, to_lon_deg = utm.to_latlon(*to_m)
-    east = (to_lon_deg - lon_deg) * cos(radians(0.5 * (lat_deg + to_lat_deg)))
+    east_deg = remainder(to_lon_deg - lon_deg, 360.0)  # 180 and -180 are one meridian
+    east = east_deg * cos(radians(0.5 * (lat_deg + to_lat_deg)))
     return round(degrees(atan2(east, to_lat_deg - lat_deg)) % 360.0, 1) % 360.0
 
 

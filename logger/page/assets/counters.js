@@ -2,7 +2,11 @@
 
 const byId = id => document.getElementById(id);
 const LOW_BYTES = 1e9;
+// a run is closed some time after the next one has begun, or the service has stopped
+const RUNS_MS = 15000;
 let shownRun = null;
+let askedMs = 0;
+let shownRuns = '';
 
 function counters({status, machine, silent_s: silentS}) {
   const fix = status?.fix;
@@ -43,11 +47,15 @@ export function showCounters(state) {
 
 export async function showRuns({status}) {
   const run = status?.run ?? '';
-  if (run === shownRun) return;
+  if (run === shownRun && performance.now() - askedMs < RUNS_MS) return;
   shownRun = run;
+  askedMs = performance.now();
   const reply = await fetch('runs').catch(() => null);
   if (!reply?.ok) { shownRun = null; return; }
-  const links = (await reply.json()).map(([name, bytes]) => {
+  const text = await reply.text();
+  if (text === shownRuns) return; // a link that is made anew loses its tap
+  shownRuns = text;
+  const links = JSON.parse(text).map(([name, bytes]) => {
     const link = document.createElement('a');
     link.href = `runs/${name}`;
     link.download = name;

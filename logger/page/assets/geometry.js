@@ -3,6 +3,7 @@
 export const METRES_PER_DEG = 111320;
 const MOVING_MPS = 0.5;
 const FRESH_NS = 5e9;
+const NEAR_M = 30;
 const POINTS = ['north', 'north-east', 'east', 'south-east', 'south', 'south-west', 'west', 'north-west'];
 
 /** Course of the walker in degrees, null while standing: GPS knows a direction only of motion. */
@@ -22,6 +23,20 @@ export const pointOf = azimuthDeg => POINTS[Math.round(azimuthDeg / 45) % 8];
 export function metres(from, lat, lon) {
   const east = METRES_PER_DEG * Math.cos(from.lat * Math.PI / 180);
   return [(lon - from.lon) * east, (lat - from.lat) * METRES_PER_DEG];
+}
+
+/**
+ * Way to the end of the advice from where the walker is now: a new one comes only after 25 m. Close to its
+ * end the direction is that of the advice, since the errors of the fix would turn the arrow about.
+ */
+export function wayOf(status) {
+  const next = status?.next, fix = status?.fix;
+  if (!next) return null;
+  if (!fix?.valid) return {azimuthDeg: next.azimuth_deg, metres: next.distance_m};
+  const [east, north] = metres({lat: fix.lat_deg, lon: fix.lon_deg}, next.lat, next.lon);
+  const left = Math.hypot(east, north);
+  const azimuthDeg = left < NEAR_M ? next.azimuth_deg : (Math.atan2(east, north) * 180 / Math.PI + 360) % 360;
+  return {azimuthDeg, metres: left};
 }
 
 /** The next of 1, 2, 5, 10, ... that is at least this many metres. */

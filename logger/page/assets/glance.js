@@ -1,5 +1,7 @@
 // State of the recording at one glance: colour, pattern, sign, sentence.
 
+import {wayOf} from './geometry.js';
+
 const SIGNS = {recording: '●', suspicious: '◆', 'no-fix': '▲', trouble: '✕'};
 const byId = id => document.getElementById(id);
 
@@ -19,13 +21,28 @@ export function glance(state, silentMs) {
   if (status.state === 'no fix') {
     return ['no-fix', 'Recording, but there is no position', 'Stand under the open sky for a minute.'];
   }
-  if (status.state === 'suspicious') return ['suspicious', 'Recording; a cell is suspicious', advice(status)];
-  return ['recording', 'Recording', advice(status)];
+  if (status.state === 'suspicious') return ['suspicious', `Recording; a cell is suspicious${place(status)}`, advice(status)];
+  return ['recording', `Recording${place(status)}`, advice(status)];
 }
 
+const isLocated = status => status.position?.verdict === 'located';
+
+const LEAST_PLACE = 0.1; // less likely places are not counted
+
+function place(status) {
+  if (isLocated(status)) return `; located to ${Math.round(status.position.r95_m)}\u00a0m`;
+  const likely = (status.position?.modes ?? []).filter(mode => mode.probability >= LEAST_PLACE);
+  return likely.length > 1 ? `; ${likely.length} places fit` : '';
+}
+
+// in steps, since a screen reader says each change of this sentence
+const tens = metres => Math.max(10, 10 * Math.round(metres / 10));
+
 function advice(status) {
-  if (status.next) return `Walk ${Math.round(status.next.distance_m)} m as the arrow shows.`;
-  if (status.position?.verdict === 'located') return 'Located: you may end here.';
+  const way = wayOf(status);
+  if (way && isLocated(status)) return `You may end here, or walk ${tens(way.metres)} m as the arrow shows.`;
+  if (way) return `Walk ${tens(way.metres)} m as the arrow shows.`;
+  if (isLocated(status)) return 'You may end here.';
   return 'Walk on; change direction at the next crossing.';
 }
 

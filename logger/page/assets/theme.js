@@ -9,11 +9,17 @@ function choose(name) {
   button.textContent = `Colours: ${THEMES[name]}`;
 }
 
+/** A browser that stores nothing (private, cookies blocked) refuses with an exception. */
+function stored(action) {
+  try { return action(); } catch { return null; }
+}
+
 button.addEventListener('click', () => {
   const names = Object.keys(THEMES);
   const name = names[(names.indexOf(root.dataset.theme) + 1) % names.length];
-  localStorage.setItem('theme', name);
+  stored(() => localStorage.setItem('theme', name));
   choose(name);
+  document.dispatchEvent(new Event('themechange'));
 });
-const kept = localStorage.getItem('theme');
+const kept = stored(() => localStorage.getItem('theme'));
 choose(kept in THEMES ? kept : 'auto');

@@ -94,7 +94,9 @@ def test_rows_without_level_or_position_are_answered():
         ("lon", "east", "lon 'east' is not a number"),
         ("rssi_dbm", "70", "rssi_dbm 70 is not from -200 to 50 dBm"),
         ("t_s", "nan", "t_s 'nan' is not a number"),
-        ("acc_m", "-1", "acc_m -1 is negative"),
+        ("t_s", "1_0", "t_s '1_0' is not a number"),
+        ("acc_m", "-1", "acc_m -1 is not from 0"),
+        ("acc_m", "1e200", "acc_m 1e+200 is not from 0"),
     ],
 )
 def test_a_bad_row_is_answered_with_the_reason_and_counts_for_nothing(column, value, reason):
@@ -105,6 +107,21 @@ def test_a_bad_row_is_answered_with_the_reason_and_counts_for_nothing(column, va
     assert isinstance(answer, BadRow)
     assert reason in answer.error
     assert _answers(walk[20:], guide) == _answers(walk, other)[20:]
+
+
+def test_a_receiver_without_a_fix_does_not_say_where_the_walk_begins():
+    walk = _walk((0.0, 0.0), (160.0, 0.0))
+    guide = GuideFilter(Prior())
+    answer = guide.answer(walk[0] | {"lat": "0.0", "lon": "0"})
+    assert "no fix" in answer.error
+    assert _answers(walk, guide) == _answers(walk)
+
+
+def test_spaces_around_a_cell_are_not_part_of_its_name():
+    walk = _walk((0.0, 0.0), (40.0, 0.0))
+    guide = GuideFilter(Prior(), cell="a")
+    _answers([row | {"cell": " a "} for row in walk], guide)
+    assert guide.levels == len(walk)
 
 
 def test_rows_of_other_cells_are_positions_only():

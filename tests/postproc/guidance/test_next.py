@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from logger.core.geo import Utm
+from logger.core.guidance.routes import Route
+from logger.core.model.prior import Prior
 from postproc.cli import main
+from postproc.guidance.cli import _readings_of
+from postproc.guidance.next_output import draw_map
+from postproc.guidance.next_walk import next_walk
 from tests.kit.guided_walks import LAT_DEG, LON_DEG, line, rows
 from tests.kit.suspicion_walks import gsm, write_walk
 
@@ -43,6 +48,31 @@ def test_the_best_route_leaves_the_line_of_the_walk(run, capsys):
     y_m = [utm.to_xy(*point)[1] for point in best["points"]]
     assert np.ptp(y_m) > 50.0
     assert "optimistic" in document["note"]
+
+
+def test_the_sentence_has_the_metres_to_the_first_turn(run, capsys, tmp_path):
+    path = tmp_path / "streets.geojson"
+    north, east = [LON_DEG, LAT_DEG + 0.0008], [LON_DEG + 0.004, LAT_DEG + 0.0008]
+    path.write_text(
+        json.dumps({"type": "LineString", "coordinates": [[LON_DEG, LAT_DEG], north, east]})
+    )
+    document = _json(capsys, run, "--streets", path, "--from", f"{LAT_DEG},{LON_DEG}")
+    assert document["routes"][0]["length_m"] > 150.0
+    assert document["text"].startswith("go, north, 89 m: ")
+
+
+def test_the_map_shows_all_of_the_best_route(run, tmp_path, monkeypatch):
+    axes = []
+    monkeypatch.setattr(
+        "postproc.pictures.plots.save_figure", lambda figure, _: axes.append(figure.axes[0])
+    )
+    walk = next_walk(_readings_of([run], None), Prior())
+    best = walk.routes[0]
+    far = best._replace(route=Route(walk.start_m + np.array([[0.0, 0.0], [0.0, 1400.0]])))
+    draw_map(walk._replace(routes=(far,)), tmp_path / "next.png")
+    (shown,) = axes
+    assert min(*shown.get_xlim(), *shown.get_ylim()) < -1400.0
+    assert max(*shown.get_xlim(), *shown.get_ylim()) > 1400.0
 
 
 def test_a_suspicious_cell_comes_before_a_stronger_one(tmp_path, capsys):
@@ -102,6 +132,7 @@ def test_the_table_is_readable(run, capsys):
         (["--cell", "262-01-1-8"], "no readings of 262-01-1-8"),
         (["--from", "here"], "is not LAT,LON"),
         (["--from", "95,13"], "no position on Earth"),
+        (["--from", "13.4,52.5"], "km from the end of the walk; latitude comes first"),
         (["--map", "next.xyz"], "a picture ends in"),
         (["--routes", "/nowhere/next.gpx"], "/nowhere"),
     ],
