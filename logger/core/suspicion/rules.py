@@ -224,7 +224,7 @@ _ROWS = (
         0.6, (0, 0, "not measured"),
     ),
     _rule(
-        "R1", "technology", ("several technologies", "level"),
+        "R1", "technology", ("second technology", "level"),
         "4G or 3G of at least -105 dBm in the 30 s before, 2G held for 30 s",
         "{before} was left at {level_dbm} dBm, and 2G was kept for {held_s} s",
         "a call, where the operator has no voice over 4G",
