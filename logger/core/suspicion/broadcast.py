@@ -7,7 +7,13 @@ from statistics import median
 from logger.core.latest import Latest
 from logger.core.suspicion.broken import Broken, Taken
 from logger.core.suspicion.finding import Evidence
-from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment
+from logger.core.suspicion.heard import (
+    Heard,
+    HeardCell,
+    Memory,
+    Moment,
+    may_be_same_network,
+)
 
 _FEWEST_CELLS = 3
 _STEADY = 3
@@ -27,7 +33,7 @@ class BroadcastRules:
     def __init__(self) -> None:
         self._last_db: Latest[float] = Latest(128)
         self._offset_db: Latest[float] = Latest(128)
-        self._serving: deque[tuple[float, str, str, float]] = deque(maxlen=_STEADY)
+        self._serving: deque[tuple[float, Heard, float]] = deque(maxlen=_STEADY)
         self._left: tuple[str, float, float, list[float]] | None = None
 
     def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:
@@ -73,14 +79,13 @@ class BroadcastRules:
             return
         name, level_dbm = serving.name, serving.level_dbm
         before = list(self._serving)
-        if before and before[-1][1] != name:
+        if before and before[-1][1].name != name:
             self._left = None
-            is_steady = len({(b[1], b[2]) for b in before}) == 1 and before[-1][2] == serving.rat
             is_late = now.t_s - before[0][0] > _LATE_S
-            if len(before) == _STEADY and is_steady and not is_late:
-                self._left = name, now.t_s, min(b[3] for b in before), []
+            if len(before) == _STEADY and _may_replace(before[-1][1], serving) and not is_late:
+                self._left = name, now.t_s, min(b[2] for b in before), []
             self._serving.clear()
-        self._serving.append((now.t_s, name, serving.rat, level_dbm))
+        self._serving.append((now.t_s, serving, level_dbm))
         if self._left is None or self._left[0] != name or len(self._left[3]) >= _STEADY:
             return
         _, since_s, left_dbm, levels = self._left
@@ -89,6 +94,15 @@ class BroadcastRules:
             return
         if left_dbm - max(levels) >= _WEAKER_DB:
             yield Broken("C2", name, {"left_dbm": round(left_dbm), "level_dbm": round(max(levels))})
+
+
+def _may_replace(left: Heard, serving: Heard) -> bool:
+    """Whether a modem compares two cells by level: those of one network and one technology.
+
+    A log of two telephones, or of a modem that tries several networks, changes between others.
+    """
+    is_same = may_be_same_network(left.operator, serving.operator)
+    return is_same and left.rat == serving.rat
 
 
 def _offset_db(heard: Heard) -> float | None:

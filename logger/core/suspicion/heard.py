@@ -63,6 +63,11 @@ def heard_of(reading: CellReading) -> Heard:
     )
 
 
+def may_be_same_network(operator: str, other: str) -> bool:
+    """Whether two networks may be the same: a code that a modem does not print fits any."""
+    return operator == other or "?" in operator or "?" in other
+
+
 class Level(NamedTuple):
     """A level of late, with time and place (metres, None if unknown)."""
 
@@ -74,7 +79,10 @@ class Level(NamedTuple):
 
 @dataclass(slots=True)
 class HeardCell:
-    """Memory of one cell. `since_s` is when the present uninterrupted reception began."""
+    """Memory of one cell.
+
+    `since_s` is when the present uninterrupted reception began, `first_m` where the first did.
+    """
 
     name: str
     rat: str
@@ -93,6 +101,7 @@ class HeardCell:
     recent: deque[Level] = field(default_factory=lambda: deque(maxlen=6))
     rings: list[tuple[float, float, int]] = field(default_factory=list)
     longest_s: float = 0.0
+    first_m: tuple[float, float] | None = None
 
     def take(self, now: "Moment", heard: Heard) -> None:
         """Remember a reading."""
@@ -102,6 +111,8 @@ class HeardCell:
         self.last_s = t_s
         self.longest_s = max(self.longest_s, t_s - self.since_s)
         self.n_scans += 1
+        if self.first_m is None and now.x_m is not None and now.y_m is not None:
+            self.first_m = now.x_m, now.y_m
         arfcn, code = heard.reading.arfcn, heard.code
         if arfcn is not None and code is not None:
             self._take_pair(t_s, (arfcn, code))
