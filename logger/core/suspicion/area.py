@@ -35,9 +35,10 @@ class AreaRules:
     """L1, L2, L3 and L4."""
 
     def __init__(self) -> None:
-        self._serving: Latest[int] = Latest(_MOST_NETWORKS)
-        """Area of the serving cell of each network and technology: a log may be of several."""
-        self._areas: set[tuple[str, int]] = set()
+        self._serving: Latest[tuple[str, int]] = Latest(_MOST_NETWORKS)
+        """Network and area of the last serving cell in a new area, of each technology, and of each
+        technology and network: a log may be of several."""
+        self._areas: set[tuple[str, str, int]] = set()
 
     def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:
         """As `FamilyRules`."""
@@ -76,12 +77,14 @@ class AreaRules:
     def _change(self, now: Moment, memory: Memory, cell: HeardCell) -> Iterator[Broken]:
         """L3: a new area code while standing."""
         assert cell.area is not None
-        network = f"{cell.operator} {cell.rat}"
-        key = network, cell.area
+        key = cell.operator, cell.rat, cell.area
         if key in self._areas or now.t_s - cell.since_s < _HELD_S:
             return
-        before = self._serving.get(network)
-        self._serving.put(network, cell.area)
+        before = self._serving.get(cell.rat)
+        if before is not None and memory.networks.are_apart(cell.operator, before[0]):
+            before = self._serving.get(f"{cell.rat} {cell.operator}")
+        self._serving.put(cell.rat, (cell.operator, cell.area))
+        self._serving.put(f"{cell.rat} {cell.operator}", (cell.operator, cell.area))
         self._areas.add(key)
         is_still = now.x_m is not None and now.still_s >= _STILL_S + _HELD_S
         is_after_change = abs(cell.since_s - memory.changed_rat_s) < _HELD_S
@@ -89,7 +92,7 @@ class AreaRules:
             return
         evidence: Evidence = {
             "area": cell.area,
-            "other_area": before,
+            "other_area": before[1],
             "still_s": round(now.still_s),
         }
         yield Broken("L3", cell.name, evidence)

@@ -7,13 +7,7 @@ from statistics import median
 from logger.core.latest import Latest
 from logger.core.suspicion.broken import Broken, Taken
 from logger.core.suspicion.finding import Evidence
-from logger.core.suspicion.heard import (
-    Heard,
-    HeardCell,
-    Memory,
-    Moment,
-    may_be_same_network,
-)
+from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment
 
 _FEWEST_CELLS = 3
 _STEADY = 3
@@ -38,7 +32,7 @@ class BroadcastRules:
 
     def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:
         """As `FamilyRules`."""
-        yield from self._leave_for_weaker(now)
+        yield from self._leave_for_weaker(now, memory)
         for cell, heard in taken:
             offset_db = self._confirmed_db(cell, _offset_db(heard))
             if offset_db is not None:
@@ -72,7 +66,7 @@ class BroadcastRules:
             }
             yield Broken("C1", cell.name, evidence)
 
-    def _leave_for_weaker(self, now: Moment) -> Iterator[Broken]:
+    def _leave_for_weaker(self, now: Moment, memory: Memory) -> Iterator[Broken]:
         """C2: the modem leaves a good cell for a much weaker one."""
         serving = now.serving
         if serving is None or serving.name is None or serving.level_dbm is None:
@@ -82,7 +76,8 @@ class BroadcastRules:
         if before and before[-1][1].name != name:
             self._left = None
             is_late = now.t_s - before[0][0] > _LATE_S
-            if len(before) == _STEADY and _may_replace(before[-1][1], serving) and not is_late:
+            is_compared = _are_compared(memory, serving, before[-1][1])
+            if len(before) == _STEADY and is_compared and not is_late:
                 self._left = name, now.t_s, min(b[2] for b in before), []
             self._serving.clear()
         self._serving.append((now.t_s, serving, level_dbm))
@@ -96,13 +91,10 @@ class BroadcastRules:
             yield Broken("C2", name, {"left_dbm": round(left_dbm), "level_dbm": round(max(levels))})
 
 
-def _may_replace(left: Heard, serving: Heard) -> bool:
-    """Whether a modem compares two cells by level: those of one network and one technology.
-
-    A log of two telephones, or of a modem that tries several networks, changes between others.
-    """
-    is_same = may_be_same_network(left.operator, serving.operator)
-    return is_same and left.rat == serving.rat
+def _are_compared(memory: Memory, serving: Heard, left: Heard) -> bool:
+    """Whether a modem compares two cells by level."""
+    is_apart = memory.networks.are_apart(serving.operator, left.operator)
+    return serving.rat == left.rat and not is_apart
 
 
 def _offset_db(heard: Heard) -> float | None:

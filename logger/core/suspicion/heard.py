@@ -7,6 +7,7 @@ from math import cos, hypot, radians
 from typing import NamedTuple
 
 from logger.core.latest import Latest
+from logger.core.suspicion.networks import Networks
 from logger.core.suspicion.spots import Spots
 from logger.core.types import Broadcast, CellReading, Fix, Scan
 
@@ -61,11 +62,6 @@ def heard_of(reading: CellReading) -> Heard:
         reading.role == "serving",
         None if broadcast is None or broadcast.broadcast_unsure else broadcast,
     )
-
-
-def may_be_same_network(operator: str, other: str) -> bool:
-    """Whether two networks may be the same: a code that a modem does not print fits any."""
-    return operator == other or "?" in operator or "?" in other
 
 
 class Level(NamedTuple):
@@ -222,6 +218,7 @@ class Memory:
 
     def __init__(self) -> None:
         self.cells: Latest[HeardCell] = Latest(_MOST_CELLS)
+        self.networks = Networks()
         self.gave_neighbours: set[str] = set()
         self.foreign: Latest[None] = Latest(_MOST_CELLS)
         self.changed_rat_s = -1e9
@@ -238,6 +235,7 @@ class Memory:
                 continue
             cell = self.cells.get(name)
             if cell is None or cell.rat != heard.rat:
+                self.networks.take(now.t_s, heard.operator)
                 self._forget(cell)
                 cell = _new(name, heard, now.t_s)
             cell.take(now, heard)

@@ -7,14 +7,8 @@ from typing import NamedTuple
 
 from logger.core.suspicion.broken import Broken, Taken
 from logger.core.suspicion.finding import Evidence
-from logger.core.suspicion.heard import (
-    STEADY,
-    HeardCell,
-    Level,
-    Memory,
-    Moment,
-    may_be_same_network,
-)
+from logger.core.suspicion.heard import STEADY, HeardCell, Level, Memory, Moment
+from logger.core.suspicion.networks import Networks
 
 _JUMP_DB = 20.0
 """Shadowing of 8 dB over a few metres gives less in 10 s (measured: 7 an hour without a gate)."""
@@ -51,12 +45,12 @@ class _Before(NamedTuple):
     limit_dbm: float
     operators: frozenset[str]
 
-    def could_name(self, cell: HeardCell) -> bool:
+    def could_name(self, cell: HeardCell, networks: Networks) -> bool:
         """Whether the scan had named a cell of this network if it had heard it."""
         if cell.rat != self.rat:
             return False
         names = self.operators
-        return len(names) > 1 or any(may_be_same_network(name, cell.operator) for name in names)
+        return len(names) > 1 or not any(networks.are_apart(cell.operator, name) for name in names)
 
 
 class SignalRules:
@@ -73,17 +67,18 @@ class SignalRules:
                 continue
             yield from _jump(cell, weakest_dbm)
             if cell.n_scans == STEADY:
-                yield from self._appears(cell, weakest_dbm)
+                yield from self._appears(memory, cell, weakest_dbm)
             if weakest_dbm >= cell.best_dbm - _ABOVE_BEST_DB:
                 yield from _above_best(now, cell, heard.level_dbm, weakest_dbm)
             if weakest_dbm >= _STRONG_DBM:
                 yield from _above_others(now, memory, cell, weakest_dbm)
         self._remember(now)
 
-    def _appears(self, cell: HeardCell, weakest_dbm: float) -> Iterator[Broken]:
+    def _appears(self, memory: Memory, cell: HeardCell, weakest_dbm: float) -> Iterator[Broken]:
         """S3: a new cell is far stronger than anything that could be missed just before."""
         first = cell.recent[0]
-        before = [b for b in self._before if b.t_s < first.t_s and b.could_name(cell)]
+        networks = memory.networks
+        before = [b for b in self._before if b.t_s < first.t_s and b.could_name(cell, networks)]
         before = [b for b in before[-STEADY:] if first.t_s - b.t_s <= _BEFORE_S]
         limit_dbm = max((b.limit_dbm for b in before), default=0.0)
         is_near = all(_apart_m(b, cell.recent[-1]) <= _PASSED_M for b in before)

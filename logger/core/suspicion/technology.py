@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from logger.core.suspicion.broken import Broken, Taken
 from logger.core.suspicion.finding import Evidence
-from logger.core.suspicion.heard import Memory, Moment, may_be_same_network
+from logger.core.suspicion.heard import Memory, Moment
 
 _GOOD_DBM = -105.0
 """RSRP or RSCP at which a telephone stays."""
@@ -35,8 +35,8 @@ class TechnologyRules:
         if self._down_s is None:
             self._down_s = now.t_s
         good_s, rat, level_dbm, operator = self._good
-        is_same = may_be_same_network(operator, serving.operator)
-        is_after_good = is_same and self._down_s - good_s <= _BEFORE_S
+        is_apart = memory.networks.are_apart(serving.operator, operator)
+        is_after_good = not is_apart and self._down_s - good_s <= _BEFORE_S
         if is_after_good and now.t_s - self._down_s >= _HELD_S and serving.name is not None:
             evidence: Evidence = {
                 "before": rat,

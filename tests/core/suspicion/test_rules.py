@@ -181,16 +181,6 @@ def test_c2_a_modem_that_leaves_a_good_cell_for_a_weak_one():
     assert ("C2", 99) not in walk.rules
 
 
-def test_one_network_says_nothing_of_another():
-    """A modem that tries two networks in turn, or two telephones in one log: C2, S3, L3."""
-    first = [gsm(10 + k, -70 - k) for k in range(4)]
-    second = [gsm(60 + k, -84 + k, mnc="03", lac=4301) for k in range(4)]
-    walk = Walk().scan(*first, metres=0.0, times=15).scan(*second, metres=0.0, times=15)
-    assert walk.rules == set()
-    loud = [gsm(70 + k, -50 - k, mnc="05", lac=9101) for k in range(4)]
-    assert walk.scan(*loud, metres=0.0, times=2).scan(*loud, metres=0.0, times=1).rules == set()
-
-
 def test_s3_a_full_list_of_several_networks_could_name_another():
     strangers = [gsm(60 + k, -84 - k, mnc="03", lac=4301) for k in range(2)]
     walk = Walk().scan(*HOME[:3], *strangers, times=4)
