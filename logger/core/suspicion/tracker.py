@@ -31,7 +31,8 @@ _MOST_FOUND = 500
 class SuspicionTracker:
     """Follows the records of one run; `feed` them in recorded order.
 
-    `worst` is the cell with the worst word so far, None while all are "nothing unusual".
+    `worst` is the cell with the worst word so far, None while all are "nothing unusual"; `n_changes`
+    counts findings and those withdrawn.
     """
 
     def __init__(self, max_fix_age_s: float = 3.0, baseline: Baseline | None = None) -> None:
@@ -55,6 +56,7 @@ class SuspicionTracker:
         self._findings: Latest[list[Finding]] = Latest(_MOST_FOUND)
         self._gone: set[str] = set()
         self.worst: str | None = None
+        self.n_changes = 0
         self.capabilities = Capabilities()
         if self._baseline.n_walks:
             self.capabilities.serve("earlier walks")
@@ -100,6 +102,7 @@ class SuspicionTracker:
         """Withdraw that a cell is gone: it is heard, later or elsewhere in its square."""
         for name in self._gone.intersection(names):
             self._gone.remove(name)
+            self.n_changes += 1
             kept = [one for one in self._findings.pop(name, None) or () if one.rule != GONE]
             if kept:
                 self._findings.put(name, kept)
@@ -117,6 +120,7 @@ class SuspicionTracker:
             return []
         finding = _finding(rule, broken, now, rat)
         self._findings.put(broken.cell, [*before, finding])
+        self.n_changes += 1
         if rule.id == GONE:
             self._gone.add(broken.cell)
         self._rank(broken.cell)
