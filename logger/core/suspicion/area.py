@@ -13,9 +13,9 @@ _LATE_S = 300.0
 """A telephone that names its serving cell alone meets three cells in some minutes."""
 _WAIT_S = 20.0
 """At the begin of a walk and at borders the second cell of an area follows soon."""
-_BORDER_M, _BORDER_S = 150.0, 120.0
-"""What is soon in a car takes longer on foot: the way of a car in `_WAIT_S`, or the time that a
-walker takes for it. A walker who stands has not come to a border."""
+_BORDER_M, _BORDER_S = 100.0, 80.0
+"""What is soon in a car takes longer on foot: the way of a car in `_WAIT_S` in a town, or the time
+that a walker takes for it. A walker who stands has not come to a border."""
 _FEWEST_NEIGHBOURS = 3
 _FEWEST_CELLS = 10
 _FEWEST_AFTER = 3

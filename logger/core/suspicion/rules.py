@@ -84,7 +84,7 @@ _ROWS = (
     ),
     _rule(
         "L1", "area", ("identity", "area code", "level"),
-        "for 20 s, on foot for 150 m or 120 s, with 3 other cells of the operator within 5 "
+        "for 20 s, on foot for 100 m or 80 s, with 3 other cells of the operator within 5 "
         "minutes; the cell at least -90 dBm",
         "area {area} is that of none of the {neighbours} other cells heard with it",
         "the border of two areas",
