@@ -116,7 +116,7 @@ def _columns(xylt: FloatArray, at_m: FloatArray) -> FloatArray:
     loss_db = log_distance_db(dx_m, dy_m, _CLOSEST_M)
     far_m = distance_m(loss_db)
     columns = np.stack([-loss_db, dx_m / far_m, dy_m / far_m], axis=1)
-    return columns - columns.mean(axis=2, keepdims=True)
+    return np.asarray(columns - columns.mean(axis=2, keepdims=True), float)
 
 
 def _candidates(xylt: FloatArray) -> FloatArray:

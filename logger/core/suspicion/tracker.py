@@ -31,8 +31,8 @@ _MOST_FOUND = 500
 class SuspicionTracker:
     """Follows the records of one run; `feed` them in recorded order.
 
-    `worst` is the cell with the worst word so far, None while all are "nothing unusual"; `n_changes`
-    counts findings and those withdrawn.
+    `worst` is the cell with the worst word so far, None while all are "nothing unusual".
+    `n_changes` counts findings and those withdrawn.
     """
 
     def __init__(self, max_fix_age_s: float = 3.0, baseline: Baseline | None = None) -> None:
