@@ -4,12 +4,14 @@ python benchmarks/suspicion.py rates [--logs FOLDER] [--cities N] [--python]
 python benchmarks/suspicion.py rates --baseline 7 [--logs FOLDER]
 python benchmarks/suspicion.py detection [--logs FOLDER] [--seeds N]
 python benchmarks/suspicion.py gone --cities N
+python benchmarks/suspicion.py live
 
 `rates` applies all rules to legitimate logs (../shared/cells; CELLWALK_CELLS names another folder)
 and to simulated clean cities. One alarm is one cell in one run. It prints alarms, hours, rates with
 95 % Poisson intervals, and alarms per 100 cells, by set and technology; `--python` prints the
 tables of `logger/core/suspicion/rates.py`. `detection` puts one rogue station into each run. `gone`
-takes cells off the air in simulated cities that were walked before (rule B3).
+takes cells off the air in simulated cities that were walked before (rule B3). `live` compares the
+cost of the rules on the walk with that of the locator, for 40 cells.
 """
 
 import argparse
@@ -25,6 +27,7 @@ from benchmarks.suspicion_baseline import logs_with_baseline
 from benchmarks.suspicion_city import city_logs
 from benchmarks.suspicion_gone import gone_walks, print_gone
 from benchmarks.suspicion_injection import Outcome, outcomes
+from benchmarks.suspicion_live import print_live_cost
 from benchmarks.suspicion_logs import LOGS, Log, read_logs
 from benchmarks.suspicion_patterns import COPIES, KINDS
 from logger.core.baseline import Baseline
@@ -181,13 +184,16 @@ def _print_share(kind: str, power: str, group: str, results: Sequence[Outcome]) 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run one of the benchmarks."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("what", choices=["rates", "detection", "gone"])
+    parser.add_argument("what", choices=["rates", "detection", "gone", "live"])
     parser.add_argument("--logs", type=Path, default=LOGS, help="folder of the logs")
     parser.add_argument("--cities", type=int, default=0, help="simulated clean cities")
     parser.add_argument("--seeds", type=int, default=1, help="stations for each run and kind")
     parser.add_argument("--baseline", type=int, default=0, help="earlier walks of the same route")
     parser.add_argument("--python", action="store_true", help="print rates.py")
     given = parser.parse_args(arguments)
+    if given.what == "live":
+        print_live_cost()
+        return
     if given.what == "gone":
         print_gone(list(gone_walks(given.cities)))
         return

@@ -45,7 +45,7 @@ def gone_walks(n_cities: int) -> Iterator[GoneWalk]:
         drawn, gains = SimulatedCity(seed), np.random.default_rng([seed, 78])
         with TemporaryDirectory() as scratch:
             earlier = [
-                _summary(drawn.walk(gains.normal(0.0, _GAIN_SIGMA_DB)), Path(scratch) / f"{k}")
+                summary_of(drawn.walk(gains.normal(0.0, _GAIN_SIGMA_DB)), Path(scratch) / f"{k}")
                 for k in range(FEWEST_WALKS)
             ]
             with closing(baseline_of(Path(scratch) / "baseline.db", earlier)) as baseline:
@@ -61,7 +61,8 @@ def gone_walks(n_cities: int) -> Iterator[GoneWalk]:
                     yield GoneWalk(best_dbm, name in named, len(wrong), len(known))
 
 
-def _summary(records: list[Record], path: Path) -> WalkSummary:
+def summary_of(records: list[Record], path: Path) -> WalkSummary:
+    """A walk as a baseline stores it."""
     write_journal(path, records, run_id=path.name.encode().hex().ljust(32, "0"))
     return summarise_walk(read_sound_run(path))
 

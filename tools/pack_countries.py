@@ -12,6 +12,7 @@ import gzip
 import json
 import sys
 from collections import Counter
+from itertools import pairwise
 from math import cos, radians
 from pathlib import Path
 
@@ -23,7 +24,6 @@ STEP_DEG = 0.25
 NEAR_KM = 40.0
 """The largest range of a GSM cell (35 km, 3GPP TS 45.010) and the error of the borders."""
 _KM_PER_DEG = 111.3
-_FIELDED = {"Operational", "Unknown", "Temporary operational", "Ongoing", "Allocated", "Upcoming"}
 
 
 def main(folder: Path, target: Path) -> None:
@@ -63,7 +63,7 @@ def _polygons(atlas: dict, numeric: dict[str, str]) -> dict[str, shapely.Geometr
         for i in indices:
             part = arcs[i] if i >= 0 else arcs[~i][::-1]
             points += part[1:] if points else part
-        return points
+        return _continuous(points)
 
     found: dict[str, list[shapely.Geometry]] = {}
     for geometry in atlas["objects"]["countries"]["geometries"]:
@@ -77,6 +77,19 @@ def _polygons(atlas: dict, numeric: dict[str, str]) -> dict[str, shapely.Geometr
         whole = shape({"type": "MultiPolygon", "coordinates": rings})
         found.setdefault(code, []).append(shapely.make_valid(whole))
     return {code: unary_union(parts) for code, parts in found.items()}
+
+
+def _continuous(ring: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """A ring across the antimeridian continues beyond 180 degrees, not around the earth.
+
+    One around a pole does not close that way and stays as it is.
+    """
+    turns = 0.0
+    points = ring[:1]
+    for (west, _), (east, north) in pairwise(ring):
+        turns -= 360.0 * round((east - west) / 360.0)
+        points.append((east + turns, north))
+    return ring if turns else points
 
 
 _UNCODED = {"Kosovo": "XK", "N. Cyprus": "CY", "Somaliland": "SO"}
@@ -111,7 +124,11 @@ def _rows(countries: dict[str, shapely.Geometry]) -> dict[str, object]:
 
 
 def _networks(networks: list[dict]) -> dict[str, object]:
-    """Countries of each mobile country code, that with most networks first; networks; railways."""
+    """Countries of each mobile country code, that with most networks first; networks; railways.
+
+    Whatever a code's status: older logs have networks that are switched off today, and the list
+    calls some switched off that are on the air.
+    """
     of_mcc: dict[str, Counter[str]] = {}
     codes: dict[str, dict[str, str]] = {}
     railways = []
@@ -121,9 +138,8 @@ def _networks(networks: list[dict]) -> dict[str, object]:
             continue
         for code in (country or "").replace("/", " ").split():
             of_mcc.setdefault(mcc, Counter())[code[:2]] += 1
-        if entry["status"] in _FIELDED:
-            name = entry["brand"] or entry["operator"] or ""
-            codes.setdefault(mcc, {})[mnc] = name.split(",")[0][:24]
+        name = entry["brand"] or entry["operator"] or ""
+        codes.setdefault(mcc, {})[mnc] = name.split(",")[0][:24]
         if "GSM-R" in (entry["bands"] or ""):
             railways.append(f"{mcc}-{mnc}")
     return {

@@ -75,6 +75,7 @@ class Estimator:
         self._thread = threading.Thread(target=self._run, name="estimate", daemon=True)
         self.latest: LiveEstimate | None = None
         self.suspicions: tuple[Assessment, ...] = ()
+        self._n_changes = 0
         self.next_way: NextWay | None = None
         self.position: PositionStatus | None = None
 
@@ -150,7 +151,8 @@ class Estimator:
         self._last_ns = record.t_ns
         values = tracker.feed(seq, record)
         self._show(tracker.followed)
-        if any(isinstance(value, Note) and value.code == "finding" for value in values):
+        if tracker.suspicion.n_changes != self._n_changes:
+            self._n_changes = tracker.suspicion.n_changes
             found = [cell for cell in tracker.suspicion.assessments() if cell.findings]
             self.suspicions = tuple(found)
         for note in baseline.take_notes():

@@ -20,6 +20,7 @@ from postproc.interop.fields import (
     cell_identity,
     integer,
     maybe,
+    network_code,
     number,
     reading_of,
     text,
@@ -47,7 +48,7 @@ def _reading(fields: Fields) -> CellReading:
     rat = RATS.get(text(fields, "rat").upper())
     if rat is None:
         raise ValueError(f"no technology is called {text(fields, 'rat')[:40]!r}")
-    mcc, mnc = text(fields, "mcc") or None, text(fields, "mnc") or None
+    mcc, mnc = network_code(fields, "mcc", 3), network_code(fields, "mnc", 2)
     area, cid = integer(fields, "lac_tac"), cell_identity(fields, "cid")
     reading = reading_of(
         rat,

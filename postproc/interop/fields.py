@@ -106,11 +106,18 @@ def level_of(fields: Fields, column: str, rat: Rat) -> float:
 
 
 def plmn(fields: Fields) -> tuple[str | None, str | None]:
-    """Country and network code with their digits: a network code of one digit has lost its zero."""
-    mcc, mnc = integer(fields, "mcc", largest=999), integer(fields, "mnc", largest=999)
-    if mcc is None or mnc is None:
-        return None, None
-    return f"{mcc:03d}", text(fields, "mnc").zfill(2)
+    """Country and network code with their digits; both or none."""
+    mcc, mnc = network_code(fields, "mcc", 3), network_code(fields, "mnc", 2)
+    return (None, None) if mcc is None or mnc is None else (mcc, mnc)
+
+
+def network_code(fields: Fields, name: str, fewest_digits: int) -> str | None:
+    """Code of a country or a network; one with too few digits has lost its zeros in a table."""
+    code = integer(fields, name, largest=999)
+    if code is None:
+        return None
+    n_digits = len(text(fields, name).removesuffix(".0"))  # 020 is not 20
+    return f"{code:0{max(n_digits, fewest_digits)}d}"
 
 
 def is_plmn(mcc: str | None, mnc: str | None) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from logger.core.runfile import Run
-from logger.core.suspicion.words import Assessment
+from logger.core.suspicion.words import Assessment, sentences
 from postproc.result import Result
 from postproc.suspicion.run_assessment import assess_runs
 
@@ -35,5 +35,5 @@ def conspicuous_cells(runs: Sequence[Run], among: Collection[str]) -> list[Asses
 
 def reason_line(cell: Assessment) -> str:
     """A cell, its word, and its strongest reasons in one sentence."""
-    strongest = sorted(cell.findings, key=lambda finding: -finding.nats)[:_MOST_REASONS]
+    strongest = sorted(sentences(cell.findings), key=lambda finding: -finding.nats)[:_MOST_REASONS]
     return f"{cell.cell} is {cell.word}: {'; '.join(finding.text for finding in strongest)}"

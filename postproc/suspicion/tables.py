@@ -4,7 +4,7 @@ from rich.console import Console
 
 from logger.core.suspicion.finding import Finding, Word
 from logger.core.suspicion.rules import RULES, rate_text
-from logger.core.suspicion.words import Assessment, word_rate_text
+from logger.core.suspicion.words import Assessment, sentences, word_rate_text
 from postproc.suspicion.run_assessment import Suspicions
 from postproc.terminal import print_text, screen
 
@@ -49,7 +49,7 @@ def _print_cell(console: Console, suspicions: Suspicions, cell: Assessment) -> N
     print_text(console, f"{cell.cell}: {cell.word}", _STYLES[cell.word])
     if cell.word != "nothing unusual":
         print_text(console, word_rate_text(cell.word), bullet="  ")
-    for finding in cell.findings:
+    for finding in sentences(cell.findings):
         print_text(console, reason_text(suspicions, finding), bullet="  - ")
     console.print()
 

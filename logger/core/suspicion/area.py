@@ -1,7 +1,9 @@
 """Location and tracking areas: codes that no other cell has, and changes while standing."""
 
 from collections.abc import Iterator
+from math import hypot
 
+from logger.core.latest import Latest
 from logger.core.suspicion.broken import Broken, Taken
 from logger.core.suspicion.countries import GSMR_ARFCNS, TEST_MCCS
 from logger.core.suspicion.finding import Evidence
@@ -11,6 +13,9 @@ _LATE_S = 300.0
 """A telephone that names its serving cell alone meets three cells in some minutes."""
 _WAIT_S = 20.0
 """At the begin of a walk and at borders the second cell of an area follows soon."""
+_BORDER_M, _BORDER_S = 100.0, 80.0
+"""What is soon in a car takes longer on foot: the way of a car in `_WAIT_S` in a town, or the time
+that a walker takes for it. A walker who stands has not come to a border."""
 _FEWEST_NEIGHBOURS = 3
 _FEWEST_CELLS = 10
 _FEWEST_AFTER = 3
@@ -21,6 +26,7 @@ _HELD_S = 10.0
 _STILL_S = 60.0
 _SINGLE_S = 20.0
 _FEWEST_SCANS = 3
+_MOST_NETWORKS = 128
 _HEARD_DBM = -105.0
 """The other cells of a network beyond the border come as weakly as this one."""
 
@@ -29,9 +35,10 @@ class AreaRules:
     """L1, L2, L3 and L4."""
 
     def __init__(self) -> None:
-        self._serving: tuple[str, str, int] | None = None
+        self._serving: Latest[tuple[str, int]] = Latest(_MOST_NETWORKS)
+        """Network and area of the last serving cell in a new area, of each technology, and of each
+        technology and network: a log may be of several."""
         self._areas: set[tuple[str, str, int]] = set()
-        self._standing: set[tuple[str, str, int]] = set()
 
     def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:
         """As `FamilyRules`."""
@@ -45,7 +52,8 @@ class AreaRules:
                 and not heard.operator.startswith("?")
                 and not _shares_area(cell, memory)
             ):
-                yield from _unlike_neighbours(now, memory, cell, heard)
+                if _is_past_border(now, cell):
+                    yield from _unlike_neighbours(now, memory, cell, heard)
                 yield from _alone(now, memory, cell)
             if heard.is_serving:
                 yield from self._change(now, memory, cell)
@@ -72,19 +80,32 @@ class AreaRules:
         key = cell.operator, cell.rat, cell.area
         if key in self._areas or now.t_s - cell.since_s < _HELD_S:
             return
-        before = self._serving
-        self._serving = key
+        before = self._serving.get(cell.rat)
+        if before is not None and memory.networks.are_apart(cell.operator, before[0]):
+            before = self._serving.get(f"{cell.rat} {cell.operator}")
+        self._serving.put(cell.rat, (cell.operator, cell.area))
+        self._serving.put(f"{cell.rat} {cell.operator}", (cell.operator, cell.area))
         self._areas.add(key)
         is_still = now.x_m is not None and now.still_s >= _STILL_S + _HELD_S
         is_after_change = abs(cell.since_s - memory.changed_rat_s) < _HELD_S
-        if before is None or before[1] != cell.rat or is_after_change or not is_still:
+        if before is None or is_after_change or not is_still:
             return
         evidence: Evidence = {
             "area": cell.area,
-            "other_area": before[2],
+            "other_area": before[1],
             "still_s": round(now.still_s),
         }
         yield Broken("L3", cell.name, evidence)
+
+
+def _is_past_border(now: Moment, cell: HeardCell) -> bool:
+    """Whether a cell is too far from where it was heard first to be that of a border just met."""
+    since_s = now.t_s - cell.first_s
+    if now.x_m is None or now.y_m is None or cell.first_m is None:
+        return True
+    if since_s >= _BORDER_S or now.still_s >= since_s:
+        return True
+    return hypot(now.x_m - cell.first_m[0], now.y_m - cell.first_m[1]) >= _BORDER_M
 
 
 def _shares_area(cell: HeardCell, memory: Memory) -> bool:

@@ -27,12 +27,12 @@ class BroadcastRules:
     def __init__(self) -> None:
         self._last_db: Latest[float] = Latest(128)
         self._offset_db: Latest[float] = Latest(128)
-        self._serving: deque[tuple[float, str, str, float]] = deque(maxlen=_STEADY)
+        self._serving: deque[tuple[float, Heard, float]] = deque(maxlen=_STEADY)
         self._left: tuple[str, float, float, list[float]] | None = None
 
     def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:
         """As `FamilyRules`."""
-        yield from self._leave_for_weaker(now)
+        yield from self._leave_for_weaker(now, memory)
         for cell, heard in taken:
             offset_db = self._confirmed_db(cell, _offset_db(heard))
             if offset_db is not None:
@@ -66,21 +66,21 @@ class BroadcastRules:
             }
             yield Broken("C1", cell.name, evidence)
 
-    def _leave_for_weaker(self, now: Moment) -> Iterator[Broken]:
+    def _leave_for_weaker(self, now: Moment, memory: Memory) -> Iterator[Broken]:
         """C2: the modem leaves a good cell for a much weaker one."""
         serving = now.serving
         if serving is None or serving.name is None or serving.level_dbm is None:
             return
         name, level_dbm = serving.name, serving.level_dbm
         before = list(self._serving)
-        if before and before[-1][1] != name:
+        if before and before[-1][1].name != name:
             self._left = None
-            is_steady = len({(b[1], b[2]) for b in before}) == 1 and before[-1][2] == serving.rat
             is_late = now.t_s - before[0][0] > _LATE_S
-            if len(before) == _STEADY and is_steady and not is_late:
-                self._left = name, now.t_s, min(b[3] for b in before), []
+            is_compared = _are_compared(memory, serving, before[-1][1])
+            if len(before) == _STEADY and is_compared and not is_late:
+                self._left = name, now.t_s, min(b[2] for b in before), []
             self._serving.clear()
-        self._serving.append((now.t_s, name, serving.rat, level_dbm))
+        self._serving.append((now.t_s, serving, level_dbm))
         if self._left is None or self._left[0] != name or len(self._left[3]) >= _STEADY:
             return
         _, since_s, left_dbm, levels = self._left
@@ -89,6 +89,12 @@ class BroadcastRules:
             return
         if left_dbm - max(levels) >= _WEAKER_DB:
             yield Broken("C2", name, {"left_dbm": round(left_dbm), "level_dbm": round(max(levels))})
+
+
+def _are_compared(memory: Memory, serving: Heard, left: Heard) -> bool:
+    """Whether a modem compares two cells by level."""
+    is_apart = memory.networks.are_apart(serving.operator, left.operator)
+    return serving.rat == left.rat and not is_apart
 
 
 def _offset_db(heard: Heard) -> float | None:

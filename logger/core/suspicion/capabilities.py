@@ -38,7 +38,7 @@ class Capabilities:
             if n > 1:
                 self._served[rat].add("neighbours")
         if len(self._served) > 1:
-            self._always.add("several technologies")
+            self._always.add("second technology")
 
     def missing(self, rule: Rule, rat: str) -> frozenset[Need]:
         """What a rule needs and no scan of a technology has served."""

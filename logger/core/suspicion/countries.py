@@ -48,9 +48,17 @@ class Countries:
         return self.names.get(code, code)
 
     def is_listed(self, mcc: str, mnc: str) -> bool:
-        """Whether a network is known; 02 and 002 are the same, since modems add or drop a zero."""
+        """Whether a network is known.
+
+        02 and 002 are the same, since modems add or drop a zero. A network with three digits may
+        broadcast only the first two (3GPP TS 24.008, 10.5.1.3).
+        """
         known = self.networks.get(mcc, {})
-        return mnc in known or any(mnc.isdecimal() and int(mnc) == int(code) for code in known)
+        if not mnc.isdecimal():
+            return False
+        if len(mnc) == 2 and any(len(code) == 3 and code.startswith(mnc) for code in known):
+            return True
+        return any(int(mnc) == int(code) for code in known)
 
     def is_railway(self, mcc: str, mnc: str | None) -> bool:
         """Whether a network is that of a railway."""

@@ -15,7 +15,7 @@ Family = Literal[
 Need = Literal[
     "position", "country code", "identity", "area code", "channel", "colour code", "level",
     "neighbours", "neighbour lists", "timing advance", "C1 and C2",
-    "several technologies", "earlier walks", "cell database",
+    "second technology", "earlier walks", "cell database",
 ]  # fmt: skip
 Value = float | int | str
 Evidence = Mapping[str, Value]

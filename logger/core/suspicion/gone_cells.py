@@ -13,6 +13,7 @@ from logger.core.suspicion.finding import Evidence
 from logger.core.suspicion.heard import Memory, Moment
 from logger.core.suspicion.signal import FULL_LIST
 
+GONE = "B3"
 _SHARE_OF_WALKS = 0.9
 """One walk in ten may pass a square at its edge."""
 _MARGIN_DB = 15.0
@@ -105,7 +106,7 @@ class GoneCellRule:
                     "places": len(limits_dbm),
                     "limit_dbm": round(max(limits_dbm)),
                 }
-                yield Broken("B3", name, evidence)
+                yield Broken(GONE, name, evidence)
 
     def _is_silent(self, name: str, rat: str, visit: _Visit, memory: Memory) -> bool:
         """Whether today's walk, which names cells of the same network, has not heard a cell."""

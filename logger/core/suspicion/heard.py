@@ -7,6 +7,7 @@ from math import cos, hypot, radians
 from typing import NamedTuple
 
 from logger.core.latest import Latest
+from logger.core.suspicion.networks import Networks
 from logger.core.suspicion.spots import Spots
 from logger.core.types import Broadcast, CellReading, Fix, Scan
 
@@ -74,7 +75,10 @@ class Level(NamedTuple):
 
 @dataclass(slots=True)
 class HeardCell:
-    """Memory of one cell. `since_s` is when the present uninterrupted reception began."""
+    """Memory of one cell.
+
+    `since_s` is when the present uninterrupted reception began, `first_m` where the first did.
+    """
 
     name: str
     rat: str
@@ -93,6 +97,7 @@ class HeardCell:
     recent: deque[Level] = field(default_factory=lambda: deque(maxlen=6))
     rings: list[tuple[float, float, int]] = field(default_factory=list)
     longest_s: float = 0.0
+    first_m: tuple[float, float] | None = None
 
     def take(self, now: "Moment", heard: Heard) -> None:
         """Remember a reading."""
@@ -102,6 +107,8 @@ class HeardCell:
         self.last_s = t_s
         self.longest_s = max(self.longest_s, t_s - self.since_s)
         self.n_scans += 1
+        if self.first_m is None and now.x_m is not None and now.y_m is not None:
+            self.first_m = now.x_m, now.y_m
         arfcn, code = heard.reading.arfcn, heard.code
         if arfcn is not None and code is not None:
             self._take_pair(t_s, (arfcn, code))
@@ -211,6 +218,7 @@ class Memory:
 
     def __init__(self) -> None:
         self.cells: Latest[HeardCell] = Latest(_MOST_CELLS)
+        self.networks = Networks()
         self.gave_neighbours: set[str] = set()
         self.foreign: Latest[None] = Latest(_MOST_CELLS)
         self.changed_rat_s = -1e9
@@ -227,6 +235,7 @@ class Memory:
                 continue
             cell = self.cells.get(name)
             if cell is None or cell.rat != heard.rat:
+                self.networks.take(now.t_s, heard.operator)
                 self._forget(cell)
                 cell = _new(name, heard, now.t_s)
             cell.take(now, heard)

@@ -84,7 +84,8 @@ _ROWS = (
     ),
     _rule(
         "L1", "area", ("identity", "area code", "level"),
-        "for 20 s, with 3 other cells of the operator within 5 minutes; the cell at least -90 dBm",
+        "for 20 s, on foot for 100 m or 80 s, with 3 other cells of the operator within 5 "
+        "minutes; the cell at least -90 dBm",
         "area {area} is that of none of the {neighbours} other cells heard with it",
         "the border of two areas",
         0.8, (0, 197, _FULL_SCANS),
@@ -98,7 +99,8 @@ _ROWS = (
     ),
     _rule(
         "L3", "area", ("identity", "area code", "position"),
-        "standing for 60 s, the new area for 10 s, no cell of it heard before",
+        "standing for 60 s, the new area for 10 s, no cell of it heard before, another one of the "
+        "same network was",
         "the area changed from {other_area} to {area} after {still_s} s of standing",
         "the border of two areas, a cell switched off",
         0.4, (0, 0, "not measured"),
@@ -147,7 +149,8 @@ _ROWS = (
     ),
     _rule(
         "S3", "signal", ("identity", "level", "position"),
-        "3 readings; 15 dB above what two scans within 30 s and 120 m could have missed",
+        "3 readings; 15 dB above what two scans of its network within 30 s and 120 m could have "
+        "missed",
         "appears with {level_dbm} dBm where {limit_dbm} dBm could not be missed {seconds} s before",
         "a legitimate cell switched on, the exit of a tunnel",
         0.5, (0, 0, "not measured"),
@@ -218,14 +221,14 @@ _ROWS = (
     ),
     _rule(
         "C2", "broadcast", ("identity", "level"),
-        "3 readings before of at least -85 dBm, 3 after, all within 40 s",
+        "3 readings before of at least -85 dBm, 3 after, all within 40 s and of one network",
         "the modem left {left_dbm} dBm for this cell with {level_dbm} dBm",
         "a call that was handed over, another band of the operator",
         0.6, (0, 0, "not measured"),
     ),
     _rule(
-        "R1", "technology", ("several technologies", "level"),
-        "4G or 3G of at least -105 dBm in the 30 s before, 2G held for 30 s",
+        "R1", "technology", ("second technology", "level"),
+        "4G or 3G of the same network of at least -105 dBm in the 30 s before, 2G held for 30 s",
         "{before} was left at {level_dbm} dBm, and 2G was kept for {held_s} s",
         "a call, where the operator has no voice over 4G",
         0.6, (2, 1500, "60 h of telephones, about 1500 cells"), rats=_GSM,

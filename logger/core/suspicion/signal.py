@@ -8,6 +8,7 @@ from typing import NamedTuple
 from logger.core.suspicion.broken import Broken, Taken
 from logger.core.suspicion.finding import Evidence
 from logger.core.suspicion.heard import STEADY, HeardCell, Level, Memory, Moment
+from logger.core.suspicion.networks import Networks
 
 _JUMP_DB = 20.0
 """Shadowing of 8 dB over a few metres gives less in 10 s (measured: 7 an hour without a gate)."""
@@ -32,13 +33,24 @@ _LATE_S = 300.0
 
 
 class _Before(NamedTuple):
-    """What could have been heard in an earlier scan: a new cell at this level was not there."""
+    """What could have been heard in an earlier scan: a new cell at this level was not there.
+
+    `operators` are the networks of its cells: a scan of one network alone says nothing of another.
+    """
 
     t_s: float
     x_m: float | None
     y_m: float | None
     rat: str
     limit_dbm: float
+    operators: frozenset[str]
+
+    def could_name(self, cell: HeardCell, networks: Networks) -> bool:
+        """Whether the scan had named a cell of this network if it had heard it."""
+        if cell.rat != self.rat:
+            return False
+        names = self.operators
+        return len(names) > 1 or not any(networks.are_apart(cell.operator, name) for name in names)
 
 
 class SignalRules:
@@ -55,17 +67,18 @@ class SignalRules:
                 continue
             yield from _jump(cell, weakest_dbm)
             if cell.n_scans == STEADY:
-                yield from self._appears(cell, weakest_dbm)
+                yield from self._appears(memory, cell, weakest_dbm)
             if weakest_dbm >= cell.best_dbm - _ABOVE_BEST_DB:
                 yield from _above_best(now, cell, heard.level_dbm, weakest_dbm)
             if weakest_dbm >= _STRONG_DBM:
                 yield from _above_others(now, memory, cell, weakest_dbm)
         self._remember(now)
 
-    def _appears(self, cell: HeardCell, weakest_dbm: float) -> Iterator[Broken]:
+    def _appears(self, memory: Memory, cell: HeardCell, weakest_dbm: float) -> Iterator[Broken]:
         """S3: a new cell is far stronger than anything that could be missed just before."""
         first = cell.recent[0]
-        before = [b for b in self._before if b.rat == cell.rat and b.t_s < first.t_s]
+        networks = memory.networks
+        before = [b for b in self._before if b.t_s < first.t_s and b.could_name(cell, networks)]
         before = [b for b in before[-STEADY:] if first.t_s - b.t_s <= _BEFORE_S]
         limit_dbm = max((b.limit_dbm for b in before), default=0.0)
         is_near = all(_apart_m(b, cell.recent[-1]) <= _PASSED_M for b in before)
@@ -80,11 +93,16 @@ class SignalRules:
     def _remember(self, now: Moment) -> None:
         serving = now.serving
         for rat in dict.fromkeys([heard.rat for heard in now.cells]):
-            levels = [h.level_dbm for h in now.cells if h.level_dbm is not None and h.rat == rat]
+            of_rat = [h for h in now.cells if h.level_dbm is not None and h.rat == rat]
+            levels = [h.level_dbm for h in of_rat if h.level_dbm is not None]
             if len(levels) >= FULL_LIST:
-                self._before.append(_Before(now.t_s, now.x_m, now.y_m, rat, min(levels)))
+                limit_dbm = min(levels)
             elif serving is not None and serving.rat == rat and serving.level_dbm is not None:
-                self._before.append(_Before(now.t_s, now.x_m, now.y_m, rat, serving.level_dbm))
+                of_rat, limit_dbm = [serving], serving.level_dbm
+            else:
+                continue
+            operators = frozenset([heard.operator for heard in of_rat])
+            self._before.append(_Before(now.t_s, now.x_m, now.y_m, rat, limit_dbm, operators))
 
 
 def _jump(cell: HeardCell, weakest_dbm: float) -> Iterator[Broken]:

@@ -1,8 +1,10 @@
 """Whether the levels of one identity come from one place, from two, or from a moving one.
 
 A coarse test, cheap enough for each cell on the walk. Spots of 50 m are split in two parts, by
-place or by time; each part gets its best position on a grid, with the power free and a prior on the
-path loss exponent. `locator.two_source_test` decides the same at the desk with the full model.
+place or by time; each part gets its best position on a grid, with the power free and priors on the
+path loss exponent and on one lobe of the antenna: without it, the field before and behind a sector
+antenna looks like two stations. `locator.two_source_test` decides the same at the desk with the
+full model.
 """
 
 from collections.abc import Sequence
@@ -12,16 +14,19 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.model.path_loss import log_distance_db
+from logger.core.model.path_loss import distance_m, log_distance_db
+from logger.core.model.prior import ANTENNAS
 from logger.core.suspicion.spots import Spot
 
 _SIGMA_DB = 7.0
 """Shadowing of streets, 6 to 8 dB."""
-PERHAPS_TWO = 1.5
-"""Log evidence for two places from which rule S9 holds; less need not be known."""
+LEAST_EVIDENCE = 1.5
+"""Log evidence for two places from which a rule holds; less need not be known."""
 _TRUST = 0.5
 """Spots of 50 m are not independent where houses shadow over 50 to 100 m."""
-_ETA, _ETA_SIGMA = 3.2, 0.7
+_ETA = 3.2
+_PRIOR_SIGMA = np.array([0.7, ANTENNAS["any"][0], ANTENNAS["any"][0]])
+"""Of the path loss exponent, and in dB of the lobe to the east and to the north."""
 _UNIT_GRID = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 13)] * 2), axis=-1).reshape(-1, 2)
 _AROUND = np.array([(0.0, 0.0), (35.0, 0.0), (-35.0, 0.0), (0.0, 35.0), (0.0, -35.0)])
 _BESIDE = 4
@@ -51,7 +56,7 @@ class _Fit(NamedTuple):
 def compare_sources(spots: Sequence[Spot]) -> Sources | None:
     """Compare the three explanations; None if the walk is too short to tell places apart.
 
-    `two_places` is 0 where it cannot reach `PERHAPS_TWO`.
+    `two_places` is 0 where it cannot reach `LEAST_EVIDENCE`.
     """
     xylt = np.array([(s.x_m, s.y_m, s.level_dbm, s.t_s) for s in spots])
     extent_m = float(np.max(np.ptp(xylt[:, :2], axis=0)))
@@ -61,7 +66,7 @@ def compare_sources(spots: Sequence[Spot]) -> Sources | None:
     no_place = _TRUST * (one.cost - 0.5 * n)  # with the right sigma a spot costs half a unit
     # four parameters more cost 2 log n (BIC) if spots are independent, with the trust half of it
     most = _TRUST * (one.cost - 2.0 * log(n))  # if two places cost nothing
-    if most < PERHAPS_TWO:
+    if most < LEAST_EVIDENCE:
         return Sources(0.0, no_place, 0.0)
     two, apart_m = _best_split(xylt)
     return Sources(most - _TRUST * two, no_place, apart_m)
@@ -91,19 +96,27 @@ def _best_split(xylt: FloatArray) -> tuple[float, float]:
 
 def _fit(xylt: FloatArray) -> _Fit:
     """Best candidate for the position; the cost is half the squared residual by sigma."""
-    x_m, y_m, level_dbm = xylt[:, 0], xylt[:, 1], xylt[:, 2]
-    at_m = _candidates(xylt)
-    loss_db = log_distance_db(at_m[:, :1] - x_m, at_m[:, 1:] - y_m, _CLOSEST_M)
-    # level = p0 - eta loss; p0 is free, eta has a prior
-    loss_db = loss_db - loss_db.mean(axis=1, keepdims=True)
-    centred_db = level_dbm - level_dbm.mean()
-    ridge = (_SIGMA_DB / _ETA_SIGMA) ** 2
-    square = (loss_db**2).sum(axis=1) + ridge
-    eta = (ridge * _ETA - loss_db @ centred_db) / square
-    residual_db2 = ((centred_db + eta[:, None] * loss_db) ** 2).sum(axis=1)
-    cost = 0.5 * (residual_db2 / _SIGMA_DB**2 + ((eta - _ETA) / _ETA_SIGMA) ** 2)
+    at_m, level_dbm = _candidates(xylt), xylt[:, 2]
+    # level = p0 - eta loss + lobe; p0 is free, eta and the lobe have priors
+    columns = _columns(xylt, at_m)
+    residual_db = level_dbm - level_dbm.mean() - _ETA * columns[:, 0]
+    ridge = np.diag((_SIGMA_DB / _PRIOR_SIGMA) ** 2)
+    normal = columns @ columns.transpose(0, 2, 1) + ridge
+    change = np.linalg.solve(normal, columns @ residual_db[:, :, None])
+    residual_db = residual_db - (change.transpose(0, 2, 1) @ columns)[:, 0]
+    prior_cost = ((change[:, :, 0] / _PRIOR_SIGMA) ** 2).sum(axis=1)
+    cost = 0.5 * ((residual_db**2).sum(axis=1) / _SIGMA_DB**2 + prior_cost)
     best = int(np.argmin(cost))
     return _Fit(float(cost[best]), float(at_m[best, 0]), float(at_m[best, 1]))
+
+
+def _columns(xylt: FloatArray, at_m: FloatArray) -> FloatArray:
+    """What multiplies eta and the lobe for each candidate, without its mean; shape (h, 3, n)."""
+    dx_m, dy_m = xylt[:, 0] - at_m[:, :1], xylt[:, 1] - at_m[:, 1:]
+    loss_db = log_distance_db(dx_m, dy_m, _CLOSEST_M)
+    far_m = distance_m(loss_db)
+    columns = np.stack([-loss_db, dx_m / far_m, dy_m / far_m], axis=1)
+    return np.asarray(columns - columns.mean(axis=2, keepdims=True), float)
 
 
 def _candidates(xylt: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ class TechnologyRules:
     """R1."""
 
     def __init__(self) -> None:
-        self._good: tuple[float, str, float] | None = None
+        self._good: tuple[float, str, float, str] | None = None
         self._down_s: float | None = None
 
     def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:  # noqa: ARG002
@@ -28,14 +28,15 @@ class TechnologyRules:
         if serving.rat in _LATER:
             self._down_s = None
             if serving.level_dbm is not None and serving.level_dbm >= _GOOD_DBM:
-                self._good = now.t_s, serving.rat, serving.level_dbm
+                self._good = now.t_s, serving.rat, serving.level_dbm, serving.operator
             return
         if serving.rat != "GSM" or self._good is None:
             return
         if self._down_s is None:
             self._down_s = now.t_s
-        good_s, rat, level_dbm = self._good
-        is_after_good = self._down_s - good_s <= _BEFORE_S
+        good_s, rat, level_dbm, operator = self._good
+        is_apart = memory.networks.are_apart(serving.operator, operator)
+        is_after_good = not is_apart and self._down_s - good_s <= _BEFORE_S
         if is_after_good and now.t_s - self._down_s >= _HELD_S and serving.name is not None:
             evidence: Evidence = {
                 "before": rat,

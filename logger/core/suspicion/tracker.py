@@ -1,5 +1,7 @@
 """All rules as a function of the records of a run, in their order: live and replay are equal."""
 
+from collections.abc import Iterable
+
 from logger.core.baseline import Baseline, NoBaseline
 from logger.core.identities import Identities
 from logger.core.latest import Latest
@@ -9,7 +11,7 @@ from logger.core.suspicion.broken import Broken, FamilyRules
 from logger.core.suspicion.capabilities import Capabilities
 from logger.core.suspicion.earlier_walks import EarlierWalkRules
 from logger.core.suspicion.finding import WORDS, Finding, Rule
-from logger.core.suspicion.gone_cells import GoneCellRule
+from logger.core.suspicion.gone_cells import GONE, GoneCellRule
 from logger.core.suspicion.heard import Memory, Moment, Walker
 from logger.core.suspicion.neighbours import NeighbourRules
 from logger.core.suspicion.place import PlaceRules
@@ -30,6 +32,7 @@ class SuspicionTracker:
     """Follows the records of one run; `feed` them in recorded order.
 
     `worst` is the cell with the worst word so far, None while all are "nothing unusual".
+    `n_changes` counts findings and those withdrawn.
     """
 
     def __init__(self, max_fix_age_s: float = 3.0, baseline: Baseline | None = None) -> None:
@@ -51,7 +54,9 @@ class SuspicionTracker:
             GoneCellRule(self._baseline),
         )
         self._findings: Latest[list[Finding]] = Latest(_MOST_FOUND)
+        self._gone: set[str] = set()
         self.worst: str | None = None
+        self.n_changes = 0
         self.capabilities = Capabilities()
         if self._baseline.n_walks:
             self.capabilities.serve("earlier walks")
@@ -85,11 +90,22 @@ class SuspicionTracker:
         now = self._walker.at(t_ns, scan)
         self.capabilities.add(now)
         taken = self._memory.take(now)
+        if self._gone:
+            self._return(cell.name for cell, _ in taken)
         new = []
         for family in self._families:
             for broken in family.check(now, self._memory, taken):
                 new += self._keep(broken, now)
         return new
+
+    def _return(self, names: Iterable[str]) -> None:
+        """Withdraw that a cell is gone: it is heard, later or elsewhere in its square."""
+        for name in self._gone.intersection(names):
+            self._gone.remove(name)
+            self.n_changes += 1
+            kept = [one for one in self._findings.pop(name, None) or () if one.rule != GONE]
+            if kept:
+                self._findings.put(name, kept)
 
     def _keep(self, broken: Broken, now: Moment) -> list[Finding]:
         """Keep the first finding of a rule for a cell, once two scans have named the cell."""
@@ -104,6 +120,9 @@ class SuspicionTracker:
             return []
         finding = _finding(rule, broken, now, rat)
         self._findings.put(broken.cell, [*before, finding])
+        self.n_changes += 1
+        if rule.id == GONE:
+            self._gone.add(broken.cell)
         self._rank(broken.cell)
         return [finding]
 

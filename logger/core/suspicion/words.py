@@ -65,6 +65,16 @@ def word_rate_text(word: Word) -> str:
     return f"legitimate cells earned this word {rate.per_hour:.2f} times an hour"
 
 
+def sentences(findings: Sequence[Finding]) -> list[Finding]:
+    """Findings to print: of those with one sentence, as S5 and S9, the strongest."""
+    strongest: dict[str, Finding] = {}
+    for finding in findings:
+        other = strongest.get(finding.text)
+        if other is None or finding.nats > other.nats:
+            strongest[finding.text] = finding
+    return [finding for finding in findings if strongest[finding.text] is finding]
+
+
 def by_word(assessments: Sequence[Assessment]) -> list[Assessment]:
     """The most suspicious first."""
     return sorted(assessments, key=lambda a: (_RANK[a.word], -a.score_nats, a.cell))

@@ -21,6 +21,27 @@ def test_the_ocean_has_no_country():
     assert countries().near(0.0, -30.0) == ()
 
 
+@pytest.mark.parametrize(("lat_deg", "lon_deg"), [(65.0, -18.0), (65.0, 26.0), (-16.5, 30.0)])
+def test_a_country_at_the_date_line_is_not_near_everywhere_at_its_latitude(lat_deg, lon_deg):
+    """Russia and Fiji: Iceland, Finland and Zimbabwe."""
+    near = countries().near(lat_deg, lon_deg)
+    assert not {"RU", "FJ"} & set(near), near
+
+
+def test_russia_is_on_both_sides_of_the_date_line():
+    assert countries().near(66.0, 178.0) == countries().near(66.0, -173.0) == ("RU",)
+
+
+def test_a_network_may_broadcast_two_of_its_three_digits():
+    assert countries().is_listed("334", "03")  # 334-030
+    assert not countries().is_listed("334", "99")
+
+
+def test_networks_that_are_switched_off_today_are_in_older_logs():
+    assert countries().is_listed("262", "07")
+    assert countries().is_listed("404", "24")
+
+
 def test_networks_and_railways():
     plan = countries()
     assert plan.countries_of("232") == ("AT",)

@@ -95,3 +95,13 @@ def test_a_modem_that_names_one_network_misses_no_cell_of_another():
 def test_a_cell_heard_before_on_this_walk_is_not_gone():
     walk = Walk(baseline=Earlier()).scan(*HOME, GONE, times=2).scan(*HOME, metres=20.0, times=14)
     assert ("B3", 50) not in walk.rules
+
+
+def test_a_cell_that_is_heard_later_was_not_gone():
+    walk = Walk(baseline=Earlier()).scan(*HOME, metres=20.0, times=14)
+    assert walk.tracker.assessment(GONE.cell).findings
+    n_changes = walk.tracker.n_changes
+    walk.scan(*HOME, GONE, metres=20.0, times=2)
+    assert not walk.tracker.assessment(GONE.cell).findings
+    assert walk.tracker.n_changes > n_changes  # so that the status shows it
+    assert GONE.cell in {cell.cell for cell in walk.tracker.assessments()}

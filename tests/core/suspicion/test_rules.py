@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from logger.core.suspicion.rules import RULES, rate_of
-from logger.core.types import Broadcast
+from logger.core.types import Broadcast, CellReading
 from tests.kit.suspicion_walks import Walk, gsm
 
 HOME = [gsm(cid, -80 - cid % 7) for cid in range(10, 16)]
@@ -66,7 +66,7 @@ def test_p6_one_identity_on_two_channels_for_a_while():
 
 def test_l1_l2_an_area_that_no_other_cell_has():
     many = [gsm(cid, -80) for cid in range(10, 20)]
-    walk = Walk().scan(*many, times=3).scan(*many, gsm(99, -70, lac=7777), times=15)
+    walk = Walk().scan(*many, times=3).scan(*many, gsm(99, -70, lac=7777), times=25)
     assert {("L1", 99), ("L2", 99)} <= walk.rules
     # at a border the others of the new area follow
     border = [gsm(cid, -80, lac=1202) for cid in range(30, 40)]
@@ -179,6 +179,30 @@ def test_c2_a_modem_that_leaves_a_good_cell_for_a_weak_one():
     assert ("C2", 99) in walk.rules
     walk = Walk().scan(gsm(10, -70), times=4).scan(gsm(99, -74), times=4)
     assert ("C2", 99) not in walk.rules
+
+
+def test_s3_a_full_list_of_several_networks_could_name_another():
+    strangers = [gsm(60 + k, -84 - k, mnc="03", lac=4301) for k in range(2)]
+    walk = Walk().scan(*HOME[:3], *strangers, times=4)
+    walk.scan(*HOME[:3], *strangers, gsm(99, -50, mnc="05", lac=9101), times=3)
+    assert ("S3", 99) in walk.rules
+
+
+def test_r1_is_about_one_network():
+    lte = CellReading("serving", "LTE", "232", "01", tac=7, cid=9, rsrp_dbm=-90.0)
+    assert ("R1", 10) in Walk().scan(lte, times=4).scan(gsm(10), times=9).rules
+    other = gsm(10, mnc="03", lac=4301)
+    assert ("R1", 10) not in Walk().scan(lte, times=4).scan(other, times=9).rules
+
+
+@pytest.mark.parametrize(("metres", "is_accused"), [(6.0, False), (40.0, True), (0.0, True)])
+def test_l1_waits_for_the_second_cell_of_a_border_as_long_as_a_walker_needs(metres, is_accused):
+    """30 s of a new area with old cells beside it: on foot a border, in a car or standing not."""
+    walk = Walk().scan(*HOME, metres=metres, times=3)
+    walk.scan(*HOME, gsm(99, -70, lac=1202), metres=metres, times=7)
+    assert (("L1", 99) in walk.rules) == is_accused
+    walk.scan(*HOME, gsm(99, -70, lac=1202), metres=metres, times=20)
+    assert ("L1", 99) in walk.rules
 
 
 def test_a_doubtful_identity_breaks_no_rule():

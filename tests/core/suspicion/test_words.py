@@ -1,9 +1,9 @@
 from logger.core.suspicion.finding import Finding
-from logger.core.suspicion.words import assess, by_word, false_alarms_per_hour
+from logger.core.suspicion.words import assess, by_word, false_alarms_per_hour, sentences
 
 
-def _finding(rule, family, nats):
-    return Finding(rule, family, "c", 0, None, None, "", {}, nats)
+def _finding(rule, family, nats, text=""):
+    return Finding(rule, family, "c", 0, None, None, text, {}, nats)
 
 
 def test_a_family_counts_once():
@@ -28,6 +28,12 @@ def test_less_evidence_for_two_places_needs_a_second_family():
     perhaps = _finding("S9", "place", 6.0)
     assert assess("c", [perhaps]).word == "unusual"
     assert assess("c", [perhaps, _finding("S8", "signal", 3.4)]).word == "suspicious"
+
+
+def test_one_sentence_is_printed_once():
+    weaker, stronger = _finding("S9", "place", 2.9, "two"), _finding("S5", "place", 6.6, "two")
+    area = _finding("L1", "area", 4.0, "one")
+    assert sentences([weaker, area, stronger]) == [area, stronger]
 
 
 def test_the_most_suspicious_comes_first():

@@ -13,6 +13,23 @@ ROWS = """\
 """
 
 
+def test_codes_of_a_table_of_floats(tmp_path, capsys):
+    """A table with empty fields becomes one of floats; a spreadsheet drops leading zeros."""
+    rows = """\
+100.0,51.9,-8.5,LTE,334.0,020,40122.0,124546051.0,,,-79,1,
+101.0,51.9,-8.5,LTE,272.0,1.0,40122.0,124546051.0,,,-79,1,
+102.0,51.9,-8.5,LTE,eir,-5,40122,124546051,,,-79,1,
+"""
+    (tmp_path / "log.csv").write_text(HEADER + rows)
+    assert main(["import", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run.h5")]) == 0
+    assert "line 4: mcc is no integer: 'eir'" in capsys.readouterr().err
+    scans = [r.value for _, r in read_run(tmp_path / "run.h5").records("scans")]
+    assert [scan.readings[0].cell for scan in scans] == [
+        "334-020-40122-124546051",
+        "272-01-40122-124546051",
+    ]
+
+
 def test_rows_of_one_time_are_one_scan(tmp_path, capsys):
     (tmp_path / "log.csv").write_text(HEADER + ROWS)
     assert main(["import", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run.h5")]) == 0
