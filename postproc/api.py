@@ -200,6 +200,7 @@ def verify(
         p_fa,
         prior_for(environment, height_m=height_m, antenna=antenna, reach=reach),
         cells,
+        is_simulated=bool(observed.meta.truth),
     )
 
 

@@ -67,7 +67,16 @@ def _test(
     from postproc.progress import with_progress
     from postproc.verification.run_claims import verify_claims
 
-    return verify_claims(run, claims, p_fa, prior, only, result=result, progress=with_progress)
+    return verify_claims(
+        run,
+        claims,
+        p_fa,
+        prior,
+        only,
+        is_simulated=bool(run.meta.truth),
+        result=result,
+        progress=with_progress,
+    )
 
 
 @click.command

@@ -38,12 +38,14 @@ def verify_claims(
     prior: Prior,
     only: Sequence[str] | None = None,
     *,
+    is_simulated: bool = False,
     result: Result | None = None,
     progress: Progress | None = None,
 ) -> Verified:
     """Verdicts on all claims about the cells of a run, or about the cells in `only`.
 
-    `result` is that of `smooth` for this run and prior: its posteriors are not computed again.
+    `is_simulated`: the noise is known to be stationary, as that of a simulation is. `result` is
+    that of `smooth` for this run and prior: its posteriors are not computed again.
     Raises `ConfigError` for a cell that was not observed and for a rate outside 0 to 0.5.
     """
     if not 0.0 < p_fa <= 0.5:
@@ -53,7 +55,7 @@ def verify_claims(
     cells = observed.observations.cells if observed.observations else ()
     by_name = {obs.cell: obs for obs in cells}
     rarely = {cell: why for cell, n in scans_of([run]).items() if (why := too_rarely(n))}
-    options = ClaimOptions(p_fa, prior, stationary=bool(run.meta.truth))
+    options = ClaimOptions(p_fa, prior, stationary=is_simulated)
     pairs = _pairs(run, claims)
 
     def test(i: int, cell: str, claim: Claim) -> CellVerdict:
