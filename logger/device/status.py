@@ -1,7 +1,6 @@
 """The status of the recording, as a JSON file for other programs and `fieldlogger doctor`."""
 
 import os
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -10,6 +9,7 @@ import msgspec
 
 from logger.core.guidance.next_way import NextWay
 from logger.device.battery import Battery
+from logger.device.clock import SystemClock
 
 FOLDER = Path("/run/cellwalk")
 """RuntimeDirectory= of the service; systemd removes it with the service."""
@@ -179,10 +179,15 @@ def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:
     return Path(folder) if folder else None
 
 
+def age_s(status: Status) -> float:
+    """How long ago the recorder wrote a status."""
+    return (SystemClock().now_ns() - status.now_ns) / 1e9
+
+
 def silent_s(status: Status) -> float:
     """For how long the recorder has written no status; 0 while it does so each second."""
-    age_s = (time.clock_gettime_ns(time.CLOCK_BOOTTIME) - status.now_ns) / 1e9
-    return age_s if age_s > SILENT_S else 0.0
+    age = age_s(status)
+    return age if age > SILENT_S else 0.0
 
 
 def write_status(folder: Path, status: Status) -> None:

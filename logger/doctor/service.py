@@ -7,8 +7,7 @@ from pathlib import Path
 from logger.check import Line, State
 from logger.core.runfile.journal_file import is_recording
 from logger.core.runfile.run_names import JOURNAL, first_part
-from logger.device.clock import SystemClock
-from logger.device.status import Status
+from logger.device.status import Status, age_s
 
 MAX_AGE_S = 5.0
 """A working service writes its status, and its records to the card, every second."""
@@ -43,9 +42,9 @@ def open_journal(folder: Path) -> Path | None:
 
 def status_lines(status: Status) -> Iterator[Line]:
     """What the status of a running service means."""
-    age_s = (SystemClock().now_ns() - status.now_ns) / 1e9
-    if age_s > MAX_AGE_S:
-        text = f"the service has not reported for {age_s:.0f} s: systemctl restart fieldlogger"
+    age = age_s(status)
+    if age > MAX_AGE_S:
+        text = f"the service has not reported for {age:.0f} s: systemctl restart fieldlogger"
         yield Line("fail", "status", text)
         return
     states: dict[str, State] = {"error": "fail", "no fix": "warn"}

@@ -14,10 +14,9 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import ConfigError
 from logger.core.geo import Utm
-from logger.core.guidance.advice import first_turn
 from logger.core.guidance.clusters import Cluster, clusters
 from logger.core.guidance.forecast import Forecast, Forecaster
-from logger.core.guidance.planner import Course, Plan, plans
+from logger.core.guidance.planner import Course, Plan, first_turn, plans
 from logger.core.guidance.routes import Route, compass_routes
 from logger.core.guidance.sample import PositionSample, draw
 from logger.core.guidance.sentence import sentence

@@ -1,7 +1,6 @@
 """When to plan, and the advice that the walker follows until the next one."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 from math import hypot
 from typing import NamedTuple
 
@@ -10,7 +9,7 @@ import numpy as np
 from logger.core.arrays import BoolArray, FloatArray
 from logger.core.guidance.clusters import Cluster, clusters
 from logger.core.guidance.forecast import Forecaster
-from logger.core.guidance.planner import Course, azimuth_deg, plans, turn_deg
+from logger.core.guidance.planner import Course, azimuth_deg, first_turn, plans
 from logger.core.guidance.routes import Route, compass_routes
 from logger.core.guidance.sample import draw
 from logger.core.guidance.sentence import sentence
@@ -34,8 +33,6 @@ _NEAR_M, _AROUND_M = 300.0, 150.0
 """Within this distance of the likeliest place the way is planned for the places around it."""
 _LIKELY = 0.5
 """A place with so much of the probability is likelier than all others together."""
-_TURN_DEG = 25.0
-"""A corner of more than this is where the walker turns; a smaller one is a bend of the street."""
 
 Point = tuple[float, float]
 
@@ -129,16 +126,6 @@ def _near_place(
     around = np.hypot(tree.x_m - places[0].x_m, tree.y_m - places[0].y_m) < _AROUND_M
     is_likely = float(np.sum(probability[around])) >= _LIKELY
     return np.asarray(around, np.bool_) if is_likely else None
-
-
-def first_turn(route: Route) -> FloatArray:
-    """The corner at which the walker leaves the first direction, or the end."""
-    corner = route.corner_m
-    first = azimuth_deg(corner[0].tolist(), corner[1].tolist())
-    for here, after in pairwise(corner[1:]):
-        if abs(turn_deg(first, azimuth_deg(here.tolist(), after.tolist()))) > _TURN_DEG:
-            return np.asarray(here, float)
-    return np.asarray(corner[-1], float)
 
 
 def _apart_m(one: Point, other: Point) -> float:

@@ -1,6 +1,7 @@
 """Routes by what they say about the position for each metre walked."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from math import atan2, degrees
 from typing import NamedTuple
 
@@ -26,6 +27,8 @@ _WALKED_BEFORE = 0.4
 _SAME_WAY_M = 30.0
 """Closer than this to an earlier part of the walk it is the same street."""
 _AHEAD_DEG = 30.0
+_TURN_DEG = 25.0
+"""A corner of more than this is where the walker turns; a smaller one is a bend of the street."""
 
 
 class Course(NamedTuple):
@@ -81,6 +84,16 @@ def azimuth_deg(from_m: Sequence[float], to_m: Sequence[float]) -> float:
 def turn_deg(course_deg: float, azimuth_deg: float) -> float:
     """Turn to the right from a course, -180 to 180 degrees."""
     return (azimuth_deg - course_deg + 180.0) % 360.0 - 180.0
+
+
+def first_turn(route: Route) -> FloatArray:
+    """The corner at which the walker leaves the first direction, or the end."""
+    corner = route.corner_m
+    first = azimuth_deg(corner[0].tolist(), corner[1].tolist())
+    for here, after in pairwise(corner[1:]):
+        if abs(turn_deg(first, azimuth_deg(here.tolist(), after.tolist()))) > _TURN_DEG:
+            return np.asarray(here, float)
+    return np.asarray(corner[-1], float)
 
 
 def _turn(route: Route, course: Course) -> float:

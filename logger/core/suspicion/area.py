@@ -8,6 +8,7 @@ from logger.core.suspicion.broken import Broken, Taken
 from logger.core.suspicion.countries import GSMR_ARFCNS, TEST_MCCS
 from logger.core.suspicion.finding import Evidence
 from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment
+from logger.core.suspicion.networks import MOST_NETWORKS
 
 _LATE_S = 300.0
 """A telephone that names its serving cell alone meets three cells in some minutes."""
@@ -26,7 +27,6 @@ _HELD_S = 10.0
 _STILL_S = 60.0
 _SINGLE_S = 20.0
 _FEWEST_SCANS = 3
-_MOST_NETWORKS = 128
 _HEARD_DBM = -105.0
 """The other cells of a network beyond the border come as weakly as this one."""
 
@@ -35,7 +35,7 @@ class AreaRules:
     """L1, L2, L3 and L4."""
 
     def __init__(self) -> None:
-        self._serving: Latest[tuple[str, int]] = Latest(_MOST_NETWORKS)
+        self._serving: Latest[tuple[str, int]] = Latest(MOST_NETWORKS)
         """Network and area of the last serving cell in a new area, of each technology, and of each
         technology and network: a log may be of several."""
         self._areas: set[tuple[str, str, int]] = set()

@@ -3,7 +3,8 @@
 _USUAL_S = 300.0
 """A log of several telephones, or of a modem that tries networks in turn, names all of its networks
 in the first minutes."""
-_MOST_NETWORKS = 128
+MOST_NETWORKS = 128
+"""More than all countries near a walk have."""
 
 
 def may_be_same(operator: str, other: str) -> bool:
@@ -23,7 +24,7 @@ class Networks:
         """Remember the network of a cell."""
         if self._first_s is None:
             self._first_s = t_s
-        if t_s - self._first_s < _USUAL_S and len(self._usual) < _MOST_NETWORKS:
+        if t_s - self._first_s < _USUAL_S and len(self._usual) < MOST_NETWORKS:
             self._usual.add(operator)
 
     def are_apart(self, operator: str, before: str) -> bool:
