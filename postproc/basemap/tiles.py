@@ -1,7 +1,6 @@
-"""Raster tiles in one file: MBTiles 1.3, and GeoPackage (OGC 12-128r18, clause 2.2).
+"""Raster tiles in one file: MBTiles 1.3.
 
-Rows of a GeoPackage are numbered from the north. Those of MBTiles are numbered from the south (TMS)
-unless its metadata state xyz.
+Their rows are numbered from the south (TMS) unless the metadata state xyz.
 """
 
 import math
@@ -14,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 from pyproj import CRS
-from pyproj.exceptions import CRSError
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
@@ -27,21 +25,9 @@ MOST_TILES = 64
 _HALF_WORLD_M = math.pi * 6378137.0
 """Half the circumference of Web Mercator's sphere."""
 
-_TABLES = "SELECT name FROM sqlite_master WHERE type IN ('table', 'view')"
 _ZOOMS = "SELECT DISTINCT zoom_level FROM tiles ORDER BY zoom_level DESC"
-_TILE_SETS = """
-SELECT s.table_name, s.min_x, s.max_y, r.organization, r.organization_coordsys_id, r.definition
-FROM gpkg_tile_matrix_set s
-JOIN gpkg_contents c ON c.table_name = s.table_name AND c.data_type = 'tiles'
-JOIN gpkg_spatial_ref_sys r ON r.srs_id = s.srs_id
-"""
-_MATRICES = """
-SELECT zoom_level, matrix_width, matrix_height,
-    tile_width * pixel_x_size, tile_height * pixel_y_size
-FROM gpkg_tile_matrix WHERE table_name = ? ORDER BY zoom_level DESC
-"""
 _TILE = """
-SELECT CAST(tile_data AS BLOB) FROM "{table}"
+SELECT CAST(tile_data AS BLOB) FROM tiles
 WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?
 """
 
@@ -56,7 +42,6 @@ class TileMatrix(NamedTuple):
     `tile_width` and `tile_height` are the size of a tile in the same units.
     """
 
-    table: str
     crs: CRS
     zoom: int
     columns: int
@@ -95,9 +80,7 @@ def open_tiles(path: Path, area: Area) -> Ground:
                     if ground is not None:
                         return ground
     except sqlite3.Error as error:
-        raise ConfigError(f"{path} contains no raster tiles: {error}") from error
-    except CRSError as error:
-        raise ConfigError(f"{path}: unknown reference system") from error
+        raise ConfigError(f"{path} is no MBTiles file with raster tiles: {error}") from error
     except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError) as error:
         raise ConfigError(
             f"{path}: a tile is not an image (vector tiles are not supported)"
@@ -106,28 +89,11 @@ def open_tiles(path: Path, area: Area) -> Ground:
 
 
 def _matrices(database: sqlite3.Connection) -> Iterator[TileMatrix]:
-    """All zoom levels of all layers, the finest of each first."""
-    names = {name for (name,) in database.execute(_TABLES)}
-    return _of_geopackage(database) if "gpkg_contents" in names else _of_mbtiles(database)
-
-
-def _of_mbtiles(database: sqlite3.Connection) -> Iterator[TileMatrix]:
+    """All zoom levels, the finest first."""
     metadata = dict(database.execute("SELECT name, value FROM metadata"))
     from_south = metadata.get("scheme", "tms") != "xyz"
     for (zoom,) in database.execute(_ZOOMS).fetchall():
         yield web_mercator_matrix(zoom)._replace(from_south=from_south)
-
-
-def _of_geopackage(database: sqlite3.Connection) -> Iterator[TileMatrix]:
-    for table, west, north, organisation, code, definition in database.execute(
-        _TILE_SETS
-    ).fetchall():
-        is_epsg = organisation.upper() == "EPSG"
-        crs = CRS.from_epsg(code) if is_epsg else CRS.from_user_input(definition)
-        for zoom, columns, rows, width, height in database.execute(_MATRICES, (table,)).fetchall():
-            yield TileMatrix(
-                table, crs, zoom, columns, rows, west, north, width, height, from_south=False
-            )
 
 
 def web_mercator_matrix(zoom: int) -> TileMatrix:
@@ -136,7 +102,7 @@ def web_mercator_matrix(zoom: int) -> TileMatrix:
     side = 2 * _HALF_WORLD_M / count
     corner = -_HALF_WORLD_M, _HALF_WORLD_M
     size = count, count
-    return TileMatrix("tiles", WEB_MERCATOR, zoom, *size, *corner, side, side, from_south=False)
+    return TileMatrix(WEB_MERCATOR, zoom, *size, *corner, side, side, from_south=False)
 
 
 def mosaic(picture: TilePicture, matrix: TileMatrix, columns: range, rows: range) -> Ground | None:
@@ -161,11 +127,9 @@ def mosaic(picture: TilePicture, matrix: TileMatrix, columns: range, rows: range
 
 
 def _of_database(database: sqlite3.Connection, matrix: TileMatrix) -> TilePicture:
-    query = _TILE.format(table=matrix.table.replace('"', '""'))
-
     def picture(column: int, row: int) -> Image.Image | None:
         stored = matrix.rows - 1 - row if matrix.from_south else row
-        tile = database.execute(query, (matrix.zoom, column, stored)).fetchone()
+        tile = database.execute(_TILE, (matrix.zoom, column, stored)).fetchone()
         return None if tile is None else Image.open(BytesIO(tile[0])).convert("RGBA")
 
     return picture

@@ -46,7 +46,7 @@ def open_picture(path: Path, area: Area) -> Ground:
         raise ConfigError(f"{path} has too many pixels: crop it to the area of the walk") from error
     except UnidentifiedImageError as error:
         raise ConfigError(
-            f"{path} is not an image: use PNG or JPEG with a world file, GeoPackage or MBTiles"
+            f"{path} is not an image: use PNG or JPEG with a world file, PMTiles or MBTiles"
         ) from error
     except (OSError, SyntaxError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error

@@ -29,15 +29,6 @@ RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {
 
 
 _ASU_MOST = {"GSM": 31, "LTE": 97, "NR": 97}
-_TYPES_OF: dict[Rat, tuple[int, ...]] = {
-    "GSM": (1, 2, 16),
-    "WCDMA": (3, 8, 9, 10, 15),
-    "LTE": (13, 19),
-    "NR": (20,),
-}
-NETWORK_TYPES = {str(number): rat for rat, numbers in _TYPES_OF.items() for number in numbers}
-"""Numbers of Android's TelephonyManager.NETWORK_TYPE, which some programs store."""
-
 _LAST_DAY = 100_000
 """Days since 1970, the year 2243: nanoseconds still fit into 64 bit."""
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from logger.core.errors import RunFileError
 from postproc.interop import (
-    aimsicd,
     cellmapper,
     drive_log,
     gnettrack,
@@ -16,9 +15,6 @@ from postproc.interop import (
     network_survey,
     opencellid,
     rayhunter,
-    seaglass,
-    sitch,
-    snoopsnitch,
     tower_collector,
     walk_csv,
     wigle,
@@ -82,7 +78,6 @@ FORMATS = (
         "measured_at",
         _of_text("mcc", "measured_at"),
     ),
-    Format("SeaGlass scans, JSON", seaglass.read, "gps_after.time", seaglass.is_it, has_scans=True),
     Format(
         "OpenCelliD measurements, JSON",
         opencellid.read_json,
@@ -112,10 +107,6 @@ FORMATS = (
     Format("G-NetTrack text", gnettrack.read_text, "Timestamp", gnettrack.is_text, has_scans=True),
     Format("G-NetTrack KML", gnettrack.read_kml, "TIME", gnettrack.is_kml, has_scans=True),
     Format("CellMapper CSV", cellmapper.read, "", cellmapper.is_it),
-    Format("AIMSICD database", aimsicd.read_database, "time", aimsicd.is_database),
-    Format("AIMSICD CSV", aimsicd.read_csv, "time", aimsicd.is_csv),
-    Format("SnoopSnitch database", snoopsnitch.read, "timestamp", snoopsnitch.is_it),
-    Format("SITCH log, JSON", sitch.read, "scan_finish", sitch.is_it, has_scans=True),
     Format("Rayhunter analysis, NDJSON", rayhunter.read, "packet_timestamp", rayhunter.is_it),
     Format("drive test CSV", drive_log.read, "t_s", _of_text(*drive_log.COLUMNS), has_scans=True),
     Format("CSV by column names", _BY_NAMES, "time", named_columns.is_it, has_scans=True),

@@ -1,21 +1,19 @@
-"""Tracks that give another log its positions: GPX, or the log of a SITCH sensor's receiver.
+"""GPX tracks that give another log its positions.
 
-Sources: www.topografix.com/GPX/1/1; log_gps.rst of sitch-io/sensor.
+Source: www.topografix.com/GPX/1/1.
 """
 
 from bisect import bisect_left
 from collections.abc import Iterator
 from math import cos, hypot, radians
 from pathlib import Path
-from typing import Any
 
 from logger.core.errors import GeoError, RunFileError
 from logger.core.types import Fix
-from postproc.interop import json_lines, xml_file
+from postproc.interop import xml_file
 from postproc.interop.contents import look_at, unknown_format
 from postproc.interop.decompression import plain_file
-from postproc.interop.fields import fix_of, maybe, text, utc_ns_of
-from postproc.interop.sighting import BadRow
+from postproc.interop.fields import fix_of, maybe, utc_ns_of
 
 MOST_APART_S = 60.0
 """Between points farther apart in time, a walker may have been anywhere in a block of houses."""
@@ -49,18 +47,15 @@ class GpsTrack:
 
 
 def read_track(source: Path) -> GpsTrack:
-    """Track of a GPX file or of a SITCH sensor, also compressed.
+    """Track of a GPX file, also compressed.
 
     Raises `RunFileError` for another file and for one without two points with a time.
     """
     with plain_file(source) as plain:
         seen = look_at(plain)
-        if seen.kind == "xml" and seen.has("gpx"):
-            fixes = list(_gpx_fixes(plain))
-        elif seen.kind == "json" and seen.has("geometry", "coordinates"):
-            fixes = list(_sitch_fixes(plain))
-        else:
+        if not (seen.kind == "xml" and seen.has("gpx")):
             raise unknown_format(source, f"{seen.words}, which is no GPX track")
+        fixes = list(_gpx_fixes(plain))
     track = GpsTrack(fixes)
     if len(track.fixes) < 2:
         raise RunFileError(f"{source} has no track: fewer than two points have a time")
@@ -76,19 +71,6 @@ def _gpx_fixes(source: Path) -> Iterator[Fix]:
             known = {"alt_m": maybe(place, "ele"), "hdop": maybe(place, "hdop", (0.0, 100.0))}
             yield fix_of(place, "lat", "lon", utc_ns, **known)
         except (ValueError, GeoError):
-            continue
-
-
-def _sitch_fixes(source: Path) -> Iterator[Fix]:
-    for entry in json_lines.objects(source):
-        if isinstance(entry, BadRow):
-            continue
-        geometry: Any = entry[1].get("geometry")
-        try:
-            lon, lat = geometry["coordinates"][:2]
-            utc_ns = utc_ns_of(text(entry[1], "sat_time", "sys_time"), "sat_time")
-            yield fix_of({"lat": lat, "lon": lon}, "lat", "lon", utc_ns)
-        except (ValueError, GeoError, TypeError, KeyError):
             continue
 
 

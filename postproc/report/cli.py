@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     "--basemap",
     type=INPUT,
     metavar="FILE",
-    help="Ground of the plan: PMTiles, MBTiles, GeoPackage, or an image with a world file.",
+    help="Ground of the plan: PMTiles, MBTiles, or an image with a world file.",
 )
 @claims_options
 @false_alarm_option

@@ -53,7 +53,7 @@ class _Options:
     "--basemap",
     type=INPUT,
     metavar="FILE",
-    help="Map under the plan: PMTiles, MBTiles, GeoPackage, or an image with a world file.",
+    help="Map under the plan: PMTiles, MBTiles, or an image with a world file.",
 )
 @click.option(
     "--save",

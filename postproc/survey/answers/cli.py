@@ -86,7 +86,7 @@ def diff(
 @click.option("-o", "--output", "target", type=FILE, metavar="FILE.html",
               help="Default: survey.html in the folder of the survey.")  # fmt: skip
 @click.option("--basemap", type=INPUT, metavar="FILE",
-              help="Ground of the plan: PMTiles, MBTiles, GeoPackage, or an image.")  # fmt: skip
+              help="Ground of the plan: PMTiles, MBTiles, or an image.")  # fmt: skip
 @survey_prior_options
 @json_option
 def map_command(

@@ -151,37 +151,6 @@ def test_mbtiles_count_rows_from_the_south_unless_their_metadata_state_xyz(schem
     check(read_basemap(mbtiles(tmp_path / "x.mbtiles", mosaic(view), scheme=scheme), view))
 
 
-GEOPACKAGE = """
-CREATE TABLE gpkg_contents (table_name text, data_type text);
-CREATE TABLE gpkg_spatial_ref_sys (
-    srs_id int, organization text, organization_coordsys_id int, definition text);
-CREATE TABLE gpkg_tile_matrix_set (table_name text, srs_id int, min_x, min_y, max_x, max_y);
-CREATE TABLE gpkg_tile_matrix (
-    table_name text, zoom_level, matrix_width, matrix_height, tile_width, tile_height,
-    pixel_x_size, pixel_y_size);
-CREATE TABLE "odd ""name" (zoom_level int, tile_column int, tile_row int, tile_data blob);
-INSERT INTO gpkg_contents VALUES ('points', 'features'), ('odd "name', 'tiles');
-INSERT INTO gpkg_spatial_ref_sys VALUES (7, 'EPSG', 3857, 'undefined');
-"""
-
-
-def test_geopackage_counts_rows_from_the_north(view, tmp_path):
-    path = tmp_path / "x.gpkg"
-    world = np.pi * 6378137.0
-    with sqlite3.connect(path) as database:
-        database.executescript(GEOPACKAGE)
-        tile_set = ('odd "name', 7, -world, -world, world, world)
-        database.execute("INSERT INTO gpkg_tile_matrix_set VALUES (?, ?, ?, ?, ?, ?)", tile_set)
-        for zoom in (14, 18):
-            pixel = 2 * world / 2**zoom / 256
-            matrix = ('odd "name', zoom, 2**zoom, 2**zoom, 256, 256, pixel, pixel)
-            database.execute("INSERT INTO gpkg_tile_matrix VALUES (?, ?, ?, ?, ?, ?, ?, ?)", matrix)
-        rows = [(*key, blob(pixels)) for key, pixels in mosaic(view).items()]
-        database.executemany('INSERT INTO "odd ""name" VALUES (?, ?, ?, ?)', rows)
-    database.close()
-    check(read_basemap(path, view))
-
-
 def test_missing_tiles_are_transparent(view, tmp_path):
     tiles = mosaic(view)
     fewer = dict(list(tiles.items())[::2])
@@ -271,7 +240,7 @@ def another_database(folder, view):
         (cut_picture, "cannot be read"),
         (vector_tiles, "vector"),
         (far_tiles, "does not cover"),
-        (another_database, "no raster tiles"),
+        (another_database, "no MBTiles file"),
         (lambda folder, view: folder / "absent.png", "no world file"),
     ],
 )

@@ -104,17 +104,6 @@ ROWS = {
         "ARFCN": 62,
         "PSC": 7,
     },
-    "aimsicd": {
-        "time": 1598796852000,
-        "gpsd_lat": 52,
-        "gpsd_lon": 13,
-        "gpsd_accu": 5,
-        "rx_signal": -70,
-        "bts_id": 4,
-        "RAT": "GSM",
-        "BCCH": 62,
-        "TA": 1,
-    },
     "named columns": {
         "Time": "12:00:07",
         "Longitude": 13,
@@ -185,19 +174,6 @@ def test_values_of_json(changed):
 
 
 OBJECTS = {
-    "seaglass": {
-        "gsm": {
-            "scan_blob": "",
-            "measurements": [{"arfcn": 62, "rx_lev": -70, "bcch": {"mcc": 1}}],
-        },
-        "gps_before": {"lat": 52, "lon": 13, "time": "2024-05-01T10:00:00Z"},
-        "gps_after": {"lat": 52, "lon": 13, "time": "2024-05-01T10:00:00Z"},
-    },
-    "sitch": {
-        "scan_program": "gsm_modem",
-        "scan_finish": "2024-05-01T10:00:00",
-        "scan_results": [{"rxl": "7", "lac": "1", "cellid": "2", "mcc": "262", "arfcn": "62"}],
-    },
     "rayhunter": {
         "packet_timestamp": "2024-05-01T10:00:00Z",
         "events": [{"event_type": "High", "message": "x"}],

@@ -48,7 +48,7 @@ def test_positions_between_points(tmp_path):
         ("<gpx><trk>", "damaged XML"),
         ('<!DOCTYPE x [<!ENTITY a "b">]><gpx/>', "a document type"),
         ("t_s,lat\n", "no GPX track"),
-        ('{"geometry": {"coordinates": 7}}', "fewer than two points"),
+        ('{"geometry": {"coordinates": 7}}', "no GPX track"),
     ],
 )
 def test_what_is_no_track_is_named(tmp_path, text, says):
