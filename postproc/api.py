@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.geo import Utm
+from logger.core.locator.online import FEWEST_BLOCKS
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import prior_for
 from logger.core.observations import CellObservations, Observations
@@ -25,6 +26,7 @@ from postproc.cell_estimation import locate_cell
 from postproc.estimators.robust_losses import Loss
 from postproc.interop.estimates import estimates_of
 from postproc.interop.exporting import Exported, format_of, write_export
+from postproc.interop.fields import LEVEL_RANGE_DBM
 from postproc.interop.levels import walk_of_run
 from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import observed_cells
@@ -38,6 +40,8 @@ RunOrPath = Run | Path | str
 
 _PLANE = Utm(31)
 """Frame of bare arrays: any zone will do, since nothing is converted to degrees."""
+_DEGREES_WITHIN = 3.0
+"""Degrees that a drive of a day spans; a walk within so few metres could not locate anything."""
 
 
 def read_run(path: Path | str) -> Run:
@@ -126,7 +130,8 @@ def locate(
     and `posterior`, None for too few readings: `x_m`, `y_m` and `r95_m` in metres, `p0_dbm` at 1 m,
     `eta`, `modes` and `squares`, each in the frame of the input.
 
-    Raises `ConfigError` for arrays of different shapes and an unknown environment.
+    Raises `ConfigError` for arrays of different shapes, values that are not finite, levels outside
+    -200 to 50 dBm, degrees in place of metres, and an unknown environment.
     Source: `logger.core.locator.pipeline`, where the steps of the algorithm are listed.
     """
     prior = prior_for(environment, height_m=height_m, antenna=antenna, reach=reach)
@@ -249,8 +254,29 @@ def _bare(
             f"x_m, y_m and level_dbm are of one shape (n,), not {x.shape}, {y.shape}, {level.shape}"
         )
     sigma_m = _broadcast(position_sigma_m, len(x))
+    low_dbm, high_dbm = LEVEL_RANGE_DBM
+    if not all(np.all(np.isfinite(values)) for values in (x, y, level, sigma_m)):
+        raise ConfigError("x_m, y_m, level_dbm and position_sigma_m must be finite: leave out NaN")
+    if np.any((level < low_dbm) | (level > high_dbm)):
+        raise ConfigError(f"level_dbm must be within {low_dbm:.0f} to {high_dbm:.0f} dBm")
+    if np.any(sigma_m < 0.0):
+        raise ConfigError("position_sigma_m must not be negative")
+    if len(x) >= FEWEST_BLOCKS and _are_degrees(x, y):
+        raise ConfigError(
+            "x_m and y_m look like degrees: they are metres, and all lie within "
+            f"{_DEGREES_WITHIN:g}; Utm.at(lat_deg, lon_deg).to_xy_arrays(...) of logger.core.geo "
+            "converts them"
+        )
     number = np.arange(len(x))
     return CellObservations("", rat, _PLANE, number * 10**9, x, y, sigma_m, level, number)
+
+
+def _are_degrees(x: FloatArray, y: FloatArray) -> bool:
+    """Whether positions that differ could be longitudes and latitudes of one walk."""
+    extents = np.ptp(x), np.ptp(y)
+    could_be = np.all(np.abs(x) <= 180.0) and np.all(np.abs(y) <= 90.0)
+    could_be_swapped = np.all(np.abs(x) <= 90.0) and np.all(np.abs(y) <= 180.0)
+    return bool((could_be or could_be_swapped) and 0.0 < max(extents) < _DEGREES_WITHIN)
 
 
 def _broadcast(values: npt.ArrayLike, n: int) -> FloatArray:

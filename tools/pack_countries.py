@@ -76,6 +76,8 @@ def _polygons(atlas: dict, numeric: dict[str, str]) -> dict[str, shapely.Geometr
         rings = [[ring(indices) for indices in polygon] for polygon in polygons]
         whole = shape({"type": "MultiPolygon", "coordinates": rings})
         found.setdefault(code, []).append(shapely.make_valid(whole))
+    for code, boxes in _TERRITORIES.items():
+        found.setdefault(code, []).extend(box(*corners) for corners in boxes)
     return {code: unary_union(parts) for code, parts in found.items()}
 
 
@@ -92,6 +94,21 @@ def _continuous(ring: list[tuple[float, float]]) -> list[tuple[float, float]]:
     return ring if turns else points
 
 
+_TERRITORIES = {
+    "BQ": [(-68.43, 12.01, -68.18, 12.32), (-63.27, 17.46, -62.93, 17.66)],
+    "CC": [(96.80, -12.22, 96.95, -11.82)],
+    "CX": [(105.53, -10.58, 105.72, -10.41)],
+    "GF": [(-54.61, 2.11, -51.61, 5.78)],
+    "GI": [(-5.37, 36.10, -5.33, 36.16)],
+    "GP": [(-61.82, 15.83, -61.00, 16.52)],
+    "MQ": [(-61.24, 14.38, -60.80, 14.89)],
+    "RE": [(55.21, -21.39, 55.84, -20.86)],
+    "TK": [(-172.53, -9.45, -171.18, -8.52)],
+    "TV": [(176.05, -10.81, 179.90, -5.64)],
+    "YT": [(45.01, -13.02, 45.31, -12.63)],
+}
+"""West, south, east and north of territories with networks of their own that Natural Earth at this
+scale lacks or has as a part of another country."""
 _UNCODED = {"Kosovo": "XK", "N. Cyprus": "CY", "Somaliland": "SO"}
 
 

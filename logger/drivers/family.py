@@ -4,11 +4,11 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
+from logger.core.reportable import reportable
 from logger.core.types import CellReading, Role
 from logger.drivers.claim import Claim
 from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.fields import reportable
 from logger.drivers.reading.interruption import drop_cut_values, names_of
 from logger.drivers.reading.rows import Row
 from logger.drivers.reading.standard_replies import standard_rows

@@ -193,6 +193,12 @@ def _print_imported(imported: "Imported") -> None:
     print(f"{imported.path}: {counts} ({imported.format})")
     for why, n in imported.other:
         print(f"{imported.path}: left out: {n} rows, {why}", file=sys.stderr)
+    for why, n in imported.no_level:
+        print(f"{imported.path}: left out: {n} levels, {why}", file=sys.stderr)
+    if imported.n_unnamed:
+        every = ", so no cell can be located" if imported.n_unnamed == imported.n_rows else ""
+        unnamed = f"{imported.n_unnamed} readings name no cell{every}"
+        print(f"{imported.path}: {unnamed}", file=sys.stderr)
 
 
 @click.command

@@ -63,15 +63,25 @@ def rows(
 def _rows_of(
     lines: Iterator[str], delimiter: str, names: list[str], n_before: int
 ) -> Iterator[Line]:
-    reader = csv.reader(lines, delimiter=delimiter)
-    for values in reader:
+    for number, line in enumerate(lines, n_before + 1):
+        values = _values(line.rstrip("\r\n"), delimiter, len(names))
         if any(value.strip() for value in values):
             # a short row lacks its last columns; what it lacks is then empty
             padded = values + [""] * (len(names) - len(values))
-            yield (
-                reader.line_num + n_before,
-                {n: v.strip() for n, v in zip(names, padded, strict=False)},
-            )
+            yield number, {n: v.strip() for n, v in zip(names, padded, strict=False)}
+
+
+def _values(line: str, delimiter: str, n_names: int) -> list[str]:
+    """Values of a row, which is one line: a mark that is never closed must not take others in.
+
+    Apps write names of networks as they are, also those with a quotation mark, so where the marks
+    do not give a value for each column they are text.
+    """
+    plain = line.split(delimiter)
+    if '"' not in line:
+        return plain
+    quoted = next(csv.reader([line], delimiter=delimiter), [])
+    return plain if len(plain) == n_names != len(quoted) else quoted
 
 
 def _delimiter(header: str) -> str:

@@ -7,7 +7,6 @@ question mark in its place, since many logs of telephones leave it out.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from logger.core.geo import check_position
@@ -50,7 +49,7 @@ def _reading(fields: Fields) -> CellReading:
         raise ValueError(f"no technology is called {text(fields, 'rat')[:40]!r}")
     mcc, mnc = network_code(fields, "mcc", 3), network_code(fields, "mnc", 2)
     area, cid = integer(fields, "lac_tac"), cell_identity(fields, "cid")
-    reading = reading_of(
+    return reading_of(
         rat,
         "serving" if text(fields, "serving") == "1" else "neighbour",
         maybe(fields, "level_dbm", LEVEL_RANGE_DBM),
@@ -62,10 +61,3 @@ def _reading(fields: Fields) -> CellReading:
         ta=integer(fields, "ta"),
         **{_CODES.get(rat, "pci"): integer(fields, "pci_bsic")},
     )
-    if cid is None or reading.cell is not None:
-        return reading
-    return replace(reading, label="-".join(_or_mark(part) for part in (mcc, mnc, area, cid)))
-
-
-def _or_mark(part: str | int | None) -> str:
-    return "?" if part is None else str(part)

@@ -1,16 +1,21 @@
 """Values of a row by name, as text (CSV) or numbers (JSON, SQLite); None where unknown."""
 
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any, get_args
 
+from logger.core.errors import RunFileError
 from logger.core.geo import check_position
+from logger.core.reportable import area_marks, identity_bits, identity_marks
 from logger.core.types import CellReading, Fix, Rat, Role
 
 Fields = Mapping[str, Any]
 
 LEVEL_RANGE_DBM = (-200.0, 50.0)
+"""Any receiver: from far below the noise to beside a strong transmitter."""
 _UNKNOWN = (2**31 - 1, 2**63 - 1)
 """CellInfo.UNAVAILABLE and UNAVAILABLE_LONG of Android, which apps write unchanged."""
 _LARGEST = 2**31 - 2
@@ -122,7 +127,25 @@ def reading_of(
     """A reading with its level and its area code where the technology, if known, has them."""
     level = {None: "rssi_dbm", "GSM": "rssi_dbm", "WCDMA": "rscp_dbm"}.get(rat, "rsrp_dbm")
     code = "lac" if rat in {None, "GSM", "WCDMA"} else "tac"
-    return CellReading(role, rat, **{level: level_dbm, code: area} | values)
+    return with_name(CellReading(role, rat, **{level: level_dbm, code: area} | values))
+
+
+def with_name(reading: CellReading) -> CellReading:
+    """The reading without codes that mean no area or no cell, and with a name if it has none.
+
+    The name has question marks for the parts of the identity that are missing: many telephones
+    leave out the network code, and without a name the level would be lost.
+    """
+    is_nr = reading.rat == "NR"
+    if {reading.lac, reading.tac} & area_marks(24 if is_nr else 16):
+        reading = replace(reading, lac=None, tac=None)
+    if reading.cid in identity_marks(identity_bits(reading.rat)):
+        reading = replace(reading, cid=None)
+    if reading.cid is None or reading.cell is not None:
+        return reading
+    area = reading.tac if reading.lac is None else reading.lac
+    parts = (reading.mcc, reading.mnc, area, reading.cid)
+    return replace(reading, label="-".join("?" if part is None else str(part) for part in parts))
 
 
 def fix_of(fields: Fields, lat: str, lon: str, utc_ns: int | None, **values: float | None) -> Fix:
@@ -151,3 +174,73 @@ def ns_since_1970(when: datetime, name: str) -> int:
     if not 0 <= since.days < _LAST_DAY:
         raise ValueError(f"{name} is no time of a walk: {when.isoformat()!r}")
     return ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1000
+
+
+DEFAULT_CELL = "target"
+"""Name of the only cell of a table that names none."""
+_TRANSMITTERS = (
+    *("cell", "bssid", "mac", "macaddress", "transmitter", "transmitterid", "txid", "beacon"),
+    *("beaconid", "beaconuuid", "gateway", "gatewayid", "gatewayeui", "gateweui", "gtwid", "gweui"),
+    *("gw", "gwid", "eui", "basestation", "basestationid", "bts", "btsid", "cellname", "sitename"),
+)
+"""Columns that name the transmitter, by their letters and digits alone."""
+_DEVICES = (
+    *("device", "deviceid", "devicename", "dev", "devid", "deveui", "devaddr", "node", "nodeid"),
+    *("nodename", "sensor", "sensorid", "station", "stationid", "source", "src", "sourceid"),
+    *("sender", "senderid", "address", "addr", "id", "uid", "uuid", "name", "ssid", "tag", "tagid"),
+    *("tx", "emitter", "ap", "apname", "site", "siteid", "sector", "sectorid", "serial"),
+    *("enb", "enbid", "enodeb", "enodebid", "gnb", "gnbid", "nodeb", "nodebid"),
+)
+"""Columns that may name the transmitter, or the receiver, or number the rows."""
+_MOST_VALUES = 10_000
+"""A column with more values numbers the rows."""
+
+
+class Transmitters:
+    """Names of the transmitters in a table without cell identities."""
+
+    def __init__(self, columns: Iterable[str], *, has_codes: bool) -> None:
+        plain = {_plain(column): column for column in columns}
+        self._has_codes = has_codes
+        self._name = next((plain[name] for name in _TRANSMITTERS if name in plain), None)
+        self._values: dict[str, Counter[str]] = {}
+        if self._name is None and not has_codes:
+            self._values = {plain[name]: Counter() for name in _DEVICES if name in plain}
+
+    def name(self, fields: Fields, reading: CellReading) -> str | None:
+        """Name of the transmitter of a row, None where the row lacks it.
+
+        It is that of a column that names transmitters, else the code and the channel.
+        """
+        if self._name is not None:
+            return text(fields, self._name) or None
+        if self._has_codes:
+            codes = {
+                "channel": reading.arfcn,
+                "BSIC": reading.bsic,
+                "PSC": reading.psc,
+                "PCI": reading.pci,
+            }
+            return " ".join(f"{k} {v}" for k, v in codes.items() if v is not None) or None
+        for column, values in self._values.items():
+            if len(values) <= _MOST_VALUES and (value := text(fields, column)):
+                values[value] += 1
+        return DEFAULT_CELL
+
+    def check(self, source: object) -> None:
+        """Raise `RunFileError` where a column seems to name several transmitters.
+
+        One value, and a value of its own in each row, name none.
+        """
+        for column, values in self._values.items():
+            if 1 < len(values) <= min(_MOST_VALUES, values.total() // 2):
+                examples = ", ".join(repr(value[:20]) for value in list(values)[:3])
+                raise RunFileError(
+                    f"{source}: column {column!r} has {len(values)} values ({examples}). If they "
+                    f"are transmitters, add --columns cell={column}; if they are receivers, "
+                    "remove the column, or import each one's rows as a walk"
+                )
+
+
+def _plain(column: str) -> str:
+    return "".join(filter(str.isalnum, column.lower()))

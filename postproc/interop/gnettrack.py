@@ -3,8 +3,10 @@
 Sources: the manual at gyokovsolutions.com/g-nettrack-user-guide and the column names in public
 programs that read such logs (braz0101/GNetTrackAnalytics, uccmisl/5Gdataset). Columns go by their
 names, since they differ between versions. `Node` is the eNodeB or the RNC: the app splits the
-identity of a cell, and `CellID` is then the rest. Speed is in km/h, times are the telephone's own.
-The numbers of the SIM and the telephone, which some versions write, are not read.
+identity of a cell, and `CellID` is then the rest. Versions that write CSV also have the complete
+identity (`RAWCELLID`), hexadecimal forms of the node, the rest and the area, and one column of
+levels for all technologies (`RSRP`). Speed is in km/h, times are the telephone's own. The numbers
+of the SIM and the telephone, which some versions write, are not read.
 """
 
 import re
@@ -31,8 +33,8 @@ from postproc.interop.log_times import moment_of
 from postproc.interop.sighting import BadRow, NoCell, Row, Sighting, parse_rows
 
 _LEVELS: dict[Rat, tuple[str, ...]] = {
-    "GSM": ("level", "rxlev", "rxl"),
-    "WCDMA": ("level", "rscp"),
+    "GSM": ("level", "rxlev", "rxl", "rsrp"),
+    "WCDMA": ("level", "rscp", "rsrp"),
     "LTE": ("level", "rsrp"),
     "NR": ("level", "rsrp", "csirsrp"),
 }
@@ -122,12 +124,13 @@ def _serving(line: int, t_ns: int, fix: Fix, rat: Rat, fields: Fields) -> Row:
         rat,
         "serving",
         maybe(fields, column, LEVEL_RANGE_DBM),
-        integer(fields, "lac"),
+        _decimal_or_hex(fields, "lac", "tac", hexadecimal="lachex"),
         **_network(fields),
         cid=_identity(rat, fields),
         arfcn=integer(fields, "arfcn"),
         rsrq_db=maybe(fields, "qual" if "qual" in fields else "rsrq") if rat == "LTE" else None,
         sinr_db=maybe(fields, "snr") if rat in {"LTE", "NR"} else None,
+        ta=integer(fields, "ta") if rat == "GSM" else None,
         **{_CODES[rat]: integer(fields, "psc", "bsic")},
     )
     return Sighting(line, t_ns, fix, reading)
@@ -147,11 +150,26 @@ def _network(fields: Fields) -> dict[str, str | None]:
 
 def _identity(rat: Rat, fields: Fields) -> int | None:
     """Complete identity from node and rest; a number that needs no node is complete already."""
-    cid, node = cell_identity(fields, "cellid"), cell_identity(fields, "node")
+    whole = cell_identity(fields, "rawcellid")
+    if whole:
+        return whole
+    cid = _decimal_or_hex(fields, "cellid", hexadecimal="cellhex")
+    node = _decimal_or_hex(fields, "node", hexadecimal="nodehex")
     bits = _NODE_BITS.get(rat)
     if cid is None or not node or bits is None or cid >> bits:
         return cid
     return node << bits | cid
+
+
+def _decimal_or_hex(fields: Fields, *names: str, hexadecimal: str) -> int | None:
+    """A decimal column, else a hexadecimal one; raises ValueError for what is no number."""
+    number = cell_identity(fields, *names)
+    digits = text(fields, hexadecimal)
+    if number is not None or not digits:
+        return number
+    if not re.fullmatch(r"(?:0[xX])?[0-9A-Fa-f]{1,9}", digits):
+        raise ValueError(f"{hexadecimal} is no hexadecimal number: {digits[:40]!r}")
+    return int(digits, 16)
 
 
 def _neighbours(line: int, t_ns: int, fix: Fix, rat: Rat, fields: Fields) -> Iterator[Row]:

@@ -12,6 +12,7 @@ import numpy as np
 from logger.core.errors import GeoError, RunFileError
 from logger.core.geo import Utm
 from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES
+from logger.core.reportable import range_dbm, reportable
 from logger.core.track import Track, fix_sigma_m
 from logger.core.types import Fix, Note, Record, Scan
 from logger.core.utc import utc_text
@@ -33,6 +34,8 @@ class Imported:
 
     Without `has_times` the run's times only count the rows. `other` states why the rows of
     `n_other` were passed over and how many each, `n_remarks` counts what another program noticed.
+    `no_level` states the same of rows whose cell counts as heard without its level, `n_unnamed`
+    counts levels of no named cell.
     """
 
     path: Path
@@ -45,6 +48,8 @@ class Imported:
     has_times: bool = True
     other: tuple[tuple[str, int], ...] = ()
     n_remarks: int = 0
+    no_level: tuple[tuple[str, int], ...] = ()
+    n_unnamed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +85,13 @@ def import_walk(
     name = source if member is None else Path(f"{source}/{member}")
     with plain_file(source, member) as plain:
         form = recognise(plain, reading.columns)
-        rows = list(_with_places(form.read(plain), reading))
+        no_level: Counter[str] = Counter()
+        rows = [_in_range(row, no_level) for row in _with_places(form.read(plain), reading)]
     sightings = [row for row in rows if isinstance(row, Sighting)]
     remarks = tuple(row for row in rows if isinstance(row, Remark))
-    left = _Left.of(rows)
-    if not sightings and not (remarks and reading.track):
+    left = _Left.of(rows, no_level)
+    has_levels = any(row.reading.level_dbm is not None for row in sightings)
+    if not has_levels and not (remarks and reading.track):
         raise RunFileError(f"{name} has no usable row{left.reason}")
     n_read = len(sightings)
     if form is not WALK_CSV:
@@ -109,6 +116,8 @@ def import_walk(
         has_times,
         left.other,
         len(remarks),
+        left.no_level,
+        sum(row.reading.cell is None for row in sightings),
     )
     scans = scans_of(in_time) if form.has_scans and has_times else [[row] for row in in_time]
     origin = f"{IMPORT if has_times else IMPORT_WITHOUT_TIMES} {name.name}"
@@ -123,20 +132,41 @@ def _with_places(rows: Iterable[Row], reading: Reading) -> Iterator[Row]:
     return on_track(rows, reading.track) if reading.track else with_position(rows)
 
 
+def _in_range(row: Row, no_level: Counter[str]) -> Row:
+    """A row without a level that its technology cannot report; one without a name is left out.
+
+    Without a technology nothing is known of the range.
+    """
+    if not isinstance(row, Sighting) or row.reading.rat is None:
+        return row
+    reading = reportable(row.reading)
+    if reading is row.reading:
+        return row
+    if reading.level_dbm is not None:
+        return replace(row, reading=reading)
+    low, high = range_dbm(row.reading.rat)
+    why = f"level outside of what {row.reading.rat} reports, {low:g} to {high:g} dBm"
+    if reading.cell is None:
+        return NoCell(row.line, why)
+    no_level[why] += 1
+    return replace(row, reading=reading)
+
+
 @dataclass(frozen=True, slots=True)
 class _Left:
     """What of a file does not become part of the run."""
 
     bad: tuple[BadRow, ...]
     other: tuple[tuple[str, int], ...]
+    no_level: tuple[tuple[str, int], ...]
     n_remarks: int
 
     @classmethod
-    def of(cls, rows: Sequence[Row]) -> "_Left":
+    def of(cls, rows: Sequence[Row], no_level: Counter[str]) -> "_Left":
         bad = tuple(row for row in rows if isinstance(row, BadRow))
         other = Counter(row.why for row in rows if isinstance(row, NoCell))
         n_remarks = sum(isinstance(row, Remark) for row in rows)
-        return cls(bad, tuple(other.most_common()), n_remarks)
+        return cls(bad, tuple(other.most_common()), tuple(no_level.most_common()), n_remarks)
 
     @property
     def n_other(self) -> int:
@@ -152,7 +182,7 @@ class _Left:
                 f"; {self.n_remarks} remarks have no place: "
                 "add the GPX track of the walk with --track"
             )
-        return "".join(f"; {n} rows: {why}" for why, n in self.other)
+        return "".join(f"; {n} rows: {why}" for why, n in (*self.other, *self.no_level))
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,6 +297,8 @@ def _notes(imported: Imported) -> Iterator[Note]:
         yield Note("warning", "sorted", "rows were out of order and have been sorted by time")
     for why, n in imported.other:
         yield Note("info", "no-cells", f"{n} rows were passed over: {why}")
+    for why, n in imported.no_level:
+        yield Note("info", "no-level", f"{n} levels were not read: {why}")
     if imported.n_repeated:
         yield Note(
             "info", "repeated", f"{imported.n_repeated} rows repeat others and were left out"
@@ -283,6 +315,8 @@ def summary(imported: Imported) -> dict[str, object]:
         "rows": imported.n_rows,
         "other_rows": imported.n_other,
         "left_out": dict(imported.other),
+        "left_out_levels": dict(imported.no_level),
+        "unnamed_rows": imported.n_unnamed,
         "repeated_rows": imported.n_repeated,
         "remarks": imported.n_remarks,
         "sorted": imported.was_sorted,

@@ -7,6 +7,7 @@ a technology in it ("LTE serving cell RSRP (dBm)") is that of the level.
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -18,16 +19,18 @@ from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     RATS,
     Fields,
+    Transmitters,
     cell_identity,
     fix_of,
     integer,
     maybe,
+    number,
     plmn,
     reading_of,
     text,
 )
 from postproc.interop.log_times import Moment, moment_of
-from postproc.interop.sighting import DEFAULT_CELL, NoCell, Row, Sighting, parse_rows
+from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
 
 _NAMES: dict[str, tuple[str, ...]] = {
     "time": ("time", "timestamp", "datetime", "utctime", "gpstime", "timeutc", "devicetime"),
@@ -49,10 +52,14 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "ta": ("ta", "timingadvance"),
     "acc": ("accuracy", "acc", "gpsaccuracy", "horizontalaccuracy"),
     "alt": ("alt", "altitude", "height", "gpsaltitude"),
-    "cell": ("cellname", "sitename"),
+    "cell": (),
+    "t_s": ("ts",),
     "serving": ("servingcell", "isserving", "isregistered"),
 }
-"""Our names, which --columns takes, and what other programs call the same."""
+"""Our names, which --columns takes, and what other programs call the same.
+
+`t_s` counts seconds from any start. A table without `cid` may name its transmitters otherwise.
+"""
 
 _DROPPED = frozenset(
     {"serving", "serv", "pcell", "cell", "best", "active", "set", "sub", "full", "ss", "mean"}
@@ -72,12 +79,14 @@ _TECHNOLOGIES: dict[str, Rat] = {
     "5g": "NR",
 }
 _LEVELS: dict[str, Rat | None] = {"rsrp": "LTE", "rscp": "WCDMA", "rxlev": "GSM", "level": None}
-_UNIT = re.compile(r"\(.*?\)|\[.*?\]")
+_UNIT = re.compile(r"\(.*?\)|\[.*?\]|[ _]dbm$")
 _WORD = re.compile(r"[a-z0-9]+")
 _DECIMAL_COMMA = re.compile(r"-?\d+,\d+")
 _NONE = frozenset({"-", "--", "n/a", "na", "nan", "null", "none"})
 _YES = frozenset({"true", "1", "yes", "y", "serving"})
 _ROW_NS = 10**9
+_TIMES = frozenset({"t_s", "time"})
+_CODES = frozenset({"arfcn", "bsic", "psc", "pci"})
 
 Column = tuple[str, str, Rat | None]
 """Our name, the name in the file, and the technology that this name states."""
@@ -109,7 +118,7 @@ def is_it(seen: Contents) -> bool:
 
 def has_time(source: Path, chosen: Mapping[str, str]) -> bool:
     """Whether a file has a column of times; without one only the order of its rows counts."""
-    return any(ours == "time" for ours, _, _ in _columns_of_file(source, chosen))
+    return any(ours in _TIMES for ours, _, _ in _columns_of_file(source, chosen))
 
 
 def read(source: Path, chosen: Mapping[str, str]) -> Iterator[Row]:
@@ -118,13 +127,24 @@ def read(source: Path, chosen: Mapping[str, str]) -> Iterator[Row]:
     Raises `RunFileError` for a column that is not in the file, or without a position or a level.
     """
     columns = _columns_of_file(source, chosen)
-    yield from parse_rows(csv_table.rows(source), partial(_sighting, columns))
+    known = {ours for ours, _, _ in columns}
+    if known & {"cid", "cell"}:
+        yield from parse_rows(csv_table.rows(source), partial(_sighting, columns, None))
+        return
+    used = {name for _, name, _ in columns}
+    others = [name for name in _names_of_file(source) if name not in used]
+    transmitters = Transmitters(others, has_codes=bool(known & _CODES))
+    yield from parse_rows(csv_table.rows(source), partial(_sighting, columns, transmitters))
+    transmitters.check(source)
+
+
+def _names_of_file(source: Path) -> list[str]:
+    with csv_table.text_lines(source) as lines:
+        return csv_table.names_of(next((line for line in lines if not line.startswith("#")), ""))
 
 
 def _columns_of_file(source: Path, chosen: Mapping[str, str]) -> list[Column]:
-    with csv_table.text_lines(source) as lines:
-        header = next((line for line in lines if not line.startswith("#")), "")
-    names = csv_table.names_of(header)
+    names = _names_of_file(source)
     for ours, name in chosen.items():
         if name.lower() not in names:
             raise RunFileError(f"{source} has no column {name!r} for {ours}; it has {names}")
@@ -159,7 +179,9 @@ def _meaning(name: str) -> tuple[str, Rat | None]:
     return f"cell{left}" if left in _OF_CELL and "cell" in words else left, rat
 
 
-def _sighting(columns: list[Column], line: int, raw: Fields) -> Row:
+def _sighting(
+    columns: list[Column], transmitters: Transmitters | None, line: int, raw: Fields
+) -> Row:
     level = _level(columns, raw)
     if level is None:
         return NoCell(line, "no level")
@@ -179,7 +201,6 @@ def _sighting(columns: list[Column], line: int, raw: Fields) -> Row:
         alt_m=maybe(fields, "alt"),
         acc_m=maybe(fields, "acc", (0.0, 1e6)) or None,
     )
-    has_identity = any(ours == "cid" for ours, _, _ in columns)
     level_dbm = maybe({"level": _plain(raw[column])}, "level", LEVEL_RANGE_DBM)
     reading = reading_of(
         rat,
@@ -190,8 +211,10 @@ def _sighting(columns: list[Column], line: int, raw: Fields) -> Row:
         cid=cell_identity(fields, "cid"),
         arfcn=integer(fields, "arfcn"),
         **{name: integer(fields, name) for name in ("bsic", "psc", "pci", "ta")},
-        label=text(fields, "cell") or (None if has_identity else DEFAULT_CELL),
+        label=text(fields, "cell") or None,
     )
+    if transmitters is not None:
+        reading = replace(reading, label=transmitters.name(raw, reading))
     return Sighting(line, moment.t_ns, fix, reading)
 
 
@@ -205,8 +228,11 @@ def _level(columns: list[Column], raw: Fields) -> tuple[str, Rat | None] | None:
 
 
 def _moment(columns: list[Column], line: int, fields: Fields) -> Moment:
-    if any(ours == "time" for ours, _, _ in columns):
+    known = {ours for ours, _, _ in columns} & _TIMES
+    if "time" in known:
         return moment_of(text(fields, "time"), "time")
+    if known:
+        return Moment(round(number(fields, "t_s", (-1e9, 1e9)) * 1e9), is_utc=False)
     return Moment(line * _ROW_NS, is_utc=False)
 
 

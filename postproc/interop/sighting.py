@@ -9,9 +9,6 @@ from logger.core.types import CellReading, Fix
 
 Fields = TypeVar("Fields")
 
-DEFAULT_CELL = "target"
-"""Name of the only cell of a file that names none."""
-
 
 @dataclass(frozen=True, slots=True)
 class Sighting:

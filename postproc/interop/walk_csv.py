@@ -1,11 +1,12 @@
 """A walk as CSV: one row for each level measured, with its position.
 
 Columns: `t_s` (seconds) or `time_utc` (ISO 8601), `lat`, `lon` (WGS 84 degrees), `rssi_dbm`;
-optional `cell` (name, default "target"), `acc_m` (radius that holds 68 %), `rat`, and by their
-names in the run file whatever else is known of the fix (`alt_m`, `speed_mps`, `course_deg`) or of
-the cell (`mcc`, `mnc`, `lac`, `cid`, `rsrp_dbm`, ...), where `rssi_dbm` may be empty if another
-level is given. Other columns are passed over. Text that a spreadsheet would take for a formula is
-marked with an apostrophe, and read without it.
+optional `cell` (a name; without it the identity, else a column such as `bssid` or `gateway`, else
+"target"), `acc_m` (radius that holds 68 %), `rat`, and by their names in the run file whatever else
+is known of the fix (`alt_m`, `speed_mps`, `course_deg`) or of the cell (`mcc`, `mnc`, `lac`, `cid`,
+`rsrp_dbm`, ...), where `rssi_dbm` may be empty if another level is given. Other columns are passed
+over. Text that a spreadsheet would take for a formula is marked with an apostrophe, and read
+without it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,20 +26,23 @@ from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     RATS,
     Fields,
+    Transmitters,
     cell_identity,
     integer,
     maybe,
     number,
     text,
     utc_ns_of,
+    with_name,
 )
-from postproc.interop.sighting import DEFAULT_CELL, BadRow, Row, Sighting, parse_rows
+from postproc.interop.sighting import BadRow, Row, Sighting, parse_rows
 from postproc.interop.spreadsheet_text import escape, line, unescape
 
 _CELL_BYTES = 64
 _PLACE = ("alt_m", "speed_mps", "course_deg")
 _LEVELS = ("rssi_dbm", "rscp_dbm", "rsrp_dbm")
 _ROLES = ("serving", "neighbour", "scan")
+_CODES = frozenset({"arfcn", "bsic", "psc", "pci"})
 
 _COLUMNS = {column.name: column for column in TABLES["readings"]}
 _CELL = [
@@ -66,9 +70,20 @@ COLUMNS = (
 
 def read(source: Path) -> Iterator[Row]:
     """Rows in the file's order; raises `RunFileError` without the columns needed."""
-    yield from parse_rows(
-        csv_table.rows(source, required=({"t_s", "time_utc"}, "lat", "lon", "rssi_dbm")), _sighting
-    )
+    needed = ({"t_s", "time_utc"}, "lat", "lon", "rssi_dbm")
+    rows = csv_table.rows(source, required=needed)
+    transmitters: Transmitters | None = None
+
+    def sighting(line: int, fields: Fields) -> Sighting:
+        nonlocal transmitters
+        if transmitters is None:
+            others = [name for name in fields if name not in _COLUMNS]
+            transmitters = Transmitters(others, has_codes=not _CODES.isdisjoint(fields))
+        return _sighting(line, fields, transmitters)
+
+    yield from parse_rows(rows, sighting)
+    if transmitters is not None:
+        transmitters.check(source)
 
 
 def read_walk(source: Path) -> tuple[list[Sighting], list[BadRow]]:
@@ -126,7 +141,7 @@ def _utc(utc_ns: int) -> str:
     return f"{utc_text(utc_ns)[:-1]}.{utc_ns // 1000 % 10**6:06d}Z"
 
 
-def _sighting(line: int, fields: Fields) -> Sighting:
+def _sighting(line: int, fields: Fields, transmitters: Transmitters) -> Sighting:
     utc_ns = (
         utc_ns_of(fields["time_utc"], "time_utc")
         if "t_s" not in fields or fields.get("time_utc")
@@ -140,18 +155,24 @@ def _sighting(line: int, fields: Fields) -> Sighting:
     known = {name: maybe(fields, name) for name in _PLACE}
     acc_m = maybe(fields, "acc_m", (0.0, 1e6))
     fix = Fix(True, utc_ns=utc_ns, lat_deg=lat_deg, lon_deg=lon_deg, acc_m=acc_m, **known)  # type: ignore[arg-type]
-    return Sighting(line, t_ns, fix, _reading(fields))
+    return Sighting(line, t_ns, fix, _reading(fields, transmitters))
 
 
-def _reading(fields: Fields) -> CellReading:
+def _reading(fields: Fields, transmitters: Transmitters) -> CellReading:
     role = next((role for role in _ROLES if role == text(fields, "role")), "scan")
     levels = {name: maybe(fields, name, LEVEL_RANGE_DBM) for name in _LEVELS}
     named: dict[str, Any] = {name: _cell_value(fields, name) for name in _CELL}
     named["broadcast"] = _broadcast(fields)
     if all(levels[name] is None for name in _LEVELS[1:]) and named["rxlev_raw"] is None:
         levels["rssi_dbm"] = number(fields, "rssi_dbm", LEVEL_RANGE_DBM)
-    reading = CellReading(role, RATS.get(text(fields, "rat").upper()), **levels, **named)  # type: ignore[arg-type]
-    cell = unescape(text(fields, "cell")) or reading.cell or DEFAULT_CELL
+    rat = RATS.get(text(fields, "rat").upper())
+    reading = CellReading(role, rat, **levels, **named)  # type: ignore[arg-type]
+    cell: str | None = unescape(text(fields, "cell"))
+    if not cell:
+        reading = with_name(reading)
+        cell = reading.cell or transmitters.name(fields, reading)
+    if cell is None:
+        return reading
     if len(cell.encode()) > _CELL_BYTES:
         raise ValueError(f"the cell's name is longer than {_CELL_BYTES} bytes")
     return reading if reading.cell == cell else replace(reading, label=cell)

@@ -27,7 +27,7 @@ from postproc.interop.fields import (
     text,
     utc_ns_of,
 )
-from postproc.interop.sighting import Row, Sighting, parse_rows
+from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
 
 PREFIX = "WigleWifi-"
 NO_LEVEL_DBM = -113.0
@@ -104,12 +104,12 @@ def _or_empty(value: float | None) -> float | str:
     return "" if value is None else value
 
 
-def _sighting(line: int, fields: Fields) -> Sighting | None:
+def _sighting(line: int, fields: Fields) -> Sighting | NoCell:
     # real rows say GSM in Type and LTE in AuthMode; the app sets AuthMode from the cell itself
     kinds = (text(fields, "authmode").partition(";")[0].upper(), text(fields, "type").upper())
     rat = next((RATS[kind] for kind in kinds if kind in RATS), None)
     if rat is None:
-        return None
+        return NoCell(line, f"no cell but {kinds[1][:20] or 'something else'}")
     mac = text(fields, "mac")
     cell = _CELL.fullmatch(mac)
     if cell is None:

@@ -132,3 +132,30 @@ def test_a_run_is_exported_with_its_estimates(path):
         postproc.export(path, path.parent / "walk.csv", result=result)
     with pytest.raises(ConfigError, match="format 'shp'"):
         postproc.export(path, path.parent / "walk.shp", form="shp")
+
+
+LINE = np.arange(40) * 10.0
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "level", "sigma_m", "says"),
+    [
+        (np.where(LINE == 50, np.nan, LINE), LINE, LINE - 500, 0.0, "finite"),
+        (LINE, np.full(40, np.inf), -LINE / 4 - 50, 0.0, "finite"),
+        (LINE, LINE, np.full(40, np.nan), 0.0, "finite"),
+        (LINE, LINE, np.full(40, 150.0), 0.0, "-200 to 50 dBm"),
+        (LINE, LINE, np.full(40, -999.0), 0.0, "-200 to 50 dBm"),
+        (LINE, LINE, -LINE / 4 - 50, np.nan, "finite"),
+        (LINE, LINE, -LINE / 4 - 50, -1.0, "negative"),
+        (13.4 + LINE * 1e-5, 52.5 + LINE * 1e-6, -LINE / 4 - 50, 0.0, "look like degrees"),
+        (52.5 + LINE * 1e-3, 170.1 + LINE * 1e-3, -LINE / 4 - 50, 0.0, "look like degrees"),
+        (np.full(40, -118.2), 34.0 + LINE * 1e-6, -LINE / 4 - 50, 0.0, "look like degrees"),
+    ],
+)
+def test_bare_arrays_that_cannot_be_a_walk_are_refused(x, y, level, sigma_m, says):
+    with pytest.raises(ConfigError, match=says):
+        locate(x, y, level, position_sigma_m=sigma_m)
+
+
+def test_a_receiver_that_stands_is_a_walk():
+    assert locate(np.full(40, 7.0), np.full(40, 3.0), -60 - LINE % 30 / 10).verdict == "cannot tell"

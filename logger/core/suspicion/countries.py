@@ -64,10 +64,6 @@ class Countries:
         """Whether a network is that of a railway."""
         return f"{mcc}-{mnc}" in self.railways
 
-    def is_mapped(self, code: str) -> bool:
-        """Whether the map has the country; small territories are part of another one there."""
-        return code in self.names
-
 
 def is_international(mcc: str) -> bool:
     """Whether a code belongs to ships, aircraft and satellites."""

@@ -9,7 +9,7 @@ from logger.core.types import Level, Note
 
 RULES_CODE, FINDING_CODE = "rules", "finding"
 """Codes of the events: that rules are applied, and each finding."""
-VERSION = 5
+VERSION = 6
 """Of the rules: raised when a rule or a rate changes, as older runs then replay differently."""
 
 

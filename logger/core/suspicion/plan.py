@@ -81,7 +81,7 @@ class PlanRules:
         owners = plan.countries_of(mcc)
         if not owners:
             return "the country code is nobody's"
-        if not near or any(owner in near or not plan.is_mapped(owner) for owner in owners):
+        if not near or any(owner in near for owner in owners):
             is_known = mnc is None or plan.is_listed(mcc, mnc)
             return None if is_known else "no network has this code in this country"
         return f"the network is of {plan.name(owners[0])}, more than {plan.near_km:.0f} km away"

@@ -5,10 +5,9 @@ Nothing here guesses: a text that is not such a value, or a mark for unknown, is
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
-from typing import Any
 
-from logger.core.types import CellReading, Rat
+from logger.core.reportable import area_marks, identity_marks, widest_dbm
+from logger.core.types import Rat
 from logger.drivers.reading.number_text import NumberForm, NumberText
 
 RAT_OF_ACT: dict[
@@ -27,37 +26,6 @@ RAT_OF_ACT: dict[
     12: "NR",
     13: "LTE",
 }
-
-_GSM_DBM = (-113.0, -47.0)
-"""Lowest index (SIM800 manual V1.09 p163) to RXLEV 63 (3GPP TS 45.008 8.1.4)."""
-_RSRP_DBM = (-140.0, -43.0)
-"""3GPP TS 36.133 9.1.4, and one step more at the strong end, where modems round."""
-_COVERAGE_DBM = (-156.0, -43.0)
-"""The same with enhanced coverage: NB-IoT (36.133 9.1.22.9) and LTE-M (9.1.4, extended)."""
-_CARRIER_DBM = (-120.0, -20.0)
-"""Total power on a channel; 3GPP gives LTE no range, modems print up to -35 dBm."""
-LEVELS_DBM: Mapping[str, Mapping[Rat | None, tuple[float, float]]] = {
-    "rssi_dbm": {"GSM": _GSM_DBM, None: _CARRIER_DBM},
-    "rscp_dbm": {None: (-120.0, -25.0)},  # 3GPP TS 25.133 9.1.1.3
-    "rsrp_dbm": {
-        "NB-IoT": _COVERAGE_DBM,
-        "LTE-M": _COVERAGE_DBM,
-        "NR": (-156.0, -31.0),  # 3GPP TS 38.133 10.1.6
-        None: _RSRP_DBM,
-    },
-}
-"""Range of a level by technology, None for all others; a level outside is damaged."""
-_OWN = {
-    "WCDMA": "rscp_dbm",
-    "LTE": "rsrp_dbm",
-    "LTE-M": "rsrp_dbm",
-    "NB-IoT": "rsrp_dbm",
-    "NR": "rsrp_dbm",
-}
-"""The level of the cell alone; where it is damaged, that of the carrier does not replace it.
-
-Where it is damaged that of the carrier does not stand in: it is another one.
-"""
 
 SEVEN = NumberForm(16, frozenset({7}))
 EIGHT = NumberForm(16, frozenset({8}))
@@ -122,50 +90,17 @@ def level(text: str, low: float, high: float, scale: float = 1.0) -> float | Non
 
 def rssi_dbm(text: str, scale: float = 1.0) -> float | None:
     """Received level of any technology; `reportable` has the narrower range of each."""
-    return level(text, *_widest("rssi_dbm"), scale)
+    return level(text, *widest_dbm("rssi_dbm"), scale)
 
 
 def rscp_dbm(text: str, scale: float = 1.0) -> float | None:
     """Received signal code power of WCDMA."""
-    return level(text, *_widest("rscp_dbm"), scale)
+    return level(text, *widest_dbm("rscp_dbm"), scale)
 
 
 def rsrp_dbm(text: str, scale: float = 1.0) -> float | None:
     """Reference signal received power of any technology."""
-    return level(text, *_widest("rsrp_dbm"), scale)
-
-
-def _widest(name: str) -> tuple[float, float]:
-    lowest, highest = zip(*LEVELS_DBM[name].values(), strict=True)
-    return min(lowest), max(highest)
-
-
-_CARRIER_ABOVE_DB = (-3.0, 60.0)
-"""Carrier above cell: up to 20 dB (resource blocks) and 34 dB (RSRQ), averaged separately."""
-
-
-def reportable(reading: CellReading) -> CellReading:
-    """The reading without levels that its technology cannot report."""
-    outside = {name for name in LEVELS_DBM if not _is_reportable(reading, name)}
-    own = _OWN.get(reading.rat or "", "")
-    if own in outside or (own and not _holds(reading.rssi_dbm, getattr(reading, own))):
-        outside.add("rssi_dbm")
-    if not outside:
-        return reading
-    nothing: dict[str, Any] = dict.fromkeys(outside)
-    return replace(reading, **nothing)
-
-
-def _holds(carrier_dbm: float | None, cell_dbm: float | None) -> bool:
-    low, high = _CARRIER_ABOVE_DB
-    return carrier_dbm is None or cell_dbm is None or low <= carrier_dbm - cell_dbm <= high
-
-
-def _is_reportable(reading: CellReading, name: str) -> bool:
-    value: float | None = getattr(reading, name)
-    ranges = LEVELS_DBM[name]
-    low, high = ranges.get(reading.rat, ranges[None])
-    return value is None or low <= value <= high
+    return level(text, *widest_dbm("rsrp_dbm"), scale)
 
 
 def rsrq_db(text: str, scale: float = 1.0) -> float | None:
@@ -177,7 +112,7 @@ def rsrq_db(text: str, scale: float = 1.0) -> float | None:
 def area(text: str, base: int = 16, bits: int = 16) -> int | None:
     """Location or tracking area code; None for the marks of 3GPP TS 24.008 10.5.1.3."""
     code = (hexadecimal if base == 16 else decimal)(text, 0, 2**bits - 1)
-    if code is None or code in {0, 0xFFFE, 0xFFFF, 2**bits - 2, 2**bits - 1}:
+    if code is None or code in area_marks(bits):
         return None
     return NumberText(code, text, _AREAS[base, bits])
 
@@ -187,7 +122,7 @@ def cell_identity(
 ) -> int | None:
     """Cell identity of 16 (GSM), 28 (WCDMA, LTE) or 36 bits (NR); None for 0 and all ones."""
     identity = (hexadecimal if base == 16 else decimal)(text, 0, 2**bits - 1)
-    if identity is None or identity in {0, 0xFFFF, 2**bits - 1}:
+    if identity is None or identity in identity_marks(bits):
         return None
     return NumberText(identity, text, form or _CELLS[base, bits])
 

@@ -50,3 +50,29 @@ def test_networks_and_railways():
     assert not plan.is_listed("232", "77")
     assert plan.is_railway("228", "06")
     assert plan.countries_of("299") == ()
+
+
+TERRITORIES = {
+    "266": (36.14, -5.35),  # Gibraltar
+    "340": (16.24, -61.53),  # Guadeloupe
+    "362": (12.15, -68.27),  # Bonaire
+    "505": (-10.43, 105.68),  # Christmas Island
+    "553": (-8.52, 179.2),  # Tuvalu
+    "554": (-9.2, -171.85),  # Tokelau
+    "647": (-20.88, 55.45),  # Reunion
+    "742": (4.94, -52.33),  # French Guiana
+}
+
+
+@pytest.mark.parametrize(("mcc", "place"), TERRITORIES.items())
+def test_small_territories_have_a_place(mcc, place):
+    plan = countries()
+    owners = set(plan.countries_of(mcc))
+    assert owners & set(plan.near(*place))
+    assert not owners & set(plan.near(47.07, 15.44))
+
+
+def test_every_country_with_networks_is_on_the_map():
+    plan = countries()
+    mapped = {code for row in plan.sets for code in row.split()}
+    assert {owner for mcc in plan.of_mcc for owner in plan.countries_of(mcc)} <= mapped

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from logger.core.suspicion.countries import countries
 from logger.core.suspicion.rules import RULES, rate_of
 from logger.core.types import Broadcast, CellReading
 from tests.kit.suspicion_walks import Walk, gsm
@@ -32,6 +33,12 @@ def test_p1_a_network_of_no_country_near():
     assert ("P1", 99) in walk.rules
     assert ("L4", 99) in walk.rules
     assert walk.word("310-260-1201-99") == "suspicious"
+
+
+@pytest.mark.parametrize("mcc", ["505", "266", "340", "362", "553", "554", "647", "742"])
+def test_p1_a_country_with_territories_far_away(mcc):
+    mnc = min(countries().networks[mcc])
+    assert ("P1", 99) in Walk().scan(*HOME, gsm(99, mcc=mcc, mnc=mnc), times=8).rules
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def run(tmp_path):
                 "310",
                 "410",
                 tac=9,
-                cid=2**28 - 1,
+                cid=2**28 - 2,
                 pci=5,
                 rsrp_dbm=-99.0,
                 rsrq_db=-11.5,

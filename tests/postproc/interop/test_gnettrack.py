@@ -117,3 +117,38 @@ def test_kml(tmp_path):
         rsrp_dbm=-99.0,
         sinr_db=12.0,
     )
+
+
+RAW = (
+    "Timestamp,Longitude,Latitude,Speed,Operatorname,CellID,NetworkMode,RSRP,CELLHEX,NODEHEX,"
+    "LACHEX,RAWCELLID,State\n2019.12.14_10.16.30,-8.4,51.8,0,B,"
+)
+
+
+@pytest.mark.parametrize(
+    ("row", "cell", "level_dbm"),
+    [
+        ("11,LTE,-95,B,A7C1F,9D,-,D", f"?-?-157-{0xA7C1F << 8 | 11}", -95.0),
+        ("-,LTE,-95,B,A7C1F,9D,-,D", f"?-?-157-{0xA7C1F << 8 | 11}", -95.0),
+        ("11,LTE,-95,B,-,9D,175906571,D", "?-?-157-175906571", -95.0),
+        ("70,HSPA+,-81,46,1F,9D,-,D", f"?-?-157-{0x1F << 16 | 70}", -81.0),
+        ("70,EDGE,-81,46,-,9D,-,D", "?-?-157-70", -81.0),
+        ("11,LTE,-95,-,-,-,-,D", "?-?-?-11", -95.0),
+    ],
+)
+def test_identities_in_hexadecimal_columns(tmp_path, row, cell, level_dbm):
+    _, (read,) = _rows(tmp_path, RAW + row)
+    assert (read.reading.cell, read.reading.level_dbm) == (cell, level_dbm)
+
+
+def test_a_damaged_hexadecimal_number_is_a_bad_row(tmp_path):
+    _, (row,) = _rows(tmp_path, RAW + "11,LTE,-95,B,xyz,9D,-,D")
+    assert row == BadRow(2, "nodehex is no hexadecimal number: 'xyz'")
+
+
+def test_the_timing_advance_of_gsm_is_read(tmp_path):
+    head = HEAD.replace("\tIMEI", "\tTA")
+    gsm = PLACE + "x\t\t\t17\t4711\t2G\tEDGE\t-71\t\t\t\t\t62\t10\t34\t5\t\t\t\t\t3\n"
+    lte = gsm.replace("2G\tEDGE", "4G\tLTE")  # in other steps
+    _, (first, second) = _rows(tmp_path, head + gsm + lte)
+    assert (first.reading.ta, second.reading.ta) == (3, None)

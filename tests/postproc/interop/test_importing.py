@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
+from logger.core.censoring import levels_dbm
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
 from logger.core.track import UNKNOWN_SIGMA_M
@@ -261,3 +262,56 @@ def test_the_strongest_level_of_any_technology(tmp_path, capsys, rat, column):
     assert (cell.rat, cell.strongest_dbm) == (rat, -71.0)
     assert main(["info", str(tmp_path / "run.h5")]) == 0
     assert "-71 dBm" in capsys.readouterr().out
+
+
+DRIVE = "t_s,lat,lon,rat,mcc,mnc,lac_tac,cid,arfcn,pci_bsic,level_dbm,serving,ta\n"
+
+
+@pytest.mark.parametrize(
+    ("rat", "filler", "level"),
+    [
+        ("GSM", "-24", "-70"),
+        ("GSM", "-46", "-47"),
+        ("UMTS", "-24", "-25"),
+        ("LTE", "-30", "-44"),
+        ("LTE", "-200", "-140"),
+        ("LTE", "0", "-90"),
+        ("NR", "-30", "-31"),
+    ],
+)
+def test_a_level_that_the_technology_cannot_report_is_none(tmp_path, capsys, rat, filler, level):
+    rows = [
+        f"{i},52,{13 + i * 1e-5},{rat},262,01,7,99,62,3,{filler if i == 4 else level},1,"
+        for i in range(9)
+    ]
+    rows.append(f"9,52,13.0001,{rat},,,,,62,3,{filler},0,")
+    source = _write(tmp_path, DRIVE + "\n".join(rows))
+    assert main(["import", str(source), "-o", str(tmp_path / "run.h5"), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["rows"], list(said["left_out_levels"].values())) == (9, [1])
+    assert list(said["left_out"].values()) == [1]
+    assert said["left_out"] == said["left_out_levels"]
+    readings = read_run(tmp_path / "run.h5").tables["readings"]
+    assert np.count_nonzero(np.isfinite(levels_dbm(readings))) == 8
+    assert set(readings["cell"]) == {b"262-01-7-99"}
+
+
+def test_nothing_but_fillers_is_no_walk(tmp_path, capsys):
+    source = _write(tmp_path, DRIVE + "0,52,13,LTE,262,01,7,99,62,3,-30,1,\n")
+    assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 2
+    assert "1 rows: level outside of what LTE reports, -140 to -43 dBm" in capsys.readouterr().err
+
+
+def test_a_cell_of_marks_is_no_cell(tmp_path, capsys):
+    rows = [f"{i},52,{13 + i * 1e-5},GSM,262,01,0,0,62,3,-70,1,\n" for i in range(9)]
+    source = _write(tmp_path, DRIVE + "".join(rows))
+    assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 0
+    assert "9 readings name no cell, so no cell can be located" in capsys.readouterr().err
+
+
+def test_without_a_technology_every_level_counts(tmp_path, capsys):
+    """Receivers of no telephone network go higher: one beside a drone reads 31 dBm."""
+    rows = "".join(f"{i},52,{13 + i * 1e-5},{5 * i - 10}\n" for i in range(9))
+    source = _write(tmp_path, "t_s,lat,lon,rssi_dbm\n" + rows)
+    assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 0
+    assert capsys.readouterr().err == ""

@@ -1,6 +1,7 @@
 import pytest
 
 from logger.core.errors import ConfigError, RunFileError
+from logger.core.runfile import read_run
 from logger.core.types import CellReading
 from postproc.cli import main
 from postproc.interop import named_columns
@@ -56,6 +57,72 @@ def test_a_table_with_one_technology_column(tmp_path):
 def test_without_an_identity_the_table_is_about_one_cell(tmp_path):
     (row,) = _rows(tmp_path, "time,lat,lon,power", f"{TIME},41.0,28.9,-85")
     assert (row.reading.cell, row.reading.rat, row.rssi_dbm) == ("target", None, -85.0)
+
+
+HEAD = "time,lat,lon,power"
+WALK = "t_s,lat,lon,rssi_dbm"
+
+
+def _table(head, *more, names):
+    """Rows of two transmitters in turn."""
+    return "\n".join(
+        [
+            ",".join([head, *more]),
+            *(
+                f"{f'12:00:{i:02d}' if head == HEAD else i},41.0,{28.9 + i * 1e-5},-8{i},{name}"
+                for i, name in enumerate(names)
+            ),
+        ]
+    )
+
+
+@pytest.mark.parametrize("head", [HEAD, WALK])
+@pytest.mark.parametrize(
+    "column", ["bssid", "BSSID", "gateway", "Gateway ID", "gw_eui", "MAC", "tx_id", "cell"]
+)
+def test_a_column_that_names_transmitters_is_the_identity(tmp_path, head, column):
+    source = tmp_path / "x.csv"
+    source.write_text(_table(head, column, names=["aa:01", "aa:02", "", "aa:01"]))
+    names = [row.reading.cell for row in recognise(source).read(source)]
+    unnamed = "target" if head == WALK and column == "cell" else None
+    assert names == ["aa:01", "aa:02", unnamed, "aa:01"]
+
+
+@pytest.mark.parametrize("head", [HEAD, WALK])
+@pytest.mark.parametrize("column", ["device", "Device ID", "node", "sensor", "id", "eNB", "ssid"])
+def test_a_column_that_may_name_transmitters_is_asked_for(tmp_path, capsys, head, column):
+    source, run = tmp_path / "x.csv", str(tmp_path / "run.h5")
+    source.write_text(_table(head, column, names=["a", "b"] * 4))
+    assert main(["import", str(source), "-o", run]) == 2
+    said = capsys.readouterr().err
+    assert "has 2 values ('a', 'b')" in said
+    assert f"--columns cell={column.lower()}" in said
+    assert main(["import", str(source), "--columns", f"cell={column}", "-o", run]) == 0
+    assert "8 readings" in capsys.readouterr().out
+    assert set(read_run(run).tables["readings"]["cell"]) == {b"a", b"b"}
+
+
+@pytest.mark.parametrize("head", [HEAD, WALK])
+@pytest.mark.parametrize("names", [["a"] * 8, list("abcdefgh"), [""] * 8])
+def test_one_device_and_a_number_of_each_row_name_nobody(tmp_path, head, names):
+    source = tmp_path / "x.csv"
+    source.write_text(_table(head, "id", names=names))
+    assert {row.reading.cell for row in recognise(source).read(source)} == {"target"}
+
+
+@pytest.mark.parametrize("head", [HEAD, WALK])
+def test_without_an_identity_channel_and_code_name_the_cell(tmp_path, head):
+    source = tmp_path / "x.csv"
+    source.write_text(_table(head, "arfcn", "pci", names=["1300,7", "1300,8", ",", "1300,7"]))
+    names = [row.reading.cell for row in recognise(source).read(source)]
+    assert names == ["channel 1300 PCI 7", "channel 1300 PCI 8", None, "channel 1300 PCI 7"]
+
+
+def test_an_identity_without_its_network_is_a_name(tmp_path):
+    rows = _rows(tmp_path, "time,lat,lon,lac,cid,rat,rxlev",
+                 f"{TIME},41.0,28.9,7,99,GSM,-80", f"{TIME},41.0,28.9,7,98,GSM,-80",
+                 f"{TIME},41.0,28.9,0,0,GSM,-80", f"{TIME},41.0,28.9,0,99,GSM,-80")  # fmt: skip
+    assert [row.reading.cell for row in rows] == ["?-?-7-99", "?-?-7-98", None, "?-?-?-99"]
 
 
 def test_columns_that_the_user_names(tmp_path, capsys):

@@ -39,7 +39,7 @@ def _check(gsm, umts, unknown, cdma):
         "serving", "GSM", "262", "01", lac=4711, cid=17, rssi_dbm=-71.0
     )
     assert umts.reading == CellReading(
-        "neighbour", "WCDMA", lac=1, cid=70000, psc=7, rscp_dbm=-91.0
+        "neighbour", "WCDMA", lac=1, cid=70000, psc=7, rscp_dbm=-91.0, label="?-?-1-70000"
     )
     assert [type(unknown), type(cdma)] == [BadRow, NoCell]
 

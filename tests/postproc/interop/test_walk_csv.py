@@ -78,10 +78,8 @@ def test_a_bad_value_of_a_cell_is_a_bad_row(tmp_path):
     ]
     (tmp_path / "walk.csv").write_text(header + "\n".join(rows))
     good, bad = walk_csv.read_walk(tmp_path / "walk.csv")
-    assert [h.reading.cell for h in good] == [
-        "262-01-1-2",
-        "target",
-    ]  # -1 is unknown: the identity is not whole
+    # -1 is unknown: the identity is not whole
+    assert [h.reading.cell for h in good] == ["262-01-1-2", "262-01-?-2"]
     assert bad == [BadRow(3, "cid is no integer: 'x'"), BadRow(4, "mcc is too long: '26201'")]
 
 

@@ -30,7 +30,7 @@ def test_each_technology_gets_its_own_level_and_area(tmp_path):
         "26201_4711_17,Op,EDGE;de,2025-06-21 00:25:37,62,62,-73,52,13,30,5,,,GSM",
         "310410_19467_182103574,Op,LTE;us,2025-06-21 00:25:37,66986,66986,-108,52,13,30,5,,,GSM",
         "26201_4711_70000,Op,UMTS;de,2025-06-21 00:25:37,10700,0,-90,52,13,30,5,,,WCDMA",
-        "26201_4711_68719476735,Op,,2025-06-21 00:25:37,0,0,-90,52,13,30,5,,,NR",
+        "26201_4711_68719476734,Op,,2025-06-21 00:25:37,0,0,-90,52,13,30,5,,,NR",
     )
     at = int(datetime(2025, 6, 21, 0, 25, 37, tzinfo=UTC).timestamp()) * 10**9
     assert gsm.fix == Fix(True, utc_ns=at, lat_deg=52.0, lon_deg=13.0, alt_m=30.0, acc_m=5.0)
@@ -42,7 +42,7 @@ def test_each_technology_gets_its_own_level_and_area(tmp_path):
         "scan", "LTE", "310", "410", tac=19467, cid=182103574, arfcn=66986, rsrp_dbm=-108.0
     )
     assert (wcdma.reading.rat, wcdma.reading.lac, wcdma.reading.rscp_dbm) == ("WCDMA", 4711, -90.0)
-    assert (nr.reading.rat, nr.reading.cid, nr.reading.arfcn) == ("NR", 2**36 - 1, None)
+    assert (nr.reading.rat, nr.reading.cid, nr.reading.arfcn) == ("NR", 2**36 - 2, None)
 
 
 @pytest.mark.parametrize("pre", [True, False])
@@ -114,3 +114,26 @@ def test_real_sightings(version):
     assert {cell.reading.rat for cell in cells} == {"GSM", "LTE"}
     assert all(cell.reading.cell and cell.reading.level_dbm > -113 for cell in cells)
     assert all("-113" in row.why for row in rows if isinstance(row, BadRow))
+
+
+def test_every_row_is_read_or_counted_whatever_the_names_of_networks_are(tmp_path):
+    """The app writes names as they are; one quotation mark takes no other row in."""
+    rows = [
+        'aa:bb:cc:dd:ee:f0,"guest,[WPA2][ESS],2025-06-21 00:25:37,6,-60,52,13,30,5,WIFI',
+        "26201_4711_17,,GSM;de,2025-06-21 00:25:38,62,-73,52,13,30,5,GSM",
+        'aa:bb:cc:dd:ee:f1,"caf"e",[WPA2][ESS],2025-06-21 00:25:39,6,-60,52,13,30,5,WIFI',
+        '26201_4711_18,"Op,GSM;de,2025-06-21 00:25:40,62,-73,52,13,30,5,GSM',
+        '26201_4711_19,"Op, Ltd.",GSM;de,2025-06-21 00:25:41,62,-73,52,13,30,5,GSM',
+        'aa:bb:cc:dd:ee:f2,a"b,Misc [LE],2025-06-21 00:25:42,6,-60,52,13,30,5,BLE',
+        ",,,,,,,,,,",
+    ]
+    read = _file(tmp_path, "1.4", *rows)
+    assert [type(row) for row in read] == [
+        NoCell, Sighting, NoCell, Sighting, Sighting, NoCell,
+    ]  # fmt: skip
+    assert [row.line for row in read] == [3, 4, 5, 6, 7, 8]
+    assert [row.why for row in read if isinstance(row, NoCell)] == [
+        "no cell but WIFI",
+        "no cell but WIFI",
+        "no cell but BLE",
+    ]
