@@ -16,8 +16,8 @@ _RSRP_DBM = (-140.0, -43.0)
 """3GPP TS 36.133 9.1.4, and one step more at the strong end, where modems round."""
 _COVERAGE_DBM = (-156.0, -43.0)
 """The same with enhanced coverage: NB-IoT (36.133 9.1.22.9) and LTE-M (9.1.4, extended)."""
-_CARRIER_DBM = (-120.0, -20.0)
-"""Total power on a channel; 3GPP gives LTE no range, modems print up to -35 dBm."""
+_CARRIER_DBM = (-120.0, -25.0)
+"""Total power on a channel, up to the highest that a receiver must bear (3GPP TS 36.101 7.4)."""
 _RANGES_DBM: Mapping[str, Mapping[Rat | None, tuple[float, float]]] = {
     "rssi_dbm": {"GSM": _GSM_DBM, None: _CARRIER_DBM},
     "rscp_dbm": {None: (-120.0, -25.0)},  # 3GPP TS 25.133 9.1.1.3
