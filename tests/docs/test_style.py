@@ -1,4 +1,4 @@
-"""Size of files, width of lines, and names in the terms of the field."""
+"""Width of lines, and names in the terms of the field."""
 
 import ast
 import re
@@ -9,8 +9,6 @@ import pytest
 
 from tests.docs.pages import PAGES, ROOT, name_of, text_of
 
-MOST_LINES = 300
-"""A file that is longer holds more than one subject."""
 MOST_COLUMNS = 100
 FOLDERS = ("logger", "postproc", "tests", "benchmarks", "docs", "examples")
 
@@ -54,15 +52,6 @@ HOUSE_WORDS = {
 def files(*folders: str) -> tuple[Path, ...]:
     """Python files of the folders."""
     return tuple(sorted(p for folder in folders for p in (ROOT / folder).rglob("*.py")))
-
-
-def test_no_file_is_long():
-    long = [
-        name_of(path)
-        for path in files(*FOLDERS)
-        if len(path.read_text("utf-8").splitlines()) > MOST_LINES
-    ]
-    assert long == []
 
 
 def test_no_line_of_code_is_wide():
