@@ -69,7 +69,7 @@ system_files() {
     install -m 644 "$here"/../*.service "$units"
     install -m 644 "$here/../70-cellwalk.rules" "$root/usr/lib/udev/rules.d"
     install -m 644 "$here/../sysusers.conf" "$root/usr/lib/sysusers.d/fieldlogger.conf"
-    install -m 644 "$here/../site.toml" "$root/usr/share/fieldlogger"
+    install -m 644 "$here/../site.toml" "$here/new_settings.py" "$root/usr/share/fieldlogger"
     install -m 755 "$here/rtupdate" "$root/usr/share/python3/runtime.d/fieldlogger.rtupdate"
 }
 

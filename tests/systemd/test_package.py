@@ -277,7 +277,8 @@ def test_its_life(packages, suite, tmp_path, capsys):
         settings = debian.root / "etc/cellwalk/site.toml"
         settings.write_text("# mine\n")
         debian.run("systemctl disable fieldlogger-page.service")
-        debian.run("dpkg -i /tmp/new.deb && dpkg -i /tmp/new.deb")
+        said = debian.run("dpkg -i /tmp/new.deb && dpkg -i /tmp/new.deb")
+        assert 'the service does not start: /etc/cellwalk/site.toml: missing table "run"' in said
         wanted = debian.root / "etc/systemd/system/multi-user.target.wants"
         assert (wanted / "fieldlogger.service").is_symlink()
         assert not (wanted / "fieldlogger-page.service").is_symlink()  # as it was left
