@@ -1,4 +1,4 @@
-"""What both programs have in common: their version, and what they say where a library is missing."""
+"""What both programs share: their version, and what they say where a library is missing."""
 
 import ast
 import re
