@@ -40,7 +40,9 @@ install_deb() {
     apt install "$1" || { update && apt install "$1"; }
 }
 
-update() { apt update || say "apt cannot fetch its lists of packages: is there a network?" >&2; }
+update() {
+    apt -o APT::Update::Error-Mode=any update || say "apt cannot fetch all lists of packages: is there a network?" >&2
+}
 
 # from_folder FOLDER: apt takes what the machine lacks from there, and nothing from a network
 from_folder() {

@@ -7,6 +7,7 @@ it; a configuration that the new version refuses is reported, since the service 
 import re
 import sys
 import tomllib
+from itertools import groupby
 from pathlib import Path
 
 sys.path.insert(0, "/usr/lib/fieldlogger")
@@ -29,7 +30,9 @@ def main(example: Path, site: Path, printed: Path) -> None:
     if not new:
         return
     print(f"fieldlogger: {site} does not name these settings, which have their defaults:")
-    print(*(f"  {setting}" for setting in new), f"{example} explains them.", sep="\n")
+    for table, settings in groupby(new, lambda setting: setting.split()[0]):
+        print(f"  {table}", ", ".join(setting.split()[1] for setting in settings))
+    print(f"{example} explains them.")
     printed.parent.mkdir(parents=True, exist_ok=True)
     printed.write_text("\n".join([*old, *new]) + "\n", "utf-8")
 
