@@ -136,17 +136,17 @@ def _reason(error: Exception) -> str:
         text = " ".join(error.format_message().split()).rstrip(".")
         return f"{text}; see '{error.ctx.command_path} --help'"
     if isinstance(error, ModuleNotFoundError):
-        return _missing(error)
+        if error.name is None or error.name.startswith(("logger", "postproc")):
+            raise error
+        return missing_library(error.name)
     if isinstance(error, OSError):
         return f"{error.filename or ''}: {error.strerror or error}".removeprefix(": ")
     return str(error)
 
 
-def _missing(error: ModuleNotFoundError) -> str:
-    """Name what brings the library: an extra, or Debian's package for the program of the .deb."""
-    library = (error.name or "").partition(".")[0]
-    if library in {"", "logger", "postproc"}:
-        raise error
+def missing_library(module: str) -> str:
+    """What brings a library: an extra, or Debian's package where the program is that of Debian."""
+    library = module.partition(".")[0]
     if library in sys.stdlib_module_names:
         return f"{library} is missing: this Python was built without it"
     if Path(__file__).is_relative_to(_DEBIAN_FOLDER):

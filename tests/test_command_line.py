@@ -113,3 +113,5 @@ def test_the_page_names_its_extra(library, option, tmp_path, monkeypatch, capsys
     assert fieldlogger(["page", "--config", str(site), *option]) == 2
     error = capsys.readouterr().err.strip()
     assert error.endswith(f"{library} is missing: pip install 'cellwalk[page]'"), error
+    assert fieldlogger(["check", "--config", str(site)]) == 2
+    assert f"page: {library} is missing: pip install 'cellwalk[page]'" in capsys.readouterr().out
