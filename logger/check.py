@@ -5,12 +5,14 @@ import pwd
 import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
 from pyproj.exceptions import ProjError
 
 from logger.baseline_file import BaselineFile
+from logger.command_line import missing_library
 from logger.config import GNSS_OF_MODEM, SiteConfig, load_config
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.geo import Utm
@@ -86,6 +88,9 @@ def _site(config: SiteConfig) -> Iterator[Line]:
         yield Line("ok", "gnss", "the modem's own receiver")
     else:
         yield _port("gnss", config.gnss.port)
+    for library in ("tornado", "segno"):
+        if config.page.listen and find_spec(library) is None:
+            yield Line("fail", "page", missing_library(library))
     if config.live.baseline:
         yield _baseline(Path(config.live.baseline))
     if config.live.streets:

@@ -4,8 +4,12 @@ import logging
 import os
 import re
 import sys
+import textwrap
+from contextlib import suppress
 from dataclasses import asdict
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -19,6 +23,7 @@ from logger.command_line import (
     print_json,
     recover,
     run_program,
+    version_option,
 )
 from logger.core.errors import ConfigError
 from logger.doctor.cli import check, doctor
@@ -26,6 +31,30 @@ from logger.page.cli import page, status
 
 FASTEST = 10_000
 """More than any machine simulates."""
+
+_COLUMNS = 50
+"""Of help with names; click would break a line at the hyphen of a name."""
+
+
+class NameOption(click.Option):
+    """An option whose help lists the names it takes: the keys of `variable` in `module`.
+
+    Only the help imports the module. Where the manual pages are made there is no numpy, without
+    which some cannot be imported: there the list is left out.
+    """
+
+    def __init__(self, *declarations: Any, module: str, variable: str, **attributes: Any) -> None:
+        super().__init__(*declarations, **attributes)
+        self._module, self._variable = module, variable
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        record = super().get_help_record(ctx)
+        with suppress(ModuleNotFoundError):
+            names = ", ".join(getattr(import_module(self._module), self._variable))
+            text = f"{self.help} NAME is one of {names}."
+            lines = textwrap.fill(text, _COLUMNS, break_on_hyphens=False)
+            return record and (record[0], f"\b\n{lines}")
+        return record
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -37,6 +66,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 @click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
+@version_option()
 def program() -> None:
     """Record the cells and positions of a walk. The logger only listens."""
 
@@ -129,6 +159,9 @@ def _write_new(path: Path, text: str) -> None:
     "driver_name",
     default="auto",
     metavar="NAME",
+    cls=NameOption,
+    module="logger.drivers.registry",
+    variable="FAMILIES",
     help="Family of the modem (default auto: try all).",
 )
 @click.option("--command", metavar="AT+...", help="The command that the reply answers.")
@@ -167,12 +200,31 @@ def parse(file: Path, driver_name: str, command: str | None, *, as_json: bool) -
     metavar="DIR",
     help="Folder of the run (default: the current one).",
 )
-@click.option("--scenario", default="block", show_default=True, metavar="NAME")
 @click.option(
-    "--modem", default="sim800", show_default=True, metavar="NAME", help="Simulated modem."
+    "--scenario",
+    default="block",
+    metavar="NAME",
+    cls=NameOption,
+    module="logger.sim.scenario",
+    variable="SCENARIOS",
+    help="Simulated walk (default: block).",
 )
 @click.option(
-    "--fault", metavar="NAME:FROM:TO", help="A fault of the modem between two times in seconds."
+    "--modem",
+    default="sim800",
+    metavar="NAME",
+    cls=NameOption,
+    module="logger.sim.dialects",
+    variable="DIALECTS",
+    help="Simulated modem (default: sim800).",
+)
+@click.option(
+    "--fault",
+    metavar="NAME:FROM:TO",
+    cls=NameOption,
+    module="logger.sim.faults",
+    variable="FAULTS",
+    help="A fault of the modem between two times in seconds.",
 )
 @click.option("--seed", type=SEED, default=1, show_default=True, metavar="N")
 @click.option(

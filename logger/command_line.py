@@ -6,6 +6,7 @@ A mistake of the user is one line on stderr and exit code 2; no exception leaves
 import os
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -89,6 +90,11 @@ SEED = number(int, 0, 2**63 - 1)
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 
 
+version_option = partial(
+    click.version_option, package_name="cellwalk", message="%(prog)s %(version)s"
+)
+
+
 def print_json(document: object) -> None:
     """Print a document that consists of plain values and paths."""
     import json
@@ -101,7 +107,7 @@ def run_program(program: click.Group, name: str, argv: Sequence[str] | None) -> 
     with plain_streams():
         try:
             return _invoke(program, name, sys.argv[1:] if argv is None else argv)
-        except click.exceptions.Exit as end:  # --help
+        except click.exceptions.Exit as end:  # --help, --version
             return end.exit_code
         except BrokenPipeError:
             return 0
@@ -130,18 +136,35 @@ def _reason(error: Exception) -> str:
         text = " ".join(error.format_message().split()).rstrip(".")
         return f"{text}; see '{error.ctx.command_path} --help'"
     if isinstance(error, ModuleNotFoundError):
-        return _missing(error)
+        if error.name is None or error.name.startswith(("logger", "postproc")):
+            raise error
+        return missing_library(error.name)
     if isinstance(error, OSError):
         return f"{error.filename or ''}: {error.strerror or error}".removeprefix(": ")
     return str(error)
 
 
-def _missing(error: ModuleNotFoundError) -> str:
-    """Name the extra to install: the plain installation has no library that only postproc uses."""
-    if error.name is None or error.name.startswith(("logger", "postproc")):
-        raise error
-    is_viewer = error.name.partition(".")[0] in {"rerun", "rerun_cli", "pyarrow"}
-    return f"{error.name} is missing: pip install 'cellwalk[{'view' if is_viewer else 'post'}]'"
+def missing_library(module: str) -> str:
+    """What brings a library: an extra, or Debian's package where the program is that of Debian."""
+    library = module.partition(".")[0]
+    if library in sys.stdlib_module_names:
+        return f"{library} is missing: this Python was built without it"
+    if Path(__file__).is_relative_to(_DEBIAN_FOLDER):
+        package = _DEBIAN_NAMES.get(library, library)
+        return f"{library} is missing: sudo apt-get install python3-{package}"
+    extra = _EXTRAS.get(library, "[post]")
+    return f"{library} is missing: pip install 'cellwalk{extra}'"
+
+
+_EXTRAS = (
+    dict.fromkeys(("click", "h5py", "msgspec", "numpy", "pynmea2", "pyproj", "serial"), "")
+    | dict.fromkeys(("segno", "tornado"), "[page]")
+    | dict.fromkeys(("pyarrow", "rerun", "rerun_cli"), "[view]")
+    | dict.fromkeys(("cryptography", "dask", "distributed", "geopandas", "pandas"), "[survey]")
+)
+"""Extra of each library that is imported, where it is not that of the desktop program."""
+_DEBIAN_FOLDER = "/usr/lib/fieldlogger"
+_DEBIAN_NAMES = {"pynmea2": "nmea2"}
 
 
 @click.command

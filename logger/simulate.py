@@ -87,7 +87,8 @@ def _fault(text: str) -> tuple[str, float, float]:
         start_s, end_s = (float(time) for time in times.split(":"))
     except ValueError:
         raise ConfigError(
-            f"{text!r} is no fault; it is given as NAME:FROM:TO, times in seconds"
+            f"{text!r} is no fault; it is given as NAME:FROM:TO, times in seconds, "
+            f"and NAME is one of {', '.join(FAULTS)}"
         ) from None
     if name not in FAULTS:
         raise ConfigError(f"no fault is called {name!r}; known are: {', '.join(FAULTS)}")

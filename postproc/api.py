@@ -89,7 +89,6 @@ def locate(
     x_m: npt.ArrayLike,
     y_m: npt.ArrayLike,
     level_dbm: npt.ArrayLike,
-    /,
     *,
     position_sigma_m: npt.ArrayLike = 0.0,
     rat: str | None = None,
@@ -102,10 +101,9 @@ def locate(
 
 
 def locate(
-    readings: CellObservations | npt.ArrayLike,
+    x_m: CellObservations | npt.ArrayLike,
     y_m: npt.ArrayLike | None = None,
     level_dbm: npt.ArrayLike | None = None,
-    /,
     *,
     position_sigma_m: npt.ArrayLike = 0.0,
     rat: str | None = None,
@@ -130,15 +128,20 @@ def locate(
     and `posterior`, None for too few readings: `x_m`, `y_m` and `r95_m` in metres, `p0_dbm` at 1 m,
     `eta`, `modes` and `squares`, each in the frame of the input.
 
-    Raises `ConfigError` for arrays of different shapes, values that are not finite, levels outside
-    -200 to 50 dBm, degrees in place of metres, and an unknown environment.
+    Raises `ConfigError` for arrays of different shapes or beside `CellObservations`, values that
+    are not finite, levels outside -200 to 50 dBm, degrees in place of metres, and an unknown
+    environment.
     Source: `logger.core.locator.pipeline`, where the steps of the algorithm are listed.
     """
     prior = prior_for(environment, height_m=height_m, antenna=antenna, reach=reach)
-    if not isinstance(readings, CellObservations):
-        if y_m is None or level_dbm is None:
-            raise ConfigError("bare arrays are given as locate(x_m, y_m, level_dbm)")
-        readings = _bare(readings, y_m, level_dbm, position_sigma_m, rat)
+    if isinstance(x_m, CellObservations):
+        if not (y_m is None and level_dbm is None and rat is None) or np.any(position_sigma_m):
+            raise ConfigError("observations have their own y_m, level_dbm, position_sigma_m, rat")
+        readings = x_m
+    elif y_m is None or level_dbm is None:
+        raise ConfigError("bare arrays are given as locate(x_m, y_m, level_dbm)")
+    else:
+        readings = _bare(x_m, y_m, level_dbm, position_sigma_m, rat)
     # the matrices are small: threads of BLAS would only wait for each other
     with threadpool_limits(1):
         return locate_cell(readings, prior, within_m)

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from logger.command_line import json_option, print_json, recover, run_program
+from logger.command_line import (
+    json_option,
+    print_json,
+    recover,
+    run_program,
+    version_option,
+)
 from postproc.baseline.cli import baseline
 from postproc.comparison.cli import compare
 from postproc.guidance.cli import guide, next_command
@@ -44,6 +50,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 @click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
+@version_option()
 def program() -> None:
     """Estimate the positions of the cells of a recorded walk.
 

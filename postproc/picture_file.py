@@ -8,10 +8,8 @@ from postproc.atomic_write import check_output
 
 def kind_of(path: Path) -> str:
     """Format by the suffix, PNG without one; raises `ConfigError`."""
-    try:
-        from matplotlib.backend_bases import FigureCanvasBase  # noqa: PLC0415 (heavy, and an extra)
-    except ImportError as error:
-        raise ConfigError("pictures need matplotlib: install cellwalk[post]") from error
+    from matplotlib.backend_bases import FigureCanvasBase  # noqa: PLC0415 (heavy)
+
     kind, known = path.suffix[1:].lower() or "png", FigureCanvasBase.filetypes
     if kind not in known:
         raise ConfigError(

@@ -1,6 +1,7 @@
 #!/bin/sh
 # install.sh [DEB | FOLDER [PACKAGE]...] [--uninstall]
-# Installs the logger on Raspberry Pi OS or Debian (12 or 13), to record from the next boot on. Safe to repeat.
+# Installs the logger on Raspberry Pi OS, Debian (12 or 13) or Ubuntu 24.04, to record from the next boot on. Safe to
+# repeat.
 #
 #   (nothing)      build the package of this folder and install it, with a network
 #   DEB            install this package, with a network if Debian's packages are missing
@@ -12,7 +13,7 @@ set -eu
 here=$(dirname "$(readlink -f "$0")")
 from='' packages='' uninstall=''
 
-usage() { sed -n 's/^# \{0,1\}//; 2,9p' "$0"; }
+usage() { sed -n 's/^# \{0,1\}//; 2,10p' "$0"; }
 say() { printf '%s\n' "install.sh: $*"; }
 fail() { say "$*" >&2; exit 1; }
 
@@ -30,6 +31,17 @@ command -v apt-get >/dev/null || fail "this machine has no apt-get: docs/guide/i
 
 apt() {
     DEBIAN_FRONTEND=noninteractive apt-get -q -y -o DPkg::Lock::Timeout=300 --no-install-recommends "$@"
+}
+
+# install_deb DEB: with what it needs of the machine's own sources. A fresh card has no lists of packages, and an old one
+# may name packages that are gone. Without a network the lists stay as they are: all may be installed already.
+install_deb() {
+    if [ -z "$(find /var/lib/apt/lists -name '*_Packages*' 2>/dev/null)" ]; then update; fi
+    apt install "$1" || { update && apt install "$1"; }
+}
+
+update() {
+    apt -o APT::Update::Error-Mode=any update || say "apt cannot fetch all lists of packages: is there a network?" >&2
 }
 
 # from_folder FOLDER: apt takes what the machine lacks from there, and nothing from a network
@@ -54,7 +66,7 @@ from_checkout() {
     arch=$(dpkg --print-architecture)
     # compiled modules and lists of packages are kept for the next time
     CACHE=/var/cache/cellwalk DIST=/var/cache/cellwalk "$here/debian/build.sh" "$arch"
-    apt install /var/cache/cellwalk/fieldlogger_*_"$arch".deb
+    install_deb /var/cache/cellwalk/fieldlogger_*_"$arch".deb
 }
 
 if [ -n "$uninstall" ]; then
@@ -66,7 +78,7 @@ fi
 if [ -d "$from" ]; then
     from_folder "$from"
 elif [ -n "$from" ]; then
-    apt install "$(readlink -f "$from")"
+    install_deb "$(readlink -f "$from")"
 else
     from_checkout
 fi

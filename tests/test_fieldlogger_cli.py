@@ -218,3 +218,8 @@ def test_a_receiver_that_the_driver_does_not_read_is_refused(site, capsys, drive
     reads = bool(FAMILIES[driver].gnss_poll_commands)
     assert main(["check", "--config", str(site)]) == (0 if reads else 2)
     assert ("name a port" in capsys.readouterr().out) == (not reads)
+
+
+def test_the_help_of_parse_lists_the_drivers(capsys):
+    assert main(["parse", "--help"]) == 0
+    assert set(FAMILIES) <= set(re.findall(r"[\w-]+", capsys.readouterr().out))

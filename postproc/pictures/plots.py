@@ -1,18 +1,11 @@
 """A run as a printed page: the plan, level against distance, levels over time."""
 
+import textwrap
 from pathlib import Path
 
-from logger.core.errors import ConfigError
-
-try:
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-except ImportError as error:
-    raise ConfigError("pictures need matplotlib: install cellwalk[post]") from error
-
-import textwrap
-
+import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from postproc.atomic_write import whole_file
 from postproc.picture_file import kind_of

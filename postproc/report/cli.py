@@ -1,5 +1,6 @@
 """The command `report` of `postproc`."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
@@ -76,9 +77,13 @@ def report(
     check_output(target)
     if picture_folder is not None:
         check_folder(picture_folder)
+    if basemap is not None and not basemap.is_file():
+        raise ConfigError(f"{basemap}: no such file")
     runs = [read_sound_run(path) for path in paths]
     options = Options(prior, within_m=within_m)
     page = _page(runs, cells, ClaimOptions(claim, claims, p_fa), options, basemap)
+    if basemap is not None and page.cell_map is None:
+        print(f"{basemap} is not drawn: no cell is located or ambiguous", file=sys.stderr)
     size = page.write(target)
     pictures = list(page.write_figures(picture_folder)) if picture_folder else []
     took_s = perf_counter() - start_s

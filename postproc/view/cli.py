@@ -1,5 +1,6 @@
 """The command `view` of `postproc`."""
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,6 +89,8 @@ def view(paths: Sequence[Path], **options: Any) -> int:
         """Estimate and draw, after it is known that the result can be shown."""
         model = _view_model(chosen, runs)
         basemap = read_basemap(chosen.basemap, model.survey, model.box) if chosen.basemap else None
+        if chosen.basemap and basemap is None:
+            print(f"{chosen.basemap} is not drawn: the walk has no position", file=sys.stderr)
         write_scene(model, path, basemap=basemap, online=not chosen.web)
 
     if chosen.web:

@@ -1,7 +1,8 @@
 #!/bin/sh
 # build.sh [ARCH]... : builds dist/fieldlogger_VERSION_ARCH.deb (default: amd64 arm64 armhf). `make deb` calls it.
-# Each package serves Debian 12 and 13 and Raspberry Pi OS made of them: the logger is pure Python and takes Debian's
-# libraries; only msgspec is compiled (msgspec.sh). Equal sources give equal packages.
+# Each package serves Debian 12 and 13, Raspberry Pi OS made of them, and Ubuntu 24.04 (not armhf): the logger is pure
+# Python and takes their libraries; only msgspec is compiled code (msgspec.sh). Equal sources give equal packages.
+# Several architectures are built one by one: where one fails, the others are built all the same.
 set -eu
 here=$(dirname "$(readlink -f "$0")")
 repository=$(readlink -f "$here/../..")
@@ -12,15 +13,14 @@ dist=${DIST:-$repository/dist}
 [ $# -gt 0 ] || set -- amd64 arm64 armhf
 umask 022
 
-# tools ARCH...: what the build needs from Debian; as root it is installed
+# tools ARCH: what the build needs from Debian; as root it is installed
 tools() {
-    wanted="gcc libc6-dev dpkg-dev python3-venv debian-archive-keyring"
-    native=$(dpkg --print-architecture)
-    for arch; do
-        triplet_of "$arch" >/dev/null
-        [ "$arch" = "$native" ] && continue
-        wanted="$wanted gcc-$(triplet_of "$arch" | tr _ -) libc6-dev-$arch-cross"
-    done
+    wanted="binutils dpkg-dev python3-venv debian-archive-keyring"
+    triplet=$(triplet_of "$1")
+    cross=-$(echo "$triplet" | tr _ -) library=libc6-dev-$1-cross
+    if [ "$1" = "$(dpkg --print-architecture)" ]; then cross='' library=libc6-dev; fi
+    wanted="$wanted binutils$cross"
+    [ -n "$(machine_of "$1")" ] || wanted="$wanted gcc$cross $library"
     missing=''
     for package in $wanted; do
         dpkg-query -W -f '${db:Status-Abbrev}' "$package" 2>/dev/null | grep -q '^ii' || missing="$missing $package"
@@ -69,7 +69,7 @@ system_files() {
     install -m 644 "$here"/../*.service "$units"
     install -m 644 "$here/../70-cellwalk.rules" "$root/usr/lib/udev/rules.d"
     install -m 644 "$here/../sysusers.conf" "$root/usr/lib/sysusers.d/fieldlogger.conf"
-    install -m 644 "$here/../site.toml" "$root/usr/share/fieldlogger"
+    install -m 644 "$here/../site.toml" "$here/new_settings.py" "$root/usr/share/fieldlogger"
     install -m 755 "$here/rtupdate" "$root/usr/share/python3/runtime.d/fieldlogger.rtupdate"
 }
 
@@ -94,13 +94,38 @@ control() {
     libraries="libc6 (>= ${glibc#GLIBC_})"
     [ "$1" != armhf ] || libraries="$libraries, libgcc-s1"
     size=$(du -k --apparent-size -s "$root/usr" | cut -f1)
-    sed -e "s/@ARCH@/$1/; s/@VERSION@/$version/; s/@LIBRARIES@/$libraries/; s/@SIZE@/$size/" "$here/control" \
+    sed -e "s/@ARCH@/$1/; s/@VERSION@/$version/; s/@LIBRARIES@/$libraries/; s/@SIZE@/$size/" \
+        -e "s/@PYTHONS@/$(pythons_for "$1")/" "$here/control" \
         >"$root/DEBIAN/control"
     for script in preinst postinst prerm postrm; do install -m 755 "$here/$script" "$root/DEBIAN"; done
     (cd "$root" && find usr -type f -print0 | sort -z | xargs -0 md5sum) >"$root/DEBIAN/md5sums"
 }
 
-tools "$@"
+# each ARCH... : this script for each; at the end which of them failed, with the first error of each, or its last line
+each() {
+    version
+    export VERSION="$version"
+    log=$(mktemp) failed=''
+    for arch; do
+        if ! "$here/build.sh" "$arch" 2>"$log"; then
+            why=$(grep -m1 -E '^(E|ERROR): |error: |not found' "$log" || tail -1 "$log")
+            failed="$failed$(printf '\n%s: %s' "$arch" "$why")"
+        fi
+        cat "$log" >&2
+    done
+    rm -f "$log"
+    [ -z "$failed" ] || { printf 'make deb: not built:%s\n' "$failed" >&2; exit 1; }
+}
+
+command -v dpkg-deb >/dev/null || { echo "make deb: Debian or a system made of it is needed" >&2; exit 1; }
+if [ $# -gt 1 ]; then
+    each "$@"
+    exit
+fi
+arch=$1
+# what an earlier call has built is not taken for the result of this one
+rm -f "$dist"/fieldlogger_*_"$arch".deb
+tools "$arch"
 mkdir -p "$cache" "$dist"
 if [ ! -e "$cache/venv/ready" ]; then
     python3 -m venv "$cache/venv"
@@ -111,15 +136,10 @@ fi
 version
 root=$(mktemp -d)
 trap 'rm -rf "$root"' EXIT
-for arch; do
-    rm -rf "$root"
-    mkdir "$root"
-    program "$arch"
-    system_files
-    documentation
-    chmod -R u=rwX,go=rX "$root"
-    control "$arch"
-    rm -f "$dist"/fieldlogger_*_"$arch".deb
-    dpkg-deb --root-owner-group -Zxz --build "$root" "$dist/fieldlogger_${version}_$arch.deb" >/dev/null
-    echo "$dist/fieldlogger_${version}_$arch.deb"
-done
+program "$arch"
+system_files
+documentation
+chmod -R u=rwX,go=rX "$root"
+control "$arch"
+dpkg-deb --root-owner-group -Zxz --build "$root" "$dist/fieldlogger_${version}_$arch.deb" >/dev/null
+echo "$dist/fieldlogger_${version}_$arch.deb"

@@ -33,6 +33,9 @@ def main(share: Path, version: str) -> None:
     write_man_pages(
         NAME, program, version=version, target_dir=share / "man/man1", date=f"{built:%Y-%m-%d}"
     )
+    for page in (share / "man/man1").iterdir():
+        # click's sign that lines are not to be joined, which roff does not know
+        page.write_text(page.read_text("utf-8").replace("\b\n", ""), "utf-8")
     for shell, path in COMPLETION.items():
         (share / path).parent.mkdir(parents=True, exist_ok=True)
         (share / path).write_text(_completion(program, shell), encoding="utf-8")

@@ -1,4 +1,4 @@
-# Read by the other scripts: the Debian releases that one package serves, and an apt of its own to fetch from them.
+# Read by the other scripts: the releases that one package serves, and an apt of its own to fetch from Debian's.
 # The machine's own apt is neither used nor changed.
 # shellcheck shell=sh disable=SC2034  # the readers use what is set here
 suites="bookworm trixie"
@@ -14,6 +14,21 @@ triplet_of() {
         armhf) echo arm-linux-gnueabihf ;;
         *) echo "no packages are built for $1: amd64, arm64 or armhf" >&2; return 1 ;;
     esac
+}
+
+# machine_of ARCH: as PyPI's wheels of msgspec name it; nothing where PyPI has none
+machine_of() { case $1 in amd64) echo x86_64 ;; arm64) echo aarch64 ;; esac; }
+
+# of PyPI's wheels: those of Debian, and Ubuntu 24.04's between them
+pythons="3.11 3.12 3.13"
+
+# pythons_for ARCH: on which a package depends
+pythons_for() {
+    if [ -n "$(machine_of "$1")" ]; then
+        echo "python3 (>= 3.11~), python3 (<< 3.14)"
+    else
+        echo "python3 (>= 3.11~), python3 (<< 3.12) | python3 (>= 3.13~), python3 (<< 3.14)"
+    fi
 }
 
 # apt_of STATE SUITE ARCH COMMAND...: apt-get with sources, lists and installed packages (none) below STATE

@@ -89,6 +89,27 @@ def test_observations_are_located_as_in_a_result(path):
     assert postproc.smooth([postproc.read_run(path)], [cell_name(0)]).cells[0].n == cell.n
 
 
+def test_each_documented_argument_may_be_named():
+    """The page names the arguments, and so does who reads it."""
+    for name in FUNCTIONS:
+        parameters = inspect.signature(getattr(postproc, name)).parameters.values()
+        assert [p.name for p in parameters if p.kind is p.POSITIONAL_ONLY] == [], name
+    x, y, level = walk()
+    by_name = locate(x_m=x, y_m=y, level_dbm=level).posterior
+    assert (by_name.x_m, by_name.y_m) == (
+        locate(x, y, level).posterior.x_m,
+        locate(x, y, level).posterior.y_m,
+    )
+
+
+def test_no_argument_beside_observations_is_ignored(path):
+    obs = postproc.observations(path).cells[0]
+    for extra in ({"y_m": obs.y_m, "level_dbm": obs.level_dbm}, {"rat": "GSM"},
+                  {"position_sigma_m": 5.0}):  # fmt: skip
+        with pytest.raises(ConfigError, match="observations have their own"):
+            locate(obs, **extra)
+
+
 def test_what_cannot_be_located_says_why(tmp_path):
     few = locate([0.0, 1.0], [0.0, 0.0], [-60.0, -61.0])
     assert (few.verdict, few.posterior) == ("cannot tell", None)
@@ -99,6 +120,8 @@ def test_what_cannot_be_located_says_why(tmp_path):
         locate([0.0] * 6, [0.0] * 6, [0.0] * 6, position_sigma_m=[1.0, 2.0])
     with pytest.raises(ConfigError, match=r"locate\(x_m, y_m"):
         locate([0.0])
+    with pytest.raises(ConfigError, match=r"locate\(x_m, y_m"):
+        locate(x_m=[0.0], level_dbm=[0.0])
     with pytest.raises(ConfigError, match="environment"):
         locate([0.0] * 6, [0.0] * 6, [0.0] * 6, environment="moon")
     with pytest.raises(RunFileError):

@@ -5,6 +5,9 @@ import pytest
 
 from logger.cli import main
 from logger.core.runfile import read_run
+from logger.sim.dialects import DIALECTS
+from logger.sim.faults import FAULTS
+from logger.sim.scenario import SCENARIOS
 
 
 def test_another_modem_that_misbehaves(tmp_path, capsys):
@@ -37,3 +40,15 @@ def test_a_mistake_is_one_line(tmp_path, capsys, wrong, says):
     assert main(["simulate", "--out", str(tmp_path), *wrong]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert says in line
+
+
+def test_the_help_lists_every_name_in_one_piece(capsys):
+    assert main(["simulate", "--help"]) == 0
+    words = capsys.readouterr().out.replace(",", " ").replace(". ", " ").replace(".\n", " ").split()
+    assert {*SCENARIOS, *DIALECTS, *FAULTS} <= set(words)
+
+
+def test_a_fault_without_times_names_the_faults(tmp_path, capsys):
+    assert main(["simulate", "--out", str(tmp_path), "--fault", "storm"]) == 2
+    error = capsys.readouterr().err
+    assert all(name in error for name in FAULTS)

@@ -15,20 +15,23 @@ QEMU = {"arm64": "aarch64", "armhf": "arm"}
 _BINFMT = Path("/proc/sys/fs/binfmt_misc")
 
 
-def base(suite: str, arch: str, packages: str) -> Path:
-    """The pristine system with these packages, built once: minutes for another architecture."""
+def base(suite: str, arch: str, packages: str, variant: str = "essential") -> Path:
+    """The pristine system with these packages, built once: minutes for another architecture.
+
+    The variants are those of mmdebstrap; the essential one has no apt.
+    """
     if os.getuid() != 0:
         pytest.skip("only root can build a chroot")
     if shutil.which("mmdebstrap") is None:
         pytest.skip("no mmdebstrap here")
     let_run(arch)
-    folder = CACHE / f"{suite}-{arch}"
+    folder = CACHE / f"{suite}-{arch}{variant.removeprefix('essential')}"
     if not folder.exists():
         part = folder.with_suffix(".part")
         shutil.rmtree(part, ignore_errors=True)
         CACHE.mkdir(parents=True, exist_ok=True)
         done = subprocess.run(
-            ["mmdebstrap", "--quiet", "--mode=root", "--variant=essential", f"--arch={arch}",
+            ["mmdebstrap", "--quiet", "--mode=root", f"--variant={variant}", f"--arch={arch}",
              f"--include={packages}", suite, part, f"deb {MIRROR} {suite} main"],
             capture_output=True, text=True, check=False,
         )  # fmt: skip

@@ -40,14 +40,23 @@ def test_it_depends_on_what_the_program_depends_on():
     assert wanted - own == {line for line in _depends() if line.startswith("python3-")}
 
 
-def test_it_allows_the_pythons_that_msgspec_is_compiled_for():
-    text = (DEBIAN / "suites.sh").read_text()
-    pythons = sorted(re.findall(r"\w+\) echo (3\.\d+)", text))
-    assert pythons == ["3.11", "3.13"]
-    allowed = ", ".join(line for line in _depends() if line.startswith("python3 "))
-    assert (
-        allowed == "python3 (>= 3.11~), python3 (<< 3.12) | python3 (>= 3.13~), python3 (<< 3.14)"
-    )
+PYTHONS = {
+    "amd64": ["3.11", "3.12", "3.13"],
+    "arm64": ["3.11", "3.12", "3.13"],
+    "armhf": ["3.11", "3.13"],
+}
+"""Those of Debian 12 and 13, and Ubuntu 24.04's, for which PyPI has no file of armhf."""
+
+
+@pytest.mark.parametrize("arch", PYTHONS)
+def test_it_allows_the_pythons_that_it_has_msgspec_for(arch):
+    script = f". {DEBIAN}/suites.sh; pythons_for {arch}"
+    asked = subprocess.run(["sh", "-euc", script], capture_output=True, text=True, check=True)
+    allowed = "python3 (>= 3.11~), python3 (<< 3.14)"
+    if "3.12" not in PYTHONS[arch]:
+        allowed = allowed.replace(", ", ", python3 (<< 3.12) | python3 (>= 3.13~), ")
+    assert asked.stdout.strip() == allowed
+    assert "@PYTHONS@" in _depends()
 
 
 def test_the_units_start_the_program_of_the_package():
@@ -73,6 +82,37 @@ def test_shellcheck_finds_nothing(name):
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
+
+
+def _call_build(folder, *archs):
+    places = {"CACHE": str(folder / "cache"), "DIST": str(folder / "dist")}
+    return subprocess.run(
+        [DEBIAN / "build.sh", *archs],
+        capture_output=True, text=True, check=False, env=os.environ | places,
+    )  # fmt: skip
+
+
+def test_an_architecture_that_cannot_be_built_does_not_stop_the_next(tmp_path):
+    if shutil.which("dpkg-deb") is None:
+        pytest.skip("no Debian here")
+    done = _call_build(tmp_path, "sparc", "riscv64")
+    assert done.returncode == 1
+    said = done.stderr.partition("make deb: not built:\n")[2].splitlines()
+    reason = "{0}: no packages are built for {0}: amd64, arm64 or armhf"
+    assert said == [reason.format("sparc"), reason.format("riscv64")]
+
+
+@pytest.mark.slow
+def test_what_can_be_built_is_built_and_nothing_older_stands_beside_it(packages, tmp_path):
+    packages("amd64")  # or it is skipped here
+    (tmp_path / "dist").mkdir()
+    (tmp_path / "dist/fieldlogger_0.1_sparc.deb").touch()
+    done = _call_build(tmp_path, "sparc", "amd64")
+    assert done.returncode == 1
+    assert re.search(r"not built:\nsparc: .*\n$", done.stderr)
+    (built,) = (tmp_path / "dist").iterdir()
+    assert built.name.endswith("_amd64.deb")
+    assert done.stdout.strip() == str(built)
 
 
 def _build(arch):
@@ -115,7 +155,8 @@ def test_what_is_inside(packages, arch, tmp_path):
         assert needed in inside
     assert not [name for name in inside if "postproc" in name or "__pycache__" in name]
     modules = sorted(name for name in inside if name.endswith(".so"))
-    assert [re.search(r"cpython-(\d+)-", name)[1] for name in modules] == ["311", "313"]
+    pythons = [re.search(r"cpython-3(\d+)-", name)[1] for name in modules]
+    assert [f"3.{minor}" for minor in pythons] == PYTHONS[arch]
     for module in modules:
         header = subprocess.run(
             ["readelf", "-hA", tmp_path / module], capture_output=True, text=True, check=True
@@ -136,6 +177,24 @@ def test_lintian_finds_no_error(packages, arch):
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.slow
+def test_install_sh_fetches_the_lists_that_a_fresh_card_lacks(packages, tmp_path):
+    package = packages("amd64")
+    pristine = base("bookworm", "amd64", "systemd,udev", "minbase")
+    with chroot(pristine, tmp_path / "root") as debian:
+        shutil.copytree(REPOSITORY / "systemd", debian.root / "tmp/systemd")
+        shutil.copy(package, debian.root / "tmp/new.deb")
+        lists, names = debian.root / "var/lib/apt/lists", debian.root / "etc/resolv.conf"
+        shutil.rmtree(lists)
+        shutil.copy("/etc/resolv.conf", names)
+        debian.run("/tmp/systemd/install.sh /tmp/new.deb")
+        assert "fieldlogger " in debian.run("fieldlogger --version")
+        # without a network what is there already is enough
+        shutil.rmtree(lists)
+        names.unlink()
+        assert "is there a network?" in debian.run("/tmp/systemd/install.sh /tmp/new.deb")
 
 
 def _as_install_sh_left_it(root):
@@ -218,7 +277,8 @@ def test_its_life(packages, suite, tmp_path, capsys):
         settings = debian.root / "etc/cellwalk/site.toml"
         settings.write_text("# mine\n")
         debian.run("systemctl disable fieldlogger-page.service")
-        debian.run("dpkg -i /tmp/new.deb && dpkg -i /tmp/new.deb")
+        said = debian.run("dpkg -i /tmp/new.deb && dpkg -i /tmp/new.deb")
+        assert 'the service does not start: /etc/cellwalk/site.toml: missing table "run"' in said
         wanted = debian.root / "etc/systemd/system/multi-user.target.wants"
         assert (wanted / "fieldlogger.service").is_symlink()
         assert not (wanted / "fieldlogger-page.service").is_symlink()  # as it was left

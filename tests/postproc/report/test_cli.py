@@ -5,6 +5,7 @@ import pytest
 from postproc.cli import main
 from tests.kit import runs
 from tests.kit.html_page import Page
+from tests.kit.vector_tiles import write_pmtiles
 
 
 @pytest.fixture(scope="module")
@@ -56,3 +57,17 @@ def test_mistakes_are_one_line(run, tmp_path, capsys):
     assert "environment" in fails(capsys, "report", run, "--environment", "sea")
     assert list(tmp_path.iterdir()) == []
     assert run.exists()
+
+
+def test_a_basemap_that_is_not_drawn_is_reported(run, tmp_path, capsys):
+    """A walk straight on locates no cell, and then there is no plan of all cells."""
+    ground, page = tmp_path / "ground.pmtiles", tmp_path / "page.html"
+    assert "no such file" in fails(capsys, "report", run, "--basemap", ground, "-o", page)
+    write_pmtiles(ground, {(14, 3, 3): b""})
+    for json_output in ([], ["--json"]):
+        assert (
+            main(["report", str(run), "--basemap", str(ground), "-o", str(page), *json_output]) == 0
+        )
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line == f"{ground} is not drawn: no cell is located or ambiguous"
+    assert "data:image/jpeg" not in page.read_text("utf-8")

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from logger.core.runfile import finish_journal
+from logger.core.types import Fix
 from postproc.cli import main
 from tests.kit import runs
 from tests.kit import sample_results as kit
@@ -203,3 +204,12 @@ def test_no_text_of_ours_sends_people_to_the_bare_viewer():
         text = (Path(__file__).parents[3] / name).read_text()
         assert "bin/rerun" not in text
         assert "rerun run.rrd" not in text
+
+
+def test_a_basemap_that_is_not_drawn_is_reported(tmp_path, capsys):
+    walk = tmp_path / "lost.journal"
+    runs.write_journal(walk, [one for one in runs.records(10) if not isinstance(one.value, Fix)])
+    (tmp_path / "ground.pmtiles").write_bytes(b"PMTiles\3")
+    saved = ["--save", str(tmp_path / "lost.rrd"), "--basemap", str(tmp_path / "ground.pmtiles")]
+    assert main(["view", str(walk), *saved]) == 0
+    assert "ground.pmtiles is not drawn: the walk has no position\n" in capsys.readouterr().err

@@ -1,0 +1,117 @@
+"""What both programs share: their version, and what they say where a library is missing."""
+
+import ast
+import re
+import sys
+from functools import cache
+from importlib import import_module, metadata
+
+import click
+import pytest
+from packaging.requirements import Requirement
+
+from logger import command_line
+from logger.cli import main as fieldlogger
+from postproc.cli import main as postproc
+from tests.docs.pages import ROOT
+
+CLAIM = 'listen = "127.0.0.1:8080"'
+
+
+@pytest.mark.parametrize(("name", "main"), [("fieldlogger", fieldlogger), ("postproc", postproc)])
+def test_the_version_is_that_of_the_package(name, main, capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"{name} {metadata.version('cellwalk')}\n"
+
+
+@cache
+def _imported_libraries() -> frozenset[str]:
+    """Names of all foreign packages that a module of ours imports."""
+    names = set()
+    for folder in ("logger", "postproc"):
+        for path in (ROOT / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                match node:
+                    case ast.Import(names=aliases):
+                        names.update(alias.name.partition(".")[0] for alias in aliases)
+                    case ast.ImportFrom(module=str(module), level=0):
+                        names.add(module.partition(".")[0])
+    return frozenset(names - sys.stdlib_module_names - {"logger", "postproc"})
+
+
+@cache
+def _distributions_of(extra: str) -> frozenset[str]:
+    """Distributions that `pip install cellwalk[extra]` brings."""
+    found, waiting = set(), [Requirement(f"cellwalk[{extra}]" if extra else "cellwalk")]
+    while waiting:
+        wanted = waiting.pop()
+        name = re.sub(r"[-_.]+", "-", wanted.name).lower()
+        if (name, *wanted.extras) in found:
+            continue
+        found |= {(name, *wanted.extras), (name,)}
+        for line in metadata.requires(name) or ():
+            needed = Requirement(line)
+            sets = wanted.extras or {""}
+            if needed.marker is None or any(needed.marker.evaluate({"extra": e}) for e in sets):
+                waiting.append(needed)
+    return frozenset(name for (name, *_) in found)
+
+
+def _message_without(library: str, monkeypatch, capsys) -> str:
+    @click.group
+    def program() -> None: ...
+
+    @program.command
+    def use() -> None:
+        import_module(library)
+
+    monkeypatch.setitem(sys.modules, library, None)  # as if it were not installed
+    assert command_line.run_program(program, "program", ["use"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+@pytest.mark.parametrize("library", sorted(_imported_libraries()))
+def test_a_missing_library_is_in_the_extra_that_is_named(library, monkeypatch, capsys):
+    line = _message_without(library, monkeypatch, capsys)
+    named = re.fullmatch(
+        rf"program: {library} is missing: pip install 'cellwalk(?:\[(\w+)\])?'", line
+    )
+    assert named, line
+    distributions = metadata.packages_distributions().get(library)
+    if distributions is None:
+        pytest.skip(f"no {library} here")
+    assert {name.lower() for name in distributions} & _distributions_of(named[1] or ""), line
+
+
+@pytest.mark.parametrize("library", sorted(_imported_libraries() & set(command_line._EXTRAS)))
+def test_the_debian_package_is_named_where_the_program_is_of_one(library, monkeypatch, capsys):
+    monkeypatch.setattr(command_line, "_DEBIAN_FOLDER", str(ROOT))
+    line = _message_without(library, monkeypatch, capsys)
+    package = re.fullmatch(rf"program: {library} is missing: sudo apt-get install (\S+)", line)[1]
+    control = (ROOT / "systemd/debian/control").read_text("utf-8")
+    needed = re.findall(r"python3-[\w-]+", control)
+    if command_line._EXTRAS[library] in {"", "[page]"} and library != "msgspec":  # that is inside
+        assert package in needed
+
+
+def test_what_python_was_built_without_is_in_no_package(monkeypatch, capsys):
+    line = _message_without("_sqlite3", monkeypatch, capsys)
+    assert line == "program: _sqlite3 is missing: this Python was built without it"
+
+
+@pytest.mark.parametrize(("library", "option"), [("tornado", []), ("segno", ["--show"])])
+def test_the_page_names_its_extra(library, option, tmp_path, monkeypatch, capsys):
+    site = tmp_path / "site.toml"
+    text = (ROOT / "systemd/site.toml").read_text("utf-8").replace('# listen = ""', CLAIM)
+    site.write_text(text, "utf-8")
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    (tmp_path / "token").write_text("0" * 64)
+    for name in [name for name in sys.modules if name.startswith(("logger.page.", library))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, library, None)
+    assert fieldlogger(["page", "--config", str(site), *option]) == 2
+    error = capsys.readouterr().err.strip()
+    assert error.endswith(f"{library} is missing: pip install 'cellwalk[page]'"), error
+    assert fieldlogger(["check", "--config", str(site)]) == 2
+    assert f"page: {library} is missing: pip install 'cellwalk[page]'" in capsys.readouterr().out
