@@ -205,7 +205,12 @@ FORMS: tuple[str, ...] = (
     '+QLTS: "«2026/11/21,12:00:00+04,0»"',
     '+CTZV: «+04,26/11/21,12:00:00»',
     '*PSUTTZ: «2026,11,21,12,0,0»,"+4",1',
-    # inside rows that are read, by a lost line end
+)
+"""Of manuals and logs: 27.007, 27.005, SIMCom, Quectel, Huawei, Cinterion, Telit, u-blox, Sierra,
+Fibocom, Ericsson, Qualcomm, voice modems.
+"""
+
+IN_ROWS: tuple[str, ...] = (
     '+CENG: 1,"0128,15,30+CLIP: "«{national}»",129,"«Miller»"',
     '+CSQ: 19,99+CMT: "«{national}»",,"«26/11/21»"',
     '+CREG: 1,"«{national}»"',
@@ -217,9 +222,7 @@ FORMS: tuple[str, ...] = (
     "+CPSI: GSM,Online,310-260,0x113,1,2 DCS 1800,-71,0,32-3«{national}»",
     "+CME ERROR: «{national}»",
 )
-"""Of manuals and logs: 27.007, 27.005, SIMCom, Quectel, Huawei, Cinterion, Telit, u-blox, Sierra,
-Fibocom, Ericsson, Qualcomm, voice modems.
-"""
+"""Rows that a driver reads, in which something else stands, as after a lost line end."""
 
 _FIELD = re.compile(r"\{(\w+)(?::([^}]*))?\}")
 

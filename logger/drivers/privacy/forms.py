@@ -78,7 +78,10 @@ _TOKEN = re.compile(rb"[0-9A-Za-z_]+(?:[" + _NOISE + rb"]+[0-9A-Za-z_]+)*")
 """A number or a word, with the noise in it: a byte 0 hides no number."""
 _IS_NOISE = re.compile(rb"[" + _NOISE + rb"]")
 _CONTROL = re.compile(rb"[\x00-\x08\x0b-\x1f\x7f]")
-_QUOTED = re.compile(rb"\"[^\"]*\"")
+_NETWORK_NAME = re.compile(rb"\"[^\"]*(?:\"|\Z)")
+_NETWORK_CODE = re.compile(rb"\"[0-9]{5,7}\"|\"[0-9]{3} [0-9]{2,3}\"")
+_MOST_OF_NETWORK = 5
+"""Digits in the name of a network: 242 01 Telenor."""
 _GROUPS = re.compile(rb"[0-9]+(?:[ " + _NOISE + rb"]{1,2}[0-9]+)+")
 _DIGIT = re.compile(rb"[0-9]")
 _DIGITS = [b"%d" % digit for digit in range(10)]
@@ -123,7 +126,7 @@ def _values(name: bytes, body: bytes) -> bytes:
     in_columns, has_networks = name in _IN_COLUMNS, name in _WITH_NETWORKS
     noise = _CONTROL if has_networks else _IS_NOISE
     if has_networks:
-        body = _QUOTED.sub(_without_long_groups, body)
+        body = _NETWORK_NAME.sub(_without_telephone_number, body)
     if not in_columns:
         body = _GROUPS.sub(_without_long_groups, body)
     out: list[bytes] = []
@@ -157,6 +160,12 @@ def _values(name: bytes, body: bytes) -> bytes:
             out += [between, mask_text(text)]
         end = token.end()
     return b"".join(out) + mask_text(body[end:])
+
+
+def _without_telephone_number(found: re.Match[bytes]) -> bytes:
+    """The name or code of a network as it came, where it is one."""
+    is_name = sum(map(found[0].count, _DIGITS)) <= _MOST_OF_NETWORK
+    return found[0] if is_name or _NETWORK_CODE.fullmatch(found[0]) else mask_digits(found[0])
 
 
 def _without_long_groups(found: re.Match[bytes]) -> bytes:
@@ -205,7 +214,7 @@ def row_without_name(line: bytes, commands: Iterable[bytes]) -> bytes | None:
         return mask_numbers(_values(b"+COPS", line))
     operator = _OPERATOR.search(line)
     if operator:
-        name = _QUOTED.sub(_without_long_groups, operator[1])
+        name = _NETWORK_NAME.sub(_without_telephone_number, operator[1])
         rest = row_without_name(line[operator.end() :], commands)
         head = mask_text(line[: operator.start()]) + line[operator.start() : operator.start(1)]
         return None if rest is None else head + name + rest
@@ -252,8 +261,8 @@ _VERSION = re.compile(
 """Numbers of a version, in which a telephone number or an IMEI has no place."""
 _MOST_OF_MODEL = 5
 """Digits in a row, or in groups, in the name of a model or its firmware."""
-_NAME_OF_MODEL = re.compile(rb"(?!(?:.*?(?<![^ ])[0-9]){3}|(?:[0-9]{1,3}\.){3}[0-9]{1,3}\Z)[0-9A-Za-z][0-9A-Za-z ._,+&-]{0,47}")
-"""A line of few words, two of them at most with a digit in front; no address of a network."""
+_NAME_OF_MODEL = re.compile(rb"(?!(?:.*?(?<![^ ])[0-9]){2}|(?:[0-9]{1,3}\.){3}[0-9]{1,3}\Z)[0-9A-Za-z][0-9A-Za-z ._,+&-]{0,47}")
+"""A line of few words, one of them at most with a digit in front; no address of a network."""
 
 
 def identity(line: bytes, *, is_sure: bool) -> bytes | None:
@@ -263,7 +272,7 @@ def identity(line: bytes, *, is_sure: bool) -> bytes | None:
     message (not `is_sure`) has to name a modem that a driver claims.
     """
     labels = list(_LABEL.finditer(line))
-    n_known = sum(label[1].strip().lower() in _LABELS for label in labels)
+    n_known = sum(label[1].split()[-1].lower() in _LABELS for label in labels)
     if n_known < len(labels):
         other = labels[n_known].start()
         kept = identity(line[:other], is_sure=is_sure) if n_known else None

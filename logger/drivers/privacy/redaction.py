@@ -33,7 +33,7 @@ _PLAIN = re.compile(
 )
 """Results, reports of a start, and commands: lines of fixed words, and numbers of two digits."""
 _DIAL = re.compile(rb"[ \t]*ATD", re.IGNORECASE)
-_CAPITALS = re.compile(rb"[ \t]*[A-Z][A-Z_]{1,15}(?=[ ]?[:=])")
+_CAPITALS = re.compile(rb"[ \t]*[A-Z][A-Z_]{1,15}(?: SV)?(?=[ ]?[:=])")
 """The name of an unknown line (NMBR = 5551234)."""
 _OF_MESSAGE = re.compile(rb"C(?:MT|MG|DS|BM)(?![ISW])|HCM|SMG|MSG|SMS", re.IGNORECASE)
 """In the names of results behind which a line of text comes."""

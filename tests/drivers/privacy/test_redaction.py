@@ -1,14 +1,23 @@
+import json
 import random
-from pathlib import Path
 
 import pytest
 
+from logger.drivers.family import Family
 from logger.drivers.privacy.redaction import Redactor, redact
+from logger.drivers.protocols.gpsd import GpsdFramer
+from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
+from logger.drivers.registry import FAMILIES, IDENTITY, family_of, reader_of
 from logger.drivers.telit.telit import Telit
-from tests.kit.drivers import cells_of
+from tests.drivers.test_claims import answers_of
+from tests.kit.corpus import entries
+from tests.kit.drivers import cells_of, own_replies
+from tests.kit.planted_secrets import IN_ROWS, Planted, plain, plant
+from tests.kit.planted_secrets import FORMS as ALONE
 from tests.kit.secrets import FORMS, leaked_secrets
 
-DATA = Path(__file__).parents[1] / "data"
+LINES = (*ALONE, *IN_ROWS)
+
 REPLY = (
     b'\r\n+CENG: 1,1\r\n\r\n+CENG: 0,"0017,45,00,262,01,09,3039,05,05,1267,255"\r\n'
     b'+CENG: 1,"0021,30,12,303a,262,01,1267"\r\n\r\nOK\r\n'
@@ -16,23 +25,13 @@ REPLY = (
 HARMLESS = [
     b'+CENG: 0,"0154,28,00,310,411,12,000f,00,05,178d,255"\r\n',
     b"+CGNSINF: 1,1,20161124025208.000,31.222014,121.354368,114.600,0.28,0.0,1,,1.9\r\n",
-    b"+CNWINFO: LTE,20820130336514,0x7C4C7,0,0,UNKOWN,UNKOWN,0,0,-99\r\n",
     b'+QENG: "NR5G-SA","TDD",310,260,170C2C5F0,684,7D3C00,520110,41,12,-90,-11,20,1,50\r\n',
     b'+CREG: 2,1,"00C8","00005449",7\r\n+C5GREG: 2,1,"000001","000000001",11\r\n',
+    b"+creg: 1\r\n+CPSI: NR5G_SA,Online,262-01,0x2A4C31,19088743210,412,NR5G_BAND78,632448,-8\r\n",
     (
         b'+COPS: (2,"Telekom.de","TMO","26201",7),(1,"Vodafone.de",'
         b'"Voda","26202",2),,(0,1,2,3,4),(0,1,2)\r\n'
     ),
-    (
-        b'+CCLK: "26/11/21,12:00:00+04"\r\n+QLTS: "2026/11/21,'
-        b'12:00:00+04,0"\r\n*PSUTTZ: "20261121120000","+04",0\r\n'
-    ),
-    (
-        b"arfcn: 15 bsic: 20 rxLev: -71 ber: 0.00 mcc: 262 mnc: 01 lac:"
-        b" 21014 cellId: 12345 cellStatus: CELL_SUITABLE\r\n"
-    ),
-    b"Cc:262 Nc:01 BSIC:20 RxQual:0 LAC:4E8A Id:2F3A ARFCN:123 PWR:-71dbm TA:1\r\n",
-    b"  15  20  63  262  01  4711  0310 12345   0   0  I  5\r\n",
     (
         b'{"class":"TPV","device":"/dev/ttyACM0","mode":3,"time":"2026-11-21T12:00:00.000Z",'
         b'"lat":52.516666666666667,"lon":13.400000000000000123,'
@@ -43,19 +42,108 @@ HARMLESS = [
         b"$GPZDA,120000.00,21,11,2026,00,00*60\r\n"
         b"$PUBX,00,120000.00,5231.00000,N,01324.00000,E,34.0,G3*00\r\n"
     ),
-    b"0000012500 [app] INFO: +CSQ: 19,99\r\n",
-    b"2026-11-21 12:00:00.123456 AT\r\n20261121-120000 started\r\n2026-11-21-12-00-00-000 AT\r\n",
-    b"\xb5b\x01\x07\x5c\x00" + b"3" * 43 + b"\x00\x01\x02+1234567\xff\r\n",
-    b'+CPIN: READY\r\n+CMTI: "SM",3\r\n+CSQ: 19,99\r\nOK\r\n',
+    b'\r\nRDY\r\n+CFUN: 1\r\n+CPIN: READY\r\nCall Ready\r\n+CSQ: 19,99\r\n+QIND: "csq",20,99\r\nOK\r\n',
+    b"^MODE: 5,4\r\n*ATREADY: 1\r\n^SYSSTART\r\nNORMAL POWER DOWN\r\n+CME ERROR: SIM not inserted\r\n",
+    b"UNDER-VOLTAGE WARNNING\r\nRING\r\n+CIEV: 2,1\r\nNO CARRIER\r\nDST: 1\r\nPB DONE\r\n0\r\n",
 ]
+REPLIES = {
+    "AT+CENG?": REPLY.replace(b"+CENG: 1,", b"@+CENG: 1,", 2).replace(b"@", b"", 1),
+    "AT+CNETSCAN": (
+        b'\r\nOperator:"T-Mobile USA",MCC:310,MNC:260,Rxlev:53,Cellid:CF00,Arfcn:1709\r\n@'
+        b'Operator:"o2 - de",MCC:262,MNC:07,Rxlev:53,Cellid:CF00,Arfcn:70,Lac:3C4D,Bsic:25\r\nOK\r\n'
+    ),
+    "AT#CSURV=0,62": (
+        b"\r\nNetwork survey started ...\r\n\r\narfcn: 48 bsic: 24 rxLev: -52 ber: 0.00 mcc: 262"
+        b" mnc: 1 lac: 33281 cellId: 3648 cellStatus: CELL_SUITABLE numArfcn: 1 arfcn: 48"
+        b" numChannels: 5 array: 14 19 22 48 982\r\n\r\n@"
+        b"1005,26,-76,0,262,02,23456,34567,CELL_SUITABLE,0\r\narfcn: 30 rxLev: -88\r\n"
+        b"Network survey ended\r\n\r\nOK\r\n"
+    ),
+    "AT+COPS=5": (
+        b"\r\nMCC:222, MNC:88, TAC:562c, CI:57367043, DLF: 1325, ULF:19325, PCI:163, RSRP LEV:25,"
+        b" RSRQ LEV:1\r\n@\r\nMCC:310, MNC:260, LAC:ab22, CI:b633, BSIC:24, Arfcn:00594,"
+        b" RXLEV:017\r\n\r\nOK\r\n"
+    ),
+    "AT+COPS=?": (
+        b'\r\n+COPS: (2,"Telekom.de","TMO","26201",7),\r\n@(1,"Vodafone.de","Voda","26202",2),,'
+        b"(0,1,2,3,4),(0,1,2)\r\n\r\nOK\r\n"
+    ),
+    "AT^MONI": (
+        b"\r\nServing Cell                                        I Dedicated channel\r\n@"
+        b"1013  21 -71 001 01 1001 0103 7   7   33  -105  33 \tI No connection\r\n\r\nOK\r\n"
+    ),
+    "AT!GSTATUS?": (
+        b"\r\n!GSTATUS: \r\nCurrent Time:  444231\t\tTemperature: 32\r\n@Tx Power:      --\t\tTAC:  "
+        b"       0001 (1)\r\nRSRQ (dB):     -8.0\t\tCell ID:     00005101 (20737)\r\n\r\nOK\r\n"
+    ),
+    "AT+GTCCINFO?": (
+        b"\r\n+GTCCINFO:\r\nLTE service cell:\r\n1,4,262,02,BFD3,2D4201,189C,30,120,50,16,42,42,26"
+        b"\r\n@LTE neighbor cell:\r\n2,4,,,,,189C,190,,24,24,2\r\n\r\nOK\r\n"
+    ),
+    "ATI": b"\r\nManufacturer: Sierra Wireless, Incorporated\r\n@Model: MC7455\r\n\r\nOK\r\n",
+    "AT+CGMM": b"\r\nSIM5360E\r\n@\r\nOK\r\n",
+    "AT+WS46?": b"\r\n@12\r\n\r\nOK\r\n",
+}
+"""Replies with rows that have no name, and some that have; @ is where a line is planted."""
 
 
-def _cut(data, rng):
+def _cut(data, rng, *commands):
     redactor, out = Redactor(), b""
+    for command in commands:
+        redactor.send(command.encode() + b"\r")
     while data:
         n = rng.choice((1, rng.randint(1, 8), rng.randint(1, 200)))
         out, data = out + redactor.feed(data[:n]), data[n:]
     return out + redactor.flush()
+
+
+def _in_reply(command: str, line: Planted) -> Planted:
+    before, after = REPLIES[command].split(b"@")
+    return plain(before) + line + plain(b"\r\n" + after)
+
+
+def test_the_planted_lines_are_many_and_their_secrets_can_be_read():
+    lines = [plant(form, random.Random(0)) for form in LINES]
+    assert len(LINES) > 190
+    assert sum(max(line.marks) for line in lines) > 250
+    assert all(line.readable(line.data) for line in lines)
+
+
+@pytest.mark.parametrize("form", LINES)
+def test_no_planted_secret_is_readable_wherever_it_comes(form):
+    """At the start, between polls of each family, cut off at the end, and in chunks of any size."""
+    rng = random.Random(form)
+    line = plain(b"\r\n") + plant(form, rng)
+    whole = line + plain(b"\r\n")
+    assert not line.readable(_cut(line.data, rng))
+    assert not whole.readable(redact(whole.data))
+    for family in FAMILIES.values():
+        assert not whole.readable(_cut(whole.data, rng, *family.sends()))
+        assert not line.readable(_cut(line.data, rng, *family.sends()))
+
+
+@pytest.mark.parametrize("command", REPLIES)
+def test_no_planted_secret_is_readable_in_a_reply_or_after_it(command):
+    rng = random.Random(command)
+    for form in LINES:
+        line = plant(form, rng)
+        inside = _in_reply(command, line)
+        before, after = REPLIES[command].split(b"@")
+        out = _cut(inside.data, rng, "AT", command)
+        assert not inside.readable(out), form
+        assert out.startswith(before), form
+        late = plain(before + after) + line + plain(b"\r\n")
+        assert not late.readable(_cut(late.data, rng, command, "AT+CSQ")), form
+
+
+@pytest.mark.parametrize("command", REPLIES)
+def test_no_planted_secret_is_readable_on_a_noisy_line(command):
+    """A line end within a number may leave some of its digits alone, too few to tell it."""
+    rng = random.Random(command)
+    for form in ALONE:
+        for _ in range(3):
+            noisy = _in_reply(command, plant(form, rng)).damaged(rng, rng.randint(1, 6))
+            assert not noisy.readable(_cut(noisy.data, rng, command), most=5), form
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -64,13 +152,25 @@ def test_personal_numbers_are_redacted_whatever_the_chunks(form):
     secret = form.encode("latin-1")
     assert leaked_secrets(secret) or "+CRSM" in form
     for seed, data in enumerate(
-        [secret, secret + b"\r\n", b"\r\n" + secret + b"\r\n" + REPLY] * 30
+        [secret, secret + b"\r\n", b"\r\n" + secret + b"\r\n" + REPLY] * 10
     ):
-        out = _cut(data, random.Random(seed))
+        out = _cut(data, random.Random(seed), "AT+CENG?")
         assert not leaked_secrets(out), out
         assert len(out) == len(data)
         if data.endswith(REPLY):
             assert out.endswith(REPLY)
+
+
+def test_of_an_unknown_line_its_length_and_its_name_remain():
+    for line, left in (
+        (b'+CLIP: "4155551234",129', b'+CLIP: "xxxxxxxxxx",xxx'),
+        (b"NMBR = 4155551234", b"NMBR = xxxxxxxxxx"),
+        (b"MISSED_CALL: 10:12AM 4155551234", b"MISSED_CALL: xx:xxxx xxxxxxxxxx"),
+        (b'AT+CMGS="4155551234"', b'AT+CMGS="xxxxxxxxxx"'),
+        (b"ATD4155551234;", b"ATDxxxxxxxxxx;"),
+        (b"Jos\xc3\xa9 kommt", b"xxx\xff\xff xxxxx"),
+    ):
+        assert redact(line) == left
 
 
 @pytest.mark.parametrize("line", HARMLESS)
@@ -78,6 +178,141 @@ def test_data_of_cells_positions_and_times_are_not_redacted(line):
     assert redact(line) == line
     for seed in range(30):
         assert _cut(line, random.Random(seed)) == line
+
+
+@pytest.mark.parametrize("command", REPLIES)
+@pytest.mark.parametrize("end", [b"\r\n", b"\r", b"\n", b"\n\r"])
+def test_the_reply_to_a_command_passes_with_and_without_echo(command, end):
+    reply = REPLIES[command].replace(b"@", b"").replace(b"\r\n", end)
+    for echo in (b"", command.encode() + b"\r", command.lower().encode() + b"\r"):
+        assert _cut(echo + reply, random.Random(1), command) == echo + reply
+
+
+def test_rows_without_a_name_pass_for_the_command_that_they_answer_and_some_commands_more():
+    row = b"MCC:310, MNC:260, LAC:ab22, CI:b633, BSIC:24, Arfcn:00594, RXLEV:017\r\n"
+    later = ("AT+COPS=5", "AT+CGED=5", "AT+UCELLINFO?", "AT+UCGED?")
+    assert redact(row, "AT+COPS=5") == redact(row, *later) == row
+    polls = ["AT+CSQ"] * 4
+    assert redact(row, "AT+COPS=5", "AT", "AT", "AT", "AT", "AT") == row
+    assert b"310" not in redact(row, "AT+COPS=5", *polls)
+    assert b"310" not in redact(row)
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_modem_is_identified_by_what_is_left_of_its_answers(name):
+    for answer in answers_of(name):
+        for command in IDENTITY:
+            left = redact(f"\r\n{answer}\r\n\r\nOK\r\n".encode(), command).decode()
+            assert family_of(left).name == name, left
+
+
+def test_what_a_modem_prints_of_itself_loses_its_serial_numbers_alone():
+    ati = (
+        b"\r\nManufacturer: Sierra Wireless, Incorporated\r\nModel: MC7455\r\n"
+        b"Revision: SWI9X30C_02.24.05.06 r7040 CARMD-EV-FRMWR2 2017/05/19 06:23:09\r\n"
+        b"MEID: 35907206022883\r\nIMEI: 359072060228832\r\nIMEI SV: 17\r\nFSN: LF728387390410\r\n"
+        b"+GCAP: +CGSM\r\n\r\nOK\r\n"
+    )
+    left = (
+        ati.replace(b"35907206022883", b"x" * 14)
+        .replace(b"x2\r", b"xx\r")
+        .replace(b"SV: 17", b"SV: xx")
+        .replace(b"LF728387390410", b"x" * 14)
+    )
+    out = redact(ati, "ATI")
+    assert out.replace(b"+xxxx", b"+CGSM") == left
+    unknown = b"\r\nACME 2000\r\n\r\nOK\r\n\r\nVersion 1.0.3 build A7\r\n\r\nOK\r\n"
+    assert redact(unknown, "ATI") == unknown
+
+
+def _replies(folder):
+    """Texts of the corpus and of our own, with the driver that reads them."""
+    for entry in entries(folder, ""):
+        data = (folder / "modem" / entry["file"]).read_bytes()
+        yield entry["file"], reader_of(data.decode("latin-1").splitlines()), data
+    for name, family in FAMILIES.items():
+        yield from ((name, family, reply.encode("latin-1")) for reply in own_replies(name))
+
+
+def _commands(family: Family):
+    """The commands of the driver whose rows have no name, as in a session."""
+    unnamed = [f"AT{name}" for name in family.unnamed_rows]
+    return [*unnamed, "AT+COPS=?"][-4:]
+
+
+def test_a_driver_reads_the_same_in_all_recordings(corpus):
+    """Nothing that a driver reads is masked in replies and logs of real devices."""
+    n_lines = 0
+    for name, family, data in _replies(corpus):
+        lines, left = (
+            text.decode("latin-1").splitlines()
+            for text in (data, _cut(data, random.Random(name), *_commands(family)))
+        )
+        n_lines += len(lines)
+        assert family.read(left) == family.read(lines), name
+        assert [family.role_of(line) for line in left] == [family.role_of(line) for line in lines]
+    assert n_lines > 500
+
+
+def test_what_is_masked_in_the_recordings_is_no_row_and_no_model(corpus):
+    """Names of the masked lines: none is one that a driver asks for."""
+    names = set()
+    for _, family, data in _replies(corpus):
+        left = redact(data, *_commands(family), "ATI")
+        for before, after in zip(data.split(b"\n"), left.split(b"\n"), strict=True):
+            if before != after and before[:1] in b"+^#!" and b": " in before:
+                names.add(before.partition(b":")[0])
+    assert names <= {
+        *(b"+CNWINFO", b"+QNWINFO", b"+QSPN", b"+CGDCONT", b"+CSMINS", b"#RFSTS"),
+        b"+CMGRMI",  # a mask of 18 digits in a row of the settings of antennas
+    }
+
+
+def _fixes(data):
+    framer, assembler, fixes, n_noise = NmeaFramer(), FixAssembler(), [], 0
+    for event in framer.feed(data):
+        if isinstance(event, Sentence):
+            fixes += assembler.feed(event, 0)
+        else:
+            n_noise += len(event.data)
+    return [*fixes, *assembler.flush()], n_noise
+
+
+def test_fixes_and_noise_of_all_recorded_receivers_are_the_same(corpus):
+    """A text in a sentence is masked, and its checksum is that of what is left."""
+    paths = sorted(corpus.glob("nmea/*.nmea"))
+    assert paths
+    for path in paths:
+        data = path.read_bytes()
+        assert _fixes(redact(data)) == _fixes(data)
+
+
+def test_a_receiver_keeps_its_numbers_and_loses_its_serial_number():
+    data = b"$PDTINFO,UM621-02,G1B1L1E1,V1.2,R6.0.0.0Build2810,2310414000033,PC12B4231700429*73\r\n"
+    out = redact(data)
+    assert out.startswith(b"$PDTINFO,xxxxx-xx,")
+    assert b"2310414" not in out
+    assert b"4231700429" not in out
+    assert all(isinstance(event, Sentence) for event in NmeaFramer().feed(out))
+
+
+def test_gpsd_keeps_what_is_read_of_its_reports():
+    device = {
+        "class": "DEVICE",
+        "path": "/dev/serial/by-id/usb-u-blox_7-if00",
+        "driver": "u-blox",
+        "sernum": "LF728387390410",
+        "subtype": "SW 1.0, 2310414000033, \u00e9\"\\",
+        "activated": "2026-11-21T12:00:00.000Z",
+        "bps": 9600,
+        "id": 355789041234567,
+    }
+    text = json.dumps(device).encode().replace(b'": ', b'":').replace(b", ", b",")
+    out = redact(text + b"\r\n")
+    left = json.loads(out)
+    assert {key for key in device if left[key] != device[key]} == {"sernum", "subtype", "id"}
+    assert b"2310414" not in out
+    assert list(GpsdFramer().feed(out)) == list(GpsdFramer().feed(text + b"\r\n"))
 
 
 def test_no_list_of_neighbours_is_taken_for_a_number():
@@ -93,8 +328,8 @@ def test_no_list_of_neighbours_is_taken_for_a_number():
             n,
             text,
         ) + b"15,20,-71,0,262,01,21014,12345,0,1,15,%d,%s,0,5,8,30,31,10,4\r\n" % (n, text)
-        assert redact(line) == line
-        assert _cut(line, random.Random(seed)) == line
+        assert redact(line, "AT#CSURV=0,62") == line
+        assert _cut(line, random.Random(seed), "AT#CSURV=0,62") == line
 
 
 def test_a_personal_number_in_a_list_is_redacted_and_no_neighbour():
@@ -105,8 +340,9 @@ def test_a_personal_number_in_a_list_is_redacted_and_no_neighbour():
     )
     for form in ("262011234567890", "49 015420 323751 8", "8949 0200 0013 4567 8901"):
         data = row.format(len(form.split()), form).encode()
-        assert not leaked_secrets(redact(data))
-        for text in (data, redact(data)):
+        left = redact(data, "AT#CSURV=0,62")
+        assert not leaked_secrets(left)
+        for text in (data, left):
             (reading,) = cells_of(modem, text.decode().splitlines())
             assert reading.broadcast is None
 
@@ -119,47 +355,25 @@ def test_all_forms_between_all_rows_in_any_order():
     for _ in range(20):
         forms = [form.encode("latin-1") for form in FORMS if "CENG" not in form]
         rng.shuffle(forms)
-        out = _cut(b"".join(b"\r\n" + form + b"\r\n" + REPLY for form in forms), rng)
+        out = _cut(b"".join(b"\r\n" + form + b"\r\n" + REPLY for form in forms), rng, "AT+CENG?")
         assert not leaked_secrets(out)
         assert out.count(REPLY) == len(forms)
-
-
-def _has_changed(data):
-    return [a for a, b in zip(data.split(b"\n"), redact(data).split(b"\n"), strict=True) if a != b]
-
-
-def test_no_row_and_no_sentence_of_the_recordings_is_touched(corpus):
-    """Replies and logs of real devices; what differs is one IMSI of zeros, and the rest of an IMEI
-    among stars.
-    """
-    found = [
-        line
-        for path in sorted(corpus.glob("modem/*.txt"))
-        for line in _has_changed(path.read_bytes())
-    ]
-    assert [line[:6] for line in found] == [b"IMEI: ", b"#RFSTS"]
-    for path in sorted(corpus.glob("nmea/*.nmea")):
-        assert not _has_changed(path.read_bytes())
-
-
-@pytest.mark.parametrize("path", sorted(DATA.rglob("*.*")), ids=lambda path: path.name)
-def test_nothing_of_our_own_recordings_is_touched(path):
-    assert not _has_changed(path.read_bytes())
 
 
 def test_a_message_does_not_swallow_the_rows_after_it():
     rows = (
         b"arfcn: 15 bsic: 20 rxLev: -71 ber: 0.00 mcc: 262 mnc:"
-        b" 01\r\n  15  20  63  262  01  4711  0310 12345\r\n"
+        b" 01\r\n15,20,-71,0,262,01,21014,12345,0\r\n"
     )
     data = b'+CMT: "+4917698765432",,"26/11/21,12:00:00+04"\r\nTreffpunkt\r\n' + rows
-    assert redact(data).endswith(rows)
+    assert redact(data, "AT#CSURV=0,62").endswith(rows)
 
 
 def test_memory_is_bounded_in_an_endless_line():
-    for endless in (b"71234560", b"abcdefgh", b'+CUSD: 1,"', b"+CMT: ,24\r"):
+    for endless in (b"71234560", b"abcdefgh", b'+CUSD: 1,"', b"+CMT: ,24\r", b'{"class":"'):
         redactor = Redactor()
-        output = b"".join(redactor.feed(endless * 12 + b"1234567890123456") for _ in range(200))
-        n_fed = len(endless * 12 + b"1234567890123456") * 200
-        assert n_fed - 4096 <= len(output) <= n_fed
+        output = b"".join(redactor.feed(endless * 12 + b"1234567890123456") for _ in range(400))
+        n_fed = len(endless * 12 + b"1234567890123456") * 400
+        assert n_fed - 16_500 <= len(output) <= n_fed
         assert b"1234567890123456" not in output
+        assert len(output + redactor.flush()) == n_fed
