@@ -7,6 +7,7 @@ of it, wherever the line was planted and whatever the line has done to it.
 
 import random
 import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -53,7 +54,7 @@ FORMS: tuple[str, ...] = (
     "$QCCIMI: «{imsi}»",
     "$QCIMSI:«{imsi}»",
     "%IMSI: «{imsi}»",
-    '#RFSTS: "«310 260»",66786,-101,-68,-13,2D18,255,,640,1,0,3089F02,"«{imsi}»","T",3,66',
+    '#RFSTS: "310 260",66786,-101,-68,-13,2D18,255,,640,1,0,3089F02,"«{imsi}»","T",3,66',
     '^SIMS: "«{imsi}»"',
     "IMSI «{imsi:5 5 5}»",
     "«{imsi:3 2 10}»",
@@ -72,7 +73,7 @@ FORMS: tuple[str, ...] = (
     "«{sim:4 4 4 4 3}»",
     "«89490A{imei14}»",
     '+CRSM: 144,0,"«{imsi_swapped}»"',
-    '+CRSM: 144,0,«{sim_swapped}»',
+    "+CRSM: 144,0,«{sim_swapped}»",
     '+CSIM: 22,"«{imsi_swapped}»9000"',
     "+CGLA: 36,«{imsi_swapped}»",
     "^EUI: «{mac}»",
@@ -84,7 +85,7 @@ FORMS: tuple[str, ...] = (
     '+cnum: "","«{national}»",129',
     '+CLIP: "«{national}»",129,"",0,"«Miller»",0',
     '+clip: "«{national}»",129',
-    '+CLIP: «{national}»,129',
+    "+CLIP: «{national}»,129",
     '^CLIP: "«{home}»",129',
     '+CRING: VOICE,"«{national}»"',
     '+CCWA: "«{national}»",129,1,"«Miller»"',
@@ -94,13 +95,13 @@ FORMS: tuple[str, ...] = (
     '+CNAP: "«Miller»",0',
     '+CLCC: 1,1,4,0,0,"«{national}»",129,"«Miller»"',
     '^CLCC: 1,1,4,0,0,"«{national}»",129',
-    '^DSCI: 1,1,4,0,«{national}»,129',
-    '^ORIG: 1,0\r\n^CONF: «{national}»',
+    "^DSCI: 1,1,4,0,«{national}»,129",
+    "^ORIG: 1,0\r\n^CONF: «{national}»",
     '*ECAV: 1,6,1,,,"«{national}»",129',
     '^SLCC: 1,1,4,0,0,0,"«{national}»",129,"«Miller»"',
     '#ECAM: 0,1,1,,,"«{national}»",129',
-    'MISSED_CALL: «10:12AM {national}»',
-    'MISSED_CALL: «{national}»',
+    "MISSED_CALL: «10:12AM {national}»",
+    "MISSED_CALL: «{national}»",
     "NMBR = «{national}»",
     "NAME = «Miller»",
     "NMBR=«{national}»",
@@ -121,8 +122,8 @@ FORMS: tuple[str, ...] = (
     "tel:«{national}»",
     "Own Number «{national}»",
     'subscriber "«{national}»" «Miller»',
-    'ATD«{national}»;',
-    'atdt«{national}»;',
+    "ATD«{national}»;",
+    "atdt«{national}»;",
     'ATD>"«Miller»";',
     '+CSCA: "+«{abroad}»",145',
     '#CSCA: "«{national}»"',
@@ -139,7 +140,7 @@ FORMS: tuple[str, ...] = (
     '#MBN: "«{national}»",129,"«Miller»"',
     '+CSVM: 1,"«{national}»",129',
     '+CPOL: 1,2,"«{imsi}»"',
-    '+CRSL: «{national}»',
+    "+CRSL: «{national}»",
     # messages
     '+CMT: "«{national}»",,"«26/11/21,12:00:00+04»"\r\n«Treffpunkt Bahnhof {pin}»',
     '+CMT: "«{national}»",,"«26/11/21,12:00:00+04»"\r\nOK\r\n«Treffpunkt {pin} Bahnhof»',
@@ -153,19 +154,19 @@ FORMS: tuple[str, ...] = (
     '^HCMGL: 1,"«{national}»"\r\n«Treffpunkt {pin}»',
     "+CDS: 25\r\n«0006{pdu}»",
     '+CDS: 6,1,"«{national}»",129,"«26/11/21,12:00:00+04»"',
-    '+CBM: 1,2,3,1,1\r\n«Treffpunkt {pin}»',
+    "+CBM: 1,2,3,1,1\r\n«Treffpunkt {pin}»",
     '+CMGR: "REC READ","«{national}»",,""\r\n«Treffpunkt»\r\n\r\n«Bahnhof {pin}»\r\n\r\nOK',
-    '+CMGR: 0,,44\r\n«{pdu}»\r\nOK',
+    "+CMGR: 0,,44\r\n«{pdu}»\r\nOK",
     '+CMGL: 1,"REC READ","«{national}»",,""\r\n«Treffpunkt»\r\n+CMGL: 2,"R","«{home}»"\r\n«{pin}»',
     '+QCMGR: "REC READ","«{national}»"\r\n«Treffpunkt»',
     "^SMGR: 0,,44\r\n«{pdu}»",
     'AT+CMGS="«{national}»"\r> «Treffpunkt Bahnhof {pin}»\x1a\r\n+CMGS: «12»',
-    'at+cmgs=«{national}»\r\n> «Treffpunkt Bahnhof»\r\n«zweite Zeile {pin}»\x1a',
+    "at+cmgs=«{national}»\r\n> «Treffpunkt Bahnhof»\r\n«zweite Zeile {pin}»\x1a",
     'AT+CMGW="«{national}»"',
     '+CUSD: 0,"«Treffpunkt {national}»",15',
     '+CUSD: 0,"«Treffpunkt:»\r\n«{national}»\r\n«Bahnhof»",15',
     '+CUSD: 0,"«{ucs2}»",72',
-    '#STN: 33,«81030121800282028183»\r\n«{hex}»',
+    "#STN: 33,«81030121800282028183»\r\n«{hex}»",
     '#STN: 254,"«Treffpunkt {national}»"',
     '+STGI: 0,"«Miller {national}»"',
     '+CUSATP: "«{hex}»"',
@@ -183,10 +184,10 @@ FORMS: tuple[str, ...] = (
     '$QCPDPP: 1,1,"«Hunter»","«geheim»"',
     '+CGDCONT: 1,"IP","«hunter.geheim»","«10.27.31.99»"',
     '+CGPADDR: 1,"«10.27.31.99»"',
-    '+CGPADDR: 1,«32.1.13.184.172.16.254.1.0.0.0.0.0.0.9.1»',
+    "+CGPADDR: 1,«32.1.13.184.172.16.254.1.0.0.0.0.0.0.9.1»",
     '+CGCONTRDP: 1,5,"«hunter.geheim»","«10.27.31.99.255.255.255.0»"',
-    '+IPADDR: «10.27.31.99»',
-    '^DHCP: «631F1B0A»,00FFFFFF,«011F1B0A»',
+    "+IPADDR: «10.27.31.99»",
+    "^DHCP: «631F1B0A»,00FFFFFF,«011F1B0A»",
     "«10.27.31.99»",
     "«2001:db8:ac10:fe01::9»",
     '+CWLAP: (3,"«Miller»",-63,"«{mac}»",6)',
@@ -199,11 +200,11 @@ FORMS: tuple[str, ...] = (
     'AT+CLCK="SC",1,"«{pin}»"',
     'AT+CPWD="SC","«{pin}»","«{pin}»"',
     'AT+CSQ;+CPIN="«{pin}»"',
-    'AT#QSS=«{pin}»',
+    "AT#QSS=«{pin}»",
     'AT+UPSV="«geheim»"',
-    '+CPIN: SIM PUK,«{national}»',
+    "+CPIN: SIM PUK,«{national}»",
     '+QLTS: "«2026/11/21,12:00:00+04,0»"',
-    '+CTZV: «+04,26/11/21,12:00:00»',
+    "+CTZV: «+04,26/11/21,12:00:00»",
     '*PSUTTZ: «2026,11,21,12,0,0»,"+4",1',
 )
 """Of manuals and logs: 27.007, 27.005, SIMCom, Quectel, Huawei, Cinterion, Telit, u-blox, Sierra,
@@ -214,7 +215,7 @@ IN_ROWS: tuple[str, ...] = (
     '+CENG: 1,"0128,15,30+CLIP: "«{national}»",129,"«Miller»"',
     '+CSQ: 19,99+CMT: "«{national}»",,"«26/11/21»"',
     '+CREG: 1,"«{national}»"',
-    '+CSQ: «{imei}»',
+    "+CSQ: «{imei}»",
     '+COPS: 0,0,"«{national}»"',
     '+COPS: 0,0,"«{national:3 3 4}»"',
     '+CENG: 6,"1698,06,62,4f2f,310,260,0113"«NAME = Miller {national}»',
@@ -238,6 +239,13 @@ class Planted:
         first = max(self.marks, default=0)
         marks = tuple(mark and mark + first for mark in other.marks)
         return Planted(self.data + other.data, self.marks + marks)
+
+    def secrets(self) -> Iterator[bytes]:
+        """The secrets themselves, of those that cannot be there by chance."""
+        for n in range(1, max(self.marks, default=0) + 1):
+            text = bytes(b for b, mark in zip(self.data, self.marks, strict=True) if mark == n)
+            if len(text) > 6 or text.decode("latin-1") in WORDS:
+                yield text
 
     def damaged(self, rng: random.Random, n: int) -> "Planted":
         """The same after noise has come in between, has replaced bytes, or bytes were lost."""
@@ -271,7 +279,7 @@ def plain(data: bytes) -> Planted:
 
 def plant(form: str, rng: random.Random) -> Planted:
     """A line of the form with numbers of its own."""
-    text = _FIELD.sub(lambda field: _grouped(_number(field[1], rng), field[2]), form)
+    text = _FIELD.sub(lambda field: _grouped(_NUMBERS[field[1]](rng), field[2]), form)
     data, marks, n, is_secret = bytearray(), [], 0, False
     for char in text:
         if char in "«»":
@@ -287,39 +295,25 @@ def _digits(rng: random.Random, n: int, first: str = "123456789") -> str:
     return rng.choice(first) + "".join(rng.choices("0123456789", k=n - 1))
 
 
-def _number(kind: str, rng: random.Random) -> str:
-    match kind:
-        case "imei":
-            return "35" + _digits(rng, 13)
-        case "imei14":
-            return "35" + _digits(rng, 12)
-        case "imsi":
-            return "26201" + _digits(rng, 10)
-        case "sim":
-            return "8949" + _digits(rng, 15)
-        case "national":
-            return _digits(rng, 3, "23456789") + _digits(rng, 7, "23456789")
-        case "home":
-            return "0176" + _digits(rng, 8)
-        case "abroad":
-            return "49176" + _digits(rng, 8)
-        case "pin":
-            return _digits(rng, 4, "3456789")
-        case "serial":
-            return rng.choice("KLMNP") + rng.choice("HJKLM") + _digits(rng, 9)
-        case "mac":
-            return ":".join(f"{rng.randrange(16, 256):02x}" for _ in range(6))
-        case "hex":
-            return rng.randbytes(12).hex().upper()
-        case "ucs2":
-            return _digits(rng, 10).encode("utf-16-be").hex().upper()
-        case "imsi_swapped":
-            return "0829" + _swapped("26201" + _digits(rng, 10))
-        case "sim_swapped":
-            return _swapped("8949" + _digits(rng, 15))
-        case "pdu":
-            return f"0791{_swapped('49176' + _digits(rng, 8))}040D91{rng.randbytes(20).hex().upper()}"
-    raise AssertionError(kind)
+_NUMBERS: dict[str, Callable[[random.Random], str]] = {
+    "imei": lambda rng: "35" + _digits(rng, 13),
+    "imei14": lambda rng: "35" + _digits(rng, 12),
+    "imsi": lambda rng: "26201" + _digits(rng, 10),
+    "sim": lambda rng: "8949" + _digits(rng, 15),
+    "national": lambda rng: _digits(rng, 3, "23456789") + _digits(rng, 7, "23456789"),
+    "home": lambda rng: "0176" + _digits(rng, 8),
+    "abroad": lambda rng: "49176" + _digits(rng, 8),
+    "pin": lambda rng: _digits(rng, 4, "3456789"),
+    "serial": lambda rng: rng.choice("KLMNP") + rng.choice("HJKLM") + _digits(rng, 9),
+    "mac": lambda rng: ":".join(f"{rng.randrange(16, 256):02x}" for _ in range(6)),
+    "hex": lambda rng: rng.randbytes(12).hex().upper(),
+    "ucs2": lambda rng: _digits(rng, 10).encode("utf-16-be").hex().upper(),
+    "imsi_swapped": lambda rng: "0829" + _swapped("26201" + _digits(rng, 10)),
+    "sim_swapped": lambda rng: _swapped("8949" + _digits(rng, 15)),
+    "pdu": lambda rng: (
+        f"0791{_swapped('49176' + _digits(rng, 8))}040D91{rng.randbytes(20).hex().upper()}"
+    ),
+}
 
 
 def _swapped(digits: str) -> str:

@@ -8,8 +8,8 @@ or comma shows. `grouped_cells` and `tables` read the older commands (firmware_n
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 from functools import partial
+from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode

@@ -52,7 +52,9 @@ _LONGER = {
 _EXACT = {
     b"+CSQ": rb"[ ]*[0-9]{1,3}(?:,[ ]*[0-9]{1,3})?",
     b"+CESQ": rb"[ ]*[0-9]{1,3}(?:,[ ]*[0-9]{1,3}){0,5}",
-    b"+CPIN": rb"[ ]*(?:NOT )?(?:READY|INSERTED)|[ ]*(?:PH-)?F?(?:SIM|NET|NETSUB|SP|CORP) P[IU][NK]2?",
+    b"+CPIN": (
+        rb"[ ]*(?:(?:NOT )?(?:READY|INSERTED)|(?:PH-)?F?(?:SIM|NET|NETSUB|SP|CORP) P[IU][NK]2?)"
+    ),
     b"+CFUN": rb"[ ]*[0-9]",
     b"*ATREADY": rb"[ ]*[0-9]",
     b"^MODE": rb"[ ]*[0-9]{1,2}(?:,[0-9]{1,2})?",
@@ -63,7 +65,9 @@ _EXACT = {
     b"+CMS ERROR": rb"[ ]*(?:[0-9]{1,4}|[A-Za-z][A-Za-z ,'()/-]{0,60})",
 }
 """Reports and results that are looked for, whoever asked."""
-_EXACT_FORMS = {name: re.compile(form + rb"(?![0-9A-Za-z\x00-\x08\x7f-\xff])") for name, form in _EXACT.items()}
+_EXACT_FORMS = {
+    name: re.compile(form + rb"(?![0-9A-Za-z\x00-\x08\x7f-\xff])") for name, form in _EXACT.items()
+}
 
 _NAME = rb"[+^*#!$%][A-Za-z][A-Za-z0-9]+"
 SEGMENT = re.compile(
@@ -93,8 +97,7 @@ _MANY_LETTERS = re.compile(rb"[A-Za-z]{3}")
 _VALUE_BEGINS = re.compile(rb"[,:(\[;=][ \t]*(?:\[[ \t]*|\\?\"[ \t]*)?\Z")
 _VALUE_GOES_ON = re.compile(rb"[ \t.&'/()@+-]{1,3}\Z")
 _SIMPLE = re.compile(
-    rb"(?:[ \t,:\"()\[\]-]*(?:[0-9A-F]{1,9}|[0-9a-f]{1,9})(?:\.[0-9]{1,9})?(?=[ \t,:\"()\[\]-]|\Z))*"
-    rb"[ \t,:\"()\[\]-]*"
+    rb"(?:[ ,\"-]*(?:[0-9A-F]{1,9}|[0-9a-f]{1,9})(?:\.[0-9]{1,9})?(?=[ ,\"-]|\Z))*[ ,\"-]*"
 )
 """A row of numbers alone."""
 
@@ -116,7 +119,11 @@ def row(name: bytes, body: bytes) -> bytes:
 
 def command(name: bytes, body: bytes) -> bytes:
     """The same for a command and its arguments."""
-    return mask_numbers(_values(name, body)) if name in _COMMANDS | ROWS_OF_IDENTITY else mask_text(body)
+    return (
+        mask_numbers(_values(name, body))
+        if name in _COMMANDS | ROWS_OF_IDENTITY
+        else mask_text(body)
+    )
 
 
 def _values(name: bytes, body: bytes) -> bytes:
@@ -261,7 +268,10 @@ _VERSION = re.compile(
 """Numbers of a version, in which a telephone number or an IMEI has no place."""
 _MOST_OF_MODEL = 5
 """Digits in a row, or in groups, in the name of a model or its firmware."""
-_NAME_OF_MODEL = re.compile(rb"(?!(?:.*?(?<![^ ])[0-9]){2}|(?:[0-9]{1,3}\.){3}[0-9]{1,3}\Z)[0-9A-Za-z][0-9A-Za-z ._,+&-]{0,47}")
+_NAME_OF_MODEL = re.compile(
+    rb"(?!(?:.*?(?<![^ ])[0-9]){2}|(?:[0-9]{1,3}\.){3}[0-9]{1,3}\Z)"
+    rb"[0-9A-Za-z][0-9A-Za-z ._,+&-]{0,47}"
+)
 """A line of few words, one of them at most with a digit in front; no address of a network."""
 
 
@@ -297,9 +307,7 @@ _FIELD = rb"(?:-?[0-9]{0,9}(?:\.[0-9]{0,9})?|[A-Z]{1,2}[0-9]{0,2}|[0-9A-F]{1,2}|
 _FIELD_FORM = re.compile(_FIELD)
 SENTENCE = re.compile(rb"\$[A-Z][A-Z0-9]{2,9},[ -#%-)+-~]*(?:\*[0-9A-Fa-f]{0,2})?")
 """A sentence of NMEA 0183, or what is left of one."""
-_NUMBERS_ALONE = re.compile(
-    rb"\$[A-Z][A-Z0-9]{2,9}(?:," + _FIELD + rb")+(?:\*[0-9A-Fa-f]{0,2})?"
-)
+_NUMBERS_ALONE = re.compile(rb"\$[A-Z][A-Z0-9]{2,9}(?:," + _FIELD + rb")+(?:\*[0-9A-Fa-f]{0,2})?")
 
 REPORT = re.compile(rb"[ \t\r]*\{\"class\":")
 """The beginning of a report of gpsd."""

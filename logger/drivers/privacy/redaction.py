@@ -40,10 +40,10 @@ _OF_MESSAGE = re.compile(rb"C(?:MT|MG|DS|BM)(?![ISW])|HCM|SMG|MSG|SMS", re.IGNOR
 
 
 class Redactor:
-    """Bytes of a device in; the same number out, with an x for each letter and digit that may be
-    personal.
+    """Bytes of a device in, the same number out.
 
-    A line is held back until its end has come.
+    An x stands for each letter and digit that may be personal. A line is held back until its end
+    has come.
     """
 
     def __init__(self) -> None:

@@ -13,8 +13,8 @@ not name that technology; its values show it. Area and cell are hexadecimal, all
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import ClassVar
 from dataclasses import replace
+from typing import ClassVar
 
 from logger.core.types import Rat
 from logger.drivers import network_mode

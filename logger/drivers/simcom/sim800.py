@@ -102,7 +102,9 @@ class Sim800(Family):
     survey_commands = (Command("AT+CNETSCAN", timeout_s=90.0, silence_s=50.0),)
     gnss_start_commands = modem_gnss.CGNSINF_ON
     gnss_poll_commands = modem_gnss.CGNSINF
-    unnamed_rows: ClassVar[Mapping[str, str]] = {"+CNETSCAN": "Operator MCC MNC Rxlev Cellid Arfcn Lac Bsic"}
+    unnamed_rows: ClassVar[Mapping[str, str]] = {
+        "+CNETSCAN": "Operator MCC MNC Rxlev Cellid Arfcn Lac Bsic"
+    }
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells received now; None without an answer or where engineering mode is off."""

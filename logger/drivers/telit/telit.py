@@ -1,8 +1,8 @@
 """Telit: cells from AT#MONI, AT#SERVINFO (`monitor`) and the network surveys (`survey`)."""
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 from dataclasses import replace
+from typing import ClassVar
 
 from logger.core.types import CellReading
 from logger.drivers import network_mode
@@ -12,8 +12,8 @@ from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import network, pieces
 from logger.drivers.reading.rows import Registration, Row
 from logger.drivers.reading.serving_cell import is_serving
-from logger.drivers.telit.monitor import monitor_rows
 from logger.drivers.telit import survey, survey_broadcast
+from logger.drivers.telit.monitor import monitor_rows
 from logger.drivers.telit.survey import SLICES, survey_rows
 
 

@@ -9,8 +9,8 @@ of +UCGED (firmware_notes/ublox.md).
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import ClassVar
 from dataclasses import replace
+from typing import ClassVar
 
 from logger.core.types import CellReading, Role
 from logger.drivers import network_mode
@@ -61,7 +61,11 @@ class Ublox(Family):
     )
     survey_commands = (Command("AT+COPS=5", timeout_s=200.0, silence_s=60.0),)
     mode_commands = network_mode.URAT
-    unnamed_rows: ClassVar[Mapping[str, str]] = {"+COPS": labels.WORDS, "+CGED": labels.WORDS, "+UCGED": ""}
+    unnamed_rows: ClassVar[Mapping[str, str]] = {
+        "+COPS": labels.WORDS,
+        "+CGED": labels.WORDS,
+        "+UCGED": "",
+    }
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask in turn until a reply has cells; AT+COPS? restores lost zeros of a network code."""

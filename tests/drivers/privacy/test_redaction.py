@@ -12,8 +12,8 @@ from logger.drivers.telit.telit import Telit
 from tests.drivers.test_claims import answers_of
 from tests.kit.corpus import entries
 from tests.kit.drivers import cells_of, own_replies
-from tests.kit.planted_secrets import IN_ROWS, Planted, plain, plant
 from tests.kit.planted_secrets import FORMS as ALONE
+from tests.kit.planted_secrets import IN_ROWS, Planted, plain, plant
 from tests.kit.secrets import FORMS, leaked_secrets
 
 LINES = (*ALONE, *IN_ROWS)
@@ -42,15 +42,15 @@ HARMLESS = [
         b"$GPZDA,120000.00,21,11,2026,00,00*60\r\n"
         b"$PUBX,00,120000.00,5231.00000,N,01324.00000,E,34.0,G3*00\r\n"
     ),
-    b'\r\nRDY\r\n+CFUN: 1\r\n+CPIN: READY\r\nCall Ready\r\n+CSQ: 19,99\r\n+QIND: "csq",20,99\r\nOK\r\n',
-    b"^MODE: 5,4\r\n*ATREADY: 1\r\n^SYSSTART\r\nNORMAL POWER DOWN\r\n+CME ERROR: SIM not inserted\r\n",
+    b'\r\nRDY\r\n+CFUN: 1\r\n+CPIN: READY\r\nCall Ready\r\n+CSQ: 19,99\r\n+QIND: "csq",20,99\r\n',
+    b"^MODE: 5,4\r\n*ATREADY: 1\r\n^SYSSTART\r\nNORMAL POWER DOWN\r\n+CME ERROR: no network\r\n",
     b"UNDER-VOLTAGE WARNNING\r\nRING\r\n+CIEV: 2,1\r\nNO CARRIER\r\nDST: 1\r\nPB DONE\r\n0\r\n",
 ]
 REPLIES = {
     "AT+CENG?": REPLY.replace(b"+CENG: 1,", b"@+CENG: 1,", 2).replace(b"@", b"", 1),
     "AT+CNETSCAN": (
         b'\r\nOperator:"T-Mobile USA",MCC:310,MNC:260,Rxlev:53,Cellid:CF00,Arfcn:1709\r\n@'
-        b'Operator:"o2 - de",MCC:262,MNC:07,Rxlev:53,Cellid:CF00,Arfcn:70,Lac:3C4D,Bsic:25\r\nOK\r\n'
+        b'Operator:"o2 - de",MCC:262,MNC:07,Rxlev:53,Cellid:CF00,Arfcn:7,Lac:3C4D,Bsic:25\r\nOK\r\n'
     ),
     "AT#CSURV=0,62": (
         b"\r\nNetwork survey started ...\r\n\r\narfcn: 48 bsic: 24 rxLev: -52 ber: 0.00 mcc: 262"
@@ -73,8 +73,8 @@ REPLIES = {
         b"1013  21 -71 001 01 1001 0103 7   7   33  -105  33 \tI No connection\r\n\r\nOK\r\n"
     ),
     "AT!GSTATUS?": (
-        b"\r\n!GSTATUS: \r\nCurrent Time:  444231\t\tTemperature: 32\r\n@Tx Power:      --\t\tTAC:  "
-        b"       0001 (1)\r\nRSRQ (dB):     -8.0\t\tCell ID:     00005101 (20737)\r\n\r\nOK\r\n"
+        b"\r\n!GSTATUS: \r\nCurrent Time:  444231\t\tTemperature: 32\r\n@Tx Power:      --\t\t"
+        b"TAC:         0001 (1)\r\nRSRQ (dB):     -8.0\t\tCell ID:     00005101 (20737)\r\n\r\nOK\r\n"
     ),
     "AT+GTCCINFO?": (
         b"\r\n+GTCCINFO:\r\nLTE service cell:\r\n1,4,262,02,BFD3,2D4201,189C,30,120,50,16,42,42,26"
@@ -302,7 +302,7 @@ def test_gpsd_keeps_what_is_read_of_its_reports():
         "path": "/dev/serial/by-id/usb-u-blox_7-if00",
         "driver": "u-blox",
         "sernum": "LF728387390410",
-        "subtype": "SW 1.0, 2310414000033, \u00e9\"\\",
+        "subtype": 'SW 1.0, 2310414000033, \u00e9"\\',
         "activated": "2026-11-21T12:00:00.000Z",
         "bps": 9600,
         "id": 355789041234567,
