@@ -275,20 +275,21 @@ _NAME_OF_MODEL = re.compile(
 """A line of few words, one of them at most with a digit in front; no address of a network."""
 
 
-def identity(line: bytes, *, is_sure: bool) -> bytes | None:
+def identity(line: bytes, command: bytes, *, is_sure: bool) -> bytes | None:
     """A line of a reply to ATI and its like, without the numbers of the device.
 
-    None where it names something else than maker, model and firmware. A line that may belong to a
+    A maker has a name of words, a model and a firmware have digits. None where it names something else than maker, model and firmware. A line that may belong to a
     message (not `is_sure`) has to name a modem that a driver claims.
     """
     labels = list(_LABEL.finditer(line))
     n_known = sum(label[1].split()[-1].lower() in _LABELS for label in labels)
     if n_known < len(labels):
         other = labels[n_known].start()
-        kept = identity(line[:other], is_sure=is_sure) if n_known else None
+        kept = identity(line[:other], command, is_sure=is_sure) if n_known else None
         return None if kept is None else kept + mask_text(line[other:])
     kept = _NUMBERS.sub(_without_device_number, line)
     is_name = is_sure and kept == line and _NAME_OF_MODEL.fullmatch(line.strip()) is not None
+    is_name = is_name and (command.endswith(b"GMI") or _DIGIT.search(line) is not None)
     if labels or is_name:
         return mask_noise(mask_labelled(kept))
     text = kept.decode("latin-1")
@@ -303,7 +304,7 @@ def _without_device_number(found: re.Match[bytes]) -> bytes:
 
 # --- receivers ----------------------------------------------------------------------------------
 
-_FIELD = rb"(?:-?[0-9]{0,9}(?:\.[0-9]{0,9})?|[A-Z]{1,2}[0-9]{0,2}|[0-9A-F]{1,2}|[ADEFMNPRS]{3,6})"
+_FIELD = rb"(?:-?[0-9]{0,6}(?:\.[0-9]{0,9})?|[A-Z]{1,2}[0-9]{0,2}|[0-9A-F]{1,2}|[ADEFMNPRS]{3,6})"
 _FIELD_FORM = re.compile(_FIELD)
 SENTENCE = re.compile(rb"\$[A-Z][A-Z0-9]{2,9},[ -#%-)+-~]*(?:\*[0-9A-Fa-f]{0,2})?")
 """A sentence of NMEA 0183, or what is left of one."""
@@ -315,8 +316,8 @@ _JSON = re.compile(rb"\"((?:[^\"\\]|\\.)*)(\"?)([ ]*:)?|[0-9]+(?:\.[0-9]+)?|[A-Z
 _KEY = re.compile(rb"[A-Za-z][A-Za-z0-9_]{0,15}")
 _KEPT_TEXTS = frozenset(b"class device path driver time activated release message".split())
 _ESCAPE = re.compile(rb"\\u[0-9A-Fa-f]{4}|\\.|[0-9A-Za-z\x80-\xff]")
-_MOST_OF_REPORT = 10
-"""Digits before the point: seconds since 1970."""
+_MOST_OF_REPORT = 7
+"""Digits before the point: metres from the centre of the Earth."""
 
 
 def sentence(data: bytes) -> bytes:
@@ -342,7 +343,7 @@ def report(line: bytes) -> bytes:
         if value is None:
             if not text[:1].isdigit():
                 return text if text in {b"true", b"false", b"null"} else mask_text(text)
-            is_long = len(text.partition(b".")[0]) > _MOST_OF_REPORT
+            is_long = len(text.partition(b".")[0]) > _MOST_OF_REPORT and key not in _KEPT_TEXTS
             return _DIGIT.sub(b"1", text) if is_long else text
         if found[3] and _KEY.fullmatch(value):
             key = value

@@ -77,9 +77,9 @@ _BAND = (
     r"|%s band\s*:\s*((?!unknown)(?:WCDMA )?\w+))(?!\w)"
 )
 _WORDS = (
-    "System mode Current Time Bootup Reset Counter Temperature PS state GMM MM CS EMM RRC IMS reg"
-    " L1 LTE WCDMA UMTS GSM NR5G ENDC CDMA band bw Rx Tx chan channel level RX RxM RxD PCC SCC C0 C1"
-    " RSSI RSRP RSRQ SINR RSCP ECN0 ECIO dB dBm Power TAC LAC CID Cell ID Serving IntraFreq"
+    "System mode Current Time Reset Counter Temperature PS state GMM MM CS EMM RRC IMS reg"
+    " L1 LTE WCDMA UMTS GSM NR5G ENDC CDMA band bw Rx Tx chan channel level RX RxM RxD PCC SCC C0"
+    " C1 RSSI RSRP RSRQ SINR RSCP ECN0 ECIO dB dBm Power TAC LAC CID Cell ID Serving IntraFreq"
     " InterFreq EARFCN UARFCN ARFCN MCC MNC Bd D U SNR PCI PSC BSIC RXLV ThresholdLow ThresholdHi"
     " ThreshL ThreshH Priority Prio ONLINE OFFLINE Attached Not Detached Registered Registering"
     " Searching Normal Service Connected Disconnected Idle NO SRV No ASSIGNED INACTIVE ACTIVE"
