@@ -312,7 +312,10 @@ _NUMBERS_ALONE = re.compile(rb"\$[A-Z][A-Z0-9]{2,9}(?:," + _FIELD + rb")+(?:\*[0
 
 REPORT = re.compile(rb"[ \t\r]*\{\"class\":")
 """The beginning of a report of gpsd."""
-_JSON = re.compile(rb"\"((?:[^\"\\]|\\.)*)(\"?)([ ]*:)?|[0-9]+(?:\.[0-9]+)?|[A-Za-z_\x80-\xff]+")
+_JSON = re.compile(
+    rb"\"((?:[^\"\\]|\\.)*)(\"?)([ ]*:)?|[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?|[a-z_\x80-\xff]+",
+    re.IGNORECASE,
+)
 _KEY = re.compile(rb"[A-Za-z][A-Za-z0-9_]{0,15}")
 _KEPT_TEXTS = frozenset(b"class device path driver time activated release message".split())
 _ESCAPE = re.compile(rb"\\u[0-9A-Fa-f]{4}|\\.|[0-9A-Za-z\x80-\xff]")
@@ -321,16 +324,23 @@ _MOST_OF_REPORT = 7
 
 
 def sentence(data: bytes) -> bytes:
-    """A sentence with its numbers; one that has lost a text gets the checksum of what is left."""
+    """A sentence with its numbers; where a text is masked, the checksum is that of what is left."""
     if _NUMBERS_ALONE.fullmatch(data):
         return data
     body, star, checksum = data.partition(b"*")
-    fields = body.split(b",")
-    kept = b",".join(f if _FIELD_FORM.fullmatch(f) else mask_text(f) for f in fields[1:])
-    kept = fields[0] + b"," + kept
+    address, *values = body.split(b",")
+    text = _receiver_text if address.endswith(b"TXT") else mask_text
+    kept = b",".join(
+        [address, *(one if _FIELD_FORM.fullmatch(one) else text(one) for one in values)]
+    )
     if len(checksum) == 2 and reduce(xor, body[1:]) == int(checksum, 16):
         checksum = b"%02X" % reduce(xor, kept[1:])
     return kept + star + checksum
+
+
+def _receiver_text(text: bytes) -> bytes:
+    """What a receiver says of itself, without its numbers."""
+    return mask_labelled(_NUMBERS.sub(_without_device_number, text))
 
 
 def report(line: bytes) -> bytes:
