@@ -273,27 +273,33 @@ _NAME_OF_MODEL = re.compile(
     rb"[0-9A-Za-z][0-9A-Za-z ._,+&-]{0,47}"
 )
 """A line of few words, one of them at most with a digit in front; no address of a network."""
+_SURE_NAME = re.compile(rb"(?=.*[0-9])(?![0-9A-F]{8,}\Z)[0-9A-Z]*[A-Z][0-9A-Z._-]{1,23}")
+"""One word of capitals and digits, which is no message in hexadecimal digits."""
+_MAKER = re.compile(
+    rb"\b(?:quectel|simcom|telit|u-?blox|cinterion|gemalto|thales|siemens|sierra|huawei|fibocom"
+    rb"|neoway|meig|zte|nokia|sequans|nordic|qualcomm|mediatek|unisoc|asr)(?:_|\b)",
+    re.IGNORECASE,
+)
 
 
-def identity(line: bytes, command: bytes, *, is_sure: bool) -> bytes | None:
+def identity(line: bytes, *, is_sure: bool) -> bytes | None:
     """A line of a reply to ATI and its like, without the numbers of the device.
 
-    A maker has a name of words, a model and a firmware have digits. None where it names something else than maker, model and firmware. A line that may belong to a
-    message (not `is_sure`) has to name a modem that a driver claims.
+    None where it names something else than maker, model and firmware. A line that may belong to a
+    message (not `is_sure`) has to look like a name of a model, or to contain that of a maker.
     """
     labels = list(_LABEL.finditer(line))
     n_known = sum(label[1].split()[-1].lower() in _LABELS for label in labels)
     if n_known < len(labels):
         other = labels[n_known].start()
-        kept = identity(line[:other], command, is_sure=is_sure) if n_known else None
+        kept = identity(line[:other], is_sure=is_sure) if n_known else None
         return None if kept is None else kept + mask_text(line[other:])
     kept = _NUMBERS.sub(_without_device_number, line)
-    is_name = is_sure and kept == line and _NAME_OF_MODEL.fullmatch(line.strip()) is not None
-    is_name = is_name and (command.endswith(b"GMI") or _DIGIT.search(line) is not None)
-    if labels or is_name:
+    name = line.strip(b' \t"')
+    form = _NAME_OF_MODEL if is_sure else _SURE_NAME
+    if labels or (kept == line and form.fullmatch(name)) or _MAKER.search(name):
         return mask_noise(mask_labelled(kept))
-    text = kept.decode("latin-1")
-    is_claimed = any(claim.rank(text) for claim in _CLAIMS)
+    is_claimed = any(claim.rank(kept.decode("latin-1")) for claim in _CLAIMS)
     return mask_noise(mask_labelled(kept)) if is_claimed else None
 
 

@@ -49,7 +49,7 @@ class Redactor:
     def __init__(self) -> None:
         self._line = b""
         self._is_masked = False  # the line's beginning was too long, and its rest is masked
-        self._asks = b""  # the command where it asks for the identity
+        self._asks_identity = False
         self._sent: deque[bytes] = deque(maxlen=_LATE_COMMANDS)
         self._answered: frozenset[bytes] = frozenset()  # the commands whose rows have no name
         self._n_doubtful = 0  # commands to be sent until plain words are no text of a report
@@ -68,7 +68,7 @@ class Redactor:
         self._sent.append(command)
         names = (match["command"] for sent in self._sent for match in forms.SEGMENT.finditer(sent))
         self._answered = forms.commands_with_rows(names)
-        self._asks = command if command in forms.IDENTITY_COMMANDS else b""
+        self._asks_identity = command in forms.IDENTITY_COMMANDS
         self._n_doubtful = max(self._n_doubtful - 1, 0)
 
     def feed(self, data: bytes) -> bytes:
@@ -123,8 +123,8 @@ class Redactor:
         if forms.is_row(name):
             self._text = ""
             return forms.row(name, body)
-        if self._asks and name in forms.ROWS_OF_IDENTITY:
-            return forms.identity(body, self._asks, is_sure=True) or mask_text(body)
+        if self._asks_identity and name in forms.ROWS_OF_IDENTITY:
+            return forms.identity(body, is_sure=True) or mask_text(body)
         self._n_doubtful = _DOUBTFUL_COMMANDS
         if _OF_MESSAGE.search(name) or body.count(b'"') % 2:
             self._text = "next"
@@ -151,9 +151,9 @@ class Redactor:
     def _answer(self, line: bytes) -> bytes | None:
         """A line that answers a command that was sent; None if it is none."""
         kept = forms.row_without_name(line, self._answered) if self._answered else None
-        if kept is None and self._asks:
+        if kept is None and self._asks_identity:
             is_sure = not (self._n_doubtful or self._text)
-            kept = forms.identity(line, self._asks, is_sure=is_sure)
+            kept = forms.identity(line, is_sure=is_sure)
         return kept
 
 
