@@ -96,9 +96,7 @@ _WORD = re.compile(rb"(?=(?:[A-Za-z_]*[0-9]){0,4}[A-Za-z_]*\Z)[A-Za-z][0-9A-Za-z
 _MANY_LETTERS = re.compile(rb"[A-Za-z]{3}")
 _VALUE_BEGINS = re.compile(rb"[,:(\[;=][ \t]*(?:\[[ \t]*|\\?\"[ \t]*)?\Z")
 _VALUE_GOES_ON = re.compile(rb"[ \t.&'/()@+-]{1,3}\Z")
-_SIMPLE = re.compile(
-    rb"(?:[ ,\"-]*(?:[0-9A-F]{1,9}|[0-9a-f]{1,9})(?:\.[0-9]{1,9})?(?=[ ,\"-]|\Z))*[ ,\"-]*"
-)
+_SIMPLE = re.compile(rb"[ ]*+(?:[,\"-][ ]*+|[0-9A-Fa-f]{1,9}+(?:\.[0-9]{1,9}+)?+(?=[,\"-]|\Z))*+")
 """A row of numbers alone."""
 
 
@@ -119,11 +117,9 @@ def row(name: bytes, body: bytes) -> bytes:
 
 def command(name: bytes, body: bytes) -> bytes:
     """The same for a command and its arguments."""
-    return (
-        mask_numbers(_values(name, body))
-        if name in _COMMANDS | ROWS_OF_IDENTITY
-        else mask_text(body)
-    )
+    if name in _COMMANDS or name in ROWS_OF_IDENTITY:
+        return mask_numbers(_values(name, body))
+    return mask_text(body)
 
 
 def _values(name: bytes, body: bytes) -> bytes:
@@ -266,6 +262,7 @@ _VERSION = re.compile(
     rb"|[0-9]{5}\.[0-9]{4}(?:\.[0-9]{2}){4}|" + _DATE
 )
 """Numbers of a version, in which a telephone number or an IMEI has no place."""
+_LONGEST_OF_IDENTITY = 120
 _MOST_OF_MODEL = 5
 """Digits in a row, or in groups, in the name of a model or its firmware."""
 _NAME_OF_MODEL = re.compile(
@@ -288,6 +285,8 @@ def identity(line: bytes, *, is_sure: bool) -> bytes | None:
     None where it names something else than maker, model and firmware. A line that may belong to a
     message (not `is_sure`) has to look like a name of a model, or to contain that of a maker.
     """
+    if len(line) > _LONGEST_OF_IDENTITY:
+        return None
     labels = list(_LABEL.finditer(line))
     n_known = sum(label[1].split()[-1].lower() in _LABELS for label in labels)
     if n_known < len(labels):
@@ -314,7 +313,9 @@ _FIELD = rb"(?:-?[0-9]{0,6}(?:\.[0-9]{0,9})?|[A-Z]{1,2}[0-9]{0,2}|[0-9A-F]{1,2}|
 _FIELD_FORM = re.compile(_FIELD)
 SENTENCE = re.compile(rb"\$[A-Z][A-Z0-9]{2,9},[ -#%-)+-~]*(?:\*[0-9A-Fa-f]{0,2})?")
 """A sentence of NMEA 0183, or what is left of one."""
-_NUMBERS_ALONE = re.compile(rb"\$[A-Z][A-Z0-9]{2,9}(?:," + _FIELD + rb")+(?:\*[0-9A-Fa-f]{0,2})?")
+_NUMBERS_ALONE = re.compile(
+    rb"\$[A-Z][A-Z0-9]{2,9}(?>," + _FIELD + rb"(?=[,*]|\Z))++(?:\*[0-9A-Fa-f]{0,2})?"
+)
 
 REPORT = re.compile(rb"[ \t\r]*\{\"class\":")
 """The beginning of a report of gpsd."""

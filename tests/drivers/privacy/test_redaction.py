@@ -1,5 +1,6 @@
 import json
 import random
+import time
 
 import pytest
 
@@ -380,6 +381,29 @@ def test_a_message_does_not_swallow_the_rows_after_it():
     )
     data = b'+CMT: "+4917698765432",,"26/11/21,12:00:00+04"\r\nTreffpunkt\r\n' + rows
     assert redact(data, "AT#CSURV=0,62").endswith(rows)
+
+
+@pytest.mark.parametrize("command", ["ATI", "AT+CENG?", "AT#CSURV=0,62", "AT+COPS=?", "AT^MONI"])
+def test_no_line_takes_long(command):
+    """Lines as long as any is held, in which a form is almost there to the end."""
+    for begin in (b"", b"+CENG: ", b"+COPS: (", b"#MONI: ", b"$GPGSV", b'{"class":"', b"Model: "):
+        for piece in (
+            b",12",
+            b"12 ",
+            b"a",
+            b"A1 ",
+            b'"',
+            b"1.",
+            b"$GP",
+            b":",
+            b"x y=",
+            b"(1,",
+            b"\\",
+        ):
+            line = begin + piece * (4000 // len(piece)) + b"!g*\r\n"
+            begun_s = time.process_time()
+            assert len(redact(line, command)) == len(line)
+            assert time.process_time() - begun_s < 1.0, (begin, piece)
 
 
 def test_memory_is_bounded_in_an_endless_line():
