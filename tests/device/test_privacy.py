@@ -17,8 +17,9 @@ from logger.sim.ptys import PtyDevice, answering
 from logger.sim.terminal import frame_text
 from postproc.cli import main as postproc
 from tests.kit import service
-from tests.kit.planted_secrets import FORMS as LINES
-from tests.kit.planted_secrets import IN_ROWS, plant
+from tests.kit.planted_secrets import plant
+from tests.kit.secret_lines import FORMS as LINES
+from tests.kit.secret_lines import IN_ROWS
 from tests.kit.secrets import FORMS, leaked_secrets
 
 SAID = [b"\r\n" + form.encode("latin-1") + b"\r\n" for form in FORMS]
@@ -107,7 +108,7 @@ class PlantedModem(TranscriptModem):
 _BETWEEN = re.compile(rb"[^0-9A-Za-z]")
 
 
-def _found(blob):
+def _secrets_in(blob):
     """Planted secrets that stand in the bytes, whatever stands between their letters."""
     secrets = {*OF_ATI, *(secret for line in PLANTED for secret in line.secrets())}
     plain = _BETWEEN.sub(b"", blob)
@@ -116,7 +117,7 @@ def _found(blob):
 
 def test_no_planted_secret_is_in_a_run_a_log_or_the_status(tmp_path):
     """On the modem's port and the receiver's, with a modem that is asked for its identity."""
-    assert len(_found(b"\n".join([*(line.data for line in PLANTED), ATI]))) > 150
+    assert len(_secrets_in(b"\n".join([*(line.data for line in PLANTED), ATI]))) > 150
     epochs = service.nmea_epochs(len(PLANTED)).split(b"$GNRMC")[1:]
     nmea = b"".join(
         b"$GNRMC" + epoch + line.data + b"\r\n" for epoch, line in zip(epochs, PLANTED, strict=True)
@@ -132,10 +133,10 @@ def test_no_planted_secret_is_in_a_run_a_log_or_the_status(tmp_path):
             result, errors = logger.communicate(timeout=service.LIMIT_S)
     (hdf5,) = (tmp_path / "runs").glob("*.h5")
     for path in (hdf5, hdf5.with_suffix(".journal")):
-        assert not [found for piece in _everything(path) for found in _found(piece)]
-    assert not _found((result + errors).encode())
+        assert not [found for piece in _everything(path) for found in _secrets_in(piece)]
+    assert not _secrets_in((result + errors).encode())
     for path in (tmp_path / "runs").glob("*.json"):
-        assert not _found(path.read_bytes())
+        assert not _secrets_in(path.read_bytes())
     run = read_run(hdf5)
     assert b"Model: SIM800L" in run.raw_bytes.tobytes()
     assert any(b"driver sim800" in text for text in run.tables["notes"]["text"])
@@ -149,11 +150,11 @@ def test_probe_and_doctor_print_no_planted_secret(tmp_path, capfd, monkeypatch):
     with PtyDevice(answering(modem)) as port:
         (found,) = probe({port.path: ""}, bauds=(115_200,))
         assert (found.kind, found.driver) == ("modem", "sim800")
-        assert not _found(json.dumps(found.text).encode())
+        assert not _secrets_in(json.dumps(found.text).encode())
         modem.to_say = [b"\r\n" + line.data + b"\r\n" for line in PLANTED]
         with PtyDevice(NmeaPlayer(b"")) as gnss:
             site = service.site_toml(tmp_path, port.path, gnss.path)
             fieldlogger(["doctor", "--config", str(site), "--seconds", "3"])
     out = capfd.readouterr()
     assert "SIM" in out.out
-    assert not _found((out.out + out.err).encode())
+    assert not _secrets_in((out.out + out.err).encode())

@@ -2,7 +2,7 @@
 
 IMEI and IMSI have 15 digits, IMEISV 16 (3GPP TS 23.003), a SIM 18 to 22 (ITU-T E.118). Telephone
 numbers are shorter: a plus, groups, quotes or their type show them (3GPP TS 27.007). This is the
-second look at lines whose form is known (`forms`), and the only one at text of the program itself.
+second look at lines whose form is known (`rows`), and the only one at text of the program itself.
 """
 
 import re
@@ -74,6 +74,8 @@ _LABEL = re.compile(
 )
 """Words before such a number; the digits to the end of the line are masked."""
 
+NOISE = rb"\x00-\x08\x0b-\x1f\x7f-\xff"
+"""Bytes that are no text, for a class of a pattern."""
 _DIGIT = re.compile(rb"[0-9]")
 _NOISE_TO_MASK = bytes.maketrans(bytes(range(0x80, 0x100)), b"\xff" * 128)
 _TEXT_TO_MASK = bytes.maketrans(

@@ -2,15 +2,15 @@
 
 Nothing here asks for IMSI, IMEI, SIM or telephone numbers or for messages, but modems volunteer
 them (ATI of a Sierra prints a serial number, +CLIP the caller, +CMT a message), each maker in forms
-of its own. So a line passes only where its form is known (`forms`) or where it answers a command
-that was sent; of all other lines the length and the name remain. Every port is redacted alike,
-since a modem may be behind any of them.
+of its own. So a line passes only where its form is known (`rows`, `receivers`) or where it answers
+a command that was sent (`rows`, `identity`); of all other lines the length and the name remain.
+Every port is redacted alike, since a modem may be behind any of them.
 """
 
 import re
 from collections import deque
 
-from logger.drivers.privacy import forms
+from logger.drivers.privacy import identity, receivers, rows
 from logger.drivers.privacy.patterns import mask_noise, mask_text
 
 _LONGEST = 4096
@@ -66,9 +66,9 @@ class Redactor:
         if command == b"AT":
             return  # asked meanwhile, for a sign of life
         self._sent.append(command)
-        names = (match["command"] for sent in self._sent for match in forms.SEGMENT.finditer(sent))
-        self._answered = forms.commands_with_rows(names)
-        self._asks_identity = command in forms.IDENTITY_COMMANDS
+        names = (match["command"] for sent in self._sent for match in rows.SEGMENT.finditer(sent))
+        self._answered = rows.commands_with_rows(names)
+        self._asks_identity = command in identity.COMMANDS
         self._n_doubtful = max(self._n_doubtful - 1, 0)
 
     def feed(self, data: bytes) -> bytes:
@@ -81,7 +81,7 @@ class Redactor:
             self._line, self._is_masked = b"", False
             start = end.end()
         self._line += data[start:]
-        longest = _LONGEST_REPORT if forms.REPORT.match(self._line) else _LONGEST
+        longest = _LONGEST_REPORT if receivers.REPORT.match(self._line) else _LONGEST
         if len(self._line) > longest or self._is_masked:
             out.append(mask_text(self._line))
             self._line, self._is_masked = b"", True
@@ -96,41 +96,41 @@ class Redactor:
     def _redact(self, line: bytes) -> bytes:
         if not line:
             return line
-        if b"$" in line and forms.SENTENCE.search(line):
+        if b"$" in line and receivers.SENTENCE.search(line):
             out, end = [], 0
-            for found in forms.SENTENCE.finditer(line):
-                out += [self._redact(line[end : found.start()]), forms.sentence(found[0])]
+            for found in receivers.SENTENCE.finditer(line):
+                out += [self._redact(line[end : found.start()]), receivers.sentence(found[0])]
                 end = found.end()
             return b"".join(out) + self._redact(line[end:])
-        if forms.REPORT.match(line):
-            return forms.report(line)
+        if receivers.REPORT.match(line):
+            return receivers.report(line)
         if line.strip(_AROUND).upper() in self._sent:
             return line
-        segments = list(forms.SEGMENT.finditer(line))
+        segments = list(rows.SEGMENT.finditer(line))
         if not segments:
-            return self._unnamed(line)
+            return self._line_without_name(line)
         head = line[: segments[0].start()]
-        out = [self._unnamed(head) if head.strip(_AROUND) else head]
+        out = [self._line_without_name(head) if head.strip(_AROUND) else head]
         ends = [*(segment.start() for segment in segments[1:]), len(line)]
         for segment, end in zip(segments, ends, strict=True):
-            out += [segment[0], self._named(segment, line[segment.end() : end])]
+            out += [segment[0], self._row_or_command(segment, line[segment.end() : end])]
         return b"".join(out)
 
-    def _named(self, segment: re.Match[bytes], body: bytes) -> bytes:
+    def _row_or_command(self, segment: re.Match[bytes], body: bytes) -> bytes:
         if segment["command"]:
-            return forms.command(segment["command"].upper(), body)
+            return rows.command(segment["command"].upper(), body)
         name = segment["row"].upper()
-        if forms.is_row(name):
+        if rows.is_row(name):
             self._text = ""
-            return forms.row(name, body)
-        if self._asks_identity and name in forms.ROWS_OF_IDENTITY:
-            return forms.identity(body, is_sure=True) or mask_text(body)
+            return rows.row(name, body)
+        if self._asks_identity and name in identity.NAMES:
+            return identity.words_of_model(body, is_sure=True) or mask_text(body)
         self._n_doubtful = _DOUBTFUL_COMMANDS
         if _OF_MESSAGE.search(name) or body.count(b'"') % 2:
             self._text = "next"
         return mask_text(body)
 
-    def _unnamed(self, line: bytes) -> bytes:
+    def _line_without_name(self, line: bytes) -> bytes:
         plain = line.strip(_AROUND)
         if not plain:
             return mask_text(line)
@@ -150,10 +150,10 @@ class Redactor:
 
     def _answer(self, line: bytes) -> bytes | None:
         """A line that answers a command that was sent; None if it is none."""
-        kept = forms.row_without_name(line, self._answered) if self._answered else None
+        kept = rows.row_without_name(line, self._answered) if self._answered else None
         if kept is None and self._asks_identity:
             is_sure = not (self._n_doubtful or self._text)
-            kept = forms.identity(line, is_sure=is_sure)
+            kept = identity.words_of_model(line, is_sure=is_sure)
         return kept
 
 

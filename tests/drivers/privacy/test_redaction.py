@@ -1,4 +1,3 @@
-import json
 import random
 import time
 
@@ -6,20 +5,12 @@ import pytest
 
 from logger.drivers.family import Family
 from logger.drivers.privacy.redaction import Redactor, redact
-from logger.drivers.protocols.gpsd import GpsdFramer
-from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
-from logger.drivers.registry import FAMILIES, IDENTITY, family_of, reader_of
+from logger.drivers.registry import FAMILIES, reader_of
 from logger.drivers.telit.telit import Telit
-from logger.sim.dialects import DIALECTS
-from logger.sim.terminal import frame_text
-from tests.drivers.test_claims import answers_of
 from tests.kit.corpus import entries
 from tests.kit.drivers import cells_of, own_replies
-from tests.kit.planted_secrets import FORMS as ALONE
-from tests.kit.planted_secrets import IN_ROWS, Planted, plain, plant
+from tests.kit.redacted_replies import REPLIES, redact_in_pieces
 from tests.kit.secrets import FORMS, leaked_secrets
-
-LINES = (*ALONE, *IN_ROWS)
 
 REPLY = (
     b'\r\n+CENG: 1,1\r\n\r\n+CENG: 0,"0017,45,00,262,01,09,3039,05,05,1267,255"\r\n'
@@ -49,104 +40,6 @@ HARMLESS = [
     b"^MODE: 5,4\r\n*ATREADY: 1\r\n^SYSSTART\r\nNORMAL POWER DOWN\r\n+CME ERROR: no network\r\n",
     b"UNDER-VOLTAGE WARNNING\r\nRING\r\n+CIEV: 2,1\r\nNO CARRIER\r\nDST: 1\r\nPB DONE\r\n0\r\n",
 ]
-REPLIES = {
-    "AT+CENG?": REPLY.replace(b"+CENG: 1,", b"@+CENG: 1,", 2).replace(b"@", b"", 1),
-    "AT+CNETSCAN": (
-        b'\r\nOperator:"T-Mobile USA",MCC:310,MNC:260,Rxlev:53,Cellid:CF00,Arfcn:1709\r\n@'
-        b'Operator:"o2 - de",MCC:262,MNC:07,Rxlev:53,Cellid:CF00,Arfcn:7,Lac:3C4D,Bsic:25\r\nOK\r\n'
-    ),
-    "AT#CSURV=0,62": (
-        b"\r\nNetwork survey started ...\r\n\r\narfcn: 48 bsic: 24 rxLev: -52 ber: 0.00 mcc: 262"
-        b" mnc: 1 lac: 33281 cellId: 3648 cellStatus: CELL_SUITABLE numArfcn: 1 arfcn: 48"
-        b" numChannels: 5 array: 14 19 22 48 982\r\n\r\n@"
-        b"1005,26,-76,0,262,02,23456,34567,CELL_SUITABLE,0\r\narfcn: 30 rxLev: -88\r\n"
-        b"Network survey ended\r\n\r\nOK\r\n"
-    ),
-    "AT+COPS=5": (
-        b"\r\nMCC:222, MNC:88, TAC:562c, CI:57367043, DLF: 1325, ULF:19325, PCI:163, RSRP LEV:25,"
-        b" RSRQ LEV:1\r\n@\r\nMCC:310, MNC:260, LAC:ab22, CI:b633, BSIC:24, Arfcn:00594,"
-        b" RXLEV:017\r\n\r\nOK\r\n"
-    ),
-    "AT+COPS=?": (
-        b'\r\n+COPS: (2,"Telekom.de","TMO","26201",7),\r\n@(1,"Vodafone.de","Voda","26202",2),,'
-        b"(0,1,2,3,4),(0,1,2)\r\n\r\nOK\r\n"
-    ),
-    "AT^MONI": (
-        b"\r\nServing Cell                                        I Dedicated channel\r\n@"
-        b"1013  21 -71 001 01 1001 0103 7   7   33  -105  33 \tI No connection\r\n\r\nOK\r\n"
-    ),
-    "AT!GSTATUS?": (
-        b"\r\n!GSTATUS: \r\nCurrent Time:  444231\t\tTemperature: 32\r\n@Tx Power:      --\t\t"
-        b"TAC:         0001 (1)\r\nRSRQ (dB):     -8.0\t\tCell ID:     00005101 (20737)\r\nOK\r\n"
-    ),
-    "AT+GTCCINFO?": (
-        b"\r\n+GTCCINFO:\r\nLTE service cell:\r\n1,4,262,02,BFD3,2D4201,189C,30,120,50,16,42,42,26"
-        b"\r\n@LTE neighbor cell:\r\n2,4,,,,,189C,190,,24,24,2\r\n\r\nOK\r\n"
-    ),
-    "ATI": b"\r\nManufacturer: Sierra Wireless, Incorporated\r\n@Model: MC7455\r\n\r\nOK\r\n",
-    "AT+CGMM": b"\r\nSIM5360E\r\n@\r\nOK\r\n",
-    "AT+WS46?": b"\r\n@12\r\n\r\nOK\r\n",
-}
-"""Replies with rows that have no name, and some that have; @ is where a line is planted."""
-
-
-def _cut(data, rng, *commands):
-    redactor, out = Redactor(), b""
-    for command in commands:
-        redactor.send(command.encode() + b"\r")
-    while data:
-        n = rng.choice((1, rng.randint(1, 8), rng.randint(1, 200)))
-        out, data = out + redactor.feed(data[:n]), data[n:]
-    return out + redactor.flush()
-
-
-def _in_reply(command: str, line: Planted) -> Planted:
-    before, after = REPLIES[command].split(b"@")
-    return plain(before) + line + plain(b"\r\n" + after)
-
-
-def test_the_planted_lines_are_many_and_their_secrets_can_be_read():
-    lines = [plant(form, random.Random(0)) for form in LINES]
-    assert len(LINES) > 190
-    assert sum(max(line.marks) for line in lines) > 250
-    assert all(line.readable(line.data) for line in lines)
-
-
-@pytest.mark.parametrize("form", LINES)
-def test_no_planted_secret_is_readable_wherever_it_comes(form):
-    """At the start, between polls of each family, cut off at the end, and in chunks of any size."""
-    rng = random.Random(form)
-    line = plain(b"\r\n") + plant(form, rng)
-    whole = line + plain(b"\r\n")
-    assert not line.readable(_cut(line.data, rng))
-    assert not whole.readable(redact(whole.data))
-    for family in FAMILIES.values():
-        assert not whole.readable(_cut(whole.data, rng, *family.sends()))
-        assert not line.readable(_cut(line.data, rng, *family.sends()))
-
-
-@pytest.mark.parametrize("command", REPLIES)
-def test_no_planted_secret_is_readable_in_a_reply_or_after_it(command):
-    rng = random.Random(command)
-    for form in LINES:
-        line = plant(form, rng)
-        inside = _in_reply(command, line)
-        before, after = REPLIES[command].split(b"@")
-        out = _cut(inside.data, rng, "AT", command)
-        assert not inside.readable(out), form
-        assert out.startswith(before), form
-        late = plain(before + after) + line + plain(b"\r\n")
-        assert not late.readable(_cut(late.data, rng, command, "AT+CSQ")), form
-
-
-@pytest.mark.parametrize("command", REPLIES)
-def test_no_planted_secret_is_readable_on_a_noisy_line(command):
-    """A line end within a number may leave some of its digits alone, too few to tell it."""
-    rng = random.Random(command)
-    for form in ALONE:
-        for _ in range(3):
-            noisy = _in_reply(command, plant(form, rng)).damaged(rng, rng.randint(1, 6))
-            assert not noisy.readable(_cut(noisy.data, rng, command), most=5), form
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -157,7 +50,7 @@ def test_personal_numbers_are_redacted_whatever_the_chunks(form):
     for seed, data in enumerate(
         [secret, secret + b"\r\n", b"\r\n" + secret + b"\r\n" + REPLY] * 10
     ):
-        out = _cut(data, random.Random(seed), "AT+CENG?")
+        out = redact_in_pieces(data, random.Random(seed), "AT+CENG?")
         assert not leaked_secrets(out), out
         assert len(out) == len(data)
         if data.endswith(REPLY):
@@ -180,7 +73,7 @@ def test_of_an_unknown_line_its_length_and_its_name_remain():
 def test_data_of_cells_positions_and_times_are_not_redacted(line):
     assert redact(line) == line
     for seed in range(30):
-        assert _cut(line, random.Random(seed)) == line
+        assert redact_in_pieces(line, random.Random(seed)) == line
 
 
 @pytest.mark.parametrize("command", REPLIES)
@@ -188,7 +81,7 @@ def test_data_of_cells_positions_and_times_are_not_redacted(line):
 def test_the_reply_to_a_command_passes_with_and_without_echo(command, end):
     reply = REPLIES[command].replace(b"@", b"").replace(b"\r\n", end)
     for echo in (b"", command.encode() + b"\r", command.lower().encode() + b"\r"):
-        assert _cut(echo + reply, random.Random(1), command) == echo + reply
+        assert redact_in_pieces(echo + reply, random.Random(1), command) == echo + reply
 
 
 def test_rows_without_a_name_pass_for_the_command_that_they_answer_and_some_commands_more():
@@ -197,46 +90,6 @@ def test_rows_without_a_name_pass_for_the_command_that_they_answer_and_some_comm
         assert redact(row, "AT+COPS=5", *later) == row
     assert b"310" not in redact(row, "AT+COPS=5", *["AT+CSQ"] * 8)
     assert b"310" not in redact(row)
-
-
-@pytest.mark.parametrize("name", FAMILIES)
-def test_a_modem_is_identified_by_what_is_left_of_its_answers(name):
-    for answer in answers_of(name):
-        for command in IDENTITY:
-            left = redact(f"\r\n{answer}\r\n\r\nOK\r\n".encode(), command).decode()
-            assert family_of(left).name == name, left
-
-
-@pytest.mark.parametrize("before", [b"", b"\r\n+XNEW: 1\r\n", b"\r\nStarting the stack\r\n"])
-@pytest.mark.parametrize("name", DIALECTS)
-def test_a_simulated_modem_is_identified_also_after_a_line_that_nobody_knows(name, before):
-    whole, left = "", ""
-    for command, blocks in DIALECTS[name].identity.items():
-        reply = before + frame_text(*blocks, "OK")
-        whole += reply.decode()
-        left += redact(reply, f"AT{command}").decode()
-    assert family_of(left) == family_of(whole)
-    assert (DIALECTS[name].identity["+CGMM"][0] in left) or before
-
-
-def test_what_a_modem_prints_of_itself_loses_its_serial_numbers_alone():
-    ati = (
-        b"\r\nManufacturer: Sierra Wireless, Incorporated\r\nModel: MC7455\r\n"
-        b"Revision: SWI9X30C_02.24.05.06 r7040 CARMD-EV-FRMWR2 2017/05/19 06:23:09\r\n"
-        b"MEID: 35907206022883\r\nIMEI: 359072060228832\r\nIMEI SV: 17\r\nFSN: LF728387390410\r\n"
-        b"+GCAP: +CGSM\r\n\r\nOK\r\n"
-    )
-    left = (
-        ati.replace(b"35907206022883", b"x" * 14)
-        .replace(b"x2\r", b"xx\r")
-        .replace(b"SV: 17", b"SV: xx")
-        .replace(b"LF728387390410", b"x" * 14)
-    )
-    out = redact(ati, "ATI")
-    assert out.replace(b"+xxxx", b"+CGSM") == left
-    unknown = b"\r\nACME 2000\r\n\r\nOK\r\n\r\nVersion 1.0.3 build A7\r\n\r\nOK\r\n"
-    assert redact(unknown, "ATI") == unknown
-    assert redact(b"Example\r\n", "AT+CGMI") == b"Example\r\n"
 
 
 def _replies(folder):
@@ -260,7 +113,7 @@ def test_a_driver_reads_the_same_in_all_recordings(corpus):
     for name, family, data in _replies(corpus):
         lines, left = (
             text.decode("latin-1").splitlines()
-            for text in (data, _cut(data, random.Random(name), *_commands(family)))
+            for text in (data, redact_in_pieces(data, random.Random(name), *_commands(family)))
         )
         n_lines += len(lines)
         assert family.read(left) == family.read(lines), name
@@ -282,53 +135,6 @@ def test_what_is_masked_in_the_recordings_is_no_row_and_no_model(corpus):
     }
 
 
-def _fixes(data):
-    framer, assembler, fixes, n_noise = NmeaFramer(), FixAssembler(), [], 0
-    for event in framer.feed(data):
-        if isinstance(event, Sentence):
-            fixes += assembler.feed(event, 0)
-        else:
-            n_noise += len(event.data)
-    return [*fixes, *assembler.flush()], n_noise
-
-
-def test_fixes_and_noise_of_all_recorded_receivers_are_the_same(corpus):
-    """A text in a sentence is masked, and its checksum is that of what is left."""
-    paths = sorted(corpus.glob("nmea/*.nmea"))
-    assert paths
-    for path in paths:
-        data = path.read_bytes()
-        assert _fixes(redact(data)) == _fixes(data)
-
-
-def test_a_receiver_keeps_its_numbers_and_loses_its_serial_number():
-    data = b"$PDTINFO,UM621-02,G1B1L1E1,V1.2,R6.0.0.0Build2810,2310414000033,PC12B4231700429*73\r\n"
-    out = redact(data)
-    assert out.startswith(b"$PDTINFO,xxxxx-xx,")
-    assert b"2310414" not in out
-    assert b"4231700429" not in out
-    assert all(isinstance(event, Sentence) for event in NmeaFramer().feed(out))
-
-
-def test_gpsd_keeps_what_is_read_of_its_reports():
-    device = {
-        "class": "DEVICE",
-        "path": "/dev/serial/by-id/usb-u-blox_7-if00",
-        "driver": "u-blox",
-        "sernum": "LF728387390410",
-        "subtype": 'SW 1.0, 2310414000033, \u00e9"\\',
-        "activated": "2026-11-21T12:00:00.000Z",
-        "bps": 9600,
-        "id": 355789041234567,
-    }
-    text = json.dumps(device).encode().replace(b'": ', b'":').replace(b", ", b",")
-    out = redact(text + b"\r\n")
-    left = json.loads(out)
-    assert {key for key in device if left[key] != device[key]} == {"sernum", "subtype", "id"}
-    assert b"2310414" not in out
-    assert list(GpsdFramer().feed(out)) == list(GpsdFramer().feed(text + b"\r\n"))
-
-
 def test_no_list_of_neighbours_is_taken_for_a_number():
     """Lists of any channels, with labels and without, in pieces of any size."""
     rng = random.Random(5)
@@ -343,7 +149,7 @@ def test_no_list_of_neighbours_is_taken_for_a_number():
             text,
         ) + b"15,20,-71,0,262,01,21014,12345,0,1,15,%d,%s,0,5,8,30,31,10,4\r\n" % (n, text)
         assert redact(line, "AT#CSURV=0,62") == line
-        assert _cut(line, random.Random(seed), "AT#CSURV=0,62") == line
+        assert redact_in_pieces(line, random.Random(seed), "AT#CSURV=0,62") == line
 
 
 def test_a_personal_number_in_a_list_is_redacted_and_no_neighbour():
@@ -369,7 +175,9 @@ def test_all_forms_between_all_rows_in_any_order():
     for _ in range(20):
         forms = [form.encode("latin-1") for form in FORMS if "CENG" not in form]
         rng.shuffle(forms)
-        out = _cut(b"".join(b"\r\n" + form + b"\r\n" + REPLY for form in forms), rng, "AT+CENG?")
+        out = redact_in_pieces(
+            b"".join(b"\r\n" + form + b"\r\n" + REPLY for form in forms), rng, "AT+CENG?"
+        )
         assert not leaked_secrets(out)
         assert out.count(REPLY) == len(forms)
 

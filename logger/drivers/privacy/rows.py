@@ -1,27 +1,18 @@
-"""Lines that are kept because their form has no place for a person or a device.
+"""Rows of cells and levels, and reports, which have no place for a person or a device.
 
 The name in front of a row shows its form (`+CENG:`), or the command that the row answers (AT+COPS=5
 prints `MCC:262, MNC:01`); both are declared by the drivers. A row has short numbers, words where a
 value begins, and names of networks in some. What breaks the form is masked, with all that follows
-it in the row. The forms of receivers are the sentences of NMEA 0183 and the reports of gpsd.
+it in the row.
 """
 
 import re
 from collections.abc import Iterable
-from functools import reduce
-from operator import and_, or_, xor
+from operator import and_, or_
 
-from logger.drivers.privacy.patterns import (
-    mask_digits,
-    mask_labelled,
-    mask_noise,
-    mask_numbers,
-    mask_text,
-)
+from logger.drivers.privacy.patterns import NOISE, mask_digits, mask_noise, mask_numbers, mask_text
 from logger.drivers.reading.interruption import names_of
-from logger.drivers.registry import FAMILIES, IDENTITY
-
-# --- rows with a name ---------------------------------------------------------------------------
+from logger.drivers.registry import FAMILIES
 
 _REPORTS = "+CREG +CGREG +CEREG +C5GREG +COPS +CSQ +CESQ"
 """What every family reads (`standard_replies`)."""
@@ -32,8 +23,6 @@ _ROWS = _COMMANDS | frozenset(_REPORTS.encode().split())
 _ROWS |= frozenset(
     name.encode() for family in FAMILIES.values() for name in family.other_rows.split()
 )
-IDENTITY_COMMANDS = frozenset(command.encode() for command in IDENTITY)
-ROWS_OF_IDENTITY = frozenset(name.encode() for name in names_of(" ".join(IDENTITY)))
 _WITH_NETWORKS = frozenset((b"+COPS", b"+QOPS", b"#MONI", b"#SERVINFO"))
 """Rows with names of networks, which are any words."""
 _IN_COLUMNS = frozenset((b"#MONI", b"+CPSI"))
@@ -77,16 +66,15 @@ SEGMENT = re.compile(
 )
 """The beginning of a row or of a command, also in the middle of a line that has lost its end."""
 
-_NOISE = rb"\x00-\x08\x0b-\x1f\x7f-\xff"
-_TOKEN = re.compile(rb"[0-9A-Za-z_]+(?:[" + _NOISE + rb"]+[0-9A-Za-z_]+)*")
+_TOKEN = re.compile(rb"[0-9A-Za-z_]+(?:[" + NOISE + rb"]+[0-9A-Za-z_]+)*")
 """A number or a word, with the noise in it: a byte 0 hides no number."""
-_IS_NOISE = re.compile(rb"[" + _NOISE + rb"]")
+_IS_NOISE = re.compile(rb"[" + NOISE + rb"]")
 _CONTROL = re.compile(rb"[\x00-\x08\x0b-\x1f\x7f]")
 _NETWORK_NAME = re.compile(rb"\"[^\"]*(?:\"|\Z)")
 _NETWORK_CODE = re.compile(rb"\"[0-9]{5,7}\"|\"[0-9]{3} [0-9]{2,3}\"")
 _MOST_OF_NETWORK = 5
 """Digits in the name of a network: 242 01 Telenor."""
-_GROUPS = re.compile(rb"[0-9]+(?:[ " + _NOISE + rb"]{1,2}[0-9]+)+")
+_GROUPS = re.compile(rb"[0-9]+(?:[ " + NOISE + rb"]{1,2}[0-9]+)+")
 _DIGIT = re.compile(rb"[0-9]")
 _DIGITS = [b"%d" % digit for digit in range(10)]
 _HEX = re.compile(rb"(?:0[xX])?([0-9A-Fa-f]+)")
@@ -117,7 +105,7 @@ def row(name: bytes, body: bytes) -> bytes:
 
 def command(name: bytes, body: bytes) -> bytes:
     """The same for a command and its arguments."""
-    if name in _COMMANDS or name in ROWS_OF_IDENTITY:
+    if name in _COMMANDS:
         return mask_numbers(_values(name, body))
     return mask_text(body)
 
@@ -186,8 +174,6 @@ def _is_number(
     return _VALUE.fullmatch(text) is not None
 
 
-# --- rows without a name, which answer some commands --------------------------------------------
-
 _WORDS = {
     name.encode(): frozenset(words.lower().encode().split())
     for family in FAMILIES.values()
@@ -244,130 +230,3 @@ def _is_listed(line: bytes, n_numbers: int) -> bool:
         or (n_numbers >= 5 and _COLUMNS.search(line) is not None)
         or _CARRIER.fullmatch(line) is not None
     )
-
-
-# --- words that identify a model and its firmware -----------------------------------------------
-
-_CLAIMS = tuple(family.claim for family in FAMILIES.values())
-_LABEL = re.compile(rb"([A-Za-z][A-Za-z /]*|[A-Z_]+)[ ]?[:=](?![0-9]{2}:)")
-_LABELS = frozenset((b"manufacturer", b"model", b"revision", b"firmware", b"version"))
-_DATE = rb"20[0-9]{2}/[0-9]{2}/[0-9]{2}(?: [0-9]{2}:[0-9]{2}:[0-9]{2})?"
-_NUMBERS = re.compile(
-    rb"(?<![0-9A-Za-z])" + _DATE + rb"(?![0-9])"
-    rb"|(?<![0-9A-Za-z])[0-9]+(?:[" + _NOISE + rb" ./()_-]{1,2}[0-9]+)*"
-    rb"|[0-9]{6,}"
-)
-_VERSION = re.compile(
-    rb"(?!(?:[0-9]{3}\.)+[0-9]{3}\Z)(?!(?:[0-9]{2}\.){4})[0-9]{1,3}(?:\.[0-9]{1,3}){1,4}"
-    rb"|[0-9]{5}\.[0-9]{4}(?:\.[0-9]{2}){4}|" + _DATE
-)
-"""Numbers of a version, in which a telephone number or an IMEI has no place."""
-_LONGEST_OF_IDENTITY = 120
-_MOST_OF_MODEL = 5
-"""Digits in a row, or in groups, in the name of a model or its firmware."""
-_NAME_OF_MODEL = re.compile(
-    rb"(?!(?:.*?(?<![^ ])[0-9]){2}|(?:[0-9]{1,3}\.){3}[0-9]{1,3}\Z)"
-    rb"[0-9A-Za-z][0-9A-Za-z ._,+&-]{0,47}"
-)
-"""A line of few words, one of them at most with a digit in front; no address of a network."""
-_SURE_NAME = re.compile(rb"(?=.*[0-9])(?![0-9A-F]{8,}\Z)[0-9A-Z]*[A-Z][0-9A-Z._-]{1,23}")
-"""One word of capitals and digits, which is no message in hexadecimal digits."""
-_MAKER = re.compile(
-    rb"\b(?:quectel|simcom|telit|u-?blox|cinterion|gemalto|thales|siemens|sierra|huawei|fibocom"
-    rb"|neoway|meig|zte|nokia|sequans|nordic|qualcomm|mediatek|unisoc|asr)(?:_|\b)",
-    re.IGNORECASE,
-)
-
-
-def identity(line: bytes, *, is_sure: bool) -> bytes | None:
-    """A line of a reply to ATI and its like, without the numbers of the device.
-
-    None where it names something else than maker, model and firmware. A line that may belong to a
-    message (not `is_sure`) has to look like a name of a model, or to contain that of a maker.
-    """
-    if len(line) > _LONGEST_OF_IDENTITY:
-        return None
-    labels = list(_LABEL.finditer(line))
-    n_known = sum(label[1].split()[-1].lower() in _LABELS for label in labels)
-    if n_known < len(labels):
-        other = labels[n_known].start()
-        kept = identity(line[:other], is_sure=is_sure) if n_known else None
-        return None if kept is None else kept + mask_text(line[other:])
-    kept = _NUMBERS.sub(_without_device_number, line)
-    name = line.strip(b' \t"')
-    form = _NAME_OF_MODEL if is_sure else _SURE_NAME
-    if labels or (kept == line and form.fullmatch(name)) or _MAKER.search(name):
-        return mask_noise(mask_labelled(kept))
-    is_claimed = any(claim.rank(kept.decode("latin-1")) for claim in _CLAIMS)
-    return mask_noise(mask_labelled(kept)) if is_claimed else None
-
-
-def _without_device_number(found: re.Match[bytes]) -> bytes:
-    is_model = sum(map(found[0].count, _DIGITS)) <= _MOST_OF_MODEL
-    return found[0] if is_model or _VERSION.fullmatch(found[0]) else mask_digits(found[0])
-
-
-# --- receivers ----------------------------------------------------------------------------------
-
-_FIELD = rb"(?:-?[0-9]{0,6}(?:\.[0-9]{0,9})?|[A-Z]{1,2}[0-9]{0,2}|[0-9A-F]{1,2}|[ADEFMNPRS]{3,6})"
-_FIELD_FORM = re.compile(_FIELD)
-SENTENCE = re.compile(rb"\$[A-Z][A-Z0-9]{2,9},[ -#%-)+-~]*(?:\*[0-9A-Fa-f]{0,2})?")
-"""A sentence of NMEA 0183, or what is left of one."""
-_NUMBERS_ALONE = re.compile(
-    rb"\$[A-Z][A-Z0-9]{2,9}(?>," + _FIELD + rb"(?=[,*]|\Z))++(?:\*[0-9A-Fa-f]{0,2})?"
-)
-
-REPORT = re.compile(rb"[ \t\r]*\{\"class\":")
-"""The beginning of a report of gpsd."""
-_JSON = re.compile(
-    rb"\"((?:[^\"\\]|\\.)*)(\"?)([ ]*:)?|[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?|[a-z_\x80-\xff]+",
-    re.IGNORECASE,
-)
-_KEY = re.compile(rb"[A-Za-z][A-Za-z0-9_]{0,15}")
-_KEPT_TEXTS = frozenset(b"class device path driver time activated release message".split())
-_ESCAPE = re.compile(rb"\\u[0-9A-Fa-f]{4}|\\.|[0-9A-Za-z\x80-\xff]")
-_MOST_OF_REPORT = 7
-"""Digits before the point: metres from the centre of the Earth."""
-
-
-def sentence(data: bytes) -> bytes:
-    """A sentence with its numbers; where a text is masked, the checksum is that of what is left."""
-    if _NUMBERS_ALONE.fullmatch(data):
-        return data
-    body, star, checksum = data.partition(b"*")
-    address, *values = body.split(b",")
-    text = _receiver_text if address.endswith(b"TXT") else mask_text
-    kept = b",".join(
-        [address, *(one if _FIELD_FORM.fullmatch(one) else text(one) for one in values)]
-    )
-    if len(checksum) == 2 and reduce(xor, body[1:]) == int(checksum, 16):
-        checksum = b"%02X" % reduce(xor, kept[1:])
-    return kept + star + checksum
-
-
-def _receiver_text(text: bytes) -> bytes:
-    """What a receiver says of itself, without its numbers."""
-    return mask_labelled(_NUMBERS.sub(_without_device_number, text))
-
-
-def report(line: bytes) -> bytes:
-    """A report of gpsd with its numbers; of its texts only those that are read."""
-    key = b""
-
-    def kept(found: re.Match[bytes]) -> bytes:
-        nonlocal key
-        text, value = found[0], found[1]
-        if value is None:
-            if not text[:1].isdigit():
-                return text if text in {b"true", b"false", b"null"} else mask_text(text)
-            is_long = len(text.partition(b".")[0]) > _MOST_OF_REPORT and key not in _KEPT_TEXTS
-            return _DIGIT.sub(b"1", text) if is_long else text
-        if found[3] and _KEY.fullmatch(value):
-            key = value
-            return text
-        if not found[3] and key in _KEPT_TEXTS:
-            return mask_digits(text) if key == b"message" else mask_numbers(text)
-        masked = _ESCAPE.sub(lambda escape: b"x" * len(escape[0]), value)
-        return b'"' + masked + found[2] + (found[3] or b"")
-
-    return _JSON.sub(kept, line)
