@@ -12,6 +12,7 @@ from statistics import median
 
 import pynmea2
 
+from logger.drivers.privacy.redaction import Redactor
 from logger.drivers.protocols.at import AtFramer
 from logger.drivers.protocols.dialogue import Reply
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
@@ -69,6 +70,12 @@ def read_ceng(replies: int) -> None:
                     driver.rows_in(event.lines)
 
 
+def redact(pieces: list[bytes]) -> None:
+    redactor = Redactor()
+    for piece in pieces:
+        redactor.feed(piece)
+
+
 def per_second(run: Callable[[], None], count: int) -> float:
     rates = []
     for _ in range(5):
@@ -95,6 +102,9 @@ def main() -> None:
         peer = per_second(lambda read=read: read_by_peer(read, data), len(lines))
         print(f"{name + ' bytes to messages':25} {peer:9.0f} sentences/s, ratio {ours / peer:.2f}")
     print(f"AT bytes to CENG readings {per_second(lambda: read_ceng(1000), 8000):9.0f} lines/s")
+    for name, sent in {"NMEA": data, "CENG": REPLY * EPOCHS}.items():
+        rate = per_second(lambda sent=sent: redact(chunks(sent)), len(sent))
+        print(f"{name + ' redacted':25} {rate / 1e6:9.2f} MB/s")
 
 
 if __name__ == "__main__":

@@ -136,6 +136,7 @@ def _ask(port: Port, framer: AtFramer, command: Command) -> Reply:
     framer.send(command.text)
     port.write(command.text.encode("ascii") + b"\r")
     redactor = Redactor()
+    redactor.send(command.text.encode("ascii"))
     for data in _chunks(port, command.timeout_s):
         for event in framer.feed(redactor.feed(data)):
             if isinstance(event, Reply):

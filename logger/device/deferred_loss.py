@@ -15,6 +15,7 @@ class Wire:
         self._link = link
         self._loss: DeviceError | None = None
         self.received_ns = 0
+        self.has_heard = False
         self.since_ns = self._asked_ns = link.clock.now_ns()
 
     @property
@@ -24,6 +25,7 @@ class Wire:
 
     def read(self) -> bytes:
         """Read the next chunk; empty after a silence, and always after a loss."""
+        self.has_heard = False
         if self._loss is None:
             # what this read returns was not there yet when the last one began
             self.since_ns, self._asked_ns = self._asked_ns, self._link.clock.now_ns()
@@ -32,6 +34,7 @@ class Wire:
             except DeviceError as error:
                 self._loss = error
             else:
+                self.has_heard = self._link.has_heard
                 return data
         return b""
 

@@ -106,6 +106,13 @@ class Link:
         self._port: Port | None = None
         self._port_url = url
         self._tallies: dict[str, Tally] = {}
+        self.has_heard = False
+        """Whether the last read got bytes, which redaction may hold back until their line ends."""
+
+    @property
+    def is_within_line(self) -> bool:
+        """Whether a line has begun that is held back."""
+        return self._redactor.is_within_line
 
     def run(self, session: Callable[["Link"], None]) -> None:
         """Open the port and run the session, again after each loss of the device, until stopped."""
@@ -150,6 +157,7 @@ class Link:
         if self._port is None:
             raise DeviceError(f"{self.source}: port is closed")
         self.emit(RawBytes(data, sent=True), self.clock.now_ns())
+        self._redactor.send(data)
         self._port.write(data)
 
     def emit(self, value: Value, t_ns: int, source: str | None = None) -> None:
@@ -174,6 +182,7 @@ class Link:
     def _take(self, data: bytes) -> tuple[int, bytes]:
         """Record new bytes; return their time and what is left of them after redaction."""
         t_ns = self.clock.now_ns()
+        self.has_heard = bool(data)
         data = self._redactor.feed(data)
         if data:
             self.emit(RawBytes(data), t_ns)

@@ -92,7 +92,7 @@ class ModemExchange:
 
     def _reply(self, wait: Wait) -> Reply:
         command = wait.command
-        self.framer.send(command.text)
+        self.framer.send(command.text, is_within_line=self._link.is_within_line)
         sent_ns = self._link.clock.now_ns()
         self.wire.write(command.text.encode("ascii") + b"\r")
         restarted = self.is_restarted
@@ -144,7 +144,7 @@ class ModemExchange:
         One command is pending at most, so there is one reply at most.
         """
         data = self.wire.read()
-        self._has_bytes = bool(data)
+        self._has_bytes = self.wire.has_heard
         reply = None
         for event in self.framer.feed(data):
             match event:

@@ -17,24 +17,25 @@ class AfterStop:
         """Receive what is still to come, which must not be mistaken for a later answer."""
         start_s = byte_s = self._now_s()
         while self._now_s() - byte_s < PAUSE_S and self._now_s() - start_s < LATE_S:
-            if self._read_events() is not None:
+            self._read_events()
+            if self._link.has_heard:
                 byte_s = self._now_s()
 
     def ask(self, command: Command) -> Reply:
         """Send a command and wait for its reply; a timeout is a reply too."""
         wait = Wait(command, self._now_s())
-        self._framer.send(command.text)
+        self._framer.send(command.text, is_within_line=self._link.is_within_line)
         self._link.write(command.text.encode("ascii") + b"\r")
         while not wait.is_over(self._now_s()):
-            for event in self._read_events() or ():
+            for event in self._read_events():
                 if isinstance(event, Reply):
                     return event
         return self._framer.expire()
 
-    def _read_events(self) -> list[object] | None:
-        """Events of one chunk; None after silence."""
+    def _read_events(self) -> list[object]:
+        """Events of one chunk, none after silence."""
         _, data = self._link.read()
-        return list(self._framer.feed(data)) if data else None
+        return list(self._framer.feed(data))
 
     def _now_s(self) -> float:
         return self._link.clock.real_s(self._link.clock.now_ns() / 1e9)

@@ -10,7 +10,7 @@ from logger.check import Line
 from logger.core.errors import ConfigError
 from logger.core.runfile import Run
 from logger.device.libraries import installed_versions
-from logger.drivers.privacy.redaction import redact
+from logger.drivers.privacy.patterns import mask_labelled
 
 _MOST_NOTES = 60
 _PRIVATE = (
@@ -42,7 +42,7 @@ def without_private(text: str) -> str:
     """A text without numbers of people and devices, addresses, cells and coordinates."""
     for pattern, stand_in in _PRIVATE:
         text = pattern.sub(stand_in, text)
-    return redact(text.encode()).decode("utf-8", "replace")
+    return mask_labelled(text.encode()).decode("utf-8", "replace")
 
 
 def _report(lines: list[Line], config: Path, run: Run | None) -> Iterator[str]:

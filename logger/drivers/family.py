@@ -1,7 +1,7 @@
 """The base class of all modem drivers: commands of a family, and how its replies are read."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import ClassVar
 
 from logger.core.reportable import reportable
@@ -47,6 +47,26 @@ class Family:
     """The modem's own receiver, used if configured."""
     mode_commands: ClassVar[tuple[ModeCommand, ...]] = ()
     """What restricts the modem to GSM, used if configured; a modem has one."""
+    unnamed_rows: ClassVar[Mapping[str, str]] = {}
+    """Words of the rows without a name, by the name of the command that they answer.
+
+    Redaction keeps these rows, and those named as one of the family's commands.
+    """
+    other_rows: ClassVar[str] = ""
+    """Names of rows that are read although no command of the family asks for them."""
+
+    @classmethod
+    def sends(cls) -> Iterator[str]:
+        """Texts of all commands."""
+        for commands in (
+            cls.setup_commands,
+            cls.poll_commands,
+            cls.survey_commands,
+            cls.gnss_start_commands,
+            cls.gnss_poll_commands,
+        ):
+            yield from (command.text for command in commands)
+        yield from (mode.query for mode in cls.mode_commands)
 
     def setup(self) -> Dialogue[bool]:
         """Prepare the modem after power-up or a restart; False when a needed command is refused."""

@@ -13,7 +13,8 @@ from logger.drivers.generic.generic import Generic
 from logger.drivers.protocols.dialogue import Command, Dialogue
 
 AUTO = "auto"
-_IDENTITY = tuple(Command(text) for text in ("ATE0", "ATI", "AT+CGMI", "AT+CGMM", "AT+CGMR"))
+IDENTITY = ("ATI", "AT+CGMI", "AT+CGMM", "AT+CGMR")
+"""Commands that ask for maker, model and firmware, which modems answer in words of their own."""
 
 
 def _all_drivers() -> Iterator[Family]:
@@ -55,11 +56,11 @@ def identify() -> Dialogue[tuple[Family, str] | None]:
     if not (yield from wake()):
         return None
     lines: list[str] = []
-    for command in _IDENTITY:
-        reply = yield command
+    for text in ("ATE0", *IDENTITY):
+        reply = yield Command(text)
         lines += [line.strip() for line in reply.lines if line.strip() not in lines]
-    text = " ".join(lines)
-    return family_of(text), text
+    found = " ".join(lines)
+    return family_of(found), found
 
 
 def family_of(identity: str) -> Family:

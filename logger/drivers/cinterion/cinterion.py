@@ -9,9 +9,11 @@ or comma shows. `grouped_cells` and `tables` read the older commands (firmware_n
 import re
 from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
+from logger.drivers.cinterion import tables
 from logger.drivers.cinterion.grouped_cells import grouped_cells, is_well_formed
 from logger.drivers.cinterion.tables import scan_cells, table_rows
 from logger.drivers.claim import Claim
@@ -76,6 +78,9 @@ class Cinterion(Family):
         *Generic.survey_commands,
     )
     mode_commands = network_mode.SXRAT
+    unnamed_rows: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("^MONI", "^MONP", "^SMONP"), tables.WORDS
+    )
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells by the first way that gives any; neighbours by a later one where that refuses."""

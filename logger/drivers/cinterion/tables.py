@@ -19,6 +19,12 @@ from logger.drivers.reading.fields import values as split
 from logger.drivers.reading.rows import NoCell, Row
 
 _FLAGS = re.ASCII | re.IGNORECASE
+WORDS = (
+    "Serving Cell Dedicated channel chann rs dBm PLMN MCC MNC LAC cell NCC BCC PWR RXLev C1 C2 I TS"
+    " timAdv Q ChMod No connection Limited Service Reselection Searching 2G 3G 4G 5G"
+    " EARFCN UARFCN PSC EC n0 RSCP Squal Srxlev Phys Ch SF Slot ComMod HSUPA HSDPA S_FR S_HR S_EFR"
+)
+"""Words of the tables."""
 _NUMBER = r"(?:-?\d{1,3}|-+)"
 _PLACE = (
     r"(?<![\w.,:+-])(?P<arfcn>\d{1,4})\s+(?P<rs>\d{1,2})\s+(?P<rssi>-\d{2,3})\s+"

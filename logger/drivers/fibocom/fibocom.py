@@ -15,7 +15,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
@@ -141,6 +141,9 @@ class Fibocom(Family):
     )
     survey_commands = Generic.survey_commands
     mode_commands = network_mode.GTRAT
+    unnamed_rows: ClassVar[Mapping[str, str]] = {
+        "+GTCCINFO": "LTE NR UMTS WCDMA GSM EN DC service neighbor neighbour cell PCC"
+    }
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells received now; the serving one from +CREG and its like where +GTCCINFO has none."""

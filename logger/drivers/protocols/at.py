@@ -82,13 +82,16 @@ class AtFramer:
         """True while an expired command still owes its final code: bytes may belong to it."""
         return self._expired is not None
 
-    def send(self, command: str) -> None:
-        """Note that `command` was written; a command that is still pending is forgotten."""
+    def send(self, command: str, *, is_within_line: bool = False) -> None:
+        """Note that `command` was written; a command that is still pending is forgotten.
+
+        `is_within_line` is whether a line has begun of which no byte has come here.
+        """
         self._command = command.strip()
         self._names = _names(command)
         self._lines = []
         self._interrupted = set()
-        self._stale = bool(self._buffer)
+        self._stale = is_within_line or bool(self._buffer)
         self._final_reassigned = False
         self.echo_seen = False
 

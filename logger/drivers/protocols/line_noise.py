@@ -15,7 +15,8 @@ _TEXT = re.compile(rb'(?:[\t !#-~]++|"[\t !#-~\x80-\xff]*+(?:"|\Z))*+')
 _AROUND = bytes(sorted({*range(256)} - {*range(0x20, 0x7F), 0x09}))
 _NAMED = re.compile(
     rb"(?:\A|(?<=[^\t -~]))"
-    rb"(?:[+*^#!$%][A-Z][A-Z0-9]+[ ]?:|[A-Za-z][A-Za-z_ ()/]{1,19}:|\+CM[ES] ERROR\b)"
+    rb"(?:[+*^#!$%][A-Z][A-Z0-9]+[ ]?:"
+    rb"|(?![x_ ()/]+:)[A-Za-z][A-Za-z_ ()/]{1,19}:|\+CM[ES] ERROR\b)"  # x: a redacted name
 )
 _FINAL = re.compile(rb"OK|ERROR|NO CARRIER")
 

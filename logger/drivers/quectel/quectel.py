@@ -14,6 +14,7 @@ not name that technology; its values show it. Area and cell are hexadecimal, all
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 from logger.core.types import Rat
 from logger.drivers import network_mode
@@ -134,6 +135,8 @@ class Quectel(Family):
     gnss_start_commands = modem_gnss.QGPSLOC_ON
     gnss_poll_commands = modem_gnss.QGPSLOC
     mode_commands = network_mode.NWSCANMODE
+    unnamed_rows: ClassVar[Mapping[str, str]] = {"+QOPS": ""}
+    other_rows = "+QCSQ"
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in QENG, QSCAN and QOPS rows, levels in QCSQ rows, fixes of the receiver."""

@@ -17,6 +17,7 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
@@ -75,6 +76,16 @@ _BAND = (
     r"(?:LTE band\s*:\s*(B\d{1,3})|NR5G band\s*:\s*(n\d{1,3})"
     r"|%s band\s*:\s*((?!unknown)(?:WCDMA )?\w+))(?!\w)"
 )
+_WORDS = (
+    "System mode Current Time Reset Counter Temperature PS state GMM MM CS EMM RRC IMS reg"
+    " L1 LTE WCDMA UMTS GSM NR5G ENDC CDMA band bw Rx Tx chan channel level RX RxM RxD PCC SCC C0"
+    " C1 RSSI RSRP RSRQ SINR RSCP ECN0 ECIO dB dBm Power TAC LAC CID Cell ID Serving IntraFreq"
+    " InterFreq EARFCN UARFCN ARFCN MCC MNC Bd D U SNR PCI PSC BSIC RXLV ThresholdLow ThresholdHi"
+    " ThreshL ThreshH Priority Prio ONLINE OFFLINE Attached Not Detached Registered Registering"
+    " Searching Normal Service Connected Disconnected Idle NO SRV No ASSIGNED INACTIVE ACTIVE"
+    " unknown MHz SSC1 SSC2 SSC3 SSC4 SCC1 SCC2 SCC3 SCC4 NCC MODE Limited"
+)
+"""Words of !GSTATUS and !LTEINFO."""
 _BITS: Mapping[Rat, tuple[int, int]] = {
     "GSM": (16, 16),
     "WCDMA": (16, 28),
@@ -125,6 +136,7 @@ class Sierra(Family):
     )
     survey_commands = (Command("AT+COPS=?", timeout_s=180.0),)
     mode_commands = network_mode.SELRAT
+    unnamed_rows: ClassVar[Mapping[str, str]] = dict.fromkeys(("!GSTATUS", "!LTEINFO"), _WORDS)
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells received now, the serving one once and with its network."""

@@ -12,7 +12,7 @@ completely or not at all; a row that is damaged further right keeps the level of
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Role
 from logger.drivers.claim import Claim
@@ -102,6 +102,9 @@ class Sim800(Family):
     survey_commands = (Command("AT+CNETSCAN", timeout_s=90.0, silence_s=50.0),)
     gnss_start_commands = modem_gnss.CGNSINF_ON
     gnss_poll_commands = modem_gnss.CGNSINF
+    unnamed_rows: ClassVar[Mapping[str, str]] = {
+        "+CNETSCAN": "Operator MCC MNC Rxlev Cellid Arfcn Lac Bsic"
+    }
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells received now; None without an answer or where engineering mode is off."""

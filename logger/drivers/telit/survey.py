@@ -44,6 +44,11 @@ _STATUS = (
     "CELL_LOW_LEVEL",
     "CELL_OTHER",
 )
+WORDS = (
+    "Network survey started ended Carrier BCCh arfcn uarfcn earfcn bsic rxLev ber mcc mnc lac tac"
+    " cellId scr_code cellIdentity cellStatus rscp ecio rsrp rsrq " + " ".join(_STATUS)
+)
+"""Words of a survey."""
 _TYPES = {
     "number": r"\d{1,6}",
     "text": r"\w{1,3}",

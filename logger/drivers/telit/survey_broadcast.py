@@ -29,6 +29,9 @@ _ENDS = tuple(
 )
 """What follows the neighbours in #CSURVC: each has another number of values."""
 
+WORDS = " ".join((*_OWN, *_NEIGHBOURS, *_PACKET, *_RESELECTION))
+"""Words in front of the values."""
+
 _LABEL = re.compile(r" ?([A-Z]\w*) ?:([^:]*?)(?= [A-Z]\w* ?:|\Z)", re.ASCII | re.IGNORECASE)
 _NUMBER = r"(?:0|[1-9]\d{0,3})"
 _CHANNELS = re.compile(rf"{_NUMBER}(?: {_NUMBER})*", re.ASCII)

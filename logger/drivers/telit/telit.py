@@ -1,7 +1,8 @@
 """Telit: cells from AT#MONI, AT#SERVINFO (`monitor`) and the network surveys (`survey`)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 from logger.core.types import CellReading
 from logger.drivers import network_mode
@@ -11,6 +12,7 @@ from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import network, pieces
 from logger.drivers.reading.rows import Registration, Row
 from logger.drivers.reading.serving_cell import is_serving
+from logger.drivers.telit import survey, survey_broadcast
 from logger.drivers.telit.monitor import monitor_rows
 from logger.drivers.telit.survey import SLICES, survey_rows
 
@@ -43,6 +45,11 @@ class Telit(Family):
         Command(f"AT#CSURV={low},{high}", timeout_s=120.0, silence_s=15.0) for low, high in SLICES
     )
     mode_commands = network_mode.WS46
+    unnamed_rows: ClassVar[Mapping[str, str]] = {
+        "#CSURV": f"{survey.WORDS} {survey_broadcast.WORDS}",
+        "#MONI": "Cell BSIC LAC CellId ARFCN Power C1 C2 TA RxQual PLMN Id PWR",
+        "+WS46": "",
+    }
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask, and put together what the replies contain of the serving cell."""

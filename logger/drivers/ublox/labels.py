@@ -71,6 +71,12 @@ _NAMES = {  # as in `cell.readings`
     "rxlevserv": "rxlev_of_three",
     "bsic": "bsic_text",
 }
+WORDS = (
+    "MCC MNC LAC TAC RAC CI Cell ID BSIC Arfcn RxLev RxLevServ RxLevFull RxLevSub DLF ULF SC PCI"
+    " RSCP RSRP RSRQ ECN0 LEV RAT Service Serving Neighbour Neighbor Equivalent PLMN PLMNs GSM UMTS"
+    " URR DC BP M ERR RC OOS BLER TSIR MSIR HCS HMD LM PSM RV RS C D B U G NU NG RxQual TA"
+)
+"""Words of the labels of a scan and of +CGED."""
 _ENVIRONMENT = re.compile(r"\+CGED\b", re.IGNORECASE)
 _TECHNOLOGY = re.compile(r'(?:RAT:\s*"|(?<!\w))(GSM|UMTS|BSIC|DLF)(?:"|\s?:)', re.IGNORECASE)
 _RATS: dict[str, Rat] = {"GSM": "GSM", "UMTS": "WCDMA", "BSIC": "GSM", "DLF": "WCDMA"}

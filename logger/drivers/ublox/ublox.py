@@ -8,8 +8,9 @@ of +UCGED (firmware_notes/ublox.md).
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 from logger.core.types import CellReading, Role
 from logger.drivers import network_mode
@@ -21,6 +22,7 @@ from logger.drivers.reading.fields import decimal, pieces
 from logger.drivers.reading.row_patterns import form, listed_row
 from logger.drivers.reading.rows import Row
 from logger.drivers.reading.serving_cell import chosen_networks
+from logger.drivers.ublox import labels
 from logger.drivers.ublox.cell import readings
 from logger.drivers.ublox.labels import labelled_rows
 from logger.drivers.ublox.ucged import ucged_rows
@@ -59,6 +61,11 @@ class Ublox(Family):
     )
     survey_commands = (Command("AT+COPS=5", timeout_s=200.0, silence_s=60.0),)
     mode_commands = network_mode.URAT
+    unnamed_rows: ClassVar[Mapping[str, str]] = {
+        "+COPS": labels.WORDS,
+        "+CGED": labels.WORDS,
+        "+UCGED": "",
+    }
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask in turn until a reply has cells; AT+COPS? restores lost zeros of a network code."""
