@@ -3,11 +3,17 @@
 import os
 import socket
 import subprocess
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.client import HTTPConnection
 from pathlib import Path
 
+import msgspec
+
+from logger.core.types import Note
+from logger.device.page_requests import PageRequests
+from logger.device.status import Status, write_status
 from tests.kit import service
 from tests.kit.simulated_devices import simulated_devices
 
@@ -74,6 +80,30 @@ def page_server(folder: Path, config: Path, port: int) -> Iterator[PageServer]:
         finally:
             process.terminate()
             process.wait(20)
+
+
+@contextmanager
+def recording(folder: Path, status: Status) -> Iterator[list[Note]]:
+    """What a recorder does for the page: it takes requests, and names them in its status.
+
+    Yields the notes that it has taken.
+    """
+    requests, notes, ended = PageRequests(folder / "cellwalk-page"), [], threading.Event()
+
+    def run() -> None:
+        while not ended.wait(0.05):
+            notes.extend(requests.take())
+            requests.confirm(len(notes))
+            now = msgspec.structs.replace(status, recorded=requests.recorded)
+            write_status(folder / "cellwalk", now)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield notes
+    finally:
+        ended.set()
+        thread.join()
 
 
 @contextmanager
