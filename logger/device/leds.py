@@ -59,7 +59,7 @@ class StatusLight:
         trigger = self._folder / "trigger"
         try:
             names = read_regular(trigger, _MOST_BYTES, follow_links=True).decode(errors="replace")
-            active = re.search(r"\[(.+?)\]", names)
+            active = re.search(r"\[([^][]+)\]", names)
             self._trigger_before = active[1] if active else "none"
             trigger.write_text("none")
         except OSError as error:

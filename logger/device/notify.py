@@ -35,9 +35,9 @@ class ServiceManager:
         self._send("WATCHDOG=1" if self._ready else "READY=1\nWATCHDOG=1")
         self._ready = True
 
-    def heartbeat(self, count: int | None) -> None:
+    def heartbeat(self, count: int) -> None:
         """Feed the watchdog if `count` has grown: the recorder works, and so does the caller."""
-        if self._heartbeat is not None and count is not None and count > self._heartbeat:
+        if self._heartbeat is not None and count > self._heartbeat:
             self.alive()
         self._heartbeat = count
 

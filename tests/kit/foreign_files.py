@@ -4,7 +4,6 @@ import os
 import stat
 from pathlib import Path
 
-
 from tests.kit import service
 
 TEXTS: dict[str, bytes] = {
