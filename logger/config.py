@@ -3,12 +3,14 @@
 import re
 import tomllib
 from collections.abc import Iterator
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
 
 from logger.core.errors import ConfigError
+from logger.core.foreign import open_regular
 from logger.core.live_settings import LIMITS, LONGEST_TARGET_BYTES, LiveSettings
 
 PollInterval = Annotated[float, msgspec.Meta(gt=0)]
@@ -124,14 +126,12 @@ def load_config(path: Path) -> tuple[SiteConfig, str]:
     Raises `ConfigError`, which names the file, the table, the key and the nearest valid key.
     """
     try:
-        with path.open(encoding="utf-8") as file:
+        with TextIOWrapper(open_regular(path, follow_links=True), encoding="utf-8") as file:
             text = file.read(_MOST_CHARACTERS + 1)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: not a text file in UTF-8") from None
-    except ValueError as error:
-        raise ConfigError(f"{str(path)!r} is no path: {error}") from None
     if len(text) > _MOST_CHARACTERS:
         raise ConfigError(f"{path}: longer than any configuration")
     return parse_config(text, str(path)), text
@@ -148,7 +148,7 @@ def parse_config(text: str, name: str) -> SiteConfig:
         raise ConfigError(f"{name}: {error}") from None
     except msgspec.ValidationError as error:
         raise ConfigError(f"{name}: {_explain(str(error))}") from None
-    except (RecursionError, ValueError) as error:
+    except (RecursionError, ValueError, OverflowError) as error:
         raise ConfigError(f"{name}: this TOML cannot be read: {error}") from None
     for problem in _without_meaning(config):
         raise ConfigError(f"{name}: {problem}")

@@ -15,7 +15,7 @@ import msgspec
 
 from logger.config import PowerSettings
 from logger.core.types import Note
-from logger.device.machine import SYS
+from logger.device.machine import SYS, kernel_number, kernel_text
 from logger.device.notify import ServiceManager
 
 log = logging.getLogger(__name__)
@@ -66,13 +66,16 @@ def batteries(sys: Path = SYS) -> list[Battery]:
 
 
 def _supply(folder: Path) -> Battery | None:
-    if _text(folder / "type") not in {"Battery", "UPS"} or _text(folder / "scope") == "Device":
+    if (
+        kernel_text(folder / "type") not in {"Battery", "UPS"}
+        or kernel_text(folder / "scope") == "Device"
+    ):
         return None
-    if _text(folder / "present") == "0":
+    if kernel_text(folder / "present") == "0":
         return None
-    percent = _number(folder / "capacity")
-    volts, amperes = _number(folder / "voltage_now"), _number(folder / "current_now")
-    state = (_text(folder / "status") or "unknown").lower()
+    percent = kernel_number(folder / "capacity")
+    volts, amperes = kernel_number(folder / "voltage_now"), kernel_number(folder / "current_now")
+    state = (kernel_text(folder / "status") or "unknown").lower()
     return Battery(
         folder.name,
         percent if percent is not None and 0.0 <= percent <= 100.0 else None,
@@ -83,31 +86,16 @@ def _supply(folder: Path) -> Battery | None:
 
 
 def _sensor(folder: Path) -> Battery | None:
-    name = _text(folder / "name")
-    millivolts = _number(folder / "in1_input")
+    name = kernel_text(folder / "name")
+    millivolts = kernel_number(folder / "in1_input")
     if name not in SENSORS or millivolts is None:
         return None
-    milliamperes = _number(folder / "curr1_input")
+    milliamperes = kernel_number(folder / "curr1_input")
     return Battery(
         name,
         volts=millivolts / 1e3,
         amperes=None if milliamperes is None else milliamperes / 1e3,
     )
-
-
-def _text(path: Path) -> str | None:
-    try:
-        return path.read_text(errors="replace").strip()
-    except OSError:  # a driver may refuse while the board does not answer
-        return None
-
-
-def _number(path: Path) -> float | None:
-    text = _text(path)
-    try:
-        return None if text is None else float(int(text))
-    except ValueError:
-        return None
 
 
 def is_low(battery: Battery, settings: PowerSettings, rise: bool = False) -> bool:

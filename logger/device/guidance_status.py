@@ -1,7 +1,5 @@
 """Position and next way of the followed cell for `status.json`, in degrees."""
 
-from typing import Any
-
 import numpy as np
 
 from logger.core.geo import Utm
@@ -9,7 +7,7 @@ from logger.core.guidance.followed_cell import LivePosition
 from logger.core.guidance.map_form import degrees_of
 from logger.core.locator.region import highest_density
 from logger.core.locator.rivals import relevant_modes
-from logger.device.status import ModeStatus, PositionStatus, StrongestStatus
+from logger.device.status import ModeStatus, PositionStatus, Region, StrongestStatus
 
 _MOST_SQUARES = 400
 """Squares of the region, 100 bytes each: the page loads them twice a second."""
@@ -40,7 +38,7 @@ def position_status(cell: str, utm: Utm, position: LivePosition) -> PositionStat
     )
 
 
-def _region(utm: Utm, position: LivePosition) -> dict[str, Any]:
+def _region(utm: Utm, position: LivePosition) -> Region:
     """The 95 % region as a GeoJSON MultiPolygon of squares; the least likely ones are left out."""
     squares = position.posterior.squares
     chosen = highest_density(squares)[:_MOST_SQUARES]

@@ -6,11 +6,14 @@ import threading
 from itertools import cycle
 from pathlib import Path
 
+from logger.core.foreign import read_regular
 from logger.device.status import Sign, Status
 
 log = logging.getLogger(__name__)
 
 LEDS = Path("/sys/class/leds")
+_MOST_BYTES = 65_536
+"""Of the list of triggers, which is longer than a page of memory on some boards."""
 
 FLASHES_S: dict[Sign, tuple[float, ...]] = {
     "recording": (0.1, 1.9),
@@ -55,7 +58,8 @@ class StatusLight:
         """Take the LED from the kernel, which may use it to show access to the card."""
         trigger = self._folder / "trigger"
         try:
-            active = re.search(r"\[(.+?)\]", trigger.read_text())
+            names = read_regular(trigger, _MOST_BYTES, follow_links=True).decode(errors="replace")
+            active = re.search(r"\[([^][]+)\]", names)
             self._trigger_before = active[1] if active else "none"
             trigger.write_text("none")
         except OSError as error:

@@ -36,12 +36,15 @@ class Inbox:
         self._lock = threading.Lock()
         self._dropped = 0
 
-    def put(self, record: Record) -> None:
+    def put(self, record: Record) -> bool:
+        """Pass a record on; False where it was dropped."""
         try:
             self._queue.put_nowait(record)
         except queue.Full:
             with self._lock:
                 self._dropped += 1
+            return False
+        return True
 
     def get(self, timeout_s: float) -> Record | None:
         try:

@@ -35,12 +35,9 @@ class ServiceManager:
         self._send("WATCHDOG=1" if self._ready else "READY=1\nWATCHDOG=1")
         self._ready = True
 
-    def heartbeat(self, count: int | None) -> None:
-        """Feed the watchdog if `count` has grown: the recorder waits for the card but runs.
-
-        A restart would not repair the card, and would lose the records in memory.
-        """
-        if self._heartbeat is not None and count is not None and count > self._heartbeat:
+    def heartbeat(self, count: int) -> None:
+        """Feed the watchdog if `count` has grown: the recorder works, and so does the caller."""
+        if self._heartbeat is not None and count > self._heartbeat:
             self.alive()
         self._heartbeat = count
 
@@ -58,4 +55,4 @@ class ServiceManager:
         # a systemd that does not answer must not stop a recording
         with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as channel:
             channel.settimeout(SEND_TIMEOUT_S)
-            channel.sendto(assignments.encode(), self._address)
+            channel.sendto(assignments.encode(errors="replace"), self._address)

@@ -166,7 +166,12 @@ class Recorder:
             record = replace(record, value=scan)
             self.counts["readings"] += len(scan.readings)
         self.counts[type(record.value).__name__] += 1
-        seq = self._writer.append(record)
+        self.counts[record.source] += 1
+        try:
+            seq = self._writer.append(record)
+        except OverflowError as error:  # one impossible number must not end the run
+            self._append(self._note("error", "unrecordable", f"{record.source}: {error}"))
+            return
         if isinstance(record.value, Fix):
             self._fixes.add(record.t_ns, seq if record.value.valid else None)
         if _is_for_estimate(record) and not self._estimator.give(seq, record):

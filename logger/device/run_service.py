@@ -27,28 +27,33 @@ def run_service(
 ) -> Path:
     """Record until a signal of `stop` or the end of the duration, and return the finished run.
 
-    Under systemd another unit recovers earlier runs, with a low priority; otherwise this does.
+    The watchdog is fed by this thread, and only while the recorder works. Under systemd another
+    unit recovers earlier runs, with a low priority; otherwise this does.
     """
     give_back()
     ended, signals = stop
     with status_sinks(config.status, manager) as sinks:
         battery = BatteryWatch(config.power, monotonic)
-        service = Service(config, begun, clock, ended, durable=manager.alive, battery=battery)
+        service = Service(config, begun, clock, ended, battery=battery)
         service.start()
         recovery = threading.Thread(target=recover_folder, args=(service.folder,), name="recovery")
         if not manager.is_present:
             recovery.start()
 
         def publish() -> None:
+            manager.heartbeat(service.heartbeat)
             status = service.snapshot()
             for sink in sinks:
                 sink.publish(status)
-            manager.heartbeat(service.heartbeat)
 
-        service.wait(duration_s, publish)
-        manager.stopping()
-        over = service.low_battery or f"duration of {duration_s} s over"
-        run = service.stop(signals[0] if signals else over)
+        reason = "internal error of the logger"
+        try:
+            service.wait(duration_s, publish)
+            over = service.low_battery or f"duration of {duration_s} s over"
+            reason = signals[0] if signals else over
+        finally:  # whatever has happened, the run is sealed and the process ends
+            manager.stopping()
+            run = service.stop(reason)
         if not manager.is_present:
             recovery.join()
     return run

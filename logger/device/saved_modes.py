@@ -9,7 +9,11 @@ from pathlib import Path
 
 import msgspec
 
+from logger.core.foreign import decode_json, read_regular
+
 FILE = "modem-modes.json"
+_MOST_BYTES = 1 << 20
+"""An entry has 200 bytes."""
 
 
 class SavedMode(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -30,7 +34,8 @@ class SavedModes:
 
     def all(self) -> tuple[SavedMode, ...]:
         try:
-            return msgspec.json.decode(self.path.read_bytes(), type=tuple[SavedMode, ...])
+            text = read_regular(self.path, _MOST_BYTES, follow_links=True)
+            return decode_json(text, tuple[SavedMode, ...])
         except FileNotFoundError:
             return ()
         except msgspec.DecodeError as error:

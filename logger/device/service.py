@@ -9,12 +9,12 @@ from functools import partial
 from pathlib import Path
 
 from logger.config import GNSS_OF_MODEM, SiteConfig
-from logger.core.errors import ConfigError, RunFileError
-from logger.core.types import DEAD_RECKONING, LiveEstimate, Record
+from logger.core.errors import ConfigError, DeviceError, RunFileError
+from logger.core.types import DEAD_RECKONING, LiveEstimate, Note, Record
 from logger.device.battery import BatteryWatch
 from logger.device.clock import Clock
 from logger.device.gpsd_link import receiver_session
-from logger.device.link import Link
+from logger.device.link import Link, Tally
 from logger.device.mode_switch import RESTORE_S, unrestored_modes
 from logger.device.modem_link import modem_session
 from logger.device.mounts import MOUNTINFO, kept_in_memory
@@ -32,6 +32,8 @@ from logger.drivers.registry import FAMILIES, check_mode
 log = logging.getLogger(__name__)
 
 JOIN_S = 10.0
+PAGE = "page"
+"""Source of the notes about what the page asks."""
 STATUS_EVERY_S = 30.0
 TICK_S, PAGE_TICK_S = 1.0, 0.5
 """The second with a page on a phone, which should show a level within a second."""
@@ -46,9 +48,8 @@ class Service:
 
     The clock is an argument, so that a simulated walk can run faster.
 
-    `ended` ends `wait`; the recorder sets it too when it fails. `durable` is called each time
-    everything is on the card. Raises `ConfigError`, and removes the run, for an
-    impossible port or driver.
+    `ended` ends `wait`; the recorder sets it too when it fails. Raises `ConfigError`, and removes
+    the run, for an impossible port or driver.
     """
 
     def __init__(
@@ -58,7 +59,6 @@ class Service:
         clock: Clock,
         ended: threading.Event,
         *,
-        durable: Callable[[], None] = lambda: None,
         battery: BatteryWatch | None = None,
     ) -> None:
         of_modem = config.gnss.port == GNSS_OF_MODEM
@@ -72,12 +72,11 @@ class Service:
             raise
         self._clock = clock
         self._ended = ended
-        self._started_ns = begun.started_ns
+        self._started_ns = self._logged_ns = begun.started_ns
         self._stop = threading.Event()
         self._ports = ports
         self._swap = PortSwap(self._started_ns, 1e9 / clock.real_s(1.0))
         self._inbox = WatchedInbox(ports, self._swap)
-        self._durable = durable
         self._battery = battery
         self._scan_s = (
             SCAN_S
@@ -87,6 +86,8 @@ class Service:
         self._tick_s = PAGE_TICK_S if config.page.listen else TICK_S
         self._requests = page_requests(status_folder()) if config.page.listen else None
         self._synced_ns: int | None = None
+        self._n_syncs = self._n_of_page_synced = 0
+        self._defects: dict[str, Tally] = {}
         self.folder, self._writer = begun.folder, begun.writer
         self.recorder = Recorder(
             self._writer,
@@ -111,7 +112,7 @@ class Service:
 
     def start(self) -> None:
         log.info("recording to %s", self._writer.path)
-        if where := kept_in_memory(self.folder.resolve(), MOUNTINFO.read_text()):
+        if where := kept_in_memory(self.folder.resolve(), MOUNTINFO.read_text(errors="replace")):
             log.warning("runs are stored in memory (%s) and lost at a power cut", where)
         for thread in self._threads:
             thread.start()
@@ -123,12 +124,14 @@ class Service:
         """
         self._stop.set()
         recorder, *links = self._threads
-        for link in links:
-            link.join(JOIN_S + RESTORE_S)
-        if left := unrestored_modes(self._modes, FAMILIES.get):
-            self._links["modem"].note("warning", "mode-left", left)
-        self.recorder.finish(reason)
-        recorder.join()
+        try:
+            for link in links:
+                link.join(JOIN_S + RESTORE_S)
+            if left := unrestored_modes(self._modes, FAMILIES.get):
+                self._links["modem"].note("warning", "mode-left", left)
+        finally:
+            self.recorder.finish(reason)
+            recorder.join()
         if self.recorder.error is not None:
             raise RunFileError(f"recording to {self._writer.path} failed: {self.recorder.error}")
         return _finish_run(self._writer.path)
@@ -136,26 +139,63 @@ class Service:
     def wait(self, duration_s: float | None, publish: Callable[[], None] = lambda: None) -> None:
         """Wait for `ended` or the end of the duration, and call `publish` once a tick.
 
-        A battery that is low ends it as well.
+        A battery that is low ends it as well. An error in a part of a tick is counted in notes, and
+        the other parts go on. Raises `DeviceError` where a thread of a port has ended: only another
+        start brings it back.
         """
         end_ns = None if duration_s is None else self._clock.now_ns() + round(duration_s * 1e9)
-        logged_ns = self._started_ns
         while end_ns is None or self._clock.now_ns() < end_ns:
             now_ns = self._clock.now_ns()
             left_s = min(self._tick_s, math.inf if end_ns is None else (end_ns - now_ns) / 1e9)
             if self._clock.wait(self._ended, max(left_s, 0.0)):
                 return
-            self._check_ports(now_ns)
-            for note in self._battery.look() if self._battery else ():
-                self._inbox.put(Record(now_ns, "battery", note))
+            self._look_at_threads()
+            self._attempt("ports", now_ns, self._check_ports)
+            self._attempt("battery", now_ns, self._look_at_battery)
             if self.low_battery:
                 return
-            for note in self._requests.take() if self._requests else ():
-                self._inbox.put(Record(now_ns, "page", note))
-            publish()
-            if now_ns - logged_ns > STATUS_EVERY_S * 1e9:
-                logged_ns = now_ns
-                log.info("%s", self.status())
+            self._attempt("page", now_ns, self._take_requests)
+            self._attempt("status", now_ns, lambda _: publish())
+            self._attempt("log", now_ns, self._log_status)
+
+    def _attempt(self, part: str, now_ns: int, work: Callable[[int], None]) -> None:
+        """Do a part of a tick: a bug in one must not end the recording."""
+        try:
+            work(now_ns)
+        except Exception as error:
+            what = f"{part}: {type(error).__name__}"
+            if what not in self._defects:
+                log.exception("unexpected (%s); later ones are counted in the run", part)
+                self._defects[what] = Tally(f"times {what}", least=1)
+            self._defects[what].add(1, now_ns)
+        for tally in self._defects.values():
+            if text := tally.take(now_ns):
+                self._inbox.put(Record(now_ns, "logger", Note("error", "internal", text)))
+
+    def _look_at_threads(self) -> None:
+        for thread in self._threads:
+            if not thread.is_alive() and not self._ended.is_set():
+                raise DeviceError(f"the thread of {thread.name} has ended")
+
+    def _look_at_battery(self, now_ns: int) -> None:
+        for note in self._battery.look() if self._battery else ():
+            self._inbox.put(Record(now_ns, "battery", note))
+
+    def _take_requests(self, now_ns: int) -> None:
+        """Record what the page asks, and learn what of it is on the card."""
+        if self._requests is None:
+            return
+        self._requests.confirm(self._n_of_page_synced)
+        for note in self._requests.take():
+            if not self._inbox.put(Record(now_ns, PAGE, note)):
+                self._requests.drop(note)
+        if self.recorder.failing:
+            self._requests.disown()
+
+    def _log_status(self, now_ns: int) -> None:
+        if now_ns - self._logged_ns > STATUS_EVERY_S * 1e9:
+            self._logged_ns = now_ns
+            log.info("%s", self.status())
 
     def status(self) -> str:
         """The status in one line."""
@@ -174,9 +214,12 @@ class Service:
         return self._battery.low if self._battery else ""
 
     @property
-    def heartbeat(self) -> int | None:
-        """A number that grows while the recorder runs but the card fails; otherwise None."""
-        return self._inbox.n_polls if self.recorder.failing else None
+    def heartbeat(self) -> int:
+        """A number that grows with each durable write, and while the recorder waits for the card.
+
+        A restart would not repair the card, and would lose the records in memory.
+        """
+        return self._n_syncs + (self._inbox.n_polls if self.recorder.failing else 0)
 
     def snapshot(self) -> Status:
         """The status now, for all outputs."""
@@ -206,6 +249,7 @@ class Service:
             cells=inbox.cells.rows(suspicions),
             followed=inbox.followed,
             battery=self._battery.latest if self._battery else None,
+            recorded=self._requests.recorded if self._requests else (),
         )
 
     def _trouble(self, now_ns: int) -> str:
@@ -230,8 +274,10 @@ class Service:
         return "suspicious" if "suspicious" in words else "recording"
 
     def _note_sync(self) -> None:
+        """Called by the recorder's thread after each durable write."""
+        self._n_of_page_synced = self.recorder.counts[PAGE]
         self._synced_ns = self._clock.now_ns()
-        self._durable()
+        self._n_syncs += 1
 
     def _link(self, source: str, baud: int) -> Link:
         return Link(source, self._ports[source], baud, self._clock, self._inbox, self._stop)

@@ -3,10 +3,11 @@
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Literal, TypedDict
 
 import msgspec
 
+from logger.core.foreign import decode_json, read_regular
 from logger.core.guidance.next_way import NextWay
 from logger.device.battery import Battery
 from logger.device.clock import SystemClock
@@ -17,6 +18,11 @@ _FILE = "status.json"
 SILENT_S = 3.0
 """A recorder that has written no status for this long hangs or does not run."""
 
+_MOST_BYTES = 1 << 22
+"""A status has 100 kB at most."""
+
+Whole = Annotated[int, msgspec.Meta(ge=-(1 << 63), le=(1 << 63) - 1)]
+"""JSON has integers that no float and no column holds."""
 Sign = Literal["recording", "suspicious", "no fix", "error"]
 
 
@@ -26,15 +32,15 @@ class FixStatus(msgspec.Struct, frozen=True):
     `t_ns` is time since boot; `quality` 6 is a position by dead reckoning.
     """
 
-    t_ns: int
+    t_ns: Whole
     valid: bool
     utc: str | None
     lat_deg: float | None
     lon_deg: float | None
     acc_m: float | None
     hdop: float | None
-    sats_used: int | None
-    quality: int | None = None
+    sats_used: Whole | None
+    quality: Whole | None = None
     speed_mps: float | None = None
     course_deg: float | None = None
 
@@ -48,7 +54,7 @@ class TargetStatus(msgspec.Struct, frozen=True):
 
     cell: str
     verdict: str
-    n: int = 0
+    n: Whole = 0
     probability: float | None = None
     lat_deg: float | None = None
     lon_deg: float | None = None
@@ -89,6 +95,13 @@ class StrongestStatus(msgspec.Struct, frozen=True):
     level_dbm: float
 
 
+class Region(TypedDict):
+    """A MultiPolygon of GeoJSON."""
+
+    type: str
+    coordinates: list[list[list[tuple[float, float]]]]
+
+
 class PositionStatus(msgspec.Struct, frozen=True):
     """The posterior of the cell that is followed.
 
@@ -102,7 +115,7 @@ class PositionStatus(msgspec.Struct, frozen=True):
     lon: float | None = None
     r95_m: float | None = None
     area_m2: float | None = None
-    region: dict[str, Any] | None = None
+    region: Region | None = None
     modes: tuple[ModeStatus, ...] = ()
     strongest: StrongestStatus | None = None
 
@@ -118,14 +131,14 @@ class CellStatus(msgspec.Struct, frozen=True):
 
     cell: str = ""
     rat: str | None = None
-    channel: int | None = None
+    channel: Whole | None = None
     is_serving: bool = False
     level_dbm: float | None = None
     average_dbm: float | None = None
     peak_dbm: float | None = None
     trend_db: float | None = None
-    heard_ns: int = 0
-    n: int = 0
+    heard_ns: Whole = 0
+    n: Whole = 0
     ta_m: float | None = None
     word: str | None = None
     reasons: tuple[str, ...] = ()
@@ -148,20 +161,21 @@ class Status(msgspec.Struct, frozen=True):
     `waiting` of the queue's `room` records have yet to be written. `next` and `position` are of the
     cell that is followed; `cells` has the serving cell first, then the others by level.
     `followed` is the cell that the walker chose on the page, None for the program's choice.
+    `recorded` names the latest requests of the page that are on the card.
     """
 
     state: Sign
     text: str
     run: str
-    pid: int
-    now_ns: int
-    since_ns: int
-    synced_ns: int | None
-    fixes: int
-    scans: int
-    readings: int
-    waiting: int
-    room: int
+    pid: Whole
+    now_ns: Whole
+    since_ns: Whole
+    synced_ns: Whole | None
+    fixes: Whole
+    scans: Whole
+    readings: Whole
+    waiting: Whole
+    room: Whole
     fix: FixStatus | None
     target: TargetStatus | None
     ports: dict[str, PortStatus]
@@ -171,6 +185,7 @@ class Status(msgspec.Struct, frozen=True):
     cells: tuple[CellStatus, ...] = ()
     followed: str | None = None
     battery: Battery | None = None
+    recorded: tuple[str, ...] = ()
 
 
 def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:
@@ -203,9 +218,9 @@ def write_status(folder: Path, status: Status) -> None:
 def read_status(folder: Path) -> Status | None:
     """Read the status of a running service; None without one.
 
-    Raises OSError without the permission.
+    Raises OSError without the permission, and for what is no file of a status's size.
     """
     try:
-        return msgspec.json.decode((folder / _FILE).read_bytes(), type=Status)
+        return decode_json(read_regular(folder / _FILE, _MOST_BYTES), Status)
     except (FileNotFoundError, msgspec.DecodeError):
         return None

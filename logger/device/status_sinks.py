@@ -31,10 +31,11 @@ class StatusSink(Protocol):
 
 
 class StatusFile:
-    """`status.json` in a folder, until writing fails."""
+    """`status.json` in a folder; a failure is logged once, and writing is tried again."""
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
+        self._fails = False
 
     def publish(self, status: Status) -> None:
         if self._folder is None:
@@ -42,8 +43,11 @@ class StatusFile:
         try:
             write_status(self._folder, status)
         except OSError as error:
-            log.warning("status.json is not updated any more: %s", error)
-            self.close()
+            if not self._fails:
+                log.warning("status.json cannot be written: %s", error)
+            self._fails = True
+        else:
+            self._fails = False
 
     def close(self) -> None:
         self._folder = None

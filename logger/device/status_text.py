@@ -38,6 +38,8 @@ def report(folder: Path, *, as_json: bool, columns: int) -> Report:
         status = running_status(folder)
     except PermissionError:
         raise ConfigError(f"{folder} belongs to the group cellwalk: use sudo") from None
+    except OSError as error:
+        raise ConfigError(f"{folder}: status.json: {error.strerror}") from None
     except ConfigError as error:
         fields = {"state": "error", "text": str(error)}
         return Report(_json(fields) if as_json else f"error: {error}", is_recorded=False)
@@ -73,7 +75,9 @@ def status_lines(status: Status, age_s: float = 0.0) -> Iterator[str]:
         yield f"durable {durable_s:.1f} s ago in {status.run}"
     if (fix := status.fix) is not None:
         used = "?" if fix.sats_used is None else fix.sats_used
-        place = f"{fix.lat_deg:.5f} {fix.lon_deg:.5f}" if fix.lat_deg is not None else "no position"
+        place = "no position"
+        if fix.lat_deg is not None and fix.lon_deg is not None:
+            place = f"{fix.lat_deg:.5f} {fix.lon_deg:.5f}"
         yield f"position: {place}, {used} satellites"
     if status.battery is not None:
         yield f"battery {status.battery}"

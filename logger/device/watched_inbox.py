@@ -38,7 +38,7 @@ class WatchedInbox(Inbox):
     def room(self) -> int:
         return self._queue.maxsize
 
-    def put(self, record: Record) -> None:
+    def put(self, record: Record) -> bool:
         if self._swap is not None:
             self._swap.feed(record)
         match record.value:
@@ -53,7 +53,7 @@ class WatchedInbox(Inbox):
             case Note(code=code, text=cell) if code == FOLLOW:
                 self.followed = None if cell in {STRONGEST, SUSPICIOUS} else cell
         self.cells.feed(record)
-        super().put(record)
+        return super().put(record)
 
     def move(self, source: str, url: str) -> None:
         """Note that a link continues at another port."""

@@ -10,6 +10,7 @@ from logger.check import Line
 from logger.core.errors import ConfigError
 from logger.core.runfile import Run
 from logger.device.libraries import installed_versions
+from logger.device.machine import kernel_text
 from logger.drivers.privacy.patterns import mask_labelled
 
 _MOST_NOTES = 60
@@ -65,18 +66,18 @@ def _machine() -> Iterator[tuple[str, str]]:
     """Board, system and kernel; not the name of the machine."""
     model = _first_line(Path("/proc/device-tree/model"))
     yield "model", model.strip("\0") or platform.machine()
-    release = platform.freedesktop_os_release() if Path("/etc/os-release").exists() else {}
-    yield "system", release.get("PRETTY_NAME", "unknown")
+    try:
+        system = platform.freedesktop_os_release().get("PRETTY_NAME", "unknown")
+    except (OSError, ValueError):
+        system = "unknown"
+    yield "system", system
     yield "kernel", f"{platform.release()} {platform.machine()}"
     yield "processors", str(os.cpu_count())
     yield "memory", f"{os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 1e9:.1f} GB"
 
 
 def _first_line(path: Path) -> str:
-    try:
-        return path.read_text(errors="replace").splitlines()[0]
-    except (OSError, IndexError):
-        return ""
+    return ((kernel_text(path) or "").splitlines() or [""])[0]
 
 
 def _settings(config: Path) -> Iterator[str]:

@@ -8,7 +8,13 @@ from pathlib import Path
 from logger.check import Line
 from logger.config import PowerSettings
 from logger.device.battery import batteries, is_low
-from logger.device.machine import UNDERVOLTAGE_NOW, UNDERVOLTAGE_SINCE_BOOT, throttled_bits
+from logger.device.machine import (
+    UNDERVOLTAGE_NOW,
+    UNDERVOLTAGE_SINCE_BOOT,
+    kernel_number,
+    kernel_text,
+    throttled_bits,
+)
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 
 THROTTLED_NOW, THROTTLED_SINCE_BOOT = 0x6, 0x60000
@@ -44,7 +50,7 @@ def power(sys: Path = Path("/sys")) -> Line:
 def temperature(sys: Path = Path("/sys")) -> Line:
     """The highest temperature that the kernel knows of the processor."""
     zones = sys.glob("class/thermal/thermal_zone*/temp")
-    known = [degrees for zone in zones if (degrees := _degrees(zone)) is not None]
+    known = [milli / 1000.0 for zone in zones if (milli := kernel_number(zone)) is not None]
     if not known:
         return Line("ok", "temperature", "not reported by this machine")
     hottest = max(known)
@@ -53,13 +59,6 @@ def temperature(sys: Path = Path("/sys")) -> Line:
         advice = "the processor is slowed down" if hottest >= HOT_C else "close to slowing down"
         return Line("warn", "temperature", f"{text}, {advice}: give the case air, keep it shaded")
     return Line("ok", "temperature", text)
-
-
-def _degrees(zone: Path) -> float | None:
-    try:
-        return int(zone.read_text()) / 1000.0
-    except (OSError, ValueError):
-        return None
 
 
 def battery(settings: PowerSettings, sys: Path = Path("/sys")) -> Line:
@@ -94,7 +93,7 @@ def disk(folder: Path) -> Line:
 
 def plug(folder: Path, mountinfo: Path = MOUNTINFO) -> Line:
     """Whether runs survive a power cut."""
-    if file_system := kept_in_memory(folder.resolve(), mountinfo.read_text()):
+    if file_system := kept_in_memory(folder.resolve(), mountinfo.read_text(errors="replace")):
         text = (
             f"runs are stored in memory ({file_system}) and lost at a power cut: "
             "give them a partition (systemd/README.md, Read-only root)"
@@ -109,7 +108,7 @@ def holders(name: str, port: str, proc: Path = Path("/proc")) -> Iterator[Line]:
     for folder in proc.glob("[0-9]*"):
         try:
             is_open = any(os.path.realpath(link) == device for link in (folder / "fd").iterdir())
-            program = (folder / "comm").read_text().strip()
+            program = kernel_text(folder / "comm") or "a process without a name"
         except OSError:  # the process has ended, or belongs to another user
             continue
         if not is_open or int(folder.name) == os.getpid():

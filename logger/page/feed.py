@@ -1,7 +1,9 @@
 """What all phones are sent: the status, the walk and the machine as one JSON text."""
 
 import asyncio
+import re
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ LOOK_S = 0.1
 BEAT_S = 1.0
 """Without anything new the phone hears this often that the page is there."""
 MACHINE_S = 5.0
+_JOURNAL = re.compile(rf"[\w.-]+{re.escape(JOURNAL)}", re.ASCII)
 
 
 class State(msgspec.Struct, frozen=True):
@@ -57,6 +60,22 @@ class Feed:
         if status is None:
             return None
         return status.followed or (status.target.cell if status.target else None)
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether no recorder writes its status."""
+        return self._status is None or time.monotonic() - self._heard_s > SILENT_S
+
+    async def has_recorded(self, request: str, patience_s: float) -> bool:
+        """Wait until the recorder names a request as recorded; False where it does not in time."""
+        end_s = time.monotonic() + patience_s
+        while self._status is None or request not in self._status.recorded:
+            left_s = end_s - time.monotonic()
+            if left_s <= 0.0:
+                return False
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self.changed(), left_s)
+        return True
 
     async def changed(self) -> None:
         """Wait for the next text."""
@@ -112,7 +131,8 @@ class Feed:
     def _follow_run(self, journal: Path) -> None:
         """Begin with the journal of another run; a status names no file outside the runs."""
         journal = self._runs / journal.name
-        if journal.name.endswith(JOURNAL) and (self._tail is None or self._tail.journal != journal):
+        is_one = _JOURNAL.fullmatch(journal.name) is not None
+        if is_one and (self._tail is None or self._tail.journal != journal):
             self._tail, self.walk = JournalTail(journal, TABLES), Walk()
 
     def _state(self, now_s: float) -> State:

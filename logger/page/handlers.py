@@ -9,19 +9,25 @@ from pathlib import Path
 from typing import BinaryIO
 
 import msgspec
+from tornado.http1connection import HTTP1Connection
 from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, RequestHandler
 
-from logger.device.page_requests import LONGEST_TEXT, PageRequest
+from logger.core.foreign import decode_json
+from logger.device.page_requests import PageRequest
 from logger.page.assets import Asset
 from logger.page.feed import Feed
-from logger.page.guard import Limits
+from logger.page.guard import Connection, Limits, Places
 from logger.page.request_file import RequestFile
-from logger.page.runs import closed_runs, open_regular, open_run
+from logger.page.runs import closed_runs, open_run, open_sized
 from logger.page.token import is_token
 
-MOST_STREAMS = 10
-"""Phones that are sent news; further ones are refused until one leaves."""
+_WHY = {
+    HTTPStatus.TOO_MANY_REQUESTS: "too many at once",
+    HTTPStatus.SERVICE_UNAVAILABLE: "the recorder did not take it",
+    HTTPStatus.INSUFFICIENT_STORAGE: "the Pi has no room",
+}
+"""What the phone shows of a request that is refused."""
 CHUNK = 1 << 15
 MOST_OF_MAP = 1 << 20
 """Bytes of one request for the map: tiles are smaller."""
@@ -64,8 +70,9 @@ class Site:
     requests: RequestFile
     assets: Mapping[str, Asset]
     limits: Limits
+    connections: Places
+    streams: Places
     map_file: Path | None = None
-    n_streams: int = 0
 
 
 class Guarded(RequestHandler):
@@ -73,6 +80,8 @@ class Guarded(RequestHandler):
 
     def initialize(self, site: Site) -> None:
         self.site = site
+        assert isinstance(self.request.connection, HTTP1Connection)
+        self.stream: Connection = self.request.connection.stream
 
     def set_default_headers(self) -> None:
         for name, value in _HEADERS.items():
@@ -83,13 +92,18 @@ class Guarded(RequestHandler):
         refused = self._refusal()
         if refused is not None:
             raise HTTPError(refused)
+        self.site.connections.begin(self.stream)
+
+    def on_finish(self) -> None:
+        self.site.connections.end(self.stream)
 
     def write_error(self, status_code: int, **_kwargs: object) -> None:
         """One plain line; never what was asked, nor why it failed."""
         self.set_header("Content-Type", "text/plain; charset=utf-8")
-        if status_code == HTTPStatus.TOO_MANY_REQUESTS:
+        if status_code in {HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.SERVICE_UNAVAILABLE}:
             self.set_header("Retry-After", "2")
-        self.finish(f"{status_code} {HTTPStatus(status_code).phrase}\n")
+        status = HTTPStatus(status_code)
+        self.finish(f"{status_code} {_WHY.get(status, status.phrase)}\n")
 
     def _refusal(self) -> HTTPStatus | None:
         request, site = self.request, self.site
@@ -145,16 +159,11 @@ class LiveHandler(Guarded):
     """News as server-sent events; a phone that is slow misses some and gets the newest."""
 
     async def get(self, _token: str) -> None:
-        site = self.site
-        if site.n_streams >= MOST_STREAMS:
-            self.set_header("Retry-After", "5")
+        if not self.site.streams.admit(self.stream, self.request.remote_ip or ""):
             raise HTTPError(HTTPStatus.SERVICE_UNAVAILABLE)
-        site.n_streams += 1
-        try:
-            self.set_header("Content-Type", "text/event-stream")
-            await self.send_pieces(_events(site.feed))
-        finally:
-            site.n_streams -= 1
+        self.site.streams.begin(self.stream)
+        self.set_header("Content-Type", "text/event-stream")
+        await self.send_pieces(_events(self.site.feed))
 
 
 class TrackHandler(Guarded):
@@ -202,7 +211,7 @@ class MapHandler(Guarded):
 
     async def get(self, _token: str) -> None:
         span = _RANGE.fullmatch(self.request.headers.get("Range", ""))
-        found = open_regular(self.site.map_file) if span and self.site.map_file else None
+        found = open_sized(self.site.map_file) if span and self.site.map_file else None
         if span is None or found is None:
             raise HTTPError(HTTPStatus.NOT_FOUND)
         file, size = found
@@ -225,17 +234,14 @@ class RequestHandlerOf(Guarded):
         if self.request.headers.get("Content-Type") != "application/json":
             raise HTTPError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE)
         try:
-            text = msgspec.json.decode(self.request.body, type=str)
+            text = decode_json(self.request.body, str)
             request = msgspec.convert({"do": do, "text": text}, PageRequest)
-        except (msgspec.DecodeError, msgspec.ValidationError):
+        except msgspec.DecodeError:
             raise HTTPError(HTTPStatus.BAD_REQUEST) from None
-        if len(text) > LONGEST_TEXT:
-            raise HTTPError(HTTPStatus.BAD_REQUEST)
-        try:
-            self.site.requests.add(request)
-        except OSError:
-            raise HTTPError(HTTPStatus.INSUFFICIENT_STORAGE) from None
-        self.set_status(HTTPStatus.ACCEPTED)
+        outcome = await self.site.requests.ask(request)
+        if outcome != HTTPStatus.ACCEPTED:
+            raise HTTPError(outcome)
+        self.set_status(outcome)
 
 
 async def _slices(content: bytes) -> AsyncIterator[bytes]:

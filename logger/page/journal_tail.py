@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from logger.core.foreign import open_regular
 from logger.core.runfile.frames import Frame, Kind, payload_of, scan
 from logger.core.runfile.run_names import part_path
 from logger.core.schema import SCHEMA_VERSION, columns_of, packing_of
@@ -52,7 +53,7 @@ class JournalTail:
 
     def _read(self) -> bytes:
         try:
-            with part_path(self.journal, self._part).open("rb", buffering=0) as file:
+            with open_regular(part_path(self.journal, self._part)) as file:
                 return os.pread(file.fileno(), self._portion, self._position)
         except OSError:
             return b""

@@ -2,9 +2,10 @@
 
 import os
 import re
-import stat
 from pathlib import Path
 from typing import BinaryIO
+
+from logger.core.foreign import open_regular
 
 _CLOSED = re.compile(r"run-\d{6}\.h5", re.ASCII)
 MOST_SHOWN = 20
@@ -26,19 +27,13 @@ def is_run(name: str) -> bool:
 
 def open_run(folder: Path, name: str) -> tuple[BinaryIO, int] | None:
     """The file and its size; None where it is no closed run or cannot be read."""
-    if not is_run(name):
-        return None
-    return open_regular(folder / name)
+    return open_sized(folder / name) if is_run(name) else None
 
 
-def open_regular(path: Path) -> tuple[BinaryIO, int] | None:
+def open_sized(path: Path) -> tuple[BinaryIO, int] | None:
     """A regular file and its size; None for a link, a pipe, or what cannot be read."""
     try:
-        fd = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        file = open_regular(path)
     except OSError:
         return None
-    status = os.fstat(fd)
-    if not stat.S_ISREG(status.st_mode):
-        os.close(fd)
-        return None
-    return os.fdopen(fd, "rb"), status.st_size
+    return file, os.fstat(file.fileno()).st_size

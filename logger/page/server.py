@@ -6,6 +6,7 @@ import logging
 import os
 import signal
 import socket
+import traceback
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from logger.config import SiteConfig, page_address
 from logger.core.errors import ConfigError
 from logger.page.assets import assets
 from logger.page.feed import Feed
-from logger.page.guard import Limits, host_names
+from logger.page.guard import Limits, Places, host_names
 from logger.page.handlers import (
     PATIENCE_S,
     AssetHandler,
@@ -41,6 +42,8 @@ MAP_PROGRAM = "maplibre-gl.mjs"
 MOST_CONNECTIONS = 64
 MOST_OF_ONE = 12
 """Connections of one address: a browser opens six."""
+MOST_STREAMS = 10
+"""Phones that are sent news."""
 HEADER_BYTES = 8192
 BODY_BYTES = 1024
 HEADER_S = 10.0
@@ -51,37 +54,61 @@ BIND_AGAIN_S = 2.0
 
 
 class BoundedServer(HTTPServer):
-    """Closes connections beyond the limits at once."""
+    """Gives places to connections; closes those for which there is none at once.
+
+    `HTTPServer` makes itself without its constructor, so `places` is set afterwards.
+    """
+
+    places: Places
 
     def handle_stream(self, stream: IOStream, address: tuple[str, int]) -> None:
         """Accept a connection, or close it."""
-        of_one = sum(_remote(one.context) == address[0] for one in self._connections)
-        if len(self._connections) >= MOST_CONNECTIONS or of_one >= MOST_OF_ONE:
+        if self.places.admit(stream, address[0]):
+            super().handle_stream(stream, address)
+        else:
             stream.close()
-            return
-        super().handle_stream(stream, address)
 
 
-def _remote(context: object) -> str | None:
-    return getattr(context, "remote_ip", None)
+class WithoutRequests(logging.Filter):
+    """Leaves out what tornado and asyncio say of requests, whose addresses contain the token.
+
+    Of an error only its kind and the lines of the program remain; all else of a stranger's request
+    is of no use in a log either.
+    """
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether a record is written; changes one of a library."""
+        if record.name.partition(".")[0] == __name__.partition(".")[0]:
+            return True
+        kind, _, trace = record.exc_info or (None, None, None)
+        lines = "".join(traceback.format_tb(trace))
+        what = kind.__name__ if kind else "message"
+        record.msg = f"{record.name}: {what} at {record.filename}:{record.lineno}\n{lines}".rstrip()
+        record.args, record.exc_info, record.exc_text, record.stack_info = (), None, None, None
+        return record.levelno >= logging.ERROR
 
 
 def serve(config: SiteConfig, environ: Mapping[str, str] = os.environ) -> int:
     """Serve the page until SIGTERM or SIGINT; returns the exit code 0, raises `ConfigError`."""
     address, port = page_address(config.page.listen)
     runtime = Path(environ.get("RUNTIME_DIRECTORY", RUNTIME))
+    for log_handler in logging.getLogger().handlers:
+        log_handler.addFilter(WithoutRequests())
     status = runtime.with_name(runtime.name.removesuffix("-page"))
     runs = Path(config.run.directory).expanduser()
     files_by_name = assets(with_map=bool(config.page.map))
+    feed = Feed(status, runs, has_map=MAP_PROGRAM in files_by_name)
     site = Site(
         token=make_token(state_folder(environ)),
         hosts=host_names(address, port),
-        feed=Feed(status, runs, has_map=MAP_PROGRAM in files_by_name),
+        feed=feed,
         runs=runs,
-        requests=RequestFile(runtime),
+        requests=RequestFile(runtime, feed),
         assets=files_by_name,
         map_file=Path(config.page.map) if config.page.map else None,
         limits=Limits(),
+        connections=Places(MOST_CONNECTIONS, MOST_OF_ONE),
+        streams=Places(MOST_STREAMS, MOST_STREAMS),
     )
     asyncio.run(_serve(site, address, port))
     return 0
@@ -102,6 +129,7 @@ async def _serve(site: Site, address: str, port: int) -> None:
         body_timeout=HEADER_S,
         chunk_size=4096,
     )
+    server.places = site.connections
     site.feed.look()
     server.add_socket(listener)
     log.info("the page is on; its address: sudo fieldlogger page --show")

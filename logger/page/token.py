@@ -2,16 +2,20 @@
 
 import hmac
 import os
+import re
 import secrets
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from logger.core.errors import ConfigError
+from logger.core.foreign import read_regular
 
 STATE = Path("/var/lib/cellwalk-page")
 """StateDirectory= of the unit."""
 _FILE = "token"
+_TOKEN = re.compile(r"[\w-]{16,64}", re.ASCII)
+_MOST_BYTES = 1024
 _BYTES = 16
 """128 bits: nobody guesses them at any rate."""
 
@@ -33,15 +37,15 @@ def read_token(folder: Path) -> str:
     """The token that the page has made; raises `ConfigError` without one."""
     path = folder / _FILE
     try:
-        token = path.read_text("ascii").strip()
+        token = read_regular(path, _MOST_BYTES).decode("ascii").strip()
     except FileNotFoundError:
         start = "start it with: sudo systemctl restart fieldlogger-page"
         raise ConfigError(f"the page has never been on; {start}") from None
     except PermissionError:
         raise ConfigError(f"{path} belongs to the page: use sudo") from None
-    except UnicodeDecodeError:
+    except (OSError, UnicodeDecodeError):
         token = ""
-    if len(token) < _BYTES:  # a power cut may leave an empty file
+    if not _TOKEN.fullmatch(token):  # a power cut may leave an empty file
         raise ConfigError(f"{path} is damaged: remove it and restart fieldlogger-page")
     return token
 

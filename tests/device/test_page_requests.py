@@ -1,10 +1,11 @@
 import os
+import socket
 
 import pytest
 
 from logger.core.runfile import read_run
 from logger.core.types import Note
-from logger.device.page_requests import FILE, PageRequests, requests_folder
+from logger.device.page_requests import FILE, MOST_AT_ONCE, PageRequests, requests_folder
 from postproc.replay import replay
 from tests.kit import service
 from tests.kit.simulated_devices import simulated_devices
@@ -47,6 +48,19 @@ def test_what_stood_there_before_is_not_for_this_run_but_a_new_file_is(tmp_path)
         b'{"do":"mark","text":"%s"}' % (b"x" * 121),
         b'{"do":"mark","text":"a","run":"b"}',
         b"{" * 1000,
+        b"\xff",
+        b'{"do":"mark","text":"\xff"}',
+        b'{"do":"\xff"}',
+        b'{"\xff":1}',
+        b'{"do":"mark","id":"\xc3\x28"}',
+        b'{"do":"mark","id":"12345678901234567"}',
+        b'{"do":"mark","text":"\\ud800"}',
+        b'{"do":"mark","text":"a\0b"}',
+        b"\0" * 500,
+        b'{"do":"mark","text":%s}' % (b"9" * 400),
+        b'{"do":"mark","text":%s}' % (b"[" * 900),
+        b'{"do":"mark","x":%s}' % (b'{"a":' * 150),
+        b"\xef\xbb\xbf{}",
     ],
 )
 def test_what_is_no_request_is_counted(tmp_path, line):
@@ -59,27 +73,84 @@ def test_a_flood_is_read_in_portions_and_mostly_refused(tmp_path):
     requests = PageRequests(tmp_path)
     _append(tmp_path, FOLLOW * 10_000)
     notes = requests.take()
-    assert [note.code for note in notes] == ["follow"] * 4 + ["page-request"]
+    assert [note.code for note in notes] == ["follow"] * MOST_AT_ONCE + ["page-request"]
     _append(tmp_path, b"x" * 1_000_000)
     for _ in range(500):
-        assert len(requests.take()) <= 5
+        assert len(requests.take()) <= MOST_AT_ONCE + 1
     _append(tmp_path, b"\n" + MARK)
     assert next(note.code for note in requests.take()) == "mark"
 
 
-@pytest.mark.parametrize("make", ["pipe", "link", "folder"])
-def test_a_pipe_a_link_or_a_folder_is_not_read(tmp_path, make):
+@pytest.mark.parametrize("make", ["pipe", "link", "loop", "device", "folder", "socket", "secret"])
+def test_what_is_no_file_is_counted_once_and_not_read(tmp_path, make):
     requests, path = PageRequests(tmp_path), tmp_path / FILE
-    if make == "pipe":
-        os.mkfifo(path)
-    elif make == "link":
-        (tmp_path / "secret").write_bytes(MARK)
-        path.symlink_to(tmp_path / "secret")
-    else:
-        path.mkdir()
-    found = []
-    service.assert_ends(lambda: found.extend(requests.take()), 10.0)
-    assert found == []
+    (tmp_path / "other").write_bytes(MARK)
+    match make:
+        case "pipe":
+            os.mkfifo(path)
+        case "link":
+            path.symlink_to(tmp_path / "other")
+        case "loop":
+            path.symlink_to(path)
+        case "device":
+            path.symlink_to("/dev/zero")
+        case "folder":
+            path.mkdir()
+        case "socket":
+            with socket.socket(socket.AF_UNIX) as server:
+                server.bind(str(path))
+        case "secret":
+            if os.getuid() == 0:
+                pytest.skip("root reads everything")
+            path.write_bytes(MARK)
+            path.chmod(0)
+    codes = []
+    service.assert_ends(lambda: codes.extend(note.code for note in requests.take()), 10.0)
+    assert codes == ["page-request"]
+    assert requests.take() == []
+    (tmp_path / "new").write_bytes(MARK)
+    if make == "folder":
+        path.rmdir()
+    (tmp_path / "new").replace(path)
+    assert [note.code for note in requests.take()] == ["mark"]
+
+
+def test_a_file_that_was_cut_is_read_from_its_start(tmp_path):
+    requests = PageRequests(tmp_path)
+    _append(tmp_path, FOLLOW * 3)
+    assert len(requests.take()) == 3
+    (tmp_path / FILE).write_bytes(MARK)
+    assert [note.code for note in requests.take()] == ["mark"]
+    (tmp_path / FILE).unlink()
+    assert requests.take() == []
+
+
+def _named(*names):
+    return b"".join(b'{"do":"mark","id":"%s"}\n' % name for name in names)
+
+
+def test_a_request_is_confirmed_when_its_note_is_on_the_card(tmp_path):
+    requests = PageRequests(tmp_path)
+    _append(tmp_path, _named(b"a", b"b") + b"garbage\n")
+    assert len(requests.take()) == 3
+    requests.confirm(1)
+    assert requests.recorded == ("a",)
+    _append(tmp_path, MARK + _named(b"c", b"d", b"e"))
+    notes = requests.take()
+    requests.drop(notes[1])  # c
+    requests.confirm(4)
+    assert requests.recorded == ("a", "b")
+    requests.confirm(5)
+    assert requests.recorded == ("a", "b", "d")
+    requests.disown()
+    requests.confirm(6)
+    assert requests.recorded == ("a", "b", "d")
+    for i in range(100):
+        _append(tmp_path, _named(b"%d" % i))
+        requests.take()
+        requests.confirm(7 + i)
+    assert requests.recorded[-1] == "99"
+    assert len(requests.recorded) == 2 * MOST_AT_ONCE
 
 
 def test_text_that_controls_a_terminal_is_escaped(tmp_path):

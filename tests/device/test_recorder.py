@@ -1,5 +1,7 @@
 import threading
 
+import pytest
+
 from logger.core.live_settings import LiveSettings
 from logger.core.runfile import RunWriter, finish_journal, read_run, sealing_of
 from logger.core.types import Fix, RawBytes, Record, Scan
@@ -69,13 +71,27 @@ def test_records_that_found_no_room_are_counted_in_the_run(tmp_path):
     assert b"15 records lost" in note["text"]
 
 
+@pytest.mark.parametrize(
+    "fix", [Fix(True, sats_used=2**40), Fix(True, utc_ns=10**20), Fix(True, quality=10**400)]
+)
+def test_a_number_that_fits_into_no_column_costs_its_record_only(tmp_path, fix):
+    bench = Bench(tmp_path)
+    for value in (Fix(True, None, 52.0, 13.0), fix, Fix(True, None, 53.0, 13.0)):
+        bench.inbox.put(Record(10**9, "gnss", value))
+    bench.thread.start()
+    run = bench.finish()
+    assert run.tables["fixes"]["lat_deg"].tolist() == [52.0, 53.0]
+    assert b"unrecordable" in run.tables["notes"]["code"].tolist()
+    assert run.end.reason == "test"
+
+
 def test_a_recorder_that_fails_says_so(tmp_path):
     bench = Bench(tmp_path)
-    bench.inbox.put(Record(1, "gnss", Fix(True, sats_used=2**40)))  # no such number fits the table
+    bench.inbox.put(Record(1, "gnss", object()))  # no record of ours
     bench.thread.start()
     assert bench.ended.wait(service.LIMIT_S)
     bench.thread.join()
-    assert isinstance(bench.recorder.error, OverflowError)
+    assert isinstance(bench.recorder.error, TypeError)
 
 
 def test_the_watchdog_is_told_of_every_flush_and_the_state_in_words(tmp_path):

@@ -3,11 +3,17 @@
 import os
 import socket
 import subprocess
-from collections.abc import Iterator
+import threading
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from http.client import HTTPConnection
 from pathlib import Path
 
+import msgspec
+
+from logger.core.types import Note
+from logger.device.page_requests import PageRequests
+from logger.device.status import Status, write_status
 from tests.kit import service
 from tests.kit.simulated_devices import simulated_devices
 
@@ -15,7 +21,7 @@ from tests.kit.simulated_devices import simulated_devices
 class PageServer:
     """A running server and its answers."""
 
-    def __init__(self, folder: Path, process: subprocess.Popen[str], port: int) -> None:
+    def __init__(self, folder: Path, process: subprocess.Popen[bytes], port: int) -> None:
         self.process, self.port = process, port
         self.host = f"127.0.0.1:{port}"
         self.requests = folder / "cellwalk-page" / "requests"
@@ -60,20 +66,50 @@ def folders(folder: Path) -> Path:
 
 
 @contextmanager
-def page_server(folder: Path, config: Path, port: int) -> Iterator[PageServer]:
-    """`fieldlogger page` on a configuration that names the port."""
+def page_server(
+    folder: Path, config: Path, port: int, program: Sequence[str] = ()
+) -> Iterator[PageServer]:
+    """`fieldlogger page` on a configuration that names the port; all it prints is in page.log."""
     environ = os.environ | {
         "RUNTIME_DIRECTORY": str(folder / "cellwalk-page"),
         "STATE_DIRECTORY": str(folder / "state"),
     }
-    command = [*service.FIELDLOGGER, "page", "--config", str(config)]
-    with subprocess.Popen(command, env=environ, stderr=subprocess.PIPE, text=True) as process:
+    command = [*(program or (*service.FIELDLOGGER, "page")), "--config", str(config)]
+    log = folder / "page.log"
+    with (
+        log.open("wb") as output,
+        subprocess.Popen(command, env=environ, stdout=output, stderr=output) as process,
+    ):
         try:
-            assert "the page is on" in process.stderr.readline()
+            service.wait_for(lambda: "the page is on" in log.read_text() or process.poll())
             yield PageServer(folder, process, port)
         finally:
             process.terminate()
             process.wait(20)
+
+
+@contextmanager
+def recording(folder: Path, status: Status) -> Iterator[list[Note]]:
+    """What a recorder does for the page: it takes requests, and names them in its status.
+
+    Yields the notes that it has taken.
+    """
+    requests, notes, ended = PageRequests(folder / "cellwalk-page"), [], threading.Event()
+
+    def run() -> None:
+        while not ended.wait(0.05):
+            notes.extend(requests.take())
+            requests.confirm(len(notes))
+            now = msgspec.structs.replace(status, recorded=requests.recorded)
+            write_status(folder / "cellwalk", now)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield notes
+    finally:
+        ended.set()
+        thread.join()
 
 
 @contextmanager

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from logger.device.page_requests import PageRequests
 from logger.device.status import Status, write_status
 from tests.kit import page as kit
 from tests.kit import service
@@ -57,14 +56,13 @@ def test_it_reads_the_walk_and_writes_requests_that_the_recorder_reads(folder, m
     table = f'[page]\nlisten = "127.0.0.1:{port}"\n'
     config = service.site_toml(folder, "/dev/a", "/dev/b", table)
     monkeypatch.setattr(service, "FIELDLOGGER", tuple(_as_page(*service.FIELDLOGGER)))
-    requests = PageRequests(folder / "cellwalk-page")
-    with kit.page_server(folder, config, port) as page:
+    with kit.page_server(folder, config, port) as page, kit.recording(folder, STATUS) as notes:
         assert len(json.loads(page.request("track")[2])["points"]) > 5
         assert page.post("mark", "here!")[0] == 202
         file = (folder / "cellwalk-page/requests").stat()
         assert (file.st_uid, file.st_gid, file.st_mode & 0o777) == (PAGE, RECORDER, 0o640)
         assert (folder / "state/token").stat().st_uid == PAGE
-    assert [note.text for note in requests.take()] == ["here!"]
+    assert [note.text for note in notes] == ["here!"]
 
 
 @pytest.mark.parametrize(

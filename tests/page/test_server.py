@@ -2,13 +2,16 @@
 
 import json
 import socket
+import threading
 import time
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
-from itertools import count
+from itertools import count, cycle, islice
+from pathlib import Path
 
 import pytest
 
+from logger.core.types import Note
 from logger.device.status import Status, write_status
 from logger.page.guard import BURST, PER_S, WRITE_BURST, WRITES_PER_S
 from tests.kit import page as kit
@@ -79,14 +82,11 @@ def _fields(status):
     return {name: getattr(status, name) for name in status.__struct_fields__}
 
 
-def test_a_mark_and_a_cell_to_follow_are_written_for_the_recorder(page):
-    assert page.post("mark", "here! Grüße")[0] == 202
-    assert page.post("follow", "262-01-4711-2")[0] == 202
-    lines = [json.loads(line) for line in page.requests.read_text().splitlines()]
-    assert lines == [
-        {"do": "mark", "text": "here! Grüße"},
-        {"do": "follow", "text": "262-01-4711-2"},
-    ]
+def test_a_mark_and_a_cell_to_follow_reach_the_recorder(page, tmp_path):
+    with kit.recording(tmp_path, STATUS) as notes:
+        assert page.post("mark", "here! Grüße")[0] == 202
+        assert page.post("follow", "262-01-4711-2")[0] == 202
+    assert notes == [Note("info", "mark", "here! Grüße"), Note("info", "follow", "262-01-4711-2")]
 
 
 @pytest.mark.parametrize(
@@ -125,6 +125,15 @@ def test_strangers_and_other_paths_are_refused(shared_server, path, headers, cod
         ({"Content-Type": "text/plain"}, b'"x"', 415),
         ({"Origin": ""}, b'"x"', 403),
         ({}, b"x", 400),
+        ({}, b'"\xff"', 400),
+        ({}, b'"\xc3\x28"', 400),
+        ({}, b'"a\0b"', 400),
+        ({}, b'"\\ud800"', 400),
+        ({}, b"9" * 400, 400),
+        ({}, b"[" * 1000, 400),
+        ({}, b'{"a":' * 150, 400),
+        ({}, b"", 400),
+        ({}, b"null", 400),
         ({}, b'{"a":1}', 400),
         ({}, b'"%s"' % (b"x" * 121), 400),
     ],
@@ -213,33 +222,119 @@ def test_a_request_that_never_ends_is_closed(page):
         assert time.monotonic() - start_s < 20.0
 
 
-def test_more_connections_than_phones_need_are_closed_and_the_others_go_on(page):
-    with ExitStack() as stack:
-        for host in range(2, 9):
-            for _ in range(20):
-                one = stack.enter_context(socket.socket())
-                one.bind((f"127.0.0.{host}", 0))
-                one.connect(("127.0.0.1", page.port))
-        time.sleep(0.5)
-        # all places are taken: at least nothing hangs
-        with pytest.raises(OSError):
-            page.request("", source="127.0.0.99")
-    service.wait_for(lambda: _answers(page))
+def _half_open(page, host):
+    """A connection that has brought nothing."""
+    return _connected(page, host, b"")
 
 
-def _answers(page):
+def _half_line(page, host):
+    return _connected(page, host, b"GET /x")
+
+
+def _half_headers(page, host):
+    return _connected(page, host, b"GET / HTTP/1.1\r\nHost: x\r\nX-A: ")
+
+
+def _no_body(page, host):
+    head = f"POST /{page.token}/mark HTTP/1.1\r\nHost: {page.host}\r\nContent-Length: 1000\r\n\r\n"
+    return _connected(page, host, head.encode())
+
+
+def _refused(page, host):
+    """A stranger that keeps its connection after the answer."""
+    return _connected(page, host, f"GET /x/ HTTP/1.1\r\nHost: {page.host}\r\n\r\n".encode())
+
+
+def _slow_reader(page, host):
+    path = f"/{page.token}/runs/run-000001.h5"
+    return _connected(page, host, f"GET {path} HTTP/1.1\r\nHost: {page.host}\r\n\r\n".encode())
+
+
+def _stream(page, host):
+    head = f"GET /{page.token}/live HTTP/1.1\r\nHost: {page.host}\r\n\r\n"
+    return _connected(page, host, head.encode())
+
+
+def _served(page, host):
+    """A connection that waits for its next request."""
+    head = f"GET /{page.token}/icon.svg HTTP/1.1\r\nHost: {page.host}\r\n\r\n"
+    return _connected(page, host, head.encode())
+
+
+def _connected(page, host, data):
+    one = socket.socket()
+    one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    one.bind((f"127.0.0.{host}", 0))
+    one.connect(("127.0.0.1", page.port))
+    one.sendall(data)
+    return one
+
+
+KINDS = (
+    *(_half_open, _half_line, _half_headers, _no_body, _refused),
+    *(_slow_reader, _stream, _served),
+)
+
+
+@pytest.mark.parametrize("kinds", [*[(kind,) for kind in KINDS], KINDS])
+def test_a_phone_is_served_while_six_others_hold_all_they_can(page, tmp_path, kinds):
+    with (tmp_path / "runs/run-000001.h5").open("r+b") as file:
+        file.truncate(20_000_000)
+    ended = threading.Event()
+
+    def drip(held):
+        """A byte each second, and another connection for each that was closed."""
+        while not ended.wait(0.5):
+            for i, (one, make, host) in enumerate(held):
+                try:
+                    if make in {_half_open, _half_line, _half_headers}:
+                        one.send(b"a")
+                    one.setblocking(False)
+                    with suppress(BlockingIOError):
+                        if make is not _slow_reader and not one.recv(4096):
+                            raise ConnectionError
+                    one.setblocking(True)
+                except OSError:
+                    one.close()
+                    with suppress(OSError):
+                        held[i] = make(page, host), make, host
+
+    held = [
+        (make(page, host), make, host) for host in range(2, 8) for make in islice(cycle(kinds), 12)
+    ]
+    attack = threading.Thread(target=drip, args=(held,))
+    attack.start()
+    took_s = []
     try:
-        return page.request("")[0] == 200
-    except OSError:
-        return False
+        for i in range(20):
+            start_s = time.monotonic()
+            what = ("", "track", "runs", "page.js")[i % 4]
+            assert page.request(what, source="127.0.0.99")[0] == 200
+            took_s.append(time.monotonic() - start_s)
+            time.sleep(0.1)
+        with _stream(page, 99) as phone:
+            phone.settimeout(5.0)
+            assert b"200 OK" in phone.recv(100)
+            for _ in range(3):
+                assert phone.recv(4096)
+    finally:
+        ended.set()
+        attack.join()
+        for one, _, _ in held:
+            one.close()
+    print(f"the slowest of {len(took_s)} took {max(took_s):.2f} s; {page.memory_kb / 1000:.0f} MB")
+    assert max(took_s) < 2.0
+    assert page.memory_kb < 40_000
+    assert len(list(Path(f"/proc/{page.process.pid}/fd").iterdir())) < 64 + 30
 
 
-def test_a_flood_gets_429_and_another_phone_its_page(page):
+def test_a_flood_gets_429_and_another_phone_its_page(page, tmp_path):
     _check_flood(lambda: page.request("runs", source="127.0.0.66")[0], 200, PER_S, BURST)
     assert page.request("", source="127.0.0.7")[0] == 200
-    _check_flood(
-        lambda: page.post("mark", "x", source="127.0.0.8")[0], 202, WRITES_PER_S, WRITE_BURST
-    )
+    with kit.recording(tmp_path, STATUS):
+        _check_flood(
+            lambda: page.post("mark", "x", source="127.0.0.8")[0], 202, WRITES_PER_S, WRITE_BURST
+        )
 
 
 def _check_flood(request, accepted, per_s, burst):

@@ -33,7 +33,7 @@ class RunWriter:
 
     def __init__(self, path: Path, meta: RunMeta) -> None:
         self._journal = Journal(path, msgspec.json.encode(meta))
-        self._rows: dict[str, list[tuple[Any, ...]]] = {}
+        self._rows: dict[str, list[bytes]] = {}
         self._raw: list[tuple[Any, ...]] = []
         self._raw_data = bytearray()
         self._seq = 0
@@ -64,7 +64,10 @@ class RunWriter:
         return self._journal.chain.digest
 
     def append(self, record: Record) -> int:
-        """Take a record; returns its number in the run."""
+        """Take a record; returns its number in the run.
+
+        Raises OverflowError for a number that fits into no column, and is then without the record.
+        """
         seq = self._seq
         self._seq += 1
         if self._journal.n_waiting > MOST_WAITING_BYTES:
@@ -75,7 +78,8 @@ class RunWriter:
         if isinstance(record.value, RawBytes):
             self._append_raw(seq, record, record.value)
         else:
-            for table, row in rows_of(seq, record):
+            packed = [(table, pack_rows(table, [row])) for table, row in rows_of(seq, record)]
+            for table, row in packed:
                 self._rows.setdefault(table, []).append(row)
         return seq
 
@@ -119,7 +123,7 @@ class RunWriter:
             self._raw.clear()
             self._raw_data.clear()
         for table, rows in self._rows.items():
-            self._journal.add(Kind.ROWS, rows_payload(table, pack_rows(table, rows)))
+            self._journal.add(Kind.ROWS, rows_payload(table, b"".join(rows)))
         self._rows.clear()
 
 

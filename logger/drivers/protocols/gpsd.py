@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import msgspec
 
+from logger.core.foreign import decode_json
 from logger.core.types import Fix
 from logger.drivers.protocols.garbage import Garbage
 from logger.drivers.protocols.nmea_fix import EARLIEST_UTC, radius68_m
@@ -181,9 +182,9 @@ def _report(line: bytes) -> Report | Garbage | None:
     if not line:
         return None
     try:
-        kind = _CLASSES.get(msgspec.json.decode(line, type=_Head).name)
-        return None if kind is None else msgspec.json.decode(line, type=kind)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        kind = _CLASSES.get(decode_json(line, _Head).name)
+        return None if kind is None else decode_json(line, kind)
+    except msgspec.DecodeError:
         return Garbage(line)
 
 
@@ -244,7 +245,7 @@ def _accuracy_m(tpv: Tpv, gst: Gst, driver: str) -> float | None:
 
 
 def _utc_ns(tpv: Tpv) -> int | None:
-    """Nanoseconds since 1970; None without a fix and for a leap second."""
+    """Nanoseconds since 1970; None without a fix, for a leap second and a year that cannot be."""
     if tpv.mode < 2 or tpv.time is None:
         return None
     try:
@@ -253,4 +254,5 @@ def _utc_ns(tpv: Tpv) -> int | None:
         return None
     if when.tzinfo is None or when.date() < EARLIEST_UTC:
         return None
-    return (when - _EPOCH) // timedelta(microseconds=1) * 1000
+    utc_ns = (when - _EPOCH) // timedelta(microseconds=1) * 1000
+    return utc_ns if utc_ns < 1 << 63 else None  # from the year 2262 on no column holds it

@@ -166,7 +166,8 @@ def _utc_ns(message: Any) -> int | None:
     day = None if time_ns is None else _date(message)
     if time_ns is None or day is None or day < EARLIEST_UTC:
         return None
-    return (day - date(1970, 1, 1)).days * DAY_NS + time_ns
+    utc_ns = (day - date(1970, 1, 1)).days * DAY_NS + time_ns
+    return utc_ns if utc_ns < 1 << 63 else None  # from the year 2262 on no column holds it
 
 
 def _date(message: Any) -> date | None:

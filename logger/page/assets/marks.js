@@ -1,38 +1,40 @@
 // What the walker tells the recorder: a mark, or a cell to follow.
 
 const answer = document.getElementById('answer');
-const WHY = {429: 'too many at once', 507: 'the Pi has no room'};
-let nMarks = null;
-let waiting = false;
+let nMarks = 0;
+let showFrom = Infinity;
 
-/** Ask the Pi for something; true if it will be done. */
+/** Ask the Pi for something; true once it is on the card. */
 export async function ask(what, text) {
-  let reply;
+  let why = 'no contact with the Pi';
   try {
-    reply = await fetch(what, {
+    const reply = await fetch(what, {
       method: 'POST', headers: {'Content-Type': 'application/json'}, body: JSON.stringify(text),
     });
+    if (reply.ok) return true;
+    why = (await reply.text()).replace(/^\d+ /, '').trim() || why;
   } catch {
-    reply = {ok: false, status: 0};
+    // the Pi is out of reach
   }
-  if (!reply.ok) answer.textContent = `Not done: ${WHY[reply.status] ?? 'no contact with the Pi'}.`;
-  return reply.ok;
+  answer.textContent = `Not done: ${why}.`;
+  return false;
 }
 
 document.getElementById('mark').addEventListener('submit', async event => {
   event.preventDefault();
   const note = document.getElementById('note');
-  waiting = await ask('mark', note.value || 'here!');
-  if (!waiting) return;
-  note.value = '';
+  const [text, before] = [note.value, nMarks];
   answer.textContent = 'Sent; not on the card yet.';
+  if (!await ask('mark', text || 'here!')) return;
+  if (note.value === text) note.value = '';
+  showFrom = before + 1;
+  takeAnswer({n_marks: nMarks});
 });
 
-/** A mark counts once it is on the card. */
+/** The news have the number of a mark, before or after the answer. */
 export function takeAnswer({n_marks: n}) {
-  if (waiting && nMarks !== null && n > nMarks) {
-    waiting = false;
-    answer.textContent = `Mark ${n} is on the card.`;
-  }
   nMarks = n;
+  if (n < showFrom) return;
+  showFrom = Infinity;
+  answer.textContent = `Mark ${n} is on the card.`;
 }

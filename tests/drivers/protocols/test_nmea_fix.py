@@ -87,7 +87,9 @@ def test_vtg_has_the_motion_where_no_rmc_has():
     assert (fix.speed_mps, fix.course_deg) == (None, None)
 
 
-@pytest.mark.parametrize("date", ["21,09,1999", ",,", "31,02,2024", "21,09", "0,0,0", "aa,09,2024"])
+@pytest.mark.parametrize(
+    "date", ["21,09,1999", "21,09,9999", ",,", "31,02,2024", "21,09", "0,0,0", "aa,09,2024"]
+)
 def test_zda_that_is_no_date(date):
     body = f"GPZDA,120000.00,{date},00,00"
     assert [fix.utc_ns for _, fix in fixes(gga(), nmea(body))] == [None]

@@ -1,0 +1,144 @@
+"""The main thread: what may stand in its way, and what happens without it."""
+
+import signal
+import sys
+import time
+
+import pytest
+
+from logger.core.runfile import read_run
+from logger.device.page_requests import FILE, requests_folder
+from logger.device.status import read_status
+from tests.kit import service
+from tests.kit.simulated_devices import simulated_devices
+
+PROGRAM = """
+import sys, threading, time
+from logger import cli
+from logger.device import battery, link, page_requests, service
+{defect}
+sys.exit(cli.main(sys.argv[1:]))
+"""
+MARK = b'{"do":"mark","text":"still here"}'
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    status = tmp_path / "cellwalk"
+    for one in (status, requests_folder(status)):
+        one.mkdir()
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(status))
+    return tmp_path
+
+
+def _started(folder, modem, gnss):
+    page = '[page]\nlisten = "127.0.0.1:1"\n'
+    return service.running_service(service.site_toml(folder, modem.path, gnss.path, page))
+
+
+def _run(folder):
+    (path,) = (folder / "runs").glob("*.h5")
+    return read_run(path)
+
+
+def _journal(folder):
+    (path,) = (folder / "runs").glob("*.journal")
+    return read_run(path)
+
+
+def _notes(run, code):
+    return [row["text"].decode() for row in run.tables["notes"] if row["code"] == code.encode()]
+
+
+def test_nothing_in_the_page_s_file_stops_the_recorder(folder, monkeypatch):
+    lines = (
+        *(b"\xff", b'{"do":"mark","text":"\xff"}', b'{"do":"\xc3\x28"}', b"\0" * 900),
+        *(b'{"do":"mark","text":"\\ud800"}', b'{"do":"mark","x":%s}' % (b"[" * 900)),
+        *(b"9" * 400, b"x" * 100_000),
+    )
+    with (
+        service.systemd(monkeypatch, folder) as said,
+        simulated_devices() as (modem, gnss, _),
+        _started(folder, modem, gnss) as logger,
+    ):
+        service.wait_for(lambda: read_status(folder / "cellwalk") is not None)
+        path = requests_folder(folder / "cellwalk") / FILE
+        for line in (*lines, MARK):
+            with path.open("ab") as file:
+                file.write(line + b"\n")
+            time.sleep(0.6)
+        service.wait_for(lambda: b"mark" in _journal(folder).tables["notes"]["code"])
+        fed, status = said().count("WATCHDOG=1"), read_status(folder / "cellwalk")
+        service.wait_for(lambda: said().count("WATCHDOG=1") > fed + 1, 10.0)
+        assert read_status(folder / "cellwalk").now_ns > status.now_ns
+        service.stop_service(logger)
+    run = _run(folder)
+    assert run.end.reason == "signal SIGTERM"
+    assert _notes(run, "mark") == ["still here"]
+    refused = sum(int(text.split()[0]) for text in _notes(run, "page-request"))
+    assert refused >= len(lines)
+
+
+@pytest.mark.parametrize(
+    "defect",
+    [
+        "def fail(*_): raise ValueError\nservice.Service.snapshot = fail",
+        "def fail(*_): raise ValueError\npage_requests.PageRequests.take = fail",
+        "def fail(*_): raise ValueError\nbattery.BatteryWatch.look = fail",
+        "def fail(*_): raise ValueError\nservice.Service._check_ports = fail",
+    ],
+)
+def test_a_bug_in_one_part_of_a_tick_is_counted_and_the_rest_goes_on(folder, monkeypatch, defect):
+    program = (sys.executable, "-c", PROGRAM.format(defect=defect))
+    monkeypatch.setattr(service, "FIELDLOGGER", program)
+    with (
+        service.systemd(monkeypatch, folder) as said,
+        simulated_devices() as (modem, gnss, _),
+        _started(folder, modem, gnss) as logger,
+    ):
+        service.wait_for(lambda: said().count("WATCHDOG=1") > 12)
+        logger.send_signal(signal.SIGTERM)
+        _, errors = logger.communicate(timeout=service.LIMIT_S)
+        assert logger.returncode == 0, errors
+    assert errors.count("ValueError") == 1
+    run = _run(folder)
+    assert run.end.reason == "signal SIGTERM"
+    assert any("ValueError" in text for text in _notes(run, "internal"))
+
+
+@pytest.mark.parametrize(
+    "defect",
+    [
+        "def fail(*_, **__): raise MemoryError\nservice.Service.wait = fail",
+        "def fail(*_): raise ValueError\nservice.Service._attempt = fail",
+        "def fail(*_): raise SystemExit(3)\nservice.Service.snapshot = fail",
+        "def fail(*_): raise ValueError\nlink.Link._note_tallies = fail",
+        "def fail(*_): raise SystemExit\nlink.Link.read = fail",
+    ],
+)
+def test_a_thread_that_ends_ends_the_service_with_its_run_sealed(folder, monkeypatch, defect):
+    """systemd then starts it again."""
+    program = (sys.executable, "-c", PROGRAM.format(defect=defect))
+    monkeypatch.setattr(service, "FIELDLOGGER", program)
+    with simulated_devices() as (modem, gnss, _), _started(folder, modem, gnss) as logger:
+        logger.communicate(timeout=30.0)
+    assert logger.returncode not in {0, None}
+    run = _run(folder)
+    assert run.end.reason == "internal error of the logger"
+
+
+def test_a_main_thread_that_hangs_is_not_fed(folder, monkeypatch):
+    defect = "service.Service.snapshot = lambda self: time.sleep(1000)"
+    program = (sys.executable, "-c", PROGRAM.format(defect=defect))
+    monkeypatch.setattr(service, "FIELDLOGGER", program)
+    with (
+        service.systemd(monkeypatch, folder) as said,
+        simulated_devices() as (modem, gnss, _),
+        _started(folder, modem, gnss),
+    ):
+        service.wait_for(lambda: service.n_recorded(folder / "runs", "fixes") > 0)
+        time.sleep(2.0)
+        fed, n_fixes = said().count("WATCHDOG=1"), service.n_recorded(folder / "runs", "fixes")
+        time.sleep(3.0)
+        assert service.n_recorded(folder / "runs", "fixes") > n_fixes
+        assert said().count("WATCHDOG=1") == fed
