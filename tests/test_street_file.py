@@ -31,7 +31,7 @@ def test_reads_lines_of_geojson(tmp_path, geometry):
     nothing = {"type": "Feature", "geometry": None}
     collection = {"type": "FeatureCollection", "features": [feature, point, nothing]}
     for document in (collection, feature, geometry):
-        lines = read_lines(_write(tmp_path, json.dumps(document)))
+        lines = list(read_lines(_write(tmp_path, json.dumps(document))))
         assert lines == [[(52.5, 13.4), (52.5, 13.41)]]
 
 
@@ -43,7 +43,7 @@ def test_reads_tracks_and_routes_of_gpx(tmp_path):
         '<rte><name>r</name><rtept lat="1" lon="2"/><rtept lat="1" lon="3"/></rte>'
         '<wpt lat="5" lon="5"/></gpx>'
     )
-    lines = read_lines(_write(tmp_path, gpx))
+    lines = list(read_lines(_write(tmp_path, gpx)))
     assert lines == [[(52.5, 13.4), (52.6, 13.4)], [(1.0, 2.0), (1.0, 3.0)]]
 
 
@@ -55,7 +55,7 @@ def test_reads_tracks_and_routes_of_gpx(tmp_path):
     ],
 )
 def test_a_byte_order_mark_changes_nothing(tmp_path, text):
-    assert read_lines(_write(tmp_path, "\ufeff" + text)) == [[(52.5, 13.4), (52.5, 13.41)]]
+    assert list(read_lines(_write(tmp_path, "\ufeff" + text))) == [[(52.5, 13.4), (52.5, 13.41)]]
 
 
 @pytest.mark.parametrize(
