@@ -148,6 +148,7 @@ class Status(msgspec.Struct, frozen=True):
     `waiting` of the queue's `room` records have yet to be written. `next` and `position` are of the
     cell that is followed; `cells` has the serving cell first, then the others by level.
     `followed` is the cell that the walker chose on the page, None for the program's choice.
+    `no_estimate` is why there is no live estimate now, empty while it is made.
     """
 
     state: Sign
@@ -171,6 +172,7 @@ class Status(msgspec.Struct, frozen=True):
     cells: tuple[CellStatus, ...] = ()
     followed: str | None = None
     battery: Battery | None = None
+    no_estimate: str = ""
 
 
 def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:

@@ -2,7 +2,7 @@
 
 from array import array
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -26,6 +26,13 @@ _MOST_AT_ONCE = 10_000
 
 Line = list[tuple[float, float]]
 """Latitudes and longitudes in degrees."""
+
+
+class Streets(Protocol):
+    """Where streets come from."""
+
+    def near(self, utm: Utm, x_m: float, y_m: float) -> StreetMap | None:
+        """The streets around a walk that is here; None without any."""
 
 
 class _Prepared(NamedTuple):
