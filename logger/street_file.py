@@ -10,6 +10,7 @@ from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
+from stat import S_ISREG
 from typing import Protocol
 from xml.parsers import expat
 
@@ -74,7 +75,7 @@ def read_lines(path: Path) -> StreetLines:
     """
     lines = StreetLines()
     try:
-        if path.stat() and not path.is_file():  # a pipe or a device may never end
+        if not S_ISREG(path.stat().st_mode):  # a pipe or a device may never end
             raise ConfigError(f"{path} is no file")
         _read(_parts(path), lines)
     except OSError as error:
@@ -103,7 +104,9 @@ class _Format(Protocol):
 
 
 def _parts(path: Path) -> Iterator[bytes]:
-    """The content from its first character on."""
+    """The content from its first character on; a file may also grow meanwhile."""
+    if path.stat().st_size > MOST_BYTES:
+        raise _TooLargeError
     left = MOST_BYTES
     with path.open("rb") as file:
         part = file.read(_PART_BYTES).removeprefix(BOM_UTF8).lstrip()
