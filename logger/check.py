@@ -101,7 +101,7 @@ def _site(config: SiteConfig) -> Iterator[Line]:
         text = f"{config.live.most_cells} take more memory than the service has: {MOST_CELLS} are"
         yield Line("warn", "most_cells", f"{text} tracked at once")
     if config.status.led:
-        yield _led(config.status.led)
+        yield _light(config.status.led)
     if config.status.feed.startswith("/"):
         yield _feed(Path(config.status.feed))
     if config.page.map:
@@ -130,7 +130,7 @@ def _streets(path: Path) -> Line:
     return Line("ok", "streets", f"{path}: {len(lines)} streets, {lines.n_points} points")
 
 
-def _led(name: str) -> Line:
+def _light(name: str) -> Line:
     if (LEDS / name / "trigger").is_file():
         return Line("ok", "led", name)
     known = ", ".join(sorted(led.name for led in LEDS.glob("*"))) or "none"

@@ -95,13 +95,13 @@ def _string(coordinates):
     return f'{{"type": "LineString", "coordinates": {coordinates}}}'
 
 
-def _nested(n):
+def _nest(n):
     start = '{"type": "GeometryCollection", "geometries": ['
     return start * n + _string(LINE_TEXT) + "]}" * n
 
 
 HOSTILE = {
-    "collections in each other": _nested(700),
+    "collections in each other": _nest(700),
     "lists in each other": "[" * 100_000,
     "objects in each other": '{"a":' * 100_000,
     "400 digits": _string(f"[[13.4, 52.5], [{'1' * 400}, 52.5]]"),

@@ -175,14 +175,14 @@ class Estimator:
             return
         try:
             if self._tracker is None:
-                self._tracker = self._begun(seq, record, baseline, streets)
+                self._tracker = self._begin(seq, record, baseline, streets)
             self._estimate(self._tracker, seq, record)
         except Exception as error:  # noqa: BLE001 (a bug must not end it, nor the recording)
             self._fail(seq, record, error)
         for note in (*baseline.take_notes(), *streets.take_notes()):
             self._inbox.put(Record(record.t_ns, "live", note))
 
-    def _begun(
+    def _begin(
         self, seq: int, record: Record, baseline: "LiveBaseline", streets: "LiveStreets"
     ) -> "LiveTracker":
         """A new tracker, which knows what the walker follows."""
