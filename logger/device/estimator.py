@@ -70,7 +70,8 @@ class Estimator:
 
     `latest` is the newest estimate of the target, `suspicions` the words of cells with a finding,
     `next_way` and `position` the advice for the target and its posterior. `trouble` is why there
-    are none now, empty while the estimate is made.
+    are none now, empty while the estimate is made; `left_out` says which files are not used, and
+    why.
 
     `make` is called in the thread of the estimate, in which the files `baseline` and `streets` are
     read too.
@@ -88,6 +89,7 @@ class Estimator:
         self._failure = ""
         self._follow: tuple[int, Record] | None = None
         self._thread = threading.Thread(target=self._run, name="estimate", daemon=True)
+        self.left_out: tuple[str, ...] = ()
         self._forget()
 
     def _forget(self) -> None:
@@ -180,6 +182,8 @@ class Estimator:
         except Exception as error:  # noqa: BLE001 (a bug must not end it, nor the recording)
             self._fail(seq, record, error)
         for note in (*baseline.take_notes(), *streets.take_notes()):
+            if note.level == "warning":
+                self.left_out = (*self.left_out, note.text)
             self._inbox.put(Record(record.t_ns, "live", note))
 
     def _begin(

@@ -209,6 +209,7 @@ class Service:
             followed=inbox.followed,
             battery=self._battery.latest if self._battery else None,
             no_estimate=self.recorder.no_estimate,
+            left_out=self.recorder.left_out,
         )
 
     def _trouble(self, now_ns: int) -> str:

@@ -148,7 +148,8 @@ class Status(msgspec.Struct, frozen=True):
     `waiting` of the queue's `room` records have yet to be written. `next` and `position` are of the
     cell that is followed; `cells` has the serving cell first, then the others by level.
     `followed` is the cell that the walker chose on the page, None for the program's choice.
-    `no_estimate` is why there is no live estimate now, empty while it is made.
+    `no_estimate` is why there is no live estimate now, empty while it is made;
+    `left_out` says which files it does not use, and why.
     """
 
     state: Sign
@@ -173,6 +174,7 @@ class Status(msgspec.Struct, frozen=True):
     followed: str | None = None
     battery: Battery | None = None
     no_estimate: str = ""
+    left_out: tuple[str, ...] = ()
 
 
 def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:

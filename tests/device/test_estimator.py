@@ -236,4 +236,5 @@ def test_a_street_file_is_an_event(tmp_path):
         assert beside.finish(LIMIT_S)
         notes = [value for value in next_values(inbox) if isinstance(value, Note)]
         assert notes[0].code == code
+        assert beside.left_out == (() if code == "streets" else (notes[0].text,))
         assert str(name) in notes[0].text
