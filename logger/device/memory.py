@@ -1,6 +1,5 @@
 """What the recorder may use, and settings of malloc, so that freed memory returns to the system."""
 
-import ctypes
 import logging
 import platform
 
@@ -41,6 +40,8 @@ def give_back() -> None:
     """
     if platform.libc_ver()[0] != "glibc":
         return
+    import ctypes  # noqa: PLC0415 (not before a run has begun)
+
     libc = ctypes.CDLL(None)
     for option, value in (
         (_M_ARENA_MAX, 1),
