@@ -27,8 +27,14 @@ UNKNOWN = -1
 SCALE = 100
 """Sums of levels are stored in hundredths of a dB: integers do not depend on their order."""
 
-_MOST_KEPT = 256
+_MOST_KEPT = 128
 """Answers of each kind: the cells and squares around a walker."""
+_MOST_BYTES, _MOST_KEPT_BYTES = 16 << 20, 64 << 10
+"""Of the names of all walks, 100 000, and of an answer that is kept: 500 cells in a square."""
+_ROW_BYTES = 100
+"""Of a row of numbers; its texts come in addition."""
+_SQLITE_BYTES, _LONGEST_BYTES = 16 << 20, 64 << 10
+"""What SQLite may use in this program, and of a value: the recorder has little memory."""
 
 Answer = TypeVar("Answer")
 
@@ -46,8 +52,9 @@ class BaselineFile:
         self._cells: Latest[KnownCell | None] = Latest(_MOST_KEPT)
         self._same_cid: Latest[tuple[KnownCell, ...]] = Latest(_MOST_KEPT)
         self._channels: Latest[Mapping[int, int]] = Latest(_MOST_KEPT)
-        self._trust: dict[str, str] = dict(self._rows("SELECT cell, note FROM trust ORDER BY cell"))
-        digests = [str(row[0]) for row in self._rows("SELECT digest FROM walk ORDER BY digest")]
+        trust = self._all_rows("SELECT cell, note FROM trust ORDER BY cell")
+        self._trust: dict[str, str] = dict(trust)
+        digests = [str(row[0]) for row in self._all_rows("SELECT digest FROM walk ORDER BY digest")]
         self.n_walks = len(digests)
         self.fingerprint = sha256(repr((digests, list(self._trust.items()))).encode()).hexdigest()
 
@@ -79,7 +86,7 @@ class BaselineFile:
 
     def numbers_of(self, digests: Collection[str]) -> list[int]:
         """Numbers of the walks with these digests of their content."""
-        walks = self._rows("SELECT id, digest FROM walk ORDER BY id")
+        walks = self._all_rows("SELECT id, digest FROM walk ORDER BY id")
         return [number for number, digest in walks if digest in digests]
 
     def copy_to(self, database: sqlite3.Connection) -> None:
@@ -151,11 +158,25 @@ class BaselineFile:
                 raise RunFileError(_reason(self.path, error)) from error
         return kept[key]
 
-    def _rows(self, statement: str, *values: object) -> list[Any]:
+    def _all_rows(self, statement: str) -> list[Any]:
+        return self._rows(statement, most_bytes=_MOST_BYTES)
+
+    def _rows(
+        self, statement: str, *values: object, most_bytes: int = _MOST_KEPT_BYTES
+    ) -> list[Any]:
+        rows: list[Any] = []
         try:
-            return self._db.execute(statement, values).fetchall()
-        except (sqlite3.Error, ValueError, OverflowError) as error:  # a text that is none
+            for row in self._db.execute(statement, values):
+                texts = (value for value in row if isinstance(value, str | bytes))
+                most_bytes -= _ROW_BYTES + sum(len(text) for text in texts)
+                rows.append(row)
+                if most_bytes < 0:
+                    break
+        except (sqlite3.Error, ValueError, OverflowError, MemoryError) as error:  # no text, no end
             raise RunFileError(_reason(self.path, error)) from error
+        if most_bytes < 0:
+            raise RunFileError(f"{self.path} has more rows than walks can have")
+        return rows
 
 
 def check_head(path: Path, database: sqlite3.Connection) -> None:
@@ -175,12 +196,14 @@ def _open(path: Path) -> sqlite3.Connection:
         raise RunFileError(f"{path}: no such file; `postproc baseline add` makes a baseline")
     try:
         database = connect(path)
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_BYTES)
         try:
+            database.execute(f"PRAGMA hard_heap_limit = {_SQLITE_BYTES}")
             check_head(path, database)
         except BaseException:
             database.close()
             raise
-    except (sqlite3.Error, ValueError) as error:
+    except (sqlite3.Error, ValueError, MemoryError) as error:
         raise RunFileError(_reason(path, error)) from error
     except OSError as error:
         raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
@@ -193,7 +216,8 @@ def _reason(path: Path, error: Exception) -> str:
             f"{path} was left in the middle of a change; "
             f"`postproc baseline list --baseline {path}` restores it"
         )
-    return f"{path} cannot be read as a baseline: {error}"
+    why = str(error) or "it takes too much memory"
+    return f"{path} cannot be read as a baseline: {why}"
 
 
 def _square_row(

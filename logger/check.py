@@ -14,15 +14,22 @@ from pyproj.exceptions import ProjError
 from logger.baseline_file import BaselineFile
 from logger.command_line import missing_library
 from logger.config import GNSS_OF_MODEM, SiteConfig, load_config
-from logger.core.errors import ConfigError, RunFileError
+from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.geo import Utm
+from logger.core.guidance.street_atlas import StreetAtlas
+from logger.device.leds import LEDS
 from logger.device.libraries import LIBRARIES, version_of
+from logger.device.memory import MOST_CELLS
 from logger.device.port_url import check_url
 from logger.device.startup import usable_folder
 from logger.drivers.registry import check_mode, driver_of
 from logger.street_file import read_lines
 
 NOT_THERE = "is not there now"
+_PMTILES = b"PMTiles\3"
+"""Begin of the file, and its version (github.com/protomaps/PMTiles, spec/v3)."""
+_MEMORY_DEVICES = 1
+"""Their major number: /dev/zero and /dev/null are no ports (Linux admin-guide/devices.txt)."""
 State = Literal["ok", "warn", "fail"]
 
 
@@ -95,6 +102,15 @@ def _site(config: SiteConfig) -> Iterator[Line]:
         yield _baseline(Path(config.live.baseline))
     if config.live.streets:
         yield _streets(Path(config.live.streets))
+    if config.live.most_cells > MOST_CELLS:
+        text = f"{config.live.most_cells} take more memory than the service has: {MOST_CELLS} are"
+        yield Line("warn", "most_cells", f"{text} tracked at once")
+    if config.status.led:
+        yield _light(config.status.led)
+    if config.status.feed.startswith("/"):
+        yield _feed(Path(config.status.feed))
+    if config.page.map:
+        yield _plan(Path(config.page.map))
 
 
 def _baseline(path: Path) -> Line:
@@ -102,17 +118,49 @@ def _baseline(path: Path) -> Line:
     try:
         baseline = BaselineFile(path)
     except RunFileError as error:
-        return Line("warn", "baseline", str(error))
+        return Line("fail", "baseline", str(error))
     baseline.close()
     return Line("ok", "baseline", f"{path}: {baseline.n_walks} earlier walks")
 
 
 def _streets(path: Path) -> Line:
+    """The streets, and whether a map of them can be made; without them the service records too."""
     try:
         lines = read_lines(path)
+        StreetAtlas(lines).near_densest()
     except ConfigError as error:
-        return Line("warn", "streets", str(error))
-    return Line("ok", "streets", f"{path}: {len(lines)} streets")
+        return Line("fail", "streets", str(error))
+    except GeoError as error:
+        return Line("fail", "streets", f"{path}: {error}")
+    return Line("ok", "streets", f"{path}: {len(lines)} streets, {lines.n_points} points")
+
+
+def _light(name: str) -> Line:
+    if (LEDS / name / "trigger").is_file():
+        return Line("ok", "led", name)
+    known = ", ".join(sorted(led.name for led in LEDS.glob("*"))) or "none"
+    return Line("warn", "led", f"this machine has no LED {name}; it has: {known}")
+
+
+def _feed(path: Path) -> Line:
+    """A socket left by a service that was killed is replaced, anything else is not."""
+    if path.exists() and not path.is_socket():
+        return Line("fail", "feed", f"{path} is there and is no socket: remove it")
+    return Line("ok", "feed", str(path))
+
+
+def _plan(path: Path) -> Line:
+    """The map of the page's plan; the page runs without it."""
+    start = b""
+    try:
+        if path.is_file():
+            with path.open("rb") as file:
+                start = file.read(len(_PMTILES))
+    except OSError as error:
+        return Line("fail", "page", f"map {path}: {error.strerror}")
+    if start != _PMTILES:
+        return Line("fail", "page", f"map {path} is no PMTiles file of version 3")
+    return Line("ok", "page", f"map {path}")
 
 
 def _folder(folder: Path) -> Line:
@@ -141,7 +189,8 @@ def _port(name: str, url: str) -> Line:
         return Line("ok", name, f"{url} is a network port, not looked at")
     path = Path(url)
     try:
-        is_device = stat.S_ISCHR(path.stat().st_mode)
+        status = path.stat()
+        is_device = stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) != _MEMORY_DEVICES
     except FileNotFoundError:
         return Line("warn", name, f"{url} {NOT_THERE}; it is picked up when it is plugged in")
     except OSError as error:

@@ -82,13 +82,17 @@ for command in (recover, check, doctor, status, page):
 )
 def run(config: Path, duration_s: float | None) -> None:
     """Record until SIGTERM, SIGINT or a power cut."""
+    from msgspec.structs import replace
+
     from logger.config import load_config
     from logger.device.clock import SystemClock
+    from logger.device.memory import within_memory
     from logger.device.notify import ServiceManager
     from logger.device.signals import stop_signals
     from logger.device.startup import begin_run
 
     site, text = load_config(config)
+    site = replace(site, live=within_memory(site.live))
     clock, manager = SystemClock(), ServiceManager.of(os.environ)
     if duration_s is None and site.run.longest_h:
         duration_s = 3600.0 * site.run.longest_h  # systemd starts the next run

@@ -1,5 +1,6 @@
 """The live estimate once more, from recorded fixes, scans and what the walker followed."""
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import astuple, dataclass
 from importlib.metadata import version
@@ -7,11 +8,12 @@ from importlib.metadata import version
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from logger.core.errors import EstimationError, place_of
 from logger.core.live import ADVICE, LiveTracker
-from logger.core.live_settings import BEHIND, FOLLOW
+from logger.core.live_settings import BEHIND, FAILED, FOLLOW, RESTARTED
 from logger.core.runfile import Run
 from logger.core.suspicion.notes import FINDING_CODE, RULES_CODE, start_note
-from logger.core.types import LiveEstimate, Note
+from logger.core.types import LiveEstimate, Note, Record
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,13 +44,41 @@ class Replay:
 
 
 def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
-    """Live estimates and events computed from the run's records, in their order."""
-    tracker = LiveTracker(run.meta.live)
+    """Live estimates and events computed from the run's records, in their order.
+
+    Where the estimate failed on the device and began anew, it does so here. Raises
+    `EstimationError` where it fails only here.
+    """
+    failed, restarted = _numbers(run, FAILED), _numbers(run, RESTARTED)
+    tracker: LiveTracker | None = LiveTracker(run.meta.live)
+    follow: tuple[int, Record] | None = None
     with threadpool_limits(1):  # as on the device: several threads of BLAS add in another order
         for seq, record in run.records("fixes", "scans", "notes"):
-            if isinstance(record.value, Note) and record.value.code != FOLLOW:
+            if isinstance(record.value, Note):
+                if record.value.code != FOLLOW:
+                    continue
+                follow = seq, record
+            if seq in failed:
+                tracker = None
+            elif tracker is None and seq in restarted:
+                tracker = LiveTracker(run.meta.live)
+                if follow is not None and follow[0] != seq:
+                    tracker.feed(*follow)
+            if tracker is None:
                 continue
-            yield from tracker.feed(seq, record)
+            try:
+                values = tracker.feed(seq, record)
+            except Exception as error:
+                text = f"{run.path}: the live estimate fails at record {seq}: {place_of(error)}"
+                raise EstimationError(text) from error
+            yield from values
+
+
+def _numbers(run: Run, code: str) -> frozenset[int]:
+    """Numbers of the records that the events with a code name."""
+    values = (record.value for _, record in run.records("notes"))
+    named = (re.match(r"record (\d+):", text) for text in _texts(values, code))
+    return frozenset(int(number[1]) for number in named if number)
 
 
 def replay(run: Run) -> Replay:

@@ -74,6 +74,43 @@ def test_check_tells_of_a_missing_port_but_leaves_it_time(site, capsys):
     assert "plugged in" in lines["modem"]["text"]
 
 
+def _with(site, table, line):
+    site.write_text(f"{site.read_text()}\n[{table}]\n{line}\n")
+    return site
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ('{"a": [' * 700, "nested in more than 64 levels"),
+        ("{" + " " * (40 << 20), "at most 32 MB and 500000 points"),
+        ("", "has no line"),
+    ],
+)
+def test_check_refuses_streets_that_the_recorder_cannot_use(
+    site, capsys, tmp_path, content, reason
+):
+    streets = tmp_path / "streets.geojson"
+    streets.write_text(content)
+    assert main(["check", "--config", str(_with(site, "live", f'streets = "{streets}"'))]) == 2
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if "  streets: " in line)
+    assert line.startswith("fail  streets:")
+    assert reason in line
+
+
+def test_check_looks_at_all_files_that_the_configuration_names(site, capsys, tmp_path):
+    other = tmp_path / "other"
+    other.write_text("x")
+    _with(site, "status", f'led = "none-like-this"\nfeed = "{other}"')
+    _with(site, "page", f'map = "{other}"')
+    _with(site, "live", f'baseline = "{other}"\nmost_cells = 1000')
+    assert main(["check", "--config", str(site), "--json"]) == 2
+    states = {line["what"]: line["state"] for line in json.loads(capsys.readouterr().out)}
+    expected = {"led": "warn", "feed": "fail", "page": "fail", "baseline": "fail"}
+    assert expected.items() <= states.items()
+    assert states["most_cells"] == "warn"
+
+
 def test_check_refuses_what_is_no_port(site, capsys, tmp_path):
     site.write_text(site.read_text().replace("/dev/ttyUSB77", str(tmp_path / "site.toml")))
     assert main(["check", "--config", str(site)]) == 2

@@ -31,3 +31,14 @@ class GeoError(FieldLoggerError):
 
 class EstimationError(FieldLoggerError):
     """The measurements do not determine the result."""
+
+
+def place_of(error: Exception) -> str:
+    """Type and place of an exception in this program: its message may have what is private."""
+    place, step = "", error.__traceback__
+    while step is not None:
+        module = step.tb_frame.f_globals.get("__name__", "")
+        if module.startswith("logger.") or not place:
+            place = f"{module}:{step.tb_lineno}"
+        step = step.tb_next
+    return f"{type(error).__name__} in {place}"

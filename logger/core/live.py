@@ -5,7 +5,6 @@ Every cell that two scans have named has a locator and, once its position is clo
 the cell that needs it most is searched again: a bounded amount of work for any number of cells.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from math import hypot
 
@@ -13,7 +12,7 @@ from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.censoring import limit_of
 from logger.core.geo import Utm
 from logger.core.guidance.followed_cell import FollowedCell
-from logger.core.guidance.street_atlas import Line, StreetAtlas
+from logger.core.guidance.street_atlas import StreetAtlas, Streets
 from logger.core.identities import Identities
 from logger.core.latest import Latest
 from logger.core.live_cell import CellEstimate, LiveCell
@@ -36,17 +35,17 @@ ADVICE = "advice"
 class LiveTracker:
     """Follows the records of one run; `feed` them in recorded order.
 
-    `baseline` has what earlier walks heard, `street_lines` the streets that may be walked.
+    `baseline` has what earlier walks heard, `streets` those that may be walked.
     """
 
     def __init__(
         self,
         settings: LiveSettings,
         baseline: Baseline = NO_BASELINE,
-        street_lines: Sequence[Line] = (),
+        streets: Streets | None = None,
     ) -> None:
         self.baseline = baseline
-        self._atlas = StreetAtlas(street_lines)
+        self._streets = streets or StreetAtlas(())
         self._prior = live_prior(settings)
         self._track = ReceiverTrack(settings.max_fix_age_s)
         self._reference = LiveReference(settings)
@@ -128,7 +127,7 @@ class LiveTracker:
             return []
         x_m, y_m = receiver.x_m, receiver.y_m
         if self.followed is None or self.followed.cell != target:
-            self.followed = FollowedCell(target, utm, self._atlas.near(utm, x_m, y_m))
+            self.followed = FollowedCell(target, utm, self._streets.near(utm, x_m, y_m))
         before = self.followed.advice
         self.followed.update(x_m, y_m, self._cells[target].locator)
         advice = self.followed.advice

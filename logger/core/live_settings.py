@@ -31,6 +31,10 @@ REFERENCE = "reference-ekf"
 BEHIND = "estimate-behind"
 """Code of the Note of a device that fell behind: the last scans have no live estimate."""
 
+FAILED, RESTARTED = "estimate-failed", "estimate-restarted"
+"""Codes of the Notes around a gap of the live estimate: it is made neither of the record that the
+first one names nor of those up to the one that the second names, with which a new one begins."""
+
 
 FOLLOW, MARK = "follow", "mark"
 """Codes of the Notes that the walker makes: a cell to follow, and a place to remember.

@@ -4,30 +4,36 @@ It gets the recorded fixes, scans and choices of a cell in their order, so that 
 can repeat it. Its estimates go through the inbox and are recorded like all other records. Its
 modules (numpy, the map) take seconds to import on a small board: its thread imports them while the
 ports are recorded.
+
+An exception in it is noted with the number of the record, and after a pause a new tracker begins
+with the record that a second note names: replay leaves out the same records.
 """
 
 import logging
 import queue
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
+from traceback import format_tb
 from typing import TYPE_CHECKING, Self
 
-from logger.core.live_settings import REFERENCE, LiveSettings
-from logger.core.types import LiveEstimate, Note, Record
+from logger.core.errors import place_of
+from logger.core.live_settings import FAILED, FOLLOW, REFERENCE, RESTARTED, LiveSettings
+from logger.core.types import Level, LiveEstimate, Note, Record
 from logger.device.link import Inbox
 
 if TYPE_CHECKING:
     from logger.core.baseline import Baseline
     from logger.core.guidance.followed_cell import FollowedCell, LivePosition
     from logger.core.guidance.next_way import NextWay
-    from logger.core.guidance.street_atlas import Line
+    from logger.core.guidance.street_atlas import Streets
     from logger.core.live import LiveTracker
     from logger.core.suspicion.words import Assessment
     from logger.device.live_baseline import LiveBaseline
+    from logger.device.live_streets import LiveStreets
     from logger.device.status import PositionStatus
 
-    Make = Callable[[Baseline, Sequence[Line]], LiveTracker]
+    Make = Callable[[Baseline, Streets], LiveTracker]
 
 log = logging.getLogger(__name__)
 
@@ -35,13 +41,16 @@ MOST_WAITING = 20_000
 """Records of half an hour; a processor that is so far behind leaves out what follows."""
 
 
-def live_tracker(
-    settings: LiveSettings, baseline: "Baseline", lines: "Sequence[Line]"
-) -> "LiveTracker":
+_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 10.0, 600.0
+"""Time of the records that a failed estimate waits: twice as long each time, since what fails at
+each scan must not take the processor."""
+
+
+def live_tracker(settings: LiveSettings, baseline: "Baseline", streets: "Streets") -> "LiveTracker":
     """The tracker, whose modules are imported now."""
     from logger.core.live import LiveTracker  # noqa: PLC0415
 
-    return LiveTracker(settings, baseline, lines)
+    return LiveTracker(settings, baseline, streets)
 
 
 def _rules_note() -> Note:
@@ -51,11 +60,18 @@ def _rules_note() -> Note:
     return start_note()
 
 
+def _log_place(error: Exception) -> None:
+    """The stack without the message, which may have what is private."""
+    log.error("live estimate: %s\n%s", place_of(error), "".join(format_tb(error.__traceback__)))
+
+
 class Estimator:
     """Feeds records to the tracker that `make` returns, until `finish`.
 
     `latest` is the newest estimate of the target, `suspicions` the words of cells with a finding,
-    `next_way` and `position` the advice for the target and its posterior.
+    `next_way` and `position` the advice for the target and its posterior. `trouble` is why there
+    are none now, empty while the estimate is made; `left_out` says which files are not used, and
+    why.
 
     `make` is called in the thread of the estimate, in which the files `baseline` and `streets` are
     read too.
@@ -64,18 +80,25 @@ class Estimator:
     def __init__(self, make: "Make", inbox: Inbox, baseline: str = "", streets: str = "") -> None:
         self._make = make
         self._baseline_name, self._streets_name = baseline, streets
-        self._first_notes: list[Note] = []
-        self._shown: LivePosition | None = None
         self._tracker: LiveTracker | None = None
         self._inbox = inbox
         self._waiting: queue.Queue[tuple[int, Record] | None] = queue.Queue(MOST_WAITING)
         self._behind = False
-        self._last_ns = 0
         self._has_started = False
+        self._n_failures, self._again_ns = 0, 0
+        self._failure = ""
+        self._follow: tuple[int, Record] | None = None
         self._thread = threading.Thread(target=self._run, name="estimate", daemon=True)
+        self.left_out: tuple[str, ...] = ()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing is known."""
+        self._tracker = None
+        self._shown: LivePosition | None = None
+        self._n_changes = 0
         self.latest: LiveEstimate | None = None
         self.suspicions: tuple[Assessment, ...] = ()
-        self._n_changes = 0
         self.next_way: NextWay | None = None
         self.position: PositionStatus | None = None
 
@@ -88,6 +111,13 @@ class Estimator:
     def target(self) -> str | None:
         """The cell of the default view."""
         return None if self._tracker is None else self._tracker.target
+
+    @property
+    def trouble(self) -> str:
+        """Why there is no live estimate now."""
+        if self._behind:
+            return "no live estimate: this processor is too slow for it"
+        return self._failure
 
     def start(self) -> None:
         self._thread.start()
@@ -115,48 +145,83 @@ class Estimator:
 
     def _run(self) -> None:
         try:
-            baseline = self._open_baseline()
-            self._tracker = self._make(baseline, self._read_streets())
+            baseline, streets = self._open_files()
+            self._tracker = self._made_ahead(baseline, streets)
             while (given := self._waiting.get()) is not None:
-                self._estimate(self._tracker, baseline, *given)
-        except Exception as error:  # a bug in the estimate must not end the recording
-            log.exception("the live estimate has failed")
+                self._take(*given, baseline, streets)
+        except Exception:  # nothing is left to try
+            log.exception("the live estimate has ended")
             self._behind = True
-            self._inbox.put(
-                Record(
-                    self._last_ns,
-                    "live",
-                    Note("error", "internal", f"{type(error).__name__}: {error}"),
-                )
-            )
 
-    def _open_baseline(self) -> "LiveBaseline":
+    def _open_files(self) -> "tuple[LiveBaseline, LiveStreets]":
         from logger.device.live_baseline import LiveBaseline  # noqa: PLC0415 (numpy)
+        from logger.device.live_streets import LiveStreets  # noqa: PLC0415 (numpy)
 
-        return LiveBaseline(self._baseline_name)
+        return LiveBaseline(self._baseline_name), LiveStreets(self._streets_name)
 
-    def _read_streets(self) -> "list[Line]":
-        from logger.device.live_streets import street_lines  # noqa: PLC0415 (numpy)
+    def _made_ahead(self, baseline: "LiveBaseline", streets: "LiveStreets") -> "LiveTracker | None":
+        """The first tracker, before there is a record; what fails here is tried again with one."""
+        try:
+            return self._make(baseline, streets)
+        except Exception as error:  # noqa: BLE001
+            _log_place(error)
+            return None
 
-        lines, self._first_notes = street_lines(self._streets_name)
-        return lines
-
-    def _estimate(
-        self, tracker: "LiveTracker", baseline: "LiveBaseline", seq: int, record: Record
+    def _take(
+        self, seq: int, record: Record, baseline: "LiveBaseline", streets: "LiveStreets"
     ) -> None:
+        """Estimate; after an exception not before the pause is over."""
+        if isinstance(record.value, Note) and record.value.code == FOLLOW:
+            self._follow = seq, record
+        if self._tracker is None and record.t_ns < self._again_ns:
+            return
+        try:
+            if self._tracker is None:
+                self._tracker = self._begin(seq, record, baseline, streets)
+            self._estimate(self._tracker, seq, record)
+        except Exception as error:  # noqa: BLE001 (a bug must not end it, nor the recording)
+            self._fail(seq, record, error)
+        for note in (*baseline.take_notes(), *streets.take_notes()):
+            if note.level == "warning":
+                self.left_out = (*self.left_out, note.text)
+            self._inbox.put(Record(record.t_ns, "live", note))
+
+    def _begin(
+        self, seq: int, record: Record, baseline: "LiveBaseline", streets: "LiveStreets"
+    ) -> "LiveTracker":
+        """A new tracker, which knows what the walker follows."""
+        tracker = self._make(baseline, streets)
+        if self._failure:
+            if self._follow is not None and self._follow[0] != seq:
+                tracker.feed(*self._follow)
+            self._note(seq, record, "info", RESTARTED, "the live estimate has started again")
+            self._failure = ""
+        return tracker
+
+    def _fail(self, seq: int, record: Record, error: Exception) -> None:
+        _log_place(error)
+        self._forget()
+        pause_s = min(_FIRST_PAUSE_S * 2.0**self._n_failures, _LONGEST_PAUSE_S)
+        self._n_failures += 1
+        self._again_ns = record.t_ns + round(pause_s * 1e9)
+        where = place_of(error)
+        self._failure = f"no live estimate: {where}; a new one begins after {pause_s:.0f} s"
+        self._note(seq, record, "error", FAILED, f"{where}; a new one begins after {pause_s:.0f} s")
+
+    def _note(self, seq: int, record: Record, level: Level, code: str, text: str) -> None:
+        self._inbox.put(Record(record.t_ns, "live", Note(level, code, f"record {seq}: {text}")))
+
+    def _estimate(self, tracker: "LiveTracker", seq: int, record: Record) -> None:
+        """Estimate, and record all of it or nothing."""
         if not self._has_started:
             self._has_started = True
-            for note in (_rules_note(), *self._first_notes):
-                self._inbox.put(Record(record.t_ns, "live", note))
-        self._last_ns = record.t_ns
+            self._inbox.put(Record(record.t_ns, "live", _rules_note()))
         values = tracker.feed(seq, record)
         self._show(tracker.followed)
         if tracker.suspicion.n_changes != self._n_changes:
             self._n_changes = tracker.suspicion.n_changes
             found = [cell for cell in tracker.suspicion.assessments() if cell.findings]
             self.suspicions = tuple(found)
-        for note in baseline.take_notes():
-            self._inbox.put(Record(record.t_ns, "live", note))
         for value in values:
             self._inbox.put(Record(record.t_ns, "live", value))
             if isinstance(value, Note):

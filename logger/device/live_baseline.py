@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from logger.baseline_file import BaselineFile
 from logger.core.baseline import Baseline, KnownCell, NoBaseline, SquareHistory
-from logger.core.errors import RunFileError
+from logger.core.errors import RunFileError, place_of
 from logger.core.types import Note
 
 log = logging.getLogger(__name__)
@@ -68,7 +68,7 @@ class LiveBaseline:
     def _open(self, path: Path) -> None:
         try:
             self._baseline = BaselineFile(path)
-        except RunFileError as error:
+        except Exception as error:  # noqa: BLE001 (also without memory the estimate goes on)
             self._give_up(error)
             return
         text = f"{path}: {self.n_walks} earlier walks, fingerprint {self.fingerprint}"
@@ -77,12 +77,13 @@ class LiveBaseline:
     def _ask(self, question: Callable[[Baseline], Answer]) -> Answer:
         try:
             return question(self._baseline)
-        except RunFileError as error:
+        except Exception as error:  # noqa: BLE001
             self._give_up(error)
             return question(self._baseline)
 
-    def _give_up(self, error: RunFileError) -> None:
+    def _give_up(self, error: Exception) -> None:
         self._baseline = NoBaseline()
-        text = f"{error}; nothing is known of earlier walks"
+        why = str(error) if isinstance(error, RunFileError) else place_of(error)
+        text = f"{why}; nothing is known of earlier walks"
         self._notes.append(Note("warning", UNREADABLE, text))
         log.warning("%s", text)

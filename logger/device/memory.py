@@ -1,10 +1,31 @@
-"""Settings of malloc, so that freed memory returns to the system."""
+"""What the recorder may use, and settings of malloc, so that freed memory returns to the system."""
 
-import ctypes
+import logging
 import platform
+
+import msgspec
+
+from logger.core.live_settings import LiveSettings
+
+log = logging.getLogger(__name__)
+
+MEMORY_MB = 250
+"""MemoryMax= of fieldlogger.service: beyond it the kernel ends the recorder."""
+_SERVICE_MB, _STREETS_MB, _BASELINE_MB, _CELL_MB = 40.0, 55.0, 16.0, 2.1
+"""Memory of its own that a service without cells takes, that the largest street file and baseline
+add while they are read, and a cell of the live estimate (measured by benchmarks/live_cell.py)."""
+MOST_CELLS = int((MEMORY_MB - _SERVICE_MB - _STREETS_MB - _BASELINE_MB) / _CELL_MB)
 
 _BLOCK_BYTES, _END_BYTES = 128 * 1024, 1024 * 1024
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
+
+
+def within_memory(live: LiveSettings) -> LiveSettings:
+    """The settings with no more cells at once than the service has memory for."""
+    if live.most_cells <= MOST_CELLS:
+        return live
+    log.warning("[live] most_cells: there is memory for %d cells at once", MOST_CELLS)
+    return msgspec.structs.replace(live, most_cells=MOST_CELLS)
 
 
 def give_back() -> None:
@@ -19,6 +40,8 @@ def give_back() -> None:
     """
     if platform.libc_ver()[0] != "glibc":
         return
+    import ctypes  # noqa: PLC0415 (not before a run has begun)
+
     libc = ctypes.CDLL(None)
     for option, value in (
         (_M_ARENA_MAX, 1),

@@ -97,6 +97,16 @@ class Recorder:
         return self._estimator.position
 
     @property
+    def no_estimate(self) -> str:
+        """Why there is no live estimate now; empty while it is made."""
+        return self._estimator.trouble
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Which files the live estimate does not use, and why."""
+        return self._estimator.left_out
+
+    @property
     def target(self) -> str | None:
         """The cell of the live estimate's default view."""
         return self._estimator.target

@@ -205,6 +205,8 @@ class Service:
         text, fix = f"{elapsed_s:.0f} s: {records}", self._inbox.fix
         if fix is not None and fix.valid and fix.quality == DEAD_RECKONING:
             text = f"{text}; the position is by dead reckoning"
+        if self.recorder.no_estimate:
+            return f"{text}; {self.recorder.no_estimate}"
         target = _target(self.recorder.target, self.recorder.latest)
         return f"{text}; {'no target yet' if target is None else target}"
 
@@ -250,6 +252,8 @@ class Service:
             followed=inbox.followed,
             battery=self._battery.latest if self._battery else None,
             recorded=self._requests.recorded if self._requests else (),
+            no_estimate=self.recorder.no_estimate,
+            left_out=self.recorder.left_out,
         )
 
     def _trouble(self, now_ns: int) -> str:

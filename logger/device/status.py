@@ -162,6 +162,8 @@ class Status(msgspec.Struct, frozen=True):
     cell that is followed; `cells` has the serving cell first, then the others by level.
     `followed` is the cell that the walker chose on the page, None for the program's choice.
     `recorded` names the latest requests of the page that are on the card.
+    `no_estimate` is why there is no live estimate now, empty while it is made;
+    `left_out` says which files it does not use, and why.
     """
 
     state: Sign
@@ -186,6 +188,8 @@ class Status(msgspec.Struct, frozen=True):
     followed: str | None = None
     battery: Battery | None = None
     recorded: tuple[str, ...] = ()
+    no_estimate: str = ""
+    left_out: tuple[str, ...] = ()
 
 
 def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:

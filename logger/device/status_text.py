@@ -73,6 +73,8 @@ def status_lines(status: Status, age_s: float = 0.0) -> Iterator[str]:
     if status.synced_ns is not None:
         durable_s = (status.now_ns - status.synced_ns) / 1e9 + age_s
         yield f"durable {durable_s:.1f} s ago in {status.run}"
+    for reason in status.left_out:
+        yield f"not used: {reason}"
     if (fix := status.fix) is not None:
         used = "?" if fix.sats_used is None else fix.sats_used
         place = "no position"

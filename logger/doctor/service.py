@@ -49,6 +49,10 @@ def status_lines(status: Status) -> Iterator[Line]:
         return
     states: dict[str, State] = {"error": "fail", "no fix": "warn"}
     yield Line(states.get(status.state, "ok"), "status", f"{status.state}: {status.text}")
+    if status.no_estimate:
+        yield Line("warn", "estimate", f"{status.no_estimate}; the recording goes on")
+    for reason in status.left_out:
+        yield Line("warn", "estimate", reason)
     synced_ns = status.since_ns if status.synced_ns is None else status.synced_ns
     unsynced_s = (status.now_ns - synced_ns) / 1e9
     yield Line(

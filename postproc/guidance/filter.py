@@ -1,6 +1,6 @@
 """One row of a walk in, one answer out: position, verdict and the way to walk next."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from math import hypot, isfinite, pi
 
 import msgspec
@@ -60,7 +60,7 @@ class GuideFilter:
     the answers, from `levels` rows; `is_off_map` says that the streets are those of another town.
     """
 
-    def __init__(self, prior: Prior, cell: str | None = None, lines: Sequence[Line] = ()) -> None:
+    def __init__(self, prior: Prior, cell: str | None = None, lines: Iterable[Line] = ()) -> None:
         self._prior, self._cell, self._atlas = prior, cell, StreetAtlas(lines)
         self.locator = OnlineLocator(prior)
         self._utm: Utm | None = None

@@ -5,7 +5,7 @@ simulated walks a radius that was predicted for 13 of 100 came true in 4: the fi
 optimistic, their order is what counts.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import hypot
 from typing import NamedTuple
 
@@ -71,7 +71,7 @@ def next_walk(
     obs: CellObservations,
     prior: Prior,
     start_deg: tuple[float, float] | None = None,
-    lines: Sequence[Line] = (),
+    lines: Iterable[Line] = (),
 ) -> NextWalk:
     """Rank routes from a start (default: where the readings end) by what they say about a cell.
 
@@ -120,7 +120,7 @@ def _start_m(obs: CellObservations, start_deg: tuple[float, float] | None) -> tu
 
 
 def _routes(
-    utm: Utm, start_m: tuple[float, float], places: Sequence[Cluster], lines: Sequence[Line]
+    utm: Utm, start_m: tuple[float, float], places: Sequence[Cluster], lines: Iterable[Line]
 ) -> list[Route]:
     streets = StreetAtlas(lines).near(utm, *start_m)
     if streets is None:

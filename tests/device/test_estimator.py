@@ -2,14 +2,26 @@
 
 import threading
 
+import pytest
+
+from logger.config import parse_config
 from logger.core.live import LiveTracker
-from logger.core.live_settings import LiveSettings
+from logger.core.live_settings import BEHIND, FAILED, RESTARTED, LiveSettings
+from logger.core.runfile import read_run
 from logger.core.suspicion.notes import start_note
 from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
 from logger.device import estimator
+from logger.device.clock import ScaledClock
 from logger.device.estimator import Estimator
 from logger.device.link import Inbox
-from tests.kit import runs
+from logger.device.service import Service
+from logger.device.startup import begin_run
+from logger.sim.clock import WalkTime
+from logger.sim.ptys import PtyDevice, answering, talking
+from logger.sim.scenario import scenario
+from postproc.replay import replay
+from tests.kit import runs, service
+from tests.kit.recorded_runs import record_until
 from tests.kit.service import LIMIT_S, assert_ends
 
 S = 10**9
@@ -73,19 +85,122 @@ def test_a_slow_processor_holds_nobody_up_and_is_told(monkeypatch):
     slow.go.set()
 
 
-def test_a_bug_in_the_estimate_is_an_event_and_no_end():
-    class Broken(LiveTracker):
-        def feed(self, seq, record):
-            raise ZeroDivisionError("oops")
+class Failing(LiveTracker):
+    """A tracker that fails where `fails` says so, by the number of a record."""
 
-    inbox = Inbox()
-    beside = Estimator(lambda *_: Broken(LiveSettings()), inbox)
+    def __init__(self, fails, error):
+        super().__init__(LiveSettings())
+        self._fails, self._error = fails, error
+
+    def feed(self, seq, record):
+        if self._fails(seq):
+            raise self._error
+        return super().feed(seq, record)
+
+
+def _notes(values, code):
+    return [v for v in values if isinstance(v, Note) and v.code == code]
+
+
+@pytest.mark.parametrize(
+    "error", [ZeroDivisionError("52.1234 13.9876"), MemoryError(), RecursionError("52.1234")]
+)
+def test_after_an_exception_the_estimate_begins_anew_and_says_so(error, caplog):
+    inbox, alone = Inbox(), LiveTracker(LiveSettings())
+    beside = Estimator(lambda *_: Failing(lambda seq: seq == 21, error), inbox)
     beside.start()
-    beside.give(*next(walk(1)))
-    assert not beside.finish(LIMIT_S)
-    (note,) = next_values(inbox)
-    assert isinstance(note, Note)
-    assert (note.code, note.text) == ("internal", "ZeroDivisionError: oops")
+    for seq, record in walk(11):
+        assert beside.give(seq, record)
+    service.wait_for(lambda: beside.trouble)
+    assert type(error).__name__ in beside.trouble
+    assert (beside.latest, beside.position, beside.next_way, beside.target) == (None,) * 4
+    expected = [v for seq, record in list(walk(11))[:21] for v in alone.feed(seq, record)]
+    for seq, record in list(walk(50))[22:]:
+        assert beside.give(seq, record)
+    assert beside.finish(LIMIT_S)
+    assert beside.trouble == ""
+    assert beside.latest is not None
+    values = next_values(inbox)
+    ((failed,), (restarted,)) = (_notes(values, code) for code in (FAILED, RESTARTED))
+    assert failed.text.startswith(f"record 21: {type(error).__name__} in ")
+    # 10 s after the record that failed
+    assert restarted.text.startswith("record 41:")
+    anew = LiveTracker(LiveSettings())
+    expected += [failed, restarted]
+    expected += [v for seq, record in list(walk(50))[41:] for v in anew.feed(seq, record)]
+    assert values == expected
+    assert "52.1234" not in caplog.text + failed.text
+
+
+def test_what_fails_at_each_record_is_tried_ever_more_seldom():
+    inbox = Inbox()
+    beside = Estimator(lambda *_: Failing(lambda _: True, ValueError()), inbox)
+    beside.start()
+    for seq, record in walk(2000):
+        assert beside.give(seq, record)
+    assert beside.finish(LIMIT_S)
+    values = next_values(inbox)
+    # after 10, 20, 40, ... 600 s
+    assert len(_notes(values, FAILED)) == 9
+    assert "600 s" in beside.trouble
+
+
+def test_a_tracker_that_cannot_be_made_is_tried_again():
+    inbox, tries = Inbox(), []
+
+    def make(*_):
+        tries.append(0)
+        if len(tries) < 3:
+            raise ImportError("numpy")
+        return LiveTracker(LiveSettings())
+
+    beside = Estimator(make, inbox)
+    beside.start()
+    for seq, record in walk(30):
+        assert beside.give(seq, record)
+    assert beside.finish(LIMIT_S)
+    assert len(tries) == 3
+    assert beside.latest is not None
+    assert beside.trouble == ""
+
+
+def test_a_walk_with_failures_is_recorded_whole_and_replayed(tmp_path, monkeypatch):
+    """Recorded by the real service; what the walker follows stays followed."""
+    feed, seen = LiveTracker.feed, []
+
+    def failing(tracker, seq, record):
+        seen.append(seq)
+        if len(seen) in {200, 300}:
+            raise MemoryError
+        return feed(tracker, seq, record)
+
+    speed = 40.0
+    scene, clock = scenario("block", 1, 600.0), ScaledClock(speed)
+    time = WalkTime(clock)
+    sessions = answering(scene.modem(time.now_s)), talking(scene.receiver(), time)
+    with PtyDevice(sessions[0]) as modem, PtyDevice(sessions[1]) as gnss:
+        text = (
+            f'[run]\ndirectory = "{tmp_path}"\n[modem]\nport = "{modem.path}"\n'
+            f'poll_interval_s = 1.0\n[gnss]\nport = "{gnss.path}"\n'
+            f"[live]\nmax_fix_age_s = {3.0 + 0.1 * speed}\n"
+        )
+        config = parse_config(text, "site.toml")
+        under_way = Service(config, begin_run(config, text, clock), clock, threading.Event())
+        with monkeypatch.context() as patched:
+            patched.setattr(LiveTracker, "feed", failing)
+            under_way.start()
+            trouble = []
+            record_until(
+                under_way, clock, lambda run: trouble.append(under_way.status()) or len(seen) > 450
+            )
+            run = read_run(under_way.stop("end of the test"))
+    assert any("no live estimate: MemoryError" in text for text in trouble)
+    notes = [record.value for _, record in run.records("notes")]
+    assert [len(_notes(notes, code)) for code in (FAILED, RESTARTED)] == [2, 2]
+    last = int(_notes(notes, RESTARTED)[-1].text.split()[1].strip(":"))
+    assert any(record.value.scan_seq > last for _, record in run.records("live"))
+    assert replay(run).equal
+    assert not _notes(notes, BEHIND)
 
 
 def test_position_and_next_way_are_in_degrees():
@@ -121,4 +236,5 @@ def test_a_street_file_is_an_event(tmp_path):
         assert beside.finish(LIMIT_S)
         notes = [value for value in next_values(inbox) if isinstance(value, Note)]
         assert notes[0].code == code
+        assert beside.left_out == (() if code == "streets" else (notes[0].text,))
         assert str(name) in notes[0].text

@@ -1,7 +1,11 @@
 """The baseline on the device: read only, and no error stops the recording."""
 
+import sqlite3
+from contextlib import closing
+
 import pytest
 
+from logger.baseline_file import BaselineFile
 from logger.core.live_settings import LiveSettings
 from logger.core.runfile import read_sound_run
 from logger.core.squares import square_of
@@ -76,6 +80,31 @@ def test_a_file_damaged_during_the_walk_is_one_event(baseline_file):
     assert [note.code for note in baseline.take_notes()] == [UNREADABLE]
     assert baseline.n_walks == 0
     assert baseline.fingerprint == ""
+
+
+@pytest.mark.parametrize("note", ["x" * 1_000_000, "x" * 100])
+def test_a_file_that_takes_too_much_memory_is_one_event(tmp_path, note):
+    path = tmp_path / "large.db"
+    with BaselineStore(path, create=True):
+        pass
+    with closing(sqlite3.connect(path)) as database, database:
+        rows = ((f"cell {k}", note) for k in range(20_000_000 // len(note)))
+        database.executemany("INSERT INTO trust (cell, note) VALUES (?, ?)", rows)
+    baseline = LiveBaseline(str(path))
+    assert [note.code for note in baseline.take_notes()] == [UNREADABLE]
+    assert baseline.trust_note("cell 1") is None
+
+
+def test_any_error_is_one_event(baseline_file, monkeypatch):
+    baseline = LiveBaseline(str(baseline_file))
+    baseline.take_notes()
+
+    def failing(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(BaselineFile, "cell", failing)
+    assert baseline.cell(name(1)) is None
+    assert [note.code for note in baseline.take_notes()] == [UNREADABLE]
 
 
 def test_a_bad_page_is_one_line_in_the_log(tmp_path, caplog):

@@ -35,6 +35,11 @@ def test_the_lines_say_what_the_page_shows():
     assert lines[5].endswith("one place, suspicious")
 
 
+def test_a_file_that_is_not_used_is_a_line():
+    status = msgspec.structs.replace(STATUS, left_out=("/a/streets is no file",))
+    assert "not used: /a/streets is no file" in list(status_lines(status))
+
+
 def _write(folder, *, age_s=0.0, **changes):
     """STATUS as the service wrote it `age_s` ago."""
     shift_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - STATUS.now_ns - int(age_s * 1e9)

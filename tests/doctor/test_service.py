@@ -26,4 +26,6 @@ def test_the_status_of_a_service_is_evaluated():
     assert states(synced_ns=now_ns - 60 * S)["card"] == "fail"
     assert states(synced_ns=None, since_ns=now_ns - S)["card"] == "ok"
     assert states(waiting=6)["queue"] == "warn"
+    assert states(left_out=("x is no file",))["estimate"] == "warn"
+    assert states(no_estimate="no live estimate")["estimate"] == "warn"
     assert states(now_ns=now_ns - 60 * S) == {"status": "fail"}

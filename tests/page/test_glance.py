@@ -37,6 +37,12 @@ def test_a_located_cell_is_the_first_thing_said(phone):
         assert todo == "You may end here."
 
 
+def test_without_a_live_estimate_the_walk_is_recorded(phone):
+    status = "{state: 'recording', no_estimate: 'no live estimate: MemoryError'}"
+    sign, sentence, _ = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")
+    assert (sign, sentence) == ("recording", "Recording, but without a live estimate")
+
+
 def test_places_that_fit_are_counted_at_the_top(phone):
     modes = "[{probability: 0.6}, {probability: 0.35}, {probability: 0.05}]"
     status = f"{{state: 'recording', position: {{verdict: 'cannot tell', modes: {modes}}}}}"

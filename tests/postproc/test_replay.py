@@ -1,10 +1,13 @@
 from dataclasses import replace
 from importlib.metadata import version
 
+import pytest
+
+from logger.core.errors import EstimationError
 from logger.core.live import ADVICE, LiveTracker
-from logger.core.live_settings import FOLLOW, LiveSettings
+from logger.core.live_settings import FAILED, FOLLOW, RESTARTED, LiveSettings
 from logger.core.runfile import read_run
-from logger.core.types import LiveEstimate, Note, Record
+from logger.core.types import Fix, LiveEstimate, Note, Record
 from postproc.replay import replay
 from tests.kit import runs
 
@@ -123,3 +126,51 @@ def test_a_finished_run_that_lacks_an_estimate_is_not_equal(tmp_path):
     records = _record_walk()
     last = max(i for i, record in enumerate(records) if isinstance(record.value, LiveEstimate))
     assert not _replay(tmp_path, records[:last] + records[last + 1 :]).equal
+
+
+def _record_failing_walk(stream, failed, restarted):
+    """As `_record_walk`; the estimate fails at one record of the stream, and begins at another."""
+    tracker, follow, out = LiveTracker(runs.meta().live), None, []
+    for k, record in enumerate(stream):
+        seq = len(out)
+        out.append(record)
+        if _is_note(record, FOLLOW):
+            follow = seq, record
+        if k == failed:
+            tracker = None
+            out.append(Record(record.t_ns, "live", Note("error", FAILED, f"record {seq}: x")))
+        elif k == restarted:
+            tracker = LiveTracker(runs.meta().live)
+            tracker.feed(*follow)
+            note = Note("info", RESTARTED, f"record {seq}: again")
+            out.append(Record(record.t_ns, "live", note))
+        values = tracker.feed(seq, record) if tracker else []
+        out += [Record(record.t_ns, "live", value) for value in values]
+    return out
+
+
+def test_a_failed_estimate_begins_anew_where_it_did_and_follows_the_same_cell(tmp_path):
+    stream = runs.records(60)
+    stream.insert(8, Record(stream[8].t_ns, "page", Note("info", FOLLOW, "262-01-4711-2")))
+    fixes = [k for k, record in enumerate(stream) if isinstance(record.value, Fix)]
+    records = _record_failing_walk(stream, fixes[20], fixes[30])
+    later = records[max(k for k, record in enumerate(records) if _is_note(record, RESTARTED)) :]
+    assert {v.cell for v in _live(later) if "ref" in v.stage} == {"262-01-4711-2"}
+    assert _replay(tmp_path, records).equal
+    without = [r for r in records if not _is_note(r, RESTARTED)]
+    (tmp_path / "without").mkdir()
+    assert not _replay(tmp_path / "without", without).equal
+
+
+def _is_note(record, code):
+    return isinstance(record.value, Note) and record.value.code == code
+
+
+def test_an_estimate_that_fails_only_here_is_one_line(tmp_path, monkeypatch):
+    def failing(*_):
+        raise ZeroDivisionError("oops")
+
+    records = _record_walk()
+    monkeypatch.setattr(LiveTracker, "feed", failing)
+    with pytest.raises(EstimationError, match=r"record \d+: ZeroDivisionError in"):
+        _replay(tmp_path, records)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from logger.device.memory import MEMORY_MB
 from logger.device.page_requests import requests_folder
 from logger.device.status import FOLDER
 from logger.page.token import STATE
@@ -105,3 +106,7 @@ def test_the_rules_name_the_ports_of_the_sample_configuration_and_keep_others_aw
             or line.startswith("#")
             or re.fullmatch(r'([A-Z]+(\{[\w.]+\})?[!=+]?="[^"]*"(, )?)+', line)
         ), line
+
+
+def test_the_recorder_knows_the_memory_that_its_unit_allows():
+    assert f"MemoryMax={MEMORY_MB}M" in _settings("fieldlogger.service")

@@ -1,21 +1,26 @@
 """Streets as crossings and the legs between them, from lines in metres."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from heapq import heappop, heappush
 from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.errors import GeoError
 
 _SNAP_M = 3.0
 """Ends of lines this close are the same crossing: maps are drawn to about a metre."""
 _LONGEST_LEG_M = 130.0
 """A longer street is divided, because one may turn back halfway."""
-
-
 _TILE_M = 200.0
 """Side of the squares in which streets are compared: a map of a city has too many pairs."""
+_MOST_PAIRS, _MOST_PIECES = 100_000_000, 150_000
+"""Pairs that are compared, which takes 20 s on a desktop, and pieces between their crossings: a map
+of an old town has a tenth of the pairs, and half of the pieces."""
+_TILES_NORTH = 1 << 20
+"""More tiles than there are from pole to pole."""
+_TOO_DENSE = "too many streets cross at one place: leave out what cannot be walked"
 
 
 class Leg(NamedTuple):
@@ -70,25 +75,37 @@ class StreetMap:
         """Number of the nearest crossing."""
         return int(np.argmin(np.hypot(*(self.crossing_m - [x_m, y_m]).T)))
 
-    def shortest(self, first: Sequence[Leg], most_m: float) -> dict[int, tuple[Leg, ...]]:
-        """The shortest way to each crossing within `most_m`, beginning with one of some legs."""
-        way: dict[int, tuple[Leg, ...]] = {}
-        reached: list[tuple[float, int, tuple[Leg, ...]]] = [
-            (leg.length_m, k, (leg,)) for k, leg in enumerate(first)
+    def shortest(
+        self, first: Sequence[Leg], most_m: float, ends: Iterable[int]
+    ) -> dict[int, tuple[Leg, ...]]:
+        """The shortest way within `most_m`, beginning with one of some legs, to each of `ends`."""
+        last: dict[int, tuple[Leg, int | None]] = {}  # to a crossing, and the crossing before
+        reached: list[tuple[float, int, Leg, int | None]] = [
+            (leg.length_m, k, leg, None) for k, leg in enumerate(first)
         ]
         reached.sort(key=lambda one: one[:2])
         count = len(reached)
         while reached:
-            length_m, _, legs = heappop(reached)
-            here = legs[-1].end
-            if here in way or length_m > most_m:
+            length_m, _, leg, before = heappop(reached)
+            here = leg.end
+            if here in last or length_m > most_m:
                 continue
-            way[here] = legs
-            for leg in self.leaving[here]:
-                if leg.end not in way:
+            last[here] = leg, before
+            for onward in self.leaving[here]:
+                if onward.end not in last:
                     count += 1  # equal lengths: the one found first, never a comparison of arrays
-                    heappush(reached, (length_m + leg.length_m, count, (*legs, leg)))
-        return way
+                    heappush(reached, (length_m + onward.length_m, count, onward, here))
+        return {end: _way(last, end) for end in ends if end in last}
+
+
+def _way(last: Mapping[int, tuple[Leg, int | None]], end: int) -> tuple[Leg, ...]:
+    """All legs to a crossing."""
+    legs: list[Leg] = []
+    here: int | None = end
+    while here is not None:
+        leg, here = last[here]
+        legs.append(leg)
+    return tuple(reversed(legs))
 
 
 def part_of(leg: Leg, from_m: float) -> Leg:
@@ -116,6 +133,7 @@ def _split_at_crossings(segment: FloatArray) -> FloatArray:
     start, along = segment[:, :2], segment[:, 2:] - segment[:, :2]
     length_m = np.hypot(*along.T)
     found = []
+    n_found = 0
     for k, beside in enumerate(_beside(segment)):
         origin, way, others = start[k], along[k], along[beside]
         cross = way[0] * others[:, 1] - way[1] * others[:, 0]
@@ -131,25 +149,45 @@ def _split_at_crossings(segment: FloatArray) -> FloatArray:
         at = np.unique(np.clip(np.concatenate([[0.0, 1.0], mine[is_on]]), 0.0, 1.0))
         points = origin + at[:, None] * way
         found.append(np.hstack([points[:-1], points[1:]]))
+        n_found += len(at) - 1
+        if n_found > _MOST_PIECES:
+            raise GeoError(_TOO_DENSE)
     return np.concatenate([np.zeros((0, 4)), *found])
 
 
 def _beside(segment: FloatArray) -> Iterator[IntArray]:
     """For each piece the others that may meet it: those with a tile of the ground in common."""
-    low = np.minimum(segment[:, :2], segment[:, 2:]) - _SNAP_M
-    high = np.maximum(segment[:, :2], segment[:, 2:]) + _SNAP_M
-    first, last = (np.floor(v / _TILE_M).astype(int).tolist() for v in (low, high))
-    tiles = [
-        [(i, j) for i in range(a[0], b[0] + 1) for j in range(a[1], b[1] + 1)]
-        for a, b in zip(first, last, strict=True)
-    ]
-    in_tile: dict[tuple[int, int], list[int]] = {}
-    for k, covered in enumerate(tiles):
-        for tile in covered:
-            in_tile.setdefault(tile, []).append(k)
-    for k, covered in enumerate(tiles):
-        others = {other for tile in covered for other in in_tile[tile]} - {k}
-        yield np.array(sorted(others), np.int64)
+    number, tile = _tiles(segment)
+    by_tile = np.lexsort((number, tile))
+    in_tile = number[by_tile]
+    _, tile, count = np.unique(tile, return_inverse=True, return_counts=True)
+    if np.sum(count**2) > _MOST_PAIRS:
+        raise GeoError(_TOO_DENSE)
+    end = np.cumsum(count)
+    tiles_of = np.split(tile, np.flatnonzero(np.diff(number)) + 1)
+    for k, tiles in enumerate(tiles_of if len(segment) else []):
+        others = np.unique(np.concatenate([in_tile[end[t] - count[t] : end[t]] for t in tiles]))
+        yield others[others != k]
+
+
+def _tiles(segment: FloatArray) -> tuple[IntArray, IntArray]:
+    """Each piece with each tile that it may touch: its number, in order, and that of the tile."""
+    length_m = np.hypot(*(segment[:, 2:] - segment[:, :2]).T)
+    parts = np.maximum(np.ceil(length_m / _TILE_M), 1.0).astype(np.int64)
+    piece = np.repeat(np.arange(len(segment)), parts)
+    before = (np.arange(len(piece)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[piece]
+    start, along = segment[piece, :2], segment[piece, 2:] - segment[piece, :2]
+    one = start + before[:, None] * along
+    other = one + along / parts[piece, None]
+    low, high = np.minimum(one, other) - _SNAP_M, np.maximum(one, other) + _SNAP_M
+    first, last = (np.floor(v / _TILE_M).astype(np.int64) for v in (low, high))
+    pairs = []
+    for step in ((i, j) for i in range(3) for j in range(3)):  # a part is no longer than a tile
+        at = first + step
+        is_touched = np.all(at <= last, axis=1)
+        pairs.append(np.stack([piece, at[:, 0] * _TILES_NORTH + at[:, 1]], axis=1)[is_touched])
+    number, tile = np.unique(np.concatenate(pairs), axis=0).T
+    return number, tile
 
 
 def _snap(point_m: FloatArray) -> tuple[FloatArray, list[int]]:

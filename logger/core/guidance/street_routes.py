@@ -30,9 +30,10 @@ def street_routes(
         return []
     first = _first_legs(streets, on_street)
     ways = _ways(streets, first)
-    shortest = streets.shortest(first, LONGEST_M)
-    for place in places:
-        way = shortest.get(streets.nearest_crossing(place.x_m, place.y_m))
+    ends = [streets.nearest_crossing(place.x_m, place.y_m) for place in places]
+    shortest = streets.shortest(first, LONGEST_M, ends)
+    for end in ends:
+        way = shortest.get(end)
         if way is not None:
             onward = [leg for leg in streets.leaving[way[-1].end] if leg.end != way[-1].start]
             ways += [way, *((*way, leg) for leg in onward)]

@@ -21,6 +21,9 @@ export function glance(state, silentMs) {
   if (status.state === 'no fix') {
     return ['no-fix', 'Recording, but there is no position', 'Stand under the open sky for a minute.'];
   }
+  if (status.no_estimate) {
+    return ['recording', 'Recording, but without a live estimate', 'Walk on: the desktop program computes it.'];
+  }
   if (status.state === 'suspicious') return ['suspicious', `Recording; a cell is suspicious${place(status)}`, advice(status)];
   return ['recording', `Recording${place(status)}`, advice(status)];
 }

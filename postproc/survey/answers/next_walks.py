@@ -1,6 +1,6 @@
 """Where walking would tell most, for several walkers at once."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import hypot
 from typing import NamedTuple
@@ -37,7 +37,7 @@ def next_walks(
     options: Options,
     n_walkers: int,
     starts_deg: Sequence[tuple[float, float]] = (),
-    lines: Sequence[Line] = (),
+    lines: Iterable[Line] = (),
 ) -> list[Assignment]:
     """A walk for each walker: unsure cells with most readings, by information for each metre.
 
@@ -73,7 +73,7 @@ def _walk(
     choice: RunChoice,
     options: Options,
     start_deg: tuple[float, float] | None,
-    lines: Sequence[Line],
+    lines: Iterable[Line],
 ) -> NextWalk:
     parts = survey.observations(cell.area, [cell.cell], runs_of(survey, choice))[cell.cell]
     obs = joined_readings(parts, [survey.runs[digest].modem for digest in parts])

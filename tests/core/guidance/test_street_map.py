@@ -58,7 +58,7 @@ def test_shortest_ways_are_those_of_scipy(seed):
         weight[leg.start, leg.end] = weight[leg.end, leg.start] = shorter_m
     graph = csr_matrix(np.where(np.isfinite(weight), weight, 0.0))
     expected_m = dijkstra(graph, indices=0)
-    way = streets.shortest(streets.leaving[0], most_m=5000.0)
+    way = streets.shortest(streets.leaving[0], 5000.0, range(count))
     for node, legs in way.items():
         if node == 0:
             continue
