@@ -82,7 +82,7 @@ def _map() -> Line:
     return Line("ok", "map", "positions can be mapped")
 
 
-def _site(config: SiteConfig) -> Iterator[Line]:
+def _site(config: SiteConfig) -> Iterator[Line]:  # noqa: C901 (one check after the other)
     driver = driver_of(config.modem.driver)
     check_mode(config.modem.driver, config.modem.set_mode)
     yield _folder(usable_folder(config.run.directory))
