@@ -113,7 +113,7 @@ def locate_cell(obs: CellObservations, prior: Prior, within_m: float = DESK_M) -
     usable = everywhere.usable()
     posterior = locate(usable, prior)
     verdict, reasons, _ = decide(posterior, usable, within_m=within_m)
-    timing = timing_of(usable)
+    timing = timing_of(usable, prior.height_m)
     timing_check = None if timing is None else timing.check(posterior.squares)
     if timing_check and timing_check.warning:
         reasons.append(timing_check.warning)
