@@ -2,11 +2,12 @@
 
 The smoother inverts nothing and yields leave-one-out residuals (Bryson & Frazier 1963; de Jong, J.
 Amer. Statist. Assoc. 84(408), 1989). Its matrices are reduced by products (Joseph's form): after an
-hour without a fix the variance is 1e11 m2, and a difference of two of those is not positive. A fix
-has two measurements, the position with h = [1, 0, s]
-and the velocity with h = [0, 1, 0]; one with infinite variance is left out. Both axes share their
-covariances. Symmetric matrices are tuples (00, 01, 02, 11, 12, 22): plain numbers are quick in
-Python, and numba compiles the same loops for long walks.
+hour without a fix the variance is 1e11 m2, and a difference of two of those is not positive.
+
+A fix has two measurements, the position with h = [1, 0, s] and the velocity with h = [0, 1, 0]; one
+with infinite variance is left out. Both axes share their covariances. Symmetric matrices are tuples
+(00, 01, 02, 11, 12, 22): plain numbers are quick in Python, and numba compiles the same loops for
+long walks.
 """
 
 import sys
