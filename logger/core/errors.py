@@ -8,6 +8,8 @@ FieldLoggerError
 +-- EstimationError   the data do not hold the answer
 """
 
+from pathlib import Path
+
 
 class FieldLoggerError(Exception):
     """Root of everything that is shown to a user as one line."""
@@ -31,3 +33,18 @@ class GeoError(FieldLoggerError):
 
 class EstimationError(FieldLoggerError):
     """The measurements do not determine the result."""
+
+
+_MOST_CHARACTERS = 200
+"""Of an error's text: one that quotes the data may be of any length."""
+
+
+def error_text(error: Exception) -> str:
+    """Type, text and place of an error that nobody expected, in one line."""
+    text = " ".join(str(error).split())[:_MOST_CHARACTERS]
+    place, step = "", error.__traceback__
+    while step is not None:
+        if str(step.tb_frame.f_globals.get("__name__")).startswith(("logger.", "postproc.")):
+            place = f" ({Path(step.tb_frame.f_code.co_filename).name}:{step.tb_lineno})"
+        step = step.tb_next
+    return f"{type(error).__name__}{f': {text}' * bool(text)}{place}"

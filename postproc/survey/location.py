@@ -47,7 +47,8 @@ def locate_survey(
     cells = [cell for cell in cells if not only or cell.cell in only]
     keys = keys_of(survey, choice, options)
     known = ResultFile(survey.folder / "estimates.jsonl", LocatedCell)
-    waiting = [cell for cell in cells if known.get(keys[cell.cell]) is None]
+    # one that failed is tried again: a machine with more memory may have it
+    waiting = [cell for cell in cells if (one := known.get(keys[cell.cell])) is None or one.error]
     _locate(survey, waiting, choice, options, cluster, known, keys)
     found = [known.get(keys[cell.cell]) for cell in cells]
     words = words_of_runs(survey, survey.runs_that_heard(only, allowed), cluster)
