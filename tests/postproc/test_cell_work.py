@@ -1,5 +1,6 @@
 """One cell whose work fails in any step of a command: its row has the reason, no other changes."""
 
+import copy
 import io
 import json
 import os
@@ -7,18 +8,19 @@ from contextlib import redirect_stdout
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from shutil import copy
+from shutil import copyfile
 from tempfile import mkdtemp
 
 import pytest
 
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.locator import pipeline
-from logger.core.runfile import SOMETHING_LOST
+from logger.core.runfile import SOMETHING_LOST, read_run
 from postproc import cell_estimation, smoothing
 from postproc.cell_work import attempt, attempt_alone
 from postproc.cli import main
 from postproc.verification import cell_claim, run_sites
+from postproc.walk import observe_run
 from tests.kit import rerun_recordings
 from tests.kit.sample_results import LAT, LON, cell_name, write_run
 
@@ -56,7 +58,7 @@ def run(tmp_path, monkeypatch):
     for module in (cell_estimation, cell_claim, run_sites):
         monkeypatch.setattr(module, "locate", locate)
     monkeypatch.setattr(cell_estimation, "decide", decide)
-    return copy(walk(), tmp_path / "walk.h5")
+    return copyfile(walk(), tmp_path / "walk.h5")
 
 
 @cache
@@ -92,7 +94,7 @@ def fail_in(monkeypatch, step, error=PLANTED):
     def planted(*arguments, **more):
         if any(is_about(one, BAD) for one in (*arguments, *more.values())):
             calls.append(name)
-            raise type(error)(*error.args)  # a new one: it keeps where it was raised
+            raise copy.copy(error)  # each keeps where it was raised
         return real(*arguments, **more)
 
     monkeypatch.setattr(owner, name, planted)
@@ -218,7 +220,7 @@ def another(tmp_path):
     [
         "postproc.comparison.ground._without_doubt",
         "postproc.comparison.changes.differences_of",
-        "postproc.comparison.changes._too_little",
+        "postproc.comparison.changes._change_of_tested",
     ],
 )
 def test_what_changed(step, check, run, another):
@@ -369,29 +371,12 @@ def test_the_reason_stays_in_a_stored_result(run, capsys, monkeypatch):
 # --- a process that ends ---
 
 
-def ends_for_the_bad_cell(parts, modems, options):
-    if os.getpid() != int(os.environ["CELLWALK_TEST_PARENT"]) and smoothing._name(parts) == BAD:
-        os._exit(9)
-    return smoothing._estimate(parts, modems, options)
-
-
-def test_a_cell_that_ends_its_process(tmp_path, monkeypatch):
-    monkeypatch.setenv("CELLWALK_TEST_PARENT", str(os.getpid()))
-    run = write_run(tmp_path / "walk.h5", seconds=60, cells=6)
-    clean = {cell.cell: cell for cell in smoothing.smooth_runs([run]).cells}
-    monkeypatch.setattr(smoothing, "_estimate", smoothing._estimate)
-    real = smoothing.partial
-    monkeypatch.setattr(
-        smoothing, "partial", lambda work, **more: real(ends_for_the_bad_cell, **more)
-    )
-    cells = {cell.cell: cell for cell in smoothing.smooth_runs([run], processes=3).cells}
-    assert cells.keys() == clean.keys()
-    assert cells[BAD].error is not None
-    assert "process ended" in cells[BAD].warnings[0]
-    for name, cell in cells.items():
-        assert name == BAD or (cell.verdict, cell.warnings, cell.error) == (
-            *(clean[name].verdict, clean[name].warnings, None),
-        )
+def test_a_cell_that_ends_its_process_has_a_row(run):
+    parts = {0: observe_run(read_run(run)).observations.cells[0]}
+    row = smoothing._lost(parts)
+    assert (row.cell, row.n, row.verdict) == (parts[0].cell, len(parts[0]), "cannot tell")
+    assert "its process ended" in row.error
+    assert row.error in row.warnings[0]
 
 
 # --- the boundary ---

@@ -85,7 +85,7 @@ def test_sigma_covers_what_happens_in_a_gap(gap_s):
 
 @pytest.mark.parametrize("gap_s", [600.0, 3600.0, 90_000.0])
 def test_sigma_is_true_around_the_fix_that_ends_hours_without_one(gap_s):
-    """A reading taken just before the first fix after a rest, as those of a drive to and fro."""
+    """A reading taken just before the first fix after a rest, as on a drive and the way back."""
     chi2, inside = [], []
     for seed in range(20):
         rng = np.random.default_rng(seed)

@@ -129,7 +129,8 @@ def exact_variance(model, times_s, at_s):
     known = [[between(every.index(t), i, row)[0] for i, row, _ in rows] for t in at_s]
     weights = solved(joint, transposed(known))
     prior = [covariance[every.index(t)][every.index(t)][0][0] for t in at_s]
-    explained = [sum(map(mul, one, weight)) for one, weight in zip(known, transposed(weights))]
+    of_each = zip(known, transposed(weights), strict=True)
+    explained = [sum(map(mul, one, weight)) for one, weight in of_each]
     return np.array([float(p - e) for p, e in zip(prior, explained, strict=True)])
 
 
