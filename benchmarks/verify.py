@@ -192,7 +192,7 @@ def measured_walks(options: argparse.Namespace) -> Json:
         world = traces.world_of(*names[k])
         obs = observations(world, world.walk)
         gathered = blocks_of(obs)
-        if too_few(obs):
+        if too_few(obs, obs.usable()):
             continue
         posterior = locate(obs, PRIOR)
         walk = prepare_walk(gathered, PRIOR)

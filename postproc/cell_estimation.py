@@ -93,38 +93,44 @@ def _is_converged(
     return ended_well(estimate.x[-1], estimate.p[-1], obs, any_slope=estimator == REFERENCE)
 
 
-def too_few(obs: CellObservations) -> str | None:
-    """Why the readings of a cell are too few for a posterior; None where they are not."""
+def too_few(obs: CellObservations, usable: CellObservations) -> str | None:
+    """Why the readings of a cell are too few for a posterior; None where they are not.
+
+    `usable` are those that count.
+    """
     n, within = len(obs), int(np.count_nonzero(obs.limit == 0))
-    if within >= FEWEST_READINGS:
+    n_used = int(np.count_nonzero(usable.limit == 0))
+    if n_used >= FEWEST_READINGS:
         return None
     which = "with a position" if within == n else f"within the modem's range ({n} with a position)"
+    if n_used < within:
+        which = f"of {within} count"
     return (
-        f"only {within} reading{'s' * (within != 1)} {which}: at least {FEWEST_READINGS} are needed"
+        f"only {n_used} reading{'s' * (n_used != 1)} {which}: at least {FEWEST_READINGS} are needed"
     )
 
 
 def locate_cell(obs: CellObservations, prior: Prior, within_m: float = DESK_M) -> CellResult:
     """The posterior and its verdict, and no other estimator."""
-    if why := too_few(obs):
-        return CellResult(obs.cell, len(obs), obs, "cannot tell", (why,))
     spikes = tuple(obs.spikes())
     everywhere = obs.everywhere(spikes)
     usable = everywhere.usable()
+    remarks = _spike_warnings(spikes)
+    remarks += _regularity_warnings(len(obs), len(everywhere) - len(usable))
+    if why := too_few(obs, usable):
+        return CellResult(obs.cell, len(obs), obs, "cannot tell", (why, *remarks), set_aside=spikes)
     posterior = locate(usable, prior)
     verdict, reasons, _ = decide(posterior, usable, within_m=within_m)
-    timing = timing_of(usable)
+    timing = timing_of(usable, prior.height_m)
     timing_check = None if timing is None else timing.check(posterior.squares)
     if timing_check and timing_check.warning:
         reasons.append(timing_check.warning)
-    reasons += _spike_warnings(spikes)
-    reasons += _regularity_warnings(len(obs), len(everywhere) - len(usable))
     return CellResult(
         obs.cell,
         len(obs),
         obs,
         verdict,
-        tuple(reasons),
+        (*reasons, *remarks),
         posterior=posterior,
         timing=timing_check,
         set_aside=spikes,

@@ -39,6 +39,7 @@ from postproc.view.cli import view
 
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior
+    from postproc.cell_work import Failure
     from postproc.result_json import Summary
 
 
@@ -166,13 +167,14 @@ def smooth(
     *,
     verbose: bool,
     as_json: bool,
-) -> None:
+) -> int:
     """Estimate the positions of cells with their uncertainty.
 
-    Several runs are estimated together.
+    Several runs are estimated together. The exit code is 3 if the estimate of a cell failed.
     """
     from logger.core.runfile import read_sound_run
     from postproc import results
+    from postproc.cell_work import exit_code
     from postproc.result import Options
     from postproc.summary import summarise
     from postproc.suspicion.ordering import order_by_word
@@ -181,19 +183,20 @@ def smooth(
     result = estimate(runs, cells, Options(prior, loss, within_m))
     summary = summarise(order_by_word(result))
     # printed first: a run on a read-only card has an answer too
-    _print_summary(summary, details=bool(cells or verbose), as_json=as_json)
+    failures = _print_summary(summary, details=bool(cells or verbose), as_json=as_json)
     beside = results.path_beside(paths[0], together=len(runs) > 1)
     results.write(result, summary, beside, cells)
+    return exit_code([*summary.cells, *failures])
 
 
-def _print_summary(summary: "Summary", *, details: bool, as_json: bool) -> None:
+def _print_summary(summary: "Summary", *, details: bool, as_json: bool) -> "list[Failure]":
     from postproc.json_text import as_json as json_text
     from postproc.tables import print_summary
 
     if as_json:
         print(json_text(summary))
-    else:
-        print_summary(summary, details=details)
+        return []
+    return print_summary(summary, details=details)
 
 
 @program.command

@@ -1,6 +1,7 @@
 """Work shared out over processes, where that is worth it and possible."""
 
 import ctypes
+import os
 import platform
 import signal
 from collections import deque
@@ -29,17 +30,23 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def each(work: Callable[[Item], Result], items: Sequence[Item], processes: int) -> Iterator[Result]:
+def each(
+    work: Callable[[Item], Result],
+    items: Sequence[Item],
+    processes: int,
+    lost: Callable[[Item], Result] | None = None,
+) -> Iterator[Result]:
     """Results of `work` for the items in their order, by several processes where that pays.
 
-    This process is one of them.
+    This process is one of them. What a process that ended has left is done by others, or here. An
+    item that ends each process has the result of `lost`; without it, it is done here.
     """
     done, count = 0, min(processes, _MOST_PROCESSES, len(items) // _ITEMS_EACH)
+    there: dict[int, Future[Result]] = {}
     if count > 1:
         try:
-            # fresh processes: a fork would copy the locks of threads that it does not copy
-            with ProcessPoolExecutor(count - 1, get_context("spawn"), _begin_process) as pool:
-                for result in _shared_out(pool, count - 1, work, items):
+            with _processes(count - 1) as pool:
+                for result in _shared_out(pool, count - 1, work, items, there):
                     done += 1
                     yield result
         except (
@@ -48,15 +55,48 @@ def each(work: Callable[[Item], Result], items: Sequence[Item], processes: int) 
             BrokenExecutor,
         ):  # this machine gives no process, or has killed one
             pass
-    for item in items[done:]:
-        yield _here(work, item)
+    for i, item in enumerate(items[done:], done):
+        if i in there and _is_finished(there[i]):
+            yield there[i].result()
+        elif i in there and lost is not None:  # it may be what ended the process
+            yield _alone(work, item, lost)
+        else:
+            yield _here(work, item)
+
+
+def _processes(count: int) -> ProcessPoolExecutor:
+    # fresh processes: a fork would copy the locks of threads that it does not copy
+    return ProcessPoolExecutor(count, get_context("spawn"), _begin_process)
+
+
+def _is_finished(future: Future[Result]) -> bool:
+    return future.done() and not future.cancelled() and future.exception() is None
+
+
+def _alone(work: Callable[[Item], Result], item: Item, lost: Callable[[Item], Result]) -> Result:
+    """The result of an item by a process of its own; here where this machine gives none."""
+    is_begun = False
+    try:
+        with _processes(1) as pool:
+            is_begun = pool.submit(os.getpid).result() > 0
+            return pool.submit(work, item).result()
+    except BrokenExecutor:
+        return lost(item) if is_begun else _here(work, item)
+    except (NotImplementedError, OSError):
+        return _here(work, item)
 
 
 def _shared_out(
-    pool: ProcessPoolExecutor, helpers: int, work: Callable[[Item], Result], items: Sequence[Item]
+    pool: ProcessPoolExecutor,
+    helpers: int,
+    work: Callable[[Item], Result],
+    items: Sequence[Item],
+    there: dict[int, Future[Result]],
 ) -> Iterator[Result]:
-    """As `each`: the helpers of the pool begin with the first item, this process with the last."""
-    there: dict[int, Future[Result]] = {}
+    """As `each`: the helpers of the pool begin with the first item, this process with the last.
+
+    `there` gets the items of the helpers.
+    """
     here: dict[int, Result] = {}
     left = deque(range(len(items)))
     for i in range(len(items)):

@@ -8,7 +8,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TypeVar
 
-from logger.core.errors import FieldLoggerError, RunFileError
+from logger.core.errors import FieldLoggerError, RunFileError, error_text
 from logger.core.runfile import Run, read_small_runs, read_sound_run
 
 _READ_AHEAD = 2
@@ -62,7 +62,17 @@ def _read_group(
 
 
 def _outcome(run: Run | Path, make: Callable[[Run], Item]) -> Item | FieldLoggerError:
+    path = run if isinstance(run, Path) else run.path
+    return outcome_of(path, lambda: make(read_sound_run(run) if isinstance(run, Path) else run))
+
+
+def outcome_of(path: Path, work: Callable[[], Item]) -> Item | FieldLoggerError:
+    """What work on a file returns, or why it failed: one bad file does not stop the others."""
     try:
-        return make(read_sound_run(run) if isinstance(run, Path) else run)
+        return work()
     except FieldLoggerError as error:
         return error
+    except Exception as error:  # noqa: BLE001 (told as the problem of the file)
+        return RunFileError(
+            f"{path} cannot be used, by an error of this program: {error_text(error)}"
+        )

@@ -8,7 +8,7 @@ from importlib.metadata import version
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from logger.core.errors import EstimationError, place_of
+from logger.core.errors import EstimationError, error_place
 from logger.core.live import ADVICE, LiveTracker
 from logger.core.live_settings import BEHIND, FAILED, FOLLOW, RESTARTED
 from logger.core.runfile import Run
@@ -69,7 +69,7 @@ def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
             try:
                 values = tracker.feed(seq, record)
             except Exception as error:
-                text = f"{run.path}: the live estimate fails at record {seq}: {place_of(error)}"
+                text = f"{run.path}: the live estimate fails at record {seq}: {error_place(error)}"
                 raise EstimationError(text) from error
             yield from values
 

@@ -15,6 +15,7 @@ from logger.core.locator.verdict import DESK_M, Verdict
 from logger.core.model.prior import ENVIRONMENTS, Prior
 from logger.core.observations import CellObservations, Observations, SpikeLevel
 from logger.core.runfile import Run
+from postproc.cell_work import Failure
 from postproc.estimators.direction_check import Comparison
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.least_squares import BatchFit
@@ -89,7 +90,8 @@ class CellResult:
     comparison. `residuals` are those at the posterior's best position. `timing` compares timing
     advances with the posterior; None where none was read. `failed` names the estimators that did
     not converge; their values are dropped. `set_aside` are levels that the readings before and
-    after contradict; only the reference EKF and `residuals` use them.
+    after contradict; only the reference EKF and `residuals` use them. `error` is that of the
+    program which ended some of the work on the cell, None where none did.
 
     Of several runs, `run_index` (n,) is the index in `Result.runs` of each reading of `obs`,
     `shares` what each run contributed, and `without` the answer without one run, by its index;
@@ -116,6 +118,14 @@ class CellResult:
     run_index: IntArray | None = None
     shares: tuple[RunShare, ...] = ()
     without: Mapping[int, "CellResult"] = field(default_factory=dict)
+    error: str | None = None
+
+    def after(self, why: Failure) -> "CellResult":
+        """The row of the cell where work on its result failed."""
+        warnings = (why.reason, *self.warnings)
+        return CellResult(
+            self.cell, self.n, None, "cannot tell", warnings, n_scans=self.n_scans, error=why.error
+        )
 
 
 def program_version() -> str:

@@ -233,7 +233,10 @@ class Without(Struct, kw_only=True):
 
 
 class Cell(Struct, kw_only=True):
-    """Every estimator over one cell; `offsets` and `without` are of several runs only."""
+    """Every estimator over one cell; `offsets` and `without` are of several runs only.
+
+    `error` is that of the program which ended some of the work; it is left out where none did.
+    """
 
     cell: str
     n: int
@@ -258,6 +261,7 @@ class Cell(Struct, kw_only=True):
     timing: Timing | UnsetType = UNSET
     offsets: list[Offset] | UnsetType = UNSET
     without: list[Without] | UnsetType = UNSET
+    error: str | UnsetType = UNSET
 
 
 class SummaryOfRun(Struct, kw_only=True):

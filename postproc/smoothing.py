@@ -9,6 +9,7 @@ import numpy as np
 from logger.core.locator.preparation import MOST_MODEMS
 from logger.core.runfile import Run
 from postproc.cell_estimation import estimate_cell, locate_cell
+from postproc.cell_work import PROCESS_ENDED, Failure, attempt, failure
 from postproc.multi_run import (
     Parts,
     check_different,
@@ -38,7 +39,7 @@ def smooth_runs(
 
     Cells are shared out over at most `processes`; with more than one the calling script needs a
     main guard. A run without fixes, or a cell with too few readings, is no error: the verdict is
-    then "cannot tell".
+    then "cannot tell", as it is for a cell whose estimate fails.
 
     Raises `ConfigError` for a run that appears twice and for a cell that was not observed,
     `GeoError` for runs that are too far apart.
@@ -50,7 +51,7 @@ def smooth_runs(
     parts = parts_by_cell(observed, certain)
     names = sorted(parts, key=lambda cell: sum(map(len, parts[cell].values())), reverse=True)
     estimate = partial(_estimate, modems=modems_of(runs), options=options)
-    results = each(estimate, [parts[cell] for cell in names], processes)
+    results = each(estimate, [parts[cell] for cell in names], processes, _lost)
     cells = list(progress(results, "locating", len(names), names) if progress else results)
     cells += [
         without_position(cell, n, n_scans[cell])
@@ -74,7 +75,30 @@ def without_position(cell: str, n: int, n_scans: int) -> CellResult:
     return CellResult(cell, 0, None, "cannot tell", (why,), n_scans=n_scans)
 
 
+_WHAT = "its estimate"
+
+
 def _estimate(parts: Parts, modems: Sequence[int], options: Options) -> CellResult:
+    """As `_estimate_with_parts`, or why there is no estimate."""
+    result = attempt(_name(parts), _WHAT, lambda: _estimate_with_parts(parts, modems, options))
+    return _without_estimate(parts, result) if isinstance(result, Failure) else result
+
+
+def _lost(parts: Parts) -> CellResult:
+    """Result of a cell whose estimate ended a process."""
+    return _without_estimate(parts, failure(_name(parts), _WHAT, PROCESS_ENDED))
+
+
+def _without_estimate(parts: Parts, why: Failure) -> CellResult:
+    n = sum(map(len, parts.values()))
+    return CellResult(why.cell, n, None, "cannot tell", ()).after(why)
+
+
+def _name(parts: Parts) -> str:
+    return next(iter(parts.values())).cell
+
+
+def _estimate_with_parts(parts: Parts, modems: Sequence[int], options: Options) -> CellResult:
     """All estimators over the readings of all runs, and the answer without each run."""
     every, parts = parts, parts_of_most_heard_modems(parts, modems)
     result = estimate_cell(merge(parts, modems), options)

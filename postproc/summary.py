@@ -5,6 +5,7 @@ from dataclasses import fields
 from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec import UNSET
 
 from logger.core import ekf
 from logger.core.arrays import FloatArray
@@ -15,6 +16,7 @@ from logger.core.locator.region import HALF, LEVEL, area_m2
 from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.runfile import Run
 from postproc import result_json as form
+from postproc.cell_work import Failure, attempt
 from postproc.estimators.direction_check import AXES, Comparison
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.least_squares import BatchFit
@@ -39,21 +41,10 @@ _STATISTICS = (
 def summarise(result: Result) -> form.Summary:
     """What `postproc smooth --json` prints of one run or of several."""
     runs = [observed.run for observed in result.runs]
-    cells = [_cell(cell, runs) for cell in result.cells]
+    cells = [_cell_or_why_not(cell, runs) for cell in result.cells]
     if len(runs) == 1:
         (observed,) = result.runs
         return form.SummaryOfRun(run=_run(observed, result.warnings), cells=cells)
-    for cell, entry in zip(result.cells, cells, strict=True):
-        entry.offsets = [
-            form.Offset(
-                run=str(runs[share.run].path),
-                n=share.n,
-                offset_db=share.offset_db,
-                sigma_db=share.sigma_db,
-            )
-            for share in cell.shares
-        ]
-        entry.without = [_without(rest, runs[i]) for i, rest in cell.without.items()]
     summaries = [_run(observed) for observed in result.runs]
     return form.SummaryOfRuns(runs=summaries, warnings=list(result.warnings), cells=cells)
 
@@ -71,8 +62,14 @@ def _run(observed: ObservedRun, more: Sequence[str] = ()) -> form.RunSummary:
     )
 
 
-def _cell(result: CellResult, runs: Sequence[Run]) -> form.Cell:
-    entry = form.Cell(
+def _cell_or_why_not(result: CellResult, runs: Sequence[Run]) -> form.Cell:
+    entry = attempt(result.cell, "its summary", lambda: _cell(result, runs))
+    return _without_answer(result.after(entry)) if isinstance(entry, Failure) else entry
+
+
+def _without_answer(result: CellResult) -> form.Cell:
+    none = form.FinalState()
+    return form.Cell(
         cell=result.cell,
         n=result.n,
         n_scans=result.n_scans,
@@ -82,21 +79,46 @@ def _cell(result: CellResult, runs: Sequence[Run]) -> form.Cell:
         region95=form.Region(),
         region50=form.Region(),
         prior=None,
-        reference_ekf=_final_state(result, "reference"),
-        ekf=_final_state(result, "ekf"),
-        ekf_backward=_final_state(result, "backward"),
-        agreement=_agreement(result.comparison),
-        rts=_final_state(result, "rts"),
-        batch=_least_squares(result),
-        residuals=_residuals(result.residuals),
-        set_aside=[form.Spike(**spike._asdict()) for spike in result.set_aside],
-        truth=truth_of(result, runs),
+        reference_ekf=none,
+        ekf=none,
+        ekf_backward=none,
+        agreement=None,
+        rts=none,
+        batch=form.LeastSquares(),
+        residuals=None,
+        set_aside=[],
+        truth=None,
         warnings=list(result.warnings),
+        error=UNSET if result.error is None else result.error,
     )
+
+
+def _cell(result: CellResult, runs: Sequence[Run]) -> form.Cell:
+    entry = _without_answer(result)
+    entry.reference_ekf = _final_state(result, "reference")
+    entry.ekf = _final_state(result, "ekf")
+    entry.ekf_backward = _final_state(result, "backward")
+    entry.agreement = _agreement(result.comparison)
+    entry.rts = _final_state(result, "rts")
+    entry.batch = _least_squares(result)
+    entry.residuals = _residuals(result.residuals)
+    entry.set_aside = [form.Spike(**spike._asdict()) for spike in result.set_aside]
+    entry.truth = truth_of(result, runs)
     if result.timing is not None:
         entry.timing = form.Timing(**result.timing._asdict())
     if result.posterior is not None and result.obs is not None:
         _add_posterior(entry, result.posterior, result.obs.utm)
+    if len(runs) > 1:
+        entry.offsets = [
+            form.Offset(
+                run=str(runs[share.run].path),
+                n=share.n,
+                offset_db=share.offset_db,
+                sigma_db=share.sigma_db,
+            )
+            for share in result.shares
+        ]
+        entry.without = [_without(rest, runs[i]) for i, rest in result.without.items()]
     return entry
 
 

@@ -1,6 +1,7 @@
 """The summary of `smooth` in a terminal: a line per cell, or every detail of the cells."""
 
 from collections.abc import Sequence
+from functools import partial
 
 from msgspec import UNSET
 from rich.console import Console
@@ -8,6 +9,7 @@ from rich.text import Text
 
 from logger.core.ellipse import Ellipse
 from logger.core.locator.rivals import share_text
+from postproc.cell_work import Failure, attempt
 from postproc.result import ESTIMATORS, REFERENCE
 from postproc.result_json import (
     Best,
@@ -31,8 +33,11 @@ _REFERENCE_NOTE = (
 )
 
 
-def print_summary(summary: Summary, *, details: bool) -> None:
-    """One line for each cell, or with `details` its reasons and every estimator."""
+def print_summary(summary: Summary, *, details: bool) -> list[Failure]:
+    """One line for each cell, or with `details` its reasons and every estimator.
+
+    Returns what could not be printed.
+    """
     console = screen()
     if isinstance(summary, SummaryOfRun):
         _print_warnings(console, [summary.run], [])
@@ -40,16 +45,25 @@ def print_summary(summary: Summary, *, details: bool) -> None:
         _print_warnings(console, summary.runs, summary.warnings)
     cells = sorted(summary.cells, key=lambda cell: _ORDER.index(cell.verdict))
     if not cells:
-        return
+        return []
     if not details:
-        _print_lines(console, cells)
+        failures = _print_lines(console, cells)
         more = "The reasons and all details of one cell: --cell NAME; of every cell: -v"
         print_text(console, f"\n{more}", "dim")
-        return
-    for cell in cells:
-        _print_cell(console, cell)
+        return failures
+    printed = [
+        attempt(cell.cell, "its details", partial(_print_cell, console, cell)) for cell in cells
+    ]
+    failures = [failure for failure in printed if failure is not None]
+    for failure in failures:
+        _print_failure(console, failure.cell, failure.reason)
     if any(cell.reference_ekf.lat is not None for cell in cells):
         print_text(console, f"\n* {_REFERENCE_NOTE}")
+    return failures
+
+
+def _print_failure(console: Console, cell: str, reason: str) -> None:
+    print_text(console, styled_text((f"{cell}: ", ""), (reason, "red")))
 
 
 def _print_warnings(console: Console, runs: Sequence[RunSummary], warnings: Sequence[str]) -> None:
@@ -63,21 +77,35 @@ def _print_warnings(console: Console, runs: Sequence[RunSummary], warnings: Sequ
         print_text(console, warning, "yellow")
 
 
-def _print_lines(console: Console, cells: Sequence[Cell]) -> None:
-    """One line for each cell, or one sentence where the terminal is too narrow for the table."""
+def _print_lines(console: Console, cells: Sequence[Cell]) -> list[Failure]:
+    """One line for each cell, or one sentence where the terminal is too narrow for the table.
+
+    Below stands why an estimate failed.
+    """
     titles = ["cell", "readings", "verdict", "position", "95 % within"]
     if any(cell.truth for cell in cells):
         titles.append("error")
-    rows = [_line(cell) for cell in cells]
+    lines = [attempt(cell.cell, "its line", partial(_line, cell)) for cell in cells]
+    failures = [line for line in lines if isinstance(line, Failure)]
+    rows = [
+        _line_without_answer(cell) if isinstance(line, Failure) else line
+        for cell, line in zip(cells, lines, strict=True)
+    ]
     if fits(console, titles, rows):
         table(console, titles, rows, right=("readings", "95 % within", "error"))
-        return
+    else:
+        for row in rows:
+            print_text(console, _sentence(row), bullet="- ")
     for cell in cells:
-        print_text(console, _sentence(cell), bullet="- ")
+        for reason in cell.warnings if cell.error else ():
+            _print_failure(console, cell.cell, reason)
+    for failure in failures:
+        _print_failure(console, failure.cell, failure.reason)
+    return failures
 
 
-def _sentence(cell: Cell) -> Text:
-    name, n, verdict, position, within, error = map(str, _line(cell))
+def _sentence(row: Sequence[str | Text]) -> Text:
+    name, n, verdict, position, within, error = map(str, row)
     where = {"located": f" at {position}, 95 % within {within}", "ambiguous": f", {position}"}
     more = f"{where.get(verdict, '')}, {n} readings{f', error {error}' if error else ''}"
     return styled_text((f"{name}: ", ""), (verdict, _STYLES[verdict]), (more, ""))
@@ -92,6 +120,10 @@ def _line(cell: Cell) -> list[str | Text]:
         position = f"{sum(mode.percent is not None for mode in cell.modes)} positions"
     verdict = Text(cell.verdict, _STYLES[cell.verdict])
     return [cell.cell, str(cell.n), verdict, position, within, error]
+
+
+def _line_without_answer(cell: Cell) -> list[str | Text]:
+    return [cell.cell, str(cell.n), Text(cell.verdict, _STYLES[cell.verdict]), "", "", ""]
 
 
 def _print_cell(console: Console, cell: Cell) -> None:

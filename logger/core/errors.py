@@ -8,6 +8,8 @@ FieldLoggerError
 +-- EstimationError   the data do not hold the answer
 """
 
+from pathlib import Path
+
 
 class FieldLoggerError(Exception):
     """Root of everything that is shown to a user as one line."""
@@ -33,12 +35,21 @@ class EstimationError(FieldLoggerError):
     """The measurements do not determine the result."""
 
 
-def place_of(error: Exception) -> str:
-    """Type and place of an exception in this program: its message may have what is private."""
+_MOST_CHARACTERS = 200
+"""Of an error's text: one that quotes the data may be of any length."""
+
+
+def error_place(error: Exception) -> str:
+    """Type and place of an error that nobody expected; its text may quote what is private."""
     place, step = "", error.__traceback__
     while step is not None:
-        module = step.tb_frame.f_globals.get("__name__", "")
-        if module.startswith("logger.") or not place:
-            place = f"{module}:{step.tb_lineno}"
+        if str(step.tb_frame.f_globals.get("__name__")).startswith(("logger.", "postproc.")):
+            place = f" ({Path(step.tb_frame.f_code.co_filename).name}:{step.tb_lineno})"
         step = step.tb_next
-    return f"{type(error).__name__} in {place}"
+    return f"{type(error).__name__}{place}"
+
+
+def error_text(error: Exception) -> str:
+    """The same with its text, in one line."""
+    text = " ".join(str(error).split())[:_MOST_CHARACTERS]
+    return f"{error_place(error)}{f': {text}' * bool(text)}"

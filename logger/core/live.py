@@ -21,7 +21,7 @@ from logger.core.live_reference import LiveReference
 from logger.core.live_settings import FOLLOW, LiveSettings
 from logger.core.locator.online_values import LevelReading
 from logger.core.model.prior import Prior, prior_for
-from logger.core.suspicion.notes import finding_notes
+from logger.core.suspicion.notes import error_notes, finding_notes
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.track import TIMING_S
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
@@ -74,9 +74,12 @@ class LiveTracker:
 
     def _check_rules(self, record: Record) -> list[Note]:
         """What the rules find in a record, as events."""
+        errors = self.suspicion.errors
+        before = set(errors)
         findings = self.suspicion.feed(record)
         words = [self.suspicion.assessment(finding.cell) for finding in findings]
-        return list(finding_notes(findings, words))
+        new = [(name, text) for name, text in errors.items() if name not in before]
+        return [*finding_notes(findings, words), *error_notes(new)]
 
     def _take_scan(self, seq: int, t_ns: int, scan: Scan) -> list[Note | LiveEstimate]:
         self._identities.add(scan)

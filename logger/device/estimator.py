@@ -17,7 +17,7 @@ from functools import partial
 from traceback import format_tb
 from typing import TYPE_CHECKING, Self
 
-from logger.core.errors import place_of
+from logger.core.errors import error_place
 from logger.core.live_settings import FAILED, FOLLOW, REFERENCE, RESTARTED, LiveSettings
 from logger.core.types import Level, LiveEstimate, Note, Record
 from logger.device.link import Inbox
@@ -62,7 +62,7 @@ def _rules_note() -> Note:
 
 def _log_place(error: Exception) -> None:
     """The stack without the message, which may have what is private."""
-    log.error("live estimate: %s\n%s", place_of(error), "".join(format_tb(error.__traceback__)))
+    log.error("live estimate: %s\n%s", error_place(error), "".join(format_tb(error.__traceback__)))
 
 
 class Estimator:
@@ -204,7 +204,7 @@ class Estimator:
         pause_s = min(_FIRST_PAUSE_S * 2.0**self._n_failures, _LONGEST_PAUSE_S)
         self._n_failures += 1
         self._again_ns = record.t_ns + round(pause_s * 1e9)
-        where = place_of(error)
+        where = error_place(error)
         self._failure = f"no live estimate: {where}; a new one begins after {pause_s:.0f} s"
         self._note(seq, record, "error", FAILED, f"{where}; a new one begins after {pause_s:.0f} s")
 

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from logger.baseline_file import BaselineFile
 from logger.core.baseline import Baseline, KnownCell, NoBaseline, SquareHistory
-from logger.core.errors import RunFileError, place_of
+from logger.core.errors import RunFileError, error_place
 from logger.core.types import Note
 
 log = logging.getLogger(__name__)
@@ -83,7 +83,7 @@ class LiveBaseline:
 
     def _give_up(self, error: Exception) -> None:
         self._baseline = NoBaseline()
-        why = str(error) if isinstance(error, RunFileError) else place_of(error)
+        why = str(error) if isinstance(error, RunFileError) else error_place(error)
         text = f"{why}; nothing is known of earlier walks"
         self._notes.append(Note("warning", UNREADABLE, text))
         log.warning("%s", text)

@@ -4,7 +4,7 @@ import logging
 from hashlib import sha256
 from pathlib import Path
 
-from logger.core.errors import FieldLoggerError, place_of
+from logger.core.errors import FieldLoggerError, error_place
 from logger.core.geo import Utm
 from logger.core.guidance.street_atlas import StreetAtlas
 from logger.core.guidance.street_map import StreetMap
@@ -58,7 +58,7 @@ class LiveStreets:
 
     def _give_up(self, error: Exception) -> None:
         self._atlas = StreetAtlas(())
-        why = str(error) if isinstance(error, FieldLoggerError) else place_of(error)
+        why = str(error) if isinstance(error, FieldLoggerError) else error_place(error)
         named = why if self._name in why else f"{self._name}: {why}"
         self._notes.append(Note("warning", UNREADABLE, f"{named}; advice without streets"))
         log.warning("advice without streets: %s", named)

@@ -7,6 +7,8 @@ tests of the pair.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
+from operator import attrgetter, itemgetter
 from typing import Literal
 
 import numpy as np
@@ -14,6 +16,7 @@ from scipy import stats
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.observations import CellObservations
+from postproc.cell_work import Attempts, Failure
 from postproc.comparison.differences import Differences, differences_of, margins_db
 from postproc.comparison.ground import Grid, Ground, grounds_of
 from postproc.comparison.level_change import (
@@ -48,7 +51,8 @@ class CellChange:
     walks heard it, or one did and the other could have. `change_db` is by how much it is stronger
     in B than the other cells explain, with `sigma_db`; `contrast_db` how much more it rose in one
     part of the ground than in another; None where it was not tested. `p` is the probability of such
-    data if nothing changed. `block` and `difference_db`, shape (n,), are for maps.
+    data if nothing changed. `block` and `difference_db`, shape (n,), are for maps. `error` is that
+    of the program which ended the comparison, None where none did.
     """
 
     cell: str
@@ -64,6 +68,7 @@ class CellChange:
     p: float | None
     block: IntArray
     difference_db: FloatArray
+    error: str | None = None
 
     @property
     def is_change(self) -> bool:
@@ -107,42 +112,64 @@ def compare(
 
     `same_modem` says that both were recorded with the same modem, whose offset is then small.
     """
-    grounds = grounds_of(a, b)
+    tries = Attempts("its comparison")
+    grounds = grounds_of(a, b, tries)
     in_both = sorted(set(grounds[0].cells) & set(grounds[1].cells))
-    differences = [differences_of(cell, *grounds) for cell in in_both]
+    differences = [
+        one for _, one in tries.each(in_both, str, lambda cell: differences_of(cell, *grounds))
+    ]
     comparable = [one for one in differences if len(one) >= FEWEST_BLOCKS]
-    tested = _test(comparable, grounds[0].grid, same_modem=same_modem)
+    tested = _test(comparable, grounds[0].grid, tries, same_modem=same_modem)
     offsets = _offsets(tested, same_modem=same_modem)
     only = [
         (cell, side) for side in (0, 1) for cell in sorted(set(grounds[side].cells) - set(in_both))
     ]
-    absent = [_absence(cell, side, grounds, offsets) for cell, side in only]
-    n_tests = 2 * len(tested) + sum(p is not None for _, p in absent)
+    absent = tries.each(only, itemgetter(0), lambda one: _absence(*one, grounds, offsets))
+    # one that failed counts as tested, so that the words of the others stay as rare
+    n_tests = 2 * (len(tested) + len(tries.failures)) + sum(p is not None for _, (_, p) in absent)
     limit = FALSE_WORDS / max(n_tests, 1)
-    cells = [
-        *(_change_of_tested(one, grounds, limit) for one in tested),
-        *(_too_little(one, grounds) for one in differences if len(one) < FEWEST_BLOCKS),
-        *(
-            _change_of_absent(cell, side, grounds, *result, limit)
-            for (cell, side), result in zip(only, absent, strict=True)
-        ),
-    ]
+    too_little = [one for one in differences if len(one) < FEWEST_BLOCKS]
+    of_cell = attrgetter("cell")
+    rows = [
+        *tries.each(tested, attrgetter("differences.cell"),
+                    lambda one: _change_of_tested(one, grounds, limit)),
+        *tries.each(too_little, of_cell, lambda one: _too_little(one, grounds)),
+        *tries.each(absent, lambda one: one[0][0],
+                    lambda one: _change_of_absent(*one[0], grounds, *one[1], limit)),
+    ]  # fmt: skip
+    cells = [*(row for _, row in rows), *map(_without_comparison, tries.failures.values())]
     cells.sort(key=lambda cell: (not cell.is_change, -cell.n_blocks, -cell.n_a - cell.n_b))
     return Comparison(grounds[0].grid, tuple(cells), offsets, _n_common(*grounds), n_tests)
 
 
-def _test(differences: list[Differences], grid: Grid, *, same_modem: bool) -> list[_Tested]:
-    tested = []
+def _test(
+    differences: list[Differences], grid: Grid, tries: Attempts, *, same_modem: bool
+) -> list[_Tested]:
+    tested: list[_Tested] = []
     for rat in sorted({one.rat for one in differences}):
         of_rat = [one for one in differences if one.rat == rat]
         scale = scale_of(of_rat)
-        changes = [change_of(one, scale) for one in of_rat]
-        for i, (one, change) in enumerate(zip(of_rat, changes, strict=True)):
+        changes = tries.each(of_rat, attrgetter("cell"), partial(change_of, scale=scale))
+
+        def test(one: tuple[Differences, Change]) -> _Tested:
+            differences, change = one
             # a cell that changed must not be part of what it is compared with
-            offset = offset_of(changes[:i] + changes[i + 1 :], same_modem=same_modem)
-            p_level = probability(change, offset, scale)
-            tested.append(_Tested(one, change, offset, p_level, *pattern_of(one, change.db, grid)))
+            others = [other for of, other in changes if of is not differences]  # noqa: B023
+            offset = offset_of(others, same_modem=same_modem)
+            p_level = probability(change, offset, scale)  # noqa: B023
+            return _Tested(
+                differences, change, offset, p_level, *pattern_of(differences, change.db, grid)
+            )
+
+        tested += [one for _, one in tries.each(changes, lambda one: one[0].cell, test)]
     return tested
+
+
+def _without_comparison(why: Failure) -> CellChange:
+    return CellChange(
+        why.cell, "", "not comparable", why.reason, 0, 0, 0, None, None, None, None,
+        np.zeros(0, np.int64), np.zeros(0), why.error,
+    )  # fmt: skip
 
 
 def _offsets(tested: list[_Tested], *, same_modem: bool) -> dict[str, float]:

@@ -19,14 +19,16 @@ from logger.command_line import FILE, INPUT, json_option
 @json_option
 def compare(
     a: Path, b: Path, output: Path | None, save: Path | None, *, verbose: bool, as_json: bool
-) -> None:
+) -> int:
     """Compare two walks: cells that are new, gone, moved, stronger or weaker in B.
 
-    A and B are runs. Cells are compared only where both walks could have heard them.
+    A and B are runs. Cells are compared only where both walks could have heard them. The exit code
+    is 3 if the comparison of a cell failed.
     """
     from logger.core.errors import ConfigError
     from logger.core.runfile import read_sound_run
     from postproc.atomic_write import check_output, whole_file
+    from postproc.cell_work import exit_code
     from postproc.comparison.page import html
     from postproc.comparison.run_pair import compare_runs, document_of
     from postproc.comparison.tables import print_comparison
@@ -49,3 +51,4 @@ def compare(
         print(json_text(document_of(compared)))
     else:
         print_comparison(compared, details=verbose)
+    return exit_code(compared.comparison.cells)

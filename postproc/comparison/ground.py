@@ -15,6 +15,7 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.identities import FEWEST_SCANS
 from logger.core.observations import CellObservations
+from postproc.cell_work import Attempts
 
 BLOCK_M = 50.0
 """Differences between repeated walks are independent from one such block to the next.
@@ -100,7 +101,9 @@ class Ground:
 
 
 def grounds_of(
-    a: Iterable[CellObservations], b: Iterable[CellObservations]
+    a: Iterable[CellObservations],
+    b: Iterable[CellObservations],
+    tries: Attempts | None = None,
 ) -> tuple[Ground, Ground]:
     """Two walks by the blocks of the grid in which they have most blocks in common.
 
@@ -108,7 +111,8 @@ def grounds_of(
     are kept. A cell that fewer than two scans of a walk have named is left out of it, as on the
     device.
     """
-    walks = [_Walk(cells) for cells in (a, b)]
+    tries = tries or Attempts("its blocks")
+    walks = [_Walk(cells, tries) for cells in (a, b)]
     grids = [Grid(*shift) for shift in _SHIFTS]
     best = max(grids, key=lambda grid: len(walks[0].blocks(grid) & walks[1].blocks(grid)))
     return walks[0].ground(best), walks[1].ground(best)
@@ -167,15 +171,15 @@ class _Scans(NamedTuple):
 class _Walk:
     """A walk by half blocks, of which the blocks of any grid are made."""
 
-    def __init__(self, cells: Iterable[CellObservations]) -> None:
+    def __init__(self, cells: Iterable[CellObservations], tries: Attempts) -> None:
         self._cells: list[_CellHalves] = []
         self._scans: dict[str, list[_Scans]] = {}
-        for obs in cells:
-            sure = _without_doubt(obs)
-            if sure is not None:
-                self._take(sure)
+        tries.each(cells, lambda obs: obs.cell, self._take)
 
-    def _take(self, obs: CellObservations) -> None:
+    def _take(self, every: CellObservations) -> None:
+        obs = _without_doubt(every)
+        if obs is None:
+            return
         at = half_blocks_at(obs.x_m, obs.y_m)
         half, which = np.unique(at, return_inverse=True)
         sum_dbm = np.asarray(np.bincount(which, obs.level_dbm), float)

@@ -92,4 +92,5 @@ def _cell_document(cell: CellChange, utm: Utm, grid: Grid) -> Json:
         "contrast_db": cell.contrast_db,
         "p": cell.p,
         "where": blocks if cell.is_change else [],
+        "error": cell.error,
     }

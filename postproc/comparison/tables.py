@@ -18,7 +18,10 @@ def print_comparison(compared: ComparedRuns, *, details: bool) -> None:
             print_text(console, f"{cell.cell} {cell.rat}: {cell.text}", bullet=f"{cell.word}: ")
     print_text(console, wording.ground_text(compared))
     print_text(console, wording.chance_text())
-    shown = [cell for cell in cells if details or cell.word != "not comparable"]
+    for cell in cells:
+        if cell.error:
+            print_text(console, cell.text, "red", bullet=f"{cell.cell}: ")
+    shown = [cell for cell in cells if details or cell.error or cell.word != "not comparable"]
     rows = [
         (
             cell.cell,

@@ -1,10 +1,13 @@
 """Kalman filter and adjoint smoother of a walker's track; the model is in `walker`.
 
 The smoother inverts nothing and yields leave-one-out residuals (Bryson & Frazier 1963; de Jong, J.
-Amer. Statist. Assoc. 84(408), 1989). A fix has two measurements, the position with h = [1, 0, s]
-and the velocity with h = [0, 1, 0]; one with infinite variance is left out. Both axes share their
-covariances. Symmetric matrices are tuples (00, 01, 02, 11, 12, 22): plain numbers are quick in
-Python, and numba compiles the same loops for long walks.
+Amer. Statist. Assoc. 84(408), 1989). Its matrices are reduced by products (Joseph's form): after an
+hour without a fix the variance is 1e11 m2, and a difference of two of those is not positive.
+
+A fix has two measurements, the position with h = [1, 0, s] and the velocity with h = [0, 1, 0]; one
+with infinite variance is left out. Both axes share their covariances. Symmetric matrices are tuples
+(00, 01, 02, 11, 12, 22): plain numbers are quick in Python, and numba compiles the same loops for
+long walks.
 """
 
 import sys
@@ -73,7 +76,7 @@ def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatA
     of_fixes, r, n = _Filtered.rows(count), np.empty((count, 3, 2)), np.empty((count, 3, 3))
     residual, precision = np.zeros((count, 2, 2)), np.ones((count, 2))
     _filter(count, model, excess, of_fixes, False)
-    _adjoint(count, model, of_fixes, r, n, residual, precision)
+    _adjoint(count, model, excess, of_fixes, r, n, residual, precision)
     slack = np.where(np.isfinite(model.variance), model.slack, 0.0)
     apart2 = np.sum(residual**2, axis=2) / precision**2
     return Series(of_fixes.x, of_fixes.p, r, n), apart2, 1.0 / precision - excess + slack
@@ -98,23 +101,44 @@ def _times(m: Symmetric, v: Vector) -> Vector:
     )
 
 
+def _scaled(v: Vector, factor: float) -> Vector:
+    return factor * v[0], factor * v[1], factor * v[2]
+
+
 def _plus(x: Vector, factor: float, v: Vector) -> Vector:
     return x[0] + factor * v[0], x[1] + factor * v[1], x[2] + factor * v[2]
 
 
-def _plus_outer(m: Symmetric, factor: float, a: Vector, b: Vector) -> Symmetric:
-    """M + factor (a b' + b a') / 2."""
+def _plus_square(m: Symmetric, factor: float, a: Vector) -> Symmetric:
+    """M + factor a a'."""
     m00, m01, m02, m11, m12, m22 = m
     a0, a1, a2 = a
-    b0, b1, b2 = b
-    half = 0.5 * factor
     return (
-        m00 + factor * a0 * b0,
-        m01 + half * (a0 * b1 + a1 * b0),
-        m02 + half * (a0 * b2 + a2 * b0),
-        m11 + factor * a1 * b1,
-        m12 + half * (a1 * b2 + a2 * b1),
-        m22 + factor * a2 * b2,
+        m00 + factor * a0 * a0,
+        m01 + factor * a0 * a1,
+        m02 + factor * a0 * a2,
+        m11 + factor * a1 * a1,
+        m12 + factor * a1 * a2,
+        m22 + factor * a2 * a2,
+    )
+
+
+def _reduced(m: Symmetric, a: Vector, b: Vector, rest: float) -> Symmetric:
+    """L M L' with L = I - a b', where `rest` is 1 - a'b."""
+    a0, a1, a2 = a
+    b0, b1, b2 = b
+    c0, c1, c2 = a0 * b0, a1 * b1, a2 * b2
+    row0 = rest + c1 + c2, -a0 * b1, -a0 * b2
+    row1 = -a1 * b0, rest + c0 + c2, -a1 * b2
+    row2 = -a2 * b0, -a2 * b1, rest + c0 + c1
+    column0, column1, column2 = _times(m, row0), _times(m, row1), _times(m, row2)
+    return (
+        _dot(row0, column0),
+        _dot(row0, column1),
+        _dot(row0, column2),
+        _dot(row1, column1),
+        _dot(row1, column2),
+        _dot(row2, column2),
     )
 
 
@@ -183,7 +207,8 @@ def _store(
 
 
 def _filter_loop(source: str) -> Callable[..., float]:
-    row, dot, times, plus, plus_outer = _row, _dot, _times, _plus, _plus_outer
+    row, dot, times, plus, plus_square = _row, _dot, _times, _plus, _plus_square
+    reduced, scaled = _reduced, _scaled
     predict_state, predict_covariance = _predict_state, _predict_covariance
     log_student, excess_variance_of = _log_student, excess_variance
     store_innovation, store = _store_innovation, _store
@@ -216,9 +241,11 @@ def _filter_loop(source: str) -> Callable[..., float]:
                         expected = variance + float(model.slack[k, kind])
                         added = float(excess_variance_of(apart2, expected))
                     excess[k, kind] = added
+                noise += float(excess[k, kind])
                 variance += float(excess[k, kind])
-                x, y = plus(x, east / variance, gain), plus(y, north / variance, gain)
-                p = plus_outer(p, -1.0 / variance, gain, gain)
+                share = scaled(gain, 1.0 / variance)
+                x, y = plus(x, east, share), plus(y, north, share)
+                p = plus_square(reduced(p, share, h, noise / variance), noise, share)
                 if not robust:
                     store_innovation(of_fixes, k, kind, gain, east, north, variance)
             if not robust:
@@ -229,11 +256,13 @@ def _filter_loop(source: str) -> Callable[..., float]:
 
 
 def _adjoint_loop(source: str) -> Callable[..., None]:
-    row, dot, times, plus, plus_outer = _row, _dot, _times, _plus, _plus_outer
+    row, dot, times, plus, plus_square = _row, _dot, _times, _plus, _plus_square
+    reduced, scaled = _reduced, _scaled
     earlier_vector, earlier_matrix, store = _earlier_vector, _earlier_matrix, _store
 
     def loop(
         model: Model,
+        excess: FloatArray,
         of_fixes: _Filtered,
         r: FloatArray,
         n: FloatArray,
@@ -245,20 +274,20 @@ def _adjoint_loop(source: str) -> Callable[..., None]:
         m = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         for k in range(len(model.step_s) - 1, -1, -1):
             for kind in (_VELOCITY, _POSITION):
-                if float(model.variance[k, kind]) == inf:
+                noise = float(model.variance[k, kind])
+                if noise == inf:
                     continue
+                noise += float(excess[k, kind])
                 h = row(kind, float(model.wander_m[k]))
                 gains = of_fixes.gain[k, kind]
-                gain = float(gains[0]), float(gains[1]), float(gains[2])
                 s = float(of_fixes.variance[k, kind])
-                m_gain = times(m, gain)
-                d = 1.0 / s + dot(gain, m_gain) / s**2
-                east = (float(of_fixes.innovation[k, kind, 0]) - dot(gain, rx)) / s
-                north = (float(of_fixes.innovation[k, kind, 1]) - dot(gain, ry)) / s
+                share = scaled((float(gains[0]), float(gains[1]), float(gains[2])), 1.0 / s)
+                east = float(of_fixes.innovation[k, kind, 0]) / s - dot(share, rx)
+                north = float(of_fixes.innovation[k, kind, 1]) / s - dot(share, ry)
                 rx, ry = plus(rx, east, h), plus(ry, north, h)
-                m = plus_outer(plus_outer(m, -2.0 / s, h, m_gain), d, h, h)
                 residual[k, kind, 0], residual[k, kind, 1] = east, north
-                precision[k, kind] = d
+                precision[k, kind] = 1.0 / s + dot(share, times(m, share))
+                m = plus_square(reduced(m, h, share, noise / s), 1.0 / s, h)
             store(r, n, k, rx, ry, m)
             dt, a = float(model.step_s[k]), float(model.a[k])
             rx, ry = earlier_vector(rx, dt, a), earlier_vector(ry, dt, a)
@@ -273,8 +302,10 @@ _STEPS = (
         "_row",
         "_dot",
         "_times",
+        "_scaled",
         "_plus",
-        "_plus_outer",
+        "_plus_square",
+        "_reduced",
         "_predict_state",
         "_predict_covariance",
         "_earlier_vector",

@@ -115,6 +115,7 @@ def next_command(
     """
     from logger.street_file import read_lines
     from postproc.atomic_write import check_output
+    from postproc.cell_work import attempt_alone
     from postproc.guidance import next_output
     from postproc.guidance.next_walk import next_walk
     from postproc.json_text import as_json as json_text
@@ -125,7 +126,10 @@ def next_command(
         check_output(routes)
     if picture is not None:
         check_picture(picture)
-    walk = next_walk(_readings_of(paths, cell), prior, _start_deg(start), lines)
+    obs = _readings_of(paths, cell)
+    walk = attempt_alone(
+        obs.cell, "its next walk", lambda: next_walk(obs, prior, _start_deg(start), lines)
+    )
     if routes is not None:
         next_output.write_gpx(walk, routes)
     if picture is not None:
@@ -157,11 +161,13 @@ def _readings_of(paths: Sequence[Path], cell: str | None) -> "CellObservations":
 
 def _first_to_look_for(runs: "Sequence[Run]", every: "list[CellObservations]") -> str | None:
     """The most suspicious or unusual cell that has levels; without one the strongest."""
+    from postproc.cell_work import Attempts
     from postproc.suspicion.ordering import conspicuous_cells
 
     levels: dict[str, float] = {}
-    for obs in every:
-        level_dbm = obs.usable().level_dbm
+    tries = Attempts("the choice of its readings")
+    for obs, usable in tries.each(every, lambda obs: obs.cell, lambda obs: obs.usable()):
+        level_dbm = usable.level_dbm
         if len(level_dbm):
             levels[obs.cell] = max(levels.get(obs.cell, -inf), float(level_dbm.max()))
     conspicuous = conspicuous_cells(runs, levels)

@@ -52,10 +52,14 @@ def export(
     estimates: bool,
     all_estimators: bool,
     as_json: bool,
-) -> None:
-    """Write levels, track and estimates in another format."""
+) -> int:
+    """Write levels, track and estimates in another format.
+
+    The exit code is 3 if the estimate of a cell failed.
+    """
     from logger.core.runfile import read_sound_run
     from postproc.atomic_write import check_output
+    from postproc.cell_work import exit_code
     from postproc.interop import exporting
     from postproc.interop.estimates import estimates_of
     from postproc.interop.levels import walk_of_run
@@ -75,12 +79,13 @@ def export(
     exported = exporting.write_export(walk, found, output, name)
     if as_json:
         print_json(asdict(exported))
-        return
+        return exit_code(found)
     more = f", estimates of {exported.n_estimates} cells" if has_estimates else ""
     counts = f"{exported.n_levels} levels, {exported.n_fixes} fixes{more}"
     print(f"{exported.path}: {counts} ({name})")
     for reason in exported.left_out:
         print(f"{exported.path}: left out: {reason}", file=sys.stderr)
+    return exit_code(found)
 
 
 @click.command("import")

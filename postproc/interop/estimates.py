@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import isfinite
 
 from logger.core.geo import Utm
+from postproc.cell_work import Failure, attempt
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
 from postproc.result import BATCH, EKF, RTS, Result
 from postproc.result_json import Best, Cell, FinalState, LeastSquares, Mode
@@ -34,7 +35,8 @@ class NamedPosition:
 class Estimate:
     """The answer about one cell; no positions where the readings do not determine one.
 
-    `left_out` names the estimators without a position, and why.
+    `left_out` names the estimators without a position, and why. `error` is that of the program
+    which ended some of the work on the cell, None where none did.
     """
 
     cell: str
@@ -44,6 +46,7 @@ class Estimate:
     regions: Mapping[int, tuple[Rings, ...]]
     warnings: tuple[str, ...]
     left_out: tuple[str, ...] = ()
+    error: str | None = None
 
 
 def estimates_of(result: Result, utm: Utm, *, every: bool = False) -> list[Estimate]:
@@ -51,7 +54,17 @@ def estimates_of(result: Result, utm: Utm, *, every: bool = False) -> list[Estim
 
     With `every` the positions and ellipses of the other estimators besides.
     """
-    return [estimate_of(cell, utm, every=every) for cell in summarise(result).cells]
+    return [_estimate_or_why_not(cell, utm, every=every) for cell in summarise(result).cells]
+
+
+def _estimate_or_why_not(cell: Cell, utm: Utm, *, every: bool) -> Estimate:
+    estimate = attempt(cell.cell, "its export", lambda: estimate_of(cell, utm, every=every))
+    if not isinstance(estimate, Failure):
+        return estimate
+    left_out = (f"the answer about {cell.cell}: {estimate.reason}",)
+    return Estimate(
+        cell.cell, "cannot tell", cell.n, (), {}, (estimate.reason,), left_out, estimate.error
+    )
 
 
 def estimate_of(cell: Cell, utm: Utm, *, every: bool = False) -> Estimate:
@@ -63,8 +76,18 @@ def estimate_of(cell: Cell, utm: Utm, *, every: bool = False) -> Estimate:
     }
     more, left_out = _others(cell, utm) if every else ([], [])
     positions = (*_answer(cell), *more)
+    error = cell.error or None
+    if error is not None:
+        left_out.append(f"the answer about {cell.cell}: {cell.warnings[0]}")
     return Estimate(
-        cell.cell, cell.verdict, cell.n, positions, outlines, tuple(cell.warnings), tuple(left_out)
+        cell.cell,
+        cell.verdict,
+        cell.n,
+        positions,
+        outlines,
+        tuple(cell.warnings),
+        tuple(left_out),
+        error,
     )
 
 

@@ -134,11 +134,13 @@ def _distinct_names(paths: Sequence[Path]) -> list[str]:
 
 
 def _warnings(result: Result) -> tuple[str, ...]:
+    failed = [f"{cell.cell}: {text}" for cell in result.cells if cell.error
+              for text in cell.warnings]  # fmt: skip
     if len(result.runs) == 1:
-        return result.warnings + result.runs[0].warnings
+        return (*failed, *result.warnings, *result.runs[0].warnings)
     by_run = [
         f"{observed.run.path.name}: {text}"
         for observed in result.runs
         for text in observed.warnings
     ]
-    return (*result.warnings, *by_run)
+    return (*failed, *result.warnings, *by_run)

@@ -1,6 +1,6 @@
 """One plan of all cells: the walks, each position that is known, and a picture of the ground."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from matplotlib.path import Path
 from logger.core.arrays import FloatArray
 from logger.core.locator.rivals import relevant_modes, share_text
 from postproc.basemap.reading import Basemap, read_basemap
+from postproc.cell_work import Attempts
 from postproc.pictures import colours
 from postproc.pictures.geometry import plan_box
 from postproc.pictures.picture import picture_of
@@ -43,15 +44,21 @@ class _Place(NamedTuple):
 
 
 def cell_map(
-    survey: Survey, cells: Sequence[CellResult], basemap: FilePath | None
+    survey: Survey,
+    cells: Sequence[CellResult],
+    basemap: FilePath | None,
+    tries: Attempts | None = None,
 ) -> ReportFigure | None:
     """The plan; None where no cell has a position, or where it would be that of the only cell.
 
-    `basemap` is a file with a picture of the ground.
+    `basemap` is a file with a picture of the ground; `tries` gets the cells that cannot be drawn.
 
     Raises `ConfigError` where the file cannot be read, or does not cover the plan.
     """
-    places = list(_places(survey, cells))
+    tries = tries or Attempts("its place on the map")
+    numbered = enumerate(cells, 1)
+    found = tries.each(numbered, lambda one: one[1].cell, lambda one: _place(survey, *one))
+    places = [place for _, place in found if place is not None]
     if survey.utm is None or not places or (len(cells) < 2 and basemap is None):
         return None
     extras = [np.vstack([place.positions_m, *place.outline]) for place in places]
@@ -64,21 +71,19 @@ def cell_map(
         _draw_basemap(axes, ground)
     draw_ground(axes, box)
     draw_walks(figure, axes, picture_of(survey, None))
-    for place in places:
-        _draw_place(axes, place)
+    tries.each(places, lambda place: place.result.cell, lambda place: _draw_place(axes, place))
     legend_below(figure, axes)
     return ReportFigure("map", "All cells on one plan", figure, _alt_text(places, len(cells)))
 
 
-def _places(survey: Survey, cells: Sequence[CellResult]) -> Iterator[_Place]:
-    """Cells whose position is known, with their number in the table of all cells."""
-    for number, cell in enumerate(cells, 1):
-        if cell.posterior is None or cell.verdict not in _POSITIONED:
-            continue
-        modes = relevant_modes(cell.posterior.modes)
-        shares = tuple(share_text(mode.probability) if len(modes) > 1 else "" for mode in modes)
-        outline = regions_of(cell.posterior, survey.origin_m)["95"]
-        yield _Place(number, cell, survey.modes_m(modes), shares, outline)
+def _place(survey: Survey, number: int, cell: CellResult) -> _Place | None:
+    """A cell with its number in the table of all cells; None where its position is not known."""
+    if cell.posterior is None or cell.verdict not in _POSITIONED:
+        return None
+    modes = relevant_modes(cell.posterior.modes)
+    shares = tuple(share_text(mode.probability) if len(modes) > 1 else "" for mode in modes)
+    outline = regions_of(cell.posterior, survey.origin_m)["95"]
+    return _Place(number, cell, survey.modes_m(modes), shares, outline)
 
 
 def _draw_basemap(axes: Axes, basemap: Basemap) -> None:

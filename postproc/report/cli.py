@@ -65,8 +65,11 @@ def report(
     within_m: float,
     *,
     as_json: bool,
-) -> None:
-    """Write one page on a run, or on several together."""
+) -> int:
+    """Write one page on a run, or on several together.
+
+    The exit code is 3 if work on a cell failed.
+    """
     from logger.core.runfile import read_sound_run
     from postproc.atomic_write import check_folder, check_output
     from postproc.report.wording import number_of
@@ -90,10 +93,11 @@ def report(
     if as_json:
         written = {"path": target, "bytes": size, "cells": page.cells, "pictures": pictures}
         print_json(written | {"seconds": round(took_s, 2)})
-        return
+        return page.exit_code
     more = f", {len(pictures)} pictures in {picture_folder}" if pictures else ""
     detailed = f"{number_of(len(page.cells), 'cell')} in detail"
     print(f"{target}: {detailed}, {size / 1e6:.2f} MB in {took_s:.1f} s{more}")
+    return page.exit_code
 
 
 def _page(

@@ -102,6 +102,12 @@ def cell_section(
     )
 
 
+def section_without_details(number: int, result: CellResult) -> CellSection:
+    """A cell whose details could not be made: the reason."""
+    answer = Answer(result.verdict, "No details", result.warnings[0], None)
+    return CellSection(f"cell-{number}", result, answer, (), (), (), ())
+
+
 def _places(result: CellResult, streets: Streets) -> Iterator[Place]:
     """Positions of a cell that is located or ambiguous, the most likely first."""
     if result.posterior is None or result.obs is None or result.verdict == "cannot tell":

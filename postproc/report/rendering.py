@@ -1,7 +1,7 @@
 """The report of a result: its page, and its figures as files."""
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -9,6 +9,7 @@ import matplotlib as mpl
 
 from postproc.atomic_write import whole_file
 from postproc.basemap.street_names import street_near
+from postproc.cell_work import Attempts, Failure, attempt, exit_code
 from postproc.pictures.picture import picture_of
 from postproc.pictures.plots import save_figure
 from postproc.pictures.plots_style import STYLE
@@ -16,7 +17,14 @@ from postproc.pictures.survey import Survey, survey_of
 from postproc.progress import Progress
 from postproc.report.cell_map import cell_map
 from postproc.report.figures import ReportFigure, figures_of, overview
-from postproc.report.page import cell_section, html, no_street
+from postproc.report.page import (
+    CellSection,
+    Streets,
+    cell_section,
+    html,
+    no_street,
+    section_without_details,
+)
 from postproc.result import CellResult, Result
 from postproc.verification.verdicts import Verified
 
@@ -28,13 +36,17 @@ _RANK = ("located", "ambiguous", "cannot tell")
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A page, the cells in detail, and their figures in the same order."""
+    """A page, the cells in detail, and their figures in the same order.
+
+    `exit_code` is that of the command: whether work on a cell failed.
+    """
 
     html: str
     cells: tuple[str, ...]
     figures: tuple[tuple[ReportFigure, ...], ...]
     overview: ReportFigure | None = None
     cell_map: ReportFigure | None = None
+    exit_code: int = 0
 
     def write(self, path: Path) -> int:
         """Write the page, complete or not at all, and return its bytes; raises `RunFileError`."""
@@ -73,38 +85,55 @@ def make_report(
     """
     cells = select_cells(result.cells, most, first)
     survey = survey_of(result)
-    drawn = (_figures(survey, cell, verified) for cell in cells)
-    names = [cell.cell for cell in cells]
-    with mpl.rc_context(STYLE):
-        figures = tuple(progress(drawn, "drawing", len(names), names) if progress else drawn)
-        summary = _overview(survey, result.cells)
-        plan = cell_map(survey, result.cells, basemap)
     streets = partial(street_near, basemap) if basemap else no_street
-    sections = [
-        cell_section(number, cell, of_cell, streets)
-        for number, (cell, of_cell) in enumerate(zip(cells, figures, strict=True), 1)
-    ]
-    page = html(result, sections, verified, summary, plan)
-    return Report(page, tuple(names), figures, summary, plan)
+    detailed = (_detail(n, survey, cell, verified, streets) for n, cell in enumerate(cells, 1))
+    names = [cell.cell for cell in cells]
+    tries = Attempts("its place on the map")
+    with mpl.rc_context(STYLE):
+        details = list(progress(detailed, "drawing", len(names), names) if progress else detailed)
+        summary = _overview(survey, result.cells)
+        plan = cell_map(survey, result.cells, basemap, tries)
+    sections = [section for section, _ in details]
+    rows = (*result.cells, *(section.result for section in sections))
+    reasons = [f"{cell.cell}: {text}" for cell in rows if cell.error for text in cell.warnings]
+    reasons += [f"{why.cell}: {why.reason}" for why in tries.failures.values()]
+    warnings = (*result.warnings, *dict.fromkeys(reasons))
+    page = html(replace(result, warnings=warnings), sections, verified, summary, plan)
+    figures = tuple(figures for _, figures in details)
+    code = exit_code((*rows, *tries.failures.values()))
+    return Report(page, tuple(names), figures, summary, plan, code)
 
 
 def select_cells(
     cells: Sequence[CellResult], most: int, first: Collection[str] = ()
 ) -> list[CellResult]:
     """The cells to show in detail: those named, then located, ambiguous, by number of readings."""
-    positioned = [cell for cell in cells if cell.obs is not None]
+    shown = [cell for cell in cells if cell.obs is not None or cell.error]
 
     def order(cell: CellResult) -> tuple[bool, int, int]:
         return cell.cell not in first, _RANK.index(cell.verdict), -cell.n
 
-    return sorted(positioned, key=order)[:most]
+    return sorted(shown, key=order)[:most]
 
 
-def _figures(
-    survey: Survey, cell: CellResult, verified: Verified | None
-) -> tuple[ReportFigure, ...]:
-    claims = [tested for tested in verified.cells if tested.cell == cell.cell] if verified else []
-    return tuple(figures_of(picture_of(survey, cell), claims))
+_Detail = tuple[CellSection, tuple[ReportFigure, ...]]
+
+
+def _detail(
+    number: int, survey: Survey, cell: CellResult, verified: Verified | None, streets: Streets
+) -> _Detail:
+    """A cell in detail, or a section with why there are no details."""
+
+    def draw() -> _Detail:
+        tests = verified.cells if verified else ()
+        claims = [tested for tested in tests if tested.cell == cell.cell]
+        figures = tuple(figures_of(picture_of(survey, cell), claims))
+        return cell_section(number, cell, figures, streets), figures
+
+    detail = attempt(cell.cell, "its part of the page", draw)
+    if isinstance(detail, Failure):
+        return section_without_details(number, cell.after(detail)), ()
+    return detail
 
 
 def _overview(survey: Survey, cells: Sequence[CellResult]) -> ReportFigure | None:

@@ -23,6 +23,7 @@ from logger.core.locator.verdict import assess
 from logger.core.observations import CellObservations
 from logger.core.suspicion.finding import Word
 from postproc.cell_estimation import too_few
+from postproc.cell_work import Failure, attempt
 from postproc.estimators.region_outline import geojson
 from postproc.multi_run import FARTHEST_KM, in_zone, merge
 from postproc.result import Options
@@ -47,7 +48,7 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     Bayes factors of two transmitters, at once or one after the other, against one; None where it
     was not tried. `region_wkb` is the 95 % region in degrees. `word` is the worst word of suspicion
     that a run gave the cell, by the rules `word_rules` in `word_runs` runs; None where no run could
-    be asked.
+    be asked. `error` is that of the program which ended the estimate, None where none did.
     """
 
     cell: str
@@ -82,6 +83,7 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     word_runs: int = 0
     offsets: tuple[ModemOffset, ...] = ()
     region_wkb: bytes = b""
+    error: str | None = None
 
 
 _TOO_MANY_MODEMS = (
@@ -100,7 +102,15 @@ class CellRuns(NamedTuple):
 
 
 def locate_cell_of(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Options) -> LocatedCell:
-    """The estimate over all runs."""
+    """The estimate over all runs, or why there is none."""
+    located = attempt(heard.cell, "its estimate", lambda: _locate(heard, runs, options))
+    if not isinstance(located, Failure):
+        return located
+    base = _without_position(heard, [runs[digest] for digest in heard.parts], heard.parts)
+    return msgspec.structs.replace(base, reasons=(located.reason,), error=located.error)
+
+
+def _locate(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Options) -> LocatedCell:
     near, n_far = _near_parts(heard.parts)
     own = [runs[digest] for digest in near]
     base = _without_position(heard, own, near)
@@ -110,7 +120,7 @@ def locate_cell_of(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Opti
     if why or not near:
         return msgspec.structs.replace(base, reasons=(why or "no reading has a position", *reasons))
     obs = joined_readings(near, [run.modem for run in own])
-    if why := too_few(obs):
+    if why := too_few(obs, obs.usable()):
         return msgspec.structs.replace(base, reasons=(why, *reasons))
     aligned = align(obs.usable())
     of_all_modems = thin(aligned.obs)

@@ -105,13 +105,15 @@ def locate(
     within_m: float,
     *,
     as_json: bool,
-) -> None:
+) -> int:
     """Locate every cell of a survey over all its runs.
 
     Results are written as GeoParquet and GeoPackage. A cell that has been located from the same
-    runs is not located again. Loggers that contradict the others are named and left out.
+    runs is not located again. Loggers that contradict the others are named and left out. The exit
+    code is 3 if the estimate of a cell failed.
     """
     check_libraries("pyarrow", "distributed", "geopandas")
+    from postproc.cell_work import exit_code
     from postproc.json_text import as_json as json_text
     from postproc.result import Options
     from postproc.survey.dataset import Survey
@@ -132,3 +134,4 @@ def locate(
         print(json_text(document_of(location, files)))
     else:
         print_location(location, files)
+    return exit_code(location.cells)

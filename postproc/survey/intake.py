@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from logger.core.errors import FieldLoggerError
 from logger.core.runfile import Run, read_sound_run
 from postproc.interop.importing import import_walk
-from postproc.read_ahead import read_ahead
+from postproc.read_ahead import outcome_of, read_ahead
 from postproc.survey.dataset import Survey
 from postproc.survey.parquet_batch import Batch
 from postproc.survey.sources import is_run
@@ -72,10 +72,11 @@ def _walks(
     yield from read_ahead(runs, partial(readings_of, salt=salt, logger=logger))
     for path in files:
         if not is_run(path):
-            try:
-                yield path, readings_of(_import_log(path), salt, logger)
-            except FieldLoggerError as error:
-                yield path, error
+            yield path, outcome_of(path, partial(_readings_of_log, path, salt, logger))
+
+
+def _readings_of_log(log: Path, salt: str, logger: str | None) -> WalkReadings:
+    return readings_of(_import_log(log), salt, logger)
 
 
 def _import_log(log: Path) -> Run:

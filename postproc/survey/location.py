@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from logger.core.errors import ConfigError
+from postproc.cell_work import PROCESS_ENDED, failure
 from postproc.progress import with_progress
 from postproc.result import Options
 from postproc.survey.agreement import FEWEST_LOGGERS, Agreement, LoggerReport, liars, report
@@ -12,7 +13,14 @@ from postproc.survey.dataset import Survey, SurveyCell
 from postproc.survey.estimates import ResultFile, keys_of
 from postproc.survey.scheduling import Cluster
 from postproc.survey.suspicion import with_words, words_of_runs
-from postproc.survey.tasks import RunChoice, compare_loggers, locate_cells, runs_of, tasks_of
+from postproc.survey.tasks import (
+    RunChoice,
+    Task,
+    compare_loggers,
+    locate_cells,
+    runs_of,
+    tasks_of,
+)
 
 EVERY_RUN = RunChoice()
 
@@ -47,7 +55,8 @@ def locate_survey(
     cells = [cell for cell in cells if not only or cell.cell in only]
     keys = keys_of(survey, choice, options)
     known = ResultFile(survey.folder / "estimates.jsonl", LocatedCell)
-    waiting = [cell for cell in cells if known.get(keys[cell.cell]) is None]
+    # one that failed is tried again: a machine with more memory may have it
+    waiting = [cell for cell in cells if (one := known.get(keys[cell.cell])) is None or one.error]
     _locate(survey, waiting, choice, options, cluster, known, keys)
     found = [known.get(keys[cell.cell]) for cell in cells]
     words = words_of_runs(survey, survey.runs_that_heard(only, allowed), cluster)
@@ -85,7 +94,34 @@ def _locate(
     known: ResultFile[LocatedCell],
     keys: dict[str, str],
 ) -> None:
+    """Locate cells and keep the results; those with which workers die are tried alone."""
     tasks = tasks_of(survey, cells, choice, options)
-    arriving = cluster.results(locate_cells, tasks)
-    for _, located in with_progress(arriving, "locating", len(tasks)):
+    alone: list[Task] = []
+    arriving = cluster.results(locate_cells, tasks, lambda _: [])
+    for task, located in with_progress(arriving, "locating", len(tasks)):
         known.put([(keys[cell.cell], cell) for cell in located])
+        if not located:
+            alone += [replace(task, cells=(cell,)) for cell in task.cells]
+    named = {cell.cell: cell for cell in cells}
+    arriving = cluster.results(locate_cells, alone, lambda task: [_lost(named[task.cells[0]])])
+    for _, located in with_progress(arriving, "locating", len(alone)):
+        known.put([(keys[cell.cell], cell) for cell in located])
+
+
+def _lost(cell: SurveyCell) -> LocatedCell:
+    """The row of a cell with which workers die."""
+    why = failure(cell.cell, "its estimate", PROCESS_ENDED)
+    return LocatedCell(
+        cell=cell.cell,
+        rat=cell.rat,
+        area=cell.area,
+        verdict="cannot tell",
+        reasons=(why.reason,),
+        n_readings=cell.n_readings,
+        n_scans=cell.n_scans,
+        n_runs=cell.n_runs,
+        n_modems=0,
+        first_utc_ns=None,
+        last_utc_ns=None,
+        error=why.error,
+    )

@@ -9,6 +9,7 @@ import logging
 import os
 import time
 from asyncio import CancelledError
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any, Self, TypeVar
@@ -26,6 +27,8 @@ _MOST_LOSSES = 20
 """A scheduler that is lost more often does not work."""
 _MOST_DEATHS = 100
 """Workers that may die before the tasks are taken for the cause."""
+_MOST_OF_ONE = 3
+"""Times that Dask may give up a task, each after four workers have died with it."""
 _NO_PAGES: Mapping[str, list[str]] = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
@@ -56,18 +59,21 @@ class Cluster:
         self._disconnect()
 
     def results(
-        self, work: Callable[[Item], Result], items: Sequence[Item]
+        self,
+        work: Callable[[Item], Result],
+        items: Sequence[Item],
+        lost: Callable[[Item], Result] | None = None,
     ) -> Iterator[tuple[Item, Result]]:
         """Each item with its result, exactly once, in whatever order they come.
 
-        Raises `ConfigError` where no scheduler answers or workers die again and again, and what a
-        task raises.
+        An item with which workers die has the result of `lost`. Raises `ConfigError` where no
+        scheduler answers or workers die again and again, and what a task raises.
         """
         waiting = dict(enumerate(items))
         n_losses = 0
         while waiting:
             try:
-                for number, result in _results(self._connect_once(), work, waiting):
+                for number, result in _results(self._connect_once(), work, waiting, lost):
                     yield waiting.pop(number), result
             except _SchedulerLost:
                 self._disconnect()
@@ -91,7 +97,10 @@ class _SchedulerLost(Exception):  # noqa: N818 (no error: the work goes on)
 
 
 def _results(
-    client: Client, work: Callable[[Any], Any], waiting: Mapping[int, Any]
+    client: Client,
+    work: Callable[[Any], Any],
+    waiting: Mapping[int, Any],
+    lost: Callable[[Any], Any] | None,
 ) -> Iterator[tuple[int, Any]]:
     """Results by the number of the item; raises `_SchedulerLost`."""
     number_of: dict[str, int] = {}
@@ -103,7 +112,7 @@ def _results(
         items = [waiting[number] for number in numbers]
         return list(client.map(work, items, key=keys, pure=False))
 
-    n_deaths = 0
+    deaths: Counter[int] = Counter()
     try:
         arriving = as_completed(submit(list(waiting)), loop=client.loop)
         for future in arriving:
@@ -112,10 +121,14 @@ def _results(
             try:
                 result = future.result(timeout=CONNECT_S)
             except KilledWorker as error:
-                n_deaths += 1
-                if n_deaths > _MOST_DEATHS:
+                number = number_of[future.key]
+                deaths[number] += 1
+                if lost is not None and deaths[number] == _MOST_OF_ONE:
+                    yield number, lost(waiting[number])
+                    continue
+                if deaths.total() > _MOST_DEATHS:
                     raise ConfigError(f"workers die again and again: {error}") from error
-                arriving.update(submit([number_of[future.key]]))
+                arriving.update(submit([number]))
                 continue
             yield number_of[future.key], result
             future.release()

@@ -20,6 +20,7 @@ from postproc.survey.dataset import Survey
 from postproc.survey.kept_lines import append_lines, whole_lines
 from postproc.survey.rule_inputs import RuleInputs, records_of
 from postproc.survey.scheduling import Cluster
+from postproc.suspicion.run_assessment import failures_of
 
 _RUNS_AT_ONCE = 16
 """Of a task: a second or two of work for walks of an hour."""
@@ -105,6 +106,7 @@ def _ask(run: str, inputs: RuleInputs) -> RunWords:
     tracker = SuspicionTracker(inputs.max_fix_age_s)
     for record in records_of(inputs.columns):
         tracker.feed(record)
+    failures_of(tracker)  # logged, as the words of the other cells and rules stand
     cells = []
     for one in tracker.assessments():
         if one.word != WORDS[0]:

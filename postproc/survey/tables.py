@@ -47,6 +47,9 @@ def print_location(location: Location, files: Sequence[Path]) -> None:
             print_text(console, f"{logger.logger}: {logger.contradiction}", bullet="left out: ")
         if logger.remark:
             print_text(console, f"{logger.logger}: {logger.remark}", bullet="noted: ")
+    for cell in cells:
+        if cell.error:
+            print_text(console, f"{cell.cell}: {cell.reasons[0]}", "red")
     for text in unusual_texts(cells):
         print_text(console, text, bullet="unusual: ")
     for path in files:

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import groupby
 from pathlib import Path
 
+from postproc.cell_work import Failure, attempt
 from postproc.processes import small_matrices
 from postproc.result import Options
 from postproc.survey.agreement import Agreement, agreements
@@ -101,10 +102,17 @@ def compare_loggers(task: Task) -> list[Agreement]:
     found: list[Agreement] = []
     with small_matrices():
         for cell in _cells_of(survey, task):
-            if cell.parts:
-                names = [survey.runs[digest].logger for digest in cell.parts]
-                found += agreements(joined_readings(cell.parts, names), list(dict.fromkeys(names)))
+            some = attempt(cell.cell, "its part in the comparison of loggers",
+                           partial(_agreements, survey, cell))  # fmt: skip
+            found += [] if isinstance(some, Failure) else some
     return found
+
+
+def _agreements(survey: Survey, cell: CellRuns) -> list[Agreement]:
+    if not cell.parts:
+        return []
+    names = [survey.runs[digest].logger for digest in cell.parts]
+    return list(agreements(joined_readings(cell.parts, names), list(dict.fromkeys(names))))
 
 
 def _limit_size(cells: list[SurveyCell]) -> Iterator[list[SurveyCell]]:

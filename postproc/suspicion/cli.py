@@ -23,14 +23,15 @@ from postproc.options import runs_argument
 @json_option
 def suspect(
     paths: Sequence[Path], baseline_path: Path | None, celldb_path: Path | None, *, as_json: bool
-) -> None:
+) -> int:
     """Print which cells are suspicious, with the reasons.
 
     Each cell gets one of three words: nothing unusual, unusual or suspicious. With each word stands
-    how often legitimate cells earn it.
+    how often legitimate cells earn it. The exit code is 3 if a rule failed.
     """
     from logger.baseline_file import BaselineFile
     from logger.core.runfile import read_sound_run
+    from postproc.cell_work import exit_code
     from postproc.progress import with_progress
     from postproc.suspicion import json_form, tables
     from postproc.suspicion.run_assessment import assess_runs
@@ -51,3 +52,4 @@ def suspect(
         print(json_form.as_json(suspicions).decode())
     else:
         tables.print_suspicions(suspicions)
+    return exit_code(suspicions.failures.values())

@@ -1,7 +1,7 @@
 """The words of all cells of one or several runs, with the reasons and what was not asked."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 
 from logger.core.baseline import Baseline
@@ -10,6 +10,7 @@ from logger.core.suspicion.finding import Finding
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import Assessment, assess, by_word
+from postproc.cell_work import Failure, failure
 from postproc.progress import Progress
 from postproc.suspicion.database_rule import missing_in_database, rejected_positions
 from postproc.verification.celldb import CellDb
@@ -20,13 +21,15 @@ class Suspicions:
     """The most suspicious cell first.
 
     `start_ns` is when the run began, by run: times of findings are counted from there. `not_asked`
-    has each rule that no run could serve, with what was missing.
+    has each rule that no run could serve, with what was missing. `failures` are the cells for which
+    a rule failed, each once; without a cell the name is empty.
     """
 
     cells: tuple[Assessment, ...]
     start_ns: tuple[int, ...]
     run_of: dict[int, int]
     not_asked: dict[str, tuple[str, ...]]
+    failures: dict[str, Failure] = field(default_factory=dict)
 
     def seconds(self, finding: Finding) -> float | None:
         """Time of a finding since its run began; None for one about the whole run."""
@@ -46,8 +49,10 @@ def assess_runs(
     findings: dict[str, list[Finding]] = {}
     run_of: dict[int, int] = {}
     not_asked: list[dict[str, tuple[str, ...]]] = []
+    failures: dict[str, Failure] = {}
     for i, run in enumerate(runs):
         tracker = track(run, baseline)
+        failures = failures_of(tracker) | failures
         if database is not None:
             tracker.capabilities.serve("cell database")
         for cell in tracker.assessments():
@@ -62,7 +67,11 @@ def assess_runs(
                 findings[finding.cell].append(finding)
     cells = by_word([assess(name, found) for name, found in findings.items()])
     return Suspicions(
-        tuple(cells), tuple(_start_ns(run) for run in runs), run_of, _everywhere(not_asked)
+        tuple(cells),
+        tuple(_start_ns(run) for run in runs),
+        run_of,
+        _everywhere(not_asked),
+        failures,
     )
 
 
@@ -72,6 +81,13 @@ def track(run: Run, baseline: Baseline | None = None) -> SuspicionTracker:
     for _, record in run.records("fixes", "scans"):
         tracker.feed(record)
     return tracker
+
+
+def failures_of(tracker: SuspicionTracker) -> dict[str, Failure]:
+    """The rules that failed, by cell."""
+    return {
+        cell: failure(cell, "a rule of suspicion", error) for cell, error in tracker.errors.items()
+    }
 
 
 def _start_ns(run: Run) -> int:

@@ -26,6 +26,9 @@ def print_suspicions(suspicions: Suspicions) -> None:
     if others:
         kept = f"{others} {'other ' if named or warned else ''}cell{'s' * (others != 1)}"
         print_text(console, f"{kept}: nothing unusual")
+    for cell_name, failure in suspicions.failures.items():
+        where = f"{cell_name}: " if cell_name else ""
+        print_text(console, f"{where}{failure.reason}", "red")
     if not suspicions.cells:
         print_text(console, "no cell was named by two scans")
     if suspicions.not_asked:

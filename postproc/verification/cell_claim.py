@@ -60,7 +60,7 @@ def verify_cell(
 
     `posterior` is that of these readings and the prior, where it is known.
     """
-    if why := too_few(obs):
+    if why := too_few(obs, obs.usable()):
         return undecided_verdict(obs.cell, len(obs), claim, why)
     test = _claim_test(obs, claim, options.prior, rng)
     if test is None:
@@ -94,9 +94,11 @@ def verify_cell(
     )
 
 
-def undecided_verdict(cell: str, n: int, claim: Claim, why: str) -> CellVerdict:
-    """A claim that cannot be tested."""
-    return CellVerdict(cell, n, claim, "cannot tell", (why,))
+def undecided_verdict(
+    cell: str, n: int, claim: Claim, why: str, error: str | None = None
+) -> CellVerdict:
+    """A claim that cannot be tested, or whose test was ended by an error of the program."""
+    return CellVerdict(cell, n, claim, "cannot tell", (why,), error=error)
 
 
 def blocks_of(obs: CellObservations) -> Blocks:

@@ -110,12 +110,14 @@ def verify(
     *,
     sites: bool,
     as_json: bool,
-) -> None:
+) -> int:
     """Test claimed positions of cells.
 
-    Each is consistent, rejected or cannot be decided; the power of the test is printed too.
+    Each is consistent, rejected or cannot be decided; the power of the test is printed too. The
+    exit code is 3 if the test of a cell failed.
     """
     from logger.core.runfile import read_sound_run
+    from postproc.cell_work import exit_code
     from postproc.json_text import as_json as json_text
     from postproc.result import Options
     from postproc.scan_counts import observed_cells
@@ -126,8 +128,7 @@ def verify(
     run, only = read_sound_run(path), [cell] if cell else None
     if sites:
         other = read_sound_run(against) if against is not None else None
-        _verify_sites(run, other, only, p_fa, prior, as_json=as_json)
-        return
+        return _verify_sites(run, other, only, p_fa, prior, as_json=as_json)
     if against is not None:
         raise ConfigError("--against goes with --sites")
     observed = observed_cells([run], only)
@@ -141,6 +142,7 @@ def verify(
         print(json_text(tables.as_dict(verified)))
     else:
         tables.print_verified(verified)
+    return exit_code(verified.cells)
 
 
 def _verify_sites(
@@ -151,7 +153,8 @@ def _verify_sites(
     prior: "Prior",
     *,
     as_json: bool,
-) -> None:
+) -> int:
+    from postproc.cell_work import exit_code
     from postproc.json_text import as_json as json_text
     from postproc.progress import with_progress
     from postproc.scan_counts import observed_cells
@@ -168,9 +171,10 @@ def _verify_sites(
     ]
     if as_json:
         print(json_text({"p_fa": p_fa, "cells": cells}))
-        return
-    for cell in cells:
-        tables.print_sites(cell)
+    else:
+        for cell in cells:
+            tables.print_sites(cell)
+    return exit_code(cells)
 
 
 @click.group(no_args_is_help=False)

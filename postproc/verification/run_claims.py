@@ -16,6 +16,7 @@ from logger.core.errors import ConfigError
 from logger.core.model.prior import Prior
 from logger.core.runfile import Run
 from logger.core.track import Track
+from postproc.cell_work import Failure, attempt
 from postproc.progress import Progress
 from postproc.result import Result
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
@@ -57,6 +58,7 @@ def verify_claims(
     rarely = {cell: why for cell, n in scans_of([run]).items() if (why := too_rarely(n))}
     options = ClaimOptions(p_fa, prior, stationary=is_simulated)
     pairs = _pairs(run, claims)
+    walk_deg = _middle_deg(observed.observations.track) if observed.observations else None
 
     def test(i: int, cell: str, claim: Claim) -> CellVerdict:
         obs = by_name.get(cell)
@@ -68,13 +70,20 @@ def verify_claims(
         rng = np.random.default_rng([SEED, i])
         return verify_cell(obs, claim, options, rng, posteriors.get(cell))
 
+    def on_earth(verdict: CellVerdict) -> CellVerdict:
+        return verdict if walk_deg is None else _geodesic(verdict, walk_deg)
+
+    def test_or_why_not(i: int, cell: str, claim: Claim) -> CellVerdict:
+        verdict = attempt(cell, "the test of its claim", lambda: on_earth(test(i, cell, claim)))
+        if not isinstance(verdict, Failure):
+            return verdict
+        n = len(by_name[cell]) if cell in by_name else 0
+        return undecided_verdict(cell, n, claim, verdict.reason, verdict.error)
+
     every = observed_cells([run], only)
     names = [cell for cell, _ in pairs]
-    tests = (test(i, *pair) for i, pair in enumerate(pairs))
+    tests = (test_or_why_not(i, *pair) for i, pair in enumerate(pairs))
     verdicts = list(progress(tests, "verifying", len(names), names) if progress else tests)
-    if observed.observations:
-        walk_deg = _middle_deg(observed.observations.track)
-        verdicts = [_geodesic(verdict, walk_deg) for verdict in verdicts]
     return Verified(
         p_fa,
         _adjust(verdicts, p_fa),
@@ -116,9 +125,11 @@ def _geodesic(verdict: CellVerdict, walk_deg: tuple[float, float]) -> CellVerdic
 
 
 def _adjust(verdicts: Sequence[CellVerdict], p_fa: float) -> tuple[CellVerdict, ...]:
+    """The verdicts by their adjusted p-values; a test that failed counts, and rejects nothing."""
     tested = [i for i, verdict in enumerate(verdicts) if verdict.p is not None]
-    q = benjamini_hochberg(np.array([verdicts[i].p for i in tested], float))
-    q_of = dict(zip(tested, q.tolist(), strict=True))
+    n_failed = sum(verdict.error is not None for verdict in verdicts)
+    q = benjamini_hochberg(np.array([*(verdicts[i].p for i in tested), *[1.0] * n_failed], float))
+    q_of = dict(zip(tested, q.tolist(), strict=False))
     return tuple(
         _decide(verdict, q_of[i], p_fa) if i in q_of else verdict
         for i, verdict in enumerate(verdicts)

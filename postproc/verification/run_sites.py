@@ -1,6 +1,7 @@
 """One transmitter or two for a cell of a run, or of two runs."""
 
 import numpy as np
+from msgspec import UNSET
 
 from logger.core.identities import FEWEST_SCANS
 from logger.core.locator.pipeline import locate
@@ -8,6 +9,7 @@ from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 from logger.core.runfile import Run
 from postproc.cell_estimation import too_few
+from postproc.cell_work import Failure, attempt
 from postproc.multi_run import in_zone
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
 from postproc.verification.cell_claim import FEWEST_BLOCKS, blocks_of
@@ -23,7 +25,15 @@ def site_verdict(run: Run, cell: str, other: Run | None, prior: Prior, p_fa: flo
 
     Raises `ConfigError` for a cell that a run did not observe.
     """
-    sites, why_not = _sites_of(run, cell, other, prior)
+    tested = attempt(cell, "the test for two places", lambda: _sites_of(run, cell, other, prior))
+    if isinstance(tested, Failure):
+        return SiteVerdict(
+            cell=cell,
+            verdict="no sign of two places",
+            why_not=tested.reason,
+            error=tested.error or UNSET,
+        )
+    sites, why_not = tested
     if sites is None:
         return SiteVerdict(cell=cell, verdict="no sign of two places", why_not=why_not)
     is_double = sites.p <= p_fa and sites.log_factor > 0.0
@@ -71,7 +81,7 @@ def _readings(runs: list[Run], cell: str) -> list[CellObservations]:
 def _within_one_walk(
     obs: CellObservations, prior: Prior, rng: np.random.Generator
 ) -> tuple[Sites | None, str | None]:
-    if why := too_few(obs):
+    if why := too_few(obs, obs.usable()):
         return None, why
     sites = within_one(obs, locate(obs, prior), rng)
     return sites, None if sites else "one place leaves no more unexplained than shadowing does"

@@ -53,7 +53,8 @@ class CellVerdict:
     are the same. `level` is that of the smallest highest-density region of the posterior that
     contains the claim, `distance_m` the claim's from the walk, `best_deg` the posterior's best
     position (latitude, longitude), `normality` that of the whitened residuals at the claim, of all
-    and of those within 3 sigma.
+    and of those within 3 sigma. `error` is that of the program which ended the test, None where
+    none did.
     """
 
     cell: str
@@ -73,6 +74,7 @@ class CellVerdict:
     best_deg: tuple[float, float] | None = None
     power: tuple[Detectable, ...] = ()
     normality: tuple[Normality, ...] = ()
+    error: str | None = None
 
     @property
     def detectable_m(self) -> list[float | None]:
@@ -101,7 +103,8 @@ class SiteVerdict(Struct, kw_only=True):
 
     `places` are latitude and longitude of the two likeliest positions; `log_factor` is the log
     Bayes factor of two against one, and `p` the share of `draws` walks simulated past one
-    transmitter that have one as large. They are left out where `why_not` says why there is no test.
+    transmitter that have one as large. They are left out where `why_not` says why there is no test,
+    and `error` where none of the program ended it.
     """
 
     cell: str
@@ -111,3 +114,4 @@ class SiteVerdict(Struct, kw_only=True):
     p: float | UnsetType = UNSET
     draws: int | UnsetType = UNSET
     places: list[tuple[float, float]] | UnsetType = UNSET
+    error: str | UnsetType = UNSET

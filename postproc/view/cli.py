@@ -22,7 +22,7 @@ from postproc.verification.cli import ClaimOptions
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
-    from postproc.result import Result
+    from postproc.result import CellResult, Result
     from postproc.verification.verdicts import CellVerdict
     from postproc.view.view_model import ViewModel
 
@@ -71,9 +71,13 @@ class _Options:
 )
 @json_option
 def view(paths: Sequence[Path], **options: Any) -> int:
-    """Show runs or a saved recording in rerun or in a browser."""
+    """Show runs or a saved recording in rerun or in a browser.
+
+    The exit code of --save is 3 if work on a cell failed.
+    """
     from logger.core.runfile import read_sound_run
     from postproc.basemap.reading import read_basemap
+    from postproc.cell_work import exit_code
     from postproc.view.recording import is_recording
     from postproc.view.scene import write_scene
     from postproc.view.viewer import show
@@ -85,24 +89,25 @@ def view(paths: Sequence[Path], **options: Any) -> int:
         return _show_recording(chosen, paths)
     runs = [read_sound_run(path) for path in paths]
 
-    def write(path: Path) -> None:
+    def write(path: Path) -> int:
         """Estimate and draw, after it is known that the result can be shown."""
         model = _view_model(chosen, runs)
         basemap = read_basemap(chosen.basemap, model.survey, model.box) if chosen.basemap else None
         if chosen.basemap and basemap is None:
             print(f"{chosen.basemap} is not drawn: the walk has no position", file=sys.stderr)
-        write_scene(model, path, basemap=basemap, online=not chosen.web)
+        failures = write_scene(model, path, basemap=basemap, online=not chosen.web)
+        return exit_code([*model.cells, *failures])
 
     if chosen.web:
         return _serve(chosen, write)
     if chosen.save is None:
         return show(write, runs[0].path.stem)
-    write(chosen.save)
+    code = write(chosen.save)
     if chosen.as_json:
         print_json({"path": chosen.save, "bytes": chosen.save.stat().st_size})
     else:
         print(f"{chosen.save}: `postproc view {chosen.save}` opens it")
-    return 0
+    return code
 
 
 def _show_recording(options: _Options, paths: Sequence[Path]) -> int:
@@ -117,7 +122,7 @@ def _show_recording(options: _Options, paths: Sequence[Path]) -> int:
     return _serve(options, write) if options.web else show(write, paths[0].stem)
 
 
-def _serve(options: _Options, write: Callable[[Path], None]) -> int:
+def _serve(options: _Options, write: Callable[[Path], object]) -> int:
     from postproc.view.web import serve
 
     return serve(
@@ -145,6 +150,7 @@ def _check(options: _Options, paths: Sequence[Path]) -> None:
 
 
 def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
+    from postproc.cell_work import Attempts
     from postproc.progress import with_progress
     from postproc.result import Options
     from postproc.suspicion.ordering import conspicuous_first
@@ -159,12 +165,15 @@ def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
     result, conspicuous = conspicuous_first(result)
     cells = select_cells(result, options.cell or conspicuous[:1])
     verdicts = _verdicts(options, result, [cell.cell for cell in cells])
-    details = []
-    for cell in cells:
+
+    def detail_of(cell: "CellResult") -> CellDetail:
         steps = answer_steps(cell, Options().prior, processors())
         steps_shown = with_progress(steps, f"answer for {cell.cell} step by step", MOST_STEPS)
-        details.append(CellDetail(cell, tuple(steps_shown), verdicts.get(cell.cell, ())))
-    return view_model(result, details)
+        return CellDetail(cell, tuple(steps_shown), verdicts.get(cell.cell, ()))
+
+    tries = Attempts("its answer step by step")
+    details = [detail for _, detail in tries.each(cells, lambda cell: cell.cell, detail_of)]
+    return view_model(result, details).without(tries.failures.values())
 
 
 def _verdicts(

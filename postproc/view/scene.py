@@ -1,11 +1,15 @@
 """A view model as a recording for the rerun viewer."""
 
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import rerun as rr
 
 from postproc.atomic_write import whole_file
 from postproc.basemap.reading import Basemap
+from postproc.cell_work import Attempts, Failure, attempt, attempt_alone
+from postproc.result import CellResult
 from postproc.view.basemap import draw_basemap
 from postproc.view.blueprint import layout
 from postproc.view.plan import draw_plan
@@ -13,21 +17,47 @@ from postproc.view.rerun_writer import RerunWriter, entity
 from postproc.view.series import draw_series
 from postproc.view.states import draw_states
 from postproc.view.summary_text import cell_report, empty_report
-from postproc.view.view_model import ViewModel
+from postproc.view.view_model import CellView, ViewModel
 from postproc.view.world_map import draw_map
 
 APPLICATION = "cellwalk"
 
+_WHAT = "its drawing"
+
 
 def write_scene(
     view: ViewModel, path: Path, *, basemap: Basemap | None = None, online: bool = True
-) -> None:
+) -> tuple[Failure, ...]:
     """Write the recording (.rrd), complete or not at all; raises `RunFileError`.
 
-    `online` is as in `layout`.
+    `online` is as in `layout`. Returns the cells of which something cannot be shown.
     """
-    with whole_file(path) as part:
-        _write(view, part, basemap, online=online)
+
+    def write(some: ViewModel) -> None:
+        with whole_file(path) as part:
+            _write(some, part, basemap, online=online)
+
+    if isinstance(attempt(view.name, _WHAT, lambda: write(view)), Failure):
+        view = view.without(_undrawable(view, path, online=online))
+        attempt_alone(view.name, _WHAT, lambda: write(view))
+    return view.failures
+
+
+def _undrawable(view: ViewModel, path: Path, *, online: bool) -> list[Failure]:
+    """The cells that cannot be drawn alone."""
+    tries = Attempts(_WHAT)
+
+    def draw(cell: CellView | CellResult) -> None:
+        if isinstance(cell, CellView):
+            alone = replace(view, cells=(), cell_views=(cell,))
+        else:
+            alone = replace(view, cells=(cell,), cell_views=())
+        with TemporaryDirectory(dir=path.absolute().parent) as scratch:
+            _write(alone, Path(scratch) / "alone.rrd", None, online=online)
+
+    tries.each(view.cell_views, lambda cell: cell.name, draw)
+    tries.each(view.cells, lambda cell: cell.cell, draw)
+    return list(tries.failures.values())
 
 
 def _write(view: ViewModel, path: Path, basemap: Basemap | None, *, online: bool) -> None:

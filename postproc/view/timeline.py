@@ -9,7 +9,9 @@ import numpy as np
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.verdict import Verdict
 from logger.core.model.prior import Prior
+from logger.core.observations import CellObservations
 from postproc.cell_estimation import FEWEST_READINGS, locate_cell
+from postproc.cell_work import PROCESS_ENDED, failure
 from postproc.processes import each
 from postproc.result import CellResult
 
@@ -38,12 +40,17 @@ def answer_steps(result: CellResult, prior: Prior, processes: int = 1) -> Iterat
         return
     counts = step_counts(len(obs))[:-1]
     parts = [obs.part(slice(n)) for n in counts]
-    for n, part in zip(
-        counts, each(partial(locate_cell, prior=prior), parts, processes), strict=True
-    ):
+    answers = each(partial(locate_cell, prior=prior), parts, processes, _lost)
+    for n, part in zip(counts, answers, strict=True):
         if part.posterior is not None:
             yield Step(int(obs.t_ns[n - 1]), n, part.verdict, part.posterior)
     yield Step(int(obs.t_ns[-1]), len(obs), result.verdict, posterior)
+
+
+def _lost(part: CellObservations) -> CellResult:
+    """The answer of a step that ended a process."""
+    why = failure(part.cell, "a step of its answer", PROCESS_ENDED)
+    return CellResult(part.cell, len(part), part, "cannot tell", ()).after(why)
 
 
 def step_counts(count: int) -> list[int]:

@@ -1,12 +1,13 @@
 """What a recording shows: walks, cells in detail, all cells, and claims; independent of rerun."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from postproc.cell_work import Attempts, Failure
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
@@ -66,7 +67,8 @@ class ViewModel:
     """One recording for the viewer.
 
     `cells` are all results, most readings first; `cell_colours` has a colour for every observed
-    cell. `box` is the plan's rectangle in local metres, None without a fix.
+    cell. `box` is the plan's rectangle in local metres, None without a fix. `failures` are cells of
+    which something cannot be shown; the warnings of the survey name them.
     """
 
     survey: Survey
@@ -74,6 +76,19 @@ class ViewModel:
     cell_views: tuple[CellView, ...]
     cell_colours: dict[str, Colour]
     box: Box | None
+    failures: tuple[Failure, ...] = ()
+
+    def without(self, failures: Collection[Failure]) -> "ViewModel":
+        """The view without cells that cannot be shown, and with the reasons."""
+        names = {failure.cell for failure in failures}
+        reasons = [f"{failure.cell}: {failure.reason}" for failure in failures]
+        return replace(
+            self,
+            survey=replace(self.survey, warnings=(*reasons, *self.survey.warnings)),
+            cells=tuple(cell for cell in self.cells if cell.cell not in names),
+            cell_views=tuple(cell for cell in self.cell_views if cell.name not in names),
+            failures=(*self.failures, *failures),
+        )
 
     @property
     def name(self) -> str:
@@ -94,16 +109,21 @@ def select_cells(result: Result, names: Sequence[str] | None) -> list[CellResult
 def view_model(result: Result, details: Sequence[CellDetail]) -> ViewModel:
     """Gather what is drawn; a run without records gives an empty view."""
     survey = survey_of(result)
-    cell_views = tuple(_cell_view(survey, detail) for detail in details)
+    tries = Attempts("its view")
+    gathered = tries.each(
+        details, lambda detail: detail.result.cell, lambda detail: _cell_view(survey, detail)
+    )
+    cell_views = tuple(cell for _, cell in gathered)
     pictures = [view.picture for view in cell_views] or [picture_of(survey, None)]
     corners_m = [picture.box.corners_m for picture in pictures if picture.box]
-    return ViewModel(
+    view = ViewModel(
         survey=survey,
         cells=result.cells,
         cell_views=cell_views,
         cell_colours=_cell_colours(survey, [view.name for view in cell_views]),
         box=Box.around(np.vstack(corners_m)) if corners_m else None,
     )
+    return view.without(tries.failures.values())
 
 
 def _cell_view(survey: Survey, detail: CellDetail) -> CellView:

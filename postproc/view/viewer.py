@@ -24,7 +24,7 @@ _GRACE_S = 5.0
 """A viewer that has not ended after this is killed."""
 
 
-def show(write: Callable[[Path], None], name: str) -> int:
+def show(write: Callable[[Path], object], name: str) -> int:
     """Write a recording to a temporary file and show it until the window is closed.
 
     Returns the exit code 0; raises `ConfigError`.

@@ -56,7 +56,7 @@ class Page:
     content: bytes
 
 
-def serve(write: Callable[[Path], None], port: int, announce: Callable[[str], None]) -> int:
+def serve(write: Callable[[Path], object], port: int, announce: Callable[[str], None]) -> int:
     """Serve a recording until Ctrl-C or SIGTERM; with `port` 0 on any free port.
 
     Returns the exit code 0; raises `ConfigError`.

@@ -82,3 +82,25 @@ def test_without_processes_the_work_is_done_here(no_pool):
 
 def test_a_process_that_is_killed_leaves_its_work_here():
     assert list(each(fails_elsewhere, [os.getpid()] * 4, 2)) == [os.getpid()] * 4
+
+
+class EndsFor(NamedTuple):
+    """Work that ends any process but this one with some of the items."""
+
+    items: tuple[int, ...]
+    parent: int
+
+    def __call__(self, item):
+        if item in self.items and os.getpid() != self.parent:
+            os._exit(9)
+        return item
+
+
+@pytest.mark.parametrize("ends", [(0,), (1,), (0, 2)])
+def test_an_item_that_ends_its_process_is_lost_alone(ends):
+    work = EndsFor(ends, os.getpid())
+    results = list(each(work, range(8), 2, lambda item: f"lost {item}"))
+    assert [str(result).removeprefix("lost ") for result in results] == list("01234567")
+    lost = [result for result in results if isinstance(result, str)]
+    assert 0 < len(lost) <= len(ends)
+    assert set(lost) <= {f"lost {item}" for item in ends}

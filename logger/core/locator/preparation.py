@@ -50,7 +50,7 @@ def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput
     best = int(np.argmax(obs.level_dbm))
     strongest = StrongestReading(*(float(v[best]) for v in (obs.x_m, obs.y_m, obs.level_dbm)))
     obs = snap_to_curve(obs)
-    timing = timing_of(obs)
+    timing = timing_of(obs, prior.height_m)
     if timing is not None:
         prior = replace(prior, reach_m=max(prior.reach_m, timing.reach_m))
     # sums of squares of small numbers keep their digits

@@ -60,12 +60,16 @@ _END_OF_REACH = 0.7
 
 
 class Timing(NamedTuple):
-    """Timing advances by location, (k,) each; weights of the steps at one location add to 1."""
+    """Timing advances by location, (k,) each; weights of the steps at one location add to 1.
+
+    The antenna is `height_m` above the receiver.
+    """
 
     x_m: FloatArray
     y_m: FloatArray
     step: FloatArray
     weight: FloatArray
+    height_m: float
 
     @property
     def reach_m(self) -> float:
@@ -110,8 +114,9 @@ class Timing(NamedTuple):
         return TimingCheck(locations, round(float(np.sum(self.weight[disagrees]))))
 
     def _distance_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        """Distance of each location from positions (h,), shape (k, h)."""
-        return np.asarray(np.hypot(x_m - self.x_m[:, None], y_m - self.y_m[:, None]), float)
+        """Distance of each location from the antenna over positions (h,), shape (k, h)."""
+        flat_m = np.hypot(x_m - self.x_m[:, None], y_m - self.y_m[:, None])
+        return np.asarray(np.hypot(flat_m, self.height_m), float)
 
     def _log_p_of_delay(self, delay_m: FloatArray) -> FloatArray:
         """Log probability (h,) of all TA given the delays (k, h), with the bias included."""
@@ -144,7 +149,7 @@ def probability(step: FloatArray, delay_m: FloatArray) -> FloatArray:
     return np.asarray(0.5 * (below_end - below_begin), float)
 
 
-def timing_of(obs: CellObservations) -> Timing | None:
+def timing_of(obs: CellObservations, height_m: float = 0.0) -> Timing | None:
     """The timing advances of a walk gathered by location; None without any."""
     if obs.ta is None or not np.any(obs.ta >= 0):
         return None
@@ -158,4 +163,4 @@ def timing_of(obs: CellObservations) -> Timing | None:
     mean_x_m, mean_y_m = (np.bincount(index, values) / count for values in (x_m, y_m))
     square_of_key, step_of_key = np.divmod(keys, LAST_TA + 1)
     weight = count / np.bincount(square)[square_of_key]
-    return Timing(mean_x_m, mean_y_m, step_of_key.astype(float), weight)
+    return Timing(mean_x_m, mean_y_m, step_of_key.astype(float), weight, height_m)

@@ -198,8 +198,8 @@ def _advice(case: _Case) -> str:
     near, far = sorted(case.modes[:2], key=lambda mode: hypot(mode.x_m - x_m, mode.y_m - y_m))
     way_m = hypot(near.x_m - x_m, near.y_m - y_m)
     apart_m = hypot(near.x_m - far.x_m, near.y_m - far.y_m)
-    if_near_dbm = _expected_dbm(near, _PASSING_M)
-    if_far_dbm = _expected_dbm(far, apart_m)
+    if_near_dbm = _expected_dbm(case, near, _PASSING_M)
+    if_far_dbm = _expected_dbm(case, far, apart_m)
     return (
         f"to decide, walk past {degrees_text(case.obs, (near.x_m, near.y_m))}, "
         f"{way_m:.0f} m from where this walk ended: about {if_near_dbm:.0f} dBm there "
@@ -207,9 +207,11 @@ def _advice(case: _Case) -> str:
     )
 
 
-def _expected_dbm(mode: Mode, distance_m: float) -> float:
+def _expected_dbm(case: _Case, mode: Mode, distance_m: float) -> float:
+    """Level of the model that the posterior has, for a walk as certain as this one."""
     _, _, p0_dbm, eta = mode.state.tolist()
-    distance_db = log_distance_db(max(distance_m, _PASSING_M), 0.0)
+    height_m, sigma_m = case.posterior.prior.height_m, float(np.median(case.obs.position_sigma_m))
+    distance_db = log_distance_db(max(distance_m, _PASSING_M), 0.0, height_m, sigma_m)
     return float(level_dbm(p0_dbm, eta, distance_db))
 
 

@@ -1,18 +1,19 @@
 """All rules as a function of the records of a run, in their order: live and replay are equal."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from logger.core.baseline import Baseline, NoBaseline
+from logger.core.errors import error_place
 from logger.core.identities import Identities
 from logger.core.latest import Latest
 from logger.core.suspicion.area import AreaRules
 from logger.core.suspicion.broadcast import BroadcastRules
-from logger.core.suspicion.broken import Broken, FamilyRules
+from logger.core.suspicion.broken import Broken, FamilyRules, Taken
 from logger.core.suspicion.capabilities import Capabilities
 from logger.core.suspicion.earlier_walks import EarlierWalkRules
 from logger.core.suspicion.finding import WORDS, Finding, Rule
 from logger.core.suspicion.gone_cells import GONE, GoneCellRule
-from logger.core.suspicion.heard import Memory, Moment, Walker
+from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment, Walker
 from logger.core.suspicion.neighbours import NeighbourRules
 from logger.core.suspicion.place import PlaceRules
 from logger.core.suspicion.plan import PlanRules
@@ -32,7 +33,9 @@ class SuspicionTracker:
     """Follows the records of one run; `feed` them in recorded order.
 
     `worst` is the cell with the worst word so far, None while all are "nothing unusual".
-    `n_changes` counts findings and those withdrawn.
+    `n_changes` counts findings and those withdrawn. `errors` has, by cell, the first error of a
+    rule, which is one of this program: the other rules and cells go on. Without a cell it is under
+    an empty name.
     """
 
     def __init__(self, max_fix_age_s: float = 3.0, baseline: Baseline | None = None) -> None:
@@ -57,6 +60,7 @@ class SuspicionTracker:
         self._gone: set[str] = set()
         self.worst: str | None = None
         self.n_changes = 0
+        self.errors: Latest[str] = Latest(_MOST_FOUND)
         self.capabilities = Capabilities()
         if self._baseline.n_walks:
             self.capabilities.serve("earlier walks")
@@ -94,9 +98,27 @@ class SuspicionTracker:
             self._return(cell.name for cell, _ in taken)
         new = []
         for family in self._families:
-            for broken in family.check(now, self._memory, taken):
-                new += self._keep(broken, now)
+            new += self._ask(family, now, taken)
         return new
+
+    def _ask(self, family: FamilyRules, now: Moment, taken: Taken) -> list[Finding]:
+        """New findings of a family; it goes on with the next cell where a rule raises."""
+        new: list[Finding] = []
+        left = _InTurn(taken)
+        while True:
+            try:
+                for broken in family.check(now, self._memory, left):
+                    new += self._keep(broken, now)
+            except Exception as error:  # noqa: BLE001 (recorded and shown)
+                k = left.k
+                name = "" if k is None else left[k][0].name
+                if name not in self.errors:
+                    self.errors.put(name, error_place(error))
+                if k is None:
+                    return new
+                left = _InTurn(left[k + 1 :])
+            else:
+                return new
 
     def _return(self, names: Iterable[str]) -> None:
         """Withdraw that a cell is gone: it is heard, later or elsewhere in its square."""
@@ -139,6 +161,17 @@ class SuspicionTracker:
         found = [self.assessment(name) for name in (cell, self.worst) if name is not None]
         worst = by_word(found)[0]
         self.worst = None if worst.word == WORDS[0] else worst.cell
+
+
+class _InTurn(list[tuple[HeardCell, Heard]]):
+    """The named cells of a scan; `k` is the number of the one whose turn it is, if it is one's."""
+
+    k: int | None = None
+
+    def __iter__(self) -> Iterator[tuple[HeardCell, Heard]]:
+        for self.k, one in enumerate(super().__iter__()):
+            yield one
+        self.k = None
 
 
 def _finding(rule: Rule, broken: Broken, now: Moment, rat: str) -> Finding:

@@ -56,12 +56,14 @@ def diff(
     *,
     verbose: bool,
     as_json: bool,
-) -> None:
+) -> int:
     """Compare the walks before a day with those since another.
 
-    Cells are new, gone, moved, stronger or weaker, where walks of both times could hear them.
+    Cells are new, gone, moved, stronger or weaker, where walks of both times could hear them. The
+    exit code is 3 if the comparison of a cell failed.
     """
     check_libraries("pyarrow", "distributed")
+    from postproc.cell_work import exit_code
     from postproc.json_text import as_json as json_text
     from postproc.survey.answers.changes import compare_times
     from postproc.survey.answers.tables import document_of_changes, print_changes
@@ -78,6 +80,7 @@ def diff(
         print(json_text(document_of_changes(compared)))
     else:
         print_changes(compared, details=verbose)
+    return exit_code(compared.cells)
 
 
 @click.command("map")

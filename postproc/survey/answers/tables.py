@@ -19,6 +19,9 @@ def print_changes(compared: Comparison, *, details: bool) -> None:
         f"Both times have walked {compared.n_common_blocks} blocks of 50 m; of other ground "
         "nothing is said. Of surveys in which nothing changed, at most 5 % get a single word.",
     )
+    for cell in compared.cells:
+        if cell.error:
+            print_text(console, f"{cell.cell}: {cell.text}", "red")
     shown = [cell for cell in compared.cells if details or cell.word != "not comparable"]
     rows = [
         (

@@ -7,7 +7,8 @@ import scipy.stats
 
 from benchmarks.timing_advance import CASES, compare, simulate
 from logger.core.errors import EstimationError
-from logger.core.locator.pipeline import locate
+from logger.core.locator.pipeline import locate, search
+from logger.core.locator.preparation import prepare
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.region import Squares
 from logger.core.locator.search import search_once
@@ -23,6 +24,7 @@ from logger.core.model.blocks import blocks
 from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Prior
+from postproc.cell_estimation import locate_cell
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations
 
@@ -121,6 +123,30 @@ def test_repeats_at_one_location_add_nothing():
 def test_long_drives_have_few_locations():
     found = of(np.arange(0.0, 100_000.0, 30.0), np.arange(0.0, 100_000.0, 30.0) % 60)
     assert found.weight.sum() <= 100.0
+
+
+def test_the_way_to_a_high_antenna_is_longer_than_the_ground():
+    """3 km on the ground and 4 km up are 5 km."""
+    obs = at_places([0.0], [0.0], [9])
+    for flat_m in (0.0, 1500.0, 3000.0):
+        slant_m = np.hypot(flat_m, 4000.0)
+        high, low = timing_of(obs, 4000.0), timing_of(obs)
+        x, y = np.array([flat_m]), np.zeros(1)
+        assert high.log_p(x, y) == pytest.approx(low.log_p(np.array([slant_m]), y))
+    here = Squares(np.array([3000.0]), np.array([0.0]), np.array([10.0]), np.ones(1))
+    assert timing_of(obs, 4000.0).check(here).disagree == 0
+    assert timing_of(obs).check(here).disagree == 1
+
+
+def test_the_locator_and_its_check_know_the_height_for_timing_advances():
+    x = np.linspace(0.0, 300.0, 20)
+    obs = at_places(x, 0.0 * x, np.floor(np.hypot(x - 900.0, 4000.0) / STEP_M))
+    prior = replace(WHITE, height_m=4000.0)
+    tree = search(prepare(obs, prior, Effort()))
+    p, away = tree.mixture(prior).probability, np.hypot(tree.x_m - 150.0, tree.y_m)
+    assert p[away < 1500.0].sum() > 0.6  # the ring of steps 7 begins 3.9 km away on flat ground
+    timing = locate_cell(obs, prior).timing
+    assert (timing.places > 0, timing.disagree) == (True, 0)
 
 
 def test_turned_and_moved_walks_say_the_same():

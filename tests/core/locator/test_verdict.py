@@ -1,3 +1,4 @@
+import math
 import re
 from dataclasses import replace
 from functools import cache
@@ -91,6 +92,23 @@ def test_the_advice_names_a_listed_mode():
     _, (named, advice), _ = assess(replace(found, modes=(best, *rest)), obs)
     place = re.search(r"walk past (\S+ \S+),", advice)[1]
     assert f"at {place}" in named
+
+
+@pytest.mark.parametrize(
+    ("height_m", "sigma_m"), [(0.0, 0.0), (5.0, 3.0), (60.0, 0.0), (60.0, 9.0)]
+)
+def test_the_advice_expects_the_levels_of_the_model_with_height_and_fix_error(height_m, sigma_m):
+    obs, found = clear()
+    obs = replace(obs, position_sigma_m=np.full(len(obs), sigma_m))
+    best = replace(found.modes[0], probability=0.6)
+    other = beside(best, 400.0, 0.4, 0.9)
+    posterior = replace(found, modes=(best, other), prior=replace(found.prior, height_m=height_m))
+    _, (_, advice), _ = assess(posterior, obs)
+    *_, p0_dbm, eta = best.state.tolist()
+    for flat_m, text in ((20.0, r"about (-?\d+) dBm there"), (400.0, r", (-?\d+) dBm if")):
+        distance_m = math.sqrt(flat_m**2 + height_m**2 + 2.0 * sigma_m**2)
+        expected_dbm = p0_dbm - 10.0 * eta * math.log10(distance_m)
+        assert int(re.search(text, advice)[1]) == pytest.approx(expected_dbm, abs=0.51)
 
 
 def test_an_irrelevant_second_mode_changes_nothing():

@@ -83,6 +83,26 @@ def test_sigma_covers_what_happens_in_a_gap(gap_s):
     assert gap_s > 30 or np.median(middle) < walker.USABLE_SIGMA_M
 
 
+@pytest.mark.parametrize("gap_s", [600.0, 3600.0, 90_000.0])
+def test_sigma_is_true_around_the_fix_that_ends_hours_without_one(gap_s):
+    """A reading taken just before the first fix after a rest, as on a drive and the way back."""
+    chi2, inside = [], []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        t_s, xy = streets(rng, 240)
+        t_s = t_s + np.where(t_s >= 120.0, gap_s, 0.0)
+        fixes = xy + 2.0 * rng.normal(size=xy.shape) + wander(rng, t_s, 3.0, 60.0)
+        smooth_fixes = walker.smooth_track(track(t_s, fixes))
+        ahead_s = np.array([0.5, 0.1, 0.01, 0.0])
+        place, sigma = at(smooth_fixes, t_s[120] - ahead_s)
+        assert np.max(np.abs(np.diff(sigma))) < 0.5
+        off_m = np.hypot(*(place - xy[120]).T)
+        chi2.append(off_m**2 / sigma**2)
+        inside.append(off_m < 2.448 * sigma)
+    assert 0.3 < np.mean(chi2) / 2.0 < 1.4
+    assert np.mean(inside) > 0.9
+
+
 def test_a_jump_of_one_fix_is_counted_and_hardly_moves_the_walk():
     rng = np.random.default_rng(4)
     t_s, xy = streets(rng, 300)
