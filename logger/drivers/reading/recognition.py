@@ -19,6 +19,7 @@ from dataclasses import replace
 from typing import Any
 
 from logger.core.types import CellReading
+from logger.drivers.reading.cell_history import OFTEN, Who, namings_of, who_of
 from logger.drivers.reading.network_codes import mnc_digits
 from logger.drivers.reading.number_history import (
     AREA,
@@ -38,11 +39,8 @@ from logger.drivers.reading.number_text import NumberForm, NumberText
 from logger.drivers.reading.rows import Row
 from logger.drivers.reading.serving_cell import is_serving
 
-OFTEN = 5
 SHARE = 2
-"""A number that looks like a damaged one is accepted when it came so often, and at least half as
-often as the other: even a line that damages every fourth reply seldom hits the same digit.
-"""
+"""A number that looks like a damaged one must come at least half as often as the other."""
 SPARSE = 50
 """Lost digits make less than one value in so many too short; firmware without padding prints
 more."""
@@ -71,7 +69,28 @@ def mark_doubtful_replies(
         marked.append(
             tuple(_mark(row, reply, history, unsure=id(row) in contradictory) for row in rows)
         )
-    return marked, history
+    namings = [namings_of(zip(*rows, strict=True)) for rows in zip(replies, marked, strict=True)]
+    cells, doubts = history.cells, []
+    for naming in namings:
+        cells, doubtful = cells.with_reply(naming)
+        doubts.append(doubtful)
+    if len(namings) > 1:
+        beside = zip([{}, *namings], namings, [*namings[1:], {}], strict=False)
+        doubts = [
+            cells.doubtful(naming, naming.keys() & (before.keys() | after.keys()))
+            for before, naming, after in beside
+        ]
+    marked = [
+        tuple(_doubted(row, doubtful) for row in rows)
+        for rows, doubtful in zip(marked, doubts, strict=True)
+    ]
+    return marked, replace(history, cells=cells)
+
+
+def _doubted(row: Row, doubtful: frozenset[Who]) -> Row:
+    if has_identity(row) and who_of(row) in doubtful:
+        return replace(row, identity_unsure=True)
+    return row
 
 
 def _contradictory_rows(rows: Sequence[Row]) -> set[int]:
