@@ -22,14 +22,17 @@ import random
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 
 from logger.core.identities import FEWEST_SCANS
 from logger.core.types import CellReading
 from logger.drivers.family import Family
+from logger.drivers.generic.generic import Generic
 from logger.drivers.reading.number_history import NumberHistory
 from logger.drivers.reading.recognition import mark_doubtful
 from logger.drivers.reading.rows import Registration, Row
+from logger.drivers.reading.serving_cell import with_serving_cell
 from logger.drivers.registry import FAMILIES, reader_of
 from logger.drivers.transcript import replies_of
 
@@ -119,6 +122,13 @@ class Stream:
     sure: int = 0
     believed: set[Who] = field(default_factory=set)
 
+    def add(self, other: "Stream") -> None:
+        """Count another stream too."""
+        self.damaged += other.damaged
+        self.false += other.false
+        self.sure += other.sure
+        self.believed |= other.believed
+
     @property
     def cells(self) -> set[Who]:
         """Those that have a name."""
@@ -178,6 +188,12 @@ def damage_bytes(text: str, way: str, rng: random.Random) -> Iterator[str]:
 def read(driver: Family, text: str, known: NumberHistory) -> tuple[tuple[Row, ...], NumberHistory]:
     """Rows of one reply, as a session reads them."""
     return mark_doubtful(driver.read(text.split("\n")), known)
+
+
+def poll(driver: Family, text: str, known: NumberHistory) -> tuple[tuple[Row, ...], NumberHistory]:
+    """The same, with the serving cell that a poll of any modem puts together."""
+    rows = driver.read(text.split("\n"))
+    return mark_doubtful(with_serving_cell(rows) if driver.name == Generic.name else rows, known)
 
 
 def content_of(rows: Iterable[Row]) -> ReplyContent:
@@ -265,7 +281,7 @@ def stream(
     """Count the false cells of a session with so many damaged replies of one kind."""
     rng = random.Random(f"{seed} {driver.name} {kind}")
     truth = content_of(
-        row for text in texts for row in read(driver, text, NumberHistory())[0]
+        row for text in texts for row in poll(driver, text, NumberHistory())[0]
     ).named
     found, known, heard = Stream(), NumberHistory(), Counter[Who]()
     while found.damaged < n_damaged:
@@ -273,7 +289,7 @@ def stream(
         if rng.random() >= whole:
             found.damaged += 1
             text = DAMAGES[kind](text, rng.randrange(len(text)), rng)
-        rows, known = read(reader or driver, text, known)
+        rows, known = poll(reader or driver, text, known)
         content = content_of(rows)
         found.false += any(is_false(who, truth) for who in content.named)
         wrong = {who for who in content.sure if is_false(who, truth)}
@@ -289,10 +305,7 @@ def stream_table(streams: Mapping[str, Mapping[str, Stream]]) -> str:
     total: dict[str, Stream] = {kind: Stream() for kind in DAMAGES}
     for name, kinds in streams.items():
         for kind, found in kinds.items():
-            total[kind].damaged += found.damaged
-            total[kind].false += found.false
-            total[kind].sure += found.sure
-            total[kind].believed |= found.believed
+            total[kind].add(found)
         lines.append(_stream_line(name, kinds))
     return "\n".join([*lines, _stream_line("all", total)])
 
@@ -406,29 +419,36 @@ def main() -> None:
 
 
 def _print_streams(arguments: argparse.Namespace) -> None:
-    """Print the tables of `--streams`."""
+    """Print the table of `--streams`."""
     texts: dict[str, list[str]] = {}
     for driver, text in replies(arguments.corpus):
-        if any(who[2] and who[3] for who in content_of(read(driver, text, NumberHistory())[0]).named):
+        named = content_of(read(driver, text, NumberHistory())[0]).named
+        if any(None not in who[2:] for who in named):
             texts.setdefault(driver.name, []).append(text)
-    print(
-        f"{arguments.streams} damaged replies of each kind and family, seed {arguments.seed}, "
-        f"{arguments.whole:.0%} whole; replies with a false identity / a sure one / believed"
-    )
-    streams = {
-        name: {
-            kind: stream(
-                FAMILIES[name],
-                texts[name],
-                kind,
-                arguments.streams,
-                whole=arguments.whole,
-                seed=arguments.seed,
+    streams: dict[str, dict[str, Stream]] = {}
+    for name in arguments.family:
+        readers = [other for other in FAMILIES.values() if other.name != name]
+        readers = readers if arguments.strangers else [FAMILIES[name]]
+        of_kind = streams[name] = {kind: Stream() for kind in DAMAGES}
+        for kind, reader in product(DAMAGES, readers):
+            of_kind[kind].add(
+                stream(
+                    FAMILIES[name],
+                    texts[name],
+                    kind,
+                    arguments.streams // len(readers),
+                    whole=arguments.whole,
+                    seed=arguments.seed,
+                    reader=reader,
+                )
             )
-            for kind in DAMAGES
-        }
-        for name in arguments.family
-    }
+    n_damaged = {found.damaged for kinds in streams.values() for found in kinds.values()}
+    print(
+        f"{max(n_damaged)} damaged replies of each kind and family, seed {arguments.seed}, "
+        f"{arguments.whole:.0%} whole in between;\n"
+        "replies with a false identity / with a false one that is sure / false identities, or parts"
+        " of one, that two replies named / complete ones among them, which are believed"
+    )
     print(stream_table(streams))
 
 

@@ -51,9 +51,7 @@ class Place(NamedTuple):
 
 
 class Naming(NamedTuple):
-    """How a reply names a cell: area and cell as printed, where, and whether nothing else speaks
-    against the name.
-    """
+    """How a reply names a cell: area and cell as printed, where, and without another doubt."""
 
     texts: tuple[str, str]
     place: Place
@@ -104,12 +102,18 @@ class _NamedCell:
 
 @dataclass(frozen=True, slots=True)
 class CellHistory:
-    """Cells by name, the one named last at the end, and how many replies have named any."""
+    """Cells by name, the one named last at the end, and how many replies have named any.
+
+    `before` are the names in the last full scan (True) and in the last poll (False).
+    """
 
     cells: Mapping[Who, _NamedCell] = field(default_factory=dict)
     n_replies: int = 0
+    before: Mapping[bool, frozenset[Who]] = field(default_factory=dict)
 
-    def with_reply(self, namings: Namings) -> tuple["CellHistory", frozenset[Who]]:
+    def with_reply(
+        self, namings: Namings, *, is_scan: bool = False
+    ) -> tuple["CellHistory", frozenset[Who]]:
         """The history with one more reply, and the doubtful names of that."""
         if not namings:
             return self, frozenset()
@@ -117,10 +121,8 @@ class CellHistory:
         for who, naming in namings.items():
             cell = cells.pop(who, None) or _NamedCell(naming.texts)
             cells[who] = cell.named_again(who, naming, latest)
-        after = CellHistory(cells, latest)
-        known = self.cells
-        again = {who for who in namings if who in known and known[who].latest == self.n_replies}
-        doubtful = after.doubtful(namings, again)
+        after = CellHistory(cells, latest, {**self.before, is_scan: frozenset(namings)})
+        doubtful = after.doubtful(namings, self.before.get(is_scan, frozenset()))
         for who, naming in namings.items():
             if naming.is_sure and who not in doubtful:
                 cells[who] = replace(cells[who], n_sure=cells[who].n_sure + 1)
@@ -144,10 +146,10 @@ class CellHistory:
 
     def _is_doubtful(self, who: Who, naming: Naming) -> bool:
         n, digits = self.cells[who].n, _digits(who, naming)
-        for other, cell in reversed(self.cells.items()):
+        for other, cell in reversed([*self.cells.items()]):
             if n >= max(OFTEN, cell.n):
                 continue
-            is_moved = digits == cell.digits
+            is_moved = digits == cell.digits and _widths(naming) != _widths(cell)
             if not is_moved and other.cid != who.cid and other.area != who.area:
                 continue
             is_late = self.n_replies - cell.latest < _OF_LATE
@@ -194,6 +196,10 @@ def _text(number: int | None) -> str:
     return text.lstrip("0")
 
 
+def _widths(named: Naming | _NamedCell) -> list[int]:
+    return [len(text) for text in named.texts]
+
+
 def _digits(who: Who, naming: Naming) -> str:
     parts = (who.mcc, who.mnc, *naming.texts, naming.place.arfcn, naming.place.code)
     return "".join(sorted("".join(str(part) for part in parts if part is not None)))
@@ -203,27 +209,35 @@ def _likeness(
     who: Who, naming: Naming, other: Who, cell: _NamedCell, *, is_late: bool, is_moved: bool
 ) -> _Likeness:
     changed = {
-        name for name, a, b in zip(Who._fields, who, other, strict=True) if a != b and None not in {a, b}
+        name
+        for name, a, b in zip(Who._fields, who, other, strict=True)
+        if a != b and None not in {a, b}
     }
-    gains_network = who.mnc is not None and other.mnc is None and who.mcc == other.mcc
     if is_late and is_moved and changed:
         return _Likeness.DAMAGE
     here, places = naming.place, cell.places()
     shared = [place for place in places if not _differ(place, here)]
-    if not shared or not (changed or gains_network) or (len(changed) > 1 and "cid" in changed):
+    if not shared or (len(changed) > 1 and "cid" in changed):
         return _Likeness.NONE
     is_same = is_late and here in places and None not in here
-    if who.cid is None or other.cid is None:
+    if None in {who.cid, other.cid}:
         return _Likeness.DAMAGE if is_same and changed else _Likeness.NONE
-    if not changed:
-        return _Likeness.SECTOR
     if "cid" not in changed:
-        return _Likeness.DAMAGE
-    text, known = naming.texts[1], cell.texts[1]
-    if _is_changed(text, known) and not any(_tells_sectors(place, here) for place in shared):
+        # a network code that was not read before may be a complete one
+        gains_network = None not in {who.mnc, who.mcc} and other.mnc is None
+        is_sector = gains_network and who.mcc == other.mcc
+        return _Likeness.DAMAGE if changed else _Likeness.SECTOR if is_sector else _Likeness.NONE
+    is_sector = not any(_tells_sectors(place, here) for place in shared)
+    return _likeness_of_cid(naming.texts[1], cell.texts[1], is_sector=is_sector, is_same=is_same)
+
+
+def _likeness_of_cid(text: str, known: str, *, is_sector: bool, is_same: bool) -> _Likeness:
+    """Of a cell that differs in its identity alone; `is_same` for one channel and one code."""
+    n_changed = sum(map(str.__ne__, text, known)) if len(text) == len(known) else None
+    if n_changed == 1 and is_sector:
         return _Likeness.SECTOR
-    is_long = is_same and len(text) == len(known)
-    return _Likeness.DAMAGE if is_long or _is_slip(text, known) else _Likeness.NONE
+    is_damage = (is_same and n_changed is not None) or _is_slip(text, known)
+    return _Likeness.DAMAGE if is_damage else _Likeness.NONE
 
 
 def _differ(first: Place, second: Place) -> bool:
@@ -238,14 +252,12 @@ def _tells_sectors(first: Place, second: Place) -> bool:
     return has_channel and (first.rat == "GSM" or None not in {first.code, second.code})
 
 
-def _is_changed(text: str, other: str) -> bool:
-    return len(text) == len(other) and sum(map(str.__ne__, text, other)) == 1
-
-
 def _is_slip(text: str, other: str) -> bool:
     """True where one digit is changed, lost, added or exchanged with the next, or an end is cut."""
     short, long = sorted((text, other), key=len)
-    begin = next((i for i, (a, b) in enumerate(zip(short, long)) if a != b), len(short))
+    begin = next(
+        (i for i, (a, b) in enumerate(zip(short, long, strict=False)) if a != b), len(short)
+    )
     if begin == len(short):
         return True
     rest, known = short[begin:], long[begin:]

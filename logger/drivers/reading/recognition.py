@@ -10,8 +10,9 @@ doubtful:
 - it is what a more frequent number of the same column becomes when a digit is lost or doubled.
 
 A number that is printed twice is sure. An identity with a doubtful number keeps its value and is
-marked; a level or a channel without one of its digits is useless and is dropped. What a cell
-broadcasts is marked until the same is printed of it twice, and half as often as anything else.
+marked; a level or a channel without one of its digits is useless and is dropped. `cell_history`
+compares whole names with those before. What a cell broadcasts is marked until the same is printed
+of it twice, and half as often as anything else.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -19,7 +20,7 @@ from dataclasses import replace
 from typing import Any
 
 from logger.core.types import CellReading
-from logger.drivers.reading.cell_history import OFTEN, Who, namings_of, who_of
+from logger.drivers.reading.cell_history import OFTEN, CellHistory, Who, namings_of, who_of
 from logger.drivers.reading.network_codes import mnc_digits
 from logger.drivers.reading.number_history import (
     AREA,
@@ -69,28 +70,36 @@ def mark_doubtful_replies(
         marked.append(
             tuple(_mark(row, reply, history, unsure=id(row) in contradictory) for row in rows)
         )
-    namings = [namings_of(zip(*rows, strict=True)) for rows in zip(replies, marked, strict=True)]
-    cells, doubts = history.cells, []
-    for naming in namings:
-        cells, doubtful = cells.with_reply(naming)
-        doubts.append(doubtful)
-    if len(namings) > 1:
-        beside = zip([{}, *namings], namings, [*namings[1:], {}], strict=False)
-        doubts = [
-            cells.doubtful(naming, naming.keys() & (before.keys() | after.keys()))
-            for before, naming, after in beside
-        ]
+    cells, doubtful = _doubtful_names(replies, marked, history.cells)
     marked = [
-        tuple(_doubted(row, doubtful) for row in rows)
-        for rows, doubtful in zip(marked, doubts, strict=True)
+        tuple(
+            replace(row, identity_unsure=True)
+            if has_identity(row) and who_of(row) in names
+            else row
+            for row in rows
+        )
+        for rows, names in zip(marked, doubtful, strict=True)
     ]
     return marked, replace(history, cells=cells)
 
 
-def _doubted(row: Row, doubtful: frozenset[Who]) -> Row:
-    if has_identity(row) and who_of(row) in doubtful:
-        return replace(row, identity_unsure=True)
-    return row
+def _doubtful_names(
+    replies: Sequence[Sequence[Row]], marked: Sequence[Sequence[Row]], cells: CellHistory
+) -> tuple[CellHistory, list[frozenset[Who]]]:
+    """The cells after the replies, and the doubtful names of each reply."""
+    namings = [namings_of(zip(*rows, strict=True)) for rows in zip(replies, marked, strict=True)]
+    doubtful = []
+    for rows, naming in zip(replies, namings, strict=True):
+        is_scan = any(getattr(row, "role", None) == "scan" for row in rows)
+        cells, names = cells.with_reply(naming, is_scan=is_scan)
+        doubtful.append(names)
+    if len(namings) == 1:
+        return cells, doubtful
+    beside = zip([{}, *namings], namings, [*namings[1:], {}], strict=False)
+    return cells, [
+        cells.doubtful(naming, naming.keys() & (before.keys() | after.keys()))
+        for before, naming, after in beside
+    ]
 
 
 def _contradictory_rows(rows: Sequence[Row]) -> set[int]:

@@ -21,7 +21,7 @@ _REGISTRATION = re.compile(
     rf"\+(CREG|CGREG|CEREG|C5GREG):\s*({_VALUE}(?:[ \t]*,[ \t]*{_VALUE})*)", re.ASCII
 )
 """The values end where something else begins: another answer in the same line, or text of a log."""
-_AFTER_VALUE = re.compile(r'[\s+\\)\]},;\'<|]|\Z')
+_AFTER_VALUE = re.compile(r"[\s+\\)\]},;\'<|]|\Z")
 """What may follow the last value; anything else is noise, which took the end of the value."""
 _LEADING_TWO = re.compile(r"\s*\d{1,3}\s*,\s*\d{1,3}\s*(?:,|\Z)")
 """An answer begins with two small numbers, a report with one: `+CREG: 1,"CE00","00005449"` is a
