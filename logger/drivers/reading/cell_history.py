@@ -149,7 +149,8 @@ class CellHistory:
         for other, cell in reversed([*self.cells.items()]):
             if n >= max(OFTEN, cell.n):
                 continue
-            is_moved = digits == cell.digits and _widths(naming) != _widths(cell)
+            # a comma exchanged with a digit makes one number longer and the next one shorter
+            is_moved = digits == cell.digits and _widths(who, naming) != _widths(other, cell)
             if not is_moved and other.cid != who.cid and other.area != who.area:
                 continue
             is_late = self.n_replies - cell.latest < _OF_LATE
@@ -196,8 +197,8 @@ def _text(number: int | None) -> str:
     return text.lstrip("0")
 
 
-def _widths(named: Naming | _NamedCell) -> list[int]:
-    return [len(text) for text in named.texts]
+def _widths(who: Who, named: Naming | _NamedCell) -> list[int]:
+    return [len(text) for text in (who.mnc or "", *named.texts)]
 
 
 def _digits(who: Who, naming: Naming) -> str:

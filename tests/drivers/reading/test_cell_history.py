@@ -72,6 +72,22 @@ def test_a_damaged_name_that_comes_before_the_true_one_is_not_believed_either(pa
     assert session.read(lte()) == [False]
 
 
+@pytest.mark.parametrize(
+    ("row", "damaged"),
+    [
+        ("^MONSC: LTE,460,00,38400,D975244,8,24C8", "^MONSC: LTE,460,003,8400,D975244,8,24C8"),
+        ("^MONSC: NR,262,01,632448,1,4A5B6C7D8,1C2", "^MONSC: NR,262,016,32448,1,4A5B6C7D8,1C2"),
+    ],
+)
+def test_a_digit_that_is_exchanged_with_a_comma_names_no_cell(row, damaged):
+    session = Session("huawei")
+    rest = ",2A4C31,-82,-11,17" if " NR," in row else ",-85,-10,-54"
+    session.read(row + rest)
+    for _ in range(20):
+        session.read(row + rest)
+        assert session.read(damaged + rest) == [True]
+
+
 def test_sectors_of_a_mast_are_sure_at_once_where_their_codes_differ():
     session = Session("sim7600")
     session.read(lte(31415926, pci=7))
