@@ -203,7 +203,8 @@ def _widths(who: Who, named: Naming | _NamedCell) -> list[int]:
 
 def _digits(who: Who, naming: Naming) -> str:
     parts = (who.mcc, who.mnc, *naming.texts, naming.place.arfcn, naming.place.code)
-    return "".join(sorted("".join(str(part) for part in parts if part is not None)))
+    digits = "".join(str(part) for part in parts if part is not None)
+    return "".join(sorted(digits.replace("0", "")))  # one that leads a number is not kept
 
 
 def _likeness(

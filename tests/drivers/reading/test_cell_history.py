@@ -75,6 +75,7 @@ def test_a_damaged_name_that_comes_before_the_true_one_is_not_believed_either(pa
 @pytest.mark.parametrize(
     ("row", "damaged"),
     [
+        ("^MONSC: LTE,460,00,10713,D975244,8,24C8", "^MONSC: LTE,460,001,0713,D975244,8,24C8"),
         ("^MONSC: LTE,460,00,38400,D975244,8,24C8", "^MONSC: LTE,460,003,8400,D975244,8,24C8"),
         ("^MONSC: NR,262,01,632448,1,4A5B6C7D8,1C2", "^MONSC: NR,262,016,32448,1,4A5B6C7D8,1C2"),
     ],
